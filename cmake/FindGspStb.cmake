@@ -1,0 +1,10 @@
+# stb has no package of its own: header stb/stb_image.h and a compiled libstb, as Debian ships them. Makes the target gsp::stb.
+find_path(GSP_STB_INCLUDE_DIR stb/stb_image.h)
+find_library(GSP_STB_LIBRARY stb)
+mark_as_advanced(GSP_STB_INCLUDE_DIR GSP_STB_LIBRARY)
+include(FindPackageHandleStandardArgs)
+find_package_handle_standard_args(GspStb REQUIRED_VARS GSP_STB_LIBRARY GSP_STB_INCLUDE_DIR)
+if(GspStb_FOUND AND NOT TARGET gsp::stb)
+  add_library(gsp::stb UNKNOWN IMPORTED)
+  set_target_properties(gsp::stb PROPERTIES IMPORTED_LOCATION "${GSP_STB_LIBRARY}" INTERFACE_INCLUDE_DIRECTORIES "${GSP_STB_INCLUDE_DIR}")
+endif()
