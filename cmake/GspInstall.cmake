@@ -1,7 +1,6 @@
 # install, and a package that finds its dependencies again: find_package(gsp) gives gsp::gsp, and gsp::io with COMPONENTS io.
 include(CMakePackageConfigHelpers)
 set(_package "${CMAKE_INSTALL_LIBDIR}/cmake/gsp")
-set(GSP_KOKKOS_HINT "${Kokkos_DIR}")
 install(DIRECTORY include/ DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp")
 install(TARGETS gsp_gsp EXPORT gspTargets)
 install(EXPORT gspTargets NAMESPACE gsp:: DESTINATION "${_package}")

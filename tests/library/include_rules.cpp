@@ -1,0 +1,112 @@
+// The shape of include/gsp, read from its sources: who may include whom, and which outside headers stay out of programs that did not ask
+// for them.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace {
+namespace fs = std::filesystem;
+
+struct Header {
+  std::string name;  // "gsp/solver/pgs.hpp"
+  std::string area;  // "solver"; empty for gsp.hpp and fwd.hpp
+  std::vector<std::string> includes;
+  bool pragma_once = false;
+};
+
+std::string area_of(std::string const& name) {
+  auto const first = name.find('/') + 1, second = name.find('/', first);
+  return second == std::string::npos ? "" : name.substr(first, second - first);
+}
+
+std::vector<Header> read_headers() {
+  fs::path const root = fs::path(GSP_TEST_DIR).parent_path() / "include";
+  std::vector<Header> headers;
+  for (auto const& entry : fs::recursive_directory_iterator(root)) {
+    if (entry.path().extension() != ".hpp") continue;
+    Header h;
+    h.name = entry.path().lexically_relative(root).generic_string();
+    h.area = area_of(h.name);
+    std::ifstream file(entry.path());
+    for (std::string line; std::getline(file, line);) {
+      auto const start = line.find_first_not_of(" \t");
+      if (start == std::string::npos) continue;
+      if (line.compare(start, 12, "#pragma once") == 0) h.pragma_once = true;
+      if (line.compare(start, 8, "#include") != 0) continue;
+      auto const open = line.find_first_of("<\"", start + 8);
+      if (open == std::string::npos) continue;
+      auto const close = line.find_first_of(">\"", open + 1);
+      std::string target = line.substr(open + 1, close - open - 1);
+      if (line[open] == '"') {  // relative to the header itself
+        target = fs::path(h.name).parent_path().append(target).lexically_normal().generic_string();
+      }
+      h.includes.push_back(target);
+    }
+    headers.push_back(h);
+  }
+  return headers;
+}
+
+bool starts_with(std::string const& text, std::string const& start) { return text.rfind(start, 0) == 0; }
+
+}  // namespace
+
+TEST_CASE("headers exist, guard themselves, and name what they include in full") {
+  auto const headers = read_headers();
+  REQUIRE(!headers.empty());
+  std::set<std::string> names;
+  for (auto const& h : headers) names.insert(h.name);
+  for (auto const& h : headers) {
+    CHECK_MESSAGE(h.pragma_once, h.name, " has no #pragma once");
+    for (auto const& i : h.includes)
+      if (starts_with(i, "gsp/")) CHECK_MESSAGE(names.count(i) == 1, h.name, " includes ", i, ", which does not exist");
+  }
+}
+
+TEST_CASE("an area includes only areas above it") {
+  std::vector<std::string> const order = {"core",       "math",   "parallel", "model", "dynamics", "collision",
+                                          "constraint", "solver", "step",     "splat", "sensor",   "ik"};
+  // Beyond the order: who must stay usable alone.
+  std::map<std::string, std::set<std::string>> const never = {{"splat", {"dynamics", "collision", "constraint", "solver", "step"}},
+                                                              {"solver", {"collision"}}};
+  auto const rank = [&](std::string const& area) { return std::find(order.begin(), order.end(), area) - order.begin(); };
+  for (auto const& h : read_headers()) {
+    if (h.area.empty()) continue;  // gsp.hpp, fwd.hpp
+    for (auto const& i : h.includes) {
+      if (!starts_with(i, "gsp/")) continue;
+      CHECK_MESSAGE(i != "gsp/gsp.hpp", h.name, " includes the umbrella header");
+      auto const area = area_of(i);
+      if (area.empty()) continue;
+      if (h.area == "io") continue;  // readers may use everything
+      CHECK_MESSAGE(area != "io", h.name, " includes ", i, ": io is host only and stands apart");
+      CHECK_MESSAGE(rank(h.area) < long(order.size()), h.name, ": the area ", h.area, " is not in the list");
+      CHECK_MESSAGE(rank(area) <= rank(h.area), h.name, " includes ", i, " from an area below its own");
+      if (auto const n = never.find(h.area); n != never.end()) CHECK_MESSAGE(n->second.count(area) == 0, h.name, " must not include ", i);
+    }
+  }
+}
+
+TEST_CASE("outside headers stay where they belong") {
+  for (auto const& h : read_headers()) {
+    bool const io = h.area == "io", cuda_detail = h.name.find("_cuda.hpp") != std::string::npos;
+    for (auto const& i : h.includes) {
+      if (!io) {
+        CHECK_MESSAGE((!starts_with(i, "Eigen/") || h.name == "gsp/math/eigen.hpp"), h.name, " includes ", i);
+        for (char const* name : {"iostream", "regex", "pugixml.hpp", "zlib.h", "nlohmann/", "stb/", "libqhull"})
+          CHECK_MESSAGE(!starts_with(i, name), h.name, " includes ", i);
+      }
+      CHECK_MESSAGE(i != "iostream", h.name, " includes <iostream>");
+      CHECK_MESSAGE(i != "regex", h.name, " includes <regex>");
+      CHECK_MESSAGE(i != "Kokkos_Sort.hpp", h.name, " includes Kokkos_Sort.hpp, which doubles the time to compile");
+      if (starts_with(i, "cub/") || starts_with(i, "thrust/"))
+        CHECK_MESSAGE(cuda_detail, h.name, " includes ", i, ": only <area>/detail/*_cuda.hpp may");
+      if (h.name == "gsp/fwd.hpp") CHECK_MESSAGE(i != "Kokkos_Core.hpp", "gsp/fwd.hpp names types only; Kokkos_Core_fwd.hpp will do");
+    }
+  }
+}
