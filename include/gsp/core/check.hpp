@@ -1,0 +1,20 @@
+#pragma once
+#include <stdexcept>
+#include <string>
+
+namespace gsp {
+
+/// What every function of the library throws when its input is wrong: one sentence with the place and the remedy.
+struct Error : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Precondition of a public function: throws std::invalid_argument with `message` unless `condition` holds.
+inline void expects(bool condition, char const* message) {
+  if (!condition) throw std::invalid_argument(message);
+}
+inline void expects(bool condition, std::string const& message) {
+  if (!condition) throw std::invalid_argument(message);
+}
+
+}  // namespace gsp

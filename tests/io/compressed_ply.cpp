@@ -1,0 +1,116 @@
+#include <gsp/io/ply.hpp>
+
+#include <doctest/doctest.h>
+
+#include <io/fixtures.hpp>
+#include <support/data.hpp>
+
+using namespace gsp::io;
+using namespace gsp_test;
+
+namespace {
+
+struct Errors {
+  double position = 0, scale = 0, colour = 0, opacity = 0, rotation = 0, sh = 0;
+};
+
+/// The format read a second time, straight from its description: a fixed layout after the header, arithmetic in double.
+Errors compare(std::vector<std::byte> const& bytes, SplatSet const& set, int bounds, int degree) {
+  std::string_view const text(reinterpret_cast<char const*>(bytes.data()), bytes.size());
+  std::byte const* const body = bytes.data() + text.find("end_header\n") + 11;
+  std::size_t const n = set.size(), chunks = (n + 255) / 256, rest = 3u * ((degree + 1) * (degree + 1) - 1), terms = rest / 3;
+  std::vector<float> chunk(chunks * bounds);
+  std::vector<std::uint32_t> packed(4 * n);
+  std::memcpy(chunk.data(), body, chunk.size() * 4);
+  std::memcpy(packed.data(), body + chunk.size() * 4, packed.size() * 4);
+  auto const* const sh = reinterpret_cast<std::uint8_t const*>(body + chunk.size() * 4 + packed.size() * 4);
+  REQUIRE(body + chunk.size() * 4 + packed.size() * 4 + n * rest == bytes.data() + bytes.size());
+  Errors e;
+  auto worst = [](double& max, double a, double b) { max = std::max(max, std::abs(a - b) / std::max(1.0, std::abs(b))); };
+  for (std::size_t i = 0; i < n; ++i) {
+    float const* const c = &chunk[i / 256 * bounds];
+    std::uint32_t const p = packed[4 * i], q = packed[4 * i + 1], s = packed[4 * i + 2], rgba = packed[4 * i + 3];
+    double const up[3] = {(p >> 21) / 2047.0, (p >> 11 & 1023) / 1023.0, (p & 2047) / 2047.0}, us[3] = {(s >> 21) / 2047.0, (s >> 11 & 1023) / 1023.0, (s & 2047) / 2047.0};
+    for (int k = 0; k < 3; ++k) {
+      worst(e.position, set.positions[3 * i + k], c[k] + (double(c[3 + k]) - c[k]) * up[k]);
+      worst(e.scale, std::log(set.scales[3 * i + k]), c[6 + k] + (double(c[9 + k]) - c[6 + k]) * us[k]);
+      double rgb = (rgba >> (24 - 8 * k) & 255) / 255.0;
+      if (bounds == 18) rgb = c[12 + k] + (double(c[15 + k]) - c[12 + k]) * rgb;
+      worst(e.colour, 0.5 + 0.28209479177387814 * set.sh[(terms + 1) * 3 * i + k], rgb);
+    }
+    worst(e.opacity, set.opacities[i], (rgba & 255) / 255.0);
+    double r[4], sum = 0;
+    int const largest = q >> 30;
+    for (int k = 0, field = 0; k < 4; ++k)
+      if (k != largest) r[k] = ((q >> (20 - 10 * field++) & 1023) / 1023.0 - 0.5) * 1.4142135623730951, sum += r[k] * r[k];
+    r[largest] = std::sqrt(std::max(0.0, 1 - sum));
+    double const norm = std::sqrt(sum + r[largest] * r[largest]);
+    for (int k = 0; k < 4; ++k) worst(e.rotation, set.quats[4 * i + k], r[k] / norm);
+    for (std::size_t channel = 0; channel < 3; ++channel)
+      for (std::size_t t = 0; t < terms; ++t) worst(e.sh, set.sh[((terms + 1) * i + 1 + t) * 3 + channel], (sh[i * rest + channel * terms + t] / 256.0 - 0.5) * 8);
+  }
+  return e;
+}
+
+// Each number is rounded to float once (2^-24 relative to max(1, |x|)); the logarithm undoes an exponential: |log s| <= 10, so 10 x 2^-24 and its own rounding.
+void check(Errors const& e) {
+  CHECK(e.position <= 0x1p-24);
+  CHECK(e.scale <= 10 * 0x1p-24);
+  CHECK(e.colour <= 0x1p-23);
+  CHECK(e.opacity <= 0x1p-24);
+  CHECK(e.rotation <= 0x1p-22);  // float before and after the normalisation
+  CHECK(e.sh == 0);              // steps of 1/32 are floats
+}
+
+}  // namespace
+
+TEST_CASE("compressed PLY: both chunk layouts, with and without SH") {
+  for (int bounds : {12, 18})
+    for (int degree = 0; degree <= 3; ++degree) {
+      auto const bytes = compressed_ply(600, bounds, degree, 7 + degree);
+      auto const set = parse_ply(bytes, "made.compressed.ply");
+      REQUIRE(set.size() == 600);
+      CHECK(set.sh_degree == degree);
+      check(compare(bytes, set, bounds, degree));
+    }
+}
+
+TEST_CASE("compressed PLY: real captures") {
+  struct File {
+    char const* name;
+    std::size_t count;
+  };
+  for (auto const& file : {File{"biker", 152746}, {"guitar", 90854}, {"banana", 30680}}) {
+    auto const path = data("splats/" + std::string(file.name) + ".compressed.ply");
+    if (!path) {
+      MESSAGE("skipped: splats/" << file.name << ".compressed.ply is missing from GSP_DATA_DIR");
+      continue;
+    }
+    auto const bytes = read_file(*path);
+    auto const set = parse_ply(bytes, *path);
+    CHECK(set.size() == file.count);
+    CHECK(set.sh_degree == 0);
+    check(compare(bytes, set, 18, 0));
+  }
+}
+
+TEST_CASE("compressed PLY: every cut and wrong counts are refused") {
+  auto const bytes = compressed_ply(3, 18, 1);
+  CHECK(accepted_truncations(bytes, [](Bytes b) { parse_ply(b, "cut.ply"); }) == 0);
+  auto refusal = [&](std::string const& what, std::string const& with) {
+    std::string text(reinterpret_cast<char const*>(bytes.data()), bytes.size());
+    text.replace(text.find(what), what.size(), with);
+    return error_of([&] { parse_ply(bytes_of(text), "bad.ply"); });
+  };
+  CHECK(says(refusal("element chunk 1", "element chunk 0"), "bytes follow the last row"));
+  CHECK(says(refusal("element chunk 1", "element chunk 9"), "announces"));
+  CHECK(says(refusal("element chunk", "element junk_"), "need an element 'chunk'"));
+  CHECK(says(refusal("element sh 3", "element sh 2"), "bytes follow"));
+  CHECK(says(refusal("property float max_y", "property float mix_y"), "no property 'max_y'"));
+  CHECK(says(refusal("packed_scale", "packed_stale"), "no property 'packed_scale'"));
+  CHECK(says(refusal("f_rest_8", "f_best_8"), "no property 'f_rest_8'"));
+  std::string bad(reinterpret_cast<char const*>(bytes.data()), bytes.size());
+  float const nan = NAN;
+  bad.replace(bad.find("end_header\n") + 11 + 8, 4, reinterpret_cast<char const*>(&nan), 4);
+  CHECK(says(error_of([&] { parse_ply(bytes_of(bad), "bad.ply"); }), "chunk 0: the bounds of 'z' are not finite"));
+}

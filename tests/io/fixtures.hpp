@@ -1,0 +1,132 @@
+#pragma once
+// Small Gaussian files and helpers that the tests and the fuzz targets of gsp::io share. The encoders here are written from the format's description, not from the readers.
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <gsp/io/detail/deflate.hpp>
+#include <gsp/io/splat_set.hpp>
+
+namespace gsp_test {
+
+using gsp::io::Bytes;
+using gsp::io::SplatSet;
+
+/// A folder that disappears with its scope.
+struct Folder {
+  std::filesystem::path path = std::filesystem::temp_directory_path() / ("gsp-io-" + std::to_string(::getpid()) + "-" + std::to_string(std::random_device{}()));
+  Folder() { std::filesystem::create_directories(path); }
+  ~Folder() {
+    std::error_code error;
+    std::filesystem::remove_all(path, error);
+  }
+  Folder(Folder const&) = delete;
+  Folder& operator=(Folder const&) = delete;
+  std::size_t files() const { return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(path), std::filesystem::directory_iterator{})); }
+};
+
+/// What gsp::Error says when `f` throws one, else nothing; any other exception passes.
+template <class F>
+std::string error_of(F const& f) {
+  try {
+    f();
+  } catch (gsp::Error const& e) {
+    return e.what();
+  }
+  return {};
+}
+inline bool says(std::string const& text, std::string const& part) { return text.find(part) != std::string::npos; }
+
+/// How many proper beginnings of `bytes` do NOT make `parse` throw gsp::Error (other exceptions and crashes are not caught here). Each one is read from memory of exactly its size.
+template <class Parse>
+int accepted_truncations(std::vector<std::byte> const& bytes, Parse const& parse) {
+  int accepted = 0;
+  for (std::size_t n = 0; n < bytes.size(); ++n) {
+    std::vector<std::byte> const cut(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
+    accepted += error_of([&] { parse(Bytes(cut)); }).empty();
+  }
+  return accepted;
+}
+
+inline std::vector<std::byte> bytes_of(std::string const& text) {
+  auto const b = std::as_bytes(std::span(text));
+  return {b.begin(), b.end()};
+}
+template <class T>
+void put(std::vector<std::byte>& out, T value) {
+  auto const b = std::as_bytes(std::span(&value, 1));
+  out.insert(out.end(), b.begin(), b.end());
+}
+
+inline SplatSet random_set(std::size_t n, int degree, unsigned seed = 1) {
+  std::mt19937 random(seed);
+  std::normal_distribution<float> normal;
+  std::uniform_real_distribution<float> unit(0.f, 1.f);
+  SplatSet set = gsp::io::make_splat_set(n, degree);
+  for (float& v : set.positions) v = 3 * normal(random);
+  for (float& v : set.scales) v = std::exp(normal(random) - 4);
+  for (float& v : set.opacities) v = unit(random);
+  for (float& v : set.sh) v = 0.5f * normal(random);
+  for (std::size_t i = 0; i < n; ++i) {
+    double q[4], norm = 0;
+    for (double& v : q) v = normal(random), norm += v * v;
+    for (int k = 0; k < 4; ++k) set.quats[4 * i + k] = static_cast<float>(q[k] / std::sqrt(norm));
+  }
+  return set;
+}
+
+/// .spz of random bytes, unpacked: version 1-3, SH degree 0-3. Version 1 gets finite half floats.
+inline std::vector<std::byte> spz_data(std::uint32_t n, int version, int degree, unsigned seed = 1, int flags = 0) {
+  std::mt19937 random(seed);
+  std::vector<std::byte> out;
+  put(out, 0x5053474eu), put(out, std::uint32_t(version)), put(out, n);
+  for (int v : {degree, 12, flags, 0}) put(out, std::uint8_t(v));
+  for (std::uint32_t i = 0; i < 3 * n; ++i) {
+    if (version == 1) put(out, std::uint16_t(random() & 0xbfff));
+    else for (int k = 0; k < 3; ++k) put(out, std::uint8_t(random()));
+  }
+  std::size_t const rest = n * (1 + 3 + 3 + (version == 3 ? 4 : 3) + 3 * ((degree + 1) * (degree + 1) - 1));
+  for (std::size_t i = 0; i < rest; ++i) put(out, std::uint8_t(random()));
+  return out;
+}
+inline std::vector<std::byte> gzip(std::vector<std::byte> const& bytes) { return gsp::io::detail::deflate(bytes, gsp::io::detail::Wrapper::gzip); }
+
+/// SuperSplat compressed PLY of random packed values; `bounds` 12 or 18 floats a chunk, `degree` > 0 adds the element sh.
+inline std::vector<std::byte> compressed_ply(std::uint32_t n, int bounds, int degree, unsigned seed = 1) {
+  std::mt19937 random(seed);
+  std::uint32_t const chunks = (n + 255) / 256;
+  int const rest = 3 * ((degree + 1) * (degree + 1) - 1);
+  std::string header = "ply\nformat binary_little_endian 1.0\ncomment by a test\nelement chunk " + std::to_string(chunks) + "\n";
+  for (auto axes : {std::vector{"x", "y", "z"}, {"scale_x", "scale_y", "scale_z"}, {"r", "g", "b"}}) {
+    if (bounds == 12 && axes[0] == std::string("r")) break;
+    for (auto side : {"min_", "max_"})
+      for (auto axis : axes) header += std::string("property float ") + side + axis + "\n";
+  }
+  header += "element vertex " + std::to_string(n) + "\nproperty uint packed_position\nproperty uint packed_rotation\nproperty uint packed_scale\nproperty uint packed_color\n";
+  if (rest) header += "element sh " + std::to_string(n) + "\n";
+  for (int k = 0; k < rest; ++k) header += "property uchar f_rest_" + std::to_string(k) + "\n";
+  auto out = bytes_of(header + "end_header\n");
+  std::uniform_real_distribution<float> unit(0.f, 1.f);
+  for (std::uint32_t c = 0; c < chunks; ++c)
+    for (int group = 0; group < bounds / 6; ++group)
+      for (int side = 0; side < 2; ++side)
+        for (int k = 0; k < 3; ++k) put(out, (group == 1 ? -6.f : -1.f) + 2.f * side + unit(random));
+  for (std::uint32_t i = 0; i < 4 * n; ++i) put(out, std::uint32_t(random()));
+  for (std::uint32_t i = 0; i < n * rest; ++i) put(out, std::uint8_t(random()));
+  return out;
+}
+
+/// Runs a Python script with numpy; false where there is none. `ok` takes whether it left with 0.
+inline bool run_numpy(std::string const& script, bool& ok) {
+  char const* const set = std::getenv("GSP_PYTHON");
+  std::string const python = set ? set : "python3";
+  if (std::system((python + " -c 'import numpy' >/dev/null 2>&1").c_str()) != 0) return false;
+  ok = std::system((python + " -c \"" + script + "\"").c_str()) == 0;
+  return true;
+}
+
+}  // namespace gsp_test

@@ -1,0 +1,60 @@
+#include <gsp/io/splats.hpp>
+
+#include <doctest/doctest.h>
+
+#include <io/fixtures.hpp>
+
+using namespace gsp::io;
+using namespace gsp_test;
+
+TEST_CASE("read_splats knows the format by content") {
+  Folder folder;
+  SplatSet const set = random_set(40, 2);
+  write_ply(folder.path / "a.anything", set);
+  write_file(folder.path / "b", gzip(spz_data(20, 2, 1)));
+  write_file(folder.path / "c.ply", compressed_ply(10, 18, 0));
+  write_file(folder.path / "d.splat", std::vector<std::byte>(64, std::byte(60)));
+  CHECK(read_splats(folder.path / "a.anything").size() == 40);
+  CHECK(read_splats(folder.path / "b").size() == 20);
+  CHECK(read_splats(folder.path / "c.ply").size() == 10);
+  CHECK(read_splats(folder.path / "d.splat").size() == 2);
+  write_file(folder.path / "e.xml", bytes_of("<mujoco/>"));
+  CHECK(says(error_of([&] { read_splats(folder.path / "e.xml"); }), "e.xml: byte 0: is no file of Gaussians"));
+  write_file(folder.path / "f.ply", {});
+  CHECK(says(error_of([&] { read_splats(folder.path / "f.ply"); }), "empty"));
+  CHECK(says(error_of([&] { read_splats(folder.path / "g.ply"); }), "no such file"));
+}
+
+TEST_CASE("a sidecar binds ranges to links") {
+  Folder folder;
+  write_ply(folder.path / "go2.ply", random_set(10, 0));
+  write_file(folder.path / "go2.links.json", bytes_of(R"({"links": [{"name": "FL_foot", "first": 2, "count": 3}, {"name": "trunk", "first": 8, "count": 2}, {"name": "FL_foot", "first": 0, "count": 1}]})"));
+  SplatSet const set = read_splats(folder.path / "go2.ply");
+  CHECK(set.link_names == std::vector<std::string>{"FL_foot", "trunk"});
+  CHECK(set.link == std::vector<int>{0, -1, 0, 0, 0, -1, -1, -1, 1, 1});
+  write_file(folder.path / "go2.links.json", bytes_of(R"({"links": [{"name": "FL_foot", "first": 2, "count": 9}]})"));
+  CHECK(says(error_of([&] { read_splats(folder.path / "go2.ply"); }), "go2.links.json: links[0] ('FL_foot'): first 2 and count 9 leave the 10 Gaussians"));
+}
+
+TEST_CASE("sidecar: bad input") {
+  auto refusal = [](std::string const& text) {
+    return error_of([&] {
+      SplatSet set = random_set(10, 0);
+      bind_links(set, parse_links(bytes_of(text), "s.json"), "s.json");
+    });
+  };
+  std::string const good = R"({"links": [{"name": "a", "first": 0, "count": 4}]})";
+  CHECK(refusal(good).empty());
+  CHECK(accepted_truncations(bytes_of(good), [](Bytes b) { parse_links(b, "cut.json"); }) == 0);
+  CHECK(says(refusal("{\"links\":\n [}"), "s.json: line 2: is not valid JSON"));
+  CHECK(says(refusal("[]"), "must be {\"links\""));
+  CHECK(says(refusal(R"({"links": [], "more": 1})"), "must be {\"links\""));
+  CHECK(says(refusal(R"({"links": [{"name": "a", "first": 0}]})"), "links[0]: must have exactly"));
+  CHECK(says(refusal(R"({"links": [{"name": "", "first": 0, "count": 1}]})"), "\"name\""));
+  CHECK(says(refusal(R"({"links": [{"name": "a", "first": -1, "count": 1}]})"), "\"first\" must be a whole number"));
+  CHECK(says(refusal(R"({"links": [{"name": "a", "first": 0, "count": 1.5}]})"), "\"count\" must be a whole number"));
+  CHECK(says(refusal(R"({"links": [{"name": "a", "first": 18446744073709551615, "count": 18446744073709551615}]})"), "leave the 10"));
+  CHECK(says(refusal(R"({"links": [{"name": "a", "first": 0, "count": 4}, {"name": "b", "first": 3, "count": 1}]})"), "Gaussian 3 is already bound to 'a'"));
+  CHECK(says(refusal(R"({"links": [{"name": "a\nb", "first": 0, "count": 4}]})"), "control characters"));
+  CHECK(says(refusal(std::string(100000, '[')), "is not valid JSON"));
+}
