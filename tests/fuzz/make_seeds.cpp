@@ -1,9 +1,8 @@
 // Writes a few small valid files per reader under FOLDER/<reader>/, where the fuzzer starts from: make_seeds FOLDER
+#include <cstdio>
 #include <gsp/io/npz.hpp>
 #include <gsp/io/ply.hpp>
 #include <gsp/io/png.hpp>
-
-#include <cstdio>
 #include <io/fixtures.hpp>
 
 using namespace gsp::io;
@@ -27,17 +26,22 @@ int main(int argc, char** argv) {
     set.link = {1, -1};
     seed("ply", "linked" + d, format_ply(set));
     seed("ply", "packed" + d, compressed_ply(2, 18, degree));
-    for (int version = 1; version <= 3; ++version) seed("spz", "data" + std::to_string(version) + d, spz_data(2, version, degree)), seed("spz", "gzip" + std::to_string(version) + d, gzip(spz_data(2, version, degree)));
+    for (int version = 1; version <= 3; ++version)
+      seed("spz", "data" + std::to_string(version) + d, spz_data(2, version, degree)),
+          seed("spz", "gzip" + std::to_string(version) + d, gzip(spz_data(2, version, degree)));
   }
   seed("ply", "old", compressed_ply(2, 12, 0));
   std::string text = "ply\nformat ascii 1.0\nelement vertex 1\n";
-  for (auto p : {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"}) text += std::string("property float ") + p + "\n";
+  for (auto p :
+       {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
+    text += std::string("property float ") + p + "\n";
   seed("ply", "text", bytes_of(text + "end_header\n1 2.5 -3e2 0 0 0 1 -4 -4 -4 1 0 0 0\n"));
   std::vector<std::byte> splat;
   for (float v : {1.f, 2.f, 3.f, .1f, .2f, .3f}) put(splat, v);
   for (int v : {200, 100, 50, 255, 255, 128, 128, 128}) put(splat, std::uint8_t(v));
   seed("splat_file", "one", splat);
-  seed("splat_links", "two", bytes_of(R"({"links": [{"name": "FL_foot", "first": 0, "count": 10}, {"name": "trunk", "first": 20, "count": 5}]})"));
+  seed("splat_links", "two",
+       bytes_of(R"({"links": [{"name": "FL_foot", "first": 0, "count": 10}, {"name": "trunk", "first": 20, "count": 5}]})"));
   std::vector<double> const numbers{1, 2, 3, 4, 5, 6};
   Folder folder;
   for (int level : {0, 6}) {

@@ -1,11 +1,10 @@
 #pragma once
-// A fuzz target is one file with one call: FUZZ(bytes) { parse(bytes); }. It survives when `parse` returns, or throws gsp::Error with one line of text;
-// whatever else happens (a crash, a leak, another exception, too much memory) is a finding.
+// A fuzz target is one file with one call: FUZZ(bytes) { parse(bytes); }. It survives when `parse` returns, or throws gsp::Error with one
+// line of text; whatever else happens (a crash, a leak, another exception, too much memory) is a finding.
 #include <cstdint>
 #include <cstdlib>
-#include <string>
-
 #include <gsp/io/detail/bytes.hpp>
+#include <string>
 
 namespace gsp_fuzz {
 template <class F>

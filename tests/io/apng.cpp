@@ -1,8 +1,7 @@
-#include <gsp/io/apng.hpp>
-#include <gsp/io/png.hpp>
-
 #include <doctest/doctest.h>
 
+#include <gsp/io/apng.hpp>
+#include <gsp/io/png.hpp>
 #include <io/fixtures.hpp>
 
 using namespace gsp::io;
@@ -29,7 +28,8 @@ std::vector<Bitmap8> play(std::vector<std::byte> const& bytes, int& frames_annou
     }
     if (type == "fcTL") {
       CHECK(detail::get_be(data, 0) == sequence++);
-      width = int(detail::get_be(data, 4)), height = int(detail::get_be(data, 8)), x0 = int(detail::get_be(data, 12)), y0 = int(detail::get_be(data, 16));
+      width = int(detail::get_be(data, 4)), height = int(detail::get_be(data, 8)), x0 = int(detail::get_be(data, 12)),
+      y0 = int(detail::get_be(data, 16));
       CHECK(length == 26);
       CHECK(detail::get_be(data, 20) == (1u << 16 | 12));  // 1/12 s
     }
@@ -45,7 +45,8 @@ std::vector<Bitmap8> play(std::vector<std::byte> const& bytes, int& frames_annou
     auto const part = parse_png8(png, "frame");
     if (shown.empty()) canvas = part;
     for (int y = 0; y < height; ++y)
-      std::copy_n(&part.pixels[std::size_t(y) * width * part.channels], std::size_t(width) * part.channels, &canvas.pixels[(std::size_t(y0 + y) * canvas.width + x0) * canvas.channels]);
+      std::copy_n(&part.pixels[std::size_t(y) * width * part.channels], std::size_t(width) * part.channels,
+                  &canvas.pixels[(std::size_t(y0 + y) * canvas.width + x0) * canvas.channels]);
     shown.push_back(canvas);
   }
   return shown;

@@ -1,7 +1,6 @@
-#include <gsp/io/bitmap.hpp>
-
 #include <doctest/doctest.h>
 
+#include <gsp/io/bitmap.hpp>
 #include <limits>
 
 using namespace gsp::io;

@@ -1,6 +1,6 @@
-#include <gsp/io/colormap.hpp>
-
 #include <doctest/doctest.h>
+
+#include <gsp/io/colormap.hpp>
 
 using namespace gsp::io;
 
@@ -15,7 +15,8 @@ TEST_CASE("rainbow: continuous, within 0..1, each colour once, brightest in the 
     }
     for (int j = 0; j < i - 60; ++j) {  // colours further apart than 6 % of the scale are told apart by more than 3 % in some channel
       auto const e = rainbow(static_cast<float>(j) / 1000);
-      if (std::max({std::abs(a[0] - e[0]), std::abs(a[1] - e[1]), std::abs(a[2] - e[2])}) < 0.03f) FAIL("colours " << i << " and " << j << " are alike");
+      if (std::max({std::abs(a[0] - e[0]), std::abs(a[1] - e[1]), std::abs(a[2] - e[2])}) < 0.03f)
+        FAIL("colours " << i << " and " << j << " are alike");
     }
   }
   CHECK(step < 0.01f);

@@ -1,7 +1,6 @@
-#include <gsp/io/ply.hpp>
-
 #include <doctest/doctest.h>
 
+#include <gsp/io/ply.hpp>
 #include <io/fixtures.hpp>
 #include <support/data.hpp>
 
@@ -30,7 +29,8 @@ Errors compare(std::vector<std::byte> const& bytes, SplatSet const& set, int bou
   for (std::size_t i = 0; i < n; ++i) {
     float const* const c = &chunk[i / 256 * bounds];
     std::uint32_t const p = packed[4 * i], q = packed[4 * i + 1], s = packed[4 * i + 2], rgba = packed[4 * i + 3];
-    double const up[3] = {(p >> 21) / 2047.0, (p >> 11 & 1023) / 1023.0, (p & 2047) / 2047.0}, us[3] = {(s >> 21) / 2047.0, (s >> 11 & 1023) / 1023.0, (s & 2047) / 2047.0};
+    double const up[3] = {(p >> 21) / 2047.0, (p >> 11 & 1023) / 1023.0, (p & 2047) / 2047.0},
+                 us[3] = {(s >> 21) / 2047.0, (s >> 11 & 1023) / 1023.0, (s & 2047) / 2047.0};
     for (int k = 0; k < 3; ++k) {
       worst(e.position, set.positions[3 * i + k], c[k] + (double(c[3 + k]) - c[k]) * up[k]);
       worst(e.scale, std::log(set.scales[3 * i + k]), c[6 + k] + (double(c[9 + k]) - c[6 + k]) * us[k]);
@@ -47,12 +47,14 @@ Errors compare(std::vector<std::byte> const& bytes, SplatSet const& set, int bou
     double const norm = std::sqrt(sum + r[largest] * r[largest]);
     for (int k = 0; k < 4; ++k) worst(e.rotation, set.quats[4 * i + k], r[k] / norm);
     for (std::size_t channel = 0; channel < 3; ++channel)
-      for (std::size_t t = 0; t < terms; ++t) worst(e.sh, set.sh[((terms + 1) * i + 1 + t) * 3 + channel], (sh[i * rest + channel * terms + t] / 256.0 - 0.5) * 8);
+      for (std::size_t t = 0; t < terms; ++t)
+        worst(e.sh, set.sh[((terms + 1) * i + 1 + t) * 3 + channel], (sh[i * rest + channel * terms + t] / 256.0 - 0.5) * 8);
   }
   return e;
 }
 
-// Each number is rounded to float once (2^-24 relative to max(1, |x|)); the logarithm undoes an exponential: |log s| <= 10, so 10 x 2^-24 and its own rounding.
+// Each number is rounded to float once (2^-24 relative to max(1, |x|)); the logarithm undoes an exponential: |log s| <= 10, so 10 x 2^-24
+// and its own rounding.
 void check(Errors const& e) {
   CHECK(e.position <= 0x1p-24);
   CHECK(e.scale <= 10 * 0x1p-24);

@@ -1,15 +1,15 @@
 #pragma once
-// Small Gaussian files and helpers that the tests and the fuzz targets of gsp::io share. The encoders here are written from the format's description, not from the readers.
+// Small Gaussian files and helpers that the tests and the fuzz targets of gsp::io share. The encoders here are written from the format's
+// description, not from the readers.
 #include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
+#include <gsp/io/detail/deflate.hpp>
+#include <gsp/io/splat_set.hpp>
 #include <random>
 #include <string>
 #include <vector>
-
-#include <gsp/io/detail/deflate.hpp>
-#include <gsp/io/splat_set.hpp>
 
 namespace gsp_test {
 
@@ -18,7 +18,8 @@ using gsp::io::SplatSet;
 
 /// A folder that disappears with its scope.
 struct Folder {
-  std::filesystem::path path = std::filesystem::temp_directory_path() / ("gsp-io-" + std::to_string(::getpid()) + "-" + std::to_string(std::random_device{}()));
+  std::filesystem::path path =
+      std::filesystem::temp_directory_path() / ("gsp-io-" + std::to_string(::getpid()) + "-" + std::to_string(std::random_device{}()));
   Folder() { std::filesystem::create_directories(path); }
   ~Folder() {
     std::error_code error;
@@ -26,7 +27,9 @@ struct Folder {
   }
   Folder(Folder const&) = delete;
   Folder& operator=(Folder const&) = delete;
-  std::size_t files() const { return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(path), std::filesystem::directory_iterator{})); }
+  std::size_t files() const {
+    return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator(path), std::filesystem::directory_iterator{}));
+  }
 };
 
 /// What gsp::Error says when `f` throws one, else nothing; any other exception passes.
@@ -34,14 +37,13 @@ template <class F>
 std::string error_of(F const& f) {
   try {
     f();
-  } catch (gsp::Error const& e) {
-    return e.what();
-  }
+  } catch (gsp::Error const& e) { return e.what(); }
   return {};
 }
 inline bool says(std::string const& text, std::string const& part) { return text.find(part) != std::string::npos; }
 
-/// How many proper beginnings of `bytes` do NOT make `parse` throw gsp::Error (other exceptions and crashes are not caught here). Each one is read from memory of exactly its size.
+/// How many proper beginnings of `bytes` do NOT make `parse` throw gsp::Error (other exceptions and crashes are not caught here). Each one
+/// is read from memory of exactly its size.
 template <class Parse>
 int accepted_truncations(std::vector<std::byte> const& bytes, Parse const& parse) {
   int accepted = 0;
@@ -86,14 +88,18 @@ inline std::vector<std::byte> spz_data(std::uint32_t n, int version, int degree,
   put(out, 0x5053474eu), put(out, std::uint32_t(version)), put(out, n);
   for (int v : {degree, 12, flags, 0}) put(out, std::uint8_t(v));
   for (std::uint32_t i = 0; i < 3 * n; ++i) {
-    if (version == 1) put(out, std::uint16_t(random() & 0xbfff));
-    else for (int k = 0; k < 3; ++k) put(out, std::uint8_t(random()));
+    if (version == 1)
+      put(out, std::uint16_t(random() & 0xbfff));
+    else
+      for (int k = 0; k < 3; ++k) put(out, std::uint8_t(random()));
   }
   std::size_t const rest = n * (1 + 3 + 3 + (version == 3 ? 4 : 3) + 3 * ((degree + 1) * (degree + 1) - 1));
   for (std::size_t i = 0; i < rest; ++i) put(out, std::uint8_t(random()));
   return out;
 }
-inline std::vector<std::byte> gzip(std::vector<std::byte> const& bytes) { return gsp::io::detail::deflate(bytes, gsp::io::detail::Wrapper::gzip); }
+inline std::vector<std::byte> gzip(std::vector<std::byte> const& bytes) {
+  return gsp::io::detail::deflate(bytes, gsp::io::detail::Wrapper::gzip);
+}
 
 /// SuperSplat compressed PLY of random packed values; `bounds` 12 or 18 floats a chunk, `degree` > 0 adds the element sh.
 inline std::vector<std::byte> compressed_ply(std::uint32_t n, int bounds, int degree, unsigned seed = 1) {
@@ -106,7 +112,8 @@ inline std::vector<std::byte> compressed_ply(std::uint32_t n, int bounds, int de
     for (auto side : {"min_", "max_"})
       for (auto axis : axes) header += std::string("property float ") + side + axis + "\n";
   }
-  header += "element vertex " + std::to_string(n) + "\nproperty uint packed_position\nproperty uint packed_rotation\nproperty uint packed_scale\nproperty uint packed_color\n";
+  header += "element vertex " + std::to_string(n) +
+            "\nproperty uint packed_position\nproperty uint packed_rotation\nproperty uint packed_scale\nproperty uint packed_color\n";
   if (rest) header += "element sh " + std::to_string(n) + "\n";
   for (int k = 0; k < rest; ++k) header += "property uchar f_rest_" + std::to_string(k) + "\n";
   auto out = bytes_of(header + "end_header\n");

@@ -1,7 +1,6 @@
-#include <gsp/io/npy.hpp>
-
 #include <doctest/doctest.h>
 
+#include <gsp/io/npy.hpp>
 #include <io/fixtures.hpp>
 
 using namespace gsp::io;
@@ -50,7 +49,8 @@ TEST_CASE("npy: headers that other writers make") {
   auto const g = parse_npy(npy("{ \"descr\" : \"<f4\",'fortran_order':False,'shape':(1,3,2,),}", six), "g");
   CHECK(g.shape == std::vector<std::size_t>{1, 3, 2});
   std::vector<std::byte> bools(3, std::byte(1));
-  CHECK(parse_npy(npy("{'descr': '|b1', 'fortran_order': False, 'shape': (3,), }\n", bools), "b").as<float>() == std::vector<float>{1, 1, 1});
+  CHECK(parse_npy(npy("{'descr': '|b1', 'fortran_order': False, 'shape': (3,), }\n", bools), "b").as<float>() ==
+        std::vector<float>{1, 1, 1});
   auto v2 = bytes_of(std::string("\x93NUMPY\x02\x00\x38\x00\x00\x00", 12) + "{'descr': '<f4', 'fortran_order': False, 'shape': (6,)}\n");
   v2.insert(v2.end(), six.begin(), six.end());
   REQUIRE(v2.size() == 12 + 56 + 24);
@@ -84,10 +84,13 @@ TEST_CASE("npy: bad input") {
   CHECK(says(refusal("{'descr': [('a', '<f8')], 'fortran_order': False, 'shape': (3,), }"), "record arrays"));
   CHECK(says(refusal("{'descr': '<f8', 'fortran_order': False, 'shape': (4,), }"), "shape (4,) of <f8 does not fit the 24 bytes"));
   CHECK(says(refusal("{'descr': '<f8', 'fortran_order': False, 'shape': (2,), }"), "does not fit"));
-  CHECK(says(refusal("{'descr': '<f8', 'fortran_order': False, 'shape': (4611686018427387904, 4611686018427387904, 3), }"), "does not fit"));
+  CHECK(
+      says(refusal("{'descr': '<f8', 'fortran_order': False, 'shape': (4611686018427387904, 4611686018427387904, 3), }"), "does not fit"));
   CHECK(says(refusal("{'descr': '<f8', 'fortran_order': False, 'shape': (18446744073709551616,), }"), "header is damaged"));
   CHECK(says(refusal("{'descr': '<f8', 'fortran_order': False, 'shape': (-3,), }"), "header is damaged"));
-  for (auto dict : {"", "{", "{}", "{'descr'}", "{'descr': '<f8'}", "{'descr': '<f8', 'fortran_order': Maybe, 'shape': (3,)}", "{'descr': '<f8', 'fortran_order': False, 'shape': (3,)} x", "{'descr': '<f8', 'descr': '<f8', 'fortran_order': False, 'shape': (3,)}", "{'shape': (3", "{'a': 1}"})
+  for (auto dict : {"", "{", "{}", "{'descr'}", "{'descr': '<f8'}", "{'descr': '<f8', 'fortran_order': Maybe, 'shape': (3,)}",
+                    "{'descr': '<f8', 'fortran_order': False, 'shape': (3,)} x",
+                    "{'descr': '<f8', 'descr': '<f8', 'fortran_order': False, 'shape': (3,)}", "{'shape': (3", "{'a': 1}"})
     CHECK_MESSAGE(says(refusal(dict), "header is damaged"), dict);
   auto const good = npy("{'descr': '<f8', 'fortran_order': False, 'shape': (3,), }", data);
   CHECK(accepted_truncations(good, [](Bytes b) { parse_npy(b, "cut.npy"); }) == 0);
@@ -100,8 +103,10 @@ TEST_CASE("npy: numpy reads ours and we read numpy's") {
   Folder folder;
   write_npy(folder.path / "ours.npy", NpyView({2, 3}, std::vector<double>{1, 2, 3, 4, 5, 6.5}));
   bool ok = false;
-  if (!run_numpy("import numpy as n; a = n.load('" + (folder.path / "ours.npy").string() + "'); assert a.dtype == n.float64 and a.tolist() == [[1, 2, 3], [4, 5, 6.5]]; p = '" + folder.path.string() +
-                     "/'; n.save(p + 'f', n.asfortranarray(n.arange(24, dtype=n.int32).reshape(2, 3, 4))); n.save(p + 'b', n.array([True, False])); n.save(p + 's', n.float32(2.5)); n.save(p + 'z', n.zeros((0, 3)))",
+  if (!run_numpy("import numpy as n; a = n.load('" + (folder.path / "ours.npy").string() +
+                     "'); assert a.dtype == n.float64 and a.tolist() == [[1, 2, 3], [4, 5, 6.5]]; p = '" + folder.path.string() +
+                     "/'; n.save(p + 'f', n.asfortranarray(n.arange(24, dtype=n.int32).reshape(2, 3, 4))); n.save(p + 'b', n.array([True, "
+                     "False])); n.save(p + 's', n.float32(2.5)); n.save(p + 'z', n.zeros((0, 3)))",
                  ok)) {
     MESSAGE("skipped: python3 has no numpy (GSP_PYTHON names another python)");
     return;

@@ -1,7 +1,6 @@
-#include <gsp/io/npz.hpp>
-
 #include <doctest/doctest.h>
 
+#include <gsp/io/npz.hpp>
 #include <io/fixtures.hpp>
 
 using namespace gsp::io;
@@ -93,8 +92,11 @@ TEST_CASE("npz: numpy reads ours and we read numpy's") {
   write_npz(folder.path / "packed.npz", entries(), {6});
   bool ok = false;
   std::string const p = folder.path.string();
-  if (!run_numpy("import numpy as n\nfor f in ('stored', 'packed'):\n  a = n.load('" + p + "/' + f + '.npz'); assert sorted(a.files) == ['qpos', 'rgb'] and a['qpos'].tolist() == [[[1, 2, 3], [4, 5, 6]]] and a['rgb'].shape == (10, 100, 3) and (a['rgb'] == .25).all()\n" +
-                     "n.savez('" + p + "/a', viewmats=n.eye(4)[None], Ks=n.ones((1, 3, 3), n.float32)); n.savez_compressed('" + p + "/b', qpos=n.arange(1000.).reshape(10, 10, 10).T)",
+  if (!run_numpy("import numpy as n\nfor f in ('stored', 'packed'):\n  a = n.load('" + p +
+                     "/' + f + '.npz'); assert sorted(a.files) == ['qpos', 'rgb'] and a['qpos'].tolist() == [[[1, 2, 3], [4, 5, 6]]] and "
+                     "a['rgb'].shape == (10, 100, 3) and (a['rgb'] == .25).all()\n" +
+                     "n.savez('" + p + "/a', viewmats=n.eye(4)[None], Ks=n.ones((1, 3, 3), n.float32)); n.savez_compressed('" + p +
+                     "/b', qpos=n.arange(1000.).reshape(10, 10, 10).T)",
                  ok)) {
     MESSAGE("skipped: python3 has no numpy (GSP_PYTHON names another python)");
     return;

@@ -1,8 +1,7 @@
-#include <gsp/io/ply.hpp>
-
 #include <doctest/doctest.h>
 
 #include <cstdio>
+#include <gsp/io/ply.hpp>
 #include <io/fixtures.hpp>
 
 using namespace gsp::io;
@@ -12,7 +11,8 @@ namespace {
 
 constexpr double ulp = 0x1p-24;  // half a unit in the last place of a float near 1, relative
 
-/// Positions, SH and links bit by bit; opacity passes the logit x (error 2^-24 |x|, and s'(x) |x| <= 0.23), scale the logarithm, the rotation a second normalisation.
+/// Positions, SH and links bit by bit; opacity passes the logit x (error 2^-24 |x|, and s'(x) |x| <= 0.23), scale the logarithm, the
+/// rotation a second normalisation.
 void check_same(SplatSet const& a, SplatSet const& b) {
   REQUIRE(a.size() == b.size());
   CHECK(a.sh_degree == b.sh_degree);
@@ -22,7 +22,8 @@ void check_same(SplatSet const& a, SplatSet const& b) {
   CHECK(a.link_names == b.link_names);
   double opacity = 0, scale = 0, quat = 0;
   for (std::size_t i = 0; i < a.opacities.size(); ++i) opacity = std::max(opacity, std::abs(double(a.opacities[i]) - b.opacities[i]));
-  for (std::size_t i = 0; i < a.scales.size(); ++i) scale = std::max(scale, std::abs(double(a.scales[i]) - b.scales[i]) / a.scales[i] / (std::abs(std::log(a.scales[i])) + 2));
+  for (std::size_t i = 0; i < a.scales.size(); ++i)
+    scale = std::max(scale, std::abs(double(a.scales[i]) - b.scales[i]) / a.scales[i] / (std::abs(std::log(a.scales[i])) + 2));
   for (std::size_t i = 0; i < a.quats.size(); ++i) quat = std::max(quat, std::abs(double(a.quats[i]) - b.quats[i]));
   CHECK(opacity <= 1.5 * ulp);
   CHECK(scale <= ulp);
@@ -66,9 +67,12 @@ TEST_CASE("3DGS PLY: what is written comes back, SH 0-3, binary and text, with l
 }
 
 TEST_CASE("3DGS PLY: layout of the authors") {
-  // One Gaussian of SH 1 written out by hand: f_rest is channel-major (3 red, 3 green, 3 blue), opacity a logit, scale a logarithm, rotation unnormalised w x y z.
+  // One Gaussian of SH 1 written out by hand: f_rest is channel-major (3 red, 3 green, 3 blue), opacity a logit, scale a logarithm,
+  // rotation unnormalised w x y z.
   std::string text = "ply\r\nformat ascii 1.0\r\ncomment made by hand\r\nelement vertex 1\r\n";
-  for (auto p : {"x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "f_rest_0", "f_rest_1", "f_rest_2", "f_rest_3", "f_rest_4", "f_rest_5", "f_rest_6", "f_rest_7", "f_rest_8", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "red"})
+  for (auto p : {"x",        "y",        "z",        "f_dc_0",   "f_dc_1",   "f_dc_2",   "f_rest_0", "f_rest_1",
+                 "f_rest_2", "f_rest_3", "f_rest_4", "f_rest_5", "f_rest_6", "f_rest_7", "f_rest_8", "opacity",
+                 "scale_0",  "scale_1",  "scale_2",  "rot_0",    "rot_1",    "rot_2",    "rot_3",    "red"})
     text += std::string("property ") + (p[0] == 'r' && p[1] == 'e' ? "uchar " : "float ") + p + "\r\n";
   text += "end_header\r\n1 2 3  .1 .2 .3  11 12 13 21 22 23 31 32 33  0  0 -1 -2  0 0 0 -2 255\r\n";
   SplatSet const s = parse_ply(bytes_of(text), "hand.ply");
@@ -103,7 +107,8 @@ TEST_CASE("3DGS PLY: faults are named with place and remedy") {
   CHECK(refusal(good).empty());
   CHECK(says(refusal("solid cube\n"), "line 1: the first line is not 'ply'"));
   CHECK(says(refusal(replaced(good, "little", "big")), "line 2: format 'format binary_big_endian 1.0' is not supported; save it"));
-  CHECK(says(refusal(replaced(good, "vertex 3", "vertex 4")), "line 3: element 'vertex' announces 4 rows of 68 bytes, but only 204 bytes follow"));
+  CHECK(says(refusal(replaced(good, "vertex 3", "vertex 4")),
+             "line 3: element 'vertex' announces 4 rows of 68 bytes, but only 204 bytes follow"));
   CHECK(says(refusal(replaced(good, "vertex 3", "vertex 18446744073709551615")), "announces 18446744073709551615 rows"));
   CHECK(says(refusal(replaced(good, "vertex 3", "vertex 2")), "68 bytes follow the last row"));
   CHECK(says(refusal(replaced(good, "vertex 3", "vertex -3")), "is not 'element NAME COUNT'"));
@@ -129,13 +134,15 @@ TEST_CASE("3DGS PLY: faults are named with place and remedy") {
   bound.link_names = {"foot"};
   bound.link = {0, -1, 0};
   std::string const linked(detail::as_text(format_ply(bound)));
-  CHECK(says(refusal(replaced(linked, "comment link 0 foot\n", "")), "row 0: link 0 has no name; add the header line 'comment link 0 NAME'"));
+  CHECK(
+      says(refusal(replaced(linked, "comment link 0 foot\n", "")), "row 0: link 0 has no name; add the header line 'comment link 0 NAME'"));
   CHECK(says(refusal(replaced(linked, "comment link 0", "comment link 99999999")), "line 3"));
   CHECK(says(refusal(replaced(linked, "property int link", "property float link")), "integer"));
   CHECK(refusal(replaced(linked, "comment link 0", "comment link to http://x\ncomment link 0")).empty());
   std::string const text = as_text_ply(format_ply(set));
   CHECK(says(refusal(text.substr(0, text.find("end_header")) + "end_header\n1 2 x"), "announces 3 rows of at least 34 bytes"));
-  CHECK(says(refusal(text.substr(0, text.find("end_header")) + "end_header\n1 2 x" + std::string(200, ' ')), "line 22: 'x' is not a number"));
+  CHECK(
+      says(refusal(text.substr(0, text.find("end_header")) + "end_header\n1 2 x" + std::string(200, ' ')), "line 22: 'x' is not a number"));
 }
 
 TEST_CASE("write_ply leaves nothing behind when it fails") {

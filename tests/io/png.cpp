@@ -1,7 +1,6 @@
-#include <gsp/io/png.hpp>
-
 #include <doctest/doctest.h>
 
+#include <gsp/io/png.hpp>
 #include <io/fixtures.hpp>
 #define STB_IMAGE_STATIC
 #define STB_IMAGE_IMPLEMENTATION
@@ -25,12 +24,14 @@ template <class T>
 Bitmap<T> picture(int width, int height, int channels, unsigned seed = 1) {
   std::mt19937 random(seed);
   auto b = make_bitmap<T>(width, height, channels);
-  for (std::size_t i = 0; i < b.pixels.size(); ++i) b.pixels[i] = static_cast<T>(i * 977 / channels + (random() & 7));  // smooth, with some noise
+  for (std::size_t i = 0; i < b.pixels.size(); ++i)
+    b.pixels[i] = static_cast<T>(i * 977 / channels + (random() & 7));  // smooth, with some noise
   return b;
 }
 
 /// A PNG of any type from filtered rows, so that the reader meets what the writer never makes.
-std::vector<std::byte> raw_png(int width, int height, int depth, int color, int interlace, std::vector<std::byte> const& rows, std::vector<std::byte> const& palette = {}) {
+std::vector<std::byte> raw_png(int width, int height, int depth, int color, int interlace, std::vector<std::byte> const& rows,
+                               std::vector<std::byte> const& palette = {}) {
   std::vector<std::byte> out = bytes_of(std::string(detail::png_signature)), h;
   detail::put_be(h, width), detail::put_be(h, height);
   for (int v : {depth, color, 0, 0, interlace}) h.push_back(std::byte(v));
@@ -77,12 +78,27 @@ TEST_CASE_TEMPLATE("PNG: what is written comes back, here and in stb", T, std::u
 
 TEST_CASE("PNG: types that we read but do not write agree with stb") {
   std::mt19937 random(5);
-  for (auto [depth, color] : {std::pair{1, 0}, {2, 0}, {4, 0}, {8, 0}, {16, 0}, {8, 2}, {16, 2}, {1, 3}, {2, 3}, {4, 3}, {8, 3}, {8, 4}, {16, 4}, {8, 6}, {16, 6}})
+  for (auto [depth, color] : {std::pair{1, 0},
+                              {2, 0},
+                              {4, 0},
+                              {8, 0},
+                              {16, 0},
+                              {8, 2},
+                              {16, 2},
+                              {1, 3},
+                              {2, 3},
+                              {4, 3},
+                              {8, 3},
+                              {8, 4},
+                              {16, 4},
+                              {8, 6},
+                              {16, 6}})
     for (int interlace : {0, 1})
       for (auto [width, height] : {std::pair{1, 1}, {3, 2}, {13, 9}, {16, 16}}) {
         std::vector<std::byte> palette(color == 3 ? 3u << depth : 0u);
         for (auto& v : palette) v = std::byte(random());
-        detail::PngInfo const info{std::uint32_t(width), std::uint32_t(height), depth, color, std::array{1, 0, 3, 1, 2, 0, 4}[color], interlace == 1};
+        detail::PngInfo const info{std::uint32_t(width), std::uint32_t(height), depth, color, std::array{1, 0, 3, 1, 2, 0, 4}[color],
+                                   interlace == 1};
         std::vector<std::byte> rows;
         for (auto const& pass : detail::png_passes(info))
           for (std::size_t j = 0; pass.columns(info) && j < pass.rows(info); ++j) {

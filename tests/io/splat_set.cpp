@@ -1,7 +1,6 @@
-#include <gsp/io/splat_set.hpp>
-
 #include <doctest/doctest.h>
 
+#include <gsp/io/splat_set.hpp>
 #include <io/fixtures.hpp>
 
 using namespace gsp::io;

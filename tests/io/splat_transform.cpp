@@ -1,7 +1,6 @@
-#include <gsp/io/splat_transform.hpp>
-
 #include <doctest/doctest.h>
 
+#include <gsp/io/splat_transform.hpp>
 #include <io/fixtures.hpp>
 
 using namespace gsp::io;
@@ -47,8 +46,9 @@ std::array<double, 9> covariance(SplatSet const& s, std::size_t i) {
 TEST_CASE("SH rotation is orthogonal, composes, and is the identity for no rotation") {
   auto const identity = sh_rotation({1, 0, 0, 0});
   auto const a = random_quat(1), b = random_quat(2);
-  std::array<double, 4> const ab{a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3], a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-                                 a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1], a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]};
+  std::array<double, 4> const ab{
+      a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3], a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+      a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1], a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]};
   auto const da = sh_rotation(a), db = sh_rotation(b), dab = sh_rotation(ab);
   double not_identity = 0, not_orthogonal = 0, not_composed = 0;
   for (int i = 0; i < 16; ++i)
@@ -75,7 +75,8 @@ TEST_CASE("a moved set looks the same to an eye that moves with it") {
     for (std::size_t i = 0; i < before.size(); ++i) {
       for (unsigned seed = 0; seed < 10; ++seed) {
         auto const d = random_direction(100 + seed);
-        for (int c = 0; c < 3; ++c) colour_error = std::max(colour_error, std::abs(colour(before, i, c, d) - colour(after, i, c, rotated(pose.quat, d))));
+        for (int c = 0; c < 3; ++c)
+          colour_error = std::max(colour_error, std::abs(colour(before, i, c, d) - colour(after, i, c, rotated(pose.quat, d))));
       }
       auto const c0 = covariance(before, i), c1 = covariance(after, i), r = detail::rotation_matrix(pose.quat);
       double const trace = c0[0] + c0[4] + c0[8];
@@ -87,7 +88,8 @@ TEST_CASE("a moved set looks the same to an eye that moves with it") {
           covariance_error = std::max(covariance_error, std::abs(c1[3 * a + b] - 6.25 * expected) / trace);
         }
       auto const p = rotated(pose.quat, {before.positions[3 * i], before.positions[3 * i + 1], before.positions[3 * i + 2]});
-      for (int k = 0; k < 3; ++k) position_error = std::max(position_error, std::abs(after.positions[3 * i + k] - (2.5 * p[k] + pose.position[k])));
+      for (int k = 0; k < 3; ++k)
+        position_error = std::max(position_error, std::abs(after.positions[3 * i + k] - (2.5 * p[k] + pose.position[k])));
     }
     // Float storage: 15 terms below 2 times a basis below 3 times 2^-24; covariance 6.25 x 6 products; positions below 40.
     CHECK(colour_error < 15 * 2 * 3 * 6e-8);

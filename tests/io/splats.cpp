@@ -1,7 +1,6 @@
-#include <gsp/io/splats.hpp>
-
 #include <doctest/doctest.h>
 
+#include <gsp/io/splats.hpp>
 #include <io/fixtures.hpp>
 
 using namespace gsp::io;
@@ -28,12 +27,16 @@ TEST_CASE("read_splats knows the format by content") {
 TEST_CASE("a sidecar binds ranges to links") {
   Folder folder;
   write_ply(folder.path / "go2.ply", random_set(10, 0));
-  write_file(folder.path / "go2.links.json", bytes_of(R"({"links": [{"name": "FL_foot", "first": 2, "count": 3}, {"name": "trunk", "first": 8, "count": 2}, {"name": "FL_foot", "first": 0, "count": 1}]})"));
+  write_file(
+      folder.path / "go2.links.json",
+      bytes_of(
+          R"({"links": [{"name": "FL_foot", "first": 2, "count": 3}, {"name": "trunk", "first": 8, "count": 2}, {"name": "FL_foot", "first": 0, "count": 1}]})"));
   SplatSet const set = read_splats(folder.path / "go2.ply");
   CHECK(set.link_names == std::vector<std::string>{"FL_foot", "trunk"});
   CHECK(set.link == std::vector<int>{0, -1, 0, 0, 0, -1, -1, -1, 1, 1});
   write_file(folder.path / "go2.links.json", bytes_of(R"({"links": [{"name": "FL_foot", "first": 2, "count": 9}]})"));
-  CHECK(says(error_of([&] { read_splats(folder.path / "go2.ply"); }), "go2.links.json: links[0] ('FL_foot'): first 2 and count 9 leave the 10 Gaussians"));
+  CHECK(says(error_of([&] { read_splats(folder.path / "go2.ply"); }),
+             "go2.links.json: links[0] ('FL_foot'): first 2 and count 9 leave the 10 Gaussians"));
 }
 
 TEST_CASE("sidecar: bad input") {
@@ -54,7 +57,8 @@ TEST_CASE("sidecar: bad input") {
   CHECK(says(refusal(R"({"links": [{"name": "a", "first": -1, "count": 1}]})"), "\"first\" must be a whole number"));
   CHECK(says(refusal(R"({"links": [{"name": "a", "first": 0, "count": 1.5}]})"), "\"count\" must be a whole number"));
   CHECK(says(refusal(R"({"links": [{"name": "a", "first": 18446744073709551615, "count": 18446744073709551615}]})"), "leave the 10"));
-  CHECK(says(refusal(R"({"links": [{"name": "a", "first": 0, "count": 4}, {"name": "b", "first": 3, "count": 1}]})"), "Gaussian 3 is already bound to 'a'"));
+  CHECK(says(refusal(R"({"links": [{"name": "a", "first": 0, "count": 4}, {"name": "b", "first": 3, "count": 1}]})"),
+             "Gaussian 3 is already bound to 'a'"));
   CHECK(says(refusal(R"({"links": [{"name": "a\nb", "first": 0, "count": 4}]})"), "control characters"));
   CHECK(says(refusal(std::string(100000, '[')), "is not valid JSON"));
 }

@@ -1,8 +1,7 @@
-#include <gsp/io/splat_transform.hpp>
-#include <gsp/io/spz.hpp>
-
 #include <doctest/doctest.h>
 
+#include <gsp/io/splat_transform.hpp>
+#include <gsp/io/spz.hpp>
 #include <io/fixtures.hpp>
 #include <support/data.hpp>
 
@@ -61,7 +60,8 @@ Plain decode(std::vector<std::byte> const& data, std::size_t n, int version, int
   return p;
 }
 
-/// The set that the data is in its own axes; turning it by half a turn about x must give what the reader gives: right-up-back -> right-down-forward.
+/// The set that the data is in its own axes; turning it by half a turn about x must give what the reader gives: right-up-back ->
+/// right-down-forward.
 SplatSet turned(Plain const& p, int degree) {
   SplatSet s = make_splat_set(p.opacity.size(), degree);
   std::size_t const terms = s.sh_terms();
@@ -79,17 +79,22 @@ SplatSet turned(Plain const& p, int degree) {
   return s;
 }
 
-// `turned` multiplies by a matrix that is exact up to 1e-15 and rounds to float once more: 2^-23 relative; its half turn also gives q the factor i, so that
-// (w, x, y, z) -> (-x, w, -z, y), the same orientation times a turn of the Gaussian's own axes, hence rotations are compared as matrices.
+// `turned` multiplies by a matrix that is exact up to 1e-15 and rounds to float once more: 2^-23 relative; its half turn also gives q the
+// factor i, so that (w, x, y, z) -> (-x, w, -z, y), the same orientation times a turn of the Gaussian's own axes, hence rotations are
+// compared as matrices.
 void compare(SplatSet const& set, SplatSet const& expected, Plain const& p) {
   REQUIRE(set.size() == expected.size());
   double position = 0, scale = 0, opacity = 0, sh = 0, rotation = 0;
-  for (std::size_t i = 0; i < set.positions.size(); ++i) position = std::max(position, std::abs(double(set.positions[i]) - expected.positions[i]) / std::max(1.0, std::abs(double(expected.positions[i]))));
+  for (std::size_t i = 0; i < set.positions.size(); ++i)
+    position = std::max(
+        position, std::abs(double(set.positions[i]) - expected.positions[i]) / std::max(1.0, std::abs(double(expected.positions[i]))));
   for (std::size_t i = 0; i < set.scales.size(); ++i) scale = std::max(scale, std::abs(double(set.scales[i]) / expected.scales[i] - 1));
   for (std::size_t i = 0; i < set.size(); ++i) opacity = std::max(opacity, std::abs(double(set.opacities[i]) - expected.opacities[i]));
-  for (std::size_t i = 0; i < set.sh.size(); ++i) sh = std::max(sh, std::abs(double(set.sh[i]) - expected.sh[i]) / std::max(1.0, std::abs(double(expected.sh[i]))));
+  for (std::size_t i = 0; i < set.sh.size(); ++i)
+    sh = std::max(sh, std::abs(double(set.sh[i]) - expected.sh[i]) / std::max(1.0, std::abs(double(expected.sh[i]))));
   for (std::size_t i = 0; i < set.size(); ++i)  // x y z w of the file -> w x -y -z
-    for (int k = 0; k < 4; ++k) rotation = std::max(rotation, std::abs(set.quats[4 * i + k] - (k > 1 ? -1 : 1) * p.rotation[4 * i + (k + 3) % 4]));
+    for (int k = 0; k < 4; ++k)
+      rotation = std::max(rotation, std::abs(set.quats[4 * i + k] - (k > 1 ? -1 : 1) * p.rotation[4 * i + (k + 3) % 4]));
   CHECK(position <= 0x1p-23);
   CHECK(scale <= 0x1p-23);
   CHECK(opacity == 0);
@@ -118,7 +123,8 @@ TEST_CASE(".spz: a rotated Gaussian keeps its shape under the change of axes") {
   double worst = 0;
   for (std::size_t i = 0; i < 50; ++i) {
     auto const r = detail::rotation_matrix({set.quats[4 * i], set.quats[4 * i + 1], set.quats[4 * i + 2], set.quats[4 * i + 3]});
-    auto const o = detail::rotation_matrix({plain.rotation[4 * i + 3], plain.rotation[4 * i], plain.rotation[4 * i + 1], plain.rotation[4 * i + 2]});
+    auto const o =
+        detail::rotation_matrix({plain.rotation[4 * i + 3], plain.rotation[4 * i], plain.rotation[4 * i + 1], plain.rotation[4 * i + 2]});
     double s2[3];
     for (int k = 0; k < 3; ++k) s2[k] = std::exp(2 * plain.log_scale[3 * i + k]);
     double const total = s2[0] + s2[1] + s2[2];

@@ -10,8 +10,8 @@ struct ApngOptions {
   int level = 6;  // zlib's, 0..9
 };
 
-/// An animation as APNG: a PNG whose further frames viewers without animation skip. Each frame stores only the rectangle that differs from the one before, so a still
-/// background costs nothing. Frames are packed as they come; `finish` gives the file.
+/// An animation as APNG: a PNG whose further frames viewers without animation skip. Each frame stores only the rectangle that differs from
+/// the one before, so a still background costs nothing. Frames are packed as they come; `finish` gives the file.
 class ApngWriter {
  public:
   explicit ApngWriter(ApngOptions options = {}) : options_(options) {
@@ -24,20 +24,24 @@ class ApngWriter {
     expect_bitmap(frame, "gsp::io::ApngWriter::add");
     int x0 = 0, y0 = 0, x1 = frame.width, y1 = frame.height;
     if (count_ > 0) {
-      expects(frame.width == last_.width && frame.height == last_.height && frame.channels == last_.channels, "gsp::io::ApngWriter::add: the frame differs in size from the first");
+      expects(frame.width == last_.width && frame.height == last_.height && frame.channels == last_.channels,
+              "gsp::io::ApngWriter::add: the frame differs in size from the first");
       std::size_t const c = static_cast<std::size_t>(frame.channels);
       x0 = frame.width, y0 = frame.height, x1 = y1 = 0;
       for (int y = 0; y < frame.height; ++y)
         for (int x = 0; x < frame.width; ++x) {
           std::size_t const at = (static_cast<std::size_t>(y) * frame.width + x) * c;
-          if (!std::equal(&frame.pixels[at], &frame.pixels[at] + c, &last_.pixels[at])) x0 = std::min(x0, x), x1 = std::max(x1, x + 1), y0 = std::min(y0, y), y1 = y + 1;
+          if (!std::equal(&frame.pixels[at], &frame.pixels[at] + c, &last_.pixels[at]))
+            x0 = std::min(x0, x), x1 = std::max(x1, x + 1), y0 = std::min(y0, y), y1 = y + 1;
         }
       if (x1 == 0) x0 = y0 = 0, x1 = y1 = 1;  // nothing changed: a frame needs a pixel
     }
     auto rectangle = make_bitmap<std::uint8_t>(x1 - x0, y1 - y0, frame.channels);
     std::size_t const row = static_cast<std::size_t>(x1 - x0) * frame.channels;
-    for (int y = y0; y < y1; ++y) std::copy_n(&frame.pixels[(static_cast<std::size_t>(y) * frame.width + x0) * frame.channels], row, &rectangle.pixels[(y - y0) * row]);
-    auto const packed = detail::deflate(detail::filter_rows(detail::png_rows(rectangle), row, static_cast<std::size_t>(frame.channels)), detail::Wrapper::zlib, options_.level);
+    for (int y = y0; y < y1; ++y)
+      std::copy_n(&frame.pixels[(static_cast<std::size_t>(y) * frame.width + x0) * frame.channels], row, &rectangle.pixels[(y - y0) * row]);
+    auto const packed = detail::deflate(detail::filter_rows(detail::png_rows(rectangle), row, static_cast<std::size_t>(frame.channels)),
+                                        detail::Wrapper::zlib, options_.level);
 
     std::vector<std::byte> control;
     for (int v : {sequence_++, x1 - x0, y1 - y0, x0, y0}) detail::put_be(control, static_cast<std::uint32_t>(v));

@@ -2,10 +2,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <gsp/core/check.hpp>
 #include <string>
 #include <vector>
-
-#include <gsp/core/check.hpp>
 
 namespace gsp::io {
 
@@ -20,15 +19,18 @@ using Bitmap16 = Bitmap<std::uint16_t>;
 
 template <class T>
 Bitmap<T> make_bitmap(int width, int height, int channels, T value = 0) {
-  expects(width > 0 && height > 0 && channels >= 1 && channels <= 4, "gsp::io::make_bitmap: width and height must be positive and channels 1..4");
+  expects(width > 0 && height > 0 && channels >= 1 && channels <= 4,
+          "gsp::io::make_bitmap: width and height must be positive and channels 1..4");
   return {width, height, channels, std::vector<T>(static_cast<std::size_t>(width) * height * channels, value)};
 }
 
 /// Throws std::invalid_argument unless the pixels are as many as width, height and channels say.
 template <class T>
 void expect_bitmap(Bitmap<T> const& b, char const* function) {
-  expects(b.width > 0 && b.height > 0 && b.channels >= 1 && b.channels <= 4 && b.pixels.size() == static_cast<std::size_t>(b.width) * b.height * b.channels,
-          std::string(function) + ": the bitmap is " + std::to_string(b.width) + " x " + std::to_string(b.height) + " x " + std::to_string(b.channels) + " but has " + std::to_string(b.pixels.size()) + " values");
+  expects(b.width > 0 && b.height > 0 && b.channels >= 1 && b.channels <= 4 &&
+              b.pixels.size() == static_cast<std::size_t>(b.width) * b.height * b.channels,
+          std::string(function) + ": the bitmap is " + std::to_string(b.width) + " x " + std::to_string(b.height) + " x " +
+              std::to_string(b.channels) + " but has " + std::to_string(b.pixels.size()) + " values");
 }
 
 /// 0..1 -> 0..255, rounded to nearest, clamped; NaN becomes 0.
@@ -41,8 +43,8 @@ inline Bitmap8 to_bitmap8(float const* values, int width, int height, int channe
   return out;
 }
 
-/// Depth (height, width) [m] to 16-bit grey, `unit` metres a step (default: millimetres), rounded to nearest. What is not finite, not positive, or beyond 65535 units
-/// becomes 0, "no depth", as depth cameras write it.
+/// Depth (height, width) [m] to 16-bit grey, `unit` metres a step (default: millimetres), rounded to nearest. What is not finite, not
+/// positive, or beyond 65535 units becomes 0, "no depth", as depth cameras write it.
 inline Bitmap16 depth_to_bitmap16(float const* depth, int width, int height, float unit = 1e-3f) {
   expects(unit > 0, "gsp::io::depth_to_bitmap16: unit must be positive");
   Bitmap16 out = make_bitmap<std::uint16_t>(width, height, 1);
@@ -53,7 +55,8 @@ inline Bitmap16 depth_to_bitmap16(float const* depth, int width, int height, flo
   return out;
 }
 
-/// Pictures of one size in a grid, row by row, `padding` pixels of `background` between and around them. `columns` = 0 makes the sheet as square as it goes.
+/// Pictures of one size in a grid, row by row, `padding` pixels of `background` between and around them. `columns` = 0 makes the sheet as
+/// square as it goes.
 template <class T>
 Bitmap<T> contact_sheet(std::vector<Bitmap<T>> const& tiles, int columns = 0, int padding = 2, T background = 0) {
   expects(!tiles.empty(), "gsp::io::contact_sheet: there are no pictures");
@@ -61,17 +64,20 @@ Bitmap<T> contact_sheet(std::vector<Bitmap<T>> const& tiles, int columns = 0, in
   auto const& first = tiles.front();
   for (auto const& t : tiles) {
     expect_bitmap(t, "gsp::io::contact_sheet");
-    expects(t.width == first.width && t.height == first.height && t.channels == first.channels, "gsp::io::contact_sheet: the pictures differ in size or channels");
+    expects(t.width == first.width && t.height == first.height && t.channels == first.channels,
+            "gsp::io::contact_sheet: the pictures differ in size or channels");
   }
   int const n = static_cast<int>(tiles.size());
   // square: columns * width = rows * height with rows = n / columns
   if (columns == 0) columns = std::clamp(static_cast<int>(std::lround(std::sqrt(double(n) * first.height / first.width))), 1, n);
   int const rows = (n + columns - 1) / columns;
-  auto sheet = make_bitmap<T>(columns * (first.width + padding) + padding, rows * (first.height + padding) + padding, first.channels, background);
+  auto sheet =
+      make_bitmap<T>(columns * (first.width + padding) + padding, rows * (first.height + padding) + padding, first.channels, background);
   std::size_t const row_values = static_cast<std::size_t>(first.width) * first.channels;
   for (int t = 0; t < n; ++t)
     for (int y = 0; y < first.height; ++y) {
-      std::size_t const top = static_cast<std::size_t>(t / columns) * (first.height + padding) + padding + y, left = static_cast<std::size_t>(t % columns) * (first.width + padding) + padding;
+      std::size_t const top = static_cast<std::size_t>(t / columns) * (first.height + padding) + padding + y,
+                        left = static_cast<std::size_t>(t % columns) * (first.width + padding) + padding;
       std::copy_n(&tiles[t].pixels[y * row_values], row_values, &sheet.pixels[(top * sheet.width + left) * first.channels]);
     }
   return sheet;

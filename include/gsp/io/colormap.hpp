@@ -1,14 +1,22 @@
 #pragma once
 #include <array>
-
 #include <gsp/io/bitmap.hpp>
 
 namespace gsp::io {
 
-/// Colour of t in 0..1 on a rainbow whose lightness rises to the middle and falls again, so that near and far are told apart in colour and the middle
-/// has contrast: indigo, blue, cyan, green, yellow, orange, dark red. Cubic (Catmull-Rom) through nine colours; t is clamped, NaN counts as 0.
+/// Colour of t in 0..1 on a rainbow whose lightness rises to the middle and falls again, so that near and far are told apart in colour and
+/// the middle has contrast: indigo, blue, cyan, green, yellow, orange, dark red. Cubic (Catmull-Rom) through nine colours; t is clamped,
+/// NaN counts as 0.
 inline std::array<float, 3> rainbow(float t) {
-  static constexpr std::array<std::array<float, 3>, 9> stops{{{.20f, .09f, .26f}, {.26f, .32f, .80f}, {.20f, .60f, .98f}, {.11f, .83f, .78f}, {.40f, .97f, .45f}, {.77f, .94f, .21f}, {.98f, .69f, .20f}, {.89f, .33f, .06f}, {.48f, .03f, .02f}}};
+  static constexpr std::array<std::array<float, 3>, 9> stops{{{.20f, .09f, .26f},
+                                                              {.26f, .32f, .80f},
+                                                              {.20f, .60f, .98f},
+                                                              {.11f, .83f, .78f},
+                                                              {.40f, .97f, .45f},
+                                                              {.77f, .94f, .21f},
+                                                              {.98f, .69f, .20f},
+                                                              {.89f, .33f, .06f},
+                                                              {.48f, .03f, .02f}}};
   float const x = t > 0 ? std::min(t, 1.f) * 8 : 0.f;
   int const i = std::min(static_cast<int>(x), 7);
   float const f = x - static_cast<float>(i);

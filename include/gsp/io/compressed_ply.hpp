@@ -10,8 +10,8 @@ inline double unorm(std::uint32_t x, int bits, int shift) {
   return double((x >> shift) & mask) / mask;
 }
 
-/// SuperSplat's compressed PLY. Element `chunk` holds the bounds of 256 Gaussians each: min/max of position, log-scale and (newer files) colour.
-/// Element `vertex` holds four uint32 per Gaussian:
+/// SuperSplat's compressed PLY. Element `chunk` holds the bounds of 256 Gaussians each: min/max of position, log-scale and (newer files)
+/// colour. Element `vertex` holds four uint32 per Gaussian:
 ///   position  11 | 10 | 11 bits  x y z, between the chunk's bounds
 ///   rotation  2 | 10 | 10 | 10   index of the largest of w x y z, then the others in that order, v = (u - 1/2) sqrt 2; the largest is > 0
 ///   scale     11 | 10 | 11       log-scale between the chunk's bounds
@@ -24,33 +24,43 @@ inline SplatSet parse_compressed_ply(PlyTable const& table) {
   if (!chunk) fail(name, at_line(vertex.line), "packed Gaussians need an element 'chunk' with their bounds; export the file again");
   std::size_t const n = vertex.count;
   if (chunk->count < n / 256 + (n % 256 != 0))
-    fail(name, at_line(chunk->line), std::to_string(chunk->count) + " chunks of 256 do not hold " + std::to_string(n) + " Gaussians; a count in the header is wrong");
+    fail(name, at_line(chunk->line),
+         std::to_string(chunk->count) + " chunks of 256 do not hold " + std::to_string(n) + " Gaussians; a count in the header is wrong");
 
   std::array<std::string_view, 9> const axes{"x", "y", "z", "scale_x", "scale_y", "scale_z", "r", "g", "b"};
   bool const colour_bounds = table.find(*chunk, "min_r") != nullptr;
   std::size_t const bounded = colour_bounds ? 9 : 6;
   std::vector<std::array<double, 9>> low(chunk->count), high(chunk->count);
   for (std::size_t k = 0; k < bounded; ++k) {
-    auto const lo = table.column(*chunk, "min_" + std::string(axes[k]), what), hi = table.column(*chunk, "max_" + std::string(axes[k]), what);
+    auto const lo = table.column(*chunk, "min_" + std::string(axes[k]), what),
+               hi = table.column(*chunk, "max_" + std::string(axes[k]), what);
     for (std::size_t c = 0; c < chunk->count; ++c) {
       low[c][k] = lo(c), high[c][k] = hi(c);
-      if (!std::isfinite(low[c][k]) || !std::isfinite(high[c][k])) fail(name, "chunk " + std::to_string(c), "the bounds of '" + std::string(axes[k]) + "' are not finite; repair or export the file again");
+      if (!std::isfinite(low[c][k]) || !std::isfinite(high[c][k]))
+        fail(name, "chunk " + std::to_string(c),
+             "the bounds of '" + std::string(axes[k]) + "' are not finite; repair or export the file again");
     }
   }
 
   std::size_t const rest = sh ? sh->properties.size() : 0;
-  if (sh && sh->count != n) fail(name, at_line(sh->line), "element 'sh' has " + std::to_string(sh->count) + " rows for " + std::to_string(n) + " Gaussians; a count in the header is wrong");
+  if (sh && sh->count != n)
+    fail(name, at_line(sh->line),
+         "element 'sh' has " + std::to_string(sh->count) + " rows for " + std::to_string(n) + " Gaussians; a count in the header is wrong");
   SplatSet set = make_splat_set(n, sh_degree_of(rest, name, sh ? sh->line : vertex.line));
 
-  auto const position = table.column(vertex, "packed_position", what), scale = table.column(vertex, "packed_scale", what), colour = table.column(vertex, "packed_color", what);
+  auto const position = table.column(vertex, "packed_position", what), scale = table.column(vertex, "packed_scale", what),
+             colour = table.column(vertex, "packed_color", what);
   auto const rotation = table.column(vertex, table.find(vertex, "packed_rot") ? "packed_rot" : "packed_rotation", what);
   std::vector<PlyColumn> rest_columns;
   for (std::size_t k = 0; k < rest; ++k) rest_columns.push_back(table.column(*sh, "f_rest_" + std::to_string(k), what));
 
   std::size_t const terms = set.sh_terms();
   for (std::size_t i = 0; i < n; ++i) {
-    auto const packed = [&](PlyColumn const& c, char const* label) { return static_cast<std::uint32_t>(as_integer(c(i), 0, 0xffffffffLL, name, i, label)); };
-    std::uint32_t const p = packed(position, "packed_position"), q = packed(rotation, "packed_rotation"), s = packed(scale, "packed_scale"), c = packed(colour, "packed_color");
+    auto const packed = [&](PlyColumn const& c, char const* label) {
+      return static_cast<std::uint32_t>(as_integer(c(i), 0, 0xffffffffLL, name, i, label));
+    };
+    std::uint32_t const p = packed(position, "packed_position"), q = packed(rotation, "packed_rotation"), s = packed(scale, "packed_scale"),
+                        c = packed(colour, "packed_color");
     auto const &lo = low[i / 256], &hi = high[i / 256];
     auto const between = [&](std::size_t k, double t) { return lo[k] * (1 - t) + hi[k] * t; };
     std::array<int, 3> const bits{11, 10, 11}, shift{21, 11, 0};

@@ -4,11 +4,10 @@
 #include <atomic>
 #include <filesystem>
 #include <fstream>
+#include <gsp/io/detail/bytes.hpp>
 #include <string>
 #include <system_error>
 #include <vector>
-
-#include <gsp/io/detail/bytes.hpp>
 
 namespace gsp::io {
 
@@ -24,7 +23,8 @@ inline std::vector<std::byte> read_file(std::filesystem::path const& path) {
   if (error || !in) detail::fail(name, "", "cannot be opened; check its permissions");
   std::vector<std::byte> bytes(size);
   in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(size));
-  if (static_cast<std::uintmax_t>(in.gcount()) != size) detail::fail(name, detail::at_byte(in.gcount()), "cannot be read further; check the disk");
+  if (static_cast<std::uintmax_t>(in.gcount()) != size)
+    detail::fail(name, detail::at_byte(in.gcount()), "cannot be read further; check the disk");
   return bytes;
 }
 
@@ -65,7 +65,8 @@ class AtomicFile {
     if (!out_) detail::fail(path_.string(), "", "cannot be written to its end; is the disk full?");
     std::error_code error;
     std::filesystem::rename(temporary_, path_, error);
-    if (error) detail::fail(path_.string(), "", "cannot take its final name (" + error.message() + "); check the permissions of its folder");
+    if (error)
+      detail::fail(path_.string(), "", "cannot take its final name (" + error.message() + "); check the permissions of its folder");
     committed_ = true;
   }
 

@@ -4,12 +4,11 @@
 #include <charconv>
 #include <cmath>
 #include <concepts>
+#include <gsp/io/file.hpp>
 #include <limits>
 #include <string_view>
 #include <utility>
 #include <vector>
-
-#include <gsp/io/file.hpp>
 
 namespace gsp::io {
 
@@ -27,11 +26,16 @@ inline DtypeInfo const& info(Dtype d) { return dtype_infos[static_cast<std::size
 /// The Dtype that stores T: float, double, int32, int64, uint8 and bool have one.
 template <class T>
 constexpr Dtype dtype_of() {
-  if constexpr (std::same_as<T, float>) return Dtype::f4;
-  else if constexpr (std::same_as<T, double>) return Dtype::f8;
-  else if constexpr (std::same_as<T, bool>) return Dtype::b1;
-  else if constexpr (std::signed_integral<T> && sizeof(T) == 4) return Dtype::i4;
-  else if constexpr (std::signed_integral<T> && sizeof(T) == 8) return Dtype::i8;
+  if constexpr (std::same_as<T, float>)
+    return Dtype::f4;
+  else if constexpr (std::same_as<T, double>)
+    return Dtype::f8;
+  else if constexpr (std::same_as<T, bool>)
+    return Dtype::b1;
+  else if constexpr (std::signed_integral<T> && sizeof(T) == 4)
+    return Dtype::i4;
+  else if constexpr (std::signed_integral<T> && sizeof(T) == 8)
+    return Dtype::i8;
   else {
     static_assert(std::same_as<T, unsigned char>, "gsp::io: npy files here hold float, double, int32, int64, uint8 or bool");
     return Dtype::u1;
@@ -64,19 +68,30 @@ struct NpyArray {
         if constexpr (std::integral<T> && std::floating_point<S>) {
           // the largest value may not exist in S, so the bound is the power of two above it, left out
           S const bound = std::ldexp(S(1), std::numeric_limits<T>::digits), low = std::signed_integral<T> ? -bound : S(0);
-          if (!(value >= low && value < bound && value == std::trunc(value))) detail::fail(name, "value " + std::to_string(i), std::to_string(value) + " is not a whole number in range; store integers");
+          if (!(value >= low && value < bound && value == std::trunc(value)))
+            detail::fail(name, "value " + std::to_string(i), std::to_string(value) + " is not a whole number in range; store integers");
         } else if constexpr (std::integral<T>) {
-          if (!std::in_range<T>(value)) detail::fail(name, "value " + std::to_string(i), std::to_string(value) + " is out of range; use a wider type");
+          if (!std::in_range<T>(value))
+            detail::fail(name, "value " + std::to_string(i), std::to_string(value) + " is out of range; use a wider type");
         }
         out[i] = static_cast<T>(value);
       }
     };
     switch (dtype) {
-      case Dtype::f4: convert(float{}); break;
-      case Dtype::f8: convert(double{}); break;
-      case Dtype::i4: convert(std::int32_t{}); break;
-      case Dtype::i8: convert(std::int64_t{}); break;
-      default: convert(std::uint8_t{});
+      case Dtype::f4:
+        convert(float{});
+        break;
+      case Dtype::f8:
+        convert(double{});
+        break;
+      case Dtype::i4:
+        convert(std::int32_t{});
+        break;
+      case Dtype::i8:
+        convert(std::int64_t{});
+        break;
+      default:
+        convert(std::uint8_t{});
     }
     return out;
   }
@@ -90,7 +105,8 @@ struct NpyView {
   NpyView() = default;
   NpyView(NpyArray const& a) : dtype(a.dtype), shape(a.shape), bytes(a.bytes) {}  // NOLINT: an array is a view of itself
   template <class T>
-  NpyView(std::vector<std::size_t> s, std::span<T const> values) : dtype(dtype_of<T>()), shape(std::move(s)), bytes(std::as_bytes(values)) {}
+  NpyView(std::vector<std::size_t> s, std::span<T const> values)
+      : dtype(dtype_of<T>()), shape(std::move(s)), bytes(std::as_bytes(values)) {}
   template <class T>
   NpyView(std::vector<std::size_t> s, std::vector<T> const& values) : NpyView(std::move(s), std::span<T const>(values)) {}
 };
@@ -117,7 +133,8 @@ inline void expect_shape(NpyArray const& array, std::vector<long long> const& sh
 inline void expect_finite(NpyArray const& array, std::string const& name) {
   auto const check = [&]<class S>(S) {
     for (std::size_t i = 0; i < array.size(); ++i)
-      if (!std::isfinite(detail::load<S>(array.bytes, i * sizeof(S)))) detail::fail(name, "value " + std::to_string(i), "is not finite; repair the file");
+      if (!std::isfinite(detail::load<S>(array.bytes, i * sizeof(S))))
+        detail::fail(name, "value " + std::to_string(i), "is not finite; repair the file");
   };
   if (array.dtype == Dtype::f4) check(float{});
   if (array.dtype == Dtype::f8) check(double{});
@@ -151,9 +168,12 @@ class NpyHeader {
       int const bit = key == "descr" ? 1 : key == "fortran_order" ? 2 : key == "shape" ? 4 : 0;
       if (bit == 0 || (seen & bit)) broken();
       seen |= bit;
-      if (bit == 1) read_dtype();
-      else if (bit == 2) read_order();
-      else read_shape();
+      if (bit == 1)
+        read_dtype();
+      else if (bit == 2)
+        read_order();
+      else
+        read_shape();
       if (!accept(',')) {
         expect('}');
         break;
@@ -184,11 +204,13 @@ class NpyHeader {
     if (peek() == '[') fail(name_, at_byte(10 + at_), "record arrays are not supported; save a plain array");
     auto const word = string();
     for (std::size_t d = 0; d < dtype_infos.size(); ++d)
-      if (word == dtype_infos[d].descr || (dtype_infos[d].size == 1 && word.size() == 3 && word.substr(1) == dtype_infos[d].descr.substr(1))) {
+      if (word == dtype_infos[d].descr ||
+          (dtype_infos[d].size == 1 && word.size() == 3 && word.substr(1) == dtype_infos[d].descr.substr(1))) {
         dtype = static_cast<Dtype>(d);
         return;
       }
-    fail(name_, at_byte(10 + at_), "dtype " + in_quotes(word) + " is not supported; save it as float32, float64, int32, int64, uint8 or bool, little endian");
+    fail(name_, at_byte(10 + at_),
+         "dtype " + in_quotes(word) + " is not supported; save it as float32, float64, int32, int64, uint8 or bool, little endian");
   }
   void read_order() {
     peek();
@@ -247,29 +269,37 @@ inline std::string format_npy_header(Dtype dtype, std::span<std::size_t const> s
 /// Throws std::invalid_argument where bytes and shape of what shall be written disagree.
 inline void check_npy_view(NpyView const& array, std::string const& name) {
   std::size_t bytes = 0;
-  expects(array.shape.size() <= 32 && npy_bytes(array.dtype, array.shape, std::numeric_limits<std::size_t>::max(), bytes) && bytes == array.bytes.size(),
-          "gsp::io: array '" + name + "' has " + std::to_string(array.bytes.size()) + " bytes, which is not its shape " + format_shape(array.shape) + " of " + std::string(info(array.dtype).descr));
+  expects(array.shape.size() <= 32 && npy_bytes(array.dtype, array.shape, std::numeric_limits<std::size_t>::max(), bytes) &&
+              bytes == array.bytes.size(),
+          "gsp::io: array '" + name + "' has " + std::to_string(array.bytes.size()) + " bytes, which is not its shape " +
+              format_shape(array.shape) + " of " + std::string(info(array.dtype).descr));
 }
 
 }  // namespace detail
 
-/// An array of a npy file, versions 1-3: float32, float64, int32, int64, uint8, bool; little endian; Fortran order is turned into C order. Throws Error for anything
-/// else, and where the data is shorter or longer than dtype and shape say.
+/// An array of a npy file, versions 1-3: float32, float64, int32, int64, uint8, bool; little endian; Fortran order is turned into C order.
+/// Throws Error for anything else, and where the data is shorter or longer than dtype and shape say.
 inline NpyArray parse_npy(Bytes bytes, std::string const& name) {
   using namespace detail;
-  if (bytes.size() < 10 || !starts_with(bytes, "\x93NUMPY")) fail(name, at_byte(0), "does not start with a npy header; write it with numpy.save");
+  if (bytes.size() < 10 || !starts_with(bytes, "\x93NUMPY"))
+    fail(name, at_byte(0), "does not start with a npy header; write it with numpy.save");
   int const version = int(bytes[6]);
   std::size_t const prefix = version == 1 ? 10 : 12;
-  if (version < 1 || version > 3 || bytes.size() < prefix) fail(name, at_byte(6), "npy version " + std::to_string(version) + " is not supported or the file is cut short; write it again with numpy.save");
+  if (version < 1 || version > 3 || bytes.size() < prefix)
+    fail(name, at_byte(6),
+         "npy version " + std::to_string(version) + " is not supported or the file is cut short; write it again with numpy.save");
   std::size_t const length = version == 1 ? load<std::uint16_t>(bytes, 8) : load<std::uint32_t>(bytes, 8);
   if (length > bytes.size() - prefix) fail(name, at_byte(8), "the npy header is cut short; fetch the file again");
   NpyHeader const header(as_text(bytes.subspan(prefix, length)), name);
   Bytes const data = bytes.subspan(prefix + length);
   std::size_t wanted = 0;
   if (!npy_bytes(header.dtype, header.shape, data.size(), wanted) || wanted != data.size())
-    fail(name, at_byte(prefix + length), "shape " + format_shape(header.shape) + " of " + std::string(info(header.dtype).descr) + " does not fit the " + std::to_string(data.size()) + " bytes of data; the file is cut short or damaged");
+    fail(name, at_byte(prefix + length),
+         "shape " + format_shape(header.shape) + " of " + std::string(info(header.dtype).descr) + " does not fit the " +
+             std::to_string(data.size()) + " bytes of data; the file is cut short or damaged");
   NpyArray array{header.dtype, header.shape, {}};
-  array.bytes = header.fortran && header.shape.size() > 1 ? from_fortran_order(data, info(header.dtype).size, header.shape) : std::vector<std::byte>(data.begin(), data.end());
+  array.bytes = header.fortran && header.shape.size() > 1 ? from_fortran_order(data, info(header.dtype).size, header.shape)
+                                                          : std::vector<std::byte>(data.begin(), data.end());
   return array;
 }
 inline NpyArray read_npy(std::filesystem::path const& path) { return parse_npy(read_file(path), path.string()); }

@@ -1,8 +1,7 @@
 #pragma once
-#include <map>
-
 #include <gsp/io/detail/deflate.hpp>
 #include <gsp/io/npy.hpp>
+#include <map>
 
 namespace gsp::io {
 
@@ -20,8 +19,8 @@ struct Npz {
   }
 };
 
-/// All arrays of a npz file (zip of npy; stored or deflated, as numpy.savez and savez_compressed write). Throws Error where the archive is cut short, damaged (CRC),
-/// encrypted, zip64 (over 4 GiB), or holds anything but npy arrays.
+/// All arrays of a npz file (zip of npy; stored or deflated, as numpy.savez and savez_compressed write). Throws Error where the archive is
+/// cut short, damaged (CRC), encrypted, zip64 (over 4 GiB), or holds anything but npy arrays.
 inline Npz parse_npz(Bytes bytes, std::string const& name) {
   using namespace detail;
   // The end record is the last 22 bytes and a comment behind it.
@@ -33,18 +32,24 @@ inline Npz parse_npz(Bytes bytes, std::string const& name) {
       break;
     }
   }
-  if (end == std::string_view::npos) fail(name, at_byte(bytes.size()), "has no zip directory at its end; it is cut short or not a npz file");
-  std::size_t const entries = load<std::uint16_t>(bytes, end + 10), directory_size = load<std::uint32_t>(bytes, end + 12), directory = load<std::uint32_t>(bytes, end + 16);
-  if (directory == 0xffffffff || directory_size == 0xffffffff || entries == 0xffff) fail(name, at_byte(end), "is a zip64 archive (over 4 GiB), which is not supported; split it");
+  if (end == std::string_view::npos)
+    fail(name, at_byte(bytes.size()), "has no zip directory at its end; it is cut short or not a npz file");
+  std::size_t const entries = load<std::uint16_t>(bytes, end + 10), directory_size = load<std::uint32_t>(bytes, end + 12),
+                    directory = load<std::uint32_t>(bytes, end + 16);
+  if (directory == 0xffffffff || directory_size == 0xffffffff || entries == 0xffff)
+    fail(name, at_byte(end), "is a zip64 archive (over 4 GiB), which is not supported; split it");
   if (directory + directory_size != end) fail(name, at_byte(end), "its zip directory is not where it should be; the file is damaged");
   Npz npz{name, {}};
   std::size_t at = directory, packed_total = 0;
   for (std::size_t i = 0; i < entries; ++i) {
-    if (end - at < 46 || !starts_with(bytes.subspan(at), "PK\1\2")) fail(name, at_byte(at), "the zip directory is damaged; fetch the file again");
+    if (end - at < 46 || !starts_with(bytes.subspan(at), "PK\1\2"))
+      fail(name, at_byte(at), "the zip directory is damaged; fetch the file again");
     unsigned const flags = load<std::uint16_t>(bytes, at + 8), method = load<std::uint16_t>(bytes, at + 10);
     std::uint32_t const crc = load<std::uint32_t>(bytes, at + 16);
-    std::size_t const packed = load<std::uint32_t>(bytes, at + 20), unpacked = load<std::uint32_t>(bytes, at + 24), local = load<std::uint32_t>(bytes, at + 42);
-    std::size_t const label_size = load<std::uint16_t>(bytes, at + 28), skip = label_size + load<std::uint16_t>(bytes, at + 30) + load<std::uint16_t>(bytes, at + 32);
+    std::size_t const packed = load<std::uint32_t>(bytes, at + 20), unpacked = load<std::uint32_t>(bytes, at + 24),
+                      local = load<std::uint32_t>(bytes, at + 42);
+    std::size_t const label_size = load<std::uint16_t>(bytes, at + 28),
+                      skip = label_size + load<std::uint16_t>(bytes, at + 30) + load<std::uint16_t>(bytes, at + 32);
     if (end - at - 46 < skip) fail(name, at_byte(at), "the zip directory is damaged; fetch the file again");
     std::string label(as_text(bytes.subspan(at + 46, label_size)));
     at += 46 + skip;
@@ -52,13 +57,18 @@ inline Npz parse_npz(Bytes bytes, std::string const& name) {
     if (!label.ends_with(".npy")) fail(entry, "", "is not a .npy array; this is not a npz file");
     label.resize(label.size() - 4);
     if (flags & 1) fail(entry, "", "is encrypted; write it without a password");
-    if (method != 0 && method != 8) fail(entry, "", "uses zip method " + std::to_string(method) + "; write it with numpy.savez or savez_compressed");
-    if (packed == 0xffffffff || unpacked == 0xffffffff || local == 0xffffffff) fail(entry, "", "is a zip64 entry (over 4 GiB), which is not supported; split it");
-    if (directory < 30 || local > directory - 30 || !starts_with(bytes.subspan(local), "PK\3\4")) fail(entry, at_byte(local), "has no zip entry there; the file is damaged");
+    if (method != 0 && method != 8)
+      fail(entry, "", "uses zip method " + std::to_string(method) + "; write it with numpy.savez or savez_compressed");
+    if (packed == 0xffffffff || unpacked == 0xffffffff || local == 0xffffffff)
+      fail(entry, "", "is a zip64 entry (over 4 GiB), which is not supported; split it");
+    if (directory < 30 || local > directory - 30 || !starts_with(bytes.subspan(local), "PK\3\4"))
+      fail(entry, at_byte(local), "has no zip entry there; the file is damaged");
     std::size_t const data = local + 30 + load<std::uint16_t>(bytes, local + 26) + load<std::uint16_t>(bytes, local + 28);
     packed_total += packed;  // entries that share data would let a small file unpack to a huge one
-    if (data > directory || packed > directory - data || packed_total > directory) fail(entry, at_byte(local), "reaches beyond the archive; the file is damaged");
-    if (method == 0 ? packed != unpacked : !can_inflate_to(packed, unpacked)) fail(entry, at_byte(local), "its packed and unpacked sizes cannot both be true; the file is damaged");
+    if (data > directory || packed > directory - data || packed_total > directory)
+      fail(entry, at_byte(local), "reaches beyond the archive; the file is damaged");
+    if (method == 0 ? packed != unpacked : !can_inflate_to(packed, unpacked))
+      fail(entry, at_byte(local), "its packed and unpacked sizes cannot both be true; the file is damaged");
     std::vector<std::byte> inflated;
     Bytes content = bytes.subspan(data, packed);
     if (method == 8) {
@@ -84,7 +94,8 @@ struct NpzOptions {
 };
 
 /// Writes a npz file, all or nothing, array by array without a copy of them. No time stamps: the same arrays give the same bytes.
-/// Throws Error where an array or the file passes 4 GiB (zip64 is not written), std::invalid_argument where shape and data disagree or a name comes twice.
+/// Throws Error where an array or the file passes 4 GiB (zip64 is not written), std::invalid_argument where shape and data disagree or a
+/// name comes twice.
 inline void write_npz(std::filesystem::path const& path, std::vector<NpzEntry> const& entries, NpzOptions options = {}) {
   using namespace detail;
   constexpr std::uint64_t limit = 0xfffffffe;
@@ -95,9 +106,12 @@ inline void write_npz(std::filesystem::path const& path, std::vector<NpzEntry> c
   std::uint64_t sum = 0;
   for (auto const& e : entries) {
     check_npy_view(e.array, e.name);
-    expects(!e.name.empty() && e.name.size() < 60000 && seen.emplace(e.name, 0).second, "gsp::io::write_npz: array name '" + e.name + "' is empty, too long, or comes twice");
+    expects(!e.name.empty() && e.name.size() < 60000 && seen.emplace(e.name, 0).second,
+            "gsp::io::write_npz: array name '" + e.name + "' is empty, too long, or comes twice");
     std::uint64_t const size = e.array.bytes.size() + 70000;
-    if (size > limit || (options.level == 0 && (sum += size) > limit)) fail(name, "array '" + e.name + "'", "would pass 4 GiB, the limit of zip files without zip64; write fewer worlds, entries or images to a file");
+    if (size > limit || (options.level == 0 && (sum += size) > limit))
+      fail(name, "array '" + e.name + "'",
+           "would pass 4 GiB, the limit of zip files without zip64; write fewer worlds, entries or images to a file");
   }
   auto put = [](std::string& out, std::uint64_t value, int bytes) {
     for (; bytes-- > 0; value >>= 8) out += static_cast<char>(value & 255);
@@ -130,7 +144,9 @@ inline void write_npz(std::filesystem::path const& path, std::vector<NpzEntry> c
       deflater.write(as_bytes(header));
       deflater.write(e.array.bytes);
       deflater.finish();
-      if (at + sizes.packed > limit) fail(name, "array '" + e.name + "'", "would pass 4 GiB, the limit of zip files without zip64; write fewer worlds, entries or images to a file");
+      if (at + sizes.packed > limit)
+        fail(name, "array '" + e.name + "'",
+             "would pass 4 GiB, the limit of zip files without zip64; write fewer worlds, entries or images to a file");
       file.seek(at);
       file.write("PK\3\4" + fields(label, sizes));
       file.seek(at + 30 + label.size() + sizes.packed);
@@ -144,7 +160,8 @@ inline void write_npz(std::filesystem::path const& path, std::vector<NpzEntry> c
   }
   if (at + directory.size() > limit) fail(name, "", "would pass 4 GiB, the limit of zip files without zip64; write fewer arrays to a file");
   std::string tail = "PK\5\6";
-  put(tail, 0, 4), put(tail, entries.size(), 2), put(tail, entries.size(), 2), put(tail, directory.size(), 4), put(tail, at, 4), put(tail, 0, 2);
+  put(tail, 0, 4), put(tail, entries.size(), 2), put(tail, entries.size(), 2), put(tail, directory.size(), 4), put(tail, at, 4),
+      put(tail, 0, 2);
   file.write(directory + tail);
   file.commit();
 }

@@ -5,7 +5,8 @@
 namespace gsp::io {
 namespace detail {
 
-/// The layout of the 3DGS authors: x y z, [nx ny nz], f_dc_0..2, f_rest_* channel-major, opacity as logit, scale as logarithm, rot_0..3 = w x y z of any length.
+/// The layout of the 3DGS authors: x y z, [nx ny nz], f_dc_0..2, f_rest_* channel-major, opacity as logit, scale as logarithm, rot_0..3 = w
+/// x y z of any length.
 inline SplatSet parse_gaussian_ply(PlyTable const& table) {
   static char const* const what = "3DGS PLY";
   std::string const& name = table.name;
@@ -14,7 +15,8 @@ inline SplatSet parse_gaussian_ply(PlyTable const& table) {
   for (auto const& p : vertex.properties) rest += p.name.starts_with("f_rest_");
   int const degree = sh_degree_of(rest, name, vertex.line);
 
-  std::vector<std::string> labels{"x", "y", "z", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3", "opacity", "f_dc_0", "f_dc_1", "f_dc_2"};
+  std::vector<std::string> labels{"x",     "y",     "z",     "scale_0", "scale_1", "scale_2", "rot_0",
+                                  "rot_1", "rot_2", "rot_3", "opacity", "f_dc_0",  "f_dc_1",  "f_dc_2"};
   for (std::size_t k = 0; k < rest; ++k) labels.push_back("f_rest_" + std::to_string(k));
   std::vector<PlyColumn> columns;
   for (auto const& label : labels) columns.push_back(table.column(vertex, label, what));
@@ -25,7 +27,9 @@ inline SplatSet parse_gaussian_ply(PlyTable const& table) {
   for (std::size_t i = 0; i < set.size(); ++i) {
     for (std::size_t k = 0; k < row.size(); ++k) {
       row[k] = static_cast<float>(columns[k](i));
-      if (!std::isfinite(row[k])) fail(name, "Gaussian " + std::to_string(i), "property '" + labels[k] + "' is not finite (" + std::to_string(row[k]) + "); repair or export the file again");
+      if (!std::isfinite(row[k]))
+        fail(name, "Gaussian " + std::to_string(i),
+             "property '" + labels[k] + "' is not finite (" + std::to_string(row[k]) + "); repair or export the file again");
     }
     for (std::size_t k = 0; k < 3; ++k) {
       set.positions[3 * i + k] = row[k];
@@ -37,16 +41,18 @@ inline SplatSet parse_gaussian_ply(PlyTable const& table) {
     for (std::size_t k = 0; k < rest; ++k) set.sh[(i * terms + 1 + k % (terms - 1)) * 3 + k / (terms - 1)] = row[14 + k];
   }
   read_ply_links(table, vertex, set);
-  note_unused(table, vertex, set, [&](std::string_view p) { return p == "link" || p == "nx" || p == "ny" || p == "nz" || std::find(labels.begin(), labels.end(), p) != labels.end(); });
+  note_unused(table, vertex, set, [&](std::string_view p) {
+    return p == "link" || p == "nx" || p == "ny" || p == "nz" || std::find(labels.begin(), labels.end(), p) != labels.end();
+  });
   finish(set, name);
   return set;
 }
 
 }  // namespace detail
 
-/// Gaussians of a PLY file: the 3DGS layout (SH 0-3, binary little endian or text) or SuperSplat's compressed one, with the optional property `link`
-/// and its names (docs/io/ply.md). `name` is what messages call the file. Throws Error for anything else, a file cut short, a wrong count, or a value that is not finite.
-/// Cost: one pass.
+/// Gaussians of a PLY file: the 3DGS layout (SH 0-3, binary little endian or text) or SuperSplat's compressed one, with the optional
+/// property `link` and its names (docs/io/ply.md). `name` is what messages call the file. Throws Error for anything else, a file cut short,
+/// a wrong count, or a value that is not finite. Cost: one pass.
 inline SplatSet parse_ply(Bytes bytes, std::string const& name) {
   auto const table = detail::parse_ply_table(bytes, name);
   auto const* vertex = table.find("vertex");
@@ -55,8 +61,9 @@ inline SplatSet parse_ply(Bytes bytes, std::string const& name) {
 }
 inline SplatSet read_ply(std::filesystem::path const& path) { return parse_ply(read_file(path), path.string()); }
 
-/// Bytes of a 3DGS PLY: float32, binary little endian, with `link` where any Gaussian is bound. Opacities of 0 and 1 become logits of -20 and 20, scales below
-/// 1.2e-38 that number, so that no value is infinite; all else comes back from parse_ply within float rounding (opacity and scale pass through a logarithm).
+/// Bytes of a 3DGS PLY: float32, binary little endian, with `link` where any Gaussian is bound. Opacities of 0 and 1 become logits of -20
+/// and 20, scales below 1.2e-38 that number, so that no value is infinite; all else comes back from parse_ply within float rounding
+/// (opacity and scale pass through a logarithm).
 inline std::vector<std::byte> format_ply(SplatSet const& set) {
   validate(set, "gsp::io::format_ply");
   std::size_t const n = set.size(), terms = set.sh_terms(), rest = 3 * (terms - 1);

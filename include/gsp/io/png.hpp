@@ -1,8 +1,7 @@
 #pragma once
-#include <optional>
-
 #include <gsp/io/detail/png_chunks.hpp>
 #include <gsp/io/file.hpp>
+#include <optional>
 
 namespace gsp::io {
 
@@ -17,7 +16,8 @@ std::vector<std::byte> format_png(Bitmap<T> const& bitmap, PngOptions options = 
   expect_bitmap(bitmap, "gsp::io::format_png");
   expects(options.level >= 0 && options.level <= 9, "gsp::io::format_png: level must be 0..9");
   std::size_t const pixel = sizeof(T) * static_cast<std::size_t>(bitmap.channels);
-  auto const packed = detail::deflate(detail::filter_rows(detail::png_rows(bitmap), pixel * static_cast<std::size_t>(bitmap.width), pixel), detail::Wrapper::zlib, options.level);
+  auto const packed = detail::deflate(detail::filter_rows(detail::png_rows(bitmap), pixel * static_cast<std::size_t>(bitmap.width), pixel),
+                                      detail::Wrapper::zlib, options.level);
   expects(packed.size() < (1u << 31), "gsp::io::format_png: the picture is too large for one PNG chunk (2 GiB); split it");
   std::vector<std::byte> out;
   for (char c : detail::png_signature) out.push_back(static_cast<std::byte>(c));
@@ -55,11 +55,14 @@ inline std::vector<PngPass> png_passes(PngInfo const& p) {
 inline PngInfo parse_png_header(Bytes h, std::string const& name) {
   PngInfo p{get_be(h, 0), get_be(h, 4), int(h[8]), int(h[9]), 0, int(h[12]) == 1};
   static constexpr std::array<int, 7> channels{1, 0, 3, 1, 2, 0, 4};
-  if (p.width == 0 || p.height == 0 || p.width > 0x7fffffff || p.height > 0x7fffffff) fail(name, at_byte(16), "width or height is 0 or over 2^31; the file is damaged");
+  if (p.width == 0 || p.height == 0 || p.width > 0x7fffffff || p.height > 0x7fffffff)
+    fail(name, at_byte(16), "width or height is 0 or over 2^31; the file is damaged");
   p.channels = p.color < 7 ? channels[static_cast<std::size_t>(p.color)] : 0;
-  bool const depth_ok = p.depth == 8 || (p.depth == 16 && p.color != 3) || ((p.depth == 1 || p.depth == 2 || p.depth == 4) && (p.color == 0 || p.color == 3));
+  bool const depth_ok =
+      p.depth == 8 || (p.depth == 16 && p.color != 3) || ((p.depth == 1 || p.depth == 2 || p.depth == 4) && (p.color == 0 || p.color == 3));
   if (p.channels == 0 || !depth_ok || int(h[10]) != 0 || int(h[11]) != 0 || int(h[12]) > 1)
-    fail(name, at_byte(24), "depth " + std::to_string(p.depth) + " with colour type " + std::to_string(p.color) + " is no PNG format; the file is damaged");
+    fail(name, at_byte(24),
+         "depth " + std::to_string(p.depth) + " with colour type " + std::to_string(p.color) + " is no PNG format; the file is damaged");
   return p;
 }
 
@@ -78,7 +81,8 @@ inline void read_png_pass(PngInfo const& p, PngPass const& pass, Bytes data, std
     for (std::size_t i = 0; i < pass.columns(p); ++i)
       for (std::size_t c = 0; c < static_cast<std::size_t>(p.channels); ++c) {
         std::size_t const k = i * p.channels + c, bit = k * p.depth;
-        std::uint16_t const v = p.depth == 16 ? static_cast<std::uint16_t>(row[2 * k] << 8 | row[2 * k + 1]) : static_cast<std::uint16_t>(row[bit / 8] >> (8 - p.depth - bit % 8) & ((1 << p.depth) - 1));
+        std::uint16_t const v = p.depth == 16 ? static_cast<std::uint16_t>(row[2 * k] << 8 | row[2 * k + 1])
+                                              : static_cast<std::uint16_t>(row[bit / 8] >> (8 - p.depth - bit % 8) & ((1 << p.depth) - 1));
         samples[((pass.y0 + j * pass.dy) * p.width + pass.x0 + i * pass.dx) * p.channels + c] = v;
       }
     std::swap(row, last);
@@ -87,8 +91,9 @@ inline void read_png_pass(PngInfo const& p, PngPass const& pass, Bytes data, std
 
 }  // namespace detail
 
-/// A picture of a PNG file as 16-bit values: all colour types, depths 1-16, interlaced or not. 8-bit values v become 257 v, smaller depths likewise span 0..65535; a palette becomes
-/// r g b (its transparency is left out). `depth`, where given, takes the file's bits per sample. Throws Error where the file is cut short, damaged (CRC), or its size cannot be true.
+/// A picture of a PNG file as 16-bit values: all colour types, depths 1-16, interlaced or not. 8-bit values v become 257 v, smaller depths
+/// likewise span 0..65535; a palette becomes r g b (its transparency is left out). `depth`, where given, takes the file's bits per sample.
+/// Throws Error where the file is cut short, damaged (CRC), or its size cannot be true.
 inline Bitmap16 parse_png16(Bytes bytes, std::string const& name, int* depth = nullptr) {
   using namespace detail;
   if (!starts_with(bytes, png_signature)) fail(name, at_byte(0), "does not start as a PNG does; convert it to PNG");
@@ -101,7 +106,8 @@ inline Bitmap16 parse_png16(Bytes bytes, std::string const& name, int* depth = n
     std::string_view const type = as_text(bytes.subspan(at + 4, 4));
     if (length > bytes.size() - at - 12) fail(name, at_byte(at), "chunk " + in_quotes(type) + " is cut short; fetch the file again");
     Bytes const data = bytes.subspan(at + 8, length);
-    if (crc32(bytes.subspan(at + 4, length + 4)) != get_be(bytes, at + 8 + length)) fail(name, at_byte(at), "the checksum of chunk " + in_quotes(type) + " is wrong; the file is damaged");
+    if (crc32(bytes.subspan(at + 4, length + 4)) != get_be(bytes, at + 8 + length))
+      fail(name, at_byte(at), "the checksum of chunk " + in_quotes(type) + " is wrong; the file is damaged");
     if (!header) {
       if (type != "IHDR" || length != 13) fail(name, at_byte(at), "does not begin with its header (IHDR); the file is damaged");
       header = parse_png_header(data, name);
@@ -121,11 +127,16 @@ inline Bitmap16 parse_png16(Bytes bytes, std::string const& name, int* depth = n
   if (depth) *depth = p.depth;
   auto const passes = png_passes(p);
   // Rows fit 64 bits (2^31 * 64 bits) and so do all (2^31 rows of at most 2^34 bytes): 2^65 does not, so divide first.
-  if (p.row_bytes(p.width) + 1 > (std::size_t(1) << 40) / p.height) fail(name, at_byte(16), std::to_string(p.width) + " x " + std::to_string(p.height) + " pixels are over 1 TB; the file is damaged");
+  if (p.row_bytes(p.width) + 1 > (std::size_t(1) << 40) / p.height)
+    fail(name, at_byte(16), std::to_string(p.width) + " x " + std::to_string(p.height) + " pixels are over 1 TB; the file is damaged");
   std::size_t total = 0;
   for (auto const& pass : passes)
     if (pass.columns(p) > 0) total += pass.rows(p) * (p.row_bytes(pass.columns(p)) + 1);
-  auto const short_data = [&] { fail(name, at_byte(16), "the data does not fill the " + std::to_string(p.width) + " x " + std::to_string(p.height) + " pixels announced; the file is cut short or damaged"); };
+  auto const short_data = [&] {
+    fail(name, at_byte(16),
+         "the data does not fill the " + std::to_string(p.width) + " x " + std::to_string(p.height) +
+             " pixels announced; the file is cut short or damaged");
+  };
   if (!can_inflate_to(packed.size(), total)) short_data();
   Inflater inflater(packed, Wrapper::zlib, name);
   auto const rows = inflater.read_up_to(total);
@@ -149,7 +160,10 @@ inline Bitmap16 parse_png16(Bytes bytes, std::string const& name, int* depth = n
   }
   out.pixels.reserve(samples.size() * 3);
   for (std::uint16_t index : samples) {
-    if (index >= palette.size() / 3) fail(name, "", "a pixel has colour " + std::to_string(index) + " of a palette of " + std::to_string(palette.size() / 3) + "; the file is damaged");
+    if (index >= palette.size() / 3)
+      fail(name, "",
+           "a pixel has colour " + std::to_string(index) + " of a palette of " + std::to_string(palette.size() / 3) +
+               "; the file is damaged");
     for (std::size_t c = 0; c < 3; ++c) out.pixels.push_back(static_cast<std::uint16_t>(257 * int(palette[3 * index + c])));
   }
   return out;
@@ -158,7 +172,8 @@ inline Bitmap16 parse_png16(Bytes bytes, std::string const& name, int* depth = n
 inline Bitmap8 parse_png8(Bytes bytes, std::string const& name) {
   auto const wide = parse_png16(bytes, name);
   Bitmap8 out{wide.width, wide.height, wide.channels, std::vector<std::uint8_t>(wide.pixels.size())};
-  std::transform(wide.pixels.begin(), wide.pixels.end(), out.pixels.begin(), [](std::uint16_t v) { return static_cast<std::uint8_t>(v >> 8); });
+  std::transform(wide.pixels.begin(), wide.pixels.end(), out.pixels.begin(),
+                 [](std::uint16_t v) { return static_cast<std::uint8_t>(v >> 8); });
   return out;
 }
 inline Bitmap16 read_png16(std::filesystem::path const& path) { return parse_png16(read_file(path), path.string()); }

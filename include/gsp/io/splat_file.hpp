@@ -4,11 +4,15 @@
 
 namespace gsp::io {
 
-/// Gaussians of a `.splat` file: 32 bytes each, no header: float32 position[3], float32 scale[3] (linear), uint8 r g b opacity (/255), uint8 rotation w x y z
-/// ((b - 128)/128, any length). SH degree 0. Throws Error where the size is no multiple of 32 or a value is not finite; a cut at a multiple of 32 cannot be seen.
+/// Gaussians of a `.splat` file: 32 bytes each, no header: float32 position[3], float32 scale[3] (linear), uint8 r g b opacity (/255),
+/// uint8 rotation w x y z
+/// ((b - 128)/128, any length). SH degree 0. Throws Error where the size is no multiple of 32 or a value is not finite; a cut at a multiple
+/// of 32 cannot be seen.
 inline SplatSet parse_splat(Bytes bytes, std::string const& name) {
   if (bytes.empty() || bytes.size() % 32 != 0)
-    detail::fail(name, detail::at_byte(bytes.size() - bytes.size() % 32), "a .splat file holds 32 bytes per Gaussian, this one has " + std::to_string(bytes.size()) + " bytes; it is cut short or not a .splat");
+    detail::fail(name, detail::at_byte(bytes.size() - bytes.size() % 32),
+                 "a .splat file holds 32 bytes per Gaussian, this one has " + std::to_string(bytes.size()) +
+                     " bytes; it is cut short or not a .splat");
   std::size_t const n = bytes.size() / 32;
   SplatSet set = make_splat_set(n, 0);
   for (std::size_t i = 0; i < n; ++i) {

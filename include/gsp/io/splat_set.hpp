@@ -1,12 +1,11 @@
 #pragma once
 #include <algorithm>
 #include <cmath>
+#include <gsp/io/detail/bytes.hpp>
 #include <limits>
 #include <map>
 #include <string>
 #include <vector>
-
-#include <gsp/io/detail/bytes.hpp>
 
 namespace gsp::io {
 
@@ -16,15 +15,15 @@ inline constexpr double sh_c0 = 0.28209479177387814;
 /// Gaussians on the host, as every reader delivers them. n = size(), K = sh_terms() = (sh_degree + 1)^2.
 /// Axes and handedness are the file's own (3DGS captures: x right, y down, z forward); lengths in the file's unit.
 struct SplatSet {
-  int sh_degree = 0;                    // 0-3
-  std::vector<float> positions;         // (n, 3)
-  std::vector<float> quats;             // (n, 4)  w, x, y, z; unit length; rotates the Gaussian's axes into the set's frame
-  std::vector<float> scales;            // (n, 3)  standard deviations along its axes, linear
-  std::vector<float> opacities;         // (n)     0..1
-  std::vector<float> sh;                // (n, K, 3)  term-major, then r g b; term 0 is DC
-  std::vector<int> link;                // (n)     -1: static (world); else an index into link_names, and the Gaussian stands in that link's frame
+  int sh_degree = 0;             // 0-3
+  std::vector<float> positions;  // (n, 3)
+  std::vector<float> quats;      // (n, 4)  w, x, y, z; unit length; rotates the Gaussian's axes into the set's frame
+  std::vector<float> scales;     // (n, 3)  standard deviations along its axes, linear
+  std::vector<float> opacities;  // (n)     0..1
+  std::vector<float> sh;         // (n, K, 3)  term-major, then r g b; term 0 is DC
+  std::vector<int> link;         // (n)     -1: static (world); else an index into link_names, and the Gaussian stands in that link's frame
   std::vector<std::string> link_names;
-  std::vector<std::string> notes;       // what the reader left out or ignored, one sentence each (the load report)
+  std::vector<std::string> notes;  // what the reader left out or ignored, one sentence each (the load report)
 
   std::size_t size() const { return opacities.size(); }
   std::size_t sh_terms() const { return static_cast<std::size_t>((sh_degree + 1) * (sh_degree + 1)); }
@@ -50,11 +49,14 @@ inline SplatSet make_splat_set(std::size_t n, int sh_degree) {
 inline void validate(SplatSet const& set, std::string const& name) {
   using detail::fail;
   std::size_t const n = set.size(), terms = set.sh_terms();
-  if (set.sh_degree < 0 || set.sh_degree > 3) fail(name, "", "SH degree " + std::to_string(set.sh_degree) + " is outside 0..3; drop the higher terms");
-  if (set.positions.size() != 3 * n || set.quats.size() != 4 * n || set.scales.size() != 3 * n || set.sh.size() != 3 * n * terms || set.link.size() != n)
+  if (set.sh_degree < 0 || set.sh_degree > 3)
+    fail(name, "", "SH degree " + std::to_string(set.sh_degree) + " is outside 0..3; drop the higher terms");
+  if (set.positions.size() != 3 * n || set.quats.size() != 4 * n || set.scales.size() != 3 * n || set.sh.size() != 3 * n * terms ||
+      set.link.size() != n)
     fail(name, "", "its arrays disagree about the number of Gaussians (" + std::to_string(n) + " opacities); resize them together");
   if (n == 0) fail(name, "", "holds no Gaussians; name a file that has some");
-  if (n > static_cast<std::size_t>(std::numeric_limits<int>::max())) fail(name, "", "holds " + std::to_string(n) + " Gaussians; at most 2147483647 are supported, split it");
+  if (n > static_cast<std::size_t>(std::numeric_limits<int>::max()))
+    fail(name, "", "holds " + std::to_string(n) + " Gaussians; at most 2147483647 are supported, split it");
   for (std::size_t l = 0; l < set.link_names.size(); ++l) {
     std::string const& s = set.link_names[l];
     bool control = false;
@@ -64,7 +66,9 @@ inline void validate(SplatSet const& set, std::string const& name) {
   }
   auto check = [&](std::size_t i, char const* what, float const* v, std::size_t count) {
     for (std::size_t k = 0; k < count; ++k)
-      if (!std::isfinite(v[k])) fail(name, "Gaussian " + std::to_string(i), std::string(what) + " has a value that is not finite (" + std::to_string(v[k]) + "); repair or export the file again");
+      if (!std::isfinite(v[k]))
+        fail(name, "Gaussian " + std::to_string(i),
+             std::string(what) + " has a value that is not finite (" + std::to_string(v[k]) + "); repair or export the file again");
   };
   for (std::size_t i = 0; i < n; ++i) {
     auto const place = [&] { return "Gaussian " + std::to_string(i); };
@@ -79,8 +83,10 @@ inline void validate(SplatSet const& set, std::string const& name) {
     float const norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
     if (!(std::abs(norm - 1) <= 2e-3f)) fail(name, place(), "the rotation is not a unit quaternion; normalise it");
     if (set.link[i] < -1 || (set.link[i] >= 0 && static_cast<std::size_t>(set.link[i]) >= set.link_names.size()))
-      fail(name, place(), "link " + std::to_string(set.link[i]) + " has no name; there are " + std::to_string(set.link_names.size()) + " names");
-    if (set.link[i] >= 0 && set.link_names[set.link[i]].empty()) fail(name, place(), "link " + std::to_string(set.link[i]) + " has no name; name it");
+      fail(name, place(),
+           "link " + std::to_string(set.link[i]) + " has no name; there are " + std::to_string(set.link_names.size()) + " names");
+    if (set.link[i] >= 0 && set.link_names[set.link[i]].empty())
+      fail(name, place(), "link " + std::to_string(set.link[i]) + " has no name; name it");
   }
 }
 
@@ -96,8 +102,10 @@ inline void append(SplatSet& to, SplatSet const& from) {
   };
   if (to.sh_degree != degree) to.sh = widened(to);
   auto join = [](auto& a, auto const& b) { a.insert(a.end(), b.begin(), b.end()); };
-  if (from.sh_degree == degree) join(to.sh, from.sh);
-  else join(to.sh, widened(from));
+  if (from.sh_degree == degree)
+    join(to.sh, from.sh);
+  else
+    join(to.sh, widened(from));
   to.sh_degree = degree;
   join(to.positions, from.positions);
   join(to.quats, from.quats);

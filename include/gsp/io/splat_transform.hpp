@@ -1,8 +1,7 @@
 #pragma once
 #include <array>
-#include <numbers>
-
 #include <gsp/io/splat_set.hpp>
+#include <numbers>
 
 namespace gsp::io {
 
@@ -23,7 +22,8 @@ using Matrix3 = std::array<double, 9>;  // row-major
 
 inline Matrix3 rotation_matrix(std::array<double, 4> const& q) {
   auto const [w, x, y, z] = q;
-  return {1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)};
+  return {1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z),    1 - 2 * (x * x + z * z),
+          2 * (y * z - w * x),     2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)};
 }
 
 /// The real spherical harmonics of degree 0-3 in the order and with the signs that 3DGS files use, (x, y, z) a unit vector.
@@ -49,10 +49,12 @@ inline std::array<double, 16> sh_basis(double x, double y, double z) {
 
 }  // namespace detail
 
-/// The matrix D that turns SH coefficients with a rotated Gaussian: sum_k (D c)_k Y_k(R d) = sum_k c_k Y_k(d) for all d. Block diagonal (1, 3, 5, 7), orthogonal.
+/// The matrix D that turns SH coefficients with a rotated Gaussian: sum_k (D c)_k Y_k(R d) = sum_k c_k Y_k(d) for all d. Block diagonal (1,
+/// 3, 5, 7), orthogonal.
 ///   D_jk = integral over the sphere of Y_j(R d) Y_k(d)
-/// The integrand is a polynomial of degree <= 6 on the sphere, for which 4 Gauss-Legendre heights (exact to degree 7) times 7 equal azimuths (exact to order 6)
-/// integrate exactly: the 28 points give D to rounding, with no special cases. Within a band only: across bands the integral is 0.
+/// The integrand is a polynomial of degree <= 6 on the sphere, for which 4 Gauss-Legendre heights (exact to degree 7) times 7 equal
+/// azimuths (exact to order 6) integrate exactly: the 28 points give D to rounding, with no special cases. Within a band only: across bands
+/// the integral is 0.
 inline std::array<std::array<double, 16>, 16> sh_rotation(std::array<double, 4> const& unit_quat) {
   auto const r = detail::rotation_matrix(unit_quat);
   std::array<double, 4> const height{-0.8611363115940526, -0.3399810435848563, 0.3399810435848563, 0.8611363115940526};
@@ -71,8 +73,9 @@ inline std::array<std::array<double, 16>, 16> sh_rotation(std::array<double, 4> 
   return d;
 }
 
-/// Moves Gaussians by x -> scale R x + position: positions, rotations, sizes, and the directions of their colours. In place. Throws std::invalid_argument where the
-/// scale is not positive, the quaternion is 0, or a number is not finite. Cost: 83 products per colour channel at SH 3.
+/// Moves Gaussians by x -> scale R x + position: positions, rotations, sizes, and the directions of their colours. In place. Throws
+/// std::invalid_argument where the scale is not positive, the quaternion is 0, or a number is not finite. Cost: 83 products per colour
+/// channel at SH 3.
 inline void transform(SplatSet& set, SplatPose const& pose, SplatTransformOptions options = {}) {
   auto const& q = pose.quat;
   double const norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
@@ -87,7 +90,8 @@ inline void transform(SplatSet& set, SplatPose const& pose, SplatTransformOption
     if (set.link[i] >= 0 && !options.links) continue;
     float* const p = &set.positions[3 * i];
     double const x = p[0], y = p[1], z = p[2];
-    for (int k = 0; k < 3; ++k) p[k] = static_cast<float>(pose.scale * (r[3 * k] * x + r[3 * k + 1] * y + r[3 * k + 2] * z) + pose.position[k]);
+    for (int k = 0; k < 3; ++k)
+      p[k] = static_cast<float>(pose.scale * (r[3 * k] * x + r[3 * k + 1] * y + r[3 * k + 2] * z) + pose.position[k]);
     for (int k = 0; k < 3; ++k) set.scales[3 * i + k] = static_cast<float>(set.scales[3 * i + k] * pose.scale);
     float* const g = &set.quats[4 * i];
     double const b[4] = {g[0], g[1], g[2], g[3]};

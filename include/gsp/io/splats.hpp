@@ -8,17 +8,20 @@
 
 namespace gsp::io {
 
-/// Gaussians from the bytes of any file that we read: told by its first bytes (PLY, .spz), or, since it has no mark, by the ending `.splat` of `name`.
+/// Gaussians from the bytes of any file that we read: told by its first bytes (PLY, .spz), or, since it has no mark, by the ending `.splat`
+/// of `name`.
 inline SplatSet parse_splats(Bytes bytes, std::string const& name) {
   if (bytes.empty()) detail::fail(name, "", "the file is empty; fetch it again");
   if (name.ends_with(".splat")) return parse_splat(bytes, name);
   if (detail::starts_with(bytes, "ply")) return parse_ply(bytes, name);
   if (detail::starts_with(bytes, "\x1f\x8b") || detail::starts_with(bytes, "NGSP")) return parse_spz(bytes, name);
-  detail::fail(name, detail::at_byte(0), "is no file of Gaussians that is known here; convert it to .ply (3DGS or SuperSplat compressed), .splat or .spz (version 2 or 3)");
+  detail::fail(
+      name, detail::at_byte(0),
+      "is no file of Gaussians that is known here; convert it to .ply (3DGS or SuperSplat compressed), .splat or .spz (version 2 or 3)");
 }
 
-/// Gaussians of a file (.ply, .compressed.ply, .splat, .spz). Where a file of the same name ending in `.links.json` stands beside it (scene.ply -> scene.links.json),
-/// its ranges bind Gaussians to links and replace a PLY's own. Throws Error with file, place and remedy.
+/// Gaussians of a file (.ply, .compressed.ply, .splat, .spz). Where a file of the same name ending in `.links.json` stands beside it
+/// (scene.ply -> scene.links.json), its ranges bind Gaussians to links and replace a PLY's own. Throws Error with file, place and remedy.
 inline SplatSet read_splats(std::filesystem::path const& path) {
   SplatSet set = parse_splats(read_file(path), path.string());
   auto sidecar = path;

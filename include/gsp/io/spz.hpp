@@ -1,10 +1,9 @@
 #pragma once
 #include <array>
-#include <utility>
-
 #include <gsp/io/detail/deflate.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/splat_set.hpp>
+#include <utility>
 
 namespace gsp::io {
 namespace detail {
@@ -12,7 +11,9 @@ namespace detail {
 /// IEEE 754 binary16.
 inline double half_to_double(std::uint16_t h) {
   int const exponent = (h >> 10) & 31, mantissa = h & 1023;
-  double const magnitude = exponent == 31 ? (mantissa ? std::nan("") : INFINITY) : exponent == 0 ? std::ldexp(mantissa, -24) : std::ldexp(1024 + mantissa, exponent - 25);
+  double const magnitude = exponent == 31  ? (mantissa ? std::nan("") : INFINITY)
+                           : exponent == 0 ? std::ldexp(mantissa, -24)
+                                           : std::ldexp(1024 + mantissa, exponent - 25);
   return h & 0x8000 ? -magnitude : magnitude;
 }
 
@@ -33,26 +34,31 @@ inline SpzHeader parse_spz_header(Bytes bytes, std::string const& name) {
   if (bytes.size() < 16) fail(name, at_byte(bytes.size()), "the .spz header of 16 bytes is cut short; fetch the file again");
   if (!starts_with(bytes, "NGSP")) fail(name, at_byte(0), "the unpacked data does not start with 'NGSP'; this is not a .spz file");
   SpzHeader h{load<std::uint32_t>(bytes, 4), load<std::uint32_t>(bytes, 8), int(bytes[12]), int(bytes[13]), int(bytes[14])};
-  if (h.version < 1 || h.version > 3) fail(name, at_byte(4), ".spz version " + std::to_string(h.version) + " is not supported; save it as version 2 or 3");
+  if (h.version < 1 || h.version > 3)
+    fail(name, at_byte(4), ".spz version " + std::to_string(h.version) + " is not supported; save it as version 2 or 3");
   if (h.degree > 3) fail(name, at_byte(12), "SH degree " + std::to_string(h.degree) + " is outside 0..3; save it with a lower degree");
-  if (h.fraction_bits > 24) fail(name, at_byte(13), std::to_string(h.fraction_bits) + " fractional bits do not fit 24-bit coordinates; the file is damaged");
+  if (h.fraction_bits > 24)
+    fail(name, at_byte(13), std::to_string(h.fraction_bits) + " fractional bits do not fit 24-bit coordinates; the file is damaged");
   if (h.count == 0) fail(name, at_byte(8), "holds no Gaussians; name a file that has some");
   return h;
 }
 
 }  // namespace detail
 
-/// The unpacked data of a .spz file: header, then whole arrays. Axes right-up-back become right-down-forward, as 3DGS PLY files have them: y and z of positions
-/// and rotations change sign, and so do the SH terms that are odd under (y, z) -> (-y, -z).
+/// The unpacked data of a .spz file: header, then whole arrays. Axes right-up-back become right-down-forward, as 3DGS PLY files have them:
+/// y and z of positions and rotations change sign, and so do the SH terms that are odd under (y, z) -> (-y, -z).
 inline SplatSet parse_spz_data(Bytes bytes, std::string const& name) {
   auto const h = detail::parse_spz_header(bytes, name);
   if (bytes.size() < h.total())
-    detail::fail(name, detail::at_byte(8), "announces " + std::to_string(h.count) + " Gaussians of " + std::to_string(h.stride()) + " bytes, but only " + std::to_string(bytes.size() - 16) + " bytes follow; the file is cut short or its count is wrong");
+    detail::fail(name, detail::at_byte(8),
+                 "announces " + std::to_string(h.count) + " Gaussians of " + std::to_string(h.stride()) + " bytes, but only " +
+                     std::to_string(bytes.size() - 16) + " bytes follow; the file is cut short or its count is wrong");
   std::size_t const n = h.count;
   SplatSet set = make_splat_set(n, h.degree);
   std::size_t at = 16;
   auto const take = [&](std::size_t size) { return bytes.subspan(std::exchange(at, at + size), size); };
-  Bytes const positions = take(n * h.position_bytes()), alphas = take(n), colours = take(3 * n), scales = take(3 * n), rotations = take(n * h.rotation_bytes()), sh = take(n * h.sh_bytes());
+  Bytes const positions = take(n * h.position_bytes()), alphas = take(n), colours = take(3 * n), scales = take(3 * n),
+              rotations = take(n * h.rotation_bytes()), sh = take(n * h.sh_bytes());
   std::array<float, 3> const axis{1, -1, -1};
   // After DC, term by term: -1 where the polynomial of x, y, z is odd in (y, z).
   std::array<float, 15> const odd{-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1};
@@ -101,8 +107,8 @@ inline SplatSet parse_spz_data(Bytes bytes, std::string const& name) {
   return set;
 }
 
-/// Gaussians of a .spz file, versions 1-3 (gzip). Throws Error for version 4 (other container), a damaged or cut stream, or a count that cannot be true.
-/// Cost: one inflate and one pass.
+/// Gaussians of a .spz file, versions 1-3 (gzip). Throws Error for version 4 (other container), a damaged or cut stream, or a count that
+/// cannot be true. Cost: one inflate and one pass.
 inline SplatSet parse_spz(Bytes bytes, std::string const& name) {
   using namespace detail;
   if (starts_with(bytes, "NGSP")) fail(name, at_byte(0), ".spz version 4 (not gzip) is not supported; save it as version 2 or 3");
@@ -111,7 +117,9 @@ inline SplatSet parse_spz(Bytes bytes, std::string const& name) {
   std::vector<std::byte> data = inflater.read_up_to(16);
   auto const h = parse_spz_header(data, name);
   auto const short_by = [&](std::size_t got) {
-    fail(name, "unpacked byte " + std::to_string(got), "the header announces " + std::to_string(h.count) + " Gaussians (" + std::to_string(h.total()) + " bytes unpacked), but the data ends before; the file is cut short or its count is wrong");
+    fail(name, "unpacked byte " + std::to_string(got),
+         "the header announces " + std::to_string(h.count) + " Gaussians (" + std::to_string(h.total()) +
+             " bytes unpacked), but the data ends before; the file is cut short or its count is wrong");
   };
   if (!can_inflate_to(bytes.size(), h.total())) short_by(16);
   auto const rest = inflater.read_up_to(h.total() - 16);
@@ -122,7 +130,8 @@ inline SplatSet parse_spz(Bytes bytes, std::string const& name) {
     while (inflater.read(skipped) > 0) {}
   }
   if (!inflater.at_end())
-    fail(name, "unpacked byte " + std::to_string(h.total()), "the stream goes on behind its last Gaussian or lacks its end; the count is wrong or the file is cut short");
+    fail(name, "unpacked byte " + std::to_string(h.total()),
+         "the stream goes on behind its last Gaussian or lacks its end; the count is wrong or the file is cut short");
   return parse_spz_data(data, name);
 }
 inline SplatSet read_spz(std::filesystem::path const& path) { return parse_spz(read_file(path), path.string()); }

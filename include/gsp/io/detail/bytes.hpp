@@ -3,10 +3,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <gsp/core/check.hpp>
 #include <span>
 #include <string>
-
-#include <gsp/core/check.hpp>
 
 namespace gsp::io {
 

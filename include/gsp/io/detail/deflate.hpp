@@ -2,9 +2,8 @@
 #include <zlib.h>
 
 #include <algorithm>
-#include <vector>
-
 #include <gsp/io/detail/bytes.hpp>
+#include <vector>
 
 namespace gsp::io::detail {
 
@@ -40,9 +39,12 @@ class Inflater {
       stream_.avail_out = want;
       int const rc = ::inflate(&stream_, Z_NO_FLUSH);
       done += want - stream_.avail_out;
-      if (rc == Z_STREAM_END) ended_ = true;
-      else if (rc == Z_BUF_ERROR || (rc == Z_OK && stream_.avail_in == 0 && used_ == packed_.size() && stream_.avail_out > 0)) break;  // cut short
-      else if (rc != Z_OK) fail(name_, at_byte(used_ - stream_.avail_in), "the compressed data is damaged; fetch the file again");
+      if (rc == Z_STREAM_END)
+        ended_ = true;
+      else if (rc == Z_BUF_ERROR || (rc == Z_OK && stream_.avail_in == 0 && used_ == packed_.size() && stream_.avail_out > 0))
+        break;  // cut short
+      else if (rc != Z_OK)
+        fail(name_, at_byte(used_ - stream_.avail_in), "the compressed data is damaged; fetch the file again");
     }
     return done;
   }
@@ -78,7 +80,8 @@ template <class Sink>
 class Deflater {
  public:
   Deflater(Wrapper wrapper, int level, Sink sink) : sink_(std::move(sink)), buffer_(1u << 16) {
-    if (deflateInit2(&stream_, level, Z_DEFLATED, window_bits(wrapper), 8, Z_DEFAULT_STRATEGY) != Z_OK) throw Error("gsp::io: zlib cannot start; is memory short?");
+    if (deflateInit2(&stream_, level, Z_DEFLATED, window_bits(wrapper), 8, Z_DEFAULT_STRATEGY) != Z_OK)
+      throw Error("gsp::io: zlib cannot start; is memory short?");
   }
   Deflater(Deflater const&) = delete;
   Deflater& operator=(Deflater const&) = delete;

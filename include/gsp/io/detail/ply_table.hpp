@@ -1,13 +1,12 @@
 #pragma once
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <gsp/io/detail/bytes.hpp>
 #include <optional>
-#include <algorithm>
 #include <string_view>
 #include <vector>
-
-#include <gsp/io/detail/bytes.hpp>
 
 // The part of PLY that all our readers share: a header in text, then one table of scalars per element.
 
@@ -18,7 +17,14 @@ enum class PlyType { i8, u8, i16, u16, i32, u32, f32, f64 };
 inline std::size_t size_of(PlyType t) { return std::array<std::size_t, 8>{1, 1, 2, 2, 4, 4, 4, 8}[static_cast<std::size_t>(t)]; }
 
 inline std::optional<PlyType> ply_type(std::string_view word) {
-  static constexpr std::array<std::array<std::string_view, 2>, 8> names{{{"char", "int8"}, {"uchar", "uint8"}, {"short", "int16"}, {"ushort", "uint16"}, {"int", "int32"}, {"uint", "uint32"}, {"float", "float32"}, {"double", "float64"}}};
+  static constexpr std::array<std::array<std::string_view, 2>, 8> names{{{"char", "int8"},
+                                                                         {"uchar", "uint8"},
+                                                                         {"short", "int16"},
+                                                                         {"ushort", "uint16"},
+                                                                         {"int", "int32"},
+                                                                         {"uint", "uint32"},
+                                                                         {"float", "float32"},
+                                                                         {"double", "float64"}}};
   for (std::size_t t = 0; t < names.size(); ++t)
     if (word == names[t][0] || word == names[t][1]) return static_cast<PlyType>(t);
   return std::nullopt;
@@ -36,7 +42,7 @@ struct PlyElement {
   std::uint64_t count = 0;
   std::size_t line = 0, stride = 0;
   std::vector<PlyProperty> properties;
-  bool has_list = false;          // rows of unknown length: it and all that follows is out of reach
+  bool has_list = false;            // rows of unknown length: it and all that follows is out of reach
   std::byte const* rows = nullptr;  // set by parse_ply_table
 };
 
@@ -52,16 +58,27 @@ struct PlyColumn {
   PlyType type;
   double operator()(std::size_t row) const {
     std::byte const* p = first + row * stride;
-    auto get = [p]<class T>(T value) { std::memcpy(&value, p, sizeof(T)); return static_cast<double>(value); };
+    auto get = [p]<class T>(T value) {
+      std::memcpy(&value, p, sizeof(T));
+      return static_cast<double>(value);
+    };
     switch (type) {
-      case PlyType::f32: return get(float{});
-      case PlyType::f64: return get(double{});
-      case PlyType::i8: return get(std::int8_t{});
-      case PlyType::u8: return get(std::uint8_t{});
-      case PlyType::i16: return get(std::int16_t{});
-      case PlyType::u16: return get(std::uint16_t{});
-      case PlyType::i32: return get(std::int32_t{});
-      default: return get(std::uint32_t{});
+      case PlyType::f32:
+        return get(float{});
+      case PlyType::f64:
+        return get(double{});
+      case PlyType::i8:
+        return get(std::int8_t{});
+      case PlyType::u8:
+        return get(std::uint8_t{});
+      case PlyType::i16:
+        return get(std::int16_t{});
+      case PlyType::u16:
+        return get(std::uint16_t{});
+      case PlyType::i32:
+        return get(std::int32_t{});
+      default:
+        return get(std::uint32_t{});
     }
   }
 };
@@ -86,12 +103,16 @@ struct PlyTable {
   /// Throws Error where the property is missing.
   PlyColumn column(PlyElement const& e, std::string_view property, char const* format) const {
     PlyProperty const* p = find(e, property);
-    if (!p) fail(name, at_line(e.line), "element '" + e.name + "' has no property '" + std::string(property) + "'; this is not a " + format + ", export it as one");
+    if (!p)
+      fail(name, at_line(e.line),
+           "element '" + e.name + "' has no property '" + std::string(property) + "'; this is not a " + format + ", export it as one");
     return column(e, *p);
   }
   PlyColumn column(PlyElement const& e, PlyProperty const& p) const {
-    if (!e.rows) fail(name, at_line(e.line), "element '" + e.name + "' stands at or behind a list element and cannot be reached; put lists last");
-    return {e.rows + (ascii ? 8 * static_cast<std::size_t>(&p - e.properties.data()) : p.offset), ascii ? 8 * e.properties.size() : e.stride, ascii ? PlyType::f64 : p.type};
+    if (!e.rows)
+      fail(name, at_line(e.line), "element '" + e.name + "' stands at or behind a list element and cannot be reached; put lists last");
+    return {e.rows + (ascii ? 8 * static_cast<std::size_t>(&p - e.properties.data()) : p.offset),
+            ascii ? 8 * e.properties.size() : e.stride, ascii ? PlyType::f64 : p.type};
   }
 };
 
@@ -130,7 +151,8 @@ inline std::size_t parse_ply_header(Bytes bytes, PlyTable& table) {
       std::size_t const from = static_cast<std::size_t>(w[0].data() - row.data()) + w[0].size();
       if (w[0] == "comment") table.comments.push_back({std::string(row.substr(std::min(row.size(), from + 1))), line});
     } else if (w[0] == "format") {
-      if (w.size() != 3 || (w[1] != "binary_little_endian" && w[1] != "ascii")) fail(name, at_line(line), "format " + in_quotes(row) + " is not supported; save it as binary_little_endian or ascii");
+      if (w.size() != 3 || (w[1] != "binary_little_endian" && w[1] != "ascii"))
+        fail(name, at_line(line), "format " + in_quotes(row) + " is not supported; save it as binary_little_endian or ascii");
       table.ascii = w[1] == "ascii";
       has_format = true;
     } else if (w[0] == "element") {
@@ -163,7 +185,8 @@ inline std::size_t parse_ply_header(Bytes bytes, PlyTable& table) {
 }
 
 /// The numbers of one text element. A number must be followed by white space, so that a file cut inside one is noticed.
-inline std::vector<double> parse_ply_text(PlyTable const& table, PlyElement const& e, std::string_view text, std::size_t& at, std::size_t& line) {
+inline std::vector<double> parse_ply_text(PlyTable const& table, PlyElement const& e, std::string_view text, std::size_t& at,
+                                          std::size_t& line) {
   std::vector<double> values;
   values.reserve(e.count * e.properties.size());
   auto const space = [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; };
@@ -171,18 +194,21 @@ inline std::vector<double> parse_ply_text(PlyTable const& table, PlyElement cons
     for (; at < text.size() && space(text[at]); ++at) line += text[at] == '\n';
     std::size_t const begin = at;
     while (at < text.size() && !space(text[at])) ++at;
-    if (at == text.size()) fail(table.name, at_line(line), "the file ends within element '" + e.name + "' (no white space after its last number); it is cut short, fetch it again");
+    if (at == text.size())
+      fail(table.name, at_line(line),
+           "the file ends within element '" + e.name + "' (no white space after its last number); it is cut short, fetch it again");
     double value = 0;
     std::size_t const from = text[begin] == '+' ? begin + 1 : begin;
     auto const [end, error] = std::from_chars(text.data() + from, text.data() + at, value);
-    if (error != std::errc{} || end != text.data() + at) fail(table.name, at_line(line), in_quotes(text.substr(begin, at - begin)) + " is not a number; repair the file");
+    if (error != std::errc{} || end != text.data() + at)
+      fail(table.name, at_line(line), in_quotes(text.substr(begin, at - begin)) + " is not a number; repair the file");
     values.push_back(value);
   }
   return values;
 }
 
-/// Header and row addresses of a PLY file (binary little endian, or text). Every count is held against the size of the file before memory is
-/// taken. The bytes must outlive the table. Throws Error. Cost: nothing for binary, one pass for text.
+/// Header and row addresses of a PLY file (binary little endian, or text). Every count is held against the size of the file before memory
+/// is taken. The bytes must outlive the table. Throws Error. Cost: nothing for binary, one pass for text.
 inline PlyTable parse_ply_table(Bytes bytes, std::string const& name) {
   PlyTable table;
   table.name = name;
@@ -202,8 +228,10 @@ inline PlyTable parse_ply_table(Bytes bytes, std::string const& name) {
     }
     std::size_t const least = table.ascii ? 2 * e.properties.size() : e.stride;  // bytes of a row
     if (e.count > (bytes.size() - at) / least)
-      fail(name, at_line(e.line), "element " + in_quotes(e.name) + " announces " + std::to_string(e.count) + " rows of " + (table.ascii ? "at least " : "") + std::to_string(least) + " bytes, but only " +
-                                      std::to_string(bytes.size() - at) + " bytes follow; the file is cut short or its count is wrong");
+      fail(name, at_line(e.line),
+           "element " + in_quotes(e.name) + " announces " + std::to_string(e.count) + " rows of " + (table.ascii ? "at least " : "") +
+               std::to_string(least) + " bytes, but only " + std::to_string(bytes.size() - at) +
+               " bytes follow; the file is cut short or its count is wrong");
     if (table.ascii) {
       table.text_rows.push_back(parse_ply_text(table, e, text, at, line));
       e.rows = reinterpret_cast<std::byte const*>(table.text_rows.back().data());
@@ -214,14 +242,18 @@ inline PlyTable parse_ply_table(Bytes bytes, std::string const& name) {
   }
   if (table.ascii) at = std::min(text.find_first_not_of(" \t\r\n", at), text.size());
   if (complete && at != bytes.size())
-    fail(name, at_byte(at), std::to_string(bytes.size() - at) + " bytes follow the last row that the header announces; a count in the header is wrong, export the file again");
+    fail(name, at_byte(at),
+         std::to_string(bytes.size() - at) +
+             " bytes follow the last row that the header announces; a count in the header is wrong, export the file again");
   return table;
 }
 
 /// `value` as an integer in [low, high].
-inline long long as_integer(double value, long long low, long long high, std::string const& name, std::size_t row, std::string const& what) {
+inline long long as_integer(double value, long long low, long long high, std::string const& name, std::size_t row,
+                            std::string const& what) {
   if (!(value >= static_cast<double>(low) && value <= static_cast<double>(high)) || value != std::floor(value))
-    fail(name, "row " + std::to_string(row), what + " is not a whole number in " + std::to_string(low) + ".." + std::to_string(high) + "; repair or export the file again");
+    fail(name, "row " + std::to_string(row),
+         what + " is not a whole number in " + std::to_string(low) + ".." + std::to_string(high) + "; repair or export the file again");
   return static_cast<long long>(value);
 }
 
