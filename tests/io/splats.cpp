@@ -61,4 +61,5 @@ TEST_CASE("sidecar: bad input") {
              "Gaussian 3 is already bound to 'a'"));
   CHECK(says(refusal(R"({"links": [{"name": "a\nb", "first": 0, "count": 4}]})"), "control characters"));
   CHECK(says(refusal(std::string(100000, '[')), "is not valid JSON"));
+  CHECK(says(refusal(R"({"links": [{"name": "a", "first": 1E11111, "count": 1}]})"), "s.json: has a number that no double can hold"));
 }

@@ -23,6 +23,8 @@ inline std::vector<LinkRange> parse_links(Bytes bytes, std::string const& name) 
   } catch (Json::parse_error const& error) {
     auto const line = 1 + std::count(text.begin(), text.begin() + std::min(error.byte, text.size()), '\n');
     fail(name, detail::at_line(line), "is not valid JSON here; repair it");
+  } catch (Json::exception const&) {  // the parser's other refusal
+    fail(name, "", "has a number that no double can hold; repair it");
   }
   if (!root.is_object() || root.size() != 1 || !root.contains("links") || !root["links"].is_array())
     fail(name, "", R"(must be {"links": [{"name": "...", "first": 0, "count": 1}, ...]}; write it so)");
