@@ -38,7 +38,7 @@ function(gsp_download result file sha256)
   string(RANDOM LENGTH 8 suffix)
   set(folder "${GSP_CACHE_DIR}/download/tmp-${suffix}")
   file(MAKE_DIRECTORY "${folder}")
-  execute_process(COMMAND "${GSP_PYTHON}" -m pip --disable-pip-version-check download --quiet --no-deps --dest "${folder}" ${ARGN}
+  execute_process(COMMAND "${GSP_PYTHON}" -m pip --disable-pip-version-check download --quiet --retries 2 --no-deps --dest "${folder}" ${ARGN}
                   RESULT_VARIABLE code OUTPUT_VARIABLE log ERROR_VARIABLE log TIMEOUT 300)
   set(error "")
   if(NOT EXISTS "${folder}/${file}")

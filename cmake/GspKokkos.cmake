@@ -3,6 +3,9 @@
 set(GSP_KOKKOS_RECIPE 1)  # raise this when the options or patches below change
 set(_kokkos_version 4.7.00)
 
+if(GSP_ENABLE_CUDA AND NOT CMAKE_CUDA_COMPILER)
+  enable_language(CUDA)
+endif()
 if(GSP_ENABLE_CUDA)
   set(_variant cuda)
 elseif(GSP_DEBUG_CHECKS)
