@@ -112,3 +112,13 @@ TEST_CASE("Gaussians of links stay unless asked, and a wrong pose is refused") {
   CHECK_THROWS_AS(transform(set, {{0, 0, 0}, {1, 0, 0, 0}, -1}), std::invalid_argument);
   CHECK_THROWS_AS(transform(set, {{NAN, 0, 0}}), std::invalid_argument);
 }
+
+TEST_CASE("a pose as text") {
+  SplatPose const p = parse_splat_pose(" 1 -2.5 3e-1  0.5 0.5 0.5 0.5 2");
+  CHECK(p.position == std::array<double, 3>{1, -2.5, 0.3});
+  CHECK(p.quat == std::array<double, 4>{0.5, 0.5, 0.5, 0.5});
+  CHECK(p.scale == 2);
+  for (auto bad : {"", "1 2 3", "0 0 0 1 0 0 0", "0 0 0 1 0 0 0 1 1", "0 0 0 1 0 0 0 0", "0 0 0 1 0 0 0 -1", "0 0 0 0 0 0 0 1",
+                   "0 0 x 1 0 0 0 1", "0 0 nan 1 0 0 0 1", "0 0 0 1 0 0 0 1e999", "0,0 0 1 0 0 0 1"})
+    CHECK_MESSAGE(says(error_of([&] { parse_splat_pose(bad); }), "must be eight numbers"), bad);
+}

@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <charconv>
 #include <gsp/io/splat_set.hpp>
 #include <numbers>
 
@@ -11,6 +12,27 @@ struct SplatPose {
   std::array<double, 4> quat{1, 0, 0, 0};
   double scale = 1;
 };
+
+/// A pose written as a user types it: "x y z qw qx qy qz scale". Throws Error unless these are eight finite numbers, with a quaternion that
+/// is not 0 and a positive scale.
+inline SplatPose parse_splat_pose(std::string_view text) {
+  std::array<double, 8> v{};
+  std::size_t count = 0;
+  bool ok = true;
+  for (std::size_t at = 0; ok && (at = text.find_first_not_of(" \t", at)) != std::string_view::npos;) {
+    std::size_t const end = std::min(text.find_first_of(" \t", at), text.size());
+    ok = count < 8;
+    if (!ok) break;
+    auto const [stop, error] = std::from_chars(text.data() + at, text.data() + end, v[count]);
+    ok = error == std::errc{} && stop == text.data() + end && std::isfinite(v[count]);
+    ++count;
+    at = end;
+  }
+  if (!ok || count != 8 || !(v[7] > 0) || (v[3] == 0 && v[4] == 0 && v[5] == 0 && v[6] == 0))
+    throw Error("pose " + detail::in_quotes(text) +
+                ": must be eight numbers 'x y z qw qx qy qz scale' with a quaternion that is not 0 and a positive scale; write it so");
+  return {{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}, v[7]};
+}
 
 struct SplatTransformOptions {
   bool links = false;  // also those bound to a link; they stand in the link's frame, which a move of the scene leaves alone
