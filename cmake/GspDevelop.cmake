@@ -42,7 +42,7 @@ endif()
 target_compile_options(gsp_develop INTERFACE "$<$<COMPILE_LANGUAGE:CXX>:${_cxx}>")
 if(GSP_ENABLE_CUDA)
   list(JOIN _cxx "," _cuda)
-  target_compile_options(gsp_develop INTERFACE "$<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=${_cuda}>")
+  target_compile_options(gsp_develop INTERFACE "$<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=${_cuda};-diag-suppress=20012>")  # 20012: Eigen's headers alone give 18 of them
 endif()
 unset(_cxx)
 unset(_cuda)
