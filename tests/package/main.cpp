@@ -2,7 +2,6 @@
 #include <Kokkos_Core.hpp>
 #include <cstdio>
 #include <gsp/core/check.hpp>
-#include <gsp/core/exec.hpp>
 #if defined(WITH_IO)
 #include <libqhull_r/libqhull_r.h>
 #include <stb/stb_image.h>
@@ -13,7 +12,7 @@
 #include <pugixml.hpp>
 #endif
 
-template <gsp::ExecutionSpace Exec>
+template <class Exec>
 int sum_of_squares(Exec const& exec, int n) {
   gsp::expects(n > 0, "sum_of_squares: n must be positive");
   int sum = 0;
