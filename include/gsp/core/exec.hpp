@@ -1,0 +1,18 @@
+#pragma once
+#include <Kokkos_Core.hpp>
+
+/// Execution spaces and what may be accessed from them.
+namespace gsp {
+
+template <class E>
+concept ExecutionSpace = Kokkos::is_execution_space_v<E>;
+
+/// True where `Exec` runs on a device with threads of its own (one lane a thread); false on hosts (one pack of lanes a loop iteration).
+template <class Exec>
+inline constexpr bool is_device = !bool(Kokkos::SpaceAccessibility<Exec, Kokkos::HostSpace>::accessible);
+
+/// True if `Exec` may dereference memory of `Mem` (a memory space, or a View).
+template <class Exec, class Mem>
+inline constexpr bool can_access = bool(Kokkos::SpaceAccessibility<Exec, typename Mem::memory_space>::accessible);
+
+}  // namespace gsp
