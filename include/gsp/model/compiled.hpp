@@ -1,0 +1,85 @@
+#pragma once
+#include <gsp/model/description.hpp>
+#include <string>
+#include <vector>
+
+/// The model as flat arrays on the host, in double, in MuJoCo's order and by MuJoCo's rules. `compile` (compile.hpp) makes it from a Description;
+/// `make_model` (model.hpp) takes it to the device. Body 0 is the world. A *tree* is a subtree of the world that has at least one degree of freedom.
+namespace gsp {
+
+struct CompiledModel {
+  std::string name;
+  OptionDescription option;
+  int nq = 0, nv = 0, nbody = 0, njnt = 0, ngeom = 0, nsite = 0, ncam = 0, nu = 0, ntendon = 0, ntree = 0;
+
+  // bodies (nbody)
+  std::vector<int> body_parent, body_weld;        // weld: the topmost body that it is rigidly fixed to
+  std::vector<int> body_tree;                     // tree index; -1: fixed to the world
+  std::vector<int> body_jntadr, body_jntnum, body_dofadr, body_dofnum, body_geomadr, body_geomnum;
+  std::vector<Double3> body_pos, body_ipos, body_inertia;  // inertia: principal moments [kg m^2]
+  std::vector<Double4> body_quat, body_iquat;
+  std::vector<double> body_mass, body_gravcomp;
+  std::vector<std::array<double, 2>> body_invweight0;      // translational, rotational
+  std::vector<std::string> body_name;
+
+  // joints (njnt)
+  std::vector<int> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr, jnt_limited, jnt_actfrclimited;
+  std::vector<Double3> jnt_pos, jnt_axis;
+  std::vector<double> jnt_stiffness, jnt_margin;
+  std::vector<std::array<double, 2>> jnt_range, jnt_actfrcrange, jnt_solref;
+  std::vector<std::array<double, 5>> jnt_solimp;
+  std::vector<std::string> jnt_name;
+
+  // degrees of freedom (nv)
+  std::vector<int> dof_body, dof_jnt, dof_parent;  // parent dof; -1 at a tree's first
+  std::vector<double> dof_armature, dof_damping, dof_frictionloss, dof_invweight0;
+  std::vector<std::array<double, 2>> dof_solref;
+  std::vector<std::array<double, 5>> dof_solimp;
+
+  std::vector<double> qpos0, qpos_spring;          // (nq)
+
+  // geoms (ngeom)
+  std::vector<int> geom_type, geom_body, geom_contype, geom_conaffinity, geom_condim, geom_priority, geom_group;
+  std::vector<Double3> geom_size, geom_pos, geom_friction;
+  std::vector<Double4> geom_quat;
+  std::vector<double> geom_solmix, geom_margin, geom_gap, geom_rbound;  // rbound: radius of the bounding sphere; 0 for planes
+  std::vector<std::array<double, 2>> geom_solref;
+  std::vector<std::array<double, 5>> geom_solimp;
+  std::vector<std::array<float, 4>> geom_rgba;
+  std::vector<std::string> geom_name;
+
+  // pairs of geoms that may touch: after contype/conaffinity, excludes, weld and parent filters; type of first <= type of second
+  std::vector<std::array<int, 2>> pairs;
+
+  // sites (nsite), cameras (ncam)
+  std::vector<int> site_body, cam_body;
+  std::vector<Double3> site_pos, cam_pos;
+  std::vector<Double4> site_quat, cam_quat;
+  std::vector<double> cam_fovy;
+  std::vector<std::string> site_name, cam_name;
+
+  // fixed tendons (ntendon), terms in tendon_termadr[t] .. + tendon_termnum[t]
+  std::vector<int> tendon_termadr, tendon_termnum, tendon_tree, tendon_limited;
+  std::vector<int> term_jnt;
+  std::vector<double> term_coef;
+  std::vector<double> tendon_stiffness, tendon_damping, tendon_frictionloss, tendon_armature, tendon_margin, tendon_invweight0, tendon_length0;
+  std::vector<std::array<double, 2>> tendon_range, tendon_lengthspring, tendon_solref_limit, tendon_solref_friction;
+  std::vector<std::array<double, 5>> tendon_solimp_limit, tendon_solimp_friction;
+  std::vector<std::string> tendon_name;
+
+  // actuators (nu)
+  std::vector<int> act_target, act_id, act_ctrllimited, act_forcelimited;  // target: 0 joint, 1 tendon
+  std::vector<std::array<double, 6>> act_gear;
+  std::vector<double> act_gain;
+  std::vector<Double3> act_bias;
+  std::vector<std::array<double, 2>> act_ctrlrange, act_forcerange;
+  std::vector<std::string> act_name;
+
+  // trees (ntree): bodies, joints and dofs of a tree are contiguous
+  std::vector<int> tree_bodyadr, tree_bodynum, tree_jntadr, tree_jntnum, tree_dofadr, tree_dofnum, tree_qposadr, tree_qposnum;
+
+  std::vector<KeyframeDescription> keyframes;
+  std::vector<ReportLine> report;
+};
+
+}  // namespace gsp
