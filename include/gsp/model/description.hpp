@@ -17,6 +17,11 @@ enum class ShapeType : int { plane = 0, hfield = 1, sphere = 2, capsule = 3, ell
 enum class Integrator : int { euler = 0, rk4 = 1, implicit = 2, implicitfast = 3 };
 enum class Cone : int { pyramidal = 0, elliptic = 1 };
 
+/// Where an item came from, for messages: an index into Description::files (-1: made in code) and a line.
+struct Place {
+  int file = -1, line = 0;
+};
+
 /// Softness of a constraint as MuJoCo has it (physics: docs/conventions.md).
 struct SoftnessDescription {
   std::array<double, 2> solref{0.02, 1};
@@ -33,8 +38,10 @@ struct JointDescription {
   std::array<double, 2> actuator_force_range{0, 0};
   double ref = 0, springref = 0;        // position in the model's initial pose; of the spring
   double stiffness = 0, damping = 0, armature = 0, frictionloss = 0, margin = 0;
+  std::array<double, 2> springdamper{0, 0};  // time constant [s] and damping ratio; both positive: compile chooses stiffness and damping from the inertia
   SoftnessDescription limit, friction;
   int group = 0;
+  Place place;
 };
 
 struct GeomDescription {
@@ -51,6 +58,7 @@ struct GeomDescription {
   double mass = 0, density = 1000;
   bool shell_inertia = false;
   std::array<float, 4> rgba{0.5f, 0.5f, 0.5f, 1};
+  Place place;
   bool visual() const { return contype == 0 && conaffinity == 0; }
 };
 
@@ -60,6 +68,7 @@ struct SiteDescription {
   Double4 quat{1, 0, 0, 0};
   ShapeType type = ShapeType::sphere;
   int group = 0;
+  Place place;
 };
 
 struct CameraDescription {
@@ -67,6 +76,7 @@ struct CameraDescription {
   Double3 pos{0, 0, 0};
   Double4 quat{1, 0, 0, 0};             // MuJoCo's camera frame: looks along -z, y up
   double fovy = 0.7853981633974483;     // [rad]
+  Place place;
 };
 
 struct InertialDescription {
@@ -89,6 +99,7 @@ struct BodyDescription {
   std::vector<GeomDescription> geoms;
   std::vector<SiteDescription> sites;
   std::vector<CameraDescription> cameras;
+  Place place;
 
   static BodyDescription world() {
     BodyDescription body;
@@ -110,6 +121,7 @@ struct TendonDescription {
   std::array<double, 2> springlength{-1, -1};  // dead band; -1: the length at the springs' rest
   double stiffness = 0, damping = 0, frictionloss = 0, armature = 0, margin = 0;
   SoftnessDescription limit, friction;
+  Place place;
 };
 
 /// force = gain * ctrl + bias0 + bias1 * length + bias2 * velocity, then clamped (MuJoCo's motor: gain 1; position: kp, (0, -kp, -kv)).
@@ -118,23 +130,26 @@ struct ActuatorDescription {
   std::string name;
   Target target = Target::joint;
   std::string target_name;
-  double gear = 1;                      // for free and ball joints all of gear6
-  std::array<double, 6> gear6{1, 0, 0, 0, 0, 0};
+  std::array<double, 6> gear{1, 0, 0, 0, 0, 0};  // the first scales length and force; free and ball joints use six and three
   double gain = 1;
   Double3 bias{0, 0, 0};
+  double dampratio = 0;                 // > 0: bias2 = -2 dampratio sqrt(-bias1 * inertia), chosen by compile
   bool ctrl_limited = false, force_limited = false;
   std::array<double, 2> ctrl_range{0, 0}, force_range{0, 0};
   int group = 0;
+  Place place;
 };
 
 struct KeyframeDescription {
   std::string name;
   double time = 0;
   std::vector<double> qpos, qvel, ctrl;  // empty: the model's initial values
+  Place place;
 };
 
 struct ExcludeDescription {
   std::string body1, body2;
+  Place place;
 };
 
 struct OptionDescription {
@@ -153,6 +168,7 @@ struct CompilerDescription {
   std::array<int, 2> inertia_group_range{0, 5};
   double boundmass = 0, boundinertia = 0, settotalmass = -1;
   bool balanceinertia = false;
+  bool approximate = false;             // condim 4 and 6 become 3, and pairs of shapes that are not covered are left out; else both are refused
 };
 
 /// What was refused, approximated or without effect, one line each, for people.
@@ -167,6 +183,7 @@ struct ReportLine {
 
 struct Description {
   std::string name;
+  std::vector<std::string> files;       // what Place::file points into
   OptionDescription option;
   CompilerDescription compiler;
   std::vector<BodyDescription> bodies{BodyDescription::world()};  // depth first, as MuJoCo orders them: parents before children, subtrees contiguous

@@ -1,0 +1,170 @@
+#include <doctest/doctest.h>
+
+#include <gsp/model/compile.hpp>
+
+using namespace gsp;
+
+namespace {
+BodyDescription body(std::string name, int parent, Double3 pos) {
+  BodyDescription b;
+  b.name = std::move(name), b.parent = parent, b.pos = pos;
+  return b;
+}
+GeomDescription sphere(double r) {
+  GeomDescription g;
+  g.size = {r, 0, 0};
+  return g;
+}
+// Two rods of 2 kg and 1 kg that hang on hinges, as boxes of length 1 whose tops are at the hinges.
+Description double_pendulum() {
+  Description d;
+  for (int k = 0; k < 2; ++k) {
+    auto b = body(k ? "lower" : "upper", k, {0, 0, k ? -1. : 0.});
+    JointDescription j;
+    j.name = k ? "elbow" : "shoulder", j.axis = {0, 3, 0};
+    GeomDescription g;
+    g.type = ShapeType::box, g.size = {0.05, 0.05, 0.5}, g.pos = {0, 0, -0.5}, g.has_mass = true, g.mass = k ? 1 : 2;
+    b.joints.push_back(j), b.geoms.push_back(g);
+    d.bodies.push_back(b);
+  }
+  return d;
+}
+void check_message(Description const& d, char const* part, CompileOptions const& o = {}) {
+  try {
+    compile(d, o);
+    CHECK_MESSAGE(false, "accepted, expected: ", part);
+  } catch (Error const& e) { CHECK_MESSAGE(std::string(e.what()).find(part) != std::string::npos, e.what()); }
+}
+}  // namespace
+
+TEST_CASE("inverse weights of a double pendulum follow from its mass matrix") {
+  auto const m = compile(double_pendulum());
+  CHECK(m.nq == 2);
+  CHECK(m.nv == 2);
+  CHECK(m.ntree == 1);
+  CHECK(m.dof_parent == std::vector<int>{-1, 0});
+  CHECK(m.jnt_axis[0] == Double3{0, 1, 0});
+  // moments about the com: m (1 + 0.01) / 12; M = [[a, c], [c, b]] by hand, both rods hanging down
+  double const i1 = 2 * 1.01 / 12, i2 = 1.01 / 12;
+  double const a = i1 + 2 * 0.25 + i2 + 1 * 2.25, b = i2 + 0.25, c = i2 + 0.5 * 1.5, det = a * b - c * c;
+  CHECK(m.dof_invweight0[0] == doctest::Approx(b / det).epsilon(1e-14));
+  CHECK(m.dof_invweight0[1] == doctest::Approx(a / det).epsilon(1e-14));
+  // the lower com moves by 1.5 and 0.5 along x, so translation is J M^-1 J^T / 3
+  CHECK(m.body_invweight0[2][0] == doctest::Approx((1.5 * 1.5 * b - 2 * 1.5 * 0.5 * c + 0.25 * a) / det / 3).epsilon(1e-13));
+  CHECK(m.body_invweight0[2][1] == doctest::Approx((b - 2 * c + a) / det / 3).epsilon(1e-13));
+  CHECK(m.pairs.empty());  // parent and child
+}
+
+TEST_CASE("a tensor is rebuilt from its principal axes") {
+  // two spheres off the axes: the tensor about the com by hand against R diag R^T of the result
+  Description d;
+  auto b = body("b", 0, {0, 0, 0});
+  b.joints.emplace_back();
+  for (int k = 0; k < 3; ++k) {
+    auto g = sphere(0.1 + 0.05 * k);
+    g.pos = {0.3 * k, 0.1 * k * k, -0.2 + 0.1 * k};
+    b.geoms.push_back(g);
+  }
+  d.bodies.push_back(b);
+  auto const m = compile(d);
+  double mass = 0, com[3] = {}, want[6] = {};
+  auto const kg = [&](int k) { return 1000 * 4. / 3 * M_PI * std::pow(0.1 + 0.05 * k, 3); };
+  for (int k = 0; k < 3; ++k) {
+    mass += kg(k);
+    for (int i = 0; i < 3; ++i) com[i] += kg(k) * b.geoms[k].pos[i];
+  }
+  for (double& x : com) x /= mass;
+  for (int k = 0; k < 3; ++k) {
+    double const x = b.geoms[k].pos[0] - com[0], y = b.geoms[k].pos[1] - com[1], z = b.geoms[k].pos[2] - com[2],
+                 own = 0.4 * kg(k) * std::pow(0.1 + 0.05 * k, 2);
+    double const part[6] = {own + kg(k) * (y * y + z * z),
+                            own + kg(k) * (x * x + z * z),
+                            own + kg(k) * (x * x + y * y),
+                            -kg(k) * x * y,
+                            -kg(k) * x * z,
+                            -kg(k) * y * z};
+    for (int i = 0; i < 6; ++i) want[i] += part[i];
+  }
+  CHECK(m.body_mass[1] == doctest::Approx(mass).epsilon(1e-14));
+  auto const got = gsp::detail::rotated_diagonal(gsp::detail::quat(m.body_iquat[1]), m.body_inertia[1]);
+  for (int i = 0; i < 6; ++i) CHECK(got[i] == doctest::Approx(want[i]).epsilon(1e-13).scale(want[0]));
+  CHECK(m.body_inertia[1][0] >= m.body_inertia[1][1]);
+  CHECK(m.body_inertia[1][1] >= m.body_inertia[1][2]);
+}
+
+TEST_CASE("trees are contiguous, static bodies belong to none") {
+  Description d;
+  auto table = body("table", 0, {0, 0, 1}), ball = body("ball", 0, {0, 0, 2}), arm = body("arm", 1, {0, 0, 0}),
+       hand = body("hand", 2, {0, 0, 1});
+  JointDescription free, hinge;
+  free.type = JointType::free;
+  ball.joints = {free}, arm.joints = {hinge};
+  for (auto* b : {&table, &ball, &arm, &hand}) b->geoms = {sphere(0.1)};
+  d.bodies = {BodyDescription::world(), table, arm, hand, ball};
+  auto const m = compile(d);
+  CHECK(m.ntree == 2);
+  CHECK(m.body_tree == std::vector<int>{-1, -1, 0, 0, 1});
+  CHECK(m.body_weld == std::vector<int>{0, 0, 2, 2, 4});
+  CHECK(m.tree_bodynum == std::vector<int>{2, 1});
+  CHECK(m.tree_dofadr == std::vector<int>{0, 1});
+  CHECK(m.tree_qposadr == std::vector<int>{0, 1});
+  CHECK(m.tree_qposnum == std::vector<int>{1, 7});
+  CHECK(m.qpos0[3] == 2);  // the free ball starts where its body stands
+  // the arm hangs on a static table, which is the world's weld group: they may touch; the ball meets all
+  CHECK(m.pairs == std::vector<std::array<int, 2>>{{0, 1}, {0, 2}, {0, 3}, {1, 3}, {2, 3}});
+}
+
+TEST_CASE("pairs: bits, excludes, uncovered shapes and condim") {
+  Description d;
+  JointDescription free;
+  free.type = JointType::free;
+  for (int k = 0; k < 3; ++k) {
+    auto b = body("b" + std::to_string(k), 0, {double(k), 0, 0});
+    auto g = sphere(0.1);
+    if (k == 1) g.type = ShapeType::cylinder, g.size = {0.1, 0.1, 0};
+    b.joints = {free}, b.geoms = {g};
+    d.bodies.push_back(b);
+  }
+  CHECK(compile(d).pairs == std::vector<std::array<int, 2>>{{0, 1}, {0, 2}, {2, 1}});
+  d.excludes.push_back({"b2", "b0", {}});
+  CHECK(compile(d).pairs == std::vector<std::array<int, 2>>{{0, 1}, {2, 1}});
+  d.bodies[3].geoms[0].contype = 0, d.bodies[3].geoms[0].conaffinity = 2;
+  CHECK(compile(d).pairs == std::vector<std::array<int, 2>>{{0, 1}});
+  d.bodies[1].geoms[0].condim = 6;
+  check_message(d, "sphere of body 'b0' has condim 6");
+  auto const taken = compile(d, {.approximate = true});
+  CHECK(taken.geom_condim[0] == 3);
+  REQUIRE(taken.report.size() == 1);
+  CHECK(taken.report[0].kind == ReportLine::Kind::approximated);
+  d.bodies[1].geoms[0].condim = 3, d.bodies[1].geoms[0].type = ShapeType::cylinder, d.bodies[1].geoms[0].size = {1, 1, 0};
+  check_message(d, "contact between these two shapes is not supported");
+  auto const without = compile(d, {.approximate = true});
+  CHECK(without.pairs.empty());
+  CHECK(without.report.at(0).count == 1);
+}
+
+TEST_CASE("what cannot be compiled is said in one sentence") {
+  auto d = double_pendulum();
+  d.bodies[2].geoms.clear();
+  check_message(d, "body 'lower' moves but has no mass");
+  d.compiler.boundmass = 1, d.compiler.boundinertia = 0.1;
+  CHECK(compile(d).body_mass[2] == 1);
+  d = double_pendulum(), d.bodies[2].name = "upper";
+  check_message(d, "name that is taken");
+  d = double_pendulum(), d.bodies[1].joints[0].axis = {0, 0, 0};
+  check_message(d, "axis of length zero");
+  d = double_pendulum(), d.bodies[2].parent = 5;
+  check_message(d, "depth first");
+  d = double_pendulum(), d.bodies[1].joints.push_back(d.bodies[1].joints[0]), d.bodies[1].joints[1].name = "twin";
+  check_message(d, "singular");
+  d = double_pendulum(), d.bodies[1].geoms[0].size[1] = 0;
+  check_message(d, "size[1] <= 0");
+  d = double_pendulum(), d.keyframes.push_back({"k", 0, {1, 2, 3}, {}, {}, {}});
+  check_message(d, "has 3 numbers in qpos, and the model needs 2");
+  d = double_pendulum(), d.bodies[2].has_inertial = true, d.bodies[2].inertial.mass = 1, d.bodies[2].inertial.inertia = {1, 1, 3, 0, 0, 0};
+  check_message(d, "exceeds the sum");
+  d.compiler.balanceinertia = true;
+  CHECK(compile(d).body_inertia[2][2] == doctest::Approx(5. / 3));
+  d = double_pendulum(), d.files = {"a.xml"}, d.bodies[1].joints[0].place = {0, 7}, d.bodies[1].joints[0].limited = true;
+  check_message(d, "a.xml:7: joint 'shoulder' is limited");
+}
