@@ -71,7 +71,7 @@ class Compiler {
   void require_finite(bool ok, Place const& place, char const* what, std::string const& name) const {
     if (!ok) fail(place, what, name, "holds a number that is not finite: give it a value");
   }
-  Double4 unit(Double4 const& q) const { return array4(normalized(quat(q))); }
+  Double4 unit(Double4 const& q) const { return normalized(q); }
   static void require_range(Compiler const& c, bool limited, std::array<double, 2> const& range, Place const& place, char const* what,
                             std::string const& name, char const* attribute) {
     if (limited && !(range[0] < range[1]))
@@ -155,12 +155,12 @@ class Compiler {
     require_range(*this, limited, j.range, j.place, "joint", j.name, "range");
     require_range(*this, j.actuator_force_limited, j.actuator_force_range, j.place, "joint", j.name, "actuatorfrcrange");
     int const dofs = is_free ? 6 : is_ball ? 3 : 1, id = m_.njnt++;
-    double const length = norm(vec3(j.axis));
+    double const length = norm(j.axis);
     if (dofs == 1 && !(length > 1e-14)) fail(j.place, "joint", j.name, "has an axis of length zero: give a direction");
     m_.jnt_type.push_back(int(j.type)), m_.jnt_body.push_back(b), m_.jnt_name.push_back(j.name);
     m_.jnt_qposadr.push_back(m_.nq), m_.jnt_dofadr.push_back(m_.nv);
     m_.jnt_pos.push_back(is_free ? Double3{0, 0, 0} : j.pos);
-    m_.jnt_axis.push_back(dofs == 1 ? array3((1 / length) * vec3(j.axis)) : Double3{0, 0, 1});
+    m_.jnt_axis.push_back(dofs == 1 ? (1 / length) * j.axis : Double3{0, 0, 1});
     m_.jnt_limited.push_back(limited), m_.jnt_actfrclimited.push_back(j.actuator_force_limited);
     m_.jnt_range.push_back(j.range), m_.jnt_actfrcrange.push_back(j.actuator_force_range);
     m_.jnt_stiffness.push_back(j.stiffness), m_.jnt_margin.push_back(j.margin);
@@ -248,14 +248,14 @@ class Compiler {
 
   struct Mass {
     double mass = 0;
-    Vec3<double> pos{0, 0, 0};
-    Quat<double> quat{1, 0, 0, 0};
+    Double3 pos{0, 0, 0};
+    Double4 quat{1, 0, 0, 0};
     Double3 moments{};
   };
-  static Mass principal(double mass, Vec3<double> const& pos, Quat<double> const& frame, Symmetric3 const& tensor) {
+  static Mass principal(double mass, Double3 const& pos, Double4 const& frame, Symmetric3 const& tensor) {
     if (tensor[3] == 0 && tensor[4] == 0 && tensor[5] == 0) return {mass, pos, frame, {tensor[0], tensor[1], tensor[2]}};
     auto const axes = principal_axes(tensor);
-    return {mass, pos, normalized(frame * axes.quat), axes.moments};
+    return {mass, pos, normalized(times(frame, axes.quat)), axes.moments};
   }
 
   // Mass of a body from its geoms: one geom lends its frame; several are summed about their common centre of mass (parallel axis theorem).
@@ -266,19 +266,18 @@ class Compiler {
       auto const shape = shape_inertia(g.type, g.size, g.shell_inertia);
       double const mass = shape.measure == 0 ? 0 : g.has_mass ? g.mass : g.density * shape.measure;
       if (!(mass > 1e-14)) continue;
-      parts.push_back(
-          {mass, vec3(g.pos), normalized(quat(g.quat)), {mass * shape.moments[0], mass * shape.moments[1], mass * shape.moments[2]}});
+      parts.push_back({mass, g.pos, normalized(g.quat), {mass * shape.moments[0], mass * shape.moments[1], mass * shape.moments[2]}});
     }
     if (parts.size() < 2) return parts.empty() ? Mass{} : parts[0];
     Mass sum;
-    for (auto const& p : parts) sum.mass += p.mass, sum.pos += p.mass * p.pos;
+    for (auto const& p : parts) sum.mass += p.mass, sum.pos = sum.pos + p.mass * p.pos;
     sum.pos = (1 / sum.mass) * sum.pos;
     Symmetric3 tensor{};
     for (auto const& p : parts) {
       auto const own = rotated_diagonal(p.quat, p.moments);
       auto const r = p.pos - sum.pos;
       double const rr = dot(r, r);
-      Symmetric3 const moved{rr - r.x * r.x, rr - r.y * r.y, rr - r.z * r.z, -r.x * r.y, -r.x * r.z, -r.y * r.z};
+      Symmetric3 const moved{rr - r[0] * r[0], rr - r[1] * r[1], rr - r[2] * r[2], -r[0] * r[1], -r[0] * r[2], -r[1] * r[2]};
       for (int k = 0; k < 6; ++k) tensor[k] += own[k] + p.mass * moved[k];
     }
     auto const axes = principal_axes(tensor);
@@ -294,7 +293,7 @@ class Compiler {
         if (body.has_inertial && !c.inertia_from_geom_always) {
           auto const& i = body.inertial;
           require_finite(finite(i.pos) && finite(i.quat) && finite(i.inertia) && std::isfinite(i.mass), body.place, "body", body.name);
-          mass = principal(i.mass, vec3(i.pos), normalized(quat(i.quat)), i.inertia);
+          mass = principal(i.mass, i.pos, normalized(i.quat), i.inertia);
         } else if (!c.inertia_from_geom_never) {
           mass = from_geoms(body);
         }
@@ -314,7 +313,7 @@ class Compiler {
       }
       require_finite(std::isfinite(mass.mass) && finite(mass.moments), body.place, "body", body.name);
       m_.body_mass.push_back(mass.mass), m_.body_inertia.push_back(mass.moments);
-      m_.body_ipos.push_back(array3(mass.pos)), m_.body_iquat.push_back(array4(mass.quat));
+      m_.body_ipos.push_back(mass.pos), m_.body_iquat.push_back(mass.quat);
     }
     if (c.settotalmass > 0) {
       double total = 0;

@@ -3,16 +3,11 @@
 #include <array>
 #include <cmath>
 #include <gsp/core/check.hpp>
-#include <gsp/math/quat.hpp>
 #include <gsp/model/compiled.hpp>
+#include <gsp/model/detail/host_math.hpp>
 #include <vector>
 
 namespace gsp::detail {
-
-inline Vec3<double> vec3(Double3 const& a) { return {a[0], a[1], a[2]}; }
-inline Quat<double> quat(Double4 const& a) { return {a[0], a[1], a[2], a[3]}; }
-inline Double3 array3(Vec3<double> const& a) { return {a.x, a.y, a.z}; }
-inline Double4 array4(Quat<double> const& a) { return {a.w, a.x, a.y, a.z}; }
 
 /// Mass matrix of one tree in the initial pose, dense, and its Cholesky factor. Made from the Jacobians of the bodies' centres of mass,
 ///   M = sum_b Jv^T m Jv + Jw^T I Jw + armature + sum_t a J_t^T J_t,
@@ -21,23 +16,20 @@ class InitialInertia {
  public:
   InitialInertia(CompiledModel const& m, int tree) : n_(m.tree_dofnum[tree]), first_(m.tree_dofadr[tree]), matrix_(n_ * n_, 0.) {
     int const b0 = m.tree_bodyadr[tree], bodies = m.tree_bodynum[tree];
-    std::vector<Transform<double>> pose(bodies);
+    std::vector<Pose> pose(bodies);
     axis_.resize(n_), anchor_.resize(n_), turns_.resize(n_);
     for (int b = b0; b < b0 + bodies; ++b) {
-      Transform<double> parent{{0, 0, 0}, {1, 0, 0, 0}};
+      Pose parent{{0, 0, 0}, {1, 0, 0, 0}};
       if (b > b0)
         parent = pose[m.body_parent[b] - b0];
       else
-        for (int p = m.body_parent[b]; p > 0; p = m.body_parent[p])
-          parent = Transform<double>{vec3(m.body_pos[p]), quat(m.body_quat[p])} * parent;
-      auto const x = pose[b - b0] = parent * Transform<double>{vec3(m.body_pos[b]), quat(m.body_quat[b])};
+        for (int p = m.body_parent[b]; p > 0; p = m.body_parent[p]) parent = Pose{m.body_pos[p], m.body_quat[p]} * parent;
+      auto const x = pose[b - b0] = parent * Pose{m.body_pos[b], m.body_quat[b]};
       for (int j = m.body_jntadr[b], end = j + m.body_jntnum[b]; j < end; ++j) {
         int const d = m.jnt_dofadr[j] - first_;
-        auto const anchor = x * vec3(m.jnt_pos[j]);
-        auto const put = [&](int k, Vec3<double> const& direction, bool turns) {
-          axis_[k] = direction, anchor_[k] = anchor, turns_[k] = turns;
-        };
-        auto const unit = [](int k) { return Vec3<double>{k == 0 ? 1. : 0., k == 1 ? 1. : 0., k == 2 ? 1. : 0.}; };
+        auto const anchor = x * m.jnt_pos[j];
+        auto const put = [&](int k, Double3 const& direction, bool turns) { axis_[k] = direction, anchor_[k] = anchor, turns_[k] = turns; };
+        auto const unit = [](int k) { return Double3{k == 0 ? 1. : 0., k == 1 ? 1. : 0., k == 2 ? 1. : 0.}; };
         switch (JointType(m.jnt_type[j])) {
           case JointType::free:
             for (int k = 0; k < 3; ++k) put(d + k, unit(k), false), put(d + 3 + k, rotate(x.q, unit(k)), true);
@@ -46,24 +38,24 @@ class InitialInertia {
             for (int k = 0; k < 3; ++k) put(d + k, rotate(x.q, unit(k)), true);
             break;
           case JointType::slide:
-            put(d, rotate(x.q, vec3(m.jnt_axis[j])), false);
+            put(d, rotate(x.q, m.jnt_axis[j]), false);
             break;
           case JointType::hinge:
-            put(d, rotate(x.q, vec3(m.jnt_axis[j])), true);
+            put(d, rotate(x.q, m.jnt_axis[j]), true);
             break;
         }
       }
     }
     com_.resize(bodies);
     for (int b = b0; b < b0 + bodies; ++b) {
-      com_[b - b0] = pose[b - b0] * vec3(m.body_ipos[b]);
-      auto const frame = to_matrix(pose[b - b0].q * quat(m.body_iquat[b]));
+      com_[b - b0] = pose[b - b0] * m.body_ipos[b];
+      auto const frame = times(pose[b - b0].q, m.body_iquat[b]);
       auto const chain = dofs_of(m, b);
       for (std::size_t i = 0; i < chain.size(); ++i)
         for (std::size_t k = 0; k <= i; ++k) {
-          auto const wi = transpose_times(frame, angular(chain[i])), wk = transpose_times(frame, angular(chain[k]));
+          auto const wi = rotate_inverse(frame, angular(chain[i])), wk = rotate_inverse(frame, angular(chain[k]));
           double const rotation =
-              wi.x * wk.x * m.body_inertia[b][0] + wi.y * wk.y * m.body_inertia[b][1] + wi.z * wk.z * m.body_inertia[b][2];
+              wi[0] * wk[0] * m.body_inertia[b][0] + wi[1] * wk[1] * m.body_inertia[b][1] + wi[2] * wk[2] * m.body_inertia[b][2];
           add(chain[i], chain[k], m.body_mass[b] * dot(linear(chain[i], com_[b - b0]), linear(chain[k], com_[b - b0])) + rotation);
         }
     }
@@ -116,8 +108,8 @@ class InitialInertia {
     std::reverse(dofs.begin(), dofs.end());
     return dofs;
   }
-  Vec3<double> angular(int d) const { return turns_[d] ? axis_[d] : Vec3<double>{0, 0, 0}; }
-  Vec3<double> linear(int d, Vec3<double> const& at) const { return turns_[d] ? cross(axis_[d], at - anchor_[d]) : axis_[d]; }
+  Double3 angular(int d) const { return turns_[d] ? axis_[d] : Double3{0, 0, 0}; }
+  Double3 linear(int d, Double3 const& at) const { return turns_[d] ? cross(axis_[d], at - anchor_[d]) : axis_[d]; }
   void add(int i, int k, double value) {
     matrix_[i * n_ + k] += value;
     if (i != k) matrix_[k * n_ + i] += value;
@@ -141,7 +133,7 @@ class InitialInertia {
 
   int n_, first_;
   std::vector<double> matrix_, diagonal_;
-  std::vector<Vec3<double>> axis_, anchor_, com_;  // world frame
+  std::vector<Double3> axis_, anchor_, com_;  // world frame
   std::vector<char> turns_;
 };
 

@@ -1,7 +1,7 @@
 #pragma once
 #include <array>
 #include <cmath>
-#include <gsp/math/quat.hpp>
+#include <gsp/model/detail/host_math.hpp>
 #include <utility>
 
 namespace gsp::detail {
@@ -10,18 +10,18 @@ namespace gsp::detail {
 using Symmetric3 = std::array<double, 6>;
 
 /// R diag(d) R^T, R the rotation of q.
-inline Symmetric3 rotated_diagonal(Quat<double> const& q, std::array<double, 3> const& d) {
-  auto const r = to_matrix(q);
-  auto const entry = [&](int i, int j) { return r(i, 0) * d[0] * r(j, 0) + r(i, 1) * d[1] * r(j, 1) + r(i, 2) * d[2] * r(j, 2); };
+inline Symmetric3 rotated_diagonal(Double4 const& q, Double3 const& d) {
+  Double3 const x = rotate(q, {1, 0, 0}), y = rotate(q, {0, 1, 0}), z = rotate(q, {0, 0, 1});
+  auto const entry = [&](int i, int j) { return x[i] * d[0] * x[j] + y[i] * d[1] * y[j] + z[i] * d[2] * z[j]; };
   return {entry(0, 0), entry(1, 1), entry(2, 2), entry(0, 1), entry(0, 2), entry(1, 2)};
 }
 
 struct PrincipalAxes {
-  std::array<double, 3> moments;  // in decreasing order
-  Quat<double> quat;              // takes the principal frame to the frame of the tensor
+  Double3 moments;  // in decreasing order
+  Double4 quat;     // takes the principal frame to the frame of the tensor
 };
 
-/// Eigenvalues and axes by Jacobi rotations on a quaternion: each rotation about a coordinate axis removes the largest off-diagonal entry,
+/// Eigenvalues and axes by Jacobi rotations: each rotation about a coordinate axis removes the largest off-diagonal entry,
 /// tan(2 t) = 2 a_ij / (a_ii - a_jj); it converges quadratically, so that 30 sweeps are far more than enough.
 inline PrincipalAxes principal_axes(Symmetric3 const& s) {
   double a[3][3] = {{s[0], s[3], s[4]}, {s[3], s[1], s[5]}, {s[4], s[5], s[2]}};
@@ -50,27 +50,13 @@ inline PrincipalAxes principal_axes(Symmetric3 const& s) {
   for (int i : {0, 1, 0})
     if (a[order[i]][order[i]] < a[order[i + 1]][order[i + 1]]) std::swap(order[i], order[i + 1]);
   PrincipalAxes result;
-  double r[3][3];
+  Double3 axis[3];
   for (int k = 0; k < 3; ++k) {
     result.moments[k] = a[order[k]][order[k]];
-    for (int i = 0; i < 3; ++i) r[i][k] = v[i][order[k]];
+    axis[k] = {v[0][order[k]], v[1][order[k]], v[2][order[k]]};
   }
-  double const handed = r[0][0] * (r[1][1] * r[2][2] - r[2][1] * r[1][2]) - r[0][1] * (r[1][0] * r[2][2] - r[2][0] * r[1][2]) +
-                        r[0][2] * (r[1][0] * r[2][1] - r[2][0] * r[1][1]);
-  if (handed < 0)
-    for (auto& row : r) row[2] = -row[2];
-  // the largest of w, x, y, z first, so that no root of a small number is taken
-  double const four[4] = {1 + r[0][0] + r[1][1] + r[2][2], 1 + r[0][0] - r[1][1] - r[2][2], 1 - r[0][0] + r[1][1] - r[2][2],
-                          1 - r[0][0] - r[1][1] + r[2][2]};
-  int k = 0;
-  for (int i = 1; i < 4; ++i)
-    if (four[i] > four[k]) k = i;
-  double const m = 0.5 * std::sqrt(four[k]), f = 0.25 / m;
-  if (k == 0) result.quat = {m, f * (r[2][1] - r[1][2]), f * (r[0][2] - r[2][0]), f * (r[1][0] - r[0][1])};
-  if (k == 1) result.quat = {f * (r[2][1] - r[1][2]), m, f * (r[0][1] + r[1][0]), f * (r[0][2] + r[2][0])};
-  if (k == 2) result.quat = {f * (r[0][2] - r[2][0]), f * (r[0][1] + r[1][0]), m, f * (r[1][2] + r[2][1])};
-  if (k == 3) result.quat = {f * (r[1][0] - r[0][1]), f * (r[0][2] + r[2][0]), f * (r[1][2] + r[2][1]), m};
-  result.quat = normalized(result.quat);
+  if (dot(cross(axis[0], axis[1]), axis[2]) < 0) axis[2] = -1. * axis[2];
+  result.quat = quat_of_axes(axis[0], axis[1], axis[2]);
   return result;
 }
 
