@@ -1,0 +1,145 @@
+#pragma once
+#include <cstdint>
+#include <gsp/collision/collision_model.hpp>
+#include <gsp/model/poses.hpp>
+#include <limits>
+
+/// Where the colliders are, and which pairs of them are near.
+namespace gsp {
+
+/// World poses and axis-aligned boxes of colliders and groups. A plane has no box: its pose serves.
+template <class R, class Mem>
+struct ColliderBounds {
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  View<R** [7]> pose;   // (world, collider, 7) position [m], quaternion w x y z
+  View<R** [6]> box;    // (world, collider, 6) centre, half extents [m]
+  View<R** [6]> group;  // (world, group, 6)
+};
+
+namespace detail {
+
+template <class R>
+KOKKOS_INLINE_FUNCTION Transform<R> load_pose(R const* p) {
+  return {{p[0], p[1], p[2]}, {p[3], p[4], p[5], p[6]}};
+}
+
+/// Half extents of the axis-aligned box about a shape: box sum_k s_k |R_ik|, capsule r + h |R_i2|, cylinder r sqrt(1 - R_i2^2) + h |R_i2|.
+template <class R>
+KOKKOS_INLINE_FUNCTION Vec3<R> half_extents(ShapeType type, Vec3<R> const& s, Mat3<R> const& m) {
+  Vec3<R> e{s.x, s.x, s.x};
+  for (int i = 0; i < 3; ++i) {
+    if (type == ShapeType::box)
+      e[i] = s.x * abs(m(i, 0)) + s.y * abs(m(i, 1)) + s.z * abs(m(i, 2));
+    else if (type == ShapeType::capsule)
+      e[i] = s.x + s.y * abs(m(i, 2));
+    else if (type == ShapeType::cylinder)
+      e[i] = s.x * sqrt(max(R(0), R(1) - m(i, 2) * m(i, 2))) + s.y * abs(m(i, 2));
+  }
+  return e;
+}
+
+template <class R, class Mem>
+struct PlaceColliders {
+  CollisionModel<R, Mem> model;
+  Poses<R, Mem> poses;
+  ColliderBounds<R, Mem> bounds;
+  std::uint32_t* status = nullptr;  // cleared on the way, where given: (worlds)
+  std::uint8_t* lost = nullptr;
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
+    int const w = int(item / model.groups), g = int(item % model.groups);
+    if (g == 0 && status != nullptr) status[w] = 0;
+    if (g == 0 && lost != nullptr) lost[w] = 0;
+    Vec3<R> lo{}, hi{};
+    for (int c = model.group_first(g); c < model.group_first(g + 1); ++c) {
+      int const b = model.collider_body(c);
+      Transform<R> const body{{poses.xpos(w, b, 0), poses.xpos(w, b, 1), poses.xpos(w, b, 2)},
+                              {poses.xquat(w, b, 0), poses.xquat(w, b, 1), poses.xquat(w, b, 2), poses.xquat(w, b, 3)}};
+      Transform<R> const t = body * load_pose(&model.collider_pose(c, 0));
+      R* const p = &bounds.pose(w, c, 0);
+      p[0] = t.p.x, p[1] = t.p.y, p[2] = t.p.z, p[3] = t.q.w, p[4] = t.q.x, p[5] = t.q.y, p[6] = t.q.z;
+      Vec3<R> e = half_extents(ShapeType(model.collider_type(c)),
+                               Vec3<R>{model.collider_size(c, 0), model.collider_size(c, 1), model.collider_size(c, 2)}, to_matrix(t.q));
+      for (int i = 0; i < 3; ++i) {
+        e[i] = e[i] + R(8) * std::numeric_limits<R>::epsilon() * (abs(t.p[i]) + e[i]);  // rounding must not lose a touch
+        bounds.box(w, c, i) = t.p[i], bounds.box(w, c, 3 + i) = e[i];
+        bool const first = c == model.group_first(g);
+        lo[i] = first ? t.p[i] - e[i] : min(lo[i], t.p[i] - e[i]);
+        hi[i] = first ? t.p[i] + e[i] : max(hi[i], t.p[i] + e[i]);
+      }
+    }
+    for (int i = 0; i < 3; ++i) {
+      R const centre = R(0.5) * (lo[i] + hi[i]);
+      bounds.group(w, g, i) = centre;
+      bounds.group(w, g, 3 + i) = max(hi[i] - centre, centre - lo[i]) + R(2) * std::numeric_limits<R>::epsilon() * abs(centre);
+    }
+  }
+};
+
+/// Two boxes (centre, half extents) are within `reach` of each other. False for NaN: a broken world makes no contacts.
+template <class R>
+KOKKOS_INLINE_FUNCTION bool boxes_near(R const* a, R const* b, R reach) {
+  return abs(a[0] - b[0]) <= a[3] + b[3] + reach && abs(a[1] - b[1]) <= a[4] + b[4] + reach && abs(a[2] - b[2]) <= a[5] + b[5] + reach;
+}
+/// A box is within `reach` of the half space below a plane.
+template <class R>
+KOKKOS_INLINE_FUNCTION bool plane_near(R const* plane, R const* box, R reach) {
+  Transform<R> const t = load_pose(plane);
+  Vec3<R> const n = rotate(t.q, Vec3<R>{R(0), R(0), R(1)});
+  return dot(n, Vec3<R>{box[0], box[1], box[2]} - t.p) - (abs(n.x) * box[3] + abs(n.y) * box[4] + abs(n.z) * box[5]) <= reach;
+}
+
+/// mask(chunk * worlds + world): bit i set where pair first + i of the chunk is near. Groups first, then the pairs of the groups that are
+/// near.
+template <class R, class Mem>
+struct FindNearPairs {
+  CollisionModel<R, Mem> model;
+  ColliderBounds<R, Mem> bounds;
+  Kokkos::View<std::uint64_t*, Mem> mask;
+  int worlds;
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
+    int const c = int(item / worlds), w = int(item % worlds);
+    CollisionChunk const chunk = model.chunk(c);
+    bool const plane = PairKind(chunk.kind) <= PairKind::plane_box;
+    std::uint64_t bits = 0;
+    for (int r = chunk.run_first; r < chunk.run_end; ++r) {
+      CollisionRun<R> const run = model.runs(r);
+      if (plane ? !plane_near(&bounds.pose(w, model.group_first(run.a), 0), &bounds.group(w, run.b, 0), run.reach)
+                : run.a != run.b && !boxes_near(&bounds.group(w, run.a, 0), &bounds.group(w, run.b, 0), run.reach))
+        continue;
+      for (int p = run.first; p < run.end; ++p) {
+        int const a = model.pair_collider(p, 0), b = model.pair_collider(p, 1);
+        bool const near = plane ? plane_near(&bounds.pose(w, a, 0), &bounds.box(w, b, 0), run.reach)
+                                : boxes_near(&bounds.box(w, a, 0), &bounds.box(w, b, 0), run.reach);
+        bits |= std::uint64_t(near) << (p - chunk.first);
+      }
+    }
+    mask(item) = bits;
+  }
+};
+
+}  // namespace detail
+
+/// Places colliders and groups: one work item a (world, group). Sets `status` and `lost` (worlds) to 0 on the way, where given.
+template <ExecutionSpace Exec, class R, class Mem>
+void place_colliders(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses,
+                     ColliderBounds<R, Mem> const& bounds, std::uint32_t* status = nullptr, std::uint8_t* lost = nullptr) {
+  static_assert(can_access<Exec, CollisionModel<R, Mem>>, "gsp::place_colliders: the model is not accessible from this execution space");
+  std::int64_t const n = std::int64_t(bounds.pose.extent(0)) * model.groups;
+  Kokkos::parallel_for("gsp::collision::place_colliders", Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n),
+                       detail::PlaceColliders<R, Mem>{model, poses, bounds, status, lost});
+}
+
+/// Finds the near pairs: one work item a (chunk, world), mask (chunks * worlds) as 64 bits a chunk.
+template <ExecutionSpace Exec, class R, class Mem>
+void find_near_pairs(Exec const& exec, CollisionModel<R, Mem> const& model, ColliderBounds<R, Mem> const& bounds,
+                     Kokkos::View<std::uint64_t*, Mem> const& mask) {
+  static_assert(can_access<Exec, CollisionModel<R, Mem>>, "gsp::find_near_pairs: the model is not accessible from this execution space");
+  int const worlds = int(bounds.pose.extent(0));
+  expects(mask.extent(0) == std::size_t(model.chunks) * worlds, "gsp::find_near_pairs: the mask must hold chunks x worlds words");
+  Kokkos::parallel_for("gsp::collision::find_near_pairs",
+                       Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(mask.extent(0))),
+                       detail::FindNearPairs<R, Mem>{model, bounds, mask, worlds});
+}
+
+}  // namespace gsp

@@ -1,0 +1,50 @@
+#pragma once
+#include <gsp/collision/narrowphase/box_box.hpp>
+#include <gsp/collision/narrowphase/capsule_box.hpp>
+#include <gsp/collision/narrowphase/capsule_capsule.hpp>
+#include <gsp/collision/narrowphase/capsule_cylinder.hpp>
+#include <gsp/collision/narrowphase/plane_box.hpp>
+#include <gsp/collision/narrowphase/plane_capsule.hpp>
+#include <gsp/collision/narrowphase/plane_cylinder.hpp>
+#include <gsp/collision/narrowphase/plane_sphere.hpp>
+#include <gsp/collision/narrowphase/sphere_box.hpp>
+#include <gsp/collision/narrowphase/sphere_capsule.hpp>
+#include <gsp/collision/narrowphase/sphere_cylinder.hpp>
+#include <gsp/collision/narrowphase/sphere_sphere.hpp>
+
+namespace gsp {
+
+/// Contact points of a and b with dist < margin, by the kind of the pair; `out.add(pos, dist, normal, feature)` takes them (ContactPoints).
+template <class T, class Out>
+KOKKOS_INLINE_FUNCTION void narrowphase(PairKind kind, Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
+  switch (kind) {
+    case PairKind::plane_sphere:
+      return plane_sphere(a, b, margin, out);
+    case PairKind::plane_capsule:
+      return plane_capsule(a, b, margin, out);
+    case PairKind::plane_cylinder:
+      return plane_cylinder(a, b, margin, out);
+    case PairKind::plane_box:
+      return plane_box(a, b, margin, out);
+    case PairKind::sphere_sphere:
+      return sphere_sphere(a, b, margin, out);
+    case PairKind::sphere_capsule:
+      return sphere_capsule(a, b, margin, out);
+    case PairKind::sphere_cylinder:
+      return sphere_cylinder(a, b, margin, out);
+    case PairKind::sphere_box:
+      return sphere_box(a, b, margin, out);
+    case PairKind::capsule_capsule:
+      return capsule_capsule(a, b, margin, out);
+    case PairKind::capsule_cylinder:
+      return capsule_cylinder(a, b, margin, out);
+    case PairKind::capsule_box:
+      return capsule_box(a, b, margin, out);
+    case PairKind::box_box:
+      return box_box(a, b, margin, out);
+    case PairKind::none:
+      return;
+  }
+}
+
+}  // namespace gsp

@@ -1,0 +1,49 @@
+#pragma once
+#include <gsp/collision/detail/solids.hpp>
+
+namespace gsp {
+
+/// Two capsules: spheres at the closest points p_a + x d_a, p_b + y d_b of the two segments (|x|, |y| <= 1, d = half length times axis),
+/// from the 2 x 2 system
+///   [ d_a.d_a  -d_a.d_b ] [x]   [ -d_a.(p_a - p_b) ]
+///   [ -d_a.d_b  d_b.d_b ] [y] = [  d_b.(p_a - p_b) ]
+/// with clamps. Parallel axes (det below rounding): up to two points, at the ends of the common stretch (features 1 to 4: which end of
+/// which).
+template <class T, class Out>
+KOKKOS_INLINE_FUNCTION void capsule_capsule(Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
+  Vec3<T> const axis_a = column(a.R, 2), axis_b = column(b.R, 2);
+  Vec3<T> const da = a.size.y * axis_a, db = b.size.y * axis_b, d = a.p - b.p;
+  T const aa = dot(da, da), ab = -dot(da, db), bb = dot(db, db), u = -dot(da, d), v = dot(db, d);
+  // det = aa bb sin^2: from the cross product, which does not cancel
+  Vec3<T> const c = cross(da, db);
+  T const det = dot(c, c);
+  T const tiny = T(1e-30), inv_aa = aa > tiny ? T(1) / aa : T(0), inv_bb = bb > tiny ? T(1) / bb : T(0);
+  Vec3<T> const fallback = cross(axis_a, axis_b);
+  T const one(1);
+  if (det > (sizeof(T) == 4 ? T(1e-7) : T(1e-15)) * aa * bb && det > tiny) {
+    T x = (bb * u - ab * v) / det, y = (aa * v - ab * u) / det;
+    if (x > one)
+      x = one, y = (v - ab) * inv_bb;
+    else if (x < -one)
+      x = -one, y = (v + ab) * inv_bb;
+    if (y > one)
+      y = one, x = clamp((u - ab) * inv_aa, -one, one);
+    else if (y < -one)
+      y = -one, x = clamp((u + ab) * inv_aa, -one, one);
+    detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, 0, out);
+    return;
+  }
+  int count = 0;
+  for (int end = 0; end < 2; ++end) {
+    T const x = end == 0 ? one : -one, y = clamp((v - x * ab) * inv_bb, -one, one);
+    count += detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, 1 + end, out);
+    if (aa <= tiny && count == 1) return;  // a is a sphere
+  }
+  for (int end = 0; end < 2 && count < 2 && bb > tiny; ++end) {
+    T const y = end == 0 ? one : -one, x = clamp((u - y * ab) * inv_aa, -one, one);
+    if (x >= one || x <= -one) continue;  // that pair of ends is already there
+    count += detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, 3 + end, out);
+  }
+}
+
+}  // namespace gsp
