@@ -1,0 +1,142 @@
+#pragma once
+#include <filesystem>
+#include <functional>
+#include <gsp/io/detail/mjcf_reader.hpp>
+#include <gsp/io/file.hpp>
+#include <gsp/model/description.hpp>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+
+namespace gsp::io {
+
+struct MjcfOptions {
+  bool skip_visuals = false;   // leave out visual geoms whose shape is a mesh; otherwise they are an error
+  bool approximate = false;    // sets Description::compiler.approximate: condim 4 and 6 as 3, pairs of shapes that are not covered left out
+  bool list_refusals = false;  // what is not supported becomes a line of the report instead of an error, and is left out of the description
+  std::function<std::vector<std::byte>(std::filesystem::path const&)> read = {};  // where files come from; empty: the disk
+};
+
+namespace detail::mjcf {
+
+/// The tree in depth-first order, keyframes of attached models spread over the whole, ranges inherited: what a Description holds.
+class Finish {
+ public:
+  Finish(Session& session, ModelDraft draft, MjcfOptions const& options) : s_(session), draft_(std::move(draft)), options_(options) {}
+
+  Description run() {
+    d_.name = draft_.name, d_.option = draft_.option, d_.compiler = draft_.compiler;
+    d_.compiler.approximate = options_.approximate;
+    d_.bodies.clear();
+    add(draft_.world, -1, false);
+    d_.tendons = std::move(draft_.tendons), d_.excludes = std::move(draft_.excludes);
+    for (auto& act : draft_.actuators) {
+      if (act.inheritrange > 0) inherit(act);
+      actuator_at_[act.id] = d_.actuators.size();
+      d_.actuators.push_back(std::move(act.actuator));
+    }
+    for (auto& key : draft_.keys) {
+      if (key.attached) spread(key);
+      d_.keyframes.push_back(std::move(key.key));
+    }
+    d_.files = s_.files.names, d_.report = s_.report.take();
+    return std::move(d_);
+  }
+
+ private:
+  void add(BodyDraft& b, int parent, bool moves) {
+    int const index = static_cast<int>(d_.bodies.size());
+    moves = moves || !b.body.joints.empty();
+    auto const& c = draft_.compiler;
+    if (moves && b.needs_mesh.file >= 0 && (c.inertia_from_geom_always || (!b.body.has_inertial && !c.inertia_from_geom_never)))
+      s_.files.fail(
+          b.needs_mesh,
+          "the mass of body " + in_quotes(b.body.name) +
+              " comes from this visual mesh, which --skip-visuals leaves out; give the body an <inertial> or the geom mass=\"0\"");
+    for (std::size_t i = 0; i < b.body.joints.size(); ++i) {
+      auto const& j = b.body.joints[i];
+      joint_at_[b.joint_ids[i]] = {qpos0_.size(), nv_};
+      nv_ += static_cast<std::size_t>(qvel_size(j.type));
+      if (j.type == JointType::free) qpos0_.insert(qpos0_.end(), b.body.pos.begin(), b.body.pos.end());
+      auto const q = j.type == JointType::free ? b.body.quat : Double4{1, 0, 0, 0};
+      if (j.type <= JointType::ball)
+        qpos0_.insert(qpos0_.end(), q.begin(), q.end());
+      else
+        qpos0_.push_back(j.ref);
+    }
+    b.body.parent = parent;
+    d_.bodies.push_back(std::move(b.body));
+    for (auto& child : b.children) add(child, index, moves);
+  }
+
+  // ctrlrange = the target's range, scaled about its middle
+  void inherit(ActuatorDraft& act) {
+    auto& a = act.actuator;
+    std::array<double, 2> const* range = nullptr;
+    if (a.target == ActuatorDescription::Target::tendon) {
+      for (auto const& t : d_.tendons)
+        if (t.name == a.target_name && t.range[0] < t.range[1]) range = &t.range;
+    } else {
+      if (joint_range_.empty())
+        for (auto const& b : d_.bodies)
+          for (auto const& j : b.joints) joint_range_[j.name] = &j.range;
+      auto const found = joint_range_.find(a.target_name);
+      if (found != joint_range_.end() && (*found->second)[0] < (*found->second)[1]) range = found->second;
+    }
+    if (!range)
+      s_.files.fail(a.place, "actuator " + in_quotes(a.name) + " inherits a range that " + in_quotes(a.target_name) +
+                                 " does not have; give ctrlrange");
+    double const middle = ((*range)[0] + (*range)[1]) / 2, radius = act.inheritrange * ((*range)[1] - (*range)[0]) / 2;
+    a.ctrl_range = {middle - radius, middle + radius}, a.ctrl_limited = true;
+  }
+
+  void spread(KeyDraft& key) {
+    auto const put = [](std::vector<double> const& part, std::size_t at, std::vector<double>& all) {
+      std::copy(part.begin(), part.end(), all.begin() + static_cast<std::ptrdiff_t>(at));
+    };
+    auto& k = key.key;
+    if (!key.qpos.empty()) k.qpos = qpos0_;
+    if (!key.qvel.empty()) k.qvel.assign(nv_, 0.);
+    if (!key.ctrl.empty()) k.ctrl.assign(draft_.actuators.size(), 0.);
+    for (auto const& [id, part] : key.qpos)
+      if (auto const at = joint_at_.find(id); at != joint_at_.end()) put(part, at->second.first, k.qpos);
+    for (auto const& [id, part] : key.qvel)
+      if (auto const at = joint_at_.find(id); at != joint_at_.end()) put(part, at->second.second, k.qvel);
+    for (auto const& [id, part] : key.ctrl)
+      if (auto const at = actuator_at_.find(id); at != actuator_at_.end()) put(part, at->second, k.ctrl);
+  }
+
+  Session& s_;
+  ModelDraft draft_;
+  MjcfOptions const& options_;
+  Description d_;
+  std::vector<double> qpos0_;
+  std::size_t nv_ = 0;
+  std::unordered_map<int, std::pair<std::size_t, std::size_t>> joint_at_;  // id -> place in qpos and qvel
+  std::unordered_map<int, std::size_t> actuator_at_;
+  std::unordered_map<std::string, std::array<double, 2> const*> joint_range_;
+};
+
+}  // namespace detail::mjcf
+
+/// MJCF text as a description. `name` stands in messages, and files that the text names are looked for in its folder.
+/// Strict: each element and attribute is honoured, refused, or listed in Description::report with the reason.
+/// Errors: gsp::Error "FILE:LINE: what is wrong; remedy".
+inline Description parse_mjcf(std::string_view text, std::string const& name, MjcfOptions const& options = {}) {
+  detail::mjcf::Session session;
+  session.files.read = options.read ? options.read : [](std::filesystem::path const& path) { return read_file(path); };
+  session.skip_visuals = options.skip_visuals, session.list_refusals = options.list_refusals;
+  int const file = session.files.add(name);
+  detail::mjcf::XmlReader xml(session.files);
+  auto const root = xml.parse(detail::as_bytes(text), file);
+  auto draft = detail::mjcf::Reader(session, file).read(root);
+  return detail::mjcf::Finish(session, std::move(draft), options).run();
+}
+
+/// Reads an MJCF file and the files that it includes or attaches; see parse_mjcf.
+inline Description read_mjcf(std::filesystem::path const& path, MjcfOptions const& options = {}) {
+  auto const bytes = options.read ? options.read(path) : read_file(path);
+  return parse_mjcf(detail::as_text(bytes), path.string(), options);
+}
+
+}  // namespace gsp::io
