@@ -24,14 +24,14 @@ inline namespace GSP_PACK_NAMESPACE {
 
 template <class Real> inline constexpr int native_width = GSP_PACK_BYTES / int(sizeof(Real));
 
-namespace detail {
+namespace pack_detail {
 template <class Real> struct pack_int { using type = int; };
 template <> struct pack_int<double> { using type = long long; };
-}  // namespace detail
+}  // namespace pack_detail
 
 /// Result of comparing packs: all bits of a lane set where it holds.
 template <class Real, int W> struct alignas(sizeof(Real) * W) Mask {
-  using Int = typename detail::pack_int<Real>::type;
+  using Int = typename pack_detail::pack_int<Real>::type;
 #ifdef __CUDA_ARCH__
   Int v[W];  // device code never runs packs; the compiler still wants to see a type of the same size
 #else

@@ -1,0 +1,85 @@
+#pragma once
+#include <gsp/dynamics/mass_matrix.hpp>
+
+/// Coriolis, centrifugal and gravity forces by recursive Newton-Euler at zero acceleration (Featherstone 2008, ch. 5; MuJoCo's mj_rne).
+namespace gsp {
+
+namespace detail {
+template <class L, class View> KOKKOS_INLINE_FUNCTION void lanes_load_velocity(L const& l, View const& qvel) {
+  for (int i = 0; i < l.a.nv; ++i) l.items[l.at.qvel + i] = l.load(qvel, l.dof0, i);
+}
+
+/// True where the tree is one free body, whose rotation the stable profile integrates by its angular momentum.
+template <class L> KOKKOS_INLINE_FUNCTION bool is_free_body(L const& l) { return l.a.nbody == 1 && l.a.njnt == 1 && l.index(l.a.jnt_type, 0) == int(JointType::free); }
+
+/// v_b = v_parent + cdof qdot;  a_b = a_parent + (v x cdof) qdot;  f_b = I a_b + v_b x* I v_b, summed towards the root;  bias_i = cdof_i . f.
+/// Needs the bodies' own inertias: call it before lanes_mass_matrix, which makes them composite.
+template <class L> KOKKOS_INLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = false) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  Vec3<T> const zero{T(0), T(0), T(0)};
+  Vec3<T> const g = l.gravity();
+  for (int b = 0; b < a.nbody; ++b) {
+    int const parent = l.index(a.body_parent, b);
+    Spatial<T> v = parent >= 0 ? s.spatial(l.at.cvel + 6 * parent) : Spatial<T>{zero, zero};
+    Spatial<T> acc = parent >= 0 ? s.spatial(l.at.cacc + 6 * parent) : Spatial<T>{zero, -g};
+    int const j0 = l.index(a.body_jntadr, b);
+    for (int j = gravity_only ? a.njnt : j0, end = j0 + l.index(a.body_jntnum, b); j < end; ++j) {
+      int i = l.index(a.jnt_dofadr, j);
+      auto const type = JointType(l.index(a.jnt_type, j));
+      if (type == JointType::free)
+        for (int c = 0; c < 3; ++c, ++i) v = fma(s[l.at.qvel + i], s.spatial(l.at.cdof + 6 * i), v);  // world axes do not turn
+      Spatial<T> const before = v;  // the three axes of a ball turn with the frame before it moves
+      for (int c = 0, n = type == JointType::free || type == JointType::ball ? 3 : 1; c < n; ++c, ++i) {
+        Spatial<T> const dof = s.spatial(l.at.cdof + 6 * i);
+        T const qdot = s[l.at.qvel + i];
+        acc = fma(qdot, cross_motion(before, dof), acc);
+        v = fma(qdot, dof, v);
+      }
+    }
+    SpatialInertia<T> const inertia = s.inertia(l.at.cinert + 10 * b);
+    s.put(l.at.cvel + 6 * b, v), s.put(l.at.cacc + 6 * b, acc);
+    s.put(l.at.cfrc + 6 * b, inertia * acc + cross_force(v, inertia * v));
+  }
+  for (int b = a.nbody - 1; b >= 0; --b) {
+    Spatial<T> const f = s.spatial(l.at.cfrc + 6 * b);
+    int const d0 = l.index(a.body_dofadr, b), parent = l.index(a.body_parent, b);
+    for (int i = d0, end = d0 + l.index(a.body_dofnum, b); i < end; ++i) s[l.at.bias + i] = dot(s.spatial(l.at.cdof + 6 * i), f);
+    if (parent >= 0) s.put(l.at.cfrc + 6 * parent, s.spatial(l.at.cfrc + 6 * parent) + f);
+  }
+}
+
+template <class State, class Poses> struct BiasStage {
+  State state;
+  Poses poses;
+  template <class L> KOKKOS_FUNCTION void operator()(L const& l) const {
+    lanes_load_poses(l, poses), lanes_load_velocity(l, state.qvel), lanes_inertia(l);
+    lanes_bias(l, l.model.profile == Profile::stable && is_free_body(l));
+  }
+};
+template <class View> struct CopyDofsStage {
+  View out;
+  int DynamicsLayout::*item;
+  template <class L> KOKKOS_FUNCTION void operator()(L const& l) const {
+    for (int i = 0; i < l.a.nv; ++i) l.store(out, l.dof0, i, l.items[l.at.*item + i]);
+  }
+};
+}  // namespace detail
+
+/// Bias forces c(q, v) - J^T m g of every tree, in dynamics.items (`copy_dofs` copies them out), so that M qacc + bias = applied forces.
+/// In profile `stable` a free body's gyroscopic part is left out: its angular momentum is carried by integrate (docs/dynamics/integrate.md).
+/// Cost about 250 flop a body. Does not allocate, does not fence.
+template <ExecutionSpace Exec, class R, class Mem>
+void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics) {
+  for_lanes("gsp::dynamics::bias_forces", exec, model, dynamics, detail::BiasStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
+}
+
+/// Copies one kind of dof vector, e.g. &DynamicsLayout::bias, to `out` (world, nv).
+template <ExecutionSpace Exec, class R, class Mem, class View>
+void copy_dofs(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, int DynamicsLayout::*item, View const& out) {
+  expects(int(out.extent(0)) == dynamics.worlds && int(out.extent(1)) == model.nv, "gsp::copy_dofs: out must be (worlds, nv)");
+  for_lanes("gsp::dynamics::copy_dofs", exec, model, dynamics, detail::CopyDofsStage<View>{out, item});
+}
+
+}  // namespace gsp

@@ -1,0 +1,226 @@
+#pragma once
+#include <gsp/math/pack.hpp>
+#include <gsp/math/spatial.hpp>
+#include <gsp/model/poses.hpp>
+#include <gsp/model/state.hpp>
+
+/// Lanes: one tree of one world each. All lanes of an archetype run the same branch-free program; only numbers differ. On a CPU the number type is a
+/// `Pack` and a block of W lanes goes through the program together; on a GPU a lane is a thread, and a block is a warp.
+namespace gsp {
+
+/// Lanes in a block, and the number type that a kernel on `Exec` computes with.
+template <class Exec, class R> inline constexpr int lane_width = is_device<Exec> ? 32 : native_width<R>;
+template <class Mem, class R> inline constexpr int block_width = bool(Kokkos::SpaceAccessibility<Kokkos::HostSpace, Mem>::accessible) ? native_width<R> : 32;
+template <class Exec, class R> using lane_number = std::conditional_t<is_device<Exec>, R, Pack<R, native_width<R>>>;
+
+namespace detail {
+template <class T> struct width_of { static constexpr int value = T::width; };
+template <Scalar T> struct width_of<T> { static constexpr int value = 1; };
+template <Scalar T> KOKKOS_INLINE_FUNCTION void set_lane(T& x, int, T value) { x = value; }
+template <class R, int W> KOKKOS_INLINE_FUNCTION void set_lane(Pack<R, W>& x, int i, R value) { x.set(i, value); }
+template <Scalar T> KOKKOS_INLINE_FUNCTION T get_lane(T x, int) { return x; }
+template <class R, int W> KOKKOS_INLINE_FUNCTION R get_lane(Pack<R, W> const& x, int i) { return x[i]; }
+
+// Packs from and to plain memory, lane i at data[world[i] * stride + first[i] * components + offset]. Not inlined: they are called often, and are loops.
+template <class T> [[gnu::noinline]] KOKKOS_FUNCTION T gather(real_t<T> const* data, std::int64_t stride, int const* world, int const* first, int components, int offset) {
+  T x{};
+  for (int i = 0; i < T::width; ++i) x.set(i, data[world[i] * stride + first[i] * components + offset]);
+  return x;
+}
+template <class T> [[gnu::noinline]] KOKKOS_FUNCTION void scatter(real_t<T>* data, std::int64_t stride, int const* world, int const* first, int components, int offset, T const& x, int count) {
+  for (int i = 0; i < count; ++i) data[world[i] * stride + first[i] * components + offset] = x[i];
+}
+}  // namespace detail
+
+/// Items of one lane at base[i * stride], or of a whole block, one pack after the other (stride 1).
+template <class T> struct LaneItems {
+  T* base;
+  int stride;
+  KOKKOS_INLINE_FUNCTION T& operator[](int i) const {
+    if constexpr (Scalar<T>) return base[std::int64_t(i) * stride]; else return base[i];
+  }
+  KOKKOS_INLINE_FUNCTION Vec3<T> vec3(int i) const { return {(*this)[i], (*this)[i + 1], (*this)[i + 2]}; }
+  KOKKOS_INLINE_FUNCTION Quat<T> quat(int i) const { return {(*this)[i], (*this)[i + 1], (*this)[i + 2], (*this)[i + 3]}; }
+  KOKKOS_INLINE_FUNCTION Spatial<T> spatial(int i) const { return {vec3(i), vec3(i + 3)}; }
+  KOKKOS_INLINE_FUNCTION SpatialInertia<T> inertia(int i) const {
+    return {(*this)[i], (*this)[i + 1], (*this)[i + 2], (*this)[i + 3], (*this)[i + 4], (*this)[i + 5], vec3(i + 6), (*this)[i + 9]};
+  }
+  KOKKOS_INLINE_FUNCTION void put(int i, Vec3<T> const& v) const { (*this)[i] = v.x, (*this)[i + 1] = v.y, (*this)[i + 2] = v.z; }
+  KOKKOS_INLINE_FUNCTION void put(int i, Quat<T> const& q) const { (*this)[i] = q.w, (*this)[i + 1] = q.x, (*this)[i + 2] = q.y, (*this)[i + 3] = q.z; }
+  KOKKOS_INLINE_FUNCTION void put(int i, Spatial<T> const& s) const { put(i, s.angular), put(i + 3, s.linear); }
+  KOKKOS_INLINE_FUNCTION void put(int i, SpatialInertia<T> const& s) const {
+    (*this)[i] = s.xx, (*this)[i + 1] = s.yy, (*this)[i + 2] = s.zz, (*this)[i + 3] = s.xy, (*this)[i + 4] = s.xz, (*this)[i + 5] = s.yz;
+    put(i + 6, s.moment), (*this)[i + 9] = s.mass;
+  }
+};
+
+/// Where the dynamics of a tree keep their items: offsets for its archetype. Vectors of dofs: passive, actuator, bias; force = passive - bias + actuator + applied;
+/// stiffness, damping: what the factored matrix takes implicitly; velocity: free, then new; impulse: whitened sum of the constraints' impulses (rows.hpp).
+struct DynamicsLayout {
+  int xpos, xquat, xanchor, xaxis, com, cdof, mass, factor, inverse_diagonal, qvel, passive, actuator, bias, force, stiffness, damping, acceleration, velocity, impulse;
+  int cinert, cvel, cacc, cfrc;  // from here on: needed within one stage only
+  int size;
+  KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) {
+    int n = 0;
+    auto const take = [&n](int& at, int items) { at = n, n += items; };
+    take(xpos, 3 * a.nbody), take(xquat, 4 * a.nbody), take(xanchor, 3 * a.njnt), take(xaxis, 3 * a.njnt), take(com, 3), take(cdof, 6 * a.nv);
+    take(mass, a.nM), take(factor, a.nM), take(inverse_diagonal, a.nv);
+    take(qvel, a.nv), take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(force, a.nv), take(stiffness, a.nv), take(damping, a.nv), take(acceleration, a.nv), take(velocity, a.nv), take(impulse, a.nv);
+    take(cinert, 10 * a.nbody), take(cvel, 6 * a.nbody), take(cacc, 6 * a.nbody), take(cfrc, 6 * a.nbody);
+    size = n;
+  }
+};
+
+/// One tree of one world, for kernels that go world by world (constraints): its items in the blocked scratch.
+template <class R> struct TreeItems : LaneItems<R> {
+  DynamicsLayout at;
+};
+
+/// Scratch of the smooth dynamics, blocked by lanes, and the table of its blocks. `make_dynamics` allocates it.
+template <class R, class Mem> struct Dynamics {
+  using real_type = R;
+  using memory_space = Mem;
+  static constexpr int width = block_width<Mem, R>;
+  int worlds = 0, blocks = 0;
+  int padded_worlds = 0;                               // lane = instance * padded_worlds + world: a block holds one instance wherever there are enough worlds
+  Kokkos::View<R*, Mem> items;
+  Kokkos::View<int*, Mem> block_archetype;             // (blocks)
+  Kokkos::View<std::int64_t*, Mem> block_offset;       // (blocks) first item of the block
+  Kokkos::View<int*, Mem> archetype_block;             // (archetypes) first block
+
+  /// Items of tree `t` of world `w`.
+  KOKKOS_INLINE_FUNCTION TreeItems<R> tree(Model<R, Mem> const& m, int w, int t) const {
+    int const k = m.tree_archetype(t), lane = m.tree_instance(t) * padded_worlds + w;
+    int const block = archetype_block(k) + lane / width;
+    return {{items.data() + block_offset(block) + lane % width, width}, DynamicsLayout(m.archetypes(k))};
+  }
+};
+
+struct DynamicsOptions {
+  int worlds = 1;
+};
+
+/// Scratch for the dynamics of `worlds` worlds; (7 + 28) floats a body, 14 a dof and two mass matrices. Allocates.
+template <class R, ExecutionSpace Exec, class Mem> Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, DynamicsOptions options = {}) {
+  static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_dynamics: the model is not accessible from this execution space");
+  expects(options.worlds > 0, "gsp::make_dynamics: worlds must be positive");
+  Dynamics<R, Mem> d;
+  constexpr int W = Dynamics<R, Mem>::width;
+  d.worlds = options.worlds;
+  d.padded_worlds = d.worlds < W ? d.worlds : (d.worlds + W - 1) / W * W;
+  std::vector<int> archetype, first;
+  std::vector<std::int64_t> offset;
+  std::int64_t size = 0;
+  for (int k = 0; k < model.narchetype; ++k) {
+    Archetype const& a = model.host_archetypes(k);
+    int const blocks = int((std::int64_t(a.ninstance) * d.padded_worlds + W - 1) / W);
+    first.push_back(int(archetype.size()));
+    for (int b = 0; b < blocks; ++b) archetype.push_back(k), offset.push_back(size), size += std::int64_t(DynamicsLayout(a).size) * W;
+  }
+  d.blocks = int(archetype.size());
+  d.items = Kokkos::View<R*, Mem>(Kokkos::view_alloc(exec, "gsp::Dynamics::items"), size);
+  d.block_archetype = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Dynamics::block_archetype", archetype);
+  d.block_offset = detail::to_device<Kokkos::View<std::int64_t*, Mem>>(exec, "gsp::Dynamics::block_offset", offset);
+  d.archetype_block = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Dynamics::archetype_block", first);
+  return d;
+}
+
+/// What a stage sees: one lane (GPU) or a block of lanes (CPU), its topology, constants, and items.
+template <class T, class Mem> struct Lane {
+  using R = real_t<T>;
+  static constexpr int W = detail::width_of<T>::value;
+  Model<R, Mem> const& model;
+  Archetype const& a;
+  int const* ints;        // topology: ints[a.body_parent + b] ...
+  LaneItems<T> items;
+  DynamicsLayout at;
+  bool uniform = true;    // all lanes are the same instance (of different worlds)
+  int count = W;          // lanes below it are worlds of their own; the rest repeat the last one and store nothing
+  int world[W], body0[W], jnt0[W], dof0[W], qpos0[W], instance[W];
+
+  KOKKOS_INLINE_FUNCTION Lane(Model<R, Mem> const& model_, Archetype const& a_, LaneItems<T> items_, int first_lane, int padded_worlds, int worlds)
+      : model(model_), a(a_), ints(model_.ints.data()), items(items_), at(a_) {
+    int const lanes = a.ninstance * padded_worlds;
+    count = 0;
+    for (int i = 0; i < W; ++i) {
+      int lane = first_lane + i < lanes ? first_lane + i : lanes - 1;
+      int const own = lane % padded_worlds < worlds;
+      instance[i] = lane / padded_worlds;
+      world[i] = own ? lane % padded_worlds : worlds - 1;
+      if (first_lane + i < lanes && own) count = i + 1;
+      uniform &= instance[i] == instance[0];
+      body0[i] = ints[a.instance_body + instance[i]], jnt0[i] = ints[a.instance_jnt + instance[i]];
+      dof0[i] = ints[a.instance_dof + instance[i]], qpos0[i] = ints[a.instance_qpos + instance[i]];
+    }
+  }
+  KOKKOS_INLINE_FUNCTION int index(int array, int i) const { return ints[array + i]; }
+
+  /// Constant `component` of item `i` (counted from `first` of each lane): one broadcast where all lanes share it, else a gather.
+  KOKKOS_INLINE_FUNCTION T constant(Field<R> const& f, int const* first, int i, int components = 1, int component = 0) const {
+    if constexpr (W == 1) {
+      return f(world[0], (first[0] + i) * components + component);
+    } else {
+      if (uniform && f.stride == 0) return T(f.data[(first[0] + i) * components + component]);
+      return detail::gather<T>(f.data, f.stride, world, first, components, i * components + component);
+    }
+  }
+  KOKKOS_INLINE_FUNCTION Vec3<T> constant3(Field<R> const& f, int const* first, int i) const { return {constant(f, first, i, 3, 0), constant(f, first, i, 3, 1), constant(f, first, i, 3, 2)}; }
+  KOKKOS_INLINE_FUNCTION Quat<T> constant4(Field<R> const& f, int const* first, int i) const {
+    return {constant(f, first, i, 4, 0), constant(f, first, i, 4, 1), constant(f, first, i, 4, 2), constant(f, first, i, 4, 3)};
+  }
+  /// Constant of the tree's k-th tendon, term or actuator, which are listed by world index.
+  KOKKOS_INLINE_FUNCTION T listed(Field<R> const& f, int list, int n, int k, int components = 1, int component = 0) const {
+    int item[W];
+    for (int l = 0; l < W; ++l) item[l] = index(list, instance[l] * n + k);
+    return constant(f, item, 0, components, component);
+  }
+  KOKKOS_INLINE_FUNCTION Vec3<T> gravity() const {
+    int const zero[W] = {};
+    return constant3(model.gravity, zero, 0);
+  }
+
+  /// Item `first + i` of a plain view (world, item), or its component of (world, item, components).
+  template <class View> KOKKOS_INLINE_FUNCTION T load(View const& v, int const* first, int i, int components = 1, int component = 0) const {
+    std::int64_t const stride = std::int64_t(v.extent(1)) * components;
+    if constexpr (W == 1) return v.data()[world[0] * stride + (first[0] + i) * components + component];
+    else return detail::gather<T>(v.data(), stride, world, first, components, i * components + component);
+  }
+  template <class View> KOKKOS_INLINE_FUNCTION void store(View const& v, int const* first, int i, T const& x, int components = 1, int component = 0) const {
+    std::int64_t const stride = std::int64_t(v.extent(1)) * components;
+    if constexpr (W == 1) v.data()[world[0] * stride + (first[0] + i) * components + component] = x;  // a lane that has no world does not run
+    else detail::scatter<T>(v.data(), stride, world, first, components, i * components + component, x, count);
+  }
+};
+
+namespace detail {
+template <class T, class R, class Mem, class Stage> struct LaneKernel {
+  Model<R, Mem> model;
+  Dynamics<R, Mem> dynamics;
+  Stage stage;
+  KOKKOS_FUNCTION void operator()(int i) const {
+    constexpr int width = Dynamics<R, Mem>::width, W = width_of<T>::value;
+    static_assert(W == 1 || W == width);
+    int const block = i / (width / W), inside = i % (width / W);
+    int const k = dynamics.block_archetype(block);
+    LaneItems<T> const items{reinterpret_cast<T*>(dynamics.items.data() + dynamics.block_offset(block)) + inside, width / W};
+    Lane<T, Mem> lane(model, model.archetypes(k), items, (block - dynamics.archetype_block(k)) * width + inside, dynamics.padded_worlds, dynamics.worlds);
+    if (lane.count == 0) return;
+    stage(lane);
+  }
+};
+}  // namespace detail
+
+/// Runs `stage(lane)` for all lanes: one launch for all archetypes. `stage` is a functor with a template <class Lane> operator()(Lane&) const.
+/// On a host with T = R, lanes go one by one (the reference of tests); by default packs.
+template <class T, ExecutionSpace Exec, class R, class Mem, class Stage>
+void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {
+  static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::for_lanes: the model is not accessible from this execution space");
+  constexpr int threads = Dynamics<R, Mem>::width / detail::width_of<T>::value;
+  Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads), detail::LaneKernel<T, R, Mem, Stage>{model, dynamics, stage});
+}
+template <ExecutionSpace Exec, class R, class Mem, class Stage>
+void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {
+  for_lanes<lane_number<Exec, R>>(label, exec, model, dynamics, stage);
+}
+
+}  // namespace gsp
