@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <gsp_test_execs.hpp>
+#include <map>
 #include <support/kokkos_tools.hpp>
 
 #include "scenes.hpp"
@@ -189,6 +190,36 @@ TEST_CASE_TEMPLATE("collide works on the given instance, allocates nothing and d
   auto const seen = gsp_test::watch([&] { collide(exec, model, poses, contacts); });
   gsp_test::check_algorithm(exec, seen);
   CHECK(seen.kernels.size() == 5);
+}
+
+TEST_CASE_TEMPLATE("with four points a box pair the deepest stays, and every other pair keeps its points", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  auto const m = gsp_test::heap(30);
+  auto const model = make_collision_model<double>(exec, m);
+  auto const poses = gsp_test::upload_poses<double>(exec, m, gsp_test::random_poses(m, 4, 0.4), 0, 4);
+  auto all = make_contacts(exec, model, {.worlds = 4}), four = make_contacts(exec, model, {.worlds = 4, .points_per_box_pair = 4});
+  do collide(exec, model, poses, all);
+  while (grow(exec, all));
+  do collide(exec, model, poses, four);
+  while (grow(exec, four));
+  using Key = std::array<int, 2>;
+  auto const by_pair = [](auto const& list) {
+    std::map<Key, std::vector<HostContact<double>>> result;
+    for (auto const& c : list) result[{c.world, c.pair}].push_back(c);
+    return result;
+  };
+  auto const a = by_pair(download(exec, all)), b = by_pair(download(exec, four));
+  REQUIRE(a.size() == b.size());
+  int reduced = 0;
+  for (auto const& [key, points] : a) {
+    auto const& kept = b.at(key);
+    CHECK(kept.size() == std::min<std::size_t>(4, points.size()));
+    reduced += points.size() > 4;
+    auto const less = [](auto const& p, auto const& q) { return p.dist < q.dist; };
+    CHECK(std::min_element(kept.begin(), kept.end(), less)->dist == std::min_element(points.begin(), points.end(), less)->dist);
+    for (auto const& k : kept) CHECK(std::find(points.begin(), points.end(), k) != points.end());
+  }
+  CHECK(reduced >= 3);
 }
 
 TEST_CASE_TEMPLATE("NaN poses make no contacts and do not touch other worlds", Exec, GSP_TEST_EXECS) {

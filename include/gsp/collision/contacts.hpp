@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/collision/broadphase.hpp>
+#include <gsp/collision/manifold.hpp>
 #include <gsp/collision/narrowphase.hpp>
 #include <gsp/core/status.hpp>
 
@@ -14,6 +15,7 @@ namespace gsp {
 struct ContactsOptions {
   int worlds = 1;
   int candidates_per_world = 0, points_per_world = 0, contacts_per_world = 0;
+  int points_per_box_pair = 8;  // 8: all of them; 4: those that support best (manifold.hpp)
 };
 
 /// What the last `collide` needed, read by the host.
@@ -52,6 +54,7 @@ struct Contacts {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0;
+  int points_per_box_pair = 8;
   View<int*> first, end;        // (worlds) the contacts of a world; use begin_of and count_of, which know about overflow
   View<std::uint32_t*> status;  // (worlds) status::contact_overflow
   // (capacity), filled up to size()
@@ -155,6 +158,7 @@ template <class R, class Mem>
 struct CollideCandidates {
   CollisionModel<R, Mem> model;
   ContactScratch<R, Mem> s;
+  bool reduce;
   KOKKOS_FUNCTION void operator()(std::int64_t k) const {
     if (k >= s.total(0)) return;
     Candidate c = s.candidates(k);
@@ -168,7 +172,7 @@ struct CollideCandidates {
     auto const& own = model.parameters_of(c.pair);
     PointSlots<R> out{&s.points(c.slot), max_points(kind), 0};
     narrowphase(kind, shape(a), shape(b), own.margin + own.gap, out);
-    s.candidates(k).count = out.count;
+    s.candidates(k).count = reduce && kind == PairKind::box_box ? reduce_points(out.slot, out.count) : out.count;
   }
 };
 
@@ -228,7 +232,9 @@ struct WriteContacts {
 template <ExecutionSpace Exec, class R, class Mem>
 Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& model, ContactsOptions options = {}) {
   expects(options.worlds > 0, "gsp::make_contacts: worlds must be positive and is " + std::to_string(options.worlds));
+  expects(options.points_per_box_pair == 4 || options.points_per_box_pair == 8, "gsp::make_contacts: points_per_box_pair must be 4 or 8");
   Contacts<R, Mem> c;
+  c.points_per_box_pair = options.points_per_box_pair;
   int const worlds = c.worlds = options.worlds;
   auto const make = [&](auto& v, std::string const& label, std::size_t n) {
     v = std::decay_t<decltype(v)>(Kokkos::view_alloc(exec, label), n);
@@ -292,7 +298,8 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
   // read.
   std::int64_t candidates = std::int64_t(s.candidates.extent(0));
   if constexpr (!is_device<Exec>) candidates = std::min(candidates, std::int64_t(s.total(0)));
-  Kokkos::parallel_for("gsp::collision::narrowphase", Range(exec, 0, candidates), detail::CollideCandidates<R, Mem>{model, s});
+  Kokkos::parallel_for("gsp::collision::narrowphase", Range(exec, 0, candidates),
+                       detail::CollideCandidates<R, Mem>{model, s, contacts.points_per_box_pair == 4});
   Kokkos::parallel_scan("gsp::collision::write_contacts", Range(exec, 0, items), detail::WriteContacts<R, Mem>{model, contacts});
 }
 
