@@ -259,7 +259,7 @@ class Compiler {
   }
 
   // Mass of a body from its geoms: one geom lends its frame; several are summed about their common centre of mass (parallel axis theorem).
-  Mass from_geoms(BodyDescription const& body) const {
+  std::optional<Mass> from_geoms(BodyDescription const& body) const {
     std::vector<Mass> parts;
     for (auto const& g : body.geoms) {
       if (g.group < d_.compiler.inertia_group_range[0] || g.group > d_.compiler.inertia_group_range[1]) continue;
@@ -268,7 +268,7 @@ class Compiler {
       if (!(mass > 1e-14)) continue;
       parts.push_back({mass, g.pos, normalized(g.quat), {mass * shape.moments[0], mass * shape.moments[1], mass * shape.moments[2]}});
     }
-    if (parts.size() < 2) return parts.empty() ? Mass{} : parts[0];
+    if (parts.size() < 2) return parts.empty() ? std::nullopt : std::optional(parts[0]);
     Mass sum;
     for (auto const& p : parts) sum.mass += p.mass, sum.pos = sum.pos + p.mass * p.pos;
     sum.pos = (1 / sum.mass) * sum.pos;
@@ -281,7 +281,7 @@ class Compiler {
       for (int k = 0; k < 6; ++k) tensor[k] += own[k] + p.mass * moved[k];
     }
     auto const axes = principal_axes(tensor);
-    return {sum.mass, sum.pos, axes.quat, axes.moments};
+    return Mass{sum.mass, sum.pos, axes.quat, axes.moments};
   }
 
   void masses() {
@@ -290,12 +290,18 @@ class Compiler {
       auto const& body = d_.bodies[b];
       Mass mass;
       if (b > 0) {
-        if (body.has_inertial && !c.inertia_from_geom_always) {
-          auto const& i = body.inertial;
-          require_finite(finite(i.pos) && finite(i.quat) && finite(i.inertia) && std::isfinite(i.mass), body.place, "body", body.name);
-          mass = principal(i.mass, i.pos, normalized(i.quat), i.inertia);
-        } else if (!c.inertia_from_geom_never) {
-          mass = from_geoms(body);
+        auto const& given = body.inertial;
+        bool const from_shapes = !c.inertia_from_geom_never && (!body.has_inertial || c.inertia_from_geom_always);
+        std::optional<Mass> const shapes = from_shapes ? from_geoms(body) : std::nullopt;
+        if (shapes) {
+          mass = *shapes;
+        } else if (body.has_inertial) {
+          require_finite(finite(given.pos) && finite(given.quat) && finite(given.inertia) && std::isfinite(given.mass), body.place, "body",
+                         body.name);
+          mass = principal(given.mass, given.pos, normalized(given.quat), given.inertia);
+        } else {
+          mass.pos = body.pos,
+          mass.quat = unit(body.quat);  // an arbitrary point, but MuJoCo's, and the body's inverse weight is taken there
         }
         if (mass.mass < 0 || *std::min_element(mass.moments.begin(), mass.moments.end()) < 0)
           fail(body.place, "body", body.name, "has a negative mass or moment of inertia: correct its inertial");
@@ -411,7 +417,6 @@ class Compiler {
   // What follows from the mass matrix in the initial pose.
   void constants() {
     m_.body_invweight0.assign(m_.nbody, {0, 0}), m_.dof_invweight0.assign(m_.nv, 0);
-    std::vector<double> mass_diagonal(m_.nv, 0.);
     for (int t = 0; t < m_.ntree; ++t) {
       int const n = m_.tree_dofnum[t], d0 = m_.tree_dofadr[t];
       if (n > 3000)
@@ -424,7 +429,6 @@ class Compiler {
         std::vector<double> unit(n, 0.);
         unit[d - d0] = 1;
         m_.dof_invweight0[d] = inertia.inverse_weight(std::move(unit));
-        mass_diagonal[d] = inertia.diagonal(d);
       }
       for (int j = m_.tree_jntadr[t], end = j + m_.tree_jntnum[t]; j < end; ++j)  // the three of a translation or a ball share their mean
         for (int first = 0, dofs = m_.jnt_type[j] == 0 ? 6 : m_.jnt_type[j] == 1 ? 3 : 0; first < dofs; first += 3) {
@@ -462,19 +466,12 @@ class Compiler {
       double const ratio = d_.actuators[a].dampratio, kp = -m_.act_bias[a][1];
       if (!(ratio > 0)) continue;
       if (!(kp > 0)) fail(d_.actuators[a].place, "actuator", m_.act_name[a], "has dampratio but no stiffness: give kp");
-      double reflected = 0;
-      auto const add = [&](int j, double moment) {
-        if (moment != 0) reflected += mass_diagonal[m_.jnt_dofadr[j]] / (moment * moment);
-      };
       int const id = m_.act_id[a];
-      if (m_.act_target[a] == 0) {
-        if (m_.jnt_type[id] < int(JointType::slide))
-          fail(d_.actuators[a].place, "actuator", m_.act_name[a], "has dampratio on a ball or free joint, which is not supported: give kv");
-        add(id, m_.act_gear[a][0]);
-      } else {
-        for (int e = m_.tendon_termadr[id], end = e + m_.tendon_termnum[id]; e < end; ++e)
-          add(m_.term_jnt[e], m_.act_gear[a][0] * m_.term_coef[e]);
-      }
+      bool const on_joint = m_.act_target[a] == 0;
+      if (on_joint && m_.jnt_type[id] < int(JointType::slide))
+        fail(d_.actuators[a].place, "actuator", m_.act_name[a], "has dampratio on a ball or free joint, which is not supported: give kv");
+      double const weight = on_joint ? m_.dof_invweight0[m_.jnt_dofadr[id]] : m_.tendon_invweight0[id], gear = m_.act_gear[a][0];
+      double const reflected = 1 / std::max(gear * gear * weight, 1e-15);  // the inertia that the actuator feels
       m_.act_bias[a][2] = -2 * ratio * std::sqrt(kp * reflected);
     }
   }

@@ -462,13 +462,13 @@ class Reader {
       a.numbers("pos", j.pos), a.numbers("axis", j.axis), a.numbers("range", j.range);
       j.limited = limited(a, "limited", "range", j.range) && j.type != JointType::free;
       a.numbers("actuatorfrcrange", j.actuator_force_range);
-      j.actuator_force_limited = limited(a, "actuatorfrclimited", "actuatorfrcrange", j.actuator_force_range);
+      j.actuator_force_limited = limited(a, "actuatorfrclimited", "actuatorfrcrange", j.actuator_force_range) && j.type >= JointType::slide;
       a.number("ref", j.ref), a.number("springref", j.springref), a.number("armature", j.armature),
           a.number("frictionloss", j.frictionloss), a.number("margin", j.margin);
       linear(a, "stiffness", j.stiffness), linear(a, "damping", j.damping);
       a.numbers("springdamper", j.springdamper);
       softness(a, j.limit, "limit"), softness(a, j.friction, "friction");
-      if (j.type == JointType::hinge || j.type == JointType::ball) j.range = {angle(j.range[0]), angle(j.range[1])};
+      if (j.limited && j.type != JointType::slide) j.range = {angle(j.range[0]), angle(j.range[1])};
       if (j.type == JointType::hinge) j.ref = angle(j.ref), j.springref = angle(j.springref);
     }
     j.pos = frame * j.pos, j.axis = gsp::detail::rotate(frame.q, j.axis);
@@ -588,23 +588,23 @@ class Reader {
     to.body.cameras.push_back(std::move(c));
   }
 
-  // Copies of the contents, each posed by one step (offset, then euler) in the frame of the copy before; names get a number.
+  // Copies of the contents: copy i is turned by i times the Euler angles, and stands one offset from the copy before, in that one's frame.
+  // Names get a number.
   void replicate(Node const& node, BodyDraft& to, Pose const& frame, std::string const& childclass) {
     check(node);
     Attributes const a(s_.files, node, nullptr);
     int copies = 0;
     if (!a.integer("count", copies) || copies < 1) a.fail("count", "is missing or below 1; give the number of copies");
     if (copies > 1'000'000) a.fail("count", "is above a million; give less");
-    Pose step, pose;
-    Double3 angles{};
-    a.numbers("offset", step.p), a.numbers("euler", angles);
-    step.q = euler(angles);
+    Pose pose;
+    Double3 offset{}, angles{};
+    a.numbers("offset", offset), a.numbers("euler", angles);
     BodyDraft original;
     contents(node, original, Pose{}, a.text("childclass", childclass));
     Names names;
     collect_names(original, names, false);
     auto const lists = split_lists(names);
-    std::size_t const size = size_of(original), width = std::to_string(copies - 1).size();
+    std::size_t const size = size_of(original), width = std::to_string(copies).size();
     for (int i = 0; i < copies; ++i) {
       std::string number = std::to_string(i);
       number.insert(0, width - std::min(width, number.size()), '0');
@@ -614,8 +614,7 @@ class Reader {
       rename(copy);
       merge(std::move(copy), frame * pose, to);
       append(lists, names, rename, i > 0);
-      pose = pose * step;
-      pose.q = normalized(pose.q);
+      pose = {pose * offset, euler(double(i + 1) * angles)};
     }
   }
 

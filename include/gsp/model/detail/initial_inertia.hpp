@@ -67,13 +67,9 @@ class InitialInertia {
           matrix_[(m.jnt_dofadr[m.term_jnt[i]] - first_) * n_ + m.jnt_dofadr[m.term_jnt[k]] - first_] +=
               m.tendon_armature[t] * m.term_coef[i] * m.term_coef[k];
     }
-    diagonal_.resize(n_);
-    for (int d = 0; d < n_; ++d) diagonal_[d] = matrix_[d * n_ + d];
     factor(m);
   }
 
-  /// M_dd of a dof of the whole model.
-  double diagonal(int dof) const { return diagonal_[dof - first_]; }
   /// a^T M^-1 a for a row `a` over the tree's dofs, counted from the tree's first.
   double inverse_weight(std::vector<double> a) const {  // |L^-1 a|^2
     double sum = 0;
@@ -132,7 +128,7 @@ class InitialInertia {
   }
 
   int n_, first_;
-  std::vector<double> matrix_, diagonal_;
+  std::vector<double> matrix_;
   std::vector<Double3> axis_, anchor_, com_;  // world frame
   std::vector<char> turns_;
 };

@@ -1,0 +1,409 @@
+// Reader and compiler against MuJoCo's: the same text through both, all arrays of the model compared.
+#include <doctest/doctest.h>
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cstring>
+#include <fstream>
+#include <gsp/io/mjcf.hpp>
+#include <gsp/model/compile.hpp>
+#include <gsp/model/detail/principal_axes.hpp>
+#include <map>
+#include <memory>
+#include <set>
+#include <sstream>
+#include <support/data.hpp>
+
+using namespace gsp;
+
+namespace {
+using Texts = std::map<std::string, std::string>;  // file name -> text; "main.xml" is the model
+
+std::shared_ptr<mjModel> oracle(Texts const& texts) {
+  mjVFS vfs;
+  mj_defaultVFS(&vfs);
+  for (auto const& [name, text] : texts) REQUIRE(mj_addBufferVFS(&vfs, name.c_str(), text.data(), int(text.size())) == 0);
+  char error[1000] = "";
+  std::shared_ptr<mjModel> m(mj_loadXML("main.xml", &vfs, error, sizeof error), [](mjModel* p) {
+    if (p) mj_deleteModel(p);
+  });
+  mj_deleteVFS(&vfs);
+  REQUIRE_MESSAGE(m, error);
+  return m;
+}
+Description description(Texts const& texts, io::MjcfOptions options = {}) {
+  options.read = [&](std::filesystem::path const& path) {
+    auto const found = texts.find(path.string());
+    if (found == texts.end()) throw Error(path.string() + " is missing");
+    auto const bytes = io::detail::as_bytes(found->second);
+    return std::vector<std::byte>(bytes.begin(), bytes.end());
+  };
+  return io::read_mjcf("main.xml", options);
+}
+
+// |a - b| <= tolerance * max(1, |b|): the relative error of the issue, element by element.
+struct Compare {
+  double tolerance = 1e-12;
+  int bad = 0;
+  void number(char const* what, int i, double a, double b, double t) {
+    bool const ok = std::abs(a - b) <= t * std::max(1., std::abs(b));
+    if (!ok && ++bad <= 10) MESSAGE(std::string(what) << "[" << i << "]: " << a << " and MuJoCo " << b);
+  }
+  template <class A, class B>
+  void array(char const* what, A const& a, B const* b, double t = -1) {
+    int n = 0;
+    for (auto const& x : a) {
+      if constexpr (requires { x.size(); })
+        for (double y : x) number(what, n, y, double(b[n]), t < 0 ? tolerance : t), ++n;
+      else
+        number(what, n, double(x), double(b[n]), t < 0 ? tolerance : t), ++n;
+    }
+  }
+  // quaternions q and -q are the same rotation
+  void quats(char const* what, std::vector<Double4> const& a, mjtNum const* b) {
+    for (int i = 0; i < int(a.size()); ++i) {
+      double const sign = a[i][0] * b[4 * i] + a[i][1] * b[4 * i + 1] + a[i][2] * b[4 * i + 2] + a[i][3] * b[4 * i + 3] < 0 ? -1 : 1;
+      for (int k = 0; k < 4; ++k) number(what, 4 * i + k, sign * a[i][k], b[4 * i + k], tolerance);
+    }
+  }
+};
+
+using Pairs = std::set<std::pair<int, int>>;
+// The filters of MuJoCo's broad phase on MuJoCo's own arrays.
+Pairs pairs_of(mjModel const* m) {
+  Pairs pairs;
+  std::set<int> excluded(m->exclude_signature, m->exclude_signature + m->nexclude);
+  for (int a = 0; a < m->ngeom; ++a)
+    for (int b = a + 1; b < m->ngeom; ++b) {
+      int const b1 = m->geom_bodyid[a], b2 = m->geom_bodyid[b], w1 = m->body_weldid[b1], w2 = m->body_weldid[b2];
+      int const p1 = m->body_weldid[m->body_parentid[w1]], p2 = m->body_weldid[m->body_parentid[w2]];
+      if (!((m->geom_contype[a] & m->geom_conaffinity[b]) | (m->geom_contype[b] & m->geom_conaffinity[a]))) continue;
+      if (w1 == w2) continue;
+      if (!(m->opt.disableflags & mjDSBL_FILTERPARENT) && w1 && w2 && (w1 == p2 || w2 == p1)) continue;
+      if (excluded.count((std::min(b1, b2) << 16) + std::max(b1, b2))) continue;
+      if (m->geom_type[a] == mjGEOM_PLANE && m->geom_type[b] == mjGEOM_PLANE) continue;
+      pairs.emplace(a, b);
+    }
+  return pairs;
+}
+
+void compare(CompiledModel const& g, mjModel const* m) {
+  REQUIRE(g.nq == m->nq);
+  REQUIRE(g.nv == m->nv);
+  REQUIRE(g.nbody == m->nbody);
+  REQUIRE(g.njnt == m->njnt);
+  REQUIRE(g.ngeom == m->ngeom);
+  REQUIRE(g.nsite == m->nsite);
+  REQUIRE(g.ncam == m->ncam);
+  REQUIRE(g.nu == m->nu);
+  REQUIRE(g.ntendon == m->ntendon);
+  REQUIRE(g.ntree == m->ntree);
+  REQUIRE(g.keyframes.size() == std::size_t(m->nkey));
+  Compare c;
+  auto const names = [&](int type, std::vector<std::string> const& all) {
+    for (int i = 0; i < int(all.size()); ++i) {
+      char const* name = mj_id2name(m, type, i);
+      CHECK(all[i] == std::string(name ? name : ""));
+    }
+  };
+  names(mjOBJ_BODY, g.body_name), names(mjOBJ_JOINT, g.jnt_name), names(mjOBJ_GEOM, g.geom_name), names(mjOBJ_SITE, g.site_name);
+  names(mjOBJ_CAMERA, g.cam_name), names(mjOBJ_TENDON, g.tendon_name), names(mjOBJ_ACTUATOR, g.act_name);
+
+  c.number("timestep", 0, g.option.timestep, m->opt.timestep, 0);
+  c.array("gravity", g.option.gravity, m->opt.gravity, 0);
+  c.number("impratio", 0, g.option.impratio, m->opt.impratio, 0);
+  CHECK(int(g.option.integrator) == m->opt.integrator);
+  CHECK(int(g.option.cone) == m->opt.cone);
+  CHECK(g.option.iterations == m->opt.iterations);
+  auto const& o = g.option;
+  for (auto const& [on, bit] : {std::pair{o.constraint, mjDSBL_CONSTRAINT},
+                                {o.frictionloss, mjDSBL_FRICTIONLOSS},
+                                {o.limit, mjDSBL_LIMIT},
+                                {o.contact, mjDSBL_CONTACT},
+                                {o.passive_spring, mjDSBL_SPRING},
+                                {o.passive_damper, mjDSBL_DAMPER},
+                                {o.gravity_on, mjDSBL_GRAVITY},
+                                {o.clampctrl, mjDSBL_CLAMPCTRL},
+                                {o.warmstart, mjDSBL_WARMSTART},
+                                {o.filterparent, mjDSBL_FILTERPARENT},
+                                {o.actuation, mjDSBL_ACTUATION},
+                                {o.refsafe, mjDSBL_REFSAFE},
+                                {o.eulerdamp, mjDSBL_EULERDAMP}})
+    CHECK(on == !(m->opt.disableflags & bit));
+
+  c.array("body_parent", g.body_parent, m->body_parentid), c.array("body_weld", g.body_weld, m->body_weldid),
+      c.array("body_tree", g.body_tree, m->body_treeid);
+  c.array("body_jntadr", g.body_jntadr, m->body_jntadr), c.array("body_jntnum", g.body_jntnum, m->body_jntnum),
+      c.array("body_dofadr", g.body_dofadr, m->body_dofadr);
+  c.array("body_dofnum", g.body_dofnum, m->body_dofnum), c.array("body_geomadr", g.body_geomadr, m->body_geomadr),
+      c.array("body_geomnum", g.body_geomnum, m->body_geomnum);
+  c.array("body_pos", g.body_pos, m->body_pos), c.quats("body_quat", g.body_quat, m->body_quat);
+  c.array("body_mass", g.body_mass, m->body_mass, 1e-9), c.array("body_gravcomp", g.body_gravcomp, m->body_gravcomp);
+  for (int b = 0; b < g.nbody; ++b) {
+    bool const moves = g.body_tree[b] >= 0;
+    for (int k = 0; k < 3 && (moves || g.body_mass[b] > 0); ++k)
+      c.number("body_ipos", 3 * b + k, g.body_ipos[b][k], m->body_ipos[3 * b + k], 1e-9);
+    // axes are a convention of the eigen solver, the tensor is not
+    mjtNum const *q = m->body_iquat + 4 * b, *i = m->body_inertia + 3 * b;
+    auto const mine = gsp::detail::rotated_diagonal(g.body_iquat[b], g.body_inertia[b]),
+               theirs = gsp::detail::rotated_diagonal({q[0], q[1], q[2], q[3]}, {i[0], i[1], i[2]});
+    double const scale = std::max({mine[0], mine[1], mine[2], 1e-300});
+    for (int k = 0; k < 6; ++k) c.number("inertia tensor / its size", 6 * b + k, mine[k] / scale, theirs[k] / scale, 1e-9);
+  }
+  c.array("body_invweight0", g.body_invweight0, m->body_invweight0, 1e-9);
+
+  c.array("jnt_type", g.jnt_type, m->jnt_type), c.array("jnt_body", g.jnt_body, m->jnt_bodyid),
+      c.array("jnt_qposadr", g.jnt_qposadr, m->jnt_qposadr);
+  c.array("jnt_dofadr", g.jnt_dofadr, m->jnt_dofadr), c.array("jnt_limited", g.jnt_limited, m->jnt_limited),
+      c.array("jnt_actfrclimited", g.jnt_actfrclimited, m->jnt_actfrclimited);
+  c.array("jnt_pos", g.jnt_pos, m->jnt_pos), c.array("jnt_axis", g.jnt_axis, m->jnt_axis),
+      c.array("jnt_stiffness", g.jnt_stiffness, m->jnt_stiffness, 1e-9);
+  c.array("jnt_margin", g.jnt_margin, m->jnt_margin), c.array("jnt_range", g.jnt_range, m->jnt_range),
+      c.array("jnt_actfrcrange", g.jnt_actfrcrange, m->jnt_actfrcrange);
+  c.array("jnt_solref", g.jnt_solref, m->jnt_solref), c.array("jnt_solimp", g.jnt_solimp, m->jnt_solimp);
+
+  c.array("dof_body", g.dof_body, m->dof_bodyid), c.array("dof_jnt", g.dof_jnt, m->dof_jntid),
+      c.array("dof_parent", g.dof_parent, m->dof_parentid);
+  c.array("dof_armature", g.dof_armature, m->dof_armature), c.array("dof_damping", g.dof_damping, m->dof_damping, 1e-9);
+  c.array("dof_frictionloss", g.dof_frictionloss, m->dof_frictionloss),
+      c.array("dof_invweight0", g.dof_invweight0, m->dof_invweight0, 1e-9);
+  c.array("dof_solref", g.dof_solref, m->dof_solref), c.array("dof_solimp", g.dof_solimp, m->dof_solimp);
+  c.array("qpos0", g.qpos0, m->qpos0), c.array("qpos_spring", g.qpos_spring, m->qpos_spring);
+
+  c.array("geom_type", g.geom_type, m->geom_type), c.array("geom_body", g.geom_body, m->geom_bodyid),
+      c.array("geom_contype", g.geom_contype, m->geom_contype);
+  c.array("geom_conaffinity", g.geom_conaffinity, m->geom_conaffinity), c.array("geom_priority", g.geom_priority, m->geom_priority),
+      c.array("geom_group", g.geom_group, m->geom_group);
+  for (int i = 0; i < g.ngeom; ++i) CHECK(g.geom_condim[i] == (g.report.empty() ? m->geom_condim[i] : std::min(m->geom_condim[i], 3)));
+  for (int i = 0; i < g.ngeom; ++i) {  // MuJoCo clears what a shape does not use
+    int const used = g.geom_type[i] == mjGEOM_SPHERE ? 1 : g.geom_type[i] == mjGEOM_CAPSULE || g.geom_type[i] == mjGEOM_CYLINDER ? 2 : 3;
+    for (int k = 0; k < used; ++k) c.number("geom_size", 3 * i + k, g.geom_size[i][k], m->geom_size[3 * i + k], c.tolerance);
+  }
+  c.array("geom_pos", g.geom_pos, m->geom_pos), c.quats("geom_quat", g.geom_quat, m->geom_quat),
+      c.array("geom_friction", g.geom_friction, m->geom_friction);
+  c.array("geom_solmix", g.geom_solmix, m->geom_solmix), c.array("geom_margin", g.geom_margin, m->geom_margin),
+      c.array("geom_gap", g.geom_gap, m->geom_gap);
+  c.array("geom_rbound", g.geom_rbound, m->geom_rbound), c.array("geom_solref", g.geom_solref, m->geom_solref),
+      c.array("geom_solimp", g.geom_solimp, m->geom_solimp);
+  for (int i = 0; i < g.ngeom; ++i)
+    if (m->geom_matid[i] < 0)
+      for (int k = 0; k < 4; ++k) c.number("geom_rgba", i, g.geom_rgba[i][k], m->geom_rgba[4 * i + k], 1e-7);
+
+  c.array("site_body", g.site_body, m->site_bodyid), c.array("site_pos", g.site_pos, m->site_pos),
+      c.quats("site_quat", g.site_quat, m->site_quat);
+  c.array("cam_body", g.cam_body, m->cam_bodyid), c.array("cam_pos", g.cam_pos, m->cam_pos), c.quats("cam_quat", g.cam_quat, m->cam_quat);
+
+  c.array("tendon_num", g.tendon_termnum, m->tendon_num), c.array("tendon_limited", g.tendon_limited, m->tendon_limited),
+      c.array("term_jnt", g.term_jnt, m->wrap_objid);
+  c.array("term_coef", g.term_coef, m->wrap_prm), c.array("tendon_stiffness", g.tendon_stiffness, m->tendon_stiffness),
+      c.array("tendon_damping", g.tendon_damping, m->tendon_damping);
+  c.array("tendon_frictionloss", g.tendon_frictionloss, m->tendon_frictionloss),
+      c.array("tendon_armature", g.tendon_armature, m->tendon_armature);
+  c.array("tendon_margin", g.tendon_margin, m->tendon_margin), c.array("tendon_range", g.tendon_range, m->tendon_range),
+      c.array("tendon_length0", g.tendon_length0, m->tendon_length0);
+  c.array("tendon_lengthspring", g.tendon_lengthspring, m->tendon_lengthspring),
+      c.array("tendon_invweight0", g.tendon_invweight0, m->tendon_invweight0, 1e-9);
+  c.array("tendon_solref_limit", g.tendon_solref_limit, m->tendon_solref_lim),
+      c.array("tendon_solimp_limit", g.tendon_solimp_limit, m->tendon_solimp_lim);
+  c.array("tendon_solref_friction", g.tendon_solref_friction, m->tendon_solref_fri),
+      c.array("tendon_solimp_friction", g.tendon_solimp_friction, m->tendon_solimp_fri);
+
+  for (int a = 0; a < g.nu; ++a) {
+    int const out = m->actuator_outadr[a], ctrl = m->actuator_ctrladr[a];
+    CHECK((g.act_target[a] == 0) == (m->actuator_trntype[a] == mjTRN_JOINT || m->actuator_trntype[a] == mjTRN_JOINTINPARENT));
+    CHECK(g.act_id[a] == m->actuator_trnid[2 * a]);
+    CHECK(g.act_ctrllimited[a] == m->actuator_ctrllimited[ctrl]);
+    CHECK(g.act_forcelimited[a] == m->actuator_forcelimited[a]);
+    c.number("act_gain", a, g.act_gain[a], m->actuator_gainprm[mjNGAIN * a], c.tolerance);
+    for (int k = 0; k < 3; ++k)
+      c.number("act_bias", a, g.act_bias[a][k], m->actuator_biastype[a] == mjBIAS_NONE ? 0 : m->actuator_biasprm[mjNBIAS * a + k], 1e-9);
+    for (int k = 0; k < 6; ++k) c.number("act_gear", a, g.act_gear[a][k], m->actuator_gear[6 * out + k], c.tolerance);
+    for (int k = 0; k < 2; ++k) {
+      c.number("act_ctrlrange", a, g.act_ctrlrange[a][k], m->actuator_ctrlrange[2 * ctrl + k], c.tolerance);
+      c.number("act_forcerange", a, g.act_forcerange[a][k], m->actuator_forcerange[2 * a + k], c.tolerance);
+    }
+  }
+  for (int k = 0; k < m->nkey; ++k) {
+    CHECK(g.keyframes[k].time == m->key_time[k]);
+    char const* name = mj_id2name(m, mjOBJ_KEY, k);
+    CHECK(g.keyframes[k].name == std::string(name ? name : ""));
+    c.array("key_qpos", g.keyframes[k].qpos, m->key_qpos + k * m->nq), c.array("key_qvel", g.keyframes[k].qvel, m->key_qvel + k * m->nv);
+    c.array("key_ctrl", g.keyframes[k].ctrl, m->key_ctrl + k * m->nu);
+  }
+
+  Pairs mine;
+  for (auto const& p : g.pairs) {
+    CHECK(g.geom_type[p[0]] <= g.geom_type[p[1]]);
+    mine.emplace(std::min(p[0], p[1]), std::max(p[0], p[1]));
+  }
+  CHECK(mine.size() == g.pairs.size());
+  Pairs theirs = pairs_of(m);
+  int left_out = 0;
+  for (auto const& line : g.report)
+    if (line.kind == ReportLine::Kind::left_out && line.text.rfind("pairs of geoms", 0) == 0) left_out = line.count;
+  CHECK(theirs.size() == mine.size() + std::size_t(left_out));
+  for (auto const& p : mine) CHECK(theirs.count(p) == 1);
+  CHECK(c.bad == 0);
+}
+
+void compare(Texts const& texts, io::MjcfOptions const& options = {}) {
+  auto const theirs = oracle(texts);
+  compare(compile(description(texts, options)), theirs.get());
+}
+void compare(std::string const& text, io::MjcfOptions const& options = {}) { compare(Texts{{"main.xml", text}}, options); }
+
+std::string slurp(std::string const& path) {
+  std::ifstream in(path);
+  std::stringstream s;
+  s << in.rdbuf();
+  return s.str();
+}
+}  // namespace
+
+TEST_CASE("humanoid, go2 and 22 humanoids") {
+  auto const humanoid = gsp_test::data("models/mujoco/humanoid/humanoid.xml"),
+             crowd = gsp_test::data("models/mujoco/humanoid/22_humanoids.xml"), go2 = gsp_test::data("models/unitree/go2/go2.xml");
+  if (!humanoid || !crowd || !go2) {
+    MESSAGE("skipped: the models are missing from GSP_DATA_DIR");
+    return;
+  }
+  SUBCASE("humanoid") { compare(slurp(*humanoid)); }
+  SUBCASE("22 humanoids") { compare({{"main.xml", slurp(*crowd)}, {"humanoid.xml", slurp(*humanoid)}}); }
+  SUBCASE("go2") {  // MuJoCo has not the visual meshes: it gets the text without the lines that name them
+    std::string const all = slurp(*go2);
+    std::string stripped;
+    std::istringstream lines(all);
+    for (std::string line; std::getline(lines, line);)
+      if (line.find("class=\"visual\" ") == std::string::npos && line.find("<mesh file") == std::string::npos &&
+          line.find("mesh=\"") == std::string::npos)
+        stripped += line + "\n";
+    auto const theirs = oracle({{"main.xml", stripped}});
+    compare(compile(io::parse_mjcf(all, *go2, {.skip_visuals = true, .approximate = true})), theirs.get());
+  }
+}
+
+TEST_CASE("shapes, masses and inertias") {
+  compare(R"(<mujoco><worldbody>
+    <geom type="plane" size="1 2 .1"/>
+    <body pos="0 0 1"><freejoint/><geom type="sphere" size=".1"/><geom type="capsule" size=".05 .2" pos=".1 .2 .3" euler="10 20 30"/></body>
+    <body pos="1 0 1"><freejoint/><geom type="box" size=".1 .2 .3" mass="3"/></body>
+    <body pos="2 0 1"><freejoint/><geom type="cylinder" size=".1 .2" density="500" quat="1 2 3 4"/><geom type="box" size=".1 .1 .1" contype="0" conaffinity="0" group="2"/></body>
+    <body pos="3 0 1"><freejoint/><geom type="ellipsoid" size=".1 .2 .3" contype="0" conaffinity="0"/></body>
+    <body pos="4 0 1"><freejoint/><geom type="sphere" size=".1" shellinertia="true" mass="2"/></body>
+    <body pos="5 0 1"><freejoint/><geom type="capsule" size=".1 .3" shellinertia="true"/></body>
+    <body pos="6 0 1"><freejoint/><geom type="box" size=".1 .2 .3" shellinertia="true"/></body>
+    <body pos="7 0 1"><freejoint/><geom type="cylinder" size=".1 .3" shellinertia="true"/></body>
+    <body pos="8 0 1"><freejoint/><geom type="capsule" size=".05" fromto="0 0 0 .3 -.2 .5"/><geom type="box" size=".05" fromto="0 0 0 0 0 .5"/></body>
+    <body pos="9 0 1"><freejoint/><inertial pos=".1 0 0" mass="2" fullinertia="1 2 2.5 .1 .2 -.3"/><geom size=".1"/></body>
+    <body pos="9 0 2"><freejoint/><inertial pos=".1 0 0" mass="2" diaginertia="1 2 2.5" euler="30 0 10"/><geom size=".1"/></body>
+    <body pos="9 0 3"><freejoint/><geom size=".1" mass="0"/><geom size=".2" pos="1 0 0" group="4"/></body>
+    <body pos="9 0 5"><geom size=".1" type="capsule" fromto="0 0 0 0 0 -1"/><joint/><geom size=".1" mass="0"/></body>
+  </worldbody></mujoco>)",
+          {.approximate = true});
+}
+
+TEST_CASE("compiler settings") {
+  std::string const rest = R"(<worldbody>
+    <body><joint axis="1 0 0"/><geom size=".1" group="1"/><body pos="1 0 0"><joint axis="0 1 0" type="slide"/><inertial pos="0 0 .1" mass="1" diaginertia=".1 .1 .1"/><geom size=".2" group="3"/></body></body>
+    <body pos="3 0 0"><joint type="ball"/><inertial pos="0 0 .1" mass="1" diaginertia=".1 .1 .3"/></body></worldbody></mujoco>)";
+  compare("<mujoco><compiler boundmass='5' boundinertia='.2' balanceinertia='true'/>" + rest);
+  compare("<mujoco><compiler inertiafromgeom='true' balanceinertia='true' boundmass='.1' boundinertia='.1'/>" + rest);
+  compare("<mujoco><compiler balanceinertia='true' inertiagrouprange='0 2' settotalmass='7'/>" + rest);
+  compare("<mujoco><compiler inertiafromgeom='false' balanceinertia='true' boundmass='.1' boundinertia='.1'/>" + rest);
+  for (char const* angle : {"radian", "degree"})
+    for (char const* seq : {"xyz", "zyx", "XYZ", "xZy"})
+      compare(std::string("<mujoco><compiler angle='") + angle + "' eulerseq='" + seq +
+              R"('/><worldbody><body euler="1 .2 -.4"><joint range="-.3 .9" ref=".1" springref="-.2"/><geom size=".1"/>
+        <site axisangle="1 2 3 .7"/><site xyaxes="1 1 0 0 1 1"/><site zaxis="1 2 -3"/><site zaxis="0 0 -1"/><camera zaxis="0 0 2" fovy="30"/>
+        <body pos="0 0 1"><joint type="ball" range="0 1.1" limited="true"/><joint type="slide" axis="1 2 3" range="-1 2" ref=".5" springref=".25"/><geom size=".1"/></body></body></worldbody></mujoco>)");
+}
+
+TEST_CASE("joints: springdamper, armature, friction loss, softness, several on one body, chains of static bodies") {
+  compare(
+      R"(<mujoco><option timestep=".004" gravity="0 1 -5" cone="elliptic" impratio="3" integrator="implicitfast" iterations="7"><flag contact="disable" eulerdamp="disable" refsafe="disable" warmstart="disable"/></option>
+   <default><joint solreflimit=".05 .9" solimpfriction=".8 .9" damping="1"/></default>
+   <worldbody><body><geom size=".1"/><body pos="0 0 1"><joint name="a" springdamper=".1 .7"/><joint type="slide" axis="0 0 2" armature=".3" frictionloss=".2" solreffriction=".1" margin=".01"/>
+     <geom size=".1" pos=".3 0 0"/><body pos="1 0 0"><body pos="0 1 0" euler="0 0 20"><joint type="ball" pos=".1 0 0" armature=".1" springdamper=".2 1" actuatorfrcrange="-3 4"/><geom type="box" size=".1 .2 .3"/></body></body></body></body>
+     <body pos="0 0 3"><joint type="free" damping="3" armature=".5" stiffness="2"/><geom size=".1"/></body></worldbody></mujoco>)");
+}
+
+TEST_CASE("default classes: nesting, childclass, element over class over parent, partial lists") {
+  compare(R"(<mujoco><default class="main"><geom size=".1 .2" rgba="1 0 0 1" friction=".5 .1 .2" density="100"/>
+     <default class="a"><geom type="capsule" friction=".7" solimp=".8"/><joint axis="1 0 0" range="-10 10"/><site size=".3"/>
+        <default class="b"><geom size=".15" solref=".1"/><joint armature="1" limited="false"/></default></default>
+     <default class="c"><geom type="box" size=".3 .3 .3"/></default></default>
+     <default><geom margin=".01"/></default>
+   <worldbody><body childclass="a"><joint/><geom/><geom class="b"/><geom class="main"/>
+      <body pos="1 0 0"><joint class="b" range="-20 5"/><geom class="c" size=".2"/><frame childclass="b"><geom pos="0 0 1"/></frame><body childclass="c" pos="0 0 2"><geom/><geom class="a" name="last"/></body></body></body></worldbody></mujoco>)");
+}
+
+TEST_CASE("frame, replicate and attach") {
+  Texts const two{
+      {"main.xml",
+       R"(<mujoco><option timestep=".01"/><asset><model name="c" file="child.xml"/><model name="c2" file="child.xml"/></asset><default><geom rgba="0 1 0 1"/></default>
+     <worldbody><body name="first"><joint name="fj"/><geom size=".1"/></body>
+       <frame pos="1 0 0" euler="0 0 90"><attach model="c" body="r" prefix="p_"/><frame pos="0 1 0"><geom size=".1" fromto="0 0 0 0 1 1" type="capsule"/></frame></frame>
+       <body name="last" pos="0 0 3"><frame euler="90 0 0"><joint name="lj" axis="0 0 1" pos="0 1 0"/><geom size=".1"/><body pos="1 2 3"><joint type="slide" axis="1 1 0"/><geom size=".1"/></body></frame></body>
+       <attach model="c2" prefix="q_"/></worldbody>
+     <tendon><fixed name="own"><joint joint="fj" coef="1"/></fixed></tendon><actuator><motor name="mo" joint="lj"/></actuator></mujoco>)"},
+      {"child.xml",
+       R"(<mujoco model="c"><compiler angle="radian"/><default><geom rgba="1 0 0 1"/><motor gear="3"/><default class="k"><geom size=".3"/></default></default>
+     <worldbody><geom name="floor" type="plane" size="1 1 1"/><body name="r"><freejoint name="f"/><geom class="k" name="g"/><body name="s" pos="1 0 0"><joint name="j" range="0 1"/><geom size=".1" name="gs"/></body></body>
+     <body name="other"><joint name="jo"/><geom size=".1"/></body></worldbody><contact><exclude body1="r" body2="s"/></contact>
+     <tendon><fixed name="t"><joint joint="j" coef="2"/></fixed><fixed name="t2"><joint joint="j" coef="2"/><joint joint="jo" coef="1"/></fixed></tendon>
+     <actuator><motor name="m" joint="j"/><motor name="m2" joint="jo"/><motor name="mt" tendon="t"/></actuator>
+     <keyframe><key name="k1" qpos="1 2 3 1 0 0 0 .5 .7" ctrl="4 5 6"/><key name="k2" time="3" qvel="1 2 3 4 5 6 7 8"/></keyframe></mujoco>)"}};
+  compare(two);
+  Texts replicated = two;
+  replicated["main.xml"] =
+      R"(<mujoco><asset><model name="c" file="child.xml"/></asset><worldbody><replicate count="3" offset="0 0 1" euler="0 30 10" sep="-"><frame pos="1 0 0"><attach model="c" body="r" prefix="p_"/></frame></replicate></worldbody></mujoco>)";
+  compare(replicated);
+  for (char const* count : {"9", "10", "11"})
+    compare(
+        std::string(
+            R"(<mujoco><worldbody><body name="a"><joint name="ja"/><geom size=".1"/></body><replicate count="2" offset="1 0 0" euler="0 40 0"><body name="x"><joint name="jx"/><geom name="gx" size=".1"/>
+      <replicate count=")") +
+        count +
+        R"(" euler="0 0 10" offset=".1 0 0" sep="_"><geom size=".01" pos="1 0 0"/><site name="si"/><body name="y" pos="0 0 1"><joint name="jy" axis="1 2 3" pos=".1 .2 .3"/><geom size=".1"/></body></replicate></body></replicate></worldbody>
+      <contact><exclude body1="a" body2="x"/></contact>
+      <tendon><fixed name="ta"><joint joint="ja" coef="1"/><joint joint="jx" coef="1"/></fixed><fixed name="tt"><joint joint="ja" coef="1"/></fixed><fixed name="ty"><joint joint="jy" coef="1"/><joint joint="jx" coef="1"/></fixed></tendon>
+      <actuator><motor name="mx" joint="jx"/><motor name="ma" joint="ja"/><motor name="mt" tendon="ty"/></actuator></mujoco>)");
+}
+
+TEST_CASE("include") {
+  compare({{"main.xml",
+            "<mujoco><include file='parts.xml'/><worldbody><include file='body.xml'/><body><joint/><geom "
+            "size='.2'/></body></worldbody></mujoco>"},
+           {"parts.xml", "<mujocoinclude><default><geom density='10'/></default><option timestep='.02'/></mujocoinclude>"},
+           {"body.xml", "<mujoco><body name='in'><joint name='j'/><geom size='.1'/></body></mujoco>"}});
+}
+
+TEST_CASE("tendons and actuators") {
+  compare(
+      R"(<mujoco><default><tendon solreflimit=".03 1" springlength=".2"/><position kp="20"/><general ctrlrange="-2 2"/><motor gear="5 1"/></default>
+    <worldbody><body><joint name="a" range="-40 80" ref="10"/><geom size=".1" pos="0 0 .3"/><body pos="0 0 1"><joint name="b" type="slide" axis="1 0 0" springref=".4" range="-1 1"/><geom size=".1"/></body></body>
+      <body pos="3 0 0"><joint name="c"/><geom size=".1" pos="0 1 0"/></body></worldbody>
+    <tendon><fixed name="t" range="-1 2" stiffness="3" damping=".1" frictionloss=".2" armature=".4" margin=".01"><joint joint="a" coef=".5"/><joint joint="b" coef="-2"/></fixed>
+      <fixed name="across" springlength="-1 -1"><joint joint="a" coef="1"/><joint joint="c" coef="2"/></fixed><fixed name="slack" springlength="0 .5" limited="false" range="0 1"><joint joint="b" coef="1"/></fixed></tendon>
+    <actuator><motor name="m" joint="a" forcerange="-3 3"/><motor tendon="t" gear="2"/><motor jointinparent="b" ctrllimited="false"/></actuator></mujoco>)");
+  std::string const bodies =
+      R"(<worldbody><body><joint name="a" axis="0 1 0" range="-40 80"/><geom size=".1" pos="0 0 .3"/><body pos="0 0 1"><joint name="b" type="slide" axis="1 0 0" range="-1 2"/><geom size=".1"/></body></body></worldbody>
+    <tendon><fixed name="t" range="-1 2"><joint joint="a" coef=".5"/><joint joint="b" coef="-2"/></fixed></tendon>)";
+  compare(
+      "<mujoco><default><position kp='20' kv='2'/></default>" + bodies +
+      R"(<actuator><position joint="a"/><position joint="b" kp="5" inheritrange="1"/><position tendon="t" kp="5" inheritrange=".5" gear="3"/></actuator></mujoco>)");
+  compare(
+      "<mujoco>" + bodies +
+      R"(<actuator><position joint="a" kp="10" dampratio="1"/><position tendon="t" kp="5" dampratio=".5" gear="3"/><velocity joint="a" kv="3" ctrlrange="-1 1"/>
+    <general joint="b" gainprm="7" biastype="affine" biasprm="1 -7 -2"/><general joint="b" gainprm="7" biastype="affine" biasprm="0 -7 1"/><general joint="a" biasprm="4 4 4"/><general joint="a" gaintype="affine" gainprm="3"/></actuator></mujoco>)");
+}
+
+TEST_CASE("pairs: bits, priority, filterparent") {
+  std::string const rest = R"(<worldbody><geom type="plane" size="1 1 1" conaffinity="2"/><geom size=".1" pos="0 0 3"/>
+    <body name="p"><joint/><geom size=".1" contype="2"/><body name="q" pos="1 0 0"><geom size=".1" contype="4" conaffinity="4"/><body pos="1 0 0" name="r"><joint/><geom size=".1"/><body pos="1 0 0"><joint/><geom size=".1" conaffinity="6"/></body></body></body></body>
+    <body name="s" pos="0 3 0"><freejoint/><geom size=".2" type="box" contype="7" conaffinity="7"/><geom size=".1"/></body></worldbody><contact><exclude body1="s" body2="r"/></contact></mujoco>)";
+  std::string fixed = rest;
+  fixed.replace(fixed.find("size=\".2\""), 9, "size=\".2 .2 .2\"");
+  compare("<mujoco>" + fixed);
+  compare("<mujoco><option><flag filterparent='disable'/></option>" + fixed);
+}
