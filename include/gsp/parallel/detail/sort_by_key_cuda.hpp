@@ -1,0 +1,44 @@
+#pragma once
+#include <Kokkos_Core.hpp>
+#include <cstdint>
+#include <cub/device/device_radix_sort.cuh>
+#include <gsp/core/check.hpp>
+#include <string>
+#include <utility>
+
+namespace gsp {
+template <class Key, class Mem>
+struct SortScratch;
+}
+
+/// sort_by_key on CUDA by CUB's radix sort (stable), on the instance's stream.
+namespace gsp::detail {
+
+inline void cuda_expects(cudaError_t code, char const* what) {
+  if (code != cudaSuccess) throw Error(std::string(what) + ": " + cudaGetErrorString(code));
+}
+
+/// Bytes of scratch that any sort of up to n keys needs.
+template <class Key>
+std::size_t cuda_sort_bytes(std::int64_t n) {
+  cub::DoubleBuffer<Key> keys(nullptr, nullptr);
+  cub::DoubleBuffer<int> values(nullptr, nullptr);
+  std::size_t bytes = 0;
+  cuda_expects(cub::DeviceRadixSort::SortPairs(nullptr, bytes, keys, values, n), "gsp::make_sort_scratch");
+  return bytes;
+}
+
+template <class Key, class Mem>
+void cuda_sort(Kokkos::Cuda const& exec, Kokkos::View<Key*, Mem>& keys, Kokkos::View<int*, Mem>& values, SortScratch<Key, Mem>& scratch,
+               int bits) {
+  cub::DoubleBuffer<Key> k(keys.data(), scratch.keys.data());
+  cub::DoubleBuffer<int> v(values.data(), scratch.values.data());
+  std::size_t bytes = scratch.temporary.extent(0);
+  cuda_expects(cub::DeviceRadixSort::SortPairs(scratch.temporary.data(), bytes, k, v, static_cast<std::int64_t>(keys.extent(0)), 0, bits,
+                                               exec.cuda_stream()),
+               "gsp::sort_by_key");
+  if (k.Current() != keys.data()) std::swap(keys, scratch.keys);
+  if (v.Current() != values.data()) std::swap(values, scratch.values);
+}
+
+}  // namespace gsp::detail

@@ -1,0 +1,36 @@
+#pragma once
+#include <cstdint>
+#include <gsp/core/check.hpp>
+#include <gsp/core/exec.hpp>
+
+namespace gsp {
+
+namespace detail {
+template <class In, class Out>
+struct ExclusiveScan {
+  using value_type = std::int64_t;
+  In in;
+  Out out;
+  std::int64_t n;
+  KOKKOS_FUNCTION void operator()(std::int64_t i, value_type& sum, bool last) const {
+    if (last) out(i) = static_cast<typename Out::value_type>(sum);
+    if (i < n) sum += static_cast<value_type>(in(i));
+  }
+};
+}  // namespace detail
+
+/// Exclusive prefix sum: out(i) = in(0) + ... + in(i-1); out(n) is the total. Sums are taken in 64 bits.
+/// @param in   (n) whole numbers: a View, or anything with in(i) and in.extent(0)
+/// @param out  (n+1), may not overlap `in`; choose 64-bit values where the total can pass 2^31
+/// Neither allocates nor fences; the total stays on the device. Cost: reads `in` twice. Integers, so the order of summation does not matter.
+template <ExecutionSpace Exec, class In, class Out>
+void exclusive_scan(Exec const& exec, In const& in, Out const& out) {
+  static_assert(can_access<Exec, Out>, "gsp::exclusive_scan: `out` is not accessible from this execution space");
+  static_assert(std::is_integral_v<typename Out::value_type>, "gsp::exclusive_scan: `out` must hold whole numbers");
+  std::int64_t const n = static_cast<std::int64_t>(in.extent(0));
+  expects(static_cast<std::int64_t>(out.extent(0)) == n + 1, "gsp::exclusive_scan: `out` must be one longer than `in`, for the total");
+  Kokkos::parallel_scan("gsp::parallel::exclusive_scan",
+                        Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n + 1), detail::ExclusiveScan<In, Out>{in, out, n});
+}
+
+}  // namespace gsp

@@ -1,0 +1,38 @@
+#include <doctest/doctest.h>
+
+#include <gsp/parallel/scan.hpp>
+#include <gsp_test_execs.hpp>
+#include <random>
+#include <support/kokkos_tools.hpp>
+
+TEST_CASE_TEMPLATE("an exclusive scan is the running sum, with the total behind it", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Exec const exec = gsp_test::other_instance(Exec{});
+  std::mt19937 random(3);
+  for (int n : {0, 1, 2, 31, 1000, 100003}) {
+    Kokkos::View<int*, Mem> const in("in", n);
+    Kokkos::View<std::int64_t*, Mem> const out("out", n + 1);
+    auto const host = Kokkos::create_mirror_view(in);
+    for (int i = 0; i < n; ++i) host(i) = static_cast<int>(random() % 2000000000u);  // the sum passes 2^31: it must be taken in 64 bits
+    Kokkos::deep_copy(in, host);
+    gsp::exclusive_scan(exec, in, out);
+    exec.fence();
+    auto const result = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, out);
+    std::int64_t sum = 0;
+    int wrong = 0;
+    for (int i = 0; i < n; ++i) wrong += result(i) != sum, sum += host(i);
+    CHECK(wrong == 0);
+    CHECK(result(n) == sum);
+  }
+}
+
+TEST_CASE_TEMPLATE("exclusive_scan keeps an algorithm's promises and refuses a short output", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Exec const exec = gsp_test::other_instance(Exec{});
+  Kokkos::View<int*, Mem> const in("in", 5000);
+  Kokkos::View<std::int64_t*, Mem> const out("out", 5001), small("small", 5000);
+  gsp::exclusive_scan(exec, in, out);
+  exec.fence();
+  gsp_test::check_algorithm(exec, gsp_test::watch([&] { gsp::exclusive_scan(exec, in, out); }));
+  CHECK_THROWS_AS(gsp::exclusive_scan(exec, in, small), std::invalid_argument);
+}
