@@ -16,12 +16,12 @@ namespace {
 
 /// Every pair of every world through the narrow phase, no culling, on the host.
 template <class R>
-std::vector<HostContact<R>> brute_force(CompiledModel const& m, std::vector<int> const& order, std::vector<double> const& poses,
-                                        int worlds) {
+std::vector<HostContact<R>> brute_force(CompiledModel const& m, Kokkos::View<int*, Kokkos::HostSpace> const& order,
+                                        std::vector<double> const& poses, int worlds) {
   std::vector<HostContact<R>> result;
   for (int w = 0; w < worlds; ++w)
-    for (int k = 0; k < int(order.size()); ++k) {
-      auto const [g1, g2] = m.pairs[order[k]];
+    for (int k = 0; k < int(order.extent(0)); ++k) {
+      auto const [g1, g2] = m.pairs[order(k)];
       auto const shape = [&](int g) {
         double const* p = &poses[(std::size_t(w) * m.nbody + m.geom_body[g]) * 7];
         auto const &x = m.geom_pos[g], &s = m.geom_size[g];

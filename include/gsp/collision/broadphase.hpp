@@ -2,7 +2,6 @@
 #include <cstdint>
 #include <gsp/collision/collision_model.hpp>
 #include <gsp/model/poses.hpp>
-#include <limits>
 
 /// Where the colliders are, and which pairs of them are near.
 namespace gsp {
@@ -61,7 +60,7 @@ struct PlaceColliders {
       Vec3<R> e = half_extents(ShapeType(model.collider_type(c)),
                                Vec3<R>{model.collider_size(c, 0), model.collider_size(c, 1), model.collider_size(c, 2)}, to_matrix(t.q));
       for (int i = 0; i < 3; ++i) {
-        e[i] = e[i] + R(8) * std::numeric_limits<R>::epsilon() * (abs(t.p[i]) + e[i]);  // rounding must not lose a touch
+        e[i] = e[i] + R(8) * Kokkos::Experimental::epsilon_v<R> * (abs(t.p[i]) + e[i]);  // rounding must not lose a touch
         bounds.box(w, c, i) = t.p[i], bounds.box(w, c, 3 + i) = e[i];
         bool const first = c == model.group_first(g);
         lo[i] = first ? t.p[i] - e[i] : min(lo[i], t.p[i] - e[i]);
@@ -71,7 +70,7 @@ struct PlaceColliders {
     for (int i = 0; i < 3; ++i) {
       R const centre = R(0.5) * (lo[i] + hi[i]);
       bounds.group(w, g, i) = centre;
-      bounds.group(w, g, 3 + i) = max(hi[i] - centre, centre - lo[i]) + R(2) * std::numeric_limits<R>::epsilon() * abs(centre);
+      bounds.group(w, g, 3 + i) = max(hi[i] - centre, centre - lo[i]) + R(2) * Kokkos::Experimental::epsilon_v<R> * abs(centre);
     }
   }
 };

@@ -22,7 +22,7 @@ namespace gsp {
 template <class R>
 struct ContactParameters {
   int condim;
-  R margin, gap;  // detected if dist < margin + gap, acts if dist < margin [m]
+  R margin, gap;  // detected if dist <= margin + gap, acts if dist <= margin [m]
   R friction[5];  // sliding, sliding, torsional [m], rolling [m], rolling [m]
   R solref[2], solimp[5];
 };
@@ -81,8 +81,8 @@ struct CollisionModel {
   View<int*> pair_parameters;                              // (pairs) index into parameters
   View<ContactParameters<R>*> parameters;                  // the different ones
   View<CollisionRun<R>*> runs;
-  View<CollisionChunk*> chunk;   // (chunks)
-  std::vector<int> pair_source;  // (pairs) host: index of the pair in CompiledModel::pairs
+  View<CollisionChunk*> chunk;                        // (chunks)
+  Kokkos::View<int*, Kokkos::HostSpace> pair_source;  // (pairs) host: index of the pair in CompiledModel::pairs
 
   KOKKOS_INLINE_FUNCTION ContactParameters<R> const& parameters_of(int pair) const { return parameters(pair_parameters(pair)); }
 };
@@ -163,7 +163,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   std::vector<ContactParameters<R>> distinct;
   std::vector<CollisionRun<R>> runs;
   std::vector<CollisionChunk> chunks;
-  c.pair_source.resize(npair);
+  c.pair_source = Kokkos::View<int*, Kokkos::HostSpace>("gsp::CollisionModel::pair_source", npair);
   // pairs of geoms with equal parameters share them: mixing depends on each geom's own set only
   std::map<std::array<double, 15>, int> geom_sets;
   std::vector<int> geom_set(m.ngeom, 0);
@@ -192,7 +192,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   for (int k = 0; k < npair; ++k) {
     auto const& key = keys[k];
     auto const [g1, g2] = m.pairs[key.source];
-    c.pair_source[k] = key.source;
+    c.pair_source(k) = key.source;
     pair(k, 0) = collider[g1], pair(k, 1) = collider[g2];
     auto const [at, fresh] = mixed.try_emplace({geom_set[g1], geom_set[g2]}, int(distinct.size()));
     if (fresh) {

@@ -273,7 +273,7 @@ bool grow(Exec const& exec, Contacts<R, Mem>& contacts) {
   return true;
 }
 
-/// Finds all contacts with dist < margin + gap of all worlds in their present poses.
+/// Finds all contacts with dist <= margin + gap of all worlds in their present poses.
 /// @param poses     of the bodies, (worlds, bodies)
 /// @param contacts  overwritten
 /// Neither allocates nor fences. Cost a world: about 2 ns a pair of groups, 5 ns a pair of geoms in near groups, 0.02 to 1 us a candidate

@@ -14,7 +14,8 @@
 
 namespace gsp {
 
-/// Contact points of a and b with dist < margin, by the kind of the pair; `out.add(pos, dist, normal, feature)` takes them (ContactPoints).
+/// Contact points of a and b with dist <= margin, by the kind of the pair; `out.add(pos, dist, normal, feature)` takes them
+/// (ContactPoints).
 template <class T, class Out>
 KOKKOS_INLINE_FUNCTION void narrowphase(PairKind kind, Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
   switch (kind) {

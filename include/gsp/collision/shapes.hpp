@@ -59,7 +59,7 @@ enum class PairKind : int {
 inline constexpr int pair_kinds = int(PairKind::none);
 
 /// The kind of a pair, or `none`: the pair is not covered, or its order is not that of the types.
-constexpr PairKind pair_kind(ShapeType a, ShapeType b) {
+KOKKOS_INLINE_FUNCTION constexpr PairKind pair_kind(ShapeType a, ShapeType b) {
   using S = ShapeType;
   using K = PairKind;
   if (a == S::plane)

@@ -40,7 +40,7 @@ KOKKOS_INLINE_FUNCTION SurfaceDistance<T> cylinder_distance(Vec3<T> const& q, T 
 template <class T, class Out>
 KOKKOS_INLINE_FUNCTION void add_sphere_contact(Shape<T> const& b, Vec3<T> const& q, T r, SurfaceDistance<T> const& s, T margin, int feature,
                                                Out& out) {
-  if (!(s.dist - r < margin)) return;
+  if (!(s.dist - r <= margin)) return;
   out.add(b.p + b.R * (q - T(0.5) * (r + s.dist) * s.n), s.dist - r, -(b.R * s.n), feature);
 }
 
@@ -50,7 +50,7 @@ KOKKOS_INLINE_FUNCTION bool add_sphere_sphere(Vec3<T> const& p1, T r1, Vec3<T> c
                                               int feature, Out& out) {
   Vec3<T> const d = p2 - p1;
   T const length = norm(d), dist = length - r1 - r2;
-  if (!(dist < margin)) return false;
+  if (!(dist <= margin)) return false;
   Vec3<T> const n = length > T(1e-15) ? (T(1) / length) * d : normalized(fallback);
   out.add(p1 + (r1 + T(0.5) * dist) * n, dist, n, feature);
   return true;

@@ -1,6 +1,5 @@
 #pragma once
 #include <gsp/collision/shapes.hpp>
-#include <limits>
 
 namespace gsp {
 
@@ -55,10 +54,10 @@ KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T marg
     for (int j = 0; j < 3; ++j) C(i, j) = dot(column(a.R, i), column(b.R, j));
   Vec3<T> const ab = transpose_times(a.R, b.p - a.p), ba = transpose_times(b.R, a.p - b.p);  // centre of the other box in the own frame
   Vec3<T> const A = a.size, B = b.size;
-  T const epsilon = std::numeric_limits<T>::epsilon();
+  T const epsilon = Kokkos::Experimental::epsilon_v<T>;
   T const apart = margin + (sizeof(T) == 4 ? T(1e-6) : T(1e-13)) * (A.x + A.y + A.z + B.x + B.y + B.z);  // rounding must not lose a touch
 
-  T best = -std::numeric_limits<T>::max();
+  T best = -Kokkos::Experimental::finite_max_v<T>;
   int code = 0;  // 0-2 face of a, 3-5 face of b, 6 + 3 i + j edge i of a x edge j of b
   for (int i = 0; i < 3; ++i) {
     T const gap = abs(ab[i]) - A[i] - (abs(C(i, 0)) * B.x + abs(C(i, 1)) * B.y + abs(C(i, 2)) * B.z);
@@ -105,7 +104,7 @@ KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T marg
       T const vague = sizeof(T) == 4 ? T(1e-5) : T(1e-9);
       Vec3<T> const d = column(C, j);
       T const across = d[i], sine2 = T(1) - across * across;
-      T nearest = std::numeric_limits<T>::max(), dist(0);
+      T nearest = Kokkos::Experimental::finite_max_v<T>, dist(0);
       Vec3<T> middle{T(0), T(0), T(0)};
       int corners = 0;
       for (int variant = 0; variant < 4; ++variant) {
@@ -130,7 +129,7 @@ KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T marg
         T const gap2 = dot(gap, gap);
         if (gap2 < nearest) nearest = gap2, dist = dot(gap, n), middle = T(0.5) * (p + q), corners = which;
       }
-      if (dist < apart) out.add(a.p + a.R * middle, dist, a.R * n, (1 << 14) | ((code - 6) << 4) | corners);
+      if (dist <= apart) out.add(a.p + a.R * middle, dist, a.R * n, (1 << 14) | ((code - 6) << 4) | corners);
       return;
     }
   }
@@ -165,10 +164,10 @@ KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T marg
   int const faces = ((((code << 1) | (up > T(0))) * 6 + 2 * g + (towards > T(0))) << 6);  // at most 71 << 6: below bit 14
   T const same = (sizeof(T) == 4 ? T(1e-10) : T(1e-14)) * (S[x] * S[x] + S[y] * S[y]);
   for (int k = 0; k < polygon.count; ++k) {
-    if (!(polygon.z[k] < margin)) continue;
+    if (!(polygon.z[k] <= margin)) continue;
     bool repeated = false;  // clipping through a corner leaves two vertices in one place
     for (int l = 0; l < k; ++l)
-      repeated = repeated || (polygon.z[l] < margin && square(polygon.x[k] - polygon.x[l]) + square(polygon.y[k] - polygon.y[l]) < same);
+      repeated = repeated || (polygon.z[l] <= margin && square(polygon.x[k] - polygon.x[l]) + square(polygon.y[k] - polygon.y[l]) < same);
     if (repeated) continue;
     Vec3<T> p;
     p[x] = polygon.x[k], p[y] = polygon.y[k], p[f] = up * (S[f] + T(0.5) * polygon.z[k]);

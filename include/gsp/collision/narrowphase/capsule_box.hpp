@@ -16,7 +16,7 @@ KOKKOS_INLINE_FUNCTION void capsule_box(Shape<T> const& a, Shape<T> const& b, T 
   auto const nearest = detail::box_distance(c + t * u, s);
   T const scale = s.x + s.y + s.z + half, rounding = (sizeof(T) == 4 ? T(1e-6) : T(1e-14)) * scale;
   if (nearest.dist > rounding) {
-    if (!(nearest.dist - r < margin)) return;
+    if (!(nearest.dist - r <= margin)) return;
     T t0(-1), t1(1);
     bool flat = false;
     for (int i = 0; i < 3; ++i)

@@ -16,7 +16,7 @@ KOKKOS_INLINE_FUNCTION void capsule_cylinder(Shape<T> const& a, Shape<T> const& 
   T const rounding = (sizeof(T) == 4 ? T(1e-6) : T(1e-14)) * (R + H + half);
   T t0(-1), t1(1);
   if (nearest.dist > rounding) {
-    if (!(nearest.dist - r < margin)) return;
+    if (!(nearest.dist - r <= margin)) return;
     if (abs(nearest.n.z) < T(0.1))
       detail::clip_slab(c.z, u.z, H, t0, t1);
     else if (abs(nearest.n.z) > T(0.995))

@@ -14,7 +14,7 @@ KOKKOS_INLINE_FUNCTION void plane_box(Shape<T> const& a, Shape<T> const& b, T ma
   for (int corner = 0; corner < 8 && count < 4; ++corner) {
     T const sx = corner & 1 ? T(1) : T(-1), sy = corner & 2 ? T(1) : T(-1), sz = corner & 4 ? T(1) : T(-1);
     T const below = sx * nx + sy * ny + sz * nz, dist = height + below;
-    if (below > T(0) || !(dist < margin)) continue;
+    if (below > T(0) || !(dist <= margin)) continue;
     out.add(b.p + (sx * x + sy * y + sz * z) - T(0.5) * dist * n, dist, n, corner);
     ++count;
   }

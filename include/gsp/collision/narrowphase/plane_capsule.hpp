@@ -11,7 +11,7 @@ KOKKOS_INLINE_FUNCTION void plane_capsule(Shape<T> const& a, Shape<T> const& b, 
   for (int end = 0; end < 2; ++end) {
     Vec3<T> const p = end == 0 ? b.p + half : b.p - half;
     T const dist = dot(n, p - a.p) - r;
-    if (dist < margin) out.add(p - (r + T(0.5) * dist) * n, dist, n, end);
+    if (dist <= margin) out.add(p - (r + T(0.5) * dist) * n, dist, n, end);
   }
 }
 

@@ -20,7 +20,7 @@ KOKKOS_INLINE_FUNCTION void plane_cylinder(Shape<T> const& a, Shape<T> const& b,
   axis = b.size.y * axis;
   T const height = dot(n, b.p - a.p), drop = dot(n, down), along = b.size.y * slope;
   auto const add = [&](T dist, Vec3<T> const& p, int feature) {
-    if (dist < margin) out.add(p - T(0.5) * dist * n, dist, n, feature);
+    if (dist <= margin) out.add(p - T(0.5) * dist * n, dist, n, feature);
   };
   add(height + along + drop, b.p + axis + down, 0);
   add(height - along + drop, b.p - axis + down, 1);
