@@ -1,0 +1,43 @@
+#pragma once
+#include <gsp/core/check.hpp>
+#include <gsp/core/exec.hpp>
+#include <string>
+#include <vector>
+
+namespace gsp {
+
+/// Pinhole cameras, one an image. Image c shows world `world(c)`, or c % worlds where `world` is empty.
+template <class Mem>
+struct Cameras {
+  using memory_space = Mem;
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  View<float***> viewmats;  // (C, 4, 4) world to camera, rigid; camera axes: x right, y down, z forward
+  View<float***> Ks;        // (C, 3, 3) fx 0 cx, 0 fy cy, 0 0 1 [pixel]; the centre of pixel (row i, column j) is (j + 0.5, i + 0.5)
+  View<int*> world;         // (C) or (0)
+  int images() const { return static_cast<int>(viewmats.extent(0)); }
+};
+
+/// Cameras from host arrays: viewmats (C, 4, 4) and Ks (C, 3, 3), row-major; `world` (C), or empty.
+template <ExecutionSpace Exec>
+Cameras<typename Exec::memory_space> make_cameras(Exec const& exec, std::vector<float> const& viewmats, std::vector<float> const& Ks,
+                                                  std::vector<int> const& world = {}) {
+  using Cam = Cameras<typename Exec::memory_space>;
+  std::size_t const n = viewmats.size() / 16;
+  expects(viewmats.size() == 16 * n && Ks.size() == 9 * n,
+          "gsp::make_cameras: viewmats must hold C x 16 numbers and Ks C x 9, not " + std::to_string(viewmats.size()) + " and " + std::to_string(Ks.size()));
+  expects(world.empty() || world.size() == n, "gsp::make_cameras: `world` must name one world a camera, or be empty");
+  auto const fresh = [&](std::string const& label) { return Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label); };
+  Cam cameras;
+  cameras.viewmats = typename Cam::template View<float***>(fresh("gsp::Cameras::viewmats"), n, 4, 4);
+  cameras.Ks = typename Cam::template View<float***>(fresh("gsp::Cameras::Ks"), n, 3, 3);
+  cameras.world = typename Cam::template View<int*>(fresh("gsp::Cameras::world"), world.size());
+  using Unmanaged = Kokkos::MemoryTraits<Kokkos::Unmanaged>;
+  Kokkos::deep_copy(exec, cameras.viewmats, Kokkos::View<float const***, Kokkos::LayoutRight, Kokkos::HostSpace, Unmanaged>(viewmats.data(), n, 4, 4));
+  Kokkos::deep_copy(exec, cameras.Ks, Kokkos::View<float const***, Kokkos::LayoutRight, Kokkos::HostSpace, Unmanaged>(Ks.data(), n, 3, 3));
+  Kokkos::deep_copy(exec, cameras.world, Kokkos::View<int const*, Kokkos::LayoutRight, Kokkos::HostSpace, Unmanaged>(world.data(), world.size()));
+  exec.fence("gsp::make_cameras: the host arrays may go away");
+  return cameras;
+}
+
+}  // namespace gsp

@@ -1,0 +1,91 @@
+#pragma once
+#include <gsp/splat/detail/exp2.hpp>
+#include <gsp/splat/frames.hpp>
+
+namespace gsp::detail {
+
+/// A tile on a CPU: 16 rows of 16 pixels, a row is one pack (or two, or four, where packs are narrower).
+template <class Mem>
+struct RasterizeRows {
+  Frames<Mem> frames;
+  float alpha_max, stop;
+
+  static constexpr int W = native_width<float>, packs = splat_tile / W;
+  using P = Pack<float, W>;
+  static_assert(splat_tile % W == 0);
+
+  struct Pixels {  // of one pack
+    P r, g, b, z, T;
+    P least;  // the exponent that an alpha must reach: -log2(255), or infinity where the pixel is done
+  };
+
+  void operator()(int index) const {
+    auto const& wave = frames.wave;
+    int const tiles = wave.tiles(), image = wave.first + index / tiles, tile = index % tiles;
+    if (frames.status(image) != 0) return;
+    int const x0 = tile % wave.tiles_x * splat_tile, y0 = tile / wave.tiles_x * splat_tile;
+    Pixels pixels[splat_tile][packs];
+    int done[splat_tile] = {}, rows_done = 0, const_rows = frames.height - y0 < splat_tile ? frames.height - y0 : splat_tile;
+    P centre[packs];  // of the pixels, from the left edge of the tile
+    constexpr float infinity = std::numeric_limits<float>::infinity();
+    for (int k = 0; k < packs; ++k)
+      for (int i = 0; i < W; ++i) centre[k].set(i, static_cast<float>(k * W + i) + 0.5f);
+    for (auto& row : pixels)
+      for (int k = 0; k < packs; ++k) {
+        row[k] = {P(0.f), P(0.f), P(0.f), P(0.f), P(1.f), P(-splat_log2_255)};
+        row[k].least = select(centre[k] < P(static_cast<float>(frames.width - x0)), row[k].least, P(infinity));
+      }
+
+    std::int64_t const end = wave.tile_begin(index + 1);
+    for (std::int64_t e = wave.tile_begin(index); e < end && rows_done < const_rows; ++e) {
+      Splat const& s = wave.splats(wave.tile_splats(e));
+      // rows with a centre in [v - ye, v + ye], a little more for rounding
+      float const middle = s.v - static_cast<float>(y0) - 0.5f, reach = s.ye + 0.01f;
+      int const top = middle - reach > 0.f ? static_cast<int>(min(middle - reach, 16.f)) : 0;
+      int const bottom = middle + reach < static_cast<float>(const_rows) ? static_cast<int>(max(middle + reach, -1.f)) : const_rows - 1;
+      P const l11(s.l11);
+      float const left = s.u - static_cast<float>(x0);
+      for (int row = top; row <= bottom; ++row) {
+        if (done[row]) continue;
+        float const dy = static_cast<float>(y0 + row) + 0.5f - s.v, wy = s.l22 * dy;
+        P const across(fma(s.l21, dy, -(s.l11 * left))), most(fma(-wy, wy, s.power));
+        bool finished = false;
+        for (int k = 0; k < packs; ++k) {
+          Pixels& p = pixels[row][k];
+          P const wx = fma(l11, centre[k], across), exponent = fma(-wx, wx, most);
+          auto const touched = exponent >= p.least;
+          if (!any_lane(touched)) continue;
+          P const alpha = min(exp2(exponent), P(alpha_max)), left_over = p.T * (P(1.f) - alpha);
+          auto const stops = touched && (left_over <= P(stop));
+          auto const adds = touched && !stops;
+          P const weight = select(adds, alpha * p.T, P(0.f));
+          p.r = fma(weight, P(s.r), p.r);
+          p.g = fma(weight, P(s.g), p.g);
+          p.b = fma(weight, P(s.b), p.b);
+          p.z = fma(weight, P(s.depth), p.z);
+          p.T = select(adds, left_over, p.T);
+          if (any_lane(stops)) p.least = select(stops, P(infinity), p.least), finished = true;
+        }
+        if (finished) {
+          bool all_done = true;
+          for (int k = 0; k < packs; ++k) all_done &= !any_lane(pixels[row][k].least < P(infinity));
+          done[row] = all_done, rows_done += all_done;
+        }
+      }
+    }
+
+    int const columns = frames.width - x0 < splat_tile ? frames.width - x0 : splat_tile;
+    bool const rgb = frames.rgb.extent(0) > 0, depth = frames.depth.extent(0) > 0, alpha = frames.alpha.extent(0) > 0;
+    for (int row = 0; row < const_rows; ++row)
+      for (int column = 0; column < columns; ++column) {
+        Pixels const& p = pixels[row][column / W];
+        int const i = column % W, y = y0 + row, x = x0 + column;
+        float const a = 1.f - p.T[i];
+        if (rgb) frames.rgb(image, y, x, 0) = p.r[i], frames.rgb(image, y, x, 1) = p.g[i], frames.rgb(image, y, x, 2) = p.b[i];
+        if (depth) frames.depth(image, y, x) = p.z[i] / max(a, 1e-10f);
+        if (alpha) frames.alpha(image, y, x) = a;
+      }
+  }
+};
+
+}  // namespace gsp::detail

@@ -1,0 +1,160 @@
+#pragma once
+#include <algorithm>
+#include <bit>
+#include <gsp/parallel/sort_by_key.hpp>
+#include <gsp/splat/gaussians.hpp>
+#include <gsp/splat/splat.hpp>
+
+namespace gsp {
+
+namespace detail {
+
+/// A camera as `project` reads it.
+struct ImageView {
+  double fx, fy, cx, cy;
+  float x_low, x_high, y_low, y_high;  // limits of x/z and y/z in the derivative of the projection
+};
+/// A link as a camera sees it: camera <- link (rows of rotation | translation), and the eye in the link's frame.
+struct LinkView {
+  double m[12];
+  float eye[3];
+};
+
+}  // namespace detail
+
+/// Buffers of one wave: a batch of images that go through the stages together. Their size is bounded by the batch, not by the number of images.
+template <class Mem>
+struct SplatWave {
+  using memory_space = Mem;
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  int batch = 0;              // images a wave can hold
+  int first = 0, images = 0;  // the images that it holds now
+  int tiles_x = 0, tiles_y = 0, index_bits = 0;
+  std::int64_t visible_capacity = 0, pair_capacity = 0;
+
+  View<detail::ImageView*> image_views;  // (batch)
+  View<detail::LinkView**> link_views;   // (batch, body)
+  View<int*> cluster_visible;            // (batch x clusters) Gaussians that are seen
+  View<int*> cluster_pairs;              // (batch x clusters) tiles that they touch
+  View<std::int64_t*> cluster_offset;    // (batch x clusters + 1)
+  View<std::int64_t> visible, pairs;     // how many there are; 0 where they did not fit
+  View<std::int64_t> pairs_needed;       // by this wave
+  View<std::int64_t[2]> needed;          // greatest number of visible and of pairs of any wave since `render` began
+
+  View<Splat*> splats;                   // (visible)
+  View<int*> splat_tiles;                // (visible) tiles that each touches
+  Kokkos::View<std::uint64_t*, Mem> order_keys;  // (visible) image | depth bits | source index
+  Kokkos::View<int*, Mem> order;                 // (visible) splat indices, front to back within each image once sorted
+  View<std::int64_t*> pair_offset;       // (visible + 1)
+  Kokkos::View<std::uint32_t*, Mem> tile_keys;  // (pairs) image x tiles + tile
+  Kokkos::View<int*, Mem> tile_splats;          // (pairs) splat indices, by tile, front to back
+  View<std::int64_t*> tile_begin;        // (batch x tiles + 1)
+  SortScratch<std::uint64_t, Mem> order_scratch;
+  SortScratch<std::uint32_t, Mem> tile_scratch;
+
+  KOKKOS_FUNCTION int tiles() const { return tiles_x * tiles_y; }
+};
+
+/// What `status(c)` of an image says: the wave's buffers were too small, nothing was written to this image. `render` grows and repeats.
+inline constexpr std::uint32_t frame_overflow = 1u;
+
+/// Images, and the buffers that make them.
+template <class Mem>
+struct Frames {
+  using memory_space = Mem;
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  int images = 0, width = 0, height = 0;
+  View<float****> rgb;          // (C, H, W, 3) on black, not clamped above
+  View<float***> depth;         // (C, H, W) expected camera z: sum of weight x z / max(alpha, 1e-10) [m]
+  View<float***> alpha;         // (C, H, W)
+  View<std::uint32_t*> status;  // (C) 0, or frame_overflow
+  SplatWave<Mem> wave;
+  bool sized = false;  // the wave's buffers have held a wave before
+};
+
+struct FrameOptions {
+  int images = 1, width = 640, height = 480;
+  bool rgb = true, depth = true, alpha = true;  // which pictures to make
+  int batch = 0;                                // images a wave; 0: chosen by size and backend. Results do not depend on it
+  std::int64_t visible = 0, pairs = 0;          // first guess per image of Gaussians seen and of (Gaussian, tile) pairs; 0: by the number of Gaussians
+};
+
+/// Makes room for `visible` Gaussians and `pairs` (Gaussian, tile) pairs a wave; never shrinks. Throws Error where an index would pass 2^31.
+template <ExecutionSpace Exec, class Mem>
+void reserve(Exec const& exec, SplatWave<Mem>& w, std::int64_t visible, std::int64_t pairs) {
+  using Wave = SplatWave<Mem>;
+  constexpr std::int64_t most = (std::int64_t(1) << 31) - 2;
+  if (visible > most || pairs > most)
+    throw Error("gsp::reserve: a wave of " + std::to_string(w.batch) + " images needs " + std::to_string(visible) + " splats and " +
+                std::to_string(pairs) + " tile pairs, over 2^31; make the frames with a smaller batch");
+  auto const fresh = [&](std::string const& label) { return Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label); };
+  if (visible > w.visible_capacity) {
+    // let go of the old buffers first: the peak is the new size, not the sum
+    w.splats = {}, w.splat_tiles = {}, w.order_keys = {}, w.order = {}, w.pair_offset = {}, w.order_scratch = {};
+    w.splats = typename Wave::template View<Splat*>(fresh("gsp::SplatWave::splats"), visible);
+    w.splat_tiles = typename Wave::template View<int*>(fresh("gsp::SplatWave::splat_tiles"), visible);
+    w.order_keys = Kokkos::View<std::uint64_t*, Mem>(fresh("gsp::SplatWave::order_keys"), visible);
+    w.order = Kokkos::View<int*, Mem>(fresh("gsp::SplatWave::order"), visible);
+    w.pair_offset = typename Wave::template View<std::int64_t*>(fresh("gsp::SplatWave::pair_offset"), visible + 1);
+    w.order_scratch = make_sort_scratch<std::uint64_t>(exec, visible);
+    w.visible_capacity = visible;
+  }
+  if (pairs > w.pair_capacity) {
+    w.tile_keys = {}, w.tile_splats = {}, w.tile_scratch = {};
+    w.tile_keys = Kokkos::View<std::uint32_t*, Mem>(fresh("gsp::SplatWave::tile_keys"), pairs);
+    w.tile_splats = Kokkos::View<int*, Mem>(fresh("gsp::SplatWave::tile_splats"), pairs);
+    w.tile_scratch = make_sort_scratch<std::uint32_t>(exec, pairs);
+    w.pair_capacity = pairs;
+  }
+}
+
+/// Images of a size, and buffers for waves of them, for Gaussians such as `cloud` (as many clusters, bodies and Gaussians).
+/// Throws std::invalid_argument on sizes that are not positive, and Error where a wave would need indices over 2^31.
+template <ExecutionSpace Exec, class Mem>
+Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOptions options = {}) {
+  static_assert(can_access<Exec, Gaussians<Mem>>, "gsp::make_frames: the Gaussians are not accessible from this execution space");
+  expects(options.images > 0 && options.width > 0 && options.height > 0,
+          "gsp::make_frames: images, width and height must be positive, not " + std::to_string(options.images) + ", " + std::to_string(options.width) + ", " +
+              std::to_string(options.height));
+  expects(options.width <= 65536 && options.height <= 65536, "gsp::make_frames: width and height are at most 65536");
+  expects(options.batch >= 0 && options.visible >= 0 && options.pairs >= 0, "gsp::make_frames: batch and hints must not be negative");
+  using F = Frames<Mem>;
+  using Wave = SplatWave<Mem>;
+  F f;
+  f.images = options.images, f.width = options.width, f.height = options.height;
+  auto const fresh = [&](std::string const& label) { return Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label); };
+  int const c = f.images, h = f.height, w = f.width;
+  if (options.rgb) f.rgb = typename F::template View<float****>(fresh("gsp::Frames::rgb"), c, h, w, 3);
+  if (options.depth) f.depth = typename F::template View<float***>(fresh("gsp::Frames::depth"), c, h, w);
+  if (options.alpha) f.alpha = typename F::template View<float***>(fresh("gsp::Frames::alpha"), c, h, w);
+  f.status = typename F::template View<std::uint32_t*>(Kokkos::view_alloc(exec, "gsp::Frames::status"), c);
+
+  Wave& wave = f.wave;
+  wave.tiles_x = (w + splat_tile - 1) / splat_tile, wave.tiles_y = (h + splat_tile - 1) / splat_tile;
+  wave.index_bits = std::max(1, int(std::bit_width(static_cast<unsigned>(std::max(cloud.count, 1) - 1))));
+  double const vga = 307200. / (double(w) * h);
+  std::int64_t batch = options.batch > 0 ? options.batch : std::int64_t(std::clamp((is_device<Exec> ? 32 : 2) * vga, 1., is_device<Exec> ? 512. : 64.));
+  batch = std::min<std::int64_t>({batch, c, (std::int64_t(1) << (32 - wave.index_bits)) - 1, ((std::int64_t(1) << 32) - 1) / wave.tiles()});
+  expects(batch > 0, "gsp::make_frames: images of this size with this many Gaussians do not fit into sort keys; make them smaller");
+  std::int64_t const clusters = static_cast<std::int64_t>(cloud.clusters.extent(0));
+  wave.batch = static_cast<int>(batch = std::max<std::int64_t>(1, std::min(batch, ((std::int64_t(1) << 31) - 2) / std::max<std::int64_t>(1, clusters))));
+  wave.image_views = typename Wave::template View<detail::ImageView*>(fresh("gsp::SplatWave::image_views"), batch);
+  wave.link_views = typename Wave::template View<detail::LinkView**>(fresh("gsp::SplatWave::link_views"), batch, cloud.bodies);
+  wave.cluster_visible = typename Wave::template View<int*>(fresh("gsp::SplatWave::cluster_visible"), batch * clusters);
+  wave.cluster_pairs = typename Wave::template View<int*>(fresh("gsp::SplatWave::cluster_pairs"), batch * clusters);
+  wave.cluster_offset = typename Wave::template View<std::int64_t*>(fresh("gsp::SplatWave::cluster_offset"), batch * clusters + 1);
+  wave.visible = typename Wave::template View<std::int64_t>(Kokkos::view_alloc(exec, "gsp::SplatWave::visible"));
+  wave.pairs = typename Wave::template View<std::int64_t>(Kokkos::view_alloc(exec, "gsp::SplatWave::pairs"));
+  wave.pairs_needed = typename Wave::template View<std::int64_t>(Kokkos::view_alloc(exec, "gsp::SplatWave::pairs_needed"));
+  wave.needed = typename Wave::template View<std::int64_t[2]>(Kokkos::view_alloc(exec, "gsp::SplatWave::needed"));
+  wave.tile_begin = typename Wave::template View<std::int64_t*>(fresh("gsp::SplatWave::tile_begin"), batch * wave.tiles() + 1);
+  std::int64_t const visible = options.visible > 0 ? options.visible : std::min(cloud.count, cloud.count / 5 + 1024);
+  std::int64_t const pairs = options.pairs > 0 ? options.pairs : 7 * visible;
+  std::int64_t constexpr most = (std::int64_t(1) << 31) - 2;
+  reserve(exec, wave, std::min(most, std::max<std::int64_t>(1, batch * visible)), std::min(most, std::max<std::int64_t>(1, batch * pairs)));
+  return f;
+}
+
+}  // namespace gsp

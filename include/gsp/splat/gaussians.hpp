@@ -1,0 +1,184 @@
+#pragma once
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <gsp/core/check.hpp>
+#include <gsp/core/exec.hpp>
+#include <limits>
+#include <numeric>
+#include <string>
+#include <vector>
+
+namespace gsp {
+
+/// Gaussians on the host, editable. n = size(), K = (sh_degree + 1)^2. Each stands in the frame of its body.
+struct GaussianSet {
+  int sh_degree = 0;             // 0-3
+  std::vector<float> positions;  // (n, 3) [m]
+  std::vector<float> quats;      // (n, 4) w x y z, unit; turns the Gaussian's axes into the body's frame
+  std::vector<float> scales;     // (n, 3) standard deviations along its axes [m]
+  std::vector<float> opacities;  // (n)    0..1
+  std::vector<float> sh;         // (n, K, 3) term-major, then r g b; colour = 1/2 + sum_k sh_k Y_k(direction from the eye, in the body's frame)
+  std::vector<int> body;         // (n)    body index of the model; 0: the world, static
+
+  std::size_t size() const { return opacities.size(); }
+};
+
+/// Up to 256 neighbouring Gaussians of one body: what is culled together. Bounds stand in the body's frame.
+struct GaussianCluster {
+  int begin, end, body;
+  float x, y, z, radius;  // ball around the centres
+  float scale;            // greatest standard deviation
+};
+
+/// Gaussians on a device: one copy for all worlds. Those of body 0 are static, the others move with their link, also in one copy: nothing is
+/// stored per world. Stored by body, along a Z-order curve, in clusters; `source` names the index that each had in the input, which decides
+/// ties of depth. Made by `make_gaussians`.
+template <class Mem>
+struct Gaussians {
+  using memory_space = Mem;
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  int count = 0, sh_degree = 0;
+  int bodies = 1;                       // one more than the greatest body index
+  View<float**> positions;              // (3, n)
+  View<float**> quats;                  // (4, n)
+  View<float**> scales;                 // (3, n)
+  View<float*> opacities;               // (n)
+  View<float**> sh;                     // (3 K, n): row 3 k + channel
+  View<int*> source;                    // (n)
+  View<GaussianCluster*> clusters;
+};
+
+namespace detail {
+
+inline std::uint64_t spread_bits(std::uint64_t x) {  // 21 bits, two zeros after each
+  x &= 0x1fffff;
+  x = (x | x << 32) & 0x1f00000000ffffull;
+  x = (x | x << 16) & 0x1f0000ff0000ffull;
+  x = (x | x << 8) & 0x100f00f00f00f00full;
+  x = (x | x << 4) & 0x10c30c30c30c30c3ull;
+  return (x | x << 2) & 0x1249249249249249ull;
+}
+
+inline void check_gaussian_set(GaussianSet const& s, std::size_t which) {
+  std::string const name = "gsp::make_gaussians: set " + std::to_string(which);
+  std::size_t const n = s.size();
+  expects(s.sh_degree >= 0 && s.sh_degree <= 3, name + " has SH degree " + std::to_string(s.sh_degree) + "; it must be 0, 1, 2 or 3");
+  std::size_t const terms = static_cast<std::size_t>((s.sh_degree + 1) * (s.sh_degree + 1));
+  expects(s.positions.size() == 3 * n && s.quats.size() == 4 * n && s.scales.size() == 3 * n && s.sh.size() == 3 * terms * n && s.body.size() == n,
+          name + ": its arrays disagree about the number of Gaussians (" + std::to_string(n) + " opacities); resize them together");
+  auto const finite = [&](std::vector<float> const& v, char const* what) {
+    for (std::size_t i = 0; i < v.size(); ++i)
+      expects(std::isfinite(v[i]), name + ": Gaussian " + std::to_string(i * n / v.size()) + " has a " + what + " that is not finite; remove it");
+  };
+  finite(s.positions, "position"), finite(s.quats, "rotation"), finite(s.scales, "scale"), finite(s.opacities, "opacity"), finite(s.sh, "colour");
+  for (std::size_t i = 0; i < n; ++i)
+    expects(s.body[i] >= 0, name + ": Gaussian " + std::to_string(i) + " has body " + std::to_string(s.body[i]) + "; 0 is the world, links follow");
+}
+
+}  // namespace detail
+
+/// Takes sets of Gaussians to the device as one: a scene, a robot, objects. The higher SH degree wins (missing terms are 0).
+/// Throws std::invalid_argument where arrays disagree, a value is not finite, or a body is negative. Host cost: a sort, about 0.1 s per million.
+template <ExecutionSpace Exec>
+Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vector<GaussianSet> const& sets) {
+  using Mem = typename Exec::memory_space;
+  using G = Gaussians<Mem>;
+  constexpr int cluster_size = 256;
+  std::size_t total = 0;
+  G g;
+  for (std::size_t s = 0; s < sets.size(); ++s) {
+    detail::check_gaussian_set(sets[s], s);
+    total += sets[s].size();
+    g.sh_degree = std::max(g.sh_degree, sets[s].sh_degree);
+    for (int b : sets[s].body) g.bodies = std::max(g.bodies, b + 1);
+  }
+  expects(total < (std::size_t(1) << 30), "gsp::make_gaussians: at most 2^30 Gaussians are supported, not " + std::to_string(total));
+  int const n = g.count = static_cast<int>(total), terms = (g.sh_degree + 1) * (g.sh_degree + 1);
+
+  // order: body, then along the curve, then as given
+  struct Item {
+    std::uint64_t curve;
+    int body, set, local, source;
+  };
+  std::vector<Item> items;
+  items.reserve(total);
+  for (std::size_t s = 0; s < sets.size(); ++s)
+    for (std::size_t i = 0; i < sets[s].size(); ++i) items.push_back({0, sets[s].body[i], int(s), int(i), int(items.size())});
+  auto const at = [&](Item const& k) { return &sets[k.set].positions[3 * std::size_t(k.local)]; };
+  constexpr float infinity = std::numeric_limits<float>::infinity();
+  std::vector<std::array<float, 6>> box(g.bodies, {infinity, infinity, infinity, -infinity, -infinity, -infinity});
+  for (auto const& k : items)
+    for (int c = 0; c < 3; ++c) {
+      box[k.body][c] = std::min(box[k.body][c], at(k)[c]);
+      box[k.body][3 + c] = std::max(box[k.body][3 + c], at(k)[c]);
+    }
+  for (auto& k : items) {
+    auto const& b = box[k.body];
+    double const side = std::max({double(b[3]) - b[0], double(b[4]) - b[1], double(b[5]) - b[2], 1e-30});
+    for (int c = 0; c < 3; ++c) k.curve |= detail::spread_bits(static_cast<std::uint64_t>((double(at(k)[c]) - b[c]) / side * 0x1fffff)) << c;
+  }
+  std::sort(items.begin(), items.end(), [](Item const& a, Item const& b) {
+    return a.body != b.body ? a.body < b.body : a.curve != b.curve ? a.curve < b.curve : a.source < b.source;
+  });
+
+  auto const fresh = [&](std::string const& label) { return Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label); };
+  g.positions = typename G::template View<float**>(fresh("gsp::Gaussians::positions"), 3, n);
+  g.quats = typename G::template View<float**>(fresh("gsp::Gaussians::quats"), 4, n);
+  g.scales = typename G::template View<float**>(fresh("gsp::Gaussians::scales"), 3, n);
+  g.opacities = typename G::template View<float*>(fresh("gsp::Gaussians::opacities"), n);
+  g.sh = typename G::template View<float**>(fresh("gsp::Gaussians::sh"), 3 * terms, n);
+  g.source = typename G::template View<int*>(fresh("gsp::Gaussians::source"), n);
+  Kokkos::HostSpace const host;
+  auto const positions = Kokkos::create_mirror_view(host, g.positions), quats = Kokkos::create_mirror_view(host, g.quats),
+             scales = Kokkos::create_mirror_view(host, g.scales), sh = Kokkos::create_mirror_view(host, g.sh);
+  auto const opacities = Kokkos::create_mirror_view(host, g.opacities);
+  auto const source = Kokkos::create_mirror_view(host, g.source);
+  std::vector<GaussianCluster> clusters;
+  for (int i = 0; i < n; ++i) {
+    auto const& k = items[i];
+    auto const& s = sets[k.set];
+    std::size_t const j = static_cast<std::size_t>(k.local), old = static_cast<std::size_t>((s.sh_degree + 1) * (s.sh_degree + 1));
+    float const* q = &s.quats[4 * j];
+    double const norm = std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3]);
+    expects(norm > 0, "gsp::make_gaussians: set " + std::to_string(k.set) + ": the rotation of Gaussian " + std::to_string(j) + " has length 0; set it to 1 0 0 0");
+    for (int c = 0; c < 3; ++c) positions(c, i) = s.positions[3 * j + c], scales(c, i) = s.scales[3 * j + c];
+    for (int c = 0; c < 4; ++c) quats(c, i) = static_cast<float>(q[c] / norm);
+    opacities(i) = s.opacities[j];
+    for (int t = 0; t < 3 * terms; ++t) sh(t, i) = t < int(3 * old) ? s.sh[3 * old * j + t] : 0.f;
+    source(i) = k.source;
+    if (clusters.empty() || clusters.back().body != k.body || clusters.back().end - clusters.back().begin == cluster_size)
+      clusters.push_back({i, i, k.body, 0, 0, 0, 0, 0});
+    clusters.back().end = i + 1;
+  }
+  for (auto& c : clusters) {
+    float low[3]{infinity, infinity, infinity}, high[3]{-infinity, -infinity, -infinity};
+    for (int i = c.begin; i < c.end; ++i)
+      for (int a = 0; a < 3; ++a) {
+        low[a] = std::min(low[a], positions(a, i)), high[a] = std::max(high[a], positions(a, i));
+        c.scale = std::max(c.scale, scales(a, i));
+      }
+    c.x = 0.5f * low[0] + 0.5f * high[0], c.y = 0.5f * low[1] + 0.5f * high[1], c.z = 0.5f * low[2] + 0.5f * high[2];
+    double radius = 0;
+    for (int i = c.begin; i < c.end; ++i) {
+      double const dx = double(positions(0, i)) - c.x, dy = double(positions(1, i)) - c.y, dz = double(positions(2, i)) - c.z;
+      radius = std::max(radius, std::sqrt(dx * dx + dy * dy + dz * dz));
+    }
+    c.radius = std::nextafter(static_cast<float>(radius), infinity);
+  }
+  g.clusters = typename G::template View<GaussianCluster*>(fresh("gsp::Gaussians::clusters"), clusters.size());
+  Kokkos::deep_copy(exec, g.positions, positions), Kokkos::deep_copy(exec, g.quats, quats), Kokkos::deep_copy(exec, g.scales, scales);
+  Kokkos::deep_copy(exec, g.opacities, opacities), Kokkos::deep_copy(exec, g.sh, sh), Kokkos::deep_copy(exec, g.source, source);
+  Kokkos::deep_copy(exec, g.clusters, Kokkos::View<GaussianCluster*, Kokkos::LayoutRight, Kokkos::HostSpace, Kokkos::MemoryUnmanaged>(clusters.data(), clusters.size()));
+  exec.fence("gsp::make_gaussians: the host arrays go away");
+  return g;
+}
+
+template <ExecutionSpace Exec>
+Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, GaussianSet const& set) {
+  return make_gaussians(exec, std::vector<GaussianSet>{set});
+}
+
+}  // namespace gsp

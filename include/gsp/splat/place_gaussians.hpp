@@ -1,0 +1,78 @@
+#pragma once
+#include <gsp/math/quat.hpp>
+#include <gsp/model/poses.hpp>
+#include <gsp/splat/cameras.hpp>
+#include <gsp/splat/frames.hpp>
+
+namespace gsp {
+
+namespace detail {
+
+/// camera <- link = (camera <- world) (world <- link), in double: the order of Gaussians and the place of their centres hang on it.
+template <class Poses, class Mem>
+struct PlaceLinks {
+  Cameras<Mem> cameras;
+  Poses poses;
+  SplatWave<Mem> wave;
+  int width, height, bodies, worlds;
+
+  KOKKOS_FUNCTION void operator()(int index) const {
+    int const local = index / bodies, body = index % bodies, image = wave.first + local;
+    int const world = cameras.world.extent(0) > 0 ? cameras.world(image) : image % worlds;
+    double view[12];
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 4; ++c) view[4 * r + c] = cameras.viewmats(image, r, c);
+    Quat<double> const q = normalized(Quat<double>{double(poses.xquat(world, body, 0)), double(poses.xquat(world, body, 1)),
+                                                   double(poses.xquat(world, body, 2)), double(poses.xquat(world, body, 3))});
+    Mat3<double> const R = to_matrix(q);
+    Vec3<double> const p{double(poses.xpos(world, body, 0)), double(poses.xpos(world, body, 1)), double(poses.xpos(world, body, 2))};
+    LinkView link;
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) link.m[4 * r + c] = view[4 * r] * R(0, c) + view[4 * r + 1] * R(1, c) + view[4 * r + 2] * R(2, c);
+      link.m[4 * r + 3] = view[4 * r] * p.x + view[4 * r + 1] * p.y + view[4 * r + 2] * p.z + view[4 * r + 3];
+    }
+    for (int c = 0; c < 3; ++c)  // the camera's origin, seen from the link: -R^T t
+      link.eye[c] = static_cast<float>(-(link.m[c] * link.m[3] + link.m[4 + c] * link.m[7] + link.m[8 + c] * link.m[11]));
+    wave.link_views(local, body) = link;
+    if (body != 0) return;
+
+    // limits of x/z and y/z where the projection is linearised: 30 % of half the field of view beyond the picture (as gsplat)
+    ImageView v;
+    v.fx = cameras.Ks(image, 0, 0), v.fy = cameras.Ks(image, 1, 1), v.cx = cameras.Ks(image, 0, 2), v.cy = cameras.Ks(image, 1, 2);
+    double const mx = 0.15 * width / v.fx, my = 0.15 * height / v.fy;
+    v.x_low = static_cast<float>(-(v.cx / v.fx + mx)), v.x_high = static_cast<float>((width - v.cx) / v.fx + mx);
+    v.y_low = static_cast<float>(-(v.cy / v.fy + my)), v.y_high = static_cast<float>((height - v.cy) / v.fy + my);
+    wave.image_views(local) = v;
+  }
+};
+
+}  // namespace detail
+
+/// First stage: where the links stand before each camera of the wave that starts at image `first`. Gaussians themselves are not moved: they
+/// stay in their link's frame, and `project` goes from there to the picture.
+/// @param poses    (worlds, >= cloud.bodies), world poses of the bodies; body 0 is the world, where the static scene stands
+/// @param cameras  as many as frames.images
+/// @param frames   out: wave.first, wave.images, wave.image_views, wave.link_views
+template <ExecutionSpace Exec, class R, class PosesMem, class Mem>
+void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras, int first,
+                     Frames<Mem>& frames) {
+  static_assert(can_access<Exec, Poses<R, PosesMem>> && can_access<Exec, Frames<Mem>>,
+                "gsp::place_gaussians: poses or frames are not accessible from this execution space");
+  auto& wave = frames.wave;
+  expects(cameras.images() == frames.images,
+          "gsp::place_gaussians: there are " + std::to_string(cameras.images()) + " cameras for " + std::to_string(frames.images) + " images");
+  expects(first >= 0 && first < frames.images, "gsp::place_gaussians: the first image is outside the frames");
+  expects(static_cast<int>(poses.xpos.extent(1)) >= cloud.bodies && poses.xpos.extent(0) > 0,
+          "gsp::place_gaussians: the Gaussians name " + std::to_string(cloud.bodies) + " bodies but the poses have " + std::to_string(poses.xpos.extent(1)));
+  expects(static_cast<int>(wave.link_views.extent(1)) >= cloud.bodies &&
+              wave.cluster_visible.extent(0) >= cloud.clusters.extent(0) * static_cast<std::size_t>(wave.batch) &&
+              cloud.count <= (std::int64_t(1) << wave.index_bits),
+          "gsp::place_gaussians: the frames were made for fewer Gaussians or bodies; make_frames again with these");
+  wave.first = first;
+  wave.images = std::min(wave.batch, frames.images - first);
+  Kokkos::parallel_for("gsp::splat::place_gaussians", Kokkos::RangePolicy<Exec>(exec, 0, wave.images * cloud.bodies),
+                       detail::PlaceLinks<Poses<R, PosesMem>, Mem>{cameras, poses, wave, frames.width, frames.height, cloud.bodies,
+                                                                  static_cast<int>(poses.xpos.extent(0))});
+}
+
+}  // namespace gsp

@@ -1,0 +1,30 @@
+#pragma once
+#include <gsp/splat/detail/rasterize_pixels.hpp>
+#include <gsp/splat/detail/rasterize_rows.hpp>
+#include <gsp/splat/project.hpp>
+
+namespace gsp {
+
+/// Last stage: blends the splats of each tile front to back, for each pixel with centre (x, y):
+///   alpha_i = min(alpha_max, 2^(power - (l11 dx + l21 dy)^2 - (l22 dy)^2)), left out below 1/255;   T_0 = 1, T_{i+1} = T_i (1 - alpha_i);
+///   ends before the Gaussian for which T_{i+1} <= stop;   rgb = sum w_i c_i, w_i = alpha_i T_i;   alpha = 1 - T;   depth = sum w_i z_i / max(alpha, 1e-10)
+/// CPU: a tile a task, a row of 16 pixels a pack. GPU: a tile a team of 256, splats in batches of 256 through shared memory, and each warp looks only at
+/// those that touch its own 8 x 4 pixels.
+/// @param frames  in: bin_tiles' lists.   out: rgb, depth, alpha of the images of the wave whose status is 0
+/// Neither allocates nor fences. Each pixel depends on nothing but its own list.
+template <ExecutionSpace Exec, class Mem>
+void rasterize(Exec const& exec, Frames<Mem> const& frames, RenderOptions options = {}) {
+  static_assert(can_access<Exec, Frames<Mem>>, "gsp::rasterize: the frames are not accessible from this execution space");
+  int const tiles = frames.wave.images * frames.wave.tiles();
+  if constexpr (is_device<Exec>) {
+    using Functor = detail::RasterizePixels<Mem>;
+    Kokkos::parallel_for("gsp::splat::rasterize",
+                         Kokkos::TeamPolicy<Exec>(exec, tiles, Functor::threads).set_scratch_size(0, Kokkos::PerTeam(Functor::scratch_bytes())),
+                         Functor{frames, options.alpha_max, options.stop});
+  } else {
+    Kokkos::parallel_for("gsp::splat::rasterize", Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, tiles, Kokkos::ChunkSize(4)),
+                         detail::RasterizeRows<Mem>{frames, options.alpha_max, options.stop});
+  }
+}
+
+}  // namespace gsp

@@ -1,0 +1,60 @@
+#pragma once
+#include <gsp/splat/bin_tiles.hpp>
+#include <gsp/splat/place_gaussians.hpp>
+#include <gsp/splat/project.hpp>
+#include <gsp/splat/rasterize.hpp>
+
+namespace gsp {
+
+namespace detail {
+template <class Mem>
+struct ResetNeeded {
+  Kokkos::View<std::int64_t[2], Kokkos::LayoutRight, Mem> needed;
+  KOKKOS_FUNCTION void operator()(int) const { needed(0) = needed(1) = 0; }
+};
+}  // namespace detail
+
+/// Pictures of Gaussians: the four stages, wave by wave. What a loop of one's own would do.
+/// @param cloud    Gaussians of the scene and of the robot (make_gaussians)
+/// @param poses    world poses of the bodies; image c shows world c % worlds, or cameras.world(c)
+/// @param cameras  as many as frames.images
+/// @param frames   out: rgb, depth, alpha
+/// Waits for the device once, at its end (and once after the very first wave), to learn whether every wave fitted its buffers; those that did not are
+/// repeated with larger ones, so that nothing is ever dropped. Allocates only then. An image depends on nothing but its own input: the same bits for
+/// any batch, any number of threads and any other images.
+template <ExecutionSpace Exec, class R, class PosesMem, class Mem>
+void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras, Frames<Mem>& frames,
+            RenderOptions options = {}) {
+  auto const wave = [&](int first) {
+    place_gaussians(exec, cloud, poses, cameras, first, frames);
+    project(exec, cloud, frames, options);
+    bin_tiles(exec, frames);
+    rasterize(exec, frames, options);
+  };
+  // Room for the greatest wave so far; true if there was too little.
+  auto const grow = [&] {
+    std::int64_t needed[2];
+    Kokkos::deep_copy(exec, Kokkos::View<std::int64_t[2], Kokkos::HostSpace, Kokkos::MemoryUnmanaged>(needed), frames.wave.needed);
+    exec.fence("gsp::render: did every wave fit?");
+    auto const room = [](std::int64_t n) { return n + n / 8; };
+    bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
+    if (small)
+      reserve(exec, frames.wave, needed[0] > frames.wave.visible_capacity ? room(needed[0]) : 0, needed[1] > frames.wave.pair_capacity ? room(needed[1]) : 0);
+    return small;
+  };
+  Kokkos::parallel_for("gsp::splat::render_reset", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::ResetNeeded<Mem>{frames.wave.needed});
+  int first = 0;
+  if (!frames.sized) {
+    wave(0);
+    if (!grow()) first = frames.wave.batch;
+    frames.sized = true;
+  }
+  for (int begin = first; begin < frames.images; begin += frames.wave.batch) wave(begin);
+  if (first >= frames.images || !grow()) return;
+  // Repeat the waves that did not fit: few, and rarely, so their status is read on the host.
+  auto const status = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, frames.status);
+  for (int begin = first; begin < frames.images; begin += frames.wave.batch)
+    if (status(begin) & frame_overflow) wave(begin);
+}
+
+}  // namespace gsp
