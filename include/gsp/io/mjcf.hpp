@@ -39,6 +39,8 @@ class Finish {
       if (key.attached) spread(key);
       d_.keyframes.push_back(std::move(key.key));
     }
+    for (auto const& place : s_.files.stray_text)
+      s_.report.add(ReportLine::Kind::no_effect, s_.files.names[std::size_t(place.file)], place.line, "text between elements");
     d_.files = s_.files.names, d_.report = s_.report.take();
     return std::move(d_);
   }

@@ -150,9 +150,9 @@ class Compiler {
           fail(j.place, "joint", j.name, "is a ball joint beside a hinge of the same body: keep one of them");
     if (j.armature < 0) fail(j.place, "joint", j.name, "has a negative armature: give zero or more");
     bool const limited = j.limited && !is_free;
-    if (is_ball && limited && (j.range[0] != 0 || !(j.range[1] > 0)))
+    if (is_ball && limited && (j.range[0] != 0 || j.range[1] < 0))
       fail(j.place, "joint", j.name, "is a limited ball joint, whose range is '0 angle': set the first number to 0");
-    require_range(*this, limited, j.range, j.place, "joint", j.name, "range");
+    require_range(*this, limited && !is_ball, j.range, j.place, "joint", j.name, "range");
     require_range(*this, j.actuator_force_limited, j.actuator_force_range, j.place, "joint", j.name, "actuatorfrcrange");
     int const dofs = is_free ? 6 : is_ball ? 3 : 1, id = m_.njnt++;
     double const length = norm(j.axis);

@@ -197,7 +197,10 @@ class Reader {
 
   // ---- default classes: element -> attribute -> value, a copy of the parent's at that point with the class's own over it
 
-  using Class = std::map<std::string, Values, std::less<>>;
+  struct Class {
+    std::map<std::string, Values, std::less<>> values;
+    std::vector<Node> actuators;  // actuators of all types share one default, which each element here changes in turn
+  };
   static bool is_actuator(std::string_view e) {
     return is_in("general motor position velocity intvelocity orientation pid damper cylinder muscle adhesion dcmotor", e);
   }
@@ -218,18 +221,18 @@ class Reader {
         note(Kind::no_effect, child.place, "<default> <" + child.name + ">");
         continue;
       }
-      // the settings that all actuators share are one default in MuJoCo; what is special to a type is kept apart
       bool const actuator = is_actuator(child.name);
       if (child.name == "tendon")
         check(child, "fixed");
       else
         check(child);
+      auto& own = classes_.at(name);
       for (auto const& a : child.attributes) {
-        bool const special = actuator && is_in("kp kv dampratio inheritrange gainprm biasprm gaintype biastype dyntype", a.name);
-        auto& values = classes_.at(name)[actuator ? (special ? child.name : "actuator") : child.name];
+        auto& values = own.values[actuator ? "actuator" : child.name];
         auto const old = values.find(a.name);
         values.insert_or_assign(a.name, Value{old == values.end() ? a.value : merged(a.name, old->second.text, a.value), child.place});
       }
+      if (actuator) own.actuators.push_back(child);
     }
     in_default_ = true;
     for (auto const& child : node.children)
@@ -245,8 +248,8 @@ class Reader {
   }
   Attributes attributes(Node const& node, std::string_view element, std::string const& childclass) const {
     auto const& c = class_of(node, childclass);
-    auto const found = c.find(element);
-    return {s_.files, node, found == c.end() ? nullptr : &found->second};
+    auto const found = c.values.find(element);
+    return {s_.files, node, found == c.values.end() ? nullptr : &found->second};
   }
 
   // ---- assets
@@ -277,7 +280,8 @@ class Reader {
         Attributes const a(s_.files, child, nullptr);
         std::string const file = a.text("file");
         if (file.empty()) a.fail("file", "is missing; name the model's file");
-        std::string const name = a.own("name") ? a.text("name") : std::filesystem::path(file).stem().string();
+        std::string name = a.text("name");
+        if (name.empty()) name = name_of_model(child);
         if (!models_.emplace(name, child).second)
           a.fail("name", "is " + in_quotes(name) + ", which another <model> has; rename one of the two");
       }
@@ -672,6 +676,15 @@ class Reader {
     }
   }
 
+  // A <model> without a name goes by the name that the model gives itself, else by that of its file.
+  std::string name_of_model(Node const& node) {
+    auto const path = s_.files.resolve(node.place, *node.find("file"));
+    auto const bytes = s_.files.load(node.place, path);
+    pugi::xml_document document;
+    document.load_buffer(bytes.data(), bytes.size(), pugi::parse_default, pugi::encoding_utf8);
+    std::string const name = document.child("mujoco").attribute("model").value();
+    return name.empty() ? path.stem().string() : name;
+  }
   ModelDraft read_model(Node const& node) {
     if (s_.depth >= 10) s_.files.fail(node.place, "models are attached to models more than 10 deep; is there a circle?");
     auto const path = s_.files.resolve(node.place, *node.find("file"));
@@ -836,19 +849,7 @@ class Reader {
       }
       if (!check(child)) continue;
       count(1, child.place);
-      auto const& cls = class_of(child, "");
-      auto values = [&] {  // the shared defaults and those of this type
-        Values v;
-        for (std::string_view part : {std::string_view("actuator"), std::string_view(child.name)})
-          if (auto const found = cls.find(part); found != cls.end()) v.insert(found->second.begin(), found->second.end());
-        return v;
-      }();
-      if (child.name != "motor")
-        for (auto const& [element, _] : cls)
-          if (is_actuator(element) && element != child.name)
-            refuse(child.place, "<" + child.name + ">: its default class gives gains for <" + element +
-                                    ">, which MuJoCo would mix with its own; use a class for each type");
-      Attributes const a(s_.files, child, &values);
+      auto const a = attributes(child, "actuator", "");
       ActuatorDraft draft;
       auto& act = draft.actuator;
       draft.id = s_.next_id++;
@@ -864,43 +865,61 @@ class Reader {
       a.numbers("ctrlrange", act.ctrl_range), a.numbers("forcerange", act.force_range);
       act.ctrl_limited = limited(a, "ctrllimited", "ctrlrange", act.ctrl_range),
       act.force_limited = limited(a, "forcelimited", "forcerange", act.force_range);
-      a.number("inheritrange", draft.inheritrange);
+      Law law;
+      for (auto const& element : class_of(child, "").actuators) change(law, element);
+      change(law, child);
+      draft.inheritrange = law.inheritrange;
       if (draft.inheritrange > 0 && a.has("ctrlrange")) a.fail("inheritrange", "stands beside ctrlrange; keep one");
-      affine(a, child.name, act);
+      settle(law, child, act);
       draft_.actuators.push_back(std::move(draft));
     }
   }
-  // force = gain ctrl + bias0 + bias1 length + bias2 velocity
-  void affine(Attributes const& a, std::string const& type, ActuatorDescription& act) {
-    if (type == "position") {
-      double kp = 1, kv = 0;
-      a.number("kp", kp), a.number("dampratio", act.dampratio);
-      if (a.number("kv", kv) && act.dampratio != 0) a.fail("dampratio", "stands beside kv; keep one");
-      if (kp < 0 || kv < 0 || act.dampratio < 0) a.fail("", "has a negative kp, kv or dampratio; give zero or more");
-      act.gain = kp, act.bias = {0, -kp, -kv};
-    } else if (type == "velocity") {
-      double kv = 1;
-      a.number("kv", kv);
-      if (kv < 0) a.fail("kv", "is negative; give zero or more");
-      act.gain = kv, act.bias = {0, 0, -kv};
-    } else if (type == "general") {
-      std::array<double, 10> gain{1}, bias{};
-      a.numbers("gainprm", gain, false), a.numbers("biasprm", bias, false);
-      if (a.has("dyntype") && a.text("dyntype") != "none")
-        refuse(a.place(),
-               "<general> dyntype=" + in_quotes(a.text("dyntype")) + ": actuators with a state are not supported yet; use dyntype='none'");
-      std::string const gaintype = a.text("gaintype", "fixed"), biastype = a.text("biastype", "none");
-      if (gaintype != "fixed" && !(gaintype == "affine" && gain[1] == 0 && gain[2] == 0))
-        refuse(a.place(), "<general> gaintype=" + in_quotes(gaintype) + " is not supported yet; use 'fixed'");
-      if (biastype != "none" && biastype != "affine")
-        refuse(a.place(), "<general> biastype=" + in_quotes(biastype) + " is not supported yet; use 'none' or 'affine'");
-      act.gain = gain[0];
-      if (biastype == "affine") {
-        act.bias = {bias[0], bias[1], bias[2]};
-        if (bias[2] > 0 && gain[0] == -bias[1])
-          act.dampratio = bias[2], act.bias[2] = 0;  // MuJoCo reads a positive number here as a damping ratio
-      }
+  // What an actuator's elements say together: force = gain ctrl + bias0 + bias1 length + bias2 velocity. A positive bias2 with gain =
+  // -bias1 is a damping ratio.
+  struct Law {
+    std::array<double, 10> gain{1}, bias{};
+    std::string gaintype = "fixed", biastype = "none", dyntype = "none";
+    double inheritrange = 0;
+  };
+  // motor, position and velocity are ways to write general; each starts from what stands already.
+  void change(Law& law, Node const& node) const {
+    Attributes const a(s_.files, node, nullptr);
+    a.number("inheritrange", law.inheritrange);
+    if (node.name == "general") {
+      a.numbers("gainprm", law.gain, false), a.numbers("biasprm", law.bias, false);
+      law.gaintype = a.text("gaintype", law.gaintype), law.biastype = a.text("biastype", law.biastype),
+      law.dyntype = a.text("dyntype", law.dyntype);
+    } else if (node.name == "motor") {
+      law.gain[0] = 1, law.gaintype = "fixed", law.biastype = "none", law.dyntype = "none";
+    } else if (node.name == "position") {
+      double kv = 0, dampratio = 0;
+      a.number("kp", law.gain[0]);
+      bool const has_kv = a.number("kv", kv), has_ratio = a.number("dampratio", dampratio);
+      if (has_kv && has_ratio) a.fail("dampratio", "stands beside kv; keep one");
+      if (law.gain[0] < 0 || kv < 0 || dampratio < 0) a.fail("", "has a negative kp, kv or dampratio; give zero or more");
+      law.bias[1] = -law.gain[0];
+      if (has_kv) law.bias[2] = -kv;
+      if (has_ratio) law.bias[2] = dampratio;
+      law.gaintype = "fixed", law.biastype = "affine", law.dyntype = "none";
+    } else if (node.name == "velocity") {
+      a.number("kv", law.gain[0]);
+      if (law.gain[0] < 0) a.fail("kv", "is negative; give zero or more");
+      law.bias = {0, 0, -law.gain[0]};
+      law.gaintype = "fixed", law.biastype = "affine", law.dyntype = "none";
     }
+  }
+  void settle(Law const& law, Node const& node, ActuatorDescription& act) {
+    std::string const what = "<" + node.name + ">: ";
+    if (law.dyntype != "none")
+      refuse(node.place, what + "dyntype=" + in_quotes(law.dyntype) + ": actuators with a state are not supported yet; use dyntype='none'");
+    if (law.gaintype != "fixed" && !(law.gaintype == "affine" && law.gain[1] == 0 && law.gain[2] == 0))
+      refuse(node.place, what + "gaintype=" + in_quotes(law.gaintype) + " is not supported yet; use 'fixed'");
+    if (law.biastype != "none" && law.biastype != "affine")
+      refuse(node.place, what + "biastype=" + in_quotes(law.biastype) + " is not supported yet; use 'none' or 'affine'");
+    act.gain = law.gain[0];
+    if (law.biastype != "affine") return;
+    act.bias = {law.bias[0], law.bias[1], law.bias[2]};
+    if (law.bias[2] > 0 && law.gain[0] == -law.bias[1]) act.dampratio = law.bias[2], act.bias[2] = 0;
   }
 
   void sensors(Node const& node) {

@@ -35,6 +35,7 @@ struct Files {
   std::vector<std::filesystem::path> folders;
   Read read;
   std::size_t nodes = 0;
+  std::vector<Place> stray_text;  // text between elements, which means nothing
 
   std::string at(Place const& place) const { return names[static_cast<std::size_t>(place.file)] + ":" + std::to_string(place.line) + ": "; }
   [[noreturn]] void fail(Place const& place, std::string const& sentence) const { throw Error(at(place) + sentence); }
@@ -100,7 +101,7 @@ class XmlReader {
     }
     for (auto const& child : from.children()) {
       if (child.type() == pugi::node_pcdata || child.type() == pugi::node_cdata)
-        files_.fail({file, line(child.offset_debug())}, "text " + in_quotes(child.value()) + " stands between elements; remove it");
+        files_.stray_text.push_back({file, line(child.offset_debug())});
       if (child.type() != pugi::node_element) continue;
       if (std::string_view(child.name()) == "include")
         include(child, {file, line(child.offset_debug())}, node, depth);
