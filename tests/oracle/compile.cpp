@@ -284,6 +284,38 @@ TEST_CASE("humanoid, go2 and 22 humanoids") {
   }
 }
 
+TEST_CASE("every file that MuJoCo loads is read to the same numbers or refused in one sentence") {
+  auto const list = gsp_test::data("models/zoo.txt");
+  if (!list) {
+    MESSAGE("skipped: models/zoo.txt is missing from GSP_DATA_DIR");
+    return;
+  }
+  std::istringstream lines(slurp(*list));
+  int same = 0, refused = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.empty() || line[0] == '#') continue;
+    std::string const name = line.substr(0, line.find(' '));
+    CAPTURE(name);
+    auto const path = gsp_test::data("models/" + name);
+    REQUIRE(path);
+    try {
+      auto const mine = compile(io::read_mjcf(*path, {.approximate = true}));
+      char error[1000] = "";
+      std::shared_ptr<mjModel> const theirs(mj_loadXML(path->c_str(), nullptr, error, sizeof error), mj_deleteModel);
+      REQUIRE_MESSAGE(theirs, error);
+      compare(mine, theirs.get());
+      ++same;
+    } catch (Error const& e) {
+      ++refused;
+      std::string const text = e.what();
+      CHECK(text.find('\n') == std::string::npos);
+      CHECK(text.find(".xml:") != std::string::npos);
+    }
+  }
+  MESSAGE(same << " files equal, " << refused << " refused");
+  CHECK(same >= 37);
+}
+
 TEST_CASE("shapes, masses and inertias") {
   compare(R"(<mujoco><worldbody>
     <geom type="plane" size="1 2 .1"/>
@@ -327,6 +359,19 @@ TEST_CASE("joints: springdamper, armature, friction loss, softness, several on o
    <worldbody><body><geom size=".1"/><body pos="0 0 1"><joint name="a" springdamper=".1 .7"/><joint type="slide" axis="0 0 2" armature=".3" frictionloss=".2" solreffriction=".1" margin=".01"/>
      <geom size=".1" pos=".3 0 0"/><body pos="1 0 0"><body pos="0 1 0" euler="0 0 20"><joint type="ball" pos=".1 0 0" armature=".1" springdamper=".2 1" actuatorfrcrange="-3 4"/><geom type="box" size=".1 .2 .3"/></body></body></body></body>
      <body pos="0 0 3"><joint type="free" damping="3" armature=".5" stiffness="2"/><geom size=".1"/></body></worldbody></mujoco>)");
+}
+
+TEST_CASE("lone bodies on slides have inverse weights of their own") {
+  for (char const* body :
+       {"<joint type='slide' armature='1'/><geom size='.1'/>",
+        "<joint type='slide' axis='0 -1 0'/><joint type='slide' axis='1 0 0' armature='2'/><geom size='.1'/>",
+        "<joint type='slide'/><geom size='.1' pos='.1 0 0'/>", "<joint type='slide' axis='1 1 0'/><geom size='.1'/>",
+        "<joint type='slide' pos='0 0 1'/><geom size='.1'/>", "<joint type='slide'/><joint axis='0 1 0' armature='2'/><geom size='.1'/>",
+        "<joint type='slide'/><geom size='.1'/><body/>"}) {
+    compare(std::string("<mujoco><worldbody><body>") + body + "</body></worldbody></mujoco>");
+    compare(std::string("<mujoco><worldbody><body><body>") + body + "</body></body></worldbody></mujoco>");
+    compare(std::string("<mujoco><worldbody><body><body pos='1 0 0'><body>") + body + "</body></body></body></worldbody></mujoco>");
+  }
 }
 
 TEST_CASE("default classes: nesting, childclass, element over class over parent, partial lists") {
@@ -394,6 +439,13 @@ TEST_CASE("tendons and actuators") {
   compare(
       "<mujoco><default><position kp='20' kv='2'/></default>" + bodies +
       R"(<actuator><position joint="a"/><position joint="b" kp="5" inheritrange="1"/><position tendon="t" kp="5" inheritrange=".5" gear="3"/></actuator></mujoco>)");
+  // actuators of all types share one default, and each element changes what stands
+  compare(
+      R"(<mujoco><default><general gainprm="9" biastype="affine" biasprm="1 -2 -3"/><default class="v"><velocity kv="4"/></default><default class="m"><motor gear="2"/></default>
+    <default class="p"><position kp="6" dampratio=".8"/><default class="q"><position kv="1" kp="3"/></default></default></default>)" +
+      bodies +
+      R"(<actuator><position joint="a"/><position joint="a" kp="3"/><general joint="b"/><motor joint="b"/><velocity joint="a"/><general class="v" joint="a"/><position class="v" joint="a"/>
+    <general class="m" joint="b"/><position class="p" joint="b"/><general class="p" joint="b"/><position class="q" joint="b" kp="7"/><motor class="q" joint="a"/></actuator></mujoco>)");
   compare(
       "<mujoco>" + bodies +
       R"(<actuator><position joint="a" kp="10" dampratio="1"/><position tendon="t" kp="5" dampratio=".5" gear="3"/><velocity joint="a" kv="3" ctrlrange="-1 1"/>

@@ -435,6 +435,10 @@ class Compiler {
           double* w = &m_.dof_invweight0[m_.jnt_dofadr[j] + first];
           w[0] = w[1] = w[2] = (w[0] + w[1] + w[2]) / 3;
         }
+      if (int const root = m_.tree_bodyadr[t]; is_slider(root)) {
+        m_.body_invweight0[root] = {1 / m_.body_mass[root], 0};
+        for (int d = d0; d < d0 + n; ++d) m_.dof_invweight0[d] = 1 / m_.body_mass[root];
+      }
       for (int k = 0; k < m_.ntendon; ++k) {
         if (m_.tendon_tree[k] != t) continue;
         m_.tendon_invweight0[k] = inertia.inverse_weight(tendon_row(k, t));
@@ -474,6 +478,22 @@ class Compiler {
       double const reflected = 1 / std::max(gear * gear * weight, 1e-15);  // the inertia that the actuator feels
       m_.act_bias[a][2] = -2 * ratio * std::sqrt(kp * reflected);
     }
+  }
+  // A lone body on slides along its own axes, with its centre of mass at its origin, for which MuJoCo takes 1 / mass, without armature.
+  bool is_slider(int b) const {
+    int const parent = m_.body_parent[b];
+    bool const near_world = parent == 0 || m_.body_parent[parent] == 0;
+    bool const childless = b + 1 == m_.nbody || m_.body_parent[b + 1] != b;
+    auto const zero = [](double x) { return std::abs(x) < 1e-14; };
+    auto const& p = m_.body_ipos[b];
+    auto const& q = m_.body_iquat[b];
+    if (!near_world || !childless || !zero(norm(p)) || !zero(q[1]) || !zero(q[2]) || !zero(q[3])) return false;
+    for (int j = m_.body_jntadr[b], end = j + m_.body_jntnum[b]; j < end; ++j) {
+      auto const& axis = m_.jnt_axis[j];
+      if (m_.jnt_type[j] != int(JointType::slide) || !zero(norm(m_.jnt_pos[j])) || zero(axis[0]) + zero(axis[1]) + zero(axis[2]) != 2)
+        return false;
+    }
+    return true;
   }
   std::vector<double> tendon_row(int k, int tree) const {
     std::vector<double> row(m_.tree_dofnum[tree], 0.);

@@ -37,7 +37,7 @@ template <class R, class Mem> struct Model {
   Profile profile = Profile::stable;
   R timestep = R(0.002);
   bool damped = false;  // any joint damping
-  bool eulerdamp = true, springs = true, dampers = true, actuation = true, clampctrl = true, constraints = true, limits = true, frictionloss = true;
+  bool eulerdamp = true, springs = true, dampers = true, actuation = true, clampctrl = true, constraints = true;
 
   Field<R> gravity;                                                                     // (3)
   Field<R> body_pos, body_quat, body_ipos, body_iquat, body_mass, body_inertia;         // (nbody, 3 | 4 | 3 | 4 | 1 | 3); a tree's root: relative to the world
@@ -46,11 +46,21 @@ template <class R, class Mem> struct Model {
   Field<R> qpos0, qpos_spring;                                                          // (nq)
   Field<R> term_coef;                                                                   // (nterm)
   Field<R> tendon_stiffness, tendon_damping, tendon_lengthspring;                       // (ntendon, 1 | 1 | 2)
+  Field<R> body_invweight0;                                                             // (nbody, 2) translational, rotational
+  Field<R> jnt_range, jnt_margin, jnt_solref, jnt_solimp;                               // (njnt, 2 | 1 | 2 | 5) limits
+  Field<R> dof_frictionloss, dof_invweight0, dof_solref, dof_solimp;                    // (nv, 1 | 1 | 2 | 5) friction loss
+  Field<R> tendon_range, tendon_margin, tendon_invweight0, tendon_solref, tendon_solimp;  // (ntendon, 2 | 1 | 1 | 2 | 5) limits
+  Field<R> tendon_frictionloss, tendon_friction_solref, tendon_friction_solimp;         // (ntendon, 1 | 2 | 5)
   Field<R> act_gear, act_gain, act_bias, act_ctrlrange, act_forcerange;                 // (nu, 1 | 1 | 3 | 2 | 2); ranges +-infinity where not limited
 
   Kokkos::View<Archetype*, Mem> archetypes;
   Kokkos::View<int*, Mem> ints;    // all index arrays
   Kokkos::View<R*, Mem> reals;     // all fields above
+  Kokkos::View<int*, Mem> limited_joints, friction_dofs, limited_tendons, friction_tendons;  // world indices
+  Kokkos::View<int*, Mem> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr;                      // (njnt)
+  Kokkos::View<int*, Mem> tendon_termadr, term_jnt;          // (ntendon + 1), (nterm)
+  Kokkos::View<int*, Mem> body_last_dof;                     // (nbody) the dof that moves it last, -1 static
+  Kokkos::View<int*, Mem> dof_tree;                          // (nv)
   Kokkos::View<int*, Mem> body_tree;                         // (nbody), -1 static
   Kokkos::View<int*, Mem> tree_archetype, tree_instance;     // (ntree)
   Kokkos::View<int*, Mem> tree_body, tree_dof, tree_dofnum;  // (ntree)
@@ -126,7 +136,7 @@ template <class R, ExecutionSpace Exec> Model<R, typename Exec::memory_space> ma
   d.profile = options.profile;
   d.timestep = R(options.timestep > 0 ? options.timestep : m.option.timestep);
   d.eulerdamp = m.option.eulerdamp, d.springs = m.option.passive_spring, d.dampers = m.option.passive_damper, d.actuation = m.option.actuation;
-  d.clampctrl = m.option.clampctrl, d.constraints = m.option.constraint, d.limits = m.option.limit, d.frictionloss = m.option.frictionloss;
+  d.clampctrl = m.option.clampctrl, d.constraints = m.option.constraint;
 
   for (double const b : m.dof_damping) d.damped |= b != 0;
 
@@ -164,6 +174,23 @@ template <class R, ExecutionSpace Exec> Model<R, typename Exec::memory_space> ma
   field(d.tendon_stiffness, m.ntendon, 1, [&](int i, int) { return m.tendon_stiffness[i]; });
   field(d.tendon_damping, m.ntendon, 1, [&](int i, int) { return m.tendon_damping[i]; });
   field(d.tendon_lengthspring, m.ntendon, 2, [&](int i, int c) { return m.tendon_lengthspring[i][c]; });
+  field(d.body_invweight0, m.nbody, 2, [&](int i, int c) { return m.body_invweight0[i][c]; });
+  field(d.jnt_range, m.njnt, 2, [&](int i, int c) { return m.jnt_range[i][c]; });
+  field(d.jnt_margin, m.njnt, 1, [&](int i, int) { return m.jnt_margin[i]; });
+  field(d.jnt_solref, m.njnt, 2, [&](int i, int c) { return m.jnt_solref[i][c]; });
+  field(d.jnt_solimp, m.njnt, 5, [&](int i, int c) { return m.jnt_solimp[i][c]; });
+  field(d.dof_frictionloss, m.nv, 1, [&](int i, int) { return m.dof_frictionloss[i]; });
+  field(d.dof_invweight0, m.nv, 1, [&](int i, int) { return m.dof_invweight0[i]; });
+  field(d.dof_solref, m.nv, 2, [&](int i, int c) { return m.dof_solref[i][c]; });
+  field(d.dof_solimp, m.nv, 5, [&](int i, int c) { return m.dof_solimp[i][c]; });
+  field(d.tendon_range, m.ntendon, 2, [&](int i, int c) { return m.tendon_range[i][c]; });
+  field(d.tendon_margin, m.ntendon, 1, [&](int i, int) { return m.tendon_margin[i]; });
+  field(d.tendon_invweight0, m.ntendon, 1, [&](int i, int) { return m.tendon_invweight0[i]; });
+  field(d.tendon_solref, m.ntendon, 2, [&](int i, int c) { return m.tendon_solref_limit[i][c]; });
+  field(d.tendon_solimp, m.ntendon, 5, [&](int i, int c) { return m.tendon_solimp_limit[i][c]; });
+  field(d.tendon_frictionloss, m.ntendon, 1, [&](int i, int) { return m.tendon_frictionloss[i]; });
+  field(d.tendon_friction_solref, m.ntendon, 2, [&](int i, int c) { return m.tendon_solref_friction[i][c]; });
+  field(d.tendon_friction_solimp, m.ntendon, 5, [&](int i, int c) { return m.tendon_solimp_friction[i][c]; });
   field(d.act_gear, m.nu, 1, [&](int i, int) { return m.act_gear[i][0]; });
   field(d.act_gain, m.nu, 1, [&](int i, int) { return m.act_gain[i]; });
   field(d.act_bias, m.nu, 3, [&](int i, int c) { return m.act_bias[i][c]; });
@@ -197,6 +224,25 @@ template <class R, ExecutionSpace Exec> Model<R, typename Exec::memory_space> ma
   d.host_archetypes = detail::to_device<Kokkos::View<Archetype*, Kokkos::HostSpace>>(Kokkos::DefaultHostExecutionSpace{}, "gsp::Model::host_archetypes", archetypes);
   d.ints = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::ints", pool.ints);
   d.reals = detail::to_device<Kokkos::View<R*, Mem>>(exec, "gsp::Model::reals", pool.reals);
+  std::vector<int> limited_joints, friction_dofs, limited_tendons, friction_tendons, termadr(m.tendon_termadr), last_dof(m.nbody, -1), dof_tree(m.nv);
+  for (int j = 0; j < m.njnt && m.option.limit; ++j)
+    if (m.jnt_limited[j]) limited_joints.push_back(j);
+  for (int i = 0; i < m.nv; ++i) {
+    dof_tree[i] = m.body_tree[m.dof_body[i]];
+    if (m.option.frictionloss && m.dof_frictionloss[i] > 0) friction_dofs.push_back(i);
+  }
+  for (int t = 0; t < m.ntendon; ++t) {
+    if (m.option.limit && m.tendon_limited[t]) limited_tendons.push_back(t);
+    if (m.option.frictionloss && m.tendon_frictionloss[t] > 0) friction_tendons.push_back(t);
+  }
+  termadr.push_back(int(m.term_jnt.size()));
+  for (int b = 1; b < m.nbody; ++b) last_dof[b] = m.body_dofnum[b] > 0 ? m.body_dofadr[b] + m.body_dofnum[b] - 1 : last_dof[m.body_parent[b]];
+  auto const ints = [&](auto& view, std::string const& name, std::vector<int> const& v) { view = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::" + name, v); };
+  ints(d.limited_joints, "limited_joints", limited_joints), ints(d.friction_dofs, "friction_dofs", friction_dofs);
+  ints(d.limited_tendons, "limited_tendons", limited_tendons), ints(d.friction_tendons, "friction_tendons", friction_tendons);
+  ints(d.jnt_type, "jnt_type", m.jnt_type), ints(d.jnt_body, "jnt_body", m.jnt_body), ints(d.jnt_qposadr, "jnt_qposadr", m.jnt_qposadr), ints(d.jnt_dofadr, "jnt_dofadr", m.jnt_dofadr);
+  ints(d.tendon_termadr, "tendon_termadr", termadr), ints(d.term_jnt, "term_jnt", m.term_jnt);
+  ints(d.body_last_dof, "body_last_dof", last_dof), ints(d.dof_tree, "dof_tree", dof_tree);
   d.body_tree = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::body_tree", m.body_tree);
   d.tree_archetype = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::tree_archetype", tree_archetype);
   d.tree_instance = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::tree_instance", tree_instance);

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <gsp/core/status.hpp>
 #include <gsp/model/model.hpp>
 
 /// What changes from step to step: plain (world, item) views in MuJoCo's order, to be read and written at will.
@@ -16,15 +17,7 @@ template <class R, class Mem> struct State {
   View<R**> ctrl;                 // (world, nu)
   View<R**> qfrc_applied;         // (world, nv) [N, N m]
   View<std::int64_t*> steps;      // (world) steps done; time = steps * timestep
-  View<std::uint32_t*> status;    // (world) bits of Status; 0: all is well
-};
-
-/// Why a world needs attention. A world whose state is not finite is no longer stepped.
-enum Status : std::uint32_t {
-  status_ok = 0,
-  status_contact_overflow = 1,  // more contacts than the pool holds: the step is repeated with a larger pool
-  status_row_overflow = 2,      // more constraint rows than the pool holds: likewise
-  status_not_finite = 4,        // the new velocity or position is NaN or infinite: the world stays as it was before the step
+  View<std::uint32_t*> status;    // (world) bits of core/status.hpp; 0: all is well. A world that is not finite is no longer stepped
 };
 
 struct StateOptions {

@@ -197,9 +197,17 @@ class Reader {
 
   // ---- default classes: element -> attribute -> value, a copy of the parent's at that point with the class's own over it
 
+  // What an actuator's elements say together: force = gain ctrl + bias0 + bias1 length + bias2 velocity. A positive bias2 with gain =
+  // -bias1 is a damping ratio.
+  struct Law {
+    std::array<double, 10> gain{1}, bias{};
+    std::string gaintype = "fixed", biastype = "none", dyntype = "none";
+    std::string type;  // the last of motor, position, velocity; nothing after general
+    double inheritrange = 0;
+  };
   struct Class {
     std::map<std::string, Values, std::less<>> values;
-    std::vector<Node> actuators;  // actuators of all types share one default, which each element here changes in turn
+    std::vector<Law> laws{Law{}};  // of actuators: the class's own last, before it its parent's, and so on
   };
   static bool is_actuator(std::string_view e) {
     return is_in("general motor position velocity intvelocity orientation pid damper cylinder muscle adhesion dcmotor", e);
@@ -212,8 +220,13 @@ class Reader {
     std::string const name = top ? "" : given ? *given : "";
     if (!top && name.empty()) s_.files.fail(node.place, "a <default> inside another needs a class; name it");
     if (top && given) main_name_ = *given;
-    if (!top && !classes_.emplace(name, classes_.at(parent)).second)
+    if (!top && classes_.count(name))
       s_.files.fail(node.place, "default class " + in_quotes(name) + " exists already; rename one of the two");
+    if (!top) {
+      Class next = classes_.at(parent);
+      next.laws.push_back(next.laws.back());
+      classes_.emplace(name, std::move(next));
+    }
     for (auto const& child : node.children) {
       if (child.name == "default") continue;
       bool const supported = find_schema(child.name) || child.name == "tendon";
@@ -232,7 +245,7 @@ class Reader {
         auto const old = values.find(a.name);
         values.insert_or_assign(a.name, Value{old == values.end() ? a.value : merged(a.name, old->second.text, a.value), child.place});
       }
-      if (actuator) own.actuators.push_back(child);
+      if (actuator) own.laws.back() = changed(own.laws, child);
     }
     in_default_ = true;
     for (auto const& child : node.children)
@@ -865,27 +878,27 @@ class Reader {
       a.numbers("ctrlrange", act.ctrl_range), a.numbers("forcerange", act.force_range);
       act.ctrl_limited = limited(a, "ctrllimited", "ctrlrange", act.ctrl_range),
       act.force_limited = limited(a, "forcelimited", "forcerange", act.force_range);
-      Law law;
-      for (auto const& element : class_of(child, "").actuators) change(law, element);
-      change(law, child);
+      Law const law = changed(class_of(child, "").laws, child);
       draft.inheritrange = law.inheritrange;
       if (draft.inheritrange > 0 && a.has("ctrlrange")) a.fail("inheritrange", "stands beside ctrlrange; keep one");
       settle(law, child, act);
       draft_.actuators.push_back(std::move(draft));
     }
   }
-  // What an actuator's elements say together: force = gain ctrl + bias0 + bias1 length + bias2 velocity. A positive bias2 with gain =
-  // -bias1 is a damping ratio.
-  struct Law {
-    std::array<double, 10> gain{1}, bias{};
-    std::string gaintype = "fixed", biastype = "none", dyntype = "none";
-    double inheritrange = 0;
-  };
-  // motor, position and velocity are ways to write general; each starts from what stands already.
-  void change(Law& law, Node const& node) const {
+  // motor, position and velocity are ways to write general. Each starts from its class's values; where another type than itself or general
+  // set those, from the parent class's.
+  Law changed(std::vector<Law> const& laws, Node const& node) const {
     Attributes const a(s_.files, node, nullptr);
+    bool const general = node.name == "general";
+    Law law;
+    for (auto from = laws.rbegin(); from != laws.rend(); ++from)
+      if (general || from->type.empty() || from->type == node.name) {
+        law = *from;
+        break;
+      }
     a.number("inheritrange", law.inheritrange);
-    if (node.name == "general") {
+    law.type = general ? "" : node.name;
+    if (general) {
       a.numbers("gainprm", law.gain, false), a.numbers("biasprm", law.bias, false);
       law.gaintype = a.text("gaintype", law.gaintype), law.biastype = a.text("biastype", law.biastype),
       law.dyntype = a.text("dyntype", law.dyntype);
@@ -897,7 +910,7 @@ class Reader {
       bool const has_kv = a.number("kv", kv), has_ratio = a.number("dampratio", dampratio);
       if (has_kv && has_ratio) a.fail("dampratio", "stands beside kv; keep one");
       if (law.gain[0] < 0 || kv < 0 || dampratio < 0) a.fail("", "has a negative kp, kv or dampratio; give zero or more");
-      law.bias[1] = -law.gain[0];
+      law.bias[0] = 0, law.bias[1] = -law.gain[0];
       if (has_kv) law.bias[2] = -kv;
       if (has_ratio) law.bias[2] = dampratio;
       law.gaintype = "fixed", law.biastype = "affine", law.dyntype = "none";
@@ -907,6 +920,7 @@ class Reader {
       law.bias = {0, 0, -law.gain[0]};
       law.gaintype = "fixed", law.biastype = "affine", law.dyntype = "none";
     }
+    return law;
   }
   void settle(Law const& law, Node const& node, ActuatorDescription& act) {
     std::string const what = "<" + node.name + ">: ";
