@@ -135,8 +135,7 @@ class Reader {
     for (auto const& child : node.children) check_all(child);
   }
   void count(std::size_t n, Place const& place) {
-    if ((s_.items += n) > 1'000'000)
-      s_.files.fail(place, "the model has more than a million bodies, joints, geoms and sites; replicate less");
+    if ((s_.items += n) > 200'000) s_.files.fail(place, "the model has more than 200,000 bodies, joints, geoms and sites; replicate less");
   }
 
   // ---- settings

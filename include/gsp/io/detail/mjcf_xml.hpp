@@ -40,6 +40,8 @@ struct Files {
   std::string at(Place const& place) const { return names[static_cast<std::size_t>(place.file)] + ":" + std::to_string(place.line) + ": "; }
   [[noreturn]] void fail(Place const& place, std::string const& sentence) const { throw Error(at(place) + sentence); }
   int add(std::string name) {
+    if (names.size() >= 1000)
+      throw Error(name + ": is the thousandth file of this model; includes and attached models go in circles or must be joined");
     folders.push_back(std::filesystem::path(name).parent_path());
     names.push_back(std::move(name));
     return static_cast<int>(names.size()) - 1;
