@@ -27,13 +27,28 @@ struct OrderedTiles {
   KOKKOS_FUNCTION std::int64_t extent(int) const { return wave.visible_capacity; }
 };
 
+/// Do the pairs fit? As for the splats, a wave that does not is left out and marked.
+template <class Mem>
+struct SettlePairs {
+  SplatWave<Mem> wave;
+  Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status;
+  KOKKOS_FUNCTION void operator()(int) const {
+    std::int64_t const pairs = wave.pair_offset(wave.visible_capacity);
+    bool const fits = pairs <= wave.pair_capacity;
+    wave.pairs() = fits ? pairs : 0;
+    wave.needed(1) = pairs > wave.needed(1) ? pairs : wave.needed(1);
+    if (!fits)
+      for (int k = 0; k < wave.images; ++k) status(wave.first + k) |= frame_overflow;
+  }
+};
+
 template <class Mem>
 struct EmitPairs {
   SplatWave<Mem> wave;
   int width, height;
   std::uint32_t pad;
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
-    if (i >= wave.visible()) return;
+    if (i >= wave.visible() || wave.pairs() == 0) return;
     int const index = wave.order(i);
     std::uint32_t const image = static_cast<std::uint32_t>(wave.order_keys(i) >> (32 + wave.index_bits)), base = image * static_cast<std::uint32_t>(wave.tiles());
     std::int64_t to = wave.pair_offset(i);
@@ -70,7 +85,7 @@ struct TileBegins {
 /// Third stage: for each tile of each image of the wave, the splats that touch it, front to back (equal depths by source index).
 /// Sorts the splats by (image, depth), lets them emit their tiles in that order, and sorts the pairs by tile alone, stably: far fewer bytes than
 /// one sort of pairs by (tile, depth).
-/// @param frames  in: project's splats.   out: wave.tile_splats, tile_begin (image x tiles + tile)
+/// @param frames  in: project's splats.   out: wave.tile_splats, tile_begin (image x tiles + tile), pairs; status as in project
 /// Neither allocates nor fences. Cost: visible x (bits of image, depth, index) / 8 and pairs x (bits of image, tile) / 8 radix passes.
 template <ExecutionSpace Exec, class Mem>
 void bin_tiles(Exec const& exec, Frames<Mem>& frames) {
@@ -82,10 +97,12 @@ void bin_tiles(Exec const& exec, Frames<Mem>& frames) {
   if constexpr (is_device<Exec>) {
     std::uint64_t const pad = ((static_cast<std::uint64_t>(wave.images) + 1) << (32 + wave.index_bits)) - 1;
     Kokkos::parallel_for("gsp::splat::bin_tiles_pad", Range(exec, 0, wave.visible_capacity), detail::PadKeys<std::uint64_t, Mem>{wave.order_keys, wave.visible, pad});
-    Kokkos::parallel_for("gsp::splat::bin_tiles_pad", Range(exec, 0, wave.pair_capacity), detail::PadKeys<std::uint32_t, Mem>{wave.tile_keys, wave.pairs, tile_pad});
   }
   sort_by_key(exec, wave.order_keys, wave.order, wave.order_scratch, wave.visible, {.bits = std::min(64, 32 + wave.index_bits + image_bits)});
   exclusive_scan(exec, detail::OrderedTiles<Mem>{wave}, wave.pair_offset);
+  Kokkos::parallel_for("gsp::splat::bin_tiles_settle", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::SettlePairs<Mem>{wave, frames.status});
+  if constexpr (is_device<Exec>)
+    Kokkos::parallel_for("gsp::splat::bin_tiles_pad", Range(exec, 0, wave.pair_capacity), detail::PadKeys<std::uint32_t, Mem>{wave.tile_keys, wave.pairs, tile_pad});
   Kokkos::parallel_for("gsp::splat::bin_tiles_emit", Range(exec, 0, wave.visible_capacity), detail::EmitPairs<Mem>{wave, frames.width, frames.height, tile_pad});
   sort_by_key(exec, wave.tile_keys, wave.tile_splats, wave.tile_scratch, wave.pairs, {.bits = tile_bits});
   Kokkos::parallel_for("gsp::splat::bin_tiles_begins", Range(exec, 0, std::int64_t(tile_pad) + 1), detail::TileBegins<Mem>{wave});

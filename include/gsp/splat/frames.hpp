@@ -35,11 +35,9 @@ struct SplatWave {
 
   View<detail::ImageView*> image_views;  // (batch)
   View<detail::LinkView**> link_views;   // (batch, body)
-  View<int*> cluster_visible;            // (batch x clusters) Gaussians that are seen
-  View<int*> cluster_pairs;              // (batch x clusters) tiles that they touch
+  View<int*> cluster_visible;            // (batch x clusters) Gaussians whose ellipse's box meets the picture
   View<std::int64_t*> cluster_offset;    // (batch x clusters + 1)
   View<std::int64_t> visible, pairs;     // how many there are; 0 where they did not fit
-  View<std::int64_t> pairs_needed;       // by this wave
   View<std::int64_t[2]> needed;          // greatest number of visible and of pairs of any wave since `render` began
 
   View<Splat*> splats;                   // (visible)
@@ -143,11 +141,9 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
   wave.image_views = typename Wave::template View<detail::ImageView*>(fresh("gsp::SplatWave::image_views"), batch);
   wave.link_views = typename Wave::template View<detail::LinkView**>(fresh("gsp::SplatWave::link_views"), batch, cloud.bodies);
   wave.cluster_visible = typename Wave::template View<int*>(fresh("gsp::SplatWave::cluster_visible"), batch * clusters);
-  wave.cluster_pairs = typename Wave::template View<int*>(fresh("gsp::SplatWave::cluster_pairs"), batch * clusters);
   wave.cluster_offset = typename Wave::template View<std::int64_t*>(fresh("gsp::SplatWave::cluster_offset"), batch * clusters + 1);
   wave.visible = typename Wave::template View<std::int64_t>(Kokkos::view_alloc(exec, "gsp::SplatWave::visible"));
   wave.pairs = typename Wave::template View<std::int64_t>(Kokkos::view_alloc(exec, "gsp::SplatWave::pairs"));
-  wave.pairs_needed = typename Wave::template View<std::int64_t>(Kokkos::view_alloc(exec, "gsp::SplatWave::pairs_needed"));
   wave.needed = typename Wave::template View<std::int64_t[2]>(Kokkos::view_alloc(exec, "gsp::SplatWave::needed"));
   wave.tile_begin = typename Wave::template View<std::int64_t*>(fresh("gsp::SplatWave::tile_begin"), batch * wave.tiles() + 1);
   std::int64_t const visible = options.visible > 0 ? options.visible : std::min(cloud.count, cloud.count / 5 + 1024);

@@ -1,5 +1,6 @@
 #pragma once
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -40,13 +41,15 @@ struct Gaussians {
   using memory_space = Mem;
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  static constexpr int padding = 16;    // a CPU loads a pack at a time
   int count = 0, sh_degree = 0;
   int bodies = 1;                       // one more than the greatest body index
-  View<float**> positions;              // (3, n)
-  View<float**> quats;                  // (4, n)
-  View<float**> scales;                 // (3, n)
-  View<float*> opacities;               // (n)
-  View<float**> sh;                     // (3 K, n): row 3 k + channel
+  // component first, so that neighbours stand together; rows are longer than n = count by `padding` (power -infinity: never seen)
+  View<float**> positions;              // (3, n + padding)
+  View<float**> quats;                  // (4, n + padding)
+  View<float**> scales;                 // (3, n + padding)
+  View<float*> power;                   // (n + padding) log2 of the opacity
+  View<float**> sh;                     // (3 K, n + padding): row 3 k + channel
   View<int*> source;                    // (n)
   View<GaussianCluster*> clusters;
 };
@@ -76,6 +79,8 @@ inline void check_gaussian_set(GaussianSet const& s, std::size_t which) {
   finite(s.positions, "position"), finite(s.quats, "rotation"), finite(s.scales, "scale"), finite(s.opacities, "opacity"), finite(s.sh, "colour");
   for (std::size_t i = 0; i < n; ++i)
     expects(s.body[i] >= 0, name + ": Gaussian " + std::to_string(i) + " has body " + std::to_string(s.body[i]) + "; 0 is the world, links follow");
+  for (std::size_t i = 0; i < n; ++i)
+    expects(s.opacities[i] >= 0 && s.opacities[i] <= 1, name + ": Gaussian " + std::to_string(i) + " has an opacity outside 0..1; repair it");
 }
 
 }  // namespace detail
@@ -125,16 +130,16 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
   });
 
   auto const fresh = [&](std::string const& label) { return Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label); };
-  g.positions = typename G::template View<float**>(fresh("gsp::Gaussians::positions"), 3, n);
-  g.quats = typename G::template View<float**>(fresh("gsp::Gaussians::quats"), 4, n);
-  g.scales = typename G::template View<float**>(fresh("gsp::Gaussians::scales"), 3, n);
-  g.opacities = typename G::template View<float*>(fresh("gsp::Gaussians::opacities"), n);
-  g.sh = typename G::template View<float**>(fresh("gsp::Gaussians::sh"), 3 * terms, n);
+  g.positions = typename G::template View<float**>(fresh("gsp::Gaussians::positions"), 3, n + G::padding);
+  g.quats = typename G::template View<float**>(fresh("gsp::Gaussians::quats"), 4, n + G::padding);
+  g.scales = typename G::template View<float**>(fresh("gsp::Gaussians::scales"), 3, n + G::padding);
+  g.power = typename G::template View<float*>(fresh("gsp::Gaussians::power"), n + G::padding);
+  g.sh = typename G::template View<float**>(fresh("gsp::Gaussians::sh"), 3 * terms, n + G::padding);
   g.source = typename G::template View<int*>(fresh("gsp::Gaussians::source"), n);
   Kokkos::HostSpace const host;
   auto const positions = Kokkos::create_mirror_view(host, g.positions), quats = Kokkos::create_mirror_view(host, g.quats),
              scales = Kokkos::create_mirror_view(host, g.scales), sh = Kokkos::create_mirror_view(host, g.sh);
-  auto const opacities = Kokkos::create_mirror_view(host, g.opacities);
+  auto const power = Kokkos::create_mirror_view(host, g.power);
   auto const source = Kokkos::create_mirror_view(host, g.source);
   std::vector<GaussianCluster> clusters;
   for (int i = 0; i < n; ++i) {
@@ -146,12 +151,18 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
     expects(norm > 0, "gsp::make_gaussians: set " + std::to_string(k.set) + ": the rotation of Gaussian " + std::to_string(j) + " has length 0; set it to 1 0 0 0");
     for (int c = 0; c < 3; ++c) positions(c, i) = s.positions[3 * j + c], scales(c, i) = s.scales[3 * j + c];
     for (int c = 0; c < 4; ++c) quats(c, i) = static_cast<float>(q[c] / norm);
-    opacities(i) = s.opacities[j];
+    power(i) = static_cast<float>(std::log2(double(s.opacities[j])));
     for (int t = 0; t < 3 * terms; ++t) sh(t, i) = t < int(3 * old) ? s.sh[3 * old * j + t] : 0.f;
     source(i) = k.source;
     if (clusters.empty() || clusters.back().body != k.body || clusters.back().end - clusters.back().begin == cluster_size)
       clusters.push_back({i, i, k.body, 0, 0, 0, 0, 0});
     clusters.back().end = i + 1;
+  }
+  for (int i = n; i < n + G::padding; ++i) {
+    for (int c = 0; c < 3; ++c) positions(c, i) = 0, scales(c, i) = 0;
+    for (int c = 0; c < 4; ++c) quats(c, i) = c == 0;
+    for (int t = 0; t < 3 * terms; ++t) sh(t, i) = 0;
+    power(i) = -infinity;
   }
   for (auto& c : clusters) {
     float low[3]{infinity, infinity, infinity}, high[3]{-infinity, -infinity, -infinity};
@@ -170,7 +181,7 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
   }
   g.clusters = typename G::template View<GaussianCluster*>(fresh("gsp::Gaussians::clusters"), clusters.size());
   Kokkos::deep_copy(exec, g.positions, positions), Kokkos::deep_copy(exec, g.quats, quats), Kokkos::deep_copy(exec, g.scales, scales);
-  Kokkos::deep_copy(exec, g.opacities, opacities), Kokkos::deep_copy(exec, g.sh, sh), Kokkos::deep_copy(exec, g.source, source);
+  Kokkos::deep_copy(exec, g.power, power), Kokkos::deep_copy(exec, g.sh, sh), Kokkos::deep_copy(exec, g.source, source);
   Kokkos::deep_copy(exec, g.clusters, Kokkos::View<GaussianCluster*, Kokkos::LayoutRight, Kokkos::HostSpace, Kokkos::MemoryUnmanaged>(clusters.data(), clusters.size()));
   exec.fence("gsp::make_gaussians: the host arrays go away");
   return g;

@@ -17,6 +17,11 @@ struct RenderOptions {
 
 namespace detail {
 
+template <class T>
+struct SplatOf {
+  T u, v, l11, l21, l22, power, xe, ye, r, g, b, depth;
+};
+
 /// EWA projection of one Gaussian (Zwicker et al. 2001, with gsplat's constants): centre x = R mu + t, derivative J of the projection there,
 ///   M = J R R_q S (2 x 3),   covariance = M M^T + blur I,   det = |m1 x m2|^2 + blur (|m1|^2 + |m2|^2) + blur^2   (Cauchy-Binet: no cancellation).
 template <class Mem>
@@ -45,51 +50,71 @@ struct Projector {
            !outside(fy, sy, view.cy, view.y_low, view.y_high) && !outside(fy, -sy, height - view.cy, view.y_low, view.y_high);
   }
 
-  /// The splat of Gaussian i without its colour; false where it is not seen.
-  KOKKOS_FUNCTION bool geometry(int i, LinkView const& link, ImageView const& view, Splat& s) const {
-    double const px = cloud.positions(0, i), py = cloud.positions(1, i), pz = cloud.positions(2, i);
-    double const z = fma(link.m[8], px, fma(link.m[9], py, fma(link.m[10], pz, link.m[11])));
-    s.depth = static_cast<float>(z);
-    if (!(s.depth >= options.near && s.depth <= options.far)) return false;
-    float const opacity = cloud.opacities(i);
-    if (!(opacity >= 1.f / 255.f)) return false;
-    double const x = fma(link.m[0], px, fma(link.m[1], py, fma(link.m[2], pz, link.m[3])));
-    double const y = fma(link.m[4], px, fma(link.m[5], py, fma(link.m[6], pz, link.m[7])));
-    double const inverse = 1. / z, xz = x * inverse, yz = y * inverse;
-    s.u = static_cast<float>(fma(view.fx, xz, view.cx)), s.v = static_cast<float>(fma(view.fy, yz, view.cy));
+  /// The splats of the Gaussians from i on (one on a GPU, a pack on a CPU), without colour; true where the box of the ellipse meets the picture.
+  template <class T>
+  KOKKOS_FUNCTION auto geometry(int i, LinkView const& link, ImageView const& view, SplatOf<T>& s) const -> decltype(T() < T()) {
+    using L = Lanes<T>;
+    using Wide = typename L::Wide;
+    Wide const px = widen(L::load(cloud.positions, 0, i)), py = widen(L::load(cloud.positions, 1, i)), pz = widen(L::load(cloud.positions, 2, i));
+    Wide const z = px * link.m[8] + (py * link.m[9] + (pz * link.m[10] + link.m[11]));
+    s.depth = narrow(z);
+    s.power = L::load(cloud.power, i);
+    T const reach = s.power + T(splat_log2_255);
+    auto seen = s.depth >= T(options.near) && s.depth <= T(options.far) && reach >= T(0.f);
+    if (!any_lane(seen)) return seen;
+    Wide const x = px * link.m[0] + (py * link.m[1] + (pz * link.m[2] + link.m[3]));
+    Wide const y = px * link.m[4] + (py * link.m[5] + (pz * link.m[6] + link.m[7]));
+    Wide const inverse = Wide(1.) / z, xz = x * inverse, yz = y * inverse;
+    s.u = narrow(xz * view.fx + view.cx), s.v = narrow(yz * view.fy + view.cy);
 
-    float const sx = clamp(static_cast<float>(xz), view.x_low, view.x_high), sy = clamp(static_cast<float>(yz), view.y_low, view.y_high);
-    float const fx = static_cast<float>(view.fx * inverse), fy = static_cast<float>(view.fy * inverse);
-    Vec3<float> const r0{float(link.m[0]), float(link.m[1]), float(link.m[2])}, r1{float(link.m[4]), float(link.m[5]), float(link.m[6])},
-        r2{float(link.m[8]), float(link.m[9]), float(link.m[10])};
-    Mat3<float> const R = to_matrix(Quat<float>{cloud.quats(0, i), cloud.quats(1, i), cloud.quats(2, i), cloud.quats(3, i)});
-    auto const row = [&](float f, float slope, Vec3<float> const& r) {
-      Vec3<float> const m = transpose_times(R, f * fma(-slope, r2, r));
-      return Vec3<float>{m.x * cloud.scales(0, i), m.y * cloud.scales(1, i), m.z * cloud.scales(2, i)};
+    T const sx = clamp(narrow(xz), T(view.x_low), T(view.x_high)), sy = clamp(narrow(yz), T(view.y_low), T(view.y_high));
+    T const fx = narrow(inverse * view.fx), fy = narrow(inverse * view.fy);
+    Mat3<T> const R = to_matrix(Quat<T>{L::load(cloud.quats, 0, i), L::load(cloud.quats, 1, i), L::load(cloud.quats, 2, i), L::load(cloud.quats, 3, i)});
+    Vec3<T> const S{L::load(cloud.scales, 0, i), L::load(cloud.scales, 1, i), L::load(cloud.scales, 2, i)};
+    auto const row = [&](T const& f, T const& slope, int r) {
+      T const x0(float(link.m[r])), x1(float(link.m[r + 1])), x2(float(link.m[r + 2])), z0(float(link.m[8])), z1(float(link.m[9])), z2(float(link.m[10]));
+      Vec3<T> const m = transpose_times(R, Vec3<T>{f * fma(-slope, z0, x0), f * fma(-slope, z1, x1), f * fma(-slope, z2, x2)});
+      return Vec3<T>{m.x * S.x, m.y * S.y, m.z * S.z};
     };
-    Vec3<float> const a = row(fx, sx, r0), b = row(fy, sy, r1), n = cross(a, b);
-    float const aa = dot(a, a), bb = dot(b, b), xy = dot(a, b), blur = options.blur;
-    float const det = fma(blur, aa + bb + blur, dot(n, n)), xx = aa + blur, yy = bb + blur;
-    if (!(det > 0.f)) return false;
+    Vec3<T> const a = row(fx, sx, 0), b = row(fy, sy, 4), n = cross(a, b);
+    T const aa = dot(a, a), bb = dot(b, b), xy = dot(a, b), blur(options.blur);
+    T const xx = aa + blur, yy = bb + blur, det = fma(blur, xx + bb, dot(n, n));
 
-    constexpr float half_log2e = 0.72134752f;
-    s.power = Kokkos::log2(opacity);
-    float const reach = max(0.f, s.power + splat_log2_255);
-    s.l11 = Kokkos::sqrt(half_log2e * yy / det);
-    s.l21 = -xy * Kokkos::sqrt(half_log2e / det) / Kokkos::sqrt(yy);
-    s.l22 = Kokkos::sqrt(half_log2e / yy);
-    s.xe = Kokkos::sqrt(reach * xx / half_log2e), s.ye = Kokkos::sqrt(reach * yy / half_log2e);
-    return true;
+    T const half_log2e(0.72134752f), root = sqrt(half_log2e / det), root_yy = sqrt(yy);
+    s.l11 = root * root_yy;
+    s.l21 = -xy * root / root_yy;
+    s.l22 = sqrt(half_log2e) / root_yy;
+    T const extent = sqrt(max(reach, T(0.f)) / half_log2e);
+    s.xe = extent * sqrt(xx), s.ye = extent * root_yy;
+    T const pad = fma(T(2e-6f), abs(s.u) + abs(s.v) + s.xe + s.ye, T(2e-3f)), w(static_cast<float>(width) - 0.5f), h(static_cast<float>(height) - 0.5f);
+    return seen && det > T(0.f) && s.u + s.xe + pad >= T(0.5f) && s.u - s.xe - pad <= w && s.v + s.ye + pad >= T(0.5f) && s.v - s.ye - pad <= h;
   }
 
-  KOKKOS_FUNCTION void colour(int i, LinkView const& link, Splat& s) const {
-    Vec3<float> const d{cloud.positions(0, i) - link.eye[0], cloud.positions(1, i) - link.eye[1], cloud.positions(2, i) - link.eye[2]};
-    Vec3<float> const c = sh_colour(cloud.sh, cloud.sh_degree, i, normalized(d));
+  template <class T>
+  KOKKOS_FUNCTION void colour(int i, LinkView const& link, SplatOf<T>& s) const {
+    using L = Lanes<T>;
+    Vec3<T> const d{L::load(cloud.positions, 0, i) - T(link.eye[0]), L::load(cloud.positions, 1, i) - T(link.eye[1]), L::load(cloud.positions, 2, i) - T(link.eye[2])};
+    Vec3<T> const c = sh_colour(cloud.sh, cloud.sh_degree, i, normalized(d));
     s.r = c.x, s.g = c.y, s.b = c.z;
+  }
+
+  /// Puts a splat into the pool, with its key (image, depth, source) and the number of tiles that it touches (0: none after all).
+  KOKKOS_FUNCTION void put(std::int64_t to, int image, int i, Splat const& s) const {
+    wave.splats(to) = s;
+    wave.splat_tiles(to) = count_tiles(s, width, height);
+    wave.order(to) = static_cast<int>(to);
+    wave.order_keys(to) = (static_cast<std::uint64_t>(image) << 32 | Kokkos::bit_cast<std::uint32_t>(s.depth)) << wave.index_bits |
+                          static_cast<std::uint64_t>(cloud.source(i));
+  }
+  /// A place that stayed free: counting and filling are compiled apart and may round the edge of the picture apart, where nothing is drawn anyway.
+  KOKKOS_FUNCTION void put_nothing(std::int64_t to, int image) const {
+    wave.splat_tiles(to) = 0;
+    wave.order(to) = static_cast<int>(to);
+    wave.order_keys(to) = static_cast<std::uint64_t>(image) << 32 << wave.index_bits;
   }
 };
 
-/// Pass 1 (fill = false): how many Gaussians of each cluster are seen, and how many tiles they touch. Pass 2: writes them, in order.
+/// Pass 1 (fill = false): how many Gaussians of each cluster are seen. Pass 2: writes them, in order. A cluster a team (GPU).
 template <class Mem, bool fill>
 struct ProjectClusters {
   Projector<Mem> p;
@@ -104,60 +129,92 @@ struct ProjectClusters {
     LinkView const& link = wave.link_views(image, cluster.body);
     ImageView const& view = wave.image_views(image);
     if (!fill && !p.may_see(cluster, link, view)) {
-      Kokkos::single(Kokkos::PerTeam(team), [&] { wave.cluster_visible(index) = wave.cluster_pairs(index) = 0; });
+      Kokkos::single(Kokkos::PerTeam(team), [&] { wave.cluster_visible(index) = 0; });
       return;
     }
-    int found = 0, pairs = 0;
-    std::int64_t offset = fill ? wave.cluster_offset(index) : 0;
+    int found = 0;
+    std::int64_t offset = 0, end = 0;
+    if constexpr (fill) offset = wave.cluster_offset(index), end = wave.cluster_offset(index + 1);
     for (int base = cluster.begin; base < cluster.end; base += team.team_size()) {
       int const i = base + team.team_rank();
-      Splat s;
-      int const tiles = i < cluster.end && p.geometry(i, link, view, s) ? count_tiles(s, p.width, p.height) : 0;
+      SplatOf<float> s;
+      bool const seen = i < cluster.end && p.geometry(i, link, view, s);
       if constexpr (fill) {
-        int const seen = tiles > 0, rank = team.team_scan(seen);
+        int const rank = team.team_scan(int(seen));
         int total = rank + seen;
         team.team_broadcast(total, team.team_size() - 1);
-        if (seen) {
-          std::int64_t const to = offset + rank;
+        if (seen && offset + rank < end) {
           p.colour(i, link, s);
-          wave.splats(to) = s;
-          wave.splat_tiles(to) = tiles;
-          wave.order(to) = static_cast<int>(to);
-          wave.order_keys(to) = (static_cast<std::uint64_t>(image) << 32 | Kokkos::bit_cast<std::uint32_t>(s.depth)) << wave.index_bits |
-                                static_cast<std::uint64_t>(p.cloud.source(i));
+          p.put(offset + rank, image, i, {s.u, s.v, s.l11, s.l21, s.l22, s.power, s.xe, s.ye, s.r, s.g, s.b, s.depth});
         }
         offset += total;
       } else {
-        found += tiles > 0, pairs += tiles;
+        found += seen;
       }
     }
-    if constexpr (!fill) {
+    if constexpr (fill) {
+      for (std::int64_t to = offset + team.team_rank(); to < end; to += team.team_size()) p.put_nothing(to, image);
+    } else {
       team.team_reduce(Kokkos::Sum<int>(found));
-      team.team_reduce(Kokkos::Sum<int>(pairs));
-      Kokkos::single(Kokkos::PerTeam(team), [&] { wave.cluster_visible(index) = found, wave.cluster_pairs(index) = pairs; });
+      Kokkos::single(Kokkos::PerTeam(team), [&] { wave.cluster_visible(index) = found; });
     }
   }
 };
 
-template <class Mem>
-struct SumPairs {
-  SplatWave<Mem> wave;
-  KOKKOS_FUNCTION void operator()(int i, std::int64_t& sum) const { sum += wave.cluster_pairs(i); }
+/// The same on a CPU: a cluster a task, a pack of Gaussians at a time.
+template <class Mem, bool fill>
+struct ProjectPacks {
+  Projector<Mem> p;
+  int clusters;
+  static constexpr int W = native_width<float>;
+  using T = Pack<float, W>;
+
+  void operator()(int index) const {
+    auto const& wave = p.wave;
+    int const image = index / clusters;
+    if (fill && (wave.visible() == 0 || wave.cluster_visible(index) == 0)) return;
+    GaussianCluster const& cluster = p.cloud.clusters(index % clusters);
+    LinkView const& link = wave.link_views(image, cluster.body);
+    ImageView const& view = wave.image_views(image);
+    if (!fill && !p.may_see(cluster, link, view)) {
+      wave.cluster_visible(index) = 0;
+      return;
+    }
+    int found = 0;
+    std::int64_t offset = 0, end = 0;
+    if constexpr (fill) offset = wave.cluster_offset(index), end = wave.cluster_offset(index + 1);
+    for (int base = cluster.begin; base < cluster.end; base += W) {
+      SplatOf<T> s;
+      auto const seen = p.geometry(base, link, view, s);
+      if (!any_lane(seen)) continue;
+      int const lanes = cluster.end - base < W ? cluster.end - base : W;
+      if constexpr (fill) {
+        p.colour(base, link, s);
+        for (int k = 0; k < lanes; ++k)
+          if (seen[k] && offset < end)
+            p.put(offset++, image, base + k, {s.u[k], s.v[k], s.l11[k], s.l21[k], s.l22[k], s.power[k], s.xe[k], s.ye[k], s.r[k], s.g[k], s.b[k], s.depth[k]});
+      } else {
+        for (int k = 0; k < lanes; ++k) found += seen[k];
+      }
+    }
+    if constexpr (fill)
+      for (; offset < end; ++offset) p.put_nothing(offset, image);
+    else
+      wave.cluster_visible(index) = found;
+  }
 };
 
 /// Do they fit? If not, the wave is left out: its images are marked, later stages find nothing to do.
 template <class Mem>
-struct Settle {
+struct SettleVisible {
   SplatWave<Mem> wave;
   Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status;
   int cells;
   KOKKOS_FUNCTION void operator()(int) const {
-    std::int64_t const visible = wave.cluster_offset(cells), pairs = wave.pairs_needed();
-    bool const fits = visible <= wave.visible_capacity && pairs <= wave.pair_capacity;
+    std::int64_t const visible = wave.cluster_offset(cells);
+    bool const fits = visible <= wave.visible_capacity;
     wave.visible() = fits ? visible : 0;
-    wave.pairs() = fits ? pairs : 0;
     wave.needed(0) = visible > wave.needed(0) ? visible : wave.needed(0);
-    wave.needed(1) = pairs > wave.needed(1) ? pairs : wave.needed(1);
     for (int k = 0; k < wave.images; ++k) {
       std::uint32_t const old = status(wave.first + k);
       status(wave.first + k) = fits ? old & ~frame_overflow : old | frame_overflow;
@@ -178,7 +235,7 @@ struct Head {
 
 /// Second stage: the Gaussians that the wave's cameras see, as splats. Culls clusters against the picture, then projects, twice: once to count,
 /// once to write, so that places in the pool follow from a sum and not from who came first.
-/// @param frames  in: place_gaussians' views.   out: wave.splats, splat_tiles, order, order_keys (image, depth, source), visible, pairs;
+/// @param frames  in: place_gaussians' views.   out: wave.splats, splat_tiles, order, order_keys (image, depth, source), visible;
 ///                status(c) = frame_overflow where the buffers are too small (then the wave is empty)
 /// Neither allocates nor fences.
 template <ExecutionSpace Exec, class Mem>
@@ -190,14 +247,18 @@ void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem> const& f
   auto const& wave = frames.wave;
   int const clusters = static_cast<int>(cloud.clusters.extent(0)), cells = wave.images * clusters;
   detail::Projector<Mem> const projector{cloud, wave, options, frames.width, frames.height};
-  Kokkos::TeamPolicy<Exec> const policy(exec, cells, is_device<Exec> ? 128 : 1);
-  Kokkos::parallel_for("gsp::splat::project_count", policy, detail::ProjectClusters<Mem, false>{projector, clusters});
+  auto const pass = [&](char const* label, auto const& teams, auto const& packs) {
+    if constexpr (is_device<Exec>)
+      Kokkos::parallel_for(label, Kokkos::TeamPolicy<Exec>(exec, cells, 128), teams);
+    else
+      Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, cells, Kokkos::ChunkSize(8)), packs);
+  };
+  pass("gsp::splat::project_count", detail::ProjectClusters<Mem, false>{projector, clusters}, detail::ProjectPacks<Mem, false>{projector, clusters});
   using Offsets = Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem>;
   exclusive_scan(exec, detail::Head<Kokkos::View<int*, Kokkos::LayoutRight, Mem>>{wave.cluster_visible, cells},
                  Offsets(wave.cluster_offset, Kokkos::make_pair(0, cells + 1)));
-  Kokkos::parallel_reduce("gsp::splat::project_pairs", Kokkos::RangePolicy<Exec>(exec, 0, cells), detail::SumPairs<Mem>{wave}, wave.pairs_needed);
-  Kokkos::parallel_for("gsp::splat::project_settle", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::Settle<Mem>{wave, frames.status, cells});
-  Kokkos::parallel_for("gsp::splat::project", policy, detail::ProjectClusters<Mem, true>{projector, clusters});
+  Kokkos::parallel_for("gsp::splat::project_settle", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::SettleVisible<Mem>{wave, frames.status, cells});
+  pass("gsp::splat::project", detail::ProjectClusters<Mem, true>{projector, clusters}, detail::ProjectPacks<Mem, true>{projector, clusters});
 }
 
 }  // namespace gsp

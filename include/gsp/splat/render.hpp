@@ -45,16 +45,17 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
   Kokkos::parallel_for("gsp::splat::render_reset", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::ResetNeeded<Mem>{frames.wave.needed});
   int first = 0;
   if (!frames.sized) {
-    wave(0);
-    if (!grow()) first = frames.wave.batch;
+    do wave(0);
+    while (grow());
     frames.sized = true;
+    first = frames.wave.batch;
   }
   for (int begin = first; begin < frames.images; begin += frames.wave.batch) wave(begin);
-  if (first >= frames.images || !grow()) return;
-  // Repeat the waves that did not fit: few, and rarely, so their status is read on the host.
-  auto const status = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, frames.status);
-  for (int begin = first; begin < frames.images; begin += frames.wave.batch)
-    if (status(begin) & frame_overflow) wave(begin);
+  while (first < frames.images && grow()) {  // repeat the waves that did not fit: few, and rarely, so their status is read on the host
+    auto const status = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, frames.status);
+    for (int begin = first; begin < frames.images; begin += frames.wave.batch)
+      if (status(begin) & frame_overflow) wave(begin);
+  }
 }
 
 }  // namespace gsp

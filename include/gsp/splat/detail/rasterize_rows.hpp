@@ -1,5 +1,5 @@
 #pragma once
-#include <gsp/splat/detail/exp2.hpp>
+#include <gsp/splat/detail/lanes.hpp>
 #include <gsp/splat/frames.hpp>
 
 namespace gsp::detail {
@@ -56,8 +56,7 @@ struct RasterizeRows {
           auto const touched = exponent >= p.least;
           if (!any_lane(touched)) continue;
           P const alpha = min(exp2(exponent), P(alpha_max)), left_over = p.T * (P(1.f) - alpha);
-          auto const stops = touched && (left_over <= P(stop));
-          auto const adds = touched && !stops;
+          auto const stops = touched && (left_over <= P(stop)), adds = touched && (left_over > P(stop));
           P const weight = select(adds, alpha * p.T, P(0.f));
           p.r = fma(weight, P(s.r), p.r);
           p.g = fma(weight, P(s.g), p.g);
@@ -76,15 +75,22 @@ struct RasterizeRows {
 
     int const columns = frames.width - x0 < splat_tile ? frames.width - x0 : splat_tile;
     bool const rgb = frames.rgb.extent(0) > 0, depth = frames.depth.extent(0) > 0, alpha = frames.alpha.extent(0) > 0;
-    for (int row = 0; row < const_rows; ++row)
-      for (int column = 0; column < columns; ++column) {
-        Pixels const& p = pixels[row][column / W];
-        int const i = column % W, y = y0 + row, x = x0 + column;
-        float const a = 1.f - p.T[i];
-        if (rgb) frames.rgb(image, y, x, 0) = p.r[i], frames.rgb(image, y, x, 1) = p.g[i], frames.rgb(image, y, x, 2) = p.b[i];
-        if (depth) frames.depth(image, y, x) = p.z[i] / max(a, 1e-10f);
-        if (alpha) frames.alpha(image, y, x) = a;
+    for (int row = 0; row < const_rows; ++row) {
+      float colours[3 * splat_tile], depths[splat_tile], alphas[splat_tile];
+      for (int k = 0; k < packs; ++k) {
+        Pixels const& p = pixels[row][k];
+        P const a = P(1.f) - p.T, z = p.z / max(a, P(1e-10f));
+        for (int i = 0; i < W; ++i) {
+          int const column = k * W + i;
+          colours[3 * column] = p.r[i], colours[3 * column + 1] = p.g[i], colours[3 * column + 2] = p.b[i];
+          depths[column] = z[i], alphas[column] = a[i];
+        }
       }
+      int const y = y0 + row;
+      if (rgb) std::memcpy(&frames.rgb(image, y, x0, 0), colours, sizeof(float) * 3 * columns);
+      if (depth) std::memcpy(&frames.depth(image, y, x0), depths, sizeof(float) * columns);
+      if (alpha) std::memcpy(&frames.alpha(image, y, x0), alphas, sizeof(float) * columns);
+    }
   }
 };
 

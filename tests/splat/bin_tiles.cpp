@@ -1,0 +1,112 @@
+#include <doctest/doctest.h>
+
+#include <gsp/splat/render.hpp>
+#include <gsp_test_execs.hpp>
+#include <set>
+#include <splat/scenes.hpp>
+
+namespace {
+
+gsp::Splat random_splat(gsp_test::Random& random, int width, int height, int kind) {
+  // a covariance from two axes, needles among them, centre inside or far outside
+  double const far = kind % 3 == 0 ? 3 : 0.2, u = random.uniform(-far, 1 + far) * width, v = random.uniform(-far, 1 + far) * height;
+  double const a = std::exp(random.uniform(-1, kind % 4 == 0 ? 7 : 3.5)), b = std::exp(random.uniform(-1, 2)), angle = random.uniform(0, 3.14159265);
+  double const c = std::cos(angle), s = std::sin(angle), xx = c * c * a * a + s * s * b * b + .3, yy = s * s * a * a + c * c * b * b + .3, xy = c * s * (a * a - b * b);
+  double const det = a * a * b * b + .3 * (a * a + b * b) + .09, h = 0.5 / std::log(2.), power = std::log2(random.uniform(0.004, 1)), reach = power + std::log2(255.);
+  return {float(u), float(v), float(std::sqrt(h * yy / det)), float(-xy * std::sqrt(h / (det * yy))), float(std::sqrt(h / yy)), float(power),
+          float(std::sqrt(reach * xx / h)), float(std::sqrt(reach * yy / h)), 1, 1, 1, 1};
+}
+
+// Least of (l11 dx + l21 dy)^2 + (l22 dy)^2 over a rectangle of offsets: 0 inside, else on an edge, where it is a parabola.
+double least_over(gsp::Splat const& s, double x0, double x1, double y0, double y1) {
+  if (x0 <= 0 && x1 >= 0 && y0 <= 0 && y1 >= 0) return 0;
+  double const a = double(s.l11) * s.l11, b = double(s.l11) * s.l21, c = double(s.l21) * s.l21 + double(s.l22) * s.l22;
+  auto const q = [&](double x, double y) { return a * x * x + 2 * b * x * y + c * y * y; };
+  double best = 1e300;
+  for (double y : {y0, y1}) best = std::min(best, q(std::clamp(-b * y / a, x0, x1), y));
+  for (double x : {x0, x1}) best = std::min(best, q(x, std::clamp(-b * x / c, y0, y1)));
+  return best;
+}
+
+}  // namespace
+
+TEST_CASE("tiles of an ellipse: none missed, none too many, against all tiles and all pixels") {
+  int const width = 203, height = 149;  // neither a multiple of 16
+  gsp_test::Random random(5);
+  int missed = 0, extra = 0, listed = 0, boxed = 0;
+  for (int k = 0; k < 4000; ++k) {
+    gsp::Splat const s = random_splat(random, width, height, k);
+    std::set<int> tiles;
+    gsp::detail::for_tile_rows(s, width, height, [&](int ty, int first, int last) {
+      for (int tx = first; tx <= last; ++tx) CHECK(tiles.insert(ty * 13 + tx).second);
+    });
+    CHECK(gsp::detail::count_tiles(s, width, height) == int(tiles.size()));
+    listed += int(tiles.size());
+    double const reach = double(s.power) + std::log2(255.);
+    for (int ty = 0; ty < 10; ++ty)
+      for (int tx = 0; tx < 13; ++tx) {
+        int const x0 = tx * 16, x1 = std::min(width, x0 + 16), y0 = ty * 16, y1 = std::min(height, y0 + 16);
+        bool const has = tiles.count(ty * 13 + tx) > 0;
+        double const box_x = s.xe, box_y = s.ye;
+        boxed += s.u + box_x >= x0 && s.u - box_x <= x1 && s.v + box_y >= y0 && s.v - box_y <= y1;
+        bool touched = false;  // the rasteriser's own test, in float, at every pixel
+        for (int y = y0; y < y1 && !touched; ++y)
+          for (int x = x0; x < x1 && !touched; ++x) {
+            float const dx = x + 0.5f - s.u, dy = y + 0.5f - s.v, wx = gsp::fma(s.l11, dx, s.l21 * dy), wy = s.l22 * dy;
+            touched = gsp::fma(-wx, wx, gsp::fma(-wy, wy, s.power)) >= -gsp::splat_log2_255;
+          }
+        missed += touched && !has;
+        // too many: the ellipse, grown by the margin that covers rounding (0.001 pixel, and 1e-6 of its size and place; twice that here), misses the centres
+        double const grow = 2e-3 + 2e-6 * (std::abs(s.u) + std::abs(s.v) + s.xe + s.ye);
+        extra += has && least_over(s, x0 + .5 - grow - s.u, x1 - .5 + grow - s.u, y0 + .5 - grow - s.v, y1 - .5 + grow - s.v) > reach * 1.0001;
+      }
+  }
+  MESSAGE(listed, " tiles listed, ", boxed, " in the boxes");
+  CHECK(missed == 0);
+  CHECK(extra == 0);
+  CHECK(listed < boxed);
+}
+
+TEST_CASE_TEMPLATE("lists of the tiles hold each splat that touches them once, front to back, ties by source", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  int const images = 3, width = 203, height = 149, n = 2000;
+  auto set = gsp_test::random_gaussians(n, 0, 1, 3);
+  for (int i = n / 2; i < n; ++i)  // pairs of equal depth: the same place, other colours
+    for (int k = 0; k < 3; ++k) set.positions[3 * i + k] = set.positions[3 * (i - n / 2) + k];
+  std::vector<float> viewmats, Ks;
+  gsp_test::random_cameras(images, width, height, 2, 4, viewmats, Ks);
+  auto const cloud = gsp::make_gaussians(exec, set);
+  auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
+  auto const poses = gsp::make_poses<float>(exec, 1, 1, 0);
+  auto frames = gsp::make_frames(exec, cloud, {.images = images, .width = width, .height = height, .batch = images});
+  gsp::render(exec, cloud, poses, cameras, frames);
+  auto const& wave = frames.wave;
+  REQUIRE(wave.images == images);
+  Kokkos::HostSpace const host;
+  auto const splats = Kokkos::create_mirror_view_and_copy(host, wave.splats);
+  auto const order = Kokkos::create_mirror_view_and_copy(host, wave.order);
+  auto const keys = Kokkos::create_mirror_view_and_copy(host, wave.order_keys);
+  auto const begins = Kokkos::create_mirror_view_and_copy(host, wave.tile_begin);
+  auto const list = Kokkos::create_mirror_view_and_copy(host, wave.tile_splats);
+  auto const visible = Kokkos::create_mirror_view_and_copy(host, wave.visible), pairs = Kokkos::create_mirror_view_and_copy(host, wave.pairs);
+  REQUIRE(visible() > 0);
+  std::vector<std::uint64_t> key_of(splats.extent(0));
+  std::vector<std::vector<int>> expected(images * wave.tiles());
+  int ties = 0;
+  for (std::int64_t i = 0; i < visible(); ++i) {
+    if (i > 0) CHECK(keys(i - 1) < keys(i));  // image, depth, source: strictly rising
+    ties += i > 0 && keys(i - 1) >> wave.index_bits == keys(i) >> wave.index_bits;
+    int const image = static_cast<int>(keys(i) >> (32 + wave.index_bits));
+    gsp::detail::for_tile_rows(splats(order(i)), width, height, [&](int ty, int first, int last) {
+      for (int tx = first; tx <= last; ++tx) expected[image * wave.tiles() + ty * wave.tiles_x + tx].push_back(order(i));
+    });
+  }
+  CHECK(ties > n / 10);
+  std::int64_t wrong = 0;
+  for (std::size_t t = 0; t < expected.size(); ++t) {
+    std::vector<int> const got(list.data() + begins(t), list.data() + begins(t + 1));
+    wrong += got != expected[t];
+  }
+  CHECK(wrong == 0);
+  CHECK(begins(expected.size()) == pairs());
+}
