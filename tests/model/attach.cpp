@@ -45,3 +45,17 @@ TEST_CASE("the world's geoms go to the body, posed; a free joint below the world
   CHECK_THROWS_WITH_AS(attach(to, samples::quadruped(), {.body = "rod0"}), doctest::Contains("free joint"), Error);
   CHECK_THROWS_WITH_AS(attach(to, samples::arm(), {.body = "nowhere"}), doctest::Contains("no body 'nowhere'"), Error);
 }
+
+TEST_CASE("a model in code") {
+  // example-begin
+  gsp::Description d;
+  int const b = gsp::add_body(d, 0, "ball", {0, 0, 1});
+  d.bodies[b].joints.push_back({.name = "free", .type = gsp::JointType::free});
+  d.bodies[b].geoms.push_back({.size = {0.1, 0, 0}});  // a sphere
+  gsp::attach(d, gsp::samples::quadruped(), {.prefix = "a_", .pos = {1, 0, 0}});
+  gsp::CompiledModel const m = gsp::compile(d);
+  // example-end
+  CHECK(m.ntree == 2);
+  CHECK(m.body_name[2] == "a_trunk");
+  CHECK(m.qpos0[7] == 1);
+}

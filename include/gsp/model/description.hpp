@@ -29,7 +29,7 @@ struct SoftnessDescription {
 };
 
 struct JointDescription {
-  std::string name;
+  std::string name = "";
   JointType type = JointType::hinge;
   Double3 pos{0, 0, 0}, axis{0, 0, 1};  // anchor and axis in the body frame; the axis is normalised by compile
   bool limited = false;
@@ -39,13 +39,13 @@ struct JointDescription {
   double ref = 0, springref = 0;        // position in the model's initial pose; of the spring
   double stiffness = 0, damping = 0, armature = 0, frictionloss = 0, margin = 0;
   std::array<double, 2> springdamper{0, 0};  // time constant [s] and damping ratio; both positive: compile chooses stiffness and damping from the inertia
-  SoftnessDescription limit, friction;
+  SoftnessDescription limit{}, friction{};
   int group = 0;
-  Place place;
+  Place place{};
 };
 
 struct GeomDescription {
-  std::string name;
+  std::string name = "";
   ShapeType type = ShapeType::sphere;
   Double3 size{0, 0, 0};                // plane: half x, half y (0: infinite), spacing; sphere: r; capsule, cylinder: r, half length; box: half sizes
   Double3 pos{0, 0, 0};
@@ -53,30 +53,30 @@ struct GeomDescription {
   int contype = 1, conaffinity = 1, condim = 3, priority = 0, group = 0;
   Double3 friction{1, 0.005, 0.0001};   // sliding, torsional [m], rolling [m]
   double solmix = 1, margin = 0, gap = 0;
-  SoftnessDescription softness;
+  SoftnessDescription softness{};
   bool has_mass = false;                // mass given; else density * volume
   double mass = 0, density = 1000;
   bool shell_inertia = false;
   std::array<float, 4> rgba{0.5f, 0.5f, 0.5f, 1};
-  Place place;
+  Place place{};
   bool visual() const { return contype == 0 && conaffinity == 0; }
 };
 
 struct SiteDescription {
-  std::string name;
+  std::string name = "";
   Double3 pos{0, 0, 0}, size{0.005, 0.005, 0.005};
   Double4 quat{1, 0, 0, 0};
   ShapeType type = ShapeType::sphere;
   int group = 0;
-  Place place;
+  Place place{};
 };
 
 struct CameraDescription {
-  std::string name;
+  std::string name = "";
   Double3 pos{0, 0, 0};
   Double4 quat{1, 0, 0, 0};             // MuJoCo's camera frame: looks along -z, y up
   double fovy = 0.7853981633974483;     // [rad]
-  Place place;
+  Place place{};
 };
 
 struct InertialDescription {
@@ -87,7 +87,7 @@ struct InertialDescription {
 };
 
 struct BodyDescription {
-  std::string name;
+  std::string name = "";
   int parent = -1;                      // index into Description::bodies, smaller than its own; -1 for the world (body 0) alone
   Double3 pos{0, 0, 0};
   Double4 quat{1, 0, 0, 0};
@@ -99,7 +99,7 @@ struct BodyDescription {
   std::vector<GeomDescription> geoms;
   std::vector<SiteDescription> sites;
   std::vector<CameraDescription> cameras;
-  Place place;
+  Place place{};
 
   static BodyDescription world() {
     BodyDescription body;
@@ -111,25 +111,25 @@ struct BodyDescription {
 /// Fixed tendon: length = sum of coefficient * joint position (hinge and slide joints).
 struct TendonDescription {
   struct Term {
-    std::string joint;
+    std::string joint = "";
     double coefficient = 1;
   };
-  std::string name;
-  std::vector<Term> terms;
+  std::string name = "";
+  std::vector<Term> terms{};
   bool limited = false;
   std::array<double, 2> range{0, 0};
   std::array<double, 2> springlength{-1, -1};  // dead band; -1: the length at the springs' rest
   double stiffness = 0, damping = 0, frictionloss = 0, armature = 0, margin = 0;
-  SoftnessDescription limit, friction;
-  Place place;
+  SoftnessDescription limit{}, friction{};
+  Place place{};
 };
 
 /// force = gain * ctrl + bias0 + bias1 * length + bias2 * velocity, then clamped (MuJoCo's motor: gain 1; position: kp, (0, -kp, -kv)).
 struct ActuatorDescription {
   enum class Target : int { joint, tendon };
-  std::string name;
+  std::string name = "";
   Target target = Target::joint;
-  std::string target_name;
+  std::string target_name = "";
   std::array<double, 6> gear{1, 0, 0, 0, 0, 0};  // the first scales length and force; free and ball joints use six and three
   double gain = 1;
   Double3 bias{0, 0, 0};
@@ -137,19 +137,19 @@ struct ActuatorDescription {
   bool ctrl_limited = false, force_limited = false;
   std::array<double, 2> ctrl_range{0, 0}, force_range{0, 0};
   int group = 0;
-  Place place;
+  Place place{};
 };
 
 struct KeyframeDescription {
-  std::string name;
+  std::string name = "";
   double time = 0;
-  std::vector<double> qpos, qvel, ctrl;  // empty: the model's initial values
-  Place place;
+  std::vector<double> qpos{}, qvel{}, ctrl{};  // empty: the model's initial values
+  Place place{};
 };
 
 struct ExcludeDescription {
-  std::string body1, body2;
-  Place place;
+  std::string body1 = "", body2 = "";
+  Place place{};
 };
 
 struct OptionDescription {
@@ -182,7 +182,7 @@ struct ReportLine {
 };
 
 struct Description {
-  std::string name;
+  std::string name = "";
   std::vector<std::string> files;       // what Place::file points into
   OptionDescription option;
   CompilerDescription compiler;
