@@ -22,7 +22,7 @@ namespace gsp {
 template <class R>
 struct ContactParameters {
   int condim;
-  R margin, gap;  // detected if dist <= margin + gap, acts if dist <= margin [m]
+  R margin, gap;  // detected if dist <= margin + gap, acts if dist < margin [m]
   R friction[5];  // sliding, sliding, torsional [m], rolling [m], rolling [m]
   R solref[2], solimp[5];
 };
