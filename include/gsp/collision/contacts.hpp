@@ -276,8 +276,8 @@ bool grow(Exec const& exec, Contacts<R, Mem>& contacts) {
 /// Finds all contacts with dist <= margin + gap of all worlds in their present poses.
 /// @param poses     of the bodies, (worlds, bodies)
 /// @param contacts  overwritten
-/// Neither allocates nor fences. Cost a world: about 2 ns a pair of groups, 5 ns a pair of geoms in near groups, 0.02 to 1 us a candidate
-/// (CPU, one core). The result depends on nothing but the world's own poses.
+/// Neither allocates nor fences. Cost: 2 us for a humanoid on the floor on one core, 26 ns in a batch of 8,192 on an H200 (docs/collision).
+/// The result depends on nothing but the world's own poses.
 template <ExecutionSpace Exec, class R, class Mem>
 void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses, Contacts<R, Mem> const& contacts) {
   static_assert(can_access<Exec, Contacts<R, Mem>>, "gsp::collide: the contacts are not accessible from this execution space");
