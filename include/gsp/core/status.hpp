@@ -7,11 +7,19 @@
 namespace gsp::status {
 
 inline constexpr std::uint32_t contact_overflow = 1u << 0;
+inline constexpr std::uint32_t row_overflow = 1u << 1;
+inline constexpr std::uint32_t not_finite = 1u << 2;
+inline constexpr std::uint32_t row_refused = 1u << 3;
+/// Bits with which a world stays as it is, until somebody clears them.
+inline constexpr std::uint32_t stopped = not_finite | row_refused;
 
 /// What the bits mean, for people.
 inline std::string text(std::uint32_t bits) {
   std::string result;
   if (bits & contact_overflow) result += "the contacts of this world did not fit: call grow(exec, contacts) and repeat the step; ";
+  if (bits & row_overflow) result += "the constraint rows of this world did not fit: call grow(exec, rows) and repeat the step; ";
+  if (bits & not_finite) result += "the new velocity is NaN or infinite, and the world stays as it was before: take a smaller timestep or a softer model, then clear the bit; ";
+  if (bits & row_refused) result += "a constraint row touches more than two kinematic trees, which is not supported: split it; ";
   return result.empty() ? "ok" : result;
 }
 

@@ -5,15 +5,17 @@
 namespace gsp {
 
 namespace detail {
-/// velocity <- velocity + L^-1 D^-1/2 z, z the whitened impulses (item `impulse`). In profile mujoco joint damping enters here, as MuJoCo's Euler has it:
+/// velocity <- velocity + L^-1 D^-1/2 z, z (world, nv) the whitened impulses. In profile mujoco joint damping enters here, as MuJoCo's Euler has it:
 ///   v+ = v + (M + h B)^-1 M (v_M - v), v_M the velocity that M gives.
-template <class L> KOKKOS_INLINE_FUNCTION void lanes_new_velocity(L const& l) {
+template <class L, class View> KOKKOS_INLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
-  for (int i = 0; i < a.nv; ++i) s[l.at.impulse + i] = s[l.at.impulse + i] * sqrt(s[l.at.inverse_diagonal + i]);
-  lanes_solve_lower(l, l.at.impulse);
-  for (int i = 0; i < a.nv; ++i) s[l.at.velocity + i] = s[l.at.velocity + i] + s[l.at.impulse + i];
+  if (z.data()) {
+    for (int i = 0; i < a.nv; ++i) s[l.at.impulse + i] = l.load(z, l.dof0, i) * sqrt(s[l.at.inverse_diagonal + i]);
+    lanes_solve_lower(l, l.at.impulse);
+    for (int i = 0; i < a.nv; ++i) s[l.at.velocity + i] = s[l.at.velocity + i] + s[l.at.impulse + i];
+  }
   if (l.model.profile != Profile::mujoco || !l.model.eulerdamp || !l.model.dampers || !l.model.damped) return;
   T const h(l.model.timestep);
   for (int i = 0; i < a.nv; ++i) s[l.at.impulse + i] = s[l.at.velocity + i] - s[l.at.qvel + i], s[l.at.velocity + i] = T(0);
@@ -37,7 +39,7 @@ template <class L, class View> KOKKOS_INLINE_FUNCTION void lanes_check_velocity(
   auto const finite = sum == T(0);
   if (all(finite)) return;
   for (int k = 0; k < l.count; ++k)
-    if (!(get_lane(sum, k) == 0)) Kokkos::atomic_or(&status(l.world[k]), std::uint32_t(status_not_finite));
+    if (!(get_lane(sum, k) == 0)) Kokkos::atomic_or(&status(l.world[k]), std::uint32_t(status::not_finite));
 }
 
 /// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes. Positions of free bodies carry what rounding took (two-sum), so that they do not creep.
@@ -48,7 +50,7 @@ template <class L, class State> KOKKOS_INLINE_FUNCTION void lanes_integrate_posi
   T const h(l.model.timestep);
   auto const write = [&](auto const& view, int const* first, int i, T const& x) {
     for (int k = 0; k < l.count; ++k)
-      if (!(state.status(l.world[k]) & status_not_finite)) view(l.world[k], first[k] + i) = get_lane(x, k);
+      if (!(state.status(l.world[k]) & status::stopped)) view(l.world[k], first[k] + i) = get_lane(x, k);
   };
   for (int j = 0; j < a.njnt; ++j) {
     int q = l.index(a.jnt_qposadr, j), v = l.at.velocity + l.index(a.jnt_dofadr, j);
@@ -74,10 +76,11 @@ template <class L, class State> KOKKOS_INLINE_FUNCTION void lanes_integrate_posi
 
 template <class State> struct NewVelocityStage {
   State state;
+  typename State::template View<typename State::real_type**> z;
   Kokkos::View<int const, typename State::memory_space> halt;
   template <class L> KOKKOS_FUNCTION void operator()(L const& l) const {
     if (halt.data() && halt()) return;
-    lanes_new_velocity(l), lanes_check_velocity(l, state.status);
+    lanes_new_velocity(l, z), lanes_check_velocity(l, state.status);
   }
 };
 template <class State> struct IntegrateStage {
@@ -91,20 +94,27 @@ template <class State> struct IntegrateStage {
 }  // namespace detail
 
 /// Ends the step: state.qvel and state.qpos become those of the end, state.steps goes up by one. A world whose new velocity is not finite stays as it was,
-/// and says so in state.status (status_not_finite); clear the bit to try again.
-/// @param halt  optional: nothing happens while it holds non-zero (a step that has to be repeated)
+/// and says so in state.status (status::not_finite); clear the bit to try again.
+/// @param z     whitened impulses of the constraints (rows.z); empty: none
+/// @param halt  nothing happens while it holds non-zero, as the step has to be repeated (rows.halt); empty: never
 /// After factor (or smooth_dynamics) and, where there are constraints, pgs. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, State<R, Mem> const& state,
-               Kokkos::View<int const, std::type_identity_t<Mem>> const& halt = {}) {
-  for_lanes("gsp::dynamics::new_velocity", exec, model, dynamics, detail::NewVelocityStage<State<R, Mem>>{state, halt});
+               typename State<R, Mem>::template View<R**> const& z = {}, Kokkos::View<int const, std::type_identity_t<Mem>> const& halt = {}) {
+  for_lanes("gsp::dynamics::new_velocity", exec, model, dynamics, detail::NewVelocityStage<State<R, Mem>>{state, z, halt});
   for_lanes("gsp::dynamics::integrate", exec, model, dynamics, detail::IntegrateStage<State<R, Mem>>{state, halt});
   auto const steps = state.steps;
-  auto const status = state.status;
+  auto const bits = state.status;
   Kokkos::parallel_for(
       "gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds), KOKKOS_LAMBDA(int w) {
-        if (!(halt.data() && halt()) && !(status(w) & status_not_finite)) ++steps(w);
+        if (!(halt.data() && halt()) && !(bits(w) & status::stopped)) ++steps(w);
       });
+}
+
+/// The same with the impulses of `rows` (constraint/rows.hpp).
+template <ExecutionSpace Exec, class R, class Mem, class Rows> requires requires(Rows const& r) { r.z, r.halt; }
+void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Rows const& rows, State<R, Mem> const& state) {
+  integrate(exec, model, dynamics, state, rows.z, rows.halt);
 }
 
 }  // namespace gsp

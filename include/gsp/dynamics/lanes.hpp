@@ -198,6 +198,13 @@ template <class T, class R, class Mem, class Stage> struct LaneKernel {
   Dynamics<R, Mem> dynamics;
   Stage stage;
   KOKKOS_FUNCTION void operator()(int i) const {
+    KOKKOS_IF_ON_HOST((on_host(i);))
+    KOKKOS_IF_ON_DEVICE((run(i);))
+  }
+
+ private:
+  [[gnu::noinline]] void on_host(int i) const { run(i); }  // one copy of the code for all host backends
+  KOKKOS_INLINE_FUNCTION void run(int i) const {
     constexpr int width = Dynamics<R, Mem>::width, W = width_of<T>::value;
     static_assert(W == 1 || W == width);
     int const block = i / (width / W), inside = i % (width / W);

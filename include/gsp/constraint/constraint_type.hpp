@@ -1,0 +1,171 @@
+#pragma once
+#include <concepts>
+#include <gsp/constraint/rows.hpp>
+#include <gsp/math/dual.hpp>
+
+/// What a constraint is: a law and a Jacobian. Storage, islands, warm start and solving are not its business.
+///   An element k of world w has 1-6 rows. A row has a gap x, a rate u = J v, a law lambda(x, u) for its force, bounds, and its element has an identity
+///   that survives steps. The law is evaluated at the gap predicted for the end of the step, x + h u, and made linear in the new rate:
+///     s = h dlambda/dx + dlambda/du,   C = -1/(h s),   zeta = u + h C lambda(x + h u, u),   u+ = -C p + zeta      (paper, eq. 2-4; p the impulse)
+///   A linear spring and damper gives exactly the implicit Euler step.
+namespace gsp {
+
+/// Identity of an element within its type: warm starts find last step's impulses by it.
+struct RowId {
+  std::uint32_t major = 0;  // below 2^27, non-decreasing with the element's index
+  std::uint32_t minor = 0;
+};
+/// The linear law itself, for types that know it better than `lambda` can say (hard rows, MuJoCo's softness): u+ = -C p + zeta.
+template <class R> struct RowLaw {
+  R compliance, zeta;
+};
+
+namespace detail {
+/// Deepest ancestor chain, or whole tree, that a row needs on each tree that it touches.
+template <class R, class Mem> struct RowStructure {
+  Model<R, Mem> const& model;
+  int segments = 0;
+  bool refused = false;  // more than two trees
+  int tree[2] = {-1, -1}, last[2] = {-1, -1};  // last: local dof at the end of the chain, -1: all dofs
+
+  KOKKOS_INLINE_FUNCTION void touch(int dof) {
+    int const t = model.dof_tree(dof), local = dof - model.tree_dof(t);
+    for (int s = 0; s < segments; ++s) {
+      if (tree[s] != t) continue;
+      if (last[s] < 0 || last[s] == local) return;
+      int const deep = local > last[s] ? local : last[s], high = local > last[s] ? last[s] : local;
+      last[s] = is_ancestor(t, high, deep) ? deep : -1;
+      return;
+    }
+    if (segments == 2) {
+      refused = true;
+      return;
+    }
+    tree[segments] = t, last[segments] = local, ++segments;
+  }
+  KOKKOS_INLINE_FUNCTION bool is_ancestor(int t, int high, int deep) const {
+    Archetype const& a = model.archetypes(model.tree_archetype(t));
+    int const* const ints = model.ints.data();
+    int const depth = ints[a.row_adr + high + 1] - ints[a.row_adr + high], n = ints[a.row_adr + deep + 1] - ints[a.row_adr + deep];
+    return depth <= n && ints[a.row_col + ints[a.row_adr + deep] + depth - 1] == high;
+  }
+  KOKKOS_INLINE_FUNCTION RowSegment segment(int s) const {
+    Archetype const& a = model.archetypes(model.tree_archetype(tree[s]));
+    if (last[s] < 0) return {tree[s], -1, a.nv, model.tree_dof(tree[s])};
+    int const* const ints = model.ints.data();
+    int const adr = ints[a.row_adr + last[s]];
+    return {tree[s], a.row_col + adr, ints[a.row_adr + last[s] + 1] - adr, model.tree_dof(tree[s])};
+  }
+  KOKKOS_INLINE_FUNCTION int entries() const {
+    int n = 0;
+    for (int s = 0; s < segments; ++s) n += segment(s).count;
+    return n;
+  }
+  // the interface of AnyRow
+  KOKKOS_INLINE_FUNCTION void set_dof(int dof, R) { touch(dof); }
+  KOKKOS_INLINE_FUNCTION void add_point(int body, Vec3<R> const&, Vec3<R> const&, R = R(1)) {
+    int const dof = model.body_last_dof(body);
+    if (dof >= 0) touch(dof);
+  }
+  KOKKOS_INLINE_FUNCTION void add_rotation(int body, Vec3<R> const& direction, R = R(1)) { add_point(body, direction, direction); }
+};
+
+/// Writes the entries of J where RowStructure has made room.
+template <class R, class Mem> struct RowWriter {
+  Model<R, Mem> const& model;
+  Dynamics<R, Mem> const& dynamics;
+  Row<R> const& row;
+  R* J;  // the row's entries, zero before
+  int world;
+
+  KOKKOS_INLINE_FUNCTION int place(int tree, int depth_index, int local, int& start) const {  // index of an entry in J
+    start = 0;
+    for (int s = 0; s < row.segments; ++s) {
+      if (row.segment[s].tree == tree) return start + (row.segment[s].list < 0 ? local : depth_index);
+      start += row.segment[s].count;
+    }
+    return -1;
+  }
+  KOKKOS_INLINE_FUNCTION void set_dof(int dof, R value) const {
+    int const t = model.dof_tree(dof), local = dof - model.tree_dof(t);
+    Archetype const& a = model.archetypes(model.tree_archetype(t));
+    int start;
+    J[place(t, model.ints(a.row_adr + local + 1) - model.ints(a.row_adr + local) - 1, local, start)] += value;
+  }
+  /// + scale * direction . (velocity of the point of `body` that is now at `point`, world frame)
+  KOKKOS_INLINE_FUNCTION void add_point(int body, Vec3<R> const& point, Vec3<R> const& direction, R scale = R(1)) const {
+    add(body, scale, [&](TreeItems<R> const& items) {
+      Vec3<R> const arm = point - items.vec3(items.at.com);
+      return Spatial<R>{cross(arm, direction), direction};
+    });
+  }
+  /// + scale * direction . (angular velocity of `body`, world frame)
+  KOKKOS_INLINE_FUNCTION void add_rotation(int body, Vec3<R> const& direction, R scale = R(1)) const {
+    add(body, scale, [&](TreeItems<R> const&) { return Spatial<R>{direction, {R(0), R(0), R(0)}}; });
+  }
+
+ private:
+  template <class Force> KOKKOS_INLINE_FUNCTION void add(int body, R scale, Force const& force) const {
+    int const dof = model.body_last_dof(body);
+    if (dof < 0) return;
+    int const t = model.dof_tree(dof), last = dof - model.tree_dof(t);
+    Archetype const& a = model.archetypes(model.tree_archetype(t));
+    TreeItems<R> const items = dynamics.tree(model, world, t);
+    Spatial<R> const f = force(items);  // J = f . cdof for all dofs that move the body
+    int const adr = model.ints(a.row_adr + last), n = model.ints(a.row_adr + last + 1) - adr;
+    for (int p = 0; p < n; ++p) {
+      int const local = model.ints(a.row_col + adr + p);
+      int start;
+      J[place(t, p, local, start)] += scale * dot(f, items.spatial(items.at.cdof + 6 * local));
+    }
+  }
+};
+}  // namespace detail
+
+/// What `jacobian` writes a row to: by dof, by (body, point, direction) or by (body, direction); entries add up. World frame.
+struct AnyRow {
+  KOKKOS_INLINE_FUNCTION void set_dof(int /*dof*/, float /*value*/) const {}
+  template <class R> KOKKOS_INLINE_FUNCTION void add_point(int /*body*/, Vec3<R> const& /*point*/, Vec3<R> const& /*direction*/, R /*scale*/ = R(1)) const {}
+  template <class R> KOKKOS_INLINE_FUNCTION void add_rotation(int /*body*/, Vec3<R> const& /*direction*/, R /*scale*/ = R(1)) const {}
+};
+
+/// Base of types whose elements are one row without bounds, numbered in order.
+struct OneFreeRow {
+  KOKKOS_INLINE_FUNCTION int rows(int, int) const { return 1; }
+  KOKKOS_INLINE_FUNCTION RowBounds<float> bounds(int, int, int) const { return {-std::numeric_limits<float>::infinity(), std::numeric_limits<float>::infinity()}; }
+  KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
+};
+
+/// A constraint type: copyable to the device, with
+///   count(world)                        elements of the world; those with rows() == 0 are not active
+///   rows(world, k)                      rows of element k, 0-6
+///   jacobian(world, k, row, J) -> gap   writes J, returns the gap x at the start of the step
+///   lambda(world, k, row, x, u)         force law, written once on T (a number or a Dual), or
+///   law(world, k, row, x, u, h)         the linear law RowLaw itself
+///   bounds(world, k, row), id(world, k)
+template <class C>
+concept ConstraintType = std::copyable<C> && requires(C const c, int world, int k, int row, AnyRow J) {
+  { c.count(world) } -> std::convertible_to<int>;
+  { c.rows(world, k) } -> std::convertible_to<int>;
+  { c.jacobian(world, k, row, J) } -> std::floating_point;
+  { c.bounds(world, k, row).friction_of } -> std::convertible_to<int>;
+  { c.id(world, k) } -> std::same_as<RowId>;
+} && (requires(C const c) { c.lambda(0, 0, 0, Dual<float, 2>(), Dual<float, 2>()); } || requires(C const c) { c.law(0, 0, 0, 0.f, 0.f, 0.f); } ||
+      requires(C const c) { c.law(0, 0, 0, 0., 0., 0.); });
+
+namespace detail {
+/// u+ = -C p + zeta of one row.
+template <class C, class R> KOKKOS_INLINE_FUNCTION RowLaw<R> row_law(C const& c, int world, int k, int row, R x, R u, R h) {
+  if constexpr (requires { c.law(world, k, row, x, u, h); }) {
+    return c.law(world, k, row, x, u, h);
+  } else {
+    using D = Dual<R, 2>;
+    D const f = c.lambda(world, k, row, D::variable(x + h * u, 0), D::variable(u, 1));
+    R const slope = h * f.slope[0] + f.slope[1];
+    R const compliance = R(-1) / (h * slope);
+    return {compliance, u + h * compliance * f.value};
+  }
+}
+}  // namespace detail
+
+}  // namespace gsp

@@ -1,0 +1,53 @@
+#pragma once
+#include <gsp/collision/contacts.hpp>
+#include <gsp/constraint/softness.hpp>
+
+/// Contacts as rows: a soft normal as solref and solimp say, and (condim 3) two rows of friction in the tangent plane, bounded by +-mu times the normal
+/// impulse (the paper's box). Friction is rigid: it sticks exactly. J = J(body 2) - J(body 1) along the rows of the contact frame.
+namespace gsp {
+
+template <class R, class Mem> struct ContactRows {
+  Model<R, Mem> model;
+  CollisionModel<R, Mem> collision;
+  Contacts<R, Mem> contacts;
+
+  KOKKOS_INLINE_FUNCTION int count(int world) const { return contacts.count_of(world); }
+  KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const { return contacts.status(world); }
+  KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
+    int const c = contacts.begin_of(world) + k;
+    if (!(contacts.dist(c) < contacts.includemargin(c))) return 0;
+    if (model.body_last_dof(contacts.body1(c)) < 0 && model.body_last_dof(contacts.body2(c)) < 0) return 0;
+    return parameters(c).condim >= 3 ? 3 : 1;
+  }
+  template <class Row> KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int row, Row&& J) const {
+    int const c = contacts.begin_of(world) + k;
+    Vec3<R> const point{contacts.pos(c, 0), contacts.pos(c, 1), contacts.pos(c, 2)};
+    Vec3<R> const direction{contacts.frame(c, 3 * row), contacts.frame(c, 3 * row + 1), contacts.frame(c, 3 * row + 2)};
+    J.add_point(contacts.body2(c), point, direction, R(1));
+    J.add_point(contacts.body1(c), point, direction, R(-1));
+    return row == 0 ? contacts.dist(c) : R(0);
+  }
+  KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int row, R x, R u, R h) const {
+    if (row > 0) return {R(0), R(0)};
+    int const c = contacts.begin_of(world) + k;
+    auto const& p = parameters(c);
+    Softness<R> s;
+    for (int i = 0; i < 2; ++i) s.solref[i] = p.solref[i];
+    for (int i = 0; i < 5; ++i) s.solimp[i] = p.solimp[i];
+    R const diag = model.body_invweight0(world, 2 * contacts.body1(c)) + model.body_invweight0(world, 2 * contacts.body2(c));
+    return soft_law(s, x - contacts.includemargin(c), u, h, diag);
+  }
+  KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const {
+    if (row == 0) return {R(0), std::numeric_limits<R>::infinity()};
+    return {R(0), R(0), 0, parameters(contacts.begin_of(world) + k).friction[row - 1]};
+  }
+  KOKKOS_INLINE_FUNCTION RowId id(int world, int k) const {
+    int const c = contacts.begin_of(world) + k;
+    return {std::uint32_t(contacts.pair(c)), std::uint32_t(contacts.feature(c))};
+  }
+
+ private:
+  KOKKOS_INLINE_FUNCTION ContactParameters<R> const& parameters(int c) const { return collision.parameters_of(contacts.pair(c)); }
+};
+
+}  // namespace gsp

@@ -1,0 +1,51 @@
+#pragma once
+#include <gsp/constraint/softness.hpp>
+
+/// Limits of hinge, slide and ball joints: gap x = q - lower or upper - q (ball: upper - angle), force >= 0, active where x < margin.
+namespace gsp {
+
+/// Element 2 i is the lower, 2 i + 1 the upper end of the i-th limited joint (ball: the upper alone).
+template <class R, class Mem> struct JointLimits {
+  Model<R, Mem> model;
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> qpos;
+  JointLimits(Model<R, Mem> const& m, State<R, Mem> const& s) : model(m), qpos(s.qpos) {}
+
+  KOKKOS_INLINE_FUNCTION int count(int) const { return 2 * int(model.limited_joints.extent(0)); }
+  KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
+    int const j = model.limited_joints(k / 2);
+    bool const ball = model.jnt_type(j) == int(JointType::ball);
+    if (ball && k % 2 == 0) return 0;
+    return gap(world, k) < model.jnt_margin(world, j);
+  }
+  template <class Row> KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int, Row&& J) const {
+    int const j = model.limited_joints(k / 2), dof = model.jnt_dofadr(j);
+    if (model.jnt_type(j) == int(JointType::ball)) {
+      Vec3<R> const axis = normalized(rotation(world, j));
+      for (int c = 0; c < 3; ++c) J.set_dof(dof + c, -axis[c]);
+    } else {
+      J.set_dof(dof, k % 2 == 0 ? R(1) : R(-1));
+    }
+    return gap(world, k);
+  }
+  KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int, R x, R u, R h) const {
+    int const j = model.limited_joints(k / 2);
+    return soft_law(detail::softness(model.jnt_solref, model.jnt_solimp, world, j), x - model.jnt_margin(world, j), u, h, model.dof_invweight0(world, model.jnt_dofadr(j)));
+  }
+  KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int, int, int) const { return {R(0), std::numeric_limits<R>::infinity()}; }
+  KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
+
+ private:
+  KOKKOS_INLINE_FUNCTION Vec3<R> rotation(int world, int j) const {
+    int const q = model.jnt_qposadr(j);
+    return log_rotation(normalized(Quat<R>{qpos(world, q), qpos(world, q + 1), qpos(world, q + 2), qpos(world, q + 3)}));
+  }
+  KOKKOS_INLINE_FUNCTION R gap(int world, int k) const {
+    int const j = model.limited_joints(k / 2);
+    R const lower = model.jnt_range(world, 2 * j), upper = model.jnt_range(world, 2 * j + 1);
+    if (model.jnt_type(j) == int(JointType::ball)) return max(lower, upper) - norm(rotation(world, j));
+    R const q = qpos(world, model.jnt_qposadr(j));
+    return k % 2 == 0 ? q - lower : upper - q;
+  }
+};
+
+}  // namespace gsp
