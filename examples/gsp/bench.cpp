@@ -1,0 +1,132 @@
+// gsp bench: timings of models and a scene that the library makes itself, so that two machines or versions can be compared without files.
+#include <cstdio>
+#include <gsp/model/samples.hpp>
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "renderer.hpp"
+#include "run.hpp"
+#include "view.hpp"
+
+namespace gsp_cli {
+namespace {
+
+struct Scenario {
+  char const *name, *what;
+  gsp::Description (*make)();
+  char const* keyframe;
+  int worlds;       // on a CPU; a GPU gets 16 times as many
+  long long steps;  // after as many that are not timed
+};
+std::vector<Scenario> scenarios() {
+  using namespace gsp::samples;
+  return {{"pendulum", "a double pendulum, no contact", +[] { return double_pendulum(); }, nullptr, 4096, 200},
+          {"arm", "a six-axis arm with servos", +[] { return arm(); }, "home", 1024, 200},
+          {"quadruped", "the quadruped among boxes and balls", +[] { return quadruped_scene(); }, "stand", 256, 100},
+          {"stack", "ten boxes, one on the other", +[] { return stack(); }, nullptr, 256, 100},
+          {"objects", "boxes and balls on a floor", +[] { return boxes_and_balls(); }, nullptr, 512, 100}};
+}
+
+nlohmann::ordered_json step_scenario(Scenario const& s, Device device, Arguments const& a) {
+  auto const model = compile_model(s.make(), false);
+  StepperOptions options;
+  options.worlds = static_cast<int>(a.integer("--worlds", s.worlds * (device == Device::cuda ? 16 : 1), 1, 1 << 24));
+  bool const in_double = a.choice("--precision", {"float", "double"}, "float") == "double";
+  auto const stepper = make_stepper(device, in_double, model, options);
+  stepper->set(
+      spread(initial_state(model, s.name, s.keyframe ? std::optional<std::string>(s.keyframe) : std::nullopt), options.worlds, s.name));
+  double const startup = seconds_since_start();
+  auto const timing = run_steps(*stepper, 2 * s.steps, s.steps, false, 1, nullptr, nullptr);
+  auto const counts = stepper->counts();
+  std::vector<double> qpos, qvel;
+  stepper->get(qpos, qvel);
+  return {{"bench", s.name},
+          {"seconds", timing.seconds},
+          {"steps_per_second", double(options.worlds) * double(timing.steps) / timing.seconds},
+          {"startup_seconds", startup},
+          {"peak_bytes", peak_bytes(device)},
+          {"contacts", counts.contacts},
+          {"rows", counts.rows},
+          {"iterations", counts.iterations},
+          {"residual", counts.residual},
+          {"state_hash", hash_of({&qpos, &qvel})},
+          {"worlds", options.worlds},
+          {"steps", timing.steps},
+          {"profile", "stable"},
+          {"precision", in_double ? "double" : "float"},
+          {"device", device_name(device)}};
+}
+
+nlohmann::ordered_json draw_room(Device device, Arguments const& a) {
+  Scene scene;
+  scene.add_room();
+  RendererOptions options;
+  options.alpha = false;
+  auto const renderer = make_renderer(device, scene, {}, options);
+  Shots shots;
+  int const count = static_cast<int>(a.integer("--worlds", device == Device::cuda ? 256 : 8, 1, 4096));
+  for (int c = 0; c < count; ++c) add_camera(shots, eye_in_room(c), {0, 0, 0.25}, 1.15, options.width, options.height);
+  double const startup = seconds_since_start();
+  int const repeat = 5;
+  double const seconds = renderer->render(shots, repeat);
+  return {{"bench", "room"},
+          {"seconds", seconds},
+          {"frames_per_second", double(count) * repeat / seconds},
+          {"startup_seconds", startup},
+          {"peak_bytes", peak_bytes(device)},
+          {"images", count},
+          {"width", options.width},
+          {"height", options.height},
+          {"gaussians", scene.count()},
+          {"device", device_name(device)}};
+}
+
+int run(Arguments const& a) {
+  std::string const name = a.operands().front();
+  std::vector<std::string> names{"all", "room"};
+  for (auto const& s : scenarios()) names.push_back(s.name);
+  if (std::find(names.begin(), names.end(), name) == names.end()) {
+    std::string all;
+    for (auto const& n : names) all += (all.empty() ? "" : ", ") + n;
+    a.fail("there is no bench " + in_quotes(name) + "; there are " + all);
+  }
+  Device const device = choose_device(a);
+  int const threads = static_cast<int>(a.integer("--threads", 0, 1, 1024));
+  Session const session(device, threads);
+  auto const show = [&](nlohmann::ordered_json const& json) {
+    if (a.has("--json"))
+      std::puts(json.dump().c_str());
+    else if (json.contains("frames_per_second"))
+      std::printf("%-10s %10.4g frames/s  (%d pictures of %d x %d, %d Gaussians)\n", "room", json["frames_per_second"].get<double>(),
+                  json["images"].get<int>(), json["width"].get<int>(), json["height"].get<int>(), json["gaussians"].get<int>());
+    else
+      std::printf("%-10s %10.4g steps/s   (%d worlds, %lld contacts, %s)\n", json["bench"].get<std::string>().c_str(),
+                  json["steps_per_second"].get<double>(), json["worlds"].get<int>(), json["contacts"].get<long long>(),
+                  json["precision"].get<std::string>().c_str());
+    std::fflush(stdout);
+  };
+  for (auto const& s : scenarios())
+    if (name == s.name || name == "all") show(step_scenario(s, device, a));
+  if (name == "room" || name == "all") show(draw_room(device, a));
+  return 0;
+}
+
+}  // namespace
+
+Command bench_command() {
+  std::string names;
+  for (auto const& s : scenarios()) names += std::string(s.name) + " (" + s.what + "), ";
+  return {"bench",
+          "NAME",
+          "times models that the library makes itself: " + names + "room (its pictures), all",
+          1,
+          1,
+          {{"--worlds", "N", "worlds, or pictures of the room; without it a number that suits the device"},
+           {"--precision", "float|double", "float without the option"},
+           device_option(),
+           threads_option(),
+           {"--json", "", "print one JSON object a bench"}},
+          run};
+}
+
+}  // namespace gsp_cli

@@ -1,0 +1,210 @@
+#include "files.hpp"
+
+#include <cstdio>
+#include <filesystem>
+#include <gsp/io/mjcf.hpp>
+#include <gsp/model/compile.hpp>
+
+namespace gsp_cli {
+
+using gsp::io::detail::fail;
+
+Option skip_visuals_option() { return {"--skip-visuals", "", "leave out visual geoms whose meshes are not read (colliding ones never)"}; }
+Option approximate_option() {
+  return {"--approximate", "", "take condim 4 and 6 as 3 and leave out pairs of shapes that are not covered, instead of refusing the file"};
+}
+
+gsp::CompiledModel load_model(std::string const& path, Arguments const& arguments) {
+  gsp::io::MjcfOptions options;
+  options.skip_visuals = arguments.has("--skip-visuals"), options.approximate = arguments.has("--approximate");
+  return gsp::compile(gsp::io::read_mjcf(path, options));
+}
+
+gsp::Description describe_model(std::string const& path, Arguments const& arguments) {
+  gsp::io::MjcfOptions options;
+  options.skip_visuals = arguments.has("--skip-visuals"), options.approximate = arguments.has("--approximate"),
+  options.list_refusals = true;
+  return gsp::io::read_mjcf(path, options);
+}
+gsp::CompiledModel compile_model(gsp::Description const& description, bool approximate) {
+  return gsp::compile(description, {.approximate = approximate});
+}
+
+char const* kind_name(gsp::ReportLine::Kind kind) {
+  using Kind = gsp::ReportLine::Kind;
+  switch (kind) {
+    case Kind::refused:
+      return "refused";
+    case Kind::approximated:
+      return "approximated";
+    case Kind::no_effect:
+      return "no effect";
+    case Kind::visual_only:
+      return "visual only";
+    default:
+      return "left out";
+  }
+}
+
+std::string summary(gsp::CompiledModel const& model) {
+  std::map<gsp::ReportLine::Kind, int> counts;
+  for (auto const& line : model.report) counts[line.kind] += line.count;
+  std::string out;
+  for (auto const& [kind, count] : counts) out += (out.empty() ? "" : ", ") + std::to_string(count) + " " + kind_name(kind);
+  return out;
+}
+
+States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe) {
+  States s;
+  s.qpos = model.qpos0, s.qvel.assign(static_cast<std::size_t>(model.nv), 0.);
+  if (!keyframe) return s;
+  int index = -1;
+  for (std::size_t k = 0; k < model.keyframes.size(); ++k)
+    if (model.keyframes[k].name == *keyframe) index = static_cast<int>(k);
+  if (index < 0) {
+    int number = -1;
+    auto const [end, error] = std::from_chars(keyframe->data(), keyframe->data() + keyframe->size(), number);
+    if (error == std::errc{} && end == keyframe->data() + keyframe->size() && number >= 0 &&
+        number < static_cast<int>(model.keyframes.size()))
+      index = number;
+  }
+  if (index < 0) {
+    std::vector<std::string> names;
+    std::string there;
+    for (auto const& k : model.keyframes)
+      if (!k.name.empty()) names.push_back(k.name), there += (there.empty() ? "" : ", ") + k.name;
+    auto const n = model.keyframes.size();
+    fail(file, "",
+         "has no keyframe " + in_quotes(*keyframe) +
+             (n == 0 ? " (it has none); leave out --keyframe"
+                     : "; it has " + std::to_string(n) + (there.empty() ? "" : " (" + there + ")") +
+                           ", give one of their names or an index from 0"));
+  }
+  auto const& k = model.keyframes[static_cast<std::size_t>(index)];
+  if (!k.qpos.empty()) s.qpos = k.qpos;
+  if (!k.qvel.empty()) s.qvel = k.qvel;
+  s.ctrl = k.ctrl, s.time = k.time;
+  return s;
+}
+
+Trace read_trace(std::string const& path, gsp::CompiledModel const& model) {
+  auto const npz = gsp::io::read_npz(path);
+  auto const &time = npz.at("time"), &qpos = npz.at("qpos"), &qvel = npz.at("qvel");
+  auto const key = [&](char const* name) { return path + "[" + name + "]"; };
+  gsp::io::expect_shape(qpos, {-1, -1, model.nq}, key("qpos"));
+  long long const entries = static_cast<long long>(qpos.shape[0]), worlds = static_cast<long long>(qpos.shape[1]);
+  gsp::io::expect_shape(qvel, {entries, worlds, model.nv}, key("qvel"));
+  gsp::io::expect_shape(time, {entries}, key("time"));
+  if (entries == 0 || worlds == 0)
+    fail(key("qpos"), "", "has shape " + gsp::io::format_shape(qpos.shape) + ", which holds no state; write at least one");
+  for (auto const* array : {&time, &qpos, &qvel})
+    gsp::io::expect_finite(*array, array == &time ? key("time") : array == &qpos ? key("qpos") : key("qvel"));
+  return {qpos.shape[0], qpos.shape[1], time.as<double>(), qpos.as<double>(), qvel.as<double>()};
+}
+
+States read_start(std::string const& path, gsp::CompiledModel const& model) {
+  Trace const t = read_trace(path, model);
+  States s;
+  s.worlds = static_cast<int>(t.worlds), s.time = t.time.back();
+  s.qpos.assign(t.qpos.end() - static_cast<std::ptrdiff_t>(t.worlds) * model.nq, t.qpos.end());
+  s.qvel.assign(t.qvel.end() - static_cast<std::ptrdiff_t>(t.worlds) * model.nv, t.qvel.end());
+  return s;
+}
+
+States spread(States const& states, int worlds, std::string const& what) {
+  if (states.worlds == worlds) return states;
+  if (states.worlds != 1)
+    throw Error(what + ": holds " + std::to_string(states.worlds) + " worlds but --worlds is " + std::to_string(worlds) +
+                "; give --worlds " + std::to_string(states.worlds) + " or a file with one world");
+  States out;
+  out.worlds = worlds, out.time = states.time;
+  auto const repeat = [&](std::vector<double> const& from, std::vector<double>& to) {
+    to.reserve(from.size() * static_cast<std::size_t>(worlds));
+    for (int w = 0; w < worlds; ++w) to.insert(to.end(), from.begin(), from.end());
+  };
+  repeat(states.qpos, out.qpos), repeat(states.qvel, out.qvel), repeat(states.ctrl, out.ctrl);
+  return out;
+}
+
+void write_trace(std::string const& path, Trace const& t, gsp::CompiledModel const& model) {
+  std::size_t const nq = static_cast<std::size_t>(model.nq), nv = static_cast<std::size_t>(model.nv);
+  gsp::io::write_npz(
+      path,
+      {{"time", {{t.entries}, t.time}}, {"qpos", {{t.entries, t.worlds, nq}, t.qpos}}, {"qvel", {{t.entries, t.worlds, nv}, t.qvel}}});
+}
+
+Controls read_controls(std::string const& path, gsp::CompiledModel const& model, int worlds) {
+  auto const array = gsp::io::read_npy(path);
+  std::size_t const nu = static_cast<std::size_t>(model.nu), n = static_cast<std::size_t>(worlds);
+  bool const shared = array.shape.size() == 2 && array.shape[1] == nu;
+  bool const own = array.shape.size() == 3 && array.shape[2] == nu && (array.shape[1] == n || array.shape[1] == 1);
+  if ((!shared && !own) || array.shape[0] == 0)
+    fail(path, "",
+         "has shape " + gsp::io::format_shape(array.shape) + ", expected (K, " + std::to_string(nu) + ") or (K, " + std::to_string(n) +
+             ", " + std::to_string(nu) + ") with K > 0 for " + std::to_string(nu) + " actuators; reshape it");
+  gsp::io::expect_finite(array, path);
+  return {array.shape[0], own ? array.shape[1] : 1, array.as<double>(path)};
+}
+
+CameraFile read_cameras(std::string const& path) {
+  auto const npz = gsp::io::read_npz(path);
+  auto const &views = npz.at("viewmats"), &intrinsics = npz.at("Ks");
+  auto const key = [&](char const* name) { return path + "[" + name + "]"; };
+  gsp::io::expect_shape(views, {-1, 4, 4}, key("viewmats"));
+  gsp::io::expect_shape(intrinsics, {static_cast<long long>(views.shape[0]), 3, 3}, key("Ks"));
+  if (views.shape[0] == 0) fail(key("viewmats"), "", "holds no cameras; write at least one");
+  gsp::io::expect_finite(views, key("viewmats")), gsp::io::expect_finite(intrinsics, key("Ks"));
+  CameraFile c{views.shape[0], views.as<float>(), intrinsics.as<float>()};
+  for (std::size_t i = 0; i < c.count; ++i) {
+    float const *v = &c.viewmats[16 * i], *k = &c.Ks[9 * i];
+    double worst = 0;  // R R^T = 1
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b < 3; ++b) {
+        double sum = 0;
+        for (int j = 0; j < 3; ++j) sum += double(v[4 * a + j]) * v[4 * b + j];
+        worst = std::max(worst, std::abs(sum - (a == b)));
+      }
+    double const det = double(v[0]) * (double(v[5]) * v[10] - double(v[6]) * v[9]) -
+                       double(v[1]) * (double(v[4]) * v[10] - double(v[6]) * v[8]) +
+                       double(v[2]) * (double(v[4]) * v[9] - double(v[5]) * v[8]);
+    if (!(worst < 1e-3) || !(det > 0))
+      fail(key("viewmats"), "camera " + std::to_string(i),
+           "its upper left 3 x 3 is no rotation; write world-to-camera matrices with rows x right, y down, z forward");
+    if (v[12] != 0 || v[13] != 0 || v[14] != 0 || v[15] != 1)
+      fail(key("viewmats"), "camera " + std::to_string(i), "its last row is not 0 0 0 1; write row-major world-to-camera matrices");
+    if (!(k[0] > 0) || !(k[4] > 0))
+      fail(key("Ks"), "camera " + std::to_string(i), "a focal length is not positive; write fx 0 cx, 0 fy cy, 0 0 1 in pixels");
+    if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1)
+      fail(key("Ks"), "camera " + std::to_string(i), "has skew or a last row other than 0 0 1; write fx 0 cx, 0 fy cy, 0 0 1");
+  }
+  return c;
+}
+
+void expect_writable(std::string const& path, char const* option) {
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) throw Error(path + ": " + option + " names a folder; name a file");
+  auto const parent = std::filesystem::path(path).parent_path();
+  if (!parent.empty() && !std::filesystem::is_directory(parent, error))
+    throw Error(path + ": the folder that " + option + " names does not exist; create it first");
+}
+
+void make_folder(std::string const& path, char const* option) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (!std::filesystem::is_directory(path))
+    throw Error(path + ": the folder that " + option + " names cannot be made" + (error ? " (" + error.message() + ")" : "") +
+                "; name another");
+}
+
+std::string hash_of(std::vector<std::vector<double> const*> const& parts) {
+  std::uint64_t hash = 14695981039346656037ull;
+  for (auto const* part : parts) {
+    auto const* bytes = reinterpret_cast<unsigned char const*>(part->data());
+    for (std::size_t i = 0; i < part->size() * sizeof(double); ++i) hash = (hash ^ bytes[i]) * 1099511628211ull;
+  }
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
+  return text;
+}
+
+}  // namespace gsp_cli

@@ -1,0 +1,68 @@
+#pragma once
+// What `gsp` reads and writes: models, traces, starts, controls, cameras. All errors are gsp::Error: file, place, remedy.
+#include <gsp/io/npz.hpp>
+#include <gsp/model/compiled.hpp>
+#include <string>
+#include <vector>
+
+#include "arguments.hpp"
+
+namespace gsp_cli {
+
+/// The options --skip-visuals and --approximate, for the tables of commands.
+Option skip_visuals_option();
+Option approximate_option();
+
+/// Reads and compiles a MJCF file.
+gsp::CompiledModel load_model(std::string const& path, Arguments const& arguments);
+/// The same in two parts; what is refused becomes a line of the report. (The reader is long to compile, so it is in files.cpp alone.)
+gsp::Description describe_model(std::string const& path, Arguments const& arguments);
+gsp::CompiledModel compile_model(gsp::Description const& description, bool approximate);
+/// One line: how much of the file is not taken as it stands; empty when all is.
+std::string summary(gsp::CompiledModel const& model);
+char const* kind_name(gsp::ReportLine::Kind kind);
+
+/// States of `worlds` worlds, (worlds, nq) and (worlds, nv).
+struct States {
+  int worlds = 1;
+  double time = 0;
+  std::vector<double> qpos, qvel, ctrl;  // ctrl: (worlds, nu), or empty
+};
+/// The initial state of the file, or of a keyframe given by name or index; one world.
+States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe);
+/// The last entry of a trace or start file: qpos (T,N,nq), qvel (T,N,nv), time (T).
+States read_start(std::string const& path, gsp::CompiledModel const& model);
+/// One world's state for all, or as it is; throws where there are neither 1 nor `worlds`.
+States spread(States const& states, int worlds, std::string const& what);
+
+/// All entries of a trace: qpos (entries, worlds, nq).
+struct Trace {
+  std::size_t entries = 0, worlds = 0;
+  std::vector<double> time, qpos, qvel;
+};
+Trace read_trace(std::string const& path, gsp::CompiledModel const& model);
+void write_trace(std::string const& path, Trace const& trace, gsp::CompiledModel const& model);
+
+/// Controls (K, nu) or (K, N, nu).
+struct Controls {
+  std::size_t steps = 0, worlds = 0;  // worlds 1: for all
+  std::vector<double> values;         // (steps, worlds, nu)
+};
+Controls read_controls(std::string const& path, gsp::CompiledModel const& model, int worlds);
+
+/// viewmats (C, 4, 4) and Ks (C, 3, 3), as float32.
+struct CameraFile {
+  std::size_t count = 0;
+  std::vector<float> viewmats, Ks;
+};
+CameraFile read_cameras(std::string const& path);
+
+/// Throws unless a file of this name can be made: its folder is there and it is no folder itself. Called before long work.
+void expect_writable(std::string const& path, char const* option);
+/// Makes the folder and those above it.
+void make_folder(std::string const& path, char const* option);
+
+/// 64-bit FNV-1a of the bytes, as hex text.
+std::string hash_of(std::vector<std::vector<double> const*> const& parts);
+
+}  // namespace gsp_cli

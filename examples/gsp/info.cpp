@@ -1,0 +1,157 @@
+// gsp info: what a file holds, and what of it is not taken as it stands.
+#include <cstdio>
+#include <filesystem>
+#include <gsp/io/npz.hpp>
+#include <gsp/io/png.hpp>
+#include <gsp/io/splats.hpp>
+#include <gsp/model/archetypes.hpp>
+
+#include "commands.hpp"
+#include "files.hpp"
+
+namespace gsp_cli {
+namespace {
+
+void row(char const* name, std::string const& value) { std::printf("  %-14s%s\n", name, value.c_str()); }
+std::string number(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", x);
+  return text;
+}
+/// "3 box, 2 sphere"
+std::string tally(std::map<std::string, int> const& counts) {
+  std::string out;
+  for (auto const& [name, count] : counts) out += (out.empty() ? "" : ", ") + std::to_string(count) + " " + name;
+  return out;
+}
+
+void report(std::vector<gsp::ReportLine> lines) {
+  std::stable_sort(lines.begin(), lines.end(), [](auto const& a, auto const& b) { return a.kind < b.kind; });
+  if (lines.empty()) return row("load report", "all of the file is taken as it stands");
+  std::map<gsp::ReportLine::Kind, int> counts;
+  for (auto const& l : lines) counts[l.kind] += l.count;
+  std::string sum;
+  for (auto const& [kind, count] : counts) sum += (sum.empty() ? "" : ", ") + std::to_string(count) + " " + kind_name(kind);
+  row("load report", sum);
+  for (auto const& l : lines) {
+    std::string const place = l.file + (l.line > 0 ? ":" + std::to_string(l.line) : "");
+    std::printf("    %-13s %s: %s%s\n", kind_name(l.kind), place.c_str(), l.text.c_str(),
+                l.count > 1 ? (" (" + std::to_string(l.count) + " times)").c_str() : "");
+  }
+}
+
+void model(std::string const& path, Arguments const& arguments) {
+  auto const description = describe_model(path, arguments);
+  auto const m = compile_model(description, true);  // what would be refused without is in the report
+  char const* const shape_names[] = {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"};
+  char const* const joint_names[] = {"free", "ball", "slide", "hinge"};
+  char const* const integrators[] = {"Euler", "RK4", "implicit", "implicitfast"};
+  std::map<std::string, int> joints, geoms;
+  for (int t : m.jnt_type) ++joints[joint_names[t]];
+  int colliding = 0;
+  for (int g = 0; g < m.ngeom; ++g) {
+    ++geoms[shape_names[m.geom_type[static_cast<std::size_t>(g)]]];
+    colliding += m.geom_contype[static_cast<std::size_t>(g)] || m.geom_conaffinity[static_cast<std::size_t>(g)];
+  }
+  double mass = 0;
+  for (double b : m.body_mass) mass += b;
+  std::printf("%s: MJCF model %s\n", path.c_str(), in_quotes(m.name).c_str());
+  row("bodies", std::to_string(m.nbody - 1) + " and the world, " + number(mass) + " kg in all");
+  row("joints", std::to_string(m.njnt) + (m.njnt ? " (" + tally(joints) + ")" : "") + "; nq " + std::to_string(m.nq) + ", nv " +
+                    std::to_string(m.nv));
+  row("trees", std::to_string(m.ntree) + ", of " + std::to_string(gsp::find_archetypes(m).size()) + " kinds");
+  row("geoms", std::to_string(m.ngeom) + (m.ngeom ? " (" + tally(geoms) + ")" : "") + "; " + std::to_string(colliding) + " collide, " +
+                   std::to_string(m.pairs.size()) + " pairs may touch");
+  row("actuators", std::to_string(m.nu) + "; tendons " + std::to_string(m.ntendon) + ", sites " + std::to_string(m.nsite) + ", cameras " +
+                       std::to_string(m.ncam));
+  std::string keys;
+  for (std::size_t k = 0; k < m.keyframes.size(); ++k)
+    keys += (k ? ", " : "") + std::to_string(k) + (m.keyframes[k].name.empty() ? "" : " " + in_quotes(m.keyframes[k].name));
+  row("keyframes", keys.empty() ? "none" : keys);
+  auto const& o = m.option;
+  row("option", "timestep " + number(o.timestep) + " s, gravity " + number(o.gravity[0]) + " " + number(o.gravity[1]) + " " +
+                    number(o.gravity[2]) + ", integrator " + integrators[int(o.integrator)] + ", cone " +
+                    (o.cone == gsp::Cone::elliptic ? "elliptic" : "pyramidal") + ", iterations " + std::to_string(o.iterations));
+  if (!arguments.has("--approximate")) {
+    try {
+      compile_model(description, false);
+    } catch (Error const& error) { row("refused", std::string("unless --approximate is given: ") + error.what()); }
+  }
+  report(m.report);
+}
+
+void splats(std::string const& path) {
+  auto const set = gsp::io::read_splats(path);
+  std::size_t linked = 0;
+  double opacity = 0;
+  std::array<float, 3> low{INFINITY, INFINITY, INFINITY}, high{-INFINITY, -INFINITY, -INFINITY};
+  std::vector<float> sizes;
+  for (std::size_t i = 0; i < set.size(); ++i) {
+    linked += set.link[i] >= 0, opacity += set.opacities[i];
+    sizes.push_back(std::max({set.scales[3 * i], set.scales[3 * i + 1], set.scales[3 * i + 2]}));
+    for (std::size_t k = 0; k < 3; ++k)
+      low[k] = std::min(low[k], set.positions[3 * i + k]), high[k] = std::max(high[k], set.positions[3 * i + k]);
+  }
+  std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2), sizes.end());
+  std::printf("%s: %zu Gaussians, SH degree %d\n", path.c_str(), set.size(), set.sh_degree);
+  row("box", "x " + number(low[0]) + " .. " + number(high[0]) + ", y " + number(low[1]) + " .. " + number(high[1]) + ", z " +
+                 number(low[2]) + " .. " + number(high[2]));
+  row("size",
+      "median of the longest deviation " + number(sizes[sizes.size() / 2]) + "; mean opacity " + number(opacity / double(set.size())));
+  std::string names;
+  for (std::size_t k = 0; k < set.link_names.size() && k < 12; ++k) names += (k ? ", " : "") + set.link_names[k];
+  row("links", linked == 0 ? "none: all are static"
+                           : std::to_string(linked) + " Gaussians on " + std::to_string(set.link_names.size()) + " links (" + names +
+                                 (set.link_names.size() > 12 ? ", ..." : "") + ")");
+  if (set.notes.empty()) row("load report", "all of the file is taken as it stands");
+  for (auto const& n : set.notes) row("load report", n);
+}
+
+void array_line(std::string const& name, gsp::io::NpyArray const& a) {
+  char const* const types[] = {"float32", "float64", "int32", "int64", "uint8", "bool"};
+  std::printf("  %-14s%s %s\n", name.c_str(), types[int(a.dtype)], gsp::io::format_shape(a.shape).c_str());
+}
+
+int run(Arguments const& arguments) {
+  bool first = true;
+  for (auto const& path : arguments.operands()) {
+    if (!first) std::puts("");
+    first = false;
+    auto const bytes = gsp::io::read_file(path);
+    auto const head = gsp::io::detail::as_text(bytes).substr(0, 512);
+    if (path.ends_with(".xml") || path.ends_with(".mjcf") || head.substr(0, head.find_first_not_of(" \t\r\n") + 1).ends_with('<')) {
+      model(path, arguments);
+    } else if (head.starts_with("PK")) {
+      auto const npz = gsp::io::parse_npz(bytes, path);
+      std::printf("%s: %zu arrays\n", path.c_str(), npz.arrays.size());
+      for (auto const& [name, array] : npz.arrays) array_line(name, array);
+    } else if (head.starts_with("\x93NUMPY")) {
+      auto const array = gsp::io::parse_npy(bytes, path);
+      std::printf("%s: one array\n", path.c_str());
+      array_line("", array);
+    } else if (head.starts_with("\x89PNG")) {
+      int depth = 0;
+      auto const picture = gsp::io::parse_png16(bytes, path, &depth);
+      std::printf("%s: PNG, %d x %d, %d channels of %d bits\n", path.c_str(), picture.width, picture.height, picture.channels, depth);
+    } else {
+      splats(path);
+    }
+    std::fflush(stdout);
+  }
+  return 0;
+}
+
+}  // namespace
+
+Command info_command() {
+  return {"info",
+          "FILE...",
+          "says what a file holds (MJCF, Gaussians, npz, npy, PNG) and lists what of a model is refused, approximated or without effect, "
+          "with file and line",
+          1,
+          -1,
+          {skip_visuals_option(), {"--approximate", "", "as --approximate of sim and render: what it would change stands in the report"}},
+          run};
+}
+
+}  // namespace gsp_cli

@@ -1,0 +1,65 @@
+// gsp: simulates and renders from the command line. Each command stands in a file of its own.
+#include <cstdio>
+#include <cstring>
+#include <new>
+
+#include "commands.hpp"
+
+namespace {
+
+using namespace gsp_cli;
+
+std::vector<Command> commands() { return {info_command(), sim_command(), render_command(), bench_command(), quickstart_command()}; }
+
+int print_help() {
+  std::puts("gsp: Gaussian splats and physics, many worlds at once, on CPU and GPU\n");
+  for (auto const& c : commands()) std::printf("  gsp %-10s  %s\n", c.name.c_str(), c.summary.c_str());
+  std::puts(
+      "\n'gsp COMMAND --help' explains a command. Exit codes: 0 done, 2 bad input (one sentence says what, where and the remedy), 1 "
+      "anything else.");
+  return 0;
+}
+
+int run(int argc, char** argv) {
+  if (argc < 2) return print_help();
+  std::string const name = argv[1];
+  if (name == "--help" || name == "-h" || name == "help") return print_help();
+  if (name == "--version") {
+    std::puts("gsp 0.1.0");
+    return 0;
+  }
+  std::vector<std::string> names;
+  for (auto const& command : commands()) {
+    names.push_back(command.name);
+    if (command.name != name) continue;
+    std::vector<std::string> words(argv + 2, argv + argc);
+    for (auto const& w : words)
+      if (w == "--help" || w == "-h") {
+        std::fputs(help(command).c_str(), stdout);
+        return 0;
+      }
+    return command.run(Arguments(command, words));
+  }
+  auto const hint = did_you_mean(name, names);
+  throw Error(in_quotes(name) + " is no command" + (hint.empty() ? "; 'gsp --help' lists them" : hint));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (gsp::Error const& error) {
+    std::fprintf(stderr, "gsp: %s\n", error.what());
+    return bad_input;
+  } catch (std::invalid_argument const& error) {
+    std::fprintf(stderr, "gsp: %s\n", error.what());
+    return bad_input;
+  } catch (std::bad_alloc const&) {
+    std::fputs("gsp: there is not enough memory for this; give fewer worlds, smaller images or a smaller --batch\n", stderr);
+    return bad_input;
+  } catch (std::exception const& error) {
+    std::fprintf(stderr, "gsp: %s\n", error.what());
+    return 1;
+  }
+}

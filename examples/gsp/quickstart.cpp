@@ -1,0 +1,301 @@
+// gsp quickstart: the main job from end to end. A robot and a scene (of the library's own making, or of the user's files), many worlds,
+// steps with contact, pictures of every world from its own camera, and how fast that was.
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <gsp/io/apng.hpp>
+#include <gsp/io/colormap.hpp>
+#include <gsp/io/png.hpp>
+#include <gsp/model/samples.hpp>
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "progress.hpp"
+#include "renderer.hpp"
+#include "run.hpp"
+#include "view.hpp"
+
+namespace gsp_cli {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+double since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+std::string text(char const* format, auto... values) {
+  char out[256];
+  std::snprintf(out, sizeof out, format, values...);
+  return out;
+}
+
+/// 1234567 -> "1.23 M"
+std::string short_count(double x) {
+  char const* const unit[] = {"", " k", " M", " G"};
+  int k = 0;
+  for (; x >= 1000 && k < 3; ++k) x /= 1000;
+  return text("%.3g%s", x, unit[k]);
+}
+
+/// What is shown: the middle of the model's moving bodies, and how far they reach from it.
+struct Subject {
+  std::array<double, 3> center{0, 0, 0.25};
+  double radius = 1;
+};
+
+/// The moving bodies of a model in its initial pose, shifted to where the first free joint stands: middle of their geoms and reach.
+Subject subject_of(gsp::CompiledModel const& m, States const& start) {
+  using Vector = std::array<double, 3>;
+  auto const turned = [](gsp::Double4 const& q, Vector const& v) {
+    Vector const t{2 * (q[2] * v[2] - q[3] * v[1]), 2 * (q[3] * v[0] - q[1] * v[2]), 2 * (q[1] * v[1] - q[2] * v[0])};
+    return Vector{v[0] + q[0] * t[0] + q[2] * t[2] - q[3] * t[1], v[1] + q[0] * t[1] + q[3] * t[0] - q[1] * t[2],
+                  v[2] + q[0] * t[2] + q[1] * t[1] - q[2] * t[0]};
+  };
+  std::vector<Vector> pos(static_cast<std::size_t>(m.nbody), Vector{0, 0, 0});
+  std::vector<gsp::Double4> quat(static_cast<std::size_t>(m.nbody), gsp::Double4{1, 0, 0, 0});
+  Vector low{INFINITY, INFINITY, INFINITY}, high{-INFINITY, -INFINITY, -INFINITY};
+  for (std::size_t b = 1; b < pos.size(); ++b) {
+    std::size_t const p = static_cast<std::size_t>(m.body_parent[b]);
+    auto const x = turned(quat[p], m.body_pos[b]);
+    for (std::size_t k = 0; k < 3; ++k) pos[b][k] = pos[p][k] + x[k];
+    auto const &a = quat[p], &c = m.body_quat[b];
+    quat[b] = {a[0] * c[0] - a[1] * c[1] - a[2] * c[2] - a[3] * c[3], a[0] * c[1] + a[1] * c[0] + a[2] * c[3] - a[3] * c[2],
+               a[0] * c[2] - a[1] * c[3] + a[2] * c[0] + a[3] * c[1], a[0] * c[3] + a[1] * c[2] - a[2] * c[1] + a[3] * c[0]};
+    if (m.body_jntnum[b] > 0 && m.jnt_type[static_cast<std::size_t>(m.body_jntadr[b])] == int(gsp::JointType::free))
+      for (std::size_t k = 0; k < 3; ++k)
+        pos[b][k] = start.qpos[static_cast<std::size_t>(m.jnt_qposadr[static_cast<std::size_t>(m.body_jntadr[b])]) + k];
+  }
+  for (std::size_t g = 0; g < m.geom_body.size(); ++g) {
+    std::size_t const b = static_cast<std::size_t>(m.geom_body[g]);
+    if (m.body_tree[b] < 0) continue;
+    auto const x = turned(quat[b], m.geom_pos[g]);
+    for (std::size_t k = 0; k < 3; ++k)
+      low[k] = std::min(low[k], pos[b][k] + x[k] - m.geom_rbound[g]), high[k] = std::max(high[k], pos[b][k] + x[k] + m.geom_rbound[g]);
+  }
+  if (!(low[0] <= high[0])) return {};
+  return {{(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2},
+          std::max(0.1, 0.5 * std::hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]))};
+}
+
+/// Where camera `w` stands: in the sample room, else on a ring about the model.
+std::array<double, 3> eye_of(int w, Subject const& s, bool room) {
+  if (room) return eye_in_room(w);
+  double const turn = -0.9 + 2.399963 * w, r = 2.2 * s.radius, height = 0.5 + 0.25 * scatter(w, 77);
+  return {s.center[0] + r * std::cos(turn), s.center[1] + r * std::sin(turn), s.center[2] + height * r};
+}
+
+/// Starts: the keyframe, and in the sample scene objects that roll and slide towards the robot, in each world otherwise.
+States starts(gsp::CompiledModel const& model, States const& one, int worlds, bool sample) {
+  States all = spread(one, worlds, "quickstart");
+  if (!sample) return all;
+  for (int w = 0; w < worlds; ++w)
+    for (int j = 1; j < model.njnt; ++j) {  // joint 0 is the robot's own
+      if (model.jnt_type[static_cast<std::size_t>(j)] != int(gsp::JointType::free)) continue;
+      double* const q = &all.qpos[static_cast<std::size_t>(w) * model.nq + model.jnt_qposadr[static_cast<std::size_t>(j)]];
+      double* const v = &all.qvel[static_cast<std::size_t>(w) * model.nv + model.jnt_dofadr[static_cast<std::size_t>(j)]];
+      double const x = q[0], y = q[1], r = std::hypot(x, y), speed = 0.7 + 0.5 * scatter(w, 10 * j), aside = 0.35 * scatter(w, 10 * j + 1),
+                   turn = 0.3 * scatter(w, 10 * j + 2);
+      q[0] = (std::cos(turn) * x - std::sin(turn) * y) * (1 + 0.08 * scatter(w, 10 * j + 3)),
+      q[1] = (std::sin(turn) * x + std::cos(turn) * y) * (1 + 0.08 * scatter(w, 10 * j + 4));
+      q[2] += 0.15 + 0.15 * scatter(w, 10 * j + 5);
+      v[0] = (-x - aside * y) / r * speed, v[1] = (-y + aside * x) / r * speed;
+      for (int k = 3; k < 6; ++k) v[k] = 2.5 * scatter(w, 10 * j + k + 3);
+    }
+  return all;
+}
+
+int run(Arguments const& a) {
+  bool const own = a.has("--model") || a.has("--splat");
+  if (own && !a.has("--model"))
+    a.fail("--splat needs --model FILE.xml: give both files, or none for the robot and room that the library makes");
+  if (own && !a.has("--splat"))
+    a.fail("--model needs --splat FILE: give both files, or none for the robot and room that the library makes");
+  a.needs("--splat-pose", "--splat", "it places that scene"), a.needs("--keyframe", "--model", "it is one of that model");
+  a.needs("--skip-visuals", "--model", "it is about that model"), a.needs("--approximate", "--model", "it is about that model");
+  std::string const out = a.text("--out").value_or("out");
+  int const threads = static_cast<int>(a.integer("--threads", 0, 1, 1024));
+  Device const device = choose_device(a);
+  bool const gpu = device == Device::cuda;
+  int const worlds = static_cast<int>(a.integer("--worlds", gpu ? 1024 : 64, 1, 1 << 20));
+  double const seconds = a.real("--seconds", 2, 0, 3600);
+  int const width = static_cast<int>(a.integer("--width", 320, 16, 4096)), height = static_cast<int>(a.integer("--height", 240, 16, 4096));
+
+  auto const begin = Clock::now();
+  gsp::CompiledModel model;
+  States one;
+  std::string const model_name = a.text("--model").value_or("sample quadruped");
+  if (own) {
+    model = load_model(model_name, a);
+    one = initial_state(model, model_name,
+                        a.has("--keyframe")       ? a.text("--keyframe")
+                        : model.keyframes.empty() ? std::nullopt
+                                                  : std::optional<std::string>("0"));
+  } else {
+    model = compile_model(gsp::samples::quadruped_scene(), false);
+    one = initial_state(model, model_name, "stand");
+  }
+  Session const session(device, threads);
+  Scene scene;
+  if (own) {
+    bool const linked = a.has("--splat-pose")
+                            ? scene.add_file(*a.text("--splat"), gsp::io::parse_splat_pose(*a.text("--splat-pose")), model)
+                            : scene.add_standing_file(*a.text("--splat"), model);
+    if (!linked) scene.add_surface(model);
+  } else {
+    scene.add_room();
+    scene.add_surface(model);
+  }
+  StepperOptions stepping;
+  stepping.worlds = worlds, stepping.approximate = a.has("--approximate");
+  auto const stepper = make_stepper(device, false, model, stepping);
+  RendererOptions pictures;
+  pictures.width = width, pictures.height = height, pictures.alpha = false;
+  auto const renderer = make_renderer(device, scene, model, pictures);
+  stepper->set(starts(model, one, worlds, !own));
+  Subject subject;
+  if (own) subject = subject_of(model, one);
+  double const load = since(begin);
+  if (auto const s = summary(model); own && !s.empty()) std::printf("%s: %s ('gsp info' lists them)\n", model_name.c_str(), s.c_str());
+  std::printf("%s, %s Gaussians, %d worlds, on %s\n", own ? model_name.c_str() : "a quadruped among boxes and balls in a furnished room",
+              short_count(double(scene.count())).c_str(), worlds, device_name(device).c_str());
+
+  // Steps, all worlds; the first world's states are kept for the animation.
+  long long const steps = std::max(1LL, static_cast<long long>(std::llround(seconds / stepper->timestep()))),
+                  every = std::max(1LL, static_cast<long long>(std::llround(0.04 / stepper->timestep())));
+  std::vector<double> qpos, qvel, film;
+  auto const film_world = [&] { film.insert(film.end(), qpos.begin(), qpos.begin() + model.nq); };
+  stepper->get(qpos, qvel), film_world();
+  Progress stepping_bar("stepping");
+  auto const timing = run_steps(
+      *stepper, steps, 0, false, every, [&](long long) { stepper->get(qpos, qvel), film_world(); },
+      [&](long long done) { stepping_bar.show(double(done) / double(steps)); });
+  double const steps_per_second = double(worlds) * double(timing.steps) / timing.seconds;
+  auto const counts = stepper->counts();
+  stepping_bar.finish(text("%lld steps of %d worlds in %.2f s", steps, worlds, timing.seconds));
+  stepper->get(qpos, qvel);
+
+  // One picture of every world, RGB and depth.
+  Progress drawing_bar("drawing every world");
+  int const portion = std::min(worlds, gpu ? 1024 : 64);
+  double drawing = 0;
+  Pictures sheet;
+  int const shown = std::min(worlds, 16), columns = std::min(shown, 4);
+  for (int first = 0; first < worlds; first += portion) {
+    Shots shots;
+    shots.worlds = std::min(portion, worlds - first);
+    shots.qpos.assign(qpos.begin() + static_cast<std::ptrdiff_t>(first) * model.nq,
+                      qpos.begin() + static_cast<std::ptrdiff_t>(first + shots.worlds) * model.nq);
+    for (int w = first; w < first + shots.worlds; ++w) add_camera(shots, eye_of(w, subject, !own), subject.center, 1.05, width, height);
+    drawing += renderer->render(shots, 1);
+    if (first == 0) renderer->read(sheet);
+    drawing_bar.show(double(first + shots.worlds) / worlds);
+  }
+  double const frames_per_second = worlds / drawing;
+  drawing_bar.finish(text("%d pictures of %d x %d in %.2f s", worlds, width, height, drawing));
+
+  // The animation: one world, a camera that stands still.
+  std::size_t const frames = film.size() / std::max<std::size_t>(1, static_cast<std::size_t>(model.nq));
+  Progress film_bar("animation");
+  gsp::io::ApngWriter animation({.frames_per_second = 25});
+  int const together = gpu ? 64 : 8;
+  for (std::size_t first = 0; first < frames; first += static_cast<std::size_t>(together)) {
+    Shots shots;
+    shots.worlds = static_cast<int>(std::min<std::size_t>(static_cast<std::size_t>(together), frames - first));
+    shots.qpos.assign(film.begin() + static_cast<std::ptrdiff_t>(first) * model.nq,
+                      film.begin() + static_cast<std::ptrdiff_t>(first + static_cast<std::size_t>(shots.worlds)) * model.nq);
+    for (int k = 0; k < shots.worlds; ++k) add_camera(shots, eye_of(0, subject, !own), subject.center, 0.9, width, height);
+    Pictures some;
+    renderer->render(shots, 1);
+    renderer->read(some);
+    for (int k = 0; k < shots.worlds; ++k)
+      animation.add(gsp::io::to_bitmap8(&some.rgb[static_cast<std::size_t>(3) * width * height * k], width, height, 3));
+    film_bar.show(double(first + static_cast<std::size_t>(shots.worlds)) / double(frames));
+  }
+  film_bar.finish(text("%zu frames", frames));
+
+  // Files, once all is done.
+  make_folder(out, "--out");
+  auto const file = [&](char const* name) { return (std::filesystem::path(out) / name).string(); };
+  std::vector<gsp::io::Bitmap8> rgb, color;
+  std::vector<gsp::io::Bitmap16> depth;
+  float near = INFINITY, far = 0;
+  std::size_t const pixels = static_cast<std::size_t>(width) * height;
+  for (std::size_t i = 0; i < pixels * shown; ++i)
+    if (sheet.depth[i] > 0) near = std::min(near, sheet.depth[i]), far = std::max(far, sheet.depth[i]);
+  for (int k = 0; k < shown; ++k) {
+    rgb.push_back(gsp::io::to_bitmap8(&sheet.rgb[3 * pixels * k], width, height, 3));
+    color.push_back(gsp::io::depth_to_color(&sheet.depth[pixels * k], width, height, {.near = near, .far = far}));
+    depth.push_back(gsp::io::depth_to_bitmap16(&sheet.depth[pixels * k], width, height));
+  }
+  gsp::io::write_png(file("worlds.png"), gsp::io::contact_sheet<std::uint8_t>(rgb, columns, 4, 255));
+  gsp::io::write_png(file("depth_color.png"), gsp::io::contact_sheet<std::uint8_t>(color, columns, 4, 255));
+  gsp::io::write_png(file("depth_mm.png"), gsp::io::contact_sheet<std::uint16_t>(depth, columns));
+  gsp::io::write_file(file("animation.png"), animation.finish());
+
+  if (a.has("--json")) {
+    nlohmann::ordered_json json{{"load_seconds", load},
+                                {"seconds", timing.seconds},
+                                {"steps_per_second", steps_per_second},
+                                {"frames_per_second", frames_per_second},
+                                {"peak_bytes", peak_bytes(device)},
+                                {"contacts", counts.contacts},
+                                {"rows", counts.rows},
+                                {"iterations", counts.iterations},
+                                {"residual", counts.residual},
+                                {"state_hash", hash_of({&qpos, &qvel})},
+                                {"worlds", worlds},
+                                {"steps", steps},
+                                {"gaussians", scene.count()},
+                                {"device", device_name(device)},
+                                {"failed_worlds", counts.failed_worlds}};
+    std::puts(json.dump().c_str());
+  } else {
+    std::puts("");
+    auto const row = [](char const* name, std::string const& value) { std::printf("  %-10s %s\n", name, value.c_str()); };
+    row("load", text("%.2f s", load));
+    row("steps/s",
+        short_count(steps_per_second) + text("  (%d worlds x %lld steps of %g s, float, profile stable; last step: %.1f contacts a world)",
+                                             worlds, steps, stepper->timestep(), double(counts.contacts) / worlds));
+    row("frames/s", short_count(frames_per_second) + text("  (%d x %d, RGB and depth, %s Gaussians, every world its own camera)", width,
+                                                          height, short_count(double(scene.count())).c_str()));
+    row("memory", short_count(double(peak_bytes(device))) + "B at most" + (gpu ? " on the GPU" : ""));
+    std::printf(
+        "\n  %s  %d worlds\n  %s  their depth in colour, %.2f m (red) to %.2f m (blue)\n  %s  the same in millimetres, 16 bits\n  %s  the "
+        "first world, %.2f s\n",
+        file("worlds.png").c_str(), shown, file("depth_color.png").c_str(), near, far, file("depth_mm.png").c_str(),
+        file("animation.png").c_str(), double(steps) * stepper->timestep());
+  }
+  if (counts.failed_worlds > 0)
+    std::fprintf(
+        stderr,
+        "gsp: quickstart: %d of %d worlds stopped because their state was no longer finite; 'gsp sim --timestep' takes smaller steps\n",
+        counts.failed_worlds, worlds);
+  return 0;
+}
+
+}  // namespace
+
+Command quickstart_command() {
+  return {"quickstart",
+          "",
+          "robot and Gaussian scene to pictures: steps many worlds, draws each from its own camera, writes a contact sheet, depth and an "
+          "animation",
+          0,
+          0,
+          {{"--out", "DIR", "where the pictures go: out"},
+           {"--model", "FILE.xml", "your robot instead of the sample quadruped; with --splat"},
+           {"--splat", "FILE", "your Gaussians instead of the sample room; with --model"},
+           {"--splat-pose", "\"x y z qw qx qy qz scale\"",
+            "where they stand; without it they are taken as y-down captures, turned upright, their floor put at z = 0 below the model"},
+           {"--keyframe", "NAME|INDEX", "where your robot starts; its first keyframe, if there is one"},
+           skip_visuals_option(),
+           approximate_option(),
+           {"--worlds", "N", "64 on a CPU, 1024 on a GPU"},
+           {"--seconds", "S", "of simulated time, 2"},
+           {"--width", "W", "of a picture, 320"},
+           {"--height", "H", "of a picture, 240"},
+           device_option(),
+           threads_option(),
+           {"--json", "", "print one JSON object instead of the table"}},
+          run};
+}
+
+}  // namespace gsp_cli

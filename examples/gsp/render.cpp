@@ -1,0 +1,193 @@
+// gsp render: pictures of Gaussians, of a model's links in any pose, from cameras of a file.
+#include <cstdio>
+#include <filesystem>
+#include <gsp/io/colormap.hpp>
+#include <gsp/io/npz.hpp>
+#include <gsp/io/png.hpp>
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "files.hpp"
+#include "renderer.hpp"
+
+namespace gsp_cli {
+namespace {
+
+std::string numbered(std::string const& folder, char const* kind, std::size_t i, std::size_t count) {
+  std::string number = std::to_string(i);
+  number.insert(0, std::max<std::size_t>(4, std::to_string(count - 1).size()) - number.size(), '0');
+  return (std::filesystem::path(folder) / (std::string(kind) + "_" + number + ".png")).string();
+}
+
+/// Writes the pictures of `some`, the first of which is number `first` of `total`.
+void write_pngs(std::string const& folder, Pictures const& some, std::size_t first, std::size_t total, int width, int height) {
+  std::size_t const pixels = static_cast<std::size_t>(width) * height,
+                    n = std::max({some.rgb.size() / 3, some.depth.size(), some.alpha.size()}) / pixels;
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!some.rgb.empty())
+      gsp::io::write_png(numbered(folder, "rgb", first + i, total), gsp::io::to_bitmap8(&some.rgb[3 * pixels * i], width, height, 3));
+    if (!some.depth.empty()) {
+      gsp::io::write_png(numbered(folder, "depth", first + i, total), gsp::io::depth_to_bitmap16(&some.depth[pixels * i], width, height));
+      gsp::io::write_png(numbered(folder, "depth_color", first + i, total),
+                         gsp::io::depth_to_color(&some.depth[pixels * i], width, height));
+    }
+    if (!some.alpha.empty())
+      gsp::io::write_png(numbered(folder, "alpha", first + i, total), gsp::io::to_bitmap8(&some.alpha[pixels * i], width, height, 1));
+  }
+}
+
+int run(Arguments const& a) {
+  if (!a.has("--splat")) a.fail("needs --splat FILE: the Gaussians to draw (.ply, .splat or .spz)");
+  if (!a.has("--cameras")) a.fail("needs --cameras C.npz: viewmats (C,4,4) and Ks (C,3,3)");
+  a.exclusive("--keyframe", "--trace", "both say where the model stands");
+  a.needs("--keyframe", "--model", "a keyframe belongs to a model"), a.needs("--trace", "--model", "a trace belongs to a model");
+  a.needs("--skip-visuals", "--model", "it is about a model's geoms"),
+      a.needs("--approximate", "--model", "it is about a model's contacts");
+  auto const files = a.all("--splat"), poses = a.all("--splat-pose");
+  if (poses.size() > files.size())
+    a.fail("--splat-pose is given " + std::to_string(poses.size()) + " times for " + std::to_string(files.size()) +
+           " --splat; the k-th pose belongs to the k-th file, leave the others out");
+  RendererOptions options;
+  options.width = static_cast<int>(a.integer("--width", 640, 1, 16384)),
+  options.height = static_cast<int>(a.integer("--height", 480, 1, 16384));
+  options.batch = static_cast<int>(a.integer("--batch", 0, 1, 65536)),
+  options.alpha_max = static_cast<float>(a.real("--alpha-max", 0.999, 0, 1));
+  auto const channels = a.list("--channels", {"rgb", "depth", "alpha"}, {"rgb", "depth"});
+  auto const wanted = [&](char const* c) { return std::find(channels.begin(), channels.end(), c) != channels.end(); };
+  options.rgb = wanted("rgb"), options.depth = wanted("depth"), options.alpha = wanted("alpha");
+  int const repeat = static_cast<int>(a.integer("--repeat", 1, 1, 1000000));
+  auto const threads = static_cast<int>(a.integer("--threads", 0, 1, 1024));
+  auto const out = a.text("--out"), npz = a.text("--npz");
+  Device const device = choose_device(a);
+  if (npz) expect_writable(*npz, "--npz");
+
+  // All input is read before anything is written.
+  gsp::CompiledModel model;
+  Trace trace;
+  if (auto const path = a.text("--model")) {
+    model = load_model(*path, a);
+    if (auto const file = a.text("--trace")) {
+      trace = read_trace(*file, model);
+    } else {
+      auto const s = initial_state(model, *path, a.text("--keyframe"));
+      trace.entries = trace.worlds = 1, trace.qpos = s.qpos;
+    }
+    if (auto const s = summary(model); !s.empty() && !a.has("--json"))
+      std::fprintf(stderr, "%s: %s ('gsp info' lists them)\n", path->c_str(), s.c_str());
+  } else {
+    trace.entries = trace.worlds = 1;
+  }
+  auto const cameras = read_cameras(*a.text("--cameras"));
+  std::size_t const states = trace.entries * trace.worlds;
+  if (a.has("--trace") && cameras.count != states && cameras.count != 1)
+    throw Error(*a.text("--cameras") + ": holds " + std::to_string(cameras.count) + " cameras, but the trace has " +
+                std::to_string(trace.entries) + " entries of " + std::to_string(trace.worlds) + " worlds; write " + std::to_string(states) +
+                " cameras (picture t*N+w shows world w at entry t), or one for all");
+  std::size_t const count = a.has("--trace") ? states : cameras.count;
+  std::size_t const channel_count = (options.rgb ? 3u : 0u) + (options.depth ? 1u : 0u) + (options.alpha ? 1u : 0u),
+                    bytes_each = static_cast<std::size_t>(options.width) * options.height * channel_count * sizeof(float);
+  if (npz && count * static_cast<std::size_t>(options.width) * options.height * 12 >= 0xff000000ull && options.rgb)
+    throw Error(*npz + ": " + std::to_string(count) + " pictures of " + std::to_string(options.width) + " x " +
+                std::to_string(options.height) + " pass 4 GiB, the limit of npz files here; render fewer at a time or use --out");
+
+  Session const session(device, threads);
+  Scene scene;
+  bool carried = false;
+  for (std::size_t i = 0; i < files.size(); ++i)
+    carried |= scene.add_file(files[i], i < poses.size() ? gsp::io::parse_splat_pose(poses[i]) : gsp::io::SplatPose{}, model);
+  if (model.nbody > 1 && !carried) scene.add_surface(model);
+  auto const renderer = make_renderer(device, scene, model, options);
+  if (out) make_folder(*out, "--out");
+  double const startup = seconds_since_start();
+
+  // Pictures go through in portions, so that memory does not grow with their number.
+  std::size_t const budget = device == Device::cuda ? std::size_t(16) << 30 : std::size_t(1) << 30;
+  std::size_t const portion = std::clamp<std::size_t>(budget / bytes_each, 1, count);
+  Pictures all;
+  double seconds = 0;
+  std::size_t const nq = static_cast<std::size_t>(model.nq);
+  for (std::size_t first = 0; first < count; first += portion) {
+    std::size_t const n = std::min(portion, count - first);
+    Shots shots;
+    if (a.has("--trace")) {
+      shots.worlds = static_cast<int>(n);
+      shots.qpos.assign(trace.qpos.begin() + static_cast<std::ptrdiff_t>(first * nq),
+                        trace.qpos.begin() + static_cast<std::ptrdiff_t>((first + n) * nq));
+    } else {
+      shots.qpos = trace.qpos;
+    }
+    for (std::size_t i = first; i < first + n; ++i) {
+      std::size_t const c = cameras.count == 1 ? 0 : i;
+      shots.viewmats.insert(shots.viewmats.end(), &cameras.viewmats[16 * c], &cameras.viewmats[16 * c] + 16),
+          shots.Ks.insert(shots.Ks.end(), &cameras.Ks[9 * c], &cameras.Ks[9 * c] + 9);
+    }
+    seconds += renderer->render(shots, repeat);
+    if (!out && !npz) continue;
+    Pictures some;
+    renderer->read(some);
+    if (out) write_pngs(*out, some, first, count, options.width, options.height);
+    if (npz) {
+      auto const join = [](std::vector<float>& to, std::vector<float> const& from) { to.insert(to.end(), from.begin(), from.end()); };
+      join(all.rgb, some.rgb), join(all.depth, some.depth), join(all.alpha, some.alpha);
+    }
+  }
+  if (npz) {
+    std::size_t const h = static_cast<std::size_t>(options.height), w = static_cast<std::size_t>(options.width);
+    std::vector<gsp::io::NpzEntry> entries;
+    if (options.rgb) entries.push_back({"rgb", {{count, h, w, 3}, all.rgb}});
+    if (options.depth) entries.push_back({"depth", {{count, h, w}, all.depth}});
+    if (options.alpha) entries.push_back({"alpha", {{count, h, w}, all.alpha}});
+    gsp::io::write_npz(*npz, entries);
+  }
+  double const frames = double(count) * repeat;
+  if (a.has("--json")) {
+    nlohmann::ordered_json json{{"seconds", seconds},
+                                {"frames_per_second", frames / seconds},
+                                {"startup_seconds", startup},
+                                {"peak_bytes", peak_bytes(device)},
+                                {"images", count},
+                                {"width", options.width},
+                                {"height", options.height},
+                                {"gaussians", scene.count()},
+                                {"device", device_name(device)}};
+    std::puts(json.dump().c_str());
+  } else {
+    std::printf("%zu pictures of %d x %d, %zu Gaussians, on %s: %.4g s, %.4g frames/s; %.2f s to start; %.3g MB\n", count, options.width,
+                options.height, scene.count(), device_name(device).c_str(), seconds, frames / seconds, startup,
+                1e-6 * double(peak_bytes(device)));
+  }
+  return 0;
+}
+
+}  // namespace
+
+Command render_command() {
+  return {"render",
+          "",
+          "draws Gaussians and the links of a model, as RGB, expected depth and alpha",
+          0,
+          0,
+          {{"--splat", "FILE", "Gaussians: .ply (3DGS, SuperSplat), .splat, .spz; may come several times", true},
+           {"--splat-pose", "\"x y z qw qx qy qz scale\"", "where the scene of the k-th --splat stands in the world", true},
+           {"--model", "M.xml",
+            "a MJCF model; its links carry the Gaussians that are bound to them, or, where none are, Gaussians on its geoms"},
+           skip_visuals_option(),
+           approximate_option(),
+           {"--keyframe", "NAME|INDEX", "where the model stands; without it (and --trace) its initial pose"},
+           {"--trace", "F.npz", "a trace of gsp sim: picture t*N+w shows world w at entry t"},
+           {"--cameras", "C.npz", "viewmats (C,4,4) world-to-camera, x right, y down, z forward; Ks (C,3,3) in pixels"},
+           {"--width", "W", "of the pictures, 640"},
+           {"--height", "H", "of the pictures, 480"},
+           {"--channels", "rgb,depth,alpha", "which of them to make; rgb,depth"},
+           {"--alpha-max", "A", "greatest alpha of a Gaussian, .999"},
+           {"--batch", "B", "pictures that go through the stages together; changes memory and speed, never the pictures"},
+           {"--repeat", "R", "draw everything R times (after once untimed) and time that"},
+           device_option(),
+           threads_option(),
+           {"--out", "DIR", "write PNGs: rgb, depth in 16-bit millimetres, depth in colour, alpha"},
+           {"--npz", "F", "write arrays rgb (C,H,W,3), depth (C,H,W), alpha (C,H,W), float32, unclamped, on black"},
+           {"--json", "", "print one JSON object: seconds, frames_per_second, startup_seconds, peak_bytes, ..."}},
+          run};
+}
+
+}  // namespace gsp_cli

@@ -1,0 +1,174 @@
+// gsp sim: steps many worlds of a model and says how fast that was.
+#include <chrono>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "commands.hpp"
+#include "run.hpp"
+
+namespace gsp_cli {
+
+Timing run_steps(Stepper& stepper, long long steps, long long time_from, bool with_controls, long long every,
+                 std::function<void(long long)> const& record, std::function<void(long long)> const& progress) {
+  using clock = std::chrono::steady_clock;
+  Timing t;
+  for (long long done = 0; done < steps;) {
+    // up to the next point where something happens: the clock starts, a state is recorded, controls change, the last step (measured)
+    long long next = steps - done > 1 ? steps - 1 : steps;
+    if (done < time_from) next = std::min(next, time_from);
+    if (record) next = std::min(next, (done / every + 1) * every);
+    if (with_controls) next = done + 1;
+    if (progress) next = std::min(next, done + std::max(1LL, steps / 50));
+    auto const start = clock::now();
+    if (with_controls) stepper.apply(static_cast<std::size_t>(done));
+    stepper.step(static_cast<int>(std::min(next - done, 100000LL)), next == steps);
+    double const seconds = std::chrono::duration<double>(clock::now() - start).count();
+    next = std::min(next, done + 100000);
+    if (done >= time_from) t.seconds += seconds, t.steps += next - done;
+    done = next;
+    if (record && done % every == 0) record(done);
+    if (progress) progress(done);
+  }
+  return t;
+}
+
+namespace {
+
+int run(Arguments const& a) {
+  std::string const path = a.operands().front();
+  a.exclusive("--keyframe", "--start", "both say where the worlds start");
+  a.needs("--every", "--trace", "it says how often a trace takes the state");
+  StepperOptions options;
+  auto const start_file = a.text("--start"), ctrl_file = a.text("--ctrl"), trace_file = a.text("--trace");
+  options.worlds = static_cast<int>(a.integer("--worlds", 1, 1, 1 << 24)), options.timestep = a.real("--timestep", 0, 0, 10);
+  options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
+  options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco", options.approximate = a.has("--approximate");
+  bool const in_double = a.choice("--precision", {"float", "double"}, "float") == "double";
+  long long steps = a.integer("--steps", 1000, 1, 1LL << 40), every = a.integer("--every", 1, 1, 1LL << 40),
+            time_from = a.integer("--time-from", 0, 0, 1LL << 40);
+  int const threads = static_cast<int>(a.integer("--threads", 0, 1, 1024));
+  Device const device = choose_device(a);
+  if (trace_file) expect_writable(*trace_file, "--trace");
+
+  auto const model = load_model(path, a);
+  States start = start_file ? read_start(*start_file, model) : initial_state(model, path, a.text("--keyframe"));
+  if (start_file && !a.has("--worlds")) options.worlds = start.worlds;
+  start = spread(start, options.worlds, start_file ? *start_file : path);
+  Controls controls;
+  if (ctrl_file) {
+    controls = read_controls(*ctrl_file, model, options.worlds);
+    if (!a.has("--steps")) steps = static_cast<long long>(controls.steps);
+    if (steps > static_cast<long long>(controls.steps))
+      throw Error(*ctrl_file + ": holds controls for " + std::to_string(controls.steps) + " steps, fewer than --steps " +
+                  std::to_string(steps) + "; give --steps " + std::to_string(controls.steps) + " or less");
+  }
+  if (time_from >= steps)
+    a.fail("--time-from " + std::to_string(time_from) + " leaves none of the " + std::to_string(steps) +
+           " steps to be timed; give less than --steps");
+  if (auto const s = summary(model); !s.empty() && !a.has("--json"))
+    std::fprintf(stderr, "%s: %s ('gsp info' lists them)\n", path.c_str(), s.c_str());
+  std::size_t const worlds = static_cast<std::size_t>(options.worlds);
+  if (trace_file && (static_cast<double>(steps / every) + 1) * double(worlds) * std::max(model.nq, 1) * 8 > 4e9)
+    throw Error(*trace_file +
+                ": the trace would pass 4 GiB, the limit of npz files here; give a larger --every, fewer --steps or fewer --worlds");
+
+  Session const session(device, threads);
+  auto const stepper = [&] {
+    try {
+      return make_stepper(device, in_double, model, options);
+    } catch (Error const& error) {  // what the dynamics do not cover: say which file
+      throw Error(path + ": " + error.what());
+    }
+  }();
+  stepper->set(start);
+  if (ctrl_file) stepper->load(controls);
+  Trace trace;
+  std::vector<double> qpos, qvel;
+  auto const record = [&](long long done) {
+    stepper->get(qpos, qvel);
+    trace.time.push_back(start.time + double(done) * stepper->timestep());
+    trace.qpos.insert(trace.qpos.end(), qpos.begin(), qpos.end()), trace.qvel.insert(trace.qvel.end(), qvel.begin(), qvel.end());
+    ++trace.entries;
+  };
+  trace.worlds = worlds;
+  if (trace_file) {  // the start as it was given, not as the precision has it
+    trace.time = {start.time}, trace.qpos = start.qpos, trace.qvel = start.qvel, trace.entries = 1;
+  }
+  double const startup = seconds_since_start();
+  auto const timing = run_steps(*stepper, steps, time_from, ctrl_file.has_value(), every,
+                                trace_file ? std::function<void(long long)>(record) : nullptr, nullptr);
+  auto const counts = stepper->counts();
+  stepper->get(qpos, qvel);
+  if (trace_file) write_trace(*trace_file, trace, model);
+
+  double const rate = double(worlds) * double(timing.steps) / timing.seconds;
+  if (counts.failed_worlds > 0)
+    std::fprintf(stderr,
+                 "gsp: sim: the state of %d of %d worlds was no longer finite, and they stopped there; give a smaller --timestep, or more "
+                 "--iterations\n",
+                 counts.failed_worlds, options.worlds);
+  if (a.has("--json")) {
+    nlohmann::ordered_json json{{"seconds", timing.seconds},
+                                {"steps_per_second", rate},
+                                {"startup_seconds", startup},
+                                {"peak_bytes", peak_bytes(device)},
+                                {"contacts", counts.contacts},
+                                {"rows", counts.rows},
+                                {"iterations", counts.iterations},
+                                {"residual", counts.residual},
+                                {"state_hash", hash_of({&qpos, &qvel})},
+                                {"worlds", options.worlds},
+                                {"steps", steps},
+                                {"timed_steps", timing.steps},
+                                {"timestep", stepper->timestep()},
+                                {"profile", options.mujoco ? "mujoco" : "stable"},
+                                {"precision", in_double ? "double" : "float"},
+                                {"device", device_name(device)},
+                                {"failed_worlds", counts.failed_worlds}};
+    std::puts(json.dump().c_str());
+  } else {
+    std::printf("%d worlds x %lld steps of %g s, profile %s, %s, on %s\n", options.worlds, steps, stepper->timestep(),
+                options.mujoco ? "mujoco" : "stable", in_double ? "double" : "float", device_name(device).c_str());
+    std::printf("  %.4g s for %lld steps: %.4g steps/s (%.4g x real time a world)\n", timing.seconds, timing.steps, rate,
+                double(timing.steps) * stepper->timestep() / timing.seconds);
+    std::printf("  last step: %lld contacts, %lld rows, %d iterations, residual %.3g\n", static_cast<long long>(counts.contacts),
+                static_cast<long long>(counts.rows), counts.iterations, counts.residual);
+    std::printf("  %.2f s to start, %.4g MB, state %s\n", startup, 1e-6 * double(peak_bytes(device)), hash_of({&qpos, &qvel}).c_str());
+    if (trace_file) std::printf("  %s: %zu states of %zu worlds\n", trace_file->c_str(), trace.entries, trace.worlds);
+  }
+  return 0;
+}
+
+}  // namespace
+
+Command sim_command() {
+  return {
+      "sim",
+      "MODEL.xml",
+      "steps worlds of a MJCF model and says how many steps a second that were",
+      1,
+      1,
+      {{"--worlds", "N", "worlds, 1 (with --start: as many as it holds)"},
+       {"--steps", "K", "steps, 1000 (with --ctrl: as many as it holds)"},
+       {"--timestep", "H", "seconds a step; without it the model's own"},
+       {"--keyframe", "NAME|INDEX", "start from a keyframe (its qpos, qvel and ctrl)"},
+       {"--start", "F.npz", "start from the last entry of a trace: time (T), qpos (T,N,nq), qvel (T,N,nv); N = 1 is given to all worlds"},
+       {"--ctrl", "F.npy", "controls (K,nu) or (K,N,nu), one row a step; without it those of the keyframe, else 0"},
+       {"--iterations", "I", "sweeps of the solver a step"},
+       {"--profile", "mujoco|stable",
+        "mujoco: as the file says, for what is covered; stable (without the option): rigid friction, implicit joints"},
+       {"--precision", "float|double", "float without the option"},
+       device_option(),
+       threads_option(),
+       {"--trace", "OUT.npz", "write time, qpos, qvel, float64, the start first"},
+       {"--every", "E", "steps between two entries of the trace, 1"},
+       {"--time-from", "S", "run the first S steps without timing them"},
+       skip_visuals_option(),
+       approximate_option(),
+       {"--json", "",
+        "print one JSON object: seconds, steps_per_second, startup_seconds, peak_bytes, contacts, rows, iterations, residual, state_hash, "
+        "..."}},
+      run};
+}
+
+}  // namespace gsp_cli

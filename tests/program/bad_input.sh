@@ -1,0 +1,136 @@
+#!/usr/bin/env bash
+# Every bad input: exit code 2, one sentence on stderr that names file, place and remedy, nothing on stdout, nothing under the name of an output.
+#   bad_input.sh GSP
+set -u
+gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
+here="$(cd "$(dirname "$0")" && pwd)"
+if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
+  echo "skipped: a program for CUDA, and no GPU on this machine"
+  exit 77
+fi
+work="$(mktemp -d)"
+trap 'rm -rf "$work"' EXIT
+python3 "$here/make_inputs.py" "$work" || exit 1
+cd "$work" || exit 1
+failures=0 cases=0
+
+# refused "part" ["part" ...] -- words of the command
+refused() {
+  local parts=()
+  while [ "$1" != -- ]; do parts+=("$1"); shift; done
+  shift
+  cases=$((cases + 1))
+  "$gsp" "$@" >out.txt 2>err.txt </dev/null
+  local code=$? problem=
+  [ $code = 2 ] || problem="exit code $code instead of 2"
+  [ "$(wc -l <err.txt)" = 1 ] || problem="$problem; $(wc -l <err.txt) lines on stderr instead of one"
+  [ ! -s out.txt ] || problem="$problem; it wrote to stdout"
+  for part in "${parts[@]}"; do grep -qF -- "$part" err.txt || problem="$problem; the sentence lacks '$part'"; done
+  for left in result.npz pictures *.partial-*; do [ ! -e "$left" ] || problem="$problem; it left $left"; done
+  if [ -n "$problem" ]; then
+    failures=$((failures + 1))
+    printf 'gsp %s: %s\n  %s\n' "$*" "${problem#; }" "$(head -c 600 err.txt)"
+    rm -rf result.npz pictures ./*.partial-*
+  else
+    printf 'ok: %s\n' "$(cat err.txt)"
+  fi
+}
+
+# command line
+refused "'smi'" "did you mean sim" -- smi cart.xml
+refused "MODEL.xml" "--help" -- sim
+refused "'extra'" -- sim cart.xml extra
+refused "'--wrlds'" "did you mean --worlds" -- sim cart.xml --wrlds 3
+refused "'--zzzzzzzz'" "--help" -- sim cart.xml --zzzzzzzz
+refused "--worlds needs a value" -- sim cart.xml --worlds
+refused "--worlds needs a value" -- sim cart.xml --worlds --json
+refused "--worlds is '0'" "whole number" -- sim cart.xml --worlds 0
+refused "--worlds is 'many'" -- sim cart.xml --worlds many
+refused "--worlds is '-3'" -- sim cart.xml --worlds -3
+refused "--worlds is '99999999999999999999'" -- sim cart.xml --worlds 99999999999999999999
+refused "--worlds is given twice" -- sim cart.xml --worlds 2 --worlds 3
+refused "--timestep is 'nan'" -- sim cart.xml --timestep nan
+refused "--timestep is '-0.1'" -- sim cart.xml --timestep -0.1
+refused "--timestep is '0.1s'" -- sim cart.xml --timestep 0.1s
+refused "--profile is 'fast'" "mujoco or stable" -- sim cart.xml --profile fast
+refused "--precision is 'half'" "float or double" -- sim cart.xml --precision half
+refused "--device is 'tpu'" "cpu or cuda" -- sim cart.xml --device tpu
+refused "--json takes no value" -- sim cart.xml --json=yes
+refused "--trace has an empty value" -- sim cart.xml --trace=
+refused "--keyframe and --start contradict" -- sim cart.xml --keyframe tilted --start start.npz
+refused "--every needs --trace" -- sim cart.xml --every 5
+refused "--time-from 100" "less than --steps" -- sim cart.xml --steps 100 --time-from 100
+refused "--keyframe and --trace contradict" -- render --splat disc.ply --cameras cameras.npz --model cart.xml --keyframe 0 --trace start.npz
+refused "--trace needs --model" -- render --splat disc.ply --cameras cameras.npz --trace start.npz
+refused "needs --splat" -- render --cameras cameras.npz
+refused "needs --cameras" -- render --splat disc.ply
+refused "--channels is 'colour'" -- render --splat disc.ply --cameras cameras.npz --channels rgb,colour
+refused "names rgb twice" -- render --splat disc.ply --cameras cameras.npz --channels rgb,rgb
+refused "--alpha-max is '2'" -- render --splat disc.ply --cameras cameras.npz --alpha-max 2
+refused "eight numbers" -- render --splat disc.ply --splat-pose "0 0 0" --cameras cameras.npz
+refused "no bench 'fast'" "quadruped" -- bench fast
+refused "--splat needs --model" -- quickstart --splat disc.ply --out pictures
+refused "--model needs --splat" -- quickstart --model cart.xml --out pictures
+if ! ldd "$gsp" | grep -q libcuda; then
+  refused "--device cuda" "without CUDA" -- sim cart.xml --device cuda
+fi
+
+# models
+for command in "sim" "info"; do
+  refused "missing.xml" "no such file" -- $command missing.xml
+  refused "broken.xml:" -- $command broken.xml
+  refused "element.xml:13" "freejiont" -- $command element.xml
+  refused "attribute.xml:8" "dampnig" -- $command attribute.xml
+  refused "value.xml:9" "thin" -- $command value.xml
+  refused "nan.xml:9" -- $command nan.xml
+  refused "massless.xml" "ball" -- $command massless.xml
+  refused "recursive.xml" -- $command recursive.xml
+  refused "deep.xml" -- $command deep.xml
+  refused "empty.xml" -- $command empty.xml
+done
+refused "mesh.xml" -- sim mesh.xml
+refused "condim.xml:14" "condim" "--approximate" -- sim condim.xml
+refused "is not a regular file" -- sim .
+refused "no keyframe 'upright'" "tilted" -- sim cart.xml --keyframe upright
+refused "no keyframe '1'" -- sim cart.xml --keyframe 1
+refused "cart.xml: " "condim 3" "--approximate" -- sim cart.xml --profile mujoco
+
+# states and controls
+refused "missing.npz" "no such file" -- sim cart.xml --start missing.npz --trace result.npz
+refused "start_shape.npz[qpos]" "(1, 1, 8)" "reshape" -- sim cart.xml --start start_shape.npz --trace result.npz
+refused "start_nan.npz[qpos]" "not finite" -- sim cart.xml --start start_nan.npz --trace result.npz
+refused "cameras.npz" "no array 'time'" -- sim cart.xml --start cameras.npz --trace result.npz
+refused "start3.npz" "3 worlds" "--worlds 3" -- sim cart.xml --start start3.npz --worlds 2 --trace result.npz
+refused "ctrl_shape.npy" "(50, 2)" "reshape" -- sim cart.xml --ctrl ctrl_shape.npy --trace result.npz
+refused "ctrl_worlds.npy" "(50, 2, 1)" -- sim cart.xml --ctrl ctrl_worlds.npy --worlds 3 --trace result.npz
+refused "ctrl.npy" "50 steps" "--steps 51" -- sim cart.xml --ctrl ctrl.npy --steps 51 --trace result.npz
+refused "cart.xml" -- sim cart.xml --ctrl cart.xml --trace result.npz
+refused "nowhere/result.npz" "create it first" -- sim cart.xml --trace nowhere/result.npz
+refused "names a folder" -- sim cart.xml --trace .
+
+# Gaussians and cameras
+render() { refused "$@" --out pictures --npz result.npz; }
+render "missing.ply" "no such file" -- render --splat missing.ply --cameras cameras.npz
+render "cut.ply" -- render --splat cut.ply --cameras cameras.npz
+render "nan.ply" "Gaussian 7" -- render --splat nan.ply --cameras cameras.npz
+render "absurd.ply" -- render --splat absurd.ply --cameras cameras.npz
+render "text.ply" -- render --splat text.ply --cameras cameras.npz
+render "cut.spz" -- render --splat cut.spz --cameras cameras.npz
+render "link.ply" "wheel" -- render --splat link.ply --cameras cameras.npz
+render "link.ply" "wheel" "cart" -- render --splat link.ply --cameras cameras.npz --model cart.xml
+render "missing.npz" "no such file" -- render --splat disc.ply --cameras missing.npz
+render "cameras_shape.npz[viewmats]" "(2, 3, 4)" "(A, 4, 4)" -- render --splat disc.ply --cameras cameras_shape.npz
+render "cameras_count.npz[Ks]" "(1, 3, 3)" -- render --splat disc.ply --cameras cameras_count.npz
+render "cameras_nan.npz[viewmats]" "not finite" -- render --splat disc.ply --cameras cameras_nan.npz
+render "cameras_mirror.npz[viewmats]" "camera 0" "rotation" -- render --splat disc.ply --cameras cameras_mirror.npz
+render "cameras_missing.npz" "viewmats" -- render --splat disc.ply --cameras cameras_missing.npz
+render "cameras_cut.npz" "cut short" -- render --splat disc.ply --cameras cameras_cut.npz
+render "disc.ply" -- render --splat disc.ply --cameras disc.ply
+render "cameras.npz" "holds 2 cameras" "3 worlds" -- render --splat disc.ply --cameras cameras.npz --model cart.xml --trace start3.npz
+render "attribute.xml:8" -- render --splat disc.ply --cameras cameras.npz --model attribute.xml
+refused "nowhere/result.npz" "create it first" -- render --splat disc.ply --cameras cameras.npz --npz nowhere/result.npz
+: > file
+refused "file/pictures" "cannot be made" -- render --splat disc.ply --cameras cameras.npz --out file/pictures
+
+echo "$cases cases, $failures failures"
+[ $failures = 0 ]

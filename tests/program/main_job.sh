@@ -1,0 +1,96 @@
+#!/usr/bin/env bash
+# The program does what its page says: traces, starts, controls, pictures, JSON; the same bits for any number of threads, any split and any batch.
+#   main_job.sh GSP
+set -eu
+gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
+here="$(cd "$(dirname "$0")" && pwd)"
+if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
+  echo "skipped: a program for CUDA, and no GPU on this machine"
+  exit 77
+fi
+work="$(mktemp -d)"
+trap 'rm -rf "$work"' EXIT
+python3 "$here/make_inputs.py" "$work"
+cd "$work"
+fail() { echo "failed: $*" >&2; exit 1; }
+key() { python3 -c 'import json, sys; print(json.loads(sys.stdin.read())[sys.argv[1]])' "$1"; }
+same() { [ "$1" = "$2" ] || fail "$3: $1 and $2"; }
+
+# every name that scripts lean on
+"$gsp" sim cart.xml --worlds 3 --steps 200 --keyframe tilted --json > one.json
+for name in seconds steps_per_second startup_seconds peak_bytes contacts rows iterations residual state_hash; do key $name < one.json > /dev/null || fail "sim --json lacks $name"; done
+hash=$(key state_hash < one.json)
+same "$hash" "$("$gsp" sim cart.xml --worlds 3 --steps 200 --keyframe 0 --json | key state_hash)" "two runs"
+same "$hash" "$("$gsp" sim cart.xml --worlds 3 --steps 200 --keyframe 0 --threads 1 --json | key state_hash)" "two threads and one"
+same "$hash" "$("$gsp" sim cart.xml --worlds 3 --steps 200 --keyframe 0 --trace t.npz --every 7 --time-from 50 --json | key state_hash)" "with and without a trace"
+same "$("$gsp" sim cart.xml --worlds 3 --steps 200 --precision double --json | key contacts)" 3 "contacts of three balls that rest on the floor"
+
+# traces: the start first, one world equal to the others, a start from a trace
+"$gsp" sim cart.xml --worlds 2 --steps 100 --start start.npz --every 10 --trace a.npz > /dev/null
+"$gsp" info a.npz | grep -qF 'qpos          float64 (11, 2, 9)' || fail "the shape of the trace: $("$gsp" info a.npz)"
+"$gsp" info a.npz | grep -qF 'time          float64 (11,)' || fail "the shape of the times"
+python3 - <<'PY'
+import struct, zipfile
+def load(name, key):
+    data = zipfile.ZipFile(name).read(key + ".npy")
+    at = 10 + struct.unpack("<H", data[8:10])[0]
+    return struct.unpack("<%dd" % ((len(data) - at) // 8), data[at:])
+q, t = load("a.npz", "qpos"), load("a.npz", "time")
+assert q[:9] == (0, 0.3, 1, 0, 0.5, 1, 0, 0, 0) == q[9:18], "the start comes first"
+for k in range(11):
+    assert q[18 * k:18 * k + 9] == q[18 * k + 9:18 * k + 18], "worlds with one start stay alike"
+    assert abs(t[k] - 0.02 * k) < 1e-9, "time"
+assert q[-9 + 1] > 0.3, "the pole falls"
+assert q[-9 + 4] < 0.5 - 0.5 * 9.81 * 0.2 ** 2 + 0.01, "the ball falls"
+PY
+"$gsp" sim cart.xml --start a.npz --steps 10 --trace b.npz --json > b.json
+same "$(key worlds < b.json)" 2 "worlds of a start file"
+
+# controls: half a newton on the cart of one world, minus that on the other
+"$gsp" sim cart.xml --worlds 2 --ctrl ctrl_worlds.npy --trace c.npz > /dev/null
+python3 - <<'PY'
+import struct, zipfile
+data = zipfile.ZipFile("c.npz").read("qvel.npy")
+at = 10 + struct.unpack("<H", data[8:10])[0]
+v = struct.unpack("<%dd" % ((len(data) - at) // 8), data[at:])[-16:]
+assert v[0] > 1e-4 and abs(v[0] + v[8]) < 1e-3 * v[0], v
+PY
+
+# pictures: shapes, names, the same for any batch and any number of threads, a trace with one camera
+"$gsp" render --splat disc.ply --cameras cameras.npz --width 64 --height 48 --channels rgb,depth,alpha --npz p.npz --out pngs --json > p.json
+for name in seconds frames_per_second startup_seconds peak_bytes; do key $name < p.json > /dev/null || fail "render --json lacks $name"; done
+"$gsp" info p.npz > shapes.txt
+for line in 'rgb           float32 (2, 48, 64, 3)' 'depth         float32 (2, 48, 64)' 'alpha         float32 (2, 48, 64)'; do grep -qF "$line" shapes.txt || fail "no '$line' in $(cat shapes.txt)"; done
+for name in rgb_0000 rgb_0001 depth_0000 depth_color_0001 alpha_0000; do [ -s pngs/$name.png ] || fail "no pngs/$name.png"; done
+"$gsp" info pngs/depth_0000.png | grep -qF '64 x 48, 1 channels of 16 bits' || fail "depth is not 16 bits"
+"$gsp" render --splat disc.ply --cameras cameras.npz --width 64 --height 48 --channels rgb,depth,alpha --npz p1.npz --batch 1 --threads 1 > /dev/null
+cmp p.npz p1.npz || fail "a batch of one gives other pictures"
+"$gsp" render --splat disc.ply --cameras camera.npz --model cart.xml --trace a.npz --width 64 --height 48 --channels depth --npz d.npz > /dev/null
+"$gsp" info d.npz | grep -qF 'depth         float32 (22, 48, 64)' || fail "a trace of 11 entries of 2 worlds gives 22 pictures"
+python3 - <<'PY'
+import struct, zipfile
+data = zipfile.ZipFile("d.npz").read("depth.npy")
+at = 10 + struct.unpack("<H", data[8:10])[0]
+n = 48 * 64
+pictures = [data[at + 4 * n * k:at + 4 * n * (k + 1)] for k in range(22)]
+for t in range(11):
+    assert pictures[2 * t] == pictures[2 * t + 1], "worlds alike look alike"
+assert pictures[0] != pictures[20], "the robot moves in the pictures"
+PY
+
+# what a file holds
+"$gsp" info cart.xml | grep -qF "nq 9, nv 8" || fail "info of the model"
+"$gsp" info condim.xml > info.txt || fail "info of a model that needs --approximate"
+grep -q 'refused .*condim.xml:14.*--approximate' info.txt || fail "info does not say what --approximate is for: $(cat info.txt)"
+"$gsp" info condim.xml --approximate | grep -q 'approximated .*condim.xml:14' || fail "the load report lacks the approximation"
+"$gsp" info disc.ply | grep -qF "400 Gaussians" || fail "info of Gaussians"
+
+# the main job on the user's files, and on the library's own
+"$gsp" quickstart --model cart.xml --splat disc.ply --splat-pose "0 0 0 1 0 0 0 1" --worlds 3 --seconds 0.1 --width 64 --height 48 --out mine > mine.txt
+"$gsp" quickstart --worlds 2 --seconds 0.1 --width 64 --height 48 --out own > own.txt
+for name in load steps/s frames/s memory; do grep -q "^  $name " own.txt || fail "the table lacks $name"; done
+for folder in mine own; do
+  for name in worlds depth_color depth_mm animation; do "$gsp" info $folder/$name.png > /dev/null || fail "$folder/$name.png"; done
+done
+"$gsp" bench stack --worlds 2 --json | key steps_per_second > /dev/null
+echo "all is as the page says"

@@ -1,0 +1,116 @@
+"""Input files for the tests of the program, good and bad, with the standard library alone: make_inputs.py FOLDER"""
+import io
+import math
+import os
+import struct
+import sys
+import zipfile
+
+folder = sys.argv[1]
+
+
+def npy(shape, values, code="d"):
+    descr = {"d": "<f8", "f": "<f4"}[code]
+    header = "{'descr': '%s', 'fortran_order': False, 'shape': (%s), }" % (descr, "".join("%d," % n for n in shape))
+    header += " " * (63 - (10 + len(header)) % 64) + "\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header.encode() + struct.pack("<%d%s" % (len(values), code), *values)
+
+
+def write(name, data):
+    with open(os.path.join(folder, name), "wb") as file:
+        file.write(data if isinstance(data, bytes) else data.encode())
+
+
+def npz(name, **arrays):
+    memory = io.BytesIO()
+    with zipfile.ZipFile(memory, "w") as archive:
+        for key, data in arrays.items():
+            archive.writestr(key + ".npy", data)
+    write(name, memory.getvalue())
+
+
+model = """<mujoco model="cart">
+  <worldbody>
+    <geom name="floor" type="plane" size="0 0 1"/>
+    <body name="cart" pos="0 0 0.3">
+      <joint name="slide" type="slide" axis="1 0 0"/>
+      <geom name="box" type="box" size=".2 .1 .1" rgba=".8 .2 .2 1"/>
+      <body name="pole" pos="0 0 0.1">
+        <joint name="hinge" type="hinge" axis="0 1 0" damping=".01"/>
+        <geom type="capsule" fromto="0 0 0 0 0 .5" size=".02" contype="0" conaffinity="0"/>
+      </body>
+    </body>
+    <body name="ball" pos="1 0 0.5">
+      <freejoint name="ball"/>
+      <geom type="sphere" size=".1" rgba=".2 .3 .8 1"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="push" joint="slide"/></actuator>
+  <keyframe><key name="tilted" qpos="0.1 0.2 1 0 0.5 1 0 0 0"/></keyframe>
+</mujoco>
+"""
+write("cart.xml", model)
+write("broken.xml", model.replace('<body name="pole" pos="0 0 0.1">', '<body name="pole" pos="0 0 0.1"'))
+write("element.xml", model.replace("<freejoint", "<freejiont"))
+write("attribute.xml", model.replace('damping=".01"', 'dampnig=".01"'))
+write("value.xml", model.replace('size=".02"', 'size="thin"'))
+write("nan.xml", model.replace('size=".02"', 'size="nan"'))
+write("mesh.xml", model.replace('<geom type="sphere" size=".1" rgba=".2 .3 .8 1"/>', '<geom type="mesh" mesh="ball"/>').replace("<worldbody>", '<asset><mesh name="ball" file="ball.stl"/></asset><worldbody>', 1))
+write("condim.xml", model.replace('<geom type="sphere" size=".1"', '<geom type="sphere" condim="6" size=".1"'))
+write("massless.xml", model.replace('<geom type="sphere" size=".1" rgba=".2 .3 .8 1"/>', ""))
+write("recursive.xml", '<mujoco><include file="recursive.xml"/></mujoco>')
+write("empty.xml", "")
+write("deep.xml", "<mujoco><worldbody>" + "<body>" * 100000)
+
+# Gaussians: a 3DGS PLY, and what goes wrong with it
+names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+count = 400
+
+
+def header(n, extra=()):
+    return ("ply\nformat binary_little_endian 1.0\nelement vertex %d\n" % n + "".join("property float %s\n" % p for p in names) + "".join(extra) + "end_header\n").encode()
+
+
+def rows(bad=None):
+    data = b""
+    for i in range(count):
+        a = 2.399963 * i
+        r = 0.05 * math.sqrt(i)
+        row = [r * math.cos(a), r * math.sin(a), 0, 0.5, -0.5, 0.2, 4, -3, -3, -6, 1, 0, 0, 0]
+        if i == 7 and bad is not None:
+            row[0] = bad
+        data += struct.pack("<14f", *row)
+    return data
+
+
+write("disc.ply", header(count) + rows())
+write("cut.ply", (header(count) + rows())[:-100])
+write("nan.ply", header(count) + rows(float("nan")))
+write("absurd.ply", header(4000000000) + rows())
+write("text.ply", "this is not a PLY file at all\n")
+write("link.links.json", '{"links": [{"name": "wheel", "first": 0, "count": 10}]}')
+write("link.ply", header(count) + rows())
+write("cut.spz", b"\x1f\x8b\x08\x00\x00\x00")
+
+# Cameras: two that look at the origin from 3 m, x right, y down, z forward
+view = [1, 0, 0, 0, 0, 0, -1, 0.5, 0, 1, 0, 3, 0, 0, 0, 1]
+eye = [60, 0, 32, 0, 60, 24, 0, 0, 1]
+npz("cameras.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2))
+npz("camera.npz", viewmats=npy((1, 4, 4), view, "f"), Ks=npy((1, 3, 3), eye, "f"))
+npz("cameras_shape.npz", viewmats=npy((2, 3, 4), [0] * 24), Ks=npy((2, 3, 3), eye * 2))
+npz("cameras_count.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((1, 3, 3), eye))
+npz("cameras_nan.npz", viewmats=npy((1, 4, 4), [float("nan")] * 16), Ks=npy((1, 3, 3), eye))
+npz("cameras_mirror.npz", viewmats=npy((1, 4, 4), [-v for v in view[:4]] + view[4:]), Ks=npy((1, 3, 3), eye))
+npz("cameras_missing.npz", Ks=npy((1, 3, 3), eye))
+with open(os.path.join(folder, "cameras.npz"), "rb") as file:
+    write("cameras_cut.npz", file.read()[:200])
+
+# Starts and controls of cart.xml: nq 9, nv 8, nu 1
+q = [0, 0.3, 1, 0, 0.5, 1, 0, 0, 0]
+npz("start.npz", time=npy((1,), [0]), qpos=npy((1, 1, 9), q), qvel=npy((1, 1, 8), [0] * 8))
+npz("start3.npz", time=npy((1,), [0]), qpos=npy((1, 3, 9), q * 3), qvel=npy((1, 3, 8), [0] * 24))
+npz("start_shape.npz", time=npy((1,), [0]), qpos=npy((1, 1, 8), q[:8]), qvel=npy((1, 1, 8), [0] * 8))
+npz("start_nan.npz", time=npy((1,), [0]), qpos=npy((1, 1, 9), [float("nan")] * 9), qvel=npy((1, 1, 8), [0] * 8))
+write("ctrl.npy", npy((50, 1), [0.5] * 50))
+write("ctrl_worlds.npy", npy((50, 2, 1), [0.5, -0.5] * 50))
+write("ctrl_shape.npy", npy((50, 2), [0.5] * 100))
