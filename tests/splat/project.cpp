@@ -63,8 +63,8 @@ TEST_CASE_TEMPLATE("a ball on the axis has the closed form; what cannot be seen 
   CHECK(s.depth == 2);
   CHECK(s.power == -1);
   CHECK(s.l21 == 0);
-  for (auto [got, want] : {std::pair<double, double>{s.l11, l}, {s.l22, l}, {s.xe, e}, {s.ye, e}, {s.r, 0.5 + 0.28209479177387814}, {s.g, 0.5}, {s.b, 0}})
-    CHECK(got == doctest::Approx(want).epsilon(1e-6));  // ten roundings of float
+  double const pairs[7][2] = {{s.l11, l}, {s.l22, l}, {s.xe, e}, {s.ye, e}, {s.r, 0.5 + 0.28209479177387814}, {s.g, 0.5}, {s.b, 0}};
+  for (auto const& pair : pairs) CHECK(pair[0] == doctest::Approx(pair[1]).epsilon(1e-6));  // ten roundings of float
 }
 
 TEST_CASE_TEMPLATE("splats are those of the double formulas, and no Gaussian with a pixel above 1/255 is lost", Exec, GSP_TEST_EXECS) {
@@ -103,8 +103,9 @@ TEST_CASE_TEMPLATE("splats are those of the double formulas, and no Gaussian wit
     // the covariance that the factor stands for, compared by its entries, relative to its size; the ill-conditioned inverse is not asked for
     double const h = 0.5 / std::log(2.), l11 = s.l11, l21 = s.l21, l22 = s.l22, d = l11 * l22;
     double const cxx = h * (l21 * l21 + l22 * l22) / (d * d), cxy = -h * l11 * l21 / (d * d), cyy = h / (l22 * l22), size = xx + yy;
-    for (double e : {(cxx - xx) / size, (cxy - xy) / size, (cyy - yy) / size, (s.u - u) / (std::abs(u) + width), (s.v - v) / (std::abs(v) + height), s.depth / p.z - 1,
-                     (s.xe - ex) / (ex + 1), (s.ye - ey) / (ey + 1)})
+    double const errors[] = {(cxx - xx) / size, (cxy - xy) / size, (cyy - yy) / size, (s.u - u) / (std::abs(u) + width), (s.v - v) / (std::abs(v) + height), s.depth / p.z - 1,
+                     (s.xe - ex) / (ex + 1), (s.ye - ey) / (ey + 1)};
+    for (double e : errors)
       worst = std::max(worst, std::abs(e));
   }
   MESSAGE(kept, " splats, worst relative error ", worst);

@@ -97,12 +97,9 @@ TEST_CASE_TEMPLATE("pictures of the kitchen are those of the plain double refere
   std::vector<float> viewmats, Ks;
   double const eyes[3][5] = {{0.3, -1.3, 0.2, 1.6, 0.2}, {-0.6, -1.1, 0., 3.6, 0.3}, {0.8, -1.6, -0.4, 5.0, 0.45}};  // place, yaw, pitch
   for (auto const& e : eyes) {
-    gsp::Vec3<double> const eye{e[0], e[1], e[2]}, forward{std::cos(e[3]) * std::cos(e[4]), std::sin(e[4]), std::sin(e[3]) * std::cos(e[4])};
-    auto const right = gsp::normalized(gsp::cross(gsp::Vec3<double>{0, 1, 0}, forward)), down = gsp::cross(forward, right);
-    for (auto const& axis : {right, down, forward})
-      for (double x : {axis.x, axis.y, axis.z, -gsp::dot(axis, eye)}) viewmats.push_back(float(x));
-    for (float x : {0.f, 0.f, 0.f, 1.f}) viewmats.push_back(x);
-    for (float x : {415.692f, 0.f, 320.f, 0.f, 415.692f, 240.f, 0.f, 0.f, 1.f}) Ks.push_back(x);
+    gsp_test::room_camera({e[0], e[1], e[2]}, e[3], e[4], viewmats);
+    float const k[9] = {415.692f, 0.f, 320.f, 0.f, 415.692f, 240.f, 0.f, 0.f, 1.f};
+    Ks.insert(Ks.end(), k, k + 9);
   }
   auto const cloud = gsp::make_gaussians(exec, set);
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);

@@ -55,6 +55,18 @@ inline void random_cameras(int count, int width, int height, double distance, un
   }
 }
 
+/// A camera in a y-down room, yaw about the vertical, pitch > 0 looks down.
+inline void room_camera(gsp::Vec3<double> const& eye, double yaw, double pitch, std::vector<float>& viewmats) {
+  gsp::Vec3<double> const forward{std::cos(yaw) * std::cos(pitch), std::sin(pitch), std::sin(yaw) * std::cos(pitch)};
+  gsp::Vec3<double> const right = gsp::normalized(gsp::cross(gsp::Vec3<double>{0, 1, 0}, forward));
+  gsp::Vec3<double> const axes[3] = {right, gsp::cross(forward, right), forward};
+  for (auto const& a : axes) {
+    double const row[4] = {a.x, a.y, a.z, -gsp::dot(a, eye)};
+    for (double x : row) viewmats.push_back(static_cast<float>(x));
+  }
+  for (int k = 0; k < 4; ++k) viewmats.push_back(k == 3);
+}
+
 /// Poses of `worlds` worlds, body 0 at rest and the others anywhere near the origin.
 template <class R, class Exec>
 auto random_poses(Exec const& exec, int worlds, int bodies, unsigned seed, std::vector<std::vector<gsp::Transform<double>>>& host) {
