@@ -16,7 +16,7 @@ TEST_CASE_TEMPLATE("factor and solve give back the force", Exec, GSP_TEST_EXECS)
     auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
     auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
     gsp_test::randomise(compiled, state);
-    gsp::smooth_dynamics(exec, model, state, dynamics, poses);
+    gsp::smooth_dynamics(exec, model, state, dynamics, poses, {.keep_all = true});
     Kokkos::View<R***, Kokkos::LayoutRight, typename Exec::memory_space> M("M", worlds, model.nv, model.nv);
     Kokkos::View<R**, Kokkos::LayoutRight, typename Exec::memory_space> force("force", worlds, model.nv), acceleration("acceleration", worlds, model.nv);
     gsp::dense_mass_matrix(exec, model, dynamics, M);

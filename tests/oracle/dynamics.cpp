@@ -2,6 +2,8 @@
 #include <gsp/dynamics/integrate.hpp>
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp/io/mjcf.hpp>
+#include <gsp/io/write_mjcf.hpp>
+#include <gsp/model/samples.hpp>
 #include <gsp/model/compile.hpp>
 #include <cmath>
 #include <cstring>
@@ -21,12 +23,13 @@ struct Pair {
   gsp::CompiledModel compiled;
 };
 
-Pair load(std::string const& path) {
+/// `text`: what MuJoCo reads instead of the file.
+Pair load(std::string const& path, std::string const& text, gsp::Description const& description) {
   Pair p;
-  p.oracle = gsp_test::load_oracle(path, path.find("go2") != std::string::npos ? gsp_test::without_meshes(path) : std::string());
+  p.oracle = gsp_test::load_oracle(path, text);
   p.oracle.m()->opt.disableflags |= mjDSBL_CONSTRAINT | mjDSBL_AUTORESET;
   p.oracle.m()->opt.enableflags &= ~mjENBL_SLEEP;
-  p.compiled = gsp::compile(gsp::io::read_mjcf(path, {.skip_visuals = true, .approximate = true}));
+  p.compiled = gsp::compile(description);
   p.compiled.option.constraint = false;
   REQUIRE(p.compiled.nq == p.oracle.m()->nq);
   REQUIRE(p.compiled.nv == p.oracle.m()->nv);
@@ -103,7 +106,7 @@ void check_quantities(Pair const& p, gsp_test::Random& r, double (&worst)[7]) {
     ref.bias.assign(d->qfrc_bias, d->qfrc_bias + nv), ref.passive.assign(d->qfrc_passive, d->qfrc_passive + nv);
     ref.actuator.assign(d->qfrc_actuator, d->qfrc_actuator + nv), ref.acceleration.assign(d->qacc_smooth, d->qacc_smooth + nv);
   }
-  gsp::smooth_dynamics(s.exec, s.model, s.state, s.dynamics, s.poses);
+  gsp::smooth_dynamics(s.exec, s.model, s.state, s.dynamics, s.poses, {.keep_all = true});
   Kokkos::View<double***, Kokkos::LayoutRight, Mem> M("M", worlds, nv, nv);
   Kokkos::View<double**, Kokkos::LayoutRight, Mem> bias("bias", worlds, nv), passive("passive", worlds, nv), actuator("actuator", worlds, nv), acceleration("acceleration", worlds, nv);
   gsp::dense_mass_matrix(s.exec, s.model, s.dynamics, M);
@@ -200,13 +203,7 @@ void check_trajectories(Pair const& p) {
   MESSAGE("worst error over bound " << worst << "; compared up to steps " << lengths);
 }
 
-void check(std::string const& name) {
-  auto const path = gsp_test::data(name);
-  if (!path) {
-    MESSAGE("skipped: " << name << " is missing from GSP_DATA_DIR");
-    return;
-  }
-  auto const p = load(*path);
+void check(Pair const& p) {
   double worst[7] = {};
   gsp_test::Random r;
   for (int i = 0; i < 10; ++i) check_quantities(p, r, worst);
@@ -219,8 +216,22 @@ void check(std::string const& name) {
   check_trajectories(p);
 }
 
+void check(std::string const& name) {
+  auto const path = gsp_test::data(name);
+  if (!path) {
+    MESSAGE("skipped: " << name << " is missing from GSP_DATA_DIR");
+    return;
+  }
+  bool const meshes = name.find("go2") != std::string::npos;
+  check(load(*path, meshes ? gsp_test::without_meshes(*path) : std::string(), gsp::io::read_mjcf(*path, {.skip_visuals = true, .approximate = true})));
+}
+
 }  // namespace
 
+TEST_CASE("sample quadruped, written as MJCF") {
+  auto const quadruped = gsp::samples::quadruped();
+  check(load("quadruped.xml", gsp::io::format_mjcf(quadruped), quadruped));
+}
 TEST_CASE("humanoid") { check("models/mujoco/humanoid/humanoid.xml"); }
 TEST_CASE("go2") { check("models/unitree/go2/go2.xml"); }
 TEST_CASE("22 humanoids") { check("models/mujoco/humanoid/22_humanoids.xml"); }

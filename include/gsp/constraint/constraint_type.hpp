@@ -132,7 +132,7 @@ struct AnyRow {
 /// Base of types whose elements are one row without bounds, numbered in order.
 struct OneFreeRow {
   KOKKOS_INLINE_FUNCTION int rows(int, int) const { return 1; }
-  KOKKOS_INLINE_FUNCTION RowBounds<float> bounds(int, int, int) const { return {-std::numeric_limits<float>::infinity(), std::numeric_limits<float>::infinity()}; }
+  KOKKOS_INLINE_FUNCTION RowBounds<float> bounds(int, int, int) const { return {-Kokkos::Experimental::infinity_v<float>, Kokkos::Experimental::infinity_v<float>}; }
   KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
 

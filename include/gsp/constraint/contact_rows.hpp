@@ -38,7 +38,7 @@ template <class R, class Mem> struct ContactRows {
     return soft_law(s, x - contacts.includemargin(c), u, h, diag);
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const {
-    if (row == 0) return {R(0), std::numeric_limits<R>::infinity()};
+    if (row == 0) return {R(0), Kokkos::Experimental::infinity_v<R>};
     return {R(0), R(0), 0, parameters(contacts.begin_of(world) + k).friction[row - 1]};
   }
   KOKKOS_INLINE_FUNCTION RowId id(int world, int k) const {

@@ -31,7 +31,7 @@ template <class R, class Mem> struct JointLimits {
     int const j = model.limited_joints(k / 2);
     return soft_law(detail::softness(model.jnt_solref, model.jnt_solimp, world, j), x - model.jnt_margin(world, j), u, h, model.dof_invweight0(world, model.jnt_dofadr(j)));
   }
-  KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int, int, int) const { return {R(0), std::numeric_limits<R>::infinity()}; }
+  KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int, int, int) const { return {R(0), Kokkos::Experimental::infinity_v<R>}; }
   KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 
  private:

@@ -26,7 +26,7 @@ template <class R, class Mem> struct TendonLimits {
     int const t = model.limited_tendons(k / 2);
     return soft_law(detail::softness(model.tendon_solref, model.tendon_solimp, world, t), x - model.tendon_margin(world, t), u, h, model.tendon_invweight0(world, t));
   }
-  KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int, int, int) const { return {R(0), std::numeric_limits<R>::infinity()}; }
+  KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int, int, int) const { return {R(0), Kokkos::Experimental::infinity_v<R>}; }
   KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 
  private:

@@ -17,7 +17,8 @@ template <class L, class State> KOKKOS_INLINE_FUNCTION auto lanes_actuator(L con
   auto const& m = l.model;
   auto const get = [&](auto const& field, int n, int c) { return l.listed(field, a.instance_act, a.nact, k, n, c); };
   int item[L::W];
-  for (int i = 0; i < L::W; ++i) item[i] = l.index(a.instance_act, l.instance[i] * a.nact + k);
+  for (int i = 0; i < (l.uniform ? 1 : L::W); ++i) item[i] = l.index(a.instance_act, l.instance[i] * a.nact + k);
+  for (int i = 1; i < L::W && l.uniform; ++i) item[i] = item[0];
   T ctrl = l.load(state.ctrl, item, 0);
   if (m.clampctrl) ctrl = clamp(ctrl, get(m.act_ctrlrange, 2, 0), get(m.act_ctrlrange, 2, 1));
   T const gear = get(m.act_gear, 1, 0);

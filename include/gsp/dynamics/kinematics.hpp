@@ -46,12 +46,12 @@ template <class L, class View> KOKKOS_INLINE_FUNCTION void lanes_kinematics(L co
   }
 }
 
-template <class L, class Poses> KOKKOS_INLINE_FUNCTION void lanes_store_poses(L const& l, Poses const& poses) {
+template <class L, class Poses> KOKKOS_INLINE_FUNCTION void lanes_store_poses(L const& l, Poses const& poses, bool joints = true) {
   for (int b = 0; b < l.a.nbody; ++b) {
     for (int c = 0; c < 3; ++c) l.store(poses.xpos, l.body0, b, l.items[l.at.xpos + 3 * b + c], 3, c);
     for (int c = 0; c < 4; ++c) l.store(poses.xquat, l.body0, b, l.items[l.at.xquat + 4 * b + c], 4, c);
   }
-  for (int j = 0; j < l.a.njnt; ++j)
+  for (int j = 0; j < l.a.njnt && joints; ++j)
     for (int c = 0; c < 3; ++c) {
       l.store(poses.xanchor, l.jnt0, j, l.items[l.at.xanchor + 3 * j + c], 3, c);
       l.store(poses.xaxis, l.jnt0, j, l.items[l.at.xaxis + 3 * j + c], 3, c);

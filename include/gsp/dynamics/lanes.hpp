@@ -21,14 +21,26 @@ template <class R, int W> KOKKOS_INLINE_FUNCTION void set_lane(Pack<R, W>& x, in
 template <Scalar T> KOKKOS_INLINE_FUNCTION T get_lane(T x, int) { return x; }
 template <class R, int W> KOKKOS_INLINE_FUNCTION R get_lane(Pack<R, W> const& x, int i) { return x[i]; }
 
-// Packs from and to plain memory, lane i at data[world[i] * stride + first[i] * components + offset]. Not inlined: they are called often, and are loops.
+// Packs from and to plain memory. Not inlined: they are called often, and are loops.
+// Lane i at data[world[i] * stride + first[i] * components + offset]:
 template <class T> [[gnu::noinline]] KOKKOS_FUNCTION T gather(real_t<T> const* data, std::int64_t stride, int const* world, int const* first, int components, int offset) {
-  T x{};
-  for (int i = 0; i < T::width; ++i) x.set(i, data[world[i] * stride + first[i] * components + offset]);
-  return x;
+  alignas(T) real_t<T> x[T::width];
+  for (int i = 0; i < T::width; ++i) x[i] = data[world[i] * stride + first[i] * components + offset];
+  return *reinterpret_cast<T const*>(x);
 }
 template <class T> [[gnu::noinline]] KOKKOS_FUNCTION void scatter(real_t<T>* data, std::int64_t stride, int const* world, int const* first, int components, int offset, T const& x, int count) {
   for (int i = 0; i < count; ++i) data[world[i] * stride + first[i] * components + offset] = x[i];
+}
+// Lane i at data[i * stride], where a block is one instance in consecutive worlds:
+template <class T> [[gnu::noinline]] KOKKOS_FUNCTION T gather_consecutive(real_t<T> const* data, std::int64_t stride) {
+  alignas(T) real_t<T> x[T::width];
+  for (int i = 0; i < T::width; ++i, data += stride) x[i] = *data;
+  return *reinterpret_cast<T const*>(x);
+}
+template <class T> [[gnu::noinline]] KOKKOS_FUNCTION void scatter_consecutive(real_t<T>* data, std::int64_t stride, T const& x) {
+  alignas(T) real_t<T> values[T::width];
+  *reinterpret_cast<T*>(values) = x;
+  for (int i = 0; i < T::width; ++i, data += stride) *data = values[i];
 }
 }  // namespace detail
 
@@ -54,18 +66,20 @@ template <class T> struct LaneItems {
   }
 };
 
-/// Where the dynamics of a tree keep their items: offsets for its archetype. Vectors of dofs: passive, actuator, bias; force = passive - bias + actuator + applied;
-/// stiffness, damping: what the factored matrix takes implicitly; velocity: free, then new; impulse: whitened sum of the constraints' impulses (rows.hpp).
+/// Where the dynamics of a tree keep their items: offsets for its archetype. First what the constraints and the integrator need, then other results
+/// (vectors of dofs; force = passive - bias + actuator + applied; stiffness, damping: what the factored matrix takes implicitly; velocity: free,
+/// then new), then what is needed within one stage only.
 struct DynamicsLayout {
-  int xpos, xquat, xanchor, xaxis, com, cdof, mass, factor, inverse_diagonal, qvel, passive, actuator, bias, force, stiffness, damping, acceleration, velocity, impulse;
-  int cinert, cvel, cacc, cfrc;  // from here on: needed within one stage only
+  int com, cdof, factor, inverse_diagonal, qvel, velocity, mass;
+  int passive, actuator, bias, force, stiffness, damping, acceleration, impulse;
+  int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc;
   int size;
   KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) {
     int n = 0;
     auto const take = [&n](int& at, int items) { at = n, n += items; };
-    take(xpos, 3 * a.nbody), take(xquat, 4 * a.nbody), take(xanchor, 3 * a.njnt), take(xaxis, 3 * a.njnt), take(com, 3), take(cdof, 6 * a.nv);
-    take(mass, a.nM), take(factor, a.nM), take(inverse_diagonal, a.nv);
-    take(qvel, a.nv), take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(force, a.nv), take(stiffness, a.nv), take(damping, a.nv), take(acceleration, a.nv), take(velocity, a.nv), take(impulse, a.nv);
+    take(com, 3), take(cdof, 6 * a.nv), take(factor, a.nM), take(inverse_diagonal, a.nv), take(qvel, a.nv), take(velocity, a.nv), take(mass, a.nM);
+    take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(force, a.nv), take(stiffness, a.nv), take(damping, a.nv), take(acceleration, a.nv), take(impulse, a.nv);
+    take(xpos, 3 * a.nbody), take(xquat, 4 * a.nbody), take(xanchor, 3 * a.njnt), take(xaxis, 3 * a.njnt);
     take(cinert, 10 * a.nbody), take(cvel, 6 * a.nbody), take(cacc, 6 * a.nbody), take(cfrc, 6 * a.nbody);
     size = n;
   }
@@ -84,6 +98,8 @@ template <class R, class Mem> struct Dynamics {
   int worlds = 0, blocks = 0;
   int padded_worlds = 0;                               // lane = instance * padded_worlds + world: a block holds one instance wherever there are enough worlds
   Kokkos::View<R*, Mem> items;
+  Kokkos::View<R*, Mem> thread_items;                  // hosts: room for one block a thread, where a fused stage works in cache
+  int thread_stride = 0;
   Kokkos::View<int*, Mem> block_archetype;             // (blocks)
   Kokkos::View<std::int64_t*, Mem> block_offset;       // (blocks) first item of the block
   Kokkos::View<int*, Mem> archetype_block;             // (archetypes) first block
@@ -100,7 +116,7 @@ struct DynamicsOptions {
   int worlds = 1;
 };
 
-/// Scratch for the dynamics of `worlds` worlds; (7 + 28) floats a body, 14 a dof and two mass matrices. Allocates.
+/// Scratch for the dynamics of `worlds` worlds: 35 numbers a body, 17 a dof, 6 a joint and two mass matrices. Allocates.
 template <class R, ExecutionSpace Exec, class Mem> Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, DynamicsOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_dynamics: the model is not accessible from this execution space");
   expects(options.worlds > 0, "gsp::make_dynamics: worlds must be positive");
@@ -118,6 +134,12 @@ template <class R, ExecutionSpace Exec, class Mem> Dynamics<R, Mem> make_dynamic
     for (int b = 0; b < blocks; ++b) archetype.push_back(k), offset.push_back(size), size += std::int64_t(DynamicsLayout(a).size) * W;
   }
   d.blocks = int(archetype.size());
+  if constexpr (!is_device<Exec>) {
+    int most = 0;
+    for (int k = 0; k < model.narchetype; ++k) most = std::max(most, DynamicsLayout(model.host_archetypes(k)).size);
+    d.thread_stride = most * W;
+    d.thread_items = Kokkos::View<R*, Mem>(Kokkos::view_alloc(exec, "gsp::Dynamics::thread_items"), std::size_t(d.thread_stride) * Kokkos::DefaultHostExecutionSpace().concurrency());
+  }
   d.items = Kokkos::View<R*, Mem>(Kokkos::view_alloc(exec, "gsp::Dynamics::items"), size);
   d.block_archetype = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Dynamics::block_archetype", archetype);
   d.block_offset = detail::to_device<Kokkos::View<std::int64_t*, Mem>>(exec, "gsp::Dynamics::block_offset", offset);
@@ -170,6 +192,7 @@ template <class T, class Mem> struct Lane {
   }
   /// Constant of the tree's k-th tendon, term or actuator, which are listed by world index.
   KOKKOS_INLINE_FUNCTION T listed(Field<R> const& f, int list, int n, int k, int components = 1, int component = 0) const {
+    if (W == 1 || (uniform && f.stride == 0)) return T(f(world[0], index(list, instance[0] * n + k) * components + component));
     int item[W];
     for (int l = 0; l < W; ++l) item[l] = index(list, instance[l] * n + k);
     return constant(f, item, 0, components, component);
@@ -183,47 +206,67 @@ template <class T, class Mem> struct Lane {
   template <class View> KOKKOS_INLINE_FUNCTION T load(View const& v, int const* first, int i, int components = 1, int component = 0) const {
     std::int64_t const stride = std::int64_t(v.extent(1)) * components;
     if constexpr (W == 1) return v.data()[world[0] * stride + (first[0] + i) * components + component];
+    else if (uniform && count == W) return detail::gather_consecutive<T>(v.data() + world[0] * stride + (first[0] + i) * components + component, stride);
     else return detail::gather<T>(v.data(), stride, world, first, components, i * components + component);
   }
   template <class View> KOKKOS_INLINE_FUNCTION void store(View const& v, int const* first, int i, T const& x, int components = 1, int component = 0) const {
     std::int64_t const stride = std::int64_t(v.extent(1)) * components;
     if constexpr (W == 1) v.data()[world[0] * stride + (first[0] + i) * components + component] = x;  // a lane that has no world does not run
+    else if (uniform && count == W) detail::scatter_consecutive<T>(v.data() + world[0] * stride + (first[0] + i) * components + component, stride, x);
     else detail::scatter<T>(v.data(), stride, world, first, components, i * components + component, x, count);
   }
 };
 
 namespace detail {
+/// A stage that needs nothing of the block's items but fills them: it has kept(archetype, layout), the number of items that it leaves.
+template <class Stage>
+concept FusedStage = requires(Stage const s, Archetype const& a, DynamicsLayout const& at) { s.kept(a, at); };
+
 template <class T, class R, class Mem, class Stage> struct LaneKernel {
   Model<R, Mem> model;
   Dynamics<R, Mem> dynamics;
   Stage stage;
-  KOKKOS_FUNCTION void operator()(int i) const {
-    KOKKOS_IF_ON_HOST((on_host(i);))
-    KOKKOS_IF_ON_DEVICE((run(i);))
-  }
-
- private:
-  [[gnu::noinline]] void on_host(int i) const { run(i); }  // one copy of the code for all host backends
-  KOKKOS_INLINE_FUNCTION void run(int i) const {
+  KOKKOS_INLINE_FUNCTION void run(int i, T* scratch) const {
     constexpr int width = Dynamics<R, Mem>::width, W = width_of<T>::value;
     static_assert(W == 1 || W == width);
     int const block = i / (width / W), inside = i % (width / W);
     int const k = dynamics.block_archetype(block);
+    Archetype const& a = model.archetypes(k);
     LaneItems<T> const items{reinterpret_cast<T*>(dynamics.items.data() + dynamics.block_offset(block)) + inside, width / W};
-    Lane<T, Mem> lane(model, model.archetypes(k), items, (block - dynamics.archetype_block(k)) * width + inside, dynamics.padded_worlds, dynamics.worlds);
+    Lane<T, Mem> lane(model, a, scratch ? LaneItems<T>{scratch, 1} : items, (block - dynamics.archetype_block(k)) * width + inside, dynamics.padded_worlds, dynamics.worlds);
     if (lane.count == 0) return;
     stage(lane);
+    if constexpr (FusedStage<Stage>)
+      for (int e = 0, n = scratch ? stage.kept(a, lane.at) : 0; e < n; ++e) items[e] = scratch[e];
+  }
+  [[gnu::noinline]] void on_host(int i, int thread) const {  // one copy of the code for all host backends
+    if constexpr (FusedStage<Stage>) run(i, reinterpret_cast<T*>(dynamics.thread_items.data() + std::size_t(thread) * dynamics.thread_stride));
+    else run(i, nullptr);
+  }
+};
+template <class Exec, class Kernel> struct LaneLoop {
+  Kernel kernel;
+  KOKKOS_FUNCTION void operator()(int i) const {
+    if constexpr (is_device<Exec>) {
+      kernel.run(i, nullptr);
+    } else {
+      Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
+      int const thread = token.acquire();
+      kernel.on_host(i, thread);
+      token.release(thread);
+    }
   }
 };
 }  // namespace detail
 
-/// Runs `stage(lane)` for all lanes: one launch for all archetypes. `stage` is a functor with a template <class Lane> operator()(Lane&) const.
+/// Runs `stage(lane)` for all lanes: one launch for all archetypes. `stage` is a functor with a template <class Lane> operator()(Lane const&) const.
 /// On a host with T = R, lanes go one by one (the reference of tests); by default packs.
 template <class T, ExecutionSpace Exec, class R, class Mem, class Stage>
 void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::for_lanes: the model is not accessible from this execution space");
   constexpr int threads = Dynamics<R, Mem>::width / detail::width_of<T>::value;
-  Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads), detail::LaneKernel<T, R, Mem, Stage>{model, dynamics, stage});
+  using Kernel = detail::LaneKernel<T, R, Mem, Stage>;
+  Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads), detail::LaneLoop<Exec, Kernel>{{model, dynamics, stage}});
 }
 template <ExecutionSpace Exec, class R, class Mem, class Stage>
 void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {

@@ -75,5 +75,17 @@ template <class T, int N> KOKKOS_INLINE_FUNCTION Dual<T, N> exp(Dual<T, N> const
 template <class T, int N> KOKKOS_INLINE_FUNCTION Dual<T, N> log(Dual<T, N> const& a) { return detail::chain(a, T(log(a.value)), T(1) / a.value); }
 template <class T, int N> KOKKOS_INLINE_FUNCTION Dual<T, N> sin(Dual<T, N> const& a) { return detail::chain(a, T(sin(a.value)), T(cos(a.value))); }
 template <class T, int N> KOKKOS_INLINE_FUNCTION Dual<T, N> cos(Dual<T, N> const& a) { return detail::chain(a, T(cos(a.value)), -T(sin(a.value))); }
+template <class T, int N> KOKKOS_INLINE_FUNCTION Dual<T, N> fma(Dual<T, N> const& a, Dual<T, N> const& b, Dual<T, N> const& c) { return a * b + c; }
+template <class T, int N> KOKKOS_INLINE_FUNCTION void sincos(Dual<T, N> const& a, Dual<T, N>& s, Dual<T, N>& c) {
+  T vs, vc;
+  sincos(a.value, vs, vc);
+  s = detail::chain(a, vs, vc), c = detail::chain(a, vc, -vs);
+}
+template <class T, int N> KOKKOS_INLINE_FUNCTION Dual<T, N> atan2(Dual<T, N> const& y, Dual<T, N> const& x) {
+  T const inverse = T(1) / (x.value * x.value + y.value * y.value);
+  Dual<T, N> r(T(atan2(y.value, x.value)));
+  for (int i = 0; i < N; ++i) r.slope[i] = (x.value * y.slope[i] - y.value * x.slope[i]) * inverse;
+  return r;
+}
 
 }  // namespace gsp
