@@ -1,0 +1,66 @@
+// A loop of one's own from public functions: what gsp::step does, stage by stage. Put your own stages between them, or leave some out.
+#include <cmath>
+#include <cstdio>
+#include <gsp/model/compile.hpp>
+#include <gsp/model/samples.hpp>
+#include <gsp/step/step.hpp>
+
+int main(int argc, char** argv) {
+  Kokkos::ScopeGuard const kokkos(argc, argv);
+  Kokkos::DefaultExecutionSpace const exec;
+  int const worlds = 8, steps = 200;
+
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto const collision = gsp::make_collision_model<float>(exec, compiled);
+  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto contacts = gsp::make_contacts(exec, collision, {.worlds = worlds});
+  auto rows = gsp::make_rows(exec, model, {.worlds = worlds});
+
+  auto const stand = compiled.keyframes.at(0);
+  auto const start = [&] {
+    auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+    auto const qpos = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.qpos);
+    auto const ctrl = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.ctrl);
+    for (int w = 0; w < worlds; ++w) {
+      for (int i = 0; i < model.nq; ++i) qpos(w, i) = float(stand.qpos[i]);
+      for (int i = 0; i < model.nu; ++i) ctrl(w, i) = float(stand.ctrl[i]);
+      qpos(w, 2) += 0.01f * float(w);  // dropped from different heights
+    }
+    Kokkos::deep_copy(state.qpos, qpos), Kokkos::deep_copy(state.ctrl, ctrl);
+    return state;
+  };
+
+  auto const state = start();
+  int repeated = 0;
+  for (int t = 0; t < steps;) {
+    gsp::forward_kinematics(exec, model, state, dynamics, poses);
+    gsp::mass_matrix(exec, model, poses, dynamics);
+    gsp::bias_forces(exec, model, state, poses, dynamics);
+    gsp::passive_forces(exec, model, state, dynamics);
+    gsp::actuator_forces(exec, model, state, dynamics);
+    gsp::factor(exec, model, state, dynamics);
+    gsp::collide(exec, collision, poses, contacts);
+    gsp::assemble(exec, model, state, dynamics, rows, gsp::JointFriction(model), gsp::JointLimits(model, state),
+                  gsp::ContactRows<float, decltype(model)::memory_space>{model, collision, contacts});
+    gsp::pgs(exec, model, rows, {.iterations = 100});
+    gsp::integrate(exec, model, dynamics, rows, state);
+    bool const more_contacts = gsp::grow(exec, contacts), more_rows = gsp::grow(exec, rows);  // this loop asks after every step
+    if (more_contacts || more_rows) ++repeated;  // something did not fit, and nothing has moved
+    else ++t;
+  }
+
+  auto const other = start();
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  gsp::step(exec, model, other, sim, {.steps = steps});
+
+  auto const a = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state.qpos), b = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, other.qpos);
+  double difference = 0, height = 0;
+  for (int w = 0; w < worlds; ++w) {
+    for (int i = 0; i < model.nq; ++i) difference = std::fmax(difference, std::fabs(double(a(w, i)) - b(w, i)));
+    height += a(w, 2) / worlds;
+  }
+  std::printf("%d steps of %d quadrupeds, %d of them repeated with larger pools; they stand at %.3f m; difference from gsp::step: %g\n", steps, worlds, repeated, height, difference);
+  return difference <= 1e-6 && std::fabs(height - stand.qpos[2]) < 0.03 ? 0 : 1;
+}
