@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <gsp/io/mjcf.hpp>
+#include <gsp/io/splats.hpp>
 #include <gsp/model/compile.hpp>
 
 namespace gsp_cli {
@@ -15,19 +16,69 @@ Option approximate_option() {
 }
 
 gsp::CompiledModel load_model(std::string const& path, Arguments const& arguments) {
-  gsp::io::MjcfOptions options;
-  options.skip_visuals = arguments.has("--skip-visuals"), options.approximate = arguments.has("--approximate");
-  return gsp::compile(gsp::io::read_mjcf(path, options));
+  return compile_model(describe_model(path, arguments, false), arguments.has("--approximate"));
 }
-
-gsp::Description describe_model(std::string const& path, Arguments const& arguments) {
+gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals) {
   gsp::io::MjcfOptions options;
   options.skip_visuals = arguments.has("--skip-visuals"), options.approximate = arguments.has("--approximate"),
-  options.list_refusals = true;
+  options.list_refusals = list_refusals;
   return gsp::io::read_mjcf(path, options);
 }
 gsp::CompiledModel compile_model(gsp::Description const& description, bool approximate) {
   return gsp::compile(description, {.approximate = approximate});
+}
+
+gsp::io::SplatSet load_splats(std::string const& path, gsp::io::SplatPose const& pose) {
+  auto set = gsp::io::read_splats(path);
+  gsp::io::transform(set, pose);
+  return set;
+}
+
+bool add_floor(gsp::Description& d) {
+  std::vector<bool> moves(d.bodies.size());
+  for (std::size_t b = 0; b < d.bodies.size(); ++b) {
+    moves[b] = !d.bodies[b].joints.empty() || (b > 0 && moves[static_cast<std::size_t>(d.bodies[b].parent)]);
+    if (moves[b]) continue;
+    for (auto const& g : d.bodies[b].geoms)
+      if (!g.visual()) return false;
+  }
+  gsp::GeomDescription plane;
+  plane.type = gsp::ShapeType::plane, plane.size = {0, 0, 1}, plane.name = "quickstart_floor";
+  d.bodies[0].geoms.push_back(plane);
+  return true;
+}
+
+namespace {
+bool is_motor(gsp::ActuatorDescription const& a) {
+  bool const limited = a.force_limited || a.ctrl_limited;
+  return limited && a.target == gsp::ActuatorDescription::Target::joint && a.bias == gsp::Double3{0, 0, 0} && a.gain != 0;
+}
+}  // namespace
+
+int motors_to_servos(gsp::Description& d) {
+  std::map<std::string, gsp::JointType> joints;
+  for (auto const& b : d.bodies)
+    for (auto const& j : b.joints) joints[j.name] = j.type;
+  for (auto const& a : d.actuators)  // all or none: a robot that holds half of its joints is of no use
+    if (!is_motor(a) || !joints.contains(a.target_name) || joints[a.target_name] < gsp::JointType::slide || a.gear[0] == 0) return 0;
+  for (auto& a : d.actuators) {
+    double const strength = a.ctrl_limited ? std::abs(a.gain) * std::max(std::abs(a.ctrl_range[0]), std::abs(a.ctrl_range[1]))
+                                           : std::max(std::abs(a.force_range[0]), std::abs(a.force_range[1]));
+    double const stiffness = strength / (0.3 * std::abs(a.gear[0]));  // of the length gear q
+    if (!a.force_limited) a.force_limited = true, a.force_range = {-strength, strength};
+    a.gain = stiffness, a.bias = {0, -stiffness, -0.03 * stiffness}, a.ctrl_limited = false;
+  }
+  return static_cast<int>(d.actuators.size());
+}
+
+void hold(gsp::CompiledModel const& model, int servos, States& states) {
+  if (servos == 0) return;
+  states.ctrl.assign(static_cast<std::size_t>(states.worlds) * model.nu, 0.);
+  for (int w = 0; w < states.worlds; ++w)
+    for (std::size_t k = 0; k < static_cast<std::size_t>(model.nu); ++k)
+      states.ctrl[static_cast<std::size_t>(w) * model.nu + k] =
+          model.act_gear[k][0] * states.qpos[static_cast<std::size_t>(w) * model.nq +
+                                             static_cast<std::size_t>(model.jnt_qposadr[static_cast<std::size_t>(model.act_id[k])])];
 }
 
 char const* kind_name(gsp::ReportLine::Kind kind) {

@@ -1,6 +1,7 @@
 #pragma once
 // What `gsp` reads and writes: models, traces, starts, controls, cameras. All errors are gsp::Error: file, place, remedy.
 #include <gsp/io/npz.hpp>
+#include <gsp/io/splat_transform.hpp>
 #include <gsp/model/compiled.hpp>
 #include <string>
 #include <vector>
@@ -15,8 +16,9 @@ Option approximate_option();
 
 /// Reads and compiles a MJCF file.
 gsp::CompiledModel load_model(std::string const& path, Arguments const& arguments);
-/// The same in two parts; what is refused becomes a line of the report. (The reader is long to compile, so it is in files.cpp alone.)
-gsp::Description describe_model(std::string const& path, Arguments const& arguments);
+/// The same in two parts; list_refusals: what is refused becomes a line of the report. (The reader is long to compile, so it is in
+/// files.cpp alone.)
+gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals);
 gsp::CompiledModel compile_model(gsp::Description const& description, bool approximate);
 /// One line: how much of the file is not taken as it stands; empty when all is.
 std::string summary(gsp::CompiledModel const& model);
@@ -28,6 +30,16 @@ struct States {
   double time = 0;
   std::vector<double> qpos, qvel, ctrl;  // ctrl: (worlds, nu), or empty
 };
+/// Gaussians of a file, moved to `pose`.
+gsp::io::SplatSet load_splats(std::string const& path, gsp::io::SplatPose const& pose);
+/// Adds a plane at z = 0 unless something of the model that does not move can be touched already; true if it did.
+bool add_floor(gsp::Description& description);
+/// Makes servos of motors that drive a hinge or slide joint with limited force, so that a robot without a policy holds the pose that their
+/// ctrl names: full force at an error of 0.3 [rad, m], damping of 0.03 s times the stiffness. Returns how many; `hold` gives the ctrl for a
+/// state.
+int motors_to_servos(gsp::Description& description);
+void hold(gsp::CompiledModel const& model, int servos, States& states);
+
 /// The initial state of the file, or of a keyframe given by name or index; one world.
 States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe);
 /// The last entry of a trace or start file: qpos (T,N,nq), qvel (T,N,nv), time (T).

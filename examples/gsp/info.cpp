@@ -41,7 +41,7 @@ void report(std::vector<gsp::ReportLine> lines) {
 }
 
 void model(std::string const& path, Arguments const& arguments) {
-  auto const description = describe_model(path, arguments);
+  auto const description = describe_model(path, arguments, true);
   auto const m = compile_model(description, true);  // what would be refused without is in the report
   char const* const shape_names[] = {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"};
   char const* const joint_names[] = {"free", "ball", "slide", "hinge"};

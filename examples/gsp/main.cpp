@@ -1,5 +1,8 @@
 // gsp: simulates and renders from the command line. Each command stands in a file of its own.
+#include <unistd.h>
+
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <new>
 
@@ -46,7 +49,17 @@ int run(int argc, char** argv) {
 
 }  // namespace
 
+/// GNU's OpenMP lets threads that wait spin for milliseconds, which on a machine that is busy with other things makes a step a hundred
+/// times slower; it reads its settings before main, so the program starts itself again with a short spin, unless the user has said what he
+/// wants.
+static void spin_briefly(char** argv) {
+  if (std::getenv("OMP_WAIT_POLICY") || std::getenv("GOMP_SPINCOUNT")) return;
+  setenv("GOMP_SPINCOUNT", "5000", 1);
+  execv("/proc/self/exe", argv);  // on failure: go on as we are
+}
+
 int main(int argc, char** argv) {
+  spin_briefly(argv);
   try {
     return run(argc, argv);
   } catch (gsp::Error const& error) {

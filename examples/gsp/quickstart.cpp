@@ -8,8 +8,10 @@
 #include <gsp/io/png.hpp>
 #include <gsp/model/samples.hpp>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "commands.hpp"
+#include "placement.hpp"
 #include "progress.hpp"
 #include "renderer.hpp"
 #include "run.hpp"
@@ -75,11 +77,18 @@ Subject subject_of(gsp::CompiledModel const& m, States const& start) {
           std::max(0.1, 0.5 * std::hypot(high[0] - low[0], high[1] - low[1], high[2] - low[2]))};
 }
 
-/// Where camera `w` stands: in the sample room, else on a ring about the model.
-std::array<double, 3> eye_of(int w, Subject const& s, bool room) {
-  if (room) return eye_in_room(w);
-  double const turn = -0.9 + 2.399963 * w, r = 2.2 * s.radius, height = 0.5 + 0.25 * scatter(w, 77);
-  return {s.center[0] + r * std::cos(turn), s.center[1] + r * std::sin(turn), s.center[2] + height * r};
+/// Where camera `w` stands: in the sample room, else on a ring about the model, in directions where nothing stands between (clear: metres
+/// in 72 of them).
+std::array<double, 3> eye_of(int w, Subject const& s, std::vector<double> const& clear) {
+  if (clear.empty()) return eye_in_room(w);
+  double const wanted = 2.2 * s.radius, most = *std::max_element(clear.begin(), clear.end());
+  std::vector<std::size_t> open;
+  for (std::size_t k = 0; k < clear.size(); ++k)
+    if (clear[k] >= std::min(wanted, 0.8 * most)) open.push_back(k);
+  std::size_t const k = open[static_cast<std::size_t>(w) * 29 % open.size()];
+  double const turn = 2 * std::numbers::pi * double(k) / double(clear.size()), r = std::clamp(0.9 * clear[k] - 0.1, 0.6 * s.radius, wanted);
+  double const height = std::sqrt(std::max(0., 1.3 * wanted * wanted - r * r)) * (0.55 + 0.12 * scatter(w, 77));  // near cameras look down
+  return {s.center[0] + r * std::cos(turn), s.center[1] + r * std::sin(turn), s.center[2] + height};
 }
 
 /// Starts: the keyframe, and in the sample scene objects that roll and slide towards the robot, in each world otherwise.
@@ -114,35 +123,50 @@ int run(Arguments const& a) {
   int const threads = static_cast<int>(a.integer("--threads", 0, 1, 1024));
   Device const device = choose_device(a);
   bool const gpu = device == Device::cuda;
-  int const worlds = static_cast<int>(a.integer("--worlds", gpu ? 1024 : 64, 1, 1 << 20));
+  int const worlds = static_cast<int>(
+      a.integer("--worlds", gpu ? 1024 : std::clamp(8 * static_cast<int>(std::thread::hardware_concurrency()), 16, 128), 1, 1 << 20));
   double const seconds = a.real("--seconds", 2, 0, 3600);
   int const width = static_cast<int>(a.integer("--width", 320, 16, 4096)), height = static_cast<int>(a.integer("--height", 240, 16, 4096));
 
   auto const begin = Clock::now();
   gsp::CompiledModel model;
   States one;
-  std::string const model_name = a.text("--model").value_or("sample quadruped");
+  Subject subject;
+  gsp::io::SplatSet scan;
+  std::vector<double> clear;
+  std::string const model_name = a.text("--model").value_or("sample quadruped"), splat_name = a.text("--splat").value_or("");
+  bool floor_added = false;
+  int servos = 0;
   if (own) {
-    model = load_model(model_name, a);
-    one = initial_state(model, model_name,
-                        a.has("--keyframe")       ? a.text("--keyframe")
-                        : model.keyframes.empty() ? std::nullopt
-                                                  : std::optional<std::string>("0"));
+    auto description = describe_model(model_name, a, false);
+    floor_added = add_floor(description);
+    servos = motors_to_servos(description);
+    model = compile_model(description, a.has("--approximate"));
+    auto const first = model.keyframes.empty() ? std::nullopt : std::optional<std::string>("0");
+    one = initial_state(model, model_name, a.has("--keyframe") ? a.text("--keyframe") : first);
+    hold(model, servos, one);
+    subject = subject_of(model, one);
+    if (a.has("--splat-pose")) {
+      scan = load_splats(splat_name, gsp::io::parse_splat_pose(*a.text("--splat-pose")));
+    } else {
+      scan = load_splats(splat_name, {});
+      auto pose = standing_pose(scan);
+      for (std::size_t k = 0; k < 2; ++k) pose.position[k] += subject.center[k];
+      gsp::io::transform(scan, pose);
+    }
+    clear = clear_directions(scan, subject.center, 0.1, 1.2);
   } else {
     model = compile_model(gsp::samples::quadruped_scene(), false);
     one = initial_state(model, model_name, "stand");
   }
   Session const session(device, threads);
   Scene scene;
-  if (own) {
-    bool const linked = a.has("--splat-pose")
-                            ? scene.add_file(*a.text("--splat"), gsp::io::parse_splat_pose(*a.text("--splat-pose")), model)
-                            : scene.add_standing_file(*a.text("--splat"), model);
-    if (!linked) scene.add_surface(model);
-  } else {
+  bool linked = false;
+  if (own)
+    linked = scene.add_set(scan, splat_name, model), scan = {};
+  else
     scene.add_room();
-    scene.add_surface(model);
-  }
+  if (!linked) scene.add_surface(model);
   StepperOptions stepping;
   stepping.worlds = worlds, stepping.approximate = a.has("--approximate");
   auto const stepper = make_stepper(device, false, model, stepping);
@@ -150,10 +174,11 @@ int run(Arguments const& a) {
   pictures.width = width, pictures.height = height, pictures.alpha = false;
   auto const renderer = make_renderer(device, scene, model, pictures);
   stepper->set(starts(model, one, worlds, !own));
-  Subject subject;
-  if (own) subject = subject_of(model, one);
   double const load = since(begin);
   if (auto const s = summary(model); own && !s.empty()) std::printf("%s: %s ('gsp info' lists them)\n", model_name.c_str(), s.c_str());
+  if (floor_added) std::printf("%s: nothing in it stands still to be touched, so a floor at z = 0 is added\n", model_name.c_str());
+  if (servos > 0)
+    std::printf("%s: its %d motors are taken as servos that hold the start, since there is no policy\n", model_name.c_str(), servos);
   std::printf("%s, %s Gaussians, %d worlds, on %s\n", own ? model_name.c_str() : "a quadruped among boxes and balls in a furnished room",
               short_count(double(scene.count())).c_str(), worlds, device_name(device).c_str());
 
@@ -183,7 +208,7 @@ int run(Arguments const& a) {
     shots.worlds = std::min(portion, worlds - first);
     shots.qpos.assign(qpos.begin() + static_cast<std::ptrdiff_t>(first) * model.nq,
                       qpos.begin() + static_cast<std::ptrdiff_t>(first + shots.worlds) * model.nq);
-    for (int w = first; w < first + shots.worlds; ++w) add_camera(shots, eye_of(w, subject, !own), subject.center, 1.05, width, height);
+    for (int w = first; w < first + shots.worlds; ++w) add_camera(shots, eye_of(w, subject, clear), subject.center, 1.05, width, height);
     drawing += renderer->render(shots, 1);
     if (first == 0) renderer->read(sheet);
     drawing_bar.show(double(first + shots.worlds) / worlds);
@@ -201,7 +226,7 @@ int run(Arguments const& a) {
     shots.worlds = static_cast<int>(std::min<std::size_t>(static_cast<std::size_t>(together), frames - first));
     shots.qpos.assign(film.begin() + static_cast<std::ptrdiff_t>(first) * model.nq,
                       film.begin() + static_cast<std::ptrdiff_t>(first + static_cast<std::size_t>(shots.worlds)) * model.nq);
-    for (int k = 0; k < shots.worlds; ++k) add_camera(shots, eye_of(0, subject, !own), subject.center, 0.9, width, height);
+    for (int k = 0; k < shots.worlds; ++k) add_camera(shots, eye_of(0, subject, clear), subject.center, 0.9, width, height);
     Pictures some;
     renderer->render(shots, 1);
     renderer->read(some);
@@ -284,11 +309,12 @@ Command quickstart_command() {
            {"--model", "FILE.xml", "your robot instead of the sample quadruped; with --splat"},
            {"--splat", "FILE", "your Gaussians instead of the sample room; with --model"},
            {"--splat-pose", "\"x y z qw qx qy qz scale\"",
-            "where they stand; without it they are taken as y-down captures, turned upright, their floor put at z = 0 below the model"},
+            "where they stand; without it they are taken as y-down captures, turned upright, their floor put at z = 0 and its widest free "
+            "piece below the model"},
            {"--keyframe", "NAME|INDEX", "where your robot starts; its first keyframe, if there is one"},
            skip_visuals_option(),
            approximate_option(),
-           {"--worlds", "N", "64 on a CPU, 1024 on a GPU"},
+           {"--worlds", "N", "16 on a CPU of two cores, 8 a core beyond; 1024 on a GPU"},
            {"--seconds", "S", "of simulated time, 2"},
            {"--width", "W", "of a picture, 320"},
            {"--height", "H", "of a picture, 240"},

@@ -94,7 +94,8 @@ int run(Arguments const& a) {
   Scene scene;
   bool carried = false;
   for (std::size_t i = 0; i < files.size(); ++i)
-    carried |= scene.add_file(files[i], i < poses.size() ? gsp::io::parse_splat_pose(poses[i]) : gsp::io::SplatPose{}, model);
+    carried |= scene.add_set(load_splats(files[i], i < poses.size() ? gsp::io::parse_splat_pose(poses[i]) : gsp::io::SplatPose{}), files[i],
+                             model);
   if (model.nbody > 1 && !carried) scene.add_surface(model);
   auto const renderer = make_renderer(device, scene, model, options);
   if (out) make_folder(*out, "--out");

@@ -13,10 +13,8 @@ namespace gsp_cli {
 /// Sets of Gaussians that are drawn together.
 class Scene {
  public:
-  /// A file; its links are those of `model`. Returns true if it binds any Gaussian to a link.
-  bool add_file(std::string const& path, gsp::io::SplatPose const& pose, gsp::CompiledModel const& model);
-  /// A capture whose pose is not known: y down is taken as usual, so it is turned upright, and its floor goes to z = 0 below the model.
-  bool add_standing_file(std::string const& path, gsp::CompiledModel const& model);
+  /// Gaussians of a file; its links are those of `model`. Returns true if it binds any to a link. `name` is what messages call it.
+  bool add_set(gsp::io::SplatSet const& set, std::string const& name, gsp::CompiledModel const& model);
   /// The furnished room that the library makes.
   void add_room();
   /// Gaussians on the geoms of the model's moving bodies.

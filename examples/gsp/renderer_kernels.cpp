@@ -20,45 +20,10 @@ gsp::GaussianSet& add(Scene& scene, gsp::GaussianSet set) {
 }
 }  // namespace
 
-/// x right, y down, z forward -> x right, y forward, z up, and the floor at 0. The floor: of all heights (in steps of 1/200 of the scene)
-/// the lowest that has a third as much surface (opacity times the product of the two longer axes) as the one with most in the lower half;
-/// the middle: the median of x and y.
-gsp::io::SplatPose standing_pose(gsp::io::SplatSet const& set) {
-  std::vector<std::array<double, 2>> heights;
-  std::vector<float> x, y;
-  for (std::size_t i = 0; i < set.size(); ++i) {
-    if (set.link[i] >= 0) continue;
-    float const* s = &set.scales[3 * i];
-    heights.push_back({-double(set.positions[3 * i + 1]),
-                       set.opacities[i] * double(s[0]) * s[1] * s[2] / std::max(1e-12f, std::min({s[0], s[1], s[2]}))});
-    x.push_back(set.positions[3 * i]), y.push_back(set.positions[3 * i + 2]);
-  }
-  if (heights.empty()) return {};
-  std::sort(heights.begin(), heights.end());
-  double const low = heights[heights.size() / 200][0], high = heights[heights.size() - 1 - heights.size() / 200][0],
-               bin = std::max(1e-9, (high - low) / 200);
-  std::vector<double> surface(101, 0.);
-  for (auto const& [z, weight] : heights)
-    if (z >= low && z < low + 100 * bin) surface[static_cast<std::size_t>((z - low) / bin)] += weight;
-  double const most = *std::max_element(surface.begin(), surface.end());
-  std::size_t k = 0;
-  while (k + 1 < surface.size() && surface[k] < most / 3) ++k;
-  auto const median = [](std::vector<float>& v) {
-    std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-    return double(v[v.size() / 2]);
-  };
-  return {{-median(x), -median(y), -(low + (double(k) + 0.5) * bin)}, {std::sqrt(0.5), -std::sqrt(0.5), 0, 0}, 1};
-}
-bool Scene::add_standing_file(std::string const& path, gsp::CompiledModel const& model) {
-  auto const set = gsp::io::read_splats(path);
-  return add_file(path, standing_pose(set), model);
-}
-bool Scene::add_file(std::string const& path, gsp::io::SplatPose const& pose, gsp::CompiledModel const& model) {
-  auto set = gsp::io::read_splats(path);
-  gsp::io::transform(set, pose);
+bool Scene::add_set(gsp::io::SplatSet const& set, std::string const& name, gsp::CompiledModel const& model) {
   bool linked = false;
   for (int l : set.link) linked |= l >= 0;
-  add(*this, gsp::io::to_gaussian_set(set, model, path));
+  add(*this, gsp::io::to_gaussian_set(set, model, name));
   return linked;
 }
 void Scene::add_room() { add(*this, gsp::sample_room<gsp::GaussianSet>()); }
