@@ -6,6 +6,17 @@
 
 namespace gsp_cli {
 
+/// ctrl = the controls of one step, of each world or of all.
+template <class R, class Mem>
+struct CopyControls {
+  Kokkos::View<R***, Kokkos::LayoutRight, Mem> controls;
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> ctrl;
+  std::size_t step;
+  int nu;
+  bool shared;
+  KOKKOS_FUNCTION void operator()(int i) const { ctrl(i / nu, i % nu) = controls(step, shared ? 0 : i / nu, i % nu); }
+};
+
 template <class R, class Exec>
 class KokkosStepper : public Stepper {
   using Mem = typename Exec::memory_space;
@@ -43,7 +54,7 @@ class KokkosStepper : public Stepper {
     int const nu = model_.nu;
     bool const shared = controls.extent(1) == 1;
     Kokkos::parallel_for("gsp::program::apply", Kokkos::RangePolicy<Exec>(exec_, 0, state_.worlds * nu),
-                         CopyControls{controls, ctrl, step, nu, shared});
+                         CopyControls<R, Mem>{controls, ctrl, step, nu, shared});
   }
 
   void step(int steps, bool measure) override {
@@ -78,14 +89,6 @@ class KokkosStepper : public Stepper {
   double timestep() const override { return timestep_; }
 
  private:
-  struct CopyControls {
-    Kokkos::View<R***, Kokkos::LayoutRight, Mem> controls;
-    Kokkos::View<R**, Kokkos::LayoutRight, Mem> ctrl;
-    std::size_t step;
-    int nu;
-    bool shared;
-    KOKKOS_FUNCTION void operator()(int i) const { ctrl(i / nu, i % nu) = controls(step, shared ? 0 : i / nu, i % nu); }
-  };
   int count_failed() const {
     auto const status = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state_.status);
     int n = 0;
