@@ -56,7 +56,14 @@ inline gsp::Description random_model(std::vector<gsp::JointType> const& types, i
   return d;
 }
 
+/// The view as the host reads it: itself where it already can.
 template <class View> auto host(View const& v) { return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, v); }
+/// What it holds now, whatever happens to it later.
+template <class View> auto snapshot(View const& v) {
+  auto const copy = Kokkos::create_mirror(Kokkos::HostSpace{}, v);
+  Kokkos::deep_copy(copy, v);
+  return copy;
+}
 
 /// Random positions (unit quaternions) and velocities in every world.
 template <class State> void randomise(gsp::CompiledModel const& m, State const& s, std::uint64_t seed = 3) {

@@ -1,0 +1,311 @@
+#include <doctest/doctest.h>
+#include <cmath>
+#include <cstring>
+#include <gsp/constraint/joint_friction.hpp>
+#include <gsp/constraint/joint_limit.hpp>
+#include <gsp/constraint/tendon.hpp>
+#include <gsp_test_execs.hpp>
+#include <limits>
+#include "constraint/loop.hpp"
+#include "support/kokkos_tools.hpp"
+
+using gsp_test::Loop;
+using gsp_test::sliders;
+
+// Types of a user's own: at namespace scope, as nvcc wants them.
+namespace test_types {
+
+/// Spring and damper on dof 0, with a cubic part.
+template <class Mem> struct Spring : gsp::OneFreeRow {
+  double linear, cubic, damping;
+  typename gsp::State<double, Mem>::template View<double**> qpos;
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  template <class T> KOKKOS_FUNCTION T lambda(int, int, int, T x, T u) const { return -(linear * x + cubic * x * x * x + damping * u); }
+  template <class Row> KOKKOS_FUNCTION double jacobian(int world, int, int, Row&& J) const {
+    J.set_dof(0, 1.);
+    return qpos(world, 0);
+  }
+};
+
+/// Ties the dofs 0, 1 and (in odd worlds) 2 to a common velocity sum of zero.
+struct Tie : gsp::OneFreeRow {
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  KOKKOS_FUNCTION gsp::RowLaw<float> law(int, int, int, float, float, float) const { return {0.f, 0.f}; }
+  template <class Row> KOKKOS_FUNCTION float jacobian(int world, int, int, Row&& J) const {
+    J.set_dof(0, 1.f), J.set_dof(1, 1.f);
+    if (world % 2) J.set_dof(2, 1.f);
+    return 0.f;
+  }
+};
+
+/// Element k pushes dof `dof(k)` to the velocity dof(k) + 1; its identity is the dof. Elements come and go as the list changes.
+template <class Mem> struct Movers {
+  Kokkos::View<int*, Mem> dof;
+  int n;
+  bool minor;  // identity in the minor part, which need not be sorted
+  KOKKOS_FUNCTION int count(int) const { return n; }
+  KOKKOS_FUNCTION int rows(int, int) const { return 2; }
+  template <class Row> KOKKOS_FUNCTION double jacobian(int, int k, int row, Row&& J) const {
+    J.set_dof(dof(k), row + 1.);
+    return 0;
+  }
+  KOKKOS_FUNCTION gsp::RowLaw<double> law(int, int k, int row, double, double, double) const { return {0.1 + row, dof(k) + 1.}; }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int, int, int) const { return {-1e9, 1e9}; }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return minor ? gsp::RowId{0, std::uint32_t(dof(k))} : gsp::RowId{std::uint32_t(dof(k)), 0}; }
+};
+
+}  // namespace test_types
+
+namespace {
+/// MuJoCo's documentation, "Solver parameters": impedance d(r) for power 2 and midpoint 1/2, stiffness and damping of aref = -b u - k d r, R = (1 - d)/d diag.
+struct Soft {
+  double imp, K, B;
+  explicit Soft(double r, gsp::SoftnessDescription const& s = {}) {
+    double const y = std::fmin(std::abs(r) / s.solimp[2], 1), f = y < 0.5 ? 2 * y * y : 1 - 2 * (1 - y) * (1 - y);
+    imp = s.solimp[0] + f * (s.solimp[1] - s.solimp[0]);
+    K = 1 / std::pow(s.solimp[1] * s.solref[0] * s.solref[1], 2), B = 2 / (s.solimp[1] * s.solref[0]);
+  }
+  double R(double diag) const { return (1 - imp) / imp * diag; }
+};
+/// The violation r < 0 at which a soft limit at rest carries the force f: R f = -K d r.
+double rest(double f, double diag) {
+  double low = -1, high = 0;
+  for (int i = 0; i < 200; ++i) {
+    double const r = (low + high) / 2;
+    Soft const s(r);
+    (-s.K * s.imp * r > s.R(diag) * f ? low : high) = r;
+  }
+  return low;
+}
+}  // namespace
+
+// At rest at a limit: upper end, lower end, and with a margin, in both profiles. Convergence: damping 20 over 2 kg for 4 s leaves e^-40; double.
+TEST_CASE_TEMPLATE("a joint rests at its soft limit where MuJoCo's law says", Exec, GSP_TEST_EXECS) {
+  double const force = 3;
+  for (double margin : {0., 0.01})
+    for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+      auto d = sliders(2, 2);
+      for (auto& b : d.bodies)
+        if (!b.joints.empty()) b.joints[0].limited = true, b.joints[0].range = {-0.1, 0.2}, b.joints[0].margin = margin, b.joints[0].damping = 20;
+      Loop<double, Exec> s(gsp::compile(d), 2, {.profile = profile});
+      s.push(1, {force, -force});
+      s.step(2000, gsp::JointLimits(s.model, s.state));
+      auto const q = gsp_test::host(s.state.qpos);
+      double const r = rest(force, 0.5);
+      CHECK(std::abs(0.2 - q(1, 0) - margin - r) < 1e-10);
+      CHECK(std::abs(q(1, 1) + 0.1 - margin - r) < 1e-10);
+      CHECK(q(0, 0) == 0);
+    }
+}
+
+// One step of one soft row: p = max(0, (zeta - u^) / (1/m + R)), zeta = u + h aref.
+TEST_CASE_TEMPLATE("one step into a limit", Exec, GSP_TEST_EXECS) {
+  auto d = sliders(1, 2);
+  d.bodies[1].joints[0].limited = true, d.bodies[1].joints[0].range = {-1, 0.2};
+  Loop<double, Exec> s(gsp::compile(d), 40);
+  double const h = 0.002, force = -7;
+  for (int w = 0; w < 40; ++w) s.set(w, {0.1999 + 0.0001 * w}, {-0.3 + 0.02 * w}), s.push(w, {force});
+  auto const q = gsp_test::snapshot(s.state.qpos), v = gsp_test::snapshot(s.state.qvel);
+  s.step(1, gsp::JointLimits(s.model, s.state));
+  auto const v2 = gsp_test::host(s.state.qvel);
+  int active = 0;
+  for (int w = 0; w < 40; ++w) {
+    double const x = 0.2 - q(w, 0), u = -v(w, 0), free = u - h * force / 2;
+    Soft const soft(x);
+    double const p = x < 0 ? std::fmax(0, (u + h * (-soft.B * u - soft.K * soft.imp * x) - free) / (0.5 + soft.R(0.5))) : 0;
+    active += p > 0;
+    CHECK(std::abs(-v2(w, 0) - (free + p / 2)) < 1e-14);
+  }
+  CHECK(active > 10);
+  CHECK(active < 40);
+}
+
+// A ball joint at its limit is pushed back about its own rotation axis: for an isotropic body the change of velocity is parallel to it, and
+// the new rate is u+ = zeta - R p with the change itself as p / I.
+TEST_CASE_TEMPLATE("limit of a ball joint", Exec, GSP_TEST_EXECS) {
+  auto d = sliders(1, 2);
+  auto& j = d.bodies[1].joints[0];
+  j.type = gsp::JointType::ball, j.limited = true, j.range = {0, 0.8};
+  double const I = 0.1, angle = 0.9, h = 0.002;
+  Loop<double, Exec> s(gsp::compile(d), 3);
+  double const axis[3] = {2. / 3, -1. / 3, 2. / 3}, v[3] = {0.3, -0.2, 0.5}, sine = std::sin(angle / 2);
+  s.set(2, {-std::cos(angle / 2), -sine * axis[0], -sine * axis[1], -sine * axis[2]}, {v[0], v[1], v[2]});  // the other sign of the quaternion is the same rotation
+  s.step(1, gsp::JointLimits(s.model, s.state));
+  auto const v2 = gsp_test::host(s.state.qvel);
+  double u = 0, after = 0;
+  for (int k = 0; k < 3; ++k) u -= axis[k] * v[k], after -= axis[k] * v2(2, k);
+  Soft const soft(0.8 - angle);
+  double const p = (h * (-soft.B * u - soft.K * soft.imp * (0.8 - angle))) / (1 / I + soft.R(1 / I));
+  for (int k = 0; k < 3; ++k) CHECK(std::abs(v2(2, k) - (v[k] - axis[k] * p / I)) < 1e-13);
+  CHECK(after > u);
+}
+
+// Friction loss F: below F a joint sticks exactly (stable) or creeps at v = R f / B (mujoco); above it slips with (f - F) / m; a moving joint is stopped.
+TEST_CASE_TEMPLATE("dry friction sticks and slips at its force", Exec, GSP_TEST_EXECS) {
+  double const F = 5, m = 2, h = 0.002;
+  auto d = sliders(1, m);
+  d.bodies[1].joints[0].frictionloss = F;
+  auto const c = gsp::compile(d);
+  for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+    Loop<double, Exec> s(c, 4, {.profile = profile});
+    s.push(0, {0.99 * F}), s.push(1, {-1.01 * F}), s.push(3, {2 * F});
+    s.set(2, {0}, {1});
+    int const n = 500;  // 1 s; world 2 stops after m v / F = 0.4 s
+    s.step(n, gsp::JointFriction(s.model));
+    auto const v = gsp_test::host(s.state.qvel), q = gsp_test::host(s.state.qpos);
+    Soft const soft(0);
+    double const creep = profile == gsp::Profile::stable ? 0 : soft.R(1 / m) * 0.99 * F / soft.B;
+    CHECK(std::abs(v(0, 0) - creep) < 1e-12);
+    if (profile == gsp::Profile::stable) {
+      CHECK(std::abs(v(1, 0) + n * h * 0.01 * F / m) < 1e-12);
+      CHECK(std::abs(q(2, 0) - (m / (2 * F) - h / 2)) < 1e-12);  // v^2 m / 2 F less half a step's way
+    }
+    CHECK(std::abs(v(2, 0)) < 1e-12);
+    CHECK(std::abs(v(3, 0) - n * h * F / m) < 1e-12 + (profile == gsp::Profile::mujoco ? 0.02 : 0.));  // mujoco: less than F until it slips
+  }
+}
+
+// A tendon over two slides of one tree: length q0 - 2 q1. J M^-1 J^T with both on one body: x and y slides.
+TEST_CASE_TEMPLATE("tendon: limit and dry friction", Exec, GSP_TEST_EXECS) {
+  double const m = 2, force = 3, diag = (1 + 4) / m;
+  auto d = sliders(1, m);
+  auto second = d.bodies[1].joints[0];
+  second.name = "second", second.axis = {0, 1, 0};
+  d.bodies[1].joints.push_back(second);
+  gsp::TendonDescription t;
+  t.name = "t", t.terms = {{"j0", 1}, {"second", -2}};
+  SUBCASE("limit") {
+    for (auto& j : d.bodies[1].joints) j.damping = 20;
+    t.limited = true, t.range = {-0.1, 0.3};
+    d.tendons = {t};
+    Loop<double, Exec> s(gsp::compile(d), 2);
+    for (int w = 0; w < 2; ++w) s.push(w, {w ? -force : force, w ? 2 * force : -2 * force});
+    s.step(3000, gsp::TendonLimits(s.model, s.state));
+    auto const q = gsp_test::host(s.state.qpos);
+    CHECK(std::abs(0.3 - (q(0, 0) - 2 * q(0, 1)) - rest(force, diag)) < 1e-10);
+    CHECK(std::abs(q(1, 0) - 2 * q(1, 1) + 0.1 - rest(force, diag)) < 1e-10);
+  }
+  SUBCASE("dry friction") {
+    t.frictionloss = force;
+    d.tendons = {t};
+    Loop<double, Exec> s(gsp::compile(d), 3);
+    s.push(0, {0.99 * force, -1.98 * force}), s.push(1, {1.5 * force, -3 * force}), s.push(2, {2, 1});  // 2: across the tendon, which does not resist
+    s.step(100, gsp::TendonFriction(s.model));
+    auto const v = gsp_test::host(s.state.qvel);
+    CHECK(std::abs(v(0, 0)) < 1e-12);
+    CHECK(std::abs(v(0, 1)) < 1e-12);
+    CHECK(std::abs(v(1, 0) - 0.2 * 0.5 * force / m) < 1e-12);
+    CHECK(std::abs(v(2, 0) - 0.2 * 2 / m) < 1e-12);
+    CHECK(std::abs(v(2, 1) - 0.2 * 1 / m) < 1e-12);
+  }
+}
+
+// A law on dual numbers. Linear: the implicit Euler step m (v+ - v) = h (f - k (x + h v+) - d v+). Cubic: linear at the predicted gap x + h v.
+TEST_CASE_TEMPLATE("a spring as a law gives the implicit Euler step", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  double const m = 2, h = 0.002, f = 11;
+  Loop<double, Exec> s(gsp::compile(sliders(1, m)), 17);
+  for (auto [k, c, d] : {std::array{900., 0., 12.}, std::array{1e8, 0., 0.}, std::array{50., 4000., 3.}}) {
+    for (int w = 0; w < 17; ++w) s.set(w, {0.1 * w - 0.7}, {1 - 0.2 * w}), s.push(w, {f});
+    auto const q = gsp_test::snapshot(s.state.qpos), v = gsp_test::snapshot(s.state.qvel);
+    s.step(1, test_types::Spring<Mem>{{}, k, c, d, s.state.qpos});
+    auto const v2 = gsp_test::host(s.state.qvel);
+    for (int w = 0; w < 17; ++w) {
+      double const x = q(w, 0), u = v(w, 0), at = x + h * u, force = -(k * at + c * at * at * at + d * u), slope = -(k + 3 * c * at * at);
+      // m (v+ - u) = h (f + force + slope h (v+ - u) - d (v+ - u))
+      double const expected = u + h * (f + force) / (m + h * d - h * h * slope);
+      CHECK(std::abs(v2(w, 0) - expected) < 1e-13 * (1 + std::abs(h * force / m)));
+    }
+  }
+}
+
+// A row over three trees is refused: that world stays, and says why; the others (two trees) are solved.
+TEST_CASE_TEMPLATE("a row of three trees is refused, its world alone stays", Exec, GSP_TEST_EXECS) {
+  Loop<float, Exec> s(gsp::compile(sliders(3, 2)), 6);
+  for (int w = 0; w < 6; ++w) s.set(w, {0, 0, 0}, {1, 2, 3});
+  s.step(3, test_types::Tie{});
+  auto const v = gsp_test::host(s.state.qvel), q = gsp_test::host(s.state.qpos);
+  auto const status = gsp_test::host(s.state.status);
+  auto const steps = gsp_test::host(s.state.steps);
+  for (int w = 0; w < 6; ++w) {
+    bool const refused = w % 2;
+    CHECK(status(w) == (refused ? gsp::status::row_refused : 0u));
+    CHECK(steps(w) == (refused ? 0 : 3));
+    if (refused) {
+      for (int i = 0; i < 3; ++i) {
+        CHECK(q(w, i) == 0);
+        CHECK(v(w, i) == i + 1);
+      }
+    } else {
+      CHECK(std::abs(v(w, 0) + 0.5f) < 1e-6f);
+      CHECK(std::abs(v(w, 1) - 0.5f) < 1e-6f);
+      CHECK(v(w, 2) == 3);
+    }
+  }
+  CHECK(gsp::status::text(gsp::status::row_refused).find("two kinematic trees") != std::string::npos);
+}
+
+// Warm starts go by identity: after the order of elements, and which of them there are, have changed, every row finds its own last impulse, new ones none.
+TEST_CASE_TEMPLATE("impulses are found again after the order of elements changes", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  for (bool minor : {false, true}) {
+    int const worlds = 3;
+    Loop<double, Exec> s(gsp::compile(sliders(6, 2)), worlds);
+    test_types::Movers<Mem> movers{Kokkos::View<int*, Mem>("dof", 6), 0, minor};
+    auto const list = [&](std::vector<int> const& dofs) {
+      movers.n = int(dofs.size());
+      auto const h = Kokkos::create_mirror_view(movers.dof);
+      for (int i = 0; i < movers.n; ++i) h(i) = dofs[i];
+      Kokkos::deep_copy(movers.dof, h);
+    };
+    std::vector<int> const before = minor ? std::vector{4, 1, 3, 0} : std::vector{0, 1, 3, 4}, after = minor ? std::vector{3, 5, 0, 4, 2} : std::vector{0, 2, 3, 4, 5};
+    std::vector<double> last(2 * 6, 0.);
+    list(before);
+    s.step(1, movers);
+    int const parity = gsp_test::host(s.rows.parity)();
+    auto const p = gsp_test::snapshot(s.rows.impulse[parity]);
+    auto const first = gsp_test::snapshot(s.rows.first);
+    for (std::size_t k = 0; k < before.size(); ++k)
+      for (int r = 0; r < 2; ++r) last[2 * before[k] + r] = p(first(1) + 2 * k + r);
+    for (int dof : before) CHECK(last[2 * dof] != 0);
+    list(after);
+    s.assemble(movers);
+    REQUIRE(gsp_test::host(s.rows.parity)() != parity);
+    auto const start = gsp_test::host(s.rows.impulse[1 - parity]);
+    auto const now = gsp_test::host(s.rows.first);
+    for (int w = 0; w < worlds; ++w)
+      for (std::size_t k = 0; k < after.size(); ++k)
+        for (int r = 0; r < 2; ++r) CHECK(start(now(w) + 2 * k + r) == last[2 * after[k] + r]);
+  }
+}
+
+// Pools that are too small: nothing moves until they have grown; then the result has the bits of a run with room from the start.
+TEST_CASE_TEMPLATE("a capacity does not change a result", Exec, GSP_TEST_EXECS) {
+  auto d = gsp_test::random_model({gsp::JointType::free, gsp::JointType::hinge}, 6);
+  for (auto& b : d.bodies)
+    for (auto& j : b.joints)
+      if (j.type != gsp::JointType::free) j.frictionloss = 0.3, j.limited = j.type != gsp::JointType::ball, j.range = {-0.3, 0.3};
+  auto const c = gsp::compile(d);
+  Loop<float, Exec> a(c, 5), b(c, 5);
+  b.rows = gsp::make_rows(b.exec, b.model, {.worlds = 5, .rows_per_world = 1, .entries_per_world = 1});
+  for (auto* s : {&a, &b}) gsp_test::randomise(c, s->state);
+  auto const q = gsp_test::snapshot(b.state.qpos);
+  b.assemble(gsp::JointFriction(b.model), gsp::JointLimits(b.model, b.state));
+  CHECK((gsp_test::host(b.state.status)(4) & gsp::status::row_overflow) != 0);
+  CHECK(b.finish());
+  auto const still = gsp_test::host(b.state.qpos);
+  CHECK(std::memcmp(still.data(), q.data(), q.size() * sizeof(float)) == 0);
+  for (auto* s : {&a, &b}) s->step(20, gsp::JointFriction(s->model), gsp::JointLimits(s->model, s->state));
+  auto const qa = gsp_test::host(a.state.qpos), qb = gsp_test::host(b.state.qpos);
+  CHECK(std::memcmp(qa.data(), qb.data(), qa.size() * sizeof(float)) == 0);
+  CHECK(gsp_test::host(b.state.status)(4) == 0);
+  CHECK(gsp_test::host(b.state.steps)(4) == 20);
+}
+
+TEST_CASE_TEMPLATE("assemble and pgs neither allocate nor fence", Exec, GSP_TEST_EXECS) {
+  auto d = sliders(2, 2);
+  d.bodies[1].joints[0].frictionloss = 1;
+  Loop<float, Exec> s(gsp::compile(d), 4, {}, gsp_test::other_instance(Exec{}));
+  s.step(2, gsp::JointFriction(s.model));
+  gsp_test::check_algorithm(s.exec, gsp_test::watch([&] { s.assemble(gsp::JointFriction(s.model)), gsp::pgs(s.exec, s.model, s.rows); }));
+}

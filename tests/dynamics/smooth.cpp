@@ -1,0 +1,223 @@
+#include <doctest/doctest.h>
+#include <algorithm>
+#include <cstring>
+#include <gsp/dynamics/integrate.hpp>
+#include <gsp/dynamics/smooth.hpp>
+#include <gsp_test_execs.hpp>
+#include "dynamics/random_tree.hpp"
+#include "reference/rigid_bodies.hpp"
+#include "support/kokkos_tools.hpp"
+
+namespace {
+using gsp::JointType;
+
+/// A model of three trees (two archetypes) with every joint type, servos and a tendon.
+gsp::CompiledModel model_of(std::uint64_t seed = 1) {
+  auto d = gsp_test::random_model({JointType::free, JointType::hinge, JointType::free}, 8, seed);
+  for (auto const& body : d.bodies)
+    for (auto const& joint : body.joints)
+      if (joint.type == JointType::hinge || joint.type == JointType::slide) {
+        gsp::ActuatorDescription a;
+        a.name = a.target_name = joint.name, a.gain = 20, a.bias = {0, -20, -1};
+        a.force_limited = d.actuators.size() % 2, a.force_range = {-4, 4};
+        d.actuators.push_back(a);
+      }
+  gsp::TendonDescription t;
+  t.name = "t", t.terms = {{"t1b1j0", 0.7}, {"t1b2j0", -1.3}}, t.stiffness = 5, t.damping = 0.4, t.springlength = {-0.1, 0.1};
+  d.tendons.push_back(t);
+  return gsp::compile(d);
+}
+
+template <class R, class Exec> struct Set {
+  using Mem = typename Exec::memory_space;
+  Exec exec;
+  gsp::Model<R, Mem> model;
+  gsp::State<R, Mem> state;
+  gsp::Dynamics<R, Mem> dynamics;
+  gsp::Poses<R, Mem> poses;
+  Set(gsp::CompiledModel const& c, int worlds, gsp::Profile profile = gsp::Profile::mujoco, std::uint64_t seed = 3)
+      : model(gsp::make_model<R>(exec, c, {.profile = profile})), state(gsp::make_state(exec, model, {.worlds = worlds})),
+        dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})), poses(gsp::make_poses(exec, model, {.worlds = worlds})) {
+    gsp_test::randomise(c, state, seed);
+    auto const ctrl = gsp_test::host(state.ctrl);
+    for (int w = 0; w < worlds; ++w)
+      for (int i = 0; i < model.nu; ++i) ctrl(w, i) = R(std::sin(i + 2.3 * w));
+    Kokkos::deep_copy(state.ctrl, ctrl);
+  }
+  void smooth() { gsp::smooth_dynamics(exec, model, state, dynamics, poses, {.keep_all = true, .joint_poses = true}); }
+  void composed() {
+    gsp::forward_kinematics(exec, model, state, dynamics, poses);
+    gsp::mass_matrix(exec, model, poses, dynamics);
+    gsp::bias_forces(exec, model, state, poses, dynamics);
+    gsp::passive_forces(exec, model, state, dynamics);
+    gsp::actuator_forces(exec, model, state, dynamics);
+    gsp::factor(exec, model, state, dynamics);
+  }
+  std::vector<R> dofs(int gsp::DynamicsLayout::*item) const {  // (worlds, nv)
+    Kokkos::View<R**, Kokkos::LayoutRight, Mem> out("out", state.worlds, model.nv);
+    gsp::copy_dofs(exec, model, dynamics, item, out);
+    auto const h = gsp_test::host(out);
+    return {h.data(), h.data() + h.size()};
+  }
+  std::vector<R> mass() const {
+    Kokkos::View<R***, Kokkos::LayoutRight, Mem> out("out", state.worlds, model.nv, model.nv);
+    gsp::dense_mass_matrix(exec, model, dynamics, out);
+    auto const h = gsp_test::host(out);
+    return {h.data(), h.data() + h.size()};
+  }
+  /// Everything that comes out, one number after the other.
+  std::vector<R> all() const {
+    std::vector<R> result = mass();
+    auto const add = [&](auto const& v) { result.insert(result.end(), v.begin(), v.end()); };
+    using L = gsp::DynamicsLayout;
+    for (auto item : {&L::bias, &L::passive, &L::actuator, &L::force, &L::acceleration, &L::velocity}) add(dofs(item));
+    for (auto const& v : {poses.xpos, poses.xquat, poses.xanchor, poses.xaxis}) {
+      auto const h = gsp_test::host(v);
+      result.insert(result.end(), h.data(), h.data() + h.size());
+    }
+    return result;
+  }
+};
+
+template <class R> bool same_bits(std::vector<R> const& a, std::vector<R> const& b) { return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(R)) == 0; }
+}  // namespace
+
+// Numbers of worlds around the width of a pack and of a warp: padding lanes must neither be seen nor disturb others.
+// Tolerances: kinematics 8 links of 100 roundings each; M sums 10^3 products below 10; bias: what its reference is good for, times |bias| < 10^3.
+TEST_CASE_TEMPLATE("poses, mass matrix and forces are those of the plain reference", Exec, GSP_TEST_EXECS) {
+  auto const c = model_of();
+  for (int worlds : {1, 3, 15, 16, 17, 40}) {
+    Set<double, Exec> s(c, worlds);
+    s.smooth();
+    auto const M = s.mass(), bias = s.dofs(&gsp::DynamicsLayout::bias), passive = s.dofs(&gsp::DynamicsLayout::passive), actuator = s.dofs(&gsp::DynamicsLayout::actuator);
+    auto const xpos = gsp_test::host(s.poses.xpos), xquat = gsp_test::host(s.poses.xquat);
+    auto const qpos = gsp_test::host(s.state.qpos), qvel = gsp_test::host(s.state.qvel), ctrl = gsp_test::host(s.state.ctrl);
+    double pose = 0, mass = 0, forces = 0, springs = 0, servos = 0;
+    std::size_t const nv = c.nv;
+    for (int w = 0; w < worlds; ++w) {
+      std::vector<double> const q(&qpos(w, 0), &qpos(w, 0) + c.nq), v(&qvel(w, 0), &qvel(w, 0) + nv);
+      gsp_reference::RigidBodies const at(c, q);
+      for (int b = 1; b < c.nbody; ++b) {
+        double dot = 0;
+        for (int k = 0; k < 3; ++k) pose = std::fmax(pose, std::abs(xpos(w, b, k) - at.x[b][k]));
+        double const quat[4] = {at.q[b].w, at.q[b].x, at.q[b].y, at.q[b].z};
+        for (int k = 0; k < 4; ++k) dot += quat[k] * xquat(w, b, k);
+        for (int k = 0; k < 4; ++k) pose = std::fmax(pose, std::abs((dot < 0 ? -1 : 1) * xquat(w, b, k) - quat[k]));
+      }
+      auto const M_ref = gsp_reference::mass_matrix(c, at), bias_ref = gsp_reference::bias_forces(c, q, v);
+      for (std::size_t i = 0; i < nv * nv; ++i) mass = std::fmax(mass, std::abs(M[w * nv * nv + i] - M_ref[i]));
+      for (std::size_t i = 0; i < nv; ++i) forces = std::fmax(forces, std::abs(bias[w * nv + i] - bias_ref[i]));
+
+      std::vector<double> passive_ref(nv), actuator_ref(nv, 0.);
+      for (int j = 0; j < c.njnt; ++j) {
+        int const a = c.jnt_qposadr[j], d = c.jnt_dofadr[j];
+        auto const type = JointType(c.jnt_type[j]);
+        if (type == JointType::hinge || type == JointType::slide) passive_ref[d] = -c.jnt_stiffness[j] * (q[a] - c.qpos_spring[a]) - c.dof_damping[d] * v[d];
+        else {
+          for (int k = 0, n = type == JointType::free ? 6 : 3; k < n; ++k) passive_ref[d + k] = -c.dof_damping[d + k] * v[d + k];
+          if (type == JointType::ball) {  // at rest at the identity: -k times the rotation vector, 2 acos(w) about the axis
+            double const sign = q[a] < 0 ? -1 : 1, sine = std::sqrt(q[a + 1] * q[a + 1] + q[a + 2] * q[a + 2] + q[a + 3] * q[a + 3]);
+            for (int k = 0; k < 3; ++k) passive_ref[d + k] -= c.jnt_stiffness[j] * 2 * std::acos(sign * q[a]) * sign * q[a + 1 + k] / sine;
+          }
+        }
+      }
+      for (int k = 0; k < c.nu; ++k) {
+        int const j = c.act_id[k];
+        double const force = 20 * ctrl(w, k) - 20 * q[c.jnt_qposadr[j]] - v[c.jnt_dofadr[j]];
+        actuator_ref[c.jnt_dofadr[j]] = k % 2 ? std::clamp(force, -4., 4.) : force;
+      }
+      double length = 0, rate = 0;
+      for (int e = 0; e < 2; ++e) length += c.term_coef[e] * q[c.jnt_qposadr[c.term_jnt[e]]], rate += c.term_coef[e] * v[c.jnt_dofadr[c.term_jnt[e]]];
+      double const pull = -5 * (length > 0.1 ? length - 0.1 : length < -0.1 ? length + 0.1 : 0) - 0.4 * rate;
+      for (int e = 0; e < 2; ++e) passive_ref[c.jnt_dofadr[c.term_jnt[e]]] += c.term_coef[e] * pull;
+      for (std::size_t i = 0; i < nv; ++i)
+        springs = std::fmax(springs, std::abs(passive[w * nv + i] - passive_ref[i])), servos = std::fmax(servos, std::abs(actuator[w * nv + i] - actuator_ref[i]));
+    }
+    CAPTURE(worlds);
+    CHECK(pose < 1e-13);
+    CHECK(mass < 1e-12);
+    CHECK(forces < 1e-6);
+    CHECK(springs < 1e-12);
+    CHECK(servos < 1e-12);
+  }
+}
+
+// Contraction to fused multiply-adds is explicit in the sources and switched off in host compilers that follow the standard, so bits agree there;
+// nvcc contracts as it likes, kernel by kernel: on a GPU 1e-4 relative, a thousand roundings.
+TEST_CASE_TEMPLATE("the fused kernel gives the numbers of the single functions", Exec, GSP_TEST_EXECS) {
+  auto const c = model_of();
+  for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+    Set<float, Exec> a(c, 21, profile), b(c, 21, profile);
+    a.smooth(), b.composed();
+    auto const x = a.all(), y = b.all();
+    if constexpr (!gsp::is_device<Exec>) CHECK(same_bits(x, y));
+    else
+      for (std::size_t i = 0; i < x.size(); ++i) REQUIRE(std::abs(x[i] - y[i]) < 1e-4 * std::max(1.f, std::abs(x[i])));
+  }
+}
+
+#if defined(KOKKOS_ENABLE_SERIAL) && defined(KOKKOS_ENABLE_OPENMP)
+TEST_CASE("Serial and OpenMP give the same bits") {
+  auto const c = model_of();
+  Set<float, Kokkos::Serial> a(c, 40, gsp::Profile::stable);
+  Set<float, Kokkos::OpenMP> b(c, 40, gsp::Profile::stable);
+  a.smooth(), b.smooth();
+  CHECK(same_bits(a.all(), b.all()));
+}
+#endif
+
+// One program, three widths: on the CPU the same stage runs over single numbers. Packs have their own sin and cos (2 ulp), so not the same bits;
+// conditioning of the accelerations below 10^3.
+TEST_CASE("packs and single numbers agree") {
+  using Exec = Kokkos::DefaultHostExecutionSpace;
+  auto const c = model_of();
+  Set<double, Exec> a(c, 19), b(c, 19);
+  a.smooth();
+  using Stage = gsp::detail::SmoothStage<decltype(b.state), decltype(b.poses)>;
+  gsp::for_lanes<double>("gsp::test::single_numbers", b.exec, b.model, b.dynamics, Stage{b.state, b.poses, {.keep_all = true, .joint_poses = true}, true});
+  auto const x = a.all(), y = b.all();
+  double worst = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) worst = std::fmax(worst, std::abs(x[i] - y[i]) / std::fmax(1, std::abs(y[i])));
+  MESSAGE("largest difference " << worst);
+  CHECK(worst < 1e-11);
+}
+
+// Constants per world (Field::stride): each world must be as if the model had been compiled with its mass, damping and gravity.
+TEST_CASE_TEMPLATE("each world can have constants of its own", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  int const worlds = 17;
+  auto const c = model_of();
+  Set<float, Exec> s(c, worlds, gsp::Profile::stable);
+  auto const spread = [&](gsp::Field<float>& field, int n, auto const& value) {
+    Kokkos::View<float**, Kokkos::LayoutRight, Mem> own("own", worlds, n);
+    auto const h = Kokkos::create_mirror_view(own);
+    for (int w = 0; w < worlds; ++w)
+      for (int i = 0; i < n; ++i) h(w, i) = float(value(w, i));
+    Kokkos::deep_copy(own, h);
+    field.data = own.data(), field.stride = n;
+    return own;  // kept alive by the caller
+  };
+  auto const mass = [&](int w, int b) { return c.body_mass[b] * (1 + 0.1 * w); };
+  auto const damping = [&](int w, int i) { return c.dof_damping[i] + 0.02 * w; };
+  auto const gravity = [&](int w, int k) { return k == 2 ? -9.81 + 0.3 * w : 0.1 * w; };
+  auto const m = spread(s.model.body_mass, c.nbody, mass), b = spread(s.model.dof_damping, c.nv, damping), g = spread(s.model.gravity, 3, gravity);
+  s.smooth();
+  auto const velocity = s.dofs(&gsp::DynamicsLayout::velocity);
+  for (int w : {0, 1, 16}) {
+    auto changed = c;
+    for (int k = 0; k < c.nbody; ++k) changed.body_mass[k] = mass(w, k);
+    for (int i = 0; i < c.nv; ++i) changed.dof_damping[i] = damping(w, i);
+    for (int k = 0; k < 3; ++k) changed.option.gravity[k] = gravity(w, k);
+    Set<float, Exec> one(changed, worlds, gsp::Profile::stable);
+    one.smooth();
+    auto const expected = one.dofs(&gsp::DynamicsLayout::velocity);
+    for (int i = 0; i < c.nv; ++i) CHECK(velocity[w * c.nv + i] == expected[w * c.nv + i]);
+  }
+}
+
+TEST_CASE_TEMPLATE("the stages neither allocate nor fence", Exec, GSP_TEST_EXECS) {
+  auto const c = model_of();
+  Set<float, Exec> s(c, 5);
+  s.exec.fence();
+  gsp_test::check_algorithm(s.exec, gsp_test::watch([&] { s.smooth(), s.composed(), gsp::integrate(s.exec, s.model, s.dynamics, s.state); }));
+}
