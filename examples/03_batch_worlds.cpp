@@ -18,12 +18,12 @@ int main(int argc, char** argv) {
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
 
   auto const qpos = state.qpos, qvel = state.qvel;
-  gsp::step(exec, model, state, sim, {.steps = 50});  // settle
+  gsp::step(exec, model, state, sim, {.steps = 100});  // settle
   Kokkos::parallel_for("push", Kokkos::RangePolicy<Exec>(exec, 0, worlds), KOKKOS_LAMBDA(int w) {
     qpos(w, 0) = 0;
     qvel(w, 0) = 2.f * float(w) / float(worlds);  // [m/s]
   });
-  gsp::step(exec, model, state, sim, {.steps = 250});
+  gsp::step(exec, model, state, sim, {.steps = 300});
 
   // each has slid v^2 / (2 mu g), less half a step's way
   double worst = 0, sum = 0;
