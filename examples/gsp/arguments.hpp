@@ -178,23 +178,31 @@ class Arguments {
   std::map<std::string, std::vector<std::string>> given_;
 };
 
-/// The help of a command: usage, then an option a line, wrapped at 100 columns.
+/// `text` in lines of up to 100 columns; the first starts at `column`, the others at `indent`.
+inline std::string wrapped(std::string const& text, std::size_t indent, std::size_t column) {
+  std::string out;
+  for (std::size_t at = 0; at < text.size();) {
+    std::size_t const space = std::min(text.find(' ', at), text.size());
+    if (at > 0) {
+      bool const full = column + 1 + (space - at) > 100;
+      out += full ? "\n" + std::string(indent, ' ') : " ";
+      column = full ? indent : column + 1;
+    }
+    out += text.substr(at, space - at), column += space - at;
+    at = space + 1;
+  }
+  return out;
+}
+
+/// The help of a command: usage, summary, then its options.
 inline std::string help(Command const& command) {
   std::string out = "gsp " + command.name + (command.operands.empty() ? "" : " " + command.operands) +
-                    (command.options.empty() ? "" : " [options]") + "\n  " + command.summary + "\n";
+                    (command.options.empty() ? "" : " [options]") + "\n  " + wrapped(command.summary, 2, 2) + "\n\n";
   std::size_t width = 0;
   for (auto const& o : command.options) width = std::max(width, o.name.size() + o.value.size() + 1);
   for (auto const& o : command.options) {
     std::string const head = o.name + (o.value.empty() ? "" : " " + o.value);
-    out += "  " + head + std::string(width - head.size() + 2, ' ');
-    std::size_t column = width + 4, at = 0;
-    while (at < o.help.size()) {
-      std::size_t const space = std::min(o.help.find(' ', at), o.help.size());
-      if (column + (space - at) > 100) out += "\n" + std::string(width + 4, ' '), column = width + 4;
-      out += o.help.substr(at, space - at) + (space < o.help.size() ? " " : ""), column += space - at + 1;
-      at = space + 1;
-    }
-    out += "\n";
+    out += "  " + head + std::string(width - head.size() + 2, ' ') + wrapped(o.help, width + 4, width + 4) + "\n";
   }
   return out;
 }

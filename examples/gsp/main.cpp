@@ -16,7 +16,7 @@ std::vector<Command> commands() { return {info_command(), sim_command(), render_
 
 int print_help() {
   std::puts("gsp: Gaussian splats and physics, many worlds at once, on CPU and GPU\n");
-  for (auto const& c : commands()) std::printf("  gsp %-10s  %s\n", c.name.c_str(), c.summary.c_str());
+  for (auto const& c : commands()) std::printf("  gsp %-10s  %s\n", c.name.c_str(), wrapped(c.summary, 18, 18).c_str());
   std::puts(
       "\n'gsp COMMAND --help' explains a command. Exit codes: 0 done, 2 bad input (one sentence says what, where and the remedy), 1 "
       "anything else.");

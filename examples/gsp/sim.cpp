@@ -154,7 +154,7 @@ Command sim_command() {
        {"--keyframe", "NAME|INDEX", "start from a keyframe (its qpos, qvel and ctrl)"},
        {"--start", "F.npz", "start from the last entry of a trace: time (T), qpos (T,N,nq), qvel (T,N,nv); N = 1 is given to all worlds"},
        {"--ctrl", "F.npy", "controls (K,nu) or (K,N,nu), one row a step; without it those of the keyframe, else 0"},
-       {"--iterations", "I", "sweeps of the solver a step"},
+       {"--iterations", "I", "most sweeps of the solver a step; without it the library's default"},
        {"--profile", "mujoco|stable",
         "mujoco: as the file says, for what is covered; stable (without the option): rigid friction, implicit joints"},
        {"--precision", "float|double", "float without the option"},
