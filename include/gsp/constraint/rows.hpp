@@ -47,6 +47,8 @@ template <class R, class Mem> struct Rows {
   View<int> completed;                     // steps solved since somebody set it to 0
   View<int> halt;                          // not zero: something did not fit, the step has to be repeated
   View<std::int64_t*> demand;              // (2) rows and entries that the last step needed
+  View<R*> thread_items;                   // hosts: room for a block of worlds a thread (solver/detail/pgs_lockstep.hpp)
+  std::int64_t thread_stride = 0;
 
   KOKKOS_INLINE_FUNCTION int capacity() const { return int(row.extent(0)); }
 };
@@ -82,6 +84,10 @@ template <class R, ExecutionSpace Exec, class Mem> Rows<R, Mem> make_rows(Exec c
   for (int k = 0; k < 2; ++k) make(r.first_of[k], "gsp::Rows::first_of", n), make(r.count_of[k], "gsp::Rows::count_of", n);
   make(r.z, "gsp::Rows::z", n, model.nv), make(r.residual, "gsp::Rows::residual", n), make(r.iterations, "gsp::Rows::iterations", n);
   make(r.parity, "gsp::Rows::parity"), make(r.solved, "gsp::Rows::solved"), make(r.completed, "gsp::Rows::completed"), make(r.halt, "gsp::Rows::halt"), make(r.demand, "gsp::Rows::demand", 2);
+  if constexpr (!is_device<Exec>) {
+    r.thread_stride = (64 * (std::int64_t(std::min(model.nv, 128) + 3) / 4 * 4 + 8) + 128) * native_width<R>;
+    make(r.thread_items, "gsp::Rows::thread_items", r.thread_stride * Kokkos::DefaultHostExecutionSpace().concurrency());
+  }
   std::int64_t const rows = options.rows_per_world > 0 ? options.rows_per_world : 12 * model.ntree + int(model.limited_joints.extent(0) + model.friction_dofs.extent(0));
   std::int64_t const entries = options.entries_per_world > 0 ? options.entries_per_world : rows * std::max(8, std::min(model.nv, 12));
   detail::allocate_rows(exec, r, std::max<std::int64_t>(rows, 1) * n, std::max<std::int64_t>(entries, 1) * n);

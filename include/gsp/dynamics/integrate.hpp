@@ -68,7 +68,8 @@ template <class L, class State> KOKKOS_INLINE_FUNCTION void lanes_integrate_posi
       }
     }
     Quat<T> const now = normalized(Quat<T>{l.load(state.qpos, l.qpos0, q), l.load(state.qpos, l.qpos0, q + 1), l.load(state.qpos, l.qpos0, q + 2), l.load(state.qpos, l.qpos0, q + 3)});
-    Quat<T> const next = normalized(now * exp_rotation(h * s.vec3(v)));
+    bool const carried = l.model.profile == Profile::stable && is_free_body(l);
+    Quat<T> const next = normalized(now * exp_rotation(h * (carried ? s.vec3(v) + s.vec3(l.at.spin) : s.vec3(v))));
     write(state.qpos, l.qpos0, q, next.w), write(state.qpos, l.qpos0, q + 1, next.x), write(state.qpos, l.qpos0, q + 2, next.y), write(state.qpos, l.qpos0, q + 3, next.z);
   }
   for (int i = 0; i < a.nv; ++i) write(state.qvel, l.dof0, i, s[l.at.velocity + i]);

@@ -70,14 +70,14 @@ template <class T> struct LaneItems {
 /// (vectors of dofs; force = passive - bias + actuator + applied; stiffness, damping: what the factored matrix takes implicitly; velocity: free,
 /// then new), then what is needed within one stage only.
 struct DynamicsLayout {
-  int com, cdof, factor, inverse_diagonal, qvel, velocity, mass;
+  int com, cdof, factor, inverse_diagonal, qvel, velocity, spin, mass;  // spin: of a free body, see factor.hpp
   int passive, actuator, bias, force, stiffness, damping, acceleration, impulse;
   int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc;
   int size;
   KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) {
     int n = 0;
     auto const take = [&n](int& at, int items) { at = n, n += items; };
-    take(com, 3), take(cdof, 6 * a.nv), take(factor, a.nM), take(inverse_diagonal, a.nv), take(qvel, a.nv), take(velocity, a.nv), take(mass, a.nM);
+    take(com, 3), take(cdof, 6 * a.nv), take(factor, a.nM), take(inverse_diagonal, a.nv), take(qvel, a.nv), take(velocity, a.nv), take(spin, 3), take(mass, a.nM);
     take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(force, a.nv), take(stiffness, a.nv), take(damping, a.nv), take(acceleration, a.nv), take(impulse, a.nv);
     take(xpos, 3 * a.nbody), take(xquat, 4 * a.nbody), take(xanchor, 3 * a.njnt), take(xaxis, 3 * a.njnt);
     take(cinert, 10 * a.nbody), take(cvel, 6 * a.nbody), take(cacc, 6 * a.nbody), take(cfrc, 6 * a.nbody);
