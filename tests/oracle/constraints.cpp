@@ -1,0 +1,120 @@
+#include <doctest/doctest.h>
+#include <gsp/io/mjcf.hpp>
+#include <gsp/model/compile.hpp>
+#include <gsp/step/step.hpp>
+#include <cmath>
+#include <cstring>
+#include "dynamics/random_tree.hpp"
+#include "oracle/load.hpp"
+#include "support/data.hpp"
+
+// One step with limits, dry friction and frictionless contacts against MuJoCo's Newton solver, profile `mujoco`, double, every contact condim 1 on both sides.
+// Both solve the same strictly convex problem (R > 0). Ours: sweeps until none changes a rate by 1e-14. MuJoCo's: tolerance 0, 200 iterations.
+// Error: max norm of the difference of qvel over max(1, max norm). Two converged solutions agree to rounding times the condition number of
+// M + J^T R^-1 J, about 1e6 here: 1e-9; the bar is 1e-8.
+namespace {
+
+using Exec = Kokkos::DefaultHostExecutionSpace;
+using Mem = Exec::memory_space;
+
+struct Outcome {
+  double worst = 0;
+  int contacts = 0, limits = 0, frictions = 0, off = 0;
+};
+
+Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int worlds, double height) {
+  mjModel* m = oracle.m();
+  mjData* d = oracle.d();
+  m->opt.solver = mjSOL_NEWTON, m->opt.iterations = 200, m->opt.tolerance = 0, m->opt.ls_iterations = 200, m->opt.ls_tolerance = 1e-12;
+  m->opt.disableflags |= mjDSBL_AUTORESET | mjDSBL_WARMSTART;
+  m->opt.enableflags &= ~mjENBL_SLEEP;
+  for (int g = 0; g < m->ngeom; ++g) m->geom_condim[g] = 1;
+  for (int& condim : compiled.geom_condim) condim = 1;
+
+  Exec const exec;
+  auto const model = gsp::make_model<double>(exec, compiled, {.profile = gsp::Profile::mujoco});
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  REQUIRE(model.nv == m->nv);
+  std::vector<double> next(std::size_t(worlds) * m->nv);
+  std::vector<int> rows(worlds);
+  gsp_test::Random r;
+  Outcome out;
+  for (int w = 0; w < worlds; ++w) {
+    mj_resetData(m, d);
+    for (int j = 0; j < m->njnt; ++j) {
+      int const q = m->jnt_qposadr[j];
+      if (m->jnt_type[j] == mjJNT_FREE) {
+        d->qpos[q + 2] = height * (1 + 0.6 * r());
+        auto const quat = gsp_test::random_quat(r);
+        for (int c = 0; c < 4; ++c) d->qpos[q + 3 + c] = quat[c];
+      } else if (m->jnt_type[j] != mjJNT_BALL) {  // now and then beyond a limit
+        double const lo = m->jnt_range[2 * j], hi = m->jnt_range[2 * j + 1];
+        d->qpos[q] = m->jnt_limited[j] ? (lo + hi) / 2 + 0.55 * (hi - lo) * r() : 0.5 * r();
+      }
+    }
+    for (int i = 0; i < m->nv; ++i) d->qvel[i] = r();
+    for (int i = 0; i < m->nu; ++i) d->ctrl[i] = 0.5 * r();
+    for (int i = 0; i < m->nq; ++i) state.qpos(w, i) = d->qpos[i];
+    for (int i = 0; i < m->nv; ++i) state.qvel(w, i) = d->qvel[i];
+    for (int i = 0; i < m->nu; ++i) state.ctrl(w, i) = d->ctrl[i];
+    mj_step(m, d);
+    rows[w] = d->nefc;
+    for (int i = 0; i < d->nefc; ++i) {
+      out.contacts += d->efc_type[i] == mjCNSTR_CONTACT_FRICTIONLESS;
+      out.limits += d->efc_type[i] == mjCNSTR_LIMIT_JOINT || d->efc_type[i] == mjCNSTR_LIMIT_TENDON;
+      out.frictions += d->efc_type[i] == mjCNSTR_FRICTION_DOF;
+    }
+    std::memcpy(&next[std::size_t(w) * m->nv], d->qvel, sizeof(double) * m->nv);
+  }
+  gsp::step(exec, model, state, sim, {.steps = 1, .solver = {.iterations = 100000, .tolerance = 1e-14f}});
+  for (int w = 0; w < worlds; ++w) {
+    double difference = 0, norm = 1;
+    for (int i = 0; i < m->nv; ++i) {
+      double const ref = next[std::size_t(w) * m->nv + i];
+      difference = std::fmax(difference, std::isfinite(state.qvel(w, i)) ? std::abs(state.qvel(w, i) - ref) : INFINITY), norm = std::fmax(norm, std::abs(ref));
+    }
+    CHECK(state.status(w) == 0);
+    if (sim.rows.count(w) != rows[w]) {  // contact lists differ: where MuJoCo's are ambiguous (tests/oracle/contacts.cpp)
+      ++out.off;
+      continue;
+    }
+    out.worst = std::fmax(out.worst, difference / norm);
+  }
+  MESSAGE(out.contacts << " contact rows, " << out.limits << " limits, " << out.frictions << " of dry friction in " << worlds << " worlds (" << out.off << " with other row counts); worst error " << out.worst);
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("humanoid: limits and frictionless contacts") {
+  auto const path = gsp_test::data("models/mujoco/humanoid/humanoid.xml");
+  if (!path) {
+    MESSAGE("skipped: models/mujoco/humanoid/humanoid.xml is missing from GSP_DATA_DIR");
+    return;
+  }
+  auto const oracle = gsp_test::load_oracle(*path);
+  auto const out = compare(oracle, gsp::compile(gsp::io::read_mjcf(*path, {.approximate = true})), 200, 0.6);
+  CHECK(out.worst <= 1e-8);
+  CHECK(out.off <= 2);
+  CHECK(out.contacts > 400);
+  CHECK(out.limits > 400);
+}
+
+TEST_CASE("dry friction, limits of hinges, balls and tendons") {
+  std::string const text = R"(<mujoco><option timestep="0.004"/><worldbody><geom type="plane" size="5 5 1"/>
+    <body pos="0 0 0.5"><freejoint/><geom type="box" size=".1 .2 .05"/>
+      <body pos=".15 0 0"><joint name="a" axis="0 1 0" range="-30 40" frictionloss=".4" damping=".1" solreflimit=".03 .8"/><geom type="capsule" size=".03 .1" pos="0 0 .1"/>
+        <body pos="0 0 .2"><joint name="b" axis="1 0 0" range="-20 20" frictionloss=".2" armature=".01" solimpfriction=".8 .9 .002"/><geom type="capsule" size=".03 .1" pos="0 0 .1"/></body></body>
+      <body pos="-.15 0 0"><joint name="c" type="ball" range="0 25" damping=".05"/><geom type="sphere" size=".06" pos="0 0 .12"/></body>
+    </body></worldbody>
+    <tendon><fixed name="t" limited="true" range="-.2 .3" frictionloss=".3"><joint joint="a" coef="1"/><joint joint="b" coef="-.7"/></fixed></tendon>
+    <actuator><position joint="a" kp="5"/></actuator></mujoco>)";
+  auto const oracle = gsp_test::load_oracle("model.xml", text);
+  auto const out = compare(oracle, gsp::compile(gsp::io::parse_mjcf(text, "model.xml", {.approximate = true})), 200, 0.15);
+  CHECK(out.worst <= 1e-8);
+  CHECK(out.off == 0);
+  CHECK(out.contacts > 100);
+  CHECK(out.limits > 100);
+  CHECK(out.frictions > 100);
+}
