@@ -57,9 +57,9 @@ inline gsp::Description sliders(int count, double mass) {
   d.option.gravity = {0, 0, 0};
   for (int i = 0; i < count; ++i) {
     gsp::BodyDescription b;
-    b.parent = 0, b.name = "b" + std::to_string(i), b.pos = {0, double(i), 0}, b.has_inertial = true;
+    b.parent = 0, b.name = std::string("b").append(std::to_string(i)), b.pos = {0, double(i), 0}, b.has_inertial = true;
     b.inertial.mass = mass, b.inertial.inertia = {0.1, 0.1, 0.1, 0, 0, 0};
-    b.joints.emplace_back().type = gsp::JointType::slide, b.joints[0].name = "j" + std::to_string(i), b.joints[0].axis = {1, 0, 0};
+    b.joints.emplace_back().type = gsp::JointType::slide, b.joints[0].name = std::string("j").append(std::to_string(i)), b.joints[0].axis = {1, 0, 0};
     d.bodies.push_back(b);
   }
   return d;
