@@ -1,0 +1,69 @@
+// A robot that carries Gaussians, in a room of Gaussians: stepped, rendered, written as a picture. With files: gsp::io::read_mjcf and read_splats instead.
+#include <cmath>
+#include <cstdio>
+#include <gsp/io/bitmap.hpp>
+#include <gsp/io/png.hpp>
+#include <gsp/model/compile.hpp>
+#include <gsp/model/samples.hpp>
+#include <gsp/splat/render.hpp>
+#include <gsp/splat/sample_room.hpp>
+#include <gsp/splat/sample_surface.hpp>
+#include <gsp/step/step.hpp>
+
+/// World to camera at `eye`, looking at `target`: rows are the camera's axes x right, y down, z forward, in a world with z up.
+void look(std::vector<float>& viewmats, gsp::Vec3<float> eye, gsp::Vec3<float> target) {
+  auto const z = gsp::normalized(target - eye), x = gsp::normalized(cross(z, {0, 0, 1})), y = cross(z, x);
+  for (auto const& axis : {x, y, z}) viewmats.insert(viewmats.end(), {axis.x, axis.y, axis.z, -dot(axis, eye)});
+  viewmats.insert(viewmats.end(), {0, 0, 0, 1});
+}
+
+int main(int argc, char** argv) {
+  Kokkos::ScopeGuard const kokkos(argc, argv);
+  Kokkos::DefaultExecutionSpace const exec;
+  int const worlds = 2, width = 480, height = 320;
+
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+
+  // a stance for world 0, a deeper one for world 1
+  auto const& stand = compiled.keyframes.at(0);
+  auto const qpos = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.qpos), ctrl = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.ctrl);
+  for (int w = 0; w < worlds; ++w) {
+    for (int i = 0; i < model.nq; ++i) qpos(w, i) = float(stand.qpos[i]);
+    for (int i = 0; i < model.nu; ++i) ctrl(w, i) = float(stand.ctrl[i]) * (i % 3 != 0 && w == 1 ? 1.4f : 1.f);
+  }
+  Kokkos::deep_copy(state.qpos, qpos), Kokkos::deep_copy(state.ctrl, ctrl);
+  gsp::step(exec, model, state, sim, {.steps = 250});
+  gsp::forward_kinematics(exec, model, state, sim.dynamics, sim.poses);  // the poses of now, not of the start of the last step
+
+  auto const room = gsp::sample_room<gsp::GaussianSet>();
+  auto const robot = gsp::sample_surface(compiled, {.world = false});  // the room has a floor of its own
+  auto const cloud = gsp::make_gaussians(exec, {room, robot});
+  std::vector<float> viewmats, Ks;
+  for (int w = 0; w < worlds; ++w) {
+    look(viewmats, {1.3f, -1.1f, 0.7f}, {0.05f, 0, 0.2f});
+    for (float k : {420.f, 0.f, width / 2.f, 0.f, 420.f, height / 2.f, 0.f, 0.f, 1.f}) Ks.push_back(k);
+  }
+  auto frames = gsp::make_frames(exec, cloud, {.images = worlds, .width = width, .height = height});
+  gsp::render(exec, cloud, sim.poses, gsp::make_cameras(exec, viewmats, Ks), frames);  // image w shows world w
+
+  auto const rgb = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, frames.rgb);
+  auto const depth = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, frames.depth);
+  gsp::io::write_png("04_splat_robot.png", gsp::io::to_bitmap8(rgb.data(), width, worlds * height, 3));  // one below the other
+
+  // the trunk of the robot, from world and camera to the picture: its depth there must be that of its surface, not of the wall behind it
+  auto const xpos = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, sim.poses.xpos);
+  bool right = true;
+  for (int w = 0; w < worlds; ++w) {
+    float p[3];
+    for (int r = 0; r < 3; ++r) p[r] = viewmats[16 * w + 4 * r + 3] + viewmats[16 * w + 4 * r] * xpos(w, 1, 0) + viewmats[16 * w + 4 * r + 1] * xpos(w, 1, 1) + viewmats[16 * w + 4 * r + 2] * xpos(w, 1, 2);
+    int const column = int(width / 2 + 420 * p[0] / p[2]), row = int(height / 2 + 420 * p[1] / p[2]);
+    float const seen = depth(w, row, column);
+    std::printf("world %d: trunk %.3f m above the floor, %.2f m from the camera; the picture's depth there is %.2f m\n", w, xpos(w, 1, 2), p[2], seen);
+    right = right && seen < p[2] && seen > p[2] - 0.25f;  // the trunk is 0.38 m long
+  }
+  std::printf("04_splat_robot.png: %zu Gaussians of the room, %zu of the robot and what lies around it\n", room.size(), robot.size());
+  return right && xpos(1, 1, 2) < xpos(0, 1, 2) - 0.02f ? 0 : 1;
+}
