@@ -185,7 +185,10 @@ inline std::string wrapped(std::string const& text, std::size_t indent, std::siz
     std::size_t const space = std::min(text.find(' ', at), text.size());
     if (at > 0) {
       bool const full = column + 1 + (space - at) > 100;
-      out += full ? "\n" + std::string(indent, ' ') : " ";
+      if (full)
+        out += '\n', out.append(indent, ' ');
+      else
+        out += ' ';
       column = full ? indent : column + 1;
     }
     out += text.substr(at, space - at), column += space - at;
