@@ -341,10 +341,10 @@ inline void add_shelf(PaintedScene& s, Point at, int seed) {  // against the wal
 
 }  // namespace detail
 
-/// The room as Gaussians in any structure with the vectors of gsp::io::SplatSet (positions, quats, scales, opacities, sh, link or body, sh_degree),
-/// appended to nothing: `Set` starts empty. Metres, z up, floor at z = 0, room 6 x 5 x 2.7 about the z axis, window in the wall y = 2.5;
-/// free of furniture within 1.2 m of the axis. SH degree 1: the first order holds the window's reflection, which moves with the eye. All
-/// Gaussians are static. Flat discs, 1.2 mm thick. The same options give the same Gaussians. Under a second at detail 1. Throws
+/// The room as Gaussians in any structure with the vectors of gsp::io::SplatSet (positions, quats, scales, opacities, sh, link or body,
+/// sh_degree), appended to nothing: `Set` starts empty. Metres, z up, floor at z = 0, room 6 x 5 x 2.7 about the z axis, window in the wall
+/// y = 2.5; free of furniture within 1.2 m of the axis. SH degree 1: the first order holds the window's reflection, which moves with the
+/// eye. All Gaussians are static. Flat discs, 1.2 mm thick. The same options give the same Gaussians. Under a second at detail 1. Throws
 /// std::invalid_argument unless 0.1 <= detail <= 10.
 template <class Set>
 Set sample_room(SampleRoomOptions options = {}) {
@@ -442,8 +442,10 @@ Set sample_room(SampleRoomOptions options = {}) {
     for (int k = 0; k < 3; ++k) set.sh.push_back(static_cast<float>((d.color[k] - 0.5) / c0));
     for (double v : {-l.y, l.z, -l.x})
       for (int k = 0; k < 3; ++k) set.sh.push_back(static_cast<float>(a[k] * v / c1));
-    if constexpr (requires { set.body; }) set.body.push_back(0);
-    else set.link.push_back(-1);
+    if constexpr (requires { set.body; })
+      set.body.push_back(0);
+    else
+      set.link.push_back(-1);
   }
   return set;
 }
