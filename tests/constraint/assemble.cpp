@@ -38,6 +38,16 @@ struct Tie : gsp::OneFreeRow {
   }
 };
 
+/// 70,000 soft rows on dof 0.
+struct Many : gsp::OneFreeRow {
+  KOKKOS_FUNCTION int count(int) const { return 70000; }
+  KOKKOS_FUNCTION gsp::RowLaw<float> law(int, int, int, float, float, float) const { return {1e6f, 0.f}; }
+  template <class Row> KOKKOS_FUNCTION float jacobian(int, int, int, Row&& J) const {
+    J.set_dof(0, 1.f);
+    return 0.f;
+  }
+};
+
 /// Element k pushes dof `dof(k)` to the velocity dof(k) + 1; its identity is the dof. Elements come and go as the list changes.
 template <class Mem> struct Movers {
   Kokkos::View<int*, Mem> dof;
@@ -243,6 +253,18 @@ TEST_CASE_TEMPLATE("a row of three trees is refused, its world alone stays", Exe
     }
   }
   CHECK(gsp::status::text(gsp::status::row_refused).find("two kinematic trees") != std::string::npos);
+}
+
+// A heap of 1,000 boxes has 120,000 rows in one world.
+TEST_CASE("a world may have more than 65,536 rows" * doctest::should_fail()) {  // it is refused as if its rows touched three trees
+  Loop<float, Kokkos::DefaultHostExecutionSpace> s(gsp::compile(sliders(1, 2)), 2);
+  s.solver.iterations = 1;
+  s.assemble(test_types::Many{});
+  s.finish();
+  CHECK(s.state.status(0) != gsp::status::row_refused);
+  s.step(1, test_types::Many{});
+  CHECK(s.rows.count(1) == 70000);
+  CHECK(s.state.status(0) == 0);
 }
 
 // Warm starts go by identity: after the order of elements, and which of them there are, have changed, every row finds its own last impulse, new ones none.
