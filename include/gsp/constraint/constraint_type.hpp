@@ -53,8 +53,8 @@ template <class R, class Mem> struct RowStructure {
     Archetype const& a = model.archetypes(model.tree_archetype(tree[s]));
     if (last[s] < 0) return {tree[s], -1, a.nv, model.tree_dof(tree[s])};
     int const* const ints = model.ints.data();
-    int const adr = ints[a.row_adr + last[s]];
-    return {tree[s], a.row_col + adr, ints[a.row_adr + last[s] + 1] - adr, model.tree_dof(tree[s])};
+    int const adr = ints[a.row_adr + last[s]], n = ints[a.row_adr + last[s] + 1] - adr;
+    return {tree[s], n == a.nv ? -1 : a.row_col + adr, n, model.tree_dof(tree[s])};  // a chain of all dofs lists them in order
   }
   KOKKOS_INLINE_FUNCTION int entries() const {
     int n = 0;

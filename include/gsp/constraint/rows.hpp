@@ -85,7 +85,7 @@ template <class R, ExecutionSpace Exec, class Mem> Rows<R, Mem> make_rows(Exec c
   make(r.z, "gsp::Rows::z", n, model.nv), make(r.residual, "gsp::Rows::residual", n), make(r.iterations, "gsp::Rows::iterations", n);
   make(r.parity, "gsp::Rows::parity"), make(r.solved, "gsp::Rows::solved"), make(r.completed, "gsp::Rows::completed"), make(r.halt, "gsp::Rows::halt"), make(r.demand, "gsp::Rows::demand", 2);
   if constexpr (!is_device<Exec>) {
-    r.thread_stride = (64 * (std::int64_t(std::min(model.nv, 128) + 3) / 4 * 4 + 8) + 128) * native_width<R>;
+    r.thread_stride = (128 * (std::int64_t(std::min(model.nv, 128) + 3) / 4 * 4 + 8) + 128) * native_width<R>;
     make(r.thread_items, "gsp::Rows::thread_items", r.thread_stride * Kokkos::DefaultHostExecutionSpace().concurrency());
   }
   std::int64_t const rows = options.rows_per_world > 0 ? options.rows_per_world : 12 * model.ntree + int(model.limited_joints.extent(0) + model.friction_dofs.extent(0));

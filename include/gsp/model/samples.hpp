@@ -43,6 +43,7 @@ inline ActuatorDescription servo(std::string joint, std::array<double, 2> const&
   a.ctrl_limited = true, a.ctrl_range = range, a.force_limited = true, a.force_range = {-strength, strength};
   return a;
 }
+inline constexpr double start_gap = 0.0005;
 inline GeomDescription floor() { return named(shape(ShapeType::plane, {0, 0, 0.05}, {0, 0, 0}, {0.35f, 0.35f, 0.38f, 1}), "floor"); }
 inline void hang_rods(Description& d, int count) {
   int parent = 0;
@@ -171,7 +172,8 @@ struct ObjectOptions {
   double radius = 0.85;  // of the ring on which they stand [m]
 };
 
-/// A floor with boxes and balls of several sizes on a ring about the origin, each a free body that touches the floor.
+/// A floor with boxes and balls of several sizes on a ring about the origin, each a free body half a millimetre above the floor: were the gap
+/// zero, rounding would decide whether there is a contact in the first step, and no two backends would agree.
 inline Description boxes_and_balls(ObjectOptions const& options = {}) {
   using namespace detail;
   Description d;
@@ -186,7 +188,7 @@ inline Description boxes_and_balls(ObjectOptions const& options = {}) {
     double const turn = 6.283185307179586 * k / count, size = 0.04 + 0.012 * (k * 7 % 5), half = 0.8 * size;
     Double3 const sizes = box ? Double3{size, 0.8 * size, half} : Double3{size, 0, 0};
     std::string const name = box ? "box" + std::to_string(boxes - 1) : "ball" + std::to_string(k - boxes);
-    int const b = add_body(d, 0, name, {options.radius * std::cos(turn), options.radius * std::sin(turn), box ? half : size});
+    int const b = add_body(d, 0, name, {options.radius * std::cos(turn), options.radius * std::sin(turn), (box ? half : size) + detail::start_gap});
     d.bodies[b].quat = {std::cos(turn), 0, 0, std::sin(turn)};
     d.bodies[b].joints = {free_joint(name)};
     d.bodies[b].geoms = {named(shape(box ? ShapeType::box : ShapeType::sphere, sizes, {0, 0, 0}, paints[k % 5]), name)};
@@ -195,7 +197,7 @@ inline Description boxes_and_balls(ObjectOptions const& options = {}) {
   return d;
 }
 
-/// The quadruped on a floor, standing among boxes and balls; keyframe "stand".
+/// The quadruped on a floor, standing among boxes and balls, all of them half a millimetre above it; keyframe "stand".
 inline Description quadruped_scene(ObjectOptions const& options = {}) {
   Description d = boxes_and_balls({0, 0, options.radius});
   d.name = "quadruped_scene";
@@ -203,6 +205,7 @@ inline Description quadruped_scene(ObjectOptions const& options = {}) {
   auto objects = boxes_and_balls(options);
   objects.bodies[0].geoms.clear();
   attach(d, objects);
+  for (auto& k : d.keyframes) k.qpos.at(2) += detail::start_gap;
   return d;
 }
 

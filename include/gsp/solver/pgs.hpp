@@ -92,7 +92,7 @@ template <class R, class Mem> struct Pgs {
 
 /// Solves for the impulses of the rows, from those that they hold (warm start).
 /// @param rows  impulses: in and out [N s, N m s];  z (world, nv): out;  residual, iterations (world): out
-/// On a CPU, worlds of at most 64 rows in models of at most 128 dofs go in lockstep, a pack at a time; larger ones, and on a GPU all, over sparse rows.
+/// On a CPU, worlds of at most 128 rows in models of at most 128 dofs go in lockstep, a pack at a time; larger ones, and on a GPU all, over sparse rows.
 /// Cost 4 entries iterations flop a world. A world's result depends on nothing but its own rows. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows, PgsOptions options = {}) {
