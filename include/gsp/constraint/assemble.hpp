@@ -32,7 +32,6 @@ template <class Head, class... Tail> struct TypeList<Head, Tail...> {
   }
 };
 
-inline constexpr std::int64_t refused_size = std::int64_t(1) << 56;  // more rows than any world has
 KOKKOS_INLINE_FUNCTION std::int64_t pack_sizes(int rows, int entries) { return (std::int64_t(rows) << 40) + entries; }
 KOKKOS_INLINE_FUNCTION int rows_of(std::int64_t sizes) { return int(sizes >> 40); }
 KOKKOS_INLINE_FUNCTION std::int64_t entries_of(std::int64_t sizes) { return sizes & ((std::int64_t(1) << 40) - 1); }
@@ -45,22 +44,24 @@ template <class R, class Mem, class Types> struct CountRows {
   Types types;
   template <class World> KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
-    std::uint32_t status = types.status(w), refused = 0;
+    std::uint32_t const status = types.status(w);
+    world.once([&] { state.status(w) = (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused)) | status; });
+    world.sync();
     std::int64_t sizes = world.template sum<std::int64_t>(types.count(w), [&](int e) {
       std::int64_t own = 0;
       types.visit(w, e, 0, [&](auto const& type, int, int k) {
         for (int r = 0, n = type.rows(w, k); r < n; ++r) {
           RowStructure<R, Mem> structure{model};
           type.jacobian(w, k, r, structure);
-          own += structure.refused ? refused_size : pack_sizes(1, structure.entries());
+          if (structure.refused) Kokkos::atomic_or(&state.status(w), std::uint32_t(status::row_refused));
+          own += pack_sizes(1, structure.entries());
         }
       });
       return own;
     });
-    if (sizes >= refused_size) sizes = 0, refused = status::row_refused;
+    world.sync();
+    if (state.status(w) & status::row_refused) sizes = 0;
     world.once([&] {
-      std::uint32_t const keep = state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused);
-      state.status(w) = keep | status | refused;
       if (status) rows.halt() = 1;  // whoever finds it writes the same
       rows.count(w) = rows_of(sizes), rows.entries(w) = entries_of(sizes);
     });
