@@ -10,14 +10,15 @@ int main(int argc, char** argv) {
   Kokkos::DefaultExecutionSpace const exec;
   double const h = 0.001, swing = 1.2;  // timestep [s], amplitude [rad]
 
-  auto const compiled = gsp::compile(gsp::samples::pendulum());                  // flat arrays on the host
-  auto const model = gsp::make_model<double>(exec, compiled, {.timestep = h});   // constant, on the device
-  auto const state = gsp::make_state(exec, model, {.worlds = 1});                // what changes
-  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = 1});         // buffers
+  auto const compiled = gsp::compile(gsp::samples::pendulum());                 // flat arrays on the host
+  auto const model = gsp::make_model<double>(exec, compiled, {.timestep = h});  // constant, on the device
+  auto const state = gsp::make_state(exec, model, {.worlds = 1});               // what changes
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = 1});        // buffers
   Kokkos::deep_copy(exec, state.qpos, swing);
 
   // I q'' = -m g d sin q;  period = 4 K(sin(swing / 2)) sqrt(I / (m g d)), K by the arithmetic-geometric mean
-  double const m = compiled.body_mass[1], d = -compiled.body_ipos[1][2], I = compiled.body_inertia[1][0] + m * d * d, w0 = std::sqrt(m * 9.81 * d / I);
+  double const m = compiled.body_mass[1], d = -compiled.body_ipos[1][2], I = compiled.body_inertia[1][0] + m * d * d,
+               w0 = std::sqrt(m * 9.81 * d / I);
   double a = 1, b = std::cos(swing / 2);
   for (int i = 0; i < 6; ++i) {
     double const mean = (a + b) / 2;
@@ -42,7 +43,8 @@ int main(int argc, char** argv) {
     spread = std::fmax(spread, std::fabs(energy(q, qvel(0, 0)) / start - 1));
   }
   double const measured = (last - first) / (crossings - 1);
-  std::printf("period %.6f s, in closed form %.6f s\nenergy stays within %.2f %% for %d swings (a first-order method: h w0 = %.2f %%)\n", measured, period, 100 * spread, crossings, 100 * h * w0);
+  std::printf("period %.6f s, in closed form %.6f s\nenergy stays within %.2f %% for %d swings (a first-order method: h w0 = %.2f %%)\n",
+              measured, period, 100 * spread, crossings, 100 * h * w0);
   // semi-implicit Euler keeps an energy that is h/2 v dV/dq away, and its period is (h w)^2 / 24 off
   return std::fabs(measured / period - 1) < h * h * w0 * w0 && spread < h * w0 ? 0 : 1;
 }

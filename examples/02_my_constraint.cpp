@@ -8,14 +8,19 @@
 using Exec = Kokkos::DefaultExecutionSpace;
 using Mem = Exec::memory_space;
 
-/// Spring and damper that pull the first degree of freedom to `rest`. The law is written once, on any number type: a dual number finds its slopes.
+/// Spring and damper that pull the first degree of freedom to `rest`. The law is written once, on any number type: a dual number finds its
+/// slopes.
 struct Tether : gsp::OneFreeRow {
   float stiffness, damping, rest;  // [N m/rad], [N m s/rad], [rad]
   gsp::State<float, Mem>::View<float**> qpos;
 
   KOKKOS_FUNCTION int count(int) const { return 1; }
-  template <class T> KOKKOS_FUNCTION T lambda(int, int, int, T x, T u) const { return -(stiffness * x + damping * u); }
-  template <class Row> KOKKOS_FUNCTION float jacobian(int world, int, int, Row&& J) const {
+  template <class T>
+  KOKKOS_FUNCTION T lambda(int, int, int, T x, T u) const {
+    return -(stiffness * x + damping * u);
+  }
+  template <class Row>
+  KOKKOS_FUNCTION float jacobian(int world, int, int, Row&& J) const {
     J.set_dof(0, 1.f);
     return qpos(world, 0) - rest;
   }
@@ -38,6 +43,7 @@ int main(int argc, char** argv) {
   double const m = compiled.body_mass[1], d = -compiled.body_ipos[1][2], I = compiled.body_inertia[1][0] + m * d * d;
   double q = rest;
   for (int i = 0; i < 20; ++i) q = rest - m * 9.81 * d * std::sin(q) / k;
-  std::printf("pulled up to %.6f rad, in closed form %.6f rad\nsteps of %.0f ms; an explicit spring would explode above %.1f ms\n", qpos(0, 0), q, 1000. * h, 2000 * std::sqrt(I / k));
+  std::printf("pulled up to %.6f rad, in closed form %.6f rad\nsteps of %.0f ms; an explicit spring would explode above %.1f ms\n",
+              qpos(0, 0), q, 1000. * h, 2000 * std::sqrt(I / k));
   return std::fabs(qpos(0, 0) - q) < 1e-6 ? 0 : 1;  // ten roundings of 1 in float
 }

@@ -1,4 +1,5 @@
-// A robot that carries Gaussians, in a room of Gaussians: stepped, rendered, written as a picture. With files: gsp::io::read_mjcf and read_splats instead.
+// A robot that carries Gaussians, in a room of Gaussians: stepped, rendered, written as a picture. With files: gsp::io::read_mjcf and
+// read_splats instead.
 #include <cmath>
 #include <cstdio>
 #include <gsp/io/bitmap.hpp>
@@ -29,7 +30,8 @@ int main(int argc, char** argv) {
 
   // a stance for world 0, a deeper one for world 1
   auto const& stand = compiled.keyframes.at(0);
-  auto const qpos = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.qpos), ctrl = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.ctrl);
+  auto const qpos = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.qpos),
+             ctrl = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.ctrl);
   for (int w = 0; w < worlds; ++w) {
     for (int i = 0; i < model.nq; ++i) qpos(w, i) = float(stand.qpos[i]);
     for (int i = 0; i < model.nu; ++i) ctrl(w, i) = float(stand.ctrl[i]) * (i % 3 != 0 && w == 1 ? 1.4f : 1.f);
@@ -58,10 +60,13 @@ int main(int argc, char** argv) {
   bool right = true;
   for (int w = 0; w < worlds; ++w) {
     float p[3];
-    for (int r = 0; r < 3; ++r) p[r] = viewmats[16 * w + 4 * r + 3] + viewmats[16 * w + 4 * r] * xpos(w, 1, 0) + viewmats[16 * w + 4 * r + 1] * xpos(w, 1, 1) + viewmats[16 * w + 4 * r + 2] * xpos(w, 1, 2);
+    for (int r = 0; r < 3; ++r)
+      p[r] = viewmats[16 * w + 4 * r + 3] + viewmats[16 * w + 4 * r] * xpos(w, 1, 0) + viewmats[16 * w + 4 * r + 1] * xpos(w, 1, 1) +
+             viewmats[16 * w + 4 * r + 2] * xpos(w, 1, 2);
     int const column = int(width / 2 + 420 * p[0] / p[2]), row = int(height / 2 + 420 * p[1] / p[2]);
     float const seen = depth(w, row, column);
-    std::printf("world %d: trunk %.3f m above the floor, %.2f m from the camera; the picture's depth there is %.2f m\n", w, xpos(w, 1, 2), p[2], seen);
+    std::printf("world %d: trunk %.3f m above the floor, %.2f m from the camera; the picture's depth there is %.2f m\n", w, xpos(w, 1, 2),
+                p[2], seen);
     right = right && seen < p[2] && seen > p[2] - 0.25f;  // the trunk is 0.38 m long
   }
   std::printf("04_splat_robot.png: %zu Gaussians of the room, %zu of the robot and what lies around it\n", room.size(), robot.size());

@@ -47,20 +47,24 @@ int main(int argc, char** argv) {
     gsp::pgs(exec, model, rows, {.iterations = 100});
     gsp::integrate(exec, model, dynamics, rows, state);
     bool const more_contacts = gsp::grow(exec, contacts), more_rows = gsp::grow(exec, rows);  // this loop asks after every step
-    if (more_contacts || more_rows) ++repeated;  // something did not fit, and nothing has moved
-    else ++t;
+    if (more_contacts || more_rows)
+      ++repeated;  // something did not fit, and nothing has moved
+    else
+      ++t;
   }
 
   auto const other = start();
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
   gsp::step(exec, model, other, sim, {.steps = steps});
 
-  auto const a = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state.qpos), b = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, other.qpos);
+  auto const a = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state.qpos),
+             b = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, other.qpos);
   double difference = 0, height = 0;
   for (int w = 0; w < worlds; ++w) {
     for (int i = 0; i < model.nq; ++i) difference = std::fmax(difference, std::fabs(double(a(w, i)) - b(w, i)));
     height += a(w, 2) / worlds;
   }
-  std::printf("%d steps of %d quadrupeds, %d of them repeated with larger pools; they stand at %.3f m; difference from gsp::step: %g\n", steps, worlds, repeated, height, difference);
+  std::printf("%d steps of %d quadrupeds, %d of them repeated with larger pools; they stand at %.3f m; difference from gsp::step: %g\n",
+              steps, worlds, repeated, height, difference);
   return difference <= 1e-6 && std::fabs(height - stand.qpos[2]) < 0.03 ? 0 : 1;
 }

@@ -1,14 +1,13 @@
 // Frames per second of whole pictures: kitchen.spz (GSP_DATA_DIR/splats), 640 x 480, RGB + expected depth + alpha, every camera different.
 //   bench_splat_render [--images N] [--batch B] [--scene FILE] [--width W --height H] [--png FOLDER]
 // Each backend that was compiled in runs; on a device as many images as fit its memory well.
+#include <filesystem>
 #include <gsp/io/colormap.hpp>
 #include <gsp/io/gaussians.hpp>
 #include <gsp/io/png.hpp>
 #include <gsp/splat/render.hpp>
-#include <support/bench.hpp>
-
-#include <filesystem>
 #include <random>
+#include <support/bench.hpp>
 
 namespace {
 

@@ -1,4 +1,5 @@
 #include <doctest/doctest.h>
+
 #include <cmath>
 #include <cstring>
 #include <gsp/constraint/joint_friction.hpp>
@@ -6,6 +7,7 @@
 #include <gsp/constraint/tendon.hpp>
 #include <gsp_test_execs.hpp>
 #include <limits>
+
 #include "constraint/loop.hpp"
 #include "support/kokkos_tools.hpp"
 
@@ -16,12 +18,17 @@ using gsp_test::sliders;
 namespace test_types {
 
 /// Spring and damper on dof 0, with a cubic part.
-template <class Mem> struct Spring : gsp::OneFreeRow {
+template <class Mem>
+struct Spring : gsp::OneFreeRow {
   double linear, cubic, damping;
   typename gsp::State<double, Mem>::template View<double**> qpos;
   KOKKOS_FUNCTION int count(int) const { return 1; }
-  template <class T> KOKKOS_FUNCTION T lambda(int, int, int, T x, T u) const { return -(linear * x + cubic * x * x * x + damping * u); }
-  template <class Row> KOKKOS_FUNCTION double jacobian(int world, int, int, Row&& J) const {
+  template <class T>
+  KOKKOS_FUNCTION T lambda(int, int, int, T x, T u) const {
+    return -(linear * x + cubic * x * x * x + damping * u);
+  }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int world, int, int, Row&& J) const {
     J.set_dof(0, 1.);
     return qpos(world, 0);
   }
@@ -31,7 +38,8 @@ template <class Mem> struct Spring : gsp::OneFreeRow {
 struct Tie : gsp::OneFreeRow {
   KOKKOS_FUNCTION int count(int) const { return 1; }
   KOKKOS_FUNCTION gsp::RowLaw<float> law(int, int, int, float, float, float) const { return {0.f, 0.f}; }
-  template <class Row> KOKKOS_FUNCTION float jacobian(int world, int, int, Row&& J) const {
+  template <class Row>
+  KOKKOS_FUNCTION float jacobian(int world, int, int, Row&& J) const {
     J.set_dof(0, 1.f), J.set_dof(1, 1.f);
     if (world % 2) J.set_dof(2, 1.f);
     return 0.f;
@@ -42,32 +50,38 @@ struct Tie : gsp::OneFreeRow {
 struct Many : gsp::OneFreeRow {
   KOKKOS_FUNCTION int count(int) const { return 70000; }
   KOKKOS_FUNCTION gsp::RowLaw<float> law(int, int, int, float, float, float) const { return {1e6f, 0.f}; }
-  template <class Row> KOKKOS_FUNCTION float jacobian(int, int, int, Row&& J) const {
+  template <class Row>
+  KOKKOS_FUNCTION float jacobian(int, int, int, Row&& J) const {
     J.set_dof(0, 1.f);
     return 0.f;
   }
 };
 
 /// Element k pushes dof `dof(k)` to the velocity dof(k) + 1; its identity is the dof. Elements come and go as the list changes.
-template <class Mem> struct Movers {
+template <class Mem>
+struct Movers {
   Kokkos::View<int*, Mem> dof;
   int n;
   bool minor;  // identity in the minor part, which need not be sorted
   KOKKOS_FUNCTION int count(int) const { return n; }
   KOKKOS_FUNCTION int rows(int, int) const { return 2; }
-  template <class Row> KOKKOS_FUNCTION double jacobian(int, int k, int row, Row&& J) const {
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int, int k, int row, Row&& J) const {
     J.set_dof(dof(k), row + 1.);
     return 0;
   }
   KOKKOS_FUNCTION gsp::RowLaw<double> law(int, int k, int row, double, double, double) const { return {0.1 + row, dof(k) + 1.}; }
   KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int, int, int) const { return {-1e9, 1e9}; }
-  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return minor ? gsp::RowId{0, std::uint32_t(dof(k))} : gsp::RowId{std::uint32_t(dof(k)), 0}; }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const {
+    return minor ? gsp::RowId{0, std::uint32_t(dof(k))} : gsp::RowId{std::uint32_t(dof(k)), 0};
+  }
 };
 
 }  // namespace test_types
 
 namespace {
-/// MuJoCo's documentation, "Solver parameters": impedance d(r) for power 2 and midpoint 1/2, stiffness and damping of aref = -b u - k d r, R = (1 - d)/d diag.
+/// MuJoCo's documentation, "Solver parameters": impedance d(r) for power 2 and midpoint 1/2, stiffness and damping of aref = -b u - k d r,
+/// R = (1 - d)/d diag.
 struct Soft {
   double imp, K, B;
   explicit Soft(double r, gsp::SoftnessDescription const& s = {}) {
@@ -89,14 +103,16 @@ double rest(double f, double diag) {
 }
 }  // namespace
 
-// At rest at a limit: upper end, lower end, and with a margin, in both profiles. Convergence: damping 20 over 2 kg for 4 s leaves e^-40; double.
+// At rest at a limit: upper end, lower end, and with a margin, in both profiles. Convergence: damping 20 over 2 kg for 4 s leaves e^-40;
+// double.
 TEST_CASE_TEMPLATE("a joint rests at its soft limit where MuJoCo's law says", Exec, GSP_TEST_EXECS) {
   double const force = 3;
   for (double margin : {0., 0.01})
     for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
       auto d = sliders(2, 2);
       for (auto& b : d.bodies)
-        if (!b.joints.empty()) b.joints[0].limited = true, b.joints[0].range = {-0.1, 0.2}, b.joints[0].margin = margin, b.joints[0].damping = 20;
+        if (!b.joints.empty())
+          b.joints[0].limited = true, b.joints[0].range = {-0.1, 0.2}, b.joints[0].margin = margin, b.joints[0].damping = 20;
       Loop<double, Exec> s(gsp::compile(d), 2, {.profile = profile});
       s.push(1, {force, -force});
       s.step(2000, gsp::JointLimits(s.model, s.state));
@@ -139,7 +155,8 @@ TEST_CASE_TEMPLATE("limit of a ball joint", Exec, GSP_TEST_EXECS) {
   double const I = 0.1, angle = 0.9, h = 0.002;
   Loop<double, Exec> s(gsp::compile(d), 3);
   double const axis[3] = {2. / 3, -1. / 3, 2. / 3}, v[3] = {0.3, -0.2, 0.5}, sine = std::sin(angle / 2);
-  s.set(2, {-std::cos(angle / 2), -sine * axis[0], -sine * axis[1], -sine * axis[2]}, {v[0], v[1], v[2]});  // the other sign of the quaternion is the same rotation
+  s.set(2, {-std::cos(angle / 2), -sine * axis[0], -sine * axis[1], -sine * axis[2]},
+        {v[0], v[1], v[2]});  // the other sign of the quaternion is the same rotation
   s.step(1, gsp::JointLimits(s.model, s.state));
   auto const v2 = gsp_test::host(s.state.qvel);
   double u = 0, after = 0;
@@ -150,7 +167,8 @@ TEST_CASE_TEMPLATE("limit of a ball joint", Exec, GSP_TEST_EXECS) {
   CHECK(after > u);
 }
 
-// Friction loss F: below F a joint sticks exactly (stable) or creeps at v = R f / B (mujoco); above it slips with (f - F) / m; a moving joint is stopped.
+// Friction loss F: below F a joint sticks exactly (stable) or creeps at v = R f / B (mujoco); above it slips with (f - F) / m; a moving
+// joint is stopped.
 TEST_CASE_TEMPLATE("dry friction sticks and slips at its force", Exec, GSP_TEST_EXECS) {
   double const F = 5, m = 2, h = 0.002;
   auto d = sliders(1, m);
@@ -199,7 +217,8 @@ TEST_CASE_TEMPLATE("tendon: limit and dry friction", Exec, GSP_TEST_EXECS) {
     t.frictionloss = force;
     d.tendons = {t};
     Loop<double, Exec> s(gsp::compile(d), 3);
-    s.push(0, {0.99 * force, -1.98 * force}), s.push(1, {1.5 * force, -3 * force}), s.push(2, {2, 1});  // 2: across the tendon, which does not resist
+    s.push(0, {0.99 * force, -1.98 * force}), s.push(1, {1.5 * force, -3 * force}),
+        s.push(2, {2, 1});  // 2: across the tendon, which does not resist
     s.step(100, gsp::TendonFriction(s.model));
     auto const v = gsp_test::host(s.state.qvel);
     CHECK(std::abs(v(0, 0)) < 1e-12);
@@ -210,7 +229,8 @@ TEST_CASE_TEMPLATE("tendon: limit and dry friction", Exec, GSP_TEST_EXECS) {
   }
 }
 
-// A law on dual numbers. Linear: the implicit Euler step m (v+ - v) = h (f - k (x + h v+) - d v+). Cubic: linear at the predicted gap x + h v.
+// A law on dual numbers. Linear: the implicit Euler step m (v+ - v) = h (f - k (x + h v+) - d v+). Cubic: linear at the predicted gap x + h
+// v.
 TEST_CASE_TEMPLATE("a spring as a law gives the implicit Euler step", Exec, GSP_TEST_EXECS) {
   using Mem = typename Exec::memory_space;
   double const m = 2, h = 0.002, f = 11;
@@ -267,7 +287,8 @@ TEST_CASE("a world may have more than 65,536 rows") {
   CHECK(s.state.status(0) == 0);
 }
 
-// Warm starts go by identity: after the order of elements, and which of them there are, have changed, every row finds its own last impulse, new ones none.
+// Warm starts go by identity: after the order of elements, and which of them there are, have changed, every row finds its own last impulse,
+// new ones none.
 TEST_CASE_TEMPLATE("impulses are found again after the order of elements changes", Exec, GSP_TEST_EXECS) {
   using Mem = typename Exec::memory_space;
   for (bool minor : {false, true}) {
@@ -280,7 +301,8 @@ TEST_CASE_TEMPLATE("impulses are found again after the order of elements changes
       for (int i = 0; i < movers.n; ++i) h(i) = dofs[i];
       Kokkos::deep_copy(movers.dof, h);
     };
-    std::vector<int> const before = minor ? std::vector{4, 1, 3, 0} : std::vector{0, 1, 3, 4}, after = minor ? std::vector{3, 5, 0, 4, 2} : std::vector{0, 2, 3, 4, 5};
+    std::vector<int> const before = minor ? std::vector{4, 1, 3, 0} : std::vector{0, 1, 3, 4},
+                           after = minor ? std::vector{3, 5, 0, 4, 2} : std::vector{0, 2, 3, 4, 5};
     std::vector<double> last(2 * 6, 0.);
     list(before);
     s.step(1, movers);

@@ -4,11 +4,13 @@
 #include <gsp/dynamics/integrate.hpp>
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp/solver/pgs.hpp>
+
 #include "dynamics/random_tree.hpp"
 
 namespace gsp_test {
 
-template <class R, class Exec> struct Loop {
+template <class R, class Exec>
+struct Loop {
   using Mem = typename Exec::memory_space;
   Exec exec;
   gsp::Model<R, Mem> model;
@@ -19,10 +21,15 @@ template <class R, class Exec> struct Loop {
   gsp::PgsOptions solver{.iterations = 1000, .tolerance = 0};
 
   Loop(gsp::CompiledModel const& c, int worlds, gsp::ModelOptions options = {}, Exec const& on = Exec{})
-      : exec(on), model(gsp::make_model<R>(exec, c, options)), state(gsp::make_state(exec, model, {.worlds = worlds})), dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})),
-        poses(gsp::make_poses(exec, model, {.worlds = worlds})), rows(gsp::make_rows(exec, model, {.worlds = worlds})) {}
+      : exec(on),
+        model(gsp::make_model<R>(exec, c, options)),
+        state(gsp::make_state(exec, model, {.worlds = worlds})),
+        dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})),
+        poses(gsp::make_poses(exec, model, {.worlds = worlds})),
+        rows(gsp::make_rows(exec, model, {.worlds = worlds})) {}
 
-  template <class... Types> void assemble(Types const&... types) {
+  template <class... Types>
+  void assemble(Types const&... types) {
     gsp::smooth_dynamics(exec, model, state, dynamics, poses);
     gsp::assemble(exec, model, state, dynamics, rows, types...);
   }
@@ -32,7 +39,8 @@ template <class R, class Exec> struct Loop {
     gsp::integrate(exec, model, dynamics, rows, state);
     return gsp::grow(exec, rows);
   }
-  template <class... Types> void step(int n, Types const&... types) {
+  template <class... Types>
+  void step(int n, Types const&... types) {
     for (int i = 0; i < n;) {
       assemble(types...);
       if (!finish()) ++i;
@@ -59,7 +67,8 @@ inline gsp::Description sliders(int count, double mass) {
     gsp::BodyDescription b;
     b.parent = 0, b.name = std::string("b").append(std::to_string(i)), b.pos = {0, double(i), 0}, b.has_inertial = true;
     b.inertial.mass = mass, b.inertial.inertia = {0.1, 0.1, 0.1, 0, 0, 0};
-    b.joints.emplace_back().type = gsp::JointType::slide, b.joints[0].name = std::string("j").append(std::to_string(i)), b.joints[0].axis = {1, 0, 0};
+    b.joints.emplace_back().type = gsp::JointType::slide, b.joints[0].name = std::string("j").append(std::to_string(i)),
+    b.joints[0].axis = {1, 0, 0};
     d.bodies.push_back(b);
   }
   return d;

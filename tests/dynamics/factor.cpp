@@ -1,6 +1,8 @@
 #include <doctest/doctest.h>
+
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp_test_execs.hpp>
+
 #include "dynamics/random_tree.hpp"
 
 // L^T D L = M (+ implicit terms): M times the solved acceleration gives back the force. Tolerance: the residual of a backward stable solve,
@@ -18,7 +20,8 @@ TEST_CASE_TEMPLATE("factor and solve give back the force", Exec, GSP_TEST_EXECS)
     gsp_test::randomise(compiled, state);
     gsp::smooth_dynamics(exec, model, state, dynamics, poses, {.keep_all = true});
     Kokkos::View<R***, Kokkos::LayoutRight, typename Exec::memory_space> M("M", worlds, model.nv, model.nv);
-    Kokkos::View<R**, Kokkos::LayoutRight, typename Exec::memory_space> force("force", worlds, model.nv), acceleration("acceleration", worlds, model.nv);
+    Kokkos::View<R**, Kokkos::LayoutRight, typename Exec::memory_space> force("force", worlds, model.nv),
+        acceleration("acceleration", worlds, model.nv);
     gsp::dense_mass_matrix(exec, model, dynamics, M);
     gsp::copy_dofs(exec, model, dynamics, &gsp::DynamicsLayout::force, force);
     gsp::copy_dofs(exec, model, dynamics, &gsp::DynamicsLayout::acceleration, acceleration);

@@ -1,14 +1,17 @@
 #include <doctest/doctest.h>
+
 #include <cmath>
 #include <cstring>
 #include <gsp/dynamics/integrate.hpp>
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp_test_execs.hpp>
 #include <limits>
+
 #include "dynamics/random_tree.hpp"
 
 namespace {
-template <class R, class Exec> struct Worlds {
+template <class R, class Exec>
+struct Worlds {
   using Mem = typename Exec::memory_space;
   Exec exec;
   gsp::Model<R, Mem> model;
@@ -16,7 +19,9 @@ template <class R, class Exec> struct Worlds {
   gsp::Dynamics<R, Mem> dynamics;
   gsp::Poses<R, Mem> poses;
   Worlds(gsp::CompiledModel const& c, int worlds, gsp::ModelOptions options)
-      : model(gsp::make_model<R>(exec, c, options)), state(gsp::make_state(exec, model, {.worlds = worlds})), dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})),
+      : model(gsp::make_model<R>(exec, c, options)),
+        state(gsp::make_state(exec, model, {.worlds = worlds})),
+        dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})),
         poses(gsp::make_poses(exec, model, {.worlds = worlds})) {}
   void step(int n) {
     for (int i = 0; i < n; ++i) gsp::smooth_dynamics(exec, model, state, dynamics, poses), gsp::integrate(exec, model, dynamics, state);
@@ -38,7 +43,8 @@ gsp::Description lone(gsp::JointType type) {
   d.option.gravity = {0, 0, 0};
   gsp::BodyDescription b;
   b.parent = 0, b.name = "body", b.has_inertial = true;
-  b.inertial.mass = 2, b.inertial.pos = {0.1, -0.2, 0.05}, b.inertial.inertia = {0.3, 0.2, 0.12, 0, 0, 0}, b.inertial.quat = {0.8, 0.6, 0, 0};
+  b.inertial.mass = 2, b.inertial.pos = {0.1, -0.2, 0.05}, b.inertial.inertia = {0.3, 0.2, 0.12, 0, 0, 0},
+  b.inertial.quat = {0.8, 0.6, 0, 0};
   b.joints.emplace_back().type = type, b.joints[0].name = "joint", b.joints[0].axis = {1, 0, 0};
   d.bodies.push_back(b);
   return d;
@@ -58,7 +64,8 @@ void momentum(gsp::CompiledModel const& c, double const* q, double const* v, dou
 }  // namespace
 
 // Profile stable, no forces: both are constant whatever the step (here 20 ms at 9 rad/s).
-// A step is some 100 roundings of numbers below 10: 1,000 steps, 1e-10. Euler with explicit gyroscopic forces (profile mujoco) is off by O(h).
+// A step is some 100 roundings of numbers below 10: 1,000 steps, 1e-10. Euler with explicit gyroscopic forces (profile mujoco) is off by
+// O(h).
 TEST_CASE("a thrown body keeps its momentum and angular momentum") {
   auto const c = gsp::compile(lone(gsp::JointType::free));
   for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
@@ -71,8 +78,10 @@ TEST_CASE("a thrown body keeps its momentum and angular momentum") {
     auto const q2 = gsp_test::host(s.state.qpos), v2 = gsp_test::host(s.state.qvel);
     momentum(c, &q2(1, 0), &v2(1, 0), end);
     for (int k = 0; k < 3; ++k) off = std::fmax(off, std::abs(end[k] - start[k]));
-    if (profile == gsp::Profile::stable) CHECK(off < 1e-10);
-    else CHECK(off > 1e-6);
+    if (profile == gsp::Profile::stable)
+      CHECK(off < 1e-10);
+    else
+      CHECK(off > 1e-6);
   }
 }
 

@@ -1,5 +1,6 @@
 #pragma once
-// A model with every joint type, two trees of one archetype and one of another, from a fixed pseudo-random stream; and host copies of views.
+// A model with every joint type, two trees of one archetype and one of another, from a fixed pseudo-random stream; and host copies of
+// views.
 #include <cmath>
 #include <cstdint>
 #include <gsp/model/compile.hpp>
@@ -23,7 +24,8 @@ inline gsp::Double4 random_quat(Random& r) {
   return q;
 }
 
-/// Trees of `bodies` bodies each; the first joint of tree t is types[t], later ones hinge, slide, ball in turn, two hinges on every fourth body.
+/// Trees of `bodies` bodies each; the first joint of tree t is types[t], later ones hinge, slide, ball in turn, two hinges on every fourth
+/// body.
 inline gsp::Description random_model(std::vector<gsp::JointType> const& types, int bodies, std::uint64_t seed = 1) {
   gsp::Description d;
   for (int t = 0; t < int(types.size()); ++t) {
@@ -45,9 +47,13 @@ inline gsp::Description random_model(std::vector<gsp::JointType> const& types, i
       for (int j = 0, n = b % 4 == 3 ? 2 : 1; j < n; ++j) {
         gsp::JointDescription joint;
         joint.name = body.name + "j" + std::to_string(j);
-        joint.type = b == 0 ? types[t] : n == 2 || b % 3 == 1 ? gsp::JointType::hinge : b % 3 == 2 ? gsp::JointType::slide : gsp::JointType::ball;
+        joint.type = b == 0                 ? types[t]
+                     : n == 2 || b % 3 == 1 ? gsp::JointType::hinge
+                     : b % 3 == 2           ? gsp::JointType::slide
+                                            : gsp::JointType::ball;
         if (joint.type != gsp::JointType::free) joint.pos = {0.2 * r(), 0.2 * r(), 0.2 * r()}, joint.axis = {r(), r(), r() + 1.5};
-        joint.damping = 0.5 + 0.5 * r(), joint.armature = 0.05 + 0.05 * r(), joint.stiffness = joint.type == gsp::JointType::free ? 0 : 3 + r();
+        joint.damping = 0.5 + 0.5 * r(), joint.armature = 0.05 + 0.05 * r(),
+        joint.stiffness = joint.type == gsp::JointType::free ? 0 : 3 + r();
         body.joints.push_back(joint);
       }
       d.bodies.push_back(body);
@@ -57,16 +63,21 @@ inline gsp::Description random_model(std::vector<gsp::JointType> const& types, i
 }
 
 /// The view as the host reads it: itself where it already can.
-template <class View> auto host(View const& v) { return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, v); }
+template <class View>
+auto host(View const& v) {
+  return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, v);
+}
 /// What it holds now, whatever happens to it later.
-template <class View> auto snapshot(View const& v) {
+template <class View>
+auto snapshot(View const& v) {
   auto const copy = Kokkos::create_mirror(Kokkos::HostSpace{}, v);
   Kokkos::deep_copy(copy, v);
   return copy;
 }
 
 /// Random positions (unit quaternions) and velocities in every world.
-template <class State> void randomise(gsp::CompiledModel const& m, State const& s, std::uint64_t seed = 3) {
+template <class State>
+void randomise(gsp::CompiledModel const& m, State const& s, std::uint64_t seed = 3) {
   Random r{seed * 1234567};
   auto const qpos = host(s.qpos), qvel = host(s.qvel);
   for (int w = 0; w < s.worlds; ++w) {

@@ -1,9 +1,11 @@
 #include <doctest/doctest.h>
+
 #include <algorithm>
 #include <cstring>
 #include <gsp/dynamics/integrate.hpp>
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp_test_execs.hpp>
+
 #include "dynamics/random_tree.hpp"
 #include "reference/rigid_bodies.hpp"
 #include "support/kokkos_tools.hpp"
@@ -28,7 +30,8 @@ gsp::CompiledModel model_of(std::uint64_t seed = 1) {
   return gsp::compile(d);
 }
 
-template <class R, class Exec> struct Set {
+template <class R, class Exec>
+struct Set {
   using Mem = typename Exec::memory_space;
   Exec exec;
   gsp::Model<R, Mem> model;
@@ -36,8 +39,10 @@ template <class R, class Exec> struct Set {
   gsp::Dynamics<R, Mem> dynamics;
   gsp::Poses<R, Mem> poses;
   Set(gsp::CompiledModel const& c, int worlds, gsp::Profile profile = gsp::Profile::mujoco, std::uint64_t seed = 3)
-      : model(gsp::make_model<R>(exec, c, {.profile = profile})), state(gsp::make_state(exec, model, {.worlds = worlds})),
-        dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})), poses(gsp::make_poses(exec, model, {.worlds = worlds})) {
+      : model(gsp::make_model<R>(exec, c, {.profile = profile})),
+        state(gsp::make_state(exec, model, {.worlds = worlds})),
+        dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})),
+        poses(gsp::make_poses(exec, model, {.worlds = worlds})) {
     gsp_test::randomise(c, state, seed);
     auto const ctrl = gsp_test::host(state.ctrl);
     for (int w = 0; w < worlds; ++w)
@@ -79,17 +84,22 @@ template <class R, class Exec> struct Set {
   }
 };
 
-template <class R> bool same_bits(std::vector<R> const& a, std::vector<R> const& b) { return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(R)) == 0; }
+template <class R>
+bool same_bits(std::vector<R> const& a, std::vector<R> const& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(R)) == 0;
+}
 }  // namespace
 
 // Numbers of worlds around the width of a pack and of a warp: padding lanes must neither be seen nor disturb others.
-// Tolerances: kinematics 8 links of 100 roundings each; M sums 10^3 products below 10; bias: what its reference is good for, times |bias| < 10^3.
+// Tolerances: kinematics 8 links of 100 roundings each; M sums 10^3 products below 10; bias: what its reference is good for, times |bias| <
+// 10^3.
 TEST_CASE_TEMPLATE("poses, mass matrix and forces are those of the plain reference", Exec, GSP_TEST_EXECS) {
   auto const c = model_of();
   for (int worlds : {1, 3, 15, 16, 17, 40}) {
     Set<double, Exec> s(c, worlds);
     s.smooth();
-    auto const M = s.mass(), bias = s.dofs(&gsp::DynamicsLayout::bias), passive = s.dofs(&gsp::DynamicsLayout::passive), actuator = s.dofs(&gsp::DynamicsLayout::actuator);
+    auto const M = s.mass(), bias = s.dofs(&gsp::DynamicsLayout::bias), passive = s.dofs(&gsp::DynamicsLayout::passive),
+               actuator = s.dofs(&gsp::DynamicsLayout::actuator);
     auto const xpos = gsp_test::host(s.poses.xpos), xquat = gsp_test::host(s.poses.xquat);
     auto const qpos = gsp_test::host(s.state.qpos), qvel = gsp_test::host(s.state.qvel), ctrl = gsp_test::host(s.state.ctrl);
     double pose = 0, mass = 0, forces = 0, springs = 0, servos = 0;
@@ -112,7 +122,8 @@ TEST_CASE_TEMPLATE("poses, mass matrix and forces are those of the plain referen
       for (int j = 0; j < c.njnt; ++j) {
         int const a = c.jnt_qposadr[j], d = c.jnt_dofadr[j];
         auto const type = JointType(c.jnt_type[j]);
-        if (type == JointType::hinge || type == JointType::slide) passive_ref[d] = -c.jnt_stiffness[j] * (q[a] - c.qpos_spring[a]) - c.dof_damping[d] * v[d];
+        if (type == JointType::hinge || type == JointType::slide)
+          passive_ref[d] = -c.jnt_stiffness[j] * (q[a] - c.qpos_spring[a]) - c.dof_damping[d] * v[d];
         else {
           for (int k = 0, n = type == JointType::free ? 6 : 3; k < n; ++k) passive_ref[d + k] = -c.dof_damping[d + k] * v[d + k];
           if (type == JointType::ball) {  // at rest at the identity: -k times the rotation vector, 2 acos(w) about the axis
@@ -127,11 +138,13 @@ TEST_CASE_TEMPLATE("poses, mass matrix and forces are those of the plain referen
         actuator_ref[c.jnt_dofadr[j]] = k % 2 ? std::clamp(force, -4., 4.) : force;
       }
       double length = 0, rate = 0;
-      for (int e = 0; e < 2; ++e) length += c.term_coef[e] * q[c.jnt_qposadr[c.term_jnt[e]]], rate += c.term_coef[e] * v[c.jnt_dofadr[c.term_jnt[e]]];
+      for (int e = 0; e < 2; ++e)
+        length += c.term_coef[e] * q[c.jnt_qposadr[c.term_jnt[e]]], rate += c.term_coef[e] * v[c.jnt_dofadr[c.term_jnt[e]]];
       double const pull = -5 * (length > 0.1 ? length - 0.1 : length < -0.1 ? length + 0.1 : 0) - 0.4 * rate;
       for (int e = 0; e < 2; ++e) passive_ref[c.jnt_dofadr[c.term_jnt[e]]] += c.term_coef[e] * pull;
       for (std::size_t i = 0; i < nv; ++i)
-        springs = std::fmax(springs, std::abs(passive[w * nv + i] - passive_ref[i])), servos = std::fmax(servos, std::abs(actuator[w * nv + i] - actuator_ref[i]));
+        springs = std::fmax(springs, std::abs(passive[w * nv + i] - passive_ref[i])),
+        servos = std::fmax(servos, std::abs(actuator[w * nv + i] - actuator_ref[i]));
     }
     CAPTURE(worlds);
     CHECK(pose < 1e-13);
@@ -142,15 +155,16 @@ TEST_CASE_TEMPLATE("poses, mass matrix and forces are those of the plain referen
   }
 }
 
-// Contraction to fused multiply-adds is explicit in the sources and switched off in host compilers that follow the standard, so bits agree there;
-// nvcc contracts as it likes, kernel by kernel: on a GPU 1e-4 relative, a thousand roundings.
+// Contraction to fused multiply-adds is explicit in the sources and switched off in host compilers that follow the standard, so bits agree
+// there; nvcc contracts as it likes, kernel by kernel: on a GPU 1e-4 relative, a thousand roundings.
 TEST_CASE_TEMPLATE("the fused kernel gives the numbers of the single functions", Exec, GSP_TEST_EXECS) {
   auto const c = model_of();
   for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
     Set<float, Exec> a(c, 21, profile), b(c, 21, profile);
     a.smooth(), b.composed();
     auto const x = a.all(), y = b.all();
-    if constexpr (!gsp::is_device<Exec>) CHECK(same_bits(x, y));
+    if constexpr (!gsp::is_device<Exec>)
+      CHECK(same_bits(x, y));
     else
       for (std::size_t i = 0; i < x.size(); ++i) REQUIRE(std::abs(x[i] - y[i]) < 1e-4 * std::max(1.f, std::abs(x[i])));
   }
@@ -166,15 +180,16 @@ TEST_CASE("Serial and OpenMP give the same bits") {
 }
 #endif
 
-// One program, three widths: on the CPU the same stage runs over single numbers. Packs have their own sin and cos (2 ulp), so not the same bits;
-// conditioning of the accelerations below 10^3.
+// One program, three widths: on the CPU the same stage runs over single numbers. Packs have their own sin and cos (2 ulp), so not the same
+// bits; conditioning of the accelerations below 10^3.
 TEST_CASE("packs and single numbers agree") {
   using Exec = Kokkos::DefaultHostExecutionSpace;
   auto const c = model_of();
   Set<double, Exec> a(c, 19), b(c, 19);
   a.smooth();
   using Stage = gsp::detail::SmoothStage<decltype(b.state), decltype(b.poses)>;
-  gsp::for_lanes<double>("gsp::test::single_numbers", b.exec, b.model, b.dynamics, Stage{b.state, b.poses, {.keep_all = true, .joint_poses = true}, true});
+  gsp::for_lanes<double>("gsp::test::single_numbers", b.exec, b.model, b.dynamics,
+                         Stage{b.state, b.poses, {.keep_all = true, .joint_poses = true}, true});
   auto const x = a.all(), y = b.all();
   double worst = 0;
   for (std::size_t i = 0; i < x.size(); ++i) worst = std::fmax(worst, std::abs(x[i] - y[i]) / std::fmax(1, std::abs(y[i])));
@@ -200,7 +215,8 @@ TEST_CASE_TEMPLATE("each world can have constants of its own", Exec, GSP_TEST_EX
   auto const mass = [&](int w, int b) { return c.body_mass[b] * (1 + 0.1 * w); };
   auto const damping = [&](int w, int i) { return c.dof_damping[i] + 0.02 * w; };
   auto const gravity = [&](int w, int k) { return k == 2 ? -9.81 + 0.3 * w : 0.1 * w; };
-  auto const m = spread(s.model.body_mass, c.nbody, mass), b = spread(s.model.dof_damping, c.nv, damping), g = spread(s.model.gravity, 3, gravity);
+  auto const m = spread(s.model.body_mass, c.nbody, mass), b = spread(s.model.dof_damping, c.nv, damping),
+             g = spread(s.model.gravity, 3, gravity);
   s.smooth();
   auto const velocity = s.dofs(&gsp::DynamicsLayout::velocity);
   for (int w : {0, 1, 16}) {
@@ -219,5 +235,6 @@ TEST_CASE_TEMPLATE("the stages neither allocate nor fence", Exec, GSP_TEST_EXECS
   auto const c = model_of();
   Set<float, Exec> s(c, 5);
   s.exec.fence();
-  gsp_test::check_algorithm(s.exec, gsp_test::watch([&] { s.smooth(), s.composed(), gsp::integrate(s.exec, s.model, s.dynamics, s.state); }));
+  gsp_test::check_algorithm(s.exec,
+                            gsp_test::watch([&] { s.smooth(), s.composed(), gsp::integrate(s.exec, s.model, s.dynamics, s.state); }));
 }

@@ -1,12 +1,14 @@
-#include <cmath>
 #include <doctest/doctest.h>
+
+#include <cmath>
 #include <gsp/math/dual.hpp>
 
 namespace {
 using D = gsp::Dual<double, 2>;
 
 /// Uses every operation that a dual number has; valid for x, y > 0.
-template <class T> T everything(T x, T y) {
+template <class T>
+T everything(T x, T y) {
   using gsp::abs, gsp::cos, gsp::exp, gsp::log, gsp::max, gsp::min, gsp::select, gsp::sin, gsp::sqrt;
   T const a = x * y - y / x + 2 * x - y * 0.5 + 1 - x / 3 + 2 / y - (1 - x) + (3 + y);
   T const b = sqrt(x + y) * exp(-x) + log(y) * sin(x) - cos(x * y);
@@ -14,7 +16,8 @@ template <class T> T everything(T x, T y) {
 }
 }  // namespace
 
-// Central differences of step s have the error s^2 |f'''| / 6 + eps |f| / s: with s = 1e-5, |f| < 100 and |f'''| < 300 (6 y / x^4 is the most), below 5e-9 + 3e-9.
+// Central differences of step s have the error s^2 |f'''| / 6 + eps |f| / s: with s = 1e-5, |f| < 100 and |f'''| < 300 (6 y / x^4 is the
+// most), below 5e-9 + 3e-9.
 TEST_CASE("slopes of duals are those of central differences") {
   double const s = 1e-5;
   for (int i = 0; i < 50; ++i) {

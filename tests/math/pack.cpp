@@ -1,5 +1,6 @@
-#include <cmath>
 #include <doctest/doctest.h>
+
+#include <cmath>
 #include <gsp/math/pack.hpp>
 #include <gsp/math/quat.hpp>
 #include <limits>

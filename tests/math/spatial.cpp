@@ -1,6 +1,8 @@
-#include <cmath>
 #include <doctest/doctest.h>
+
+#include <cmath>
 #include <gsp/math/spatial.hpp>
+
 #include "dynamics/random_tree.hpp"
 
 // A rigid body as a heap of points: momentum, kinetic energy and power by sums over the points are another route to the same numbers.
@@ -18,9 +20,12 @@ struct Heap {
   double const half[3] = {0.3, 0.5, 0.2};
   // eight equal masses at the corners of a box: its principal moments are m (b^2 + c^2) ...
   double mass = 1.7;
-  V principal{mass * (half[1] * half[1] + half[2] * half[2]), mass * (half[2] * half[2] + half[0] * half[0]), mass * (half[0] * half[0] + half[1] * half[1])};
-  template <class F> void each(F const& f) const {
-    for (int i = 0; i < 8; ++i) f(mass / 8, center + rotate(q, V{i & 1 ? half[0] : -half[0], i & 2 ? half[1] : -half[1], i & 4 ? half[2] : -half[2]}));
+  V principal{mass * (half[1] * half[1] + half[2] * half[2]), mass*(half[2] * half[2] + half[0] * half[0]),
+              mass*(half[0] * half[0] + half[1] * half[1])};
+  template <class F>
+  void each(F const& f) const {
+    for (int i = 0; i < 8; ++i)
+      f(mass / 8, center + rotate(q, V{i & 1 ? half[0] : -half[0], i & 2 ? half[1] : -half[1], i & 4 ? half[2] : -half[2]}));
   }
 };
 void same(V const& a, V const& b) {
@@ -56,7 +61,8 @@ TEST_CASE("inertias add as their bodies do") {
   same((sum * v).linear, linear);
 }
 
-// v x m is the rate of a motion vector that v carries along; v x* f keeps the power f . m of what both carry: (v x* f) . m + f . (v x m) = 0.
+// v x m is the rate of a motion vector that v carries along; v x* f keeps the power f . m of what both carry: (v x* f) . m + f . (v x m) =
+// 0.
 TEST_CASE("cross products of motions and forces") {
   gsp_test::Random r;
   for (int i = 0; i < 20; ++i) {
@@ -67,7 +73,8 @@ TEST_CASE("cross products of motions and forces") {
     auto const carried = [&](double t) {
       auto const q = gsp::exp_rotation(t * v.angular);
       V const w = rotate(q, m.angular);
-      return S{w, rotate(q, m.linear) + cross(t * v.linear, w)};  // a line through p has the linear part p x w at the origin; shifted by d, (p + d) x w
+      return S{w, rotate(q, m.linear) +
+                      cross(t * v.linear, w)};  // a line through p has the linear part p x w at the origin; shifted by d, (p + d) x w
     };
     S const plus = carried(e), minus = carried(-e), rate = gsp::cross_motion(v, m);
     for (int k = 0; k < 3; ++k) {  // central differences: e^2 + eps / e = 2e-10

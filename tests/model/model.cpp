@@ -1,10 +1,12 @@
 #include <doctest/doctest.h>
+
 #include <gsp/model/compile.hpp>
 #include <gsp/model/model.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/model/state.hpp>
 #include <gsp_test_execs.hpp>
 #include <string>
+
 #include "dynamics/random_tree.hpp"
 
 namespace {
@@ -13,9 +15,7 @@ using Exec = Kokkos::DefaultHostExecutionSpace;
 std::string refusal(gsp::Description const& d) {
   try {
     (void)gsp::make_model<double>(Exec{}, gsp::compile(d));
-  } catch (gsp::Error const& e) {
-    return e.what();
-  }
+  } catch (gsp::Error const& e) { return e.what(); }
   return "";
 }
 bool says(std::string const& text, char const* word) { return text.find(word) != std::string::npos; }
@@ -98,7 +98,8 @@ TEST_CASE_TEMPLATE("a state starts, and starts again, at the model's initial pos
     }
   };
   check();
-  Kokkos::deep_copy(state.qpos, 3.f), Kokkos::deep_copy(state.qvel, 4.f), Kokkos::deep_copy(state.steps, 5), Kokkos::deep_copy(state.status, 4u);
+  Kokkos::deep_copy(state.qpos, 3.f), Kokkos::deep_copy(state.qvel, 4.f), Kokkos::deep_copy(state.steps, 5),
+      Kokkos::deep_copy(state.status, 4u);
   gsp::reset(exec, model, state);
   exec.fence();
   check();

@@ -1,17 +1,19 @@
 #include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstring>
 #include <gsp/io/mjcf.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/step/step.hpp>
-#include <cmath>
-#include <cstring>
+
 #include "dynamics/random_tree.hpp"
 #include "oracle/load.hpp"
 #include "support/data.hpp"
 
-// One step with limits, dry friction and frictionless contacts against MuJoCo's Newton solver, profile `mujoco`, double, every contact condim 1 on both sides.
-// Both solve the same strictly convex problem (R > 0). Ours: sweeps until none changes a rate by 1e-14. MuJoCo's: tolerance 0, 200 iterations.
-// Error: max norm of the difference of qvel over max(1, max norm). Two converged solutions agree to rounding times the condition number of
-// M + J^T R^-1 J, about 1e6 here: 1e-9; the bar is 1e-8.
+// One step with limits, dry friction and frictionless contacts against MuJoCo's Newton solver, profile `mujoco`, double, every contact
+// condim 1 on both sides. Both solve the same strictly convex problem (R > 0). Ours: sweeps until none changes a rate by 1e-14. MuJoCo's:
+// tolerance 0, 200 iterations. Error: max norm of the difference of qvel over max(1, max norm). Two converged solutions agree to rounding
+// times the condition number of M + J^T R^-1 J, about 1e6 here: 1e-9; the bar is 1e-8.
 namespace {
 
 using Exec = Kokkos::DefaultHostExecutionSpace;
@@ -72,7 +74,8 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
     double difference = 0, norm = 1;
     for (int i = 0; i < m->nv; ++i) {
       double const ref = next[std::size_t(w) * m->nv + i];
-      difference = std::fmax(difference, std::isfinite(state.qvel(w, i)) ? std::abs(state.qvel(w, i) - ref) : INFINITY), norm = std::fmax(norm, std::abs(ref));
+      difference = std::fmax(difference, std::isfinite(state.qvel(w, i)) ? std::abs(state.qvel(w, i) - ref) : INFINITY),
+      norm = std::fmax(norm, std::abs(ref));
     }
     CHECK(state.status(w) == 0);
     if (sim.rows.count(w) != rows[w]) {  // contact lists differ: where MuJoCo's are ambiguous (tests/oracle/contacts.cpp)
@@ -81,7 +84,8 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
     }
     out.worst = std::fmax(out.worst, difference / norm);
   }
-  MESSAGE(out.contacts << " contact rows, " << out.limits << " limits, " << out.frictions << " of dry friction in " << worlds << " worlds (" << out.off << " with other row counts); worst error " << out.worst);
+  MESSAGE(out.contacts << " contact rows, " << out.limits << " limits, " << out.frictions << " of dry friction in " << worlds << " worlds ("
+                       << out.off << " with other row counts); worst error " << out.worst);
   return out;
 }
 

@@ -1,18 +1,21 @@
 #include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstring>
 #include <gsp/dynamics/integrate.hpp>
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp/io/mjcf.hpp>
 #include <gsp/io/write_mjcf.hpp>
-#include <gsp/model/samples.hpp>
 #include <gsp/model/compile.hpp>
-#include <cmath>
-#include <cstring>
+#include <gsp/model/samples.hpp>
+
 #include "dynamics/random_tree.hpp"
 #include "oracle/load.hpp"
 #include "support/data.hpp"
 
-// Smooth dynamics against MuJoCo, profile `mujoco`, double, constraints disabled in both. Relative error: max norm of the difference over max(1, max norm).
-// Bounds are those of the project: 1e-10 for quantities of a state, 1e-11 for one step, max(1e-10, 100 x MuJoCo's own response to 1e-15) for trajectories.
+// Smooth dynamics against MuJoCo, profile `mujoco`, double, constraints disabled in both. Relative error: max norm of the difference over
+// max(1, max norm). Bounds are those of the project: 1e-10 for quantities of a state, 1e-11 for one step, max(1e-10, 100 x MuJoCo's own
+// response to 1e-15) for trajectories.
 namespace {
 
 using Exec = Kokkos::DefaultHostExecutionSpace;
@@ -37,7 +40,8 @@ Pair load(std::string const& path, std::string const& text, gsp::Description con
   return p;
 }
 
-/// Random state around qpos0: joints within +-0.5, free bodies within 1 m of their place and turned at random, velocities within +-2, full controls.
+/// Random state around qpos0: joints within +-0.5, free bodies within 1 m of their place and turned at random, velocities within +-2, full
+/// controls.
 void randomise(mjModel const* m, mjData* d, gsp_test::Random& r) {
   mj_resetData(m, d);
   for (int j = 0; j < m->njnt; ++j) {
@@ -53,14 +57,18 @@ void randomise(mjModel const* m, mjData* d, gsp_test::Random& r) {
   }
   for (int i = 0; i < m->nv; ++i) d->qvel[i] = 2 * r();
   for (int i = 0; i < m->nu; ++i) {
-    double const lo = m->actuator_ctrllimited[i] ? m->actuator_ctrlrange[2 * i] : -1, hi = m->actuator_ctrllimited[i] ? m->actuator_ctrlrange[2 * i + 1] : 1;
+    double const lo = m->actuator_ctrllimited[i] ? m->actuator_ctrlrange[2 * i] : -1,
+                 hi = m->actuator_ctrllimited[i] ? m->actuator_ctrlrange[2 * i + 1] : 1;
     d->ctrl[i] = lo + (hi - lo) * (0.5 + 0.6 * r());  // beyond the range now and then: clamping is part of it
   }
 }
 
 struct Error {
   double difference = 0, reference = 1;
-  void add(double value, double ref) { difference = std::fmax(difference, std::isfinite(value) ? std::fabs(value - ref) : INFINITY), reference = std::fmax(reference, std::fabs(ref)); }
+  void add(double value, double ref) {
+    difference = std::fmax(difference, std::isfinite(value) ? std::fabs(value - ref) : INFINITY),
+    reference = std::fmax(reference, std::fabs(ref));
+  }
   double relative() const { return difference / reference; }
 };
 
@@ -71,8 +79,10 @@ struct Side {
   gsp::Dynamics<double, Mem> dynamics;
   gsp::Poses<double, Mem> poses;
   Side(gsp::CompiledModel const& c, int worlds)
-      : model(gsp::make_model<double>(exec, c, {.profile = gsp::Profile::mujoco})), state(gsp::make_state(exec, model, {.worlds = worlds})),
-        dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})), poses(gsp::make_poses(exec, model, {.worlds = worlds})) {}
+      : model(gsp::make_model<double>(exec, c, {.profile = gsp::Profile::mujoco})),
+        state(gsp::make_state(exec, model, {.worlds = worlds})),
+        dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})),
+        poses(gsp::make_poses(exec, model, {.worlds = worlds})) {}
   void set(int w, mjData const* d) {
     for (int i = 0; i < model.nq; ++i) state.qpos(w, i) = d->qpos[i];
     for (int i = 0; i < model.nv; ++i) state.qvel(w, i) = d->qvel[i];
@@ -108,7 +118,8 @@ void check_quantities(Pair const& p, gsp_test::Random& r, double (&worst)[7]) {
   }
   gsp::smooth_dynamics(s.exec, s.model, s.state, s.dynamics, s.poses, {.keep_all = true});
   Kokkos::View<double***, Kokkos::LayoutRight, Mem> M("M", worlds, nv, nv);
-  Kokkos::View<double**, Kokkos::LayoutRight, Mem> bias("bias", worlds, nv), passive("passive", worlds, nv), actuator("actuator", worlds, nv), acceleration("acceleration", worlds, nv);
+  Kokkos::View<double**, Kokkos::LayoutRight, Mem> bias("bias", worlds, nv), passive("passive", worlds, nv),
+      actuator("actuator", worlds, nv), acceleration("acceleration", worlds, nv);
   gsp::dense_mass_matrix(s.exec, s.model, s.dynamics, M);
   gsp::copy_dofs(s.exec, s.model, s.dynamics, &gsp::DynamicsLayout::bias, bias);
   gsp::copy_dofs(s.exec, s.model, s.dynamics, &gsp::DynamicsLayout::passive, passive);
@@ -127,7 +138,8 @@ void check_quantities(Pair const& p, gsp_test::Random& r, double (&worst)[7]) {
     for (std::size_t i = 0; i < nv; ++i)
       for (std::size_t j = 0; j < nv; ++j) e[2].add(M(w, i, j), ref.M[i * nv + j]);
     for (std::size_t i = 0; i < nv; ++i)
-      e[3].add(bias(w, i), ref.bias[i]), e[4].add(passive(w, i), ref.passive[i]), e[5].add(actuator(w, i), ref.actuator[i]), e[6].add(acceleration(w, i), ref.acceleration[i]);
+      e[3].add(bias(w, i), ref.bias[i]), e[4].add(passive(w, i), ref.passive[i]), e[5].add(actuator(w, i), ref.actuator[i]),
+          e[6].add(acceleration(w, i), ref.acceleration[i]);
     for (int k = 0; k < 7; ++k) worst[k] = std::fmax(worst[k], e[k].relative());
   }
 }
@@ -223,7 +235,8 @@ void check(std::string const& name) {
     return;
   }
   bool const meshes = name.find("go2") != std::string::npos;
-  check(load(*path, meshes ? gsp_test::without_meshes(*path) : std::string(), gsp::io::read_mjcf(*path, {.skip_visuals = true, .approximate = true})));
+  check(load(*path, meshes ? gsp_test::without_meshes(*path) : std::string(),
+             gsp::io::read_mjcf(*path, {.skip_visuals = true, .approximate = true})));
 }
 
 }  // namespace

@@ -1,6 +1,8 @@
 #pragma once
-// MuJoCo as the oracle: a model and its data, freed at the end. Visual mesh geoms (and the meshes) are left out of the text, as --skip-visuals does.
+// MuJoCo as the oracle: a model and its data, freed at the end. Visual mesh geoms (and the meshes) are left out of the text, as
+// --skip-visuals does.
 #include <mujoco/mujoco.h>
+
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -22,7 +24,8 @@ inline std::string without_meshes(std::filesystem::path const& path) {
   std::ifstream file(path);
   std::string text, line;
   while (std::getline(file, line)) {
-    bool const mesh = line.find("<mesh ") != std::string::npos || (line.find("<geom") != std::string::npos && line.find("mesh=") != std::string::npos);
+    bool const mesh =
+        line.find("<mesh ") != std::string::npos || (line.find("<geom") != std::string::npos && line.find("mesh=") != std::string::npos);
     if (!mesh) text += line + "\n";
   }
   return text;

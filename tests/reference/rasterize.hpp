@@ -1,6 +1,6 @@
 #pragma once
-// Gaussians to a picture, plainly, in double: no tiles, no packs, no bounds but the one that a pixel's alpha is at least 1/255. gsplat 1.5.3's forward pass
-// as its documentation and formulas say, written for reading.
+// Gaussians to a picture, plainly, in double: no tiles, no packs, no bounds but the one that a pixel's alpha is at least 1/255.
+// gsplat 1.5.3's forward pass as its documentation and formulas say, written for reading.
 #include <algorithm>
 #include <cmath>
 #include <gsp/math/quat.hpp>
@@ -16,7 +16,8 @@ using V3 = gsp::Vec3<double>;
 struct Picture {
   int width = 0, height = 0;
   std::vector<double> rgb, depth, alpha;  // (H, W, 3), (H, W), (H, W)
-  std::vector<char> near_stop;            // (H, W) a factor came within 3e-6, relative (50 roundings of float), of the stop: float may decide otherwise
+  std::vector<char>
+      near_stop;  // (H, W) a factor came within 3e-6, relative (50 roundings of float), of the stop: float may decide otherwise
 };
 
 /// max(0, 1/2 + sum c_k Y_k(d)): the polynomials of degree 0-3, one by one.
@@ -49,8 +50,8 @@ inline V3 colour(gsp::GaussianSet const& s, std::size_t i, V3 const& d) {
 }
 
 /// The picture of `set`, its bodies standing at `bodies`, before the camera `viewmat` (4 x 4), `K` (3 x 3), row-major.
-inline Picture rasterize(gsp::GaussianSet const& set, std::vector<gsp::Transform<double>> const& bodies, float const* viewmat, float const* K, int width,
-                         int height, gsp::RenderOptions options = {}) {
+inline Picture rasterize(gsp::GaussianSet const& set, std::vector<gsp::Transform<double>> const& bodies, float const* viewmat,
+                         float const* K, int width, int height, gsp::RenderOptions options = {}) {
   std::size_t const n = set.size(), pixels = static_cast<std::size_t>(width) * height;
   gsp::Mat3<double> const V{{viewmat[0], viewmat[1], viewmat[2], viewmat[4], viewmat[5], viewmat[6], viewmat[8], viewmat[9], viewmat[10]}};
   V3 const t{viewmat[3], viewmat[7], viewmat[11]}, eye = -gsp::transpose_times(V, t);
@@ -62,7 +63,8 @@ inline Picture rasterize(gsp::GaussianSet const& set, std::vector<gsp::Transform
   std::iota(order.begin(), order.end(), 0);  // by depth as a float, as the sort key is; equal ones by index
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return float(camera[a].z) < float(camera[b].z); });
 
-  Picture out{width, height, std::vector<double>(3 * pixels), std::vector<double>(pixels), std::vector<double>(pixels), std::vector<char>(pixels)};
+  Picture out{
+      width, height, std::vector<double>(3 * pixels), std::vector<double>(pixels), std::vector<double>(pixels), std::vector<char>(pixels)};
   std::vector<double> T(pixels, 1.);
   std::vector<char> done(pixels, 0);
   for (int i : order) {
@@ -71,11 +73,13 @@ inline Picture rasterize(gsp::GaussianSet const& set, std::vector<gsp::Transform
     if (float(z) < options.near || float(z) > options.far || opacity < 1. / 255) continue;
     auto const& body = bodies[set.body[i]];
     // covariance in camera axes
-    auto const R = gsp::to_matrix(gsp::normalized(gsp::Quat<double>{set.quats[4 * i], set.quats[4 * i + 1], set.quats[4 * i + 2], set.quats[4 * i + 3]}));
+    auto const R = gsp::to_matrix(
+        gsp::normalized(gsp::Quat<double>{set.quats[4 * i], set.quats[4 * i + 1], set.quats[4 * i + 2], set.quats[4 * i + 3]}));
     V3 axis[3];
     for (int k = 0; k < 3; ++k) axis[k] = double(set.scales[3 * i + k]) * (V * gsp::rotate(body.q, gsp::column(R, k)));
     double const mx = 0.3 * 0.5 * width / fx, my = 0.3 * 0.5 * height / fy;
-    double const sx = std::clamp(x / z, -(cx / fx + mx), (width - cx) / fx + mx), sy = std::clamp(y / z, -(cy / fy + my), (height - cy) / fy + my);
+    double const sx = std::clamp(x / z, -(cx / fx + mx), (width - cx) / fx + mx),
+                 sy = std::clamp(y / z, -(cy / fy + my), (height - cy) / fy + my);
     double xx = 0, xy = 0, yy = 0;
     for (auto const& a : axis) {
       double const jx = fx / z * (a.x - sx * a.z), jy = fy / z * (a.y - sy * a.z);

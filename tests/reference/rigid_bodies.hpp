@@ -1,6 +1,7 @@
 #pragma once
-// Rigid bodies in plain double on the host, dense and by another route than the library's recursions: Jacobians of centres of mass and of rotations from
-// anchors and axes, M = sum m Jv^T Jv + Jw^T I Jw, and bias forces from the numerical rate of those Jacobians along the motion.
+// Rigid bodies in plain double on the host, dense and by another route than the library's recursions: Jacobians of centres of mass and of
+// rotations from anchors and axes, M = sum m Jv^T Jv + Jw^T I Jw, and bias forces from the numerical rate of those Jacobians along the
+// motion.
 #include <cmath>
 #include <gsp/math/quat.hpp>
 #include <gsp/model/compiled.hpp>
@@ -12,11 +13,12 @@ using V = gsp::Vec3<double>;
 using Q = gsp::Quat<double>;
 
 struct RigidBodies {
-  std::vector<V> x, center;           // (nbody) origin, centre of mass
-  std::vector<Q> q;                   // (nbody)
-  std::vector<std::vector<V>> Jv, Jw; // (nbody, nv)
+  std::vector<V> x, center;            // (nbody) origin, centre of mass
+  std::vector<Q> q;                    // (nbody)
+  std::vector<std::vector<V>> Jv, Jw;  // (nbody, nv)
 
-  RigidBodies(gsp::CompiledModel const& m, std::vector<double> const& qpos) : x(m.nbody, V{0, 0, 0}), center(x), q(m.nbody, Q{1, 0, 0, 0}), Jv(m.nbody, std::vector<V>(m.nv, V{0, 0, 0})), Jw(Jv) {
+  RigidBodies(gsp::CompiledModel const& m, std::vector<double> const& qpos)
+      : x(m.nbody, V{0, 0, 0}), center(x), q(m.nbody, Q{1, 0, 0, 0}), Jv(m.nbody, std::vector<V>(m.nv, V{0, 0, 0})), Jw(Jv) {
     std::vector<V> axis(m.nv), anchor(m.nv);
     std::vector<bool> turns(m.nv);
     auto const vec = [](gsp::Double3 const& a) { return V{a[0], a[1], a[2]}; };
@@ -48,7 +50,8 @@ struct RigidBodies {
           q[b] = q[b] * quat(&qpos[a]);
           x[b] = place - rotate(q[b], vec(m.jnt_pos[j]));
         }
-        for (int c = 0; c < 3; ++c) axis[d + c] = rotate(q[b], V{double(c == 0), double(c == 1), double(c == 2)}), anchor[d + c] = place, turns[d + c] = true;
+        for (int c = 0; c < 3; ++c)
+          axis[d + c] = rotate(q[b], V{double(c == 0), double(c == 1), double(c == 2)}), anchor[d + c] = place, turns[d + c] = true;
       }
       center[b] = x[b] + rotate(q[b], vec(m.body_ipos[b]));
       for (int a = b; a > 0; a = m.body_parent[a])
@@ -94,7 +97,8 @@ inline std::vector<double> moved(gsp::CompiledModel const& m, std::vector<double
   return qpos;
 }
 
-/// sum Jv^T m (Jv' v - g) + Jw^T (I Jw' v + w x I w), the rates by central differences over 2e = 2e-6: error about e^2 |v|^4 + eps |v| / e = 1e-9 relative.
+/// sum Jv^T m (Jv' v - g) + Jw^T (I Jw' v + w x I w), the rates by central differences over 2e = 2e-6: error about e^2 |v|^4 + eps |v| / e
+/// = 1e-9 relative.
 inline std::vector<double> bias_forces(gsp::CompiledModel const& m, std::vector<double> const& qpos, std::vector<double> const& v) {
   double const e = 1e-6;
   RigidBodies const at(m, qpos), after(m, moved(m, qpos, v, e)), before(m, moved(m, qpos, v, -e));
@@ -102,7 +106,9 @@ inline std::vector<double> bias_forces(gsp::CompiledModel const& m, std::vector<
   std::vector<double> bias(m.nv, 0.);
   for (int b = 1; b < m.nbody; ++b) {
     V a{-g[0], -g[1], -g[2]}, turn{0, 0, 0}, w{0, 0, 0};
-    for (int i = 0; i < m.nv; ++i) a += v[i] / (2 * e) * (after.Jv[b][i] - before.Jv[b][i]), turn += v[i] / (2 * e) * (after.Jw[b][i] - before.Jw[b][i]), w += v[i] * at.Jw[b][i];
+    for (int i = 0; i < m.nv; ++i)
+      a += v[i] / (2 * e) * (after.Jv[b][i] - before.Jv[b][i]), turn += v[i] / (2 * e) * (after.Jw[b][i] - before.Jw[b][i]),
+          w += v[i] * at.Jw[b][i];
     V const torque = at.inertia_times(m, b, turn) + cross(w, at.inertia_times(m, b, w));
     for (int i = 0; i < m.nv; ++i) bias[i] += m.body_mass[b] * dot(at.Jv[b][i], a) + dot(at.Jw[b][i], torque);
   }

@@ -1,30 +1,34 @@
 #include <doctest/doctest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <gsp_test_execs.hpp>
 #include <limits>
+
 #include "constraint/loop.hpp"
 #include "support/kokkos_tools.hpp"
 
 using gsp_test::Loop;
 
 namespace test_types {
-/// Random rows over random dofs, fixed by the world, the element and the row: contacts of three rows (a soft normal, two of friction), or single rows
-/// between bounds. Laws are random too.
+/// Random rows over random dofs, fixed by the world, the element and the row: contacts of three rows (a soft normal, two of friction), or
+/// single rows between bounds. Laws are random too.
 struct RandomRows {
   int n;
   bool contacts;
   int dofs;
   double mu;
-  int more;  // in odd worlds
+  int more;                                                                 // in odd worlds
   KOKKOS_FUNCTION static double random(int world, int k, int row, int i) {  // in [-1, 1)
-    std::uint64_t s = 0x9e3779b97f4a7c15u * (1 + std::uint64_t(world) + 1000 * std::uint64_t(k) + 100000 * std::uint64_t(row) + 10000000 * std::uint64_t(i));
+    std::uint64_t s = 0x9e3779b97f4a7c15u *
+                      (1 + std::uint64_t(world) + 1000 * std::uint64_t(k) + 100000 * std::uint64_t(row) + 10000000 * std::uint64_t(i));
     for (int j = 0; j < 4; ++j) s ^= s << 13, s ^= s >> 7, s ^= s << 17;
     return double(s >> 11) / 4503599627370496. - 1;
   }
   KOKKOS_FUNCTION int count(int world) const { return n + (world % 2 ? more : 0); }
   KOKKOS_FUNCTION int rows(int, int) const { return contacts ? 3 : 1; }
-  template <class Row> KOKKOS_FUNCTION double jacobian(int world, int k, int row, Row&& J) const {
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int world, int k, int row, Row&& J) const {
     for (int i = 0; i < dofs; ++i) J.set_dof(i, random(world, k, row, i));
     return 0;
   }
@@ -56,7 +60,8 @@ struct Dense {
   double high(std::vector<double> const& x, int i) const { return friction_of[i] < 0 ? upper[i] : upper[i] * x[friction_of[i]]; }
 };
 
-template <class S> Dense dense(S const& s, int world) {
+template <class S>
+Dense dense(S const& s, int world) {
   auto const row = gsp_test::host(s.rows.row);
   auto const Y = gsp_test::host(s.rows.Y);
   auto const first = gsp_test::host(s.rows.first), count = gsp_test::host(s.rows.count), ints = gsp_test::host(s.model.ints);
@@ -68,8 +73,10 @@ template <class S> Dense dense(S const& s, int world) {
     auto const& r = row(first(world) + i);
     std::int64_t at = r.Y;
     for (int k = 0; k < r.segments; ++k)
-      for (int e = 0; e < r.segment[k].count; ++e, ++at) y[i][r.segment[k].dof0 + (r.segment[k].list < 0 ? e : ints(r.segment[k].list + e))] = Y(at);
-    d.b.push_back(r.bias), d.lower.push_back(r.lower), d.upper.push_back(r.upper), d.friction_of.push_back(r.friction_of), d.p.push_back(p(first(world) + i));
+      for (int e = 0; e < r.segment[k].count; ++e, ++at)
+        y[i][r.segment[k].dof0 + (r.segment[k].list < 0 ? e : ints(r.segment[k].list + e))] = Y(at);
+    d.b.push_back(r.bias), d.lower.push_back(r.lower), d.upper.push_back(r.upper), d.friction_of.push_back(r.friction_of),
+        d.p.push_back(p(first(world) + i));
   }
   d.A.resize(std::size_t(d.n) * d.n);
   for (int i = 0; i < d.n; ++i)
@@ -118,8 +125,10 @@ std::vector<std::vector<double>> enumerate(Dense const& d) {
         M[i * d.n + i] = 1;
         double const bound = state[i] == 1 ? (d.friction_of[i] < 0 ? d.lower[i] : -d.upper[i]) : d.upper[i];
         possible &= std::abs(bound) < 1e200;
-        if (d.friction_of[i] < 0) x[i] = bound;
-        else x[i] = 0, M[i * d.n + d.friction_of[i]] -= bound;
+        if (d.friction_of[i] < 0)
+          x[i] = bound;
+        else
+          x[i] = 0, M[i * d.n + d.friction_of[i]] -= bound;
       }
     }
     if (!possible || !solve(M, x)) continue;
@@ -135,17 +144,18 @@ std::vector<std::vector<double>> enumerate(Dense const& d) {
 /// Largest change that one more projection of a row would make to its rate.
 double violation(Dense const& d) {
   double worst = 0;
-  for (int i = 0; i < d.n; ++i) worst = std::fmax(worst, std::abs(std::clamp(d.p[i] - d.w(d.p, i) / d.A[i * d.n + i], d.low(d.p, i), d.high(d.p, i)) - d.p[i]) * d.A[i * d.n + i]);
+  for (int i = 0; i < d.n; ++i)
+    worst = std::fmax(
+        worst, std::abs(std::clamp(d.p[i] - d.w(d.p, i) / d.A[i * d.n + i], d.low(d.p, i), d.high(d.p, i)) - d.p[i]) * d.A[i * d.n + i]);
   return worst;
 }
 
-gsp::CompiledModel two_trees() {
-  return gsp::compile(gsp_test::random_model({gsp::JointType::free, gsp::JointType::hinge}, 4));
-}
+gsp::CompiledModel two_trees() { return gsp::compile(gsp_test::random_model({gsp::JointType::free, gsp::JointType::hinge}, 4)); }
 }  // namespace
 
-// 20 worlds of random problems, each solved by trying all active sets. Rows between fixed bounds have one solution (A is positive definite); contacts with
-// friction can have several, and ours must be one of them. Sweeps until nothing changes; tolerance: the enumeration's own 1e-9 over the least pivot.
+// 20 worlds of random problems, each solved by trying all active sets. Rows between fixed bounds have one solution (A is positive
+// definite); contacts with friction can have several, and ours must be one of them. Sweeps until nothing changes; tolerance: the
+// enumeration's own 1e-9 over the least pivot.
 TEST_CASE_TEMPLATE("impulses are those of the enumeration of active sets", Exec, GSP_TEST_EXECS) {
   int const worlds = 20;
   auto const c = two_trees();

@@ -10,11 +10,24 @@ namespace {
 gsp::Splat random_splat(gsp_test::Random& random, int width, int height, int kind) {
   // a covariance from two axes, needles among them, centre inside or far outside
   double const far = kind % 3 == 0 ? 3 : 0.2, u = random.uniform(-far, 1 + far) * width, v = random.uniform(-far, 1 + far) * height;
-  double const a = std::exp(random.uniform(-1, kind % 4 == 0 ? 7 : 3.5)), b = std::exp(random.uniform(-1, 2)), angle = random.uniform(0, 3.14159265);
-  double const c = std::cos(angle), s = std::sin(angle), xx = c * c * a * a + s * s * b * b + .3, yy = s * s * a * a + c * c * b * b + .3, xy = c * s * (a * a - b * b);
-  double const det = a * a * b * b + .3 * (a * a + b * b) + .09, h = 0.5 / std::log(2.), power = std::log2(random.uniform(0.004, 1)), reach = power + std::log2(255.);
-  return {float(u), float(v), float(std::sqrt(h * yy / det)), float(-xy * std::sqrt(h / (det * yy))), float(std::sqrt(h / yy)), float(power),
-          float(std::sqrt(reach * xx / h)), float(std::sqrt(reach * yy / h)), 1, 1, 1, 1};
+  double const a = std::exp(random.uniform(-1, kind % 4 == 0 ? 7 : 3.5)), b = std::exp(random.uniform(-1, 2)),
+               angle = random.uniform(0, 3.14159265);
+  double const c = std::cos(angle), s = std::sin(angle), xx = c * c * a * a + s * s * b * b + .3, yy = s * s * a * a + c * c * b * b + .3,
+               xy = c * s * (a * a - b * b);
+  double const det = a * a * b * b + .3 * (a * a + b * b) + .09, h = 0.5 / std::log(2.), power = std::log2(random.uniform(0.004, 1)),
+               reach = power + std::log2(255.);
+  return {float(u),
+          float(v),
+          float(std::sqrt(h * yy / det)),
+          float(-xy * std::sqrt(h / (det * yy))),
+          float(std::sqrt(h / yy)),
+          float(power),
+          float(std::sqrt(reach * xx / h)),
+          float(std::sqrt(reach * yy / h)),
+          1,
+          1,
+          1,
+          1};
 }
 
 // Least of (l11 dx + l21 dy)^2 + (l22 dy)^2 over a rectangle of offsets: 0 inside, else on an edge, where it is a parabola.
@@ -56,9 +69,11 @@ TEST_CASE("tiles of an ellipse: none missed, none too many, against all tiles an
             touched = gsp::fma(-wx, wx, gsp::fma(-wy, wy, s.power)) >= -gsp::splat_log2_255;
           }
         missed += touched && !has;
-        // too many: the ellipse, grown by the margin that covers rounding (0.001 pixel, and 1e-6 of its size and place; twice that here), misses the centres
+        // too many: the ellipse, grown by the margin that covers rounding (0.001 pixel, and 1e-6 of its size and place; twice that here),
+        // misses the centres
         double const grow = 2e-3 + 2e-6 * (std::abs(s.u) + std::abs(s.v) + s.xe + s.ye);
-        extra += has && least_over(s, x0 + .5 - grow - s.u, x1 - .5 + grow - s.u, y0 + .5 - grow - s.v, y1 - .5 + grow - s.v) > reach * 1.0001;
+        extra +=
+            has && least_over(s, x0 + .5 - grow - s.u, x1 - .5 + grow - s.u, y0 + .5 - grow - s.v, y1 - .5 + grow - s.v) > reach * 1.0001;
       }
   }
   MESSAGE(listed, " tiles listed, ", boxed, " in the boxes");
@@ -88,7 +103,8 @@ TEST_CASE_TEMPLATE("lists of the tiles hold each splat that touches them once, f
   auto const keys = Kokkos::create_mirror_view_and_copy(host, wave.order_keys);
   auto const begins = Kokkos::create_mirror_view_and_copy(host, wave.tile_begin);
   auto const list = Kokkos::create_mirror_view_and_copy(host, wave.tile_splats);
-  auto const visible = Kokkos::create_mirror_view_and_copy(host, wave.visible), pairs = Kokkos::create_mirror_view_and_copy(host, wave.pairs);
+  auto const visible = Kokkos::create_mirror_view_and_copy(host, wave.visible),
+             pairs = Kokkos::create_mirror_view_and_copy(host, wave.pairs);
   REQUIRE(visible() > 0);
   std::vector<std::uint64_t> key_of(splats.extent(0));
   std::vector<std::vector<int>> expected(images * wave.tiles());

@@ -10,8 +10,8 @@ namespace {
 
 // Splats of one image by source index.
 template <class Exec>
-std::map<int, gsp::Splat> project_all(Exec const& exec, gsp::GaussianSet const& set, std::vector<float> const& viewmat, std::vector<float> const& K, int width, int height,
-                                      gsp::RenderOptions options = {}) {
+std::map<int, gsp::Splat> project_all(Exec const& exec, gsp::GaussianSet const& set, std::vector<float> const& viewmat,
+                                      std::vector<float> const& K, int width, int height, gsp::RenderOptions options = {}) {
   auto const cloud = gsp::make_gaussians(exec, set);
   auto const cameras = gsp::make_cameras(exec, viewmat, K);
   auto const poses = gsp::make_poses<float>(exec, 1, cloud.bodies, 0);
@@ -48,12 +48,13 @@ std::vector<float> const identity{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1
 
 TEST_CASE_TEMPLATE("a ball on the axis has the closed form; what cannot be seen is left out", Exec, GSP_TEST_EXECS) {
   Exec const exec = gsp_test::other_instance(Exec{});
-  auto const seen = project_all(exec, round_ones({{0, 0, 2, 0.1f, 0.5f},          // 0: on the axis
-                                                  {0, 0, 0.005f, 0.1f, 0.5f},      // 1: nearer than near
-                                                  {0, 0, -2, 0.1f, 0.5f},          // 2: behind
-                                                  {0, 0, 2, 0.1f, 0.0039f},        // 3: alpha below 1/255 everywhere
-                                                  {5, 0, 2, 0.1f, 0.5f},           // 4: beside the picture
-                                                  {0, 0, 30, 0.1f, 0.5f}}),        // 5: beyond far
+  auto const seen = project_all(exec,
+                                round_ones({{0, 0, 2, 0.1f, 0.5f},       // 0: on the axis
+                                            {0, 0, 0.005f, 0.1f, 0.5f},  // 1: nearer than near
+                                            {0, 0, -2, 0.1f, 0.5f},      // 2: behind
+                                            {0, 0, 2, 0.1f, 0.0039f},    // 3: alpha below 1/255 everywhere
+                                            {5, 0, 2, 0.1f, 0.5f},       // 4: beside the picture
+                                            {0, 0, 30, 0.1f, 0.5f}}),    // 5: beyond far
                                 {identity}, K, 64, 48, {.far = 20});
   REQUIRE(seen.size() == 1);
   gsp::Splat const s = seen.at(0);
@@ -79,34 +80,44 @@ TEST_CASE_TEMPLATE("splats are those of the double formulas, and no Gaussian wit
   int lost = 0, kept = 0;
   double worst = 0;
   for (int i = 0; i < n; ++i) {
-    auto const p = V * gsp::Vec3<double>{set.positions[3 * i], set.positions[3 * i + 1], set.positions[3 * i + 2]} + gsp::Vec3<double>{viewmat[3], viewmat[7], viewmat[11]};
+    auto const p = V * gsp::Vec3<double>{set.positions[3 * i], set.positions[3 * i + 1], set.positions[3 * i + 2]} +
+                   gsp::Vec3<double>{viewmat[3], viewmat[7], viewmat[11]};
     if (!(float(p.z) >= 0.01f) || set.opacities[i] < 1. / 255) {
       CHECK(seen.count(i) == 0);
       continue;
     }
-    auto const R = gsp::to_matrix(gsp::normalized(gsp::Quat<double>{set.quats[4 * i], set.quats[4 * i + 1], set.quats[4 * i + 2], set.quats[4 * i + 3]}));
+    auto const R = gsp::to_matrix(
+        gsp::normalized(gsp::Quat<double>{set.quats[4 * i], set.quats[4 * i + 1], set.quats[4 * i + 2], set.quats[4 * i + 3]}));
     double const mx = 0.15 * width / fx, my = 0.15 * height / fy;
-    double const sx = std::clamp(p.x / p.z, -cx / fx - mx, (width - cx) / fx + mx), sy = std::clamp(p.y / p.z, -cy / fy - my, (height - cy) / fy + my);
+    double const sx = std::clamp(p.x / p.z, -cx / fx - mx, (width - cx) / fx + mx),
+                 sy = std::clamp(p.y / p.z, -cy / fy - my, (height - cy) / fy + my);
     double xx = 0.3, xy = 0, yy = 0.3;
     for (int k = 0; k < 3; ++k) {
       auto const a = double(set.scales[3 * i + k]) * (V * gsp::column(R, k));
       double const jx = fx / p.z * (a.x - sx * a.z), jy = fy / p.z * (a.y - sy * a.z);
       xx += jx * jx, xy += jx * jy, yy += jy * jy;
     }
-    double const u = fx * p.x / p.z + cx, v = fy * p.y / p.z + cy, cut = 2 * std::log(255. * set.opacities[i]), ex = std::sqrt(cut * xx), ey = std::sqrt(cut * yy);
+    double const u = fx * p.x / p.z + cx, v = fy * p.y / p.z + cy, cut = 2 * std::log(255. * set.opacities[i]), ex = std::sqrt(cut * xx),
+                 ey = std::sqrt(cut * yy);
     bool const touches = u + ex > 0.5 && u - ex < width - 0.5 && v + ey > 0.5 && v - ey < height - 0.5;
     auto const it = seen.find(i);
     lost += touches && it == seen.end();
     if (it == seen.end()) continue;
     ++kept;
     auto const& s = it->second;
-    // the covariance that the factor stands for, compared by its entries, relative to its size; the ill-conditioned inverse is not asked for
+    // the covariance that the factor stands for, compared by its entries, relative to its size; the ill-conditioned inverse is not asked
+    // for
     double const h = 0.5 / std::log(2.), l11 = s.l11, l21 = s.l21, l22 = s.l22, d = l11 * l22;
     double const cxx = h * (l21 * l21 + l22 * l22) / (d * d), cxy = -h * l11 * l21 / (d * d), cyy = h / (l22 * l22), size = xx + yy;
-    double const errors[] = {(cxx - xx) / size, (cxy - xy) / size, (cyy - yy) / size, (s.u - u) / (std::abs(u) + width), (s.v - v) / (std::abs(v) + height), s.depth / p.z - 1,
-                     (s.xe - ex) / (ex + 1), (s.ye - ey) / (ey + 1)};
-    for (double e : errors)
-      worst = std::max(worst, std::abs(e));
+    double const errors[] = {(cxx - xx) / size,
+                             (cxy - xy) / size,
+                             (cyy - yy) / size,
+                             (s.u - u) / (std::abs(u) + width),
+                             (s.v - v) / (std::abs(v) + height),
+                             s.depth / p.z - 1,
+                             (s.xe - ex) / (ex + 1),
+                             (s.ye - ey) / (ey + 1)};
+    for (double e : errors) worst = std::max(worst, std::abs(e));
   }
   MESSAGE(kept, " splats, worst relative error ", worst);
   CHECK(lost == 0);

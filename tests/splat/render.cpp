@@ -28,9 +28,10 @@ bool same_bits(gsp::Frames<Kokkos::HostSpace> const& a, gsp::Frames<Kokkos::Host
   return same(a.rgb, b.rgb) && same(a.depth, b.depth) && same(a.alpha, b.alpha);
 }
 
-// The bars: RGB and alpha 99.9 % within 1e-4, none beyond 2e-2; expected depth, where alpha > 0.5, 99.9 % within 1e-3 relative. Pixels whose reference
-// comes within 3e-6 relative of the stop (the bar allows 1e-5) are left out and counted, at most 1e-5 of all. 1e-4 is about 1000 float roundings of 1; a pixel blends 10-100 Gaussians with errors of
-// a few roundings each. 2e-2: one Gaussian of alpha 1/255 more or less, of colour up to 5.
+// The bars: RGB and alpha 99.9 % within 1e-4, none beyond 2e-2; expected depth, where alpha > 0.5, 99.9 % within 1e-3 relative. Pixels
+// whose reference comes within 3e-6 relative of the stop (the bar allows 1e-5) are left out and counted, at most 1e-5 of all. 1e-4 is about
+// 1000 float roundings of 1; a pixel blends 10-100 Gaussians with errors of a few roundings each. 2e-2: one Gaussian of alpha 1/255 more or
+// less, of colour up to 5.
 struct Tally {
   std::int64_t values = 0, off = 0, depths = 0, depths_off = 0, pixels = 0, left_out = 0;
   double worst = 0, sum = 0;
@@ -43,15 +44,16 @@ struct Tally {
           ++left_out;
           continue;
         }
-        double const error[4] = {f.rgb(image, y, x, 0) - p.rgb[3 * k], f.rgb(image, y, x, 1) - p.rgb[3 * k + 1], f.rgb(image, y, x, 2) - p.rgb[3 * k + 2],
-                                 f.alpha(image, y, x) - p.alpha[k]};
-        for (double e : error) ++values, off += !(std::abs(e) <= 1e-4), worst = std::max(worst, std::isfinite(e) ? std::abs(e) : 1e30), sum += std::abs(e);
+        double const error[4] = {f.rgb(image, y, x, 0) - p.rgb[3 * k], f.rgb(image, y, x, 1) - p.rgb[3 * k + 1],
+                                 f.rgb(image, y, x, 2) - p.rgb[3 * k + 2], f.alpha(image, y, x) - p.alpha[k]};
+        for (double e : error)
+          ++values, off += !(std::abs(e) <= 1e-4), worst = std::max(worst, std::isfinite(e) ? std::abs(e) : 1e30), sum += std::abs(e);
         if (p.alpha[k] > 0.5) ++depths, depths_off += !(std::abs(f.depth(image, y, x) / p.depth[k] - 1) <= 1e-3);
       }
   }
   void check() const {
-    MESSAGE(pixels, " pixels, mean error ", sum / values, ", worst ", worst, "; beyond 1e-4: ", off, " of ", values, "; depth beyond 1e-3: ", depths_off, " of ",
-            depths, "; left out: ", left_out);
+    MESSAGE(pixels, " pixels, mean error ", sum / values, ", worst ", worst, "; beyond 1e-4: ", off, " of ", values,
+            "; depth beyond 1e-3: ", depths_off, " of ", depths, "; left out: ", left_out);
     CHECK(off <= values / 1000);
     CHECK(worst <= 2e-2);
     CHECK(depths > 0);
@@ -62,7 +64,8 @@ struct Tally {
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("pictures are those of the plain double reference: SH 0-3, moved and turned links, several worlds", Exec, GSP_TEST_EXECS) {
+TEST_CASE_TEMPLATE("pictures are those of the plain double reference: SH 0-3, moved and turned links, several worlds", Exec,
+                   GSP_TEST_EXECS) {
   Exec const exec = gsp_test::other_instance(Exec{});
   for (int degree = 0; degree <= 3; ++degree) {
     int const bodies = 3, worlds = 2, images = 5, width = 203, height = 117;
@@ -109,12 +112,12 @@ TEST_CASE_TEMPLATE("pictures of the kitchen are those of the plain double refere
   auto const got = to_host(frames);
   std::vector<gsp::Transform<double>> const world{gsp::Transform<double>{gsp::Vec3<double>{0, 0, 0}, gsp::identity_quat<double>()}};
   Tally tally;
-  for (int c = 0; c < images; ++c)
-    tally.add(got, c, gsp_reference::rasterize(set, world, &viewmats[16 * c], &Ks[9 * c], width, height));
+  for (int c = 0; c < images; ++c) tally.add(got, c, gsp_reference::rasterize(set, world, &viewmats[16 * c], &Ks[9 * c], width, height));
   tally.check();
 }
 
-TEST_CASE_TEMPLATE("the same bits for any batch, any guess of sizes, any number of images, and on every host backend", Exec, GSP_TEST_EXECS) {
+TEST_CASE_TEMPLATE("the same bits for any batch, any guess of sizes, any number of images, and on every host backend", Exec,
+                   GSP_TEST_EXECS) {
   Exec const exec = gsp_test::other_instance(Exec{});
   int const bodies = 3, worlds = 2, images = 7, width = 150, height = 90;
   auto const set = gsp_test::random_gaussians(3000, 1, bodies, 3);
@@ -208,7 +211,8 @@ TEST_CASE("input that cannot be is refused in a sentence") {
   gsp_test::random_cameras(2, 32, 32, 2, 4, viewmats, Ks);
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
   auto const poses = gsp::make_poses<float>(exec, 1, 2, 0), short_poses = gsp::make_poses<float>(exec, 1, 1, 0);
-  auto frames = gsp::make_frames(exec, cloud, {.images = 2, .width = 32, .height = 32}), three = gsp::make_frames(exec, cloud, {.images = 3, .width = 32, .height = 32});
+  auto frames = gsp::make_frames(exec, cloud, {.images = 2, .width = 32, .height = 32}),
+       three = gsp::make_frames(exec, cloud, {.images = 3, .width = 32, .height = 32});
   CHECK_NOTHROW(gsp::render(exec, cloud, poses, cameras, frames));
   CHECK_THROWS_AS(gsp::render(exec, cloud, short_poses, cameras, frames), std::invalid_argument);
   CHECK_THROWS_AS(gsp::render(exec, cloud, poses, cameras, three), std::invalid_argument);

@@ -1,7 +1,7 @@
 #include <doctest/doctest.h>
 
-#include <gsp/splat/sample_surface.hpp>
 #include <gsp/splat/detail/spherical_harmonics.hpp>
+#include <gsp/splat/sample_surface.hpp>
 
 namespace {
 
@@ -18,12 +18,18 @@ gsp::CompiledModel one_geom(gsp::ShapeType type, gsp::Double3 size) {
 double off_surface(gsp::ShapeType type, gsp::Double3 const& s, gsp::Vec3<double> const& p) {
   double const r = std::hypot(p.x, p.y);
   switch (type) {
-    case gsp::ShapeType::sphere: return gsp::norm(p) - s[0];
-    case gsp::ShapeType::capsule: return std::hypot(r, std::max(0., std::abs(p.z) - s[1])) - s[0];
-    case gsp::ShapeType::cylinder: return std::max(r - s[0], std::abs(p.z) - s[1]);
-    case gsp::ShapeType::box: return std::max({std::abs(p.x) - s[0], std::abs(p.y) - s[1], std::abs(p.z) - s[2]});
-    case gsp::ShapeType::ellipsoid: return std::sqrt(p.x * p.x / s[0] / s[0] + p.y * p.y / s[1] / s[1] + p.z * p.z / s[2] / s[2]) - 1;
-    default: return p.z;
+    case gsp::ShapeType::sphere:
+      return gsp::norm(p) - s[0];
+    case gsp::ShapeType::capsule:
+      return std::hypot(r, std::max(0., std::abs(p.z) - s[1])) - s[0];
+    case gsp::ShapeType::cylinder:
+      return std::max(r - s[0], std::abs(p.z) - s[1]);
+    case gsp::ShapeType::box:
+      return std::max({std::abs(p.x) - s[0], std::abs(p.y) - s[1], std::abs(p.z) - s[2]});
+    case gsp::ShapeType::ellipsoid:
+      return std::sqrt(p.x * p.x / s[0] / s[0] + p.y * p.y / s[1] / s[1] + p.z * p.z / s[2] / s[2]) - 1;
+    default:
+      return p.z;
   }
 }
 
@@ -41,7 +47,8 @@ TEST_CASE("samples lie on the surface, point outward, and are even") {
     double worst = 0;
     int inward = 0, half[3] = {};
     for (int i = 0; i < n; ++i) {
-      gsp::Vec3<double> const world{set.positions[3 * i], set.positions[3 * i + 1], set.positions[3 * i + 2]}, p = gsp::inverse(frame) * world;
+      gsp::Vec3<double> const world{set.positions[3 * i], set.positions[3 * i + 1], set.positions[3 * i + 2]},
+          p = gsp::inverse(frame) * world;
       gsp::Quat<double> const q{set.quats[4 * i], set.quats[4 * i + 1], set.quats[4 * i + 2], set.quats[4 * i + 3]};
       gsp::Vec3<double> const normal = gsp::rotate_inverse(frame.q, gsp::rotate(q, gsp::Vec3<double>{0, 0, 1}));
       worst = std::max(worst, std::abs(off_surface(type, size, p)));
@@ -51,7 +58,8 @@ TEST_CASE("samples lie on the surface, point outward, and are even") {
     }
     CHECK(worst < 1e-5);  // float positions
     CHECK(inward == 0);
-    // a sequence of low discrepancy: halves agree far better than the 1.6 % of random points (three sigma 2.4 %); an ellipsoid is thinned at random
+    // a sequence of low discrepancy: halves agree far better than the 1.6 % of random points (three sigma 2.4 %); an ellipsoid is thinned
+    // at random
     for (int k = 0; k < (type == S::plane ? 2 : 3); ++k) CHECK(std::abs(half[k] - n / 2) < n / 50);
   }
 }
@@ -76,7 +84,8 @@ TEST_CASE("area shares out the count; density, groups, world and shading do what
     for (int t = 0; t < 12; ++t) sh(t, i) = set.sh[12 * i + t];
   for (int i : {0, 17, 399}) {
     gsp::Quat<float> const q{set.quats[4 * i], set.quats[4 * i + 1], set.quats[4 * i + 2], set.quats[4 * i + 3]};
-    auto const face = gsp::detail::sh_colour(sh, 1, i, -gsp::rotate(q, gsp::Vec3<float>{0, 0, 1})), edge = gsp::detail::sh_colour(sh, 1, i, gsp::rotate(q, gsp::Vec3<float>{1, 0, 0}));
+    auto const face = gsp::detail::sh_colour(sh, 1, i, -gsp::rotate(q, gsp::Vec3<float>{0, 0, 1})),
+               edge = gsp::detail::sh_colour(sh, 1, i, gsp::rotate(q, gsp::Vec3<float>{1, 0, 0}));
     CHECK(face.x == doctest::Approx(0.8).epsilon(1e-5));
     CHECK(face.z == doctest::Approx(0.2).epsilon(1e-5));
     CHECK(edge.x == doctest::Approx(0.48).epsilon(1e-5));

@@ -22,7 +22,8 @@ struct Random {
   }
 };
 
-/// n Gaussians in a box of side 2 around each body's origin: needles, discs and blobs from 1 mm to 0.5 m, opacities 0..1 (some below 1/255).
+/// n Gaussians in a box of side 2 around each body's origin: needles, discs and blobs from 1 mm to 0.5 m, opacities 0..1 (some below
+/// 1/255).
 inline gsp::GaussianSet random_gaussians(int n, int sh_degree, int bodies, unsigned seed) {
   Random random(seed);
   gsp::GaussianSet s;
@@ -42,7 +43,8 @@ inline gsp::GaussianSet random_gaussians(int n, int sh_degree, int bodies, unsig
 }
 
 /// Cameras around the origin that look at it from `distance`, turned at random about their axis.
-inline void random_cameras(int count, int width, int height, double distance, unsigned seed, std::vector<float>& viewmats, std::vector<float>& Ks) {
+inline void random_cameras(int count, int width, int height, double distance, unsigned seed, std::vector<float>& viewmats,
+                           std::vector<float>& Ks) {
   Random random(seed);
   for (int c = 0; c < count; ++c) {
     auto const R = gsp::to_matrix(random.rotation());  // rows: camera axes in the world
@@ -83,8 +85,9 @@ auto random_poses(Exec const& exec, int worlds, int bodies, unsigned seed, std::
       for (int k = 0; k < 3; ++k) x(w, b, k) = R(p[k]);
       q(w, b, 0) = R(r.w), q(w, b, 1) = R(r.x), q(w, b, 2) = R(r.y), q(w, b, 3) = R(r.z);
       // the reference stands where the views say, rounded
-      host[w].push_back({{double(x(w, b, 0)), double(x(w, b, 1)), double(x(w, b, 2))},
-                         gsp::normalized(gsp::Quat<double>{double(q(w, b, 0)), double(q(w, b, 1)), double(q(w, b, 2)), double(q(w, b, 3))})});
+      host[w].push_back(
+          {{double(x(w, b, 0)), double(x(w, b, 1)), double(x(w, b, 2))},
+           gsp::normalized(gsp::Quat<double>{double(q(w, b, 0)), double(q(w, b, 1)), double(q(w, b, 2)), double(q(w, b, 3))})});
     }
   Kokkos::deep_copy(poses.xpos, x);
   Kokkos::deep_copy(poses.xquat, q);

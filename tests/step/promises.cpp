@@ -1,22 +1,26 @@
 #include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstring>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
-#include <cmath>
-#include <cstring>
 #include <limits>
+
 #include "dynamics/random_tree.hpp"
 #include "support/kokkos_tools.hpp"
 
-// What gsp::step promises besides the right numbers: it allocates nothing once it is warm, waits at its end alone, and a world that goes wrong is alone with it.
+// What gsp::step promises besides the right numbers: it allocates nothing once it is warm, waits at its end alone, and a world that goes
+// wrong is alone with it.
 namespace test_types {
 /// In world `world`, ties the robot and two of the objects beside it: three trees, which is refused.
 struct TieThree : gsp::OneFreeRow {
   int world, dof[3];
   KOKKOS_FUNCTION int count(int w) const { return w == world; }
   KOKKOS_FUNCTION gsp::RowLaw<float> law(int, int, int, float, float, float) const { return {0.f, 0.f}; }
-  template <class Row> KOKKOS_FUNCTION float jacobian(int, int, int, Row&& J) const {
+  template <class Row>
+  KOKKOS_FUNCTION float jacobian(int, int, int, Row&& J) const {
     for (int i = 0; i < 3; ++i) J.set_dof(dof[i], 1.f);
     return 0.f;
   }
@@ -24,14 +28,18 @@ struct TieThree : gsp::OneFreeRow {
 }  // namespace test_types
 
 namespace {
-template <class Exec> struct Scene {
+template <class Exec>
+struct Scene {
   using Mem = typename Exec::memory_space;
   Exec exec;
   gsp::CompiledModel compiled = gsp::compile(gsp::samples::quadruped_scene());
   gsp::Model<float, Mem> model = gsp::make_model<float>(exec, compiled);
   gsp::State<float, Mem> state;
   gsp::Simulation<float, Mem> sim;
-  explicit Scene(int worlds, Exec const& on = Exec{}) : exec(on), state(gsp::make_state(exec, model, {.worlds = worlds})), sim(gsp::make_simulation(exec, model, compiled, {.worlds = worlds})) {
+  explicit Scene(int worlds, Exec const& on = Exec{})
+      : exec(on),
+        state(gsp::make_state(exec, model, {.worlds = worlds})),
+        sim(gsp::make_simulation(exec, model, compiled, {.worlds = worlds})) {
     auto const& stand = compiled.keyframes.at(0);
     auto const q = gsp_test::host(state.qpos), v = gsp_test::host(state.qvel), u = gsp_test::host(state.ctrl);
     for (int w = 0; w < worlds; ++w) {
@@ -41,9 +49,15 @@ template <class Exec> struct Scene {
     }
     Kokkos::deep_copy(state.qpos, q), Kokkos::deep_copy(state.qvel, v), Kokkos::deep_copy(state.ctrl, u);
   }
-  template <class... More> void step(int n, More const&... more) { gsp::step(exec, model, state, sim, {.steps = n}, more...); }
+  template <class... More>
+  void step(int n, More const&... more) {
+    gsp::step(exec, model, state, sim, {.steps = n}, more...);
+  }
 };
-template <class A, class B> bool same(A const& a, B const& b, int w) { return std::memcmp(&a(w, 0), &b(w, 0), sizeof(float) * a.extent(1)) == 0; }
+template <class A, class B>
+bool same(A const& a, B const& b, int w) {
+  return std::memcmp(&a(w, 0), &b(w, 0), sizeof(float) * a.extent(1)) == 0;
+}
 }  // namespace
 
 // The host waits for the copies of the two numbers that it reads at the end, once a call however many steps.
@@ -53,13 +67,14 @@ TEST_CASE_TEMPLATE("a warm step allocates nothing and waits at its end alone", E
   auto const one = gsp_test::watch([&] { s.step(1); }), ten = gsp_test::watch([&] { s.step(10); });
   gsp_test::check_no_allocation(ten), gsp_test::check_instance(s.exec, ten);
   for (auto const& kernel : ten.kernels)  // Kokkos gives its own label to the kernel that fills a view with a number
-    CHECK_MESSAGE((kernel.label.rfind("gsp::", 0) == 0 || kernel.label.rfind("Kokkos::ViewFill", 0) == 0), "kernel without a gsp label: ", kernel.label);
+    CHECK_MESSAGE((kernel.label.rfind("gsp::", 0) == 0 || kernel.label.rfind("Kokkos::ViewFill", 0) == 0),
+                  "kernel without a gsp label: ", kernel.label);
   CHECK(ten.kernels.size() > 8 * one.kernels.size());
   CHECK(ten.fences.size() == one.fences.size());
 }
 
-// NaN in a control, an infinite velocity, a position that is NaN, and a row over three trees: each stops its own world, which keeps its bits and says why;
-// all others have the bits of a batch in which nothing went wrong.
+// NaN in a control, an infinite velocity, a position that is NaN, and a row over three trees: each stops its own world, which keeps its
+// bits and says why; all others have the bits of a batch in which nothing went wrong.
 TEST_CASE_TEMPLATE("a world that goes wrong is alone with it", Exec, GSP_TEST_EXECS) {
   int const worlds = 19, n = 10;
   float const nan = std::numeric_limits<float>::quiet_NaN();

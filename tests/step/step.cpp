@@ -1,15 +1,18 @@
 #include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstring>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
-#include <cmath>
-#include <cstring>
+
 #include "dynamics/random_tree.hpp"
 
 namespace {
 
-template <class R, class Exec> struct World {
+template <class R, class Exec>
+struct World {
   using Mem = typename Exec::memory_space;
   Exec exec;
   gsp::CompiledModel compiled;
@@ -17,7 +20,9 @@ template <class R, class Exec> struct World {
   gsp::State<R, Mem> state;
   gsp::Simulation<R, Mem> sim;
   World(gsp::CompiledModel const& c, int worlds, gsp::ModelOptions options = {})
-      : compiled(c), model(gsp::make_model<R>(exec, c, options)), state(gsp::make_state(exec, model, {.worlds = worlds})),
+      : compiled(c),
+        model(gsp::make_model<R>(exec, c, options)),
+        state(gsp::make_state(exec, model, {.worlds = worlds})),
         sim(gsp::make_simulation(exec, model, c, {.worlds = worlds})) {}
   void step(int n, gsp::PgsOptions solver = {}) { gsp::step(exec, model, state, sim, {.steps = n, .solver = solver}); }
   auto qpos() const { return gsp_test::host(state.qpos); }
@@ -35,7 +40,8 @@ template <class R, class Exec> struct World {
   }
 };
 
-template <class View> bool same_bits(View const& a, View const& b, int row_a, int row_b) {
+template <class View>
+bool same_bits(View const& a, View const& b, int row_a, int row_b) {
   return std::memcmp(&a(row_a, 0), &b(row_b, 0), sizeof(a(0, 0)) * a.extent(1)) == 0;
 }
 
@@ -110,7 +116,8 @@ TEST_CASE_TEMPLATE("same bits for any batch, split and capacity", Exec, GSP_TEST
   for (int w : {0, 7, 20}) {
     World<float, Exec> one(compiled, 1);
     one.start(0, w);
-    one.sim.contacts = gsp::make_contacts(one.exec, one.sim.collision, {.worlds = 1, .candidates_per_world = 1, .points_per_world = 1, .contacts_per_world = 1});
+    one.sim.contacts = gsp::make_contacts(one.exec, one.sim.collision,
+                                          {.worlds = 1, .candidates_per_world = 1, .points_per_world = 1, .contacts_per_world = 1});
     one.sim.rows = gsp::make_rows(one.exec, one.model, {.worlds = 1, .rows_per_world = 1, .entries_per_world = 1});
     for (int i = 0; i < 40; i += 8) one.step(8);
     auto const q1 = one.qpos(), v1 = one.qvel();

@@ -3,49 +3,63 @@
 #include <gsp/core/status.hpp>
 #include <gsp/parallel/for_worlds.hpp>
 
-/// All constraint types to one list of rows a world: count -> scan -> emit, in the order of the types, then of the elements. Nothing waits for the host.
+/// All constraint types to one list of rows a world: count -> scan -> emit, in the order of the types, then of the elements. Nothing waits
+/// for the host.
 namespace gsp {
 
 namespace detail {
 
 /// The types one after the other, as a list that kernels can walk.
-template <class... C> struct TypeList {
+template <class... C>
+struct TypeList {
   KOKKOS_INLINE_FUNCTION int count(int) const { return 0; }
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int) const { return 0; }
-  template <class F> KOKKOS_INLINE_FUNCTION void visit(int, int, int, F const&) const {}
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void visit(int, int, int, F const&) const {}
 };
-template <class Head, class... Tail> struct TypeList<Head, Tail...> {
+template <class Head, class... Tail>
+struct TypeList<Head, Tail...> {
   Head head;
   TypeList<Tail...> tail;
   TypeList(Head const& h, Tail const&... t) : head(h), tail(t...) {}
   KOKKOS_INLINE_FUNCTION int count(int world) const { return int(head.count(world)) + tail.count(world); }
   /// Status bits of a world whose elements are incomplete (a pool that was too small): it is not stepped.
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const {
-    if constexpr (requires { head.status(world); }) return head.status(world) | tail.status(world);
-    else return tail.status(world);
+    if constexpr (requires { head.status(world); })
+      return head.status(world) | tail.status(world);
+    else
+      return tail.status(world);
   }
   /// f(type, number of the type, element of the type) for element `e` of the world
-  template <class F> KOKKOS_INLINE_FUNCTION void visit(int world, int e, int number, F const& f) const {
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void visit(int world, int e, int number, F const& f) const {
     int const n = int(head.count(world));
-    if (e < n) f(head, number, e);
-    else tail.visit(world, e - n, number + 1, f);
+    if (e < n)
+      f(head, number, e);
+    else
+      tail.visit(world, e - n, number + 1, f);
   }
 };
 
 KOKKOS_INLINE_FUNCTION std::int64_t pack_sizes(int rows, int entries) { return (std::int64_t(rows) << 40) + entries; }
 KOKKOS_INLINE_FUNCTION int rows_of(std::int64_t sizes) { return int(sizes >> 40); }
 KOKKOS_INLINE_FUNCTION std::int64_t entries_of(std::int64_t sizes) { return sizes & ((std::int64_t(1) << 40) - 1); }
-KOKKOS_INLINE_FUNCTION std::uint64_t row_key(int type, RowId id) { return (std::uint64_t(type) << 59) | (std::uint64_t(id.major) << 32) | id.minor; }
+KOKKOS_INLINE_FUNCTION std::uint64_t row_key(int type, RowId id) {
+  return (std::uint64_t(type) << 59) | (std::uint64_t(id.major) << 32) | id.minor;
+}
 
-template <class R, class Mem, class Types> struct CountRows {
+template <class R, class Mem, class Types>
+struct CountRows {
   Model<R, Mem> model;
   State<R, Mem> state;
   Rows<R, Mem> rows;
   Types types;
-  template <class World> KOKKOS_FUNCTION void operator()(World const& world) const {
+  template <class World>
+  KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
     std::uint32_t const status = types.status(w);
-    world.once([&] { state.status(w) = (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused)) | status; });
+    world.once(
+        [&] { state.status(w) = (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused)) | status; });
     world.sync();
     std::int64_t sizes = world.template sum<std::int64_t>(types.count(w), [&](int e) {
       std::int64_t own = 0;
@@ -75,7 +89,8 @@ struct RowSizes {
     return *this;
   }
 };
-template <class R, class Mem> struct ScanRows {
+template <class R, class Mem>
+struct ScanRows {
   using value_type = RowSizes;
   Rows<R, Mem> rows;
   State<R, Mem> state;
@@ -84,7 +99,8 @@ template <class R, class Mem> struct ScanRows {
     std::int64_t const entries = rows.entries(w);
     if (last) {
       rows.first(w) = int(sum.rows), rows.first_entry(w) = sum.entries;
-      if (sum.rows + count > rows.capacity() || sum.entries + entries > std::int64_t(rows.Y.extent(0))) state.status(w) |= status::row_overflow;
+      if (sum.rows + count > rows.capacity() || sum.entries + entries > std::int64_t(rows.Y.extent(0)))
+        state.status(w) |= status::row_overflow;
       if (w == rows.worlds - 1) {
         rows.demand(0) = sum.rows + count, rows.demand(1) = sum.entries + entries;
         if (rows.demand(0) > rows.capacity() || rows.demand(1) > std::int64_t(rows.Y.extent(0))) rows.halt() = 1;
@@ -96,7 +112,8 @@ template <class R, class Mem> struct ScanRows {
 };
 
 /// y <- y L^-1 D^-1/2 on one segment: from the leaves, each entry leaves its share to its ancestors.
-template <class R, class Mem> KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, TreeItems<R> const& s, RowSegment const& segment, R* y) {
+template <class R, class Mem>
+KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, TreeItems<R> const& s, RowSegment const& segment, R* y) {
   Archetype const& a = model.archetypes(model.tree_archetype(segment.tree));
   int const* const ints = model.ints.data();
   for (int i = segment.count - 1; i >= 0; --i) {
@@ -110,13 +127,15 @@ template <class R, class Mem> KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> c
   }
 }
 
-template <class R, class Mem, class Types> struct EmitRows {
+template <class R, class Mem, class Types>
+struct EmitRows {
   Model<R, Mem> model;
   State<R, Mem> state;
   Dynamics<R, Mem> dynamics;
   Rows<R, Mem> rows;
   Types types;
-  template <class World> KOKKOS_FUNCTION void operator()(World const& world) const {
+  template <class World>
+  KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
     if (rows.halt()) return;
     int const now = rows.parity();
@@ -140,7 +159,8 @@ template <class R, class Mem, class Types> struct EmitRows {
 
  private:
   template <class Type>
-  KOKKOS_INLINE_FUNCTION void emit(Type const& type, int number, int w, int k, int r, int element, std::int64_t entry, RowStructure<R, Mem> const& structure) const {
+  KOKKOS_INLINE_FUNCTION void emit(Type const& type, int number, int w, int k, int r, int element, std::int64_t entry,
+                                   RowStructure<R, Mem> const& structure) const {
     Row<R> row;
     row.segments = structure.segments, row.Y = entry;
     for (int s = 0; s < structure.segments; ++s) row.segment[s] = structure.segment(s);
@@ -179,8 +199,10 @@ template <class R, class Mem, class Types> struct EmitRows {
     int lo = first, hi = end;
     while (lo < hi) {
       int const mid = (lo + hi) / 2;
-      if ((rows.id[before](mid) >> 32) < major) lo = mid + 1;
-      else hi = mid;
+      if ((rows.id[before](mid) >> 32) < major)
+        lo = mid + 1;
+      else
+        hi = mid;
     }
     for (; lo < end && (rows.id[before](lo) >> 32) == major; ++lo)
       if (rows.id[before](lo) == key) {
@@ -194,20 +216,24 @@ template <class R, class Mem, class Types> struct EmitRows {
 
 }  // namespace detail
 
-/// Fills `rows` with the active rows of all `types`, in that order, whitened with the factored matrix, with last step's impulses as a start.
-/// After factor or smooth_dynamics (and collide). A world whose rows do not fit has status::row_overflow; then no world is stepped (rows.halt), the pools
-/// grow at the host's next `grow`, and the step is repeated: no result depends on a capacity. Rows of more than two trees: status::row_refused.
-/// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence.
+/// Fills `rows` with the active rows of all `types`, in that order, whitened with the factored matrix, with last step's impulses as a
+/// start. After factor or smooth_dynamics (and collide). A world whose rows do not fit has status::row_overflow; then no world is stepped
+/// (rows.halt), the pools grow at the host's next `grow`, and the step is repeated: no result depends on a capacity. Rows of more than two
+/// trees: status::row_refused. Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem, class... Types>
-void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics, Rows<R, Mem> const& rows, Types const&... types) {
-  static_assert((ConstraintType<Types> && ...), "gsp::assemble: an argument is not a constraint type (constraint_type.hpp says what one is)");
+void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
+              Rows<R, Mem> const& rows, Types const&... types) {
+  static_assert((ConstraintType<Types> && ...),
+                "gsp::assemble: an argument is not a constraint type (constraint_type.hpp says what one is)");
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::assemble: the rows are not accessible from this execution space");
   static_assert(sizeof...(Types) <= 32, "gsp::assemble: at most 32 constraint types");
-  expects(rows.worlds == state.worlds && dynamics.worlds == state.worlds, "gsp::assemble: state, dynamics and rows have different numbers of worlds");
+  expects(rows.worlds == state.worlds && dynamics.worlds == state.worlds,
+          "gsp::assemble: state, dynamics and rows have different numbers of worlds");
   using List = detail::TypeList<Types...>;
   List const list(types...);
   for_worlds("gsp::constraint::count_rows", exec, rows.worlds, detail::CountRows<R, Mem, List>{model, state, rows, list});
-  Kokkos::parallel_scan("gsp::constraint::scan_rows", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds), detail::ScanRows<R, Mem>{rows, state});
+  Kokkos::parallel_scan("gsp::constraint::scan_rows", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds),
+                        detail::ScanRows<R, Mem>{rows, state});
   for_worlds("gsp::constraint::emit_rows", exec, rows.worlds, detail::EmitRows<R, Mem, List>{model, state, dynamics, rows, list});
 }
 

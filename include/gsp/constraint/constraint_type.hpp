@@ -4,9 +4,11 @@
 #include <gsp/math/dual.hpp>
 
 /// What a constraint is: a law and a Jacobian. Storage, islands, warm start and solving are not its business.
-///   An element k of world w has 1-6 rows. A row has a gap x, a rate u = J v, a law lambda(x, u) for its force, bounds, and its element has an identity
-///   that survives steps. The law is evaluated at the gap predicted for the end of the step, x + h u, and made linear in the new rate:
-///     s = h dlambda/dx + dlambda/du,   C = -1/(h s),   zeta = u + h C lambda(x + h u, u),   u+ = -C p + zeta      (paper, eq. 2-4; p the impulse)
+///   An element k of world w has 1-6 rows. A row has a gap x, a rate u = J v, a law lambda(x, u) for its force, bounds, and its element has
+///   an identity that survives steps. The law is evaluated at the gap predicted for the end of the step, x + h u, and made linear in the
+///   new rate:
+///     s = h dlambda/dx + dlambda/du,   C = -1/(h s),   zeta = u + h C lambda(x + h u, u),   u+ = -C p + zeta      (paper, eq. 2-4; p the
+///     impulse)
 ///   A linear spring and damper gives exactly the implicit Euler step.
 namespace gsp {
 
@@ -16,16 +18,18 @@ struct RowId {
   std::uint32_t minor = 0;
 };
 /// The linear law itself, for types that know it better than `lambda` can say (hard rows, MuJoCo's softness): u+ = -C p + zeta.
-template <class R> struct RowLaw {
+template <class R>
+struct RowLaw {
   R compliance, zeta;
 };
 
 namespace detail {
 /// Deepest ancestor chain, or whole tree, that a row needs on each tree that it touches.
-template <class R, class Mem> struct RowStructure {
+template <class R, class Mem>
+struct RowStructure {
   Model<R, Mem> const& model;
   int segments = 0;
-  bool refused = false;  // more than two trees
+  bool refused = false;                        // more than two trees
   int tree[2] = {-1, -1}, last[2] = {-1, -1};  // last: local dof at the end of the chain, -1: all dofs
 
   KOKKOS_INLINE_FUNCTION void touch(int dof) {
@@ -71,7 +75,8 @@ template <class R, class Mem> struct RowStructure {
 };
 
 /// Writes the entries of J where RowStructure has made room.
-template <class R, class Mem> struct RowWriter {
+template <class R, class Mem>
+struct RowWriter {
   Model<R, Mem> const& model;
   Dynamics<R, Mem> const& dynamics;
   Row<R> const& row;
@@ -105,7 +110,8 @@ template <class R, class Mem> struct RowWriter {
   }
 
  private:
-  template <class Force> KOKKOS_INLINE_FUNCTION void add(int body, R scale, Force const& force) const {
+  template <class Force>
+  KOKKOS_INLINE_FUNCTION void add(int body, R scale, Force const& force) const {
     int const dof = model.body_last_dof(body);
     if (dof < 0) return;
     int const t = model.dof_tree(dof), last = dof - model.tree_dof(t);
@@ -125,14 +131,18 @@ template <class R, class Mem> struct RowWriter {
 /// What `jacobian` writes a row to: by dof, by (body, point, direction) or by (body, direction); entries add up. World frame.
 struct AnyRow {
   KOKKOS_INLINE_FUNCTION void set_dof(int /*dof*/, float /*value*/) const {}
-  template <class R> KOKKOS_INLINE_FUNCTION void add_point(int /*body*/, Vec3<R> const& /*point*/, Vec3<R> const& /*direction*/, R /*scale*/ = R(1)) const {}
-  template <class R> KOKKOS_INLINE_FUNCTION void add_rotation(int /*body*/, Vec3<R> const& /*direction*/, R /*scale*/ = R(1)) const {}
+  template <class R>
+  KOKKOS_INLINE_FUNCTION void add_point(int /*body*/, Vec3<R> const& /*point*/, Vec3<R> const& /*direction*/, R /*scale*/ = R(1)) const {}
+  template <class R>
+  KOKKOS_INLINE_FUNCTION void add_rotation(int /*body*/, Vec3<R> const& /*direction*/, R /*scale*/ = R(1)) const {}
 };
 
 /// Base of types whose elements are one row without bounds, numbered in order.
 struct OneFreeRow {
   KOKKOS_INLINE_FUNCTION int rows(int, int) const { return 1; }
-  KOKKOS_INLINE_FUNCTION RowBounds<float> bounds(int, int, int) const { return {-Kokkos::Experimental::infinity_v<float>, Kokkos::Experimental::infinity_v<float>}; }
+  KOKKOS_INLINE_FUNCTION RowBounds<float> bounds(int, int, int) const {
+    return {-Kokkos::Experimental::infinity_v<float>, Kokkos::Experimental::infinity_v<float>};
+  }
   KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
 
@@ -150,12 +160,14 @@ concept ConstraintType = std::copyable<C> && requires(C const c, int world, int 
   { c.jacobian(world, k, row, J) } -> std::floating_point;
   { c.bounds(world, k, row).friction_of } -> std::convertible_to<int>;
   { c.id(world, k) } -> std::same_as<RowId>;
-} && (requires(C const c) { c.lambda(0, 0, 0, Dual<float, 2>(), Dual<float, 2>()); } || requires(C const c) { c.law(0, 0, 0, 0.f, 0.f, 0.f); } ||
-      requires(C const c) { c.law(0, 0, 0, 0., 0., 0.); });
+} &&(
+    requires(C const c) { c.lambda(0, 0, 0, Dual<float, 2>(), Dual<float, 2>()); } ||
+    requires(C const c) { c.law(0, 0, 0, 0.f, 0.f, 0.f); } || requires(C const c) { c.law(0, 0, 0, 0., 0., 0.); });
 
 namespace detail {
 /// u+ = -C p + zeta of one row.
-template <class C, class R> KOKKOS_INLINE_FUNCTION RowLaw<R> row_law(C const& c, int world, int k, int row, R x, R u, R h) {
+template <class C, class R>
+KOKKOS_INLINE_FUNCTION RowLaw<R> row_law(C const& c, int world, int k, int row, R x, R u, R h) {
   if constexpr (requires { c.law(world, k, row, x, u, h); }) {
     return c.law(world, k, row, x, u, h);
   } else {

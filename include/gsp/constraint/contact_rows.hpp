@@ -2,11 +2,13 @@
 #include <gsp/collision/contacts.hpp>
 #include <gsp/constraint/softness.hpp>
 
-/// Contacts as rows: a soft normal as solref and solimp say, and (condim 3) two rows of friction in the tangent plane, bounded by +-mu times the normal
-/// impulse (the paper's box). Friction is rigid: it sticks exactly. J = J(body 2) - J(body 1) along the rows of the contact frame.
+/// Contacts as rows: a soft normal as solref and solimp say, and (condim 3) two rows of friction in the tangent plane, bounded by +-mu
+/// times the normal impulse (the paper's box). Friction is rigid: it sticks exactly. J = J(body 2) - J(body 1) along the rows of the
+/// contact frame.
 namespace gsp {
 
-template <class R, class Mem> struct ContactRows {
+template <class R, class Mem>
+struct ContactRows {
   Model<R, Mem> model;
   CollisionModel<R, Mem> collision;
   Contacts<R, Mem> contacts;
@@ -19,7 +21,8 @@ template <class R, class Mem> struct ContactRows {
     if (model.body_last_dof(contacts.body1(c)) < 0 && model.body_last_dof(contacts.body2(c)) < 0) return 0;
     return parameters(c).condim >= 3 ? 3 : 1;
   }
-  template <class Row> KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int row, Row&& J) const {
+  template <class Row>
+  KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int row, Row&& J) const {
     int const c = contacts.begin_of(world) + k;
     Vec3<R> const point{contacts.pos(c, 0), contacts.pos(c, 1), contacts.pos(c, 2)};
     Vec3<R> const direction{contacts.frame(c, 3 * row), contacts.frame(c, 3 * row + 1), contacts.frame(c, 3 * row + 2)};

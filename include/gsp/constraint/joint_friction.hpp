@@ -1,16 +1,19 @@
 #pragma once
 #include <gsp/constraint/softness.hpp>
 
-/// Dry friction of joints: |force| <= frictionloss against any motion of the dof. `stable`: rigid (sticks exactly); `mujoco`: as soft as solreffriction says.
+/// Dry friction of joints: |force| <= frictionloss against any motion of the dof. `stable`: rigid (sticks exactly); `mujoco`: as soft as
+/// solreffriction says.
 namespace gsp {
 
-template <class R, class Mem> struct JointFriction {
+template <class R, class Mem>
+struct JointFriction {
   Model<R, Mem> model;
   explicit JointFriction(Model<R, Mem> const& m) : model(m) {}
 
   KOKKOS_INLINE_FUNCTION int count(int) const { return int(model.friction_dofs.extent(0)); }
   KOKKOS_INLINE_FUNCTION int rows(int, int) const { return 1; }
-  template <class Row> KOKKOS_INLINE_FUNCTION R jacobian(int, int k, int, Row&& J) const {
+  template <class Row>
+  KOKKOS_INLINE_FUNCTION R jacobian(int, int k, int, Row&& J) const {
     J.set_dof(model.friction_dofs(k), R(1));
     return R(0);
   }

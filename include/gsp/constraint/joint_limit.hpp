@@ -5,7 +5,8 @@
 namespace gsp {
 
 /// Element 2 i is the lower, 2 i + 1 the upper end of the i-th limited joint (ball: the upper alone).
-template <class R, class Mem> struct JointLimits {
+template <class R, class Mem>
+struct JointLimits {
   Model<R, Mem> model;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> qpos;
   JointLimits(Model<R, Mem> const& m, State<R, Mem> const& s) : model(m), qpos(s.qpos) {}
@@ -17,7 +18,8 @@ template <class R, class Mem> struct JointLimits {
     if (ball && k % 2 == 0) return 0;
     return gap(world, k) < model.jnt_margin(world, j);
   }
-  template <class Row> KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int, Row&& J) const {
+  template <class Row>
+  KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int, Row&& J) const {
     int const j = model.limited_joints(k / 2), dof = model.jnt_dofadr(j);
     if (model.jnt_type(j) == int(JointType::ball)) {
       Vec3<R> const axis = normalized(rotation(world, j));
@@ -29,7 +31,8 @@ template <class R, class Mem> struct JointLimits {
   }
   KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int, R x, R u, R h) const {
     int const j = model.limited_joints(k / 2);
-    return soft_law(detail::softness(model.jnt_solref, model.jnt_solimp, world, j), x - model.jnt_margin(world, j), u, h, model.dof_invweight0(world, model.jnt_dofadr(j)));
+    return soft_law(detail::softness(model.jnt_solref, model.jnt_solimp, world, j), x - model.jnt_margin(world, j), u, h,
+                    model.dof_invweight0(world, model.jnt_dofadr(j)));
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int, int, int) const { return {R(0), Kokkos::Experimental::infinity_v<R>}; }
   KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }

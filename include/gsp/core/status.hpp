@@ -18,7 +18,10 @@ inline std::string text(std::uint32_t bits) {
   std::string result;
   if (bits & contact_overflow) result += "the contacts of this world did not fit: call grow(exec, contacts) and repeat the step; ";
   if (bits & row_overflow) result += "the constraint rows of this world did not fit: call grow(exec, rows) and repeat the step; ";
-  if (bits & not_finite) result += "the new velocity is NaN or infinite, and the world stays as it was before: take a smaller timestep or a softer model, then clear the bit; ";
+  if (bits & not_finite)
+    result +=
+        "the new velocity is NaN or infinite, and the world stays as it was before: take a smaller timestep or a softer model, then clear "
+        "the bit; ";
   if (bits & row_refused) result += "a constraint row touches more than two kinematic trees, which is not supported: split it; ";
   return result.empty() ? "ok" : result;
 }

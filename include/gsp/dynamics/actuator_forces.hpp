@@ -5,13 +5,15 @@
 namespace gsp {
 
 namespace detail {
-template <class T> struct ActuatorForce {
+template <class T>
+struct ActuatorForce {
   T force, gear;
   T stiffness, damping;  // -d force / d length, velocity; zero where the force is clamped
 };
 
 /// force = clamp(gain clamp(ctrl) + b0 + b1 length + b2 velocity), length = gear * (q or tendon length).
-template <class L, class State> KOKKOS_INLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, int k) {
+template <class L, class State>
+KOKKOS_INLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, int k) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& m = l.model;
@@ -38,7 +40,8 @@ template <class L, class State> KOKKOS_INLINE_FUNCTION auto lanes_actuator(L con
 }
 
 /// Also sums the slopes of the joints' servos into stiffness and damping, for those who take them implicitly.
-template <class L, class State> KOKKOS_INLINE_FUNCTION void lanes_actuators(L const& l, State const& state) {
+template <class L, class State>
+KOKKOS_INLINE_FUNCTION void lanes_actuators(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -75,9 +78,13 @@ template <class L, class State> KOKKOS_INLINE_FUNCTION void lanes_actuators(L co
   }
 }
 
-template <class State> struct ActuatorStage {
+template <class State>
+struct ActuatorStage {
   State state;
-  template <class L> KOKKOS_FUNCTION void operator()(L const& l) const { lanes_load_velocity(l, state.qvel), lanes_actuators(l, state); }
+  template <class L>
+  KOKKOS_FUNCTION void operator()(L const& l) const {
+    lanes_load_velocity(l, state.qvel), lanes_actuators(l, state);
+  }
 };
 }  // namespace detail
 

@@ -5,16 +5,21 @@
 namespace gsp {
 
 namespace detail {
-template <class L, class View> KOKKOS_INLINE_FUNCTION void lanes_load_velocity(L const& l, View const& qvel) {
+template <class L, class View>
+KOKKOS_INLINE_FUNCTION void lanes_load_velocity(L const& l, View const& qvel) {
   for (int i = 0; i < l.a.nv; ++i) l.items[l.at.qvel + i] = l.load(qvel, l.dof0, i);
 }
 
 /// True where the tree is one free body, whose rotation the stable profile integrates by its angular momentum.
-template <class L> KOKKOS_INLINE_FUNCTION bool is_free_body(L const& l) { return l.a.nbody == 1 && l.a.njnt == 1 && l.index(l.a.jnt_type, 0) == int(JointType::free); }
+template <class L>
+KOKKOS_INLINE_FUNCTION bool is_free_body(L const& l) {
+  return l.a.nbody == 1 && l.a.njnt == 1 && l.index(l.a.jnt_type, 0) == int(JointType::free);
+}
 
-/// v_b = v_parent + cdof qdot;  a_b = a_parent + (v x cdof) qdot;  f_b = I a_b + v_b x* I v_b, summed towards the root;  bias_i = cdof_i . f.
-/// Needs the bodies' own inertias: call it before lanes_mass_matrix, which makes them composite.
-template <class L> KOKKOS_INLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = false) {
+/// v_b = v_parent + cdof qdot;  a_b = a_parent + (v x cdof) qdot;  f_b = I a_b + v_b x* I v_b, summed towards the root;  bias_i = cdof_i .
+/// f. Needs the bodies' own inertias: call it before lanes_mass_matrix, which makes them composite.
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = false) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -50,28 +55,33 @@ template <class L> KOKKOS_INLINE_FUNCTION void lanes_bias(L const& l, bool gravi
   }
 }
 
-template <class State, class Poses> struct BiasStage {
+template <class State, class Poses>
+struct BiasStage {
   State state;
   Poses poses;
-  template <class L> KOKKOS_FUNCTION void operator()(L const& l) const {
+  template <class L>
+  KOKKOS_FUNCTION void operator()(L const& l) const {
     lanes_load_poses(l, poses), lanes_load_velocity(l, state.qvel), lanes_inertia(l);
     lanes_bias(l, l.model.profile == Profile::stable && is_free_body(l));
   }
 };
-template <class View> struct CopyDofsStage {
+template <class View>
+struct CopyDofsStage {
   View out;
   int DynamicsLayout::*item;
-  template <class L> KOKKOS_FUNCTION void operator()(L const& l) const {
+  template <class L>
+  KOKKOS_FUNCTION void operator()(L const& l) const {
     for (int i = 0; i < l.a.nv; ++i) l.store(out, l.dof0, i, l.items[l.at.*item + i]);
   }
 };
 }  // namespace detail
 
 /// Bias forces c(q, v) - J^T m g of every tree, in dynamics.items (`copy_dofs` copies them out), so that M qacc + bias = applied forces.
-/// In profile `stable` a free body's gyroscopic part is left out: its angular momentum is carried by integrate (docs/dynamics/integrate.md).
-/// Cost about 250 flop a body. Does not allocate, does not fence.
+/// In profile `stable` a free body's gyroscopic part is left out: its angular momentum is carried by integrate
+/// (docs/dynamics/integrate.md). Cost about 250 flop a body. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
-void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics) {
+void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
+                 Dynamics<R, Mem> const& dynamics) {
   for_lanes("gsp::dynamics::bias_forces", exec, model, dynamics, detail::BiasStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
 }
 

@@ -1,12 +1,15 @@
 #pragma once
 #include <gsp/dynamics/actuator_forces.hpp>
 
-/// Sparse factorisation M = L^T D L, without fill (Featherstone 2008, ch. 6.5; MuJoCo's mj_factorI), solves, and the velocity without constraints.
+/// Sparse factorisation M = L^T D L, without fill (Featherstone 2008, ch. 6.5; MuJoCo's mj_factorI), solves, and the velocity without
+/// constraints.
 namespace gsp {
 
 namespace detail {
-/// factor <- M + diag(extra(i)), then in place: for k from the leaves, rows of k's ancestors lose L_k^T D_k L_k. L_k overwrites row k; 1/D_k is kept.
-template <class L, class Extra> KOKKOS_INLINE_FUNCTION void lanes_factor(L const& l, Extra const& extra) {
+/// factor <- M + diag(extra(i)), then in place: for k from the leaves, rows of k's ancestors lose L_k^T D_k L_k. L_k overwrites row k;
+/// 1/D_k is kept.
+template <class L, class Extra>
+KOKKOS_INLINE_FUNCTION void lanes_factor(L const& l, Extra const& extra) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -29,7 +32,8 @@ template <class L, class Extra> KOKKOS_INLINE_FUNCTION void lanes_factor(L const
 }
 
 /// x <- L^-T x, from the leaves to the root
-template <class L> KOKKOS_INLINE_FUNCTION void lanes_solve_transposed(L const& l, int x) {
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_solve_transposed(L const& l, int x) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& s = l.items;
   for (int k = l.a.nv - 1; k >= 0; --k) {
@@ -42,7 +46,8 @@ template <class L> KOKKOS_INLINE_FUNCTION void lanes_solve_transposed(L const& l
   }
 }
 /// x <- L^-1 x, from the root to the leaves
-template <class L> KOKKOS_INLINE_FUNCTION void lanes_solve_lower(L const& l, int x) {
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_solve_lower(L const& l, int x) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& s = l.items;
   for (int k = 0; k < l.a.nv; ++k) {
@@ -53,15 +58,17 @@ template <class L> KOKKOS_INLINE_FUNCTION void lanes_solve_lower(L const& l, int
   }
 }
 /// x <- (L^T D L)^-1 x
-template <class L> KOKKOS_INLINE_FUNCTION void lanes_solve(L const& l, int x) {
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_solve(L const& l, int x) {
   lanes_solve_transposed(l, x);
   for (int i = 0; i < l.a.nv; ++i) l.items[x + i] = l.items[x + i] * l.items[l.at.inverse_diagonal + i];
   lanes_solve_lower(l, x);
 }
 
-/// The matrix that moves the robot. mujoco: M itself (joint damping enters when velocities are integrated); stable: M + h B + h^2 K with the dampers,
-/// springs and unclamped servos of the joints. Adds the joints' own to damping and stiffness, which the actuators have begun.
-template <class L> KOKKOS_INLINE_FUNCTION void lanes_factor_profile(L const& l) {
+/// The matrix that moves the robot. mujoco: M itself (joint damping enters when velocities are integrated); stable: M + h B + h^2 K with
+/// the dampers, springs and unclamped servos of the joints. Adds the joints' own to damping and stiffness, which the actuators have begun.
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_factor_profile(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -75,15 +82,17 @@ template <class L> KOKKOS_INLINE_FUNCTION void lanes_factor_profile(L const& l) 
   lanes_factor(l, [&](int i) { return h * fma(h, s[l.at.stiffness + i], s[l.at.damping + i]); });
 }
 
-/// The angular momentum I w of a free body stays in the world while its frame turns, and its centre of mass goes straight. By the midpoint rule, which
-/// also keeps the energy: the frame turns by exp(h x), where I x = exp(-h x / 2) I w, and then I w' = exp(-h x) I w, all in body axes. What the
-/// solver adds to w' turns the frame too: integrate turns it by exp(h (w+ + spin)), spin = x - w'.
-/// Source: the Lie-midpoint rule of Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), ch. VII.5.
-template <class L> KOKKOS_INLINE_FUNCTION void lanes_transport_free_body(L const& l, int v) {
+/// The angular momentum I w of a free body stays in the world while its frame turns, and its centre of mass goes straight. By the midpoint
+/// rule, which also keeps the energy: the frame turns by exp(h x), where I x = exp(-h x / 2) I w, and then I w' = exp(-h x) I w, all in
+/// body axes. What the solver adds to w' turns the frame too: integrate turns it by exp(h (w+ + spin)), spin = x - w'. Source: the
+/// Lie-midpoint rule of Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), ch. VII.5.
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_transport_free_body(L const& l, int v) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& s = l.items;
   T const h(l.model.timestep);
-  Vec3<T> const w = s.vec3(v + 3), offset = l.constant3(l.model.body_ipos, l.body0, 0), principal = l.constant3(l.model.body_inertia, l.body0, 0);
+  Vec3<T> const w = s.vec3(v + 3), offset = l.constant3(l.model.body_ipos, l.body0, 0),
+                principal = l.constant3(l.model.body_inertia, l.body0, 0);
   Quat<T> const q = s.quat(l.at.xquat), iq = l.constant4(l.model.body_iquat, l.body0, 0);
   auto const scale = [](Vec3<T> const& a, Vec3<T> const& b) { return Vec3<T>{a.x * b.x, a.y * b.y, a.z * b.z}; };
   Vec3<T> const momentum = rotate(iq, scale(principal, rotate_inverse(iq, w)));
@@ -100,7 +109,8 @@ template <class L> KOKKOS_INLINE_FUNCTION void lanes_transport_free_body(L const
 
 /// velocity <- what the tree would have at the end of the step without constraints.
 ///   mujoco: v + h M^-1 f.   stable: v' + M^^-1 (h f - h^2 K v'), v' the velocity, transported where the tree is a free body.
-template <class L, class View> KOKKOS_INLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfrc_applied) {
+template <class L, class View>
+KOKKOS_INLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfrc_applied) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& s = l.items;
   T const h(l.model.timestep);
@@ -119,9 +129,13 @@ template <class L, class View> KOKKOS_INLINE_FUNCTION void lanes_free_velocity(L
   for (int i = 0; i < nv; ++i) s[l.at.velocity + i] = fma(h, s[l.at.acceleration + i], s[l.at.velocity + i]);
 }
 
-template <class State> struct FactorStage {
+template <class State>
+struct FactorStage {
   State state;
-  template <class L> KOKKOS_FUNCTION void operator()(L const& l) const { lanes_factor_profile(l), lanes_free_velocity(l, state.qfrc_applied); }
+  template <class L>
+  KOKKOS_FUNCTION void operator()(L const& l) const {
+    lanes_factor_profile(l), lanes_free_velocity(l, state.qfrc_applied);
+  }
 };
 }  // namespace detail
 

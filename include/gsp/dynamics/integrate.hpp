@@ -5,9 +5,11 @@
 namespace gsp {
 
 namespace detail {
-/// velocity <- velocity + L^-1 D^-1/2 z, z (world, nv) the whitened impulses. In profile mujoco joint damping enters here, as MuJoCo's Euler has it:
+/// velocity <- velocity + L^-1 D^-1/2 z, z (world, nv) the whitened impulses. In profile mujoco joint damping enters here, as MuJoCo's
+/// Euler has it:
 ///   v+ = v + (M + h B)^-1 M (v_M - v), v_M the velocity that M gives.
-template <class L, class View> KOKKOS_INLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z) {
+template <class L, class View>
+KOKKOS_INLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -32,7 +34,8 @@ template <class L, class View> KOKKOS_INLINE_FUNCTION void lanes_new_velocity(L 
 }
 
 /// Sets the status bit of worlds with a velocity that is NaN or infinite (x - x is 0 for finite x alone).
-template <class L, class View> KOKKOS_INLINE_FUNCTION void lanes_check_velocity(L const& l, View const& status) {
+template <class L, class View>
+KOKKOS_INLINE_FUNCTION void lanes_check_velocity(L const& l, View const& status) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   T sum(0);
   for (int i = 0; i < l.a.nv; ++i) sum = sum + (l.items[l.at.velocity + i] - l.items[l.at.velocity + i]);
@@ -42,8 +45,10 @@ template <class L, class View> KOKKOS_INLINE_FUNCTION void lanes_check_velocity(
     if (!(get_lane(sum, k) == 0)) Kokkos::atomic_or(&status(l.world[k]), std::uint32_t(status::not_finite));
 }
 
-/// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes. Positions of free bodies carry what rounding took (two-sum), so that they do not creep.
-template <class L, class State> KOKKOS_INLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& state) {
+/// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes. Positions of free bodies carry what rounding took (two-sum), so that
+/// they do not creep.
+template <class L, class State>
+KOKKOS_INLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -67,41 +72,48 @@ template <class L, class State> KOKKOS_INLINE_FUNCTION void lanes_integrate_posi
         write(state.qpos_low, l.qpos0, q, (high - (sum - part)) + (add - part));
       }
     }
-    Quat<T> const now = normalized(Quat<T>{l.load(state.qpos, l.qpos0, q), l.load(state.qpos, l.qpos0, q + 1), l.load(state.qpos, l.qpos0, q + 2), l.load(state.qpos, l.qpos0, q + 3)});
+    Quat<T> const now = normalized(Quat<T>{l.load(state.qpos, l.qpos0, q), l.load(state.qpos, l.qpos0, q + 1),
+                                           l.load(state.qpos, l.qpos0, q + 2), l.load(state.qpos, l.qpos0, q + 3)});
     bool const carried = l.model.profile == Profile::stable && is_free_body(l);
     Quat<T> const next = normalized(now * exp_rotation(h * (carried ? s.vec3(v) + s.vec3(l.at.spin) : s.vec3(v))));
-    write(state.qpos, l.qpos0, q, next.w), write(state.qpos, l.qpos0, q + 1, next.x), write(state.qpos, l.qpos0, q + 2, next.y), write(state.qpos, l.qpos0, q + 3, next.z);
+    write(state.qpos, l.qpos0, q, next.w), write(state.qpos, l.qpos0, q + 1, next.x), write(state.qpos, l.qpos0, q + 2, next.y),
+        write(state.qpos, l.qpos0, q + 3, next.z);
   }
   for (int i = 0; i < a.nv; ++i) write(state.qvel, l.dof0, i, s[l.at.velocity + i]);
 }
 
-template <class State> struct NewVelocityStage {
+template <class State>
+struct NewVelocityStage {
   State state;
   typename State::template View<typename State::real_type**> z;
   Kokkos::View<int const, typename State::memory_space> halt;
-  template <class L> KOKKOS_FUNCTION void operator()(L const& l) const {
+  template <class L>
+  KOKKOS_FUNCTION void operator()(L const& l) const {
     if (halt.data() && halt()) return;
     lanes_new_velocity(l, z), lanes_check_velocity(l, state.status);
   }
 };
-template <class State> struct IntegrateStage {
+template <class State>
+struct IntegrateStage {
   State state;
   Kokkos::View<int const, typename State::memory_space> halt;
-  template <class L> KOKKOS_FUNCTION void operator()(L const& l) const {
+  template <class L>
+  KOKKOS_FUNCTION void operator()(L const& l) const {
     if (halt.data() && halt()) return;
     lanes_integrate_positions(l, state);
   }
 };
 }  // namespace detail
 
-/// Ends the step: state.qvel and state.qpos become those of the end, state.steps goes up by one. A world whose new velocity is not finite stays as it was,
-/// and says so in state.status (status::not_finite); clear the bit to try again.
+/// Ends the step: state.qvel and state.qpos become those of the end, state.steps goes up by one. A world whose new velocity is not finite
+/// stays as it was, and says so in state.status (status::not_finite); clear the bit to try again.
 /// @param z     whitened impulses of the constraints (rows.z); empty: none
 /// @param halt  nothing happens while it holds non-zero, as the step has to be repeated (rows.halt); empty: never
 /// After factor (or smooth_dynamics) and, where there are constraints, pgs. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, State<R, Mem> const& state,
-               typename State<R, Mem>::template View<R**> const& z = {}, Kokkos::View<int const, std::type_identity_t<Mem>> const& halt = {}) {
+               typename State<R, Mem>::template View<R**> const& z = {},
+               Kokkos::View<int const, std::type_identity_t<Mem>> const& halt = {}) {
   for_lanes("gsp::dynamics::new_velocity", exec, model, dynamics, detail::NewVelocityStage<State<R, Mem>>{state, z, halt});
   for_lanes("gsp::dynamics::integrate", exec, model, dynamics, detail::IntegrateStage<State<R, Mem>>{state, halt});
   auto const steps = state.steps;
@@ -113,8 +125,10 @@ void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> co
 }
 
 /// The same with the impulses of `rows` (constraint/rows.hpp).
-template <ExecutionSpace Exec, class R, class Mem, class Rows> requires requires(Rows const& r) { r.z, r.halt; }
-void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Rows const& rows, State<R, Mem> const& state) {
+template <ExecutionSpace Exec, class R, class Mem, class Rows>
+requires requires(Rows const& r) { r.z, r.halt; }
+void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Rows const& rows,
+               State<R, Mem> const& state) {
   integrate(exec, model, dynamics, state, rows.z, rows.halt);
 }
 

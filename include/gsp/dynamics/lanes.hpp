@@ -4,40 +4,67 @@
 #include <gsp/model/poses.hpp>
 #include <gsp/model/state.hpp>
 
-/// Lanes: one tree of one world each. All lanes of an archetype run the same branch-free program; only numbers differ. On a CPU the number type is a
-/// `Pack` and a block of W lanes goes through the program together; on a GPU a lane is a thread, and a block is a warp.
+/// Lanes: one tree of one world each. All lanes of an archetype run the same branch-free program; only numbers differ. On a CPU the number
+/// type is a `Pack` and a block of W lanes goes through the program together; on a GPU a lane is a thread, and a block is a warp.
 namespace gsp {
 
 /// Lanes in a block, and the number type that a kernel on `Exec` computes with.
-template <class Exec, class R> inline constexpr int lane_width = is_device<Exec> ? 32 : native_width<R>;
-template <class Mem, class R> inline constexpr int block_width = bool(Kokkos::SpaceAccessibility<Kokkos::HostSpace, Mem>::accessible) ? native_width<R> : 32;
-template <class Exec, class R> using lane_number = std::conditional_t<is_device<Exec>, R, Pack<R, native_width<R>>>;
+template <class Exec, class R>
+inline constexpr int lane_width = is_device<Exec> ? 32 : native_width<R>;
+template <class Mem, class R>
+inline constexpr int block_width = bool(Kokkos::SpaceAccessibility<Kokkos::HostSpace, Mem>::accessible) ? native_width<R> : 32;
+template <class Exec, class R>
+using lane_number = std::conditional_t<is_device<Exec>, R, Pack<R, native_width<R>>>;
 
 namespace detail {
-template <class T> struct width_of { static constexpr int value = T::width; };
-template <Scalar T> struct width_of<T> { static constexpr int value = 1; };
-template <Scalar T> KOKKOS_INLINE_FUNCTION void set_lane(T& x, int, T value) { x = value; }
-template <class R, int W> KOKKOS_INLINE_FUNCTION void set_lane(Pack<R, W>& x, int i, R value) { x.set(i, value); }
-template <Scalar T> KOKKOS_INLINE_FUNCTION T get_lane(T x, int) { return x; }
-template <class R, int W> KOKKOS_INLINE_FUNCTION R get_lane(Pack<R, W> const& x, int i) { return x[i]; }
+template <class T>
+struct width_of {
+  static constexpr int value = T::width;
+};
+template <Scalar T>
+struct width_of<T> {
+  static constexpr int value = 1;
+};
+template <Scalar T>
+KOKKOS_INLINE_FUNCTION void set_lane(T& x, int, T value) {
+  x = value;
+}
+template <class R, int W>
+KOKKOS_INLINE_FUNCTION void set_lane(Pack<R, W>& x, int i, R value) {
+  x.set(i, value);
+}
+template <Scalar T>
+KOKKOS_INLINE_FUNCTION T get_lane(T x, int) {
+  return x;
+}
+template <class R, int W>
+KOKKOS_INLINE_FUNCTION R get_lane(Pack<R, W> const& x, int i) {
+  return x[i];
+}
 
 // Packs from and to plain memory. Not inlined: they are called often, and are loops.
 // Lane i at data[world[i] * stride + first[i] * components + offset]:
-template <class T> [[gnu::noinline]] KOKKOS_FUNCTION T gather(real_t<T> const* data, std::int64_t stride, int const* world, int const* first, int components, int offset) {
+template <class T>
+[[gnu::noinline]] KOKKOS_FUNCTION T gather(real_t<T> const* data, std::int64_t stride, int const* world, int const* first, int components,
+                                           int offset) {
   alignas(T) real_t<T> x[T::width];
   for (int i = 0; i < T::width; ++i) x[i] = data[world[i] * stride + first[i] * components + offset];
   return *reinterpret_cast<T const*>(x);
 }
-template <class T> [[gnu::noinline]] KOKKOS_FUNCTION void scatter(real_t<T>* data, std::int64_t stride, int const* world, int const* first, int components, int offset, T const& x, int count) {
+template <class T>
+[[gnu::noinline]] KOKKOS_FUNCTION void scatter(real_t<T>* data, std::int64_t stride, int const* world, int const* first, int components,
+                                               int offset, T const& x, int count) {
   for (int i = 0; i < count; ++i) data[world[i] * stride + first[i] * components + offset] = x[i];
 }
 // Lane i at data[i * stride], where a block is one instance in consecutive worlds:
-template <class T> [[gnu::noinline]] KOKKOS_FUNCTION T gather_consecutive(real_t<T> const* data, std::int64_t stride) {
+template <class T>
+[[gnu::noinline]] KOKKOS_FUNCTION T gather_consecutive(real_t<T> const* data, std::int64_t stride) {
   alignas(T) real_t<T> x[T::width];
   for (int i = 0; i < T::width; ++i, data += stride) x[i] = *data;
   return *reinterpret_cast<T const*>(x);
 }
-template <class T> [[gnu::noinline]] KOKKOS_FUNCTION void scatter_consecutive(real_t<T>* data, std::int64_t stride, T const& x) {
+template <class T>
+[[gnu::noinline]] KOKKOS_FUNCTION void scatter_consecutive(real_t<T>* data, std::int64_t stride, T const& x) {
   alignas(T) real_t<T> values[T::width];
   *reinterpret_cast<T*>(values) = x;
   for (int i = 0; i < T::width; ++i, data += stride) *data = values[i];
@@ -45,11 +72,15 @@ template <class T> [[gnu::noinline]] KOKKOS_FUNCTION void scatter_consecutive(re
 }  // namespace detail
 
 /// Items of one lane at base[i * stride], or of a whole block, one pack after the other (stride 1).
-template <class T> struct LaneItems {
+template <class T>
+struct LaneItems {
   T* base;
   int stride;
   KOKKOS_INLINE_FUNCTION T& operator[](int i) const {
-    if constexpr (Scalar<T>) return base[std::int64_t(i) * stride]; else return base[i];
+    if constexpr (Scalar<T>)
+      return base[std::int64_t(i) * stride];
+    else
+      return base[i];
   }
   KOKKOS_INLINE_FUNCTION Vec3<T> vec3(int i) const { return {(*this)[i], (*this)[i + 1], (*this)[i + 2]}; }
   KOKKOS_INLINE_FUNCTION Quat<T> quat(int i) const { return {(*this)[i], (*this)[i + 1], (*this)[i + 2], (*this)[i + 3]}; }
@@ -58,7 +89,9 @@ template <class T> struct LaneItems {
     return {(*this)[i], (*this)[i + 1], (*this)[i + 2], (*this)[i + 3], (*this)[i + 4], (*this)[i + 5], vec3(i + 6), (*this)[i + 9]};
   }
   KOKKOS_INLINE_FUNCTION void put(int i, Vec3<T> const& v) const { (*this)[i] = v.x, (*this)[i + 1] = v.y, (*this)[i + 2] = v.z; }
-  KOKKOS_INLINE_FUNCTION void put(int i, Quat<T> const& q) const { (*this)[i] = q.w, (*this)[i + 1] = q.x, (*this)[i + 2] = q.y, (*this)[i + 3] = q.z; }
+  KOKKOS_INLINE_FUNCTION void put(int i, Quat<T> const& q) const {
+    (*this)[i] = q.w, (*this)[i + 1] = q.x, (*this)[i + 2] = q.y, (*this)[i + 3] = q.z;
+  }
   KOKKOS_INLINE_FUNCTION void put(int i, Spatial<T> const& s) const { put(i, s.angular), put(i + 3, s.linear); }
   KOKKOS_INLINE_FUNCTION void put(int i, SpatialInertia<T> const& s) const {
     (*this)[i] = s.xx, (*this)[i + 1] = s.yy, (*this)[i + 2] = s.zz, (*this)[i + 3] = s.xy, (*this)[i + 4] = s.xz, (*this)[i + 5] = s.yz;
@@ -66,9 +99,9 @@ template <class T> struct LaneItems {
   }
 };
 
-/// Where the dynamics of a tree keep their items: offsets for its archetype. First what the constraints and the integrator need, then other results
-/// (vectors of dofs; force = passive - bias + actuator + applied; stiffness, damping: what the factored matrix takes implicitly; velocity: free,
-/// then new), then what is needed within one stage only.
+/// Where the dynamics of a tree keep their items: offsets for its archetype. First what the constraints and the integrator need, then other
+/// results (vectors of dofs; force = passive - bias + actuator + applied; stiffness, damping: what the factored matrix takes implicitly;
+/// velocity: free, then new), then what is needed within one stage only.
 struct DynamicsLayout {
   int com, cdof, factor, inverse_diagonal, qvel, velocity, spin, mass;  // spin: of a free body, see factor.hpp
   int passive, actuator, bias, force, stiffness, damping, acceleration, impulse;
@@ -77,8 +110,10 @@ struct DynamicsLayout {
   KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) {
     int n = 0;
     auto const take = [&n](int& at, int items) { at = n, n += items; };
-    take(com, 3), take(cdof, 6 * a.nv), take(factor, a.nM), take(inverse_diagonal, a.nv), take(qvel, a.nv), take(velocity, a.nv), take(spin, 3), take(mass, a.nM);
-    take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(force, a.nv), take(stiffness, a.nv), take(damping, a.nv), take(acceleration, a.nv), take(impulse, a.nv);
+    take(com, 3), take(cdof, 6 * a.nv), take(factor, a.nM), take(inverse_diagonal, a.nv), take(qvel, a.nv), take(velocity, a.nv),
+        take(spin, 3), take(mass, a.nM);
+    take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(force, a.nv), take(stiffness, a.nv), take(damping, a.nv),
+        take(acceleration, a.nv), take(impulse, a.nv);
     take(xpos, 3 * a.nbody), take(xquat, 4 * a.nbody), take(xanchor, 3 * a.njnt), take(xaxis, 3 * a.njnt);
     take(cinert, 10 * a.nbody), take(cvel, 6 * a.nbody), take(cacc, 6 * a.nbody), take(cfrc, 6 * a.nbody);
     size = n;
@@ -86,23 +121,25 @@ struct DynamicsLayout {
 };
 
 /// One tree of one world, for kernels that go world by world (constraints): its items in the blocked scratch.
-template <class R> struct TreeItems : LaneItems<R> {
+template <class R>
+struct TreeItems : LaneItems<R> {
   DynamicsLayout at;
 };
 
 /// Scratch of the smooth dynamics, blocked by lanes, and the table of its blocks. `make_dynamics` allocates it.
-template <class R, class Mem> struct Dynamics {
+template <class R, class Mem>
+struct Dynamics {
   using real_type = R;
   using memory_space = Mem;
   static constexpr int width = block_width<Mem, R>;
   int worlds = 0, blocks = 0;
-  int padded_worlds = 0;                               // lane = instance * padded_worlds + world: a block holds one instance wherever there are enough worlds
+  int padded_worlds = 0;  // lane = instance * padded_worlds + world: a block holds one instance wherever there are enough worlds
   Kokkos::View<R*, Mem> items;
-  Kokkos::View<R*, Mem> thread_items;                  // hosts: room for one block a thread, where a fused stage works in cache
+  Kokkos::View<R*, Mem> thread_items;  // hosts: room for one block a thread, where a fused stage works in cache
   int thread_stride = 0;
-  Kokkos::View<int*, Mem> block_archetype;             // (blocks)
-  Kokkos::View<std::int64_t*, Mem> block_offset;       // (blocks) first item of the block
-  Kokkos::View<int*, Mem> archetype_block;             // (archetypes) first block
+  Kokkos::View<int*, Mem> block_archetype;        // (blocks)
+  Kokkos::View<std::int64_t*, Mem> block_offset;  // (blocks) first item of the block
+  Kokkos::View<int*, Mem> archetype_block;        // (archetypes) first block
 
   /// Items of tree `t` of world `w`.
   KOKKOS_INLINE_FUNCTION TreeItems<R> tree(Model<R, Mem> const& m, int w, int t) const {
@@ -117,7 +154,8 @@ struct DynamicsOptions {
 };
 
 /// Scratch for the dynamics of `worlds` worlds: 35 numbers a body, 17 a dof, 6 a joint and two mass matrices. Allocates.
-template <class R, ExecutionSpace Exec, class Mem> Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, DynamicsOptions options = {}) {
+template <class R, ExecutionSpace Exec, class Mem>
+Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, DynamicsOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_dynamics: the model is not accessible from this execution space");
   expects(options.worlds > 0, "gsp::make_dynamics: worlds must be positive");
   Dynamics<R, Mem> d;
@@ -138,7 +176,8 @@ template <class R, ExecutionSpace Exec, class Mem> Dynamics<R, Mem> make_dynamic
     int most = 0;
     for (int k = 0; k < model.narchetype; ++k) most = std::max(most, DynamicsLayout(model.host_archetypes(k)).size);
     d.thread_stride = most * W;
-    d.thread_items = Kokkos::View<R*, Mem>(Kokkos::view_alloc(exec, "gsp::Dynamics::thread_items"), std::size_t(d.thread_stride) * Kokkos::DefaultHostExecutionSpace().concurrency());
+    d.thread_items = Kokkos::View<R*, Mem>(Kokkos::view_alloc(exec, "gsp::Dynamics::thread_items"),
+                                           std::size_t(d.thread_stride) * Kokkos::DefaultHostExecutionSpace().concurrency());
   }
   d.items = Kokkos::View<R*, Mem>(Kokkos::view_alloc(exec, "gsp::Dynamics::items"), size);
   d.block_archetype = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Dynamics::block_archetype", archetype);
@@ -148,19 +187,21 @@ template <class R, ExecutionSpace Exec, class Mem> Dynamics<R, Mem> make_dynamic
 }
 
 /// What a stage sees: one lane (GPU) or a block of lanes (CPU), its topology, constants, and items.
-template <class T, class Mem> struct Lane {
+template <class T, class Mem>
+struct Lane {
   using R = real_t<T>;
   static constexpr int W = detail::width_of<T>::value;
   Model<R, Mem> const& model;
   Archetype const& a;
-  int const* ints;        // topology: ints[a.body_parent + b] ...
+  int const* ints;  // topology: ints[a.body_parent + b] ...
   LaneItems<T> items;
   DynamicsLayout at;
-  bool uniform = true;    // all lanes are the same instance (of different worlds)
-  int count = W;          // lanes below it are worlds of their own; the rest repeat the last one and store nothing
+  bool uniform = true;  // all lanes are the same instance (of different worlds)
+  int count = W;        // lanes below it are worlds of their own; the rest repeat the last one and store nothing
   int world[W], body0[W], jnt0[W], dof0[W], qpos0[W], instance[W];
 
-  KOKKOS_INLINE_FUNCTION Lane(Model<R, Mem> const& model_, Archetype const& a_, LaneItems<T> items_, int first_lane, int padded_worlds, int worlds)
+  KOKKOS_INLINE_FUNCTION Lane(Model<R, Mem> const& model_, Archetype const& a_, LaneItems<T> items_, int first_lane, int padded_worlds,
+                              int worlds)
       : model(model_), a(a_), ints(model_.ints.data()), items(items_), at(a_) {
     int const lanes = a.ninstance * padded_worlds;
     count = 0;
@@ -186,7 +227,9 @@ template <class T, class Mem> struct Lane {
       return detail::gather<T>(f.data, f.stride, world, first, components, i * components + component);
     }
   }
-  KOKKOS_INLINE_FUNCTION Vec3<T> constant3(Field<R> const& f, int const* first, int i) const { return {constant(f, first, i, 3, 0), constant(f, first, i, 3, 1), constant(f, first, i, 3, 2)}; }
+  KOKKOS_INLINE_FUNCTION Vec3<T> constant3(Field<R> const& f, int const* first, int i) const {
+    return {constant(f, first, i, 3, 0), constant(f, first, i, 3, 1), constant(f, first, i, 3, 2)};
+  }
   KOKKOS_INLINE_FUNCTION Quat<T> constant4(Field<R> const& f, int const* first, int i) const {
     return {constant(f, first, i, 4, 0), constant(f, first, i, 4, 1), constant(f, first, i, 4, 2), constant(f, first, i, 4, 3)};
   }
@@ -203,26 +246,37 @@ template <class T, class Mem> struct Lane {
   }
 
   /// Item `first + i` of a plain view (world, item), or its component of (world, item, components).
-  template <class View> KOKKOS_INLINE_FUNCTION T load(View const& v, int const* first, int i, int components = 1, int component = 0) const {
+  template <class View>
+  KOKKOS_INLINE_FUNCTION T load(View const& v, int const* first, int i, int components = 1, int component = 0) const {
     std::int64_t const stride = std::int64_t(v.extent(1)) * components;
-    if constexpr (W == 1) return v.data()[world[0] * stride + (first[0] + i) * components + component];
-    else if (uniform && count == W) return detail::gather_consecutive<T>(v.data() + world[0] * stride + (first[0] + i) * components + component, stride);
-    else return detail::gather<T>(v.data(), stride, world, first, components, i * components + component);
+    if constexpr (W == 1)
+      return v.data()[world[0] * stride + (first[0] + i) * components + component];
+    else if (uniform && count == W)
+      return detail::gather_consecutive<T>(v.data() + world[0] * stride + (first[0] + i) * components + component, stride);
+    else
+      return detail::gather<T>(v.data(), stride, world, first, components, i * components + component);
   }
-  template <class View> KOKKOS_INLINE_FUNCTION void store(View const& v, int const* first, int i, T const& x, int components = 1, int component = 0) const {
+  template <class View>
+  KOKKOS_INLINE_FUNCTION void store(View const& v, int const* first, int i, T const& x, int components = 1, int component = 0) const {
     std::int64_t const stride = std::int64_t(v.extent(1)) * components;
-    if constexpr (W == 1) v.data()[world[0] * stride + (first[0] + i) * components + component] = x;  // a lane that has no world does not run
-    else if (uniform && count == W) detail::scatter_consecutive<T>(v.data() + world[0] * stride + (first[0] + i) * components + component, stride, x);
-    else detail::scatter<T>(v.data(), stride, world, first, components, i * components + component, x, count);
+    if constexpr (W == 1)
+      v.data()[world[0] * stride + (first[0] + i) * components + component] = x;  // a lane that has no world does not run
+    else if (uniform && count == W)
+      detail::scatter_consecutive<T>(v.data() + world[0] * stride + (first[0] + i) * components + component, stride, x);
+    else
+      detail::scatter<T>(v.data(), stride, world, first, components, i * components + component, x, count);
   }
 };
 
 namespace detail {
 /// A stage that needs nothing of the block's items but fills them: it has kept(archetype, layout), the number of items that it leaves.
 template <class Stage>
-concept FusedStage = requires(Stage const s, Archetype const& a, DynamicsLayout const& at) { s.kept(a, at); };
+concept FusedStage = requires(Stage const s, Archetype const& a, DynamicsLayout const& at) {
+  s.kept(a, at);
+};
 
-template <class T, class R, class Mem, class Stage> struct LaneKernel {
+template <class T, class R, class Mem, class Stage>
+struct LaneKernel {
   Model<R, Mem> model;
   Dynamics<R, Mem> dynamics;
   Stage stage;
@@ -233,18 +287,22 @@ template <class T, class R, class Mem, class Stage> struct LaneKernel {
     int const k = dynamics.block_archetype(block);
     Archetype const& a = model.archetypes(k);
     LaneItems<T> const items{reinterpret_cast<T*>(dynamics.items.data() + dynamics.block_offset(block)) + inside, width / W};
-    Lane<T, Mem> lane(model, a, scratch ? LaneItems<T>{scratch, 1} : items, (block - dynamics.archetype_block(k)) * width + inside, dynamics.padded_worlds, dynamics.worlds);
+    Lane<T, Mem> lane(model, a, scratch ? LaneItems<T>{scratch, 1} : items, (block - dynamics.archetype_block(k)) * width + inside,
+                      dynamics.padded_worlds, dynamics.worlds);
     if (lane.count == 0) return;
     stage(lane);
     if constexpr (FusedStage<Stage>)
       for (int e = 0, n = scratch ? stage.kept(a, lane.at) : 0; e < n; ++e) items[e] = scratch[e];
   }
   [[gnu::noinline]] void on_host(int i, int thread) const {  // one copy of the code for all host backends
-    if constexpr (FusedStage<Stage>) run(i, reinterpret_cast<T*>(dynamics.thread_items.data() + std::size_t(thread) * dynamics.thread_stride));
-    else run(i, nullptr);
+    if constexpr (FusedStage<Stage>)
+      run(i, reinterpret_cast<T*>(dynamics.thread_items.data() + std::size_t(thread) * dynamics.thread_stride));
+    else
+      run(i, nullptr);
   }
 };
-template <class Exec, class Kernel> struct LaneLoop {
+template <class Exec, class Kernel>
+struct LaneLoop {
   Kernel kernel;
   KOKKOS_FUNCTION void operator()(int i) const {
     if constexpr (is_device<Exec>) {
@@ -259,14 +317,15 @@ template <class Exec, class Kernel> struct LaneLoop {
 };
 }  // namespace detail
 
-/// Runs `stage(lane)` for all lanes: one launch for all archetypes. `stage` is a functor with a template <class Lane> operator()(Lane const&) const.
-/// On a host with T = R, lanes go one by one (the reference of tests); by default packs.
+/// Runs `stage(lane)` for all lanes: one launch for all archetypes. `stage` is a functor with a template <class Lane> operator()(Lane
+/// const&) const. On a host with T = R, lanes go one by one (the reference of tests); by default packs.
 template <class T, ExecutionSpace Exec, class R, class Mem, class Stage>
 void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::for_lanes: the model is not accessible from this execution space");
   constexpr int threads = Dynamics<R, Mem>::width / detail::width_of<T>::value;
   using Kernel = detail::LaneKernel<T, R, Mem, Stage>;
-  Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads), detail::LaneLoop<Exec, Kernel>{{model, dynamics, stage}});
+  Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads),
+                       detail::LaneLoop<Exec, Kernel>{{model, dynamics, stage}});
 }
 template <ExecutionSpace Exec, class R, class Mem, class Stage>
 void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {

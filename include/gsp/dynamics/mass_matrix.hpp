@@ -2,14 +2,16 @@
 #include <gsp/dynamics/kinematics.hpp>
 
 /// Mass matrix by the composite rigid body algorithm (Featherstone 2008, ch. 6; MuJoCo's mj_crb).
-/// Spatial vectors are in world axes about the centre of mass of the tree, as MuJoCo has them: cdof is the motion that a unit velocity of a dof gives.
-/// M is lower triangular by rows: row i holds the entries of i's ancestor dofs from the root down, then the diagonal. As ancestors nest, the row
-/// of an ancestor at place p lists exactly the first p + 1 columns: no column index is ever read in a factorisation.
+/// Spatial vectors are in world axes about the centre of mass of the tree, as MuJoCo has them: cdof is the motion that a unit velocity of a
+/// dof gives. M is lower triangular by rows: row i holds the entries of i's ancestor dofs from the root down, then the diagonal. As
+/// ancestors nest, the row of an ancestor at place p lists exactly the first p + 1 columns: no column index is ever read in a
+/// factorisation.
 namespace gsp {
 
 namespace detail {
 /// Centre of mass of the tree, spatial inertias of its bodies, and cdof.
-template <class L> KOKKOS_INLINE_FUNCTION void lanes_inertia(L const& l) {
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_inertia(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -26,7 +28,8 @@ template <class L> KOKKOS_INLINE_FUNCTION void lanes_inertia(L const& l) {
   for (int b = 0; b < a.nbody; ++b) {
     Vec3<T> const c = s.vec3(l.at.cinert + 10 * b + 6) - com;
     Quat<T> const q = s.quat(l.at.xquat + 4 * b) * l.constant4(l.model.body_iquat, l.body0, b);
-    s.put(l.at.cinert + 10 * b, spatial_inertia(l.constant(l.model.body_mass, l.body0, b), l.constant3(l.model.body_inertia, l.body0, b), q, c));
+    s.put(l.at.cinert + 10 * b,
+          spatial_inertia(l.constant(l.model.body_mass, l.body0, b), l.constant3(l.model.body_inertia, l.body0, b), q, c));
   }
   Vec3<T> const zero{T(0), T(0), T(0)};
   for (int j = 0; j < a.njnt; ++j) {
@@ -53,7 +56,8 @@ template <class L> KOKKOS_INLINE_FUNCTION void lanes_inertia(L const& l) {
 }
 
 /// M from cdof and the bodies' inertias, which become composite inertias on the way.
-template <class L> KOKKOS_INLINE_FUNCTION void lanes_mass_matrix(L const& l) {
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_mass_matrix(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -71,13 +75,19 @@ template <class L> KOKKOS_INLINE_FUNCTION void lanes_mass_matrix(L const& l) {
   }
 }
 
-template <class Poses> struct MassMatrixStage {
+template <class Poses>
+struct MassMatrixStage {
   Poses poses;
-  template <class L> KOKKOS_FUNCTION void operator()(L const& l) const { lanes_load_poses(l, poses), lanes_inertia(l), lanes_mass_matrix(l); }
+  template <class L>
+  KOKKOS_FUNCTION void operator()(L const& l) const {
+    lanes_load_poses(l, poses), lanes_inertia(l), lanes_mass_matrix(l);
+  }
 };
-template <class View> struct DenseMassMatrixStage {
+template <class View>
+struct DenseMassMatrixStage {
   View M;
-  template <class L> KOKKOS_FUNCTION void operator()(L const& l) const {
+  template <class L>
+  KOKKOS_FUNCTION void operator()(L const& l) const {
     auto const& a = l.a;
     for (int i = 0; i < a.nv; ++i)
       for (int e = l.index(a.row_adr, i), end = l.index(a.row_adr, i + 1); e < end; ++e) {
@@ -91,8 +101,8 @@ template <class View> struct DenseMassMatrixStage {
 };
 }  // namespace detail
 
-/// Mass matrix of every tree at `poses`, in dynamics.items (blocked; `dense_mass_matrix` copies it out); also com and cdof, which Jacobians need.
-/// Cost about 60 flop a dof and 11 an entry. Does not allocate, does not fence.
+/// Mass matrix of every tree at `poses`, in dynamics.items (blocked; `dense_mass_matrix` copies it out); also com and cdof, which Jacobians
+/// need. Cost about 60 flop a dof and 11 an entry. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void mass_matrix(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics) {
   for_lanes("gsp::dynamics::mass_matrix", exec, model, dynamics, detail::MassMatrixStage<Poses<R, Mem>>{poses});
@@ -101,7 +111,8 @@ void mass_matrix(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> con
 /// Copies the mass matrices to M (world, nv, nv), symmetric; entries between trees are set to zero.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void dense_mass_matrix(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, View const& M) {
-  expects(int(M.extent(0)) == dynamics.worlds && int(M.extent(1)) == model.nv && int(M.extent(2)) == model.nv, "gsp::dense_mass_matrix: M must be (worlds, nv, nv)");
+  expects(int(M.extent(0)) == dynamics.worlds && int(M.extent(1)) == model.nv && int(M.extent(2)) == model.nv,
+          "gsp::dense_mass_matrix: M must be (worlds, nv, nv)");
   Kokkos::deep_copy(exec, M, R(0));
   for_lanes("gsp::dynamics::dense_mass_matrix", exec, model, dynamics, detail::DenseMassMatrixStage<View>{M});
 }

@@ -5,17 +5,19 @@
 namespace gsp {
 
 struct SmoothOptions {
-  bool keep_all = false;    // also leave M and all dof vectors in dynamics.items, as the single functions do
-  bool joint_poses = false; // also write poses.xanchor and xaxis
+  bool keep_all = false;     // also leave M and all dof vectors in dynamics.items, as the single functions do
+  bool joint_poses = false;  // also write poses.xanchor and xaxis
 };
 
 namespace detail {
-template <class State, class Poses> struct SmoothStage {
+template <class State, class Poses>
+struct SmoothStage {
   State state;
   Poses poses;
   SmoothOptions options;
   bool keep_mass;
-  template <class L> KOKKOS_FUNCTION void operator()(L const& l) const {
+  template <class L>
+  KOKKOS_FUNCTION void operator()(L const& l) const {
     lanes_kinematics(l, state.qpos), lanes_store_poses(l, poses, options.joint_poses);
     lanes_load_velocity(l, state.qvel);
     lanes_inertia(l);
@@ -26,16 +28,21 @@ template <class State, class Poses> struct SmoothStage {
     lanes_factor_profile(l);
     lanes_free_velocity(l, state.qfrc_applied);
   }
-  KOKKOS_INLINE_FUNCTION int kept(Archetype const&, DynamicsLayout const& at) const { return options.keep_all ? at.xpos : keep_mass ? at.passive : at.mass; }
+  KOKKOS_INLINE_FUNCTION int kept(Archetype const&, DynamicsLayout const& at) const {
+    return options.keep_all ? at.xpos : keep_mass ? at.passive : at.mass;
+  }
 };
 }  // namespace detail
 
-/// forward_kinematics, mass_matrix, bias_forces, passive_forces, actuator_forces and factor, fused: the same numbers in one launch, with the block in cache.
-/// It leaves what constraints and integrate need (centre of mass, cdof, factor, velocities). Does not allocate, does not fence.
+/// forward_kinematics, mass_matrix, bias_forces, passive_forces, actuator_forces and factor, fused: the same numbers in one launch, with
+/// the block in cache. It leaves what constraints and integrate need (centre of mass, cdof, factor, velocities). Does not allocate, does
+/// not fence.
 template <ExecutionSpace Exec, class R, class Mem>
-void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics, Poses<R, Mem> const& poses, SmoothOptions options = {}) {
+void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
+                     Poses<R, Mem> const& poses, SmoothOptions options = {}) {
   bool const keep_mass = model.profile == Profile::mujoco;  // its integrator takes joint damping with M again
-  for_lanes("gsp::dynamics::smooth_dynamics", exec, model, dynamics, detail::SmoothStage<State<R, Mem>, Poses<R, Mem>>{state, poses, options, keep_mass});
+  for_lanes("gsp::dynamics::smooth_dynamics", exec, model, dynamics,
+            detail::SmoothStage<State<R, Mem>, Poses<R, Mem>>{state, poses, options, keep_mass});
 }
 
 }  // namespace gsp

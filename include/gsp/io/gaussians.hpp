@@ -5,8 +5,8 @@
 
 namespace gsp::io {
 
-/// A set as readers deliver it, with links named, to one with body indices: link names are matched with those of the model's bodies; what is
-/// bound to no link is static (body 0). Throws Error where the model has no body of a name. `name` is what the message calls the set.
+/// A set as readers deliver it, with links named, to one with body indices: link names are matched with those of the model's bodies; what
+/// is bound to no link is static (body 0). Throws Error where the model has no body of a name. `name` is what the message calls the set.
 inline GaussianSet to_gaussian_set(SplatSet const& set, CompiledModel const& model, std::string const& name) {
   std::vector<int> body_of(set.link_names.size(), -1);
   for (std::size_t l = 0; l < set.link_names.size(); ++l)
@@ -17,7 +17,8 @@ inline GaussianSet to_gaussian_set(SplatSet const& set, CompiledModel const& mod
     if (set.link[i] < 0) continue;
     out.body[i] = body_of[static_cast<std::size_t>(set.link[i])];
     if (out.body[i] < 0)
-      throw Error(name + ": Gaussian " + std::to_string(i) + " is bound to the link '" + set.link_names[static_cast<std::size_t>(set.link[i])] + "', but " +
+      throw Error(name + ": Gaussian " + std::to_string(i) + " is bound to the link '" +
+                  set.link_names[static_cast<std::size_t>(set.link[i])] + "', but " +
                   (model.nbody == 0 ? std::string("no model is given") : "the model '" + model.name + "' has no body of that name") +
                   "; name the model that it belongs to, or bind it to another link");
   }

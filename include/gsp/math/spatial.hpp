@@ -5,46 +5,69 @@
 namespace gsp {
 
 /// A motion (angular velocity, velocity of the body's point at the reference) or a force (torque about the reference, force).
-template <class T> struct Spatial {
+template <class T>
+struct Spatial {
   Vec3<T> angular, linear;
 };
-template <class T> KOKKOS_INLINE_FUNCTION Spatial<T> operator+(Spatial<T> const& a, Spatial<T> const& b) { return {a.angular + b.angular, a.linear + b.linear}; }
-template <class T> KOKKOS_INLINE_FUNCTION T dot(Spatial<T> const& a, Spatial<T> const& b) {
+template <class T>
+KOKKOS_INLINE_FUNCTION Spatial<T> operator+(Spatial<T> const& a, Spatial<T> const& b) {
+  return {a.angular + b.angular, a.linear + b.linear};
+}
+template <class T>
+KOKKOS_INLINE_FUNCTION T dot(Spatial<T> const& a, Spatial<T> const& b) {
   return fma(a.linear.z, b.linear.z, fma(a.linear.y, b.linear.y, fma(a.linear.x, b.linear.x, dot(a.angular, b.angular))));
 }
 /// a + s b
-template <class T> KOKKOS_INLINE_FUNCTION Spatial<T> fma(T s, Spatial<T> const& b, Spatial<T> const& a) { return {fma(s, b.angular, a.angular), fma(s, b.linear, a.linear)}; }
+template <class T>
+KOKKOS_INLINE_FUNCTION Spatial<T> fma(T s, Spatial<T> const& b, Spatial<T> const& a) {
+  return {fma(s, b.angular, a.angular), fma(s, b.linear, a.linear)};
+}
 /// Rate of change of the motion m that is carried along by the motion v: v x m.
-template <class T> KOKKOS_INLINE_FUNCTION Spatial<T> cross_motion(Spatial<T> const& v, Spatial<T> const& m) {
+template <class T>
+KOKKOS_INLINE_FUNCTION Spatial<T> cross_motion(Spatial<T> const& v, Spatial<T> const& m) {
   return {cross(v.angular, m.angular), cross(v.angular, m.linear) + cross(v.linear, m.angular)};
 }
 /// The same for a force: v x* f.
-template <class T> KOKKOS_INLINE_FUNCTION Spatial<T> cross_force(Spatial<T> const& v, Spatial<T> const& f) {
+template <class T>
+KOKKOS_INLINE_FUNCTION Spatial<T> cross_force(Spatial<T> const& v, Spatial<T> const& f) {
   return {cross(v.angular, f.angular) + cross(v.linear, f.linear), cross(v.angular, f.linear)};
 }
 
 /// Inertia of a rigid body about the reference: rotational inertia I, first moment m c (c: centre of mass from the reference), mass m.
-template <class T> struct SpatialInertia {
+template <class T>
+struct SpatialInertia {
   T xx, yy, zz, xy, xz, yz;
   Vec3<T> moment;
   T mass;
 };
-template <class T> KOKKOS_INLINE_FUNCTION SpatialInertia<T> operator+(SpatialInertia<T> const& a, SpatialInertia<T> const& b) {
+template <class T>
+KOKKOS_INLINE_FUNCTION SpatialInertia<T> operator+(SpatialInertia<T> const& a, SpatialInertia<T> const& b) {
   return {a.xx + b.xx, a.yy + b.yy, a.zz + b.zz, a.xy + b.xy, a.xz + b.xz, a.yz + b.yz, a.moment + b.moment, a.mass + b.mass};
 }
 /// Momentum of the motion v (or force of the acceleration v): (I w + m c x u, m u - m c x w).
-template <class T> KOKKOS_INLINE_FUNCTION Spatial<T> operator*(SpatialInertia<T> const& i, Spatial<T> const& v) {
+template <class T>
+KOKKOS_INLINE_FUNCTION Spatial<T> operator*(SpatialInertia<T> const& i, Spatial<T> const& v) {
   Vec3<T> const &w = v.angular, &u = v.linear;
-  Vec3<T> const iw{fma(i.xx, w.x, fma(i.xy, w.y, i.xz * w.z)), fma(i.xy, w.x, fma(i.yy, w.y, i.yz * w.z)), fma(i.xz, w.x, fma(i.yz, w.y, i.zz * w.z))};
+  Vec3<T> const iw{fma(i.xx, w.x, fma(i.xy, w.y, i.xz * w.z)), fma(i.xy, w.x, fma(i.yy, w.y, i.yz * w.z)),
+                   fma(i.xz, w.x, fma(i.yz, w.y, i.zz * w.z))};
   return {iw + cross(i.moment, u), fma(i.mass, u, cross(w, i.moment))};
 }
 /// Inertia about the reference of a body whose principal moments are `principal` in axes turned by q, and whose centre of mass lies at `c`.
-template <class T> KOKKOS_INLINE_FUNCTION SpatialInertia<T> spatial_inertia(T mass, Vec3<T> const& principal, Quat<T> const& q, Vec3<T> const& c) {
+template <class T>
+KOKKOS_INLINE_FUNCTION SpatialInertia<T> spatial_inertia(T mass, Vec3<T> const& principal, Quat<T> const& q, Vec3<T> const& c) {
   Mat3<T> const r = to_matrix(q);
-  auto const entry = [&](int i, int j) { return fma(r(i, 2) * principal.z, r(j, 2), fma(r(i, 1) * principal.y, r(j, 1), (r(i, 0) * principal.x) * r(j, 0))); };
+  auto const entry = [&](int i, int j) {
+    return fma(r(i, 2) * principal.z, r(j, 2), fma(r(i, 1) * principal.y, r(j, 1), (r(i, 0) * principal.x) * r(j, 0)));
+  };
   Vec3<T> const mc = mass * c;  // parallel axes: m (|c|^2 1 - c c^T)
-  return {entry(0, 0) + fma(mc.y, c.y, mc.z * c.z), entry(1, 1) + fma(mc.x, c.x, mc.z * c.z), entry(2, 2) + fma(mc.x, c.x, mc.y * c.y),
-          entry(0, 1) - mc.x * c.y, entry(0, 2) - mc.x * c.z, entry(1, 2) - mc.y * c.z, mc, mass};
+  return {entry(0, 0) + fma(mc.y, c.y, mc.z * c.z),
+          entry(1, 1) + fma(mc.x, c.x, mc.z * c.z),
+          entry(2, 2) + fma(mc.x, c.x, mc.y * c.y),
+          entry(0, 1) - mc.x * c.y,
+          entry(0, 2) - mc.x * c.z,
+          entry(1, 2) - mc.y * c.z,
+          mc,
+          mass};
 }
 
 }  // namespace gsp

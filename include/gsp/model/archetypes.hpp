@@ -5,8 +5,8 @@
 #include <map>
 #include <vector>
 
-/// Trees of equal topology, found automatically. Two trees are instances of one archetype when their parent arrays, joint types, tendons and
-/// actuators agree index by index: then one branch-free program serves both, and only numbers differ. Host only; `make_model` uses it.
+/// Trees of equal topology, found automatically. Two trees are instances of one archetype when their parent arrays, joint types, tendons
+/// and actuators agree index by index: then one branch-free program serves both, and only numbers differ. Host only; `make_model` uses it.
 namespace gsp {
 
 struct ArchetypeDescription {
@@ -14,8 +14,9 @@ struct ArchetypeDescription {
   std::vector<int> body_parent, body_jntadr, body_jntnum, body_dofadr, body_dofnum;
   std::vector<int> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr;
   std::vector<int> dof_body, dof_parent, dof_jnt;
-  std::vector<int> row_adr;  // (nv + 1) first entry of dof i's row in the lower triangle of M; row i = the ancestors of i from the root down, then i
-  std::vector<int> row_col;  // (nM)
+  std::vector<int>
+      row_adr;  // (nv + 1) first entry of dof i's row in the lower triangle of M; row i = the ancestors of i from the root down, then i
+  std::vector<int> row_col;                   // (nM)
   std::vector<int> tendon_termadr, term_jnt;  // (ntendon + 1), (nterm)
   std::vector<int> act_target, act_id;        // 0 joint, 1 tendon; local index
   int nq = 0;
@@ -56,7 +57,8 @@ inline std::vector<ArchetypeDescription> find_archetypes(CompiledModel const& m)
       a.dof_parent.push_back(parent);
       a.row_adr.push_back(int(a.row_col.size()));
       if (parent >= 0)
-        for (int k = a.row_adr[parent], end = a.row_adr[parent + 1]; k < end; ++k) a.row_col.push_back(int(a.row_col[k]));  // parent < i, so its row is complete
+        for (int k = a.row_adr[parent], end = a.row_adr[parent + 1]; k < end; ++k)
+          a.row_col.push_back(int(a.row_col[k]));  // parent < i, so its row is complete
       a.row_col.push_back(i);
     }
     a.row_adr.push_back(int(a.row_col.size()));
@@ -69,7 +71,8 @@ inline std::vector<ArchetypeDescription> find_archetypes(CompiledModel const& m)
       for (int e = 0; e < m.tendon_termnum[k]; ++e) inside += tree_of_joint(m.term_jnt[m.tendon_termadr[k] + e]) == t;
       if (inside == 0) continue;
       if (inside != m.tendon_termnum[k])
-        throw Error("tendon '" + m.tendon_name[k] + "' couples joints of two kinematic trees, which is not supported: give each tree a tendon of its own");
+        throw Error("tendon '" + m.tendon_name[k] +
+                    "' couples joints of two kinematic trees, which is not supported: give each tree a tendon of its own");
       instance.tendon.push_back(k);
       for (int e = 0; e < inside; ++e) {
         instance.term.push_back(m.tendon_termadr[k] + e);
@@ -82,12 +85,14 @@ inline std::vector<ArchetypeDescription> find_archetypes(CompiledModel const& m)
         instance.act.push_back(k), a.act_target.push_back(0), a.act_id.push_back(m.act_id[k] - j0);
       } else if (m.act_target[k] == 1) {
         auto const found = std::find(instance.tendon.begin(), instance.tendon.end(), m.act_id[k]);
-        if (found != instance.tendon.end()) instance.act.push_back(k), a.act_target.push_back(1), a.act_id.push_back(int(found - instance.tendon.begin()));
+        if (found != instance.tendon.end())
+          instance.act.push_back(k), a.act_target.push_back(1), a.act_id.push_back(int(found - instance.tendon.begin()));
       }
     }
 
     std::vector<int> key{a.nq};
-    for (auto const* v : {&a.body_parent, &a.body_jntnum, &a.jnt_type, &a.dof_parent, &a.tendon_termadr, &a.term_jnt, &a.act_target, &a.act_id}) {
+    for (auto const* v :
+         {&a.body_parent, &a.body_jntnum, &a.jnt_type, &a.dof_parent, &a.tendon_termadr, &a.term_jnt, &a.act_target, &a.act_id}) {
       key.push_back(int(v->size()));
       key.insert(key.end(), v->begin(), v->end());
     }

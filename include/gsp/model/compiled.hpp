@@ -3,8 +3,9 @@
 #include <string>
 #include <vector>
 
-/// The model as flat arrays on the host, in double, in MuJoCo's order and by MuJoCo's rules. `compile` (compile.hpp) makes it from a Description;
-/// `make_model` (model.hpp) takes it to the device. Body 0 is the world. A *tree* is a subtree of the world that has at least one degree of freedom.
+/// The model as flat arrays on the host, in double, in MuJoCo's order and by MuJoCo's rules. `compile` (compile.hpp) makes it from a
+/// Description; `make_model` (model.hpp) takes it to the device. Body 0 is the world. A *tree* is a subtree of the world that has at least
+/// one degree of freedom.
 namespace gsp {
 
 struct CompiledModel {
@@ -13,13 +14,13 @@ struct CompiledModel {
   int nq = 0, nv = 0, nbody = 0, njnt = 0, ngeom = 0, nsite = 0, ncam = 0, nu = 0, ntendon = 0, ntree = 0;
 
   // bodies (nbody)
-  std::vector<int> body_parent, body_weld;        // weld: the topmost body that it is rigidly fixed to
-  std::vector<int> body_tree;                     // tree index; -1: fixed to the world
+  std::vector<int> body_parent, body_weld;  // weld: the topmost body that it is rigidly fixed to
+  std::vector<int> body_tree;               // tree index; -1: fixed to the world
   std::vector<int> body_jntadr, body_jntnum, body_dofadr, body_dofnum, body_geomadr, body_geomnum;
   std::vector<Double3> body_pos, body_ipos, body_inertia;  // inertia: principal moments [kg m^2]
   std::vector<Double4> body_quat, body_iquat;
   std::vector<double> body_mass, body_gravcomp;
-  std::vector<std::array<double, 2>> body_invweight0;      // translational, rotational
+  std::vector<std::array<double, 2>> body_invweight0;  // translational, rotational
   std::vector<std::string> body_name;
 
   // joints (njnt)
@@ -36,7 +37,7 @@ struct CompiledModel {
   std::vector<std::array<double, 2>> dof_solref;
   std::vector<std::array<double, 5>> dof_solimp;
 
-  std::vector<double> qpos0, qpos_spring;          // (nq)
+  std::vector<double> qpos0, qpos_spring;  // (nq)
 
   // geoms (ngeom)
   std::vector<int> geom_type, geom_body, geom_contype, geom_conaffinity, geom_condim, geom_priority, geom_group;
@@ -62,7 +63,8 @@ struct CompiledModel {
   std::vector<int> tendon_termadr, tendon_termnum, tendon_tree, tendon_limited;
   std::vector<int> term_jnt;
   std::vector<double> term_coef;
-  std::vector<double> tendon_stiffness, tendon_damping, tendon_frictionloss, tendon_armature, tendon_margin, tendon_invweight0, tendon_length0;
+  std::vector<double> tendon_stiffness, tendon_damping, tendon_frictionloss, tendon_armature, tendon_margin, tendon_invweight0,
+      tendon_length0;
   std::vector<std::array<double, 2>> tendon_range, tendon_lengthspring, tendon_solref_limit, tendon_solref_friction;
   std::vector<std::array<double, 5>> tendon_solimp_limit, tendon_solimp_friction;
   std::vector<std::string> tendon_name;

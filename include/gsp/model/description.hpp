@@ -3,16 +3,16 @@
 #include <string>
 #include <vector>
 
-/// A model as its author describes it: bodies in a tree with joints, shapes, sites, cameras, and what acts on them. Host only, editable, in double.
-/// Readers (gsp/io/mjcf.hpp) and code (samples.hpp) make it; `compile` (compile.hpp) turns it into the flat arrays that kernels use.
-/// Units: metres, kilograms, seconds, radians. Quaternions w, x, y, z. All poses are relative to the parent body's frame.
-/// Defaults, `frame`s, `replicate`s, angle units and fromto are resolved by the readers: a Description holds plain values only.
+/// A model as its author describes it: bodies in a tree with joints, shapes, sites, cameras, and what acts on them. Host only, editable, in
+/// double. Readers (gsp/io/mjcf.hpp) and code (samples.hpp) make it; `compile` (compile.hpp) turns it into the flat arrays that kernels
+/// use. Units: metres, kilograms, seconds, radians. Quaternions w, x, y, z. All poses are relative to the parent body's frame. Defaults,
+/// `frame`s, `replicate`s, angle units and fromto are resolved by the readers: a Description holds plain values only.
 namespace gsp {
 
 using Double3 = std::array<double, 3>;
 using Double4 = std::array<double, 4>;
 
-enum class JointType : int { free = 0, ball = 1, slide = 2, hinge = 3 };                                     // MuJoCo's numbering
+enum class JointType : int { free = 0, ball = 1, slide = 2, hinge = 3 };  // MuJoCo's numbering
 enum class ShapeType : int { plane = 0, hfield = 1, sphere = 2, capsule = 3, ellipsoid = 4, cylinder = 5, box = 6, mesh = 7 };
 enum class Integrator : int { euler = 0, rk4 = 1, implicit = 2, implicitfast = 3 };
 enum class Cone : int { pyramidal = 0, elliptic = 1 };
@@ -33,12 +33,13 @@ struct JointDescription {
   JointType type = JointType::hinge;
   Double3 pos{0, 0, 0}, axis{0, 0, 1};  // anchor and axis in the body frame; the axis is normalised by compile
   bool limited = false;
-  std::array<double, 2> range{0, 0};    // [rad] or [m]
+  std::array<double, 2> range{0, 0};  // [rad] or [m]
   bool actuator_force_limited = false;
   std::array<double, 2> actuator_force_range{0, 0};
-  double ref = 0, springref = 0;        // position in the model's initial pose; of the spring
+  double ref = 0, springref = 0;  // position in the model's initial pose; of the spring
   double stiffness = 0, damping = 0, armature = 0, frictionloss = 0, margin = 0;
-  std::array<double, 2> springdamper{0, 0};  // time constant [s] and damping ratio; both positive: compile chooses stiffness and damping from the inertia
+  std::array<double, 2> springdamper{
+      0, 0};  // time constant [s] and damping ratio; both positive: compile chooses stiffness and damping from the inertia
   SoftnessDescription limit{}, friction{};
   int group = 0;
   Place place{};
@@ -47,14 +48,14 @@ struct JointDescription {
 struct GeomDescription {
   std::string name = "";
   ShapeType type = ShapeType::sphere;
-  Double3 size{0, 0, 0};                // plane: half x, half y (0: infinite), spacing; sphere: r; capsule, cylinder: r, half length; box: half sizes
+  Double3 size{0, 0, 0};  // plane: half x, half y (0: infinite), spacing; sphere: r; capsule, cylinder: r, half length; box: half sizes
   Double3 pos{0, 0, 0};
   Double4 quat{1, 0, 0, 0};
   int contype = 1, conaffinity = 1, condim = 3, priority = 0, group = 0;
-  Double3 friction{1, 0.005, 0.0001};   // sliding, torsional [m], rolling [m]
+  Double3 friction{1, 0.005, 0.0001};  // sliding, torsional [m], rolling [m]
   double solmix = 1, margin = 0, gap = 0;
   SoftnessDescription softness{};
-  bool has_mass = false;                // mass given; else density * volume
+  bool has_mass = false;  // mass given; else density * volume
   double mass = 0, density = 1000;
   bool shell_inertia = false;
   std::array<float, 4> rgba{0.5f, 0.5f, 0.5f, 1};
@@ -74,8 +75,8 @@ struct SiteDescription {
 struct CameraDescription {
   std::string name = "";
   Double3 pos{0, 0, 0};
-  Double4 quat{1, 0, 0, 0};             // MuJoCo's camera frame: looks along -z, y up
-  double fovy = 0.7853981633974483;     // [rad]
+  Double4 quat{1, 0, 0, 0};          // MuJoCo's camera frame: looks along -z, y up
+  double fovy = 0.7853981633974483;  // [rad]
   Place place{};
 };
 
@@ -83,12 +84,12 @@ struct InertialDescription {
   Double3 pos{0, 0, 0};
   Double4 quat{1, 0, 0, 0};
   double mass = 0;
-  std::array<double, 6> inertia{};      // xx yy zz xy xz yz about pos, in the frame of quat
+  std::array<double, 6> inertia{};  // xx yy zz xy xz yz about pos, in the frame of quat
 };
 
 struct BodyDescription {
   std::string name = "";
-  int parent = -1;                      // index into Description::bodies, smaller than its own; -1 for the world (body 0) alone
+  int parent = -1;  // index into Description::bodies, smaller than its own; -1 for the world (body 0) alone
   Double3 pos{0, 0, 0};
   Double4 quat{1, 0, 0, 0};
   bool has_inertial = false;
@@ -133,7 +134,7 @@ struct ActuatorDescription {
   std::array<double, 6> gear{1, 0, 0, 0, 0, 0};  // the first scales length and force; free and ball joints use six and three
   double gain = 1;
   Double3 bias{0, 0, 0};
-  double dampratio = 0;                 // > 0: bias2 = -2 dampratio sqrt(-bias1 * inertia), chosen by compile
+  double dampratio = 0;  // > 0: bias2 = -2 dampratio sqrt(-bias1 * inertia), chosen by compile
   bool ctrl_limited = false, force_limited = false;
   std::array<double, 2> ctrl_range{0, 0}, force_range{0, 0};
   int group = 0;
@@ -159,8 +160,8 @@ struct OptionDescription {
   Cone cone = Cone::pyramidal;
   double impratio = 1, tolerance = 1e-8;
   int iterations = 100;
-  bool eulerdamp = true, contact = true, constraint = true, limit = true, frictionloss = true, passive_spring = true, passive_damper = true, gravity_on = true,
-       actuation = true, clampctrl = true, filterparent = true, refsafe = true, warmstart = true;
+  bool eulerdamp = true, contact = true, constraint = true, limit = true, frictionloss = true, passive_spring = true, passive_damper = true,
+       gravity_on = true, actuation = true, clampctrl = true, filterparent = true, refsafe = true, warmstart = true;
 };
 
 struct CompilerDescription {
@@ -168,7 +169,7 @@ struct CompilerDescription {
   std::array<int, 2> inertia_group_range{0, 5};
   double boundmass = 0, boundinertia = 0, settotalmass = -1;
   bool balanceinertia = false;
-  bool approximate = false;             // condim 4 and 6 become 3, and pairs of shapes that are not covered are left out; else both are refused
+  bool approximate = false;  // condim 4 and 6 become 3, and pairs of shapes that are not covered are left out; else both are refused
 };
 
 /// What was refused, approximated or without effect, one line each, for people.
@@ -183,10 +184,11 @@ struct ReportLine {
 
 struct Description {
   std::string name = "";
-  std::vector<std::string> files;       // what Place::file points into
+  std::vector<std::string> files;  // what Place::file points into
   OptionDescription option;
   CompilerDescription compiler;
-  std::vector<BodyDescription> bodies{BodyDescription::world()};  // depth first, as MuJoCo orders them: parents before children, subtrees contiguous
+  std::vector<BodyDescription> bodies{
+      BodyDescription::world()};  // depth first, as MuJoCo orders them: parents before children, subtrees contiguous
   std::vector<TendonDescription> tendons;
   std::vector<ActuatorDescription> actuators;
   std::vector<KeyframeDescription> keyframes;

@@ -172,8 +172,8 @@ struct ObjectOptions {
   double radius = 0.85;  // of the ring on which they stand [m]
 };
 
-/// A floor with boxes and balls of several sizes on a ring about the origin, each a free body half a millimetre above the floor: were the gap
-/// zero, rounding would decide whether there is a contact in the first step, and no two backends would agree.
+/// A floor with boxes and balls of several sizes on a ring about the origin, each a free body half a millimetre above the floor: were the
+/// gap zero, rounding would decide whether there is a contact in the first step, and no two backends would agree.
 inline Description boxes_and_balls(ObjectOptions const& options = {}) {
   using namespace detail;
   Description d;
@@ -188,7 +188,8 @@ inline Description boxes_and_balls(ObjectOptions const& options = {}) {
     double const turn = 6.283185307179586 * k / count, size = 0.04 + 0.012 * (k * 7 % 5), half = 0.8 * size;
     Double3 const sizes = box ? Double3{size, 0.8 * size, half} : Double3{size, 0, 0};
     std::string const name = box ? "box" + std::to_string(boxes - 1) : "ball" + std::to_string(k - boxes);
-    int const b = add_body(d, 0, name, {options.radius * std::cos(turn), options.radius * std::sin(turn), (box ? half : size) + detail::start_gap});
+    int const b =
+        add_body(d, 0, name, {options.radius * std::cos(turn), options.radius * std::sin(turn), (box ? half : size) + detail::start_gap});
     d.bodies[b].quat = {std::cos(turn), 0, 0, std::sin(turn)};
     d.bodies[b].joints = {free_joint(name)};
     d.bodies[b].geoms = {named(shape(box ? ShapeType::box : ShapeType::sphere, sizes, {0, 0, 0}, paints[k % 5]), name)};

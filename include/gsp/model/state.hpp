@@ -6,18 +6,20 @@
 /// What changes from step to step: plain (world, item) views in MuJoCo's order, to be read and written at will.
 namespace gsp {
 
-template <class R, class Mem> struct State {
+template <class R, class Mem>
+struct State {
   using real_type = R;
   using memory_space = Mem;
-  template <class D> using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0;
-  View<R**> qpos;                 // (world, nq) [m, rad]; quaternions w x y z are normalised where they are read
-  View<R**> qpos_low;             // (world, nq) what rounding took from the positions of free bodies; the position is qpos + qpos_low
-  View<R**> qvel;                 // (world, nv) [m/s, rad/s]; free joint: velocity in world axes, then angular velocity in body axes
-  View<R**> ctrl;                 // (world, nu)
-  View<R**> qfrc_applied;         // (world, nv) [N, N m]
-  View<std::int64_t*> steps;      // (world) steps done; time = steps * timestep
-  View<std::uint32_t*> status;    // (world) bits of core/status.hpp; 0: all is well. A world that is not finite is no longer stepped
+  View<R**> qpos;               // (world, nq) [m, rad]; quaternions w x y z are normalised where they are read
+  View<R**> qpos_low;           // (world, nq) what rounding took from the positions of free bodies; the position is qpos + qpos_low
+  View<R**> qvel;               // (world, nv) [m/s, rad/s]; free joint: velocity in world axes, then angular velocity in body axes
+  View<R**> ctrl;               // (world, nu)
+  View<R**> qfrc_applied;       // (world, nv) [N, N m]
+  View<std::int64_t*> steps;    // (world) steps done; time = steps * timestep
+  View<std::uint32_t*> status;  // (world) bits of core/status.hpp; 0: all is well. A world that is not finite is no longer stepped
 };
 
 struct StateOptions {
@@ -25,14 +27,18 @@ struct StateOptions {
 };
 
 /// N worlds at the model's initial positions, at rest. Allocates.
-template <class R, ExecutionSpace Exec, class Mem> State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOptions options = {}) {
+template <class R, ExecutionSpace Exec, class Mem>
+State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_state: the model is not accessible from this execution space");
   expects(options.worlds > 0, "gsp::make_state: worlds must be positive");
   using S = State<R, Mem>;
   S s;
   s.worlds = options.worlds;
-  auto const view = [&](std::string const& label, int items) { return typename S::template View<R**>(Kokkos::view_alloc(exec, label), options.worlds, items); };
-  s.qpos = view("gsp::State::qpos", model.nq), s.qpos_low = view("gsp::State::qpos_low", model.nq), s.qvel = view("gsp::State::qvel", model.nv);
+  auto const view = [&](std::string const& label, int items) {
+    return typename S::template View<R**>(Kokkos::view_alloc(exec, label), options.worlds, items);
+  };
+  s.qpos = view("gsp::State::qpos", model.nq), s.qpos_low = view("gsp::State::qpos_low", model.nq),
+  s.qvel = view("gsp::State::qvel", model.nv);
   s.ctrl = view("gsp::State::ctrl", model.nu), s.qfrc_applied = view("gsp::State::qfrc_applied", model.nv);
   s.steps = typename S::template View<std::int64_t*>(Kokkos::view_alloc(exec, "gsp::State::steps"), options.worlds);
   s.status = typename S::template View<std::uint32_t*>(Kokkos::view_alloc(exec, "gsp::State::status"), options.worlds);
@@ -41,14 +47,16 @@ template <class R, ExecutionSpace Exec, class Mem> State<R, Mem> make_state(Exec
 }
 
 /// All worlds back to the model's initial positions, at rest, time 0.
-template <class R, ExecutionSpace Exec, class Mem> void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& s) {
+template <class R, ExecutionSpace Exec, class Mem>
+void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& s) {
   auto const qpos0 = model.qpos0;
   auto const qpos = s.qpos;
   int const nq = model.nq;
   Kokkos::parallel_for(
       "gsp::model::reset", Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(s.worlds) * nq),
       KOKKOS_LAMBDA(std::int64_t i) { qpos(i / nq, i % nq) = qpos0(int(i / nq), int(i % nq)); });
-  Kokkos::deep_copy(exec, s.qpos_low, R(0)), Kokkos::deep_copy(exec, s.qvel, R(0)), Kokkos::deep_copy(exec, s.ctrl, R(0)), Kokkos::deep_copy(exec, s.qfrc_applied, R(0));
+  Kokkos::deep_copy(exec, s.qpos_low, R(0)), Kokkos::deep_copy(exec, s.qvel, R(0)), Kokkos::deep_copy(exec, s.ctrl, R(0)),
+      Kokkos::deep_copy(exec, s.qfrc_applied, R(0));
   Kokkos::deep_copy(exec, s.steps, std::int64_t(0)), Kokkos::deep_copy(exec, s.status, std::uint32_t(0));
 }
 

@@ -10,51 +10,74 @@ namespace detail {
 struct HostWorld {
   int rank;
   KOKKOS_INLINE_FUNCTION void sync() const {}
-  template <class F> KOKKOS_INLINE_FUNCTION void once(F const& f) const { f(); }
-  template <class F> KOKKOS_INLINE_FUNCTION void each(int n, F const& f) const {
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void once(F const& f) const {
+    f();
+  }
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void each(int n, F const& f) const {
     for (int i = 0; i < n; ++i) f(i);
   }
   /// Sum of f(i), in order.
-  template <class T, class F> KOKKOS_INLINE_FUNCTION T sum(int n, F const& f) const {
+  template <class T, class F>
+  KOKKOS_INLINE_FUNCTION T sum(int n, F const& f) const {
     T total(0);
     for (int i = 0; i < n; ++i) total += f(i);
     return total;
   }
   /// f(i, running, last): adds its part to `running`; in the last pass `running` holds what came before.
-  template <class T, class F> KOKKOS_INLINE_FUNCTION void scan(int n, F const& f) const {
+  template <class T, class F>
+  KOKKOS_INLINE_FUNCTION void scan(int n, F const& f) const {
     T running(0);
     for (int i = 0; i < n; ++i) f(i, running, true);
   }
 };
 /// The same for a warp of a device.
-template <class Member> struct DeviceWorld {
+template <class Member>
+struct DeviceWorld {
   Member const& member;
   int rank;
   KOKKOS_INLINE_FUNCTION void sync() const { member.team_barrier(); }
-  template <class F> KOKKOS_INLINE_FUNCTION void once(F const& f) const { Kokkos::single(Kokkos::PerThread(member), f); }
-  template <class F> KOKKOS_INLINE_FUNCTION void each(int n, F const& f) const { Kokkos::parallel_for(Kokkos::ThreadVectorRange(member, n), f); }
-  template <class T, class F> KOKKOS_INLINE_FUNCTION T sum(int n, F const& f) const {
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void once(F const& f) const {
+    Kokkos::single(Kokkos::PerThread(member), f);
+  }
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void each(int n, F const& f) const {
+    Kokkos::parallel_for(Kokkos::ThreadVectorRange(member, n), f);
+  }
+  template <class T, class F>
+  KOKKOS_INLINE_FUNCTION T sum(int n, F const& f) const {
     T total(0);
-    Kokkos::parallel_reduce(Kokkos::ThreadVectorRange(member, n), [&](int i, T& s) { s += f(i); }, total);
+    Kokkos::parallel_reduce(
+        Kokkos::ThreadVectorRange(member, n), [&](int i, T& s) { s += f(i); }, total);
     return total;
   }
-  template <class T, class F> KOKKOS_INLINE_FUNCTION void scan(int n, F const& f) const {
+  template <class T, class F>
+  KOKKOS_INLINE_FUNCTION void scan(int n, F const& f) const {
     Kokkos::parallel_scan(Kokkos::ThreadVectorRange(member, n), [&](int i, T& running, bool last) { f(i, running, last); });
   }
 };
 
-template <class F> struct HostWorlds {
+template <class F>
+struct HostWorlds {
   F f;
   [[gnu::noinline]] void operator()(int w) const { f(HostWorld{w}); }  // one copy of the code for all host backends
 };
-template <class F> struct DeviceWorlds {
+template <class F>
+struct DeviceWorlds {
   F f;
-  template <class Member> KOKKOS_FUNCTION void operator()(Member const& member) const { f(DeviceWorld<Member>{member, member.league_rank()}); }
+  template <class Member>
+  KOKKOS_FUNCTION void operator()(Member const& member) const {
+    f(DeviceWorld<Member>{member, member.league_rank()});
+  }
 };
 }  // namespace detail
 
-/// Runs f(world) for world.rank = 0 ... worlds - 1. `f` has a template <class World> operator()(World const&) const and uses world.each, sum, scan, once, sync.
-template <ExecutionSpace Exec, class F> void for_worlds(std::string const& label, Exec const& exec, int worlds, F const& f) {
+/// Runs f(world) for world.rank = 0 ... worlds - 1. `f` has a template <class World> operator()(World const&) const and uses world.each,
+/// sum, scan, once, sync.
+template <ExecutionSpace Exec, class F>
+void for_worlds(std::string const& label, Exec const& exec, int worlds, F const& f) {
   if constexpr (is_device<Exec>)
     Kokkos::parallel_for(label, Kokkos::TeamPolicy<Exec>(exec, worlds, 1, 32), detail::DeviceWorlds<F>{f});
   else

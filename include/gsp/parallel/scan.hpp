@@ -22,15 +22,16 @@ struct ExclusiveScan {
 /// Exclusive prefix sum: out(i) = in(0) + ... + in(i-1); out(n) is the total. Sums are taken in 64 bits.
 /// @param in   (n) whole numbers: a View, or anything with in(i) and in.extent(0)
 /// @param out  (n+1), may not overlap `in`; choose 64-bit values where the total can pass 2^31
-/// Neither allocates nor fences; the total stays on the device. Cost: reads `in` twice. Integers, so the order of summation does not matter.
+/// Neither allocates nor fences; the total stays on the device. Cost: reads `in` twice. Integers, so the order of summation does not
+/// matter.
 template <ExecutionSpace Exec, class In, class Out>
 void exclusive_scan(Exec const& exec, In const& in, Out const& out) {
   static_assert(can_access<Exec, Out>, "gsp::exclusive_scan: `out` is not accessible from this execution space");
   static_assert(std::is_integral_v<typename Out::value_type>, "gsp::exclusive_scan: `out` must hold whole numbers");
   std::int64_t const n = static_cast<std::int64_t>(in.extent(0));
   expects(static_cast<std::int64_t>(out.extent(0)) == n + 1, "gsp::exclusive_scan: `out` must be one longer than `in`, for the total");
-  Kokkos::parallel_scan("gsp::parallel::exclusive_scan",
-                        Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n + 1), detail::ExclusiveScan<In, Out>{in, out, n});
+  Kokkos::parallel_scan("gsp::parallel::exclusive_scan", Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n + 1),
+                        detail::ExclusiveScan<In, Out>{in, out, n});
 }
 
 }  // namespace gsp

@@ -83,8 +83,7 @@ SortScratch<Key, typename Exec::memory_space> make_sort_scratch(Exec const& exec
     s.temporary = Kokkos::View<char*, Mem>(fresh("gsp::SortScratch::temporary"), detail::cuda_sort_bytes<Key>(n));
 #endif
   } else {
-    s.histograms =
-        Kokkos::View<std::int64_t**, Kokkos::LayoutRight, Mem>(fresh("gsp::SortScratch::histograms"), exec.concurrency(), 256);
+    s.histograms = Kokkos::View<std::int64_t**, Kokkos::LayoutRight, Mem>(fresh("gsp::SortScratch::histograms"), exec.concurrency(), 256);
   }
   return s;
 }
@@ -92,7 +91,8 @@ SortScratch<Key, typename Exec::memory_space> make_sort_scratch(Exec const& exec
 /// Stable sort of (key, value) by ascending key, the first `count` of them.
 /// @param keys, values  (capacity) unsigned keys and their values, sorted on return; their buffers change places with the scratch's, so
 ///                      views that the caller copied before show the old buffers
-/// @param count         View<std::int64_t>, rank 0, in `Mem`: how many there are. A device sorts the whole capacity: there, entries from `count` on must have keys
+/// @param count         View<std::int64_t>, rank 0, in `Mem`: how many there are. A device sorts the whole capacity: there, entries from
+/// `count` on must have keys
 ///                      that no other key passes (in the compared bits), so that they stay behind
 /// @param scratch       of make_sort_scratch(exec, >= capacity)
 /// Host: radix sort over chunks, one a thread, the same result for any number of threads. CUDA: CUB's DeviceRadixSort on the instance's

@@ -5,24 +5,27 @@
 /// Projected Gauss-Seidel over whitened rows (paper, eq. 6-8), one world after the other.
 ///   w = Y z + C p + b,   z = sum Y^T p,   lo <= p <= hi,   w complementary to the bounds
 ///   b = J v^ - zeta, so that Y z + b + C p = J v+ + C p - zeta vanishes where p is inside of its bounds.
-/// A row: p <- clamp(p - w / (|Y|^2 + C)), z <- z + Y^T dp. Friction rows are bounded by +-mu times the present impulse of their normal row.
+/// A row: p <- clamp(p - w / (|Y|^2 + C)), z <- z + Y^T dp. Friction rows are bounded by +-mu times the present impulse of their normal
+/// row.
 namespace gsp {
 
 struct PgsOptions {
   int iterations = 100;     // sweeps at most
   float tolerance = 1e-6f;  // a world stops when no row changed its rate by more than this in a sweep [m/s, rad/s]; 0: after all sweeps
   float relaxation = 1;
-  bool residual = false;    // also measure rows.residual after the last sweep: the largest violation of the conditions above, as a rate
+  bool residual = false;  // also measure rows.residual after the last sweep: the largest violation of the conditions above, as a rate
 };
 
 namespace detail {
-template <class R, class Mem> struct Pgs {
+template <class R, class Mem>
+struct Pgs {
   Model<R, Mem> model;
   Rows<R, Mem> rows;
   PgsOptions options;
   int least_rows = 0;  // worlds with fewer go in lockstep
 
-  template <class World> KOKKOS_FUNCTION void operator()(World const& world) const {
+  template <class World>
+  KOKKOS_FUNCTION void operator()(World const& world) const {
     if (rows.halt()) return;
     int const w = world.rank, first = rows.first(w), count = rows.count(w);
     R* const z = rows.z.data() + std::int64_t(w) * model.nv;
@@ -63,7 +66,8 @@ template <class R, class Mem> struct Pgs {
  private:
   KOKKOS_INLINE_FUNCTION int const* list_of(RowSegment const& s) const { return s.list < 0 ? nullptr : model.ints.data() + s.list; }
 
-  template <class World> KOKKOS_INLINE_FUNCTION R project(World const& world, Row<R> const& row, R const* z, R const* p, int r, R relaxation) const {
+  template <class World>
+  KOKKOS_INLINE_FUNCTION R project(World const& world, Row<R> const& row, R const* z, R const* p, int r, R relaxation) const {
     R w = fma(row.compliance, p[r], row.bias);
     R const* y = rows.Y.data() + row.Y;
     for (int s = 0; s < row.segments; ++s) {
@@ -77,7 +81,8 @@ template <class R, class Mem> struct Pgs {
     if (row.friction_of >= 0) upper = row.upper * p[row.friction_of], lower = -upper;
     return clamp(fma(-relaxation * row.inverse_diagonal, w, p[r]), lower, upper);
   }
-  template <class World> KOKKOS_INLINE_FUNCTION void push(World const& world, Row<R> const& row, R* z, R d) const {
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void push(World const& world, Row<R> const& row, R* z, R d) const {
     R const* y = rows.Y.data() + row.Y;
     for (int s = 0; s < row.segments; ++s) {
       auto const& segment = row.segment[s];
@@ -92,8 +97,9 @@ template <class R, class Mem> struct Pgs {
 
 /// Solves for the impulses of the rows, from those that they hold (warm start).
 /// @param rows  impulses: in and out [N s, N m s];  z (world, nv): out;  residual, iterations (world): out
-/// On a CPU, worlds of at most 128 rows in models of at most 128 dofs go in lockstep, a pack at a time; larger ones, and on a GPU all, over sparse rows.
-/// Cost 4 entries iterations flop a world. A world's result depends on nothing but its own rows. Does not allocate, does not fence.
+/// On a CPU, worlds of at most 128 rows in models of at most 128 dofs go in lockstep, a pack at a time; larger ones, and on a GPU all, over
+/// sparse rows. Cost 4 entries iterations flop a world. A world's result depends on nothing but its own rows. Does not allocate, does not
+/// fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows, PgsOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::pgs: the rows are not accessible from this execution space");

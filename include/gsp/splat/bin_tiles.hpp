@@ -50,7 +50,8 @@ struct EmitPairs {
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
     if (i >= wave.visible() || wave.pairs() == 0) return;
     int const index = wave.order(i);
-    std::uint32_t const image = static_cast<std::uint32_t>(wave.order_keys(i) >> (32 + wave.index_bits)), base = image * static_cast<std::uint32_t>(wave.tiles());
+    std::uint32_t const image = static_cast<std::uint32_t>(wave.order_keys(i) >> (32 + wave.index_bits)),
+                        base = image * static_cast<std::uint32_t>(wave.tiles());
     std::int64_t to = wave.pair_offset(i);
     std::int64_t const end = wave.pair_offset(i + 1);
     auto const put = [&](std::uint32_t key) {
@@ -73,8 +74,10 @@ struct TileBegins {
     std::int64_t low = 0, high = wave.pairs();
     while (low < high) {
       std::int64_t const middle = (low + high) / 2;
-      if (wave.tile_keys(middle) < static_cast<std::uint32_t>(tile)) low = middle + 1;
-      else high = middle;
+      if (wave.tile_keys(middle) < static_cast<std::uint32_t>(tile))
+        low = middle + 1;
+      else
+        high = middle;
     }
     wave.tile_begin(tile) = low;
   }
@@ -83,8 +86,8 @@ struct TileBegins {
 }  // namespace detail
 
 /// Third stage: for each tile of each image of the wave, the splats that touch it, front to back (equal depths by source index).
-/// Sorts the splats by (image, depth), lets them emit their tiles in that order, and sorts the pairs by tile alone, stably: far fewer bytes than
-/// one sort of pairs by (tile, depth).
+/// Sorts the splats by (image, depth), lets them emit their tiles in that order, and sorts the pairs by tile alone, stably: far fewer bytes
+/// than one sort of pairs by (tile, depth).
 /// @param frames  in: project's splats.   out: wave.tile_splats, tile_begin (image x tiles + tile), pairs; status as in project
 /// Neither allocates nor fences. Cost: visible x (bits of image, depth, index) / 8 and pairs x (bits of image, tile) / 8 radix passes.
 template <ExecutionSpace Exec, class Mem>
@@ -96,14 +99,19 @@ void bin_tiles(Exec const& exec, Frames<Mem>& frames) {
   int const image_bits = std::bit_width(static_cast<unsigned>(wave.images)), tile_bits = std::bit_width(tile_pad);
   if constexpr (is_device<Exec>) {
     std::uint64_t const pad = ((static_cast<std::uint64_t>(wave.images) + 1) << (32 + wave.index_bits)) - 1;
-    Kokkos::parallel_for("gsp::splat::bin_tiles_pad", Range(exec, 0, wave.visible_capacity), detail::PadKeys<std::uint64_t, Mem>{wave.order_keys, wave.visible, pad});
+    Kokkos::parallel_for("gsp::splat::bin_tiles_pad", Range(exec, 0, wave.visible_capacity),
+                         detail::PadKeys<std::uint64_t, Mem>{wave.order_keys, wave.visible, pad});
   }
-  sort_by_key(exec, wave.order_keys, wave.order, wave.order_scratch, wave.visible, {.bits = std::min(64, 32 + wave.index_bits + image_bits)});
+  sort_by_key(exec, wave.order_keys, wave.order, wave.order_scratch, wave.visible,
+              {.bits = std::min(64, 32 + wave.index_bits + image_bits)});
   exclusive_scan(exec, detail::OrderedTiles<Mem>{wave}, wave.pair_offset);
-  Kokkos::parallel_for("gsp::splat::bin_tiles_settle", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::SettlePairs<Mem>{wave, frames.status});
+  Kokkos::parallel_for("gsp::splat::bin_tiles_settle", Kokkos::RangePolicy<Exec>(exec, 0, 1),
+                       detail::SettlePairs<Mem>{wave, frames.status});
   if constexpr (is_device<Exec>)
-    Kokkos::parallel_for("gsp::splat::bin_tiles_pad", Range(exec, 0, wave.pair_capacity), detail::PadKeys<std::uint32_t, Mem>{wave.tile_keys, wave.pairs, tile_pad});
-  Kokkos::parallel_for("gsp::splat::bin_tiles_emit", Range(exec, 0, wave.visible_capacity), detail::EmitPairs<Mem>{wave, frames.width, frames.height, tile_pad});
+    Kokkos::parallel_for("gsp::splat::bin_tiles_pad", Range(exec, 0, wave.pair_capacity),
+                         detail::PadKeys<std::uint32_t, Mem>{wave.tile_keys, wave.pairs, tile_pad});
+  Kokkos::parallel_for("gsp::splat::bin_tiles_emit", Range(exec, 0, wave.visible_capacity),
+                       detail::EmitPairs<Mem>{wave, frames.width, frames.height, tile_pad});
   sort_by_key(exec, wave.tile_keys, wave.tile_splats, wave.tile_scratch, wave.pairs, {.bits = tile_bits});
   Kokkos::parallel_for("gsp::splat::bin_tiles_begins", Range(exec, 0, std::int64_t(tile_pad) + 1), detail::TileBegins<Mem>{wave});
 }

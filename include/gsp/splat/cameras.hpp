@@ -24,8 +24,8 @@ Cameras<typename Exec::memory_space> make_cameras(Exec const& exec, std::vector<
                                                   std::vector<int> const& world = {}) {
   using Cam = Cameras<typename Exec::memory_space>;
   std::size_t const n = viewmats.size() / 16;
-  expects(viewmats.size() == 16 * n && Ks.size() == 9 * n,
-          "gsp::make_cameras: viewmats must hold C x 16 numbers and Ks C x 9, not " + std::to_string(viewmats.size()) + " and " + std::to_string(Ks.size()));
+  expects(viewmats.size() == 16 * n && Ks.size() == 9 * n, "gsp::make_cameras: viewmats must hold C x 16 numbers and Ks C x 9, not " +
+                                                               std::to_string(viewmats.size()) + " and " + std::to_string(Ks.size()));
   expects(world.empty() || world.size() == n, "gsp::make_cameras: `world` must name one world a camera, or be empty");
   auto const fresh = [&](std::string const& label) { return Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label); };
   Cam cameras;
@@ -33,9 +33,11 @@ Cameras<typename Exec::memory_space> make_cameras(Exec const& exec, std::vector<
   cameras.Ks = typename Cam::template View<float***>(fresh("gsp::Cameras::Ks"), n, 3, 3);
   cameras.world = typename Cam::template View<int*>(fresh("gsp::Cameras::world"), world.size());
   using Unmanaged = Kokkos::MemoryTraits<Kokkos::Unmanaged>;
-  Kokkos::deep_copy(exec, cameras.viewmats, Kokkos::View<float const***, Kokkos::LayoutRight, Kokkos::HostSpace, Unmanaged>(viewmats.data(), n, 4, 4));
+  Kokkos::deep_copy(exec, cameras.viewmats,
+                    Kokkos::View<float const***, Kokkos::LayoutRight, Kokkos::HostSpace, Unmanaged>(viewmats.data(), n, 4, 4));
   Kokkos::deep_copy(exec, cameras.Ks, Kokkos::View<float const***, Kokkos::LayoutRight, Kokkos::HostSpace, Unmanaged>(Ks.data(), n, 3, 3));
-  Kokkos::deep_copy(exec, cameras.world, Kokkos::View<int const*, Kokkos::LayoutRight, Kokkos::HostSpace, Unmanaged>(world.data(), world.size()));
+  Kokkos::deep_copy(exec, cameras.world,
+                    Kokkos::View<int const*, Kokkos::LayoutRight, Kokkos::HostSpace, Unmanaged>(world.data(), world.size()));
   exec.fence("gsp::make_cameras: the host arrays may go away");
   return cameras;
 }

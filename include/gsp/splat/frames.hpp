@@ -22,7 +22,8 @@ struct LinkView {
 
 }  // namespace detail
 
-/// Buffers of one wave: a batch of images that go through the stages together. Their size is bounded by the batch, not by the number of images.
+/// Buffers of one wave: a batch of images that go through the stages together. Their size is bounded by the batch, not by the number of
+/// images.
 template <class Mem>
 struct SplatWave {
   using memory_space = Mem;
@@ -40,14 +41,14 @@ struct SplatWave {
   View<std::int64_t> visible, pairs;     // how many there are; 0 where they did not fit
   View<std::int64_t[2]> needed;          // greatest number of visible and of pairs of any wave since `render` began
 
-  View<Splat*> splats;                   // (visible)
-  View<int*> splat_tiles;                // (visible) tiles that each touches
+  View<Splat*> splats;                           // (visible)
+  View<int*> splat_tiles;                        // (visible) tiles that each touches
   Kokkos::View<std::uint64_t*, Mem> order_keys;  // (visible) image | depth bits | source index
   Kokkos::View<int*, Mem> order;                 // (visible) splat indices, front to back within each image once sorted
-  View<std::int64_t*> pair_offset;       // (visible + 1)
-  Kokkos::View<std::uint32_t*, Mem> tile_keys;  // (pairs) image x tiles + tile
-  Kokkos::View<int*, Mem> tile_splats;          // (pairs) splat indices, by tile, front to back
-  View<std::int64_t*> tile_begin;        // (batch x tiles + 1)
+  View<std::int64_t*> pair_offset;               // (visible + 1)
+  Kokkos::View<std::uint32_t*, Mem> tile_keys;   // (pairs) image x tiles + tile
+  Kokkos::View<int*, Mem> tile_splats;           // (pairs) splat indices, by tile, front to back
+  View<std::int64_t*> tile_begin;                // (batch x tiles + 1)
   SortScratch<std::uint64_t, Mem> order_scratch;
   SortScratch<std::uint32_t, Mem> tile_scratch;
 
@@ -76,10 +77,12 @@ struct FrameOptions {
   int images = 1, width = 640, height = 480;
   bool rgb = true, depth = true, alpha = true;  // which pictures to make
   int batch = 0;                                // images a wave; 0: chosen by size and backend. Results do not depend on it
-  std::int64_t visible = 0, pairs = 0;          // first guess per image of Gaussians seen and of (Gaussian, tile) pairs; 0: by the number of Gaussians
+  std::int64_t visible = 0,
+               pairs = 0;  // first guess per image of Gaussians seen and of (Gaussian, tile) pairs; 0: by the number of Gaussians
 };
 
-/// Makes room for `visible` Gaussians and `pairs` (Gaussian, tile) pairs a wave; never shrinks. Throws Error where an index would pass 2^31.
+/// Makes room for `visible` Gaussians and `pairs` (Gaussian, tile) pairs a wave; never shrinks. Throws Error where an index would pass
+/// 2^31.
 template <ExecutionSpace Exec, class Mem>
 void reserve(Exec const& exec, SplatWave<Mem>& w, std::int64_t visible, std::int64_t pairs) {
   using Wave = SplatWave<Mem>;
@@ -114,8 +117,8 @@ template <ExecutionSpace Exec, class Mem>
 Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOptions options = {}) {
   static_assert(can_access<Exec, Gaussians<Mem>>, "gsp::make_frames: the Gaussians are not accessible from this execution space");
   expects(options.images > 0 && options.width > 0 && options.height > 0,
-          "gsp::make_frames: images, width and height must be positive, not " + std::to_string(options.images) + ", " + std::to_string(options.width) + ", " +
-              std::to_string(options.height));
+          "gsp::make_frames: images, width and height must be positive, not " + std::to_string(options.images) + ", " +
+              std::to_string(options.width) + ", " + std::to_string(options.height));
   expects(options.width <= 65536 && options.height <= 65536, "gsp::make_frames: width and height are at most 65536");
   expects(options.batch >= 0 && options.visible >= 0 && options.pairs >= 0, "gsp::make_frames: batch and hints must not be negative");
   using F = Frames<Mem>;
@@ -133,11 +136,13 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
   wave.tiles_x = (w + splat_tile - 1) / splat_tile, wave.tiles_y = (h + splat_tile - 1) / splat_tile;
   wave.index_bits = std::max(1, int(std::bit_width(static_cast<unsigned>(std::max(cloud.count, 1) - 1))));
   double const vga = 307200. / (double(w) * h);
-  std::int64_t batch = options.batch > 0 ? options.batch : std::int64_t(std::clamp((is_device<Exec> ? 32 : 2) * vga, 1., is_device<Exec> ? 512. : 64.));
+  std::int64_t batch =
+      options.batch > 0 ? options.batch : std::int64_t(std::clamp((is_device<Exec> ? 32 : 2) * vga, 1., is_device<Exec> ? 512. : 64.));
   batch = std::min<std::int64_t>({batch, c, (std::int64_t(1) << (32 - wave.index_bits)) - 1, ((std::int64_t(1) << 32) - 1) / wave.tiles()});
   expects(batch > 0, "gsp::make_frames: images of this size with this many Gaussians do not fit into sort keys; make them smaller");
   std::int64_t const clusters = static_cast<std::int64_t>(cloud.clusters.extent(0));
-  wave.batch = static_cast<int>(batch = std::max<std::int64_t>(1, std::min(batch, ((std::int64_t(1) << 31) - 2) / std::max<std::int64_t>(1, clusters))));
+  wave.batch = static_cast<int>(
+      batch = std::max<std::int64_t>(1, std::min(batch, ((std::int64_t(1) << 31) - 2) / std::max<std::int64_t>(1, clusters))));
   wave.image_views = typename Wave::template View<detail::ImageView*>(fresh("gsp::SplatWave::image_views"), batch);
   wave.link_views = typename Wave::template View<detail::LinkView**>(fresh("gsp::SplatWave::link_views"), batch, cloud.bodies);
   wave.cluster_visible = typename Wave::template View<int*>(fresh("gsp::SplatWave::cluster_visible"), batch * clusters);

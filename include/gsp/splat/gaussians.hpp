@@ -20,8 +20,8 @@ struct GaussianSet {
   std::vector<float> quats;      // (n, 4) w x y z, unit; turns the Gaussian's axes into the body's frame
   std::vector<float> scales;     // (n, 3) standard deviations along its axes [m]
   std::vector<float> opacities;  // (n)    0..1
-  std::vector<float> sh;         // (n, K, 3) term-major, then r g b; colour = 1/2 + sum_k sh_k Y_k(direction from the eye, in the body's frame)
-  std::vector<int> body;         // (n)    body index of the model; 0: the world, static
+  std::vector<float> sh;  // (n, K, 3) term-major, then r g b; colour = 1/2 + sum_k sh_k Y_k(direction from the eye, in the body's frame)
+  std::vector<int> body;  // (n)    body index of the model; 0: the world, static
 
   std::size_t size() const { return opacities.size(); }
 };
@@ -33,24 +33,24 @@ struct GaussianCluster {
   float scale;            // greatest standard deviation
 };
 
-/// Gaussians on a device: one copy for all worlds. Those of body 0 are static, the others move with their link, also in one copy: nothing is
-/// stored per world. Stored by body, along a Z-order curve, in clusters; `source` names the index that each had in the input, which decides
-/// ties of depth. Made by `make_gaussians`.
+/// Gaussians on a device: one copy for all worlds. Those of body 0 are static, the others move with their link, also in one copy: nothing
+/// is stored per world. Stored by body, along a Z-order curve, in clusters; `source` names the index that each had in the input, which
+/// decides ties of depth. Made by `make_gaussians`.
 template <class Mem>
 struct Gaussians {
   using memory_space = Mem;
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
-  static constexpr int padding = 16;    // a CPU loads a pack at a time
+  static constexpr int padding = 16;  // a CPU loads a pack at a time
   int count = 0, sh_degree = 0;
-  int bodies = 1;                       // one more than the greatest body index
+  int bodies = 1;  // one more than the greatest body index
   // component first, so that neighbours stand together; rows are longer than n = count by `padding` (power -infinity: never seen)
-  View<float**> positions;              // (3, n + padding)
-  View<float**> quats;                  // (4, n + padding)
-  View<float**> scales;                 // (3, n + padding)
-  View<float*> power;                   // (n + padding) log2 of the opacity
-  View<float**> sh;                     // (3 K, n + padding): row 3 k + channel
-  View<int*> source;                    // (n)
+  View<float**> positions;  // (3, n + padding)
+  View<float**> quats;      // (4, n + padding)
+  View<float**> scales;     // (3, n + padding)
+  View<float*> power;       // (n + padding) log2 of the opacity
+  View<float**> sh;         // (3 K, n + padding): row 3 k + channel
+  View<int*> source;        // (n)
   View<GaussianCluster*> clusters;
 };
 
@@ -70,23 +70,29 @@ inline void check_gaussian_set(GaussianSet const& s, std::size_t which) {
   std::size_t const n = s.size();
   expects(s.sh_degree >= 0 && s.sh_degree <= 3, name + " has SH degree " + std::to_string(s.sh_degree) + "; it must be 0, 1, 2 or 3");
   std::size_t const terms = static_cast<std::size_t>((s.sh_degree + 1) * (s.sh_degree + 1));
-  expects(s.positions.size() == 3 * n && s.quats.size() == 4 * n && s.scales.size() == 3 * n && s.sh.size() == 3 * terms * n && s.body.size() == n,
+  expects(s.positions.size() == 3 * n && s.quats.size() == 4 * n && s.scales.size() == 3 * n && s.sh.size() == 3 * terms * n &&
+              s.body.size() == n,
           name + ": its arrays disagree about the number of Gaussians (" + std::to_string(n) + " opacities); resize them together");
   auto const finite = [&](std::vector<float> const& v, char const* what) {
     for (std::size_t i = 0; i < v.size(); ++i)
-      expects(std::isfinite(v[i]), name + ": Gaussian " + std::to_string(i * n / v.size()) + " has a " + what + " that is not finite; remove it");
+      expects(std::isfinite(v[i]),
+              name + ": Gaussian " + std::to_string(i * n / v.size()) + " has a " + what + " that is not finite; remove it");
   };
-  finite(s.positions, "position"), finite(s.quats, "rotation"), finite(s.scales, "scale"), finite(s.opacities, "opacity"), finite(s.sh, "colour");
+  finite(s.positions, "position"), finite(s.quats, "rotation"), finite(s.scales, "scale"), finite(s.opacities, "opacity"),
+      finite(s.sh, "colour");
   for (std::size_t i = 0; i < n; ++i)
-    expects(s.body[i] >= 0, name + ": Gaussian " + std::to_string(i) + " has body " + std::to_string(s.body[i]) + "; 0 is the world, links follow");
+    expects(s.body[i] >= 0,
+            name + ": Gaussian " + std::to_string(i) + " has body " + std::to_string(s.body[i]) + "; 0 is the world, links follow");
   for (std::size_t i = 0; i < n; ++i)
-    expects(s.opacities[i] >= 0 && s.opacities[i] <= 1, name + ": Gaussian " + std::to_string(i) + " has an opacity outside 0..1; repair it");
+    expects(s.opacities[i] >= 0 && s.opacities[i] <= 1,
+            name + ": Gaussian " + std::to_string(i) + " has an opacity outside 0..1; repair it");
 }
 
 }  // namespace detail
 
 /// Takes sets of Gaussians to the device as one: a scene, a robot, objects. The higher SH degree wins (missing terms are 0).
-/// Throws std::invalid_argument where arrays disagree, a value is not finite, or a body is negative. Host cost: a sort, about 0.1 s per million.
+/// Throws std::invalid_argument where arrays disagree, a value is not finite, or a body is negative. Host cost: a sort, about 0.1 s per
+/// million.
 template <ExecutionSpace Exec>
 Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vector<GaussianSet> const& sets) {
   using Mem = typename Exec::memory_space;
@@ -123,7 +129,8 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
   for (auto& k : items) {
     auto const& b = box[k.body];
     double const side = std::max({double(b[3]) - b[0], double(b[4]) - b[1], double(b[5]) - b[2], 1e-30});
-    for (int c = 0; c < 3; ++c) k.curve |= detail::spread_bits(static_cast<std::uint64_t>((double(at(k)[c]) - b[c]) / side * 0x1fffff)) << c;
+    for (int c = 0; c < 3; ++c)
+      k.curve |= detail::spread_bits(static_cast<std::uint64_t>((double(at(k)[c]) - b[c]) / side * 0x1fffff)) << c;
   }
   std::sort(items.begin(), items.end(), [](Item const& a, Item const& b) {
     return a.body != b.body ? a.body < b.body : a.curve != b.curve ? a.curve < b.curve : a.source < b.source;
@@ -148,7 +155,8 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
     std::size_t const j = static_cast<std::size_t>(k.local), old = static_cast<std::size_t>((s.sh_degree + 1) * (s.sh_degree + 1));
     float const* q = &s.quats[4 * j];
     double const norm = std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3]);
-    expects(norm > 0, "gsp::make_gaussians: set " + std::to_string(k.set) + ": the rotation of Gaussian " + std::to_string(j) + " has length 0; set it to 1 0 0 0");
+    expects(norm > 0, "gsp::make_gaussians: set " + std::to_string(k.set) + ": the rotation of Gaussian " + std::to_string(j) +
+                          " has length 0; set it to 1 0 0 0");
     for (int c = 0; c < 3; ++c) positions(c, i) = s.positions[3 * j + c], scales(c, i) = s.scales[3 * j + c];
     for (int c = 0; c < 4; ++c) quats(c, i) = static_cast<float>(q[c] / norm);
     power(i) = static_cast<float>(std::log2(double(s.opacities[j])));
@@ -182,7 +190,9 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
   g.clusters = typename G::template View<GaussianCluster*>(fresh("gsp::Gaussians::clusters"), clusters.size());
   Kokkos::deep_copy(exec, g.positions, positions), Kokkos::deep_copy(exec, g.quats, quats), Kokkos::deep_copy(exec, g.scales, scales);
   Kokkos::deep_copy(exec, g.power, power), Kokkos::deep_copy(exec, g.sh, sh), Kokkos::deep_copy(exec, g.source, source);
-  Kokkos::deep_copy(exec, g.clusters, Kokkos::View<GaussianCluster*, Kokkos::LayoutRight, Kokkos::HostSpace, Kokkos::MemoryUnmanaged>(clusters.data(), clusters.size()));
+  Kokkos::deep_copy(
+      exec, g.clusters,
+      Kokkos::View<GaussianCluster*, Kokkos::LayoutRight, Kokkos::HostSpace, Kokkos::MemoryUnmanaged>(clusters.data(), clusters.size()));
   exec.fence("gsp::make_gaussians: the host arrays go away");
   return g;
 }

@@ -59,11 +59,12 @@ void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, Pos
   static_assert(can_access<Exec, Poses<R, PosesMem>> && can_access<Exec, Frames<Mem>>,
                 "gsp::place_gaussians: poses or frames are not accessible from this execution space");
   auto& wave = frames.wave;
-  expects(cameras.images() == frames.images,
-          "gsp::place_gaussians: there are " + std::to_string(cameras.images()) + " cameras for " + std::to_string(frames.images) + " images");
+  expects(cameras.images() == frames.images, "gsp::place_gaussians: there are " + std::to_string(cameras.images()) + " cameras for " +
+                                                 std::to_string(frames.images) + " images");
   expects(first >= 0 && first < frames.images, "gsp::place_gaussians: the first image is outside the frames");
   expects(static_cast<int>(poses.xpos.extent(1)) >= cloud.bodies && poses.xpos.extent(0) > 0,
-          "gsp::place_gaussians: the Gaussians name " + std::to_string(cloud.bodies) + " bodies but the poses have " + std::to_string(poses.xpos.extent(1)));
+          "gsp::place_gaussians: the Gaussians name " + std::to_string(cloud.bodies) + " bodies but the poses have " +
+              std::to_string(poses.xpos.extent(1)));
   expects(static_cast<int>(wave.link_views.extent(1)) >= cloud.bodies &&
               wave.cluster_visible.extent(0) >= cloud.clusters.extent(0) * static_cast<std::size_t>(wave.batch) &&
               cloud.count <= (std::int64_t(1) << wave.index_bits),
@@ -72,7 +73,7 @@ void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, Pos
   wave.images = std::min(wave.batch, frames.images - first);
   Kokkos::parallel_for("gsp::splat::place_gaussians", Kokkos::RangePolicy<Exec>(exec, 0, wave.images * cloud.bodies),
                        detail::PlaceLinks<Poses<R, PosesMem>, Mem>{cameras, poses, wave, frames.width, frames.height, cloud.bodies,
-                                                                  static_cast<int>(poses.xpos.extent(0))});
+                                                                   static_cast<int>(poses.xpos.extent(0))});
 }
 
 }  // namespace gsp

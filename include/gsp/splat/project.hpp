@@ -22,8 +22,10 @@ struct SplatOf {
   T u, v, l11, l21, l22, power, xe, ye, r, g, b, depth;
 };
 
-/// EWA projection of one Gaussian (Zwicker et al. 2001, with gsplat's constants): centre x = R mu + t, derivative J of the projection there,
-///   M = J R R_q S (2 x 3),   covariance = M M^T + blur I,   det = |m1 x m2|^2 + blur (|m1|^2 + |m2|^2) + blur^2   (Cauchy-Binet: no cancellation).
+/// EWA projection of one Gaussian (Zwicker et al. 2001, with gsplat's constants): centre x = R mu + t, derivative J of the projection
+/// there,
+///   M = J R R_q S (2 x 3),   covariance = M M^T + blur I,   det = |m1 x m2|^2 + blur (|m1|^2 + |m2|^2) + blur^2   (Cauchy-Binet: no
+///   cancellation).
 template <class Mem>
 struct Projector {
   Gaussians<Mem> cloud;
@@ -32,7 +34,8 @@ struct Projector {
   int width, height;
 
   /// False only if no Gaussian of the cluster can touch the picture. With z > 0, a Gaussian left of the picture would need
-  /// fx x + cx z + z r <= 0, r <= 3.34 (fx/z sqrt(1 + limit^2) scale + sqrt(blur)): a half-space in (x, z), asked of the ball around the centres.
+  /// fx x + cx z + z r <= 0, r <= 3.34 (fx/z sqrt(1 + limit^2) scale + sqrt(blur)): a half-space in (x, z), asked of the ball around the
+  /// centres.
   KOKKOS_FUNCTION bool may_see(GaussianCluster const& c, LinkView const& link, ImageView const& view) const {
     double const x = link.m[0] * c.x + link.m[1] * c.y + link.m[2] * c.z + link.m[3];
     double const y = link.m[4] * c.x + link.m[5] * c.y + link.m[6] * c.z + link.m[7];
@@ -50,12 +53,14 @@ struct Projector {
            !outside(fy, sy, view.cy, view.y_low, view.y_high) && !outside(fy, -sy, height - view.cy, view.y_low, view.y_high);
   }
 
-  /// The splats of the Gaussians from i on (one on a GPU, a pack on a CPU), without colour; true where the box of the ellipse meets the picture.
+  /// The splats of the Gaussians from i on (one on a GPU, a pack on a CPU), without colour; true where the box of the ellipse meets the
+  /// picture.
   template <class T>
   KOKKOS_FUNCTION auto geometry(int i, LinkView const& link, ImageView const& view, SplatOf<T>& s) const -> decltype(T() < T()) {
     using L = Lanes<T>;
     using Wide = typename L::Wide;
-    Wide const px = widen(L::load(cloud.positions, 0, i)), py = widen(L::load(cloud.positions, 1, i)), pz = widen(L::load(cloud.positions, 2, i));
+    Wide const px = widen(L::load(cloud.positions, 0, i)), py = widen(L::load(cloud.positions, 1, i)),
+               pz = widen(L::load(cloud.positions, 2, i));
     Wide const z = px * link.m[8] + (py * link.m[9] + (pz * link.m[10] + link.m[11]));
     s.depth = narrow(z);
     s.power = L::load(cloud.power, i);
@@ -69,10 +74,12 @@ struct Projector {
 
     T const sx = clamp(narrow(xz), T(view.x_low), T(view.x_high)), sy = clamp(narrow(yz), T(view.y_low), T(view.y_high));
     T const fx = narrow(inverse * view.fx), fy = narrow(inverse * view.fy);
-    Mat3<T> const R = to_matrix(Quat<T>{L::load(cloud.quats, 0, i), L::load(cloud.quats, 1, i), L::load(cloud.quats, 2, i), L::load(cloud.quats, 3, i)});
+    Mat3<T> const R =
+        to_matrix(Quat<T>{L::load(cloud.quats, 0, i), L::load(cloud.quats, 1, i), L::load(cloud.quats, 2, i), L::load(cloud.quats, 3, i)});
     Vec3<T> const S{L::load(cloud.scales, 0, i), L::load(cloud.scales, 1, i), L::load(cloud.scales, 2, i)};
     auto const row = [&](T const& f, T const& slope, int r) {
-      T const x0(float(link.m[r])), x1(float(link.m[r + 1])), x2(float(link.m[r + 2])), z0(float(link.m[8])), z1(float(link.m[9])), z2(float(link.m[10]));
+      T const x0(float(link.m[r])), x1(float(link.m[r + 1])), x2(float(link.m[r + 2])), z0(float(link.m[8])), z1(float(link.m[9])),
+          z2(float(link.m[10]));
       Vec3<T> const m = transpose_times(R, Vec3<T>{f * fma(-slope, z0, x0), f * fma(-slope, z1, x1), f * fma(-slope, z2, x2)});
       return Vec3<T>{m.x * S.x, m.y * S.y, m.z * S.z};
     };
@@ -86,14 +93,17 @@ struct Projector {
     s.l22 = sqrt(half_log2e) / root_yy;
     T const extent = sqrt(max(reach, T(0.f)) / half_log2e);
     s.xe = extent * sqrt(xx), s.ye = extent * root_yy;
-    T const pad = fma(T(2e-6f), abs(s.u) + abs(s.v) + s.xe + s.ye, T(2e-3f)), w(static_cast<float>(width) - 0.5f), h(static_cast<float>(height) - 0.5f);
-    return seen && det > T(0.f) && s.u + s.xe + pad >= T(0.5f) && s.u - s.xe - pad <= w && s.v + s.ye + pad >= T(0.5f) && s.v - s.ye - pad <= h;
+    T const pad = fma(T(2e-6f), abs(s.u) + abs(s.v) + s.xe + s.ye, T(2e-3f)), w(static_cast<float>(width) - 0.5f),
+            h(static_cast<float>(height) - 0.5f);
+    return seen && det > T(0.f) && s.u + s.xe + pad >= T(0.5f) && s.u - s.xe - pad <= w && s.v + s.ye + pad >= T(0.5f) &&
+           s.v - s.ye - pad <= h;
   }
 
   template <class T>
   KOKKOS_FUNCTION void colour(int i, LinkView const& link, SplatOf<T>& s) const {
     using L = Lanes<T>;
-    Vec3<T> const d{L::load(cloud.positions, 0, i) - T(link.eye[0]), L::load(cloud.positions, 1, i) - T(link.eye[1]), L::load(cloud.positions, 2, i) - T(link.eye[2])};
+    Vec3<T> const d{L::load(cloud.positions, 0, i) - T(link.eye[0]), L::load(cloud.positions, 1, i) - T(link.eye[1]),
+                    L::load(cloud.positions, 2, i) - T(link.eye[2])};
     Vec3<T> const c = sh_colour(cloud.sh, cloud.sh_degree, i, normalized(d));
     s.r = c.x, s.g = c.y, s.b = c.z;
   }
@@ -106,7 +116,8 @@ struct Projector {
     wave.order_keys(to) = (static_cast<std::uint64_t>(image) << 32 | Kokkos::bit_cast<std::uint32_t>(s.depth)) << wave.index_bits |
                           static_cast<std::uint64_t>(cloud.source(i));
   }
-  /// A place that stayed free: counting and filling are compiled apart and may round the edge of the picture apart, where nothing is drawn anyway.
+  /// A place that stayed free: counting and filling are compiled apart and may round the edge of the picture apart, where nothing is drawn
+  /// anyway.
   KOKKOS_FUNCTION void put_nothing(std::int64_t to, int image) const {
     wave.splat_tiles(to) = 0;
     wave.order(to) = static_cast<int>(to);
@@ -192,7 +203,8 @@ struct ProjectPacks {
         p.colour(base, link, s);
         for (int k = 0; k < lanes; ++k)
           if (seen[k] && offset < end)
-            p.put(offset++, image, base + k, {s.u[k], s.v[k], s.l11[k], s.l21[k], s.l22[k], s.power[k], s.xe[k], s.ye[k], s.r[k], s.g[k], s.b[k], s.depth[k]});
+            p.put(offset++, image, base + k,
+                  {s.u[k], s.v[k], s.l11[k], s.l21[k], s.l22[k], s.power[k], s.xe[k], s.ye[k], s.r[k], s.g[k], s.b[k], s.depth[k]});
       } else {
         for (int k = 0; k < lanes; ++k) found += seen[k];
       }
@@ -233,8 +245,8 @@ struct Head {
 
 }  // namespace detail
 
-/// Second stage: the Gaussians that the wave's cameras see, as splats. Culls clusters against the picture, then projects, twice: once to count,
-/// once to write, so that places in the pool follow from a sum and not from who came first.
+/// Second stage: the Gaussians that the wave's cameras see, as splats. Culls clusters against the picture, then projects, twice: once to
+/// count, once to write, so that places in the pool follow from a sum and not from who came first.
 /// @param frames  in: place_gaussians' views.   out: wave.splats, splat_tiles, order, order_keys (image, depth, source), visible;
 ///                status(c) = frame_overflow where the buffers are too small (then the wave is empty)
 /// Neither allocates nor fences.
@@ -251,14 +263,18 @@ void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem> const& f
     if constexpr (is_device<Exec>)
       Kokkos::parallel_for(label, Kokkos::TeamPolicy<Exec>(exec, cells, 128), teams);
     else
-      Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, cells, Kokkos::ChunkSize(8)), packs);
+      Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, cells, Kokkos::ChunkSize(8)),
+                           packs);
   };
-  pass("gsp::splat::project_count", detail::ProjectClusters<Mem, false>{projector, clusters}, detail::ProjectPacks<Mem, false>{projector, clusters});
+  pass("gsp::splat::project_count", detail::ProjectClusters<Mem, false>{projector, clusters},
+       detail::ProjectPacks<Mem, false>{projector, clusters});
   using Offsets = Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem>;
   exclusive_scan(exec, detail::Head<Kokkos::View<int*, Kokkos::LayoutRight, Mem>>{wave.cluster_visible, cells},
                  Offsets(wave.cluster_offset, Kokkos::make_pair(0, cells + 1)));
-  Kokkos::parallel_for("gsp::splat::project_settle", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::SettleVisible<Mem>{wave, frames.status, cells});
-  pass("gsp::splat::project", detail::ProjectClusters<Mem, true>{projector, clusters}, detail::ProjectPacks<Mem, true>{projector, clusters});
+  Kokkos::parallel_for("gsp::splat::project_settle", Kokkos::RangePolicy<Exec>(exec, 0, 1),
+                       detail::SettleVisible<Mem>{wave, frames.status, cells});
+  pass("gsp::splat::project", detail::ProjectClusters<Mem, true>{projector, clusters},
+       detail::ProjectPacks<Mem, true>{projector, clusters});
 }
 
 }  // namespace gsp

@@ -7,9 +7,10 @@ namespace gsp {
 
 /// Last stage: blends the splats of each tile front to back, for each pixel with centre (x, y):
 ///   alpha_i = min(alpha_max, 2^(power - (l11 dx + l21 dy)^2 - (l22 dy)^2)), left out below 1/255;   T_0 = 1, T_{i+1} = T_i (1 - alpha_i);
-///   ends before the Gaussian for which T_{i+1} <= stop;   rgb = sum w_i c_i, w_i = alpha_i T_i;   alpha = 1 - T;   depth = sum w_i z_i / max(alpha, 1e-10)
-/// CPU: a tile a task, a row of 16 pixels a pack. GPU: a tile a team of 256, splats in batches of 256 through shared memory, and each warp looks only at
-/// those that touch its own 8 x 4 pixels.
+///   ends before the Gaussian for which T_{i+1} <= stop;   rgb = sum w_i c_i, w_i = alpha_i T_i;   alpha = 1 - T;   depth = sum w_i z_i /
+///   max(alpha, 1e-10)
+/// CPU: a tile a task, a row of 16 pixels a pack. GPU: a tile a team of 256, splats in batches of 256 through shared memory, and each warp
+/// looks only at those that touch its own 8 x 4 pixels.
 /// @param frames  in: bin_tiles' lists.   out: rgb, depth, alpha of the images of the wave whose status is 0
 /// Neither allocates nor fences. Each pixel depends on nothing but its own list.
 template <ExecutionSpace Exec, class Mem>
@@ -18,11 +19,13 @@ void rasterize(Exec const& exec, Frames<Mem> const& frames, RenderOptions option
   int const tiles = frames.wave.images * frames.wave.tiles();
   if constexpr (is_device<Exec>) {
     using Functor = detail::RasterizePixels<Mem>;
-    Kokkos::parallel_for("gsp::splat::rasterize",
-                         Kokkos::TeamPolicy<Exec>(exec, tiles, Functor::threads).set_scratch_size(0, Kokkos::PerTeam(Functor::scratch_bytes())),
-                         Functor{frames, options.alpha_max, options.stop});
+    Kokkos::parallel_for(
+        "gsp::splat::rasterize",
+        Kokkos::TeamPolicy<Exec>(exec, tiles, Functor::threads).set_scratch_size(0, Kokkos::PerTeam(Functor::scratch_bytes())),
+        Functor{frames, options.alpha_max, options.stop});
   } else {
-    Kokkos::parallel_for("gsp::splat::rasterize", Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, tiles, Kokkos::ChunkSize(4)),
+    Kokkos::parallel_for("gsp::splat::rasterize",
+                         Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, tiles, Kokkos::ChunkSize(4)),
                          detail::RasterizeRows<Mem>{frames, options.alpha_max, options.stop});
   }
 }

@@ -19,12 +19,12 @@ struct ResetNeeded {
 /// @param poses    world poses of the bodies; image c shows world c % worlds, or cameras.world(c)
 /// @param cameras  as many as frames.images
 /// @param frames   out: rgb, depth, alpha
-/// Waits for the device once, at its end (and once after the very first wave), to learn whether every wave fitted its buffers; those that did not are
-/// repeated with larger ones, so that nothing is ever dropped. Allocates only then. An image depends on nothing but its own input: the same bits for
-/// any batch, any number of threads and any other images.
+/// Waits for the device once, at its end (and once after the very first wave), to learn whether every wave fitted its buffers; those that
+/// did not are repeated with larger ones, so that nothing is ever dropped. Allocates only then. An image depends on nothing but its own
+/// input: the same bits for any batch, any number of threads and any other images.
 template <ExecutionSpace Exec, class R, class PosesMem, class Mem>
-void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras, Frames<Mem>& frames,
-            RenderOptions options = {}) {
+void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras,
+            Frames<Mem>& frames, RenderOptions options = {}) {
   auto const wave = [&](int first) {
     place_gaussians(exec, cloud, poses, cameras, first, frames);
     project(exec, cloud, frames, options);
@@ -39,7 +39,8 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
     auto const room = [](std::int64_t n) { return n + n / 8; };
     bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
     if (small)
-      reserve(exec, frames.wave, needed[0] > frames.wave.visible_capacity ? room(needed[0]) : 0, needed[1] > frames.wave.pair_capacity ? room(needed[1]) : 0);
+      reserve(exec, frames.wave, needed[0] > frames.wave.visible_capacity ? room(needed[0]) : 0,
+              needed[1] > frames.wave.pair_capacity ? room(needed[1]) : 0);
     return small;
   };
   Kokkos::parallel_for("gsp::splat::render_reset", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::ResetNeeded<Mem>{frames.wave.needed});

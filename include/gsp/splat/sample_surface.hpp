@@ -9,13 +9,13 @@
 namespace gsp {
 
 struct SampleSurfaceOptions {
-  int count = 20000;        // Gaussians on all chosen geoms together, about: shared out by area, at least 16 a geom
-  double density = 0;       // Gaussians a square metre; positive: instead of `count`
-  double spread = 0.8;      // standard deviation of a disc over the square root of its share of the surface
+  int count = 20000;    // Gaussians on all chosen geoms together, about: shared out by area, at least 16 a geom
+  double density = 0;   // Gaussians a square metre; positive: instead of `count`
+  double spread = 0.8;  // standard deviation of a disc over the square root of its share of the surface
   float opacity = 0.95f;
-  float shading = 0.35f;    // 0: flat colour; else darker where the surface turns away from the eye, by SH of degree 1
-  double plane_half = 5;    // half side of the patch that stands for an infinite plane [m]
-  bool world = true;        // also geoms that are fixed to the world (body 0)
+  float shading = 0.35f;         // 0: flat colour; else darker where the surface turns away from the eye, by SH of degree 1
+  double plane_half = 5;         // half side of the patch that stands for an infinite plane [m]
+  bool world = true;             // also geoms that are fixed to the world (body 0)
   std::vector<int> groups = {};  // only geoms of these groups; empty: all
 };
 
@@ -25,7 +25,8 @@ struct SurfacePoint {
   Vec3<double> p, n;  // in the geom's frame; n unit, outward
 };
 
-/// Numbers in [0, 1)^2 that fill the square evenly: multiples of the reciprocals of the plastic number and its square (Roberts' R2 sequence).
+/// Numbers in [0, 1)^2 that fill the square evenly: multiples of the reciprocals of the plastic number and its square (Roberts' R2
+/// sequence).
 inline std::array<double, 2> even2(std::int64_t i) {
   double const x = 0.5 + 0.7548776662466927 * double(i + 1), y = 0.5 + 0.5698402909980532 * double(i + 1);
   return {x - std::floor(x), y - std::floor(y)};
@@ -35,16 +36,22 @@ inline std::array<double, 2> even2(std::int64_t i) {
 inline double surface_area(ShapeType type, Double3 const& s, double plane_half) {
   constexpr double pi = std::numbers::pi;
   switch (type) {
-    case ShapeType::plane: return 4 * (s[0] > 0 ? s[0] : plane_half) * (s[1] > 0 ? s[1] : plane_half);
-    case ShapeType::sphere: return 4 * pi * s[0] * s[0];
-    case ShapeType::capsule: return 4 * pi * s[0] * (s[0] + s[1]);
-    case ShapeType::cylinder: return 2 * pi * s[0] * (s[0] + 2 * s[1]);
-    case ShapeType::box: return 8 * (s[0] * s[1] + s[1] * s[2] + s[2] * s[0]);
+    case ShapeType::plane:
+      return 4 * (s[0] > 0 ? s[0] : plane_half) * (s[1] > 0 ? s[1] : plane_half);
+    case ShapeType::sphere:
+      return 4 * pi * s[0] * s[0];
+    case ShapeType::capsule:
+      return 4 * pi * s[0] * (s[0] + s[1]);
+    case ShapeType::cylinder:
+      return 2 * pi * s[0] * (s[0] + 2 * s[1]);
+    case ShapeType::box:
+      return 8 * (s[0] * s[1] + s[1] * s[2] + s[2] * s[0]);
     case ShapeType::ellipsoid: {  // Thomsen's formula, within 1.1 %
       double const k = 1.6075, a = std::pow(s[0] * s[1], k), b = std::pow(s[1] * s[2], k), c = std::pow(s[2] * s[0], k);
       return 4 * pi * std::pow((a + b + c) / 3, 1 / k);
     }
-    default: return 0;
+    default:
+      return 0;
   }
 }
 
@@ -113,9 +120,9 @@ inline Quat<double> z_to(Vec3<double> const& n) {
 
 }  // namespace detail
 
-/// Gaussians on the geoms of a model, for robots and objects that have none of their own: flat discs, spread evenly over planes (as patches), spheres,
-/// capsules, cylinders, boxes and ellipsoids, coloured by the geom's rgba, each in the frame of its body. The same model gives the same set.
-/// Geoms with alpha 0 are left out. Throws Error for a chosen geom of another type (mesh, height field), naming it.
+/// Gaussians on the geoms of a model, for robots and objects that have none of their own: flat discs, spread evenly over planes (as
+/// patches), spheres, capsules, cylinders, boxes and ellipsoids, coloured by the geom's rgba, each in the frame of its body. The same model
+/// gives the same set. Geoms with alpha 0 are left out. Throws Error for a chosen geom of another type (mesh, height field), naming it.
 /// Host, about 0.3 us a Gaussian.
 inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptions options = {}) {
   expects(options.count > 0 && options.density >= 0 && options.spread > 0 && options.plane_half > 0,
@@ -127,11 +134,13 @@ inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptio
   auto const area = [&](int g) { return detail::surface_area(ShapeType(model.geom_type[g]), model.geom_size[g], options.plane_half); };
   for (int g = 0; g < model.ngeom; ++g) {
     if (!options.world && model.geom_body[g] == 0) continue;
-    if (!options.groups.empty() && std::find(options.groups.begin(), options.groups.end(), model.geom_group[g]) == options.groups.end()) continue;
+    if (!options.groups.empty() && std::find(options.groups.begin(), options.groups.end(), model.geom_group[g]) == options.groups.end())
+      continue;
     if (model.geom_rgba[g][3] == 0) continue;
     ShapeType const type{model.geom_type[g]};
     if (type == ShapeType::mesh || type == ShapeType::hfield)
-      throw Error("gsp::sample_surface: geom " + std::to_string(g) + " ('" + model.geom_name[g] + "') is a " + (type == ShapeType::mesh ? "mesh" : "height field") +
+      throw Error("gsp::sample_surface: geom " + std::to_string(g) + " ('" + model.geom_name[g] + "') is a " +
+                  (type == ShapeType::mesh ? "mesh" : "height field") +
                   ", which cannot be sampled; choose other groups, or leave visual geoms out when reading");
     geoms.push_back(g);
     total += area(g);
@@ -158,7 +167,8 @@ inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptio
       detail::SurfacePoint const point = detail::surface_point(type, s, options.plane_half, t, w);
       if (type == ShapeType::ellipsoid) {  // keep by the ratio of areas, ellipsoid over ball
         Vec3<double> const d{point.p.x / s[0], point.p.y / s[1], point.p.z / s[2]};
-        double const ratio = norm(Vec3<double>{s[1] * s[2] * d.x, s[2] * s[0] * d.y, s[0] * s[1] * d.z}) / widest, golden = 0.6180339887498949 * double(i + 1);
+        double const ratio = norm(Vec3<double>{s[1] * s[2] * d.x, s[2] * s[0] * d.y, s[0] * s[1] * d.z}) / widest,
+                     golden = 0.6180339887498949 * double(i + 1);
         if (golden - std::floor(golden) >= ratio) continue;
       }
       ++made;

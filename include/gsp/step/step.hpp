@@ -13,10 +13,11 @@
 namespace gsp {
 
 /// Everything that a step needs besides the model and the state.
-template <class R, class Mem> struct Simulation {
+template <class R, class Mem>
+struct Simulation {
   CollisionModel<R, Mem> collision;
   Dynamics<R, Mem> dynamics;
-  Poses<R, Mem> poses;      // of the start of the last step; forward_kinematics brings them up to date
+  Poses<R, Mem> poses;  // of the start of the last step; forward_kinematics brings them up to date
   Contacts<R, Mem> contacts;
   Rows<R, Mem> rows;
 };
@@ -29,24 +30,29 @@ struct SimulationOptions {
 /// Buffers for stepping `worlds` worlds of `model`, which was made from `compiled`. Allocates.
 /// Errors: gsp::Error where profile `mujoco` is asked for what it does not cover yet (friction cones, other integrators than Euler).
 template <class R, ExecutionSpace Exec, class Mem>
-Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled, SimulationOptions options = {}) {
+Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
+                                   SimulationOptions options = {}) {
   auto const& o = compiled.option;
   if (model.profile == Profile::mujoco && !options.approximate) {
     char const* const name[] = {"Euler", "RK4", "implicit", "implicitfast"};
     if (o.integrator != Integrator::euler)
-      throw Error("the model names the integrator " + std::string(name[int(o.integrator)]) + ", and profile mujoco has Euler alone: choose profile stable, or say --approximate (SimulationOptions::approximate)");
+      throw Error("the model names the integrator " + std::string(name[int(o.integrator)]) +
+                  ", and profile mujoco has Euler alone: choose profile stable, or say --approximate (SimulationOptions::approximate)");
     if (o.constraint && o.contact)
       for (auto const& [g1, g2] : compiled.pairs) {
         auto const p = mix_contact_parameters(compiled, g1, g2);
         if (p.condim > 1)
-          throw Error("geoms '" + compiled.geom_name[g1] + "' and '" + compiled.geom_name[g2] + "' can touch with condim " + std::to_string(p.condim) +
-                      ", and profile mujoco has frictionless contact alone: choose profile stable, or say --approximate (SimulationOptions::approximate)");
+          throw Error("geoms '" + compiled.geom_name[g1] + "' and '" + compiled.geom_name[g2] + "' can touch with condim " +
+                      std::to_string(p.condim) +
+                      ", and profile mujoco has frictionless contact alone: choose profile stable, or say --approximate "
+                      "(SimulationOptions::approximate)");
       }
   }
   int const n = options.worlds;
   auto collision = make_collision_model<R>(exec, compiled);
   auto contacts = make_contacts(exec, collision, {.worlds = n});
-  return {collision, make_dynamics(exec, model, {.worlds = n}), make_poses(exec, model, {.worlds = n}), contacts, make_rows(exec, model, {.worlds = n})};
+  return {collision, make_dynamics(exec, model, {.worlds = n}), make_poses(exec, model, {.worlds = n}), contacts,
+          make_rows(exec, model, {.worlds = n})};
 }
 
 struct StepOptions {
@@ -57,12 +63,13 @@ struct StepOptions {
 namespace detail {
 /// One step, launched; it does nothing where something did not fit (rows.halt).
 template <ExecutionSpace Exec, class R, class Mem, class... More>
-void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem> const& sim, PgsOptions const& solver, More const&... more) {
+void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem> const& sim,
+                 PgsOptions const& solver, More const&... more) {
   smooth_dynamics(exec, model, state, sim.dynamics, sim.poses);
   if (!model.constraints) return integrate(exec, model, sim.dynamics, state);
   collide(exec, sim.collision, sim.poses, sim.contacts);
-  assemble(exec, model, state, sim.dynamics, sim.rows, JointFriction(model), TendonFriction(model), JointLimits(model, state), TendonLimits(model, state),
-           ContactRows<R, Mem>{model, sim.collision, sim.contacts}, more...);
+  assemble(exec, model, state, sim.dynamics, sim.rows, JointFriction(model), TendonFriction(model), JointLimits(model, state),
+           TendonLimits(model, state), ContactRows<R, Mem>{model, sim.collision, sim.contacts}, more...);
   pgs(exec, model, sim.rows, solver);
   integrate(exec, model, sim.dynamics, sim.rows, state);
 }
@@ -70,10 +77,11 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
 
 /// Steps all worlds `options.steps` times: smooth dynamics, contacts, rows, solver, integration.
 /// @param more  constraint types of your own (constraint_type.hpp)
-/// Where a pool is too small, the launches after that do nothing, the pool grows, and the rest is repeated: so the function fences once at its end, and
-/// no result depends on a capacity. Allocates only then.
+/// Where a pool is too small, the launches after that do nothing, the pool grows, and the rest is repeated: so the function fences once at
+/// its end, and no result depends on a capacity. Allocates only then.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
-void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim, StepOptions options = {}, More const&... more) {
+void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim, StepOptions options = {},
+          More const&... more) {
   expects(options.steps >= 0, "gsp::step: steps must not be negative");
   expects(sim.rows.worlds == state.worlds, "gsp::step: state and simulation have different numbers of worlds");
   for (int left = options.steps; left > 0;) {

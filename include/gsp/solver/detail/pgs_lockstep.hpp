@@ -1,17 +1,21 @@
 #pragma once
 #include <gsp/constraint/rows.hpp>
 
-/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, row r of all of them at once. A row's entries are widened to the dofs
-/// that any of the worlds has in it, so that nothing is gathered inside a sweep. What bounds it is reading Y from the second-level cache.
-/// A world takes this path by its own number of rows alone, and its lane never sees another lane.
+/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, row r of all of them at once. A row's entries are
+/// widened to the dofs that any of the worlds has in it, so that nothing is gathered inside a sweep. What bounds it is reading Y from the
+/// second-level cache. A world takes this path by its own number of rows alone, and its lane never sees another lane.
 namespace gsp::detail {
 
 inline constexpr int lockstep_most_rows = 128, lockstep_most_dofs = 128;
 
 /// True where worlds of the model may go in lockstep.
-template <class R, class Mem> bool lockstep_model(Model<R, Mem> const& model) { return model.nv <= lockstep_most_dofs; }
+template <class R, class Mem>
+bool lockstep_model(Model<R, Mem> const& model) {
+  return model.nv <= lockstep_most_dofs;
+}
 
-template <class R, class Mem, class Options> struct PgsLockstep {
+template <class R, class Mem, class Options>
+struct PgsLockstep {
   static constexpr int W = native_width<R>;
   using T = Pack<R, W>;
   Model<R, Mem> model;
@@ -28,12 +32,13 @@ template <class R, class Mem, class Options> struct PgsLockstep {
     }
     T* const z = reinterpret_cast<T*>(rows.thread_items.data() + std::int64_t(thread) * rows.thread_stride);
     T* const bias = z + (nv + 3) / 4 * 4;
-    T *const compliance = bias + most, *const inverse = compliance + most, *const lower = inverse + most, *const upper = lower + most, *const mu = upper + most, *const p = mu + most;
+    T *const compliance = bias + most, *const inverse = compliance + most, *const lower = inverse + most, *const upper = lower + most,
+             *const mu = upper + most, *const p = mu + most;
     T* const Y = p + most;
     for (T* q = z; q != bias; ++q) *q = T(R(0));
 
-    // widen: which groups of four dofs row r has in any world, then its entries, lane by lane. Whole groups, so that the order in which a world's
-    // entries are summed does not depend on what the other worlds have.
+    // widen: which groups of four dofs row r has in any world, then its entries, lane by lane. Whole groups, so that the order in which a
+    // world's entries are summed does not depend on what the other worlds have.
     struct Place {
       int first, groups;
       short dof[lockstep_most_dofs / 4];  // first of the four
@@ -91,7 +96,8 @@ template <class R, class Mem, class Options> struct PgsLockstep {
       }
       auto const friction = mu[r] >= zero;
       T const bound = mu[r] * normal;
-      T const next = clamp(fma(T(-relax) * inverse[r], (w[0] + w[1]) + (w[2] + w[3]), p[r]), select(friction, -bound, lower[r]), select(friction, bound, upper[r]));
+      T const next = clamp(fma(T(-relax) * inverse[r], (w[0] + w[1]) + (w[2] + w[3]), p[r]), select(friction, -bound, lower[r]),
+                           select(friction, bound, upper[r]));
       return next;
     };
     auto const remember = [&](int r, T& normal) { normal = select(mu[r] >= T(R(0)), normal, p[r]); };
@@ -132,7 +138,8 @@ template <class R, class Mem, class Options> struct PgsLockstep {
 
  private:
   /// z += Y^T d
-  template <class Place> static void push(T const* Y, Place const& place, T* z, T const& d) {
+  template <class Place>
+  static void push(T const* Y, Place const& place, T* z, T const& d) {
     T const* const y = Y + place.first;
     for (int g = 0; g < place.groups; ++g)
       for (int k = 0; k < 4; ++k) z[place.dof[g] + k] = fma(y[4 * g + k], d, z[place.dof[g] + k]);
@@ -140,7 +147,8 @@ template <class R, class Mem, class Options> struct PgsLockstep {
   int const* list_of(RowSegment const& s) const { return s.list < 0 ? nullptr : model.ints.data() + s.list; }
 };
 
-template <class Exec, class Solver> struct LockstepLoop {
+template <class Exec, class Solver>
+struct LockstepLoop {
   Solver solver;
   void operator()(int block) const {
     if (solver.rows.halt()) return;

@@ -2,7 +2,8 @@
 #include <gsp/math/scalar.hpp>
 #include <gsp/splat/splat.hpp>
 
-/// Which tiles an ellipse touches, exactly: slab by slab, from its extreme points (the SnugBox/AccuTile idea of Speedy-Splat, arXiv 2412.00578).
+/// Which tiles an ellipse touches, exactly: slab by slab, from its extreme points (the SnugBox/AccuTile idea of Speedy-Splat, arXiv
+/// 2412.00578).
 ///   {d : (l11 dx + l21 dy)^2 + (l22 dy)^2 <= reach}
 /// Every multiply-add is an explicit fma, so that counting and emitting kernels cannot round differently.
 namespace gsp::detail {
@@ -19,8 +20,8 @@ KOKKOS_INLINE_FUNCTION PixelRange pixels_within(float low, float high, int first
   return {a > f ? static_cast<int>(a) : first, b < l ? static_cast<int>(b) : last};
 }
 
-/// The ellipse of a splat, with what its slabs need. Grown by a thousandth of a pixel and by the rounding of far centres, so that no pixel that
-/// the rasteriser would shade is lost; pixels themselves are decided by the rasteriser.
+/// The ellipse of a splat, with what its slabs need. Grown by a thousandth of a pixel and by the rounding of far centres, so that no pixel
+/// that the rasteriser would shade is lost; pixels themselves are decided by the rasteriser.
 struct Ellipse {
   float u, v, slope, inverse_l11, l22, reach, xe, ye, y_right, pad;
 
@@ -37,7 +38,8 @@ struct Ellipse {
 
   /// Columns that it may touch within the rows `first_row` .. `last_row`, of first .. last.
   KOKKOS_INLINE_FUNCTION PixelRange columns(int first_row, int last_row, int first, int last) const {
-    float const low = max(static_cast<float>(first_row) + 0.5f - v - pad, -ye), high = min(static_cast<float>(last_row) + 0.5f - v + pad, ye);
+    float const low = max(static_cast<float>(first_row) + 0.5f - v - pad, -ye),
+                high = min(static_cast<float>(last_row) + 0.5f - v + pad, ye);
     float const right_y = clamp(y_right, low, high), left_y = clamp(-y_right, low, high);
     float const wr = l22 * right_y, wl = l22 * left_y;
     float const right = fma(-slope, right_y, Kokkos::sqrt(max(0.f, fma(-wr, wr, reach))) * inverse_l11);

@@ -2,8 +2,8 @@
 #include <cstring>
 #include <gsp/math/pack.hpp>
 
-/// The few things that a stage written over a number type T needs besides arithmetic: T is float on a GPU (a Gaussian a thread) and a pack of
-/// Gaussians on a CPU.
+/// The few things that a stage written over a number type T needs besides arithmetic: T is float on a GPU (a Gaussian a thread) and a pack
+/// of Gaussians on a CPU.
 namespace gsp::detail {
 
 template <class T>
@@ -11,9 +11,13 @@ struct Lanes {  // float
   using Wide = double;
   static constexpr int width = 1;
   template <class View>
-  KOKKOS_INLINE_FUNCTION static float load(View const& view, int row, int i) { return view(row, i); }
+  KOKKOS_INLINE_FUNCTION static float load(View const& view, int row, int i) {
+    return view(row, i);
+  }
   template <class View>
-  KOKKOS_INLINE_FUNCTION static float load(View const& view, int i) { return view(i); }
+  KOKKOS_INLINE_FUNCTION static float load(View const& view, int i) {
+    return view(i);
+  }
 };
 KOKKOS_INLINE_FUNCTION double widen(float x) { return x; }
 KOKKOS_INLINE_FUNCTION float narrow(double x) { return static_cast<float>(x); }
@@ -30,9 +34,13 @@ struct Lanes<Pack<float, W>> {
     return p;
   }
   template <class View>
-  KOKKOS_INLINE_FUNCTION static Pack<float, W> load(View const& view, int row, int i) { return load(&view(row, i)); }
+  KOKKOS_INLINE_FUNCTION static Pack<float, W> load(View const& view, int row, int i) {
+    return load(&view(row, i));
+  }
   template <class View>
-  KOKKOS_INLINE_FUNCTION static Pack<float, W> load(View const& view, int i) { return load(&view(i)); }
+  KOKKOS_INLINE_FUNCTION static Pack<float, W> load(View const& view, int i) {
+    return load(&view(i));
+  }
 };
 template <int W>
 KOKKOS_INLINE_FUNCTION Pack<double, W> widen(Pack<float, W> const& x) {
@@ -66,8 +74,8 @@ KOKKOS_INLINE_FUNCTION bool any_lane(Mask<float, W> const& m) {
   return any(m);
 }
 
-/// 2^x for the blend loops of a CPU, 1.5 ulp, for -120 < x < 120: x = k + f, |f| <= 1/2; polynomial of degree 6 through the Chebyshev nodes for 2^f (3e-9);
-/// k goes into the exponent bits.
+/// 2^x for the blend loops of a CPU, 1.5 ulp, for -120 < x < 120: x = k + f, |f| <= 1/2; polynomial of degree 6 through the Chebyshev nodes
+/// for 2^f (3e-9); k goes into the exponent bits.
 template <int W>
 inline Pack<float, W> exp2(Pack<float, W> x) {
   using P = Pack<float, W>;

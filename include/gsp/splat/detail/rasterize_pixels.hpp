@@ -4,8 +4,9 @@
 
 namespace gsp::detail {
 
-/// A tile on a GPU: 256 threads, a pixel each; a warp owns 8 x 4 pixels. Splats come in batches of 256: each thread fetches one and finds which of the
-/// eight warps it touches; these bits are turned into one word of 32 splats a warp, and a warp walks only the bits that are set.
+/// A tile on a GPU: 256 threads, a pixel each; a warp owns 8 x 4 pixels. Splats come in batches of 256: each thread fetches one and finds
+/// which of the eight warps it touches; these bits are turned into one word of 32 splats a warp, and a warp walks only the bits that are
+/// set.
 template <class Mem>
 struct RasterizePixels {
   Frames<Mem> frames;
@@ -89,7 +90,8 @@ struct RasterizePixels {
     PixelRange const rows = e.rows(y0, y0 + splat_tile - 1);
     unsigned bits = 0;
     for (int strip = 0; strip < 4; ++strip) {
-      int const top = y0 + 4 * strip, bottom = top + 3, first = rows.first > top ? rows.first : top, last = rows.last < bottom ? rows.last : bottom;
+      int const top = y0 + 4 * strip, bottom = top + 3, first = rows.first > top ? rows.first : top,
+                last = rows.last < bottom ? rows.last : bottom;
       if (first > last) continue;
       PixelRange const columns = e.columns(first, last, x0, x0 + splat_tile - 1);
       if (columns.first > columns.last) continue;

@@ -4,8 +4,8 @@
 
 namespace gsp::detail {
 
-/// max(0, 1/2 + sum_k c_k Y_k(d)) of one Gaussian (or a pack of neighbours, from i on); d unit, in the frame that the coefficients stand in.
-/// `sh` is (3 K, n): row 3 k + channel. Basis and signs are those of 3DGS files (real spherical harmonics of degree 0-3).
+/// max(0, 1/2 + sum_k c_k Y_k(d)) of one Gaussian (or a pack of neighbours, from i on); d unit, in the frame that the coefficients stand
+/// in. `sh` is (3 K, n): row 3 k + channel. Basis and signs are those of 3DGS files (real spherical harmonics of degree 0-3).
 template <class T, class View>
 KOKKOS_INLINE_FUNCTION Vec3<T> sh_colour(View const& sh, int degree, int i, Vec3<T> const& d) {
   Vec3<T> c{T(0.5f), T(0.5f), T(0.5f)};
