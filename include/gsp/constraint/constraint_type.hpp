@@ -83,8 +83,8 @@ struct RowWriter {
   R* J;  // the row's entries, zero before
   int world;
 
-  KOKKOS_INLINE_FUNCTION int place(int tree, int depth_index, int local, int& start) const {  // index of an entry in J
-    start = 0;
+  KOKKOS_INLINE_FUNCTION int place(int tree, int depth_index, int local) const {  // index of an entry in J
+    int start = 0;
     for (int s = 0; s < row.segments; ++s) {
       if (row.segment[s].tree == tree) return start + (row.segment[s].list < 0 ? local : depth_index);
       start += row.segment[s].count;
@@ -94,8 +94,7 @@ struct RowWriter {
   KOKKOS_INLINE_FUNCTION void set_dof(int dof, R value) const {
     int const t = model.dof_tree(dof), local = dof - model.tree_dof(t);
     Archetype const& a = model.archetypes(model.tree_archetype(t));
-    int start;
-    J[place(t, model.ints(a.row_adr + local + 1) - model.ints(a.row_adr + local) - 1, local, start)] += value;
+    J[place(t, model.ints(a.row_adr + local + 1) - model.ints(a.row_adr + local) - 1, local)] += value;
   }
   /// + scale * direction . (velocity of the point of `body` that is now at `point`, world frame)
   KOKKOS_INLINE_FUNCTION void add_point(int body, Vec3<R> const& point, Vec3<R> const& direction, R scale = R(1)) const {
@@ -121,8 +120,7 @@ struct RowWriter {
     int const adr = model.ints(a.row_adr + last), n = model.ints(a.row_adr + last + 1) - adr;
     for (int p = 0; p < n; ++p) {
       int const local = model.ints(a.row_col + adr + p);
-      int start;
-      J[place(t, p, local, start)] += scale * dot(f, items.spatial(items.at.cdof + 6 * local));
+      J[place(t, p, local)] += scale * dot(f, items.spatial(items.at.cdof + 6 * local));
     }
   }
 };

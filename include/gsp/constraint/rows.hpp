@@ -63,6 +63,14 @@ struct RowsOptions {
 };
 
 namespace detail {
+// On hosts, worlds of at most so many rows and dofs are solved a pack at a time (solver/detail/pgs_lockstep.hpp).
+inline constexpr int lockstep_most_rows = 128, lockstep_most_dofs = 128;
+/// Packs that a block of such worlds needs: z by whole groups of four dofs, seven vectors of rows, and Y. 0: the model has too many dofs.
+inline std::int64_t lockstep_packs(int nv) {
+  std::int64_t const width = (nv + 3) / 4 * 4;
+  return nv > lockstep_most_dofs ? 0 : width + lockstep_most_rows * (width + 7);
+}
+
 template <class R, class Mem, class Exec>
 void allocate_rows(Exec const& exec, Rows<R, Mem>& r, std::int64_t rows, std::int64_t entries) {
   if (rows > std::numeric_limits<int>::max())
@@ -96,7 +104,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   make(r.parity, "gsp::Rows::parity"), make(r.solved, "gsp::Rows::solved"), make(r.completed, "gsp::Rows::completed"),
       make(r.halt, "gsp::Rows::halt"), make(r.demand, "gsp::Rows::demand", 2);
   if constexpr (!is_device<Exec>) {
-    r.thread_stride = (128 * (std::int64_t(std::min(model.nv, 128) + 3) / 4 * 4 + 8) + 128) * native_width<R>;
+    r.thread_stride = detail::lockstep_packs(model.nv) * native_width<R>;
     make(r.thread_items, "gsp::Rows::thread_items", r.thread_stride * Kokkos::DefaultHostExecutionSpace().concurrency());
   }
   std::int64_t const rows = options.rows_per_world > 0

@@ -9,8 +9,6 @@
 namespace gsp {
 
 /// Lanes in a block, and the number type that a kernel on `Exec` computes with.
-template <class Exec, class R>
-inline constexpr int lane_width = is_device<Exec> ? 32 : native_width<R>;
 template <class Mem, class R>
 inline constexpr int block_width = bool(Kokkos::SpaceAccessibility<Kokkos::HostSpace, Mem>::accessible) ? native_width<R> : 32;
 template <class Exec, class R>
@@ -25,14 +23,6 @@ template <Scalar T>
 struct width_of<T> {
   static constexpr int value = 1;
 };
-template <Scalar T>
-KOKKOS_INLINE_FUNCTION void set_lane(T& x, int, T value) {
-  x = value;
-}
-template <class R, int W>
-KOKKOS_INLINE_FUNCTION void set_lane(Pack<R, W>& x, int i, R value) {
-  x.set(i, value);
-}
 template <Scalar T>
 KOKKOS_INLINE_FUNCTION T get_lane(T x, int) {
   return x;

@@ -106,7 +106,7 @@ void pgs(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows,
   expects(options.iterations > 0, "gsp::pgs: iterations must be positive");
   int least_rows = 0;
   if constexpr (!is_device<Exec>)
-    if (detail::lockstep_model(model)) {  // before the other kernel, which marks the step as solved
+    if (detail::lockstep_packs(model.nv) > 0) {  // before the other kernel, which marks the step as solved
       using Solver = detail::PgsLockstep<R, Mem, PgsOptions>;
       Kokkos::parallel_for("gsp::solver::pgs_lockstep", Kokkos::RangePolicy<Exec>(exec, 0, (rows.worlds + Solver::W - 1) / Solver::W),
                            detail::LockstepLoop<Exec, Solver>{{model, rows, options}});

@@ -6,14 +6,6 @@
 /// second-level cache. A world takes this path by its own number of rows alone, and its lane never sees another lane.
 namespace gsp::detail {
 
-inline constexpr int lockstep_most_rows = 128, lockstep_most_dofs = 128;
-
-/// True where worlds of the model may go in lockstep.
-template <class R, class Mem>
-bool lockstep_model(Model<R, Mem> const& model) {
-  return model.nv <= lockstep_most_dofs;
-}
-
 template <class R, class Mem, class Options>
 struct PgsLockstep {
   static constexpr int W = native_width<R>;
