@@ -43,7 +43,7 @@ int main(int argc, char** argv) {
     gsp::factor(exec, model, state, dynamics);
     gsp::collide(exec, collision, poses, contacts);
     gsp::assemble(exec, model, state, dynamics, rows, gsp::JointFriction(model), gsp::JointLimits(model, state),
-                  gsp::ContactRows<float, decltype(model)::memory_space>{model, collision, contacts});
+                  gsp::ContactRows(model, collision, contacts));
     gsp::pgs(exec, model, rows, {.iterations = 100});
     gsp::integrate(exec, model, dynamics, rows, state);
     bool const more_contacts = gsp::grow(exec, contacts), more_rows = gsp::grow(exec, rows);  // this loop asks after every step

@@ -5,8 +5,12 @@
 #include <filesystem>
 #include <gsp/io/apng.hpp>
 #include <gsp/io/colormap.hpp>
+#include <gsp/io/npy.hpp>
+#include <gsp/io/ply.hpp>
 #include <gsp/io/png.hpp>
+#include <gsp/io/write_mjcf.hpp>
 #include <gsp/model/samples.hpp>
+#include <gsp/splat/sample_room.hpp>
 #include <nlohmann/json.hpp>
 #include <thread>
 
@@ -111,6 +115,22 @@ States starts(gsp::CompiledModel const& model, States const& one, int worlds, bo
   return all;
 }
 
+/// The scene as files: what `gsp sim` and `gsp render` need to step and draw the same worlds.
+void write_scene(std::string const& folder, gsp::Description const& description, gsp::CompiledModel const& model,
+                 gsp::io::SplatSet const& scan, States const& start, Shots const& shots, long long steps) {
+  make_folder(folder, "--files");
+  std::filesystem::path const at(folder);
+  gsp::io::write_mjcf(at / "model.xml", description);
+  gsp::io::write_ply(at / "scene.ply", scan);
+  std::size_t const worlds = static_cast<std::size_t>(start.worlds), nu = static_cast<std::size_t>(model.nu);
+  write_trace((at / "start.npz").string(), {1, worlds, {start.time}, start.qpos, start.qvel}, model);
+  std::vector<double> ctrl(static_cast<std::size_t>(steps) * nu);  // one row a step
+  if (!start.ctrl.empty())
+    for (std::size_t i = 0; i < ctrl.size(); ++i) ctrl[i] = start.ctrl[i % nu];
+  gsp::io::write_npy(at / "ctrl.npy", {{static_cast<std::size_t>(steps), nu}, ctrl});
+  gsp::io::write_npz(at / "cameras.npz", {{"viewmats", {{worlds, 4, 4}, shots.viewmats}}, {"Ks", {{worlds, 3, 3}, shots.Ks}}});
+}
+
 int run(Arguments const& a) {
   bool const own = a.has("--model") || a.has("--splat");
   if (own && !a.has("--model"))
@@ -129,6 +149,7 @@ int run(Arguments const& a) {
   int const width = static_cast<int>(a.integer("--width", 320, 16, 4096)), height = static_cast<int>(a.integer("--height", 240, 16, 4096));
 
   auto const begin = Clock::now();
+  gsp::Description description;
   gsp::CompiledModel model;
   States one;
   Subject subject;
@@ -138,7 +159,7 @@ int run(Arguments const& a) {
   bool floor_added = false;
   int servos = 0;
   if (own) {
-    auto description = describe_model(model_name, a, false);
+    description = describe_model(model_name, a, false);
     floor_added = add_floor(description);
     servos = motors_to_servos(description);
     model = compile_model(description, a.has("--approximate"));
@@ -156,14 +177,15 @@ int run(Arguments const& a) {
     }
     clear = clear_directions(scan, subject.center, 0.1, 1.2);
   } else {
-    model = compile_model(gsp::samples::quadruped_scene(), false);
+    description = gsp::samples::quadruped_scene();
+    model = compile_model(description, false);
     one = initial_state(model, model_name, "stand");
   }
   Session const session(device, threads);
   Scene scene;
   bool linked = false;
   if (own)
-    linked = scene.add_set(scan, splat_name, model), scan = {};
+    linked = scene.add_set(scan, splat_name, model);
   else
     scene.add_room();
   if (!linked) scene.add_surface(model);
@@ -173,7 +195,15 @@ int run(Arguments const& a) {
   RendererOptions pictures;
   pictures.width = width, pictures.height = height, pictures.alpha = false;
   auto const renderer = make_renderer(device, scene, model, pictures);
-  stepper->set(starts(model, one, worlds, !own));
+  auto const start = starts(model, one, worlds, !own);
+  stepper->set(start);
+  long long const steps = std::max(1LL, static_cast<long long>(std::llround(seconds / stepper->timestep())));
+  if (auto const folder = a.text("--files")) {
+    Shots all;
+    for (int w = 0; w < worlds; ++w) add_camera(all, eye_of(w, subject, clear), subject.center, 1.05, width, height);
+    write_scene(*folder, description, model, own ? scan : gsp::sample_room<gsp::io::SplatSet>(), start, all, steps);
+  }
+  scan = {};
   double const load = since(begin);
   if (auto const s = summary(model); own && !s.empty()) std::printf("%s: %s ('gsp info' lists them)\n", model_name.c_str(), s.c_str());
   if (floor_added) std::printf("%s: nothing in it stands still to be touched, so a floor at z = 0 is added\n", model_name.c_str());
@@ -183,8 +213,7 @@ int run(Arguments const& a) {
               short_count(double(scene.count())).c_str(), worlds, device_name(device).c_str());
 
   // Steps, all worlds; the first world's states are kept for the animation.
-  long long const steps = std::max(1LL, static_cast<long long>(std::llround(seconds / stepper->timestep()))),
-                  every = std::max(1LL, static_cast<long long>(std::llround(0.04 / stepper->timestep())));
+  long long const every = std::max(1LL, static_cast<long long>(std::llround(0.04 / stepper->timestep())));
   std::vector<double> qpos, qvel, film;
   auto const film_world = [&] { film.insert(film.end(), qpos.begin(), qpos.begin() + model.nq); };
   stepper->get(qpos, qvel), film_world();
@@ -316,6 +345,8 @@ Command quickstart_command() {
            approximate_option(),
            {"--worlds", "N", "16 on a CPU of two cores, 8 a core beyond; 1024 on a GPU"},
            {"--seconds", "S", "of simulated time, 2"},
+           {"--files", "DIR",
+            "also write the scene as files that gsp sim and gsp render take: model.xml, scene.ply, start.npz, ctrl.npy, cameras.npz"},
            {"--width", "W", "of a picture, 320"},
            {"--height", "H", "of a picture, 240"},
            device_option(),

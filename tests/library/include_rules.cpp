@@ -17,7 +17,7 @@ struct Header {
   std::string name;  // "gsp/solver/pgs.hpp"
   std::string area;  // "solver"; empty for gsp.hpp and fwd.hpp
   std::vector<std::string> includes;
-  bool pragma_once = false;
+  bool pragma_once = false, names_kokkos = false;
 };
 
 std::string area_of(std::string const& name) {
@@ -38,6 +38,8 @@ std::vector<Header> read_headers() {
       auto const start = line.find_first_not_of(" \t");
       if (start == std::string::npos) continue;
       if (line.compare(start, 12, "#pragma once") == 0) h.pragma_once = true;
+      if (line.compare(start, 2, "//") != 0 && (line.find("Kokkos::") != line.npos || line.find("KOKKOS_") != line.npos))
+        h.names_kokkos = true;
       if (line.compare(start, 8, "#include") != 0) continue;
       auto const open = line.find_first_of("<\"", start + 8);
       if (open == std::string::npos) continue;
@@ -67,6 +69,21 @@ TEST_CASE("headers exist, guard themselves, and name what they include in full")
     for (auto const& i : h.includes)
       if (starts_with(i, "gsp/")) CHECK_MESSAGE(names.count(i) == 1, h.name, " includes ", i, ", which does not exist");
   }
+}
+
+TEST_CASE("a header that names Kokkos includes it, itself or through others") {  // test_library_headers compiles with Kokkos at hand
+  auto const headers = read_headers();
+  std::set<std::string> reach{"Kokkos_Core.hpp", "Kokkos_Macros.hpp"};
+  for (bool more = true; more;) {
+    more = false;
+    for (auto const& h : headers)
+      for (auto const& i : h.includes)
+        if (reach.count(i) == 1) more |= reach.insert(h.name).second;
+  }
+  int named = 0;
+  for (auto const& h : headers)
+    if (h.names_kokkos) ++named, CHECK_MESSAGE(reach.count(h.name) == 1, h.name, " names Kokkos and does not include it");
+  CHECK(named > 30);
 }
 
 TEST_CASE("an area includes only areas above it") {

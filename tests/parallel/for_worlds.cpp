@@ -31,7 +31,7 @@ struct Sums {
 }  // namespace test_types
 
 // Worlds of 0 to 120 items, fewer and more than a warp. Closed forms: sum = n (n - 1) / 2 + n w, running sum likewise.
-TEST_CASE_TEMPLATE("each world loops, sums and scans by itself", Exec, GSP_TEST_EXECS) {
+TEST_CASE_TEMPLATE("each world loops, sums and scans by itself", Exec, GSP_TEST_ALL_EXECS) {
   using Mem = typename Exec::memory_space;
   Exec const exec = gsp_test::other_instance(Exec{});
   int const worlds = 41;

@@ -5,7 +5,7 @@
 #include <random>
 #include <support/kokkos_tools.hpp>
 
-TEST_CASE_TEMPLATE("an exclusive scan is the running sum, with the total behind it", Exec, GSP_TEST_EXECS) {
+TEST_CASE_TEMPLATE("an exclusive scan is the running sum, with the total behind it", Exec, GSP_TEST_ALL_EXECS) {
   using Mem = typename Exec::memory_space;
   Exec const exec = gsp_test::other_instance(Exec{});
   std::mt19937 random(3);
@@ -26,7 +26,7 @@ TEST_CASE_TEMPLATE("an exclusive scan is the running sum, with the total behind 
   }
 }
 
-TEST_CASE_TEMPLATE("exclusive_scan keeps an algorithm's promises and refuses a short output", Exec, GSP_TEST_EXECS) {
+TEST_CASE_TEMPLATE("exclusive_scan keeps an algorithm's promises and refuses a short output", Exec, GSP_TEST_ALL_EXECS) {
   using Mem = typename Exec::memory_space;
   Exec const exec = gsp_test::other_instance(Exec{});
   Kokkos::View<int*, Mem> const in("in", 5000);

@@ -43,7 +43,7 @@ void check_sort(Exec const& exec, int n, int spare, int bits, unsigned distinct)
 
 }  // namespace
 
-TEST_CASE_TEMPLATE("sorting is std::stable_sort, for any number of keys, bits and ties", Exec, GSP_TEST_EXECS) {
+TEST_CASE_TEMPLATE("sorting is std::stable_sort, for any number of keys, bits and ties", Exec, GSP_TEST_ALL_EXECS) {
   Exec const exec = gsp_test::other_instance(Exec{});
   for (int n : {1, 2, 255, 4095, 4096, 50000})
     for (int spare : {0, 777})
@@ -53,7 +53,7 @@ TEST_CASE_TEMPLATE("sorting is std::stable_sort, for any number of keys, bits an
       }
 }
 
-TEST_CASE_TEMPLATE("sort_by_key keeps an algorithm's promises and refuses buffers that do not fit", Exec, GSP_TEST_EXECS) {
+TEST_CASE_TEMPLATE("sort_by_key keeps an algorithm's promises and refuses buffers that do not fit", Exec, GSP_TEST_ALL_EXECS) {
   using Mem = typename Exec::memory_space;
   Exec const exec = gsp_test::other_instance(Exec{});
   Kokkos::View<std::uint32_t*, Mem> keys("keys", 10000);

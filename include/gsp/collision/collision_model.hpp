@@ -4,7 +4,7 @@
 #include <cmath>
 #include <gsp/collision/shapes.hpp>
 #include <gsp/core/check.hpp>
-#include <gsp/core/exec.hpp>
+#include <gsp/core/detail/views.hpp>
 #include <gsp/model/compiled.hpp>
 #include <map>
 #include <string>
@@ -70,18 +70,20 @@ struct CollisionModel {
   using real_type = R;
   using memory_space = Mem;
   template <class D>
-  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  using Array = Kokkos::View<D, Kokkos::LayoutRight, Mem, Kokkos::MemoryTraits<Kokkos::Unmanaged>>;
   int bodies = 0, colliders = 0, groups = 0, pairs = 0, chunks = 0;
-  long slots = 0;                                          // most points that all pairs together can give
-  View<int*> collider_geom, collider_body, collider_type;  // (colliders)
-  View<R* [7]> collider_pose;                              // (colliders, 7) in the body's frame: position, quaternion w x y z
-  View<R* [3]> collider_size;                              // (colliders, 3)
-  View<int*> group_first;                                  // (groups + 1) first collider
-  View<int* [2]> pair_collider;                            // (pairs, 2) colliders, type of the first <= type of the second
-  View<int*> pair_parameters;                              // (pairs) index into parameters
-  View<ContactParameters<R>*> parameters;                  // the different ones
-  View<CollisionRun<R>*> runs;
-  View<CollisionChunk*> chunk;                        // (chunks)
+  long slots = 0;                                                 // most points that all pairs together can give
+  Kokkos::View<int*, Mem> ints;                                   // what the arrays of whole numbers lie in
+  Kokkos::View<R*, Mem> reals;                                    // and the others
+  Array<int const*> collider_geom, collider_body, collider_type;  // (colliders)
+  Array<R const* [7]> collider_pose;                              // (colliders, 7) in the body's frame: position, quaternion w x y z
+  Array<R const* [3]> collider_size;                              // (colliders, 3)
+  Array<int const*> group_first;                                  // (groups + 1) first collider
+  Array<int const* [2]> pair_collider;                            // (pairs, 2) colliders, type of the first <= type of the second
+  Array<int const*> pair_parameters;                              // (pairs) index into parameters
+  Kokkos::View<ContactParameters<R>*, Mem> parameters;            // the different ones
+  Kokkos::View<CollisionRun<R>*, Mem> runs;
+  Kokkos::View<CollisionChunk*, Mem> chunk;           // (chunks)
   Kokkos::View<int*, Kokkos::HostSpace> pair_source;  // (pairs) host: index of the pair in CompiledModel::pairs
 
   KOKKOS_INLINE_FUNCTION ContactParameters<R> const& parameters_of(int pair) const { return parameters(pair_parameters(pair)); }
@@ -135,35 +137,19 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   }
   std::sort(keys.begin(), keys.end());
 
-  auto const host = [](auto const& view) { return Kokkos::create_mirror_view(Kokkos::HostSpace{}, view); };
-  auto const view = [&](auto& v, std::string const& label, int n) {
-    v = std::decay_t<decltype(v)>(Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label), n);
-  };
-  view(c.collider_geom, "gsp::CollisionModel::collider_geom", c.colliders);
-  view(c.collider_body, "gsp::CollisionModel::collider_body", c.colliders);
-  view(c.collider_type, "gsp::CollisionModel::collider_type", c.colliders);
-  view(c.collider_pose, "gsp::CollisionModel::collider_pose", c.colliders);
-  view(c.collider_size, "gsp::CollisionModel::collider_size", c.colliders);
-  view(c.group_first, "gsp::CollisionModel::group_first", c.groups + 1);
-  view(c.pair_collider, "gsp::CollisionModel::pair_collider", npair);
-  view(c.pair_parameters, "gsp::CollisionModel::pair_parameters", npair);
-  auto const geom = host(c.collider_geom), body = host(c.collider_body), type = host(c.collider_type), first = host(c.group_first),
-             parameters = host(c.pair_parameters);
-  auto const pose = host(c.collider_pose);
-  auto const size = host(c.collider_size);
-  auto const pair = host(c.pair_collider);
+  std::vector<int> geom, body, type, pair, parameters, source;
+  std::vector<R> pose, size;
   for (int i = 0; i < c.colliders; ++i) {
     int const g = order[i];
-    geom(i) = g, body(i) = m.geom_body[g], type(i) = m.geom_type[g];
-    for (int k = 0; k < 3; ++k) pose(i, k) = R(m.geom_pos[g][k]), size(i, k) = R(m.geom_size[g][k]);
-    for (int k = 0; k < 4; ++k) pose(i, 3 + k) = R(m.geom_quat[g][k]);
+    geom.push_back(g), body.push_back(m.geom_body[g]), type.push_back(m.geom_type[g]);
+    pose.insert(pose.end(), m.geom_pos[g].begin(), m.geom_pos[g].end());
+    pose.insert(pose.end(), m.geom_quat[g].begin(), m.geom_quat[g].end());
+    size.insert(size.end(), m.geom_size[g].begin(), m.geom_size[g].end());
   }
-  for (int i = 0; i <= c.groups; ++i) first(i) = group_first[i];
 
   std::vector<ContactParameters<R>> distinct;
   std::vector<CollisionRun<R>> runs;
   std::vector<CollisionChunk> chunks;
-  c.pair_source = Kokkos::View<int*, Kokkos::HostSpace>("gsp::CollisionModel::pair_source", npair);
   // pairs of geoms with equal parameters share them: mixing depends on each geom's own set only
   std::map<std::array<double, 15>, int> geom_sets;
   std::vector<int> geom_set(m.ngeom, 0);
@@ -192,8 +178,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   for (int k = 0; k < npair; ++k) {
     auto const& key = keys[k];
     auto const [g1, g2] = m.pairs[key.source];
-    c.pair_source(k) = key.source;
-    pair(k, 0) = collider[g1], pair(k, 1) = collider[g2];
+    source.push_back(key.source), pair.push_back(collider[g1]), pair.push_back(collider[g2]);
     auto const [at, fresh] = mixed.try_emplace({geom_set[g1], geom_set[g2]}, int(distinct.size()));
     if (fresh) {
       auto const p = mix_contact_parameters(m, g1, g2);
@@ -202,32 +187,41 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
       for (int i = 0; i < 2; ++i) r.solref[i] = R(p.solref[i]);
       distinct.push_back(r);
     }
-    parameters(k) = at->second;
+    parameters.push_back(at->second);
     c.slots += max_points(PairKind(key.kind));
 
     bool const new_chunk = chunks.empty() || chunks.back().kind != key.kind || chunks.back().end - chunks.back().first == 64;
     if (new_chunk) chunks.push_back({key.kind, k, k, int(runs.size()), int(runs.size())});
     if (new_chunk || runs.back().a != key.a || runs.back().b != key.b) runs.push_back({key.a, key.b, k, k, R(0)});
-    auto const& own = distinct[parameters(k)];
+    auto const& own = distinct[parameters.back()];
     runs.back().end = chunks.back().end = k + 1, chunks.back().run_end = int(runs.size());
     runs.back().reach = std::max(runs.back().reach, own.margin + own.gap);
   }
   c.chunks = int(chunks.size());
-  view(c.parameters, "gsp::CollisionModel::parameters", int(distinct.size()));
-  view(c.runs, "gsp::CollisionModel::runs", int(runs.size()));
-  view(c.chunk, "gsp::CollisionModel::chunk", c.chunks);
-  auto const h_parameters = host(c.parameters);
-  auto const h_runs = host(c.runs);
-  auto const h_chunk = host(c.chunk);
-  for (std::size_t i = 0; i < distinct.size(); ++i) h_parameters(i) = distinct[i];
-  for (std::size_t i = 0; i < runs.size(); ++i) h_runs(i) = runs[i];
-  for (std::size_t i = 0; i < chunks.size(); ++i) h_chunk(i) = chunks[i];
-  auto const copy = [&](auto const& to, auto const& from) { Kokkos::deep_copy(exec, to, from); };
-  copy(c.collider_geom, geom), copy(c.collider_body, body), copy(c.collider_type, type), copy(c.collider_pose, pose),
-      copy(c.collider_size, size), copy(c.group_first, first);
-  copy(c.pair_collider, pair), copy(c.pair_parameters, parameters), copy(c.parameters, h_parameters), copy(c.runs, h_runs),
-      copy(c.chunk, h_chunk);
-  exec.fence("gsp::make_collision_model: the host copies may go now");
+
+  std::vector<int> ints;
+  std::vector<R> reals;
+  auto const begin = [](auto& all, auto const& part) {  // appends a part and says where it begins
+    auto const at = all.size();
+    all.insert(all.end(), part.begin(), part.end());
+    return at;
+  };
+  std::size_t const at_geom = begin(ints, geom), at_body = begin(ints, body), at_type = begin(ints, type), at_pair = begin(ints, pair),
+                    at_group = begin(ints, group_first), at_parameters = begin(ints, parameters), at_pose = begin(reals, pose),
+                    at_size = begin(reals, size);
+  c.ints = detail::to_device<decltype(c.ints)>(exec, "gsp::CollisionModel::ints", ints);
+  c.reals = detail::to_device<decltype(c.reals)>(exec, "gsp::CollisionModel::reals", reals);
+  c.parameters = detail::to_device<decltype(c.parameters)>(exec, "gsp::CollisionModel::parameters", distinct);
+  c.runs = detail::to_device<decltype(c.runs)>(exec, "gsp::CollisionModel::runs", runs);
+  c.chunk = detail::to_device<decltype(c.chunk)>(exec, "gsp::CollisionModel::chunk", chunks);
+  c.pair_source =
+      detail::to_device<decltype(c.pair_source)>(Kokkos::DefaultHostExecutionSpace{}, "gsp::CollisionModel::pair_source", source);
+  int const* const i = c.ints.data();
+  R const* const r = c.reals.data();
+  c.collider_geom = {i + at_geom, geom.size()}, c.collider_body = {i + at_body, body.size()}, c.collider_type = {i + at_type, type.size()};
+  c.collider_pose = {r + at_pose, geom.size()}, c.collider_size = {r + at_size, geom.size()};
+  c.group_first = {i + at_group, group_first.size()};
+  c.pair_collider = {i + at_pair, source.size()}, c.pair_parameters = {i + at_parameters, source.size()};
   return c;
 }
 

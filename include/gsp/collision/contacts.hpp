@@ -77,13 +77,9 @@ struct Contacts {
   /// What the last collide needed. Fences `exec`.
   template <class Exec>
   ContactsDemand demand(Exec const& exec) const {
-    auto const total = Kokkos::create_mirror_view(Kokkos::HostSpace{}, scratch.total);
-    auto const bits = Kokkos::create_mirror_view(Kokkos::HostSpace{}, status);
-    Kokkos::deep_copy(exec, total, scratch.total);
-    Kokkos::deep_copy(exec, bits, status);
-    exec.fence("gsp::Contacts::demand: the host reads");
-    ContactsDemand d{total(0), total(1), total(2), 0};
-    for (int w = 0; w < worlds; ++w) d.lost_worlds += (bits(w) & status::contact_overflow) != 0;
+    auto const total = detail::to_host(exec, scratch.total);
+    ContactsDemand d{total[0], total[1], total[2], 0};
+    for (std::uint32_t const bits : detail::to_host(exec, status)) d.lost_worlds += (bits & status::contact_overflow) != 0;
     return d;
   }
 };
@@ -91,12 +87,12 @@ struct Contacts {
 namespace detail {
 
 template <class R, class Mem>
-void allocate_contacts(auto const& exec, Contacts<R, Mem>& c, std::int64_t candidates, std::int64_t points, std::int64_t contacts) {
+void allocate_contacts(Contacts<R, Mem>& c, std::int64_t candidates, std::int64_t points, std::int64_t contacts) {
   constexpr std::int64_t most = 2147483647;  // contacts are counted in 32 bits
   if (candidates > most || points > most || contacts > most)
     throw Error("gsp::Contacts: more than " + std::to_string(most) + " contact points are asked for: use fewer worlds a batch");
   auto const make = [&](auto& v, std::string const& label, std::int64_t n) {
-    if (std::int64_t(v.extent(0)) < n) v = std::decay_t<decltype(v)>(Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label), n);
+    if (std::int64_t(v.extent(0)) < n) v = allocate<std::decay_t<decltype(v)>>(label, n);
   };
   make(c.scratch.candidates, "gsp::Contacts::candidates", candidates);
   make(c.scratch.points, "gsp::Contacts::points", points);
@@ -237,10 +233,10 @@ Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& m
   c.points_per_box_pair = options.points_per_box_pair;
   int const worlds = c.worlds = options.worlds;
   auto const make = [&](auto& v, std::string const& label, std::size_t n) {
-    v = std::decay_t<decltype(v)>(Kokkos::view_alloc(exec, label), n);
+    v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, n);
   };
   auto const make2 = [&](auto& v, std::string const& label, int n) {
-    v = std::decay_t<decltype(v)>(Kokkos::view_alloc(exec, label), worlds, n);
+    v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, worlds, n);
   };
   make(c.first, "gsp::Contacts::first", worlds), make(c.end, "gsp::Contacts::end", worlds), make(c.status, "gsp::Contacts::status", worlds);
   make2(c.scratch.bounds.pose, "gsp::Contacts::collider_pose", model.colliders);
@@ -255,8 +251,7 @@ Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& m
   std::int64_t const w = worlds;
   std::int64_t const candidates = w * (options.candidates_per_world > 0 ? options.candidates_per_world : near);
   std::int64_t const points = w * (options.points_per_world > 0 ? options.points_per_world : room);
-  detail::allocate_contacts(exec, c, candidates, points,
-                            w * (options.contacts_per_world > 0 ? options.contacts_per_world : (room + 1) / 2));
+  detail::allocate_contacts(c, candidates, points, w * (options.contacts_per_world > 0 ? options.contacts_per_world : (room + 1) / 2));
   return c;
 }
 
@@ -269,7 +264,7 @@ bool grow(Exec const& exec, Contacts<R, Mem>& contacts) {
   auto const more = [](std::int64_t need, std::size_t have) { return need > std::int64_t(have) ? need + need / 2 : std::int64_t(have); };
   std::int64_t const candidates = more(d.candidates, contacts.scratch.candidates.extent(0)),
                      points = more(d.points, contacts.scratch.points.extent(0));
-  detail::allocate_contacts(exec, contacts, candidates, points, more(d.contacts, contacts.dist.extent(0)));
+  detail::allocate_contacts(contacts, candidates, points, more(d.contacts, contacts.dist.extent(0)));
   return true;
 }
 

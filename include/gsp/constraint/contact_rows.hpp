@@ -9,16 +9,19 @@ namespace gsp {
 
 template <class R, class Mem>
 struct ContactRows {
-  Model<R, Mem> model;
+  typename Model<R, Mem>::template Array<int> body_last_dof;
+  Field<R> body_invweight0;
   CollisionModel<R, Mem> collision;
   Contacts<R, Mem> contacts;
+  ContactRows(Model<R, Mem> const& m, CollisionModel<R, Mem> const& c, Contacts<R, Mem> const& found)
+      : body_last_dof(m.body_last_dof), body_invweight0(m.body_invweight0), collision(c), contacts(found) {}
 
   KOKKOS_INLINE_FUNCTION int count(int world) const { return contacts.count_of(world); }
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const { return contacts.status(world); }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
     int const c = contacts.begin_of(world) + k;
     if (!(contacts.dist(c) < contacts.includemargin(c))) return 0;
-    if (model.body_last_dof(contacts.body1(c)) < 0 && model.body_last_dof(contacts.body2(c)) < 0) return 0;
+    if (body_last_dof(contacts.body1(c)) < 0 && body_last_dof(contacts.body2(c)) < 0) return 0;
     return parameters(c).condim >= 3 ? 3 : 1;
   }
   template <class Row>
@@ -37,7 +40,7 @@ struct ContactRows {
     Softness<R> s;
     for (int i = 0; i < 2; ++i) s.solref[i] = p.solref[i];
     for (int i = 0; i < 5; ++i) s.solimp[i] = p.solimp[i];
-    R const diag = model.body_invweight0(world, 2 * contacts.body1(c)) + model.body_invweight0(world, 2 * contacts.body2(c));
+    R const diag = body_invweight0(world, 2 * contacts.body1(c)) + body_invweight0(world, 2 * contacts.body2(c));
     return soft_law(s, x - contacts.includemargin(c), u, h, diag);
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const {

@@ -7,21 +7,33 @@ namespace gsp {
 /// Element 2 i is the lower, 2 i + 1 the upper end of the i-th limited joint (ball: the upper alone).
 template <class R, class Mem>
 struct JointLimits {
-  Model<R, Mem> model;
+  using Indices = typename Model<R, Mem>::template Array<int>;
+  Indices limited_joints, jnt_type, jnt_qposadr, jnt_dofadr;
+  Field<R> jnt_range, jnt_margin, jnt_solref, jnt_solimp, dof_invweight0;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> qpos;
-  JointLimits(Model<R, Mem> const& m, State<R, Mem> const& s) : model(m), qpos(s.qpos) {}
+  JointLimits(Model<R, Mem> const& m, State<R, Mem> const& s)
+      : limited_joints(m.limited_joints),
+        jnt_type(m.jnt_type),
+        jnt_qposadr(m.jnt_qposadr),
+        jnt_dofadr(m.jnt_dofadr),
+        jnt_range(m.jnt_range),
+        jnt_margin(m.jnt_margin),
+        jnt_solref(m.jnt_solref),
+        jnt_solimp(m.jnt_solimp),
+        dof_invweight0(m.dof_invweight0),
+        qpos(s.qpos) {}
 
-  KOKKOS_INLINE_FUNCTION int count(int) const { return 2 * int(model.limited_joints.extent(0)); }
+  KOKKOS_INLINE_FUNCTION int count(int) const { return 2 * int(limited_joints.extent(0)); }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
-    int const j = model.limited_joints(k / 2);
-    bool const ball = model.jnt_type(j) == int(JointType::ball);
+    int const j = limited_joints(k / 2);
+    bool const ball = jnt_type(j) == int(JointType::ball);
     if (ball && k % 2 == 0) return 0;
-    return gap(world, k) < model.jnt_margin(world, j);
+    return gap(world, k) < jnt_margin(world, j);
   }
   template <class Row>
   KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int, Row&& J) const {
-    int const j = model.limited_joints(k / 2), dof = model.jnt_dofadr(j);
-    if (model.jnt_type(j) == int(JointType::ball)) {
+    int const j = limited_joints(k / 2), dof = jnt_dofadr(j);
+    if (jnt_type(j) == int(JointType::ball)) {
       Vec3<R> const axis = normalized(rotation(world, j));
       for (int c = 0; c < 3; ++c) J.set_dof(dof + c, -axis[c]);
     } else {
@@ -30,23 +42,23 @@ struct JointLimits {
     return gap(world, k);
   }
   KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int, R x, R u, R h) const {
-    int const j = model.limited_joints(k / 2);
-    return soft_law(detail::softness(model.jnt_solref, model.jnt_solimp, world, j), x - model.jnt_margin(world, j), u, h,
-                    model.dof_invweight0(world, model.jnt_dofadr(j)));
+    int const j = limited_joints(k / 2);
+    return soft_law(detail::softness(jnt_solref, jnt_solimp, world, j), x - jnt_margin(world, j), u, h,
+                    dof_invweight0(world, jnt_dofadr(j)));
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int, int, int) const { return {R(0), Kokkos::Experimental::infinity_v<R>}; }
   KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 
  private:
   KOKKOS_INLINE_FUNCTION Vec3<R> rotation(int world, int j) const {
-    int const q = model.jnt_qposadr(j);
+    int const q = jnt_qposadr(j);
     return log_rotation(normalized(Quat<R>{qpos(world, q), qpos(world, q + 1), qpos(world, q + 2), qpos(world, q + 3)}));
   }
   KOKKOS_INLINE_FUNCTION R gap(int world, int k) const {
-    int const j = model.limited_joints(k / 2);
-    R const lower = model.jnt_range(world, 2 * j), upper = model.jnt_range(world, 2 * j + 1);
-    if (model.jnt_type(j) == int(JointType::ball)) return max(lower, upper) - norm(rotation(world, j));
-    R const q = qpos(world, model.jnt_qposadr(j));
+    int const j = limited_joints(k / 2);
+    R const lower = jnt_range(world, 2 * j), upper = jnt_range(world, 2 * j + 1);
+    if (jnt_type(j) == int(JointType::ball)) return max(lower, upper) - norm(rotation(world, j));
+    R const q = qpos(world, jnt_qposadr(j));
     return k % 2 == 0 ? q - lower : upper - q;
   }
 };

@@ -77,8 +77,8 @@ void allocate_rows(Exec const& exec, Rows<R, Mem>& r, std::int64_t rows, std::in
     throw Error("gsp::Rows: more than 2147483647 constraint rows are asked for: use fewer worlds a batch");
   auto const grow = [&](auto& v, std::string const& label, std::int64_t n, bool keep) {
     if (std::int64_t(v.extent(0)) >= n) return;
-    std::decay_t<decltype(v)> next(Kokkos::view_alloc(exec, label), n);
-    if (keep && v.extent(0) > 0) Kokkos::deep_copy(exec, Kokkos::subview(next, std::pair<std::size_t, std::size_t>(0, v.extent(0))), v);
+    auto const next = allocate_zero<std::decay_t<decltype(v)>>(exec, label, n);
+    if (keep) copy_bytes(exec, next.data(), v.data(), bytes_of(v));
     v = next;
   };
   grow(r.row, "gsp::Rows::row", rows, false), grow(r.Y, "gsp::Rows::Y", entries, false);
@@ -95,7 +95,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   Out r;
   int const n = r.worlds = options.worlds;
   auto const make = [&](auto& v, std::string const& label, auto... extents) {
-    v = std::decay_t<decltype(v)>(Kokkos::view_alloc(exec, label), extents...);
+    v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, extents...);
   };
   make(r.first, "gsp::Rows::first", n), make(r.count, "gsp::Rows::count", n), make(r.first_entry, "gsp::Rows::first_entry", n),
       make(r.entries, "gsp::Rows::entries", n);
@@ -119,13 +119,11 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
 /// Impulses for the warm start are kept. Fences `exec`. Returns whether anything grew.
 template <ExecutionSpace Exec, class R, class Mem>
 bool grow(Exec const& exec, Rows<R, Mem>& rows) {
-  auto const demand = Kokkos::create_mirror_view(Kokkos::HostSpace{}, rows.demand);
-  Kokkos::deep_copy(exec, demand, rows.demand);
-  exec.fence("gsp::grow: the host reads what the rows need");
-  Kokkos::deep_copy(exec, rows.halt, 0);
-  bool const more_rows = demand(0) > rows.capacity(), more_entries = demand(1) > std::int64_t(rows.Y.extent(0));
+  auto const demand = detail::to_host(exec, rows.demand);
+  detail::zero(exec, rows.halt);
+  bool const more_rows = demand[0] > rows.capacity(), more_entries = demand[1] > std::int64_t(rows.Y.extent(0));
   if (!more_rows && !more_entries) return false;
-  detail::allocate_rows(exec, rows, more_rows ? demand(0) + demand(0) / 2 : 0, more_entries ? demand(1) + demand(1) / 2 : 0);
+  detail::allocate_rows(exec, rows, more_rows ? demand[0] + demand[0] / 2 : 0, more_entries ? demand[1] + demand[1] / 2 : 0);
   return true;
 }
 

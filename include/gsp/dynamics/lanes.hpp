@@ -166,10 +166,10 @@ Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, Dyn
     int most = 0;
     for (int k = 0; k < model.narchetype; ++k) most = std::max(most, DynamicsLayout(model.host_archetypes(k)).size);
     d.thread_stride = most * W;
-    d.thread_items = Kokkos::View<R*, Mem>(Kokkos::view_alloc(exec, "gsp::Dynamics::thread_items"),
-                                           std::size_t(d.thread_stride) * Kokkos::DefaultHostExecutionSpace().concurrency());
+    d.thread_items = detail::allocate_zero<Kokkos::View<R*, Mem>>(
+        exec, "gsp::Dynamics::thread_items", std::size_t(d.thread_stride) * Kokkos::DefaultHostExecutionSpace().concurrency());
   }
-  d.items = Kokkos::View<R*, Mem>(Kokkos::view_alloc(exec, "gsp::Dynamics::items"), size);
+  d.items = detail::allocate_zero<Kokkos::View<R*, Mem>>(exec, "gsp::Dynamics::items", size);
   d.block_archetype = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Dynamics::block_archetype", archetype);
   d.block_offset = detail::to_device<Kokkos::View<std::int64_t*, Mem>>(exec, "gsp::Dynamics::block_offset", offset);
   d.archetype_block = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Dynamics::archetype_block", first);

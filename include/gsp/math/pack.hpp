@@ -127,10 +127,11 @@ struct alignas(sizeof(Real) * W) Pack {
     return Pack<R, W>(a) op b;                                         \
   }
 GSP_PACK_OP(+)
-GSP_PACK_OP(-) GSP_PACK_OP(*) GSP_PACK_OP(/) GSP_PACK_CMP(<) GSP_PACK_CMP(<=) GSP_PACK_CMP(>) GSP_PACK_CMP(>=) GSP_PACK_CMP(==)
-    GSP_PACK_CMP(!=) GSP_MASK_OP(&) GSP_MASK_OP(|) GSP_PACK_MIXED(+, Pack) GSP_PACK_MIXED(-, Pack) GSP_PACK_MIXED(*, Pack)
-        GSP_PACK_MIXED(/, Pack) GSP_PACK_MIXED(<, Mask) GSP_PACK_MIXED(<=, Mask) GSP_PACK_MIXED(>, Mask) GSP_PACK_MIXED(>=, Mask)
-            GSP_PACK_MIXED(==, Mask) GSP_PACK_MIXED(!=, Mask)
+GSP_PACK_OP(-)
+GSP_PACK_OP(*) GSP_PACK_OP(/) GSP_PACK_CMP(<) GSP_PACK_CMP(<=) GSP_PACK_CMP(>) GSP_PACK_CMP(>=) GSP_PACK_CMP(==) GSP_PACK_CMP(!=)
+    GSP_MASK_OP(&) GSP_MASK_OP(|) GSP_PACK_MIXED(+, Pack) GSP_PACK_MIXED(-, Pack) GSP_PACK_MIXED(*, Pack) GSP_PACK_MIXED(/, Pack)
+        GSP_PACK_MIXED(<, Mask) GSP_PACK_MIXED(<=, Mask) GSP_PACK_MIXED(>, Mask) GSP_PACK_MIXED(>=, Mask) GSP_PACK_MIXED(==, Mask)
+            GSP_PACK_MIXED(!=, Mask)
 #undef GSP_PACK_OP
 #undef GSP_PACK_CMP
 #undef GSP_MASK_OP

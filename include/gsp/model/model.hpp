@@ -1,6 +1,6 @@
 #pragma once
 #include <cstdint>
-#include <gsp/core/exec.hpp>
+#include <gsp/core/detail/views.hpp>
 #include <gsp/math/quat.hpp>
 #include <gsp/model/archetypes.hpp>
 #include <gsp/model/compiled.hpp>
@@ -57,46 +57,56 @@ struct Model {
   Field<R> act_gear, act_gain, act_bias, act_ctrlrange, act_forcerange;  // (nu, 1 | 1 | 3 | 2 | 2); ranges +-infinity where not limited
 
   Kokkos::View<Archetype*, Mem> archetypes;
-  Kokkos::View<int*, Mem> ints;                                                              // all index arrays
-  Kokkos::View<R*, Mem> reals;                                                               // all fields above
-  Kokkos::View<int*, Mem> limited_joints, friction_dofs, limited_tendons, friction_tendons;  // world indices
-  Kokkos::View<int*, Mem> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr;                       // (njnt)
-  Kokkos::View<int*, Mem> tendon_termadr, term_jnt;                                          // (ntendon + 1), (nterm)
-  Kokkos::View<int*, Mem> body_last_dof;                        // (nbody) the dof that moves it last, -1 static
-  Kokkos::View<int*, Mem> dof_tree;                             // (nv)
-  Kokkos::View<int*, Mem> body_tree;                            // (nbody), -1 static
-  Kokkos::View<int*, Mem> tree_archetype, tree_instance;        // (ntree)
-  Kokkos::View<int*, Mem> tree_body, tree_dof, tree_dofnum;     // (ntree)
-  Kokkos::View<R*, Mem> static_pose;                            // (nbody, 7) world pose of bodies fixed to the world: position, quaternion
   Kokkos::View<Archetype*, Kokkos::HostSpace> host_archetypes;  // what `archetypes` holds, for those who allocate
+  Kokkos::View<int*, Mem> ints;                                 // all index arrays: the archetypes' and those below
+  Kokkos::View<R*, Mem> reals;                                  // all fields above, and static_pose
+  template <class T>
+  using Array = Kokkos::View<T const*, Mem, Kokkos::MemoryTraits<Kokkos::Unmanaged>>;
+  Array<int> limited_joints, friction_dofs, limited_tendons, friction_tendons;  // world indices
+  Array<int> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr;                       // (njnt)
+  Array<int> tendon_termadr, term_jnt;                                          // (ntendon + 1), (nterm)
+  Array<int> body_last_dof;                                                     // (nbody) the dof that moves it last, -1 static
+  Array<int> dof_tree;                                                          // (nv)
+  Array<int> body_tree;                                                         // (nbody), -1 static
+  Array<int> tree_archetype, tree_instance;                                     // (ntree)
+  Array<int> tree_body, tree_dof, tree_dofnum;                                  // (ntree)
+  Array<R> static_pose;  // (nbody, 7) world pose of bodies fixed to the world: position, quaternion
 };
 
 namespace detail {
-/// Appends host arrays to pools and remembers where they start.
-template <class R>
+/// Host arrays one after the other, and whose they are.
+template <class R, class Mem>
 struct ModelPools {
+  using M = Model<R, Mem>;
+  template <class T>
+  struct Part {
+    typename M::template Array<T> M::*member;
+    std::size_t at, size;
+  };
   std::vector<int> ints;
   std::vector<R> reals;
+  std::vector<Archetype> archetypes;
+  std::vector<Part<int>> int_parts;
+  std::vector<Part<R>> real_parts;
+  std::vector<std::pair<Field<R> M::*, std::size_t>> fields;
   int add(std::vector<int> const& v) {
     int const at = int(ints.size());
     ints.insert(ints.end(), v.begin(), v.end());
     return at;
   }
-  template <class Get>
-  std::size_t add(int n, int components, Get get) {
-    std::size_t const at = reals.size();
-    for (int i = 0; i < n; ++i)
-      for (int c = 0; c < components; ++c) reals.push_back(R(get(i, c)));
-    return at;
+  void add(typename M::template Array<int> M::*member, std::vector<int> const& v) {
+    int_parts.push_back({member, std::size_t(add(v)), v.size()});
+  }
+  void add(Field<R> M::*member, std::vector<double> const& v) {
+    fields.emplace_back(member, reals.size());
+    reals.insert(reals.end(), v.begin(), v.end());
+  }
+  template <std::size_t N>
+  void add(Field<R> M::*member, std::vector<std::array<double, N>> const& v) {
+    fields.emplace_back(member, reals.size());
+    for (auto const& item : v) reals.insert(reals.end(), item.begin(), item.end());
   }
 };
-template <class View, class T>
-View to_device(auto const& exec, std::string const& label, std::vector<T> const& v) {
-  View result(Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label), v.size());
-  Kokkos::deep_copy(exec, result, Kokkos::View<T const*, Kokkos::HostSpace, Kokkos::MemoryTraits<Kokkos::Unmanaged>>(v.data(), v.size()));
-  exec.fence("gsp::make_model: the host array may go now");
-  return result;
-}
 }  // namespace detail
 
 /// World poses of the bodies that are fixed to the world (others: identity), (nbody, 7). Host, double.
@@ -121,11 +131,10 @@ struct ModelOptions {
   double timestep = 0;  // [s]; 0: the model's own
 };
 
-/// Takes a compiled model to the memory of `exec`, in precision R. Allocates; fences.
-/// Errors: gsp::Error where the model holds what the dynamics do not cover (an actuator on a ball or free joint, gravity compensation).
-template <class R, ExecutionSpace Exec>
-Model<R, typename Exec::memory_space> make_model(Exec const& exec, CompiledModel const& m, ModelOptions options = {}) {
-  using Mem = typename Exec::memory_space;
+namespace detail {
+/// The sizes and options of `d`; its arrays are returned.
+template <class R, class Mem>
+ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOptions const& options) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
   auto const trees = find_archetypes(m);
   auto const fixed = static_poses(m);
@@ -138,7 +147,6 @@ Model<R, typename Exec::memory_space> make_model(Exec const& exec, CompiledModel
     if (m.tendon_armature[t] != 0)
       throw Error("tendon '" + m.tendon_name[t] + "' has armature, which is not supported: give the armature to its joints");
 
-  Model<R, Mem> d;
   d.nq = m.nq, d.nv = m.nv, d.nbody = m.nbody, d.njnt = m.njnt, d.nu = m.nu, d.ntendon = m.ntendon, d.ntree = m.ntree,
   d.narchetype = int(trees.size());
   expects(options.timestep >= 0, "gsp::make_model: timestep must be positive, or 0 for the model's own");
@@ -150,67 +158,53 @@ Model<R, typename Exec::memory_space> make_model(Exec const& exec, CompiledModel
 
   for (double const b : m.dof_damping) d.damped |= b != 0;
 
-  detail::ModelPools<R> pool;
-  std::vector<std::pair<Field<R>*, std::size_t>> fields;
-  auto const field = [&](Field<R>& f, int n, int components, auto get) { fields.emplace_back(&f, pool.add(n, components, get)); };
+  ModelPools<R, Mem> pool;
+  using M = Model<R, Mem>;
   // a root hangs on a static body, whose world pose is folded into the root's own
-  auto const root_pose = [&](int b) {
+  auto pos = m.body_pos;
+  auto quat = m.body_quat;
+  for (int b = 1; b < m.nbody; ++b) {
+    if (m.body_tree[b] < 0 || m.body_tree[m.body_parent[b]] >= 0) continue;
     double const* q = &fixed[std::size_t(m.body_parent[b]) * 7];
     auto const& x = m.body_pos[b];
     auto const& r = m.body_quat[b];
-    return Transform<double>{{q[0], q[1], q[2]}, {q[3], q[4], q[5], q[6]}} *
-           Transform<double>{{x[0], x[1], x[2]}, {r[0], r[1], r[2], r[3]}};
+    auto const t =
+        Transform<double>{{q[0], q[1], q[2]}, {q[3], q[4], q[5], q[6]}} * Transform<double>{{x[0], x[1], x[2]}, {r[0], r[1], r[2], r[3]}};
+    pos[b] = {t.p.x, t.p.y, t.p.z}, quat[b] = {t.q.w, t.q.x, t.q.y, t.q.z};
+  }
+  // ranges that do not limit are infinite
+  auto const ranges = [](auto const& range, auto const& limited) {
+    std::vector<std::array<double, 2>> result(range.size(), {-infinity, infinity});
+    for (std::size_t i = 0; i < range.size(); ++i)
+      if (limited[i]) result[i] = {range[i][0], range[i][1]};
+    return result;
   };
-  auto const is_root = [&](int b) { return b > 0 && m.body_tree[b] >= 0 && m.body_tree[m.body_parent[b]] < 0; };
-  field(d.gravity, 1, 3, [&](int, int c) { return m.option.gravity_on ? m.option.gravity[c] : 0.; });
-  field(d.body_pos, m.nbody, 3, [&](int b, int c) { return is_root(b) ? root_pose(b).p[c] : m.body_pos[b][c]; });
-  field(d.body_quat, m.nbody, 4, [&](int b, int c) {
-    if (!is_root(b)) return m.body_quat[b][c];
-    auto const q = root_pose(b).q;
-    return c == 0 ? q.w : c == 1 ? q.x : c == 2 ? q.y : q.z;
-  });
-  field(d.body_ipos, m.nbody, 3, [&](int b, int c) { return m.body_ipos[b][c]; });
-  field(d.body_iquat, m.nbody, 4, [&](int b, int c) { return m.body_iquat[b][c]; });
-  field(d.body_mass, m.nbody, 1, [&](int b, int) { return m.body_mass[b]; });
-  field(d.body_inertia, m.nbody, 3, [&](int b, int c) { return m.body_inertia[b][c]; });
-  field(d.jnt_pos, m.njnt, 3, [&](int j, int c) { return m.jnt_pos[j][c]; });
-  field(d.jnt_axis, m.njnt, 3, [&](int j, int c) { return m.jnt_axis[j][c]; });
-  field(d.jnt_stiffness, m.njnt, 1, [&](int j, int) { return m.jnt_stiffness[j]; });
-  field(d.jnt_actfrcrange, m.njnt, 2,
-        [&](int j, int c) { return m.jnt_actfrclimited[j] ? m.jnt_actfrcrange[j][c] : (c ? infinity : -infinity); });
-  field(d.dof_armature, m.nv, 1, [&](int i, int) { return m.dof_armature[i]; });
-  field(d.dof_damping, m.nv, 1, [&](int i, int) { return m.dof_damping[i]; });
-  field(d.qpos0, m.nq, 1, [&](int i, int) { return m.qpos0[i]; });
-  field(d.qpos_spring, m.nq, 1, [&](int i, int) { return m.qpos_spring[i]; });
-  field(d.term_coef, int(m.term_coef.size()), 1, [&](int i, int) { return m.term_coef[i]; });
-  field(d.tendon_stiffness, m.ntendon, 1, [&](int i, int) { return m.tendon_stiffness[i]; });
-  field(d.tendon_damping, m.ntendon, 1, [&](int i, int) { return m.tendon_damping[i]; });
-  field(d.tendon_lengthspring, m.ntendon, 2, [&](int i, int c) { return m.tendon_lengthspring[i][c]; });
-  field(d.body_invweight0, m.nbody, 2, [&](int i, int c) { return m.body_invweight0[i][c]; });
-  field(d.jnt_range, m.njnt, 2, [&](int i, int c) { return m.jnt_range[i][c]; });
-  field(d.jnt_margin, m.njnt, 1, [&](int i, int) { return m.jnt_margin[i]; });
-  field(d.jnt_solref, m.njnt, 2, [&](int i, int c) { return m.jnt_solref[i][c]; });
-  field(d.jnt_solimp, m.njnt, 5, [&](int i, int c) { return m.jnt_solimp[i][c]; });
-  field(d.dof_frictionloss, m.nv, 1, [&](int i, int) { return m.dof_frictionloss[i]; });
-  field(d.dof_invweight0, m.nv, 1, [&](int i, int) { return m.dof_invweight0[i]; });
-  field(d.dof_solref, m.nv, 2, [&](int i, int c) { return m.dof_solref[i][c]; });
-  field(d.dof_solimp, m.nv, 5, [&](int i, int c) { return m.dof_solimp[i][c]; });
-  field(d.tendon_range, m.ntendon, 2, [&](int i, int c) { return m.tendon_range[i][c]; });
-  field(d.tendon_margin, m.ntendon, 1, [&](int i, int) { return m.tendon_margin[i]; });
-  field(d.tendon_invweight0, m.ntendon, 1, [&](int i, int) { return m.tendon_invweight0[i]; });
-  field(d.tendon_solref, m.ntendon, 2, [&](int i, int c) { return m.tendon_solref_limit[i][c]; });
-  field(d.tendon_solimp, m.ntendon, 5, [&](int i, int c) { return m.tendon_solimp_limit[i][c]; });
-  field(d.tendon_frictionloss, m.ntendon, 1, [&](int i, int) { return m.tendon_frictionloss[i]; });
-  field(d.tendon_friction_solref, m.ntendon, 2, [&](int i, int c) { return m.tendon_solref_friction[i][c]; });
-  field(d.tendon_friction_solimp, m.ntendon, 5, [&](int i, int c) { return m.tendon_solimp_friction[i][c]; });
-  field(d.act_gear, m.nu, 1, [&](int i, int) { return m.act_gear[i][0]; });
-  field(d.act_gain, m.nu, 1, [&](int i, int) { return m.act_gain[i]; });
-  field(d.act_bias, m.nu, 3, [&](int i, int c) { return m.act_bias[i][c]; });
-  field(d.act_ctrlrange, m.nu, 2, [&](int i, int c) { return m.act_ctrllimited[i] ? m.act_ctrlrange[i][c] : (c ? infinity : -infinity); });
-  field(d.act_forcerange, m.nu, 2,
-        [&](int i, int c) { return m.act_forcelimited[i] ? m.act_forcerange[i][c] : (c ? infinity : -infinity); });
+  std::vector<double> gear;
+  for (auto const& g : m.act_gear) gear.push_back(g[0]);
+  pool.add(&M::gravity, std::vector<std::array<double, 3>>{m.option.gravity_on ? m.option.gravity : std::array<double, 3>{}});
+  pool.add(&M::body_pos, pos), pool.add(&M::body_quat, quat);
+  pool.add(&M::body_ipos, m.body_ipos), pool.add(&M::body_iquat, m.body_iquat), pool.add(&M::body_mass, m.body_mass);
+  pool.add(&M::body_inertia, m.body_inertia);
+  pool.add(&M::jnt_pos, m.jnt_pos), pool.add(&M::jnt_axis, m.jnt_axis), pool.add(&M::jnt_stiffness, m.jnt_stiffness);
+  pool.add(&M::jnt_actfrcrange, ranges(m.jnt_actfrcrange, m.jnt_actfrclimited));
+  pool.add(&M::dof_armature, m.dof_armature), pool.add(&M::dof_damping, m.dof_damping);
+  pool.add(&M::qpos0, m.qpos0), pool.add(&M::qpos_spring, m.qpos_spring);
+  pool.add(&M::term_coef, m.term_coef);
+  pool.add(&M::tendon_stiffness, m.tendon_stiffness), pool.add(&M::tendon_damping, m.tendon_damping);
+  pool.add(&M::tendon_lengthspring, m.tendon_lengthspring);
+  pool.add(&M::body_invweight0, m.body_invweight0);
+  pool.add(&M::jnt_range, m.jnt_range), pool.add(&M::jnt_margin, m.jnt_margin), pool.add(&M::jnt_solref, m.jnt_solref);
+  pool.add(&M::jnt_solimp, m.jnt_solimp);
+  pool.add(&M::dof_frictionloss, m.dof_frictionloss), pool.add(&M::dof_invweight0, m.dof_invweight0);
+  pool.add(&M::dof_solref, m.dof_solref), pool.add(&M::dof_solimp, m.dof_solimp);
+  pool.add(&M::tendon_range, m.tendon_range), pool.add(&M::tendon_margin, m.tendon_margin);
+  pool.add(&M::tendon_invweight0, m.tendon_invweight0), pool.add(&M::tendon_solref, m.tendon_solref_limit);
+  pool.add(&M::tendon_solimp, m.tendon_solimp_limit), pool.add(&M::tendon_frictionloss, m.tendon_frictionloss);
+  pool.add(&M::tendon_friction_solref, m.tendon_solref_friction), pool.add(&M::tendon_friction_solimp, m.tendon_solimp_friction);
+  pool.add(&M::act_gear, gear), pool.add(&M::act_gain, m.act_gain), pool.add(&M::act_bias, m.act_bias);
+  pool.add(&M::act_ctrlrange, ranges(m.act_ctrlrange, m.act_ctrllimited));
+  pool.add(&M::act_forcerange, ranges(m.act_forcerange, m.act_forcelimited));
 
-  std::vector<Archetype> archetypes;
   std::vector<int> tree_archetype(m.ntree), tree_instance(m.ntree);
   for (int k = 0; k < int(trees.size()); ++k) {
     auto const& t = trees[k];
@@ -236,13 +230,8 @@ Model<R, typename Exec::memory_space> make_model(Exec const& exec, CompiledModel
     a.instance_tree = pool.add(tree), a.instance_body = pool.add(body), a.instance_jnt = pool.add(jnt), a.instance_dof = pool.add(dof),
     a.instance_qpos = pool.add(qpos);
     a.instance_tendon = pool.add(tendon), a.instance_term = pool.add(term), a.instance_act = pool.add(act);
-    archetypes.push_back(a);
+    pool.archetypes.push_back(a);
   }
-  d.archetypes = detail::to_device<Kokkos::View<Archetype*, Mem>>(exec, "gsp::Model::archetypes", archetypes);
-  d.host_archetypes = detail::to_device<Kokkos::View<Archetype*, Kokkos::HostSpace>>(Kokkos::DefaultHostExecutionSpace{},
-                                                                                     "gsp::Model::host_archetypes", archetypes);
-  d.ints = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::ints", pool.ints);
-  d.reals = detail::to_device<Kokkos::View<R*, Mem>>(exec, "gsp::Model::reals", pool.reals);
   std::vector<int> limited_joints, friction_dofs, limited_tendons, friction_tendons, termadr(m.tendon_termadr), last_dof(m.nbody, -1),
       dof_tree(m.nv);
   for (int j = 0; j < m.njnt && m.option.limit; ++j)
@@ -258,23 +247,34 @@ Model<R, typename Exec::memory_space> make_model(Exec const& exec, CompiledModel
   termadr.push_back(int(m.term_jnt.size()));
   for (int b = 1; b < m.nbody; ++b)
     last_dof[b] = m.body_dofnum[b] > 0 ? m.body_dofadr[b] + m.body_dofnum[b] - 1 : last_dof[m.body_parent[b]];
-  auto const ints = [&](auto& view, std::string const& name, std::vector<int> const& v) {
-    view = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::" + name, v);
-  };
-  ints(d.limited_joints, "limited_joints", limited_joints), ints(d.friction_dofs, "friction_dofs", friction_dofs);
-  ints(d.limited_tendons, "limited_tendons", limited_tendons), ints(d.friction_tendons, "friction_tendons", friction_tendons);
-  ints(d.jnt_type, "jnt_type", m.jnt_type), ints(d.jnt_body, "jnt_body", m.jnt_body), ints(d.jnt_qposadr, "jnt_qposadr", m.jnt_qposadr),
-      ints(d.jnt_dofadr, "jnt_dofadr", m.jnt_dofadr);
-  ints(d.tendon_termadr, "tendon_termadr", termadr), ints(d.term_jnt, "term_jnt", m.term_jnt);
-  ints(d.body_last_dof, "body_last_dof", last_dof), ints(d.dof_tree, "dof_tree", dof_tree);
-  d.body_tree = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::body_tree", m.body_tree);
-  d.tree_archetype = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::tree_archetype", tree_archetype);
-  d.tree_instance = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::tree_instance", tree_instance);
-  d.tree_body = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::tree_body", m.tree_bodyadr);
-  d.tree_dof = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::tree_dof", m.tree_dofadr);
-  d.tree_dofnum = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::tree_dofnum", m.tree_dofnum);
-  d.static_pose = detail::to_device<Kokkos::View<R*, Mem>>(exec, "gsp::Model::static_pose", std::vector<R>(fixed.begin(), fixed.end()));
-  for (auto const& [f, at] : fields) f->data = d.reals.data() + at;
+  pool.add(&M::limited_joints, limited_joints), pool.add(&M::friction_dofs, friction_dofs);
+  pool.add(&M::limited_tendons, limited_tendons), pool.add(&M::friction_tendons, friction_tendons);
+  pool.add(&M::jnt_type, m.jnt_type), pool.add(&M::jnt_body, m.jnt_body), pool.add(&M::jnt_qposadr, m.jnt_qposadr);
+  pool.add(&M::jnt_dofadr, m.jnt_dofadr), pool.add(&M::tendon_termadr, termadr), pool.add(&M::term_jnt, m.term_jnt);
+  pool.add(&M::body_last_dof, last_dof), pool.add(&M::dof_tree, dof_tree), pool.add(&M::body_tree, m.body_tree);
+  pool.add(&M::tree_archetype, tree_archetype), pool.add(&M::tree_instance, tree_instance);
+  pool.add(&M::tree_body, m.tree_bodyadr), pool.add(&M::tree_dof, m.tree_dofadr), pool.add(&M::tree_dofnum, m.tree_dofnum);
+  pool.real_parts.push_back({&M::static_pose, pool.reals.size(), fixed.size()});
+  pool.reals.insert(pool.reals.end(), fixed.begin(), fixed.end());
+  return pool;
+}
+}  // namespace detail
+
+/// Takes a compiled model to the memory of `exec`, in precision R. Allocates; fences.
+/// Errors: gsp::Error where the model holds what the dynamics do not cover (an actuator on a ball or free joint, gravity compensation).
+template <class R, ExecutionSpace Exec>
+Model<R, typename Exec::memory_space> make_model(Exec const& exec, CompiledModel const& m, ModelOptions options = {}) {
+  using Mem = typename Exec::memory_space;
+  Model<R, Mem> d;
+  auto const pool = detail::fill_model(d, m, options);
+  d.archetypes = detail::to_device<Kokkos::View<Archetype*, Mem>>(exec, "gsp::Model::archetypes", pool.archetypes);
+  d.host_archetypes = detail::to_device<Kokkos::View<Archetype*, Kokkos::HostSpace>>(Kokkos::DefaultHostExecutionSpace{},
+                                                                                     "gsp::Model::host_archetypes", pool.archetypes);
+  d.ints = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::ints", pool.ints);
+  d.reals = detail::to_device<Kokkos::View<R*, Mem>>(exec, "gsp::Model::reals", pool.reals);
+  for (auto const& [member, at] : pool.fields) (d.*member).data = d.reals.data() + at;
+  for (auto const& p : pool.int_parts) d.*p.member = {d.ints.data() + p.at, p.size};
+  for (auto const& p : pool.real_parts) d.*p.member = {d.reals.data() + p.at, p.size};
   return d;
 }
 

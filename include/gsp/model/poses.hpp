@@ -1,5 +1,5 @@
 #pragma once
-#include <gsp/core/exec.hpp>
+#include <gsp/core/detail/views.hpp>
 
 namespace gsp {
 
@@ -22,14 +22,17 @@ template <class R, ExecutionSpace Exec>
 Poses<R, typename Exec::memory_space> make_poses(Exec const& exec, int worlds, int bodies, int joints) {
   using P = Poses<R, typename Exec::memory_space>;
   P poses;
-  poses.xpos = typename P::template View<R***>(Kokkos::view_alloc(exec, "gsp::Poses::xpos"), worlds, bodies, 3);
-  poses.xquat = typename P::template View<R***>(Kokkos::view_alloc(exec, "gsp::Poses::xquat"), worlds, bodies, 4);
-  poses.xanchor = typename P::template View<R***>(Kokkos::view_alloc(exec, "gsp::Poses::xanchor"), worlds, joints, 3);
-  poses.xaxis = typename P::template View<R***>(Kokkos::view_alloc(exec, "gsp::Poses::xaxis"), worlds, joints, 3);
+  auto const make = [&](std::string const& label, int items, int components) {
+    return detail::allocate_zero<typename P::template View<R***>>(exec, label, worlds, items, components);
+  };
+  poses.xpos = make("gsp::Poses::xpos", bodies, 3);
+  poses.xquat = make("gsp::Poses::xquat", bodies, 4);
+  poses.xanchor = make("gsp::Poses::xanchor", joints, 3);
+  poses.xaxis = make("gsp::Poses::xaxis", joints, 3);
   auto const xquat = poses.xquat;
   Kokkos::parallel_for(
-      "gsp::model::make_poses", Kokkos::MDRangePolicy<Exec, Kokkos::Rank<2>>(exec, {0, 0}, {worlds, bodies}),
-      KOKKOS_LAMBDA(int w, int b) { xquat(w, b, 0) = R(1); });
+      "gsp::model::make_poses", Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(worlds) * bodies),
+      KOKKOS_LAMBDA(std::int64_t i) { xquat.data()[4 * i] = R(1); });
   return poses;
 }
 

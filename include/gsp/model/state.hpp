@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <gsp/core/detail/views.hpp>
 #include <gsp/core/status.hpp>
 #include <gsp/model/model.hpp>
 
@@ -35,13 +36,13 @@ State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOpti
   S s;
   s.worlds = options.worlds;
   auto const view = [&](std::string const& label, int items) {
-    return typename S::template View<R**>(Kokkos::view_alloc(exec, label), options.worlds, items);
+    return detail::allocate<typename S::template View<R**>>(label, options.worlds, items);
   };
   s.qpos = view("gsp::State::qpos", model.nq), s.qpos_low = view("gsp::State::qpos_low", model.nq),
   s.qvel = view("gsp::State::qvel", model.nv);
   s.ctrl = view("gsp::State::ctrl", model.nu), s.qfrc_applied = view("gsp::State::qfrc_applied", model.nv);
-  s.steps = typename S::template View<std::int64_t*>(Kokkos::view_alloc(exec, "gsp::State::steps"), options.worlds);
-  s.status = typename S::template View<std::uint32_t*>(Kokkos::view_alloc(exec, "gsp::State::status"), options.worlds);
+  s.steps = detail::allocate<typename S::template View<std::int64_t*>>("gsp::State::steps", options.worlds);
+  s.status = detail::allocate<typename S::template View<std::uint32_t*>>("gsp::State::status", options.worlds);
   reset(exec, model, s);
   return s;
 }
@@ -55,9 +56,8 @@ void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& s)
   Kokkos::parallel_for(
       "gsp::model::reset", Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(s.worlds) * nq),
       KOKKOS_LAMBDA(std::int64_t i) { qpos(i / nq, i % nq) = qpos0(int(i / nq), int(i % nq)); });
-  Kokkos::deep_copy(exec, s.qpos_low, R(0)), Kokkos::deep_copy(exec, s.qvel, R(0)), Kokkos::deep_copy(exec, s.ctrl, R(0)),
-      Kokkos::deep_copy(exec, s.qfrc_applied, R(0));
-  Kokkos::deep_copy(exec, s.steps, std::int64_t(0)), Kokkos::deep_copy(exec, s.status, std::uint32_t(0));
+  detail::zero(exec, s.qpos_low), detail::zero(exec, s.qvel), detail::zero(exec, s.ctrl), detail::zero(exec, s.qfrc_applied);
+  detail::zero(exec, s.steps), detail::zero(exec, s.status);
 }
 
 }  // namespace gsp

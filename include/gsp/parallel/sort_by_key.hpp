@@ -2,7 +2,7 @@
 #include <bit>
 #include <cstdint>
 #include <gsp/core/check.hpp>
-#include <gsp/core/exec.hpp>
+#include <gsp/core/detail/views.hpp>
 #include <string>
 #include <utility>
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
@@ -75,7 +75,7 @@ template <class Key, ExecutionSpace Exec>
 SortScratch<Key, typename Exec::memory_space> make_sort_scratch(Exec const& exec, std::int64_t n) {
   using Mem = typename Exec::memory_space;
   SortScratch<Key, Mem> s;
-  auto const fresh = [&](std::string const& label) { return Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label); };
+  auto const fresh = [](std::string const& label) { return Kokkos::view_alloc(Kokkos::WithoutInitializing, label); };
   s.keys = Kokkos::View<Key*, Mem>(fresh("gsp::SortScratch::keys"), n);
   s.values = Kokkos::View<int*, Mem>(fresh("gsp::SortScratch::values"), n);
   if constexpr (is_device<Exec>) {

@@ -1,6 +1,6 @@
 #pragma once
 #include <gsp/core/check.hpp>
-#include <gsp/core/exec.hpp>
+#include <gsp/core/detail/views.hpp>
 #include <string>
 #include <vector>
 
@@ -27,17 +27,13 @@ Cameras<typename Exec::memory_space> make_cameras(Exec const& exec, std::vector<
   expects(viewmats.size() == 16 * n && Ks.size() == 9 * n, "gsp::make_cameras: viewmats must hold C x 16 numbers and Ks C x 9, not " +
                                                                std::to_string(viewmats.size()) + " and " + std::to_string(Ks.size()));
   expects(world.empty() || world.size() == n, "gsp::make_cameras: `world` must name one world a camera, or be empty");
-  auto const fresh = [&](std::string const& label) { return Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label); };
+  auto const fresh = [](std::string const& label) { return Kokkos::view_alloc(Kokkos::WithoutInitializing, label); };
   Cam cameras;
   cameras.viewmats = typename Cam::template View<float***>(fresh("gsp::Cameras::viewmats"), n, 4, 4);
   cameras.Ks = typename Cam::template View<float***>(fresh("gsp::Cameras::Ks"), n, 3, 3);
   cameras.world = typename Cam::template View<int*>(fresh("gsp::Cameras::world"), world.size());
-  using Unmanaged = Kokkos::MemoryTraits<Kokkos::Unmanaged>;
-  Kokkos::deep_copy(exec, cameras.viewmats,
-                    Kokkos::View<float const***, Kokkos::LayoutRight, Kokkos::HostSpace, Unmanaged>(viewmats.data(), n, 4, 4));
-  Kokkos::deep_copy(exec, cameras.Ks, Kokkos::View<float const***, Kokkos::LayoutRight, Kokkos::HostSpace, Unmanaged>(Ks.data(), n, 3, 3));
-  Kokkos::deep_copy(exec, cameras.world,
-                    Kokkos::View<int const*, Kokkos::LayoutRight, Kokkos::HostSpace, Unmanaged>(world.data(), world.size()));
+  auto const upload = [&](auto const& to, auto const& from) { detail::upload_bytes(exec, to.data(), from.data(), detail::bytes_of(to)); };
+  upload(cameras.viewmats, viewmats), upload(cameras.Ks, Ks), upload(cameras.world, world);
   exec.fence("gsp::make_cameras: the host arrays may go away");
   return cameras;
 }

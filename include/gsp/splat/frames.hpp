@@ -90,7 +90,7 @@ void reserve(Exec const& exec, SplatWave<Mem>& w, std::int64_t visible, std::int
   if (visible > most || pairs > most)
     throw Error("gsp::reserve: a wave of " + std::to_string(w.batch) + " images needs " + std::to_string(visible) + " splats and " +
                 std::to_string(pairs) + " tile pairs, over 2^31; make the frames with a smaller batch");
-  auto const fresh = [&](std::string const& label) { return Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label); };
+  auto const fresh = [](std::string const& label) { return Kokkos::view_alloc(Kokkos::WithoutInitializing, label); };
   if (visible > w.visible_capacity) {
     // let go of the old buffers first: the peak is the new size, not the sum
     w.splats = {}, w.splat_tiles = {}, w.order_keys = {}, w.order = {}, w.pair_offset = {}, w.order_scratch = {};
@@ -125,12 +125,12 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
   using Wave = SplatWave<Mem>;
   F f;
   f.images = options.images, f.width = options.width, f.height = options.height;
-  auto const fresh = [&](std::string const& label) { return Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label); };
+  auto const fresh = [](std::string const& label) { return Kokkos::view_alloc(Kokkos::WithoutInitializing, label); };
   int const c = f.images, h = f.height, w = f.width;
   if (options.rgb) f.rgb = typename F::template View<float****>(fresh("gsp::Frames::rgb"), c, h, w, 3);
   if (options.depth) f.depth = typename F::template View<float***>(fresh("gsp::Frames::depth"), c, h, w);
   if (options.alpha) f.alpha = typename F::template View<float***>(fresh("gsp::Frames::alpha"), c, h, w);
-  f.status = typename F::template View<std::uint32_t*>(Kokkos::view_alloc(exec, "gsp::Frames::status"), c);
+  f.status = detail::allocate_zero<typename F::template View<std::uint32_t*>>(exec, "gsp::Frames::status", c);
 
   Wave& wave = f.wave;
   wave.tiles_x = (w + splat_tile - 1) / splat_tile, wave.tiles_y = (h + splat_tile - 1) / splat_tile;
@@ -147,9 +147,9 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
   wave.link_views = typename Wave::template View<detail::LinkView**>(fresh("gsp::SplatWave::link_views"), batch, cloud.bodies);
   wave.cluster_visible = typename Wave::template View<int*>(fresh("gsp::SplatWave::cluster_visible"), batch * clusters);
   wave.cluster_offset = typename Wave::template View<std::int64_t*>(fresh("gsp::SplatWave::cluster_offset"), batch * clusters + 1);
-  wave.visible = typename Wave::template View<std::int64_t>(Kokkos::view_alloc(exec, "gsp::SplatWave::visible"));
-  wave.pairs = typename Wave::template View<std::int64_t>(Kokkos::view_alloc(exec, "gsp::SplatWave::pairs"));
-  wave.needed = typename Wave::template View<std::int64_t[2]>(Kokkos::view_alloc(exec, "gsp::SplatWave::needed"));
+  wave.visible = detail::allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::visible");
+  wave.pairs = detail::allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::pairs");
+  wave.needed = detail::allocate_zero<typename Wave::template View<std::int64_t[2]>>(exec, "gsp::SplatWave::needed");
   wave.tile_begin = typename Wave::template View<std::int64_t*>(fresh("gsp::SplatWave::tile_begin"), batch * wave.tiles() + 1);
   std::int64_t const visible = options.visible > 0 ? options.visible : std::min(cloud.count, cloud.count / 5 + 1024);
   std::int64_t const pairs = options.pairs > 0 ? options.pairs : 7 * visible;

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <gsp/core/check.hpp>
-#include <gsp/core/exec.hpp>
+#include <gsp/core/detail/views.hpp>
 #include <limits>
 #include <numeric>
 #include <string>
@@ -136,7 +136,7 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
     return a.body != b.body ? a.body < b.body : a.curve != b.curve ? a.curve < b.curve : a.source < b.source;
   });
 
-  auto const fresh = [&](std::string const& label) { return Kokkos::view_alloc(exec, Kokkos::WithoutInitializing, label); };
+  auto const fresh = [](std::string const& label) { return Kokkos::view_alloc(Kokkos::WithoutInitializing, label); };
   g.positions = typename G::template View<float**>(fresh("gsp::Gaussians::positions"), 3, n + G::padding);
   g.quats = typename G::template View<float**>(fresh("gsp::Gaussians::quats"), 4, n + G::padding);
   g.scales = typename G::template View<float**>(fresh("gsp::Gaussians::scales"), 3, n + G::padding);
@@ -188,11 +188,9 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
     c.radius = std::nextafter(static_cast<float>(radius), infinity);
   }
   g.clusters = typename G::template View<GaussianCluster*>(fresh("gsp::Gaussians::clusters"), clusters.size());
-  Kokkos::deep_copy(exec, g.positions, positions), Kokkos::deep_copy(exec, g.quats, quats), Kokkos::deep_copy(exec, g.scales, scales);
-  Kokkos::deep_copy(exec, g.power, power), Kokkos::deep_copy(exec, g.sh, sh), Kokkos::deep_copy(exec, g.source, source);
-  Kokkos::deep_copy(
-      exec, g.clusters,
-      Kokkos::View<GaussianCluster*, Kokkos::LayoutRight, Kokkos::HostSpace, Kokkos::MemoryUnmanaged>(clusters.data(), clusters.size()));
+  auto const upload = [&](auto const& to, auto const* from) { detail::upload_bytes(exec, to.data(), from, detail::bytes_of(to)); };
+  upload(g.positions, positions.data()), upload(g.quats, quats.data()), upload(g.scales, scales.data()), upload(g.power, power.data());
+  upload(g.sh, sh.data()), upload(g.source, source.data()), upload(g.clusters, clusters.data());
   exec.fence("gsp::make_gaussians: the host arrays go away");
   return g;
 }

@@ -33,9 +33,7 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
   };
   // Room for the greatest wave so far; true if there was too little.
   auto const grow = [&] {
-    std::int64_t needed[2];
-    Kokkos::deep_copy(exec, Kokkos::View<std::int64_t[2], Kokkos::HostSpace, Kokkos::MemoryUnmanaged>(needed), frames.wave.needed);
-    exec.fence("gsp::render: did every wave fit?");
+    auto const needed = detail::to_host(exec, frames.wave.needed);
     auto const room = [](std::int64_t n) { return n + n / 8; };
     bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
     if (small)
@@ -53,9 +51,9 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
   }
   for (int begin = first; begin < frames.images; begin += frames.wave.batch) wave(begin);
   while (first < frames.images && grow()) {  // repeat the waves that did not fit: few, and rarely, so their status is read on the host
-    auto const status = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, frames.status);
+    auto const status = detail::to_host(exec, frames.status);
     for (int begin = first; begin < frames.images; begin += frames.wave.batch)
-      if (status(begin) & frame_overflow) wave(begin);
+      if (status[begin] & frame_overflow) wave(begin);
   }
 }
 

@@ -69,7 +69,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
   if (!model.constraints) return integrate(exec, model, sim.dynamics, state);
   collide(exec, sim.collision, sim.poses, sim.contacts);
   assemble(exec, model, state, sim.dynamics, sim.rows, JointFriction(model), TendonFriction(model), JointLimits(model, state),
-           TendonLimits(model, state), ContactRows<R, Mem>{model, sim.collision, sim.contacts}, more...);
+           TendonLimits(model, state), ContactRows(model, sim.collision, sim.contacts), more...);
   pgs(exec, model, sim.rows, solver);
   integrate(exec, model, sim.dynamics, sim.rows, state);
 }
@@ -86,15 +86,15 @@ void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& sta
   expects(sim.rows.worlds == state.worlds, "gsp::step: state and simulation have different numbers of worlds");
   for (int left = options.steps; left > 0;) {
     // the number of steps done is counted where the rows are: a launch that halted has done nothing
-    Kokkos::deep_copy(exec, sim.rows.completed, 0);
+    detail::zero(exec, sim.rows.completed);
     for (int i = 0; i < left; ++i) detail::launch_step(exec, model, state, sim, options.solver, more...);
     if (!model.constraints) {
       exec.fence("gsp::step: done");
       return;
     }
     int halt = 0, completed = 0;
-    Kokkos::deep_copy(exec, halt, sim.rows.halt);
-    Kokkos::deep_copy(exec, completed, sim.rows.completed);
+    detail::download_bytes(exec, &halt, sim.rows.halt.data(), sizeof halt);
+    detail::download_bytes(exec, &completed, sim.rows.completed.data(), sizeof completed);
     exec.fence("gsp::step: the host reads whether all has fitted");
     left -= completed;
     if (!halt) continue;

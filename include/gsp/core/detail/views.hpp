@@ -1,0 +1,106 @@
+#pragma once
+#include <cstdint>
+#include <cstring>
+#include <gsp/core/exec.hpp>
+#include <string>
+#include <vector>
+
+/// Allocating, zeroing and copying views by their bytes, so that it compiles once for all of them: Kokkos' functions for this are
+/// instantiated for every type of view and execution space, which was half of what a user's file compiled. Views here are contiguous.
+namespace gsp::detail {
+
+/// Without values.
+template <class View>
+View allocate(std::string const& label, auto... extents) {
+  return View(Kokkos::view_alloc(label, Kokkos::WithoutInitializing), extents...);
+}
+
+struct ZeroWords {
+  char* data;
+  std::int64_t bytes;
+  KOKKOS_FUNCTION void operator()(std::int64_t word) const {
+    std::int64_t const at = 8 * word;
+    if (at + 8 <= bytes)
+      *reinterpret_cast<std::uint64_t*>(data + at) = 0;  // allocations are aligned
+    else
+      for (std::int64_t i = at; i < bytes; ++i) data[i] = 0;
+  }
+};
+template <class Exec>
+void zero_bytes(Exec const& exec, void* data, std::int64_t bytes) {
+  Kokkos::parallel_for("gsp::core::zero", Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, (bytes + 7) / 8),
+                       ZeroWords{static_cast<char*>(data), bytes});
+}
+/// From the host to the memory of `exec`, in its order; the host's side must stay as it is until `exec` is fenced.
+template <class Exec>
+void upload_bytes(Exec const& exec, void* to, void const* from, std::size_t bytes) {
+  if (bytes == 0) return;
+  if constexpr (is_device<Exec>) {
+    using Unmanaged = Kokkos::MemoryTraits<Kokkos::Unmanaged>;
+    Kokkos::deep_copy(exec, Kokkos::View<char*, typename Exec::memory_space, Unmanaged>(static_cast<char*>(to), bytes),
+                      Kokkos::View<char const*, Kokkos::HostSpace, Unmanaged>(static_cast<char const*>(from), bytes));
+  } else {
+    exec.fence("gsp::core::upload: what was launched before reads the old values");
+    std::memcpy(to, from, bytes);
+  }
+}
+/// From the memory of `exec` to the host; there once `exec` is fenced.
+template <class Exec>
+void download_bytes(Exec const& exec, void* to, void const* from, std::size_t bytes) {
+  if (bytes == 0) return;
+  if constexpr (is_device<Exec>) {
+    using Unmanaged = Kokkos::MemoryTraits<Kokkos::Unmanaged>;
+    Kokkos::deep_copy(exec, Kokkos::View<char*, Kokkos::HostSpace, Unmanaged>(static_cast<char*>(to), bytes),
+                      Kokkos::View<char const*, typename Exec::memory_space, Unmanaged>(static_cast<char const*>(from), bytes));
+  } else {
+    exec.fence("gsp::core::download: what was launched before writes the values");
+    std::memcpy(to, from, bytes);
+  }
+}
+
+/// Within the memory of `exec`.
+template <class Exec>
+void copy_bytes(Exec const& exec, void* to, void const* from, std::size_t bytes) {
+  if constexpr (is_device<Exec>) {
+    using Unmanaged = Kokkos::MemoryTraits<Kokkos::Unmanaged>;
+    if (bytes > 0)
+      Kokkos::deep_copy(exec, Kokkos::View<char*, typename Exec::memory_space, Unmanaged>(static_cast<char*>(to), bytes),
+                        Kokkos::View<char const*, typename Exec::memory_space, Unmanaged>(static_cast<char const*>(from), bytes));
+  } else {
+    upload_bytes(exec, to, from, bytes);
+  }
+}
+
+template <class View>
+std::size_t bytes_of(View const& v) {
+  return v.span() * sizeof(typename View::value_type);
+}
+template <class Exec, class View>
+void zero(Exec const& exec, View const& v) {
+  zero_bytes(exec, v.data(), std::int64_t(bytes_of(v)));
+}
+template <class View, class Exec>
+View allocate_zero(Exec const& exec, std::string const& label, auto... extents) {
+  auto const v = allocate<View>(label, extents...);
+  zero(exec, v);
+  return v;
+}
+/// A view that holds what `v` holds. Fences.
+template <class View, class T, class Exec>
+View to_device(Exec const& exec, std::string const& label, std::vector<T> const& v) {
+  static_assert(std::is_same_v<T, typename View::value_type>);
+  auto const result = allocate<View>(label, v.size());
+  upload_bytes(exec, result.data(), v.data(), v.size() * sizeof(T));
+  exec.fence("gsp::core::to_device: the host array may go now");
+  return result;
+}
+/// What the view holds now. Fences.
+template <class Exec, class View>
+std::vector<typename View::non_const_value_type> to_host(Exec const& exec, View const& v) {
+  std::vector<typename View::non_const_value_type> result(v.span());
+  download_bytes(exec, result.data(), v.data(), bytes_of(v));
+  exec.fence("gsp::core::to_host: the host reads");
+  return result;
+}
+
+}  // namespace gsp::detail
