@@ -1,7 +1,6 @@
 // gsp bench: timings of models and a scene that the library makes itself, so that two machines or versions can be compared without files.
 #include <cstdio>
 #include <gsp/model/samples.hpp>
-#include <nlohmann/json.hpp>
 
 #include "commands.hpp"
 #include "renderer.hpp"
@@ -37,24 +36,11 @@ nlohmann::ordered_json step_scenario(Scenario const& s, Device device, Arguments
       spread(initial_state(model, s.name, s.keyframe ? std::optional<std::string>(s.keyframe) : std::nullopt), options.worlds, s.name));
   double const startup = seconds_since_start();
   auto const timing = run_steps(*stepper, 2 * s.steps, s.steps, false, 1, nullptr, nullptr);
-  auto const counts = stepper->counts();
-  std::vector<double> qpos, qvel;
-  stepper->get(qpos, qvel);
-  return {{"bench", s.name},
-          {"seconds", timing.seconds},
-          {"steps_per_second", double(options.worlds) * double(timing.steps) / timing.seconds},
-          {"startup_seconds", startup},
-          {"peak_bytes", peak_bytes(device)},
-          {"contacts", counts.contacts},
-          {"rows", counts.rows},
-          {"iterations", counts.iterations},
-          {"residual", counts.residual},
-          {"state_hash", hash_of({&qpos, &qvel})},
-          {"worlds", options.worlds},
-          {"steps", timing.steps},
-          {"profile", "stable"},
-          {"precision", in_double ? "double" : "float"},
-          {"device", device_name(device)}};
+  nlohmann::ordered_json json{{"bench", s.name}};
+  json.update(steps_json(*stepper, device, options.worlds, timing, startup));
+  json.update(
+      {{"steps", timing.steps}, {"profile", "stable"}, {"precision", in_double ? "double" : "float"}, {"device", device_name(device)}});
+  return json;
 }
 
 nlohmann::ordered_json draw_room(Device device, Arguments const& a) {

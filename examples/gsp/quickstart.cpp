@@ -11,7 +11,6 @@
 #include <gsp/io/write_mjcf.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/splat/sample_room.hpp>
-#include <nlohmann/json.hpp>
 #include <thread>
 
 #include "commands.hpp"
@@ -205,12 +204,15 @@ int run(Arguments const& a) {
   }
   scan = {};
   double const load = since(begin);
-  if (auto const s = summary(model); own && !s.empty()) std::printf("%s: %s ('gsp info' lists them)\n", model_name.c_str(), s.c_str());
-  if (floor_added) std::printf("%s: nothing in it stands still to be touched, so a floor at z = 0 is added\n", model_name.c_str());
+  std::FILE* const say = a.has("--json") ? stderr : stdout;
+  if (auto const s = summary(model); own && !s.empty())
+    std::fprintf(say, "%s: %s ('gsp info' lists them)\n", model_name.c_str(), s.c_str());
+  if (floor_added) std::fprintf(say, "%s: nothing in it stands still to be touched, so a floor at z = 0 is added\n", model_name.c_str());
   if (servos > 0)
-    std::printf("%s: its %d motors are taken as servos that hold the start, since there is no policy\n", model_name.c_str(), servos);
-  std::printf("%s, %s Gaussians, %d worlds, on %s\n", own ? model_name.c_str() : "a quadruped among boxes and balls in a furnished room",
-              short_count(double(scene.count())).c_str(), worlds, device_name(device).c_str());
+    std::fprintf(say, "%s: its %d motors are taken as servos that hold the start, since there is no policy\n", model_name.c_str(), servos);
+  std::fprintf(say, "%s, %s Gaussians, %d worlds, on %s\n",
+               own ? model_name.c_str() : "a quadruped among boxes and balls in a furnished room",
+               short_count(double(scene.count())).c_str(), worlds, device_name(device).c_str());
 
   // Steps, all worlds; the first world's states are kept for the animation.
   long long const every = std::max(1LL, static_cast<long long>(std::llround(0.04 / stepper->timestep())));
@@ -285,21 +287,9 @@ int run(Arguments const& a) {
   gsp::io::write_file(file("animation.png"), animation.finish());
 
   if (a.has("--json")) {
-    nlohmann::ordered_json json{{"load_seconds", load},
-                                {"seconds", timing.seconds},
-                                {"steps_per_second", steps_per_second},
-                                {"frames_per_second", frames_per_second},
-                                {"peak_bytes", peak_bytes(device)},
-                                {"contacts", counts.contacts},
-                                {"rows", counts.rows},
-                                {"iterations", counts.iterations},
-                                {"residual", counts.residual},
-                                {"state_hash", hash_of({&qpos, &qvel})},
-                                {"worlds", worlds},
-                                {"steps", steps},
-                                {"gaussians", scene.count()},
-                                {"device", device_name(device)},
-                                {"failed_worlds", counts.failed_worlds}};
+    auto json = steps_json(*stepper, device, worlds, timing, load);
+    json.update(
+        {{"frames_per_second", frames_per_second}, {"steps", steps}, {"gaussians", scene.count()}, {"device", device_name(device)}});
     std::puts(json.dump().c_str());
   } else {
     std::puts("");

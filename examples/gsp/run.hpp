@@ -1,5 +1,6 @@
 #pragma once
 #include <functional>
+#include <nlohmann/json.hpp>
 
 #include "stepper.hpp"
 
@@ -14,5 +15,8 @@ struct Timing {
 /// are given.
 Timing run_steps(Stepper& stepper, long long steps, long long time_from, bool with_controls, long long every,
                  std::function<void(long long)> const& record, std::function<void(long long)> const& progress);
+
+/// What --json prints of steps: how fast, how large, what the last one met, and the hash of the states.
+nlohmann::ordered_json steps_json(Stepper& stepper, Device device, int worlds, Timing const& timing, double startup);
 
 }  // namespace gsp_cli

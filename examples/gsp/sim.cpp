@@ -1,5 +1,4 @@
 // gsp sim: steps many worlds of a model and says how fast that was.
-#include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -7,30 +6,6 @@
 #include "run.hpp"
 
 namespace gsp_cli {
-
-Timing run_steps(Stepper& stepper, long long steps, long long time_from, bool with_controls, long long every,
-                 std::function<void(long long)> const& record, std::function<void(long long)> const& progress) {
-  using clock = std::chrono::steady_clock;
-  Timing t;
-  for (long long done = 0; done < steps;) {
-    // up to the next point where something happens: the clock starts, a state is recorded, controls change, the last step (measured)
-    long long next = steps - done > 1 ? steps - 1 : steps;
-    if (done < time_from) next = std::min(next, time_from);
-    if (record) next = std::min(next, (done / every + 1) * every);
-    if (with_controls) next = done + 1;
-    if (progress) next = std::min(next, done + std::max(1LL, steps / 50));
-    auto const start = clock::now();
-    if (with_controls) stepper.apply(static_cast<std::size_t>(done));
-    stepper.step(static_cast<int>(std::min(next - done, 100000LL)), next == steps);
-    double const seconds = std::chrono::duration<double>(clock::now() - start).count();
-    next = std::min(next, done + 100000);
-    if (done >= time_from) t.seconds += seconds, t.steps += next - done;
-    done = next;
-    if (record && done % every == 0) record(done);
-    if (progress) progress(done);
-  }
-  return t;
-}
 
 namespace {
 
@@ -108,23 +83,13 @@ int run(Arguments const& a) {
                  "--iterations\n",
                  counts.failed_worlds, options.worlds);
   if (a.has("--json")) {
-    nlohmann::ordered_json json{{"seconds", timing.seconds},
-                                {"steps_per_second", rate},
-                                {"startup_seconds", startup},
-                                {"peak_bytes", peak_bytes(device)},
-                                {"contacts", counts.contacts},
-                                {"rows", counts.rows},
-                                {"iterations", counts.iterations},
-                                {"residual", counts.residual},
-                                {"state_hash", hash_of({&qpos, &qvel})},
-                                {"worlds", options.worlds},
-                                {"steps", steps},
-                                {"timed_steps", timing.steps},
-                                {"timestep", stepper->timestep()},
-                                {"profile", options.mujoco ? "mujoco" : "stable"},
-                                {"precision", in_double ? "double" : "float"},
-                                {"device", device_name(device)},
-                                {"failed_worlds", counts.failed_worlds}};
+    auto json = steps_json(*stepper, device, options.worlds, timing, startup);
+    json.update({{"steps", steps},
+                 {"timed_steps", timing.steps},
+                 {"timestep", stepper->timestep()},
+                 {"profile", options.mujoco ? "mujoco" : "stable"},
+                 {"precision", in_double ? "double" : "float"},
+                 {"device", device_name(device)}});
     std::puts(json.dump().c_str());
   } else {
     std::printf("%d worlds x %lld steps of %g s, profile %s, %s, on %s\n", options.worlds, steps, stepper->timestep(),

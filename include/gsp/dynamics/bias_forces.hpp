@@ -65,10 +65,11 @@ struct BiasStage {
     lanes_bias(l, l.model.profile == Profile::stable && is_free_body(l));
   }
 };
+using DofItems = int DynamicsLayout::*;  // one of the vectors of dofs
 template <class View>
 struct CopyDofsStage {
   View out;
-  int DynamicsLayout::*item;
+  DofItems item;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
     for (int i = 0; i < l.a.nv; ++i) l.store(out, l.dof0, i, l.items[l.at.*item + i]);
@@ -87,7 +88,7 @@ void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
 
 /// Copies one kind of dof vector, e.g. &DynamicsLayout::bias, to `out` (world, nv).
 template <ExecutionSpace Exec, class R, class Mem, class View>
-void copy_dofs(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, int DynamicsLayout::*item, View const& out) {
+void copy_dofs(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, detail::DofItems item, View const& out) {
   expects(int(out.extent(0)) == dynamics.worlds && int(out.extent(1)) == model.nv, "gsp::copy_dofs: out must be (worlds, nv)");
   for_lanes("gsp::dynamics::copy_dofs", exec, model, dynamics, detail::CopyDofsStage<View>{out, item});
 }

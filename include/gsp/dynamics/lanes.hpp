@@ -225,10 +225,14 @@ struct Lane {
   }
   /// Constant of the tree's k-th tendon, term or actuator, which are listed by world index.
   KOKKOS_INLINE_FUNCTION T listed(Field<R> const& f, int list, int n, int k, int components = 1, int component = 0) const {
-    if (W == 1 || (uniform && f.stride == 0)) return T(f(world[0], index(list, instance[0] * n + k) * components + component));
-    int item[W];
-    for (int l = 0; l < W; ++l) item[l] = index(list, instance[l] * n + k);
-    return constant(f, item, 0, components, component);
+    if constexpr (W == 1) {
+      return f(world[0], index(list, instance[0] * n + k) * components + component);
+    } else {
+      if (uniform && f.stride == 0) return T(f(world[0], index(list, instance[0] * n + k) * components + component));
+      int item[W];
+      for (int l = 0; l < W; ++l) item[l] = index(list, instance[l] * n + k);
+      return constant(f, item, 0, components, component);
+    }
   }
   KOKKOS_INLINE_FUNCTION Vec3<T> gravity() const {
     int const zero[W] = {};
@@ -291,18 +295,19 @@ struct LaneKernel {
       run(i, nullptr);
   }
 };
-template <class Exec, class Kernel>
-struct LaneLoop {
+template <class Kernel>
+struct DeviceLanes {
   Kernel kernel;
-  KOKKOS_FUNCTION void operator()(int i) const {
-    if constexpr (is_device<Exec>) {
-      kernel.run(i, nullptr);
-    } else {
-      Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
-      int const thread = token.acquire();
-      kernel.on_host(i, thread);
-      token.release(thread);
-    }
+  KOKKOS_FUNCTION void operator()(int i) const { kernel.run(i, nullptr); }
+};
+template <class Exec, class Kernel>
+struct HostLanes {
+  Kernel kernel;
+  void operator()(int i) const {
+    Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
+    int const thread = token.acquire();
+    kernel.on_host(i, thread);
+    token.release(thread);
   }
 };
 }  // namespace detail
@@ -314,8 +319,8 @@ void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, 
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::for_lanes: the model is not accessible from this execution space");
   constexpr int threads = Dynamics<R, Mem>::width / detail::width_of<T>::value;
   using Kernel = detail::LaneKernel<T, R, Mem, Stage>;
-  Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads),
-                       detail::LaneLoop<Exec, Kernel>{{model, dynamics, stage}});
+  using Lanes = std::conditional_t<is_device<Exec>, detail::DeviceLanes<Kernel>, detail::HostLanes<Exec, Kernel>>;
+  Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads), Lanes{{model, dynamics, stage}});
 }
 template <ExecutionSpace Exec, class R, class Mem, class Stage>
 void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {

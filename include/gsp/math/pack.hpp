@@ -128,17 +128,17 @@ struct alignas(sizeof(Real) * W) Pack {
   }
 GSP_PACK_OP(+)
 GSP_PACK_OP(-)
-GSP_PACK_OP(*) GSP_PACK_OP(/) GSP_PACK_CMP(<) GSP_PACK_CMP(<=) GSP_PACK_CMP(>) GSP_PACK_CMP(>=) GSP_PACK_CMP(==) GSP_PACK_CMP(!=)
-    GSP_MASK_OP(&) GSP_MASK_OP(|) GSP_PACK_MIXED(+, Pack) GSP_PACK_MIXED(-, Pack) GSP_PACK_MIXED(*, Pack) GSP_PACK_MIXED(/, Pack)
-        GSP_PACK_MIXED(<, Mask) GSP_PACK_MIXED(<=, Mask) GSP_PACK_MIXED(>, Mask) GSP_PACK_MIXED(>=, Mask) GSP_PACK_MIXED(==, Mask)
-            GSP_PACK_MIXED(!=, Mask)
+GSP_PACK_OP(*)
+GSP_PACK_OP(/) GSP_PACK_CMP(<) GSP_PACK_CMP(<=) GSP_PACK_CMP(>) GSP_PACK_CMP(>=) GSP_PACK_CMP(==) GSP_PACK_CMP(!=) GSP_MASK_OP(&)
+    GSP_MASK_OP(|) GSP_PACK_MIXED(+, Pack) GSP_PACK_MIXED(-, Pack) GSP_PACK_MIXED(*, Pack) GSP_PACK_MIXED(/, Pack) GSP_PACK_MIXED(<, Mask)
+        GSP_PACK_MIXED(<=, Mask) GSP_PACK_MIXED(>, Mask) GSP_PACK_MIXED(>=, Mask) GSP_PACK_MIXED(==, Mask) GSP_PACK_MIXED(!=, Mask)
 #undef GSP_PACK_OP
 #undef GSP_PACK_CMP
 #undef GSP_MASK_OP
 #undef GSP_PACK_MIXED
 
-                template <class R, int W>
-                KOKKOS_INLINE_FUNCTION Pack<R, W> operator-(Pack<R, W> a) {
+            template <class R, int W>
+            KOKKOS_INLINE_FUNCTION Pack<R, W> operator-(Pack<R, W> a) {
 #ifdef __CUDA_ARCH__
   for (int i = 0; i < W; ++i) a.v[i] = -a.v[i];
 #else

@@ -79,8 +79,11 @@ template <class R, class Mem>
 struct ModelPools {
   using M = Model<R, Mem>;
   template <class T>
+  using ArrayOf = typename M::template Array<T> M::*;
+  using FieldOf = Field<R> M::*;
+  template <class T>
   struct Part {
-    typename M::template Array<T> M::*member;
+    ArrayOf<T> member;
     std::size_t at, size;
   };
   std::vector<int> ints;
@@ -88,21 +91,19 @@ struct ModelPools {
   std::vector<Archetype> archetypes;
   std::vector<Part<int>> int_parts;
   std::vector<Part<R>> real_parts;
-  std::vector<std::pair<Field<R> M::*, std::size_t>> fields;
+  std::vector<std::pair<FieldOf, std::size_t>> fields;
   int add(std::vector<int> const& v) {
     int const at = int(ints.size());
     ints.insert(ints.end(), v.begin(), v.end());
     return at;
   }
-  void add(typename M::template Array<int> M::*member, std::vector<int> const& v) {
-    int_parts.push_back({member, std::size_t(add(v)), v.size()});
-  }
-  void add(Field<R> M::*member, std::vector<double> const& v) {
+  void add(ArrayOf<int> member, std::vector<int> const& v) { int_parts.push_back({member, std::size_t(add(v)), v.size()}); }
+  void add(FieldOf member, std::vector<double> const& v) {
     fields.emplace_back(member, reals.size());
     reals.insert(reals.end(), v.begin(), v.end());
   }
   template <std::size_t N>
-  void add(Field<R> M::*member, std::vector<std::array<double, N>> const& v) {
+  void add(FieldOf member, std::vector<std::array<double, N>> const& v) {
     fields.emplace_back(member, reals.size());
     for (auto const& item : v) reals.insert(reals.end(), item.begin(), item.end());
   }
