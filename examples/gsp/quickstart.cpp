@@ -10,7 +10,6 @@
 #include <gsp/io/png.hpp>
 #include <gsp/io/write_mjcf.hpp>
 #include <gsp/model/samples.hpp>
-#include <gsp/splat/sample_room.hpp>
 #include <thread>
 
 #include "commands.hpp"
@@ -200,7 +199,7 @@ int run(Arguments const& a) {
   if (auto const folder = a.text("--files")) {
     Shots all;
     for (int w = 0; w < worlds; ++w) add_camera(all, eye_of(w, subject, clear), subject.center, 1.05, width, height);
-    write_scene(*folder, description, model, own ? scan : gsp::sample_room<gsp::io::SplatSet>(), start, all, steps);
+    write_scene(*folder, description, model, own ? scan : room_set(), start, all, steps);
   }
   scan = {};
   double const load = since(begin);

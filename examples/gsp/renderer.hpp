@@ -25,6 +25,9 @@ class Scene {
   std::shared_ptr<Sets> sets;
 };
 
+/// The furnished room that the library makes, as a set that can be written.
+gsp::io::SplatSet room_set();
+
 struct RendererOptions {
   int width = 640, height = 480;
   bool rgb = true, depth = true, alpha = true;

@@ -30,6 +30,7 @@ void Scene::add_room() { add(*this, gsp::sample_room<gsp::GaussianSet>()); }
 void Scene::add_surface(gsp::CompiledModel const& model) {
   add(*this, gsp::sample_surface(model, {.count = 30000, .world = false}));
 }  // floors and walls: the scene has its own
+gsp::io::SplatSet room_set() { return gsp::sample_room<gsp::io::SplatSet>(); }
 std::size_t Scene::count() const {
   std::size_t n = 0;
   if (sets)

@@ -75,11 +75,13 @@ struct Set {
     std::vector<R> result = mass();
     auto const add = [&](auto const& v) { result.insert(result.end(), v.begin(), v.end()); };
     using L = gsp::DynamicsLayout;
-    for (auto item : {&L::bias, &L::passive, &L::actuator, &L::force, &L::acceleration, &L::velocity}) add(dofs(item));
-    for (auto const& v : {poses.xpos, poses.xquat, poses.xanchor, poses.xaxis}) {
+    add(dofs(&L::bias)), add(dofs(&L::passive)), add(dofs(&L::actuator)), add(dofs(&L::force));  // nvcc takes no lists of them
+    add(dofs(&L::acceleration)), add(dofs(&L::velocity));
+    auto const add_view = [&](auto const& v) {
       auto const h = gsp_test::host(v);
       result.insert(result.end(), h.data(), h.data() + h.size());
-    }
+    };
+    add_view(poses.xpos), add_view(poses.xquat), add_view(poses.xanchor), add_view(poses.xaxis);
     return result;
   }
 };

@@ -64,7 +64,8 @@ template <class S>
 Dense dense(S const& s, int world) {
   auto const row = gsp_test::host(s.rows.row);
   auto const Y = gsp_test::host(s.rows.Y);
-  auto const first = gsp_test::host(s.rows.first), count = gsp_test::host(s.rows.count), ints = gsp_test::host(s.model.ints);
+  auto const first = gsp_test::host(s.rows.first), count = gsp_test::host(s.rows.count);
+  auto const ints = gsp_test::host(s.model.ints);
   auto const p = gsp_test::host(s.rows.impulse[gsp_test::host(s.rows.parity)()]);
   Dense d;
   d.n = count(world);

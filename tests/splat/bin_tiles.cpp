@@ -14,6 +14,16 @@ struct TileRows {  // first and last tile of each row of tiles
 }  // namespace test_types
 
 namespace {
+/// f(tile_x, tile_y) for the tiles that the splat touches.
+template <class F>
+void for_tiles(gsp::Splat const& splat, int width, int height, F const& f) {
+  int first[10], last[10];
+  std::fill_n(first, 10, 0), std::fill_n(last, 10, -1);
+  REQUIRE(height <= 160);
+  gsp::detail::for_tile_rows(splat, width, height, test_types::TileRows{first, last});
+  for (int ty = 0; ty < 10; ++ty)
+    for (int tx = first[ty]; tx <= last[ty]; ++tx) f(tx, ty);
+}
 
 gsp::Splat random_splat(gsp_test::Random& random, int width, int height, int kind) {
   // a covariance from two axes, needles among them, centre inside or far outside
@@ -58,11 +68,7 @@ TEST_CASE("tiles of an ellipse: none missed, none too many, against all tiles an
   for (int k = 0; k < 4000; ++k) {
     gsp::Splat const s = random_splat(random, width, height, k);
     std::set<int> tiles;
-    int first_of[10], last_of[10];
-    std::fill_n(first_of, 10, 0), std::fill_n(last_of, 10, -1);
-    gsp::detail::for_tile_rows(s, width, height, test_types::TileRows{first_of, last_of});
-    for (int ty = 0; ty < 10; ++ty)
-      for (int tx = first_of[ty]; tx <= last_of[ty]; ++tx) tiles.insert(ty * 13 + tx);
+    for_tiles(s, width, height, [&](int tx, int ty) { tiles.insert(ty * 13 + tx); });
     CHECK(gsp::detail::count_tiles(s, width, height) == int(tiles.size()));
     listed += int(tiles.size());
     double const reach = double(s.power) + std::log2(255.);
@@ -123,9 +129,8 @@ TEST_CASE_TEMPLATE("lists of the tiles hold each splat that touches them once, f
     if (i > 0) CHECK(keys(i - 1) < keys(i));  // image, depth, source: strictly rising
     ties += i > 0 && keys(i - 1) >> wave.index_bits == keys(i) >> wave.index_bits;
     int const image = static_cast<int>(keys(i) >> (32 + wave.index_bits));
-    gsp::detail::for_tile_rows(splats(order(i)), width, height, [&](int ty, int first, int last) {
-      for (int tx = first; tx <= last; ++tx) expected[image * wave.tiles() + ty * wave.tiles_x + tx].push_back(order(i));
-    });
+    for_tiles(splats(order(i)), width, height,
+              [&](int tx, int ty) { expected[image * wave.tiles() + ty * wave.tiles_x + tx].push_back(order(i)); });
   }
   CHECK(ties > n / 10);
   std::int64_t wrong = 0;
