@@ -51,7 +51,7 @@ bool add_floor(gsp::Description& d) {
 namespace {
 bool is_motor(gsp::ActuatorDescription const& a) {
   bool const limited = a.force_limited || a.ctrl_limited;
-  return limited && a.target == gsp::ActuatorDescription::Target::joint && a.bias == gsp::Double3{0, 0, 0} && a.gain != 0;
+  return limited && a.target == gsp::Transmission::joint && a.biasprm == std::array<double, 10>{} && a.gainprm[0] != 0;
 }
 }  // namespace
 
@@ -62,11 +62,12 @@ int motors_to_servos(gsp::Description& d) {
   for (auto const& a : d.actuators)  // all or none: a robot that holds half of its joints is of no use
     if (!is_motor(a) || !joints.contains(a.target_name) || joints[a.target_name] < gsp::JointType::slide || a.gear[0] == 0) return 0;
   for (auto& a : d.actuators) {
-    double const strength = a.ctrl_limited ? std::abs(a.gain) * std::max(std::abs(a.ctrl_range[0]), std::abs(a.ctrl_range[1]))
+    double const strength = a.ctrl_limited ? std::abs(a.gainprm[0]) * std::max(std::abs(a.ctrl_range[0]), std::abs(a.ctrl_range[1]))
                                            : std::max(std::abs(a.force_range[0]), std::abs(a.force_range[1]));
     double const stiffness = strength / (0.3 * std::abs(a.gear[0]));  // of the length gear q
     if (!a.force_limited) a.force_limited = true, a.force_range = {-strength, strength};
-    a.gain = stiffness, a.bias = {0, -stiffness, -0.03 * stiffness}, a.ctrl_limited = false;
+    a.gainprm[0] = stiffness, a.bias_type = gsp::ActuatorBias::affine, a.biasprm = {0, -stiffness, -0.03 * stiffness},
+    a.ctrl_limited = false;
   }
   return static_cast<int>(d.actuators.size());
 }

@@ -20,7 +20,7 @@ gsp::CompiledModel model_of(std::uint64_t seed = 1) {
     for (auto const& joint : body.joints)
       if (joint.type == JointType::hinge || joint.type == JointType::slide) {
         gsp::ActuatorDescription a;
-        a.name = a.target_name = joint.name, a.gain = 20, a.bias = {0, -20, -1};
+        a.name = a.target_name = joint.name, a.gainprm[0] = 20, a.biasprm = {0, -20, -1};
         a.force_limited = d.actuators.size() % 2, a.force_range = {-4, 4};
         d.actuators.push_back(a);
       }

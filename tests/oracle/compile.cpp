@@ -217,9 +217,9 @@ void compare(CompiledModel const& g, mjModel const* m) {
     CHECK(g.act_id[a] == m->actuator_trnid[2 * a]);
     CHECK(g.act_ctrllimited[a] == m->actuator_ctrllimited[ctrl]);
     CHECK(g.act_forcelimited[a] == m->actuator_forcelimited[a]);
-    c.number("act_gain", a, g.act_gain[a], m->actuator_gainprm[mjNGAIN * a], c.tolerance);
+    c.number("act_gain", a, g.act_gainprm[a][0], m->actuator_gainprm[mjNGAIN * a], c.tolerance);
     for (int k = 0; k < 3; ++k)
-      c.number("act_bias", a, g.act_bias[a][k], m->actuator_biastype[a] == mjBIAS_NONE ? 0 : m->actuator_biasprm[mjNBIAS * a + k], 1e-9);
+      c.number("act_bias", a, g.act_biasprm[a][k], m->actuator_biastype[a] == mjBIAS_NONE ? 0 : m->actuator_biasprm[mjNBIAS * a + k], 1e-9);
     for (int k = 0; k < 6; ++k) c.number("act_gear", a, g.act_gear[a][k], m->actuator_gear[6 * out + k], c.tolerance);
     for (int k = 0; k < 2; ++k) {
       c.number("act_ctrlrange", a, g.act_ctrlrange[a][k], m->actuator_ctrlrange[2 * ctrl + k], c.tolerance);

@@ -75,7 +75,7 @@ class Finish {
   void inherit(ActuatorDraft& act) {
     auto& a = act.actuator;
     std::array<double, 2> const* range = nullptr;
-    if (a.target == ActuatorDescription::Target::tendon) {
+    if (a.target == Transmission::tendon) {
       for (auto const& t : d_.tendons)
         if (t.name == a.target_name && t.range[0] < t.range[1]) range = &t.range;
     } else {

@@ -246,10 +246,10 @@ class Writer {
     for (auto const& a : d.actuators) {
       open("general")
           .text("name", a.name)
-          .text(a.target == ActuatorDescription::Target::joint ? "joint" : "tendon", a.target_name)
+          .text(a.target == Transmission::joint ? "joint" : "tendon", a.target_name)
           .number("group", a.group, 0);
-      list("gear", a.gear, {1, 0, 0, 0, 0, 0}).number("gainprm", a.gain, 1);
-      Double3 bias = a.bias;
+      list("gear", a.gear, {1, 0, 0, 0, 0, 0}).number("gainprm", a.gainprm[0], 1);
+      Double3 bias{a.biasprm[0], a.biasprm[1], a.biasprm[2]};
       if (a.dampratio > 0) bias[2] = a.dampratio;  // a positive number there is a damping ratio
       if (bias != Double3{}) word("biastype", "affine").list("biasprm", bias, {});
       range("ctrlrange", "ctrllimited", a.ctrl_range, a.ctrl_limited)

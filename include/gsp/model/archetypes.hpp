@@ -81,9 +81,9 @@ inline std::vector<ArchetypeDescription> find_archetypes(CompiledModel const& m)
       a.tendon_termadr.push_back(int(a.term_jnt.size()));
     }
     for (int k = 0; k < m.nu; ++k) {
-      if (m.act_target[k] == 0 && tree_of_joint(m.act_id[k]) == t) {
+      if (m.act_target[k] == int(Transmission::joint) && tree_of_joint(m.act_id[k]) == t) {
         instance.act.push_back(k), a.act_target.push_back(0), a.act_id.push_back(m.act_id[k] - j0);
-      } else if (m.act_target[k] == 1) {
+      } else if (m.act_target[k] == int(Transmission::tendon)) {
         auto const found = std::find(instance.tendon.begin(), instance.tendon.end(), m.act_id[k]);
         if (found != instance.tendon.end())
           instance.act.push_back(k), a.act_target.push_back(1), a.act_id.push_back(int(found - instance.tendon.begin()));

@@ -394,21 +394,21 @@ class Compiler {
       if (!m_.tendon_name[t].empty()) tendons[m_.tendon_name[t]] = t;
     for (auto const& a : d_.actuators) {
       enter(names, a.name, a.place, "actuator");
-      require_finite(finite(a.gear) && finite(a.bias) && finite(a.ctrl_range) && finite(a.force_range) && std::isfinite(a.gain) &&
+      require_finite(finite(a.gear) && finite(a.gainprm) && finite(a.biasprm) && finite(a.ctrl_range) && finite(a.force_range) &&
                          std::isfinite(a.dampratio),
                      a.place, "actuator", a.name);
       require_range(*this, a.ctrl_limited, a.ctrl_range, a.place, "actuator", a.name, "ctrlrange");
       require_range(*this, a.force_limited, a.force_range, a.place, "actuator", a.name, "forcerange");
-      bool const on_joint = a.target == ActuatorDescription::Target::joint;
+      bool const on_joint = a.target == Transmission::joint;
       auto const& known = on_joint ? joints : tendons;
       auto const found = known.find(a.target_name);
       if (found == known.end())
         fail(a.place, "actuator", a.name,
              std::string("acts on the ") + (on_joint ? "joint" : "tendon") + " '" + a.target_name +
                  "', which does not exist: correct the name");
-      m_.act_target.push_back(on_joint ? 0 : 1), m_.act_id.push_back(found->second), m_.act_name.push_back(a.name);
+      m_.act_target.push_back(int(a.target)), m_.act_id.push_back(found->second), m_.act_ref.push_back(-1), m_.act_name.push_back(a.name);
       m_.act_ctrllimited.push_back(a.ctrl_limited), m_.act_forcelimited.push_back(a.force_limited);
-      m_.act_gear.push_back(a.gear), m_.act_gain.push_back(a.gain), m_.act_bias.push_back(a.bias);
+      m_.act_gear.push_back(a.gear), m_.act_gainprm.push_back(a.gainprm), m_.act_biasprm.push_back(a.biasprm);
       m_.act_ctrlrange.push_back(a.ctrl_range), m_.act_forcerange.push_back(a.force_range);
       ++m_.nu;
     }
@@ -467,16 +467,16 @@ class Compiler {
         for (int i = d; i < d + dofs; ++i) m_.dof_damping[i] = 2 * inertia / spring[0];
       }
     for (int a = 0; a < m_.nu; ++a) {
-      double const ratio = d_.actuators[a].dampratio, kp = -m_.act_bias[a][1];
+      double const ratio = d_.actuators[a].dampratio, kp = -m_.act_biasprm[a][1];
       if (!(ratio > 0)) continue;
       if (!(kp > 0)) fail(d_.actuators[a].place, "actuator", m_.act_name[a], "has dampratio but no stiffness: give kp");
       int const id = m_.act_id[a];
-      bool const on_joint = m_.act_target[a] == 0;
+      bool const on_joint = m_.act_target[a] == int(Transmission::joint);
       if (on_joint && m_.jnt_type[id] < int(JointType::slide))
         fail(d_.actuators[a].place, "actuator", m_.act_name[a], "has dampratio on a ball or free joint, which is not supported: give kv");
       double const weight = on_joint ? m_.dof_invweight0[m_.jnt_dofadr[id]] : m_.tendon_invweight0[id], gear = m_.act_gear[a][0];
       double const reflected = 1 / std::max(gear * gear * weight, 1e-15);  // the inertia that the actuator feels
-      m_.act_bias[a][2] = -2 * ratio * std::sqrt(kp * reflected);
+      m_.act_biasprm[a][2] = -2 * ratio * std::sqrt(kp * reflected);
     }
   }
   // A lone body on slides along its own axes, with its centre of mass at its origin, for which MuJoCo takes 1 / mass, without armature.

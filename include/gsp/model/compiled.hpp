@@ -12,6 +12,7 @@ struct CompiledModel {
   std::string name;
   OptionDescription option;
   int nq = 0, nv = 0, nbody = 0, njnt = 0, ngeom = 0, nsite = 0, ncam = 0, nu = 0, ntendon = 0, ntree = 0;
+  int na = 0, nmocap = 0, neq = 0, nsensor = 0, nmesh = 0, nhfield = 0;
 
   // bodies (nbody)
   std::vector<int> body_parent, body_weld;  // weld: the topmost body that it is rigidly fixed to
@@ -21,12 +22,15 @@ struct CompiledModel {
   std::vector<Double4> body_quat, body_iquat;
   std::vector<double> body_mass, body_gravcomp;
   std::vector<std::array<double, 2>> body_invweight0;  // translational, rotational
+  std::vector<int> body_mocap;                         // index among the mocap bodies, -1: none
   std::vector<std::string> body_name;
 
   // joints (njnt)
   std::vector<int> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr, jnt_limited, jnt_actfrclimited;
   std::vector<Double3> jnt_pos, jnt_axis;
+  std::vector<int> jnt_actgravcomp;
   std::vector<double> jnt_stiffness, jnt_margin;
+  std::vector<std::array<double, 2>> jnt_stiffnesspoly;
   std::vector<std::array<double, 2>> jnt_range, jnt_actfrcrange, jnt_solref;
   std::vector<std::array<double, 5>> jnt_solimp;
   std::vector<std::string> jnt_name;
@@ -34,6 +38,8 @@ struct CompiledModel {
   // degrees of freedom (nv)
   std::vector<int> dof_body, dof_jnt, dof_parent;  // parent dof; -1 at a tree's first
   std::vector<double> dof_armature, dof_damping, dof_frictionloss, dof_invweight0;
+  std::vector<double> dof_M0;  // diagonal of M in qpos0
+  std::vector<std::array<double, 2>> dof_dampingpoly;
   std::vector<std::array<double, 2>> dof_solref;
   std::vector<std::array<double, 5>> dof_solimp;
 
@@ -48,6 +54,27 @@ struct CompiledModel {
   std::vector<std::array<double, 5>> geom_solimp;
   std::vector<std::array<float, 4>> geom_rgba;
   std::vector<std::string> geom_name;
+  std::vector<int> geom_data;                         // mesh or height field, -1: none
+  std::vector<int> geom_fluid;                        // takes part in the ellipsoid fluid model
+  std::vector<std::array<double, 5>> geom_fluidcoef;  // blunt drag, slender drag, angular drag, Kutta lift, Magnus lift
+
+  // meshes: vertices about the centre of mass in principal axes (float, as MuJoCo rounds them); the geom's pose takes what was moved
+  std::vector<std::vector<std::array<float, 3>>> mesh_vertices;
+  std::vector<std::vector<std::array<int, 3>>> mesh_faces;
+  std::vector<std::vector<int>> mesh_hull;  // vertices of its convex hull
+  std::vector<Double3> mesh_pos;
+  std::vector<Double4> mesh_quat;
+  std::vector<std::string> mesh_name;
+  std::vector<HeightFieldDescription> hfields;
+
+  // pairs of geoms that were named, with parameters of their own; the others' are mixed
+  struct NamedPair {
+    int geom1, geom2, condim;
+    std::array<double, 5> friction, solimp;
+    std::array<double, 2> solref, solreffriction;
+    double margin, gap;
+  };
+  std::vector<NamedPair> named_pairs;
 
   // pairs of geoms that may touch: after contype/conaffinity, excludes, weld and parent filters; type of first <= type of second
   std::vector<std::array<int, 2>> pairs;
@@ -57,9 +84,19 @@ struct CompiledModel {
   std::vector<Double3> site_pos, cam_pos;
   std::vector<Double4> site_quat, cam_quat;
   std::vector<double> cam_fovy;
+  std::vector<int> cam_mode, cam_target;       // CameraMode; body, -1: none
+  std::vector<Double3> cam_pos0, cam_poscom0;  // track modes: from the body, its subtree's centre of mass, in qpos0, world axes
+  std::vector<std::array<double, 9>> cam_mat0;
   std::vector<std::string> site_name, cam_name;
 
-  // fixed tendons (ntendon), terms in tendon_termadr[t] .. + tendon_termnum[t]
+  // tendons (ntendon): spatial ones have a path of wrap_* in tendon_wrapadr[t] .. + tendon_wrapnum[t] (0: a fixed tendon)
+  std::vector<int> tendon_wrapadr, tendon_wrapnum;
+  std::vector<int> wrap_type, wrap_id, wrap_side;  // WrapType; site or geom; sidesite of a geom, -1: none
+  std::vector<double> wrap_divisor;                // of a pulley
+  std::vector<int> tendon_actfrclimited;
+  std::vector<std::array<double, 2>> tendon_actfrcrange, tendon_stiffnesspoly, tendon_dampingpoly;
+
+  // fixed tendons, terms in tendon_termadr[t] .. + tendon_termnum[t]
   std::vector<int> tendon_termadr, tendon_termnum, tendon_tree, tendon_limited;
   std::vector<int> term_jnt;
   std::vector<double> term_coef;
@@ -70,12 +107,24 @@ struct CompiledModel {
   std::vector<std::string> tendon_name;
 
   // actuators (nu)
-  std::vector<int> act_target, act_id, act_ctrllimited, act_forcelimited;  // target: 0 joint, 1 tendon
+  std::vector<int> act_target, act_id, act_ref;  // Transmission; joint, tendon, site, body, crank site; refsite or slider site, -1: none
+  std::vector<int> act_ctrllimited, act_forcelimited, act_actlimited, act_actearly, act_group;
+  std::vector<int> act_dyntype, act_gaintype, act_biastype, act_actadr, act_actnum;  // actadr -1: no activation
+  std::vector<std::array<double, 10>> act_dynprm, act_gainprm, act_biasprm;
+  std::vector<double> act_cranklength, act_damping, act_armature, act_acc0, act_length0;
+  std::vector<std::array<double, 2>> act_actrange, act_lengthrange;
   std::vector<std::array<double, 6>> act_gear;
-  std::vector<double> act_gain;
-  std::vector<Double3> act_bias;
   std::vector<std::array<double, 2>> act_ctrlrange, act_forcerange;
   std::vector<std::string> act_name;
+
+  // equality constraints (neq)
+  std::vector<int> eq_type, eq_id1, eq_id2, eq_sites, eq_active;  // EqualityType; bodies (or sites), joints or tendons, -1: none
+  std::vector<std::array<double, 11>> eq_data;                    // as MuJoCo completes it in qpos0
+  std::vector<std::array<double, 2>> eq_solref;
+  std::vector<std::array<double, 5>> eq_solimp;
+  std::vector<std::string> eq_name;
+
+  std::vector<SensorDescription> sensors;
 
   // trees (ntree): bodies, joints and dofs of a tree are contiguous
   std::vector<int> tree_bodyadr, tree_bodynum, tree_jntadr, tree_jntnum, tree_dofadr, tree_dofnum, tree_qposadr, tree_qposnum;

@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,15 @@ struct Place {
   int file = -1, line = 0;
 };
 
+enum class WrapType : int { none = 0, joint = 1, pulley = 2, site = 3, sphere = 4, cylinder = 5 };
+enum class Transmission : int { joint = 0, joint_in_parent = 1, slider_crank = 2, tendon = 3, site = 4, body = 5 };
+enum class ActuatorDynamics : int { none = 0, integrator = 1, filter = 2, filter_exact = 3, muscle = 4 };
+enum class ActuatorGain : int { fixed = 0, affine = 1, muscle = 2 };
+enum class ActuatorBias : int { none = 0, affine = 1, muscle = 2 };
+enum class EqualityType : int { connect = 0, weld = 1, joint = 2, tendon = 3 };
+enum class CameraMode : int { fixed = 0, track = 1, track_com = 2, target_body = 3, target_body_com = 4 };
+enum class MeshInertia : int { legacy = 0, exact = 1, convex = 2, shell = 3 };
+
 /// Softness of a constraint as MuJoCo has it (physics: docs/conventions.md).
 struct SoftnessDescription {
   std::array<double, 2> solref{0.02, 1};
@@ -38,6 +48,8 @@ struct JointDescription {
   std::array<double, 2> actuator_force_range{0, 0};
   double ref = 0, springref = 0;  // position in the model's initial pose; of the spring
   double stiffness = 0, damping = 0, armature = 0, frictionloss = 0, margin = 0;
+  std::array<double, 2> stiffness_poly{0, 0}, damping_poly{0, 0};  // force -x (k + k1 |x| + k2 x^2), docs/dynamics/passive_forces.md
+  bool actuator_gravcomp = false;                                  // gravity compensation counts as an actuator's force
   std::array<double, 2> springdamper{
       0, 0};  // time constant [s] and damping ratio; both positive: compile chooses stiffness and damping from the inertia
   SoftnessDescription limit{}, friction{};
@@ -58,6 +70,10 @@ struct GeomDescription {
   bool has_mass = false;  // mass given; else density * volume
   double mass = 0, density = 1000;
   bool shell_inertia = false;
+  std::string mesh = "", hfield = "";  // name of the asset; a primitive type with a mesh is fitted to it
+  double fitscale = 1;
+  bool fluid_ellipsoid = false;
+  std::array<double, 5> fluid_coef{0.5, 0.25, 1.5, 1, 1};  // blunt drag, slender drag, angular drag, Kutta lift, Magnus lift
   std::array<float, 4> rgba{0.5f, 0.5f, 0.5f, 1};
   Place place{};
   bool visual() const { return contype == 0 && conaffinity == 0; }
@@ -77,6 +93,8 @@ struct CameraDescription {
   Double3 pos{0, 0, 0};
   Double4 quat{1, 0, 0, 0};          // MuJoCo's camera frame: looks along -z, y up
   double fovy = 0.7853981633974483;  // [rad]
+  CameraMode mode = CameraMode::fixed;
+  std::string target = "";  // body that it looks at
   Place place{};
 };
 
@@ -109,14 +127,24 @@ struct BodyDescription {
   }
 };
 
-/// Fixed tendon: length = sum of coefficient * joint position (hinge and slide joints).
+/// Fixed tendon: length = sum of coefficient * joint position (hinge and slide joints). Spatial tendon (path not empty): the shortest way
+/// through sites and round geoms, its branches divided by pulleys.
 struct TendonDescription {
+  struct PathItem {
+    WrapType type = WrapType::site;  // site, sphere or cylinder (a geom), pulley
+    std::string name = "", sidesite = "";
+    double divisor = 1;
+  };
   struct Term {
     std::string joint = "";
     double coefficient = 1;
   };
   std::string name = "";
   std::vector<Term> terms{};
+  std::vector<PathItem> path{};
+  bool actuator_force_limited = false;
+  std::array<double, 2> actuator_force_range{0, 0};
+  std::array<double, 2> stiffness_poly{0, 0}, damping_poly{0, 0};
   bool limited = false;
   std::array<double, 2> range{0, 0};
   std::array<double, 2> springlength{-1, -1};  // dead band; -1: the length at the springs' rest
@@ -125,26 +153,82 @@ struct TendonDescription {
   Place place{};
 };
 
-/// force = gain * ctrl + bias0 + bias1 * length + bias2 * velocity, then clamped (MuJoCo's motor: gain 1; position: kp, (0, -kp, -kv)).
+/// force = gain(length, velocity) * ctrl (or activation) + bias(length, velocity), then clamped (MuJoCo's motor: gain 1; position: gain kp,
+/// bias (0, -kp, -kv), affine).
 struct ActuatorDescription {
-  enum class Target : int { joint, tendon };
   std::string name = "";
-  Target target = Target::joint;
-  std::string target_name = "";
-  std::array<double, 6> gear{1, 0, 0, 0, 0, 0};  // the first scales length and force; free and ball joints use six and three
-  double gain = 1;
-  Double3 bias{0, 0, 0};
-  double dampratio = 0;  // > 0: bias2 = -2 dampratio sqrt(-bias1 * inertia), chosen by compile
+  Transmission target = Transmission::joint;
+  std::string target_name = "", reference_name = "";  // reference: refsite of a site; of a slider-crank (target: cranksite) the slidersite
+  double crank_length = 0;
+  std::array<double, 6> gear{1, 0, 0, 0, 0, 0};  // the first scales length and force; free and ball joints and sites use six and three
+  // fixed: p0; affine: p0 + p1 length + p2 velocity; muscle: MuJoCo's curves
+  ActuatorDynamics dynamics = ActuatorDynamics::none;
+  ActuatorGain gain_type = ActuatorGain::fixed;
+  ActuatorBias bias_type = ActuatorBias::none;
+  std::array<double, 10> dynprm{1}, gainprm{1}, biasprm{};
+  bool act_early = false, act_limited = false, has_length_range = false;
+  std::array<double, 2> act_range{0, 0}, length_range{0, 0};
+  double damping = 0, armature = 0;  // added to the joint or tendon that it drives
+  double dampratio = 0;              // > 0: bias2 = -2 dampratio sqrt(-bias1 * inertia), chosen by compile
   bool ctrl_limited = false, force_limited = false;
   std::array<double, 2> ctrl_range{0, 0}, force_range{0, 0};
   int group = 0;
   Place place{};
 };
 
+struct EqualityDescription {
+  std::string name = "";
+  EqualityType type = EqualityType::connect;
+  std::string name1 = "", name2 = "";  // bodies (connect, weld; or sites), joints or tendons; the second may be empty
+  bool sites = false, active = true;
+  std::array<double, 11> data{};  // connect: anchor; weld: anchor, relative pose, torquescale; joint, tendon: polynomial
+  SoftnessDescription softness{};
+  Place place{};
+};
+
+/// What a sensor is called in MJCF, and what it is about.
+struct SensorDescription {
+  std::string name = "", type = "";                 // "gyro", "framepos" ...
+  std::string object_type = "", object = "";        // "site", "body", "joint" ...
+  std::string reference_type = "", reference = "";  // frame sensors: what they are relative to
+  double cutoff = 0, noise = 0;
+  Place place{};
+};
+
+/// Two geoms that may touch whatever their contype says, with parameters of their own.
+struct PairDescription {
+  std::string name = "", geom1 = "", geom2 = "";
+  std::optional<int> condim{};  // what is empty is mixed from the geoms
+  std::optional<std::array<double, 5>> friction{}, solimp{};
+  std::optional<std::array<double, 2>> solref{}, solreffriction{};
+  std::optional<double> margin{}, gap{};
+  Place place{};
+};
+
+/// Triangles as a file or the model gives them, before scaling. Vertices in float, as MuJoCo keeps them.
+struct MeshDescription {
+  std::string name = "";
+  std::vector<std::array<float, 3>> vertices{};
+  std::vector<std::array<int, 3>> faces{};  // empty: the convex hull of the vertices
+  Double3 scale{1, 1, 1}, refpos{0, 0, 0};
+  Double4 refquat{1, 0, 0, 0};
+  MeshInertia inertia = MeshInertia::legacy;
+  int max_hull_vertices = -1;
+  Place place{};
+};
+
+struct HeightFieldDescription {
+  std::string name = "";
+  int rows = 0, columns = 0;
+  std::array<double, 4> size{};    // half x, half y, top, base [m]
+  std::vector<float> elevation{};  // (rows, columns) 0..1
+  Place place{};
+};
+
 struct KeyframeDescription {
   std::string name = "";
   double time = 0;
-  std::vector<double> qpos{}, qvel{}, ctrl{};  // empty: the model's initial values
+  std::vector<double> qpos{}, qvel{}, act{}, ctrl{}, mpos{}, mquat{};  // empty: the model's initial values
   Place place{};
 };
 
@@ -158,6 +242,13 @@ struct OptionDescription {
   Double3 gravity{0, 0, -9.81};
   Integrator integrator = Integrator::euler;
   Cone cone = Cone::pyramidal;
+  double density = 0, viscosity = 0;  // of the medium [kg/m^3, Pa s]
+  Double3 wind{0, 0, 0}, magnetic{0, -0.5, 0};
+  bool override_contacts = false;  // o_margin, o_solref, o_solimp, o_friction replace what geoms and pairs say
+  double o_margin = 0;
+  SoftnessDescription o_softness{};
+  std::array<double, 5> o_friction{1, 1, 0.005, 0.0001, 0.0001};
+  int disabled_actuator_groups = 0;  // bits
   double impratio = 1, tolerance = 1e-8;
   int iterations = 100;
   bool eulerdamp = true, contact = true, constraint = true, limit = true, frictionloss = true, passive_spring = true, passive_damper = true,
@@ -169,6 +260,7 @@ struct CompilerDescription {
   std::array<int, 2> inertia_group_range{0, 5};
   double boundmass = 0, boundinertia = 0, settotalmass = -1;
   bool balanceinertia = false;
+  bool fit_aabb = false, discard_visual = false, fuse_static = false, align_free = false;
   bool approximate = false;  // condim 4 and 6 become 3, and pairs of shapes that are not covered are left out; else both are refused
 };
 
@@ -189,7 +281,12 @@ struct Description {
   CompilerDescription compiler;
   std::vector<BodyDescription> bodies{
       BodyDescription::world()};  // depth first, as MuJoCo orders them: parents before children, subtrees contiguous
+  std::vector<MeshDescription> meshes;
+  std::vector<HeightFieldDescription> hfields;
   std::vector<TendonDescription> tendons;
+  std::vector<EqualityDescription> equalities;
+  std::vector<SensorDescription> sensors;
+  std::vector<PairDescription> pairs;
   std::vector<ActuatorDescription> actuators;
   std::vector<KeyframeDescription> keyframes;
   std::vector<ExcludeDescription> excludes;

@@ -140,7 +140,7 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   auto const trees = find_archetypes(m);
   auto const fixed = static_poses(m);
   for (int k = 0; k < m.nu; ++k)
-    if (m.act_target[k] == 0 && m.jnt_type[m.act_id[k]] < int(JointType::slide))
+    if (m.act_target[k] == int(Transmission::joint) && m.jnt_type[m.act_id[k]] < int(JointType::slide))
       throw Error("actuator '" + m.act_name[k] + "' drives a ball or free joint, which is not supported: use hinge or slide joints");
   for (int b = 0; b < m.nbody; ++b)
     if (m.body_gravcomp[b] != 0) throw Error("body '" + m.body_name[b] + "' has gravcomp, which is not supported: remove the attribute");
@@ -180,8 +180,11 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
       if (limited[i]) result[i] = {range[i][0], range[i][1]};
     return result;
   };
-  std::vector<double> gear;
+  std::vector<double> gear, gain;
+  std::vector<Double3> bias;
   for (auto const& g : m.act_gear) gear.push_back(g[0]);
+  for (auto const& g : m.act_gainprm) gain.push_back(g[0]);
+  for (auto const& b : m.act_biasprm) bias.push_back({b[0], b[1], b[2]});
   pool.add(&M::gravity, std::vector<std::array<double, 3>>{m.option.gravity_on ? m.option.gravity : std::array<double, 3>{}});
   pool.add(&M::body_pos, pos), pool.add(&M::body_quat, quat);
   pool.add(&M::body_ipos, m.body_ipos), pool.add(&M::body_iquat, m.body_iquat), pool.add(&M::body_mass, m.body_mass);
@@ -202,7 +205,7 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   pool.add(&M::tendon_invweight0, m.tendon_invweight0), pool.add(&M::tendon_solref, m.tendon_solref_limit);
   pool.add(&M::tendon_solimp, m.tendon_solimp_limit), pool.add(&M::tendon_frictionloss, m.tendon_frictionloss);
   pool.add(&M::tendon_friction_solref, m.tendon_solref_friction), pool.add(&M::tendon_friction_solimp, m.tendon_solimp_friction);
-  pool.add(&M::act_gear, gear), pool.add(&M::act_gain, m.act_gain), pool.add(&M::act_bias, m.act_bias);
+  pool.add(&M::act_gear, gear), pool.add(&M::act_gain, gain), pool.add(&M::act_bias, bias);
   pool.add(&M::act_ctrlrange, ranges(m.act_ctrlrange, m.act_ctrllimited));
   pool.add(&M::act_forcerange, ranges(m.act_forcerange, m.act_forcelimited));
 

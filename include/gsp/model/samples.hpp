@@ -39,7 +39,7 @@ inline JointDescription free_joint(std::string name) {
 inline ActuatorDescription servo(std::string joint, std::array<double, 2> const& range, double kp, double kv, double strength) {
   ActuatorDescription a;
   a.name = joint, a.target_name = std::move(joint);
-  a.gain = kp, a.bias = {0, -kp, -kv};
+  a.gainprm[0] = kp, a.bias_type = ActuatorBias::affine, a.biasprm = {0, -kp, -kv};
   a.ctrl_limited = true, a.ctrl_range = range, a.force_limited = true, a.force_range = {-strength, strength};
   return a;
 }

@@ -672,7 +672,7 @@ class Reader {
       draft_.tendons.push_back(std::move(t));
     }
     for (auto act : child.actuators) {
-      bool const on_joint = act.actuator.target == ActuatorDescription::Target::joint;
+      bool const on_joint = act.actuator.target == Transmission::joint;
       if (!inside(on_joint ? names.joints : names.tendons, act.actuator.target_name)) continue;
       rename(act.actuator.name), rename(act.actuator.target_name);
       draft_.actuators.push_back(std::move(act));
@@ -777,7 +777,7 @@ class Reader {
       return any;
     });
     split(draft_.actuators, lists.actuators, [&](ActuatorDraft const& a) {
-      return (a.actuator.target == ActuatorDescription::Target::joint ? names.joints : names.tendons).count(a.actuator.target_name) > 0;
+      return (a.actuator.target == Transmission::joint ? names.joints : names.tendons).count(a.actuator.target_name) > 0;
     });
     split(draft_.excludes, lists.excludes,
           [&](ExcludeDescription const& e) { return names.bodies.count(e.body1) || names.bodies.count(e.body2); });
@@ -870,7 +870,7 @@ class Reader {
       for (char const* target : {"joint", "jointinparent", "tendon"})
         if (a.own(target)) {
           ++targets, act.target_name = a.text(target);
-          act.target = target[0] == 't' ? ActuatorDescription::Target::tendon : ActuatorDescription::Target::joint;
+          act.target = target[0] == 't' ? Transmission::tendon : Transmission::joint;
         }
       if (targets != 1) a.fail("", "needs one of joint, jointinparent and tendon; give one");
       a.numbers("gear", act.gear, false), a.integer("group", act.group);
@@ -929,10 +929,10 @@ class Reader {
       refuse(node.place, what + "gaintype=" + in_quotes(law.gaintype) + " is not supported yet; use 'fixed'");
     if (law.biastype != "none" && law.biastype != "affine")
       refuse(node.place, what + "biastype=" + in_quotes(law.biastype) + " is not supported yet; use 'none' or 'affine'");
-    act.gain = law.gain[0];
+    act.gainprm[0] = law.gain[0];
     if (law.biastype != "affine") return;
-    act.bias = {law.bias[0], law.bias[1], law.bias[2]};
-    if (law.bias[2] > 0 && law.gain[0] == -law.bias[1]) act.dampratio = law.bias[2], act.bias[2] = 0;
+    act.bias_type = ActuatorBias::affine, act.biasprm = {law.bias[0], law.bias[1], law.bias[2]};
+    if (law.bias[2] > 0 && law.gain[0] == -law.bias[1]) act.dampratio = law.bias[2], act.biasprm[2] = 0;
   }
 
   void sensors(Node const& node) {
