@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <gsp/io/detail/load_report.hpp>
 #include <gsp/io/detail/mjcf_draft.hpp>
 #include <gsp/io/detail/mjcf_schema.hpp>
 #include <gsp/io/detail/mjcf_values.hpp>
@@ -28,23 +29,6 @@ using gsp::detail::times;
 using gsp::detail::operator+;
 using gsp::detail::operator-;
 using gsp::detail::operator*;
-
-/// Report lines of one reading, alike ones counted together.
-class Report {
- public:
-  void add(ReportLine::Kind kind, std::string const& file, int line, std::string const& text) {
-    auto const [at, is_new] = index_.try_emplace({int(kind), file, text}, lines_.size());
-    if (is_new)
-      lines_.push_back({kind, file, line, text, 1});
-    else
-      ++lines_[at->second].count;
-  }
-  std::vector<ReportLine> take() { return std::move(lines_); }
-
- private:
-  std::vector<ReportLine> lines_;
-  std::map<std::tuple<int, std::string, std::string>, std::size_t> index_;
-};
 
 /// What all files of one reading share.
 struct Session {

@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-/// XML as a plain tree whose nodes know file and line, with <include> already put in place.
+/// XML as a plain tree whose nodes know file and line; in MJCF with <include> already put in place. URDF is read with it too.
 namespace gsp::io::detail::mjcf {
 
 struct Attribute {
@@ -64,7 +64,8 @@ struct Files {
 
 class XmlReader {
  public:
-  explicit XmlReader(Files& files) : files_(files) {}
+  /// `includes`: <include> means what it means in MJCF; else it is an element like others.
+  explicit XmlReader(Files& files, bool includes = true) : files_(files), includes_(includes) {}
 
   /// The root element of a document. Limits that no real file meets keep hostile ones from exhausting stack and memory.
   Node parse(Bytes bytes, int file, int depth = 0) {
@@ -86,7 +87,7 @@ class XmlReader {
       if (root) files_.fail({file, line(child.offset_debug())}, "a second root element " + in_quotes(child.name()) + "; keep one");
       root = child;
     }
-    if (!root) files_.fail({file, 1}, "holds no XML element; is this an MJCF file?");
+    if (!root) files_.fail({file, 1}, "holds no XML element; is this a model file?");
     return convert(root, file, line, depth);
   }
 
@@ -105,7 +106,7 @@ class XmlReader {
       if (child.type() == pugi::node_pcdata || child.type() == pugi::node_cdata)
         files_.stray_text.push_back({file, line(child.offset_debug())});
       if (child.type() != pugi::node_element) continue;
-      if (std::string_view(child.name()) == "include")
+      if (includes_ && std::string_view(child.name()) == "include")
         include(child, {file, line(child.offset_debug())}, node, depth);
       else
         node.children.push_back(convert(child, file, line, depth + 1));
@@ -130,6 +131,7 @@ class XmlReader {
   }
 
   Files& files_;
+  bool includes_;
   std::set<std::string> included_;
 };
 
