@@ -52,6 +52,7 @@ struct JointDescription {
   bool actuator_gravcomp = false;                                  // gravity compensation counts as an actuator's force
   std::array<double, 2> springdamper{
       0, 0};  // time constant [s] and damping ratio; both positive: compile chooses stiffness and damping from the inertia
+  std::optional<bool> align{};  // a free joint's body frame becomes its inertial frame; empty: as CompilerDescription::align_free says
   SoftnessDescription limit{}, friction{};
   int group = 0;
   Place place{};
@@ -72,6 +73,8 @@ struct GeomDescription {
   bool shell_inertia = false;
   std::string mesh = "", hfield = "";  // name of the asset; a primitive type with a mesh is fitted to it
   double fitscale = 1;
+  std::array<double, 6> surface_velocity{};  // of its surface in its own frame, for contacts: linear [m/s], angular [rad/s]
+  double adhesion = 0;                       // force that each contact may pull with [N]
   bool fluid_ellipsoid = false;
   std::array<double, 5> fluid_coef{0.5, 0.25, 1.5, 1, 1};  // blunt drag, slender drag, angular drag, Kutta lift, Magnus lift
   std::array<float, 4> rgba{0.5f, 0.5f, 0.5f, 1};
@@ -114,6 +117,7 @@ struct BodyDescription {
   InertialDescription inertial;
   double gravcomp = 0;
   bool mocap = false;
+  bool fuse = true;  // may be fused with its parent where CompilerDescription::fuse_static asks for that
   std::vector<JointDescription> joints;
   std::vector<GeomDescription> geoms;
   std::vector<SiteDescription> sites;
@@ -192,6 +196,7 @@ struct SensorDescription {
   std::string object_type = "", object = "";        // "site", "body", "joint" ...
   std::string reference_type = "", reference = "";  // frame sensors: what they are relative to
   double cutoff = 0, noise = 0;
+  std::vector<std::array<std::string, 2>> settings{};  // attributes of this type alone, as written: {"data", "found force"} ...
   Place place{};
 };
 
@@ -210,6 +215,8 @@ struct MeshDescription {
   std::string name = "";
   std::vector<std::array<float, 3>> vertices{};
   std::vector<std::array<int, 3>> faces{};  // empty: the convex hull of the vertices
+  std::vector<std::array<int, 3>> hull{};   // faces of the convex hull where it is needed (gsp/io/mesh_hull.hpp), outward before scaling
+  bool mirror_with_scale = false;           // faces turn round once more when scale mirrors: MuJoCo's rule for its .msh files
   Double3 scale{1, 1, 1}, refpos{0, 0, 0};
   Double4 refquat{1, 0, 0, 0};
   MeshInertia inertia = MeshInertia::legacy;
@@ -251,11 +258,15 @@ struct OptionDescription {
   int disabled_actuator_groups = 0;  // bits
   double impratio = 1, tolerance = 1e-8;
   int iterations = 100;
-  bool eulerdamp = true, contact = true, constraint = true, limit = true, frictionloss = true, passive_spring = true, passive_damper = true,
+  bool equality = true, eulerdamp = true, contact = true, constraint = true, limit = true, frictionloss = true, passive_spring = true, passive_damper = true,
        gravity_on = true, actuation = true, clampctrl = true, filterparent = true, refsafe = true, warmstart = true;
 };
 
+enum class LengthRangeMode : int { none = 0, muscle = 1, muscle_user = 2, all = 3 };
+
 struct CompilerDescription {
+  LengthRangeMode length_range = LengthRangeMode::muscle;  // of which actuators the range of length must be known
+  bool length_range_use_existing = true, length_range_use_limit = false;
   bool inertia_from_geom_always = false, inertia_from_geom_never = false;
   std::array<int, 2> inertia_group_range{0, 5};
   double boundmass = 0, boundinertia = 0, settotalmass = -1;
