@@ -54,6 +54,8 @@ struct CompiledModel {
   std::vector<std::array<double, 5>> geom_solimp;
   std::vector<std::array<float, 4>> geom_rgba;
   std::vector<std::string> geom_name;
+  std::vector<std::array<double, 6>> geom_surfacevel;  // of its surface in its own frame: linear, angular
+  std::vector<double> geom_adhesion;                   // [N] a contact
   std::vector<int> geom_data;                         // mesh or height field, -1: none
   std::vector<int> geom_fluid;                        // takes part in the ellipsoid fluid model
   std::vector<std::array<double, 5>> geom_fluidcoef;  // blunt drag, slender drag, angular drag, Kutta lift, Magnus lift
@@ -124,7 +126,10 @@ struct CompiledModel {
   std::vector<std::array<double, 5>> eq_solimp;
   std::vector<std::string> eq_name;
 
+  // sensors (nsensor) as described, and what they name: indices among the objects of their type, -1: none
   std::vector<SensorDescription> sensors;
+  std::vector<int> sensor_id, sensor_refid, sensor_dim, sensor_adr;  // dim numbers from adr on; dim -1 where it is not known here
+  int nsensordata = 0;
 
   // trees (ntree): bodies, joints and dofs of a tree are contiguous
   std::vector<int> tree_bodyadr, tree_bodynum, tree_jntadr, tree_jntnum, tree_dofadr, tree_dofnum, tree_qposadr, tree_qposnum;
