@@ -232,7 +232,7 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const&
   using List = detail::TypeList<Types...>;
   List const list(types...);
   for_worlds("gsp::constraint::count_rows", exec, rows.worlds, detail::CountRows<R, Mem, List>{model, state, rows, list});
-  Kokkos::parallel_scan("gsp::constraint::scan_rows", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds),
+  Kokkos::parallel_scan("gsp::constraint::scan_rows", light(Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds)),
                         detail::ScanRows<R, Mem>{rows, state});
   for_worlds("gsp::constraint::emit_rows", exec, rows.worlds, detail::EmitRows<R, Mem, List>{model, state, dynamics, rows, list});
 }

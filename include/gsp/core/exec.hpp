@@ -15,4 +15,14 @@ inline constexpr bool is_device = !bool(Kokkos::SpaceAccessibility<Exec, Kokkos:
 template <class Exec, class Mem>
 inline constexpr bool can_access = bool(Kokkos::SpaceAccessibility<Exec, typename Mem::memory_space>::accessible);
 
+/// The policy, with the kernel's functor travelling with the launch. By itself Kokkos puts functors of more than 512 bytes into a constant
+/// buffer of the device, and the host then waits at each launch for the kernel before.
+template <class Policy>
+auto light(Policy const& policy) {
+  if constexpr (is_device<typename Policy::execution_space>)
+    return Kokkos::Experimental::require(policy, Kokkos::Experimental::WorkItemProperty::HintLightWeight);
+  else
+    return policy;
+}
+
 }  // namespace gsp

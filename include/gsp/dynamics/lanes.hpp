@@ -320,7 +320,7 @@ void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, 
   constexpr int threads = Dynamics<R, Mem>::width / detail::width_of<T>::value;
   using Kernel = detail::LaneKernel<T, R, Mem, Stage>;
   using Lanes = std::conditional_t<is_device<Exec>, detail::DeviceLanes<Kernel>, detail::HostLanes<Exec, Kernel>>;
-  Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads), Lanes{{model, dynamics, stage}});
+  Kokkos::parallel_for(label, light(Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads)), Lanes{{model, dynamics, stage}});
 }
 template <ExecutionSpace Exec, class R, class Mem, class Stage>
 void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {

@@ -21,7 +21,7 @@ void rasterize(Exec const& exec, Frames<Mem> const& frames, RenderOptions option
     using Functor = detail::RasterizePixels<Mem>;
     Kokkos::parallel_for(
         "gsp::splat::rasterize",
-        Kokkos::TeamPolicy<Exec>(exec, tiles, Functor::threads).set_scratch_size(0, Kokkos::PerTeam(Functor::scratch_bytes())),
+        light(Kokkos::TeamPolicy<Exec>(exec, tiles, Functor::threads).set_scratch_size(0, Kokkos::PerTeam(Functor::scratch_bytes()))),
         Functor{frames, options.alpha_max, options.stop});
   } else {
     Kokkos::parallel_for("gsp::splat::rasterize",
