@@ -1,0 +1,98 @@
+#pragma once
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <gsp/io/detail/bytes.hpp>
+#include <gsp/model/description.hpp>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+/// What the readers of STL, OBJ and MSH share.
+namespace gsp::io::detail {
+
+using Vertex = std::array<float, 3>;
+using Triangle = std::array<int, 3>;
+
+/// Largest coordinate that is taken, MuJoCo's bound for STL files.
+inline constexpr float largest_coordinate = 1073741824.f;
+
+inline bool is_coordinate(float x) { return std::abs(x) <= largest_coordinate; }  // false for what is not a number
+inline void expect_vertex(Vertex const& v, std::string const& file, std::string const& place) {
+  if (!is_coordinate(v[0]) || !is_coordinate(v[1]) || !is_coordinate(v[2]))
+    fail(file, place, "a vertex is not finite or beyond 2^30; export the mesh again, in metres");
+}
+
+/// A number as a float, as written in text files; empty where `word` is none or too large.
+inline std::optional<float> to_float(std::string_view word) {
+  if (!word.empty() && word[0] == '+') word.remove_prefix(1);
+  double value = 0;
+  auto const [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (end != word.data() + word.size() || word.empty()) return std::nullopt;
+  if (error == std::errc::result_out_of_range) {  // 1e-400 is zero, 1e400 is not a length
+    auto const exponent = word.find_first_of("eE");
+    return exponent != word.npos && exponent + 1 < word.size() && word[exponent + 1] == '-' ? std::optional(0.f) : std::nullopt;
+  }
+  if (error != std::errc() || !std::isfinite(value) || std::abs(value) > 3e38) return std::nullopt;
+  return static_cast<float>(value);
+}
+
+/// The lines of a text, numbered from 1; ends of lines are \n, \r\n or \r.
+class Lines {
+ public:
+  explicit Lines(std::string_view text) : text_(text) {}
+  bool next(std::string_view& line) {
+    if (at_ >= text_.size()) return false;
+    std::size_t const end = std::min(text_.find_first_of("\r\n", at_), text_.size());
+    line = text_.substr(at_, end - at_);
+    at_ = end + (text_.substr(end, 2) == "\r\n" ? 2 : 1);
+    ++number_;
+    return true;
+  }
+  std::size_t number() const { return number_; }
+
+ private:
+  std::string_view text_;
+  std::size_t at_ = 0, number_ = 0;
+};
+
+/// Takes the next word off the front; empty at the end.
+inline std::string_view take_word(std::string_view& line) {
+  std::size_t const begin = std::min(line.find_first_not_of(" \t"), line.size());
+  std::size_t const end = std::min(line.find_first_of(" \t", begin), line.size());
+  auto const word = line.substr(begin, end - begin);
+  line.remove_prefix(end);
+  return word;
+}
+
+/// Gives equal vertices (bit by bit, as MuJoCo's reader of STL does: 0 and -0 differ) one number, in the order in which they first come.
+class VertexIndex {
+ public:
+  explicit VertexIndex(std::size_t expected) {
+    std::size_t size = 16;
+    while (size < 2 * expected) size *= 2;
+    slots_.assign(size, -1);
+  }
+  int operator()(Vertex const& v, std::vector<Vertex>& vertices) {
+    std::uint32_t bits[3];
+    std::memcpy(bits, v.data(), sizeof bits);
+    std::uint64_t hash = 0;
+    for (std::uint32_t b : bits) hash = (hash ^ b) * 0x9E3779B97F4A7C15ull, hash ^= hash >> 29;
+    for (std::size_t slot = hash & (slots_.size() - 1);; slot = (slot + 1) & (slots_.size() - 1)) {
+      if (slots_[slot] < 0) {
+        slots_[slot] = static_cast<int>(vertices.size());
+        vertices.push_back(v);
+        return slots_[slot];
+      }
+      if (std::memcmp(vertices[static_cast<std::size_t>(slots_[slot])].data(), v.data(), sizeof(Vertex)) == 0) return slots_[slot];
+    }
+  }
+
+ private:
+  std::vector<int> slots_;  // twice as many as there can be vertices
+};
+
+}  // namespace gsp::io::detail
