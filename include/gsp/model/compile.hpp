@@ -5,6 +5,7 @@
 #include <gsp/core/check.hpp>
 #include <gsp/model/compiled.hpp>
 #include <gsp/model/detail/initial_inertia.hpp>
+#include <gsp/model/detail/mesh_geoms.hpp>
 #include <gsp/model/detail/principal_axes.hpp>
 #include <gsp/model/detail/shape_inertia.hpp>
 #include <optional>
@@ -39,6 +40,7 @@ class Compiler {
   CompiledModel run() {
     m_.name = d_.name, m_.option = d_.option, m_.report = d_.report;
     check_numbers();
+    assets();
     bodies();
     trees();
     masses();
@@ -88,6 +90,18 @@ class Compiler {
     if (!d_.bodies[0].joints.empty())
       fail(d_.bodies[0].joints[0].place, "joint", d_.bodies[0].joints[0].name,
            "stands in the world, which cannot move: put it into a body");
+  }
+
+  void assets() {
+    shapes_.emplace(d_, [this](auto const&... what) { fail(what...); });
+    for (auto const& mesh : shapes_->meshes()) {
+      m_.mesh_vertices.push_back(mesh.vertices), m_.mesh_faces.push_back(mesh.faces), m_.mesh_hull.push_back(mesh.hull);
+      m_.mesh_pos.push_back(mesh.pos), m_.mesh_quat.push_back(mesh.quat), m_.mesh_name.push_back(d_.meshes[m_.nmesh++].name);
+    }
+    m_.hfields = shapes_->hfields(), m_.nhfield = int(m_.hfields.size());
+  }
+  GeomShape shape_of(GeomDescription const& g) const {
+    return (*shapes_)(g, [this](auto const&... what) { fail(what...); });
   }
 
   void bodies() {
@@ -195,15 +209,12 @@ class Compiler {
     require_finite(finite(g.pos) && finite(g.quat) && finite(g.size) && finite(g.friction) && finite(g.softness.solref) &&
                        finite(g.softness.solimp) && finite(std::array{g.solmix, g.margin, g.gap, g.mass, g.density}),
                    g.place, "geom", g.name);
-    if (g.type == ShapeType::hfield || g.type == ShapeType::mesh)
-      fail(g.place, "geom", g.name,
-           std::string("is a ") + shape_name(g.type) +
-               ", which is not supported yet: use primitive shapes, or leave it out if it is only seen");
+    auto const shape = shape_of(g);
     if (g.condim != 1 && g.condim != 3 && g.condim != 4 && g.condim != 6)
       fail(g.place, "geom", g.name, "has a condim other than 1, 3, 4, 6: choose one of them");
     int const sizes[] = {0, 0, 1, 2, 3, 2, 3, 0};
     for (int k = 0; k < sizes[int(g.type)]; ++k)
-      if (!(g.size[k] > 0))
+      if (!(shape.size[k] > 0))
         fail(g.place, "geom", g.name,
              "has size[" + std::to_string(k) + "] <= 0, and a " + shape_name(g.type) + " needs " + std::to_string(sizes[int(g.type)]) +
                  " positive sizes: give them");
@@ -217,11 +228,11 @@ class Compiler {
     m_.geom_type.push_back(int(g.type)), m_.geom_body.push_back(b), m_.geom_name.push_back(g.name);
     m_.geom_contype.push_back(g.contype), m_.geom_conaffinity.push_back(g.conaffinity), m_.geom_condim.push_back(g.condim);
     m_.geom_priority.push_back(g.priority), m_.geom_group.push_back(g.group);
-    m_.geom_size.push_back(g.size), m_.geom_pos.push_back(g.pos), m_.geom_quat.push_back(unit(g.quat)),
+    m_.geom_size.push_back(shape.size), m_.geom_pos.push_back(shape.pos), m_.geom_quat.push_back(shape.quat),
         m_.geom_friction.push_back(g.friction);
     m_.geom_solmix.push_back(g.solmix), m_.geom_margin.push_back(g.margin), m_.geom_gap.push_back(g.gap);
     m_.geom_solref.push_back(g.softness.solref), m_.geom_solimp.push_back(g.softness.solimp), m_.geom_rgba.push_back(g.rgba);
-    m_.geom_rbound.push_back(bounding_radius(g.type, g.size));
+    m_.geom_rbound.push_back(shape.rbound), m_.geom_data.push_back(shape.data);
     places_.push_back(g.place);
     ++m_.ngeom;
   }
@@ -263,10 +274,10 @@ class Compiler {
     std::vector<Mass> parts;
     for (auto const& g : body.geoms) {
       if (g.group < d_.compiler.inertia_group_range[0] || g.group > d_.compiler.inertia_group_range[1]) continue;
-      auto const shape = shape_inertia(g.type, g.size, g.shell_inertia);
-      double const mass = shape.measure == 0 ? 0 : g.has_mass ? g.mass : g.density * shape.measure;
+      auto const shape = shape_of(g);
+      double const mass = shape.inertia.measure == 0 ? 0 : g.has_mass ? g.mass : g.density * shape.inertia.measure;
       if (!(mass > 1e-14)) continue;
-      parts.push_back({mass, g.pos, normalized(g.quat), {mass * shape.moments[0], mass * shape.moments[1], mass * shape.moments[2]}});
+      parts.push_back({mass, shape.pos, shape.quat, mass * shape.inertia.moments});
     }
     if (parts.size() < 2) return parts.empty() ? std::nullopt : std::optional(parts[0]);
     Mass sum;
@@ -608,7 +619,8 @@ class Compiler {
   Description const& d_;
   bool approximate_;
   CompiledModel m_;
-  std::vector<Place> places_;  // of geoms
+  std::vector<Place> places_;         // of geoms
+  std::optional<GeomShapes> shapes_;  // meshes and height fields, compiled
 };
 
 }  // namespace detail
