@@ -12,7 +12,7 @@ TEST_CASE("a piece is put below a body in the middle of the tree, names, referen
   to.bodies[last].joints.push_back(to.bodies[1].joints[0]);
   to.bodies[last].joints[0].name = "last";
   to.bodies[last].geoms = to.bodies[1].geoms;
-  to.keyframes.push_back({"k", 0, {0.1, 0.2, 0.3}, {1, 2, 3}, {}, {}});
+  to.keyframes.push_back({.name = "k", .qpos = {0.1, 0.2, 0.3}, .qvel = {1, 2, 3}});
 
   auto const piece = samples::arm();
   attach(to, piece, {.body = "rod1", .prefix = "a_", .pos = {0, 0, -0.5}, .quat = {0, 1, 0, 0}});

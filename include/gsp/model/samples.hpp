@@ -112,7 +112,7 @@ inline Description arm() {
     for (int other = b + 1; other < std::min(b + 4, int(d.bodies.size())); ++other)
       d.excludes.push_back({d.bodies[b].name, d.bodies[other].name, {}});
   std::vector<double> const home{0, 0.4, 1.2, 0, 1.2, 0};
-  d.keyframes.push_back({"home", 0, home, {}, home, {}});
+  d.keyframes.push_back({.name = "home", .qpos = home, .ctrl = home});
   return d;
 }
 
@@ -138,7 +138,7 @@ inline Description quadruped() {
   head.name = "head", head.pos = {0.28, 0, 0.03}, head.quat = gsp::detail::quat_of_axes({0, -1, 0}, {0, 0, 1}, {-1, 0, 0}), head.fovy = 1.2;
   body.sites = {imu}, body.cameras = {head};
 
-  KeyframeDescription stand{"stand", 0, {0, 0, height, 1, 0, 0, 0}, {}, {}, {}};
+  KeyframeDescription stand{.name = "stand", .qpos = {0, 0, height, 1, 0, 0, 0}};
   for (int leg = 0; leg < 4; ++leg) {
     double const front = leg < 2 ? 1 : -1, left = leg % 2 ? -1 : 1;
     std::string const name = std::string(leg < 2 ? "F" : "R") + (leg % 2 ? "R" : "L");
