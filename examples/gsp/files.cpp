@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <gsp/io/mjcf.hpp>
 #include <gsp/io/splats.hpp>
+#include <gsp/io/urdf.hpp>
 #include <gsp/model/compile.hpp>
 
 namespace gsp_cli {
@@ -14,11 +15,29 @@ Option skip_visuals_option() { return {"--skip-visuals", "", "leave out visual g
 Option approximate_option() {
   return {"--approximate", "", "take condim 4 and 6 as 3 and leave out pairs of shapes that are not covered, instead of refusing the file"};
 }
+Option floating_base_option() {
+  return {"--floating-base", "", "the root link of a URDF file moves freely (else it is fixed to the world)"};
+}
+Option package_option() {
+  return {"--package", "NAME=FOLDER",
+          "where package://NAME of a URDF file is; may come several times (else: the nearest such folder above the file)", true};
+}
 
 gsp::CompiledModel load_model(std::string const& path, Arguments const& arguments) {
   return compile_model(describe_model(path, arguments, false), arguments.has("--approximate"));
 }
 gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals) {
+  if (path.ends_with(".urdf")) {
+    gsp::io::UrdfOptions options;
+    options.floating_base = arguments.has("--floating-base"), options.skip_visuals = arguments.has("--skip-visuals"),
+    options.approximate = arguments.has("--approximate"), options.list_refusals = list_refusals;
+    for (auto const& text : arguments.all("--package")) {
+      auto const equal = text.find('=');
+      if (equal == 0 || equal == std::string::npos) arguments.fail("--package is " + in_quotes(text) + "; give NAME=FOLDER");
+      options.packages[text.substr(0, equal)] = text.substr(equal + 1);
+    }
+    return gsp::io::read_urdf(path, options);
+  }
   gsp::io::MjcfOptions options;
   options.skip_visuals = arguments.has("--skip-visuals"), options.approximate = arguments.has("--approximate"),
   options.list_refusals = list_refusals;

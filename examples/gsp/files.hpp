@@ -10,11 +10,13 @@
 
 namespace gsp_cli {
 
-/// The options --skip-visuals and --approximate, for the tables of commands.
+/// The options --skip-visuals, --approximate, --floating-base and --package, for the tables of commands.
 Option skip_visuals_option();
 Option approximate_option();
+Option floating_base_option();
+Option package_option();
 
-/// Reads and compiles a MJCF file.
+/// Reads and compiles a MJCF file, or a URDF file where the name ends in .urdf.
 gsp::CompiledModel load_model(std::string const& path, Arguments const& arguments);
 /// The same in two parts; list_refusals: what is refused becomes a line of the report. (The reader is long to compile, so it is in
 /// files.cpp alone.)

@@ -55,7 +55,7 @@ void model(std::string const& path, Arguments const& arguments) {
   }
   double mass = 0;
   for (double b : m.body_mass) mass += b;
-  std::printf("%s: MJCF model %s\n", path.c_str(), in_quotes(m.name).c_str());
+  std::printf("%s: %s model %s\n", path.c_str(), path.ends_with(".urdf") ? "URDF" : "MJCF", in_quotes(m.name).c_str());
   row("bodies", std::to_string(m.nbody - 1) + " and the world, " + number(mass) + " kg in all");
   row("joints", std::to_string(m.njnt) + (m.njnt ? " (" + tally(joints) + ")" : "") + "; nq " + std::to_string(m.nq) + ", nv " +
                     std::to_string(m.nv));
@@ -119,7 +119,8 @@ int run(Arguments const& arguments) {
     first = false;
     auto const bytes = gsp::io::read_file(path);
     auto const head = gsp::io::detail::as_text(bytes).substr(0, 512);
-    if (path.ends_with(".xml") || path.ends_with(".mjcf") || head.substr(0, head.find_first_not_of(" \t\r\n") + 1).ends_with('<')) {
+    if (path.ends_with(".xml") || path.ends_with(".mjcf") || path.ends_with(".urdf") ||
+        head.substr(0, head.find_first_not_of(" \t\r\n") + 1).ends_with('<')) {
       model(path, arguments);
     } else if (head.starts_with("PK")) {
       auto const npz = gsp::io::parse_npz(bytes, path);
@@ -144,14 +145,18 @@ int run(Arguments const& arguments) {
 }  // namespace
 
 Command info_command() {
-  return {"info",
-          "FILE...",
-          "says what a file holds (MJCF, Gaussians, npz, npy, PNG) and lists what of a model is refused, approximated or without effect, "
-          "with file and line",
-          1,
-          -1,
-          {skip_visuals_option(), {"--approximate", "", "as --approximate of sim and render: what it would change stands in the report"}},
-          run};
+  return {
+      "info",
+      "FILE...",
+      "says what a file holds (MJCF, URDF, Gaussians, npz, npy, PNG) and lists what of a model is refused, approximated or without effect, "
+      "with file and line",
+      1,
+      -1,
+      {skip_visuals_option(),
+       floating_base_option(),
+       package_option(),
+       {"--approximate", "", "as --approximate of sim and render: what it would change stands in the report"}},
+      run};
 }
 
 }  // namespace gsp_cli

@@ -332,6 +332,8 @@ Command quickstart_command() {
            {"--keyframe", "NAME|INDEX", "where your robot starts; its first keyframe, if there is one"},
            skip_visuals_option(),
            approximate_option(),
+           floating_base_option(),
+           package_option(),
            {"--worlds", "N", "16 on a CPU of two cores, 8 a core beyond; 1024 on a GPU"},
            {"--seconds", "S", "of simulated time, 2"},
            {"--files", "DIR",

@@ -174,6 +174,8 @@ Command render_command() {
             "a MJCF model; its links carry the Gaussians that are bound to them, or, where none are, Gaussians on its geoms"},
            skip_visuals_option(),
            approximate_option(),
+           floating_base_option(),
+           package_option(),
            {"--keyframe", "NAME|INDEX", "where the model stands; without it (and --trace) its initial pose"},
            {"--trace", "F.npz", "a trace of gsp sim: picture t*N+w shows world w at entry t"},
            {"--cameras", "C.npz", "viewmats (C,4,4) world-to-camera, x right, y down, z forward; Ks (C,3,3) in pixels"},

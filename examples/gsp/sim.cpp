@@ -130,6 +130,8 @@ Command sim_command() {
        {"--time-from", "S", "run the first S steps without timing them"},
        skip_visuals_option(),
        approximate_option(),
+       floating_base_option(),
+       package_option(),
        {"--json", "",
         "print one JSON object: seconds, steps_per_second, startup_seconds, peak_bytes, contacts, rows, iterations, residual, state_hash, "
         "..."}},

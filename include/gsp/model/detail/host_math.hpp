@@ -34,6 +34,12 @@ inline Double4 axis_angle(Double3 const& unit, double angle) {
   double const s = std::sin(angle / 2);
   return {std::cos(angle / 2), s * unit[0], s * unit[1], s * unit[2]};
 }
+/// The smallest rotation that takes z to v: about z x v, by atan2(|z x v|, v_z); about x where v points down.
+inline Double4 quat_of_z(Double3 const& v) {
+  Double3 const axis = cross({0, 0, 1}, v);
+  double const s = norm(axis);
+  return s < 1e-10 ? axis_angle({1, 0, 0}, std::atan2(s, v[2])) : axis_angle((1 / s) * axis, std::atan2(s, v[2]));
+}
 /// Quaternion of the rotation whose columns are x, y, z (unit, right-handed). The largest of w, x, y, z is taken first, so that no root of
 /// a small number is.
 inline Double4 quat_of_axes(Double3 const& x, Double3 const& y, Double3 const& z) {
