@@ -36,10 +36,10 @@ int main(int argc, char** argv) {
   int repeated = 0;
   for (int t = 0; t < steps;) {
     gsp::forward_kinematics(exec, model, state, dynamics, poses);
-    gsp::mass_matrix(exec, model, poses, dynamics);
+    gsp::mass_matrix(exec, model, state, poses, dynamics);
     gsp::bias_forces(exec, model, state, poses, dynamics);
-    gsp::passive_forces(exec, model, state, dynamics);
-    gsp::actuator_forces(exec, model, state, dynamics);
+    gsp::passive_forces(exec, model, state, poses, dynamics);
+    gsp::actuator_forces(exec, model, state, poses, dynamics);
     gsp::factor(exec, model, state, dynamics);
     gsp::collide(exec, collision, poses, contacts);
     gsp::assemble(exec, model, state, dynamics, rows, gsp::JointFriction(model), gsp::JointLimits(model, state),

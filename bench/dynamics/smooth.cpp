@@ -20,7 +20,7 @@ struct Core {
   State state;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
-    gsp::detail::lanes_kinematics(l, state.qpos);
+    gsp::detail::lanes_kinematics(l, state);
     gsp::detail::lanes_load_velocity(l, state.qvel);
     gsp::detail::lanes_inertia(l);
     gsp::detail::lanes_bias(l);

@@ -92,7 +92,7 @@ TEST_CASE_TEMPLATE("implicit terms of one joint", Exec, GSP_TEST_EXECS) {
   double const m = 2 + 0.5, k = 300, b = 4, kp = 500, kv = 20, h = 0.01, x = 0.3, v = -1.2, u = 0.7;
   joint.stiffness = k, joint.damping = b, joint.armature = 0.5;
   gsp::ActuatorDescription a;
-  a.name = "servo", a.target_name = "joint", a.gainprm[0] = kp, a.biasprm = {0, -kp, -kv};
+  a.name = "servo", a.target_name = "joint", a.gainprm[0] = kp, a.bias_type = gsp::ActuatorBias::affine, a.biasprm = {0, -kp, -kv};
   d.actuators.push_back(a);
   auto const c = gsp::compile(d);
   double const f = -k * x - b * v + kp * (u - x) - kv * v;

@@ -20,7 +20,7 @@ gsp::CompiledModel model_of(std::uint64_t seed = 1) {
     for (auto const& joint : body.joints)
       if (joint.type == JointType::hinge || joint.type == JointType::slide) {
         gsp::ActuatorDescription a;
-        a.name = a.target_name = joint.name, a.gainprm[0] = 20, a.biasprm = {0, -20, -1};
+        a.name = a.target_name = joint.name, a.gainprm[0] = 20, a.bias_type = gsp::ActuatorBias::affine, a.biasprm = {0, -20, -1};
         a.force_limited = d.actuators.size() % 2, a.force_range = {-4, 4};
         d.actuators.push_back(a);
       }
@@ -52,10 +52,10 @@ struct Set {
   void smooth() { gsp::smooth_dynamics(exec, model, state, dynamics, poses, {.keep_all = true, .joint_poses = true}); }
   void composed() {
     gsp::forward_kinematics(exec, model, state, dynamics, poses);
-    gsp::mass_matrix(exec, model, poses, dynamics);
+    gsp::mass_matrix(exec, model, state, poses, dynamics);
     gsp::bias_forces(exec, model, state, poses, dynamics);
-    gsp::passive_forces(exec, model, state, dynamics);
-    gsp::actuator_forces(exec, model, state, dynamics);
+    gsp::passive_forces(exec, model, state, poses, dynamics);
+    gsp::actuator_forces(exec, model, state, poses, dynamics);
     gsp::factor(exec, model, state, dynamics);
   }
   std::vector<R> dofs(int gsp::DynamicsLayout::*item) const {  // (worlds, nv)

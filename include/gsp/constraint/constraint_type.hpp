@@ -99,7 +99,7 @@ struct RowWriter {
   /// + scale * direction . (velocity of the point of `body` that is now at `point`, world frame)
   KOKKOS_INLINE_FUNCTION void add_point(int body, Vec3<R> const& point, Vec3<R> const& direction, R scale = R(1)) const {
     add(body, scale, [&](TreeItems<R> const& items) {
-      Vec3<R> const arm = point - items.vec3(items.at.com);
+      Vec3<R> const arm = point - items.vec3(items.at.com + 3 * model.body_root(body));
       return Spatial<R>{cross(arm, direction), direction};
     });
   }

@@ -5,11 +5,6 @@
 namespace gsp {
 
 namespace detail {
-template <class L, class View>
-KOKKOS_INLINE_FUNCTION void lanes_load_velocity(L const& l, View const& qvel) {
-  for (int i = 0; i < l.a.nv; ++i) l.items[l.at.qvel + i] = l.load(qvel, l.dof0, i);
-}
-
 /// True where the tree is one free body, whose rotation the stable profile integrates by its angular momentum.
 template <class L>
 KOKKOS_INLINE_FUNCTION bool is_free_body(L const& l) {
@@ -27,6 +22,7 @@ KOKKOS_INLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = false) {
   Vec3<T> const g = l.gravity();
   for (int b = 0; b < a.nbody; ++b) {
     int const parent = l.index(a.body_parent, b);
+    if (parent == parent_of::none) continue;
     Spatial<T> v = parent >= 0 ? s.spatial(l.at.cvel + 6 * parent) : Spatial<T>{zero, zero};
     Spatial<T> acc = parent >= 0 ? s.spatial(l.at.cacc + 6 * parent) : Spatial<T>{zero, -g};
     int const j0 = l.index(a.body_jntadr, b);
@@ -48,10 +44,73 @@ KOKKOS_INLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = false) {
     s.put(l.at.cfrc + 6 * b, inertia * acc + cross_force(v, inertia * v));
   }
   for (int b = a.nbody - 1; b >= 0; --b) {
-    Spatial<T> const f = s.spatial(l.at.cfrc + 6 * b);
     int const d0 = l.index(a.body_dofadr, b), parent = l.index(a.body_parent, b);
+    if (parent == parent_of::none) continue;
+    Spatial<T> const f = s.spatial(l.at.cfrc + 6 * b);
     for (int i = d0, end = d0 + l.index(a.body_dofnum, b); i < end; ++i) s[l.at.bias + i] = dot(s.spatial(l.at.cdof + 6 * i), f);
     if (parent >= 0) s.put(l.at.cfrc + 6 * parent, s.spatial(l.at.cfrc + 6 * parent) + f);
+  }
+}
+
+/// derivative <- - d bias / d qvel (both triangles), column by column: the recursion of lanes_bias, differentiated in direction k,
+///   dv_b = dv_parent + cdof_k,   da_b = da_parent + (dv x cdof) qdot + v x cdof_k,   df_b = I da + dv x* I v + v x* I dv,
+/// over the bodies that dof k moves. After lanes_bias, before lanes_mass_matrix.
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_bias_derivative(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  for (int e = 0; e < a.derivative * a.nM; ++e) s[l.at.derivative + e] = T(0);
+  if (a.derivative != 2) return;
+  Vec3<T> const zero{T(0), T(0), T(0)};
+  Spatial<T> const nothing{zero, zero};
+  auto const depth = [&](int dof) { return l.index(a.row_adr, dof + 1) - l.index(a.row_adr, dof) - 1; };
+  for (int k = 0; k < a.nv; ++k) {
+    int const top = l.index(a.dof_body, k);
+    int end = top + 1;
+    while (end < a.nbody && l.index(a.body_parent, end) >= top) ++end;
+    for (int b = top; b < end; ++b) {
+      int const parent = l.index(a.body_parent, b);
+      Spatial<T> v = parent >= 0 ? s.spatial(l.at.cvel + 6 * parent) : nothing;
+      Spatial<T> dv = b > top ? s.spatial(l.at.dvel + 6 * parent) : nothing, da = b > top ? s.spatial(l.at.dacc + 6 * parent) : nothing;
+      int const j0 = l.index(a.body_jntadr, b);
+      for (int j = j0, last = j0 + l.index(a.body_jntnum, b); j < last; ++j) {
+        int i = l.index(a.jnt_dofadr, j);
+        auto const type = JointType(l.index(a.jnt_type, j));
+        if (type == JointType::free)
+          for (int c = 0; c < 3; ++c, ++i) {
+            Spatial<T> const dof = s.spatial(l.at.cdof + 6 * i);
+            v = fma(s[l.at.qvel + i], dof, v);
+            if (i == k) dv = dv + dof;
+          }
+        Spatial<T> const before = v, dbefore = dv;
+        for (int c = 0, n = type == JointType::free || type == JointType::ball ? 3 : 1; c < n; ++c, ++i) {
+          Spatial<T> const dof = s.spatial(l.at.cdof + 6 * i);
+          T const qdot = s[l.at.qvel + i];
+          da = fma(qdot, cross_motion(dbefore, dof), da);
+          v = fma(qdot, dof, v);
+          if (i == k) da = da + cross_motion(before, dof), dv = dv + dof;
+        }
+      }
+      SpatialInertia<T> const inertia = s.inertia(l.at.cinert + 10 * b);
+      s.put(l.at.dvel + 6 * b, dv), s.put(l.at.dacc + 6 * b, da);
+      s.put(l.at.cfrc + 6 * b, inertia * da + cross_force(dv, inertia * v) + cross_force(v, inertia * dv));
+    }
+    for (int b = end - 1; b >= top; --b) {
+      Spatial<T> const f = s.spatial(l.at.cfrc + 6 * b);
+      int const d0 = l.index(a.body_dofadr, b);
+      for (int i = d0, last = d0 + l.index(a.body_dofnum, b); i < last; ++i) {
+        T const entry = -dot(s.spatial(l.at.cdof + 6 * i), f);
+        if (i >= k) s[l.at.derivative + l.index(a.row_adr, i) + depth(k)] = entry;
+        if (i <= k) s[l.at.derivative + a.nM + l.index(a.row_adr, k) + depth(i)] = entry;
+      }
+      if (b > top) s.put(l.at.cfrc + 6 * l.index(a.body_parent, b), s.spatial(l.at.cfrc + 6 * l.index(a.body_parent, b)) + f);
+    }
+    Spatial<T> const f = s.spatial(l.at.cfrc + 6 * top);  // what the bodies above carry
+    for (int p = 0, adr = l.index(a.row_adr, k); p < depth(k); ++p) {
+      int const i = l.index(a.row_col, adr + p);
+      if (l.index(a.dof_body, i) != top) s[l.at.derivative + a.nM + adr + p] = -dot(s.spatial(l.at.cdof + 6 * i), f);
+    }
   }
 }
 
@@ -62,7 +121,10 @@ struct BiasStage {
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
     lanes_load_poses(l, poses), lanes_load_velocity(l, state.qvel), lanes_inertia(l);
+    if (l.a.tendon_armature) lanes_tendons(l, state);
     lanes_bias(l, l.model.profile == Profile::stable && is_free_body(l));
+    if (l.a.tendon_armature) lanes_tendon_bias(l, state);
+    lanes_bias_derivative(l);
   }
 };
 using DofItems = int DynamicsLayout::*;  // one of the vectors of dofs

@@ -6,11 +6,13 @@
 namespace gsp {
 
 namespace detail {
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_factor_in_place(L const& l);
+
 /// factor <- M + diag(extra(i)), then in place: for k from the leaves, rows of k's ancestors lose L_k^T D_k L_k. L_k overwrites row k;
 /// 1/D_k is kept.
 template <class L, class Extra>
 KOKKOS_INLINE_FUNCTION void lanes_factor(L const& l, Extra const& extra) {
-  using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
   for (int e = 0; e < a.nM; ++e) s[l.at.factor + e] = s[l.at.mass + e];
@@ -18,6 +20,13 @@ KOKKOS_INLINE_FUNCTION void lanes_factor(L const& l, Extra const& extra) {
     int const diagonal = l.at.factor + l.index(a.row_adr, i + 1) - 1;
     s[diagonal] = s[diagonal] + extra(i);
   }
+  lanes_factor_in_place(l);
+}
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_factor_in_place(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
   for (int k = a.nv - 1; k >= 0; --k) {
     int const adr = l.index(a.row_adr, k), row = l.at.factor + adr, n = l.index(a.row_adr, k + 1) - adr;
     T const inverse = T(1) / s[row + n - 1];
@@ -76,7 +85,7 @@ KOKKOS_INLINE_FUNCTION void lanes_factor_profile(L const& l) {
   if (m.profile == Profile::mujoco) return lanes_factor(l, [](int) { return T(0); });
   T const h(m.timestep);
   for (int i = 0; i < a.nv; ++i) {
-    if (m.dampers) s[l.at.damping + i] = s[l.at.damping + i] + l.constant(m.dof_damping, l.dof0, i);
+    if (m.dampers) s[l.at.damping + i] = s[l.at.damping + i] + lanes_damping(l, i, true);
     if (m.springs) s[l.at.stiffness + i] = s[l.at.stiffness + i] + l.constant(m.jnt_stiffness, l.jnt0, l.index(a.dof_jnt, i));
   }
   lanes_factor(l, [&](int i) { return h * fma(h, s[l.at.stiffness + i], s[l.at.damping + i]); });

@@ -5,9 +5,77 @@
 namespace gsp {
 
 namespace detail {
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_add_start_velocity(L const& l) {
+  for (int i = 0; i < l.a.nv; ++i) l.items[l.at.velocity + i] = l.items[l.at.velocity + i] + l.items[l.at.qvel + i];
+}
+
+/// factor <- M - h derivative, factored.
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_factor_derivative(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  T const h(l.model.timestep);
+  for (int e = 0; e < l.a.nM; ++e) s[l.at.factor + e] = fma(-h, s[l.at.derivative + e], s[l.at.mass + e]);
+  lanes_factor_in_place(l);
+}
+
+/// velocity <- (M - h derivative)^-1 velocity, with both triangles. Elimination from the leaves up keeps the sparsity, as for the symmetric
+/// factor: row and column k reach the ancestors of k alone. The lower triangle goes to factor, the upper stays in place.
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_solve_unsymmetric(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  T const h(l.model.timestep);
+  int const lower = l.at.factor, upper = l.at.derivative + a.nM, x = l.at.velocity;
+  for (int e = 0; e < a.nM; ++e) {
+    T const m = s[l.at.mass + e];
+    s[lower + e] = fma(-h, s[l.at.derivative + e], m), s[upper + e] = fma(-h, s[upper + e], m);
+  }
+  for (int k = a.nv - 1; k >= 0; --k) {
+    int const adr = l.index(a.row_adr, k), n = l.index(a.row_adr, k + 1) - adr;
+    T const inverse = T(1) / s[lower + adr + n - 1];
+    s[l.at.inverse_diagonal + k] = inverse;
+    for (int p = 0; p < n - 1; ++p) {
+      int const ancestor = l.index(a.row_col, adr + p), row = l.index(a.row_adr, ancestor);
+      T const up = s[upper + adr + p] * inverse, down = s[lower + adr + p] * inverse;
+      for (int q = 0; q <= p; ++q) s[lower + row + q] = fma(-up, s[lower + adr + q], s[lower + row + q]);
+      for (int q = 0; q < p; ++q) s[upper + row + q] = fma(-down, s[upper + adr + q], s[upper + row + q]);
+      s[x + ancestor] = fma(-up, s[x + k], s[x + ancestor]);
+    }
+  }
+  for (int k = 0; k < a.nv; ++k) {
+    int const adr = l.index(a.row_adr, k), n = l.index(a.row_adr, k + 1) - adr;
+    T value = s[x + k];
+    for (int p = 0; p < n - 1; ++p) value = fma(-s[lower + adr + p], s[x + l.index(a.row_col, adr + p)], value);
+    s[x + k] = value * s[l.at.inverse_diagonal + k];
+  }
+}
+
+/// Activations to the end of the step.
+template <class L, class State>
+KOKKOS_INLINE_FUNCTION void lanes_advance_activations(L const& l, State const& state) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  for (int k = 0; k < a.nact && a.nstate > 0; ++k) {
+    int const own = l.index(a.act_state, k);
+    if (own < 0) continue;
+    int item[L::W];
+    l.listed_items(a.instance_act, a.nact, k, item);
+    for (int i = 0; i < L::W; ++i) item[i] = l.model.act_state(item[i]);
+    T act = lanes_next_activation(l, k, l.load(state.act, item, 0), l.items[l.at.act_dot + own]);
+    if (l.index(a.act_dyn, k) == int(ActuatorDynamics::integrator)) act = lanes_wrap_setpoint(l, k, act);
+    for (int i = 0; i < l.count; ++i)
+      if (!(state.status(l.world[i]) & status::stopped)) state.act(l.world[i], item[i]) = get_lane(act, i);
+  }
+}
+
 /// velocity <- velocity + L^-1 D^-1/2 z, z (world, nv) the whitened impulses. In profile mujoco joint damping enters here, as MuJoCo's
 /// Euler has it:
-///   v+ = v + (M + h B)^-1 M (v_M - v), v_M the velocity that M gives.
+///   v+ = v + (M + h B)^-1 M (v_M - v), v_M the velocity that M gives,
+/// and the implicit integrators take M - h d(forces)/dv instead: implicitfast its lower triangle, without the bias forces; implicit, and
+/// implicitfast for lone free bodies, all of it.
 template <class L, class View>
 KOKKOS_INLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
@@ -18,7 +86,9 @@ KOKKOS_INLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z) {
     lanes_solve_lower(l, l.at.impulse);
     for (int i = 0; i < a.nv; ++i) s[l.at.velocity + i] = s[l.at.velocity + i] + s[l.at.impulse + i];
   }
-  if (l.model.profile != Profile::mujoco || !l.model.eulerdamp || !l.model.dampers || !l.model.damped) return;
+  if (l.model.profile != Profile::mujoco) return;
+  bool const euler = l.model.integrator == Integrator::euler && l.model.eulerdamp && l.model.dampers && l.model.damped;
+  if (!euler && a.derivative == 0) return;
   T const h(l.model.timestep);
   for (int i = 0; i < a.nv; ++i) s[l.at.impulse + i] = s[l.at.velocity + i] - s[l.at.qvel + i], s[l.at.velocity + i] = T(0);
   for (int i = 0; i < a.nv; ++i)
@@ -28,9 +98,14 @@ KOKKOS_INLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z) {
       s[l.at.velocity + i] = fma(m, s[l.at.impulse + c], s[l.at.velocity + i]);
       if (c != i) s[l.at.velocity + c] = fma(m, s[l.at.impulse + i], s[l.at.velocity + c]);
     }
-  lanes_factor(l, [&](int i) { return h * l.constant(l.model.dof_damping, l.dof0, i); });
+  if (a.derivative == 1)
+    lanes_factor_derivative(l);
+  else if (a.derivative == 2)
+    return lanes_solve_unsymmetric(l), lanes_add_start_velocity(l);
+  else
+    lanes_factor(l, [&](int i) { return h * lanes_damping(l, i, true); });
   lanes_solve(l, l.at.velocity);
-  for (int i = 0; i < a.nv; ++i) s[l.at.velocity + i] = s[l.at.velocity + i] + s[l.at.qvel + i];
+  lanes_add_start_velocity(l);
 }
 
 /// Sets the status bit of worlds with a velocity that is NaN or infinite (x - x is 0 for finite x alone).
@@ -80,6 +155,7 @@ KOKKOS_INLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& s
         write(state.qpos, l.qpos0, q + 3, next.z);
   }
   for (int i = 0; i < a.nv; ++i) write(state.qvel, l.dof0, i, s[l.at.velocity + i]);
+  lanes_advance_activations(l, state);
 }
 
 template <class State>

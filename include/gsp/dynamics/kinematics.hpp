@@ -5,12 +5,28 @@
 namespace gsp {
 
 namespace detail {
-/// Writes xpos, xquat, xanchor, xaxis of the lane's tree. Root bodies hang on static bodies, whose pose is folded into theirs.
+/// Pose of a body that is fixed to the world or to a mocap body; `body` are world indices, one a lane.
+template <class L, class State>
+KOKKOS_INLINE_FUNCTION auto lanes_static_pose(L const& l, State const& state, int const (&body)[L::W], bool on_mocap) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  Field<real_t<T>> const fixed{l.model.static_pose.data(), 0};
+  auto const get = [&](int c) { return l.constant(fixed, body, 0, 7, c); };
+  Transform<T> const own{{get(0), get(1), get(2)}, {get(3), get(4), get(5), get(6)}};
+  if (!on_mocap) return own;
+  int index[L::W];
+  for (int i = 0; i < L::W; ++i) index[i] = l.model.body_mocap(body[i]);
+  auto const pos = [&](int c) { return l.load(state.mocap_pos, index, 0, 3, c); };
+  auto const quat = [&](int c) { return l.load(state.mocap_quat, index, 0, 4, c); };
+  return Transform<T>{{pos(0), pos(1), pos(2)}, normalized(Quat<T>{quat(0), quat(1), quat(2), quat(3)})} * own;
+}
+
+/// Writes xpos, xquat, xanchor, xaxis of the lane's tree. The pose of a static parent is folded into that of a root body.
 ///   x_b = x_parent * body pose, then for each joint: slide x += axis (q - q0); hinge, ball R *= rotation, about the anchor; free x = q.
-template <class L, class View>
-KOKKOS_INLINE_FUNCTION void lanes_kinematics(L const& l, View const& qpos) {
+template <class L, class State>
+KOKKOS_INLINE_FUNCTION void lanes_kinematics(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
+  auto const& qpos = state.qpos;
   for (int b = 0; b < a.nbody; ++b) {
     int const parent = l.index(a.body_parent, b);
     Vec3<T> p = l.constant3(l.model.body_pos, l.body0, b);
@@ -19,6 +35,12 @@ KOKKOS_INLINE_FUNCTION void lanes_kinematics(L const& l, View const& qpos) {
       Quat<T> const pq = l.items.quat(l.at.xquat + 4 * parent);
       p = l.items.vec3(l.at.xpos + 3 * parent) + rotate(pq, p);
       q = pq * q;
+    } else if (parent == parent_of::mocap) {
+      int body[L::W];
+      for (int i = 0; i < L::W; ++i)  // body_pos is in its frame already
+        body[i] = l.model.mocap_body(l.model.body_mocap(l.model.body_parent(l.body0[i] + b)));
+      Transform<T> const pose = lanes_static_pose(l, state, body, true);
+      p = pose * p, q = pose.q * q;
     }
     int const j0 = l.index(a.body_jntadr, b);
     for (int j = j0, end = j0 + l.index(a.body_jntnum, b); j < end; ++j) {
@@ -49,9 +71,15 @@ KOKKOS_INLINE_FUNCTION void lanes_kinematics(L const& l, View const& qpos) {
   }
 }
 
+template <class L, class View>
+KOKKOS_INLINE_FUNCTION void lanes_load_velocity(L const& l, View const& qvel) {
+  for (int i = 0; i < l.a.nv; ++i) l.items[l.at.qvel + i] = l.load(qvel, l.dof0, i);
+}
+
 template <class L, class Poses>
 KOKKOS_INLINE_FUNCTION void lanes_store_poses(L const& l, Poses const& poses, bool joints = true) {
   for (int b = 0; b < l.a.nbody; ++b) {
+    if (l.index(l.a.body_parent, b) == parent_of::none) continue;
     for (int c = 0; c < 3; ++c) l.store(poses.xpos, l.body0, b, l.items[l.at.xpos + 3 * b + c], 3, c);
     for (int c = 0; c < 4; ++c) l.store(poses.xquat, l.body0, b, l.items[l.at.xquat + 4 * b + c], 4, c);
   }
@@ -80,7 +108,7 @@ struct KinematicsStage {
   Poses poses;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
-    lanes_kinematics(l, state.qpos), lanes_store_poses(l, poses);
+    lanes_kinematics(l, state), lanes_store_poses(l, poses);
   }
 };
 }  // namespace detail
@@ -89,21 +117,47 @@ struct PosesOptions {
   int worlds = 1;
 };
 
+namespace detail {
+/// Poses of bodies that no joint moves. mocap views empty: those of the model's initial state.
+template <class R, class Mem, class View>
+struct StaticPoses {
+  Model<R, Mem> model;
+  Poses<R, Mem> poses;
+  View mocap_pos, mocap_quat;
+  KOKKOS_FUNCTION void operator()(int i) const {
+    int const w = i / model.nbody, b = i % model.nbody;
+    if (model.body_tree(b) >= 0) return;
+    auto const at = [](auto const& pose, int k) {
+      return Transform<R>{{pose(7 * k), pose(7 * k + 1), pose(7 * k + 2)}, {pose(7 * k + 3), pose(7 * k + 4), pose(7 * k + 5), pose(7 * k + 6)}};
+    };
+    Transform<R> t = at(model.static_pose, b);
+    if (int const m = model.body_mocap(b); m >= 0) {
+      Transform<R> own = at(model.mocap_pose0, m);
+      if (mocap_pos.data())
+        own = {{mocap_pos(w, m, 0), mocap_pos(w, m, 1), mocap_pos(w, m, 2)},
+               {mocap_quat(w, m, 0), mocap_quat(w, m, 1), mocap_quat(w, m, 2), mocap_quat(w, m, 3)}};
+      own.q = normalized(own.q);
+      t = own * t;
+    }
+    poses.xpos(w, b, 0) = t.p.x, poses.xpos(w, b, 1) = t.p.y, poses.xpos(w, b, 2) = t.p.z;
+    poses.xquat(w, b, 0) = t.q.w, poses.xquat(w, b, 1) = t.q.x, poses.xquat(w, b, 2) = t.q.y, poses.xquat(w, b, 3) = t.q.z;
+  }
+};
+template <ExecutionSpace Exec, class R, class Mem, class View>
+void static_poses(Exec const& exec, Model<R, Mem> const& model, View const& pos, View const& quat, Poses<R, Mem> const& poses) {
+  Kokkos::parallel_for("gsp::dynamics::static_poses",
+                       Kokkos::RangePolicy<Exec>(exec, 0, int(poses.xpos.extent(0)) * model.nbody),
+                       StaticPoses<R, Mem, View>{model, poses, pos, quat});
+}
+}  // namespace detail
+
 /// Poses for `worlds` worlds of the model; bodies fixed to the world get their pose here, once. Allocates.
 template <class R, ExecutionSpace Exec, class Mem>
 Poses<R, Mem> make_poses(Exec const& exec, Model<R, Mem> const& model, PosesOptions options = {}) {
   expects(options.worlds > 0, "gsp::make_poses: worlds must be positive");
   auto const poses = make_poses<R>(exec, options.worlds, model.nbody, model.njnt);
-  auto const fixed = model.static_pose;
-  auto const tree = model.body_tree;
-  int const nbody = model.nbody;
-  Kokkos::parallel_for(
-      "gsp::dynamics::static_poses", Kokkos::RangePolicy<Exec>(exec, 0, options.worlds * nbody), KOKKOS_LAMBDA(int i) {
-        int const w = i / nbody, b = i % nbody;
-        if (tree(b) >= 0) return;
-        for (int c = 0; c < 3; ++c) poses.xpos(w, b, c) = fixed(7 * b + c);
-        for (int c = 0; c < 4; ++c) poses.xquat(w, b, c) = fixed(7 * b + 3 + c);
-      });
+  typename Poses<R, Mem>::template View<R***> const none;
+  detail::static_poses(exec, model, none, none, poses);
   return poses;
 }
 
@@ -114,6 +168,7 @@ Poses<R, Mem> make_poses(Exec const& exec, Model<R, Mem> const& model, PosesOpti
 template <ExecutionSpace Exec, class R, class Mem>
 void forward_kinematics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                         Poses<R, Mem> const& poses) {
+  if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
   for_lanes("gsp::dynamics::forward_kinematics", exec, model, dynamics,
             detail::KinematicsStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
 }

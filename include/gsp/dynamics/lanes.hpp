@@ -93,19 +93,27 @@ struct LaneItems {
 /// results (vectors of dofs; force = passive - bias + actuator + applied; stiffness, damping: what the factored matrix takes implicitly;
 /// velocity: free, then new), then what is needed within one stage only.
 struct DynamicsLayout {
-  int com, cdof, factor, inverse_diagonal, qvel, velocity, spin, mass;  // spin: of a free body, see factor.hpp
-  int passive, actuator, bias, force, stiffness, damping, acceleration, impulse;
-  int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc;
+  int com, cdof, factor, inverse_diagonal, qvel, velocity, spin, act_dot;  // com: of each root's bodies; spin: of a free body, see factor.hpp
+  int tendon_J, tendon_length, act_length;                                  // tendon_J: of spatial tendons
+  int mass, derivative;  // derivative of the forces by velocity, lower triangle as M, then the upper (by rows of the transpose)
+  int passive, actuator, bias, force, stiffness, damping, acceleration, impulse, gravcomp;
+  int tendon_velocity, act_velocity, act_force, act_slope, act_moment, energy;
+  int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc, dvel, dacc;
   int size;
   KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) {
     int n = 0;
     auto const take = [&n](int& at, int items) { at = n, n += items; };
-    take(com, 3), take(cdof, 6 * a.nv), take(factor, a.nM), take(inverse_diagonal, a.nv), take(qvel, a.nv), take(velocity, a.nv),
-        take(spin, 3), take(mass, a.nM);
+    take(com, 3 * a.nroot), take(cdof, 6 * a.nv), take(factor, a.nM), take(inverse_diagonal, a.nv), take(qvel, a.nv),
+        take(velocity, a.nv), take(spin, 3), take(act_dot, a.nstate), take(tendon_J, a.ntendonJ), take(tendon_length, a.ntendon),
+        take(act_length, a.nact), take(mass, a.nM), take(derivative, a.derivative * a.nM);
     take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(force, a.nv), take(stiffness, a.nv), take(damping, a.nv),
-        take(acceleration, a.nv), take(impulse, a.nv);
+        take(acceleration, a.nv), take(impulse, a.nv), take(gravcomp, a.gravcomp ? a.nv : 0);
+    take(tendon_velocity, a.ntendon), take(act_velocity, a.nact), take(act_force, a.nact),
+        take(act_slope, a.derivative ? a.nact : 0),
+        take(act_moment, a.nmoment), take(energy, 2);
     take(xpos, 3 * a.nbody), take(xquat, 4 * a.nbody), take(xanchor, 3 * a.njnt), take(xaxis, 3 * a.njnt);
     take(cinert, 10 * a.nbody), take(cvel, 6 * a.nbody), take(cacc, 6 * a.nbody), take(cfrc, 6 * a.nbody);
+    take(dvel, a.derivative == 2 ? 6 * a.nbody : 0), take(dacc, a.derivative == 2 ? 6 * a.nbody : 0);
     size = n;
   }
 };
@@ -238,6 +246,13 @@ struct Lane {
     int const zero[W] = {};
     return constant3(model.gravity, zero, 0);
   }
+  /// World indices of the tree's k-th item of a list, for constant(field, item, 0, ...) and load(view, item, 0, ...).
+  KOKKOS_INLINE_FUNCTION void listed_items(int list, int n, int k, int (&item)[W]) const {
+    for (int i = 0; i < W; ++i) item[i] = index(list, instance[i] * n + k);
+  }
+  /// Reference point of spatial vectors: the centre of mass of all bodies that hang on the same root.
+  KOKKOS_INLINE_FUNCTION Vec3<T> com(int root) const { return items.vec3(at.com + 3 * root); }
+  KOKKOS_INLINE_FUNCTION Vec3<T> com_of_body(int b) const { return com(index(a.body_root, b)); }
 
   /// Item `first + i` of a plain view (world, item), or its component of (world, item, components).
   template <class View>

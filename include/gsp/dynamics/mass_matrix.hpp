@@ -1,41 +1,47 @@
 #pragma once
-#include <gsp/dynamics/kinematics.hpp>
+#include <gsp/dynamics/tendon.hpp>
 
 /// Mass matrix by the composite rigid body algorithm (Featherstone 2008, ch. 6; MuJoCo's mj_crb).
-/// Spatial vectors are in world axes about the centre of mass of the tree, as MuJoCo has them: cdof is the motion that a unit velocity of a
+/// Spatial vectors are in world axes about the centre of mass of all bodies on the same root, as MuJoCo has them: cdof is the motion that a unit velocity of a
 /// dof gives. M is lower triangular by rows: row i holds the entries of i's ancestor dofs from the root down, then the diagonal. As
 /// ancestors nest, the row of an ancestor at place p lists exactly the first p + 1 columns: no column index is ever read in a
 /// factorisation.
 namespace gsp {
 
 namespace detail {
-/// Centre of mass of the tree, spatial inertias of its bodies, and cdof.
+/// Centres of mass (one a root), spatial inertias of the bodies about them, and cdof.
 template <class L>
 KOKKOS_INLINE_FUNCTION void lanes_inertia(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
-  Vec3<T> com{T(0), T(0), T(0)};
-  T total(0);
-  for (int b = 0; b < a.nbody; ++b) {
-    T const mass = l.constant(l.model.body_mass, l.body0, b);
-    Vec3<T> const center = s.vec3(l.at.xpos + 3 * b) + rotate(s.quat(l.at.xquat + 4 * b), l.constant3(l.model.body_ipos, l.body0, b));
-    s.put(l.at.cinert + 10 * b + 6, center);  // kept until com is known
-    com = fma(mass, center, com), total = total + mass;
-  }
-  com = (T(1) / max(total, T(1e-15))) * com;
-  s.put(l.at.com, com);
-  for (int b = 0; b < a.nbody; ++b) {
-    Vec3<T> const c = s.vec3(l.at.cinert + 10 * b + 6) - com;
-    Quat<T> const q = s.quat(l.at.xquat + 4 * b) * l.constant4(l.model.body_iquat, l.body0, b);
-    s.put(l.at.cinert + 10 * b,
-          spatial_inertia(l.constant(l.model.body_mass, l.body0, b), l.constant3(l.model.body_inertia, l.body0, b), q, c));
+  auto const skipped = [&](int b) { return l.index(a.body_parent, b) == parent_of::none; };
+  for (int root = 0, b = 0; root < a.nroot; ++root) {  // the bodies of a root follow each other
+    Vec3<T> com{T(0), T(0), T(0)};
+    T total(0);
+    int const first = b;
+    for (; b < a.nbody && (skipped(b) || l.index(a.body_root, b) == root); ++b) {
+      if (skipped(b)) continue;
+      T const mass = l.constant(l.model.body_mass, l.body0, b);
+      Vec3<T> const center = s.vec3(l.at.xpos + 3 * b) + rotate(s.quat(l.at.xquat + 4 * b), l.constant3(l.model.body_ipos, l.body0, b));
+      s.put(l.at.cinert + 10 * b + 6, center);  // kept until com is known
+      com = fma(mass, center, com), total = total + mass;
+    }
+    com = (T(1) / max(total, T(1e-15))) * com;
+    s.put(l.at.com + 3 * root, com);
+    for (int k = first; k < b; ++k) {
+      if (skipped(k)) continue;
+      Vec3<T> const c = s.vec3(l.at.cinert + 10 * k + 6) - com;
+      Quat<T> const q = s.quat(l.at.xquat + 4 * k) * l.constant4(l.model.body_iquat, l.body0, k);
+      s.put(l.at.cinert + 10 * k,
+            spatial_inertia(l.constant(l.model.body_mass, l.body0, k), l.constant3(l.model.body_inertia, l.body0, k), q, c));
+    }
   }
   Vec3<T> const zero{T(0), T(0), T(0)};
   for (int j = 0; j < a.njnt; ++j) {
     int i = l.index(a.jnt_dofadr, j);
     auto const type = JointType(l.index(a.jnt_type, j));
-    Vec3<T> const offset = com - s.vec3(l.at.xanchor + 3 * j);
+    Vec3<T> const offset = l.com_of_body(l.index(a.jnt_body, j)) - s.vec3(l.at.xanchor + 3 * j);
     if (type == JointType::hinge || type == JointType::slide) {
       Vec3<T> const axis = s.vec3(l.at.xaxis + 3 * j);
       s.put(l.at.cdof + 6 * i, type == JointType::hinge ? Spatial<T>{axis, cross(axis, offset)} : Spatial<T>{zero, axis});
@@ -75,12 +81,14 @@ KOKKOS_INLINE_FUNCTION void lanes_mass_matrix(L const& l) {
   }
 }
 
-template <class Poses>
+template <class State, class Poses>
 struct MassMatrixStage {
+  State state;
   Poses poses;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
     lanes_load_poses(l, poses), lanes_inertia(l), lanes_mass_matrix(l);
+    if (l.a.tendon_armature) lanes_load_velocity(l, state.qvel), lanes_tendons(l, state), lanes_tendon_armature(l);
   }
 };
 template <class View>
@@ -104,8 +112,9 @@ struct DenseMassMatrixStage {
 /// Mass matrix of every tree at `poses`, in dynamics.items (blocked; `dense_mass_matrix` copies it out); also com and cdof, which Jacobians
 /// need. Cost about 60 flop a dof and 11 an entry. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
-void mass_matrix(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics) {
-  for_lanes("gsp::dynamics::mass_matrix", exec, model, dynamics, detail::MassMatrixStage<Poses<R, Mem>>{poses});
+void mass_matrix(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
+                 Dynamics<R, Mem> const& dynamics) {
+  for_lanes("gsp::dynamics::mass_matrix", exec, model, dynamics, detail::MassMatrixStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
 }
 
 /// Copies the mass matrices to M (world, nv, nv), symmetric; entries between trees are set to zero.

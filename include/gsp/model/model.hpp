@@ -4,6 +4,9 @@
 #include <gsp/math/quat.hpp>
 #include <gsp/model/archetypes.hpp>
 #include <gsp/model/compiled.hpp>
+#include <gsp/model/detail/added_mass.hpp>
+#include <gsp/model/detail/slider.hpp>
+#include <gsp/model/field.hpp>
 #include <limits>
 #include <utility>
 
@@ -14,21 +17,20 @@ namespace gsp {
 /// says, rigid friction, implicit joint terms inside the solve, momentum-conserving rotation of free bodies.
 enum class Profile : int { stable, mujoco };
 
-/// One model constant: `stride` 0 means one value for all worlds, else each world has its own row. Layout (world, item, component).
-template <class R>
-struct Field {
-  R const* data = nullptr;
-  int stride = 0;
-  KOKKOS_INLINE_FUNCTION R operator()(int world, int i) const { return data[std::int64_t(world) * stride + i]; }
-};
-
 /// Topology of trees of one kind: sizes, and where its index arrays start in Model::ints. Indices are local to the tree (archetypes.hpp).
 struct Archetype {
-  int nbody, njnt, nq, nv, nM, ntendon, nterm, nact, ninstance;
-  int body_parent, body_jntadr, body_jntnum, body_dofadr, body_dofnum, jnt_type, jnt_body, jnt_qposadr, jnt_dofadr, dof_body, dof_parent,
-      dof_jnt, row_adr, row_col, tendon_termadr, term_jnt, act_target, act_id;
+  int nbody, njnt, nq, nv, nM, nroot, ntendon, nterm, npath, nact, nstate, ntendonJ, nmoment, nfluid, ninstance;
+  int body_parent, body_root, body_jntadr, body_jntnum, body_dofadr, body_dofnum, jnt_type, jnt_body, jnt_qposadr, jnt_dofadr,
+      jnt_actgravcomp, dof_body, dof_parent, dof_jnt, row_adr, row_col, tendon_termadr, term_jnt;
+  int tendon_kind, tendon_jadr, tendon_jdof, tendon_pathadr, path_type, path_ref, path_last, path_chain, path_side, chain;
+  int act_kind, act_id, act_madr, act_mdof, act_ref1, act_last1, act_chain1, act_ref2, act_last2, act_chain2;
+  int act_dyn, act_gain, act_bias, act_wrap, act_early, act_state, act_disabled, body_fluidadr, fluid_type;
   int instance_tree, instance_body, instance_jnt, instance_dof, instance_qpos;  // (ninstance) first world index of each
   int instance_tendon, instance_term, instance_act;                             // (ninstance, n) world indices
+  int instance_path, instance_side, instance_object1, instance_object2, instance_fluid;
+  // what the trees of this kind have; all else costs them nothing
+  bool spatial, tendon_armature, tendon_passive, tendon_clamped, gravcomp, fluid;
+  int derivative;  // of the forces by velocity, for the integrator: 0 none, 1 the lower triangle, 2 all of it and that of the bias forces
 };
 
 template <class R, class Mem>
@@ -38,23 +40,36 @@ struct Model {
   int nq = 0, nv = 0, nbody = 0, njnt = 0, nu = 0, ntendon = 0, ntree = 0, narchetype = 0;
   Profile profile = Profile::stable;
   R timestep = R(0.002);
+  Integrator integrator = Integrator::euler;
+  int na = 0, ngeom = 0, nsite = 0, ncam = 0, nmocap = 0;
   bool damped = false;  // any joint damping
   bool eulerdamp = true, springs = true, dampers = true, actuation = true, clampctrl = true, constraints = true;
+  bool poly_stiffness = false, poly_damping = false;  // any polynomial spring or damper, of joints or tendons
+  R density = R(0), viscosity = R(0);                 // of the medium [kg/m^3, Pa s]
 
-  Field<R> gravity;  // (3)
+  Field<R> gravity, wind;  // (3)
   Field<R> body_pos, body_quat, body_ipos, body_iquat, body_mass,
       body_inertia;                                                // (nbody, 3 | 4 | 3 | 4 | 1 | 3); a tree's root: relative to the world
+  Field<R> body_gravcomp;                                          // (nbody)
   Field<R> jnt_pos, jnt_axis, jnt_stiffness, jnt_actfrcrange;      // (njnt, 3 | 3 | 1 | 2); range +-infinity where not limited
-  Field<R> dof_armature, dof_damping;                              // (nv)
+  Field<R> jnt_stiffnesspoly, dof_dampingpoly;                     // (njnt, 2), (nv, 2): force -x (k + k1 x + k2 x^2), -v (b + b1 |v| + b2 v^2)
+  Field<R> dof_armature, dof_damping;                              // (nv) with what actuators add
   Field<R> qpos0, qpos_spring;                                     // (nq)
   Field<R> term_coef;                                              // (nterm)
   Field<R> tendon_stiffness, tendon_damping, tendon_lengthspring;  // (ntendon, 1 | 1 | 2)
+  Field<R> tendon_armature, tendon_stiffnesspoly, tendon_dampingpoly, tendon_actfrcrange;  // (ntendon, 1 | 2 | 2 | 2)
+  Field<R> wrap_divisor;                                                                   // (nwrap) of pulleys
+  Field<R> site_pos, site_quat, geom_pos, geom_quat, geom_size;                            // (nsite | ngeom, 3 | 4 | 3)
+  Field<R> geom_fluidcoef, geom_addedmass;                                                 // (ngeom, 5 | 6) of the ellipsoid fluid model
+  Field<R> cam_pos, cam_quat, cam_pos0, cam_poscom0, cam_mat0;                             // (ncam, 3 | 4 | 3 | 3 | 9)
   Field<R> body_invweight0;                                        // (nbody, 2) translational, rotational
   Field<R> jnt_range, jnt_margin, jnt_solref, jnt_solimp;          // (njnt, 2 | 1 | 2 | 5) limits
   Field<R> dof_frictionloss, dof_invweight0, dof_solref, dof_solimp;                      // (nv, 1 | 1 | 2 | 5) friction loss
   Field<R> tendon_range, tendon_margin, tendon_invweight0, tendon_solref, tendon_solimp;  // (ntendon, 2 | 1 | 1 | 2 | 5) limits
   Field<R> tendon_frictionloss, tendon_friction_solref, tendon_friction_solimp;           // (ntendon, 1 | 2 | 5)
-  Field<R> act_gear, act_gain, act_bias, act_ctrlrange, act_forcerange;  // (nu, 1 | 1 | 3 | 2 | 2); ranges +-infinity where not limited
+  Field<R> act_gear, act_gain, act_bias, act_dyn;           // (nu, 6 | 10 | 10 | 10)
+  Field<R> act_ctrlrange, act_forcerange, act_actrange;     // (nu, 2) +-infinity where not limited
+  Field<R> act_lengthrange, act_acc0, act_cranklength;      // (nu, 2 | 1 | 1)
 
   Kokkos::View<Archetype*, Mem> archetypes;
   Kokkos::View<Archetype*, Kokkos::HostSpace> host_archetypes;  // what `archetypes` holds, for those who allocate
@@ -62,15 +77,29 @@ struct Model {
   Kokkos::View<R*, Mem> reals;                                  // all fields above, and static_pose
   template <class T>
   using Array = Kokkos::View<T const*, Mem, Kokkos::MemoryTraits<Kokkos::Unmanaged>>;
+  int value_worlds = 0;               // of the fields that are per world (world_values.hpp); 0: none is
+  Kokkos::View<R*, Mem> world_reals;  // what those lie in
+  Kokkos::View<int*, Mem> all_items;  // 0, 1, 2 ...: friction_dofs and friction_tendons where frictionloss is per world
+  bool frictionloss = true;           // dry friction is switched on
+  Field<R> dof_M0;                    // (nv) diagonal of M in qpos0
+  Field<R> body_slider;               // (nbody) 1: a lone body on slides, whose inverse weight is 1 / mass
+  Array<R> mocap_pos0, mocap_quat0;   // (nmocap, 3 | 4) the same as mocap_pose0
   Array<int> limited_joints, friction_dofs, limited_tendons, friction_tendons;  // world indices
   Array<int> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr;                       // (njnt)
   Array<int> tendon_termadr, term_jnt;                                          // (ntendon + 1), (nterm)
   Array<int> body_last_dof;                                                     // (nbody) the dof that moves it last, -1 static
   Array<int> dof_tree;                                                          // (nv)
   Array<int> body_tree;                                                         // (nbody), -1 static
+  Array<int> body_root;       // (nbody) which root of its tree it hangs on; its reference point is the centre of mass of that root's bodies
+  Array<int> body_parent;     // (nbody)
+  Array<int> body_mocap;      // (nbody) mocap body that it is fixed to or is, -1: none
+  Array<int> mocap_body;      // (nmocap)
+  Array<int> geom_body, site_body, cam_body, cam_mode, cam_target;
+  Array<int> act_state;       // (nu) its activation, -1: none
   Array<int> tree_archetype, tree_instance;                                     // (ntree)
   Array<int> tree_body, tree_dof, tree_dofnum;                                  // (ntree)
-  Array<R> static_pose;  // (nbody, 7) world pose of bodies fixed to the world: position, quaternion
+  Array<R> static_pose;  // (nbody, 7) pose of bodies fixed to the world (or to a mocap body, and then in its frame): position, quaternion
+  Array<R> mocap_pose0;  // (nmocap, 7) where mocap bodies begin
 };
 
 namespace detail {
@@ -110,13 +139,14 @@ struct ModelPools {
 };
 }  // namespace detail
 
-/// World poses of the bodies that are fixed to the world (others: identity), (nbody, 7). Host, double.
+/// World poses of the bodies that are fixed to the world (others: identity), (nbody, 7); of bodies that are fixed to a mocap body: in its
+/// frame. Host, double.
 inline std::vector<double> static_poses(CompiledModel const& m) {
   std::vector<double> pose(std::size_t(m.nbody) * 7, 0.);
   for (int b = 0; b < m.nbody; ++b) {
     double* p = &pose[std::size_t(b) * 7];
     p[3] = 1;
-    if (b == 0 || m.body_tree[b] >= 0) continue;
+    if (b == 0 || m.body_tree[b] >= 0 || detail::item_or(m.body_mocap, b, -1) >= 0) continue;
     double const* q = &pose[std::size_t(m.body_parent[b]) * 7];
     Transform<double> const parent{{q[0], q[1], q[2]}, {q[3], q[4], q[5], q[6]}};
     auto const& x = m.body_pos[b];
@@ -137,19 +167,14 @@ namespace detail {
 template <class R, class Mem>
 ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOptions const& options) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < m.nu; ++k)
+    if (item_or(m.act_actnum, k, 0) > 1)
+      throw Error("actuator '" + m.act_name[k] + "' has " + std::to_string(m.act_actnum[k]) + " activation variables, and one is supported: remove actdim");
   auto const trees = find_archetypes(m);
   auto const fixed = static_poses(m);
-  for (int k = 0; k < m.nu; ++k)
-    if (m.act_target[k] == int(Transmission::joint) && m.jnt_type[m.act_id[k]] < int(JointType::slide))
-      throw Error("actuator '" + m.act_name[k] + "' drives a ball or free joint, which is not supported: use hinge or slide joints");
-  for (int b = 0; b < m.nbody; ++b)
-    if (m.body_gravcomp[b] != 0) throw Error("body '" + m.body_name[b] + "' has gravcomp, which is not supported: remove the attribute");
-  for (int t = 0; t < m.ntendon; ++t)
-    if (m.tendon_armature[t] != 0)
-      throw Error("tendon '" + m.tendon_name[t] + "' has armature, which is not supported: give the armature to its joints");
-
-  d.nq = m.nq, d.nv = m.nv, d.nbody = m.nbody, d.njnt = m.njnt, d.nu = m.nu, d.ntendon = m.ntendon, d.ntree = m.ntree,
-  d.narchetype = int(trees.size());
+  d.nq = m.nq, d.nv = m.nv, d.nbody = m.nbody, d.njnt = m.njnt, d.nu = m.nu, d.ntendon = m.ntendon, d.narchetype = int(trees.size());
+  d.na = m.na, d.ngeom = m.ngeom, d.nsite = m.nsite, d.ncam = m.ncam, d.nmocap = m.nmocap;
+  for (auto const& t : trees) d.ntree += int(t.instances.size());
   expects(options.timestep >= 0, "gsp::make_model: timestep must be positive, or 0 for the model's own");
   d.profile = options.profile;
   d.timestep = R(options.timestep > 0 ? options.timestep : m.option.timestep);
@@ -157,7 +182,36 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   d.actuation = m.option.actuation;
   d.clampctrl = m.option.clampctrl, d.constraints = m.option.constraint;
 
-  for (double const b : m.dof_damping) d.damped |= b != 0;
+  d.integrator = m.option.integrator;
+  d.density = R(m.option.density), d.viscosity = R(m.option.viscosity);
+
+  // what actuators add to the damping and armature of their joint or tendon: gear^2 times their own
+  auto dof_damping = m.dof_damping, dof_armature = m.dof_armature, tendon_damping = m.tendon_damping, tendon_armature = m.tendon_armature;
+  for (int k = 0; k < m.nu; ++k) {
+    double const square = m.act_gear[k][0] * m.act_gear[k][0], damping = square * item_or(m.act_damping, k, 0.),
+                 armature = square * item_or(m.act_armature, k, 0.);
+    int const id = m.act_id[k];
+    auto const target = Transmission(m.act_target[k]);
+    if (target == Transmission::tendon) tendon_damping[id] += damping, tendon_armature[id] += armature;
+    if (target != Transmission::joint && target != Transmission::joint_in_parent) continue;
+    constexpr int dofs[] = {6, 3, 1, 1};
+    for (int i = m.jnt_dofadr[id], end = i + dofs[m.jnt_type[id]]; i < end; ++i) dof_damping[i] += damping, dof_armature[i] += armature;
+  }
+  auto const any_of = [](auto const& polynomials) {
+    for (auto const& p : polynomials)
+      if (p[0] != 0 || p[1] != 0) return true;
+    return false;
+  };
+  d.poly_stiffness = any_of(m.jnt_stiffnesspoly) || any_of(m.tendon_stiffnesspoly);
+  d.poly_damping = any_of(m.dof_dampingpoly) || any_of(m.tendon_dampingpoly);
+  for (double const b : dof_damping) d.damped |= b != 0;
+  d.damped |= any_of(m.dof_dampingpoly);
+  for (int k = 0; k < m.ntendon; ++k)
+    if (tendon_armature[k] != 0)
+      for (int w = item_or(m.tendon_wrapadr, k, 0), end = w + item_or(m.tendon_wrapnum, k, 0); w < end; ++w)
+        if (m.wrap_type[w] == int(WrapType::sphere) || m.wrap_type[w] == int(WrapType::cylinder))
+          throw Error("tendon '" + m.tendon_name[k] +
+                      "' has armature and wraps round a geom, which MuJoCo does not support either: give the armature to its joints");
 
   ModelPools<R, Mem> pool;
   using M = Model<R, Mem>;
@@ -165,7 +219,7 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   auto pos = m.body_pos;
   auto quat = m.body_quat;
   for (int b = 1; b < m.nbody; ++b) {
-    if (m.body_tree[b] < 0 || m.body_tree[m.body_parent[b]] >= 0) continue;
+    if (m.body_tree[b] < 0 || m.body_tree[m.body_parent[b]] >= 0) continue;  // (on a mocap body: in its frame)
     double const* q = &fixed[std::size_t(m.body_parent[b]) * 7];
     auto const& x = m.body_pos[b];
     auto const& r = m.body_quat[b];
@@ -180,68 +234,129 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
       if (limited[i]) result[i] = {range[i][0], range[i][1]};
     return result;
   };
-  std::vector<double> gear, gain;
-  std::vector<Double3> bias;
-  for (auto const& g : m.act_gear) gear.push_back(g[0]);
-  for (auto const& g : m.act_gainprm) gain.push_back(g[0]);
-  for (auto const& b : m.act_biasprm) bias.push_back({b[0], b[1], b[2]});
+  auto const filled = []<class T>(std::vector<T> const& values, int n, T const& otherwise) {  // what the model's maker has left empty
+    return int(values.size()) == n ? values : std::vector<T>(n, otherwise);
+  };
+  using Two = std::array<double, 2>;
   pool.add(&M::gravity, std::vector<std::array<double, 3>>{m.option.gravity_on ? m.option.gravity : std::array<double, 3>{}});
   pool.add(&M::body_pos, pos), pool.add(&M::body_quat, quat);
   pool.add(&M::body_ipos, m.body_ipos), pool.add(&M::body_iquat, m.body_iquat), pool.add(&M::body_mass, m.body_mass);
   pool.add(&M::body_inertia, m.body_inertia);
+  pool.add(&M::wind, std::vector<Double3>{m.option.wind}), pool.add(&M::body_gravcomp, m.body_gravcomp);
+  pool.add(&M::jnt_stiffnesspoly, filled(m.jnt_stiffnesspoly, m.njnt, Two{})), pool.add(&M::dof_dampingpoly, filled(m.dof_dampingpoly, m.nv, Two{}));
+  pool.add(&M::tendon_armature, tendon_armature), pool.add(&M::tendon_stiffnesspoly, filled(m.tendon_stiffnesspoly, m.ntendon, Two{}));
+  pool.add(&M::tendon_dampingpoly, filled(m.tendon_dampingpoly, m.ntendon, Two{}));
+  pool.add(&M::tendon_actfrcrange, ranges(filled(m.tendon_actfrcrange, m.ntendon, Two{}), filled(m.tendon_actfrclimited, m.ntendon, 0)));
+  pool.add(&M::wrap_divisor, m.wrap_divisor), pool.add(&M::site_pos, m.site_pos), pool.add(&M::site_quat, m.site_quat);
+  pool.add(&M::geom_pos, m.geom_pos), pool.add(&M::geom_quat, m.geom_quat), pool.add(&M::geom_size, m.geom_size);
+  pool.add(&M::geom_fluidcoef, filled(m.geom_fluidcoef, m.ngeom, {0.5, 0.25, 1.5, 1, 1}));
+  std::vector<std::array<double, 6>> added(m.ngeom);
+  for (int g = 0; g < m.ngeom; ++g)
+    if (item_or(m.geom_fluid, g, 0)) {
+      auto const& r = m.geom_size[g];
+      auto const type = ShapeType(m.geom_type[g]);
+      bool const round = type == ShapeType::sphere || type == ShapeType::capsule || type == ShapeType::cylinder;
+      double const z = type == ShapeType::sphere ? r[0] : type == ShapeType::capsule ? r[0] + r[1] : type == ShapeType::cylinder ? r[1] : r[2];
+      added[g] = added_mass(r[0], round ? r[0] : r[1], z);
+    }
+  pool.add(&M::geom_addedmass, added);
+  pool.add(&M::cam_pos, m.cam_pos), pool.add(&M::cam_quat, m.cam_quat);
+  pool.add(&M::cam_pos0, filled(m.cam_pos0, m.ncam, Double3{})), pool.add(&M::cam_poscom0, filled(m.cam_poscom0, m.ncam, Double3{}));
+  pool.add(&M::cam_mat0, filled(m.cam_mat0, m.ncam, std::array<double, 9>{1, 0, 0, 0, 1, 0, 0, 0, 1}));
   pool.add(&M::jnt_pos, m.jnt_pos), pool.add(&M::jnt_axis, m.jnt_axis), pool.add(&M::jnt_stiffness, m.jnt_stiffness);
   pool.add(&M::jnt_actfrcrange, ranges(m.jnt_actfrcrange, m.jnt_actfrclimited));
-  pool.add(&M::dof_armature, m.dof_armature), pool.add(&M::dof_damping, m.dof_damping);
+  pool.add(&M::dof_armature, dof_armature), pool.add(&M::dof_damping, dof_damping);
   pool.add(&M::qpos0, m.qpos0), pool.add(&M::qpos_spring, m.qpos_spring);
   pool.add(&M::term_coef, m.term_coef);
-  pool.add(&M::tendon_stiffness, m.tendon_stiffness), pool.add(&M::tendon_damping, m.tendon_damping);
+  pool.add(&M::tendon_stiffness, m.tendon_stiffness), pool.add(&M::tendon_damping, tendon_damping);
   pool.add(&M::tendon_lengthspring, m.tendon_lengthspring);
   pool.add(&M::body_invweight0, m.body_invweight0);
   pool.add(&M::jnt_range, m.jnt_range), pool.add(&M::jnt_margin, m.jnt_margin), pool.add(&M::jnt_solref, m.jnt_solref);
   pool.add(&M::jnt_solimp, m.jnt_solimp);
   pool.add(&M::dof_frictionloss, m.dof_frictionloss), pool.add(&M::dof_invweight0, m.dof_invweight0);
+  pool.add(&M::dof_M0, filled(m.dof_M0, m.nv, 0.));
   pool.add(&M::dof_solref, m.dof_solref), pool.add(&M::dof_solimp, m.dof_solimp);
   pool.add(&M::tendon_range, m.tendon_range), pool.add(&M::tendon_margin, m.tendon_margin);
   pool.add(&M::tendon_invweight0, m.tendon_invweight0), pool.add(&M::tendon_solref, m.tendon_solref_limit);
   pool.add(&M::tendon_solimp, m.tendon_solimp_limit), pool.add(&M::tendon_frictionloss, m.tendon_frictionloss);
   pool.add(&M::tendon_friction_solref, m.tendon_solref_friction), pool.add(&M::tendon_friction_solimp, m.tendon_solimp_friction);
-  pool.add(&M::act_gear, gear), pool.add(&M::act_gain, gain), pool.add(&M::act_bias, bias);
+  pool.add(&M::act_gear, m.act_gear), pool.add(&M::act_gain, m.act_gainprm), pool.add(&M::act_bias, m.act_biasprm);
+  pool.add(&M::act_dyn, filled(m.act_dynprm, m.nu, std::array<double, 10>{1}));
+  pool.add(&M::act_actrange, ranges(filled(m.act_actrange, m.nu, Two{}), filled(m.act_actlimited, m.nu, 0)));
+  pool.add(&M::act_lengthrange, filled(m.act_lengthrange, m.nu, Two{})), pool.add(&M::act_acc0, filled(m.act_acc0, m.nu, 0.));
+  pool.add(&M::act_cranklength, filled(m.act_cranklength, m.nu, 0.));
   pool.add(&M::act_ctrlrange, ranges(m.act_ctrlrange, m.act_ctrllimited));
   pool.add(&M::act_forcerange, ranges(m.act_forcerange, m.act_forcelimited));
 
-  std::vector<int> tree_archetype(m.ntree), tree_instance(m.ntree);
+  bool const gravity = m.option.gravity_on && (m.option.gravity != Double3{}), passive = d.springs || d.dampers;
+  std::vector<int> tree_archetype(d.ntree), tree_instance(d.ntree), tree_body(d.ntree), tree_dof(d.ntree), tree_dofnum(d.ntree),
+      body_tree(m.nbody, -1), body_root(m.nbody, 0), dof_tree(m.nv);
   for (int k = 0; k < int(trees.size()); ++k) {
     auto const& t = trees[k];
     Archetype a{};
     a.nbody = t.nbody(), a.njnt = t.njnt(), a.nq = t.nq, a.nv = t.nv(), a.nM = int(t.row_col.size()), a.nterm = int(t.term_jnt.size());
-    a.ntendon = int(t.tendon_termadr.size()) - 1, a.nact = int(t.act_id.size()), a.ninstance = int(t.instances.size());
-    a.body_parent = pool.add(t.body_parent), a.body_jntadr = pool.add(t.body_jntadr), a.body_jntnum = pool.add(t.body_jntnum);
-    a.body_dofadr = pool.add(t.body_dofadr), a.body_dofnum = pool.add(t.body_dofnum);
-    a.jnt_type = pool.add(t.jnt_type), a.jnt_body = pool.add(t.jnt_body), a.jnt_qposadr = pool.add(t.jnt_qposadr),
-    a.jnt_dofadr = pool.add(t.jnt_dofadr);
-    a.dof_body = pool.add(t.dof_body), a.dof_parent = pool.add(t.dof_parent), a.dof_jnt = pool.add(t.dof_jnt),
-    a.row_adr = pool.add(t.row_adr), a.row_col = pool.add(t.row_col);
-    a.tendon_termadr = pool.add(t.tendon_termadr), a.term_jnt = pool.add(t.term_jnt), a.act_target = pool.add(t.act_target),
-    a.act_id = pool.add(t.act_id);
-    std::vector<int> tree, body, jnt, dof, qpos, tendon, term, act;
+    a.ntendon = int(t.tendon_kind.size()), a.nact = int(t.act_id.size()), a.ninstance = int(t.instances.size());
+    a.nroot = t.nroot, a.npath = int(t.path_type.size()), a.nstate = t.nstate, a.ntendonJ = int(t.tendon_jdof.size());
+    a.nmoment = int(t.act_mdof.size()), a.nfluid = int(t.fluid_type.size());
+    auto const add = [&](auto... parts) { ((a.*parts.first = pool.add(t.*parts.second)), ...); };
+    using A = Archetype;
+    using D = ArchetypeDescription;
+    auto const p = [](int A::*to, std::vector<int> D::*from) { return std::pair(to, from); };
+    add(p(&A::body_parent, &D::body_parent), p(&A::body_root, &D::body_root), p(&A::body_jntadr, &D::body_jntadr),
+        p(&A::body_jntnum, &D::body_jntnum), p(&A::body_dofadr, &D::body_dofadr), p(&A::body_dofnum, &D::body_dofnum),
+        p(&A::jnt_type, &D::jnt_type), p(&A::jnt_body, &D::jnt_body), p(&A::jnt_qposadr, &D::jnt_qposadr),
+        p(&A::jnt_dofadr, &D::jnt_dofadr), p(&A::jnt_actgravcomp, &D::jnt_actgravcomp), p(&A::dof_body, &D::dof_body),
+        p(&A::dof_parent, &D::dof_parent), p(&A::dof_jnt, &D::dof_jnt), p(&A::row_adr, &D::row_adr), p(&A::row_col, &D::row_col),
+        p(&A::tendon_termadr, &D::tendon_termadr), p(&A::term_jnt, &D::term_jnt), p(&A::tendon_kind, &D::tendon_kind),
+        p(&A::tendon_jadr, &D::tendon_jadr), p(&A::tendon_jdof, &D::tendon_jdof), p(&A::tendon_pathadr, &D::tendon_pathadr),
+        p(&A::path_type, &D::path_type), p(&A::path_ref, &D::path_ref), p(&A::path_last, &D::path_last),
+        p(&A::path_chain, &D::path_chain), p(&A::path_side, &D::path_side), p(&A::chain, &D::chain), p(&A::act_kind, &D::act_kind),
+        p(&A::act_id, &D::act_id), p(&A::act_madr, &D::act_madr), p(&A::act_mdof, &D::act_mdof), p(&A::act_ref1, &D::act_ref1),
+        p(&A::act_last1, &D::act_last1), p(&A::act_chain1, &D::act_chain1), p(&A::act_ref2, &D::act_ref2),
+        p(&A::act_last2, &D::act_last2), p(&A::act_chain2, &D::act_chain2), p(&A::act_dyn, &D::act_dyn), p(&A::act_gain, &D::act_gain),
+        p(&A::act_bias, &D::act_bias), p(&A::act_wrap, &D::act_wrap), p(&A::act_early, &D::act_early), p(&A::act_state, &D::act_state),
+        p(&A::act_disabled, &D::act_disabled), p(&A::body_fluidadr, &D::body_fluidadr), p(&A::fluid_type, &D::fluid_type));
+    std::vector<int> tree, body, jnt, dof, qpos, tendon, term, act, path, side, object1, object2, fluid;
+    auto const append = [](std::vector<int>& to, std::vector<int> const& from) { to.insert(to.end(), from.begin(), from.end()); };
+    for (int kind : t.tendon_kind) a.spatial |= kind != int(TendonKind::fixed);
+    a.fluid = passive && (m.option.density != 0 || m.option.viscosity != 0);
     for (int i = 0; i < a.ninstance; ++i) {
       auto const& s = t.instances[i];
       tree.push_back(s.tree), body.push_back(s.bodyadr), jnt.push_back(s.jntadr), dof.push_back(s.dofadr), qpos.push_back(s.qposadr);
-      tendon.insert(tendon.end(), s.tendon.begin(), s.tendon.end()), term.insert(term.end(), s.term.begin(), s.term.end()),
-          act.insert(act.end(), s.act.begin(), s.act.end());
-      tree_archetype[s.tree] = k, tree_instance[s.tree] = i;
+      append(tendon, s.tendon), append(term, s.term), append(act, s.act), append(path, s.path), append(side, s.side);
+      append(object1, s.act_object1), append(object2, s.act_object2), append(fluid, s.fluid_geom);
+      tree_archetype[s.tree] = k, tree_instance[s.tree] = i, tree_body[s.tree] = s.bodyadr, tree_dof[s.tree] = s.dofadr,
+      tree_dofnum[s.tree] = a.nv;
+      for (int b = 0; b < a.nbody; ++b)
+        if (t.body_parent[b] != parent_of::none) {
+          body_tree[s.bodyadr + b] = s.tree, body_root[s.bodyadr + b] = t.body_root[b];
+          a.gravcomp |= passive && gravity && m.body_gravcomp[s.bodyadr + b] != 0;
+        }
+      for (int j = 0; j < a.nv; ++j) dof_tree[s.dofadr + j] = s.tree;
+      for (int e : s.tendon) {
+        a.tendon_armature |= tendon_armature[e] != 0;
+        a.tendon_clamped |= item_or(m.tendon_actfrclimited, e, 0) != 0;
+        a.tendon_passive |= m.tendon_stiffness[e] != 0 || tendon_damping[e] != 0 || d.poly_stiffness || d.poly_damping;
+      }
     }
+    bool const free_body = a.nbody == 1 && a.njnt == 1 && t.jnt_type[0] == int(JointType::free);
+    if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicit) a.derivative = 2;
+    if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicitfast) a.derivative = free_body ? 2 : 1;
     a.instance_tree = pool.add(tree), a.instance_body = pool.add(body), a.instance_jnt = pool.add(jnt), a.instance_dof = pool.add(dof),
     a.instance_qpos = pool.add(qpos);
     a.instance_tendon = pool.add(tendon), a.instance_term = pool.add(term), a.instance_act = pool.add(act);
+    a.instance_path = pool.add(path), a.instance_side = pool.add(side), a.instance_object1 = pool.add(object1);
+    a.instance_object2 = pool.add(object2), a.instance_fluid = pool.add(fluid);
     pool.archetypes.push_back(a);
   }
-  std::vector<int> limited_joints, friction_dofs, limited_tendons, friction_tendons, termadr(m.tendon_termadr), last_dof(m.nbody, -1),
-      dof_tree(m.nv);
+  d.frictionloss = m.option.frictionloss;
+  std::vector<double> slider(m.nbody, 0.);
+  for (int b = 1; b < m.nbody; ++b) slider[b] = m.body_tree[b] >= 0 && m.tree_bodyadr[m.body_tree[b]] == b && is_slider(m, b);
+  pool.add(&M::body_slider, slider);
+  std::vector<int> limited_joints, friction_dofs, limited_tendons, friction_tendons, termadr(m.tendon_termadr), last_dof(m.nbody, -1);
   for (int j = 0; j < m.njnt && m.option.limit; ++j)
     if (m.jnt_limited[j]) limited_joints.push_back(j);
   for (int i = 0; i < m.nv; ++i) {
-    dof_tree[i] = m.body_tree[m.dof_body[i]];
     if (m.option.frictionloss && m.dof_frictionloss[i] > 0) friction_dofs.push_back(i);
   }
   for (int t = 0; t < m.ntendon; ++t) {
@@ -255,11 +370,32 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   pool.add(&M::limited_tendons, limited_tendons), pool.add(&M::friction_tendons, friction_tendons);
   pool.add(&M::jnt_type, m.jnt_type), pool.add(&M::jnt_body, m.jnt_body), pool.add(&M::jnt_qposadr, m.jnt_qposadr);
   pool.add(&M::jnt_dofadr, m.jnt_dofadr), pool.add(&M::tendon_termadr, termadr), pool.add(&M::term_jnt, m.term_jnt);
-  pool.add(&M::body_last_dof, last_dof), pool.add(&M::dof_tree, dof_tree), pool.add(&M::body_tree, m.body_tree);
+  pool.add(&M::body_last_dof, last_dof), pool.add(&M::dof_tree, dof_tree), pool.add(&M::body_tree, body_tree);
+  auto const mocap_root = mocap_roots(m);
+  std::vector<int> mocap_body(m.nmocap, 0);
+  std::vector<R> mocap_pose;
+  for (int b = 0; b < m.nbody && m.nmocap > 0; ++b)
+    if (item_or(m.body_mocap, b, -1) >= 0) mocap_body[m.body_mocap[b]] = b;
+  for (int b : mocap_body) {
+    for (double x : m.body_pos[b]) mocap_pose.push_back(R(x));
+    for (double x : m.body_quat[b]) mocap_pose.push_back(R(x));
+  }
+  pool.add(&M::body_root, body_root), pool.add(&M::body_parent, m.body_parent), pool.add(&M::body_mocap, mocap_root);
+  pool.add(&M::mocap_body, mocap_body), pool.add(&M::geom_body, m.geom_body), pool.add(&M::site_body, m.site_body);
+  pool.add(&M::cam_body, m.cam_body), pool.add(&M::cam_mode, filled(m.cam_mode, m.ncam, 0));
+  pool.add(&M::cam_target, filled(m.cam_target, m.ncam, -1)), pool.add(&M::act_state, filled(m.act_actadr, m.nu, -1));
   pool.add(&M::tree_archetype, tree_archetype), pool.add(&M::tree_instance, tree_instance);
-  pool.add(&M::tree_body, m.tree_bodyadr), pool.add(&M::tree_dof, m.tree_dofadr), pool.add(&M::tree_dofnum, m.tree_dofnum);
+  pool.add(&M::tree_body, tree_body), pool.add(&M::tree_dof, tree_dof), pool.add(&M::tree_dofnum, tree_dofnum);
   pool.real_parts.push_back({&M::static_pose, pool.reals.size(), fixed.size()});
   pool.reals.insert(pool.reals.end(), fixed.begin(), fixed.end());
+  pool.real_parts.push_back({&M::mocap_pose0, pool.reals.size(), mocap_pose.size()});
+  pool.reals.insert(pool.reals.end(), mocap_pose.begin(), mocap_pose.end());
+  for (int part = 0; part < 2; ++part) {
+    int const from = part == 0 ? 0 : 3, n = part == 0 ? 3 : 4;
+    pool.real_parts.push_back({part == 0 ? &M::mocap_pos0 : &M::mocap_quat0, pool.reals.size(), std::size_t(n * m.nmocap)});
+    for (int k = 0; k < m.nmocap; ++k)
+      for (int c = 0; c < n; ++c) pool.reals.push_back(mocap_pose[7 * k + from + c]);
+  }
   return pool;
 }
 }  // namespace detail

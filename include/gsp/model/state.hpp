@@ -18,6 +18,9 @@ struct State {
   View<R**> qpos_low;           // (world, nq) what rounding took from the positions of free bodies; the position is qpos + qpos_low
   View<R**> qvel;               // (world, nv) [m/s, rad/s]; free joint: velocity in world axes, then angular velocity in body axes
   View<R**> ctrl;               // (world, nu)
+  View<R**> act;                // (world, na) activations of actuators with dynamics
+  View<R***> mocap_pos;         // (world, nmocap, 3) [m] of the bodies that the user moves
+  View<R***> mocap_quat;        // (world, nmocap, 4) w x y z, normalised where they are read
   View<R**> qfrc_applied;       // (world, nv) [N, N m]
   View<std::int64_t*> steps;    // (world) steps done; time = steps * timestep
   View<std::uint32_t*> status;  // (world) bits of core/status.hpp; 0: all is well. A world that is not finite is no longer stepped
@@ -40,6 +43,9 @@ State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOpti
   };
   s.qpos = view("gsp::State::qpos", model.nq), s.qpos_low = view("gsp::State::qpos_low", model.nq),
   s.qvel = view("gsp::State::qvel", model.nv);
+  s.act = view("gsp::State::act", model.na);
+  s.mocap_pos = detail::allocate<typename S::template View<R***>>("gsp::State::mocap_pos", options.worlds, model.nmocap, 3);
+  s.mocap_quat = detail::allocate<typename S::template View<R***>>("gsp::State::mocap_quat", options.worlds, model.nmocap, 4);
   s.ctrl = view("gsp::State::ctrl", model.nu), s.qfrc_applied = view("gsp::State::qfrc_applied", model.nv);
   s.steps = detail::allocate<typename S::template View<std::int64_t*>>("gsp::State::steps", options.worlds);
   s.status = detail::allocate<typename S::template View<std::uint32_t*>>("gsp::State::status", options.worlds);
@@ -47,7 +53,7 @@ State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOpti
   return s;
 }
 
-/// All worlds back to the model's initial positions, at rest, time 0.
+/// All worlds back to the model's initial positions, at rest, without activation, time 0.
 template <class R, ExecutionSpace Exec, class Mem>
 void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& s) {
   auto const qpos0 = model.qpos0;
@@ -56,7 +62,17 @@ void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& s)
   Kokkos::parallel_for(
       "gsp::model::reset", Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(s.worlds) * nq),
       KOKKOS_LAMBDA(std::int64_t i) { qpos(i / nq, i % nq) = qpos0(int(i / nq), int(i % nq)); });
-  detail::zero(exec, s.qpos_low), detail::zero(exec, s.qvel), detail::zero(exec, s.ctrl), detail::zero(exec, s.qfrc_applied);
+  if (model.nmocap > 0) {
+    auto const pose = model.mocap_pose0;
+    auto const mocap_pos = s.mocap_pos, mocap_quat = s.mocap_quat;
+    int const nmocap = model.nmocap;
+    Kokkos::parallel_for(
+        "gsp::model::reset_mocap", Kokkos::RangePolicy<Exec>(exec, 0, s.worlds * nmocap), KOKKOS_LAMBDA(int i) {
+          for (int c = 0; c < 3; ++c) mocap_pos(i / nmocap, i % nmocap, c) = pose(7 * (i % nmocap) + c);
+          for (int c = 0; c < 4; ++c) mocap_quat(i / nmocap, i % nmocap, c) = pose(7 * (i % nmocap) + 3 + c);
+        });
+  }
+  detail::zero(exec, s.act), detail::zero(exec, s.qpos_low), detail::zero(exec, s.qvel), detail::zero(exec, s.ctrl), detail::zero(exec, s.qfrc_applied);
   detail::zero(exec, s.steps), detail::zero(exec, s.status);
 }
 
