@@ -115,7 +115,7 @@ void compare_scene(std::string const& file, std::vector<int> const& steps, Seen&
       auto const& other = theirs.at(key);
       ++seen.pairs;
       // parameters
-      auto const& p = model.parameters_of(contacts.pair(list[0]));
+      auto const p = model.parameters_of(0, contacts.pair(list[0]));
       auto const& q = d->contact[other[0]];
       double worst = std::abs(contacts.includemargin(list[0]) - q.includemargin) + (p.condim != std::min(3, q.dim));
       for (int i = 0; i < 5; ++i) worst = std::max({worst, std::abs(p.friction[i] - q.friction[i]), std::abs(p.solimp[i] - q.solimp[i])});

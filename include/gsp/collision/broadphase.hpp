@@ -54,11 +54,10 @@ struct PlaceColliders {
       int const b = model.collider_body(c);
       Transform<R> const body{{poses.xpos(w, b, 0), poses.xpos(w, b, 1), poses.xpos(w, b, 2)},
                               {poses.xquat(w, b, 0), poses.xquat(w, b, 1), poses.xquat(w, b, 2), poses.xquat(w, b, 3)}};
-      Transform<R> const t = body * load_pose(&model.collider_pose(c, 0));
+      Transform<R> const t = body * load_pose(model.collider_pose.row(w) + 7 * c);
       R* const p = &bounds.pose(w, c, 0);
       p[0] = t.p.x, p[1] = t.p.y, p[2] = t.p.z, p[3] = t.q.w, p[4] = t.q.x, p[5] = t.q.y, p[6] = t.q.z;
-      Vec3<R> e = half_extents(ShapeType(model.collider_type(c)),
-                               Vec3<R>{model.collider_size(c, 0), model.collider_size(c, 1), model.collider_size(c, 2)}, to_matrix(t.q));
+      Vec3<R> e = half_extents(ShapeType(model.collider_type(c)), model.size_of(w, c), to_matrix(t.q));
       for (int i = 0; i < 3; ++i) {
         e[i] = e[i] + R(8) * Kokkos::Experimental::epsilon_v<R> * (abs(t.p[i]) + e[i]);  // rounding must not lose a touch
         bounds.box(w, c, i) = t.p[i], bounds.box(w, c, 3 + i) = e[i];

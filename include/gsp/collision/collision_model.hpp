@@ -6,6 +6,7 @@
 #include <gsp/core/check.hpp>
 #include <gsp/core/detail/views.hpp>
 #include <gsp/model/compiled.hpp>
+#include <gsp/model/field.hpp>
 #include <map>
 #include <string>
 #include <tuple>
@@ -27,31 +28,62 @@ struct ContactParameters {
   R solref[2], solimp[5];
 };
 
+/// What a geom brings to a contact.
+template <class R>
+struct GeomContact {
+  int priority, condim;
+  R solmix, margin, gap;
+  R friction[3];  // sliding, torsional [m], rolling [m]
+  R solref[2], solimp[5];
+};
+
+/// Mixes the parameters of two geoms.
+template <class R>
+KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R> const& a, GeomContact<R> const& b) {
+  ContactParameters<R> p{};
+  p.margin = a.margin + b.margin;
+  p.gap = a.gap + b.gap;
+  R friction[3];
+  if (a.priority != b.priority) {
+    GeomContact<R> const& g = a.priority > b.priority ? a : b;
+    p.condim = g.condim;
+    for (int i = 0; i < 3; ++i) friction[i] = g.friction[i];
+    for (int i = 0; i < 2; ++i) p.solref[i] = g.solref[i];
+    for (int i = 0; i < 5; ++i) p.solimp[i] = g.solimp[i];
+  } else {
+    R const tiny(1e-15);
+    p.condim = a.condim > b.condim ? a.condim : b.condim;
+    for (int i = 0; i < 3; ++i) friction[i] = a.friction[i] > b.friction[i] ? a.friction[i] : b.friction[i];
+    R const s1 = a.solmix, s2 = b.solmix;
+    R const mix = s1 >= tiny && s2 >= tiny ? s1 / (s1 + s2) : s1 < tiny && s2 < tiny ? R(0.5) : s1 < tiny ? R(0) : R(1);
+    bool const standard = a.solref[0] > R(0) && b.solref[0] > R(0);
+    for (int i = 0; i < 2; ++i) {
+      R const least = a.solref[i] < b.solref[i] ? a.solref[i] : b.solref[i];
+      p.solref[i] = standard ? mix * a.solref[i] + (R(1) - mix) * b.solref[i] : least;
+    }
+    for (int i = 0; i < 5; ++i) p.solimp[i] = mix * a.solimp[i] + (R(1) - mix) * b.solimp[i];
+  }
+  for (int i = 0; i < 5; ++i) {
+    R const f = friction[i < 2 ? 0 : i == 2 ? 1 : 2];
+    p.friction[i] = f > R(1e-5) ? f : R(1e-5);
+  }
+  return p;
+}
+
+namespace detail {
+template <class R>
+GeomContact<R> geom_contact(CompiledModel const& m, int g) {
+  GeomContact<R> c{m.geom_priority[g], m.geom_condim[g], R(m.geom_solmix[g]), R(m.geom_margin[g]), R(m.geom_gap[g]), {}, {}, {}};
+  for (int i = 0; i < 3; ++i) c.friction[i] = R(m.geom_friction[g][i]);
+  for (int i = 0; i < 2; ++i) c.solref[i] = R(m.geom_solref[g][i]);
+  for (int i = 0; i < 5; ++i) c.solimp[i] = R(m.geom_solimp[g][i]);
+  return c;
+}
+}  // namespace detail
+
 /// Mixes the parameters of geoms g1 and g2. Host.
 inline ContactParameters<double> mix_contact_parameters(CompiledModel const& m, int g1, int g2) {
-  ContactParameters<double> p{};
-  p.margin = m.geom_margin[g1] + m.geom_margin[g2];
-  p.gap = m.geom_gap[g1] + m.geom_gap[g2];
-  std::array<double, 3> friction;
-  if (m.geom_priority[g1] != m.geom_priority[g2]) {
-    int const g = m.geom_priority[g1] > m.geom_priority[g2] ? g1 : g2;
-    p.condim = m.geom_condim[g];
-    friction = {m.geom_friction[g][0], m.geom_friction[g][1], m.geom_friction[g][2]};
-    std::copy(m.geom_solref[g].begin(), m.geom_solref[g].end(), p.solref);
-    std::copy(m.geom_solimp[g].begin(), m.geom_solimp[g].end(), p.solimp);
-  } else {
-    constexpr double tiny = 1e-15;
-    p.condim = std::max(m.geom_condim[g1], m.geom_condim[g2]);
-    for (int i = 0; i < 3; ++i) friction[i] = std::max(m.geom_friction[g1][i], m.geom_friction[g2][i]);
-    double const s1 = m.geom_solmix[g1], s2 = m.geom_solmix[g2];
-    double const mix = s1 >= tiny && s2 >= tiny ? s1 / (s1 + s2) : s1 < tiny && s2 < tiny ? 0.5 : s1 < tiny ? 0. : 1.;
-    auto const &r1 = m.geom_solref[g1], &r2 = m.geom_solref[g2];
-    for (int i = 0; i < 2; ++i) p.solref[i] = r1[0] > 0 && r2[0] > 0 ? mix * r1[i] + (1 - mix) * r2[i] : std::min(r1[i], r2[i]);
-    for (int i = 0; i < 5; ++i) p.solimp[i] = mix * m.geom_solimp[g1][i] + (1 - mix) * m.geom_solimp[g2][i];
-  }
-  constexpr int unpack[5] = {0, 0, 1, 2, 2};
-  for (int i = 0; i < 5; ++i) p.friction[i] = std::max(1e-5, friction[unpack[i]]);
-  return p;
+  return mix_contact_parameters(detail::geom_contact<double>(m, g1), detail::geom_contact<double>(m, g2));
 }
 
 /// Pairs first ... end - 1 whose geoms are in groups a and b (a: the plane's, where one of the two is a plane).
@@ -71,22 +103,42 @@ struct CollisionModel {
   using memory_space = Mem;
   template <class D>
   using Array = Kokkos::View<D, Kokkos::LayoutRight, Mem, Kokkos::MemoryTraits<Kokkos::Unmanaged>>;
-  int bodies = 0, colliders = 0, groups = 0, pairs = 0, chunks = 0;
+  int bodies = 0, geoms = 0, colliders = 0, groups = 0, pairs = 0, chunks = 0;
   long slots = 0;                                                 // most points that all pairs together can give
   Kokkos::View<int*, Mem> ints;                                   // what the arrays of whole numbers lie in
   Kokkos::View<R*, Mem> reals;                                    // and the others
   Array<int const*> collider_geom, collider_body, collider_type;  // (colliders)
-  Array<R const* [7]> collider_pose;                              // (colliders, 7) in the body's frame: position, quaternion w x y z
-  Array<R const* [3]> collider_size;                              // (colliders, 3)
-  Array<int const*> group_first;                                  // (groups + 1) first collider
-  Array<int const* [2]> pair_collider;                            // (pairs, 2) colliders, type of the first <= type of the second
-  Array<int const*> pair_parameters;                              // (pairs) index into parameters
-  Kokkos::View<ContactParameters<R>*, Mem> parameters;            // the different ones
+  // These may be per world (model/world_values.hpp):
+  Field<R> collider_pose;                                        // (colliders, 7) in the body's frame: position, quaternion w x y z
+  Field<R> collider_size;                                        // (colliders, 3)
+  Field<R> collider_friction, collider_solref, collider_solimp;  // (colliders, 3 | 2 | 5)
+  Array<int const*> group_first;                                 // (groups + 1) first collider
+  Array<int const* [2]> pair_collider;                           // (pairs, 2) colliders, type of the first <= type of the second
+  Array<int const*> pair_parameters;                             // (pairs) index into parameters
+  Kokkos::View<ContactParameters<R>*, Mem> parameters;           // the different ones
   Kokkos::View<CollisionRun<R>*, Mem> runs;
   Kokkos::View<CollisionChunk*, Mem> chunk;           // (chunks)
   Kokkos::View<int*, Kokkos::HostSpace> pair_source;  // (pairs) host: index of the pair in CompiledModel::pairs
 
-  KOKKOS_INLINE_FUNCTION ContactParameters<R> const& parameters_of(int pair) const { return parameters(pair_parameters(pair)); }
+  Kokkos::View<GeomContact<R>*, Mem> collider_contact;  // (colliders) what geoms bring to contacts, shared values
+  int value_worlds = 0;                                 // of the fields that are per world; 0: none is
+  Kokkos::View<R*, Mem> world_reals;                    // what those lie in
+  bool mixes_per_world = false;                         // friction, solref or solimp is per world
+
+  KOKKOS_INLINE_FUNCTION ContactParameters<R> parameters_of(int world, int pair) const {
+    if (!mixes_per_world) return parameters(pair_parameters(pair));
+    return mix_contact_parameters(contact_of(world, pair_collider(pair, 0)), contact_of(world, pair_collider(pair, 1)));
+  }
+  KOKKOS_INLINE_FUNCTION GeomContact<R> contact_of(int world, int collider) const {
+    GeomContact<R> c = collider_contact(collider);
+    for (int i = 0; i < 3; ++i) c.friction[i] = collider_friction(world, 3 * collider + i);
+    for (int i = 0; i < 2; ++i) c.solref[i] = collider_solref(world, 2 * collider + i);
+    for (int i = 0; i < 5; ++i) c.solimp[i] = collider_solimp(world, 5 * collider + i);
+    return c;
+  }
+  KOKKOS_INLINE_FUNCTION Vec3<R> size_of(int world, int collider) const {
+    return {collider_size(world, 3 * collider), collider_size(world, 3 * collider + 1), collider_size(world, 3 * collider + 2)};
+  }
 };
 
 /// Takes what collision needs of `m` to the memory of `exec`. Allocates; fences. Cost O(pairs log pairs), 24 bytes a pair.
@@ -95,7 +147,7 @@ template <class R, ExecutionSpace Exec>
 CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& exec, CompiledModel const& m) {
   using C = CollisionModel<R, typename Exec::memory_space>;
   C c;
-  c.bodies = m.nbody;
+  c.bodies = m.nbody, c.geoms = m.ngeom;
   bool const on = m.option.contact && m.option.constraint;
   int const npair = on ? int(m.pairs.size()) : 0;
 
@@ -138,13 +190,18 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   std::sort(keys.begin(), keys.end());
 
   std::vector<int> geom, body, type, pair, parameters, source;
-  std::vector<R> pose, size;
+  std::vector<R> pose, size, friction, solref, solimp;
+  std::vector<GeomContact<R>> contact;
   for (int i = 0; i < c.colliders; ++i) {
     int const g = order[i];
     geom.push_back(g), body.push_back(m.geom_body[g]), type.push_back(m.geom_type[g]);
     pose.insert(pose.end(), m.geom_pos[g].begin(), m.geom_pos[g].end());
     pose.insert(pose.end(), m.geom_quat[g].begin(), m.geom_quat[g].end());
     size.insert(size.end(), m.geom_size[g].begin(), m.geom_size[g].end());
+    contact.push_back(detail::geom_contact<R>(m, g));
+    auto const& own = contact.back();
+    friction.insert(friction.end(), own.friction, own.friction + 3), solref.insert(solref.end(), own.solref, own.solref + 2);
+    solimp.insert(solimp.end(), own.solimp, own.solimp + 5);
   }
 
   std::vector<ContactParameters<R>> distinct;
@@ -208,10 +265,12 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   };
   std::size_t const at_geom = begin(ints, geom), at_body = begin(ints, body), at_type = begin(ints, type), at_pair = begin(ints, pair),
                     at_group = begin(ints, group_first), at_parameters = begin(ints, parameters), at_pose = begin(reals, pose),
-                    at_size = begin(reals, size);
+                    at_size = begin(reals, size), at_friction = begin(reals, friction), at_solref = begin(reals, solref),
+                    at_solimp = begin(reals, solimp);
   c.ints = detail::to_device<decltype(c.ints)>(exec, "gsp::CollisionModel::ints", ints);
   c.reals = detail::to_device<decltype(c.reals)>(exec, "gsp::CollisionModel::reals", reals);
   c.parameters = detail::to_device<decltype(c.parameters)>(exec, "gsp::CollisionModel::parameters", distinct);
+  c.collider_contact = detail::to_device<decltype(c.collider_contact)>(exec, "gsp::CollisionModel::collider_contact", contact);
   c.runs = detail::to_device<decltype(c.runs)>(exec, "gsp::CollisionModel::runs", runs);
   c.chunk = detail::to_device<decltype(c.chunk)>(exec, "gsp::CollisionModel::chunk", chunks);
   c.pair_source =
@@ -219,7 +278,8 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   int const* const i = c.ints.data();
   R const* const r = c.reals.data();
   c.collider_geom = {i + at_geom, geom.size()}, c.collider_body = {i + at_body, body.size()}, c.collider_type = {i + at_type, type.size()};
-  c.collider_pose = {r + at_pose, geom.size()}, c.collider_size = {r + at_size, geom.size()};
+  c.collider_pose = {r + at_pose}, c.collider_size = {r + at_size}, c.collider_friction = {r + at_friction};
+  c.collider_solref = {r + at_solref}, c.collider_solimp = {r + at_solimp};
   c.group_first = {i + at_group, group_first.size()};
   c.pair_collider = {i + at_pair, source.size()}, c.pair_parameters = {i + at_parameters, source.size()};
   return c;

@@ -161,11 +161,8 @@ struct CollideCandidates {
     if (c.pair < 0) return;
     int const a = model.pair_collider(c.pair, 0), b = model.pair_collider(c.pair, 1);
     auto const kind = pair_kind(ShapeType(model.collider_type(a)), ShapeType(model.collider_type(b)));
-    auto const shape = [&](int i) {
-      return make_shape(load_pose(&s.bounds.pose(c.world, i, 0)),
-                        Vec3<R>{model.collider_size(i, 0), model.collider_size(i, 1), model.collider_size(i, 2)});
-    };
-    auto const& own = model.parameters_of(c.pair);
+    auto const shape = [&](int i) { return make_shape(load_pose(&s.bounds.pose(c.world, i, 0)), model.size_of(c.world, i)); };
+    auto const own = model.parameters_of(c.world, c.pair);
     PointSlots<R> out{&s.points(c.slot), max_points(kind), 0};
     narrowphase(kind, shape(a), shape(b), own.margin + own.gap, out);
     s.candidates(k).count = reduce && kind == PairKind::box_box ? reduce_points(out.slot, out.count) : out.count;
@@ -211,7 +208,7 @@ struct WriteContacts {
     contacts.world(i) = c.world, contacts.pair(i) = c.pair, contacts.feature(i) = p.feature;
     contacts.geom1(i) = model.collider_geom(a), contacts.geom2(i) = model.collider_geom(b);
     contacts.body1(i) = model.collider_body(a), contacts.body2(i) = model.collider_body(b);
-    contacts.dist(i) = p.dist, contacts.includemargin(i) = model.parameters_of(c.pair).margin;
+    contacts.dist(i) = p.dist, contacts.includemargin(i) = model.parameters_of(c.world, c.pair).margin;
     for (int k = 0; k < 3; ++k) contacts.pos(i, k) = p.pos[k];
     // a capsule on a plane slides along and across itself, as in MuJoCo
     bool const lying = ShapeType(model.collider_type(a)) == ShapeType::plane && ShapeType(model.collider_type(b)) == ShapeType::capsule;

@@ -22,7 +22,7 @@ struct ContactRows {
     int const c = contacts.begin_of(world) + k;
     if (!(contacts.dist(c) < contacts.includemargin(c))) return 0;
     if (body_last_dof(contacts.body1(c)) < 0 && body_last_dof(contacts.body2(c)) < 0) return 0;
-    return parameters(c).condim >= 3 ? 3 : 1;
+    return parameters(world, c).condim >= 3 ? 3 : 1;
   }
   template <class Row>
   KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int row, Row&& J) const {
@@ -36,7 +36,7 @@ struct ContactRows {
   KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int row, R x, R u, R h) const {
     if (row > 0) return {R(0), R(0)};
     int const c = contacts.begin_of(world) + k;
-    auto const& p = parameters(c);
+    auto const p = parameters(world, c);
     Softness<R> s;
     for (int i = 0; i < 2; ++i) s.solref[i] = p.solref[i];
     for (int i = 0; i < 5; ++i) s.solimp[i] = p.solimp[i];
@@ -45,7 +45,7 @@ struct ContactRows {
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const {
     if (row == 0) return {R(0), Kokkos::Experimental::infinity_v<R>};
-    return {R(0), R(0), 0, parameters(contacts.begin_of(world) + k).friction[row - 1]};
+    return {R(0), R(0), 0, parameters(world, contacts.begin_of(world) + k).friction[row - 1]};
   }
   KOKKOS_INLINE_FUNCTION RowId id(int world, int k) const {
     int const c = contacts.begin_of(world) + k;
@@ -53,7 +53,9 @@ struct ContactRows {
   }
 
  private:
-  KOKKOS_INLINE_FUNCTION ContactParameters<R> const& parameters(int c) const { return collision.parameters_of(contacts.pair(c)); }
+  KOKKOS_INLINE_FUNCTION ContactParameters<R> parameters(int world, int c) const {
+    return collision.parameters_of(world, contacts.pair(c));
+  }
 };
 
 }  // namespace gsp

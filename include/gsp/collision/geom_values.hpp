@@ -1,0 +1,129 @@
+#pragma once
+#include <gsp/collision/collision_model.hpp>
+#include <gsp/model/world_values.hpp>
+
+/// Shapes, poses and contact parameters of geoms that differ from world to world, as model/world_values.hpp has it for the model.
+namespace gsp {
+
+/// Fields of geoms, by MuJoCo's geom index. Sizes: (worlds, geoms, components).
+enum class GeomField : int { pos, quat, size, friction, solref, solimp };
+
+namespace detail {
+template <class C>
+struct GeomFieldInfo {
+  char const* name;
+  Field<typename C::real_type> C::*member;
+  int stride, first, components;  // of a collider in the member
+};
+template <class C>
+GeomFieldInfo<C> geom_field(GeomField field) {
+  switch (field) {
+    case GeomField::pos:
+      return {"pos", &C::collider_pose, 7, 0, 3};
+    case GeomField::quat:
+      return {"quat", &C::collider_pose, 7, 3, 4};
+    case GeomField::size:
+      return {"size", &C::collider_size, 3, 0, 3};
+    case GeomField::friction:
+      return {"friction", &C::collider_friction, 3, 0, 3};
+    case GeomField::solref:
+      return {"solref", &C::collider_solref, 2, 0, 2};
+    case GeomField::solimp:
+      return {"solimp", &C::collider_solimp, 5, 0, 5};
+  }
+  throw Error("gsp::GeomField: no such field: give one of the enumeration");
+}
+
+template <class R, class Mem, class Values, class Mask>
+struct SetGeoms {
+  typename CollisionModel<R, Mem>::template Array<int const*> collider_geom;
+  R* out;
+  Values values;
+  Mask mask;
+  int colliders, stride, first, components;
+  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
+    int const w = int(i / colliders), c = int(i % colliders), g = collider_geom(c);
+    if (!mask(w)) return;
+    R* const to = out + i * stride + first;
+    for (int k = 0; k < components; ++k) {
+      if constexpr (Values::rank() == 3)
+        to[k] = R(values(w, g, k));
+      else
+        to[k] = R(values(w, components * g + k));
+    }
+    if (stride == 7 && first == 3) {  // quaternions of any length
+      R const n = Kokkos::sqrt(to[0] * to[0] + to[1] * to[1] + to[2] * to[2] + to[3] * to[3]);
+      for (int k = 0; k < 4; ++k) to[k] = n > R(0) ? to[k] / n : R(k == 0);
+    }
+  }
+};
+}  // namespace detail
+
+/// Gives each of `worlds` worlds its own values of these fields of the geoms that collide, at first the shared ones. Parameters of contacts
+/// (friction, solref, solimp) are then mixed where a contact is met; models that share them keep the table. The model keeps the memory.
+/// Allocates; fences. Errors: std::invalid_argument where fields are per world already for another number of worlds.
+template <ExecutionSpace Exec, class R, class Mem>
+void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector<GeomField> const& fields, int worlds) {
+  using C = CollisionModel<R, Mem>;
+  static_assert(can_access<Exec, C>, "gsp::make_per_world: the collision model is not accessible from this execution space");
+  expects(worlds > 0, "gsp::make_per_world: worlds must be positive");
+  expects(model.value_worlds == 0 || model.value_worlds == worlds, "gsp::make_per_world: other fields are per world already, for " +
+                                                                       std::to_string(model.value_worlds) + " worlds and not " +
+                                                                       std::to_string(worlds));
+  if (model.colliders == 0) return;
+  std::size_t size = model.world_reals.extent(0);
+  std::vector<detail::GeomFieldInfo<C>> added;
+  for (auto const field : fields) {
+    auto const f = detail::geom_field<C>(field);
+    bool const known = (model.*f.member).stride > 0 ||
+                       std::any_of(added.begin(), added.end(), [&](auto const& other) { return other.member == f.member; });
+    if (!known) added.push_back(f), size += std::size_t(worlds) * model.colliders * f.stride;
+    model.mixes_per_world |= field >= GeomField::friction;
+  }
+  if (added.empty()) return;
+  auto const next = detail::allocate<Kokkos::View<R*, Mem>>("gsp::CollisionModel::world_reals", size);
+  R* const out = next.data();
+  detail::copy_bytes(exec, out, model.world_reals.data(), model.world_reals.extent(0) * sizeof(R));
+  for (auto member : {&C::collider_pose, &C::collider_size, &C::collider_friction, &C::collider_solref, &C::collider_solimp}) {
+    auto& field = model.*member;
+    if (field.stride > 0) field.data = out + (field.data - model.world_reals.data());
+  }
+  std::size_t at = model.world_reals.extent(0);
+  for (auto const& f : added) {
+    auto& field = model.*f.member;
+    int const row = model.colliders * f.stride;
+    detail::repeat_row(exec, field.data, out + at, row, worlds);
+    field = {out + at, row};
+    at += std::size_t(worlds) * row;
+  }
+  exec.fence("gsp::make_per_world: the old buffer may go");
+  model.world_reals = next, model.value_worlds = worlds;
+}
+
+/// Sets a field of the geoms for the worlds of the mask, from `values` (worlds, geoms, components) or (worlds, geoms * components); geoms
+/// that take part in no pair are passed over. Sizes must be those of the geom's shape. Does not allocate, does not fence.
+/// Errors: std::invalid_argument where the field is not per world, or for other extents.
+template <ExecutionSpace Exec, class R, class Mem, class Values, class Mask = AllWorlds>
+void set_world_values(Exec const& exec, CollisionModel<R, Mem> const& model, GeomField field, Values const& values, Mask const& mask = {}) {
+  static_assert(Values::rank() == 2 || Values::rank() == 3,
+                "gsp::set_world_values: values are (worlds, geoms, components) or (worlds, geoms * components)");
+  static_assert(can_access<Exec, Values>, "gsp::set_world_values: the values are not accessible from this execution space");
+  if (model.colliders == 0) return;
+  auto const f = detail::geom_field<CollisionModel<R, Mem>>(field);
+  auto const& own = model.*f.member;
+  expects(own.stride > 0, std::string("gsp::set_world_values: geom ") + f.name + " is not per world; call make_per_world first");
+  bool fits = int(values.extent(0)) == model.value_worlds;
+  if constexpr (Values::rank() == 3)
+    fits = fits && int(values.extent(1)) == model.geoms && int(values.extent(2)) == f.components;
+  else
+    fits = fits && int(values.extent(1)) == model.geoms * f.components;
+  expects(fits, std::string("gsp::set_world_values: values of geom ") + f.name + " must be (" + std::to_string(model.value_worlds) + ", " +
+                    std::to_string(model.geoms) + ", " + std::to_string(f.components) + ")");
+  Kokkos::parallel_for(
+      "gsp::collision::set_world_values",
+      Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(model.value_worlds) * model.colliders),
+      detail::SetGeoms<R, Mem, Values, Mask>{model.collider_geom, const_cast<R*>(own.data), values, mask, model.colliders, f.stride,
+                                             f.first, f.components});
+}
+
+}  // namespace gsp
