@@ -86,7 +86,9 @@ TEST_CASE("OBJ: forms of corners, polygons, what is ignored") {
   CHECK(faces("f 1 2 3\n") == F{{0, 1, 2}});
   CHECK(faces("f 1/1 2/1/1 3//1\n") == F{{0, 1, 2}});
   CHECK(faces("f -5 -4 -3\r\n") == F{{0, 1, 2}});
-  CHECK(faces("f 1 2 3 4\n") == F{{0, 1, 2}, {0, 2, 3}});  // convex: a fan
+  CHECK(faces("f 1 2 3 4\n") == F{{0, 1, 3}, {1, 2, 3}});  // the shorter diagonal, here equal
+  CHECK(faces("v 3 2 0\nf 1 2 6 4\n") == F{{0, 1, 3}, {1, 5, 3}});
+  CHECK(says(error_of([&] { faces("l 1 2\n"); }), "lines but no faces"));
   CHECK(faces("s off\nusemtl x\nf 1 2 3\nusemtl y\nf 1 3 4\nl 1 2\np 3\ng empty") == F{{0, 1, 2}, {0, 2, 3}});
   CHECK(faces("o first\nf 1 2\nf 1 2 3\ng second\nf 1 3 4") == F{{0, 1, 2}});
   CHECK(faces("g first\ng second\nf 1 3 4\ng third\nf 1 2 3") == F{{0, 2, 3}});

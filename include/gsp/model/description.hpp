@@ -185,7 +185,7 @@ struct EqualityDescription {
   EqualityType type = EqualityType::connect;
   std::string name1 = "", name2 = "";  // bodies (connect, weld; or sites), joints or tendons; the second may be empty
   bool sites = false, active = true;
-  std::array<double, 11> data{};  // connect: anchor; weld: anchor, relative pose, torquescale; joint, tendon: polynomial
+  std::array<double, 11> data{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1};  // connect: anchor; weld: anchor, relative pose, torquescale; joint, tendon: polynomial
   SoftnessDescription softness{};
   Place place{};
 };
@@ -216,7 +216,6 @@ struct MeshDescription {
   std::vector<std::array<float, 3>> vertices{};
   std::vector<std::array<int, 3>> faces{};  // empty: the convex hull of the vertices
   std::vector<std::array<int, 3>> hull{};   // faces of the convex hull where it is needed (gsp/io/mesh_hull.hpp), outward before scaling
-  bool mirror_with_scale = false;           // faces turn round once more when scale mirrors: MuJoCo's rule for its .msh files
   Double3 scale{1, 1, 1}, refpos{0, 0, 0};
   Double4 refquat{1, 0, 0, 0};
   MeshInertia inertia = MeshInertia::legacy;

@@ -17,7 +17,6 @@ inline MeshDescription parse_msh(Bytes bytes, std::string const& file) {
   if (expected != static_cast<std::int64_t>(bytes.size()))
     fail(file, at_byte(0), "its counts ask for " + std::to_string(expected) + " bytes and it has " + std::to_string(bytes.size()) + "; it is cut short or not MSH");
   MeshDescription mesh;
-  mesh.mirror_with_scale = true;
   mesh.vertices.resize(static_cast<std::size_t>(vertices)), mesh.faces.resize(static_cast<std::size_t>(faces));
   std::memcpy(mesh.vertices.data(), bytes.data() + 16, mesh.vertices.size() * sizeof(Vertex));
   std::size_t const at_faces = bytes.size() - mesh.faces.size() * sizeof(Triangle);

@@ -6,13 +6,27 @@
 /// triangles; everything else (normals, texture coordinates, materials, lines, points) is ignored.
 namespace gsp::io::detail {
 
-/// Cuts a polygon into triangles by clipping ears: the corner (k, k + 1, k + 2) is cut off where it is convex and no other corner lies in
-/// it, else the next is tried; a convex polygon becomes the fan about its first corner. Corners are compared in the coordinate plane
-/// that the polygon's first real corner faces most, in float: the order and the arithmetic decide how folded polygons are cut, and MuJoCo's
-/// cut them so. What cannot be cut (a polygon that crosses itself) is dropped, as there.
-/// `budget` falls by the corners that were looked at; false when it is used up.
+/// Cuts a polygon into triangles as MuJoCo's reader does, in float, since order and arithmetic decide how bent polygons are cut.
+/// Four corners: along the shorter diagonal. More: corner k is cut off with (k, k + 1, k + 2) where it turns the way that k and k + 1 turn
+/// about the origin and no other corner lies in it, else the next is tried; they are compared in the coordinate plane that the first
+/// real corner faces most. (Ear clipping, but for the origin: dented polygons may be cut badly, as there. Triangles are always safe.)
+/// What cannot be cut is dropped, as there. `budget` falls by the corners that were looked at; false when it is used up.
 inline bool cut_polygon(std::vector<int> corners, std::vector<Vertex> const& vertices, std::vector<Triangle>& faces, std::int64_t& budget) {
   std::size_t const n = corners.size();
+  if (n == 4) {
+    auto const distance2 = [&](int i, int j) {
+      Vertex const &p = vertices[static_cast<std::size_t>(corners[static_cast<std::size_t>(i)])],
+                   &q = vertices[static_cast<std::size_t>(corners[static_cast<std::size_t>(j)])];
+      float const x = q[0] - p[0], y = q[1] - p[1], z = q[2] - p[2];
+      return x * x + y * y + z * z;
+    };
+    int const a = corners[0], b = corners[1], c = corners[2], d = corners[3];
+    if (distance2(0, 2) < distance2(1, 3))
+      faces.push_back({a, b, c}), faces.push_back({a, c, d});
+    else
+      faces.push_back({a, b, d}), faces.push_back({b, c, d});
+    return true;
+  }
   std::size_t first = 1, second = 2;  // the plane's axes
   auto const at = [&](std::size_t k) -> Vertex const& { return vertices[static_cast<std::size_t>(corners[k % corners.size()])]; };
   for (std::size_t k = 0; k < n; ++k) {
@@ -24,8 +38,6 @@ inline bool cut_polygon(std::vector<int> corners, std::vector<Vertex> const& ver
       break;
     }
   }
-  float area = 0;
-  for (std::size_t k = 0; k < n; ++k) area += (at(k)[first] * at(k + 1)[second] - at(k)[second] * at(k + 1)[first]) * 0.5f;
   std::size_t guess = 0, tries = n;  // without a cut
   while (corners.size() > 3 && tries > 0) {
     if (guess >= corners.size()) guess -= corners.size();
@@ -33,7 +45,8 @@ inline bool cut_polygon(std::vector<int> corners, std::vector<Vertex> const& ver
     if ((budget -= static_cast<std::int64_t>(corners.size())) < 0) return false;
     float x[3], y[3];
     for (std::size_t k = 0; k < 3; ++k) x[k] = at(guess + k)[first], y[k] = at(guess + k)[second];
-    bool ear = !(((x[1] - x[0]) * (y[2] - y[1]) - (y[1] - y[0]) * (x[2] - x[1])) * area < 0);
+    float const turn = (x[1] - x[0]) * (y[2] - y[1]) - (y[1] - y[0]) * (x[2] - x[1]), about_origin = (x[0] * y[1] - y[0] * x[1]) * 0.5f;
+    bool ear = !(turn * about_origin < 0);
     for (std::size_t other = 3; ear && other < corners.size(); ++other) {  // even-odd rule
       float const px = at(guess + other)[first], py = at(guess + other)[second];
       bool inside = false;
@@ -61,6 +74,7 @@ inline MeshDescription parse_obj(Bytes bytes, std::string const& file, std::stri
     std::size_t line;
   };
   std::vector<Polygon> polygons;
+  std::size_t lines_of_edges = 0;
   bool closed = false;     // the first object with faces is over
   std::size_t ignored = 0;  // faces of later ones
   std::int64_t budget = 20'000'000;  // cutting is quadratic in the corners, cubic in folded polygons
@@ -79,6 +93,8 @@ inline MeshDescription parse_obj(Bytes bytes, std::string const& file, std::stri
       mesh.vertices.push_back(v);
     } else if (word == "g" || word == "o") {
       closed = closed || !polygons.empty();
+    } else if (word == "l") {
+      lines_of_edges = lines_of_edges ? lines_of_edges : lines.number();
     } else if (word == "f") {
       if (closed) {
         ++ignored;
@@ -98,6 +114,8 @@ inline MeshDescription parse_obj(Bytes bytes, std::string const& file, std::stri
     }
     if (mesh.vertices.size() > 0x7ffffff0) fail(file, at_line(lines.number()), "has more than 2^31 vertices; simplify it");
   }
+  if (polygons.empty() && lines_of_edges)
+    fail(file, at_line(lines_of_edges), "the file holds lines but no faces, which encloses nothing; export it with faces");
   mesh.faces.reserve(polygons.size());
   for (auto& p : polygons) {
     for (int v : p.corners)

@@ -45,6 +45,7 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
 
   CompiledMesh out;
   out.faces = of_hull ? mesh.hull : mesh.faces;
+  auto enclosing = convex ? mesh.hull : out.faces;
   auto const& given = mesh.vertices;
   if (mesh.inertia == MeshInertia::exact) {  // each edge may run once in each direction
     std::vector<std::pair<int, int>> edges;
@@ -60,8 +61,9 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
            std::to_string(twice->second) + ": orient them alike, or choose another inertia than \"exact\"");
   }
   bool const mirrors = !(mesh.scale[0] * mesh.scale[1] * mesh.scale[2] > 0);
-  if (mirrors && !(mesh.mirror_with_scale && !of_hull))
-    for (auto& f : out.faces) std::swap(f[1], f[2]);
+  if (mirrors)
+    for (auto* faces : {&out.faces, &enclosing})
+      for (auto& f : *faces) std::swap(f[1], f[2]);
 
   std::vector<Double3> moved(given.size());
   auto const refquat = normalized(mesh.refquat);
@@ -71,7 +73,7 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
     if (turns) x = rotate_inverse(refquat, x);
     moved[i] = {x[0] * mesh.scale[0], x[1] * mesh.scale[1], x[2] * mesh.scale[2]};
   }
-  auto const solid = mesh_solid(moved, out.faces, convex ? mesh.hull : out.faces, mesh.inertia);
+  auto const solid = mesh_solid(moved, out.faces, enclosing, mesh.inertia);
   if (!(solid.surface >= 1e-15)) fail("has no surface (its area is under 1e-15 m^2): correct its faces or its scale");
   if (solid.measure < 0) fail("encloses a negative volume: its faces look inwards, turn them over");
   if (!(solid.measure >= 1e-15)) fail("encloses no volume (under 1e-15 m^3): close it, or set its inertia to \"shell\"");

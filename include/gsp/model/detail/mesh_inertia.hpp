@@ -74,11 +74,12 @@ inline MeshSolid mesh_solid(std::vector<Double3> const& vertices, std::vector<st
   return solid;
 }
 
-/// Principal axes of a mesh as MuJoCo chooses them: Jacobi rotations of at most 45 degrees from the mesh's own axes on, then 90 degree
-/// turns that order the moments from large to small; entries and differences under 1e-12 count as zero, so that a mesh that is symmetric
-/// keeps its axes. (principal_axes has no such threshold; there only the tensor matters, here the frame is what fitted shapes lie in.)
+/// Principal axes as MuJoCo chooses them: Jacobi rotations of at most 45 degrees from the given axes on, then 90 degree turns that order the
+/// moments from large to small. Entries, and differences of moments, under 1e-7 of the largest given diagonal count as zero: a mesh that is
+/// symmetric but for its float vertices keeps its axes. What is left beside the diagonal is lost, as there, so that moments and fitted
+/// sizes agree closely with MuJoCo's though both are off by up to 1e-7. (principal_axes is exact to rounding.)
 inline PrincipalAxes mesh_axes(Symmetric3 const& s) {
-  constexpr double tiny = 1e-12;
+  double const tiny = 1e-7 * std::fmax(s[0], std::fmax(s[1], s[2]));
   PrincipalAxes axes{{s[0], s[1], s[2]}, {1, 0, 0, 0}};
   auto const unit = [](int k) { return Double3{k == 0 ? 1. : 0., k == 1 ? 1. : 0., k == 2 ? 1. : 0.}; };
   for (int iteration = 0; iteration < 500; ++iteration) {
@@ -92,10 +93,9 @@ inline PrincipalAxes mesh_axes(Symmetric3 const& s) {
     double const off[3] = {entry(1, 2), entry(0, 2), entry(0, 1)};  // by the axis that removes them
     int axis = std::abs(off[1]) > std::abs(off[0]) ? 1 : 0;
     if (std::abs(off[2]) > std::abs(off[1]) && std::abs(off[2]) > std::abs(off[0])) axis = 2;
-    if (std::abs(off[axis]) < tiny) break;
+    if (!(std::abs(off[axis]) >= tiny) || off[axis] == 0) break;
     int const i = axis == 0 ? 1 : 0, j = axis == 2 ? 1 : 2;  // the plane that is turned, i < j
     double const tau = (axes.moments[j] - axes.moments[i]) / (2 * off[axis]), angle = 0.5 * std::atan2(1., std::abs(tau));
-    if (std::cos(angle) > 1 - tiny) break;
     double const sign = (tau >= 0 ? -1 : 1) * (axis == 1 ? -1 : 1);  // tan(2 angle) = -1 / tau; about y the plane (x, z) turns backwards
     axes.quat = normalized(times(axes.quat, axis_angle(unit(axis), sign * angle)));
   }
