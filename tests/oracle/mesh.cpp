@@ -202,7 +202,7 @@ TEST_CASE("inertia modes, scales, reference poses, formats") {
             }
             CAPTURE(kind); CAPTURE(format); CAPTURE(reference); CAPTURE(joined(scale)); CAPTURE(&soup - soups);
             auto const error = compare(c);
-            if (!error.empty()) ++refused[error.substr(0, error.find(':'))];
+            if (!error.empty()) ++refused[error];
             ++n;
           }
   for (auto const& [what, count] : refused) MESSAGE(what << ": " << count << " of " << n);
@@ -328,7 +328,7 @@ TEST_CASE("every mesh file of the collection") {
     if (!seen.insert(hash).second) continue;
     c.file = path.filename().string();
     c.shape.type = ShapeType::mesh;
-    if (n % 3 == 1) c.mesh.scale = {.001, .001, .001}, c.attributes = "scale='.001 .001 .001'";
+    if (n % 3 == 1) c.mesh.scale = {.1, .2, .1}, c.attributes = "scale='.1 .2 .1'";
     if (n % 3 == 2) c.mesh.scale = {1, -1, 1}, c.attributes = "scale='1 -1 1'";
     if (n % 4 == 3) c.geom += " contype='0' conaffinity='0'", c.shape.contype = c.shape.conaffinity = 0;
     ++n;
