@@ -54,17 +54,29 @@ TEST_CASE("unknown and unsupported words name file, line and remedy") {
   refused(model("<gom/>"), "m.xml:3: ", "unknown element 'gom' in <body>");
   refused(model("", "<default><geom colour='1'/></default>"), "m.xml:4: ", "unknown attribute 'colour'");
   refused(model("", "<sensor><nose/></sensor>"), "m.xml:4: ", "unknown element 'nose'");
-  refused(model("<geom size='.1' adhesion='3'/>"), "m.xml:3: ", "adhesion='3' is not supported yet; remove the attribute");
-  CHECK(message(model("<geom size='.1' adhesion='0'/>")) == "accepted");  // asks for nothing
-  refused(model("<composite/>"), "m.xml:3: ", "<composite> is not supported");
-  refused(model("", "<equality><weld body1='b'/></equality>"), "m.xml:4: ", "equality constraints are not supported yet");
-  refused(model("", "<tendon><spatial/></tendon>"), "m.xml:4: ", "use <fixed> tendons");
-  refused(model("", "<actuator><muscle joint='j'/></actuator>"), "m.xml:4: ", "<muscle> is not supported yet");
-  refused(model("", "<actuator><position joint='j' timeconst='.1'/></actuator>"), "m.xml:4: ", "timeconst");
-  refused(model("", "<actuator><general joint='j' dyntype='filter'/></actuator>"), "m.xml:4: ", "actuators with a state");
-  refused(model("", "<contact><pair geom1='g' geom2='g'/></contact>"), "m.xml:4: ", "<pair> is not supported yet");
-  refused(model("", "<option density='1'/>"), "m.xml:4: ", "density='1'");
-  refused(model("", "<option><flag override='enable'/></option>"), "m.xml:4: ", "override='enable'");
+  refused(model("<geom size='.1'><plugin/></geom>"), "m.xml:3: ", "<geom> <plugin>: plug-ins are not supported");
+  refused(model("<composite/>"), "m.xml:3: ", "<composite>: composites are not supported");
+  refused(model("<flexcomp/>"), "m.xml:3: ", "<flexcomp>: flexes are not supported");
+  refused(model("<geom type='sdf' size='.1'/>"), "m.xml:3: ", "signed distance fields are not supported");
+  refused(model("<camera projection='orthographic'/>"), "m.xml:3: ", "projection='orthographic' is not supported");
+  refused(model("<joint springyield='1'/>"), "m.xml:3: ", "springyield='1' is not supported yet; remove the attribute");
+  refused(model("<frame scale='2'/>"), "m.xml:3: ", "scale='2' is not supported yet");
+  refused(model("", "<equality><flex flex='f'/></equality>"), "m.xml:4: ", "<equality> <flex>: flexes are not supported");
+  refused(model("", "<extension/>"), "m.xml:4: ", "plug-ins are not supported");
+  refused(model("", "<deformable><skin/></deformable>"), "m.xml:4: ", "flexes and skins are not supported");
+  refused(model("", "<asset><skin/></asset>"), "m.xml:4: ", "<skin>: skins are not supported");
+  refused(model("", "<actuator><pid joint='j'/></actuator>"), "m.xml:4: ", "<actuator> <pid>: actuators with an integral term");
+  refused(model("", "<actuator><dcmotor joint='j'/></actuator>"), "m.xml:4: ", "models of electric motors are not supported");
+  refused(model("", "<actuator><motor joint='j' delay='.1' nsample='3'/></actuator>"), "m.xml:4: ", "delay='.1' is not supported yet");
+  refused(model("", "<actuator><motor joint='j' damping='1 2'/></actuator>"), "m.xml:4: ", "coefficients of higher order");
+  refused(model("", "<actuator><general joint='j' dyntype='user'/></actuator>"), "m.xml:4: ", "use one of: none, integrator, filter");
+  refused(model("", "<actuator><general joint='j' gaintype='pid'/></actuator>"), "m.xml:4: ", "use one of: fixed, affine, muscle");
+  refused(model("", "<actuator><muscle joint='j'/></actuator>"), "m.xml:4: ", "needs the range of its length");
+  refused(model("", "<sensor><plugin/></sensor>"), "m.xml:4: ", "<sensor> <plugin>: plug-ins are not supported");
+  refused(model("", "<sensor><gyro site='s' nsample='4'/></sensor>"), "m.xml:4: ", "nsample='4'");
+  refused(model("", "<contact><pair geom1='g' geom2='g' adhesion='2'/></contact>"), "m.xml:4: ", "adhesion='2'");
+  refused(model("", "<option integrator='discrete'/>"), "m.xml:4: ", "use implicitfast");
+  refused(model("", "<option><flag diagexact='enable'/></option>"), "m.xml:4: ", "diagexact='enable'");
   refused("<robot/>", "m.xml:1: ", "an MJCF model is <mujoco>");
 }
 
@@ -90,8 +102,32 @@ TEST_CASE("values are checked") {
   refused(model("<body name='x'><joint/></body>"), "m.xml:3: ", "body 'x' moves but has no mass");
   refused(model("<inertial pos='0 0 0' mass='1' diaginertia='1 1 3'/>"), "m.xml:2: ", "exceeds the sum of the others");
   refused(model("<inertial mass='1'/>"), "m.xml:3: ", "'pos' is missing");
-  refused(model("", "<actuator><motor joint='k'/></actuator>"), "m.xml:4: ", "joint 'k', which does not exist");
-  refused(model("", "<actuator><motor/></actuator>"), "m.xml:4: ", "needs one of joint, jointinparent and tendon");
+  refused(model("", "<actuator><motor joint='k'/></actuator>"), "m.xml:4: ", "names the joint 'k', which does not exist");
+  refused(model("", "<actuator><motor/></actuator>"), "m.xml:4: ", "needs one of joint, jointinparent, tendon, site");
+  refused(model("", "<actuator><motor site='b'/></actuator>"), "m.xml:4: ", "names the site 'b', which does not exist");
+  refused(model("", "<actuator><motor joint='j' refsite='b'/></actuator>"), "m.xml:4: ", "refsite' is for a transmission by site");
+  refused(model("", "<actuator><motor cranksite='b'/></actuator>"), "m.xml:4: ", "slidersite' is missing");
+  refused(model("", "<actuator><general joint='j' actrange='0 1'/></actuator>"), "m.xml:4: ", "actrange' is for actuators with an activation");
+  refused(model("", "<actuator><adhesion body='b' ctrlrange='-1 1'/></actuator>"), "m.xml:4: ", "ctrlrange' has a negative number");
+  refused(model("", "<actuator><damper joint='j'/></actuator>"), "m.xml:4: ", "not below the second");
+  refused(model("", "<equality><connect body1='b'/></equality>"), "m.xml:4: ", "anchor' is missing");
+  refused(model("", "<equality><connect site1='b'/></equality>"), "m.xml:4: ", "site2' is missing");
+  refused(model("", "<equality><weld body1='b' site1='b'/></equality>"), "m.xml:4: ", "stands beside bodies");
+  refused(model("", "<equality><weld body1='x'/></equality>"), "m.xml:4: ", "names the body 'x', which does not exist");
+  refused(model("", "<equality><joint joint1='j' joint2='j'/></equality>"), "m.xml:4: ", "names 'j' twice");
+  refused(model("", "<tendon><spatial/></tendon>"), "m.xml:4: ", "has no path");
+  refused(model("<site name='s'/>", "<tendon><spatial><site site='s'/></spatial></tendon>"), "m.xml:4: ", "has a path of one item");
+  refused(model("<site name='s'/>", "<tendon><spatial><site site='s'/><geom geom='g'/></spatial></tendon>"), "m.xml:4: ", "does not stand between two sites: add them (item 2");
+  refused(model("<site name='s'/>", "<tendon><spatial><pulley divisor='0'/><site site='s'/><site site='s'/></spatial></tendon>"), "m.xml:4: ", "divisor is not positive");
+  refused(model("", "<sensor><gyro site='x'/></sensor>"), "m.xml:4: ", "names the site 'x', which does not exist");
+  refused(model("", "<sensor><gyro/></sensor>"), "m.xml:4: ", "does not say what it measures");
+  refused(model("", "<contact><pair geom1='g'/></contact>"), "m.xml:4: ", "needs geom1 and geom2");
+  refused(model("<camera target='x'/>"), "m.xml:3: ", "names the body 'x', which does not exist");
+  refused(model("<body mocap='true'/>"), "m.xml:3: ", "fixed child of the world");
+  refused(model("", "<asset><mesh name='m'/></asset>"), "m.xml:4: ", "file' is missing");
+  refused(model("", "<asset><hfield name='h' nrow='3' ncol='3'/></asset>"), "m.xml:4: ", "size' is missing");
+  refused(model("<geom type='mesh' mesh='x'/>"), "m.xml:3: ", "x");
+  refused(model("<attach model='a' frame='b' prefix='c'/>"), "m.xml:3: ", "frame='b' is not supported yet");
   refused(model("", "<actuator><position joint='j' inheritrange='1'/></actuator>"), "m.xml:4: ", "inherits a range that 'j' does not have");
   refused(model("", "<tendon><fixed><joint joint='x' coef='1'/></fixed></tendon>"), "m.xml:4: ", "names the joint 'x'");
   refused(model("", "<contact><exclude body1='b' body2='x'/></contact>"), "m.xml:4: ", "names the body 'x'");
@@ -126,21 +162,29 @@ TEST_CASE("broken XML and missing files") {
   refused(model("<replicate count='1000'><replicate count='1000'><site/></replicate></replicate>"), "m.xml:3: ", "more than 200,000");
 }
 
-TEST_CASE("visual meshes are left out when asked, colliding ones never") {
+TEST_CASE("visual meshes that are missing are left out when asked, colliding ones never") {
   std::string const visual = "<geom type='mesh' mesh='x' contype='0' conaffinity='0'/>";
   std::string const weighed =
-      "<mujoco><asset><mesh name='x' file='x.stl'/></asset><worldbody><body><joint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>";
-  refused(weighed + visual + "</body></worldbody></mujoco>", "m.xml:1: ", "leave them out with --skip-visuals");
-  auto const d = parse_mjcf(weighed + visual + visual + "</body></worldbody></mujoco>", "m.xml", {.skip_visuals = true});
+      "<mujoco>\n<asset><mesh name='x' file='x.stl'/></asset><worldbody><body><joint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>";
+  std::string const end = "</body></worldbody></mujoco>";
+  refused(weighed + visual + end, "m.xml:2: ", "x.stl", files({}));
+  auto skip = files({});
+  skip.skip_visuals = true;
+  auto const d = parse_mjcf(weighed + visual + visual + end, "m.xml", skip);
   CHECK(d.bodies[1].geoms.empty());
-  CHECK(lines(d, ReportLine::Kind::left_out, "visual mesh geoms") == 2);
+  CHECK(lines(d, ReportLine::Kind::left_out, "visual geoms whose mesh is missing") == 2);
+  CHECK(lines(d, ReportLine::Kind::left_out, "asset 'x': x.stl cannot be read") == 1);
   CHECK(compile(d).body_mass[1] == 1);
-  refused(weighed + "<geom type='mesh' mesh='x'/></body></worldbody></mujoco>", "m.xml:1: ", "collides with a mesh",
-          {.skip_visuals = true});
-  refused(weighed + "<geom type='box' mesh='x'/></body></worldbody></mujoco>", "m.xml:1: ", "collides with a mesh", {.skip_visuals = true});
+  refused(weighed + "<geom type='mesh' mesh='x'/>" + end, "m.xml:2: ", "x.stl", skip);
+  refused(weighed + "<geom type='box' mesh='x'/>" + end, "m.xml:2: ", "x.stl", skip);
   // the body's mass would come from the mesh
-  refused(model(visual), "m.xml:3: ", "the mass of body 'b' comes from this visual mesh", {.skip_visuals = true});
-  CHECK(message(model("<geom type='mesh' mesh='x' contype='0' conaffinity='0' mass='0'/>"), {.skip_visuals = true}) == "accepted");
+  std::string const light = "<mujoco><asset><mesh name='x' file='x.stl'/></asset><worldbody><body name='b'><joint/><geom size='.1'/>";
+  refused(light + visual + end, "m.xml:1: ", "the mass of body 'b' comes from this visual mesh", skip);
+  CHECK(message(light + "<geom type='mesh' mesh='x' contype='0' conaffinity='0' mass='0'/>" + end, skip) == "accepted");
+  // with the refusals listed, all of the file is read
+  auto listed = files({});
+  listed.list_refusals = true;
+  CHECK(lines(parse_mjcf(weighed + visual + end, "m.xml", listed), ReportLine::Kind::refused, "") == 2);
 }
 
 TEST_CASE("approximations are refused unless asked for, and counted") {
@@ -174,8 +218,8 @@ TEST_CASE("the report lists what has no effect, with file, line and count") {
   CHECK(lines(d, ReportLine::Kind::no_effect, "cone (in profile stable)") == 1);
   CHECK(lines(d, ReportLine::Kind::visual_only, "<map> zfar") == 1);
   CHECK(lines(d, ReportLine::Kind::visual_only, "<light>") >= 2);
-  CHECK(lines(d, ReportLine::Kind::approximated, "cameras are fixed") == 1);
-  CHECK(lines(d, ReportLine::Kind::left_out, "<clock>: not evaluated yet") == 2);
+  CHECK(d.bodies[0].cameras[0].mode == CameraMode::track);
+  CHECK(d.sensors.size() == 2);
   CHECK(lines(d, ReportLine::Kind::no_effect, "text between elements") == 1);
   for (auto const& l : d.report) CHECK(l.file == "m.xml");
   CHECK(d.report[0].line == 2);
@@ -183,11 +227,11 @@ TEST_CASE("the report lists what has no effect, with file, line and count") {
 
 TEST_CASE("with list_refusals the whole file is read and every refusal is a line") {
   auto const d =
-      parse_mjcf(model("<geom size='.1' adhesion='3'/><composite/>", "<equality><weld body1='b'/></equality><tendon><spatial/></tendon>"),
+      parse_mjcf(model("<geom size='.1' type='sdf' mesh='x'/><composite/>", "<equality><flex flex='f'/></equality><actuator><pid joint='j'/></actuator>"),
                  "m.xml", {.list_refusals = true});
   CHECK(lines(d, ReportLine::Kind::refused, "") == 4);
   CHECK(d.bodies[1].geoms.size() == 2);
-  CHECK(compile(d).nv == 1);
+  CHECK(d.actuators.empty());
 }
 
 TEST_CASE("an item remembers its place, across files") {

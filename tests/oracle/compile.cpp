@@ -76,18 +76,49 @@ using Pairs = std::set<std::pair<int, int>>;
 Pairs pairs_of(mjModel const* m) {
   Pairs pairs;
   std::set<int> excluded(m->exclude_signature, m->exclude_signature + m->nexclude);
+  Pairs named;
+  for (int i = 0; i < m->npair; ++i) named.emplace(std::min(m->pair_geom1[i], m->pair_geom2[i]), std::max(m->pair_geom1[i], m->pair_geom2[i]));
   for (int a = 0; a < m->ngeom; ++a)
     for (int b = a + 1; b < m->ngeom; ++b) {
       int const b1 = m->geom_bodyid[a], b2 = m->geom_bodyid[b], w1 = m->body_weldid[b1], w2 = m->body_weldid[b2];
       int const p1 = m->body_weldid[m->body_parentid[w1]], p2 = m->body_weldid[m->body_parentid[w2]];
       if (!((m->geom_contype[a] & m->geom_conaffinity[b]) | (m->geom_contype[b] & m->geom_conaffinity[a]))) continue;
-      if (w1 == w2) continue;
+      if (w1 == w2 || (!m->body_dofnum[w1] && !m->body_dofnum[w2]) || named.count({a, b})) continue;
       if (!(m->opt.disableflags & mjDSBL_FILTERPARENT) && w1 && w2 && (w1 == p2 || w2 == p1)) continue;
       if (excluded.count((std::min(b1, b2) << 16) + std::max(b1, b2))) continue;
       if (m->geom_type[a] == mjGEOM_PLANE && m->geom_type[b] == mjGEOM_PLANE) continue;
       pairs.emplace(a, b);
     }
   return pairs;
+}
+
+// Shapes of primitives by their pose; of meshes by where their vertices stand, as axes are a convention of the eigen solver, to 1e-6 of the
+// mesh's size. MuJoCo rounds vertices to float, so that moved ones are good to its last bit.
+void poses_of_geoms(Compare& c, CompiledModel const& g, mjModel const* m) {
+  for (int i = 0; i < g.ngeom; ++i) {
+    if (m->geom_type[i] != mjGEOM_MESH && (g.geom_data[i] < 0 || m->geom_type[i] == mjGEOM_HFIELD)) {
+      for (int k = 0; k < 3; ++k) c.number("geom_pos", 3 * i + k, g.geom_pos[i][k], m->geom_pos[3 * i + k], c.tolerance);
+      auto const* q = m->geom_quat + 4 * i;
+      double const sign = g.geom_quat[i][0] * q[0] + g.geom_quat[i][1] * q[1] + g.geom_quat[i][2] * q[2] + g.geom_quat[i][3] * q[3] < 0 ? -1 : 1;
+      for (int k = 0; k < 4; ++k) c.number("geom_quat", 4 * i + k, sign * g.geom_quat[i][k], q[k], c.tolerance);
+      continue;
+    }
+    int const mesh = m->geom_dataid[i];
+    REQUIRE(g.geom_data[i] == mesh);
+    auto const& vertices = g.mesh_vertices[mesh];
+    REQUIRE(int(vertices.size()) == m->mesh_vertnum[mesh]);
+    gsp::detail::Pose const mine{g.geom_pos[i], g.geom_quat[i]};
+    auto const *p = m->geom_pos + 3 * i, *q = m->geom_quat + 4 * i;
+    gsp::detail::Pose const theirs{{p[0], p[1], p[2]}, {q[0], q[1], q[2], q[3]}};
+    double size = 0, worst = 0;
+    using gsp::detail::operator-;
+    for (std::size_t v = 0; v < vertices.size(); ++v) {
+      float const* w = m->mesh_vert + 3 * (std::size_t(m->mesh_vertadr[mesh]) + v);
+      Double3 const a = mine * Double3{vertices[v][0], vertices[v][1], vertices[v][2]}, b = theirs * Double3{w[0], w[1], w[2]};
+      worst = std::max(worst, gsp::detail::norm(a - b)), size = std::max(size, gsp::detail::norm({w[0], w[1], w[2]}));
+    }
+    c.number("vertices of geom / size", i, worst / size, 0, 1e-6);
+  }
 }
 
 void compare(CompiledModel const& g, mjModel const* m) {
@@ -101,6 +132,12 @@ void compare(CompiledModel const& g, mjModel const* m) {
   REQUIRE(g.nu == m->nu);
   REQUIRE(g.ntendon == m->ntendon);
   REQUIRE(g.ntree == m->ntree);
+  REQUIRE(g.na == m->na);
+  REQUIRE(g.nmocap == m->nmocap);
+  REQUIRE(g.neq == m->neq);
+  REQUIRE(g.nsensor == m->nsensor);
+  REQUIRE(g.nmesh == m->nmesh);
+  REQUIRE(g.nhfield == m->nhfield);
   REQUIRE(g.keyframes.size() == std::size_t(m->nkey));
   Compare c;
   auto const names = [&](int type, std::vector<std::string> const& all) {
@@ -131,9 +168,16 @@ void compare(CompiledModel const& g, mjModel const* m) {
                                 {o.filterparent, mjDSBL_FILTERPARENT},
                                 {o.actuation, mjDSBL_ACTUATION},
                                 {o.refsafe, mjDSBL_REFSAFE},
+                                {o.equality, mjDSBL_EQUALITY},
                                 {o.eulerdamp, mjDSBL_EULERDAMP}})
     CHECK(on == !(m->opt.disableflags & bit));
 
+  CHECK(g.option.override_contacts == bool(m->opt.enableflags & mjENBL_OVERRIDE));
+  CHECK(g.option.disabled_actuator_groups == m->opt.disableactuator);
+  c.number("density", 0, g.option.density, m->opt.density, 0), c.number("viscosity", 0, g.option.viscosity, m->opt.viscosity, 0);
+  c.array("wind", g.option.wind, m->opt.wind, 0), c.array("magnetic", g.option.magnetic, m->opt.magnetic, 0);
+  c.number("o_margin", 0, g.option.o_margin, m->opt.o_margin, 0), c.array("o_solref", g.option.o_softness.solref, m->opt.o_solref, 0);
+  c.array("o_solimp", g.option.o_softness.solimp, m->opt.o_solimp, 0), c.array("o_friction", g.option.o_friction, m->opt.o_friction, 0);
   c.array("body_parent", g.body_parent, m->body_parentid), c.array("body_weld", g.body_weld, m->body_weldid),
       c.array("body_tree", g.body_tree, m->body_treeid);
   c.array("body_jntadr", g.body_jntadr, m->body_jntadr), c.array("body_jntnum", g.body_jntnum, m->body_jntnum),
@@ -150,9 +194,11 @@ void compare(CompiledModel const& g, mjModel const* m) {
     mjtNum const *q = m->body_iquat + 4 * b, *i = m->body_inertia + 3 * b;
     auto const mine = gsp::detail::rotated_diagonal(g.body_iquat[b], g.body_inertia[b]),
                theirs = gsp::detail::rotated_diagonal({q[0], q[1], q[2], q[3]}, {i[0], i[1], i[2]});
-    double const scale = std::max({mine[0], mine[1], mine[2], 1e-300});
+    // MuJoCo's eigen solver leaves what is below 1e-12 of a mesh of density 1
+    double const scale = std::max({mine[0], mine[1], mine[2], m->nmesh ? 1. : 1e-300});
     for (int k = 0; k < 6; ++k) c.number("inertia tensor / its size", 6 * b + k, mine[k] / scale, theirs[k] / scale, 1e-9);
   }
+  c.array("body_mocap", g.body_mocap, m->body_mocapid);
   c.array("body_invweight0", g.body_invweight0, m->body_invweight0, 1e-9);
 
   c.array("jnt_type", g.jnt_type, m->jnt_type), c.array("jnt_body", g.jnt_body, m->jnt_bodyid),
@@ -163,6 +209,8 @@ void compare(CompiledModel const& g, mjModel const* m) {
       c.array("jnt_stiffness", g.jnt_stiffness, m->jnt_stiffness, 1e-9);
   c.array("jnt_margin", g.jnt_margin, m->jnt_margin), c.array("jnt_range", g.jnt_range, m->jnt_range),
       c.array("jnt_actfrcrange", g.jnt_actfrcrange, m->jnt_actfrcrange);
+  c.array("jnt_stiffnesspoly", g.jnt_stiffnesspoly, m->jnt_stiffnesspoly), c.array("dof_dampingpoly", g.dof_dampingpoly, m->dof_dampingpoly);
+  c.array("jnt_actgravcomp", g.jnt_actgravcomp, m->jnt_actgravcomp), c.array("dof_M0", g.dof_M0, m->dof_M0, 1e-9);
   c.array("jnt_solref", g.jnt_solref, m->jnt_solref), c.array("jnt_solimp", g.jnt_solimp, m->jnt_solimp);
 
   c.array("dof_body", g.dof_body, m->dof_bodyid), c.array("dof_jnt", g.dof_jnt, m->dof_jntid),
@@ -179,14 +227,15 @@ void compare(CompiledModel const& g, mjModel const* m) {
       c.array("geom_group", g.geom_group, m->geom_group);
   for (int i = 0; i < g.ngeom; ++i) CHECK(g.geom_condim[i] == (g.report.empty() ? m->geom_condim[i] : std::min(m->geom_condim[i], 3)));
   for (int i = 0; i < g.ngeom; ++i) {  // MuJoCo clears what a shape does not use
+    if (g.geom_type[i] == mjGEOM_MESH) continue;  // its bounds, in axes of its own
     int const used = g.geom_type[i] == mjGEOM_SPHERE ? 1 : g.geom_type[i] == mjGEOM_CAPSULE || g.geom_type[i] == mjGEOM_CYLINDER ? 2 : 3;
     for (int k = 0; k < used; ++k) c.number("geom_size", 3 * i + k, g.geom_size[i][k], m->geom_size[3 * i + k], c.tolerance);
   }
-  c.array("geom_pos", g.geom_pos, m->geom_pos), c.quats("geom_quat", g.geom_quat, m->geom_quat),
-      c.array("geom_friction", g.geom_friction, m->geom_friction);
+  poses_of_geoms(c, g, m);
+  c.array("geom_friction", g.geom_friction, m->geom_friction);
   c.array("geom_solmix", g.geom_solmix, m->geom_solmix), c.array("geom_margin", g.geom_margin, m->geom_margin),
       c.array("geom_gap", g.geom_gap, m->geom_gap);
-  c.array("geom_rbound", g.geom_rbound, m->geom_rbound), c.array("geom_solref", g.geom_solref, m->geom_solref),
+  c.array("geom_rbound", g.geom_rbound, m->geom_rbound, m->nmesh ? 1e-6 : -1), c.array("geom_solref", g.geom_solref, m->geom_solref),
       c.array("geom_solimp", g.geom_solimp, m->geom_solimp);
   for (int i = 0; i < g.ngeom; ++i)
     if (m->geom_matid[i] < 0)
@@ -194,17 +243,46 @@ void compare(CompiledModel const& g, mjModel const* m) {
 
   c.array("site_body", g.site_body, m->site_bodyid), c.array("site_pos", g.site_pos, m->site_pos),
       c.quats("site_quat", g.site_quat, m->site_quat);
+  c.array("geom_surfacevel", g.geom_surfacevel, m->geom_surfacevel), c.array("geom_adhesion", g.geom_adhesion, m->geom_adhesion);
+  for (int i = 0; i < g.ngeom; ++i) {
+    auto const* fluid = m->geom_fluid + mjNFLUID * i;
+    CHECK(bool(g.geom_fluid[i]) == (fluid[0] != 0));
+    for (int k = 0; k < 5 && fluid[0] != 0; ++k) c.number("geom_fluidcoef", 5 * i + k, g.geom_fluidcoef[i][k], fluid[k + 1], c.tolerance);
+    CHECK(g.geom_data[i] == m->geom_dataid[i]);
+  }
+  c.array("cam_mode", g.cam_mode, m->cam_mode), c.array("cam_target", g.cam_target, m->cam_targetbodyid);
+  c.array("cam_pos0", g.cam_pos0, m->cam_pos0), c.array("cam_poscom0", g.cam_poscom0, m->cam_poscom0, 1e-9),
+      c.array("cam_mat0", g.cam_mat0, m->cam_mat0);
+  for (int i = 0; i < g.ncam; ++i) c.number("cam_fovy", i, g.cam_fovy[i], m->cam_fovy[i] * M_PI / 180, c.tolerance);
   c.array("cam_body", g.cam_body, m->cam_bodyid), c.array("cam_pos", g.cam_pos, m->cam_pos), c.quats("cam_quat", g.cam_quat, m->cam_quat);
 
-  c.array("tendon_num", g.tendon_termnum, m->tendon_num), c.array("tendon_limited", g.tendon_limited, m->tendon_limited),
-      c.array("term_jnt", g.term_jnt, m->wrap_objid);
-  c.array("term_coef", g.term_coef, m->wrap_prm), c.array("tendon_stiffness", g.tendon_stiffness, m->tendon_stiffness),
+  for (int t = 0, term = 0, wrap = 0; t < g.ntendon; ++t) {
+    int const adr = m->tendon_adr[t];
+    bool const fixed = m->tendon_type[t] == mjTENDON_FIXED;
+    REQUIRE(g.tendon_termnum[t] == (fixed ? m->tendon_num[t] : 0));
+    REQUIRE(g.tendon_wrapnum[t] == (fixed ? 0 : m->tendon_num[t]));
+    for (int k = 0; k < g.tendon_termnum[t]; ++k, ++term) {
+      CHECK(g.term_jnt[term] == m->wrap_objid[adr + k]);
+      c.number("term_coef", term, g.term_coef[term], m->wrap_prm[adr + k], c.tolerance);
+    }
+    for (int k = 0; k < g.tendon_wrapnum[t]; ++k, ++wrap) {
+      CHECK(g.wrap_type[wrap] == m->wrap_type[adr + k]);
+      if (m->wrap_type[adr + k] == mjWRAP_PULLEY)
+        c.number("wrap_divisor", wrap, g.wrap_divisor[wrap], m->wrap_prm[adr + k], c.tolerance);
+      else
+        CHECK(g.wrap_id[wrap] == m->wrap_objid[adr + k]);
+      if (m->wrap_type[adr + k] == mjWRAP_SPHERE || m->wrap_type[adr + k] == mjWRAP_CYLINDER) CHECK(g.wrap_side[wrap] == int(m->wrap_prm[adr + k]));
+    }
+  }
+  c.array("tendon_limited", g.tendon_limited, m->tendon_limited), c.array("tendon_stiffness", g.tendon_stiffness, m->tendon_stiffness),
       c.array("tendon_damping", g.tendon_damping, m->tendon_damping);
+  c.array("tendon_stiffnesspoly", g.tendon_stiffnesspoly, m->tendon_stiffnesspoly), c.array("tendon_dampingpoly", g.tendon_dampingpoly, m->tendon_dampingpoly);
+  c.array("tendon_actfrclimited", g.tendon_actfrclimited, m->tendon_actfrclimited), c.array("tendon_actfrcrange", g.tendon_actfrcrange, m->tendon_actfrcrange);
   c.array("tendon_frictionloss", g.tendon_frictionloss, m->tendon_frictionloss),
       c.array("tendon_armature", g.tendon_armature, m->tendon_armature);
   c.array("tendon_margin", g.tendon_margin, m->tendon_margin), c.array("tendon_range", g.tendon_range, m->tendon_range),
-      c.array("tendon_length0", g.tendon_length0, m->tendon_length0);
-  c.array("tendon_lengthspring", g.tendon_lengthspring, m->tendon_lengthspring),
+      c.array("tendon_length0", g.tendon_length0, m->tendon_length0, 1e-10);
+  c.array("tendon_lengthspring", g.tendon_lengthspring, m->tendon_lengthspring, 1e-10),
       c.array("tendon_invweight0", g.tendon_invweight0, m->tendon_invweight0, 1e-9);
   c.array("tendon_solref_limit", g.tendon_solref_limit, m->tendon_solref_lim),
       c.array("tendon_solimp_limit", g.tendon_solimp_limit, m->tendon_solimp_lim);
@@ -213,25 +291,84 @@ void compare(CompiledModel const& g, mjModel const* m) {
 
   for (int a = 0; a < g.nu; ++a) {
     int const out = m->actuator_outadr[a], ctrl = m->actuator_ctrladr[a];
-    CHECK((g.act_target[a] == 0) == (m->actuator_trntype[a] == mjTRN_JOINT || m->actuator_trntype[a] == mjTRN_JOINTINPARENT));
+    int const target[] = {mjTRN_JOINT, mjTRN_JOINTINPARENT, mjTRN_SLIDERCRANK, mjTRN_TENDON, mjTRN_SITE, mjTRN_BODY};
+    CHECK(target[g.act_target[a]] == m->actuator_trntype[a]);
     CHECK(g.act_id[a] == m->actuator_trnid[2 * a]);
+    CHECK(g.act_ref[a] == m->actuator_trnid[2 * a + 1]);
     CHECK(g.act_ctrllimited[a] == m->actuator_ctrllimited[ctrl]);
     CHECK(g.act_forcelimited[a] == m->actuator_forcelimited[a]);
-    c.number("act_gain", a, g.act_gainprm[a][0], m->actuator_gainprm[mjNGAIN * a], c.tolerance);
-    for (int k = 0; k < 3; ++k)
-      c.number("act_bias", a, g.act_biasprm[a][k], m->actuator_biastype[a] == mjBIAS_NONE ? 0 : m->actuator_biasprm[mjNBIAS * a + k], 1e-9);
+    CHECK(g.act_actlimited[a] == m->actuator_actlimited[a]);
+    CHECK(g.act_actearly[a] == m->actuator_actearly[a]);
+    CHECK(g.act_group[a] == m->actuator_group[a]);
+    CHECK(g.act_dyntype[a] == m->actuator_dyntype[a]);
+    CHECK(g.act_gaintype[a] == m->actuator_gaintype[a]);
+    CHECK(g.act_biastype[a] == m->actuator_biastype[a]);
+    CHECK(g.act_actadr[a] == m->actuator_actadr[a]);
+    CHECK(g.act_actnum[a] == m->actuator_actnum[a]);
+    for (int k = 0; k < 10; ++k) {
+      c.number("act_gain", 10 * a + k, g.act_gainprm[a][k], m->actuator_gainprm[mjNGAIN * a + k], c.tolerance);
+      c.number("act_bias", 10 * a + k, g.act_biasprm[a][k], m->actuator_biasprm[mjNBIAS * a + k], 1e-9);
+      c.number("act_dyn", 10 * a + k, g.act_dynprm[a][k], m->actuator_dynprm[mjNDYN * a + k], c.tolerance);
+    }
     for (int k = 0; k < 6; ++k) c.number("act_gear", a, g.act_gear[a][k], m->actuator_gear[6 * out + k], c.tolerance);
     for (int k = 0; k < 2; ++k) {
       c.number("act_ctrlrange", a, g.act_ctrlrange[a][k], m->actuator_ctrlrange[2 * ctrl + k], c.tolerance);
       c.number("act_forcerange", a, g.act_forcerange[a][k], m->actuator_forcerange[2 * a + k], c.tolerance);
+      c.number("act_actrange", a, g.act_actrange[a][k], m->actuator_actrange[2 * a + k], c.tolerance);
+      c.number("act_lengthrange", a, g.act_lengthrange[a][k], m->actuator_lengthrange[2 * out + k], c.tolerance);
     }
+    c.number("act_damping", a, g.act_damping[a], m->actuator_damping[a], c.tolerance);
+    c.number("act_armature", a, g.act_armature[a], m->actuator_armature[a], c.tolerance);
+    c.number("act_cranklength", a, g.act_cranklength[a], m->actuator_cranklength[out], c.tolerance);
+    c.number("act_acc0", a, g.act_acc0[a], m->actuator_acc0[out], 1e-9);
+    c.number("act_length0", a, g.act_length0[a], m->actuator_length0[out], 1e-10);
+  }
+  for (int e = 0; e < g.neq; ++e) {
+    CHECK(g.eq_type[e] == m->eq_type[e]);
+    CHECK(g.eq_id1[e] == m->eq_obj1id[e]);
+    CHECK(g.eq_id2[e] == m->eq_obj2id[e]);
+    CHECK(bool(g.eq_sites[e]) == (m->eq_objtype[e] == mjOBJ_SITE));
+    CHECK(bool(g.eq_active[e]) == bool(m->eq_active0[e]));
+    bool const weld = m->eq_type[e] == mjEQ_WELD;
+    auto const* data = m->eq_data + mjNEQDATA * e;
+    double sign = 1;
+    if (weld && g.eq_data[e][6] * data[6] + g.eq_data[e][7] * data[7] + g.eq_data[e][8] * data[8] + g.eq_data[e][9] * data[9] < 0) sign = -1;
+    for (int k = 0; k < 11; ++k) c.number("eq_data", 11 * e + k, (weld && k >= 6 && k < 10 ? sign : 1) * g.eq_data[e][k], data[k], 1e-10);
+  }
+  names(mjOBJ_EQUALITY, g.eq_name);
+  c.array("eq_solref", g.eq_solref, m->eq_solref), c.array("eq_solimp", g.eq_solimp, m->eq_solimp);
+  c.array("sensor_id", g.sensor_id, m->sensor_objid), c.array("sensor_refid", g.sensor_refid, m->sensor_refid);
+  for (int i = 0; i < g.nsensor; ++i) {
+    CHECK(g.sensor_dim[i] == m->sensor_dim[i]);
+    CHECK(g.sensor_adr[i] == m->sensor_adr[i]);
+    c.number("sensor_cutoff", i, g.sensors[i].cutoff, m->sensor_cutoff[i], 0), c.number("sensor_noise", i, g.sensors[i].noise, m->sensor_noise[i], 0);
+    char const* name = mj_id2name(m, mjOBJ_SENSOR, i);
+    CHECK(g.sensors[i].name == std::string(name ? name : ""));
+  }
+  CHECK(g.nsensordata == m->nsensordata);
+  REQUIRE(int(g.named_pairs.size()) == m->npair);
+  for (int i = 0; i < m->npair; ++i) {
+    auto const p = std::find_if(g.named_pairs.begin(), g.named_pairs.end(), [&](auto const& x) { return x.geom1 == m->pair_geom1[i] && x.geom2 == m->pair_geom2[i]; });
+    REQUIRE(p != g.named_pairs.end());
+    CHECK(p->condim == m->pair_dim[i]);
+    for (int k = 0; k < 5; ++k) {
+      c.number("pair_friction", 5 * i + k, p->friction[k], m->pair_friction[5 * i + k], c.tolerance);
+      c.number("pair_solimp", 5 * i + k, p->solimp[k], m->pair_solimp[5 * i + k], c.tolerance);
+    }
+    for (int k = 0; k < 2; ++k) {
+      c.number("pair_solref", 2 * i + k, p->solref[k], m->pair_solref[2 * i + k], c.tolerance);
+      c.number("pair_solreffriction", 2 * i + k, p->solreffriction[k], m->pair_solreffriction[2 * i + k], c.tolerance);
+    }
+    c.number("pair_margin", i, p->margin, m->pair_margin[i], c.tolerance), c.number("pair_gap", i, p->gap, m->pair_gap[i], c.tolerance);
   }
   for (int k = 0; k < m->nkey; ++k) {
     CHECK(g.keyframes[k].time == m->key_time[k]);
     char const* name = mj_id2name(m, mjOBJ_KEY, k);
     CHECK(g.keyframes[k].name == std::string(name ? name : ""));
     c.array("key_qpos", g.keyframes[k].qpos, m->key_qpos + k * m->nq), c.array("key_qvel", g.keyframes[k].qvel, m->key_qvel + k * m->nv);
-    c.array("key_ctrl", g.keyframes[k].ctrl, m->key_ctrl + k * m->nu);
+    c.array("key_ctrl", g.keyframes[k].ctrl, m->key_ctrl + k * m->nu), c.array("key_act", g.keyframes[k].act, m->key_act + k * m->na);
+    c.array("key_mpos", g.keyframes[k].mpos, m->key_mpos + 3 * k * m->nmocap);
+    c.array("key_mquat", g.keyframes[k].mquat, m->key_mquat + 4 * k * m->nmocap);
   }
 
   Pairs mine;

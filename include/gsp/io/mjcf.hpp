@@ -3,7 +3,9 @@
 #include <functional>
 #include <gsp/io/detail/mjcf_reader.hpp>
 #include <gsp/io/file.hpp>
+#include <gsp/io/mesh_hull.hpp>
 #include <gsp/model/description.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -11,7 +13,7 @@
 namespace gsp::io {
 
 struct MjcfOptions {
-  bool skip_visuals = false;   // leave out visual geoms whose shape is a mesh; otherwise they are an error
+  bool skip_visuals = false;   // leave out visual geoms whose mesh is missing; otherwise that is an error
   bool approximate = false;    // sets Description::compiler.approximate: condim 4 and 6 as 3, pairs of shapes that are not covered left out
   bool list_refusals = false;  // what is not supported becomes a line of the report instead of an error, and is left out of the description
   std::function<std::vector<std::byte>(std::filesystem::path const&)> read = {};  // where files come from; empty: the disk
@@ -29,10 +31,14 @@ class Finish {
     d_.compiler.approximate = options_.approximate;
     d_.bodies.clear();
     add(draft_.world, -1, false);
-    d_.tendons = std::move(draft_.tendons), d_.excludes = std::move(draft_.excludes);
-    for (auto& act : draft_.actuators) {
+    auto& lists = draft_.lists;
+    d_.meshes = std::move(draft_.meshes), d_.hfields = std::move(draft_.hfields);
+    d_.tendons = std::move(lists.tendons), d_.equalities = std::move(lists.equalities), d_.sensors = std::move(lists.sensors);
+    d_.pairs = std::move(lists.pairs), d_.excludes = std::move(lists.excludes);
+    for (auto& act : lists.actuators) {
       if (act.inheritrange > 0) inherit(act);
-      actuator_at_[act.id] = d_.actuators.size();
+      actuator_at_[act.id] = d_.actuators.size(), act_at_[act.id] = na_;
+      na_ += static_cast<std::size_t>(act_size(act.actuator));
       d_.actuators.push_back(std::move(act.actuator));
     }
     for (auto& key : draft_.keys) {
@@ -41,6 +47,7 @@ class Finish {
     }
     for (auto const& place : s_.files.stray_text)
       s_.report.add(ReportLine::Kind::no_effect, s_.files.names[std::size_t(place.file)], place.line, "text between elements");
+    add_hulls(d_);
     d_.files = s_.files.names, d_.report = s_.report.take();
     return std::move(d_);
   }
@@ -66,19 +73,29 @@ class Finish {
       else
         qpos0_.push_back(j.ref);
     }
+    if (b.body.mocap) {
+      mocap_at_[b.id] = mpos0_.size() / 3;
+      mpos0_.insert(mpos0_.end(), b.body.pos.begin(), b.body.pos.end());
+      mquat0_.insert(mquat0_.end(), b.body.quat.begin(), b.body.quat.end());
+    }
     b.body.parent = parent;
     d_.bodies.push_back(std::move(b.body));
     for (auto& child : b.children) add(child, index, moves);
   }
 
-  // ctrlrange = the target's range, scaled about its middle
+  // The range of the control (of the activation, where that is integrated) = the target's range, scaled about its middle. For servos whose
+  // setpoint is a length of the target only.
   void inherit(ActuatorDraft& act) {
     auto& a = act.actuator;
+    if (a.gain_type != ActuatorGain::fixed || a.bias_type != ActuatorBias::affine || a.gainprm[0] != -a.biasprm[1]) return;
+    bool const integrates = a.dynamics == ActuatorDynamics::integrator;
+    if (!integrates && a.dynamics != ActuatorDynamics::none && a.dynamics != ActuatorDynamics::filter_exact)
+      s_.files.fail(a.place, "actuator " + in_quotes(a.name) + " has inheritrange, which is for position and intvelocity; remove it");
     std::array<double, 2> const* range = nullptr;
     if (a.target == Transmission::tendon) {
       for (auto const& t : d_.tendons)
         if (t.name == a.target_name && t.range[0] < t.range[1]) range = &t.range;
-    } else {
+    } else if (a.target == Transmission::joint) {
       if (joint_range_.empty())
         for (auto const& b : d_.bodies)
           for (auto const& j : b.joints) joint_range_[j.name] = &j.range;
@@ -87,35 +104,43 @@ class Finish {
     }
     if (!range)
       s_.files.fail(a.place, "actuator " + in_quotes(a.name) + " inherits a range that " + in_quotes(a.target_name) +
-                                 " does not have; give ctrlrange");
+                                 " does not have; give " + (integrates ? "actrange" : "ctrlrange"));
     double const middle = ((*range)[0] + (*range)[1]) / 2, radius = act.inheritrange * ((*range)[1] - (*range)[0]) / 2;
-    a.ctrl_range = {middle - radius, middle + radius}, a.ctrl_limited = true;
+    (integrates ? a.act_range : a.ctrl_range) = {middle - radius, middle + radius};
+    (integrates ? a.act_limited : a.ctrl_limited) = true;
   }
 
   void spread(KeyDraft& key) {
-    auto const put = [](std::vector<double> const& part, std::size_t at, std::vector<double>& all) {
-      std::copy(part.begin(), part.end(), all.begin() + static_cast<std::ptrdiff_t>(at));
+    auto const put = [](auto const& parts, auto const& place_of, std::vector<double> initial, std::vector<double>& all) {
+      if (parts.empty()) return;
+      all = std::move(initial);
+      for (auto const& [id, part] : parts)
+        if (auto const at = place_of(id)) std::copy(part.begin(), part.end(), all.begin() + static_cast<std::ptrdiff_t>(*at));
     };
+    auto const in = [](auto const& map, auto const& value) {
+      return [&map, value](int id) -> std::optional<std::size_t> {
+        auto const found = map.find(id);
+        return found == map.end() ? std::nullopt : std::optional<std::size_t>(value(found->second));
+      };
+    };
+    auto const same = [](std::size_t at) { return at; };
     auto& k = key.key;
-    if (!key.qpos.empty()) k.qpos = qpos0_;
-    if (!key.qvel.empty()) k.qvel.assign(nv_, 0.);
-    if (!key.ctrl.empty()) k.ctrl.assign(draft_.actuators.size(), 0.);
-    for (auto const& [id, part] : key.qpos)
-      if (auto const at = joint_at_.find(id); at != joint_at_.end()) put(part, at->second.first, k.qpos);
-    for (auto const& [id, part] : key.qvel)
-      if (auto const at = joint_at_.find(id); at != joint_at_.end()) put(part, at->second.second, k.qvel);
-    for (auto const& [id, part] : key.ctrl)
-      if (auto const at = actuator_at_.find(id); at != actuator_at_.end()) put(part, at->second, k.ctrl);
+    put(key.qpos, in(joint_at_, [](auto const& at) { return at.first; }), qpos0_, k.qpos);
+    put(key.qvel, in(joint_at_, [](auto const& at) { return at.second; }), std::vector<double>(nv_, 0.), k.qvel);
+    put(key.act, in(act_at_, same), std::vector<double>(na_, 0.), k.act);
+    put(key.ctrl, in(actuator_at_, same), std::vector<double>(d_.actuators.size(), 0.), k.ctrl);
+    put(key.mpos, in(mocap_at_, [](std::size_t at) { return 3 * at; }), mpos0_, k.mpos);
+    put(key.mquat, in(mocap_at_, [](std::size_t at) { return 4 * at; }), mquat0_, k.mquat);
   }
 
   Session& s_;
   ModelDraft draft_;
   MjcfOptions const& options_;
   Description d_;
-  std::vector<double> qpos0_;
-  std::size_t nv_ = 0;
+  std::vector<double> qpos0_, mpos0_, mquat0_;
+  std::size_t nv_ = 0, na_ = 0;
   std::unordered_map<int, std::pair<std::size_t, std::size_t>> joint_at_;  // id -> place in qpos and qvel
-  std::unordered_map<int, std::size_t> actuator_at_;
+  std::unordered_map<int, std::size_t> actuator_at_, act_at_, mocap_at_;  // id -> place among controls, activations, mocap bodies
   std::unordered_map<std::string, std::array<double, 2> const*> joint_range_;
 };
 

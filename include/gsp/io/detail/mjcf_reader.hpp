@@ -3,10 +3,14 @@
 #include <cmath>
 #include <cstdio>
 #include <gsp/io/detail/load_report.hpp>
+#include <gsp/io/detail/mjcf_actuator_law.hpp>
 #include <gsp/io/detail/mjcf_draft.hpp>
 #include <gsp/io/detail/mjcf_schema.hpp>
+#include <gsp/io/detail/mjcf_sensors.hpp>
 #include <gsp/io/detail/mjcf_values.hpp>
 #include <gsp/io/detail/mjcf_xml.hpp>
+#include <gsp/io/hfield.hpp>
+#include <gsp/io/mesh.hpp>
 #include <map>
 #include <memory>
 #include <set>
@@ -25,6 +29,7 @@ using gsp::detail::norm;
 using gsp::detail::normalized;
 using gsp::detail::Pose;
 using gsp::detail::quat_of_axes;
+using gsp::detail::quat_of_z;
 using gsp::detail::times;
 using gsp::detail::operator+;
 using gsp::detail::operator-;
@@ -49,6 +54,8 @@ class Reader {
     if (root.name != "mujoco") s_.files.fail(root.place, "the root element is " + in_quotes(root.name) + "; an MJCF model is <mujoco>");
     check(root);
     if (auto const* name = root.find("model")) draft_.name = *name;
+    for (auto const& node : root.children)
+      if (node.name == "body") note(Line::no_effect, node.place, "<body> outside <worldbody>");
     auto const each = [&](char const* section, auto const& f) {
       for (auto const& node : root.children)
         if (node.name == section) f(node);
@@ -57,15 +64,11 @@ class Reader {
     each("compiler", [&](Node const& n) { compiler(n); });
     each("option", [&](Node const& n) { option(n); });
     for (char const* section : {"size", "statistic", "visual", "custom"}) each(section, [&](Node const& n) { check_all(n); });
-    each("extension", [&](Node const& n) { refuse(n.place, "<extension>: plug-ins are not supported; remove them"); });
-    each("deformable", [&](Node const& n) { refuse(n.place, "<deformable>: flexes and skins are not supported; remove them"); });
+    for (char const* section : {"extension", "deformable"}) each(section, [&](Node const& n) { refuse_element(n); });
     each("default", [&](Node const& n) { defaults(n, ""); });
     each("asset", [&](Node const& n) { assets(n); });
     each("contact", [&](Node const& n) { contacts(n); });
-    each("equality", [&](Node const& n) {
-      for (auto const& child : n.children)
-        refuse(child.place, "<equality> <" + child.name + ">: equality constraints are not supported yet; remove it");
-    });
+    each("equality", [&](Node const& n) { equalities(n); });
     each("tendon", [&](Node const& n) { tendons(n); });
     each("actuator", [&](Node const& n) { actuators(n); });
     each("sensor", [&](Node const& n) { sensors(n); });
@@ -78,19 +81,23 @@ class Reader {
   }
 
  private:
-  using Kind = ReportLine::Kind;
+  using Line = ReportLine::Kind;
 
   // ---- strictness
 
-  void note(Kind kind, Place const& place, std::string const& text) {
+  void note(Line kind, Place const& place, std::string const& text) {
     s_.report.add(kind, s_.files.names[std::size_t(place.file)], place.line, text);
   }
   void refuse(Place const& place, std::string const& sentence) {
     if (!s_.list_refusals) s_.files.fail(place, sentence);
-    note(Kind::refused, place, sentence);
+    note(Line::refused, place, sentence);
+  }
+  void refuse_element(Node const& node, std::string const& parent = "") {
+    auto const* e = find_refused(node.name);
+    refuse(node.place, parent + "<" + node.name + ">: " + (e ? std::string(e->sentence) : "is not supported; remove it"));
   }
   // Attributes and children of `node` against the schema of `element`; true where nothing is refused.
-  bool check(Node const& node, std::string_view element) {
+  bool check(Node const& node, std::string const& element) {
     auto const* e = find_schema(element);
     if (!e) s_.files.fail(node.place, "unknown element <" + node.name + ">; correct or remove it");
     bool good = true;
@@ -98,9 +105,9 @@ class Reader {
       std::string const what = "<" + node.name + "> " + a.name;
       if (is_in(e->honoured, a.name)) continue;
       if (is_in(e->visual, a.name))
-        note(Kind::visual_only, node.place, what);
+        note(Line::visual_only, node.place, what);
       else if (is_in(e->no_effect, a.name))
-        note(Kind::no_effect, node.place, what);
+        note(Line::no_effect, node.place, what);
       else if (is_in(e->refused, a.name)) {
         if (is_neutral(a.value)) continue;
         refuse(node.place, what + "=" + in_quotes(a.value) + " is not supported yet; remove the attribute"), good = false;
@@ -109,7 +116,7 @@ class Reader {
       }
     }
     for (auto const& child : node.children)
-      if (!is_in(e->children, child.name))
+      if (!is_in(e->children, child.name) && !find_refused(child.name))
         s_.files.fail(child.place, "unknown element " + in_quotes(child.name) + " in <" + node.name + ">; correct or remove it");
     return good;
   }
@@ -126,13 +133,16 @@ class Reader {
 
   void compiler(Node const& node) {
     check(node);
-    for (auto const& child : node.children) check(child);
     Attributes const a(s_.files, node, nullptr);
     auto& c = draft_.compiler;
     if (a.has("angle")) degrees_ = a.choice("angle", {"radian", "degree"}) == 1;
     if (a.has("coordinate")) a.choice("coordinate", {"local"});
     a.boolean("autolimits", autolimits_), a.boolean("balanceinertia", c.balanceinertia);
     a.number("boundmass", c.boundmass), a.number("boundinertia", c.boundinertia), a.number("settotalmass", c.settotalmass);
+    a.boolean("fitaabb", c.fit_aabb), a.boolean("discardvisual", c.discard_visual), a.boolean("fusestatic", c.fuse_static);
+    a.boolean("alignfree", c.align_free), a.boolean("strippath", strip_path_);
+    if (a.has("assetdir")) mesh_folder_ = a.text("assetdir");
+    if (a.has("meshdir")) mesh_folder_ = a.text("meshdir");
     if (a.has("inertiafromgeom")) {
       int const mode = a.choice("inertiafromgeom", {"false", "true", "auto"});
       c.inertia_from_geom_never = mode == 0, c.inertia_from_geom_always = mode == 1;
@@ -145,6 +155,12 @@ class Reader {
       if (eulerseq_.size() != 3 || eulerseq_.find_first_not_of("xyzXYZ") != std::string::npos)
         a.fail("eulerseq", "is " + in_quotes(eulerseq_) + "; give three of x y z X Y Z");
     }
+    for (auto const& child : node.children) {
+      check(child);
+      Attributes const b(s_.files, child, nullptr);
+      if (b.has("mode")) c.length_range = static_cast<LengthRangeMode>(b.choice("mode", {"none", "muscle", "muscleuser", "all"}));
+      b.boolean("useexisting", c.length_range_use_existing), b.boolean("uselimit", c.length_range_use_limit);
+    }
   }
 
   void option(Node const& node) {
@@ -153,13 +169,23 @@ class Reader {
     Attributes const a(s_.files, node, nullptr);
     auto& o = draft_.option;
     a.number("timestep", o.timestep), a.numbers("gravity", o.gravity), a.number("impratio", o.impratio), a.number("tolerance", o.tolerance);
+    a.number("density", o.density), a.number("viscosity", o.viscosity), a.numbers("wind", o.wind), a.numbers("magnetic", o.magnetic);
+    a.number("o_margin", o.o_margin), a.numbers("o_solref", o.o_softness.solref, false), a.numbers("o_solimp", o.o_softness.solimp, false),
+        a.numbers("o_friction", o.o_friction, false);
     a.integer("iterations", o.iterations);
     if (!(o.timestep > 0)) a.fail("timestep", "is not positive; give seconds, such as 0.002");
     if (!(o.impratio > 0)) a.fail("impratio", "is not positive; give one or more");
-    if (a.has("integrator")) o.integrator = static_cast<Integrator>(a.choice("integrator", {"Euler", "RK4", "implicit", "implicitfast"}));
+    for (double group : a.list("actuatorgroupdisable")) {
+      if (group != std::floor(group) || group < 0 || group > 30) a.fail("actuatorgroupdisable", "holds a group other than 0 .. 30; correct it");
+      o.disabled_actuator_groups |= 1 << static_cast<int>(group);
+    }
+    if (a.text("integrator") == "discrete")
+      refuse(node.place, "<option> integrator='discrete' is not supported; use implicitfast");
+    else if (a.has("integrator"))
+      o.integrator = static_cast<Integrator>(a.choice("integrator", {"Euler", "RK4", "implicit", "implicitfast"}));
     if (a.has("cone")) o.cone = static_cast<Cone>(a.choice("cone", {"pyramidal", "elliptic"}));
     for (char const* name : {"integrator", "cone", "impratio"})
-      if (a.has(name)) note(Kind::no_effect, node.place, std::string("<option> ") + name + " (in profile stable)");
+      if (a.has(name)) note(Line::no_effect, node.place, std::string("<option> ") + name + " (in profile stable)");
     for (auto const& flag : node.children) {
       check(flag);
       Attributes const f(s_.files, flag, nullptr);
@@ -167,9 +193,10 @@ class Reader {
         bool const on = f.choice(one.name, {"disable", "enable"}) == 1;
         std::pair<char const*, bool*> const flags[] = {{"actuation", &o.actuation},       {"clampctrl", &o.clampctrl},
                                                        {"constraint", &o.constraint},     {"contact", &o.contact},
-                                                       {"damper", &o.passive_damper},     {"eulerdamp", &o.eulerdamp},
-                                                       {"filterparent", &o.filterparent}, {"frictionloss", &o.frictionloss},
-                                                       {"gravity", &o.gravity_on},        {"limit", &o.limit},
+                                                       {"damper", &o.passive_damper},     {"equality", &o.equality},
+                                                       {"eulerdamp", &o.eulerdamp},       {"filterparent", &o.filterparent},
+                                                       {"frictionloss", &o.frictionloss}, {"gravity", &o.gravity_on},
+                                                       {"limit", &o.limit},               {"override", &o.override_contacts},
                                                        {"refsafe", &o.refsafe},           {"spring", &o.passive_spring},
                                                        {"warmstart", &o.warmstart}};
         for (auto const& [name, value] : flags)
@@ -180,21 +207,11 @@ class Reader {
 
   // ---- default classes: element -> attribute -> value, a copy of the parent's at that point with the class's own over it
 
-  // What an actuator's elements say together: force = gain ctrl + bias0 + bias1 length + bias2 velocity. A positive bias2 with gain =
-  // -bias1 is a damping ratio.
-  struct Law {
-    std::array<double, 10> gain{1}, bias{};
-    std::string gaintype = "fixed", biastype = "none", dyntype = "none";
-    std::string type;  // the last of motor, position, velocity; nothing after general
-    double inheritrange = 0;
-  };
   struct Class {
     std::map<std::string, Values, std::less<>> values;
     std::vector<Law> laws{Law{}};  // of actuators: the class's own last, before it its parent's, and so on
   };
-  static bool is_actuator(std::string_view e) {
-    return is_in("general motor position velocity intvelocity orientation pid damper cylinder muscle adhesion dcmotor", e);
-  }
+  static bool is_actuator(std::string_view e) { return is_in("general motor position velocity intvelocity damper cylinder muscle adhesion", e); }
 
   void defaults(Node const& node, std::string const& parent) {
     check(node);
@@ -212,23 +229,19 @@ class Reader {
     }
     for (auto const& child : node.children) {
       if (child.name == "default") continue;
-      bool const supported = find_schema(child.name) || child.name == "tendon";
-      if (!supported || child.name == "pair" || child.name == "equality") {  // matters only to elements that are refused themselves
-        note(Kind::no_effect, child.place, "<default> <" + child.name + ">");
+      if (find_refused(child.name)) {  // matters only to elements that are refused themselves
+        note(Line::no_effect, child.place, "<default> <" + child.name + ">");
         continue;
       }
       bool const actuator = is_actuator(child.name);
-      if (child.name == "tendon")
-        check(child, "fixed");
-      else
-        check(child);
+      check(child, child.name == "tendon" ? "spatial" : child.name == "equality" ? "default/equality" : child.name);
       auto& own = classes_.at(name);
       for (auto const& a : child.attributes) {
         auto& values = own.values[actuator ? "actuator" : child.name];
         auto const old = values.find(a.name);
         values.insert_or_assign(a.name, Value{old == values.end() ? a.value : merged(a.name, old->second.text, a.value), child.place});
       }
-      if (actuator) own.laws.back() = changed(own.laws, child);
+      if (actuator) own.laws.back() = changed_law(own.laws, s_.files, child);
     }
     in_default_ = true;
     for (auto const& child : node.children)
@@ -250,21 +263,107 @@ class Reader {
 
   // ---- assets
 
+  // A file of the model: below the model's own folder and meshdir.
+  std::filesystem::path asset_path(Attributes const& a) const {
+    std::filesystem::path file = a.text("file");
+    if (strip_path_) file = file.filename();
+    return (s_.files.folders[std::size_t(file_)] / mesh_folder_ / file).lexically_normal();
+  }
+  std::string asset_name(Attributes const& a) const {
+    std::string const name = a.text("name");
+    return name.empty() ? std::filesystem::path(a.text("file")).stem().string() : name;
+  }
+  // Reads a file of an asset. A missing one is an error, unless visuals may be left out: then it is one where something needs the asset.
+  template <class Parse>
+  auto load_asset(Attributes const& a, std::string const& name, Parse const& parse) -> std::optional<decltype(parse(Bytes{}, ""))> {
+    auto const path = asset_path(a);
+    std::vector<std::byte> bytes;
+    try {
+      bytes = s_.files.load(a.place(), path);
+    } catch (Error const& e) {
+      if (!s_.skip_visuals && !s_.list_refusals) throw;
+      missing_[name] = e.what();
+      note(s_.skip_visuals ? Line::left_out : Line::refused, a.place(), "asset " + in_quotes(name) + ": " + path.string() + " cannot be read");
+      return std::nullopt;
+    }
+    try {
+      return parse(Bytes(bytes), path.string());
+    } catch (Error const& e) { throw Error(s_.files.at(a.place()) + e.what()); }
+  }
+  static std::vector<int> whole(Attributes const& a, std::string_view name) {
+    std::vector<int> out;
+    for (double x : a.list(name)) {
+      if (x != std::floor(x) || std::abs(x) > 2147483647.) a.fail(name, "holds a number that is not whole; correct it");
+      out.push_back(static_cast<int>(x));
+    }
+    return out;
+  }
+
+  void mesh(Node const& node) {
+    if (!check(node)) return;
+    auto const a = attributes(node, "mesh", "");
+    std::string const name = asset_name(a), what = "mesh " + in_quotes(name);
+    bool const from_file = a.own("file");
+    if (name.empty()) a.fail("name", "is missing; name the mesh or its file");
+    if (!from_file && !a.own("vertex")) a.fail("file", "is missing; name a file or give vertex");
+    if (from_file && (a.own("vertex") || a.own("face"))) a.fail("file", "stands beside vertex or face; keep one of the two");
+    MeshDescription m;
+    if (from_file) {
+      auto read = load_asset(a, name, [&](Bytes bytes, std::string const& file) { return parse_mesh(bytes, file, a.text("content_type")); });
+      if (!read) return;
+      m = std::move(*read);
+    } else {
+      auto const vertex = a.list("vertex");
+      auto const face = whole(a, "face");
+      try {
+        m = make_mesh(vertex, face, what);
+      } catch (Error const& e) { throw Error(s_.files.at(node.place) + e.what()); }
+    }
+    m.name = name, m.place = node.place;
+    a.numbers("scale", m.scale), a.numbers("refpos", m.refpos), a.numbers("refquat", m.refquat);
+    if (a.has("inertia")) {
+      constexpr std::array modes{MeshInertia::convex, MeshInertia::exact, MeshInertia::legacy, MeshInertia::shell};
+      m.inertia = modes[std::size_t(a.choice("inertia", {"convex", "exact", "legacy", "shell"}))];
+    }
+    if (a.integer("maxhullvert", m.max_hull_vertices) && m.max_hull_vertices != -1 && m.max_hull_vertices < 4)
+      a.fail("maxhullvert", "is below 4; give 4 or more, or -1");
+    draft_.meshes.push_back(std::move(m));
+  }
+
+  void hfield(Node const& node) {
+    check(node);
+    Attributes const a(s_.files, node, nullptr);
+    std::string const name = asset_name(a), what = "hfield " + in_quotes(name);
+    if (name.empty()) a.fail("name", "is missing; name the height field or its file");
+    HeightFieldDescription h;
+    if (a.own("file")) {
+      auto read = load_asset(a, name, [&](Bytes bytes, std::string const& file) { return parse_hfield(bytes, file, a.text("content_type")); });
+      if (!read) return;
+      h = std::move(*read);
+    } else {
+      int rows = 0, columns = 0;
+      a.integer("nrow", rows), a.integer("ncol", columns);
+      auto const elevation = a.list("elevation");
+      try {
+        h = make_hfield(rows, columns, elevation, what);
+      } catch (Error const& e) { throw Error(s_.files.at(node.place) + e.what()); }
+    }
+    h.name = name, h.place = node.place;
+    if (!a.numbers("size", h.size)) a.fail("size", "is missing; give half x, half y, top and base");
+    draft_.hfields.push_back(std::move(h));
+  }
+
   void assets(Node const& node) {
     check(node);
     for (auto const& child : node.children) {
-      if (child.name == "skin") {
-        refuse(child.place, "<skin>: skins are not supported; remove it");
-        continue;
-      }
-      if (child.name == "texture") {
+      if (find_refused(child.name)) {
+        refuse_element(child);
+      } else if (child.name == "texture") {
         check(child);
       } else if (child.name == "mesh") {
-        check(child);
-        note(Kind::left_out, child.place, "<mesh>: not read");
+        mesh(child);
       } else if (child.name == "hfield") {
-        check(child);
-        note(Kind::left_out, child.place, "<hfield>: not read");
+        hfield(child);
       } else if (child.name == "material") {
         check_all(child);
         auto const a = attributes(child, "material", "");
@@ -304,12 +403,6 @@ class Reader {
       q = moving ? times(q, turn) : times(turn, q);
     }
     return q;
-  }
-  // The smallest rotation that takes z to v: about z x v, by atan2(|z x v|, v_z); about x where v points down.
-  static Double4 quat_of_z(Double3 const& v) {
-    Double3 const axis = cross({0, 0, 1}, v);
-    double const s = norm(axis);
-    return s < 1e-10 ? axis_angle({1, 0, 0}, std::atan2(s, v[2])) : axis_angle((1 / s) * axis, std::atan2(s, v[2]));
   }
   Double4 orientation(Attributes const& a, Double4 fallback = {1, 0, 0, 0}) const {
     char const* const ways[] = {"axisangle", "euler", "xyaxes", "zaxis", "quat"};
@@ -366,12 +459,13 @@ class Reader {
       else if (child.name == "camera")
         camera(child, to, frame, childclass);
       else if (child.name == "light")
-        check(child), note(Kind::visual_only, child.place, "<light>");
+        check(child), note(Line::visual_only, child.place, "<light>");
       else if (child.name == "inertial")
         inertial(child, to);
       else if (child.name == "frame") {
         check(child);
         Attributes const a(s_.files, child, nullptr);
+        if (a.has("childclass")) require_class(a, a.text("childclass"));
         Pose pose;
         a.numbers("pos", pose.p);
         pose.q = orientation(a);
@@ -381,10 +475,14 @@ class Reader {
       else if (child.name == "attach")
         attach(child, to, frame);
       else
-        refuse(child.place, "<" + child.name + "> is not supported; remove it");
+        refuse_element(child);
     }
   }
 
+  void require_class(Attributes const& a, std::string const& name) const {
+    if (!classes_.count(name == main_name_ ? "" : name))
+      a.fail("childclass", "names the class " + in_quotes(name) + ", which does not exist; correct the name");
+  }
   void body(Node const& node, BodyDraft& parent, Pose const& frame, std::string const& childclass) {
     check(node);
     count(1, node.place);
@@ -398,10 +496,11 @@ class Reader {
     pose = frame * pose;
     b.pos = pose.p, b.quat = normalized(pose.q);
     a.number("gravcomp", b.gravcomp), a.boolean("mocap", b.mocap);
+    if (a.has("fuse")) b.fuse = a.choice("fuse", {"false", "auto"}) == 1;
+    if (b.mocap) draft.id = s_.next_id++;
     if (b.name == "world") a.fail("name", "is 'world', which the root has; choose another");
     std::string const next = a.text("childclass", childclass);
-    if (a.has("childclass") && !classes_.count(next == main_name_ ? "" : next))
-      a.fail("childclass", "names the class " + in_quotes(next) + ", which does not exist; correct the name");
+    if (a.has("childclass")) require_class(a, next);
     contents(node, draft, Pose{}, next);
     parent.children.push_back(std::move(draft));
   }
@@ -426,14 +525,11 @@ class Reader {
   void softness(Attributes const& a, SoftnessDescription& s, std::string const& suffix) const {
     a.numbers("solref" + suffix, s.solref, false), a.numbers("solimp" + suffix, s.solimp, false);
   }
-  // One number of a list whose further ones are coefficients of higher order.
-  void linear(Attributes const& a, char const* name, double& out) {
-    std::array<double, 3> v{out, 0, 0};
+  // The first number of a list and the coefficients of higher order that may follow.
+  static void polynomial(Attributes const& a, char const* name, double& first, std::array<double, 2>& higher) {
+    std::array<double, 3> v{first, higher[0], higher[1]};
     a.numbers(name, v, false);
-    out = v[0];
-    if (v[1] != 0 || v[2] != 0)
-      refuse(a.place(),
-             std::string("attribute '") + name + "' has coefficients of higher order, which are not supported yet; give one number");
+    first = v[0], higher = {v[1], v[2]};
   }
   // limited="auto" follows from the range, if the compiler allows.
   bool limited(Attributes const& a, char const* flag, char const* range, std::array<double, 2> const& value) const {
@@ -457,6 +553,8 @@ class Reader {
     a.integer("group", j.group);
     if (freejoint) {
       j.type = JointType::free;
+      if (a.has("align"))
+        if (int const align = a.choice("align", {"false", "true", "auto"}); align != 2) j.align = align == 1;
     } else {
       if (a.has("type")) j.type = static_cast<JointType>(a.choice("type", {"free", "ball", "slide", "hinge"}));
       a.numbers("pos", j.pos), a.numbers("axis", j.axis), a.numbers("range", j.range);
@@ -465,7 +563,8 @@ class Reader {
       j.actuator_force_limited = limited(a, "actuatorfrclimited", "actuatorfrcrange", j.actuator_force_range) && j.type >= JointType::slide;
       a.number("ref", j.ref), a.number("springref", j.springref), a.number("armature", j.armature),
           a.number("frictionloss", j.frictionloss), a.number("margin", j.margin);
-      linear(a, "stiffness", j.stiffness), linear(a, "damping", j.damping);
+      a.boolean("actuatorgravcomp", j.actuator_gravcomp);
+      polynomial(a, "stiffness", j.stiffness, j.stiffness_poly), polynomial(a, "damping", j.damping, j.damping_poly);
       a.numbers("springdamper", j.springdamper);
       softness(a, j.limit, "limit"), softness(a, j.friction, "friction");
       if (j.limited && j.type != JointType::slide) j.range = {angle(j.range[0]), angle(j.range[1])};
@@ -499,15 +598,22 @@ class Reader {
 
   void geom(Node const& node, BodyDraft& to, Pose const& frame, std::string const& childclass) {
     check(node);
+    for (auto const& child : node.children) refuse_element(child, "<geom> ");
     count(1, node.place);
     auto const a = attributes(node, "geom", childclass);
     GeomDescription g;
     g.place = node.place, g.name = a.own("name") ? a.text("name") : "";
     g.type = shape(a, ShapeType::sphere);
+    if (a.text("type") == "sdf") refuse(node.place, "<geom> type='sdf': signed distance fields are not supported; use mesh or a primitive");
     a.integer("contype", g.contype), a.integer("conaffinity", g.conaffinity), a.integer("condim", g.condim),
         a.integer("priority", g.priority), a.integer("group", g.group);
     a.numbers("size", g.size, false), a.numbers("friction", g.friction, false);
     a.number("solmix", g.solmix), a.number("margin", g.margin), a.number("gap", g.gap), a.number("density", g.density);
+    a.numbers("surfacevel", g.surface_velocity, false), a.number("adhesion", g.adhesion), a.number("fitscale", g.fitscale);
+    if (g.adhesion != 0) note(Line::approximated, node.place, "<geom> adhesion: contacts push only");
+    if (g.surface_velocity != std::array<double, 6>{}) note(Line::approximated, node.place, "<geom> surfacevel: surfaces are at rest");
+    if (a.has("fluidshape")) g.fluid_ellipsoid = a.choice("fluidshape", {"none", "ellipsoid"}) == 1;
+    a.numbers("fluidcoef", g.fluid_coef, false);
     g.has_mass = a.number("mass", g.mass);
     a.boolean("shellinertia", g.shell_inertia);
     softness(a, g.softness, "");
@@ -519,9 +625,9 @@ class Reader {
       if (found == materials_.end()) a.fail("material", "is " + in_quotes(a.text("material")) + ", which does not exist; correct the name");
       if (!colour) g.rgba = found->second;
     }
-    bool const shaped_by_file = g.type == ShapeType::mesh || g.type == ShapeType::hfield || a.has("mesh") || a.has("hfield");
-    if (shaped_by_file) {
-      without_mesh(node, g, to);
+    g.mesh = a.text("mesh"), g.hfield = a.text("hfield");
+    if (auto const lost = missing_.find(g.mesh.empty() ? g.hfield : g.mesh); lost != missing_.end()) {
+      without_shape(node, g, to, lost->second);
       return;
     }
     Pose pose;
@@ -533,21 +639,20 @@ class Reader {
     g.pos = pose.p, g.quat = normalized(pose.q);
     to.body.geoms.push_back(std::move(g));
   }
-  // Geoms whose shape comes from a file: visual ones may be left out where their body does not take its inertia from them.
-  void without_mesh(Node const& node, GeomDescription const& g, BodyDraft& to) {
+  // Geoms whose file is missing: visual ones may be left out where their body does not take its inertia from them.
+  void without_shape(Node const& node, GeomDescription const& g, BodyDraft& to, std::string const& why) {
     std::string const name = g.name.empty() ? "" : " " + in_quotes(g.name);
     if (!g.visual()) {
-      refuse(
-          node.place,
-          "geom" + name + " collides with a mesh or height field, which is not supported yet; use plane, sphere, capsule, cylinder or box");
-    } else if (!s_.skip_visuals) {
-      refuse(node.place, "visual mesh geoms are not drawn yet; leave them out with --skip-visuals");
-    } else {
+      if (!s_.list_refusals) throw Error(why);
+      note(Line::refused, node.place, "geom" + name + " collides with a shape whose file is missing");
+    } else if (s_.skip_visuals) {
       auto const& c = draft_.compiler;
       bool const weighs =
           (g.has_mass ? g.mass > 0 : g.density > 0) && g.group >= c.inertia_group_range[0] && g.group <= c.inertia_group_range[1];
       if (weighs) to.needs_mesh = node.place;
-      note(Kind::left_out, node.place, "visual mesh geoms (--skip-visuals)");
+      note(Line::left_out, node.place, "visual geoms whose mesh is missing (--skip-visuals)");
+    } else {
+      note(Line::refused, node.place, "visual geoms whose mesh is missing; leave them out with --skip-visuals");
     }
   }
 
@@ -574,12 +679,28 @@ class Reader {
     count(1, node.place);
     auto const a = attributes(node, "camera", childclass);
     CameraDescription c;
-    c.place = node.place, c.name = a.own("name") ? a.text("name") : "";
+    c.place = node.place, c.name = a.own("name") ? a.text("name") : "", c.target = a.text("target");
+    double constexpr pi = 3.14159265358979323846;
     double fovy = 45;
     a.number("fovy", fovy);
-    c.fovy = fovy * (3.14159265358979323846 / 180);
-    if (a.has("mode") && a.choice("mode", {"fixed", "track", "trackcom", "targetbody", "targetbodycom"}) != 0)
-      note(Kind::approximated, node.place, "<camera> mode: cameras are fixed to their body");
+    if (!(fovy < 180)) a.fail("fovy", "is 180 degrees or more; give less");
+    c.fovy = fovy * (pi / 180);
+    // fovy of a sensor: 2 atan(half height / focal length), as MuJoCo in float
+    std::array<double, 2> sensor{0, 0}, focal{0, 0}, focal_pixel{0, 0}, resolution{1, 1};
+    a.numbers("sensorsize", sensor), a.numbers("focal", focal), a.numbers("focalpixel", focal_pixel), a.numbers("resolution", resolution);
+    bool const sized = sensor[0] > 0 && sensor[1] > 0;
+    if (!sized && (focal[0] != 0 || focal[1] != 0 || focal_pixel[0] != 0 || focal_pixel[1] != 0))
+      a.fail("focal", "needs sensorsize; give both");
+    if (sized) {
+      if (!a.has("resolution") || !(resolution[0] > 0 && resolution[1] > 0)) a.fail("sensorsize", "needs a positive resolution; give both");
+      float const height = float(sensor[1]), density = float(resolution[1]) / height;
+      float const length = focal_pixel[1] != 0 ? float(focal_pixel[1]) / density : float(focal[1]);
+      c.fovy = std::atan2(height / 2, length) * 2;
+    }
+    if (a.has("projection") && a.choice("projection", {"perspective", "orthographic"}) == 1)
+      refuse(node.place, "<camera> projection='orthographic' is not supported; use perspective");
+    if (a.has("mode"))
+      c.mode = static_cast<CameraMode>(a.choice("mode", {"fixed", "track", "trackcom", "targetbody", "targetbodycom"}));
     Pose pose;
     a.numbers("pos", pose.p);
     pose.q = orientation(a);
@@ -587,6 +708,8 @@ class Reader {
     c.pos = pose.p, c.quat = normalized(pose.q);
     to.body.cameras.push_back(std::move(c));
   }
+
+  // ---- copies
 
   // Copies of the contents: copy i is turned by i times the Euler angles, and stands one offset from the copy before, in that one's frame.
   // Names get a number.
@@ -596,6 +719,7 @@ class Reader {
     int copies = 0;
     if (!a.integer("count", copies) || copies < 1) a.fail("count", "is missing or below 1; give the number of copies");
     if (copies > 1'000'000) a.fail("count", "is above a million; give less");
+    if (a.has("childclass")) require_class(a, a.text("childclass"));
     Pose pose;
     Double3 offset{}, angles{};
     a.numbers("offset", offset), a.numbers("euler", angles);
@@ -611,17 +735,55 @@ class Reader {
       Rename const rename{"", a.text("sep") + number};
       BodyDraft copy = original;
       if (i > 0) count(size, node.place), renumber(copy);
-      rename(copy);
+      rename(copy, names);
       merge(std::move(copy), frame * pose, to);
       append(lists, names, rename, i > 0);
       pose = {pose * offset, euler(double(i + 1) * angles)};
     }
+  }
+  void renumber(BodyDraft& b) {
+    for (int& id : b.joint_ids) id = s_.next_id++;
+    if (b.id >= 0) b.id = s_.next_id++;
+    for (auto& child : b.children) renumber(child);
+  }
+  // Entries of the lists that name something of `names` are taken out, to be put back once for each copy. They count among the names then.
+  Lists split_lists(Names& names) {
+    Lists taken;
+    Lists::for_each([&](auto list) {
+      auto& all = draft_.lists.*list;
+      std::decay_t<decltype(all)> kept;
+      for (auto& entry : all) {
+        auto& d = description_of(entry);
+        bool any = false;
+        for_each_reference(d, [&](Kind kind, std::string const& name) { any = any || names.has(kind, name); });
+        if (auto* name = any ? own_name(d) : nullptr) names.add(own_kind(d), *name);
+        (any ? taken.*list : kept).push_back(std::move(entry));
+      }
+      all = std::move(kept);
+    });
+    return taken;
+  }
+  void append(Lists lists, Names const& names, Rename const& rename, bool fresh) {
+    count(lists.size(), {file_, 1});
+    Lists::for_each([&](auto list) {
+      for (auto& entry : lists.*list) {
+        auto& d = description_of(entry);
+        if (auto* name = own_name(d)) rename(*name);
+        for_each_reference(d, [&](Kind kind, std::string& name) {
+          if (names.has(kind, name)) rename(name);
+        });
+        if constexpr (requires { entry.inheritrange; })
+          if (fresh) entry.id = s_.next_id++;
+        (draft_.lists.*list).push_back(std::move(entry));
+      }
+    });
   }
 
   // A body of another model, or all of its world, with what refers to nothing else of it.
   void attach(Node const& node, BodyDraft& to, Pose const& frame) {
     if (!check(node)) return;
     Attributes const a(s_.files, node, nullptr);
+    if (!a.own("model")) a.fail("model", "is missing; name a <model> of <asset> (attaching a model to itself is not supported)");
     auto const model = models_.find(a.text("model"));
     if (model == models_.end()) a.fail("model", "is " + in_quotes(a.text("model")) + ", which no <asset> <model> has; correct the name");
     ModelDraft child = read_model(model->second);
@@ -642,34 +804,38 @@ class Reader {
     } else {
       piece.children.push_back(*found);
     }
-    rename(piece);
+    prefix_assets(piece, rename);
+    rename(piece, names);
     merge(std::move(piece), frame, to);
+    auto const adopt = [&](auto& from, auto& into) {
+      for (auto& x : from) {
+        rename(x.name);
+        bool const there = std::any_of(into.begin(), into.end(), [&](auto const& y) { return y.name == x.name; });
+        names.add(Kind::mesh, x.name);
+        if (!there) into.push_back(std::move(x));
+      }
+    };
+    adopt(child.meshes, draft_.meshes), adopt(child.hfields, draft_.hfields);
 
-    auto const inside = [](auto const& set, std::string const& name) { return set.find(name) != set.end(); };
-    for (auto t : child.tendons) {
-      bool all = true;
-      for (auto const& term : t.terms) all = all && inside(names.joints, term.joint);
-      if (!all) continue;
-      if (!t.name.empty()) names.tendons.insert(t.name);
-      rename(t.name);
-      for (auto& term : t.terms) rename(term.joint);
-      draft_.tendons.push_back(std::move(t));
-    }
-    for (auto act : child.actuators) {
-      bool const on_joint = act.actuator.target == Transmission::joint;
-      if (!inside(on_joint ? names.joints : names.tendons, act.actuator.target_name)) continue;
-      rename(act.actuator.name), rename(act.actuator.target_name);
-      draft_.actuators.push_back(std::move(act));
-    }
-    for (auto e : child.excludes) {
-      if (!inside(names.bodies, e.body1) || !inside(names.bodies, e.body2)) continue;
-      rename(e.body1), rename(e.body2);
-      draft_.excludes.push_back(std::move(e));
-    }
+    Lists::for_each([&](auto list) {
+      for (auto& entry : child.lists.*list) {
+        auto& d = description_of(entry);
+        bool all = true;
+        for_each_reference(d, [&](Kind kind, std::string const& name) { all = all && names.has(kind, name); });
+        if (!all) continue;
+        if (auto* name = own_name(d)) names.add(own_kind(d), *name), rename(*name);
+        for_each_reference(d, [&](Kind, std::string& name) { rename(name); });
+        (draft_.lists.*list).push_back(std::move(entry));
+      }
+    });
     for (auto key : child.keys) {
       rename(key.key.name);
       draft_.keys.push_back(std::move(key));
     }
+  }
+  static void prefix_assets(BodyDraft& b, Rename const& rename) {
+    for (auto& g : b.body.geoms) rename(g.mesh), rename(g.hfield);
+    for (auto& child : b.children) prefix_assets(child, rename);
   }
 
   // A <model> without a name goes by the name that the model gives itself, else by that of its file.
@@ -692,10 +858,10 @@ class Reader {
     Node const root = xml.parse(bytes, file);
     ModelDraft draft = reader.read(root);
     --s_.depth;
-    if (reader.has_option_) note(Kind::no_effect, root.place, "<option> of an attached model: the attaching model's holds");
+    if (reader.has_option_) note(Line::no_effect, root.place, "<option> of an attached model: the attaching model's holds");
     auto const key = [](CompilerDescription const& c) {
       return std::tuple(c.inertia_from_geom_always, c.inertia_from_geom_never, c.inertia_group_range, c.boundmass, c.boundinertia,
-                        c.settotalmass, c.balanceinertia);
+                        c.settotalmass, c.balanceinertia, c.fit_aabb);
     };
     if (key(draft.compiler) != key(draft_.compiler))
       refuse(root.place,
@@ -710,80 +876,38 @@ class Reader {
     }
     return nullptr;
   }
-  void renumber(BodyDraft& b) {
-    for (int& id : b.joint_ids) id = s_.next_id++;
-    for (auto& child : b.children) renumber(child);
-  }
-  // The keyframe of an attached model as values by joint and actuator.
+  // The keyframe of an attached model as values by joint, actuator and mocap body.
   void split_key(ModelDraft const& model, KeyDraft& key) const {
     if (key.attached) return;
     key.attached = true;
-    auto const take = [&](std::vector<double>& all, std::size_t& at, int n) {
-      std::vector<double> part;
-      for (int i = 0; i < n && at < all.size(); ++i) part.push_back(all[at++]);
-      return part;
+    struct Part {
+      char const* what;
+      std::vector<double>& all;
+      std::map<int, std::vector<double>>& by_id;
+      std::size_t at = 0;
     };
-    auto const done = [&](std::vector<double>& all, std::size_t needed, char const* what) {
-      if (!all.empty() && all.size() != needed)
-        s_.files.fail(key.key.place, "<key>: attribute '" + std::string(what) + "' has " + std::to_string(all.size()) +
-                                         " numbers and the model needs " + std::to_string(needed) + "; correct the list");
-      all.clear();
+    auto& k = key.key;
+    Part qpos{"qpos", k.qpos, key.qpos}, qvel{"qvel", k.qvel, key.qvel}, act{"act", k.act, key.act}, ctrl{"ctrl", k.ctrl, key.ctrl},
+        mpos{"mpos", k.mpos, key.mpos}, mquat{"mquat", k.mquat, key.mquat};
+    auto const take = [](Part& part, int id, int n) {
+      if (!part.all.empty() && n > 0) {
+        auto const begin = std::min(part.at, part.all.size()), end = std::min(part.at + std::size_t(n), part.all.size());
+        part.by_id[id].assign(part.all.begin() + std::ptrdiff_t(begin), part.all.begin() + std::ptrdiff_t(end));
+      }
+      part.at += std::size_t(n);
     };
-    std::size_t q = 0, v = 0, c = 0, nq = 0, nv = 0;
     for_each_joint(model.world, [&](int id, JointDescription const& j, BodyDescription const&) {
-      nq += std::size_t(qpos_size(j.type)), nv += std::size_t(qvel_size(j.type));
-      if (!key.key.qpos.empty()) key.qpos[id] = take(key.key.qpos, q, qpos_size(j.type));
-      if (!key.key.qvel.empty()) key.qvel[id] = take(key.key.qvel, v, qvel_size(j.type));
+      take(qpos, id, qpos_size(j.type)), take(qvel, id, qvel_size(j.type));
     });
-    if (!key.key.ctrl.empty())
-      for (auto const& act : model.actuators) key.ctrl[act.id] = take(key.key.ctrl, c, 1);
-    done(key.key.qpos, nq, "qpos"), done(key.key.qvel, nv, "qvel"), done(key.key.ctrl, model.actuators.size(), "ctrl");
-  }
-
-  // Entries of the lists that name something of `names` are taken out, to be put back once for each copy. Tendons count among the names
-  // then.
-  struct Lists {
-    std::vector<TendonDescription> tendons;
-    std::vector<ActuatorDraft> actuators;
-    std::vector<ExcludeDescription> excludes;
-  };
-  Lists split_lists(Names& names) {
-    Lists lists;
-    auto const split = [](auto& all, auto& taken, auto const& test) {
-      std::decay_t<decltype(all)> kept;
-      for (auto& x : all) (test(x) ? taken : kept).push_back(std::move(x));
-      all = std::move(kept);
-    };
-    split(draft_.tendons, lists.tendons, [&](TendonDescription const& t) {
-      bool any = false;
-      for (auto const& term : t.terms) any = any || names.joints.count(term.joint);
-      if (any && !t.name.empty()) names.tendons.insert(t.name);
-      return any;
+    for (auto const& a : model.lists.actuators) take(act, a.id, act_size(a.actuator)), take(ctrl, a.id, 1);
+    for_each_body(model.world, [&](BodyDraft const& b) {
+      if (b.body.mocap) take(mpos, b.id, 3), take(mquat, b.id, 4);
     });
-    split(draft_.actuators, lists.actuators, [&](ActuatorDraft const& a) {
-      return (a.actuator.target == Transmission::joint ? names.joints : names.tendons).count(a.actuator.target_name) > 0;
-    });
-    split(draft_.excludes, lists.excludes,
-          [&](ExcludeDescription const& e) { return names.bodies.count(e.body1) || names.bodies.count(e.body2); });
-    return lists;
-  }
-  void append(Lists lists, Names const& names, Rename const& rename, bool fresh) {
-    count(lists.tendons.size() + lists.actuators.size() + lists.excludes.size(), {file_, 1});
-    for (auto& t : lists.tendons) {
-      rename(t.name);
-      for (auto& term : t.terms)
-        if (names.joints.count(term.joint)) rename(term.joint);
-      draft_.tendons.push_back(std::move(t));
-    }
-    for (auto& a : lists.actuators) {
-      rename(a.actuator.name), rename(a.actuator.target_name);
-      if (fresh) a.id = s_.next_id++;
-      draft_.actuators.push_back(std::move(a));
-    }
-    for (auto& e : lists.excludes) {
-      if (names.bodies.count(e.body1)) rename(e.body1);
-      if (names.bodies.count(e.body2)) rename(e.body2);
-      draft_.excludes.push_back(std::move(e));
+    for (Part* part : {&qpos, &qvel, &act, &ctrl, &mpos, &mquat}) {
+      if (!part->all.empty() && part->all.size() != part->at)
+        s_.files.fail(k.place, "<key>: attribute '" + std::string(part->what) + "' has " + std::to_string(part->all.size()) +
+                                   " numbers and the model needs " + std::to_string(part->at) + "; correct the list");
+      part->all.clear();
     }
   }
 
@@ -792,55 +916,124 @@ class Reader {
   void contacts(Node const& node) {
     check(node);
     for (auto const& child : node.children) {
+      if (!check(child)) continue;
+      count(1, child.place);
       if (child.name == "pair") {
-        refuse(child.place, "<contact> <pair> is not supported yet; let contype and conaffinity choose the pairs");
+        auto const a = attributes(child, "pair", "");
+        PairDescription p;
+        p.place = child.place, p.name = a.own("name") ? a.text("name") : "";
+        if (!a.own("geom1") || !a.own("geom2")) a.fail("", "needs geom1 and geom2; give both");
+        p.geom1 = a.text("geom1"), p.geom2 = a.text("geom2");
+        auto const optional = [&](char const* name, auto& to) {
+          if (!a.has(name)) return;
+          if constexpr (requires { to->size(); })
+            to.emplace(), a.numbers(name, *to, false);
+          else if constexpr (std::same_as<std::decay_t<decltype(*to)>, int>)
+            a.integer(name, to.emplace());
+          else
+            a.number(name, to.emplace());
+        };
+        optional("condim", p.condim), optional("margin", p.margin), optional("gap", p.gap);
+        optional("solref", p.solref), optional("solreffriction", p.solreffriction);
+        if (a.has("friction")) p.friction = {1, 1, 0.005, 0.0001, 0.0001}, a.numbers("friction", *p.friction, false);
+        if (a.has("solimp")) p.solimp = SoftnessDescription{}.solimp, a.numbers("solimp", *p.solimp, false);
+        draft_.lists.pairs.push_back(std::move(p));
         continue;
       }
-      check(child);
       Attributes const a(s_.files, child, nullptr);
       if (!a.own("body1") || !a.own("body2")) a.fail("", "needs body1 and body2; give both");
-      draft_.excludes.push_back({a.text("body1"), a.text("body2"), child.place});
+      draft_.lists.excludes.push_back({a.text("body1"), a.text("body2"), child.place});
+    }
+  }
+
+  void equalities(Node const& node) {
+    check(node);
+    for (auto const& child : node.children) {
+      if (find_refused(child.name)) {
+        refuse_element(child, "<equality> ");
+        continue;
+      }
+      check(child, "equality/" + child.name);
+      count(1, child.place);
+      auto const a = attributes(child, "equality", "");
+      EqualityDescription e;
+      e.place = child.place, e.name = a.own("name") ? a.text("name") : "";
+      a.boolean("active", e.active), softness(a, e.softness, "");
+      e.data[10] = 1;
+      auto const two = [&](std::string const& kind) {
+        if (!a.own(kind + "1")) a.fail(kind + "1", "is missing; name the first " + kind);
+        e.name1 = a.text(kind + "1"), e.name2 = a.text(kind + "2");
+      };
+      if (child.name == "joint" || child.name == "tendon") {
+        e.type = child.name == "joint" ? EqualityType::joint : EqualityType::tendon;
+        two(child.name);
+        e.data[1] = 1;
+        a.numbers("polycoef", e.data.data(), 5, false);
+      } else {
+        bool const weld = child.name == "weld";
+        e.type = weld ? EqualityType::weld : EqualityType::connect;
+        e.sites = a.own("site1") || a.own("site2");
+        if (e.sites && (a.own("body1") || a.own("body2") || a.own("anchor") || a.own("relpose")))
+          a.fail("site1", "stands beside bodies, anchor or relpose; give two sites, or bodies");
+        two(e.sites ? "site" : "body");
+        if (e.sites && e.name2.empty()) a.fail("site2", "is missing; name the second site");
+        bool const anchor = a.numbers("anchor", e.data.data(), 3);
+        if (!weld && !e.sites && !anchor) a.fail("anchor", "is missing; give the point in the frame of body1");
+        if (weld) a.numbers("relpose", e.data.data() + 3, 7), a.number("torquescale", e.data[10]);
+      }
+      draft_.lists.equalities.push_back(std::move(e));
     }
   }
 
   void tendons(Node const& node) {
     check(node);
     for (auto const& child : node.children) {
-      if (child.name == "spatial") {
-        refuse(child.place, "<tendon> <spatial> is not supported yet; use <fixed> tendons");
-        continue;
-      }
-      check(child);
+      if (!check(child)) continue;
       count(1 + child.children.size(), child.place);
       auto const a = attributes(child, "tendon", "");
       TendonDescription t;
       t.place = child.place, t.name = a.own("name") ? a.text("name") : "";
-      a.numbers("range", t.range);
+      a.numbers("range", t.range), a.numbers("actuatorfrcrange", t.actuator_force_range);
       t.limited = limited(a, "limited", "range", t.range);
+      t.actuator_force_limited = limited(a, "actuatorfrclimited", "actuatorfrcrange", t.actuator_force_range);
       std::array<double, 2> spring{-1, -1};
       if (a.numbers("springlength", spring, false))
         t.springlength = words(a.text("springlength")).size() == 1 ? std::array{spring[0], spring[0]} : spring;
-      linear(a, "stiffness", t.stiffness), linear(a, "damping", t.damping);
+      polynomial(a, "stiffness", t.stiffness, t.stiffness_poly), polynomial(a, "damping", t.damping, t.damping_poly);
       a.number("frictionloss", t.frictionloss), a.number("armature", t.armature), a.number("margin", t.margin);
       softness(a, t.limit, "limit"), softness(a, t.friction, "friction");
-      for (auto const& term : child.children) {
-        Attributes const b(s_.files, term, nullptr);
-        for (auto const& x : term.attributes)
-          if (x.name != "joint" && x.name != "coef") b.fail(x.name, "is unknown here; a joint of a tendon has joint and coef");
-        if (!b.own("joint")) b.fail("joint", "is missing; name the joint");
-        TendonDescription::Term entry{b.text("joint"), 1};
-        if (!b.number("coef", entry.coefficient)) b.fail("coef", "is missing; give the coefficient");
-        t.terms.push_back(std::move(entry));
+      for (auto const& part : child.children) {
+        check(part, child.name + "/" + part.name);
+        Attributes const b(s_.files, part, nullptr);
+        auto const named = [&](std::string const& attribute) {
+          if (!b.own(attribute)) b.fail(attribute, "is missing; name the " + attribute);
+          return b.text(attribute);
+        };
+        if (part.name == "joint") {
+          TendonDescription::Term entry{named("joint"), 1};
+          if (!b.number("coef", entry.coefficient)) b.fail("coef", "is missing; give the coefficient");
+          t.terms.push_back(std::move(entry));
+        } else if (part.name == "pulley") {
+          TendonDescription::PathItem item{WrapType::pulley, "", "", 1};
+          if (!b.number("divisor", item.divisor)) b.fail("divisor", "is missing; give what the branch's length is divided by");
+          t.path.push_back(std::move(item));
+        } else if (part.name == "site") {
+          t.path.push_back({WrapType::site, named("site"), "", 1});
+        } else {  // whether the geom is a sphere or a cylinder is seen by compile
+          t.path.push_back({WrapType::sphere, named("geom"), b.text("sidesite"), 1});
+        }
       }
-      draft_.tendons.push_back(std::move(t));
+      if (t.terms.empty() && t.path.empty())
+        a.fail("", child.name == "fixed" ? "has no joints; add at least one" : "has no path; add at least two sites");
+      draft_.lists.tendons.push_back(std::move(t));
     }
   }
 
   void actuators(Node const& node) {
     check(node);
     for (auto const& child : node.children) {
-      if (!is_in("general motor position velocity", child.name)) {
-        refuse(child.place, "<actuator> <" + child.name + "> is not supported yet; use motor, position, velocity or general");
+      if (find_refused(child.name)) {
+        refuse_element(child, "<actuator> ");
         continue;
       }
       if (!check(child)) continue;
@@ -850,87 +1043,67 @@ class Reader {
       auto& act = draft.actuator;
       draft.id = s_.next_id++;
       act.place = child.place, act.name = a.own("name") ? a.text("name") : "";
-      int targets = 0;
-      for (char const* target : {"joint", "jointinparent", "tendon"})
-        if (a.own(target)) {
-          ++targets, act.target_name = a.text(target);
-          act.target = target[0] == 't' ? Transmission::tendon : Transmission::joint;
-        }
-      if (targets != 1) a.fail("", "needs one of joint, jointinparent and tendon; give one");
-      a.numbers("gear", act.gear, false), a.integer("group", act.group);
-      a.numbers("ctrlrange", act.ctrl_range), a.numbers("forcerange", act.force_range);
-      act.ctrl_limited = limited(a, "ctrllimited", "ctrlrange", act.ctrl_range),
-      act.force_limited = limited(a, "forcelimited", "forcerange", act.force_range);
-      Law const law = changed(class_of(child, "").laws, child);
-      draft.inheritrange = law.inheritrange;
-      if (draft.inheritrange > 0 && a.has("ctrlrange")) a.fail("inheritrange", "stands beside ctrlrange; keep one");
-      settle(law, child, act);
-      draft_.actuators.push_back(std::move(draft));
-    }
-  }
-  // motor, position and velocity are ways to write general. Each starts from its class's values; where another type than itself or general
-  // set those, from the parent class's.
-  Law changed(std::vector<Law> const& laws, Node const& node) const {
-    Attributes const a(s_.files, node, nullptr);
-    bool const general = node.name == "general";
-    Law law;
-    for (auto from = laws.rbegin(); from != laws.rend(); ++from)
-      if (general || from->type.empty() || from->type == node.name) {
-        law = *from;
-        break;
+      constexpr std::pair<char const*, Transmission> targets[] = {
+          {"joint", Transmission::joint}, {"jointinparent", Transmission::joint_in_parent}, {"tendon", Transmission::tendon},
+          {"site", Transmission::site},   {"cranksite", Transmission::slider_crank},        {"body", Transmission::body}};
+      int given = 0;
+      for (auto const& [word, target] : targets)
+        if (a.own(word)) ++given, act.target = target, act.target_name = a.text(word);
+      if (given != 1) a.fail("", "needs one of joint, jointinparent, tendon, site, cranksite and body; give one");
+      a.number("cranklength", act.crank_length);
+      if (act.target == Transmission::slider_crank) {
+        act.reference_name = a.text("slidersite");
+        if (act.reference_name.empty()) a.fail("slidersite", "is missing; name the site whose z axis the slider moves along");
+        if (!(act.crank_length > 0)) a.fail("cranklength", "is not positive; give the length of the rod");
+      } else if (a.own("slidersite") || a.own("cranklength")) {
+        a.fail("slidersite", "is for a transmission by cranksite; remove slidersite and cranklength");
       }
-    a.number("inheritrange", law.inheritrange);
-    law.type = general ? "" : node.name;
-    if (general) {
-      a.numbers("gainprm", law.gain, false), a.numbers("biasprm", law.bias, false);
-      law.gaintype = a.text("gaintype", law.gaintype), law.biastype = a.text("biastype", law.biastype),
-      law.dyntype = a.text("dyntype", law.dyntype);
-    } else if (node.name == "motor") {
-      law.gain[0] = 1, law.gaintype = "fixed", law.biastype = "none", law.dyntype = "none";
-    } else if (node.name == "position") {
-      double kv = 0, dampratio = 0;
-      a.number("kp", law.gain[0]);
-      bool const has_kv = a.number("kv", kv), has_ratio = a.number("dampratio", dampratio);
-      if (has_kv && has_ratio) a.fail("dampratio", "stands beside kv; keep one");
-      if (law.gain[0] < 0 || kv < 0 || dampratio < 0) a.fail("", "has a negative kp, kv or dampratio; give zero or more");
-      law.bias[0] = 0, law.bias[1] = -law.gain[0];
-      if (has_kv) law.bias[2] = -kv;
-      if (has_ratio) law.bias[2] = dampratio;
-      law.gaintype = "fixed", law.biastype = "affine", law.dyntype = "none";
-    } else if (node.name == "velocity") {
-      a.number("kv", law.gain[0]);
-      if (law.gain[0] < 0) a.fail("kv", "is negative; give zero or more");
-      law.bias = {0, 0, -law.gain[0]};
-      law.gaintype = "fixed", law.biastype = "affine", law.dyntype = "none";
+      if (act.target == Transmission::site)
+        act.reference_name = a.text("refsite");
+      else if (a.own("refsite"))
+        a.fail("refsite", "is for a transmission by site; remove it");
+      a.numbers("gear", act.gear, false), a.integer("group", act.group), a.number("armature", act.armature);
+      std::array<double, 2> higher{0, 0};
+      polynomial(a, "damping", act.damping, higher);
+      if (higher != std::array<double, 2>{})
+        refuse(child.place, "<" + child.name + "> damping has coefficients of higher order, which are not supported yet; give one number");
+      Law const law = changed_law(class_of(child, "").laws, s_.files, child);
+      bool const range_given = a.own("ctrlrange") || a.own("actrange");
+      draft.inheritrange = range_given && !a.own("inheritrange") ? 0 : law.inheritrange;
+      std::string const own_range = law.dyntype == "integrator" ? "actrange" : "ctrlrange";
+      if (draft.inheritrange > 0 && a.own(own_range)) a.fail("inheritrange", "stands beside " + own_range + "; keep one");
+      bool const is_inherited = draft.inheritrange > 0;
+      auto const range = [&](char const* name, char const* flag, std::array<double, 2>& r) {
+        if (is_inherited && own_range == name) return true;  // comes from the target
+        a.numbers(name, r);
+        return limited(a, flag, name, r);
+      };
+      act.ctrl_limited = range("ctrlrange", "ctrllimited", act.ctrl_range) || law.ctrl_limited;
+      act.force_limited = range("forcerange", "forcelimited", act.force_range);
+      act.act_limited = range("actrange", "actlimited", act.act_range);
+      act.has_length_range = a.numbers("lengthrange", act.length_range);
+      a.boolean("actearly", act.act_early);
+      settle(law, a, act);
+      int actdim = -1;
+      if (a.integer("actdim", actdim) && actdim >= 0 && actdim != act_size(act))
+        a.fail("actdim", "is not the number of activations of this dyntype; remove it");
+      if (law.ctrl_limited && (act.ctrl_range[0] < 0 || act.ctrl_range[1] < 0)) a.fail("ctrlrange", "has a negative number; give zero or more");
+      if (act.act_limited && act.dynamics == ActuatorDynamics::none) a.fail("actrange", "is for actuators with an activation; set dyntype");
+      draft_.lists.actuators.push_back(std::move(draft));
     }
-    return law;
-  }
-  void settle(Law const& law, Node const& node, ActuatorDescription& act) {
-    std::string const what = "<" + node.name + ">: ";
-    if (law.dyntype != "none")
-      refuse(node.place, what + "dyntype=" + in_quotes(law.dyntype) + ": actuators with a state are not supported yet; use dyntype='none'");
-    if (law.gaintype != "fixed" && !(law.gaintype == "affine" && law.gain[1] == 0 && law.gain[2] == 0))
-      refuse(node.place, what + "gaintype=" + in_quotes(law.gaintype) + " is not supported yet; use 'fixed'");
-    if (law.biastype != "none" && law.biastype != "affine")
-      refuse(node.place, what + "biastype=" + in_quotes(law.biastype) + " is not supported yet; use 'none' or 'affine'");
-    act.gainprm[0] = law.gain[0];
-    if (law.biastype != "affine") return;
-    act.bias_type = ActuatorBias::affine, act.biasprm = {law.bias[0], law.bias[1], law.bias[2]};
-    if (law.bias[2] > 0 && law.gain[0] == -law.bias[1]) act.dampratio = law.bias[2], act.biasprm[2] = 0;
   }
 
   void sensors(Node const& node) {
     for (auto const& child : node.children) {
-      if (child.name == "plugin") {
-        refuse(child.place, "<sensor> <plugin>: plug-ins are not supported; remove it");
+      if (find_refused(child.name)) {
+        refuse_element(child, "<sensor> ");
         continue;
       }
-      if (!is_in(sensor_tags, child.name))
+      if (!find_schema("sensor/" + child.name))
         s_.files.fail(child.place, "unknown element " + in_quotes(child.name) + " in <sensor>; correct or remove it");
-      for (auto const& a : child.attributes)
-        if (!is_in(sensor_attributes, a.name))
-          s_.files.fail(child.place, "unknown attribute " + in_quotes(a.name) + " of <" + child.name + ">; correct or remove it");
-      note(Kind::left_out, child.place, "<sensor> <" + child.name + ">: not evaluated yet");
+      if (!check(child, "sensor/" + child.name)) continue;
+      count(1, child.place);
+      draft_.lists.sensors.push_back(read_sensor(Attributes(s_.files, child, nullptr), child.name));
     }
   }
 
@@ -942,7 +1115,8 @@ class Reader {
       KeyDraft k;
       k.key.place = child.place, k.key.name = a.text("name");
       a.number("time", k.key.time);
-      k.key.qpos = a.list("qpos"), k.key.qvel = a.list("qvel"), k.key.ctrl = a.list("ctrl");
+      k.key.qpos = a.list("qpos"), k.key.qvel = a.list("qvel"), k.key.act = a.list("act"), k.key.ctrl = a.list("ctrl");
+      k.key.mpos = a.list("mpos"), k.key.mquat = a.list("mquat");
       draft_.keys.push_back(std::move(k));
     }
   }
@@ -951,10 +1125,11 @@ class Reader {
   Session& s_;
   int file_;
   ModelDraft draft_;
-  bool degrees_ = true, autolimits_ = true, in_default_ = false, has_option_ = false;
-  std::string eulerseq_ = "xyz", main_name_ = "main";
+  bool degrees_ = true, autolimits_ = true, in_default_ = false, has_option_ = false, strip_path_ = false;
+  std::string eulerseq_ = "xyz", main_name_ = "main", mesh_folder_;
   std::unordered_map<std::string, Class> classes_;
   std::unordered_map<std::string, std::array<float, 4>> materials_;
+  std::unordered_map<std::string, std::string> missing_;  // assets whose file cannot be read, and why
   std::unordered_map<std::string, Node> models_;
 };
 

@@ -2,51 +2,75 @@
 #include <string_view>
 
 /// What the reader does with every element and attribute of MJCF (the grammar of MuJoCo 4.0.1, as mj_printSchema prints it). Whatever
-/// stands in no list is unknown and an error. Orientations are `quat axisangle euler xyaxes zaxis`.
+/// stands in no list is unknown and an error. docs/io/what_of_mjcf_works.md is printed from this table (gsp info --schema).
 namespace gsp::io::detail::mjcf {
 
 struct ElementSchema {
-  std::string_view element;
+  std::string_view element;    // "in/element" where the same name means something else elsewhere
   std::string_view honoured;   // read
   std::string_view visual;     // pictures of MuJoCo's own viewer only
   std::string_view no_effect;  // settings of what this library does in another way, or does not need
   std::string_view refused;    // an error, unless the value is neutral (0, false, none, auto)
   std::string_view children;   // elements that may stand inside
 };
+/// Attributes that many elements have: a word @NAME of a list stands for these.
+struct AttributeGroup {
+  std::string_view name, words;
+};
+inline constexpr AttributeGroup attribute_groups[] = {
+    {"@turn", "axisangle euler quat xyaxes zaxis"},
+    {"@limits", "solimpfriction solimplimit solreffriction solreflimit"},
+    {"@actuator", "class forcelimited forcerange group name"},
+    {"@transmission",
+     "armature cranklength cranksite ctrllimited ctrlrange damping gear joint jointinparent lengthrange refsite site slidersite tendon"},
+    {"@tendon",
+     "actuatorfrclimited actuatorfrcrange armature class damping frictionloss limited margin name range springlength stiffness @limits"},
+    {"@sensor", "cutoff name noise"},
+    {"@history", "delay interval nsample"},
+    {"@world", "body frame replicate attach geom site camera light composite flexcomp plugin"},
+    {"@sections",
+     "compiler option size statistic visual default extension asset worldbody deformable contact tendon equality actuator sensor custom "
+     "keyframe body"},
+};
 
-inline constexpr std::string_view sensor_tags =
-    "touch accelerometer velocimeter gyro force torque magnetometer camprojection rangefinder jointpos jointvel tendonpos tendonvel "
-    "actuatorpos actuatorvel actuatorfrc "
-    "jointactuatorfrc tendonactuatorfrc ballquat ballangvel jointlimitpos jointlimitvel jointlimitfrc tendonlimitpos tendonlimitvel "
-    "tendonlimitfrc framepos framequat "
-    "framexaxis frameyaxis framezaxis framelinvel frameangvel framelinacc frameangacc subtreecom subtreelinvel subtreeangmom insidesite "
-    "distance normal fromto contact "
-    "e_potential e_kinetic clock tactile user";
-inline constexpr std::string_view sensor_attributes =
-    "cutoff delay interp interval name noise nsample site user camera data joint tendon actuator objname objtype refname reftype body "
-    "enclosed body1 body2 geom1 geom2 num "
-    "reduce subtree1 subtree2 geom mesh datatype dim needstage";
+/// Elements that are refused by name, and why.
+struct RefusedElement {
+  std::string_view element, sentence;
+};
+inline constexpr RefusedElement refused_elements[] = {
+    {"extension", "plug-ins are not supported; remove them"},
+    {"plugin", "plug-ins are not supported; remove it"},
+    {"deformable", "flexes and skins are not supported; remove them"},
+    {"skin", "skins are not supported; remove it"},
+    {"composite", "composites are not supported (MuJoCo 4 has none either); write the bodies out"},
+    {"flexcomp", "flexes are not supported; remove it"},
+    {"flex", "flexes are not supported; remove it"},
+    {"flexvert", "flexes are not supported; remove it"},
+    {"flexstrain", "flexes are not supported; remove it"},
+    {"orientation", "actuators with several controls are not supported; use position on each axis"},
+    {"pid", "actuators with an integral term are not supported; use position"},
+    {"dcmotor", "models of electric motors are not supported; use motor, position or general"},
+};
 
 inline constexpr ElementSchema schema[] = {
-    {"mujoco", "model", "", "", "",
-     "compiler option size statistic visual default extension asset worldbody deformable contact tendon equality actuator sensor custom "
-     "keyframe"},
-    {"mujocoinclude", "model", "", "", "",
-     "compiler option size statistic visual default extension asset worldbody deformable contact tendon equality actuator sensor custom "
-     "keyframe"},
+    {"mujoco", "model", "", "", "", "@sections"},
+    {"mujocoinclude", "model", "", "", "", "@sections"},
     {"compiler",
-     "angle autolimits balanceinertia boundinertia boundmass coordinate eulerseq inertiafromgeom inertiagrouprange settotalmass", "",
-     "assetdir conflict fitaabb meshdir passthrough savecanonical savecompiled saveinertial strippath texturedir usethread",
-     "alignfree discardvisual fusestatic", "lengthrange"},
-    {"lengthrange", "", "", "accel interval inttotal maxforce mode timeconst timestep tolrange useexisting uselimit", "", ""},
-    {"option", "cone gravity impratio integrator iterations timestep tolerance", "",
-     "ccd_iterations ccd_tolerance jacobian ls_iterations ls_tolerance magnetic noslip_iterations noslip_tolerance o_friction o_margin "
-     "o_solimp o_solref sdf_initpoints "
-     "sdf_iterations sleep_tolerance solver",
-     "actuatorgroupdisable density viscosity wind", "flag"},
-    {"flag", "actuation clampctrl constraint contact damper eulerdamp filterparent frictionloss gravity limit refsafe spring warmstart", "",
-     "autoreset energy equality fwdinv invdiscrete island midphase multiccd nativeccd sensor sleep", "diagexact ipc override speculative",
-     ""},
+     "alignfree angle assetdir autolimits balanceinertia boundinertia boundmass coordinate discardvisual eulerseq fitaabb fusestatic "
+     "inertiafromgeom inertiagrouprange meshdir settotalmass strippath",
+     "texturedir", "conflict passthrough savecanonical savecompiled saveinertial usethread", "", "lengthrange"},
+    {"lengthrange", "mode useexisting uselimit", "", "accel interval inttotal maxforce timeconst timestep tolrange", "", ""},
+    {"option",
+     "actuatorgroupdisable cone density gravity impratio integrator iterations magnetic o_friction o_margin o_solimp o_solref timestep "
+     "tolerance viscosity wind",
+     "",
+     "ccd_iterations ccd_tolerance jacobian ls_iterations ls_tolerance noslip_iterations noslip_tolerance sdf_initpoints sdf_iterations "
+     "sleep_tolerance solver",
+     "", "flag"},
+    {"flag",
+     "actuation clampctrl constraint contact damper equality eulerdamp filterparent frictionloss gravity limit override refsafe spring "
+     "warmstart",
+     "", "autoreset energy fwdinv invdiscrete island midphase multiccd nativeccd sensor sleep", "diagexact ipc speculative", ""},
     {"size", "", "",
      "memory nconmax njmax nkey nstack nuser_actuator nuser_body nuser_cam nuser_geom nuser_jnt nuser_sensor nuser_site nuser_tendon "
      "nuserdata",
@@ -61,28 +85,24 @@ inline constexpr ElementSchema schema[] = {
      ""},
     {"scale", "",
      "actuatorlength actuatorwidth camera com connect constraint contactheight contactwidth forcewidth framelength framewidth frustum "
-     "jointlength jointwidth light selectpoint "
-     "slidercrank",
+     "jointlength jointwidth light selectpoint slidercrank",
      "", "", ""},
     {"rgba", "",
      "actuator actuatornegative actuatorpositive bv bvactive camera com connect constraint contactforce contactfriction contactgap "
-     "contactpoint contacttorque crankbroken fog force "
-     "frustum haze inertia joint light rangefinder selectpoint slidercrank",
+     "contactpoint contacttorque crankbroken fog force frustum haze inertia joint light rangefinder selectpoint slidercrank",
      "", "", ""},
     {"default", "class", "", "", "",
      "default mesh texture material joint geom site camera light pair equality tendon general motor position velocity intvelocity "
-     "orientation pid damper cylinder muscle adhesion "
-     "dcmotor"},
+     "orientation pid damper cylinder muscle adhesion dcmotor"},
     {"custom", "", "", "", "", "numeric text tuple"},
     {"numeric", "", "", "data name size", "", ""},
     {"text", "", "", "data name", "", ""},
     {"tuple", "", "", "name", "", "element"},
     {"element", "", "", "objname objtype prm", "", ""},
     {"asset", "", "", "", "", "mesh hfield skin texture material model"},
-    {"mesh", "class file name", "",
-     "builtin content_type face inertia material maxhullvert normal params refpos refquat scale smoothnormal texcoord vertex", "",
-     "plugin"},
-    {"hfield", "name", "", "content_type elevation file ncol nrow size", "", ""},
+    {"mesh", "class face file inertia maxhullvert name refpos refquat scale vertex", "material normal smoothnormal texcoord",
+     "content_type", "builtin params", "plugin"},
+    {"hfield", "content_type elevation file name ncol nrow size", "", "", "", ""},
     {"texture", "",
      "builtin class colorspace content_type embed file fileback filedown filefront fileleft fileright fileup gridlayout gridsize height "
      "hflip mark markrgb name nchannel random rgb1 rgb2 type vflip width",
@@ -91,69 +111,132 @@ inline constexpr ElementSchema schema[] = {
      "layer"},
     {"layer", "", "role texture", "", "", ""},
     {"model", "file name", "", "content_type", "", ""},
-    {"worldbody", "", "", "", "", "geom site camera light body frame replicate attach composite flexcomp plugin"},
-    {"body", "axisangle childclass euler gravcomp mocap name pos quat xyaxes zaxis", "", "fuse simple sleep user", "",
-     "inertial joint freejoint geom site camera light body frame replicate attach composite flexcomp plugin"},
-    {"frame", "axisangle childclass euler name pos quat xyaxes zaxis", "", "", "",
-     "joint freejoint geom site camera light body frame replicate attach composite flexcomp plugin"},
-    {"replicate", "count euler offset sep childclass", "", "", "",
-     "joint freejoint geom site camera light body frame replicate attach composite flexcomp plugin"},
+    {"worldbody", "", "", "", "", "@world"},
+    {"body", "childclass fuse gravcomp mocap name pos @turn", "", "simple sleep user", "", "inertial joint freejoint @world"},
+    {"frame", "childclass name pos @turn", "", "", "massscale scale scaling", "joint freejoint @world"},
+    {"replicate", "childclass count euler offset sep", "", "", "", "joint freejoint @world"},
     {"attach", "body model prefix", "", "", "frame", ""},
-    {"inertial", "axisangle diaginertia euler fullinertia mass pos quat xyaxes zaxis", "", "", "", ""},
+    {"inertial", "diaginertia fullinertia mass pos @turn", "", "", "", ""},
     {"joint",
-     "actuatorfrclimited actuatorfrcrange armature axis class damping frictionloss group limited margin name pos range ref solimpfriction "
-     "solimplimit solreffriction solreflimit "
-     "springdamper springref stiffness type",
-     "", "user", "actuatorgravcomp springyield", ""},
-    {"freejoint", "group name", "", "", "align", ""},
+     "actuatorfrclimited actuatorfrcrange actuatorgravcomp armature axis class damping frictionloss group limited margin name pos range "
+     "ref springdamper springref stiffness type @limits",
+     "", "user", "springyield", ""},
+    {"freejoint", "align group name", "", "", "", ""},
     {"geom",
-     "axisangle class conaffinity condim contype density euler friction fromto gap group hfield margin mass material mesh name pos "
-     "priority quat rgba shellinertia size solimp solmix "
-     "solref type xyaxes zaxis",
-     "castshadow", "fitscale fluidcoef user", "adhesion fluidshape surfacevel", "plugin"},
-    {"site", "axisangle class euler fromto group name pos quat size type xyaxes zaxis", "material mesh rgba", "user", "", ""},
-    {"camera", "axisangle class euler fovy mode name pos quat xyaxes zaxis", "",
-     "focal focalpixel ipd output principal principalpixel projection resolution sensorsize target user", "", ""},
+     "adhesion class conaffinity condim contype density fitscale fluidcoef fluidshape friction fromto gap group hfield margin mass "
+     "material mesh name pos priority rgba shellinertia size solimp solmix solref surfacevel type @turn",
+     "castshadow", "user", "", "plugin"},
+    {"site", "class fromto group name pos size type @turn", "material mesh rgba", "user", "", ""},
+    {"camera", "class focal focalpixel fovy mode name pos projection resolution sensorsize target @turn", "ipd output", "user",
+     "principal principalpixel", ""},
     {"light", "",
      "active ambient attenuation bulbradius castshadow class cutoff diffuse dir directional exponent intensity mode name pos range "
      "softness specular target texture type",
      "", "", ""},
     {"contact", "", "", "", "", "pair exclude"},
+    {"pair", "class condim friction gap geom1 geom2 margin name solimp solref solreffriction", "", "", "adhesion", ""},
     {"exclude", "body1 body2 name", "", "", "", ""},
+    {"equality", "", "", "", "", "connect weld joint tendon flex flexvert flexstrain"},
+    {"default/equality", "active solimp solref", "", "", "", ""},
+    {"equality/connect", "active anchor body1 body2 class name site1 site2 solimp solref", "", "", "", ""},
+    {"equality/weld", "active anchor body1 body2 class name relpose site1 site2 solimp solref torquescale", "", "", "", ""},
+    {"equality/joint", "active class joint1 joint2 name polycoef solimp solref", "", "", "", ""},
+    {"equality/tendon", "active class name polycoef solimp solref tendon1 tendon2", "", "", "", ""},
     {"tendon", "", "", "", "", "fixed spatial"},
-    {"fixed",
-     "actuatorfrclimited armature class damping frictionloss limited margin name range solimpfriction solimplimit solreffriction "
-     "solreflimit springlength stiffness",
-     "material rgba width", "group user", "actuatorfrcrange springyield", "joint"},
+    {"fixed", "@tendon", "", "group user", "springyield", "joint"},
+    {"fixed/joint", "coef joint", "", "", "", ""},
+    {"spatial", "@tendon", "material rgba width", "group user", "springyield", "site geom pulley"},
+    {"spatial/site", "site", "", "", "", ""},
+    {"spatial/geom", "geom sidesite", "", "", "", ""},
+    {"spatial/pulley", "divisor", "", "", "", ""},
     {"actuator", "", "", "", "",
      "general motor position velocity intvelocity orientation pid damper cylinder muscle adhesion dcmotor plugin"},
     {"general",
-     "biasprm biastype class ctrllimited ctrlrange dyntype forcelimited forcerange gainprm gaintype gear group inheritrange joint "
-     "jointinparent name tendon",
-     "", "actdim actearly actlimited actrange dynprm interp lengthrange user",
-     "armature body cranklength cranksite damping delay ffrange input nsample refsite site slidersite velrange", ""},
-    {"motor", "class ctrllimited ctrlrange forcelimited forcerange gear group joint jointinparent name tendon", "",
-     "interp lengthrange user", "armature cranklength cranksite damping delay nsample refsite site slidersite", ""},
-    {"position",
-     "class ctrllimited ctrlrange dampratio forcelimited forcerange gear group inheritrange joint jointinparent kp kv name tendon", "",
-     "interp lengthrange user", "armature cranklength cranksite damping delay nsample refsite site slidersite timeconst", ""},
-    {"velocity", "class ctrllimited ctrlrange forcelimited forcerange gear group joint jointinparent kv name tendon", "",
-     "interp lengthrange user", "armature cranklength cranksite damping delay nsample refsite site slidersite", ""},
+     "actdim actearly actlimited actrange biasprm biastype body dynprm dyntype gainprm gaintype inheritrange @actuator @transmission", "",
+     "input interp user", "delay ffrange nsample velrange", ""},
+    {"motor", "@actuator @transmission", "", "interp user", "delay nsample", ""},
+    {"position", "dampratio inheritrange kp kv timeconst @actuator @transmission", "", "interp user", "delay nsample", ""},
+    {"velocity", "kv @actuator @transmission", "", "interp user", "delay nsample", ""},
+    {"intvelocity", "actlimited actrange dampratio inheritrange kp kv @actuator @transmission", "", "interp user", "delay nsample", ""},
+    {"damper", "kv @actuator @transmission", "", "interp user", "delay nsample", ""},
+    {"cylinder", "area bias diameter timeconst @actuator @transmission", "", "interp user", "delay nsample", ""},
+    {"muscle", "force fpmax fvmax lmax lmin range scale tausmooth timeconst vmax @actuator @transmission", "", "interp user",
+     "delay nsample", ""},
+    {"adhesion", "body ctrlrange gain @actuator", "", "interp user", "delay nsample", ""},
+    {"sensor/touch", "site @sensor", "", "interp user", "@history", ""},
+    {"sensor/accelerometer", "site @sensor", "", "interp user", "@history", ""},
+    {"sensor/velocimeter", "site @sensor", "", "interp user", "@history", ""},
+    {"sensor/gyro", "site @sensor", "", "interp user", "@history", ""},
+    {"sensor/force", "site @sensor", "", "interp user", "@history", ""},
+    {"sensor/torque", "site @sensor", "", "interp user", "@history", ""},
+    {"sensor/magnetometer", "site @sensor", "", "interp user", "@history", ""},
+    {"sensor/camprojection", "camera site @sensor", "", "interp user", "@history", ""},
+    {"sensor/rangefinder", "camera data site @sensor", "", "interp user", "@history", ""},
+    {"sensor/jointpos", "joint @sensor", "", "interp user", "@history", ""},
+    {"sensor/jointvel", "joint @sensor", "", "interp user", "@history", ""},
+    {"sensor/tendonpos", "tendon @sensor", "", "interp user", "@history", ""},
+    {"sensor/tendonvel", "tendon @sensor", "", "interp user", "@history", ""},
+    {"sensor/actuatorpos", "actuator @sensor", "", "interp user", "@history", ""},
+    {"sensor/actuatorvel", "actuator @sensor", "", "interp user", "@history", ""},
+    {"sensor/actuatorfrc", "actuator @sensor", "", "interp user", "@history", ""},
+    {"sensor/jointactuatorfrc", "joint @sensor", "", "interp user", "@history", ""},
+    {"sensor/tendonactuatorfrc", "tendon @sensor", "", "interp user", "@history", ""},
+    {"sensor/ballquat", "joint @sensor", "", "interp user", "@history", ""},
+    {"sensor/ballangvel", "joint @sensor", "", "interp user", "@history", ""},
+    {"sensor/jointlimitpos", "joint @sensor", "", "interp user", "@history", ""},
+    {"sensor/jointlimitvel", "joint @sensor", "", "interp user", "@history", ""},
+    {"sensor/jointlimitfrc", "joint @sensor", "", "interp user", "@history", ""},
+    {"sensor/tendonlimitpos", "tendon @sensor", "", "interp user", "@history", ""},
+    {"sensor/tendonlimitvel", "tendon @sensor", "", "interp user", "@history", ""},
+    {"sensor/tendonlimitfrc", "tendon @sensor", "", "interp user", "@history", ""},
+    {"sensor/framepos", "objname objtype refname reftype @sensor", "", "interp user", "@history", ""},
+    {"sensor/framequat", "objname objtype refname reftype @sensor", "", "interp user", "@history", ""},
+    {"sensor/framexaxis", "objname objtype refname reftype @sensor", "", "interp user", "@history", ""},
+    {"sensor/frameyaxis", "objname objtype refname reftype @sensor", "", "interp user", "@history", ""},
+    {"sensor/framezaxis", "objname objtype refname reftype @sensor", "", "interp user", "@history", ""},
+    {"sensor/framelinvel", "objname objtype refname reftype @sensor", "", "interp user", "@history", ""},
+    {"sensor/frameangvel", "objname objtype refname reftype @sensor", "", "interp user", "@history", ""},
+    {"sensor/framelinacc", "objname objtype @sensor", "", "interp user", "@history", ""},
+    {"sensor/frameangacc", "objname objtype @sensor", "", "interp user", "@history", ""},
+    {"sensor/subtreecom", "body @sensor", "", "interp user", "@history", ""},
+    {"sensor/subtreelinvel", "body @sensor", "", "interp user", "@history", ""},
+    {"sensor/subtreeangmom", "body @sensor", "", "interp user", "@history", ""},
+    {"sensor/insidesite", "enclosed objname objtype site @sensor", "", "interp user", "@history", ""},
+    {"sensor/distance", "body1 body2 geom1 geom2 @sensor", "", "interp user", "@history", ""},
+    {"sensor/normal", "body1 body2 geom1 geom2 @sensor", "", "interp user", "@history", ""},
+    {"sensor/fromto", "body1 body2 geom1 geom2 @sensor", "", "interp user", "@history", ""},
+    {"sensor/contact", "body1 body2 data geom1 geom2 num reduce site subtree1 subtree2 @sensor", "", "interp user", "@history", ""},
+    {"sensor/e_potential", "@sensor", "", "interp user", "@history", ""},
+    {"sensor/e_kinetic", "@sensor", "", "interp user", "@history", ""},
+    {"sensor/clock", "@sensor", "", "interp user", "@history", ""},
+    {"sensor/tactile", "cutoff geom mesh name", "", "interp user", "@history", ""},
+    {"sensor/user", "datatype dim needstage objname objtype @sensor", "", "user", "", ""},
     {"keyframe", "", "", "", "", "key"},
-    {"key", "ctrl name qpos qvel time", "", "", "act mpos mquat plastic", ""},
+    {"key", "act ctrl mpos mquat name qpos qvel time", "", "", "plastic", ""},
 };
 
-/// Whether `word` is one of the blank-separated words of `list`.
+/// Whether `word` is one of the blank-separated words of `list`, groups expanded.
 constexpr bool is_in(std::string_view list, std::string_view word) {
   if (word.empty()) return false;
-  for (std::size_t at = list.find(word); at != std::string_view::npos; at = list.find(word, at + 1)) {
-    bool const starts = at == 0 || list[at - 1] == ' ', ends = at + word.size() == list.size() || list[at + word.size()] == ' ';
-    if (starts && ends) return true;
+  for (std::size_t at = 0; at < list.size();) {
+    std::size_t end = list.find(' ', at);
+    if (end == std::string_view::npos) end = list.size();
+    auto const one = list.substr(at, end - at);
+    if (one == word) return true;
+    if (!one.empty() && one[0] == '@')
+      for (auto const& group : attribute_groups)
+        if (group.name == one && is_in(group.words, word)) return true;
+    at = end + 1;
   }
   return false;
 }
 constexpr ElementSchema const* find_schema(std::string_view element) {
   for (auto const& e : schema)
+    if (e.element == element) return &e;
+  return nullptr;
+}
+constexpr RefusedElement const* find_refused(std::string_view element) {
+  for (auto const& e : refused_elements)
     if (e.element == element) return &e;
   return nullptr;
 }

@@ -2,135 +2,125 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <gsp/core/check.hpp>
 #include <gsp/model/compiled.hpp>
 #include <gsp/model/detail/host_math.hpp>
+#include <gsp/model/detail/initial_pose.hpp>
+#include <utility>
 #include <vector>
 
 namespace gsp::detail {
 
-/// Mass matrix of one tree in the initial pose, dense, and its Cholesky factor. Made from the Jacobians of the bodies' centres of mass,
+/// Inertia that actuators add to what they drive: armature times the gear ratio squared.
+inline double actuator_armature(CompiledModel const& m, bool tendon, int id) {
+  double sum = 0;
+  for (int a = 0; a < m.nu; ++a) {
+    auto const target = Transmission(m.act_target[a]);
+    bool const here = tendon ? target == Transmission::tendon : target == Transmission::joint || target == Transmission::joint_in_parent;
+    if (here && m.act_id[a] == id) sum += m.act_armature[a] * m.act_gear[a][0] * m.act_gear[a][0];
+  }
+  return sum;
+}
+
+/// Mass matrix of one tree in the initial pose, dense, and its factors L^T D L. Made from the Jacobians of the bodies' centres of mass,
 ///   M = sum_b Jv^T m Jv + Jw^T I Jw + armature + sum_t a J_t^T J_t,
-/// which shares nothing with the recursive algorithm of the dynamics, so that each can check the other.
+/// which shares nothing with the recursive algorithm of the dynamics, so that each can check the other. Of a tendon's armature only the
+/// entries between a dof and its ancestors are kept, as in MuJoCo, whose M has no others.
 class InitialInertia {
  public:
-  InitialInertia(CompiledModel const& m, int tree) : n_(m.tree_dofnum[tree]), first_(m.tree_dofadr[tree]), matrix_(n_ * n_, 0.) {
-    int const b0 = m.tree_bodyadr[tree], bodies = m.tree_bodynum[tree];
-    std::vector<Pose> pose(bodies);
-    axis_.resize(n_), anchor_.resize(n_), turns_.resize(n_);
-    for (int b = b0; b < b0 + bodies; ++b) {
-      Pose parent{{0, 0, 0}, {1, 0, 0, 0}};
-      if (b > b0)
-        parent = pose[m.body_parent[b] - b0];
-      else
-        for (int p = m.body_parent[b]; p > 0; p = m.body_parent[p]) parent = Pose{m.body_pos[p], m.body_quat[p]} * parent;
-      auto const x = pose[b - b0] = parent * Pose{m.body_pos[b], m.body_quat[b]};
-      for (int j = m.body_jntadr[b], end = j + m.body_jntnum[b]; j < end; ++j) {
-        int const d = m.jnt_dofadr[j] - first_;
-        auto const anchor = x * m.jnt_pos[j];
-        auto const put = [&](int k, Double3 const& direction, bool turns) { axis_[k] = direction, anchor_[k] = anchor, turns_[k] = turns; };
-        auto const unit = [](int k) { return Double3{k == 0 ? 1. : 0., k == 1 ? 1. : 0., k == 2 ? 1. : 0.}; };
-        switch (JointType(m.jnt_type[j])) {
-          case JointType::free:
-            for (int k = 0; k < 3; ++k) put(d + k, unit(k), false), put(d + 3 + k, rotate(x.q, unit(k)), true);
-            break;
-          case JointType::ball:
-            for (int k = 0; k < 3; ++k) put(d + k, rotate(x.q, unit(k)), true);
-            break;
-          case JointType::slide:
-            put(d, rotate(x.q, m.jnt_axis[j]), false);
-            break;
-          case JointType::hinge:
-            put(d, rotate(x.q, m.jnt_axis[j]), true);
-            break;
-        }
-      }
-    }
-    com_.resize(bodies);
-    for (int b = b0; b < b0 + bodies; ++b) {
-      com_[b - b0] = pose[b - b0] * m.body_ipos[b];
-      auto const frame = times(pose[b - b0].q, m.body_iquat[b]);
-      auto const chain = dofs_of(m, b);
+  /// `armature`: of the dofs, with the actuators'. `tendons`: armature and moment arms of those that have any.
+  InitialInertia(CompiledModel const& m, InitialPose const& pose, int tree, std::vector<double> const& armature,
+                 std::vector<std::pair<double, SparseRow>> const& tendons)
+      : n_(m.tree_dofnum[tree]), first_(m.tree_dofadr[tree]), matrix_(std::size_t(n_) * std::size_t(n_), 0.) {
+    for (int b = m.tree_bodyadr[tree], end = b + m.tree_bodynum[tree]; b < end; ++b) {
+      auto const frame = times(pose.body(b).q, m.body_iquat[b]);
+      auto const chain = pose.dofs_of(b);
+      std::vector<Double3> v, w;
+      for (int d : chain) v.push_back(pose.linear(d, pose.com(b))), w.push_back(rotate_inverse(frame, pose.angular(d)));
       for (std::size_t i = 0; i < chain.size(); ++i)
         for (std::size_t k = 0; k <= i; ++k) {
-          auto const wi = rotate_inverse(frame, angular(chain[i])), wk = rotate_inverse(frame, angular(chain[k]));
           double const rotation =
-              wi[0] * wk[0] * m.body_inertia[b][0] + wi[1] * wk[1] * m.body_inertia[b][1] + wi[2] * wk[2] * m.body_inertia[b][2];
-          add(chain[i], chain[k], m.body_mass[b] * dot(linear(chain[i], com_[b - b0]), linear(chain[k], com_[b - b0])) + rotation);
+              w[i][0] * w[k][0] * m.body_inertia[b][0] + w[i][1] * w[k][1] * m.body_inertia[b][1] + w[i][2] * w[k][2] * m.body_inertia[b][2];
+          add(chain[i] - first_, chain[k] - first_, m.body_mass[b] * dot(v[i], v[k]) + rotation);
         }
     }
-    for (int d = 0; d < n_; ++d) matrix_[d * n_ + d] += m.dof_armature[first_ + d];
-    for (int t = 0; t < m.ntendon; ++t) {
-      if (m.tendon_tree[t] != tree || m.tendon_armature[t] == 0) continue;
-      for (int i = m.tendon_termadr[t], end = i + m.tendon_termnum[t]; i < end; ++i)
-        for (int k = m.tendon_termadr[t]; k < end; ++k)
-          matrix_[(m.jnt_dofadr[m.term_jnt[i]] - first_) * n_ + m.jnt_dofadr[m.term_jnt[k]] - first_] +=
-              m.tendon_armature[t] * m.term_coef[i] * m.term_coef[k];
-    }
-    factor(m);
+    for (int d = 0; d < n_; ++d) at(d, d) += armature[first_ + d], diagonal_.push_back(at(d, d));
+    for (auto const& [inertia, row] : tendons)
+      for (auto const& [i, x] : row.entries) {
+        if (i < first_ || i >= first_ + n_) continue;
+        for (auto const& [k, y] : row.entries) {  // of each pair of dofs once: k above or at i
+          int above = i;
+          while (above > k) above = m.dof_parent[above];
+          if (above == k && k >= first_) add(i - first_, k - first_, inertia * x * y);
+        }
+      }
+    factor();
   }
 
-  /// a^T M^-1 a for a row `a` over the tree's dofs, counted from the tree's first.
-  double inverse_weight(std::vector<double> a) const {  // |L^-1 a|^2
+  /// Diagonal of M without the tendons' part, which is what MuJoCo keeps as dof_M0.
+  std::vector<double> const& diagonal() const { return diagonal_; }
+
+  /// Dofs whose pivot was not positive and was taken as 1e-15, as MuJoCo takes it: nothing with mass resists them.
+  std::vector<int> const& singular() const { return singular_; }
+
+  /// a^T M^-1 a for a row `a` over the tree's dofs, counted from the tree's first: with y = L^-T a it is y^T D^-1 y.
+  double inverse_weight(std::vector<double> a) const {
+    solve_transposed(a);
     double sum = 0;
-    for (int i = 0; i < n_; ++i) {
-      double x = a[i];
-      if (x == 0 && sum == 0) continue;  // leading zeros stay zero
-      for (int k = 0; k < i; ++k) x -= matrix_[i * n_ + k] * a[k];
-      a[i] = x / matrix_[i * n_ + i];
-      sum += a[i] * a[i];
-    }
+    for (int i = 0; i < n_; ++i) sum += a[i] * a[i] / at(i, i);
     return sum;
   }
+  /// M^-1 a.
+  std::vector<double> solve(std::vector<double> a) const {
+    solve_transposed(a);
+    for (int i = 0; i < n_; ++i) {
+      a[i] /= at(i, i);
+      for (int k = 0; k < i; ++k) a[i] -= at(i, k) * a[k];
+    }
+    return a;
+  }
   /// Means over x, y, z of J M^-1 J^T for translation and rotation at the body's centre of mass.
-  std::array<double, 2> body_inverse_weight(CompiledModel const& m, int b) const {
-    auto const chain = dofs_of(m, b);
-    auto const& com = com_[b - m.tree_bodyadr[m.body_tree[b]]];
+  std::array<double, 2> body_inverse_weight(InitialPose const& pose, int b) const {
+    auto const chain = pose.dofs_of(b);
     std::array<double, 2> mean{0, 0};
     for (int c = 0; c < 3; ++c) {
       std::vector<double> v(n_, 0.), w(n_, 0.);
-      for (int d : chain) v[d] = linear(d, com)[c], w[d] = angular(d)[c];
+      for (int d : chain) v[d - first_] = pose.linear(d, pose.com(b))[c], w[d - first_] = pose.angular(d)[c];
       mean[0] += inverse_weight(std::move(v)) / 3, mean[1] += inverse_weight(std::move(w)) / 3;
     }
     return mean;
   }
 
  private:
-  std::vector<int> dofs_of(CompiledModel const& m, int b) const {  // from the root down
-    std::vector<int> dofs;
-    while (m.body_tree[b] >= 0 && m.body_dofnum[b] == 0) b = m.body_parent[b];
-    if (m.body_tree[b] < 0) return dofs;
-    for (int d = m.body_dofadr[b] + m.body_dofnum[b] - 1; d >= 0; d = m.dof_parent[d]) dofs.push_back(d - first_);
-    std::reverse(dofs.begin(), dofs.end());
-    return dofs;
+  double& at(int i, int k) { return matrix_[std::size_t(i) * std::size_t(n_) + std::size_t(k)]; }
+  double at(int i, int k) const { return matrix_[std::size_t(i) * std::size_t(n_) + std::size_t(k)]; }
+  void add(int i, int k, double value) { at(std::max(i, k), std::min(i, k)) += value; }
+  void solve_transposed(std::vector<double>& a) const {
+    for (int i = n_ - 1; i > 0; --i)
+      if (a[i] != 0)
+        for (int k = 0; k < i; ++k) a[k] -= at(i, k) * a[i];
   }
-  Double3 angular(int d) const { return turns_[d] ? axis_[d] : Double3{0, 0, 0}; }
-  Double3 linear(int d, Double3 const& at) const { return turns_[d] ? cross(axis_[d], at - anchor_[d]) : axis_[d]; }
-  void add(int i, int k, double value) {
-    matrix_[i * n_ + k] += value;
-    if (i != k) matrix_[k * n_ + i] += value;
-  }
-  void factor(CompiledModel const& m) {
-    for (int i = 0; i < n_; ++i)
-      for (int k = 0; k <= i; ++k) {
-        double x = matrix_[i * n_ + k];
-        for (int l = 0; l < k; ++l) x -= matrix_[i * n_ + l] * matrix_[k * n_ + l];
-        if (i != k)
-          matrix_[i * n_ + k] = x / matrix_[k * n_ + k];
-        else if (x > 1e-15)
-          matrix_[i * n_ + i] = std::sqrt(x);
-        else
-          throw Error("joint '" + m.jnt_name[m.dof_jnt[first_ + i]] +
-                      "': the mass matrix is singular in the initial pose: nothing with mass resists this joint, or it repeats another "
-                      "joint of its body; add a "
-                      "geom, an inertial or armature, or remove the joint");
+  // M = L^T D L from the last dof to the first, which fills nothing in where M couples a dof with its ancestors only.
+  void factor() {
+    std::vector<int> near;
+    for (int i = n_ - 1; i >= 0; --i) {
+      if (!(at(i, i) >= 1e-15)) at(i, i) = 1e-15, singular_.push_back(first_ + i);
+      near.clear();
+      for (int k = 0; k < i; ++k)
+        if (at(i, k) != 0) near.push_back(k);
+      for (auto k = near.rbegin(); k != near.rend(); ++k) {
+        double const l = at(i, *k) / at(i, i);
+        for (int j : near) {
+          if (j > *k) break;
+          at(*k, j) -= l * at(i, j);
+        }
+        at(i, *k) = l;
       }
+    }
   }
 
   int n_, first_;
-  std::vector<double> matrix_;
-  std::vector<Double3> axis_, anchor_, com_;  // world frame
-  std::vector<char> turns_;
+  std::vector<double> matrix_, diagonal_;  // matrix: the lower triangle, then D on its diagonal and L below
+  std::vector<int> singular_;
 };
 
 }  // namespace gsp::detail
