@@ -52,6 +52,12 @@ KOKKOS_INLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = false) {
   }
 }
 
+/// True where the integrator takes all of the derivative of body b's forces: always (implicit), or as it is a lone free body (implicitfast).
+template <class L>
+KOKKOS_INLINE_FUNCTION bool lanes_full_derivative(L const& l, int b) {
+  return l.model.integrator == Integrator::implicit || l.index(l.a.body_lone, b) != 0;
+}
+
 /// derivative <- - d bias / d qvel (both triangles), column by column: the recursion of lanes_bias, differentiated in direction k,
 ///   dv_b = dv_parent + cdof_k,   da_b = da_parent + (dv x cdof) qdot + v x cdof_k,   df_b = I da + dv x* I v + v x* I dv,
 /// over the bodies that dof k moves. After lanes_bias, before lanes_mass_matrix.
@@ -67,6 +73,7 @@ KOKKOS_INLINE_FUNCTION void lanes_bias_derivative(L const& l) {
   auto const depth = [&](int dof) { return l.index(a.row_adr, dof + 1) - l.index(a.row_adr, dof) - 1; };
   for (int k = 0; k < a.nv; ++k) {
     int const top = l.index(a.dof_body, k);
+    if (!lanes_full_derivative(l, top)) continue;
     int end = top + 1;
     while (end < a.nbody && l.index(a.body_parent, end) >= top) ++end;
     for (int b = top; b < end; ++b) {

@@ -29,7 +29,7 @@ KOKKOS_INLINE_FUNCTION void lanes_factor_in_place(L const& l) {
   auto const& s = l.items;
   for (int k = a.nv - 1; k >= 0; --k) {
     int const adr = l.index(a.row_adr, k), row = l.at.factor + adr, n = l.index(a.row_adr, k + 1) - adr;
-    T const inverse = T(1) / s[row + n - 1];
+    T const inverse = T(1) / max(s[row + n - 1], T(1e-15));  // a singular M stays finite, as MuJoCo has it
     s[l.at.inverse_diagonal + k] = inverse;
     for (int p = n - 2; p >= 0; --p) {
       int const ancestor = l.at.factor + l.index(a.row_adr, l.index(a.row_col, adr + p));

@@ -50,7 +50,7 @@ KOKKOS_INLINE_FUNCTION void box_fluid(T mass, Vec3<T> const& inertia, T density,
 template <class T>
 KOKKOS_INLINE_FUNCTION void ellipsoid_fluid(Vec3<T> const& r, T const (&c)[5], Vec3<T> const& added_mass, Vec3<T> const& added_inertia, T density,
                                             T viscosity, Vec3<T> const& w, Vec3<T> const& v, bool derivative, FluidForce<T>& f) {
-  T const pi(3.14159265358979323846), least(1e-15);
+  T const pi(3.14159265358979323846), least(sizeof(real_t<T>) == 4 ? 1e-36 : 1e-280);
   auto& d = f.derivative;
   // added mass: force p x w, torque p x v + l x w, with the momenta p, l of the fluid
   Vec3<T> const mass = density * added_mass, inertia = density * added_inertia, p = times(mass, v), l = times(inertia, w);
@@ -85,9 +85,9 @@ KOKKOS_INLINE_FUNCTION void ellipsoid_fluid(Vec3<T> const& r, T const (&c)[5], V
   add_cross(d, 3, 3, magnus * w), add_cross(d, 3, 0, -(magnus * v));
   // kutta = k num^1/2 den^-1/2 / |v|
   Vec3<T> const lift = num * v - speed2 * n, bn = times(b, n);
-  T const k = c[3] * density * pi / max(sqrt(den * num * speed2), least);  // kutta = k num
+  T const k = c[3] * density * pi / max(sqrt(den) * sqrt(num) * speed, least);  // kutta = k num
   Vec3<T> const slope = k * (n - (num / max(den, least)) * bn - (num / max(speed2, least)) * v);
-  Vec3<T> const dmove_area = (area / max(num * den, least * least)) * (num * bn - den * n);  // dA/dv
+  Vec3<T> const dmove_area = (area / max(den, least)) * bn - (area / max(num, least)) * n;  // dA/dv
   Vec3<T> const dmove = (density * profile / max(speed, least)) * v + (density * speed * (c[0] - c[1])) * dmove_area;
   Vec3<T> const dturn = (density / max(turbulence, least)) * times(moments, swirl);
   for (int i = 0; i < 3; ++i)
@@ -118,7 +118,7 @@ KOKKOS_INLINE_FUNCTION void lanes_add_fluid_derivative(L const& l, int b, Transf
   if (b < 0) return;
   int const last = l.index(a.body_dofadr, b) + l.index(a.body_dofnum, b) - 1;
   int const adr = l.index(a.row_adr, last), n = l.index(a.row_adr, last + 1) - adr;
-  if (a.derivative == 1)
+  if (!lanes_full_derivative(l, b))
     for (int i = 0; i < 6; ++i)
       for (int j = 0; j < i; ++j) f.derivative[i][j] = f.derivative[j][i] = T(0.5) * (f.derivative[i][j] + f.derivative[j][i]);
   Vec3<T> const arm = frame.p - l.com_of_body(b);

@@ -139,6 +139,10 @@ struct Dynamics {
   Kokkos::View<std::int64_t*, Mem> block_offset;  // (blocks) first item of the block
   Kokkos::View<int*, Mem> archetype_block;        // (archetypes) first block
 
+  KOKKOS_INLINE_FUNCTION R& item(Model<R, Mem> const& m, int w, int t, int at) const {
+    int const k = m.tree_archetype(t), lane = m.tree_instance(t) * padded_worlds + w;
+    return items(block_offset(archetype_block(k) + lane / width) + lane % width + std::int64_t(at) * width);
+  }
   /// Items of tree `t` of world `w`.
   KOKKOS_INLINE_FUNCTION TreeItems<R> tree(Model<R, Mem> const& m, int w, int t) const {
     int const k = m.tree_archetype(t), lane = m.tree_instance(t) * padded_worlds + w;

@@ -26,8 +26,8 @@ enum class ActuatorKind : int { scalar_joint, tendon, ball, ball_in_parent, free
 enum class TendonKind : int { fixed, sites, wrapped };  // sites: no geom on its path
 
 struct ArchetypeDescription {
-  // local indices: bodies, joints, dofs and qpos of a tree are contiguous and counted from 0; parents: see parent_of
-  std::vector<int> body_parent, body_root, body_jntadr, body_jntnum, body_dofadr, body_dofnum;
+  // lone: a free body without children. Local indices: bodies, joints, dofs and qpos of a tree are contiguous and counted from 0; parents: see parent_of
+  std::vector<int> body_parent, body_root, body_lone, body_jntadr, body_jntnum, body_dofadr, body_dofnum;
   std::vector<int> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr, jnt_actgravcomp;
   std::vector<int> dof_body, dof_parent, dof_jnt;
   std::vector<int>
@@ -201,6 +201,8 @@ struct ArchetypeBuilder {
         a.body_parent.push_back(mocap_root[parent] >= 0 ? parent_of::mocap : parent_of::world), a.body_root.push_back(a.nroot++);
       }
       bool const own = holds(b);
+      bool const has_child = b + 1 < m.nbody && m.body_parent[b + 1] == b;
+      a.body_lone.push_back(own && !has_child && m.body_jntnum[b] == 1 && m.jnt_type[m.body_jntadr[b]] == int(JointType::free));
       a.body_jntadr.push_back(own && m.body_jntnum[b] ? m.body_jntadr[b] - j0 : 0), a.body_jntnum.push_back(own ? m.body_jntnum[b] : 0);
       a.body_dofadr.push_back(own && m.body_dofnum[b] ? m.body_dofadr[b] - d0 : 0), a.body_dofnum.push_back(own ? m.body_dofnum[b] : 0);
       a.body_fluidadr.push_back(int(a.fluid_type.size()));

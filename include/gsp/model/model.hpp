@@ -20,7 +20,7 @@ enum class Profile : int { stable, mujoco };
 /// Topology of trees of one kind: sizes, and where its index arrays start in Model::ints. Indices are local to the tree (archetypes.hpp).
 struct Archetype {
   int nbody, njnt, nq, nv, nM, nroot, ntendon, nterm, npath, nact, nstate, ntendonJ, nmoment, nfluid, ninstance;
-  int body_parent, body_root, body_jntadr, body_jntnum, body_dofadr, body_dofnum, jnt_type, jnt_body, jnt_qposadr, jnt_dofadr,
+  int body_parent, body_root, body_lone, body_jntadr, body_jntnum, body_dofadr, body_dofnum, jnt_type, jnt_body, jnt_qposadr, jnt_dofadr,
       jnt_actgravcomp, dof_body, dof_parent, dof_jnt, row_adr, row_col, tendon_termadr, term_jnt;
   int tendon_kind, tendon_jadr, tendon_jdof, tendon_pathadr, path_type, path_ref, path_last, path_chain, path_side, chain;
   int act_kind, act_id, act_madr, act_mdof, act_ref1, act_last1, act_chain1, act_ref2, act_last2, act_chain2;
@@ -302,7 +302,7 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
     using A = Archetype;
     using D = ArchetypeDescription;
     auto const p = [](int A::*to, std::vector<int> D::*from) { return std::pair(to, from); };
-    add(p(&A::body_parent, &D::body_parent), p(&A::body_root, &D::body_root), p(&A::body_jntadr, &D::body_jntadr),
+    add(p(&A::body_parent, &D::body_parent), p(&A::body_root, &D::body_root), p(&A::body_lone, &D::body_lone), p(&A::body_jntadr, &D::body_jntadr),
         p(&A::body_jntnum, &D::body_jntnum), p(&A::body_dofadr, &D::body_dofadr), p(&A::body_dofnum, &D::body_dofnum),
         p(&A::jnt_type, &D::jnt_type), p(&A::jnt_body, &D::jnt_body), p(&A::jnt_qposadr, &D::jnt_qposadr),
         p(&A::jnt_dofadr, &D::jnt_dofadr), p(&A::jnt_actgravcomp, &D::jnt_actgravcomp), p(&A::dof_body, &D::dof_body),
@@ -339,7 +339,7 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
         a.tendon_passive |= m.tendon_stiffness[e] != 0 || tendon_damping[e] != 0 || d.poly_stiffness || d.poly_damping;
       }
     }
-    bool const free_body = a.nbody == 1 && a.njnt == 1 && t.jnt_type[0] == int(JointType::free);
+    bool const free_body = std::find(t.body_lone.begin(), t.body_lone.end(), 1) != t.body_lone.end();
     if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicit) a.derivative = 2;
     if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicitfast) a.derivative = free_body ? 2 : 1;
     a.instance_tree = pool.add(tree), a.instance_body = pool.add(body), a.instance_jnt = pool.add(jnt), a.instance_dof = pool.add(dof),

@@ -1,0 +1,105 @@
+#pragma once
+#include <gsp/dynamics/lanes.hpp>
+
+/// Lanes of worlds alone, for kernels that go through a whole world or through independent items of it (poses of geoms, sums over trees).
+namespace gsp {
+
+template <class T>
+struct WorldLane {
+  using R = real_t<T>;
+  static constexpr int W = detail::width_of<T>::value;
+  int first, count;  // worlds first .. first + count - 1; lanes beyond repeat the last and store nothing
+  KOKKOS_INLINE_FUNCTION int world(int i) const { return first + (i < count ? i : count - 1); }
+
+  /// Component of item i of a view (world, item[, components]).
+  template <class View>
+  KOKKOS_INLINE_FUNCTION T load(View const& v, int i, int components = 1, int component = 0) const {
+    std::int64_t const stride = std::int64_t(v.extent(1)) * components;
+    R const* const at = v.data() + std::int64_t(i) * components + component;
+    if constexpr (W == 1) {
+      return at[first * stride];
+    } else {
+      if (count == W) return detail::gather_consecutive<T>(at + first * stride, stride);
+      T x(R(0));
+      for (int k = 0; k < W; ++k) x.set(k, at[world(k) * stride]);
+      return x;
+    }
+  }
+  template <class View>
+  KOKKOS_INLINE_FUNCTION void store(View const& v, int i, T const& x, int components = 1, int component = 0) const {
+    std::int64_t const stride = std::int64_t(v.extent(1)) * components;
+    auto* const at = v.data() + std::int64_t(i) * components + component;
+    if constexpr (W == 1)
+      at[first * stride] = x;
+    else if (count == W)
+      detail::scatter_consecutive<T>(at + first * stride, stride, x);
+    else
+      for (int k = 0; k < count; ++k) at[world(k) * stride] = x[k];
+  }
+  template <class View>
+  KOKKOS_INLINE_FUNCTION Vec3<T> load3(View const& v, int i) const {
+    return {load(v, i, 3, 0), load(v, i, 3, 1), load(v, i, 3, 2)};
+  }
+  template <class View>
+  KOKKOS_INLINE_FUNCTION Quat<T> load4(View const& v, int i) const {
+    return {load(v, i, 4, 0), load(v, i, 4, 1), load(v, i, 4, 2), load(v, i, 4, 3)};
+  }
+  template <class View>
+  KOKKOS_INLINE_FUNCTION void store3(View const& v, int i, Vec3<T> const& x) const {
+    for (int c = 0; c < 3; ++c) store(v, i, x[c], 3, c);
+  }
+  template <class View>
+  KOKKOS_INLINE_FUNCTION void store4(View const& v, int i, Quat<T> const& q) const {
+    store(v, i, q.w, 4, 0), store(v, i, q.x, 4, 1), store(v, i, q.y, 4, 2), store(v, i, q.z, 4, 3);
+  }
+  KOKKOS_INLINE_FUNCTION T constant(Field<R> const& f, int i, int components = 1, int component = 0) const {
+    int const at = i * components + component;
+    if constexpr (W == 1) {
+      return f(first, at);
+    } else {
+      if (f.stride == 0) return T(f.data[at]);
+      T x(R(0));
+      for (int k = 0; k < W; ++k) x.set(k, f(world(k), at));
+      return x;
+    }
+  }
+  KOKKOS_INLINE_FUNCTION Vec3<T> constant3(Field<R> const& f, int i) const {
+    return {constant(f, i, 3, 0), constant(f, i, 3, 1), constant(f, i, 3, 2)};
+  }
+  KOKKOS_INLINE_FUNCTION Quat<T> constant4(Field<R> const& f, int i) const {
+    return {constant(f, i, 4, 0), constant(f, i, 4, 1), constant(f, i, 4, 2), constant(f, i, 4, 3)};
+  }
+  /// Item `at` of tree t's scratch.
+  template <class Mem>
+  KOKKOS_INLINE_FUNCTION T item(Model<R, Mem> const& m, Dynamics<R, Mem> const& d, int t, int at) const {
+    if constexpr (W == 1) {
+      return d.tree(m, first, t)[at];
+    } else {
+      T x(R(0));
+      for (int k = 0; k < W; ++k) x.set(k, d.item(m, world(k), t, at));
+      return x;
+    }
+  }
+};
+
+namespace detail {
+template <class T, class F>
+struct WorldKernel {
+  F f;
+  int worlds, items;
+  KOKKOS_INLINE_FUNCTION void operator()(int i) const {
+    constexpr int W = width_of<T>::value;
+    int const blocks = (worlds + W - 1) / W, block = i % blocks, first = block * W;
+    f(WorldLane<T>{first, worlds - first < W ? worlds - first : W}, i / blocks);
+  }
+};
+/// f(lane, item) for all items of all worlds.
+template <ExecutionSpace Exec, class R, class F>
+void for_world_lanes(char const* label, Exec const& exec, R, int worlds, int items, F const& f) {
+  using T = lane_number<Exec, R>;
+  int const blocks = (worlds + width_of<T>::value - 1) / width_of<T>::value;
+  Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, blocks * items), WorldKernel<T, F>{f, worlds, items});
+}
+}  // namespace detail
+
+}  // namespace gsp

@@ -1,0 +1,75 @@
+#pragma once
+#include <gsp/dynamics/detail/world_lanes.hpp>
+
+/// Jacobians of points of bodies: velocity of the point = J qvel (MuJoCo's mj_jac, mj_jacBodyCom, mj_jacSite).
+namespace gsp {
+
+namespace detail {
+template <class R, class Mem, class View>
+struct PointJacobian {
+  Model<R, Mem> model;
+  Poses<R, Mem> poses;
+  Dynamics<R, Mem> dynamics;
+  int body;
+  Vec3<R> point;
+  Field<R> field;  // where it has data: the point is its item
+  int item;
+  View J;
+  template <class T>
+  KOKKOS_FUNCTION void operator()(WorldLane<T> const& l, int) const {
+    int const last = model.body_last_dof(body);
+    if (last < 0) return;
+    int const t = model.dof_tree(last), dof0 = model.tree_dof(t);
+    Archetype const& a = model.archetypes(model.tree_archetype(t));
+    DynamicsLayout const at(a);
+    auto const get = [&](int i) { return l.item(model, dynamics, t, i); };
+    auto const get3 = [&](int i) { return Vec3<T>{get(i), get(i + 1), get(i + 2)}; };
+    Vec3<T> const local = field.data ? l.constant3(field, item) : Vec3<T>{T(point.x), T(point.y), T(point.z)};
+    Vec3<T> const arm =
+        l.load3(poses.xpos, body) + rotate(l.load4(poses.xquat, body), local) - get3(at.com + 3 * model.body_root(body));
+    int const adr = model.ints(a.row_adr + last - dof0), end = model.ints(a.row_adr + last - dof0 + 1);
+    for (int e = adr; e < end; ++e) {
+      int const dof = model.ints(a.row_col + e);
+      Vec3<T> const w = get3(at.cdof + 6 * dof), v = get3(at.cdof + 6 * dof + 3) + cross(w, arm);
+      for (int c = 0; c < 3; ++c)
+        for (int k = 0; k < l.count; ++k)
+          J(l.world(k), c, dof0 + dof) = get_lane(v[c], k), J(l.world(k), 3 + c, dof0 + dof) = get_lane(w[c], k);
+    }
+  }
+};
+template <ExecutionSpace Exec, class R, class Mem, class View>
+void jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
+              Vec3<R> const& point, Field<R> const& field, int item, View const& J) {
+  expects(int(J.extent(0)) == dynamics.worlds && int(J.extent(1)) == 6 && int(J.extent(2)) == model.nv,
+          "gsp::body_jacobian: J must be (worlds, 6, nv)");
+  zero(exec, J);
+  for_world_lanes("gsp::dynamics::jacobian", exec, R(), dynamics.worlds, 1,
+                  PointJacobian<R, Mem, View>{model, poses, dynamics, body, point, field, item, J});
+}
+}  // namespace detail
+
+/// Jacobian of the point `local` (body frame) of a body: J (world, 6, nv), rows 0-2 velocity of the point, 3-5 angular velocity, in world
+/// axes. After smooth_dynamics (or forward_kinematics and mass_matrix), at `poses`. Cost 20 flop a dof that moves the body.
+/// Does not allocate, does not fence.
+template <ExecutionSpace Exec, class R, class Mem, class View>
+void body_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
+                   std::type_identity_t<Vec3<R>> const& local, View const& J) {
+  expects(body >= 0 && body < model.nbody, "gsp::body_jacobian: there is no such body");
+  detail::jacobian(exec, model, poses, dynamics, body, local, Field<R>{}, 0, J);
+}
+/// The same of a body's centre of mass.
+template <ExecutionSpace Exec, class R, class Mem, class View>
+void com_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
+                  View const& J) {
+  expects(body >= 0 && body < model.nbody, "gsp::com_jacobian: there is no such body");
+  detail::jacobian(exec, model, poses, dynamics, body, {}, model.body_ipos, body, J);
+}
+/// The same of a site, which is on `body` (CompiledModel::site_body).
+template <ExecutionSpace Exec, class R, class Mem, class View>
+void site_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
+                   int site, View const& J) {
+  expects(body >= 0 && body < model.nbody && site >= 0 && site < model.nsite, "gsp::site_jacobian: there is no such site or body");
+  detail::jacobian(exec, model, poses, dynamics, body, {}, model.site_pos, site, J);
+}
+
+}  // namespace gsp
