@@ -1,0 +1,205 @@
+// Per-world values on every backend: masks, memory, shared fields, and the same numbers as a model that was made with the values.
+#include <doctest/doctest.h>
+
+#include <gsp/collision/geom_values.hpp>
+#include <gsp/dynamics/set_constants.hpp>
+#include <gsp/model/samples.hpp>
+#include <gsp/step/step.hpp>
+#include <gsp_test_execs.hpp>
+
+#include "dynamics/random_tree.hpp"
+
+using gsp::GeomField;
+using gsp::ModelField;
+
+namespace {
+template <class Exec>
+using Memory = typename Exec::memory_space;
+template <class Exec>
+using Values = Kokkos::View<double**, Kokkos::LayoutRight, Memory<Exec>>;
+
+/// (worlds, row) on the device.
+template <class Exec>
+Values<Exec> to_values(Exec const& exec, std::vector<double> const& v, int worlds) {
+  Values<Exec> const out("values", worlds, v.size() / worlds);
+  gsp::detail::upload_bytes(exec, out.data(), v.data(), v.size() * sizeof(double));
+  exec.fence();
+  return out;
+}
+template <class Exec>
+Kokkos::View<bool*, Memory<Exec>> to_mask(Exec const& exec, std::vector<int> const& v) {
+  Kokkos::View<bool*, Memory<Exec>> const out("mask", v.size());
+  std::unique_ptr<bool[]> const host(new bool[v.size()]);
+  for (std::size_t i = 0; i < v.size(); ++i) host[i] = v[i] != 0;
+  gsp::detail::upload_bytes(exec, out.data(), host.get(), v.size());
+  exec.fence();
+  return out;
+}
+template <class Exec, class R, class Mem>
+std::vector<R> read(Exec const& exec, gsp::Model<R, Mem> const& model, ModelField field) {
+  return gsp::detail::to_host(exec, gsp::world_values(model, field));
+}
+gsp::CompiledModel robots() { return gsp::compile(gsp::samples::quadruped_scene(), {.approximate = true}); }
+}  // namespace
+
+TEST_CASE_TEMPLATE("values of the masked worlds change, all others stay", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  auto const compiled = robots();
+  int const worlds = 11, n = compiled.nbody;
+  auto model = gsp::make_model<double>(exec, compiled);
+  gsp::make_per_world(exec, model, {ModelField::body_mass}, worlds);
+  auto const start = read(exec, model, ModelField::body_mass);
+  for (int i = 0; i < worlds * n; ++i) CHECK(start[i] == compiled.body_mass[i % n]);
+  std::vector<double> values(worlds * n);
+  std::vector<int> mask(worlds);
+  for (int w = 0; w < worlds; ++w) mask[w] = w % 3 == 1;
+  for (int i = 0; i < worlds * n; ++i) values[i] = 1 + i;
+  gsp::set_world_values(exec, model, ModelField::body_mass, to_values(exec, values, worlds), to_mask(exec, mask));
+  auto const set = read(exec, model, ModelField::body_mass);
+  for (int i = 0; i < worlds * n; ++i) CHECK(set[i] == (mask[i / n] ? values[i] : start[i]));
+
+  // another field: the first keeps its values though the buffer moved; the shared ones stay shared
+  auto const* before = model.body_mass.data;
+  gsp::make_per_world(exec, model, {ModelField::dof_damping, ModelField::gravity, ModelField::body_mass}, worlds);
+  CHECK(model.body_mass.data != before);
+  CHECK(read(exec, model, ModelField::body_mass) == set);
+  CHECK(model.dof_damping.stride == compiled.nv);
+  CHECK(model.gravity.stride == 3);
+  CHECK(model.jnt_range.stride == 0);
+  gsp::set_world_values(exec, model, ModelField::body_mass, to_values(exec, values, worlds));
+  CHECK(read(exec, model, ModelField::body_mass) == values);
+}
+
+TEST_CASE_TEMPLATE("moments of inertia in proportion, when asked", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  auto const compiled = robots();
+  int const worlds = 3, n = compiled.nbody;
+  auto model = gsp::make_model<double>(exec, compiled);
+  gsp::make_per_world(exec, model, {ModelField::body_mass, ModelField::body_inertia}, worlds);
+  std::vector<double> values;
+  for (int w = 0; w < worlds; ++w)
+    for (int b = 0; b < n; ++b) values.push_back((w + 2) * compiled.body_mass[b]);
+  gsp::set_world_values(exec, model, ModelField::body_mass, to_values(exec, values, worlds));
+  auto inertia = read(exec, model, ModelField::body_inertia);
+  for (int i = 0; i < 3 * worlds * n; ++i) CHECK(inertia[i] == compiled.body_inertia[i / 3 % n][i % 3]);
+  for (double& x : values) x *= 3;
+  gsp::set_world_values(exec, model, ModelField::body_mass, to_values(exec, values, worlds), gsp::AllWorlds{}, {.scale_inertia = true});
+  inertia = read(exec, model, ModelField::body_inertia);
+  for (int i = 0; i < 3 * worlds * n; ++i) CHECK(inertia[i] == doctest::Approx(3 * compiled.body_inertia[i / 3 % n][i % 3]).epsilon(1e-14));
+}
+
+TEST_CASE_TEMPLATE("what is not limited stays so", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  auto compiled = robots();
+  REQUIRE(compiled.nu > 1);
+  for (int k = 0; k < compiled.nu; ++k) compiled.act_ctrllimited[k] = k % 2, compiled.act_ctrlrange[k] = {-1, 1};
+  int const worlds = 2;
+  auto model = gsp::make_model<double>(exec, compiled);
+  gsp::make_per_world(exec, model, {ModelField::act_ctrlrange}, worlds);
+  gsp::set_world_values(exec, model, ModelField::act_ctrlrange,
+                        to_values(exec, std::vector<double>(worlds * compiled.nu * 2, 0.5), worlds));
+  auto const range = read(exec, model, ModelField::act_ctrlrange);
+  for (int i = 0; i < int(range.size()); ++i) {
+    bool const limited = i / 2 % compiled.nu % 2;
+    CHECK(limited == !std::isinf(range[i]));
+    if (limited) CHECK(range[i] == 0.5);
+  }
+}
+
+// A model made with other masses, armatures, frictions and sizes, and the same values set in one world of a model that shares them: the
+// same steps. The constants come from the lanes on one side and from compile's dense matrices on the other, so the numbers agree to
+// rounding: 1e-12 grows by less than 1e3 over 20 steps with contacts.
+TEST_CASE_TEMPLATE("a world steps as a model of its own", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  auto const base = gsp::samples::quadruped_scene();
+  auto heavy = base;
+  for (auto& body : heavy.bodies) {
+    for (auto& g : body.geoms) g.has_mass ? g.mass *= 1.5 : g.density *= 1.5;
+    if (body.has_inertial) {
+      body.inertial.mass *= 1.5;
+      for (double& x : body.inertial.inertia) x *= 1.5;
+    }
+    for (auto& j : body.joints) {
+      j.damping += 0.02;
+      if (j.type == gsp::JointType::hinge) j.armature += 0.01;
+      if (j.type == gsp::JointType::hinge) j.frictionloss += 0.05;
+    }
+    for (auto& g : body.geoms) g.friction[0] *= 0.7;
+  }
+  auto const shared = gsp::compile(base, {.approximate = true}), own = gsp::compile(heavy, {.approximate = true});
+  int const worlds = 5, special = 3;
+  auto const model_own = gsp::make_model<double>(exec, own);
+  auto model = gsp::make_model<double>(exec, shared);
+  gsp::make_per_world(
+      exec, model,
+      {ModelField::body_mass, ModelField::body_inertia, ModelField::dof_damping, ModelField::dof_armature, ModelField::dof_frictionloss},
+      worlds);
+  auto sim = gsp::make_simulation(exec, model, shared, {.worlds = worlds});
+  gsp::make_per_world(exec, sim.collision, {GeomField::friction, GeomField::size}, worlds);
+  std::vector<int> mask(worlds, 0);
+  mask[special] = 1;
+  auto const on = to_mask(exec, mask);
+  auto const spread = [&](std::vector<double> const& row) {
+    std::vector<double> all;
+    for (int w = 0; w < worlds; ++w) all.insert(all.end(), row.begin(), row.end());
+    return to_values(exec, all, worlds);
+  };
+  std::vector<double> friction, size;
+  for (int g = 0; g < own.ngeom; ++g)
+    for (int c = 0; c < 3; ++c) friction.push_back(own.geom_friction[g][c]), size.push_back(own.geom_size[g][c]);
+  // (masses by option, so that the moments follow: they are 1.5 times as much in both)
+  gsp::set_world_values(exec, model, ModelField::body_mass, spread(own.body_mass), on, {.scale_inertia = true});
+  gsp::set_world_values(exec, model, ModelField::dof_damping, spread(own.dof_damping), on);
+  gsp::set_world_values(exec, model, ModelField::dof_armature, spread(own.dof_armature), on);
+  gsp::set_world_values(exec, model, ModelField::dof_frictionloss, spread(own.dof_frictionloss), on);
+  gsp::set_world_values(exec, sim.collision, GeomField::friction, spread(friction), on);
+  gsp::set_world_values(exec, sim.collision, GeomField::size, spread(size), on);
+  auto const constants_before = read(exec, model, ModelField::dof_invweight0);
+  gsp::set_constants(exec, model, sim.dynamics, on);
+  auto const constants = read(exec, model, ModelField::dof_invweight0);
+  for (int i = 0; i < worlds * shared.nv; ++i) {
+    if (i / shared.nv == special)
+      CHECK(constants[i] == doctest::Approx(own.dof_invweight0[i % shared.nv]).epsilon(1e-11));
+    else
+      CHECK(constants[i] == constants_before[i]);
+  }
+
+  auto const run = [&](auto const& m, auto& s, int n) {
+    auto const state = gsp::make_state(exec, m, {.worlds = n});
+    gsp::step(exec, m, state, s, {.steps = 20, .solver = {.iterations = 2000, .tolerance = 1e-13f}});
+    return gsp::detail::to_host(exec, state.qvel);
+  };
+  auto sim_own = gsp::make_simulation(exec, model_own, own, {.worlds = 1});
+  auto sim_shared = gsp::make_simulation(exec, gsp::make_model<double>(exec, shared), shared, {.worlds = 1});
+  auto const mixed = run(model, sim, worlds), alone = run(model_own, sim_own, 1),
+             plain = run(gsp::make_model<double>(exec, shared), sim_shared, 1);
+  double worst = 0, other = 0, change = 0;
+  for (int i = 0; i < shared.nv; ++i) {
+    worst = std::fmax(worst, std::fabs(mixed[special * shared.nv + i] - alone[i]));
+    other = std::fmax(other, std::fabs(mixed[i] - plain[i]));
+    change = std::fmax(change, std::fabs(alone[i] - plain[i]));
+  }
+  CHECK(worst < 1e-9);
+  CHECK(other < 1e-9);
+  CHECK(change > 1e-3);
+}
+
+TEST_CASE_TEMPLATE("misuse is refused in one sentence", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  auto const compiled = robots();
+  auto model = gsp::make_model<double>(exec, compiled);
+  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = 2});
+  CHECK_THROWS_WITH_AS(gsp::world_values(model, ModelField::body_mass), doctest::Contains("body_mass is not per world"),
+                       std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::set_constants(exec, model, dynamics), doctest::Contains("call make_per_world"), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::make_per_world(exec, model, {ModelField::body_mass}, 0), std::invalid_argument);
+  gsp::make_per_world(exec, model, {ModelField::body_mass}, 4);
+  CHECK_THROWS_WITH_AS(gsp::make_per_world(exec, model, {ModelField::gravity}, 5), doctest::Contains("for 4 worlds and not 5"),
+                       std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::set_constants(exec, model, dynamics), doctest::Contains("2 worlds and the model 4"), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, model, ModelField::body_mass, Values<Exec>("v", 4, 1)),
+                       doctest::Contains("must be (4, "), std::invalid_argument);
+  auto collision = gsp::make_collision_model<double>(exec, compiled);
+  CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, collision, GeomField::size, Values<Exec>("v", 4, 3 * compiled.ngeom)),
+                       doctest::Contains("geom size is not per world"), std::invalid_argument);
+}
