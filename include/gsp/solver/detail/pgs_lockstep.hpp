@@ -37,14 +37,11 @@ struct PgsLockstep {
     };
     Place place[lockstep_most_rows];
     std::uint32_t used[lockstep_most_rows] = {};
-    for (int l = 0; l < W; ++l)  // world by world, as the rows lie in memory
-      for (int r = 0; r < count[l]; ++r) {
+    for (int r = 0; r < most; ++r)
+      for (int l = 0; l < W; ++l) {
+        if (r >= count[l]) continue;
         Row<R> const& row = rows.row(rows.first(w0 + l) + r);
-        for (int s = 0; s < row.segments; ++s) {
-          auto const& segment = row.segment[s];
-          int const* const list = list_of(segment);
-          for (int i = 0; i < segment.count; ++i) used[r] |= std::uint32_t(1) << ((segment.dof0 + (list ? list[i] : i)) >> 2);
-        }
+        for (int k = 0; k < row.segments; ++k) used[r] |= groups_of(row.segment[k]);
       }
     int size = 0;
     for (int r = 0; r < most; ++r) {
@@ -54,8 +51,9 @@ struct PgsLockstep {
       for (int e = 0; e < 4 * here.groups; ++e) Y[size++] = T(R(0));
       bias[r] = compliance[r] = inverse[r] = lower[r] = upper[r] = mu[r] = p[r] = T(R(0));
     }
-    for (int l = 0; l < W; ++l)
-      for (int r = 0; r < count[l]; ++r) {
+    for (int r = 0; r < most; ++r)  // row by row: what is written to stays in the first-level cache while the lanes take turns
+      for (int l = 0; l < W; ++l) {
+        if (r >= count[l]) continue;
         Row<R> const& row = rows.row(rows.first(w0 + l) + r);
         auto const lane = [r, l](T* pack) -> R& { return reinterpret_cast<R*>(pack + r)[l]; };
         bool const friction = row.friction_of >= 0;
@@ -64,13 +62,16 @@ struct PgsLockstep {
         lane(p) = rows.impulse[parity](rows.first(w0 + l) + r);
         R* const entries = reinterpret_cast<R*>(Y + place[r].first) + l;
         R const* y = rows.Y.data() + row.Y;
-        for (int s = 0; s < row.segments; ++s) {
-          auto const& segment = row.segment[s];
-          int const* const list = list_of(segment);
-          for (int i = 0; i < segment.count; ++i) {
-            int const dof = segment.dof0 + (list ? list[i] : i), group = dof >> 2;
-            int const at = Kokkos::popcount(used[r] & ((std::uint32_t(1) << group) - 1));  // groups before
-            entries[W * (4 * at + (dof & 3))] = y[i];
+        auto const entry_of = [&](int dof) {  // after the groups before
+          return 4 * Kokkos::popcount(used[r] & ((std::uint32_t(1) << (dof >> 2)) - 1)) + (dof & 3);
+        };
+        for (int k = 0; k < row.segments; ++k) {
+          auto const& segment = row.segment[k];
+          if (int const* const list = list_of(segment)) {
+            for (int i = 0; i < segment.count; ++i) entries[W * entry_of(segment.dof0 + list[i])] = y[i];
+          } else {  // consecutive dofs: all of their groups are there
+            R* const e = entries + W * entry_of(segment.dof0);
+            for (int i = 0; i < segment.count; ++i) e[W * i] = y[i];
           }
           y += segment.count;
         }
@@ -135,6 +136,17 @@ struct PgsLockstep {
     T const* const y = Y + place.first;
     for (int g = 0; g < place.groups; ++g)
       for (int k = 0; k < 4; ++k) z[place.dof[g] + k] = fma(y[4 * g + k], d, z[place.dof[g] + k]);
+  }
+  /// Bits of the groups of four dofs that a segment has entries in.
+  std::uint32_t groups_of(RowSegment const& s) const {
+    std::uint32_t bits = 0;
+    if (int const* const list = list_of(s)) {
+      for (int i = 0; i < s.count; ++i) bits |= std::uint32_t(1) << ((s.dof0 + list[i]) >> 2);
+    } else if (s.count > 0) {
+      int const low = s.dof0 >> 2, high = (s.dof0 + s.count - 1) >> 2;
+      bits = std::uint32_t(((std::uint64_t(1) << (high - low + 1)) - 1) << low);
+    }
+    return bits;
   }
   int const* list_of(RowSegment const& s) const { return s.list < 0 ? nullptr : model.ints.data() + s.list; }
 };
