@@ -48,7 +48,7 @@ inline MeshDescription make_mesh(std::span<double const> vertices, std::span<int
   if (faces.size() % 3 != 0) detail::fail(what, "", "has " + std::to_string(faces.size()) + " numbers for its faces; give three for each");
   for (std::size_t i = 0; i < vertices.size(); i += 3) {
     mesh.vertices.push_back({static_cast<float>(vertices[i]), static_cast<float>(vertices[i + 1]), static_cast<float>(vertices[i + 2])});
-    detail::expect_vertex(mesh.vertices.back(), what, "vertex " + std::to_string(i / 3));
+    if (!detail::is_vertex(mesh.vertices.back())) detail::fail_vertex(what, "vertex " + std::to_string(i / 3));
   }
   for (std::size_t i = 0; i < faces.size(); i += 3) {
     for (std::size_t k = i; k < i + 3; ++k)

@@ -21,9 +21,9 @@ using Triangle = std::array<int, 3>;
 inline constexpr float largest_coordinate = 1073741824.f;
 
 inline bool is_coordinate(float x) { return std::abs(x) <= largest_coordinate; }  // false for what is not a number
-inline void expect_vertex(Vertex const& v, std::string const& file, std::string const& place) {
-  if (!is_coordinate(v[0]) || !is_coordinate(v[1]) || !is_coordinate(v[2]))
-    fail(file, place, "a vertex is not finite or beyond 2^30; export the mesh again, in metres");
+inline bool is_vertex(Vertex const& v) { return is_coordinate(v[0]) && is_coordinate(v[1]) && is_coordinate(v[2]); }
+[[noreturn]] inline void fail_vertex(std::string const& file, std::string const& place) {
+  fail(file, place, "a vertex is not finite or beyond 2^30; export the mesh again, in metres");
 }
 
 /// A number as a float, as written in text files; empty where `word` is none or too large.
@@ -69,30 +69,42 @@ inline std::string_view take_word(std::string_view& line) {
 }
 
 /// Gives equal vertices (bit by bit, as MuJoCo's reader of STL does: 0 and -0 differ) one number, in the order in which they first come.
+/// An open hash table that is at most half full and starts small: most corners are repeats, and a small table stays in the cache.
 class VertexIndex {
  public:
-  explicit VertexIndex(std::size_t expected) {
-    std::size_t size = 16;
-    while (size < 2 * expected) size *= 2;
-    slots_.assign(size, -1);
-  }
-  int operator()(Vertex const& v, std::vector<Vertex>& vertices) {
-    std::uint32_t bits[3];
-    std::memcpy(bits, v.data(), sizeof bits);
-    std::uint64_t hash = 0;
-    for (std::uint32_t b : bits) hash = (hash ^ b) * 0x9E3779B97F4A7C15ull, hash ^= hash >> 29;
-    for (std::size_t slot = hash & (slots_.size() - 1);; slot = (slot + 1) & (slots_.size() - 1)) {
-      if (slots_[slot] < 0) {
-        slots_[slot] = static_cast<int>(vertices.size());
-        vertices.push_back(v);
-        return slots_[slot];
+  explicit VertexIndex(std::vector<Vertex>& vertices) : vertices_(vertices), slots_(1024, -1) {}
+  int operator()(Vertex const& v) {
+    for (std::size_t slot = first(v);; slot = (slot + 1) & (slots_.size() - 1)) {
+      int const id = slots_[slot];
+      if (id < 0) {
+        slots_[slot] = static_cast<int>(vertices_.size());
+        vertices_.push_back(v);
+        if (2 * vertices_.size() > slots_.size()) grow();
+        return static_cast<int>(vertices_.size()) - 1;
       }
-      if (std::memcmp(vertices[static_cast<std::size_t>(slots_[slot])].data(), v.data(), sizeof(Vertex)) == 0) return slots_[slot];
+      if (std::memcmp(vertices_[static_cast<std::size_t>(id)].data(), v.data(), sizeof(Vertex)) == 0) return id;
     }
   }
 
  private:
-  std::vector<int> slots_;  // twice as many as there can be vertices
+  std::size_t first(Vertex const& v) const {
+    std::uint32_t bits[3];
+    std::memcpy(bits, v.data(), sizeof bits);
+    std::uint64_t hash = (bits[0] | std::uint64_t(bits[1]) << 32) * 0x9E3779B97F4A7C15ull;
+    hash = (hash ^ hash >> 32 ^ bits[2]) * 0xD6E8FEB86659FD93ull;
+    return (hash ^ hash >> 32) & (slots_.size() - 1);
+  }
+  void grow() {
+    slots_.assign(4 * slots_.size(), -1);
+    for (std::size_t i = 0; i < vertices_.size(); ++i) {
+      std::size_t slot = first(vertices_[i]);
+      while (slots_[slot] >= 0) slot = (slot + 1) & (slots_.size() - 1);
+      slots_[slot] = static_cast<int>(i);
+    }
+  }
+
+  std::vector<Vertex>& vertices_;
+  std::vector<int> slots_;
 };
 
 }  // namespace gsp::io::detail

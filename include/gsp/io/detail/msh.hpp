@@ -21,7 +21,7 @@ inline MeshDescription parse_msh(Bytes bytes, std::string const& file) {
   std::memcpy(mesh.vertices.data(), bytes.data() + 16, mesh.vertices.size() * sizeof(Vertex));
   std::size_t const at_faces = bytes.size() - mesh.faces.size() * sizeof(Triangle);
   if (!mesh.faces.empty()) std::memcpy(mesh.faces.data(), bytes.data() + at_faces, mesh.faces.size() * sizeof(Triangle));
-  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) expect_vertex(mesh.vertices[i], file, at_byte(16 + i * sizeof(Vertex)));
+  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) if (!is_vertex(mesh.vertices[i])) fail_vertex(file, at_byte(16 + i * sizeof(Vertex)));
   for (std::size_t i = 0; i < mesh.faces.size(); ++i)
     for (int v : mesh.faces[i])
       if (v < 0 || v >= vertices)

@@ -77,7 +77,7 @@ inline MeshDescription parse_obj(Bytes bytes, std::string const& file, std::stri
   std::size_t lines_of_edges = 0;
   bool closed = false;     // the first object with faces is over
   std::size_t ignored = 0;  // faces of later ones
-  std::int64_t budget = 20'000'000;  // cutting is quadratic in the corners, cubic in folded polygons
+  std::int64_t budget = 4'000'000;  // cutting is quadratic in the corners, cubic in folded polygons
   Lines lines(as_text(bytes));
   for (std::string_view line; lines.next(line);) {
     auto const word = take_word(line);
@@ -89,7 +89,7 @@ inline MeshDescription parse_obj(Bytes bytes, std::string const& file, std::stri
         if (!value) fail(file, at_line(lines.number()), (number.empty() ? "a vertex has fewer than three coordinates" : in_quotes(number) + " is not a coordinate") + "; export it again");
         x = *value;
       }
-      expect_vertex(v, file, at_line(lines.number()));
+      if (!is_vertex(v)) fail_vertex(file, at_line(lines.number()));
       mesh.vertices.push_back(v);
     } else if (word == "g" || word == "o") {
       closed = closed || !polygons.empty();

@@ -7,21 +7,21 @@ namespace gsp::io::detail {
 inline void read_stl_binary(Bytes bytes, std::uint32_t count, std::string const& file, MeshDescription& mesh) {
   mesh.faces.reserve(count);
   mesh.vertices.reserve(count / 2 + 4);
-  VertexIndex index(3 * std::size_t(count));
+  VertexIndex index(mesh.vertices);
   for (std::size_t f = 0; f < count; ++f) {
     Triangle face;
     for (std::size_t k = 0; k < 3; ++k) {
       std::size_t const at = 84 + 50 * f + 12 * (k + 1);  // after the normal
       auto const v = load<Vertex>(bytes, at);
-      expect_vertex(v, file, at_byte(at));
-      face[k] = index(v, mesh.vertices);
+      if (!is_vertex(v)) fail_vertex(file, at_byte(at));
+      face[k] = index(v);
     }
     mesh.faces.push_back(face);
   }
 }
 
 inline void read_stl_text(std::string_view text, std::string const& file, MeshDescription& mesh) {
-  VertexIndex index(text.size() / 12 + 1);  // "vertex 0 0 0" at least
+  VertexIndex index(mesh.vertices);
   Lines lines(text);
   Triangle face{};
   int corners = 0;
@@ -41,9 +41,9 @@ inline void read_stl_text(std::string_view text, std::string const& file, MeshDe
           x = value.value_or(0);
         }
         if (word == "normal") continue;
-        expect_vertex(v, file, at_line(lines.number()));
+        if (!is_vertex(v)) fail_vertex(file, at_line(lines.number()));
         if (corners == 3) fail(file, at_line(lines.number()), "the facet has more than 3 vertices; export it as triangles");
-        face[static_cast<std::size_t>(corners++)] = index(v, mesh.vertices);
+        face[static_cast<std::size_t>(corners++)] = index(v);
       } else if (word != "facet" && word != "outer" && word != "loop" && word != "endloop") {
         fail(file, at_line(lines.number()), in_quotes(word) + " is no word of STL; the file is damaged");
       }

@@ -51,7 +51,7 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
     std::vector<std::pair<int, int>> edges;
     for (auto const& f : out.faces) {
       auto const at = [&](int k) { return Double3{given[f[k]][0], given[f[k]][1], given[f[k]][2]}; };
-      if (mesh_triangle(at(0), at(1), at(2)).area > std::sqrt(1e-15))
+      if (mesh_triangle(at(0), at(1), at(2)).twice_area > 2 * std::sqrt(1e-15))
         for (int k = 0; k < 3; ++k) edges.emplace_back(f[k], f[(k + 1) % 3]);
     }
     std::sort(edges.begin(), edges.end());

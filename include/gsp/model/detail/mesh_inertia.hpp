@@ -16,21 +16,23 @@ struct MeshSolid {
   double surface = 0;      // area of all faces, whatever was asked for
 };
 
+/// A face's middle and (b - a) x (c - a): along its normal, twice as long as its area is large. Zero where under 1e-15, as MuJoCo ignores
+/// such faces.
 struct MeshTriangle {
-  Double3 center, normal;
-  double area;  // 0 where |(b - a) x (c - a)| < 1e-15, as MuJoCo ignores such faces
+  Double3 center, cross;
+  double twice_area;
 };
 inline MeshTriangle mesh_triangle(Double3 const& a, Double3 const& b, Double3 const& c) {
   auto const n = cross(b - a, c - a);
   double const length = norm(n);
-  MeshTriangle t{{(a[0] + b[0] + c[0]) / 3, (a[1] + b[1] + c[1]) / 3, (a[2] + b[2] + c[2]) / 3}, n, 0};
-  if (length >= 1e-15) t.normal = {n[0] / length, n[1] / length, n[2] / length}, t.area = 0.5 * length;
-  return t;
+  Double3 const center{(a[0] + b[0] + c[0]) / 3, (a[1] + b[1] + c[1]) / 3, (a[2] + b[2] + c[2]) / 3};
+  if (!(length >= 1e-15)) return {center, {0, 0, 0}, 0};
+  return {center, n, length};
 }
 
 /// The solid between the faces, or the faces as a thin shell. `surface` gives the point from which volumes are measured (the faces' centre
 /// of area), `faces` what encloses the mass (they differ where a mesh takes the inertia of its hull).
-///   volume of a pyramid (apex at the centre of area, base a face):  v = (center - apex) . normal * area / 3;  `legacy` takes |v|
+///   volume of a pyramid (apex at the centre of area, base a face):  v = (center - apex) . ((b - a) x (c - a)) / 6;  `legacy` takes |v|
 ///   its centre of mass:  3/4 center + 1/4 apex
 ///   second moments of a tetrahedron with one corner at the origin and the others d, e, f (a triangle: v = area and 12 instead of 20):
 ///     integral x_i x_j dV = v / 20 (2 (d_i d_j + e_i e_j + f_i f_j) + d_i e_j + d_j e_i + d_i f_j + d_j f_i + e_i f_j + e_j f_i)
@@ -41,12 +43,13 @@ inline MeshSolid mesh_solid(std::vector<Double3> const& vertices, std::vector<st
   Double3 apex{0, 0, 0};
   for (auto const& f : surface) {
     auto const t = mesh_triangle(vertices[f[0]], vertices[f[1]], vertices[f[2]]);
-    apex = apex + t.area * t.center, solid.surface += t.area;
+    double const area = 0.5 * t.twice_area;
+    apex = apex + area * t.center, solid.surface += area;
   }
   if (solid.surface < 1e-15) return solid;
   apex = {apex[0] / solid.surface, apex[1] / solid.surface, apex[2] / solid.surface};
   auto const weight = [&](MeshTriangle const& t, Double3 const& from) {
-    double const v = shell ? t.area : dot(t.center - from, t.normal) * t.area / 3;
+    double const v = shell ? 0.5 * t.twice_area : dot(t.center - from, t.cross) / 6;
     return legacy ? std::abs(v) : v;
   };
   for (auto const& f : faces) {
