@@ -76,8 +76,10 @@ int main(int argc, char** argv) {
     seed("msh", name, msh_binary(soup, true, true));
     seed("msh", std::string("plain_") + name, msh_binary(soup));
   }
-  seed("obj", "polygons", bytes_of("g a\nv 0 0 0\nv 1 0 .1\nv 1.2 1 -2e-1\nv -.1 1 .3\nv .2 .3 1\nvn 0 0 1\nvt 0 0\nf 1/1/1 2/1/1 3/1/1 4/1/1\nf -1 -2 -3 -4 -5\n"
-                                   "usemtl x\nf 1//1 2//1 5//1\no b\nf 1 2 3\n"));
+  seed("obj", "polygons",
+       bytes_of(
+           "g a\nv 0 0 0\nv 1 0 .1\nv 1.2 1 -2e-1\nv -.1 1 .3\nv .2 .3 1\nvn 0 0 1\nvt 0 0\nf 1/1/1 2/1/1 3/1/1 4/1/1\nf -1 -2 -3 -4 -5\n"
+           "usemtl x\nf 1//1 2//1 5//1\no b\nf 1 2 3\n"));
   seed("hfield", "binary", hfield_binary(3, 2, {1, 2, 3, 4, 5, 6}));
   auto ground = make_bitmap<std::uint8_t>(4, 3, 1, 9);
   ground.pixels[5] = 200;

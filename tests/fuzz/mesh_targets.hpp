@@ -28,7 +28,8 @@ inline void try_mesh(gsp::io::Bytes bytes, std::string const& file) {
         d.bodies.push_back(body);
         gsp::io::add_hulls(d);
         auto const m = gsp::compile(d);
-        require(std::isfinite(m.body_mass[1]) && m.body_mass[1] > 0 && std::isfinite(m.geom_rbound[0]) && std::isfinite(m.body_inertia[1][0]));
+        require(std::isfinite(m.body_mass[1]) && m.body_mass[1] > 0 && std::isfinite(m.geom_rbound[0]) &&
+                std::isfinite(m.body_inertia[1][0]));
         for (auto const& v : m.mesh_vertices[0])
           for (float x : v) require(std::isfinite(x));
         require(m.mesh_hull[0].size() >= 4);

@@ -37,7 +37,10 @@ TEST_CASE("the row at -y comes first, the lowest is 0, the highest 1") {
 TEST_CASE("what is wrong is said") {
   CHECK(accepted_truncations(hfield_binary(2, 2, {1, 2, 3, 4}), [](Bytes b) { parse_hfield(b, "a"); }) == 0);
   for (auto [rows, columns] : {std::pair{0, 4}, {-1, -4}, {1 << 30, 1 << 30}, {0x7fffffff, 2}, {65536, 65536}})
-    CHECK(says(error_of([&, r = rows, c = columns] { parse_hfield(hfield_binary(r, c, {1, 2, 3, 4}), "a.bin"); }), "a.bin: byte 0: announces"));
+    CHECK(says(error_of([&, r = rows, c = columns] {
+                 parse_hfield(hfield_binary(r, c, {1, 2, 3, 4}), "a.bin");
+               }),
+               "a.bin: byte 0: announces"));
   CHECK(says(error_of([] { parse_hfield(hfield_binary(1, 2, {1, NAN}), "a"); }), "byte 12: an elevation is not finite"));
   CHECK(says(error_of([] { parse_hfield(bytes_of("hello"), "a.png"); }), "a.png: byte 0"));
   CHECK(says(error_of([] { parse_hfield(bytes_of("hello"), "a.jpg", "image/jpeg"); }), "content type"));

@@ -110,7 +110,9 @@ TEST_CASE("OBJ: forms of corners, polygons, what is ignored") {
 
 TEST_CASE("what is wrong is said with its place") {
   auto const error = [](std::string const& text, std::string const& file) { return error_of([&] { parse_mesh(bytes_of(text), file); }); };
-  auto const binary = [](std::vector<std::byte> const& bytes, std::string const& file) { return error_of([&] { parse_mesh(bytes, file); }); };
+  auto const binary = [](std::vector<std::byte> const& bytes, std::string const& file) {
+    return error_of([&] { parse_mesh(bytes, file); });
+  };
   std::string const four = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n";
   CHECK(says(error("v 1 2\n", "a.obj"), "a.obj: line 1: a vertex has fewer than three coordinates"));
   CHECK(says(error("v 1 2 x\n", "a.obj"), "'x' is not a coordinate"));
@@ -122,7 +124,8 @@ TEST_CASE("what is wrong is said with its place") {
   CHECK(says(error(four + "f -5 1 2\n", "a.obj"), "line 5"));
   CHECK(says(error("v 0 0 0\n", "a.obj"), "needs at least 4"));
   CHECK(says(error(four, "a.dae"), "is not read as a mesh"));
-  CHECK(says(error("solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\n", "a.stl"), "line 7: the facet has 2 vertices"));
+  CHECK(says(error("solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\n", "a.stl"),
+             "line 7: the facet has 2 vertices"));
   CHECK(says(error("solid\nfacet\nvertex 0 0 zero\n", "a.stl"), "line 3: 'zero' is not a coordinate"));
   CHECK(says(error("solid\nfacet\nvertex 0 0 0\n", "a.stl"), "cut short"));
   CHECK(says(error("solid empty\nendsolid empty\n", "a.stl"), "holds no triangle"));
@@ -205,7 +208,9 @@ TEST_CASE("hulls: all of a box, outward, less than a dented mesh; so many vertic
 }
 
 TEST_CASE("compile refuses meshes that weigh nothing, and says why") {
-  auto const error = [](MeshDescription const& mesh, gsp::GeomDescription const& geom = {}) { return error_of([&] { model(mesh, geom); }); };
+  auto const error = [](MeshDescription const& mesh, gsp::GeomDescription const& geom = {}) {
+    return error_of([&] { model(mesh, geom); });
+  };
   auto const open = [] {
     auto s = box_mesh(1, 1, 1);
     s.faces.resize(6);

@@ -18,12 +18,11 @@ struct Soup {
 inline Soup box_mesh(float a, float b, float c) {
   Soup s;
   for (int i = 0; i < 8; ++i) s.vertices.push_back({i & 1 ? a : -a, i & 2 ? b : -b, i & 4 ? c : -c});
-  s.faces = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4}, {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
+  s.faces = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+             {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
   return s;
 }
-inline Soup tetrahedron() {
-  return {{{0, 0, 0}, {1, 0, 0}, {0, .5f, 0}, {0, .1f, .25f}}, {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}};
-}
+inline Soup tetrahedron() { return {{{0, 0, 0}, {1, 0, 0}, {0, .5f, 0}, {0, .1f, .25f}}, {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}}; }
 /// A closed star-shaped surface with dents: no two moments are equal, and its hull is smaller than itself.
 inline Soup potato(unsigned seed, int rings = 7, int sectors = 9) {
   std::mt19937 random(seed);
@@ -72,7 +71,8 @@ inline std::string stl_text(Soup const& s) {
   std::string out = "solid a name\n";
   for (auto const& f : s.faces) {
     out += "  facet normal 0 0 0\n    outer loop\n";
-    for (int v : f) out += "      vertex " + number(s.vertices[v][0]) + " " + number(s.vertices[v][1]) + " " + number(s.vertices[v][2]) + "\n";
+    for (int v : f)
+      out += "      vertex " + number(s.vertices[v][0]) + " " + number(s.vertices[v][1]) + " " + number(s.vertices[v][2]) + "\n";
     out += "    endloop\n  endfacet\n";
   }
   return out + "endsolid a name\n";
@@ -84,7 +84,8 @@ inline std::string obj_vertices(Soup const& s) {
 }
 inline std::string obj_text(Soup const& s) {
   std::string out = "# a comment\nmtllib none.mtl\n" + obj_vertices(s);
-  for (auto const& f : s.faces) out += "f " + std::to_string(f[0] + 1) + " " + std::to_string(f[1] + 1) + " " + std::to_string(f[2] + 1) + "\n";
+  for (auto const& f : s.faces)
+    out += "f " + std::to_string(f[0] + 1) + " " + std::to_string(f[1] + 1) + " " + std::to_string(f[2] + 1) + "\n";
   return out;
 }
 inline std::vector<std::byte> msh_binary(Soup const& s, bool normals = false, bool texcoords = false) {

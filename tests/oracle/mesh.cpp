@@ -23,11 +23,11 @@ using gsp::detail::operator-;
 namespace {
 
 struct Case {
-  std::string file;               // name in the model; its extension tells the format; empty: inline data in `attributes`
+  std::string file;  // name in the model; its extension tells the format; empty: inline data in `attributes`
   std::vector<std::byte> bytes;
-  std::string attributes;         // of <mesh>, beside name and file
+  std::string attributes;  // of <mesh>, beside name and file
   std::string geom = "type='mesh'", compiler;
-  MeshDescription mesh;           // the same, for us: all but what the file holds
+  MeshDescription mesh;  // the same, for us: all but what the file holds
   GeomDescription shape;
   bool fit_aabb = false;
 };
@@ -36,8 +36,8 @@ struct Case {
 std::pair<Oracle, std::string> theirs(Case const& c) {
   static int counter = 0;  // MuJoCo caches assets by name
   std::string const file = c.file.empty() ? "" : std::to_string(counter++) + c.file;
-  std::string const text = "<mujoco><compiler " + c.compiler + "/><asset><mesh name='m' " + (file.empty() ? "" : "file='" + file + "' ") + c.attributes +
-                           "/></asset><worldbody><body pos='1 2 3'><freejoint/><geom " + c.geom +
+  std::string const text = "<mujoco><compiler " + c.compiler + "/><asset><mesh name='m' " + (file.empty() ? "" : "file='" + file + "' ") +
+                           c.attributes + "/></asset><worldbody><body pos='1 2 3'><freejoint/><geom " + c.geom +
                            " mesh='m' pos='.3 -.2 .1' quat='1 -.5 .2 .3' density='700'/></body></worldbody></mujoco>";
   auto const vfs = std::make_unique<mjVFS>();
   mj_defaultVFS(vfs.get());
@@ -80,7 +80,8 @@ std::string compare(Case const& c, bool may_be_lenient = false) {
   auto const& g = mine_too.first;
   std::string const &their_error = both.second, &our_error = mine_too.second;
   auto const* m = o.m();
-  CAPTURE(their_error); CAPTURE(our_error);
+  CAPTURE(their_error);
+  CAPTURE(our_error);
   if (!m || !g) {
     if (!may_be_lenient) CHECK(bool(m) == g.has_value());
     return m ? our_error : their_error;
@@ -200,7 +201,11 @@ TEST_CASE("inertia modes, scales, reference poses, formats") {
               c.mesh.vertices = m.vertices, c.mesh.faces = m.faces;
               c.attributes += inline_text(soup, format == 3);
             }
-            CAPTURE(kind); CAPTURE(format); CAPTURE(reference); CAPTURE(joined(scale)); CAPTURE(&soup - soups);
+            CAPTURE(kind);
+            CAPTURE(format);
+            CAPTURE(reference);
+            CAPTURE(joined(scale));
+            CAPTURE(&soup - soups);
             auto const error = compare(c);
             if (!error.empty()) ++refused[error];
             ++n;
@@ -220,7 +225,9 @@ TEST_CASE("primitives fitted to meshes, by inertia and by bounds") {
           c.compiler = aabb ? "fitaabb='true'" : "";
           c.geom = "type='" + names[type] + "' fitscale='1.3'";
           c.shape.type = ShapeType(type), c.shape.fitscale = 1.3;
-          CAPTURE(type); CAPTURE(kind); CAPTURE(aabb);
+          CAPTURE(type);
+          CAPTURE(kind);
+          CAPTURE(aabb);
           compare(c);
         }
 }
@@ -241,17 +248,18 @@ TEST_CASE("OBJ: polygons, groups, corners, as MuJoCo takes them") {
   Soup const p = potato(9);
   std::string const four = "v 0 0 0\nv 1 0 0.1\nv 1.2 1 -.2\nv -.1 1 .3\nv .2 .3 1\nv .6 .4 .3\n";
   std::string const cases[] = {
-      four + "f 4 3 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n",                       // a quad that is not flat
+      four + "f 4 3 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n",  // a quad that is not flat
       four + "f 1 4 3 2\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n",
       four + "f 2 1 4 3\nf 5 1 2\nf 5 2 3\nf 5 3 4\nf 5 4 1\n",
-      four + "f 3 2 6 1 4\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n",                     // five corners, dented
+      four + "f 3 2 6 1 4\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n",  // five corners, dented
       four + "f 4 3 6 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n",
-      four + "f -3 -4 -5 -6\nf -6 -5 -2\nf -5 -4 -2\nf -4 -3 -2\nf -3 -6 -2\n",       // counted back
-      "g nothing\n" + obj_text(p) + "g more\nf 1 2 3\n",                              // the first group that has faces
-      obj_text(p) + "o more\nv 9 9 9\nf 1 2 3\n",                                     // vertices of all objects count for bounds and hull
-      "vn 0 0 1\n" + four + "f 4//1 3//1 2//1 1//1\nf 1//1 2//1 5//1\nusemtl a\nf 2//1 3//1 5//1\nusemtl b\nf 3//1 4//1 5//1\ns 1\nf 4//1 1//1 5//1\n",
+      four + "f -3 -4 -5 -6\nf -6 -5 -2\nf -5 -4 -2\nf -4 -3 -2\nf -3 -6 -2\n",  // counted back
+      "g nothing\n" + obj_text(p) + "g more\nf 1 2 3\n",                         // the first group that has faces
+      obj_text(p) + "o more\nv 9 9 9\nf 1 2 3\n",                                // vertices of all objects count for bounds and hull
+      "vn 0 0 1\n" + four +
+          "f 4//1 3//1 2//1 1//1\nf 1//1 2//1 5//1\nusemtl a\nf 2//1 3//1 5//1\nusemtl b\nf 3//1 4//1 5//1\ns 1\nf 4//1 1//1 5//1\n",
       "vn 0 0 1\nvt 0 1\n" + four + "f 4/1/1 3/1/1 2/1/1\nf 1/1/1 2/1/1 5/1/1\n",
-      four,                                                                            // no faces: the hull
+      four,  // no faces: the hull
       four + "l 1 2\np 3\n",
       four + "f 1 2\n",
       four + "f 1 2 99\n",
@@ -276,7 +284,7 @@ TEST_CASE("many polygons, flat and not, are cut into the same triangles") {
       float x = r * std::cos(a), y = r * std::sin(a), z = i % 2 ? .1f * uniform() : 0.f;
       if (i % 3 == 1) std::swap(x, z);
       if (i % 3 == 2) std::swap(y, z);
-      text += "v " + number(x) + " " + number(y) + " " + number(z) + "\n", face += " " + std::to_string(k + 1);
+      text += "v " + number(x) + " " + number(y) + " " + number(z) + "\n", face += ' ', face += std::to_string(k + 1);
     }
     text += "v .1 .2 .3\nv .5 .2 -.7\n" + face + "\nf 1 2 " + std::to_string(corners + 1) + "\n";
     Case c;
@@ -288,17 +296,22 @@ TEST_CASE("many polygons, flat and not, are cut into the same triangles") {
 }
 
 TEST_CASE("flat, straight and single points where a hull is needed; too few vertices") {
-  for (auto const& v : {std::vector<std::array<float, 3>>{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}}, {{0, 0, 0}, {1, 1, 1}, {2, 2, 2}, {3, 3, 3}},
-                        {{1, 1, 1}, {1, 1, 1}, {1, 1, 1}, {1, 1, 1}}, {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}}) {
+  for (auto const& v : {std::vector<std::array<float, 3>>{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}},
+                        {{0, 0, 0}, {1, 1, 1}, {2, 2, 2}, {3, 3, 3}},
+                        {{1, 1, 1}, {1, 1, 1}, {1, 1, 1}, {1, 1, 1}},
+                        {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}}) {
     Soup const s{v, {{0, 1, 2}, {0, 2, 1}}};
     for (bool visual : {false, true})
       for (bool faces : {false, true})
         for (int kind : {0, 3}) {
           Case c;
-          c.mesh = inline_mesh(s, faces), c.attributes = inline_text(s, faces) + " inertia='" + kinds[kind] + "'", c.shape.type = ShapeType::mesh;
+          c.mesh = inline_mesh(s, faces), c.attributes = inline_text(s, faces) + " inertia='" + kinds[kind] + "'",
+          c.shape.type = ShapeType::mesh;
           c.mesh.inertia = MeshInertia(kind);
           if (visual) c.geom += " contype='0' conaffinity='0'", c.shape.contype = c.shape.conaffinity = 0;
-          CAPTURE(c.attributes); CAPTURE(visual); CAPTURE(faces);
+          CAPTURE(c.attributes);
+          CAPTURE(visual);
+          CAPTURE(faces);
           compare(c);
         }
   }
@@ -332,7 +345,8 @@ TEST_CASE("every mesh file of the collection") {
     if (n % 3 == 2) c.mesh.scale = {1, -1, 1}, c.attributes = "scale='1 -1 1'";
     if (n % 4 == 3) c.geom += " contype='0' conaffinity='0'", c.shape.contype = c.shape.conaffinity = 0;
     ++n;
-    CAPTURE(path.string()); CAPTURE(c.attributes);
+    CAPTURE(path.string());
+    CAPTURE(c.attributes);
     auto const error = compare(c);
     if (error.empty()) continue;
     ++refused;
@@ -342,12 +356,14 @@ TEST_CASE("every mesh file of the collection") {
 }
 
 namespace {
-void compare_field(std::string const& attributes, std::string const& file, std::vector<std::byte> const& bytes, HeightFieldDescription field) {
+void compare_field(std::string const& attributes, std::string const& file, std::vector<std::byte> const& bytes,
+                   HeightFieldDescription field) {
   static int counter = 0;
   std::string const name = "h" + std::to_string(counter++) + file;
-  std::string const text = "<mujoco><asset><hfield name='h' size='2 3 .7 .4' " + (file.empty() ? "" : "file='" + name + "' ") + attributes +
-                           "/></asset><worldbody><geom type='hfield' hfield='h' pos='1 2 3' quat='1 0 0 .3'/><body name='b'><freejoint/><geom type='hfield' "
-                           "hfield='h' pos='.1 0 0'/></body></worldbody></mujoco>";
+  std::string const text =
+      "<mujoco><asset><hfield name='h' size='2 3 .7 .4' " + (file.empty() ? "" : "file='" + name + "' ") + attributes +
+      "/></asset><worldbody><geom type='hfield' hfield='h' pos='1 2 3' quat='1 0 0 .3'/><body name='b'><freejoint/><geom type='hfield' "
+      "hfield='h' pos='.1 0 0'/></body></worldbody></mujoco>";
   auto const vfs = std::make_unique<mjVFS>();
   mj_defaultVFS(vfs.get());
   REQUIRE(mj_addBufferVFS(vfs.get(), "model.xml", text.data(), int(text.size())) == 0);

@@ -7,8 +7,8 @@
 #include <gsp/model/detail/mesh_compile.hpp>
 #include <span>
 
-/// Height fields from pictures, MuJoCo's binary files and numbers in a model (docs/io/hfield.md). Elevations come out in MuJoCo's order, the
-/// row at -y first, the column at -x first in it, the lowest 0 and the highest 1; sizes are set by the caller.
+/// Height fields from pictures, MuJoCo's binary files and numbers in a model (docs/io/hfield.md). Elevations come out in MuJoCo's order,
+/// the row at -y first, the column at -x first in it, the lowest 0 and the highest 1; sizes are set by the caller.
 namespace gsp::io {
 
 namespace detail {
@@ -30,7 +30,8 @@ inline HeightFieldDescription parse_hfield_png(Bytes bytes, std::string const& f
   elevation.reserve(std::size_t(picture.width) * std::size_t(picture.height));
   for (int row = picture.height - 1; row >= 0; --row)
     for (int column = 0; column < picture.width; ++column)
-      elevation.push_back(picture.pixels[(std::size_t(row) * std::size_t(picture.width) + std::size_t(column)) * std::size_t(picture.channels)]);
+      elevation.push_back(
+          picture.pixels[(std::size_t(row) * std::size_t(picture.width) + std::size_t(column)) * std::size_t(picture.channels)]);
   return finish_hfield(picture.height, picture.width, std::move(elevation));
 }
 
@@ -41,7 +42,8 @@ inline HeightFieldDescription parse_hfield_binary(Bytes bytes, std::string const
   if (rows < 1 || columns < 1 || rows > std::int64_t(bytes.size()) || columns > std::int64_t(bytes.size()) ||
       8 + 4 * rows * columns != std::int64_t(bytes.size()))
     fail(file, at_byte(0),
-         "announces " + std::to_string(rows) + " rows of " + std::to_string(columns) + " elevations, for which it does not have the size; it is cut short or no height field");
+         "announces " + std::to_string(rows) + " rows of " + std::to_string(columns) +
+             " elevations, for which it does not have the size; it is cut short or no height field");
   std::vector<float> elevation(static_cast<std::size_t>(rows * columns));
   std::memcpy(elevation.data(), bytes.data() + 8, 4 * elevation.size());
   for (std::size_t i = 0; i < elevation.size(); ++i) expect_elevation(elevation[i], file, at_byte(8 + 4 * i));
@@ -68,10 +70,14 @@ inline HeightFieldDescription read_hfield(std::filesystem::path const& path, std
 /// A height field from numbers as they stand in a model, the row at +y first; no numbers: flat. `what` names it in messages.
 inline HeightFieldDescription make_hfield(int rows, int columns, std::span<double const> elevation, std::string const& what) {
   if (rows < 1 || columns < 1 || std::int64_t(rows) * columns > 100'000'000)
-    detail::fail(what, "", "has " + std::to_string(rows) + " rows of " + std::to_string(columns) + "; give 1 or more of each, at most 100 million together");
+    detail::fail(
+        what, "",
+        "has " + std::to_string(rows) + " rows of " + std::to_string(columns) + "; give 1 or more of each, at most 100 million together");
   std::size_t const n = std::size_t(rows) * std::size_t(columns);
   if (!elevation.empty() && elevation.size() != n)
-    detail::fail(what, "", "has " + std::to_string(elevation.size()) + " elevations for " + std::to_string(rows) + " rows of " + std::to_string(columns) + "; give one for each");
+    detail::fail(what, "",
+                 "has " + std::to_string(elevation.size()) + " elevations for " + std::to_string(rows) + " rows of " +
+                     std::to_string(columns) + "; give one for each");
   std::vector<float> flipped(n, 0.f);
   for (std::size_t i = 0; i < elevation.size(); ++i) {
     auto const e = static_cast<float>(elevation[i]);

@@ -31,7 +31,8 @@ inline MeshDescription parse_mesh(Bytes bytes, std::string const& file, std::str
               : format == MeshFormat::obj ? detail::parse_obj(bytes, file, note)
                                           : detail::parse_msh(bytes, file);
   if (mesh.vertices.size() < 4)
-    detail::fail(file, "", "holds " + std::to_string(mesh.vertices.size()) + " different vertices and a mesh needs at least 4; export it again");
+    detail::fail(file, "",
+                 "holds " + std::to_string(mesh.vertices.size()) + " different vertices and a mesh needs at least 4; export it again");
   mesh.name = std::filesystem::path(file).stem().string();
   return mesh;
 }
@@ -39,8 +40,8 @@ inline MeshDescription read_mesh(std::filesystem::path const& path, std::string 
   return parse_mesh(read_file(path), path.string(), content_type, note);
 }
 
-/// A mesh from lists as they stand in a model: x y z of each vertex, three vertices of each face (none: the convex hull). `what` names it in
-/// messages. Coordinates are rounded to float.
+/// A mesh from lists as they stand in a model: x y z of each vertex, three vertices of each face (none: the convex hull). `what` names it
+/// in messages. Coordinates are rounded to float.
 inline MeshDescription make_mesh(std::span<double const> vertices, std::span<int const> faces, std::string const& what) {
   MeshDescription mesh;
   if (vertices.size() % 3 != 0 || vertices.size() < 12)

@@ -48,9 +48,12 @@ inline void expect_volume(std::vector<double> const& x, std::string const& what)
 /// Fills mesh.hull with the triangles of the convex hull of its vertices, seen from outside counter-clockwise. `what` names the mesh in
 /// messages. At most mesh.max_hull_vertices vertices where that is not -1. Cost: O(n log n) for n vertices.
 inline void add_hull(MeshDescription& mesh, std::string const& what) {
-  if (mesh.vertices.size() < 4) detail::fail(what, "", "has " + std::to_string(mesh.vertices.size()) + " vertices, and a convex hull needs 4; add some");
-  if (mesh.vertices.size() > 10'000'000) detail::fail(what, "", "has more than ten million vertices, and its convex hull is needed; simplify it");
-  if (mesh.max_hull_vertices != -1 && mesh.max_hull_vertices < 4) detail::fail(what, "", "has a maxhullvert under 4; give 4 or more, or -1");
+  if (mesh.vertices.size() < 4)
+    detail::fail(what, "", "has " + std::to_string(mesh.vertices.size()) + " vertices, and a convex hull needs 4; add some");
+  if (mesh.vertices.size() > 10'000'000)
+    detail::fail(what, "", "has more than ten million vertices, and its convex hull is needed; simplify it");
+  if (mesh.max_hull_vertices != -1 && mesh.max_hull_vertices < 4)
+    detail::fail(what, "", "has a maxhullvert under 4; give 4 or more, or -1");
   std::vector<double> points;
   points.reserve(3 * mesh.vertices.size());
   for (auto const& v : mesh.vertices)
@@ -60,7 +63,8 @@ inline void add_hull(MeshDescription& mesh, std::string const& what) {
     }
   detail::expect_volume(points, what);
   std::string command = "qhull Qt";  // triangulated facets
-  if (mesh.max_hull_vertices > -1) command += " Q9 TA" + std::to_string(mesh.max_hull_vertices - 4);  // farthest first, so many after the first four
+  if (mesh.max_hull_vertices > -1)
+    command += " Q9 TA" + std::to_string(mesh.max_hull_vertices - 4);  // farthest first, so many after the first four
   struct Qhull {
     qhT state{};
     std::FILE* out = std::fopen("/dev/null", "w");  // it writes its findings there; ours is one sentence
@@ -76,7 +80,10 @@ inline void add_hull(MeshDescription& mesh, std::string const& what) {
   qh_zero(qh, hull->out ? hull->out : stderr);
   int const code = qh_new_qhull(qh, 3, static_cast<int>(mesh.vertices.size()), points.data(), false, command.data(), nullptr,
                                 hull->out ? hull->out : stderr);
-  if (code != 0) detail::fail(what, "", "has no convex hull that can be computed (qhull's error " + std::to_string(code) + "); merge vertices that nearly coincide");
+  if (code != 0)
+    detail::fail(
+        what, "",
+        "has no convex hull that can be computed (qhull's error " + std::to_string(code) + "); merge vertices that nearly coincide");
   mesh.hull.clear();
   for (facetT* facet = qh->facet_list; facet && facet->next; facet = facet->next) {
     std::array<int, 3> face{};
@@ -90,8 +97,8 @@ inline void add_hull(MeshDescription& mesh, std::string const& what) {
   }
 }
 
-/// Adds the hull to every mesh that needs one: those of mesh geoms that can touch something (contype or conaffinity, or a named pair), those
-/// that take the inertia of their hull, and those without faces. To be called once a description is complete.
+/// Adds the hull to every mesh that needs one: those of mesh geoms that can touch something (contype or conaffinity, or a named pair),
+/// those that take the inertia of their hull, and those without faces. To be called once a description is complete.
 inline void add_hulls(Description& description) {
   std::unordered_set<std::string> used, paired;
   for (auto const& pair : description.pairs) paired.insert(pair.geom1), paired.insert(pair.geom2);
@@ -101,7 +108,9 @@ inline void add_hulls(Description& description) {
   for (auto& mesh : description.meshes) {
     if (!mesh.hull.empty() || !(mesh.faces.empty() || mesh.inertia == MeshInertia::convex || used.count(mesh.name))) continue;
     bool const has_file = mesh.place.file >= 0 && mesh.place.file < int(description.files.size());
-    auto const place = has_file ? description.files[std::size_t(mesh.place.file)] + ":" + std::to_string(mesh.place.line) + ": " : description.name.empty() ? std::string("model: ") : description.name + ": ";
+    auto const place = has_file ? description.files[std::size_t(mesh.place.file)] + ":" + std::to_string(mesh.place.line) + ": "
+                       : description.name.empty() ? std::string("model: ")
+                                                  : description.name + ": ";
     add_hull(mesh, place + "mesh '" + mesh.name + "'");
   }
 }

@@ -75,8 +75,8 @@ inline MeshDescription parse_obj(Bytes bytes, std::string const& file, std::stri
   };
   std::vector<Polygon> polygons;
   std::size_t lines_of_edges = 0;
-  bool closed = false;     // the first object with faces is over
-  std::size_t ignored = 0;  // faces of later ones
+  bool closed = false;              // the first object with faces is over
+  std::size_t ignored = 0;          // faces of later ones
   std::int64_t budget = 4'000'000;  // cutting is quadratic in the corners, cubic in folded polygons
   Lines lines(as_text(bytes));
   for (std::string_view line; lines.next(line);) {
@@ -86,7 +86,10 @@ inline MeshDescription parse_obj(Bytes bytes, std::string const& file, std::stri
       for (float& x : v) {
         auto const number = take_word(line);
         auto const value = to_float(number);
-        if (!value) fail(file, at_line(lines.number()), (number.empty() ? "a vertex has fewer than three coordinates" : in_quotes(number) + " is not a coordinate") + "; export it again");
+        if (!value)
+          fail(file, at_line(lines.number()),
+               (number.empty() ? "a vertex has fewer than three coordinates" : in_quotes(number) + " is not a coordinate") +
+                   "; export it again");
         x = *value;
       }
       if (!is_vertex(v)) fail_vertex(file, at_line(lines.number()));
@@ -106,7 +109,8 @@ inline MeshDescription parse_obj(Bytes bytes, std::string const& file, std::stri
         int index = 0;
         auto const [end, error] = std::from_chars(number.data(), number.data() + number.size(), index);
         if (error != std::errc() || end != number.data() + number.size() || index == 0)
-          fail(file, at_line(lines.number()), in_quotes(corner) + " is not a corner of a face: vertices count from 1, or back from -1; export it again");
+          fail(file, at_line(lines.number()),
+               in_quotes(corner) + " is not a corner of a face: vertices count from 1, or back from -1; export it again");
         polygon.corners.push_back(index > 0 ? index - 1 : static_cast<int>(mesh.vertices.size()) + index);
       }
       budget += 2000 * static_cast<std::int64_t>(polygon.corners.size());
@@ -120,14 +124,16 @@ inline MeshDescription parse_obj(Bytes bytes, std::string const& file, std::stri
   for (auto& p : polygons) {
     for (int v : p.corners)
       if (v < 0 || v >= static_cast<int>(mesh.vertices.size()))
-        fail(file, at_line(p.line), "a face names a vertex that is not among the " + std::to_string(mesh.vertices.size()) + " of the file; export it again");
+        fail(file, at_line(p.line),
+             "a face names a vertex that is not among the " + std::to_string(mesh.vertices.size()) + " of the file; export it again");
     if (p.corners.size() == 3)
       mesh.faces.push_back({p.corners[0], p.corners[1], p.corners[2]});
     else if (!cut_polygon(std::move(p.corners), mesh.vertices, mesh.faces, budget))
       fail(file, at_line(p.line), "a face has too many corners to be cut into triangles; export it as triangles");
   }
   if (note && ignored > 0)
-    *note = "holds several objects or groups, of which MuJoCo takes the first: " + std::to_string(ignored) + " faces of the others are ignored";
+    *note =
+        "holds several objects or groups, of which MuJoCo takes the first: " + std::to_string(ignored) + " faces of the others are ignored";
   return mesh;
 }
 

@@ -29,7 +29,8 @@ inline void read_stl_text(std::string_view text, std::string const& file, MeshDe
     for (auto word = take_word(line); !word.empty(); word = take_word(line)) {
       if (word == "solid" || word == "endsolid") break;  // a name follows
       if (word == "endfacet") {
-        if (corners != 3) fail(file, at_line(lines.number()), "the facet has " + std::to_string(corners) + " vertices and must have 3; export it again");
+        if (corners != 3)
+          fail(file, at_line(lines.number()), "the facet has " + std::to_string(corners) + " vertices and must have 3; export it again");
         mesh.faces.push_back(face);
         corners = 0;
       } else if (word == "vertex" || word == "normal") {
@@ -66,7 +67,8 @@ inline MeshDescription parse_stl(Bytes bytes, std::string const& file) {
   else if (bytes.size() < 84)
     fail(file, at_byte(bytes.size()), "is too short for an STL file; fetch it again");
   else
-    fail(file, at_byte(80), "announces " + std::to_string(count) + " triangles, for which it does not have the size; it is damaged or not STL");
+    fail(file, at_byte(80),
+         "announces " + std::to_string(count) + " triangles, for which it does not have the size; it is damaged or not STL");
   if (mesh.faces.empty()) fail(file, "", "holds no triangle; export it again");
   return mesh;
 }

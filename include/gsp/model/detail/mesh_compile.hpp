@@ -14,11 +14,11 @@ namespace gsp::detail {
 struct CompiledMesh {
   std::vector<std::array<float, 3>> vertices;
   std::vector<std::array<int, 3>> faces;
-  std::vector<int> hull;       // vertices on the convex hull; empty where it was not needed
-  Double3 pos{0, 0, 0};        // pose of its frame in the frame of the file, which geoms take over
+  std::vector<int> hull;  // vertices on the convex hull; empty where it was not needed
+  Double3 pos{0, 0, 0};   // pose of its frame in the frame of the file, which geoms take over
   Double4 quat{1, 0, 0, 0};
-  double measure = 0;          // volume, or area of a shell
-  Double3 box{0, 0, 0};        // half sizes of the box with its inertia
+  double measure = 0;                   // volume, or area of a shell
+  Double3 box{0, 0, 0};                 // half sizes of the box with its inertia
   Double3 low{0, 0, 0}, high{0, 0, 0};  // bounds of its vertices
 };
 
@@ -28,7 +28,8 @@ template <class Fail>
 CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
   auto const finite = [](auto const& a) { return std::all_of(a.begin(), a.end(), [](auto x) { return std::isfinite(x); }); };
   if (mesh.vertices.size() < 4) fail("has " + std::to_string(mesh.vertices.size()) + " vertices: give at least 4");
-  if (mesh.vertices.size() > 100'000'000 || mesh.faces.size() > 100'000'000) fail("has more than 100 million vertices or faces: simplify it");
+  if (mesh.vertices.size() > 100'000'000 || mesh.faces.size() > 100'000'000)
+    fail("has more than 100 million vertices or faces: simplify it");
   if (!finite(mesh.scale) || !finite(mesh.refpos) || !finite(mesh.refquat)) fail("holds a number that is not finite: give it a value");
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i)
     if (!finite(mesh.vertices[i])) fail("has a vertex " + std::to_string(i) + " that is not finite: correct it");
@@ -36,12 +37,14 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
     for (auto const& f : faces)
       for (int v : f)
         if (v < 0 || v >= int(mesh.vertices.size()))
-          fail(std::string("has ") + what + " with vertex " + std::to_string(v) + " of " + std::to_string(mesh.vertices.size()) + ": correct it");
+          fail(std::string("has ") + what + " with vertex " + std::to_string(v) + " of " + std::to_string(mesh.vertices.size()) +
+               ": correct it");
   };
   check(mesh.faces, "a face"), check(mesh.hull, "a face of the hull");
   bool const convex = mesh.inertia == MeshInertia::convex, of_hull = mesh.faces.empty();
   if ((of_hull || convex) && mesh.hull.empty())
-    fail(std::string(of_hull ? "has no faces" : "takes the inertia of its hull") + ", and its convex hull is missing: call gsp::io::add_hulls");
+    fail(std::string(of_hull ? "has no faces" : "takes the inertia of its hull") +
+         ", and its convex hull is missing: call gsp::io::add_hulls");
 
   CompiledMesh out;
   out.faces = of_hull ? mesh.hull : mesh.faces;

@@ -8,12 +8,12 @@
 
 namespace gsp::detail {
 
-/// What a geom is once its asset is known. A mesh lends its frame and inertia; a primitive that names a mesh is fitted to it; a height field
-/// weighs as the box about its middle.
+/// What a geom is once its asset is known. A mesh lends its frame and inertia; a primitive that names a mesh is fitted to it; a height
+/// field weighs as the box about its middle.
 struct GeomShape {
   Double3 size{0, 0, 0}, pos{0, 0, 0};
   Double4 quat{1, 0, 0, 0};
-  int data = -1;           // index of the mesh or height field that it keeps
+  int data = -1;  // index of the mesh or height field that it keeps
   double rbound = 0;
   ShapeInertia inertia{};
 };
@@ -46,7 +46,8 @@ class GeomShapes {
   GeomShapes(Description const& d, Fail const& fail) : fit_aabb_(d.compiler.fit_aabb), hfields_(d.hfields) {
     auto const enter = [&](auto& names, auto const& item, char const* what, int index) {
       if (item.name.empty()) fail(item.place, what, item.name, "has no name, so that no geom can use it: name it");
-      if (!names.emplace(item.name, index).second) fail(item.place, what, item.name, "has a name that is taken already: rename one of the two");
+      if (!names.emplace(item.name, index).second)
+        fail(item.place, what, item.name, "has a name that is taken already: rename one of the two");
     };
     for (auto const& mesh : d.meshes) {
       enter(mesh_at_, mesh, "mesh", int(meshes_.size()));
@@ -56,10 +57,12 @@ class GeomShapes {
       auto& h = hfields_[i];
       enter(hfield_at_, h, "hfield", i);
       for (double s : h.size)
-        if (!(s > 0) || !std::isfinite(s)) fail(h.place, "hfield", h.name, "has a size that is not positive: give half x, half y, top and base");
+        if (!(s > 0) || !std::isfinite(s))
+          fail(h.place, "hfield", h.name, "has a size that is not positive: give half x, half y, top and base");
       if (h.rows < 1 || h.columns < 1 || h.elevation.size() != std::size_t(h.rows) * std::size_t(h.columns))
-        fail(h.place, "hfield", h.name, "has " + std::to_string(h.elevation.size()) + " elevations for " + std::to_string(h.rows) + " rows of " +
-                                            std::to_string(h.columns) + ": give one for each");
+        fail(h.place, "hfield", h.name,
+             "has " + std::to_string(h.elevation.size()) + " elevations for " + std::to_string(h.rows) + " rows of " +
+                 std::to_string(h.columns) + ": give one for each");
       for (float e : h.elevation)
         if (!std::isfinite(e)) fail(h.place, "hfield", h.name, "has an elevation that is not finite: correct it");
       normalize_elevation(h.elevation);
@@ -75,7 +78,8 @@ class GeomShapes {
     bool const is_mesh = g.type == ShapeType::mesh, is_hfield = g.type == ShapeType::hfield;
     if (is_mesh && g.mesh.empty()) refuse("is a mesh but names none: set its mesh");
     if (is_hfield != !g.hfield.empty())
-      refuse(is_hfield ? "is a height field but names none: set its hfield" : "names the hfield '" + g.hfield + "' but has another type: set type=\"hfield\"");
+      refuse(is_hfield ? "is a height field but names none: set its hfield"
+                       : "names the hfield '" + g.hfield + "' but has another type: set type=\"hfield\"");
     if (!g.mesh.empty()) {
       auto const found = mesh_at_.find(g.mesh);
       if (found == mesh_at_.end()) refuse("uses the mesh '" + g.mesh + "', which does not exist: correct the name");

@@ -10,10 +10,10 @@
 namespace gsp::detail {
 
 struct MeshSolid {
-  double measure = 0;      // volume [m^3]; of a shell its area [m^2]; negative where the faces look inwards
-  Double3 com{0, 0, 0};    // [m]
-  Symmetric3 inertia{};    // about com
-  double surface = 0;      // area of all faces, whatever was asked for
+  double measure = 0;    // volume [m^3]; of a shell its area [m^2]; negative where the faces look inwards
+  Double3 com{0, 0, 0};  // [m]
+  Symmetric3 inertia{};  // about com
+  double surface = 0;    // area of all faces, whatever was asked for
 };
 
 /// A face's middle and (b - a) x (c - a): along its normal, twice as long as its area is large. Zero where under 1e-15, as MuJoCo ignores
@@ -77,10 +77,10 @@ inline MeshSolid mesh_solid(std::vector<Double3> const& vertices, std::vector<st
   return solid;
 }
 
-/// Principal axes as MuJoCo chooses them: Jacobi rotations of at most 45 degrees from the given axes on, then 90 degree turns that order the
-/// moments from large to small. Entries, and differences of moments, under 1e-7 of the largest given diagonal count as zero: a mesh that is
-/// symmetric but for its float vertices keeps its axes. What is left beside the diagonal is lost, as there, so that moments and fitted
-/// sizes agree closely with MuJoCo's though both are off by up to 1e-7. (principal_axes is exact to rounding.)
+/// Principal axes as MuJoCo chooses them: Jacobi rotations of at most 45 degrees from the given axes on, then 90 degree turns that order
+/// the moments from large to small. Entries, and differences of moments, under 1e-7 of the largest given diagonal count as zero: a mesh
+/// that is symmetric but for its float vertices keeps its axes. What is left beside the diagonal is lost, as there, so that moments and
+/// fitted sizes agree closely with MuJoCo's though both are off by up to 1e-7. (principal_axes is exact to rounding.)
 inline PrincipalAxes mesh_axes(Symmetric3 const& s) {
   double const tiny = 1e-7 * std::fmax(s[0], std::fmax(s[1], s[2]));
   PrincipalAxes axes{{s[0], s[1], s[2]}, {1, 0, 0, 0}};
