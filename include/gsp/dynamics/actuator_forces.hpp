@@ -162,7 +162,8 @@ KOKKOS_INLINE_FUNCTION void lanes_clamp_tendon_actuators(L const& l) {
     if (!any(outside)) continue;
     T const scale = select(outside, clamp(total, lo, hi) / select(outside, total, T(1)), T(1));
     for (int k = 0; k < a.nact; ++k)
-      if (drives(k, t)) s[l.at.act_force + k] = scale * s[l.at.act_force + k], s[l.at.act_slope + k] = select(outside, T(0), s[l.at.act_slope + k]);
+      if (drives(k, t))
+        s[l.at.act_force + k] = scale * s[l.at.act_force + k], s[l.at.act_slope + k] = select(outside, T(0), s[l.at.act_slope + k]);
   }
 }
 
@@ -208,7 +209,8 @@ KOKKOS_INLINE_FUNCTION void lanes_actuators(L const& l, State const& state) {
       for (int i = dof, n = dof + (type == JointType::free ? 6 : type == JointType::ball ? 3 : 1); i < n; ++i)
         s[l.at.actuator + i] = s[l.at.actuator + i] + s[l.at.gravcomp + i];
     if (type != JointType::hinge && type != JointType::slide) continue;
-    T const force = s[l.at.actuator + dof], lo = l.constant(m.jnt_actfrcrange, l.jnt0, j, 2, 0), hi = l.constant(m.jnt_actfrcrange, l.jnt0, j, 2, 1);
+    T const force = s[l.at.actuator + dof], lo = l.constant(m.jnt_actfrcrange, l.jnt0, j, 2, 0),
+            hi = l.constant(m.jnt_actfrcrange, l.jnt0, j, 2, 1);
     T const clamped = clamp(force, lo, hi);
     auto const inside = force == clamped;
     s[l.at.actuator + dof] = clamped;

@@ -52,7 +52,8 @@ KOKKOS_INLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = false) {
   }
 }
 
-/// True where the integrator takes all of the derivative of body b's forces: always (implicit), or as it is a lone free body (implicitfast).
+/// True where the integrator takes all of the derivative of body b's forces: always (implicit), or as it is a lone free body
+/// (implicitfast).
 template <class L>
 KOKKOS_INLINE_FUNCTION bool lanes_full_derivative(L const& l, int b) {
   return l.model.integrator == Integrator::implicit || l.index(l.a.body_lone, b) != 0;

@@ -29,8 +29,7 @@ struct EnergyStage {
       if (l.index(a.body_parent, b) == parent_of::none) continue;
       auto const x = [&](int c) { return l.load(poses.xpos, l.body0, b, 3, c); };
       auto const q = [&](int c) { return l.load(poses.xquat, l.body0, b, 4, c); };
-      Vec3<T> const center =
-          Vec3<T>{x(0), x(1), x(2)} + rotate(Quat<T>{q(0), q(1), q(2), q(3)}, l.constant3(m.body_ipos, l.body0, b));
+      Vec3<T> const center = Vec3<T>{x(0), x(1), x(2)} + rotate(Quat<T>{q(0), q(1), q(2), q(3)}, l.constant3(m.body_ipos, l.body0, b));
       potential = potential - l.constant(m.body_mass, l.body0, b) * dot(g, center);
     }
     for (int j = 0; j < a.njnt && m.springs; ++j) {
@@ -38,7 +37,8 @@ struct EnergyStage {
         auto const poly = [&](int c) { return l.constant(m.jnt_stiffnesspoly, l.jnt0, j, 2, c); };
         potential = potential + polynomial_energy(l.constant(m.jnt_stiffness, l.jnt0, j), poly(0), poly(1), x);
       };
-      lanes_joint_spring(l, state.qpos, j, [&](int, T const& x) { add(x); }, [&](int, Vec3<T> const& x) { add(norm(x)); });
+      lanes_joint_spring(
+          l, state.qpos, j, [&](int, T const& x) { add(x); }, [&](int, Vec3<T> const& x) { add(norm(x)); });
     }
     for (int k = 0; k < a.ntendon && m.springs; ++k) {
       auto const get = [&](auto const& f, int n, int c) { return l.listed(f, a.instance_tendon, a.ntendon, k, n, c); };

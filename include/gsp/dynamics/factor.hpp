@@ -6,6 +6,26 @@
 namespace gsp {
 
 namespace detail {
+/// put(i, get(i)) for i < n. On a GPU eight at a time: the compiler cannot know that what is put is not what is got next, and a thread
+/// would wait for memory item by item.
+template <class Get, class Put>
+KOKKOS_INLINE_FUNCTION void together(int n, Get const& get, Put const& put) {
+#ifdef __CUDA_ARCH__
+  constexpr int batch = 8;
+  for (int i = 0; i < n; i += batch) {
+    decltype(get(0)) v[batch];
+#pragma unroll
+    for (int k = 0; k < batch; ++k)
+      if (i + k < n) v[k] = get(i + k);
+#pragma unroll
+    for (int k = 0; k < batch; ++k)
+      if (i + k < n) put(i + k, v[k]);
+  }
+#else
+  for (int i = 0; i < n; ++i) put(i, get(i));
+#endif
+}
+
 template <class L>
 KOKKOS_INLINE_FUNCTION void lanes_factor_in_place(L const& l);
 
@@ -15,7 +35,8 @@ template <class L, class Extra>
 KOKKOS_INLINE_FUNCTION void lanes_factor(L const& l, Extra const& extra) {
   auto const& a = l.a;
   auto const& s = l.items;
-  for (int e = 0; e < a.nM; ++e) s[l.at.factor + e] = s[l.at.mass + e];
+  together(
+      a.nM, [&](int e) { return s[l.at.mass + e]; }, [&](int e, auto const& m) { s[l.at.factor + e] = m; });
   for (int i = 0; i < a.nv; ++i) {
     int const diagonal = l.at.factor + l.index(a.row_adr, i + 1) - 1;
     s[diagonal] = s[diagonal] + extra(i);
@@ -34,7 +55,8 @@ KOKKOS_INLINE_FUNCTION void lanes_factor_in_place(L const& l) {
     for (int p = n - 2; p >= 0; --p) {
       int const ancestor = l.at.factor + l.index(a.row_adr, l.index(a.row_col, adr + p));
       T const entry = s[row + p] * inverse;
-      for (int q = 0; q <= p; ++q) s[ancestor + q] = fma(-entry, s[row + q], s[ancestor + q]);
+      together(
+          p + 1, [&](int q) { return fma(-entry, s[row + q], s[ancestor + q]); }, [&](int q, T const& y) { s[ancestor + q] = y; });
       s[row + p] = entry;
     }
   }
@@ -48,10 +70,9 @@ KOKKOS_INLINE_FUNCTION void lanes_solve_transposed(L const& l, int x) {
   for (int k = l.a.nv - 1; k >= 0; --k) {
     int const adr = l.index(l.a.row_adr, k), n = l.index(l.a.row_adr, k + 1) - adr;
     T const value = s[x + k];
-    for (int p = 0; p < n - 1; ++p) {
-      int const i = x + l.index(l.a.row_col, adr + p);
-      s[i] = fma(-s[l.at.factor + adr + p], value, s[i]);
-    }
+    together(
+        n - 1, [&](int p) { return fma(-s[l.at.factor + adr + p], value, s[x + l.index(l.a.row_col, adr + p)]); },
+        [&](int p, T const& y) { s[x + l.index(l.a.row_col, adr + p)] = y; });
   }
 }
 /// x <- L^-1 x, from the root to the leaves
@@ -70,7 +91,9 @@ KOKKOS_INLINE_FUNCTION void lanes_solve_lower(L const& l, int x) {
 template <class L>
 KOKKOS_INLINE_FUNCTION void lanes_solve(L const& l, int x) {
   lanes_solve_transposed(l, x);
-  for (int i = 0; i < l.a.nv; ++i) l.items[x + i] = l.items[x + i] * l.items[l.at.inverse_diagonal + i];
+  together(
+      l.a.nv, [&](int i) { return l.items[x + i] * l.items[l.at.inverse_diagonal + i]; },
+      [&](int i, auto const& y) { l.items[x + i] = y; });
   lanes_solve_lower(l, x);
 }
 
@@ -124,18 +147,19 @@ KOKKOS_INLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfrc_app
   auto const& s = l.items;
   T const h(l.model.timestep);
   int const nv = l.a.nv;
-  for (int i = 0; i < nv; ++i) {
-    s[l.at.force + i] = s[l.at.passive + i] - s[l.at.bias + i] + s[l.at.actuator + i] + l.load(qfrc_applied, l.dof0, i);
-    s[l.at.velocity + i] = s[l.at.qvel + i];
-    s[l.at.acceleration + i] = s[l.at.force + i];
-    s[l.at.impulse + i] = T(0);
-  }
+  together(
+      nv, [&](int i) { return s[l.at.passive + i] - s[l.at.bias + i] + s[l.at.actuator + i] + l.load(qfrc_applied, l.dof0, i); },
+      [&](int i, T const& f) { s[l.at.force + i] = s[l.at.acceleration + i] = f, s[l.at.impulse + i] = T(0); });
+  together(
+      nv, [&](int i) { return s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
   if (l.model.profile == Profile::stable) {
     if (is_free_body(l)) lanes_transport_free_body(l, l.at.velocity);
     for (int i = 0; i < nv; ++i) s[l.at.acceleration + i] = fma(-h * s[l.at.stiffness + i], s[l.at.velocity + i], s[l.at.acceleration + i]);
   }
   lanes_solve(l, l.at.acceleration);
-  for (int i = 0; i < nv; ++i) s[l.at.velocity + i] = fma(h, s[l.at.acceleration + i], s[l.at.velocity + i]);
+  together(
+      nv, [&](int i) { return fma(h, s[l.at.acceleration + i], s[l.at.velocity + i]); },
+      [&](int i, T const& v) { s[l.at.velocity + i] = v; });
 }
 
 template <class State>

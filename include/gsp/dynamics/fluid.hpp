@@ -48,8 +48,8 @@ KOKKOS_INLINE_FUNCTION void box_fluid(T mass, Vec3<T> const& inertia, T density,
 
 /// Ellipsoid of half axes r: added mass, Magnus and Kutta lift, drag, viscosity. c: blunt drag, slender drag, angular drag, Kutta, Magnus.
 template <class T>
-KOKKOS_INLINE_FUNCTION void ellipsoid_fluid(Vec3<T> const& r, T const (&c)[5], Vec3<T> const& added_mass, Vec3<T> const& added_inertia, T density,
-                                            T viscosity, Vec3<T> const& w, Vec3<T> const& v, bool derivative, FluidForce<T>& f) {
+KOKKOS_INLINE_FUNCTION void ellipsoid_fluid(Vec3<T> const& r, T const (&c)[5], Vec3<T> const& added_mass, Vec3<T> const& added_inertia,
+                                            T density, T viscosity, Vec3<T> const& w, Vec3<T> const& v, bool derivative, FluidForce<T>& f) {
   T const pi(3.14159265358979323846), least(sizeof(real_t<T>) == 4 ? 1e-36 : 1e-280);
   auto& d = f.derivative;
   // added mass: force p x w, torque p x v + l x w, with the momenta p, l of the fluid
@@ -122,7 +122,7 @@ KOKKOS_INLINE_FUNCTION void lanes_add_fluid_derivative(L const& l, int b, Transf
     for (int i = 0; i < 6; ++i)
       for (int j = 0; j < i; ++j) f.derivative[i][j] = f.derivative[j][i] = T(0.5) * (f.derivative[i][j] + f.derivative[j][i]);
   Vec3<T> const arm = frame.p - l.com_of_body(b);
-  auto const local = [&](int dof, T (&x)[6]) {  // motion of the frame that the dof gives, in its axes
+  auto const local = [&](int dof, T(&x)[6]) {  // motion of the frame that the dof gives, in its axes
     Spatial<T> const c = s.spatial(l.at.cdof + 6 * dof);
     Vec3<T> const w = rotate_inverse(frame.q, c.angular), v = rotate_inverse(frame.q, c.linear + cross(c.angular, arm));
     x[0] = w.x, x[1] = w.y, x[2] = w.z, x[3] = v.x, x[4] = v.y, x[5] = v.z;
@@ -133,8 +133,7 @@ KOKKOS_INLINE_FUNCTION void lanes_add_fluid_derivative(L const& l, int b, Transf
     local(row, ji);
     for (int j = 0; j < 6; ++j) {
       left[j] = right[j] = T(0);
-      for (int i = 0; i < 6; ++i)
-        left[j] = fma(ji[i], f.derivative[i][j], left[j]), right[j] = fma(f.derivative[j][i], ji[i], right[j]);
+      for (int i = 0; i < 6; ++i) left[j] = fma(ji[i], f.derivative[i][j], left[j]), right[j] = fma(f.derivative[j][i], ji[i], right[j]);
     }
     for (int q = 0; q <= p; ++q) {  // dof q of the chain is column q of the row
       T jj[6];

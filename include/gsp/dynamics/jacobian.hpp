@@ -25,8 +25,7 @@ struct PointJacobian {
     auto const get = [&](int i) { return l.item(model, dynamics, t, i); };
     auto const get3 = [&](int i) { return Vec3<T>{get(i), get(i + 1), get(i + 2)}; };
     Vec3<T> const local = field.data ? l.constant3(field, item) : Vec3<T>{T(point.x), T(point.y), T(point.z)};
-    Vec3<T> const arm =
-        l.load3(poses.xpos, body) + rotate(l.load4(poses.xquat, body), local) - get3(at.com + 3 * model.body_root(body));
+    Vec3<T> const arm = l.load3(poses.xpos, body) + rotate(l.load4(poses.xquat, body), local) - get3(at.com + 3 * model.body_root(body));
     int const adr = model.ints(a.row_adr + last - dof0), end = model.ints(a.row_adr + last - dof0 + 1);
     for (int e = adr; e < end; ++e) {
       int const dof = model.ints(a.row_col + e);

@@ -128,7 +128,8 @@ struct StaticPoses {
     int const w = i / model.nbody, b = i % model.nbody;
     if (model.body_tree(b) >= 0) return;
     auto const at = [](auto const& pose, int k) {
-      return Transform<R>{{pose(7 * k), pose(7 * k + 1), pose(7 * k + 2)}, {pose(7 * k + 3), pose(7 * k + 4), pose(7 * k + 5), pose(7 * k + 6)}};
+      return Transform<R>{{pose(7 * k), pose(7 * k + 1), pose(7 * k + 2)},
+                          {pose(7 * k + 3), pose(7 * k + 4), pose(7 * k + 5), pose(7 * k + 6)}};
     };
     Transform<R> t = at(model.static_pose, b);
     if (int const m = model.body_mocap(b); m >= 0) {
@@ -145,8 +146,7 @@ struct StaticPoses {
 };
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void static_poses(Exec const& exec, Model<R, Mem> const& model, View const& pos, View const& quat, Poses<R, Mem> const& poses) {
-  Kokkos::parallel_for("gsp::dynamics::static_poses",
-                       Kokkos::RangePolicy<Exec>(exec, 0, int(poses.xpos.extent(0)) * model.nbody),
+  Kokkos::parallel_for("gsp::dynamics::static_poses", Kokkos::RangePolicy<Exec>(exec, 0, int(poses.xpos.extent(0)) * model.nbody),
                        StaticPoses<R, Mem, View>{model, poses, pos, quat});
 }
 }  // namespace detail

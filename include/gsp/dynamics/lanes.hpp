@@ -8,9 +8,10 @@
 /// type is a `Pack` and a block of W lanes goes through the program together; on a GPU a lane is a thread, and a block is a warp.
 namespace gsp {
 
+inline constexpr int device_block = 32;  // lanes in a block on a GPU: a warp
 /// Lanes in a block, and the number type that a kernel on `Exec` computes with.
 template <class Mem, class R>
-inline constexpr int block_width = bool(Kokkos::SpaceAccessibility<Kokkos::HostSpace, Mem>::accessible) ? native_width<R> : 32;
+inline constexpr int block_width = bool(Kokkos::SpaceAccessibility<Kokkos::HostSpace, Mem>::accessible) ? native_width<R> : device_block;
 template <class Exec, class R>
 using lane_number = std::conditional_t<is_device<Exec>, R, Pack<R, native_width<R>>>;
 
@@ -67,10 +68,14 @@ struct LaneItems {
   T* base;
   int stride;
   KOKKOS_INLINE_FUNCTION T& operator[](int i) const {
+#ifdef __CUDA_ARCH__
+    return base[i * device_block];  // known to the compiler, which folds it into addresses
+#else
     if constexpr (Scalar<T>)
       return base[std::int64_t(i) * stride];
     else
       return base[i];
+#endif
   }
   KOKKOS_INLINE_FUNCTION Vec3<T> vec3(int i) const { return {(*this)[i], (*this)[i + 1], (*this)[i + 2]}; }
   KOKKOS_INLINE_FUNCTION Quat<T> quat(int i) const { return {(*this)[i], (*this)[i + 1], (*this)[i + 2], (*this)[i + 3]}; }
@@ -93,8 +98,9 @@ struct LaneItems {
 /// results (vectors of dofs; force = passive - bias + actuator + applied; stiffness, damping: what the factored matrix takes implicitly;
 /// velocity: free, then new), then what is needed within one stage only.
 struct DynamicsLayout {
-  int com, cdof, factor, inverse_diagonal, qvel, velocity, spin, act_dot;  // com: of each root's bodies; spin: of a free body, see factor.hpp
-  int tendon_J, tendon_length, act_length;                                  // tendon_J: of spatial tendons
+  int com, cdof, factor, inverse_diagonal, qvel, velocity, spin,
+      act_dot;                              // com: of each root's bodies; spin: of a free body, see factor.hpp
+  int tendon_J, tendon_length, act_length;  // tendon_J: of spatial tendons
   int mass, derivative;  // derivative of the forces by velocity, lower triangle as M, then the upper (by rows of the transpose)
   int passive, actuator, bias, force, stiffness, damping, acceleration, impulse, gravcomp;
   int tendon_velocity, act_velocity, act_force, act_slope, act_moment, energy;
@@ -103,13 +109,12 @@ struct DynamicsLayout {
   KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) {
     int n = 0;
     auto const take = [&n](int& at, int items) { at = n, n += items; };
-    take(com, 3 * a.nroot), take(cdof, 6 * a.nv), take(factor, a.nM), take(inverse_diagonal, a.nv), take(qvel, a.nv),
-        take(velocity, a.nv), take(spin, 3), take(act_dot, a.nstate), take(tendon_J, a.ntendonJ), take(tendon_length, a.ntendon),
-        take(act_length, a.nact), take(mass, a.nM), take(derivative, a.derivative * a.nM);
+    take(com, 3 * a.nroot), take(cdof, 6 * a.nv), take(factor, a.nM), take(inverse_diagonal, a.nv), take(qvel, a.nv), take(velocity, a.nv),
+        take(spin, 3), take(act_dot, a.nstate), take(tendon_J, a.ntendonJ), take(tendon_length, a.ntendon), take(act_length, a.nact),
+        take(mass, a.nM), take(derivative, a.derivative * a.nM);
     take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(force, a.nv), take(stiffness, a.nv), take(damping, a.nv),
         take(acceleration, a.nv), take(impulse, a.nv), take(gravcomp, a.gravcomp ? a.nv : 0);
-    take(tendon_velocity, a.ntendon), take(act_velocity, a.nact), take(act_force, a.nact),
-        take(act_slope, a.derivative ? a.nact : 0),
+    take(tendon_velocity, a.ntendon), take(act_velocity, a.nact), take(act_force, a.nact), take(act_slope, a.derivative ? a.nact : 0),
         take(act_moment, a.nmoment), take(energy, 2);
     take(xpos, 3 * a.nbody), take(xquat, 4 * a.nbody), take(xanchor, 3 * a.njnt), take(xaxis, 3 * a.njnt);
     take(cinert, 10 * a.nbody), take(cvel, 6 * a.nbody), take(cacc, 6 * a.nbody), take(cfrc, 6 * a.nbody);
@@ -338,8 +343,11 @@ void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, 
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::for_lanes: the model is not accessible from this execution space");
   constexpr int threads = Dynamics<R, Mem>::width / detail::width_of<T>::value;
   using Kernel = detail::LaneKernel<T, R, Mem, Stage>;
+  // one warp a thread block on a GPU: a block of lanes works in 200 kB and more, the first-level cache of a multiprocessor
+  using Policy =
+      std::conditional_t<is_device<Exec>, Kokkos::RangePolicy<Exec, Kokkos::LaunchBounds<device_block, 1>>, Kokkos::RangePolicy<Exec>>;
   using Lanes = std::conditional_t<is_device<Exec>, detail::DeviceLanes<Kernel>, detail::HostLanes<Exec, Kernel>>;
-  Kokkos::parallel_for(label, light(Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads)), Lanes{{model, dynamics, stage}});
+  Kokkos::parallel_for(label, light(Policy(exec, 0, dynamics.blocks * threads)), Lanes{{model, dynamics, stage}});
 }
 template <ExecutionSpace Exec, class R, class Mem, class Stage>
 void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {

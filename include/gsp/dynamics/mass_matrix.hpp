@@ -2,9 +2,9 @@
 #include <gsp/dynamics/tendon.hpp>
 
 /// Mass matrix by the composite rigid body algorithm (Featherstone 2008, ch. 6; MuJoCo's mj_crb).
-/// Spatial vectors are in world axes about the centre of mass of all bodies on the same root, as MuJoCo has them: cdof is the motion that a unit velocity of a
-/// dof gives. M is lower triangular by rows: row i holds the entries of i's ancestor dofs from the root down, then the diagonal. As
-/// ancestors nest, the row of an ancestor at place p lists exactly the first p + 1 columns: no column index is ever read in a
+/// Spatial vectors are in world axes about the centre of mass of all bodies on the same root, as MuJoCo has them: cdof is the motion that a
+/// unit velocity of a dof gives. M is lower triangular by rows: row i holds the entries of i's ancestor dofs from the root down, then the
+/// diagonal. As ancestors nest, the row of an ancestor at place p lists exactly the first p + 1 columns: no column index is ever read in a
 /// factorisation.
 namespace gsp {
 

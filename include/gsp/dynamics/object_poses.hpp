@@ -54,7 +54,8 @@ struct CameraPoses {
 /// Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem, class Pos, class Quats>
 void geom_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Pos const& xpos, Quats const& xquat) {
-  expects(int(xpos.extent(1)) == model.ngeom && int(xquat.extent(1)) == model.ngeom, "gsp::geom_poses: outputs must be (worlds, ngeom, 3 | 4)");
+  expects(int(xpos.extent(1)) == model.ngeom && int(xquat.extent(1)) == model.ngeom,
+          "gsp::geom_poses: outputs must be (worlds, ngeom, 3 | 4)");
   detail::for_world_lanes("gsp::dynamics::geom_poses", exec, R(), int(xpos.extent(0)), model.ngeom,
                           detail::ObjectPoses<R, Mem, Pos, Quats>{poses, model.geom_body, model.geom_pos, model.geom_quat, xpos, xquat});
 }
@@ -62,15 +63,18 @@ void geom_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> cons
 /// fence.
 template <ExecutionSpace Exec, class R, class Mem, class Pos, class Quats>
 void site_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Pos const& xpos, Quats const& xquat) {
-  expects(int(xpos.extent(1)) == model.nsite && int(xquat.extent(1)) == model.nsite, "gsp::site_poses: outputs must be (worlds, nsite, 3 | 4)");
+  expects(int(xpos.extent(1)) == model.nsite && int(xquat.extent(1)) == model.nsite,
+          "gsp::site_poses: outputs must be (worlds, nsite, 3 | 4)");
   detail::for_world_lanes("gsp::dynamics::site_poses", exec, R(), int(xpos.extent(0)), model.nsite,
                           detail::ObjectPoses<R, Mem, Pos, Quats>{poses, model.site_body, model.site_pos, model.site_quat, xpos, xquat});
 }
 /// World poses of all cameras, whatever their mode: xpos (world, ncam, 3) [m], xmat (world, ncam, 9) row-major, columns x right, y up,
 /// z backward. `com` (world, body, 3): centres of mass of subtrees (subtree_com). Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem, class Com, class Pos, class Mats>
-void camera_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Com const& com, Pos const& xpos, Mats const& xmat) {
-  expects(int(xpos.extent(1)) == model.ncam && int(xmat.extent(1)) == model.ncam, "gsp::camera_poses: outputs must be (worlds, ncam, 3 | 9)");
+void camera_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Com const& com, Pos const& xpos,
+                  Mats const& xmat) {
+  expects(int(xpos.extent(1)) == model.ncam && int(xmat.extent(1)) == model.ncam,
+          "gsp::camera_poses: outputs must be (worlds, ncam, 3 | 9)");
   detail::for_world_lanes("gsp::dynamics::camera_poses", exec, R(), int(xpos.extent(0)), model.ncam,
                           detail::CameraPoses<R, Mem, Com, Pos, Mats>{model, poses, com, xpos, xmat});
 }

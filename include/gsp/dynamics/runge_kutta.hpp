@@ -13,8 +13,8 @@ template <class R, class Mem>
 struct RungeKutta {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
-  View<R**> qpos, qvel, act;           // at the start of the step
-  View<R**> rate;                      // (world, nv) the last evaluation's u'
+  View<R**> qpos, qvel, act;               // at the start of the step
+  View<R**> rate;                          // (world, nv) the last evaluation's u'
   View<R**> velocity, change, change_act;  // (world, nv | nv | na) weighted sums of u', of h times acceleration, of the activations' rate
 };
 
@@ -29,8 +29,9 @@ RungeKutta<R, Mem> make_runge_kutta(Exec const&, Model<R, Mem> const& model, Run
   auto const view = [&](char const* label, int n) {
     return detail::allocate<typename RungeKutta<R, Mem>::template View<R**>>(label, options.worlds, n);
   };
-  return {view("gsp::RungeKutta::qpos", model.nq),     view("gsp::RungeKutta::qvel", model.nv),   view("gsp::RungeKutta::act", model.na),
-          view("gsp::RungeKutta::rate", model.nv),     view("gsp::RungeKutta::velocity", model.nv), view("gsp::RungeKutta::change", model.nv),
+  return {view("gsp::RungeKutta::qpos", model.nq),      view("gsp::RungeKutta::qvel", model.nv),
+          view("gsp::RungeKutta::act", model.na),       view("gsp::RungeKutta::rate", model.nv),
+          view("gsp::RungeKutta::velocity", model.nv),  view("gsp::RungeKutta::change", model.nv),
           view("gsp::RungeKutta::change_act", model.na)};
 }
 

@@ -1,6 +1,6 @@
 #pragma once
-#include <gsp/dynamics/kinematics.hpp>
 #include <gsp/dynamics/detail/wrap.hpp>
+#include <gsp/dynamics/kinematics.hpp>
 
 /// Tendons: length, velocity and moment arms J = dlength/dq. Fixed: length = sum of coef q. Spatial: the shortest way through sites and
 /// round geoms (MuJoCo's mj_tendon, mju_wrap), whose straight pieces from a point p on one body to a point p' on the next give
