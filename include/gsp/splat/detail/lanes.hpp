@@ -89,7 +89,8 @@ inline Pack<float, W> exp2(Pack<float, W> x) {
   p = fma(p, f, P(0.69314721f));
   p = fma(p, f, P(1.f));
 #ifndef __CUDA_ARCH__
-  typedef int Ints __attribute__((vector_size(sizeof(float) * W)));
+  // unsigned: what shifts out at the top is meant to
+  typedef unsigned Ints __attribute__((vector_size(sizeof(float) * W)));
   p.v = (typename P::vec)((Ints)p.v + ((Ints)shifted.v << 23));
 #endif
   return p;
