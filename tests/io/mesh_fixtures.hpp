@@ -51,9 +51,10 @@ inline Soup potato(unsigned seed, int rings = 7, int sectors = 9) {
 }
 
 inline std::vector<std::byte> stl_binary(Soup const& s, std::string const& header = "made for a test") {
-  std::vector<std::byte> out(80);
+  std::vector<std::byte> out(84);
+  std::uint32_t const count = std::uint32_t(s.faces.size());
   std::memcpy(out.data(), header.data(), std::min<std::size_t>(80, header.size()));
-  put(out, std::uint32_t(s.faces.size()));
+  std::memcpy(out.data() + 80, &count, 4);
   for (auto const& f : s.faces) {
     for (int k = 0; k < 3; ++k) put(out, 0.f);
     for (int v : f)
@@ -89,9 +90,9 @@ inline std::string obj_text(Soup const& s) {
   return out;
 }
 inline std::vector<std::byte> msh_binary(Soup const& s, bool normals = false, bool texcoords = false) {
-  std::vector<std::byte> out;
-  int const n = int(s.vertices.size());
-  for (int count : {n, normals ? n : 0, texcoords ? n : 0, int(s.faces.size())}) put(out, std::int32_t(count));
+  std::int32_t const n = std::int32_t(s.vertices.size()), counts[4] = {n, normals ? n : 0, texcoords ? n : 0, std::int32_t(s.faces.size())};
+  std::vector<std::byte> out(sizeof counts);
+  std::memcpy(out.data(), counts, sizeof counts);
   for (auto const& v : s.vertices)
     for (float x : v) put(out, x);
   for (int i = 0; i < (normals ? n : 0); ++i)
@@ -102,8 +103,9 @@ inline std::vector<std::byte> msh_binary(Soup const& s, bool normals = false, bo
   return out;
 }
 inline std::vector<std::byte> hfield_binary(int rows, int columns, std::vector<float> const& data) {
-  std::vector<std::byte> out;
-  put(out, std::int32_t(rows)), put(out, std::int32_t(columns));
+  std::int32_t const counts[2] = {rows, columns};
+  std::vector<std::byte> out(sizeof counts);
+  std::memcpy(out.data(), counts, sizeof counts);
   for (float x : data) put(out, x);
   return out;
 }
