@@ -12,7 +12,7 @@ namespace detail {
 template <class C>
 struct GeomFieldInfo {
   char const* name;
-  Field<typename C::real_type> C::*member;
+  MemberOf<Field<typename C::real_type>, C> member;
   int stride, first, components;  // of a collider in the member
 };
 template <class C>

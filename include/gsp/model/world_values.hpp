@@ -55,11 +55,13 @@ enum class ModelField : int {
 };
 
 namespace detail {
+template <class T, class Class>
+using MemberOf = T Class::*;
 template <class M>
 struct ModelFieldInfo {
   char const* name;
-  Field<typename M::real_type> M::*member;
-  int M::*items;  // null: one
+  MemberOf<Field<typename M::real_type>, M> member;
+  MemberOf<int, M> items;  // null: one
   int components;
   bool keeps_infinite = false;  // an infinite end means "not limited" and stays
   bool weighs = false;          // the derived fields follow from it

@@ -473,7 +473,7 @@ class Reader {
                        "is " + in_quotes(e.name2) + ", which is " + *type + "; name one that is revolute, continuous or prismatic");
       double multiplier = 1, offset = 0;
       of(mimic).number("multiplier", multiplier), of(mimic).number("offset", offset);
-      e.data[0] = offset, e.data[1] = multiplier;
+      e.data = {offset, multiplier};
       d_.equalities.push_back(std::move(e));
     }
   }
