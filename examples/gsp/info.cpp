@@ -1,10 +1,12 @@
 // gsp info: what a file holds, and what of it is not taken as it stands.
 #include <cstdio>
 #include <filesystem>
+#include <gsp/io/detail/mjcf_page.hpp>
 #include <gsp/io/npz.hpp>
 #include <gsp/io/png.hpp>
 #include <gsp/io/splats.hpp>
 #include <gsp/model/archetypes.hpp>
+#include <nlohmann/json.hpp>
 
 #include "commands.hpp"
 #include "files.hpp"
@@ -40,9 +42,23 @@ void report(std::vector<gsp::ReportLine> lines) {
   }
 }
 
+/// One JSON object: sizes and the report.
+void json(std::string const& path, gsp::CompiledModel const& m) {
+  nlohmann::ordered_json out{{"file", path},     {"model", m.name},         {"nq", m.nq},           {"nv", m.nv},
+                             {"nbody", m.nbody}, {"ngeom", m.ngeom},        {"nu", m.nu},           {"neq", m.neq},
+                             {"na", m.na},       {"ntendon", m.ntendon},    {"nsensor", m.nsensor}, {"nkey", m.keyframes.size()},
+                             {"nmesh", m.nmesh}, {"nhfield", m.nhfield},    {"nmocap", m.nmocap},   {"njnt", m.njnt},
+                             {"nsite", m.nsite}, {"ncam", m.ncam},          {"ntree", m.ntree}};
+  out["report"] = nlohmann::ordered_json::array();
+  for (auto const& l : m.report)
+    out["report"].push_back({{"kind", kind_name(l.kind)}, {"file", l.file}, {"line", l.line}, {"text", l.text}, {"count", l.count}});
+  std::puts(out.dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+}
+
 void model(std::string const& path, Arguments const& arguments) {
   auto const description = describe_model(path, arguments, true);
   auto const m = compile_model(description, true);  // what would be refused without is in the report
+  if (arguments.has("--json")) return json(path, m);
   char const* const shape_names[] = {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"};
   char const* const joint_names[] = {"free", "ball", "slide", "hinge"};
   char const* const integrators[] = {"Euler", "RK4", "implicit", "implicitfast"};
@@ -62,8 +78,10 @@ void model(std::string const& path, Arguments const& arguments) {
   row("trees", std::to_string(m.ntree) + ", of " + std::to_string(gsp::find_archetypes(m).size()) + " kinds");
   row("geoms", std::to_string(m.ngeom) + (m.ngeom ? " (" + tally(geoms) + ")" : "") + "; " + std::to_string(colliding) + " collide, " +
                    std::to_string(m.pairs.size()) + " pairs may touch");
-  row("actuators", std::to_string(m.nu) + "; tendons " + std::to_string(m.ntendon) + ", sites " + std::to_string(m.nsite) + ", cameras " +
-                       std::to_string(m.ncam));
+  row("actuators", std::to_string(m.nu) + "; tendons " + std::to_string(m.ntendon) + ", equality constraints " + std::to_string(m.neq) + ", sensors " +
+                       std::to_string(m.nsensor));
+  row("places", std::to_string(m.nsite) + " sites, " + std::to_string(m.ncam) + " cameras, " + std::to_string(m.nmocap) + " mocap bodies; " +
+                    std::to_string(m.nmesh) + " meshes, " + std::to_string(m.nhfield) + " height fields");
   std::string keys;
   for (std::size_t k = 0; k < m.keyframes.size(); ++k)
     keys += (k ? ", " : "") + std::to_string(k) + (m.keyframes[k].name.empty() ? "" : " " + in_quotes(m.keyframes[k].name));
@@ -113,9 +131,14 @@ void array_line(std::string const& name, gsp::io::NpyArray const& a) {
 }
 
 int run(Arguments const& arguments) {
+  if (arguments.has("--schema")) {
+    std::fputs(gsp::io::detail::mjcf::schema_page().c_str(), stdout);
+    return 0;
+  }
+  if (arguments.operands().empty()) arguments.fail("a file is missing; name one, or ask for --schema");
   bool first = true;
   for (auto const& path : arguments.operands()) {
-    if (!first) std::puts("");
+    if (!first && !arguments.has("--json")) std::puts("");
     first = false;
     auto const bytes = gsp::io::read_file(path);
     auto const head = gsp::io::detail::as_text(bytes).substr(0, 512);
@@ -150,11 +173,13 @@ Command info_command() {
       "FILE...",
       "says what a file holds (MJCF, URDF, Gaussians, npz, npy, PNG) and lists what of a model is refused, approximated or without effect, "
       "with file and line",
-      1,
+      0,
       -1,
       {skip_visuals_option(),
        floating_base_option(),
        package_option(),
+       {"--json", "", "of a model: one JSON object with its sizes and the report"},
+       {"--schema", "", "no file: what of MJCF works, as a page in Markdown"},
        {"--approximate", "", "as --approximate of sim and render: what it would change stands in the report"}},
       run};
 }

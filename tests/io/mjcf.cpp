@@ -107,7 +107,8 @@ TEST_CASE("values are checked") {
   refused(model("", "<actuator><motor site='b'/></actuator>"), "m.xml:4: ", "names the site 'b', which does not exist");
   refused(model("", "<actuator><motor joint='j' refsite='b'/></actuator>"), "m.xml:4: ", "refsite' is for a transmission by site");
   refused(model("", "<actuator><motor cranksite='b'/></actuator>"), "m.xml:4: ", "slidersite' is missing");
-  refused(model("", "<actuator><general joint='j' actrange='0 1'/></actuator>"), "m.xml:4: ", "actrange' is for actuators with an activation");
+  refused(model("", "<actuator><general joint='j' actrange='0 1'/></actuator>"),
+          "m.xml:4: ", "actrange' is for actuators with an activation");
   refused(model("", "<actuator><adhesion body='b' ctrlrange='-1 1'/></actuator>"), "m.xml:4: ", "ctrlrange' has a negative number");
   refused(model("", "<actuator><damper joint='j'/></actuator>"), "m.xml:4: ", "not below the second");
   refused(model("", "<equality><connect body1='b'/></equality>"), "m.xml:4: ", "anchor' is missing");
@@ -117,8 +118,10 @@ TEST_CASE("values are checked") {
   refused(model("", "<equality><joint joint1='j' joint2='j'/></equality>"), "m.xml:4: ", "names 'j' twice");
   refused(model("", "<tendon><spatial/></tendon>"), "m.xml:4: ", "has no path");
   refused(model("<site name='s'/>", "<tendon><spatial><site site='s'/></spatial></tendon>"), "m.xml:4: ", "has a path of one item");
-  refused(model("<site name='s'/>", "<tendon><spatial><site site='s'/><geom geom='g'/></spatial></tendon>"), "m.xml:4: ", "does not stand between two sites: add them (item 2");
-  refused(model("<site name='s'/>", "<tendon><spatial><pulley divisor='0'/><site site='s'/><site site='s'/></spatial></tendon>"), "m.xml:4: ", "divisor is not positive");
+  refused(model("<site name='s'/>", "<tendon><spatial><site site='s'/><geom geom='g'/></spatial></tendon>"),
+          "m.xml:4: ", "does not stand between two sites: add them (item 2");
+  refused(model("<site name='s'/>", "<tendon><spatial><pulley divisor='0'/><site site='s'/><site site='s'/></spatial></tendon>"),
+          "m.xml:4: ", "divisor is not positive");
   refused(model("", "<sensor><gyro site='x'/></sensor>"), "m.xml:4: ", "names the site 'x', which does not exist");
   refused(model("", "<sensor><gyro/></sensor>"), "m.xml:4: ", "does not say what it measures");
   refused(model("", "<contact><pair geom1='g'/></contact>"), "m.xml:4: ", "needs geom1 and geom2");
@@ -226,9 +229,9 @@ TEST_CASE("the report lists what has no effect, with file, line and count") {
 }
 
 TEST_CASE("with list_refusals the whole file is read and every refusal is a line") {
-  auto const d =
-      parse_mjcf(model("<geom size='.1' type='sdf' mesh='x'/><composite/>", "<equality><flex flex='f'/></equality><actuator><pid joint='j'/></actuator>"),
-                 "m.xml", {.list_refusals = true});
+  auto const d = parse_mjcf(model("<geom size='.1' type='sdf' mesh='x'/><composite/>",
+                                  "<equality><flex flex='f'/></equality><actuator><pid joint='j'/></actuator>"),
+                            "m.xml", {.list_refusals = true});
   CHECK(lines(d, ReportLine::Kind::refused, "") == 4);
   CHECK(d.bodies[1].geoms.size() == 2);
   CHECK(d.actuators.empty());

@@ -140,7 +140,7 @@ class Finish {
   std::vector<double> qpos0_, mpos0_, mquat0_;
   std::size_t nv_ = 0, na_ = 0;
   std::unordered_map<int, std::pair<std::size_t, std::size_t>> joint_at_;  // id -> place in qpos and qvel
-  std::unordered_map<int, std::size_t> actuator_at_, act_at_, mocap_at_;  // id -> place among controls, activations, mocap bodies
+  std::unordered_map<int, std::size_t> actuator_at_, act_at_, mocap_at_;   // id -> place among controls, activations, mocap bodies
   std::unordered_map<std::string, std::array<double, 2> const*> joint_range_;
 };
 

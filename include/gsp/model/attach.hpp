@@ -3,6 +3,7 @@
 #include <gsp/core/check.hpp>
 #include <gsp/model/description.hpp>
 #include <gsp/model/detail/host_math.hpp>
+#include <gsp/model/detail/references.hpp>
 #include <iterator>
 #include <string>
 #include <utility>
@@ -42,7 +43,8 @@ struct AttachOptions {
 };
 
 /// Puts all of `piece` into `to`: its bodies below the body named, its world's geoms, sites and cameras into that body. Its settings are
-/// left behind. Keyframes of both stay: each keeps its own part and gives the other's part its initial values. Cost O(size of both).
+/// left behind; meshes and height fields of the same name are taken to be the same. Keyframes of both stay: each keeps its own part and
+/// gives the other's part its initial values. Cost O(size of both).
 /// Errors: gsp::Error where the body does not exist, or a free joint would end up below a body other than the world.
 inline void attach(Description& to, Description const& piece, AttachOptions const& options = {}) {
   auto const place = std::find_if(to.bodies.begin(), to.bodies.end(), [&](auto const& b) { return b.name == options.body; });
@@ -76,6 +78,9 @@ inline void attach(Description& to, Description const& piece, AttachOptions cons
   };
   to.files.insert(to.files.end(), piece.files.begin(), piece.files.end());
   auto bodies = piece.bodies;
+  auto const prefixed = [&](std::string& name) {
+    if (!name.empty()) name = options.prefix + name;
+  };
   for (auto& b : bodies) {
     adopt(b.name, b.place);
     for (auto& x : b.joints) {
@@ -84,9 +89,14 @@ inline void attach(Description& to, Description const& piece, AttachOptions cons
         throw Error("attach: body '" + b.name + "' has a free joint and would hang on body '" + options.body +
                     "': attach it to the world or remove the joint");
     }
-    for (auto& x : b.geoms) adopt(x.name, x.place);
+    for (auto& x : b.geoms) adopt(x.name, x.place), prefixed(x.mesh), prefixed(x.hfield);
     for (auto& x : b.sites) adopt(x.name, x.place);
-    for (auto& x : b.cameras) adopt(x.name, x.place);
+    for (auto& x : b.cameras) {
+      adopt(x.name, x.place);
+      if (x.target != "world") prefixed(x.target);
+    }
+    if (b.mocap && target != 0)
+      throw Error("attach: body '" + b.name + "' is a mocap body and would hang on body '" + options.body + "': attach it to the world");
     if (b.parent == 0) move(b.pos, b.quat);
     b.parent = b.parent == 0 ? target : b.parent + end - 1;
   }
@@ -107,32 +117,60 @@ inline void attach(Description& to, Description const& piece, AttachOptions cons
       for (auto const& j : b.joints) n += j.type == JointType::free ? 6 : j.type == JointType::ball ? 3 : 1;
     return n;
   }();
-  std::size_t const host_u = to.actuators.size(), piece_u = piece.actuators.size();
+  struct Sizes {
+    std::size_t u = 0, na = 0, mocap = 0;  // controls, activations, mocap bodies
+  };
+  auto const sizes_of = [](Description const& d, std::size_t bodies) {
+    Sizes n{d.actuators.size(), 0, 0};
+    for (auto const& a : d.actuators) n.na += a.dynamics != ActuatorDynamics::none;
+    for (std::size_t b = 0; b < bodies; ++b) n.mocap += d.bodies[b].mocap;
+    return n;
+  };
+  Sizes const mine = sizes_of(to, to.bodies.size()), guest = sizes_of(piece, piece.bodies.size());
+  std::size_t const mocap_at = sizes_of(to, std::size_t(end)).mocap;
+  auto const mocap_poses = [](std::vector<BodyDescription> const& of) {
+    std::array<std::vector<double>, 2> all;
+    for (auto const& b : of)
+      if (b.mocap) {
+        auto const q = detail::normalized(b.quat);
+        all[0].insert(all[0].end(), b.pos.begin(), b.pos.end()), all[1].insert(all[1].end(), q.begin(), q.end());
+      }
+    return all;
+  };
+  auto const piece_mocap = mocap_poses(bodies), host_mocap = mocap_poses(to.bodies);
 
   int const added = int(bodies.size()) - 1;
   for (int b = end; b < int(to.bodies.size()); ++b)
     if (to.bodies[b].parent >= end) to.bodies[b].parent += added;
   to.bodies.insert(to.bodies.begin() + end, std::make_move_iterator(bodies.begin() + 1), std::make_move_iterator(bodies.end()));
 
-  for (auto t : piece.tendons) {
-    adopt(t.name, t.place);
-    for (auto& term : t.terms) term.joint = options.prefix + term.joint;
-    to.tendons.push_back(std::move(t));
-  }
-  for (auto a : piece.actuators) {
-    adopt(a.name, a.place), a.target_name = options.prefix + a.target_name;
-    to.actuators.push_back(std::move(a));
-  }
-  for (auto e : piece.excludes) {
-    adopt(e.body1, e.place), e.body2 = options.prefix + e.body2;
-    to.excludes.push_back(std::move(e));
-  }
+  auto const adopt_all = [&](auto const& from, auto& into) {
+    for (auto entry : from) {
+      if (entry.place.file >= 0) entry.place.file += files;
+      if (auto* name = detail::own_name(entry)) prefixed(*name);
+      detail::for_each_reference(entry, [&](detail::Kind kind, std::string& name) {
+        if (kind != detail::Kind::body || name != "world") prefixed(name);
+      });
+      into.push_back(std::move(entry));
+    }
+  };
+  adopt_all(piece.tendons, to.tendons), adopt_all(piece.actuators, to.actuators), adopt_all(piece.excludes, to.excludes);
+  adopt_all(piece.equalities, to.equalities), adopt_all(piece.pairs, to.pairs), adopt_all(piece.sensors, to.sensors);
+  auto const adopt_assets = [&](auto const& from, auto& into) {
+    for (auto asset : from) {
+      adopt(asset.name, asset.place);
+      if (std::none_of(into.begin(), into.end(), [&](auto const& x) { return x.name == asset.name; })) into.push_back(std::move(asset));
+    }
+  };
+  adopt_assets(piece.meshes, to.meshes), adopt_assets(piece.hfields, to.hfields);
   auto const insert = [](std::vector<double>& into, int at, std::vector<double> const& what) {
     if (!into.empty()) into.insert(into.begin() + at, what.begin(), what.end());
   };
+  auto const zeros = [](std::size_t n) { return std::vector<double>(n, 0.); };
   for (auto& k : to.keyframes) {
-    insert(k.qpos, q_at, piece_q), insert(k.qvel, v_at, std::vector<double>(std::size_t(piece_v), 0.));
-    insert(k.ctrl, int(host_u), std::vector<double>(piece_u, 0.));
+    insert(k.qpos, q_at, piece_q), insert(k.qvel, v_at, zeros(std::size_t(piece_v)));
+    insert(k.ctrl, int(mine.u), zeros(guest.u)), insert(k.act, int(mine.na), zeros(guest.na));
+    insert(k.mpos, int(3 * mocap_at), piece_mocap[0]), insert(k.mquat, int(4 * mocap_at), piece_mocap[1]);
   }
   for (auto k : piece.keyframes) {
     adopt(k.name, k.place);
@@ -141,8 +179,9 @@ inline void attach(Description& to, Description const& piece, AttachOptions cons
       all.insert(all.begin() + at, mine.begin(), mine.end());
       mine = std::move(all);
     };
-    around(k.qpos, host_q, q_at), around(k.qvel, std::vector<double>(std::size_t(nv), 0.), v_at),
-        around(k.ctrl, std::vector<double>(host_u, 0.), int(host_u));
+    around(k.qpos, host_q, q_at), around(k.qvel, zeros(std::size_t(nv)), v_at);
+    around(k.ctrl, zeros(mine.u), int(mine.u)), around(k.act, zeros(mine.na), int(mine.na));
+    around(k.mpos, host_mocap[0], int(3 * mocap_at)), around(k.mquat, host_mocap[1], int(4 * mocap_at));
     to.keyframes.push_back(std::move(k));
   }
 }

@@ -58,7 +58,7 @@ class Compiler : public ConstantsCompiler {
     masses();
   }
 
-  // Two geoms that may touch in any case: what they do not say is mixed from the geoms. The geom of the earlier body comes first.
+  // Two geoms that may touch in any case, by their own numbers: nothing is mixed from the geoms. The geom of the earlier body comes first.
   void named_pairs() {
     for (std::size_t i = 0; i < d_.pairs.size(); ++i) {
       auto const& p = d_.pairs[i];
@@ -68,32 +68,14 @@ class Compiler : public ConstantsCompiler {
       if (m_.geom_body[a] > m_.geom_body[b]) std::swap(a, b);
       CompiledModel::NamedPair pair{};
       pair.geom1 = a, pair.geom2 = b;
-      bool const equal = m_.geom_priority[a] == m_.geom_priority[b];
-      int const high = m_.geom_priority[a] > m_.geom_priority[b] ? a : b;
-      auto const larger = [&](auto const& of) { return equal ? std::max(of[a], of[b]) : of[high]; };
-      pair.condim = p.condim.value_or(larger(m_.geom_condim));
+      pair.condim = p.condim.value_or(3);
       if (pair.condim != 1 && pair.condim != 3 && pair.condim != 4 && pair.condim != 6)
         fail(p.place, "pair", p.name, "has a condim other than 1, 3, 4, 6: choose one of them");
-      auto const friction = [&](std::size_t k) {
-        double const x = m_.geom_friction[a][k], y = m_.geom_friction[b][k];
-        return equal ? std::max(x, y) : m_.geom_friction[high][k];
-      };
-      pair.friction = p.friction.value_or(std::array{friction(0), friction(0), friction(1), friction(2), friction(2)});
-      double const sa = m_.geom_solmix[a], sb = m_.geom_solmix[b];
-      double mix = sa >= 1e-15 && sb >= 1e-15 ? sa / (sa + sb) : sa < 1e-15 && sb < 1e-15 ? 0.5 : sa < 1e-15 ? 0. : 1.;
-      if (!equal) mix = high == a ? 1 : 0;
-      auto const mixed = [&](auto const& x, auto const& y) {
-        auto out = x;
-        for (std::size_t k = 0; k < out.size(); ++k) out[k] = mix * x[k] + (1 - mix) * y[k];
-        return out;
-      };
-      auto const &ra = m_.geom_solref[a], &rb = m_.geom_solref[b];
-      bool const standard = !equal || (ra[0] > 0 && rb[0] > 0);
-      pair.solref = p.solref.value_or(standard ? mixed(ra, rb) : std::array{std::min(ra[0], rb[0]), std::min(ra[1], rb[1])});
-      pair.solimp = p.solimp.value_or(mixed(m_.geom_solimp[a], m_.geom_solimp[b]));
+      SoftnessDescription const standard;
+      pair.friction = p.friction.value_or(std::array{1., 1., 0.005, 0.0001, 0.0001});
+      pair.solref = p.solref.value_or(standard.solref), pair.solimp = p.solimp.value_or(standard.solimp);
       pair.solreffriction = p.solreffriction.value_or(std::array{0., 0.});
-      pair.margin = p.margin.value_or(m_.geom_margin[a] + m_.geom_margin[b]);
-      pair.gap = p.gap.value_or(m_.geom_gap[a] + m_.geom_gap[b]);
+      pair.margin = p.margin.value_or(0), pair.gap = p.gap.value_or(0);
       require_finite(finite(pair.friction) && finite(pair.solref) && finite(pair.solimp) && finite(pair.solreffriction) &&
                          std::isfinite(pair.margin) && std::isfinite(pair.gap),
                      p.place, "pair", p.name);
@@ -218,9 +200,9 @@ class Compiler : public ConstantsCompiler {
 
 /// Turns a description into flat arrays by MuJoCo's rules: masses and principal axes of inertia from geoms, weld groups, initial pose,
 /// order of degrees of freedom, trees, pairs of geoms that may touch, and what follows from the mass matrix in the initial pose
-/// (invweight0, acc0, lengths of tendons and actuators, data of equality constraints, springdamper, dampratio). Host, double. Cost: O(pairs of colliding geoms) + O(n^3) for each tree of n degrees of freedom.
-/// Errors: gsp::Error "FILE:LINE: what is wrong: remedy"; shapes that can meet and are not covered, and condim 4 and 6, unless
-/// `approximate`.
+/// (invweight0, acc0, lengths of tendons and actuators, data of equality constraints, springdamper, dampratio). Host, double. Cost: O(pairs
+/// of colliding geoms) + O(n^3) for each tree of n degrees of freedom. Errors: gsp::Error "FILE:LINE: what is wrong: remedy"; shapes that
+/// can meet and are not covered, and condim 4 and 6, unless `approximate`.
 inline CompiledModel compile(Description const& description, CompileOptions const& options = {}) {
   if (!description.compiler.discard_visual && !description.compiler.fuse_static) return detail::Compiler(description, options).run();
   auto const smaller = detail::left_out(description, [&](Description const& d) { return detail::Compiler(d, options).bodies_only(); });

@@ -56,9 +56,9 @@ struct CompiledModel {
   std::vector<std::string> geom_name;
   std::vector<std::array<double, 6>> geom_surfacevel;  // of its surface in its own frame: linear, angular
   std::vector<double> geom_adhesion;                   // [N] a contact
-  std::vector<int> geom_data;                         // mesh or height field, -1: none
-  std::vector<int> geom_fluid;                        // takes part in the ellipsoid fluid model
-  std::vector<std::array<double, 5>> geom_fluidcoef;  // blunt drag, slender drag, angular drag, Kutta lift, Magnus lift
+  std::vector<int> geom_data;                          // mesh or height field, -1: none
+  std::vector<int> geom_fluid;                         // takes part in the ellipsoid fluid model
+  std::vector<std::array<double, 5>> geom_fluidcoef;   // blunt drag, slender drag, angular drag, Kutta lift, Magnus lift
 
   // meshes: vertices about the centre of mass in principal axes (float, as MuJoCo rounds them); the geom's pose takes what was moved
   std::vector<std::vector<std::array<float, 3>>> mesh_vertices;

@@ -185,7 +185,8 @@ struct EqualityDescription {
   EqualityType type = EqualityType::connect;
   std::string name1 = "", name2 = "";  // bodies (connect, weld; or sites), joints or tendons; the second may be empty
   bool sites = false, active = true;
-  std::array<double, 11> data{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1};  // connect: anchor; weld: anchor, relative pose, torquescale; joint, tendon: polynomial
+  std::array<double, 11> data{0, 0, 0, 0, 0, 0,
+                              0, 0, 0, 0, 1};  // connect: anchor; weld: anchor, relative pose, torquescale; joint, tendon: polynomial
   SoftnessDescription softness{};
   Place place{};
 };
@@ -203,7 +204,7 @@ struct SensorDescription {
 /// Two geoms that may touch whatever their contype says, with parameters of their own.
 struct PairDescription {
   std::string name = "", geom1 = "", geom2 = "";
-  std::optional<int> condim{};  // what is empty is mixed from the geoms
+  std::optional<int> condim{};  // what is empty takes MJCF's default (condim 3, friction 1 ..., no margin): nothing comes from the geoms
   std::optional<std::array<double, 5>> friction{}, solimp{};
   std::optional<std::array<double, 2>> solref{}, solreffriction{};
   std::optional<double> margin{}, gap{};
@@ -257,8 +258,8 @@ struct OptionDescription {
   int disabled_actuator_groups = 0;  // bits
   double impratio = 1, tolerance = 1e-8;
   int iterations = 100;
-  bool equality = true, eulerdamp = true, contact = true, constraint = true, limit = true, frictionloss = true, passive_spring = true, passive_damper = true,
-       gravity_on = true, actuation = true, clampctrl = true, filterparent = true, refsafe = true, warmstart = true;
+  bool equality = true, eulerdamp = true, contact = true, constraint = true, limit = true, frictionloss = true, passive_spring = true,
+       passive_damper = true, gravity_on = true, actuation = true, clampctrl = true, filterparent = true, refsafe = true, warmstart = true;
 };
 
 enum class LengthRangeMode : int { none = 0, muscle = 1, muscle_user = 2, all = 3 };

@@ -19,7 +19,8 @@ struct Law {
 };
 
 /// The law of `node`. Each shortcut starts from its class's values; where another shortcut than itself or general set those, from the
-/// parent class's (laws: of the outermost class first, its own last), and otherwise from MuJoCo's defaults.
+/// parent class's (laws: of the outermost class first, its own last), and otherwise from MuJoCo's defaults. All that it does not say is
+/// set as MuJoCo's table of the shortcut says.
 inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node const& node) {
   Attributes const a(files, node, nullptr);
   std::string const& type = node.name;
@@ -37,7 +38,9 @@ inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node co
   auto const negative = [&](char const* attribute, double value) {
     if (value < 0) a.fail(attribute, "is negative; give zero or more");
   };
-  bool const own = law.type == type;  // of the same shortcut
+  // what a shortcut takes over: numbers that mean the same to it
+  bool const fixed = law.gaintype == "fixed", affine = law.biastype == "affine";
+  double const gain = fixed ? law.gain[0] : 1;
   law.ctrl_limited = false;
   law.type = general ? "" : type;
   if (general) {
@@ -48,39 +51,36 @@ inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node co
     law.gain = {1}, law.bias = {}, law.dyn = {1};
     kind("none", "fixed", "none");
   } else if (type == "position" || type == "intvelocity") {
-    double kv = 0, dampratio = 0, timeconst = 0;
-    a.number("kp", law.gain[0]);
+    double kp = gain, kv = 0, dampratio = 0, timeconst = law.dyntype == "filterexact" ? law.dyn[0] : 0;
+    a.number("kp", kp);
     bool const has_kv = a.number("kv", kv), has_ratio = a.number("dampratio", dampratio);
     if (has_kv && has_ratio) a.fail("dampratio", "stands beside kv; keep one");
-    if (law.gain[0] < 0 || kv < 0 || dampratio < 0) a.fail("", "has a negative kp, kv or dampratio; give zero or more");
-    law.bias[0] = 0, law.bias[1] = -law.gain[0];
-    if (has_kv) law.bias[2] = -kv;
-    if (has_ratio) law.bias[2] = dampratio;
-    bool filtered = own && law.dyntype == "filterexact";
-    if (a.number("timeconst", timeconst)) negative("timeconst", timeconst), filtered = timeconst > 0, law.dyn[0] = timeconst;
+    if (kp < 0 || kv < 0 || dampratio < 0) a.fail("", "has a negative kp, kv or dampratio; give zero or more");
+    a.number("timeconst", timeconst), negative("timeconst", timeconst);
+    bool const filtered = type == "position" && timeconst > 0;
+    law.bias = {0, -kp, has_kv ? -kv : has_ratio ? dampratio : affine ? law.bias[2] : 0};
+    law.gain = {kp}, law.dyn = {timeconst > 0 ? timeconst : 1};
     kind(type == "intvelocity" ? "integrator" : filtered ? "filterexact" : "none", "fixed", "affine");
   } else if (type == "velocity") {
-    a.number("kv", law.gain[0]), negative("kv", law.gain[0]);
-    law.bias = {0, 0, -law.gain[0]};
+    double kv = gain;
+    a.number("kv", kv), negative("kv", kv);
+    law.gain = {kv}, law.bias = {0, 0, -kv}, law.dyn = {1};
     kind("none", "fixed", "affine");
   } else if (type == "damper") {
-    double kv = law.gaintype == "affine" ? -law.gain[2] : 1;
+    double kv = law.gaintype == "affine" ? -law.gain[2] : 0;  // MuJoCo's own default, whatever its page says
     a.number("kv", kv), negative("kv", kv);
-    law.gain = {0, 0, -kv}, law.ctrl_limited = true;
+    law.gain = {0, 0, -kv}, law.bias = {}, law.dyn = {1}, law.ctrl_limited = true;
     kind("none", "affine", "none");
   } else if (type == "cylinder") {
-    double diameter = -1;
-    Double3 bias{law.bias[0], law.bias[1], law.bias[2]};
-    a.number("timeconst", law.dyn[0]), a.number("area", law.gain[0]), a.numbers("bias", bias);
-    if (a.number("diameter", diameter) && diameter >= 0) law.gain[0] = 3.14159265358979323846 / 4 * diameter * diameter;
-    std::copy(bias.begin(), bias.end(), law.bias.begin());
+    double timeconst = law.dyntype == "filter" || law.dyntype == "filterexact" ? law.dyn[0] : 1, area = gain, diameter = -1;
+    Double3 bias = affine ? Double3{law.bias[0], law.bias[1], law.bias[2]} : Double3{};
+    a.number("timeconst", timeconst), a.number("area", area), a.numbers("bias", bias);
+    if (a.number("diameter", diameter) && diameter >= 0) area = 3.14159265358979323846 / 4 * diameter * diameter;
+    law.gain = {area}, law.bias = {bias[0], bias[1], bias[2]}, law.dyn = {timeconst};
     kind("filter", "fixed", "affine");
   } else if (type == "muscle") {
-    // values that still are <general>'s defaults become the muscle's
-    auto const instead = [](double& x, double before, double now) { x = x == before ? now : x; };
-    instead(law.dyn[0], 1, 0.01), instead(law.dyn[1], 0, 0.04), instead(law.gain[0], 1, 0.75);
-    double const usual[] = {0.75, 1.05, -1, 200, 0.5, 1.6, 1.5, 1.3, 1.2};
-    for (std::size_t i = 1; i < 9; ++i) instead(law.gain[i], 0, usual[i]);
+    if (law.dyntype != "muscle") law.dyn = {0.01, 0.04};
+    if (law.gaintype != "muscle") law.gain = {0.75, 1.05, -1, 200, 0.5, 1.6, 1.5, 1.3, 1.2};
     std::array<double, 2> timeconst{-1, -1}, range{-1, -1};
     a.numbers("timeconst", timeconst), a.numbers("range", range);
     if (a.number("tausmooth", law.dyn[2])) negative("tausmooth", law.dyn[2]);
@@ -91,11 +91,12 @@ inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node co
     char const* const names[] = {"force", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax"};
     for (std::size_t i = 0; i < 7; ++i)
       if (double x = -1; a.number(names[i], x) && x >= 0) law.gain[i + 2] = x;
-    std::copy(law.gain.begin(), law.gain.begin() + 9, law.bias.begin());
+    law.bias = law.gain;
     kind("muscle", "muscle", "muscle");
   } else if (type == "adhesion") {
-    a.number("gain", law.gain[0]), negative("gain", law.gain[0]);
-    law.ctrl_limited = true;
+    double force = gain;
+    a.number("gain", force), negative("gain", force);
+    law.gain = {force}, law.bias = {}, law.dyn = {1}, law.ctrl_limited = true;
     kind("none", "fixed", "none");
   }
   return law;

@@ -176,7 +176,8 @@ class Reader {
     if (!(o.timestep > 0)) a.fail("timestep", "is not positive; give seconds, such as 0.002");
     if (!(o.impratio > 0)) a.fail("impratio", "is not positive; give one or more");
     for (double group : a.list("actuatorgroupdisable")) {
-      if (group != std::floor(group) || group < 0 || group > 30) a.fail("actuatorgroupdisable", "holds a group other than 0 .. 30; correct it");
+      if (group != std::floor(group) || group < 0 || group > 30)
+        a.fail("actuatorgroupdisable", "holds a group other than 0 .. 30; correct it");
       o.disabled_actuator_groups |= 1 << static_cast<int>(group);
     }
     if (a.text("integrator") == "discrete")
@@ -191,13 +192,20 @@ class Reader {
       Attributes const f(s_.files, flag, nullptr);
       for (auto const& one : flag.attributes) {
         bool const on = f.choice(one.name, {"disable", "enable"}) == 1;
-        std::pair<char const*, bool*> const flags[] = {{"actuation", &o.actuation},       {"clampctrl", &o.clampctrl},
-                                                       {"constraint", &o.constraint},     {"contact", &o.contact},
-                                                       {"damper", &o.passive_damper},     {"equality", &o.equality},
-                                                       {"eulerdamp", &o.eulerdamp},       {"filterparent", &o.filterparent},
-                                                       {"frictionloss", &o.frictionloss}, {"gravity", &o.gravity_on},
-                                                       {"limit", &o.limit},               {"override", &o.override_contacts},
-                                                       {"refsafe", &o.refsafe},           {"spring", &o.passive_spring},
+        std::pair<char const*, bool*> const flags[] = {{"actuation", &o.actuation},
+                                                       {"clampctrl", &o.clampctrl},
+                                                       {"constraint", &o.constraint},
+                                                       {"contact", &o.contact},
+                                                       {"damper", &o.passive_damper},
+                                                       {"equality", &o.equality},
+                                                       {"eulerdamp", &o.eulerdamp},
+                                                       {"filterparent", &o.filterparent},
+                                                       {"frictionloss", &o.frictionloss},
+                                                       {"gravity", &o.gravity_on},
+                                                       {"limit", &o.limit},
+                                                       {"override", &o.override_contacts},
+                                                       {"refsafe", &o.refsafe},
+                                                       {"spring", &o.passive_spring},
                                                        {"warmstart", &o.warmstart}};
         for (auto const& [name, value] : flags)
           if (one.name == name) *value = on;
@@ -211,7 +219,9 @@ class Reader {
     std::map<std::string, Values, std::less<>> values;
     std::vector<Law> laws{Law{}};  // of actuators: the class's own last, before it its parent's, and so on
   };
-  static bool is_actuator(std::string_view e) { return is_in("general motor position velocity intvelocity damper cylinder muscle adhesion", e); }
+  static bool is_actuator(std::string_view e) {
+    return is_in("general motor position velocity intvelocity damper cylinder muscle adhesion", e);
+  }
 
   void defaults(Node const& node, std::string const& parent) {
     check(node);
@@ -283,7 +293,8 @@ class Reader {
     } catch (Error const& e) {
       if (!s_.skip_visuals && !s_.list_refusals) throw;
       missing_[name] = e.what();
-      note(s_.skip_visuals ? Line::left_out : Line::refused, a.place(), "asset " + in_quotes(name) + ": " + path.string() + " cannot be read");
+      note(s_.skip_visuals ? Line::left_out : Line::refused, a.place(),
+           "asset " + in_quotes(name) + ": " + path.string() + " cannot be read");
       return std::nullopt;
     }
     try {
@@ -309,7 +320,8 @@ class Reader {
     if (from_file && (a.own("vertex") || a.own("face"))) a.fail("file", "stands beside vertex or face; keep one of the two");
     MeshDescription m;
     if (from_file) {
-      auto read = load_asset(a, name, [&](Bytes bytes, std::string const& file) { return parse_mesh(bytes, file, a.text("content_type")); });
+      auto read =
+          load_asset(a, name, [&](Bytes bytes, std::string const& file) { return parse_mesh(bytes, file, a.text("content_type")); });
       if (!read) return;
       m = std::move(*read);
     } else {
@@ -337,7 +349,8 @@ class Reader {
     if (name.empty()) a.fail("name", "is missing; name the height field or its file");
     HeightFieldDescription h;
     if (a.own("file")) {
-      auto read = load_asset(a, name, [&](Bytes bytes, std::string const& file) { return parse_hfield(bytes, file, a.text("content_type")); });
+      auto read =
+          load_asset(a, name, [&](Bytes bytes, std::string const& file) { return parse_hfield(bytes, file, a.text("content_type")); });
       if (!read) return;
       h = std::move(*read);
     } else {
@@ -699,8 +712,7 @@ class Reader {
     }
     if (a.has("projection") && a.choice("projection", {"perspective", "orthographic"}) == 1)
       refuse(node.place, "<camera> projection='orthographic' is not supported; use perspective");
-    if (a.has("mode"))
-      c.mode = static_cast<CameraMode>(a.choice("mode", {"fixed", "track", "trackcom", "targetbody", "targetbodycom"}));
+    if (a.has("mode")) c.mode = static_cast<CameraMode>(a.choice("mode", {"fixed", "track", "trackcom", "targetbody", "targetbodycom"}));
     Pose pose;
     a.numbers("pos", pose.p);
     pose.q = orientation(a);
@@ -747,16 +759,33 @@ class Reader {
     for (auto& child : b.children) renumber(child);
   }
   // Entries of the lists that name something of `names` are taken out, to be put back once for each copy. They count among the names then.
+  // As in MuJoCo, actuators and equality constraints that name something else, too, are lost, and tendons whose geom and sidesite do not
+  // stand on the same side.
   Lists split_lists(Names& names) {
     Lists taken;
+    Names lost;
     Lists::for_each([&](auto list) {
       auto& all = draft_.lists.*list;
       std::decay_t<decltype(all)> kept;
       for (auto& entry : all) {
         auto& d = description_of(entry);
-        bool any = false;
-        for_each_reference(d, [&](Kind kind, std::string const& name) { any = any || names.has(kind, name); });
-        if (auto* name = any ? own_name(d) : nullptr) names.add(own_kind(d), *name);
+        using D = std::decay_t<decltype(d)>;
+        bool any = false, only = true, broken = false;
+        for_each_reference(d, [&](Kind kind, std::string const& name) {
+          bool const in = names.has(kind, name);
+          any = any || in, only = only && in, broken = broken || lost.has(kind, name);
+        });
+        if constexpr (std::same_as<D, TendonDescription>)
+          for (auto const& item : d.path)
+            broken = broken || (!item.sidesite.empty() && names.has(Kind::geom, item.name) != names.has(Kind::site, item.sidesite));
+        if constexpr (std::same_as<D, ActuatorDescription> || std::same_as<D, EqualityDescription>) broken = broken || (any && !only);
+        auto* name = own_name(d);
+        if (broken) {
+          note(Line::left_out, d.place, "entries that name what is replicated and what is not, as MuJoCo does");
+          if (name) lost.add(own_kind(d), *name);
+          continue;
+        }
+        if (any && name) names.add(own_kind(d), *name);
         (any ? taken.*list : kept).push_back(std::move(entry));
       }
       all = std::move(kept);
@@ -934,7 +963,8 @@ class Reader {
             a.number(name, to.emplace());
         };
         optional("condim", p.condim), optional("margin", p.margin), optional("gap", p.gap);
-        optional("solref", p.solref), optional("solreffriction", p.solreffriction);
+        optional("solreffriction", p.solreffriction);
+        if (a.has("solref")) p.solref = SoftnessDescription{}.solref, a.numbers("solref", *p.solref, false);
         if (a.has("friction")) p.friction = {1, 1, 0.005, 0.0001, 0.0001}, a.numbers("friction", *p.friction, false);
         if (a.has("solimp")) p.solimp = SoftnessDescription{}.solimp, a.numbers("solimp", *p.solimp, false);
         draft_.lists.pairs.push_back(std::move(p));
@@ -979,6 +1009,7 @@ class Reader {
         if (e.sites && e.name2.empty()) a.fail("site2", "is missing; name the second site");
         bool const anchor = a.numbers("anchor", e.data.data(), 3);
         if (!weld && !e.sites && !anchor) a.fail("anchor", "is missing; give the point in the frame of body1");
+        if (weld && e.sites) e.data[1] = 1;  // of no use, but MuJoCo's
         if (weld) a.numbers("relpose", e.data.data() + 3, 7), a.number("torquescale", e.data[10]);
       }
       draft_.lists.equalities.push_back(std::move(e));
@@ -1087,7 +1118,8 @@ class Reader {
       int actdim = -1;
       if (a.integer("actdim", actdim) && actdim >= 0 && actdim != act_size(act))
         a.fail("actdim", "is not the number of activations of this dyntype; remove it");
-      if (law.ctrl_limited && (act.ctrl_range[0] < 0 || act.ctrl_range[1] < 0)) a.fail("ctrlrange", "has a negative number; give zero or more");
+      if (law.ctrl_limited && (act.ctrl_range[0] < 0 || act.ctrl_range[1] < 0))
+        a.fail("ctrlrange", "has a negative number; give zero or more");
       if (act.act_limited && act.dynamics == ActuatorDynamics::none) a.fail("actrange", "is for actuators with an activation; set dyntype");
       draft_.lists.actuators.push_back(std::move(draft));
     }

@@ -13,10 +13,10 @@ struct SensorTarget {
   bool second;
 };
 inline constexpr SensorTarget sensor_targets[] = {
-    {"site", "site", false},   {"joint", "joint", false},      {"tendon", "tendon", false}, {"actuator", "actuator", false},
-    {"body", "body", false},   {"body1", "body", false},       {"geom1", "geom", false},    {"subtree1", "subtree", false},
-    {"mesh", "mesh", false},   {"camera", "camera", false},    {"body2", "body", true},     {"geom2", "geom", true},
-    {"geom", "geom", true},    {"subtree2", "subtree", true},
+    {"site", "site", false}, {"joint", "joint", false},     {"tendon", "tendon", false}, {"actuator", "actuator", false},
+    {"body", "body", false}, {"body1", "body", false},      {"geom1", "geom", false},    {"subtree1", "subtree", false},
+    {"mesh", "mesh", false}, {"camera", "camera", false},   {"body2", "body", true},     {"geom2", "geom", true},
+    {"geom", "geom", true},  {"subtree2", "subtree", true},
 };
 inline constexpr std::string_view sensor_settings = "data num reduce enclosed datatype dim needstage";
 

@@ -30,7 +30,8 @@ class CompilerBase {
     return d_.files[place.file] + ":" + std::to_string(place.line) + ": ";
   }
   static char const* kind_name(Kind kind) {
-    char const* const names[] = {"item", "body", "joint", "geom", "site", "camera", "tendon", "actuator", "mesh", "equality", "sensor", "pair"};
+    char const* const names[] = {"item",   "body",     "joint", "geom",     "site",   "camera",
+                                 "tendon", "actuator", "mesh",  "equality", "sensor", "pair"};
     return names[int(kind)];
   }
   /// Gives the name to item `index` of its kind.
@@ -62,7 +63,6 @@ class CompilerBase {
       c.fail(place, what, name,
              std::string("is limited, but the first number of its ") + attribute + " is not below the second: order them");
   }
-
 
   Description const& d_;
   CompiledModel m_;

@@ -49,7 +49,8 @@ class BodyCompiler : public CompilerBase {
       enter(Kind::body, body.name, b, body.place);
       require_finite(finite(body.pos) && finite(body.quat) && std::isfinite(body.gravcomp), body.place, "body", body.name);
       if (body.mocap && (body.parent != 0 || !body.joints.empty()))
-        fail(body.place, "body", body.name, "is a mocap body but has joints or stands below another body: make it a fixed child of the world");
+        fail(body.place, "body", body.name,
+             "is a mocap body but has joints or stands below another body: make it a fixed child of the world");
       m_.body_mocap.push_back(body.mocap ? m_.nmocap++ : -1);
       m_.body_parent.push_back(std::max(body.parent, 0)), m_.body_name.push_back(body.name);
       m_.body_pos.push_back(body.pos), m_.body_quat.push_back(unit(body.quat)), m_.body_gravcomp.push_back(body.gravcomp);
@@ -83,7 +84,8 @@ class BodyCompiler : public CompilerBase {
 
   void joint(BodyDescription const& body, int b, JointDescription const& j) {
     require_finite(finite(j.pos) && finite(j.axis) && finite(j.range) && finite(j.actuator_force_range) && finite(j.limit.solref) &&
-                       finite(j.limit.solimp) && finite(j.friction.solref) && finite(j.friction.solimp) && finite(j.springdamper) && finite(j.stiffness_poly) && finite(j.damping_poly) &&
+                       finite(j.limit.solimp) && finite(j.friction.solref) && finite(j.friction.solimp) && finite(j.springdamper) &&
+                       finite(j.stiffness_poly) && finite(j.damping_poly) &&
                        finite(std::array{j.ref, j.springref, j.stiffness, j.damping, j.armature, j.frictionloss, j.margin}),
                    j.place, "joint", j.name);
     bool const is_free = j.type == JointType::free, is_ball = j.type == JointType::ball, turns_one = j.type == JointType::hinge;

@@ -63,11 +63,12 @@ class ConstantsCompiler : public ForceCompiler {
   void note_singular(int dof) {
     int const j = m_.dof_jnt[dof], b = m_.jnt_body[j];
     auto const& place = d_.bodies[b].joints[std::size_t(j - m_.body_jntadr[b])].place;
-    m_.report.push_back({ReportLine::Kind::approximated, place.file >= 0 ? d_.files[std::size_t(place.file)] : d_.name, place.line,
-                         "joint '" + m_.jnt_name[j] +
-                             "': the mass matrix is singular in the initial pose, as nothing with mass resists this joint or it repeats others of its "
-                             "body; a pivot is taken as 1e-15",
-                         1});
+    m_.report.push_back(
+        {ReportLine::Kind::approximated, place.file >= 0 ? d_.files[std::size_t(place.file)] : d_.name, place.line,
+         "joint '" + m_.jnt_name[j] +
+             "': the mass matrix is singular in the initial pose, as nothing with mass resists this joint or it repeats others of its "
+             "body; a pivot is taken as 1e-15",
+         1});
   }
   bool drives_armature() const {
     return std::any_of(m_.act_armature.begin(), m_.act_armature.end(), [](double x) { return x != 0; });
@@ -155,6 +156,7 @@ class ConstantsCompiler : public ForceCompiler {
   void equality_data(InitialPose const& pose) {
     for (int e = 0; e < m_.neq; ++e) {
       auto const type = EqualityType(m_.eq_type[e]);
+      if (type == EqualityType::connect && m_.eq_sites[e]) m_.eq_data[e] = {};  // the sites say all
       if ((type != EqualityType::connect && type != EqualityType::weld) || m_.eq_sites[e]) continue;
       auto& data = m_.eq_data[e];
       bool const weld = type == EqualityType::weld;

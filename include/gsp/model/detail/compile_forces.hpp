@@ -22,7 +22,8 @@ class ForceCompiler : public BodyCompiler {
                          finite(std::array{t.stiffness, t.damping, t.frictionloss, t.armature, t.margin}),
                      t.place, "tendon", t.name);
       if (t.terms.empty() == t.path.empty())
-        refuse(t.terms.empty() ? "has neither joints nor a path: add joints, or sites" : "has both joints and a path: make two tendons of it");
+        refuse(t.terms.empty() ? "has neither joints nor a path: add joints, or sites"
+                               : "has both joints and a path: make two tendons of it");
       if (t.armature < 0) refuse("has a negative armature: give zero or more");
       if (t.springlength[0] > t.springlength[1]) refuse("has a springlength whose first number is above the second: order them");
       require_range(*this, t.limited, t.range, t.place, "tendon", t.name, "range");
@@ -77,15 +78,20 @@ class ForceCompiler : public BodyCompiler {
       if (!geared && (a.damping != 0 || a.armature != 0)) refuse("has damping or armature, which are for joints and tendons: remove them");
       bool const stateful = a.dynamics != ActuatorDynamics::none;
       if (a.act_limited && !stateful) refuse("limits an activation but has none: set its dynamics");
-      for (auto const& [type, p] : {std::pair{a.gain_type == ActuatorGain::muscle, &a.gainprm}, {a.bias_type == ActuatorBias::muscle, &a.biasprm}})
-        if (type && (!((*p)[0] < (*p)[1]) || !((*p)[4] < 1) || !((*p)[5] > 1) || !((*p)[3] > 0) || !((*p)[6] > 0) || !((*p)[7] > 0) || !((*p)[8] > 0)))
-          refuse("is a muscle whose numbers do not fit (range[0] < range[1], lmin < 1 < lmax, scale, vmax, fpmax, fvmax above 0): correct them");
+      for (auto const& [type, p] :
+           {std::pair{a.gain_type == ActuatorGain::muscle, &a.gainprm}, {a.bias_type == ActuatorBias::muscle, &a.biasprm}})
+        if (type && (!((*p)[0] < (*p)[1]) || !((*p)[4] < 1) || !((*p)[5] > 1) || !((*p)[3] > 0) || !((*p)[6] > 0) || !((*p)[7] > 0) ||
+                     !((*p)[8] > 0)))
+          refuse(
+              "is a muscle whose numbers do not fit (range[0] < range[1], lmin < 1 < lmax, scale, vmax, fpmax, fvmax above 0): correct "
+              "them");
       m_.act_target.push_back(int(a.target)), m_.act_id.push_back(id), m_.act_ref.push_back(ref), m_.act_name.push_back(a.name);
       m_.act_ctrllimited.push_back(a.ctrl_limited), m_.act_forcelimited.push_back(a.force_limited);
       m_.act_actlimited.push_back(a.act_limited), m_.act_actearly.push_back(a.act_early), m_.act_group.push_back(a.group);
       m_.act_dyntype.push_back(int(a.dynamics)), m_.act_gaintype.push_back(int(a.gain_type)), m_.act_biastype.push_back(int(a.bias_type));
       m_.act_actadr.push_back(stateful ? m_.na : -1), m_.act_actnum.push_back(stateful), m_.na += stateful;
-      m_.act_gear.push_back(a.gear), m_.act_gainprm.push_back(a.gainprm), m_.act_biasprm.push_back(a.biasprm), m_.act_dynprm.push_back(a.dynprm);
+      m_.act_gear.push_back(a.gear), m_.act_gainprm.push_back(a.gainprm), m_.act_biasprm.push_back(a.biasprm),
+          m_.act_dynprm.push_back(a.dynprm);
       m_.act_cranklength.push_back(a.crank_length), m_.act_damping.push_back(a.damping), m_.act_armature.push_back(a.armature);
       m_.act_ctrlrange.push_back(a.ctrl_range), m_.act_forcerange.push_back(a.force_range), m_.act_actrange.push_back(a.act_range);
       m_.act_lengthrange.push_back(length_range(a, id));
@@ -122,7 +128,9 @@ class ForceCompiler : public BodyCompiler {
       auto const id = [&](std::string const& type, std::string const& name) {
         if (name.empty()) return -1;
         Kind const kind = kind_of(type);
-        if (kind == Kind::none) fail(s.place, "sensor", s.name, "is about a '" + type + "', which is not supported: name a body, geom, site, camera, joint, tendon or actuator");
+        if (kind == Kind::none)
+          fail(s.place, "sensor", s.name,
+               "is about a '" + type + "', which is not supported: name a body, geom, site, camera, joint, tendon or actuator");
         return find(kind, name, s.place, "sensor", s.name);
       };
       m_.sensor_id.push_back(id(s.object_type, s.object)), m_.sensor_refid.push_back(id(s.reference_type, s.reference));
@@ -141,7 +149,9 @@ class ForceCompiler : public BodyCompiler {
     };
     m_.tendon_wrapadr.push_back(int(m_.wrap_type.size())), m_.tendon_wrapnum.push_back(int(t.path.size()));
     if (t.path.size() == 1) fail(t.place, "tendon", t.name, "has a path of one item: give at least two sites");
-    auto const type = [&](std::size_t i) { return i < t.path.size() ? t.path[i].type : WrapType::pulley; };  // behind both ends: as a pulley
+    auto const type = [&](std::size_t i) {
+      return i < t.path.size() ? t.path[i].type : WrapType::pulley;
+    };  // behind both ends: as a pulley
     for (std::size_t i = 0; i < t.path.size(); ++i) {
       auto const& item = t.path[i];
       WrapType kind = item.type;
@@ -150,7 +160,8 @@ class ForceCompiler : public BodyCompiler {
       if (kind == WrapType::pulley) {
         divisor = item.divisor;
         if (!(divisor > 0) || !std::isfinite(divisor)) refuse(i, "has a pulley whose divisor is not positive: correct it");
-        if (i + 1 == t.path.size() || t.path[i + 1].type == WrapType::pulley) refuse(i, "has a pulley without a branch behind it: remove it");
+        if (i + 1 == t.path.size() || t.path[i + 1].type == WrapType::pulley)
+          refuse(i, "has a pulley without a branch behind it: remove it");
       } else if (kind == WrapType::site) {
         id = find(Kind::site, item.name, t.place, "tendon", t.name);
         if (type(i - 1) == WrapType::pulley && type(i + 1) == WrapType::pulley) refuse(i, "has a branch of one site: give two");
@@ -158,9 +169,11 @@ class ForceCompiler : public BodyCompiler {
         bodies.push_back(m_.site_body[id]);
       } else {
         id = find(Kind::geom, item.name, t.place, "tendon", t.name);
-        if (type(i - 1) != WrapType::site || type(i + 1) != WrapType::site) refuse(i, "has a geom that does not stand between two sites: add them");
+        if (type(i - 1) != WrapType::site || type(i + 1) != WrapType::site)
+          refuse(i, "has a geom that does not stand between two sites: add them");
         bool const sphere = m_.geom_type[id] == int(ShapeType::sphere);
-        if (!sphere && m_.geom_type[id] != int(ShapeType::cylinder)) refuse(i, "goes round a geom that is neither sphere nor cylinder: use one");
+        if (!sphere && m_.geom_type[id] != int(ShapeType::cylinder))
+          refuse(i, "goes round a geom that is neither sphere nor cylinder: use one");
         if (t.armature > 0) refuse(i, "goes round a geom and has armature, which MuJoCo does not define: remove one of the two");
         kind = sphere ? WrapType::sphere : WrapType::cylinder;
         if (!item.sidesite.empty()) side = find(Kind::site, item.sidesite, t.place, "tendon", t.name);
@@ -182,7 +195,8 @@ class ForceCompiler : public BodyCompiler {
       if (a.target == Transmission::tendon && m_.tendon_limited[id]) return m_.tendon_range[id];
     }
     fail(a.place, "actuator", a.name,
-         "needs the range of its length, which is not found by simulation here: give lengthrange, or limits of what it drives and <compiler> "
+         "needs the range of its length, which is not found by simulation here: give lengthrange, or limits of what it drives and "
+         "<compiler> "
          "<lengthrange uselimit=\"true\"/>");
   }
 
@@ -204,12 +218,21 @@ class ForceCompiler : public BodyCompiler {
           if ((at == 0 || data[at - 1] == ' ') && (at + word.size() == data.size() || data[at + word.size()] == ' ')) all += size;
       return all;
     };
-    auto const one_of = [&](std::initializer_list<std::string_view> types) { return std::find(types.begin(), types.end(), s.type) != types.end(); };
+    auto const one_of = [&](std::initializer_list<std::string_view> types) {
+      return std::find(types.begin(), types.end(), s.type) != types.end();
+    };
     if (s.type == "contact") {
       std::string const data = setting("data");
       return number("num", 1) * (data.empty() ? 1
-                                              : sum(data, {{"found", 1}, {"force", 3}, {"torque", 3}, {"dist", 1}, {"pos", 3}, {"normal", 3},
-                                                           {"tangent", 3}, {"linvel", 3}, {"angvel", 3}}));
+                                              : sum(data, {{"found", 1},
+                                                           {"force", 3},
+                                                           {"torque", 3},
+                                                           {"dist", 1},
+                                                           {"pos", 3},
+                                                           {"normal", 3},
+                                                           {"tangent", 3},
+                                                           {"linvel", 3},
+                                                           {"angvel", 3}}));
     }
     if (s.type == "rangefinder") {
       if (s.object_type == "camera") return -1;  // a number for each of its pixels
@@ -221,8 +244,9 @@ class ForceCompiler : public BodyCompiler {
     if (s.type == "camprojection") return 2;
     if (s.type == "fromto") return 6;
     if (one_of({"ballquat", "framequat"})) return 4;
-    if (one_of({"accelerometer", "velocimeter", "gyro", "force", "torque", "magnetometer", "ballangvel", "framepos", "framexaxis", "frameyaxis",
-                "framezaxis", "framelinvel", "frameangvel", "framelinacc", "frameangacc", "subtreecom", "subtreelinvel", "subtreeangmom", "normal"}))
+    if (one_of({"accelerometer", "velocimeter", "gyro", "force", "torque", "magnetometer", "ballangvel", "framepos", "framexaxis",
+                "frameyaxis", "framezaxis", "framelinvel", "frameangvel", "framelinacc", "frameangacc", "subtreecom", "subtreelinvel",
+                "subtreeangmom", "normal"}))
       return 3;
     return 1;
   }

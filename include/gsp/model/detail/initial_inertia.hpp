@@ -38,8 +38,8 @@ class InitialInertia {
       for (int d : chain) v.push_back(pose.linear(d, pose.com(b))), w.push_back(rotate_inverse(frame, pose.angular(d)));
       for (std::size_t i = 0; i < chain.size(); ++i)
         for (std::size_t k = 0; k <= i; ++k) {
-          double const rotation =
-              w[i][0] * w[k][0] * m.body_inertia[b][0] + w[i][1] * w[k][1] * m.body_inertia[b][1] + w[i][2] * w[k][2] * m.body_inertia[b][2];
+          double const rotation = w[i][0] * w[k][0] * m.body_inertia[b][0] + w[i][1] * w[k][1] * m.body_inertia[b][1] +
+                                  w[i][2] * w[k][2] * m.body_inertia[b][2];
           add(chain[i] - first_, chain[k] - first_, m.body_mass[b] * dot(v[i], v[k]) + rotation);
         }
     }

@@ -39,16 +39,18 @@ inline Description without_visuals(Description d, CompiledModel const& m) {
     bool weighs = false;
     std::erase_if(body.geoms, [&](GeomDescription const& g) {
       if (!g.visual() || g.fluid_ellipsoid || names.has(Kind::geom, g.name)) return false;
-      bool const counts = (g.has_mass ? g.mass > 0 : g.density > 0) && g.group >= c.inertia_group_range[0] && g.group <= c.inertia_group_range[1];
+      bool const counts =
+          (g.has_mass ? g.mass > 0 : g.density > 0) && g.group >= c.inertia_group_range[0] && g.group <= c.inertia_group_range[1];
       weighs = weighs || counts;
       return true;
     });
     bool const inferred = b > 0 && !c.inertia_from_geom_never && (c.inertia_from_geom_always || !body.has_inertial);
     if (!weighs || !inferred || m.body_mass[b] == 0) continue;
     if (c.inertia_from_geom_always)
-      throw Error("body '" + body.name +
-                  "': a visual geom has mass, which compiler discardvisual would lose while inertiafromgeom is true: give the geom mass=\"0\" or "
-                  "set inertiafromgeom to auto");
+      throw Error(
+          "body '" + body.name +
+          "': a visual geom has mass, which compiler discardvisual would lose while inertiafromgeom is true: give the geom mass=\"0\" or "
+          "set inertiafromgeom to auto");
     body.has_inertial = true, body.inertial = inertial_of(m, b);
   }
   NameSet used = names;
@@ -136,7 +138,8 @@ inline Description without_static_bodies(Description d, CompiledModel const& m) 
   return d;
 }
 
-/// Both, as the compiler's settings say. `bodies_of` compiles bodies and masses. The flags are cleared, so that the result compiles as it is.
+/// Both, as the compiler's settings say. `bodies_of` compiles bodies and masses. The flags are cleared, so that the result compiles as it
+/// is.
 template <class BodiesOf>
 Description left_out(Description d, BodiesOf const& bodies_of) {
   bool const visuals = std::exchange(d.compiler.discard_visual, false), fuse = std::exchange(d.compiler.fuse_static, false);

@@ -27,7 +27,7 @@ inline Kind kind_of(std::string_view word) {
 
 /// Calls f(kind, name) for every name that the entry holds (not its own); T may be const. Empty names are left out.
 template <class T, class F>
-  requires std::same_as<std::remove_const_t<T>, TendonDescription>
+requires std::same_as<std::remove_const_t<T>, TendonDescription>
 void for_each_reference(T& t, F const& f) {
   for (auto& term : t.terms) f(Kind::joint, term.joint);
   for (auto& item : t.path) {
@@ -37,14 +37,14 @@ void for_each_reference(T& t, F const& f) {
   }
 }
 template <class T, class F>
-  requires std::same_as<std::remove_const_t<T>, ActuatorDescription>
+requires std::same_as<std::remove_const_t<T>, ActuatorDescription>
 void for_each_reference(T& a, F const& f) {
   constexpr std::array kinds{Kind::joint, Kind::joint, Kind::site, Kind::tendon, Kind::site, Kind::body};
   f(kinds[std::size_t(a.target)], a.target_name);
   if (!a.reference_name.empty()) f(Kind::site, a.reference_name);
 }
 template <class T, class F>
-  requires std::same_as<std::remove_const_t<T>, EqualityDescription>
+requires std::same_as<std::remove_const_t<T>, EqualityDescription>
 void for_each_reference(T& e, F const& f) {
   Kind const kind = e.type == EqualityType::joint    ? Kind::joint
                     : e.type == EqualityType::tendon ? Kind::tendon
@@ -54,21 +54,17 @@ void for_each_reference(T& e, F const& f) {
   if (!e.name2.empty()) f(kind, e.name2);
 }
 template <class T, class F>
-  requires std::same_as<std::remove_const_t<T>, SensorDescription>
+requires std::same_as<std::remove_const_t<T>, SensorDescription>
 void for_each_reference(T& s, F const& f) {
   if (!s.object.empty()) f(kind_of(s.object_type), s.object);
   if (!s.reference.empty()) f(kind_of(s.reference_type), s.reference);
 }
 template <class T, class F>
-  requires std::same_as<std::remove_const_t<T>, PairDescription>
-void for_each_reference(T& p, F const& f) {
-  f(Kind::geom, p.geom1), f(Kind::geom, p.geom2);
-}
+requires std::same_as<std::remove_const_t<T>, PairDescription>
+void for_each_reference(T& p, F const& f) { f(Kind::geom, p.geom1), f(Kind::geom, p.geom2); }
 template <class T, class F>
-  requires std::same_as<std::remove_const_t<T>, ExcludeDescription>
-void for_each_reference(T& e, F const& f) {
-  f(Kind::body, e.body1), f(Kind::body, e.body2);
-}
+requires std::same_as<std::remove_const_t<T>, ExcludeDescription>
+void for_each_reference(T& e, F const& f) { f(Kind::body, e.body1), f(Kind::body, e.body2); }
 /// The entry's own name and kind; excludes have none.
 inline Kind own_kind(TendonDescription const&) { return Kind::tendon; }
 inline Kind own_kind(ActuatorDescription const&) { return Kind::actuator; }

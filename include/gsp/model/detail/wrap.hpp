@@ -76,7 +76,8 @@ inline std::optional<Arc> inside(Double2 const& p, Double2 const& q, double r) {
 
 /// The tendon from x to y round a sphere or cylinder of `radius` at `pose`; nothing where the straight line is free or an end is inside.
 /// `side`: a point that it goes round with; one inside the shape: the tendon passes through it.
-inline std::optional<Wrap> wrapped(Double3 const& x, Double3 const& y, Pose const& pose, double radius, bool cylinder, Double3 const* side) {
+inline std::optional<Wrap> wrapped(Double3 const& x, Double3 const& y, Pose const& pose, double radius, bool cylinder,
+                                   Double3 const* side) {
   auto const local = [&](Double3 const& p) { return rotate_inverse(pose.q, p - pose.p); };
   Double3 const p = local(x), q = local(y);
   if (norm(p) < 1e-15 || norm(q) < 1e-15) return std::nullopt;
