@@ -1,5 +1,5 @@
 // MJCF: the text as it is; files that it names are the text again. What is read is compiled, written, and read once more.
-// link: -lpugixml
+// link: -lpugixml -lqhull_r
 #include <gsp/io/mjcf.hpp>
 #include <gsp/io/write_mjcf.hpp>
 #include <gsp/model/compile.hpp>
