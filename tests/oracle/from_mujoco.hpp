@@ -52,7 +52,8 @@ inline gsp::CompiledModel from_mujoco(mjModel const* m) {
   for (int i = 0; i < 3; ++i) o.gravity[i] = m->opt.gravity[i], o.wind[i] = m->opt.wind[i], o.magnetic[i] = m->opt.magnetic[i];
   o.integrator = gsp::Integrator(m->opt.integrator), o.cone = gsp::Cone(m->opt.cone);
   o.density = m->opt.density, o.viscosity = m->opt.viscosity, o.disabled_actuator_groups = m->opt.disableactuator;
-  o.equality = on(mjDSBL_EQUALITY), o.eulerdamp = on(mjDSBL_EULERDAMP), o.contact = on(mjDSBL_CONTACT), o.constraint = on(mjDSBL_CONSTRAINT);
+  o.equality = on(mjDSBL_EQUALITY), o.eulerdamp = on(mjDSBL_EULERDAMP), o.contact = on(mjDSBL_CONTACT),
+  o.constraint = on(mjDSBL_CONSTRAINT);
   o.limit = on(mjDSBL_LIMIT), o.frictionloss = on(mjDSBL_FRICTIONLOSS), o.passive_spring = on(mjDSBL_SPRING);
   o.passive_damper = on(mjDSBL_DAMPER), o.gravity_on = on(mjDSBL_GRAVITY), o.actuation = on(mjDSBL_ACTUATION);
   o.clampctrl = on(mjDSBL_CLAMPCTRL), o.refsafe = on(mjDSBL_REFSAFE), o.filterparent = on(mjDSBL_FILTERPARENT);
@@ -73,16 +74,20 @@ inline gsp::CompiledModel from_mujoco(mjModel const* m) {
   c.body_name = names(m, m->name_bodyadr, nbody);
 
   c.jnt_type = ints(m->jnt_type, njnt), c.jnt_body = ints(m->jnt_bodyid, njnt), c.jnt_qposadr = ints(m->jnt_qposadr, njnt);
-  c.jnt_dofadr = ints(m->jnt_dofadr, njnt), c.jnt_limited = ints(m->jnt_limited, njnt), c.jnt_actfrclimited = ints(m->jnt_actfrclimited, njnt);
+  c.jnt_dofadr = ints(m->jnt_dofadr, njnt), c.jnt_limited = ints(m->jnt_limited, njnt),
+  c.jnt_actfrclimited = ints(m->jnt_actfrclimited, njnt);
   c.jnt_pos = rows<3>(m->jnt_pos, njnt), c.jnt_axis = rows<3>(m->jnt_axis, njnt), c.jnt_actgravcomp = ints(m->jnt_actgravcomp, njnt);
   c.jnt_stiffness = numbers(m->jnt_stiffness, njnt), c.jnt_margin = numbers(m->jnt_margin, njnt);
   c.jnt_stiffnesspoly = rows<2>(m->jnt_stiffnesspoly, njnt, mjNPOLY), c.jnt_range = rows<2>(m->jnt_range, njnt);
-  c.jnt_actfrcrange = rows<2>(m->jnt_actfrcrange, njnt), c.jnt_solref = rows<2>(m->jnt_solref, njnt), c.jnt_solimp = rows<5>(m->jnt_solimp, njnt);
+  c.jnt_actfrcrange = rows<2>(m->jnt_actfrcrange, njnt), c.jnt_solref = rows<2>(m->jnt_solref, njnt),
+  c.jnt_solimp = rows<5>(m->jnt_solimp, njnt);
   c.jnt_name = names(m, m->name_jntadr, njnt);
 
   c.dof_body = ints(m->dof_bodyid, nv), c.dof_jnt = ints(m->dof_jntid, nv), c.dof_parent = ints(m->dof_parentid, nv);
-  c.dof_armature = numbers(m->dof_armature, nv), c.dof_damping = numbers(m->dof_damping, nv), c.dof_frictionloss = numbers(m->dof_frictionloss, nv);
-  c.dof_invweight0 = numbers(m->dof_invweight0, nv), c.dof_M0 = numbers(m->dof_M0, nv), c.dof_dampingpoly = rows<2>(m->dof_dampingpoly, nv, mjNPOLY);
+  c.dof_armature = numbers(m->dof_armature, nv), c.dof_damping = numbers(m->dof_damping, nv),
+  c.dof_frictionloss = numbers(m->dof_frictionloss, nv);
+  c.dof_invweight0 = numbers(m->dof_invweight0, nv), c.dof_M0 = numbers(m->dof_M0, nv),
+  c.dof_dampingpoly = rows<2>(m->dof_dampingpoly, nv, mjNPOLY);
   c.dof_solref = rows<2>(m->dof_solref, nv), c.dof_solimp = rows<5>(m->dof_solimp, nv);
   c.qpos0 = numbers(m->qpos0, c.nq), c.qpos_spring = numbers(m->qpos_spring, c.nq);
 
@@ -90,7 +95,8 @@ inline gsp::CompiledModel from_mujoco(mjModel const* m) {
   c.geom_conaffinity = ints(m->geom_conaffinity, ngeom), c.geom_condim = ints(m->geom_condim, ngeom);
   c.geom_priority = ints(m->geom_priority, ngeom), c.geom_group = ints(m->geom_group, ngeom);
   c.geom_size = rows<3>(m->geom_size, ngeom), c.geom_pos = rows<3>(m->geom_pos, ngeom), c.geom_friction = rows<3>(m->geom_friction, ngeom);
-  c.geom_quat = rows<4>(m->geom_quat, ngeom), c.geom_solmix = numbers(m->geom_solmix, ngeom), c.geom_margin = numbers(m->geom_margin, ngeom);
+  c.geom_quat = rows<4>(m->geom_quat, ngeom), c.geom_solmix = numbers(m->geom_solmix, ngeom),
+  c.geom_margin = numbers(m->geom_margin, ngeom);
   c.geom_gap = numbers(m->geom_gap, ngeom), c.geom_rbound = numbers(m->geom_rbound, ngeom);
   c.geom_solref = rows<2>(m->geom_solref, ngeom), c.geom_solimp = rows<5>(m->geom_solimp, ngeom);
   c.geom_rgba.resize(ngeom), c.geom_name = names(m, m->name_geomadr, ngeom), c.geom_data = ints(m->geom_dataid, ngeom);
@@ -128,7 +134,8 @@ inline gsp::CompiledModel from_mujoco(mjModel const* m) {
       int const type = m->wrap_type[w];
       bool const geom = type == mjWRAP_SPHERE || type == mjWRAP_CYLINDER;
       c.wrap_type.push_back(type), c.wrap_id.push_back(m->wrap_objid[w]);
-      c.wrap_side.push_back(geom ? int(std::lround(m->wrap_prm[w])) : -1), c.wrap_divisor.push_back(type == mjWRAP_PULLEY ? m->wrap_prm[w] : 1);
+      c.wrap_side.push_back(geom ? int(std::lround(m->wrap_prm[w])) : -1),
+          c.wrap_divisor.push_back(type == mjWRAP_PULLEY ? m->wrap_prm[w] : 1);
     }
   }
 
@@ -138,7 +145,8 @@ inline gsp::CompiledModel from_mujoco(mjModel const* m) {
       auto& r = to.emplace_back();
       for (std::size_t i = 0; i < N; ++i) r[i] = from[i];
     };
-    c.act_target.push_back(m->actuator_trntype[k]), c.act_id.push_back(m->actuator_trnid[2 * k]), c.act_ref.push_back(m->actuator_trnid[2 * k + 1]);
+    c.act_target.push_back(m->actuator_trntype[k]), c.act_id.push_back(m->actuator_trnid[2 * k]),
+        c.act_ref.push_back(m->actuator_trnid[2 * k + 1]);
     c.act_ctrllimited.push_back(m->actuator_ctrllimited[ctrl]), c.act_forcelimited.push_back(m->actuator_forcelimited[k]);
     c.act_actlimited.push_back(m->actuator_actlimited[k]), c.act_actearly.push_back(m->actuator_actearly[k]);
     c.act_group.push_back(m->actuator_group[k]), c.act_dyntype.push_back(m->actuator_dyntype[k]);
@@ -155,13 +163,15 @@ inline gsp::CompiledModel from_mujoco(mjModel const* m) {
   c.act_name = names(m, m->name_actuatoradr, nu);
 
   int const ntree = c.ntree;
-  for (auto* v : {&c.tree_bodyadr, &c.tree_bodynum, &c.tree_jntadr, &c.tree_jntnum, &c.tree_dofadr, &c.tree_dofnum, &c.tree_qposadr, &c.tree_qposnum})
+  for (auto* v :
+       {&c.tree_bodyadr, &c.tree_bodynum, &c.tree_jntadr, &c.tree_jntnum, &c.tree_dofadr, &c.tree_dofnum, &c.tree_qposadr, &c.tree_qposnum})
     v->assign(ntree, 0);
   for (int b = nbody - 1; b > 0; --b)
     if (int const t = c.body_tree[b]; t >= 0) {
       ++c.tree_bodynum[t], c.tree_bodyadr[t] = b;
       c.tree_dofnum[t] += c.body_dofnum[b], c.tree_jntnum[t] += c.body_jntnum[b];
-      if (c.body_jntnum[b] > 0) c.tree_jntadr[t] = c.body_jntadr[b], c.tree_dofadr[t] = c.body_dofadr[b], c.tree_qposadr[t] = c.jnt_qposadr[c.body_jntadr[b]];
+      if (c.body_jntnum[b] > 0)
+        c.tree_jntadr[t] = c.body_jntadr[b], c.tree_dofadr[t] = c.body_dofadr[b], c.tree_qposadr[t] = c.jnt_qposadr[c.body_jntadr[b]];
     }
   for (int t = 0; t < ntree; ++t) c.tree_qposnum[t] = (t + 1 < ntree ? c.tree_qposadr[t + 1] : c.nq) - c.tree_qposadr[t];
   return c;

@@ -161,9 +161,11 @@ KOKKOS_INLINE_FUNCTION void lanes_clamp_tendon_actuators(L const& l) {
     auto const outside = ((total < lo) || (total > hi)) && (total != T(0));
     if (!any(outside)) continue;
     T const scale = select(outside, clamp(total, lo, hi) / select(outside, total, T(1)), T(1));
-    for (int k = 0; k < a.nact; ++k)
-      if (drives(k, t))
-        s[l.at.act_force + k] = scale * s[l.at.act_force + k], s[l.at.act_slope + k] = select(outside, T(0), s[l.at.act_slope + k]);
+    for (int k = 0; k < a.nact; ++k) {
+      if (!drives(k, t)) continue;
+      s[l.at.act_force + k] = scale * s[l.at.act_force + k];
+      if (a.derivative) s[l.at.act_slope + k] = select(outside, T(0), s[l.at.act_slope + k]);
+    }
   }
 }
 

@@ -22,11 +22,23 @@ inline constexpr int world = -1, mocap = -3, none = -2;
 }
 /// How an actuator acts: on one dof, on a tendon, on the dofs of a ball or free joint (in the child's or the parent's frame), on sites, or
 /// on contacts.
-enum class ActuatorKind : int { scalar_joint, tendon, ball, ball_in_parent, free, free_in_parent, site, site_in_reference, slider_crank, contacts };
+enum class ActuatorKind : int {
+  scalar_joint,
+  tendon,
+  ball,
+  ball_in_parent,
+  free,
+  free_in_parent,
+  site,
+  site_in_reference,
+  slider_crank,
+  contacts
+};
 enum class TendonKind : int { fixed, sites, wrapped };  // sites: no geom on its path
 
 struct ArchetypeDescription {
-  // lone: a free body without children. Local indices: bodies, joints, dofs and qpos of a tree are contiguous and counted from 0; parents: see parent_of
+  // lone: a free body without children. Local indices: bodies, joints, dofs and qpos of a tree are contiguous and counted from 0; parents:
+  // see parent_of
   std::vector<int> body_parent, body_root, body_lone, body_jntadr, body_jntnum, body_dofadr, body_dofnum;
   std::vector<int> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr, jnt_actgravcomp;
   std::vector<int> dof_body, dof_parent, dof_jnt;
@@ -40,8 +52,8 @@ struct ArchetypeDescription {
   static constexpr int no_side = -9;
   // place in tendon_jdof (or act_mdof) of the dofs that move an attachment: the row of its last dof, *_chain .. of chain; -1: not counted
   std::vector<int> chain;
-  std::vector<int> act_kind, act_id;     // ActuatorKind; local joint or tendon
-  std::vector<int> act_madr, act_mdof;   // (nact + 1) dofs on which the others act
+  std::vector<int> act_kind, act_id;    // ActuatorKind; local joint or tendon
+  std::vector<int> act_madr, act_mdof;  // (nact + 1) dofs on which the others act
   std::vector<int> act_ref1, act_last1, act_chain1, act_ref2, act_last2, act_chain2;
   std::vector<int> act_dyn, act_gain, act_bias, act_wrap, act_early, act_state, act_disabled;  // state: local activation, -1: none
   std::vector<int> body_fluidadr, fluid_type;  // (nbody + 1) geoms that take part in the ellipsoid fluid model, and their types
@@ -110,14 +122,20 @@ inline Couplings find_couplings(CompiledModel const& m) {
     int const id = m.act_id[k], ref = item_or(m.act_ref, k, -1);
     switch (Transmission(m.act_target[k])) {
       case Transmission::joint:
-      case Transmission::joint_in_parent: add_body(list, m.jnt_body[id]); break;
-      case Transmission::tendon: list = c.tendon[id]; break;
+      case Transmission::joint_in_parent:
+        add_body(list, m.jnt_body[id]);
+        break;
+      case Transmission::tendon:
+        list = c.tendon[id];
+        break;
       case Transmission::site:
       case Transmission::slider_crank:
         add_body(list, m.site_body[id]);
         if (ref >= 0) add_body(list, m.site_body[ref]);
         break;
-      case Transmission::body: add_body(list, id); break;
+      case Transmission::body:
+        add_body(list, id);
+        break;
     }
     c.actuator.push_back(list);
   }
@@ -320,12 +338,11 @@ struct ArchetypeBuilder {
   /// Everything but numbers; equal for instances of one archetype.
   std::vector<int> key() const {
     std::vector<int> k{a.nq, a.nroot, a.nstate};
-    for (auto const* v :
-         {&a.body_parent,   &a.body_jntnum, &a.jnt_type,   &a.jnt_actgravcomp, &a.dof_parent, &a.tendon_termadr, &a.term_jnt,
-          &a.tendon_kind,   &a.tendon_jadr, &a.tendon_jdof, &a.tendon_pathadr, &a.path_type,  &a.path_ref,       &a.path_side,
-          &a.act_kind,      &a.act_id,      &a.act_madr,   &a.act_mdof,        &a.act_ref1,   &a.act_ref2,       &a.act_dyn,
-          &a.act_gain,      &a.act_bias,    &a.act_wrap,   &a.act_early,       &a.act_state,  &a.act_disabled,   &a.body_fluidadr,
-          &a.fluid_type}) {
+    for (auto const* v : {&a.body_parent, &a.body_jntnum, &a.jnt_type,     &a.jnt_actgravcomp, &a.dof_parent,     &a.tendon_termadr,
+                          &a.term_jnt,    &a.tendon_kind, &a.tendon_jadr,  &a.tendon_jdof,     &a.tendon_pathadr, &a.path_type,
+                          &a.path_ref,    &a.path_side,   &a.act_kind,     &a.act_id,          &a.act_madr,       &a.act_mdof,
+                          &a.act_ref1,    &a.act_ref2,    &a.act_dyn,      &a.act_gain,        &a.act_bias,       &a.act_wrap,
+                          &a.act_early,   &a.act_state,   &a.act_disabled, &a.body_fluidadr,   &a.fluid_type}) {
       k.push_back(int(v->size()));
       k.insert(k.end(), v->begin(), v->end());
     }

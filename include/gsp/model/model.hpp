@@ -49,27 +49,27 @@ struct Model {
 
   Field<R> gravity, wind;  // (3)
   Field<R> body_pos, body_quat, body_ipos, body_iquat, body_mass,
-      body_inertia;                                                // (nbody, 3 | 4 | 3 | 4 | 1 | 3); a tree's root: relative to the world
-  Field<R> body_gravcomp;                                          // (nbody)
-  Field<R> jnt_pos, jnt_axis, jnt_stiffness, jnt_actfrcrange;      // (njnt, 3 | 3 | 1 | 2); range +-infinity where not limited
-  Field<R> jnt_stiffnesspoly, dof_dampingpoly;                     // (njnt, 2), (nv, 2): force -x (k + k1 x + k2 x^2), -v (b + b1 |v| + b2 v^2)
-  Field<R> dof_armature, dof_damping;                              // (nv) with what actuators add
-  Field<R> qpos0, qpos_spring;                                     // (nq)
-  Field<R> term_coef;                                              // (nterm)
-  Field<R> tendon_stiffness, tendon_damping, tendon_lengthspring;  // (ntendon, 1 | 1 | 2)
+      body_inertia;                                            // (nbody, 3 | 4 | 3 | 4 | 1 | 3); a tree's root: relative to the world
+  Field<R> body_gravcomp;                                      // (nbody)
+  Field<R> jnt_pos, jnt_axis, jnt_stiffness, jnt_actfrcrange;  // (njnt, 3 | 3 | 1 | 2); range +-infinity where not limited
+  Field<R> jnt_stiffnesspoly, dof_dampingpoly;                 // (njnt, 2), (nv, 2): force -x (k + k1 x + k2 x^2), -v (b + b1 |v| + b2 v^2)
+  Field<R> dof_armature, dof_damping;                          // (nv) with what actuators add
+  Field<R> qpos0, qpos_spring;                                 // (nq)
+  Field<R> term_coef;                                          // (nterm)
+  Field<R> tendon_stiffness, tendon_damping, tendon_lengthspring;                          // (ntendon, 1 | 1 | 2)
   Field<R> tendon_armature, tendon_stiffnesspoly, tendon_dampingpoly, tendon_actfrcrange;  // (ntendon, 1 | 2 | 2 | 2)
   Field<R> wrap_divisor;                                                                   // (nwrap) of pulleys
   Field<R> site_pos, site_quat, geom_pos, geom_quat, geom_size;                            // (nsite | ngeom, 3 | 4 | 3)
   Field<R> geom_fluidcoef, geom_addedmass;                                                 // (ngeom, 5 | 6) of the ellipsoid fluid model
   Field<R> cam_pos, cam_quat, cam_pos0, cam_poscom0, cam_mat0;                             // (ncam, 3 | 4 | 3 | 3 | 9)
-  Field<R> body_invweight0;                                        // (nbody, 2) translational, rotational
-  Field<R> jnt_range, jnt_margin, jnt_solref, jnt_solimp;          // (njnt, 2 | 1 | 2 | 5) limits
-  Field<R> dof_frictionloss, dof_invweight0, dof_solref, dof_solimp;                      // (nv, 1 | 1 | 2 | 5) friction loss
-  Field<R> tendon_range, tendon_margin, tendon_invweight0, tendon_solref, tendon_solimp;  // (ntendon, 2 | 1 | 1 | 2 | 5) limits
-  Field<R> tendon_frictionloss, tendon_friction_solref, tendon_friction_solimp;           // (ntendon, 1 | 2 | 5)
-  Field<R> act_gear, act_gain, act_bias, act_dyn;           // (nu, 6 | 10 | 10 | 10)
-  Field<R> act_ctrlrange, act_forcerange, act_actrange;     // (nu, 2) +-infinity where not limited
-  Field<R> act_lengthrange, act_acc0, act_cranklength;      // (nu, 2 | 1 | 1)
+  Field<R> body_invweight0;                                                                // (nbody, 2) translational, rotational
+  Field<R> jnt_range, jnt_margin, jnt_solref, jnt_solimp;                                  // (njnt, 2 | 1 | 2 | 5) limits
+  Field<R> dof_frictionloss, dof_invweight0, dof_solref, dof_solimp;                       // (nv, 1 | 1 | 2 | 5) friction loss
+  Field<R> tendon_range, tendon_margin, tendon_invweight0, tendon_solref, tendon_solimp;   // (ntendon, 2 | 1 | 1 | 2 | 5) limits
+  Field<R> tendon_frictionloss, tendon_friction_solref, tendon_friction_solimp;            // (ntendon, 1 | 2 | 5)
+  Field<R> act_gear, act_gain, act_bias, act_dyn;                                          // (nu, 6 | 10 | 10 | 10)
+  Field<R> act_ctrlrange, act_forcerange, act_actrange;                                    // (nu, 2) +-infinity where not limited
+  Field<R> act_lengthrange, act_acc0, act_cranklength;                                     // (nu, 2 | 1 | 1)
 
   Kokkos::View<Archetype*, Mem> archetypes;
   Kokkos::View<Archetype*, Kokkos::HostSpace> host_archetypes;  // what `archetypes` holds, for those who allocate
@@ -90,14 +90,14 @@ struct Model {
   Array<int> body_last_dof;                                                     // (nbody) the dof that moves it last, -1 static
   Array<int> dof_tree;                                                          // (nv)
   Array<int> body_tree;                                                         // (nbody), -1 static
-  Array<int> body_root;       // (nbody) which root of its tree it hangs on; its reference point is the centre of mass of that root's bodies
-  Array<int> body_parent;     // (nbody)
-  Array<int> body_mocap;      // (nbody) mocap body that it is fixed to or is, -1: none
-  Array<int> mocap_body;      // (nmocap)
+  Array<int> body_root;    // (nbody) which root of its tree it hangs on; its reference point is the centre of mass of that root's bodies
+  Array<int> body_parent;  // (nbody)
+  Array<int> body_mocap;   // (nbody) mocap body that it is fixed to or is, -1: none
+  Array<int> mocap_body;   // (nmocap)
   Array<int> geom_body, site_body, cam_body, cam_mode, cam_target;
-  Array<int> act_state;       // (nu) its activation, -1: none
-  Array<int> tree_archetype, tree_instance;                                     // (ntree)
-  Array<int> tree_body, tree_dof, tree_dofnum;                                  // (ntree)
+  Array<int> act_state;                         // (nu) its activation, -1: none
+  Array<int> tree_archetype, tree_instance;     // (ntree)
+  Array<int> tree_body, tree_dof, tree_dofnum;  // (ntree)
   Array<R> static_pose;  // (nbody, 7) pose of bodies fixed to the world (or to a mocap body, and then in its frame): position, quaternion
   Array<R> mocap_pose0;  // (nmocap, 7) where mocap bodies begin
 };
@@ -169,7 +169,8 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   constexpr double infinity = std::numeric_limits<double>::infinity();
   for (int k = 0; k < m.nu; ++k)
     if (item_or(m.act_actnum, k, 0) > 1)
-      throw Error("actuator '" + m.act_name[k] + "' has " + std::to_string(m.act_actnum[k]) + " activation variables, and one is supported: remove actdim");
+      throw Error("actuator '" + m.act_name[k] + "' has " + std::to_string(m.act_actnum[k]) +
+                  " activation variables, and one is supported: remove actdim");
   auto const trees = find_archetypes(m);
   auto const fixed = static_poses(m);
   d.nq = m.nq, d.nv = m.nv, d.nbody = m.nbody, d.njnt = m.njnt, d.nu = m.nu, d.ntendon = m.ntendon, d.narchetype = int(trees.size());
@@ -243,7 +244,8 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   pool.add(&M::body_ipos, m.body_ipos), pool.add(&M::body_iquat, m.body_iquat), pool.add(&M::body_mass, m.body_mass);
   pool.add(&M::body_inertia, m.body_inertia);
   pool.add(&M::wind, std::vector<Double3>{m.option.wind}), pool.add(&M::body_gravcomp, m.body_gravcomp);
-  pool.add(&M::jnt_stiffnesspoly, filled(m.jnt_stiffnesspoly, m.njnt, Two{})), pool.add(&M::dof_dampingpoly, filled(m.dof_dampingpoly, m.nv, Two{}));
+  pool.add(&M::jnt_stiffnesspoly, filled(m.jnt_stiffnesspoly, m.njnt, Two{})),
+      pool.add(&M::dof_dampingpoly, filled(m.dof_dampingpoly, m.nv, Two{}));
   pool.add(&M::tendon_armature, tendon_armature), pool.add(&M::tendon_stiffnesspoly, filled(m.tendon_stiffnesspoly, m.ntendon, Two{}));
   pool.add(&M::tendon_dampingpoly, filled(m.tendon_dampingpoly, m.ntendon, Two{}));
   pool.add(&M::tendon_actfrcrange, ranges(filled(m.tendon_actfrcrange, m.ntendon, Two{}), filled(m.tendon_actfrclimited, m.ntendon, 0)));
@@ -256,7 +258,10 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
       auto const& r = m.geom_size[g];
       auto const type = ShapeType(m.geom_type[g]);
       bool const round = type == ShapeType::sphere || type == ShapeType::capsule || type == ShapeType::cylinder;
-      double const z = type == ShapeType::sphere ? r[0] : type == ShapeType::capsule ? r[0] + r[1] : type == ShapeType::cylinder ? r[1] : r[2];
+      double const z = type == ShapeType::sphere     ? r[0]
+                       : type == ShapeType::capsule  ? r[0] + r[1]
+                       : type == ShapeType::cylinder ? r[1]
+                                                     : r[2];
       added[g] = added_mass(r[0], round ? r[0] : r[1], z);
     }
   pool.add(&M::geom_addedmass, added);
@@ -302,17 +307,17 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
     using A = Archetype;
     using D = ArchetypeDescription;
     auto const p = [](int A::*to, std::vector<int> D::*from) { return std::pair(to, from); };
-    add(p(&A::body_parent, &D::body_parent), p(&A::body_root, &D::body_root), p(&A::body_lone, &D::body_lone), p(&A::body_jntadr, &D::body_jntadr),
-        p(&A::body_jntnum, &D::body_jntnum), p(&A::body_dofadr, &D::body_dofadr), p(&A::body_dofnum, &D::body_dofnum),
-        p(&A::jnt_type, &D::jnt_type), p(&A::jnt_body, &D::jnt_body), p(&A::jnt_qposadr, &D::jnt_qposadr),
-        p(&A::jnt_dofadr, &D::jnt_dofadr), p(&A::jnt_actgravcomp, &D::jnt_actgravcomp), p(&A::dof_body, &D::dof_body),
-        p(&A::dof_parent, &D::dof_parent), p(&A::dof_jnt, &D::dof_jnt), p(&A::row_adr, &D::row_adr), p(&A::row_col, &D::row_col),
-        p(&A::tendon_termadr, &D::tendon_termadr), p(&A::term_jnt, &D::term_jnt), p(&A::tendon_kind, &D::tendon_kind),
-        p(&A::tendon_jadr, &D::tendon_jadr), p(&A::tendon_jdof, &D::tendon_jdof), p(&A::tendon_pathadr, &D::tendon_pathadr),
-        p(&A::path_type, &D::path_type), p(&A::path_ref, &D::path_ref), p(&A::path_last, &D::path_last),
-        p(&A::path_chain, &D::path_chain), p(&A::path_side, &D::path_side), p(&A::chain, &D::chain), p(&A::act_kind, &D::act_kind),
-        p(&A::act_id, &D::act_id), p(&A::act_madr, &D::act_madr), p(&A::act_mdof, &D::act_mdof), p(&A::act_ref1, &D::act_ref1),
-        p(&A::act_last1, &D::act_last1), p(&A::act_chain1, &D::act_chain1), p(&A::act_ref2, &D::act_ref2),
+    add(p(&A::body_parent, &D::body_parent), p(&A::body_root, &D::body_root), p(&A::body_lone, &D::body_lone),
+        p(&A::body_jntadr, &D::body_jntadr), p(&A::body_jntnum, &D::body_jntnum), p(&A::body_dofadr, &D::body_dofadr),
+        p(&A::body_dofnum, &D::body_dofnum), p(&A::jnt_type, &D::jnt_type), p(&A::jnt_body, &D::jnt_body),
+        p(&A::jnt_qposadr, &D::jnt_qposadr), p(&A::jnt_dofadr, &D::jnt_dofadr), p(&A::jnt_actgravcomp, &D::jnt_actgravcomp),
+        p(&A::dof_body, &D::dof_body), p(&A::dof_parent, &D::dof_parent), p(&A::dof_jnt, &D::dof_jnt), p(&A::row_adr, &D::row_adr),
+        p(&A::row_col, &D::row_col), p(&A::tendon_termadr, &D::tendon_termadr), p(&A::term_jnt, &D::term_jnt),
+        p(&A::tendon_kind, &D::tendon_kind), p(&A::tendon_jadr, &D::tendon_jadr), p(&A::tendon_jdof, &D::tendon_jdof),
+        p(&A::tendon_pathadr, &D::tendon_pathadr), p(&A::path_type, &D::path_type), p(&A::path_ref, &D::path_ref),
+        p(&A::path_last, &D::path_last), p(&A::path_chain, &D::path_chain), p(&A::path_side, &D::path_side), p(&A::chain, &D::chain),
+        p(&A::act_kind, &D::act_kind), p(&A::act_id, &D::act_id), p(&A::act_madr, &D::act_madr), p(&A::act_mdof, &D::act_mdof),
+        p(&A::act_ref1, &D::act_ref1), p(&A::act_last1, &D::act_last1), p(&A::act_chain1, &D::act_chain1), p(&A::act_ref2, &D::act_ref2),
         p(&A::act_last2, &D::act_last2), p(&A::act_chain2, &D::act_chain2), p(&A::act_dyn, &D::act_dyn), p(&A::act_gain, &D::act_gain),
         p(&A::act_bias, &D::act_bias), p(&A::act_wrap, &D::act_wrap), p(&A::act_early, &D::act_early), p(&A::act_state, &D::act_state),
         p(&A::act_disabled, &D::act_disabled), p(&A::body_fluidadr, &D::body_fluidadr), p(&A::fluid_type, &D::fluid_type));

@@ -72,7 +72,8 @@ void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& s)
           for (int c = 0; c < 4; ++c) mocap_quat(i / nmocap, i % nmocap, c) = pose(7 * (i % nmocap) + 3 + c);
         });
   }
-  detail::zero(exec, s.act), detail::zero(exec, s.qpos_low), detail::zero(exec, s.qvel), detail::zero(exec, s.ctrl), detail::zero(exec, s.qfrc_applied);
+  detail::zero(exec, s.act), detail::zero(exec, s.qpos_low), detail::zero(exec, s.qvel), detail::zero(exec, s.ctrl),
+      detail::zero(exec, s.qfrc_applied);
   detail::zero(exec, s.steps), detail::zero(exec, s.status);
 }
 

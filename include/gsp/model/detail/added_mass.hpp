@@ -30,8 +30,12 @@ inline std::array<double, 6> added_mass(double a, double b, double c) {
     return volume / 5 * difference * difference * std::abs(ky - kx) /
            std::max(least, std::abs(2 * difference + (x * x + y * y) * (kx - ky)));
   };
-  return {volume * ka / std::max(least, 2 - ka), volume * kb / std::max(least, 2 - kb), volume * kc / std::max(least, 2 - kc),
-          inertia(b, c, kb, kc),                 inertia(c, a, kc, ka),                 inertia(a, b, ka, kb)};
+  return {volume * ka / std::max(least, 2 - ka),
+          volume * kb / std::max(least, 2 - kb),
+          volume * kc / std::max(least, 2 - kc),
+          inertia(b, c, kb, kc),
+          inertia(c, a, kc, ka),
+          inertia(a, b, ka, kb)};
 }
 
 }  // namespace gsp::detail
