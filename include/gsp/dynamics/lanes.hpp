@@ -257,7 +257,8 @@ struct Lane {
   }
   /// World indices of the tree's k-th item of a list, for constant(field, item, 0, ...) and load(view, item, 0, ...).
   KOKKOS_INLINE_FUNCTION void listed_items(int list, int n, int k, int (&item)[W]) const {
-    for (int i = 0; i < W; ++i) item[i] = index(list, instance[i] * n + k);
+    item[0] = index(list, instance[0] * n + k);
+    for (int i = 1; i < W; ++i) item[i] = uniform ? item[0] : index(list, instance[i] * n + k);
   }
   /// Reference point of spatial vectors: the centre of mass of all bodies that hang on the same root.
   KOKKOS_INLINE_FUNCTION Vec3<T> com(int root) const { return items.vec3(at.com + 3 * root); }

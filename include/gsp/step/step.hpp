@@ -5,7 +5,7 @@
 #include <gsp/constraint/joint_friction.hpp>
 #include <gsp/constraint/joint_limit.hpp>
 #include <gsp/constraint/tendon.hpp>
-#include <gsp/dynamics/integrate.hpp>
+#include <gsp/dynamics/runge_kutta.hpp>
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp/solver/pgs.hpp>
 
@@ -20,24 +20,40 @@ struct Simulation {
   Poses<R, Mem> poses;  // of the start of the last step; forward_kinematics brings them up to date
   Contacts<R, Mem> contacts;
   Rows<R, Mem> rows;
+  RungeKutta<R, Mem> runge_kutta = {};  // integrator RK4 of profile mujoco, else empty
 };
+
+namespace detail {
+template <class R, class Mem>
+bool has_runge_kutta(Model<R, Mem> const& model) {
+  return model.profile == Profile::mujoco && model.integrator == Integrator::rk4 && !model.constraints;
+}
+}  // namespace detail
 
 struct SimulationOptions {
   int worlds = 1;
-  bool approximate = false;  // profile mujoco: box friction and Euler stand in for the cones and the integrator that the file names
+  bool approximate = false;  // profile mujoco: box friction stands in for the cones, and Euler for RK4, that the file names
 };
 
 /// Buffers for stepping `worlds` worlds of `model`, which was made from `compiled`. Allocates.
-/// Errors: gsp::Error where profile `mujoco` is asked for what it does not cover yet (friction cones, other integrators than Euler).
+/// Errors: gsp::Error where profile `mujoco` is asked for what it does not cover yet (friction cones, integrator RK4 with constraints), and
+/// in all profiles for limits and dry friction of spatial tendons.
 template <class R, ExecutionSpace Exec, class Mem>
 Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
                                    SimulationOptions options = {}) {
   auto const& o = compiled.option;
+  for (int t = 0; t < compiled.ntendon && o.constraint; ++t) {
+    bool const limit = o.limit && compiled.tendon_limited[t], friction = o.frictionloss && compiled.tendon_frictionloss[t] > 0;
+    if (detail::item_or(compiled.tendon_wrapnum, t, 0) > 0 && (limit || friction))
+      throw Error("tendon '" + compiled.tendon_name[t] + "' is spatial and has " + (limit ? "a limit" : "dry friction") +
+                  ", which the constraint rows do not cover yet: remove it, or disable " +
+                  (limit ? "limits (<flag limit=\"disable\"/>)" : "dry friction (<flag frictionloss=\"disable\"/>)"));
+  }
   if (model.profile == Profile::mujoco && !options.approximate) {
-    char const* const name[] = {"Euler", "RK4", "implicit", "implicitfast"};
-    if (o.integrator != Integrator::euler)
-      throw Error("the model names the integrator " + std::string(name[int(o.integrator)]) +
-                  ", and profile mujoco has Euler alone: choose profile stable, or say --approximate (SimulationOptions::approximate)");
+    if (o.integrator == Integrator::rk4 && o.constraint)
+      throw Error(
+          "the model names the integrator RK4, which profile mujoco has without constraints alone: choose profile stable, disable "
+          "constraints, or say --approximate (SimulationOptions::approximate)");
     if (o.constraint && o.contact)
       for (auto const& [g1, g2] : compiled.pairs) {
         auto const p = mix_contact_parameters(compiled, g1, g2);
@@ -52,7 +68,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   auto collision = make_collision_model<R>(exec, compiled);
   auto contacts = make_contacts(exec, collision, {.worlds = n});
   return {collision, make_dynamics(exec, model, {.worlds = n}), make_poses(exec, model, {.worlds = n}), contacts,
-          make_rows(exec, model, {.worlds = n})};
+          make_rows(exec, model, {.worlds = n}),
+          detail::has_runge_kutta(model) ? make_runge_kutta(exec, model, {.worlds = n}) : RungeKutta<R, Mem>{}};
 }
 
 struct StepOptions {
@@ -65,6 +82,7 @@ namespace detail {
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem> const& sim,
                  PgsOptions const& solver, More const&... more) {
+  if (has_runge_kutta(model)) return runge_kutta(exec, model, state, sim.dynamics, sim.poses, sim.runge_kutta);
   smooth_dynamics(exec, model, state, sim.dynamics, sim.poses);
   if (!model.constraints) return integrate(exec, model, sim.dynamics, state);
   collide(exec, sim.collision, sim.poses, sim.contacts);
