@@ -90,10 +90,11 @@ class Compiler : public ConstantsCompiler {
   // Two geoms may touch when a bit of contype meets one of conaffinity and their bodies are not welded together, not parent and child
   // (unless one is the world), and not excluded.
   void pairs() {
-    std::set<std::pair<int, int>> excluded, named;
+    std::set<std::pair<int, int>> named;
+    std::vector<std::vector<int>> excluded(std::size_t(m_.nbody));  // with which bodies, both ways
     for (auto const& e : d_.excludes) {
       int const a = find(Kind::body, e.body1, e.place, "exclude", ""), b = find(Kind::body, e.body2, e.place, "exclude", "");
-      excluded.emplace(std::min(a, b), std::max(a, b));
+      excluded[std::size_t(a)].push_back(b), excluded[std::size_t(b)].push_back(a);
     }
     for (auto const& p : m_.named_pairs) named.emplace(std::min(p.geom1, p.geom2), std::max(p.geom1, p.geom2));
     auto const stands = [&](int weld) { return m_.body_dofnum[weld] == 0; };  // also mocap bodies
@@ -111,7 +112,7 @@ class Compiler : public ConstantsCompiler {
         if (!((m_.geom_contype[a] & m_.geom_conaffinity[b]) || (m_.geom_contype[b] & m_.geom_conaffinity[a]))) continue;
         if (d_.option.filterparent && weld_a != 0 && weld_b != 0 && (weld_a == m_.body_weld[m_.body_parent[weld_b]] || weld_b == above_a))
           continue;
-        if (!excluded.empty() && excluded.count({std::min(body_a, body_b), std::max(body_a, body_b)})) continue;
+        if (auto const& not_with = excluded[std::size_t(body_a)]; std::find(not_with.begin(), not_with.end(), body_b) != not_with.end()) continue;
         if (!named.empty() && named.count({a, b})) continue;
         std::array<int, 2> const pair = m_.geom_type[a] <= m_.geom_type[b] ? std::array{a, b} : std::array{b, a};
         if (m_.geom_type[pair[1]] == int(ShapeType::plane)) continue;  // two planes: no contact is defined
