@@ -111,7 +111,8 @@ TEST_CASE_TEMPLATE("Jacobians, momenta and poses agree", Exec, GSP_TEST_EXECS) {
   s.smooth();
   auto const subtrees = gsp::make_subtrees(s.exec, s.model, {.worlds = worlds});
   gsp::subtree_com(s.exec, s.model, s.poses, subtrees), gsp::subtree_momentum(s.exec, s.model, s.poses, s.dynamics, subtrees);
-  auto const linvel = gsp_test::host(subtrees.linvel), com = gsp_test::host(subtrees.com), mass = gsp_test::host(subtrees.mass);
+  auto const linvel = gsp_test::host(subtrees.linvel), com = gsp_test::host(subtrees.com);
+  auto const mass = gsp_test::host(subtrees.mass);
   auto const qvel = gsp_test::host(s.state.qvel);
   std::vector<double> momentum(3 * worlds, 0.);
   typename Set<Exec>::View3 J("J", worlds, 6, s.model.nv);

@@ -158,6 +158,15 @@ KOKKOS_INLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& s
   lanes_advance_activations(l, state);
 }
 
+template <class Mem>
+struct CountStep {
+  Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem> steps;
+  Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status_bits;
+  Kokkos::View<int const, Mem> halt;
+  KOKKOS_FUNCTION void operator()(int w) const {
+    if (!(halt.data() && halt()) && !(status_bits(w) & status::stopped)) ++steps(w);
+  }
+};
 template <class State>
 struct NewVelocityStage {
   State state;
@@ -192,12 +201,8 @@ void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> co
                Kokkos::View<int const, std::type_identity_t<Mem>> const& halt = {}) {
   for_lanes("gsp::dynamics::new_velocity", exec, model, dynamics, detail::NewVelocityStage<State<R, Mem>>{state, z, halt});
   for_lanes("gsp::dynamics::integrate", exec, model, dynamics, detail::IntegrateStage<State<R, Mem>>{state, halt});
-  auto const steps = state.steps;
-  auto const bits = state.status;
-  Kokkos::parallel_for(
-      "gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds), KOKKOS_LAMBDA(int w) {
-        if (!(halt.data() && halt()) && !(bits(w) & status::stopped)) ++steps(w);
-      });
+  Kokkos::parallel_for("gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
+                       detail::CountStep<Mem>{state.steps, state.status, halt});
 }
 
 /// The same with the impulses of `rows` (constraint/rows.hpp).

@@ -140,12 +140,8 @@ void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
     evaluate();
     for_lanes("gsp::dynamics::runge_kutta", exec, model, dynamics, detail::RungeKuttaStage<R, Mem>{state, rk, stage});
   }
-  auto const steps = state.steps;
-  auto const bits = state.status;
-  Kokkos::parallel_for(
-      "gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds), KOKKOS_LAMBDA(int w) {
-        if (!(bits(w) & status::stopped)) ++steps(w);
-      });
+  Kokkos::parallel_for("gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
+                       detail::CountStep<Mem>{state.steps, state.status, {}});
 }
 template <ExecutionSpace Exec, class R, class Mem>
 void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
