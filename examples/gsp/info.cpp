@@ -44,11 +44,11 @@ void report(std::vector<gsp::ReportLine> lines) {
 
 /// One JSON object: sizes and the report.
 void json(std::string const& path, gsp::CompiledModel const& m) {
-  nlohmann::ordered_json out{{"file", path},     {"model", m.name},         {"nq", m.nq},           {"nv", m.nv},
-                             {"nbody", m.nbody}, {"ngeom", m.ngeom},        {"nu", m.nu},           {"neq", m.neq},
-                             {"na", m.na},       {"ntendon", m.ntendon},    {"nsensor", m.nsensor}, {"nkey", m.keyframes.size()},
-                             {"nmesh", m.nmesh}, {"nhfield", m.nhfield},    {"nmocap", m.nmocap},   {"njnt", m.njnt},
-                             {"nsite", m.nsite}, {"ncam", m.ncam},          {"ntree", m.ntree}};
+  nlohmann::ordered_json out{{"file", path},     {"model", m.name},      {"nq", m.nq},           {"nv", m.nv},
+                             {"nbody", m.nbody}, {"ngeom", m.ngeom},     {"nu", m.nu},           {"neq", m.neq},
+                             {"na", m.na},       {"ntendon", m.ntendon}, {"nsensor", m.nsensor}, {"nkey", m.keyframes.size()},
+                             {"nmesh", m.nmesh}, {"nhfield", m.nhfield}, {"nmocap", m.nmocap},   {"njnt", m.njnt},
+                             {"nsite", m.nsite}, {"ncam", m.ncam},       {"ntree", m.ntree}};
   out["report"] = nlohmann::ordered_json::array();
   for (auto const& l : m.report)
     out["report"].push_back({{"kind", kind_name(l.kind)}, {"file", l.file}, {"line", l.line}, {"text", l.text}, {"count", l.count}});
@@ -78,10 +78,10 @@ void model(std::string const& path, Arguments const& arguments) {
   row("trees", std::to_string(m.ntree) + ", of " + std::to_string(gsp::find_archetypes(m).size()) + " kinds");
   row("geoms", std::to_string(m.ngeom) + (m.ngeom ? " (" + tally(geoms) + ")" : "") + "; " + std::to_string(colliding) + " collide, " +
                    std::to_string(m.pairs.size()) + " pairs may touch");
-  row("actuators", std::to_string(m.nu) + "; tendons " + std::to_string(m.ntendon) + ", equality constraints " + std::to_string(m.neq) + ", sensors " +
-                       std::to_string(m.nsensor));
-  row("places", std::to_string(m.nsite) + " sites, " + std::to_string(m.ncam) + " cameras, " + std::to_string(m.nmocap) + " mocap bodies; " +
-                    std::to_string(m.nmesh) + " meshes, " + std::to_string(m.nhfield) + " height fields");
+  row("actuators", std::to_string(m.nu) + "; tendons " + std::to_string(m.ntendon) + ", equality constraints " + std::to_string(m.neq) +
+                       ", sensors " + std::to_string(m.nsensor));
+  row("places", std::to_string(m.nsite) + " sites, " + std::to_string(m.ncam) + " cameras, " + std::to_string(m.nmocap) +
+                    " mocap bodies; " + std::to_string(m.nmesh) + " meshes, " + std::to_string(m.nhfield) + " height fields");
   std::string keys;
   for (std::size_t k = 0; k < m.keyframes.size(); ++k)
     keys += (k ? ", " : "") + std::to_string(k) + (m.keyframes[k].name.empty() ? "" : " " + in_quotes(m.keyframes[k].name));

@@ -23,11 +23,14 @@ gsp::CompiledModel model_of(gsp::Integrator integrator = gsp::Integrator::euler)
     body.sites.push_back(site);
   }
   gsp::GeomDescription ball;
-  ball.name = "ball", ball.size = {0.2, 0, 0}, ball.pos = {0.1, 0, 0.2}, ball.contype = ball.conaffinity = 0, ball.has_mass = true, ball.mass = 0;
+  ball.name = "ball", ball.size = {0.2, 0, 0}, ball.pos = {0.1, 0, 0.2}, ball.contype = ball.conaffinity = 0, ball.has_mass = true,
+  ball.mass = 0;
   d.bodies[2].geoms.push_back(ball);
   gsp::TendonDescription t;
   t.name = "string", t.stiffness = 4, t.damping = 0.2;
-  t.path = {{gsp::WrapType::site, d.bodies[1].name + "site"}, {gsp::WrapType::sphere, "ball"}, {gsp::WrapType::site, d.bodies.back().name + "site"}};
+  t.path = {{gsp::WrapType::site, d.bodies[1].name + "site"},
+            {gsp::WrapType::sphere, "ball"},
+            {gsp::WrapType::site, d.bodies.back().name + "site"}};
   d.tendons.push_back(t);
   d.option.integrator = integrator;
   return gsp::compile(d);
@@ -85,8 +88,8 @@ TEST_CASE_TEMPLATE("inverse dynamics inverts forward dynamics", Exec, GSP_TEST_E
   CHECK(worst < 1e-10);
 }
 
-// The power of all forces but weight and springs is what the energies' sum changes by: checked by a small step of RK4 (order 4: h^4 = 1e-16)
-// without dampers.
+// The power of all forces but weight and springs is what the energies' sum changes by: checked by a small step of RK4 (order 4: h^4 =
+// 1e-16) without dampers.
 TEST_CASE_TEMPLATE("energy is conserved without dampers", Exec, GSP_TEST_EXECS) {
   auto c = model_of(gsp::Integrator::rk4);
   for (auto& b : c.dof_damping) b = 0;

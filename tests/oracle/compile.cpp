@@ -769,9 +769,13 @@ TEST_CASE("replicating and attaching copy whatever names what is copied") {
                         "<body name='deep'><joint/><geom size='.1'/></body></body><body name='m' mocap='true' pos='1 2 3'/></worldbody>" +
                         lists + "<keyframe><key name='k' act='3' ctrl='1 2 3' qpos='.1 .2 .3'/></keyframe></mujoco>"}};
   compare_twice(two);
-  compare_twice(Texts{{"main.xml", "<mujoco><asset><model name='c' file='child.xml'/></asset><worldbody><body name='o' mocap='true'/><attach model='c' prefix='q_'/></worldbody></mujoco>"},
-                      {"child.xml", "<mujoco model='c'><worldbody><body name='m' mocap='true' pos='1 2 3'/><body name='r'><joint name='j'/><geom size='.1'/></body></worldbody><actuator><motor joint='j'/><general joint='j' dyntype='filter'/></actuator>"
-                                    "<keyframe><key name='k' act='3' ctrl='1 2' mpos='3 2 1' mquat='0 1 0 0'/></keyframe></mujoco>"}});
+  compare_twice(Texts{{"main.xml",
+                       "<mujoco><asset><model name='c' file='child.xml'/></asset><worldbody><body name='o' mocap='true'/><attach model='c' "
+                       "prefix='q_'/></worldbody></mujoco>"},
+                      {"child.xml",
+                       "<mujoco model='c'><worldbody><body name='m' mocap='true' pos='1 2 3'/><body name='r'><joint name='j'/><geom "
+                       "size='.1'/></body></worldbody><actuator><motor joint='j'/><general joint='j' dyntype='filter'/></actuator>"
+                       "<keyframe><key name='k' act='3' ctrl='1 2' mpos='3 2 1' mquat='0 1 0 0'/></keyframe></mujoco>"}});
 }
 
 TEST_CASE("models of the collection written and loaded by MuJoCo have the same numbers") {

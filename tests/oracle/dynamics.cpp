@@ -25,9 +25,9 @@
 
 // Smooth dynamics against MuJoCo, profile `mujoco`, constraints disabled in both, on every model of the zoo; the compiled model is taken
 // from MuJoCo's own, so that kernels alone are compared. Relative error: max norm of the difference over max(1, max norm). Bounds are those
-// of the project: 1e-10 for quantities of a state (1e-6 where a tendon wraps inside, 3e-6 of mesh geoms, whose frames MuJoCo takes from the inertia where they agree to 1e-6), max(1e-11, 100 x MuJoCo's own
-// response to one rounding of q and v) for one step, as models without their contacts tend to explode, and max(1e-4, 2e9 x the same) in
-// float.
+// of the project: 1e-10 for quantities of a state (1e-6 where a tendon wraps inside, 3e-6 of mesh geoms, whose frames MuJoCo takes from the
+// inertia where they agree to 1e-6), max(1e-11, 100 x MuJoCo's own response to one rounding of q and v) for one step, as models without
+// their contacts tend to explode, and max(1e-4, 2e9 x the same) in float.
 namespace {
 
 using Exec = Kokkos::DefaultHostExecutionSpace;

@@ -32,12 +32,12 @@ bool has_runge_kutta(Model<R, Mem> const& model) {
 
 struct SimulationOptions {
   int worlds = 1;
-  bool approximate = false;  // profile mujoco: box friction stands in for the cones, and Euler for RK4, that the file names
+  bool approximate = false;  // equalities are left out; profile mujoco: box friction stands in for the cones, and Euler for RK4
 };
 
 /// Buffers for stepping `worlds` worlds of `model`, which was made from `compiled`. Allocates.
 /// Errors: gsp::Error where profile `mujoco` is asked for what it does not cover yet (friction cones, integrator RK4 with constraints), and
-/// in all profiles for limits and dry friction of spatial tendons.
+/// in all profiles for active equality constraints (unless approximate), and limits and dry friction of spatial tendons.
 template <class R, ExecutionSpace Exec, class Mem>
 Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
                                    SimulationOptions options = {}) {
@@ -49,6 +49,11 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
                   ", which the constraint rows do not cover yet: remove it, or disable " +
                   (limit ? "limits (<flag limit=\"disable\"/>)" : "dry friction (<flag frictionloss=\"disable\"/>)"));
   }
+  for (int e = 0; e < compiled.neq && o.constraint && o.equality && !options.approximate; ++e)
+    if (compiled.eq_active[e])
+      throw Error("equality constraint '" + compiled.eq_name[e] +
+                  "' is active, and the constraint rows do not cover equalities yet: set active=\"false\", disable them (<flag "
+                  "equality=\"disable\"/>), or say --approximate (SimulationOptions::approximate), which leaves them out");
   if (model.profile == Profile::mujoco && !options.approximate) {
     if (o.integrator == Integrator::rk4 && o.constraint)
       throw Error(
@@ -67,7 +72,10 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   int const n = options.worlds;
   auto collision = make_collision_model<R>(exec, compiled);
   auto contacts = make_contacts(exec, collision, {.worlds = n});
-  return {collision, make_dynamics(exec, model, {.worlds = n}), make_poses(exec, model, {.worlds = n}), contacts,
+  return {collision,
+          make_dynamics(exec, model, {.worlds = n}),
+          make_poses(exec, model, {.worlds = n}),
+          contacts,
           make_rows(exec, model, {.worlds = n}),
           detail::has_runge_kutta(model) ? make_runge_kutta(exec, model, {.worlds = n}) : RungeKutta<R, Mem>{}};
 }
