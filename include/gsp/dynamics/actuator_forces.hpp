@@ -93,9 +93,10 @@ struct ActuatorForce {
   T stiffness, damping;  // -d force / d length, velocity
 };
 
-/// The k-th actuator's force before clamping, and the rate of its activation (act_dot). After lanes_transmission.
-template <class L, class State>
-KOKKOS_INLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, int k) {
+/// The k-th actuator's force before clamping, and the rate of its activation (act_dot). After lanes_transmission. `plain`: without
+/// activation, and no muscle.
+template <bool plain = false, class L, class State>
+KOKKOS_FORCEINLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, int k) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& m = l.model;
@@ -105,7 +106,7 @@ KOKKOS_INLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, int k
   T u = l.load(state.ctrl, item, 0);
   if (m.clampctrl) u = clamp(u, get(m.act_ctrlrange, 2, 0), get(m.act_ctrlrange, 2, 1));
   T const length = l.items[l.at.act_length + k], velocity = l.items[l.at.act_velocity + k];
-  if (int const own = l.index(a.act_state, k); own >= 0) {
+  if (int const own = plain ? -1 : l.index(a.act_state, k); own >= 0) {
     auto const dyn = ActuatorDynamics(l.index(a.act_dyn, k));
     int where[L::W];
     for (int i = 0; i < L::W; ++i) where[i] = m.act_state(item[i]);
@@ -121,7 +122,7 @@ KOKKOS_INLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, int k
   }
   ActuatorForce<T> f{T(0), T(0), T(0)};
   if (l.index(a.act_disabled, k)) return f;
-  u = lanes_wrap_setpoint(l, k, u);
+  if constexpr (!plain) u = lanes_wrap_setpoint(l, k, u);
   auto const range = [&](int c) { return get(m.act_lengthrange, 2, c); };
   auto const gain = ActuatorGain(l.index(a.act_gain, k));
   auto const bias = ActuatorBias(l.index(a.act_bias, k));
@@ -130,7 +131,7 @@ KOKKOS_INLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, int k
   } else if (gain == ActuatorGain::affine) {
     T const g1 = get(m.act_gain, 10, 1), g2 = get(m.act_gain, 10, 2);
     f.force = fma(g2, velocity, fma(g1, length, get(m.act_gain, 10, 0))) * u, f.stiffness = -(g1 * u), f.damping = -(g2 * u);
-  } else {
+  } else if constexpr (!plain) {
     Muscle<T> const muscle([&](int c) { return get(m.act_gain, 10, c); }, range, get(m.act_acc0, 1, 0), length, velocity);
     f.force = muscle.gain() * u, f.damping = -(muscle.gain_slope() * u);
   }
@@ -138,9 +139,11 @@ KOKKOS_INLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, int k
     T const b1 = get(m.act_bias, 10, 1), b2 = get(m.act_bias, 10, 2);
     f.force = f.force + fma(b2, velocity, fma(b1, length, get(m.act_bias, 10, 0)));
     f.stiffness = f.stiffness - b1, f.damping = f.damping - b2;
-  } else if (bias == ActuatorBias::muscle) {
-    Muscle<T> const muscle([&](int c) { return get(m.act_bias, 10, c); }, range, get(m.act_acc0, 1, 0), length, velocity);
-    f.force = f.force + muscle.bias();
+  } else if constexpr (!plain) {
+    if (bias == ActuatorBias::muscle) {
+      Muscle<T> const muscle([&](int c) { return get(m.act_bias, 10, c); }, range, get(m.act_acc0, 1, 0), length, velocity);
+      f.force = f.force + muscle.bias();
+    }
   }
   return f;
 }
@@ -169,15 +172,38 @@ KOKKOS_INLINE_FUNCTION void lanes_clamp_tendon_actuators(L const& l) {
   }
 }
 
-/// Transmissions, then forces. Also sums the slopes of the joints' servos into stiffness and damping, for those who take them implicitly,
-/// and adds to derivative where the integrator needs it.
+/// Actuators that each drive a hinge or slide of their own, without activation.
 template <class L, class State>
-KOKKOS_INLINE_FUNCTION void lanes_actuators(L const& l, State const& state) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_plain_actuators(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
   auto const& m = l.model;
-  for (int i = 0; i < a.nv; ++i) s[l.at.actuator + i] = s[l.at.stiffness + i] = s[l.at.damping + i] = T(0);
+  l.each(a.nact, [&](int k) {
+    lanes_joint_transmission(l, state, k);
+    if (!m.actuation) {
+      s[l.at.act_force + k] = T(0);
+      return;
+    }
+    auto const get = [&](auto const& field, int n, int c) { return l.listed(field, a.instance_act, a.nact, k, n, c); };
+    auto const f = lanes_actuator<true>(l, state, k);
+    T const gear = get(m.act_gear, 6, 0), lo = get(m.act_forcerange, 2, 0), hi = get(m.act_forcerange, 2, 1), force = clamp(f.force, lo, hi);
+    int const dof = l.index(a.jnt_dofadr, l.index(a.act_id, k));
+    auto const inside = (f.force >= lo) && (f.force <= hi);
+    s[l.at.act_force + k] = force, s[l.at.actuator + dof] = gear * force;
+    s[l.at.stiffness + dof] = square(gear) * select(inside, f.stiffness, T(0));
+    s[l.at.damping + dof] = square(gear) * select(inside, f.damping, T(0));
+    if (a.derivative) s[l.at.act_slope + k] = select((force > lo) && (force < hi), -f.damping, T(0));
+  });
+}
+
+/// Transmissions and forces of any actuators.
+template <class L, class State>
+KOKKOS_INLINE_FUNCTION void lanes_any_actuators(L const& l, State const& state) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  auto const& m = l.model;
   for (int k = 0; k < a.nact; ++k) lanes_transmission(l, state, k);
   for (int k = 0; k < a.nstate; ++k) s[l.at.act_dot + k] = T(0);
   if (!m.actuation || m.nu == 0) {
@@ -204,13 +230,29 @@ KOKKOS_INLINE_FUNCTION void lanes_actuators(L const& l, State const& state) {
     if (a.derivative) s[l.at.act_slope + k] = select((force > lo) && (force < hi), s[l.at.act_slope + k], T(0));
     lanes_for_moment(l, k, [&](int dof, T const& arm) { s[l.at.actuator + dof] = fma(arm, force, s[l.at.actuator + dof]); });
   }
-  for (int j = 0; j < a.njnt; ++j) {
+}
+
+/// Transmissions, then forces. Also sums the slopes of the joints' servos into stiffness and damping, for those who take them implicitly,
+/// and adds to derivative where the integrator needs it.
+template <class L, class State>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_actuators(L const& l, State const& state) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  auto const& m = l.model;
+  l.each(a.nv, [&](int i) { s[l.at.actuator + i] = s[l.at.stiffness + i] = s[l.at.damping + i] = T(0); });
+  if (a.plain_actuators)
+    lanes_plain_actuators(l, state);
+  else
+    l.alone([&](auto const& one) { lanes_any_actuators(one, state); });
+  if (!m.actuation || m.nu == 0) return;
+  l.each(a.njnt, [&](int j) {
     auto const type = JointType(l.index(a.jnt_type, j));
     int const dof = l.index(a.jnt_dofadr, j);
     if (a.gravcomp && l.index(a.jnt_actgravcomp, j))
       for (int i = dof, n = dof + (type == JointType::free ? 6 : type == JointType::ball ? 3 : 1); i < n; ++i)
         s[l.at.actuator + i] = s[l.at.actuator + i] + s[l.at.gravcomp + i];
-    if (type != JointType::hinge && type != JointType::slide) continue;
+    if (type != JointType::hinge && type != JointType::slide) return;
     T const force = s[l.at.actuator + dof], lo = l.constant(m.jnt_actfrcrange, l.jnt0, j, 2, 0),
             hi = l.constant(m.jnt_actfrcrange, l.jnt0, j, 2, 1);
     T const clamped = clamp(force, lo, hi);
@@ -222,9 +264,19 @@ KOKKOS_INLINE_FUNCTION void lanes_actuators(L const& l, State const& state) {
       for (int k = 0; k < a.nact; ++k)
         if (l.index(a.act_kind, k) == int(ActuatorKind::scalar_joint) && l.index(a.act_id, k) == j)
           s[l.at.act_slope + k] = select((force > lo) && (force < hi), s[l.at.act_slope + k], T(0));
-  }
-  for (int k = 0; k < a.nact && a.derivative; ++k)
-    lanes_add_derivative(l, s[l.at.act_slope + k], [&](auto const& f) { lanes_for_moment(l, k, f); });
+  });
+  if (a.derivative && a.plain_actuators)
+    l.each(a.nact, [&](int k) {
+      int const dof = l.index(a.jnt_dofadr, l.index(a.act_id, k)), diagonal = l.at.derivative + l.index(a.row_adr, dof + 1) - 1;
+      T const slope = square(l.listed(m.act_gear, a.instance_act, a.nact, k, 6, 0)) * s[l.at.act_slope + k];
+      s[diagonal] = s[diagonal] + slope;
+      if (a.derivative == 2) s[diagonal + a.nM] = s[diagonal + a.nM] + slope;
+    });
+  else if (a.derivative)
+    l.alone([](auto const& one) {
+      for (int k = 0; k < one.a.nact; ++k)
+        lanes_add_derivative(one, one.items[one.at.act_slope + k], [&](auto const& f) { lanes_for_moment(one, k, f); });
+    });
 }
 
 template <class State, class Poses>

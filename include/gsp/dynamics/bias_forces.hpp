@@ -14,15 +14,15 @@ KOKKOS_INLINE_FUNCTION bool is_free_body(L const& l) {
 /// v_b = v_parent + cdof qdot;  a_b = a_parent + (v x cdof) qdot;  f_b = I a_b + v_b x* I v_b, summed towards the root;  bias_i = cdof_i .
 /// f. Needs the bodies' own inertias: call it before lanes_mass_matrix, which makes them composite.
 template <class L>
-KOKKOS_INLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = false) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = false) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
   Vec3<T> const zero{T(0), T(0), T(0)};
   Vec3<T> const g = l.gravity();
-  for (int b = 0; b < a.nbody; ++b) {
+  l.down([&](int b) {
     int const parent = l.index(a.body_parent, b);
-    if (parent == parent_of::none) continue;
+    if (parent == parent_of::none) return;
     Spatial<T> v = parent >= 0 ? s.spatial(l.at.cvel + 6 * parent) : Spatial<T>{zero, zero};
     Spatial<T> acc = parent >= 0 ? s.spatial(l.at.cacc + 6 * parent) : Spatial<T>{zero, -g};
     int const j0 = l.index(a.body_jntadr, b);
@@ -42,14 +42,16 @@ KOKKOS_INLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = false) {
     SpatialInertia<T> const inertia = s.inertia(l.at.cinert + 10 * b);
     s.put(l.at.cvel + 6 * b, v), s.put(l.at.cacc + 6 * b, acc);
     s.put(l.at.cfrc + 6 * b, inertia * acc + cross_force(v, inertia * v));
-  }
-  for (int b = a.nbody - 1; b >= 0; --b) {
-    int const d0 = l.index(a.body_dofadr, b), parent = l.index(a.body_parent, b);
-    if (parent == parent_of::none) continue;
-    Spatial<T> const f = s.spatial(l.at.cfrc + 6 * b);
-    for (int i = d0, end = d0 + l.index(a.body_dofnum, b); i < end; ++i) s[l.at.bias + i] = dot(s.spatial(l.at.cdof + 6 * i), f);
-    if (parent >= 0) s.put(l.at.cfrc + 6 * parent, s.spatial(l.at.cfrc + 6 * parent) + f);
-  }
+  });
+  l.up([&](int b) {
+    if (l.index(a.body_child, b) < 0) return;
+    Spatial<T> f = s.spatial(l.at.cfrc + 6 * b);
+    l.children(b, [&](int c) { f = f + s.spatial(l.at.cfrc + 6 * c); });
+    s.put(l.at.cfrc + 6 * b, f);
+  });
+  l.together(
+      a.nv, [&](int i) { return dot(s.spatial(l.at.cdof + 6 * i), s.spatial(l.at.cfrc + 6 * l.index(a.dof_body, i))); },
+      [&](int i, T const& x) { s[l.at.bias + i] = x; });
 }
 
 /// True where the integrator takes all of the derivative of body b's forces: always (implicit), or as it is a lone free body
@@ -63,12 +65,10 @@ KOKKOS_INLINE_FUNCTION bool lanes_full_derivative(L const& l, int b) {
 ///   dv_b = dv_parent + cdof_k,   da_b = da_parent + (dv x cdof) qdot + v x cdof_k,   df_b = I da + dv x* I v + v x* I dv,
 /// over the bodies that dof k moves. After lanes_bias, before lanes_mass_matrix.
 template <class L>
-KOKKOS_INLINE_FUNCTION void lanes_bias_derivative(L const& l) {
+KOKKOS_INLINE_FUNCTION void lanes_bias_derivative_by_columns(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
-  for (int e = 0; e < a.derivative * a.nM; ++e) s[l.at.derivative + e] = T(0);
-  if (a.derivative != 2) return;
   Vec3<T> const zero{T(0), T(0), T(0)};
   Spatial<T> const nothing{zero, zero};
   auto const depth = [&](int dof) { return l.index(a.row_adr, dof + 1) - l.index(a.row_adr, dof) - 1; };
@@ -122,6 +122,13 @@ KOKKOS_INLINE_FUNCTION void lanes_bias_derivative(L const& l) {
   }
 }
 
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_bias_derivative(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  l.each(l.a.derivative * l.a.nM, [&](int e) { l.items[l.at.derivative + e] = T(0); });
+  if (l.a.derivative == 2) l.alone([](auto const& one) { lanes_bias_derivative_by_columns(one); });
+}
+
 template <class State, class Poses>
 struct BiasStage {
   State state;
@@ -131,7 +138,7 @@ struct BiasStage {
     lanes_load_poses(l, poses), lanes_load_velocity(l, state.qvel), lanes_inertia(l);
     if (l.a.tendon_armature) lanes_tendons(l, state);
     lanes_bias(l, l.model.profile == Profile::stable && is_free_body(l));
-    if (l.a.tendon_armature) lanes_tendon_bias(l, state);
+    lanes_tendon_bias(l, state);
     lanes_bias_derivative(l);
   }
 };

@@ -5,18 +5,15 @@
 namespace gsp {
 
 namespace detail {
-template <class L>
-KOKKOS_INLINE_FUNCTION void lanes_add_start_velocity(L const& l) {
-  for (int i = 0; i < l.a.nv; ++i) l.items[l.at.velocity + i] = l.items[l.at.velocity + i] + l.items[l.at.qvel + i];
-}
-
 /// factor <- M - h derivative, factored.
 template <class L>
-KOKKOS_INLINE_FUNCTION void lanes_factor_derivative(L const& l) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_derivative(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& s = l.items;
   T const h(l.model.timestep);
-  for (int e = 0; e < l.a.nM; ++e) s[l.at.factor + e] = fma(-h, s[l.at.derivative + e], s[l.at.mass + e]);
+  l.together(
+      l.a.nM, [&](int e) { return fma(-h, s[l.at.derivative + e], s[l.at.mass + e]); },
+      [&](int e, T const& m) { s[l.at.factor + e] = m; });
   lanes_factor_in_place(l);
 }
 
@@ -58,7 +55,7 @@ template <class L, class State>
 KOKKOS_INLINE_FUNCTION void lanes_advance_activations(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
-  for (int k = 0; k < a.nact && a.nstate > 0; ++k) {
+  for (int k = 0; k < a.nact; ++k) {
     int const own = l.index(a.act_state, k);
     if (own < 0) continue;
     int item[L::W];
@@ -71,46 +68,62 @@ KOKKOS_INLINE_FUNCTION void lanes_advance_activations(L const& l, State const& s
   }
 }
 
-/// velocity <- velocity + L^-1 D^-1/2 z, z (world, nv) the whitened impulses. In profile mujoco joint damping enters here, as MuJoCo's
-/// Euler has it:
-///   v+ = v + (M + h B)^-1 M (v_M - v), v_M the velocity that M gives,
+/// velocity <- velocity + L^-1 D^-1/2 z, z (world, nv) the whitened impulses. Profile mujoco starts again from the velocity v, the forces f
+/// and the impulses J^T p = L^T D^1/2 z, as joint damping enters here; MuJoCo's Euler has it
+///   v+ = v + (M + h B)^-1 (h f + J^T p),
 /// and the implicit integrators take M - h d(forces)/dv instead: implicitfast its lower triangle, without the bias forces; implicit, and
 /// implicitfast for lone free bodies, all of it.
 template <class L, class View>
-KOKKOS_INLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
-  if (z.data()) {
-    for (int i = 0; i < a.nv; ++i) s[l.at.impulse + i] = l.load(z, l.dof0, i) * sqrt(s[l.at.inverse_diagonal + i]);
+  auto const& m = l.model;
+  bool const again = m.profile == Profile::mujoco &&
+                     (a.derivative > 0 || (m.integrator == Integrator::euler && m.eulerdamp && m.dampers && m.damped));
+  if (!again) {
+    if (!z.data()) return;
+    l.together(
+        a.nv, [&](int i) { return l.load(z, l.dof0, i) * sqrt(s[l.at.inverse_diagonal + i]); },
+        [&](int i, T const& x) { s[l.at.impulse + i] = x; });
     lanes_solve_lower(l, l.at.impulse);
-    for (int i = 0; i < a.nv; ++i) s[l.at.velocity + i] = s[l.at.velocity + i] + s[l.at.impulse + i];
+    l.together(
+        a.nv, [&](int i) { return s[l.at.velocity + i] + s[l.at.impulse + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
+    return;
   }
-  if (l.model.profile != Profile::mujoco) return;
-  bool const euler = l.model.integrator == Integrator::euler && l.model.eulerdamp && l.model.dampers && l.model.damped;
-  if (!euler && a.derivative == 0) return;
-  T const h(l.model.timestep);
-  for (int i = 0; i < a.nv; ++i) s[l.at.impulse + i] = s[l.at.velocity + i] - s[l.at.qvel + i], s[l.at.velocity + i] = T(0);
-  for (int i = 0; i < a.nv; ++i)
-    for (int e = l.index(a.row_adr, i), end = l.index(a.row_adr, i + 1); e < end; ++e) {  // velocity <- M (v_M - v)
-      int const c = l.index(a.row_col, e);
-      T const m = s[l.at.mass + e];
-      s[l.at.velocity + i] = fma(m, s[l.at.impulse + c], s[l.at.velocity + i]);
-      if (c != i) s[l.at.velocity + c] = fma(m, s[l.at.impulse + i], s[l.at.velocity + c]);
-    }
-  if (a.derivative == 1)
-    lanes_factor_derivative(l);
-  else if (a.derivative == 2)
-    return lanes_solve_unsymmetric(l), lanes_add_start_velocity(l);
-  else
-    lanes_factor(l, [&](int i) { return h * lanes_damping(l, i, true); });
-  lanes_solve(l, l.at.velocity);
-  lanes_add_start_velocity(l);
+  T const h(m.timestep);
+  if (z.data()) {
+    l.together(
+        a.nv, [&](int i) { return l.load(z, l.dof0, i) / sqrt(s[l.at.inverse_diagonal + i]); },
+        [&](int i, T const& x) { s[l.at.impulse + i] = x; });
+    l.each(a.nv, [&](int i) {
+      int const place = l.index(a.row_adr, i + 1) - l.index(a.row_adr, i) - 1;
+      T sum = fma(h, s[l.at.force + i], s[l.at.impulse + i]);
+      for (int k = i + 1, end = l.index(a.body_dofend, l.index(a.dof_body, i)); k < end; ++k)
+        sum = fma(s[l.at.factor + l.index(a.row_adr, k) + place], s[l.at.impulse + k], sum);
+      s[l.at.velocity + i] = sum;
+    });
+  } else {
+    l.together(
+        a.nv, [&](int i) { return h * s[l.at.force + i]; }, [&](int i, T const& x) { s[l.at.velocity + i] = x; });
+  }
+  if (a.derivative == 2) {
+    l.alone([](auto const& one) { lanes_solve_unsymmetric(one); });
+  } else {
+    if (a.derivative == 1)
+      lanes_factor_derivative(l);
+    else
+      lanes_factor(l, [&](int i) { return h * lanes_damping(l, i, true); });
+    lanes_solve(l, l.at.velocity);
+  }
+  l.together(
+      a.nv, [&](int i) { return s[l.at.velocity + i] + s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
 }
 
 /// Sets the status bit of worlds with a velocity that is NaN or infinite (x - x is 0 for finite x alone).
 template <class L, class View>
-KOKKOS_INLINE_FUNCTION void lanes_check_velocity(L const& l, View const& status) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_check_velocity(L const& l, View const& status) {
+  if (l.worker != 0) return;
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   T sum(0);
   for (int i = 0; i < l.a.nv; ++i) sum = sum + (l.items[l.at.velocity + i] - l.items[l.at.velocity + i]);
@@ -123,7 +136,7 @@ KOKKOS_INLINE_FUNCTION void lanes_check_velocity(L const& l, View const& status)
 /// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes. Positions of free bodies carry what rounding took (two-sum), so that
 /// they do not creep.
 template <class L, class State>
-KOKKOS_INLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& state) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -132,12 +145,12 @@ KOKKOS_INLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& s
     for (int k = 0; k < l.count; ++k)
       if (!(state.status(l.world[k]) & status::stopped)) view(l.world[k], first[k] + i) = get_lane(x, k);
   };
-  for (int j = 0; j < a.njnt; ++j) {
+  l.each(a.njnt, [&](int j) {
     int q = l.index(a.jnt_qposadr, j), v = l.at.velocity + l.index(a.jnt_dofadr, j);
     auto const type = JointType(l.index(a.jnt_type, j));
     if (type == JointType::hinge || type == JointType::slide) {
       write(state.qpos, l.qpos0, q, fma(h, s[v], l.load(state.qpos, l.qpos0, q)));
-      continue;
+      return;
     }
     if (type == JointType::free) {
       for (int c = 0; c < 3; ++c, ++q, ++v) {
@@ -153,11 +166,30 @@ KOKKOS_INLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& s
     Quat<T> const next = normalized(now * exp_rotation(h * (carried ? s.vec3(v) + s.vec3(l.at.spin) : s.vec3(v))));
     write(state.qpos, l.qpos0, q, next.w), write(state.qpos, l.qpos0, q + 1, next.x), write(state.qpos, l.qpos0, q + 2, next.y),
         write(state.qpos, l.qpos0, q + 3, next.z);
-  }
-  for (int i = 0; i < a.nv; ++i) write(state.qvel, l.dof0, i, s[l.at.velocity + i]);
-  lanes_advance_activations(l, state);
+  });
+  auto const moves = [&](int world) { return !(state.status(world) & status::stopped); };
+  if (!store_block(l, l.at.velocity, a.nv, state.qvel, l.dof0[0], moves))
+    l.each(a.nv, [&](int i) { write(state.qvel, l.dof0, i, s[l.at.velocity + i]); });
+  if (a.nstate > 0) l.alone([&](auto const& one) { lanes_advance_activations(one, state); });
 }
 
+/// All of it for worlds of one tree each.
+template <class State>
+struct OneTreeStage {
+  static constexpr int shared_blocks = 8;
+  State state;
+  typename State::template View<typename State::real_type**> z;
+  Kokkos::View<int const, typename State::memory_space> halt;
+  template <class L>
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
+    if (halt.data() && halt()) return;
+    lanes_new_velocity(l, z), lanes_check_velocity(l, state.status);
+    l.sync();
+    lanes_integrate_positions(l, state);
+    for (int k = 0; k < l.count && l.worker == 0; ++k)
+      if (!(state.status(l.world[k]) & status::stopped)) ++state.steps(l.world[k]);
+  }
+};
 template <class Mem>
 struct CountStep {
   Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem> steps;
@@ -169,21 +201,23 @@ struct CountStep {
 };
 template <class State>
 struct NewVelocityStage {
+  static constexpr int shared_blocks = 8;
   State state;
   typename State::template View<typename State::real_type**> z;
   Kokkos::View<int const, typename State::memory_space> halt;
   template <class L>
-  KOKKOS_FUNCTION void operator()(L const& l) const {
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     if (halt.data() && halt()) return;
     lanes_new_velocity(l, z), lanes_check_velocity(l, state.status);
   }
 };
 template <class State>
 struct IntegrateStage {
+  static constexpr int shared_blocks = 8;
   State state;
   Kokkos::View<int const, typename State::memory_space> halt;
   template <class L>
-  KOKKOS_FUNCTION void operator()(L const& l) const {
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     if (halt.data() && halt()) return;
     lanes_integrate_positions(l, state);
   }
@@ -199,6 +233,10 @@ template <ExecutionSpace Exec, class R, class Mem>
 void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, State<R, Mem> const& state,
                typename State<R, Mem>::template View<R**> const& z = {},
                Kokkos::View<int const, std::type_identity_t<Mem>> const& halt = {}) {
+  if (model.ntree == 1) {
+    for_lanes("gsp::dynamics::integrate", exec, model, dynamics, detail::OneTreeStage<State<R, Mem>>{state, z, halt});
+    return;
+  }
   for_lanes("gsp::dynamics::new_velocity", exec, model, dynamics, detail::NewVelocityStage<State<R, Mem>>{state, z, halt});
   for_lanes("gsp::dynamics::integrate", exec, model, dynamics, detail::IntegrateStage<State<R, Mem>>{state, halt});
   Kokkos::parallel_for("gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),

@@ -7,7 +7,7 @@ namespace gsp {
 namespace detail {
 /// Pose of a body that is fixed to the world or to a mocap body; `body` are world indices, one a lane.
 template <class L, class State>
-KOKKOS_INLINE_FUNCTION auto lanes_static_pose(L const& l, State const& state, int const (&body)[L::W], bool on_mocap) {
+KOKKOS_FORCEINLINE_FUNCTION auto lanes_static_pose(L const& l, State const& state, int const (&body)[L::W], bool on_mocap) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   Field<real_t<T>> const fixed{l.model.static_pose.data(), 0};
   auto const get = [&](int c) { return l.constant(fixed, body, 0, 7, c); };
@@ -23,11 +23,11 @@ KOKKOS_INLINE_FUNCTION auto lanes_static_pose(L const& l, State const& state, in
 /// Writes xpos, xquat, xanchor, xaxis of the lane's tree. The pose of a static parent is folded into that of a root body.
 ///   x_b = x_parent * body pose, then for each joint: slide x += axis (q - q0); hinge, ball R *= rotation, about the anchor; free x = q.
 template <class L, class State>
-KOKKOS_INLINE_FUNCTION void lanes_kinematics(L const& l, State const& state) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_kinematics(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& qpos = state.qpos;
-  for (int b = 0; b < a.nbody; ++b) {
+  l.down([&](int b) {
     int const parent = l.index(a.body_parent, b);
     Vec3<T> p = l.constant3(l.model.body_pos, l.body0, b);
     Quat<T> q = l.constant4(l.model.body_quat, l.body0, b);
@@ -68,26 +68,32 @@ KOKKOS_INLINE_FUNCTION void lanes_kinematics(L const& l, State const& state) {
       l.items.put(l.at.xanchor + 3 * j, anchor), l.items.put(l.at.xaxis + 3 * j, axis);
     }
     l.items.put(l.at.xpos + 3 * b, p), l.items.put(l.at.xquat + 4 * b, q);
-  }
+  });
 }
 
 template <class L, class View>
-KOKKOS_INLINE_FUNCTION void lanes_load_velocity(L const& l, View const& qvel) {
-  for (int i = 0; i < l.a.nv; ++i) l.items[l.at.qvel + i] = l.load(qvel, l.dof0, i);
+KOKKOS_FORCEINLINE_FUNCTION void lanes_load_velocity(L const& l, View const& qvel) {
+  l.together(
+      l.a.nv, [&](int i) { return l.load(qvel, l.dof0, i); }, [&](int i, auto const& v) { l.items[l.at.qvel + i] = v; });
 }
 
 template <class L, class Poses>
-KOKKOS_INLINE_FUNCTION void lanes_store_poses(L const& l, Poses const& poses, bool joints = true) {
-  for (int b = 0; b < l.a.nbody; ++b) {
-    if (l.index(l.a.body_parent, b) == parent_of::none) continue;
+KOKKOS_FORCEINLINE_FUNCTION void lanes_store_poses(L const& l, Poses const& poses, bool joints = true) {
+  auto const any = [](int) { return true; };
+  bool const whole = l.a.nroot == 1 && store_block(l, l.at.xpos, 3 * l.a.nbody, poses.xpos, 3 * l.body0[0], any) &&
+                     store_block(l, l.at.xquat, 4 * l.a.nbody, poses.xquat, 4 * l.body0[0], any);
+  l.each(whole ? 0 : l.a.nbody, [&](int b) {
+    if (l.index(l.a.body_parent, b) == parent_of::none) return;
     for (int c = 0; c < 3; ++c) l.store(poses.xpos, l.body0, b, l.items[l.at.xpos + 3 * b + c], 3, c);
     for (int c = 0; c < 4; ++c) l.store(poses.xquat, l.body0, b, l.items[l.at.xquat + 4 * b + c], 4, c);
-  }
-  for (int j = 0; j < l.a.njnt && joints; ++j)
+  });
+  if (!joints) return;
+  l.each(l.a.njnt, [&](int j) {
     for (int c = 0; c < 3; ++c) {
       l.store(poses.xanchor, l.jnt0, j, l.items[l.at.xanchor + 3 * j + c], 3, c);
       l.store(poses.xaxis, l.jnt0, j, l.items[l.at.xaxis + 3 * j + c], 3, c);
     }
+  });
 }
 template <class L, class Poses>
 KOKKOS_INLINE_FUNCTION void lanes_load_poses(L const& l, Poses const& poses) {

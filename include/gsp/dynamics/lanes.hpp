@@ -3,12 +3,22 @@
 #include <gsp/math/spatial.hpp>
 #include <gsp/model/poses.hpp>
 #include <gsp/model/state.hpp>
+namespace gsp::detail {
+/// kernel.run<Workers>(lane, nullptr, worker) for all lanes of all blocks on a GPU, `Lanes` to a block; registers for `Blocks` of them at a
+/// time on a multiprocessor.
+template <int Workers, int Lanes, int Blocks, class Exec, class Kernel>
+void launch_lanes(char const* label, Exec const& exec, int blocks, Kernel const& kernel);
+}  // namespace gsp::detail
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+#include <gsp/dynamics/detail/lanes_cuda.hpp>
+#endif
 
 /// Lanes: one tree of one world each. All lanes of an archetype run the same branch-free program; only numbers differ. On a CPU the number
 /// type is a `Pack` and a block of W lanes goes through the program together; on a GPU a lane is a thread, and a block is a warp.
 namespace gsp {
 
 inline constexpr int device_block = 32;  // lanes in a block on a GPU: a warp
+inline constexpr int device_workers = tree_parts;  // warps that share the work of a block on a GPU, in the stages that are written for it
 /// Lanes in a block, and the number type that a kernel on `Exec` computes with.
 template <class Mem, class R>
 inline constexpr int block_width = bool(Kokkos::SpaceAccessibility<Kokkos::HostSpace, Mem>::accessible) ? native_width<R> : device_block;
@@ -102,7 +112,7 @@ struct DynamicsLayout {
       act_dot;                              // com: of each root's bodies; spin: of a free body, see factor.hpp
   int tendon_J, tendon_length, act_length;  // tendon_J: of spatial tendons
   int mass, derivative;  // derivative of the forces by velocity, lower triangle as M, then the upper (by rows of the transpose)
-  int passive, actuator, bias, force, stiffness, damping, acceleration, impulse, gravcomp;
+  int force, passive, actuator, bias, stiffness, damping, acceleration, impulse, gravcomp;
   int tendon_velocity, act_velocity, act_force, act_slope, act_moment, energy;
   int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc, dvel, dacc;
   int size;
@@ -111,8 +121,8 @@ struct DynamicsLayout {
     auto const take = [&n](int& at, int items) { at = n, n += items; };
     take(com, 3 * a.nroot), take(cdof, 6 * a.nv), take(factor, a.nM), take(inverse_diagonal, a.nv), take(qvel, a.nv), take(velocity, a.nv),
         take(spin, 3), take(act_dot, a.nstate), take(tendon_J, a.ntendonJ), take(tendon_length, a.ntendon), take(act_length, a.nact),
-        take(mass, a.nM), take(derivative, a.derivative * a.nM);
-    take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(force, a.nv), take(stiffness, a.nv), take(damping, a.nv),
+        take(mass, a.nM), take(derivative, a.derivative * a.nM), take(force, a.nv);
+    take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(stiffness, a.nv), take(damping, a.nv),
         take(acceleration, a.nv), take(impulse, a.nv), take(gravcomp, a.gravcomp ? a.nv : 0);
     take(tendon_velocity, a.ntendon), take(act_velocity, a.nact), take(act_force, a.nact), take(act_slope, a.derivative ? a.nact : 0),
         take(act_moment, a.nmoment), take(energy, 2);
@@ -193,10 +203,72 @@ Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, Dyn
   return d;
 }
 
-/// What a stage sees: one lane (GPU) or a block of lanes (CPU), its topology, constants, and items.
-template <class T, class Mem>
+namespace detail {
+/// put(i, get(i)) for i < n. On a GPU eight at a time: the compiler cannot know that what is put is not what is got next, and a thread
+/// would wait for memory item by item.
+template <class Get, class Put>
+KOKKOS_FORCEINLINE_FUNCTION void together(int n, Get const& get, Put const& put) {
+#ifdef __CUDA_ARCH__
+  constexpr int batch = 8;
+  for (int i = 0; i < n; i += batch) {
+    decltype(get(0)) v[batch];
+#pragma unroll
+    for (int k = 0; k < batch; ++k)
+      if (i + k < n) v[k] = get(i + k);
+#pragma unroll
+    for (int k = 0; k < batch; ++k)
+      if (i + k < n) put(i + k, v[k]);
+  }
+#else
+  for (int i = 0; i < n; ++i) put(i, get(i));
+#endif
+}
+template <class L, class F>
+[[gnu::noinline]] KOKKOS_FUNCTION void out_of_line(L const& l, F const& f) {
+  f(l);
+}
+}  // namespace detail
+
+/// Items `at` .. at + n of every lane of a block to its world's row of a plain view (world, ...), from `first` on, where want(world): 16 at
+/// a time through shared memory, so that neighbouring threads write neighbouring numbers. False where lanes store one by one: on hosts,
+/// in blocks that hold several instances, in stages of one worker.
+template <class L, class View, class Want>
+KOKKOS_FORCEINLINE_FUNCTION bool store_block([[maybe_unused]] L const& l, [[maybe_unused]] int at, [[maybe_unused]] int n,
+                                             [[maybe_unused]] View const& out, [[maybe_unused]] int first,
+                                             [[maybe_unused]] Want const& want) {
+#ifdef __CUDA_ARCH__
+  if constexpr (L::workers > 1) {
+    if (l.block_world < 0) return false;
+    using T = std::remove_cvref_t<decltype(l.items[0])>;
+    constexpr int chunk = 16;
+    __shared__ T tiles[L::workers][chunk][device_block + 1];
+    auto& tile = tiles[l.worker];
+    std::int64_t const stride = std::int64_t(out.extent(1)) * out.extent(2);
+    int const thread = int(threadIdx.x) % device_block, world = l.block_world + thread / chunk, e = thread % chunk;
+    for (int begin = l.worker * chunk; begin < n; begin += L::workers * chunk) {
+      int const count = n - begin < chunk ? n - begin : chunk;
+#pragma unroll
+      for (int k = 0; k < chunk; ++k)
+        if (k < count) tile[k][thread] = l.items[at + begin + k];
+      __syncwarp();
+      for (int w = 0; w < device_block; w += device_block / chunk)
+        if (world + w < l.worlds && e < count && want(world + w))
+          out.data()[(world + w) * stride + first + begin + e] = tile[e][thread / chunk + w];
+      __syncwarp();
+    }
+    return true;
+  }
+#endif
+  return false;
+}
+
+/// What a stage sees: one lane (GPU) or a block of lanes (CPU), its topology, constants, and items. On a GPU several workers, threads of
+/// different warps, may share a lane: each runs the stage, takes its part of every loop that goes through `each`, `together`, `down` or
+/// `up`, and waits there for the others. What stands outside of these is done by every worker, so it must not change what others read.
+template <class T, class Mem, int Workers = 1>
 struct Lane {
   using R = real_t<T>;
+  static constexpr int workers = Workers;
   static constexpr int W = detail::width_of<T>::value;
   Model<R, Mem> const& model;
   Archetype const& a;
@@ -206,10 +278,13 @@ struct Lane {
   bool uniform = true;  // all lanes are the same instance (of different worlds)
   int count = W;        // lanes below it are worlds of their own; the rest repeat the last one and store nothing
   int world[W], body0[W], jnt0[W], dof0[W], qpos0[W], instance[W];
+  int worker = 0;
+  int worlds = 0, block_world = -1;  // GPU: first world of the block, whose lanes are worlds that follow each other; -1: they do not
 
-  KOKKOS_INLINE_FUNCTION Lane(Model<R, Mem> const& model_, Archetype const& a_, LaneItems<T> items_, int first_lane, int padded_worlds,
-                              int worlds)
-      : model(model_), a(a_), ints(model_.ints.data()), items(items_), at(a_) {
+  KOKKOS_FORCEINLINE_FUNCTION Lane(Model<R, Mem> const& model_, Archetype const& a_, LaneItems<T> items_, int first_lane, int padded_worlds,
+                              int worlds_, int worker_ = 0)
+      : model(model_), a(a_), ints(model_.ints.data()), items(items_), at(a_), worker(worker_), worlds(worlds_) {
+    if (W == 1 && padded_worlds >= device_block) block_world = first_lane / device_block * device_block % padded_worlds;
     int const lanes = a.ninstance * padded_worlds;
     count = 0;
     for (int i = 0; i < W; ++i) {
@@ -223,10 +298,83 @@ struct Lane {
       dof0[i] = ints[a.instance_dof + instance[i]], qpos0[i] = ints[a.instance_qpos + instance[i]];
     }
   }
-  KOKKOS_INLINE_FUNCTION int index(int array, int i) const { return ints[array + i]; }
+  /// The same lane for one worker.
+  template <int N>
+  KOKKOS_FORCEINLINE_FUNCTION explicit Lane(Lane<T, Mem, N> const& l)
+      : model(l.model), a(l.a), ints(l.ints), items(l.items), at(l.at), uniform(l.uniform), count(l.count) {
+    for (int i = 0; i < W; ++i)
+      world[i] = l.world[i], body0[i] = l.body0[i], jnt0[i] = l.jnt0[i], dof0[i] = l.dof0[i], qpos0[i] = l.qpos0[i],
+      instance[i] = l.instance[i];
+  }
+  KOKKOS_FORCEINLINE_FUNCTION int index(int array, int i) const { return ints[array + i]; }
+
+  /// What all workers have written so far can be read by all of them after it.
+  KOKKOS_FORCEINLINE_FUNCTION void sync() const {
+#ifdef __CUDA_ARCH__
+    if constexpr (Workers > 1) __syncthreads();
+#endif
+  }
+  /// f(i) for i < n, in no order.
+  template <class F>
+  KOKKOS_FORCEINLINE_FUNCTION void each(int n, F const& f) const {
+    for (int i = worker; i < n; i += Workers) f(i);
+    sync();
+  }
+  /// put(i, get(i)) for i < n, in no order; neither may read what another i puts.
+  template <class Get, class Put>
+  KOKKOS_FORCEINLINE_FUNCTION void together(int n, Get const& get, Put const& put) const {
+    detail::together((n - worker + Workers - 1) / Workers, [&](int k) { return get(worker + k * Workers); },
+                     [&](int k, auto const& v) { put(worker + k * Workers, v); });
+    sync();
+  }
+  /// f(body), parents before their children: f reads what its parent has and writes what is the body's own.
+  template <class F>
+  KOKKOS_FORCEINLINE_FUNCTION void down(F const& f) const {
+    if constexpr (Workers == 1) {
+      for (int b = 0; b < a.nbody; ++b) f(b);
+    } else {
+      static_assert(Workers == tree_parts);
+      for (int own = 0; own < 2; ++own) {  // the trunk, then the limbs
+        int const part = own ? 1 + worker : worker == 0 ? 0 : -1;
+        for (int k = part < 0 ? 0 : index(a.part_adr, part), end = part < 0 ? 0 : index(a.part_adr, part + 1); k < end; ++k)
+          f(index(a.part_body, k));
+        sync();
+      }
+    }
+  }
+  /// f(body), children before their parents: f reads what its descendants have and writes what is the body's own.
+  template <class F>
+  KOKKOS_FORCEINLINE_FUNCTION void up(F const& f) const {
+    if constexpr (Workers == 1) {
+      for (int b = a.nbody - 1; b >= 0; --b) f(b);
+    } else {
+      for (int own = 1; own >= 0; --own) {
+        int const part = own ? 1 + worker : worker == 0 ? 0 : -1;
+        for (int k = part < 0 ? -1 : index(a.part_adr, part + 1) - 1, first = part < 0 ? 0 : index(a.part_adr, part); k >= first; --k)
+          f(index(a.part_body, k));
+        sync();
+      }
+    }
+  }
+  /// f(child) for all children of b, the last one first.
+  template <class F>
+  KOKKOS_FORCEINLINE_FUNCTION void children(int b, F const& f) const {
+    for (int c = index(a.body_child, b); c >= 0; c = index(a.body_sibling, c)) f(c);
+  }
+  /// f(lane), by one worker: what few models have. On a GPU out of line, so that what a model lacks costs nothing: f gets a copy of the
+  /// lane, which else would have to stand in memory.
+  template <class F>
+  KOKKOS_FORCEINLINE_FUNCTION void alone(F const& f) const {
+#ifdef __CUDA_ARCH__
+    if (worker == 0) detail::out_of_line(Lane<T, Mem>(*this), f);
+    sync();
+#else
+    f(*this);
+#endif
+  }
 
   /// Constant `component` of item `i` (counted from `first` of each lane): one broadcast where all lanes share it, else a gather.
-  KOKKOS_INLINE_FUNCTION T constant(Field<R> const& f, int const* first, int i, int components = 1, int component = 0) const {
+  KOKKOS_FORCEINLINE_FUNCTION T constant(Field<R> const& f, int const* first, int i, int components = 1, int component = 0) const {
     if constexpr (W == 1) {
       return f(world[0], (first[0] + i) * components + component);
     } else {
@@ -234,14 +382,14 @@ struct Lane {
       return detail::gather<T>(f.data, f.stride, world, first, components, i * components + component);
     }
   }
-  KOKKOS_INLINE_FUNCTION Vec3<T> constant3(Field<R> const& f, int const* first, int i) const {
+  KOKKOS_FORCEINLINE_FUNCTION Vec3<T> constant3(Field<R> const& f, int const* first, int i) const {
     return {constant(f, first, i, 3, 0), constant(f, first, i, 3, 1), constant(f, first, i, 3, 2)};
   }
-  KOKKOS_INLINE_FUNCTION Quat<T> constant4(Field<R> const& f, int const* first, int i) const {
+  KOKKOS_FORCEINLINE_FUNCTION Quat<T> constant4(Field<R> const& f, int const* first, int i) const {
     return {constant(f, first, i, 4, 0), constant(f, first, i, 4, 1), constant(f, first, i, 4, 2), constant(f, first, i, 4, 3)};
   }
   /// Constant of the tree's k-th tendon, term or actuator, which are listed by world index.
-  KOKKOS_INLINE_FUNCTION T listed(Field<R> const& f, int list, int n, int k, int components = 1, int component = 0) const {
+  KOKKOS_FORCEINLINE_FUNCTION T listed(Field<R> const& f, int list, int n, int k, int components = 1, int component = 0) const {
     if constexpr (W == 1) {
       return f(world[0], index(list, instance[0] * n + k) * components + component);
     } else {
@@ -251,22 +399,22 @@ struct Lane {
       return constant(f, item, 0, components, component);
     }
   }
-  KOKKOS_INLINE_FUNCTION Vec3<T> gravity() const {
+  KOKKOS_FORCEINLINE_FUNCTION Vec3<T> gravity() const {
     int const zero[W] = {};
     return constant3(model.gravity, zero, 0);
   }
   /// World indices of the tree's k-th item of a list, for constant(field, item, 0, ...) and load(view, item, 0, ...).
-  KOKKOS_INLINE_FUNCTION void listed_items(int list, int n, int k, int (&item)[W]) const {
+  KOKKOS_FORCEINLINE_FUNCTION void listed_items(int list, int n, int k, int (&item)[W]) const {
     item[0] = index(list, instance[0] * n + k);
     for (int i = 1; i < W; ++i) item[i] = uniform ? item[0] : index(list, instance[i] * n + k);
   }
   /// Reference point of spatial vectors: the centre of mass of all bodies that hang on the same root.
-  KOKKOS_INLINE_FUNCTION Vec3<T> com(int root) const { return items.vec3(at.com + 3 * root); }
-  KOKKOS_INLINE_FUNCTION Vec3<T> com_of_body(int b) const { return com(index(a.body_root, b)); }
+  KOKKOS_FORCEINLINE_FUNCTION Vec3<T> com(int root) const { return items.vec3(at.com + 3 * root); }
+  KOKKOS_FORCEINLINE_FUNCTION Vec3<T> com_of_body(int b) const { return com(index(a.body_root, b)); }
 
   /// Item `first + i` of a plain view (world, item), or its component of (world, item, components).
   template <class View>
-  KOKKOS_INLINE_FUNCTION T load(View const& v, int const* first, int i, int components = 1, int component = 0) const {
+  KOKKOS_FORCEINLINE_FUNCTION T load(View const& v, int const* first, int i, int components = 1, int component = 0) const {
     std::int64_t const stride = std::int64_t(v.extent(1)) * components;
     if constexpr (W == 1)
       return v.data()[world[0] * stride + (first[0] + i) * components + component];
@@ -276,14 +424,15 @@ struct Lane {
       return detail::gather<T>(v.data(), stride, world, first, components, i * components + component);
   }
   template <class View>
-  KOKKOS_INLINE_FUNCTION void store(View const& v, int const* first, int i, T const& x, int components = 1, int component = 0) const {
+  KOKKOS_FORCEINLINE_FUNCTION void store(View const& v, int const* first, int i, T const& x, int components = 1, int component = 0) const {
     std::int64_t const stride = std::int64_t(v.extent(1)) * components;
-    if constexpr (W == 1)
-      v.data()[world[0] * stride + (first[0] + i) * components + component] = x;  // a lane that has no world does not run
-    else if (uniform && count == W)
+    if constexpr (W == 1) {
+      if (count > 0) v.data()[world[0] * stride + (first[0] + i) * components + component] = x;
+    } else if (uniform && count == W) {
       detail::scatter_consecutive<T>(v.data() + world[0] * stride + (first[0] + i) * components + component, stride, x);
-    else
+    } else {
       detail::scatter<T>(v.data(), stride, world, first, components, i * components + component, x, count);
+    }
   }
 };
 
@@ -294,21 +443,30 @@ concept FusedStage = requires(Stage const s, Archetype const& a, DynamicsLayout 
   s.kept(a, at);
 };
 
+/// A stage that is written for several workers, and runs that many blocks at a time on a multiprocessor.
+template <class Stage>
+concept SharedStage = Stage::shared_blocks > 0;
+template <class Stage>
+inline constexpr int stage_blocks = 1;
+template <SharedStage Stage>
+inline constexpr int stage_blocks<Stage> = Stage::shared_blocks;
+
 template <class T, class R, class Mem, class Stage>
 struct LaneKernel {
   Model<R, Mem> model;
   Dynamics<R, Mem> dynamics;
   Stage stage;
-  KOKKOS_INLINE_FUNCTION void run(int i, T* scratch) const {
+  template <int Workers = 1>
+  KOKKOS_FORCEINLINE_FUNCTION void run(int i, T* scratch, int worker = 0) const {
     constexpr int width = Dynamics<R, Mem>::width, W = width_of<T>::value;
     static_assert(W == 1 || W == width);
     int const block = i / (width / W), inside = i % (width / W);
     int const k = dynamics.block_archetype(block);
     Archetype const& a = model.archetypes(k);
     LaneItems<T> const items{reinterpret_cast<T*>(dynamics.items.data() + dynamics.block_offset(block)) + inside, width / W};
-    Lane<T, Mem> lane(model, a, scratch ? LaneItems<T>{scratch, 1} : items, (block - dynamics.archetype_block(k)) * width + inside,
-                      dynamics.padded_worlds, dynamics.worlds);
-    if (lane.count == 0) return;
+    Lane<T, Mem, Workers> const lane(model, a, scratch ? LaneItems<T>{scratch, 1} : items,
+                                     (block - dynamics.archetype_block(k)) * width + inside, dynamics.padded_worlds, dynamics.worlds, worker);
+    if (Workers == 1 && lane.count == 0) return;  // several meet at barriers, and such a lane stores nothing
     stage(lane);
     if constexpr (FusedStage<Stage>)
       for (int e = 0, n = scratch ? stage.kept(a, lane.at) : 0; e < n; ++e) items[e] = scratch[e];
@@ -319,11 +477,6 @@ struct LaneKernel {
     else
       run(i, nullptr);
   }
-};
-template <class Kernel>
-struct DeviceLanes {
-  Kernel kernel;
-  KOKKOS_FUNCTION void operator()(int i) const { kernel.run(i, nullptr); }
 };
 template <class Exec, class Kernel>
 struct HostLanes {
@@ -344,11 +497,14 @@ void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, 
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::for_lanes: the model is not accessible from this execution space");
   constexpr int threads = Dynamics<R, Mem>::width / detail::width_of<T>::value;
   using Kernel = detail::LaneKernel<T, R, Mem, Stage>;
-  // one warp a thread block on a GPU: a block of lanes works in 200 kB and more, the first-level cache of a multiprocessor
-  using Policy =
-      std::conditional_t<is_device<Exec>, Kokkos::RangePolicy<Exec, Kokkos::LaunchBounds<device_block, 1>>, Kokkos::RangePolicy<Exec>>;
-  using Lanes = std::conditional_t<is_device<Exec>, detail::DeviceLanes<Kernel>, detail::HostLanes<Exec, Kernel>>;
-  Kokkos::parallel_for(label, light(Policy(exec, 0, dynamics.blocks * threads)), Lanes{{model, dynamics, stage}});
+  if constexpr (is_device<Exec>) {  // few warps a multiprocessor: a block of lanes works in 200 kB, the first-level cache
+    static_assert(Dynamics<R, Mem>::width == device_block);
+    detail::launch_lanes<detail::SharedStage<Stage> ? device_workers : 1, device_block, detail::stage_blocks<Stage>>(label, exec, dynamics.blocks,
+                                                                                                  Kernel{model, dynamics, stage});
+  } else {
+    Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads),
+                         detail::HostLanes<Exec, Kernel>{{model, dynamics, stage}});
+  }
 }
 template <ExecutionSpace Exec, class R, class Mem, class Stage>
 void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {

@@ -11,41 +11,42 @@ namespace gsp {
 namespace detail {
 /// Centres of mass (one a root), spatial inertias of the bodies about them, and cdof.
 template <class L>
-KOKKOS_INLINE_FUNCTION void lanes_inertia(L const& l) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_inertia(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
   auto const skipped = [&](int b) { return l.index(a.body_parent, b) == parent_of::none; };
-  for (int root = 0, b = 0; root < a.nroot; ++root) {  // the bodies of a root follow each other
+  l.each(a.nbody, [&](int b) {
+    if (skipped(b)) return;
+    Vec3<T> const center = s.vec3(l.at.xpos + 3 * b) + rotate(s.quat(l.at.xquat + 4 * b), l.constant3(l.model.body_ipos, l.body0, b));
+    s.put(l.at.cinert + 10 * b + 6, center);  // kept until com is known
+  });
+  l.each(a.nroot, [&](int root) {
     Vec3<T> com{T(0), T(0), T(0)};
     T total(0);
-    int const first = b;
-    for (; b < a.nbody && (skipped(b) || l.index(a.body_root, b) == root); ++b) {
-      if (skipped(b)) continue;
+    for (int b = 0; b < a.nbody; ++b) {
+      if (skipped(b) || l.index(a.body_root, b) != root) continue;
       T const mass = l.constant(l.model.body_mass, l.body0, b);
-      Vec3<T> const center = s.vec3(l.at.xpos + 3 * b) + rotate(s.quat(l.at.xquat + 4 * b), l.constant3(l.model.body_ipos, l.body0, b));
-      s.put(l.at.cinert + 10 * b + 6, center);  // kept until com is known
-      com = fma(mass, center, com), total = total + mass;
+      com = fma(mass, s.vec3(l.at.cinert + 10 * b + 6), com), total = total + mass;
     }
-    com = (T(1) / max(total, T(1e-15))) * com;
-    s.put(l.at.com + 3 * root, com);
-    for (int k = first; k < b; ++k) {
-      if (skipped(k)) continue;
-      Vec3<T> const c = s.vec3(l.at.cinert + 10 * k + 6) - com;
-      Quat<T> const q = s.quat(l.at.xquat + 4 * k) * l.constant4(l.model.body_iquat, l.body0, k);
-      s.put(l.at.cinert + 10 * k,
-            spatial_inertia(l.constant(l.model.body_mass, l.body0, k), l.constant3(l.model.body_inertia, l.body0, k), q, c));
-    }
-  }
+    s.put(l.at.com + 3 * root, (T(1) / max(total, T(1e-15))) * com);
+  });
+  l.each(a.nbody, [&](int b) {
+    if (skipped(b)) return;
+    Vec3<T> const center = s.vec3(l.at.cinert + 10 * b + 6) - l.com_of_body(b);
+    Quat<T> const q = s.quat(l.at.xquat + 4 * b) * l.constant4(l.model.body_iquat, l.body0, b);
+    s.put(l.at.cinert + 10 * b,
+          spatial_inertia(l.constant(l.model.body_mass, l.body0, b), l.constant3(l.model.body_inertia, l.body0, b), q, center));
+  });
   Vec3<T> const zero{T(0), T(0), T(0)};
-  for (int j = 0; j < a.njnt; ++j) {
+  l.each(a.njnt, [&](int j) {
     int i = l.index(a.jnt_dofadr, j);
     auto const type = JointType(l.index(a.jnt_type, j));
     Vec3<T> const offset = l.com_of_body(l.index(a.jnt_body, j)) - s.vec3(l.at.xanchor + 3 * j);
     if (type == JointType::hinge || type == JointType::slide) {
       Vec3<T> const axis = s.vec3(l.at.xaxis + 3 * j);
       s.put(l.at.cdof + 6 * i, type == JointType::hinge ? Spatial<T>{axis, cross(axis, offset)} : Spatial<T>{zero, axis});
-      continue;
+      return;
     }
     if (type == JointType::free) {
       s.put(l.at.cdof + 6 * i, Spatial<T>{zero, {T(1), T(0), T(0)}});
@@ -58,27 +59,28 @@ KOKKOS_INLINE_FUNCTION void lanes_inertia(L const& l) {
       Vec3<T> const axis = column(r, c);
       s.put(l.at.cdof + 6 * (i + c), Spatial<T>{axis, cross(axis, offset)});
     }
-  }
+  });
 }
 
 /// M from cdof and the bodies' inertias, which become composite inertias on the way.
 template <class L>
-KOKKOS_INLINE_FUNCTION void lanes_mass_matrix(L const& l) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_mass_matrix(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
-  for (int b = a.nbody - 1; b >= 0; --b) {
-    SpatialInertia<T> const composite = s.inertia(l.at.cinert + 10 * b);
-    int const d0 = l.index(a.body_dofadr, b);
-    for (int i = d0 + l.index(a.body_dofnum, b) - 1; i >= d0; --i) {
-      Spatial<T> const f = composite * s.spatial(l.at.cdof + 6 * i);
-      int const row = l.index(a.row_adr, i), n = l.index(a.row_adr, i + 1) - row;
-      for (int p = 0; p < n; ++p) s[l.at.mass + row + p] = dot(s.spatial(l.at.cdof + 6 * l.index(a.row_col, row + p)), f);
-      s[l.at.mass + row + n - 1] = s[l.at.mass + row + n - 1] + l.constant(l.model.dof_armature, l.dof0, i);
-    }
-    int const parent = l.index(a.body_parent, b);
-    if (parent >= 0) s.put(l.at.cinert + 10 * parent, s.inertia(l.at.cinert + 10 * parent) + composite);
-  }
+  l.up([&](int b) {
+    if (l.index(a.body_child, b) < 0) return;
+    SpatialInertia<T> composite = s.inertia(l.at.cinert + 10 * b);
+    l.children(b, [&](int c) { composite = composite + s.inertia(l.at.cinert + 10 * c); });
+    s.put(l.at.cinert + 10 * b, composite);
+  });
+  l.each(a.nv, [&](int i) {
+    Spatial<T> const f = s.inertia(l.at.cinert + 10 * l.index(a.dof_body, i)) * s.spatial(l.at.cdof + 6 * i);
+    int const row = l.index(a.row_adr, i), n = l.index(a.row_adr, i + 1) - row;
+    together(
+        n, [&](int p) { return dot(s.spatial(l.at.cdof + 6 * l.index(a.row_col, row + p)), f); },
+        [&](int p, T const& m) { s[l.at.mass + row + p] = p < n - 1 ? m : m + l.constant(l.model.dof_armature, l.dof0, i); });
+  });
 }
 
 template <class State, class Poses>

@@ -16,7 +16,7 @@ KOKKOS_INLINE_FUNCTION T polynomial_slope(T k, T k1, T k2, T x) {
 }
 /// Damping of dof i at its velocity: force per velocity, or the slope of the force.
 template <class L>
-KOKKOS_INLINE_FUNCTION auto lanes_damping(L const& l, int i, bool slope) {
+KOKKOS_FORCEINLINE_FUNCTION auto lanes_damping(L const& l, int i, bool slope) {
   auto const& m = l.model;
   auto const b = l.constant(m.dof_damping, l.dof0, i);
   if (!m.poly_damping) return b;
@@ -43,7 +43,7 @@ KOKKOS_INLINE_FUNCTION auto lanes_tendon_stretch(L const& l, int k) {
 }
 /// Displacement of joint j's spring, times(c, difference): one number for a hinge or slide, vectors else; visit(first dof, vector).
 template <class L, class View, class One, class Three>
-KOKKOS_INLINE_FUNCTION void lanes_joint_spring(L const& l, View const& qpos, int j, One const& one, Three const& three) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_joint_spring(L const& l, View const& qpos, int j, One const& one, Three const& three) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& m = l.model;
@@ -90,29 +90,13 @@ KOKKOS_INLINE_FUNCTION void lanes_gravity_compensation(L const& l) {
   lanes_project_forces(l, l.at.gravcomp);
 }
 
-/// joint: -x (k + k1 x + k2 x^2), x = q - q_spring, and -v (b + b1 |v| + b2 v^2); ball and free: a vector takes the place of x, and its
-/// length that of x in the polynomial. tendon: the spring pulls outside of its dead band; forces reach the joints by J^T.
-/// With integrators that need it, derivative gets that of these forces by velocity.
-template <class L, class View>
-KOKKOS_INLINE_FUNCTION void lanes_passive(L const& l, View const& qpos) {
+/// What few models have: springs and dampers of tendons, gravity compensation, a fluid.
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_rare_passive(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
   auto const& m = l.model;
-  for (int i = 0; i < a.nv; ++i) s[l.at.passive + i] = m.dampers ? -(lanes_damping(l, i, false) * s[l.at.qvel + i]) : T(0);
-  for (int j = 0; j < a.njnt && m.springs; ++j) {
-    T const k = l.constant(m.jnt_stiffness, l.jnt0, j);
-    auto const force = [&](T const& x) {
-      if (!m.poly_stiffness) return k;
-      return polynomial(k, l.constant(m.jnt_stiffnesspoly, l.jnt0, j, 2, 0), l.constant(m.jnt_stiffnesspoly, l.jnt0, j, 2, 1), x);
-    };
-    lanes_joint_spring(
-        l, qpos, j, [&](int i, T const& x) { s[l.at.passive + i] = fma(-force(x), x, s[l.at.passive + i]); },
-        [&](int i, Vec3<T> const& x) {
-          T const f = force(norm(x));
-          for (int c = 0; c < 3; ++c) s[l.at.passive + i + c] = fma(-f, x[c], s[l.at.passive + i + c]);
-        });
-  }
   if (a.tendon_passive)
     for (int k = 0; k < a.ntendon; ++k) {
       T force(0);
@@ -137,14 +121,43 @@ KOKKOS_INLINE_FUNCTION void lanes_passive(L const& l, View const& qpos) {
   }
   if (a.fluid) lanes_body_velocity(l), lanes_fluid(l);
   if (a.derivative == 0 || !m.dampers) return;
-  for (int i = 0; i < a.nv; ++i) {
+  for (int k = 0; k < a.ntendon && a.tendon_passive; ++k)
+    lanes_add_derivative(l, -lanes_tendon_damping(l, k, true), [&](auto const& f) { lanes_for_tendon_arm(l, k, f); });
+}
+
+/// joint: -x (k + k1 x + k2 x^2), x = q - q_spring, and -v (b + b1 |v| + b2 v^2); ball and free: a vector takes the place of x, and its
+/// length that of x in the polynomial. tendon: the spring pulls outside of its dead band; forces reach the joints by J^T.
+/// With integrators that need it, derivative gets that of these forces by velocity.
+template <class L, class View>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_passive(L const& l, View const& qpos) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  auto const& m = l.model;
+  l.together(
+      a.nv, [&](int i) { return m.dampers ? -(lanes_damping(l, i, false) * s[l.at.qvel + i]) : T(0); },
+      [&](int i, T const& f) { s[l.at.passive + i] = f; });
+  l.each(m.springs ? a.njnt : 0, [&](int j) {
+    T const k = l.constant(m.jnt_stiffness, l.jnt0, j);
+    auto const force = [&](T const& x) {
+      if (!m.poly_stiffness) return k;
+      return polynomial(k, l.constant(m.jnt_stiffnesspoly, l.jnt0, j, 2, 0), l.constant(m.jnt_stiffnesspoly, l.jnt0, j, 2, 1), x);
+    };
+    lanes_joint_spring(
+        l, qpos, j, [&](int i, T const& x) { s[l.at.passive + i] = fma(-force(x), x, s[l.at.passive + i]); },
+        [&](int i, Vec3<T> const& x) {
+          T const f = force(norm(x));
+          for (int c = 0; c < 3; ++c) s[l.at.passive + i + c] = fma(-f, x[c], s[l.at.passive + i + c]);
+        });
+  });
+  if (a.tendon_passive || a.gravcomp || a.fluid) l.alone([](auto const& one) { lanes_rare_passive(one); });
+  if (a.derivative == 0 || !m.dampers) return;
+  l.each(a.nv, [&](int i) {
     int const diagonal = l.index(a.row_adr, i + 1) - 1;
     T const b = lanes_damping(l, i, true);
     s[l.at.derivative + diagonal] = s[l.at.derivative + diagonal] - b;
     if (a.derivative == 2) s[l.at.derivative + a.nM + diagonal] = s[l.at.derivative + a.nM + diagonal] - b;
-  }
-  for (int k = 0; k < a.ntendon && a.tendon_passive; ++k)
-    lanes_add_derivative(l, -lanes_tendon_damping(l, k, true), [&](auto const& f) { lanes_for_tendon_arm(l, k, f); });
+  });
 }
 
 template <class State, class Poses>

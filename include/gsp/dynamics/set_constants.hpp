@@ -125,7 +125,7 @@ struct ConstantsStage {
     if (a.ntendon > 0) lanes_tendons(l, start);
     lanes_mass_matrix(l);
     for (int i = 0; i < a.nv; ++i) put(l, dof_M0, m.nv, l.dof0, i, s[l.at.mass + l.index(a.row_adr, i + 1) - 1]);
-    if (a.tendon_armature) lanes_tendon_armature(l);
+    lanes_tendon_armature(l);
     lanes_factor(l, [](int) { return T(0); });
     bodies(l), dofs(l);
     int const x = l.at.acceleration;

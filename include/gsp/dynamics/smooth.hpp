@@ -16,17 +16,18 @@ struct SmoothStage {
   Poses poses;
   SmoothOptions options;
   bool keep_mass;
+  static constexpr int shared_blocks = 4;
   template <class L>
-  KOKKOS_FUNCTION void operator()(L const& l) const {
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     lanes_kinematics(l, state), lanes_store_poses(l, poses, options.joint_poses);
     lanes_load_velocity(l, state.qvel);
     lanes_inertia(l);
     lanes_tendons(l, state);
     lanes_bias(l, l.model.profile == Profile::stable && is_free_body(l));
-    if (l.a.tendon_armature) lanes_tendon_bias(l, state);
+    lanes_tendon_bias(l, state);
     lanes_bias_derivative(l);
     lanes_mass_matrix(l);
-    if (l.a.tendon_armature) lanes_tendon_armature(l);
+    lanes_tendon_armature(l);
     lanes_passive(l, state.qpos);
     lanes_actuators(l, state);
     lanes_factor_profile(l);
@@ -44,7 +45,7 @@ struct SmoothStage {
 template <ExecutionSpace Exec, class R, class Mem>
 void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                      Poses<R, Mem> const& poses, SmoothOptions options = {}) {
-  bool const keep_mass = model.profile == Profile::mujoco;  // its integrator takes joint damping with M again
+  bool const keep_mass = model.profile == Profile::mujoco;  // its integrator takes M again, with joint damping
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
   for_lanes("gsp::dynamics::smooth_dynamics", exec, model, dynamics,
             detail::SmoothStage<State<R, Mem>, Poses<R, Mem>>{state, poses, options, keep_mass});

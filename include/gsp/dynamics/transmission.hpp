@@ -37,6 +37,15 @@ struct SliderCrank {
   }
 };
 
+/// act_length and act_velocity of the k-th actuator, which is on a hinge or slide.
+template <class L, class State>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_joint_transmission(L const& l, State const& state, int k) {
+  auto const g = l.listed(l.model.act_gear, l.a.instance_act, l.a.nact, k, 6, 0);
+  int const joint = l.index(l.a.act_id, k);
+  l.items[l.at.act_length + k] = g * l.load(state.qpos, l.qpos0, l.index(l.a.jnt_qposadr, joint));
+  l.items[l.at.act_velocity + k] = g * l.items[l.at.qvel + l.index(l.a.jnt_dofadr, joint)];
+}
+
 /// act_length, act_velocity, act_moment of the k-th actuator. After lanes_tendons.
 template <class L, class State>
 KOKKOS_INLINE_FUNCTION void lanes_transmission(L const& l, State const& state, int k) {
@@ -46,12 +55,7 @@ KOKKOS_INLINE_FUNCTION void lanes_transmission(L const& l, State const& state, i
   auto const gear = [&](int c) { return l.listed(l.model.act_gear, a.instance_act, a.nact, k, 6, c); };
   auto const kind = ActuatorKind(l.index(a.act_kind, k));
   int const id = l.index(a.act_id, k);
-  if (kind == ActuatorKind::scalar_joint) {
-    T const g = gear(0);
-    s[l.at.act_length + k] = g * l.load(state.qpos, l.qpos0, l.index(a.jnt_qposadr, id));
-    s[l.at.act_velocity + k] = g * s[l.at.qvel + l.index(a.jnt_dofadr, id)];
-    return;
-  }
+  if (kind == ActuatorKind::scalar_joint) return lanes_joint_transmission(l, state, k);
   if (kind == ActuatorKind::tendon) {
     T const g = gear(0);
     s[l.at.act_length + k] = g * s[l.at.tendon_length + id], s[l.at.act_velocity + k] = g * s[l.at.tendon_velocity + id];
@@ -76,22 +80,18 @@ KOKKOS_INLINE_FUNCTION void lanes_transmission(L const& l, State const& state, i
   } else if (kind != ActuatorKind::contacts) {
     int const ref1 = l.index(a.act_ref1, k), ref2 = l.index(a.act_ref2, k);
     auto const first = lanes_site_pose(l, state, ref1, a.instance_object1, a.nact, k);
-    auto const add1 = [&](Vec3<T> const& force, Vec3<T> const& torque) {
-      if (ref1 < 0) return;
-      auto wrench = lanes_wrench(l, ref1, first.p, force);
+    auto const add = [&](int ref, Vec3<T> const& point, int last, int chain, Vec3<T> const& force, Vec3<T> const& torque) {
+      if (ref < 0) return;
+      auto wrench = lanes_wrench(l, ref, point, force);
       wrench.angular += torque;
-      lanes_add_to_row(l, M, l.index(a.act_last1, k), l.index(a.act_chain1, k), wrench);
+      lanes_add_to_row(l, M, l.index(last, k), l.index(chain, k), wrench);
     };
+    auto const add1 = [&](Vec3<T> const& force, Vec3<T> const& torque) { add(ref1, first.p, a.act_last1, a.act_chain1, force, torque); };
     if (kind == ActuatorKind::site) {
       add1(rotate(first.q, linear), rotate(first.q, angular));
     } else {
       auto const second = lanes_site_pose(l, state, ref2, a.instance_object2, a.nact, k);
-      auto const add2 = [&](Vec3<T> const& force, Vec3<T> const& torque) {
-        if (ref2 < 0) return;
-        auto wrench = lanes_wrench(l, ref2, second.p, force);
-        wrench.angular += torque;
-        lanes_add_to_row(l, M, l.index(a.act_last2, k), l.index(a.act_chain2, k), wrench);
-      };
+      auto const add2 = [&](Vec3<T> const& force, Vec3<T> const& torque) { add(ref2, second.p, a.act_last2, a.act_chain2, force, torque); };
       if (kind == ActuatorKind::site_in_reference) {
         length = dot(rotate_inverse(second.q, first.p - second.p), linear) + dot(log_rotation(conjugate(second.q) * first.q), angular);
         Vec3<T> const force = rotate(second.q, linear), torque = rotate(second.q, angular);

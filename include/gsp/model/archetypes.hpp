@@ -1,5 +1,6 @@
 #pragma once
 #include <algorithm>
+#include <array>
 #include <gsp/core/check.hpp>
 #include <gsp/model/compiled.hpp>
 #include <map>
@@ -36,6 +37,10 @@ enum class ActuatorKind : int {
 };
 enum class TendonKind : int { fixed, sites, wrapped };  // sites: no geom on its path
 
+/// Where several workers share a tree, it is cut into a trunk (part 0) and so many parts, each a set of subtrees that hang on the trunk (or
+/// on the world): limbs of about equal size, which know nothing of each other.
+inline constexpr int tree_parts = 4;
+
 struct ArchetypeDescription {
   // lone: a free body without children. Local indices: bodies, joints, dofs and qpos of a tree are contiguous and counted from 0; parents:
   // see parent_of
@@ -45,6 +50,9 @@ struct ArchetypeDescription {
   std::vector<int>
       row_adr;  // (nv + 1) first entry of dof i's row in the lower triangle of M; row i = the ancestors of i from the root down, then i
   std::vector<int> row_col;                   // (nM)
+  std::vector<int> body_child, body_sibling;  // a body's last child, the sibling before it; -1: none
+  std::vector<int> body_dofend;               // one past the last dof of its subtree
+  std::vector<int> part_adr, part_body;       // part k: part_adr[k] .. of part_body, see tree_parts
   std::vector<int> tendon_termadr, term_jnt;  // (ntendon + 1), (nterm)
   // spatial tendons: dofs that move them, tendon_jadr[k] .. of tendon_jdof; their path, tendon_pathadr[k] .. of path_*
   std::vector<int> tendon_kind, tendon_jadr, tendon_jdof, tendon_pathadr;
@@ -335,6 +343,54 @@ struct ArchetypeBuilder {
     int const own_group = item_or(m.act_group, k, 0);
     a.act_disabled.push_back(own_group >= 0 && own_group < 31 && (m.option.disabled_actuator_groups >> own_group & 1));
   }
+  void add_family() {
+    a.body_child.assign(a.nbody(), -1), a.body_sibling.assign(a.nbody(), -1);
+    for (int b = 0; b < a.nbody(); ++b)
+      if (int const parent = a.body_parent[b]; parent >= 0) a.body_sibling[b] = a.body_child[parent], a.body_child[parent] = b;
+    a.body_dofend.assign(a.nbody(), 0);
+    for (int b = a.nbody() - 1; b >= 0; --b) {
+      if (a.body_dofnum[b] > 0) a.body_dofend[b] = std::max(a.body_dofend[b], a.body_dofadr[b] + a.body_dofnum[b]);
+      if (int const parent = a.body_parent[b]; parent >= 0) a.body_dofend[parent] = std::max(a.body_dofend[parent], a.body_dofend[b]);
+    }
+  }
+  /// Cuts the tree: the heaviest limb gives its root to the trunk, again and again; the cut with the shortest way (trunk, then the largest
+  /// part) is taken. A body weighs 1 and its dofs.
+  void add_parts() {
+    int const n = a.nbody();
+    std::vector<int> weight(n), part(n, 0), limbs;
+    for (int b = n - 1; b >= 0; --b) {
+      weight[b] += a.body_parent[b] == parent_of::none ? 0 : 1 + a.body_dofnum[b];
+      if (a.body_parent[b] >= 0) weight[a.body_parent[b]] += weight[b];
+    }
+    auto const heavier = [&](int x, int y) { return weight[x] != weight[y] ? weight[x] > weight[y] : x < y; };
+    for (int b = 0; b < n; ++b)
+      if (a.body_parent[b] < 0) limbs.push_back(b);
+    int shortest = -1;
+    for (int trunk = 0; !limbs.empty();) {
+      std::sort(limbs.begin(), limbs.end(), heavier);
+      std::array<int, tree_parts> load{};
+      std::vector<int> assigned(n, 0);
+      for (int b : limbs) {
+        int const k = int(std::min_element(load.begin(), load.end()) - load.begin());
+        load[k] += weight[b], assigned[b] = k + 1;
+      }
+      int const way = trunk + *std::max_element(load.begin(), load.end());
+      if (shortest < 0 || way < shortest) {
+        shortest = way;
+        for (int b = 0; b < n; ++b) part[b] = assigned[b] ? assigned[b] : a.body_parent[b] >= 0 ? part[a.body_parent[b]] : 0;
+      }
+      int const root = limbs.front();
+      limbs.erase(limbs.begin());
+      trunk += 1 + a.body_dofnum[root];
+      for (int c = a.body_child[root]; c >= 0; c = a.body_sibling[c]) limbs.push_back(c);
+    }
+    a.part_adr.push_back(0);
+    for (int k = 0; k <= tree_parts; ++k) {
+      for (int b = 0; b < n; ++b)
+        if (part[b] == k) a.part_body.push_back(b);
+      a.part_adr.push_back(int(a.part_body.size()));
+    }
+  }
   /// Everything but numbers; equal for instances of one archetype.
   std::vector<int> key() const {
     std::vector<int> k{a.nq, a.nroot, a.nstate};
@@ -369,11 +425,11 @@ inline std::vector<ArchetypeDescription> find_archetypes(CompiledModel const& m)
     actuators[couplings.actuator[k].empty() ? 0 : group_of[couplings.actuator[k][0]]].push_back(k);
   for (int g = 0; g < int(groups.size()); ++g) {
     detail::ArchetypeBuilder builder(m, mocap_root, groups[g], g);
-    builder.add_bodies(), builder.add_joints();
+    builder.add_bodies(), builder.add_joints(), builder.add_family();
     for (int k : tendons[g]) builder.add_tendon(k);
     for (int k : actuators[g]) builder.add_actuator(k);
     auto const [place, is_new] = known.try_emplace(builder.key(), int(result.size()));
-    if (is_new) result.push_back(std::move(builder.a));
+    if (is_new) builder.add_parts(), result.push_back(std::move(builder.a));
     result[place->second].instances.push_back(std::move(builder.instance));
   }
   return result;

@@ -21,7 +21,7 @@ enum class Profile : int { stable, mujoco };
 struct Archetype {
   int nbody, njnt, nq, nv, nM, nroot, ntendon, nterm, npath, nact, nstate, ntendonJ, nmoment, nfluid, ninstance;
   int body_parent, body_root, body_lone, body_jntadr, body_jntnum, body_dofadr, body_dofnum, jnt_type, jnt_body, jnt_qposadr, jnt_dofadr,
-      jnt_actgravcomp, dof_body, dof_parent, dof_jnt, row_adr, row_col, tendon_termadr, term_jnt;
+      jnt_actgravcomp, dof_body, dof_parent, dof_jnt, row_adr, row_col, body_child, body_sibling, body_dofend, part_adr, part_body, tendon_termadr, term_jnt;
   int tendon_kind, tendon_jadr, tendon_jdof, tendon_pathadr, path_type, path_ref, path_last, path_chain, path_side, chain;
   int act_kind, act_id, act_madr, act_mdof, act_ref1, act_last1, act_chain1, act_ref2, act_last2, act_chain2;
   int act_dyn, act_gain, act_bias, act_wrap, act_early, act_state, act_disabled, body_fluidadr, fluid_type;
@@ -30,6 +30,7 @@ struct Archetype {
   int instance_path, instance_side, instance_object1, instance_object2, instance_fluid;
   // what the trees of this kind have; all else costs them nothing
   bool spatial, tendon_armature, tendon_passive, tendon_clamped, gravcomp, fluid;
+  bool plain_actuators;  // each on a hinge or slide of its own, without activation
   int derivative;  // of the forces by velocity, for the integrator: 0 none, 1 the lower triangle, 2 all of it and that of the bias forces
 };
 
@@ -312,7 +313,8 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
         p(&A::body_dofnum, &D::body_dofnum), p(&A::jnt_type, &D::jnt_type), p(&A::jnt_body, &D::jnt_body),
         p(&A::jnt_qposadr, &D::jnt_qposadr), p(&A::jnt_dofadr, &D::jnt_dofadr), p(&A::jnt_actgravcomp, &D::jnt_actgravcomp),
         p(&A::dof_body, &D::dof_body), p(&A::dof_parent, &D::dof_parent), p(&A::dof_jnt, &D::dof_jnt), p(&A::row_adr, &D::row_adr),
-        p(&A::row_col, &D::row_col), p(&A::tendon_termadr, &D::tendon_termadr), p(&A::term_jnt, &D::term_jnt),
+        p(&A::row_col, &D::row_col), p(&A::body_child, &D::body_child), p(&A::body_sibling, &D::body_sibling), p(&A::body_dofend, &D::body_dofend),
+        p(&A::part_adr, &D::part_adr), p(&A::part_body, &D::part_body), p(&A::tendon_termadr, &D::tendon_termadr), p(&A::term_jnt, &D::term_jnt),
         p(&A::tendon_kind, &D::tendon_kind), p(&A::tendon_jadr, &D::tendon_jadr), p(&A::tendon_jdof, &D::tendon_jdof),
         p(&A::tendon_pathadr, &D::tendon_pathadr), p(&A::path_type, &D::path_type), p(&A::path_ref, &D::path_ref),
         p(&A::path_last, &D::path_last), p(&A::path_chain, &D::path_chain), p(&A::path_side, &D::path_side), p(&A::chain, &D::chain),
@@ -344,6 +346,10 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
         a.tendon_passive |= m.tendon_stiffness[e] != 0 || tendon_damping[e] != 0 || d.poly_stiffness || d.poly_damping;
       }
     }
+    a.plain_actuators = t.nstate == 0;
+    for (int k = 0; k < a.nact; ++k)
+      a.plain_actuators &= t.act_kind[k] == int(ActuatorKind::scalar_joint) && t.act_gain[k] != int(ActuatorGain::muscle) &&
+                           t.act_bias[k] != int(ActuatorBias::muscle) && std::count(t.act_id.begin(), t.act_id.end(), t.act_id[k]) == 1;
     bool const free_body = std::find(t.body_lone.begin(), t.body_lone.end(), 1) != t.body_lone.end();
     if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicit) a.derivative = 2;
     if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicitfast) a.derivative = free_body ? 2 : 1;

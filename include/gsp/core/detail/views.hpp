@@ -18,57 +18,46 @@ View allocate(std::string const& label, auto... extents) {
 struct ZeroWords {
   char* data;
   std::int64_t bytes;
+  bool aligned;  // allocations are; a state's views may be parts of a user's arrays
   KOKKOS_FUNCTION void operator()(std::int64_t word) const {
-    std::int64_t const at = 8 * word;
-    if (at + 8 <= bytes)
-      *reinterpret_cast<std::uint64_t*>(data + at) = 0;  // allocations are aligned
+    std::int64_t const at = 8 * word, end = at + 8 < bytes ? at + 8 : bytes;
+    if (aligned && at + 8 <= bytes)
+      *reinterpret_cast<std::uint64_t*>(data + at) = 0;
     else
-      for (std::int64_t i = at; i < bytes; ++i) data[i] = 0;
+      for (std::int64_t i = at; i < end; ++i) data[i] = 0;
   }
 };
 template <class Exec>
 void zero_bytes(Exec const& exec, void* data, std::int64_t bytes) {
   Kokkos::parallel_for("gsp::core::zero", Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, (bytes + 7) / 8),
-                       ZeroWords{static_cast<char*>(data), bytes});
+                       ZeroWords{static_cast<char*>(data), bytes, reinterpret_cast<std::uintptr_t>(data) % 8 == 0});
 }
-/// From the host to the memory of `exec`, in its order; the host's side must stay as it is until `exec` is fenced.
+/// In the order of `exec`: after what was launched before, and there once `exec` is fenced (on a host at once).
+template <class To, class From, class Exec>
+void transfer_bytes(Exec const& exec, void* to, void const* from, std::size_t bytes) {
+  if (bytes == 0) return;
+  if constexpr (is_device<Exec>) {
+    using Unmanaged = Kokkos::MemoryTraits<Kokkos::Unmanaged>;
+    Kokkos::deep_copy(exec, Kokkos::View<char*, To, Unmanaged>(static_cast<char*>(to), bytes),
+                      Kokkos::View<char const*, From, Unmanaged>(static_cast<char const*>(from), bytes));
+  } else {
+    exec.fence("gsp::core::copy: what was launched before uses the old values");
+    std::memcpy(to, from, bytes);
+  }
+}
+/// From the host to the memory of `exec`; the host's side must stay as it is until `exec` is fenced.
 template <class Exec>
 void upload_bytes(Exec const& exec, void* to, void const* from, std::size_t bytes) {
-  if (bytes == 0) return;
-  if constexpr (is_device<Exec>) {
-    using Unmanaged = Kokkos::MemoryTraits<Kokkos::Unmanaged>;
-    Kokkos::deep_copy(exec, Kokkos::View<char*, typename Exec::memory_space, Unmanaged>(static_cast<char*>(to), bytes),
-                      Kokkos::View<char const*, Kokkos::HostSpace, Unmanaged>(static_cast<char const*>(from), bytes));
-  } else {
-    exec.fence("gsp::core::upload: what was launched before reads the old values");
-    std::memcpy(to, from, bytes);
-  }
+  transfer_bytes<typename Exec::memory_space, Kokkos::HostSpace>(exec, to, from, bytes);
 }
-/// From the memory of `exec` to the host; there once `exec` is fenced.
 template <class Exec>
 void download_bytes(Exec const& exec, void* to, void const* from, std::size_t bytes) {
-  if (bytes == 0) return;
-  if constexpr (is_device<Exec>) {
-    using Unmanaged = Kokkos::MemoryTraits<Kokkos::Unmanaged>;
-    Kokkos::deep_copy(exec, Kokkos::View<char*, Kokkos::HostSpace, Unmanaged>(static_cast<char*>(to), bytes),
-                      Kokkos::View<char const*, typename Exec::memory_space, Unmanaged>(static_cast<char const*>(from), bytes));
-  } else {
-    exec.fence("gsp::core::download: what was launched before writes the values");
-    std::memcpy(to, from, bytes);
-  }
+  transfer_bytes<Kokkos::HostSpace, typename Exec::memory_space>(exec, to, from, bytes);
 }
-
 /// Within the memory of `exec`.
 template <class Exec>
 void copy_bytes(Exec const& exec, void* to, void const* from, std::size_t bytes) {
-  if constexpr (is_device<Exec>) {
-    using Unmanaged = Kokkos::MemoryTraits<Kokkos::Unmanaged>;
-    if (bytes > 0)
-      Kokkos::deep_copy(exec, Kokkos::View<char*, typename Exec::memory_space, Unmanaged>(static_cast<char*>(to), bytes),
-                        Kokkos::View<char const*, typename Exec::memory_space, Unmanaged>(static_cast<char const*>(from), bytes));
-  } else {
-    upload_bytes(exec, to, from, bytes);
-  }
+  transfer_bytes<typename Exec::memory_space, typename Exec::memory_space>(exec, to, from, bytes);
 }
 
 template <class View>
