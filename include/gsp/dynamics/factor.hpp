@@ -122,6 +122,18 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_transport_free_body(L const& l, int v) {
   s.put(l.at.spin, x - turned);
 }
 
+/// force, acceleration <- passive - bias + actuator + applied forces; velocity <- qvel.
+template <class L, class View>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_total_force(L const& l, View const& qfrc_applied) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  l.together(
+      l.a.nv, [&](int i) { return s[l.at.passive + i] - s[l.at.bias + i] + s[l.at.actuator + i] + l.load(qfrc_applied, l.dof0, i); },
+      [&](int i, T const& f) { s[l.at.force + i] = s[l.at.acceleration + i] = f, s[l.at.impulse + i] = T(0); });
+  l.together(
+      l.a.nv, [&](int i) { return s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
+}
+
 /// velocity <- what the tree would have at the end of the step without constraints.
 ///   mujoco: v + h M^-1 f.   stable: v' + M^^-1 (h f - h^2 K v'), v' the velocity, transported where the tree is a free body.
 template <class L, class View>
@@ -130,11 +142,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfr
   auto const& s = l.items;
   T const h(l.model.timestep);
   int const nv = l.a.nv;
-  l.together(
-      nv, [&](int i) { return s[l.at.passive + i] - s[l.at.bias + i] + s[l.at.actuator + i] + l.load(qfrc_applied, l.dof0, i); },
-      [&](int i, T const& f) { s[l.at.force + i] = s[l.at.acceleration + i] = f, s[l.at.impulse + i] = T(0); });
-  l.together(
-      nv, [&](int i) { return s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
+  lanes_total_force(l, qfrc_applied);
   if (l.model.profile == Profile::stable) {
     if (is_free_body(l)) {
       if (l.worker == 0) lanes_transport_free_body(l, l.at.velocity);

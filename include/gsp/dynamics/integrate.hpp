@@ -68,6 +68,14 @@ KOKKOS_INLINE_FUNCTION void lanes_advance_activations(L const& l, State const& s
   }
 }
 
+/// True where the integrator factors a matrix of its own: profile mujoco with implicit integrators or joint damping.
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION bool lanes_factors_again(L const& l) {
+  auto const& m = l.model;
+  return m.profile == Profile::mujoco &&
+         (l.a.derivative > 0 || (m.integrator == Integrator::euler && m.eulerdamp && m.dampers && m.damped));
+}
+
 /// velocity <- velocity + L^-1 D^-1/2 z, z (world, nv) the whitened impulses. Profile mujoco starts again from the velocity v, the forces f
 /// and the impulses J^T p = L^T D^1/2 z, as joint damping enters here; MuJoCo's Euler has it
 ///   v+ = v + (M + h B)^-1 (h f + J^T p),
@@ -78,10 +86,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
-  auto const& m = l.model;
-  bool const again = m.profile == Profile::mujoco &&
-                     (a.derivative > 0 || (m.integrator == Integrator::euler && m.eulerdamp && m.dampers && m.damped));
-  if (!again) {
+  if (!lanes_factors_again(l)) {
     if (!z.data()) return;
     l.together(
         a.nv, [&](int i) { return l.load(z, l.dof0, i) * sqrt(s[l.at.inverse_diagonal + i]); },
@@ -91,7 +96,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z) {
         a.nv, [&](int i) { return s[l.at.velocity + i] + s[l.at.impulse + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
     return;
   }
-  T const h(m.timestep);
+  T const h(l.model.timestep);
   if (z.data()) {
     l.together(
         a.nv, [&](int i) { return l.load(z, l.dof0, i) / sqrt(s[l.at.inverse_diagonal + i]); },
@@ -141,9 +146,13 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
   auto const& a = l.a;
   auto const& s = l.items;
   T const h(l.model.timestep);
+  auto const moves = [&](int world) { return !(state.status(world) & status::stopped); };
+  bool all_move = true;
+  for (int k = 0; k < l.count; ++k) all_move &= moves(l.world[k]);
   auto const write = [&](auto const& view, int const* first, int i, T const& x) {
+    if (all_move) return l.store(view, first, i, x);
     for (int k = 0; k < l.count; ++k)
-      if (!(state.status(l.world[k]) & status::stopped)) view(l.world[k], first[k] + i) = get_lane(x, k);
+      if (moves(l.world[k])) view(l.world[k], first[k] + i) = get_lane(x, k);
   };
   l.each(a.njnt, [&](int j) {
     int q = l.index(a.jnt_qposadr, j), v = l.at.velocity + l.index(a.jnt_dofadr, j);
@@ -167,10 +176,19 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
     write(state.qpos, l.qpos0, q, next.w), write(state.qpos, l.qpos0, q + 1, next.x), write(state.qpos, l.qpos0, q + 2, next.y),
         write(state.qpos, l.qpos0, q + 3, next.z);
   });
-  auto const moves = [&](int world) { return !(state.status(world) & status::stopped); };
   if (!store_block(l, l.at.velocity, a.nv, state.qvel, l.dof0[0], moves))
     l.each(a.nv, [&](int i) { write(state.qvel, l.dof0, i, s[l.at.velocity + i]); });
   if (a.nstate > 0) l.alone([&](auto const& one) { lanes_advance_activations(one, state); });
+}
+
+/// Checks the new velocities and ends the step, for worlds of one tree each.
+template <class L, class State>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_end_step(L const& l, State const& state) {
+  lanes_check_velocity(l, state.status);
+  l.sync();
+  lanes_integrate_positions(l, state);
+  for (int k = 0; k < l.count && l.worker == 0; ++k)
+    if (!(state.status(l.world[k]) & status::stopped)) ++state.steps(l.world[k]);
 }
 
 /// All of it for worlds of one tree each.
@@ -183,11 +201,7 @@ struct OneTreeStage {
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     if (halt.data() && halt()) return;
-    lanes_new_velocity(l, z), lanes_check_velocity(l, state.status);
-    l.sync();
-    lanes_integrate_positions(l, state);
-    for (int k = 0; k < l.count && l.worker == 0; ++k)
-      if (!(state.status(l.world[k]) & status::stopped)) ++state.steps(l.world[k]);
+    lanes_new_velocity(l, z), lanes_end_step(l, state);
   }
 };
 template <class Mem>

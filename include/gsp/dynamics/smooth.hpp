@@ -1,7 +1,8 @@
 #pragma once
-#include <gsp/dynamics/factor.hpp>
+#include <gsp/dynamics/integrate.hpp>
 
-/// All of the smooth dynamics in one kernel: a block of lanes goes through every stage while it is in cache.
+/// All of the smooth dynamics in one kernel, or all of a step without constraints: a block of lanes goes through every stage while it is in
+/// cache.
 namespace gsp {
 
 struct SmoothOptions {
@@ -10,6 +11,22 @@ struct SmoothOptions {
 };
 
 namespace detail {
+/// Poses, inertias, M, and all forces.
+template <class L, class State, class Poses>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, Poses const& poses, bool joint_poses) {
+  lanes_kinematics(l, state), lanes_store_poses(l, poses, joint_poses);
+  lanes_load_velocity(l, state.qvel);
+  lanes_inertia(l);
+  lanes_tendons(l, state);
+  lanes_bias(l, l.model.profile == Profile::stable && is_free_body(l));
+  lanes_tendon_bias(l, state);
+  lanes_bias_derivative(l);
+  lanes_mass_matrix(l);
+  lanes_tendon_armature(l);
+  lanes_passive(l, state.qpos);
+  lanes_actuators(l, state);
+}
+
 template <class State, class Poses>
 struct SmoothStage {
   State state;
@@ -19,23 +36,31 @@ struct SmoothStage {
   static constexpr int shared_blocks = 4;
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
-    lanes_kinematics(l, state), lanes_store_poses(l, poses, options.joint_poses);
-    lanes_load_velocity(l, state.qvel);
-    lanes_inertia(l);
-    lanes_tendons(l, state);
-    lanes_bias(l, l.model.profile == Profile::stable && is_free_body(l));
-    lanes_tendon_bias(l, state);
-    lanes_bias_derivative(l);
-    lanes_mass_matrix(l);
-    lanes_tendon_armature(l);
-    lanes_passive(l, state.qpos);
-    lanes_actuators(l, state);
+    lanes_forces(l, state, poses, options.joint_poses);
     lanes_factor_profile(l);
     lanes_free_velocity(l, state.qfrc_applied);
   }
   KOKKOS_INLINE_FUNCTION int kept(Archetype const&, DynamicsLayout const& at) const {
     return options.keep_all ? at.xpos : keep_mass ? at.passive : at.mass;
   }
+};
+template <class State, class Poses>
+struct SmoothStepStage {
+  static constexpr int shared_blocks = 4;
+  State state;
+  Poses poses;
+  template <class L>
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
+    typename State::template View<typename State::real_type**> const none;
+    lanes_forces(l, state, poses, false);
+    if (lanes_factors_again(l)) {  // what M itself gives is not asked for
+      lanes_total_force(l, state.qfrc_applied), lanes_new_velocity(l, none);
+    } else {
+      lanes_factor_profile(l), lanes_free_velocity(l, state.qfrc_applied);
+    }
+    lanes_end_step(l, state);
+  }
+  KOKKOS_INLINE_FUNCTION int kept(Archetype const&, DynamicsLayout const&) const { return 0; }
 };
 }  // namespace detail
 
@@ -49,6 +74,20 @@ void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
   for_lanes("gsp::dynamics::smooth_dynamics", exec, model, dynamics,
             detail::SmoothStage<State<R, Mem>, Poses<R, Mem>>{state, poses, options, keep_mass});
+}
+
+/// smooth_dynamics and integrate without constraints, with the integrator Euler or an implicit one: the same state and poses of bodies. Where
+/// a world is one tree it is one launch that leaves nothing in `dynamics` (which it takes as scratch) and, where the integrator has a matrix
+/// of its own, factors that alone. Does not allocate, does not fence.
+template <ExecutionSpace Exec, class R, class Mem>
+void smooth_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
+                 Poses<R, Mem> const& poses) {
+  if (model.ntree != 1) {  // a world stops as a whole
+    smooth_dynamics(exec, model, state, dynamics, poses);
+    return integrate(exec, model, dynamics, state);
+  }
+  if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
+  for_lanes("gsp::dynamics::smooth_step", exec, model, dynamics, detail::SmoothStepStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
 }
 
 }  // namespace gsp

@@ -91,8 +91,8 @@ template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem> const& sim,
                  PgsOptions const& solver, More const&... more) {
   if (has_runge_kutta(model)) return runge_kutta(exec, model, state, sim.dynamics, sim.poses, sim.runge_kutta);
+  if (!model.constraints) return smooth_step(exec, model, state, sim.dynamics, sim.poses);
   smooth_dynamics(exec, model, state, sim.dynamics, sim.poses);
-  if (!model.constraints) return integrate(exec, model, sim.dynamics, state);
   collide(exec, sim.collision, sim.poses, sim.contacts);
   assemble(exec, model, state, sim.dynamics, sim.rows, JointFriction(model), TendonFriction(model), JointLimits(model, state),
            TendonLimits(model, state), ContactRows(model, sim.collision, sim.contacts), more...);
