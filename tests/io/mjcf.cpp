@@ -228,6 +228,17 @@ TEST_CASE("the report lists what has no effect, with file, line and count") {
   CHECK(d.report[0].line == 2);
 }
 
+TEST_CASE("faces of an OBJ file that are not taken stand in the report, with the place of the mesh and theirs") {
+  auto const d = parse_mjcf("<mujoco>\n<asset>\n<mesh name='two' file='two.obj'/></asset></mujoco>", "m.xml",
+                            files({{"two.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\ng second\nf 1 2 4\n"}}));
+  REQUIRE(d.report.size() == 1);
+  CHECK(d.report[0].kind == ReportLine::Kind::left_out);
+  CHECK(d.report[0].file == "m.xml");
+  CHECK(d.report[0].line == 3);
+  CHECK(d.report[0].text ==
+        "mesh 'two': two.obj: line 7: faces from here on (1) belong to further objects or groups and are ignored, as MuJoCo does");
+}
+
 TEST_CASE("with list_refusals the whole file is read and every refusal is a line") {
   auto const d = parse_mjcf(model("<geom size='.1' type='sdf' mesh='x'/><composite/>",
                                   "<equality><flex flex='f'/></equality><actuator><pid joint='j'/></actuator>"),

@@ -277,11 +277,26 @@ TEST_CASE("meshes: relative to the file, by package, once for each file and scal
   CHECK(geoms[3].mesh == "t_3");
   // what cannot be read
   refused(robot(inertial + shape("visual", "x.obj")), "r.urdf:2: ", "no such file", options);
-  refused(robot(inertial + shape("visual", "package://other_package_here/x.obj")), "r.urdf:2: ", "say where it is by the option packages",
-          options);
+  refused(robot(inertial + shape("visual", "package://other_package_here/x.obj")),
+          "r.urdf:2: ", "say where it is with --package (UrdfOptions::packages)", options);
   options.skip_visuals = true;
   auto const left = parse_urdf(robot(inertial + shape("visual", "x.obj")), "r.urdf", options);
   CHECK(left.bodies[2].geoms.empty());
   CHECK(lines(left, ReportLine::Kind::left_out, "visual mesh 'x.obj'") == 1);
   refused(robot(inertial + shape("collision", "x.obj")), "r.urdf:2: ", "no such file", options);
+  // faces that are not taken
+  options.read = [&](std::filesystem::path const&) {
+    std::string const two = tetrahedron + "g second\nf 1 2 3\nf 1 2 4\n";
+    auto const bytes = io::detail::as_bytes(two);
+    return std::vector<std::byte>(bytes.begin(), bytes.end());
+  };
+  auto const part = parse_urdf(robot(inertial + shape("collision", "t.obj")), "r.urdf", options);
+  CHECK(lines(part, ReportLine::Kind::left_out, "") == 1);
+  for (auto const& l : part.report) {
+    if (l.kind != ReportLine::Kind::left_out) continue;
+    CHECK(l.file == "r.urdf");
+    CHECK(l.line == 2);
+    CHECK(l.text ==
+          "mesh 't.obj': t.obj: line 10: faces from here on (2) belong to further objects or groups and are ignored, as MuJoCo does");
+  }
 }

@@ -23,8 +23,8 @@ inline MeshFormat mesh_format(std::string const& file, std::string const& conten
 }
 
 /// A mesh from the bytes of a file. `file` is named in messages, lends its stem as the mesh's name, and tells the format. `note`, where
-/// given, takes a sentence when part of the file is ignored. Cost: one pass; equal vertices of STL files are merged by hash.
-/// Throws Error("FILE: line or byte: what is wrong; remedy").
+/// given, takes a sentence "FILE: line N: what" when part of the file is ignored. Cost: one pass; equal vertices of STL files are merged by
+/// hash. Throws Error("FILE: line or byte: what is wrong; remedy").
 inline MeshDescription parse_mesh(Bytes bytes, std::string const& file, std::string const& content_type = {}, std::string* note = nullptr) {
   auto const format = mesh_format(file, content_type);
   auto mesh = format == MeshFormat::stl   ? detail::parse_stl(bytes, file)

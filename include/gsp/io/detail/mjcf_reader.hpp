@@ -320,9 +320,11 @@ class Reader {
     if (from_file && (a.own("vertex") || a.own("face"))) a.fail("file", "stands beside vertex or face; keep one of the two");
     MeshDescription m;
     if (from_file) {
-      auto read =
-          load_asset(a, name, [&](Bytes bytes, std::string const& file) { return parse_mesh(bytes, file, a.text("content_type")); });
+      std::string ignored;
+      auto read = load_asset(
+          a, name, [&](Bytes bytes, std::string const& file) { return parse_mesh(bytes, file, a.text("content_type"), &ignored); });
       if (!read) return;
+      if (!ignored.empty()) note(Line::left_out, node.place, what + ": " + ignored);
       m = std::move(*read);
     } else {
       auto const vertex = a.list("vertex");

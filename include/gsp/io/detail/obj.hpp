@@ -75,9 +75,9 @@ inline MeshDescription parse_obj(Bytes bytes, std::string const& file, std::stri
   };
   std::vector<Polygon> polygons;
   std::size_t lines_of_edges = 0;
-  bool closed = false;              // the first object with faces is over
-  std::size_t ignored = 0;          // faces of later ones
-  std::int64_t budget = 4'000'000;  // cutting is quadratic in the corners, cubic in folded polygons
+  bool closed = false;                              // the first object with faces is over
+  std::size_t ignored = 0, first_ignored_line = 0;  // faces of later ones
+  std::int64_t budget = 4'000'000;                  // cutting is quadratic in the corners, cubic in folded polygons
   Lines lines(as_text(bytes));
   for (std::string_view line; lines.next(line);) {
     auto const word = take_word(line);
@@ -100,7 +100,7 @@ inline MeshDescription parse_obj(Bytes bytes, std::string const& file, std::stri
       lines_of_edges = lines_of_edges ? lines_of_edges : lines.number();
     } else if (word == "f") {
       if (closed) {
-        ++ignored;
+        if (++ignored == 1) first_ignored_line = lines.number();
         continue;
       }
       Polygon polygon{{}, lines.number()};
@@ -132,8 +132,8 @@ inline MeshDescription parse_obj(Bytes bytes, std::string const& file, std::stri
       fail(file, at_line(p.line), "a face has too many corners to be cut into triangles; export it as triangles");
   }
   if (note && ignored > 0)
-    *note =
-        "holds several objects or groups, of which MuJoCo takes the first: " + std::to_string(ignored) + " faces of the others are ignored";
+    *note = file + ": " + at_line(first_ignored_line) + ": faces from here on (" + std::to_string(ignored) +
+            ") belong to further objects or groups and are ignored, as MuJoCo does";
   return mesh;
 }
 

@@ -248,8 +248,9 @@ class Reader {
       if (std::error_code e; std::filesystem::is_directory(folder / who, e)) return folder / who / inside;
       if (folder == folder.parent_path()) break;
     }
-    files_.fail(node.place, "names the package " + in_quotes(who) +
-                                ", which is no folder above the file or beside one of them; say where it is by the option packages");
+    files_.fail(node.place,
+                "<mesh> names the package " + in_quotes(who) +
+                    ", which is no folder above the file or beside one of them; say where it is with --package (UrdfOptions::packages)");
   }
   // One asset for each file and scale. A visual one that cannot be read is left out with skip_visuals, or listed with list_refusals.
   bool mesh(Node const& node, bool visual, GeomDescription& g) {
@@ -265,7 +266,9 @@ class Reader {
     auto& asset = meshes_[{name, scale}];
     try {
       auto const path = resolve(node, name);
-      auto mesh = parse_mesh(files_.load(node.place, path), path.string());
+      std::string ignored;
+      auto mesh = parse_mesh(files_.load(node.place, path), path.string(), {}, &ignored);
+      if (!ignored.empty()) note(Kind::left_out, node.place, "mesh " + in_quotes(name) + ": " + ignored);
       mesh.scale = scale, mesh.place = node.place;
       std::string const stem = path.stem().string().empty() ? "mesh" : path.stem().string();
       mesh.name = stem;
