@@ -94,6 +94,13 @@ refused "is not a regular file" -- sim .
 refused "no keyframe 'upright'" "tilted" -- sim cart.xml --keyframe upright
 refused "no keyframe '1'" -- sim cart.xml --keyframe 1
 refused "cart.xml: " "condim 3" "--approximate" -- sim cart.xml --profile mujoco
+for command in sim info; do
+  refused "lift_attribute.urdf:10: " "xzy" -- $command lift_attribute.urdf
+  refused "lift_massless.urdf" "carriage" -- $command lift_massless.urdf
+  refused "lift_loop.urdf:3: " "circle" -- $command lift_loop.urdf
+done
+refused "lift_mesh.urdf:5: " "nowhere" "--package" -- sim lift_mesh.urdf
+refused "--package is '=here'" "NAME=FOLDER" -- sim lift.urdf --package =here
 
 # states and controls
 refused "missing.npz" "no such file" -- sim cart.xml --start missing.npz --trace result.npz

@@ -78,6 +78,34 @@ for t in range(11):
 assert pictures[0] != pictures[20], "the robot moves in the pictures"
 PY
 
+# URDF: sizes, the report with file and line, and free fall of all of it: v = -g t, and q = -g h^2 n (n + 1) / 2 after n steps of h
+"$gsp" info lift.urdf --json > lift.json
+"$gsp" info lift.urdf --json --floating-base > floating.json
+"$gsp" info lift.urdf | grep -qF "URDF model 'lift'" || fail "info of a URDF file"
+"$gsp" info lift.urdf | grep -q 'left out .*lift.urdf:5: .*blade.obj: line 10: faces from here on (1)' || fail "the load report lacks the faces of the second object"
+"$gsp" sim lift.urdf --worlds 2 --steps 100 --timestep 0.002 --precision double --approximate --trace lift.npz --json > lift_run.json
+same "$(key worlds < lift_run.json)" 2 "worlds of a URDF robot"
+python3 - <<'PY'
+import json, struct, zipfile
+def sizes(name):
+    info = json.load(open(name))
+    return info, [info[key] for key in ("nq", "nv", "nbody", "ngeom", "nu", "neq", "ntendon", "nsensor", "nkey", "nmesh")]
+info, fixed = sizes("lift.json")
+assert fixed == [3, 3, 5, 2, 0, 1, 0, 0, 0, 1], fixed
+assert info["model"] == "lift" and [line["kind"] for line in info["report"]].count("left out") == 1, info["report"]
+assert all(line["file"] == "lift.urdf" and line["line"] > 0 for line in info["report"]), info["report"]
+assert sizes("floating.json")[1] == [10, 9, 5, 2, 0, 1, 0, 0, 0, 1], "a free joint more"
+def load(key):
+    data = zipfile.ZipFile("lift.npz").read(key + ".npy")
+    at = 10 + struct.unpack("<H", data[8:10])[0]
+    return struct.unpack("<%dd" % ((len(data) - at) // 8), data[at:])
+h, n, g = 0.002, 100, 9.81
+for world in (0, 1):
+    q, v = load("qpos")[-6 + 3 * world:][:3], load("qvel")[-6 + 3 * world:][:3]
+    assert abs(v[0] + g * n * h) < 1e-12 and abs(q[0] + g * h * h * n * (n + 1) / 2) < 1e-12, (q, v)
+    assert max(abs(x) for x in q[1:] + v[1:]) < 1e-12, "the fingers fall with the carriage"
+PY
+
 # what a file holds
 "$gsp" info cart.xml | grep -qF "nq 9, nv 8" || fail "info of the model"
 "$gsp" info condim.xml > info.txt || fail "info of a model that needs --approximate"

@@ -62,6 +62,28 @@ write("recursive.xml", '<mujoco><include file="recursive.xml"/></mujoco>')
 write("empty.xml", "")
 write("deep.xml", "<mujoco><worldbody>" + "<body>" * 100000)
 
+# A gripper that falls along a rail: the second finger mimics the first, of the blade's two objects the second is not taken
+robot = """<robot name="lift">
+  <link name="rail"><inertial><mass value="3"/><inertia ixx=".2" ixy="0" ixz="0" iyy=".2" iyz="0" izz=".2"/></inertial></link>
+  <link name="carriage">
+    <inertial><mass value="2"/><inertia ixx=".1" ixy="0" ixz="0" iyy=".1" iyz="0" izz=".1"/></inertial>
+    <visual><geometry><mesh filename="blade.obj"/></geometry></visual>
+    <collision><geometry><sphere radius=".05"/></geometry></collision>
+  </link>
+  <link name="left"><inertial><origin xyz="0 0 -.1"/><mass value=".5"/><inertia ixx=".01" ixy="0" ixz="0" iyy=".01" iyz="0" izz=".01"/></inertial></link>
+  <link name="right"><inertial><origin xyz="0 0 -.1"/><mass value=".5"/><inertia ixx=".01" ixy="0" ixz="0" iyy=".01" iyz="0" izz=".01"/></inertial></link>
+  <joint name="slide" type="prismatic"><parent link="rail"/><child link="carriage"/><axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="0" velocity="1"/></joint>
+  <joint name="open" type="revolute"><parent link="carriage"/><child link="left"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="5" velocity="1"/></joint>
+  <joint name="close" type="continuous"><parent link="carriage"/><child link="right"/><axis xyz="0 1 0"/><mimic joint="open" multiplier="-1"/></joint>
+</robot>
+"""
+write("lift.urdf", robot)
+write("blade.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\ng handle\nf 1 2 3\n")
+write("lift_attribute.urdf", robot.replace('<axis xyz="0 0 1"/>', '<axis xzy="0 0 1"/>'))
+write("lift_massless.urdf", robot.replace('<mass value="2"/>', '<mass value="0"/>'))
+write("lift_mesh.urdf", robot.replace("blade.obj", "package://nowhere/blade.obj"))
+write("lift_loop.urdf", robot.replace('<parent link="rail"/>', '<parent link="left"/>'))
+
 # Gaussians: a 3DGS PLY, and what goes wrong with it
 names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
 count = 400
