@@ -105,7 +105,7 @@ struct LaneItems {
   KOKKOS_INLINE_FUNCTION void put(int i, Spatial<T> const& s) const { put(i, s.angular), put(i + 3, s.linear); }
   KOKKOS_INLINE_FUNCTION void put(int i, SpatialInertia<T> const& s) const {
     (*this)[i] = s.xx, (*this)[i + 1] = s.yy, (*this)[i + 2] = s.zz, (*this)[i + 3] = s.xy, (*this)[i + 4] = s.xz, (*this)[i + 5] = s.yz;
-    put(i + 6, s.moment), (*this)[i + 9] = s.mass;
+    put(i + 6, s.center), (*this)[i + 9] = s.mass;
   }
 };
 
