@@ -35,6 +35,18 @@ TEST_CASE("comparisons of duals look at values alone") {
   CHECK(b > a);
   CHECK(a < 1.5);
   CHECK(b > 1);
+  CHECK(a <= 1);
+  CHECK(b >= a);
+  CHECK(a == 1.);
   CHECK(gsp::max(a, b).slope[1] == 1);
   CHECK(gsp::min(a, b).slope[0] == 1);
+}
+
+// |x| by sqrt has its kink at 0; what a norm scales is 0 there, and its slope must stay finite.
+TEST_CASE("the slope of a root is 0 at 0") {
+  D a = D::variable(0, 0);
+  CHECK(gsp::sqrt(a * a).slope[0] == 0);
+  a += 2., a *= a, a -= 1, a /= 3;
+  CHECK(a.value == 1);
+  CHECK(a.slope[0] == doctest::Approx(4. / 3).epsilon(1e-15));
 }

@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -16,6 +17,7 @@
 #include <gsp/model/samples.hpp>
 #include <map>
 #include <sstream>
+#include <utility>
 
 #include "dynamics/random_tree.hpp"
 #include "oracle/everything.hpp"
@@ -25,9 +27,9 @@
 
 // Smooth dynamics against MuJoCo, profile `mujoco`, constraints disabled in both, on every model of the zoo; the compiled model is taken
 // from MuJoCo's own, so that kernels alone are compared. Relative error: max norm of the difference over max(1, max norm). Bounds are those
-// of the project: 1e-10 for quantities of a state (1e-6 where a tendon wraps inside, 3e-6 of mesh geoms, whose frames MuJoCo takes from the
-// inertia where they agree to 1e-6), max(1e-11, 100 x MuJoCo's own response to one rounding of q and v) for one step, as models without
-// their contacts tend to explode, and max(1e-4, 2e9 x the same) in float.
+// of the project: 1e-10 for quantities of a state (1e-6 where a tendon wraps inside), 1e-11 for one step, and in float 1e-4 (qacc_smooth:
+// max(1e-4, 2e9 x MuJoCo's own response to one rounding of q and v)). A step that misses 1e-11 must be within 10 x that response, the
+// most of eight roundings at random of the many that a step makes; it is said how many those are.
 namespace {
 
 using Exec = Kokkos::DefaultHostExecutionSpace;
@@ -244,9 +246,8 @@ void compare(Side<R> const& s, mjModel const* m, std::vector<Reference> const& r
       }
     }
     for (auto const& [name, error] : e) {
-      double const bound = sizeof(R) == 8
-                               ? ((name.substr(0, 6) == "tendon" && inside) || (name.substr(0, 4) == "geom" && m->nmesh > 0) ? 3e-6 : 1e-10)
-                           : name == "qacc_smooth" ? std::fmax(1e-4, 4e9 * ref.response)
+      double const bound = sizeof(R) == 8          ? (name.substr(0, 6) == "tendon" && inside ? 1e-6 : 1e-10)
+                           : name == "qacc_smooth" ? std::fmax(1e-4, 2e9 * ref.response)
                                                    : 1e-4;
       if (sizeof(R) == 8 && name == "qacc_smooth" && 100 * ref.response > bound) continue;  // M is singular
       worst.add(name, error.relative() / bound);
@@ -307,55 +308,77 @@ void check_states(mjModel const* m, mjData* d, gsp::CompiledModel const& c, Wors
   compare(s, m, reference, exact, inside), compare(f, m, reference, single, inside);
 }
 
+/// Positions, velocities and activations one after the other.
+std::vector<double> values_of(mjModel const* m, mjData const* d) {
+  std::vector<double> values(d->qpos, d->qpos + m->nq);
+  values.insert(values.end(), d->qvel, d->qvel + m->nv), values.insert(values.end(), d->act, d->act + m->na);
+  return values;
+}
+double relative_error(std::vector<double> const& values, std::vector<double> const& reference) {
+  Error e;
+  for (std::size_t i = 0; i < values.size(); ++i) e.add(values[i], reference[i]);
+  return e.relative();
+}
+
+/// One step from each of 1,000 states of MuJoCo's own trajectories (60,000 dofs where nv > 60): ten steps from qpos0, from each keyframe,
+/// and from random states. A step that ends at a place or speed beyond 1e4 has left what a state can be, and is not compared. Returns the
+/// part of the steps that is.
+double check_steps(mjModel const* m, mjData* d, std::string const& name, Worst& worst) {
+  int const worlds = std::min(1000, std::max(4, 60000 / int(m->nv)));
+  Side<double> s(gsp_test::from_mujoco(m), worlds);
+  gsp_test::Random r{0x1234567};
+  std::vector<std::vector<double>> next(worlds), saved(worlds, std::vector<double>(mj_stateSize(m, mjSTATE_INTEGRATION)));
+  int starts = 0;
+  for (int w = 0; w < worlds; ++w) {
+    bool fresh = w % 10 == 0;
+    for (int i = 0; i < m->nv; ++i) fresh |= !(std::fabs(d->qvel[i]) < 1e4);
+    if (fresh) start(m, d, starts++, r);
+    s.set(w, d);
+    mj_getState(m, d, saved[w].data(), mjSTATE_INTEGRATION);
+    mj_step(m, d);
+    next[w] = values_of(m, d);
+  }
+  if (m->opt.integrator == mjINT_RK4) {
+    gsp::runge_kutta(s.exec, s.model, s.state, s.dynamics, s.poses, gsp::make_runge_kutta(s.exec, s.model, {.worlds = worlds}));
+  } else {
+    gsp::smooth_dynamics(s.exec, s.model, s.state, s.dynamics, s.poses);
+    gsp::integrate(s.exec, s.model, s.dynamics, s.state);
+  }
+  s.exec.fence();
+  int compared = 0, missed = 0;
+  double furthest = 0;
+  for (int w = 0; w < worlds; ++w) {
+    if (!std::all_of(next[w].begin(), next[w].end(), [](double x) { return std::fabs(x) < 1e4; })) continue;
+    ++compared;
+    std::vector<double> ours;
+    for (int i = 0; i < m->nq; ++i) ours.push_back(s.state.qpos(w, i));
+    for (int i = 0; i < m->nv; ++i) ours.push_back(s.state.qvel(w, i));
+    for (int i = 0; i < m->na; ++i) ours.push_back(s.state.act(w, i));
+    double const error = relative_error(ours, next[w]);
+    double bound = 1e-11;
+    if (!(error <= bound)) {
+      ++missed, furthest = std::fmax(furthest, error);
+      mj_setState(m, d, saved[w].data(), mjSTATE_INTEGRATION);
+      for (auto const& copy : Copies(m, d, r).data)
+        mj_step(m, copy.get()), bound = std::fmax(bound, 10 * relative_error(values_of(m, copy.get()), next[w]));
+    }
+    worst.add(name, error / bound);
+  }
+  if (missed > 0) MESSAGE(name << ": " << missed << " of " << compared << " states beyond 1e-11, up to " << furthest);
+  return double(compared) / worlds;
+}
+
+/// Each integrator with the model's step, or a shorter one where most steps explode: without contacts, and with explicit RK4 above all.
 void check_steps(mjModel* m, mjData* d, Worst& worst, bool singular) {
-  struct Named {
-    int integrator;
-    char const* name;
-  };
-  for (auto const& [integrator, name] : {Named{mjINT_EULER, "Euler"}, Named{mjINT_RK4, "RK4"}, Named{mjINT_IMPLICITFAST, "implicitfast"},
-                                         Named{mjINT_IMPLICIT, "implicit"}}) {
+  for (auto const& [integrator, name] : {std::pair{mjINT_EULER, "Euler"}, std::pair{mjINT_RK4, "RK4"},
+                                         std::pair{mjINT_IMPLICITFAST, "implicitfast"}, std::pair{mjINT_IMPLICIT, "implicit"}}) {
+    if (singular && integrator == mjINT_IMPLICIT) continue;  // its unsymmetric factor has a pivot of pure rounding
     m->opt.integrator = integrator;
-    auto const c = gsp_test::from_mujoco(m);
-    int const worlds = m->nv > 1000 ? 4 : 40;
-    Side<double> s(c, worlds);
-    gsp_test::Random r{0x1234567};
-    std::size_t const size = m->nq + m->nv + m->na;
-    std::vector<double> next(worlds * size), response(worlds);
-    for (int w = 0; w < worlds; ++w) {  // states that the oracle visits: a new start every 10 steps
-      bool bad = w % 10 == 0;
-      for (int i = 0; i < m->nv; ++i) bad |= !(std::fabs(d->qvel[i]) < 1e4);
-      if (bad) start(m, d, w == 0 ? 0 : m->nkey + 1, r);
-      s.set(w, d);
-      Copies const copies(m, d, r, 2);
-      mj_step(m, d);
-      double* const to = &next[w * size];
-      for (auto const& copy : copies.data) {
-        mj_step(m, copy.get());
-        Error own;
-        for (int i = 0; i < m->nq; ++i) own.add(copy->qpos[i], d->qpos[i]);
-        for (int i = 0; i < m->nv; ++i) own.add(copy->qvel[i], d->qvel[i]);
-        response[w] = std::fmax(response[w], own.relative());
-      }
-      std::memcpy(to, d->qpos, sizeof(double) * m->nq), std::memcpy(to + m->nq, d->qvel, sizeof(double) * m->nv);
-      std::memcpy(to + m->nq + m->nv, d->act, sizeof(double) * m->na);
-    }
-    if (integrator == mjINT_RK4) {
-      gsp::runge_kutta(s.exec, s.model, s.state, s.dynamics, s.poses, gsp::make_runge_kutta(s.exec, s.model, {.worlds = worlds}));
-    } else {
-      gsp::smooth_dynamics(s.exec, s.model, s.state, s.dynamics, s.poses);
-      gsp::integrate(s.exec, s.model, s.dynamics, s.state);
-    }
-    s.exec.fence();
-    for (int w = 0; w < worlds; ++w) {
-      double const* const ref = &next[w * size];
-      Error e;
-      for (int i = 0; i < m->nq; ++i) e.add(s.state.qpos(w, i), ref[i]);
-      for (int i = 0; i < m->nv; ++i) e.add(s.state.qvel(w, i), ref[m->nq + i]);
-      for (int i = 0; i < m->na; ++i) e.add(s.state.act(w, i), ref[m->nq + m->nv + i]);
-      bool bad = false;
-      for (std::size_t i = 0; i < size; ++i) bad |= !(std::fabs(ref[i]) < 1e4);
-      if (!bad && response[w] < 1e-9 && !singular) worst.add(name, e.relative() / std::fmax(1e-11, 100 * response[w]));
-    }
+    double const timestep = m->opt.timestep;
+    double compared = 0;
+    for (int k = 0; k < 4 && compared < 0.5; ++k, m->opt.timestep /= 10) compared = check_steps(m, d, name, worst);
+    m->opt.timestep = timestep;
+    CHECK_MESSAGE(compared > 0, std::string(name) << ": no step can be compared");
   }
 }
 
@@ -383,13 +406,7 @@ void check(std::string const& name, mjModel* m, mjData* d) {
   for (int i = 0; i < m->nv; ++i) diagonal = std::fmax(diagonal, 1 / d->qLDiagInv[i]), least = std::fmin(least, 1 / d->qLDiagInv[i]);
   check_steps(m, d, steps, least <= 1e-15 * std::fmax(1, diagonal));
   for (auto const& [what, value] : exact.value) CHECK_MESSAGE(value <= 1, what << ": " << value << " of its bound");
-  for (auto const& [what, value] : single.value) {
-    // Open: the manipulator reaches up to 2.3 times what is asked of all (2e9 responses), and why is not known yet.
-    if (what == "qacc_smooth" && name == "dm_control/suite/manipulator.xml")
-      WARN_MESSAGE(value <= 1, "float: " << what << ": " << value << " of its bound");
-    else
-      CHECK_MESSAGE(value <= 1, "float: " << what << ": " << value << " of its bound");
-  }
+  for (auto const& [what, value] : single.value) CHECK_MESSAGE(value <= 1, "float: " << what << ": " << value << " of its bound");
   for (auto const& [what, value] : steps.value) CHECK_MESSAGE(value <= 1, "one step, " << what << ": " << value << " of its bound");
 }
 

@@ -97,6 +97,13 @@ inline gsp::CompiledModel from_mujoco(mjModel const* m) {
   c.geom_size = rows<3>(m->geom_size, ngeom), c.geom_pos = rows<3>(m->geom_pos, ngeom), c.geom_friction = rows<3>(m->geom_friction, ngeom);
   c.geom_quat = rows<4>(m->geom_quat, ngeom), c.geom_solmix = numbers(m->geom_solmix, ngeom),
   c.geom_margin = numbers(m->geom_margin, ngeom);
+  for (int i = 0; i < ngeom; ++i) {  // MuJoCo poses a geom by its body or its inertia where their frames agree to 1e-6
+    int const b = m->geom_bodyid[i], same = m->geom_sameframe[i];
+    if (same == mjSAMEFRAME_INERTIA) std::copy_n(m->body_ipos + 3 * b, 3, c.geom_pos[i].begin());
+    if (same == mjSAMEFRAME_INERTIA || same == mjSAMEFRAME_INERTIAROT) std::copy_n(m->body_iquat + 4 * b, 4, c.geom_quat[i].begin());
+    if (same == mjSAMEFRAME_BODY) c.geom_pos[i] = {0, 0, 0};
+    if (same == mjSAMEFRAME_BODY || same == mjSAMEFRAME_BODYROT) c.geom_quat[i] = {1, 0, 0, 0};
+  }
   c.geom_gap = numbers(m->geom_gap, ngeom), c.geom_rbound = numbers(m->geom_rbound, ngeom);
   c.geom_solref = rows<2>(m->geom_solref, ngeom), c.geom_solimp = rows<5>(m->geom_solimp, ngeom);
   c.geom_rgba.resize(ngeom), c.geom_name = names(m, m->name_geomadr, ngeom), c.geom_data = ints(m->geom_dataid, ngeom);

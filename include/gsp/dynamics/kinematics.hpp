@@ -9,7 +9,7 @@ namespace detail {
 template <class L, class State>
 KOKKOS_FORCEINLINE_FUNCTION auto lanes_static_pose(L const& l, State const& state, int const (&body)[L::W], bool on_mocap) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
-  Field<real_t<T>> const fixed{l.model.static_pose.data(), 0};
+  Field<typename L::R> const fixed{l.model.static_pose.data(), 0};
   auto const get = [&](int c) { return l.constant(fixed, body, 0, 7, c); };
   Transform<T> const own{{get(0), get(1), get(2)}, {get(3), get(4), get(5), get(6)}};
   if (!on_mocap) return own;

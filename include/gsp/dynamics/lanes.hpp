@@ -21,21 +21,26 @@ inline constexpr int device_block = 32;  // lanes in a block on a GPU: a warp
 inline constexpr int device_workers = tree_parts;  // warps that share the work of a block on a GPU, in the stages that are written for it
 /// Lanes in a block, and the number type that a kernel on `Exec` computes with.
 template <class Mem, class R>
-inline constexpr int block_width = bool(Kokkos::SpaceAccessibility<Kokkos::HostSpace, Mem>::accessible) ? native_width<R> : device_block;
+inline constexpr int block_width = !bool(Kokkos::SpaceAccessibility<Kokkos::HostSpace, Mem>::accessible) ? device_block
+                                   : Scalar<R>                                                           ? native_width<R>
+                                                                                                         : 1;
 template <class Exec, class R>
-using lane_number = std::conditional_t<is_device<Exec>, R, Pack<R, native_width<R>>>;
+using lane_number = std::conditional_t<is_device<Exec> || !Scalar<R>, R, Pack<R, native_width<R>>>;
 
 namespace detail {
+/// Lanes in a number, and what memory holds of one lane: a pack goes to and from plain numbers, all others are stored as they are.
 template <class T>
 struct width_of {
-  static constexpr int value = T::width;
-};
-template <Scalar T>
-struct width_of<T> {
   static constexpr int value = 1;
+  using stored = T;
 };
-template <Scalar T>
-KOKKOS_INLINE_FUNCTION T get_lane(T x, int) {
+template <class R, int W>
+struct width_of<Pack<R, W>> {
+  static constexpr int value = W;
+  using stored = R;
+};
+template <class T>
+KOKKOS_INLINE_FUNCTION T get_lane(T const& x, int) {
   return x;
 }
 template <class R, int W>
@@ -81,7 +86,7 @@ struct LaneItems {
 #ifdef __CUDA_ARCH__
     return base[i * device_block];  // known to the compiler, which folds it into addresses
 #else
-    if constexpr (Scalar<T>)
+    if constexpr (detail::width_of<T>::value == 1)
       return base[std::int64_t(i) * stride];
     else
       return base[i];
@@ -100,7 +105,7 @@ struct LaneItems {
   KOKKOS_INLINE_FUNCTION void put(int i, Spatial<T> const& s) const { put(i, s.angular), put(i + 3, s.linear); }
   KOKKOS_INLINE_FUNCTION void put(int i, SpatialInertia<T> const& s) const {
     (*this)[i] = s.xx, (*this)[i + 1] = s.yy, (*this)[i + 2] = s.zz, (*this)[i + 3] = s.xy, (*this)[i + 4] = s.xz, (*this)[i + 5] = s.yz;
-    put(i + 6, s.moment), (*this)[i + 9] = s.mass;
+    put(i + 6, s.center), (*this)[i + 9] = s.mass;
   }
 };
 
@@ -267,7 +272,7 @@ KOKKOS_FORCEINLINE_FUNCTION bool store_block([[maybe_unused]] L const& l, [[mayb
 /// `up`, and waits there for the others. What stands outside of these is done by every worker, so it must not change what others read.
 template <class T, class Mem, int Workers = 1>
 struct Lane {
-  using R = real_t<T>;
+  using R = typename detail::width_of<T>::stored;
   static constexpr int workers = Workers;
   static constexpr int W = detail::width_of<T>::value;
   Model<R, Mem> const& model;

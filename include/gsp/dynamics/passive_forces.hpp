@@ -139,7 +139,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_passive(L const& l, View const& qpos) {
       [&](int i, T const& f) { s[l.at.passive + i] = f; });
   l.each(m.springs ? a.njnt : 0, [&](int j) {
     T const k = l.constant(m.jnt_stiffness, l.jnt0, j);
-    if (!m.poly_stiffness && !any(k != T(0))) return;
+    if constexpr (Scalar<typename L::R>)  // (not of duals: the slope by k remains)
+      if (!m.poly_stiffness && !any(k != T(0))) return;
     auto const force = [&](T const& x) {
       if (!m.poly_stiffness) return k;
       return polynomial(k, l.constant(m.jnt_stiffnesspoly, l.jnt0, j, 2, 0), l.constant(m.jnt_stiffnesspoly, l.jnt0, j, 2, 1), x);

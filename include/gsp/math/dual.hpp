@@ -17,6 +17,12 @@ struct Dual {
     d.slope[i] = T(1);
     return d;
   }
+  // by value alone
+  friend KOKKOS_INLINE_FUNCTION bool operator<(Dual const& a, Dual const& b) { return a.value < b.value; }
+  friend KOKKOS_INLINE_FUNCTION bool operator>(Dual const& a, Dual const& b) { return a.value > b.value; }
+  friend KOKKOS_INLINE_FUNCTION bool operator<=(Dual const& a, Dual const& b) { return a.value <= b.value; }
+  friend KOKKOS_INLINE_FUNCTION bool operator>=(Dual const& a, Dual const& b) { return a.value >= b.value; }
+  friend KOKKOS_INLINE_FUNCTION bool operator==(Dual const& a, Dual const& b) { return a.value == b.value; }
 };
 
 namespace detail {
@@ -81,19 +87,22 @@ operator/(Dual<T, N> const& a, S b) { return a * (T(1) / T(b)); }
 template <class T, int N, class S>
 requires std::is_arithmetic_v<S> KOKKOS_INLINE_FUNCTION Dual<T, N>
 operator/(S a, Dual<T, N> const& b) { return Dual<T, N>(T(a)) / b; }
-
-template <class T, int N>
-KOKKOS_INLINE_FUNCTION bool operator<(Dual<T, N> const& a, Dual<T, N> const& b) {
-  return a.value < b.value;
-}
-template <class T, int N>
-KOKKOS_INLINE_FUNCTION bool operator>(Dual<T, N> const& a, Dual<T, N> const& b) {
-  return a.value > b.value;
+template <class T, int N, class S>
+KOKKOS_INLINE_FUNCTION Dual<T, N>& operator+=(Dual<T, N>& a, S const& b) {
+  return a = a + b;
 }
 template <class T, int N, class S>
-requires std::is_arithmetic_v<S> KOKKOS_INLINE_FUNCTION bool operator<(Dual<T, N> const& a, S b) { return a.value < T(b); }
+KOKKOS_INLINE_FUNCTION Dual<T, N>& operator-=(Dual<T, N>& a, S const& b) {
+  return a = a - b;
+}
 template <class T, int N, class S>
-requires std::is_arithmetic_v<S> KOKKOS_INLINE_FUNCTION bool operator>(Dual<T, N> const& a, S b) { return a.value > T(b); }
+KOKKOS_INLINE_FUNCTION Dual<T, N>& operator*=(Dual<T, N>& a, S const& b) {
+  return a = a * b;
+}
+template <class T, int N, class S>
+KOKKOS_INLINE_FUNCTION Dual<T, N>& operator/=(Dual<T, N>& a, S const& b) {
+  return a = a / b;
+}
 
 template <class T, int N>
 KOKKOS_INLINE_FUNCTION Dual<T, N> select(bool m, Dual<T, N> const& a, Dual<T, N> const& b) {
@@ -111,10 +120,11 @@ template <class T, int N>
 KOKKOS_INLINE_FUNCTION Dual<T, N> abs(Dual<T, N> const& a) {
   return a.value < T(0) ? -a : a;
 }
+/// Slope 0 at 0, where norms have their kink: what the norm scales is 0 there.
 template <class T, int N>
 KOKKOS_INLINE_FUNCTION Dual<T, N> sqrt(Dual<T, N> const& a) {
   T const root = sqrt(a.value);
-  return detail::chain(a, root, T(0.5) / root);
+  return detail::chain(a, root, root == T(0) ? T(0) : T(0.5) / root);
 }
 template <class T, int N>
 KOKKOS_INLINE_FUNCTION Dual<T, N> exp(Dual<T, N> const& a) {

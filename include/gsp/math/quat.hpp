@@ -66,8 +66,8 @@ KOKKOS_INLINE_FUNCTION Quat<T> exp_rotation(Vec3<T> const& rotation) {
   T const inverse = T(1) / select(ok, angle, T(1));
   T s, c;
   sincos(T(0.5) * angle, s, c);
-  s = s * inverse;
-  return {c, select(ok, s * rotation.x, T(0)), select(ok, s * rotation.y, T(0)), select(ok, s * rotation.z, T(0))};
+  s = select(ok, s * inverse, T(0.5));
+  return {c, s * rotation.x, s * rotation.y, s * rotation.z};
 }
 /// Rotation vector of a unit quaternion, angle in [-pi, pi].
 template <class T>

@@ -6,7 +6,7 @@ namespace gsp {
 
 template <class T>
 struct WorldLane {
-  using R = real_t<T>;
+  using R = typename detail::width_of<T>::stored;
   static constexpr int W = detail::width_of<T>::value;
   int first, count;  // worlds first .. first + count - 1; lanes beyond repeat the last and store nothing
   KOKKOS_INLINE_FUNCTION int world(int i) const { return first + (i < count ? i : count - 1); }
