@@ -1,5 +1,5 @@
-// The whole smooth step (everything of forward without constraints, Euler) of go1, the humanoid and G1, float: on one and two threads beside
-// MuJoCo's mj_step with constraints disabled in the same program, interleaved; on a GPU by itself, in both profiles.
+// The whole smooth step (everything of forward without constraints, Euler) of go1, the humanoid and G1, float: on one and two threads
+// beside MuJoCo's mj_step with constraints disabled in the same program, interleaved; on a GPU by itself, in both profiles.
 //   bench_dynamics_smooth_step [MODEL.xml ...]
 #include <cstdio>
 #include <cstdlib>
@@ -20,14 +20,13 @@ namespace {
 char const* name_of(gsp::Profile profile) { return profile == gsp::Profile::mujoco ? "mujoco" : "stable"; }
 
 template <class Exec>
-double run(Exec const& exec, std::string const& name, gsp::CompiledModel const& compiled, gsp::Profile profile, int worlds, double mujoco_us) {
+double run(Exec const& exec, std::string const& name, gsp::CompiledModel const& compiled, gsp::Profile profile, int worlds,
+           double mujoco_us) {
   auto const model = gsp::make_model<float>(exec, compiled, {.profile = profile});
   auto const state = gsp::make_state(exec, model, {.worlds = worlds});
   auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
   auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
-  auto const time = gsp_bench::measure(exec, [&] {
-    gsp::smooth_step(exec, model, state, dynamics, poses);
-  });
+  auto const time = gsp_bench::measure(exec, [&] { gsp::smooth_step(exec, model, state, dynamics, poses); });
   double const us = 1e6 * time.median / worlds;
   gsp_bench::Line line("dynamics/smooth_step", exec);
   line.add("model", name).add("worlds", worlds).add("profile", name_of(profile)).add("precision", "float").add(time);
@@ -75,7 +74,8 @@ int main(int argc, char** argv) {
     auto robot = gsp::io::read_mjcf(file, {.skip_visuals = true, .approximate = true});
     robot.option.integrator = gsp::Integrator::euler;
     auto const compiled = gsp::compile(robot);
-    std::string const name = file.substr(file.rfind('/') + 1), copy = "bench_dynamics_smooth_step_" + name;  // without what only viewers need
+    std::string const name = file.substr(file.rfind('/') + 1),
+                      copy = "bench_dynamics_smooth_step_" + name;  // without what only viewers need
     gsp::io::write_mjcf(copy, robot);
     for (int i = 0; i < 5; ++i) {
       run(Kokkos::Serial(), name, compiled, gsp::Profile::mujoco, 1024, mujoco(copy, 1));

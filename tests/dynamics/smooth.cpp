@@ -284,8 +284,7 @@ TEST_CASE_TEMPLATE("the stages neither allocate nor fence", Exec, GSP_TEST_EXECS
   auto const c = model_of();
   Set<float, Exec> s(c, 5);
   s.exec.fence();
-  gsp_test::check_algorithm(s.exec,
-                            gsp_test::watch([&] {
+  gsp_test::check_algorithm(s.exec, gsp_test::watch([&] {
                               s.smooth(), s.composed(), gsp::integrate(s.exec, s.model, s.dynamics, s.state);
                               gsp::smooth_step(s.exec, s.model, s.state, s.dynamics, s.poses);
                             }));

@@ -187,7 +187,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_plain_actuators(L const& l, State const& 
     }
     auto const get = [&](auto const& field, int n, int c) { return l.listed(field, a.instance_act, a.nact, k, n, c); };
     auto const f = lanes_actuator<true>(l, state, k);
-    T const gear = get(m.act_gear, 6, 0), lo = get(m.act_forcerange, 2, 0), hi = get(m.act_forcerange, 2, 1), force = clamp(f.force, lo, hi);
+    T const gear = get(m.act_gear, 6, 0), lo = get(m.act_forcerange, 2, 0), hi = get(m.act_forcerange, 2, 1),
+            force = clamp(f.force, lo, hi);
     int const dof = l.index(a.jnt_dofadr, l.index(a.act_id, k));
     auto const inside = (f.force >= lo) && (f.force <= hi);
     s[l.at.act_force + k] = force, s[l.at.actuator + dof] = gear * force;

@@ -148,9 +148,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfr
       if (l.worker == 0) lanes_transport_free_body(l, l.at.velocity);
       l.sync();
     }
-    l.each(nv, [&](int i) {
-      s[l.at.acceleration + i] = fma(-h * s[l.at.stiffness + i], s[l.at.velocity + i], s[l.at.acceleration + i]);
-    });
+    l.each(nv, [&](int i) { s[l.at.acceleration + i] = fma(-h * s[l.at.stiffness + i], s[l.at.velocity + i], s[l.at.acceleration + i]); });
   }
   lanes_solve(l, l.at.acceleration);
   l.together(

@@ -12,8 +12,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_derivative(L const& l) {
   auto const& s = l.items;
   T const h(l.model.timestep);
   l.together(
-      l.a.nM, [&](int e) { return fma(-h, s[l.at.derivative + e], s[l.at.mass + e]); },
-      [&](int e, T const& m) { s[l.at.factor + e] = m; });
+      l.a.nM, [&](int e) { return fma(-h, s[l.at.derivative + e], s[l.at.mass + e]); }, [&](int e, T const& m) { s[l.at.factor + e] = m; });
   lanes_factor_in_place(l);
 }
 

@@ -17,7 +17,7 @@ void launch_lanes(char const* label, Exec const& exec, int blocks, Kernel const&
 /// type is a `Pack` and a block of W lanes goes through the program together; on a GPU a lane is a thread, and a block is a warp.
 namespace gsp {
 
-inline constexpr int device_block = 32;  // lanes in a block on a GPU: a warp
+inline constexpr int device_block = 32;            // lanes in a block on a GPU: a warp
 inline constexpr int device_workers = tree_parts;  // warps that share the work of a block on a GPU, in the stages that are written for it
 /// Lanes in a block, and the number type that a kernel on `Exec` computes with.
 template <class Mem, class R>
@@ -127,8 +127,8 @@ struct DynamicsLayout {
     take(com, 3 * a.nroot), take(cdof, 6 * a.nv), take(factor, a.nM), take(inverse_diagonal, a.nv), take(qvel, a.nv), take(velocity, a.nv),
         take(spin, 3), take(act_dot, a.nstate), take(tendon_J, a.ntendonJ), take(tendon_length, a.ntendon), take(act_length, a.nact),
         take(mass, a.nM), take(derivative, a.derivative * a.nM), take(force, a.nv);
-    take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(stiffness, a.nv), take(damping, a.nv),
-        take(acceleration, a.nv), take(impulse, a.nv), take(gravcomp, a.gravcomp ? a.nv : 0);
+    take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(stiffness, a.nv), take(damping, a.nv), take(acceleration, a.nv),
+        take(impulse, a.nv), take(gravcomp, a.gravcomp ? a.nv : 0);
     take(tendon_velocity, a.ntendon), take(act_velocity, a.nact), take(act_force, a.nact), take(act_slope, a.derivative ? a.nact : 0),
         take(act_moment, a.nmoment), take(energy, 2);
     take(xpos, 3 * a.nbody), take(xquat, 4 * a.nbody), take(xanchor, 3 * a.njnt), take(xaxis, 3 * a.njnt);
@@ -287,7 +287,7 @@ struct Lane {
   int worlds = 0, block_world = -1;  // GPU: first world of the block, whose lanes are worlds that follow each other; -1: they do not
 
   KOKKOS_FORCEINLINE_FUNCTION Lane(Model<R, Mem> const& model_, Archetype const& a_, LaneItems<T> items_, int first_lane, int padded_worlds,
-                              int worlds_, int worker_ = 0)
+                                   int worlds_, int worker_ = 0)
       : model(model_), a(a_), ints(model_.ints.data()), items(items_), at(a_), worker(worker_), worlds(worlds_) {
     if (W == 1 && padded_worlds >= device_block) block_world = first_lane / device_block * device_block % padded_worlds;
     int const lanes = a.ninstance * padded_worlds;
@@ -450,7 +450,8 @@ concept FusedStage = requires(Stage const s, Archetype const& a, DynamicsLayout 
 
 /// A stage that is written for several workers, and runs that many blocks at a time on a multiprocessor.
 template <class Stage>
-concept SharedStage = Stage::shared_blocks > 0;
+concept SharedStage = Stage::shared_blocks >
+0;
 template <class Stage>
 inline constexpr int stage_blocks = 1;
 template <SharedStage Stage>
@@ -470,7 +471,8 @@ struct LaneKernel {
     Archetype const& a = model.archetypes(k);
     LaneItems<T> const items{reinterpret_cast<T*>(dynamics.items.data() + dynamics.block_offset(block)) + inside, width / W};
     Lane<T, Mem, Workers> const lane(model, a, scratch ? LaneItems<T>{scratch, 1} : items,
-                                     (block - dynamics.archetype_block(k)) * width + inside, dynamics.padded_worlds, dynamics.worlds, worker);
+                                     (block - dynamics.archetype_block(k)) * width + inside, dynamics.padded_worlds, dynamics.worlds,
+                                     worker);
     if (Workers == 1 && lane.count == 0) return;  // several meet at barriers, and such a lane stores nothing
     stage(lane);
     if constexpr (FusedStage<Stage>)
@@ -504,8 +506,8 @@ void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, 
   using Kernel = detail::LaneKernel<T, R, Mem, Stage>;
   if constexpr (is_device<Exec>) {  // few warps a multiprocessor: a block of lanes works in 200 kB, the first-level cache
     static_assert(Dynamics<R, Mem>::width == device_block);
-    detail::launch_lanes<detail::SharedStage<Stage> ? device_workers : 1, device_block, detail::stage_blocks<Stage>>(label, exec, dynamics.blocks,
-                                                                                                  Kernel{model, dynamics, stage});
+    detail::launch_lanes<detail::SharedStage<Stage> ? device_workers : 1, device_block, detail::stage_blocks<Stage>>(
+        label, exec, dynamics.blocks, Kernel{model, dynamics, stage});
   } else {
     Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads),
                          detail::HostLanes<Exec, Kernel>{{model, dynamics, stage}});

@@ -76,9 +76,9 @@ void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>
             detail::SmoothStage<State<R, Mem>, Poses<R, Mem>>{state, poses, options, keep_mass});
 }
 
-/// smooth_dynamics and integrate without constraints, with the integrator Euler or an implicit one: the same state and poses of bodies. Where
-/// a world is one tree it is one launch that leaves nothing in `dynamics` (which it takes as scratch) and, where the integrator has a matrix
-/// of its own, factors that alone. Does not allocate, does not fence.
+/// smooth_dynamics and integrate without constraints, with the integrator Euler or an implicit one: the same state and poses of bodies.
+/// Where a world is one tree it is one launch that leaves nothing in `dynamics` (which it takes as scratch) and, where the integrator has a
+/// matrix of its own, factors that alone. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void smooth_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                  Poses<R, Mem> const& poses) {

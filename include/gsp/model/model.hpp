@@ -21,7 +21,8 @@ enum class Profile : int { stable, mujoco };
 struct Archetype {
   int nbody, njnt, nq, nv, nM, nroot, ntendon, nterm, npath, nact, nstate, ntendonJ, nmoment, nfluid, ninstance;
   int body_parent, body_root, body_lone, body_jntadr, body_jntnum, body_dofadr, body_dofnum, jnt_type, jnt_body, jnt_qposadr, jnt_dofadr,
-      jnt_actgravcomp, dof_body, dof_parent, dof_jnt, row_adr, row_col, body_child, body_sibling, body_dofend, part_adr, part_body, tendon_termadr, term_jnt;
+      jnt_actgravcomp, dof_body, dof_parent, dof_jnt, row_adr, row_col, body_child, body_sibling, body_dofend, part_adr, part_body,
+      tendon_termadr, term_jnt;
   int tendon_kind, tendon_jadr, tendon_jdof, tendon_pathadr, path_type, path_ref, path_last, path_chain, path_side, chain;
   int act_kind, act_id, act_madr, act_mdof, act_ref1, act_last1, act_chain1, act_ref2, act_last2, act_chain2;
   int act_dyn, act_gain, act_bias, act_wrap, act_early, act_state, act_disabled, body_fluidadr, fluid_type;
@@ -313,15 +314,16 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
         p(&A::body_dofnum, &D::body_dofnum), p(&A::jnt_type, &D::jnt_type), p(&A::jnt_body, &D::jnt_body),
         p(&A::jnt_qposadr, &D::jnt_qposadr), p(&A::jnt_dofadr, &D::jnt_dofadr), p(&A::jnt_actgravcomp, &D::jnt_actgravcomp),
         p(&A::dof_body, &D::dof_body), p(&A::dof_parent, &D::dof_parent), p(&A::dof_jnt, &D::dof_jnt), p(&A::row_adr, &D::row_adr),
-        p(&A::row_col, &D::row_col), p(&A::body_child, &D::body_child), p(&A::body_sibling, &D::body_sibling), p(&A::body_dofend, &D::body_dofend),
-        p(&A::part_adr, &D::part_adr), p(&A::part_body, &D::part_body), p(&A::tendon_termadr, &D::tendon_termadr), p(&A::term_jnt, &D::term_jnt),
-        p(&A::tendon_kind, &D::tendon_kind), p(&A::tendon_jadr, &D::tendon_jadr), p(&A::tendon_jdof, &D::tendon_jdof),
-        p(&A::tendon_pathadr, &D::tendon_pathadr), p(&A::path_type, &D::path_type), p(&A::path_ref, &D::path_ref),
-        p(&A::path_last, &D::path_last), p(&A::path_chain, &D::path_chain), p(&A::path_side, &D::path_side), p(&A::chain, &D::chain),
-        p(&A::act_kind, &D::act_kind), p(&A::act_id, &D::act_id), p(&A::act_madr, &D::act_madr), p(&A::act_mdof, &D::act_mdof),
-        p(&A::act_ref1, &D::act_ref1), p(&A::act_last1, &D::act_last1), p(&A::act_chain1, &D::act_chain1), p(&A::act_ref2, &D::act_ref2),
-        p(&A::act_last2, &D::act_last2), p(&A::act_chain2, &D::act_chain2), p(&A::act_dyn, &D::act_dyn), p(&A::act_gain, &D::act_gain),
-        p(&A::act_bias, &D::act_bias), p(&A::act_wrap, &D::act_wrap), p(&A::act_early, &D::act_early), p(&A::act_state, &D::act_state),
+        p(&A::row_col, &D::row_col), p(&A::body_child, &D::body_child), p(&A::body_sibling, &D::body_sibling),
+        p(&A::body_dofend, &D::body_dofend), p(&A::part_adr, &D::part_adr), p(&A::part_body, &D::part_body),
+        p(&A::tendon_termadr, &D::tendon_termadr), p(&A::term_jnt, &D::term_jnt), p(&A::tendon_kind, &D::tendon_kind),
+        p(&A::tendon_jadr, &D::tendon_jadr), p(&A::tendon_jdof, &D::tendon_jdof), p(&A::tendon_pathadr, &D::tendon_pathadr),
+        p(&A::path_type, &D::path_type), p(&A::path_ref, &D::path_ref), p(&A::path_last, &D::path_last), p(&A::path_chain, &D::path_chain),
+        p(&A::path_side, &D::path_side), p(&A::chain, &D::chain), p(&A::act_kind, &D::act_kind), p(&A::act_id, &D::act_id),
+        p(&A::act_madr, &D::act_madr), p(&A::act_mdof, &D::act_mdof), p(&A::act_ref1, &D::act_ref1), p(&A::act_last1, &D::act_last1),
+        p(&A::act_chain1, &D::act_chain1), p(&A::act_ref2, &D::act_ref2), p(&A::act_last2, &D::act_last2),
+        p(&A::act_chain2, &D::act_chain2), p(&A::act_dyn, &D::act_dyn), p(&A::act_gain, &D::act_gain), p(&A::act_bias, &D::act_bias),
+        p(&A::act_wrap, &D::act_wrap), p(&A::act_early, &D::act_early), p(&A::act_state, &D::act_state),
         p(&A::act_disabled, &D::act_disabled), p(&A::body_fluidadr, &D::body_fluidadr), p(&A::fluid_type, &D::fluid_type));
     std::vector<int> tree, body, jnt, dof, qpos, tendon, term, act, path, side, object1, object2, fluid;
     auto const append = [](std::vector<int>& to, std::vector<int> const& from) { to.insert(to.end(), from.begin(), from.end()); };

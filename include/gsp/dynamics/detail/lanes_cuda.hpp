@@ -9,7 +9,7 @@
 namespace gsp::detail {
 
 template <int Workers, int Lanes, int Blocks, class Kernel>
-__global__ void __launch_bounds__(Lanes * Workers, Blocks) lanes_kernel(Kernel const __grid_constant__ kernel) {
+__global__ void __launch_bounds__(Lanes* Workers, Blocks) lanes_kernel(Kernel const __grid_constant__ kernel) {
   kernel.template run<Workers>(int(blockIdx.x) * Lanes + int(threadIdx.x) % Lanes, nullptr, int(threadIdx.x) / Lanes);
 }
 
