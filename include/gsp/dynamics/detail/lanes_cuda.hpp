@@ -5,7 +5,7 @@
 
 /// Launch of a kernel over lanes on a CUDA GPU, by hand: what Kokkos cannot say is that the kernel's arguments, some 4 kB with the model in
 /// them, stay where they are (__grid_constant__). A function that is not inlined and takes their address would else move all of them to
-/// every thread's local memory, and all that reads them with it: 1.3 times the whole smooth step of a humanoid.
+/// every thread's local memory, and all that reads them with it: three times the time (docs/decisions/0004).
 namespace gsp::detail {
 
 template <int Workers, int Lanes, int Blocks, class Kernel>

@@ -27,8 +27,9 @@ class BodyCompiler : public CompilerBase {
 
   void assets() {
     shapes_.emplace(d_, [this](auto const&... what) { fail(what...); });
-    for (auto const& mesh : shapes_->meshes()) {
-      m_.mesh_vertices.push_back(mesh.vertices), m_.mesh_faces.push_back(mesh.faces), m_.mesh_hull.push_back(mesh.hull);
+    for (auto& mesh : shapes_->meshes()) {
+      m_.mesh_vertices.push_back(std::move(mesh.vertices)), m_.mesh_faces.push_back(std::move(mesh.faces));
+      m_.mesh_hull.push_back(std::move(mesh.hull));
       m_.mesh_pos.push_back(mesh.pos), m_.mesh_quat.push_back(mesh.quat), m_.mesh_name.push_back(d_.meshes[m_.nmesh++].name);
     }
     m_.hfields = shapes_->hfields(), m_.nhfield = int(m_.hfields.size());

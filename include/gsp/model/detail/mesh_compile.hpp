@@ -48,7 +48,6 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
 
   CompiledMesh out;
   out.faces = of_hull ? mesh.hull : mesh.faces;
-  auto enclosing = convex ? mesh.hull : out.faces;
   auto const& given = mesh.vertices;
   if (mesh.inertia == MeshInertia::exact) {  // each edge may run once in each direction
     std::vector<std::pair<int, int>> edges;
@@ -64,9 +63,11 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
            std::to_string(twice->second) + ": orient them alike, or choose another inertia than \"exact\"");
   }
   bool const mirrors = !(mesh.scale[0] * mesh.scale[1] * mesh.scale[2] > 0);
-  if (mirrors)
-    for (auto* faces : {&out.faces, &enclosing})
-      for (auto& f : *faces) std::swap(f[1], f[2]);
+  auto const turn_over = [](auto& faces) {
+    for (auto& f : faces) std::swap(f[1], f[2]);
+  };
+  auto hull = convex ? mesh.hull : std::vector<std::array<int, 3>>{};
+  if (mirrors) turn_over(out.faces), turn_over(hull);
 
   std::vector<Double3> moved(given.size());
   auto const refquat = normalized(mesh.refquat);
@@ -76,7 +77,7 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
     if (turns) x = rotate_inverse(refquat, x);
     moved[i] = {x[0] * mesh.scale[0], x[1] * mesh.scale[1], x[2] * mesh.scale[2]};
   }
-  auto const solid = mesh_solid(moved, out.faces, enclosing, mesh.inertia);
+  auto const solid = mesh_solid(moved, out.faces, convex ? hull : out.faces, mesh.inertia);
   if (!(solid.surface >= 1e-15)) fail("has no surface (its area is under 1e-15 m^2): correct its faces or its scale");
   if (solid.measure < 0) fail("encloses a negative volume: its faces look inwards, turn them over");
   if (!(solid.measure >= 1e-15)) fail("encloses no volume (under 1e-15 m^3): close it, or set its inertia to \"shell\"");

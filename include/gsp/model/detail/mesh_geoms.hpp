@@ -68,7 +68,7 @@ class GeomShapes {
       normalize_elevation(h.elevation);
     }
   }
-  std::vector<CompiledMesh> const& meshes() const { return meshes_; }
+  std::vector<CompiledMesh>& meshes() { return meshes_; }  // geoms need neither vertices nor faces: they may be moved away
   std::vector<HeightFieldDescription> const& hfields() const { return hfields_; }
 
   template <class Fail>
