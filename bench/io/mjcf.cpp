@@ -1,4 +1,5 @@
-// Reading and compiling MJCF files, meshes and all, beside MuJoCo's mj_loadXML in the same program, interleaved.   bench_io_mjcf [MODEL.xml ...]
+// Reading and compiling MJCF files, meshes and all, beside MuJoCo's mj_loadXML in the same program, interleaved.   bench_io_mjcf [MODEL.xml
+// ...]
 #include <cstdio>
 #include <cstdlib>
 #include <gsp/io/mjcf.hpp>
@@ -15,13 +16,13 @@ int main(int argc, char** argv) {
   char const* const folder = std::getenv("GSP_DATA_DIR");
   std::string const data = std::string(folder ? folder : GSP_DATA_DIR) + "/models/";
   std::vector<std::string> files(argv + 1, argv + argc);
-  if (files.empty())
-    files = {data + "mjlab/unitree_g1/g1.xml", data + "unitree/go2/go2.xml", data + "mujoco/humanoid/100_humanoids.xml"};
+  if (files.empty()) files = {data + "mjlab/unitree_g1/g1.xml", data + "unitree/go2/go2.xml", data + "mujoco/humanoid/100_humanoids.xml"};
   Kokkos::Serial const exec;
   gsp_bench::MeasureOptions const once{.samples = 5, .warm_up = 1, .repeats = 1};
   for (auto const& file : files)
     for (int i = 0; i < 5; ++i) {
-      auto const time = gsp_bench::measure(exec, [&] { gsp::compile(gsp::io::read_mjcf(file, {.skip_visuals = true, .approximate = true})); }, once);
+      auto const time = gsp_bench::measure(
+          exec, [&] { gsp::compile(gsp::io::read_mjcf(file, {.skip_visuals = true, .approximate = true})); }, once);
       double mujoco = 0;
 #ifdef GSP_HAS_MUJOCO
       char error[1000] = "";
@@ -29,10 +30,14 @@ int main(int argc, char** argv) {
       if (!model)
         std::fprintf(stderr, "MuJoCo: %s\n", error);
       else
-        mujoco = gsp_bench::measure(exec, [&] {
-          mj_clearCache(mj_getCache());  // as a new process finds it
-          mj_deleteModel(mj_loadXML(file.c_str(), nullptr, error, sizeof error));
-        }, once).median;
+        mujoco = gsp_bench::measure(
+                     exec,
+                     [&] {
+                       mj_clearCache(mj_getCache());  // as a new process finds it
+                       mj_deleteModel(mj_loadXML(file.c_str(), nullptr, error, sizeof error));
+                     },
+                     once)
+                     .median;
       mj_deleteModel(model);
 #endif
       gsp_bench::Line line("io/mjcf", exec);
