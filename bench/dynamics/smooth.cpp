@@ -1,7 +1,6 @@
 // Kinematics, mass matrix, bias forces, factorisation and one solve of the humanoid, one thread, 1,024 worlds, float: beside MuJoCo's own
 // functions for the same in the same program, interleaved.   bench_dynamics_smooth [MODEL.xml]
 #include <cstdio>
-#include <cstdlib>
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp/io/mjcf.hpp>
 #include <gsp/model/compile.hpp>
@@ -63,8 +62,7 @@ void run(std::string const& path, int worlds, double mujoco_us) {
 
 int main(int argc, char** argv) {
   Kokkos::ScopeGuard kokkos(argc, argv);
-  char const* const folder = std::getenv("GSP_DATA_DIR");
-  std::string const path = argc > 1 ? argv[1] : std::string(folder ? folder : GSP_DATA_DIR) + "/models/mujoco/humanoid/humanoid.xml";
+  std::string const path = argc > 1 ? argv[1] : gsp_bench::model_folder() + "mujoco/humanoid/humanoid.xml";
   auto const mujoco = [&]() -> double {  // microseconds a world; 0 where MuJoCo is missing
 #ifdef GSP_HAS_MUJOCO
     char error[1000] = "";

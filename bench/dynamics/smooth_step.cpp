@@ -2,7 +2,6 @@
 // beside MuJoCo's mj_step with constraints disabled in the same program, interleaved; on a GPU by itself, in both profiles.
 //   bench_dynamics_smooth_step [MODEL.xml ...]
 #include <cstdio>
-#include <cstdlib>
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp/io/mjcf.hpp>
 #include <gsp/io/write_mjcf.hpp>
@@ -66,8 +65,7 @@ double mujoco(std::string const& file, int threads) {
 
 int main(int argc, char** argv) {
   Kokkos::ScopeGuard kokkos(argc, argv);
-  char const* const folder = std::getenv("GSP_DATA_DIR");
-  std::string const data = std::string(folder ? folder : GSP_DATA_DIR) + "/models/";
+  std::string const data = gsp_bench::model_folder();
   std::vector<std::string> files(argv + 1, argv + argc);
   if (files.empty()) files = {data + "mjlab/unitree_go1/go1.xml", data + "mujoco/humanoid/humanoid.xml", data + "mjlab/unitree_g1/g1.xml"};
   for (auto const& file : files) {

@@ -1,7 +1,6 @@
 // Reading and compiling MJCF files, meshes and all, beside MuJoCo's mj_loadXML in the same program, interleaved.   bench_io_mjcf [MODEL.xml
 // ...]
 #include <cstdio>
-#include <cstdlib>
 #include <gsp/io/mjcf.hpp>
 #include <gsp/model/compile.hpp>
 #include <string>
@@ -13,8 +12,7 @@
 
 int main(int argc, char** argv) {
   Kokkos::ScopeGuard kokkos(argc, argv);
-  char const* const folder = std::getenv("GSP_DATA_DIR");
-  std::string const data = std::string(folder ? folder : GSP_DATA_DIR) + "/models/";
+  std::string const data = gsp_bench::model_folder();
   std::vector<std::string> files(argv + 1, argv + argc);
   if (files.empty()) files = {data + "mjlab/unitree_g1/g1.xml", data + "unitree/go2/go2.xml", data + "mujoco/humanoid/100_humanoids.xml"};
   Kokkos::Serial const exec;

@@ -12,12 +12,21 @@
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <string>
 #include <type_traits>
 #include <vector>
 
 namespace gsp_bench {
+
+#ifdef GSP_DATA_DIR
+/// Folder of the robots that benches read: $GSP_DATA_DIR, else the CMake variable of that name.
+inline std::string model_folder() {
+  char const* const folder = std::getenv("GSP_DATA_DIR");
+  return std::string(folder ? folder : GSP_DATA_DIR) + "/models/";
+}
+#endif
 
 struct MeasureOptions {
   int samples = 7;        // at least 5: the median of them is the result

@@ -101,7 +101,8 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
       {"body", Entry::inertial}, {"xbody", Entry::body}, {"geom", Entry::geom}, {"site", Entry::site}};
   Sensors<R, Mem> s;
   s.worlds = options.worlds, s.nsensordata = compiled.nsensordata;
-  for (int c = 0; c < 3; ++c) (&s.magnetic.x)[c] = R(compiled.option.magnetic[c]);
+  auto const& flux = compiled.option.magnetic;
+  s.magnetic = {R(flux[0]), R(flux[1]), R(flux[2])};
   auto const trees = find_archetypes(compiled);
   auto const locate = [&](int id, auto const list, Entry& e) {  // the tree that holds a tendon or an actuator, and its place there
     for (auto const& t : trees)
