@@ -58,6 +58,7 @@ TEST_CASE("unknown and unsupported words name file, line and remedy") {
   refused(model("<composite/>"), "m.xml:3: ", "<composite>: composites are not supported");
   refused(model("<flexcomp/>"), "m.xml:3: ", "<flexcomp>: flexes are not supported");
   refused(model("<geom type='sdf' size='.1'/>"), "m.xml:3: ", "signed distance fields are not supported");
+  refused(model("<camera resolution='64 4.5'/>"), "m.xml:3: ", "'resolution' is not two whole numbers");
   refused(model("<camera projection='orthographic'/>"), "m.xml:3: ", "projection='orthographic' is not supported");
   refused(model("<joint springyield='1'/>"), "m.xml:3: ", "springyield='1' is not supported yet; remove the attribute");
   refused(model("<frame scale='2'/>"), "m.xml:3: ", "scale='2' is not supported yet");

@@ -257,7 +257,10 @@ void compare(CompiledModel const& g, mjModel const* m) {
   c.array("cam_mode", g.cam_mode, m->cam_mode), c.array("cam_target", g.cam_target, m->cam_targetbodyid);
   c.array("cam_pos0", g.cam_pos0, m->cam_pos0), c.array("cam_poscom0", g.cam_poscom0, m->cam_poscom0, 1e-9),
       c.array("cam_mat0", g.cam_mat0, m->cam_mat0);
-  for (int i = 0; i < g.ncam; ++i) c.number("cam_fovy", i, g.cam_fovy[i], m->cam_fovy[i] * M_PI / 180, c.tolerance);
+  for (int i = 0; i < g.ncam; ++i) {
+    c.number("cam_fovy", i, g.cam_fovy[i], m->cam_fovy[i] * M_PI / 180, c.tolerance);
+    for (int k = 0; k < 2; ++k) CHECK(g.cam_resolution[i][k] == m->cam_resolution[2 * i + k]);
+  }
   c.array("cam_body", g.cam_body, m->cam_bodyid), c.array("cam_pos", g.cam_pos, m->cam_pos), c.quats("cam_quat", g.cam_quat, m->cam_quat);
 
   for (int t = 0, term = 0, wrap = 0; t < g.ntendon; ++t) {

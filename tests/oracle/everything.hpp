@@ -40,7 +40,7 @@ inline char const* const everything = R"(
     <body name="piston" pos="-0.5 0 1"><joint name="piston" type="slide" axis="1 0 0"/><geom type="box" size="0.05 0.03 0.03" mass="0.3"/><site name="slot" euler="0 -90 0"/></body>
     <body name="held" mocap="true" pos="-1 -1 1"><site name="hook"/></body>
     <camera name="c1" pos="1 1 1" mode="targetbody" target="forearm"/><camera name="c2" pos="1 1 2" mode="targetbodycom" target="base"/>
-    <camera name="c3" pos="1 0 2" euler="10 20 30"/>
+    <camera name="c3" pos="1 0 2" euler="10 20 30" resolution="64 48"/><camera name="c4" sensorsize=".004 .003" focalpixel="150 170" resolution="320 200"/>
   </worldbody>
   <tendon>
     <spatial name="strings" armature="0.05" stiffness="20 5 3" damping="0.4 0.2 0.1" springlength="0.3 0.5"><site site="ground"/><site site="elbow_site"/><site site="wrist"/><pulley divisor="2"/><site site="palm"/><site site="wrist"/><site site="post"/></spatial>

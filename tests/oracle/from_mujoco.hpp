@@ -113,7 +113,17 @@ inline gsp::CompiledModel from_mujoco(mjModel const* m) {
   c.site_body = ints(m->site_bodyid, nsite), c.site_pos = rows<3>(m->site_pos, nsite), c.site_quat = rows<4>(m->site_quat, nsite);
   c.site_name = names(m, m->name_siteadr, nsite);
   c.cam_body = ints(m->cam_bodyid, ncam), c.cam_pos = rows<3>(m->cam_pos, ncam), c.cam_quat = rows<4>(m->cam_quat, ncam);
-  c.cam_fovy = numbers(m->cam_fovy, ncam), c.cam_mode = ints(m->cam_mode, ncam), c.cam_target = ints(m->cam_targetbodyid, ncam);
+  c.cam_fovy = numbers(m->cam_fovy, ncam);
+  for (double& fovy : c.cam_fovy) fovy *= M_PI / 180;
+  c.cam_mode = ints(m->cam_mode, ncam), c.cam_target = ints(m->cam_targetbodyid, ncam);
+  for (int i = 0; i < ncam; ++i) {
+    float const *sensor = m->cam_sensorsize + 2 * i, *intrinsic = m->cam_intrinsic + 4 * i;
+    int const* resolution = m->cam_resolution + 2 * i;
+    c.cam_resolution.push_back({double(resolution[0]), double(resolution[1])});
+    auto& focal = c.cam_focal.emplace_back();
+    for (int k = 0; k < 2; ++k)
+      focal[k] = sensor[k] > 0 ? intrinsic[k] / sensor[k] * float(resolution[k]) : 0.5 / std::tan(c.cam_fovy[i] / 2) * resolution[1];
+  }
   c.cam_pos0 = rows<3>(m->cam_pos0, ncam), c.cam_poscom0 = rows<3>(m->cam_poscom0, ncam), c.cam_mat0 = rows<9>(m->cam_mat0, ncam);
   c.cam_name = names(m, m->name_camadr, ncam);
 

@@ -1,12 +1,13 @@
-// Sensors that are functions of the smooth state against MuJoCo's sensordata, constraints disabled in both, profile `mujoco`, double: a model
-// with each of them, in all frames, with and without reference and cutoff; and every model of the zoo that has sensors. 20 random states:
-// 1e-10 relative; quaternions up to their sign.
+// Sensors that are functions of the smooth state against MuJoCo's sensordata, constraints disabled in both, profile `mujoco`, double: a
+// model with each of them, in all frames, with and without reference and cutoff; and every model of the zoo that has sensors. 20 random
+// states: 1e-10 relative; quaternions up to their sign.
 #include <doctest/doctest.h>
 
 #include <cmath>
-#include <gsp/io/mjcf.hpp>
-#include <gsp/model/compile.hpp>
 #include <gsp/dynamics/smooth.hpp>
+#include <gsp/io/mjcf.hpp>
+#include <gsp/io/write_mjcf.hpp>
+#include <gsp/model/compile.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>
 
 #include "dynamics/random_tree.hpp"
@@ -16,11 +17,15 @@
 namespace {
 using Exec = Kokkos::DefaultHostExecutionSpace;
 
-char const* const every_sensor = R"(<mujoco><option timestep="0.004" magnetic="0.3 -0.5 0.2"><flag energy="enable"/></option><worldbody><site name="w" pos=".1 .2 .3" euler="10 20 30"/>
+char const* const every_sensor =
+    R"(<mujoco><option timestep="0.004" magnetic="0.3 -0.5 0.2"><flag energy="enable"/></option><worldbody><site name="w" pos=".1 .2 .3" euler="10 20 30"/>
     <body name="a" pos="0 0 1"><freejoint/><geom name="ga" type="box" size=".1 .2 .05" pos=".02 .01 0" euler="5 10 15"/><site name="sa" pos=".1 0 .05" euler="30 0 40"/>
+      <camera name="cs" pos=".1 0 .2" euler="90 10 0" sensorsize=".004 .003" focal=".002 .0025" resolution="320 200"/>
+      <camera name="cc" mode="trackcom" pos="0 -2 .5" euler="60 0 0" sensorsize=".004 .003" focalpixel="150 170" resolution="320 200"/>
       <body name="b" pos=".2 0 0"><joint name="h" axis="0 1 0" stiffness="2" damping=".1"/><geom name="gb" type="capsule" size=".03 .1" pos="0 .02 .1"/><site name="sb" pos="0 0 .2" euler="0 50 0"/></body>
       <body name="c" pos="-.2 0 0"><joint name="q" type="ball"/><geom type="sphere" size=".06" pos=".01 0 .12"/></body></body>
-    <body name="e" pos="1 0 1"><joint name="s" type="slide" axis="0 0 1"/><geom name="ge" type="sphere" size=".1" pos="0 .03 0"/><site name="se" pos="0 .1 0"/></body></worldbody>
+    <camera name="cf" pos="0 -3 1" xyaxes="1 0 0 0 .3 1" fovy="60" resolution="640 480"/>
+    <body name="e" pos="1 0 1"><camera name="ct" mode="targetbody" target="b" pos=".1 2 .3"/><joint name="s" type="slide" axis="0 0 1"/><geom name="ge" type="sphere" size=".1" pos="0 .03 0"/><site name="se" pos="0 .1 0"/></body></worldbody>
     <tendon><fixed name="t"><joint joint="h" coef="2"/></fixed><spatial name="p"><site site="sa"/><site site="sb"/></spatial></tendon>
     <actuator><motor name="m" joint="h" gear="3"/><position name="k" tendon="p" kp="4"/><motor name="n" tendon="p" gear="-2"/><motor name="f" joint="s"/></actuator>
     <sensor><clock/><e_potential/><e_kinetic/><jointpos joint="h"/><jointvel joint="h" cutoff=".4"/><ballquat joint="q"/><ballangvel joint="q" cutoff=".7"/><tendonpos tendon="t"/><tendonvel tendon="p"/>
@@ -31,7 +36,10 @@ char const* const every_sensor = R"(<mujoco><option timestep="0.004" magnetic="0
       <framelinvel objtype="body" objname="a"/><framelinvel objtype="site" objname="sb" reftype="site" refname="se"/><framelinvel objtype="geom" objname="ge" reftype="xbody" refname="b" cutoff="1"/>
       <frameangvel objtype="xbody" objname="c"/><frameangvel objtype="geom" objname="gb" reftype="body" refname="a"/><frameangvel objtype="site" objname="w" reftype="body" refname="a"/>
       <velocimeter site="sa"/><velocimeter site="w"/><gyro site="sb"/><gyro site="sa" cutoff=".3"/><magnetometer site="sb"/><magnetometer site="w"/>
-      <subtreecom body="a"/><subtreelinvel body="a"/><subtreelinvel body="e"/><subtreeangmom body="a"/><subtreeangmom body="b"/><accelerometer site="sa"/><touch site="sa"/></sensor></mujoco>)";
+      <camprojection site="sa" camera="cf"/><camprojection site="se" camera="cs"/><camprojection site="sb" camera="cc"/><camprojection site="w" camera="ct" cutoff="90"/>
+      <framepos objtype="camera" objname="cc"/><framepos objtype="camera" objname="ct" reftype="site" refname="sa"/><framequat objtype="camera" objname="cs"/><framequat objtype="camera" objname="cc" reftype="camera" refname="ct"/>
+      <framexaxis objtype="camera" objname="ct"/><frameyaxis objtype="site" objname="sb" reftype="camera" refname="ct"/><framelinvel objtype="camera" objname="cs" reftype="camera" refname="cc"/>
+      <frameangvel objtype="camera" objname="ct"/><framelinvel objtype="site" objname="se" reftype="camera" refname="ct"/><subtreecom body="a"/><subtreelinvel body="a"/><subtreelinvel body="e"/><subtreeangmom body="a"/><subtreeangmom body="b"/><accelerometer site="sa"/><touch site="sa"/></sensor></mujoco>)";
 
 /// Returns how many sensors were compared.
 int check(gsp::Description const& description, mjModel* m, mjData* d) {
@@ -82,7 +90,8 @@ int check(gsp::Description const& description, mjModel* m, mjData* d) {
       bool const quat = m->sensor_datatype[i] == mjDATATYPE_QUATERNION;
       worst = std::fmax(worst, (quat ? std::fmin(same, opposite) : same) / largest);
     }
-    CHECK_MESSAGE(worst <= 1e-10, "sensor " << i << " (" << compiled.sensors[i].type << " '" << compiled.sensors[i].name << "'): " << worst);
+    CHECK_MESSAGE(worst <= 1e-10,
+                  "sensor " << i << " (" << compiled.sensors[i].type << " '" << compiled.sensors[i].name << "'): " << worst);
   }
   return compared;
 }
@@ -90,7 +99,10 @@ int check(gsp::Description const& description, mjModel* m, mjData* d) {
 
 TEST_CASE("each sensor, in all frames, with references and cutoffs") {
   auto const oracle = gsp_test::load_oracle("every_sensor.xml", every_sensor);
-  CHECK(check(gsp::io::parse_mjcf(every_sensor, "every_sensor.xml"), oracle.m(), oracle.d()) == oracle.m()->nsensor - 2);
+  auto const description = gsp::io::parse_mjcf(every_sensor, "every_sensor.xml");
+  CHECK(check(description, oracle.m(), oracle.d()) == oracle.m()->nsensor - 2);
+  auto const written = gsp_test::load_oracle("written.xml", gsp::io::format_mjcf(description));
+  CHECK(check(description, written.m(), written.d()) == written.m()->nsensor - 2);
 }
 
 TEST_CASE("every model of the zoo that has sensors") {

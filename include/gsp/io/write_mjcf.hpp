@@ -233,7 +233,12 @@ class Writer {
           .close();
     char const* const modes[] = {"fixed", "track", "trackcom", "targetbody", "targetbodycom"};
     for (auto const& c : body.cameras) {
-      open("camera").text("name", c.name).pose(c.pos, c.quat).number("fovy", c.fovy * (180 / 3.14159265358979323846), 45);
+      open("camera").text("name", c.name).pose(c.pos, c.quat);
+      if (c.sensor_size[0] > 0)
+        list("sensorsize", c.sensor_size, {}).list("focal", c.focal, {});
+      else
+        number("fovy", c.fovy * (180 / 3.14159265358979323846), 45);
+      list("resolution", std::array<double, 2>{double(c.resolution[0]), double(c.resolution[1])}, {1, 1});
       if (c.mode != CameraMode::fixed) word("mode", modes[int(c.mode)]);
       text("target", c.target).close();
     }

@@ -94,8 +94,10 @@ struct SiteDescription {
 struct CameraDescription {
   std::string name = "";
   Double3 pos{0, 0, 0};
-  Double4 quat{1, 0, 0, 0};          // MuJoCo's camera frame: looks along -z, y up
-  double fovy = 0.7853981633974483;  // [rad]
+  Double4 quat{1, 0, 0, 0};                              // MuJoCo's camera frame: looks along -z, y up
+  double fovy = 0.7853981633974483;                      // [rad]
+  std::array<int, 2> resolution{1, 1};                   // [pixel]
+  std::array<double, 2> sensor_size{0, 0}, focal{0, 0};  // [m] where the camera is given by them, and fovy follows; else 0
   CameraMode mode = CameraMode::fixed;
   std::string target = "";  // body that it looks at
   Place place{};

@@ -64,6 +64,7 @@ struct Model {
   Field<R> site_pos, site_quat, geom_pos, geom_quat, geom_size;                            // (nsite | ngeom, 3 | 4 | 3)
   Field<R> geom_fluidcoef, geom_addedmass;                                                 // (ngeom, 5 | 6) of the ellipsoid fluid model
   Field<R> cam_pos, cam_quat, cam_pos0, cam_poscom0, cam_mat0;                             // (ncam, 3 | 4 | 3 | 3 | 9)
+  Field<R> cam_focal, cam_resolution;                                                      // (ncam, 2) [pixel]
   Field<R> body_invweight0;                                                                // (nbody, 2) translational, rotational
   Field<R> jnt_range, jnt_margin, jnt_solref, jnt_solimp;                                  // (njnt, 2 | 1 | 2 | 5) limits
   Field<R> dof_frictionloss, dof_invweight0, dof_solref, dof_solimp;                       // (nv, 1 | 1 | 2 | 5) friction loss
@@ -269,6 +270,8 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   pool.add(&M::geom_addedmass, added);
   pool.add(&M::cam_pos, m.cam_pos), pool.add(&M::cam_quat, m.cam_quat);
   pool.add(&M::cam_pos0, filled(m.cam_pos0, m.ncam, Double3{})), pool.add(&M::cam_poscom0, filled(m.cam_poscom0, m.ncam, Double3{}));
+  pool.add(&M::cam_focal, filled(m.cam_focal, m.ncam, std::array<double, 2>{1, 1}));
+  pool.add(&M::cam_resolution, filled(m.cam_resolution, m.ncam, std::array<double, 2>{1, 1}));
   pool.add(&M::cam_mat0, filled(m.cam_mat0, m.ncam, std::array<double, 9>{1, 0, 0, 0, 1, 0, 0, 0, 1}));
   pool.add(&M::jnt_pos, m.jnt_pos), pool.add(&M::jnt_axis, m.jnt_axis), pool.add(&M::jnt_stiffness, m.jnt_stiffness);
   pool.add(&M::jnt_actfrcrange, ranges(m.jnt_actfrcrange, m.jnt_actfrclimited));

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/dynamics/energy.hpp>
+#include <gsp/dynamics/object_poses.hpp>
 #include <gsp/dynamics/subtree.hpp>
 #include <gsp/model/archetypes.hpp>
 #include <map>
@@ -33,6 +34,7 @@ enum class SensorType : int {
   velocimeter,
   gyro,
   magnetometer,
+  cam_projection,
   subtree_com,
   subtree_linvel,
   subtree_angmom
@@ -41,7 +43,7 @@ enum class SensorType : int {
 /// One sensor. `object`: a world index of what its type is about; of a frame: an item of `kind`. tree, local: of a tendon or actuator.
 template <class R>
 struct SensorEntry {
-  enum Kind : int { none, inertial, body, geom, site };
+  enum Kind : int { none, inertial, body, geom, site, camera };
   SensorType type;
   int adr;
   int object = 0, kind = none, reference = 0, reference_kind = none;
@@ -54,10 +56,10 @@ template <class R, class Mem>
 struct Sensors {
   int worlds = 0, nsensordata = 0;
   Kokkos::View<SensorEntry<R>*, Mem> entries;
-  Vec3<R> magnetic;                         // flux, in the world frame
-  Subtrees<R, Mem> subtrees;                // empty where no sensor asks for them
+  Vec3<R> magnetic;           // flux, in the world frame
+  Subtrees<R, Mem> subtrees;  // empty where no sensor asks for them
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> energy;
-  std::vector<int> left_out;                // host: indices of the model's sensors that are not: contacts, rays, accelerations, constraints
+  std::vector<int> left_out;  // host: indices of the model's sensors that are not: contacts, rays, accelerations, constraints
 };
 
 struct SensorsOptions {
@@ -94,11 +96,12 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
                                               {"velocimeter", S::velocimeter},
                                               {"gyro", S::gyro},
                                               {"magnetometer", S::magnetometer},
+                                              {"camprojection", S::cam_projection},
                                               {"subtreecom", S::subtree_com},
                                               {"subtreelinvel", S::subtree_linvel},
                                               {"subtreeangmom", S::subtree_angmom}};
   static std::map<std::string, int> const kinds{
-      {"body", Entry::inertial}, {"xbody", Entry::body}, {"geom", Entry::geom}, {"site", Entry::site}};
+      {"body", Entry::inertial}, {"xbody", Entry::body}, {"geom", Entry::geom}, {"site", Entry::site}, {"camera", Entry::camera}};
   Sensors<R, Mem> s;
   s.worlds = options.worlds, s.nsensordata = compiled.nsensordata;
   auto const& flux = compiled.option.magnetic;
@@ -125,7 +128,7 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
       e.type = type->second, e.adr = compiled.sensor_adr[i], e.object = compiled.sensor_id[i], e.reference = compiled.sensor_refid[i];
       e.cutoff = R(d.cutoff);
       auto const kind = kinds.find(d.object_type), reference = kinds.find(d.reference_type);
-      if (e.type >= S::frame_pos && e.type <= S::magnetometer) {
+      if (e.type >= S::frame_pos && e.type <= S::cam_projection) {
         known = kind != kinds.end() && (e.reference < 0 || reference != kinds.end());
         if (known) e.kind = kind->second, e.reference_kind = e.reference < 0 ? int(Entry::none) : reference->second;
       }
@@ -133,7 +136,11 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
         known = locate(e.object, &ArchetypeDescription::Instance::tendon, e);
       if (e.type == S::actuator_pos || e.type == S::actuator_vel || e.type == S::actuator_force)
         known = locate(e.object, &ArchetypeDescription::Instance::act, e);
-      subtrees |= e.type >= S::subtree_com;
+      auto const by_com = [&](int of, int i) {
+        return of == Entry::camera && (CameraMode(compiled.cam_mode[i]) == CameraMode::track_com ||
+                                       CameraMode(compiled.cam_mode[i]) == CameraMode::target_body_com);
+      };
+      subtrees |= e.type >= S::subtree_com || by_com(e.kind, e.object) || by_com(e.reference_kind, e.reference);
       energy |= e.type == S::potential_energy || e.type == S::kinetic_energy;
     }
     if (known)
@@ -163,16 +170,28 @@ struct SmoothSensors {
 
   using Entry = SensorEntry<R>;
   KOKKOS_INLINE_FUNCTION int body_of(int kind, int i) const {
-    return kind == Entry::geom ? model.geom_body(i) : kind == Entry::site ? model.site_body(i) : i;
+    return kind == Entry::geom     ? model.geom_body(i)
+           : kind == Entry::site   ? model.site_body(i)
+           : kind == Entry::camera ? model.cam_body(i)
+                                   : i;
   }
+  /// Pose of what is fixed to its body; a camera's as if it were.
   template <class T>
   KOKKOS_INLINE_FUNCTION Transform<T> pose(WorldLane<T> const& l, int kind, int i) const {
+    if (kind == Entry::none) return {{T(0), T(0), T(0)}, identity_quat<T>()};
     int const b = body_of(kind, i);
     Transform<T> const body{l.load3(poses.xpos, b), l.load4(poses.xquat, b)};
     if (kind == Entry::inertial) return body * Transform<T>{l.constant3(model.body_ipos, b), l.constant4(model.body_iquat, b)};
     if (kind == Entry::geom) return body * Transform<T>{l.constant3(model.geom_pos, i), l.constant4(model.geom_quat, i)};
     if (kind == Entry::site) return body * Transform<T>{l.constant3(model.site_pos, i), l.constant4(model.site_quat, i)};
+    if (kind == Entry::camera) return body * Transform<T>{l.constant3(model.cam_pos, i), l.constant4(model.cam_quat, i)};
     return body;
+  }
+  template <class T>
+  KOKKOS_INLINE_FUNCTION Frame<T> frame(WorldLane<T> const& l, int kind, int i) const {
+    if (kind == Entry::camera) return camera_frame(l, model, poses, subtrees.com, i);
+    Transform<T> const x = pose(l, kind, i);
+    return {x.p, to_matrix(x.q)};
   }
   /// Velocity of the point x of body b, in world axes.
   template <class T>
@@ -197,9 +216,7 @@ struct SmoothSensors {
   KOKKOS_FUNCTION void operator()(WorldLane<T> const& l, int i) const {
     using S = SensorType;
     Entry const e = entries(i);
-    auto const put = [&](int c, T const& x) {
-      l.store(data, e.adr + c, e.cutoff > R(0) ? clamp(x, T(-e.cutoff), T(e.cutoff)) : x);
-    };
+    auto const put = [&](int c, T const& x) { l.store(data, e.adr + c, e.cutoff > R(0) ? clamp(x, T(-e.cutoff), T(e.cutoff)) : x); };
     auto const put3 = [&](Vec3<T> const& x) { put(0, x.x), put(1, x.y), put(2, x.z); };
     auto const put_axis = [&](Vec3<T> const& x) {  // directions and rotations have no cutoff
       for (int c = 0; c < 3; ++c) l.store(data, e.adr + c, x[c]);
@@ -227,8 +244,8 @@ struct SmoothSensors {
         return put(0, l.load(state.qvel, model.jnt_dofadr(e.object)));
       case S::ball_quat: {
         int const q = model.jnt_qposadr(e.object);
-        return put_quat(normalized(Quat<T>{l.load(state.qpos, q), l.load(state.qpos, q + 1), l.load(state.qpos, q + 2),
-                                           l.load(state.qpos, q + 3)}));
+        return put_quat(
+            normalized(Quat<T>{l.load(state.qpos, q), l.load(state.qpos, q + 1), l.load(state.qpos, q + 2), l.load(state.qpos, q + 3)}));
       }
       case S::ball_angvel: {
         int const v = model.jnt_dofadr(e.object);
@@ -265,26 +282,30 @@ struct SmoothSensors {
       default:
         break;
     }
-    Transform<T> const own = pose(l, e.kind, e.object);
-    Transform<T> const reference =
-        e.reference_kind != Entry::none ? pose(l, e.reference_kind, e.reference) : Transform<T>{{T(0), T(0), T(0)}, identity_quat<T>()};
-    auto const axis = [&](int c) {
-      return put_axis(rotate_inverse(reference.q, rotate(own.q, Vec3<T>{T(c == 0), T(c == 1), T(c == 2)})));
-    };
-    if (e.type == S::frame_pos) return put3(rotate_inverse(reference.q, own.p - reference.p));
-    if (e.type == S::frame_quat) return put_quat(e.reference_kind != Entry::none ? conjugate(reference.q) * own.q : own.q);
-    if (e.type == S::frame_xaxis) return axis(0);
-    if (e.type == S::frame_yaxis) return axis(1);
-    if (e.type == S::frame_zaxis) return axis(2);
-    if (e.type == S::magnetometer) return put3(rotate_inverse(own.q, Vec3<T>{T(magnetic.x), T(magnetic.y), T(magnetic.z)}));
-    Spatial<T> v = velocity(l, body_of(e.kind, e.object), own.p);
-    if (e.type == S::velocimeter) return put3(rotate_inverse(own.q, v.linear));
-    if (e.type == S::gyro) return put3(rotate_inverse(own.q, v.angular));
-    if (e.reference_kind != Entry::none) {  // as seen from a frame that moves and turns
-      Spatial<T> const seen = velocity(l, body_of(e.reference_kind, e.reference), reference.p);
-      v.linear = v.linear - seen.linear - cross(seen.angular, own.p - reference.p), v.angular = v.angular - seen.angular;
+    if (e.type == S::frame_quat) {  // of a camera that tracks or looks at something: as if it did not (MuJoCo)
+      Quat<T> const q = pose(l, e.kind, e.object).q;
+      return put_quat(e.reference_kind != Entry::none ? conjugate(pose(l, e.reference_kind, e.reference).q) * q : q);
     }
-    put3(rotate_inverse(reference.q, e.type == S::frame_linvel ? v.linear : v.angular));
+    Frame<T> const own = frame(l, e.kind, e.object), reference = frame(l, e.reference_kind, e.reference);
+    auto const seen = [&](Vec3<T> const& x) { return transpose_times(reference.r, x); };
+    if (e.type == S::cam_projection) {  // pixel = c -+ f (x, y) / z of the site in the camera's frame: x right, y down from the top left
+      Vec3<T> const x = seen(own.p - reference.p);
+      T const z = select(abs(x.z) < T(1e-15), clamp(x.z, T(-1e-15), T(1e-15)), x.z);
+      auto const half = [&](int c) { return T(0.5) * l.constant(model.cam_resolution, e.reference, 2, c); };
+      auto const focal = [&](int c) { return l.constant(model.cam_focal, e.reference, 2, c); };
+      return put(0, half(0) - focal(0) * x.x / z), put(1, half(1) + focal(1) * x.y / z);
+    }
+    if (e.type == S::frame_pos) return put3(seen(own.p - reference.p));
+    if (e.type >= S::frame_xaxis && e.type <= S::frame_zaxis) return put_axis(seen(column(own.r, int(e.type) - int(S::frame_xaxis))));
+    if (e.type == S::magnetometer) return put3(transpose_times(own.r, Vec3<T>{T(magnetic.x), T(magnetic.y), T(magnetic.z)}));
+    Spatial<T> v = velocity(l, body_of(e.kind, e.object), own.p);
+    if (e.type == S::velocimeter) return put3(transpose_times(own.r, v.linear));
+    if (e.type == S::gyro) return put3(transpose_times(own.r, v.angular));
+    if (e.reference_kind != Entry::none) {  // as seen from a frame that moves and turns
+      Spatial<T> const of = velocity(l, body_of(e.reference_kind, e.reference), reference.p);
+      v.linear = v.linear - of.linear - cross(of.angular, own.p - reference.p), v.angular = v.angular - of.angular;
+    }
+    put3(seen(e.type == S::frame_linvel ? v.linear : v.angular));
   }
 };
 }  // namespace detail

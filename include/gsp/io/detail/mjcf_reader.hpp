@@ -703,14 +703,21 @@ class Reader {
     // fovy of a sensor: 2 atan(half height / focal length), as MuJoCo in float
     std::array<double, 2> sensor{0, 0}, focal{0, 0}, focal_pixel{0, 0}, resolution{1, 1};
     a.numbers("sensorsize", sensor), a.numbers("focal", focal), a.numbers("focalpixel", focal_pixel), a.numbers("resolution", resolution);
+    for (int k = 0; k < 2; ++k) {
+      if (!(resolution[k] >= 1 && resolution[k] <= 1e6) || resolution[k] != std::floor(resolution[k]))
+        a.fail("resolution", "is not two whole numbers from 1 to 1000000; correct it");
+      c.resolution[k] = int(resolution[k]);
+    }
     bool const sized = sensor[0] > 0 && sensor[1] > 0;
     if (!sized && (focal[0] != 0 || focal[1] != 0 || focal_pixel[0] != 0 || focal_pixel[1] != 0))
       a.fail("focal", "needs sensorsize; give both");
     if (sized) {
-      if (!a.has("resolution") || !(resolution[0] > 0 && resolution[1] > 0)) a.fail("sensorsize", "needs a positive resolution; give both");
-      float const height = float(sensor[1]), density = float(resolution[1]) / height;
-      float const length = focal_pixel[1] != 0 ? float(focal_pixel[1]) / density : float(focal[1]);
-      c.fovy = std::atan2(height / 2, length) * 2;
+      if (!a.has("resolution")) a.fail("sensorsize", "needs a resolution; give both");
+      for (int k = 0; k < 2; ++k) {
+        float const size = float(sensor[k]), density = float(resolution[k]) / size;
+        c.sensor_size[k] = size, c.focal[k] = focal_pixel[k] != 0 ? float(focal_pixel[k]) / density : float(focal[k]);
+      }
+      c.fovy = std::atan2(float(c.sensor_size[1]) / 2, float(c.focal[1])) * 2;
     }
     if (a.has("projection") && a.choice("projection", {"perspective", "orthographic"}) == 1)
       refuse(node.place, "<camera> projection='orthographic' is not supported; use perspective");
