@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <gsp/dynamics/energy.hpp>
+#include <gsp/dynamics/integrate.hpp>
 #include <gsp/dynamics/inverse.hpp>
 #include <gsp/dynamics/jacobian.hpp>
 #include <gsp/dynamics/object_poses.hpp>
@@ -9,13 +10,15 @@
 #include <gsp/dynamics/subtree.hpp>
 #include <gsp_test_execs.hpp>
 
+#include "dynamics/derivatives.hpp"
 #include "dynamics/random_tree.hpp"
 
 namespace {
 using gsp::JointType;
 
-/// Two trees with every joint type, a site on each body, and a spatial tendon from one tree to the other that passes round a geom.
-gsp::CompiledModel model_of(gsp::Integrator integrator = gsp::Integrator::euler) {
+/// Two trees with every joint type, a site on each body, and a spatial tendon from one tree to the other that passes round a geom, or, with
+/// a sidesite in its centre, through it; a motor on a hinge and one with an activation on the tendon.
+gsp::CompiledModel model_of(gsp::Integrator integrator = gsp::Integrator::euler, bool through = false) {
   auto d = gsp_test::random_model({JointType::free, JointType::hinge}, 6, 5);
   for (auto& body : d.bodies) {
     gsp::SiteDescription site;
@@ -31,7 +34,18 @@ gsp::CompiledModel model_of(gsp::Integrator integrator = gsp::Integrator::euler)
   t.path = {{gsp::WrapType::site, d.bodies[1].name + "site"},
             {gsp::WrapType::sphere, "ball"},
             {gsp::WrapType::site, d.bodies.back().name + "site"}};
+  if (through) {
+    gsp::SiteDescription center;
+    center.name = t.path[1].sidesite = "center", center.pos = ball.pos;
+    d.bodies[2].sites.push_back(center);
+  }
   d.tendons.push_back(t);
+  gsp::ActuatorDescription motor;
+  motor.name = "motor", motor.target_name = "t1b1j0", motor.gear[0] = 3;
+  d.actuators.push_back(motor);
+  motor.name = "winch", motor.target = gsp::Transmission::tendon, motor.target_name = "string";
+  motor.dynamics = gsp::ActuatorDynamics::filter, motor.dynprm[0] = 0.05;
+  d.actuators.push_back(motor);
   d.option.integrator = integrator;
   return gsp::compile(d);
 }
@@ -47,9 +61,9 @@ struct Set {
   gsp::State<double, Mem> state;
   gsp::Dynamics<double, Mem> dynamics;
   gsp::Poses<double, Mem> poses;
-  Set(gsp::CompiledModel const& c, int worlds)
+  Set(gsp::CompiledModel const& c, int worlds, gsp::Profile profile = gsp::Profile::mujoco)
       : compiled(c),
-        model(gsp::make_model<double>(exec, c, {.profile = gsp::Profile::mujoco})),
+        model(gsp::make_model<double>(exec, c, {.profile = profile})),
         state(gsp::make_state(exec, model, {.worlds = worlds})),
         dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})),
         poses(gsp::make_poses(exec, model, {.worlds = worlds})) {
@@ -74,6 +88,7 @@ struct Set {
 // Rounding alone: M of condition 10^3, forces below 10^2.
 TEST_CASE_TEMPLATE("inverse dynamics inverts forward dynamics", Exec, GSP_TEST_EXECS) {
   Set<Exec> s(model_of(), 19);
+  Kokkos::deep_copy(s.state.ctrl, 0.7), Kokkos::deep_copy(s.state.act, -0.4);
   s.smooth();
   int const nv = s.model.nv;
   auto const qacc = s.dofs(&gsp::DynamicsLayout::acceleration), actuator = s.dofs(&gsp::DynamicsLayout::actuator);
@@ -182,4 +197,124 @@ TEST_CASE_TEMPLATE("moment arms of a spatial tendon across trees are the slopes 
     auto const up = moved(1e-6), down = moved(-1e-6);
     for (int w = 0; w < worlds; ++w) CHECK(std::abs((up[w] - down[w]) / 2e-6 - arms[w * s.model.nv + s.compiled.jnt_dofadr[j]]) < 1e-7);
   }
+}
+
+// At rest the angle of a step has its kink.
+TEST_CASE("derivatives of a step by position, velocity and control are central differences") {
+  auto c = gsp_test::servo_model();
+  for (auto const& [profile, integrator, rest] :
+       {std::tuple{gsp::Profile::stable, gsp::Integrator::euler, false}, std::tuple{gsp::Profile::mujoco, gsp::Integrator::euler, true},
+        std::tuple{gsp::Profile::mujoco, gsp::Integrator::implicitfast, false},
+        std::tuple{gsp::Profile::mujoco, gsp::Integrator::implicit, false}}) {
+    c.option.integrator = integrator;
+    Set<Kokkos::Serial> const from(c, 1, profile);
+    for (int i = 0; i < c.nu; ++i) from.state.ctrl(0, i) = std::sin(i);
+    if (rest) Kokkos::deep_copy(from.state.qvel, 0.);
+    double const error = gsp_test::derivative_error(c, profile, from.state, 0, [](auto const& at) {
+      gsp::smooth_dynamics(at.exec, at.model, at.state, at.dynamics, at.poses, {.keep_all = true});
+      gsp::copy_dofs(at.exec, at.model, at.dynamics, &gsp::DynamicsLayout::acceleration, at.acceleration);
+      gsp::integrate(at.exec, at.model, at.dynamics, at.state);
+      return std::tuple{at.acceleration, at.state.qpos, at.state.qvel};
+    });
+    CAPTURE(int(profile));
+    CAPTURE(int(integrator));
+    CHECK(error <= 1e-6);
+  }
+}
+
+// In two worlds: where the string is straight, and where it bends so much (longer by 1e-3) that a step of the differences does not free it.
+TEST_CASE("derivatives of quantities by position, velocity, control and acceleration are central differences") {
+  using Exec = Kokkos::Serial;
+  int const worlds = 100;
+  for (bool through : {false, true}) {
+    auto const c = model_of(gsp::Integrator::rk4, through);
+    Set<Exec> from(c, worlds);
+    Kokkos::deep_copy(from.state.ctrl, 0.7), Kokkos::deep_copy(from.state.act, -0.4);
+    from.smooth();
+    Set<Exec>::View3 x("x", worlds, c.nsite, 3), q("q", worlds, c.nsite, 4);
+    gsp::site_poses(from.exec, from.model, from.poses, x, q);
+    auto const items = [](auto const& at, int w, int i) {  // length, moment arms
+      gsp::DynamicsLayout const layout(at.model.archetypes(0));
+      return at.dynamics.item(at.model, w, 0, i == 0 ? layout.tendon_length : layout.tendon_J + i - 1);
+    };
+    int chosen[2] = {-1, -1};
+    for (int w = worlds - 1; w >= 0; --w) {
+      double square = 0;
+      for (int k = 0; k < 3; ++k) square += std::pow(x(w, c.nsite - 1, k) - x(w, 1, k), 2);
+      double const bend = items(from, w, 0) - std::sqrt(square);
+      if (std::abs(bend) < 1e-12 || bend > 1e-3) chosen[bend > 1e-3] = w;
+    }
+    for (int w : chosen) {
+      REQUIRE(w >= 0);
+      auto const check = [&](std::string const& what, auto const& evaluate) {
+        double const error = gsp_test::derivative_error(c, gsp::Profile::mujoco, from.state, w, evaluate);
+        CAPTURE(what);
+        CAPTURE(through);
+        CAPTURE(w);
+        CHECK(error <= 1e-6);
+      };
+      auto const smooth = [](auto const& at) {
+        gsp::smooth_dynamics(at.exec, at.model, at.state, at.dynamics, at.poses, {.keep_all = true});
+      };
+      check("step of Runge-Kutta", [](auto const& at) {
+        auto const rk = gsp::make_runge_kutta(at.exec, at.model, {.worlds = at.state.worlds});
+        gsp::runge_kutta(at.exec, at.model, at.state, at.dynamics, at.poses, rk);
+        return std::tuple{at.state.qpos, at.state.qvel, at.state.act};
+      });
+      check("inverse dynamics", [&](auto const& at) {
+        auto const force = Kokkos::create_mirror(at.acceleration);
+        smooth(at), gsp::inverse_dynamics(at.exec, at.model, at.dynamics, at.acceleration, force);
+        return std::tuple{force};
+      });
+      check("energies", [&](auto const& at) {
+        typename std::remove_cvref_t<decltype(at)>::View2 const energy("energy", at.state.worlds, 2);
+        smooth(at), gsp::energies(at.exec, at.model, at.state, at.poses, at.dynamics, energy);
+        return std::tuple{energy};
+      });
+      check("Jacobian of a site", [&](auto const& at) {
+        using R = typename std::remove_cvref_t<decltype(at)>::real_type;
+        Kokkos::View<R***, Kokkos::LayoutRight, Kokkos::HostSpace> const J("J", at.state.worlds, 6, at.model.nv);
+        smooth(at), gsp::site_jacobian(at.exec, at.model, at.poses, at.dynamics, c.site_body[c.nsite - 1], c.nsite - 1, J);
+        return std::tuple{J};
+      });
+      check("momentum of subtrees", [&](auto const& at) {
+        auto const subtrees = gsp::make_subtrees(at.exec, at.model, {.worlds = at.state.worlds});
+        smooth(at), gsp::subtree_com(at.exec, at.model, at.poses, subtrees);
+        gsp::subtree_momentum(at.exec, at.model, at.poses, at.dynamics, subtrees);
+        return std::tuple{subtrees.com, subtrees.linvel, subtrees.angmom};
+      });
+      check("length and moment arms of the tendon", [&](auto const& at) {
+        typename std::remove_cvref_t<decltype(at)>::View2 const tendon("tendon", at.state.worlds, 1 + at.model.archetypes(0).ntendonJ);
+        smooth(at);
+        for (int world = 0; world < at.state.worlds; ++world)
+          for (int i = 0; i < int(tendon.extent(1)); ++i) tendon(world, i) = items(at, world, i);
+        return std::tuple{tendon};
+      });
+    }
+  }
+}
+
+// Where both ends are equally far, the first guess is the answer, whose derivatives still have to come. Ends that see the point: angles
+// below acos(r / A) + acos(r / B). Steps of 1e-6: 1e-9 from rounding to 1e-15, 2e-10 from third derivatives below 1e3; bar 1e-6.
+TEST_CASE("derivatives of a string's way through a ball are central differences") {
+  using Real = gsp::Dual<double, 4>;
+  double const s = 1e-6;
+  double worst = 0;
+  for (double A : {0.3, 1., 4.})
+    for (double B : {0.3, 1., 4.})
+      for (double r : {0.05, 0.2})
+        for (double turn : {0.25, 1., 1.5}) {
+          double const x[4] = {A, B, r, turn};
+          Real const psi =
+              gsp::detail::lanes_wrap_inside(Real::variable(A, 0), Real::variable(B, 1), Real::variable(r, 2), Real::variable(turn, 3));
+          for (int k = 0; k < 4; ++k) {
+            auto const moved = [&](double step) {
+              double y[4] = {x[0], x[1], x[2], x[3]};
+              y[k] += step;
+              return gsp::detail::lanes_wrap_inside(y[0], y[1], y[2], y[3]);
+            };
+            worst = std::fmax(worst, std::abs(psi.slope[k] - (moved(s) - moved(-s)) / (2 * s)));
+          }
+        }
+  CHECK(worst < 1e-6);
 }

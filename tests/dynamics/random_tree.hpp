@@ -62,6 +62,23 @@ inline gsp::Description random_model(std::vector<gsp::JointType> const& types, i
   return d;
 }
 
+/// A model of three trees (two archetypes) with every joint type, servos and a tendon.
+inline gsp::CompiledModel servo_model(std::uint64_t seed = 1) {
+  auto d = random_model({gsp::JointType::free, gsp::JointType::hinge, gsp::JointType::free}, 8, seed);
+  for (auto const& body : d.bodies)
+    for (auto const& joint : body.joints)
+      if (joint.type == gsp::JointType::hinge || joint.type == gsp::JointType::slide) {
+        gsp::ActuatorDescription a;
+        a.name = a.target_name = joint.name, a.gainprm[0] = 20, a.bias_type = gsp::ActuatorBias::affine, a.biasprm = {0, -20, -1};
+        a.force_limited = d.actuators.size() % 2, a.force_range = {-4, 4};
+        d.actuators.push_back(a);
+      }
+  gsp::TendonDescription t;
+  t.name = "t", t.terms = {{"t1b1j0", 0.7}, {"t1b2j0", -1.3}}, t.stiffness = 5, t.damping = 0.4, t.springlength = {-0.1, 0.1};
+  d.tendons.push_back(t);
+  return gsp::compile(d);
+}
+
 /// The view as the host reads it: itself where it already can.
 template <class View>
 auto host(View const& v) {

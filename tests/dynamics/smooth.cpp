@@ -5,9 +5,7 @@
 #include <cstring>
 #include <gsp/dynamics/integrate.hpp>
 #include <gsp/dynamics/smooth.hpp>
-#include <gsp/math/dual.hpp>
 #include <gsp_test_execs.hpp>
-#include <tuple>
 
 #include "dynamics/random_tree.hpp"
 #include "reference/rigid_bodies.hpp"
@@ -15,23 +13,7 @@
 
 namespace {
 using gsp::JointType;
-
-/// A model of three trees (two archetypes) with every joint type, servos and a tendon.
-gsp::CompiledModel model_of(std::uint64_t seed = 1) {
-  auto d = gsp_test::random_model({JointType::free, JointType::hinge, JointType::free}, 8, seed);
-  for (auto const& body : d.bodies)
-    for (auto const& joint : body.joints)
-      if (joint.type == JointType::hinge || joint.type == JointType::slide) {
-        gsp::ActuatorDescription a;
-        a.name = a.target_name = joint.name, a.gainprm[0] = 20, a.bias_type = gsp::ActuatorBias::affine, a.biasprm = {0, -20, -1};
-        a.force_limited = d.actuators.size() % 2, a.force_range = {-4, 4};
-        d.actuators.push_back(a);
-      }
-  gsp::TendonDescription t;
-  t.name = "t", t.terms = {{"t1b1j0", 0.7}, {"t1b2j0", -1.3}}, t.stiffness = 5, t.damping = 0.4, t.springlength = {-0.1, 0.1};
-  d.tendons.push_back(t);
-  return gsp::compile(d);
-}
+using gsp_test::servo_model;
 
 template <class R, class Exec>
 struct Set {
@@ -99,7 +81,7 @@ bool same_bits(std::vector<R> const& a, std::vector<R> const& b) {
 // Tolerances: kinematics 8 links of 100 roundings each; M sums 10^3 products below 10; bias: what its reference is good for, times |bias| <
 // 10^3.
 TEST_CASE_TEMPLATE("poses, mass matrix and forces are those of the plain reference", Exec, GSP_TEST_EXECS) {
-  auto const c = model_of();
+  auto const c = servo_model();
   for (int worlds : {1, 3, 15, 16, 17, 40}) {
     Set<double, Exec> s(c, worlds);
     s.smooth();
@@ -163,7 +145,7 @@ TEST_CASE_TEMPLATE("poses, mass matrix and forces are those of the plain referen
 // Contraction to fused multiply-adds is explicit in the sources and switched off in host compilers that follow the standard, so bits agree
 // there; nvcc contracts as it likes, kernel by kernel: on a GPU 1e-4 relative, a thousand roundings.
 TEST_CASE_TEMPLATE("the fused kernel gives the numbers of the single functions", Exec, GSP_TEST_EXECS) {
-  auto const c = model_of();
+  auto const c = servo_model();
   for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
     Set<float, Exec> a(c, 21, profile), b(c, 21, profile);
     a.smooth(), b.composed();
@@ -177,7 +159,7 @@ TEST_CASE_TEMPLATE("the fused kernel gives the numbers of the single functions",
 
 // The same in ten steps; worlds of one tree take another way than worlds of three. One world is not finite and has to stay as it is.
 TEST_CASE_TEMPLATE("the fused step gives the state of smooth_dynamics and integrate", Exec, GSP_TEST_EXECS) {
-  auto const several = model_of();
+  auto const several = servo_model();
   auto one = gsp_test::random_model({JointType::free}, 9);
   for (auto& body : one.bodies)
     for (auto& joint : body.joints) joint.damping = 0.3;
@@ -221,7 +203,7 @@ TEST_CASE_TEMPLATE("the fused step gives the state of smooth_dynamics and integr
 
 #if defined(KOKKOS_ENABLE_SERIAL) && defined(KOKKOS_ENABLE_OPENMP)
 TEST_CASE("Serial and OpenMP give the same bits") {
-  auto const c = model_of();
+  auto const c = servo_model();
   Set<float, Kokkos::Serial> a(c, 40, gsp::Profile::stable);
   Set<float, Kokkos::OpenMP> b(c, 40, gsp::Profile::stable);
   a.smooth(), b.smooth();
@@ -233,7 +215,7 @@ TEST_CASE("Serial and OpenMP give the same bits") {
 // bits; conditioning of the accelerations below 10^3.
 TEST_CASE("packs and single numbers agree") {
   using Exec = Kokkos::DefaultHostExecutionSpace;
-  auto const c = model_of();
+  auto const c = servo_model();
   Set<double, Exec> a(c, 19), b(c, 19);
   a.smooth();
   using Stage = gsp::detail::SmoothStage<decltype(b.state), decltype(b.poses)>;
@@ -250,7 +232,7 @@ TEST_CASE("packs and single numbers agree") {
 TEST_CASE_TEMPLATE("each world can have constants of its own", Exec, GSP_TEST_EXECS) {
   using Mem = typename Exec::memory_space;
   int const worlds = 17;
-  auto const c = model_of();
+  auto const c = servo_model();
   Set<float, Exec> s(c, worlds, gsp::Profile::stable);
   auto const spread = [&](gsp::Field<float>& field, int n, auto const& value) {
     Kokkos::View<float**, Kokkos::LayoutRight, Mem> own("own", worlds, n);
@@ -281,91 +263,11 @@ TEST_CASE_TEMPLATE("each world can have constants of its own", Exec, GSP_TEST_EX
 }
 
 TEST_CASE_TEMPLATE("the stages neither allocate nor fence", Exec, GSP_TEST_EXECS) {
-  auto const c = model_of();
+  auto const c = servo_model();
   Set<float, Exec> s(c, 5);
   s.exec.fence();
   gsp_test::check_algorithm(s.exec, gsp_test::watch([&] {
                               s.smooth(), s.composed(), gsp::integrate(s.exec, s.model, s.dynamics, s.state);
                               gsp::smooth_step(s.exec, s.model, s.state, s.dynamics, s.poses);
                             }));
-}
-
-namespace {
-/// Worlds that all stand where world 0 of `from` does, to be stepped once.
-template <class R>
-struct Copies {
-  Kokkos::Serial exec;
-  gsp::Model<R, Kokkos::HostSpace> model;
-  gsp::State<R, Kokkos::HostSpace> state;
-  gsp::Dynamics<R, Kokkos::HostSpace> dynamics;
-  gsp::Poses<R, Kokkos::HostSpace> poses;
-  Kokkos::View<R**, Kokkos::LayoutRight, Kokkos::HostSpace> acceleration;
-  Copies(gsp::CompiledModel const& c, int worlds, gsp::Profile profile, gsp::State<double, Kokkos::HostSpace> const& from)
-      : model(gsp::make_model<R>(exec, c, {.profile = profile})),
-        state(gsp::make_state(exec, model, {.worlds = worlds})),
-        dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})),
-        poses(gsp::make_poses(exec, model, {.worlds = worlds})),
-        acceleration("acceleration", worlds, model.nv) {
-    for (int w = 0; w < worlds; ++w) {
-      for (int i = 0; i < model.nq; ++i) state.qpos(w, i) = from.qpos(0, i);
-      for (int i = 0; i < model.nv; ++i) state.qvel(w, i) = from.qvel(0, i);
-      for (int i = 0; i < model.nu; ++i) state.ctrl(w, i) = from.ctrl(0, i);
-    }
-  }
-  /// Positions, velocities and controls, counted through.
-  R& variable(int w, int i) const {
-    int const nq = model.nq, nv = model.nv;
-    return i < nq ? state.qpos(w, i) : i < nq + nv ? state.qvel(w, i - nq) : state.ctrl(w, i - nq - nv);
-  }
-  void step() const {
-    gsp::smooth_dynamics(exec, model, state, dynamics, poses, {.keep_all = true});
-    gsp::copy_dofs(exec, model, dynamics, &gsp::DynamicsLayout::acceleration, acceleration);
-    gsp::integrate(exec, model, dynamics, state);
-    exec.fence();
-  }
-  /// Accelerations, new positions, new velocities.
-  std::vector<R> outcome(int w) const {
-    std::vector<R> out;
-    for (int i = 0; i < model.nv; ++i) out.push_back(acceleration(w, i));
-    for (int i = 0; i < model.nq + model.nv; ++i) out.push_back(variable(w, i));
-    return out;
-  }
-};
-}  // namespace
-
-// Central differences of step s = 1e-5 have the error s^2 |f'''| / 6 + eps |f| / s: where |f| < 1e3 and |f'''| < 1e4 times the largest
-// derivative, below 2e-7 of that; the bar is 1e-6. At rest the angle of a step has its kink.
-TEST_CASE("derivatives of a step by position, velocity and control are central differences") {
-  constexpr int N = 8;
-  double const s = 1e-5;
-  auto c = model_of();
-  for (auto const& [profile, integrator, rest] :
-       {std::tuple{gsp::Profile::stable, gsp::Integrator::euler, false}, std::tuple{gsp::Profile::mujoco, gsp::Integrator::euler, true},
-        std::tuple{gsp::Profile::mujoco, gsp::Integrator::implicitfast, false},
-        std::tuple{gsp::Profile::mujoco, gsp::Integrator::implicit, false}}) {
-    c.option.integrator = integrator;
-    Set<double, Kokkos::Serial> const from(c, 1, profile);
-    if (rest) Kokkos::deep_copy(from.state.qvel, 0.);
-    int const variables = from.model.nq + from.model.nv + from.model.nu;
-    Copies<gsp::Dual<double, N>> const exact(c, (variables + N - 1) / N, profile, from.state);
-    Copies<double> const shifted(c, 2 * variables, profile, from.state);
-    for (int i = 0; i < variables; ++i) {
-      exact.variable(i / N, i).slope[i % N] = 1;
-      shifted.variable(2 * i, i) -= s, shifted.variable(2 * i + 1, i) += s;
-    }
-    exact.step(), shifted.step();
-    double difference = 0, largest = 1;
-    for (int i = 0; i < variables; ++i) {
-      auto const slopes = exact.outcome(i / N);
-      auto const lower = shifted.outcome(2 * i), upper = shifted.outcome(2 * i + 1);
-      for (std::size_t k = 0; k < slopes.size(); ++k) {
-        double const slope = slopes[k].slope[i % N], expected = (upper[k] - lower[k]) / (2 * s);
-        difference = std::max(difference, std::isfinite(slope) ? std::abs(slope - expected) : INFINITY);
-        largest = std::max(largest, std::abs(expected));
-      }
-    }
-    CAPTURE(int(profile));
-    CAPTURE(int(integrator));
-    CHECK(difference <= 1e-6 * largest);
-  }
 }

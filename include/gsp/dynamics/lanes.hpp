@@ -236,15 +236,15 @@ template <class L, class F>
 
 /// Items `at` .. at + n of every lane of a block to its world's row of a plain view (world, ...), from `first` on, where want(world): 16 at
 /// a time through shared memory, so that neighbouring threads write neighbouring numbers. False where lanes store one by one: on hosts,
-/// in blocks that hold several instances, in stages of one worker.
+/// in blocks that hold several instances, in stages of one worker, and of duals, which would fill shared memory.
 template <class L, class View, class Want>
 KOKKOS_FORCEINLINE_FUNCTION bool store_block([[maybe_unused]] L const& l, [[maybe_unused]] int at, [[maybe_unused]] int n,
                                              [[maybe_unused]] View const& out, [[maybe_unused]] int first,
                                              [[maybe_unused]] Want const& want) {
 #ifdef __CUDA_ARCH__
-  if constexpr (L::workers > 1) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  if constexpr (L::workers > 1 && sizeof(T) <= 8) {
     if (l.block_world < 0) return false;
-    using T = std::remove_cvref_t<decltype(l.items[0])>;
     constexpr int chunk = 16;
     __shared__ T tiles[L::workers][chunk][device_block + 1];
     auto& tile = tiles[l.worker];

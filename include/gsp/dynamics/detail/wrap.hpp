@@ -47,7 +47,7 @@ KOKKOS_INLINE_FUNCTION T lanes_wrap_inside(T A, T B, T r, T turn) {
     auto const right = g > T(0);  // the minimum is on the left
     hi = select(right, psi, hi), lo = select(right, lo, psi);
     T const newton = psi - g / select(abs(slope) > T(1e-30), slope, T(1));
-    auto const good = (newton > lo) && (newton < hi);
+    auto const good = (newton >= lo) && (newton <= hi);
     T const next = select(good, newton, T(0.5) * (lo + hi));
     T const change = abs(next - psi);
     psi = next;
