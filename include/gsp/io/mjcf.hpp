@@ -156,7 +156,7 @@ inline Description parse_mjcf(std::string_view text, std::string const& name, Mj
   int const file = session.files.add(name);
   detail::mjcf::XmlReader xml(session.files);
   auto const root = xml.parse(detail::as_bytes(text), file);
-  auto draft = detail::mjcf::Reader(session, file).read(root);
+  auto draft = detail::mjcf::read_document(session, file, root).draft;
   return detail::mjcf::Finish(session, std::move(draft), options).run();
 }
 

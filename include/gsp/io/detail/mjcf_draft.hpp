@@ -13,8 +13,11 @@ namespace gsp::io::detail::mjcf {
 
 using gsp::detail::for_each_reference;
 using gsp::detail::Kind;
+using gsp::detail::normalized;
 using gsp::detail::own_kind;
 using gsp::detail::own_name;
+using gsp::detail::Pose;
+using gsp::detail::operator*;
 using Names = gsp::detail::NameSet;
 
 struct BodyDraft {
@@ -121,11 +124,10 @@ inline int qvel_size(JointType type) { return type == JointType::free ? 6 : type
 inline int act_size(ActuatorDescription const& a) { return a.dynamics == ActuatorDynamics::none ? 0 : 1; }
 
 /// Moves the contents of `from` (a body that exists only while it is read) into `to`, posed in its frame.
-inline void merge(BodyDraft from, gsp::detail::Pose const& frame, BodyDraft& to) {
-  using gsp::detail::Pose;
+inline void merge(BodyDraft from, Pose const& frame, BodyDraft& to) {
   auto const place = [&](Double3& pos, Double4& quat) {
     Pose const p = frame * Pose{pos, quat};
-    pos = p.p, quat = gsp::detail::normalized(p.q);
+    pos = p.p, quat = normalized(p.q);
   };
   for (auto& x : from.body.joints) x.pos = frame * x.pos, x.axis = gsp::detail::rotate(frame.q, x.axis);
   for (auto& x : from.body.geoms) place(x.pos, x.quat);
