@@ -149,9 +149,7 @@ TEST_CASE_TEMPLATE("sensors give what poses, Jacobians and forces give", Exec, G
   auto const xs = gsp_test::host(x), qs = gsp_test::host(q), cams = gsp_test::host(cam), mats = gsp_test::host(mat), Ms = gsp_test::host(M);
   auto const com = gsp_test::host(subtrees.com), linvel = gsp_test::host(subtrees.linvel), angmom = gsp_test::host(subtrees.angmom);
   auto const qpos = gsp_test::host(s.state.qpos), qvel = gsp_test::host(s.state.qvel), ctrl = gsp_test::host(s.state.ctrl);
-  auto const joint = [&](char const* name) {
-    return int(std::find(c.jnt_name.begin(), c.jnt_name.end(), name) - c.jnt_name.begin());
-  };
+  auto const joint = [&](char const* name) { return int(std::find(c.jnt_name.begin(), c.jnt_name.end(), name) - c.jnt_name.begin()); };
   int const h0 = joint("t1b0j0"), h1 = joint("t1b1j0"), ball = joint("t1b6j0"), dof = c.jnt_dofadr[h1];
   double worst = 0;
   for (int w = 0; w < n; ++w) {

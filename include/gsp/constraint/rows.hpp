@@ -65,10 +65,11 @@ struct RowsOptions {
 namespace detail {
 // On hosts, worlds of at most so many rows and dofs are solved a pack at a time (solver/detail/pgs_lockstep.hpp).
 inline constexpr int lockstep_most_rows = 128, lockstep_most_dofs = 128;
-/// Packs that a block of such worlds needs: z by whole groups of four dofs, seven vectors of rows, and Y. 0: the model has too many dofs.
+inline constexpr int lockstep_rows = 4;  // that go together
+/// Packs that a block of such worlds needs: z by whole groups of four dofs, and Y. 0: the model has too many dofs.
 inline std::int64_t lockstep_packs(int nv) {
   std::int64_t const width = (nv + 3) / 4 * 4;
-  return nv > lockstep_most_dofs ? 0 : width + lockstep_most_rows * (width + 7);
+  return nv > lockstep_most_dofs ? 0 : width + lockstep_most_rows * width;
 }
 
 template <class R, class Mem, class Exec>

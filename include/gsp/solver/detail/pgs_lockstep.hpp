@@ -1,111 +1,66 @@
 #pragma once
 #include <gsp/constraint/rows.hpp>
 
-/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, row r of all of them at once. A row's entries are
-/// widened to the dofs that any of the worlds has in it, so that nothing is gathered inside a sweep. What bounds it is reading Y from the
-/// second-level cache. A world takes this path by its own number of rows alone, and its lane never sees another lane.
+/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and four rows at a time, rows 4 q to 4 q + 3 of all of
+/// them. Four dot products read z once, and so does z += sum Y^T d; what the rows of a block do to each other in between goes through their
+/// products:
+///   w_b = Y_b z + sum_{a < b} (Y_b . Y_a) d_a + C p_b + bias_b     (z as before the block: the same numbers as row by row)
+/// A block's entries are widened to the dofs that any of its rows has in any of the worlds, so that nothing is gathered inside a sweep.
+/// What bounds a sweep is its multiply-adds, two an entry. A world takes this path by its own number of rows alone, which rows share a
+/// block is a matter of their numbers, and a lane never sees another lane.
 namespace gsp::detail {
 
 template <class R, class Mem, class Options>
 struct PgsLockstep {
-  static constexpr int W = native_width<R>;
+  static constexpr int W = native_width<R>, B = lockstep_rows;
   using T = Pack<R, W>;
   Model<R, Mem> model;
   Rows<R, Mem> rows;
   Options options;
 
-  [[gnu::noinline]] void operator()(int block, int thread) const {
-    int const w0 = block * W, nv = model.nv, parity = rows.parity();
+  /// What is known of B rows but their entries; `mu` < 0: without friction.
+  struct Block {
+    T bias[B], compliance[B], inverse[B], lower[B], upper[B], mu[B], p[B], product[B * (B - 1) / 2];
+    T const* Y;  // entry e of row b at B e + b
+    int groups;  // of four dofs
+    short dof[lockstep_most_dofs / 4];
+  };
+
+  [[gnu::noinline]] void operator()(int first, int thread) const {
+    int const w0 = first * W, nv = model.nv, parity = rows.parity();
     int count[W], most = 0;
     for (int l = 0; l < W; ++l) {
       count[l] = w0 + l < rows.worlds ? rows.count(w0 + l) : 0;
       if (count[l] > lockstep_most_rows) count[l] = 0;  // that world goes alone
       most = count[l] > most ? count[l] : most;
     }
+    int const blocks = (most + B - 1) / B;
     T* const z = reinterpret_cast<T*>(rows.thread_items.data() + std::int64_t(thread) * rows.thread_stride);
-    T* const bias = z + (nv + 3) / 4 * 4;
-    T *const compliance = bias + most, *const inverse = compliance + most, *const lower = inverse + most, *const upper = lower + most,
-             *const mu = upper + most, *const p = mu + most;
-    T* const Y = p + most;
-    for (T* q = z; q != bias; ++q) *q = T(R(0));
+    T* Y = z + (nv + 3) / 4 * 4;
+    for (T* q = z; q != Y; ++q) *q = T(R(0));
+    Block block[lockstep_most_rows / B];
+    for (int q = 0; q < blocks; ++q) widen(block[q], Y, q, w0, count, parity), push(block[q], z, block[q].p);
 
-    // widen: which groups of four dofs row r has in any world, then its entries, lane by lane. Whole groups, so that the order in which a
-    // world's entries are summed does not depend on what the other worlds have.
-    struct Place {
-      int first, groups;
-      short dof[lockstep_most_dofs / 4];  // first of the four
-    };
-    Place place[lockstep_most_rows];
-    std::uint32_t used[lockstep_most_rows] = {};
-    for (int r = 0; r < most; ++r)
-      for (int l = 0; l < W; ++l) {
-        if (r >= count[l]) continue;
-        Row<R> const& row = rows.row(rows.first(w0 + l) + r);
-        for (int k = 0; k < row.segments; ++k) used[r] |= groups_of(row.segment[k]);
-      }
-    int size = 0;
-    for (int r = 0; r < most; ++r) {
-      Place& here = place[r];
-      here.first = size, here.groups = 0;
-      for (std::uint32_t bits = used[r]; bits != 0; bits &= bits - 1) here.dof[here.groups++] = short(4 * Kokkos::countr_zero(bits));
-      for (int e = 0; e < 4 * here.groups; ++e) Y[size++] = T(R(0));
-      bias[r] = compliance[r] = inverse[r] = lower[r] = upper[r] = mu[r] = p[r] = T(R(0));
-    }
-    for (int r = 0; r < most; ++r)  // row by row: what is written to stays in the first-level cache while the lanes take turns
-      for (int l = 0; l < W; ++l) {
-        if (r >= count[l]) continue;
-        Row<R> const& row = rows.row(rows.first(w0 + l) + r);
-        auto const lane = [r, l](T* pack) -> R& { return reinterpret_cast<R*>(pack + r)[l]; };
-        bool const friction = row.friction_of >= 0;
-        lane(bias) = row.bias, lane(compliance) = row.compliance, lane(inverse) = row.inverse_diagonal;
-        lane(lower) = friction ? R(0) : row.lower, lane(upper) = friction ? R(0) : row.upper, lane(mu) = friction ? row.upper : R(-1);
-        lane(p) = rows.impulse[parity](rows.first(w0 + l) + r);
-        R* const entries = reinterpret_cast<R*>(Y + place[r].first) + l;
-        R const* y = rows.Y.data() + row.Y;
-        auto const entry_of = [&](int dof) {  // after the groups before
-          return 4 * Kokkos::popcount(used[r] & ((std::uint32_t(1) << (dof >> 2)) - 1)) + (dof & 3);
-        };
-        for (int k = 0; k < row.segments; ++k) {
-          auto const& segment = row.segment[k];
-          if (int const* const list = list_of(segment)) {
-            for (int i = 0; i < segment.count; ++i) entries[W * entry_of(segment.dof0 + list[i])] = y[i];
-          } else {  // consecutive dofs: all of their groups are there
-            R* const e = entries + W * entry_of(segment.dof0);
-            for (int i = 0; i < segment.count; ++i) e[W * i] = y[i];
-          }
-          y += segment.count;
-        }
-      }
-    for (int r = 0; r < most; ++r) push(Y, place[r], z, p[r]);
-
-    // friction follows its normal row: the last row without friction of that world
     R const relaxation(options.relaxation), tolerance(options.tolerance);
-    auto const target = [&](int r, T& normal, R relax) {
-      T const *const y = Y + place[r].first, zero(R(0));
-      T w[4] = {fma(compliance[r], p[r], bias[r]), zero, zero, zero};  // four sums: one would wait for itself
-      for (int g = 0; g < place[r].groups; ++g) {
-        T const* const part = z + place[r].dof[g];
-        for (int k = 0; k < 4; ++k) w[k] = fma(y[4 * g + k], part[k], w[k]);
-      }
-      auto const friction = mu[r] >= zero;
-      T const bound = mu[r] * normal;
-      T const next = clamp(fma(T(-relax) * inverse[r], (w[0] + w[1]) + (w[2] + w[3]), p[r]), select(friction, -bound, lower[r]),
-                           select(friction, bound, upper[r]));
-      return next;
-    };
-    auto const remember = [&](int r, T& normal) { normal = select(mu[r] >= T(R(0)), normal, p[r]); };
+    T const zero(R(0)), one(R(1));
     int sweeps[W] = {};
     Mask<R, W> active;
     for (int l = 0; l < W; ++l) active.set(l, count[l] > 0);
     for (int sweep = 0; sweep < options.iterations && any(active); ++sweep) {
-      T normal(R(0)), change(R(0));
-      for (int r = 0; r < most; ++r) {
-        T const next = target(r, normal, relaxation);
-        T const d = select(active && inverse[r] > T(R(0)), next - p[r], T(R(0)));
-        p[r] = p[r] + d;
-        push(Y, place[r], z, d);
-        if (tolerance > 0) change = max(change, abs(d) / select(inverse[r] > T(R(0)), inverse[r], T(R(1))));
-        remember(r, normal);
+      T normal = zero, change = zero;
+      for (int q = 0; q < blocks; ++q) {
+        Block& k = block[q];
+        T w[B], d[B];
+        dot(k, z, w);
+        for (int b = 0, at = 0; b < B; ++b) {
+          for (int a = 0; a < b; ++a) w[b] = fma(k.product[at++], d[a], w[b]);
+          auto const movable = k.inverse[b] > zero;
+          d[b] = select(active && movable, target(k, b, w[b], normal, relaxation) - k.p[b], zero);
+          k.p[b] = k.p[b] + d[b];
+          if (tolerance > 0) change = max(change, abs(d[b]) / select(movable, k.inverse[b], one));
+          remember(k, b, normal);
+        }
+        push(k, z, d);
       }
       for (int l = 0; l < W; ++l)
         if (active[l]) {
@@ -113,30 +68,104 @@ struct PgsLockstep {
           if (tolerance > 0 && !(change[l] > tolerance)) active.set(l, false);
         }
     }
-    T worst(R(0)), normal(R(0));
-    if (options.residual)
-      for (int r = 0; r < most; ++r) {
-        T const miss = abs(target(r, normal, R(1)) - p[r]);
-        worst = max(worst, select(inverse[r] > T(R(0)), miss / inverse[r], T(R(0))));
-        remember(r, normal);
+    T worst = zero, normal = zero;
+    for (int q = 0; options.residual && q < blocks; ++q) {
+      Block const& k = block[q];
+      T w[B];
+      dot(k, z, w);
+      for (int b = 0; b < B; ++b) {
+        T const miss = abs(target(k, b, w[b], normal, R(1)) - k.p[b]);
+        worst = max(worst, select(k.inverse[b] > zero, miss / k.inverse[b], zero));
+        remember(k, b, normal);
       }
+    }
     for (int l = 0; l < W; ++l) {
       if (w0 + l >= rows.worlds || rows.count(w0 + l) > lockstep_most_rows) continue;
       R* const out = rows.z.data() + std::int64_t(w0 + l) * nv;
       for (int i = 0; i < nv; ++i) out[i] = z[i][l];
-      for (int r = 0; r < count[l]; ++r) rows.impulse[parity](rows.first(w0 + l) + r) = p[r][l];
+      for (int r = 0; r < count[l]; ++r) rows.impulse[parity](rows.first(w0 + l) + r) = block[r / B].p[r % B][l];
       rows.iterations(w0 + l) = sweeps[l], rows.residual(w0 + l) = worst[l];
     }
   }
 
  private:
-  /// z += Y^T d
-  template <class Place>
-  static void push(T const* Y, Place const& place, T* z, T const& d) {
-    T const* const y = Y + place.first;
-    for (int g = 0; g < place.groups; ++g)
-      for (int k = 0; k < 4; ++k) z[place.dof[g] + k] = fma(y[4 * g + k], d, z[place.dof[g] + k]);
+  /// Takes rows B q .. of all worlds into `k`; their entries go to Y, which moves on. Entries come by whole groups of four dofs, so that
+  /// the order in which a world's are summed does not depend on what the other worlds have.
+  void widen(Block& k, T*& Y, int q, int w0, int const (&count)[W], int parity) const {
+    std::uint32_t used = 0;
+    for (int l = 0; l < W; ++l)
+      for (int r = B * q; r < B * q + B && r < count[l]; ++r) {
+        Row<R> const& row = rows.row(rows.first(w0 + l) + r);
+        for (int s = 0; s < row.segments; ++s) used |= groups_of(row.segment[s]);
+      }
+    k.Y = Y, k.groups = 0;
+    for (std::uint32_t bits = used; bits != 0; bits &= bits - 1) k.dof[k.groups++] = short(4 * Kokkos::countr_zero(bits));
+    T* const end = Y + B * 4 * k.groups;
+    for (T* y = Y; y != end; ++y) *y = T(R(0));
+    for (int b = 0; b < B; ++b) k.bias[b] = k.compliance[b] = k.inverse[b] = k.lower[b] = k.upper[b] = k.mu[b] = k.p[b] = T(R(0));
+    for (int l = 0; l < W; ++l)
+      for (int b = 0; b < B && B * q + b < count[l]; ++b) {
+        Row<R> const& row = rows.row(rows.first(w0 + l) + B * q + b);
+        auto const lane = [b, l](T* pack) -> R& { return reinterpret_cast<R*>(pack + b)[l]; };
+        bool const friction = row.friction_of >= 0;
+        lane(k.bias) = row.bias, lane(k.compliance) = row.compliance, lane(k.inverse) = row.inverse_diagonal;
+        lane(k.lower) = friction ? R(0) : row.lower, lane(k.upper) = friction ? R(0) : row.upper;
+        lane(k.mu) = friction ? row.upper : R(-1), lane(k.p) = rows.impulse[parity](rows.first(w0 + l) + B * q + b);
+        R* const entries = reinterpret_cast<R*>(Y + b) + l;
+        R const* y = rows.Y.data() + row.Y;
+        auto const entry_of = [&](int dof) {  // after the groups before
+          return B * (4 * Kokkos::popcount(used & ((std::uint32_t(1) << (dof >> 2)) - 1)) + (dof & 3));
+        };
+        for (int s = 0; s < row.segments; ++s) {
+          auto const& segment = row.segment[s];
+          if (int const* const list = list_of(segment)) {
+            for (int i = 0; i < segment.count; ++i) entries[W * entry_of(segment.dof0 + list[i])] = y[i];
+          } else {  // consecutive dofs: all of their groups are there
+            R* const e = entries + W * entry_of(segment.dof0);
+            for (int i = 0; i < segment.count; ++i) e[B * W * i] = y[i];
+          }
+          y += segment.count;
+        }
+      }
+    for (int b = 0, at = 0; b < B; ++b)
+      for (int a = 0; a < b; ++a) {
+        T sum(R(0));
+        for (T const* y = Y; y != end; y += B) sum = fma(y[a], y[b], sum);
+        k.product[at++] = sum;
+      }
+    Y = end;
   }
+  /// w = Y z
+  static void dot(Block const& k, T const* z, T (&w)[B]) {
+    T sum[4][B];  // one sum a row would wait for itself
+    for (auto& of_dof : sum)
+      for (T& x : of_dof) x = T(R(0));
+    T const* y = k.Y;
+    for (int g = 0; g < k.groups; ++g)
+      for (int i = 0; i < 4; ++i, y += B) {
+        T const x = z[k.dof[g] + i];
+        for (int b = 0; b < B; ++b) sum[i][b] = fma(y[b], x, sum[i][b]);
+      }
+    for (int b = 0; b < B; ++b) w[b] = (sum[0][b] + sum[1][b]) + (sum[2][b] + sum[3][b]);
+  }
+  /// z += Y^T d
+  static void push(Block const& k, T* z, T const (&d)[B]) {
+    T const* y = k.Y;
+    for (int g = 0; g < k.groups; ++g)
+      for (int i = 0; i < 4; ++i, y += B) {
+        T x = z[k.dof[g] + i];
+        for (int b = 0; b < B; ++b) x = fma(y[b], d[b], x);
+        z[k.dof[g] + i] = x;
+      }
+  }
+  /// The impulse that takes row b to its bounds or to rest. Friction follows its normal row: the last row without friction of that world.
+  static T target(Block const& k, int b, T const& Yz, T const& normal, R relaxation) {
+    T const bound = k.mu[b] * normal, w = Yz + fma(k.compliance[b], k.p[b], k.bias[b]);
+    auto const friction = k.mu[b] >= T(R(0));
+    return clamp(fma(T(-relaxation) * k.inverse[b], w, k.p[b]), select(friction, -bound, k.lower[b]), select(friction, bound, k.upper[b]));
+  }
+  static void remember(Block const& k, int b, T& normal) { normal = select(k.mu[b] >= T(R(0)), normal, k.p[b]); }
+
   /// Bits of the groups of four dofs that a segment has entries in.
   std::uint32_t groups_of(RowSegment const& s) const {
     std::uint32_t bits = 0;
