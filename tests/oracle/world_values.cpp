@@ -17,7 +17,7 @@
 
 namespace {
 
-using Exec = Kokkos::DefaultHostExecutionSpace;
+using Exec = Kokkos::DefaultExecutionSpace;  // the device where there is one
 using Mem = Exec::memory_space;
 using gsp::GeomField;
 using gsp::ModelField;
@@ -169,6 +169,37 @@ struct Worst {
 
 using Values = Kokkos::View<double***, Kokkos::LayoutRight, Mem>;
 
+/// A field as the host reads it: f(world, i), of n values a world.
+struct HostField {
+  std::vector<double> values;
+  std::size_t stride;
+  HostField(gsp::Field<double> const& f, int worlds, int n)
+      : values(f.stride > 0 ? std::size_t(worlds - 1) * f.stride + n : n), stride(f.stride) {
+    Kokkos::View<double const*, Mem, Kokkos::MemoryTraits<Kokkos::Unmanaged>> const from(f.data, values.size());
+    Kokkos::deep_copy(Kokkos::View<double*, Kokkos::HostSpace, Kokkos::MemoryTraits<Kokkos::Unmanaged>>(values.data(), values.size()), from);
+  }
+  double operator()(int w, int i) const { return values[w * stride + i]; }
+};
+
+/// geom1, geom2, friction, solimp and solref of the contacts of each world.
+template <class Simulation>
+struct ContactParameters {
+  static constexpr int most = 64;
+  Simulation sim;
+  Kokkos::View<double***, Kokkos::LayoutRight, Mem> out;  // (world, most, 14)
+  Kokkos::View<int*, Mem> count;
+  KOKKOS_FUNCTION void operator()(int w) const {
+    int const first = sim.contacts.begin_of(w);
+    count(w) = sim.contacts.count_of(w);
+    for (int k = 0; k < count(w) && k < most; ++k) {
+      out(w, k, 0) = sim.contacts.geom1(first + k), out(w, k, 1) = sim.contacts.geom2(first + k);
+      auto const p = sim.collision.parameters_of(w, sim.contacts.pair(first + k));
+      for (int i = 0; i < 5; ++i) out(w, k, 2 + i) = p.friction[i], out(w, k, 7 + i) = p.solimp[i];
+      for (int i = 0; i < 2; ++i) out(w, k, 12 + i) = p.solref[i];
+    }
+  }
+};
+
 /// Takes MuJoCo's shortcuts for bodies whose frames agree out of a model whose frames change; the lone slider keeps its own. (A free body
 /// whose inertia is diagonal at compile time has a diagonal M in MuJoCo for good: the scenes have none.)
 void general_frames(mjModel* m) {
@@ -211,10 +242,12 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
 
   gsp_test::Random r;
   std::vector<std::shared_ptr<mjModel>> theirs;
-  Kokkos::View<bool*, Mem> mask("mask", worlds);
+  Kokkos::View<bool*, Mem> const device_mask("mask", worlds);
+  auto const mask = Kokkos::create_mirror_view(device_mask);
   for (int w = 0; w < worlds; ++w) theirs.emplace_back(mj_copyModel(nullptr, base), mj_deleteModel), mask(w) = r() > -0.2;
+  Kokkos::deep_copy(device_mask, mask);
   auto const draw = [&](auto const& f, int items) {
-    Values const values("values", worlds, items, f.components);
+    auto const values = Kokkos::create_mirror_view(Values("values", worlds, items, f.components));
     std::vector<double> const start(f.data(base), f.data(base) + std::size_t(items) * f.components);
     for (int w = 0; w < worlds; ++w)
       for (int i = 0; i < items; ++i) {
@@ -223,6 +256,7 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
       }
     return values;
   };
+  auto const on_device = [&](auto const& values) { return Kokkos::create_mirror_view_and_copy(Mem{}, values); };
   for (auto const& f : fields) {
     auto const values = draw(f, f.items(base));
     bool const frames = f.field == ModelField::body_ipos || f.field == ModelField::body_iquat;
@@ -236,11 +270,16 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
       for (int w = 0; w < worlds; ++w)
         for (int b = 1; b < base->nbody && mask(w); ++b)
           for (int c = 0; c < 3; ++c) theirs[w]->body_inertia[3 * b + c] *= values(w, b, 0) / base->body_mass[b];
-    gsp::set_world_values(exec, model, f.field, values, mask, {.scale_inertia = scale_inertia});
+    gsp::set_world_values(exec, model, f.field, on_device(values), device_mask, {.scale_inertia = scale_inertia});
   }
-  for (auto const& f : geom_fields) gsp::set_world_values(exec, sim.collision, f.field, draw(f, base->ngeom), mask);
-  if (model.body_invweight0.stride > 0) gsp::set_constants(exec, model, sim.dynamics, mask);
+  for (auto const& f : geom_fields) gsp::set_world_values(exec, sim.collision, f.field, on_device(draw(f, base->ngeom)), device_mask);
+  if (model.body_invweight0.stride > 0) gsp::set_constants(exec, model, sim.dynamics, device_mask);
   exec.fence();
+  HostField const body_invweight0(model.body_invweight0, worlds, 2 * model.nbody), dof_invweight0(model.dof_invweight0, worlds, model.nv),
+      dof_M0(model.dof_M0, worlds, model.nv), tendon_invweight0(model.tendon_invweight0, worlds, model.ntendon),
+      act_acc0(model.act_acc0, worlds, model.nu);
+  auto const qpos = gsp_test::host(state.qpos), qvel = gsp_test::host(state.qvel), ctrl = gsp_test::host(state.ctrl),
+             act = gsp_test::host(state.act);
 
   Worst worst;
   struct Reference {
@@ -255,11 +294,11 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
     mj_setConst(m, d);
     Error constants;
     for (int b = 1; b < m->nbody; ++b)
-      for (int c = 0; c < 2; ++c) constants.add(model.body_invweight0(w, 2 * b + c), m->body_invweight0[2 * b + c]);
-    for (int i = 0; i < m->nv; ++i) constants.add(model.dof_invweight0(w, i), m->dof_invweight0[i]);
-    for (int i = 0; i < m->nv && model.dof_M0.stride > 0; ++i) constants.add(model.dof_M0(w, i), m->dof_M0[i]);
-    for (int t = 0; t < m->ntendon; ++t) constants.add(model.tendon_invweight0(w, t), m->tendon_invweight0[t]);
-    for (int k = 0; k < m->nu && model.act_acc0.stride > 0; ++k) constants.add(model.act_acc0(w, k), m->actuator_acc0[k]);
+      for (int c = 0; c < 2; ++c) constants.add(body_invweight0(w, 2 * b + c), m->body_invweight0[2 * b + c]);
+    for (int i = 0; i < m->nv; ++i) constants.add(dof_invweight0(w, i), m->dof_invweight0[i]);
+    for (int i = 0; i < m->nv && model.dof_M0.stride > 0; ++i) constants.add(dof_M0(w, i), m->dof_M0[i]);
+    for (int t = 0; t < m->ntendon; ++t) constants.add(tendon_invweight0(w, t), m->tendon_invweight0[t]);
+    for (int k = 0; k < m->nu && model.act_acc0.stride > 0; ++k) constants.add(act_acc0(w, k), m->actuator_acc0[k]);
     worst.constants = std::fmax(worst.constants, constants.relative());
 
     mj_resetData(m, d);
@@ -279,10 +318,10 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
     }
     for (int i = 0; i < m->nv; ++i) d->qvel[i] = r();
     for (int i = 0; i < m->nu; ++i) d->ctrl[i] = 0.5 * r();
-    for (int i = 0; i < m->nq; ++i) state.qpos(w, i) = d->qpos[i];
-    for (int i = 0; i < m->nv; ++i) state.qvel(w, i) = d->qvel[i];
-    for (int i = 0; i < m->nu; ++i) state.ctrl(w, i) = d->ctrl[i];
-    for (int i = 0; i < m->na; ++i) state.act(w, i) = d->act[i] = 0.5 + 0.4 * r();
+    for (int i = 0; i < m->nq; ++i) qpos(w, i) = d->qpos[i];
+    for (int i = 0; i < m->nv; ++i) qvel(w, i) = d->qvel[i];
+    for (int i = 0; i < m->nu; ++i) ctrl(w, i) = d->ctrl[i];
+    for (int i = 0; i < m->na; ++i) act(w, i) = d->act[i] = 0.5 + 0.4 * r();
     if (mask(w)) {  // the same state in the model as it was
       std::shared_ptr<mjData> const before(mj_makeData(base), mj_deleteData);
       mj_copyState(base, d, before.get(), mjSTATE_FULLPHYSICS | mjSTATE_CTRL);
@@ -302,6 +341,8 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
   }
 
   int const nv = model.nv;
+  Kokkos::deep_copy(state.qpos, qpos), Kokkos::deep_copy(state.qvel, qvel), Kokkos::deep_copy(state.ctrl, ctrl);
+  Kokkos::deep_copy(state.act, act);
   gsp::smooth_dynamics(exec, model, state, sim.dynamics, sim.poses, {.keep_all = true});
   Kokkos::View<double**, Kokkos::LayoutRight, Mem> bias("bias", worlds, nv), passive("passive", worlds, nv),
       actuator("actuator", worlds, nv), acceleration("acceleration", worlds, nv);
@@ -310,23 +351,31 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
   gsp::copy_dofs(exec, model, sim.dynamics, &gsp::DynamicsLayout::actuator, actuator);
   gsp::copy_dofs(exec, model, sim.dynamics, &gsp::DynamicsLayout::acceleration, acceleration);
   gsp::step(exec, model, state, sim, {.steps = 1, .solver = {.iterations = 200000, .tolerance = 1e-14f}});
+  ContactParameters<decltype(sim)> const parameters{sim, {"parameters", worlds, ContactParameters<decltype(sim)>::most, 14}, {"count", worlds}};
+  Kokkos::parallel_for("gsp::test::contact_parameters", Kokkos::RangePolicy<Exec>(exec, 0, worlds), parameters);
   exec.fence();
+  auto const biases = gsp_test::host(bias), passives = gsp_test::host(passive), actuators = gsp_test::host(actuator),
+             accelerations = gsp_test::host(acceleration), velocities = gsp_test::host(state.qvel);
+  auto const status = gsp_test::host(state.status);
+  auto const contact_counts = gsp_test::host(parameters.count);
+  auto const contacts = gsp_test::host(parameters.out);
   for (int w = 0; w < worlds; ++w) {
     auto const& ref = reference[w];
     Error e[4], step, contact;
     for (int i = 0; i < nv; ++i)
-      e[0].add(bias(w, i), ref.bias[i]), e[1].add(passive(w, i), ref.passive[i]), e[2].add(actuator(w, i), ref.actuator[i]),
-          e[3].add(acceleration(w, i), ref.smooth[i]), step.add(state.qvel(w, i), ref.next[i]);
+      e[0].add(biases(w, i), ref.bias[i]), e[1].add(passives(w, i), ref.passive[i]), e[2].add(actuators(w, i), ref.actuator[i]),
+          e[3].add(accelerations(w, i), ref.smooth[i]), step.add(velocities(w, i), ref.next[i]);
     for (auto const& x : e) worst.forces = std::fmax(worst.forces, x.relative());
-    CHECK(state.status(w) == 0);
+    CHECK(status(w) == 0);
+    REQUIRE(contact_counts(w) <= parameters.most);
     worst.step = std::fmax(worst.step, step.relative());
     // the parameters of contacts, pair by pair
-    for (int i = sim.contacts.begin_of(w), end = i + sim.contacts.count_of(w); i < end; ++i)
+    for (int i = 0; i < contact_counts(w); ++i)
       for (auto const& c : ref.contacts) {
-        if (std::minmax(c.geom[0], c.geom[1]) != std::minmax(sim.contacts.geom1(i), sim.contacts.geom2(i))) continue;
-        auto const p = sim.collision.parameters_of(w, sim.contacts.pair(i));
-        for (int k = 0; k < 5; ++k) contact.add(p.friction[k], c.friction[k]), contact.add(p.solimp[k], c.solimp[k]);
-        for (int k = 0; k < 2; ++k) contact.add(p.solref[k], c.solref[k]);
+        int const g1 = int(contacts(w, i, 0)), g2 = int(contacts(w, i, 1));
+        if (std::minmax(c.geom[0], c.geom[1]) != std::minmax(g1, g2)) continue;
+        for (int k = 0; k < 5; ++k) contact.add(contacts(w, i, 2 + k), c.friction[k]), contact.add(contacts(w, i, 7 + k), c.solimp[k]);
+        for (int k = 0; k < 2; ++k) contact.add(contacts(w, i, 12 + k), c.solref[k]);
         ++worst.contact_count;
       }
     worst.contacts = std::fmax(worst.contacts, contact.relative());
