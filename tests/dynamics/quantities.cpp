@@ -222,6 +222,59 @@ TEST_CASE("derivatives of a step by position, velocity and control are central d
   }
 }
 
+#ifdef KOKKOS_ENABLE_CUDA
+namespace {
+/// Positions and velocities after a step of the duals that differentiate it by all of both: values and slopes, one after the other.
+template <class Exec>
+std::vector<double> step_of_duals(gsp::CompiledModel const& c) {
+  using Real = gsp::Dual<double, 4>;
+  Exec const exec;
+  int const variables = c.nq + c.nv, worlds = (variables + 3) / 4;
+  auto const model = gsp::make_model<Real>(exec, c, {.profile = gsp::Profile::mujoco});
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  Set<Kokkos::Serial> const from(c, 1);
+  auto const qpos = Kokkos::create_mirror_view(state.qpos), qvel = Kokkos::create_mirror_view(state.qvel);
+  for (int w = 0; w < worlds; ++w) {
+    for (int i = 0; i < c.nq; ++i) qpos(w, i) = from.state.qpos(0, i);
+    for (int i = 0; i < c.nv; ++i) qvel(w, i) = from.state.qvel(0, i);
+    for (int k = 0; k < 4 && 4 * w + k < variables; ++k) {
+      int const i = 4 * w + k;
+      (i < c.nq ? qpos(w, i) : qvel(w, i - c.nq)).slope[k] = 1;
+    }
+  }
+  Kokkos::deep_copy(state.qpos, qpos), Kokkos::deep_copy(state.qvel, qvel);
+  gsp::smooth_dynamics(exec, model, state, dynamics, poses), gsp::integrate(exec, model, dynamics, state);
+  exec.fence();
+  Kokkos::deep_copy(qpos, state.qpos), Kokkos::deep_copy(qvel, state.qvel);
+  std::vector<double> out;
+  auto const add = [&](Real const& x) {
+    out.push_back(x.value);
+    for (double slope : x.slope) out.push_back(slope);
+  };
+  for (int i = 0; i < worlds * c.nq; ++i) add(qpos.data()[i]);
+  for (int i = 0; i < worlds * c.nv; ++i) add(qvel.data()[i]);
+  return out;
+}
+}  // namespace
+
+// A thousand roundings of numbers below 10^3.
+TEST_CASE("a GPU's derivatives are the host's") {
+  for (auto const& c : {gsp_test::servo_model(), model_of(gsp::Integrator::implicitfast)}) {
+    auto const host = step_of_duals<Kokkos::Serial>(c), device = step_of_duals<Kokkos::Cuda>(c);
+    REQUIRE(host.size() == device.size());
+    double worst = 0, largest = 0;
+    for (std::size_t i = 0; i < host.size(); ++i) {
+      worst = std::fmax(worst, std::isfinite(device[i]) ? std::abs(host[i] - device[i]) / std::fmax(1, std::abs(host[i])) : INFINITY);
+      largest = std::fmax(largest, std::abs(host[i]));
+    }
+    CHECK(largest > 1);
+    CHECK(worst < 1e-9);
+  }
+}
+#endif
+
 // In two worlds: where the string is straight, and where it bends so much (longer by 1e-3) that a step of the differences does not free it.
 TEST_CASE("derivatives of quantities by position, velocity, control and acceleration are central differences") {
   using Exec = Kokkos::Serial;

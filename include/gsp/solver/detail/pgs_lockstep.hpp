@@ -93,11 +93,16 @@ struct PgsLockstep {
   /// the order in which a world's are summed does not depend on what the other worlds have.
   void widen(Block& k, T*& Y, int q, int w0, int const (&count)[W], int parity) const {
     std::uint32_t used = 0;
-    for (int l = 0; l < W; ++l)
-      for (int r = B * q; r < B * q + B && r < count[l]; ++r) {
-        Row<R> const& row = rows.row(rows.first(w0 + l) + r);
-        for (int s = 0; s < row.segments; ++s) used |= groups_of(row.segment[s]);
+    for (int l = 0; l < W; ++l) {
+      if (B * q >= count[l]) continue;
+      Row<R> const* const mine = &rows.row(rows.first(w0 + l) + B * q);
+      prefetch(mine + B, B * sizeof(Row<R>));  // W worlds are more streams than the processor follows by itself
+      for (int b = 0; b < B && B * q + b < count[l]; ++b) {
+        int entries = 0;
+        for (int s = 0; s < mine[b].segments; ++s) used |= groups_of(mine[b].segment[s]), entries += mine[b].segment[s].count;
+        prefetch(rows.Y.data() + mine[b].Y, entries * sizeof(R));
       }
+    }
     k.Y = Y, k.groups = 0;
     for (std::uint32_t bits = used; bits != 0; bits &= bits - 1) k.dof[k.groups++] = short(4 * Kokkos::countr_zero(bits));
     T* const end = Y + B * 4 * k.groups;
@@ -134,6 +139,9 @@ struct PgsLockstep {
         k.product[at++] = sum;
       }
     Y = end;
+  }
+  static void prefetch(void const* at, std::size_t bytes) {
+    for (std::size_t i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<char const*>(at) + i);
   }
   /// w = Y z
   static void dot(Block const& k, T const* z, T (&w)[B]) {
