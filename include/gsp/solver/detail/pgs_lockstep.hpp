@@ -6,8 +6,8 @@
 /// products:
 ///   w_b = Y_b z + sum_{a < b} (Y_b . Y_a) d_a + C p_b + bias_b     (z as before the block: the same numbers as row by row)
 /// A block's entries are widened to the dofs that any of its rows has in any of the worlds, so that nothing is gathered inside a sweep.
-/// What bounds a sweep is its multiply-adds, two an entry. A world takes this path by its own number of rows alone, which rows share a
-/// block is a matter of their numbers, and a lane never sees another lane.
+/// What bounds a sweep is loading Y, twice a block. A world takes this path by its own number of rows alone, which rows share a block is a
+/// matter of their numbers, and a lane never sees another lane.
 namespace gsp::detail {
 
 template <class R, class Mem, class Options>
