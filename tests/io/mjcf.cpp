@@ -125,6 +125,18 @@ TEST_CASE("values are checked") {
           "m.xml:4: ", "divisor is not positive");
   refused(model("", "<sensor><gyro site='x'/></sensor>"), "m.xml:4: ", "names the site 'x', which does not exist");
   refused(model("", "<sensor><gyro/></sensor>"), "m.xml:4: ", "does not say what it measures");
+  std::string const parts = "<site name='s'/><camera name='c'/><body><joint name='q' type='ball'/><geom size='1'/></body>";
+  refused(model(parts, "<sensor><gyro site='s' cutoff='-1'/></sensor>"), "m.xml:4: ", "negative cutoff");
+  refused(model(parts, "<sensor><jointpos joint='q'/></sensor>"), "m.xml:4: ", "is about a hinge or slide joint");
+  refused(model(parts, "<sensor><ballquat joint='j'/></sensor>"), "m.xml:4: ", "is about a ball joint");
+  refused(model(parts, "<sensor><jointlimitpos joint='j'/></sensor>"), "m.xml:4: ", "of a joint that has none");
+  refused(model(parts, "<sensor><camprojection site='s'/></sensor>"), "m.xml:4: ", "needs a camera: name one");
+  refused(model(parts, "<sensor><distance geom1='g'/></sensor>"), "m.xml:4: ", "needs two objects");
+  refused(model(parts, "<sensor><framepos objtype='joint' objname='j'/></sensor>"), "m.xml:4: ", "is about a body, geom, site or camera");
+  refused(model(parts, "<sensor><framepos objtype='site' objname='s' reftype='joint' refname='j'/></sensor>"), "m.xml:4: ", "is seen from");
+  refused(model(parts, "<sensor><framepos objtype='site' objname='s' refname='c'/></sensor>"), "m.xml:4: ", "'reftype' go together");
+  refused(model(parts, "<sensor><framequat objtype='site' objname='s' cutoff='1'/></sensor>"), "m.xml:4: ", "has no cutoff");
+  refused(model("<camera fovy='40' sensorsize='1 1' resolution='2 2'/>"), "m.xml:3: ", "stands beside sensorsize");
   refused(model("", "<contact><pair geom1='g'/></contact>"), "m.xml:4: ", "needs geom1 and geom2");
   refused(model("<camera target='x'/>"), "m.xml:3: ", "names the body 'x', which does not exist");
   refused(model("<body mocap='true'/>"), "m.xml:3: ", "fixed child of the world");

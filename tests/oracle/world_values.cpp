@@ -176,7 +176,8 @@ struct HostField {
   HostField(gsp::Field<double> const& f, int worlds, int n)
       : values(f.stride > 0 ? std::size_t(worlds - 1) * f.stride + n : n), stride(f.stride) {
     Kokkos::View<double const*, Mem, Kokkos::MemoryTraits<Kokkos::Unmanaged>> const from(f.data, values.size());
-    Kokkos::deep_copy(Kokkos::View<double*, Kokkos::HostSpace, Kokkos::MemoryTraits<Kokkos::Unmanaged>>(values.data(), values.size()), from);
+    Kokkos::deep_copy(Kokkos::View<double*, Kokkos::HostSpace, Kokkos::MemoryTraits<Kokkos::Unmanaged>>(values.data(), values.size()),
+                      from);
   }
   double operator()(int w, int i) const { return values[w * stride + i]; }
 };
@@ -351,7 +352,8 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
   gsp::copy_dofs(exec, model, sim.dynamics, &gsp::DynamicsLayout::actuator, actuator);
   gsp::copy_dofs(exec, model, sim.dynamics, &gsp::DynamicsLayout::acceleration, acceleration);
   gsp::step(exec, model, state, sim, {.steps = 1, .solver = {.iterations = 200000, .tolerance = 1e-14f}});
-  ContactParameters<decltype(sim)> const parameters{sim, {"parameters", worlds, ContactParameters<decltype(sim)>::most, 14}, {"count", worlds}};
+  ContactParameters<decltype(sim)> const parameters{
+      sim, {"parameters", worlds, ContactParameters<decltype(sim)>::most, 14}, {"count", worlds}};
   Kokkos::parallel_for("gsp::test::contact_parameters", Kokkos::RangePolicy<Exec>(exec, 0, worlds), parameters);
   exec.fence();
   auto const biases = gsp_test::host(bias), passives = gsp_test::host(passive), actuators = gsp_test::host(actuator),

@@ -168,6 +168,7 @@ inline void read_camera(Document& doc, Node const& node, BodyDraft& to, Pose con
       a.fail("resolution", "is not two whole numbers from 1 to 1000000; correct it");
     c.resolution[k] = int(resolution[k]);
   }
+  if (a.own("fovy") && a.own("sensorsize")) a.fail("fovy", "stands beside sensorsize, which says it too; remove one");
   bool const sized = sensor[0] > 0 && sensor[1] > 0;
   if (!sized && (focal[0] != 0 || focal[1] != 0 || focal_pixel[0] != 0 || focal_pixel[1] != 0))
     a.fail("focal", "needs sensorsize; give both");

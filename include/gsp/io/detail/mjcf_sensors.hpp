@@ -29,6 +29,8 @@ inline SensorDescription read_sensor(Attributes const& a, std::string const& typ
   auto const put = [](std::string& to_type, std::string& to, std::string_view given_type, std::string given) {
     to_type = given_type, to = std::move(given);
   };
+  for (std::string const what : {"obj", "ref"})
+    if (a.own(what + "type") != a.own(what + "name")) a.fail(what + "name", "and '" + what + "type' go together; give both");
   if (a.own("objname")) put(s.object_type, s.object, a.text("objtype"), a.text("objname"));
   if (a.own("refname")) put(s.reference_type, s.reference, a.text("reftype"), a.text("refname"));
   for (auto const& t : sensor_targets) {

@@ -134,6 +134,7 @@ class ForceCompiler : public BodyCompiler {
         return find(kind, name, s.place, "sensor", s.name);
       };
       m_.sensor_id.push_back(id(s.object_type, s.object)), m_.sensor_refid.push_back(id(s.reference_type, s.reference));
+      check_sensor(s, m_.sensor_id.back(), m_.sensor_refid.back());
       int const dim = sensor_size(s);
       m_.sensor_dim.push_back(dim), m_.sensor_adr.push_back(m_.nsensordata);
       m_.nsensordata += std::max(dim, 0);
@@ -142,6 +143,43 @@ class ForceCompiler : public BodyCompiler {
   }
 
  private:
+  // What a sensor's type can be about.
+  void check_sensor(SensorDescription const& s, int object, int reference) const {
+    auto const require = [&](bool good, std::string const& sentence) {
+      if (!good) fail(s.place, "sensor", s.name, "of type '" + s.type + "' " + sentence);
+    };
+    auto const begins = [&](std::initializer_list<std::string_view> types) {
+      return std::any_of(types.begin(), types.end(), [&](std::string_view type) { return s.type.starts_with(type); });
+    };
+    require(s.cutoff >= 0 && s.noise >= 0, "has a negative cutoff or noise: give 0 or more");
+    require(s.cutoff == 0 || !begins({"ballquat", "framequat", "framexaxis", "frameyaxis", "framezaxis"}),
+            "gives a direction or a rotation, which has no cutoff: leave it out");
+    auto const word = begins({"joint", "ball"}) ? "joint"
+                      : begins({"tendon"})      ? "tendon"
+                      : begins({"actuator"})    ? "actuator"
+                      : begins({"subtree"})     ? "body"
+                      : begins({"gyro", "velocimeter", "accelerometer", "magnetometer", "force", "torque", "touch", "camprojection"})
+                          ? "site"
+                          : "";
+    if (*word) require(object >= 0 && kind_of(s.object_type) == kind_of(word), std::string("is about a ") + word + ": name one");
+    if (kind_of(word) == Kind::joint) {
+      auto const type = JointType(m_.jnt_type[object]);
+      require(begins({"ball"}) ? type == JointType::ball : type >= JointType::slide,
+              begins({"ball"}) ? "is about a ball joint: name one" : "is about a hinge or slide joint: name one");
+    }
+    if (begins({"jointlimit"})) require(m_.jnt_limited[object], "is about the limits of a joint that has none: give it a range");
+    if (begins({"tendonlimit"})) require(m_.tendon_limited[object], "is about the limits of a tendon that has none: give it a range");
+    if (begins({"camprojection"})) require(reference >= 0 && kind_of(s.reference_type) == Kind::camera, "needs a camera: name one");
+    auto const framed = [](std::string const& type) {
+      Kind const kind = kind_of(type);
+      return kind == Kind::body || kind == Kind::geom || kind == Kind::site || kind == Kind::camera;
+    };
+    if (begins({"frame"})) {
+      require(object >= 0 && framed(s.object_type), "is about a body, geom, site or camera: name one");
+      require(reference < 0 || framed(s.reference_type), "is seen from a body, geom, site or camera: name one, or none");
+    }
+    if (begins({"distance", "normal", "fromto", "insidesite"})) require(object >= 0 && reference >= 0, "needs two objects: name both");
+  }
   // A spatial tendon's path: geoms between two sites, branches that begin with a pulley.
   void path(TendonDescription const& t, std::vector<int>& bodies) {
     auto const refuse = [&](std::size_t at, std::string const& sentence) {
