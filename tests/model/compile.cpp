@@ -168,6 +168,10 @@ TEST_CASE("what cannot be compiled is said in one sentence") {
   check_message(d, "exceeds the sum");
   d.compiler.balanceinertia = true;
   CHECK(compile(d).body_inertia[2][2] == doctest::Approx(5. / 3));
+  d = double_pendulum(), d.bodies[1].cameras.emplace_back().resolution = {64, 0};
+  check_message(d, "no positive resolution");
+  d = double_pendulum(), d.bodies[1].cameras.emplace_back().sensor_size = {0.1, 0};
+  check_message(d, "a sensor without area");
   d = double_pendulum(), d.files = {"a.xml"}, d.bodies[1].joints[0].place = {0, 7}, d.bodies[1].joints[0].limited = true;
   check_message(d, "a.xml:7: joint 'shoulder' is limited");
 }

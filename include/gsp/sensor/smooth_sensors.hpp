@@ -58,6 +58,7 @@ struct Sensors {
   Kokkos::View<SensorEntry<R>*, Mem> entries;
   Vec3<R> magnetic;           // flux, in the world frame
   Subtrees<R, Mem> subtrees;  // empty where no sensor asks for them
+  bool momenta = false;       // any asks for more than centres of mass
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> energy;
   std::vector<int> left_out;  // host: indices of the model's sensors that are not: contacts, rays, accelerations, constraints
 };
@@ -141,6 +142,7 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
                                        CameraMode(compiled.cam_mode[i]) == CameraMode::target_body_com);
       };
       subtrees |= e.type >= S::subtree_com || by_com(e.kind, e.object) || by_com(e.reference_kind, e.reference);
+      s.momenta |= e.type == S::subtree_linvel || e.type == S::subtree_angmom;
       energy |= e.type == S::potential_energy || e.type == S::kinetic_energy;
     }
     if (known)
@@ -319,10 +321,8 @@ void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> 
   expects(int(data.extent(0)) == sensors.worlds && int(data.extent(1)) == sensors.nsensordata,
           "gsp::smooth_sensors: data must be (worlds, nsensordata)");
   expects(dynamics.worlds == sensors.worlds, "gsp::smooth_sensors: dynamics and sensors have different numbers of worlds");
-  if (sensors.subtrees.com.data()) {
-    subtree_com(exec, model, poses, sensors.subtrees);
-    subtree_momentum(exec, model, poses, dynamics, sensors.subtrees);
-  }
+  if (sensors.subtrees.com.data()) subtree_com(exec, model, poses, sensors.subtrees);
+  if (sensors.momenta) subtree_momentum(exec, model, poses, dynamics, sensors.subtrees);
   if (sensors.energy.data()) energies(exec, model, state, poses, dynamics, sensors.energy);
   detail::for_world_lanes("gsp::sensor::smooth_sensors", exec, R(), sensors.worlds, int(sensors.entries.extent(0)),
                           detail::SmoothSensors<R, Mem, View>{model, state, poses, dynamics, sensors.entries, sensors.magnetic,
