@@ -64,8 +64,14 @@ TEST_CASE("unknown and unsupported words name file, line and remedy") {
   refused(model("<frame scale='2'/>"), "m.xml:3: ", "scale='2' is not supported yet");
   refused(model("", "<equality><flex flex='f'/></equality>"), "m.xml:4: ", "<equality> <flex>: flexes are not supported");
   refused(model("", "<extension/>"), "m.xml:4: ", "plug-ins are not supported");
-  refused(model("", "<deformable><skin/></deformable>"), "m.xml:4: ", "flexes and skins are not supported");
-  refused(model("", "<asset><skin/></asset>"), "m.xml:4: ", "<skin>: skins are not supported");
+  refused(model("", "<deformable><flex/></deformable>"), "m.xml:4: ", "<deformable> <flex>: flexes are not supported");
+  refused(model("", "<deformable><skin colour='1'/></deformable>"), "m.xml:4: ", "unknown attribute 'colour' of <skin>");
+  refused(model("", "<actuator><plugin/></actuator>"), "m.xml:4: ", "<actuator> <plugin>: plug-ins are not supported");
+  refused(model("", "<asset><mesh name='m' vertex='0 0 0'><plugin/></mesh></asset>"),
+          "m.xml:4: ", "<mesh> <plugin>: plug-ins are not supported");
+  refused(model("<plugin/>"), "m.xml:3: ", "<plugin>: plug-ins are not supported");
+  refused(model("", "<equality><flexvert flex='f'/></equality>"), "m.xml:4: ", "<equality> <flexvert>: flexes are not supported");
+  refused(model("", "<equality><flexstrain flex='f'/></equality>"), "m.xml:4: ", "<equality> <flexstrain>: flexes are not supported");
   refused(model("", "<actuator><pid joint='j'/></actuator>"), "m.xml:4: ", "<actuator> <pid>: actuators with an integral term");
   refused(model("", "<actuator><dcmotor joint='j'/></actuator>"), "m.xml:4: ", "models of electric motors are not supported");
   refused(model("", "<actuator><motor joint='j' delay='.1' nsample='3'/></actuator>"), "m.xml:4: ", "delay='.1' is not supported yet");
@@ -183,7 +189,9 @@ TEST_CASE("visual meshes that are missing are left out when asked, colliding one
   std::string const weighed =
       "<mujoco>\n<asset><mesh name='x' file='x.stl'/></asset><worldbody><body><joint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>";
   std::string const end = "</body></worldbody></mujoco>";
-  refused(weighed + visual + end, "m.xml:2: ", "x.stl", files({}));
+  refused(weighed + visual + end,
+          "m.xml:2: ", "x.stl: there is no such file; check the path, or leave out geoms that are only seen with --skip-visuals",
+          files({}));
   auto skip = files({});
   skip.skip_visuals = true;
   auto const d = parse_mjcf(weighed + visual + visual + end, "m.xml", skip);
@@ -201,6 +209,25 @@ TEST_CASE("visual meshes that are missing are left out when asked, colliding one
   auto listed = files({});
   listed.list_refusals = true;
   CHECK(lines(parse_mjcf(weighed + visual + end, "m.xml", listed), ReportLine::Kind::refused, "") == 2);
+}
+
+TEST_CASE("a skin is seen only: one line, whatever it holds, also where its file is missing and no body has its bones' names") {
+  std::string const bones = "<bone body='nobody' bindpos='0 0 0' bindquat='1 0 0 0' vertid='0 1' vertweight='1 1'/><bone body='none'/>";
+  for (char const* section : {"deformable", "asset"}) {
+    CAPTURE(section);
+    std::string const open = std::string("<") + section + ">", close = std::string("</") + section + ">";
+    auto const d = parse_mjcf(model("", open + "<skin name='s' rgba='1 0 0 1' vertex='0 0 0'>" + bones + "</skin>" + close), "m.xml");
+    REQUIRE(d.report.size() == 1);
+    CHECK(d.report[0].kind == ReportLine::Kind::visual_only);
+    CHECK(d.report[0].text == "<skin>");
+    CHECK(d.report[0].line == 4);
+    CHECK(d.report[0].count == 1);
+    CHECK(compile(d).nbody == 2);
+    auto const two =
+        parse_mjcf(model("", open + "<skin file='missing.skn'/><skin file='b.skn'>" + bones + "</skin>" + close), "m.xml", files({}));
+    REQUIRE(two.report.size() == 1);
+    CHECK(two.report[0].count == 2);
+  }
 }
 
 TEST_CASE("approximations are refused unless asked for, and counted") {
@@ -222,6 +249,22 @@ TEST_CASE("approximations are refused unless asked for, and counted") {
   }
   CHECK(approximated == 1);
   CHECK(left_out == 1);
+}
+
+TEST_CASE("pairs of shapes and condim are not judged where there are no contacts: they stay as the file says") {
+  for (char const* flag : {"contact", "constraint"})
+    for (bool approximate : {false, true}) {
+      CAPTURE(flag);
+      CAPTURE(approximate);
+      auto const m =
+          compile(parse_mjcf("<mujoco><option><flag " + std::string(flag) +
+                                 "='disable'/></option><worldbody><geom type='plane' size='1 1 1'/>"
+                                 "<body><freejoint/><geom type='ellipsoid' size='.1 .1 .2' condim='6'/></body></worldbody></mujoco>",
+                             "m.xml", {.approximate = approximate}));
+      CHECK(m.pairs == std::vector<std::array<int, 2>>{{0, 1}});
+      CHECK(m.geom_condim == std::vector<int>{3, 6});
+      CHECK(m.report.empty());
+    }
 }
 
 TEST_CASE("the report lists what has no effect, with file, line and count") {

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-/// <asset>: meshes, height fields, colours of materials, models to attach. Textures are not read.
+/// <asset>: meshes, height fields, colours of materials, models to attach. Textures and skins are not read.
 namespace gsp::io::detail::mjcf {
 
 /// A file of the model: below the model's own folder and meshdir.
@@ -40,7 +40,8 @@ auto load_asset(Document& doc, Attributes const& a, std::string const& name, Par
   try {
     bytes = doc.session.files.load(a.place(), path);
   } catch (Error const& e) {
-    if (!doc.session.skip_visuals && !doc.session.list_refusals) throw;
+    if (!doc.session.skip_visuals && !doc.session.list_refusals)
+      throw Error(std::string(e.what()) + ", or leave out geoms that are only seen with --skip-visuals");
     doc.missing[name] = e.what();
     doc.note(doc.session.skip_visuals ? Line::left_out : Line::refused, a.place(),
              "asset " + in_quotes(name) + ": " + path.string() + " cannot be read");
@@ -59,6 +60,7 @@ inline std::vector<int> whole(Attributes const& a, std::string_view name) {
 
 inline void read_mesh_asset(Document& doc, Node const& node) {
   if (!doc.check(node)) return;
+  if (!node.children.empty()) return doc.refuse_element(node.children[0], "<mesh> ");
   auto const a = doc.attributes(node, "mesh", "");
   std::string const name = asset_name(a), what = "mesh " + in_quotes(name);
   bool const from_file = a.own("file");
@@ -111,6 +113,13 @@ inline void read_hfield_asset(Document& doc, Node const& node) {
   doc.draft.hfields.push_back(std::move(h));
 }
 
+/// <deformable>: skins move with bodies and are seen only; flexes are refused.
+inline void read_deformables(Document& doc, Node const& node) {
+  doc.check(node);
+  for (auto const& child : node.children)
+    if (!doc.refuses(child, "<deformable> ")) doc.skip_visual(child);
+}
+
 /// A <model> without a name goes by the name that the model gives itself, else by that of its file.
 inline std::string name_of_model(Files const& files, Node const& node) {
   auto const path = files.resolve(node.place, *node.find("file"));
@@ -127,6 +136,8 @@ inline void read_assets(Document& doc, Node const& node) {
     if (doc.refuses(child)) continue;
     if (child.name == "texture") {
       doc.check(child);
+    } else if (child.name == "skin") {
+      doc.skip_visual(child);
     } else if (child.name == "mesh") {
       read_mesh_asset(doc, child);
     } else if (child.name == "hfield") {

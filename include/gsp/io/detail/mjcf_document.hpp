@@ -65,19 +65,20 @@ struct Document {
     refuse_element(node, parent);
     return true;
   }
-  /// Attributes and children of `node` against the schema of `element`; true where nothing is refused.
-  bool check(Node const& node, std::string const& element) {
+  /// Attributes and children of `node` against the schema of `element`; true where nothing is refused. Attributes that are seen only or
+  /// have no effect become lines of the report, if `lines`.
+  bool check(Node const& node, std::string const& element, bool lines = true) {
     auto const* e = find_schema(element);
     if (!e) fail(node.place, "unknown element <" + node.name + ">; correct or remove it");
     bool good = true;
     for (auto const& a : node.attributes) {
       std::string const what = "<" + node.name + "> " + a.name;
       if (is_in(e->honoured, a.name)) continue;
-      if (is_in(e->visual, a.name))
-        note(Line::visual_only, node.place, what);
-      else if (is_in(e->no_effect, a.name))
-        note(Line::no_effect, node.place, what);
-      else if (is_in(e->refused, a.name)) {
+      if (is_in(e->visual, a.name)) {
+        if (lines) note(Line::visual_only, node.place, what);
+      } else if (is_in(e->no_effect, a.name)) {
+        if (lines) note(Line::no_effect, node.place, what);
+      } else if (is_in(e->refused, a.name)) {
         if (is_neutral(a.value)) continue;
         refuse(node.place, what + "=" + in_quotes(a.value) + " is not supported yet; remove the attribute"), good = false;
       } else {
@@ -90,9 +91,14 @@ struct Document {
     return good;
   }
   bool check(Node const& node) { return check(node, node.name); }
-  void check_all(Node const& node) {
-    check(node);
-    for (auto const& child : node.children) check_all(child);
+  void check_all(Node const& node, bool lines = true) {
+    check(node, node.name, lines);
+    for (auto const& child : node.children) check_all(child, lines);
+  }
+  /// One line for what is seen only, however much stands in it.
+  void skip_visual(Node const& node) {
+    check_all(node, false);
+    note(Line::visual_only, node.place, "<" + node.name + ">");
   }
   /// Holds replicates and attached models in bounds.
   void count(std::size_t n, Place const& place) {

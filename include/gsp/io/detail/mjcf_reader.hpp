@@ -141,9 +141,10 @@ inline Document read_document(Session& session, int file, Node const& root) {
   each("compiler", read_compiler);
   each("option", read_option);
   for (char const* section : {"size", "statistic", "visual", "custom"}) each(section, [](Document& d, Node const& n) { d.check_all(n); });
-  for (char const* section : {"extension", "deformable"}) each(section, [](Document& d, Node const& n) { d.refuse_element(n); });
+  each("extension", [](Document& d, Node const& n) { d.refuse_element(n); });
   each("default", [](Document& d, Node const& n) { read_defaults(d, n, "", true); });
   each("asset", read_assets);
+  each("deformable", read_deformables);
   each("contact", read_contacts);
   each("equality", read_equalities);
   each("tendon", read_tendons);

@@ -40,8 +40,6 @@ struct RefusedElement {
 inline constexpr RefusedElement refused_elements[] = {
     {"extension", "plug-ins are not supported; remove them"},
     {"plugin", "plug-ins are not supported; remove it"},
-    {"deformable", "flexes and skins are not supported; remove them"},
-    {"skin", "skins are not supported; remove it"},
     {"composite", "composites are not supported (MuJoCo 4 has none either); write the bodies out"},
     {"flexcomp", "flexes are not supported; remove it"},
     {"flex", "flexes are not supported; remove it"},
@@ -103,6 +101,9 @@ inline constexpr ElementSchema schema[] = {
     {"mesh", "class face file inertia maxhullvert name refpos refquat scale vertex", "material normal smoothnormal texcoord",
      "content_type", "builtin params", "plugin"},
     {"hfield", "content_type elevation file name ncol nrow size", "", "", "", ""},
+    {"deformable", "", "", "", "", "flex skin"},
+    {"skin", "", "face file group inflate material name rgba texcoord vertex", "", "", "bone"},
+    {"bone", "", "bindpos bindquat body vertid vertweight", "", "", ""},
     {"texture", "",
      "builtin class colorspace content_type embed file fileback filedown filefront fileleft fileright fileup gridlayout gridsize height "
      "hflip mark markrgb name nchannel random rgb1 rgb2 type vflip width",
