@@ -88,8 +88,9 @@ class Compiler : public ConstantsCompiler {
            (m_.geom_name[g].empty() ? " of body '" + m_.body_name[m_.geom_body[g]] + "'" : " '" + m_.geom_name[g] + "'");
   }
   // Two geoms may touch when a bit of contype meets one of conaffinity and their bodies are not welded together, not parent and child
-  // (unless one is the world), and not excluded.
+  // (unless one is the world), and not excluded. Shapes and condim are judged where the model has contacts at all.
   void pairs() {
+    bool const judged = d_.option.contact && d_.option.constraint;
     std::set<std::pair<int, int>> named;
     std::vector<std::vector<int>> excluded(std::size_t(m_.nbody));  // with which bodies, both ways
     for (auto const& e : d_.excludes) {
@@ -112,11 +113,12 @@ class Compiler : public ConstantsCompiler {
         if (!((m_.geom_contype[a] & m_.geom_conaffinity[b]) || (m_.geom_contype[b] & m_.geom_conaffinity[a]))) continue;
         if (d_.option.filterparent && weld_a != 0 && weld_b != 0 && (weld_a == m_.body_weld[m_.body_parent[weld_b]] || weld_b == above_a))
           continue;
-        if (auto const& not_with = excluded[std::size_t(body_a)]; std::find(not_with.begin(), not_with.end(), body_b) != not_with.end()) continue;
+        if (auto const& not_with = excluded[std::size_t(body_a)]; std::find(not_with.begin(), not_with.end(), body_b) != not_with.end())
+          continue;
         if (!named.empty() && named.count({a, b})) continue;
         std::array<int, 2> const pair = m_.geom_type[a] <= m_.geom_type[b] ? std::array{a, b} : std::array{b, a};
         if (m_.geom_type[pair[1]] == int(ShapeType::plane)) continue;  // two planes: no contact is defined
-        if (!is_covered_pair(m_.geom_type[pair[0]], m_.geom_type[pair[1]])) {
+        if (judged && !is_covered_pair(m_.geom_type[pair[0]], m_.geom_type[pair[1]])) {
           if (!approximate_)
             throw Error(at(places_[a]) + geom_text(a) + " can meet " + geom_text(b) + " (" + at(places_[b]) +
                         "see there), and contact between these two shapes is not supported: keep them apart with contype and conaffinity "
@@ -126,7 +128,7 @@ class Compiler : public ConstantsCompiler {
         }
         int const condim = m_.geom_priority[a] == m_.geom_priority[b] ? std::max(m_.geom_condim[a], m_.geom_condim[b])
                                                                       : m_.geom_condim[m_.geom_priority[a] > m_.geom_priority[b] ? a : b];
-        if (condim > 3 && !approximate_) {
+        if (judged && condim > 3 && !approximate_) {
           int const g = m_.geom_condim[a] == condim ? a : b;
           throw Error(
               at(places_[g]) + geom_text(g) + " has condim " + std::to_string(condim) +
@@ -147,7 +149,7 @@ class Compiler : public ConstantsCompiler {
            "pairs of geoms whose contact is not supported are left out, first " + geom_text((*first_left_out)[0]) + " with " +
                geom_text((*first_left_out)[1]),
            left_out, ReportLine::Kind::left_out);
-    if (approximate_) {
+    if (judged && approximate_) {
       int changed = 0, first = -1;
       for (int g = 0; g < m_.ngeom; ++g)
         if (m_.geom_condim[g] > 3) m_.geom_condim[g] = 3, first = changed++ ? first : g;
@@ -203,7 +205,7 @@ class Compiler : public ConstantsCompiler {
 /// order of degrees of freedom, trees, pairs of geoms that may touch, and what follows from the mass matrix in the initial pose
 /// (invweight0, acc0, lengths of tendons and actuators, data of equality constraints, springdamper, dampratio). Host, double. Cost: O(pairs
 /// of colliding geoms) + O(n^3) for each tree of n degrees of freedom. Errors: gsp::Error "FILE:LINE: what is wrong: remedy"; shapes that
-/// can meet and are not covered, and condim 4 and 6, unless `approximate`.
+/// can meet and are not covered, and condim 4 and 6, unless `approximate` or the model disables contacts.
 inline CompiledModel compile(Description const& description, CompileOptions const& options = {}) {
   if (!description.compiler.discard_visual && !description.compiler.fuse_static) return detail::Compiler(description, options).run();
   auto const smaller = detail::left_out(description, [&](Description const& d) { return detail::Compiler(d, options).bodies_only(); });
