@@ -1,5 +1,7 @@
 #include "files.hpp"
 
+#include <sys/stat.h>
+
 #include <cstdio>
 #include <filesystem>
 #include <gsp/io/mjcf.hpp>
@@ -257,6 +259,15 @@ void expect_writable(std::string const& path, char const* option) {
   auto const parent = std::filesystem::path(path).parent_path();
   if (!parent.empty() && !std::filesystem::is_directory(parent, error))
     throw Error(path + ": the folder that " + option + " names does not exist; create it first");
+  gsp::io::expect_writable(path);
+}
+
+std::FILE* text_beside(std::optional<std::string> const& output) {
+  struct stat file {
+  }, standard{};
+  bool const same = output && ::stat(output->c_str(), &file) == 0 && ::fstat(1, &standard) == 0 && file.st_dev == standard.st_dev &&
+                    file.st_ino == standard.st_ino;
+  return same ? stderr : stdout;
 }
 
 void make_folder(std::string const& path, char const* option) {

@@ -71,8 +71,10 @@ struct CameraFile {
 };
 CameraFile read_cameras(std::string const& path);
 
-/// Throws unless a file of this name can be made: its folder is there and it is no folder itself. Called before long work.
+/// Throws unless `path` can be written: its folder is there and it is no folder itself. Called before long work.
 void expect_writable(std::string const& path, char const* option);
+/// Where the program says what it has done: stdout, or stderr where `output` is stdout itself (/dev/stdout).
+std::FILE* text_beside(std::optional<std::string> const& output);
 /// Makes the folder and those above it.
 void make_folder(std::string const& path, char const* option);
 

@@ -1,10 +1,14 @@
 // gsp: simulates and renders from the command line. Each command stands in a file of its own.
+#include <signal.h>
 #include <unistd.h>
 
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
+#include <gsp/io/file.hpp>
 #include <new>
+#include <thread>
 
 #include "commands.hpp"
 
@@ -18,8 +22,8 @@ int print_help() {
   std::puts("gsp: Gaussian splats and physics, many worlds at once, on CPU and GPU\n");
   for (auto const& c : commands()) std::printf("  gsp %-10s  %s\n", c.name.c_str(), wrapped(c.summary, 18, 18).c_str());
   std::puts(
-      "\n'gsp COMMAND --help' explains a command. Exit codes: 0 done, 2 bad input (one sentence says what, where and the remedy), 1 "
-      "anything else.");
+      "\n'gsp COMMAND --help' explains a command. Exit codes: 0 done, 2 bad input (one sentence says what, where and the remedy), 130 "
+      "stopped by Ctrl-C (143 by SIGTERM), 1 anything else.");
   return 0;
 }
 
@@ -55,11 +59,37 @@ int run(int argc, char** argv) {
 static void spin_briefly(char** argv) {
   if (std::getenv("OMP_WAIT_POLICY") || std::getenv("GOMP_SPINCOUNT")) return;
   setenv("GOMP_SPINCOUNT", "5000", 1);
+  std::error_code error;
+  auto const program = std::filesystem::read_symlink("/proc/self/exe", error);  // by its own name, which is what ps shows
+  if (!error) execv(program.c_str(), argv);
   execv("/proc/self/exe", argv);  // on failure: go on as we are
+}
+
+/// From here on Ctrl-C, SIGTERM and the end of the terminal end the program from a thread of its own, which first removes the files that
+/// are not complete. Signals that whoever started the program ignores (nohup, a job in the background of a script) stay ignored.
+static void end_on_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  for (int s : {SIGINT, SIGTERM, SIGHUP}) {
+    struct sigaction now {};
+    if (sigaction(s, nullptr, &now) == 0 && now.sa_handler != SIG_IGN) sigaddset(&signals, s);
+  }
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);  // threads that start later inherit it, so that the signals reach the one below
+  std::thread([signals] {
+    int caught = 0;
+    if (sigwait(&signals, &caught) != 0) return;
+    gsp::io::discard_unfinished_files();
+    std::fprintf(stderr, "%sgsp: stopped by %s before it was done; files that were not complete are removed\n", isatty(2) ? "\n" : "",
+                 caught == SIGINT    ? "Ctrl-C"
+                 : caught == SIGTERM ? "SIGTERM"
+                                     : "the end of its terminal (SIGHUP)");
+    _exit(128 + caught);
+  }).detach();
 }
 
 int main(int argc, char** argv) {
   spin_briefly(argv);
+  end_on_signals();
   try {
     return run(argc, argv);
   } catch (gsp::Error const& error) {

@@ -140,6 +140,7 @@ int run(Arguments const& a) {
     if (options.alpha) entries.push_back({"alpha", {{count, h, w}, all.alpha}});
     gsp::io::write_npz(*npz, entries);
   }
+  std::FILE* const say = text_beside(npz);
   double const frames = double(count) * repeat;
   if (a.has("--json")) {
     nlohmann::ordered_json json{{"seconds", seconds},
@@ -151,11 +152,11 @@ int run(Arguments const& a) {
                                 {"height", options.height},
                                 {"gaussians", scene.count()},
                                 {"device", device_name(device)}};
-    std::puts(json.dump().c_str());
+    std::fprintf(say, "%s\n", json.dump().c_str());
   } else {
-    std::printf("%zu pictures of %d x %d, %zu Gaussians, on %s: %.4g s, %.4g frames/s; %.2f s to start; %.3g MB\n", count, options.width,
-                options.height, scene.count(), device_name(device).c_str(), seconds, frames / seconds, startup,
-                1e-6 * double(peak_bytes(device)));
+    std::fprintf(say, "%zu pictures of %d x %d, %zu Gaussians, on %s: %.4g s, %.4g frames/s; %.2f s to start; %.3g MB\n", count,
+                 options.width, options.height, scene.count(), device_name(device).c_str(), seconds, frames / seconds, startup,
+                 1e-6 * double(peak_bytes(device)));
   }
   return 0;
 }

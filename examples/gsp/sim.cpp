@@ -76,6 +76,7 @@ int run(Arguments const& a) {
   stepper->get(qpos, qvel);
   if (trace_file) write_trace(*trace_file, trace, model);
 
+  std::FILE* const say = text_beside(trace_file);
   double const rate = double(worlds) * double(timing.steps) / timing.seconds;
   if (counts.failed_worlds > 0)
     std::fprintf(stderr,
@@ -90,16 +91,17 @@ int run(Arguments const& a) {
                  {"profile", options.mujoco ? "mujoco" : "stable"},
                  {"precision", in_double ? "double" : "float"},
                  {"device", device_name(device)}});
-    std::puts(json.dump().c_str());
+    std::fprintf(say, "%s\n", json.dump().c_str());
   } else {
-    std::printf("%d worlds x %lld steps of %g s, profile %s, %s, on %s\n", options.worlds, steps, stepper->timestep(),
-                options.mujoco ? "mujoco" : "stable", in_double ? "double" : "float", device_name(device).c_str());
-    std::printf("  %.4g s for %lld steps: %.4g steps/s (%.4g x real time a world)\n", timing.seconds, timing.steps, rate,
-                double(timing.steps) * stepper->timestep() / timing.seconds);
-    std::printf("  last step: %lld contacts, %lld rows, %d iterations, residual %.3g\n", static_cast<long long>(counts.contacts),
-                static_cast<long long>(counts.rows), counts.iterations, counts.residual);
-    std::printf("  %.2f s to start, %.4g MB, state %s\n", startup, 1e-6 * double(peak_bytes(device)), hash_of({&qpos, &qvel}).c_str());
-    if (trace_file) std::printf("  %s: %zu states of %zu worlds\n", trace_file->c_str(), trace.entries, trace.worlds);
+    std::fprintf(say, "%d worlds x %lld steps of %g s, profile %s, %s, on %s\n", options.worlds, steps, stepper->timestep(),
+                 options.mujoco ? "mujoco" : "stable", in_double ? "double" : "float", device_name(device).c_str());
+    std::fprintf(say, "  %.4g s for %lld steps: %.4g steps/s (%.4g x real time a world)\n", timing.seconds, timing.steps, rate,
+                 double(timing.steps) * stepper->timestep() / timing.seconds);
+    std::fprintf(say, "  last step: %lld contacts, %lld rows, %d iterations, residual %.3g\n", static_cast<long long>(counts.contacts),
+                 static_cast<long long>(counts.rows), counts.iterations, counts.residual);
+    std::fprintf(say, "  %.2f s to start, %.4g MB, state %s\n", startup, 1e-6 * double(peak_bytes(device)),
+                 hash_of({&qpos, &qvel}).c_str());
+    if (trace_file) std::fprintf(say, "  %s: %zu states of %zu worlds\n", trace_file->c_str(), trace.entries, trace.worlds);
   }
   return 0;
 }

@@ -1,10 +1,14 @@
 #pragma once
+#include <fcntl.h>
 #include <unistd.h>
 
-#include <atomic>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <gsp/io/detail/bytes.hpp>
+#include <memory>
+#include <mutex>
+#include <set>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -28,52 +32,141 @@ inline std::vector<std::byte> read_file(std::filesystem::path const& path) {
   return bytes;
 }
 
-/// A file that appears under its name only when it is complete: written under a temporary name in the same folder, renamed by
-/// `commit`, removed when it goes out of scope without. Throws Error where the folder is missing or the disk is full.
+namespace detail {
+
+/// Temporary files of this process that are not finished yet. Never destroyed: a thread may outlive `main`.
+struct UnfinishedFiles {
+  std::mutex mutex;
+  std::set<std::filesystem::path> paths;
+  unsigned count = 0;  // of all so far: no two have one name
+};
+inline UnfinishedFiles& unfinished_files() {
+  static auto* const files = new UnfinishedFiles;
+  return *files;
+}
+
+/// Where output that is called `path` goes.
+struct OutputTarget {
+  std::filesystem::path path;                                            // behind all symbolic links
+  bool direct = false;                                                   // no regular file: it is opened and written, never replaced
+  std::filesystem::perms permissions = std::filesystem::perms::unknown;  // of the file that is there
+};
+
+inline OutputTarget output_target(std::filesystem::path const& path) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  auto const status = fs::status(path, error);  // follows symbolic links, the kernel's own (/dev/stdout) too
+  std::string const name = path.string();
+  if (status.type() == fs::file_type::directory) fail(name, "", "is a folder; name a file");
+  if (status.type() == fs::file_type::block) fail(name, "", "is a disk; name a file");
+  if (status.type() == fs::file_type::socket) fail(name, "", "is a socket; name a file or a pipe");
+  if (status.type() == fs::file_type::character || status.type() == fs::file_type::fifo) return {path, true};
+  OutputTarget target{path};
+  for (int links = 0; fs::is_symlink(fs::symlink_status(target.path, error)); ++links) {
+    auto const folder = target.path.parent_path();
+    // an open file of a process (/dev/stdout > f): it is not replaced either, others hold it
+    if (folder.filename() == "fd" && folder.string().starts_with("/proc/")) return {path, true};
+    if (links == 40) fail(name, "", "is a circle of symbolic links; name a file");
+    auto const next = fs::read_symlink(target.path, error);
+    if (error) fail(name, "", "is a symbolic link that cannot be followed (" + error.message() + "); name a file");
+    target.path = folder / next;  // an absolute `next` stands for itself
+  }
+  auto const folder = target.path.has_parent_path() ? target.path.parent_path() : fs::path(".");
+  if (!fs::is_directory(folder, error)) fail(name, "", "its folder does not exist; create it first");
+  if (!fs::exists(status)) return target;
+  if (::access(target.path.c_str(), W_OK) != 0) fail(name, "", "may not be written; check its permissions");
+  target.permissions = status.permissions();
+  return target;
+}
+
+}  // namespace detail
+
+/// Throws Error unless `path` is something that AtomicFile may write; for a program to ask before long work. Nothing is opened.
+inline void expect_writable(std::filesystem::path const& path) { (void)detail::output_target(path); }
+
+/// Removes what unfinished files have written, and lets no file of this process be finished any more: for a program that is about to end
+/// because a signal says so. From any thread, but not from a signal handler.
+inline void discard_unfinished_files() {
+  auto& files = detail::unfinished_files();
+  files.mutex.lock();  // for good
+  std::error_code error;
+  for (auto const& path : files.paths) std::filesystem::remove(path, error);
+}
+
+/// A file that appears under its name only when it is complete: written under a temporary name beside it, renamed by `commit`, removed when
+/// it goes out of scope without. Symbolic links are followed, and the permissions of a file that is replaced are kept. A pipe or a device
+/// is never replaced: its bytes go there as they come. Throws Error where the folder is missing or the disk is full.
 class AtomicFile {
  public:
-  explicit AtomicFile(std::filesystem::path path) : path_(std::move(path)) {
-    static std::atomic<unsigned> counter{0};
-    std::error_code error;
-    if (std::filesystem::is_directory(path_, error)) detail::fail(path_.string(), "", "is a folder; name a file");
-    auto const folder = path_.has_parent_path() ? path_.parent_path() : std::filesystem::path(".");
-    if (!std::filesystem::is_directory(folder, error)) detail::fail(path_.string(), "", "its folder does not exist; create it first");
-    temporary_ = path_;
-    temporary_ += ".partial-" + std::to_string(::getpid()) + "-" + std::to_string(counter++);
-    out_.open(temporary_, std::ios::binary | std::ios::trunc);
-    if (!out_) detail::fail(path_.string(), "", "cannot be written; check the permissions of its folder");
+  explicit AtomicFile(std::filesystem::path path) : path_(std::move(path)), target_(detail::output_target(path_)) {
+    if (target_.direct) {
+      open(path_, O_APPEND);
+      return;
+    }
+    {
+      auto& files = detail::unfinished_files();
+      std::lock_guard const lock(files.mutex);
+      temporary_ = target_.path;
+      temporary_ += ".partial-" + std::to_string(::getpid()) + "-" + std::to_string(files.count++);
+      files.paths.insert(temporary_);
+    }
+    try {
+      open(temporary_, O_CREAT | O_TRUNC);
+    } catch (...) {
+      forget();
+      throw;
+    }
+    std::error_code error;  // permissions that cannot be kept are no reason to fail
+    if (target_.permissions != std::filesystem::perms::unknown) std::filesystem::permissions(temporary_, target_.permissions, error);
   }
   AtomicFile(AtomicFile const&) = delete;
   AtomicFile& operator=(AtomicFile const&) = delete;
   ~AtomicFile() {
-    if (committed_) return;
-    out_.close();
+    if (temporary_.empty()) return;
+    out_.reset();
     std::error_code error;
     std::filesystem::remove(temporary_, error);
+    forget();
   }
 
   void write(Bytes bytes) {
-    out_.write(reinterpret_cast<char const*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-    if (!out_) detail::fail(path_.string(), "", "cannot be written further; is the disk full?");
+    if (std::fwrite(bytes.data(), 1, bytes.size(), out_.get()) != bytes.size())
+      detail::fail(path_.string(), "", "cannot be written further; is the disk full?");
   }
   void write(std::string_view text) { write(detail::as_bytes(text)); }
-  /// Where the next `write` goes; used to fill in a header whose numbers are known only later.
-  void seek(std::uint64_t offset) { out_.seekp(static_cast<std::streamoff>(offset)); }
 
   void commit() {
-    out_.close();
-    if (!out_) detail::fail(path_.string(), "", "cannot be written to its end; is the disk full?");
+    if (std::fclose(out_.release()) != 0) detail::fail(path_.string(), "", "cannot be written to its end; is the disk full?");
+    if (target_.direct) return;
+    auto& files = detail::unfinished_files();
+    std::lock_guard const lock(files.mutex);
     std::error_code error;
-    std::filesystem::rename(temporary_, path_, error);
+    std::filesystem::rename(temporary_, target_.path, error);
     if (error)
       detail::fail(path_.string(), "", "cannot take its final name (" + error.message() + "); check the permissions of its folder");
-    committed_ = true;
+    files.paths.erase(temporary_);
+    temporary_.clear();
   }
 
  private:
-  std::filesystem::path path_, temporary_;
-  std::ofstream out_;
-  bool committed_ = false;
+  struct Close {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
+  void open(std::filesystem::path const& path, int flags) {
+    int const descriptor = ::open(path.c_str(), O_WRONLY | O_CLOEXEC | flags, 0666);
+    if (descriptor >= 0) out_.reset(::fdopen(descriptor, "wb"));
+    if (!out_) detail::fail(path_.string(), "", "cannot be written; check its permissions and those of its folder");
+  }
+  void forget() {
+    auto& files = detail::unfinished_files();
+    std::lock_guard const lock(files.mutex);
+    files.paths.erase(temporary_);
+  }
+
+  std::filesystem::path path_;
+  detail::OutputTarget target_;
+  std::filesystem::path temporary_;  // empty: there is none (any more)
+  std::unique_ptr<std::FILE, Close> out_;
 };
 
 /// Writes `bytes` under `path`, all or nothing.

@@ -93,9 +93,9 @@ struct NpzOptions {
   int level = 0;  // 0: stored (fast, what numpy.savez does); 1-9: deflate
 };
 
-/// Writes a npz file, all or nothing, array by array without a copy of them. No time stamps: the same arrays give the same bytes.
-/// Throws Error where an array or the file passes 4 GiB (zip64 is not written), std::invalid_argument where shape and data disagree or a
-/// name comes twice.
+/// Writes a npz file, all or nothing, array by array, without a copy of them where they are not packed. No time stamps: the same arrays
+/// give the same bytes. Throws Error where an array or the file passes 4 GiB (zip64 is not written), std::invalid_argument where shape and
+/// data disagree or a name comes twice.
 inline void write_npz(std::filesystem::path const& path, std::vector<NpzEntry> const& entries, NpzOptions options = {}) {
   using namespace detail;
   constexpr std::uint64_t limit = 0xfffffffe;
@@ -134,22 +134,23 @@ inline void write_npz(std::filesystem::path const& path, std::vector<NpzEntry> c
     std::string const label = e.name + ".npy", header = format_npy_header(e.array.dtype, e.array.shape);
     Sizes sizes{crc32(e.array.bytes, crc32(as_bytes(header))), 0, header.size() + e.array.bytes.size(), at};
     sizes.packed = sizes.unpacked;
-    file.write("PK\3\4" + fields(label, sizes) + label);
     if (options.level == 0) {
+      file.write("PK\3\4" + fields(label, sizes) + label);
       file.write(header);
       file.write(e.array.bytes);
     } else {
-      sizes.packed = 0;
-      Deflater deflater(Wrapper::raw, options.level, [&](Bytes packed) { file.write(packed), sizes.packed += packed.size(); });
+      // the record before the data holds their packed size, and a pipe cannot be gone back in
+      std::vector<std::byte> data;
+      Deflater deflater(Wrapper::raw, options.level, [&](Bytes packed) { data.insert(data.end(), packed.begin(), packed.end()); });
       deflater.write(as_bytes(header));
       deflater.write(e.array.bytes);
       deflater.finish();
+      sizes.packed = data.size();
       if (at + sizes.packed > limit)
         fail(name, "array '" + e.name + "'",
              "would pass 4 GiB, the limit of zip files without zip64; write fewer worlds, entries or images to a file");
-      file.seek(at);
-      file.write("PK\3\4" + fields(label, sizes));
-      file.seek(at + 30 + label.size() + sizes.packed);
+      file.write("PK\3\4" + fields(label, sizes) + label);
+      file.write(data);
     }
     at += 30 + label.size() + sizes.packed;
     directory += "PK\1\2";
