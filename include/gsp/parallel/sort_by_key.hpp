@@ -75,15 +75,15 @@ template <class Key, ExecutionSpace Exec>
 SortScratch<Key, typename Exec::memory_space> make_sort_scratch(Exec const& exec, std::int64_t n) {
   using Mem = typename Exec::memory_space;
   SortScratch<Key, Mem> s;
-  auto const fresh = [](std::string const& label) { return Kokkos::view_alloc(Kokkos::WithoutInitializing, label); };
-  s.keys = Kokkos::View<Key*, Mem>(fresh("gsp::SortScratch::keys"), n);
-  s.values = Kokkos::View<int*, Mem>(fresh("gsp::SortScratch::values"), n);
+  s.keys = detail::allocate<Kokkos::View<Key*, Mem>>("gsp::SortScratch::keys", n);
+  s.values = detail::allocate<Kokkos::View<int*, Mem>>("gsp::SortScratch::values", n);
   if constexpr (is_device<Exec>) {
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
-    s.temporary = Kokkos::View<char*, Mem>(fresh("gsp::SortScratch::temporary"), detail::cuda_sort_bytes<Key>(n));
+    s.temporary = detail::allocate<Kokkos::View<char*, Mem>>("gsp::SortScratch::temporary", detail::cuda_sort_bytes<Key>(n));
 #endif
   } else {
-    s.histograms = Kokkos::View<std::int64_t**, Kokkos::LayoutRight, Mem>(fresh("gsp::SortScratch::histograms"), exec.concurrency(), 256);
+    s.histograms =
+        detail::allocate<Kokkos::View<std::int64_t**, Kokkos::LayoutRight, Mem>>("gsp::SortScratch::histograms", exec.concurrency(), 256);
   }
   return s;
 }

@@ -9,10 +9,17 @@
 /// instantiated for every type of view and execution space, which was half of what a user's file compiled. Views here are contiguous.
 namespace gsp::detail {
 
+/// Bytes that `allocate` has handed out on this thread so far; differences of it are what a piece of code needs (step/bytes_needed.hpp).
+inline std::int64_t& allocated_bytes() {
+  thread_local std::int64_t bytes = 0;
+  return bytes;
+}
 /// Without values.
 template <class View>
 View allocate(std::string const& label, auto... extents) {
-  return View(Kokkos::view_alloc(label, Kokkos::WithoutInitializing), extents...);
+  View const view(Kokkos::view_alloc(label, Kokkos::WithoutInitializing), extents...);
+  allocated_bytes() += std::int64_t(view.span() * sizeof(typename View::value_type));
+  return view;
 }
 
 struct ZeroWords {
