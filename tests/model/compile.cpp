@@ -175,3 +175,9 @@ TEST_CASE("what cannot be compiled is said in one sentence") {
   d = double_pendulum(), d.files = {"a.xml"}, d.bodies[1].joints[0].place = {0, 7}, d.bodies[1].joints[0].limited = true;
   check_message(d, "a.xml:7: joint 'shoulder' is limited");
 }
+
+TEST_CASE("a sensor of a type that MJCF does not have is refused") {
+  auto d = double_pendulum();
+  d.sensors.push_back({.name = "s", .type = "jointpose", .object_type = "joint", .object = "elbow"});
+  check_message(d, "has the type 'jointpose', which is not one of MJCF's");
+}

@@ -129,3 +129,45 @@ TEST_CASE("every model of the zoo that has sensors") {
   MESSAGE(models << " models, " << compared << " of " << all << " sensors");
   CHECK(models > 0);
 }
+
+TEST_CASE("the table of types: order, sizes and what a cutoff does are MuJoCo's") {
+  std::string sensors;
+  for (auto const& info : gsp::sensor_types) {
+    using O = gsp::SensorObject;
+    std::string about;
+    if (info.about == O::joint) about = " joint=\"h\"";
+    if (info.about == O::ball) about = " joint=\"q\"";
+    if (info.about == O::tendon) about = " tendon=\"t\"";
+    if (info.about == O::actuator) about = " actuator=\"m\"";
+    if (info.about == O::body) about = " body=\"a\"";
+    if (info.about == O::site || info.type == gsp::SensorType::rangefinder) about = " site=\"s\"";
+    if (info.about == O::projection) about = " site=\"s\" camera=\"c\"";
+    if (info.about == O::frame) about = " objtype=\"site\" objname=\"s\"";
+    if (info.about == O::pair) about = " geom1=\"g\" geom2=\"f\"";
+    if (info.type == gsp::SensorType::inside_site) about = " site=\"s\" objtype=\"body\" objname=\"a\"";
+    if (info.type == gsp::SensorType::user) about = " dim=\"2\"";
+    if (info.type == gsp::SensorType::contact) about = " geom1=\"g\"";
+    if (info.type != gsp::SensorType::tactile) sensors += "<" + std::string(info.name) + about + "/>";  // it needs a mesh
+  }
+  std::string const text = R"(<mujoco><worldbody><geom name="f" size=".1"/><camera name="c" resolution="64 48"/><body name="a" pos="0 0 1">
+    <joint name="h" limited="true" range="-1 1"/><geom name="g" size=".1"/><site name="s"/><body><joint name="q" type="ball"/><geom size=".1"/></body></body>
+    </worldbody><tendon><fixed name="t" limited="true" range="-1 1"><joint joint="h" coef="1"/></fixed></tendon><actuator><motor name="m" joint="h"/></actuator><sensor>)" +
+                           sensors + "</sensor></mujoco>";
+  auto const oracle = gsp_test::load_oracle("all_types.xml", text);
+  auto const compiled = gsp::compile(gsp::io::parse_mjcf(text, "all_types.xml"));
+  mjModel const* const m = oracle.m();
+  REQUIRE(compiled.nsensor == m->nsensor);
+  for (int i = 0; i < m->nsensor; ++i) {
+    gsp::SensorInfo const* const info = gsp::find_sensor_type(compiled.sensors[i].type);
+    REQUIRE(info);
+    CAPTURE(info->name);
+    CHECK(int(info->type) + (info->type == gsp::SensorType::user ? 1 : 0) == m->sensor_type[i]);  // MuJoCo counts plug-ins before
+    CHECK(compiled.sensor_dim[i] == m->sensor_dim[i]);
+    using C = gsp::SensorCutoff;
+    bool const axis = m->sensor_datatype[i] == mjDATATYPE_AXIS || m->sensor_datatype[i] == mjDATATYPE_QUATERNION;
+    if (info->cutoff != C::ignored) {  // contact and fromto pass it by; a normal's is a distance
+      CHECK((info->cutoff == C::refused) == axis);
+      CHECK((info->cutoff == C::above) == (m->sensor_datatype[i] == mjDATATYPE_POSITIVE));
+    }
+  }
+}

@@ -1,6 +1,6 @@
 #pragma once
-#include <gsp/dynamics/detail/world_lanes.hpp>
 #include <gsp/dynamics/passive_forces.hpp>
+#include <gsp/dynamics/world_lanes.hpp>
 
 /// Potential and kinetic energy (MuJoCo's mj_energyPos, mj_energyVel).
 namespace gsp {
@@ -83,8 +83,8 @@ void energies(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const&
               Dynamics<R, Mem> const& dynamics, View const& energy) {
   expects(int(energy.extent(0)) == dynamics.worlds && int(energy.extent(1)) == 2, "gsp::energies: energy must be (worlds, 2)");
   for_lanes("gsp::dynamics::tree_energies", exec, model, dynamics, detail::EnergyStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
-  detail::for_world_lanes("gsp::dynamics::energies", exec, R(), dynamics.worlds, 1,
-                          detail::SumEnergies<R, Mem, View>{model, poses, dynamics, energy});
+  for_world_lanes<R>("gsp::dynamics::energies", exec, dynamics.worlds, 1,
+                     detail::SumEnergies<R, Mem, View>{model, poses, dynamics, energy});
 }
 
 }  // namespace gsp

@@ -1,5 +1,5 @@
 #pragma once
-#include <gsp/dynamics/detail/world_lanes.hpp>
+#include <gsp/dynamics/world_lanes.hpp>
 
 /// Jacobians of points of bodies: velocity of the point = J qvel (MuJoCo's mj_jac, mj_jacBodyCom, mj_jacSite).
 namespace gsp {
@@ -42,8 +42,8 @@ void jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const&
   expects(int(J.extent(0)) == dynamics.worlds && int(J.extent(1)) == 6 && int(J.extent(2)) == model.nv,
           "gsp::body_jacobian: J must be (worlds, 6, nv)");
   zero(exec, J);
-  for_world_lanes("gsp::dynamics::jacobian", exec, R(), dynamics.worlds, 1,
-                  PointJacobian<R, Mem, View>{model, poses, dynamics, body, point, field, item, J});
+  for_world_lanes<R>("gsp::dynamics::jacobian", exec, dynamics.worlds, 1,
+                     PointJacobian<R, Mem, View>{model, poses, dynamics, body, point, field, item, J});
 }
 }  // namespace detail
 

@@ -1,5 +1,5 @@
 #pragma once
-#include <gsp/dynamics/detail/world_lanes.hpp>
+#include <gsp/dynamics/world_lanes.hpp>
 
 /// World poses of geoms, sites and cameras from those of bodies (MuJoCo's mj_kinematics and mj_camlight).
 namespace gsp {
@@ -69,8 +69,8 @@ template <ExecutionSpace Exec, class R, class Mem, class Pos, class Quats>
 void geom_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Pos const& xpos, Quats const& xquat) {
   expects(int(xpos.extent(1)) == model.ngeom && int(xquat.extent(1)) == model.ngeom,
           "gsp::geom_poses: outputs must be (worlds, ngeom, 3 | 4)");
-  detail::for_world_lanes("gsp::dynamics::geom_poses", exec, R(), int(xpos.extent(0)), model.ngeom,
-                          detail::ObjectPoses<R, Mem, Pos, Quats>{poses, model.geom_body, model.geom_pos, model.geom_quat, xpos, xquat});
+  for_world_lanes<R>("gsp::dynamics::geom_poses", exec, int(xpos.extent(0)), model.ngeom,
+                     detail::ObjectPoses<R, Mem, Pos, Quats>{poses, model.geom_body, model.geom_pos, model.geom_quat, xpos, xquat});
 }
 /// World poses of all sites: xpos (world, nsite, 3) [m], xquat (world, nsite, 4). After forward_kinematics. Does not allocate, does not
 /// fence.
@@ -78,8 +78,8 @@ template <ExecutionSpace Exec, class R, class Mem, class Pos, class Quats>
 void site_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Pos const& xpos, Quats const& xquat) {
   expects(int(xpos.extent(1)) == model.nsite && int(xquat.extent(1)) == model.nsite,
           "gsp::site_poses: outputs must be (worlds, nsite, 3 | 4)");
-  detail::for_world_lanes("gsp::dynamics::site_poses", exec, R(), int(xpos.extent(0)), model.nsite,
-                          detail::ObjectPoses<R, Mem, Pos, Quats>{poses, model.site_body, model.site_pos, model.site_quat, xpos, xquat});
+  for_world_lanes<R>("gsp::dynamics::site_poses", exec, int(xpos.extent(0)), model.nsite,
+                     detail::ObjectPoses<R, Mem, Pos, Quats>{poses, model.site_body, model.site_pos, model.site_quat, xpos, xquat});
 }
 /// World poses of all cameras, whatever their mode: xpos (world, ncam, 3) [m], xmat (world, ncam, 9) row-major, columns x right, y up,
 /// z backward. `com` (world, body, 3): centres of mass of subtrees (subtree_com). Does not allocate, does not fence.
@@ -88,8 +88,8 @@ void camera_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> co
                   Mats const& xmat) {
   expects(int(xpos.extent(1)) == model.ncam && int(xmat.extent(1)) == model.ncam,
           "gsp::camera_poses: outputs must be (worlds, ncam, 3 | 9)");
-  detail::for_world_lanes("gsp::dynamics::camera_poses", exec, R(), int(xpos.extent(0)), model.ncam,
-                          detail::CameraPoses<R, Mem, Com, Pos, Mats>{model, poses, com, xpos, xmat});
+  for_world_lanes<R>("gsp::dynamics::camera_poses", exec, int(xpos.extent(0)), model.ncam,
+                     detail::CameraPoses<R, Mem, Com, Pos, Mats>{model, poses, com, xpos, xmat});
 }
 
 }  // namespace gsp

@@ -1,5 +1,5 @@
 #pragma once
-#include <gsp/dynamics/detail/world_lanes.hpp>
+#include <gsp/dynamics/world_lanes.hpp>
 
 /// Centre of mass, velocity and angular momentum of every body's subtree (MuJoCo's mj_comPos, mj_subtreeVel).
 namespace gsp {
@@ -118,15 +118,15 @@ struct SubtreeMomentum {
 /// does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void subtree_com(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Subtrees<R, Mem> const& s) {
-  detail::for_world_lanes("gsp::dynamics::subtree_com", exec, R(), int(s.com.extent(0)), 1, detail::SubtreeCom<R, Mem>{model, poses, s});
+  for_world_lanes<R>("gsp::dynamics::subtree_com", exec, int(s.com.extent(0)), 1, detail::SubtreeCom<R, Mem>{model, poses, s});
 }
 /// Velocity of the centre of mass and angular momentum about it, of every body's subtree (s.linvel, s.angmom). After subtree_com and
 /// smooth_dynamics (or mass_matrix and bias_forces). Cost about 150 flop a body. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void subtree_momentum(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics,
                       Subtrees<R, Mem> const& s) {
-  detail::for_world_lanes("gsp::dynamics::subtree_momentum", exec, R(), int(s.com.extent(0)), 1,
-                          detail::SubtreeMomentum<R, Mem>{model, poses, dynamics, s});
+  for_world_lanes<R>("gsp::dynamics::subtree_momentum", exec, int(s.com.extent(0)), 1,
+                     detail::SubtreeMomentum<R, Mem>{model, poses, dynamics, s});
 }
 
 }  // namespace gsp

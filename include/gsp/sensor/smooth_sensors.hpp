@@ -3,42 +3,12 @@
 #include <gsp/dynamics/object_poses.hpp>
 #include <gsp/dynamics/subtree.hpp>
 #include <gsp/model/archetypes.hpp>
-#include <map>
+#include <gsp/model/sensor_types.hpp>
+#include <gsp/sensor/sense.hpp>
 
 /// MJCF's sensors that are functions of positions, velocities and actuator forces (MuJoCo's mj_sensorPos, mj_sensorVel and part of
 /// mj_sensorAcc).
 namespace gsp {
-
-enum class SensorType : int {
-  clock,
-  potential_energy,
-  kinetic_energy,
-  joint_pos,
-  joint_vel,
-  ball_quat,
-  ball_angvel,
-  tendon_pos,
-  tendon_vel,
-  actuator_pos,
-  actuator_vel,
-  actuator_force,
-  joint_actuator_force,
-  tendon_actuator_force,
-  frame_pos,
-  frame_quat,
-  frame_xaxis,
-  frame_yaxis,
-  frame_zaxis,
-  frame_linvel,
-  frame_angvel,
-  velocimeter,
-  gyro,
-  magnetometer,
-  cam_projection,
-  subtree_com,
-  subtree_linvel,
-  subtree_angmom
-};
 
 /// One sensor. `object`: a world index of what its type is about; of a frame: an item of `kind`. tree, local: of a tendon or actuator.
 template <class R>
@@ -48,10 +18,10 @@ struct SensorEntry {
   int adr;
   int object = 0, kind = none, reference = 0, reference_kind = none;
   int tree = 0, local = 0;
-  R cutoff = R(0);  // numbers stay within -cutoff .. cutoff; 0: no limit
+  R cutoff = R(0);  // 0: no limit
 };
 
-/// Table of the sensors that are evaluated here, and buffers. `make_sensors` allocates it.
+/// The sensors of a model that are evaluated here, and buffers. `make_sensors` allocates it.
 template <class R, class Mem>
 struct Sensors {
   int worlds = 0, nsensordata = 0;
@@ -67,44 +37,47 @@ struct SensorsOptions {
   int worlds = 1;
 };
 
+namespace detail {
+/// The stages that `smooth_sensors` evaluates.
+constexpr bool is_smooth(SensorStage stage) {
+  switch (stage) {
+    case SensorStage::state:
+    case SensorStage::pose:
+    case SensorStage::velocity:
+    case SensorStage::actuation:
+    case SensorStage::energy:
+    case SensorStage::subtree:
+    case SensorStage::momentum:
+      return true;
+    case SensorStage::constraint:
+    case SensorStage::acceleration:
+    case SensorStage::shape:
+    case SensorStage::outside:
+      return false;
+  }
+  return false;
+}
+/// What a frame stands on, by MJCF's word: SensorEntry::Kind.
+template <class R>
+int frame_kind(std::string_view word) {
+  using Entry = SensorEntry<R>;
+  if (word == "body") return Entry::inertial;
+  if (word == "xbody") return Entry::body;
+  if (word == "geom") return Entry::geom;
+  if (word == "site") return Entry::site;
+  if (word == "camera") return Entry::camera;
+  return Entry::none;
+}
+}  // namespace detail
+
 /// The sensors of `compiled`, of which `model` was made, for `worlds` worlds. Allocates.
 template <class R, ExecutionSpace Exec, class Mem>
 Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled, SensorsOptions options = {}) {
   expects(options.worlds > 0, "gsp::make_sensors: worlds must be positive");
   using Entry = SensorEntry<R>;
-  using S = SensorType;
-  static std::map<std::string, S> const types{{"clock", S::clock},
-                                              {"e_potential", S::potential_energy},
-                                              {"e_kinetic", S::kinetic_energy},
-                                              {"jointpos", S::joint_pos},
-                                              {"jointvel", S::joint_vel},
-                                              {"ballquat", S::ball_quat},
-                                              {"ballangvel", S::ball_angvel},
-                                              {"tendonpos", S::tendon_pos},
-                                              {"tendonvel", S::tendon_vel},
-                                              {"actuatorpos", S::actuator_pos},
-                                              {"actuatorvel", S::actuator_vel},
-                                              {"actuatorfrc", S::actuator_force},
-                                              {"jointactuatorfrc", S::joint_actuator_force},
-                                              {"tendonactuatorfrc", S::tendon_actuator_force},
-                                              {"framepos", S::frame_pos},
-                                              {"framequat", S::frame_quat},
-                                              {"framexaxis", S::frame_xaxis},
-                                              {"frameyaxis", S::frame_yaxis},
-                                              {"framezaxis", S::frame_zaxis},
-                                              {"framelinvel", S::frame_linvel},
-                                              {"frameangvel", S::frame_angvel},
-                                              {"velocimeter", S::velocimeter},
-                                              {"gyro", S::gyro},
-                                              {"magnetometer", S::magnetometer},
-                                              {"camprojection", S::cam_projection},
-                                              {"subtreecom", S::subtree_com},
-                                              {"subtreelinvel", S::subtree_linvel},
-                                              {"subtreeangmom", S::subtree_angmom}};
-  static std::map<std::string, int> const kinds{
-      {"body", Entry::inertial}, {"xbody", Entry::body}, {"geom", Entry::geom}, {"site", Entry::site}, {"camera", Entry::camera}};
   Sensors<R, Mem> s;
-  s.worlds = options.worlds, s.nsensordata = compiled.nsensordata;
+  s.worlds = options.worlds;
+  s.nsensordata = compiled.nsensordata;
   auto const& flux = compiled.option.magnetic;
   s.magnetic = {R(flux[0]), R(flux[1]), R(flux[2])};
   auto const trees = find_archetypes(compiled);
@@ -113,42 +86,49 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
       for (auto const& instance : t.instances)
         for (int k = 0; k < int((instance.*list).size()); ++k)
           if ((instance.*list)[k] == id) {
-            e.tree = instance.tree, e.local = k;
+            e.tree = instance.tree;
+            e.local = k;
             return true;
           }
     return false;
+  };
+  auto const by_com = [&](int kind, int i) {  // a camera whose frame follows from a subtree's centre of mass
+    if (kind != Entry::camera) return false;
+    auto const mode = CameraMode(compiled.cam_mode[i]);
+    return mode == CameraMode::track_com || mode == CameraMode::target_body_com;
   };
   bool subtrees = false, energy = false;
   std::vector<Entry> entries;
   for (int i = 0; i < compiled.nsensor; ++i) {
     auto const& d = compiled.sensors[i];
-    auto const type = types.find(d.type);
-    bool known = type != types.end();
-    Entry e{};
-    if (known) {
-      e.type = type->second, e.adr = compiled.sensor_adr[i], e.object = compiled.sensor_id[i], e.reference = compiled.sensor_refid[i];
-      e.cutoff = R(d.cutoff);
-      auto const kind = kinds.find(d.object_type), reference = kinds.find(d.reference_type);
-      if (e.type >= S::frame_pos && e.type <= S::cam_projection) {
-        known = kind != kinds.end() && (e.reference < 0 || reference != kinds.end());
-        if (known) e.kind = kind->second, e.reference_kind = e.reference < 0 ? int(Entry::none) : reference->second;
-      }
-      if (e.type == S::tendon_pos || e.type == S::tendon_vel || e.type == S::tendon_actuator_force)
-        known = locate(e.object, &ArchetypeDescription::Instance::tendon, e);
-      if (e.type == S::actuator_pos || e.type == S::actuator_vel || e.type == S::actuator_force)
-        known = locate(e.object, &ArchetypeDescription::Instance::act, e);
-      auto const by_com = [&](int of, int i) {
-        return of == Entry::camera && (CameraMode(compiled.cam_mode[i]) == CameraMode::track_com ||
-                                       CameraMode(compiled.cam_mode[i]) == CameraMode::target_body_com);
-      };
-      subtrees |= e.type >= S::subtree_com || by_com(e.kind, e.object) || by_com(e.reference_kind, e.reference);
-      s.momenta |= e.type == S::subtree_linvel || e.type == S::subtree_angmom;
-      energy |= e.type == S::potential_energy || e.type == S::kinetic_energy;
-    }
-    if (known)
-      entries.push_back(e);
-    else
+    SensorInfo const* const info = find_sensor_type(d.type);
+    if (!info || !detail::is_smooth(info->stage)) {
       s.left_out.push_back(i);
+      continue;
+    }
+    Entry e{};
+    e.type = info->type;
+    e.adr = compiled.sensor_adr[i];
+    e.object = compiled.sensor_id[i];
+    e.reference = compiled.sensor_refid[i];
+    e.cutoff = info->cutoff == SensorCutoff::both_sides ? R(d.cutoff) : R(0);
+    bool known = true;
+    if (info->about == SensorObject::site || info->about == SensorObject::frame || info->about == SensorObject::projection) {
+      e.kind = detail::frame_kind<R>(d.object_type);
+      if (e.reference >= 0) e.reference_kind = detail::frame_kind<R>(d.reference_type);
+      known = e.kind != Entry::none && (e.reference < 0 || e.reference_kind != Entry::none);
+    }
+    if (info->about == SensorObject::tendon) known = locate(e.object, &ArchetypeDescription::Instance::tendon, e);
+    if (info->about == SensorObject::actuator) known = locate(e.object, &ArchetypeDescription::Instance::act, e);
+    if (!known) {
+      s.left_out.push_back(i);
+      continue;
+    }
+    s.momenta |= info->stage == SensorStage::momentum;
+    subtrees |= info->stage == SensorStage::subtree || info->stage == SensorStage::momentum;
+    subtrees |= by_com(e.kind, e.object) || by_com(e.reference_kind, e.reference);
+    energy |= info->stage == SensorStage::energy;
+    entries.push_back(e);
   }
   s.entries = detail::to_device<Kokkos::View<Entry*, Mem>>(exec, "gsp::Sensors::entries", entries);
   if (subtrees) s.subtrees = make_subtrees(exec, model, {.worlds = options.worlds});
@@ -158,7 +138,8 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
 }
 
 namespace detail {
-template <class R, class Mem, class View>
+/// MJCF's smooth sensors as a SensorKind.
+template <class R, class Mem>
 struct SmoothSensors {
   Model<R, Mem> model;
   State<R, Mem> state;
@@ -168,9 +149,17 @@ struct SmoothSensors {
   Vec3<R> magnetic;
   Subtrees<R, Mem> subtrees;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> energy;
-  View data;
 
   using Entry = SensorEntry<R>;
+  int count() const { return int(entries.extent(0)); }
+  KOKKOS_INLINE_FUNCTION int size() const { return 4; }  // at most
+  KOKKOS_INLINE_FUNCTION int adr(int i) const { return entries(i).adr; }
+  template <class T>
+  KOKKOS_INLINE_FUNCTION T limit(int i, T const& x) const {
+    R const cutoff = entries(i).cutoff;
+    return cutoff > R(0) ? clamp(x, T(-cutoff), T(cutoff)) : x;
+  }
+
   KOKKOS_INLINE_FUNCTION int body_of(int kind, int i) const {
     return kind == Entry::geom     ? model.geom_body(i)
            : kind == Entry::site   ? model.site_body(i)
@@ -214,17 +203,18 @@ struct SmoothSensors {
     v.linear = v.linear + cross(v.angular, x - get3(at.com + 3 * model.body_root(b)));
     return v;
   }
-  template <class T>
-  KOKKOS_FUNCTION void operator()(WorldLane<T> const& l, int i) const {
+  template <class T, class Put>
+  KOKKOS_FUNCTION void operator()(WorldLane<T> const& l, int i, Put const& put) const {
     using S = SensorType;
     Entry const e = entries(i);
-    auto const put = [&](int c, T const& x) { l.store(data, e.adr + c, e.cutoff > R(0) ? clamp(x, T(-e.cutoff), T(e.cutoff)) : x); };
-    auto const put3 = [&](Vec3<T> const& x) { put(0, x.x), put(1, x.y), put(2, x.z); };
-    auto const put_axis = [&](Vec3<T> const& x) {  // directions and rotations have no cutoff
-      for (int c = 0; c < 3; ++c) l.store(data, e.adr + c, x[c]);
+    auto const put3 = [&](Vec3<T> const& x) {
+      for (int c = 0; c < 3; ++c) put(c, x[c]);
     };
     auto const put_quat = [&](Quat<T> const& q) {
-      l.store(data, e.adr, q.w), l.store(data, e.adr + 1, q.x), l.store(data, e.adr + 2, q.y), l.store(data, e.adr + 3, q.z);
+      put(0, q.w);
+      put(1, q.x);
+      put(2, q.y);
+      put(3, q.z);
     };
     auto const item = [&](int at) { return l.item(model, dynamics, e.tree, at); };
     auto const layout = [&](int tree) { return DynamicsLayout(model.archetypes(model.tree_archetype(tree))); };
@@ -282,32 +272,62 @@ struct SmoothSensors {
       case S::subtree_angmom:
         return put3(l.load3(subtrees.angmom, e.object));
       default:
-        break;
+        return frame_sensor(l, e, put, put3, put_quat);
     }
+  }
+
+  /// Those that are about one frame, or two.
+  template <class T, class Put, class Put3, class PutQuat>
+  KOKKOS_INLINE_FUNCTION void frame_sensor(WorldLane<T> const& l, Entry const& e, Put const& put, Put3 const& put3,
+                                           PutQuat const& put_quat) const {
+    using S = SensorType;
     if (e.type == S::frame_quat) {  // of a camera that tracks or looks at something: as if it did not (MuJoCo)
       Quat<T> const q = pose(l, e.kind, e.object).q;
       return put_quat(e.reference_kind != Entry::none ? conjugate(pose(l, e.reference_kind, e.reference).q) * q : q);
     }
     Frame<T> const own = frame(l, e.kind, e.object), reference = frame(l, e.reference_kind, e.reference);
     auto const seen = [&](Vec3<T> const& x) { return transpose_times(reference.r, x); };
-    if (e.type == S::cam_projection) {  // pixel = c -+ f (x, y) / z of the site in the camera's frame: x right, y down from the top left
-      Vec3<T> const x = seen(own.p - reference.p);
-      T const z = select(abs(x.z) < T(1e-15), clamp(x.z, T(-1e-15), T(1e-15)), x.z);
-      auto const half = [&](int c) { return T(0.5) * l.constant(model.cam_resolution, e.reference, 2, c); };
-      auto const focal = [&](int c) { return l.constant(model.cam_focal, e.reference, 2, c); };
-      return put(0, half(0) - focal(0) * x.x / z), put(1, half(1) + focal(1) * x.y / z);
+    auto const moving = [&] { return velocity(l, body_of(e.kind, e.object), own.p); };
+    auto const relative = [&] {  // as seen from a frame that moves and turns
+      Spatial<T> v = moving();
+      if (e.reference_kind != Entry::none) {
+        Spatial<T> const of = velocity(l, body_of(e.reference_kind, e.reference), reference.p);
+        v.linear = v.linear - of.linear - cross(of.angular, own.p - reference.p);
+        v.angular = v.angular - of.angular;
+      }
+      return v;
+    };
+    switch (e.type) {
+      case S::frame_pos:
+        return put3(seen(own.p - reference.p));
+      case S::frame_xaxis:
+        return put3(seen(column(own.r, 0)));
+      case S::frame_yaxis:
+        return put3(seen(column(own.r, 1)));
+      case S::frame_zaxis:
+        return put3(seen(column(own.r, 2)));
+      case S::frame_linvel:
+        return put3(seen(relative().linear));
+      case S::frame_angvel:
+        return put3(seen(relative().angular));
+      case S::velocimeter:
+        return put3(transpose_times(own.r, moving().linear));
+      case S::gyro:
+        return put3(transpose_times(own.r, moving().angular));
+      case S::magnetometer:
+        return put3(transpose_times(own.r, Vec3<T>{T(magnetic.x), T(magnetic.y), T(magnetic.z)}));
+      case S::cam_projection: {  // pixel = c -+ f (x, y) / z of the site in the camera's frame: x right, y down from the top left
+        Vec3<T> const x = seen(own.p - reference.p);
+        T const z = select(abs(x.z) < T(1e-15), clamp(x.z, T(-1e-15), T(1e-15)), x.z);
+        auto const half = [&](int c) { return T(0.5) * l.constant(model.cam_resolution, e.reference, 2, c); };
+        auto const focal = [&](int c) { return l.constant(model.cam_focal, e.reference, 2, c); };
+        put(0, half(0) - focal(0) * x.x / z);
+        put(1, half(1) + focal(1) * x.y / z);
+        return;
+      }
+      default:
+        return;
     }
-    if (e.type == S::frame_pos) return put3(seen(own.p - reference.p));
-    if (e.type >= S::frame_xaxis && e.type <= S::frame_zaxis) return put_axis(seen(column(own.r, int(e.type) - int(S::frame_xaxis))));
-    if (e.type == S::magnetometer) return put3(transpose_times(own.r, Vec3<T>{T(magnetic.x), T(magnetic.y), T(magnetic.z)}));
-    Spatial<T> v = velocity(l, body_of(e.kind, e.object), own.p);
-    if (e.type == S::velocimeter) return put3(transpose_times(own.r, v.linear));
-    if (e.type == S::gyro) return put3(transpose_times(own.r, v.angular));
-    if (e.reference_kind != Entry::none) {  // as seen from a frame that moves and turns
-      Spatial<T> const of = velocity(l, body_of(e.reference_kind, e.reference), reference.p);
-      v.linear = v.linear - of.linear - cross(of.angular, own.p - reference.p), v.angular = v.angular - of.angular;
-    }
-    put3(seen(e.type == S::frame_linvel ? v.linear : v.angular));
   }
 };
 }  // namespace detail
@@ -324,9 +344,9 @@ void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> 
   if (sensors.subtrees.com.data()) subtree_com(exec, model, poses, sensors.subtrees);
   if (sensors.momenta) subtree_momentum(exec, model, poses, dynamics, sensors.subtrees);
   if (sensors.energy.data()) energies(exec, model, state, poses, dynamics, sensors.energy);
-  detail::for_world_lanes("gsp::sensor::smooth_sensors", exec, R(), sensors.worlds, int(sensors.entries.extent(0)),
-                          detail::SmoothSensors<R, Mem, View>{model, state, poses, dynamics, sensors.entries, sensors.magnetic,
-                                                              sensors.subtrees, sensors.energy, data});
+  sense(exec,
+        detail::SmoothSensors<R, Mem>{model, state, poses, dynamics, sensors.entries, sensors.magnetic, sensors.subtrees, sensors.energy},
+        data, {.label = "gsp::sensor::smooth_sensors"});
 }
 
 }  // namespace gsp

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/model/detail/compile_bodies.hpp>
+#include <gsp/model/sensor_types.hpp>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -134,8 +135,10 @@ class ForceCompiler : public BodyCompiler {
         return find(kind, name, s.place, "sensor", s.name);
       };
       m_.sensor_id.push_back(id(s.object_type, s.object)), m_.sensor_refid.push_back(id(s.reference_type, s.reference));
-      check_sensor(s, m_.sensor_id.back(), m_.sensor_refid.back());
-      int const dim = sensor_size(s);
+      SensorInfo const* const info = find_sensor_type(s.type);
+      if (!info) fail(s.place, "sensor", s.name, "has the type '" + s.type + "', which is not one of MJCF's: correct it, or use 'user'");
+      check_sensor(s, *info, m_.sensor_id.back(), m_.sensor_refid.back());
+      int const dim = info->size > 0 ? info->size : sensor_size(s, info->type);
       m_.sensor_dim.push_back(dim), m_.sensor_adr.push_back(m_.nsensordata);
       m_.nsensordata += std::max(dim, 0);
       m_.sensors.push_back(s), ++m_.nsensor;
@@ -144,41 +147,36 @@ class ForceCompiler : public BodyCompiler {
 
  private:
   // What a sensor's type can be about.
-  void check_sensor(SensorDescription const& s, int object, int reference) const {
+  void check_sensor(SensorDescription const& s, SensorInfo const& info, int object, int reference) const {
+    using O = SensorObject;
     auto const require = [&](bool good, std::string const& sentence) {
       if (!good) fail(s.place, "sensor", s.name, "of type '" + s.type + "' " + sentence);
     };
-    auto const begins = [&](std::initializer_list<std::string_view> types) {
-      return std::any_of(types.begin(), types.end(), [&](std::string_view type) { return s.type.starts_with(type); });
-    };
     require(s.cutoff >= 0 && s.noise >= 0, "has a negative cutoff or noise: give 0 or more");
-    require(s.cutoff == 0 || !begins({"ballquat", "framequat", "framexaxis", "frameyaxis", "framezaxis"}),
-            "gives a direction or a rotation, which has no cutoff: leave it out");
-    auto const word = begins({"joint", "ball"}) ? "joint"
-                      : begins({"tendon"})      ? "tendon"
-                      : begins({"actuator"})    ? "actuator"
-                      : begins({"subtree"})     ? "body"
-                      : begins({"gyro", "velocimeter", "accelerometer", "magnetometer", "force", "torque", "touch", "camprojection"})
-                          ? "site"
-                          : "";
+    require(s.cutoff == 0 || info.cutoff != SensorCutoff::refused, "gives a direction or a rotation, which has no cutoff: leave it out");
+    auto const word = info.about == O::joint || info.about == O::ball        ? "joint"
+                      : info.about == O::tendon                              ? "tendon"
+                      : info.about == O::actuator                            ? "actuator"
+                      : info.about == O::body                                ? "body"
+                      : info.about == O::site || info.about == O::projection ? "site"
+                                                                             : "";
     if (*word) require(object >= 0 && kind_of(s.object_type) == kind_of(word), std::string("is about a ") + word + ": name one");
-    if (kind_of(word) == Kind::joint) {
-      auto const type = JointType(m_.jnt_type[object]);
-      require(begins({"ball"}) ? type == JointType::ball : type >= JointType::slide,
-              begins({"ball"}) ? "is about a ball joint: name one" : "is about a hinge or slide joint: name one");
-    }
-    if (begins({"jointlimit"})) require(m_.jnt_limited[object], "is about the limits of a joint that has none: give it a range");
-    if (begins({"tendonlimit"})) require(m_.tendon_limited[object], "is about the limits of a tendon that has none: give it a range");
-    if (begins({"camprojection"})) require(reference >= 0 && kind_of(s.reference_type) == Kind::camera, "needs a camera: name one");
+    if (info.about == O::joint) require(JointType(m_.jnt_type[object]) >= JointType::slide, "is about a hinge or slide joint: name one");
+    if (info.about == O::ball) require(JointType(m_.jnt_type[object]) == JointType::ball, "is about a ball joint: name one");
+    bool const limit = info.stage == SensorStage::constraint;
+    if (limit && info.about == O::joint) require(m_.jnt_limited[object], "is about the limits of a joint that has none: give it a range");
+    if (limit && info.about == O::tendon)
+      require(m_.tendon_limited[object], "is about the limits of a tendon that has none: give it a range");
+    if (info.about == O::projection) require(reference >= 0 && kind_of(s.reference_type) == Kind::camera, "needs a camera: name one");
     auto const framed = [](std::string const& type) {
       Kind const kind = kind_of(type);
       return kind == Kind::body || kind == Kind::geom || kind == Kind::site || kind == Kind::camera;
     };
-    if (begins({"frame"})) {
+    if (info.about == O::frame) {
       require(object >= 0 && framed(s.object_type), "is about a body, geom, site or camera: name one");
       require(reference < 0 || framed(s.reference_type), "is seen from a body, geom, site or camera: name one, or none");
     }
-    if (begins({"distance", "normal", "fromto", "insidesite"})) require(object >= 0 && reference >= 0, "needs two objects: name both");
+    if (info.about == O::pair) require(object >= 0 && reference >= 0, "needs two objects: name both");
   }
   // A spatial tendon's path: geoms between two sites, branches that begin with a pulley.
   void path(TendonDescription const& t, std::vector<int>& bodies) {
@@ -238,8 +236,8 @@ class ForceCompiler : public BodyCompiler {
          "<lengthrange uselimit=\"true\"/>");
   }
 
-  // How many numbers a sensor gives; -1 where that is not known here.
-  int sensor_size(SensorDescription const& s) const {
+  // How many numbers a sensor gives whose settings say it; -1 where that is not known here.
+  int sensor_size(SensorDescription const& s, SensorType type) const {
     auto const setting = [&](std::string_view name) -> std::string {
       for (auto const& [key, value] : s.settings)
         if (key == name) return value;
@@ -256,10 +254,7 @@ class ForceCompiler : public BodyCompiler {
           if ((at == 0 || data[at - 1] == ' ') && (at + word.size() == data.size() || data[at + word.size()] == ' ')) all += size;
       return all;
     };
-    auto const one_of = [&](std::initializer_list<std::string_view> types) {
-      return std::find(types.begin(), types.end(), s.type) != types.end();
-    };
-    if (s.type == "contact") {
+    if (type == SensorType::contact) {
       std::string const data = setting("data");
       return number("num", 1) * (data.empty() ? 1
                                               : sum(data, {{"found", 1},
@@ -272,21 +267,13 @@ class ForceCompiler : public BodyCompiler {
                                                            {"linvel", 3},
                                                            {"angvel", 3}}));
     }
-    if (s.type == "rangefinder") {
+    if (type == SensorType::rangefinder) {
       if (s.object_type == "camera") return -1;  // a number for each of its pixels
       std::string const data = setting("data");
       return data.empty() ? 1 : sum(data, {{"dist", 1}, {"dir", 3}, {"origin", 3}, {"point", 3}, {"normal", 3}, {"depth", 1}});
     }
-    if (s.type == "user") return number("dim", -1);
-    if (s.type == "tactile") return 3 * int(m_.mesh_vertices[m_.sensor_id.back()].size());
-    if (s.type == "camprojection") return 2;
-    if (s.type == "fromto") return 6;
-    if (one_of({"ballquat", "framequat"})) return 4;
-    if (one_of({"accelerometer", "velocimeter", "gyro", "force", "torque", "magnetometer", "ballangvel", "framepos", "framexaxis",
-                "frameyaxis", "framezaxis", "framelinvel", "frameangvel", "framelinacc", "frameangacc", "subtreecom", "subtreelinvel",
-                "subtreeangmom", "normal"}))
-      return 3;
-    return 1;
+    if (type == SensorType::tactile) return 3 * int(m_.mesh_vertices[m_.sensor_id.back()].size());
+    return number("dim", -1);
   }
 };
 

@@ -1,9 +1,11 @@
 #pragma once
 #include <gsp/dynamics/lanes.hpp>
 
-/// Lanes of worlds alone, for kernels that go through a whole world or through independent items of it (poses of geoms, sums over trees).
+/// Lanes of worlds, for kernels that go through a whole world or through independent items of it: poses of geoms, sums over trees, sensors.
 namespace gsp {
 
+/// One world on a GPU (T is float or double), or as many neighbouring worlds as a pack has numbers on a CPU (T is a Pack): a kernel is
+/// written once over T. Views are (world, item[, components]) without gaps (LayoutRight), of numbers R.
 template <class T>
 struct WorldLane {
   using R = typename detail::width_of<T>::stored;
@@ -93,13 +95,17 @@ struct WorldKernel {
     f(WorldLane<T>{first, worlds - first < W ? worlds - first : W}, i / blocks);
   }
 };
-/// f(lane, item) for all items of all worlds.
-template <ExecutionSpace Exec, class R, class F>
-void for_world_lanes(char const* label, Exec const& exec, R, int worlds, int items, F const& f) {
-  using T = lane_number<Exec, R>;
-  int const blocks = (worlds + width_of<T>::value - 1) / width_of<T>::value;
-  Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, blocks * items), WorldKernel<T, F>{f, worlds, items});
-}
 }  // namespace detail
+
+/// f(lane, item) for items 0 .. items - 1 of all worlds; `lane` is a WorldLane<T> of numbers R. One launch; does not allocate, does not
+/// fence.
+/// @param label  of the kernel, "area::function"
+/// @param f      copyable to the device, with a template <class T> void operator()(WorldLane<T> const& lane, int item) const
+template <class R, ExecutionSpace Exec, class F>
+void for_world_lanes(char const* label, Exec const& exec, int worlds, int items, F const& f) {
+  using T = lane_number<Exec, R>;
+  int const blocks = (worlds + detail::width_of<T>::value - 1) / detail::width_of<T>::value;
+  Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, blocks * items), detail::WorldKernel<T, F>{f, worlds, items});
+}
 
 }  // namespace gsp
