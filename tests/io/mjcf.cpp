@@ -161,6 +161,33 @@ TEST_CASE("values are checked") {
   refused(model("<attach model='x'/>"), "m.xml:3: ", "which no <asset> <model> has");
 }
 
+TEST_CASE("built-in meshes: what they may ask for") {
+  auto const with = [](std::string const& attributes) {
+    return model("<geom type='mesh' mesh='m' contype='0' conaffinity='0'/>", "<asset><mesh name='m' " + attributes + "/></asset>");
+  };
+  CHECK(message(with("builtin='cone' params='5 .3'")) == "accepted");
+  for (auto const& [attributes, part] : std::vector<std::pair<std::string, std::string>>{
+           {"builtin='none' params='1'", "is a built-in mesh 'none', which does not exist; use one of: sphere, hemisphere, cone"},
+           {"builtin='sphere'", "has 0 numbers in params; give the number of subdivisions"},
+           {"builtin='sphere' params='1.5'", "is not a whole number from 0 to 4"},
+           {"builtin='hemisphere' params='11'", "is not a whole number from 0 to 10"},
+           {"builtin='cone' params='2 1'", "is not a whole number from 3 to"},
+           {"builtin='cone' params='3 1.1'", "has a radius out of its range"},
+           {"builtin='supersphere' params='3 -1 1'", "has an exponent out of its range"},
+           {"builtin='supersphere' params='100000 1 1'", "asks for more than a million vertices"},
+           {"builtin='supertorus' params='3 0 1 1'", "has a radius out of its range"},
+           {"builtin='wedge' params='3 3 181 40 0'", "has a horizontal angle out of its range"},
+           {"builtin='wedge' params='1 3 18 40 0'", "has 3 vertices and a mesh needs at least 4"},
+           {"builtin='grid' params='2 2 2 1 1 1 4'", "has a dimension that is not a whole number from 2 to 3"},
+           {"builtin='grid' params='2 2 2 1 1 1 2'", "has a count that is not a whole number from 1 to 1"},
+           {"builtin='square' params='2 2 1 1 1 1 2'", "has 7 numbers in params; give three counts and three spacings"},
+           {"builtin='box' params='1 2 2 1 1 1'", "has a count that is not a whole number from 2 to"},
+           {"builtin='box' params='2 2 2 1 1 1e300'", "is not finite or beyond 2^30"},
+           {"builtin='sphere' params='1' vertex='0 0 0'", "stands beside file, vertex or face"},
+           {"params='1' vertex='0 0 0'", "stands without builtin"}})
+    refused(with(attributes), "m.xml:4: ", part);
+}
+
 TEST_CASE("broken XML and missing files") {
   refused("", "m.xml:1: ", "");
   refused("<mujoco>\n<worldbody>\n</mujoco>", "m.xml:3: ", "is not XML here");

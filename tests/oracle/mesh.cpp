@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <gsp/io/hfield.hpp>
 #include <gsp/io/mesh.hpp>
+#include <gsp/io/mesh_builtin.hpp>
 #include <gsp/io/mesh_hull.hpp>
 #include <gsp/model/compile.hpp>
 #include <io/mesh_fixtures.hpp>
@@ -30,6 +31,7 @@ struct Case {
   MeshDescription mesh;  // the same, for us: all but what the file holds
   GeomDescription shape;
   bool fit_aabb = false;
+  bool ballast = false;  // a ball in the same body: of a flat mesh alone A + B = C, which rounding makes good or bad
 };
 
 // MuJoCo's model, or what it says
@@ -38,7 +40,8 @@ std::pair<Oracle, std::string> theirs(Case const& c) {
   std::string const file = c.file.empty() ? "" : std::to_string(counter++) + c.file;
   std::string const text = "<mujoco><compiler " + c.compiler + "/><asset><mesh name='m' " + (file.empty() ? "" : "file='" + file + "' ") +
                            c.attributes + "/></asset><worldbody><body pos='1 2 3'><freejoint/><geom " + c.geom +
-                           " mesh='m' pos='.3 -.2 .1' quat='1 -.5 .2 .3' density='700'/></body></worldbody></mujoco>";
+                           " mesh='m' pos='.3 -.2 .1' quat='1 -.5 .2 .3' density='700'/>" + (c.ballast ? "<geom size='.2'/>" : "") +
+                           "</body></worldbody></mujoco>";
   auto const vfs = std::make_unique<mjVFS>();
   mj_defaultVFS(vfs.get());
   mju_user_warning = [](char const*) {};
@@ -66,6 +69,7 @@ std::pair<std::optional<CompiledModel>, std::string> ours(Case const& c) {
     auto geom = c.shape;
     geom.mesh = "m", geom.pos = {.3, -.2, .1}, geom.quat = {1, -.5, .2, .3}, geom.density = 700;
     body.geoms.push_back(geom);
+    if (c.ballast) body.geoms.push_back({.type = ShapeType::sphere, .size = {.2, 0, 0}});
     d.bodies.push_back(body);
     d.compiler.fit_aabb = c.fit_aabb;
     io::add_hulls(d);
@@ -242,6 +246,67 @@ TEST_CASE("hulls of at most so many vertices") {
     auto const error = compare(c);
     CHECK(error == "");
   }
+}
+
+TEST_CASE("built-in meshes: vertices, faces and inertia as MuJoCo makes them") {
+  struct Builtin {
+    std::string type;
+    std::vector<double> params;
+  };
+  std::vector<Builtin> all;
+  for (double n : {0, 1, 2, 4}) all.push_back({"sphere", {n}});
+  for (double n : {0, 1, 2, 5, 10}) all.push_back({"hemisphere", {n}});
+  for (double n : {3, 4, 5, 12})
+    for (double r : {0., .3, 1.}) all.push_back({"cone", {n, r}});
+  for (double n : {3, 4, 9})
+    for (double e : {0., .5, 1., 2.}) all.push_back({"supersphere", {n, e, e == .5 ? 1.7 : e}});
+  for (double n : {3, 4, 9})
+    for (double r : {.25, 1.}) all.push_back({"supertorus", {n, r, .6, 1.3}});
+  all.insert(all.end(), {{"wedge", {3, 4, 30, 40, .5}}, {"wedge", {6, 5, 180, 90, 0}}, {"wedge", {7, 3, 60, 12, 1}}});
+  all.insert(all.end(), {{"plate", {3, 4}}, {"plate", {5, 2}}, {"square", {3, 4, 1, .1, .2, .3}}, {"grid", {2, 3, 1, .1, .2, .3, 2}}});
+  all.insert(all.end(), {{"disc", {5, 5, 1, .4, .4, .1}}, {"disc", {4, 7, 1, .3, .4, .1}}, {"disc", {2, 2, 1, 1, 1, 1}}});
+  all.insert(all.end(), {{"grid", {2, 3, 4, .1, .2, .3}}, {"grid", {2, 2, 2, .1, .2, -.3, 3}}, {"grid", {3, 3, 3, .2, .2, .2}}});
+  for (std::string type : {"box", "cylinder", "ellipsoid"})
+    for (double dim : {2, 3})
+      for (auto const& n : {Double3{2, 2, 2}, {3, 3, 3}, {2, 4, 3}, {5, 3, 6}}) all.push_back({type, {n[0], n[1], n[2], .1, .2, .25, dim}});
+  int refused = 0, n = 0;
+  for (auto const& [type, params] : all) {  // before any compiling: the same floats
+    CAPTURE(type);
+    CAPTURE(joined(params));
+    auto const mine = io::make_builtin_mesh(type, params, "mesh");
+    std::unique_ptr<mjSpec, void (*)(mjSpec*)> const spec(mj_makeSpec(), mj_deleteSpec);
+    auto* mesh = mjs_addMesh(spec.get(), nullptr);
+    auto const names = io::builtin_meshes;
+    int const id = int(std::find(names.begin(), names.end(), type) - names.begin()) + 1;
+    auto numbers = params;
+    REQUIRE(mjs_makeMesh(mesh, mjtMeshBuiltin(id), numbers.data(), int(numbers.size())) == 0);
+    REQUIRE(mesh->uservert->size() == 3 * mine.vertices.size());
+    double worst = 0;
+    for (std::size_t i = 0; i < mesh->uservert->size(); ++i)
+      worst = std::max(worst, std::abs(double((*mesh->uservert)[i]) - mine.vertices[i / 3][i % 3]));
+    CHECK(worst <= 1e-9);
+    REQUIRE(mesh->userface->size() == 3 * mine.faces.size());
+    int bad = 0;
+    for (std::size_t i = 0; i < mesh->userface->size(); ++i) bad += (*mesh->userface)[i] != mine.faces[i / 3][i % 3];
+    CHECK(bad == 0);
+  }
+  for (auto const& [type, params] : all)
+    for (int kind = 0; kind < 4; ++kind)
+      for (bool visual : {false, true}) {
+        Case c;
+        c.mesh = io::make_builtin_mesh(type, params, "mesh", MeshInertia(kind));
+        c.mesh.scale = {1, 2, .5};
+        c.attributes = "scale='1 2 .5' builtin='" + type + "' params='" + joined(params) + "' inertia='" + kinds[kind] + "'";
+        c.ballast = true;
+        if (visual) c.geom += " contype='0' conaffinity='0'", c.shape.contype = c.shape.conaffinity = 0;
+        c.shape.type = ShapeType::mesh;
+        CAPTURE(c.attributes);
+        CAPTURE(visual);
+        refused += !compare(c).empty();
+        ++n;
+      }
+  MESSAGE(n << " built-in meshes, " << refused << " refused by MuJoCo and here");
+  CHECK(refused < n / 4);
 }
 
 TEST_CASE("OBJ: polygons, groups, corners, as MuJoCo takes them") {

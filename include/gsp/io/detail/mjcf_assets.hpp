@@ -5,6 +5,7 @@
 #include <gsp/io/detail/mjcf_document.hpp>
 #include <gsp/io/hfield.hpp>
 #include <gsp/io/mesh.hpp>
+#include <gsp/io/mesh_builtin.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -63,10 +64,17 @@ inline void read_mesh_asset(Document& doc, Node const& node) {
   if (!node.children.empty()) return doc.refuse_element(node.children[0], "<mesh> ");
   auto const a = doc.attributes(node, "mesh", "");
   std::string const name = asset_name(a), what = "mesh " + in_quotes(name);
-  bool const from_file = a.own("file");
+  bool const from_file = a.own("file"), builtin = a.own("builtin");
   if (name.empty()) a.fail("name", "is missing; name the mesh or its file");
-  if (!from_file && !a.own("vertex")) a.fail("file", "is missing; name a file or give vertex");
+  if (!from_file && !builtin && !a.own("vertex")) a.fail("file", "is missing; name a file or a built-in mesh, or give vertex");
   if (from_file && (a.own("vertex") || a.own("face"))) a.fail("file", "stands beside vertex or face; keep one of the two");
+  if (builtin && (from_file || a.own("vertex") || a.own("face"))) a.fail("builtin", "stands beside file, vertex or face; keep one of them");
+  if (!builtin && a.own("params")) a.fail("params", "stands without builtin, which says what they mean; add it or remove them");
+  auto inertia = MeshInertia::legacy;
+  if (a.has("inertia")) {
+    constexpr std::array modes{MeshInertia::convex, MeshInertia::exact, MeshInertia::legacy, MeshInertia::shell};
+    inertia = modes[std::size_t(a.choice("inertia", {"convex", "exact", "legacy", "shell"}))];
+  }
   MeshDescription m;
   if (from_file) {
     std::string ignored;
@@ -75,17 +83,18 @@ inline void read_mesh_asset(Document& doc, Node const& node) {
     if (!read) return;
     if (!ignored.empty()) doc.note(Line::left_out, node.place, what + ": " + ignored);
     m = std::move(*read);
+    m.inertia = inertia;
+  } else if (builtin) {
+    auto const params = a.list("params");
+    m = with_place(doc, node.place, [&] { return make_builtin_mesh(a.text("builtin"), params, what, inertia); });
   } else {
     auto const vertex = a.list("vertex");
     auto const face = whole(a, "face");
     m = with_place(doc, node.place, [&] { return make_mesh(vertex, face, what); });
+    m.inertia = inertia;
   }
   m.name = name, m.place = node.place;
   a.numbers("scale", m.scale), a.numbers("refpos", m.refpos), a.numbers("refquat", m.refquat);
-  if (a.has("inertia")) {
-    constexpr std::array modes{MeshInertia::convex, MeshInertia::exact, MeshInertia::legacy, MeshInertia::shell};
-    m.inertia = modes[std::size_t(a.choice("inertia", {"convex", "exact", "legacy", "shell"}))];
-  }
   if (a.integer("maxhullvert", m.max_hull_vertices) && m.max_hull_vertices != -1 && m.max_hull_vertices < 4)
     a.fail("maxhullvert", "is below 4; give 4 or more, or -1");
   doc.draft.meshes.push_back(std::move(m));
