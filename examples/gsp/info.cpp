@@ -48,7 +48,7 @@ void json(std::string const& path, gsp::CompiledModel const& m) {
                              {"nbody", m.nbody}, {"ngeom", m.ngeom},     {"nu", m.nu},           {"neq", m.neq},
                              {"na", m.na},       {"ntendon", m.ntendon}, {"nsensor", m.nsensor}, {"nkey", m.keyframes.size()},
                              {"nmesh", m.nmesh}, {"nhfield", m.nhfield}, {"nmocap", m.nmocap},   {"njnt", m.njnt},
-                             {"nsite", m.nsite}, {"ncam", m.ncam},       {"ntree", m.ntree}};
+                             {"nsite", m.nsite}, {"ncam", m.ncam},       {"ntree", m.ntree},     {"npair", m.named_pairs.size()}};
   out["report"] = nlohmann::ordered_json::array();
   for (auto const& l : m.report)
     out["report"].push_back({{"kind", kind_name(l.kind)}, {"file", l.file}, {"line", l.line}, {"text", l.text}, {"count", l.count}});
@@ -77,7 +77,8 @@ void model(std::string const& path, Arguments const& arguments) {
                     std::to_string(m.nv));
   row("trees", std::to_string(m.ntree) + ", of " + std::to_string(gsp::find_archetypes(m).size()) + " kinds");
   row("geoms", std::to_string(m.ngeom) + (m.ngeom ? " (" + tally(geoms) + ")" : "") + "; " + std::to_string(colliding) + " collide, " +
-                   std::to_string(m.pairs.size()) + " pairs may touch");
+                   std::to_string(m.pair_count()) + " pairs may touch" +
+                   (m.named_pairs.empty() ? "" : ", " + std::to_string(m.named_pairs.size()) + " of them named"));
   row("actuators", std::to_string(m.nu) + "; tendons " + std::to_string(m.ntendon) + ", equality constraints " + std::to_string(m.neq) +
                        ", sensors " + std::to_string(m.nsensor));
   row("places", std::to_string(m.nsite) + " sites, " + std::to_string(m.ncam) + " cameras, " + std::to_string(m.nmocap) +

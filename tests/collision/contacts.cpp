@@ -2,6 +2,7 @@
 // equal bits.
 #include <doctest/doctest.h>
 
+#include <gsp/collision/geom_values.hpp>
 #include <gsp_test_execs.hpp>
 #include <map>
 #include <support/kokkos_tools.hpp>
@@ -21,7 +22,7 @@ std::vector<HostContact<R>> brute_force(CompiledModel const& m, Kokkos::View<int
   std::vector<HostContact<R>> result;
   for (int w = 0; w < worlds; ++w)
     for (int k = 0; k < int(order.extent(0)); ++k) {
-      auto const [g1, g2] = m.pairs[order(k)];
+      auto const [g1, g2] = m.pair_geoms(order(k));
       auto const shape = [&](int g) {
         double const* p = &poses[(std::size_t(w) * m.nbody + m.geom_body[g]) * 7];
         auto const &x = m.geom_pos[g], &s = m.geom_size[g];
@@ -31,7 +32,9 @@ std::vector<HostContact<R>> brute_force(CompiledModel const& m, Kokkos::View<int
         return make_shape(body * local, Vec3<R>{R(s[0]), R(s[1]), R(s[2])});
       };
       ContactPoints<R, 8> out;
-      double const margin = m.geom_margin[g1] + m.geom_margin[g2], gap = m.geom_gap[g1] + m.geom_gap[g2];
+      int const named = order(k) - int(m.pairs.size());  // index among the named pairs
+      double const margin = named < 0 ? m.geom_margin[g1] + m.geom_margin[g2] : m.named_pairs[named].margin;
+      double const gap = named < 0 ? m.geom_gap[g1] + m.geom_gap[g2] : m.named_pairs[named].gap;
       narrowphase(pair_kind(ShapeType(m.geom_type[g1]), ShapeType(m.geom_type[g2])), shape(g1), shape(g2), R(margin) + R(gap), out);
       for (int i = 0; i < out.count; ++i) {
         auto const& p = out.point[i];
@@ -52,6 +55,18 @@ std::vector<HostContact<R>> brute_force(CompiledModel const& m, Kokkos::View<int
   return result;
 }
 
+/// Names some pairs that filters leave out: the floor and the wall, geoms of one body, and one pair twice.
+void name_pairs(CompiledModel& m) {
+  auto const name = [&](int a, int b, double margin, double gap) {
+    if (pair_kind(ShapeType(std::min(m.geom_type[a], m.geom_type[b])), ShapeType(std::max(m.geom_type[a], m.geom_type[b]))) !=
+        PairKind::none)
+      m.named_pairs.push_back({a, b, 3, {0.5, 0.6, 0.01, 0.02, 0.03}, {0.8, 0.9, 0.002, 0.5, 2}, {0.03, 0.9}, {0.1, 0.5}, margin, gap});
+  };
+  name(0, 1, 0, 0), name(0, 1, 0.1, 0);
+  for (int b = 1; b < m.nbody; ++b)
+    if (m.body_geomnum[b] == 2) name(m.body_geomadr[b], m.body_geomadr[b] + 1, 0.02 * (b % 3), 0.01);
+}
+
 template <class R>
 void check_equal(std::vector<HostContact<R>> const& a, std::vector<HostContact<R>> const& b, R tolerance) {
   REQUIRE(a.size() == b.size());
@@ -68,12 +83,20 @@ void check_equal(std::vector<HostContact<R>> const& a, std::vector<HostContact<R
   CHECK(worst <= tolerance);
 }
 
+template <class Mem>
+struct ParametersOf {
+  CollisionModel<float, Mem> model;
+  Kokkos::View<ContactParameters<float>*, Mem> found;
+  KOKKOS_FUNCTION void operator()(int k) const { found(k) = model.parameters_of(1, k); }
+};
+
 template <class Exec, class R>
 void against_brute_force() {
   Exec const exec;
   int const worlds = 7;
   for (int n : {1, 6, 40}) {
-    auto const m = gsp_test::heap(n);
+    auto m = gsp_test::heap(n);
+    name_pairs(m);
     auto const host_poses = gsp_test::random_poses(m, worlds, 0.6);
     auto const model = make_collision_model<R>(exec, m);
     auto const poses = gsp_test::upload_poses<R>(exec, m, host_poses, 0, worlds);
@@ -85,7 +108,7 @@ void against_brute_force() {
     // Equal up to rounding of the same formulas (fused or not): a few dozen operations on lengths about 1.
     check_equal(found, expected, R(256) * std::numeric_limits<R>::epsilon());
     if (n == 40) {
-      MESSAGE(doctest::String(Exec::name()), ": ", expected.size(), " contacts of ", m.pairs.size(), " pairs in ", worlds, " worlds");
+      MESSAGE(doctest::String(Exec::name()), ": ", expected.size(), " contacts of ", m.pair_count(), " pairs in ", worlds, " worlds");
       CHECK(expected.size() > 300);
     }
     // frames are right-handed and orthonormal
@@ -273,6 +296,40 @@ TEST_CASE("parameters are mixed as MuJoCo mixes them") {
   CHECK(p.solref[1] == 1);
 }
 
+TEST_CASE_TEMPLATE("a named pair keeps its own numbers, also where those of geoms differ from world to world", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  int const worlds = 2;
+  auto m = gsp_test::heap(12);
+  name_pairs(m);
+  m.named_pairs[0].friction = {0, 0, 0, 0, 0};
+  auto model = make_collision_model<float>(exec, m);
+  CHECK(model.pairs == m.pair_count());
+  make_per_world(exec, model, {GeomField::friction}, worlds);
+  Kokkos::View<float***, Kokkos::LayoutRight, typename Exec::memory_space> friction("friction", worlds, m.ngeom, 3);
+  Kokkos::deep_copy(friction, 0.25f);
+  set_world_values(exec, model, GeomField::friction, friction);
+  Kokkos::View<ContactParameters<float>*, typename Exec::memory_space> found("found", model.pairs);
+  Kokkos::parallel_for("test", Kokkos::RangePolicy<Exec>(exec, 0, model.pairs), ParametersOf<typename Exec::memory_space>{model, found});
+  auto const host = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, found);
+  for (int k = 0; k < model.pairs; ++k) {
+    auto const& p = host(k);
+    int const named = model.pair_source(k) - int(m.pairs.size());
+    if (named < 0) {
+      CHECK(p.friction[0] == 0.25f);
+      CHECK(p.solreffriction[0] == 0);
+      continue;
+    }
+    auto const& own = m.named_pairs[named];
+    CHECK(p.condim == own.condim);
+    CHECK(p.margin == float(own.margin));
+    CHECK(p.gap == float(own.gap));
+    for (int i = 0; i < 5; ++i) CHECK(p.friction[i] == float(std::max(1e-5, own.friction[i])));  // mjMINMU, as for mixed ones
+    for (int i = 0; i < 5; ++i) CHECK(p.solimp[i] == float(own.solimp[i]));
+    for (int i = 0; i < 2; ++i) CHECK(p.solref[i] == float(own.solref[i]));
+    for (int i = 0; i < 2; ++i) CHECK(p.solreffriction[i] == float(own.solreffriction[i]));
+  }
+}
+
 TEST_CASE("bad input is refused") {
   Kokkos::DefaultHostExecutionSpace const exec;
   auto m = gsp_test::heap(4);
@@ -284,7 +341,7 @@ TEST_CASE("bad input is refused") {
   m.pairs.push_back({0, 0});  // two planes
   CHECK_THROWS_AS(make_collision_model<double>(exec, m), Error);
   // a model without pairs
-  m.pairs.clear();
+  m.pairs.clear(), m.named_pairs.clear();
   auto const empty = make_collision_model<double>(exec, m);
   auto const none = make_contacts(exec, empty, {.worlds = 2});
   collide(exec, empty, make_poses<double>(exec, 2, m.nbody, m.njnt), none);

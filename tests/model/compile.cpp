@@ -143,6 +143,58 @@ TEST_CASE("pairs: bits, excludes, uncovered shapes and condim") {
   CHECK(without.report.at(0).count == 1);
 }
 
+TEST_CASE("named pairs: whatever filters say, never an ordinary pair besides, judged as those are") {
+  Description d;
+  JointDescription free;
+  free.type = JointType::free;
+  auto still = sphere(0.1), plane = sphere(0);
+  still.name = "still", plane.name = "plane", plane.type = ShapeType::plane;
+  d.bodies[0].geoms = {still, plane};
+  for (int k = 0; k < 2; ++k) {
+    auto b = body("b" + std::to_string(k), 0, {double(k), 0, 0});
+    auto g = sphere(0.1);
+    g.name = "g" + std::to_string(k);
+    b.joints = {free}, b.geoms = {g};
+    d.bodies.push_back(b);
+  }
+  auto const ordinary = compile(d);
+  CHECK(ordinary.pairs == std::vector<std::array<int, 2>>{{0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}});
+  d.files = {"a.xml"};
+  auto const pair = [](std::string a, std::string b) {
+    PairDescription p;
+    p.geom1 = a, p.geom2 = b, p.place = {0, 5};
+    return p;
+  };
+  d.pairs = {pair("g1", "plane"), pair("still", "plane"), pair("g0", "g1"), pair("g1", "g0")};
+  d.excludes.push_back({"b0", "b1", {}});
+  auto const m = compile(d);
+  CHECK(m.pairs == std::vector<std::array<int, 2>>{{0, 2}, {0, 3}, {1, 2}});
+  REQUIRE(m.named_pairs.size() == 4);
+  CHECK(m.pair_count() == 7);
+  CHECK(m.pair_geoms(2) == std::array{1, 2});
+  CHECK(m.pair_geoms(3) == std::array{1, 3});  // type of first <= type of second
+  CHECK(m.pair_geoms(4) == std::array{1, 0});
+  CHECK(m.named_pairs[1].geom1 == 0);  // as MuJoCo has them: of one body as written
+  CHECK(m.report.empty());
+
+  d.pairs[0].condim = 4;
+  check_message(d, "a.xml:5: pair has condim 4");
+  auto const taken = compile(d, {.approximate = true});
+  CHECK(taken.named_pairs[0].condim == 3);
+  REQUIRE(taken.report.size() == 1);
+  CHECK(taken.report[0].kind == ReportLine::Kind::approximated);
+  CHECK(taken.report[0].line == 5);
+  d.pairs[0].condim.reset();
+  auto& g = d.bodies[2].geoms[0];
+  g.type = ShapeType::ellipsoid, g.size = {0.1, 0.1, 0.2}, g.contype = g.conaffinity = 0;
+  check_message(d, "a.xml:5: pair is of plane 'plane' and ellipsoid 'g1'");
+  auto const without = compile(d, {.approximate = true});
+  CHECK(without.named_pairs.size() == 1);
+  REQUIRE(without.report.size() == 1);
+  CHECK(without.report[0].kind == ReportLine::Kind::left_out);
+  CHECK(without.report[0].count == 3);
+}
+
 TEST_CASE("what cannot be compiled is said in one sentence") {
   auto d = double_pendulum();
   d.bodies[2].geoms.clear();

@@ -31,7 +31,9 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
   m->opt.disableflags |= mjDSBL_AUTORESET | mjDSBL_WARMSTART;
   m->opt.enableflags &= ~mjENBL_SLEEP;
   for (int g = 0; g < m->ngeom; ++g) m->geom_condim[g] = 1;
+  for (int p = 0; p < m->npair; ++p) m->pair_dim[p] = 1;
   for (int& condim : compiled.geom_condim) condim = 1;
+  for (auto& pair : compiled.named_pairs) pair.condim = 1;
 
   Exec const exec;
   auto const model = gsp::make_model<double>(exec, compiled, {.profile = gsp::Profile::mujoco});
@@ -121,4 +123,20 @@ TEST_CASE("dry friction, limits of hinges, balls and tendons") {
   CHECK(out.contacts > 100);
   CHECK(out.limits > 100);
   CHECK(out.frictions > 100);
+}
+
+TEST_CASE("named pairs: softness and margins of their own; what stands still or cannot part makes no rows") {
+  std::string const text = R"(<mujoco><option timestep="0.004"/><worldbody><geom name="floor" type="plane" size="5 5 1"/>
+    <geom name="post" size=".1" pos="0 0 .05"/>
+    <body pos="0 0 0.5"><freejoint/><geom name="box" type="box" size=".1 .2 .05" contype="0" conaffinity="0"/><geom name="knob" size=".08" pos="0 0 .05"/>
+      <body pos=".1 0 0"><geom name="welded" size=".07"/></body>
+      <body pos=".15 0 0"><joint axis="0 1 0" damping=".1"/><geom name="arm" type="capsule" size=".05 .1" pos="0 0 .1"/></body>
+    </body></worldbody>
+    <contact><pair geom1="floor" geom2="box" solref=".05 .7" solimp=".7 .8 .01" margin=".03" gap=".01"/><pair geom1="floor" geom2="post"/>
+      <pair geom1="knob" geom2="box"/><pair geom1="welded" geom2="knob"/><pair geom1="arm" geom2="knob" solref="-300 -10"/></contact></mujoco>)";
+  auto const oracle = gsp_test::load_oracle("model.xml", text);
+  auto const out = compare(oracle, gsp::compile(gsp::io::parse_mjcf(text, "model.xml")), 200, 0.15);
+  CHECK(out.worst <= 1e-8);
+  CHECK(out.off == 0);
+  CHECK(out.contacts > 400);
 }

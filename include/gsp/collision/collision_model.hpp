@@ -18,14 +18,16 @@
 /// out bucketed by (shape, shape) without a sort.
 namespace gsp {
 
-/// Contact parameters of a pair after mixing (MuJoCo's mj_contactParam): the geom with the higher priority wins; else the larger condim and
-/// friction, solref and solimp weighted by solmix (solref: the smaller, where one of them is not positive). margin and gap are sums.
+/// Contact parameters of a pair: its own numbers where it was named (CompiledModel::named_pairs); else mixed (MuJoCo's mj_contactParam):
+/// the geom with the higher priority wins; else the larger condim and friction, solref and solimp weighted by solmix (solref: the smaller,
+/// where one of them is not positive); margin and gap are sums.
 template <class R>
 struct ContactParameters {
   int condim;
   R margin, gap;  // detected if dist <= margin + gap, acts if dist < margin [m]
   R friction[5];  // sliding, sliding, torsional [m], rolling [m], rolling [m]
   R solref[2], solimp[5];
+  R solreffriction[2];  // of soft friction rows; 0 0: as solref
 };
 
 /// What a geom brings to a contact.
@@ -86,6 +88,23 @@ inline ContactParameters<double> mix_contact_parameters(CompiledModel const& m, 
   return mix_contact_parameters(detail::geom_contact<double>(m, g1), detail::geom_contact<double>(m, g2));
 }
 
+/// The parameters of pair `pair` of the model (CompiledModel::pair_geoms), mixed or its own. Friction is at least 1e-5 in both cases, as in
+/// MuJoCo. Host.
+inline ContactParameters<double> contact_parameters(CompiledModel const& m, int pair) {
+  auto const [g1, g2] = m.pair_geoms(pair);
+  if (pair < int(m.pairs.size())) return mix_contact_parameters(m, g1, g2);
+  auto const& own = m.named_pairs[pair - m.pairs.size()];
+  ContactParameters<double> p{};
+  p.condim = own.condim;
+  p.margin = own.margin;
+  p.gap = own.gap;
+  for (int i = 0; i < 5; ++i) p.friction[i] = std::max(own.friction[i], 1e-5);
+  for (int i = 0; i < 5; ++i) p.solimp[i] = own.solimp[i];
+  for (int i = 0; i < 2; ++i) p.solref[i] = own.solref[i];
+  for (int i = 0; i < 2; ++i) p.solreffriction[i] = own.solreffriction[i];
+  return p;
+}
+
 /// Pairs first ... end - 1 whose geoms are in groups a and b (a: the plane's, where one of the two is a plane).
 template <class R>
 struct CollisionRun {
@@ -118,7 +137,8 @@ struct CollisionModel {
   Kokkos::View<ContactParameters<R>*, Mem> parameters;           // the different ones
   Kokkos::View<CollisionRun<R>*, Mem> runs;
   Kokkos::View<CollisionChunk*, Mem> chunk;           // (chunks)
-  Kokkos::View<int*, Kokkos::HostSpace> pair_source;  // (pairs) host: index of the pair in CompiledModel::pairs
+  int mixed_parameters = 0;                           // so many of them are mixed from geoms; the others are those of named pairs
+  Kokkos::View<int*, Kokkos::HostSpace> pair_source;  // (pairs) host: index of the pair as CompiledModel::pair_geoms has it
 
   Kokkos::View<GeomContact<R>*, Mem> collider_contact;  // (colliders) what geoms bring to contacts, shared values
   int value_worlds = 0;                                 // of the fields that are per world; 0: none is
@@ -126,7 +146,8 @@ struct CollisionModel {
   bool mixes_per_world = false;                         // friction, solref or solimp is per world
 
   KOKKOS_INLINE_FUNCTION ContactParameters<R> parameters_of(int world, int pair) const {
-    if (!mixes_per_world) return parameters(pair_parameters(pair));
+    int const own = pair_parameters(pair);
+    if (!mixes_per_world || own >= mixed_parameters) return parameters(own);
     return mix_contact_parameters(contact_of(world, pair_collider(pair, 0)), contact_of(world, pair_collider(pair, 1)));
   }
   KOKKOS_INLINE_FUNCTION GeomContact<R> contact_of(int world, int collider) const {
@@ -149,12 +170,12 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   C c;
   c.bodies = m.nbody, c.geoms = m.ngeom;
   bool const on = m.option.contact && m.option.constraint;
-  int const npair = on ? int(m.pairs.size()) : 0;
+  int const npair = on ? m.pair_count() : 0;
 
   // colliders by group: trees first, then static geoms one by one
   std::vector<char> used(m.ngeom, 0);
   for (int k = 0; k < npair; ++k) {
-    auto const [g1, g2] = m.pairs[k];
+    auto const [g1, g2] = m.pair_geoms(k);
     if (pair_kind(ShapeType(m.geom_type[g1]), ShapeType(m.geom_type[g2])) == PairKind::none)
       throw Error("geoms '" + m.geom_name[g1] + "' and '" + m.geom_name[g2] +
                   "' can meet, and contact between their shapes is not supported: keep them apart with contype and conaffinity");
@@ -181,7 +202,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   };
   std::vector<Key> keys(npair);
   for (int k = 0; k < npair; ++k) {
-    auto const [g1, g2] = m.pairs[k];
+    auto const [g1, g2] = m.pair_geoms(k);
     bool const plane = m.geom_type[g1] == int(ShapeType::plane);
     int const a = group[g1], b = group[g2];
     keys[k] = {int(pair_kind(ShapeType(m.geom_type[g1]), ShapeType(m.geom_type[g2]))), plane ? a : std::min(a, b),
@@ -231,20 +252,34 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
                                      s[4]};
     geom_set[g] = geom_sets.try_emplace(set, int(geom_sets.size())).first->second;
   }
+  auto const add_parameters = [&](int k) {
+    auto const p = contact_parameters(m, k);
+    ContactParameters<R> r{p.condim, R(p.margin), R(p.gap), {}, {}, {}, {}};
+    for (int i = 0; i < 5; ++i) r.friction[i] = R(p.friction[i]);
+    for (int i = 0; i < 5; ++i) r.solimp[i] = R(p.solimp[i]);
+    for (int i = 0; i < 2; ++i) r.solref[i] = R(p.solref[i]);
+    for (int i = 0; i < 2; ++i) r.solreffriction[i] = R(p.solreffriction[i]);
+    distinct.push_back(r);
+    return int(distinct.size()) - 1;
+  };
+  std::vector<int> parameters_of(npair);  // by source: the mixed ones first
   std::map<std::array<int, 2>, int> mixed;
   for (int k = 0; k < npair; ++k) {
-    auto const& key = keys[k];
-    auto const [g1, g2] = m.pairs[key.source];
-    source.push_back(key.source), pair.push_back(collider[g1]), pair.push_back(collider[g2]);
-    auto const [at, fresh] = mixed.try_emplace({geom_set[g1], geom_set[g2]}, int(distinct.size()));
-    if (fresh) {
-      auto const p = mix_contact_parameters(m, g1, g2);
-      ContactParameters<R> r{p.condim, R(p.margin), R(p.gap), {}, {}, {}};
-      for (int i = 0; i < 5; ++i) r.friction[i] = R(p.friction[i]), r.solimp[i] = R(p.solimp[i]);
-      for (int i = 0; i < 2; ++i) r.solref[i] = R(p.solref[i]);
-      distinct.push_back(r);
+    if (k >= int(m.pairs.size())) {
+      parameters_of[k] = add_parameters(k);
+      continue;
     }
-    parameters.push_back(at->second);
+    auto const [g1, g2] = m.pairs[k];
+    auto const [at, fresh] = mixed.try_emplace({geom_set[g1], geom_set[g2]}, int(distinct.size()));
+    if (fresh) add_parameters(k);
+    parameters_of[k] = at->second;
+  }
+  c.mixed_parameters = int(mixed.size());
+  for (int k = 0; k < npair; ++k) {
+    auto const& key = keys[k];
+    auto const [g1, g2] = m.pair_geoms(key.source);
+    source.push_back(key.source), pair.push_back(collider[g1]), pair.push_back(collider[g2]);
+    parameters.push_back(parameters_of[key.source]);
     c.slots += max_points(PairKind(key.kind));
 
     bool const new_chunk = chunks.empty() || chunks.back().kind != key.kind || chunks.back().end - chunks.back().first == 64;

@@ -21,7 +21,8 @@ struct ContactRows {
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
     int const c = contacts.begin_of(world) + k;
     if (!(contacts.dist(c) < contacts.includemargin(c))) return 0;
-    if (body_last_dof(contacts.body1(c)) < 0 && body_last_dof(contacts.body2(c)) < 0) return 0;
+    // Equal last dofs, or none: the two do not move against each other (named pairs may be of such bodies), and J would be zero.
+    if (body_last_dof(contacts.body1(c)) == body_last_dof(contacts.body2(c))) return 0;
     return parameters(world, c).condim >= 3 ? 3 : 1;
   }
   template <class Row>

@@ -58,8 +58,15 @@ class Compiler : public ConstantsCompiler {
     masses();
   }
 
+  // Shapes and condim are judged where the model has contacts at all.
+  bool has_contacts() const { return d_.option.contact && d_.option.constraint; }
+
   // Two geoms that may touch in any case, by their own numbers: nothing is mixed from the geoms. The geom of the earlier body comes first.
   void named_pairs() {
+    int left_out = 0;
+    int wide = 0;
+    PairDescription const* first_left_out = nullptr;
+    PairDescription const* first_wide = nullptr;
     for (std::size_t i = 0; i < d_.pairs.size(); ++i) {
       auto const& p = d_.pairs[i];
       enter(Kind::pair, p.name, int(i), p.place);
@@ -79,25 +86,52 @@ class Compiler : public ConstantsCompiler {
       require_finite(finite(pair.friction) && finite(pair.solref) && finite(pair.solimp) && finite(pair.solreffriction) &&
                          std::isfinite(pair.margin) && std::isfinite(pair.gap),
                      p.place, "pair", p.name);
+      named_.emplace(std::min(a, b), std::max(a, b));
+      int const type_a = m_.geom_type[a];
+      int const type_b = m_.geom_type[b];
+      if (type_a == int(ShapeType::plane) && type_b == int(ShapeType::plane)) continue;  // no contact is defined
+      if (has_contacts() && !is_covered_pair(type_a, type_b)) {
+        if (!approximate_)
+          fail(p.place, "pair", p.name,
+               "is of " + geom_text(a) + " and " + geom_text(b) +
+                   ", and contact between these two shapes is not supported: remove it, use other shapes, or leave such pairs out with "
+                   "--approximate");
+        if (left_out++ == 0) first_left_out = &p;
+        continue;
+      }
+      if (has_contacts() && pair.condim > 3) {
+        if (!approximate_)
+          fail(p.place, "pair", p.name,
+               "has condim " + std::to_string(pair.condim) +
+                   ", and torsional and rolling friction are not supported yet: use condim 3, or let it be taken as 3 with --approximate");
+        if (wide++ == 0) first_wide = &p;
+        pair.condim = 3;
+      }
       m_.named_pairs.push_back(pair);
     }
+    if (left_out > 0)
+      note(first_left_out->place, "named pairs whose contact is not supported are left out", left_out, ReportLine::Kind::left_out);
+    if (wide > 0)
+      note(first_wide->place, "named pairs with condim 4 or 6 are taken as condim 3: no torsional or rolling friction", wide,
+           ReportLine::Kind::approximated);
   }
 
+  void note(Place const& place, std::string const& text, int count, ReportLine::Kind kind) {
+    m_.report.push_back({kind, place.file >= 0 ? d_.files[place.file] : d_.name, place.line, text, count});
+  }
   std::string geom_text(int g) const {
     return std::string(shape_name(ShapeType(m_.geom_type[g]))) +
            (m_.geom_name[g].empty() ? " of body '" + m_.body_name[m_.geom_body[g]] + "'" : " '" + m_.geom_name[g] + "'");
   }
   // Two geoms may touch when a bit of contype meets one of conaffinity and their bodies are not welded together, not parent and child
-  // (unless one is the world), and not excluded. Shapes and condim are judged where the model has contacts at all.
+  // (unless one is the world), and not excluded; two that are a named pair are none here.
   void pairs() {
-    bool const judged = d_.option.contact && d_.option.constraint;
-    std::set<std::pair<int, int>> named;
+    bool const judged = has_contacts();
     std::vector<std::vector<int>> excluded(std::size_t(m_.nbody));  // with which bodies, both ways
     for (auto const& e : d_.excludes) {
       int const a = find(Kind::body, e.body1, e.place, "exclude", ""), b = find(Kind::body, e.body2, e.place, "exclude", "");
       excluded[std::size_t(a)].push_back(b), excluded[std::size_t(b)].push_back(a);
     }
-    for (auto const& p : m_.named_pairs) named.emplace(std::min(p.geom1, p.geom2), std::max(p.geom1, p.geom2));
     auto const stands = [&](int weld) { return m_.body_dofnum[weld] == 0; };  // also mocap bodies
     std::vector<int> colliding;
     for (int g = 0; g < m_.ngeom; ++g)
@@ -115,7 +149,7 @@ class Compiler : public ConstantsCompiler {
           continue;
         if (auto const& not_with = excluded[std::size_t(body_a)]; std::find(not_with.begin(), not_with.end(), body_b) != not_with.end())
           continue;
-        if (!named.empty() && named.count({a, b})) continue;
+        if (!named_.empty() && named_.count({a, b})) continue;
         std::array<int, 2> const pair = m_.geom_type[a] <= m_.geom_type[b] ? std::array{a, b} : std::array{b, a};
         if (m_.geom_type[pair[1]] == int(ShapeType::plane)) continue;  // two planes: no contact is defined
         if (judged && !is_covered_pair(m_.geom_type[pair[0]], m_.geom_type[pair[1]])) {
@@ -140,12 +174,8 @@ class Compiler : public ConstantsCompiler {
           throw Error(at({}) + "more than 50 million pairs of geoms can meet: keep geoms apart with contype and conaffinity");
       }
     }
-    auto const note = [&](int g, std::string const& text, int count, ReportLine::Kind kind) {
-      auto const& place = places_[g];
-      m_.report.push_back({kind, place.file >= 0 ? d_.files[place.file] : d_.name, place.line, text, count});
-    };
     if (left_out)
-      note((*first_left_out)[0],
+      note(places_[(*first_left_out)[0]],
            "pairs of geoms whose contact is not supported are left out, first " + geom_text((*first_left_out)[0]) + " with " +
                geom_text((*first_left_out)[1]),
            left_out, ReportLine::Kind::left_out);
@@ -154,7 +184,7 @@ class Compiler : public ConstantsCompiler {
       for (int g = 0; g < m_.ngeom; ++g)
         if (m_.geom_condim[g] > 3) m_.geom_condim[g] = 3, first = changed++ ? first : g;
       if (wide)
-        note(first,
+        note(places_[first],
              "geoms with condim 4 or 6 are taken as condim 3: no torsional or rolling friction (" + std::to_string(wide) +
                  " pairs of geoms)",
              changed, ReportLine::Kind::approximated);
@@ -197,15 +227,16 @@ class Compiler : public ConstantsCompiler {
   }
 
   bool approximate_;
+  std::set<std::pair<int, int>> named_;  // geoms of named pairs, the smaller index first: no ordinary pairs
 };
 
 }  // namespace detail
 
 /// Turns a description into flat arrays by MuJoCo's rules: masses and principal axes of inertia from geoms, weld groups, initial pose,
-/// order of degrees of freedom, trees, pairs of geoms that may touch, and what follows from the mass matrix in the initial pose
-/// (invweight0, acc0, lengths of tendons and actuators, data of equality constraints, springdamper, dampratio). Host, double. Cost: O(pairs
-/// of colliding geoms) + O(n^3) for each tree of n degrees of freedom. Errors: gsp::Error "FILE:LINE: what is wrong: remedy"; shapes that
-/// can meet and are not covered, and condim 4 and 6, unless `approximate` or the model disables contacts.
+/// order of degrees of freedom, trees, pairs of geoms that may touch, named pairs, and what follows from the mass matrix in the initial
+/// pose (invweight0, acc0, lengths of tendons and actuators, data of equality constraints, springdamper, dampratio). Host, double. Cost:
+/// O(pairs of colliding geoms) + O(n^3) for each tree of n degrees of freedom. Errors: gsp::Error "FILE:LINE: what is wrong: remedy";
+/// shapes that can meet and are not covered, and condim 4 and 6, unless `approximate` or the model disables contacts.
 inline CompiledModel compile(Description const& description, CompileOptions const& options = {}) {
   if (!description.compiler.discard_visual && !description.compiler.fuse_static) return detail::Compiler(description, options).run();
   auto const smaller = detail::left_out(description, [&](Description const& d) { return detail::Compiler(d, options).bodies_only(); });

@@ -69,17 +69,28 @@ struct CompiledModel {
   std::vector<std::string> mesh_name;
   std::vector<HeightFieldDescription> hfields;
 
-  // pairs of geoms that were named, with parameters of their own; the others' are mixed
+  // Pairs of geoms that may touch: after contype/conaffinity, excludes, weld and parent filters; type of first <= type of second. Their
+  // parameters are mixed from the geoms.
+  std::vector<std::array<int, 2>> pairs;
+
+  // Pairs that were named (<contact><pair>), with parameters of their own: they may touch whatever the filters say, and are not in `pairs`.
+  // geom1 is the geom of the earlier body.
   struct NamedPair {
     int geom1, geom2, condim;
-    std::array<double, 5> friction, solimp;
-    std::array<double, 2> solref, solreffriction;
+    std::array<double, 5> friction, solimp;        // friction: sliding, sliding, torsional [m], rolling [m], rolling [m]
+    std::array<double, 2> solref, solreffriction;  // solreffriction 0 0: as solref
     double margin, gap;
   };
   std::vector<NamedPair> named_pairs;
-
-  // pairs of geoms that may touch: after contype/conaffinity, excludes, weld and parent filters; type of first <= type of second
-  std::vector<std::array<int, 2>> pairs;
+  /// All pairs that may touch: `pairs`, then `named_pairs`.
+  int pair_count() const { return int(pairs.size() + named_pairs.size()); }
+  /// The geoms of one of them, type of first <= type of second.
+  std::array<int, 2> pair_geoms(int pair) const {
+    if (pair < int(pairs.size())) return pairs[pair];
+    NamedPair const& p = named_pairs[pair - pairs.size()];
+    if (geom_type[p.geom1] <= geom_type[p.geom2]) return {p.geom1, p.geom2};
+    return {p.geom2, p.geom1};
+  }
 
   // sites (nsite), cameras (ncam)
   std::vector<int> site_body, cam_body;

@@ -60,8 +60,9 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
           "the model names the integrator RK4, which profile mujoco has without constraints alone: choose profile stable, disable "
           "constraints, or say --approximate (SimulationOptions::approximate)");
     if (o.constraint && o.contact)
-      for (auto const& [g1, g2] : compiled.pairs) {
-        auto const p = mix_contact_parameters(compiled, g1, g2);
+      for (int k = 0; k < compiled.pair_count(); ++k) {
+        auto const [g1, g2] = compiled.pair_geoms(k);
+        auto const p = contact_parameters(compiled, k);
         if (p.condim > 1)
           throw Error("geoms '" + compiled.geom_name[g1] + "' and '" + compiled.geom_name[g2] + "' can touch with condim " +
                       std::to_string(p.condim) +
