@@ -2,6 +2,8 @@
 #include <doctest/doctest.h>
 
 #include <gsp/collision/geom_values.hpp>
+#include <gsp/dynamics/energy.hpp>
+#include <gsp/dynamics/object_poses.hpp>
 #include <gsp/dynamics/set_constants.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/step/step.hpp>
@@ -202,4 +204,114 @@ TEST_CASE_TEMPLATE("misuse is refused in one sentence", Exec, GSP_TEST_EXECS) {
   auto collision = gsp::make_collision_model<double>(exec, compiled);
   CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, collision, GeomField::size, Values<Exec>("v", 4, 3 * compiled.ngeom)),
                        doctest::Contains("geom size is not per world"), std::invalid_argument);
+}
+
+TEST_CASE_TEMPLATE("what does not fit together is refused where it meets", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  auto const compiled = robots();
+  auto model = gsp::make_model<double>(exec, compiled);
+  auto const shared = model;
+  auto const state = gsp::make_state(exec, model, {.worlds = 4});
+  auto const poses = gsp::make_poses(exec, model, {.worlds = 4});
+  auto simulation = gsp::make_simulation(exec, model, compiled, {.worlds = 4});
+  auto const& dynamics = simulation.dynamics;
+  Values<Exec> const out("out", 4, model.nv);
+  // every stage that takes dynamics, with this state, these dynamics and these poses
+  auto const refused = [&](auto const& m, auto const& s, auto const& d, auto const& p, char const* why) {
+    auto const check = [&](auto const& call) { CHECK_THROWS_WITH_AS(call(), doctest::Contains(why), std::invalid_argument); };
+    check([&] { gsp::forward_kinematics(exec, m, s, d, p); });
+    check([&] { gsp::mass_matrix(exec, m, s, p, d); });
+    check([&] { gsp::bias_forces(exec, m, s, p, d); });
+    check([&] { gsp::passive_forces(exec, m, s, p, d); });
+    check([&] { gsp::actuator_forces(exec, m, s, p, d); });
+    check([&] { gsp::smooth_dynamics(exec, m, s, d, p); });
+    check([&] { gsp::smooth_step(exec, m, s, d, p); });
+    check([&] { gsp::energies(exec, m, s, p, d, Values<Exec>("energy", d.worlds, 2)); });
+  };
+  auto const refused_without_poses = [&](auto const& m, auto const& s, auto const& d, char const* why) {
+    CHECK_THROWS_WITH_AS(gsp::factor(exec, m, s, d), doctest::Contains(why), std::invalid_argument);
+    CHECK_THROWS_WITH_AS(gsp::integrate(exec, m, d, s), doctest::Contains(why), std::invalid_argument);
+  };
+
+  // gravity compensation, which no body has, becomes a term: it lengthens the layout
+  gsp::make_per_world(exec, model, {ModelField::body_gravcomp}, 4);
+  char const* const layout = "call make_dynamics (or make_simulation) after make_per_world";
+  refused(model, state, dynamics, poses, layout);
+  refused_without_poses(model, state, dynamics, layout);
+  CHECK_THROWS_WITH_AS(gsp::copy_dofs(exec, model, dynamics, &gsp::DynamicsLayout::bias, out), doctest::Contains(layout),
+                       std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::step(exec, model, state, simulation), doctest::Contains(layout), std::invalid_argument);
+  auto const longer = gsp::make_dynamics(exec, model, {.worlds = 4});
+  gsp::smooth_dynamics(exec, model, state, longer, poses);
+  // a field that lengthens nothing may come later, and another model of the same robot has the same layout
+  gsp::make_per_world(exec, model, {ModelField::dof_damping}, 4);
+  gsp::smooth_dynamics(exec, model, state, longer, poses);
+  gsp::smooth_dynamics(exec, gsp::make_model<double>(exec, compiled), state, dynamics, poses);
+
+  // values for fewer worlds than there are
+  auto few = shared;
+  gsp::make_per_world(exec, few, {ModelField::dof_damping}, 2);
+  char const* const values = "values for 2 worlds, and 4 are asked for: call make_per_world";
+  refused(few, state, dynamics, poses, values);
+  refused_without_poses(few, state, dynamics, values);
+  CHECK_THROWS_WITH_AS(gsp::reset(exec, few, state), doctest::Contains(values), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::make_state(exec, few, {.worlds = 4}), doctest::Contains(values), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::make_dynamics(exec, few, {.worlds = 4}), doctest::Contains(values), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::step(exec, few, state, simulation), doctest::Contains(values), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::geom_poses(exec, few, poses, Kokkos::View<double***, Kokkos::LayoutRight, Memory<Exec>>("x", 4, few.ngeom, 3),
+                                       Kokkos::View<double***, Kokkos::LayoutRight, Memory<Exec>>("q", 4, few.ngeom, 4)),
+                       doctest::Contains(values), std::invalid_argument);
+  auto collision = simulation.collision;
+  gsp::make_per_world(exec, collision, {GeomField::size}, 2);
+  CHECK_THROWS_WITH_AS(gsp::collide(exec, collision, poses, simulation.contacts), doctest::Contains(values), std::invalid_argument);
+  gsp::make_per_world(exec, few, {ModelField::gravity}, 2);
+  auto const two = gsp::make_state(exec, few, {.worlds = 2});  // fewer worlds than values: those of the first worlds
+  gsp::smooth_dynamics(exec, few, two, gsp::make_dynamics(exec, few, {.worlds = 2}), gsp::make_poses(exec, few, {.worlds = 2}));
+
+  // other numbers of worlds, other models
+  refused(shared, two, dynamics, poses, "the state has 2 worlds and the dynamics 4");
+  refused_without_poses(shared, two, dynamics, "the state has 2 worlds and the dynamics 4");
+  refused(shared, state, dynamics, gsp::make_poses(exec, shared, {.worlds = 3}), "call make_poses with this model and as many worlds");
+  auto const pendulum = gsp::make_model<double>(exec, gsp::compile(gsp::samples::pendulum()));
+  auto const other = gsp::make_state(exec, pendulum, {.worlds = 4});
+  refused(shared, other, dynamics, poses, "state.qpos is (4, 1)");
+  refused_without_poses(shared, other, dynamics, "state.qpos is (4, 1)");
+  refused(pendulum, other, dynamics, gsp::make_poses(exec, pendulum, {.worlds = 4}), "made for another model");
+  CHECK_THROWS_WITH_AS(gsp::integrate(exec, shared, dynamics, state, Values<Exec>("z", 4, 2)), doctest::Contains("z is (4, 2)"),
+                       std::invalid_argument);
+}
+
+// A field may be pointed at an array of the user's own, with a row for each world.
+TEST_CASE_TEMPLATE("a field stays at a user's own array", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  auto const compiled = robots();
+  int const worlds = 3, n = compiled.nbody;
+  auto model = gsp::make_model<double>(exec, compiled);
+  std::vector<double> masses;
+  for (int i = 0; i < worlds * n; ++i) masses.push_back(1 + i);
+  auto const mine = to_values(exec, masses, worlds);
+  model.body_mass.data = mine.data();
+  model.body_mass.stride = n;
+  gsp::make_per_world(exec, model, {ModelField::gravity, ModelField::body_mass}, worlds);
+  gsp::make_per_world(exec, model, {ModelField::dof_damping}, worlds);
+  CHECK(model.body_mass.data == mine.data());
+  CHECK(model.body_mass.stride == n);
+  CHECK(gsp::detail::to_host(exec, mine) == masses);
+  char const* const own = "points at an array of your own";
+  CHECK_THROWS_WITH_AS(gsp::world_values(model, ModelField::body_mass), doctest::Contains(own), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, model, ModelField::body_mass, mine), doctest::Contains(own), std::invalid_argument);
+  // what follows from it follows from the array: each mass k times the compiled one gives 1 / k of the inverse weights of a lone slider
+  auto slider = gsp::make_model<double>(exec, gsp::compile(gsp::samples::pendulum()));
+  std::vector<double> heavier;
+  for (int w = 0; w < worlds; ++w) heavier.insert(heavier.end(), {0., w + 1.});
+  auto const heavy = to_values(exec, heavier, worlds);
+  slider.body_mass.data = heavy.data();
+  slider.body_mass.stride = 2;
+  gsp::make_per_world(exec, slider, {ModelField::body_mass}, worlds);
+  auto const dynamics = gsp::make_dynamics(exec, slider, {.worlds = worlds});
+  gsp::set_constants(exec, slider, dynamics);
+  CHECK(slider.body_mass.data == heavy.data());
+  auto const M0 = read(exec, slider, ModelField::dof_M0);
+  CHECK(M0[2] - M0[1] == doctest::Approx(M0[1] - M0[0]).epsilon(1e-12));  // I + m l^2
+  CHECK(M0[1] > M0[0]);
 }

@@ -2,6 +2,7 @@
 
 #include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>
+#include <gsp/model/world_values.hpp>
 #include <gsp/splat/frames.hpp>
 #include <gsp/splat/sample_surface.hpp>
 #include <gsp/step/bytes_needed.hpp>
@@ -34,6 +35,15 @@ TEST_CASE_TEMPLATE("the bytes of a simulation are told before they are allocated
     if (worlds >= 64) CHECK(told <= allocated * 110 / 100);  // 1000 worlds are rounded up to 1024
   }
   CHECK(gsp::bytes_needed(exec, model, compiled, {.worlds = 1 << 24}) > (std::int64_t(1) << 35));  // no overflow, nothing allocated
+}
+
+TEST_CASE_TEMPLATE("the bytes of a simulation with values for few worlds are told", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  auto model = gsp::make_model<float>(exec, compiled);
+  auto const shared = gsp::bytes_needed(exec, model, compiled, {.worlds = 3});
+  gsp::make_per_world(exec, model, {gsp::ModelField::body_mass}, 3);
+  CHECK(gsp::bytes_needed(exec, model, compiled, {.worlds = 3}) == shared);
 }
 
 TEST_CASE_TEMPLATE("the bytes of pictures are told before they are allocated", Exec, GSP_TEST_EXECS) {

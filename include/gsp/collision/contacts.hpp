@@ -277,6 +277,7 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
           "gsp::collide: poses have " + std::to_string(poses.xpos.extent(0)) + " worlds and contacts " + std::to_string(contacts.worlds));
   expects(int(poses.xpos.extent(1)) == model.bodies,
           "gsp::collide: poses have " + std::to_string(poses.xpos.extent(1)) + " bodies and the model " + std::to_string(model.bodies));
+  detail::expects_values("gsp::collide", model, contacts.worlds);
   auto const& s = contacts.scratch;
   expects(s.mask.extent(0) == std::size_t(model.chunks) * contacts.worlds, "gsp::collide: the contacts were made for another model");
   if (model.pairs == 0) return;

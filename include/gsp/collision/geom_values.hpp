@@ -86,7 +86,7 @@ void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector
   detail::copy_bytes(exec, out, model.world_reals.data(), model.world_reals.extent(0) * sizeof(R));
   for (auto member : {&C::collider_pose, &C::collider_size, &C::collider_friction, &C::collider_solref, &C::collider_solimp}) {
     auto& field = model.*member;
-    if (field.stride > 0) field.data = out + (field.data - model.world_reals.data());
+    if (detail::in_buffer(field, model.world_reals)) field.data = out + (field.data - model.world_reals.data());
   }
   std::size_t at = model.world_reals.extent(0);
   for (auto const& f : added) {
@@ -112,6 +112,8 @@ void set_world_values(Exec const& exec, CollisionModel<R, Mem> const& model, Geo
   auto const f = detail::geom_field<CollisionModel<R, Mem>>(field);
   auto const& own = model.*f.member;
   expects(own.stride > 0, std::string("gsp::set_world_values: geom ") + f.name + " is not per world; call make_per_world first");
+  expects(detail::in_buffer(own, model.world_reals),
+          std::string("gsp::set_world_values: geom ") + f.name + " points at an array of your own: write that");
   bool fits = int(values.extent(0)) == model.value_worlds;
   if constexpr (Values::rank() == 3)
     fits = fits && int(values.extent(1)) == model.geoms && int(values.extent(2)) == f.components;

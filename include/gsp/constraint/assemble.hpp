@@ -229,6 +229,7 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const&
   static_assert(sizeof...(Types) <= 32, "gsp::assemble: at most 32 constraint types");
   expects(rows.worlds == state.worlds && dynamics.worlds == state.worlds,
           "gsp::assemble: state, dynamics and rows have different numbers of worlds");
+  detail::expects_fit("gsp::assemble", model, state, dynamics);
   using List = detail::TypeList<Types...>;
   List const list(types...);
   for_worlds("gsp::constraint::count_rows", exec, rows.worlds, detail::CountRows<R, Mem, List>{model, state, rows, list});

@@ -301,6 +301,7 @@ struct ActuatorStage {
 template <ExecutionSpace Exec, class R, class Mem>
 void actuator_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                      Dynamics<R, Mem> const& dynamics) {
+  detail::expects_fit("gsp::actuator_forces", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::actuator_forces", exec, model, dynamics, detail::ActuatorStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
 }
 

@@ -160,6 +160,7 @@ struct CopyDofsStage {
 template <ExecutionSpace Exec, class R, class Mem>
 void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                  Dynamics<R, Mem> const& dynamics) {
+  detail::expects_fit("gsp::bias_forces", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::bias_forces", exec, model, dynamics, detail::BiasStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
 }
 

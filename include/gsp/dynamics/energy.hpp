@@ -82,6 +82,7 @@ template <ExecutionSpace Exec, class R, class Mem, class View>
 void energies(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
               Dynamics<R, Mem> const& dynamics, View const& energy) {
   expects(int(energy.extent(0)) == dynamics.worlds && int(energy.extent(1)) == 2, "gsp::energies: energy must be (worlds, 2)");
+  detail::expects_fit("gsp::energies", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::tree_energies", exec, model, dynamics, detail::EnergyStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
   for_world_lanes<R>("gsp::dynamics::energies", exec, dynamics.worlds, 1,
                      detail::SumEnergies<R, Mem, View>{model, poses, dynamics, energy});

@@ -171,6 +171,7 @@ struct FactorStage {
 /// Cost 2 sum d^2 + 4 nM flop (d: ancestors of a dof). Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void factor(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics) {
+  detail::expects_fit("gsp::factor", model, state, dynamics);
   for_lanes("gsp::dynamics::factor", exec, model, dynamics, detail::FactorStage<State<R, Mem>>{state});
 }
 

@@ -246,6 +246,8 @@ template <ExecutionSpace Exec, class R, class Mem>
 void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, State<R, Mem> const& state,
                typename State<R, Mem>::template View<R**> const& z = {},
                Kokkos::View<int const, std::type_identity_t<Mem>> const& halt = {}) {
+  detail::expects_fit("gsp::integrate", model, state, dynamics);
+  if (z.data()) detail::expects_rows("gsp::integrate", "z", z, state.worlds, model.nv);
   if (model.ntree == 1) {
     for_lanes("gsp::dynamics::integrate", exec, model, dynamics, detail::OneTreeStage<State<R, Mem>>{state, z, halt});
     return;

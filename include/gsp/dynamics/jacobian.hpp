@@ -41,6 +41,7 @@ void jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const&
               Vec3<R> const& point, Field<R> const& field, int item, View const& J) {
   expects(int(J.extent(0)) == dynamics.worlds && int(J.extent(1)) == 6 && int(J.extent(2)) == model.nv,
           "gsp::body_jacobian: J must be (worlds, 6, nv)");
+  expects_fit("gsp::body_jacobian", model, dynamics, poses);
   zero(exec, J);
   for_world_lanes<R>("gsp::dynamics::jacobian", exec, dynamics.worlds, 1,
                      PointJacobian<R, Mem, View>{model, poses, dynamics, body, point, field, item, J});

@@ -174,6 +174,7 @@ Poses<R, Mem> make_poses(Exec const& exec, Model<R, Mem> const& model, PosesOpti
 template <ExecutionSpace Exec, class R, class Mem>
 void forward_kinematics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                         Poses<R, Mem> const& poses) {
+  detail::expects_fit("gsp::forward_kinematics", model, state, dynamics, poses);
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
   for_lanes("gsp::dynamics::forward_kinematics", exec, model, dynamics,
             detail::KinematicsStage<State<R, Mem>, Poses<R, Mem>>{state, poses});

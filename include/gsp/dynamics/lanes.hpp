@@ -155,9 +155,10 @@ struct Dynamics {
   Kokkos::View<R*, Mem> items;
   Kokkos::View<R*, Mem> thread_items;  // hosts: room for one block a thread, where a fused stage works in cache
   int thread_stride = 0;
-  Kokkos::View<int*, Mem> block_archetype;        // (blocks)
-  Kokkos::View<std::int64_t*, Mem> block_offset;  // (blocks) first item of the block
-  Kokkos::View<int*, Mem> archetype_block;        // (archetypes) first block
+  Kokkos::View<int*, Mem> block_archetype;                 // (blocks)
+  Kokkos::View<std::int64_t*, Mem> block_offset;           // (blocks) first item of the block
+  Kokkos::View<int*, Mem> archetype_block;                 // (archetypes) first block
+  Kokkos::View<Archetype*, Kokkos::HostSpace> archetypes;  // host: the model's when it was made, which decided the layout
 
   KOKKOS_INLINE_FUNCTION R& item(Model<R, Mem> const& m, int w, int t, int at) const {
     int const k = m.tree_archetype(t), lane = m.tree_instance(t) * padded_worlds + w;
@@ -180,9 +181,11 @@ template <class R, ExecutionSpace Exec, class Mem>
 Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, DynamicsOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_dynamics: the model is not accessible from this execution space");
   expects(options.worlds > 0, "gsp::make_dynamics: worlds must be positive");
+  detail::expects_values("gsp::make_dynamics", model, options.worlds);
   Dynamics<R, Mem> d;
   constexpr int W = Dynamics<R, Mem>::width;
   d.worlds = options.worlds;
+  d.archetypes = model.host_archetypes;
   d.padded_worlds = d.worlds < W ? d.worlds : (d.worlds + W - 1) / W * W;
   std::vector<int> archetype, first;
   std::vector<std::int64_t> offset;
@@ -209,6 +212,66 @@ Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, Dyn
 }
 
 namespace detail {
+// What meets in a call belongs together. Host integers alone: no allocation, no launch, no wait.
+
+/// The dynamics have the layout that the model asks for, and the model values for all of their worlds.
+template <class R, class Mem>
+void expects_fit(char const* where, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics) {
+  expects_values(where, model, dynamics.worlds);
+  if (dynamics.archetypes.data() == model.host_archetypes.data()) return;
+  bool fits = int(dynamics.archetypes.extent(0)) == model.narchetype;
+  for (int k = 0; k < model.narchetype && fits; ++k) {
+    Archetype const& then = dynamics.archetypes(k);
+    Archetype const& now = model.host_archetypes(k);
+    fits = then.ninstance == now.ninstance && DynamicsLayout(then).size == DynamicsLayout(now).size;
+  }
+  if (!fits)
+    throw std::invalid_argument(std::string(where) +
+                                ": the dynamics were made for another model, or before make_per_world gave this one more terms: call "
+                                "make_dynamics (or make_simulation) after make_per_world");
+}
+template <class R, class Mem>
+void expects_fit(char const* where, Model<R, Mem> const& model, Poses<R, Mem> const& poses, int worlds) {
+  expects_values(where, model, worlds);
+  auto const fits = [&](auto const& view, int items, char const* name) {
+    if (int(view.extent(1)) == items && (items == 0 || int(view.extent(0)) == worlds)) return;
+    throw std::invalid_argument(std::string(where) + ": poses." + name + " are (" + std::to_string(view.extent(0)) + ", " +
+                                std::to_string(view.extent(1)) + "), and the model and the worlds ask for (" + std::to_string(worlds) +
+                                ", " + std::to_string(items) + "): call make_poses with this model and as many worlds");
+  };
+  fits(poses.xpos, model.nbody, "xpos");
+  fits(poses.xquat, model.nbody, "xquat");
+  fits(poses.xanchor, model.njnt, "xanchor");
+  fits(poses.xaxis, model.njnt, "xaxis");
+}
+template <class R, class Mem>
+void expects_fit(char const* where, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Poses<R, Mem> const& poses) {
+  expects_fit(where, model, dynamics);
+  expects_fit(where, model, poses, dynamics.worlds);
+}
+template <class R, class Mem>
+void expects_fit(char const* where, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics) {
+  if (state.worlds != dynamics.worlds)
+    throw std::invalid_argument(std::string(where) + ": the state has " + std::to_string(state.worlds) + " worlds and the dynamics " +
+                                std::to_string(dynamics.worlds) + ": make both for the same number");
+  expects_fit(where, model, state);
+  expects_fit(where, model, dynamics);
+}
+template <class R, class Mem>
+void expects_fit(char const* where, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
+                 Poses<R, Mem> const& poses) {
+  expects_fit(where, model, state, dynamics);
+  expects_fit(where, model, poses, dynamics.worlds);
+}
+/// Buffers (world, items) that a call takes besides.
+template <class View>
+void expects_rows(char const* where, char const* what, View const& view, int worlds, int items) {
+  if (int(view.extent(1)) == items && (items == 0 || int(view.extent(0)) == worlds)) return;
+  throw std::invalid_argument(std::string(where) + ": " + what + " is (" + std::to_string(view.extent(0)) + ", " +
+                              std::to_string(view.extent(1)) + ") and must be (" + std::to_string(worlds) + ", " + std::to_string(items) +
+                              ")");
+}
+
 /// put(i, get(i)) for i < n. On a GPU eight at a time: the compiler cannot know that what is put is not what is got next, and a thread
 /// would wait for memory item by item.
 template <class Get, class Put>
@@ -499,8 +562,11 @@ struct HostLanes {
 
 /// Runs `stage(lane)` for all lanes: one launch for all archetypes. `stage` is a functor with a template <class Lane> operator()(Lane
 /// const&) const. On a host with T = R, lanes go one by one (the reference of tests); by default packs.
+/// Errors: std::invalid_argument where the dynamics do not fit the model (made before make_per_world changed the layout, or for more worlds
+/// than the model has values for).
 template <class T, ExecutionSpace Exec, class R, class Mem, class Stage>
 void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {
+  detail::expects_fit(label, model, dynamics);
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::for_lanes: the model is not accessible from this execution space");
   constexpr int threads = Dynamics<R, Mem>::width / detail::width_of<T>::value;
   using Kernel = detail::LaneKernel<T, R, Mem, Stage>;

@@ -116,6 +116,7 @@ struct DenseMassMatrixStage {
 template <ExecutionSpace Exec, class R, class Mem>
 void mass_matrix(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                  Dynamics<R, Mem> const& dynamics) {
+  detail::expects_fit("gsp::mass_matrix", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::mass_matrix", exec, model, dynamics, detail::MassMatrixStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
 }
 

@@ -69,6 +69,7 @@ template <ExecutionSpace Exec, class R, class Mem, class Pos, class Quats>
 void geom_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Pos const& xpos, Quats const& xquat) {
   expects(int(xpos.extent(1)) == model.ngeom && int(xquat.extent(1)) == model.ngeom,
           "gsp::geom_poses: outputs must be (worlds, ngeom, 3 | 4)");
+  detail::expects_fit("gsp::geom_poses", model, poses, int(xpos.extent(0)));
   for_world_lanes<R>("gsp::dynamics::geom_poses", exec, int(xpos.extent(0)), model.ngeom,
                      detail::ObjectPoses<R, Mem, Pos, Quats>{poses, model.geom_body, model.geom_pos, model.geom_quat, xpos, xquat});
 }
@@ -78,6 +79,7 @@ template <ExecutionSpace Exec, class R, class Mem, class Pos, class Quats>
 void site_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Pos const& xpos, Quats const& xquat) {
   expects(int(xpos.extent(1)) == model.nsite && int(xquat.extent(1)) == model.nsite,
           "gsp::site_poses: outputs must be (worlds, nsite, 3 | 4)");
+  detail::expects_fit("gsp::site_poses", model, poses, int(xpos.extent(0)));
   for_world_lanes<R>("gsp::dynamics::site_poses", exec, int(xpos.extent(0)), model.nsite,
                      detail::ObjectPoses<R, Mem, Pos, Quats>{poses, model.site_body, model.site_pos, model.site_quat, xpos, xquat});
 }
@@ -88,6 +90,7 @@ void camera_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> co
                   Mats const& xmat) {
   expects(int(xpos.extent(1)) == model.ncam && int(xmat.extent(1)) == model.ncam,
           "gsp::camera_poses: outputs must be (worlds, ncam, 3 | 9)");
+  detail::expects_fit("gsp::camera_poses", model, poses, int(xpos.extent(0)));
   for_world_lanes<R>("gsp::dynamics::camera_poses", exec, int(xpos.extent(0)), model.ncam,
                      detail::CameraPoses<R, Mem, Com, Pos, Mats>{model, poses, com, xpos, xmat});
 }

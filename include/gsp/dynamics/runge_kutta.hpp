@@ -136,6 +136,10 @@ struct RungeKuttaStage {
 template <ExecutionSpace Exec, class R, class Mem, class Evaluate>
 void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                  RungeKutta<R, Mem> const& rk, Evaluate const& evaluate) {
+  detail::expects_fit("gsp::runge_kutta", model, state, dynamics);
+  detail::expects_rows("gsp::runge_kutta", "rk.qpos", rk.qpos, state.worlds, model.nq);
+  detail::expects_rows("gsp::runge_kutta", "rk.qvel", rk.qvel, state.worlds, model.nv);
+  detail::expects_rows("gsp::runge_kutta", "rk.act", rk.act, state.worlds, model.na);
   for (int stage = 0; stage < 4; ++stage) {
     evaluate();
     for_lanes("gsp::dynamics::runge_kutta", exec, model, dynamics, detail::RungeKuttaStage<R, Mem>{state, rk, stage});

@@ -162,10 +162,13 @@ void set_constants(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem
           "gsp::set_constants: no field that constants follow from is per world; call make_per_world, with body_mass for one");
   expects(dynamics.worlds == model.value_worlds, "gsp::set_constants: dynamics have " + std::to_string(dynamics.worlds) +
                                                      " worlds and the model " + std::to_string(model.value_worlds));
-  auto const out = [](Field<R> const& f) { return const_cast<R*>(f.data); };  // memory of Model::world_reals
+  auto const out = [&](ModelField field, int items) {  // a tree without tendons has nothing to write
+    return items > 0 ? world_values(model, field).data() : nullptr;
+  };
   for_lanes("gsp::dynamics::set_constants", exec, model, dynamics,
-            detail::ConstantsStage<R, Mem, Mask>{out(model.body_invweight0), out(model.dof_invweight0), out(model.dof_M0),
-                                                 out(model.tendon_invweight0), out(model.act_acc0), mask});
+            detail::ConstantsStage<R, Mem, Mask>{out(ModelField::body_invweight0, model.nbody), out(ModelField::dof_invweight0, model.nv),
+                                                 out(ModelField::dof_M0, model.nv), out(ModelField::tendon_invweight0, model.ntendon),
+                                                 out(ModelField::act_acc0, model.nu), mask});
 }
 
 }  // namespace gsp

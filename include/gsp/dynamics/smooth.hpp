@@ -70,6 +70,7 @@ struct SmoothStepStage {
 template <ExecutionSpace Exec, class R, class Mem>
 void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                      Poses<R, Mem> const& poses, SmoothOptions options = {}) {
+  detail::expects_fit("gsp::smooth_dynamics", model, state, dynamics, poses);
   bool const keep_mass = model.profile == Profile::mujoco;  // its integrator takes M again, with joint damping
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
   for_lanes("gsp::dynamics::smooth_dynamics", exec, model, dynamics,
@@ -82,6 +83,7 @@ void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>
 template <ExecutionSpace Exec, class R, class Mem>
 void smooth_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                  Poses<R, Mem> const& poses) {
+  detail::expects_fit("gsp::smooth_step", model, state, dynamics, poses);
   if (model.ntree != 1) {  // a world stops as a whole
     smooth_dynamics(exec, model, state, dynamics, poses);
     return integrate(exec, model, dynamics, state);

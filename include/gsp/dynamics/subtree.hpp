@@ -118,6 +118,8 @@ struct SubtreeMomentum {
 /// does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void subtree_com(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Subtrees<R, Mem> const& s) {
+  detail::expects_fit("gsp::subtree_com", model, poses, int(s.com.extent(0)));
+  detail::expects_rows("gsp::subtree_com", "subtrees.com", s.com, int(s.com.extent(0)), model.nbody);
   for_world_lanes<R>("gsp::dynamics::subtree_com", exec, int(s.com.extent(0)), 1, detail::SubtreeCom<R, Mem>{model, poses, s});
 }
 /// Velocity of the centre of mass and angular momentum about it, of every body's subtree (s.linvel, s.angmom). After subtree_com and
@@ -125,6 +127,8 @@ void subtree_com(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> con
 template <ExecutionSpace Exec, class R, class Mem>
 void subtree_momentum(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics,
                       Subtrees<R, Mem> const& s) {
+  detail::expects_fit("gsp::subtree_momentum", model, dynamics, poses);
+  detail::expects_rows("gsp::subtree_momentum", "subtrees.com", s.com, dynamics.worlds, model.nbody);
   for_world_lanes<R>("gsp::dynamics::subtree_momentum", exec, int(s.com.extent(0)), 1,
                      detail::SubtreeMomentum<R, Mem>{model, poses, dynamics, s});
 }

@@ -417,7 +417,8 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
 }  // namespace detail
 
 /// Takes a compiled model to the memory of `exec`, in precision R. Allocates; fences.
-/// Errors: gsp::Error where the model holds what the dynamics do not cover (an actuator on a ball or free joint, gravity compensation).
+/// Errors: gsp::Error where the model holds what the dynamics do not cover (an actuator with several activations, armature of a tendon that
+/// wraps round a geom).
 template <class R, ExecutionSpace Exec>
 Model<R, typename Exec::memory_space> make_model(Exec const& exec, CompiledModel const& m, ModelOptions options = {}) {
   using Mem = typename Exec::memory_space;

@@ -26,6 +26,31 @@ struct State {
   View<std::uint32_t*> status;  // (world) bits of core/status.hpp; 0: all is well. A world that is not finite is no longer stepped
 };
 
+namespace detail {
+/// Worlds of the state and of the model's own values, and the sizes of the state's arrays. Host integers alone.
+template <class R, class Mem>
+void expects_fit(char const* where, Model<R, Mem> const& model, State<R, Mem> const& s) {
+  expects_values(where, model, s.worlds);
+  auto const fits = [&](auto const& view, int items, char const* name) {
+    if (int(view.extent(1)) == items && (items == 0 || int(view.extent(0)) == s.worlds)) return;
+    throw std::invalid_argument(std::string(where) + ": state." + name + " is (" + std::to_string(view.extent(0)) + ", " +
+                                std::to_string(view.extent(1)) + "), and the model and the state's worlds ask for (" +
+                                std::to_string(s.worlds) + ", " + std::to_string(items) + "): call make_state with this model");
+  };
+  fits(s.qpos, model.nq, "qpos");
+  fits(s.qpos_low, model.nq, "qpos_low");
+  fits(s.qvel, model.nv, "qvel");
+  fits(s.ctrl, model.nu, "ctrl");
+  fits(s.act, model.na, "act");
+  fits(s.mocap_pos, model.nmocap, "mocap_pos");
+  fits(s.mocap_quat, model.nmocap, "mocap_quat");
+  fits(s.qfrc_applied, model.nv, "qfrc_applied");
+  if (int(s.steps.extent(0)) != s.worlds || int(s.status.extent(0)) != s.worlds)
+    throw std::invalid_argument(std::string(where) + ": state.steps and state.status must have " + std::to_string(s.worlds) +
+                                " worlds, as the state: call make_state");
+}
+}  // namespace detail
+
 struct StateOptions {
   int worlds = 1;
 };
@@ -53,9 +78,11 @@ State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOpti
   return s;
 }
 
-/// All worlds back to the model's initial positions, at rest, without activation, time 0.
+/// All worlds back to the model's initial positions, at rest, without activation, time 0. Errors: std::invalid_argument for a state of
+/// another model, or of more worlds than the model has values for.
 template <class R, ExecutionSpace Exec, class Mem>
 void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& s) {
+  detail::expects_fit("gsp::reset", model, s);
   auto const qpos0 = model.qpos0;
   auto const qpos = s.qpos;
   int const nq = model.nq;

@@ -1,5 +1,6 @@
 #pragma once
 #include <algorithm>
+#include <functional>
 #include <gsp/model/model.hpp>
 #include <string>
 #include <vector>
@@ -207,6 +208,13 @@ struct SetMasses {
   }
 };
 
+/// True for a field that is per world in the model's own buffer; others are shared, or point at an array of the user's own.
+template <class R, class Buffer>
+bool in_buffer(Field<R> const& field, Buffer const& buffer) {
+  std::less<R const*> const less;
+  return field.stride > 0 && buffer.data() && !less(field.data, buffer.data()) && less(field.data, buffer.data() + buffer.extent(0));
+}
+
 /// What was zero for all worlds may now be more in some: terms that `make_model` left out take part.
 template <ExecutionSpace Exec, class R, class Mem>
 void allow_world_values(Exec const& exec, Model<R, Mem>& model, std::vector<ModelField> const& fields) {
@@ -230,7 +238,13 @@ void allow_world_values(Exec const& exec, Model<R, Mem>& model, std::vector<Mode
   }
   if (!tendons && !gravcomp) return;
   std::vector<Archetype> archetypes(model.host_archetypes.data(), model.host_archetypes.data() + model.narchetype);
-  for (auto& a : archetypes) a.tendon_passive |= tendons, a.gravcomp |= gravcomp;
+  bool changed = false;
+  for (auto& a : archetypes) {
+    changed |= (tendons && !a.tendon_passive) || (gravcomp && !a.gravcomp);
+    a.tendon_passive |= tendons;
+    a.gravcomp |= gravcomp;
+  }
+  if (!changed) return;  // dynamics that were made before keep their layout
   model.archetypes = to_device<Kokkos::View<Archetype*, Mem>>(exec, "gsp::Model::archetypes", archetypes);
   model.host_archetypes = to_device<Kokkos::View<Archetype*, Kokkos::HostSpace>>(Kokkos::DefaultHostExecutionSpace{},
                                                                                  "gsp::Model::host_archetypes", archetypes);
@@ -244,9 +258,10 @@ struct AllWorlds {
 
 /// Gives each of `worlds` worlds its own values of these fields, at first the shared ones. Fields that masses and geometry decide
 /// (body_invweight0, dof_invweight0, dof_M0, tendon_invweight0, act_acc0) come along with what they follow from.
-/// Call it before make_dynamics and make_simulation, whose layout depends on what is there: what was zero for all may now be more. The
-/// model keeps the memory; copies of it made before keep theirs. Kernels read a field that is per world by a gather; the others stay as
-/// they are. Allocates; fences. Errors: std::invalid_argument where fields are per world already for another number of worlds.
+/// Call it before make_dynamics and make_simulation, whose layout depends on what is there: what was zero for all may now be more, and then
+/// dynamics that were made before are refused. The model keeps the memory; copies of it made before keep theirs. A field that you have
+/// pointed at an array of your own stays there. Kernels read a field that is per world by a gather; the others stay as they are. Allocates;
+/// fences. Errors: std::invalid_argument where fields are per world already for another number of worlds.
 template <ExecutionSpace Exec, class R, class Mem>
 void make_per_world(Exec const& exec, Model<R, Mem>& model, std::vector<ModelField> fields, int worlds) {
   using M = Model<R, Mem>;
@@ -275,7 +290,7 @@ void make_per_world(Exec const& exec, Model<R, Mem>& model, std::vector<ModelFie
   detail::copy_bytes(exec, out, model.world_reals.data(), model.world_reals.extent(0) * sizeof(R));
   for (int i = 0; i < detail::model_fields; ++i) {
     auto& field = model.*detail::model_field<M>(ModelField(i)).member;
-    if (field.stride > 0) field.data = out + (field.data - model.world_reals.data());
+    if (detail::in_buffer(field, model.world_reals)) field.data = out + (field.data - model.world_reals.data());
   }
   std::size_t at = model.world_reals.extent(0);
   for (auto const& f : added) {
@@ -291,13 +306,15 @@ void make_per_world(Exec const& exec, Model<R, Mem>& model, std::vector<ModelFie
 }
 
 /// The values of a field, (worlds, items * components), to read or to write in kernels of your own; after writing what weighs, call
-/// set_constants. Errors: std::invalid_argument where the field is not per world.
+/// set_constants. Errors: std::invalid_argument where the field is not per world, or points at an array of your own.
 template <class R, class Mem>
 Kokkos::View<R**, Kokkos::LayoutRight, Mem, Kokkos::MemoryTraits<Kokkos::Unmanaged>> world_values(Model<R, Mem> const& model,
                                                                                                   ModelField field) {
   auto const f = detail::model_field<Model<R, Mem>>(field);
   auto const& own = model.*f.member;
   expects(own.stride > 0, std::string("gsp::world_values: ") + f.name + " is not per world; call make_per_world first");
+  expects(detail::in_buffer(own, model.world_reals),
+          std::string("gsp::world_values: ") + f.name + " points at an array of your own: read and write that");
   return {const_cast<R*>(own.data), std::size_t(model.value_worlds), std::size_t(own.stride)};  // memory of Model::world_reals
 }
 

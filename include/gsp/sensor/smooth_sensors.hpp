@@ -341,6 +341,7 @@ void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> 
   expects(int(data.extent(0)) == sensors.worlds && int(data.extent(1)) == sensors.nsensordata,
           "gsp::smooth_sensors: data must be (worlds, nsensordata)");
   expects(dynamics.worlds == sensors.worlds, "gsp::smooth_sensors: dynamics and sensors have different numbers of worlds");
+  detail::expects_fit("gsp::smooth_sensors", model, state, dynamics, poses);
   if (sensors.subtrees.com.data()) subtree_com(exec, model, poses, sensors.subtrees);
   if (sensors.momenta) subtree_momentum(exec, model, poses, dynamics, sensors.subtrees);
   if (sensors.energy.data()) energies(exec, model, state, poses, dynamics, sensors.energy);

@@ -104,6 +104,7 @@ template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows, PgsOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::pgs: the rows are not accessible from this execution space");
   expects(options.iterations > 0, "gsp::pgs: iterations must be positive");
+  detail::expects_rows("gsp::pgs", "rows.z", rows.z, rows.worlds, model.nv);
   int least_rows = 0;
   if constexpr (!is_device<Exec>)
     if (detail::lockstep_packs(model.nv) > 0) {  // before the other kernel, which marks the step as solved

@@ -10,10 +10,12 @@ namespace gsp {
 template <class R, ExecutionSpace Exec, class Mem>
 std::int64_t bytes_needed(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled, SimulationOptions options = {}) {
   expects(options.worlds > 0, "gsp::bytes_needed: worlds must be positive");
+  auto shared = model;
+  shared.value_worlds = 0;  // what is made here reads no field that is per world
   auto const bytes_of = [&](int worlds) {
     std::int64_t const before = detail::allocated_bytes();
-    auto const state = make_state(exec, model, {.worlds = worlds});
-    auto const simulation = make_simulation(exec, model, compiled, {.worlds = worlds, .approximate = options.approximate});
+    auto const state = make_state(exec, shared, {.worlds = worlds});
+    auto const simulation = make_simulation(exec, shared, compiled, {.worlds = worlds, .approximate = options.approximate});
     return detail::allocated_bytes() - before;
   };
   constexpr int block = 64;  // a multiple of the worlds of any block of lanes
