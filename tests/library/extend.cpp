@@ -9,6 +9,7 @@
 #include <gsp/model/attach.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/sensor/sense.hpp>
+#include <gsp/splat/render.hpp>
 #include <gsp_test_execs.hpp>
 #include <string>
 #include <vector>
@@ -52,6 +53,46 @@ struct Touch {
   }
 };
 // example-end add_a_sensor_of_contacts
+
+// example-begin add_a_picture_channel
+/// Camera z of the Gaussian behind which half of the light is left [m], 0 where more comes through. What every splat carries is enough.
+template <class Mem>
+struct MedianDepth {
+  Kokkos::View<float***, Kokkos::LayoutRight, Mem> image;  // (C, H, W)
+  static constexpr int size = 1;
+  KOKKOS_FUNCTION void value(gsp::Splat const& s, float* out) const { out[0] = s.depth; }
+  template <class P>
+  KOKKOS_FUNCTION void blend(P* pixel, float const* value, gsp::Blend<P> const& b) const {
+    pixel[0] = gsp::select(b.before > P(0.5f) && b.left <= P(0.5f), P(value[0]), pixel[0]);
+  }
+  KOKKOS_FUNCTION void store(int c, int row, int column, float const* pixel) const { image(c, row, column) = pixel[0]; }
+};
+// example-end add_a_picture_channel
+
+// example-begin add_a_channel_of_gaussians
+/// A label of one's own a Gaussian and its shortest axis in the camera's frame, blended as colours are; stored in half the bits.
+template <class Mem>
+struct LabelAndNormal {
+  Kokkos::View<float*, Mem> labels;                                                // (Gaussians, in the order of the sets)
+  Kokkos::View<Kokkos::Experimental::half_t****, Kokkos::LayoutRight, Mem> image;  // (C, H, W, 4)
+  static constexpr int size = 4;
+  template <class Seen>
+  KOKKOS_FUNCTION void value(Seen const& g, float* out) const {
+    gsp::Vec3<float> const s = g.scale();
+    int const axis = s.x < s.y ? (s.x < s.z ? 0 : 2) : (s.y < s.z ? 1 : 2);
+    gsp::Vec3<float> const n = g.to_camera() * gsp::column(gsp::to_matrix(g.quat()), axis);
+    float const sign = n.z > 0 ? -1.f : 1.f;  // towards the camera
+    out[0] = labels(g.index());
+    for (int k = 0; k < 3; ++k) out[1 + k] = sign * n[k];
+  }
+  KOKKOS_FUNCTION void store(int c, int row, int column, float const* pixel) const {
+    for (int k = 0; k < size; ++k) image(c, row, column, k) = Kokkos::Experimental::half_t(pixel[k]);
+  }
+};
+// example-end add_a_channel_of_gaussians
+
+static_assert(gsp::PictureChannel<MedianDepth<Kokkos::HostSpace>> && gsp::PictureChannel<LabelAndNormal<Kokkos::HostSpace>>);
+static_assert(gsp::PictureChannel<gsp::RgbChannel<Kokkos::HostSpace>> && !gsp::PictureChannel<gsp::Splat>);
 
 static_assert(gsp::SensorKind<Range<Kokkos::HostSpace>> && gsp::SensorKind<Touch<Kokkos::HostSpace>>);
 static_assert(!gsp::SensorKind<gsp::Poses<float, Kokkos::HostSpace>>);
@@ -130,4 +171,68 @@ TEST_CASE_TEMPLATE("a sensor from outside", Exec, GSP_TEST_EXECS) {
     float const want[] = {77, float(inside), inside ? 0.01f : 0.f, float(inside), inside ? 0.01f : 0.f, 0, 0, 77};
     for (int c = 0; c < 8; ++c) CHECK(touched(w, c) == doctest::Approx(want[c]).epsilon(1e-5));
   }
+}
+
+// Three flat walls across the view, 2, 3 and 4 m before the camera: opacities 0.3, 0.5 and 0.9 all over the middle of the picture, each one
+// Gaussian of 100 m. The wall at 3 m is carried by body 1, which is turned by 180 degrees about the camera's axis and lies 1 m ahead.
+//   light: 1 -> 0.7 -> 0.35 -> 0.035; weights 0.3, 0.35, 0.315; the light falls below a half at 3 m
+TEST_CASE_TEMPLATE("picture channels from outside", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Exec const exec;
+  gsp::GaussianSet set;
+  float const depth[] = {4, 3, 2}, opacity[] = {0.9f, 0.5f, 0.3f}, red[] = {0.25f, 0.5f, 1.f};
+  for (int i = 0; i < 3; ++i) {
+    bool const carried = i == 1;
+    float const c0 = (red[i] - 0.5f) / 0.28209479f;
+    set.positions.insert(set.positions.end(), {0, 0, depth[i] - float(carried)});
+    set.quats.insert(set.quats.end(), {1, 0, 0, 0});
+    set.scales.insert(set.scales.end(), {100, 100, 0.001f});
+    set.opacities.push_back(opacity[i]);
+    set.sh.insert(set.sh.end(), {c0, 0, 0});
+    set.body.push_back(carried);
+  }
+  auto const cloud = gsp::make_gaussians(exec, set);
+  int const width = 21, height = 19;
+  auto poses = gsp::make_poses<float>(exec, 1, 2, 0);
+  auto const xpos = Kokkos::create_mirror_view(poses.xpos), xquat = Kokkos::create_mirror_view(poses.xquat);
+  Kokkos::deep_copy(xpos, poses.xpos), Kokkos::deep_copy(xquat, poses.xquat);
+  xpos(0, 1, 2) = 1;
+  xquat(0, 1, 0) = 0;
+  xquat(0, 1, 3) = 1;
+  Kokkos::deep_copy(poses.xpos, xpos), Kokkos::deep_copy(poses.xquat, xquat);
+  std::vector<float> const view{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, K{20, 0, 10.5f, 0, 20, 9.5f, 0, 0, 1};
+  auto const cameras = gsp::make_cameras(exec, view, K);
+  auto plain = gsp::make_frames(exec, cloud, {.width = width, .height = height});
+  gsp::render(exec, cloud, poses, cameras, plain);
+
+  MedianDepth<Mem> const median{Kokkos::View<float***, Kokkos::LayoutRight, Mem>("median", 1, height, width)};
+  LabelAndNormal<Mem> label{Kokkos::View<float*, Mem>("labels", 3),
+                            Kokkos::View<Kokkos::Experimental::half_t****, Kokkos::LayoutRight, Mem>("label", 1, height, width, 4)};
+  auto const labels = Kokkos::create_mirror_view(label.labels);
+  for (int i = 0; i < 3; ++i) labels(i) = red[i];
+  Kokkos::deep_copy(label.labels, labels);
+  auto frames = gsp::make_frames(exec, cloud, {.width = width, .height = height});
+  CHECK_THROWS_WITH_AS(gsp::project(exec, cloud, frames, {}, median, label), doctest::Contains("keep 4 numbers of each Gaussian"),
+                       std::invalid_argument);
+  gsp::render(exec, cloud, poses, cameras, frames, {}, median, label);
+
+  auto const host = [](auto const& v) { return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, v); };
+  auto const rgb = host(frames.rgb), rgb0 = host(plain.rgb);
+  auto const z = host(frames.depth), z0 = host(plain.depth), alpha = host(frames.alpha), alpha0 = host(plain.alpha);
+  auto const median_z = host(median.image);
+  auto const numbers = host(label.image);
+  bool same = true;
+  for (int row = 0; row < height; ++row)
+    for (int column = 0; column < width; ++column) {
+      same = same && z(0, row, column) == z0(0, row, column) && alpha(0, row, column) == alpha0(0, row, column);
+      for (int k = 0; k < 3; ++k) same = same && rgb(0, row, column, k) == rgb0(0, row, column, k);
+      // the walls fade by less than 2e-4 towards the corners of the picture; half_t rounds by 5e-4
+      CHECK(median_z(0, row, column) == 3);
+      CHECK(alpha(0, row, column) == doctest::Approx(0.965).epsilon(5e-4));
+      CHECK(float(numbers(0, row, column, 0)) == doctest::Approx(rgb(0, row, column, 0)).epsilon(6e-4));
+      CHECK(rgb(0, row, column, 0) == doctest::Approx(0.3 * 1 + 0.35 * 0.5 + 0.315 * 0.25).epsilon(1e-3));
+      CHECK(float(numbers(0, row, column, 3)) == doctest::Approx(-0.965).epsilon(1e-3));
+      CHECK(std::abs(float(numbers(0, row, column, 1))) + std::abs(float(numbers(0, row, column, 2))) < 1e-3);
+    }
+  CHECK(same);  // further channels change nothing of the others
 }

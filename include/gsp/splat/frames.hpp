@@ -33,6 +33,7 @@ struct SplatWave {
   int first = 0, images = 0;  // the images that it holds now
   int tiles_x = 0, tiles_y = 0, index_bits = 0;
   std::int64_t visible_capacity = 0, pair_capacity = 0;
+  int values_a_splat = 0;  // numbers that channels keep of a Gaussian beside its splat
 
   View<detail::ImageView*> image_views;  // (batch)
   View<detail::LinkView**> link_views;   // (batch, body)
@@ -42,6 +43,7 @@ struct SplatWave {
   View<std::int64_t[2]> needed;          // greatest number of visible and of pairs of any wave since `render` began
 
   View<Splat*> splats;                           // (visible)
+  View<float*> values;                           // (visible x values_a_splat)
   View<int*> splat_tiles;                        // (visible) tiles that each touches
   Kokkos::View<std::uint64_t*, Mem> order_keys;  // (visible) image | depth bits | source index
   Kokkos::View<int*, Mem> order;                 // (visible) splat indices, front to back within each image once sorted
@@ -79,10 +81,11 @@ struct FrameOptions {
   int batch = 0;                                // images a wave; 0: chosen by size and backend. Results do not depend on it
   std::int64_t visible = 0,
                pairs = 0;  // first guess per image of Gaussians seen and of (Gaussian, tile) pairs; 0: by the number of Gaussians
+  int values = 0;          // numbers that further channels keep of a Gaussian; `render` sees to it by itself
 };
 
-/// Makes room for `visible` Gaussians and `pairs` (Gaussian, tile) pairs a wave; never shrinks. Throws Error where an index would pass
-/// 2^31.
+/// Makes room for `visible` Gaussians (with w.values_a_splat numbers of channels each) and `pairs` (Gaussian, tile) pairs a wave; never
+/// shrinks. Throws Error where an index would pass 2^31.
 template <ExecutionSpace Exec, class Mem>
 void reserve(Exec const& exec, SplatWave<Mem>& w, std::int64_t visible, std::int64_t pairs) {
   using Wave = SplatWave<Mem>;
@@ -92,6 +95,7 @@ void reserve(Exec const& exec, SplatWave<Mem>& w, std::int64_t visible, std::int
                 std::to_string(pairs) + " tile pairs, over 2^31; make the frames with a smaller batch");
   if (visible > w.visible_capacity) {
     // let go of the old buffers first: the peak is the new size, not the sum
+    w.values = {};
     w.splats = {}, w.splat_tiles = {}, w.order_keys = {}, w.order = {}, w.pair_offset = {}, w.order_scratch = {};
     w.splats = detail::allocate<typename Wave::template View<Splat*>>("gsp::SplatWave::splats", visible);
     w.splat_tiles = detail::allocate<typename Wave::template View<int*>>("gsp::SplatWave::splat_tiles", visible);
@@ -100,6 +104,11 @@ void reserve(Exec const& exec, SplatWave<Mem>& w, std::int64_t visible, std::int
     w.pair_offset = detail::allocate<typename Wave::template View<std::int64_t*>>("gsp::SplatWave::pair_offset", visible + 1);
     w.order_scratch = make_sort_scratch<std::uint64_t>(exec, visible);
     w.visible_capacity = visible;
+  }
+  std::size_t const values = static_cast<std::size_t>(w.visible_capacity) * static_cast<std::size_t>(w.values_a_splat);
+  if (values > w.values.extent(0)) {
+    w.values = {};
+    w.values = detail::allocate<typename Wave::template View<float*>>("gsp::SplatWave::values", std::int64_t(values));
   }
   if (pairs > w.pair_capacity) {
     w.tile_keys = {}, w.tile_splats = {}, w.tile_scratch = {};
@@ -123,7 +132,8 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
           "gsp::make_frames: images, width and height must be positive, not " + std::to_string(options.images) + ", " +
               std::to_string(options.width) + ", " + std::to_string(options.height));
   expects(options.width <= 65536 && options.height <= 65536, "gsp::make_frames: width and height are at most 65536");
-  expects(options.batch >= 0 && options.visible >= 0 && options.pairs >= 0, "gsp::make_frames: batch and hints must not be negative");
+  expects(options.batch >= 0 && options.visible >= 0 && options.pairs >= 0 && options.values >= 0,
+          "gsp::make_frames: batch, values and hints must not be negative");
   FrameSizes s{};
   s.tiles_x = (options.width + splat_tile - 1) / splat_tile;
   s.tiles_y = (options.height + splat_tile - 1) / splat_tile;
@@ -155,7 +165,8 @@ std::int64_t bytes_needed(Exec const&, Gaussians<Mem> const& cloud, FrameOptions
   std::int64_t const clusters = static_cast<std::int64_t>(cloud.clusters.extent(0));
   std::int64_t const an_image = sizeof(detail::ImageView) + cloud.bodies * std::int64_t(sizeof(detail::LinkView)) + 12 * clusters +
                                 8 * std::int64_t(s.tiles_x) * s.tiles_y;
-  std::int64_t const a_splat = sizeof(Splat) + 4 + 2 * (8 + 4) + 8;  // its tiles, key and index (twice: sorting), offset of its pairs
+  std::int64_t const a_splat =
+      sizeof(Splat) + 4 * options.values + 4 + 2 * (8 + 4) + 8;  // its channels, tiles, key and index (twice: sorting), offset of its pairs
   return 4 * channels * pixels + s.batch * an_image + s.visible * a_splat + s.pairs * 2 * (4 + 4);
 }
 
@@ -178,6 +189,7 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
   f.status = detail::allocate_zero<typename F::template View<std::uint32_t*>>(exec, "gsp::Frames::status", c);
 
   Wave& wave = f.wave;
+  wave.values_a_splat = options.values;
   wave.tiles_x = sizes.tiles_x;
   wave.tiles_y = sizes.tiles_y;
   wave.index_bits = sizes.index_bits;

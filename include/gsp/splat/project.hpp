@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/math/quat.hpp>
 #include <gsp/parallel/scan.hpp>
+#include <gsp/splat/channels.hpp>
 #include <gsp/splat/detail/ellipse.hpp>
 #include <gsp/splat/detail/spherical_harmonics.hpp>
 #include <gsp/splat/frames.hpp>
@@ -116,6 +117,15 @@ struct Projector {
     wave.order_keys(to) = (static_cast<std::uint64_t>(image) << 32 | Kokkos::bit_cast<std::uint32_t>(s.depth)) << wave.index_bits |
                           static_cast<std::uint64_t>(cloud.source(i));
   }
+  /// What channels keep of it.
+  template <class List>
+  KOKKOS_FUNCTION void put_values(List const& channels, std::int64_t to, int image, int body, int i, LinkView const& link) const {
+    if constexpr (List::stored > 0) {
+      float values[List::stored];
+      channels.values(SeenGaussian<Mem>{cloud, link, wave.splats(to), i, wave.first + image, body}, values);
+      for (int k = 0; k < List::stored; ++k) wave.values(to * List::stored + k) = values[k];
+    }
+  }
   /// A place that stayed free: counting and filling are compiled apart and may round the edge of the picture apart, where nothing is drawn
   /// anyway.
   KOKKOS_FUNCTION void put_nothing(std::int64_t to, int image) const {
@@ -126,10 +136,11 @@ struct Projector {
 };
 
 /// Pass 1 (fill = false): how many Gaussians of each cluster are seen. Pass 2: writes them, in order. A cluster a team (GPU).
-template <class Mem, bool fill>
+template <class Mem, bool fill, class List>
 struct ProjectClusters {
   Projector<Mem> p;
   int clusters;
+  List channels;
 
   template <class Member>
   KOKKOS_FUNCTION void operator()(Member const& team) const {
@@ -157,6 +168,7 @@ struct ProjectClusters {
         if (seen && offset + rank < end) {
           p.colour(i, link, s);
           p.put(offset + rank, image, i, {s.u, s.v, s.l11, s.l21, s.l22, s.power, s.xe, s.ye, s.r, s.g, s.b, s.depth});
+          p.put_values(channels, offset + rank, image, cluster.body, i, link);
         }
         offset += total;
       } else {
@@ -173,10 +185,11 @@ struct ProjectClusters {
 };
 
 /// The same on a CPU: a cluster a task, a pack of Gaussians at a time.
-template <class Mem, bool fill>
+template <class Mem, bool fill, class List>
 struct ProjectPacks {
   Projector<Mem> p;
   int clusters;
+  List channels;
   static constexpr int W = native_width<float>;
   using T = Pack<float, W>;
 
@@ -202,9 +215,12 @@ struct ProjectPacks {
       if constexpr (fill) {
         p.colour(base, link, s);
         for (int k = 0; k < lanes; ++k)
-          if (seen[k] && offset < end)
-            p.put(offset++, image, base + k,
+          if (seen[k] && offset < end) {
+            p.put(offset, image, base + k,
                   {s.u[k], s.v[k], s.l11[k], s.l21[k], s.l22[k], s.power[k], s.xe[k], s.ye[k], s.r[k], s.g[k], s.b[k], s.depth[k]});
+            p.put_values(channels, offset, image, cluster.body, base + k, link);
+            ++offset;
+          }
       } else {
         for (int k = 0; k < lanes; ++k) found += seen[k];
       }
@@ -247,15 +263,20 @@ struct Head {
 
 /// Second stage: the Gaussians that the wave's cameras see, as splats. Culls clusters against the picture, then projects, twice: once to
 /// count, once to write, so that places in the pool follow from a sum and not from who came first.
+/// @param channels  further picture channels, the same as `rasterize` is given: what they keep of a Gaussian goes to wave.values
 /// @param frames  in: place_gaussians' views.   out: wave.splats, splat_tiles, order, order_keys (image, depth, source), visible;
 ///                status(c) = frame_overflow where the buffers are too small (then the wave is empty)
 /// Neither allocates nor fences.
-template <ExecutionSpace Exec, class Mem>
-void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem> const& frames, RenderOptions options = {}) {
+template <ExecutionSpace Exec, class Mem, class... Channels>
+void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem> const& frames, RenderOptions options = {},
+             Channels const&... channels) {
   static_assert(can_access<Exec, Frames<Mem>>, "gsp::project: the frames are not accessible from this execution space");
   expects(options.near > 0 && options.far > options.near, "gsp::project: 0 < near < far must hold");
   expects(options.blur >= 0 && options.alpha_max > 0 && options.alpha_max < 1 && options.stop >= 0 && options.stop < 1,
           "gsp::project: blur must be >= 0, alpha_max and stop between 0 and 1");
+  auto const list = detail::channel_list(channels...);
+  using List = std::remove_const_t<decltype(list)>;
+  detail::check_values<List>("gsp::project", frames);
   auto const& wave = frames.wave;
   int const clusters = static_cast<int>(cloud.clusters.extent(0)), cells = wave.images * clusters;
   detail::Projector<Mem> const projector{cloud, wave, options, frames.width, frames.height};
@@ -266,15 +287,15 @@ void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem> const& f
       Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, cells, Kokkos::ChunkSize(8)),
                            packs);
   };
-  pass("gsp::splat::project_count", detail::ProjectClusters<Mem, false>{projector, clusters},
-       detail::ProjectPacks<Mem, false>{projector, clusters});
+  pass("gsp::splat::project_count", detail::ProjectClusters<Mem, false, detail::ChannelList<>>{projector, clusters, {}},
+       detail::ProjectPacks<Mem, false, detail::ChannelList<>>{projector, clusters, {}});
   using Offsets = Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem>;
   exclusive_scan(exec, detail::Head<Kokkos::View<int*, Kokkos::LayoutRight, Mem>>{wave.cluster_visible, cells},
                  Offsets(wave.cluster_offset, Kokkos::make_pair(0, cells + 1)));
   Kokkos::parallel_for("gsp::splat::project_settle", light(Kokkos::RangePolicy<Exec>(exec, 0, 1)),
                        detail::SettleVisible<Mem>{wave, frames.status, cells});
-  pass("gsp::splat::project", detail::ProjectClusters<Mem, true>{projector, clusters},
-       detail::ProjectPacks<Mem, true>{projector, clusters});
+  pass("gsp::splat::project", detail::ProjectClusters<Mem, true, List>{projector, clusters, list},
+       detail::ProjectPacks<Mem, true, List>{projector, clusters, list});
 }
 
 }  // namespace gsp

@@ -11,22 +11,26 @@ namespace gsp {
 ///   max(alpha, 1e-10)
 /// CPU: a tile a task, a row of 16 pixels a pack. GPU: a tile a team of 256, splats in batches of 256 through shared memory, and each warp
 /// looks only at those that touch its own 8 x 4 pixels.
+/// @param channels  further picture channels (channels.hpp), the same as `project` was given
 /// @param frames  in: bin_tiles' lists.   out: rgb, depth, alpha of the images of the wave whose status is 0
 /// Neither allocates nor fences. Each pixel depends on nothing but its own list.
-template <ExecutionSpace Exec, class Mem>
-void rasterize(Exec const& exec, Frames<Mem> const& frames, RenderOptions options = {}) {
+template <ExecutionSpace Exec, class Mem, class... Channels>
+void rasterize(Exec const& exec, Frames<Mem> const& frames, RenderOptions options = {}, Channels const&... channels) {
   static_assert(can_access<Exec, Frames<Mem>>, "gsp::rasterize: the frames are not accessible from this execution space");
+  auto const list = detail::picture_channels(frames, channels...);
+  using List = std::remove_const_t<decltype(list)>;
+  detail::check_values<List>("gsp::rasterize", frames);
   int const tiles = frames.wave.images * frames.wave.tiles();
   if constexpr (is_device<Exec>) {
-    using Functor = detail::RasterizePixels<Mem>;
+    using Functor = detail::RasterizePixels<Mem, List>;
     Kokkos::parallel_for(
         "gsp::splat::rasterize",
         light(Kokkos::TeamPolicy<Exec>(exec, tiles, Functor::threads).set_scratch_size(0, Kokkos::PerTeam(Functor::scratch_bytes()))),
-        Functor{frames, options.alpha_max, options.stop});
+        Functor{frames, list, options.alpha_max, options.stop});
   } else {
     Kokkos::parallel_for("gsp::splat::rasterize",
                          Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, tiles, Kokkos::ChunkSize(4)),
-                         detail::RasterizeRows<Mem>{frames, options.alpha_max, options.stop});
+                         detail::RasterizeRows<Mem, List>{frames, list, options.alpha_max, options.stop});
   }
 }
 

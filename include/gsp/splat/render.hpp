@@ -19,17 +19,23 @@ struct ResetNeeded {
 /// @param poses    world poses of the bodies; image c shows world c % worlds, or cameras.world(c)
 /// @param cameras  as many as frames.images
 /// @param frames   out: rgb, depth, alpha
+/// @param channels further picture channels (channels.hpp); each stores its own picture
 /// Waits for the device once, at its end (and once after the very first wave), to learn whether every wave fitted its buffers; those that
 /// did not are repeated with larger ones, so that nothing is ever dropped. Allocates only then. An image depends on nothing but its own
 /// input: the same bits for any batch, any number of threads and any other images.
-template <ExecutionSpace Exec, class R, class PosesMem, class Mem>
+template <ExecutionSpace Exec, class R, class PosesMem, class Mem, class... Channels>
 void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras,
-            Frames<Mem>& frames, RenderOptions options = {}) {
+            Frames<Mem>& frames, RenderOptions options = {}, Channels const&... channels) {
+  constexpr int values = decltype(detail::channel_list(channels...))::stored;
+  if (values > frames.wave.values_a_splat) {
+    frames.wave.values_a_splat = values;
+    reserve(exec, frames.wave, 0, 0);
+  }
   auto const wave = [&](int first) {
     place_gaussians(exec, cloud, poses, cameras, first, frames);
-    project(exec, cloud, frames, options);
+    project(exec, cloud, frames, options, channels...);
     bin_tiles(exec, frames);
-    rasterize(exec, frames, options);
+    rasterize(exec, frames, options, channels...);
   };
   // Room for the greatest wave so far; true if there was too little.
   auto const grow = [&] {

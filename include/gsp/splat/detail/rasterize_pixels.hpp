@@ -1,15 +1,16 @@
 #pragma once
+#include <gsp/splat/channels.hpp>
 #include <gsp/splat/detail/ellipse.hpp>
-#include <gsp/splat/frames.hpp>
 
 namespace gsp::detail {
 
 /// A tile on a GPU: 256 threads, a pixel each; a warp owns 8 x 4 pixels. Splats come in batches of 256: each thread fetches one and finds
 /// which of the eight warps it touches; these bits are turned into one word of 32 splats a warp, and a warp walks only the bits that are
 /// set.
-template <class Mem>
+template <class Mem, class List>
 struct RasterizePixels {
   Frames<Mem> frames;
+  List channels;
   float alpha_max, stop;
 
   static constexpr int threads = splat_tile * splat_tile, warps = threads / 32;
@@ -18,6 +19,7 @@ struct RasterizePixels {
     unsigned words[warps][threads / 32];
     unsigned char touched[threads];
     int done;
+    float values[List::stored > 0 ? threads* List::stored : 1];
   };
   static constexpr int scratch_bytes() { return static_cast<int>(sizeof(Batch)) + 16; }
 
@@ -33,7 +35,7 @@ struct RasterizePixels {
     float const px = static_cast<float>(x) + 0.5f, py = static_cast<float>(y) + 0.5f;
     bool const inside = x < frames.width && y < frames.height;
     bool done = !inside;
-    float r = 0, g = 0, b = 0, z = 0, T = 1;
+    float pixel[List::size] = {}, T = 1;
     std::int64_t const begin = wave.tile_begin(index), end = wave.tile_begin(index + 1);
     if (rank == 0) batch.done = 0;
     team.team_barrier();
@@ -44,8 +46,10 @@ struct RasterizePixels {
       if (batch.done == threads) break;
       int const count = end - base < threads ? static_cast<int>(end - base) : threads;
       if (rank < count) {
-        Splat const s = wave.splats(wave.tile_splats(base + rank));
+        int const id = wave.tile_splats(base + rank);
+        Splat const s = wave.splats(id);
         batch.splats[rank] = s;
+        for (int k = 0; k < List::stored; ++k) batch.values[rank * List::stored + k] = wave.values(std::int64_t(id) * List::stored + k);
         batch.touched[rank] = static_cast<unsigned char>(touched_warps(s, x0, y0));
       } else {
         batch.touched[rank] = 0;
@@ -61,7 +65,8 @@ struct RasterizePixels {
       bool const was_done = done;
       for (int group = 0; 32 * group < count && !done; ++group)
         for (unsigned word = batch.words[warp][group]; word != 0; word &= word - 1) {
-          Splat const& s = batch.splats[32 * group + Kokkos::countr_zero(word)];
+          int const at = 32 * group + Kokkos::countr_zero(word);
+          Splat const& s = batch.splats[at];
           float const dx = px - s.u, dy = py - s.v, wx = fma(s.l11, dx, s.l21 * dy), wy = s.l22 * dy;
           float const exponent = fma(-wx, wx, fma(-wy, wy, s.power));
           if (exponent < -splat_log2_255) continue;
@@ -70,18 +75,15 @@ struct RasterizePixels {
             done = true;
             break;
           }
-          float const weight = alpha * T;
-          r = fma(weight, s.r, r), g = fma(weight, s.g, g), b = fma(weight, s.b, b), z = fma(weight, s.depth, z);
+          channels.blend(pixel, s, batch.values + at * List::stored, Blend<float>{alpha * T, T, left_over});
           T = left_over;
         }
       if (done && !was_done) Kokkos::atomic_inc(&batch.done);
     }
 
     if (!inside) return;
-    float const a = 1.f - T;
-    if (frames.rgb.extent(0) > 0) frames.rgb(image, y, x, 0) = r, frames.rgb(image, y, x, 1) = g, frames.rgb(image, y, x, 2) = b;
-    if (frames.depth.extent(0) > 0) frames.depth(image, y, x) = z / max(a, 1e-10f);
-    if (frames.alpha.extent(0) > 0) frames.alpha(image, y, x) = a;
+    channels.finish(pixel, 1.f - T);
+    channels.store(image, y, x, pixel);
   }
 
   /// Bit w: the ellipse touches the 8 x 4 pixels of warp w.

@@ -1,13 +1,14 @@
 #pragma once
+#include <gsp/splat/channels.hpp>
 #include <gsp/splat/detail/lanes.hpp>
-#include <gsp/splat/frames.hpp>
 
 namespace gsp::detail {
 
 /// A tile on a CPU: 16 rows of 16 pixels, a row is one pack (or two, or four, where packs are narrower).
-template <class Mem>
+template <class Mem, class List>
 struct RasterizeRows {
   Frames<Mem> frames;
+  List channels;
   float alpha_max, stop;
 
   static constexpr int W = native_width<float>, packs = splat_tile / W;
@@ -15,7 +16,7 @@ struct RasterizeRows {
   static_assert(splat_tile % W == 0);
 
   struct Pixels {  // of one pack
-    P r, g, b, z, T;
+    P numbers[List::size], T;
     P least;  // the exponent that an alpha must reach: -log2(255), or infinity where the pixel is done
   };
 
@@ -32,13 +33,17 @@ struct RasterizeRows {
       for (int i = 0; i < W; ++i) centre[k].set(i, static_cast<float>(k * W + i) + 0.5f);
     for (auto& row : pixels)
       for (int k = 0; k < packs; ++k) {
-        row[k] = {P(0.f), P(0.f), P(0.f), P(0.f), P(1.f), P(-splat_log2_255)};
+        for (P& x : row[k].numbers) x = P(0.f);
+        row[k].T = P(1.f);
+        row[k].least = P(-splat_log2_255);
         row[k].least = select(centre[k] < P(static_cast<float>(frames.width - x0)), row[k].least, P(infinity));
       }
 
     std::int64_t const end = wave.tile_begin(index + 1);
     for (std::int64_t e = wave.tile_begin(index); e < end && rows_done < const_rows; ++e) {
-      Splat const& s = wave.splats(wave.tile_splats(e));
+      int const id = wave.tile_splats(e);
+      Splat const& s = wave.splats(id);
+      float const* const values = wave.values.data() + std::int64_t(id) * List::stored;
       // rows with a centre in [v - ye, v + ye], a little more for rounding
       float const middle = s.v - static_cast<float>(y0) - 0.5f, reach = s.ye + 0.01f;
       int const top = middle - reach > 0.f ? static_cast<int>(min(middle - reach, 16.f)) : 0;
@@ -57,12 +62,9 @@ struct RasterizeRows {
           if (!any_lane(touched)) continue;
           P const alpha = min(exp2(exponent), P(alpha_max)), left_over = p.T * (P(1.f) - alpha);
           auto const stops = touched && (left_over <= P(stop)), adds = touched && (left_over > P(stop));
-          P const weight = select(adds, alpha * p.T, P(0.f));
-          p.r = fma(weight, P(s.r), p.r);
-          p.g = fma(weight, P(s.g), p.g);
-          p.b = fma(weight, P(s.b), p.b);
-          p.z = fma(weight, P(s.depth), p.z);
-          p.T = select(adds, left_over, p.T);
+          Blend<P> const b{select(adds, alpha * p.T, P(0.f)), p.T, select(adds, left_over, p.T)};
+          channels.blend(p.numbers, s, values, b);
+          p.T = b.left;
           if (any_lane(stops)) p.least = select(stops, P(infinity), p.least), finished = true;
         }
         if (finished) {
@@ -74,23 +76,16 @@ struct RasterizeRows {
     }
 
     int const columns = frames.width - x0 < splat_tile ? frames.width - x0 : splat_tile;
-    bool const rgb = frames.rgb.extent(0) > 0, depth = frames.depth.extent(0) > 0, alpha = frames.alpha.extent(0) > 0;
-    for (int row = 0; row < const_rows; ++row) {
-      float colours[3 * splat_tile], depths[splat_tile], alphas[splat_tile];
+    for (int row = 0; row < const_rows; ++row)
       for (int k = 0; k < packs; ++k) {
-        Pixels const& p = pixels[row][k];
-        P const a = P(1.f) - p.T, z = p.z / max(a, P(1e-10f));
-        for (int i = 0; i < W; ++i) {
-          int const column = k * W + i;
-          colours[3 * column] = p.r[i], colours[3 * column + 1] = p.g[i], colours[3 * column + 2] = p.b[i];
-          depths[column] = z[i], alphas[column] = a[i];
+        Pixels& p = pixels[row][k];
+        channels.finish(p.numbers, P(1.f) - p.T);
+        for (int i = 0; i < W && k * W + i < columns; ++i) {
+          float pixel[List::size];
+          for (int n = 0; n < List::size; ++n) pixel[n] = p.numbers[n][i];
+          channels.store(image, y0 + row, x0 + k * W + i, pixel);
         }
       }
-      int const y = y0 + row;
-      if (rgb) std::memcpy(&frames.rgb(image, y, x0, 0), colours, sizeof(float) * 3 * columns);
-      if (depth) std::memcpy(&frames.depth(image, y, x0), depths, sizeof(float) * columns);
-      if (alpha) std::memcpy(&frames.alpha(image, y, x0), alphas, sizeof(float) * columns);
-    }
   }
 };
 
