@@ -230,6 +230,8 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const&
   expects(rows.worlds == state.worlds && dynamics.worlds == state.worlds,
           "gsp::assemble: state, dynamics and rows have different numbers of worlds");
   detail::expects_fit("gsp::assemble", model, state, dynamics);
+  detail::expects_of("gsp::assemble", dynamics, state,
+                     detail::set_of(Quantity::motion, Quantity::velocity, Quantity::factor, Quantity::free_velocity));
   using List = detail::TypeList<Types...>;
   List const list(types...);
   for_worlds("gsp::constraint::count_rows", exec, rows.worlds, detail::CountRows<R, Mem, List>{model, state, rows, list});

@@ -302,7 +302,16 @@ template <ExecutionSpace Exec, class R, class Mem>
 void actuator_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                      Dynamics<R, Mem> const& dynamics) {
   detail::expects_fit("gsp::actuator_forces", model, state, dynamics, poses);
+  if (model.nu > 0 && detail::any_archetype(model, [](Archetype const& a) { return a.gravcomp; }))  // an actuator may carry it
+    detail::expects_of("gsp::actuator_forces", dynamics, state, detail::set_of(Quantity::passive));
   for_lanes("gsp::dynamics::actuator_forces", exec, model, dynamics, detail::ActuatorStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
+  detail::leaves(dynamics, state,
+                 detail::set_of(Quantity::velocity, Quantity::tendon_length, Quantity::tendon_velocity, Quantity::act_length,
+                                Quantity::activation_rate, Quantity::actuator));
+  detail::begins(dynamics, state, Quantity::implicit);
+  detail::continues(dynamics, state, Quantity::derivative, 2);
+  if (detail::any_archetype(model, [](Archetype const& a) { return a.nmoment > 0 || a.spatial; }))
+    detail::writes_some(dynamics, state, detail::set_of(Quantity::motion));
 }
 
 }  // namespace gsp

@@ -143,6 +143,21 @@ struct BiasStage {
   }
 };
 using DofItems = int DynamicsLayout::*;  // one of the vectors of dofs
+inline Quantity quantity_of(DofItems item) {
+  using L = DynamicsLayout;
+  if (item == &L::force) return Quantity::force;
+  if (item == &L::passive) return Quantity::passive;
+  if (item == &L::actuator) return Quantity::actuator;
+  if (item == &L::bias) return Quantity::bias;
+  if (item == &L::stiffness || item == &L::damping) return Quantity::implicit;
+  if (item == &L::acceleration) return Quantity::acceleration;
+  if (item == &L::qvel) return Quantity::velocity;
+  if (item == &L::velocity) return Quantity::free_velocity;
+  if (item == &L::inverse_diagonal) return Quantity::factor;
+  throw std::invalid_argument(
+      "gsp::copy_dofs: this item is no vector of dofs that a stage leaves: give force, passive, actuator, bias, stiffness, damping, "
+      "acceleration, qvel, velocity or inverse_diagonal");
+}
 template <class View>
 struct CopyDofsStage {
   View out;
@@ -162,12 +177,22 @@ void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
                  Dynamics<R, Mem> const& dynamics) {
   detail::expects_fit("gsp::bias_forces", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::bias_forces", exec, model, dynamics, detail::BiasStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
+  detail::leaves(dynamics, state, detail::set_of(Quantity::motion, Quantity::velocity, Quantity::bias));
+  detail::begins(dynamics, state, Quantity::derivative);
+  if (detail::any_archetype(model, [](Archetype const& a) { return a.tendon_armature; }))
+    detail::writes_some(dynamics, state, detail::set_of(Quantity::tendon_length, Quantity::tendon_velocity));
 }
 
-/// Copies one kind of dof vector, e.g. &DynamicsLayout::bias, to `out` (world, nv).
+/// Copies one kind of dof vector, e.g. &DynamicsLayout::bias, to `out` (world, nv): force, passive, actuator, bias, stiffness, damping,
+/// acceleration, qvel, velocity or inverse_diagonal. It is of the state that it was computed for, also when that has moved on since.
+/// Errors: std::invalid_argument where no stage has left it, and for other items.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void copy_dofs(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, detail::DofItems item, View const& out) {
   expects(int(out.extent(0)) == dynamics.worlds && int(out.extent(1)) == model.nv, "gsp::copy_dofs: out must be (worlds, nv)");
+  Quantity const quantity = detail::quantity_of(item);
+  detail::expects_held("gsp::copy_dofs", dynamics, detail::set_of(quantity));
+  if (quantity == Quantity::implicit && model.profile == Profile::stable && dynamics.stamps(int(quantity)).level != detail::implicit_stages)
+    detail::refuse_quantity("gsp::copy_dofs", quantity, "are not complete");
   for_lanes("gsp::dynamics::copy_dofs", exec, model, dynamics, detail::CopyDofsStage<View>{out, item});
 }
 

@@ -77,12 +77,15 @@ struct SumEnergies {
 }  // namespace detail
 
 /// energy (world, 2) [J]: potential (weight of all bodies, springs of joints and tendons), kinetic (with armature). After smooth_dynamics
-/// with keep_all, or the single functions up to passive_forces. Does not allocate, does not fence.
+/// with keep_all, or the single functions up to passive_forces. Does not allocate, does not fence. Errors: std::invalid_argument where the
+/// dynamics do not hold what it needs of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void energies(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
               Dynamics<R, Mem> const& dynamics, View const& energy) {
   expects(int(energy.extent(0)) == dynamics.worlds && int(energy.extent(1)) == 2, "gsp::energies: energy must be (worlds, 2)");
   detail::expects_fit("gsp::energies", model, state, dynamics, poses);
+  detail::expects_of("gsp::energies", dynamics, state, detail::set_of(Quantity::velocity, Quantity::mass));
+  if (model.ntendon > 0) detail::expects_of("gsp::energies", dynamics, state, detail::set_of(Quantity::tendon_length));
   for_lanes("gsp::dynamics::tree_energies", exec, model, dynamics, detail::EnergyStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
   for_world_lanes<R>("gsp::dynamics::energies", exec, dynamics.worlds, 1,
                      detail::SumEnergies<R, Mem, View>{model, poses, dynamics, energy});

@@ -172,7 +172,15 @@ struct FactorStage {
 template <ExecutionSpace Exec, class R, class Mem>
 void factor(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics) {
   detail::expects_fit("gsp::factor", model, state, dynamics);
+  detail::expects_of("gsp::factor", dynamics, state,
+                     detail::set_of(Quantity::velocity, Quantity::mass, Quantity::bias, Quantity::passive, Quantity::actuator));
+  bool const adds = model.profile == Profile::stable;  // its matrix takes what actuators have begun, and adds to it
+  if (adds && dynamics.stamps(int(Quantity::implicit)).level != 1)
+    throw std::invalid_argument(
+        "gsp::factor: the implicit stiffness and damping are in the matrix already: call actuator_forces again first");
   for_lanes("gsp::dynamics::factor", exec, model, dynamics, detail::FactorStage<State<R, Mem>>{state});
+  detail::leaves(dynamics, state, detail::set_of(Quantity::factor, Quantity::free_velocity, Quantity::force, Quantity::acceleration));
+  detail::continues(dynamics, state, Quantity::implicit, 1);
 }
 
 }  // namespace gsp

@@ -75,6 +75,14 @@ KOKKOS_FORCEINLINE_FUNCTION bool lanes_factors_again(L const& l) {
          (l.a.derivative > 0 || (m.integrator == Integrator::euler && m.eulerdamp && m.dampers && m.damped));
 }
 
+/// The same for any of the model's trees, on the host.
+template <class R, class Mem>
+bool factors_again(Model<R, Mem> const& m) {
+  if (m.profile != Profile::mujoco) return false;
+  return (m.integrator == Integrator::euler && m.eulerdamp && m.dampers && m.damped) ||
+         any_archetype(m, [](Archetype const& a) { return a.derivative > 0; });
+}
+
 /// velocity <- velocity + L^-1 D^-1/2 z, z (world, nv) the whitened impulses. Profile mujoco starts again from the velocity v, the forces f
 /// and the impulses J^T p = L^T D^1/2 z, as joint damping enters here; MuJoCo's Euler has it
 ///   v+ = v + (M + h B)^-1 (h f + J^T p),
@@ -241,13 +249,22 @@ struct IntegrateStage {
 /// stays as it was, and says so in state.status (status::not_finite); clear the bit to try again.
 /// @param z     whitened impulses of the constraints (rows.z); empty: none
 /// @param halt  nothing happens while it holds non-zero, as the step has to be repeated (rows.halt); empty: never
-/// After factor (or smooth_dynamics) and, where there are constraints, pgs. Does not allocate, does not fence.
+/// After factor (or smooth_dynamics) and, where there are constraints, pgs. What the dynamics hold is then of the state before the step.
+/// Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics hold nothing of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem>
 void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, State<R, Mem> const& state,
                typename State<R, Mem>::template View<R**> const& z = {},
                Kokkos::View<int const, std::type_identity_t<Mem>> const& halt = {}) {
   detail::expects_fit("gsp::integrate", model, state, dynamics);
   if (z.data()) detail::expects_rows("gsp::integrate", "z", z, state.worlds, model.nv);
+  bool const again = detail::factors_again(model);
+  detail::expects_of("gsp::integrate", dynamics, state,
+                     detail::set_of(Quantity::velocity, Quantity::factor, Quantity::free_velocity, Quantity::activation_rate));
+  if (again) detail::expects_of("gsp::integrate", dynamics, state, detail::set_of(Quantity::mass, Quantity::force));
+  if (again && detail::any_archetype(model, [](Archetype const& a) { return a.derivative > 0; }))
+    detail::expects_complete("gsp::integrate", dynamics, state, Quantity::derivative, 3);
+  if (again) detail::loses(dynamics, detail::set_of(Quantity::factor, Quantity::derivative));  // another matrix takes their place
+  detail::moves_on(state);
   if (model.ntree == 1) {
     for_lanes("gsp::dynamics::integrate", exec, model, dynamics, detail::OneTreeStage<State<R, Mem>>{state, z, halt});
     return;

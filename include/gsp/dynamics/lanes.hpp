@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/dynamics/stamps.hpp>
 #include <gsp/math/pack.hpp>
 #include <gsp/math/spatial.hpp>
 #include <gsp/model/poses.hpp>
@@ -159,6 +160,7 @@ struct Dynamics {
   Kokkos::View<std::int64_t*, Mem> block_offset;           // (blocks) first item of the block
   Kokkos::View<int*, Mem> archetype_block;                 // (archetypes) first block
   Kokkos::View<Archetype*, Kokkos::HostSpace> archetypes;  // host: the model's when it was made, which decided the layout
+  detail::Stamps stamps;                                   // host: what the items hold, and of which state (stamps.hpp)
 
   KOKKOS_INLINE_FUNCTION R& item(Model<R, Mem> const& m, int w, int t, int at) const {
     int const k = m.tree_archetype(t), lane = m.tree_instance(t) * padded_worlds + w;
@@ -186,6 +188,7 @@ Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, Dyn
   constexpr int W = Dynamics<R, Mem>::width;
   d.worlds = options.worlds;
   d.archetypes = model.host_archetypes;
+  d.stamps = detail::make_stamps();
   d.padded_worlds = d.worlds < W ? d.worlds : (d.worlds + W - 1) / W * W;
   std::vector<int> archetype, first;
   std::vector<std::int64_t> offset;
@@ -212,6 +215,13 @@ Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, Dyn
 }
 
 namespace detail {
+/// True where want(archetype) for any of the model's.
+template <class R, class Mem, class Want>
+bool any_archetype(Model<R, Mem> const& model, Want const& want) {
+  for (int k = 0; k < model.narchetype; ++k)
+    if (want(model.host_archetypes(k))) return true;
+  return false;
+}
 // What meets in a call belongs together. Host integers alone: no allocation, no launch, no wait.
 
 /// The dynamics have the layout that the model asks for, and the model values for all of their worlds.

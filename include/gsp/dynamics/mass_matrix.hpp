@@ -118,13 +118,18 @@ void mass_matrix(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
                  Dynamics<R, Mem> const& dynamics) {
   detail::expects_fit("gsp::mass_matrix", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::mass_matrix", exec, model, dynamics, detail::MassMatrixStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
+  detail::leaves(dynamics, state, detail::set_of(Quantity::motion, Quantity::mass));
+  if (detail::any_archetype(model, [](Archetype const& a) { return a.tendon_armature; }))
+    detail::writes_some(dynamics, state, detail::set_of(Quantity::velocity, Quantity::tendon_length, Quantity::tendon_velocity));
 }
 
-/// Copies the mass matrices to M (world, nv, nv), symmetric; entries between trees are set to zero.
+/// Copies the mass matrices to M (world, nv, nv), symmetric; entries between trees are set to zero. They are of the state that they were
+/// computed for, also when it has moved on since. Errors: std::invalid_argument where no stage has left them.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void dense_mass_matrix(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, View const& M) {
   expects(int(M.extent(0)) == dynamics.worlds && int(M.extent(1)) == model.nv && int(M.extent(2)) == model.nv,
           "gsp::dense_mass_matrix: M must be (worlds, nv, nv)");
+  detail::expects_held("gsp::dense_mass_matrix", dynamics, detail::set_of(Quantity::mass));
   detail::zero(exec, M);
   for_lanes("gsp::dynamics::dense_mass_matrix", exec, model, dynamics, detail::DenseMassMatrixStage<View>{M});
 }

@@ -182,6 +182,11 @@ void passive_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> 
                     Dynamics<R, Mem> const& dynamics) {
   detail::expects_fit("gsp::passive_forces", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::passive_forces", exec, model, dynamics, detail::PassiveStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
+  detail::leaves(dynamics, state,
+                 detail::set_of(Quantity::velocity, Quantity::tendon_length, Quantity::tendon_velocity, Quantity::passive));
+  detail::continues(dynamics, state, Quantity::derivative, 1);
+  if (detail::any_archetype(model, [](Archetype const& a) { return a.fluid || a.gravcomp || a.spatial; }))
+    detail::writes_some(dynamics, state, detail::set_of(Quantity::motion));
 }
 
 }  // namespace gsp

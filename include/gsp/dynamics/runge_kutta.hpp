@@ -142,8 +142,12 @@ void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
   detail::expects_rows("gsp::runge_kutta", "rk.act", rk.act, state.worlds, model.na);
   for (int stage = 0; stage < 4; ++stage) {
     evaluate();
+    detail::expects_of("gsp::runge_kutta", dynamics, state,
+                       detail::set_of(Quantity::velocity, Quantity::free_velocity, Quantity::activation_rate));
     for_lanes("gsp::dynamics::runge_kutta", exec, model, dynamics, detail::RungeKuttaStage<R, Mem>{state, rk, stage});
+    detail::moves_on(state);
   }
+  detail::loses(dynamics, detail::all_quantities);  // they would be those of the last evaluation
   Kokkos::parallel_for("gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
                        detail::CountStep<Mem>{state.steps, state.status, {}});
 }

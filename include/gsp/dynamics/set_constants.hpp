@@ -162,6 +162,7 @@ void set_constants(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem
           "gsp::set_constants: no field that constants follow from is per world; call make_per_world, with body_mass for one");
   expects(dynamics.worlds == model.value_worlds, "gsp::set_constants: dynamics have " + std::to_string(dynamics.worlds) +
                                                      " worlds and the model " + std::to_string(model.value_worlds));
+  detail::loses(dynamics, detail::all_quantities);
   auto const out = [&](ModelField field, int items) {  // a tree without tendons has nothing to write
     return items > 0 ? world_values(model, field).data() : nullptr;
   };

@@ -75,6 +75,9 @@ void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
   for_lanes("gsp::dynamics::smooth_dynamics", exec, model, dynamics,
             detail::SmoothStage<State<R, Mem>, Poses<R, Mem>>{state, poses, options, keep_mass});
+  detail::loses(dynamics, detail::all_quantities);
+  detail::leaves(dynamics, state, detail::left_by_smooth(options.keep_all, keep_mass));
+  detail::completes(dynamics);
 }
 
 /// smooth_dynamics and integrate without constraints, with the integrator Euler or an implicit one: the same state and poses of bodies.
@@ -86,10 +89,13 @@ void smooth_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
   detail::expects_fit("gsp::smooth_step", model, state, dynamics, poses);
   if (model.ntree != 1) {  // a world stops as a whole
     smooth_dynamics(exec, model, state, dynamics, poses);
-    return integrate(exec, model, dynamics, state);
+    integrate(exec, model, dynamics, state);
+    return detail::loses(dynamics, detail::all_quantities);  // as below
   }
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
   for_lanes("gsp::dynamics::smooth_step", exec, model, dynamics, detail::SmoothStepStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
+  detail::loses(dynamics, detail::all_quantities);
+  detail::moves_on(state);
 }
 
 }  // namespace gsp

@@ -123,11 +123,13 @@ void subtree_com(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> con
   for_world_lanes<R>("gsp::dynamics::subtree_com", exec, int(s.com.extent(0)), 1, detail::SubtreeCom<R, Mem>{model, poses, s});
 }
 /// Velocity of the centre of mass and angular momentum about it, of every body's subtree (s.linvel, s.angmom). After subtree_com and
-/// smooth_dynamics (or mass_matrix and bias_forces). Cost about 150 flop a body. Does not allocate, does not fence.
+/// smooth_dynamics (or mass_matrix and bias_forces). Cost about 150 flop a body. Does not allocate, does not fence. Errors:
+/// std::invalid_argument where the dynamics do not hold motions and velocities of one state, or those of the state before its last step.
 template <ExecutionSpace Exec, class R, class Mem>
 void subtree_momentum(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics,
                       Subtrees<R, Mem> const& s) {
   detail::expects_fit("gsp::subtree_momentum", model, dynamics, poses);
+  detail::expects_together("gsp::subtree_momentum", dynamics, detail::set_of(Quantity::motion, Quantity::velocity));
   detail::expects_rows("gsp::subtree_momentum", "subtrees.com", s.com, dynamics.worlds, model.nbody);
   for_world_lanes<R>("gsp::dynamics::subtree_momentum", exec, int(s.com.extent(0)), 1,
                      detail::SubtreeMomentum<R, Mem>{model, poses, dynamics, s});

@@ -1,4 +1,5 @@
 #pragma once
+#include <atomic>
 #include <cstdint>
 #include <gsp/core/detail/views.hpp>
 #include <gsp/core/status.hpp>
@@ -24,9 +25,20 @@ struct State {
   View<R**> qfrc_applied;       // (world, nv) [N, N m]
   View<std::int64_t*> steps;    // (world) steps done; time = steps * timestep
   View<std::uint32_t*> status;  // (world) bits of core/status.hpp; 0: all is well. A world that is not finite is no longer stepped
+  Kokkos::View<std::uint64_t, Kokkos::HostSpace> moment;  // host: changes whenever a step or reset moves the state on (dynamics/stamps.hpp)
 };
 
 namespace detail {
+/// A number that no state has had before.
+inline std::uint64_t next_moment() {
+  static std::atomic<std::uint64_t> last{0};
+  return ++last;
+}
+/// The state moves on: what was computed of it is of the state before.
+template <class R, class Mem>
+void moves_on(State<R, Mem> const& s) {
+  if (s.moment.data()) s.moment() = next_moment();
+}
 /// Worlds of the state and of the model's own values, and the sizes of the state's arrays. Host integers alone.
 template <class R, class Mem>
 void expects_fit(char const* where, Model<R, Mem> const& model, State<R, Mem> const& s) {
@@ -74,6 +86,7 @@ State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOpti
   s.ctrl = view("gsp::State::ctrl", model.nu), s.qfrc_applied = view("gsp::State::qfrc_applied", model.nv);
   s.steps = detail::allocate<typename S::template View<std::int64_t*>>("gsp::State::steps", options.worlds);
   s.status = detail::allocate<typename S::template View<std::uint32_t*>>("gsp::State::status", options.worlds);
+  s.moment = detail::allocate<Kokkos::View<std::uint64_t, Kokkos::HostSpace>>("gsp::State::moment");
   reset(exec, model, s);
   return s;
 }
@@ -83,6 +96,7 @@ State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOpti
 template <class R, ExecutionSpace Exec, class Mem>
 void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& s) {
   detail::expects_fit("gsp::reset", model, s);
+  detail::moves_on(s);
   auto const qpos0 = model.qpos0;
   auto const qpos = s.qpos;
   int const nq = model.nq;

@@ -30,6 +30,7 @@ struct Sensors {
   Subtrees<R, Mem> subtrees;  // empty where no sensor asks for them
   bool momenta = false;       // any asks for more than centres of mass
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> energy;
+  detail::Quantities needs;   // host: what the dynamics must hold
   std::vector<int> left_out;  // host: indices of the model's sensors that are not: contacts, rays, accelerations, constraints
 };
 
@@ -56,6 +57,25 @@ constexpr bool is_smooth(SensorStage stage) {
       return false;
   }
   return false;
+}
+/// What a sensor reads of the dynamics.
+inline Quantities needs_of(SensorInfo const& info) {
+  switch (info.stage) {
+    case SensorStage::energy:
+      return set_of(Quantity::mass, Quantity::velocity, Quantity::tendon_length);
+    case SensorStage::momentum:
+      return set_of(Quantity::motion, Quantity::velocity);
+    case SensorStage::actuation:
+      return set_of(Quantity::actuator);
+    case SensorStage::velocity:
+      if (info.type == SensorType::tendon_pos) return set_of(Quantity::tendon_length);
+      if (info.type == SensorType::tendon_vel) return set_of(Quantity::tendon_velocity);
+      if (info.type == SensorType::actuator_pos) return set_of(Quantity::act_length);
+      if (info.type == SensorType::actuator_vel) return set_of(Quantity::actuator);
+      return set_of(Quantity::motion, Quantity::velocity);
+    default:
+      return {};  // of the state and the poses
+  }
 }
 /// What a frame stands on, by MJCF's word: SensorEntry::Kind.
 template <class R>
@@ -128,6 +148,7 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
     subtrees |= info->stage == SensorStage::subtree || info->stage == SensorStage::momentum;
     subtrees |= by_com(e.kind, e.object) || by_com(e.reference_kind, e.reference);
     energy |= info->stage == SensorStage::energy;
+    s.needs = s.needs | detail::needs_of(*info);
     entries.push_back(e);
   }
   s.entries = detail::to_device<Kokkos::View<Entry*, Mem>>(exec, "gsp::Sensors::entries", entries);
@@ -334,7 +355,8 @@ struct SmoothSensors {
 
 /// data (world, nsensordata): the numbers of all sensors of the table, at sensor_adr; what others have there stays as it is.
 /// After smooth_dynamics with keep_all, which left `poses` and `dynamics`. Noise is not added. Cost up to 20 flop a dof above a frame.
-/// Does not allocate, does not fence.
+/// Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics do not hold what these sensors read, of this state
+/// as it is now (without keep_all: energies, velocities of tendons, velocities and forces of actuators).
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                     Dynamics<R, Mem> const& dynamics, Sensors<R, Mem> const& sensors, View const& data) {
@@ -342,6 +364,7 @@ void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> 
           "gsp::smooth_sensors: data must be (worlds, nsensordata)");
   expects(dynamics.worlds == sensors.worlds, "gsp::smooth_sensors: dynamics and sensors have different numbers of worlds");
   detail::expects_fit("gsp::smooth_sensors", model, state, dynamics, poses);
+  detail::expects_of("gsp::smooth_sensors", dynamics, state, sensors.needs);
   if (sensors.subtrees.com.data()) subtree_com(exec, model, poses, sensors.subtrees);
   if (sensors.momenta) subtree_momentum(exec, model, poses, dynamics, sensors.subtrees);
   if (sensors.energy.data()) energies(exec, model, state, poses, dynamics, sensors.energy);
