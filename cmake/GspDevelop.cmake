@@ -29,11 +29,12 @@ if(GSP_ENABLE_CUDA)
   set(CMAKE_CUDA_EXTENSIONS OFF)
 endif()
 
-# gsp_develop: warnings, vector width and sanitizers, linked PRIVATE by our own executables.
+# gsp_develop: warnings, vector width and sanitizers, linked PRIVATE by what we compile. A target with the property GSP_PORTABLE keeps the vector width that users get:
+# it may be installed.
 add_library(gsp_develop INTERFACE)
 set(_cxx -Wall -Wextra -Werror=return-type)
 if(GSP_NATIVE)
-  list(APPEND _cxx -march=native)
+  list(APPEND _cxx "$<$<NOT:$<BOOL:$<TARGET_PROPERTY:GSP_PORTABLE>>>:-march=native>")
 endif()
 if(GSP_SANITIZE)
   list(APPEND _cxx -fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)

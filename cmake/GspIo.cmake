@@ -1,4 +1,4 @@
-# gsp::io = gsp::gsp + readers and writers and what they need.
+# gsp::io, gsp::io_headers = gsp::gsp + readers and writers and what they need.
 set(_missing "")
 macro(gsp_io_need target debian)
   if(NOT TARGET ${target})
@@ -22,7 +22,19 @@ if(_missing)
   message(FATAL_ERROR "gsp: gsp::io lacks libraries; on Debian and Ubuntu: apt-get install ${_missing} (scripts/test and scripts/quickstart do that), elsewhere install them and add their place to CMAKE_PREFIX_PATH, or pass -DGSP_ENABLE_IO=OFF to use gsp::gsp alone.")
 endif()
 
-add_library(gsp_io INTERFACE)
+# gsp::io_headers: header-only. gsp::io: the same, with what needs no template parameter (readers, writers, gsp::compile) compiled once, in a static library.
+add_library(gsp_io_headers INTERFACE)
+add_library(gsp::io_headers ALIAS gsp_io_headers)
+set_target_properties(gsp_io_headers PROPERTIES EXPORT_NAME io_headers)
+target_link_libraries(gsp_io_headers INTERFACE gsp_gsp pugixml::pugixml ZLIB::ZLIB Qhull::qhull_r nlohmann_json::nlohmann_json Eigen3::Eigen gsp::stb)
+
+file(GLOB _sources CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/src/*.cpp")
+add_library(gsp_io STATIC ${_sources})
 add_library(gsp::io ALIAS gsp_io)
-set_target_properties(gsp_io PROPERTIES EXPORT_NAME io)
-target_link_libraries(gsp_io INTERFACE gsp_gsp pugixml::pugixml ZLIB::ZLIB Qhull::qhull_r nlohmann_json::nlohmann_json Eigen3::Eigen gsp::stb)
+set_target_properties(gsp_io PROPERTIES EXPORT_NAME io POSITION_INDEPENDENT_CODE ON CXX_EXTENSIONS OFF GSP_PORTABLE ON)
+target_link_libraries(gsp_io PUBLIC gsp_io_headers)
+target_compile_definitions(gsp_io PUBLIC GSP_COMPILED)
+if(TARGET gsp_develop)
+  target_link_libraries(gsp_io PRIVATE $<BUILD_INTERFACE:gsp_develop>)
+endif()
+unset(_sources)

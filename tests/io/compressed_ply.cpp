@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <gsp/io/file.hpp>
 #include <gsp/io/ply.hpp>
 #include <io/fixtures.hpp>
 #include <support/data.hpp>

@@ -1,7 +1,9 @@
 // Height fields from pictures, binary files and numbers. (Against MuJoCo: tests/oracle/mesh.cpp.)
 #include <doctest/doctest.h>
 
+#include <gsp/io/file.hpp>
 #include <gsp/io/hfield.hpp>
+#include <gsp/io/png.hpp>
 #include <gsp/model/compile.hpp>
 #include <io/mesh_fixtures.hpp>
 

@@ -1,9 +1,12 @@
 // Mesh files, and what compile makes of meshes, against closed forms. (Against MuJoCo: tests/oracle/mesh.cpp.)
 #include <doctest/doctest.h>
 
+#include <gsp/io/file.hpp>
 #include <gsp/io/mesh.hpp>
 #include <gsp/io/mesh_hull.hpp>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/detail/host_math.hpp>
+#include <gsp/model/detail/shape_inertia.hpp>
 #include <io/mesh_fixtures.hpp>
 #include <set>
 

@@ -1,6 +1,8 @@
 #include <doctest/doctest.h>
 
 #include <cstdio>
+#include <gsp/io/detail/ply_table.hpp>
+#include <gsp/io/file.hpp>
 #include <gsp/io/ply.hpp>
 #include <io/fixtures.hpp>
 

@@ -1,5 +1,8 @@
 #include <doctest/doctest.h>
 
+#include <gsp/io/detail/png_chunks.hpp>
+#include <gsp/io/detail/png_passes.hpp>
+#include <gsp/io/file.hpp>
 #include <gsp/io/png.hpp>
 #include <io/fixtures.hpp>
 #define STB_IMAGE_STATIC

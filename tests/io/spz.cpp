@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <gsp/io/detail/splat_rotation.hpp>
 #include <gsp/io/splat_transform.hpp>
 #include <gsp/io/spz.hpp>
 #include <io/fixtures.hpp>

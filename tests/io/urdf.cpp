@@ -6,6 +6,7 @@
 #include <fstream>
 #include <gsp/io/urdf.hpp>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/detail/host_math.hpp>
 #include <io/fixtures.hpp>
 #include <io/urdf_robots.hpp>
 

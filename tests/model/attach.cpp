@@ -1,5 +1,7 @@
 #include <doctest/doctest.h>
 
+#include <cmath>
+
 #include <gsp/model/attach.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>
@@ -36,7 +38,10 @@ TEST_CASE("a piece is put below a body in the middle of the tree, names, referen
 TEST_CASE("the world's geoms go to the body, posed; a free joint below the world is refused") {
   auto to = samples::pendulum();
   Description piece;
-  piece.bodies[0].geoms = {samples::detail::shape(ShapeType::sphere, {0.1, 0, 0}, {1, 0, 0})};
+  GeomDescription ball;
+  ball.size = {0.1, 0, 0};
+  ball.pos = {1, 0, 0};
+  piece.bodies[0].geoms = {ball};
   attach(to, piece, {.body = "rod0", .pos = {0, 0, 2}, .quat = {std::sqrt(0.5), 0, 0, std::sqrt(0.5)}});
   auto const& g = to.bodies[1].geoms.back();
   CHECK(g.pos[0] == doctest::Approx(0));

@@ -1,6 +1,9 @@
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/detail/host_math.hpp>
+#include <gsp/model/detail/principal_axes.hpp>
 
 using namespace gsp;
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstring>
 #include <fstream>
+#include <gsp/io/detail/bytes.hpp>
 #include <gsp/io/mjcf.hpp>
 #include <gsp/io/write_mjcf.hpp>
 #include <gsp/model/compile.hpp>

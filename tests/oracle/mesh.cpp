@@ -3,11 +3,16 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <gsp/io/bitmap.hpp>
+#include <gsp/io/file.hpp>
 #include <gsp/io/hfield.hpp>
 #include <gsp/io/mesh.hpp>
 #include <gsp/io/mesh_builtin.hpp>
 #include <gsp/io/mesh_hull.hpp>
+#include <gsp/io/png.hpp>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/detail/host_math.hpp>
+#include <gsp/model/detail/principal_axes.hpp>
 #include <io/mesh_fixtures.hpp>
 #include <map>
 #include <optional>

@@ -3,6 +3,7 @@
 
 #include <gsp/io/urdf.hpp>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/detail/host_math.hpp>
 #include <io/urdf_robots.hpp>
 
 #include "oracle/load.hpp"

@@ -1,6 +1,8 @@
 #pragma once
-#include <gsp/io/file.hpp>
+#include <filesystem>
+#include <gsp/io/detail/bytes.hpp>
 #include <gsp/io/splat_set.hpp>
+#include <string>
 
 namespace gsp::io {
 
@@ -8,24 +10,12 @@ namespace gsp::io {
 /// uint8 rotation w x y z
 /// ((b - 128)/128, any length). SH degree 0. Throws Error where the size is no multiple of 32 or a value is not finite; a cut at a multiple
 /// of 32 cannot be seen.
-inline SplatSet parse_splat(Bytes bytes, std::string const& name) {
-  if (bytes.empty() || bytes.size() % 32 != 0)
-    detail::fail(name, detail::at_byte(bytes.size() - bytes.size() % 32),
-                 "a .splat file holds 32 bytes per Gaussian, this one has " + std::to_string(bytes.size()) +
-                     " bytes; it is cut short or not a .splat");
-  std::size_t const n = bytes.size() / 32;
-  SplatSet set = make_splat_set(n, 0);
-  for (std::size_t i = 0; i < n; ++i) {
-    std::memcpy(&set.positions[3 * i], bytes.data() + 32 * i, 12);
-    std::memcpy(&set.scales[3 * i], bytes.data() + 32 * i + 12, 12);
-    auto const byte = [&](std::size_t k) { return static_cast<double>(bytes[32 * i + 24 + k]); };
-    for (std::size_t k = 0; k < 3; ++k) set.sh[3 * i + k] = static_cast<float>((byte(k) / 255 - 0.5) / sh_c0);
-    set.opacities[i] = static_cast<float>(byte(3) / 255);
-    for (std::size_t k = 0; k < 4; ++k) set.quats[4 * i + k] = static_cast<float>((byte(4 + k) - 128) / 128);
-  }
-  detail::finish(set, name);
-  return set;
-}
-inline SplatSet read_splat(std::filesystem::path const& path) { return parse_splat(read_file(path), path.string()); }
+SplatSet parse_splat(Bytes bytes, std::string const& name);
+
+SplatSet read_splat(std::filesystem::path const& path);
 
 }  // namespace gsp::io
+
+#if !defined(GSP_COMPILED)
+#include <gsp/io/detail/splat_file_impl.hpp>
+#endif

@@ -1,7 +1,9 @@
 #pragma once
-#include <gsp/io/file.hpp>
+#include <filesystem>
+#include <gsp/io/detail/bytes.hpp>
 #include <gsp/io/splat_set.hpp>
-#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 namespace gsp::io {
 
@@ -13,63 +15,16 @@ struct LinkRange {
 
 /// The ranges of a JSON sidecar: {"links": [{"name": "FL_foot", "first": 0, "count": 1000}, ...]}. A link may have several ranges. Throws
 /// Error for broken JSON (with its line), a missing or unknown key, or a value of the wrong type.
-inline std::vector<LinkRange> parse_links(Bytes bytes, std::string const& name) {
-  using detail::fail;
-  using Json = nlohmann::json;
-  auto const text = detail::as_text(bytes);
-  Json root;
-  try {
-    root = Json::parse(text.begin(), text.end());
-  } catch (Json::parse_error const& error) {
-    auto const line = 1 + std::count(text.begin(), text.begin() + std::min(error.byte, text.size()), '\n');
-    fail(name, detail::at_line(line), "is not valid JSON here; repair it");
-  } catch (Json::exception const&) {  // the parser's other refusal
-    fail(name, "", "has a number that no double can hold; repair it");
-  }
-  if (!root.is_object() || root.size() != 1 || !root.contains("links") || !root["links"].is_array())
-    fail(name, "", R"(must be {"links": [{"name": "...", "first": 0, "count": 1}, ...]}; write it so)");
-  std::vector<LinkRange> ranges;
-  for (auto const& item : root["links"]) {
-    std::string const place = "links[" + std::to_string(ranges.size()) + "]";
-    if (!item.is_object() || item.size() != 3 || !item.contains("name") || !item.contains("first") || !item.contains("count"))
-      fail(name, place, R"(must have exactly the keys "name", "first" and "count"; write it so)");
-    if (!item["name"].is_string() || item["name"].get_ref<std::string const&>().empty())
-      fail(name, place, "\"name\" must be the name of a link; give it one");
-    for (char const* key : {"first", "count"})
-      if (!item[key].is_number_unsigned())
-        fail(name, place, "\"" + std::string(key) + "\" must be a whole number, not negative; write it so");
-    ranges.push_back({item["name"].get<std::string>(), item["first"].get<std::size_t>(), item["count"].get<std::size_t>()});
-  }
-  return ranges;
-}
-inline std::vector<LinkRange> read_links(std::filesystem::path const& path) { return parse_links(read_file(path), path.string()); }
+std::vector<LinkRange> parse_links(Bytes bytes, std::string const& name);
+
+std::vector<LinkRange> read_links(std::filesystem::path const& path);
 
 /// Binds the ranges to their links; Gaussians in no range become static. Replaces what the set had. Throws Error where a range leaves the
 /// set or two overlap; `name` is where the ranges come from.
-inline void bind_links(SplatSet& set, std::vector<LinkRange> const& ranges, std::string const& name) {
-  std::vector<int> link(set.size(), -1);
-  std::vector<std::string> names;
-  std::map<std::string, int> index;
-  for (std::size_t r = 0; r < ranges.size(); ++r) {
-    auto const& [label, first, count] = ranges[r];
-    std::string const place = "links[" + std::to_string(r) + "] (" + detail::in_quotes(label) + ")";
-    if (first > set.size() || count > set.size() - first)
-      detail::fail(name, place,
-                   "first " + std::to_string(first) + " and count " + std::to_string(count) + " leave the " + std::to_string(set.size()) +
-                       " Gaussians; correct them");
-    auto const [entry, added] = index.emplace(label, static_cast<int>(names.size()));
-    if (added) names.push_back(label);
-    for (std::size_t i = first; i < first + count; ++i) {
-      if (link[i] >= 0)
-        detail::fail(
-            name, place,
-            "Gaussian " + std::to_string(i) + " is already bound to " + detail::in_quotes(names[link[i]]) + "; ranges must not overlap");
-      link[i] = entry->second;
-    }
-  }
-  set.link = std::move(link);
-  set.link_names = std::move(names);
-  validate(set, name);
-}
+void bind_links(SplatSet& set, std::vector<LinkRange> const& ranges, std::string const& name);
 
 }  // namespace gsp::io
+
+#if !defined(GSP_COMPILED)
+#include <gsp/io/detail/splat_links_impl.hpp>
+#endif

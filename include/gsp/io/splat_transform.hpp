@@ -1,8 +1,7 @@
 #pragma once
 #include <array>
-#include <charconv>
 #include <gsp/io/splat_set.hpp>
-#include <numbers>
+#include <string_view>
 
 namespace gsp::io {
 
@@ -15,61 +14,11 @@ struct SplatPose {
 
 /// A pose written as a user types it: "x y z qw qx qy qz scale". Throws Error unless these are eight finite numbers, with a quaternion that
 /// is not 0 and a positive scale.
-inline SplatPose parse_splat_pose(std::string_view text) {
-  std::array<double, 8> v{};
-  std::size_t count = 0;
-  bool ok = true;
-  for (std::size_t at = 0; ok && (at = text.find_first_not_of(" \t", at)) != std::string_view::npos;) {
-    std::size_t const end = std::min(text.find_first_of(" \t", at), text.size());
-    ok = count < 8;
-    if (!ok) break;
-    auto const [stop, error] = std::from_chars(text.data() + at, text.data() + end, v[count]);
-    ok = error == std::errc{} && stop == text.data() + end && std::isfinite(v[count]);
-    ++count;
-    at = end;
-  }
-  if (!ok || count != 8 || !(v[7] > 0) || (v[3] == 0 && v[4] == 0 && v[5] == 0 && v[6] == 0))
-    throw Error("pose " + detail::in_quotes(text) +
-                ": must be eight numbers 'x y z qw qx qy qz scale' with a quaternion that is not 0 and a positive scale; write it so");
-  return {{v[0], v[1], v[2]}, {v[3], v[4], v[5], v[6]}, v[7]};
-}
+SplatPose parse_splat_pose(std::string_view text);
 
 struct SplatTransformOptions {
   bool links = false;  // also those bound to a link; they stand in the link's frame, which a move of the scene leaves alone
 };
-
-namespace detail {
-
-using Matrix3 = std::array<double, 9>;  // row-major
-
-inline Matrix3 rotation_matrix(std::array<double, 4> const& q) {
-  auto const [w, x, y, z] = q;
-  return {1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), 2 * (x * y + w * z),    1 - 2 * (x * x + z * z),
-          2 * (y * z - w * x),     2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)};
-}
-
-/// The real spherical harmonics of degree 0-3 in the order and with the signs that 3DGS files use, (x, y, z) a unit vector.
-inline std::array<double, 16> sh_basis(double x, double y, double z) {
-  double const xx = x * x, yy = y * y, zz = z * z;
-  return {0.28209479177387814,
-          -0.48860251190291992 * y,
-          0.48860251190291992 * z,
-          -0.48860251190291992 * x,
-          1.0925484305920792 * x * y,
-          -1.0925484305920792 * y * z,
-          0.94617469575756 * zz - 0.31539156525252,
-          -1.0925484305920792 * x * z,
-          0.5462742152960396 * (xx - yy),
-          -0.5900435899266435 * y * (3 * xx - yy),
-          2.890611442640554 * x * y * z,
-          -0.4570457994644658 * y * (5 * zz - 1),
-          0.3731763325901154 * z * (5 * zz - 3),
-          -0.4570457994644658 * x * (5 * zz - 1),
-          1.445305721320277 * z * (xx - yy),
-          -0.5900435899266435 * x * (xx - 3 * yy)};
-}
-
-}  // namespace detail
 
 /// The matrix D that turns SH coefficients with a rotated Gaussian: sum_k (D c)_k Y_k(R d) = sum_k c_k Y_k(d) for all d. Block diagonal (1,
 /// 3, 5, 7), orthogonal.
@@ -77,64 +26,15 @@ inline std::array<double, 16> sh_basis(double x, double y, double z) {
 /// The integrand is a polynomial of degree <= 6 on the sphere, for which 4 Gauss-Legendre heights (exact to degree 7) times 7 equal
 /// azimuths (exact to order 6) integrate exactly: the 28 points give D to rounding, with no special cases. Within a band only: across bands
 /// the integral is 0.
-inline std::array<std::array<double, 16>, 16> sh_rotation(std::array<double, 4> const& unit_quat) {
-  auto const r = detail::rotation_matrix(unit_quat);
-  std::array<double, 4> const height{-0.8611363115940526, -0.3399810435848563, 0.3399810435848563, 0.8611363115940526};
-  std::array<double, 4> const weight{0.3478548451374538, 0.6521451548625461, 0.6521451548625461, 0.3478548451374538};
-  std::array<std::array<double, 16>, 16> d{};
-  for (int i = 0; i < 4; ++i)
-    for (int m = 0; m < 7; ++m) {
-      double const angle = 2 * std::numbers::pi * m / 7, radius = std::sqrt(1 - height[i] * height[i]);
-      double const x = radius * std::cos(angle), y = radius * std::sin(angle), z = height[i];
-      auto const from = detail::sh_basis(x, y, z);
-      auto const to = detail::sh_basis(r[0] * x + r[1] * y + r[2] * z, r[3] * x + r[4] * y + r[5] * z, r[6] * x + r[7] * y + r[8] * z);
-      for (int band = 0; band < 4; ++band)
-        for (int j = band * band; j < (band + 1) * (band + 1); ++j)
-          for (int k = band * band; k < (band + 1) * (band + 1); ++k) d[j][k] += weight[i] * 2 * std::numbers::pi / 7 * to[j] * from[k];
-    }
-  return d;
-}
+std::array<std::array<double, 16>, 16> sh_rotation(std::array<double, 4> const& unit_quat);
 
 /// Moves Gaussians by x -> scale R x + position: positions, rotations, sizes, and the directions of their colours. In place. Throws
 /// std::invalid_argument where the scale is not positive, the quaternion is 0, or a number is not finite. Cost: 83 products per colour
 /// channel at SH 3.
-inline void transform(SplatSet& set, SplatPose const& pose, SplatTransformOptions options = {}) {
-  auto const& q = pose.quat;
-  double const norm = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-  expects(std::isfinite(norm) && norm > 1e-12, "gsp::io::transform: the quaternion of the pose (w x y z) must be finite and not 0");
-  expects(std::isfinite(pose.scale) && pose.scale > 0, "gsp::io::transform: the scale of the pose must be positive");
-  for (double p : pose.position) expects(std::isfinite(p), "gsp::io::transform: the position of the pose must be finite");
-  std::array<double, 4> const u{q[0] / norm, q[1] / norm, q[2] / norm, q[3] / norm};
-  auto const r = detail::rotation_matrix(u);
-  auto const d = sh_rotation(u);
-  std::size_t const terms = set.sh_terms();
-  for (std::size_t i = 0; i < set.size(); ++i) {
-    if (set.link[i] >= 0 && !options.links) continue;
-    float* const p = &set.positions[3 * i];
-    double const x = p[0], y = p[1], z = p[2];
-    for (int k = 0; k < 3; ++k)
-      p[k] = static_cast<float>(pose.scale * (r[3 * k] * x + r[3 * k + 1] * y + r[3 * k + 2] * z) + pose.position[k]);
-    for (int k = 0; k < 3; ++k) set.scales[3 * i + k] = static_cast<float>(set.scales[3 * i + k] * pose.scale);
-    float* const g = &set.quats[4 * i];
-    double const b[4] = {g[0], g[1], g[2], g[3]};
-    g[0] = static_cast<float>(u[0] * b[0] - u[1] * b[1] - u[2] * b[2] - u[3] * b[3]);
-    g[1] = static_cast<float>(u[0] * b[1] + u[1] * b[0] + u[2] * b[3] - u[3] * b[2]);
-    g[2] = static_cast<float>(u[0] * b[2] - u[1] * b[3] + u[2] * b[0] + u[3] * b[1]);
-    g[3] = static_cast<float>(u[0] * b[3] + u[1] * b[2] - u[2] * b[1] + u[3] * b[0]);
-    for (int band = 1; band <= set.sh_degree; ++band) {
-      int const first = band * band, count = 2 * band + 1;
-      for (int c = 0; c < 3; ++c) {
-        float* const sh = &set.sh[3 * (terms * i + first) + c];
-        double old[7];
-        for (int k = 0; k < count; ++k) old[k] = sh[3 * k];
-        for (int j = 0; j < count; ++j) {
-          double sum = 0;
-          for (int k = 0; k < count; ++k) sum += d[first + j][first + k] * old[k];
-          sh[3 * j] = static_cast<float>(sum);
-        }
-      }
-    }
-  }
-}
+void transform(SplatSet& set, SplatPose const& pose, SplatTransformOptions options = {});
 
 }  // namespace gsp::io
+
+#if !defined(GSP_COMPILED)
+#include <gsp/io/detail/splat_transform_impl.hpp>
+#endif

@@ -1,34 +1,26 @@
 #pragma once
+#include <filesystem>
+#include <gsp/io/detail/bytes.hpp>
 #include <gsp/io/ply.hpp>
 #include <gsp/io/splat_file.hpp>
 #include <gsp/io/splat_links.hpp>
 #include <gsp/io/splat_set.hpp>
 #include <gsp/io/splat_transform.hpp>
 #include <gsp/io/spz.hpp>
+#include <string>
 
 namespace gsp::io {
 
 /// Gaussians from the bytes of any file that we read: told by its first bytes (PLY, .spz), or, since it has no mark, by the ending `.splat`
 /// of `name`.
-inline SplatSet parse_splats(Bytes bytes, std::string const& name) {
-  if (bytes.empty()) detail::fail(name, "", "the file is empty; fetch it again");
-  if (name.ends_with(".splat")) return parse_splat(bytes, name);
-  if (detail::starts_with(bytes, "ply")) return parse_ply(bytes, name);
-  if (detail::starts_with(bytes, "\x1f\x8b") || detail::starts_with(bytes, "NGSP")) return parse_spz(bytes, name);
-  detail::fail(
-      name, detail::at_byte(0),
-      "is no file of Gaussians that is known here; convert it to .ply (3DGS or SuperSplat compressed), .splat or .spz (version 2 or 3)");
-}
+SplatSet parse_splats(Bytes bytes, std::string const& name);
 
 /// Gaussians of a file (.ply, .compressed.ply, .splat, .spz). Where a file of the same name ending in `.links.json` stands beside it
 /// (scene.ply -> scene.links.json), its ranges bind Gaussians to links and replace a PLY's own. Throws Error with file, place and remedy.
-inline SplatSet read_splats(std::filesystem::path const& path) {
-  SplatSet set = parse_splats(read_file(path), path.string());
-  auto sidecar = path;
-  sidecar.replace_extension(".links.json");
-  std::error_code error;
-  if (std::filesystem::exists(sidecar, error)) bind_links(set, read_links(sidecar), sidecar.string());
-  return set;
-}
+SplatSet read_splats(std::filesystem::path const& path);
 
 }  // namespace gsp::io
+
+#if !defined(GSP_COMPILED)
+#include <gsp/io/detail/splats_impl.hpp>
+#endif

@@ -1,7 +1,7 @@
 #pragma once
 #include <filesystem>
-#include <gsp/io/detail/urdf_reader.hpp>
-#include <gsp/io/file.hpp>
+#include <gsp/io/detail/urdf_options.hpp>
+#include <gsp/core/check.hpp>
 #include <gsp/model/description.hpp>
 #include <string>
 #include <string_view>
@@ -13,18 +13,13 @@ namespace gsp::io {
 /// do to the joint. Masses come from <inertial> alone. Strict: each element and attribute is honoured, refused, or listed in
 /// Description::report with the reason. Host; cost O(size of the text).
 /// Errors: gsp::Error "FILE:LINE: what is wrong; remedy".
-inline Description parse_urdf(std::string_view text, std::string const& name, UrdfOptions const& options = {}) {
-  detail::mjcf::Files files;
-  files.read = options.read ? options.read : [](std::filesystem::path const& path) { return read_file(path); };
-  int const file = files.add(name);
-  auto const root = detail::mjcf::XmlReader(files, false).parse(detail::as_bytes(text), file);
-  return detail::urdf::Reader(files, options).run(root);
-}
+Description parse_urdf(std::string_view text, std::string const& name, UrdfOptions const& options = {});
 
 /// Reads a URDF file and the meshes that it names; see parse_urdf.
-inline Description read_urdf(std::filesystem::path const& path, UrdfOptions const& options = {}) {
-  auto const bytes = options.read ? options.read(path) : read_file(path);
-  return parse_urdf(detail::as_text(bytes), path.string(), options);
-}
+Description read_urdf(std::filesystem::path const& path, UrdfOptions const& options = {});
 
 }  // namespace gsp::io
+
+#if !defined(GSP_COMPILED)
+#include <gsp/io/detail/urdf_impl.hpp>
+#endif

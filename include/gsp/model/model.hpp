@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <gsp/core/check.hpp>
 #include <gsp/core/detail/views.hpp>
 #include <gsp/math/quat.hpp>
 #include <gsp/model/archetypes.hpp>

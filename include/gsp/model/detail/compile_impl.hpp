@@ -1,0 +1,239 @@
+#pragma once
+#include <algorithm>
+#include <cmath>
+#include <gsp/core/check.hpp>
+#include <gsp/core/detail/compiled.hpp>
+#include <gsp/model/compile.hpp>
+#include <gsp/model/compiled.hpp>
+#include <gsp/model/detail/compile_constants.hpp>
+#include <gsp/model/detail/leave_out.hpp>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace gsp {
+
+namespace detail {
+
+/// Contacts between these two shapes are computed (collision/): plane, sphere and capsule against all five, and two boxes.
+inline bool is_covered_pair(int a, int b) {
+  auto const simple = [](int t) { return t == int(ShapeType::plane) || t == int(ShapeType::sphere) || t == int(ShapeType::capsule); };
+  auto const known = [&](int t) { return simple(t) || t == int(ShapeType::cylinder) || t == int(ShapeType::box); };
+  return (simple(a) && known(b)) || (simple(b) && known(a)) || (a == int(ShapeType::box) && b == int(ShapeType::box));
+}
+
+class Compiler : public ConstantsCompiler {
+ public:
+  Compiler(Description const& d, CompileOptions const& o) : ConstantsCompiler(d), approximate_(o.approximate || d.compiler.approximate) {}
+  CompiledModel run() {
+    masses_only();
+    align_free_bodies();
+    tendons();
+    actuators();
+    equalities();
+    sensors();
+    constants();
+    named_pairs();
+    pairs();
+    keyframes();
+    return std::move(m_);
+  }
+  /// Bodies, joints, shapes and masses, before anything that depends on the initial pose.
+  CompiledModel bodies_only() {
+    masses_only();
+    return std::move(m_);
+  }
+
+ private:
+  void masses_only() {
+    m_.name = d_.name, m_.option = d_.option, m_.report = d_.report;
+    check_numbers();
+    assets();
+    bodies();
+    trees();
+    masses();
+  }
+
+  // Shapes and condim are judged where the model has contacts at all.
+  bool has_contacts() const { return d_.option.contact && d_.option.constraint; }
+
+  // Two geoms that may touch in any case, by their own numbers: nothing is mixed from the geoms. The geom of the earlier body comes first.
+  void named_pairs() {
+    int left_out = 0;
+    int wide = 0;
+    PairDescription const* first_left_out = nullptr;
+    PairDescription const* first_wide = nullptr;
+    for (std::size_t i = 0; i < d_.pairs.size(); ++i) {
+      auto const& p = d_.pairs[i];
+      enter(Kind::pair, p.name, int(i), p.place);
+      int a = find(Kind::geom, p.geom1, p.place, "pair", p.name), b = find(Kind::geom, p.geom2, p.place, "pair", p.name);
+      if (a == b) fail(p.place, "pair", p.name, "names one geom twice: name two");
+      if (m_.geom_body[a] > m_.geom_body[b]) std::swap(a, b);
+      CompiledModel::NamedPair pair{};
+      pair.geom1 = a, pair.geom2 = b;
+      pair.condim = p.condim.value_or(3);
+      if (pair.condim != 1 && pair.condim != 3 && pair.condim != 4 && pair.condim != 6)
+        fail(p.place, "pair", p.name, "has a condim other than 1, 3, 4, 6: choose one of them");
+      SoftnessDescription const standard;
+      pair.friction = p.friction.value_or(std::array{1., 1., 0.005, 0.0001, 0.0001});
+      pair.solref = p.solref.value_or(standard.solref), pair.solimp = p.solimp.value_or(standard.solimp);
+      pair.solreffriction = p.solreffriction.value_or(std::array{0., 0.});
+      pair.margin = p.margin.value_or(0), pair.gap = p.gap.value_or(0);
+      require_finite(finite(pair.friction) && finite(pair.solref) && finite(pair.solimp) && finite(pair.solreffriction) &&
+                         std::isfinite(pair.margin) && std::isfinite(pair.gap),
+                     p.place, "pair", p.name);
+      named_.emplace(std::min(a, b), std::max(a, b));
+      int const type_a = m_.geom_type[a];
+      int const type_b = m_.geom_type[b];
+      if (type_a == int(ShapeType::plane) && type_b == int(ShapeType::plane)) continue;  // no contact is defined
+      if (has_contacts() && !is_covered_pair(type_a, type_b)) {
+        if (!approximate_)
+          fail(p.place, "pair", p.name,
+               "is of " + geom_text(a) + " and " + geom_text(b) +
+                   ", and contact between these two shapes is not supported: remove it, use other shapes, or leave such pairs out with "
+                   "--approximate");
+        if (left_out++ == 0) first_left_out = &p;
+        continue;
+      }
+      if (has_contacts() && pair.condim > 3) {
+        if (!approximate_)
+          fail(p.place, "pair", p.name,
+               "has condim " + std::to_string(pair.condim) +
+                   ", and torsional and rolling friction are not supported yet: use condim 3, or let it be taken as 3 with --approximate");
+        if (wide++ == 0) first_wide = &p;
+        pair.condim = 3;
+      }
+      m_.named_pairs.push_back(pair);
+    }
+    if (left_out > 0)
+      note(first_left_out->place, "named pairs whose contact is not supported are left out", left_out, ReportLine::Kind::left_out);
+    if (wide > 0)
+      note(first_wide->place, "named pairs with condim 4 or 6 are taken as condim 3: no torsional or rolling friction", wide,
+           ReportLine::Kind::approximated);
+  }
+
+  void note(Place const& place, std::string const& text, int count, ReportLine::Kind kind) {
+    m_.report.push_back({kind, place.file >= 0 ? d_.files[place.file] : d_.name, place.line, text, count});
+  }
+  std::string geom_text(int g) const {
+    return std::string(shape_name(ShapeType(m_.geom_type[g]))) +
+           (m_.geom_name[g].empty() ? " of body '" + m_.body_name[m_.geom_body[g]] + "'" : " '" + m_.geom_name[g] + "'");
+  }
+  // Two geoms may touch when a bit of contype meets one of conaffinity and their bodies are not welded together, not parent and child
+  // (unless one is the world), and not excluded; two that are a named pair are none here.
+  void pairs() {
+    bool const judged = has_contacts();
+    std::vector<std::vector<int>> excluded(std::size_t(m_.nbody));  // with which bodies, both ways
+    for (auto const& e : d_.excludes) {
+      int const a = find(Kind::body, e.body1, e.place, "exclude", ""), b = find(Kind::body, e.body2, e.place, "exclude", "");
+      excluded[std::size_t(a)].push_back(b), excluded[std::size_t(b)].push_back(a);
+    }
+    auto const stands = [&](int weld) { return m_.body_dofnum[weld] == 0; };  // also mocap bodies
+    std::vector<int> colliding;
+    for (int g = 0; g < m_.ngeom; ++g)
+      if (m_.geom_contype[g] != 0 || m_.geom_conaffinity[g] != 0) colliding.push_back(g);
+    int left_out = 0, wide = 0;
+    std::optional<std::array<int, 2>> first_left_out;
+    for (std::size_t i = 0; i < colliding.size(); ++i) {
+      int const a = colliding[i], body_a = m_.geom_body[a], weld_a = m_.body_weld[body_a];
+      int const above_a = m_.body_weld[m_.body_parent[weld_a]];
+      for (std::size_t k = i + 1; k < colliding.size(); ++k) {
+        int const b = colliding[k], body_b = m_.geom_body[b], weld_b = m_.body_weld[body_b];
+        if (weld_a == weld_b || (stands(weld_a) && stands(weld_b))) continue;
+        if (!((m_.geom_contype[a] & m_.geom_conaffinity[b]) || (m_.geom_contype[b] & m_.geom_conaffinity[a]))) continue;
+        if (d_.option.filterparent && weld_a != 0 && weld_b != 0 && (weld_a == m_.body_weld[m_.body_parent[weld_b]] || weld_b == above_a))
+          continue;
+        if (auto const& not_with = excluded[std::size_t(body_a)]; std::find(not_with.begin(), not_with.end(), body_b) != not_with.end())
+          continue;
+        if (!named_.empty() && named_.count({a, b})) continue;
+        std::array<int, 2> const pair = m_.geom_type[a] <= m_.geom_type[b] ? std::array{a, b} : std::array{b, a};
+        if (m_.geom_type[pair[1]] == int(ShapeType::plane)) continue;  // two planes: no contact is defined
+        if (judged && !is_covered_pair(m_.geom_type[pair[0]], m_.geom_type[pair[1]])) {
+          if (!approximate_)
+            throw Error(at(places_[a]) + geom_text(a) + " can meet " + geom_text(b) + " (" + at(places_[b]) +
+                        "see there), and contact between these two shapes is not supported: keep them apart with contype and conaffinity "
+                        "or exclude, use other shapes, or leave such pairs out with --approximate");
+          if (!left_out++) first_left_out = {a, b};
+          continue;
+        }
+        int const condim = m_.geom_priority[a] == m_.geom_priority[b] ? std::max(m_.geom_condim[a], m_.geom_condim[b])
+                                                                      : m_.geom_condim[m_.geom_priority[a] > m_.geom_priority[b] ? a : b];
+        if (judged && condim > 3 && !approximate_) {
+          int const g = m_.geom_condim[a] == condim ? a : b;
+          throw Error(
+              at(places_[g]) + geom_text(g) + " has condim " + std::to_string(condim) +
+              ", and torsional and rolling friction are not supported yet: use condim 3, or let it be taken as 3 with --approximate");
+        }
+        wide += condim > 3;
+        m_.pairs.push_back(pair);
+        if (m_.pairs.size() > 50'000'000)
+          throw Error(at({}) + "more than 50 million pairs of geoms can meet: keep geoms apart with contype and conaffinity");
+      }
+    }
+    if (left_out)
+      note(places_[(*first_left_out)[0]],
+           "pairs of geoms whose contact is not supported are left out, first " + geom_text((*first_left_out)[0]) + " with " +
+               geom_text((*first_left_out)[1]),
+           left_out, ReportLine::Kind::left_out);
+    if (judged && approximate_) {
+      int changed = 0, first = -1;
+      for (int g = 0; g < m_.ngeom; ++g)
+        if (m_.geom_condim[g] > 3) m_.geom_condim[g] = 3, first = changed++ ? first : g;
+      if (wide)
+        note(places_[first],
+             "geoms with condim 4 or 6 are taken as condim 3: no torsional or rolling friction (" + std::to_string(wide) +
+                 " pairs of geoms)",
+             changed, ReportLine::Kind::approximated);
+    }
+  }
+
+  void keyframes() {
+    std::vector<double> mpos, mquat;
+    for (int b = 0; b < m_.nbody; ++b) {
+      if (m_.body_mocap[b] < 0) continue;
+      mpos.insert(mpos.end(), m_.body_pos[b].begin(), m_.body_pos[b].end());
+      mquat.insert(mquat.end(), m_.body_quat[b].begin(), m_.body_quat[b].end());
+    }
+    std::set<std::string> names;
+    for (auto key : d_.keyframes) {
+      if (!key.name.empty() && !names.insert(key.name).second)
+        fail(key.place, "key", key.name, "has a name that is taken already: rename one of the two");
+      auto const fill = [&](std::vector<double>& v, std::vector<double> const& initial, char const* attribute) {
+        if (v.empty()) v = initial;
+        if (v.size() != initial.size())
+          fail(key.place, "key", key.name,
+               std::string("has ") + std::to_string(v.size()) + " numbers in " + attribute + ", and the model needs " +
+                   std::to_string(initial.size()) + ": correct the list");
+        require_finite(finite(v), key.place, "key", key.name);
+      };
+      fill(key.qpos, m_.qpos0, "qpos");
+      fill(key.qvel, std::vector<double>(std::size_t(m_.nv), 0.), "qvel");
+      fill(key.act, std::vector<double>(std::size_t(m_.na), 0.), "act");
+      fill(key.ctrl, std::vector<double>(std::size_t(m_.nu), 0.), "ctrl");
+      fill(key.mpos, mpos, "mpos"), fill(key.mquat, mquat, "mquat");
+      auto const normalize = [&](double* q) {
+        auto const n = unit({q[0], q[1], q[2], q[3]});
+        std::copy(n.begin(), n.end(), q);
+      };
+      for (int j = 0; j < m_.njnt; ++j)
+        if (m_.jnt_type[j] <= int(JointType::ball)) normalize(&key.qpos[m_.jnt_qposadr[j] + (m_.jnt_type[j] == 0 ? 3 : 0)]);
+      for (int i = 0; i < m_.nmocap; ++i) normalize(&key.mquat[4 * i]);
+      m_.keyframes.push_back(std::move(key));
+    }
+  }
+
+  bool approximate_;
+  std::set<std::pair<int, int>> named_;  // geoms of named pairs, the smaller index first: no ordinary pairs
+};
+
+}  // namespace detail
+
+GSP_INLINE CompiledModel compile(Description const& description, CompileOptions const& options) {
+  if (!description.compiler.discard_visual && !description.compiler.fuse_static) return detail::Compiler(description, options).run();
+  auto const smaller = detail::left_out(description, [&](Description const& d) { return detail::Compiler(d, options).bodies_only(); });
+  return detail::Compiler(smaller, options).run();
+}
+
+}  // namespace gsp

@@ -1,0 +1,1 @@
+#include <gsp/model/detail/compile_impl.hpp>

@@ -1,0 +1,1 @@
+#include <gsp/io/detail/mjcf_impl.hpp>

@@ -1,0 +1,1 @@
+#include <gsp/io/detail/png_impl.hpp>

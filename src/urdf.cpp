@@ -1,0 +1,1 @@
+#include <gsp/io/detail/urdf_impl.hpp>

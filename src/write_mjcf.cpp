@@ -1,0 +1,1 @@
+#include <gsp/io/detail/write_mjcf_impl.hpp>
