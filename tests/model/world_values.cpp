@@ -186,6 +186,35 @@ TEST_CASE_TEMPLATE("a world steps as a model of its own", Exec, GSP_TEST_EXECS) 
   CHECK(change > 1e-3);
 }
 
+TEST_CASE_TEMPLATE("sizes and poses of geoms reach the model and the collision model", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  auto const compiled = robots();
+  int const worlds = 3, n = compiled.ngeom;
+  auto model = gsp::make_model<double>(exec, compiled);
+  auto collision = gsp::make_collision_model<double>(exec, compiled);
+  gsp::make_per_world(exec, model, collision, {GeomField::pos, GeomField::quat, GeomField::size, GeomField::friction}, worlds);
+  std::vector<double> values;
+  for (int i = 0; i < worlds * n * 3; ++i) values.push_back(0.01 * (i + 1));
+  auto const mask = to_mask(exec, {0, 1, 1});
+  for (auto const field : {GeomField::pos, GeomField::size, GeomField::friction})
+    gsp::set_world_values(exec, model, collision, field, to_values(exec, values, worlds), mask);
+  auto const size = read(exec, model, ModelField::geom_size), pos = read(exec, model, ModelField::geom_pos);
+  auto const geom = gsp::detail::to_host(exec, collision.collider_geom);
+  std::vector<double> collider_size(std::size_t(worlds) * collision.colliders * 3),
+      collider_pose(std::size_t(worlds) * collision.colliders * 7);
+  gsp::detail::download_bytes(exec, collider_size.data(), collision.collider_size.data, collider_size.size() * sizeof(double));
+  gsp::detail::download_bytes(exec, collider_pose.data(), collision.collider_pose.data, collider_pose.size() * sizeof(double));
+  exec.fence();
+  for (int w = 0; w < worlds; ++w)
+    for (int c = 0; c < collision.colliders; ++c)
+      for (int k = 0; k < 3; ++k) {
+        int const at = 3 * (w * n + geom[c]) + k;
+        CHECK(size[at] == (w == 0 ? compiled.geom_size[geom[c]][k] : values[at]));
+        CHECK(collider_size[3 * (w * collision.colliders + c) + k] == size[at]);
+        CHECK(collider_pose[7 * (w * collision.colliders + c) + k] == pos[at]);
+      }
+}
+
 TEST_CASE_TEMPLATE("misuse is refused in one sentence", Exec, GSP_TEST_EXECS) {
   Exec const exec;
   auto const compiled = robots();

@@ -396,13 +396,13 @@ void check(std::string const& name, Worst const& w, int contacts = 20, double in
   CHECK(w.contact_count >= contacts);
 }
 
-std::string name_of(ModelField field) { return gsp::detail::model_field<gsp::Model<double, Mem>>(field).name; }
+std::string name_of(ModelField field) { return gsp::info(field).name; }
 
 }  // namespace
 
 TEST_CASE("each field of the model") {
   for (auto const& f : sources())
-    if (f.field < ModelField::geom_pos) check(name_of(f.field), compare(scene, {f}, {}));
+    if (gsp::info(f.field).item != gsp::ModelItem::geom) check(name_of(f.field), compare(scene, {f}, {}));
 }
 
 // (Dry friction of spatial tendons has no rows yet.)
@@ -416,7 +416,8 @@ TEST_CASE("each field of a model with spatial tendons, muscles and mocap") {
     using F = ModelField;
     // what has no effect here has one in the other scene
     bool const mild = f.field == F::dof_solref || f.field == F::dof_solimp || f.field == F::jnt_margin || f.field == F::act_ctrlrange ||
-                      f.field == F::act_forcerange || (f.field >= F::tendon_margin && f.field <= F::tendon_friction_solimp) ||
+                      f.field == F::act_forcerange || f.field == F::tendon_margin || f.field == F::tendon_solref ||
+                      f.field == F::tendon_solimp || f.field == F::tendon_friction_solref || f.field == F::tendon_friction_solimp ||
                       f.field == F::tendon_range;
     check(name_of(f.field), compare(tendon_scene, {f}, {}), 0, mild ? 0 : 1e-6);
   }
@@ -424,7 +425,7 @@ TEST_CASE("each field of a model with spatial tendons, muscles and mocap") {
 
 TEST_CASE("each field of colliding geoms") {
   for (auto const& f : geom_sources())
-    check(gsp::detail::geom_field<gsp::CollisionModel<double, Mem>>(f.field).name, compare(scene, {}, {f}));
+    check(gsp::detail::geom_field_row<gsp::CollisionModel<double, Mem>>(f.field).name, compare(scene, {}, {f}));
 }
 
 TEST_CASE("all at once") {

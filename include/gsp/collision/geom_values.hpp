@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/collision/collision_model.hpp>
 #include <gsp/model/world_values.hpp>
+#include <span>
 
 /// Shapes, poses and contact parameters of geoms that differ from world to world, as model/world_values.hpp has it for the model.
 namespace gsp {
@@ -10,27 +11,27 @@ enum class GeomField : int { pos, quat, size, friction, solref, solimp };
 
 namespace detail {
 template <class C>
-struct GeomFieldInfo {
+struct GeomFieldRow {
+  GeomField field;
   char const* name;
-  MemberOf<Field<typename C::real_type>, C> member;
+  Field<typename C::real_type> C::*member;
   int stride, first, components;  // of a collider in the member
+  bool mixes;                     // a parameter of contacts, which are then mixed where a contact is met
 };
 template <class C>
-GeomFieldInfo<C> geom_field(GeomField field) {
-  switch (field) {
-    case GeomField::pos:
-      return {"pos", &C::collider_pose, 7, 0, 3};
-    case GeomField::quat:
-      return {"quat", &C::collider_pose, 7, 3, 4};
-    case GeomField::size:
-      return {"size", &C::collider_size, 3, 0, 3};
-    case GeomField::friction:
-      return {"friction", &C::collider_friction, 3, 0, 3};
-    case GeomField::solref:
-      return {"solref", &C::collider_solref, 2, 0, 2};
-    case GeomField::solimp:
-      return {"solimp", &C::collider_solimp, 5, 0, 5};
-  }
+std::span<GeomFieldRow<C> const> geom_field_table() {
+  using F = GeomField;
+  static constexpr GeomFieldRow<C> rows[] = {
+      {F::pos, "pos", &C::collider_pose, 7, 0, 3, false},        {F::quat, "quat", &C::collider_pose, 7, 3, 4, false},
+      {F::size, "size", &C::collider_size, 3, 0, 3, false},      {F::friction, "friction", &C::collider_friction, 3, 0, 3, true},
+      {F::solref, "solref", &C::collider_solref, 2, 0, 2, true}, {F::solimp, "solimp", &C::collider_solimp, 5, 0, 5, true},
+  };
+  return rows;
+}
+template <class C>
+GeomFieldRow<C> const& geom_field_row(GeomField field) {
+  for (auto const& row : geom_field_table<C>())
+    if (row.field == field) return row;
   throw Error("gsp::GeomField: no such field: give one of the enumeration");
 }
 
@@ -72,21 +73,22 @@ void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector
                                                                        std::to_string(worlds));
   if (model.colliders == 0) return;
   std::size_t size = model.world_reals.extent(0);
-  std::vector<detail::GeomFieldInfo<C>> added;
+  std::vector<detail::GeomFieldRow<C>> added;
   for (auto const field : fields) {
-    auto const f = detail::geom_field<C>(field);
+    auto const& f = detail::geom_field_row<C>(field);
     bool const known = (model.*f.member).stride > 0 ||
                        std::any_of(added.begin(), added.end(), [&](auto const& other) { return other.member == f.member; });
     if (!known) added.push_back(f), size += std::size_t(worlds) * model.colliders * f.stride;
-    model.mixes_per_world |= field >= GeomField::friction;
+    model.mixes_per_world |= f.mixes;
   }
   if (added.empty()) return;
   auto const next = detail::allocate<Kokkos::View<R*, Mem>>("gsp::CollisionModel::world_reals", size);
   R* const out = next.data();
   detail::copy_bytes(exec, out, model.world_reals.data(), model.world_reals.extent(0) * sizeof(R));
-  for (auto member : {&C::collider_pose, &C::collider_size, &C::collider_friction, &C::collider_solref, &C::collider_solimp}) {
-    auto& field = model.*member;
-    if (detail::in_buffer(field, model.world_reals)) field.data = out + (field.data - model.world_reals.data());
+  for (auto const& row : detail::geom_field_table<C>()) {
+    auto& field = model.*row.member;
+    bool const moves = detail::in_buffer(field, model.world_reals);  // once, though pos and quat share a member
+    if (moves) field.data = out + (field.data - model.world_reals.data());
   }
   std::size_t at = model.world_reals.extent(0);
   for (auto const& f : added) {
@@ -109,7 +111,7 @@ void set_world_values(Exec const& exec, CollisionModel<R, Mem> const& model, Geo
                 "gsp::set_world_values: values are (worlds, geoms, components) or (worlds, geoms * components)");
   static_assert(can_access<Exec, Values>, "gsp::set_world_values: the values are not accessible from this execution space");
   if (model.colliders == 0) return;
-  auto const f = detail::geom_field<CollisionModel<R, Mem>>(field);
+  auto const& f = detail::geom_field_row<CollisionModel<R, Mem>>(field);
   auto const& own = model.*f.member;
   expects(own.stride > 0, std::string("gsp::set_world_values: geom ") + f.name + " is not per world; call make_per_world first");
   expects(detail::in_buffer(own, model.world_reals),
@@ -126,6 +128,46 @@ void set_world_values(Exec const& exec, CollisionModel<R, Mem> const& model, Geo
       Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(model.value_worlds) * model.colliders),
       detail::SetGeoms<R, Mem, Values, Mask>{model.collider_geom, const_cast<R*>(own.data), values, mask, model.colliders, f.stride,
                                              f.first, f.components});
+}
+
+namespace detail {
+/// The field of the model that holds the same; only friction and softness have none.
+inline bool model_field_of(GeomField field, ModelField& same) {
+  switch (field) {
+    case GeomField::pos:
+      same = ModelField::geom_pos;
+      return true;
+    case GeomField::quat:
+      same = ModelField::geom_quat;
+      return true;
+    case GeomField::size:
+      same = ModelField::geom_size;
+      return true;
+    case GeomField::friction:
+    case GeomField::solref:
+    case GeomField::solimp:
+      break;
+  }
+  return false;
+}
+}  // namespace detail
+
+/// The same for the model and its collision model at once: poses and sizes of geoms are in both (tendons wrap round geoms, fluids act on
+/// them), and set together they stay the same.
+template <ExecutionSpace Exec, class R, class Mem>
+void make_per_world(Exec const& exec, Model<R, Mem>& model, CollisionModel<R, Mem>& collision, std::vector<GeomField> const& fields,
+                    int worlds) {
+  std::vector<ModelField> also;
+  for (auto const field : fields)
+    if (ModelField same; detail::model_field_of(field, same)) also.push_back(same);
+  make_per_world(exec, collision, fields, worlds);
+  make_per_world(exec, model, also, worlds);
+}
+template <ExecutionSpace Exec, class R, class Mem, class Values, class Mask = AllWorlds>
+void set_world_values(Exec const& exec, Model<R, Mem> const& model, CollisionModel<R, Mem> const& collision, GeomField field,
+                      Values const& values, Mask const& mask = {}) {
+  set_world_values(exec, collision, field, values, mask);
+  if (ModelField same; detail::model_field_of(field, same)) set_world_values(exec, model, same, values, mask);
 }
 
 }  // namespace gsp

@@ -38,6 +38,7 @@ void inverse_dynamics(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, 
   expects(int(qacc.extent(0)) == dynamics.worlds && int(qacc.extent(1)) == model.nv && int(qfrc.extent(0)) == dynamics.worlds &&
               int(qfrc.extent(1)) == model.nv,
           "gsp::inverse_dynamics: qacc and qfrc must be (worlds, nv)");
+  detail::expects_fit("gsp::inverse_dynamics", model, dynamics);
   detail::expects_together("gsp::inverse_dynamics", dynamics, detail::set_of(Quantity::mass, Quantity::bias, Quantity::passive));
   for_lanes("gsp::dynamics::inverse_dynamics", exec, model, dynamics, detail::InverseStage<In, Out>{qacc, qfrc});
 }

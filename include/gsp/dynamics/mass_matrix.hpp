@@ -129,6 +129,7 @@ template <ExecutionSpace Exec, class R, class Mem, class View>
 void dense_mass_matrix(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, View const& M) {
   expects(int(M.extent(0)) == dynamics.worlds && int(M.extent(1)) == model.nv && int(M.extent(2)) == model.nv,
           "gsp::dense_mass_matrix: M must be (worlds, nv, nv)");
+  detail::expects_fit("gsp::dense_mass_matrix", model, dynamics);
   detail::expects_held("gsp::dense_mass_matrix", dynamics, detail::set_of(Quantity::mass));
   detail::zero(exec, M);
   for_lanes("gsp::dynamics::dense_mass_matrix", exec, model, dynamics, detail::DenseMassMatrixStage<View>{M});

@@ -5,10 +5,9 @@
 #include <gsp/math/quat.hpp>
 #include <gsp/model/archetypes.hpp>
 #include <gsp/model/compiled.hpp>
-#include <gsp/model/detail/added_mass.hpp>
-#include <gsp/model/detail/slider.hpp>
 #include <gsp/model/field.hpp>
-#include <limits>
+#include <gsp/model/fields.hpp>
+#include <string_view>
 #include <utility>
 
 /// The constant model on the device.
@@ -50,6 +49,7 @@ struct Model {
   bool poly_stiffness = false, poly_damping = false;  // any polynomial spring or damper, of joints or tendons
   R density = R(0), viscosity = R(0);                 // of the medium [kg/m^3, Pa s]
 
+  // each has a row in fields.hpp
   Field<R> gravity, wind;  // (3)
   Field<R> body_pos, body_quat, body_ipos, body_iquat, body_mass,
       body_inertia;                                            // (nbody, 3 | 4 | 3 | 4 | 1 | 3); a tree's root: relative to the world
@@ -74,6 +74,8 @@ struct Model {
   Field<R> act_gear, act_gain, act_bias, act_dyn;                                          // (nu, 6 | 10 | 10 | 10)
   Field<R> act_ctrlrange, act_forcerange, act_actrange;                                    // (nu, 2) +-infinity where not limited
   Field<R> act_lengthrange, act_acc0, act_cranklength;                                     // (nu, 2 | 1 | 1)
+  Field<R> dof_M0;                                                                         // (nv) diagonal of M in qpos0
+  Field<R> body_slider;  // (nbody) 1: a lone body on slides, whose inverse weight is 1 / mass
 
   Kokkos::View<Archetype*, Mem> archetypes;
   Kokkos::View<Archetype*, Kokkos::HostSpace> host_archetypes;  // what `archetypes` holds, for those who allocate
@@ -85,8 +87,6 @@ struct Model {
   Kokkos::View<R*, Mem> world_reals;  // what those lie in
   Kokkos::View<int*, Mem> all_items;  // 0, 1, 2 ...: friction_dofs and friction_tendons where frictionloss is per world
   bool frictionloss = true;           // dry friction is switched on
-  Field<R> dof_M0;                    // (nv) diagonal of M in qpos0
-  Field<R> body_slider;               // (nbody) 1: a lone body on slides, whose inverse weight is 1 / mass
   Array<R> mocap_pos0, mocap_quat0;   // (nmocap, 3 | 4) the same as mocap_pose0
   Array<int> limited_joints, friction_dofs, limited_tendons, friction_tendons;  // world indices
   Array<int> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr;                       // (njnt)
@@ -105,6 +105,27 @@ struct Model {
   Array<R> static_pose;  // (nbody, 7) pose of bodies fixed to the world (or to a mocap body, and then in its frame): position, quaternion
   Array<R> mocap_pose0;  // (nmocap, 7) where mocap bodies begin
 };
+
+namespace detail {
+using AnyModel = Model<double, Kokkos::HostSpace>;  // what the table says of all of them
+}
+/// What a field is called, has numbers for, and may be used for.
+inline ModelFieldInfo info(ModelField field) {
+  auto const& row = detail::field_row<detail::AnyModel>(field);
+  return {row.field, row.name, row.item, row.components, row.use};
+}
+/// The field of this name. Errors: gsp::Error where there is none.
+inline ModelField find_field(std::string_view name) {
+  for (auto const& row : detail::field_table<detail::AnyModel>())
+    if (name == row.name) return row.field;
+  throw Error("the model has no field '" + std::string(name) + "': gsp/model/fields.hpp lists them");
+}
+/// All fields, in the order of the documentation.
+inline std::vector<ModelField> model_fields() {
+  std::vector<ModelField> all;
+  for (auto const& row : detail::field_table<detail::AnyModel>()) all.push_back(row.field);
+  return all;
+}
 
 namespace detail {
 /// Host arrays one after the other, and whose they are.
@@ -135,31 +156,8 @@ struct ModelPools {
     fields.emplace_back(member, reals.size());
     reals.insert(reals.end(), v.begin(), v.end());
   }
-  template <std::size_t N>
-  void add(FieldOf member, std::vector<std::array<double, N>> const& v) {
-    fields.emplace_back(member, reals.size());
-    for (auto const& item : v) reals.insert(reals.end(), item.begin(), item.end());
-  }
 };
 }  // namespace detail
-
-/// World poses of the bodies that are fixed to the world (others: identity), (nbody, 7); of bodies that are fixed to a mocap body: in its
-/// frame. Host, double.
-inline std::vector<double> static_poses(CompiledModel const& m) {
-  std::vector<double> pose(std::size_t(m.nbody) * 7, 0.);
-  for (int b = 0; b < m.nbody; ++b) {
-    double* p = &pose[std::size_t(b) * 7];
-    p[3] = 1;
-    if (b == 0 || m.body_tree[b] >= 0 || detail::item_or(m.body_mocap, b, -1) >= 0) continue;
-    double const* q = &pose[std::size_t(m.body_parent[b]) * 7];
-    Transform<double> const parent{{q[0], q[1], q[2]}, {q[3], q[4], q[5], q[6]}};
-    auto const& x = m.body_pos[b];
-    auto const& r = m.body_quat[b];
-    auto const t = parent * Transform<double>{{x[0], x[1], x[2]}, {r[0], r[1], r[2], r[3]}};
-    p[0] = t.p.x, p[1] = t.p.y, p[2] = t.p.z, p[3] = t.q.w, p[4] = t.q.x, p[5] = t.q.y, p[6] = t.q.z;
-  }
-  return pose;
-}
 
 struct ModelOptions {
   Profile profile = Profile::stable;
@@ -167,19 +165,12 @@ struct ModelOptions {
 };
 
 namespace detail {
-/// The sizes and options of `d`; its arrays are returned.
+/// The sizes and options of `d`.
 template <class R, class Mem>
-ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOptions const& options) {
-  constexpr double infinity = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < m.nu; ++k)
-    if (item_or(m.act_actnum, k, 0) > 1)
-      throw Error("actuator '" + m.act_name[k] + "' has " + std::to_string(m.act_actnum[k]) +
-                  " activation variables, and one is supported: remove actdim");
-  auto const trees = find_archetypes(m);
-  auto const fixed = static_poses(m);
-  d.nq = m.nq, d.nv = m.nv, d.nbody = m.nbody, d.njnt = m.njnt, d.nu = m.nu, d.ntendon = m.ntendon, d.narchetype = int(trees.size());
+void fill_options(Model<R, Mem>& d, FieldSource const& source, ModelOptions const& options) {
+  CompiledModel const& m = source.m;
+  d.nq = m.nq, d.nv = m.nv, d.nbody = m.nbody, d.njnt = m.njnt, d.nu = m.nu, d.ntendon = m.ntendon;
   d.na = m.na, d.ngeom = m.ngeom, d.nsite = m.nsite, d.ncam = m.ncam, d.nmocap = m.nmocap;
-  for (auto const& t : trees) d.ntree += int(t.instances.size());
   expects(options.timestep >= 0, "gsp::make_model: timestep must be positive, or 0 for the model's own");
   d.profile = options.profile;
   d.timestep = R(options.timestep > 0 ? options.timestep : m.option.timestep);
@@ -190,18 +181,6 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   d.integrator = m.option.integrator;
   d.density = R(m.option.density), d.viscosity = R(m.option.viscosity);
 
-  // what actuators add to the damping and armature of their joint or tendon: gear^2 times their own
-  auto dof_damping = m.dof_damping, dof_armature = m.dof_armature, tendon_damping = m.tendon_damping, tendon_armature = m.tendon_armature;
-  for (int k = 0; k < m.nu; ++k) {
-    double const square = m.act_gear[k][0] * m.act_gear[k][0], damping = square * item_or(m.act_damping, k, 0.),
-                 armature = square * item_or(m.act_armature, k, 0.);
-    int const id = m.act_id[k];
-    auto const target = Transmission(m.act_target[k]);
-    if (target == Transmission::tendon) tendon_damping[id] += damping, tendon_armature[id] += armature;
-    if (target != Transmission::joint && target != Transmission::joint_in_parent) continue;
-    constexpr int dofs[] = {6, 3, 1, 1};
-    for (int i = m.jnt_dofadr[id], end = i + dofs[m.jnt_type[id]]; i < end; ++i) dof_damping[i] += damping, dof_armature[i] += armature;
-  }
   auto const any_of = [](auto const& polynomials) {
     for (auto const& p : polynomials)
       if (p[0] != 0 || p[1] != 0) return true;
@@ -209,99 +188,58 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   };
   d.poly_stiffness = any_of(m.jnt_stiffnesspoly) || any_of(m.tendon_stiffnesspoly);
   d.poly_damping = any_of(m.dof_dampingpoly) || any_of(m.tendon_dampingpoly);
-  for (double const b : dof_damping) d.damped |= b != 0;
+  for (double const b : source.dof_damping) d.damped |= b != 0;
   d.damped |= any_of(m.dof_dampingpoly);
+}
+/// What the dynamics do not cover.
+inline void refuse_uncovered(FieldSource const& source) {
+  CompiledModel const& m = source.m;
+  for (int k = 0; k < m.nu; ++k)
+    if (item_or(m.act_actnum, k, 0) > 1)
+      throw Error("actuator '" + m.act_name[k] + "' has " + std::to_string(m.act_actnum[k]) +
+                  " activation variables, and one is supported: remove actdim");
   for (int k = 0; k < m.ntendon; ++k)
-    if (tendon_armature[k] != 0)
+    if (source.tendon_armature[k] != 0)
       for (int w = item_or(m.tendon_wrapadr, k, 0), end = w + item_or(m.tendon_wrapnum, k, 0); w < end; ++w)
         if (m.wrap_type[w] == int(WrapType::sphere) || m.wrap_type[w] == int(WrapType::cylinder))
           throw Error("tendon '" + m.tendon_name[k] +
                       "' has armature and wraps round a geom, which MuJoCo does not support either: give the armature to its joints");
+}
 
-  ModelPools<R, Mem> pool;
-  using M = Model<R, Mem>;
-  // a root hangs on a static body, whose world pose is folded into the root's own
-  auto pos = m.body_pos;
-  auto quat = m.body_quat;
-  for (int b = 1; b < m.nbody; ++b) {
-    if (m.body_tree[b] < 0 || m.body_tree[m.body_parent[b]] >= 0) continue;  // (on a mocap body: in its frame)
-    double const* q = &fixed[std::size_t(m.body_parent[b]) * 7];
-    auto const& x = m.body_pos[b];
-    auto const& r = m.body_quat[b];
-    auto const t =
-        Transform<double>{{q[0], q[1], q[2]}, {q[3], q[4], q[5], q[6]}} * Transform<double>{{x[0], x[1], x[2]}, {r[0], r[1], r[2], r[3]}};
-    pos[b] = {t.p.x, t.p.y, t.p.z}, quat[b] = {t.q.w, t.q.x, t.q.y, t.q.z};
+template <class R, class Mem>
+void fill_fields(ModelPools<R, Mem>& pool, Model<R, Mem> const& d, FieldSource const& source) {
+  for (auto const& row : field_table<Model<R, Mem>>()) {
+    auto values = row.values(source);
+    int const items = count(d, row.item);
+    std::size_t const size = items < 0 ? values.size() : std::size_t(items) * row.components;
+    if (values.empty()) values.resize(size, 0.);  // what the model's maker has left empty
+    if (values.size() != size)
+      throw Error(std::string("gsp::make_model: the compiled model has ") + std::to_string(values.size()) + " numbers for " + row.name +
+                  ", and " + std::to_string(items) + " items of " + std::to_string(row.components) + " are needed");
+    pool.add(row.member, values);
   }
-  // ranges that do not limit are infinite
-  auto const ranges = [](auto const& range, auto const& limited) {
-    std::vector<std::array<double, 2>> result(range.size(), {-infinity, infinity});
-    for (std::size_t i = 0; i < range.size(); ++i)
-      if (limited[i]) result[i] = {range[i][0], range[i][1]};
-    return result;
-  };
-  auto const filled = []<class T>(std::vector<T> const& values, int n, T const& otherwise) {  // what the model's maker has left empty
-    return int(values.size()) == n ? values : std::vector<T>(n, otherwise);
-  };
-  using Two = std::array<double, 2>;
-  pool.add(&M::gravity, std::vector<std::array<double, 3>>{m.option.gravity_on ? m.option.gravity : std::array<double, 3>{}});
-  pool.add(&M::body_pos, pos), pool.add(&M::body_quat, quat);
-  pool.add(&M::body_ipos, m.body_ipos), pool.add(&M::body_iquat, m.body_iquat), pool.add(&M::body_mass, m.body_mass);
-  pool.add(&M::body_inertia, m.body_inertia);
-  pool.add(&M::wind, std::vector<Double3>{m.option.wind}), pool.add(&M::body_gravcomp, m.body_gravcomp);
-  pool.add(&M::jnt_stiffnesspoly, filled(m.jnt_stiffnesspoly, m.njnt, Two{})),
-      pool.add(&M::dof_dampingpoly, filled(m.dof_dampingpoly, m.nv, Two{}));
-  pool.add(&M::tendon_armature, tendon_armature), pool.add(&M::tendon_stiffnesspoly, filled(m.tendon_stiffnesspoly, m.ntendon, Two{}));
-  pool.add(&M::tendon_dampingpoly, filled(m.tendon_dampingpoly, m.ntendon, Two{}));
-  pool.add(&M::tendon_actfrcrange, ranges(filled(m.tendon_actfrcrange, m.ntendon, Two{}), filled(m.tendon_actfrclimited, m.ntendon, 0)));
-  pool.add(&M::wrap_divisor, m.wrap_divisor), pool.add(&M::site_pos, m.site_pos), pool.add(&M::site_quat, m.site_quat);
-  pool.add(&M::geom_pos, m.geom_pos), pool.add(&M::geom_quat, m.geom_quat), pool.add(&M::geom_size, m.geom_size);
-  pool.add(&M::geom_fluidcoef, filled(m.geom_fluidcoef, m.ngeom, {0.5, 0.25, 1.5, 1, 1}));
-  std::vector<std::array<double, 6>> added(m.ngeom);
-  for (int g = 0; g < m.ngeom; ++g)
-    if (item_or(m.geom_fluid, g, 0)) {
-      auto const& r = m.geom_size[g];
-      auto const type = ShapeType(m.geom_type[g]);
-      bool const round = type == ShapeType::sphere || type == ShapeType::capsule || type == ShapeType::cylinder;
-      double const z = type == ShapeType::sphere     ? r[0]
-                       : type == ShapeType::capsule  ? r[0] + r[1]
-                       : type == ShapeType::cylinder ? r[1]
-                                                     : r[2];
-      added[g] = added_mass(r[0], round ? r[0] : r[1], z);
-    }
-  pool.add(&M::geom_addedmass, added);
-  pool.add(&M::cam_pos, m.cam_pos), pool.add(&M::cam_quat, m.cam_quat);
-  pool.add(&M::cam_pos0, filled(m.cam_pos0, m.ncam, Double3{})), pool.add(&M::cam_poscom0, filled(m.cam_poscom0, m.ncam, Double3{}));
-  pool.add(&M::cam_focal, filled(m.cam_focal, m.ncam, std::array<double, 2>{1, 1}));
-  pool.add(&M::cam_resolution, filled(m.cam_resolution, m.ncam, std::array<double, 2>{1, 1}));
-  pool.add(&M::cam_mat0, filled(m.cam_mat0, m.ncam, std::array<double, 9>{1, 0, 0, 0, 1, 0, 0, 0, 1}));
-  pool.add(&M::jnt_pos, m.jnt_pos), pool.add(&M::jnt_axis, m.jnt_axis), pool.add(&M::jnt_stiffness, m.jnt_stiffness);
-  pool.add(&M::jnt_actfrcrange, ranges(m.jnt_actfrcrange, m.jnt_actfrclimited));
-  pool.add(&M::dof_armature, dof_armature), pool.add(&M::dof_damping, dof_damping);
-  pool.add(&M::qpos0, m.qpos0), pool.add(&M::qpos_spring, m.qpos_spring);
-  pool.add(&M::term_coef, m.term_coef);
-  pool.add(&M::tendon_stiffness, m.tendon_stiffness), pool.add(&M::tendon_damping, tendon_damping);
-  pool.add(&M::tendon_lengthspring, m.tendon_lengthspring);
-  pool.add(&M::body_invweight0, m.body_invweight0);
-  pool.add(&M::jnt_range, m.jnt_range), pool.add(&M::jnt_margin, m.jnt_margin), pool.add(&M::jnt_solref, m.jnt_solref);
-  pool.add(&M::jnt_solimp, m.jnt_solimp);
-  pool.add(&M::dof_frictionloss, m.dof_frictionloss), pool.add(&M::dof_invweight0, m.dof_invweight0);
-  pool.add(&M::dof_M0, filled(m.dof_M0, m.nv, 0.));
-  pool.add(&M::dof_solref, m.dof_solref), pool.add(&M::dof_solimp, m.dof_solimp);
-  pool.add(&M::tendon_range, m.tendon_range), pool.add(&M::tendon_margin, m.tendon_margin);
-  pool.add(&M::tendon_invweight0, m.tendon_invweight0), pool.add(&M::tendon_solref, m.tendon_solref_limit);
-  pool.add(&M::tendon_solimp, m.tendon_solimp_limit), pool.add(&M::tendon_frictionloss, m.tendon_frictionloss);
-  pool.add(&M::tendon_friction_solref, m.tendon_solref_friction), pool.add(&M::tendon_friction_solimp, m.tendon_solimp_friction);
-  pool.add(&M::act_gear, m.act_gear), pool.add(&M::act_gain, m.act_gainprm), pool.add(&M::act_bias, m.act_biasprm);
-  pool.add(&M::act_dyn, filled(m.act_dynprm, m.nu, std::array<double, 10>{1}));
-  pool.add(&M::act_actrange, ranges(filled(m.act_actrange, m.nu, Two{}), filled(m.act_actlimited, m.nu, 0)));
-  pool.add(&M::act_lengthrange, filled(m.act_lengthrange, m.nu, Two{})), pool.add(&M::act_acc0, filled(m.act_acc0, m.nu, 0.));
-  pool.add(&M::act_cranklength, filled(m.act_cranklength, m.nu, 0.));
-  pool.add(&M::act_ctrlrange, ranges(m.act_ctrlrange, m.act_ctrllimited));
-  pool.add(&M::act_forcerange, ranges(m.act_forcerange, m.act_forcelimited));
+}
 
+/// World indices of what is in trees.
+struct TreeLists {
+  std::vector<int> tree_archetype, tree_instance, tree_body, tree_dof, tree_dofnum, body_tree, body_root, dof_tree;
+};
+template <class R, class Mem>
+TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& source) {
+  CompiledModel const& m = source.m;
+  auto const trees = find_archetypes(m);
+  d.narchetype = int(trees.size());
+  for (auto const& t : trees) d.ntree += int(t.instances.size());
+  std::vector<int> const of_trees(d.ntree);
+  TreeLists lists{of_trees,
+                  of_trees,
+                  of_trees,
+                  of_trees,
+                  of_trees,
+                  std::vector<int>(m.nbody, -1),
+                  std::vector<int>(m.nbody, 0),
+                  std::vector<int>(m.nv)};
   bool const gravity = m.option.gravity_on && (m.option.gravity != Double3{}), passive = d.springs || d.dampers;
-  std::vector<int> tree_archetype(d.ntree), tree_instance(d.ntree), tree_body(d.ntree), tree_dof(d.ntree), tree_dofnum(d.ntree),
-      body_tree(m.nbody, -1), body_root(m.nbody, 0), dof_tree(m.nv);
   for (int k = 0; k < int(trees.size()); ++k) {
     auto const& t = trees[k];
     Archetype a{};
@@ -338,18 +276,19 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
       tree.push_back(s.tree), body.push_back(s.bodyadr), jnt.push_back(s.jntadr), dof.push_back(s.dofadr), qpos.push_back(s.qposadr);
       append(tendon, s.tendon), append(term, s.term), append(act, s.act), append(path, s.path), append(side, s.side);
       append(object1, s.act_object1), append(object2, s.act_object2), append(fluid, s.fluid_geom);
-      tree_archetype[s.tree] = k, tree_instance[s.tree] = i, tree_body[s.tree] = s.bodyadr, tree_dof[s.tree] = s.dofadr,
-      tree_dofnum[s.tree] = a.nv;
+      lists.tree_archetype[s.tree] = k, lists.tree_instance[s.tree] = i, lists.tree_body[s.tree] = s.bodyadr,
+      lists.tree_dof[s.tree] = s.dofadr, lists.tree_dofnum[s.tree] = a.nv;
       for (int b = 0; b < a.nbody; ++b)
         if (t.body_parent[b] != parent_of::none) {
-          body_tree[s.bodyadr + b] = s.tree, body_root[s.bodyadr + b] = t.body_root[b];
-          a.gravcomp |= passive && gravity && m.body_gravcomp[s.bodyadr + b] != 0;
+          lists.body_tree[s.bodyadr + b] = s.tree;
+          lists.body_root[s.bodyadr + b] = t.body_root[b];
+          a.gravcomp |= passive && gravity && item_or(m.body_gravcomp, s.bodyadr + b, 0.) != 0;
         }
-      for (int j = 0; j < a.nv; ++j) dof_tree[s.dofadr + j] = s.tree;
+      for (int j = 0; j < a.nv; ++j) lists.dof_tree[s.dofadr + j] = s.tree;
       for (int e : s.tendon) {
-        a.tendon_armature |= tendon_armature[e] != 0;
+        a.tendon_armature |= source.tendon_armature[e] != 0;
         a.tendon_clamped |= item_or(m.tendon_actfrclimited, e, 0) != 0;
-        a.tendon_passive |= m.tendon_stiffness[e] != 0 || tendon_damping[e] != 0 || d.poly_stiffness || d.poly_damping;
+        a.tendon_passive |= m.tendon_stiffness[e] != 0 || source.tendon_damping[e] != 0 || d.poly_stiffness || d.poly_damping;
       }
     }
     a.plain_actuators = t.nstate == 0;
@@ -366,10 +305,18 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
     a.instance_object2 = pool.add(object2), a.instance_fluid = pool.add(fluid);
     pool.archetypes.push_back(a);
   }
+  return lists;
+}
+
+/// Index arrays in world indices, and poses that are given.
+template <class R, class Mem>
+void fill_lists(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& source, TreeLists const& trees) {
+  using M = Model<R, Mem>;
+  CompiledModel const& m = source.m;
+  auto const filled = [](std::vector<int> const& values, int n, int otherwise) {
+    return int(values.size()) == n ? values : std::vector<int>(n, otherwise);
+  };
   d.frictionloss = m.option.frictionloss;
-  std::vector<double> slider(m.nbody, 0.);
-  for (int b = 1; b < m.nbody; ++b) slider[b] = m.body_tree[b] >= 0 && m.tree_bodyadr[m.body_tree[b]] == b && is_slider(m, b);
-  pool.add(&M::body_slider, slider);
   std::vector<int> limited_joints, friction_dofs, limited_tendons, friction_tendons, termadr(m.tendon_termadr), last_dof(m.nbody, -1);
   for (int j = 0; j < m.njnt && m.option.limit; ++j)
     if (m.jnt_limited[j]) limited_joints.push_back(j);
@@ -387,7 +334,7 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   pool.add(&M::limited_tendons, limited_tendons), pool.add(&M::friction_tendons, friction_tendons);
   pool.add(&M::jnt_type, m.jnt_type), pool.add(&M::jnt_body, m.jnt_body), pool.add(&M::jnt_qposadr, m.jnt_qposadr);
   pool.add(&M::jnt_dofadr, m.jnt_dofadr), pool.add(&M::tendon_termadr, termadr), pool.add(&M::term_jnt, m.term_jnt);
-  pool.add(&M::body_last_dof, last_dof), pool.add(&M::dof_tree, dof_tree), pool.add(&M::body_tree, body_tree);
+  pool.add(&M::body_last_dof, last_dof), pool.add(&M::dof_tree, trees.dof_tree), pool.add(&M::body_tree, trees.body_tree);
   auto const mocap_root = mocap_roots(m);
   std::vector<int> mocap_body(m.nmocap, 0);
   std::vector<R> mocap_pose;
@@ -397,14 +344,14 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
     for (double x : m.body_pos[b]) mocap_pose.push_back(R(x));
     for (double x : m.body_quat[b]) mocap_pose.push_back(R(x));
   }
-  pool.add(&M::body_root, body_root), pool.add(&M::body_parent, m.body_parent), pool.add(&M::body_mocap, mocap_root);
+  pool.add(&M::body_root, trees.body_root), pool.add(&M::body_parent, m.body_parent), pool.add(&M::body_mocap, mocap_root);
   pool.add(&M::mocap_body, mocap_body), pool.add(&M::geom_body, m.geom_body), pool.add(&M::site_body, m.site_body);
   pool.add(&M::cam_body, m.cam_body), pool.add(&M::cam_mode, filled(m.cam_mode, m.ncam, 0));
   pool.add(&M::cam_target, filled(m.cam_target, m.ncam, -1)), pool.add(&M::act_state, filled(m.act_actadr, m.nu, -1));
-  pool.add(&M::tree_archetype, tree_archetype), pool.add(&M::tree_instance, tree_instance);
-  pool.add(&M::tree_body, tree_body), pool.add(&M::tree_dof, tree_dof), pool.add(&M::tree_dofnum, tree_dofnum);
-  pool.real_parts.push_back({&M::static_pose, pool.reals.size(), fixed.size()});
-  pool.reals.insert(pool.reals.end(), fixed.begin(), fixed.end());
+  pool.add(&M::tree_archetype, trees.tree_archetype), pool.add(&M::tree_instance, trees.tree_instance);
+  pool.add(&M::tree_body, trees.tree_body), pool.add(&M::tree_dof, trees.tree_dof), pool.add(&M::tree_dofnum, trees.tree_dofnum);
+  pool.real_parts.push_back({&M::static_pose, pool.reals.size(), source.fixed.size()});
+  pool.reals.insert(pool.reals.end(), source.fixed.begin(), source.fixed.end());
   pool.real_parts.push_back({&M::mocap_pose0, pool.reals.size(), mocap_pose.size()});
   pool.reals.insert(pool.reals.end(), mocap_pose.begin(), mocap_pose.end());
   for (int part = 0; part < 2; ++part) {
@@ -413,6 +360,18 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
     for (int k = 0; k < m.nmocap; ++k)
       for (int c = 0; c < n; ++c) pool.reals.push_back(mocap_pose[7 * k + from + c]);
   }
+}
+
+/// The sizes and options of `d`; its arrays are returned.
+template <class R, class Mem>
+ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOptions const& options) {
+  auto const source = field_source(m);
+  refuse_uncovered(source);
+  fill_options(d, source, options);
+  ModelPools<R, Mem> pool;
+  fill_fields(pool, d, source);
+  auto const trees = fill_archetypes(pool, d, source);
+  fill_lists(pool, d, source, trees);
   return pool;
 }
 }  // namespace detail

@@ -6,156 +6,10 @@
 #include <vector>
 
 /// Values of the model that differ from world to world: `make_per_world` gives a field room for each world, `set_world_values` fills it on
-/// the device. Colliding geoms: collision/world_values.hpp. What follows from masses: dynamics/set_constants.hpp.
+/// the device. Which fields: fields.hpp. Colliding geoms: collision/geom_values.hpp. What follows from masses: dynamics/set_constants.hpp.
 namespace gsp {
 
-/// Fields of the model that can be per world, named as in Model. MuJoCo's names differ for actuators: act_gain is actuator_gainprm,
-/// act_bias is actuator_biasprm; body_ipos is the centre of mass.
-enum class ModelField : int {
-  gravity,
-  body_mass,
-  body_ipos,
-  body_iquat,
-  body_inertia,
-  body_gravcomp,
-  jnt_range,
-  jnt_stiffness,
-  jnt_margin,
-  jnt_solref,
-  jnt_solimp,
-  jnt_actfrcrange,
-  qpos_spring,
-  dof_armature,
-  dof_damping,
-  dof_frictionloss,
-  dof_solref,
-  dof_solimp,
-  tendon_range,
-  tendon_stiffness,
-  tendon_damping,
-  tendon_lengthspring,
-  tendon_frictionloss,
-  tendon_margin,
-  tendon_solref,
-  tendon_solimp,
-  tendon_friction_solref,
-  tendon_friction_solimp,
-  act_gain,
-  act_bias,
-  act_ctrlrange,
-  act_forcerange,
-  geom_pos,  // of the smooth dynamics: tendons that wrap round geoms, fluid forces
-  geom_quat,
-  geom_size,
-  // derived: made per world with what they follow from, filled by set_constants
-  body_invweight0,
-  dof_invweight0,
-  dof_M0,
-  tendon_invweight0,
-  act_acc0,
-};
-
 namespace detail {
-template <class T, class Class>
-using MemberOf = T Class::*;
-template <class M>
-struct ModelFieldInfo {
-  char const* name;
-  MemberOf<Field<typename M::real_type>, M> member;
-  MemberOf<int, M> items;  // null: one
-  int components;
-  bool keeps_infinite = false;  // an infinite end means "not limited" and stays
-  bool weighs = false;          // the derived fields follow from it
-};
-template <class M>
-ModelFieldInfo<M> model_field(ModelField field) {
-  using F = ModelField;
-  switch (field) {
-    case F::gravity:
-      return {"gravity", &M::gravity, nullptr, 3};
-    case F::body_mass:
-      return {"body_mass", &M::body_mass, &M::nbody, 1, false, true};
-    case F::body_ipos:
-      return {"body_ipos", &M::body_ipos, &M::nbody, 3, false, true};
-    case F::body_iquat:
-      return {"body_iquat", &M::body_iquat, &M::nbody, 4, false, true};
-    case F::body_inertia:
-      return {"body_inertia", &M::body_inertia, &M::nbody, 3, false, true};
-    case F::body_gravcomp:
-      return {"body_gravcomp", &M::body_gravcomp, &M::nbody, 1};
-    case F::jnt_range:
-      return {"jnt_range", &M::jnt_range, &M::njnt, 2};
-    case F::jnt_stiffness:
-      return {"jnt_stiffness", &M::jnt_stiffness, &M::njnt, 1};
-    case F::jnt_margin:
-      return {"jnt_margin", &M::jnt_margin, &M::njnt, 1};
-    case F::jnt_solref:
-      return {"jnt_solref", &M::jnt_solref, &M::njnt, 2};
-    case F::jnt_solimp:
-      return {"jnt_solimp", &M::jnt_solimp, &M::njnt, 5};
-    case F::jnt_actfrcrange:
-      return {"jnt_actfrcrange", &M::jnt_actfrcrange, &M::njnt, 2, true};
-    case F::qpos_spring:
-      return {"qpos_spring", &M::qpos_spring, &M::nq, 1};
-    case F::dof_armature:
-      return {"dof_armature", &M::dof_armature, &M::nv, 1, false, true};
-    case F::dof_damping:
-      return {"dof_damping", &M::dof_damping, &M::nv, 1};
-    case F::dof_frictionloss:
-      return {"dof_frictionloss", &M::dof_frictionloss, &M::nv, 1};
-    case F::dof_solref:
-      return {"dof_solref", &M::dof_solref, &M::nv, 2};
-    case F::dof_solimp:
-      return {"dof_solimp", &M::dof_solimp, &M::nv, 5};
-    case F::tendon_range:
-      return {"tendon_range", &M::tendon_range, &M::ntendon, 2};
-    case F::tendon_stiffness:
-      return {"tendon_stiffness", &M::tendon_stiffness, &M::ntendon, 1};
-    case F::tendon_damping:
-      return {"tendon_damping", &M::tendon_damping, &M::ntendon, 1};
-    case F::tendon_lengthspring:
-      return {"tendon_lengthspring", &M::tendon_lengthspring, &M::ntendon, 2};
-    case F::tendon_frictionloss:
-      return {"tendon_frictionloss", &M::tendon_frictionloss, &M::ntendon, 1};
-    case F::tendon_margin:
-      return {"tendon_margin", &M::tendon_margin, &M::ntendon, 1};
-    case F::tendon_solref:
-      return {"tendon_solref", &M::tendon_solref, &M::ntendon, 2};
-    case F::tendon_solimp:
-      return {"tendon_solimp", &M::tendon_solimp, &M::ntendon, 5};
-    case F::tendon_friction_solref:
-      return {"tendon_friction_solref", &M::tendon_friction_solref, &M::ntendon, 2};
-    case F::tendon_friction_solimp:
-      return {"tendon_friction_solimp", &M::tendon_friction_solimp, &M::ntendon, 5};
-    case F::act_gain:
-      return {"act_gain", &M::act_gain, &M::nu, 10};
-    case F::act_bias:
-      return {"act_bias", &M::act_bias, &M::nu, 10};
-    case F::act_ctrlrange:
-      return {"act_ctrlrange", &M::act_ctrlrange, &M::nu, 2, true};
-    case F::act_forcerange:
-      return {"act_forcerange", &M::act_forcerange, &M::nu, 2, true};
-    case F::geom_pos:
-      return {"geom_pos", &M::geom_pos, &M::ngeom, 3, false, true};
-    case F::geom_quat:
-      return {"geom_quat", &M::geom_quat, &M::ngeom, 4, false, true};
-    case F::geom_size:
-      return {"geom_size", &M::geom_size, &M::ngeom, 3, false, true};
-    case F::body_invweight0:
-      return {"body_invweight0", &M::body_invweight0, &M::nbody, 2};
-    case F::dof_invweight0:
-      return {"dof_invweight0", &M::dof_invweight0, &M::nv, 1};
-    case F::dof_M0:
-      return {"dof_M0", &M::dof_M0, &M::nv, 1};
-    case F::tendon_invweight0:
-      return {"tendon_invweight0", &M::tendon_invweight0, &M::ntendon, 1};
-    case F::act_acc0:
-      return {"act_acc0", &M::act_acc0, &M::nu, 1};
-  }
-  throw Error("gsp::ModelField: no such field: give one of the enumeration");
-}
-inline constexpr int model_fields = int(ModelField::act_acc0) + 1;
-
 template <class R>
 struct RepeatRow {
   R const* row;
@@ -261,35 +115,43 @@ struct AllWorlds {
 /// Call it before make_dynamics and make_simulation, whose layout depends on what is there: what was zero for all may now be more, and then
 /// dynamics that were made before are refused. The model keeps the memory; copies of it made before keep theirs. A field that you have
 /// pointed at an array of your own stays there. Kernels read a field that is per world by a gather; the others stay as they are. Allocates;
-/// fences. Errors: std::invalid_argument where fields are per world already for another number of worlds.
+/// fences. Errors: std::invalid_argument for a field that cannot be per world (FieldUse::per_world), and where fields are per world already
+/// for another number of worlds.
 template <ExecutionSpace Exec, class R, class Mem>
-void make_per_world(Exec const& exec, Model<R, Mem>& model, std::vector<ModelField> fields, int worlds) {
+void make_per_world(Exec const& exec, Model<R, Mem>& model, std::vector<ModelField> const& fields, int worlds) {
   using M = Model<R, Mem>;
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_per_world: the model is not accessible from this execution space");
   expects(worlds > 0, "gsp::make_per_world: worlds must be positive");
   expects(model.value_worlds == 0 || model.value_worlds == worlds, "gsp::make_per_world: other fields are per world already, for " +
                                                                        std::to_string(model.value_worlds) + " worlds and not " +
                                                                        std::to_string(worlds));
-  bool weighs = false;
-  for (auto const f : fields) weighs |= detail::model_field<M>(f).weighs;
-  if (weighs)
-    for (int f = int(ModelField::body_invweight0); f < detail::model_fields; ++f) fields.push_back(ModelField(f));
-  // one buffer holds all that is per world: the old, then the new
-  auto const row_of = [&](detail::ModelFieldInfo<M> const& f) { return (f.items ? model.*f.items : 1) * f.components; };
-  std::vector<detail::ModelFieldInfo<M>> added;
+  bool decides = false;
+  std::vector<detail::FieldRow<M>> added;
+  auto const row_of = [&](detail::FieldRow<M> const& f) { return detail::count(model, f.item) * f.components; };
   std::size_t size = model.world_reals.extent(0);
+  auto const add = [&](detail::FieldRow<M> const& f) {
+    bool const known =
+        (model.*f.member).stride > 0 || std::any_of(added.begin(), added.end(), [&](auto const& other) { return other.field == f.field; });
+    if (known || row_of(f) == 0) return;
+    added.push_back(f);
+    size += std::size_t(worlds) * row_of(f);
+  };
   for (auto const field : fields) {
-    auto const f = detail::model_field<M>(field);
-    bool const known = (model.*f.member).stride > 0 ||
-                       std::any_of(added.begin(), added.end(), [&](auto const& other) { return other.member == f.member; });
-    if (!known && row_of(f) > 0) added.push_back(f), size += std::size_t(worlds) * row_of(f);
+    auto const& f = detail::field_row<M>(field);
+    expects(f.use.per_world, std::string("gsp::make_per_world: ") + f.name +
+                                 " is the same for all worlds: what follows from it is computed once, when the model is made");
+    decides |= f.use.decides;
+    add(f);
   }
+  for (auto const& f : detail::field_table<M>())
+    if (decides && f.use.follows) add(f);
+  // one buffer holds all that is per world: the old, then the new
   if (added.empty()) return;
   auto const next = detail::allocate<Kokkos::View<R*, Mem>>("gsp::Model::world_reals", size);
   R* const out = next.data();
   detail::copy_bytes(exec, out, model.world_reals.data(), model.world_reals.extent(0) * sizeof(R));
-  for (int i = 0; i < detail::model_fields; ++i) {
-    auto& field = model.*detail::model_field<M>(ModelField(i)).member;
+  for (auto const& row : detail::field_table<M>()) {
+    auto& field = model.*row.member;
     if (detail::in_buffer(field, model.world_reals)) field.data = out + (field.data - model.world_reals.data());
   }
   std::size_t at = model.world_reals.extent(0);
@@ -310,7 +172,7 @@ void make_per_world(Exec const& exec, Model<R, Mem>& model, std::vector<ModelFie
 template <class R, class Mem>
 Kokkos::View<R**, Kokkos::LayoutRight, Mem, Kokkos::MemoryTraits<Kokkos::Unmanaged>> world_values(Model<R, Mem> const& model,
                                                                                                   ModelField field) {
-  auto const f = detail::model_field<Model<R, Mem>>(field);
+  auto const& f = detail::field_row<Model<R, Mem>>(field);
   auto const& own = model.*f.member;
   expects(own.stride > 0, std::string("gsp::world_values: ") + f.name + " is not per world; call make_per_world first");
   expects(detail::in_buffer(own, model.world_reals),
@@ -333,7 +195,7 @@ void set_world_values(Exec const& exec, Model<R, Mem> const& model, ModelField f
   static_assert(Values::rank() == 2 || Values::rank() == 3,
                 "gsp::set_world_values: values are (worlds, items, components) or (worlds, items * components)");
   static_assert(can_access<Exec, Values>, "gsp::set_world_values: the values are not accessible from this execution space");
-  auto const f = detail::model_field<Model<R, Mem>>(field);
+  auto const& f = detail::field_row<Model<R, Mem>>(field);
   auto const out = world_values(model, field);
   int const row = int(out.extent(1)), worlds = model.value_worlds;
   bool fits = int(values.extent(0)) == worlds;
@@ -352,7 +214,7 @@ void set_world_values(Exec const& exec, Model<R, Mem> const& model, ModelField f
     return;
   }
   Kokkos::parallel_for("gsp::model::set_world_values", Range(exec, 0, std::int64_t(worlds) * row),
-                       detail::SetRows<R, Values, Mask>{out.data(), values, mask, row, f.components, f.keeps_infinite});
+                       detail::SetRows<R, Values, Mask>{out.data(), values, mask, row, f.components, f.use.keeps_infinite});
 }
 
 }  // namespace gsp
