@@ -26,6 +26,7 @@ endif()
 add_library(gsp_io_headers INTERFACE)
 add_library(gsp::io_headers ALIAS gsp_io_headers)
 set_target_properties(gsp_io_headers PROPERTIES EXPORT_NAME io_headers)
+target_compile_definitions(gsp_io_headers INTERFACE GSP_IO)  # gsp.hpp: with readers and writers
 target_link_libraries(gsp_io_headers INTERFACE gsp_gsp pugixml::pugixml ZLIB::ZLIB Qhull::qhull_r nlohmann_json::nlohmann_json Eigen3::Eigen gsp::stb)
 
 file(GLOB _sources CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/src/*.cpp")

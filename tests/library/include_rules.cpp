@@ -130,3 +130,35 @@ TEST_CASE("outside headers stay where they belong") {
     }
   }
 }
+
+TEST_CASE("gsp.hpp includes every public header") {
+  auto const headers = read_headers();
+  std::set<std::string> all;
+  for (auto const& h : headers)
+    if (h.name == "gsp/gsp.hpp") all.insert(h.includes.begin(), h.includes.end());
+  REQUIRE(!all.empty());
+  for (auto const& h : headers) {
+    bool const direct = std::count(h.name.begin(), h.name.end(), '/') == 2;  // gsp/<area>/<name>.hpp
+    if (direct && h.name != "gsp/io/compressed_ply.hpp") CHECK_MESSAGE(all.count(h.name) == 1, "gsp/gsp.hpp does not include ", h.name);
+  }
+}
+
+TEST_CASE("a region bears the name of its area and of the function that opens it") {
+  fs::path const root = fs::path(GSP_TEST_DIR).parent_path() / "include";
+  int regions = 0;
+  for (auto const& h : read_headers()) {
+    std::ifstream file(root / h.name);
+    std::string before, line;
+    for (; std::getline(file, line); before += line + "\n") {
+      auto const at = line.find("Region const region(\"");
+      if (at == line.npos) continue;
+      ++regions;
+      auto const open = line.find('"', at) + 1;
+      auto const label = line.substr(open, line.find('"', open) - open);
+      CHECK_MESSAGE(starts_with(label, "gsp::" + h.area + "::"), h.name, " opens ", label);
+      auto const function = label.substr(label.rfind(':') + 1);
+      CHECK_MESSAGE(before.find(" " + function + "(Exec const& exec") != before.npos, h.name, " opens ", label, " in another function");
+    }
+  }
+  CHECK(regions >= 18);
+}

@@ -2,6 +2,7 @@
 #include <gsp/collision/broadphase.hpp>
 #include <gsp/collision/manifold.hpp>
 #include <gsp/collision/narrowphase.hpp>
+#include <gsp/core/region.hpp>
 #include <gsp/core/status.hpp>
 
 /// Contacts of many worlds in one pool, in the order (world, pair, point). Five kernels, nothing waits for the host:
@@ -272,6 +273,7 @@ bool grow(Exec const& exec, Contacts<R, Mem>& contacts) {
 /// The result depends on nothing but the world's own poses.
 template <ExecutionSpace Exec, class R, class Mem>
 void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses, Contacts<R, Mem> const& contacts) {
+  Region const region("gsp::collision::collide");
   static_assert(can_access<Exec, Contacts<R, Mem>>, "gsp::collide: the contacts are not accessible from this execution space");
   expects(int(poses.xpos.extent(0)) == contacts.worlds,
           "gsp::collide: poses have " + std::to_string(poses.xpos.extent(0)) + " worlds and contacts " + std::to_string(contacts.worlds));

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/passive_forces.hpp>
 #include <gsp/dynamics/transmission.hpp>
 
@@ -301,6 +302,7 @@ struct ActuatorStage {
 template <ExecutionSpace Exec, class R, class Mem>
 void actuator_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                      Dynamics<R, Mem> const& dynamics) {
+  Region const region("gsp::dynamics::actuator_forces");
   detail::expects_fit("gsp::actuator_forces", model, state, dynamics, poses);
   if (model.nu > 0 && detail::any_archetype(model, [](Archetype const& a) { return a.gravcomp; }))  // an actuator may carry it
     detail::expects_of("gsp::actuator_forces", dynamics, state, detail::set_of(Quantity::passive));

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/mass_matrix.hpp>
 
 /// Coriolis, centrifugal and gravity forces by recursive Newton-Euler at zero acceleration (Featherstone 2008, ch. 5; MuJoCo's mj_rne).
@@ -175,6 +176,7 @@ struct CopyDofsStage {
 template <ExecutionSpace Exec, class R, class Mem>
 void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                  Dynamics<R, Mem> const& dynamics) {
+  Region const region("gsp::dynamics::bias_forces");
   detail::expects_fit("gsp::bias_forces", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::bias_forces", exec, model, dynamics, detail::BiasStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
   detail::leaves(dynamics, state, detail::set_of(Quantity::motion, Quantity::velocity, Quantity::bias));

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/actuator_forces.hpp>
 
 /// Sparse factorisation M = L^T D L, without fill (Featherstone 2008, ch. 6.5; MuJoCo's mj_factorI), solves, and the velocity without
@@ -171,6 +172,7 @@ struct FactorStage {
 /// Cost 2 sum d^2 + 4 nM flop (d: ancestors of a dof). Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void factor(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics) {
+  Region const region("gsp::dynamics::factor");
   detail::expects_fit("gsp::factor", model, state, dynamics);
   detail::expects_of("gsp::factor", dynamics, state,
                      detail::set_of(Quantity::velocity, Quantity::mass, Quantity::bias, Quantity::passive, Quantity::actuator));

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/factor.hpp>
 
 /// Semi-implicit Euler: new velocities from the constraints' impulses, then positions with the new velocities.
@@ -255,6 +256,7 @@ template <ExecutionSpace Exec, class R, class Mem>
 void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, State<R, Mem> const& state,
                typename State<R, Mem>::template View<R**> const& z = {},
                Kokkos::View<int const, std::type_identity_t<Mem>> const& halt = {}) {
+  Region const region("gsp::dynamics::integrate");
   detail::expects_fit("gsp::integrate", model, state, dynamics);
   if (z.data()) detail::expects_rows("gsp::integrate", "z", z, state.worlds, model.nv);
   bool const again = detail::factors_again(model);

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/lanes.hpp>
 
 /// Forward kinematics: joint positions to the world poses of all bodies.
@@ -174,6 +175,7 @@ Poses<R, Mem> make_poses(Exec const& exec, Model<R, Mem> const& model, PosesOpti
 template <ExecutionSpace Exec, class R, class Mem>
 void forward_kinematics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                         Poses<R, Mem> const& poses) {
+  Region const region("gsp::dynamics::forward_kinematics");
   detail::expects_fit("gsp::forward_kinematics", model, state, dynamics, poses);
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
   for_lanes("gsp::dynamics::forward_kinematics", exec, model, dynamics,

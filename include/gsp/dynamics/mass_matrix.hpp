@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/tendon.hpp>
 
 /// Mass matrix by the composite rigid body algorithm (Featherstone 2008, ch. 6; MuJoCo's mj_crb).
@@ -116,6 +117,7 @@ struct DenseMassMatrixStage {
 template <ExecutionSpace Exec, class R, class Mem>
 void mass_matrix(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                  Dynamics<R, Mem> const& dynamics) {
+  Region const region("gsp::dynamics::mass_matrix");
   detail::expects_fit("gsp::mass_matrix", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::mass_matrix", exec, model, dynamics, detail::MassMatrixStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
   detail::leaves(dynamics, state, detail::set_of(Quantity::motion, Quantity::mass));

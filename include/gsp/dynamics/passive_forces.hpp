@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/fluid.hpp>
 
 /// Springs and dampers of joints and tendons, gravity compensation, and a fluid (MuJoCo's mj_passive).
@@ -180,6 +181,7 @@ struct PassiveStage {
 template <ExecutionSpace Exec, class R, class Mem>
 void passive_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                     Dynamics<R, Mem> const& dynamics) {
+  Region const region("gsp::dynamics::passive_forces");
   detail::expects_fit("gsp::passive_forces", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::passive_forces", exec, model, dynamics, detail::PassiveStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
   detail::leaves(dynamics, state,

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/integrate.hpp>
 #include <gsp/dynamics/smooth.hpp>
 
@@ -136,6 +137,7 @@ struct RungeKuttaStage {
 template <ExecutionSpace Exec, class R, class Mem, class Evaluate>
 void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                  RungeKutta<R, Mem> const& rk, Evaluate const& evaluate) {
+  Region const region("gsp::dynamics::runge_kutta");
   detail::expects_fit("gsp::runge_kutta", model, state, dynamics);
   detail::expects_rows("gsp::runge_kutta", "rk.qpos", rk.qpos, state.worlds, model.nq);
   detail::expects_rows("gsp::runge_kutta", "rk.qvel", rk.qvel, state.worlds, model.nv);

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/integrate.hpp>
 
 /// All of the smooth dynamics in one kernel, or all of a step without constraints: a block of lanes goes through every stage while it is in
@@ -70,6 +71,7 @@ struct SmoothStepStage {
 template <ExecutionSpace Exec, class R, class Mem>
 void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                      Poses<R, Mem> const& poses, SmoothOptions options = {}) {
+  Region const region("gsp::dynamics::smooth_dynamics");
   detail::expects_fit("gsp::smooth_dynamics", model, state, dynamics, poses);
   bool const keep_mass = model.profile == Profile::mujoco;  // its integrator takes M again, with joint damping
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
@@ -86,6 +88,7 @@ void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>
 template <ExecutionSpace Exec, class R, class Mem>
 void smooth_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                  Poses<R, Mem> const& poses) {
+  Region const region("gsp::dynamics::smooth_step");
   detail::expects_fit("gsp::smooth_step", model, state, dynamics, poses);
   if (model.ntree != 1) {  // a world stops as a whole
     smooth_dynamics(exec, model, state, dynamics, poses);

@@ -1,5 +1,6 @@
 #pragma once
 #include <concepts>
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/world_lanes.hpp>
 
 /// What a sensor is: so many of a kind in a world, so many numbers each, and how they follow from what is on the device (states, poses,
@@ -88,6 +89,7 @@ struct Sense {
 /// @param sensor  a SensorKind; its views hold the worlds of `data`
 template <ExecutionSpace Exec, class S, class Data>
 void sense(Exec const& exec, S const& sensor, Data const& data, SenseOptions options = {}) {
+  Region const region("gsp::sensor::sense");
   static_assert(std::copyable<S>, "gsp::sense: a sensor is copied to the device; give it views and numbers, no references");
   static_assert(detail::SensorCount<S>, "gsp::sense: the sensor has no `int count() const`: how many of its kind each world has");
   static_assert(detail::SensorSize<S>, "gsp::sense: the sensor has no `int size() const`: how many numbers each gives");

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/energy.hpp>
 #include <gsp/dynamics/object_poses.hpp>
 #include <gsp/dynamics/subtree.hpp>
@@ -360,6 +361,7 @@ struct SmoothSensors {
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                     Dynamics<R, Mem> const& dynamics, Sensors<R, Mem> const& sensors, View const& data) {
+  Region const region("gsp::sensor::smooth_sensors");
   expects(int(data.extent(0)) == sensors.worlds && int(data.extent(1)) == sensors.nsensordata,
           "gsp::smooth_sensors: data must be (worlds, nsensordata)");
   expects(dynamics.worlds == sensors.worlds, "gsp::smooth_sensors: dynamics and sensors have different numbers of worlds");

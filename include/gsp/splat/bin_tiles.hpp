@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/parallel/scan.hpp>
 #include <gsp/parallel/sort_by_key.hpp>
 #include <gsp/splat/detail/ellipse.hpp>
@@ -92,6 +93,7 @@ struct TileBegins {
 /// Neither allocates nor fences. Cost: visible x (bits of image, depth, index) / 8 and pairs x (bits of image, tile) / 8 radix passes.
 template <ExecutionSpace Exec, class Mem>
 void bin_tiles(Exec const& exec, Frames<Mem>& frames) {
+  Region const region("gsp::splat::bin_tiles");
   static_assert(can_access<Exec, Frames<Mem>>, "gsp::bin_tiles: the frames are not accessible from this execution space");
   auto& wave = frames.wave;
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;

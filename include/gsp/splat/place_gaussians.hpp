@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/math/quat.hpp>
 #include <gsp/model/poses.hpp>
 #include <gsp/splat/cameras.hpp>
@@ -56,6 +57,7 @@ struct PlaceLinks {
 template <ExecutionSpace Exec, class R, class PosesMem, class Mem>
 void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras, int first,
                      Frames<Mem>& frames) {
+  Region const region("gsp::splat::place_gaussians");
   static_assert(can_access<Exec, Poses<R, PosesMem>> && can_access<Exec, Frames<Mem>>,
                 "gsp::place_gaussians: poses or frames are not accessible from this execution space");
   auto& wave = frames.wave;

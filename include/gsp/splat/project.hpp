@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/math/quat.hpp>
 #include <gsp/parallel/scan.hpp>
 #include <gsp/splat/channels.hpp>
@@ -270,6 +271,7 @@ struct Head {
 template <ExecutionSpace Exec, class Mem, class... Channels>
 void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem> const& frames, RenderOptions options = {},
              Channels const&... channels) {
+  Region const region("gsp::splat::project");
   static_assert(can_access<Exec, Frames<Mem>>, "gsp::project: the frames are not accessible from this execution space");
   expects(options.near > 0 && options.far > options.near, "gsp::project: 0 < near < far must hold");
   expects(options.blur >= 0 && options.alpha_max > 0 && options.alpha_max < 1 && options.stop >= 0 && options.stop < 1,

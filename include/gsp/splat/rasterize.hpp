@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/splat/detail/rasterize_pixels.hpp>
 #include <gsp/splat/detail/rasterize_rows.hpp>
 #include <gsp/splat/project.hpp>
@@ -16,6 +17,7 @@ namespace gsp {
 /// Neither allocates nor fences. Each pixel depends on nothing but its own list.
 template <ExecutionSpace Exec, class Mem, class... Channels>
 void rasterize(Exec const& exec, Frames<Mem> const& frames, RenderOptions options = {}, Channels const&... channels) {
+  Region const region("gsp::splat::rasterize");
   static_assert(can_access<Exec, Frames<Mem>>, "gsp::rasterize: the frames are not accessible from this execution space");
   auto const list = detail::picture_channels(frames, channels...);
   using List = std::remove_const_t<decltype(list)>;

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/splat/bin_tiles.hpp>
 #include <gsp/splat/place_gaussians.hpp>
 #include <gsp/splat/project.hpp>
@@ -26,6 +27,7 @@ struct ResetNeeded {
 template <ExecutionSpace Exec, class R, class PosesMem, class Mem, class... Channels>
 void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras,
             Frames<Mem>& frames, RenderOptions options = {}, Channels const&... channels) {
+  Region const region("gsp::splat::render");
   constexpr int values = decltype(detail::channel_list(channels...))::stored;
   if (values > frames.wave.values_a_splat) {
     frames.wave.values_a_splat = values;
