@@ -11,13 +11,6 @@
 #include <gsp/splat/sample_surface.hpp>
 #include <gsp/step/step.hpp>
 
-/// World to camera at `eye`, looking at `target`: rows are the camera's axes x right, y down, z forward, in a world with z up.
-void look(std::vector<float>& viewmats, gsp::Vec3<float> eye, gsp::Vec3<float> target) {
-  auto const z = gsp::normalized(target - eye), x = gsp::normalized(cross(z, {0, 0, 1})), y = cross(z, x);
-  for (auto const& axis : {x, y, z}) viewmats.insert(viewmats.end(), {axis.x, axis.y, axis.z, -dot(axis, eye)});
-  viewmats.insert(viewmats.end(), {0, 0, 0, 1});
-}
-
 int main(int argc, char** argv) {
   Kokkos::ScopeGuard const kokkos(argc, argv);
   Kokkos::DefaultExecutionSpace const exec;
@@ -45,8 +38,10 @@ int main(int argc, char** argv) {
   auto const cloud = gsp::make_gaussians(exec, {room, robot});
   std::vector<float> viewmats, Ks;
   for (int w = 0; w < worlds; ++w) {
-    look(viewmats, {1.3f, -1.1f, 0.7f}, {0.05f, 0, 0.2f});
-    for (float k : {420.f, 0.f, width / 2.f, 0.f, 420.f, height / 2.f, 0.f, 0.f, 1.f}) Ks.push_back(k);
+    auto const view = gsp::look_at<double>({1.3, -1.1, 0.7}, {0.05, 0, 0.2}).matrix();
+    auto const K = gsp::pinhole(width, height, {.focal = 420});
+    viewmats.insert(viewmats.end(), view.begin(), view.end());
+    Ks.insert(Ks.end(), K.begin(), K.end());
   }
   auto frames = gsp::make_frames(exec, cloud, {.images = worlds, .width = width, .height = height});
   gsp::render(exec, cloud, sim.poses, gsp::make_cameras(exec, viewmats, Ks), frames);  // image w shows world w

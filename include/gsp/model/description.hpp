@@ -98,6 +98,7 @@ struct CameraDescription {
   double fovy = 0.7853981633974483;                      // [rad]
   std::array<int, 2> resolution{1, 1};                   // [pixel]
   std::array<double, 2> sensor_size{0, 0}, focal{0, 0};  // [m] where the camera is given by them, and fovy follows; else 0
+  std::array<double, 2> principal{0, 0};                 // [m] of the sensor: where the picture's centre lies off the axis, right and up
   CameraMode mode = CameraMode::fixed;
   std::string target = "";  // body that it looks at
   Place place{};

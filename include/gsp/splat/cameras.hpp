@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/core/check.hpp>
 #include <gsp/core/detail/views.hpp>
+#include <gsp/splat/look_at.hpp>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,18 @@ struct Cameras {
   View<int*> world;         // (C) or (0)
   int images() const { return static_cast<int>(viewmats.extent(0)); }
 };
+
+/// Room for `images` cameras, their numbers not yet set. Allocates.
+template <ExecutionSpace Exec>
+Cameras<typename Exec::memory_space> make_cameras(Exec const& exec, int images) {
+  using Cam = Cameras<typename Exec::memory_space>;
+  expects(images > 0, "gsp::make_cameras: the number of images must be positive");
+  Cam cameras;
+  cameras.viewmats = detail::allocate_zero<typename Cam::template View<float***>>(exec, "gsp::Cameras::viewmats", images, 4, 4);
+  cameras.Ks = detail::allocate_zero<typename Cam::template View<float***>>(exec, "gsp::Cameras::Ks", images, 3, 3);
+  cameras.world = detail::allocate_zero<typename Cam::template View<int*>>(exec, "gsp::Cameras::world", images);
+  return cameras;
+}
 
 /// Cameras from host arrays: viewmats (C, 4, 4) and Ks (C, 3, 3), row-major; `world` (C), or empty.
 template <ExecutionSpace Exec>

@@ -161,8 +161,10 @@ inline void read_camera(Document& doc, Node const& node, BodyDraft& to, Pose con
   if (!(fovy < 180)) a.fail("fovy", "is 180 degrees or more; give less");
   c.fovy = fovy * (pi / 180);
   // fovy of a sensor: 2 atan(half height / focal length), as MuJoCo in float
-  std::array<double, 2> sensor{0, 0}, focal{0, 0}, focal_pixel{0, 0}, resolution{1, 1};
+  std::array<double, 2> sensor{0, 0}, focal{0, 0}, focal_pixel{0, 0}, principal{0, 0}, principal_pixel{0, 0}, resolution{1, 1};
   a.numbers("sensorsize", sensor), a.numbers("focal", focal), a.numbers("focalpixel", focal_pixel), a.numbers("resolution", resolution);
+  a.numbers("principal", principal);
+  a.numbers("principalpixel", principal_pixel);
   for (int k = 0; k < 2; ++k) {
     if (!(resolution[k] >= 1 && resolution[k] <= 1e6) || resolution[k] != std::floor(resolution[k]))
       a.fail("resolution", "is not two whole numbers from 1 to 1000000; correct it");
@@ -172,11 +174,14 @@ inline void read_camera(Document& doc, Node const& node, BodyDraft& to, Pose con
   bool const sized = sensor[0] > 0 && sensor[1] > 0;
   if (!sized && (focal[0] != 0 || focal[1] != 0 || focal_pixel[0] != 0 || focal_pixel[1] != 0))
     a.fail("focal", "needs sensorsize; give both");
+  if (!sized && (principal[0] != 0 || principal[1] != 0 || principal_pixel[0] != 0 || principal_pixel[1] != 0))
+    a.fail("principal", "needs sensorsize; give both");
   if (sized) {
     if (!a.has("resolution")) a.fail("sensorsize", "needs a resolution; give both");
     for (int k = 0; k < 2; ++k) {
       float const size = float(sensor[k]), density = float(resolution[k]) / size;
       c.sensor_size[k] = size, c.focal[k] = focal_pixel[k] != 0 ? float(focal_pixel[k]) / density : float(focal[k]);
+      c.principal[k] = principal_pixel[k] != 0 ? float(principal_pixel[k]) / density : float(principal[k]);
     }
     c.fovy = std::atan2(float(c.sensor_size[1]) / 2, float(c.focal[1])) * 2;
   }

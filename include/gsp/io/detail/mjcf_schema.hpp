@@ -128,8 +128,8 @@ inline constexpr ElementSchema schema[] = {
      "material mesh name pos priority rgba shellinertia size solimp solmix solref surfacevel type @turn",
      "castshadow", "user", "", "plugin"},
     {"site", "class fromto group name pos size type @turn", "material mesh rgba", "user", "", ""},
-    {"camera", "class focal focalpixel fovy mode name pos projection resolution sensorsize target @turn", "ipd output", "user",
-     "principal principalpixel", ""},
+    {"camera", "class focal focalpixel fovy mode name pos principal principalpixel projection resolution sensorsize target @turn",
+     "ipd output", "user", "", ""},
     {"light", "",
      "active ambient attenuation bulbradius castshadow class cutoff diffuse dir directional exponent intensity mode name pos range "
      "softness specular target texture type",

@@ -237,7 +237,7 @@ class Writer {
     for (auto const& c : body.cameras) {
       open("camera").text("name", c.name).pose(c.pos, c.quat);
       if (c.sensor_size[0] > 0)
-        list("sensorsize", c.sensor_size, {}).list("focal", c.focal, {});
+        list("sensorsize", c.sensor_size, {}).list("focal", c.focal, {}).list("principal", c.principal, {0, 0});
       else
         number("fovy", c.fovy * (180 / 3.14159265358979323846), 45);
       list("resolution", std::array<double, 2>{double(c.resolution[0]), double(c.resolution[1])}, {1, 1});

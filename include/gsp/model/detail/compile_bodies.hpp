@@ -71,7 +71,7 @@ class BodyCompiler : public CompilerBase {
       for (auto const& c : body.cameras) {
         enter(Kind::camera, c.name, m_.ncam, c.place);
         require_finite(
-            finite(c.pos) && finite(c.quat) && std::isfinite(c.fovy + c.sensor_size[0] + c.sensor_size[1] + c.focal[0] + c.focal[1]),
+            finite(c.pos) && finite(c.quat) && finite(c.sensor_size) && finite(c.focal) && finite(c.principal) && std::isfinite(c.fovy),
             c.place, "camera", c.name);
         bool const sized = c.sensor_size[0] > 0 && c.sensor_size[1] > 0;
         if (!(c.resolution[0] > 0 && c.resolution[1] > 0)) fail(c.place, "camera", c.name, "has no positive resolution: give its pixels");
@@ -81,6 +81,8 @@ class BodyCompiler : public CompilerBase {
         for (int k = 0; k < 2; ++k)  // those of a sensor as MuJoCo in float
           focal[k] =
               sized ? float(c.focal[k]) / float(c.sensor_size[k]) * float(c.resolution[k]) : 0.5 / std::tan(c.fovy / 2) * c.resolution[1];
+        m_.cam_sensor_size.push_back(sized ? c.sensor_size : std::array<double, 2>{0, 0});
+        m_.cam_principal.push_back(sized ? c.principal : std::array<double, 2>{0, 0});
         m_.cam_resolution.push_back({double(c.resolution[0]), double(c.resolution[1])});
         m_.cam_body.push_back(b), m_.cam_pos.push_back(c.pos), m_.cam_quat.push_back(unit(c.quat)), m_.cam_fovy.push_back(c.fovy),
             m_.cam_name.push_back(c.name), m_.cam_mode.push_back(int(c.mode));

@@ -1,0 +1,125 @@
+// Cameras from poses against closed forms. (Cameras of MJCF in all modes against MuJoCo: tests/oracle/cameras.cpp.)
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <gsp/dynamics/kinematics.hpp>
+#include <gsp/model/attach.hpp>
+#include <gsp/model/compile.hpp>
+#include <gsp/sensor/cameras.hpp>
+#include <gsp_test_execs.hpp>
+#include <numbers>
+
+#include "support/kokkos_tools.hpp"
+
+namespace {
+using V = gsp::Vec3<double>;
+
+/// Where a camera sees a point: pixel and depth, as conventions.md says it.
+V seen(float const* viewmat, float const* K, V const& x) {
+  double y[3];
+  for (int r = 0; r < 3; ++r) y[r] = viewmat[4 * r] * x.x + viewmat[4 * r + 1] * x.y + viewmat[4 * r + 2] * x.z + viewmat[4 * r + 3];
+  return {K[0] * y[0] / y[2] + K[2], K[4] * y[1] / y[2] + K[5], y[2]};
+}
+
+/// A mast that turns about z, with a camera of MJCF on it that looks along its x.
+gsp::Description mast() {
+  gsp::Description d;
+  int const b = gsp::add_body(d, 0, "mast", {0, 0, 1});
+  d.bodies[b].joints.push_back({.name = "turn", .axis = {0, 0, 1}});
+  d.bodies[b].geoms.push_back({.size = {0.1, 0, 0}});
+  gsp::CameraDescription c;
+  c.name = "eye";
+  c.pos = {0.5, 0, 0};
+  c.quat = {0.5, 0.5, -0.5, -0.5};  // its x is -y of the mast, its y the mast's z: it looks along x
+  c.fovy = 1;
+  d.bodies[b].cameras = {c};
+  return d;
+}
+}  // namespace
+
+TEST_CASE("look_at and pinhole") {
+  auto const view = gsp::look_at<double>({1, 2, 3}, {1, 5, 3}).matrix();
+  float const want[] = {1, 0, 0, -1, 0, 0, -1, 3, 0, 1, 0, -2, 0, 0, 0, 1};  // x right, -z down, y forward
+  for (int i = 0; i < 16; ++i) CHECK(view[i] == want[i]);
+  for (V target : {V{1, 2, 8}, V{1, 2, -8}}) {  // straight up and down: still a rotation
+    auto const m = gsp::look_at<double>({1, 2, 3}, target);
+    V const forward{m.r(2, 0), m.r(2, 1), m.r(2, 2)}, right{m.r(0, 0), m.r(0, 1), m.r(0, 2)};
+    CHECK(forward.z == (target.z > 3 ? 1 : -1));
+    CHECK(gsp::norm(right) == doctest::Approx(1));
+    CHECK(gsp::dot(right, forward) == 0);
+  }
+  auto const K = gsp::pinhole(640, 480, {.fovy = 2 * std::atan(0.5)});
+  CHECK(K[0] == doctest::Approx(480));
+  CHECK(K[4] == K[0]);
+  CHECK(K[2] == 320);
+  CHECK(K[5] == 240);
+  CHECK(gsp::pinhole(640, 480, {.fovx = 2 * std::atan(0.5)})[4] == doctest::Approx(640));
+  CHECK(gsp::pinhole(640, 480, {.focal = 500})[0] == 500);
+  CHECK_THROWS_AS(gsp::pinhole(640, 480, {}), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::pinhole(640, 480, {.fovx = 1, .fovy = 1}), std::invalid_argument);
+}
+
+// float matrices of unit size and metres: pixels of f 200 within 200 x 4 roundings of 6e-8.
+TEST_CASE_TEMPLATE("cameras of a model and on its links, in all worlds", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  int const worlds = 5, width = 200, height = 100;
+  auto const compiled = gsp::compile(mast());
+  auto const model = gsp::make_model<double>(exec, compiled);
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto const qpos = Kokkos::create_mirror_view(state.qpos);
+  for (int w = 0; w < worlds; ++w) qpos(w, 0) = 0.7 * w;
+  Kokkos::deep_copy(state.qpos, qpos);
+  gsp::forward_kinematics(exec, model, state, dynamics, poses);
+
+  auto const mounts = gsp::make_camera_mounts(exec, model, compiled,
+                                              {{.camera = "eye"},
+                                               {.body = "mast", .pos = {0, 0.25, 0}, .look_at = gsp::Double3{0, 2, 0}, .fovy = 1.2},
+                                               {.body_id = 0, .pos = {0, 0, 5}, .quat = {2, 0, 0, 0}, .fovy = 0.8}},
+                                              {.worlds = worlds, .width = width, .height = height});
+  CHECK(mounts.images() == 15);
+  auto const cameras = gsp::make_cameras(exec, mounts.images());
+  gsp_test::check_algorithm(exec, gsp_test::watch([&] { gsp::cameras_of(exec, model, poses, mounts, cameras); }));
+  auto const host = [](auto const& v) { return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, v); };
+  auto const views = host(cameras.viewmats), Ks = host(cameras.Ks);
+  auto const world = host(cameras.world);
+  auto const check = [](V const& a, V const& b) {
+    CHECK(a.x == doctest::Approx(b.x).epsilon(1e-6));
+    CHECK(a.y == doctest::Approx(b.y).epsilon(1e-6));
+    CHECK(a.z == doctest::Approx(b.z).epsilon(1e-6));
+  };
+  for (int w = 0; w < worlds; ++w) {
+    double const c = std::cos(0.7 * w), s = std::sin(0.7 * w);
+    auto const place = [&](double ahead, double left, double up) { return V{c * ahead - s * left, s * ahead + c * left, 1 + up}; };
+    for (int k = 0; k < 3; ++k) CHECK(world(3 * w + k) == w);
+    // "eye": 0.5 before the axis, looking ahead: 2 m ahead of it, 0.3 left, 0.1 up is left and above of the centre
+    double const f = 50 / std::tan(0.5), g = 50 / std::tan(0.6), h = 50 / std::tan(0.4);
+    check(seen(&views(3 * w, 0, 0), &Ks(3 * w, 0, 0), place(2.5, 0.3, 0.1)), {100 - f * 0.15, 50 - f * 0.05, 2});
+    // to the left: ahead is to its right
+    check(seen(&views(3 * w + 1, 0, 0), &Ks(3 * w + 1, 0, 0), place(0.3, 1.25, 0.1)), {100 + g * 0.3, 50 - g * 0.1, 1});
+    // of the world, looking down from 5 m with y up in the picture; its quaternion is of any length
+    check(seen(&views(3 * w + 2, 0, 0), &Ks(3 * w + 2, 0, 0), {0.4, 0.2, 1}), {100 + h * 0.1, 50 - h * 0.05, 4});
+  }
+
+  auto const bad = [&](gsp::CameraMount const& mount, char const* part) {
+    try {
+      gsp::make_camera_mounts(exec, model, compiled, {mount}, {.worlds = worlds});
+      CHECK_MESSAGE(false, "accepted, expected: ", part);
+    } catch (std::exception const& e) { CHECK_MESSAGE(std::string(e.what()).find(part) != std::string::npos, e.what()); }
+  };
+  bad({.camera = "eyes"}, "no camera 'eyes'; nearest: 'eye'");
+  bad({}, "mount 0: name one camera or one body");
+  bad({.camera = "eye", .body = "mast"}, "mount 0: name one camera or one body");
+  bad({.camera_id = 1}, "has 1 cameras, not one of index 1");
+  bad({.body_id = 2}, "has 2 bodies, not one of index 2");
+  bad({.body = "mast", .quat = {0, 0, 0, 0}}, "the rotation not 0");
+  bad({.body = "mast", .pos = {1, 0, 0}, .look_at = gsp::Double3{1, 0, 0}}, "must not look at itself");
+  bad({.body = "mast", .pos = {NAN, 0, 0}}, "must be finite");
+  bad({.body = "mast", .fovy = 4}, "fovy");
+  CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, model, poses, mounts, gsp::make_cameras(exec, 3)),
+                       doctest::Contains("make_cameras(exec, mounts.images())"), std::invalid_argument);
+  auto const fewer = gsp::make_poses(exec, model, {.worlds = 4});
+  CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, model, fewer, mounts, cameras), doctest::Contains("mounts are for 5 worlds"),
+                       std::invalid_argument);
+}
