@@ -70,11 +70,11 @@ TEST_CASE("area shares out the count; density, groups, world and shading do what
   model.geom_type.push_back(int(gsp::ShapeType::sphere)), model.geom_body.push_back(0), model.geom_group.push_back(0);
   model.geom_size.push_back({0.2, 0, 0}), model.geom_pos.push_back({0, 0, 0}), model.geom_quat.push_back({1, 0, 0, 0});
   model.geom_rgba.push_back({0.1f, 0.2f, 0.3f, 1.f}), model.geom_name.push_back("h");
-  auto const both = gsp::sample_surface(model, {.count = 5000});
+  auto const both = gsp::sample_surface(model, {.count = 5000, .world_share = 1});
   CHECK(std::count(both.body.begin(), both.body.end(), 1) == 1000);  // areas 1 : 4
   CHECK(gsp::sample_surface(model, {.count = 5000, .world = false}).size() == 5000);
-  CHECK(gsp::sample_surface(model, {.density = 1e4, .groups = {2}}).size() == 1257);  // 4 pi 0.01 m^2
-  CHECK(both.positions == gsp::sample_surface(model, {.count = 5000}).positions);
+  CHECK(gsp::sample_surface(model, {.density = 1e4, .groups = {2}}).size() == 1257);                   // 4 pi 0.01 m^2
+  CHECK(both.positions == gsp::sample_surface(model, {.count = 5000, .world_share = 0.8}).positions);  // no more than by area
 
   // seen along -normal: the geom's colour; edge on: (1 - k) of it
   auto const set = gsp::sample_surface(model, {.count = 400, .shading = 0.4f, .groups = {2}});
@@ -94,4 +94,35 @@ TEST_CASE("area shares out the count; density, groups, world and shading do what
   CHECK_THROWS_AS(gsp::sample_surface(model), gsp::Error);
   CHECK_NOTHROW(gsp::sample_surface(model, {.groups = {0}}));
   CHECK_THROWS_AS(gsp::sample_surface(model, {.count = 0}), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::sample_surface(model, {.world_share = 1.5}), std::invalid_argument);
+}
+
+TEST_CASE("a large floor leaves links their share") {
+  auto model = one_geom(gsp::ShapeType::sphere, {0.1, 0, 0});
+  auto const add = [&](gsp::ShapeType type, gsp::Double3 size, int body) {
+    ++model.ngeom;
+    model.geom_type.push_back(int(type));
+    model.geom_body.push_back(body);
+    model.geom_group.push_back(0);
+    model.geom_size.push_back(size);
+    model.geom_pos.push_back({0, 0, 0});
+    model.geom_quat.push_back({1, 0, 0, 0});
+    model.geom_rgba.push_back({0.1f, 0.2f, 0.3f, 1.f});
+    model.geom_name.push_back("g");
+  };
+  auto const share = [&](int body, gsp::SampleSurfaceOptions options) {
+    auto const set = gsp::sample_surface(model, options);
+    return std::count(set.body.begin(), set.body.end(), body);
+  };
+  add(gsp::ShapeType::sphere, {0.2, 0, 0}, 2);  // another link, four times the area
+  add(gsp::ShapeType::plane, {0, 0, 1}, 0);     // 100 m^2, 160 times both
+  add(gsp::ShapeType::box, {2, 2, 0.1}, 3);     // 35.2 m^2 on a body without joints
+  model.nbody = 4;
+  model.body_weld = {0, 1, 2, 0};
+  CHECK(share(1, {.count = 10000}) == 1000);  // half for links, by area 1 : 4
+  CHECK(share(2, {.count = 10000}) == 4000);
+  CHECK(share(0, {.count = 10000}) == std::lround(5000 * 100 / 135.2));
+  CHECK(share(3, {.count = 10000}) == std::lround(5000 * 35.2 / 135.2));
+  CHECK(share(2, {.count = 10000, .world_share = 0.1}) == 7200);
+  CHECK(share(1, {.count = 10000, .world_share = 1}) == 16);  // by area alone: 11, and at least 16
 }

@@ -9,13 +9,14 @@
 namespace gsp {
 
 struct SampleSurfaceOptions {
-  int count = 20000;    // Gaussians on all chosen geoms together, about: shared out by area, at least 16 a geom
+  int count = 20000;    // Gaussians on all chosen geoms together, about: shared out by area (and world_share), at least 16 a geom
   double density = 0;   // Gaussians a square metre; positive: instead of `count`
   double spread = 0.8;  // standard deviation of a disc over the square root of its share of the surface
   float opacity = 0.95f;
   float shading = 0.35f;         // 0: flat colour; else darker where the surface turns away from the eye, by SH of degree 1
   double plane_half = 5;         // half side of the patch that stands for an infinite plane [m]
   bool world = true;             // also geoms that are fixed to the world (body 0)
+  double world_share = 0.5;      // of `count`: what does not move takes no more where there are links, however large a floor is
   std::vector<int> groups = {};  // only geoms of these groups; empty: all
 };
 
@@ -127,10 +128,15 @@ inline Quat<double> z_to(Vec3<double> const& n) {
 inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptions options = {}) {
   expects(options.count > 0 && options.density >= 0 && options.spread > 0 && options.plane_half > 0,
           "gsp::sample_surface: count, spread and plane_half must be positive and density not negative");
+  expects(options.world_share >= 0 && options.world_share <= 1, "gsp::sample_surface: world_share must be between 0 and 1");
   expects(options.opacity > 0 && options.opacity <= 1 && options.shading >= 0 && options.shading <= 1,
           "gsp::sample_surface: opacity must be in (0, 1] and shading in [0, 1]");
   std::vector<int> geoms;
-  double total = 0;
+  double total = 0, fixed = 0;  // areas: of all, of what does not move
+  auto const moves = [&](int g) {
+    int const b = model.geom_body[g];
+    return b > 0 && (model.body_weld.empty() || model.body_weld[b] != 0);
+  };
   auto const area = [&](int g) { return detail::surface_area(ShapeType(model.geom_type[g]), model.geom_size[g], options.plane_half); };
   for (int g = 0; g < model.ngeom; ++g) {
     if (!options.world && model.geom_body[g] == 0) continue;
@@ -144,7 +150,15 @@ inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptio
                   ", which cannot be sampled; choose other groups, or leave visual geoms out when reading");
     geoms.push_back(g);
     total += area(g);
+    if (!moves(g)) fixed += area(g);
   }
+  bool const crowded = fixed < total && fixed > options.world_share * total;
+  auto const gaussians = [&](int g) {
+    double const a = area(g);
+    if (options.density > 0) return options.density * a;
+    if (!crowded) return options.count * a / total;
+    return moves(g) ? options.count * (1 - options.world_share) * a / (total - fixed) : options.count * options.world_share * a / fixed;
+  };
 
   GaussianSet out;
   out.sh_degree = options.shading > 0 ? 1 : 0;
@@ -152,7 +166,7 @@ inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptio
     ShapeType const type{model.geom_type[g]};
     Double3 const& s = model.geom_size[g];
     double const a = area(g);
-    int const n = std::max(16, static_cast<int>(std::lround(options.density > 0 ? options.density * a : options.count * a / total)));
+    int const n = std::max(16, static_cast<int>(std::lround(gaussians(g))));
     double least = s[0];  // a disc is no wider than half of the shape's least size
     if (type == ShapeType::box || type == ShapeType::ellipsoid) least = std::min({s[0], s[1], s[2]});
     double sigma = options.spread * std::sqrt(a / n);
