@@ -55,6 +55,7 @@
 #include <gsp/model/field.hpp>
 #include <gsp/model/fields.hpp>
 #include <gsp/model/model.hpp>
+#include <gsp/model/names.hpp>
 #include <gsp/model/poses.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/model/sensor_types.hpp>
@@ -63,6 +64,7 @@
 #include <gsp/parallel/for_worlds.hpp>
 #include <gsp/parallel/scan.hpp>
 #include <gsp/parallel/sort_by_key.hpp>
+#include <gsp/sensor/cameras.hpp>
 #include <gsp/sensor/sense.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>
 #include <gsp/solver/pgs.hpp>
@@ -71,6 +73,7 @@
 #include <gsp/splat/channels.hpp>
 #include <gsp/splat/frames.hpp>
 #include <gsp/splat/gaussians.hpp>
+#include <gsp/splat/look_at.hpp>
 #include <gsp/splat/place_gaussians.hpp>
 #include <gsp/splat/project.hpp>
 #include <gsp/splat/rasterize.hpp>
