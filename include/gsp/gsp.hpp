@@ -55,6 +55,7 @@
 #include <gsp/model/field.hpp>
 #include <gsp/model/fields.hpp>
 #include <gsp/model/model.hpp>
+#include <gsp/model/model_refusals.hpp>
 #include <gsp/model/names.hpp>
 #include <gsp/model/poses.hpp>
 #include <gsp/model/samples.hpp>
@@ -82,6 +83,7 @@
 #include <gsp/splat/sample_surface.hpp>
 #include <gsp/splat/splat.hpp>
 #include <gsp/step/bytes_needed.hpp>
+#include <gsp/step/simulation_refusals.hpp>
 #include <gsp/step/step.hpp>
 
 #if defined(GSP_IO)

@@ -7,6 +7,7 @@
 #include <gsp/model/compiled.hpp>
 #include <gsp/model/field.hpp>
 #include <gsp/model/fields.hpp>
+#include <gsp/model/model_refusals.hpp>
 #include <string_view>
 #include <utility>
 
@@ -191,20 +192,6 @@ void fill_options(Model<R, Mem>& d, FieldSource const& source, ModelOptions cons
   for (double const b : source.dof_damping) d.damped |= b != 0;
   d.damped |= any_of(m.dof_dampingpoly);
 }
-/// What the dynamics do not cover.
-inline void refuse_uncovered(FieldSource const& source) {
-  CompiledModel const& m = source.m;
-  for (int k = 0; k < m.nu; ++k)
-    if (item_or(m.act_actnum, k, 0) > 1)
-      throw Error("actuator '" + m.act_name[k] + "' has " + std::to_string(m.act_actnum[k]) +
-                  " activation variables, and one is supported: remove actdim");
-  for (int k = 0; k < m.ntendon; ++k)
-    if (source.tendon_armature[k] != 0)
-      for (int w = item_or(m.tendon_wrapadr, k, 0), end = w + item_or(m.tendon_wrapnum, k, 0); w < end; ++w)
-        if (m.wrap_type[w] == int(WrapType::sphere) || m.wrap_type[w] == int(WrapType::cylinder))
-          throw Error("tendon '" + m.tendon_name[k] +
-                      "' has armature and wraps round a geom, which MuJoCo does not support either: give the armature to its joints");
-}
 
 template <class R, class Mem>
 void fill_fields(ModelPools<R, Mem>& pool, Model<R, Mem> const& d, FieldSource const& source) {
@@ -366,7 +353,7 @@ void fill_lists(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& s
 template <class R, class Mem>
 ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOptions const& options) {
   auto const source = field_source(m);
-  refuse_uncovered(source);
+  if (auto const refusals = model_refusals(m); !refusals.empty()) throw Error(refusals.front());
   fill_options(d, source, options);
   ModelPools<R, Mem> pool;
   fill_fields(pool, d, source);
@@ -377,8 +364,7 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
 }  // namespace detail
 
 /// Takes a compiled model to the memory of `exec`, in precision R. Allocates; fences.
-/// Errors: gsp::Error where the model holds what the dynamics do not cover (an actuator with several activations, armature of a tendon that
-/// wraps round a geom).
+/// Errors: gsp::Error where the model holds what the dynamics do not cover (model_refusals.hpp).
 template <class R, ExecutionSpace Exec>
 Model<R, typename Exec::memory_space> make_model(Exec const& exec, CompiledModel const& m, ModelOptions options = {}) {
   using Mem = typename Exec::memory_space;

@@ -8,6 +8,7 @@
 #include <gsp/dynamics/runge_kutta.hpp>
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp/solver/pgs.hpp>
+#include <gsp/step/simulation_refusals.hpp>
 
 /// A ready-made simulation loop, written with public functions alone: copy it and change it.
 namespace gsp {
@@ -41,35 +42,8 @@ struct SimulationOptions {
 template <class R, ExecutionSpace Exec, class Mem>
 Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
                                    SimulationOptions options = {}) {
-  auto const& o = compiled.option;
-  for (int t = 0; t < compiled.ntendon && o.constraint; ++t) {
-    bool const limit = o.limit && compiled.tendon_limited[t], friction = o.frictionloss && compiled.tendon_frictionloss[t] > 0;
-    if (detail::item_or(compiled.tendon_wrapnum, t, 0) > 0 && (limit || friction))
-      throw Error("tendon '" + compiled.tendon_name[t] + "' is spatial and has " + (limit ? "a limit" : "dry friction") +
-                  ", which the constraint rows do not cover yet: remove it, or disable " +
-                  (limit ? "limits (<flag limit=\"disable\"/>)" : "dry friction (<flag frictionloss=\"disable\"/>)"));
-  }
-  for (int e = 0; e < compiled.neq && o.constraint && o.equality && !options.approximate; ++e)
-    if (compiled.eq_active[e])
-      throw Error("equality constraint '" + compiled.eq_name[e] +
-                  "' is active, and the constraint rows do not cover equalities yet: set active=\"false\", disable them (<flag "
-                  "equality=\"disable\"/>), or say --approximate (SimulationOptions::approximate), which leaves them out");
-  if (model.profile == Profile::mujoco && !options.approximate) {
-    if (o.integrator == Integrator::rk4 && o.constraint)
-      throw Error(
-          "the model names the integrator RK4, which profile mujoco has without constraints alone: choose profile stable, disable "
-          "constraints, or say --approximate (SimulationOptions::approximate)");
-    if (o.constraint && o.contact)
-      for (int k = 0; k < compiled.pair_count(); ++k) {
-        auto const [g1, g2] = compiled.pair_geoms(k);
-        auto const p = contact_parameters(compiled, k);
-        if (p.condim > 1)
-          throw Error("geoms '" + compiled.geom_name[g1] + "' and '" + compiled.geom_name[g2] + "' can touch with condim " +
-                      std::to_string(p.condim) +
-                      ", and profile mujoco has frictionless contact alone: choose profile stable, or say --approximate "
-                      "(SimulationOptions::approximate)");
-      }
-  }
+  auto const refusals = simulation_refusals(compiled, {.profile = model.profile, .approximate = options.approximate});
+  if (!refusals.empty()) throw Error(refusals.front());
   int const n = options.worlds;
   auto collision = make_collision_model<R>(exec, compiled);
   auto contacts = make_contacts(exec, collision, {.worlds = n});
