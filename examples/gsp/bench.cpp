@@ -1,9 +1,9 @@
 // gsp bench: timings of models and a scene that the library makes itself, so that two machines or versions can be compared without files.
+#include <chrono>
 #include <cstdio>
 #include <gsp/model/samples.hpp>
 
 #include "commands.hpp"
-#include "renderer.hpp"
 #include "run.hpp"
 #include "view.hpp"
 
@@ -31,11 +31,19 @@ nlohmann::ordered_json step_scenario(Scenario const& s, Device device, Arguments
   StepperOptions options;
   options.worlds = static_cast<int>(a.integer("--worlds", s.worlds * (device == Device::cuda ? 16 : 1), 1, 1 << 24));
   bool const in_double = a.choice("--precision", {"float", "double"}, "float") == "double";
-  auto const stepper = make_stepper(device, in_double, model, options);
-  stepper->set(
-      spread(initial_state(model, s.name, s.keyframe ? std::optional<std::string>(s.keyframe) : std::nullopt), options.worlds, s.name));
+  if (in_double) options.precision = gsp::runtime::Dtype::float64;
+  expect_memory(std::to_string(options.worlds) + " worlds of " + s.name, device,
+                static_cast<std::uint64_t>(gsp::runtime::bytes_needed(device, model, options)), bytes_of_states(model, options.worlds),
+                "fewer --worlds");
+  auto const stepper = gsp::runtime::make_stepper(device, model, options);
+  set_states(*stepper, initial_state(model, s.name, s.keyframe ? std::optional<std::string>(s.keyframe) : std::nullopt), model);
   double const startup = seconds_since_start();
-  auto const timing = run_steps(*stepper, 2 * s.steps, s.steps, false, 1, nullptr, nullptr);
+  RunOptions run;
+  run.steps = 2 * s.steps;
+  run.time_from = s.steps;
+  Progress progress(s.name, quiet(a));
+  auto const timing = run_steps(*stepper, run, progress);
+  progress.finish();
   nlohmann::ordered_json json{{"bench", s.name}};
   json.update(steps_json(*stepper, device, options.worlds, timing, startup));
   json.update(
@@ -44,17 +52,23 @@ nlohmann::ordered_json step_scenario(Scenario const& s, Device device, Arguments
 }
 
 nlohmann::ordered_json draw_room(Device device, Arguments const& a) {
-  Scene scene;
+  gsp::runtime::Scene scene;
   scene.add_room();
-  RendererOptions options;
+  gsp::runtime::RendererOptions options;
   options.alpha = false;
-  auto const renderer = make_renderer(device, scene, {}, options);
-  Shots shots;
+  auto const renderer = gsp::runtime::make_renderer(device, scene, options);
+  CameraFile cameras;
   int const count = static_cast<int>(a.integer("--worlds", device == Device::cuda ? 256 : 8, 1, 4096));
-  for (int c = 0; c < count; ++c) add_camera(shots, eye_in_room(c), {0, 0, 0.25}, 1.15, options.width, options.height);
+  for (int c = 0; c < count; ++c) add_camera(cameras, eye_in_room(c), {0, 0, 0.25}, 1.15, options.width, options.height);
+  expect_memory(std::to_string(count) + " pictures", device, static_cast<std::uint64_t>(renderer->bytes_needed(count)), 0,
+                "fewer --worlds");
   double const startup = seconds_since_start();
   int const repeat = 5;
-  double const seconds = renderer->render(shots, repeat);
+  auto const there = cameras.arrays(0, cameras.count);
+  renderer->render({}, there);  // buffers find their size
+  auto const start = std::chrono::steady_clock::now();
+  for (int r = 0; r < repeat; ++r) renderer->render({}, there);
+  double const seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return {{"bench", "room"},
           {"seconds", seconds},
           {"frames_per_second", double(count) * repeat / seconds},
@@ -77,8 +91,7 @@ int run(Arguments const& a) {
     a.fail("there is no bench " + in_quotes(name) + "; there are " + all);
   }
   Device const device = choose_device(a);
-  int const threads = static_cast<int>(a.integer("--threads", 0, 1, 1024));
-  Session const session(device, threads);
+  gsp::runtime::Session const session(threads_of(a));
   auto const show = [&](nlohmann::ordered_json const& json) {
     if (a.has("--json"))
       std::puts(json.dump().c_str());
@@ -111,6 +124,7 @@ Command bench_command() {
            {"--precision", "float|double", "float without the option"},
            device_option(),
            threads_option(),
+           quiet_option(),
            {"--json", "", "print one JSON object a bench"}},
           run};
 }

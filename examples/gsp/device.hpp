@@ -1,34 +1,31 @@
 #pragma once
-// The machine that does the work, without a word of Kokkos, so that files without kernels stay plain C++ in a CUDA build.
-#include <cstdint>
-#include <memory>
+// The machine that does the work: options, memory, time.
+#include <gsp/runtime/session.hpp>
 #include <string>
 
 #include "arguments.hpp"
 
 namespace gsp_cli {
 
-enum class Device { cpu, cuda };
+using gsp::runtime::Device;
+using gsp::runtime::device_name;
+using gsp::runtime::peak_bytes;
 
 Option device_option();
 Option threads_option();
+Option quiet_option();
 
 /// --device, or CUDA where the program was built with it. Throws where the build has no CUDA or the machine no GPU.
 Device choose_device(Arguments const& arguments);
+/// --threads, 0: not given.
+int threads_of(Arguments const& arguments);
+/// Neither progress nor notes: --quiet, or --json where the command has it.
+bool quiet(Arguments const& arguments);
 
-/// Kokkos runs while this lives. threads: of the CPU, 0: as many as there are. Starts to count memory.
-class Session {
- public:
-  Session(Device device, int threads);
-  ~Session();
-  Session(Session const&) = delete;
-  Session& operator=(Session const&) = delete;
-};
+/// Throws, in one sentence, where the device or the host has less memory free than is needed. what: "1000 worlds of robot.xml";
+/// remedy: what to give less of.
+void expect_memory(std::string const& what, Device device, std::uint64_t device_bytes, std::uint64_t host_bytes, std::string const& remedy);
 
-/// "CPU, 2 threads" or the GPU's name.
-std::string device_name(Device device);
-/// Peak memory: CUDA: greatest sum of all allocations on the GPU; CPU: greatest resident size of the process.
-std::uint64_t peak_bytes(Device device);
 /// Since the process started [s].
 double seconds_since_start();
 

@@ -29,10 +29,16 @@ gsp::CompiledModel load_model(std::string const& path, Arguments const& argument
   return compile_model(describe_model(path, arguments, false), arguments.has("--approximate"));
 }
 gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals) {
+  return describe_model(path, arguments, list_refusals, arguments.has("--skip-visuals"), arguments.has("--approximate"));
+}
+gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals, bool skip_visuals,
+                                bool approximate) {
   if (path.ends_with(".urdf")) {
     gsp::io::UrdfOptions options;
-    options.floating_base = arguments.has("--floating-base"), options.skip_visuals = arguments.has("--skip-visuals"),
-    options.approximate = arguments.has("--approximate"), options.list_refusals = list_refusals;
+    options.floating_base = arguments.has("--floating-base");
+    options.skip_visuals = skip_visuals;
+    options.approximate = approximate;
+    options.list_refusals = list_refusals;
     for (auto const& text : arguments.all("--package")) {
       auto const equal = text.find('=');
       if (equal == 0 || equal == std::string::npos) arguments.fail("--package is " + in_quotes(text) + "; give NAME=FOLDER");
@@ -41,7 +47,8 @@ gsp::Description describe_model(std::string const& path, Arguments const& argume
     return gsp::io::read_urdf(path, options);
   }
   gsp::io::MjcfOptions options;
-  options.skip_visuals = arguments.has("--skip-visuals"), options.approximate = arguments.has("--approximate"),
+  options.skip_visuals = skip_visuals;
+  options.approximate = approximate;
   options.list_refusals = list_refusals;
   return gsp::io::read_mjcf(path, options);
 }
@@ -184,11 +191,14 @@ States read_start(std::string const& path, gsp::CompiledModel const& model) {
   return s;
 }
 
-States spread(States const& states, int worlds, std::string const& what) {
-  if (states.worlds == worlds) return states;
-  if (states.worlds != 1)
+void expect_worlds(States const& states, int worlds, std::string const& what) {
+  if (states.worlds != worlds && states.worlds != 1)
     throw Error(what + ": holds " + std::to_string(states.worlds) + " worlds but --worlds is " + std::to_string(worlds) +
                 "; give --worlds " + std::to_string(states.worlds) + " or a file with one world");
+}
+
+States spread(States const& states, int worlds) {
+  if (states.worlds == worlds) return states;
   States out;
   out.worlds = worlds, out.time = states.time;
   auto const repeat = [&](std::vector<double> const& from, std::vector<double>& to) {
@@ -215,8 +225,14 @@ Controls read_controls(std::string const& path, gsp::CompiledModel const& model,
     fail(path, "",
          "has shape " + gsp::io::format_shape(array.shape) + ", expected (K, " + std::to_string(nu) + ") or (K, " + std::to_string(n) +
              ", " + std::to_string(nu) + ") with K > 0 for " + std::to_string(nu) + " actuators; reshape it");
-  gsp::io::expect_finite(array, path);
-  return {array.shape[0], own ? array.shape[1] : 1, array.as<double>(path)};
+  Controls const c{array.shape[0], own ? array.shape[1] : 1, array.as<double>(path)};
+  for (std::size_t i = 0; i < c.values.size(); ++i)
+    if (!std::isfinite(c.values[i]))
+      fail(path, "step " + std::to_string(i / (nu * c.worlds)),
+           (own ? "the control of world " + std::to_string(i / nu % c.worlds) + " for" : "the control for") + " actuator " +
+               std::to_string(i % nu) + " (" + in_quotes(model.act_name[i % nu]) + ") is " +
+               (std::isnan(c.values[i]) ? "NaN" : "infinite") + "; write finite numbers");
+  return c;
 }
 
 CameraFile read_cameras(std::string const& path) {

@@ -3,6 +3,7 @@
 #include <gsp/io/npz.hpp>
 #include <gsp/io/splat_transform.hpp>
 #include <gsp/model/compiled.hpp>
+#include <gsp/runtime/renderer.hpp>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,8 @@ gsp::CompiledModel load_model(std::string const& path, Arguments const& argument
 /// The same in two parts; list_refusals: what is refused becomes a line of the report. (The reader is long to compile, so it is in
 /// files.cpp alone.)
 gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals);
+gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals, bool skip_visuals,
+                                bool approximate);
 gsp::CompiledModel compile_model(gsp::Description const& description, bool approximate);
 /// One line: how much of the file is not taken as it stands; empty when all is.
 std::string summary(gsp::CompiledModel const& model);
@@ -46,8 +49,10 @@ void hold(gsp::CompiledModel const& model, int servos, States& states);
 States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe);
 /// The last entry of a trace or start file: qpos (T,N,nq), qvel (T,N,nv), time (T).
 States read_start(std::string const& path, gsp::CompiledModel const& model);
-/// One world's state for all, or as it is; throws where there are neither 1 nor `worlds`.
-States spread(States const& states, int worlds, std::string const& what);
+/// Throws where there are neither 1 nor `worlds` states.
+void expect_worlds(States const& states, int worlds, std::string const& what);
+/// One world's state for all, or as it is.
+States spread(States const& states, int worlds);
 
 /// All entries of a trace: qpos (entries, worlds, nq).
 struct Trace {
@@ -68,6 +73,11 @@ Controls read_controls(std::string const& path, gsp::CompiledModel const& model,
 struct CameraFile {
   std::size_t count = 0;
   std::vector<float> viewmats, Ks;
+  /// Cameras first ... first + n - 1.
+  gsp::runtime::CameraArrays arrays(std::size_t first, std::size_t n) const {
+    std::int64_t const c = static_cast<std::int64_t>(n);
+    return {gsp::runtime::host_array(&viewmats[16 * first], {c, 4, 4}), gsp::runtime::host_array(&Ks[9 * first], {c, 3, 3}), {}};
+  }
 };
 CameraFile read_cameras(std::string const& path);
 

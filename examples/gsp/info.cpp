@@ -6,6 +6,7 @@
 #include <gsp/io/png.hpp>
 #include <gsp/io/splats.hpp>
 #include <gsp/model/archetypes.hpp>
+#include <gsp/runtime/stepper.hpp>
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
@@ -42,8 +43,61 @@ void report(std::vector<gsp::ReportLine> lines) {
   }
 }
 
-/// One JSON object: sizes and the report.
-void json(std::string const& path, gsp::CompiledModel const& m) {
+/// What `gsp sim` would say to the file, by its own functions.
+struct Verdict {
+  std::vector<std::string> flags;  // it needs these
+  std::string refusal;             // the first reason without them, or, where none help, with them
+  bool taken = false;
+  std::string mujoco;  // what --profile mujoco needs besides, or why it does not take the file; empty: nothing
+};
+
+Verdict judge(std::string const& path, Arguments const& arguments, gsp::Description const* as_it_is) {
+  auto const compiled = [&](bool skip_visuals, bool approximate) {
+    return compile_model(
+        as_it_is && !skip_visuals && !approximate ? *as_it_is : describe_model(path, arguments, false, skip_visuals, approximate),
+        approximate);
+  };
+  // The first reason that the profile refuses the file for; empty: it takes it.
+  auto const refusal = [&](bool skip_visuals, bool approximate, bool mujoco) -> std::string {
+    try {
+      gsp::runtime::StepperOptions options;
+      options.approximate = approximate;
+      options.mujoco = mujoco;
+      auto const reasons = gsp::runtime::refusals(compiled(skip_visuals, approximate), options);
+      return reasons.empty() ? "" : path + ": " + reasons.front();
+    } catch (Error const& error) { return error.what(); }
+  };
+  Verdict v;
+  for (int k = 0; k < 4 && !v.taken; ++k) {
+    bool const skip_visuals = (k & 1) != 0;
+    bool const approximate = (k & 2) != 0;
+    auto const reason = refusal(skip_visuals, approximate, false);
+    v.taken = reason.empty();
+    if (k == 0 || k == 3) v.refusal = v.taken ? v.refusal : reason;
+    if (!v.taken) continue;
+    if (skip_visuals) v.flags.push_back("--skip-visuals");
+    if (approximate) v.flags.push_back("--approximate");
+    auto const with_mujoco = refusal(skip_visuals, approximate, true);
+    if (with_mujoco.empty()) continue;
+    if (!approximate && refusal(skip_visuals, true, true).empty())
+      v.mujoco = "needs --approximate";
+    else
+      v.mujoco = "refuses it: " + with_mujoco;
+  }
+  return v;
+}
+
+/// In one line.
+std::string text_of(Verdict const& v) {
+  if (!v.taken) return "gsp sim refuses it: " + v.refusal;
+  std::string flags;
+  for (auto const& f : v.flags) flags += " " + f;
+  return (flags.empty() ? "gsp sim takes it as it is" : "gsp sim takes it with" + flags) +
+         (v.mujoco.empty() ? "" : "; --profile mujoco " + v.mujoco) + (flags.empty() ? "" : "; without: " + v.refusal);
+}
+
+/// One JSON object: sizes, the report and the verdict.
+void json(std::string const& path, gsp::CompiledModel const& m, Verdict const& verdict) {
   nlohmann::ordered_json out{{"file", path},     {"model", m.name},      {"nq", m.nq},           {"nv", m.nv},
                              {"nbody", m.nbody}, {"ngeom", m.ngeom},     {"nu", m.nu},           {"neq", m.neq},
                              {"na", m.na},       {"ntendon", m.ntendon}, {"nsensor", m.nsensor}, {"nkey", m.keyframes.size()},
@@ -52,13 +106,19 @@ void json(std::string const& path, gsp::CompiledModel const& m) {
   out["report"] = nlohmann::ordered_json::array();
   for (auto const& l : m.report)
     out["report"].push_back({{"kind", kind_name(l.kind)}, {"file", l.file}, {"line", l.line}, {"text", l.text}, {"count", l.count}});
+  out["taken"] = verdict.taken;
+  out["flags"] = verdict.flags;
+  out["verdict"] = text_of(verdict);
   std::puts(out.dump(2, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
 }
 
 void model(std::string const& path, Arguments const& arguments) {
   auto const description = describe_model(path, arguments, true);
   auto const m = compile_model(description, true);  // what would be refused without is in the report
-  if (arguments.has("--json")) return json(path, m);
+  bool const listed = std::any_of(m.report.begin(), m.report.end(), [](auto const& l) { return l.kind == gsp::ReportLine::Kind::refused; });
+  bool const as_it_is = !listed && !arguments.has("--skip-visuals") && !arguments.has("--approximate");  // it need not be read again
+  auto const verdict = judge(path, arguments, as_it_is ? &description : nullptr);
+  if (arguments.has("--json")) return json(path, m, verdict);
   char const* const shape_names[] = {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"};
   char const* const joint_names[] = {"free", "ball", "slide", "hinge"};
   char const* const integrators[] = {"Euler", "RK4", "implicit", "implicitfast"};
@@ -97,6 +157,7 @@ void model(std::string const& path, Arguments const& arguments) {
     } catch (Error const& error) { row("refused", std::string("unless --approximate is given: ") + error.what()); }
   }
   report(m.report);
+  row("verdict", text_of(verdict));
 }
 
 void splats(std::string const& path) {
@@ -173,13 +234,13 @@ Command info_command() {
       "info",
       "FILE...",
       "says what a file holds (MJCF, URDF, Gaussians, npz, npy, PNG) and lists what of a model is refused, approximated or without effect, "
-      "with file and line",
+      "with file and line, and says whether gsp sim takes it and with which flags",
       0,
       -1,
       {skip_visuals_option(),
        floating_base_option(),
        package_option(),
-       {"--json", "", "of a model: one JSON object with its sizes and the report"},
+       {"--json", "", "of a model: one JSON object with its sizes, the report and the verdict"},
        {"--schema", "", "no file: what of MJCF works, as a page in Markdown"},
        {"--approximate", "", "as --approximate of sim and render: what it would change stands in the report"}},
       run};

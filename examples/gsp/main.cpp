@@ -87,6 +87,11 @@ static void end_on_signals() {
   }).detach();
 }
 
+static int not_enough_memory() {
+  std::fputs("gsp: there is not enough memory for this; give fewer worlds, smaller images or a smaller --batch\n", stderr);
+  return gsp_cli::bad_input;
+}
+
 int main(int argc, char** argv) {
   spin_briefly(argv);
   end_on_signals();
@@ -98,10 +103,8 @@ int main(int argc, char** argv) {
   } catch (std::invalid_argument const& error) {
     std::fprintf(stderr, "gsp: %s\n", error.what());
     return bad_input;
-  } catch (std::bad_alloc const&) {
-    std::fputs("gsp: there is not enough memory for this; give fewer worlds, smaller images or a smaller --batch\n", stderr);
-    return bad_input;
-  } catch (std::exception const& error) {
+  } catch (std::bad_alloc const&) { return not_enough_memory(); } catch (std::exception const& error) {
+    if (std::strstr(error.what(), "failed to allocate")) return not_enough_memory();  // Kokkos' allocators throw runtime_error
     std::fprintf(stderr, "gsp: %s\n", error.what());
     return 1;
   }

@@ -9,13 +9,13 @@
 #include <gsp/io/ply.hpp>
 #include <gsp/io/png.hpp>
 #include <gsp/io/write_mjcf.hpp>
+#include <gsp/model/detail/host_math.hpp>
 #include <gsp/model/samples.hpp>
 #include <thread>
 
 #include "commands.hpp"
 #include "placement.hpp"
 #include "progress.hpp"
-#include "renderer.hpp"
 #include "run.hpp"
 #include "view.hpp"
 
@@ -45,34 +45,22 @@ struct Subject {
   double radius = 1;
 };
 
-/// The moving bodies of a model in its initial pose, shifted to where the first free joint stands: middle of their geoms and reach.
-Subject subject_of(gsp::CompiledModel const& m, States const& start) {
-  using Vector = std::array<double, 3>;
-  auto const turned = [](gsp::Double4 const& q, Vector const& v) {
-    Vector const t{2 * (q[2] * v[2] - q[3] * v[1]), 2 * (q[3] * v[0] - q[1] * v[2]), 2 * (q[1] * v[1] - q[2] * v[0])};
-    return Vector{v[0] + q[0] * t[0] + q[2] * t[2] - q[3] * t[1], v[1] + q[0] * t[1] + q[3] * t[0] - q[1] * t[2],
-                  v[2] + q[0] * t[2] + q[1] * t[1] - q[2] * t[0]};
-  };
-  std::vector<Vector> pos(static_cast<std::size_t>(m.nbody), Vector{0, 0, 0});
-  std::vector<gsp::Double4> quat(static_cast<std::size_t>(m.nbody), gsp::Double4{1, 0, 0, 0});
-  Vector low{INFINITY, INFINITY, INFINITY}, high{-INFINITY, -INFINITY, -INFINITY};
-  for (std::size_t b = 1; b < pos.size(); ++b) {
-    std::size_t const p = static_cast<std::size_t>(m.body_parent[b]);
-    auto const x = turned(quat[p], m.body_pos[b]);
-    for (std::size_t k = 0; k < 3; ++k) pos[b][k] = pos[p][k] + x[k];
-    auto const &a = quat[p], &c = m.body_quat[b];
-    quat[b] = {a[0] * c[0] - a[1] * c[1] - a[2] * c[2] - a[3] * c[3], a[0] * c[1] + a[1] * c[0] + a[2] * c[3] - a[3] * c[2],
-               a[0] * c[2] - a[1] * c[3] + a[2] * c[0] + a[3] * c[1], a[0] * c[3] + a[1] * c[2] - a[2] * c[1] + a[3] * c[0]};
-    if (m.body_jntnum[b] > 0 && m.jnt_type[static_cast<std::size_t>(m.body_jntadr[b])] == int(gsp::JointType::free))
-      for (std::size_t k = 0; k < 3; ++k)
-        pos[b][k] = start.qpos[static_cast<std::size_t>(m.jnt_qposadr[static_cast<std::size_t>(m.body_jntadr[b])]) + k];
-  }
+/// The moving bodies of the first world: middle of their geoms and reach.
+Subject subject_of(gsp::CompiledModel const& m, gsp::runtime::PoseArrays const& poses) {
+  std::vector<double> pos(3 * static_cast<std::size_t>(m.nbody));
+  std::vector<double> quat(4 * static_cast<std::size_t>(m.nbody));
+  gsp::runtime::copy(poses.xpos.rows(0, 1), gsp::runtime::host_array(pos.data(), {1, m.nbody, 3}));
+  gsp::runtime::copy(poses.xquat.rows(0, 1), gsp::runtime::host_array(quat.data(), {1, m.nbody, 4}));
+  std::array<double, 3> low{INFINITY, INFINITY, INFINITY};
+  std::array<double, 3> high{-INFINITY, -INFINITY, -INFINITY};
   for (std::size_t g = 0; g < m.geom_body.size(); ++g) {
     std::size_t const b = static_cast<std::size_t>(m.geom_body[g]);
     if (m.body_tree[b] < 0) continue;
-    auto const x = turned(quat[b], m.geom_pos[g]);
-    for (std::size_t k = 0; k < 3; ++k)
-      low[k] = std::min(low[k], pos[b][k] + x[k] - m.geom_rbound[g]), high[k] = std::max(high[k], pos[b][k] + x[k] + m.geom_rbound[g]);
+    auto const x = gsp::detail::rotate({quat[4 * b], quat[4 * b + 1], quat[4 * b + 2], quat[4 * b + 3]}, m.geom_pos[g]);
+    for (std::size_t k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], pos[3 * b + k] + x[k] - m.geom_rbound[g]);
+      high[k] = std::max(high[k], pos[3 * b + k] + x[k] + m.geom_rbound[g]);
+    }
   }
   if (!(low[0] <= high[0])) return {};
   return {{(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2},
@@ -95,8 +83,8 @@ std::array<double, 3> eye_of(int w, Subject const& s, std::vector<double> const&
 
 /// Starts: the keyframe, and in the sample scene objects that roll and slide towards the robot, in each world otherwise.
 States starts(gsp::CompiledModel const& model, States const& one, int worlds, bool sample) {
-  States all = spread(one, worlds, "quickstart");
-  if (!sample) return all;
+  if (!sample) return one;  // for all
+  States all = spread(one, worlds);
   for (int w = 0; w < worlds; ++w)
     for (int j = 1; j < model.njnt; ++j) {  // joint 0 is the robot's own
       if (model.jnt_type[static_cast<std::size_t>(j)] != int(gsp::JointType::free)) continue;
@@ -115,7 +103,7 @@ States starts(gsp::CompiledModel const& model, States const& one, int worlds, bo
 
 /// The scene as files: what `gsp sim` and `gsp render` need to step and draw the same worlds.
 void write_scene(std::string const& folder, gsp::Description const& description, gsp::CompiledModel const& model,
-                 gsp::io::SplatSet const& scan, States const& start, Shots const& shots, long long steps) {
+                 gsp::io::SplatSet const& scan, States const& start, CameraFile const& cameras, long long steps) {
   make_folder(folder, "--files");
   std::filesystem::path const at(folder);
   gsp::io::write_mjcf(at / "model.xml", description);
@@ -126,7 +114,7 @@ void write_scene(std::string const& folder, gsp::Description const& description,
   if (!start.ctrl.empty())
     for (std::size_t i = 0; i < ctrl.size(); ++i) ctrl[i] = start.ctrl[i % nu];
   gsp::io::write_npy(at / "ctrl.npy", {{static_cast<std::size_t>(steps), nu}, ctrl});
-  gsp::io::write_npz(at / "cameras.npz", {{"viewmats", {{worlds, 4, 4}, shots.viewmats}}, {"Ks", {{worlds, 3, 3}, shots.Ks}}});
+  gsp::io::write_npz(at / "cameras.npz", {{"viewmats", {{worlds, 4, 4}, cameras.viewmats}}, {"Ks", {{worlds, 3, 3}, cameras.Ks}}});
 }
 
 int run(Arguments const& a) {
@@ -138,7 +126,7 @@ int run(Arguments const& a) {
   a.needs("--splat-pose", "--splat", "it places that scene"), a.needs("--keyframe", "--model", "it is one of that model");
   a.needs("--skip-visuals", "--model", "it is about that model"), a.needs("--approximate", "--model", "it is about that model");
   std::string const out = a.text("--out").value_or("out");
-  int const threads = static_cast<int>(a.integer("--threads", 0, 1, 1024));
+  int const threads = threads_of(a);
   Device const device = choose_device(a);
   bool const gpu = device == Device::cuda;
   int const worlds = static_cast<int>(
@@ -156,6 +144,7 @@ int run(Arguments const& a) {
   std::string const model_name = a.text("--model").value_or("sample quadruped"), splat_name = a.text("--splat").value_or("");
   bool floor_added = false;
   int servos = 0;
+  std::string turned;
   if (own) {
     description = describe_model(model_name, a, false);
     floor_added = add_floor(description);
@@ -164,107 +153,141 @@ int run(Arguments const& a) {
     auto const first = model.keyframes.empty() ? std::nullopt : std::optional<std::string>("0");
     one = initial_state(model, model_name, a.has("--keyframe") ? a.text("--keyframe") : first);
     hold(model, servos, one);
-    subject = subject_of(model, one);
+  } else {
+    description = gsp::samples::quadruped_scene();
+    model = compile_model(description, false);
+    one = initial_state(model, model_name, "stand");
+  }
+  gsp::runtime::Session const session(threads);
+  StepperOptions stepping;
+  stepping.worlds = worlds;
+  stepping.approximate = a.has("--approximate");
+  expect_memory(std::to_string(worlds) + " worlds of " + model_name, device,
+                static_cast<std::uint64_t>(gsp::runtime::bytes_needed(device, model, stepping)), 2 * bytes_of_states(model, worlds),
+                "fewer --worlds");
+  auto const stepper = gsp::runtime::make_stepper(device, model, stepping);
+  auto start = starts(model, one, worlds, !own);
+  set_states(*stepper, start, model);
+  if (own) {
+    subject = subject_of(model, stepper->poses());
     if (a.has("--splat-pose")) {
       scan = load_splats(splat_name, gsp::io::parse_splat_pose(*a.text("--splat-pose")));
     } else {
       scan = load_splats(splat_name, {});
       auto pose = standing_pose(scan);
       for (std::size_t k = 0; k < 2; ++k) pose.position[k] += subject.center[k];
-      gsp::io::transform(scan, pose);
+      turned = text("%.6g %.6g %.6g %.7g %.7g %.7g %.7g %.6g", pose.position[0], pose.position[1], pose.position[2], pose.quat[0],
+                    pose.quat[1], pose.quat[2], pose.quat[3], pose.scale);
+      gsp::io::transform(scan, gsp::io::parse_splat_pose(turned));  // what is said is what is done
     }
     clear = clear_directions(scan, subject.center, 0.1, 1.2);
-  } else {
-    description = gsp::samples::quadruped_scene();
-    model = compile_model(description, false);
-    one = initial_state(model, model_name, "stand");
   }
-  Session const session(device, threads);
-  Scene scene;
+  gsp::runtime::Scene scene;
   bool linked = false;
   if (own)
     linked = scene.add_set(scan, splat_name, model);
   else
     scene.add_room();
   if (!linked) scene.add_surface(model);
-  StepperOptions stepping;
-  stepping.worlds = worlds, stepping.approximate = a.has("--approximate");
-  auto const stepper = make_stepper(device, false, model, stepping);
-  RendererOptions pictures;
-  pictures.width = width, pictures.height = height, pictures.alpha = false;
-  auto const renderer = make_renderer(device, scene, model, pictures);
-  auto const start = starts(model, one, worlds, !own);
-  stepper->set(start);
+  gsp::runtime::RendererOptions pictures;
+  pictures.width = width;
+  pictures.height = height;
+  pictures.alpha = false;
+  auto const renderer = gsp::runtime::make_renderer(device, scene, pictures);
+  int const portion = std::min(worlds, gpu ? 1024 : 64);
+  expect_memory(std::to_string(portion) + " pictures of " + std::to_string(width) + " x " + std::to_string(height), device,
+                static_cast<std::uint64_t>(renderer->bytes_needed(portion)), 0, "a smaller --width and --height");
+  CameraFile cameras;
+  for (int w = 0; w < worlds; ++w) add_camera(cameras, eye_of(w, subject, clear), subject.center, 1.05, width, height);
   long long const steps = std::max(1LL, static_cast<long long>(std::llround(seconds / stepper->timestep())));
   if (auto const folder = a.text("--files")) {
-    Shots all;
-    for (int w = 0; w < worlds; ++w) add_camera(all, eye_of(w, subject, clear), subject.center, 1.05, width, height);
-    write_scene(*folder, description, model, own ? scan : room_set(), start, all, steps);
+    start = spread(start, worlds);
+    write_scene(*folder, description, model, own ? scan : gsp::runtime::room_set(), start, cameras, steps);
   }
   scan = {};
+  start = {};
   double const load = since(begin);
   std::FILE* const say = a.has("--json") ? stderr : stdout;
-  if (auto const s = summary(model); own && !s.empty())
+  if (auto const s = summary(model); own && !s.empty() && !quiet(a))
     std::fprintf(say, "%s: %s ('gsp info' lists them)\n", model_name.c_str(), s.c_str());
   if (floor_added) std::fprintf(say, "%s: nothing in it stands still to be touched, so a floor at z = 0 is added\n", model_name.c_str());
   if (servos > 0)
     std::fprintf(say, "%s: its %d motors are taken as servos that hold the start, since there is no policy\n", model_name.c_str(), servos);
+  if (!turned.empty())
+    std::fprintf(say,
+                 "%s: taken as a capture with y down and turned upright, its floor put at z = 0 and the widest free piece of it below the "
+                 "robot, as --splat-pose \"%s\" does\n",
+                 splat_name.c_str(), turned.c_str());
   std::fprintf(say, "%s, %s Gaussians, %d worlds, on %s\n",
                own ? model_name.c_str() : "a quadruped among boxes and balls in a furnished room",
                short_count(double(scene.count())).c_str(), worlds, device_name(device).c_str());
 
-  // Steps, all worlds; the first world's states are kept for the animation.
+  // Steps, all worlds; the first world's poses are kept for the animation. All stays on the device.
   long long const every = std::max(1LL, static_cast<long long>(std::llround(0.04 / stepper->timestep())));
-  std::vector<double> qpos, qvel, film;
-  auto const film_world = [&] { film.insert(film.end(), qpos.begin(), qpos.begin() + model.nq); };
-  stepper->get(qpos, qvel), film_world();
-  Progress stepping_bar("stepping");
-  auto const timing = run_steps(
-      *stepper, steps, 0, false, every, [&](long long) { stepper->get(qpos, qvel), film_world(); },
-      [&](long long done) { stepping_bar.show(double(done) / double(steps)); });
+  std::int64_t const most_frames = steps / every + 1;
+  auto const film_xpos = gsp::runtime::make_buffer(device, stepping.precision, {most_frames, model.nbody, 3});
+  auto const film_xquat = gsp::runtime::make_buffer(device, stepping.precision, {most_frames, model.nbody, 4});
+  std::int64_t frames = 0;
+  auto const film_world = [&](long long) {
+    auto const poses = stepper->poses();
+    gsp::runtime::copy(poses.xpos.rows(0, 1), film_xpos.array.rows(frames, 1));
+    gsp::runtime::copy(poses.xquat.rows(0, 1), film_xquat.array.rows(frames, 1));
+    ++frames;
+  };
+  film_world(0);
+  Progress stepping_bar("stepping", quiet(a));
+  RunOptions run;
+  run.steps = steps;
+  run.every = every;
+  run.record = film_world;
+  auto const timing = run_steps(*stepper, run, stepping_bar);
   double const steps_per_second = double(worlds) * double(timing.steps) / timing.seconds;
   auto const counts = stepper->counts();
   stepping_bar.finish(text("%lld steps of %d worlds in %.2f s", steps, worlds, timing.seconds));
-  stepper->get(qpos, qvel);
 
-  // One picture of every world, RGB and depth.
-  Progress drawing_bar("drawing every world");
-  int const portion = std::min(worlds, gpu ? 1024 : 64);
+  // One picture of every world, RGB and depth, where the steps have left its bodies.
+  Progress drawing_bar("drawing every world", quiet(a));
+  auto const poses = stepper->poses();
+  renderer->render(poses.of_worlds(0, portion), cameras.arrays(0, static_cast<std::size_t>(portion)));  // untimed: buffers find their size
   double drawing = 0;
-  Pictures sheet;
-  int const shown = std::min(worlds, 16), columns = std::min(shown, 4);
+  int const shown = std::min(worlds, 16);
+  int const columns = std::min(shown, 4);
+  std::size_t const pixels = static_cast<std::size_t>(width) * height;
+  std::vector<float> sheet_rgb(3 * pixels * shown);
+  std::vector<float> sheet_depth(pixels * shown);
   for (int first = 0; first < worlds; first += portion) {
-    Shots shots;
-    shots.worlds = std::min(portion, worlds - first);
-    shots.qpos.assign(qpos.begin() + static_cast<std::ptrdiff_t>(first) * model.nq,
-                      qpos.begin() + static_cast<std::ptrdiff_t>(first + shots.worlds) * model.nq);
-    for (int w = first; w < first + shots.worlds; ++w) add_camera(shots, eye_of(w, subject, clear), subject.center, 1.05, width, height);
-    drawing += renderer->render(shots, 1);
-    if (first == 0) renderer->read(sheet);
-    drawing_bar.show(double(first + shots.worlds) / worlds);
+    int const n = std::min(portion, worlds - first);
+    auto const views = cameras.arrays(static_cast<std::size_t>(first), static_cast<std::size_t>(n));
+    auto const start_of_drawing = Clock::now();
+    renderer->render(poses.of_worlds(first, n), views);
+    drawing += since(start_of_drawing);
+    if (first == 0) {
+      auto const there = renderer->frames();
+      gsp::runtime::copy(there.rgb.rows(0, shown), gsp::runtime::host_array(sheet_rgb.data(), {shown, height, width, 3}));
+      gsp::runtime::copy(there.depth.rows(0, shown), gsp::runtime::host_array(sheet_depth.data(), {shown, height, width}));
+    }
+    drawing_bar.show(double(first + n) / worlds);
   }
   double const frames_per_second = worlds / drawing;
   drawing_bar.finish(text("%d pictures of %d x %d in %.2f s", worlds, width, height, drawing));
 
   // The animation: one world, a camera that stands still.
-  std::size_t const frames = film.size() / std::max<std::size_t>(1, static_cast<std::size_t>(model.nq));
-  Progress film_bar("animation");
+  Progress film_bar("animation", quiet(a));
   gsp::io::ApngWriter animation({.frames_per_second = 25});
-  int const together = gpu ? 64 : 8;
-  for (std::size_t first = 0; first < frames; first += static_cast<std::size_t>(together)) {
-    Shots shots;
-    shots.worlds = static_cast<int>(std::min<std::size_t>(static_cast<std::size_t>(together), frames - first));
-    shots.qpos.assign(film.begin() + static_cast<std::ptrdiff_t>(first) * model.nq,
-                      film.begin() + static_cast<std::ptrdiff_t>(first + static_cast<std::size_t>(shots.worlds)) * model.nq);
-    for (int k = 0; k < shots.worlds; ++k) add_camera(shots, eye_of(0, subject, clear), subject.center, 0.9, width, height);
-    Pictures some;
-    renderer->render(shots, 1);
-    renderer->read(some);
-    for (int k = 0; k < shots.worlds; ++k)
-      animation.add(gsp::io::to_bitmap8(&some.rgb[static_cast<std::size_t>(3) * width * height * k], width, height, 3));
-    film_bar.show(double(first + static_cast<std::size_t>(shots.worlds)) / double(frames));
+  std::int64_t const together = std::min<std::int64_t>(frames, gpu ? 64 : 8);
+  CameraFile still;
+  for (int k = 0; k < together; ++k) add_camera(still, eye_of(0, subject, clear), subject.center, 0.9, width, height);
+  std::vector<float> film(3 * pixels * static_cast<std::size_t>(together));
+  for (std::int64_t first = 0; first < frames; first += together) {
+    std::int64_t const n = std::min(together, frames - first);
+    renderer->render({film_xpos.array.rows(first, n), film_xquat.array.rows(first, n), {}, {}},
+                     still.arrays(0, static_cast<std::size_t>(n)));
+    gsp::runtime::copy(renderer->frames().rgb, gsp::runtime::host_array(film.data(), {n, height, width, 3}));
+    for (std::int64_t k = 0; k < n; ++k)
+      animation.add(gsp::io::to_bitmap8(&film[3 * pixels * static_cast<std::size_t>(k)], width, height, 3));
+    film_bar.show(double(first + n) / double(frames));
   }
-  film_bar.finish(text("%zu frames", frames));
+  film_bar.finish(text("%lld frames", static_cast<long long>(frames)));
 
   // Files, once all is done.
   make_folder(out, "--out");
@@ -272,13 +295,12 @@ int run(Arguments const& a) {
   std::vector<gsp::io::Bitmap8> rgb, color;
   std::vector<gsp::io::Bitmap16> depth;
   float near = INFINITY, far = 0;
-  std::size_t const pixels = static_cast<std::size_t>(width) * height;
   for (std::size_t i = 0; i < pixels * shown; ++i)
-    if (sheet.depth[i] > 0) near = std::min(near, sheet.depth[i]), far = std::max(far, sheet.depth[i]);
+    if (sheet_depth[i] > 0) near = std::min(near, sheet_depth[i]), far = std::max(far, sheet_depth[i]);
   for (int k = 0; k < shown; ++k) {
-    rgb.push_back(gsp::io::to_bitmap8(&sheet.rgb[3 * pixels * k], width, height, 3));
-    color.push_back(gsp::io::depth_to_color(&sheet.depth[pixels * k], width, height, {.near = near, .far = far}));
-    depth.push_back(gsp::io::depth_to_bitmap16(&sheet.depth[pixels * k], width, height));
+    rgb.push_back(gsp::io::to_bitmap8(&sheet_rgb[3 * pixels * k], width, height, 3));
+    color.push_back(gsp::io::depth_to_color(&sheet_depth[pixels * k], width, height, {.near = near, .far = far}));
+    depth.push_back(gsp::io::depth_to_bitmap16(&sheet_depth[pixels * k], width, height));
   }
   gsp::io::write_png(file("worlds.png"), gsp::io::contact_sheet<std::uint8_t>(rgb, columns, 4, 255));
   gsp::io::write_png(file("depth_color.png"), gsp::io::contact_sheet<std::uint8_t>(color, columns, 4, 255));
@@ -342,6 +364,7 @@ Command quickstart_command() {
            {"--height", "H", "of a picture, 240"},
            device_option(),
            threads_option(),
+           quiet_option(),
            {"--json", "", "print one JSON object instead of the table"}},
           run};
 }

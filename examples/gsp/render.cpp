@@ -1,4 +1,5 @@
 // gsp render: pictures of Gaussians, of a model's links in any pose, from cameras of a file.
+#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <gsp/io/colormap.hpp>
@@ -7,11 +8,28 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
+#include "device.hpp"
 #include "files.hpp"
-#include "renderer.hpp"
+#include "progress.hpp"
 
 namespace gsp_cli {
 namespace {
+
+/// Pictures on the host; empty where a channel was not asked for.
+struct Pictures {
+  std::vector<float> rgb, depth, alpha;  // (C, H, W, 3), (C, H, W), (C, H, W)
+};
+
+std::vector<float> fetch(gsp::runtime::Array const& pictures) {
+  std::vector<float> out(pictures ? static_cast<std::size_t>(pictures.size()) : 0);
+  if (pictures)
+    gsp::runtime::copy(
+        pictures,
+        pictures.rank == 4
+            ? gsp::runtime::host_array(out.data(), {pictures.extents[0], pictures.extents[1], pictures.extents[2], pictures.extents[3]})
+            : gsp::runtime::host_array(out.data(), {pictures.extents[0], pictures.extents[1], pictures.extents[2]}));
+  return out;
+}
 
 std::string numbered(std::string const& folder, char const* kind, std::size_t i, std::size_t count) {
   std::string number = std::to_string(i);
@@ -20,7 +38,8 @@ std::string numbered(std::string const& folder, char const* kind, std::size_t i,
 }
 
 /// Writes the pictures of `some`, the first of which is number `first` of `total`.
-void write_pngs(std::string const& folder, Pictures const& some, std::size_t first, std::size_t total, int width, int height) {
+void write_pngs(std::string const& folder, Pictures const& some, std::size_t first, std::size_t total, int width, int height,
+                Progress& progress) {
   std::size_t const pixels = static_cast<std::size_t>(width) * height,
                     n = std::max({some.rgb.size() / 3, some.depth.size(), some.alpha.size()}) / pixels;
   for (std::size_t i = 0; i < n; ++i) {
@@ -33,7 +52,19 @@ void write_pngs(std::string const& folder, Pictures const& some, std::size_t fir
     }
     if (!some.alpha.empty())
       gsp::io::write_png(numbered(folder, "alpha", first + i, total), gsp::io::to_bitmap8(&some.alpha[pixels * i], width, height, 1));
+    progress.show(double(first + i + 1) / double(total));
   }
+}
+
+/// One camera n times.
+CameraFile same_camera(CameraFile const& one, std::size_t n) {
+  CameraFile out;
+  out.count = n;
+  for (std::size_t i = 0; i < n; ++i) {
+    out.viewmats.insert(out.viewmats.end(), one.viewmats.begin(), one.viewmats.end());
+    out.Ks.insert(out.Ks.end(), one.Ks.begin(), one.Ks.end());
+  }
+  return out;
 }
 
 int run(Arguments const& a) {
@@ -47,7 +78,7 @@ int run(Arguments const& a) {
   if (poses.size() > files.size())
     a.fail("--splat-pose is given " + std::to_string(poses.size()) + " times for " + std::to_string(files.size()) +
            " --splat; the k-th pose belongs to the k-th file, leave the others out");
-  RendererOptions options;
+  gsp::runtime::RendererOptions options;
   options.width = static_cast<int>(a.integer("--width", 640, 1, 16384)),
   options.height = static_cast<int>(a.integer("--height", 480, 1, 16384));
   options.batch = static_cast<int>(a.integer("--batch", 0, 1, 65536)),
@@ -56,7 +87,7 @@ int run(Arguments const& a) {
   auto const wanted = [&](char const* c) { return std::find(channels.begin(), channels.end(), c) != channels.end(); };
   options.rgb = wanted("rgb"), options.depth = wanted("depth"), options.alpha = wanted("alpha");
   int const repeat = static_cast<int>(a.integer("--repeat", 1, 1, 1000000));
-  auto const threads = static_cast<int>(a.integer("--threads", 0, 1, 1024));
+  int const threads = threads_of(a);
   auto const out = a.text("--out"), npz = a.text("--npz");
   Device const device = choose_device(a);
   if (npz) expect_writable(*npz, "--npz");
@@ -72,7 +103,7 @@ int run(Arguments const& a) {
       auto const s = initial_state(model, *path, a.text("--keyframe"));
       trace.entries = trace.worlds = 1, trace.qpos = s.qpos;
     }
-    if (auto const s = summary(model); !s.empty() && !a.has("--json"))
+    if (auto const s = summary(model); !s.empty() && !quiet(a))
       std::fprintf(stderr, "%s: %s ('gsp info' lists them)\n", path->c_str(), s.c_str());
   } else {
     trace.entries = trace.worlds = 1;
@@ -90,43 +121,48 @@ int run(Arguments const& a) {
     throw Error(*npz + ": " + std::to_string(count) + " pictures of " + std::to_string(options.width) + " x " +
                 std::to_string(options.height) + " pass 4 GiB, the limit of npz files here; render fewer at a time or use --out");
 
-  Session const session(device, threads);
-  Scene scene;
+  gsp::runtime::Session const session(threads);
+  gsp::runtime::Scene scene;
   bool carried = false;
   for (std::size_t i = 0; i < files.size(); ++i)
     carried |= scene.add_set(load_splats(files[i], i < poses.size() ? gsp::io::parse_splat_pose(poses[i]) : gsp::io::SplatPose{}), files[i],
                              model);
   if (model.nbody > 1 && !carried) scene.add_surface(model);
-  auto const renderer = make_renderer(device, scene, model, options);
-  if (out) make_folder(*out, "--out");
-  double const startup = seconds_since_start();
+  auto const renderer = gsp::runtime::make_renderer(device, scene, options);
+  auto const kinematics = gsp::runtime::make_kinematics(device, model);
 
   // Pictures go through in portions, so that memory does not grow with their number.
   std::size_t const budget = device == Device::cuda ? std::size_t(16) << 30 : std::size_t(1) << 30;
   std::size_t const portion = std::clamp<std::size_t>(budget / bytes_each, 1, count);
+  expect_memory(std::to_string(portion) + (portion == count ? "" : " of " + std::to_string(count)) + " pictures of " +
+                    std::to_string(options.width) + " x " + std::to_string(options.height),
+                device, static_cast<std::uint64_t>(renderer->bytes_needed(static_cast<int>(portion))),
+                (out || npz ? portion : 0) * bytes_each + (npz ? count * bytes_each : 0),
+                "smaller ones, fewer cameras or --out in place of --npz");
+  if (out) make_folder(*out, "--out");
+  double const startup = seconds_since_start();
   Pictures all;
   double seconds = 0;
   std::size_t const nq = static_cast<std::size_t>(model.nq);
+  Progress progress("drawing", quiet(a));
   for (std::size_t first = 0; first < count; first += portion) {
     std::size_t const n = std::min(portion, count - first);
-    Shots shots;
-    if (a.has("--trace")) {
-      shots.worlds = static_cast<int>(n);
-      shots.qpos.assign(trace.qpos.begin() + static_cast<std::ptrdiff_t>(first * nq),
-                        trace.qpos.begin() + static_cast<std::ptrdiff_t>((first + n) * nq));
-    } else {
-      shots.qpos = trace.qpos;
+    bool const moves = a.has("--trace");  // picture i shows entry i of the trace, else all show the one state
+    auto const poses = kinematics->poses(
+        gsp::runtime::host_array(trace.qpos.data() + (moves ? first * nq : 0), {moves ? static_cast<std::int64_t>(n) : 1, model.nq}));
+    auto const views = cameras.count == 1 ? same_camera(cameras, n) : cameras;
+    auto const arrays = views.arrays(cameras.count == 1 ? 0 : first, n);
+    if (repeat > 1 || first == 0) renderer->render(poses, arrays);  // untimed: buffers find their size
+    auto const start = std::chrono::steady_clock::now();
+    for (int r = 0; r < repeat; ++r) {
+      renderer->render(poses, arrays);
+      progress.show((double(first) + double(n) * double(r + 1) / repeat * (out ? 0.1 : 1)) / double(count));
     }
-    for (std::size_t i = first; i < first + n; ++i) {
-      std::size_t const c = cameras.count == 1 ? 0 : i;
-      shots.viewmats.insert(shots.viewmats.end(), &cameras.viewmats[16 * c], &cameras.viewmats[16 * c] + 16),
-          shots.Ks.insert(shots.Ks.end(), &cameras.Ks[9 * c], &cameras.Ks[9 * c] + 9);
-    }
-    seconds += renderer->render(shots, repeat);
+    seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     if (!out && !npz) continue;
-    Pictures some;
-    renderer->read(some);
-    if (out) write_pngs(*out, some, first, count, options.width, options.height);
+    auto const frames = renderer->frames();
+    Pictures const some{fetch(frames.rgb), fetch(frames.depth), fetch(frames.alpha)};
+    if (out) write_pngs(*out, some, first, count, options.width, options.height, progress);
     if (npz) {
       auto const join = [](std::vector<float>& to, std::vector<float> const& from) { to.insert(to.end(), from.begin(), from.end()); };
       join(all.rgb, some.rgb), join(all.depth, some.depth), join(all.alpha, some.alpha);
@@ -140,6 +176,7 @@ int run(Arguments const& a) {
     if (options.alpha) entries.push_back({"alpha", {{count, h, w}, all.alpha}});
     gsp::io::write_npz(*npz, entries);
   }
+  progress.finish();
   std::FILE* const say = text_beside(npz);
   double const frames = double(count) * repeat;
   if (a.has("--json")) {
@@ -188,6 +225,7 @@ Command render_command() {
            {"--repeat", "R", "draw everything R times (after once untimed) and time that"},
            device_option(),
            threads_option(),
+           quiet_option(),
            {"--out", "DIR", "write PNGs: rgb, depth in 16-bit millimetres, depth in colour, alpha"},
            {"--npz", "F", "write arrays rgb (C,H,W,3), depth (C,H,W), alpha (C,H,W), float32, unclamped, on black"},
            {"--json", "", "print one JSON object: seconds, frames_per_second, startup_seconds, peak_bytes, ..."}},

@@ -4,38 +4,70 @@
 
 namespace gsp_cli {
 
-Timing run_steps(Stepper& stepper, long long steps, long long time_from, bool with_controls, long long every,
-                 std::function<void(long long)> const& record, std::function<void(long long)> const& progress) {
+using gsp::runtime::Array;
+using gsp::runtime::host_array;
+
+void set_states(Stepper& stepper, States const& s, gsp::CompiledModel const& model) {
+  auto const rows = [&](std::vector<double> const& v, int n) { return v.empty() ? Array{} : host_array(v.data(), {s.worlds, n}); };
+  stepper.set(rows(s.qpos, model.nq), rows(s.qvel, model.nv), rows(s.ctrl, model.nu));
+}
+
+void get_states(Stepper const& stepper, std::vector<double>& qpos, std::vector<double>& qvel) {
+  auto const state = stepper.state();
+  qpos.resize(static_cast<std::size_t>(state.qpos.size()));
+  qvel.resize(static_cast<std::size_t>(state.qvel.size()));
+  stepper.get(host_array(qpos.data(), {state.qpos.extents[0], state.qpos.extents[1]}),
+              host_array(qvel.data(), {state.qvel.extents[0], state.qvel.extents[1]}));
+}
+
+std::uint64_t bytes_of_states(gsp::CompiledModel const& model, int worlds) {
+  return sizeof(double) * static_cast<std::uint64_t>(worlds) * static_cast<std::uint64_t>(2 * model.nq + model.nv);
+}
+
+Timing run_steps(Stepper& stepper, RunOptions const& o, Progress& progress) {
   using clock = std::chrono::steady_clock;
   Timing t;
-  for (long long done = 0; done < steps;) {
+  long long at_once = 1;  // where progress is shown: as many as take about a quarter of a second
+  for (long long done = 0; done < o.steps;) {
     // up to the next point where something happens: the clock starts, a state is recorded, controls change, the last step (measured)
-    long long next = steps - done > 1 ? steps - 1 : steps;
-    if (done < time_from) next = std::min(next, time_from);
-    if (record) next = std::min(next, (done / every + 1) * every);
-    if (with_controls) next = done + 1;
-    if (progress) next = std::min(next, done + std::max(1LL, steps / 50));
-    auto const start = clock::now();
-    if (with_controls) stepper.apply(static_cast<std::size_t>(done));
-    stepper.step(static_cast<int>(std::min(next - done, 100000LL)), next == steps);
-    double const seconds = std::chrono::duration<double>(clock::now() - start).count();
+    long long next = o.steps - done > 1 ? o.steps - 1 : o.steps;
+    if (done < o.time_from) next = std::min(next, o.time_from);
+    if (o.record) next = std::min(next, (done / o.every + 1) * o.every);
+    if (o.controls) next = done + 1;
+    if (progress.shown()) next = std::min(next, done + at_once);
     next = std::min(next, done + 100000);
-    if (done >= time_from) t.seconds += seconds, t.steps += next - done;
+    auto const start = clock::now();
+    if (o.controls) {
+      Array row = o.controls.rows(done, 1);  // (1, worlds | 1, nu) -> (worlds | 1, nu)
+      row.rank = 2;
+      for (std::size_t k = 0; k < 2; ++k) {
+        row.extents[k] = row.extents[k + 1];
+        row.strides[k] = row.strides[k + 1];
+      }
+      gsp::runtime::copy(row, stepper.state().ctrl);
+    }
+    stepper.step(static_cast<int>(next - done), next == o.steps);
+    double const seconds = std::chrono::duration<double>(clock::now() - start).count();
+    at_once = seconds < 0.1 ? 2 * at_once : seconds > 0.4 ? std::max(1LL, at_once / 2) : at_once;
+    if (done >= o.time_from) {
+      t.seconds += seconds;
+      t.steps += next - done;
+    }
     done = next;
-    if (record && done % every == 0) record(done);
-    if (progress) progress(done);
+    if (o.record && done % o.every == 0) o.record(done);
+    progress.show(double(done) / double(o.steps));
   }
   return t;
 }
 
-nlohmann::ordered_json steps_json(Stepper& stepper, Device device, int worlds, Timing const& timing, double startup) {
+nlohmann::ordered_json steps_json(Stepper const& stepper, Device device, int worlds, Timing const& timing, double startup) {
   std::vector<double> qpos, qvel;
-  stepper.get(qpos, qvel);
+  get_states(stepper, qpos, qvel);
   auto const counts = stepper.counts();
   return {{"seconds", timing.seconds},
           {"steps_per_second", double(worlds) * double(timing.steps) / timing.seconds},
           {"startup_seconds", startup},
-          {"peak_bytes", peak_bytes(device)},
+          {"peak_bytes", gsp::runtime::peak_bytes(device)},
           {"contacts", counts.contacts},
           {"rows", counts.rows},
           {"iterations", counts.iterations},

@@ -1,22 +1,41 @@
 #pragma once
 #include <functional>
+#include <gsp/runtime/stepper.hpp>
 #include <nlohmann/json.hpp>
 
-#include "stepper.hpp"
+#include "device.hpp"
+#include "files.hpp"
+#include "progress.hpp"
 
 namespace gsp_cli {
+
+using gsp::runtime::Stepper;
+using gsp::runtime::StepperOptions;
+
+/// Starts of all worlds, or one for all, onto the device.
+void set_states(Stepper& stepper, States const& states, gsp::CompiledModel const& model);
+/// Positions and velocities of all worlds, float64.
+void get_states(Stepper const& stepper, std::vector<double>& qpos, std::vector<double>& qvel);
+/// Host memory that the states of so many worlds take when they are read back.
+std::uint64_t bytes_of_states(gsp::CompiledModel const& model, int worlds);
 
 struct Timing {
   double seconds = 0;
   long long steps = 0;  // that were timed
 };
 
-/// Steps, timing those from `time_from` on; calls record(done) after every `every` steps and progress(done) some fifty times, where they
-/// are given.
-Timing run_steps(Stepper& stepper, long long steps, long long time_from, bool with_controls, long long every,
-                 std::function<void(long long)> const& record, std::function<void(long long)> const& progress);
+struct RunOptions {
+  long long steps = 0;
+  long long time_from = 0;                     // steps before it are not timed
+  gsp::runtime::Array controls = {};           // (K, worlds | 1, nu) on the device, one row a step; or none
+  long long every = 1;                         // steps between two records
+  std::function<void(long long)> record = {};  // record(done)
+};
+
+/// Steps, timing those from `time_from` on.
+Timing run_steps(Stepper& stepper, RunOptions const& options, Progress& progress);
 
 /// What --json prints of steps: how fast, how large, what the last one met, and the hash of the states.
-nlohmann::ordered_json steps_json(Stepper& stepper, Device device, int worlds, Timing const& timing, double startup);
+nlohmann::ordered_json steps_json(Stepper const& stepper, Device device, int worlds, Timing const& timing, double startup);
 
 }  // namespace gsp_cli

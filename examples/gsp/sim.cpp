@@ -19,16 +19,17 @@ int run(Arguments const& a) {
   options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
   options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco", options.approximate = a.has("--approximate");
   bool const in_double = a.choice("--precision", {"float", "double"}, "float") == "double";
+  if (in_double) options.precision = gsp::runtime::Dtype::float64;
   long long steps = a.integer("--steps", 1000, 1, 1LL << 40), every = a.integer("--every", 1, 1, 1LL << 40),
             time_from = a.integer("--time-from", 0, 0, 1LL << 40);
-  int const threads = static_cast<int>(a.integer("--threads", 0, 1, 1024));
+  int const threads = threads_of(a);
   Device const device = choose_device(a);
   if (trace_file) expect_writable(*trace_file, "--trace");
 
   auto const model = load_model(path, a);
   States start = start_file ? read_start(*start_file, model) : initial_state(model, path, a.text("--keyframe"));
   if (start_file && !a.has("--worlds")) options.worlds = start.worlds;
-  start = spread(start, options.worlds, start_file ? *start_file : path);
+  expect_worlds(start, options.worlds, start_file ? *start_file : path);
   Controls controls;
   if (ctrl_file) {
     controls = read_controls(*ctrl_file, model, options.worlds);
@@ -40,40 +41,62 @@ int run(Arguments const& a) {
   if (time_from >= steps)
     a.fail("--time-from " + std::to_string(time_from) + " leaves none of the " + std::to_string(steps) +
            " steps to be timed; give less than --steps");
-  if (auto const s = summary(model); !s.empty() && !a.has("--json"))
+  if (auto const s = summary(model); !s.empty() && !quiet(a))
     std::fprintf(stderr, "%s: %s ('gsp info' lists them)\n", path.c_str(), s.c_str());
   std::size_t const worlds = static_cast<std::size_t>(options.worlds);
   if (trace_file && (static_cast<double>(steps / every) + 1) * double(worlds) * std::max(model.nq, 1) * 8 > 4e9)
     throw Error(*trace_file +
                 ": the trace would pass 4 GiB, the limit of npz files here; give a larger --every, fewer --steps or fewer --worlds");
 
-  Session const session(device, threads);
-  auto const stepper = [&] {
-    try {
-      return make_stepper(device, in_double, model, options);
-    } catch (Error const& error) {  // what the dynamics do not cover: say which file
-      throw Error(path + ": " + error.what());
-    }
-  }();
-  stepper->set(start);
-  if (ctrl_file) stepper->load(controls);
+  gsp::runtime::Session const session(threads);
+  std::uint64_t bytes = 0;
+  try {
+    bytes = static_cast<std::uint64_t>(gsp::runtime::bytes_needed(device, model, options));
+  } catch (Error const& error) {  // what the dynamics do not cover: say which file
+    throw Error(path + ": " + error.what());
+  }
+  std::uint64_t const entries = trace_file ? static_cast<std::uint64_t>(steps / every) + 1 : 0;
+  expect_memory(
+      std::to_string(worlds) + " worlds of " + path + (trace_file ? " with " + std::to_string(entries) + " entries of a trace" : ""),
+      device, bytes + controls.values.size() * (in_double ? 8 : 4), (entries + 1) * bytes_of_states(model, options.worlds),
+      trace_file ? "fewer --worlds or a larger --every" : "fewer --worlds");
+  auto const stepper = gsp::runtime::make_stepper(device, model, options);
+  set_states(*stepper, start, model);
+  gsp::runtime::Buffer there;
+  if (ctrl_file) {
+    auto const k = static_cast<std::int64_t>(controls.steps);
+    auto const n = static_cast<std::int64_t>(controls.worlds);
+    there = gsp::runtime::make_buffer(device, options.precision, {k, n, model.nu});
+    gsp::runtime::copy(gsp::runtime::host_array(controls.values.data(), {k, n, model.nu}), there.array);
+  }
   Trace trace;
   std::vector<double> qpos, qvel;
   auto const record = [&](long long done) {
-    stepper->get(qpos, qvel);
+    get_states(*stepper, qpos, qvel);
     trace.time.push_back(start.time + double(done) * stepper->timestep());
     trace.qpos.insert(trace.qpos.end(), qpos.begin(), qpos.end()), trace.qvel.insert(trace.qvel.end(), qvel.begin(), qvel.end());
     ++trace.entries;
   };
   trace.worlds = worlds;
   if (trace_file) {  // the start as it was given, not as the precision has it
+    start = spread(start, options.worlds);
+    trace.time.reserve(entries);
+    trace.qpos.reserve(entries * start.qpos.size());
+    trace.qvel.reserve(entries * start.qvel.size());
     trace.time = {start.time}, trace.qpos = start.qpos, trace.qvel = start.qvel, trace.entries = 1;
   }
   double const startup = seconds_since_start();
-  auto const timing = run_steps(*stepper, steps, time_from, ctrl_file.has_value(), every,
-                                trace_file ? std::function<void(long long)>(record) : nullptr, nullptr);
+  RunOptions run_options;
+  run_options.steps = steps;
+  run_options.time_from = time_from;
+  run_options.controls = there.array;
+  run_options.every = every;
+  if (trace_file) run_options.record = record;
+  Progress progress("stepping", quiet(a));
+  auto const timing = run_steps(*stepper, run_options, progress);
+  progress.finish();
   auto const counts = stepper->counts();
-  stepper->get(qpos, qvel);
+  get_states(*stepper, qpos, qvel);
   if (trace_file) write_trace(*trace_file, trace, model);
 
   std::FILE* const say = text_beside(trace_file);
@@ -134,6 +157,7 @@ Command sim_command() {
        approximate_option(),
        floating_base_option(),
        package_option(),
+       quiet_option(),
        {"--json", "",
         "print one JSON object: seconds, steps_per_second, startup_seconds, peak_bytes, contacts, rows, iterations, residual, state_hash, "
         "..."}},

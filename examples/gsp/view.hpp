@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <numbers>
 
-#include "renderer.hpp"
+#include "files.hpp"
 
 namespace gsp_cli {
 
@@ -16,7 +16,7 @@ inline double scatter(int world, int item) {
 }
 
 /// World to camera, looking from `eye` at `target`, z up; pinhole with a horizontal field of view [rad].
-inline void add_camera(Shots& shots, std::array<double, 3> const& eye, std::array<double, 3> const& target, double view, int width,
+inline void add_camera(CameraFile& cameras, std::array<double, 3> const& eye, std::array<double, 3> const& target, double view, int width,
                        int height) {
   auto const unit = [](std::array<double, 3> v) {
     double const n = std::hypot(v[0], v[1], v[2]);
@@ -26,13 +26,14 @@ inline void add_camera(Shots& shots, std::array<double, 3> const& eye, std::arra
   auto const x = unit({z[1], -z[0], 0});  // z cross up
   std::array<double, 3> const y{z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]};
   for (auto const& row : {x, y, z}) {
-    for (double v : row) shots.viewmats.push_back(static_cast<float>(v));
-    shots.viewmats.push_back(static_cast<float>(-(row[0] * eye[0] + row[1] * eye[1] + row[2] * eye[2])));
+    for (double v : row) cameras.viewmats.push_back(static_cast<float>(v));
+    cameras.viewmats.push_back(static_cast<float>(-(row[0] * eye[0] + row[1] * eye[1] + row[2] * eye[2])));
   }
-  for (float v : {0.f, 0.f, 0.f, 1.f}) shots.viewmats.push_back(v);
+  for (float v : {0.f, 0.f, 0.f, 1.f}) cameras.viewmats.push_back(v);
+  ++cameras.count;
   float const f = static_cast<float>(0.5 * width / std::tan(0.5 * view));
   for (float v : {f, 0.f, 0.5f * static_cast<float>(width), 0.f, f, 0.5f * static_cast<float>(height), 0.f, 0.f, 1.f})
-    shots.Ks.push_back(v);
+    cameras.Ks.push_back(v);
 }
 
 /// Where camera `w` stands in the sample room: on a ring that clears the furniture, no two alike.

@@ -6,3 +6,6 @@ execute_process(COMMAND "${CMAKE_COMMAND}" -G "${GENERATOR}" -S "${CONSUMER}" -B
   "-DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}" "-Dgsp_ROOT=${prefix}" -DCMAKE_BUILD_TYPE=Release "-DWITH_IO=${IO}" COMMAND_ERROR_IS_FATAL ANY)
 execute_process(COMMAND "${CMAKE_COMMAND}" --build "${WORK}/build" COMMAND_ERROR_IS_FATAL ANY)
 execute_process(COMMAND "${WORK}/build/consumer" COMMAND_ERROR_IS_FATAL ANY)
+if(EXISTS "${BUILD}/gsp")  # the program is installed with the library
+  execute_process(COMMAND "${prefix}/bin/gsp" --version OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
+endif()

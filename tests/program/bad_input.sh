@@ -75,6 +75,26 @@ if ! ldd "$gsp" | grep -q libcuda; then
   refused "--device cuda" "without CUDA" -- sim cart.xml --device cuda
 fi
 
+# more threads than Kokkos has room for (it would crash or hang), by whomever
+refused "--threads is '513'" "1 to 512" -- sim cart.xml --threads 513
+export OMP_NUM_THREADS=600
+refused "OMP_NUM_THREADS asks for 600" "512" -- sim cart.xml --trace result.npz
+export KOKKOS_NUM_THREADS=700 OMP_NUM_THREADS=2
+refused "KOKKOS_NUM_THREADS asks for 700" "512" -- sim cart.xml --trace result.npz
+unset KOKKOS_NUM_THREADS
+
+# more memory than there is: one sentence before it is asked for. (A GPU's driver maps more than any such limit.)
+if ! ldd "$gsp" | grep -q libcuda; then
+  limited() { (ulimit -v 6000000 && exec "$real" "$@"); }
+  real="$gsp" gsp=limited
+  refused "16777216 worlds of cart.xml" "GB of memory" "free" "fewer --worlds" -- sim cart.xml --worlds 16777216
+  refused "GB of memory" "--every" -- sim cart.xml --worlds 1000 --steps 40000 --trace result.npz
+  refused "16777216 worlds of stack" "fewer --worlds" -- bench stack --worlds 16777216
+  refused "1048576 worlds" "fewer --worlds" -- quickstart --worlds 1048576 --out pictures
+  refused "pictures of 16384 x 16384" "GB of memory" -- render --splat disc.ply --cameras cameras.npz --width 16384 --height 16384 --out pictures
+  gsp="$real"
+fi
+
 # models
 for command in "sim" "info"; do
   refused "missing.xml" "no such file" -- $command missing.xml
@@ -110,6 +130,8 @@ refused "cameras.npz" "no array 'time'" -- sim cart.xml --start cameras.npz --tr
 refused "start3.npz" "3 worlds" "--worlds 3" -- sim cart.xml --start start3.npz --worlds 2 --trace result.npz
 refused "ctrl_shape.npy" "(50, 2)" "reshape" -- sim cart.xml --ctrl ctrl_shape.npy --trace result.npz
 refused "ctrl_worlds.npy" "(50, 2, 1)" -- sim cart.xml --ctrl ctrl_worlds.npy --worlds 3 --trace result.npz
+refused "ctrl_nan.npy: step 7: " "actuator 0 ('push') is NaN" -- sim cart.xml --ctrl ctrl_nan.npy --trace result.npz
+refused "ctrl_worlds_nan.npy: step 7: " "world 1" "is infinite" -- sim cart.xml --worlds 2 --ctrl ctrl_worlds_nan.npy --trace result.npz
 refused "ctrl.npy" "50 steps" "--steps 51" -- sim cart.xml --ctrl ctrl.npy --steps 51 --trace result.npz
 refused "cart.xml" -- sim cart.xml --ctrl cart.xml --trace result.npz
 refused "nowhere/result.npz" "create it first" -- sim cart.xml --trace nowhere/result.npz

@@ -73,4 +73,31 @@ process.send_signal(signal.SIGHUP)
 process.communicate(timeout=60)
 assert process.returncode == 0 and os.path.exists("kept.npz"), process.returncode
 PY
+# progress: on a terminal alone, and not with --quiet or --json
+python3 - "$gsp" <<'PY'
+import os, pty, subprocess, sys
+def on_terminal(*words):
+    master, slave = pty.openpty()
+    process = subprocess.Popen([sys.argv[1], *words], stdout=subprocess.PIPE, stderr=slave)
+    os.close(slave)
+    text = b""
+    while True:
+        try:
+            part = os.read(master, 4096)
+        except OSError:
+            break
+        if not part:
+            break
+        text += part
+    process.communicate()
+    assert process.returncode == 0, (words, text)
+    return text
+commands = (["sim", "cart.xml", "--steps", "3000"], ["render", "--splat", "disc.ply", "--cameras", "cameras.npz", "--width", "64", "--height", "48", "--out", "bars"],
+            ["bench", "pendulum", "--worlds", "8"], ["quickstart", "--worlds", "2", "--seconds", "0.1", "--width", "64", "--height", "48", "--out", "bars"])
+for command in commands:
+    assert b"\r" in on_terminal(*command) and b"%" in on_terminal(*command), (command, on_terminal(*command))
+    assert on_terminal(*command, "--quiet") == b"", (command, on_terminal(*command, "--quiet"))
+    assert b"[#" not in on_terminal(*command, "--json") and b"\033" not in on_terminal(*command, "--json"), command
+PY
+[ "$("$gsp" sim cart.xml --steps 500 2>&1 > /dev/null | wc -c)" = 0 ] || fail "progress on what is no terminal"
 echo "all is as the page says"

@@ -111,10 +111,29 @@ PY
 "$gsp" info condim.xml > info.txt || fail "info of a model that needs --approximate"
 grep -q 'refused .*condim.xml:14.*--approximate' info.txt || fail "info does not say what --approximate is for: $(cat info.txt)"
 "$gsp" info condim.xml --approximate | grep -q 'approximated .*condim.xml:14' || fail "the load report lacks the approximation"
+# ... and what gsp sim would say to it
+"$gsp" info cart.xml | tail -1 | grep -q '^  verdict  *gsp sim takes it as it is; --profile mujoco needs --approximate$' || fail "verdict on cart.xml: $("$gsp" info cart.xml | tail -1)"
+tail -1 info.txt | grep -q 'verdict .*takes it with --approximate; without: .*condim.xml:14' || fail "verdict on condim.xml: $(tail -1 info.txt)"
+"$gsp" info lift.urdf | tail -1 | grep -q 'takes it with --approximate; without: .*equality' || fail "verdict on lift.urdf: $("$gsp" info lift.urdf | tail -1)"
+"$gsp" info string.xml | tail -1 | grep -q "verdict .*gsp sim refuses it: string.xml: tendon 'string' is spatial" || fail "verdict on string.xml: $("$gsp" info string.xml | tail -1)"
+same "$("$gsp" info condim.xml --json | key flags)" "['--approximate']" "flags of condim.xml"
+same "$("$gsp" info string.xml --json | key taken)" False "string.xml is taken"
+for file in cart.xml condim.xml lift.urdf string.xml; do  # the verdict is what happens
+  flags=$("$gsp" info $file --json | python3 -c 'import json, sys; print(*json.load(sys.stdin)["flags"])')
+  taken=$("$gsp" info $file --json | key taken)
+  if "$gsp" sim $file --steps 2 $flags > /dev/null 2>&1; then same "$taken" True "$file"; else same "$taken" False "$file"; fi
+done
 "$gsp" info disc.ply | grep -qF "400 Gaussians" || fail "info of Gaussians"
 
 # the main job on the user's files, and on the library's own
 "$gsp" quickstart --model cart.xml --splat disc.ply --splat-pose "0 0 0 1 0 0 0 1" --worlds 3 --seconds 0.1 --width 64 --height 48 --out mine > mine.txt
+# a scene that is turned: it is said, and the same can be asked for
+"$gsp" quickstart --model cart.xml --splat disc.ply --worlds 2 --seconds 0.1 --width 64 --height 48 --out turned > turned.txt
+pose=$(sed -n 's/.*turned upright.*--splat-pose "\(.*\)" does$/\1/p' turned.txt)
+[ -n "$pose" ] || fail "quickstart does not say that it turns the scene: $(cat turned.txt)"
+"$gsp" quickstart --model cart.xml --splat disc.ply --splat-pose "$pose" --worlds 2 --seconds 0.1 --width 64 --height 48 --out asked > asked.txt
+grep -q 'turned upright' asked.txt && fail "quickstart says that it turns a scene that it does not turn"
+cmp turned/depth_mm.png asked/depth_mm.png || fail "the pose that quickstart names gives other pictures"
 "$gsp" quickstart --worlds 2 --seconds 0.1 --width 64 --height 48 --out own > own.txt
 for name in load steps/s frames/s memory; do grep -q "^  $name " own.txt || fail "the table lacks $name"; done
 for folder in mine own; do

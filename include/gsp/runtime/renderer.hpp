@@ -1,0 +1,58 @@
+#pragma once
+#include <gsp/io/splat_set.hpp>
+#include <gsp/runtime/stepper.hpp>
+
+namespace gsp::runtime {
+
+/// Sets of Gaussians that are drawn together; a value, cheap to copy.
+class Scene {
+ public:
+  /// Gaussians of a file; its links are those of `model`. Returns true if it binds any to a link. `name` is what messages call it.
+  bool add_set(io::SplatSet const& set, std::string const& name, CompiledModel const& model);
+  /// The furnished room that the library makes.
+  void add_room();
+  /// Gaussians on the geoms of the model's moving bodies.
+  void add_surface(CompiledModel const& model);
+  std::size_t count() const;
+
+  struct Sets;
+  std::shared_ptr<Sets> sets;
+};
+
+/// The furnished room that the library makes, as a set that can be written.
+io::SplatSet room_set();
+
+struct RendererOptions {
+  int width = 640, height = 480;
+  bool rgb = true, depth = true, alpha = true;
+  int batch = 0;  // images a wave; 0: chosen
+  float alpha_max = 0.999f;
+};
+
+/// float32, on any device; on the renderer's own they are read where they are.
+struct CameraArrays {
+  Array viewmats;  // (C, 4, 4) world to camera
+  Array Ks;        // (C, 3, 3)
+  Array world;     // (C) int32, or empty: camera c shows world c % worlds
+};
+
+/// float32 on the renderer's device; empty where a channel was not asked for. They hold until the next `render`.
+struct FrameArrays {
+  Array rgb;           // (C, H, W, 3)
+  Array depth, alpha;  // (C, H, W)
+};
+
+class Renderer {
+ public:
+  virtual ~Renderer() = default;
+  /// One picture a camera, of worlds whose bodies stand as `poses` says: arrays on the renderer's device, such as Stepper::poses(), or
+  /// empty ones: nothing moves. On return the pictures are done.
+  virtual void render(PoseArrays const& poses, CameraArrays const& cameras) = 0;
+  virtual FrameArrays frames() const = 0;
+  /// Bytes that `images` pictures need on the device.
+  virtual std::int64_t bytes_needed(int images) const = 0;
+};
+
+std::unique_ptr<Renderer> make_renderer(Device device, Scene const& scene, RendererOptions const& options);
+
+}  // namespace gsp::runtime

@@ -1,0 +1,88 @@
+#pragma once
+#include <gsp/model/compiled.hpp>
+#include <gsp/runtime/array.hpp>
+#include <string>
+#include <vector>
+
+namespace gsp::runtime {
+
+struct StepperOptions {
+  int worlds = 1;
+  Dtype precision = Dtype::float32;  // or float64
+  double timestep = 0;               // [s]; 0: the model's own
+  bool mujoco = false;               // profile mujoco instead of stable
+  bool approximate = false;          // SimulationOptions::approximate
+  int iterations = 0;                // most sweeps of the solver, 0: the library's default
+};
+
+/// The state itself (model/state.hpp): what is written there is what the next step starts from.
+struct StateArrays {
+  Array qpos;          // (worlds, nq)
+  Array qpos_low;      // (worlds, nq) what rounding took from positions; the position is qpos + qpos_low
+  Array qvel;          // (worlds, nv)
+  Array ctrl;          // (worlds, nu)
+  Array act;           // (worlds, na)
+  Array mocap_pos;     // (worlds, nmocap, 3)
+  Array mocap_quat;    // (worlds, nmocap, 4)
+  Array qfrc_applied;  // (worlds, nv)
+  Array steps;         // (worlds) int64
+  Array status;        // (worlds) uint32
+};
+
+/// Poses of bodies and joints (model/poses.hpp).
+struct PoseArrays {
+  Array xpos, xquat;     // (worlds, nbody, 3 | 4)
+  Array xanchor, xaxis;  // (worlds, njnt, 3)
+  int worlds() const { return static_cast<int>(xpos.extents[0]); }
+  /// Those of worlds first ... first + count - 1.
+  PoseArrays of_worlds(int first, int count) const {
+    return {xpos.rows(first, count), xquat.rows(first, count), xanchor.rows(first, count), xaxis.rows(first, count)};
+  }
+};
+
+/// What the last step met.
+struct StepCounts {
+  std::int64_t contacts = 0, rows = 0;  // of all worlds
+  int iterations = 0;                   // most sweeps of any world
+  double residual = 0;                  // greatest of any world [m/s, rad/s], where it was measured
+  int failed_worlds = 0;                // worlds that stopped because their state was not finite
+};
+
+/// Many worlds of one model on a device.
+class Stepper {
+ public:
+  virtual ~Stepper() = default;
+  virtual double timestep() const = 0;
+  /// The state, and poses of it: both stay where they are as long as the stepper lives. `poses` brings them up to date after `set` and
+  /// `step`; whoever writes into the state's arrays calls `forward`.
+  virtual StateArrays state() const = 0;
+  virtual PoseArrays poses() = 0;
+  /// Sets positions (qpos and qpos_low, so that no digit of a float64 is lost), velocities and controls, each from (worlds | 1, n) on any
+  /// device in any precision; one row is given to all worlds, an empty array leaves what is there.
+  virtual void set(Array const& qpos, Array const& qvel, Array const& ctrl) = 0;
+  /// Positions (qpos + qpos_low) and velocities into float64 arrays of the host, (worlds, n).
+  virtual void get(Array const& qpos, Array const& qvel) const = 0;
+  virtual void forward() = 0;
+  /// Waits until the steps are done. measure: counts().residual is that of the last one.
+  virtual void step(int steps, bool measure) = 0;
+  virtual StepCounts counts() const = 0;
+};
+
+/// Errors: those of make_model and make_simulation.
+std::unique_ptr<Stepper> make_stepper(Device device, CompiledModel const& model, StepperOptions const& options);
+/// Bytes that make_stepper will allocate on the device (step/bytes_needed.hpp).
+std::int64_t bytes_needed(Device device, CompiledModel const& model, StepperOptions const& options);
+/// Why make_stepper would refuse the model, one sentence each; empty: it takes it. Needs no Session.
+std::vector<std::string> refusals(CompiledModel const& model, StepperOptions const& options);
+
+/// Poses for positions that come from elsewhere (a file): kinematics alone, in float64.
+class Kinematics {
+ public:
+  virtual ~Kinematics() = default;
+  /// qpos (worlds, nq) on any device. The arrays hold until the next call.
+  virtual PoseArrays poses(Array const& qpos) = 0;
+};
+/// `model` may have no dofs, or be empty: then one body, the world.
+std::unique_ptr<Kinematics> make_kinematics(Device device, CompiledModel const& model);
+
+}  // namespace gsp::runtime

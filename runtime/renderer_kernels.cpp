@@ -1,0 +1,148 @@
+#include <gsp/io/gaussians.hpp>
+#include <gsp/runtime/renderer.hpp>
+#include <gsp/splat/render.hpp>
+#include <gsp/splat/sample_room.hpp>
+#include <gsp/splat/sample_surface.hpp>
+
+#include "device.hpp"
+
+namespace gsp::runtime {
+
+struct Scene::Sets {
+  std::vector<GaussianSet> list;
+};
+namespace {
+void add(Scene& scene, GaussianSet set) {
+  auto next = std::make_shared<Scene::Sets>();  // scenes that share the old list keep it
+  if (scene.sets) *next = *scene.sets;
+  next->list.push_back(std::move(set));
+  scene.sets = next;
+}
+}  // namespace
+
+bool Scene::add_set(io::SplatSet const& set, std::string const& name, CompiledModel const& model) {
+  bool linked = false;
+  for (int const link : set.link) linked |= link >= 0;
+  add(*this, io::to_gaussian_set(set, model, name));
+  return linked;
+}
+void Scene::add_room() { add(*this, sample_room<GaussianSet>()); }
+void Scene::add_surface(CompiledModel const& model) {
+  add(*this, sample_surface(model, {.count = 30000, .world = false}));  // floors and walls: the scene has its own
+}
+io::SplatSet room_set() { return sample_room<io::SplatSet>(); }
+std::size_t Scene::count() const {
+  std::size_t n = 0;
+  if (sets)
+    for (auto const& s : sets->list) n += s.size();
+  return n;
+}
+
+template <class Exec>
+class KokkosRenderer : public Renderer {
+  using Mem = typename Exec::memory_space;
+
+ public:
+  KokkosRenderer(Scene const& scene, RendererOptions const& options)
+      : options_(options), cloud_(make_gaussians(exec_, scene.sets ? scene.sets->list : std::vector<GaussianSet>{})) {
+    render_.alpha_max = options.alpha_max;
+  }
+
+  void render(PoseArrays const& poses, CameraArrays const& arrays) override {
+    auto const cameras = cameras_of(arrays);
+    int const images = cameras.images();
+    if (frames_.images != images) {
+      frames_ = {};  // the old buffers go before the new ones come
+      frames_ = make_frames(exec_, cloud_, frame_options(images));
+    }
+    if (!poses.xpos)
+      draw(make_poses<float>(exec_, 1, std::max(1, cloud_.bodies), 0), cameras);
+    else if (poses.xpos.dtype == Dtype::float64)
+      draw(poses_of<double>(poses), cameras);
+    else
+      draw(poses_of<float>(poses), cameras);
+    exec_.fence("gsp::runtime::Renderer::render: done");
+  }
+
+  FrameArrays frames() const override {
+    FrameArrays out;
+    if (options_.rgb) out.rgb = array_of<Exec>(frames_.rgb);
+    if (options_.depth) out.depth = array_of<Exec>(frames_.depth);
+    if (options_.alpha) out.alpha = array_of<Exec>(frames_.alpha);
+    return out;
+  }
+  std::int64_t bytes_needed(int images) const override { return gsp::bytes_needed(exec_, cloud_, frame_options(images)); }
+
+ private:
+  template <class R>
+  void draw(Poses<R, Mem> const& poses, Cameras<Mem> const& cameras) {
+    gsp::render(exec_, cloud_, poses, cameras, frames_, render_);
+  }
+
+  FrameOptions frame_options(int images) const {
+    FrameOptions o;
+    o.images = images;
+    o.width = options_.width;
+    o.height = options_.height;
+    o.rgb = options_.rgb;
+    o.depth = options_.depth;
+    o.alpha = options_.alpha;
+    o.batch = options_.batch;
+    return o;
+  }
+
+  /// The poses where they are.
+  template <class R>
+  Poses<R, Mem> poses_of(PoseArrays const& p) const {
+    for (auto const* const a : {&p.xpos, &p.xquat})
+      expects(a->device == device_of<Exec>() && a->dtype == dtype_of<R>() && a->rank == 3 && a->contiguous(),
+              "gsp::runtime::Renderer::render: poses must lie on the renderer's device, (worlds, bodies, 3 | 4) one after the other");
+    using View = typename Poses<R, Mem>::template View<R***>;
+    Poses<R, Mem> poses;
+    poses.xpos = View(static_cast<R*>(p.xpos.data), p.xpos.extents[0], p.xpos.extents[1], 3);
+    poses.xquat = View(static_cast<R*>(p.xquat.data), p.xquat.extents[0], p.xquat.extents[1], 4);
+    return poses;
+  }
+
+  /// Cameras where they are, or copies of those that lie elsewhere; two cameras of one renderer share the place of the copies.
+  Cameras<Mem> cameras_of(CameraArrays const& c) {
+    expects(c.viewmats.rank == 3 && c.Ks.rank == 3 && c.viewmats.extents[0] == c.Ks.extents[0] && c.viewmats.extents[1] == 4 &&
+                c.viewmats.extents[2] == 4 && c.Ks.extents[1] == 3 && c.Ks.extents[2] == 3 && c.viewmats.extents[0] > 0,
+            "gsp::runtime::Renderer::render: cameras are viewmats (C, 4, 4) and Ks (C, 3, 3)");
+    std::int64_t const n = c.viewmats.extents[0];
+    expects(!c.world || (c.world.rank == 1 && c.world.extents[0] == n && c.world.dtype == Dtype::int32),
+            "gsp::runtime::Renderer::render: the cameras' worlds are int32 (C)");
+    auto const here = [&](Array const& a, Buffer& buffer, Dtype dtype) {
+      if (a.device == device_of<Exec>() && a.contiguous() && a.dtype == dtype) return a.data;
+      if (!buffer.array || buffer.array.extents != a.extents) {
+        if (a.rank == 3)
+          buffer = make_buffer(device_of<Exec>(), dtype, {a.extents[0], a.extents[1], a.extents[2]});
+        else
+          buffer = make_buffer(device_of<Exec>(), dtype, {a.extents[0]});
+      }
+      copy(a, buffer.array);
+      return buffer.array.data;
+    };
+    using Out = Cameras<Mem>;
+    Out cameras;
+    cameras.viewmats = typename Out::template View<float***>(static_cast<float*>(here(c.viewmats, viewmats_, Dtype::float32)), n, 4, 4);
+    cameras.Ks = typename Out::template View<float***>(static_cast<float*>(here(c.Ks, Ks_, Dtype::float32)), n, 3, 3);
+    if (c.world) cameras.world = typename Out::template View<int*>(static_cast<int*>(here(c.world, world_, Dtype::int32)), n);
+    return cameras;
+  }
+
+  Exec exec_;
+  RendererOptions options_;
+  RenderOptions render_;
+  Gaussians<Mem> cloud_;
+  Frames<Mem> frames_;
+  Buffer viewmats_, Ks_, world_;
+};
+
+std::unique_ptr<Renderer> make_renderer(Device device, Scene const& scene, RendererOptions const& options) {
+  std::unique_ptr<Renderer> out;
+  on_device(device, [&]<class Exec>(Exec const&) { out = std::make_unique<KokkosRenderer<Exec>>(scene, options); });
+  return out;
+}
+
+}  // namespace gsp::runtime

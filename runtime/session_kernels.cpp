@@ -1,0 +1,101 @@
+#include <Kokkos_Core.hpp>
+#include <atomic>
+#include <cstdlib>
+#include <cstring>
+#include <gsp/runtime/session.hpp>
+#ifdef KOKKOS_ENABLE_OPENMP
+#include <omp.h>
+#endif
+
+#include "device.hpp"
+#include "memory.hpp"
+
+namespace gsp::runtime {
+namespace {
+
+std::atomic<std::uint64_t> device_bytes{0}, device_peak{0};
+
+void allocated(Kokkos_Profiling_SpaceHandle space, char const*, void const*, std::uint64_t bytes) {
+  if (std::strcmp(space.name, "Cuda") != 0) return;
+  std::uint64_t const now = device_bytes += bytes;
+  for (std::uint64_t peak = device_peak; now > peak && !device_peak.compare_exchange_weak(peak, now);) {}
+}
+void freed(Kokkos_Profiling_SpaceHandle space, char const*, void const*, std::uint64_t bytes) {
+  if (std::strcmp(space.name, "Cuda") == 0) device_bytes -= bytes;
+}
+
+#if defined(KOKKOS_ENABLE_OPENMP) && KOKKOS_VERSION < 50000
+static_assert(most_threads <= Kokkos::Impl::OpenMPTraits::MAX_THREAD_COUNT, "the pool of Kokkos is smaller than gsp::runtime thinks");
+#endif
+
+/// What Kokkos would take, and who says so.
+void expect_threads(int& threads) {
+  auto const expect = [](long wanted, std::string const& who) {
+    if (wanted > most_threads)
+      throw Error(who + " asks for " + std::to_string(wanted) + " threads, and Kokkos has room for " + std::to_string(most_threads) +
+                  "; give fewer");
+  };
+  if (threads > 0) return expect(threads, "gsp::runtime::Session");
+  if (char const* const text = std::getenv("KOKKOS_NUM_THREADS")) return expect(std::atol(text), "KOKKOS_NUM_THREADS");
+#ifdef KOKKOS_ENABLE_OPENMP
+  if (std::getenv("OMP_NUM_THREADS")) return expect(omp_get_max_threads(), "OMP_NUM_THREADS");
+  if (omp_get_max_threads() > most_threads) threads = most_threads;  // a machine with more
+#endif
+}
+
+}  // namespace
+
+Session::Session(int threads) {
+  expect_threads(threads);
+  setenv("OMP_PROC_BIND", "false", 0);  // threads move freely unless the user pins them; Kokkos warns when this is not said
+  Kokkos::Tools::Experimental::set_allocate_data_callback(allocated);
+  Kokkos::Tools::Experimental::set_deallocate_data_callback(freed);
+  Kokkos::InitializationSettings settings;
+  if (threads > 0) settings.set_num_threads(threads);
+  settings.set_disable_warnings(true);
+  Kokkos::initialize(settings);
+}
+Session::~Session() { Kokkos::finalize(); }
+
+bool has_cuda() {
+#ifdef KOKKOS_ENABLE_CUDA
+  return true;
+#else
+  return false;
+#endif
+}
+
+int gpu_count() {
+  int count = 0;
+#ifdef KOKKOS_ENABLE_CUDA
+  if (cudaGetDeviceCount(&count) != cudaSuccess) count = 0;
+#endif
+  return count;
+}
+
+std::string device_name(Device device) {
+#ifdef KOKKOS_ENABLE_CUDA
+  if (device == Device::cuda) return Kokkos::Cuda().cuda_device_prop().name;
+#endif
+  (void)device;
+  int const threads = Kokkos::DefaultHostExecutionSpace().concurrency();
+  return "CPU, " + std::to_string(threads) + (threads == 1 ? " thread" : " threads");
+}
+
+void wait(Device device) {
+  on_device(device, [](auto const& exec) { exec.fence("gsp::runtime::wait"); });
+}
+
+std::uint64_t peak_bytes(Device device) { return device == Device::cuda ? device_peak.load() : peak_host_bytes(); }
+
+std::uint64_t free_bytes(Device device) {
+#ifdef KOKKOS_ENABLE_CUDA
+  std::size_t free = 0;
+  std::size_t total = 0;
+  if (device == Device::cuda && cudaMemGetInfo(&free, &total) == cudaSuccess) return free;
+#endif
+  (void)device;
+  return free_host_bytes();
+}
+
+}  // namespace gsp::runtime

@@ -1,0 +1,138 @@
+#pragma once
+// The Stepper over Kokkos; stepper_float_kernels.cpp and stepper_double_kernels.cpp instantiate it.
+#include <gsp/runtime/stepper.hpp>
+#include <gsp/step/bytes_needed.hpp>
+
+#include "device.hpp"
+
+namespace gsp::runtime {
+
+/// position = qpos + qpos_low, from float64.
+template <class R>
+struct SplitPositions {
+  double const* from;
+  R* qpos;
+  R* qpos_low;
+  std::int64_t period;  // one row is given to all worlds where it is shorter than all
+  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
+    double const q = from[i % period];
+    qpos[i] = R(q);
+    qpos_low[i] = R(q - double(qpos[i]));
+  }
+};
+
+inline SimulationOptions simulation_options(StepperOptions const& o) { return {.worlds = o.worlds, .approximate = o.approximate}; }
+
+template <class R, class Exec>
+Model<R, typename Exec::memory_space> make_runtime_model(Exec const& exec, CompiledModel const& m, StepperOptions const& o) {
+  return make_model<R>(exec, m, {.profile = o.mujoco ? Profile::mujoco : Profile::stable, .timestep = o.timestep});
+}
+
+template <class R, class Exec>
+class KokkosStepper : public Stepper {
+  using Mem = typename Exec::memory_space;
+
+ public:
+  KokkosStepper(CompiledModel const& m, StepperOptions const& o)
+      : model_(make_runtime_model<R>(exec_, m, o)),
+        state_(make_state(exec_, model_, {.worlds = o.worlds})),
+        simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
+        timestep_(o.timestep > 0 ? o.timestep : m.option.timestep) {
+    if (o.iterations > 0) solver_.iterations = o.iterations;
+  }
+
+  double timestep() const override { return timestep_; }
+  StateArrays state() const override {
+    auto const array = [](auto const& view) { return array_of<Exec>(view); };
+    return {array(state_.qpos),      array(state_.qpos_low),   array(state_.qvel),         array(state_.ctrl),  array(state_.act),
+            array(state_.mocap_pos), array(state_.mocap_quat), array(state_.qfrc_applied), array(state_.steps), array(state_.status)};
+  }
+  PoseArrays poses() override {
+    if (stale_) forward();
+    auto const& p = simulation_.poses;
+    return {array_of<Exec>(p.xpos), array_of<Exec>(p.xquat), array_of<Exec>(p.xanchor), array_of<Exec>(p.xaxis)};
+  }
+
+  void set(Array const& qpos, Array const& qvel, Array const& ctrl) override {
+    if (qpos) {
+      expects(qpos.rank == 2 && qpos.extents[1] == model_.nq && (qpos.extents[0] == 1 || qpos.extents[0] == state_.worlds),
+              "gsp::runtime::Stepper::set: qpos must be (worlds, nq), or one row for all");
+      Buffer const exact = make_buffer(device_of<Exec>(), Dtype::float64, {qpos.extents[0], qpos.extents[1]});
+      copy(qpos, exact.array);
+      Kokkos::parallel_for("gsp::runtime::set_positions",
+                           Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec_, 0, std::int64_t(state_.qpos.size())),
+                           SplitPositions<R>{static_cast<double const*>(exact.array.data), state_.qpos.data(), state_.qpos_low.data(),
+                                             std::max<std::int64_t>(1, qpos.size())});
+      exec_.fence("gsp::runtime::Stepper::set: the positions are there");
+    }
+    if (qvel) copy(qvel, array_of<Exec>(state_.qvel));
+    if (ctrl) copy(ctrl, array_of<Exec>(state_.ctrl));
+    stale_ = true;
+  }
+  void get(Array const& qpos, Array const& qvel) const override {
+    auto const arrays = state();
+    if (qvel) copy(arrays.qvel, qvel);
+    if (!qpos) return;
+    expects(qpos.dtype == Dtype::float64 && qpos.device == Device::cpu && qpos.contiguous(),
+            "gsp::runtime::Stepper::get: positions go into a float64 array of the host");
+    copy(arrays.qpos, qpos);
+    if (std::is_same_v<R, double>) return;  // there is nothing that rounding took
+    std::vector<double> low(static_cast<std::size_t>(qpos.size()));
+    copy(arrays.qpos_low, host_array(low.data(), {qpos.extents[0], qpos.extents[1]}));
+    for (std::size_t i = 0; i < low.size(); ++i) static_cast<double*>(qpos.data)[i] += low[i];
+  }
+
+  void forward() override {
+    forward_kinematics(exec_, model_, state_, simulation_.dynamics, simulation_.poses);
+    stale_ = false;
+  }
+  void step(int steps, bool measure) override {
+    auto solver = solver_;
+    solver.residual = measure;
+    gsp::step(exec_, model_, state_, simulation_, {.steps = steps, .solver = solver});
+    stale_ = true;
+    exec_.fence("gsp::runtime::Stepper::step: done");
+  }
+
+  StepCounts counts() const override {
+    StepCounts out;
+    for (auto const bits : gsp::detail::to_host(exec_, state_.status)) out.failed_worlds += (bits & status::stopped) != 0;
+    if (!model_.constraints) return out;
+    out.contacts = simulation_.contacts.demand(exec_).contacts;
+    for (int const n : gsp::detail::to_host(exec_, simulation_.rows.count)) out.rows += n;
+    for (int const n : gsp::detail::to_host(exec_, simulation_.rows.iterations)) out.iterations = std::max(out.iterations, n);
+    for (R const r : gsp::detail::to_host(exec_, simulation_.rows.residual)) out.residual = std::max(out.residual, double(r));
+    return out;
+  }
+
+ private:
+  Exec exec_;
+  Model<R, Mem> model_;
+  State<R, Mem> state_;
+  Simulation<R, Mem> simulation_;
+  PgsOptions solver_;
+  double timestep_;
+  bool stale_ = true;  // the poses are not those of the state
+};
+
+template <class R>
+std::unique_ptr<Stepper> make_stepper_of(Device device, CompiledModel const& model, StepperOptions const& options) {
+  std::unique_ptr<Stepper> out;
+  on_device(device, [&]<class Exec>(Exec const&) { out = std::make_unique<KokkosStepper<R, Exec>>(model, options); });
+  return out;
+}
+
+template <class R>
+std::int64_t bytes_needed_of(Device device, CompiledModel const& m, StepperOptions const& options) {
+  std::int64_t bytes = 0;
+  on_device(device, [&](auto const& exec) {
+    auto const model = make_runtime_model<R>(exec, m, options);
+    bytes = gsp::bytes_needed(exec, model, m, simulation_options(options));
+  });
+  return bytes;
+}
+
+std::unique_ptr<Stepper> make_stepper_double(Device device, CompiledModel const& model, StepperOptions const& options);
+std::int64_t bytes_needed_double(Device device, CompiledModel const& model, StepperOptions const& options);
+
+}  // namespace gsp::runtime

@@ -1,0 +1,213 @@
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <cstring>
+#include <gsp/model/compile.hpp>
+#include <gsp/model/samples.hpp>
+#include <gsp/runtime/renderer.hpp>
+#include <gsp/runtime/session.hpp>
+#include <gsp/splat/render.hpp>
+#include <gsp/splat/sample_surface.hpp>
+#include <gsp/step/step.hpp>
+#include <support/kokkos_tools.hpp>
+
+// gsp::runtime against the same calls of the library itself, bit for bit, on the CPU and on a GPU where there is one. (The tests' main
+// holds Kokkos, so no Session is made here; tests/program/*.sh go through it.)
+
+using namespace gsp::runtime;
+using namespace gsp_test;
+
+namespace {
+
+std::vector<Device> devices() {
+  if (has_cuda() && gpu_count() > 0) return {Device::cpu, Device::cuda};
+  return {Device::cpu};
+}
+
+template <class T>
+std::vector<T> on_host(Array const& a) {
+  std::vector<T> out(std::size_t(a.size()));
+  Array to = a;
+  to.data = out.data();
+  to.device = Device::cpu;
+  to.dtype = dtype_of<T>();
+  std::int64_t step = 1;
+  for (int k = a.rank; k-- > 0; step *= a.extents[k]) to.strides[k] = step;
+  copy(a, to);
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("copy: any device, precision and stride; one row for all") {
+  std::vector<double> const numbers{1, 2, 3, 4, 5, 6.25};
+  Array const a = host_array(numbers.data(), {3, 2});
+  CHECK(a.read_only);
+  for (Device const device : devices()) {
+    Buffer const there = make_buffer(device, Dtype::float32, {3, 2});
+    copy(a, there.array);
+    CHECK(on_host<float>(there.array) == std::vector<float>{1, 2, 3, 4, 5, 6.25f});
+    CHECK(on_host<double>(there.array) == numbers);
+    CHECK(on_host<float>(there.array.rows(1, 1)) == std::vector<float>{3, 4});
+    Array across = there.array;  // (2, 3), the transposed
+    std::swap(across.extents[0], across.extents[1]);
+    std::swap(across.strides[0], across.strides[1]);
+    CHECK_FALSE(across.contiguous());
+    CHECK(on_host<double>(across) == std::vector<double>{1, 3, 5, 2, 4, 6.25});
+    copy(a.rows(2, 1), there.array);
+    CHECK(on_host<double>(there.array) == std::vector<double>{5, 6.25, 5, 6.25, 5, 6.25});
+    Buffer const back = make_buffer(device, Dtype::float64, {2, 3});
+    copy(across, back.array);  // on one device
+    CHECK(on_host<double>(back.array) == std::vector<double>{5, 5, 5, 6.25, 6.25, 6.25});
+    copy(host_array(numbers.data(), {2, 3}), across);
+    CHECK(on_host<double>(there.array) == std::vector<double>{1, 4, 2, 5, 3, 6.25});
+  }
+  std::vector<float> few(4);
+  CHECK_THROWS_WITH_AS(copy(a, host_array(few.data(), {2, 2})), doctest::Contains("(3, 2) and (2, 2)"), std::invalid_argument);
+  CHECK_THROWS_AS(copy(host_array(few.data(), {2, 2}), host_array(numbers.data(), {2, 2})), std::invalid_argument);  // read-only
+  std::vector<int> whole(6);
+  CHECK_THROWS_AS(copy(a, host_array(whole.data(), {3, 2})), std::invalid_argument);
+  CHECK_THROWS_AS((void)a.rows(2, 2), std::invalid_argument);
+}
+
+TEST_CASE("a stepper is the library's step, and gives back every digit that it was given") {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  for (Device const device : devices()) {
+    StepperOptions options;
+    options.worlds = 3;
+    auto const stepper = make_stepper(device, compiled, options);
+    std::vector<double> qpos = compiled.keyframes.at(0).qpos;
+    qpos[0] += 1e-9;  // no float
+    std::vector<double> const qvel(std::size_t(compiled.nv), 0.);
+    std::vector<double> const ctrl = compiled.keyframes.at(0).ctrl;
+    stepper->set(host_array(qpos.data(), {1, compiled.nq}), host_array(qvel.data(), {1, compiled.nv}),
+                 ctrl.empty() ? Array{} : host_array(ctrl.data(), {1, compiled.nu}));
+    std::vector<double> q(3 * qpos.size());
+    std::vector<double> v(3 * qvel.size());
+    stepper->get(host_array(q.data(), {3, compiled.nq}), host_array(v.data(), {3, compiled.nv}));
+    for (std::size_t i = 0; i < q.size(); ++i) {
+      double const given = qpos[i % qpos.size()];
+      CHECK(std::abs(q[i] - given) <= 1e-14 * std::max(1., std::abs(given)));  // two floats hold 48 bits
+    }
+    // The poses are those of the state, brought up to date when they are asked for; a body of a free joint stands where qpos says.
+    auto const poses = stepper->poses();
+    CHECK(poses.worlds() == 3);
+    auto const xpos = on_host<double>(poses.xpos);
+    CHECK(std::abs(xpos[3] - qpos[0]) < 1e-6);
+    CHECK(xpos[3] == xpos[3 + std::size_t(3 * compiled.nbody)]);
+
+    auto const state = stepper->state();
+    stepper->step(20, true);
+    CHECK(stepper->state().qpos.data == state.qpos.data);  // the arrays stay where they are
+    CHECK(stepper->poses().xpos.data == poses.xpos.data);
+    CHECK(on_host<std::int64_t>(state.steps) == std::vector<std::int64_t>{20, 20, 20});
+    auto const counts = stepper->counts();
+    CHECK(counts.contacts > 0);
+    CHECK(counts.rows > 0);
+    CHECK(counts.failed_worlds == 0);
+    if (device == Device::cpu) {  // the same by hand
+      Kokkos::DefaultHostExecutionSpace const exec;
+      auto const model = gsp::make_model<float>(exec, compiled);
+      auto const mine = gsp::make_state(exec, model, {.worlds = 3});
+      auto simulation = gsp::make_simulation(exec, model, compiled, {.worlds = 3});
+      for (int w = 0; w < 3; ++w) {
+        for (int i = 0; i < compiled.nq; ++i) {
+          mine.qpos(w, i) = float(qpos[std::size_t(i)]);
+          mine.qpos_low(w, i) = float(qpos[std::size_t(i)] - double(mine.qpos(w, i)));
+        }
+        for (std::size_t i = 0; i < ctrl.size(); ++i) mine.ctrl(w, i) = float(ctrl[i]);
+      }
+      gsp::step(exec, model, mine, simulation, {.steps = 20});
+      CHECK(std::memcmp(mine.qpos.data(), state.qpos.data, mine.qpos.span() * sizeof(float)) == 0);
+      CHECK(std::memcmp(mine.qvel.data(), state.qvel.data, mine.qvel.span() * sizeof(float)) == 0);
+      gsp::forward_kinematics(exec, model, mine, simulation.dynamics, simulation.poses);
+      CHECK(std::memcmp(simulation.poses.xpos.data(), stepper->poses().xpos.data, simulation.poses.xpos.span() * sizeof(float)) == 0);
+    }
+  }
+}
+
+TEST_CASE("pictures of the simulation's poses, where they lie") {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  std::vector<float> viewmats{1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 2, 0, 0, 0, 1};  // from -y, 2 m away
+  std::vector<float> Ks{60, 0, 32, 0, 60, 24, 0, 0, 1};
+  for (Device const device : devices()) {
+    StepperOptions options;
+    options.worlds = 4;
+    auto const stepper = make_stepper(device, compiled, options);
+    stepper->step(5, false);
+    Scene scene;
+    scene.add_surface(compiled);
+    RendererOptions pictures;
+    pictures.width = 64;
+    pictures.height = 48;
+    pictures.alpha = false;
+    auto const renderer = make_renderer(device, scene, pictures);
+    std::vector<float> four_views;
+    std::vector<float> four_Ks;
+    for (int c = 0; c < 4; ++c) {
+      four_views.insert(four_views.end(), viewmats.begin(), viewmats.end());
+      four_Ks.insert(four_Ks.end(), Ks.begin(), Ks.end());
+    }
+    // Cameras on the device, so that nothing has to be copied.
+    Buffer const views = make_buffer(device, Dtype::float32, {4, 4, 4});
+    Buffer const lenses = make_buffer(device, Dtype::float32, {4, 3, 3});
+    copy(host_array(four_views.data(), {4, 4, 4}), views.array);
+    copy(host_array(four_Ks.data(), {4, 3, 3}), lenses.array);
+    CameraArrays const cameras{views.array, lenses.array, {}};
+    renderer->render(stepper->poses(), cameras);  // buffers find their size
+    auto const seen = watch([&] {
+      stepper->step(3, false);
+      renderer->render(stepper->poses(), cameras);
+    });
+    check_no_allocation(seen);
+    check_labels(seen);
+    auto const frames = renderer->frames();
+    CHECK_FALSE(frames.alpha);
+    auto const rgb = on_host<float>(frames.rgb);
+    double sum = 0;
+    for (float const x : rgb) sum += x;
+    CHECK(sum > 1);
+    if (device == Device::cpu) {
+      Kokkos::DefaultHostExecutionSpace const exec;
+      auto const cloud = gsp::make_gaussians(exec, {gsp::sample_surface(compiled, {.count = 30000, .world = false})});
+      auto const poses = stepper->poses();
+      gsp::Poses<float, Kokkos::HostSpace> mine;
+      mine.xpos = decltype(mine.xpos)(static_cast<float*>(poses.xpos.data), 4, compiled.nbody, 3);
+      mine.xquat = decltype(mine.xquat)(static_cast<float*>(poses.xquat.data), 4, compiled.nbody, 4);
+      auto by_hand = gsp::make_frames(exec, cloud, {.images = 4, .width = 64, .height = 48, .alpha = false});
+      gsp::render(exec, cloud, mine, gsp::make_cameras(exec, four_views, four_Ks), by_hand);
+      CHECK(std::memcmp(by_hand.rgb.data(), frames.rgb.data, by_hand.rgb.span() * sizeof(float)) == 0);
+      CHECK(std::memcmp(by_hand.depth.data(), frames.depth.data, by_hand.depth.span() * sizeof(float)) == 0);
+    }
+    // Kinematics of the same positions in float64 give the same pictures but for rounding.
+    auto const kinematics = make_kinematics(device, compiled);
+    std::vector<double> q(std::size_t(4 * compiled.nq));
+    std::vector<double> v(std::size_t(4 * compiled.nv));
+    stepper->get(host_array(q.data(), {4, compiled.nq}), host_array(v.data(), {4, compiled.nv}));
+    renderer->render(kinematics->poses(host_array(q.data(), {4, compiled.nq})), cameras);
+    auto const again = on_host<float>(renderer->frames().rgb);
+    double difference = 0;
+    for (std::size_t i = 0; i < rgb.size(); ++i) difference += std::abs(double(rgb[i]) - double(again[i]));
+    CHECK(difference / double(rgb.size()) < 1e-4);  // poses differ by some 1e-7 m, a Gaussian is some mm wide
+    CHECK_THROWS_AS(renderer->render(stepper->poses(), {host_array(four_views.data(), {4, 4, 4}), host_array(Ks.data(), {1, 3, 3}), {}}),
+                    std::invalid_argument);
+  }
+}
+
+TEST_CASE("what make_stepper refuses is told before, and the machine's memory is a number") {
+  auto compiled = gsp::compile(gsp::samples::quadruped_scene());
+  StepperOptions options;
+  CHECK(refusals(compiled, options).empty());
+  CHECK(bytes_needed(Device::cpu, compiled, options) > 0);
+  options.mujoco = true;  // box friction is not MuJoCo's
+  auto const reasons = refusals(compiled, options);
+  REQUIRE(reasons.size() == 1);
+  CHECK(reasons[0].find("condim") != std::string::npos);
+  CHECK_THROWS_WITH_AS(make_stepper(Device::cpu, compiled, options), reasons[0].c_str(), gsp::Error);
+  options.approximate = true;
+  CHECK(refusals(compiled, options).empty());
+  for (Device const device : devices()) {
+    CHECK(free_bytes(device) > (std::uint64_t(1) << 20));
+    CHECK(free_bytes(device) < (std::uint64_t(1) << 50));
+  }
+}
