@@ -267,9 +267,22 @@ struct OptionDescription {
 
 enum class LengthRangeMode : int { none = 0, muscle = 1, muscle_user = 2, all = 3 };
 
+/// How the range of an actuator's length becomes known: given, the limits of what it drives, or by pulling it to both ends in a simulation
+/// without gravity, from the initial pose (docs/model/compile.md).
+struct LengthRangeDescription {
+  LengthRangeMode mode = LengthRangeMode::muscle;  // of which actuators it must be known
+  bool use_existing = true, use_limit = false;
+  double accel = 20;         // norm of the accelerations of the dofs that the pull asks for
+  double max_force = 0;      // of its norm; 0: no bound
+  double time_constant = 1;  // velocities decay with it [s], at least 0.01
+  double timestep = 0.01;    // [s]; 0: the model's
+  double total = 10;         // time for each end [s]
+  double interval = 2;       // of which the last part counts [s]
+  double tolerance = 0.05;   // largest change of the length in it, as a share of the range
+};
+
 struct CompilerDescription {
-  LengthRangeMode length_range = LengthRangeMode::muscle;  // of which actuators the range of length must be known
-  bool length_range_use_existing = true, length_range_use_limit = false;
+  LengthRangeDescription length_range{};
   bool inertia_from_geom_always = false, inertia_from_geom_never = false;
   std::array<int, 2> inertia_group_range{0, 5};
   double boundmass = 0, boundinertia = 0, settotalmass = -1;

@@ -32,18 +32,23 @@ inline std::string listed(std::string_view list) {
 inline std::string schema_page() {
   std::string page =
       "# What of MJCF works\n\n"
-      "Printed by `gsp info --schema` from the reader's own table; a test compares the two. The grammar is that of MuJoCo 4.0.1. Each attribute is\n"
-      "**honoured** (read, with MuJoCo's meaning), **seen only** (pictures of MuJoCo's viewer: a line of the load report), **without effect** (settings of\n"
-      "what this library does in another way, or does not need: a line, too), or **refused** with a sentence unless its value asks for nothing (0, false,\n"
+      "Printed by `gsp info --schema` from the reader's own table; a test compares the two. The grammar is that of MuJoCo 4.0.1. Each "
+      "attribute is\n"
+      "**honoured** (read, with MuJoCo's meaning), **seen only** (pictures of MuJoCo's viewer: a line of the load report), **without "
+      "effect** (settings of\n"
+      "what this library does in another way, or does not need: a line, too), or **refused** with a sentence unless its value asks for "
+      "nothing (0, false,\n"
       "none, auto, disable). What stands in no list is unknown, and an error.\n\n"
       "## Elements that are refused\n\n| element | why |\n| --- | --- |\n";
   for (auto const& e : refused_elements) page += "| " + std::string(e.element) + " | " + std::string(e.sentence) + " |\n";
   page +=
-      "\nRefused by value: geom type `sdf`, camera projection `orthographic`, option integrator `discrete`, dyntype, gaintype and biastype `user`, `pid`, `so3`\n"
-      "and `dcmotor`, coefficients of higher order of an actuator's damping, muscles whose length range MuJoCo would find by simulation (give\n"
-      "`lengthrange`, or limits and `<lengthrange uselimit=\"true\"/>`).\n\n"
+      "\nRefused by value: geom type `sdf`, camera projection `orthographic`, option integrator `discrete`, dyntype, gaintype and biastype "
+      "`user`, `pid`, `so3`\n"
+      "and `dcmotor`, coefficients of higher order of an actuator's damping, muscles whose length range is not given and that the\n"
+      "simulation of `<lengthrange>` pulls without end.\n\n"
       "Taken with a note: `adhesion` and `surfacevel` of geoms, which contacts do not know yet.\n\n"
-      "## Elements and their attributes\n\n| element | honoured | seen only | without effect | refused |\n| --- | --- | --- | --- | --- |\n";
+      "## Elements and their attributes\n\n| element | honoured | seen only | without effect | refused |\n| --- | --- | --- | --- | --- "
+      "|\n";
   for (auto const& e : schema) {
     if (e.honoured.empty() && e.visual.empty() && e.no_effect.empty() && e.refused.empty()) continue;
     page += "| " + std::string(e.element);

@@ -57,7 +57,7 @@ inline constexpr ElementSchema schema[] = {
      "alignfree angle assetdir autolimits balanceinertia boundinertia boundmass coordinate discardvisual eulerseq fitaabb fusestatic "
      "inertiafromgeom inertiagrouprange meshdir settotalmass strippath",
      "texturedir", "conflict passthrough savecanonical savecompiled saveinertial usethread", "", "lengthrange"},
-    {"lengthrange", "mode useexisting uselimit", "", "accel interval inttotal maxforce timeconst timestep tolrange", "", ""},
+    {"lengthrange", "accel interval inttotal maxforce mode timeconst timestep tolrange useexisting uselimit", "", "", "", ""},
     {"option",
      "actuatorgroupdisable cone density gravity impratio integrator iterations magnetic o_friction o_margin o_solimp o_solref timestep "
      "tolerance viscosity wind",

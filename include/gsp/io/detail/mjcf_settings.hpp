@@ -36,8 +36,18 @@ inline void read_compiler(Document& doc, Node const& node) {
   for (auto const& child : node.children) {
     doc.check(child);
     auto const b = doc.attributes(child);
-    if (b.has("mode")) c.length_range = static_cast<LengthRangeMode>(b.choice("mode", {"none", "muscle", "muscleuser", "all"}));
-    b.boolean("useexisting", c.length_range_use_existing), b.boolean("uselimit", c.length_range_use_limit);
+    auto& range = c.length_range;
+    if (b.has("mode")) range.mode = static_cast<LengthRangeMode>(b.choice("mode", {"none", "muscle", "muscleuser", "all"}));
+    b.boolean("useexisting", range.use_existing);
+    b.boolean("uselimit", range.use_limit);
+    for (auto const& [name, to] : {std::pair{"accel", &range.accel},
+                                   {"maxforce", &range.max_force},
+                                   {"timeconst", &range.time_constant},
+                                   {"timestep", &range.timestep},
+                                   {"inttotal", &range.total},
+                                   {"interval", &range.interval},
+                                   {"tolrange", &range.tolerance}})
+      if (b.number(name, *to) && *to < 0) b.fail(name, "is negative; give zero or more");
   }
 }
 

@@ -33,8 +33,14 @@ class Writer {
     flag("discardvisual", c.discard_visual, false).flag("fusestatic", c.fuse_static, false).flag("alignfree", c.align_free, false);
     into();
     char const* const modes[] = {"none", "muscle", "muscleuser", "all"};
-    open("lengthrange").word("mode", modes[int(c.length_range)]);
-    flag("useexisting", c.length_range_use_existing, true).flag("uselimit", c.length_range_use_limit, false).close();
+    auto const& range = c.length_range;
+    LengthRangeDescription const usual;
+    open("lengthrange").word("mode", modes[int(range.mode)]);
+    flag("useexisting", range.use_existing, true).flag("uselimit", range.use_limit, false);
+    number("accel", range.accel, usual.accel).number("maxforce", range.max_force, usual.max_force);
+    number("timeconst", range.time_constant, usual.time_constant).number("timestep", range.timestep, usual.timestep);
+    number("inttotal", range.total, usual.total).number("interval", range.interval, usual.interval);
+    number("tolrange", range.tolerance, usual.tolerance).close();
     leave("compiler");
     option(d.option);
     assets(d);

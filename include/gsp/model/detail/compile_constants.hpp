@@ -2,6 +2,7 @@
 #include <gsp/model/detail/compile_forces.hpp>
 #include <gsp/model/detail/initial_inertia.hpp>
 #include <gsp/model/detail/initial_pose.hpp>
+#include <gsp/model/detail/length_range.hpp>
 #include <gsp/model/detail/slider.hpp>
 #include <string>
 #include <utility>
@@ -56,6 +57,32 @@ class ConstantsCompiler : public ForceCompiler {
       Double3 const axes[] = {rotate(x.q, {1, 0, 0}), rotate(x.q, {0, 1, 0}), rotate(x.q, {0, 0, 1})};
       auto& rows = m_.cam_mat0.emplace_back();
       for (std::size_t i = 0; i < 9; ++i) rows[i] = axes[i % 3][i / 3];
+    }
+  }
+
+  /// Ranges of the lengths of actuators that are neither given nor limits, by pulling each to both ends.
+  void length_ranges() {
+    if (unknown_ranges_.empty()) return;
+    auto const& options = d_.compiler.length_range;
+    PulledModel model(m_, options);
+    for (int a : unknown_ranges_) {
+      auto const refuse = [&](std::string const& why) {
+        fail(d_.actuators[std::size_t(a)].place, "actuator", m_.act_name[a],
+             "needs the range of its length, and the simulation that pulls it to both ends " + why +
+                 ": give lengthrange, limits to what it moves, or other numbers in <compiler> <lengthrange>");
+      };
+      if (!(options.total <= 1e6 * model.timestep())) refuse("takes more than a million steps");
+      auto const shortest = model.pull(a, -1);
+      auto const longest = shortest ? model.pull(a, 1) : shortest;
+      if (!longest) refuse("is unstable");
+      std::array const range{shortest->at(0), longest->at(1)};
+      double const width = range[1] - range[0];
+      auto const text = [](std::array<double, 2> const& ends) { return std::to_string(ends[0]) + " .. " + std::to_string(ends[1]); };
+      if (!(width > 0)) refuse("finds no range (" + text(range) + ")");
+      for (auto const& ends : {*shortest, *longest})
+        if (ends[1] - ends[0] > options.tolerance * width)
+          refuse("does not settle (the length goes on changing, " + text(ends) + ", in a range of " + text(range) + ")");
+      m_.act_lengthrange[a] = range;
     }
   }
 

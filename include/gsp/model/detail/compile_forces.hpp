@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/model/detail/compile_bodies.hpp>
 #include <gsp/model/sensor_types.hpp>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -12,6 +13,7 @@ namespace gsp::detail {
 class ForceCompiler : public BodyCompiler {
  protected:
   using BodyCompiler::BodyCompiler;
+  std::vector<int> unknown_ranges_;  // actuators whose range of length is found by simulation
 
   void tendons() {
     for (auto const& t : d_.tendons) {
@@ -95,7 +97,9 @@ class ForceCompiler : public BodyCompiler {
           m_.act_dynprm.push_back(a.dynprm);
       m_.act_cranklength.push_back(a.crank_length), m_.act_damping.push_back(a.damping), m_.act_armature.push_back(a.armature);
       m_.act_ctrlrange.push_back(a.ctrl_range), m_.act_forcerange.push_back(a.force_range), m_.act_actrange.push_back(a.act_range);
-      m_.act_lengthrange.push_back(length_range(a, id));
+      auto const range = length_range(a, id);
+      m_.act_lengthrange.push_back(range.value_or(std::array{0., 0.}));
+      if (!range) unknown_ranges_.push_back(m_.nu);
       ++m_.nu;
     }
   }
@@ -219,21 +223,18 @@ class ForceCompiler : public BodyCompiler {
     }
   }
 
-  // The range of an actuator's length: given, or the limits of what it drives. MuJoCo can also find it by simulation; here that is refused.
-  std::array<double, 2> length_range(ActuatorDescription const& a, int id) const {
-    auto const& c = d_.compiler;
+  // The range of an actuator's length: given, or the limits of what it drives; nothing where a simulation has to find it.
+  std::optional<std::array<double, 2>> length_range(ActuatorDescription const& a, int id) const {
+    auto const& c = d_.compiler.length_range;
     bool const muscle = a.gain_type == ActuatorGain::muscle || a.bias_type == ActuatorBias::muscle;
-    if (c.length_range == LengthRangeMode::none || (c.length_range != LengthRangeMode::all && !muscle)) return a.length_range;
-    if (c.length_range_use_existing && a.length_range[0] < a.length_range[1]) return a.length_range;
-    if (c.length_range_use_limit) {
+    if (c.mode == LengthRangeMode::none || (c.mode != LengthRangeMode::all && !muscle)) return a.length_range;
+    if (c.use_existing && a.length_range[0] < a.length_range[1]) return a.length_range;
+    if (c.use_limit) {
       bool const joint = a.target == Transmission::joint || a.target == Transmission::joint_in_parent;
       if (joint && m_.jnt_limited[id]) return m_.jnt_range[id];
       if (a.target == Transmission::tendon && m_.tendon_limited[id]) return m_.tendon_range[id];
     }
-    fail(a.place, "actuator", a.name,
-         "needs the range of its length, which is not found by simulation here: give lengthrange, or limits of what it drives and "
-         "<compiler> "
-         "<lengthrange uselimit=\"true\"/>");
+    return std::nullopt;
   }
 
   // How many numbers a sensor gives whose settings say it; -1 where that is not known here.

@@ -35,6 +35,7 @@ class Compiler : public ConstantsCompiler {
     equalities();
     sensors();
     constants();
+    length_ranges();
     named_pairs();
     pairs();
     keyframes();

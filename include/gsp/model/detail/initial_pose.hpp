@@ -28,8 +28,8 @@ struct LengthAndRow {
 };
 
 /// Poses of a compiled model at given qpos, on the host in double, and what follows from them: lengths and moment arms of tendons and
-/// actuators. Plain and complete rather than fast: `compile` needs it twice, and it shares nothing with the kernels, so that each can
-/// check the other.
+/// actuators. Plain and complete rather than fast: `compile` needs it twice (and a search for lengths a few thousand times), and it shares
+/// nothing with the kernels, so that each can check the other.
 class InitialPose {
  public:
   InitialPose(CompiledModel const& m, std::vector<double> const& qpos) : m_(m), q_(qpos) {
@@ -184,6 +184,16 @@ class InitialPose {
     return out;
   }
 
+  /// Axis times angle of a rotation, angle in (-pi, pi].
+  static Double3 rotation_vector(Double4 const& q) {
+    Double3 const v{q[1], q[2], q[3]};
+    double const s = norm(v);
+    if (s < 1e-15) return {0, 0, 0};
+    double angle = 2 * std::atan2(s, q[0]);
+    if (angle > 3.14159265358979323846) angle -= 2 * 3.14159265358979323846;
+    return (angle / s) * v;
+  }
+
  private:
   void joint(int j, Pose& x) {
     int const d = m_.jnt_dofadr[j], q = m_.jnt_qposadr[j];
@@ -219,15 +229,6 @@ class InitialPose {
         break;
       }
     }
-  }
-  /// Axis times angle of a rotation, angle in (-pi, pi].
-  static Double3 rotation_vector(Double4 const& q) {
-    Double3 const v{q[1], q[2], q[3]};
-    double const s = norm(v);
-    if (s < 1e-15) return {0, 0, 0};
-    double angle = 2 * std::atan2(s, q[0]);
-    if (angle > 3.14159265358979323846) angle -= 2 * 3.14159265358979323846;
-    return (angle / s) * v;
   }
   void point(SparseRow& row, int b, Double3 const& at, Double3 const& direction, double scale) const {
     for (int d : dofs_of(b)) row.add(d, scale * dot(direction, linear(d, at)));
