@@ -31,7 +31,6 @@ int main(int argc, char** argv) {
   }
   Kokkos::deep_copy(state.qpos, qpos), Kokkos::deep_copy(state.ctrl, ctrl);
   gsp::step(exec, model, state, sim, {.steps = 250});
-  gsp::forward_kinematics(exec, model, state, sim.dynamics, sim.poses);  // the poses of now, not of the start of the last step
 
   auto const room = gsp::sample_room<gsp::GaussianSet>();
   auto const robot = gsp::sample_surface(compiled, {.world = false});  // the room has a floor of its own

@@ -17,6 +17,9 @@ int main(int argc, char** argv) {
   auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
   auto contacts = gsp::make_contacts(exec, collision, {.worlds = worlds});
   auto rows = gsp::make_rows(exec, model, {.worlds = worlds});
+  auto impulses = gsp::make_impulses(exec, rows);
+  auto solution = gsp::make_solution(exec, model, {.worlds = worlds});
+  auto progress = gsp::make_progress(exec);
 
   auto const stand = compiled.keyframes.at(0);
   auto const start = [&] {
@@ -42,11 +45,13 @@ int main(int argc, char** argv) {
     gsp::actuator_forces(exec, model, state, poses, dynamics);
     gsp::factor(exec, model, state, dynamics);
     gsp::collide(exec, collision, poses, contacts);
-    gsp::assemble(exec, model, state, dynamics, rows, gsp::JointFriction(model), gsp::JointLimits(model, state),
-                  gsp::ContactRows(model, collision, contacts));
-    gsp::pgs(exec, model, rows, {.iterations = 100});
-    gsp::integrate(exec, model, dynamics, rows, state);
-    bool const more_contacts = gsp::grow(exec, contacts), more_rows = gsp::grow(exec, rows);  // this loop asks after every step
+    auto const types = gsp::constraints(gsp::JointFriction(model), gsp::TendonFriction(model), gsp::JointLimits(model, state),
+                                        gsp::TendonLimits(model, state), gsp::ContactRows(model, collision, contacts));
+    gsp::assemble(exec, model, state, dynamics, types, rows, impulses, progress);
+    gsp::pgs(exec, rows, impulses, solution, progress, {.iterations = 100});
+    gsp::integrate(exec, model, dynamics, solution, progress, state);
+    // this loop asks after every step
+    bool const more_contacts = gsp::grow(exec, contacts), more_rows = gsp::grow(exec, rows, impulses, progress);
     if (more_contacts || more_rows)
       ++repeated;  // something did not fit, and nothing has moved
     else

@@ -100,8 +100,8 @@ class KokkosStepper : public Stepper {
     if (!model_.constraints) return out;
     out.contacts = simulation_.contacts.demand(exec_).contacts;
     for (int const n : gsp::detail::to_host(exec_, simulation_.rows.count)) out.rows += n;
-    for (int const n : gsp::detail::to_host(exec_, simulation_.rows.iterations)) out.iterations = std::max(out.iterations, n);
-    for (R const r : gsp::detail::to_host(exec_, simulation_.rows.residual)) out.residual = std::max(out.residual, double(r));
+    for (int const n : gsp::detail::to_host(exec_, simulation_.solution.iterations)) out.iterations = std::max(out.iterations, n);
+    for (R const r : gsp::detail::to_host(exec_, simulation_.solution.residual)) out.residual = std::max(out.residual, double(r));
     return out;
   }
 

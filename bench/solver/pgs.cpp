@@ -10,26 +10,33 @@ namespace {
 
 /// Rows of random entries over all dofs of the one tree: 9 without friction, then contacts of three rows.
 template <class R, class Mem>
-void fill(gsp::Model<R, Mem> const& model, gsp::Rows<R, Mem> const& rows, int count) {
+void fill(gsp::Rows<R, Mem> const& rows, int count) {
+  int const nv = rows.nv, singles = count % 3 + 9, entries = count * nv + (count - singles);  // and three couplings a contact
   std::uint32_t seed = 1;
   auto const next = [&] { return seed = seed * 1664525u + 1013904223u, R(int(seed >> 9)) / R(1 << 22) - R(1); };
   for (int w = 0; w < rows.worlds; ++w) {
     rows.first(w) = w * count, rows.count(w) = count;
     for (int r = 0; r < count; ++r) {
       auto& row = rows.row(w * count + r);
-      int const in_contact = r < count % 3 + 9 ? 0 : (r - count % 3 - 9) % 3;
-      row = {{{0, -1, model.nv, 0}, {}},
-             1,
-             in_contact == 0 ? -1 : r - in_contact,
-             std::int64_t(w * count + r) * model.nv,
-             next(),
-             R(0.01),
-             R(0),
-             R(0),
-             R(0)};
+      int const in_contact = r < singles ? 0 : (r - singles) % 3, contact = r - in_contact;
+      row = {};
+      row.segment[0] = {0, -1, nv, 0};
+      row.segments = 1;
+      row.element_rows = in_contact > 0 ? 0 : r < singles ? 1 : 3;
+      row.friction_of = in_contact > 0 ? 0 : -1;
+      row.element = r;
+      row.Y = std::int64_t(w) * entries + std::int64_t(r) * nv + (r < singles ? 0 : (contact - singles));
+      row.coupling = row.element_rows * nv;
+      row.bias = next(), row.compliance = R(0.01), row.upper = R(1e30), row.mu = R(0.8);
       R diagonal(0.01f);
-      for (int i = 0; i < model.nv; ++i) rows.Y(row.Y + i) = next(), diagonal += rows.Y(row.Y + i) * rows.Y(row.Y + i);
-      row.inverse_diagonal = R(1) / diagonal, row.upper = in_contact == 0 ? R(1e30) : R(0.8);
+      for (int i = 0; i < nv; ++i) rows.Y(row.Y + i) = next(), diagonal += rows.Y(row.Y + i) * rows.Y(row.Y + i);
+      row.inverse_diagonal = R(1) / diagonal;
+      for (int a = 0; a < in_contact; ++a) {  // after the entries of the contact's three rows
+        auto const& other = rows.row(w * count + contact + a);
+        R sum(0);
+        for (int i = 0; i < nv; ++i) sum += rows.Y(row.Y + i) * rows.Y(other.Y + i);
+        rows.Y(rows.row(w * count + contact).Y + 3 * nv + in_contact * (in_contact - 1) / 2 + a) = sum;
+      }
     }
   }
 }
@@ -56,12 +63,15 @@ int main(int argc, char** argv) {
   for (Case c : {Case{27, 49}, Case{18, 32}, Case{35, 64}}) {
     int const worlds = 1024;
     auto const model = gsp::make_model<float>(exec, chain(c.dofs));
-    auto const rows = gsp::make_rows(exec, model, {.worlds = worlds, .rows_per_world = c.rows, .entries_per_world = c.rows * c.dofs});
-    fill(model, rows, c.rows);
+    auto const rows = gsp::make_rows(exec, model, {.worlds = worlds, .rows_per_world = c.rows, .entries_per_world = c.rows * (c.dofs + 1)});
+    fill(rows, c.rows);
+    auto impulses = gsp::make_impulses(exec, rows);
+    auto solution = gsp::make_solution(exec, model, {.worlds = worlds});
+    auto progress = gsp::make_progress(exec);
     // the call includes taking the rows into lockstep; ten sweeps alone are the difference of eleven and one. Tolerance 0: calls start from
     // the impulses of those before, which would stop early
     auto const measure = [&](int sweeps) {
-      return gsp_bench::measure(exec, [&] { gsp::pgs(exec, model, rows, {.iterations = sweeps, .tolerance = 0}); });
+      return gsp_bench::measure(exec, [&] { gsp::pgs(exec, rows, impulses, solution, progress, {.iterations = sweeps, .tolerance = 0}); });
     };
     for (int i = 0; i < 3; ++i) {
       auto const one = measure(1), ten = measure(10), eleven = measure(11);

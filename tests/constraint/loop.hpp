@@ -18,6 +18,9 @@ struct Loop {
   gsp::Dynamics<R, Mem> dynamics;
   gsp::Poses<R, Mem> poses;
   gsp::Rows<R, Mem> rows;
+  gsp::Impulses<R, Mem> impulses;
+  gsp::Solution<R, Mem> solution;
+  gsp::Progress<Mem> progress;
   gsp::PgsOptions solver{.iterations = 1000, .tolerance = 0};
 
   Loop(gsp::CompiledModel const& c, int worlds, gsp::ModelOptions options = {}, Exec const& on = Exec{})
@@ -26,18 +29,28 @@ struct Loop {
         state(gsp::make_state(exec, model, {.worlds = worlds})),
         dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})),
         poses(gsp::make_poses(exec, model, {.worlds = worlds})),
-        rows(gsp::make_rows(exec, model, {.worlds = worlds})) {}
+        rows(gsp::make_rows(exec, model, {.worlds = worlds})),
+        impulses(gsp::make_impulses(exec, rows)),
+        solution(gsp::make_solution(exec, model, {.worlds = worlds})),
+        progress(gsp::make_progress(exec)) {}
+  /// New pools, without impulses of before.
+  void forget(gsp::RowsOptions const& options) {
+    rows = gsp::make_rows(exec, model, options);
+    impulses = gsp::make_impulses(exec, rows);
+  }
+  void solve(gsp::PgsOptions const& options) { gsp::pgs(exec, rows, impulses, solution, progress, options); }
+  bool grow() { return gsp::grow(exec, rows, impulses, progress); }
 
   template <class... Types>
   void assemble(Types const&... types) {
     gsp::smooth_dynamics(exec, model, state, dynamics, poses);
-    gsp::assemble(exec, model, state, dynamics, rows, types...);
+    gsp::assemble(exec, model, state, dynamics, gsp::constraints(types...), rows, impulses, progress);
   }
   /// Ends the step; true if it has to be repeated.
   bool finish() {
-    gsp::pgs(exec, model, rows, solver);
-    gsp::integrate(exec, model, dynamics, rows, state);
-    return gsp::grow(exec, rows);
+    solve(solver);
+    gsp::integrate(exec, model, dynamics, solution, progress, state);
+    return grow();
   }
   template <class... Types>
   void step(int n, Types const&... types) {

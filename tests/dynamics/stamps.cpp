@@ -85,6 +85,9 @@ struct World {
   gsp::Dynamics<double, Mem> dynamics;
   gsp::Poses<double, Mem> poses;
   gsp::Rows<double, Mem> rows;
+  gsp::Impulses<double, Mem> impulses;
+  gsp::Solution<double, Mem> solution;
+  gsp::Progress<Mem> progress;
   gsp::Sensors<double, Mem> few_sensors, all_sensors;
   explicit World(Profile profile)
       : few(compiled_model(false)),
@@ -94,6 +97,9 @@ struct World {
         dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})),
         poses(gsp::make_poses(exec, model, {.worlds = worlds})),
         rows(gsp::make_rows(exec, model, {.worlds = worlds})),
+        impulses(gsp::make_impulses(exec, rows)),
+        solution(gsp::make_solution(exec, model, {.worlds = worlds})),
+        progress(gsp::make_progress(exec)),
         few_sensors(gsp::make_sensors(exec, model, few, {.worlds = worlds})),
         all_sensors(gsp::make_sensors(exec, model, all, {.worlds = worlds})) {
     gsp_test::randomise(all, state);
@@ -111,9 +117,9 @@ struct World {
   }
   void step() {
     smooth(false);
-    gsp::assemble(exec, model, state, dynamics, rows, gsp::JointLimits(model, state));
-    gsp::pgs(exec, model, rows);
-    gsp::integrate(exec, model, dynamics, rows, state);
+    gsp::assemble(exec, model, state, dynamics, gsp::constraints(gsp::JointLimits(model, state)), rows, impulses, progress);
+    gsp::pgs(exec, rows, impulses, solution, progress);
+    gsp::integrate(exec, model, dynamics, solution, progress, state);
   }
 };
 

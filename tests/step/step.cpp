@@ -3,13 +3,60 @@
 #include <cmath>
 #include <cstring>
 #include <gsp/model/compile.hpp>
+#include <gsp/constraint/contact_forces.hpp>
+#include <gsp/constraint/joint_forces.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
 
 #include "dynamics/random_tree.hpp"
 
+namespace test_types {
+/// Spring on dof `dof`, of a user's own.
+template <class Mem>
+struct Tether : gsp::OneFreeRow {
+  double stiffness, damping;
+  int dof;
+  typename gsp::State<double, Mem>::template View<double**> qpos;
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  template <class T>
+  KOKKOS_FUNCTION T lambda(int, int, int, T x, T u) const {
+    return -(stiffness * x + damping * u);
+  }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int world, int, int, Row&& J) const {
+    J.set_dof(dof, 1.);
+    return qpos(world, dof);
+  }
+};
+}  // namespace test_types
+
 namespace {
+/// A body of 2 kg with these joints, and what it has on top of a plane.
+gsp::Description one_body(std::vector<gsp::JointDescription> const& joints) {
+  gsp::Description d;
+  gsp::BodyDescription b;
+  b.parent = 0;
+  b.name = "b";
+  b.has_inertial = true;
+  b.inertial.mass = 2;
+  b.inertial.inertia = {0.1, 0.1, 0.1, 0, 0, 0};
+  b.joints = joints;
+  d.bodies.push_back(b);
+  return d;
+}
+gsp::JointDescription joint(gsp::JointType type, std::array<double, 3> const& axis) {
+  gsp::JointDescription j;
+  j.type = type;
+  j.axis = axis;
+  return j;
+}
+template <class View>
+void set(View const& view, int world, std::vector<double> const& values) {
+  auto const h = gsp_test::host(view);
+  for (std::size_t i = 0; i < values.size(); ++i) h(world, i) = values[i];
+  Kokkos::deep_copy(view, h);
+}
 
 template <class R, class Exec>
 struct World {
@@ -119,6 +166,7 @@ TEST_CASE_TEMPLATE("same bits for any batch, split and capacity", Exec, GSP_TEST
     one.sim.contacts = gsp::make_contacts(one.exec, one.sim.collision,
                                           {.worlds = 1, .candidates_per_world = 1, .points_per_world = 1, .contacts_per_world = 1});
     one.sim.rows = gsp::make_rows(one.exec, one.model, {.worlds = 1, .rows_per_world = 1, .entries_per_world = 1});
+    one.sim.impulses = gsp::make_impulses(one.exec, one.sim.rows);
     for (int i = 0; i < 40; i += 8) one.step(8);
     auto const q1 = one.qpos(), v1 = one.qvel();
     CHECK(same_bits(q1, q, 0, w));
@@ -142,4 +190,211 @@ TEST_CASE_TEMPLATE("the quadruped stands", Exec, GSP_TEST_EXECS) {
   MESSAGE("trunk from " << k.qpos[2] << " to " << after(0, 2));
   CHECK(std::abs(after(0, 2) - k.qpos[2]) < 0.05);
   CHECK(std::abs(after(0, 3)) > 0.98);
+}
+
+// The poses that a step leaves are those of the state that it leaves, to the bit, whether or not anything had to be repeated.
+TEST_CASE_TEMPLATE("a step leaves poses of the state that it leaves", Exec, GSP_TEST_EXECS) {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  for (bool contacts : {true, false}) {
+    auto c = compiled;
+    c.option.constraint = contacts;
+    World<float, Exec> w(c, 3);
+    w.start(0);
+    w.sim.rows = gsp::make_rows(w.exec, w.model, {.worlds = 3, .rows_per_world = 1, .entries_per_world = 1});
+    w.sim.impulses = gsp::make_impulses(w.exec, w.sim.rows);
+    w.step(5);
+    auto const left = gsp_test::snapshot(w.sim.poses.xpos), turned = gsp_test::snapshot(w.sim.poses.xquat);
+    gsp::forward_kinematics(w.exec, w.model, w.state, w.sim.dynamics, w.sim.poses);
+    auto const now = gsp_test::host(w.sim.poses.xpos), rotation = gsp_test::host(w.sim.poses.xquat);
+    CHECK(std::memcmp(left.data(), now.data(), left.size() * sizeof(float)) == 0);
+    CHECK(std::memcmp(turned.data(), rotation.data(), turned.size() * sizeof(float)) == 0);
+    CHECK(gsp_test::host(w.state.steps)(2) == 5);
+  }
+}
+
+// `step` is launch_step and settle: the same bits, the steps that did not fit told by settle.
+TEST_CASE_TEMPLATE("launch and settle", Exec, GSP_TEST_EXECS) {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  World<float, Exec> a(compiled, 4), b(compiled, 4);
+  a.start(0);
+  b.start(0);
+  b.sim.rows = gsp::make_rows(b.exec, b.model, {.worlds = 4, .rows_per_world = 1, .entries_per_world = 1});
+  b.sim.impulses = gsp::make_impulses(b.exec, b.sim.rows);
+  a.step(12);
+  int repeated = 0, launched = 0;
+  for (int left = 12; left > 0;) {
+    for (int i = 0; i < left; ++i) gsp::launch_step(b.exec, b.model, b.state, b.sim);
+    launched += left;
+    left = gsp::settle(b.exec, b.sim);
+    repeated += left;
+  }
+  CHECK(repeated > 0);
+  CHECK(launched == 12 + repeated);
+  auto const q = a.qpos(), q2 = b.qpos();
+  for (int w = 0; w < 4; ++w) CHECK(same_bits(q, q2, w, w));
+  CHECK(gsp_test::host(b.state.steps)(3) == 12);
+}
+
+// A user's constraint acts where the model's own are disabled (closed form: the spring at rest), and is refused where the integrator takes
+// none.
+TEST_CASE_TEMPLATE("a constraint of one's own never disappears", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  auto d = one_body({joint(gsp::JointType::slide, {0, 0, 1})});
+  d.option.constraint = false;
+  World<double, Exec> w(gsp::compile(d), 2);
+  double const k = 500;
+  gsp::step(w.exec, w.model, w.state, w.sim, {.steps = 4000}, test_types::Tether<Mem>{{}, k, 60., 0, w.state.qpos});
+  CHECK(std::abs(w.qpos()(1, 0) + 2 * 9.81 / k) < 1e-12);
+  d.option.integrator = gsp::Integrator::rk4;
+  World<double, Exec> rk(gsp::compile(d), 2, {.profile = gsp::Profile::mujoco});
+  CHECK_THROWS_WITH_AS(gsp::step(rk.exec, rk.model, rk.state, rk.sim, {}, test_types::Tether<Mem>{{}, k, 60., 0, rk.state.qpos}),
+                       doctest::Contains("RK4 takes none"), gsp::Error);
+}
+
+// Worlds of the mask go back, the others keep every bit; what is reset starts without the impulses of before: it repeats its first steps to
+// the bit.
+TEST_CASE_TEMPLATE("reset of single worlds", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  World<float, Exec> w(compiled, 5), start(compiled, 1), many(compiled, 5);
+  start.start(0);
+  many.start(0);
+  w.start(0);
+  Kokkos::View<bool*, Mem> const mask("mask", 5);
+  auto const chosen = Kokkos::create_mirror_view(mask);
+  for (int i = 0; i < 5; ++i) chosen(i) = i == 1 || i == 3;
+  Kokkos::deep_copy(mask, chosen);
+  w.step(10);
+  auto const q10 = gsp_test::snapshot(w.state.qpos);
+  w.step(20);
+  auto const before = gsp_test::snapshot(w.state.qpos);
+  SUBCASE("to one state each") {
+    gsp::reset(w.exec, w.model, w.state, mask, many.state);
+    auto const now = gsp_test::snapshot(w.state.qpos);
+    auto const s = w.qpos();
+    auto const began = many.qpos();
+    for (int i = 0; i < 5; ++i) {
+      bool const back = i == 1 || i == 3;
+      CHECK(std::memcmp(&now(i, 0), back ? &began(i, 0) : &before(i, 0), sizeof(float) * now.extent(1)) == 0);
+      CHECK(gsp_test::host(w.state.steps)(i) == (back ? 0 : 30));
+    }
+    w.step(10);
+    auto const again = w.qpos();
+    for (int i : {1, 3}) CHECK(std::memcmp(&again(i, 0), &q10(i, 0), sizeof(float) * again.extent(1)) == 0);
+  }
+  SUBCASE("to one state for all, and to the model's") {
+    gsp::reset(w.exec, w.model, w.state, mask, start.state);
+    auto const s = start.qpos(), now = w.qpos();
+    CHECK(same_bits(now, s, 1, 0));
+    CHECK(same_bits(now, s, 3, 0));
+    gsp::reset(w.exec, w.model, w.state, mask);
+    auto const q = w.qpos();
+    for (std::size_t i = 0; i < compiled.qpos0.size(); ++i) CHECK(q(3, i) == float(compiled.qpos0[i]));
+    CHECK(gsp_test::host(w.state.ctrl)(3, 0) == 0);
+    CHECK(std::memcmp(&q(2, 0), &before(2, 0), sizeof(float) * q.extent(1)) == 0);
+  }
+  SUBCASE("sizes") {
+    CHECK_THROWS_AS(gsp::reset(w.exec, w.model, w.state, Kokkos::View<bool*, Mem>("short", 4)), std::invalid_argument);
+    World<float, Exec> const two(compiled, 2);
+    CHECK_THROWS_AS(gsp::reset(w.exec, w.model, w.state, mask, two.state), std::invalid_argument);
+  }
+}
+
+// A point mass that slides over a plane, at rest in the normal direction: the normal force is the weight; friction is the box, mu N along
+// each tangent of the contact frame against the slip (J = body 2 - body 1), in every direction; what acts on the joints is the frame times
+// the force.
+TEST_CASE_TEMPLATE("contact forces in every direction", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  auto d = one_body({joint(gsp::JointType::slide, {1, 0, 0}), joint(gsp::JointType::slide, {0, 1, 0}), joint(gsp::JointType::slide, {0, 0, 1})});
+  d.bodies[1].pos = {0, 0, 0.1};
+  gsp::GeomDescription ball, plane;
+  ball.size = {0.1, 0, 0};
+  d.bodies[1].geoms.push_back(ball);
+  plane.type = gsp::ShapeType::plane;
+  plane.size = {0, 0, 1};
+  d.bodies[0].geoms.push_back(plane);
+  for (auto* body : {&d.bodies[0], &d.bodies[1]}) body->geoms[0].friction = std::array{0.4, 0.005, 0.0001};
+  int const worlds = 17;
+  World<double, Exec> w(gsp::compile(d), worlds);
+  w.step(5000);
+  auto const start = gsp_test::host(w.state.qvel);
+  for (int i = 0; i < worlds - 1; ++i) {
+    double const heading = 2 * M_PI * (i + 0.3) / (worlds - 1);
+    start(i, 0) = std::cos(heading), start(i, 1) = std::sin(heading);  // the last world stays at rest, and is pushed below
+  }
+  Kokkos::deep_copy(w.state.qvel, start);
+  auto const v = gsp_test::snapshot(w.state.qvel);
+  set(w.state.qfrc_applied, worlds - 1, {3, -2, 0});
+  w.step(1);
+  Kokkos::View<double* [6], Kokkos::LayoutRight, Mem> const force("force", w.sim.contacts.dist.extent(0));
+  gsp::contact_forces(w.exec, w.model, w.sim.contacts, w.sim.rows, w.sim.impulses, force);
+  auto const f = gsp_test::host(force), after = gsp_test::host(w.state.qvel), qfrc = gsp_test::host(w.sim.solution.qfrc_constraint);
+  auto const frame = gsp_test::host(w.sim.contacts.frame);
+  double const m = 2, N = m * 9.81, h = 0.002;
+  for (int i = 0; i < worlds; ++i) {
+    int const c = gsp_test::host(w.sim.contacts.first)(i);
+    CAPTURE(i);
+    CHECK(f(c, 0) == doctest::Approx(N).epsilon(1e-9));  // 10 s of a critically damped contact of 0.02 s
+    for (int t = 0; t < 2; ++t) {
+      double slip = 0;
+      for (int k = 0; k < 3; ++k) slip += frame(c, 3 * (t + 1) + k) * v(i, k);
+      if (i < worlds - 1) CHECK(f(c, 1 + t) == doctest::Approx(slip > 0 ? -0.4 * f(c, 0) : 0.4 * f(c, 0)).epsilon(1e-9));
+    }
+    for (int k = 0; k < 3; ++k) {
+      double world = 0;
+      for (int r = 0; r < 3; ++r) world += frame(c, 3 * r + k) * f(c, r);
+      CHECK(qfrc(i, k) == doctest::Approx(world).epsilon(1e-9));
+      double const applied = i < worlds - 1 || k == 2 ? 0 : k == 0 ? 3 : -2;
+      CHECK(std::abs(after(i, k) - v(i, k) - h * (world + applied - (k == 2 ? N : 0)) / m) < 1e-13);
+      if (i == worlds - 1 && k < 2) CHECK(std::abs(world + applied) < 1e-9);  // sticks
+    }
+    for (int r = 3; r < 6; ++r) CHECK(f(c, r) == 0);
+  }
+}
+
+// Forces read back at rest: a limit carries what is pressed against it, dry friction what it holds, a spring its own law, in both profiles;
+// qfrc_constraint is their sum.
+TEST_CASE_TEMPLATE("forces of limits, dry friction and a constraint of one's own", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  auto d = one_body({joint(gsp::JointType::slide, {1, 0, 0}), joint(gsp::JointType::slide, {0, 1, 0}), joint(gsp::JointType::slide, {0, 0, 1}),
+                     joint(gsp::JointType::ball, {1, 0, 0})});
+  d.option.gravity = {0, 0, 0};
+  auto& joints = d.bodies[1].joints;
+  joints[0].limited = true, joints[0].range = {-0.1, 0.2}, joints[0].damping = 30;
+  joints[1].frictionloss = 5;
+  joints[2].damping = 10;
+  joints[3].limited = true, joints[3].range = {0, 0.3}, joints[3].damping = 1;
+  double const k = 400;
+  for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+    World<double, Exec> w(gsp::compile(d), 3, {.profile = profile});
+    set(w.state.qfrc_applied, 1, {7, 3, 2, 0.4, 0.3, 0});
+    set(w.state.qfrc_applied, 2, {-6, -2, -1, 0, 0, 0});
+    test_types::Tether<Mem> const tether{{}, k, 5., 2, w.state.qpos};
+    gsp::step(w.exec, w.model, w.state, w.sim, {.steps = 6000, .solver = {.iterations = 1000, .tolerance = 1e-14f}}, tether);
+    Kokkos::View<double**, Kokkos::LayoutRight, Mem> const limit("limit", 3, w.model.njnt), friction("friction", 3, w.model.nv);
+    gsp::joint_forces(w.exec, w.model, w.sim.rows, w.sim.impulses, limit, friction);
+    Kokkos::View<double*, Mem> const spring("spring", 3);
+    auto const read = gsp::impulses_of<test_types::Tether<Mem>>(w.sim.rows, w.sim.impulses);
+    auto const absent = gsp::impulses_of<test_types::Tether<Mem>>(w.sim.rows, w.sim.impulses, 1);
+    Kokkos::parallel_for(
+        "gsp::test::read", Kokkos::RangePolicy<Exec>(w.exec, 0, 3), KOKKOS_LAMBDA(int i) { spring(i) = read(i, 0) + absent(i, 0) + read(i, 0, 1); });
+    auto const l = gsp_test::host(limit), f = gsp_test::host(friction), q = gsp_test::host(w.sim.solution.qfrc_constraint);
+    auto const s = gsp_test::host(spring);
+    double const h = 0.002;
+    CHECK(l(0, 0) == 0);
+    CHECK(l(1, 0) == doctest::Approx(7).epsilon(1e-9));
+    CHECK(l(2, 0) == doctest::Approx(6).epsilon(1e-9));
+    CHECK(f(1, 1) == doctest::Approx(-3).epsilon(1e-6));
+    CHECK(f(2, 1) == doctest::Approx(2).epsilon(1e-6));
+    CHECK(f(1, 0) == 0);
+    CHECK(s(0) / h == doctest::Approx(0));
+    CHECK(s(1) / h == doctest::Approx(-2).epsilon(1e-9));
+    CHECK(s(2) / h == doctest::Approx(1).epsilon(1e-9));
+    CHECK(l(1, 3) == doctest::Approx(0.5).epsilon(1e-6));  // |(0.4, 0.3, 0)|, about the axis of the rotation
+    CHECK(l(2, 3) == 0);
+    for (int i = 0; i < 3; ++i) {
+      double const applied[6] = {i == 1 ? 7. : i == 2 ? -6. : 0., i == 1 ? 3. : i == 2 ? -2. : 0., i == 1 ? 2. : i == 2 ? -1. : 0., i == 1 ? 0.4 : 0., i == 1 ? 0.3 : 0., 0};
+      for (int dof = 0; dof < 6; ++dof) CHECK(std::abs(q(i, dof) + applied[dof]) < 1e-5);
+    }
+  }
 }

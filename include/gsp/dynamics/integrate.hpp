@@ -5,6 +5,16 @@
 /// Semi-implicit Euler: new velocities from the constraints' impulses, then positions with the new velocities.
 namespace gsp {
 
+/// What the constraints leave for the end of a step.
+template <class R, class Mem>
+struct ConstraintOutcome {
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  View<R**> z = {};                        // (world, nv) whitened impulses; empty: none
+  View<R**> qfrc_constraint = {};          // (world, nv) out: J^T p / h [N, N m]; empty: not asked for
+  Kokkos::View<int const, Mem> halt = {};  // nothing happens while it holds non-zero, as the step has to be repeated; empty: never
+};
+
 namespace detail {
 /// factor <- M - h derivative, factored.
 template <class L>
@@ -84,18 +94,39 @@ bool factors_again(Model<R, Mem> const& m) {
          any_archetype(m, [](Archetype const& a) { return a.derivative > 0; });
 }
 
+/// use(i, (J^T p)_i) for all dofs, J^T p = L^T D^1/2 z of the whitened impulses z (world, nv): x = D^1/2 z, then x_i + sum of L_ki x_k over
+/// the dofs k that i moves. Overwrites the item `impulse`.
+template <class L, class View, class Use>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_constraint_impulse(L const& l, View const& z, Use const& use) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  l.together(
+      a.nv, [&](int i) { return l.load(z, l.dof0, i) / sqrt(s[l.at.inverse_diagonal + i]); },
+      [&](int i, T const& x) { s[l.at.impulse + i] = x; });
+  l.each(a.nv, [&](int i) {
+    int const place = l.index(a.row_adr, i + 1) - l.index(a.row_adr, i) - 1;
+    T sum = s[l.at.impulse + i];
+    for (int k = i + 1, end = l.index(a.body_dofend, l.index(a.dof_body, i)); k < end; ++k)
+      sum = fma(s[l.at.factor + l.index(a.row_adr, k) + place], s[l.at.impulse + k], sum);
+    use(i, sum);
+  });
+}
+
 /// velocity <- velocity + L^-1 D^-1/2 z, z (world, nv) the whitened impulses. Profile mujoco starts again from the velocity v, the forces f
 /// and the impulses J^T p = L^T D^1/2 z, as joint damping enters here; MuJoCo's Euler has it
 ///   v+ = v + (M + h B)^-1 (h f + J^T p),
 /// and the implicit integrators take M - h d(forces)/dv instead: implicitfast its lower triangle, without the bias forces; implicit, and
-/// implicitfast for lone free bodies, all of it.
+/// implicitfast for lone free bodies, all of it. qfrc_constraint (world, nv) <- J^T p / h, where it has room.
 template <class L, class View>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z, View const& qfrc_constraint) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
   if (!lanes_factors_again(l)) {
     if (!z.data()) return;
+    if (qfrc_constraint.data())
+      lanes_constraint_impulse(l, z, [&](int i, T const& impulse) { l.store(qfrc_constraint, l.dof0, i, impulse / T(l.model.timestep)); });
     l.together(
         a.nv, [&](int i) { return l.load(z, l.dof0, i) * sqrt(s[l.at.inverse_diagonal + i]); },
         [&](int i, T const& x) { s[l.at.impulse + i] = x; });
@@ -106,15 +137,9 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z) {
   }
   T const h(l.model.timestep);
   if (z.data()) {
-    l.together(
-        a.nv, [&](int i) { return l.load(z, l.dof0, i) / sqrt(s[l.at.inverse_diagonal + i]); },
-        [&](int i, T const& x) { s[l.at.impulse + i] = x; });
-    l.each(a.nv, [&](int i) {
-      int const place = l.index(a.row_adr, i + 1) - l.index(a.row_adr, i) - 1;
-      T sum = fma(h, s[l.at.force + i], s[l.at.impulse + i]);
-      for (int k = i + 1, end = l.index(a.body_dofend, l.index(a.dof_body, i)); k < end; ++k)
-        sum = fma(s[l.at.factor + l.index(a.row_adr, k) + place], s[l.at.impulse + k], sum);
-      s[l.at.velocity + i] = sum;
+    lanes_constraint_impulse(l, z, [&](int i, T const& impulse) {
+      if (qfrc_constraint.data()) l.store(qfrc_constraint, l.dof0, i, impulse / h);
+      s[l.at.velocity + i] = fma(h, s[l.at.force + i], impulse);
     });
   } else {
     l.together(
@@ -204,12 +229,12 @@ template <class State>
 struct OneTreeStage {
   static constexpr int shared_blocks = 8;
   State state;
-  typename State::template View<typename State::real_type**> z;
+  typename State::template View<typename State::real_type**> z, qfrc_constraint;
   Kokkos::View<int const, typename State::memory_space> halt;
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     if (halt.data() && halt()) return;
-    lanes_new_velocity(l, z), lanes_end_step(l, state);
+    lanes_new_velocity(l, z, qfrc_constraint), lanes_end_step(l, state);
   }
 };
 template <class Mem>
@@ -225,12 +250,12 @@ template <class State>
 struct NewVelocityStage {
   static constexpr int shared_blocks = 8;
   State state;
-  typename State::template View<typename State::real_type**> z;
+  typename State::template View<typename State::real_type**> z, qfrc_constraint;
   Kokkos::View<int const, typename State::memory_space> halt;
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     if (halt.data() && halt()) return;
-    lanes_new_velocity(l, z), lanes_check_velocity(l, state.status);
+    lanes_new_velocity(l, z, qfrc_constraint), lanes_check_velocity(l, state.status);
   }
 };
 template <class State>
@@ -248,17 +273,17 @@ struct IntegrateStage {
 
 /// Ends the step: state.qvel and state.qpos become those of the end, state.steps goes up by one. A world whose new velocity is not finite
 /// stays as it was, and says so in state.status (status::not_finite); clear the bit to try again.
-/// @param z     whitened impulses of the constraints (rows.z); empty: none
-/// @param halt  nothing happens while it holds non-zero, as the step has to be repeated (rows.halt); empty: never
 /// After factor (or smooth_dynamics) and, where there are constraints, pgs. What the dynamics hold is then of the state before the step.
+/// @param constraints  what enters of the constraints; {}: none
 /// Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics hold nothing of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem>
 void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, State<R, Mem> const& state,
-               typename State<R, Mem>::template View<R**> const& z = {},
-               Kokkos::View<int const, std::type_identity_t<Mem>> const& halt = {}) {
+               ConstraintOutcome<R, Mem> const& constraints = {}) {
   Region const region("gsp::dynamics::integrate");
+  auto const& [z, qfrc_constraint, halt] = constraints;
   detail::expects_fit("gsp::integrate", model, state, dynamics);
   if (z.data()) detail::expects_rows("gsp::integrate", "z", z, state.worlds, model.nv);
+  if (qfrc_constraint.data()) detail::expects_rows("gsp::integrate", "qfrc_constraint", qfrc_constraint, state.worlds, model.nv);
   bool const again = detail::factors_again(model);
   detail::expects_of("gsp::integrate", dynamics, state,
                      detail::set_of(Quantity::velocity, Quantity::factor, Quantity::free_velocity, Quantity::activation_rate));
@@ -268,21 +293,22 @@ void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> co
   if (again) detail::loses(dynamics, detail::set_of(Quantity::factor, Quantity::derivative));  // another matrix takes their place
   detail::moves_on(state);
   if (model.ntree == 1) {
-    for_lanes("gsp::dynamics::integrate", exec, model, dynamics, detail::OneTreeStage<State<R, Mem>>{state, z, halt});
+    for_lanes("gsp::dynamics::integrate", exec, model, dynamics, detail::OneTreeStage<State<R, Mem>>{state, z, qfrc_constraint, halt});
     return;
   }
-  for_lanes("gsp::dynamics::new_velocity", exec, model, dynamics, detail::NewVelocityStage<State<R, Mem>>{state, z, halt});
+  for_lanes("gsp::dynamics::new_velocity", exec, model, dynamics, detail::NewVelocityStage<State<R, Mem>>{state, z, qfrc_constraint, halt});
   for_lanes("gsp::dynamics::integrate", exec, model, dynamics, detail::IntegrateStage<State<R, Mem>>{state, halt});
   Kokkos::parallel_for("gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
                        detail::CountStep<Mem>{state.steps, state.status, halt});
 }
 
-/// The same with the impulses of `rows` (constraint/rows.hpp).
-template <ExecutionSpace Exec, class R, class Mem, class Rows>
-requires requires(Rows const& r) { r.z, r.halt; }
-void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Rows const& rows,
+/// The same with what a solver found (solver/solution.hpp) and the progress of the step (constraint/progress.hpp);
+/// solution.qfrc_constraint: out, J^T p / h [N, N m].
+template <ExecutionSpace Exec, class R, class Mem, class Solution, class Progress>
+requires requires(Solution const& s, Progress const& p) { s.z, s.qfrc_constraint, p.halt; }
+void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Solution& solution, Progress const& progress,
                State<R, Mem> const& state) {
-  integrate(exec, model, dynamics, state, rows.z, rows.halt);
+  integrate(exec, model, dynamics, state, ConstraintOutcome<R, Mem>{solution.z, solution.qfrc_constraint, progress.halt});
 }
 
 }  // namespace gsp

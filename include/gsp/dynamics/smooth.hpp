@@ -55,7 +55,7 @@ struct SmoothStepStage {
     typename State::template View<typename State::real_type**> const none;
     lanes_forces(l, state, poses, false);
     if (lanes_factors_again(l)) {  // what M itself gives is not asked for
-      lanes_total_force(l, state.qfrc_applied), lanes_new_velocity(l, none);
+      lanes_total_force(l, state.qfrc_applied), lanes_new_velocity(l, none, none);
     } else {
       lanes_factor_profile(l), lanes_free_velocity(l, state.qfrc_applied);
     }

@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <atomic>
 #include <cstdint>
 #include <gsp/core/detail/views.hpp>
@@ -67,6 +68,72 @@ struct StateOptions {
   int worlds = 1;
 };
 
+namespace detail {
+struct AllWorlds {
+  KOKKOS_INLINE_FUNCTION bool operator()(int) const { return true; }
+};
+template <class R, class Mem, class Mask>
+struct ResetWorlds {
+  State<R, Mem> state, from;
+  Field<R> qpos0;
+  decltype(Model<R, Mem>::mocap_pose0) mocap_pose0;
+  Mask mask;
+  int items;  // of the longest array
+  KOKKOS_FUNCTION void operator()(std::int64_t at) const {
+    int const w = int(at / items), i = int(at % items), start = from.worlds == 1 ? 0 : w;
+    if (!mask(w)) return;
+    bool const given = from.worlds > 0;
+    if (i < int(state.qpos.extent(1))) {
+      state.qpos(w, i) = given ? from.qpos(start, i) : qpos0(w, i);
+      state.qpos_low(w, i) = given ? from.qpos_low(start, i) : R(0);
+    }
+    if (i < int(state.qvel.extent(1))) {
+      state.qvel(w, i) = given ? from.qvel(start, i) : R(0);
+      state.qfrc_applied(w, i) = given ? from.qfrc_applied(start, i) : R(0);
+    }
+    if (i < int(state.act.extent(1))) state.act(w, i) = given ? from.act(start, i) : R(0);
+    if (i < int(state.ctrl.extent(1))) state.ctrl(w, i) = given ? from.ctrl(start, i) : R(0);
+    if (i < int(state.mocap_pos.extent(1))) {
+      for (int c = 0; c < 3; ++c) state.mocap_pos(w, i, c) = given ? from.mocap_pos(start, i, c) : mocap_pose0(7 * i + c);
+      for (int c = 0; c < 4; ++c) state.mocap_quat(w, i, c) = given ? from.mocap_quat(start, i, c) : mocap_pose0(7 * i + 3 + c);
+    }
+    if (i > 0) return;
+    state.steps(w) = 0;
+    state.status(w) = 0;
+  }
+};
+}  // namespace detail
+
+/// Worlds of the mask to the model's initial positions, at rest, without activation, forces or status bits, time 0; or, where `from` is
+/// given, to its values (a world of its own each, or one for all), time 0. One launch. A world that is reset starts its next step without
+/// the impulses of the last one. Does not allocate, does not fence.
+/// Errors: std::invalid_argument for a state of another model, or of more worlds than the model has values for, and a mask or states to
+/// start from of another size.
+/// @param mask  callable with a world, such as a View<bool*> on the device; the other worlds keep all they have
+template <class R, ExecutionSpace Exec, class Mem, class Mask>
+requires requires(Mask const& mask) { bool(mask(0)); }
+void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Mask const& mask, State<R, Mem> const& from = {}) {
+  detail::expects_fit("gsp::reset", model, state);
+  if (from.worlds > 0) detail::expects_fit("gsp::reset, states to start from", model, from);
+  expects(from.worlds == 0 || from.worlds == 1 || from.worlds == state.worlds,
+          "gsp::reset: the states to start from have " + std::to_string(from.worlds) + " worlds: give one, or one for each of the " +
+              std::to_string(state.worlds));
+  if constexpr (requires { mask.extent(0); })
+    expects(int(mask.extent(0)) == state.worlds, "gsp::reset: the mask has " + std::to_string(mask.extent(0)) + " worlds and the state " +
+                                                     std::to_string(state.worlds) + ": make them equal");
+  detail::moves_on(state);
+  int const items = std::max({model.nq, model.nv, model.na, model.nu, model.nmocap, 1});
+  Kokkos::parallel_for("gsp::model::reset",
+                       Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(state.worlds) * items),
+                       detail::ResetWorlds<R, Mem, Mask>{state, from, model.qpos0, model.mocap_pose0, mask, items});
+}
+
+/// All worlds back to the model's initial positions, at rest, without activation, time 0.
+template <class R, ExecutionSpace Exec, class Mem>
+void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state) {
+  reset(exec, model, state, detail::AllWorlds{});
+}
+
 /// N worlds at the model's initial positions, at rest. Allocates.
 template <class R, ExecutionSpace Exec, class Mem>
 State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOptions options = {}) {
@@ -87,35 +154,8 @@ State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOpti
   s.steps = detail::allocate<typename S::template View<std::int64_t*>>("gsp::State::steps", options.worlds);
   s.status = detail::allocate<typename S::template View<std::uint32_t*>>("gsp::State::status", options.worlds);
   s.moment = detail::allocate<Kokkos::View<std::uint64_t, Kokkos::HostSpace>>("gsp::State::moment");
-  reset(exec, model, s);
+  reset(exec, model, s, detail::AllWorlds{});
   return s;
-}
-
-/// All worlds back to the model's initial positions, at rest, without activation, time 0. Errors: std::invalid_argument for a state of
-/// another model, or of more worlds than the model has values for.
-template <class R, ExecutionSpace Exec, class Mem>
-void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& s) {
-  detail::expects_fit("gsp::reset", model, s);
-  detail::moves_on(s);
-  auto const qpos0 = model.qpos0;
-  auto const qpos = s.qpos;
-  int const nq = model.nq;
-  Kokkos::parallel_for(
-      "gsp::model::reset", Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(s.worlds) * nq),
-      KOKKOS_LAMBDA(std::int64_t i) { qpos(i / nq, i % nq) = qpos0(int(i / nq), int(i % nq)); });
-  if (model.nmocap > 0) {
-    auto const pose = model.mocap_pose0;
-    auto const mocap_pos = s.mocap_pos, mocap_quat = s.mocap_quat;
-    int const nmocap = model.nmocap;
-    Kokkos::parallel_for(
-        "gsp::model::reset_mocap", Kokkos::RangePolicy<Exec>(exec, 0, s.worlds * nmocap), KOKKOS_LAMBDA(int i) {
-          for (int c = 0; c < 3; ++c) mocap_pos(i / nmocap, i % nmocap, c) = pose(7 * (i % nmocap) + c);
-          for (int c = 0; c < 4; ++c) mocap_quat(i / nmocap, i % nmocap, c) = pose(7 * (i % nmocap) + 3 + c);
-        });
-  }
-  detail::zero(exec, s.act), detail::zero(exec, s.qpos_low), detail::zero(exec, s.qvel), detail::zero(exec, s.ctrl),
-      detail::zero(exec, s.qfrc_applied);
-  detail::zero(exec, s.steps), detail::zero(exec, s.status);
 }
 
 }  // namespace gsp

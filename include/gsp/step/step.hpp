@@ -18,10 +18,24 @@ template <class R, class Mem>
 struct Simulation {
   CollisionModel<R, Mem> collision;
   Dynamics<R, Mem> dynamics;
-  Poses<R, Mem> poses;  // of the start of the last step; forward_kinematics brings them up to date
+  Poses<R, Mem> poses;  // after `step`: of the state that it left; after `launch_step`: of the state before
   Contacts<R, Mem> contacts;
   Rows<R, Mem> rows;
+  Impulses<R, Mem> impulses;
+  Solution<R, Mem> solution;
+  Progress<Mem> progress;
   RungeKutta<R, Mem> runge_kutta = {};  // integrator RK4 of profile mujoco, else empty
+};
+
+struct SimulationOptions {
+  int worlds = 1;
+  bool approximate = false;  // equalities are left out; profile mujoco: box friction stands in for the cones, and Euler for RK4
+};
+
+struct StepOptions {
+  int steps = 1;
+  PgsOptions solver = {};
+  bool poses = true;  // leave simulation.poses of the end: one launch of forward_kinematics a call
 };
 
 namespace detail {
@@ -31,11 +45,6 @@ bool has_runge_kutta(Model<R, Mem> const& model) {
 }
 }  // namespace detail
 
-struct SimulationOptions {
-  int worlds = 1;
-  bool approximate = false;  // equalities are left out; profile mujoco: box friction stands in for the cones, and Euler for RK4
-};
-
 /// Buffers for stepping `worlds` worlds of `model`, which was made from `compiled`. Allocates.
 /// Errors: gsp::Error where profile `mujoco` is asked for what it does not cover yet (friction cones, integrator RK4 with constraints), and
 /// in all profiles for active equality constraints (unless approximate), and limits and dry friction of spatial tendons.
@@ -44,63 +53,70 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
                                    SimulationOptions options = {}) {
   auto const refusals = simulation_refusals(compiled, {.profile = model.profile, .approximate = options.approximate});
   if (!refusals.empty()) throw Error(refusals.front());
+  Simulation<R, Mem> sim;
   int const n = options.worlds;
-  auto collision = make_collision_model<R>(exec, compiled);
-  auto contacts = make_contacts(exec, collision, {.worlds = n});
-  return {collision,
-          make_dynamics(exec, model, {.worlds = n}),
-          make_poses(exec, model, {.worlds = n}),
-          contacts,
-          make_rows(exec, model, {.worlds = n}),
-          detail::has_runge_kutta(model) ? make_runge_kutta(exec, model, {.worlds = n}) : RungeKutta<R, Mem>{}};
+  sim.collision = make_collision_model<R>(exec, compiled);
+  sim.dynamics = make_dynamics(exec, model, {.worlds = n});
+  sim.poses = make_poses(exec, model, {.worlds = n});
+  sim.contacts = make_contacts(exec, sim.collision, {.worlds = n});
+  sim.rows = make_rows(exec, model, {.worlds = n});
+  sim.impulses = make_impulses(exec, sim.rows);
+  sim.solution = make_solution(exec, model, {.worlds = n});
+  sim.progress = make_progress(exec);
+  if (detail::has_runge_kutta(model)) sim.runge_kutta = make_runge_kutta(exec, model, {.worlds = n});
+  return sim;
 }
 
-struct StepOptions {
-  int steps = 1;
-  PgsOptions solver = {};
-};
-
-namespace detail {
-/// One step, launched; it does nothing where something did not fit (rows.halt).
+/// Launches one step of all worlds and does not wait: smooth dynamics, contacts, rows, solver, integration. Where a pool is too small it and
+/// all steps launched after it do nothing; `settle` says how many, and lets the pools grow.
+/// @param more  constraint types of your own (constraint_type.hpp). They act also where the model's constraints are disabled.
+/// Errors: types of your own beside the integrator RK4. Does not allocate, does not fence: a loop of it can be captured as a graph.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
-void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem> const& sim,
-                 PgsOptions const& solver, More const&... more) {
-  if (has_runge_kutta(model)) return runge_kutta(exec, model, state, sim.dynamics, sim.poses, sim.runge_kutta);
-  if (!model.constraints) return smooth_step(exec, model, state, sim.dynamics, sim.poses);
+void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim, PgsOptions const& solver = {},
+                 More const&... more) {
+  expects(sim.rows.worlds == state.worlds, "gsp::step: state and simulation have different numbers of worlds: make them with the same {.worlds = n}");
+  if (detail::has_runge_kutta(model)) {
+    if constexpr (sizeof...(More) > 0)
+      throw Error("gsp::step: constraints of your own are given, and the integrator RK4 takes none: choose another integrator or profile stable");
+    return runge_kutta(exec, model, state, sim.dynamics, sim.poses, sim.runge_kutta);
+  }
+  if (!model.constraints && sizeof...(More) == 0) return smooth_step(exec, model, state, sim.dynamics, sim.poses);
   smooth_dynamics(exec, model, state, sim.dynamics, sim.poses);
   collide(exec, sim.collision, sim.poses, sim.contacts);
-  assemble(exec, model, state, sim.dynamics, sim.rows, JointFriction(model), TendonFriction(model), JointLimits(model, state),
-           TendonLimits(model, state), ContactRows(model, sim.collision, sim.contacts), more...);
-  pgs(exec, model, sim.rows, solver);
-  integrate(exec, model, sim.dynamics, sim.rows, state);
+  assemble(exec, model, state, sim.dynamics,
+           constraints(JointFriction(model), TendonFriction(model), JointLimits(model, state), TendonLimits(model, state),
+                       ContactRows(model, sim.collision, sim.contacts), more...),
+           sim.rows, sim.impulses, sim.progress);
+  pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress, solver);
+  integrate(exec, model, sim.dynamics, sim.solution, sim.progress, state);
 }
-}  // namespace detail
 
-/// Steps all worlds `options.steps` times: smooth dynamics, contacts, rows, solver, integration.
-/// @param more  constraint types of your own (constraint_type.hpp)
-/// Where a pool is too small, the launches after that do nothing, the pool grows, and the rest is repeated: so the function fences once at
-/// its end, and no result depends on a capacity. Allocates only then.
+/// Waits for the steps that were launched, and enlarges the pools that were too small.
+/// @return  how many of the steps launched since the last call did nothing and have to be launched again
+/// Fences; allocates where a pool grows.
+template <ExecutionSpace Exec, class R, class Mem>
+int settle(Exec const& exec, Simulation<R, Mem>& sim) {
+  int halt = 0, skipped = 0;
+  detail::download_bytes(exec, &halt, sim.progress.halt.data(), sizeof halt);
+  detail::download_bytes(exec, &skipped, sim.progress.skipped.data(), sizeof skipped);
+  exec.fence("gsp::settle: the host reads whether all has fitted");
+  if (!halt) return 0;
+  detail::zero(exec, sim.progress.skipped);
+  bool const contacts = grow(exec, sim.contacts), rows = grow(exec, sim.rows, sim.impulses, sim.progress);
+  if (!contacts && !rows) throw Error("gsp::settle: a step did not fit, and no pool needs to grow: this is a defect of the library");
+  return skipped;
+}
+
+/// Steps all worlds `options.steps` times and leaves the poses of the end in sim.poses. No result depends on a capacity: what did not fit is
+/// done again with larger pools. Fences once at its end, and where a pool grew; allocates only then.
+/// @param more  constraint types of your own, as for launch_step
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim, StepOptions options = {},
           More const&... more) {
   expects(options.steps >= 0, "gsp::step: steps must not be negative");
-  expects(sim.rows.worlds == state.worlds, "gsp::step: state and simulation have different numbers of worlds");
-  for (int left = options.steps; left > 0;) {
-    // the number of steps done is counted where the rows are: a launch that halted has done nothing
-    detail::zero(exec, sim.rows.completed);
-    for (int i = 0; i < left; ++i) detail::launch_step(exec, model, state, sim, options.solver, more...);
-    if (!model.constraints) {
-      exec.fence("gsp::step: done");
-      return;
-    }
-    int halt = 0, completed = 0;
-    detail::download_bytes(exec, &halt, sim.rows.halt.data(), sizeof halt);
-    detail::download_bytes(exec, &completed, sim.rows.completed.data(), sizeof completed);
-    exec.fence("gsp::step: the host reads whether all has fitted");
-    left -= completed;
-    if (!halt) continue;
-    bool const contacts = grow(exec, sim.contacts), rows = grow(exec, sim.rows);
-    if (!contacts && !rows) throw Error("gsp::step: a step did not fit, and no pool needs to grow: this is a defect of the library");
+  for (int left = options.steps; left > 0; left = settle(exec, sim)) {
+    for (int i = 0; i < left; ++i) launch_step(exec, model, state, sim, options.solver, more...);
+    if (options.poses) forward_kinematics(exec, model, state, sim.dynamics, sim.poses);
   }
 }
 

@@ -1,64 +1,91 @@
 #pragma once
-#include <gsp/constraint/rows.hpp>
+#include <gsp/constraint/impulses.hpp>
+#include <gsp/solver/detail/pgs_options.hpp>
+#include <gsp/solver/project_element.hpp>
+#include <gsp/solver/solution.hpp>
 
-/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and four rows at a time, rows 4 q to 4 q + 3 of all of
-/// them. Four dot products read z once, and so does z += sum Y^T d; what the rows of a block do to each other in between goes through their
-/// products:
+/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and six rows at a time: 6 elements of one row, 3 of two,
+/// 2 of three, or 1 of up to six. A world's elements go by size, then in their order. Six dot products read z once, and so does
+/// z += sum Y^T d; what the rows of a block do to each other in between goes through their products:
 ///   w_b = Y_b z + sum_{a < b} (Y_b . Y_a) d_a + C p_b + bias_b     (z as before the block: the same numbers as row by row)
 /// A block's entries are widened to the dofs that any of its rows has in any of the worlds, so that nothing is gathered inside a sweep.
 /// What bounds a sweep is loading Y, twice a block. A world takes this path by its own number of rows alone, which rows share a block is a
-/// matter of their numbers, and a lane never sees another lane.
+/// matter of its own elements, and a lane never sees another lane.
 namespace gsp::detail {
 
-template <class R, class Mem, class Options>
+template <class R, class Mem>
 struct PgsLockstep {
   static constexpr int W = native_width<R>, B = lockstep_rows;
   using T = Pack<R, W>;
-  Model<R, Mem> model;
+  using memory_space = Mem;
+  static constexpr int sums = sizeof(T) == 64 ? 4 : 2;  // partial sums of a dot product, as many as there are registers for
   Rows<R, Mem> rows;
-  Options options;
+  Impulses<R, Mem> impulses;
+  Solution<R, Mem> solution;
+  PgsOptions options;
 
-  /// What is known of B rows but their entries; `mu` < 0: without friction.
+  /// What is known of B rows but their entries.
   struct Block {
-    T bias[B], compliance[B], inverse[B], lower[B], upper[B], mu[B], p[B], product[B * (B - 1) / 2];
-    T const* Y;  // entry e of row b at B e + b
-    int groups;  // of four dofs
+    ElementLaw<T, B> law;
+    T bias[B], compliance[B], p[B], product[B * (B - 1) / 2];
+    T const* Y;        // entry e of row b at B e + b
+    int element_rows;  // places of an element
+    int groups;        // of four dofs
     short dof[lockstep_most_dofs / 4];
+  };
+  /// A world's rows by the places that its elements take, -1: none.
+  struct Places {
+    int count[4] = {};  // elements of one row, two, three, and up to six
+    short row[4][lockstep_most_rows];
   };
 
   [[gnu::noinline]] void operator()(int first, int thread) const {
-    int const w0 = first * W, nv = model.nv, parity = rows.parity();
-    int count[W], most = 0;
+    int const w0 = first * W, nv = rows.nv, parity = impulses.parity();
+    int count[W], most[4] = {};
+    Places places[W];
     for (int l = 0; l < W; ++l) {
       count[l] = w0 + l < rows.worlds ? rows.count(w0 + l) : 0;
       if (count[l] > lockstep_most_rows) count[l] = 0;  // that world goes alone
-      most = count[l] > most ? count[l] : most;
+      find_places(places[l], w0 + l, count[l], most);
     }
-    int const blocks = (most + B - 1) / B;
-    T* const z = reinterpret_cast<T*>(rows.thread_items.data() + std::int64_t(thread) * rows.thread_stride);
-    T* Y = z + (nv + 3) / 4 * 4;
-    for (T* q = z; q != Y; ++q) *q = T(R(0));
-    Block block[lockstep_most_rows / B];
-    for (int q = 0; q < blocks; ++q) widen(block[q], Y, q, w0, count, parity), push(block[q], z, block[q].p);
+    T* const z = reinterpret_cast<T*>(solution.thread_items.data() + std::int64_t(thread) * solution.thread_stride);
+    T* const behind = z + (nv + 3) / 4 * 4;
+    for (T* q = z; q != behind; ++q) *q = T(R(0));
+    static_assert(sizeof(Block) <= lockstep_block_packs * sizeof(T));
+    Block* const block = reinterpret_cast<Block*>(behind);
+    T* Y = behind + lockstep_most_blocks * lockstep_block_packs;
+    int blocks = 0;
+    for (int kind = 0; kind < 4; ++kind)
+      for (int q = 0, each = B / places_of(kind); q * each < most[kind]; ++q, ++blocks) {
+        block[blocks].element_rows = places_of(kind);
+        widen(block[blocks], Y, kind, q * each, w0, places, parity);
+        push(block[blocks], z, block[blocks].p);
+      }
 
-    R const relaxation(options.relaxation), tolerance(options.tolerance);
-    T const zero(R(0)), one(R(1));
+    T const relaxation(R(options.relaxation)), zero(R(0)), one(R(1));
+    R const tolerance(options.tolerance);
     int sweeps[W] = {};
     Mask<R, W> active;
     for (int l = 0; l < W; ++l) active.set(l, count[l] > 0);
     for (int sweep = 0; sweep < options.iterations && any(active); ++sweep) {
-      T normal = zero, change = zero;
+      T change = zero;
       for (int q = 0; q < blocks; ++q) {
         Block& k = block[q];
-        T w[B], d[B];
-        dot(k, z, w);
-        for (int b = 0, at = 0; b < B; ++b) {
-          for (int a = 0; a < b; ++a) w[b] = fma(k.product[at++], d[a], w[b]);
-          auto const movable = k.inverse[b] > zero;
-          d[b] = select(active && movable, target(k, b, w[b], normal, relaxation) - k.p[b], zero);
+        T w[B], d[B], p[B];
+        rates(k, z, w);
+        for (int b = 0; b < B; ++b) p[b] = k.p[b];
+        if (k.element_rows == 1)
+          project<1>(k, relaxation, w, p, d);
+        else if (k.element_rows == 2)
+          project<2>(k, relaxation, w, p, d);
+        else if (k.element_rows == 3)
+          project<3>(k, relaxation, w, p, d);
+        else
+          project<6>(k, relaxation, w, p, d);
+        for (int b = 0; b < B; ++b) {
+          d[b] = select(active, d[b], zero);
           k.p[b] = k.p[b] + d[b];
-          if (tolerance > 0) change = max(change, abs(d[b]) / select(movable, k.inverse[b], one));
-          remember(k, b, normal);
+          if (tolerance > 0) change = max(change, abs(d[b]) / select(k.law.inverse_diagonal[b] > zero, k.law.inverse_diagonal[b], one));
         }
         push(k, z, d);
       }
@@ -68,54 +95,89 @@ struct PgsLockstep {
           if (tolerance > 0 && !(change[l] > tolerance)) active.set(l, false);
         }
     }
-    T worst = zero, normal = zero;
+    T worst = zero;
     for (int q = 0; options.residual && q < blocks; ++q) {
-      Block const& k = block[q];
       T w[B];
-      dot(k, z, w);
-      for (int b = 0; b < B; ++b) {
-        T const miss = abs(target(k, b, w[b], normal, R(1)) - k.p[b]);
-        worst = max(worst, select(k.inverse[b] > zero, miss / k.inverse[b], zero));
-        remember(k, b, normal);
-      }
+      rates(block[q], z, w);
+      for (int s = 0; s < B; s += block[q].element_rows)
+        worst = max(worst, element_residual(block[q].law, s, block[q].element_rows, w, block[q].p));
     }
     for (int l = 0; l < W; ++l) {
       if (w0 + l >= rows.worlds || rows.count(w0 + l) > lockstep_most_rows) continue;
-      R* const out = rows.z.data() + std::int64_t(w0 + l) * nv;
+      R* const out = solution.z.data() + std::int64_t(w0 + l) * nv;
       for (int i = 0; i < nv; ++i) out[i] = z[i][l];
-      for (int r = 0; r < count[l]; ++r) rows.impulse[parity](rows.first(w0 + l) + r) = block[r / B].p[r % B][l];
-      rows.iterations(w0 + l) = sweeps[l], rows.residual(w0 + l) = worst[l];
+      R* const p = impulses.p[parity].data() + rows.first(w0 + l);
+      for (int kind = 0, q = 0; kind < 4; ++kind) {
+        int const n = places_of(kind), each = B / n;
+        for (int e = 0; e < places[l].count[kind]; ++e) {
+          int const row = places[l].row[kind][e], has = rows.row(rows.first(w0 + l) + row).element_rows;
+          for (int b = 0; b < has; ++b) p[row + b] = block[q + e / each].p[e % each * n + b][l];
+        }
+        q += (most[kind] + each - 1) / each;
+      }
+      solution.iterations(w0 + l) = sweeps[l];
+      solution.residual(w0 + l) = worst[l];
     }
   }
 
  private:
-  /// Takes rows B q .. of all worlds into `k`; their entries go to Y, which moves on. Entries come by whole groups of four dofs, so that
-  /// the order in which a world's are summed does not depend on what the other worlds have.
-  void widen(Block& k, T*& Y, int q, int w0, int const (&count)[W], int parity) const {
+  static constexpr int places_of(int kind) { return kind < 3 ? kind + 1 : B; }
+
+  void find_places(Places& places, int w, int count, int (&most)[4]) const {
+    for (int r = 0; r < count;) {
+      int const n = rows.row(rows.first(w) + r).element_rows, kind = n < 4 ? n - 1 : 3;
+      places.row[kind][places.count[kind]++] = short(r);
+      r += n;
+    }
+    for (int kind = 0; kind < 4; ++kind) most[kind] = places.count[kind] > most[kind] ? places.count[kind] : most[kind];
+  }
+
+  /// Takes B / element_rows elements of a kind, from `first` on, of all worlds into `k`; their entries go to Y, which moves on. Entries come
+  /// by whole groups of four dofs, so that the order in which a world's are summed does not depend on what the other worlds have.
+  void widen(Block& k, T*& Y, int kind, int first, int w0, Places const (&places)[W], int parity) const {
+    int const n = k.element_rows, each = B / n;
+    int row_of[W][B];  // in the pool, -1: none
     std::uint32_t used = 0;
     for (int l = 0; l < W; ++l) {
-      if (B * q >= count[l]) continue;
-      Row<R> const* const mine = &rows.row(rows.first(w0 + l) + B * q);
-      prefetch(mine + B, B * sizeof(Row<R>));  // W worlds are more streams than the processor follows by itself
-      for (int b = 0; b < B && B * q + b < count[l]; ++b) {
-        int entries = 0;
-        for (int s = 0; s < mine[b].segments; ++s) used |= groups_of(mine[b].segment[s]), entries += mine[b].segment[s].count;
-        prefetch(rows.Y.data() + mine[b].Y, entries * sizeof(R));
+      int const start = rows.first(w0 + l < rows.worlds ? w0 + l : w0);
+      for (int e = 0; e < each; ++e) {
+        bool const there = first + e < places[l].count[kind];
+        int const head = there ? start + places[l].row[kind][first + e] : -1, has = there ? rows.row(head).element_rows : 0;
+        if (first + e + each < places[l].count[kind])
+          prefetch(&rows.row(start + places[l].row[kind][first + e + each]), n * sizeof(Row<R>));  // more streams than the processor follows
+        for (int b = 0; b < n; ++b) {
+          row_of[l][e * n + b] = b < has ? head + b : -1;
+          if (b >= has) continue;
+          Row<R> const& row = rows.row(head + b);
+          int entries = 0;
+          for (int s = 0; s < row.segments; ++s) {
+            used |= groups_of(row.segment[s]);
+            entries += row.segment[s].count;
+          }
+          prefetch(rows.Y.data() + row.Y, entries * sizeof(R));
+        }
       }
     }
-    k.Y = Y, k.groups = 0;
+    k.Y = Y;
+    k.groups = 0;
     for (std::uint32_t bits = used; bits != 0; bits &= bits - 1) k.dof[k.groups++] = short(4 * Kokkos::countr_zero(bits));
     T* const end = Y + B * 4 * k.groups;
     for (T* y = Y; y != end; ++y) *y = T(R(0));
-    for (int b = 0; b < B; ++b) k.bias[b] = k.compliance[b] = k.inverse[b] = k.lower[b] = k.upper[b] = k.mu[b] = k.p[b] = T(R(0));
+    for (int b = 0; b < B; ++b) {
+      k.bias[b] = k.compliance[b] = k.p[b] = T(R(0));
+      k.law.inverse_diagonal[b] = k.law.lower[b] = k.law.upper[b] = k.law.normal[b] = T(R(0));
+      k.law.mu[b] = T(R(-1));
+      k.law.normals[b] = 0;
+    }
     for (int l = 0; l < W; ++l)
-      for (int b = 0; b < B && B * q + b < count[l]; ++b) {
-        Row<R> const& row = rows.row(rows.first(w0 + l) + B * q + b);
-        auto const lane = [b, l](T* pack) -> R& { return reinterpret_cast<R*>(pack + b)[l]; };
-        bool const friction = row.friction_of >= 0;
-        lane(k.bias) = row.bias, lane(k.compliance) = row.compliance, lane(k.inverse) = row.inverse_diagonal;
-        lane(k.lower) = friction ? R(0) : row.lower, lane(k.upper) = friction ? R(0) : row.upper;
-        lane(k.mu) = friction ? row.upper : R(-1), lane(k.p) = rows.impulse[parity](rows.first(w0 + l) + B * q + b);
+      for (int b = 0; b < B; ++b) {
+        if (row_of[l][b] < 0) continue;
+        Row<R> const& row = rows.row(row_of[l][b]);
+        auto const set = [l](T& pack, R value) { reinterpret_cast<R*>(&pack)[l] = value; };
+        set_law(k.law, b, row, set);
+        set(k.bias[b], row.bias);
+        set(k.compliance[b], row.compliance);
+        set(k.p[b], impulses.p[parity](row_of[l][b]));
         R* const entries = reinterpret_cast<R*>(Y + b) + l;
         R const* y = rows.Y.data() + row.Y;
         auto const entry_of = [&](int dof) {  // after the groups before
@@ -143,18 +205,32 @@ struct PgsLockstep {
   static void prefetch(void const* at, std::size_t bytes) {
     for (std::size_t i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<char const*>(at) + i);
   }
-  /// w = Y z
-  static void dot(Block const& k, T const* z, T (&w)[B]) {
-    T sum[4][B];  // one sum a row would wait for itself
+  /// w = Y z + C p + b
+  static void rates(Block const& k, T const* z, T (&w)[B]) {
+    T sum[sums][B];  // one sum a row would wait for itself
     for (auto& of_dof : sum)
       for (T& x : of_dof) x = T(R(0));
     T const* y = k.Y;
     for (int g = 0; g < k.groups; ++g)
       for (int i = 0; i < 4; ++i, y += B) {
         T const x = z[k.dof[g] + i];
-        for (int b = 0; b < B; ++b) sum[i][b] = fma(y[b], x, sum[i][b]);
+        for (int b = 0; b < B; ++b) sum[i % sums][b] = fma(y[b], x, sum[i % sums][b]);
       }
-    for (int b = 0; b < B; ++b) w[b] = (sum[0][b] + sum[1][b]) + (sum[2][b] + sum[3][b]);
+    for (int b = 0; b < B; ++b) {
+      T total = sum[0][b] + sum[1][b];
+      if constexpr (sums == 4) total = total + (sum[2][b] + sum[3][b]);
+      w[b] = total + fma(k.compliance[b], k.p[b], k.bias[b]);
+    }
+  }
+  /// Elements of N places one after the other.
+  template <int N>
+  static void project(Block const& k, T const& relaxation, T (&w)[B], T (&p)[B], T (&d)[B]) {
+    for (int first = 0; first < B; first += N) {
+      for (int b = first; b < first + N; ++b)
+        for (int a = 0; a < first; ++a) w[b] = fma(k.product[b * (b - 1) / 2 + a], d[a], w[b]);
+      auto const coupling = [&](int b, int a) { return k.product[(first + b) * (first + b - 1) / 2 + first + a]; };
+      project_element(k.law, first, N, coupling, relaxation, w, p, d);
+    }
   }
   /// z += Y^T d
   static void push(Block const& k, T* z, T const (&d)[B]) {
@@ -166,14 +242,6 @@ struct PgsLockstep {
         z[k.dof[g] + i] = x;
       }
   }
-  /// The impulse that takes row b to its bounds or to rest. Friction follows its normal row: the last row without friction of that world.
-  static T target(Block const& k, int b, T const& Yz, T const& normal, R relaxation) {
-    T const bound = k.mu[b] * normal, w = Yz + fma(k.compliance[b], k.p[b], k.bias[b]);
-    auto const friction = k.mu[b] >= T(R(0));
-    return clamp(fma(T(-relaxation) * k.inverse[b], w, k.p[b]), select(friction, -bound, k.lower[b]), select(friction, bound, k.upper[b]));
-  }
-  static void remember(Block const& k, int b, T& normal) { normal = select(k.mu[b] >= T(R(0)), normal, k.p[b]); }
-
   /// Bits of the groups of four dofs that a segment has entries in.
   std::uint32_t groups_of(RowSegment const& s) const {
     std::uint32_t bits = 0;
@@ -185,14 +253,15 @@ struct PgsLockstep {
     }
     return bits;
   }
-  int const* list_of(RowSegment const& s) const { return s.list < 0 ? nullptr : model.ints.data() + s.list; }
+  int const* list_of(RowSegment const& s) const { return s.list < 0 ? nullptr : rows.dof_lists.data() + s.list; }
 };
 
 template <class Exec, class Solver>
 struct LockstepLoop {
   Solver solver;
+  Kokkos::View<int const, typename Solver::memory_space> halt;
   void operator()(int block) const {
-    if (solver.rows.halt()) return;
+    if (halt()) return;
     Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
     int const thread = token.acquire();
     solver(block, thread);

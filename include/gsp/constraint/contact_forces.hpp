@@ -1,0 +1,45 @@
+#pragma once
+#include <gsp/constraint/contact_rows.hpp>
+#include <gsp/constraint/impulses.hpp>
+#include <gsp/parallel/for_worlds.hpp>
+
+namespace gsp {
+
+namespace detail {
+template <class R, class Mem>
+struct WriteContactForces {
+  using View = Kokkos::View<R* [6], Kokkos::LayoutRight, Mem>;
+  Contacts<R, Mem> contacts;
+  ElementImpulses<R, Mem> impulses;
+  View force;
+  R inverse_timestep;
+  template <class World>
+  KOKKOS_FUNCTION void operator()(World const& world) const {
+    int const w = world.rank, begin = contacts.begin_of(w);
+    world.each(contacts.count_of(w), [&](int k) {
+      int const first = impulses.first_row(w, k);
+      int const n = first < 0 ? 0 : impulses.rows.row(first).element_rows;
+      R const* const p = impulses.impulses.p[impulses.impulses.parity()].data();
+      for (int r = 0; r < 6; ++r) force(begin + k, r) = r < n ? p[first + r] * inverse_timestep : R(0);
+    });
+  }
+};
+}  // namespace detail
+
+/// The force and torque of every contact of the last step, on body 2, in the contact's frame (MuJoCo's mj_contactForce).
+/// @param contacts           as they were assembled
+/// @param rows, impulses     after `pgs` (or `step`), before the next `assemble`
+/// @param force              out (contact, 6): along the normal and the two tangents [N], about them (torsion, rolling) [N m]; zero where the
+///                           contact did not act. At least as many rows as contacts.dist
+/// Cost: a binary search a contact. Does not allocate, does not fence.
+template <ExecutionSpace Exec, class R, class Mem>
+void contact_forces(Exec const& exec, Model<R, Mem> const& model, Contacts<R, Mem> const& contacts, Rows<R, Mem> const& rows,
+                    Impulses<R, Mem> const& impulses, Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> const& force) {
+  expects(force.extent(0) >= contacts.dist.extent(0), "gsp::contact_forces: room for " + std::to_string(force.extent(0)) +
+                                                          " contacts is given, and there may be " +
+                                                          std::to_string(contacts.dist.extent(0)) + ": give as many rows as contacts.dist has");
+  for_worlds("gsp::constraint::contact_forces", exec, rows.worlds,
+             detail::WriteContactForces<R, Mem>{contacts, impulses_of<ContactRows<R, Mem>>(rows, impulses), force, R(1) / model.timestep});
+}
+
+}  // namespace gsp

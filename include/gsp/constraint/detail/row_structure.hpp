@@ -1,0 +1,108 @@
+#pragma once
+#include <gsp/constraint/rows.hpp>
+
+/// What a constraint's `jacobian` writes to while rows are assembled: first which trees and chains a row touches, then its entries.
+namespace gsp::detail {
+
+/// Deepest ancestor chain, or whole tree, that a row needs on each tree that it touches.
+template <class R, class Mem>
+struct RowStructure {
+  Model<R, Mem> const& model;
+  int segments = 0;
+  bool refused = false;                        // more than two trees
+  int tree[2] = {-1, -1}, last[2] = {-1, -1};  // last: local dof at the end of the chain, -1: all dofs
+
+  KOKKOS_INLINE_FUNCTION void touch(int dof) {
+    int const t = model.dof_tree(dof), local = dof - model.tree_dof(t);
+    for (int s = 0; s < segments; ++s) {
+      if (tree[s] != t) continue;
+      if (last[s] < 0 || last[s] == local) return;
+      int const deep = local > last[s] ? local : last[s], high = local > last[s] ? last[s] : local;
+      last[s] = is_ancestor(t, high, deep) ? deep : -1;
+      return;
+    }
+    if (segments == 2) {
+      refused = true;
+      return;
+    }
+    tree[segments] = t, last[segments] = local, ++segments;
+  }
+  KOKKOS_INLINE_FUNCTION bool is_ancestor(int t, int high, int deep) const {
+    Archetype const& a = model.archetypes(model.tree_archetype(t));
+    int const* const ints = model.ints.data();
+    int const depth = ints[a.row_adr + high + 1] - ints[a.row_adr + high], n = ints[a.row_adr + deep + 1] - ints[a.row_adr + deep];
+    return depth <= n && ints[a.row_col + ints[a.row_adr + deep] + depth - 1] == high;
+  }
+  KOKKOS_INLINE_FUNCTION RowSegment segment(int s) const {
+    Archetype const& a = model.archetypes(model.tree_archetype(tree[s]));
+    if (last[s] < 0) return {tree[s], -1, a.nv, model.tree_dof(tree[s])};
+    int const* const ints = model.ints.data();
+    int const adr = ints[a.row_adr + last[s]], n = ints[a.row_adr + last[s] + 1] - adr;
+    return {tree[s], n == a.nv ? -1 : a.row_col + adr, n, model.tree_dof(tree[s])};  // a chain of all dofs lists them in order
+  }
+  KOKKOS_INLINE_FUNCTION int entries() const {
+    int n = 0;
+    for (int s = 0; s < segments; ++s) n += segment(s).count;
+    return n;
+  }
+  // the interface of AnyRow
+  KOKKOS_INLINE_FUNCTION void set_dof(int dof, R) { touch(dof); }
+  KOKKOS_INLINE_FUNCTION void add_point(int body, Vec3<R> const&, Vec3<R> const&, R = R(1)) {
+    int const dof = model.body_last_dof(body);
+    if (dof >= 0) touch(dof);
+  }
+  KOKKOS_INLINE_FUNCTION void add_rotation(int body, Vec3<R> const& direction, R = R(1)) { add_point(body, direction, direction); }
+};
+
+/// Writes the entries of J where RowStructure has made room.
+template <class R, class Mem>
+struct RowWriter {
+  Model<R, Mem> const& model;
+  Dynamics<R, Mem> const& dynamics;
+  Row<R> const& row;
+  R* J;  // the row's entries, zero before
+  int world;
+
+  KOKKOS_INLINE_FUNCTION int place(int tree, int depth_index, int local) const {  // index of an entry in J
+    int start = 0;
+    for (int s = 0; s < row.segments; ++s) {
+      if (row.segment[s].tree == tree) return start + (row.segment[s].list < 0 ? local : depth_index);
+      start += row.segment[s].count;
+    }
+    return -1;
+  }
+  KOKKOS_INLINE_FUNCTION void set_dof(int dof, R value) const {
+    int const t = model.dof_tree(dof), local = dof - model.tree_dof(t);
+    Archetype const& a = model.archetypes(model.tree_archetype(t));
+    J[place(t, model.ints(a.row_adr + local + 1) - model.ints(a.row_adr + local) - 1, local)] += value;
+  }
+  /// + scale * direction . (velocity of the point of `body` that is now at `point`, world frame)
+  KOKKOS_INLINE_FUNCTION void add_point(int body, Vec3<R> const& point, Vec3<R> const& direction, R scale = R(1)) const {
+    add(body, scale, [&](TreeItems<R> const& items) {
+      Vec3<R> const arm = point - items.vec3(items.at.com + 3 * model.body_root(body));
+      return Spatial<R>{cross(arm, direction), direction};
+    });
+  }
+  /// + scale * direction . (angular velocity of `body`, world frame)
+  KOKKOS_INLINE_FUNCTION void add_rotation(int body, Vec3<R> const& direction, R scale = R(1)) const {
+    add(body, scale, [&](TreeItems<R> const&) { return Spatial<R>{direction, {R(0), R(0), R(0)}}; });
+  }
+
+ private:
+  template <class Force>
+  KOKKOS_INLINE_FUNCTION void add(int body, R scale, Force const& force) const {
+    int const dof = model.body_last_dof(body);
+    if (dof < 0) return;
+    int const t = model.dof_tree(dof), last = dof - model.tree_dof(t);
+    Archetype const& a = model.archetypes(model.tree_archetype(t));
+    TreeItems<R> const items = dynamics.tree(model, world, t);
+    Spatial<R> const f = force(items);  // J = f . cdof for all dofs that move the body
+    int const adr = model.ints(a.row_adr + last), n = model.ints(a.row_adr + last + 1) - adr;
+    for (int p = 0; p < n; ++p) {
+      int const local = model.ints(a.row_col + adr + p);
+      J[place(t, p, local)] += scale * dot(f, items.spatial(items.at.cdof + 6 * local));
+    }
+  }
+};
+
+}  // namespace gsp::detail

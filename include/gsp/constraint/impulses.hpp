@@ -1,0 +1,119 @@
+#pragma once
+#include <gsp/constraint/progress.hpp>
+#include <gsp/constraint/rows.hpp>
+
+/// The impulses of the rows of this step and of the last one: warm starts, and what a user reads back.
+namespace gsp {
+
+inline constexpr int most_constraint_types = 32;
+
+/// Impulses of all rows by parity: a step writes its own side while it looks up the last step's on the other one, by identity.
+template <class R, class Mem>
+struct Impulses {
+  using real_type = R;
+  using memory_space = Mem;
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  int worlds = 0;
+  View<R*> p[2];                        // (capacity) [N s], beside Rows::row
+  View<std::uint64_t*> id[2];           // (capacity) place of the type, identity of the element
+  View<int*> first[2], count[2];        // (worlds) where a world's lie
+  View<std::uint32_t* [2]> type_names;  // (types, parity) name of the type at each place; 0 after the last
+  View<int> parity, solved;             // side of this step; whether it has been solved for
+
+  KOKKOS_INLINE_FUNCTION int capacity() const { return int(p[0].extent(0)); }
+};
+
+namespace detail {
+template <class R, class Mem, class Exec>
+void allocate_impulses(Exec const& exec, Impulses<R, Mem>& i, std::int64_t rows) {
+  for (int side = 0; side < 2; ++side) {
+    enlarge(exec, i.p[side], "gsp::Impulses::p", rows);
+    enlarge(exec, i.id[side], "gsp::Impulses::id", rows);
+  }
+}
+
+/// A number for the type itself, the same wherever it stands in a list (FNV-1a of its name). Never 0.
+template <class Type>
+constexpr std::uint32_t type_name() {
+  std::uint32_t hash = 2166136261u;
+  for (char const* c = __PRETTY_FUNCTION__; *c != 0; ++c) hash = (hash ^ std::uint32_t(static_cast<unsigned char>(*c))) * 16777619u;
+  return hash | 1u;
+}
+/// The name of the n-th of several types of one kind in a list.
+constexpr std::uint32_t nth_name(std::uint32_t name, int n) { return (name + 0x9e3779b9u * std::uint32_t(n)) | 1u; }
+}  // namespace detail
+
+/// Room for as many impulses as `rows` has rows. Allocates.
+template <ExecutionSpace Exec, class R, class Mem>
+Impulses<R, Mem> make_impulses(Exec const& exec, Rows<R, Mem> const& rows) {
+  Impulses<R, Mem> i;
+  auto const make = [&](auto& v, char const* label, auto... items) {
+    v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, items...);
+  };
+  i.worlds = rows.worlds;
+  for (int side = 0; side < 2; ++side) {
+    make(i.first[side], "gsp::Impulses::first", rows.worlds);
+    make(i.count[side], "gsp::Impulses::count", rows.worlds);
+  }
+  make(i.type_names, "gsp::Impulses::type_names", most_constraint_types + 1);
+  make(i.parity, "gsp::Impulses::parity");
+  make(i.solved, "gsp::Impulses::solved");
+  detail::allocate_impulses(exec, i, rows.capacity());
+  return i;
+}
+
+/// Enlarges the pools by half beyond what the last `assemble` needed, where it did not fit, and lets the step be repeated (halt = 0).
+/// Impulses for the warm start are kept. Fences `exec`. Returns whether anything grew.
+template <ExecutionSpace Exec, class R, class Mem>
+bool grow(Exec const& exec, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem> const& progress) {
+  auto const demand = detail::to_host(exec, rows.demand);
+  detail::zero(exec, progress.halt);
+  bool const more_rows = demand[0] > rows.capacity() || demand[0] > impulses.capacity();
+  bool const more_entries = demand[1] > std::int64_t(rows.Y.extent(0));
+  if (!more_rows && !more_entries) return false;
+  std::int64_t const room = more_rows ? demand[0] + demand[0] / 2 : 0;
+  detail::allocate_rows(exec, rows, room, more_entries ? demand[1] + demand[1] / 2 : 0);
+  detail::allocate_impulses(exec, impulses, room);
+  return true;
+}
+
+/// Impulses of the elements of one constraint type, to be read on the device after `pgs` (or after `step`) and before the next `assemble`.
+template <class R, class Mem>
+struct ElementImpulses {
+  Rows<R, Mem> rows;
+  Impulses<R, Mem> impulses;
+  std::uint32_t name;
+
+  /// First row of element k in Rows::row, -1 where it had no rows. Cost: a binary search.
+  KOKKOS_INLINE_FUNCTION int first_row(int world, int k) const {
+    int type = 0;
+    int const side = impulses.parity();
+    for (; impulses.type_names(type, side) != name; ++type)
+      if (impulses.type_names(type, side) == 0) return -1;
+    int low = rows.first(world);
+    int const end = low + rows.count(world);
+    for (int high = end; low < high;) {
+      int const middle = low + (high - low) / 2;
+      Row<R> const& row = rows.row(middle);
+      if (row.type < type || (row.type == type && row.element < k))
+        low = middle + 1;
+      else
+        high = middle;
+    }
+    return low < end && rows.row(low).type == type && rows.row(low).element == k ? low : -1;
+  }
+  /// Impulse of row r of element k [N s, N m s]; 0 where the element was not active or has no such row. Divided by the timestep: the force.
+  KOKKOS_INLINE_FUNCTION R operator()(int world, int k, int r = 0) const {
+    int const first = first_row(world, k);
+    return first < 0 || r >= rows.row(first).element_rows ? R(0) : impulses.p[impulses.parity()](first + r);
+  }
+};
+
+/// The impulses of constraint type `Type`, of the nth of that type in the list that was assembled.
+template <class Type, class R, class Mem>
+ElementImpulses<R, Mem> impulses_of(Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, int nth = 0) {
+  return {rows, impulses, detail::nth_name(detail::type_name<Type>(), nth)};
+}
+
+}  // namespace gsp

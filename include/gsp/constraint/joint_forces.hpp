@@ -1,0 +1,46 @@
+#pragma once
+#include <gsp/constraint/impulses.hpp>
+#include <gsp/constraint/joint_friction.hpp>
+#include <gsp/constraint/joint_limit.hpp>
+#include <gsp/parallel/for_worlds.hpp>
+
+namespace gsp {
+
+namespace detail {
+template <class R, class Mem>
+struct WriteJointForces {
+  using View = Kokkos::View<R**, Kokkos::LayoutRight, Mem>;
+  typename Model<R, Mem>::template Array<int> limited_joints, friction_dofs;
+  ElementImpulses<R, Mem> limits, frictions;
+  View limit, friction;
+  R inverse_timestep;
+  template <class World>
+  KOKKOS_FUNCTION void operator()(World const& world) const {
+    int const w = world.rank;
+    world.each(int(limit.extent(1)), [&](int j) { limit(w, j) = R(0); });
+    world.each(int(friction.extent(1)), [&](int i) { friction(w, i) = R(0); });
+    world.sync();
+    world.each(int(limited_joints.extent(0)),
+               [&](int i) { limit(w, limited_joints(i)) = (limits(w, 2 * i) + limits(w, 2 * i + 1)) * inverse_timestep; });
+    world.each(int(friction_dofs.extent(0)), [&](int i) { friction(w, friction_dofs(i)) = frictions(w, i) * inverse_timestep; });
+  }
+};
+}  // namespace detail
+
+/// What limits and dry friction did to the joints in the last step.
+/// @param rows, impulses  after `pgs` (or `step`), before the next `assemble`
+/// @param limit           out (world, joint): force of the joint's limit, >= 0, away from the end that was reached (MuJoCo's jointlimitfrc) [N, N m]
+/// @param friction        out (world, nv): force of dry friction on each degree of freedom [N, N m]
+/// Cost: a binary search a limit and a degree of freedom with friction. Does not allocate, does not fence.
+template <ExecutionSpace Exec, class R, class Mem>
+void joint_forces(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses,
+                  Kokkos::View<R**, Kokkos::LayoutRight, Mem> const& limit, Kokkos::View<R**, Kokkos::LayoutRight, Mem> const& friction) {
+  expects(int(limit.extent(0)) == rows.worlds && int(friction.extent(0)) == rows.worlds && int(limit.extent(1)) == model.njnt &&
+              int(friction.extent(1)) == model.nv,
+          "gsp::joint_forces: limit must be (worlds, njnt) and friction (worlds, nv)");
+  for_worlds("gsp::constraint::joint_forces", exec, rows.worlds,
+             detail::WriteJointForces<R, Mem>{model.limited_joints, model.friction_dofs, impulses_of<JointLimits<R, Mem>>(rows, impulses),
+                                              impulses_of<JointFriction<R, Mem>>(rows, impulses), limit, friction, R(1) / model.timestep});
+}
+
+}  // namespace gsp

@@ -1,0 +1,62 @@
+#pragma once
+#include <gsp/constraint/rows.hpp>
+
+namespace gsp {
+
+/// What a solver finds for the rows of each world, and room for its work.
+template <class R, class Mem>
+struct Solution {
+  using real_type = R;
+  using memory_space = Mem;
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  int worlds = 0, nv = 0;
+  View<R**> z;                // (world, nv) whitened sum of impulses, Y^T p
+  View<R**> qfrc_constraint;  // (world, nv) J^T p / h, written by `integrate` [N, N m]
+  View<R*> residual;          // (worlds) largest violation after the last sweep [m/s, rad/s] (pgs.hpp), where it was asked for
+  View<int*> iterations;      // (worlds) sweeps done
+  View<R*> thread_items;      // hosts: room for a pack of worlds a thread (detail/pgs_lockstep.hpp)
+  std::int64_t thread_stride = 0;
+};
+
+struct SolutionOptions {
+  int worlds = 1;
+};
+
+namespace detail {
+// On hosts, worlds of at most so many rows and dofs are solved a pack at a time, in blocks of so many rows (detail/pgs_lockstep.hpp).
+inline constexpr int lockstep_most_rows = 128, lockstep_most_dofs = 128, lockstep_rows = 6;
+// Elements of 1, 2, 3 and up to 6 rows have blocks of their own. Of each kind a pack of worlds needs room for the longest list in any of
+// them: 128, 128, 126 and (elements of four rows) 192 rows, and a block more where it is not full.
+inline constexpr int lockstep_most_blocks = (128 + 128 + 126 + 192) / lockstep_rows + 4;
+inline constexpr int lockstep_block_packs = 72;  // what is known of a block but its entries
+/// Packs that such worlds need: z and the entries by whole groups of four dofs, and the blocks.
+inline std::int64_t lockstep_packs(int nv) {
+  return std::int64_t(nv + 3) / 4 * 4 * (1 + lockstep_most_blocks * lockstep_rows) + lockstep_most_blocks * lockstep_block_packs;
+}
+}  // namespace detail
+
+/// Room for what is found in `worlds` worlds. Allocates.
+template <class R, ExecutionSpace Exec, class Mem>
+Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, SolutionOptions options = {}) {
+  static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_solution: the model is not accessible from this execution space");
+  expects(options.worlds > 0, "gsp::make_solution: worlds must be positive");
+  Solution<R, Mem> s;
+  auto const make = [&](auto& v, char const* label, auto... items) {
+    v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, items...);
+  };
+  s.worlds = options.worlds;
+  s.nv = model.nv;
+  make(s.z, "gsp::Solution::z", s.worlds, s.nv);
+  make(s.qfrc_constraint, "gsp::Solution::qfrc_constraint", s.worlds, s.nv);
+  make(s.residual, "gsp::Solution::residual", s.worlds);
+  make(s.iterations, "gsp::Solution::iterations", s.worlds);
+  if constexpr (!is_device<Exec>)
+    if (s.nv <= detail::lockstep_most_dofs) {
+      s.thread_stride = detail::lockstep_packs(s.nv) * native_width<R>;
+      make(s.thread_items, "gsp::Solution::thread_items", s.thread_stride * Kokkos::DefaultHostExecutionSpace().concurrency());
+    }
+  return s;
+}
+
+}  // namespace gsp
