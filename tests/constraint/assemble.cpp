@@ -327,7 +327,7 @@ TEST_CASE_TEMPLATE("impulses are found again after the order of elements changes
 TEST_CASE_TEMPLATE("impulses are found again after the list of types changes", Exec, GSP_TEST_EXECS) {
   using Mem = typename Exec::memory_space;
   Loop<double, Exec> s(gsp::compile(sliders(6, 2)), 2);
-  for (int w = 0; w < 2; ++w) s.set(w, {0.1, 0.2, 0.3, 0.4, 0.5, 0.6});
+  for (int w = 0; w < 2; ++w) s.set(w, {0.1, 0.2, 0.3, 0.4, 0.5, 0.6}, {});
   test_types::Movers<Mem> movers{Kokkos::View<int*, Mem>("dof", 6), 2, false};
   auto const h = Kokkos::create_mirror_view(movers.dof);
   for (int i = 0; i < 6; ++i) h(i) = i + 2;
