@@ -340,8 +340,9 @@ TEST_CASE_TEMPLATE("impulses are found again after the list of types changes", E
     auto const second = gsp::impulses_of<test_types::Spring<Mem>>(s.rows, s.impulses, 1);
     auto const moved = gsp::impulses_of<test_types::Movers<Mem>>(s.rows, s.impulses);
     Kokkos::parallel_for(
-        "gsp::test::read", Kokkos::RangePolicy<Exec>(s.exec, 0, 6),
-        KOKKOS_LAMBDA(int i) { out(i) = i == 0 ? springs(1, 0) : i == 1 ? second(1, 0) : moved(1, (i - 2) / 2, i % 2); });
+        "gsp::test::read", Kokkos::RangePolicy<Exec>(s.exec, 0, 6), KOKKOS_LAMBDA(int i) {
+          out(i) = i == 0 ? springs(1, 0) : i == 1 ? second(1, 0) : moved(1, (i - 2) / 2, i % 2);
+        });
     auto const on_host = gsp_test::host(out);
     for (int i = 0; i < 6; ++i) values.push_back(on_host(i));
     return values;

@@ -193,7 +193,8 @@ std::vector<Reader<Exec>> readers() {
           {"sensors of what is always left", sensors(&S::few_sensors)},
           {"sensors of all", sensors(&S::all_sensors)},
           {"assemble", [](S& s) {
-             gsp::assemble(s.exec, s.model, s.state, s.dynamics, gsp::constraints(gsp::JointLimits(s.model, s.state)), s.rows, s.impulses, s.progress);
+             gsp::assemble(s.exec, s.model, s.state, s.dynamics, gsp::constraints(gsp::JointLimits(s.model, s.state)), s.rows, s.impulses,
+                           s.progress);
              return numbers(s.rows.count);
            }}};
 }
@@ -311,8 +312,9 @@ TEST_CASE_TEMPLATE("dynamics of one state say nothing of another", Exec, GSP_TES
                        std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::integrate(exec, s.model, s.dynamics, other), doctest::Contains(of_another), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::factor(exec, s.model, other, s.dynamics), doctest::Contains(of_another), std::invalid_argument);
-  CHECK_THROWS_WITH_AS(gsp::assemble(exec, s.model, other, s.dynamics, gsp::constraints(gsp::JointLimits(s.model, other)), s.rows, s.impulses, s.progress),
-                       doctest::Contains(of_another), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(
+      gsp::assemble(exec, s.model, other, s.dynamics, gsp::constraints(gsp::JointLimits(s.model, other)), s.rows, s.impulses, s.progress),
+      doctest::Contains(of_another), std::invalid_argument);
   // M of one state, forces of another
   auto const copy = s.dynamics;  // copies share what they hold
   gsp::forward_kinematics(exec, s.model, other, copy, s.poses);

@@ -50,8 +50,8 @@ struct MixedElements {
   int n, more;  // elements; more in odd worlds
   int dofs;
   KOKKOS_FUNCTION static int normal_of(int kind, int row) {  // -1: a normal
-    constexpr int table[6][6] = {{-1, 0, 0, 0, 0, 0},   {1, -1, 0, 0, 0, 0},   {-1, -1, 0, 0, 0, 0},
-                                 {2, 2, -1, -1, 0, 0},  {-1, -1, 0, 1, 0, 0},  {-1, 0, 0, 4, -1, 4}};
+    constexpr int table[6][6] = {{-1, 0, 0, 0, 0, 0},  {1, -1, 0, 0, 0, 0},  {-1, -1, 0, 0, 0, 0},
+                                 {2, 2, -1, -1, 0, 0}, {-1, -1, 0, 1, 0, 0}, {-1, 0, 0, 4, -1, 4}};
     return table[kind][row];
   }
   KOKKOS_FUNCTION int count(int world) const { return n + (world % 2 ? more : 0); }
@@ -120,8 +120,8 @@ Dense dense(S const& s, int world) {
     for (int k = 0; k < r.segments; ++k)
       for (int e = 0; e < r.segment[k].count; ++e, ++at)
         y[i][r.segment[k].dof0 + (r.segment[k].list < 0 ? e : ints(r.segment[k].list + e))] = Y(at);
-    d.b.push_back(r.bias), d.lower.push_back(r.lower), d.upper.push_back(r.upper), d.mu.push_back(r.mu), d.friction_of.push_back(r.friction_of < 0 ? -1 : element + r.friction_of),
-        d.p.push_back(p(first(world) + i));
+    d.b.push_back(r.bias), d.lower.push_back(r.lower), d.upper.push_back(r.upper), d.mu.push_back(r.mu),
+        d.friction_of.push_back(r.friction_of < 0 ? -1 : element + r.friction_of), d.p.push_back(p(first(world) + i));
   }
   d.A.resize(std::size_t(d.n) * d.n);
   for (int i = 0; i < d.n; ++i)
@@ -293,10 +293,10 @@ TEST_CASE_TEMPLATE("worlds of few and of many rows", Exec, GSP_TEST_EXECS) {
   }
 }
 
-// One rule of friction for all paths: a row's bound is mu times the impulse of the row that friction_of names, wherever the two stand in the
-// element. Six sweeps equal six sweeps row by row over the dense problem, which knows nothing of elements but their order: by index, or, in
-// the lockstep of a CPU (7 elements a world; 60 are solved one world after the other), by size. Impulses of 10^2, sums of 250 terms, double:
-// 1e-10. Where few rows converge, no condition is missed.
+// One rule of friction for all paths: a row's bound is mu times the impulse of the row that friction_of names, wherever the two stand in
+// the element. Six sweeps equal six sweeps row by row over the dense problem, which knows nothing of elements but their order: by index,
+// or, in the lockstep of a CPU (7 elements a world; 60 are solved one world after the other), by size. Impulses of 10^2, sums of 250 terms,
+// double: 1e-10. Where few rows converge, no condition is missed.
 TEST_CASE_TEMPLATE("friction follows the row that it names", Exec, GSP_TEST_EXECS) {
   auto const c = two_trees();
   int friction = 0, ahead = 0, second = 0, held = 0;

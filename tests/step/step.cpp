@@ -2,9 +2,9 @@
 
 #include <cmath>
 #include <cstring>
-#include <gsp/model/compile.hpp>
 #include <gsp/constraint/contact_forces.hpp>
 #include <gsp/constraint/joint_forces.hpp>
+#include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
@@ -305,7 +305,8 @@ TEST_CASE_TEMPLATE("reset of single worlds", Exec, GSP_TEST_EXECS) {
 // the force.
 TEST_CASE_TEMPLATE("contact forces in every direction", Exec, GSP_TEST_EXECS) {
   using Mem = typename Exec::memory_space;
-  auto d = one_body({joint(gsp::JointType::slide, {1, 0, 0}), joint(gsp::JointType::slide, {0, 1, 0}), joint(gsp::JointType::slide, {0, 0, 1})});
+  auto d =
+      one_body({joint(gsp::JointType::slide, {1, 0, 0}), joint(gsp::JointType::slide, {0, 1, 0}), joint(gsp::JointType::slide, {0, 0, 1})});
   d.bodies[1].pos = {0, 0, 0.1};
   gsp::GeomDescription ball, plane;
   ball.size = {0.1, 0, 0};
@@ -356,8 +357,8 @@ TEST_CASE_TEMPLATE("contact forces in every direction", Exec, GSP_TEST_EXECS) {
 // qfrc_constraint is their sum.
 TEST_CASE_TEMPLATE("forces of limits, dry friction and a constraint of one's own", Exec, GSP_TEST_EXECS) {
   using Mem = typename Exec::memory_space;
-  auto d = one_body({joint(gsp::JointType::slide, {1, 0, 0}), joint(gsp::JointType::slide, {0, 1, 0}), joint(gsp::JointType::slide, {0, 0, 1}),
-                     joint(gsp::JointType::ball, {1, 0, 0})});
+  auto d = one_body({joint(gsp::JointType::slide, {1, 0, 0}), joint(gsp::JointType::slide, {0, 1, 0}),
+                     joint(gsp::JointType::slide, {0, 0, 1}), joint(gsp::JointType::ball, {1, 0, 0})});
   d.option.gravity = {0, 0, 0};
   auto& joints = d.bodies[1].joints;
   joints[0].limited = true, joints[0].range = {-0.1, 0.2}, joints[0].damping = 30;
@@ -377,7 +378,8 @@ TEST_CASE_TEMPLATE("forces of limits, dry friction and a constraint of one's own
     auto const read = gsp::impulses_of<test_types::Tether<Mem>>(w.sim.rows, w.sim.impulses);
     auto const absent = gsp::impulses_of<test_types::Tether<Mem>>(w.sim.rows, w.sim.impulses, 1);
     Kokkos::parallel_for(
-        "gsp::test::read", Kokkos::RangePolicy<Exec>(w.exec, 0, 3), KOKKOS_LAMBDA(int i) { spring(i) = read(i, 0) + absent(i, 0) + read(i, 0, 1); });
+        "gsp::test::read", Kokkos::RangePolicy<Exec>(w.exec, 0, 3),
+        KOKKOS_LAMBDA(int i) { spring(i) = read(i, 0) + absent(i, 0) + read(i, 0, 1); });
     auto const l = gsp_test::host(limit), f = gsp_test::host(friction), q = gsp_test::host(w.sim.solution.qfrc_constraint);
     auto const s = gsp_test::host(spring);
     double const h = 0.002;
@@ -393,7 +395,12 @@ TEST_CASE_TEMPLATE("forces of limits, dry friction and a constraint of one's own
     CHECK(l(1, 3) == doctest::Approx(0.5).epsilon(1e-6));  // |(0.4, 0.3, 0)|, about the axis of the rotation
     CHECK(l(2, 3) == 0);
     for (int i = 0; i < 3; ++i) {
-      double const applied[6] = {i == 1 ? 7. : i == 2 ? -6. : 0., i == 1 ? 3. : i == 2 ? -2. : 0., i == 1 ? 2. : i == 2 ? -1. : 0., i == 1 ? 0.4 : 0., i == 1 ? 0.3 : 0., 0};
+      double const applied[6] = {i == 1 ? 7. : i == 2 ? -6. : 0.,
+                                 i == 1 ? 3. : i == 2 ? -2. : 0.,
+                                 i == 1 ? 2. : i == 2 ? -1. : 0.,
+                                 i == 1 ? 0.4 : 0.,
+                                 i == 1 ? 0.3 : 0.,
+                                 0};
       for (int dof = 0; dof < 6; ++dof) CHECK(std::abs(q(i, dof) + applied[dof]) < 1e-5);
     }
   }

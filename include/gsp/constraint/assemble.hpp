@@ -81,9 +81,8 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const&
   Kokkos::parallel_scan("gsp::constraint::scan_rows", light(Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds)),
                         detail::ScanRows<R, Mem>{rows, state, progress.halt, impulses.parity, impulses.solved,
                                                  std::min(rows.capacity(), impulses.capacity())});
-  for_worlds(
-      "gsp::constraint::emit_rows", exec, rows.worlds,
-      detail::EmitRows<R, Mem, List>{model, state, dynamics, rows, impulses, progress.halt, types, detail::names_of(types)});
+  for_worlds("gsp::constraint::emit_rows", exec, rows.worlds,
+             detail::EmitRows<R, Mem, List>{model, state, dynamics, rows, impulses, progress.halt, types, detail::names_of(types)});
 }
 
 }  // namespace gsp

@@ -29,15 +29,16 @@ struct WriteContactForces {
 /// The force and torque of every contact of the last step, on body 2, in the contact's frame (MuJoCo's mj_contactForce).
 /// @param contacts           as they were assembled
 /// @param rows, impulses     after `pgs` (or `step`), before the next `assemble`
-/// @param force              out (contact, 6): along the normal and the two tangents [N], about them (torsion, rolling) [N m]; zero where the
+/// @param force              out (contact, 6): along the normal and the two tangents [N], about them (torsion, rolling) [N m]; zero where
+/// the
 ///                           contact did not act. At least as many rows as contacts.dist
 /// Cost: a binary search a contact. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void contact_forces(Exec const& exec, Model<R, Mem> const& model, Contacts<R, Mem> const& contacts, Rows<R, Mem> const& rows,
                     Impulses<R, Mem> const& impulses, Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> const& force) {
-  expects(force.extent(0) >= contacts.dist.extent(0), "gsp::contact_forces: room for " + std::to_string(force.extent(0)) +
-                                                          " contacts is given, and there may be " +
-                                                          std::to_string(contacts.dist.extent(0)) + ": give as many rows as contacts.dist has");
+  expects(force.extent(0) >= contacts.dist.extent(0),
+          "gsp::contact_forces: room for " + std::to_string(force.extent(0)) + " contacts is given, and there may be " +
+              std::to_string(contacts.dist.extent(0)) + ": give as many rows as contacts.dist has");
   for_worlds("gsp::constraint::contact_forces", exec, rows.worlds,
              detail::WriteContactForces<R, Mem>{contacts, impulses_of<ContactRows<R, Mem>>(rows, impulses), force, R(1) / model.timestep});
 }

@@ -29,12 +29,12 @@ template <class R>
 struct Row {
   RowSegment segment[2];
   short segments;
-  short element_rows;  // rows of the element, in its first row; 0 in the others
-  short friction_of;   // row of the element, -1: lower and upper
-  short type;          // place of the element's type in the list of types
-  int element;         // k of its type
-  int coupling;        // first row of an element: its couplings begin at Y + coupling (see Rows::Y)
-  std::int64_t Y;      // first entry
+  short element_rows;                                      // rows of the element, in its first row; 0 in the others
+  short friction_of;                                       // row of the element, -1: lower and upper
+  short type;                                              // place of the element's type in the list of types
+  int element;                                             // k of its type
+  int coupling;                                            // first row of an element: its couplings begin at Y + coupling (see Rows::Y)
+  std::int64_t Y;                                          // first entry
   R bias, compliance, inverse_diagonal, lower, upper, mu;  // w = Y z + C p + b
 };
 
@@ -49,9 +49,9 @@ struct Rows {
   View<int*> first, count;                   // (worlds) rows of a world
   View<std::int64_t*> first_entry, entries;  // (worlds) of Y
   View<Row<R>*> row;                         // (capacity)
-  View<R*> Y;                     // (capacity of entries) of the rows of an element, then its couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a
-  View<std::int64_t*> demand;     // (2) rows and entries that the last step needed
-  View<int const*> dof_lists;     // what the segments' lists lie in
+  View<R*> Y;                  // (capacity of entries) of the rows of an element, then its couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a
+  View<std::int64_t*> demand;  // (2) rows and entries that the last step needed
+  View<int const*> dof_lists;  // what the segments' lists lie in
 
   KOKKOS_INLINE_FUNCTION int capacity() const { return int(row.extent(0)); }
 };

@@ -22,7 +22,10 @@ inline std::string text(std::uint32_t bits) {
     result +=
         "the new velocity is NaN or infinite, and the world stays as it was before: take a smaller timestep or a softer model, then clear "
         "the bit; ";
-  if (bits & row_refused) result += "a constraint row touches more than two kinematic trees, an element has more than six rows, or a friction row names a row that its element does not have: split the element or correct bounds(); ";
+  if (bits & row_refused)
+    result +=
+        "a constraint row touches more than two kinematic trees, an element has more than six rows, or a friction row names a row that its "
+        "element does not have: split the element or correct bounds(); ";
   return result.empty() ? "ok" : result;
 }
 

@@ -30,7 +30,8 @@ KOKKOS_INLINE_FUNCTION void set_law(ElementLaw<T, N>& law, int b, Row<R> const& 
 /// The impulse that takes row b of an element to its bounds or to rest, where its rate is w and the impulses of the element are p (of N
 /// rows at most):   p_b <- clamp(p_b - relaxation w / (|Y_b|^2 + C_b)).
 template <int N, class T>
-KOKKOS_FORCEINLINE_FUNCTION T project_row(ElementLaw<T, N> const& law, int first, int b, int rows, T const& w, T const* p, T const& relaxation) {
+KOKKOS_FORCEINLINE_FUNCTION T project_row(ElementLaw<T, N> const& law, int first, int b, int rows, T const& w, T const* p,
+                                          T const& relaxation) {
   T bound(0);
   int const at = first + b;
   if (law.normals[at] != 0) {
@@ -50,8 +51,8 @@ KOKKOS_FORCEINLINE_FUNCTION T project_row(ElementLaw<T, N> const& law, int first
 /// @param p         in, out: impulses [N s];   @param d  out: their changes.   All three are indexed as the law is
 /// Cost rows^2 flop.
 template <int N, class T, class Coupling>
-KOKKOS_FORCEINLINE_FUNCTION void project_element(ElementLaw<T, N> const& law, int first, int rows, Coupling const& coupling, T const& relaxation,
-                                                 T* w, T* p, T* d) {
+KOKKOS_FORCEINLINE_FUNCTION void project_element(ElementLaw<T, N> const& law, int first, int rows, Coupling const& coupling,
+                                                 T const& relaxation, T* w, T* p, T* d) {
   for (int b = 0; b < rows; ++b) {
     for (int a = 0; a < b; ++a) w[first + b] = fma(coupling(b, a), d[first + a], w[first + b]);
     T const next = project_row(law, first, b, rows, w[first + b], p, relaxation);

@@ -67,17 +67,19 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   return sim;
 }
 
-/// Launches one step of all worlds and does not wait: smooth dynamics, contacts, rows, solver, integration. Where a pool is too small it and
-/// all steps launched after it do nothing; `settle` says how many, and lets the pools grow.
+/// Launches one step of all worlds and does not wait: smooth dynamics, contacts, rows, solver, integration. Where a pool is too small it
+/// and all steps launched after it do nothing; `settle` says how many, and lets the pools grow.
 /// @param more  constraint types of your own (constraint_type.hpp). They act also where the model's constraints are disabled.
 /// Errors: types of your own beside the integrator RK4. Does not allocate, does not fence: a loop of it can be captured as a graph.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
-void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim, PgsOptions const& solver = {},
-                 More const&... more) {
-  expects(sim.rows.worlds == state.worlds, "gsp::step: state and simulation have different numbers of worlds: make them with the same {.worlds = n}");
+void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim,
+                 PgsOptions const& solver = {}, More const&... more) {
+  expects(sim.rows.worlds == state.worlds,
+          "gsp::step: state and simulation have different numbers of worlds: make them with the same {.worlds = n}");
   if (detail::has_runge_kutta(model)) {
     if constexpr (sizeof...(More) > 0)
-      throw Error("gsp::step: constraints of your own are given, and the integrator RK4 takes none: choose another integrator or profile stable");
+      throw Error(
+          "gsp::step: constraints of your own are given, and the integrator RK4 takes none: choose another integrator or profile stable");
     return runge_kutta(exec, model, state, sim.dynamics, sim.poses, sim.runge_kutta);
   }
   if (!model.constraints && sizeof...(More) == 0) return smooth_step(exec, model, state, sim.dynamics, sim.poses);
@@ -107,8 +109,8 @@ int settle(Exec const& exec, Simulation<R, Mem>& sim) {
   return skipped;
 }
 
-/// Steps all worlds `options.steps` times and leaves the poses of the end in sim.poses. No result depends on a capacity: what did not fit is
-/// done again with larger pools. Fences once at its end, and where a pool grew; allocates only then.
+/// Steps all worlds `options.steps` times and leaves the poses of the end in sim.poses. No result depends on a capacity: what did not fit
+/// is done again with larger pools. Fences once at its end, and where a pool grew; allocates only then.
 /// @param more  constraint types of your own, as for launch_step
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim, StepOptions options = {},

@@ -234,7 +234,8 @@ struct EmitRows {
       row[r].type = short(place);
       row[r].element = k;
       impulses.id[now](first + r) = key;
-      bool const known = last >= 0 && last + r < impulses.first[1 - now](w) + impulses.count[1 - now](w) && impulses.id[1 - now](last + r) == old;
+      bool const known =
+          last >= 0 && last + r < impulses.first[1 - now](w) + impulses.count[1 - now](w) && impulses.id[1 - now](last + r) == old;
       R const p = known ? impulses.p[1 - now](last + r) : R(0);
       impulses.p[now](first + r) = p - p == R(0) ? p : R(0);
     }

@@ -132,8 +132,8 @@ struct PgsLockstep {
     for (int kind = 0; kind < 4; ++kind) most[kind] = places.count[kind] > most[kind] ? places.count[kind] : most[kind];
   }
 
-  /// Takes B / element_rows elements of a kind, from `first` on, of all worlds into `k`; their entries go to Y, which moves on. Entries come
-  /// by whole groups of four dofs, so that the order in which a world's are summed does not depend on what the other worlds have.
+  /// Takes B / element_rows elements of a kind, from `first` on, of all worlds into `k`; their entries go to Y, which moves on. Entries
+  /// come by whole groups of four dofs, so that the order in which a world's are summed does not depend on what the other worlds have.
   void widen(Block& k, T*& Y, int kind, int first, int w0, Places const (&places)[W], int parity) const {
     int const n = k.element_rows, each = B / n;
     int row_of[W][B];  // in the pool, -1: none
@@ -144,7 +144,8 @@ struct PgsLockstep {
         bool const there = first + e < places[l].count[kind];
         int const head = there ? start + places[l].row[kind][first + e] : -1, has = there ? rows.row(head).element_rows : 0;
         if (first + e + each < places[l].count[kind])
-          prefetch(&rows.row(start + places[l].row[kind][first + e + each]), n * sizeof(Row<R>));  // more streams than the processor follows
+          prefetch(&rows.row(start + places[l].row[kind][first + e + each]),
+                   n * sizeof(Row<R>));  // more streams than the processor follows
         for (int b = 0; b < n; ++b) {
           row_of[l][e * n + b] = b < has ? head + b : -1;
           if (b >= has) continue;

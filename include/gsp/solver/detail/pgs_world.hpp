@@ -5,7 +5,8 @@
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// Projected Gauss-Seidel over sparse rows, one world after the other: a thread a world, or a warp whose threads share the entries of a row.
+/// Projected Gauss-Seidel over sparse rows, one world after the other: a thread a world, or a warp whose threads share the entries of a
+/// row.
 namespace gsp::detail {
 
 template <class R, class Mem>
