@@ -33,6 +33,12 @@ struct Contacts;  // collision/contacts.hpp
 template <class R, class Mem>
 struct Rows;  // constraint/rows.hpp
 template <class R, class Mem>
+struct Impulses;  // constraint/impulses.hpp
+template <class Mem>
+struct Progress;  // constraint/progress.hpp
+template <class R, class Mem>
+struct Solution;  // solver/solution.hpp
+template <class R, class Mem>
 struct Simulation;  // step/step.hpp
 
 struct GaussianSet;  // splat/gaussians.hpp

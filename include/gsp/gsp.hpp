@@ -10,9 +10,13 @@
 #include <gsp/collision/shapes.hpp>
 #include <gsp/constraint/assemble.hpp>
 #include <gsp/constraint/constraint_type.hpp>
+#include <gsp/constraint/contact_forces.hpp>
 #include <gsp/constraint/contact_rows.hpp>
+#include <gsp/constraint/impulses.hpp>
+#include <gsp/constraint/joint_forces.hpp>
 #include <gsp/constraint/joint_friction.hpp>
 #include <gsp/constraint/joint_limit.hpp>
+#include <gsp/constraint/progress.hpp>
 #include <gsp/constraint/rows.hpp>
 #include <gsp/constraint/softness.hpp>
 #include <gsp/constraint/tendon.hpp>
@@ -69,6 +73,8 @@
 #include <gsp/sensor/sense.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>
 #include <gsp/solver/pgs.hpp>
+#include <gsp/solver/project_element.hpp>
+#include <gsp/solver/solution.hpp>
 #include <gsp/splat/bin_tiles.hpp>
 #include <gsp/splat/cameras.hpp>
 #include <gsp/splat/channels.hpp>

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/constraint/detail/assemble_rows.hpp>
+#include <gsp/core/region.hpp>
 
 /// All constraint types to one list of rows a world: count -> scan -> emit, in the order of the types, then of the elements. Nothing waits
 /// for the host.
@@ -76,6 +77,7 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const&
   detail::expects_fit("gsp::assemble", model, state, dynamics);
   detail::expects_of("gsp::assemble", dynamics, state,
                      detail::set_of(Quantity::motion, Quantity::velocity, Quantity::factor, Quantity::free_velocity));
+  Region const region("gsp::constraint::assemble");
   using List = ConstraintList<Types...>;
   for_worlds("gsp::constraint::count_rows", exec, rows.worlds, detail::CountRows<R, Mem, List>{model, state, rows, progress.halt, types});
   Kokkos::parallel_scan("gsp::constraint::scan_rows", light(Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds)),

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/solver/detail/pgs_lockstep.hpp>
 #include <gsp/solver/detail/pgs_world.hpp>
 
@@ -23,6 +24,7 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
   expects(impulses.worlds == rows.worlds && solution.worlds == rows.worlds && solution.nv == rows.nv,
           "gsp::pgs: rows, impulses and solution have different numbers of worlds or degrees of freedom: make them for one model and the "
           "same {.worlds = n}");
+  Region const region("gsp::solver::pgs");
   int least_rows = 0;
   if constexpr (!is_device<Exec>)
     if (solution.thread_stride > 0) {  // before the other kernel, which marks the step as solved

@@ -74,6 +74,7 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim,
                  PgsOptions const& solver = {}, More const&... more) {
+  Region const region("gsp::step::launch_step");
   expects(sim.rows.worlds == state.worlds,
           "gsp::step: state and simulation have different numbers of worlds: make them with the same {.worlds = n}");
   if (detail::has_runge_kutta(model)) {
@@ -98,6 +99,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
 /// Fences; allocates where a pool grows.
 template <ExecutionSpace Exec, class R, class Mem>
 int settle(Exec const& exec, Simulation<R, Mem>& sim) {
+  Region const region("gsp::step::settle");
   int halt = 0, skipped = 0;
   detail::download_bytes(exec, &halt, sim.progress.halt.data(), sizeof halt);
   detail::download_bytes(exec, &skipped, sim.progress.skipped.data(), sizeof skipped);
