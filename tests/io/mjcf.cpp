@@ -188,6 +188,21 @@ TEST_CASE("built-in meshes: what they may ask for") {
     refused(with(attributes), "m.xml:4: ", part);
 }
 
+TEST_CASE("the search for a muscle's range of length ends in a sentence, whatever it is asked") {
+  auto const search = [](std::string const& settings, std::string const& joint = "") {
+    return model("<body><joint name='m' " + joint + "/><geom size='.1' pos='.1 0 0'/></body>",
+                 "<compiler><lengthrange " + settings + "/></compiler><actuator><muscle joint='m'/></actuator>");
+  };
+  refused(search("accel='-1'"), "m.xml:4: ", "'accel' is negative");
+  refused(search("timestep='1e-6'"), "m.xml:4: ", "takes more than a million steps");
+  refused(search("inttotal='1e300'"), "m.xml:4: ", "takes more than a million steps");
+  refused(search(""), "m.xml:4: ", "does not settle");
+  refused(search("accel='1e300'"), "m.xml:4: ", "is unstable");
+  refused(search("accel='0'"), "m.xml:4: ", "finds no range");
+  CHECK(message(search("", "range='-30 50'")) == "accepted");
+  CHECK(message(search("mode='none'")) == "accepted");
+}
+
 TEST_CASE("broken XML and missing files") {
   refused("", "m.xml:1: ", "");
   refused("<mujoco>\n<worldbody>\n</mujoco>", "m.xml:3: ", "is not XML here");
