@@ -89,8 +89,8 @@ class KokkosStepper : public Stepper {
   void step(int steps, bool measure) override {
     auto solver = solver_;
     solver.residual = measure;
-    gsp::step(exec_, model_, state_, simulation_, {.steps = steps, .solver = solver});
-    if (steps > 0) stale_ = false;  // it leaves the poses of the end
+    gsp::step(exec_, model_, state_, simulation_, {.steps = steps, .solver = solver, .poses = false});
+    stale_ = true;  // poses of the end where somebody asks for them: a call of one step would pay for them each time
   }
 
   StepCounts counts() const override {
