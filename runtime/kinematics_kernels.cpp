@@ -1,5 +1,6 @@
 #include <gsp/dynamics/kinematics.hpp>
 #include <gsp/runtime/stepper.hpp>
+#include <gsp/sensor/cameras.hpp>
 #include <optional>
 
 #include "device.hpp"
@@ -11,7 +12,7 @@ class KokkosKinematics : public Kinematics {
   using Mem = typename Exec::memory_space;
 
  public:
-  explicit KokkosKinematics(CompiledModel const& m) : bodies_(std::max(1, m.nbody)) {
+  explicit KokkosKinematics(CompiledModel const& m) : compiled_(m), bodies_(std::max(1, m.nbody)) {
     if (m.nv > 0)
       model_ = make_model<double>(exec_, m);
     else if (m.nbody > 0)
@@ -27,6 +28,18 @@ class KokkosKinematics : public Kinematics {
       forward_kinematics(exec_, *model_, *state_, *dynamics_, *poses_);
     }
     return {array_of<Exec>(poses_->xpos), array_of<Exec>(poses_->xquat), array_of<Exec>(poses_->xanchor), array_of<Exec>(poses_->xaxis)};
+  }
+
+  CameraArrays cameras(std::string const& name, int width, int height) override {
+    int const camera = camera_id(compiled_, name);
+    expects(worlds_ > 0, "gsp::runtime::Kinematics::cameras: call poses first");
+    if (!model_) throw Error("gsp::runtime::Kinematics::cameras: nothing moves in the model; give its camera as viewmats and Ks");
+    auto const mounts =
+        make_camera_mounts(exec_, *model_, compiled_, {{.camera_id = camera}}, {.worlds = worlds_, .width = width, .height = height});
+    if (!cameras_ || cameras_->images() != mounts.images()) cameras_ = make_cameras(exec_, mounts.images());
+    cameras_of(exec_, *model_, *poses_, mounts, *cameras_);
+    exec_.fence("gsp::runtime::Kinematics::cameras: the mounts go away");
+    return {array_of<Exec>(cameras_->viewmats), array_of<Exec>(cameras_->Ks), array_of<Exec>(cameras_->world)};
   }
 
  private:
@@ -55,6 +68,7 @@ class KokkosKinematics : public Kinematics {
   }
 
   Exec exec_;
+  CompiledModel compiled_;
   int bodies_;
   int worlds_ = 0;
   std::vector<double> fixed_;  // poses of a model in which nothing moves
@@ -62,6 +76,7 @@ class KokkosKinematics : public Kinematics {
   std::optional<State<double, Mem>> state_;
   std::optional<Dynamics<double, Mem>> dynamics_;
   std::optional<Poses<double, Mem>> poses_;
+  std::optional<Cameras<Mem>> cameras_;
 };
 
 std::unique_ptr<Kinematics> make_kinematics(Device device, CompiledModel const& model) {

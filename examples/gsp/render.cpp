@@ -5,6 +5,7 @@
 #include <gsp/io/colormap.hpp>
 #include <gsp/io/npz.hpp>
 #include <gsp/io/png.hpp>
+#include <gsp/model/names.hpp>
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
@@ -69,7 +70,10 @@ CameraFile same_camera(CameraFile const& one, std::size_t n) {
 
 int run(Arguments const& a) {
   if (!a.has("--splat")) a.fail("needs --splat FILE: the Gaussians to draw (.ply, .splat or .spz)");
-  if (!a.has("--cameras")) a.fail("needs --cameras C.npz: viewmats (C,4,4) and Ks (C,3,3)");
+  if (!a.has("--cameras") && !a.has("--camera"))
+    a.fail("needs --cameras C.npz: viewmats (C,4,4) and Ks (C,3,3); or --camera NAME, one of the model's");
+  a.exclusive("--cameras", "--camera", "both say where the camera stands");
+  a.needs("--camera", "--model", "it is one of the model's");
   a.exclusive("--keyframe", "--trace", "both say where the model stands");
   a.needs("--keyframe", "--model", "a keyframe belongs to a model"), a.needs("--trace", "--model", "a trace belongs to a model");
   a.needs("--skip-visuals", "--model", "it is about a model's geoms"),
@@ -108,13 +112,15 @@ int run(Arguments const& a) {
   } else {
     trace.entries = trace.worlds = 1;
   }
-  auto const cameras = read_cameras(*a.text("--cameras"));
+  auto const of_model = a.text("--camera");
+  if (of_model) gsp::camera_id(model, *of_model);  // or a sentence with the nearest names
+  CameraFile const cameras = of_model ? CameraFile{} : read_cameras(*a.text("--cameras"));
   std::size_t const states = trace.entries * trace.worlds;
-  if (a.has("--trace") && cameras.count != states && cameras.count != 1)
+  if (!of_model && a.has("--trace") && cameras.count != states && cameras.count != 1)
     throw Error(*a.text("--cameras") + ": holds " + std::to_string(cameras.count) + " cameras, but the trace has " +
                 std::to_string(trace.entries) + " entries of " + std::to_string(trace.worlds) + " worlds; write " + std::to_string(states) +
                 " cameras (picture t*N+w shows world w at entry t), or one for all");
-  std::size_t const count = a.has("--trace") ? states : cameras.count;
+  std::size_t const count = a.has("--trace") || of_model ? states : cameras.count;
   std::size_t const channel_count = (options.rgb ? 3u : 0u) + (options.depth ? 1u : 0u) + (options.alpha ? 1u : 0u),
                     bytes_each = static_cast<std::size_t>(options.width) * options.height * channel_count * sizeof(float);
   if (npz && count * static_cast<std::size_t>(options.width) * options.height * 12 >= 0xff000000ull && options.rgb)
@@ -151,7 +157,8 @@ int run(Arguments const& a) {
     auto const poses = kinematics->poses(
         gsp::runtime::host_array(trace.qpos.data() + (moves ? first * nq : 0), {moves ? static_cast<std::int64_t>(n) : 1, model.nq}));
     auto const views = cameras.count == 1 ? same_camera(cameras, n) : cameras;
-    auto const arrays = views.arrays(cameras.count == 1 ? 0 : first, n);
+    auto const arrays =
+        of_model ? kinematics->cameras(*of_model, options.width, options.height) : views.arrays(cameras.count == 1 ? 0 : first, n);
     if (repeat > 1 || first == 0) renderer->render(poses, arrays);  // untimed: buffers find their size
     auto const start = std::chrono::steady_clock::now();
     for (int r = 0; r < repeat; ++r) {
@@ -216,6 +223,8 @@ Command render_command() {
            package_option(),
            {"--keyframe", "NAME|INDEX", "where the model stands; without it (and --trace) its initial pose"},
            {"--trace", "F.npz", "a trace of gsp sim: picture t*N+w shows world w at entry t"},
+           {"--camera", "NAME",
+            "in place of --cameras: the model's camera of this name, with its mode and intrinsics, in every world and entry"},
            {"--cameras", "C.npz", "viewmats (C,4,4) world-to-camera, x right, y down, z forward; Ks (C,3,3) in pixels"},
            {"--width", "W", "of the pictures, 640"},
            {"--height", "H", "of the pictures, 480"},

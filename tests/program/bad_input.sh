@@ -63,6 +63,9 @@ refused "--time-from 100" "less than --steps" -- sim cart.xml --steps 100 --time
 refused "--keyframe and --trace contradict" -- render --splat disc.ply --cameras cameras.npz --model cart.xml --keyframe 0 --trace start.npz
 refused "--trace needs --model" -- render --splat disc.ply --cameras cameras.npz --trace start.npz
 refused "needs --splat" -- render --cameras cameras.npz
+refused "no camera 'sid'" "nearest: 'side'" -- render --splat disc.ply --model eye.xml --camera sid
+refused "--camera needs --model" -- render --splat disc.ply --camera side
+refused "--cameras and --camera contradict" -- render --splat disc.ply --model eye.xml --camera side --cameras cameras.npz
 refused "needs --cameras" -- render --splat disc.ply
 refused "--channels is 'colour'" -- render --splat disc.ply --cameras cameras.npz --channels rgb,colour
 refused "names rgb twice" -- render --splat disc.ply --cameras cameras.npz --channels rgb,rgb

@@ -78,6 +78,30 @@ for t in range(11):
 assert pictures[0] != pictures[20], "the robot moves in the pictures"
 PY
 
+# cameras of the model: the picture of the same camera in a file; one on a body goes with it
+"$gsp" render --splat disc.ply --model eye.xml --camera side --width 64 --height 48 --channels depth --npz side.npz > /dev/null
+"$gsp" render --splat disc.ply --model eye.xml --cameras side_camera.npz --width 64 --height 48 --channels depth --npz file.npz > /dev/null
+"$gsp" render --splat disc.ply --model eye.xml --camera on --width 64 --height 48 --channels depth --npz on.npz > /dev/null
+"$gsp" render --splat disc.ply --model eye.xml --camera side --trace moved.npz --width 64 --height 48 --channels depth --npz side_trace.npz > /dev/null
+"$gsp" render --splat disc.ply --model eye.xml --camera on --trace moved.npz --width 64 --height 48 --channels depth --npz on_trace.npz > /dev/null
+python3 - <<'PY'
+import struct, zipfile
+def load(name):
+    data = zipfile.ZipFile(name).read("depth.npy")
+    at = 10 + struct.unpack("<H", data[8:10])[0]
+    v = struct.unpack("<%df" % ((len(data) - at) // 4), data[at:])
+    n = 64 * 48
+    return [v[n * k:n * (k + 1)] for k in range(len(v) // n)]
+def off(a, b):
+    return max(abs(x - y) for x, y in zip(a, b))
+side, file, on = load("side.npz"), load("file.npz"), load("on.npz")
+assert len(side) == 1 and max(side[0]) > 1 and off(side[0], file[0]) < 1e-3, off(side[0], file[0])
+assert off(side[0], on[0]) < 1e-3, "the cart stands where the file has it: both cameras at one place"
+still, moving = load("side_trace.npz"), load("on_trace.npz")
+assert len(still) == len(moving) == 22
+assert off(still[20], moving[20]) > 1e-3, "the camera on the cart moves"
+PY
+
 # URDF: sizes, the report with file and line, and free fall of all of it: v = -g t, and q = -g h^2 n (n + 1) / 2 after n steps of h
 "$gsp" info lift.urdf --json > lift.json
 "$gsp" info lift.urdf --json --floating-base > floating.json

@@ -50,6 +50,9 @@ model = """<mujoco model="cart">
 </mujoco>
 """
 write("cart.xml", model)
+# cameras of the model: one that looks along y from (0, -3, .5), and one on the cart that does so from (0, -3, .2) of it
+mount = '<camera name="%s" pos="0 -3 %s" xyaxes="1 0 0 0 0 1" fovy="60"/>'
+write("eye.xml", model.replace("<worldbody>", "<worldbody>" + mount % ("side", ".5"), 1).replace('<body name="cart" pos="0 0 0.3">', '<body name="cart" pos="0 0 0.3">' + mount % ("on", ".2"), 1))
 write("broken.xml", model.replace('<body name="pole" pos="0 0 0.1">', '<body name="pole" pos="0 0 0.1"'))
 write("element.xml", model.replace("<freejoint", "<freejiont"))
 write("attribute.xml", model.replace('damping=".01"', 'dampnig=".01"'))
@@ -120,6 +123,10 @@ view = [1, 0, 0, 0, 0, 0, -1, 0.5, 0, 1, 0, 3, 0, 0, 0, 1]
 eye = [60, 0, 32, 0, 60, 24, 0, 0, 1]
 npz("cameras.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2))
 npz("camera.npz", viewmats=npy((1, 4, 4), view, "f"), Ks=npy((1, 3, 3), eye, "f"))
+moved = [v for t in range(11) for w in range(2) for v in (0.03 * t, 0.3 + 0.05 * t, 1, 0, 0.5 - 0.02 * t, 1, 0, 0, 0)]  # the cart goes along x
+npz("moved.npz", time=npy((11,), [0.02 * t for t in range(11)]), qpos=npy((11, 2, 9), moved), qvel=npy((11, 2, 8), [0] * 176))
+f60 = 24 / math.tan(math.radians(30))  # 64 x 48
+npz("side_camera.npz", viewmats=npy((1, 4, 4), [1, 0, 0, 0, 0, 0, -1, 0.5, 0, 1, 0, 3, 0, 0, 0, 1]), Ks=npy((1, 3, 3), [f60, 0, 32, 0, f60, 24, 0, 0, 1]))
 npz("cameras_shape.npz", viewmats=npy((2, 3, 4), [0] * 24), Ks=npy((2, 3, 3), eye * 2))
 npz("cameras_count.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((1, 3, 3), eye))
 npz("cameras_nan.npz", viewmats=npy((1, 4, 4), [float("nan")] * 16), Ks=npy((1, 3, 3), eye))

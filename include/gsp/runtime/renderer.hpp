@@ -29,13 +29,6 @@ struct RendererOptions {
   float alpha_max = 0.999f;
 };
 
-/// float32, on any device; on the renderer's own they are read where they are.
-struct CameraArrays {
-  Array viewmats;  // (C, 4, 4) world to camera
-  Array Ks;        // (C, 3, 3)
-  Array world;     // (C) int32, or empty: camera c shows world c % worlds
-};
-
 /// float32 on the renderer's device; empty where a channel was not asked for. They hold until the next `render`.
 struct FrameArrays {
   Array rgb;           // (C, H, W, 3)

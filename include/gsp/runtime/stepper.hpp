@@ -75,12 +75,22 @@ std::int64_t bytes_needed(Device device, CompiledModel const& model, StepperOpti
 /// Why make_stepper would refuse the model, one sentence each; empty: it takes it. Needs no Session.
 std::vector<std::string> refusals(CompiledModel const& model, StepperOptions const& options);
 
+/// float32, on any device; on a renderer's own they are read where they are.
+struct CameraArrays {
+  Array viewmats;  // (C, 4, 4) world to camera
+  Array Ks;        // (C, 3, 3)
+  Array world;     // (C) int32, or empty: camera c shows world c % worlds
+};
+
 /// Poses for positions that come from elsewhere (a file): kinematics alone, in float64.
 class Kinematics {
  public:
   virtual ~Kinematics() = default;
   /// qpos (worlds, nq) on any device. The arrays hold until the next call.
   virtual PoseArrays poses(Array const& qpos) = 0;
+  /// What the model's camera of this name sees of the worlds of the last `poses`, one camera a world, for pictures of this size
+  /// (sensor/cameras.hpp). The arrays hold until the next call. Error: no camera of that name, or a model in which nothing moves.
+  virtual CameraArrays cameras(std::string const& name, int width, int height) = 0;
 };
 /// `model` may have no dofs, or be empty: then one body, the world.
 std::unique_ptr<Kinematics> make_kinematics(Device device, CompiledModel const& model);
