@@ -1,6 +1,7 @@
 // gsp info: what a file holds, and what of it is not taken as it stands.
 #include <cstdio>
 #include <filesystem>
+#include <gsp/geometry/shapes.hpp>
 #include <gsp/io/detail/mjcf_page.hpp>
 #include <gsp/io/npz.hpp>
 #include <gsp/io/png.hpp>
@@ -119,14 +120,13 @@ void model(std::string const& path, Arguments const& arguments) {
   bool const as_it_is = !listed && !arguments.has("--skip-visuals") && !arguments.has("--approximate");  // it need not be read again
   auto const verdict = judge(path, arguments, as_it_is ? &description : nullptr);
   if (arguments.has("--json")) return json(path, m, verdict);
-  char const* const shape_names[] = {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"};
   char const* const joint_names[] = {"free", "ball", "slide", "hinge"};
   char const* const integrators[] = {"Euler", "RK4", "implicit", "implicitfast"};
   std::map<std::string, int> joints, geoms;
   for (int t : m.jnt_type) ++joints[joint_names[t]];
   int colliding = 0;
   for (int g = 0; g < m.ngeom; ++g) {
-    ++geoms[shape_names[m.geom_type[static_cast<std::size_t>(g)]]];
+    ++geoms[gsp::shape_name(gsp::ShapeType{m.geom_type[static_cast<std::size_t>(g)]})];
     colliding += m.geom_contype[static_cast<std::size_t>(g)] || m.geom_conaffinity[static_cast<std::size_t>(g)];
   }
   double mass = 0;

@@ -7,6 +7,7 @@
 #include <gsp/collision/geom_values.hpp>
 #include <gsp/collision/manifold.hpp>
 #include <gsp/collision/narrowphase.hpp>
+#include <gsp/collision/shape_assets.hpp>
 #include <gsp/collision/shapes.hpp>
 #include <gsp/constraint/assemble.hpp>
 #include <gsp/constraint/constraint_type.hpp>
@@ -22,6 +23,7 @@
 #include <gsp/constraint/tendon.hpp>
 #include <gsp/core/check.hpp>
 #include <gsp/core/exec.hpp>
+#include <gsp/core/function.hpp>
 #include <gsp/core/region.hpp>
 #include <gsp/core/status.hpp>
 #include <gsp/dynamics/actuator_forces.hpp>
@@ -45,6 +47,9 @@
 #include <gsp/dynamics/tendon.hpp>
 #include <gsp/dynamics/transmission.hpp>
 #include <gsp/dynamics/world_lanes.hpp>
+#include <gsp/geometry/shape.hpp>
+#include <gsp/geometry/shape_pairs.hpp>
+#include <gsp/geometry/shapes.hpp>
 #include <gsp/math/dual.hpp>
 #include <gsp/math/pack.hpp>
 #include <gsp/math/quat.hpp>

@@ -1,12 +1,12 @@
 // Mesh files, and what compile makes of meshes, against closed forms. (Against MuJoCo: tests/oracle/mesh.cpp.)
 #include <doctest/doctest.h>
 
+#include <gsp/geometry/shapes.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/mesh.hpp>
 #include <gsp/io/mesh_hull.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/detail/host_math.hpp>
-#include <gsp/model/detail/shape_inertia.hpp>
 #include <io/mesh_fixtures.hpp>
 #include <set>
 
@@ -165,7 +165,7 @@ TEST_CASE("a box as a mesh weighs what a box does, wherever it lies and however 
     gsp::GeomDescription geom{.pos = {1, 2, 3}, .density = 700};
     auto const m = model(mesh, geom);
     bool const shell = kind == MeshInertia::shell;
-    auto const exact = gsp::detail::shape_inertia(gsp::ShapeType::box, {1, .5, .25}, shell);
+    auto const exact = gsp::shape_inertia(gsp::ShapeType::box, {1, .5, .25}, shell);
     CHECK(m.body_mass[1] == doctest::Approx(700 * exact.measure).epsilon(1e-12));
     // longest axis last; the file's x is turned to -y by refquat^-1
     CHECK(m.body_inertia[1][2] == doctest::Approx(700 * exact.measure * exact.moments[0]).epsilon(1e-12));

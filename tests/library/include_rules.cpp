@@ -89,9 +89,31 @@ TEST_CASE("a header that names Kokkos includes it, itself or through others") { 
   CHECK(named > 30);
 }
 
+TEST_CASE("what plain C++ reads in a CUDA build knows no Kokkos") {  // docs/decisions/0006
+  auto const headers = read_headers();
+  std::map<std::string, Header const*> by_name;
+  for (auto const& h : headers) by_name[h.name] = &h;
+  for (auto const& h : headers) {
+    bool const plain = h.area == "geometry" || h.name == "gsp/math/scalar.hpp" || h.name == "gsp/math/vec3.hpp" ||
+                       h.name == "gsp/math/quat.hpp" || h.name == "gsp/model/compile.hpp" || h.name == "gsp/io/mjcf.hpp" ||
+                       h.name == "gsp/io/urdf.hpp";
+    if (!plain) continue;
+    std::set<std::string> seen{h.name};
+    for (std::vector<std::string> next{h.name}; !next.empty();) {
+      auto const name = next.back();
+      next.pop_back();
+      auto const found = by_name.find(name);
+      if (found == by_name.end()) continue;
+      CHECK_MESSAGE(!found->second->names_kokkos, h.name, " includes ", name, ", which names Kokkos");
+      for (auto const& i : found->second->includes)
+        if (seen.insert(i).second) next.push_back(i);
+    }
+  }
+}
+
 TEST_CASE("an area includes only areas above it") {
-  std::vector<std::string> const order = {"core",       "math",   "parallel", "model", "dynamics", "collision",
-                                          "constraint", "solver", "step",     "splat", "sensor",   "ik"};
+  std::vector<std::string> const order = {"core",       "math",   "geometry", "parallel", "model",  "dynamics", "collision",
+                                          "constraint", "solver", "step",     "splat",    "sensor", "ik"};
   // Beyond the order: who must stay usable alone.
   std::map<std::string, std::set<std::string>> const never = {{"splat", {"dynamics", "collision", "constraint", "solver", "step"}},
                                                               {"solver", {"collision"}}};

@@ -1,12 +1,13 @@
 #pragma once
 #include <cstdint>
 #include <gsp/collision/collision_model.hpp>
+#include <gsp/geometry/shapes.hpp>
 #include <gsp/model/poses.hpp>
 
 /// Where the colliders are, and which pairs of them are near.
 namespace gsp {
 
-/// World poses and axis-aligned boxes of colliders and groups. A plane has no box: its pose serves.
+/// World poses and axis-aligned boxes of colliders and groups. A plane's box is as good as infinite: its pose serves.
 template <class R, class Mem>
 struct ColliderBounds {
   template <class D>
@@ -21,21 +22,6 @@ namespace detail {
 template <class R>
 KOKKOS_INLINE_FUNCTION Transform<R> load_pose(R const* p) {
   return {{p[0], p[1], p[2]}, {p[3], p[4], p[5], p[6]}};
-}
-
-/// Half extents of the axis-aligned box about a shape: box sum_k s_k |R_ik|, capsule r + h |R_i2|, cylinder r sqrt(1 - R_i2^2) + h |R_i2|.
-template <class R>
-KOKKOS_INLINE_FUNCTION Vec3<R> half_extents(ShapeType type, Vec3<R> const& s, Mat3<R> const& m) {
-  Vec3<R> e{s.x, s.x, s.x};
-  for (int i = 0; i < 3; ++i) {
-    if (type == ShapeType::box)
-      e[i] = s.x * abs(m(i, 0)) + s.y * abs(m(i, 1)) + s.z * abs(m(i, 2));
-    else if (type == ShapeType::capsule)
-      e[i] = s.x + s.y * abs(m(i, 2));
-    else if (type == ShapeType::cylinder)
-      e[i] = s.x * sqrt(max(R(0), R(1) - m(i, 2) * m(i, 2))) + s.y * abs(m(i, 2));
-  }
-  return e;
 }
 
 template <class R, class Mem>
@@ -57,7 +43,7 @@ struct PlaceColliders {
       Transform<R> const t = body * load_pose(model.collider_pose.row(w) + 7 * c);
       R* const p = &bounds.pose(w, c, 0);
       p[0] = t.p.x, p[1] = t.p.y, p[2] = t.p.z, p[3] = t.q.w, p[4] = t.q.x, p[5] = t.q.y, p[6] = t.q.z;
-      Vec3<R> e = half_extents(ShapeType(model.collider_type(c)), model.size_of(w, c), to_matrix(t.q));
+      Vec3<R> e = half_extents(ShapeType(model.collider_type(c)), model.data_of(w, c), to_matrix(t.q));
       for (int i = 0; i < 3; ++i) {
         e[i] = e[i] + R(8) * Kokkos::Experimental::epsilon_v<R> * (abs(t.p[i]) + e[i]);  // rounding must not lose a touch
         bounds.box(w, c, i) = t.p[i], bounds.box(w, c, 3 + i) = e[i];
@@ -98,7 +84,7 @@ struct FindNearPairs {
   KOKKOS_FUNCTION void operator()(std::int64_t item) const {
     int const c = int(item / worlds), w = int(item % worlds);
     CollisionChunk const chunk = model.chunk(c);
-    bool const plane = PairKind(chunk.kind) <= PairKind::plane_box;
+    bool const plane = is_among(plane_kinds, PairKind(chunk.kind));
     std::uint64_t bits = 0;
     for (int r = chunk.run_first; r < chunk.run_end; ++r) {
       CollisionRun<R> const run = model.runs(r);

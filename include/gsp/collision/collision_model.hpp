@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <gsp/collision/shape_assets.hpp>
 #include <gsp/collision/shapes.hpp>
 #include <gsp/core/check.hpp>
 #include <gsp/core/detail/views.hpp>
@@ -114,6 +115,7 @@ struct CollisionRun {
 /// At most 64 pairs of one kind, and the runs that they consist of.
 struct CollisionChunk {
   int kind, first, end, run_first, run_end;
+  int points;  // the most that a pair gives
 };
 
 template <class R, class Mem>
@@ -127,6 +129,8 @@ struct CollisionModel {
   Kokkos::View<int*, Mem> ints;                                   // what the arrays of whole numbers lie in
   Kokkos::View<R*, Mem> reals;                                    // and the others
   Array<int const*> collider_geom, collider_body, collider_type;  // (colliders)
+  Array<int const*> collider_asset;                               // (colliders) index into assets, -1: none
+  ShapeAssets<R, Mem> assets;                                     // meshes and height fields of colliders
   // These may be per world (model/world_values.hpp):
   Field<R> collider_pose;                                        // (colliders, 7) in the body's frame: position, quaternion w x y z
   Field<R> collider_size;                                        // (colliders, 3)
@@ -160,6 +164,8 @@ struct CollisionModel {
   KOKKOS_INLINE_FUNCTION Vec3<R> size_of(int world, int collider) const {
     return {collider_size(world, 3 * collider), collider_size(world, 3 * collider + 1), collider_size(world, 3 * collider + 2)};
   }
+  KOKKOS_INLINE_FUNCTION ShapeAsset<R> const* asset_of(int collider) const { return assets.at(collider_asset(collider)); }
+  KOKKOS_INLINE_FUNCTION ShapeData<R> data_of(int world, int collider) const { return {size_of(world, collider), asset_of(collider)}; }
 };
 
 /// Takes what collision needs of `m` to the memory of `exec`. Allocates; fences. Cost O(pairs log pairs), 24 bytes a pair.
@@ -225,6 +231,8 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
     solimp.insert(solimp.end(), own.solimp, own.solimp + 5);
   }
 
+  std::vector<int> asset;
+  c.assets = make_shape_assets<R>(exec, m, order, asset);
   std::vector<ContactParameters<R>> distinct;
   std::vector<CollisionRun<R>> runs;
   std::vector<CollisionChunk> chunks;
@@ -283,7 +291,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
     c.slots += max_points(PairKind(key.kind));
 
     bool const new_chunk = chunks.empty() || chunks.back().kind != key.kind || chunks.back().end - chunks.back().first == 64;
-    if (new_chunk) chunks.push_back({key.kind, k, k, int(runs.size()), int(runs.size())});
+    if (new_chunk) chunks.push_back({key.kind, k, k, int(runs.size()), int(runs.size()), max_points(PairKind(key.kind))});
     if (new_chunk || runs.back().a != key.a || runs.back().b != key.b) runs.push_back({key.a, key.b, k, k, R(0)});
     auto const& own = distinct[parameters.back()];
     runs.back().end = chunks.back().end = k + 1, chunks.back().run_end = int(runs.size());
@@ -298,10 +306,10 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
     all.insert(all.end(), part.begin(), part.end());
     return at;
   };
-  std::size_t const at_geom = begin(ints, geom), at_body = begin(ints, body), at_type = begin(ints, type), at_pair = begin(ints, pair),
-                    at_group = begin(ints, group_first), at_parameters = begin(ints, parameters), at_pose = begin(reals, pose),
-                    at_size = begin(reals, size), at_friction = begin(reals, friction), at_solref = begin(reals, solref),
-                    at_solimp = begin(reals, solimp);
+  std::size_t const at_geom = begin(ints, geom), at_body = begin(ints, body), at_type = begin(ints, type), at_asset = begin(ints, asset),
+                    at_pair = begin(ints, pair), at_group = begin(ints, group_first), at_parameters = begin(ints, parameters),
+                    at_pose = begin(reals, pose), at_size = begin(reals, size), at_friction = begin(reals, friction),
+                    at_solref = begin(reals, solref), at_solimp = begin(reals, solimp);
   c.ints = detail::to_device<decltype(c.ints)>(exec, "gsp::CollisionModel::ints", ints);
   c.reals = detail::to_device<decltype(c.reals)>(exec, "gsp::CollisionModel::reals", reals);
   c.parameters = detail::to_device<decltype(c.parameters)>(exec, "gsp::CollisionModel::parameters", distinct);
@@ -313,6 +321,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   int const* const i = c.ints.data();
   R const* const r = c.reals.data();
   c.collider_geom = {i + at_geom, geom.size()}, c.collider_body = {i + at_body, body.size()}, c.collider_type = {i + at_type, type.size()};
+  c.collider_asset = {i + at_asset, asset.size()};
   c.collider_pose = {r + at_pose}, c.collider_size = {r + at_size}, c.collider_friction = {r + at_friction};
   c.collider_solref = {r + at_solref}, c.collider_solimp = {r + at_solimp};
   c.group_first = {i + at_group, group_first.size()};

@@ -27,7 +27,9 @@ struct ContactsDemand {
 
 namespace detail {
 struct Candidate {
-  int world, pair, slot, count;
+  int world, pair, slot;
+  short kind;   // PairKind
+  short count;  // room for points, then how many there are
 };
 struct CandidateSum {
   std::int64_t candidates = 0, points = 0;
@@ -116,7 +118,7 @@ struct WriteCandidates {
   KOKKOS_FUNCTION void operator()(std::int64_t item, value_type& sum, bool last) const {
     std::uint64_t bits = s.mask(item);
     CollisionChunk const chunk = model.chunk(int(item / worlds));
-    int const n = Kokkos::popcount(bits), each = max_points(PairKind(chunk.kind));
+    int const n = Kokkos::popcount(bits), each = chunk.points;
     if (last) {
       int const w = int(item % worlds);
       s.first(item) = sum.candidates;
@@ -125,14 +127,14 @@ struct WriteCandidates {
         if (n > 0) s.lost(w) = 1;  // whoever finds it writes the same
         // The narrow phase runs over the candidates that fit: leave none of this item undefined.
         for (std::int64_t k = sum.candidates; k < sum.candidates + n && k < std::int64_t(s.candidates.extent(0)); ++k)
-          s.candidates(k) = {w, -1, 0, 0};
+          s.candidates(k) = {w, -1, 0, 0, 0};
       } else {
         int slot = int(sum.points);
         std::int64_t k = sum.candidates;
         for (int i = 0; bits != 0; ++i, bits >>= 1) {
           int const skip = Kokkos::countr_zero(bits);
           i += skip, bits >>= skip;
-          s.candidates(k++) = {w, chunk.first + i, slot, 0};
+          s.candidates(k++) = {w, chunk.first + i, slot, short(chunk.kind), short(each)};
           slot += each;
         }
       }
@@ -161,12 +163,15 @@ struct CollideCandidates {
     Candidate c = s.candidates(k);
     if (c.pair < 0) return;
     int const a = model.pair_collider(c.pair, 0), b = model.pair_collider(c.pair, 1);
-    auto const kind = pair_kind(ShapeType(model.collider_type(a)), ShapeType(model.collider_type(b)));
-    auto const shape = [&](int i) { return make_shape(load_pose(&s.bounds.pose(c.world, i, 0)), model.size_of(c.world, i)); };
+    PairKind const kind{c.kind};
+    bool const with_asset = is_among(asset_kinds, kind);
+    auto const shape = [&](int i) {
+      return make_shape(load_pose(&s.bounds.pose(c.world, i, 0)), model.size_of(c.world, i), with_asset ? model.asset_of(i) : nullptr);
+    };
     auto const own = model.parameters_of(c.world, c.pair);
-    PointSlots<R> out{&s.points(c.slot), max_points(kind), 0};
+    PointSlots<R> out{&s.points(c.slot), c.count, 0};
     narrowphase(kind, shape(a), shape(b), own.margin + own.gap, out);
-    s.candidates(k).count = reduce && kind == PairKind::box_box ? reduce_points(out.slot, out.count) : out.count;
+    s.candidates(k).count = short(reduce && is_among(reducing_kinds, kind) ? reduce_points(out.slot, out.count) : out.count);
   }
 };
 
@@ -212,9 +217,9 @@ struct WriteContacts {
     contacts.dist(i) = p.dist, contacts.includemargin(i) = model.parameters_of(c.world, c.pair).margin;
     for (int k = 0; k < 3; ++k) contacts.pos(i, k) = p.pos[k];
     // a capsule on a plane slides along and across itself, as in MuJoCo
-    bool const lying = ShapeType(model.collider_type(a)) == ShapeType::plane && ShapeType(model.collider_type(b)) == ShapeType::capsule;
-    Vec3<R> const hint =
-        lying ? rotate(load_pose(&contacts.scratch.bounds.pose(c.world, b, 0)).q, Vec3<R>{R(0), R(0), R(1)}) : Vec3<R>{R(0), R(0), R(0)};
+    Vec3<R> const hint = is_among(along_b_kinds, PairKind(c.kind))
+                             ? rotate(load_pose(&contacts.scratch.bounds.pose(c.world, b, 0)).q, Vec3<R>{R(0), R(0), R(1)})
+                             : Vec3<R>{R(0), R(0), R(0)};
     Mat3<R> const f = contact_frame(p.normal, hint);
     for (int k = 0; k < 9; ++k) contacts.frame(i, k) = f.m[k];
   }

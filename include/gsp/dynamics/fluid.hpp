@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/dynamics/bias_forces.hpp>
+#include <gsp/geometry/shapes.hpp>
 
 /// Forces of a medium that has no state of its own (docs/dynamics/passive_forces.md): drag and viscosity of the box of equal inertia, or of
 /// the ellipsoids of geoms that ask for it, with added mass and lift. Laws: MuJoCo's documentation, chapter "Fluid forces".
@@ -97,15 +98,6 @@ KOKKOS_INLINE_FUNCTION void ellipsoid_fluid(Vec3<T> const& r, T const (&c)[5], V
       if (i == j) entry = entry + k * num * (num - speed2 * b[i]) - move, turning = turning - turn;
       d[3 + i][3 + j] = d[3 + i][3 + j] + entry, d[i][j] = d[i][j] + turning;
     }
-}
-
-/// Half axes of the ellipsoid that stands for a geom.
-template <class T>
-KOKKOS_INLINE_FUNCTION Vec3<T> half_axes(ShapeType type, Vec3<T> const& size) {
-  if (type == ShapeType::sphere) return {size.x, size.x, size.x};
-  if (type == ShapeType::capsule) return {size.x, size.x, size.x + size.y};
-  if (type == ShapeType::cylinder) return {size.x, size.x, size.y};
-  return size;
 }
 
 /// derivative += J^T B J for the dofs that move body b: B in the axes q at the point p of body b. implicitfast takes the symmetric part of

@@ -1,4 +1,5 @@
 #pragma once
+#include <Kokkos_Core.hpp>
 #include <gsp/math/scalar.hpp>
 
 /// Dual number with N derivatives: arithmetic on it carries exact derivatives along (forward differentiation).

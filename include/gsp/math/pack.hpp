@@ -2,6 +2,7 @@
 #if !defined(__CUDA_ARCH__) && (defined(__AVX2__) || defined(__AVX512F__))
 #include <immintrin.h>
 #endif
+#include <Kokkos_Core.hpp>
 #include <gsp/math/scalar.hpp>
 
 /// `Pack<Real, W>`: W numbers that go through a kernel together on a CPU, one lane per world or instance (GPU: a lane is a thread, and T =

@@ -13,39 +13,39 @@ struct Quat {
 template <class T>
 struct Mat3 {
   T m[9];
-  KOKKOS_INLINE_FUNCTION T& operator()(int r, int c) { return m[3 * r + c]; }
-  KOKKOS_INLINE_FUNCTION T const& operator()(int r, int c) const { return m[3 * r + c]; }
+  GSP_FUNCTION T& operator()(int r, int c) { return m[3 * r + c]; }
+  GSP_FUNCTION T const& operator()(int r, int c) const { return m[3 * r + c]; }
 };
 
 template <class T>
-KOKKOS_INLINE_FUNCTION Quat<T> identity_quat() {
+GSP_FUNCTION Quat<T> identity_quat() {
   return {T(1), T(0), T(0), T(0)};
 }
 template <class T>
-KOKKOS_INLINE_FUNCTION Quat<T> conjugate(Quat<T> const& q) {
+GSP_FUNCTION Quat<T> conjugate(Quat<T> const& q) {
   return {q.w, -q.x, -q.y, -q.z};
 }
 /// Hamilton product: the rotation b followed by a.
 template <class T>
-KOKKOS_INLINE_FUNCTION Quat<T> operator*(Quat<T> const& a, Quat<T> const& b) {
+GSP_FUNCTION Quat<T> operator*(Quat<T> const& a, Quat<T> const& b) {
   return {a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
           a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
 }
 /// q v q^-1 = v + 2 u x (u x v + w v), u the vector part.
 template <class T>
-KOKKOS_INLINE_FUNCTION Vec3<T> rotate(Quat<T> const& q, Vec3<T> const& v) {
+GSP_FUNCTION Vec3<T> rotate(Quat<T> const& q, Vec3<T> const& v) {
   Vec3<T> const u{q.x, q.y, q.z};
   Vec3<T> const t = cross(u, v) + q.w * v;
   return v + T(2) * cross(u, t);
 }
 template <class T>
-KOKKOS_INLINE_FUNCTION Vec3<T> rotate_inverse(Quat<T> const& q, Vec3<T> const& v) {
+GSP_FUNCTION Vec3<T> rotate_inverse(Quat<T> const& q, Vec3<T> const& v) {
   return rotate(conjugate(q), v);
 }
 
 /// q / |q|; the identity where |q| < 1e-15.
 template <class T>
-KOKKOS_INLINE_FUNCTION Quat<T> normalized(Quat<T> const& q) {
+GSP_FUNCTION Quat<T> normalized(Quat<T> const& q) {
   T const n = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
   auto const ok = n >= T(1e-15);
   T const s = T(1) / select(ok, n, T(1));
@@ -53,14 +53,14 @@ KOKKOS_INLINE_FUNCTION Quat<T> normalized(Quat<T> const& q) {
 }
 /// Rotation by `angle` [rad] about the unit vector `axis`.
 template <class T>
-KOKKOS_INLINE_FUNCTION Quat<T> axis_angle(Vec3<T> const& axis, T angle) {
+GSP_FUNCTION Quat<T> axis_angle(Vec3<T> const& axis, T angle) {
   T s, c;
   sincos(T(0.5) * angle, s, c);
   return {c, s * axis.x, s * axis.y, s * axis.z};
 }
 /// exp of the rotation vector w t: the rotation that an angular velocity w makes in the time t.
 template <class T>
-KOKKOS_INLINE_FUNCTION Quat<T> exp_rotation(Vec3<T> const& rotation) {
+GSP_FUNCTION Quat<T> exp_rotation(Vec3<T> const& rotation) {
   T const angle = norm(rotation);
   auto const ok = angle >= T(1e-15);
   T const inverse = T(1) / select(ok, angle, T(1));
@@ -71,7 +71,7 @@ KOKKOS_INLINE_FUNCTION Quat<T> exp_rotation(Vec3<T> const& rotation) {
 }
 /// Rotation vector of a unit quaternion, angle in [-pi, pi].
 template <class T>
-KOKKOS_INLINE_FUNCTION Vec3<T> log_rotation(Quat<T> const& q) {
+GSP_FUNCTION Vec3<T> log_rotation(Quat<T> const& q) {
   Vec3<T> const u{q.x, q.y, q.z};
   T const s = norm(u);
   auto const ok = s >= T(1e-15);
@@ -81,7 +81,7 @@ KOKKOS_INLINE_FUNCTION Vec3<T> log_rotation(Quat<T> const& q) {
   return k * u;
 }
 template <class T>
-KOKKOS_INLINE_FUNCTION Mat3<T> to_matrix(Quat<T> const& q) {
+GSP_FUNCTION Mat3<T> to_matrix(Quat<T> const& q) {
   T const two(2);
   T const xx = q.x * q.x, yy = q.y * q.y, zz = q.z * q.z, ww = q.w * q.w;
   T const xy = q.x * q.y, xz = q.x * q.z, yz = q.y * q.z, wx = q.w * q.x, wy = q.w * q.y, wz = q.w * q.z;
@@ -89,18 +89,18 @@ KOKKOS_INLINE_FUNCTION Mat3<T> to_matrix(Quat<T> const& q) {
            two * (yz + wx), ww - xx - yy + zz}};
 }
 template <class T>
-KOKKOS_INLINE_FUNCTION Vec3<T> operator*(Mat3<T> const& r, Vec3<T> const& v) {
+GSP_FUNCTION Vec3<T> operator*(Mat3<T> const& r, Vec3<T> const& v) {
   return {r.m[0] * v.x + r.m[1] * v.y + r.m[2] * v.z, r.m[3] * v.x + r.m[4] * v.y + r.m[5] * v.z,
           r.m[6] * v.x + r.m[7] * v.y + r.m[8] * v.z};
 }
 /// R^T v
 template <class T>
-KOKKOS_INLINE_FUNCTION Vec3<T> transpose_times(Mat3<T> const& r, Vec3<T> const& v) {
+GSP_FUNCTION Vec3<T> transpose_times(Mat3<T> const& r, Vec3<T> const& v) {
   return {r.m[0] * v.x + r.m[3] * v.y + r.m[6] * v.z, r.m[1] * v.x + r.m[4] * v.y + r.m[7] * v.z,
           r.m[2] * v.x + r.m[5] * v.y + r.m[8] * v.z};
 }
 template <class T>
-KOKKOS_INLINE_FUNCTION Vec3<T> column(Mat3<T> const& r, int c) {
+GSP_FUNCTION Vec3<T> column(Mat3<T> const& r, int c) {
   return {r(0, c), r(1, c), r(2, c)};
 }
 
@@ -111,15 +111,15 @@ struct Transform {
   Quat<T> q;
 };
 template <class T>
-KOKKOS_INLINE_FUNCTION Vec3<T> operator*(Transform<T> const& t, Vec3<T> const& x) {
+GSP_FUNCTION Vec3<T> operator*(Transform<T> const& t, Vec3<T> const& x) {
   return t.p + rotate(t.q, x);
 }
 template <class T>
-KOKKOS_INLINE_FUNCTION Transform<T> operator*(Transform<T> const& a, Transform<T> const& b) {
+GSP_FUNCTION Transform<T> operator*(Transform<T> const& a, Transform<T> const& b) {
   return {a * b.p, a.q * b.q};
 }
 template <class T>
-KOKKOS_INLINE_FUNCTION Transform<T> inverse(Transform<T> const& t) {
+GSP_FUNCTION Transform<T> inverse(Transform<T> const& t) {
   return {rotate_inverse(t.q, -t.p), conjugate(t.q)};
 }
 

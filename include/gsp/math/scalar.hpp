@@ -1,5 +1,6 @@
 #pragma once
-#include <Kokkos_Core.hpp>
+#include <cmath>
+#include <gsp/core/function.hpp>
 #include <type_traits>
 
 /// The number vocabulary that kernels are written in. Each function exists for float and double (here), for `Pack` (pack.hpp: one SIMD lane
@@ -23,63 +24,63 @@ template <class T>
 using real_t = typename real_of<T>::type;
 
 template <Scalar T>
-KOKKOS_INLINE_FUNCTION T sqrt(T x) {
-  return Kokkos::sqrt(x);
+GSP_FUNCTION T sqrt(T x) {
+  return std::sqrt(x);
 }
 template <Scalar T>
-KOKKOS_INLINE_FUNCTION T exp(T x) {
-  return Kokkos::exp(x);
+GSP_FUNCTION T exp(T x) {
+  return std::exp(x);
 }
 template <Scalar T>
-KOKKOS_INLINE_FUNCTION T log(T x) {
-  return Kokkos::log(x);
+GSP_FUNCTION T log(T x) {
+  return std::log(x);
 }
 template <Scalar T>
-KOKKOS_INLINE_FUNCTION T sin(T x) {
-  return Kokkos::sin(x);
+GSP_FUNCTION T sin(T x) {
+  return std::sin(x);
 }
 template <Scalar T>
-KOKKOS_INLINE_FUNCTION T cos(T x) {
-  return Kokkos::cos(x);
+GSP_FUNCTION T cos(T x) {
+  return std::cos(x);
 }
 template <Scalar T>
-KOKKOS_INLINE_FUNCTION T atan2(T y, T x) {
-  return Kokkos::atan2(y, x);
+GSP_FUNCTION T atan2(T y, T x) {
+  return std::atan2(y, x);
 }
 template <Scalar T>
-KOKKOS_INLINE_FUNCTION T abs(T x) {
-  return Kokkos::abs(x);
+GSP_FUNCTION T abs(T x) {
+  return std::abs(x);
 }
 template <Scalar T>
-KOKKOS_INLINE_FUNCTION T min(T a, T b) {
+GSP_FUNCTION T min(T a, T b) {
   return b < a ? b : a;
 }
 template <Scalar T>
-KOKKOS_INLINE_FUNCTION T max(T a, T b) {
+GSP_FUNCTION T max(T a, T b) {
   return a < b ? b : a;
 }
 template <Scalar T>
-KOKKOS_INLINE_FUNCTION T select(bool m, T a, T b) {
+GSP_FUNCTION T select(bool m, T a, T b) {
   return m ? a : b;
 }
-KOKKOS_INLINE_FUNCTION constexpr bool any(bool m) { return m; }
-KOKKOS_INLINE_FUNCTION constexpr bool all(bool m) { return m; }
+GSP_FUNCTION constexpr bool any(bool m) { return m; }
+GSP_FUNCTION constexpr bool all(bool m) { return m; }
 
 template <Scalar T>
-KOKKOS_INLINE_FUNCTION void sincos(T x, T& s, T& c) {
+GSP_FUNCTION void sincos(T x, T& s, T& c) {
 #ifdef __CUDA_ARCH__
   if constexpr (sizeof(T) == 4)
     ::sincosf(x, &s, &c);
   else
     ::sincos(x, &s, &c);
 #else
-  s = Kokkos::sin(x), c = Kokkos::cos(x);
+  s = std::sin(x), c = std::cos(x);
 #endif
 }
 
 /// a b + c, in one rounding where the hardware has it.
 template <Scalar T>
-KOKKOS_INLINE_FUNCTION T fma(T a, T b, T c) {
+GSP_FUNCTION T fma(T a, T b, T c) {
 #if defined(__CUDA_ARCH__) || defined(__FMA__) || defined(__ARM_FEATURE_FMA)
   if constexpr (sizeof(T) == 4)
     return __builtin_fmaf(a, b, c);
@@ -91,11 +92,11 @@ KOKKOS_INLINE_FUNCTION T fma(T a, T b, T c) {
 }
 
 template <class T>
-KOKKOS_INLINE_FUNCTION T clamp(T x, T lo, T hi) {
+GSP_FUNCTION T clamp(T x, T lo, T hi) {
   return min(max(x, lo), hi);
 }
 template <class T>
-KOKKOS_INLINE_FUNCTION T square(T x) {
+GSP_FUNCTION T square(T x) {
   return x * x;
 }
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <Kokkos_Core.hpp>
 #include <gsp/math/quat.hpp>
 
 /// Spatial algebra about a common point, in world axes (Featherstone, Rigid Body Dynamics Algorithms, 2008; MuJoCo's "com-based" vectors).

@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <gsp/geometry/shape.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,7 +15,6 @@ using Double3 = std::array<double, 3>;
 using Double4 = std::array<double, 4>;
 
 enum class JointType : int { free = 0, ball = 1, slide = 2, hinge = 3 };  // MuJoCo's numbering
-enum class ShapeType : int { plane = 0, hfield = 1, sphere = 2, capsule = 3, ellipsoid = 4, cylinder = 5, box = 6, mesh = 7 };
 enum class Integrator : int { euler = 0, rk4 = 1, implicit = 2, implicitfast = 3 };
 enum class Cone : int { pyramidal = 0, elliptic = 1 };
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <Kokkos_Core.hpp>
 #include <array>
 #include <cmath>
 #include <gsp/core/check.hpp>

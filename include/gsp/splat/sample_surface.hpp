@@ -1,7 +1,7 @@
 #pragma once
 #include <cmath>
 #include <cstdint>
-#include <gsp/math/quat.hpp>
+#include <gsp/geometry/shapes.hpp>
 #include <gsp/model/compiled.hpp>
 #include <gsp/splat/gaussians.hpp>
 #include <numbers>
@@ -22,95 +22,11 @@ struct SampleSurfaceOptions {
 
 namespace detail {
 
-struct SurfacePoint {
-  Vec3<double> p, n;  // in the geom's frame; n unit, outward
-};
-
 /// Numbers in [0, 1)^2 that fill the square evenly: multiples of the reciprocals of the plastic number and its square (Roberts' R2
 /// sequence).
 inline std::array<double, 2> even2(std::int64_t i) {
   double const x = 0.5 + 0.7548776662466927 * double(i + 1), y = 0.5 + 0.5698402909980532 * double(i + 1);
   return {x - std::floor(x), y - std::floor(y)};
-}
-
-/// Surface area [m^2] of a primitive; 0 for what has none here.
-inline double surface_area(ShapeType type, Double3 const& s, double plane_half) {
-  constexpr double pi = std::numbers::pi;
-  switch (type) {
-    case ShapeType::plane:
-      return 4 * (s[0] > 0 ? s[0] : plane_half) * (s[1] > 0 ? s[1] : plane_half);
-    case ShapeType::sphere:
-      return 4 * pi * s[0] * s[0];
-    case ShapeType::capsule:
-      return 4 * pi * s[0] * (s[0] + s[1]);
-    case ShapeType::cylinder:
-      return 2 * pi * s[0] * (s[0] + 2 * s[1]);
-    case ShapeType::box:
-      return 8 * (s[0] * s[1] + s[1] * s[2] + s[2] * s[0]);
-    case ShapeType::ellipsoid: {  // Thomsen's formula, within 1.1 %
-      double const k = 1.6075, a = std::pow(s[0] * s[1], k), b = std::pow(s[1] * s[2], k), c = std::pow(s[2] * s[0], k);
-      return 4 * pi * std::pow((a + b + c) / 3, 1 / k);
-    }
-    default:
-      return 0;
-  }
-}
-
-/// The point of the surface for (t, w) in [0, 1)^2, even by area: t also chooses the face.
-inline SurfacePoint surface_point(ShapeType type, Double3 const& s, double plane_half, double t, double w) {
-  constexpr double pi = std::numbers::pi;
-  auto const around = [&](double x) { return Vec3<double>{std::cos(2 * pi * x), std::sin(2 * pi * x), 0}; };
-  auto const ball = [&](double u, double x) {
-    double const z = 1 - 2 * u, r = std::sqrt(std::max(0., 1 - z * z));
-    Vec3<double> const c = around(x);
-    return Vec3<double>{r * c.x, r * c.y, z};
-  };
-  switch (type) {
-    case ShapeType::plane: {
-      double const x = s[0] > 0 ? s[0] : plane_half, y = s[1] > 0 ? s[1] : plane_half;
-      return {{x * (2 * t - 1), y * (2 * w - 1), 0}, {0, 0, 1}};
-    }
-    case ShapeType::sphere: {
-      Vec3<double> const n = ball(t, w);
-      return {s[0] * n, n};
-    }
-    case ShapeType::capsule: {
-      double const side = s[1] / (s[0] + s[1]);  // share of the area
-      if (t < side) {
-        Vec3<double> const n = around(w);
-        return {{s[0] * n.x, s[0] * n.y, s[1] * (2 * t / side - 1)}, n};
-      }
-      Vec3<double> const n = ball((t - side) / (1 - side), w);
-      return {{s[0] * n.x, s[0] * n.y, s[0] * n.z + (n.z < 0 ? -s[1] : s[1])}, n};
-    }
-    case ShapeType::cylinder: {
-      double const side = 2 * s[1] / (s[0] + 2 * s[1]);
-      if (t < side) {
-        Vec3<double> const n = around(w);
-        return {{s[0] * n.x, s[0] * n.y, s[1] * (2 * t / side - 1)}, n};
-      }
-      double const u = 2 * (t - side) / (1 - side), end = u < 1 ? 1 : -1, r = s[0] * std::sqrt(u - std::floor(u));
-      Vec3<double> const c = around(w);
-      return {{r * c.x, r * c.y, end * s[1]}, {0, 0, end}};
-    }
-    case ShapeType::box: {
-      double const area[3] = {s[1] * s[2], s[2] * s[0], s[0] * s[1]}, all = area[0] + area[1] + area[2];
-      double u = t * all;
-      int axis = 0;
-      while (axis < 2 && u >= area[axis]) u -= area[axis++];
-      u = std::min(2 * u / area[axis], std::nextafter(2., 0.));  // [0, 2): the two faces
-      double const side = u < 1 ? 1 : -1;
-      SurfacePoint r{{0, 0, 0}, {0, 0, 0}};
-      int const b = (axis + 1) % 3, c = (axis + 2) % 3;
-      r.p[axis] = side * s[axis], r.n[axis] = side;
-      r.p[b] = s[b] * (2 * (u - std::floor(u)) - 1), r.p[c] = s[c] * (2 * w - 1);
-      return r;
-    }
-    default: {  // ellipsoid, even over the ball of directions: the caller thins it out by area
-      Vec3<double> const d = ball(t, w);
-      return {{s[0] * d.x, s[1] * d.y, s[2] * d.z}, normalized(Vec3<double>{d.x / s[0], d.y / s[1], d.z / s[2]})};
-    }
-  }
 }
 
 /// Turns z onto the unit vector n.
@@ -137,16 +53,22 @@ inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptio
     int const b = model.geom_body[g];
     return b > 0 && (model.body_weld.empty() || model.body_weld[b] != 0);
   };
-  auto const area = [&](int g) { return detail::surface_area(ShapeType(model.geom_type[g]), model.geom_size[g], options.plane_half); };
+  auto const size_of = [&](int g) {
+    Double3 size = model.geom_size[g];
+    if (ShapeType(model.geom_type[g]) == ShapeType::plane)
+      for (int k = 0; k < 2; ++k)
+        if (!(size[k] > 0)) size[k] = options.plane_half;
+    return size;
+  };
+  auto const area = [&](int g) { return surface_area(ShapeType(model.geom_type[g]), size_of(g)); };
   for (int g = 0; g < model.ngeom; ++g) {
     if (!options.world && model.geom_body[g] == 0) continue;
     if (!options.groups.empty() && std::find(options.groups.begin(), options.groups.end(), model.geom_group[g]) == options.groups.end())
       continue;
     if (model.geom_rgba[g][3] == 0) continue;
     ShapeType const type{model.geom_type[g]};
-    if (type == ShapeType::mesh || type == ShapeType::hfield)
-      throw Error("gsp::sample_surface: geom " + std::to_string(g) + " ('" + model.geom_name[g] + "') is a " +
-                  (type == ShapeType::mesh ? "mesh" : "height field") +
+    if (!has_surface(type))
+      throw Error("gsp::sample_surface: geom " + std::to_string(g) + " ('" + model.geom_name[g] + "') is a " + shape_name(type) +
                   ", which cannot be sampled; choose other groups, or leave visual geoms out when reading");
     geoms.push_back(g);
     total += area(g);
@@ -164,27 +86,20 @@ inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptio
   out.sh_degree = options.shading > 0 ? 1 : 0;
   for (int g : geoms) {
     ShapeType const type{model.geom_type[g]};
-    Double3 const& s = model.geom_size[g];
+    Double3 const s = size_of(g);
     double const a = area(g);
     int const n = std::max(16, static_cast<int>(std::lround(gaussians(g))));
-    double least = s[0];  // a disc is no wider than half of the shape's least size
-    if (type == ShapeType::box || type == ShapeType::ellipsoid) least = std::min({s[0], s[1], s[2]});
-    double sigma = options.spread * std::sqrt(a / n);
-    if (type != ShapeType::plane) sigma = std::min(sigma, 0.5 * std::max(least, 0.2 * std::sqrt(a / (4 * std::numbers::pi))));
+    double const least = std::max(thickness(type, s), 0.2 * std::sqrt(a / (4 * std::numbers::pi)));
+    double const sigma = std::min(options.spread * std::sqrt(a / n), 0.5 * least);  // a disc is no wider than half of the least size
     Double3 const& gp = model.geom_pos[g];
     Double4 const& gq = model.geom_quat[g];
     Transform<double> const frame{{gp[0], gp[1], gp[2]}, {gq[0], gq[1], gq[2], gq[3]}};
     auto const& rgba = model.geom_rgba[g];
-    double const widest = std::max({s[0] * s[1], s[1] * s[2], s[2] * s[0]});
     for (std::int64_t i = 0, made = 0; made < n; ++i) {
       auto const [t, w] = detail::even2(i);
-      detail::SurfacePoint const point = detail::surface_point(type, s, options.plane_half, t, w);
-      if (type == ShapeType::ellipsoid) {  // keep by the ratio of areas, ellipsoid over ball
-        Vec3<double> const d{point.p.x / s[0], point.p.y / s[1], point.p.z / s[2]};
-        double const ratio = norm(Vec3<double>{s[1] * s[2] * d.x, s[2] * s[0] * d.y, s[0] * s[1] * d.z}) / widest,
-                     golden = 0.6180339887498949 * double(i + 1);
-        if (golden - std::floor(golden) >= ratio) continue;
-      }
+      SurfacePoint const point = surface_point(type, s, t, w);
+      double const golden = 0.6180339887498949 * double(i + 1);
+      if (point.keep < 1 && golden - std::floor(golden) >= point.keep) continue;
       ++made;
       Vec3<double> const p = frame * point.p, normal = rotate(frame.q, point.n);
       Quat<double> const q = detail::z_to(normal);

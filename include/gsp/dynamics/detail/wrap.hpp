@@ -1,4 +1,5 @@
 #pragma once
+#include <Kokkos_Core.hpp>
 #include <gsp/math/quat.hpp>
 
 /// The shortest way of a string round a sphere or an infinite cylinder, over lanes, without branches.

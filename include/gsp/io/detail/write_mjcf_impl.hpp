@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <gsp/core/detail/compiled.hpp>
+#include <gsp/geometry/shapes.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/write_mjcf.hpp>
 #include <gsp/model/description.hpp>
@@ -184,7 +185,6 @@ class Writer {
   }
   void contents(BodyDescription const& body) {
     char const* const joint_types[] = {"free", "ball", "slide", "hinge"};
-    char const* const shapes[] = {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"};
     for (auto const& j : body.joints) {
       if (j.align) {  // <joint> has no word for it
         open("freejoint").text("name", j.name).number("group", j.group, 0).flag("align", *j.align, !*j.align).close();
@@ -211,7 +211,7 @@ class Writer {
       close();
     }
     for (auto const& g : body.geoms) {
-      open("geom").text("name", g.name).word("type", shapes[int(g.type)]);
+      open("geom").text("name", g.name).word("type", shape_name(g.type));
       Double3 size = g.size;
       if (g.type == ShapeType::plane && !(size[2] > 0)) size[2] = 1;  // the spacing of drawn lines must be positive
       bool const from_asset = !g.mesh.empty() || !g.hfield.empty();   // gives the size
@@ -234,7 +234,7 @@ class Writer {
     for (auto const& s : body.sites)
       open("site")
           .text("name", s.name)
-          .word("type", s.type == ShapeType::mesh || s.type == ShapeType::hfield ? "sphere" : shapes[int(s.type)])
+          .word("type", s.type == ShapeType::mesh || s.type == ShapeType::hfield ? "sphere" : shape_name(s.type))
           .list("size", s.size, {0.005, 0.005, 0.005})
           .pose(s.pos, s.quat)
           .number("group", s.group, 0)

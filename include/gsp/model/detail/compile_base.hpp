@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 #include <gsp/core/check.hpp>
+#include <gsp/geometry/shapes.hpp>
 #include <gsp/model/compiled.hpp>
 #include <gsp/model/detail/host_math.hpp>
 #include <gsp/model/detail/references.hpp>
@@ -12,10 +13,6 @@
 
 namespace gsp::detail {
 
-inline char const* shape_name(ShapeType type) {
-  char const* const names[] = {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"};
-  return names[int(type)];
-}
 /// What all steps of compiling share: the description, the model so far, names, and sentences for errors.
 class CompilerBase {
  protected:

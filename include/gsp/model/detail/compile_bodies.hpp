@@ -2,7 +2,6 @@
 #include <gsp/model/detail/compile_base.hpp>
 #include <gsp/model/detail/mesh_geoms.hpp>
 #include <gsp/model/detail/principal_axes.hpp>
-#include <gsp/model/detail/shape_inertia.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -168,11 +167,11 @@ class BodyCompiler : public CompilerBase {
     auto const shape = shape_of(g);
     if (g.condim != 1 && g.condim != 3 && g.condim != 4 && g.condim != 6)
       fail(g.place, "geom", g.name, "has a condim other than 1, 3, 4, 6: choose one of them");
-    int const sizes[] = {0, 0, 1, 2, 3, 2, 3, 0};
-    for (int k = 0; k < sizes[int(g.type)]; ++k)
+    int const sizes = positive_sizes(g.type);
+    for (int k = 0; k < sizes; ++k)
       if (!(shape.size[k] > 0))
         fail(g.place, "geom", g.name,
-             "has size[" + std::to_string(k) + "] <= 0, and a " + shape_name(g.type) + " needs " + std::to_string(sizes[int(g.type)]) +
+             "has size[" + std::to_string(k) + "] <= 0, and a " + shape_name(g.type) + " needs " + std::to_string(sizes) +
                  " positive sizes: give them");
     if (g.type == ShapeType::plane && (g.size[0] < 0 || g.size[1] < 0))
       fail(g.place, "geom", g.name, "is a plane with a negative size: give zero (infinite) or more");

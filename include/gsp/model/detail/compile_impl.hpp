@@ -3,6 +3,7 @@
 #include <cmath>
 #include <gsp/core/check.hpp>
 #include <gsp/core/detail/compiled.hpp>
+#include <gsp/geometry/shape_pairs.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/compiled.hpp>
 #include <gsp/model/detail/compile_constants.hpp>
@@ -16,13 +17,6 @@
 namespace gsp {
 
 namespace detail {
-
-/// Contacts between these two shapes are computed (collision/): plane, sphere and capsule against all five, and two boxes.
-inline bool is_covered_pair(int a, int b) {
-  auto const simple = [](int t) { return t == int(ShapeType::plane) || t == int(ShapeType::sphere) || t == int(ShapeType::capsule); };
-  auto const known = [&](int t) { return simple(t) || t == int(ShapeType::cylinder) || t == int(ShapeType::box); };
-  return (simple(a) && known(b)) || (simple(b) && known(a)) || (a == int(ShapeType::box) && b == int(ShapeType::box));
-}
 
 class Compiler : public ConstantsCompiler {
  public:
@@ -86,9 +80,9 @@ class Compiler : public ConstantsCompiler {
                          std::isfinite(pair.margin) && std::isfinite(pair.gap),
                      p.place, "pair", p.name);
       named_.emplace(std::min(a, b), std::max(a, b));
-      int const type_a = m_.geom_type[a];
-      int const type_b = m_.geom_type[b];
-      if (type_a == int(ShapeType::plane) && type_b == int(ShapeType::plane)) continue;  // no contact is defined
+      ShapeType const type_a{m_.geom_type[a]};
+      ShapeType const type_b{m_.geom_type[b]};
+      if (!can_collide(type_a, type_b)) continue;
       if (has_contacts() && !is_covered_pair(type_a, type_b)) {
         if (!approximate_)
           fail(p.place, "pair", p.name,
@@ -150,8 +144,8 @@ class Compiler : public ConstantsCompiler {
           continue;
         if (!named_.empty() && named_.count({a, b})) continue;
         std::array<int, 2> const pair = m_.geom_type[a] <= m_.geom_type[b] ? std::array{a, b} : std::array{b, a};
-        if (m_.geom_type[pair[1]] == int(ShapeType::plane)) continue;  // two planes: no contact is defined
-        if (judged && !is_covered_pair(m_.geom_type[pair[0]], m_.geom_type[pair[1]])) {
+        if (!can_collide(ShapeType(m_.geom_type[a]), ShapeType(m_.geom_type[b]))) continue;
+        if (judged && !is_covered_pair(ShapeType(m_.geom_type[a]), ShapeType(m_.geom_type[b]))) {
           if (!approximate_)
             throw Error(at(places_[a]) + geom_text(a) + " can meet " + geom_text(b) + " (" + at(places_[b]) +
                         "see there), and contact between these two shapes is not supported: keep them apart with contype and conaffinity "

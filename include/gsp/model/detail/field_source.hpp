@@ -1,6 +1,7 @@
 #pragma once
 #include <array>
 #include <gsp/core/check.hpp>
+#include <gsp/geometry/shapes.hpp>
 #include <gsp/math/quat.hpp>
 #include <gsp/model/archetypes.hpp>
 #include <gsp/model/compiled.hpp>
@@ -93,14 +94,9 @@ inline FieldSource field_source(CompiledModel const& m) {
   for (int b = 1; b < m.nbody; ++b) s.body_slider[b] = m.body_tree[b] >= 0 && m.tree_bodyadr[m.body_tree[b]] == b && is_slider(m, b);
   for (int g = 0; g < m.ngeom; ++g)
     if (item_or(m.geom_fluid, g, 0)) {
-      auto const& r = m.geom_size[g];
-      auto const type = ShapeType(m.geom_type[g]);
-      bool const round = type == ShapeType::sphere || type == ShapeType::capsule || type == ShapeType::cylinder;
-      double const z = type == ShapeType::sphere     ? r[0]
-                       : type == ShapeType::capsule  ? r[0] + r[1]
-                       : type == ShapeType::cylinder ? r[1]
-                                                     : r[2];
-      s.geom_addedmass[g] = added_mass(r[0], round ? r[0] : r[1], z);
+      auto const& size = m.geom_size[g];
+      auto const r = half_axes(ShapeType(m.geom_type[g]), Vec3<double>{size[0], size[1], size[2]});
+      s.geom_addedmass[g] = added_mass(r.x, r.y, r.z);
     }
   return s;
 }

@@ -1,8 +1,8 @@
 #pragma once
 #include <algorithm>
 #include <cmath>
+#include <gsp/geometry/shapes.hpp>
 #include <gsp/model/detail/mesh_compile.hpp>
-#include <gsp/model/detail/shape_inertia.hpp>
 #include <string>
 #include <unordered_map>
 
