@@ -4,6 +4,7 @@
 #include <gsp/math/spatial.hpp>
 #include <gsp/model/poses.hpp>
 #include <gsp/model/state.hpp>
+#include <utility>
 namespace gsp::detail {
 /// kernel.run<Workers>(lane, nullptr, worker) for all lanes of all blocks on a GPU, `Lanes` to a block; registers for `Blocks` of them at a
 /// time on a multiprocessor.
@@ -575,7 +576,7 @@ struct HostLanes {
 /// Errors: std::invalid_argument where the dynamics do not fit the model (made before make_per_world changed the layout, or for more worlds
 /// than the model has values for).
 template <class T, ExecutionSpace Exec, class R, class Mem, class Stage>
-void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {
+void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage stage) {
   detail::expects_fit(label, model, dynamics);
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::for_lanes: the model is not accessible from this execution space");
   constexpr int threads = Dynamics<R, Mem>::width / detail::width_of<T>::value;
@@ -583,15 +584,15 @@ void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, 
   if constexpr (is_device<Exec>) {  // few warps a multiprocessor: a block of lanes works in 200 kB, the first-level cache
     static_assert(Dynamics<R, Mem>::width == device_block);
     detail::launch_lanes<detail::SharedStage<Stage> ? device_workers : 1, device_block, detail::stage_blocks<Stage>>(
-        label, exec, dynamics.blocks, Kernel{model, dynamics, stage});
+        label, exec, dynamics.blocks, Kernel{model, dynamics, std::move(stage)});
   } else {
     Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads),
-                         detail::HostLanes<Exec, Kernel>{{model, dynamics, stage}});
+                         detail::HostLanes<Exec, Kernel>{{model, dynamics, std::move(stage)}});
   }
 }
 template <ExecutionSpace Exec, class R, class Mem, class Stage>
-void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage const& stage) {
-  for_lanes<lane_number<Exec, R>>(label, exec, model, dynamics, stage);
+void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Stage stage) {
+  for_lanes<lane_number<Exec, R>>(label, exec, model, dynamics, std::move(stage));
 }
 
 }  // namespace gsp
