@@ -50,12 +50,14 @@ namespace detail {
 template <class... Types>
 TypeNames names_of(ConstraintList<Types...> const&) {
   TypeNames names;
-  std::uint32_t kind[] = {type_name<Types>()..., 0};
-  for (; names.count < int(sizeof...(Types)); ++names.count) {
+  constexpr int n = sizeof...(Types);
+  std::uint32_t const kind[n + 1] = {type_name<Types>()..., 0};
+  for (int t = 0; t < n; ++t) {
     int before = 0;
-    for (int t = 0; t < names.count; ++t) before += kind[t] == kind[names.count];
-    names.name[names.count] = nth_name(kind[names.count], before);
+    for (int s = 0; s < t; ++s) before += kind[s] == kind[t];
+    names.name[t] = nth_name(kind[t], before);
   }
+  names.count = n;
   return names;
 }
 }  // namespace detail
