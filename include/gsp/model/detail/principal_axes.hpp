@@ -22,7 +22,8 @@ struct PrincipalAxes {
 };
 
 /// Eigenvalues and axes by Jacobi rotations: each rotation about a coordinate axis removes the largest off-diagonal entry,
-/// tan(2 t) = 2 a_ij / (a_ii - a_jj); it converges quadratically, so that 30 sweeps are far more than enough.
+/// tan(2 t) = 2 a_ij / (a_ii - a_jj); it converges quadratically, so that 30 sweeps are far more than enough. Entries that are rounding of
+/// the tensor's own sums count as zero: where moments are equal, axes would otherwise be a matter of the compiler's flags.
 inline PrincipalAxes principal_axes(Symmetric3 const& s) {
   double a[3][3] = {{s[0], s[3], s[4]}, {s[3], s[1], s[5]}, {s[4], s[5], s[2]}};
   double v[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};  // columns: the axes
@@ -31,7 +32,7 @@ inline PrincipalAxes principal_axes(Symmetric3 const& s) {
     int p = 0, q = 1;
     if (std::abs(a[0][2]) > std::abs(a[p][q])) q = 2;
     if (std::abs(a[1][2]) > std::abs(a[p][q])) p = 1, q = 2;
-    if (!(std::abs(a[p][q]) > 1e-17 * scale)) break;
+    if (!(std::abs(a[p][q]) > 1e-14 * scale)) break;
     double const t = 0.5 * std::atan2(2 * a[p][q], a[p][p] - a[q][q]), c = std::cos(t), n = std::sin(t);
     for (auto& row : a) {
       double const x = row[p], y = row[q];
