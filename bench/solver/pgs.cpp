@@ -25,6 +25,7 @@ void fill(gsp::Rows<R, Mem> const& rows, int count) {
       row.element_rows = in_contact > 0 ? 0 : r < singles ? 1 : 3;
       row.friction_of = in_contact > 0 ? 0 : -1;
       row.element = r;
+      row.alike = row.element_rows > 0;
       row.Y = std::int64_t(w) * entries + std::int64_t(r) * nv + (r < singles ? 0 : (contact - singles));
       row.coupling = row.element_rows * nv;
       row.bias = next(), row.compliance = R(0.01), row.upper = R(1e30), row.mu = R(0.8);

@@ -306,7 +306,7 @@ TEST_CASE_TEMPLATE("what does not fit together is refused where it meets", Exec,
   refused(shared, other, dynamics, poses, "state.qpos is (4, 1)");
   refused_without_poses(shared, other, dynamics, "state.qpos is (4, 1)");
   refused(pendulum, other, dynamics, gsp::make_poses(exec, pendulum, {.worlds = 4}), "made for another model");
-  CHECK_THROWS_WITH_AS(gsp::integrate(exec, shared, dynamics, state, Values<Exec>("z", 4, 2)), doctest::Contains("z is (4, 2)"),
+  CHECK_THROWS_WITH_AS(gsp::integrate(exec, shared, dynamics, state, {.z = Values<Exec>("z", 4, 2)}), doctest::Contains("z is (4, 2)"),
                        std::invalid_argument);
 }
 

@@ -329,7 +329,8 @@ TEST_CASE_TEMPLATE("contact forces in every direction", Exec, GSP_TEST_EXECS) {
   w.step(1);
   Kokkos::View<double* [6], Kokkos::LayoutRight, Mem> const force("force", w.sim.contacts.dist.extent(0));
   gsp::contact_forces(w.exec, w.model, w.sim.contacts, w.sim.rows, w.sim.impulses, force);
-  auto const f = gsp_test::host(force), after = gsp_test::host(w.state.qvel), qfrc = gsp_test::host(w.sim.solution.qfrc_constraint);
+  auto const f = gsp_test::host(force);
+  auto const after = gsp_test::host(w.state.qvel), qfrc = gsp_test::host(w.sim.solution.qfrc_constraint);
   auto const frame = gsp_test::host(w.sim.contacts.frame);
   double const m = 2, N = m * 9.81, h = 0.002;
   for (int i = 0; i < worlds; ++i) {

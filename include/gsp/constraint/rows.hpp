@@ -29,12 +29,13 @@ template <class R>
 struct Row {
   RowSegment segment[2];
   short segments;
-  short element_rows;                                      // rows of the element, in its first row; 0 in the others
-  short friction_of;                                       // row of the element, -1: lower and upper
-  short type;                                              // place of the element's type in the list of types
-  int element;                                             // k of its type
-  int coupling;                                            // first row of an element: its couplings begin at Y + coupling (see Rows::Y)
-  std::int64_t Y;                                          // first entry
+  short element_rows;  // rows of the element, in its first row; 0 in the others
+  short friction_of;   // row of the element, -1: lower and upper
+  short type;          // place of the element's type in the list of types
+  int element;         // k of its type
+  short alike;         // first row of an element: whether all of its rows have the segments of the first
+  int coupling;        // first row of an element: its couplings begin at Y + coupling (see Rows::Y)
+  std::int64_t Y;      // first entry
   R bias, compliance, inverse_diagonal, lower, upper, mu;  // w = Y z + C p + b
 };
 

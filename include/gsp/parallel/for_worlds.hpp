@@ -37,7 +37,13 @@ template <class Member>
 struct DeviceWorld {
   Member const& member;
   int rank;
-  KOKKOS_INLINE_FUNCTION void sync() const { member.team_barrier(); }
+  KOKKOS_INLINE_FUNCTION void sync() const {
+#ifdef __CUDA_ARCH__
+    __syncwarp();  // a block is this one warp
+#else
+    member.team_barrier();
+#endif
+  }
   template <class F>
   KOKKOS_INLINE_FUNCTION void once(F const& f) const {
     Kokkos::single(Kokkos::PerThread(member), f);
@@ -49,6 +55,12 @@ struct DeviceWorld {
   template <class T, class F>
   KOKKOS_INLINE_FUNCTION T sum(int n, F const& f) const {
     T total(0);
+#ifdef __CUDA_ARCH__
+    for (int i = threadIdx.x; i < n; i += 32) total += f(i);
+#pragma unroll
+    for (int stride = 16; stride > 0; stride /= 2) total += __shfl_xor_sync(0xffffffffu, total, stride);  // the same sum in all threads
+    return total;
+#endif
     Kokkos::parallel_reduce(
         Kokkos::ThreadVectorRange(member, n), [&](int i, T& s) { s += f(i); }, total);
     return total;

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/constraint/rows.hpp>
+#include <utility>
 
 /// The projection of one element: what every path of the solver, and its residual, do with the rows of a contact, a limit, or an element of
 /// a user's own.
@@ -8,14 +9,21 @@ namespace gsp {
 /// The laws of up to N rows, as numbers of type T: a plain one, or a pack with a world a lane.
 template <class T, int N>
 struct ElementLaw {
-  T inverse_diagonal[N];  // 1 / (|Y|^2 + C), 0: the row cannot move
+  T inverse_diagonal[N];  // 1 / (|Y|^2 + C); 0: the row cannot move, and its bounds are 0
   T lower[N], upper[N];   // where mu < 0
   T mu[N];                // friction: +-mu times the absolute impulse of row `normal` of the element
   T normal[N];
   unsigned char normals[N];  // bits of the rows that `normal` names in any of the lanes
 };
 
-/// Takes a row's law into lane `lane` of place b.
+/// Place b of a law: no row.
+template <class T, int N>
+KOKKOS_INLINE_FUNCTION void clear_law(ElementLaw<T, N>& law, int b) {
+  law.inverse_diagonal[b] = law.lower[b] = law.upper[b] = law.normal[b] = T(0);
+  law.mu[b] = T(-1);
+  law.normals[b] = 0;
+}
+/// Takes a row's law to place b; set(place, value) writes one lane.
 template <class T, int N, class R, class Set>
 KOKKOS_INLINE_FUNCTION void set_law(ElementLaw<T, N>& law, int b, Row<R> const& row, Set const& set) {
   bool const friction = row.friction_of >= 0;
@@ -27,51 +35,63 @@ KOKKOS_INLINE_FUNCTION void set_law(ElementLaw<T, N>& law, int b, Row<R> const& 
   if (friction) law.normals[b] |= static_cast<unsigned char>(1 << row.friction_of);
 }
 
-/// The impulse that takes row b of an element to its bounds or to rest, where its rate is w and the impulses of the element are p (of N
-/// rows at most):   p_b <- clamp(p_b - relaxation w / (|Y_b|^2 + C_b)).
-template <int N, class T>
-KOKKOS_FORCEINLINE_FUNCTION T project_row(ElementLaw<T, N> const& law, int first, int b, int rows, T const& w, T const* p,
-                                          T const& relaxation) {
-  T bound(0);
+namespace detail {
+/// f(0), ..., f(n - 1) with the numbers known to the compiler: what the rows of an element need stays in registers.
+template <int n, class F>
+KOKKOS_FORCEINLINE_FUNCTION void unrolled(F const& f) {
+  [&]<int... i>(std::integer_sequence<int, i...>) __attribute__((always_inline)) { (f(std::integral_constant<int, i>{}), ...); }
+  (std::make_integer_sequence<int, n>{});
+}
+}  // namespace detail
+
+/// The impulse that takes row b of an element of (at most) `rows` rows to its bounds or to rest, where its rate is w and the impulses of
+/// the element are p:   p_b <- clamp(p_b - relaxation w / (|Y_b|^2 + C_b)).
+/// @param first  place of the element in `law` and p
+template <int rows, int N, class T>
+KOKKOS_FORCEINLINE_FUNCTION T project_row(ElementLaw<T, N> const& law, int first, int b, T const& w, T const* p, T const& relaxation) {
   int const at = first + b;
-  if (law.normals[at] != 0) {
-    for (int a = 0; a < rows; ++a)
-      if ((law.normals[at] >> a) & 1) bound = select(law.normal[at] == T(a), abs(p[first + a]), bound);
-    bound = law.mu[at] * bound;
-  }
+  T const step = fma(-relaxation * law.inverse_diagonal[at], w, p[at]);
+  unsigned const normals = law.normals[at];
+  if (normals == 0) return clamp(step, law.lower[at], law.upper[at]);
+  T bound(0);
+  detail::unrolled<rows>([&](auto a) __attribute__((always_inline)) {
+    if (normals == 1u << a)
+      bound = abs(p[first + a]);
+    else if ((normals >> a) & 1u)
+      bound = select(law.normal[at] == T(int(a)), abs(p[first + a]), bound);
+  });
+  bound = law.mu[at] * bound;
   auto const friction = law.mu[at] >= T(0);
-  T const lower = select(friction, -bound, law.lower[at]), upper = select(friction, bound, law.upper[at]);
-  T const next = clamp(fma(-relaxation * law.inverse_diagonal[at], w, p[at]), lower, upper);
-  return select(law.inverse_diagonal[at] > T(0), next, p[at]);
+  return clamp(step, select(friction, -bound, law.lower[at]), select(friction, bound, law.upper[at]));
 }
 
-/// One pass over the `rows` rows of the element that begins at place `first` of `law`: each sees what those before it have done.
+/// One pass over the rows of the element that begins at place `first` of `law`: each sees what those before it have done.
 /// @param coupling  coupling(b, a) = Y_b . Y_a of the rows b > a of the element
 /// @param w         in: rates J v+ + C p - zeta of the rows before the pass
 /// @param p         in, out: impulses [N s];   @param d  out: their changes.   All three are indexed as the law is
 /// Cost rows^2 flop.
-template <int N, class T, class Coupling>
-KOKKOS_FORCEINLINE_FUNCTION void project_element(ElementLaw<T, N> const& law, int first, int rows, Coupling const& coupling,
-                                                 T const& relaxation, T* w, T* p, T* d) {
-  for (int b = 0; b < rows; ++b) {
-    for (int a = 0; a < b; ++a) w[first + b] = fma(coupling(b, a), d[first + a], w[first + b]);
-    T const next = project_row(law, first, b, rows, w[first + b], p, relaxation);
+template <int rows, int N, class T, class Coupling>
+KOKKOS_FORCEINLINE_FUNCTION void project_element(ElementLaw<T, N> const& law, int first, Coupling const& coupling, T const& relaxation,
+                                                 T* w, T* p, T* d) {
+  detail::unrolled<rows>([&](auto b) __attribute__((always_inline)) {
+    detail::unrolled<b>([&](auto a) __attribute__((always_inline)) { w[first + b] = fma(coupling(b, a), d[first + a], w[first + b]); });
+    T const next = project_row<rows>(law, first, b, w[first + b], p, relaxation);
     d[first + b] = next - p[first + b];
     p[first + b] = next;
-  }
+  });
 }
 
 /// By how much the rows of an element miss their conditions at the impulses p and rates w: the largest change of rate that one more
 /// projection of any of them would make [m/s, rad/s].
-template <int N, class T>
-KOKKOS_FORCEINLINE_FUNCTION T element_residual(ElementLaw<T, N> const& law, int first, int rows, T const* w, T const* p) {
+template <int rows, int N, class T>
+KOKKOS_FORCEINLINE_FUNCTION T element_residual(ElementLaw<T, N> const& law, int first, T const* w, T const* p) {
   T worst(0);
-  for (int b = 0; b < rows; ++b) {
+  detail::unrolled<rows>([&](auto b) __attribute__((always_inline)) {
     int const at = first + b;
     auto const movable = law.inverse_diagonal[at] > T(0);
-    T const miss = abs(project_row(law, first, b, rows, w[at], p, T(1)) - p[at]);
+    T const miss = abs(project_row<rows>(law, first, b, w[at], p, T(1)) - p[at]);
     worst = max(worst, select(movable, miss / select(movable, law.inverse_diagonal[at], T(1)), T(0)));
-  }
+  });
   return worst;
 }
 

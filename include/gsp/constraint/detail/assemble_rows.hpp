@@ -110,6 +110,13 @@ KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, TreeItems<R> cons
   }
 }
 
+template <class R>
+KOKKOS_INLINE_FUNCTION bool has_segments_of(Row<R> const& a, Row<R> const& b) {
+  bool same = a.segments == b.segments;
+  for (int s = 0; s < a.segments && same; ++s)
+    same = a.segment[s].tree == b.segment[s].tree && a.segment[s].list == b.segment[s].list && a.segment[s].count == b.segment[s].count;
+  return same;
+}
 /// Y_a . Y_b of two rows. `dofs`: what their lists lie in.
 template <class R>
 KOKKOS_INLINE_FUNCTION R row_product(Row<R> const& a, Row<R> const& b, R const* Y, int const* dofs) {
@@ -190,6 +197,7 @@ struct EmitRows {
     row.segments = short(structure.segments);
     row.element_rows = 0;
     row.coupling = 0;
+    row.alike = 0;
     row.Y = entry;
     for (int s = 0; s < structure.segments; ++s) row.segment[s] = structure.segment(s);
     R* const y = rows.Y.data() + entry;
@@ -218,6 +226,10 @@ struct EmitRows {
     row.lower = R(bounds.lower);
     row.upper = R(bounds.upper);
     row.mu = R(bounds.mu);
+    if (row.inverse_diagonal == R(0)) {  // nothing that it touches can move
+      row.friction_of = -1;
+      row.lower = row.upper = R(0);
+    }
     out = row;
   }
   /// What belongs to the element as a whole: place in the list of types, couplings, identity, and the impulses to start from.
@@ -225,6 +237,8 @@ struct EmitRows {
     Row<R>* const row = &rows.row(first);
     row->element_rows = short(n);
     row->coupling = entries;
+    row->alike = 1;
+    for (int b = 1; b < n; ++b) row->alike &= has_segments_of(row[b], row[0]);
     R* const coupling = rows.Y.data() + entry + entries;
     for (int b = 1; b < n; ++b)
       for (int a = 0; a < b; ++a) coupling[couplings_of(b) + a] = row_product(row[a], row[b], rows.Y.data(), rows.dof_lists.data());
@@ -236,7 +250,7 @@ struct EmitRows {
       impulses.id[now](first + r) = key;
       bool const known =
           last >= 0 && last + r < impulses.first[1 - now](w) + impulses.count[1 - now](w) && impulses.id[1 - now](last + r) == old;
-      R const p = known ? impulses.p[1 - now](last + r) : R(0);
+      R const p = known && row[r].inverse_diagonal > R(0) ? impulses.p[1 - now](last + r) : R(0);
       impulses.p[now](first + r) = p - p == R(0) ? p : R(0);
     }
   }

@@ -37,6 +37,7 @@ struct PgsLockstep {
   struct Places {
     int count[4] = {};  // elements of one row, two, three, and up to six
     short row[4][lockstep_most_rows];
+    signed char has[4][lockstep_most_rows];  // rows
   };
 
   [[gnu::noinline]] void operator()(int first, int thread) const {
@@ -99,8 +100,12 @@ struct PgsLockstep {
     for (int q = 0; options.residual && q < blocks; ++q) {
       T w[B];
       rates(block[q], z, w);
-      for (int s = 0; s < B; s += block[q].element_rows)
-        worst = max(worst, element_residual(block[q].law, s, block[q].element_rows, w, block[q].p));
+      Block const& k = block[q];
+      for (int s = 0; s < B; s += k.element_rows)  // places without a row are at rest
+        worst = max(worst, k.element_rows == 1   ? element_residual<1>(k.law, s, w, k.p)
+                           : k.element_rows == 2 ? element_residual<2>(k.law, s, w, k.p)
+                           : k.element_rows == 3 ? element_residual<3>(k.law, s, w, k.p)
+                                                 : element_residual<6>(k.law, s, w, k.p));
     }
     for (int l = 0; l < W; ++l) {
       if (w0 + l >= rows.worlds || rows.count(w0 + l) > lockstep_most_rows) continue;
@@ -110,7 +115,7 @@ struct PgsLockstep {
       for (int kind = 0, q = 0; kind < 4; ++kind) {
         int const n = places_of(kind), each = B / n;
         for (int e = 0; e < places[l].count[kind]; ++e) {
-          int const row = places[l].row[kind][e], has = rows.row(rows.first(w0 + l) + row).element_rows;
+          int const row = places[l].row[kind][e], has = places[l].has[kind][e];
           for (int b = 0; b < has; ++b) p[row + b] = block[q + e / each].p[e % each * n + b][l];
         }
         q += (most[kind] + each - 1) / each;
@@ -124,10 +129,13 @@ struct PgsLockstep {
   static constexpr int places_of(int kind) { return kind < 3 ? kind + 1 : B; }
 
   void find_places(Places& places, int w, int count, int (&most)[4]) const {
-    for (int r = 0; r < count;) {
-      int const n = rows.row(rows.first(w) + r).element_rows, kind = n < 4 ? n - 1 : 3;
-      places.row[kind][places.count[kind]++] = short(r);
-      r += n;
+    Row<R> const* const row = rows.row.data() + (count > 0 ? rows.first(w) : 0);
+    for (int r = 0; r < count; ++r) {  // not from element to element: the next load would wait for the one before
+      int const n = row[r].element_rows, kind = n < 4 ? n - 1 : 3;
+      if (n == 0) continue;
+      int const at = places.count[kind]++;
+      places.row[kind][at] = short(r);
+      places.has[kind][at] = static_cast<signed char>(n);
     }
     for (int kind = 0; kind < 4; ++kind) most[kind] = places.count[kind] > most[kind] ? places.count[kind] : most[kind];
   }
@@ -142,7 +150,7 @@ struct PgsLockstep {
       int const start = rows.first(w0 + l < rows.worlds ? w0 + l : w0);
       for (int e = 0; e < each; ++e) {
         bool const there = first + e < places[l].count[kind];
-        int const head = there ? start + places[l].row[kind][first + e] : -1, has = there ? rows.row(head).element_rows : 0;
+        int const head = there ? start + places[l].row[kind][first + e] : -1, has = there ? places[l].has[kind][first + e] : 0;
         if (first + e + each < places[l].count[kind])
           prefetch(&rows.row(start + places[l].row[kind][first + e + each]),
                    n * sizeof(Row<R>));  // more streams than the processor follows
@@ -166,9 +174,7 @@ struct PgsLockstep {
     for (T* y = Y; y != end; ++y) *y = T(R(0));
     for (int b = 0; b < B; ++b) {
       k.bias[b] = k.compliance[b] = k.p[b] = T(R(0));
-      k.law.inverse_diagonal[b] = k.law.lower[b] = k.law.upper[b] = k.law.normal[b] = T(R(0));
-      k.law.mu[b] = T(R(-1));
-      k.law.normals[b] = 0;
+      clear_law(k.law, b);
     }
     for (int l = 0; l < W; ++l)
       for (int b = 0; b < B; ++b) {
@@ -195,12 +201,14 @@ struct PgsLockstep {
           y += segment.count;
         }
       }
-    for (int b = 0, at = 0; b < B; ++b)
-      for (int a = 0; a < b; ++a) {
-        T sum(R(0));
-        for (T const* y = Y; y != end; y += B) sum = fma(y[a], y[b], sum);
-        k.product[at++] = sum;
-      }
+    T product[B * (B - 1) / 2];  // in one pass over the entries
+    for (T& x : product) x = T(R(0));
+    for (T const* y = Y; y != end; y += B)
+      unrolled<B>([&](auto b) __attribute__((always_inline)) {
+        unrolled<b>([&](auto a)
+                        __attribute__((always_inline)) { product[b * (b - 1) / 2 + a] = fma(y[a], y[b], product[b * (b - 1) / 2 + a]); });
+      });
+    for (int i = 0; i < B * (B - 1) / 2; ++i) k.product[i] = product[i];
     Y = end;
   }
   static void prefetch(void const* at, std::size_t bytes) {
@@ -226,12 +234,16 @@ struct PgsLockstep {
   /// Elements of N places one after the other.
   template <int N>
   static void project(Block const& k, T const& relaxation, T (&w)[B], T (&p)[B], T (&d)[B]) {
-    for (int first = 0; first < B; first += N) {
-      for (int b = first; b < first + N; ++b)
-        for (int a = 0; a < first; ++a) w[b] = fma(k.product[b * (b - 1) / 2 + a], d[a], w[b]);
+    unrolled<B / N>([&](auto e) __attribute__((always_inline)) {
+      constexpr int first = e * N;
+      unrolled<N>([&](auto b) __attribute__((always_inline)) {
+        unrolled<first>([&](auto a) __attribute__((always_inline)) {
+          w[first + b] = fma(k.product[(first + b) * (first + b - 1) / 2 + a], d[a], w[first + b]);
+        });
+      });
       auto const coupling = [&](int b, int a) { return k.product[(first + b) * (first + b - 1) / 2 + first + a]; };
-      project_element(k.law, first, N, coupling, relaxation, w, p, d);
-    }
+      project_element<N>(k.law, first, coupling, relaxation, w, p, d);
+    });
   }
   /// z += Y^T d
   static void push(Block const& k, T* z, T const (&d)[B]) {

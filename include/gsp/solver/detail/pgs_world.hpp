@@ -19,14 +19,6 @@ struct PgsWorld {
   PgsOptions options;
   int least_rows = 0;  // worlds with fewer go in lockstep
 
-  /// One element as the solver sees it: its first row, how many, their laws.
-  struct Element {
-    Row<R> const* row;
-    R const* coupling;
-    int rows;
-    ElementLaw<R, N> law;
-  };
-
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
@@ -48,29 +40,25 @@ struct PgsWorld {
     int sweep = 0;
     for (R change = R(1); sweep < options.iterations && count > 0 && change > R(options.tolerance); ++sweep) {
       change = R(0);
-      for (int r = 0; r < count; r += rows.row(first + r).element_rows) {
-        Element e;
-        R rate[N], now[N], d[N];
-        take(world, rows.row(first + r), z, p + r, e, rate, now);
-        auto const coupling = [&](int b, int a) { return e.coupling[b * (b - 1) / 2 + a]; };
-        project_element(e.law, 0, e.rows, coupling, R(options.relaxation), rate, now, d);
-        world.sync();  // all have read p and z
-        for (int b = 0; b < e.rows; ++b) {
-          if (d[b] == R(0)) continue;
-          world.once([&] { p[r + b] = now[b]; });
-          push(world, e.row[b], z, d[b]);
-          change = max(change, abs(d[b]) / e.law.inverse_diagonal[b]);
-          world.sync();  // before the next row of the element adds to z
-        }
+      for (int r = 0; r < count;) {
+        Row<R> const* const row = &rows.row(first + r);
+        int const n = row->element_rows;
+        if (n == 1)
+          change = max(change, sweep_element<1>(world, row, z, p + r));
+        else if (n == 3 && row->alike)
+          change = max(change, sweep_element<3>(world, row, z, p + r));
+        else
+          change = max(change, sweep_element<N>(world, row, z, p + r));
+        r += n;
       }
       if (options.tolerance == 0) change = R(1);
     }
     R worst(0);
     for (int r = 0; options.residual && r < count; r += rows.row(first + r).element_rows) {
-      Element e;
+      ElementLaw<R, N> law;
       R rate[N], now[N];
-      take(world, rows.row(first + r), z, p + r, e, rate, now);
-      worst = max(worst, element_residual(e.law, 0, e.rows, rate, now));
+      take<N>(world, &rows.row(first + r), z, p + r, law, rate, now);
+      worst = max(worst, element_residual<N>(law, 0, rate, now));
     }
     world.once([&] {
       solution.iterations(w) = sweep;
@@ -81,27 +69,79 @@ struct PgsWorld {
  private:
   KOKKOS_INLINE_FUNCTION int const* list_of(RowSegment const& s) const { return s.list < 0 ? nullptr : rows.dof_lists.data() + s.list; }
 
-  /// Loads an element, its impulses, and the rates w = Y z + C p + b of its rows.
-  template <class World>
-  KOKKOS_INLINE_FUNCTION void take(World const& world, Row<R> const& row, R const* z, R const* p, Element& e, R* rate, R* now) const {
-    e.row = &row;
-    e.rows = row.element_rows;
-    e.coupling = rows.Y.data() + row.Y + row.coupling;
-    for (int b = 0; b < e.rows; ++b) {
-      Row<R> const& mine = e.row[b];
-      e.law.normals[b] = 0;
-      set_law(e.law, b, mine, [](R& to, R value) { to = value; });
-      now[b] = p[b];
-      rate[b] = fma(mine.compliance, now[b], mine.bias);
-      R const* y = rows.Y.data() + mine.Y;
-      for (int s = 0; s < mine.segments; ++s) {
-        auto const& segment = mine.segment[s];
+  /// One pass over an element; the largest change of a rate. M = 1 or 3: so many rows, which have the same segments; M = N: any.
+  template <int M, class World>
+  KOKKOS_INLINE_FUNCTION R sweep_element(World const& world, Row<R> const* row, R* z, R* p) const {
+    ElementLaw<R, M> law;
+    R rate[M], now[M], d[M];
+    take<M>(world, row, z, p, law, rate, now);
+    int const n = M < N ? M : row->element_rows;
+    R const* const couplings = rows.Y.data() + row->Y + row->coupling;
+    auto const coupling = [&](int b, int a) { return M < N || b < n ? couplings[b * (b - 1) / 2 + a] : R(0); };
+    project_element<M>(law, 0, coupling, R(options.relaxation), rate, now, d);
+    world.sync();  // all have read p and z
+    R change(0);
+    bool any = false;
+    unrolled<M>([&](auto b) {
+      if (d[b] == R(0)) return;
+      any = true;
+      change = max(change, abs(d[b]) / law.inverse_diagonal[b]);  // d is 0 where this is
+      world.once([&] { p[b] = now[b]; });
+    });
+    if (!any) return change;
+    if constexpr (M < N) {  // z += sum Y^T d at once
+      R const* y[M];
+      unrolled<M>([&](auto b) { y[b] = rows.Y.data() + row[b].Y; });
+      for (int s = 0; s < row->segments; ++s) {
+        auto const& segment = row->segment[s];
         int const* const list = list_of(segment);
-        R const* const part = z + segment.dof0;
-        rate[b] += world.template sum<R>(segment.count, [&](int i) { return y[i] * part[list ? list[i] : i]; });
-        y += segment.count;
+        R* const part = z + segment.dof0;
+        world.each(segment.count, [&](int i) {
+          R& to = part[list ? list[i] : i];
+          R x = to;
+          unrolled<M>([&](auto b) { x = fma(y[b][i], d[b], x); });
+          to = x;
+        });
+        unrolled<M>([&](auto b) { y[b] += segment.count; });
+      }
+      world.sync();
+    } else {
+      for (int b = 0; b < n; ++b) {
+        push(world, row[b], z, d[b]);
+        world.sync();  // before the next row of the element adds to z
       }
     }
+    return change;
+  }
+  /// Laws of an element, its impulses, and the rates w = Y z + C p + b of its rows.
+  template <int M, class World>
+  KOKKOS_INLINE_FUNCTION void take(World const& world, Row<R> const* row, R const* z, R const* p, ElementLaw<R, M>& law, R (&rate)[M],
+                                   R (&now)[M]) const {
+    unrolled<M>([&](auto b) {
+      law.normals[b] = 0;
+      if (M < N || b < row->element_rows) {
+        set_law(law, b, row[b], [](R& to, R value) { to = value; });
+        now[b] = p[b];
+        rate[b] = fma(row[b].compliance, now[b], row[b].bias) + dot(world, row[b], z);
+      } else {
+        clear_law(law, b);
+        now[b] = rate[b] = R(0);
+      }
+    });
+  }
+  /// Y z
+  template <class World>
+  KOKKOS_INLINE_FUNCTION R dot(World const& world, Row<R> const& row, R const* z) const {
+    R const* y = rows.Y.data() + row.Y;
+    R total(0);
+    for (int s = 0; s < row.segments; ++s) {
+      auto const& segment = row.segment[s];
+      int const* const list = list_of(segment);
+      R const* const part = z + segment.dof0;
+      total += world.template sum<R>(segment.count, [&](int i) { return y[i] * part[list ? list[i] : i]; });
+      y += segment.count;
+    }
+    return total;
   }
   /// z += Y^T d
   template <class World>
