@@ -23,7 +23,8 @@ struct PrincipalAxes {
 
 /// Eigenvalues and axes by Jacobi rotations: each rotation about a coordinate axis removes the largest off-diagonal entry,
 /// tan(2 t) = 2 a_ij / (a_ii - a_jj); it converges quadratically, so that 30 sweeps are far more than enough. Entries that are rounding of
-/// the tensor's own sums count as zero: where moments are equal, axes would otherwise be a matter of the compiler's flags.
+/// the tensor's own sums count as zero, and moments that differ by rounding keep their order: where moments are equal, axes would otherwise
+/// be a matter of the compiler's flags.
 inline PrincipalAxes principal_axes(Symmetric3 const& s) {
   double a[3][3] = {{s[0], s[3], s[4]}, {s[3], s[1], s[5]}, {s[4], s[5], s[2]}};
   double v[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};  // columns: the axes
@@ -49,7 +50,7 @@ inline PrincipalAxes principal_axes(Symmetric3 const& s) {
   }
   int order[3] = {0, 1, 2};
   for (int i : {0, 1, 0})
-    if (a[order[i]][order[i]] < a[order[i + 1]][order[i + 1]]) std::swap(order[i], order[i + 1]);
+    if (a[order[i]][order[i]] + 1e-13 * scale < a[order[i + 1]][order[i + 1]]) std::swap(order[i], order[i + 1]);
   PrincipalAxes result;
   Double3 axis[3];
   for (int k = 0; k < 3; ++k) {
