@@ -36,11 +36,15 @@ KOKKOS_INLINE_FUNCTION void set_law(ElementLaw<T, N>& law, int b, Row<R> const& 
 }
 
 namespace detail {
-/// f(0), ..., f(n - 1) with the numbers known to the compiler: what the rows of an element need stays in registers.
+/// f(0), ..., f(n - 1); on a GPU with numbers known to the compiler, so that what the rows of an element need stays in registers.
 template <int n, class F>
 KOKKOS_FORCEINLINE_FUNCTION void unrolled(F const& f) {
-  [&]<int... i>(std::integer_sequence<int, i...>) __attribute__((always_inline)) { (f(std::integral_constant<int, i>{}), ...); }
+#ifdef __CUDA_ARCH__
+  [&]<int... i>(std::integer_sequence<int, i...>) { (f(std::integral_constant<int, i>{}), ...); }
   (std::make_integer_sequence<int, n>{});
+#else
+  for (int i = 0; i < n; ++i) f(i);
+#endif
 }
 }  // namespace detail
 
@@ -54,7 +58,7 @@ KOKKOS_FORCEINLINE_FUNCTION T project_row(ElementLaw<T, N> const& law, int first
   unsigned const normals = law.normals[at];
   if (normals == 0) return clamp(step, law.lower[at], law.upper[at]);
   T bound(0);
-  detail::unrolled<rows>([&](auto a) __attribute__((always_inline)) {
+  detail::unrolled<rows>([&](auto a) {
     if (normals == 1u << a)
       bound = abs(p[first + a]);
     else if ((normals >> a) & 1u)
@@ -73,8 +77,8 @@ KOKKOS_FORCEINLINE_FUNCTION T project_row(ElementLaw<T, N> const& law, int first
 template <int rows, int N, class T, class Coupling>
 KOKKOS_FORCEINLINE_FUNCTION void project_element(ElementLaw<T, N> const& law, int first, Coupling const& coupling, T const& relaxation,
                                                  T* w, T* p, T* d) {
-  detail::unrolled<rows>([&](auto b) __attribute__((always_inline)) {
-    detail::unrolled<b>([&](auto a) __attribute__((always_inline)) { w[first + b] = fma(coupling(b, a), d[first + a], w[first + b]); });
+  detail::unrolled<rows>([&](auto b) {
+    for (int a = 0; a < b; ++a) w[first + b] = fma(coupling(b, a), d[first + a], w[first + b]);
     T const next = project_row<rows>(law, first, b, w[first + b], p, relaxation);
     d[first + b] = next - p[first + b];
     p[first + b] = next;
@@ -86,7 +90,7 @@ KOKKOS_FORCEINLINE_FUNCTION void project_element(ElementLaw<T, N> const& law, in
 template <int rows, int N, class T>
 KOKKOS_FORCEINLINE_FUNCTION T element_residual(ElementLaw<T, N> const& law, int first, T const* w, T const* p) {
   T worst(0);
-  detail::unrolled<rows>([&](auto b) __attribute__((always_inline)) {
+  detail::unrolled<rows>([&](auto b) {
     int const at = first + b;
     auto const movable = law.inverse_diagonal[at] > T(0);
     T const miss = abs(project_row<rows>(law, first, b, w[at], p, T(1)) - p[at]);

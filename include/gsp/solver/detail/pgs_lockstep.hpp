@@ -201,14 +201,12 @@ struct PgsLockstep {
           y += segment.count;
         }
       }
-    T product[B * (B - 1) / 2];  // in one pass over the entries
-    for (T& x : product) x = T(R(0));
-    for (T const* y = Y; y != end; y += B)
-      unrolled<B>([&](auto b) __attribute__((always_inline)) {
-        unrolled<b>([&](auto a)
-                        __attribute__((always_inline)) { product[b * (b - 1) / 2 + a] = fma(y[a], y[b], product[b * (b - 1) / 2 + a]); });
-      });
-    for (int i = 0; i < B * (B - 1) / 2; ++i) k.product[i] = product[i];
+    for (int b = 0, at = 0; b < B; ++b)
+      for (int a = 0; a < b; ++a) {
+        T sum(R(0));
+        for (T const* y = Y; y != end; y += B) sum = fma(y[a], y[b], sum);
+        k.product[at++] = sum;
+      }
     Y = end;
   }
   static void prefetch(void const* at, std::size_t bytes) {
@@ -234,16 +232,12 @@ struct PgsLockstep {
   /// Elements of N places one after the other.
   template <int N>
   static void project(Block const& k, T const& relaxation, T (&w)[B], T (&p)[B], T (&d)[B]) {
-    unrolled<B / N>([&](auto e) __attribute__((always_inline)) {
-      constexpr int first = e * N;
-      unrolled<N>([&](auto b) __attribute__((always_inline)) {
-        unrolled<first>([&](auto a) __attribute__((always_inline)) {
-          w[first + b] = fma(k.product[(first + b) * (first + b - 1) / 2 + a], d[a], w[first + b]);
-        });
-      });
+    for (int first = 0; first < B; first += N) {
+      for (int b = first; b < first + N; ++b)
+        for (int a = 0; a < first; ++a) w[b] = fma(k.product[b * (b - 1) / 2 + a], d[a], w[b]);
       auto const coupling = [&](int b, int a) { return k.product[(first + b) * (first + b - 1) / 2 + first + a]; };
       project_element<N>(k.law, first, coupling, relaxation, w, p, d);
-    });
+    }
   }
   /// z += Y^T d
   static void push(Block const& k, T* z, T const (&d)[B]) {
