@@ -48,6 +48,7 @@ struct Rows {
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0, nv = 0;
   View<int*> first, count;                   // (worlds) rows of a world
+  View<int*> largest_element;                // (worlds) most rows of an element
   View<std::int64_t*> first_entry, entries;  // (worlds) of Y
   View<Row<R>*> row;                         // (capacity)
   View<R*> Y;                  // (capacity of entries) of the rows of an element, then its couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a
@@ -95,6 +96,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   r.dof_lists = model.ints;
   make(r.first, "gsp::Rows::first", n);
   make(r.count, "gsp::Rows::count", n);
+  make(r.largest_element, "gsp::Rows::largest_element", n);
   make(r.first_entry, "gsp::Rows::first_entry", n);
   make(r.entries, "gsp::Rows::entries", n);
   make(r.demand, "gsp::Rows::demand", 2);

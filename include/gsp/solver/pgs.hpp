@@ -13,9 +13,9 @@ namespace gsp {
 /// @param impulses   in: start (warm: those of the last step); out: the solution [N s, N m s]
 /// @param solution   z (world, nv), residual, iterations (world): out
 /// @param progress   nothing happens while progress.halt is set
-/// On a CPU, worlds of at most 128 rows in models of at most 128 dofs go in lockstep, a pack at a time; larger ones, and on a GPU all, over
-/// sparse rows. Cost 4 entries iterations flop a world. A world's result depends on nothing but its own rows. Does not allocate, does not
-/// fence.
+/// On a CPU, worlds of at most 128 rows, in elements of at most three, in models of at most 128 dofs go in lockstep, a pack at a time;
+/// larger ones, and on a GPU all, over sparse rows. Cost 4 entries iterations flop a world. A world's result depends on nothing but its own
+/// rows. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
          PgsOptions options = {}) {
@@ -25,15 +25,15 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
           "gsp::pgs: rows, impulses and solution have different numbers of worlds or degrees of freedom: make them for one model and the "
           "same {.worlds = n}");
   Region const region("gsp::solver::pgs");
-  int least_rows = 0;
+  bool lockstep = false;
   if constexpr (!is_device<Exec>)
     if (solution.thread_stride > 0) {  // before the other kernel, which marks the step as solved
       using Solver = detail::PgsLockstep<R, Mem>;
       Kokkos::parallel_for("gsp::solver::pgs_lockstep", Kokkos::RangePolicy<Exec>(exec, 0, (rows.worlds + Solver::W - 1) / Solver::W),
                            detail::LockstepLoop<Exec, Solver>{{rows, impulses, solution, options}, progress.halt});
-      least_rows = detail::lockstep_most_rows + 1;
+      lockstep = true;
     }
-  for_worlds("gsp::solver::pgs", exec, rows.worlds, detail::PgsWorld<R, Mem>{rows, impulses, solution, progress, options, least_rows});
+  for_worlds("gsp::solver::pgs", exec, rows.worlds, detail::PgsWorld<R, Mem>{rows, impulses, solution, progress, options, lockstep});
 }
 
 }  // namespace gsp

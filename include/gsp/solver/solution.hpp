@@ -25,11 +25,15 @@ struct SolutionOptions {
 
 namespace detail {
 // On hosts, worlds of at most so many rows and dofs are solved a pack at a time, in blocks of so many rows (detail/pgs_lockstep.hpp).
-inline constexpr int lockstep_most_rows = 128, lockstep_most_dofs = 128, lockstep_rows = 6;
-// Elements of 1, 2, 3 and up to 6 rows have blocks of their own. Of each kind a pack of worlds needs room for the longest list in any of
-// them: 128, 128, 126 and (elements of four rows) 192 rows, and a block more where it is not full.
-inline constexpr int lockstep_most_blocks = (128 + 128 + 126 + 192) / lockstep_rows + 4;
-inline constexpr int lockstep_block_packs = 72;  // what is known of a block but its entries
+inline constexpr int lockstep_most_rows = 128, lockstep_most_dofs = 128, lockstep_rows = 3;
+// Elements of one row, and of two or three, have blocks of their own: room for the longest list of either in any world of a pack.
+inline constexpr int lockstep_most_blocks = (128 + lockstep_rows - 1) / lockstep_rows + 64;
+inline constexpr int lockstep_block_packs = 40;  // what is known of a block but its entries
+/// A world takes this path by its own rows alone.
+template <class Rows>
+KOKKOS_INLINE_FUNCTION bool goes_in_lockstep(Rows const& rows, int world) {
+  return rows.count(world) <= lockstep_most_rows && rows.largest_element(world) <= lockstep_rows;
+}
 /// Packs that such worlds need: z and the entries by whole groups of four dofs, and the blocks.
 inline std::int64_t lockstep_packs(int nv) {
   return std::int64_t(nv + 3) / 4 * 4 * (1 + lockstep_most_blocks * lockstep_rows) + lockstep_most_blocks * lockstep_block_packs;

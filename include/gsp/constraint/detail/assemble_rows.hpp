@@ -27,8 +27,10 @@ struct CountRows {
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
     std::uint32_t const status = types.status(w);
-    world.once(
-        [&] { state.status(w) = (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused)) | status; });
+    world.once([&] {
+      state.status(w) = (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused)) | status;
+      rows.largest_element(w) = 3;  // what contacts have
+    });
     world.sync();
     std::int64_t sizes = world.template sum<std::int64_t>(types.count(w), [&](int e) {
       std::int64_t own = 0;
@@ -43,6 +45,7 @@ struct CountRows {
           own += pack_sizes(1, structure.entries());
         }
         own += couplings_of(n);
+        if (n > 3) Kokkos::atomic_max(&rows.largest_element(w), n);
         if (refused) Kokkos::atomic_or(&state.status(w), std::uint32_t(status::row_refused));
       });
       return own;

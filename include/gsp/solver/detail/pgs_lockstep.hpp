@@ -4,9 +4,9 @@
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and six rows at a time: 6 elements of one row, 3 of two,
-/// 2 of three, or 1 of up to six. A world's elements go by size, then in their order. Six dot products read z once, and so does
-/// z += sum Y^T d; what the rows of a block do to each other in between goes through their products:
+/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and three rows at a time: three elements of one row, or
+/// an element of two or three. A world's elements of one row go first, else in their order. Three dot products read z once, and so does z
+/// += sum Y^T d; what the rows of a block do to each other in between goes through their products:
 ///   w_b = Y_b z + sum_{a < b} (Y_b . Y_a) d_a + C p_b + bias_b     (z as before the block: the same numbers as row by row)
 /// A block's entries are widened to the dofs that any of its rows has in any of the worlds, so that nothing is gathered inside a sweep.
 /// What bounds a sweep is loading Y, twice a block. A world takes this path by its own number of rows alone, which rows share a block is a
@@ -33,20 +33,20 @@ struct PgsLockstep {
     int groups;        // of four dofs
     short dof[lockstep_most_dofs / 4];
   };
-  /// A world's rows by the places that its elements take, -1: none.
+  /// The first rows of a world's elements, of one row and of more.
   struct Places {
-    int count[4] = {};  // elements of one row, two, three, and up to six
-    short row[4][lockstep_most_rows];
-    signed char has[4][lockstep_most_rows];  // rows
+    int count[2] = {};
+    short row[2][lockstep_most_rows];
+    signed char has[2][lockstep_most_rows];  // rows
   };
 
   [[gnu::noinline]] void operator()(int first, int thread) const {
     int const w0 = first * W, nv = rows.nv, parity = impulses.parity();
-    int count[W], most[4] = {};
+    int count[W], most[2] = {};
     Places places[W];
     for (int l = 0; l < W; ++l) {
       count[l] = w0 + l < rows.worlds ? rows.count(w0 + l) : 0;
-      if (count[l] > lockstep_most_rows) count[l] = 0;  // that world goes alone
+      if (w0 + l < rows.worlds && !goes_in_lockstep(rows, w0 + l)) count[l] = 0;  // that world goes alone
       find_places(places[l], w0 + l, count[l], most);
     }
     T* const z = reinterpret_cast<T*>(solution.thread_items.data() + std::int64_t(thread) * solution.thread_stride);
@@ -56,7 +56,7 @@ struct PgsLockstep {
     Block* const block = reinterpret_cast<Block*>(behind);
     T* Y = behind + lockstep_most_blocks * lockstep_block_packs;
     int blocks = 0;
-    for (int kind = 0; kind < 4; ++kind)
+    for (int kind = 0; kind < 2; ++kind)
       for (int q = 0, each = B / places_of(kind); q * each < most[kind]; ++q, ++blocks) {
         block[blocks].element_rows = places_of(kind);
         widen(block[blocks], Y, kind, q * each, w0, places, parity);
@@ -77,12 +77,8 @@ struct PgsLockstep {
         for (int b = 0; b < B; ++b) p[b] = k.p[b];
         if (k.element_rows == 1)
           project<1>(k, relaxation, w, p, d);
-        else if (k.element_rows == 2)
-          project<2>(k, relaxation, w, p, d);
-        else if (k.element_rows == 3)
-          project<3>(k, relaxation, w, p, d);
         else
-          project<6>(k, relaxation, w, p, d);
+          project<B>(k, relaxation, w, p, d);
         for (int b = 0; b < B; ++b) {
           d[b] = select(active, d[b], zero);
           k.p[b] = k.p[b] + d[b];
@@ -102,17 +98,14 @@ struct PgsLockstep {
       rates(block[q], z, w);
       Block const& k = block[q];
       for (int s = 0; s < B; s += k.element_rows)  // places without a row are at rest
-        worst = max(worst, k.element_rows == 1   ? element_residual<1>(k.law, s, w, k.p)
-                           : k.element_rows == 2 ? element_residual<2>(k.law, s, w, k.p)
-                           : k.element_rows == 3 ? element_residual<3>(k.law, s, w, k.p)
-                                                 : element_residual<6>(k.law, s, w, k.p));
+        worst = max(worst, k.element_rows == 1 ? element_residual<1>(k.law, s, w, k.p) : element_residual<B>(k.law, s, w, k.p));
     }
     for (int l = 0; l < W; ++l) {
-      if (w0 + l >= rows.worlds || rows.count(w0 + l) > lockstep_most_rows) continue;
+      if (w0 + l >= rows.worlds || !goes_in_lockstep(rows, w0 + l)) continue;
       R* const out = solution.z.data() + std::int64_t(w0 + l) * nv;
       for (int i = 0; i < nv; ++i) out[i] = z[i][l];
       R* const p = impulses.p[parity].data() + rows.first(w0 + l);
-      for (int kind = 0, q = 0; kind < 4; ++kind) {
+      for (int kind = 0, q = 0; kind < 2; ++kind) {
         int const n = places_of(kind), each = B / n;
         for (int e = 0; e < places[l].count[kind]; ++e) {
           int const row = places[l].row[kind][e], has = places[l].has[kind][e];
@@ -126,18 +119,18 @@ struct PgsLockstep {
   }
 
  private:
-  static constexpr int places_of(int kind) { return kind < 3 ? kind + 1 : B; }
+  static constexpr int places_of(int kind) { return kind == 0 ? 1 : B; }
 
-  void find_places(Places& places, int w, int count, int (&most)[4]) const {
+  void find_places(Places& places, int w, int count, int (&most)[2]) const {
     Row<R> const* const row = rows.row.data() + (count > 0 ? rows.first(w) : 0);
     for (int r = 0; r < count; ++r) {  // not from element to element: the next load would wait for the one before
-      int const n = row[r].element_rows, kind = n < 4 ? n - 1 : 3;
+      int const n = row[r].element_rows, kind = n > 1;
       if (n == 0) continue;
       int const at = places.count[kind]++;
       places.row[kind][at] = short(r);
       places.has[kind][at] = static_cast<signed char>(n);
     }
-    for (int kind = 0; kind < 4; ++kind) most[kind] = places.count[kind] > most[kind] ? places.count[kind] : most[kind];
+    for (int kind = 0; kind < 2; ++kind) most[kind] = places.count[kind] > most[kind] ? places.count[kind] : most[kind];
   }
 
   /// Takes B / element_rows elements of a kind, from `first` on, of all worlds into `k`; their entries go to Y, which moves on. Entries

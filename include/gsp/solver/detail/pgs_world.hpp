@@ -17,7 +17,7 @@ struct PgsWorld {
   Solution<R, Mem> solution;
   Progress<Mem> progress;
   PgsOptions options;
-  int least_rows = 0;  // worlds with fewer go in lockstep
+  bool lockstep = false;  // worlds that can have been solved in lockstep
 
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
@@ -28,7 +28,7 @@ struct PgsWorld {
     }
     if (w == 0) world.once([&] { impulses.solved() = 1; });
     int const first = rows.first(w), count = rows.count(w);
-    if (count < least_rows) return;
+    if (lockstep && goes_in_lockstep(rows, w)) return;
     R* const z = solution.z.data() + std::int64_t(w) * rows.nv;
     R* const p = impulses.p[impulses.parity()].data() + first;
     world.each(rows.nv, [&](int i) { z[i] = R(0); });
