@@ -63,13 +63,17 @@ function(gsp_kernel_sources)
   endif()
 endfunction()
 
-# gsp_register_test(<target> [arguments...]): CTest runs it with two OpenMP threads, which sleep while they wait (spinning costs 30 times the time on a busy machine), so that several tests
-# share the cores. Exit code 77 means skipped: a CUDA binary on a machine without driver or GPU.
+# gsp_register_test(<target> [NAME <test>] [arguments...]): CTest runs it with two OpenMP threads, which sleep while they wait (spinning costs 30 times the time on a busy machine), so that several tests
+# share the cores. Exit code 77 means skipped: a CUDA binary on a machine without driver or GPU, or a test whose data is missing (tests/support/skip.hpp).
 function(gsp_register_test target)
-  if(GSP_ENABLE_CUDA)
-    add_test(NAME ${target} COMMAND sh "${PROJECT_SOURCE_DIR}/tests/support/skip_without_driver.sh" "$<TARGET_FILE:${target}>" ${ARGN})
-  else()
-    add_test(NAME ${target} COMMAND ${target} ${ARGN})
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "NAME" "")
+  if(NOT arg_NAME)
+    set(arg_NAME ${target})
   endif()
-  set_tests_properties(${target} PROPERTIES TIMEOUT 600 SKIP_RETURN_CODE 77 ENVIRONMENT "OMP_NUM_THREADS=2;OMP_PROC_BIND=false;OMP_WAIT_POLICY=passive")
+  if(GSP_ENABLE_CUDA)
+    add_test(NAME ${arg_NAME} COMMAND sh "${PROJECT_SOURCE_DIR}/tests/support/skip_without_driver.sh" "$<TARGET_FILE:${target}>" ${arg_UNPARSED_ARGUMENTS})
+  else()
+    add_test(NAME ${arg_NAME} COMMAND ${target} ${arg_UNPARSED_ARGUMENTS})
+  endif()
+  set_tests_properties(${arg_NAME} PROPERTIES TIMEOUT 600 SKIP_RETURN_CODE 77 ENVIRONMENT "OMP_NUM_THREADS=2;OMP_PROC_BIND=false;OMP_WAIT_POLICY=passive")
 endfunction()

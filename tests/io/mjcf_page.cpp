@@ -10,6 +10,7 @@
 #include <set>
 #include <sstream>
 #include <support/data.hpp>
+#include <support/skip.hpp>
 
 namespace {
 std::string page(std::string const& name) {
@@ -40,10 +41,11 @@ TEST_CASE("no attribute stands in two lists of an element, and groups exist") {
   CHECK(listed("b @turn a") == "a, axisangle, b, euler, quat, xyaxes, zaxis");
 }
 
-TEST_CASE("docs/io/mjcf.md lists every file of the corpus that MuJoCo does not load: each loads without its visuals, or is refused so") {
+TEST_CASE("docs/io/mjcf.md lists every file of the corpus that MuJoCo does not load: each loads without its visuals, or is refused so" *
+          doctest::test_suite("data")) {
   auto const models = gsp_test::data("models"), zoo = gsp_test::data("models/zoo.txt");
   if (!models || !zoo) {
-    MESSAGE("skipped: models/zoo.txt is missing from GSP_DATA_DIR");
+    gsp_test::skip("models/zoo.txt is missing from GSP_DATA_DIR");
     return;
   }
   std::set<std::string> loaded_by_mujoco, others;

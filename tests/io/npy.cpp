@@ -2,6 +2,7 @@
 
 #include <gsp/io/npy.hpp>
 #include <io/fixtures.hpp>
+#include <support/skip.hpp>
 
 using namespace gsp::io;
 using namespace gsp_test;
@@ -99,7 +100,7 @@ TEST_CASE("npy: bad input") {
   CHECK(says(error_of([&] { parse_npy(longer, "long.npy"); }), "does not fit the 25 bytes"));
 }
 
-TEST_CASE("npy: numpy reads ours and we read numpy's") {
+TEST_CASE("npy: numpy reads ours and we read numpy's" * doctest::test_suite("data")) {
   Folder folder;
   write_npy(folder.path / "ours.npy", NpyView({2, 3}, std::vector<double>{1, 2, 3, 4, 5, 6.5}));
   bool ok = false;
@@ -108,7 +109,7 @@ TEST_CASE("npy: numpy reads ours and we read numpy's") {
                      "/'; n.save(p + 'f', n.asfortranarray(n.arange(24, dtype=n.int32).reshape(2, 3, 4))); n.save(p + 'b', n.array([True, "
                      "False])); n.save(p + 's', n.float32(2.5)); n.save(p + 'z', n.zeros((0, 3)))",
                  ok)) {
-    MESSAGE("skipped: python3 has no numpy (GSP_PYTHON names another python)");
+    gsp_test::skip("python3 has no numpy (GSP_PYTHON names another python)");
     return;
   }
   REQUIRE(ok);

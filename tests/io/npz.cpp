@@ -2,6 +2,7 @@
 
 #include <gsp/io/npz.hpp>
 #include <io/fixtures.hpp>
+#include <support/skip.hpp>
 
 using namespace gsp::io;
 using namespace gsp_test;
@@ -86,7 +87,7 @@ TEST_CASE("npz: bad input") {
   CHECK(says(error_of([&] { parse(bytes_of("not a zip at all, but longer than its end record")); }), "no zip directory"));
 }
 
-TEST_CASE("npz: numpy reads ours and we read numpy's") {
+TEST_CASE("npz: numpy reads ours and we read numpy's" * doctest::test_suite("data")) {
   Folder folder;
   write_npz(folder.path / "stored.npz", entries());
   write_npz(folder.path / "packed.npz", entries(), {6});
@@ -98,7 +99,7 @@ TEST_CASE("npz: numpy reads ours and we read numpy's") {
                      "n.savez('" + p + "/a', viewmats=n.eye(4)[None], Ks=n.ones((1, 3, 3), n.float32)); n.savez_compressed('" + p +
                      "/b', qpos=n.arange(1000.).reshape(10, 10, 10).T)",
                  ok)) {
-    MESSAGE("skipped: python3 has no numpy (GSP_PYTHON names another python)");
+    gsp_test::skip("python3 has no numpy (GSP_PYTHON names another python)");
     return;
   }
   REQUIRE(ok);

@@ -5,6 +5,7 @@
 #include <gsp/io/spz.hpp>
 #include <io/fixtures.hpp>
 #include <support/data.hpp>
+#include <support/skip.hpp>
 
 using namespace gsp::io;
 using namespace gsp_test;
@@ -139,10 +140,10 @@ TEST_CASE(".spz: a rotated Gaussian keeps its shape under the change of axes") {
   CHECK(worst < 1e-6);  // float quaternions: 4 x 2^-24 x 2
 }
 
-TEST_CASE(".spz: the kitchen") {
+TEST_CASE(".spz: the kitchen" * doctest::test_suite("data")) {
   auto const path = data("splats/kitchen.spz");
   if (!path) {
-    MESSAGE("skipped: splats/kitchen.spz is missing from GSP_DATA_DIR");
+    gsp_test::skip("splats/kitchen.spz is missing from GSP_DATA_DIR");
     return;
   }
   auto const set = read_spz(*path);

@@ -17,6 +17,7 @@
 #include <set>
 #include <sstream>
 #include <support/data.hpp>
+#include <support/skip.hpp>
 
 using namespace gsp;
 
@@ -426,11 +427,11 @@ std::string slurp(std::string const& path) {
 }
 }  // namespace
 
-TEST_CASE("humanoid, go2 and 22 humanoids") {
+TEST_CASE("humanoid, go2 and 22 humanoids" * doctest::test_suite("data")) {
   auto const humanoid = gsp_test::data("models/mujoco/humanoid/humanoid.xml"),
              crowd = gsp_test::data("models/mujoco/humanoid/22_humanoids.xml"), go2 = gsp_test::data("models/unitree/go2/go2.xml");
   if (!humanoid || !crowd || !go2) {
-    MESSAGE("skipped: the models are missing from GSP_DATA_DIR");
+    gsp_test::skip("the models are missing from GSP_DATA_DIR");
     return;
   }
   SUBCASE("humanoid") { compare(slurp(*humanoid)); }
@@ -448,10 +449,10 @@ TEST_CASE("humanoid, go2 and 22 humanoids") {
   }
 }
 
-TEST_CASE("every file that MuJoCo loads is read to the same numbers or refused in one sentence") {
+TEST_CASE("every file that MuJoCo loads is read to the same numbers or refused in one sentence" * doctest::test_suite("data")) {
   auto const list = gsp_test::data("models/zoo.txt");
   if (!list) {
-    MESSAGE("skipped: models/zoo.txt is missing from GSP_DATA_DIR");
+    gsp_test::skip("models/zoo.txt is missing from GSP_DATA_DIR");
     return;
   }
   std::istringstream lines(slurp(*list));
@@ -782,7 +783,7 @@ TEST_CASE("replicating and attaching copy whatever names what is copied") {
                        "<keyframe><key name='k' act='3' ctrl='1 2' mpos='3 2 1' mquat='0 1 0 0'/></keyframe></mujoco>"}});
 }
 
-TEST_CASE("models of the collection written and loaded by MuJoCo have the same numbers") {
+TEST_CASE("models of the collection written and loaded by MuJoCo have the same numbers" * doctest::test_suite("data")) {
   for (char const* name :
        {"dm_control/suite/quadruped.xml", "dm_control/kinova/jaco_arm.xml", "mujoco/adhesion/active_adhesion.xml",
         "mujoco/mjx/sensor/sensor.xml", "mujoco/mjx/tendon/tendon.xml", "mujoco/slider_crank/slider_crank.xml", "mujoco/car/car.xml",
@@ -791,7 +792,7 @@ TEST_CASE("models of the collection written and loaded by MuJoCo have the same n
     CAPTURE(name);
     auto const path = gsp_test::data("models/" + std::string(name));
     if (!path) {
-      MESSAGE("skipped: " << name << " is missing from GSP_DATA_DIR");
+      gsp_test::skip(std::string(name) + " is missing from GSP_DATA_DIR");
       continue;
     }
     auto const d = io::read_mjcf(*path, {.approximate = true});

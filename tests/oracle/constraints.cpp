@@ -9,6 +9,7 @@
 #include "dynamics/random_tree.hpp"
 #include "oracle/load.hpp"
 #include "support/data.hpp"
+#include "support/skip.hpp"
 
 // One step with limits, dry friction and frictionless contacts against MuJoCo's Newton solver, profile `mujoco`, double, every contact
 // condim 1 on both sides. Both solve the same strictly convex problem (R > 0). Ours: sweeps until none changes a rate by 1e-14. MuJoCo's:
@@ -93,10 +94,10 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
 
 }  // namespace
 
-TEST_CASE("humanoid: limits and frictionless contacts") {
+TEST_CASE("humanoid: limits and frictionless contacts" * doctest::test_suite("data")) {
   auto const path = gsp_test::data("models/mujoco/humanoid/humanoid.xml");
   if (!path) {
-    MESSAGE("skipped: models/mujoco/humanoid/humanoid.xml is missing from GSP_DATA_DIR");
+    gsp_test::skip("models/mujoco/humanoid/humanoid.xml is missing from GSP_DATA_DIR");
     return;
   }
   auto const oracle = gsp_test::load_oracle(*path);

@@ -11,6 +11,7 @@
 #include <map>
 #include <set>
 #include <support/data.hpp>
+#include <support/skip.hpp>
 #include <tuple>
 #include <vector>
 
@@ -180,7 +181,7 @@ void compare_models(std::string const& file, mjModel* const o, CompiledModel con
 void compare_scene(std::string const& file, std::vector<int> const& steps, Seen& seen, bool disturb = false, bool clench = false) {
   auto const path = gsp_test::data(file);
   if (!path) {
-    MESSAGE("skipped: ", file, " is missing from GSP_DATA_DIR");
+    gsp_test::skip(std::string(file) + " is missing from GSP_DATA_DIR");
     return;
   }
   compare_models(file, load_without_visuals(*path), compile(io::read_mjcf(*path, {.skip_visuals = true, .approximate = true})), steps, seen,
@@ -193,25 +194,25 @@ void report(Seen const& s) {
 }
 }  // namespace
 
-TEST_CASE("humanoids: alone, in a heap, and disturbed") {
+TEST_CASE("humanoids: alone, in a heap, and disturbed" * doctest::test_suite("data")) {
   Seen seen;
   compare_scene("models/mujoco/humanoid/humanoid.xml", {0, 50, 100, 200, 400}, seen);
   compare_scene("models/mujoco/humanoid/humanoid.xml", {20, 100, 300}, seen, true);
   compare_scene("models/mujoco/humanoid/22_humanoids.xml", {0, 100, 300}, seen);
   report(seen);
 }
-TEST_CASE("a quadruped") {
+TEST_CASE("a quadruped" * doctest::test_suite("data")) {
   Seen seen;
   compare_scene("models/unitree/go2/scene.xml", {0, 100, 300}, seen);
   report(seen);
 }
-TEST_CASE("robots of the control suite, disturbed") {
+TEST_CASE("robots of the control suite, disturbed" * doctest::test_suite("data")) {
   Seen seen;
   for (char const* name : {"finger", "hopper", "walker", "cheetah", "humanoid_CMU", "humanoid"})
     compare_scene(std::string("models/dm_control/suite/") + name + ".xml", {0, 30, 100, 200}, seen, true);
   report(seen);
 }
-TEST_CASE("boxes: dominos, stonehenge") {
+TEST_CASE("boxes: dominos, stonehenge" * doctest::test_suite("data")) {
   Seen seen;
   compare_scene("models/mujoco/sleep/dominos.xml", {0, 20, 100}, seen);
   compare_scene("models/mujoco/replicate/stonehenge.xml", {20, 100}, seen);
@@ -243,7 +244,7 @@ TEST_CASE("named pairs: their own numbers, whatever filters say") {
   report(seen);
   CHECK(seen.named > 30);
 }
-TEST_CASE("a hand that makes a fist: its fingers meet by named pairs") {
+TEST_CASE("a hand that makes a fist: its fingers meet by named pairs" * doctest::test_suite("data")) {
   Seen seen;
   for (char const* name : {"reach", "manipulate_block", "manipulate_pen"})
     compare_scene(std::string("models/gym_robotics/hand/") + name + ".xml", {0, 50, 150, 400}, seen, true, true);

@@ -24,6 +24,7 @@
 #include "oracle/from_mujoco.hpp"
 #include "oracle/load.hpp"
 #include "support/data.hpp"
+#include "support/skip.hpp"
 
 // Smooth dynamics against MuJoCo, profile `mujoco`, constraints disabled in both, on every model of the zoo; the compiled model is taken
 // from MuJoCo's own, so that kernels alone are compared. Relative error: max norm of the difference over max(1, max norm). Bounds are those
@@ -465,10 +466,10 @@ TEST_CASE("a model with everything that the zoo has not") {
   check("everything", oracle.m(), oracle.d());
 }
 
-TEST_CASE("every model of the zoo") {
+TEST_CASE("every model of the zoo" * doctest::test_suite("data")) {
   auto const names = zoo();
   if (names.empty()) {
-    MESSAGE("skipped: models/zoo.txt is missing from GSP_DATA_DIR");
+    gsp_test::skip("models/zoo.txt is missing from GSP_DATA_DIR");
     return;
   }
   int compared = 0;
@@ -485,14 +486,14 @@ TEST_CASE("every model of the zoo") {
   MESSAGE(compared << " models compared");
 }
 
-TEST_CASE("trajectories of 1,000 steps") {
+TEST_CASE("trajectories of 1,000 steps" * doctest::test_suite("data")) {
   for (std::string const name :
        {"mujoco/humanoid/humanoid.xml", "unitree/go2/go2.xml", "mujoco/humanoid/22_humanoids.xml", "mujoco/mjx/actuator/arm21.xml",
         "mujoco/balloons/balloons.xml", "mujoco/slider_crank/slider_crank.xml", "dm_control/suite/fish.xml", "mujoco/car/car.xml",
         "dm_control/suite/quadruped.xml", "mujoco/mjx/tendon/pulley_site_wrap.xml"}) {
     auto const path = gsp_test::data("models/" + name);
     if (!path) {
-      MESSAGE("skipped: " << name << " is missing from GSP_DATA_DIR");
+      gsp_test::skip(std::string(name) + " is missing from GSP_DATA_DIR");
       continue;
     }
     auto const oracle =

@@ -10,6 +10,7 @@
 #include <oracle/load.hpp>
 #include <sstream>
 #include <support/data.hpp>
+#include <support/skip.hpp>
 
 using namespace gsp;
 
@@ -182,10 +183,11 @@ TEST_CASE("settings of the search survive writing and reading") {
   CHECK(again.compiler.length_range.use_limit);
 }
 
-TEST_CASE("models of the collection that have muscles: found as MuJoCo finds them, with and without given ranges") {
+TEST_CASE("models of the collection that have muscles: found as MuJoCo finds them, with and without given ranges" *
+          doctest::test_suite("data")) {
   auto const zoo = gsp_test::data("models/zoo.txt");
   if (!zoo) {
-    MESSAGE("skipped: models/zoo.txt is missing from GSP_DATA_DIR");
+    gsp_test::skip("models/zoo.txt is missing from GSP_DATA_DIR");
     return;
   }
   int muscles = 0;

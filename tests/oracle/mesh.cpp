@@ -20,6 +20,7 @@
 #include <set>
 #include <sstream>
 #include <support/data.hpp>
+#include <support/skip.hpp>
 
 using namespace gsp;
 using namespace gsp_test;
@@ -387,10 +388,10 @@ TEST_CASE("flat, straight and single points where a hull is needed; too few vert
   }
 }
 
-TEST_CASE("every mesh file of the collection") {
+TEST_CASE("every mesh file of the collection" * doctest::test_suite("data")) {
   auto const root = gsp_test::data("models");
   if (!root) {
-    MESSAGE("skipped: models are missing from GSP_DATA_DIR");
+    gsp_test::skip("models are missing from GSP_DATA_DIR");
     return;
   }
   std::vector<std::filesystem::path> files;
@@ -473,7 +474,7 @@ void compare_field(std::string const& attributes, std::string const& file, std::
 }
 }  // namespace
 
-TEST_CASE("height fields: pictures of all kinds, binary, inline") {
+TEST_CASE("height fields: pictures of all kinds, binary, inline" * doctest::test_suite("data")) {
   std::mt19937 random(7);
   for (int channels = 1; channels <= 4; ++channels) {
     auto bytes = io::make_bitmap<std::uint8_t>(5, 4, channels);
@@ -493,7 +494,7 @@ TEST_CASE("height fields: pictures of all kinds, binary, inline") {
   for (std::string const path : {"models/mujoco_playground/go1/assets/hfield.png", "models/mujoco_warp/unitree_g1/assets/hfield.png"}) {
     auto const file = gsp_test::data(path);
     if (!file) {
-      MESSAGE("skipped: " << path << " is missing from GSP_DATA_DIR");
+      gsp_test::skip(std::string(path) + " is missing from GSP_DATA_DIR");
       continue;
     }
     auto const bytes = io::read_file(*file);

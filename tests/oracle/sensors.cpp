@@ -13,6 +13,7 @@
 #include "dynamics/random_tree.hpp"
 #include "oracle/load.hpp"
 #include "support/data.hpp"
+#include "support/skip.hpp"
 
 namespace {
 using Exec = Kokkos::DefaultHostExecutionSpace;
@@ -105,10 +106,10 @@ TEST_CASE("each sensor, in all frames, with references and cutoffs") {
   CHECK(check(description, written.m(), written.d()) == written.m()->nsensor - 2);
 }
 
-TEST_CASE("every model of the zoo that has sensors") {
+TEST_CASE("every model of the zoo that has sensors" * doctest::test_suite("data")) {
   auto const list = gsp_test::data("models/zoo.txt");
   if (!list) {
-    MESSAGE("skipped: models/zoo.txt is missing from GSP_DATA_DIR");
+    gsp_test::skip("models/zoo.txt is missing from GSP_DATA_DIR");
     return;
   }
   std::ifstream file(*list);

@@ -1,4 +1,5 @@
-# Installs gsp into an empty prefix, configures a project of someone else against it, builds and runs that. Any step that fails fails the test.
+# Installs gsp into an empty prefix, configures a project of someone else against it, builds and runs that; then all examples and the program, as a user would build
+# a copy of that folder (not optimised: whether they compile and link is the question, and the examples' own tests run them). Any step that fails fails the test.
 set(prefix "${WORK}/prefix")
 file(REMOVE_RECURSE "${WORK}")
 execute_process(COMMAND "${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${prefix}" OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
@@ -8,4 +9,10 @@ execute_process(COMMAND "${CMAKE_COMMAND}" --build "${WORK}/build" COMMAND_ERROR
 execute_process(COMMAND "${WORK}/build/consumer" COMMAND_ERROR_IS_FATAL ANY)
 if(EXISTS "${BUILD}/gsp")  # the program is installed with the library
   execute_process(COMMAND "${prefix}/bin/gsp" --version OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
+endif()
+if(IO)
+  execute_process(COMMAND "${CMAKE_COMMAND}" -G "${GENERATOR}" -S "${EXAMPLES}" -B "${WORK}/examples" "-DCMAKE_CXX_COMPILER=${COMPILER}"
+    "-DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}" "-Dgsp_ROOT=${prefix}" -DCMAKE_CXX_FLAGS=-O0 COMMAND_ERROR_IS_FATAL ANY)
+  execute_process(COMMAND "${CMAKE_COMMAND}" --build "${WORK}/examples" --parallel 2 COMMAND_ERROR_IS_FATAL ANY)
+  execute_process(COMMAND "${WORK}/examples/example_01_pendulum" COMMAND_ERROR_IS_FATAL ANY)
 endif()

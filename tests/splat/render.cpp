@@ -7,6 +7,7 @@
 #include <splat/scenes.hpp>
 #include <support/data.hpp>
 #include <support/kokkos_tools.hpp>
+#include <support/skip.hpp>
 
 namespace {
 
@@ -88,10 +89,10 @@ TEST_CASE_TEMPLATE("pictures are those of the plain double reference: SH 0-3, mo
   }
 }
 
-TEST_CASE_TEMPLATE("pictures of the kitchen are those of the plain double reference", Exec, GSP_TEST_EXECS) {
+TEST_CASE_TEMPLATE("pictures of the kitchen are those of the plain double reference" * doctest::test_suite("data"), Exec, GSP_TEST_EXECS) {
   auto const path = gsp_test::data("splats/kitchen.spz");
   if (!path) {
-    MESSAGE("skipped: splats/kitchen.spz is missing from GSP_DATA_DIR");
+    gsp_test::skip("splats/kitchen.spz is missing from GSP_DATA_DIR");
     return;
   }
   Exec const exec;

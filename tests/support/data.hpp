@@ -6,9 +6,7 @@
 #include <string>
 
 namespace gsp_test {
-/// Path of a file or folder below the data folder; empty when it is missing, so that a test can say that it is skipped:
-///   auto const path = gsp_test::data("splats/kitchen.spz");
-///   if (!path) { MESSAGE("skipped: splats/kitchen.spz is missing from GSP_DATA_DIR"); return; }
+/// Path of a file or folder below the data folder; empty when it is missing (skip.hpp).
 inline std::optional<std::string> data(std::string const& name) {
   char const* const variable = std::getenv("GSP_DATA_DIR");
   std::filesystem::path const root = variable ? variable : GSP_DATA_DIR;
