@@ -5,16 +5,46 @@
 #include <cmath>
 #include <fstream>
 #include <gsp/collision/contacts.hpp>
+#include <gsp/constraint/assemble.hpp>
 #include <gsp/dynamics/kinematics.hpp>
+#include <gsp/dynamics/smooth.hpp>
 #include <gsp/model/attach.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/sensor/sense.hpp>
+#include <gsp/solver/pgs.hpp>
 #include <gsp/splat/render.hpp>
 #include <gsp_test_execs.hpp>
 #include <string>
 #include <vector>
 
 namespace {
+
+// example-begin add_a_constraint
+/// Ropes of one length in a row: rope k from body k to body k + 1, the first from a point of the world. A rope only pulls.
+template <class R, class Mem>
+struct Ropes : gsp::OneFreeRow {
+  gsp::Poses<R, Mem> poses;
+  gsp::Vec3<R> hook;  // [m]
+  R length;           // [m]
+  int ropes;
+  KOKKOS_FUNCTION int count(int) const { return ropes; }
+  /// The gap is what is left until the rope is taut: x = length - distance, u = dx/dt.
+  template <class Row>
+  KOKKOS_FUNCTION R jacobian(int world, int k, int, Row&& J) const {
+    auto const at = [&](int body) {
+      return gsp::Vec3<R>{poses.xpos(world, body, 0), poses.xpos(world, body, 1), poses.xpos(world, body, 2)};
+    };
+    gsp::Vec3<R> const upper = k == 0 ? hook : at(k), lower = at(k + 1);
+    gsp::Vec3<R> const up = gsp::normalized(upper - lower);
+    if (k > 0) J.add_point(k, upper, -up);
+    J.add_point(k + 1, lower, up);
+    return length - gsp::norm(upper - lower);
+  }
+  /// Taut at the end of the step at most: x + h u >= 0, so that u+ = -C p + zeta with C = 0, zeta = -x / h where the rope pulls.
+  KOKKOS_FUNCTION gsp::RowLaw<R> law(int, int, int, R x, R, R h) const { return {R(0), -x / h}; }
+  KOKKOS_FUNCTION gsp::RowBounds<R> bounds(int, int, int) const { return {R(0), Kokkos::Experimental::infinity_v<R>}; }
+};
+// example-end add_a_constraint
 
 // example-begin add_a_sensor
 /// How far body b stands from body a [m], by packs of worlds.
@@ -94,6 +124,23 @@ struct LabelAndNormal {
 static_assert(gsp::PictureChannel<MedianDepth<Kokkos::HostSpace>> && gsp::PictureChannel<LabelAndNormal<Kokkos::HostSpace>>);
 static_assert(gsp::PictureChannel<gsp::RgbChannel<Kokkos::HostSpace>> && !gsp::PictureChannel<gsp::Splat>);
 
+// example-begin read_a_force
+/// The forces of the ropes [N]: impulses of the last step over its length. A sensor reads them on the device, one world at a time.
+template <class R, class Mem>
+struct Pulls {
+  gsp::ElementImpulses<R, Mem> impulses;
+  R timestep;
+  int count() const { return 2; }
+  KOKKOS_FUNCTION int size() const { return 1; }
+  template <class Put>
+  KOKKOS_FUNCTION void operator()(int world, int k, Put const& put) const {
+    put(0, impulses(world, k) / timestep);
+  }
+};
+// example-end read_a_force
+
+static_assert(gsp::ConstraintType<Ropes<float, Kokkos::HostSpace>>);
+
 static_assert(gsp::SensorKind<Range<Kokkos::HostSpace>> && gsp::SensorKind<Touch<Kokkos::HostSpace>>);
 static_assert(!gsp::SensorKind<gsp::Poses<float, Kokkos::HostSpace>>);
 
@@ -146,6 +193,53 @@ TEST_CASE("nothing here comes from detail") {
     CHECK_MESSAGE(line.find(std::string("det") + "ail::") == std::string::npos, line);
   }
   CHECK(includes > 3);
+}
+
+// Two balls hang below each other on two ropes; in odd worlds the lower one first falls 0.2 m until its rope is taut.
+//   at rest: lower rope m g, upper rope 2 m g; while the lower ball falls: 0 and m g
+// Heights are rounded by 4e-16 m, which a step makes good by a force of m x / h^2: 4e-16 / (g h^2) = 4e-13 of the weight a rope.
+TEST_CASE_TEMPLATE("a constraint from outside", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Exec const exec;
+  int const worlds = 19;
+  double const length = 1, top = 3, h = 0.01;
+  auto const compiled = gsp::compile(Balls<Exec>::description());
+  auto const model = gsp::make_model<double>(exec, compiled, {.timestep = h});
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto rows = gsp::make_rows(exec, model, {.worlds = worlds});
+  auto impulses = gsp::make_impulses(exec, rows);
+  auto solution = gsp::make_solution(exec, model, {.worlds = worlds});
+  auto progress = gsp::make_progress(exec);
+  auto const qpos = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state.qpos);
+  for (int w = 0; w < worlds; ++w) {
+    double const q[] = {0, 0, top - length, 1, 0, 0, 0, 0, 0, top - 2 * length + 0.2 * (w % 2), 1, 0, 0, 0};
+    std::copy(std::begin(q), std::end(q), &qpos(w, 0));
+  }
+  Kokkos::deep_copy(state.qpos, qpos);
+
+  using Mine = Ropes<double, Mem>;
+  Mine const ropes{{}, poses, {0, 0, top}, length, 2};
+  Kokkos::View<double**, Kokkos::LayoutRight, Mem> const force("force", worlds, 2);
+  double const weight = compiled.body_mass[1] * 9.81;
+  for (int t = 0; t < 40;) {  // it falls for 0.2 s
+    gsp::smooth_dynamics(exec, model, state, dynamics, poses);
+    gsp::assemble(exec, model, state, dynamics, gsp::constraints(ropes), rows, impulses, progress);
+    gsp::pgs(exec, rows, impulses, solution, progress, {.iterations = 100, .tolerance = 0});
+    gsp::integrate(exec, model, dynamics, solution, progress, state);
+    if (gsp::grow(exec, rows, impulses, progress)) continue;
+    ++t;
+    if (t != 10 && t != 40) continue;
+    Pulls<double, Mem> const pulls{gsp::impulses_of<Mine>(rows, impulses), h};
+    gsp::sense(exec, pulls, force);
+    auto const found = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, force);
+    for (int w = 0; w < worlds; ++w) {
+      bool const falls = w % 2 == 1 && t == 10;
+      CHECK(found(w, 0) == doctest::Approx(falls ? weight : 2 * weight).epsilon(1e-11));
+      CHECK(found(w, 1) == doctest::Approx(falls ? 0 : weight).epsilon(1e-11));
+    }
+  }
 }
 
 // Distances of a few metres in float: four roundings.
