@@ -1,0 +1,503 @@
+// The recipes of docs/how_to.md: each case is one of them, and checks that what the page claims happens.
+#include <doctest/doctest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <cstring>
+#include <gsp/gsp.hpp>
+#include <numeric>
+
+#include "dynamics/random_tree.hpp"
+
+namespace {
+// example-begin keyframe
+/// Positions and controls of a keyframe into all worlds.
+template <class R, class Mem>
+void set_keyframe(gsp::CompiledModel const& compiled, gsp::State<R, Mem> const& state, std::string const& name) {
+  auto const& key = compiled.keyframes.at(gsp::keyframe_id(compiled, name));
+  auto const qpos = Kokkos::create_mirror_view(state.qpos);
+  auto const ctrl = Kokkos::create_mirror_view(state.ctrl);
+  for (int w = 0; w < state.worlds; ++w) {
+    for (std::size_t i = 0; i < key.qpos.size(); ++i) qpos(w, i) = R(key.qpos[i]);
+    for (std::size_t i = 0; i < key.ctrl.size(); ++i) ctrl(w, i) = R(key.ctrl[i]);
+  }
+  Kokkos::deep_copy(state.qpos, qpos);
+  Kokkos::deep_copy(state.ctrl, ctrl);
+}
+// example-end keyframe
+
+using Exec = Kokkos::DefaultExecutionSpace;
+using Mem = Exec::memory_space;
+
+template <class View>
+bool same_row(View const& a, View const& b, int w) {
+  return std::memcmp(&a(w, 0), &b(w, 0), sizeof(a(0, 0)) * a.extent(1)) == 0;
+}
+gsp::GeomDescription geom(gsp::ShapeType type, gsp::Double3 const& size) {
+  gsp::GeomDescription g;
+  g.type = type;
+  g.size = size;
+  return g;
+}
+}  // namespace
+
+TEST_CASE("the start of all recipes, and a keyframe in all worlds") {
+  // example-begin start
+  Kokkos::DefaultExecutionSpace const exec;
+  int const worlds = 16;
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());  // or of gsp::io::read_mjcf("robot.xml")
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+
+  set_keyframe(compiled, state, "stand");
+  gsp::step(exec, model, state, sim, {.steps = 100});
+  // example-end start
+  auto const qpos = gsp_test::host(state.qpos);
+  for (int w = 0; w < worlds; ++w) CHECK(std::abs(qpos(w, 2) - compiled.keyframes[0].qpos[2]) < 0.05);  // it still stands
+}
+
+TEST_CASE("reset of single worlds") {
+  Exec const exec;
+  int const worlds = 16;
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  set_keyframe(compiled, state, "stand");
+  auto const lifted = gsp_test::host(state.qpos);
+  for (int w = 0; w < worlds; w += 3) lifted(w, 4) = 0.9f;  // some stand badly: turned about x
+  Kokkos::deep_copy(state.qpos, lifted);
+  gsp::step(exec, model, state, sim, {.steps = 150});
+  auto const before = gsp_test::snapshot(state.qpos), speed_before = gsp_test::snapshot(state.qvel);
+
+  // example-begin reset
+  auto const start = gsp::make_state(exec, model, {.worlds = 1});  // once: where an episode begins
+  set_keyframe(compiled, start, "stand");
+  Kokkos::View<bool*, Mem> const done("done", worlds);
+
+  auto const qpos = state.qpos;
+  auto const status = state.status;
+  Kokkos::parallel_for(
+      "fallen", Kokkos::RangePolicy<Exec>(exec, 0, worlds), KOKKOS_LAMBDA(int w) {
+        float const x = qpos(w, 4), y = qpos(w, 5);  // height of the body's z axis: 1 - 2 (x^2 + y^2)
+        done(w) = 1 - 2 * (x * x + y * y) < 0.5f || status(w) != 0;
+      });
+  gsp::reset(exec, model, state, done, start);
+  // example-end reset
+
+  auto const now = gsp_test::host(state.qpos), speed = gsp_test::host(state.qvel), began = gsp_test::host(start.qpos);
+  auto const chosen = gsp_test::host(done);
+  int resets = 0;
+  for (int w = 0; w < worlds; ++w) {
+    resets += chosen(w);
+    if (chosen(w)) {
+      CHECK(std::memcmp(&now(w, 0), &began(0, 0), sizeof(float) * now.extent(1)) == 0);
+      CHECK(speed(w, 0) == 0);
+      CHECK(gsp_test::host(state.steps)(w) == 0);
+    } else {
+      CHECK(same_row(now, before, w));
+      CHECK(same_row(speed, speed_before, w));
+      CHECK(gsp_test::host(state.steps)(w) == 150);
+    }
+  }
+  CHECK(resets > 0);
+  CHECK(resets < worlds);
+}
+
+// At rest the floor carries all: sum of the forces' z = m g in every world. What the solver leaves is a change of rates of at most its
+// tolerance a sweep, 1e-6 m/s: m 1e-6 / h = 0.012 N for 24 kg, and float's rounding of velocities adds as much.
+TEST_CASE("contact forces") {
+  Exec const exec;
+  int const worlds = 5;
+  auto const compiled = gsp::compile(gsp::samples::stack(3));
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  gsp::step(exec, model, state, sim, {.steps = 1000});
+
+  // example-begin contact_forces
+  Kokkos::View<float* [6], Kokkos::LayoutRight, Mem> const force("force", sim.contacts.capacity());  // again after the pool has grown
+  gsp::contact_forces(exec, model, sim.contacts, sim.rows, sim.impulses, force);
+
+  Kokkos::View<float*, Mem> const on_floor("on_floor", worlds);  // [N]
+  auto const contacts = sim.contacts;
+  Kokkos::parallel_for(
+      "weight", Kokkos::RangePolicy<Exec>(exec, 0, worlds), KOKKOS_LAMBDA(int w) {
+        int const first = contacts.begin_of(w), end = first + contacts.count_of(w);
+        for (int c = first; c < end; ++c) {
+          if (contacts.body1(c) != 0) continue;                                                   // not with the floor
+          for (int r = 0; r < 3; ++r) on_floor(w) += contacts.frame(c, 3 * r + 2) * force(c, r);  // z of axis r in the world
+        }
+      });
+  // example-end contact_forces
+
+  double const weight = std::accumulate(compiled.body_mass.begin(), compiled.body_mass.end(), 0.) * 9.81;
+  auto const found = gsp_test::host(on_floor);
+  for (int w = 0; w < worlds; ++w) {
+    MESSAGE("on the floor " << found(w) << " N of " << weight);
+    CHECK(std::abs(found(w) - weight) < 0.03);
+  }
+}
+
+// On a slope with tangent 0.25: sticks where mu > 0.25, else it slides with a = g (sin - mu cos). Starting from a fall of half a
+// millimetre costs at most a few steps of the 500.
+TEST_CASE("friction per world") {
+  Exec const exec;
+  int const worlds = 6;
+  auto const compiled = gsp::compile(gsp::samples::ramp(0.25, 0.5));
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+
+  // example-begin friction
+  gsp::make_per_world(exec, sim.collision, {gsp::GeomField::friction}, worlds);  // once
+  Kokkos::View<float***, Kokkos::LayoutRight, Mem> const friction("friction", worlds, model.ngeom, 3);
+  Kokkos::parallel_for(
+      "draw", Kokkos::RangePolicy<Exec>(exec, 0, worlds * model.ngeom), KOKKOS_LAMBDA(int i) {
+        int const w = i / int(friction.extent(1)), g = i % int(friction.extent(1));
+        friction(w, g, 0) = 0.1f * float(w + 1);  // sliding; a contact takes the greater of its two geoms
+        friction(w, g, 1) = 0.005f;               // torsional [m]
+        friction(w, g, 2) = 0.0001f;              // rolling [m]
+      });
+  gsp::set_world_values(exec, sim.collision, gsp::GeomField::friction, friction);
+  // example-end friction
+
+  int const steps = 500;
+  gsp::step(exec, model, state, sim, {.steps = steps});
+  auto const qvel = gsp_test::host(state.qvel);
+  double const angle = std::atan(0.25), t = steps * compiled.option.timestep;
+  for (int w = 0; w < worlds; ++w) {
+    double const mu = 0.1 * (w + 1), v = std::sqrt(qvel(w, 0) * qvel(w, 0) + qvel(w, 2) * qvel(w, 2));
+    double const expected = mu < 0.25 ? 9.81 * (std::sin(angle) - mu * std::cos(angle)) * t : 0;
+    CHECK(std::abs(v - expected) < (mu < 0.25 ? 0.02 * expected : 1e-4));
+  }
+}
+
+// Twice the load, twice the force that holds it.
+TEST_CASE("masses per world") {
+  Exec const exec;
+  int const worlds = 4;
+  auto const compiled = gsp::compile(gsp::samples::stack(1));
+  // example-begin masses
+  auto model = gsp::make_model<float>(exec, compiled);
+  gsp::make_per_world(exec, model, {gsp::ModelField::body_mass}, worlds);  // before make_dynamics and make_simulation
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+
+  auto const masses = gsp::world_values(model, gsp::ModelField::body_mass);  // (worlds, bodies) of the model itself
+  int const box = gsp::body_id(compiled, "box0");
+  Kokkos::parallel_for(
+      "load", Kokkos::RangePolicy<Exec>(exec, 0, worlds), KOKKOS_LAMBDA(int w) { masses(w, box) *= float(w + 1); });
+  gsp::set_constants(exec, model, sim.dynamics);  // what follows from masses: how soft a contact is, for one
+  // example-end masses
+
+  gsp::step(exec, model, state, sim, {.steps = 1000});
+  auto const force = gsp_test::host(sim.solution.qfrc_constraint);
+  for (int w = 0; w < worlds; ++w) CHECK(force(w, 2) == doctest::Approx(8 * 9.81 * (w + 1)).epsilon(2e-4));
+}
+
+// The energy of a pendulum without friction: Runge-Kutta keeps it to O(h^4) while the semi-implicit scheme lets it swing by O(h).
+TEST_CASE("integrators and profiles") {
+  Exec const exec;
+  double lost[2];
+  for (bool rk : {false, true}) {
+    auto description = gsp::samples::pendulum();
+    // example-begin integrator
+    if (rk) {
+      description.option.integrator = gsp::Integrator::rk4;  // what <option integrator="RK4"/> reads as
+      description.option.constraint = false;                 // RK4 takes no constraints
+    }
+    auto const compiled = gsp::compile(description);
+    auto const model = gsp::make_model<float>(exec, compiled, {.profile = gsp::Profile::mujoco, .timestep = 0.01});
+    // example-end integrator
+    auto const state = gsp::make_state(exec, model);
+    auto sim = gsp::make_simulation(exec, model, compiled);
+    auto const q = gsp_test::host(state.qpos);
+    q(0, 0) = 1.2f;
+    Kokkos::deep_copy(state.qpos, q);
+    double const m = compiled.body_mass[1], d = -compiled.body_ipos[1][2], I = compiled.body_inertia[1][0] + m * d * d;
+    double const begin = m * 9.81 * d * (1 - std::cos(1.2));
+    lost[rk] = 0;
+    for (int t = 0; t < 300; ++t) {
+      gsp::step(exec, model, state, sim);
+      double const x = gsp_test::host(state.qpos)(0, 0), v = gsp_test::host(state.qvel)(0, 0);
+      lost[rk] = std::fmax(lost[rk], std::abs((I * v * v / 2 + m * 9.81 * d * (1 - std::cos(x))) / begin - 1));
+    }
+  }
+  MESSAGE("energy off by " << lost[0] << " (Euler), " << lost[1] << " (RK4)");
+  double const hw = 0.01 * std::sqrt(9.81 / 0.35);  // h w0, the pendulum being about 0.35 m long
+  CHECK(lost[0] > 0.1 * hw);
+  CHECK(lost[1] < hw * hw * hw);  // of order 4, and float rounds by 1e-7 a step
+
+  // example-begin profile
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  auto const refusals = gsp::simulation_refusals(compiled, {.profile = gsp::Profile::mujoco});
+  for (auto const& sentence : refusals) std::printf("%s\n", sentence.c_str());  // empty: make_model and make_simulation take it
+  // example-end profile
+  REQUIRE(refusals.size() == 1);
+  CHECK(refusals[0].find("condim 3") != std::string::npos);
+  CHECK(gsp::simulation_refusals(compiled).empty());
+  auto const model = gsp::make_model<float>(exec, compiled, {.profile = gsp::Profile::mujoco});
+  CHECK_THROWS_WITH_AS(gsp::make_simulation(exec, model, compiled), refusals[0].c_str(), gsp::Error);
+}
+
+// The imu's site has the axes of the trunk: the gyro shows qvel's angular velocity, to the roundings of one rotation there and back.
+TEST_CASE("sensors") {
+  Exec const exec;
+  int const worlds = 3;
+  // example-begin sensors
+  auto robot = gsp::samples::quadruped_scene();  // MJCF's <sensor> gives the same
+  robot.sensors.push_back({.name = "turning", .type = "gyro", .object_type = "site", .object = "imu"});
+  robot.sensors.push_back({.name = "trunk", .type = "framepos", .object_type = "xbody", .object = "trunk"});
+  auto const compiled = gsp::compile(robot);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  auto const sensors = gsp::make_sensors(exec, model, compiled, {.worlds = worlds});
+  Kokkos::View<float**, Kokkos::LayoutRight, Mem> const data("data", worlds, compiled.nsensordata);
+
+  gsp::step(exec, model, state, sim, {.steps = 20, .poses = false});
+  gsp::smooth_dynamics(exec, model, state, sim.dynamics, sim.poses, {.keep_all = true});  // of the state as it is now
+  gsp::smooth_sensors(exec, model, state, sim.poses, sim.dynamics, sensors, data);
+  int const gyro = compiled.sensor_adr[gsp::sensor_id(compiled, "turning")];  // its columns: gyro .. gyro + 2
+  // example-end sensors
+  auto const found = gsp_test::host(data), qvel = gsp_test::host(state.qvel), qpos = gsp_test::host(state.qpos);
+  int const trunk = compiled.sensor_adr[gsp::sensor_id(compiled, "trunk")];
+  for (int w = 0; w < worlds; ++w)
+    for (int c = 0; c < 3; ++c) {
+      CHECK(std::abs(found(w, gyro + c) - qvel(w, 3 + c)) < 1e-6 * (1 + std::abs(qvel(w, 3 + c))));
+      CHECK(std::abs(found(w, trunk + c) - qpos(w, c)) < 1e-6);
+    }
+}
+
+// A wall 3 m ahead of the trunk's middle, across the view: depth is camera z, so 3 m less where the camera sits, all over the picture.
+// The wall's Gaussians are flat discs on both faces of a plate of 2 mm: within 2 mm and rounding.
+TEST_CASE("cameras on a robot") {
+  Exec const exec;
+  int const worlds = 2;
+  auto robot = gsp::samples::quadruped();
+  auto wall = geom(gsp::ShapeType::box, {0.001, 4, 4});
+  wall.pos = {3.001, 0, 0};
+  robot.bodies[0].geoms.push_back(wall);
+  auto const compiled = gsp::compile(robot);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  set_keyframe(compiled, state, "stand");
+  auto const qpos = gsp_test::host(state.qpos);
+  qpos(1, 0) = 0.5f;  // the robot of world 1 stands half a metre nearer
+  Kokkos::deep_copy(state.qpos, qpos);
+  gsp::forward_kinematics(exec, model, state, sim.dynamics, sim.poses);
+
+  // example-begin camera
+  int const width = 64, height = 48;
+  auto const mounts = gsp::make_camera_mounts(exec, model, compiled,
+                                              {{.camera = "head"},  // of the model
+                                               {.body = "trunk", .pos = {0.3, 0, 0.1}, .look_at = gsp::Double3{1, 0, 0.1}, .fovy = 0.9}},
+                                              {.worlds = worlds, .width = width, .height = height});
+  auto const cameras = gsp::make_cameras(exec, mounts.images());
+  auto const cloud = gsp::make_gaussians(exec, gsp::sample_surface(compiled, {.count = 60000}));  // a scene: add it to the list
+  auto frames = gsp::make_frames(exec, cloud, {.images = mounts.images(), .width = width, .height = height});
+
+  gsp::cameras_of(exec, model, sim.poses, mounts, cameras);  // each time that poses have changed
+  gsp::render(exec, cloud, sim.poses, cameras, frames);      // image 2 w + k: what mount k of world w sees
+  // example-end camera
+
+  auto const depth = gsp_test::host(frames.depth), alpha = gsp_test::host(frames.alpha);
+  float const stands_at[] = {0.28f, 0.3f};
+  for (int w = 0; w < worlds; ++w)
+    for (int k = 0; k < 2; ++k) {
+      CHECK(alpha(2 * w + k, height / 2, width / 2) > 0.95f);
+      CHECK(std::abs(depth(2 * w + k, height / 2, width / 2) - (3 - stands_at[k] - qpos(w, 0))) < 3e-3);
+    }
+}
+
+// A servo at rest: kp (ctrl - q) = m g d sin q, solved by Newton's method.
+TEST_CASE("actuators") {
+  Exec const exec;
+  int const worlds = 7;
+  double const kp = 60;
+  auto description = gsp::samples::pendulum();
+  gsp::ActuatorDescription servo;
+  servo.name = "servo";
+  servo.target_name = "hinge0";
+  servo.gainprm[0] = kp;
+  servo.bias_type = gsp::ActuatorBias::affine;
+  servo.biasprm = {0, -kp, -12};
+  description.actuators.push_back(servo);
+  auto const compiled = gsp::compile(description);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+
+  // example-begin actuators
+  int const u = gsp::actuator_id(compiled, "servo");
+  auto const ctrl = state.ctrl;
+  Kokkos::parallel_for(
+      "policy", Kokkos::RangePolicy<Exec>(exec, 0, worlds), KOKKOS_LAMBDA(int w) { ctrl(w, u) = 0.2f * float(w) - 0.6f; });
+  gsp::step(exec, model, state, sim, {.steps = 4000});  // ctrl holds until it is written again
+  // example-end actuators
+
+  auto const qpos = gsp_test::host(state.qpos);
+  double const m = compiled.body_mass[1], d = -compiled.body_ipos[1][2];
+  for (int w = 0; w < worlds; ++w) {
+    double const target = 0.2 * w - 0.6;
+    double q = target;
+    for (int i = 0; i < 20; ++i) q -= (kp * (q - target) + m * 9.81 * d * std::sin(q)) / (kp + m * 9.81 * d * std::cos(q));
+    CHECK(qpos(w, 0) == doctest::Approx(q).epsilon(2e-6));
+  }
+}
+
+// A free body of 2 kg without gravity: force f at its centre for n steps gives n h f / m, a torque about a principal axis n h t / I, to the
+// roundings of n additions in float.
+TEST_CASE("forces of one's own") {
+  Exec const exec;
+  int const worlds = 3;
+  gsp::Description description;
+  description.option.gravity = {0, 0, 0};
+  int const b = gsp::add_body(description, 0, "ship", {0, 0, 1});
+  description.bodies[b].joints.push_back({.name = "ship", .type = gsp::JointType::free});
+  description.bodies[b].has_inertial = true;
+  description.bodies[b].inertial = {.mass = 2, .inertia = {0.1, 0.2, 0.3, 0, 0, 0}};
+  auto const compiled = gsp::compile(description);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+
+  // example-begin forces
+  int const body = gsp::body_id(compiled, "ship");
+  Kokkos::View<float***, Kokkos::LayoutRight, Mem> const J("J", worlds, 6, model.nv);  // made once
+  Kokkos::View<float**, Kokkos::LayoutRight, Mem> const wrench("wrench", worlds, 6);   // force [N], torque [N m], world axes
+  auto const applied = state.qfrc_applied;                                             // (worlds, nv) [N, N m], held until it is changed
+  auto const push = [&] {                                                              // before each step: the body has moved
+    gsp::smooth_dynamics(exec, model, state, sim.dynamics, sim.poses);
+    gsp::com_jacobian(exec, model, sim.poses, sim.dynamics, body, J);
+    Kokkos::parallel_for(
+        "push", Kokkos::RangePolicy<Exec>(exec, 0, worlds * int(applied.extent(1))), KOKKOS_LAMBDA(int i) {
+          int const w = i / int(applied.extent(1)), dof = i % int(applied.extent(1));
+          applied(w, dof) = 0;
+          for (int c = 0; c < 6; ++c) applied(w, dof) += J(w, c, dof) * wrench(w, c);  // J^T (f, t)
+        });
+  };
+  // example-end forces
+  auto const set = gsp_test::host(wrench);
+  for (int w = 0; w < worlds; ++w) {
+    set(w, 0) = 4;
+    set(w, 5) = 0.6f * float(w);
+  }
+  Kokkos::deep_copy(wrench, set);
+  int const n = 50;
+  for (int t = 0; t < n; ++t) {
+    push();
+    gsp::step(exec, model, state, sim);
+  }
+  auto const v = gsp_test::host(state.qvel);
+  double const h = 0.002;
+  for (int w = 0; w < worlds; ++w) {
+    CHECK(v(w, 0) == doctest::Approx(n * h * 4 / 2).epsilon(n * 6e-8));
+    CHECK(v(w, 5) == doctest::Approx(n * h * 0.6 * w / 0.3).epsilon(n * 6e-8));
+    CHECK(std::abs(v(w, 1)) + std::abs(v(w, 3)) < 1e-6);
+  }
+}
+
+// An instance is a queue of its own (on a GPU a stream): what runs on one does not change what another gives.
+TEST_CASE("instances of an execution space") {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  int const worlds = 4, steps = 30;
+  // example-begin instances
+  auto const instances = Kokkos::Experimental::partition_space(Kokkos::DefaultExecutionSpace{}, 1, 1);
+  std::vector<gsp::Model<float, Mem>> models;
+  std::vector<gsp::State<float, Mem>> states;
+  std::vector<gsp::Simulation<float, Mem>> sims;
+  for (auto const& exec : instances) {  // buffers of its own for each: nothing is shared
+    models.push_back(gsp::make_model<float>(exec, compiled));
+    states.push_back(gsp::make_state(exec, models.back(), {.worlds = worlds}));
+    sims.push_back(gsp::make_simulation(exec, models.back(), compiled, {.worlds = worlds}));
+    exec.fence();  // what was made is there before another instance uses it
+  }
+  std::vector<int> left(2, steps);
+  while (left[0] > 0 || left[1] > 0) {
+    for (int i = 0; i < 2; ++i)  // both queues are filled, and nobody waits
+      for (int t = 0; t < left[i]; ++t) gsp::launch_step(instances[i], models[i], states[i], sims[i]);
+    for (int i = 0; i < 2; ++i) left[i] = gsp::settle(instances[i], sims[i]);  // then each is waited for
+  }
+  // example-end instances
+  Exec const exec;
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  gsp::step(exec, model, state, sim, {.steps = steps});
+  auto const alone = gsp_test::host(state.qpos);
+  for (int i = 0; i < 2; ++i) {
+    auto const qpos = gsp_test::host(states[i].qpos);
+    for (int w = 0; w < worlds; ++w) CHECK(same_row(qpos, alone, w));
+  }
+}
+
+#if defined(GSP_IO)
+TEST_CASE("files of one's own") {
+  Exec const exec;
+  auto const folder = std::filesystem::temp_directory_path() / ("gsp_how_to_" + std::to_string(::getpid()));
+  std::filesystem::create_directories(folder);
+  struct Remove {
+    std::filesystem::path path;
+    ~Remove() { std::filesystem::remove_all(path); }
+  } const remove{folder};
+  gsp::io::write_mjcf(folder / "robot.xml", gsp::samples::quadruped_scene());
+  {
+    gsp::io::SplatSet capture = gsp::io::make_splat_set(2, 0);  // y down: 1.2 m below the camera, and bound to a link
+    capture.positions = {0, 1.2f, 3, 0, 0, 0.1f};
+    capture.scales = {0.1f, 0.1f, 0.01f, 0.1f, 0.1f, 0.1f};
+    capture.opacities = {0.9f, 0.9f};
+    capture.link_names = {"trunk"};
+    capture.link = {-1, 0};
+    gsp::io::write_ply(folder / "kitchen.ply", capture);
+  }
+  std::string const robot_file = (folder / "robot.xml").string(), scene_file = (folder / "kitchen.ply").string();
+
+  // example-begin files
+  auto const description = gsp::io::read_mjcf(robot_file);  // or read_urdf
+  for (auto const& line : description.report)               // what is approximated, left out or without effect
+    std::printf("%s:%d: %s\n", line.file.c_str(), line.line, line.text.c_str());
+  auto const compiled = gsp::compile(description);
+
+  auto scene = gsp::io::read_splats(scene_file);                                                // .ply, .compressed.ply, .splat, .spz
+  gsp::io::transform(scene, {.position = {0, 0, 1.2}, .quat = {0.7071068, -0.7071068, 0, 0}});  // a capture has y down: z is up now
+  auto const cloud = gsp::make_gaussians(exec, {gsp::io::to_gaussian_set(scene, compiled, scene_file),  // bound to links by their names
+                                                gsp::sample_surface(compiled, {.world = false})});      // and a skin for the robot
+  // example-end files
+  CHECK(compiled.nq == gsp::compile(gsp::samples::quadruped_scene()).nq);
+  auto const set = gsp::io::to_gaussian_set(scene, compiled, scene_file);
+  CHECK(std::abs(set.positions[0]) + std::abs(set.positions[1] - 3) + std::abs(set.positions[2]) < 1e-5);  // on the floor, 3 m ahead in y
+  CHECK(set.body == std::vector<int>{0, gsp::body_id(compiled, "trunk")});
+  CHECK(set.positions[5] == 0.1f);  // in the link's frame: a move of the scene leaves it alone
+  CHECK(cloud.count > 2);
+}
+
+TEST_CASE("traces for Python") {
+  Exec const exec;
+  int const worlds = 3, entries = 5;
+  auto const compiled = gsp::compile(gsp::samples::pendulum());
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  Kokkos::deep_copy(state.qpos, 0.5f);
+  auto const path = (std::filesystem::temp_directory_path() / ("gsp_trace_" + std::to_string(::getpid()) + ".npz")).string();
+  // example-begin trace
+  std::vector<float> trace;  // (entries, worlds, nq)
+  for (int t = 0; t < entries; ++t) {
+    gsp::step(exec, model, state, sim, {.steps = 10});
+    auto const qpos = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state.qpos);
+    trace.insert(trace.end(), qpos.data(), qpos.data() + qpos.size());
+  }
+  std::vector<std::size_t> const shape{std::size_t(entries), std::size_t(worlds), std::size_t(model.nq)};
+  gsp::io::write_npz(path, {{"qpos", {shape, trace}}});  // numpy.load(path)["qpos"]
+  // example-end trace
+  auto const back = gsp::io::read_npz(path);
+  CHECK(back.at("qpos").shape == shape);
+  CHECK(back.at("qpos").as<float>() == trace);
+  CHECK(trace.back() < trace.front());
+  std::filesystem::remove(path);
+}
+#endif
