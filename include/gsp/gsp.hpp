@@ -27,6 +27,7 @@
 #include <gsp/core/region.hpp>
 #include <gsp/core/status.hpp>
 #include <gsp/dynamics/actuator_forces.hpp>
+#include <gsp/dynamics/actuator_law.hpp>
 #include <gsp/dynamics/bias_forces.hpp>
 #include <gsp/dynamics/energy.hpp>
 #include <gsp/dynamics/factor.hpp>

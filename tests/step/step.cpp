@@ -29,6 +29,14 @@ struct Tether : gsp::OneFreeRow {
     return qpos(world, dof);
   }
 };
+/// Pushes with `factor` times the control.
+struct Push {
+  double factor;
+  template <class T>
+  KOKKOS_FUNCTION T force(gsp::WorldLane<T> const&, int, T control, T, T) const {
+    return T(factor) * control;
+  }
+};
 }  // namespace test_types
 
 namespace {
@@ -249,6 +257,33 @@ TEST_CASE_TEMPLATE("a constraint of one's own never disappears", Exec, GSP_TEST_
   World<double, Exec> rk(gsp::compile(d), 2, {.profile = gsp::Profile::mujoco});
   CHECK_THROWS_WITH_AS(gsp::step(rk.exec, rk.model, rk.state, rk.sim, {}, test_types::Tether<Mem>{{}, k, 60., 0, rk.state.qpos}),
                        doctest::Contains("RK4 takes none"), gsp::Error);
+}
+
+// An actuator law acts with a constraint of one's own beside it (closed form: k q = 3 u - m g at rest), before or behind it, and alone in
+// the ways of a step without constraints: v = h (3 u / m - g) after the first, the same to h^4 for RK4 under constant forces.
+TEST_CASE_TEMPLATE("an actuator law of one's own in a step", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  auto d = one_body({joint(gsp::JointType::slide, {0, 0, 1})});
+  d.bodies[1].joints[0].name = "lift";
+  d.actuators.push_back({.name = "lift", .target_name = "lift"});
+  double const k = 500, u = 2;
+  test_types::Push const push{3};
+  {
+    World<double, Exec> w(gsp::compile(d), 2);
+    test_types::Tether<Mem> const tether{{}, k, 60., 0, w.state.qpos};
+    Kokkos::deep_copy(w.state.ctrl, u);
+    gsp::step(w.exec, w.model, w.state, w.sim, {.steps = 2000}, push, tether);
+    gsp::step(w.exec, w.model, w.state, w.sim, {.steps = 2000}, tether, push);
+    CHECK(std::abs(w.qpos()(1, 0) - (3 * u - 2 * 9.81) / k) < 1e-12);
+  }
+  d.option.constraint = false;
+  for (auto integrator : {gsp::Integrator::euler, gsp::Integrator::rk4}) {
+    d.option.integrator = integrator;
+    World<double, Exec> w(gsp::compile(d), 2, {.profile = gsp::Profile::mujoco});
+    Kokkos::deep_copy(w.state.ctrl, u);
+    gsp::step(w.exec, w.model, w.state, w.sim, {}, push);
+    CHECK(w.qvel()(1, 0) == doctest::Approx(w.model.timestep * (3 * u / 2 - 9.81)).epsilon(1e-14));
+  }
 }
 
 // Worlds of the mask go back, the others keep every bit; what is reset starts without the impulses of before: it repeats its first steps to

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/core/region.hpp>
+#include <gsp/dynamics/actuator_law.hpp>
 #include <gsp/dynamics/passive_forces.hpp>
 #include <gsp/dynamics/transmission.hpp>
 
@@ -88,16 +89,10 @@ KOKKOS_INLINE_FUNCTION T lanes_wrap_setpoint(L const& l, int k, T const& u) {
   return u - period * nearest((u - l.items[l.at.act_length + k]) / max(period, T(1e-15)));
 }
 
-template <class T>
-struct ActuatorForce {
-  T force;
-  T stiffness, damping;  // -d force / d length, velocity
-};
-
 /// The k-th actuator's force before clamping, and the rate of its activation (act_dot). After lanes_transmission. `plain`: without
 /// activation, and no muscle.
-template <bool plain = false, class L, class State>
-KOKKOS_FORCEINLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, int k) {
+template <bool plain = false, class L, class State, class Laws>
+KOKKOS_FORCEINLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, Laws const& laws, int k) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& m = l.model;
@@ -123,6 +118,7 @@ KOKKOS_FORCEINLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, 
   }
   ActuatorForce<T> f{T(0), T(0), T(0)};
   if (l.index(a.act_disabled, k)) return f;
+  T const control = u;
   if constexpr (!plain) u = lanes_wrap_setpoint(l, k, u);
   auto const range = [&](int c) { return get(m.act_lengthrange, 2, c); };
   auto const gain = ActuatorGain(l.index(a.act_gain, k));
@@ -146,6 +142,7 @@ KOKKOS_FORCEINLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, 
       f.force = f.force + muscle.bias();
     }
   }
+  laws.apply(l, item, k, control, f);
   return f;
 }
 
@@ -174,8 +171,8 @@ KOKKOS_INLINE_FUNCTION void lanes_clamp_tendon_actuators(L const& l) {
 }
 
 /// Actuators that each drive a hinge or slide of their own, without activation.
-template <class L, class State>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_plain_actuators(L const& l, State const& state) {
+template <class L, class State, class Laws>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_plain_actuators(L const& l, State const& state, Laws const& laws) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -187,7 +184,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_plain_actuators(L const& l, State const& 
       return;
     }
     auto const get = [&](auto const& field, int n, int c) { return l.listed(field, a.instance_act, a.nact, k, n, c); };
-    auto const f = lanes_actuator<true>(l, state, k);
+    auto const f = lanes_actuator<true>(l, state, laws, k);
     T const gear = get(m.act_gear, 6, 0), lo = get(m.act_forcerange, 2, 0), hi = get(m.act_forcerange, 2, 1),
             force = clamp(f.force, lo, hi);
     int const dof = l.index(a.jnt_dofadr, l.index(a.act_id, k));
@@ -200,8 +197,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_plain_actuators(L const& l, State const& 
 }
 
 /// Transmissions and forces of any actuators.
-template <class L, class State>
-KOKKOS_INLINE_FUNCTION void lanes_any_actuators(L const& l, State const& state) {
+template <class L, class State, class Laws>
+KOKKOS_INLINE_FUNCTION void lanes_any_actuators(L const& l, State const& state, Laws const& laws) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -214,7 +211,7 @@ KOKKOS_INLINE_FUNCTION void lanes_any_actuators(L const& l, State const& state) 
   }
   auto const get = [&](auto const& field, int k, int n, int c) { return l.listed(field, a.instance_act, a.nact, k, n, c); };
   for (int k = 0; k < a.nact; ++k) {
-    auto const f = lanes_actuator(l, state, k);
+    auto const f = lanes_actuator(l, state, laws, k);
     s[l.at.act_force + k] = f.force;
     if (a.derivative) s[l.at.act_slope + k] = -f.damping;
     if (l.index(a.act_kind, k) != int(ActuatorKind::scalar_joint)) continue;
@@ -236,17 +233,17 @@ KOKKOS_INLINE_FUNCTION void lanes_any_actuators(L const& l, State const& state) 
 
 /// Transmissions, then forces. Also sums the slopes of the joints' servos into stiffness and damping, for those who take them implicitly,
 /// and adds to derivative where the integrator needs it.
-template <class L, class State>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_actuators(L const& l, State const& state) {
+template <class L, class State, class Laws>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_actuators(L const& l, State const& state, Laws const& laws) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
   auto const& m = l.model;
   l.each(a.nv, [&](int i) { s[l.at.actuator + i] = s[l.at.stiffness + i] = s[l.at.damping + i] = T(0); });
   if (a.plain_actuators)
-    lanes_plain_actuators(l, state);
+    lanes_plain_actuators(l, state, laws);
   else
-    l.alone([&](auto const& one) { lanes_any_actuators(one, state); });
+    l.alone([&](auto const& one) { lanes_any_actuators(one, state, laws); });
   if (!m.actuation || m.nu == 0) return;
   l.each(a.njnt, [&](int j) {
     auto const type = JointType(l.index(a.jnt_type, j));
@@ -281,15 +278,16 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_actuators(L const& l, State const& state)
     });
 }
 
-template <class State, class Poses>
+template <class State, class Poses, class Laws>
 struct ActuatorStage {
   State state;
   Poses poses;
+  Laws laws;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
     lanes_load_velocity(l, state.qvel);
     if (l.a.nmoment > 0 || l.a.spatial) lanes_load_poses(l, poses), lanes_inertia(l);
-    lanes_tendons(l, state), lanes_actuators(l, state);
+    lanes_tendons(l, state), lanes_actuators(l, state, laws);
   }
 };
 }  // namespace detail
@@ -299,14 +297,17 @@ struct ActuatorStage {
 /// left them; after passive_forces, where a joint counts gravity compensation as its actuator's. Controls and forces are clamped to their
 /// ranges, tendons' and joints' sums to their actuatorfrcrange. An actuator on a body (adhesion) has no force without contacts.
 /// Does not allocate, does not fence.
-template <ExecutionSpace Exec, class R, class Mem>
+/// @param laws  of your own (actuator_law.hpp), in the place of gain and bias of the actuators that they drive
+template <ExecutionSpace Exec, class R, class Mem, class... Laws>
 void actuator_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
-                     Dynamics<R, Mem> const& dynamics) {
+                     Dynamics<R, Mem> const& dynamics, Laws const&... laws) {
   Region const region("gsp::dynamics::actuator_forces");
   detail::expects_fit("gsp::actuator_forces", model, state, dynamics, poses);
+  detail::expects_actuators("gsp::actuator_forces", model, sizeof...(Laws));
   if (model.nu > 0 && detail::any_archetype(model, [](Archetype const& a) { return a.gravcomp; }))  // an actuator may carry it
     detail::expects_of("gsp::actuator_forces", dynamics, state, detail::set_of(Quantity::passive));
-  for_lanes("gsp::dynamics::actuator_forces", exec, model, dynamics, detail::ActuatorStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
+  using Stage = detail::ActuatorStage<State<R, Mem>, Poses<R, Mem>, detail::ActuatorLaws<Laws...>>;
+  for_lanes("gsp::dynamics::actuator_forces", exec, model, dynamics, Stage{state, poses, detail::actuator_laws(laws...)});
   detail::leaves(dynamics, state,
                  detail::set_of(Quantity::velocity, Quantity::tendon_length, Quantity::tendon_velocity, Quantity::act_length,
                                 Quantity::activation_rate, Quantity::actuator));

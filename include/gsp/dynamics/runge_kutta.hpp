@@ -153,10 +153,11 @@ void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
   Kokkos::parallel_for("gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
                        detail::CountStep<Mem>{state.steps, state.status, {}});
 }
-template <ExecutionSpace Exec, class R, class Mem>
+/// @param laws  of actuators, of your own (actuator_law.hpp)
+template <ExecutionSpace Exec, class R, class Mem, class... Laws>
 void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
-                 Poses<R, Mem> const& poses, RungeKutta<R, Mem> const& rk) {
-  runge_kutta(exec, model, state, dynamics, rk, [&] { smooth_dynamics(exec, model, state, dynamics, poses); });
+                 Poses<R, Mem> const& poses, RungeKutta<R, Mem> const& rk, Laws const&... laws) {
+  runge_kutta(exec, model, state, dynamics, rk, [&] { smooth_dynamics(exec, model, state, dynamics, poses, {}, laws...); });
 }
 
 }  // namespace gsp

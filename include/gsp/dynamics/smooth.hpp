@@ -13,8 +13,8 @@ struct SmoothOptions {
 
 namespace detail {
 /// Poses, inertias, M, and all forces.
-template <class L, class State, class Poses>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, Poses const& poses, bool joint_poses) {
+template <class L, class State, class Poses, class Laws>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, Poses const& poses, bool joint_poses, Laws const& laws) {
   lanes_kinematics(l, state), lanes_store_poses(l, poses, joint_poses);
   lanes_load_velocity(l, state.qvel);
   lanes_inertia(l);
@@ -25,19 +25,20 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, Po
   lanes_mass_matrix(l);
   lanes_tendon_armature(l);
   lanes_passive(l, state.qpos);
-  lanes_actuators(l, state);
+  lanes_actuators(l, state, laws);
 }
 
-template <class State, class Poses>
+template <class State, class Poses, class Laws = ActuatorLaws<>>
 struct SmoothStage {
   State state;
   Poses poses;
   SmoothOptions options;
   bool keep_mass;
+  Laws laws = {};
   static constexpr int shared_blocks = 4;
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
-    lanes_forces(l, state, poses, options.joint_poses);
+    lanes_forces(l, state, poses, options.joint_poses, laws);
     lanes_factor_profile(l);
     lanes_free_velocity(l, state.qfrc_applied);
   }
@@ -45,15 +46,16 @@ struct SmoothStage {
     return options.keep_all ? at.xpos : keep_mass ? at.passive : at.mass;
   }
 };
-template <class State, class Poses>
+template <class State, class Poses, class Laws>
 struct SmoothStepStage {
   static constexpr int shared_blocks = 4;
   State state;
   Poses poses;
+  Laws laws;
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     typename State::template View<typename State::real_type**> const none;
-    lanes_forces(l, state, poses, false);
+    lanes_forces(l, state, poses, false, laws);
     if (lanes_factors_again(l)) {  // what M itself gives is not asked for
       lanes_total_force(l, state.qfrc_applied), lanes_new_velocity(l, none, none);
     } else {
@@ -68,15 +70,18 @@ struct SmoothStepStage {
 /// forward_kinematics, mass_matrix, bias_forces, passive_forces, actuator_forces and factor, fused: the same numbers in one launch, with
 /// the block in cache. It leaves what constraints and integrate need (centre of mass, cdof, factor, velocities). Does not allocate, does
 /// not fence.
-template <ExecutionSpace Exec, class R, class Mem>
+/// @param laws  of actuators, of your own (actuator_law.hpp)
+template <ExecutionSpace Exec, class R, class Mem, class... Laws>
 void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
-                     Poses<R, Mem> const& poses, SmoothOptions options = {}) {
+                     Poses<R, Mem> const& poses, SmoothOptions options = {}, Laws const&... laws) {
   Region const region("gsp::dynamics::smooth_dynamics");
   detail::expects_fit("gsp::smooth_dynamics", model, state, dynamics, poses);
+  detail::expects_actuators("gsp::smooth_dynamics", model, sizeof...(Laws));
   bool const keep_mass = model.profile == Profile::mujoco;  // its integrator takes M again, with joint damping
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
+  using Stage = detail::SmoothStage<State<R, Mem>, Poses<R, Mem>, detail::ActuatorLaws<Laws...>>;
   for_lanes("gsp::dynamics::smooth_dynamics", exec, model, dynamics,
-            detail::SmoothStage<State<R, Mem>, Poses<R, Mem>>{state, poses, options, keep_mass});
+            Stage{state, poses, options, keep_mass, detail::actuator_laws(laws...)});
   detail::loses(dynamics, detail::all_quantities);
   detail::leaves(dynamics, state, detail::left_by_smooth(options.keep_all, keep_mass));
   detail::completes(dynamics);
@@ -85,18 +90,21 @@ void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>
 /// smooth_dynamics and integrate without constraints, with the integrator Euler or an implicit one: the same state and poses of bodies.
 /// Where a world is one tree it is one launch that leaves nothing in `dynamics` (which it takes as scratch) and, where the integrator has a
 /// matrix of its own, factors that alone. Does not allocate, does not fence.
-template <ExecutionSpace Exec, class R, class Mem>
+/// @param laws  of actuators, of your own (actuator_law.hpp)
+template <ExecutionSpace Exec, class R, class Mem, class... Laws>
 void smooth_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
-                 Poses<R, Mem> const& poses) {
+                 Poses<R, Mem> const& poses, Laws const&... laws) {
   Region const region("gsp::dynamics::smooth_step");
   detail::expects_fit("gsp::smooth_step", model, state, dynamics, poses);
+  detail::expects_actuators("gsp::smooth_step", model, sizeof...(Laws));
   if (model.ntree != 1) {  // a world stops as a whole
-    smooth_dynamics(exec, model, state, dynamics, poses);
+    smooth_dynamics(exec, model, state, dynamics, poses, {}, laws...);
     integrate(exec, model, dynamics, state);
     return detail::loses(dynamics, detail::all_quantities);  // as below
   }
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
-  for_lanes("gsp::dynamics::smooth_step", exec, model, dynamics, detail::SmoothStepStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
+  using Stage = detail::SmoothStepStage<State<R, Mem>, Poses<R, Mem>, detail::ActuatorLaws<Laws...>>;
+  for_lanes("gsp::dynamics::smooth_step", exec, model, dynamics, Stage{state, poses, detail::actuator_laws(laws...)});
   detail::loses(dynamics, detail::all_quantities);
   detail::moves_on(state);
 }

@@ -18,12 +18,12 @@ struct Dual {
     d.slope[i] = T(1);
     return d;
   }
-  // by value alone
-  friend KOKKOS_INLINE_FUNCTION bool operator<(Dual const& a, Dual const& b) { return a.value < b.value; }
-  friend KOKKOS_INLINE_FUNCTION bool operator>(Dual const& a, Dual const& b) { return a.value > b.value; }
-  friend KOKKOS_INLINE_FUNCTION bool operator<=(Dual const& a, Dual const& b) { return a.value <= b.value; }
-  friend KOKKOS_INLINE_FUNCTION bool operator>=(Dual const& a, Dual const& b) { return a.value >= b.value; }
-  friend KOKKOS_INLINE_FUNCTION bool operator==(Dual const& a, Dual const& b) { return a.value == b.value; }
+  // by value alone; of packs a mask
+  friend KOKKOS_INLINE_FUNCTION auto operator<(Dual const& a, Dual const& b) { return a.value < b.value; }
+  friend KOKKOS_INLINE_FUNCTION auto operator>(Dual const& a, Dual const& b) { return a.value > b.value; }
+  friend KOKKOS_INLINE_FUNCTION auto operator<=(Dual const& a, Dual const& b) { return a.value <= b.value; }
+  friend KOKKOS_INLINE_FUNCTION auto operator>=(Dual const& a, Dual const& b) { return a.value >= b.value; }
+  friend KOKKOS_INLINE_FUNCTION auto operator==(Dual const& a, Dual const& b) { return a.value == b.value; }
 };
 
 namespace detail {
@@ -88,6 +88,31 @@ operator/(Dual<T, N> const& a, S b) { return a * (T(1) / T(b)); }
 template <class T, int N, class S>
 requires std::is_arithmetic_v<S> KOKKOS_INLINE_FUNCTION Dual<T, N>
 operator/(S a, Dual<T, N> const& b) { return Dual<T, N>(T(a)) / b; }
+// the number below on either side, where it is a pack or a dual itself
+template <class T, int N>
+requires(!std::is_arithmetic_v<T>) KOKKOS_INLINE_FUNCTION Dual<T, N>
+operator+(Dual<T, N> const& a, std::type_identity_t<T> const& b) { return a + Dual<T, N>(b); }
+template <class T, int N>
+requires(!std::is_arithmetic_v<T>) KOKKOS_INLINE_FUNCTION Dual<T, N>
+operator+(std::type_identity_t<T> const& a, Dual<T, N> const& b) { return Dual<T, N>(a) + b; }
+template <class T, int N>
+requires(!std::is_arithmetic_v<T>) KOKKOS_INLINE_FUNCTION Dual<T, N>
+operator-(Dual<T, N> const& a, std::type_identity_t<T> const& b) { return a - Dual<T, N>(b); }
+template <class T, int N>
+requires(!std::is_arithmetic_v<T>) KOKKOS_INLINE_FUNCTION Dual<T, N>
+operator-(std::type_identity_t<T> const& a, Dual<T, N> const& b) { return Dual<T, N>(a) - b; }
+template <class T, int N>
+requires(!std::is_arithmetic_v<T>) KOKKOS_INLINE_FUNCTION Dual<T, N>
+operator*(Dual<T, N> const& a, std::type_identity_t<T> const& b) { return detail::chain(a, a.value * b, b); }
+template <class T, int N>
+requires(!std::is_arithmetic_v<T>) KOKKOS_INLINE_FUNCTION Dual<T, N>
+operator*(std::type_identity_t<T> const& a, Dual<T, N> const& b) { return b * a; }
+template <class T, int N>
+requires(!std::is_arithmetic_v<T>) KOKKOS_INLINE_FUNCTION Dual<T, N>
+operator/(Dual<T, N> const& a, std::type_identity_t<T> const& b) { return a * (T(1) / b); }
+template <class T, int N>
+requires(!std::is_arithmetic_v<T>) KOKKOS_INLINE_FUNCTION Dual<T, N>
+operator/(std::type_identity_t<T> const& a, Dual<T, N> const& b) { return Dual<T, N>(a) / b; }
 template <class T, int N, class S>
 KOKKOS_INLINE_FUNCTION Dual<T, N>& operator+=(Dual<T, N>& a, S const& b) {
   return a = a + b;
@@ -109,23 +134,29 @@ template <class T, int N>
 KOKKOS_INLINE_FUNCTION Dual<T, N> select(bool m, Dual<T, N> const& a, Dual<T, N> const& b) {
   return m ? a : b;
 }
+template <class M, class T, int N>
+requires(!std::is_same_v<M, bool>) KOKKOS_INLINE_FUNCTION Dual<T, N> select(M const& m, Dual<T, N> a, Dual<T, N> const& b) {
+  a.value = select(m, a.value, b.value);
+  for (int i = 0; i < N; ++i) a.slope[i] = select(m, a.slope[i], b.slope[i]);
+  return a;
+}
 template <class T, int N>
 KOKKOS_INLINE_FUNCTION Dual<T, N> min(Dual<T, N> const& a, Dual<T, N> const& b) {
-  return b < a ? b : a;
+  return select(b < a, b, a);
 }
 template <class T, int N>
 KOKKOS_INLINE_FUNCTION Dual<T, N> max(Dual<T, N> const& a, Dual<T, N> const& b) {
-  return a < b ? b : a;
+  return select(a < b, b, a);
 }
 template <class T, int N>
 KOKKOS_INLINE_FUNCTION Dual<T, N> abs(Dual<T, N> const& a) {
-  return a.value < T(0) ? -a : a;
+  return select(a.value < T(0), -a, a);
 }
 /// Slope 0 at 0, where norms have their kink: what the norm scales is 0 there.
 template <class T, int N>
 KOKKOS_INLINE_FUNCTION Dual<T, N> sqrt(Dual<T, N> const& a) {
   T const root = sqrt(a.value);
-  return detail::chain(a, root, root == T(0) ? T(0) : T(0.5) / root);
+  return detail::chain(a, root, select(root == T(0), T(0), T(0.5) / root));
 }
 template <class T, int N>
 KOKKOS_INLINE_FUNCTION Dual<T, N> exp(Dual<T, N> const& a) {

@@ -9,6 +9,7 @@
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp/solver/pgs.hpp>
 #include <gsp/step/simulation_refusals.hpp>
+#include <tuple>
 
 /// A ready-made simulation loop, written with public functions alone: copy it and change it.
 namespace gsp {
@@ -39,6 +40,18 @@ struct StepOptions {
 };
 
 namespace detail {
+/// Of what a user gives a step besides: the actuator laws, and the rest.
+template <bool laws, class One>
+auto one_of_laws(One const& one) {
+  if constexpr (ActuatorLaw<One> == laws)
+    return std::tuple<One>(one);
+  else
+    return std::tuple<>();
+}
+template <bool laws, class... More>
+auto all_of_laws(More const&... more) {
+  return std::tuple_cat(one_of_laws<laws>(more)...);
+}
 template <class R, class Mem>
 bool has_runge_kutta(Model<R, Mem> const& model) {
   return model.profile == Profile::mujoco && model.integrator == Integrator::rk4 && !model.constraints;
@@ -69,27 +82,37 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 
 /// Launches one step of all worlds and does not wait: smooth dynamics, contacts, rows, solver, integration. Where a pool is too small it
 /// and all steps launched after it do nothing; `settle` says how many, and lets the pools grow.
-/// @param more  constraint types of your own (constraint_type.hpp). They act also where the model's constraints are disabled.
-/// Errors: types of your own beside the integrator RK4. Does not allocate, does not fence: a loop of it can be captured as a graph.
+/// @param more  of your own: constraint types (constraint_type.hpp), which act also where the model's constraints are disabled, and
+/// actuator
+///              laws (dynamics/actuator_law.hpp)
+/// Errors: constraint types of your own beside the integrator RK4, laws without actuators. Does not allocate, does not fence: a loop of it
+/// can be captured as a graph.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim,
                  PgsOptions const& solver = {}, More const&... more) {
   Region const region("gsp::step::launch_step");
   expects(sim.rows.worlds == state.worlds,
           "gsp::step: state and simulation have different numbers of worlds: make them with the same {.worlds = n}");
+  auto const laws = detail::all_of_laws<true>(more...);
+  auto const types = detail::all_of_laws<false>(more...);
+  constexpr bool own_types = std::tuple_size_v < std::remove_const_t < decltype(types) >>> 0;
   if (detail::has_runge_kutta(model)) {
-    if constexpr (sizeof...(More) > 0)
+    if constexpr (own_types)
       throw Error(
           "gsp::step: constraints of your own are given, and the integrator RK4 takes none: choose another integrator or profile stable");
-    return runge_kutta(exec, model, state, sim.dynamics, sim.poses, sim.runge_kutta);
+    return std::apply([&](auto const&... law) { runge_kutta(exec, model, state, sim.dynamics, sim.poses, sim.runge_kutta, law...); }, laws);
   }
-  if (!model.constraints && sizeof...(More) == 0) return smooth_step(exec, model, state, sim.dynamics, sim.poses);
-  smooth_dynamics(exec, model, state, sim.dynamics, sim.poses);
+  if (!model.constraints && !own_types)
+    return std::apply([&](auto const&... law) { smooth_step(exec, model, state, sim.dynamics, sim.poses, law...); }, laws);
+  std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.dynamics, sim.poses, {}, law...); }, laws);
   collide(exec, sim.collision, sim.poses, sim.contacts);
-  assemble(exec, model, state, sim.dynamics,
-           constraints(JointFriction(model), TendonFriction(model), JointLimits(model, state), TendonLimits(model, state),
-                       ContactRows(model, sim.collision, sim.contacts), more...),
-           sim.rows, sim.impulses, sim.progress);
+  auto const list = std::apply(
+      [&](auto const&... type) {
+        return constraints(JointFriction(model), TendonFriction(model), JointLimits(model, state), TendonLimits(model, state),
+                           ContactRows(model, sim.collision, sim.contacts), type...);
+      },
+      types);
+  assemble(exec, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress);
   pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress, solver);
   integrate(exec, model, sim.dynamics, sim.solution, sim.progress, state);
 }
@@ -113,7 +136,7 @@ int settle(Exec const& exec, Simulation<R, Mem>& sim) {
 
 /// Steps all worlds `options.steps` times and leaves the poses of the end in sim.poses. No result depends on a capacity: what did not fit
 /// is done again with larger pools. Fences once at its end, and where a pool grew; allocates only then.
-/// @param more  constraint types of your own, as for launch_step
+/// @param more  constraint types and actuator laws of your own, as for launch_step
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim, StepOptions options = {},
           More const&... more) {
