@@ -12,7 +12,7 @@ int main(int argc, char** argv) {
 
   auto const compiled = gsp::compile(gsp::samples::pendulum());                 // flat arrays on the host
   auto const model = gsp::make_model<double>(exec, compiled, {.timestep = h});  // constant, on the device
-  auto const state = gsp::make_state(exec, model, {.worlds = 1});               // what changes
+  auto state = gsp::make_state(exec, model, {.worlds = 1});                     // what changes
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = 1});        // buffers
   Kokkos::deep_copy(exec, state.qpos, swing);
 

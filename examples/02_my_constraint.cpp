@@ -33,7 +33,7 @@ int main(int argc, char** argv) {
 
   auto const compiled = gsp::compile(gsp::samples::pendulum());
   auto const model = gsp::make_model<float>(exec, compiled, {.timestep = h});
-  auto const state = gsp::make_state(exec, model);
+  auto state = gsp::make_state(exec, model);
   auto sim = gsp::make_simulation(exec, model, compiled);
 
   gsp::step(exec, model, state, sim, {.steps = 100}, Tether{{}, k, 5, rest, state.qpos});  // taken implicitly: stable at any stiffness

@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
 
   auto const compiled = gsp::compile(gsp::samples::ramp(0, mu));  // a ramp without slope
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
 
   auto const qpos = state.qpos, qvel = state.qvel;

@@ -18,7 +18,7 @@ int main(int argc, char** argv) {
 
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
 
   // a stance for world 0, a deeper one for world 1

@@ -13,8 +13,8 @@ int main(int argc, char** argv) {
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   auto const model = gsp::make_model<float>(exec, compiled);
   auto const collision = gsp::make_collision_model<float>(exec, compiled);
-  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
-  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
   auto contacts = gsp::make_contacts(exec, collision, {.worlds = worlds});
   auto rows = gsp::make_rows(exec, model, {.worlds = worlds});
   auto impulses = gsp::make_impulses(exec, rows);
@@ -23,7 +23,7 @@ int main(int argc, char** argv) {
 
   auto const stand = compiled.keyframes.at(0);
   auto const start = [&] {
-    auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+    auto state = gsp::make_state(exec, model, {.worlds = worlds});
     auto const qpos = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.qpos);
     auto const ctrl = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.ctrl);
     for (int w = 0; w < worlds; ++w) {
@@ -35,10 +35,10 @@ int main(int argc, char** argv) {
     return state;
   };
 
-  auto const state = start();
+  auto state = start();
   int repeated = 0;
   for (int t = 0; t < steps;) {
-    gsp::forward_kinematics(exec, model, state, dynamics, poses);
+    gsp::forward_kinematics(exec, model, state, poses, dynamics);
     gsp::mass_matrix(exec, model, state, poses, dynamics);
     gsp::bias_forces(exec, model, state, poses, dynamics);
     gsp::passive_forces(exec, model, state, poses, dynamics);
@@ -49,7 +49,7 @@ int main(int argc, char** argv) {
                                         gsp::TendonLimits(model, state), gsp::ContactRows(model, collision, contacts));
     gsp::assemble(exec, model, state, dynamics, types, rows, impulses, progress);
     gsp::pgs(exec, rows, impulses, solution, progress, {.iterations = 100});
-    gsp::integrate(exec, model, dynamics, solution, progress, state);
+    gsp::integrate(exec, model, state, dynamics, progress, solution);
     // this loop asks after every step
     bool const more_contacts = gsp::grow(exec, contacts), more_rows = gsp::grow(exec, rows, impulses, progress);
     if (more_contacts || more_rows)
@@ -58,7 +58,7 @@ int main(int argc, char** argv) {
       ++t;
   }
 
-  auto const other = start();
+  auto other = start();
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
   gsp::step(exec, model, other, sim, {.steps = steps});
 

@@ -105,7 +105,7 @@ Buffer make_buffer(Device device, Dtype dtype, std::initializer_list<std::int64_
   return staging(device, dtype, make_array(nullptr, dtype, device, extents));
 }
 
-void copy(Array const& from, Array const& to) {
+void copy(Array const& from, Array to) {
   bool same = from.rank == to.rank;
   for (int k = 0; k < to.rank && same; ++k) same = from.extents[k] == to.extents[k] || (k == 0 && from.extents[0] == 1);
   auto const shape = [](Array const& a) {

@@ -25,7 +25,7 @@ class KokkosKinematics : public Kinematics {
     if (worlds != worlds_) make_buffers(worlds);
     if (model_) {
       copy(qpos, array_of<Exec>(state_->qpos));
-      forward_kinematics(exec_, *model_, *state_, *dynamics_, *poses_);
+      forward_kinematics(exec_, *model_, *state_, *poses_, *dynamics_);
     }
     return {array_of<Exec>(poses_->xpos), array_of<Exec>(poses_->xquat), array_of<Exec>(poses_->xanchor), array_of<Exec>(poses_->xaxis)};
   }
@@ -34,7 +34,7 @@ class KokkosKinematics : public Kinematics {
     int const camera = camera_id(compiled_, name);
     expects(worlds_ > 0, "gsp::runtime::Kinematics::cameras: call poses first");
     if (!model_) throw Error("gsp::runtime::Kinematics::cameras: nothing moves in the model; give its camera as viewmats and Ks");
-    auto const mounts =
+    auto mounts =
         make_camera_mounts(exec_, *model_, compiled_, {{.camera_id = camera}}, {.worlds = worlds_, .width = width, .height = height});
     if (!cameras_ || cameras_->images() != mounts.images()) cameras_ = make_cameras(exec_, mounts.images());
     cameras_of(exec_, *model_, *poses_, mounts, *cameras_);

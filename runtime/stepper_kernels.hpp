@@ -69,7 +69,7 @@ class KokkosStepper : public Stepper {
     if (ctrl) copy(ctrl, array_of<Exec>(state_.ctrl));
     stale_ = true;
   }
-  void get(Array const& qpos, Array const& qvel) const override {
+  void get(Array qpos, Array qvel) const override {
     auto const arrays = state();
     if (qvel) copy(arrays.qvel, qvel);
     if (!qpos) return;
@@ -83,7 +83,7 @@ class KokkosStepper : public Stepper {
   }
 
   void forward() override {
-    forward_kinematics(exec_, model_, state_, simulation_.dynamics, simulation_.poses);
+    forward_kinematics(exec_, model_, state_, simulation_.poses, simulation_.dynamics);
     stale_ = false;
   }
   void step(int steps, bool measure) override {

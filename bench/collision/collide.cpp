@@ -49,13 +49,13 @@ template <class R, class Exec>
 void run(Exec const& exec, char const* scene, CompiledModel const& m, std::vector<double> const& qpos, int worlds, char const* precision) {
   auto const model = make_model<R>(exec, m);
   auto state = make_state<R>(exec, model, {.worlds = worlds});
-  auto const poses = make_poses<R>(exec, model, {.worlds = worlds});
-  auto const dynamics = make_dynamics<R>(exec, model, {.worlds = worlds});
+  auto poses = make_poses<R>(exec, model, {.worlds = worlds});
+  auto dynamics = make_dynamics<R>(exec, model, {.worlds = worlds});
   auto const host = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.qpos);
   for (int w = 0; w < worlds; ++w)
     for (int i = 0; i < m.nq; ++i) host(w, i) = R(qpos[std::size_t(w) * m.nq + i]);
   Kokkos::deep_copy(exec, state.qpos, host);
-  forward_kinematics(exec, model, state, dynamics, poses);
+  forward_kinematics(exec, model, state, poses, dynamics);
   auto const collision = make_collision_model<R>(exec, m);
   auto contacts = make_contacts(exec, collision, {.worlds = worlds});
   do collide(exec, collision, poses, contacts);

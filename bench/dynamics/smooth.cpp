@@ -37,16 +37,16 @@ void run(std::string const& path, int worlds, double mujoco_us) {
   Exec const exec;
   auto const compiled = gsp::compile(gsp::io::read_mjcf(path, {.skip_visuals = true, .approximate = true}));
   auto const model = gsp::make_model<float>(exec, compiled, {.profile = gsp::Profile::mujoco});
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
-  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
-  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
   using S = std::remove_cvref_t<decltype(state)>;
   auto const qvel = state.qvel;
   Kokkos::parallel_for(
       "gsp_bench::velocities", Kokkos::RangePolicy<Exec>(exec, 0, worlds * model.nv),
       KOKKOS_LAMBDA(int i) { qvel(i / model.nv, i % model.nv) = 0.01f * float(i % 37); });
   auto const core = gsp_bench::measure(exec, [&] { gsp::for_lanes("gsp_bench::core", exec, model, dynamics, Core<S>{state}); });
-  auto const all = gsp_bench::measure(exec, [&] { gsp::smooth_dynamics(exec, model, state, dynamics, poses); });
+  auto const all = gsp_bench::measure(exec, [&] { gsp::smooth_dynamics(exec, model, state, poses, dynamics); });
   gsp_bench::Line line("dynamics/smooth", exec);
   line.add("model", path.substr(path.rfind('/') + 1))
       .add("worlds", worlds)

@@ -22,10 +22,10 @@ template <class Exec>
 double run(Exec const& exec, std::string const& name, gsp::CompiledModel const& compiled, gsp::Profile profile, int worlds,
            double mujoco_us) {
   auto const model = gsp::make_model<float>(exec, compiled, {.profile = profile});
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
-  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
-  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
-  auto const time = gsp_bench::measure(exec, [&] { gsp::smooth_step(exec, model, state, dynamics, poses); });
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto const time = gsp_bench::measure(exec, [&] { gsp::smooth_step(exec, model, state, poses, dynamics); });
   double const us = 1e6 * time.median / worlds;
   gsp_bench::Line line("dynamics/smooth_step", exec);
   line.add("model", name).add("worlds", worlds).add("profile", name_of(profile)).add("precision", "float").add(time);

@@ -40,7 +40,7 @@ void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
   room_cameras(images, a.width, a.height, viewmats, Ks);
   auto const cloud = gsp::make_gaussians(exec, scene);
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
-  auto const poses = gsp::make_poses<float>(exec, 1, cloud.bodies, 0);
+  auto poses = gsp::make_poses<float>(exec, 1, cloud.bodies, 0);
   auto frames = gsp::make_frames(exec, cloud, {.images = images, .width = a.width, .height = a.height, .batch = a.batch});
   gsp::render(exec, cloud, poses, cameras, frames);
   auto const all = gsp_bench::measure(exec, [&] { gsp::render(exec, cloud, poses, cameras, frames); }, {.seconds = 0.5});

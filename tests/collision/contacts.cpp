@@ -207,7 +207,7 @@ TEST_CASE_TEMPLATE("collide works on the given instance, allocates nothing and d
   auto const m = gsp_test::heap(12);
   auto const model = make_collision_model<float>(exec, m);
   auto const poses = gsp_test::upload_poses<float>(exec, m, gsp_test::random_poses(m, 3, 0.5), 0, 3);
-  auto const contacts =
+  auto contacts =
       make_contacts(exec, model, {.worlds = 3, .candidates_per_world = 200, .points_per_world = 800, .contacts_per_world = 300});
   collide(exec, model, poses, contacts);  // Kokkos' own scratch grows once
   auto const seen = gsp_test::watch([&] { collide(exec, model, poses, contacts); });
@@ -335,7 +335,7 @@ TEST_CASE("bad input is refused") {
   auto m = gsp_test::heap(4);
   auto const model = make_collision_model<double>(exec, m);
   CHECK_THROWS_AS(make_contacts(exec, model, {.worlds = 0}), std::invalid_argument);
-  auto const contacts = make_contacts(exec, model, {.worlds = 2});
+  auto contacts = make_contacts(exec, model, {.worlds = 2});
   CHECK_THROWS_AS(collide(exec, model, make_poses<double>(exec, 3, m.nbody, m.njnt), contacts), std::invalid_argument);
   CHECK_THROWS_AS(collide(exec, model, make_poses<double>(exec, 2, m.nbody + 1, m.njnt), contacts), std::invalid_argument);
   m.pairs.push_back({0, 0});  // two planes
@@ -343,7 +343,7 @@ TEST_CASE("bad input is refused") {
   // a model without pairs
   m.pairs.clear(), m.named_pairs.clear();
   auto const empty = make_collision_model<double>(exec, m);
-  auto const none = make_contacts(exec, empty, {.worlds = 2});
+  auto none = make_contacts(exec, empty, {.worlds = 2});
   collide(exec, empty, make_poses<double>(exec, 2, m.nbody, m.njnt), none);
   CHECK(none.count_of(1) == 0);
   CHECK(none.size() == 0);

@@ -43,13 +43,13 @@ struct Loop {
 
   template <class... Types>
   void assemble(Types const&... types) {
-    gsp::smooth_dynamics(exec, model, state, dynamics, poses);
+    gsp::smooth_dynamics(exec, model, state, poses, dynamics);
     gsp::assemble(exec, model, state, dynamics, gsp::constraints(types...), rows, impulses, progress);
   }
   /// Ends the step; true if it has to be repeated.
   bool finish() {
     solve(solver);
-    gsp::integrate(exec, model, dynamics, solution, progress, state);
+    gsp::integrate(exec, model, state, dynamics, progress, solution);
     return grow();
   }
   template <class... Types>

@@ -145,8 +145,8 @@ TEST_CASE_TEMPLATE("a law equal to the model's servos gives the same acceleratio
         Set<Exec> own(model_of(servos, way.integrator), worlds, way.profile), bare(model_of(first, way.integrator), worlds, way.profile);
         CHECK(own.model.nu > 15);
         test_laws::Servo<Mem> const law{bare.gains, first};
-        gsp::smooth_dynamics(own.exec, own.model, own.state, own.dynamics, own.poses, {.keep_all = true});
-        gsp::smooth_dynamics(bare.exec, bare.model, bare.state, bare.dynamics, bare.poses, {.keep_all = true}, law);
+        gsp::smooth_dynamics(own.exec, own.model, own.state, own.poses, own.dynamics, {.keep_all = true});
+        gsp::smooth_dynamics(bare.exec, bare.model, bare.state, bare.poses, bare.dynamics, {.keep_all = true}, law);
         using L = gsp::DynamicsLayout;
         auto const force = own.dofs(&L::actuator), acceleration = own.dofs(&L::acceleration);
         CHECK(*std::max_element(force.begin(), force.end()) > 3);
@@ -154,17 +154,17 @@ TEST_CASE_TEMPLATE("a law equal to the model's servos gives the same acceleratio
         CHECK(difference(bare.dofs(&L::damping), own.dofs(&L::damping)) < 1e-12);
         CHECK(difference(bare.dofs(&L::stiffness), own.dofs(&L::stiffness)) < 1e-12);
         CHECK(difference(bare.dofs(&L::acceleration), acceleration) < 1e-12);
-        gsp::integrate(own.exec, own.model, own.dynamics, own.state);
-        gsp::integrate(bare.exec, bare.model, bare.dynamics, bare.state);
+        gsp::integrate(own.exec, own.model, own.state, own.dynamics);
+        gsp::integrate(bare.exec, bare.model, bare.state, bare.dynamics);
         CHECK(difference(bare.velocities(), own.velocities()) < 1e-12);
 
-        gsp::forward_kinematics(bare.exec, bare.model, bare.state, bare.dynamics, bare.poses);
+        gsp::forward_kinematics(bare.exec, bare.model, bare.state, bare.poses, bare.dynamics);
         gsp::mass_matrix(bare.exec, bare.model, bare.state, bare.poses, bare.dynamics);
         gsp::bias_forces(bare.exec, bare.model, bare.state, bare.poses, bare.dynamics);
         gsp::passive_forces(bare.exec, bare.model, bare.state, bare.poses, bare.dynamics);
         gsp::actuator_forces(bare.exec, bare.model, bare.state, bare.poses, bare.dynamics, law);
         auto const alone = bare.dofs(&L::actuator);
-        gsp::smooth_dynamics(own.exec, own.model, own.state, own.dynamics, own.poses, {.keep_all = true});
+        gsp::smooth_dynamics(own.exec, own.model, own.state, own.poses, own.dynamics, {.keep_all = true});
         CHECK(difference(alone, own.dofs(&L::actuator)) < 1e-12);
       }
 }
@@ -174,10 +174,10 @@ TEST_CASE_TEMPLATE("laws in a step of RK4", Exec, GSP_TEST_EXECS) {
   using Mem = typename Exec::memory_space;
   Set<Exec> own(model_of(servos, gsp::Integrator::rk4), 5, gsp::Profile::mujoco),
       bare(model_of(0, gsp::Integrator::rk4), 5, gsp::Profile::mujoco);
-  auto const rk = gsp::make_runge_kutta(own.exec, own.model, {.worlds = 5});
-  auto const rk2 = gsp::make_runge_kutta(bare.exec, bare.model, {.worlds = 5});
-  gsp::runge_kutta(own.exec, own.model, own.state, own.dynamics, own.poses, rk);
-  gsp::runge_kutta(bare.exec, bare.model, bare.state, bare.dynamics, bare.poses, rk2, test_laws::Servo<Mem>{bare.gains, 0});
+  auto rk = gsp::make_runge_kutta(own.exec, own.model, {.worlds = 5});
+  auto rk2 = gsp::make_runge_kutta(bare.exec, bare.model, {.worlds = 5});
+  gsp::runge_kutta(own.exec, own.model, own.state, own.poses, own.dynamics, rk);
+  gsp::runge_kutta(bare.exec, bare.model, bare.state, bare.poses, bare.dynamics, rk2, test_laws::Servo<Mem>{bare.gains, 0});
   CHECK(difference(bare.velocities(), own.velocities()) < 1e-12);
 }
 
@@ -199,8 +199,8 @@ TEST_CASE_TEMPLATE("slopes are implicit where the law has them", Exec, GSP_TEST_
     double const b = ratio * 2 / h;
     Set<Exec> with(c, 9, gsp::Profile::stable), without(c, 9, gsp::Profile::stable);
     auto const v = with.velocities();
-    gsp::smooth_step(with.exec, with.model, with.state, with.dynamics, with.poses, test_laws::Damper{b});
-    gsp::smooth_step(without.exec, without.model, without.state, without.dynamics, without.poses, test_laws::ExplicitDamper{b});
+    gsp::smooth_step(with.exec, with.model, with.state, with.poses, with.dynamics, test_laws::Damper{b});
+    gsp::smooth_step(without.exec, without.model, without.state, without.poses, without.dynamics, test_laws::ExplicitDamper{b});
     auto const slow = with.velocities(), plain = without.velocities();
     for (int w = 0; w < 9; ++w) {
       CHECK(slow[w] == doctest::Approx(ratio > 0 ? v[w] / (1 + ratio) : v[w] * (1 - ratio)).epsilon(1e-14));
@@ -209,6 +209,6 @@ TEST_CASE_TEMPLATE("slopes are implicit where the law has them", Exec, GSP_TEST_
     CHECK((std::abs(plain[0]) > std::abs(v[0])) == (ratio > 2 || ratio < 0));
   }
   Set<Exec> none(still, 1, gsp::Profile::stable);
-  CHECK_THROWS_WITH_AS(gsp::smooth_dynamics(none.exec, none.model, none.state, none.dynamics, none.poses, {}, test_laws::Damper{1}),
+  CHECK_THROWS_WITH_AS(gsp::smooth_dynamics(none.exec, none.model, none.state, none.poses, none.dynamics, {}, test_laws::Damper{1}),
                        doctest::Contains("the model has no actuators: give it one"), std::invalid_argument);
 }

@@ -55,8 +55,8 @@ double derivative_error(gsp::CompiledModel const& c, gsp::Profile profile, gsp::
   constexpr int N = 8;
   double const s = 1e-5;
   int const variables = Copies<double>(c, 1, profile, from, world).variables();
-  Copies<gsp::Dual<double, N>> const exact(c, (variables + N - 1) / N, profile, from, world);
-  Copies<double> const shifted(c, 2 * variables, profile, from, world);
+  Copies<gsp::Dual<double, N>> exact(c, (variables + N - 1) / N, profile, from, world);
+  Copies<double> shifted(c, 2 * variables, profile, from, world);
   for (int i = 0; i < variables; ++i) {
     exact.variable(i / N, i).slope[i % N] = 1;
     shifted.variable(2 * i, i) -= s, shifted.variable(2 * i + 1, i) += s;

@@ -14,11 +14,11 @@ TEST_CASE_TEMPLATE("factor and solve give back the force", Exec, GSP_TEST_EXECS)
   auto const model = gsp::make_model<R>(exec, compiled, {.profile = gsp::Profile::mujoco});
   REQUIRE(model.narchetype == 2);
   for (int worlds : {1, 3, 40}) {
-    auto const state = gsp::make_state(exec, model, {.worlds = worlds});
-    auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
-    auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
+    auto state = gsp::make_state(exec, model, {.worlds = worlds});
+    auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+    auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
     gsp_test::randomise(compiled, state);
-    gsp::smooth_dynamics(exec, model, state, dynamics, poses, {.keep_all = true});
+    gsp::smooth_dynamics(exec, model, state, poses, dynamics, {.keep_all = true});
     Kokkos::View<R***, Kokkos::LayoutRight, typename Exec::memory_space> M("M", worlds, model.nv, model.nv);
     Kokkos::View<R**, Kokkos::LayoutRight, typename Exec::memory_space> force("force", worlds, model.nv),
         acceleration("acceleration", worlds, model.nv);

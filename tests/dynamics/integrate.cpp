@@ -24,7 +24,7 @@ struct Worlds {
         dynamics(gsp::make_dynamics(exec, model, {.worlds = worlds})),
         poses(gsp::make_poses(exec, model, {.worlds = worlds})) {}
   void step(int n) {
-    for (int i = 0; i < n; ++i) gsp::smooth_dynamics(exec, model, state, dynamics, poses), gsp::integrate(exec, model, dynamics, state);
+    for (int i = 0; i < n; ++i) gsp::smooth_dynamics(exec, model, state, poses, dynamics), gsp::integrate(exec, model, state, dynamics);
     exec.fence();
   }
   void set(std::vector<R> const& qpos, std::vector<R> const& qvel) {

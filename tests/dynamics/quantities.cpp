@@ -69,7 +69,7 @@ struct Set {
         poses(gsp::make_poses(exec, model, {.worlds = worlds})) {
     gsp_test::randomise(c, state);
   }
-  void smooth() { gsp::smooth_dynamics(exec, model, state, dynamics, poses, {.keep_all = true}); }
+  void smooth() { gsp::smooth_dynamics(exec, model, state, poses, dynamics, {.keep_all = true}); }
   std::vector<double> dofs(int gsp::DynamicsLayout::*item) const {
     View2 out("out", state.worlds, model.nv);
     gsp::copy_dofs(exec, model, dynamics, item, out);
@@ -111,8 +111,8 @@ TEST_CASE_TEMPLATE("energy is conserved without dampers", Exec, GSP_TEST_EXECS) 
   c.tendon_damping[0] = 0, c.option.timestep = 1e-4;
   Set<Exec> s(c, 5);
   auto const before = s.energy();
-  auto const rk = gsp::make_runge_kutta(s.exec, s.model, {.worlds = 5});
-  for (int i = 0; i < 20; ++i) gsp::runge_kutta(s.exec, s.model, s.state, s.dynamics, s.poses, rk);
+  auto rk = gsp::make_runge_kutta(s.exec, s.model, {.worlds = 5});
+  for (int i = 0; i < 20; ++i) gsp::runge_kutta(s.exec, s.model, s.state, s.poses, s.dynamics, rk);
   auto const after = s.energy();
   for (int w = 0; w < 5; ++w) {
     double const sum = before[2 * w] + before[2 * w + 1], change = after[2 * w] + after[2 * w + 1] - sum;
@@ -127,7 +127,7 @@ TEST_CASE_TEMPLATE("Jacobians, momenta and poses agree", Exec, GSP_TEST_EXECS) {
   int const worlds = 9;
   Set<Exec> s(model_of(), worlds);
   s.smooth();
-  auto const subtrees = gsp::make_subtrees(s.exec, s.model, {.worlds = worlds});
+  auto subtrees = gsp::make_subtrees(s.exec, s.model, {.worlds = worlds});
   gsp::subtree_com(s.exec, s.model, s.poses, subtrees), gsp::subtree_momentum(s.exec, s.model, s.poses, s.dynamics, subtrees);
   auto const linvel = gsp_test::host(subtrees.linvel), com = gsp_test::host(subtrees.com);
   auto const mass = gsp_test::host(subtrees.mass);
@@ -154,7 +154,7 @@ TEST_CASE_TEMPLATE("Jacobians, momenta and poses agree", Exec, GSP_TEST_EXECS) {
   auto const qpos = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, s.state.qpos);
   for (int w = 0; w < worlds; ++w) qpos(w, adr) += 1e-6;
   Kokkos::deep_copy(s.state.qpos, qpos);
-  gsp::forward_kinematics(s.exec, s.model, s.state, s.dynamics, s.poses), gsp::site_poses(s.exec, s.model, s.poses, x, q);
+  gsp::forward_kinematics(s.exec, s.model, s.state, s.poses, s.dynamics), gsp::site_poses(s.exec, s.model, s.poses, x, q);
   auto const after = gsp_test::snapshot(x);
   for (int w = 0; w < worlds; ++w)
     for (int c = 0; c < 3; ++c) CHECK(std::abs((after(w, site, c) - before(w, site, c)) / 1e-6 - j(w, c, dof)) < 1e-5);
@@ -210,10 +210,10 @@ TEST_CASE("derivatives of a step by position, velocity and control are central d
     Set<Kokkos::Serial> const from(c, 1, profile);
     for (int i = 0; i < c.nu; ++i) from.state.ctrl(0, i) = std::sin(i);
     if (rest) Kokkos::deep_copy(from.state.qvel, 0.);
-    double const error = gsp_test::derivative_error(c, profile, from.state, 0, [](auto const& at) {
-      gsp::smooth_dynamics(at.exec, at.model, at.state, at.dynamics, at.poses, {.keep_all = true});
+    double const error = gsp_test::derivative_error(c, profile, from.state, 0, [](auto& at) {
+      gsp::smooth_dynamics(at.exec, at.model, at.state, at.poses, at.dynamics, {.keep_all = true});
       gsp::copy_dofs(at.exec, at.model, at.dynamics, &gsp::DynamicsLayout::acceleration, at.acceleration);
-      gsp::integrate(at.exec, at.model, at.dynamics, at.state);
+      gsp::integrate(at.exec, at.model, at.state, at.dynamics);
       return std::tuple{at.acceleration, at.state.qpos, at.state.qvel};
     });
     CAPTURE(int(profile));
@@ -231,9 +231,9 @@ std::vector<double> step_of_duals(gsp::CompiledModel const& c) {
   Exec const exec;
   int const variables = c.nq + c.nv, worlds = (variables + 3) / 4;
   auto const model = gsp::make_model<Real>(exec, c, {.profile = gsp::Profile::mujoco});
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
-  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
-  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
   Set<Kokkos::Serial> const from(c, 1);
   auto const qpos = Kokkos::create_mirror_view(state.qpos), qvel = Kokkos::create_mirror_view(state.qvel);
   for (int w = 0; w < worlds; ++w) {
@@ -245,7 +245,7 @@ std::vector<double> step_of_duals(gsp::CompiledModel const& c) {
     }
   }
   Kokkos::deep_copy(state.qpos, qpos), Kokkos::deep_copy(state.qvel, qvel);
-  gsp::smooth_dynamics(exec, model, state, dynamics, poses), gsp::integrate(exec, model, dynamics, state);
+  gsp::smooth_dynamics(exec, model, state, poses, dynamics), gsp::integrate(exec, model, state, dynamics);
   exec.fence();
   Kokkos::deep_copy(qpos, state.qpos), Kokkos::deep_copy(qvel, state.qvel);
   std::vector<double> out;
@@ -306,37 +306,35 @@ TEST_CASE("derivatives of quantities by position, velocity, control and accelera
         CAPTURE(w);
         CHECK(error <= 1e-6);
       };
-      auto const smooth = [](auto const& at) {
-        gsp::smooth_dynamics(at.exec, at.model, at.state, at.dynamics, at.poses, {.keep_all = true});
-      };
-      check("step of Runge-Kutta", [](auto const& at) {
-        auto const rk = gsp::make_runge_kutta(at.exec, at.model, {.worlds = at.state.worlds});
-        gsp::runge_kutta(at.exec, at.model, at.state, at.dynamics, at.poses, rk);
+      auto const smooth = [](auto& at) { gsp::smooth_dynamics(at.exec, at.model, at.state, at.poses, at.dynamics, {.keep_all = true}); };
+      check("step of Runge-Kutta", [](auto& at) {
+        auto rk = gsp::make_runge_kutta(at.exec, at.model, {.worlds = at.state.worlds});
+        gsp::runge_kutta(at.exec, at.model, at.state, at.poses, at.dynamics, rk);
         return std::tuple{at.state.qpos, at.state.qvel, at.state.act};
       });
-      check("inverse dynamics", [&](auto const& at) {
+      check("inverse dynamics", [&](auto& at) {
         auto const force = Kokkos::create_mirror(at.acceleration);
         smooth(at), gsp::inverse_dynamics(at.exec, at.model, at.dynamics, at.acceleration, force);
         return std::tuple{force};
       });
-      check("energies", [&](auto const& at) {
+      check("energies", [&](auto& at) {
         typename std::remove_cvref_t<decltype(at)>::View2 const energy("energy", at.state.worlds, 2);
         smooth(at), gsp::energies(at.exec, at.model, at.state, at.poses, at.dynamics, energy);
         return std::tuple{energy};
       });
-      check("Jacobian of a site", [&](auto const& at) {
+      check("Jacobian of a site", [&](auto& at) {
         using R = typename std::remove_cvref_t<decltype(at)>::real_type;
         Kokkos::View<R***, Kokkos::LayoutRight, Kokkos::HostSpace> const J("J", at.state.worlds, 6, at.model.nv);
         smooth(at), gsp::site_jacobian(at.exec, at.model, at.poses, at.dynamics, c.site_body[c.nsite - 1], c.nsite - 1, J);
         return std::tuple{J};
       });
-      check("momentum of subtrees", [&](auto const& at) {
-        auto const subtrees = gsp::make_subtrees(at.exec, at.model, {.worlds = at.state.worlds});
+      check("momentum of subtrees", [&](auto& at) {
+        auto subtrees = gsp::make_subtrees(at.exec, at.model, {.worlds = at.state.worlds});
         smooth(at), gsp::subtree_com(at.exec, at.model, at.poses, subtrees);
         gsp::subtree_momentum(at.exec, at.model, at.poses, at.dynamics, subtrees);
         return std::tuple{subtrees.com, subtrees.linvel, subtrees.angmom};
       });
-      check("length and moment arms of the tendon", [&](auto const& at) {
+      check("length and moment arms of the tendon", [&](auto& at) {
         typename std::remove_cvref_t<decltype(at)>::View2 const tendon("tendon", at.state.worlds, 1 + at.model.archetypes(0).ntendonJ);
         smooth(at);
         for (int world = 0; world < at.state.worlds; ++world)

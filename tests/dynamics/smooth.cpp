@@ -34,9 +34,9 @@ struct Set {
       for (int i = 0; i < model.nu; ++i) ctrl(w, i) = R(std::sin(i + 2.3 * w));
     Kokkos::deep_copy(state.ctrl, ctrl);
   }
-  void smooth() { gsp::smooth_dynamics(exec, model, state, dynamics, poses, {.keep_all = true, .joint_poses = true}); }
+  void smooth() { gsp::smooth_dynamics(exec, model, state, poses, dynamics, {.keep_all = true, .joint_poses = true}); }
   void composed() {
-    gsp::forward_kinematics(exec, model, state, dynamics, poses);
+    gsp::forward_kinematics(exec, model, state, poses, dynamics);
     gsp::mass_matrix(exec, model, state, poses, dynamics);
     gsp::bias_forces(exec, model, state, poses, dynamics);
     gsp::passive_forces(exec, model, state, poses, dynamics);
@@ -177,8 +177,8 @@ TEST_CASE_TEMPLATE("the fused step gives the state of smooth_dynamics and integr
         };
         spoil(a), spoil(b);
         for (int i = 0; i < 10; ++i) {
-          gsp::smooth_dynamics(a.exec, a.model, a.state, a.dynamics, a.poses), gsp::integrate(a.exec, a.model, a.dynamics, a.state);
-          gsp::smooth_step(b.exec, b.model, b.state, b.dynamics, b.poses);
+          gsp::smooth_dynamics(a.exec, a.model, a.state, a.poses, a.dynamics), gsp::integrate(a.exec, a.model, a.state, a.dynamics);
+          gsp::smooth_step(b.exec, b.model, b.state, b.poses, b.dynamics);
         }
         auto const same = [](auto const& a_view, auto const& b_view) {
           auto const u = gsp_test::host(a_view), v = gsp_test::host(b_view);
@@ -268,7 +268,7 @@ TEST_CASE_TEMPLATE("the stages neither allocate nor fence", Exec, GSP_TEST_EXECS
   Set<float, Exec> s(c, 5);
   s.exec.fence();
   gsp_test::check_algorithm(s.exec, gsp_test::watch([&] {
-                              s.smooth(), s.composed(), gsp::integrate(s.exec, s.model, s.dynamics, s.state);
-                              gsp::smooth_step(s.exec, s.model, s.state, s.dynamics, s.poses);
+                              s.smooth(), s.composed(), gsp::integrate(s.exec, s.model, s.state, s.dynamics);
+                              gsp::smooth_step(s.exec, s.model, s.state, s.poses, s.dynamics);
                             }));
 }

@@ -106,9 +106,9 @@ struct World {
     Kokkos::deep_copy(state.ctrl, 0.7);
     Kokkos::deep_copy(state.act, -0.4);
   }
-  void smooth(bool keep_all) { gsp::smooth_dynamics(exec, model, state, dynamics, poses, {.keep_all = keep_all}); }
+  void smooth(bool keep_all) { gsp::smooth_dynamics(exec, model, state, poses, dynamics, {.keep_all = keep_all}); }
   void single(int stages) {
-    if (stages > 0) gsp::forward_kinematics(exec, model, state, dynamics, poses);
+    if (stages > 0) gsp::forward_kinematics(exec, model, state, poses, dynamics);
     if (stages > 1) gsp::mass_matrix(exec, model, state, poses, dynamics);
     if (stages > 2) gsp::bias_forces(exec, model, state, poses, dynamics);
     if (stages > 3) gsp::passive_forces(exec, model, state, poses, dynamics);
@@ -119,7 +119,7 @@ struct World {
     smooth(false);
     gsp::assemble(exec, model, state, dynamics, gsp::constraints(gsp::JointLimits(model, state)), rows, impulses, progress);
     gsp::pgs(exec, rows, impulses, solution, progress);
-    gsp::integrate(exec, model, dynamics, solution, progress, state);
+    gsp::integrate(exec, model, state, dynamics, progress, solution);
   }
 };
 
@@ -185,7 +185,7 @@ std::vector<Reader<Exec>> readers() {
            }},
           {"subtree_momentum",
            [](S& s) {
-             auto const out = gsp::make_subtrees(s.exec, s.model, {.worlds = S::worlds});
+             auto out = gsp::make_subtrees(s.exec, s.model, {.worlds = S::worlds});
              gsp::subtree_com(s.exec, s.model, s.poses, out);
              gsp::subtree_momentum(s.exec, s.model, s.poses, s.dynamics, out);
              return numbers(out.angmom);
@@ -226,7 +226,7 @@ TEST_CASE_TEMPLATE("a reader gives the right number or says what to call", Exec,
       {"integrate",
        [](S& s) {
          s.smooth(true);
-         gsp::integrate(s.exec, s.model, s.dynamics, s.state);
+         gsp::integrate(s.exec, s.model, s.state, s.dynamics);
        },
        before, before},
       {"a step with constraints", [](S& s) { s.step(); }, none, "1000100000000"},
@@ -251,13 +251,14 @@ TEST_CASE_TEMPLATE("a reader gives the right number or says what to call", Exec,
       {"smooth_step",
        [](S& s) {
          s.smooth(true);
-         gsp::smooth_step(s.exec, s.model, s.state, s.dynamics, s.poses);
+         gsp::smooth_step(s.exec, s.model, s.state, s.poses, s.dynamics);
        },
        none, none},
       {"runge_kutta",
        [](S& s) {
          s.smooth(true);
-         gsp::runge_kutta(s.exec, s.model, s.state, s.dynamics, s.poses, gsp::make_runge_kutta(s.exec, s.model, {.worlds = S::worlds}));
+         auto rk = gsp::make_runge_kutta(s.exec, s.model, {.worlds = S::worlds});
+         gsp::runge_kutta(s.exec, s.model, s.state, s.poses, s.dynamics, rk);
        },
        none, none},
   };
@@ -303,27 +304,27 @@ TEST_CASE_TEMPLATE("a reader gives the right number or says what to call", Exec,
 TEST_CASE_TEMPLATE("dynamics of one state say nothing of another", Exec, GSP_TEST_EXECS) {
   World<Exec> s(Profile::stable);
   auto const& exec = s.exec;
-  auto const other = gsp::make_state(exec, s.model, {.worlds = World<Exec>::worlds});
+  auto other = gsp::make_state(exec, s.model, {.worlds = World<Exec>::worlds});
   typename World<Exec>::template View<double**> const energy("energy", World<Exec>::worlds, 2),
       qacc("qacc", World<Exec>::worlds, s.model.nv), qfrc("qfrc", World<Exec>::worlds, s.model.nv);
   char const* const of_another = "are of another state";
   s.smooth(true);
   CHECK_THROWS_WITH_AS(gsp::energies(exec, s.model, other, s.poses, s.dynamics, energy), doctest::Contains(of_another),
                        std::invalid_argument);
-  CHECK_THROWS_WITH_AS(gsp::integrate(exec, s.model, s.dynamics, other), doctest::Contains(of_another), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::integrate(exec, s.model, other, s.dynamics), doctest::Contains(of_another), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::factor(exec, s.model, other, s.dynamics), doctest::Contains(of_another), std::invalid_argument);
   CHECK_THROWS_WITH_AS(
       gsp::assemble(exec, s.model, other, s.dynamics, gsp::constraints(gsp::JointLimits(s.model, other)), s.rows, s.impulses, s.progress),
       doctest::Contains(of_another), std::invalid_argument);
   // M of one state, forces of another
-  auto const copy = s.dynamics;  // copies share what they hold
-  gsp::forward_kinematics(exec, s.model, other, copy, s.poses);
+  auto copy = s.dynamics;  // copies share what they hold
+  gsp::forward_kinematics(exec, s.model, other, s.poses, copy);
   gsp::mass_matrix(exec, s.model, other, s.poses, copy);
   CHECK_THROWS_WITH_AS(gsp::inverse_dynamics(exec, s.model, s.dynamics, qacc, qfrc), doctest::Contains(of_another), std::invalid_argument);
   // a step twice, factor twice in profile stable, set_constants
   s.smooth(true);
-  gsp::integrate(exec, s.model, s.dynamics, s.state);
-  CHECK_THROWS_WITH_AS(gsp::integrate(exec, s.model, s.dynamics, s.state), doctest::Contains("before its last step or reset"),
+  gsp::integrate(exec, s.model, s.state, s.dynamics);
+  CHECK_THROWS_WITH_AS(gsp::integrate(exec, s.model, s.state, s.dynamics), doctest::Contains("before its last step or reset"),
                        std::invalid_argument);
   s.single(6);
   CHECK_THROWS_WITH_AS(gsp::factor(exec, s.model, s.state, s.dynamics), doctest::Contains("call actuator_forces again"),
@@ -345,14 +346,14 @@ TEST_CASE_TEMPLATE("half of the derivatives is not integrated with", Exec, GSP_T
   s.model = gsp::make_model<double>(s.exec, c, {.profile = Profile::mujoco});
   s.dynamics = gsp::make_dynamics(s.exec, s.model, {.worlds = World<Exec>::worlds});
   auto const refused = [&] {
-    CHECK_THROWS_WITH_AS(gsp::integrate(s.exec, s.model, s.dynamics, s.state), doctest::Contains("in this order"), std::invalid_argument);
+    CHECK_THROWS_WITH_AS(gsp::integrate(s.exec, s.model, s.state, s.dynamics), doctest::Contains("in this order"), std::invalid_argument);
   };
   s.single(5);
   gsp::passive_forces(s.exec, s.model, s.state, s.poses, s.dynamics);
   gsp::factor(s.exec, s.model, s.state, s.dynamics);
   refused();
   s.single(6);
-  gsp::integrate(s.exec, s.model, s.dynamics, s.state);
+  gsp::integrate(s.exec, s.model, s.state, s.dynamics);
   s.smooth(false);
-  gsp::integrate(s.exec, s.model, s.dynamics, s.state);
+  gsp::integrate(s.exec, s.model, s.state, s.dynamics);
 }

@@ -216,7 +216,7 @@ struct Balls {
       std::copy(std::begin(q), std::end(q), &qpos(w, 0));
     }
     Kokkos::deep_copy(state.qpos, qpos);
-    gsp::forward_kinematics(exec, model, state, dynamics, poses);
+    gsp::forward_kinematics(exec, model, state, poses, dynamics);
   }
 };
 
@@ -256,9 +256,9 @@ TEST_CASE_TEMPLATE("a constraint from outside", Exec, GSP_TEST_EXECS) {
   double const length = 1, top = 3, h = 0.01;
   auto const compiled = gsp::compile(Balls<Exec>::description());
   auto const model = gsp::make_model<double>(exec, compiled, {.timestep = h});
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
-  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
-  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
   auto rows = gsp::make_rows(exec, model, {.worlds = worlds});
   auto impulses = gsp::make_impulses(exec, rows);
   auto solution = gsp::make_solution(exec, model, {.worlds = worlds});
@@ -275,10 +275,10 @@ TEST_CASE_TEMPLATE("a constraint from outside", Exec, GSP_TEST_EXECS) {
   Kokkos::View<double**, Kokkos::LayoutRight, Mem> const force("force", worlds, 2);
   double const weight = compiled.body_mass[1] * 9.81;
   for (int t = 0; t < 40;) {  // it falls for 0.2 s
-    gsp::smooth_dynamics(exec, model, state, dynamics, poses);
+    gsp::smooth_dynamics(exec, model, state, poses, dynamics);
     gsp::assemble(exec, model, state, dynamics, gsp::constraints(ropes), rows, impulses, progress);
     gsp::pgs(exec, rows, impulses, solution, progress, {.iterations = 100, .tolerance = 0});
-    gsp::integrate(exec, model, dynamics, solution, progress, state);
+    gsp::integrate(exec, model, state, dynamics, progress, solution);
     if (gsp::grow(exec, rows, impulses, progress)) continue;
     ++t;
     if (t != 10 && t != 40) continue;
@@ -303,9 +303,9 @@ TEST_CASE_TEMPLATE("actuator laws from outside", Exec, GSP_TEST_EXECS) {
   double const inertia = 0.02, h = 0.01, k = 0.5, resistance = 2, limit = 3;
   auto const compiled = gsp::compile(wheels(inertia));
   auto const model = gsp::make_model<double>(exec, compiled, {.timestep = h});
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
-  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
-  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
   auto const ctrl = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state.ctrl);
   for (int w = 0; w < worlds; ++w) ctrl(w, 0) = 0.5 * w, ctrl(w, 1) = 0.1 * w;
   Kokkos::deep_copy(state.ctrl, ctrl);
@@ -325,8 +325,8 @@ TEST_CASE_TEMPLATE("actuator laws from outside", Exec, GSP_TEST_EXECS) {
   std::vector<double> speed(worlds, 0.), angle(worlds, 0.), rate(worlds, 0.), before(worlds, 0.);
   int limited = 0, free = 0;
   for (int t = 0; t < 100; ++t) {
-    gsp::smooth_dynamics(exec, model, state, dynamics, poses, {}, motor, network);
-    gsp::integrate(exec, model, dynamics, state);
+    gsp::smooth_dynamics(exec, model, state, poses, dynamics, {}, motor, network);
+    gsp::integrate(exec, model, state, dynamics);
     for (int w = 0; w < worlds; ++w) {
       double const U = ctrl(w, 0);
       bool const full = (U - k * speed[w]) / resistance > limit;
@@ -364,7 +364,7 @@ TEST_CASE_TEMPLATE("a sensor from outside", Exec, GSP_TEST_EXECS) {
   Kokkos::deep_copy(data, 77.f), Kokkos::deep_copy(touch, 77.f);
   gsp::sense(s.exec, Range<Mem>{s.poses, 1, 2}, data, {.adr = s.compiled.sensor_adr[1]});
   auto const collision = gsp::make_collision_model<float>(s.exec, s.compiled);
-  auto const contacts = gsp::make_contacts(s.exec, collision, {.worlds = s.worlds});
+  auto contacts = gsp::make_contacts(s.exec, collision, {.worlds = s.worlds});
   gsp::collide(s.exec, collision, s.poses, contacts);
   gsp::sense(s.exec, Touch<Mem>{contacts, 3}, touch, {.adr = 1});
   CHECK_THROWS_WITH_AS(gsp::sense(s.exec, Touch<Mem>{contacts, 3}, touch, {.adr = 3}), doctest::Contains("do not fit into data with 8"),

@@ -13,7 +13,7 @@ namespace {
 // example-begin keyframe
 /// Positions and controls of a keyframe into all worlds.
 template <class R, class Mem>
-void set_keyframe(gsp::CompiledModel const& compiled, gsp::State<R, Mem> const& state, std::string const& name) {
+void set_keyframe(gsp::CompiledModel const& compiled, gsp::State<R, Mem>& state, std::string const& name) {
   auto const& key = compiled.keyframes.at(gsp::keyframe_id(compiled, name));
   auto const qpos = Kokkos::create_mirror_view(state.qpos);
   auto const ctrl = Kokkos::create_mirror_view(state.ctrl);
@@ -47,7 +47,7 @@ TEST_CASE("the start of all recipes, and a keyframe in all worlds") {
   int const worlds = 16;
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());  // or of gsp::io::read_mjcf("robot.xml")
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
 
   set_keyframe(compiled, state, "stand");
@@ -62,7 +62,7 @@ TEST_CASE("reset of single worlds") {
   int const worlds = 16;
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
   set_keyframe(compiled, state, "stand");
   auto const lifted = gsp_test::host(state.qpos);
@@ -72,7 +72,7 @@ TEST_CASE("reset of single worlds") {
   auto const before = gsp_test::snapshot(state.qpos), speed_before = gsp_test::snapshot(state.qvel);
 
   // example-begin reset
-  auto const start = gsp::make_state(exec, model, {.worlds = 1});  // once: where an episode begins
+  auto start = gsp::make_state(exec, model, {.worlds = 1});  // once: where an episode begins
   set_keyframe(compiled, start, "stand");
   Kokkos::View<bool*, Mem> const done("done", worlds);
 
@@ -112,12 +112,12 @@ TEST_CASE("contact forces") {
   int const worlds = 5;
   auto const compiled = gsp::compile(gsp::samples::stack(3));
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
   gsp::step(exec, model, state, sim, {.steps = 1000});
 
   // example-begin contact_forces
-  Kokkos::View<float* [6], Kokkos::LayoutRight, Mem> const force("force", sim.contacts.capacity());  // again after the pool has grown
+  Kokkos::View<float* [6], Kokkos::LayoutRight, Mem> force("force", sim.contacts.capacity());  // again after the pool has grown
   gsp::contact_forces(exec, model, sim.contacts, sim.rows, sim.impulses, force);
 
   Kokkos::View<float*, Mem> const on_floor("on_floor", worlds);  // [N]
@@ -147,7 +147,7 @@ TEST_CASE("friction per world") {
   int const worlds = 6;
   auto const compiled = gsp::compile(gsp::samples::ramp(0.25, 0.5));
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
 
   // example-begin friction
@@ -182,7 +182,7 @@ TEST_CASE("masses per world") {
   // example-begin masses
   auto model = gsp::make_model<float>(exec, compiled);
   gsp::make_per_world(exec, model, {gsp::ModelField::body_mass}, worlds);  // before make_dynamics and make_simulation
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
 
   auto const masses = gsp::world_values(model, gsp::ModelField::body_mass);  // (worlds, bodies) of the model itself
@@ -211,7 +211,7 @@ TEST_CASE("integrators and profiles") {
     auto const compiled = gsp::compile(description);
     auto const model = gsp::make_model<float>(exec, compiled, {.profile = gsp::Profile::mujoco, .timestep = 0.01});
     // example-end integrator
-    auto const state = gsp::make_state(exec, model);
+    auto state = gsp::make_state(exec, model);
     auto sim = gsp::make_simulation(exec, model, compiled);
     auto const q = gsp_test::host(state.qpos);
     q(0, 0) = 1.2f;
@@ -252,13 +252,13 @@ TEST_CASE("sensors") {
   robot.sensors.push_back({.name = "trunk", .type = "framepos", .object_type = "xbody", .object = "trunk"});
   auto const compiled = gsp::compile(robot);
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
-  auto const sensors = gsp::make_sensors(exec, model, compiled, {.worlds = worlds});
+  auto sensors = gsp::make_sensors(exec, model, compiled, {.worlds = worlds});
   Kokkos::View<float**, Kokkos::LayoutRight, Mem> const data("data", worlds, compiled.nsensordata);
 
   gsp::step(exec, model, state, sim, {.steps = 20, .poses = false});
-  gsp::smooth_dynamics(exec, model, state, sim.dynamics, sim.poses, {.keep_all = true});  // of the state as it is now
+  gsp::smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {.keep_all = true});  // of the state as it is now
   gsp::smooth_sensors(exec, model, state, sim.poses, sim.dynamics, sensors, data);
   int const gyro = compiled.sensor_adr[gsp::sensor_id(compiled, "turning")];  // its columns: gyro .. gyro + 2
   // example-end sensors
@@ -282,21 +282,21 @@ TEST_CASE("cameras on a robot") {
   robot.bodies[0].geoms.push_back(wall);
   auto const compiled = gsp::compile(robot);
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
   set_keyframe(compiled, state, "stand");
   auto const qpos = gsp_test::host(state.qpos);
   qpos(1, 0) = 0.5f;  // the robot of world 1 stands half a metre nearer
   Kokkos::deep_copy(state.qpos, qpos);
-  gsp::forward_kinematics(exec, model, state, sim.dynamics, sim.poses);
+  gsp::forward_kinematics(exec, model, state, sim.poses, sim.dynamics);
 
   // example-begin camera
   int const width = 64, height = 48;
-  auto const mounts = gsp::make_camera_mounts(exec, model, compiled,
-                                              {{.camera = "head"},  // of the model
-                                               {.body = "trunk", .pos = {0.3, 0, 0.1}, .look_at = gsp::Double3{1, 0, 0.1}, .fovy = 0.9}},
-                                              {.worlds = worlds, .width = width, .height = height});
-  auto const cameras = gsp::make_cameras(exec, mounts.images());
+  auto mounts = gsp::make_camera_mounts(exec, model, compiled,
+                                        {{.camera = "head"},  // of the model
+                                         {.body = "trunk", .pos = {0.3, 0, 0.1}, .look_at = gsp::Double3{1, 0, 0.1}, .fovy = 0.9}},
+                                        {.worlds = worlds, .width = width, .height = height});
+  auto cameras = gsp::make_cameras(exec, mounts.images());
   auto const cloud = gsp::make_gaussians(exec, gsp::sample_surface(compiled, {.count = 60000}));  // a scene: add it to the list
   auto frames = gsp::make_frames(exec, cloud, {.images = mounts.images(), .width = width, .height = height});
 
@@ -328,7 +328,7 @@ TEST_CASE("actuators") {
   description.actuators.push_back(servo);
   auto const compiled = gsp::compile(description);
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
 
   // example-begin actuators
@@ -362,7 +362,7 @@ TEST_CASE("forces of one's own") {
   description.bodies[b].inertial = {.mass = 2, .inertia = {0.1, 0.2, 0.3, 0, 0, 0}};
   auto const compiled = gsp::compile(description);
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
 
   // example-begin forces
@@ -371,7 +371,7 @@ TEST_CASE("forces of one's own") {
   Kokkos::View<float**, Kokkos::LayoutRight, Mem> const wrench("wrench", worlds, 6);   // force [N], torque [N m], world axes
   auto const applied = state.qfrc_applied;                                             // (worlds, nv) [N, N m], held until it is changed
   auto const push = [&] {                                                              // before each step: the body has moved
-    gsp::smooth_dynamics(exec, model, state, sim.dynamics, sim.poses);
+    gsp::smooth_dynamics(exec, model, state, sim.poses, sim.dynamics);
     gsp::com_jacobian(exec, model, sim.poses, sim.dynamics, body, J);
     Kokkos::parallel_for(
         "push", Kokkos::RangePolicy<Exec>(exec, 0, worlds * int(applied.extent(1))), KOKKOS_LAMBDA(int i) {
@@ -425,7 +425,7 @@ TEST_CASE("instances of an execution space") {
   // example-end instances
   Exec const exec;
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
   gsp::step(exec, model, state, sim, {.steps = steps});
   auto const alone = gsp_test::host(state.qpos);
@@ -480,7 +480,7 @@ TEST_CASE("traces for Python") {
   int const worlds = 3, entries = 5;
   auto const compiled = gsp::compile(gsp::samples::pendulum());
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
   Kokkos::deep_copy(state.qpos, 0.5f);
   auto const path = (std::filesystem::temp_directory_path() / ("gsp_trace_" + std::to_string(::getpid()) + ".npz")).string();

@@ -115,7 +115,7 @@ TEST_CASE("pendulum") {
 
   // example-begin pendulum_steps
   auto const model = gsp::make_model<float>(exec, compiled, {.timestep = 0.002});
-  auto const state = gsp::make_state(exec, model, {.worlds = 1});
+  auto state = gsp::make_state(exec, model, {.worlds = 1});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = 1});
 
   Kokkos::deep_copy(state.qpos, 0.3f);  // [rad]
@@ -129,7 +129,7 @@ TEST_CASE("pendulum") {
 
   // example-begin pendulum_worlds
   int const worlds = 1000;
-  auto const many = gsp::make_state(exec, model, {.worlds = worlds});
+  auto many = gsp::make_state(exec, model, {.worlds = worlds});
   auto buffers = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
   Kokkos::View<float*> const period("period", worlds);
   auto const qpos = many.qpos, qvel = many.qvel;
@@ -174,7 +174,7 @@ TEST_CASE("rover") {
   // example-begin rover_drive
   int const worlds = 4;
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
   auto const qvel = state.qvel, ctrl = state.ctrl;
 
@@ -201,11 +201,11 @@ TEST_CASE("rover") {
 
   // example-begin rover_pictures
   int const width = 320, height = 240;
-  auto const mounts = gsp::make_camera_mounts(
+  auto mounts = gsp::make_camera_mounts(
       exec, model, compiled,
       {{.body = "world", .pos = {-0.3, -0.8, 0.5}, .look_at = gsp::Double3{0.45, 0.1, 0.05}, .fovy = 0.9}, {.camera = "eye"}},
       {.worlds = worlds, .width = width, .height = height});
-  auto const cameras = gsp::make_cameras(exec, mounts.images());
+  auto cameras = gsp::make_cameras(exec, mounts.images());
   auto frames = gsp::make_frames(exec, cloud, {.images = mounts.images(), .width = width, .height = height});
 
   gsp::cameras_of(exec, model, sim.poses, mounts, cameras);
@@ -223,14 +223,13 @@ TEST_CASE("rover") {
 
   // example-begin rover_loop
   int const small = 32;
-  auto const eyes =
-      gsp::make_camera_mounts(exec, model, compiled, {{.camera = "eye"}}, {.worlds = worlds, .width = small, .height = small});
-  auto const views = gsp::make_cameras(exec, worlds);
+  auto eyes = gsp::make_camera_mounts(exec, model, compiled, {{.camera = "eye"}}, {.worlds = worlds, .width = small, .height = small});
+  auto views = gsp::make_cameras(exec, worlds);
   auto seen = gsp::make_frames(exec, cloud, {.images = worlds, .width = small, .height = small});
   auto const ahead = seen.depth;
 
   gsp::reset(exec, model, state);
-  gsp::forward_kinematics(exec, model, state, sim.dynamics, sim.poses);
+  gsp::forward_kinematics(exec, model, state, sim.poses, sim.dynamics);
   for (int t = 0; t < 60; ++t) {  // 12.5 pictures a second
     gsp::cameras_of(exec, model, sim.poses, eyes, views);
     gsp::render(exec, cloud, sim.poses, views, seen);

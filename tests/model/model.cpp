@@ -87,7 +87,7 @@ TEST_CASE_TEMPLATE("a state starts, and starts again, at the model's initial pos
   auto const c = gsp::compile(gsp::samples::quadruped());
   auto const model = gsp::make_model<float>(exec, c, {.timestep = 0.004});
   CHECK(model.timestep == 0.004f);
-  auto const state = gsp::make_state(exec, model, {.worlds = 5});
+  auto state = gsp::make_state(exec, model, {.worlds = 5});
   auto const check = [&] {
     auto const q = gsp_test::host(state.qpos), v = gsp_test::host(state.qvel);
     for (int w = 0; w < 5; ++w) {

@@ -167,7 +167,7 @@ TEST_CASE_TEMPLATE("a world steps as a model of its own", Exec, GSP_TEST_EXECS) 
   }
 
   auto const run = [&](auto const& m, auto& s, int n) {
-    auto const state = gsp::make_state(exec, m, {.worlds = n});
+    auto state = gsp::make_state(exec, m, {.worlds = n});
     gsp::step(exec, m, state, s, {.steps = 20, .solver = {.iterations = 2000, .tolerance = 1e-13f}});
     return gsp::detail::to_host(exec, state.qvel);
   };
@@ -219,7 +219,7 @@ TEST_CASE_TEMPLATE("misuse is refused in one sentence", Exec, GSP_TEST_EXECS) {
   Exec const exec;
   auto const compiled = robots();
   auto model = gsp::make_model<double>(exec, compiled);
-  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = 2});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = 2});
   CHECK_THROWS_WITH_AS(gsp::world_values(model, ModelField::body_mass), doctest::Contains("body_mass is not per world"),
                        std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::set_constants(exec, model, dynamics), doctest::Contains("call make_per_world"), std::invalid_argument);
@@ -240,26 +240,27 @@ TEST_CASE_TEMPLATE("what does not fit together is refused where it meets", Exec,
   auto const compiled = robots();
   auto model = gsp::make_model<double>(exec, compiled);
   auto const shared = model;
-  auto const state = gsp::make_state(exec, model, {.worlds = 4});
-  auto const poses = gsp::make_poses(exec, model, {.worlds = 4});
+  auto state = gsp::make_state(exec, model, {.worlds = 4});
+  auto poses = gsp::make_poses(exec, model, {.worlds = 4});
   auto simulation = gsp::make_simulation(exec, model, compiled, {.worlds = 4});
-  auto const& dynamics = simulation.dynamics;
+  auto& dynamics = simulation.dynamics;
   Values<Exec> const out("out", 4, model.nv);
   // every stage that takes dynamics, with this state, these dynamics and these poses
-  auto const refused = [&](auto const& m, auto const& s, auto const& d, auto const& p, char const* why) {
+  auto const refused = [&](auto const& m, auto& s, auto& d, auto& p, char const* why) {
+    Values<Exec> energy("energy", d.worlds, 2);
     auto const check = [&](auto const& call) { CHECK_THROWS_WITH_AS(call(), doctest::Contains(why), std::invalid_argument); };
-    check([&] { gsp::forward_kinematics(exec, m, s, d, p); });
+    check([&] { gsp::forward_kinematics(exec, m, s, p, d); });
     check([&] { gsp::mass_matrix(exec, m, s, p, d); });
     check([&] { gsp::bias_forces(exec, m, s, p, d); });
     check([&] { gsp::passive_forces(exec, m, s, p, d); });
     check([&] { gsp::actuator_forces(exec, m, s, p, d); });
-    check([&] { gsp::smooth_dynamics(exec, m, s, d, p); });
-    check([&] { gsp::smooth_step(exec, m, s, d, p); });
-    check([&] { gsp::energies(exec, m, s, p, d, Values<Exec>("energy", d.worlds, 2)); });
+    check([&] { gsp::smooth_dynamics(exec, m, s, p, d); });
+    check([&] { gsp::smooth_step(exec, m, s, p, d); });
+    check([&] { gsp::energies(exec, m, s, p, d, energy); });
   };
-  auto const refused_without_poses = [&](auto const& m, auto const& s, auto const& d, char const* why) {
+  auto const refused_without_poses = [&](auto const& m, auto& s, auto& d, char const* why) {
     CHECK_THROWS_WITH_AS(gsp::factor(exec, m, s, d), doctest::Contains(why), std::invalid_argument);
-    CHECK_THROWS_WITH_AS(gsp::integrate(exec, m, d, s), doctest::Contains(why), std::invalid_argument);
+    CHECK_THROWS_WITH_AS(gsp::integrate(exec, m, s, d), doctest::Contains(why), std::invalid_argument);
   };
 
   // gravity compensation, which no body has, becomes a term: it lengthens the layout
@@ -270,12 +271,12 @@ TEST_CASE_TEMPLATE("what does not fit together is refused where it meets", Exec,
   CHECK_THROWS_WITH_AS(gsp::copy_dofs(exec, model, dynamics, &gsp::DynamicsLayout::bias, out), doctest::Contains(layout),
                        std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::step(exec, model, state, simulation), doctest::Contains(layout), std::invalid_argument);
-  auto const longer = gsp::make_dynamics(exec, model, {.worlds = 4});
-  gsp::smooth_dynamics(exec, model, state, longer, poses);
+  auto longer = gsp::make_dynamics(exec, model, {.worlds = 4});
+  gsp::smooth_dynamics(exec, model, state, poses, longer);
   // a field that lengthens nothing may come later, and another model of the same robot has the same layout
   gsp::make_per_world(exec, model, {ModelField::dof_damping}, 4);
-  gsp::smooth_dynamics(exec, model, state, longer, poses);
-  gsp::smooth_dynamics(exec, gsp::make_model<double>(exec, compiled), state, dynamics, poses);
+  gsp::smooth_dynamics(exec, model, state, poses, longer);
+  gsp::smooth_dynamics(exec, gsp::make_model<double>(exec, compiled), state, poses, dynamics);
 
   // values for fewer worlds than there are
   auto few = shared;
@@ -287,26 +288,29 @@ TEST_CASE_TEMPLATE("what does not fit together is refused where it meets", Exec,
   CHECK_THROWS_WITH_AS(gsp::make_state(exec, few, {.worlds = 4}), doctest::Contains(values), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::make_dynamics(exec, few, {.worlds = 4}), doctest::Contains(values), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::step(exec, few, state, simulation), doctest::Contains(values), std::invalid_argument);
-  CHECK_THROWS_WITH_AS(gsp::geom_poses(exec, few, poses, Kokkos::View<double***, Kokkos::LayoutRight, Memory<Exec>>("x", 4, few.ngeom, 3),
-                                       Kokkos::View<double***, Kokkos::LayoutRight, Memory<Exec>>("q", 4, few.ngeom, 4)),
-                       doctest::Contains(values), std::invalid_argument);
+  Kokkos::View<double***, Kokkos::LayoutRight, Memory<Exec>> x("x", 4, few.ngeom, 3), q("q", 4, few.ngeom, 4);
+  CHECK_THROWS_WITH_AS(gsp::geom_poses(exec, few, poses, x, q), doctest::Contains(values), std::invalid_argument);
   auto collision = simulation.collision;
   gsp::make_per_world(exec, collision, {GeomField::size}, 2);
   CHECK_THROWS_WITH_AS(gsp::collide(exec, collision, poses, simulation.contacts), doctest::Contains(values), std::invalid_argument);
   gsp::make_per_world(exec, few, {ModelField::gravity}, 2);
-  auto const two = gsp::make_state(exec, few, {.worlds = 2});  // fewer worlds than values: those of the first worlds
-  gsp::smooth_dynamics(exec, few, two, gsp::make_dynamics(exec, few, {.worlds = 2}), gsp::make_poses(exec, few, {.worlds = 2}));
+  auto two = gsp::make_state(exec, few, {.worlds = 2});  // fewer worlds than values: those of the first worlds
+  auto two_poses = gsp::make_poses(exec, few, {.worlds = 2});
+  auto two_dynamics = gsp::make_dynamics(exec, few, {.worlds = 2});
+  gsp::smooth_dynamics(exec, few, two, two_poses, two_dynamics);
 
   // other numbers of worlds, other models
   refused(shared, two, dynamics, poses, "the state has 2 worlds and the dynamics 4");
   refused_without_poses(shared, two, dynamics, "the state has 2 worlds and the dynamics 4");
-  refused(shared, state, dynamics, gsp::make_poses(exec, shared, {.worlds = 3}), "call make_poses with this model and as many worlds");
+  auto three_poses = gsp::make_poses(exec, shared, {.worlds = 3});
+  refused(shared, state, dynamics, three_poses, "call make_poses with this model and as many worlds");
   auto const pendulum = gsp::make_model<double>(exec, gsp::compile(gsp::samples::pendulum()));
-  auto const other = gsp::make_state(exec, pendulum, {.worlds = 4});
+  auto other = gsp::make_state(exec, pendulum, {.worlds = 4});
   refused(shared, other, dynamics, poses, "state.qpos is (4, 1)");
   refused_without_poses(shared, other, dynamics, "state.qpos is (4, 1)");
-  refused(pendulum, other, dynamics, gsp::make_poses(exec, pendulum, {.worlds = 4}), "made for another model");
-  CHECK_THROWS_WITH_AS(gsp::integrate(exec, shared, dynamics, state, {.z = Values<Exec>("z", 4, 2)}), doctest::Contains("z is (4, 2)"),
+  auto other_poses = gsp::make_poses(exec, pendulum, {.worlds = 4});
+  refused(pendulum, other, dynamics, other_poses, "made for another model");
+  CHECK_THROWS_WITH_AS(gsp::integrate(exec, shared, state, dynamics, {.z = Values<Exec>("z", 4, 2)}), doctest::Contains("z is (4, 2)"),
                        std::invalid_argument);
 }
 
@@ -337,7 +341,7 @@ TEST_CASE_TEMPLATE("a field stays at a user's own array", Exec, GSP_TEST_EXECS) 
   slider.body_mass.data = heavy.data();
   slider.body_mass.stride = 2;
   gsp::make_per_world(exec, slider, {ModelField::body_mass}, worlds);
-  auto const dynamics = gsp::make_dynamics(exec, slider, {.worlds = worlds});
+  auto dynamics = gsp::make_dynamics(exec, slider, {.worlds = worlds});
   gsp::set_constants(exec, slider, dynamics);
   CHECK(slider.body_mass.data == heavy.data());
   auto const M0 = read(exec, slider, ModelField::dof_M0);

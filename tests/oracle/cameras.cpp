@@ -39,13 +39,13 @@ TEST_CASE("cameras in all modes, in 20 worlds") {
   Exec const exec;
   int const worlds = 20, width = 300, height = 170;
   auto const model = gsp::make_model<double>(exec, compiled, {.profile = gsp::Profile::mujoco});
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
-  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
-  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
   std::vector<gsp::CameraMount> list;
   for (auto const& name : compiled.cam_name) list.push_back({.camera = name});
-  auto const mounts = gsp::make_camera_mounts(exec, model, compiled, list, {.worlds = worlds, .width = width, .height = height});
-  auto const cameras = gsp::make_cameras(exec, mounts.images());
+  auto mounts = gsp::make_camera_mounts(exec, model, compiled, list, {.worlds = worlds, .width = width, .height = height});
+  auto cameras = gsp::make_cameras(exec, mounts.images());
   gsp_test::Random r;
   std::vector<double> xpos, xmat;
   for (int w = 0; w < worlds; ++w) {
@@ -58,7 +58,7 @@ TEST_CASE("cameras in all modes, in 20 worlds") {
     xpos.insert(xpos.end(), d->cam_xpos, d->cam_xpos + 3 * m->ncam);
     xmat.insert(xmat.end(), d->cam_xmat, d->cam_xmat + 9 * m->ncam);
   }
-  gsp::forward_kinematics(exec, model, state, dynamics, poses);
+  gsp::forward_kinematics(exec, model, state, poses, dynamics);
   gsp::cameras_of(exec, model, poses, mounts, cameras);
   exec.fence();
   double worst = 0;

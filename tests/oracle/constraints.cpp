@@ -38,7 +38,7 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
 
   Exec const exec;
   auto const model = gsp::make_model<double>(exec, compiled, {.profile = gsp::Profile::mujoco});
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
   REQUIRE(model.nv == m->nv);
   std::vector<double> next(std::size_t(worlds) * m->nv);

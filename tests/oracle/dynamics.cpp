@@ -174,7 +174,7 @@ void compare(Side<R> const& s, mjModel const* m, std::vector<Reference> const& r
   using View3 = Kokkos::View<R***, Kokkos::LayoutRight, Mem>;
   View3 geom_xpos("x", worlds, m->ngeom, 3), geom_xquat("q", worlds, m->ngeom, 4), site_xpos("x", worlds, m->nsite, 3),
       site_xquat("q", worlds, m->nsite, 4), cam_xpos("x", worlds, m->ncam, 3), cam_xmat("r", worlds, m->ncam, 9);
-  auto const subtrees = gsp::make_subtrees(s.exec, s.model, {.worlds = worlds});
+  auto subtrees = gsp::make_subtrees(s.exec, s.model, {.worlds = worlds});
   View energy("energy", worlds, 2), qacc("qacc", worlds, nv), inverse("inverse", worlds, nv);
   View3 J("J", worlds, 6, nv);
   for (int w = 0; w < worlds; ++w)
@@ -299,8 +299,8 @@ void check_states(mjModel const* m, mjData* d, gsp::CompiledModel const& c, Wors
     mj_inverse(m, d);
     ref.inverse.insert(ref.inverse.end(), d->qfrc_inverse, d->qfrc_inverse + m->nv);
   }
-  gsp::smooth_dynamics(s.exec, s.model, s.state, s.dynamics, s.poses, {.keep_all = true});
-  gsp::smooth_dynamics(f.exec, f.model, f.state, f.dynamics, f.poses, {.keep_all = true});
+  gsp::smooth_dynamics(s.exec, s.model, s.state, s.poses, s.dynamics, {.keep_all = true});
+  gsp::smooth_dynamics(f.exec, f.model, f.state, f.poses, f.dynamics, {.keep_all = true});
   bool inside = false;  // a tendon that may pass through a geom
   mj_resetData(m, d), mj_forward(m, d);
   for (int w = 0; w < m->nwrap; ++w)
@@ -340,10 +340,11 @@ double check_steps(mjModel const* m, mjData* d, std::string const& name, Worst& 
     next[w] = values_of(m, d);
   }
   if (m->opt.integrator == mjINT_RK4) {
-    gsp::runge_kutta(s.exec, s.model, s.state, s.dynamics, s.poses, gsp::make_runge_kutta(s.exec, s.model, {.worlds = worlds}));
+    auto rk = gsp::make_runge_kutta(s.exec, s.model, {.worlds = worlds});
+    gsp::runge_kutta(s.exec, s.model, s.state, s.poses, s.dynamics, rk);
   } else {
-    gsp::smooth_dynamics(s.exec, s.model, s.state, s.dynamics, s.poses);
-    gsp::integrate(s.exec, s.model, s.dynamics, s.state);
+    gsp::smooth_dynamics(s.exec, s.model, s.state, s.poses, s.dynamics);
+    gsp::integrate(s.exec, s.model, s.state, s.dynamics);
   }
   s.exec.fence();
   int compared = 0, missed = 0;
@@ -424,15 +425,15 @@ void check_trajectories(mjModel* m) {
     mj_copyData(b[w].d(), m, a[w].d());
     for (int i = 0; i < m->nq; ++i) b[w].d()->qpos[i] += 1e-15 * r();
   }
-  auto const rk = gsp::make_runge_kutta(s.exec, s.model, {.worlds = starts});
+  auto rk = gsp::make_runge_kutta(s.exec, s.model, {.worlds = starts});
   std::vector<bool> open(starts, true);
   std::vector<int> until(starts, steps);
   double worst = 0;
   for (int t = 1; t <= steps; ++t) {
     if (m->opt.integrator == mjINT_RK4)
-      gsp::runge_kutta(s.exec, s.model, s.state, s.dynamics, s.poses, rk);
+      gsp::runge_kutta(s.exec, s.model, s.state, s.poses, s.dynamics, rk);
     else
-      gsp::smooth_dynamics(s.exec, s.model, s.state, s.dynamics, s.poses), gsp::integrate(s.exec, s.model, s.dynamics, s.state);
+      gsp::smooth_dynamics(s.exec, s.model, s.state, s.poses, s.dynamics), gsp::integrate(s.exec, s.model, s.state, s.dynamics);
     s.exec.fence();
     for (int w = 0; w < starts; ++w) {
       if (!open[w]) continue;

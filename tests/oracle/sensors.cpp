@@ -50,10 +50,10 @@ int check(gsp::Description const& description, mjModel* m, mjData* d) {
   Exec const exec;
   int const worlds = 20;
   auto const model = gsp::make_model<double>(exec, compiled, {.profile = gsp::Profile::mujoco});
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
-  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
-  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
-  auto const sensors = gsp::make_sensors(exec, model, compiled, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto sensors = gsp::make_sensors(exec, model, compiled, {.worlds = worlds});
   Kokkos::View<double**, Kokkos::LayoutRight, Exec::memory_space> data("data", worlds, compiled.nsensordata);
   gsp_test::Random r;
   std::vector<std::vector<double>> expected;
@@ -73,7 +73,7 @@ int check(gsp::Description const& description, mjModel* m, mjData* d) {
     mj_forward(m, d);
     expected.emplace_back(d->sensordata, d->sensordata + m->nsensordata);
   }
-  gsp::smooth_dynamics(exec, model, state, dynamics, poses, {.keep_all = true});
+  gsp::smooth_dynamics(exec, model, state, poses, dynamics, {.keep_all = true});
   gsp::smooth_sensors(exec, model, state, poses, dynamics, sensors, data);
   exec.fence();
   int compared = 0;

@@ -239,7 +239,7 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
   std::vector<GeomField> geom_names;
   for (auto const& f : geom_fields) geom_names.push_back(f.field);
   gsp::make_per_world(exec, sim.collision, geom_names, worlds);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
 
   gsp_test::Random r;
   std::vector<std::shared_ptr<mjModel>> theirs;
@@ -344,7 +344,7 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
   int const nv = model.nv;
   Kokkos::deep_copy(state.qpos, qpos), Kokkos::deep_copy(state.qvel, qvel), Kokkos::deep_copy(state.ctrl, ctrl);
   Kokkos::deep_copy(state.act, act);
-  gsp::smooth_dynamics(exec, model, state, sim.dynamics, sim.poses, {.keep_all = true});
+  gsp::smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {.keep_all = true});
   Kokkos::View<double**, Kokkos::LayoutRight, Mem> bias("bias", worlds, nv), passive("passive", worlds, nv),
       actuator("actuator", worlds, nv), acceleration("acceleration", worlds, nv);
   gsp::copy_dofs(exec, model, sim.dynamics, &gsp::DynamicsLayout::bias, bias);

@@ -108,7 +108,7 @@ TEST_CASE("a stepper is the library's step, and gives back every digit that it w
     if (device == Device::cpu) {  // the same by hand
       Kokkos::DefaultHostExecutionSpace const exec;
       auto const model = gsp::make_model<float>(exec, compiled);
-      auto const mine = gsp::make_state(exec, model, {.worlds = 3});
+      auto mine = gsp::make_state(exec, model, {.worlds = 3});
       auto simulation = gsp::make_simulation(exec, model, compiled, {.worlds = 3});
       for (int w = 0; w < 3; ++w) {
         for (int i = 0; i < compiled.nq; ++i) {
@@ -120,7 +120,7 @@ TEST_CASE("a stepper is the library's step, and gives back every digit that it w
       gsp::step(exec, model, mine, simulation, {.steps = 20});
       CHECK(std::memcmp(mine.qpos.data(), state.qpos.data, mine.qpos.span() * sizeof(float)) == 0);
       CHECK(std::memcmp(mine.qvel.data(), state.qvel.data, mine.qvel.span() * sizeof(float)) == 0);
-      gsp::forward_kinematics(exec, model, mine, simulation.dynamics, simulation.poses);
+      gsp::forward_kinematics(exec, model, mine, simulation.poses, simulation.dynamics);
       CHECK(std::memcmp(simulation.poses.xpos.data(), stepper->poses().xpos.data, simulation.poses.xpos.span() * sizeof(float)) == 0);
     }
   }

@@ -65,21 +65,21 @@ TEST_CASE_TEMPLATE("cameras of a model and on its links, in all worlds", Exec, G
   int const worlds = 5, width = 200, height = 100;
   auto const compiled = gsp::compile(mast());
   auto const model = gsp::make_model<double>(exec, compiled);
-  auto const state = gsp::make_state(exec, model, {.worlds = worlds});
-  auto const dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
-  auto const poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
   auto const qpos = Kokkos::create_mirror_view(state.qpos);
   for (int w = 0; w < worlds; ++w) qpos(w, 0) = 0.7 * w;
   Kokkos::deep_copy(state.qpos, qpos);
-  gsp::forward_kinematics(exec, model, state, dynamics, poses);
+  gsp::forward_kinematics(exec, model, state, poses, dynamics);
 
-  auto const mounts = gsp::make_camera_mounts(exec, model, compiled,
-                                              {{.camera = "eye"},
-                                               {.body = "mast", .pos = {0, 0.25, 0}, .look_at = gsp::Double3{0, 2, 0}, .fovy = 1.2},
-                                               {.body_id = 0, .pos = {0, 0, 5}, .quat = {2, 0, 0, 0}, .fovy = 0.8}},
-                                              {.worlds = worlds, .width = width, .height = height});
+  auto mounts = gsp::make_camera_mounts(exec, model, compiled,
+                                        {{.camera = "eye"},
+                                         {.body = "mast", .pos = {0, 0.25, 0}, .look_at = gsp::Double3{0, 2, 0}, .fovy = 1.2},
+                                         {.body_id = 0, .pos = {0, 0, 5}, .quat = {2, 0, 0, 0}, .fovy = 0.8}},
+                                        {.worlds = worlds, .width = width, .height = height});
   CHECK(mounts.images() == 15);
-  auto const cameras = gsp::make_cameras(exec, mounts.images());
+  auto cameras = gsp::make_cameras(exec, mounts.images());
   gsp_test::check_algorithm(exec, gsp_test::watch([&] { gsp::cameras_of(exec, model, poses, mounts, cameras); }));
   auto const host = [](auto const& v) { return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, v); };
   auto const views = host(cameras.viewmats), Ks = host(cameras.Ks);
@@ -117,9 +117,10 @@ TEST_CASE_TEMPLATE("cameras of a model and on its links, in all worlds", Exec, G
   bad({.body = "mast", .pos = {1, 0, 0}, .look_at = gsp::Double3{1, 0, 0}}, "must not look at itself");
   bad({.body = "mast", .pos = {NAN, 0, 0}}, "must be finite");
   bad({.body = "mast", .fovy = 4}, "fovy");
-  CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, model, poses, mounts, gsp::make_cameras(exec, 3)),
-                       doctest::Contains("make_cameras(exec, mounts.images())"), std::invalid_argument);
-  auto const fewer = gsp::make_poses(exec, model, {.worlds = 4});
+  auto three = gsp::make_cameras(exec, 3);
+  CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, model, poses, mounts, three), doctest::Contains("make_cameras(exec, mounts.images())"),
+                       std::invalid_argument);
+  auto fewer = gsp::make_poses(exec, model, {.worlds = 4});
   CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, model, fewer, mounts, cameras), doctest::Contains("mounts are for 5 worlds"),
                        std::invalid_argument);
 }

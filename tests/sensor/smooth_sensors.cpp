@@ -94,7 +94,7 @@ struct Worlds {
     auto const steps = gsp_test::host(state.steps);
     for (int w = 0; w < worlds; ++w) ctrl(w, 0) = std::sin(w), steps(w) = 3 * w;
     Kokkos::deep_copy(state.ctrl, ctrl), Kokkos::deep_copy(state.steps, steps);
-    gsp::smooth_dynamics(exec, model, state, dynamics, poses, {.keep_all = true});
+    gsp::smooth_dynamics(exec, model, state, poses, dynamics, {.keep_all = true});
   }
   int site(std::string const& name) const {
     return int(std::find(compiled.site_name.begin(), compiled.site_name.end(), name) - compiled.site_name.begin());
@@ -129,7 +129,7 @@ TEST_CASE_TEMPLATE("sensors give what poses, Jacobians and forces give", Exec, G
   Set const s(d);
   auto const& c = s.compiled;
   int const n = Set::worlds;
-  auto const sensors = gsp::make_sensors(s.exec, s.model, c, {.worlds = n});
+  auto sensors = gsp::make_sensors(s.exec, s.model, c, {.worlds = n});
   CHECK(sensors.left_out == std::vector<int>{3});
   typename Set::template View<double**> const data("data", n, c.nsensordata), energy("energy", n, 2), actuator("actuator", n, c.nv);
   Kokkos::deep_copy(data, 77.);
@@ -137,7 +137,7 @@ TEST_CASE_TEMPLATE("sensors give what poses, Jacobians and forces give", Exec, G
 
   typename Set::template View<double***> const x("x", n, c.nsite, 3), q("q", n, c.nsite, 4), cam("cam", n, c.ncam, 3),
       mat("mat", n, c.ncam, 9), M("M", n, c.nv, c.nv);
-  auto const subtrees = gsp::make_subtrees(s.exec, s.model, {.worlds = n});
+  auto subtrees = gsp::make_subtrees(s.exec, s.model, {.worlds = n});
   gsp::subtree_com(s.exec, s.model, s.poses, subtrees), gsp::subtree_momentum(s.exec, s.model, s.poses, s.dynamics, subtrees);
   gsp::site_poses(s.exec, s.model, s.poses, x, q), gsp::camera_poses(s.exec, s.model, s.poses, subtrees.com, cam, mat);
   gsp::dense_mass_matrix(s.exec, s.model, s.dynamics, M), gsp::energies(s.exec, s.model, s.state, s.poses, s.dynamics, energy);

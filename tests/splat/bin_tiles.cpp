@@ -108,7 +108,7 @@ TEST_CASE_TEMPLATE("lists of the tiles hold each splat that touches them once, f
   gsp_test::random_cameras(images, width, height, 2, 4, viewmats, Ks);
   auto const cloud = gsp::make_gaussians(exec, set);
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
-  auto const poses = gsp::make_poses<float>(exec, 1, 1, 0);
+  auto poses = gsp::make_poses<float>(exec, 1, 1, 0);
   auto frames = gsp::make_frames(exec, cloud, {.images = images, .width = width, .height = height, .batch = images});
   gsp::render(exec, cloud, poses, cameras, frames);
   auto const& wave = frames.wave;

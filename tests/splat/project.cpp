@@ -14,7 +14,7 @@ std::map<int, gsp::Splat> project_all(Exec const& exec, gsp::GaussianSet const& 
                                       std::vector<float> const& K, int width, int height, gsp::RenderOptions options = {}) {
   auto const cloud = gsp::make_gaussians(exec, set);
   auto const cameras = gsp::make_cameras(exec, viewmat, K);
-  auto const poses = gsp::make_poses<float>(exec, 1, cloud.bodies, 0);
+  auto poses = gsp::make_poses<float>(exec, 1, cloud.bodies, 0);
   auto frames = gsp::make_frames(exec, cloud, {.images = 1, .width = width, .height = height, .visible = std::max(1, cloud.count)});
   gsp::place_gaussians(exec, cloud, poses, cameras, 0, frames);
   gsp::project(exec, cloud, frames, options);

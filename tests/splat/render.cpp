@@ -107,7 +107,7 @@ TEST_CASE_TEMPLATE("pictures of the kitchen are those of the plain double refere
   }
   auto const cloud = gsp::make_gaussians(exec, set);
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
-  auto const poses = gsp::make_poses<float>(exec, 1, 1, 0);
+  auto poses = gsp::make_poses<float>(exec, 1, 1, 0);
   auto frames = gsp::make_frames(exec, cloud, {.images = images, .width = width, .height = height});
   gsp::render(exec, cloud, poses, cameras, frames);
   auto const got = to_host(frames);
@@ -157,7 +157,7 @@ TEST_CASE_TEMPLATE("a turned link with SH 3 looks like the scene baked anew in t
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
   auto const draw = [&](gsp::GaussianSet const& s, bool move) {
     auto const cloud = gsp::make_gaussians(exec, s);
-    auto const poses = gsp::make_poses<double>(exec, 1, 2, 0);
+    auto poses = gsp::make_poses<double>(exec, 1, 2, 0);
     if (move) {
       exec.fence();
       auto const x = Kokkos::create_mirror_view(poses.xpos);
@@ -191,7 +191,7 @@ TEST_CASE_TEMPLATE("after its first call render allocates nothing; its stages ne
   std::vector<float> viewmats, Ks;
   gsp_test::random_cameras(5, 100, 70, 2, 4, viewmats, Ks);
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
-  auto const poses = gsp::make_poses<float>(exec, 1, 1, 0);
+  auto poses = gsp::make_poses<float>(exec, 1, 1, 0);
   auto frames = gsp::make_frames(exec, cloud, {.images = 5, .width = 100, .height = 70, .batch = 2});
   gsp::render(exec, cloud, poses, cameras, frames);
   auto const all = gsp_test::watch([&] { gsp::render(exec, cloud, poses, cameras, frames); });
@@ -211,7 +211,7 @@ TEST_CASE("input that cannot be is refused in a sentence") {
   std::vector<float> viewmats, Ks;
   gsp_test::random_cameras(2, 32, 32, 2, 4, viewmats, Ks);
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
-  auto const poses = gsp::make_poses<float>(exec, 1, 2, 0), short_poses = gsp::make_poses<float>(exec, 1, 1, 0);
+  auto poses = gsp::make_poses<float>(exec, 1, 2, 0), short_poses = gsp::make_poses<float>(exec, 1, 1, 0);
   auto frames = gsp::make_frames(exec, cloud, {.images = 2, .width = 32, .height = 32}),
        three = gsp::make_frames(exec, cloud, {.images = 3, .width = 32, .height = 32});
   CHECK_NOTHROW(gsp::render(exec, cloud, poses, cameras, frames));
@@ -236,7 +236,7 @@ TEST_CASE_TEMPLATE("no Gaussians, or none in sight, give black pictures", Exec, 
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
   for (int n : {0, 300}) {
     auto const cloud = gsp::make_gaussians(exec, gsp_test::random_gaussians(n, 0, 1, 2));
-    auto const poses = gsp::make_poses<float>(exec, 1, 1, 0);
+    auto poses = gsp::make_poses<float>(exec, 1, 1, 0);
     auto frames = gsp::make_frames(exec, cloud, {.images = 2, .width = 40, .height = 30});
     Kokkos::deep_copy(frames.rgb, 7.f), Kokkos::deep_copy(frames.depth, 7.f), Kokkos::deep_copy(frames.alpha, 7.f);
     gsp::render(exec, cloud, poses, cameras, frames);

@@ -72,7 +72,7 @@ inline void room_camera(gsp::Vec3<double> const& eye, double yaw, double pitch, 
 /// Poses of `worlds` worlds, body 0 at rest and the others anywhere near the origin.
 template <class R, class Exec>
 auto random_poses(Exec const& exec, int worlds, int bodies, unsigned seed, std::vector<std::vector<gsp::Transform<double>>>& host) {
-  auto const poses = gsp::make_poses<R>(exec, worlds, bodies, 0);
+  auto poses = gsp::make_poses<R>(exec, worlds, bodies, 0);
   exec.fence();
   auto const x = Kokkos::create_mirror_view(poses.xpos);
   auto const q = Kokkos::create_mirror_view(poses.xquat);

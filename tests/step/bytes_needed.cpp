@@ -26,7 +26,7 @@ TEST_CASE_TEMPLATE("the bytes of a simulation are told before they are allocated
   for (int worlds : {1, 64, 1000, 3000}) {
     std::int64_t const told = gsp::bytes_needed(exec, model, compiled, {.worlds = worlds});
     auto const seen = watch([&] {
-      auto const state = gsp::make_state(exec, model, {.worlds = worlds});
+      auto state = gsp::make_state(exec, model, {.worlds = worlds});
       auto const simulation = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
     });
     std::int64_t const allocated = bytes_of(seen);

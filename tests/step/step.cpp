@@ -212,7 +212,7 @@ TEST_CASE_TEMPLATE("a step leaves poses of the state that it leaves", Exec, GSP_
     w.sim.impulses = gsp::make_impulses(w.exec, w.sim.rows);
     w.step(5);
     auto const left = gsp_test::snapshot(w.sim.poses.xpos), turned = gsp_test::snapshot(w.sim.poses.xquat);
-    gsp::forward_kinematics(w.exec, w.model, w.state, w.sim.dynamics, w.sim.poses);
+    gsp::forward_kinematics(w.exec, w.model, w.state, w.sim.poses, w.sim.dynamics);
     auto const now = gsp_test::host(w.sim.poses.xpos), rotation = gsp_test::host(w.sim.poses.xquat);
     CHECK(std::memcmp(left.data(), now.data(), left.size() * sizeof(float)) == 0);
     CHECK(std::memcmp(turned.data(), rotation.data(), turned.size() * sizeof(float)) == 0);
@@ -362,7 +362,7 @@ TEST_CASE_TEMPLATE("contact forces in every direction", Exec, GSP_TEST_EXECS) {
   auto const v = gsp_test::snapshot(w.state.qvel);
   set(w.state.qfrc_applied, worlds - 1, {3, -2, 0});
   w.step(1);
-  Kokkos::View<double* [6], Kokkos::LayoutRight, Mem> const force("force", w.sim.contacts.dist.extent(0));
+  Kokkos::View<double* [6], Kokkos::LayoutRight, Mem> force("force", w.sim.contacts.dist.extent(0));
   gsp::contact_forces(w.exec, w.model, w.sim.contacts, w.sim.rows, w.sim.impulses, force);
   auto const f = gsp_test::host(force);
   auto const after = gsp_test::host(w.state.qvel), qfrc = gsp_test::host(w.sim.solution.qfrc_constraint);
@@ -408,7 +408,7 @@ TEST_CASE_TEMPLATE("forces of limits, dry friction and a constraint of one's own
     set(w.state.qfrc_applied, 2, {-6, -2, -1, 0, 0, 0});
     test_types::Tether<Mem> const tether{{}, k, 5., 2, w.state.qpos};
     gsp::step(w.exec, w.model, w.state, w.sim, {.steps = 6000, .solver = {.iterations = 1000, .tolerance = 1e-14f}}, tether);
-    Kokkos::View<double**, Kokkos::LayoutRight, Mem> const limit("limit", 3, w.model.njnt), friction("friction", 3, w.model.nv);
+    Kokkos::View<double**, Kokkos::LayoutRight, Mem> limit("limit", 3, w.model.njnt), friction("friction", 3, w.model.nv);
     gsp::joint_forces(w.exec, w.model, w.sim.rows, w.sim.impulses, limit, friction);
     Kokkos::View<double*, Mem> const spring("spring", 3);
     auto const read = gsp::impulses_of<test_types::Tether<Mem>>(w.sim.rows, w.sim.impulses);

@@ -106,8 +106,8 @@ struct FindNearPairs {
 
 /// Places colliders and groups: one work item a (world, group). Sets `status` and `lost` (worlds) to 0 on the way, where given.
 template <ExecutionSpace Exec, class R, class Mem>
-void place_colliders(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses,
-                     ColliderBounds<R, Mem> const& bounds, std::uint32_t* status = nullptr, std::uint8_t* lost = nullptr) {
+void place_colliders(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses, ColliderBounds<R, Mem>& bounds,
+                     std::uint32_t* status = nullptr, std::uint8_t* lost = nullptr) {
   static_assert(can_access<Exec, CollisionModel<R, Mem>>, "gsp::place_colliders: the model is not accessible from this execution space");
   std::int64_t const n = std::int64_t(bounds.pose.extent(0)) * model.groups;
   Kokkos::parallel_for("gsp::collision::place_colliders", light(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n)),
@@ -117,7 +117,7 @@ void place_colliders(Exec const& exec, CollisionModel<R, Mem> const& model, Pose
 /// Finds the near pairs: one work item a (chunk, world), mask (chunks * worlds) as 64 bits a chunk.
 template <ExecutionSpace Exec, class R, class Mem>
 void find_near_pairs(Exec const& exec, CollisionModel<R, Mem> const& model, ColliderBounds<R, Mem> const& bounds,
-                     Kokkos::View<std::uint64_t*, Mem> const& mask) {
+                     Kokkos::View<std::uint64_t*, Mem>& mask) {
   static_assert(can_access<Exec, CollisionModel<R, Mem>>, "gsp::find_near_pairs: the model is not accessible from this execution space");
   int const worlds = int(bounds.pose.extent(0));
   expects(mask.extent(0) == std::size_t(model.chunks) * worlds, "gsp::find_near_pairs: the mask must hold chunks x worlds words");

@@ -277,7 +277,7 @@ bool grow(Exec const& exec, Contacts<R, Mem>& contacts) {
 /// Neither allocates nor fences. Cost: 2 us for a humanoid on the floor on one core, 26 ns in a batch of 8,192 on an H200 (docs/collision).
 /// The result depends on nothing but the world's own poses.
 template <ExecutionSpace Exec, class R, class Mem>
-void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses, Contacts<R, Mem> const& contacts) {
+void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses, Contacts<R, Mem>& contacts) {
   Region const region("gsp::collision::collide");
   static_assert(can_access<Exec, Contacts<R, Mem>>, "gsp::collide: the contacts are not accessible from this execution space");
   expects(int(poses.xpos.extent(0)) == contacts.worlds,
@@ -285,7 +285,7 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
   expects(int(poses.xpos.extent(1)) == model.bodies,
           "gsp::collide: poses have " + std::to_string(poses.xpos.extent(1)) + " bodies and the model " + std::to_string(model.bodies));
   detail::expects_values("gsp::collide", model, contacts.worlds);
-  auto const& s = contacts.scratch;
+  auto& s = contacts.scratch;
   expects(s.mask.extent(0) == std::size_t(model.chunks) * contacts.worlds, "gsp::collide: the contacts were made for another model");
   if (model.pairs == 0) return;
   place_colliders(exec, model, poses, s.bounds, contacts.status.data(), s.lost.data());

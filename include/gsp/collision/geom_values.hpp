@@ -106,7 +106,7 @@ void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector
 /// that take part in no pair are passed over. Sizes must be those of the geom's shape. Does not allocate, does not fence.
 /// Errors: std::invalid_argument where the field is not per world, or for other extents.
 template <ExecutionSpace Exec, class R, class Mem, class Values, class Mask = AllWorlds>
-void set_world_values(Exec const& exec, CollisionModel<R, Mem> const& model, GeomField field, Values const& values, Mask const& mask = {}) {
+void set_world_values(Exec const& exec, CollisionModel<R, Mem>& model, GeomField field, Values const& values, Mask const& mask = {}) {
   static_assert(Values::rank() == 2 || Values::rank() == 3,
                 "gsp::set_world_values: values are (worlds, geoms, components) or (worlds, geoms * components)");
   static_assert(can_access<Exec, Values>, "gsp::set_world_values: the values are not accessible from this execution space");
@@ -164,8 +164,8 @@ void make_per_world(Exec const& exec, Model<R, Mem>& model, CollisionModel<R, Me
   make_per_world(exec, model, also, worlds);
 }
 template <ExecutionSpace Exec, class R, class Mem, class Values, class Mask = AllWorlds>
-void set_world_values(Exec const& exec, Model<R, Mem> const& model, CollisionModel<R, Mem> const& collision, GeomField field,
-                      Values const& values, Mask const& mask = {}) {
+void set_world_values(Exec const& exec, Model<R, Mem>& model, CollisionModel<R, Mem>& collision, GeomField field, Values const& values,
+                      Mask const& mask = {}) {
   set_world_values(exec, collision, field, values, mask);
   if (ModelField same; detail::model_field_of(field, same)) set_world_values(exec, model, same, values, mask);
 }

@@ -70,7 +70,7 @@ TypeNames names_of(ConstraintList<Types...> const&) {
 /// of more than two trees, elements of more than six rows, and friction of a row that the element does not have: status::row_refused.
 /// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem, class... Types>
-void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
+void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem> const& dynamics,
               ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::assemble: the rows are not accessible from this execution space");
   expects(rows.worlds == state.worlds && dynamics.worlds == state.worlds && impulses.worlds == state.worlds,

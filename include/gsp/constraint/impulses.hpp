@@ -66,7 +66,7 @@ Impulses<R, Mem> make_impulses(Exec const& exec, Rows<R, Mem> const& rows) {
 /// Enlarges the pools by half beyond what the last `assemble` needed, where it did not fit, and lets the step be repeated (halt = 0).
 /// Impulses for the warm start are kept. Fences `exec`. Returns whether anything grew.
 template <ExecutionSpace Exec, class R, class Mem>
-bool grow(Exec const& exec, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem> const& progress) {
+bool grow(Exec const& exec, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress) {
   auto const demand = detail::to_host(exec, rows.demand);
   detail::zero(exec, progress.halt);
   bool const more_rows = demand[0] > rows.capacity() || demand[0] > impulses.capacity();

@@ -35,7 +35,7 @@ struct WriteJointForces {
 /// Cost: a binary search a limit and a degree of freedom with friction. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void joint_forces(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses,
-                  Kokkos::View<R**, Kokkos::LayoutRight, Mem> const& limit, Kokkos::View<R**, Kokkos::LayoutRight, Mem> const& friction) {
+                  Kokkos::View<R**, Kokkos::LayoutRight, Mem>& limit, Kokkos::View<R**, Kokkos::LayoutRight, Mem>& friction) {
   expects(int(limit.extent(0)) == rows.worlds && int(friction.extent(0)) == rows.worlds && int(limit.extent(1)) == model.njnt &&
               int(friction.extent(1)) == model.nv,
           "gsp::joint_forces: limit must be (worlds, njnt) and friction (worlds, nv)");

@@ -300,7 +300,7 @@ struct ActuatorStage {
 /// @param laws  of your own (actuator_law.hpp), in the place of gain and bias of the actuators that they drive
 template <ExecutionSpace Exec, class R, class Mem, class... Laws>
 void actuator_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
-                     Dynamics<R, Mem> const& dynamics, Laws const&... laws) {
+                     Dynamics<R, Mem>& dynamics, Laws const&... laws) {
   Region const region("gsp::dynamics::actuator_forces");
   detail::expects_fit("gsp::actuator_forces", model, state, dynamics, poses);
   detail::expects_actuators("gsp::actuator_forces", model, sizeof...(Laws));

@@ -175,7 +175,7 @@ struct CopyDofsStage {
 /// (docs/dynamics/integrate.md). Cost about 250 flop a body. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
-                 Dynamics<R, Mem> const& dynamics) {
+                 Dynamics<R, Mem>& dynamics) {
   Region const region("gsp::dynamics::bias_forces");
   detail::expects_fit("gsp::bias_forces", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::bias_forces", exec, model, dynamics, detail::BiasStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
@@ -189,7 +189,7 @@ void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
 /// acceleration, qvel, velocity or inverse_diagonal. It is of the state that it was computed for, also when that has moved on since.
 /// Errors: std::invalid_argument where no stage has left it, and for other items.
 template <ExecutionSpace Exec, class R, class Mem, class View>
-void copy_dofs(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, detail::DofItems item, View const& out) {
+void copy_dofs(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, detail::DofItems item, View& out) {
   expects(int(out.extent(0)) == dynamics.worlds && int(out.extent(1)) == model.nv, "gsp::copy_dofs: out must be (worlds, nv)");
   detail::expects_fit("gsp::copy_dofs", model, dynamics);
   Quantity const quantity = detail::quantity_of(item);

@@ -81,7 +81,7 @@ struct SumEnergies {
 /// dynamics do not hold what it needs of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void energies(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
-              Dynamics<R, Mem> const& dynamics, View const& energy) {
+              Dynamics<R, Mem> const& dynamics, View& energy) {
   expects(int(energy.extent(0)) == dynamics.worlds && int(energy.extent(1)) == 2, "gsp::energies: energy must be (worlds, 2)");
   detail::expects_fit("gsp::energies", model, state, dynamics, poses);
   detail::expects_of("gsp::energies", dynamics, state, detail::set_of(Quantity::velocity, Quantity::mass));

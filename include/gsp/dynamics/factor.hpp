@@ -171,7 +171,7 @@ struct FactorStage {
 /// After mass_matrix, bias_forces, passive_forces, actuator_forces; all of it stays in dynamics.items.
 /// Cost 2 sum d^2 + 4 nM flop (d: ancestors of a dof). Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
-void factor(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics) {
+void factor(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem>& dynamics) {
   Region const region("gsp::dynamics::factor");
   detail::expects_fit("gsp::factor", model, state, dynamics);
   detail::expects_of("gsp::factor", dynamics, state,

@@ -277,8 +277,8 @@ struct IntegrateStage {
 /// @param constraints  what enters of the constraints; {}: none
 /// Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics hold nothing of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem>
-void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, State<R, Mem> const& state,
-               ConstraintOutcome<R, Mem> const& constraints = {}) {
+void integrate(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem>& dynamics,
+               ConstraintOutcome<R, Mem> constraints = {}) {
   Region const region("gsp::dynamics::integrate");
   auto const& [z, qfrc_constraint, halt] = constraints;
   detail::expects_fit("gsp::integrate", model, state, dynamics);
@@ -306,9 +306,9 @@ void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> co
 /// solution.qfrc_constraint: out, J^T p / h [N, N m].
 template <ExecutionSpace Exec, class R, class Mem, class Solution, class Progress>
 requires requires(Solution const& s, Progress const& p) { s.z, s.qfrc_constraint, p.halt; }
-void integrate(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Solution& solution, Progress const& progress,
-               State<R, Mem> const& state) {
-  integrate(exec, model, dynamics, state, ConstraintOutcome<R, Mem>{solution.z, solution.qfrc_constraint, progress.halt});
+void integrate(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem>& dynamics, Progress const& progress,
+               Solution& solution) {
+  integrate(exec, model, state, dynamics, ConstraintOutcome<R, Mem>{solution.z, solution.qfrc_constraint, progress.halt});
 }
 
 }  // namespace gsp

@@ -34,7 +34,7 @@ struct InverseStage {
 /// entry of M. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics do not hold these three of one state, or
 /// hold them of the state before its last step.
 template <ExecutionSpace Exec, class R, class Mem, class In, class Out>
-void inverse_dynamics(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, In const& qacc, Out const& qfrc) {
+void inverse_dynamics(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, In const& qacc, Out& qfrc) {
   expects(int(qacc.extent(0)) == dynamics.worlds && int(qacc.extent(1)) == model.nv && int(qfrc.extent(0)) == dynamics.worlds &&
               int(qfrc.extent(1)) == model.nv,
           "gsp::inverse_dynamics: qacc and qfrc must be (worlds, nv)");

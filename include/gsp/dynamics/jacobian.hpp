@@ -38,7 +38,7 @@ struct PointJacobian {
 };
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
-              Vec3<R> const& point, Field<R> const& field, int item, View const& J) {
+              Vec3<R> const& point, Field<R> const& field, int item, View& J) {
   expects(int(J.extent(0)) == dynamics.worlds && int(J.extent(1)) == 6 && int(J.extent(2)) == model.nv,
           "gsp::body_jacobian: J must be (worlds, 6, nv)");
   expects_fit("gsp::body_jacobian", model, dynamics, poses);
@@ -55,21 +55,21 @@ void jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const&
 /// before its last step.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void body_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
-                   std::type_identity_t<Vec3<R>> const& local, View const& J) {
+                   std::type_identity_t<Vec3<R>> const& local, View& J) {
   expects(body >= 0 && body < model.nbody, "gsp::body_jacobian: there is no such body");
   detail::jacobian(exec, model, poses, dynamics, body, local, Field<R>{}, 0, J);
 }
 /// The same of a body's centre of mass.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void com_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
-                  View const& J) {
+                  View& J) {
   expects(body >= 0 && body < model.nbody, "gsp::com_jacobian: there is no such body");
   detail::jacobian(exec, model, poses, dynamics, body, {}, model.body_ipos, body, J);
 }
 /// The same of a site, which is on `body` (CompiledModel::site_body).
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void site_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
-                   int site, View const& J) {
+                   int site, View& J) {
   expects(body >= 0 && body < model.nbody && site >= 0 && site < model.nsite, "gsp::site_jacobian: there is no such site or body");
   detail::jacobian(exec, model, poses, dynamics, body, {}, model.site_pos, site, J);
 }

@@ -152,7 +152,7 @@ struct StaticPoses {
   }
 };
 template <ExecutionSpace Exec, class R, class Mem, class View>
-void static_poses(Exec const& exec, Model<R, Mem> const& model, View const& pos, View const& quat, Poses<R, Mem> const& poses) {
+void static_poses(Exec const& exec, Model<R, Mem> const& model, View const& pos, View const& quat, Poses<R, Mem>& poses) {
   Kokkos::parallel_for("gsp::dynamics::static_poses", Kokkos::RangePolicy<Exec>(exec, 0, int(poses.xpos.extent(0)) * model.nbody),
                        StaticPoses<R, Mem, View>{model, poses, pos, quat});
 }
@@ -162,7 +162,7 @@ void static_poses(Exec const& exec, Model<R, Mem> const& model, View const& pos,
 template <class R, ExecutionSpace Exec, class Mem>
 Poses<R, Mem> make_poses(Exec const& exec, Model<R, Mem> const& model, PosesOptions options = {}) {
   expects(options.worlds > 0, "gsp::make_poses: worlds must be positive");
-  auto const poses = make_poses<R>(exec, options.worlds, model.nbody, model.njnt);
+  auto poses = make_poses<R>(exec, options.worlds, model.nbody, model.njnt);
   typename Poses<R, Mem>::template View<R***> const none;
   detail::static_poses(exec, model, none, none, poses);
   return poses;
@@ -173,8 +173,8 @@ Poses<R, Mem> make_poses(Exec const& exec, Model<R, Mem> const& model, PosesOpti
 /// @param poses     out: xpos, xquat (world, body, 3 | 4), xanchor, xaxis (world, joint, 3), in the world frame [m]
 /// Cost about 100 flop a body. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
-void forward_kinematics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
-                        Poses<R, Mem> const& poses) {
+void forward_kinematics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
+                        Dynamics<R, Mem>& dynamics) {
   Region const region("gsp::dynamics::forward_kinematics");
   detail::expects_fit("gsp::forward_kinematics", model, state, dynamics, poses);
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);

@@ -116,7 +116,7 @@ struct DenseMassMatrixStage {
 /// need. Cost about 60 flop a dof and 11 an entry. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void mass_matrix(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
-                 Dynamics<R, Mem> const& dynamics) {
+                 Dynamics<R, Mem>& dynamics) {
   Region const region("gsp::dynamics::mass_matrix");
   detail::expects_fit("gsp::mass_matrix", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::mass_matrix", exec, model, dynamics, detail::MassMatrixStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
@@ -128,7 +128,7 @@ void mass_matrix(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
 /// Copies the mass matrices to M (world, nv, nv), symmetric; entries between trees are set to zero. They are of the state that they were
 /// computed for, also when it has moved on since. Errors: std::invalid_argument where no stage has left them.
 template <ExecutionSpace Exec, class R, class Mem, class View>
-void dense_mass_matrix(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, View const& M) {
+void dense_mass_matrix(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, View& M) {
   expects(int(M.extent(0)) == dynamics.worlds && int(M.extent(1)) == model.nv && int(M.extent(2)) == model.nv,
           "gsp::dense_mass_matrix: M must be (worlds, nv, nv)");
   detail::expects_fit("gsp::dense_mass_matrix", model, dynamics);

@@ -66,7 +66,7 @@ struct CameraPoses {
 /// World poses of all geoms: xpos (world, ngeom, 3) [m], xquat (world, ngeom, 4). After forward_kinematics. Cost about 50 flop a geom.
 /// Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem, class Pos, class Quats>
-void geom_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Pos const& xpos, Quats const& xquat) {
+void geom_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Pos& xpos, Quats& xquat) {
   expects(int(xpos.extent(1)) == model.ngeom && int(xquat.extent(1)) == model.ngeom,
           "gsp::geom_poses: outputs must be (worlds, ngeom, 3 | 4)");
   detail::expects_fit("gsp::geom_poses", model, poses, int(xpos.extent(0)));
@@ -76,7 +76,7 @@ void geom_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> cons
 /// World poses of all sites: xpos (world, nsite, 3) [m], xquat (world, nsite, 4). After forward_kinematics. Does not allocate, does not
 /// fence.
 template <ExecutionSpace Exec, class R, class Mem, class Pos, class Quats>
-void site_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Pos const& xpos, Quats const& xquat) {
+void site_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Pos& xpos, Quats& xquat) {
   expects(int(xpos.extent(1)) == model.nsite && int(xquat.extent(1)) == model.nsite,
           "gsp::site_poses: outputs must be (worlds, nsite, 3 | 4)");
   detail::expects_fit("gsp::site_poses", model, poses, int(xpos.extent(0)));
@@ -86,8 +86,7 @@ void site_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> cons
 /// World poses of all cameras, whatever their mode: xpos (world, ncam, 3) [m], xmat (world, ncam, 9) row-major, columns x right, y up,
 /// z backward. `com` (world, body, 3): centres of mass of subtrees (subtree_com). Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem, class Com, class Pos, class Mats>
-void camera_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Com const& com, Pos const& xpos,
-                  Mats const& xmat) {
+void camera_poses(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Com const& com, Pos& xpos, Mats& xmat) {
   expects(int(xpos.extent(1)) == model.ncam && int(xmat.extent(1)) == model.ncam,
           "gsp::camera_poses: outputs must be (worlds, ncam, 3 | 9)");
   detail::expects_fit("gsp::camera_poses", model, poses, int(xpos.extent(0)));

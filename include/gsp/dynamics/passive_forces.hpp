@@ -180,7 +180,7 @@ struct PassiveStage {
 /// (`copy_dofs(..., &DynamicsLayout::passive, out)`). `poses` as forward_kinematics left them. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void passive_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
-                    Dynamics<R, Mem> const& dynamics) {
+                    Dynamics<R, Mem>& dynamics) {
   Region const region("gsp::dynamics::passive_forces");
   detail::expects_fit("gsp::passive_forces", model, state, dynamics, poses);
   for_lanes("gsp::dynamics::passive_forces", exec, model, dynamics, detail::PassiveStage<State<R, Mem>, Poses<R, Mem>>{state, poses});

@@ -135,8 +135,8 @@ struct RungeKuttaStage {
 /// smooth_dynamics does (and, with constraints, new_velocity after the solver); by default smooth_dynamics. A world whose new velocity is
 /// not finite has status::not_finite. Four evaluations a step; does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem, class Evaluate>
-void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
-                 RungeKutta<R, Mem> const& rk, Evaluate const& evaluate) {
+void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem>& dynamics, Evaluate const& evaluate,
+                 RungeKutta<R, Mem>& rk) {
   Region const region("gsp::dynamics::runge_kutta");
   detail::expects_fit("gsp::runge_kutta", model, state, dynamics);
   detail::expects_rows("gsp::runge_kutta", "rk.qpos", rk.qpos, state.worlds, model.nq);
@@ -155,9 +155,10 @@ void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
 }
 /// @param laws  of actuators, of your own (actuator_law.hpp)
 template <ExecutionSpace Exec, class R, class Mem, class... Laws>
-void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
-                 Poses<R, Mem> const& poses, RungeKutta<R, Mem> const& rk, Laws const&... laws) {
-  runge_kutta(exec, model, state, dynamics, rk, [&] { smooth_dynamics(exec, model, state, dynamics, poses, {}, laws...); });
+void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Poses<R, Mem>& poses, Dynamics<R, Mem>& dynamics,
+                 RungeKutta<R, Mem>& rk, Laws const&... laws) {
+  runge_kutta(
+      exec, model, state, dynamics, [&] { smooth_dynamics(exec, model, state, poses, dynamics, {}, laws...); }, rk);
 }
 
 }  // namespace gsp

@@ -157,7 +157,7 @@ struct ConstantsStage {
 /// Errors: std::invalid_argument where the model has no per-world masses (make_per_world with body_mass or the like), or where `dynamics`
 /// is of another number of worlds.
 template <ExecutionSpace Exec, class R, class Mem, class Mask = AllWorlds>
-void set_constants(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Mask const& mask = {}) {
+void set_constants(Exec const& exec, Model<R, Mem>& model, Dynamics<R, Mem>& dynamics, Mask const& mask = {}) {
   expects(model.body_invweight0.stride > 0,
           "gsp::set_constants: no field that constants follow from is per world; call make_per_world, with body_mass for one");
   expects(dynamics.worlds == model.value_worlds, "gsp::set_constants: dynamics have " + std::to_string(dynamics.worlds) +

@@ -72,8 +72,8 @@ struct SmoothStepStage {
 /// not fence.
 /// @param laws  of actuators, of your own (actuator_law.hpp)
 template <ExecutionSpace Exec, class R, class Mem, class... Laws>
-void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
-                     Poses<R, Mem> const& poses, SmoothOptions options = {}, Laws const&... laws) {
+void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
+                     Dynamics<R, Mem>& dynamics, SmoothOptions options = {}, Laws const&... laws) {
   Region const region("gsp::dynamics::smooth_dynamics");
   detail::expects_fit("gsp::smooth_dynamics", model, state, dynamics, poses);
   detail::expects_actuators("gsp::smooth_dynamics", model, sizeof...(Laws));
@@ -92,14 +92,14 @@ void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>
 /// matrix of its own, factors that alone. Does not allocate, does not fence.
 /// @param laws  of actuators, of your own (actuator_law.hpp)
 template <ExecutionSpace Exec, class R, class Mem, class... Laws>
-void smooth_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
-                 Poses<R, Mem> const& poses, Laws const&... laws) {
+void smooth_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Poses<R, Mem>& poses, Dynamics<R, Mem>& dynamics,
+                 Laws const&... laws) {
   Region const region("gsp::dynamics::smooth_step");
   detail::expects_fit("gsp::smooth_step", model, state, dynamics, poses);
   detail::expects_actuators("gsp::smooth_step", model, sizeof...(Laws));
   if (model.ntree != 1) {  // a world stops as a whole
-    smooth_dynamics(exec, model, state, dynamics, poses, {}, laws...);
-    integrate(exec, model, dynamics, state);
+    smooth_dynamics(exec, model, state, poses, dynamics, {}, laws...);
+    integrate(exec, model, state, dynamics);
     return detail::loses(dynamics, detail::all_quantities);  // as below
   }
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);

@@ -117,7 +117,7 @@ struct SubtreeMomentum {
 /// Mass and centre of mass of every body's subtree (s.mass, s.com). After forward_kinematics. Cost about 50 flop a body. Does not allocate,
 /// does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
-void subtree_com(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Subtrees<R, Mem> const& s) {
+void subtree_com(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Subtrees<R, Mem>& s) {
   detail::expects_fit("gsp::subtree_com", model, poses, int(s.com.extent(0)));
   detail::expects_rows("gsp::subtree_com", "subtrees.com", s.com, int(s.com.extent(0)), model.nbody);
   for_world_lanes<R>("gsp::dynamics::subtree_com", exec, int(s.com.extent(0)), 1, detail::SubtreeCom<R, Mem>{model, poses, s});
@@ -127,7 +127,7 @@ void subtree_com(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> con
 /// std::invalid_argument where the dynamics do not hold motions and velocities of one state, or those of the state before its last step.
 template <ExecutionSpace Exec, class R, class Mem>
 void subtree_momentum(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics,
-                      Subtrees<R, Mem> const& s) {
+                      Subtrees<R, Mem>& s) {
   detail::expects_fit("gsp::subtree_momentum", model, dynamics, poses);
   detail::expects_together("gsp::subtree_momentum", dynamics, detail::set_of(Quantity::motion, Quantity::velocity));
   detail::expects_rows("gsp::subtree_momentum", "subtrees.com", s.com, dynamics.worlds, model.nbody);

@@ -112,7 +112,7 @@ struct ResetWorlds {
 /// @param mask  callable with a world, such as a View<bool*> on the device; the other worlds keep all they have
 template <class R, ExecutionSpace Exec, class Mem, class Mask>
 requires requires(Mask const& mask) { bool(mask(0)); }
-void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Mask const& mask, State<R, Mem> const& from = {}) {
+void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Mask const& mask, State<R, Mem> const& from = {}) {
   detail::expects_fit("gsp::reset", model, state);
   if (from.worlds > 0) detail::expects_fit("gsp::reset, states to start from", model, from);
   expects(from.worlds == 0 || from.worlds == 1 || from.worlds == state.worlds,
@@ -130,7 +130,7 @@ void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& st
 
 /// All worlds back to the model's initial positions, at rest, without activation, time 0.
 template <class R, ExecutionSpace Exec, class Mem>
-void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state) {
+void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state) {
   reset(exec, model, state, detail::AllWorlds{});
 }
 

@@ -190,7 +190,7 @@ struct WorldValuesOptions {
 /// joint or tendon has a limit is not per world. dof_armature and dof_damping hold what actuators add. After fields that masses or geometry
 /// enter, call set_constants once. Does not allocate, does not fence. Errors: std::invalid_argument for other extents.
 template <ExecutionSpace Exec, class R, class Mem, class Values, class Mask = AllWorlds>
-void set_world_values(Exec const& exec, Model<R, Mem> const& model, ModelField field, Values const& values, Mask const& mask = {},
+void set_world_values(Exec const& exec, Model<R, Mem>& model, ModelField field, Values const& values, Mask const& mask = {},
                       WorldValuesOptions options = {}) {
   static_assert(Values::rank() == 2 || Values::rank() == 3,
                 "gsp::set_world_values: values are (worlds, items, components) or (worlds, items * components)");

@@ -25,7 +25,7 @@ struct ExclusiveScan {
 /// Neither allocates nor fences; the total stays on the device. Cost: reads `in` twice. Integers, so the order of summation does not
 /// matter.
 template <ExecutionSpace Exec, class In, class Out>
-void exclusive_scan(Exec const& exec, In const& in, Out const& out) {
+void exclusive_scan(Exec const& exec, In const& in, Out& out) {
   static_assert(can_access<Exec, Out>, "gsp::exclusive_scan: `out` is not accessible from this execution space");
   static_assert(std::is_integral_v<typename Out::value_type>, "gsp::exclusive_scan: `out` must hold whole numbers");
   std::int64_t const n = static_cast<std::int64_t>(in.extent(0));

@@ -78,6 +78,6 @@ Buffer make_buffer(Device device, Dtype dtype, std::initializer_list<std::int64_
 /// to = from, between any two devices, float32 and float64 into one another (the integers as they are). Shapes are equal; a `from` whose
 /// first extent is 1 is given to all rows of `to`. On one GPU it is launched after what was launched before and not waited for; where
 /// the host takes part it is done on return. Between devices it allocates where numbers have to change or do not lie one after the other.
-void copy(Array const& from, Array const& to);
+void copy(Array const& from, Array to);
 
 }  // namespace gsp::runtime

@@ -61,7 +61,7 @@ class Stepper {
   /// device in any precision; one row is given to all worlds, an empty array leaves what is there.
   virtual void set(Array const& qpos, Array const& qvel, Array const& ctrl) = 0;
   /// Positions (qpos + qpos_low) and velocities into float64 arrays of the host, (worlds, n).
-  virtual void get(Array const& qpos, Array const& qvel) const = 0;
+  virtual void get(Array qpos, Array qvel) const = 0;
   virtual void forward() = 0;
   /// Waits until the steps are done. measure: counts().residual is that of the last one.
   virtual void step(int steps, bool measure) = 0;

@@ -154,8 +154,8 @@ struct CamerasOf {
 /// @param cameras  out: viewmats, Ks, world; of make_cameras(exec, mounts.images())
 /// One launch (two where a camera follows a centre of mass). Does not allocate, does not fence. About 100 flop an image.
 template <ExecutionSpace Exec, class R, class Mem>
-void cameras_of(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, CameraMounts<R, Mem> const& mounts,
-                Cameras<Mem> const& cameras) {
+void cameras_of(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, CameraMounts<R, Mem>& mounts,
+                Cameras<Mem>& cameras) {
   static_assert(can_access<Exec, Cameras<Mem>>, "gsp::cameras_of: the cameras are not accessible from this execution space");
   expects(int(poses.xpos.extent(0)) == mounts.worlds && int(poses.xpos.extent(1)) == model.nbody,
           "gsp::cameras_of: the mounts are for " + std::to_string(mounts.worlds) + " worlds of " + std::to_string(model.nbody) +

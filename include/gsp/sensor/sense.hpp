@@ -88,7 +88,7 @@ struct Sense {
 /// One launch of worlds x count() items; does not allocate, does not fence; a world's numbers depend on that world alone.
 /// @param sensor  a SensorKind; its views hold the worlds of `data`
 template <ExecutionSpace Exec, class S, class Data>
-void sense(Exec const& exec, S const& sensor, Data const& data, SenseOptions options = {}) {
+void sense(Exec const& exec, S const& sensor, Data& data, SenseOptions options = {}) {
   Region const region("gsp::sensor::sense");
   static_assert(std::copyable<S>, "gsp::sense: a sensor is copied to the device; give it views and numbers, no references");
   static_assert(detail::SensorCount<S>, "gsp::sense: the sensor has no `int count() const`: how many of its kind each world has");

@@ -360,7 +360,7 @@ struct SmoothSensors {
 /// as it is now (without keep_all: energies, velocities of tendons, velocities and forces of actuators).
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
-                    Dynamics<R, Mem> const& dynamics, Sensors<R, Mem> const& sensors, View const& data) {
+                    Dynamics<R, Mem> const& dynamics, Sensors<R, Mem>& sensors, View& data) {
   Region const region("gsp::sensor::smooth_sensors");
   expects(int(data.extent(0)) == sensors.worlds && int(data.extent(1)) == sensors.nsensordata,
           "gsp::smooth_sensors: data must be (worlds, nsensordata)");

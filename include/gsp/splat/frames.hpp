@@ -87,7 +87,7 @@ struct FrameOptions {
 /// Makes room for `visible` Gaussians (with w.values_a_splat numbers of channels each) and `pairs` (Gaussian, tile) pairs a wave; never
 /// shrinks. Throws Error where an index would pass 2^31.
 template <ExecutionSpace Exec, class Mem>
-void reserve(Exec const& exec, SplatWave<Mem>& w, std::int64_t visible, std::int64_t pairs) {
+void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWave<Mem>& w) {
   using Wave = SplatWave<Mem>;
   constexpr std::int64_t most = (std::int64_t(1) << 31) - 2;
   if (visible > most || pairs > most)
@@ -205,7 +205,7 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
   wave.pairs = detail::allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::pairs");
   wave.needed = detail::allocate_zero<typename Wave::template View<std::int64_t[2]>>(exec, "gsp::SplatWave::needed");
   wave.tile_begin = detail::allocate<typename Wave::template View<std::int64_t*>>("gsp::SplatWave::tile_begin", batch * wave.tiles() + 1);
-  reserve(exec, wave, sizes.visible, sizes.pairs);
+  reserve(exec, sizes.visible, sizes.pairs, wave);
   return f;
 }
 

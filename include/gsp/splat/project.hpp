@@ -269,8 +269,7 @@ struct Head {
 ///                status(c) = frame_overflow where the buffers are too small (then the wave is empty)
 /// Neither allocates nor fences.
 template <ExecutionSpace Exec, class Mem, class... Channels>
-void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem> const& frames, RenderOptions options = {},
-             Channels const&... channels) {
+void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem>& frames, RenderOptions options = {}, Channels const&... channels) {
   Region const region("gsp::splat::project");
   static_assert(can_access<Exec, Frames<Mem>>, "gsp::project: the frames are not accessible from this execution space");
   expects(options.near > 0 && options.far > options.near, "gsp::project: 0 < near < far must hold");
@@ -292,8 +291,8 @@ void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem> const& f
   pass("gsp::splat::project_count", detail::ProjectClusters<Mem, false, detail::ChannelList<>>{projector, clusters, {}},
        detail::ProjectPacks<Mem, false, detail::ChannelList<>>{projector, clusters, {}});
   using Offsets = Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem>;
-  exclusive_scan(exec, detail::Head<Kokkos::View<int*, Kokkos::LayoutRight, Mem>>{wave.cluster_visible, cells},
-                 Offsets(wave.cluster_offset, Kokkos::make_pair(0, cells + 1)));
+  Offsets offsets(wave.cluster_offset, Kokkos::make_pair(0, cells + 1));
+  exclusive_scan(exec, detail::Head<Kokkos::View<int*, Kokkos::LayoutRight, Mem>>{wave.cluster_visible, cells}, offsets);
   Kokkos::parallel_for("gsp::splat::project_settle", light(Kokkos::RangePolicy<Exec>(exec, 0, 1)),
                        detail::SettleVisible<Mem>{wave, frames.status, cells});
   pass("gsp::splat::project", detail::ProjectClusters<Mem, true, List>{projector, clusters, list},

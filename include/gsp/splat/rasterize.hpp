@@ -16,7 +16,7 @@ namespace gsp {
 /// @param frames  in: bin_tiles' lists.   out: rgb, depth, alpha of the images of the wave whose status is 0
 /// Neither allocates nor fences. Each pixel depends on nothing but its own list.
 template <ExecutionSpace Exec, class Mem, class... Channels>
-void rasterize(Exec const& exec, Frames<Mem> const& frames, RenderOptions options = {}, Channels const&... channels) {
+void rasterize(Exec const& exec, Frames<Mem>& frames, RenderOptions options = {}, Channels const&... channels) {
   Region const region("gsp::splat::rasterize");
   static_assert(can_access<Exec, Frames<Mem>>, "gsp::rasterize: the frames are not accessible from this execution space");
   auto const list = detail::picture_channels(frames, channels...);

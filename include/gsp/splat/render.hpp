@@ -31,7 +31,7 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
   constexpr int values = decltype(detail::channel_list(channels...))::stored;
   if (values > frames.wave.values_a_splat) {
     frames.wave.values_a_splat = values;
-    reserve(exec, frames.wave, 0, 0);
+    reserve(exec, 0, 0, frames.wave);
   }
   auto const wave = [&](int first) {
     place_gaussians(exec, cloud, poses, cameras, first, frames);
@@ -45,8 +45,8 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
     auto const room = [](std::int64_t n) { return n + n / 8; };
     bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
     if (small)
-      reserve(exec, frames.wave, needed[0] > frames.wave.visible_capacity ? room(needed[0]) : 0,
-              needed[1] > frames.wave.pair_capacity ? room(needed[1]) : 0);
+      reserve(exec, needed[0] > frames.wave.visible_capacity ? room(needed[0]) : 0,
+              needed[1] > frames.wave.pair_capacity ? room(needed[1]) : 0, frames.wave);
     return small;
   };
   Kokkos::parallel_for("gsp::splat::render_reset", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::ResetNeeded<Mem>{frames.wave.needed});

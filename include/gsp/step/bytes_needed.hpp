@@ -14,7 +14,7 @@ std::int64_t bytes_needed(Exec const& exec, Model<R, Mem> const& model, Compiled
   shared.value_worlds = 0;  // what is made here reads no field that is per world
   auto const bytes_of = [&](int worlds) {
     std::int64_t const before = detail::allocated_bytes();
-    auto const state = make_state(exec, shared, {.worlds = worlds});
+    auto state = make_state(exec, shared, {.worlds = worlds});
     auto const simulation = make_simulation(exec, shared, compiled, {.worlds = worlds, .approximate = options.approximate});
     return detail::allocated_bytes() - before;
   };

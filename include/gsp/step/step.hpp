@@ -88,8 +88,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 /// Errors: constraint types of your own beside the integrator RK4, laws without actuators. Does not allocate, does not fence: a loop of it
 /// can be captured as a graph.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
-void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim,
-                 PgsOptions const& solver = {}, More const&... more) {
+void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim, PgsOptions const& solver = {},
+                 More const&... more) {
   Region const region("gsp::step::launch_step");
   expects(sim.rows.worlds == state.worlds,
           "gsp::step: state and simulation have different numbers of worlds: make them with the same {.worlds = n}");
@@ -100,11 +100,11 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
     if constexpr (own_types)
       throw Error(
           "gsp::step: constraints of your own are given, and the integrator RK4 takes none: choose another integrator or profile stable");
-    return std::apply([&](auto const&... law) { runge_kutta(exec, model, state, sim.dynamics, sim.poses, sim.runge_kutta, law...); }, laws);
+    return std::apply([&](auto const&... law) { runge_kutta(exec, model, state, sim.poses, sim.dynamics, sim.runge_kutta, law...); }, laws);
   }
   if (!model.constraints && !own_types)
-    return std::apply([&](auto const&... law) { smooth_step(exec, model, state, sim.dynamics, sim.poses, law...); }, laws);
-  std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.dynamics, sim.poses, {}, law...); }, laws);
+    return std::apply([&](auto const&... law) { smooth_step(exec, model, state, sim.poses, sim.dynamics, law...); }, laws);
+  std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {}, law...); }, laws);
   collide(exec, sim.collision, sim.poses, sim.contacts);
   auto const list = std::apply(
       [&](auto const&... type) {
@@ -114,7 +114,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
       types);
   assemble(exec, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress);
   pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress, solver);
-  integrate(exec, model, sim.dynamics, sim.solution, sim.progress, state);
+  integrate(exec, model, state, sim.dynamics, sim.progress, sim.solution);
 }
 
 /// Waits for the steps that were launched, and enlarges the pools that were too small.
@@ -138,12 +138,12 @@ int settle(Exec const& exec, Simulation<R, Mem>& sim) {
 /// is done again with larger pools. Fences once at its end, and where a pool grew; allocates only then.
 /// @param more  constraint types and actuator laws of your own, as for launch_step
 template <ExecutionSpace Exec, class R, class Mem, class... More>
-void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim, StepOptions options = {},
+void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim, StepOptions options = {},
           More const&... more) {
   expects(options.steps >= 0, "gsp::step: steps must not be negative");
   for (int left = options.steps; left > 0; left = settle(exec, sim)) {
     for (int i = 0; i < left; ++i) launch_step(exec, model, state, sim, options.solver, more...);
-    if (options.poses) forward_kinematics(exec, model, state, sim.dynamics, sim.poses);
+    if (options.poses) forward_kinematics(exec, model, state, sim.poses, sim.dynamics);
   }
 }
 
