@@ -291,6 +291,17 @@ TEST_CASE_TEMPLATE("a constraint from outside", Exec, GSP_TEST_EXECS) {
       CHECK(found(w, 1) == doctest::Approx(falls ? 0 : weight).epsilon(1e-11));
     }
   }
+
+  // at rest the last step's impulses are right; from zero each sweep halves what is left of h g = 0.1 m/s: log2(0.1 / 1e-6) = 17 sweeps
+  auto const sweeps = [&](gsp::Impulses<double, Mem>& start) {
+    gsp::smooth_dynamics(exec, model, state, dynamics, poses);
+    gsp::assemble(exec, model, state, dynamics, gsp::constraints(ropes), rows, start, progress);
+    gsp::pgs(exec, rows, start, solution, progress, {.tolerance = 1e-6});
+    return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, solution.iterations)(worlds - 1);
+  };
+  auto cold = gsp::make_impulses(exec, rows);
+  CHECK(sweeps(impulses) <= 2);
+  CHECK(std::abs(sweeps(cold) - 17) <= 2);
 }
 
 // A motor on a wheel: while its current is limited, w+ = w + h k limit / I; then the implicit Euler step, w+ = w + h k (U - k w+) / (R I).
