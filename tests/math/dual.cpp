@@ -4,6 +4,10 @@
 #include <gsp/math/dual.hpp>
 #include <gsp/math/pack.hpp>
 
+#if defined(KOKKOS_MACROS_HPP) && !defined(__CUDACC__)
+#error "math/ includes Kokkos"
+#endif
+
 namespace {
 using D = gsp::Dual<double, 2>;
 

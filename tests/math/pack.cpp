@@ -5,6 +5,10 @@
 #include <gsp/math/quat.hpp>
 #include <limits>
 
+#if defined(KOKKOS_MACROS_HPP) && !defined(__CUDACC__)
+#error "math/ includes Kokkos"
+#endif
+
 // Every function of a pack against the same function of the standard library, lane by lane. Tolerances: 2 ulp is what pack.hpp states;
 // near a zero of sin the error is bounded by the rounding of the reduced argument instead, hence absolute.
 TEST_CASE_TEMPLATE("pack functions equal the scalar ones", Real, float, double) {

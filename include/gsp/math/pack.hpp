@@ -2,8 +2,9 @@
 #if !defined(__CUDA_ARCH__) && (defined(__AVX2__) || defined(__AVX512F__))
 #include <immintrin.h>
 #endif
-#include <Kokkos_Core.hpp>
+#include <cmath>
 #include <gsp/math/scalar.hpp>
+#include <initializer_list>
 
 /// `Pack<Real, W>`: W numbers that go through a kernel together on a CPU, one lane per world or instance (GPU: a lane is a thread, and T =
 /// Real). It brings its own sin, cos, exp and sqrt, so that no compiler flag beyond the target's instruction set is needed, and W is fixed
@@ -47,8 +48,8 @@ struct alignas(sizeof(Real) * W) Mask {
   typedef Int vec __attribute__((vector_size(sizeof(Real) * W)));
   vec v;
 #endif
-  KOKKOS_INLINE_FUNCTION bool operator[](int i) const { return v[i] != 0; }
-  KOKKOS_INLINE_FUNCTION void set(int i, bool b) { v[i] = b ? Int(-1) : Int(0); }
+  GSP_FUNCTION bool operator[](int i) const { return v[i] != 0; }
+  GSP_FUNCTION void set(int i, bool b) { v[i] = b ? Int(-1) : Int(0); }
 };
 
 template <class Real, int W>
@@ -63,7 +64,7 @@ struct alignas(sizeof(Real) * W) Pack {
   vec v;
 #endif
   Pack() = default;
-  KOKKOS_INLINE_FUNCTION Pack(Real x) {
+  GSP_FUNCTION Pack(Real x) {
 #ifdef __CUDA_ARCH__
     for (int i = 0; i < W; ++i) v[i] = x;
 #else
@@ -71,77 +72,79 @@ struct alignas(sizeof(Real) * W) Pack {
 #endif
   }
   template <class S>
-  requires(std::is_arithmetic_v<S> && !std::is_same_v<S, Real>) KOKKOS_INLINE_FUNCTION Pack(S x) : Pack(Real(x)) {}
-  KOKKOS_INLINE_FUNCTION Real operator[](int i) const { return v[i]; }
-  KOKKOS_INLINE_FUNCTION void set(int i, Real x) { v[i] = x; }
+  requires(std::is_arithmetic_v<S> && !std::is_same_v<S, Real>) GSP_FUNCTION Pack(S x) : Pack(Real(x)) {}
+  GSP_FUNCTION Real operator[](int i) const { return v[i]; }
+  GSP_FUNCTION void set(int i, Real x) { v[i] = x; }
 };
 
 // One macro a kind of operator, undefined below: on the host the compiler's vector types do the work.
 #ifdef __CUDA_ARCH__
-#define GSP_PACK_OP(op)                                                       \
-  template <class R, int W>                                                   \
-  KOKKOS_INLINE_FUNCTION Pack<R, W> operator op(Pack<R, W> a, Pack<R, W> b) { \
-    for (int i = 0; i < W; ++i) a.v[i] = a.v[i] op b.v[i];                    \
-    return a;                                                                 \
+#define GSP_PACK_OP(op)                                             \
+  template <class R, int W>                                         \
+  GSP_FUNCTION Pack<R, W> operator op(Pack<R, W> a, Pack<R, W> b) { \
+    for (int i = 0; i < W; ++i) a.v[i] = a.v[i] op b.v[i];          \
+    return a;                                                       \
   }
-#define GSP_PACK_CMP(op)                                                      \
-  template <class R, int W>                                                   \
-  KOKKOS_INLINE_FUNCTION Mask<R, W> operator op(Pack<R, W> a, Pack<R, W> b) { \
-    Mask<R, W> m;                                                             \
-    for (int i = 0; i < W; ++i) m.set(i, a.v[i] op b.v[i]);                   \
-    return m;                                                                 \
+#define GSP_PACK_CMP(op)                                            \
+  template <class R, int W>                                         \
+  GSP_FUNCTION Mask<R, W> operator op(Pack<R, W> a, Pack<R, W> b) { \
+    Mask<R, W> m;                                                   \
+    for (int i = 0; i < W; ++i) m.set(i, a.v[i] op b.v[i]);         \
+    return m;                                                       \
   }
-#define GSP_MASK_OP(op)                                                           \
-  template <class R, int W>                                                       \
-  KOKKOS_INLINE_FUNCTION Mask<R, W> operator op##op(Mask<R, W> a, Mask<R, W> b) { \
-    for (int i = 0; i < W; ++i) a.v[i] = a.v[i] op b.v[i];                        \
-    return a;                                                                     \
+#define GSP_MASK_OP(op)                                                 \
+  template <class R, int W>                                             \
+  GSP_FUNCTION Mask<R, W> operator op##op(Mask<R, W> a, Mask<R, W> b) { \
+    for (int i = 0; i < W; ++i) a.v[i] = a.v[i] op b.v[i];              \
+    return a;                                                           \
   }
 #else
-#define GSP_PACK_OP(op)                                                       \
-  template <class R, int W>                                                   \
-  KOKKOS_INLINE_FUNCTION Pack<R, W> operator op(Pack<R, W> a, Pack<R, W> b) { \
-    a.v = a.v op b.v;                                                         \
-    return a;                                                                 \
+#define GSP_PACK_OP(op)                                             \
+  template <class R, int W>                                         \
+  GSP_FUNCTION Pack<R, W> operator op(Pack<R, W> a, Pack<R, W> b) { \
+    a.v = a.v op b.v;                                               \
+    return a;                                                       \
   }
-#define GSP_PACK_CMP(op)                                                      \
-  template <class R, int W>                                                   \
-  KOKKOS_INLINE_FUNCTION Mask<R, W> operator op(Pack<R, W> a, Pack<R, W> b) { \
-    Mask<R, W> m;                                                             \
-    m.v = a.v op b.v;                                                         \
-    return m;                                                                 \
+#define GSP_PACK_CMP(op)                                            \
+  template <class R, int W>                                         \
+  GSP_FUNCTION Mask<R, W> operator op(Pack<R, W> a, Pack<R, W> b) { \
+    Mask<R, W> m;                                                   \
+    m.v = a.v op b.v;                                               \
+    return m;                                                       \
   }
-#define GSP_MASK_OP(op)                                                           \
-  template <class R, int W>                                                       \
-  KOKKOS_INLINE_FUNCTION Mask<R, W> operator op##op(Mask<R, W> a, Mask<R, W> b) { \
-    a.v = a.v op b.v;                                                             \
-    return a;                                                                     \
+#define GSP_MASK_OP(op)                                                 \
+  template <class R, int W>                                             \
+  GSP_FUNCTION Mask<R, W> operator op##op(Mask<R, W> a, Mask<R, W> b) { \
+    a.v = a.v op b.v;                                                   \
+    return a;                                                           \
   }
 #endif
-#define GSP_PACK_MIXED(op, Result)                                     \
-  template <class R, int W>                                            \
-  KOKKOS_INLINE_FUNCTION Result<R, W> operator op(Pack<R, W> a, R b) { \
-    return a op Pack<R, W>(b);                                         \
-  }                                                                    \
-  template <class R, int W>                                            \
-  KOKKOS_INLINE_FUNCTION Result<R, W> operator op(R a, Pack<R, W> b) { \
-    return Pack<R, W>(a) op b;                                         \
+#define GSP_PACK_MIXED(op, Result)                           \
+  template <class R, int W>                                  \
+  GSP_FUNCTION Result<R, W> operator op(Pack<R, W> a, R b) { \
+    return a op Pack<R, W>(b);                               \
+  }                                                          \
+  template <class R, int W>                                  \
+  GSP_FUNCTION Result<R, W> operator op(R a, Pack<R, W> b) { \
+    return Pack<R, W>(a) op b;                               \
   }
 GSP_PACK_OP(+)
 GSP_PACK_OP(-)
 GSP_PACK_OP(*)
 GSP_PACK_OP(/)
 GSP_PACK_CMP(<)
-GSP_PACK_CMP(<=) GSP_PACK_CMP(>) GSP_PACK_CMP(>=) GSP_PACK_CMP(==) GSP_PACK_CMP(!=) GSP_MASK_OP(&) GSP_MASK_OP(|) GSP_PACK_MIXED(+, Pack)
-    GSP_PACK_MIXED(-, Pack) GSP_PACK_MIXED(*, Pack) GSP_PACK_MIXED(/, Pack) GSP_PACK_MIXED(<, Mask) GSP_PACK_MIXED(<=, Mask)
-        GSP_PACK_MIXED(>, Mask) GSP_PACK_MIXED(>=, Mask) GSP_PACK_MIXED(==, Mask) GSP_PACK_MIXED(!=, Mask)
+GSP_PACK_CMP(<=)
+GSP_PACK_CMP(>)
+GSP_PACK_CMP(>=) GSP_PACK_CMP(==) GSP_PACK_CMP(!=) GSP_MASK_OP(&) GSP_MASK_OP(|) GSP_PACK_MIXED(+, Pack) GSP_PACK_MIXED(-, Pack)
+    GSP_PACK_MIXED(*, Pack) GSP_PACK_MIXED(/, Pack) GSP_PACK_MIXED(<, Mask) GSP_PACK_MIXED(<=, Mask) GSP_PACK_MIXED(>, Mask)
+        GSP_PACK_MIXED(>=, Mask) GSP_PACK_MIXED(==, Mask) GSP_PACK_MIXED(!=, Mask)
 #undef GSP_PACK_OP
 #undef GSP_PACK_CMP
 #undef GSP_MASK_OP
 #undef GSP_PACK_MIXED
 
             template <class R, int W>
-            KOKKOS_INLINE_FUNCTION Pack<R, W> operator-(Pack<R, W> a) {
+            GSP_FUNCTION Pack<R, W> operator-(Pack<R, W> a) {
 #ifdef __CUDA_ARCH__
   for (int i = 0; i < W; ++i) a.v[i] = -a.v[i];
 #else
@@ -150,29 +153,29 @@ GSP_PACK_CMP(<=) GSP_PACK_CMP(>) GSP_PACK_CMP(>=) GSP_PACK_CMP(==) GSP_PACK_CMP(
   return a;
 }
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Mask<R, W> operator!(Mask<R, W> a) {
+GSP_FUNCTION Mask<R, W> operator!(Mask<R, W> a) {
   for (int i = 0; i < W; ++i) a.v[i] = ~a.v[i];
   return a;
 }
 template <class R, int W, class S>
-KOKKOS_INLINE_FUNCTION Pack<R, W>& operator+=(Pack<R, W>& a, S b) {
+GSP_FUNCTION Pack<R, W>& operator+=(Pack<R, W>& a, S b) {
   return a = a + b;
 }
 template <class R, int W, class S>
-KOKKOS_INLINE_FUNCTION Pack<R, W>& operator-=(Pack<R, W>& a, S b) {
+GSP_FUNCTION Pack<R, W>& operator-=(Pack<R, W>& a, S b) {
   return a = a - b;
 }
 template <class R, int W, class S>
-KOKKOS_INLINE_FUNCTION Pack<R, W>& operator*=(Pack<R, W>& a, S b) {
+GSP_FUNCTION Pack<R, W>& operator*=(Pack<R, W>& a, S b) {
   return a = a * b;
 }
 template <class R, int W, class S>
-KOKKOS_INLINE_FUNCTION Pack<R, W>& operator/=(Pack<R, W>& a, S b) {
+GSP_FUNCTION Pack<R, W>& operator/=(Pack<R, W>& a, S b) {
   return a = a / b;
 }
 
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> select(Mask<R, W> m, Pack<R, W> a, Pack<R, W> b) {
+GSP_FUNCTION Pack<R, W> select(Mask<R, W> m, Pack<R, W> a, Pack<R, W> b) {
 #ifdef __CUDA_ARCH__
   for (int i = 0; i < W; ++i) a.v[i] = m[i] ? a.v[i] : b.v[i];
 #else
@@ -181,40 +184,40 @@ KOKKOS_INLINE_FUNCTION Pack<R, W> select(Mask<R, W> m, Pack<R, W> a, Pack<R, W> 
   return a;
 }
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> select(Mask<R, W> m, R a, Pack<R, W> b) {
+GSP_FUNCTION Pack<R, W> select(Mask<R, W> m, R a, Pack<R, W> b) {
   return select(m, Pack<R, W>(a), b);
 }
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> select(Mask<R, W> m, Pack<R, W> a, R b) {
+GSP_FUNCTION Pack<R, W> select(Mask<R, W> m, Pack<R, W> a, R b) {
   return select(m, a, Pack<R, W>(b));
 }
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION bool any(Mask<R, W> m) {
+GSP_FUNCTION bool any(Mask<R, W> m) {
   bool r = false;
   for (int i = 0; i < W; ++i) r |= m[i];
   return r;
 }
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION bool all(Mask<R, W> m) {
+GSP_FUNCTION bool all(Mask<R, W> m) {
   bool r = true;
   for (int i = 0; i < W; ++i) r &= m[i];
   return r;
 }
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> min(Pack<R, W> a, Pack<R, W> b) {
+GSP_FUNCTION Pack<R, W> min(Pack<R, W> a, Pack<R, W> b) {
   return select(b < a, b, a);
 }
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> max(Pack<R, W> a, Pack<R, W> b) {
+GSP_FUNCTION Pack<R, W> max(Pack<R, W> a, Pack<R, W> b) {
   return select(a < b, b, a);
 }
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> abs(Pack<R, W> a) {
+GSP_FUNCTION Pack<R, W> abs(Pack<R, W> a) {
   return select(a < R(0), -a, a);
 }
 
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> fma(Pack<R, W> a, Pack<R, W> b, Pack<R, W> c) {
+GSP_FUNCTION Pack<R, W> fma(Pack<R, W> a, Pack<R, W> b, Pack<R, W> c) {
 #if !defined(__CUDA_ARCH__) && defined(__AVX512F__)
   using V = typename Pack<R, W>::vec;
   if constexpr (sizeof(V) == 64 && sizeof(R) == 4)
@@ -238,7 +241,7 @@ KOKKOS_INLINE_FUNCTION Pack<R, W> fma(Pack<R, W> a, Pack<R, W> b, Pack<R, W> c) 
 }
 
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> sqrt(Pack<R, W> a) {
+GSP_FUNCTION Pack<R, W> sqrt(Pack<R, W> a) {
 #if !defined(__CUDA_ARCH__) && defined(__AVX512F__)
   using V = typename Pack<R, W>::vec;
   if constexpr (sizeof(V) == 64 && sizeof(R) == 4)
@@ -264,7 +267,7 @@ KOKKOS_INLINE_FUNCTION Pack<R, W> sqrt(Pack<R, W> a) {
 /// sin and cos together. Range reduction by pi/2 in three parts (Cody and Waite), then the minimax polynomials of the Cephes library:
 /// within 2 ulp for |x| < 8192 (float) and 1e9 (double); beyond, lanes are evaluated one by one.
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION void sincos(Pack<R, W> x, Pack<R, W>& s, Pack<R, W>& c) {
+GSP_FUNCTION void sincos(Pack<R, W> x, Pack<R, W>& s, Pack<R, W>& c) {
   using P = Pack<R, W>;
   constexpr bool single = sizeof(R) == 4;
   R const limit = single ? R(8192) : R(1e9);
@@ -310,13 +313,13 @@ KOKKOS_INLINE_FUNCTION void sincos(Pack<R, W> x, Pack<R, W>& s, Pack<R, W>& c) {
   c = select(negative_c, -cv, cv);
 }
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> sin(Pack<R, W> x) {
+GSP_FUNCTION Pack<R, W> sin(Pack<R, W> x) {
   Pack<R, W> s, c;
   sincos(x, s, c);
   return s;
 }
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> cos(Pack<R, W> x) {
+GSP_FUNCTION Pack<R, W> cos(Pack<R, W> x) {
   Pack<R, W> s, c;
   sincos(x, s, c);
   return c;
@@ -324,7 +327,7 @@ KOKKOS_INLINE_FUNCTION Pack<R, W> cos(Pack<R, W> x) {
 
 /// e^x = 2^k e^r with |r| <= ln2/2; Taylor polynomial of degree 7 (float) or 13 (double), 2 ulp; 0 below and infinity above the range.
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> exp(Pack<R, W> x) {
+GSP_FUNCTION Pack<R, W> exp(Pack<R, W> x) {
   using P = Pack<R, W>;
   constexpr bool single = sizeof(R) == 4;
   R const lowest = single ? R(-87.) : R(-708.), highest = single ? R(88.) : R(709.);
@@ -336,17 +339,17 @@ KOKKOS_INLINE_FUNCTION Pack<R, W> exp(Pack<R, W> x) {
   constexpr int degree = single ? 7 : 13;
   P p(R(1));
   for (int i = degree; i > 0; --i) p = fma(p * r, P(R(1) / R(i)), P(R(1)));
-  for (int i = 0; i < W; ++i) p.set(i, x[i] < lowest ? R(0) : x[i] > highest ? Kokkos::exp(x[i]) : p[i] * Kokkos::exp2(k[i]));
+  for (int i = 0; i < W; ++i) p.set(i, x[i] < lowest ? R(0) : x[i] > highest ? gsp::exp(x[i]) : p[i] * std::exp2(k[i]));
   return p;
 }
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> log(Pack<R, W> x) {
-  for (int i = 0; i < W; ++i) x.set(i, Kokkos::log(x[i]));
+GSP_FUNCTION Pack<R, W> log(Pack<R, W> x) {
+  for (int i = 0; i < W; ++i) x.set(i, gsp::log(x[i]));
   return x;
 }
 template <class R, int W>
-KOKKOS_INLINE_FUNCTION Pack<R, W> atan2(Pack<R, W> y, Pack<R, W> x) {
-  for (int i = 0; i < W; ++i) y.set(i, Kokkos::atan2(y[i], x[i]));
+GSP_FUNCTION Pack<R, W> atan2(Pack<R, W> y, Pack<R, W> x) {
+  for (int i = 0; i < W; ++i) y.set(i, gsp::atan2(y[i], x[i]));
   return y;
 }
 

@@ -1,5 +1,4 @@
 #pragma once
-#include <Kokkos_Core.hpp>
 #include <gsp/math/quat.hpp>
 
 /// Spatial algebra about a common point, in world axes (Featherstone, Rigid Body Dynamics Algorithms, 2008; MuJoCo's "com-based" vectors).
@@ -11,26 +10,26 @@ struct Spatial {
   Vec3<T> angular, linear;
 };
 template <class T>
-KOKKOS_INLINE_FUNCTION Spatial<T> operator+(Spatial<T> const& a, Spatial<T> const& b) {
+GSP_FUNCTION Spatial<T> operator+(Spatial<T> const& a, Spatial<T> const& b) {
   return {a.angular + b.angular, a.linear + b.linear};
 }
 template <class T>
-KOKKOS_INLINE_FUNCTION T dot(Spatial<T> const& a, Spatial<T> const& b) {
+GSP_FUNCTION T dot(Spatial<T> const& a, Spatial<T> const& b) {
   return fma(a.linear.z, b.linear.z, fma(a.linear.y, b.linear.y, fma(a.linear.x, b.linear.x, dot(a.angular, b.angular))));
 }
 /// a + s b
 template <class T>
-KOKKOS_INLINE_FUNCTION Spatial<T> fma(T s, Spatial<T> const& b, Spatial<T> const& a) {
+GSP_FUNCTION Spatial<T> fma(T s, Spatial<T> const& b, Spatial<T> const& a) {
   return {fma(s, b.angular, a.angular), fma(s, b.linear, a.linear)};
 }
 /// Rate of change of the motion m that is carried along by the motion v: v x m.
 template <class T>
-KOKKOS_INLINE_FUNCTION Spatial<T> cross_motion(Spatial<T> const& v, Spatial<T> const& m) {
+GSP_FUNCTION Spatial<T> cross_motion(Spatial<T> const& v, Spatial<T> const& m) {
   return {cross(v.angular, m.angular), cross(v.angular, m.linear) + cross(v.linear, m.angular)};
 }
 /// The same for a force: v x* f.
 template <class T>
-KOKKOS_INLINE_FUNCTION Spatial<T> cross_force(Spatial<T> const& v, Spatial<T> const& f) {
+GSP_FUNCTION Spatial<T> cross_force(Spatial<T> const& v, Spatial<T> const& f) {
   return {cross(v.angular, f.angular) + cross(v.linear, f.linear), cross(v.angular, f.linear)};
 }
 
@@ -44,7 +43,7 @@ struct SpatialInertia {
 };
 /// Of both bodies as one: parallel axes with the reduced mass, mu (|r|^2 1 - r r^T), r from one centre to the other.
 template <class T>
-KOKKOS_INLINE_FUNCTION SpatialInertia<T> operator+(SpatialInertia<T> const& a, SpatialInertia<T> const& b) {
+GSP_FUNCTION SpatialInertia<T> operator+(SpatialInertia<T> const& a, SpatialInertia<T> const& b) {
   T const mass = a.mass + b.mass, part = b.mass / max(mass, T(1e-30));
   Vec3<T> const r = b.center - a.center, s = (a.mass * part) * r;
   return {a.xx + fma(s.y, r.y, fma(s.z, r.z, b.xx)),
@@ -58,7 +57,7 @@ KOKKOS_INLINE_FUNCTION SpatialInertia<T> operator+(SpatialInertia<T> const& a, S
 }
 /// Momentum of the motion v (or force of the acceleration v): (I w + c x p, p) with p = m (u + w x c).
 template <class T>
-KOKKOS_FORCEINLINE_FUNCTION Spatial<T> operator*(SpatialInertia<T> const& i, Spatial<T> const& v) {
+GSP_FORCEINLINE_FUNCTION Spatial<T> operator*(SpatialInertia<T> const& i, Spatial<T> const& v) {
   Vec3<T> const& w = v.angular;
   Vec3<T> const iw{fma(i.xx, w.x, fma(i.xy, w.y, i.xz * w.z)), fma(i.xy, w.x, fma(i.yy, w.y, i.yz * w.z)),
                    fma(i.xz, w.x, fma(i.yz, w.y, i.zz * w.z))};
@@ -67,7 +66,7 @@ KOKKOS_FORCEINLINE_FUNCTION Spatial<T> operator*(SpatialInertia<T> const& i, Spa
 }
 /// Inertia of a body whose principal moments are `principal` in axes turned by q, and whose centre of mass lies at `c`.
 template <class T>
-KOKKOS_INLINE_FUNCTION SpatialInertia<T> spatial_inertia(T mass, Vec3<T> const& principal, Quat<T> const& q, Vec3<T> const& c) {
+GSP_FUNCTION SpatialInertia<T> spatial_inertia(T mass, Vec3<T> const& principal, Quat<T> const& q, Vec3<T> const& c) {
   Mat3<T> const r = to_matrix(q);
   auto const entry = [&](int i, int j) {
     return fma(r(i, 2) * principal.z, r(j, 2), fma(r(i, 1) * principal.y, r(j, 1), (r(i, 0) * principal.x) * r(j, 0)));

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstring>
+#include <gsp/core/exec.hpp>
 #include <gsp/math/pack.hpp>
 
 /// The few things that a stage written over a number type T needs besides arithmetic: T is float on a GPU (a Gaussian a thread) and a pack
