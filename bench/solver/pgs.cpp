@@ -20,23 +20,21 @@ void fill(gsp::Rows<R, Mem> const& rows, int count) {
       auto& row = rows.row(w * count + r);
       int const in_contact = r < singles ? 0 : (r - singles) % 3, contact = r - in_contact;
       row = {};
-      row.segment[0] = {0, -1, nv, 0};
-      row.segments = 1;
-      row.element_rows = in_contact > 0 ? 0 : r < singles ? 1 : 3;
+      row.segment[0] = {-1, nv, 0};
+      rows.element_rows(w * count + r) = in_contact > 0 ? 0 : r < singles ? 1 : 3;
       row.friction_of = in_contact > 0 ? 0 : -1;
       row.element = r;
-      row.alike = row.element_rows > 0;
-      row.Y = std::int64_t(w) * entries + std::int64_t(r) * nv + (r < singles ? 0 : (contact - singles));
-      row.coupling = row.element_rows * nv;
-      row.bias = next(), row.compliance = R(0.01), row.upper = R(1e30), row.mu = R(0.8);
+      row.alike = in_contact == 0;
+      row.Y = std::int64_t(w) * entries + std::int64_t(r) * nv + (r < singles ? 0 : contact - singles + 3);
+      row.bias = next(), row.compliance = R(0.01), row.upper = R(1e30), row.mu = in_contact > 0 ? R(0.8) : R(-1);
       R diagonal(0.01f);
       for (int i = 0; i < nv; ++i) rows.Y(row.Y + i) = next(), diagonal += rows.Y(row.Y + i) * rows.Y(row.Y + i);
       row.inverse_diagonal = R(1) / diagonal;
-      for (int a = 0; a < in_contact; ++a) {  // after the entries of the contact's three rows
+      for (int a = 0; a < in_contact; ++a) {  // before the entries of the contact's three rows
         auto const& other = rows.row(w * count + contact + a);
         R sum(0);
         for (int i = 0; i < nv; ++i) sum += rows.Y(row.Y + i) * rows.Y(other.Y + i);
-        rows.Y(rows.row(w * count + contact).Y + 3 * nv + in_contact * (in_contact - 1) / 2 + a) = sum;
+        rows.Y(rows.row(w * count + contact).Y - 3 + in_contact * (in_contact - 1) / 2 + a) = sum;
       }
     }
   }

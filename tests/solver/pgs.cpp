@@ -106,6 +106,7 @@ struct Dense {
 template <class S>
 Dense dense(S const& s, int world) {
   auto const row = gsp_test::host(s.rows.row);
+  auto const element_rows = gsp_test::host(s.rows.element_rows);
   auto const Y = gsp_test::host(s.rows.Y);
   auto const first = gsp_test::host(s.rows.first), count = gsp_test::host(s.rows.count);
   auto const ints = gsp_test::host(s.model.ints);
@@ -115,10 +116,11 @@ Dense dense(S const& s, int world) {
   std::vector<std::vector<double>> y(d.n, std::vector<double>(s.model.nv, 0.));
   for (int i = 0, element = 0; i < d.n; ++i) {
     auto const& r = row(first(world) + i);
-    if (r.element_rows > 0) element = i;
-    d.element_rows.push_back(r.element_rows);
+    int const has = element_rows(first(world) + i);
+    if (has > 0) element = i;
+    d.element_rows.push_back(has);
     std::int64_t at = r.Y;
-    for (int k = 0; k < r.segments; ++k)
+    for (int k = 0; k < 2; ++k)
       for (int e = 0; e < r.segment[k].count; ++e, ++at)
         y[i][r.segment[k].dof0 + (r.segment[k].list < 0 ? e : ints(r.segment[k].list + e))] = Y(at);
     d.b.push_back(r.bias), d.lower.push_back(r.lower), d.upper.push_back(r.upper), d.mu.push_back(r.mu),

@@ -18,7 +18,7 @@ struct WriteContactForces {
     int const w = world.rank, begin = contacts.begin_of(w);
     world.each(contacts.count_of(w), [&](int k) {
       int const first = impulses.first_row(w, k);
-      int const n = first < 0 ? 0 : impulses.rows.row(first).element_rows;
+      int const n = first < 0 ? 0 : impulses.rows.element_rows(first);
       R const* const p = impulses.impulses.p[impulses.impulses.parity()].data();
       for (int r = 0; r < 6; ++r) force(begin + k, r) = r < n ? p[first + r] * inverse_timestep : R(0);
     });

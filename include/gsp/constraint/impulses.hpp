@@ -106,7 +106,7 @@ struct ElementImpulses {
   /// Impulse of row r of element k [N s, N m s]; 0 where the element was not active or has no such row. Divided by the timestep: the force.
   KOKKOS_INLINE_FUNCTION R operator()(int world, int k, int r = 0) const {
     int const first = first_row(world, k);
-    return first < 0 || r >= rows.row(first).element_rows ? R(0) : impulses.p[impulses.parity()](first + r);
+    return first < 0 || r >= rows.element_rows(first) ? R(0) : impulses.p[impulses.parity()](first + r);
   }
 };
 

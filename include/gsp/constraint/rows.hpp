@@ -11,9 +11,9 @@ namespace gsp {
 
 inline constexpr int most_element_rows = 6;
 
-/// Entries of a row on one tree: for the dofs dof0 + dof_lists(list + i) of the world, or dof0 + i where list < 0.
+/// Entries of a row on one tree: for the dofs dof0 + dof_lists(list + i) of the world, or dof0 + i where list < 0. dof0 is the tree's first.
 struct RowSegment {
-  int tree, list, count, dof0;
+  int list, count, dof0;
 };
 
 /// Which impulses a row may have: between lower and upper, or, where friction_of >= 0, +-mu times the absolute impulse of row `friction_of`
@@ -27,17 +27,17 @@ struct RowBounds {
 
 template <class R>
 struct Row {
-  RowSegment segment[2];
-  short segments;
-  short element_rows;  // rows of the element, in its first row; 0 in the others
-  short friction_of;   // row of the element, -1: lower and upper
-  short type;          // place of the element's type in the list of types
-  int element;         // k of its type
-  short alike;         // first row of an element: whether all of its rows have the segments of the first
-  int coupling;        // first row of an element: its couplings begin at Y + coupling (see Rows::Y)
-  std::int64_t Y;      // first entry
-  R bias, compliance, inverse_diagonal, lower, upper, mu;  // w = Y z + C p + b
+  RowSegment segment[2];  // without entries (count = 0) where it touches fewer trees
+  std::int64_t Y;         // first entry
+  R bias, compliance;     // w = Y z + C p + b
+  R inverse_diagonal;     // 1 / (|Y|^2 + C); 0: nothing that it touches can move
+  R lower, upper, mu;     // mu < 0: without friction
+  int element;            // k of its type
+  short type;             // place of the element's type in the list of types
+  signed char friction_of;  // row of the element, -1: lower and upper
+  bool alike;             // first row of an element: whether all of its rows have the segments of the first
 };
+static_assert(sizeof(Row<float>) == 64, "one cache line");
 
 /// What `assemble` writes.
 template <class R, class Mem>
@@ -51,7 +51,8 @@ struct Rows {
   View<int*> largest_element;                // (worlds) most rows of an element
   View<std::int64_t*> first_entry, entries;  // (worlds) of Y
   View<Row<R>*> row;                         // (capacity)
-  View<R*> Y;                  // (capacity of entries) of the rows of an element, then its couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a
+  View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
+  View<R*> Y;                  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed
   View<int const*> dof_lists;  // what the segments' lists lie in
 
@@ -77,6 +78,7 @@ void allocate_rows(Exec const& exec, Rows<R, Mem>& r, std::int64_t rows, std::in
   if (rows > std::numeric_limits<int>::max())
     throw Error("gsp::Rows: more than 2147483647 constraint rows are asked for: use fewer worlds a batch");
   enlarge(exec, r.row, "gsp::Rows::row", rows);
+  enlarge(exec, r.element_rows, "gsp::Rows::element_rows", rows);
   enlarge(exec, r.Y, "gsp::Rows::Y", entries);
 }
 }  // namespace detail

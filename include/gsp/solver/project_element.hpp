@@ -30,7 +30,7 @@ KOKKOS_INLINE_FUNCTION void set_law(ElementLaw<T, N>& law, int b, Row<R> const& 
   set(law.inverse_diagonal[b], row.inverse_diagonal);
   set(law.lower[b], row.lower);
   set(law.upper[b], row.upper);
-  set(law.mu[b], friction ? row.mu : R(-1));
+  set(law.mu[b], row.mu);
   set(law.normal[b], R(row.friction_of));
   if (friction) law.normals[b] |= static_cast<unsigned char>(1 << row.friction_of);
 }

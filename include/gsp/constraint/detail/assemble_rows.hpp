@@ -97,10 +97,10 @@ struct ScanRows {
   }
 };
 
-/// y <- y L^-1 D^-1/2 on one segment: from the leaves, each entry leaves its share to its ancestors.
+/// y <- y L^-1 D^-1/2 on one segment, of tree `tree`: from the leaves, each entry leaves its share to its ancestors.
 template <class R, class Mem>
-KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, TreeItems<R> const& s, RowSegment const& segment, R* y) {
-  Archetype const& a = model.archetypes(model.tree_archetype(segment.tree));
+KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, TreeItems<R> const& s, int tree, RowSegment const& segment, R* y) {
+  Archetype const& a = model.archetypes(model.tree_archetype(tree));
   int const* const ints = model.ints.data();
   for (int i = segment.count - 1; i >= 0; --i) {
     int const dof = segment.list < 0 ? i : ints[segment.list + i], adr = ints[a.row_adr + dof], n = ints[a.row_adr + dof + 1] - adr;
@@ -115,9 +115,9 @@ KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, TreeItems<R> cons
 
 template <class R>
 KOKKOS_INLINE_FUNCTION bool has_segments_of(Row<R> const& a, Row<R> const& b) {
-  bool same = a.segments == b.segments;
-  for (int s = 0; s < a.segments && same; ++s)
-    same = a.segment[s].tree == b.segment[s].tree && a.segment[s].list == b.segment[s].list && a.segment[s].count == b.segment[s].count;
+  bool same = true;
+  for (int s = 0; s < 2; ++s)
+    same = same && a.segment[s].dof0 == b.segment[s].dof0 && a.segment[s].list == b.segment[s].list && a.segment[s].count == b.segment[s].count;
   return same;
 }
 /// Y_a . Y_b of two rows. `dofs`: what their lists lie in.
@@ -125,14 +125,14 @@ template <class R>
 KOKKOS_INLINE_FUNCTION R row_product(Row<R> const& a, Row<R> const& b, R const* Y, int const* dofs) {
   R sum(0);
   R const* y = Y + a.Y;
-  for (int s = 0; s < a.segments; ++s) {
+  for (int s = 0; s < 2; ++s) {
     RowSegment const& mine = a.segment[s];
     R const* z = Y + b.Y;
-    for (int t = 0; t < b.segments; ++t) {
+    for (int t = 0; t < 2; ++t) {
       RowSegment const& other = b.segment[t];
-      if (mine.tree == other.tree && mine.list == other.list && mine.count == other.count) {
+      if (mine.dof0 == other.dof0 && mine.list == other.list && mine.count == other.count) {
         for (int i = 0; i < mine.count; ++i) sum = fma(y[i], z[i], sum);
-      } else if (mine.tree == other.tree) {  // both lists ascend
+      } else if (mine.dof0 == other.dof0) {  // both lists ascend
         for (int i = 0, j = 0; i < mine.count && j < other.count;) {
           int const dof = mine.list < 0 ? i : dofs[mine.list + i], with = other.list < 0 ? j : dofs[other.list + j];
           if (dof == with) sum = fma(y[i], z[j], sum);
@@ -177,15 +177,18 @@ struct EmitRows {
     world.template scan<std::int64_t>(types.count(w), [&](int e, std::int64_t& sum, bool last) {
       types.visit(w, e, 0, [&](auto const& type, int place, int k) {
         int const n = type.rows(w, k), first = rows.first(w) + rows_of(sum);
-        std::int64_t const first_entry = rows.first_entry(w) + entries_of(sum);
+        std::int64_t const couplings = rows.first_entry(w) + entries_of(sum), first_entry = couplings + couplings_of(n);
         std::int64_t sizes = 0;
         for (int r = 0; r < n; ++r) {
           RowStructure<R, Mem> structure{model};
           type.jacobian(w, k, r, structure);
-          if (last) emit(type, w, k, r, rows.row(first + r), first_entry + entries_of(sizes), structure);
+          if (last) {
+            emit(type, w, k, r, rows.row(first + r), first_entry + entries_of(sizes), structure);
+            rows.element_rows(first + r) = static_cast<signed char>(r == 0 ? n : 0);
+          }
           sizes += pack_sizes(1, structure.entries());
         }
-        if (last && n > 0) finish(place, type.id(w, k), w, k, n, first, first_entry, int(entries_of(sizes)));
+        if (last && n > 0) finish(place, type.id(w, k), w, n, first, couplings);
         sum += sizes + couplings_of(n);
       });
     });
@@ -197,26 +200,24 @@ struct EmitRows {
   KOKKOS_INLINE_FUNCTION void emit(Type const& type, int w, int k, int r, Row<R>& out, std::int64_t entry,
                                    RowStructure<R, Mem> const& structure) const {
     Row<R> row;
-    row.segments = short(structure.segments);
-    row.element_rows = 0;
-    row.coupling = 0;
-    row.alike = 0;
+    row.element = k;
+    row.alike = false;
     row.Y = entry;
-    for (int s = 0; s < structure.segments; ++s) row.segment[s] = structure.segment(s);
+    for (int s = 0; s < 2; ++s) row.segment[s] = s < structure.segments ? structure.segment(s) : RowSegment{-1, 0, -1};
     R* const y = rows.Y.data() + entry;
     for (int i = 0, n = structure.entries(); i < n; ++i) y[i] = R(0);
-    R const gap = R(type.jacobian(w, k, r, RowWriter<R, Mem>{model, dynamics, row, y, w}));
+    R const gap = R(type.jacobian(w, k, r, RowWriter<R, Mem>{model, dynamics, structure, row, y, w}));
     R rate(0), free_rate(0), diagonal(0);
     R* part = y;
-    for (int s = 0; s < row.segments; ++s) {
+    for (int s = 0; s < structure.segments; ++s) {
       auto const& segment = row.segment[s];
-      TreeItems<R> const items = dynamics.tree(model, w, segment.tree);
+      TreeItems<R> const items = dynamics.tree(model, w, structure.tree[s]);
       for (int i = 0; i < segment.count; ++i) {
         int const dof = segment.list < 0 ? i : model.ints(segment.list + i);
         rate = fma(part[i], items[items.at.qvel + dof], rate);
         free_rate = fma(part[i], items[items.at.velocity + dof], free_rate);
       }
-      whiten(model, items, segment, part);
+      whiten(model, items, structure.tree[s], segment, part);
       for (int i = 0; i < segment.count; ++i) diagonal = fma(part[i], part[i], diagonal);
       part += segment.count;
     }
@@ -225,31 +226,30 @@ struct EmitRows {
     row.bias = free_rate - law.zeta;
     row.compliance = law.compliance;
     row.inverse_diagonal = diagonal > R(0) ? R(1) / (diagonal + law.compliance) : R(0);
-    row.friction_of = short(bounds.friction_of);
+    row.friction_of = static_cast<signed char>(bounds.friction_of);
     row.lower = R(bounds.lower);
     row.upper = R(bounds.upper);
-    row.mu = R(bounds.mu);
+    row.mu = bounds.friction_of < 0 ? R(-1) : R(bounds.mu);
     if (row.inverse_diagonal == R(0)) {  // nothing that it touches can move
       row.friction_of = -1;
+      row.mu = R(-1);
       row.lower = row.upper = R(0);
     }
     out = row;
   }
   /// What belongs to the element as a whole: place in the list of types, couplings, identity, and the impulses to start from.
-  KOKKOS_INLINE_FUNCTION void finish(int place, RowId id, int w, int k, int n, int first, std::int64_t entry, int entries) const {
+  KOKKOS_INLINE_FUNCTION void finish(int place, RowId id, int w, int n, int first, std::int64_t couplings) const {
     Row<R>* const row = &rows.row(first);
-    row->element_rows = short(n);
-    row->coupling = entries;
-    row->alike = 1;
-    for (int b = 1; b < n; ++b) row->alike &= has_segments_of(row[b], row[0]);
-    R* const coupling = rows.Y.data() + entry + entries;
+    bool alike = true;
+    for (int b = 1; b < n; ++b) alike = alike && has_segments_of(row[b], row[0]);
+    row->alike = alike;
+    R* const coupling = rows.Y.data() + couplings;
     for (int b = 1; b < n; ++b)
       for (int a = 0; a < b; ++a) coupling[couplings_of(b) + a] = row_product(row[a], row[b], rows.Y.data(), rows.dof_lists.data());
     int const now = impulses.parity(), last = state.steps(w) > 0 ? last_row(w, place, id) : -1;
     std::uint64_t const key = row_key(place, id), old = last < 0 ? 0 : impulses.id[1 - now](last);
     for (int r = 0; r < n; ++r) {
-      row[r].type = short(place);
-      row[r].element = k;
+      row[r].type = static_cast<signed char>(place);
       impulses.id[now](first + r) = key;
       bool const known =
           last >= 0 && last + r < impulses.first[1 - now](w) + impulses.count[1 - now](w) && impulses.id[1 - now](last + r) == old;

@@ -35,10 +35,10 @@ struct RowStructure {
   }
   KOKKOS_INLINE_FUNCTION RowSegment segment(int s) const {
     Archetype const& a = model.archetypes(model.tree_archetype(tree[s]));
-    if (last[s] < 0) return {tree[s], -1, a.nv, model.tree_dof(tree[s])};
+    if (last[s] < 0) return {-1, a.nv, model.tree_dof(tree[s])};
     int const* const ints = model.ints.data();
     int const adr = ints[a.row_adr + last[s]], n = ints[a.row_adr + last[s] + 1] - adr;
-    return {tree[s], n == a.nv ? -1 : a.row_col + adr, n, model.tree_dof(tree[s])};  // a chain of all dofs lists them in order
+    return {n == a.nv ? -1 : a.row_col + adr, n, model.tree_dof(tree[s])};  // a chain of all dofs lists them in order
   }
   KOKKOS_INLINE_FUNCTION int entries() const {
     int n = 0;
@@ -59,17 +59,15 @@ template <class R, class Mem>
 struct RowWriter {
   Model<R, Mem> const& model;
   Dynamics<R, Mem> const& dynamics;
+  RowStructure<R, Mem> const& structure;
   Row<R> const& row;
   R* J;  // the row's entries, zero before
   int world;
 
   KOKKOS_INLINE_FUNCTION int place(int tree, int depth_index, int local) const {  // index of an entry in J
-    int start = 0;
-    for (int s = 0; s < row.segments; ++s) {
-      if (row.segment[s].tree == tree) return start + (row.segment[s].list < 0 ? local : depth_index);
-      start += row.segment[s].count;
-    }
-    return -1;
+    bool const second = structure.tree[0] != tree;
+    RowSegment const& segment = row.segment[second];
+    return (second ? row.segment[0].count : 0) + (segment.list < 0 ? local : depth_index);
   }
   KOKKOS_INLINE_FUNCTION void set_dof(int dof, R value) const {
     int const t = model.dof_tree(dof), local = dof - model.tree_dof(t);

@@ -1,4 +1,5 @@
 #pragma once
+#include <cstring>
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
 #include <gsp/solver/project_element.hpp>
@@ -122,9 +123,9 @@ struct PgsLockstep {
   static constexpr int places_of(int kind) { return kind == 0 ? 1 : B; }
 
   void find_places(Places& places, int w, int count, int (&most)[2]) const {
-    Row<R> const* const row = rows.row.data() + (count > 0 ? rows.first(w) : 0);
-    for (int r = 0; r < count; ++r) {  // not from element to element: the next load would wait for the one before
-      int const n = row[r].element_rows, kind = n > 1;
+    signed char const* const element_rows = rows.element_rows.data() + (count > 0 ? rows.first(w) : 0);
+    for (int r = 0; r < count; ++r) {
+      int const n = element_rows[r], kind = n > 1;
       if (n == 0) continue;
       int const at = places.count[kind]++;
       places.row[kind][at] = short(r);
@@ -152,7 +153,7 @@ struct PgsLockstep {
           if (b >= has) continue;
           Row<R> const& row = rows.row(head + b);
           int entries = 0;
-          for (int s = 0; s < row.segments; ++s) {
+          for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
             used |= groups_of(row.segment[s]);
             entries += row.segment[s].count;
           }
@@ -165,25 +166,17 @@ struct PgsLockstep {
     for (std::uint32_t bits = used; bits != 0; bits &= bits - 1) k.dof[k.groups++] = short(4 * Kokkos::countr_zero(bits));
     T* const end = Y + B * 4 * k.groups;
     for (T* y = Y; y != end; ++y) *y = T(R(0));
-    for (int b = 0; b < B; ++b) {
-      k.bias[b] = k.compliance[b] = k.p[b] = T(R(0));
-      clear_law(k.law, b);
-    }
+    for (int b = 0; b < B; ++b) take_law(k, b, row_of, parity);
     for (int l = 0; l < W; ++l)
       for (int b = 0; b < B; ++b) {
         if (row_of[l][b] < 0) continue;
         Row<R> const& row = rows.row(row_of[l][b]);
-        auto const set = [l](T& pack, R value) { reinterpret_cast<R*>(&pack)[l] = value; };
-        set_law(k.law, b, row, set);
-        set(k.bias[b], row.bias);
-        set(k.compliance[b], row.compliance);
-        set(k.p[b], impulses.p[parity](row_of[l][b]));
         R* const entries = reinterpret_cast<R*>(Y + b) + l;
         R const* y = rows.Y.data() + row.Y;
         auto const entry_of = [&](int dof) {  // after the groups before
           return B * (4 * Kokkos::popcount(used & ((std::uint32_t(1) << (dof >> 2)) - 1)) + (dof & 3));
         };
-        for (int s = 0; s < row.segments; ++s) {
+        for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
           auto const& segment = row.segment[s];
           if (int const* const list = list_of(segment)) {
             for (int i = 0; i < segment.count; ++i) entries[W * entry_of(segment.dof0 + list[i])] = y[i];
@@ -201,6 +194,36 @@ struct PgsLockstep {
         k.product[at++] = sum;
       }
     Y = end;
+  }
+  /// What is known of row b of all worlds, but its entries. The numbers of a row lie side by side: they come at once, and are transposed.
+  void take_law(Block& k, int b, int const (&row_of)[W][B], int parity) const {
+    constexpr int n = 8;  // six numbers and the impulse
+    alignas(T) R numbers[W][n];
+    unsigned normals = 0;
+    for (int l = 0; l < W; ++l) {
+      if (row_of[l][b] < 0) {
+        R const none[n] = {R(0), R(0), R(0), R(0), R(0), R(-1), R(0), R(0)};
+        std::memcpy(numbers[l], none, sizeof none);
+        continue;
+      }
+      Row<R> const& row = rows.row(row_of[l][b]);
+      std::memcpy(numbers[l], &row.bias, 6 * sizeof(R));
+      numbers[l][6] = impulses.p[parity](row_of[l][b]);
+      numbers[l][7] = R(row.friction_of);
+      normals |= row.friction_of < 0 ? 0u : 1u << row.friction_of;
+    }
+    T out[n];
+    for (int l = 0; l < W; ++l)
+      for (int i = 0; i < n; ++i) reinterpret_cast<R*>(out)[i * W + l] = numbers[l][i];
+    k.bias[b] = out[0];
+    k.compliance[b] = out[1];
+    k.law.inverse_diagonal[b] = out[2];
+    k.law.lower[b] = out[3];
+    k.law.upper[b] = out[4];
+    k.law.mu[b] = out[5];
+    k.p[b] = out[6];
+    k.law.normal[b] = out[7];
+    k.law.normals[b] = static_cast<unsigned char>(normals);
   }
   static void prefetch(void const* at, std::size_t bytes) {
     for (std::size_t i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<char const*>(at) + i);

@@ -42,22 +42,22 @@ struct PgsWorld {
       change = R(0);
       for (int r = 0; r < count;) {
         Row<R> const* const row = &rows.row(first + r);
-        int const n = row->element_rows;
+        int const n = rows.element_rows(first + r);
         if (n == 1)
-          change = max(change, sweep_element<1>(world, row, z, p + r));
+          change = max(change, sweep_element<1>(world, row, 1, z, p + r));
         else if (n == 3 && row->alike)
-          change = max(change, sweep_element<3>(world, row, z, p + r));
+          change = max(change, sweep_element<3>(world, row, 3, z, p + r));
         else
-          change = max(change, sweep_element<N>(world, row, z, p + r));
+          change = max(change, sweep_element<N>(world, row, n, z, p + r));
         r += n;
       }
       if (options.tolerance == 0) change = R(1);
     }
     R worst(0);
-    for (int r = 0; options.residual && r < count; r += rows.row(first + r).element_rows) {
+    for (int r = 0; options.residual && r < count; r += rows.element_rows(first + r)) {
       ElementLaw<R, N> law;
       R rate[N], now[N];
-      take<N>(world, &rows.row(first + r), z, p + r, law, rate, now);
+      take<N>(world, &rows.row(first + r), rows.element_rows(first + r), z, p + r, law, rate, now);
       worst = max(worst, element_residual<N>(law, 0, rate, now));
     }
     world.once([&] {
@@ -71,12 +71,11 @@ struct PgsWorld {
 
   /// One pass over an element; the largest change of a rate. M = 1 or 3: so many rows, which have the same segments; M = N: any.
   template <int M, class World>
-  KOKKOS_INLINE_FUNCTION R sweep_element(World const& world, Row<R> const* row, R* z, R* p) const {
+  KOKKOS_INLINE_FUNCTION R sweep_element(World const& world, Row<R> const* row, int n, R* z, R* p) const {
     ElementLaw<R, M> law;
     R rate[M], now[M], d[M];
-    take<M>(world, row, z, p, law, rate, now);
-    int const n = M < N ? M : row->element_rows;
-    R const* const couplings = rows.Y.data() + row->Y + row->coupling;
+    take<M>(world, row, n, z, p, law, rate, now);
+    R const* const couplings = rows.Y.data() + row->Y - (M < N ? M * (M - 1) / 2 : n * (n - 1) / 2);
     auto const coupling = [&](int b, int a) { return M < N || b < n ? couplings[b * (b - 1) / 2 + a] : R(0); };
     project_element<M>(law, 0, coupling, R(options.relaxation), rate, now, d);
     world.sync();  // all have read p and z
@@ -92,7 +91,7 @@ struct PgsWorld {
     if constexpr (M < N) {  // z += sum Y^T d at once
       R const* y[M];
       unrolled<M>([&](auto b) { y[b] = rows.Y.data() + row[b].Y; });
-      for (int s = 0; s < row->segments; ++s) {
+      for (int s = 0; s < 2 && row->segment[s].count > 0; ++s) {
         auto const& segment = row->segment[s];
         int const* const list = list_of(segment);
         R* const part = z + segment.dof0;
@@ -115,11 +114,11 @@ struct PgsWorld {
   }
   /// Laws of an element, its impulses, and the rates w = Y z + C p + b of its rows.
   template <int M, class World>
-  KOKKOS_INLINE_FUNCTION void take(World const& world, Row<R> const* row, R const* z, R const* p, ElementLaw<R, M>& law, R (&rate)[M],
+  KOKKOS_INLINE_FUNCTION void take(World const& world, Row<R> const* row, int n, R const* z, R const* p, ElementLaw<R, M>& law, R (&rate)[M],
                                    R (&now)[M]) const {
     unrolled<M>([&](auto b) {
       law.normals[b] = 0;
-      if (M < N || b < row->element_rows) {
+      if (M < N || b < n) {
         set_law(law, b, row[b], [](R& to, R value) { to = value; });
         now[b] = p[b];
         rate[b] = fma(row[b].compliance, now[b], row[b].bias) + dot(world, row[b], z);
@@ -134,7 +133,7 @@ struct PgsWorld {
   KOKKOS_INLINE_FUNCTION R dot(World const& world, Row<R> const& row, R const* z) const {
     R const* y = rows.Y.data() + row.Y;
     R total(0);
-    for (int s = 0; s < row.segments; ++s) {
+    for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
       auto const& segment = row.segment[s];
       int const* const list = list_of(segment);
       R const* const part = z + segment.dof0;
@@ -147,7 +146,7 @@ struct PgsWorld {
   template <class World>
   KOKKOS_INLINE_FUNCTION void push(World const& world, Row<R> const& row, R* z, R d) const {
     R const* y = rows.Y.data() + row.Y;
-    for (int s = 0; s < row.segments; ++s) {
+    for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
       auto const& segment = row.segment[s];
       int const* const list = list_of(segment);
       R* const part = z + segment.dof0;
