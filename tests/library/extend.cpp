@@ -294,7 +294,7 @@ TEST_CASE_TEMPLATE("a constraint from outside", Exec, GSP_TEST_EXECS) {
 
   // at rest the last step's impulses are right; from zero each sweep halves what is left of h g = 0.1 m/s: log2(0.1 / 1e-6) = 17 sweeps
   auto const sweeps = [&](gsp::Impulses<double, Mem>& start) {
-    gsp::smooth_dynamics(exec, model, state, dynamics, poses);
+    gsp::smooth_dynamics(exec, model, state, poses, dynamics);
     gsp::assemble(exec, model, state, dynamics, gsp::constraints(ropes), rows, start, progress);
     gsp::pgs(exec, rows, start, solution, progress, {.tolerance = 1e-6});
     return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, solution.iterations)(worlds - 1);
