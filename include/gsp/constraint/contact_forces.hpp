@@ -29,9 +29,8 @@ struct WriteContactForces {
 /// The force and torque of every contact of the last step, on body 2, in the contact's frame (MuJoCo's mj_contactForce).
 /// @param contacts           as they were assembled
 /// @param rows, impulses     after `pgs` (or `step`), before the next `assemble`
-/// @param force              out (contact, 6): along the normal and the two tangents [N], about them (torsion, rolling) [N m]; zero where
-/// the
-///                           contact did not act. At least as many rows as contacts.dist
+/// @param force              out (contact, 6): along the normal and the two tangents [N], about them (torsion, rolling) [N m]; zero
+///                           where the contact did not act. At least as many rows as contacts.dist
 /// Cost: a binary search a contact. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void contact_forces(Exec const& exec, Model<R, Mem> const& model, Contacts<R, Mem> const& contacts, Rows<R, Mem> const& rows,

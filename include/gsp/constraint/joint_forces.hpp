@@ -29,8 +29,8 @@ struct WriteJointForces {
 
 /// What limits and dry friction did to the joints in the last step.
 /// @param rows, impulses  after `pgs` (or `step`), before the next `assemble`
-/// @param limit           out (world, joint): force of the joint's limit, >= 0, away from the end that was reached (MuJoCo's jointlimitfrc)
-/// [N, N m]
+/// @param limit           out (world, joint): force of the joint's limit, >= 0, away from the end that was reached (MuJoCo's
+///                        jointlimitfrc) [N, N m]
 /// @param friction        out (world, nv): force of dry friction on each degree of freedom [N, N m]
 /// Cost: a binary search a limit and a degree of freedom with friction. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
