@@ -1,0 +1,166 @@
+#pragma once
+#include <gsp/dynamics/actuator_forces.hpp>
+
+/// Kernels of gsp/dynamics/factor.hpp, where the contract stands.
+namespace gsp::detail {
+
+/// In place: for k from the leaves, rows of k's ancestors lose L_k^T D_k L_k. L_k overwrites row k; 1/D_k is kept.
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_in_place(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  for (int k = a.nv - 1; k >= 0; --k) {
+    int const adr = l.index(a.row_adr, k), row = l.at.factor + adr, n = l.index(a.row_adr, k + 1) - adr;
+    T const inverse = T(1) / max(s[row + n - 1], T(1e-15));  // a singular M stays finite, as MuJoCo has it
+    l.each(n - 1, [&](int p) {
+      int const ancestor = l.at.factor + l.index(a.row_adr, l.index(a.row_col, adr + p));
+      T const entry = s[row + p] * inverse;
+      together(
+          p + 1, [&](int q) { return fma(-entry, s[row + q], s[ancestor + q]); }, [&](int q, T const& y) { s[ancestor + q] = y; });
+    });
+    for (int p = l.worker; p < n - 1; p += L::workers) s[row + p] = s[row + p] * inverse;
+    if (l.worker == 0) s[l.at.inverse_diagonal + k] = inverse;
+  }
+  l.sync();
+}
+/// factor <- M + diag(extra(i)), factored.
+template <class L, class Extra>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_factor(L const& l, Extra const& extra) {
+  auto const& a = l.a;
+  auto const& s = l.items;
+  l.together(
+      a.nM, [&](int e) { return s[l.at.mass + e]; }, [&](int e, auto const& m) { s[l.at.factor + e] = m; });
+  l.each(a.nv, [&](int i) {
+    int const diagonal = l.at.factor + l.index(a.row_adr, i + 1) - 1;
+    s[diagonal] = s[diagonal] + extra(i);
+  });
+  lanes_factor_in_place(l);
+}
+
+/// x <- L^-T x, from the leaves to the root: x_i loses the sum of L_ki x_k over the dofs k that i moves, i + 1 .. of its body's subtree.
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_solve_transposed(L const& l, int x) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  l.up([&](int b) {
+    int const d0 = l.index(a.body_dofadr, b), end = l.index(a.body_dofend, b);
+    for (int i = d0 + l.index(a.body_dofnum, b) - 1; i >= d0; --i) {
+      int const place = l.index(a.row_adr, i + 1) - l.index(a.row_adr, i) - 1;
+      T value = s[x + i];
+      for (int k = end - 1; k > i; --k) value = fma(-s[l.at.factor + l.index(a.row_adr, k) + place], s[x + k], value);
+      s[x + i] = value;
+    }
+  });
+}
+/// x <- L^-1 x, from the root to the leaves
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_solve_lower(L const& l, int x) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  l.down([&](int b) {
+    for (int k = l.index(l.a.body_dofadr, b), end = k + l.index(l.a.body_dofnum, b); k < end; ++k) {
+      int const adr = l.index(l.a.row_adr, k), n = l.index(l.a.row_adr, k + 1) - adr;
+      T value = s[x + k];
+      for (int p = 0; p < n - 1; ++p) value = fma(-s[l.at.factor + adr + p], s[x + l.index(l.a.row_col, adr + p)], value);
+      s[x + k] = value;
+    }
+  });
+}
+/// x <- (L^T D L)^-1 x
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_solve(L const& l, int x) {
+  lanes_solve_transposed(l, x);
+  l.together(
+      l.a.nv, [&](int i) { return l.items[x + i] * l.items[l.at.inverse_diagonal + i]; },
+      [&](int i, auto const& y) { l.items[x + i] = y; });
+  lanes_solve_lower(l, x);
+}
+
+/// The matrix that moves the robot. mujoco: M itself (joint damping enters when velocities are integrated); stable: M + h B + h^2 K with
+/// the dampers, springs and unclamped servos of the joints. Adds the joints' own to damping and stiffness, which the actuators have begun.
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_profile(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  auto const& m = l.model;
+  if (m.profile == Profile::mujoco) return lanes_factor(l, [](int) { return T(0); });
+  T const h(m.timestep);
+  l.each(a.nv, [&](int i) {
+    if (m.dampers) s[l.at.damping + i] = s[l.at.damping + i] + lanes_damping(l, i, true);
+    if (m.springs) s[l.at.stiffness + i] = s[l.at.stiffness + i] + l.constant(m.jnt_stiffness, l.jnt0, l.index(a.dof_jnt, i));
+  });
+  lanes_factor(l, [&](int i) { return h * fma(h, s[l.at.stiffness + i], s[l.at.damping + i]); });
+}
+
+/// The angular momentum I w of a free body stays in the world while its frame turns, and its centre of mass goes straight. By the midpoint
+/// rule, which also keeps the energy: the frame turns by exp(h x), where I x = exp(-h x / 2) I w, and then I w' = exp(-h x) I w, all in
+/// body axes. What the solver adds to w' turns the frame too: integrate turns it by exp(h (w+ + spin)), spin = x - w'. Source: the
+/// Lie-midpoint rule of Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), ch. VII.5.
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_transport_free_body(L const& l, int v) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  T const h(l.model.timestep);
+  Vec3<T> const w = s.vec3(v + 3), offset = l.constant3(l.model.body_ipos, l.body0, 0),
+                principal = l.constant3(l.model.body_inertia, l.body0, 0);
+  Quat<T> const q = s.quat(l.at.xquat), iq = l.constant4(l.model.body_iquat, l.body0, 0);
+  auto const scale = [](Vec3<T> const& a, Vec3<T> const& b) { return Vec3<T>{a.x * b.x, a.y * b.y, a.z * b.z}; };
+  Vec3<T> const momentum = rotate(iq, scale(principal, rotate_inverse(iq, w)));
+  Vec3<T> const inverse{T(1) / principal.x, T(1) / principal.y, T(1) / principal.z};
+  auto const rate = [&](Vec3<T> const& carried) { return rotate(iq, scale(inverse, rotate_inverse(iq, carried))); };
+  Vec3<T> x = w;
+  for (int i = 0; i < 6; ++i) x = rate(rotate_inverse(exp_rotation(T(0.5) * h * x), momentum));  // gains a factor of h |w| / 2 a round
+  Quat<T> const turn = exp_rotation(h * x);
+  Vec3<T> const turned = rate(rotate_inverse(turn, momentum));
+  s.put(v, s.vec3(v) + rotate(q, cross(w, offset)) - rotate(q, rotate(turn, cross(turned, offset))));
+  s.put(v + 3, turned);
+  s.put(l.at.spin, x - turned);
+}
+
+/// force, acceleration <- passive - bias + actuator + applied forces; velocity <- qvel.
+template <class L, class View>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_total_force(L const& l, View const& qfrc_applied) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  l.together(
+      l.a.nv, [&](int i) { return s[l.at.passive + i] - s[l.at.bias + i] + s[l.at.actuator + i] + l.load(qfrc_applied, l.dof0, i); },
+      [&](int i, T const& f) { s[l.at.force + i] = s[l.at.acceleration + i] = f, s[l.at.impulse + i] = T(0); });
+  l.together(
+      l.a.nv, [&](int i) { return s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
+}
+
+/// velocity <- what the tree would have at the end of the step without constraints.
+///   mujoco: v + h M^-1 f.   stable: v' + M^^-1 (h f - h^2 K v'), v' the velocity, transported where the tree is a free body.
+template <class L, class View>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfrc_applied) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  T const h(l.model.timestep);
+  int const nv = l.a.nv;
+  lanes_total_force(l, qfrc_applied);
+  if (l.model.profile == Profile::stable) {
+    if (is_free_body(l)) {
+      if (l.worker == 0) lanes_transport_free_body(l, l.at.velocity);
+      l.sync();
+    }
+    l.each(nv, [&](int i) { s[l.at.acceleration + i] = fma(-h * s[l.at.stiffness + i], s[l.at.velocity + i], s[l.at.acceleration + i]); });
+  }
+  lanes_solve(l, l.at.acceleration);
+  l.together(
+      nv, [&](int i) { return fma(h, s[l.at.acceleration + i], s[l.at.velocity + i]); },
+      [&](int i, T const& v) { s[l.at.velocity + i] = v; });
+}
+
+template <class State>
+struct FactorStage {
+  State state;
+  template <class L>
+  KOKKOS_FUNCTION void operator()(L const& l) const {
+    lanes_factor_profile(l), lanes_free_velocity(l, state.qfrc_applied);
+  }
+};
+
+}  // namespace gsp::detail

@@ -1,0 +1,261 @@
+#pragma once
+#include <gsp/dynamics/factor.hpp>
+
+/// Kernels of gsp/dynamics/integrate.hpp, where the contract stands.
+namespace gsp::detail {
+
+/// factor <- M - h derivative, factored.
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_derivative(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  T const h(l.model.timestep);
+  l.together(
+      l.a.nM, [&](int e) { return fma(-h, s[l.at.derivative + e], s[l.at.mass + e]); }, [&](int e, T const& m) { s[l.at.factor + e] = m; });
+  lanes_factor_in_place(l);
+}
+
+/// velocity <- (M - h derivative)^-1 velocity, with both triangles. Elimination from the leaves up keeps the sparsity, as for the symmetric
+/// factor: row and column k reach the ancestors of k alone. The lower triangle goes to factor, the upper stays in place.
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_solve_unsymmetric(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  T const h(l.model.timestep);
+  int const lower = l.at.factor, upper = l.at.derivative + a.nM, x = l.at.velocity;
+  for (int e = 0; e < a.nM; ++e) {
+    T const m = s[l.at.mass + e];
+    s[lower + e] = fma(-h, s[l.at.derivative + e], m), s[upper + e] = fma(-h, s[upper + e], m);
+  }
+  for (int k = a.nv - 1; k >= 0; --k) {
+    int const adr = l.index(a.row_adr, k), n = l.index(a.row_adr, k + 1) - adr;
+    T const inverse = T(1) / s[lower + adr + n - 1];
+    s[l.at.inverse_diagonal + k] = inverse;
+    for (int p = 0; p < n - 1; ++p) {
+      int const ancestor = l.index(a.row_col, adr + p), row = l.index(a.row_adr, ancestor);
+      T const up = s[upper + adr + p] * inverse, down = s[lower + adr + p] * inverse;
+      for (int q = 0; q <= p; ++q) s[lower + row + q] = fma(-up, s[lower + adr + q], s[lower + row + q]);
+      for (int q = 0; q < p; ++q) s[upper + row + q] = fma(-down, s[upper + adr + q], s[upper + row + q]);
+      s[x + ancestor] = fma(-up, s[x + k], s[x + ancestor]);
+    }
+  }
+  for (int k = 0; k < a.nv; ++k) {
+    int const adr = l.index(a.row_adr, k), n = l.index(a.row_adr, k + 1) - adr;
+    T value = s[x + k];
+    for (int p = 0; p < n - 1; ++p) value = fma(-s[lower + adr + p], s[x + l.index(a.row_col, adr + p)], value);
+    s[x + k] = value * s[l.at.inverse_diagonal + k];
+  }
+}
+
+/// Activations to the end of the step.
+template <class L, class State>
+KOKKOS_INLINE_FUNCTION void lanes_advance_activations(L const& l, State const& state) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  for (int k = 0; k < a.nact; ++k) {
+    int const own = l.index(a.act_state, k);
+    if (own < 0) continue;
+    int item[L::W];
+    l.listed_items(a.instance_act, a.nact, k, item);
+    for (int i = 0; i < L::W; ++i) item[i] = l.model.act_state(item[i]);
+    T act = lanes_next_activation(l, k, l.load(state.act, item, 0), l.items[l.at.act_dot + own]);
+    if (l.index(a.act_dyn, k) == int(ActuatorDynamics::integrator)) act = lanes_wrap_setpoint(l, k, act);
+    for (int i = 0; i < l.count; ++i)
+      if (!(state.status(l.world[i]) & status::stopped)) state.act(l.world[i], item[i]) = get_lane(act, i);
+  }
+}
+
+/// True where the integrator factors a matrix of its own: profile mujoco with implicit integrators or joint damping.
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION bool lanes_factors_again(L const& l) {
+  auto const& m = l.model;
+  return m.profile == Profile::mujoco &&
+         (l.a.derivative > 0 || (m.integrator == Integrator::euler && m.eulerdamp && m.dampers && m.damped));
+}
+
+/// The same for any of the model's trees, on the host.
+template <class R, class Mem>
+bool factors_again(Model<R, Mem> const& m) {
+  if (m.profile != Profile::mujoco) return false;
+  return (m.integrator == Integrator::euler && m.eulerdamp && m.dampers && m.damped) ||
+         any_archetype(m, [](Archetype const& a) { return a.derivative > 0; });
+}
+
+/// use(i, (J^T p)_i) for all dofs, J^T p = L^T D^1/2 z of the whitened impulses z (world, nv): x = D^1/2 z, then x_i + sum of L_ki x_k over
+/// the dofs k that i moves. Overwrites the item `impulse`.
+template <class L, class View, class Use>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_constraint_impulse(L const& l, View const& z, Use const& use) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  l.together(
+      a.nv, [&](int i) { return l.load(z, l.dof0, i) / sqrt(s[l.at.inverse_diagonal + i]); },
+      [&](int i, T const& x) { s[l.at.impulse + i] = x; });
+  l.each(a.nv, [&](int i) {
+    int const place = l.index(a.row_adr, i + 1) - l.index(a.row_adr, i) - 1;
+    T sum = s[l.at.impulse + i];
+    for (int k = i + 1, end = l.index(a.body_dofend, l.index(a.dof_body, i)); k < end; ++k)
+      sum = fma(s[l.at.factor + l.index(a.row_adr, k) + place], s[l.at.impulse + k], sum);
+    use(i, sum);
+  });
+}
+
+/// velocity <- velocity + L^-1 D^-1/2 z, z (world, nv) the whitened impulses. Profile mujoco starts again from the velocity v, the forces f
+/// and the impulses J^T p = L^T D^1/2 z, as joint damping enters here; MuJoCo's Euler has it
+///   v+ = v + (M + h B)^-1 (h f + J^T p),
+/// and the implicit integrators take M - h d(forces)/dv instead: implicitfast its lower triangle, without the bias forces; implicit, and
+/// implicitfast for lone free bodies, all of it. qfrc_constraint (world, nv) <- J^T p / h, where it has room.
+template <class L, class View>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z, View const& qfrc_constraint) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  if (!lanes_factors_again(l)) {
+    if (!z.data()) return;
+    if (qfrc_constraint.data())
+      lanes_constraint_impulse(l, z, [&](int i, T const& impulse) { l.store(qfrc_constraint, l.dof0, i, impulse / T(l.model.timestep)); });
+    l.together(
+        a.nv, [&](int i) { return l.load(z, l.dof0, i) * sqrt(s[l.at.inverse_diagonal + i]); },
+        [&](int i, T const& x) { s[l.at.impulse + i] = x; });
+    lanes_solve_lower(l, l.at.impulse);
+    l.together(
+        a.nv, [&](int i) { return s[l.at.velocity + i] + s[l.at.impulse + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
+    return;
+  }
+  T const h(l.model.timestep);
+  if (z.data()) {
+    lanes_constraint_impulse(l, z, [&](int i, T const& impulse) {
+      if (qfrc_constraint.data()) l.store(qfrc_constraint, l.dof0, i, impulse / h);
+      s[l.at.velocity + i] = fma(h, s[l.at.force + i], impulse);
+    });
+  } else {
+    l.together(
+        a.nv, [&](int i) { return h * s[l.at.force + i]; }, [&](int i, T const& x) { s[l.at.velocity + i] = x; });
+  }
+  if (a.derivative == 2) {
+    l.alone([](auto const& one) { lanes_solve_unsymmetric(one); });
+  } else {
+    if (a.derivative == 1)
+      lanes_factor_derivative(l);
+    else
+      lanes_factor(l, [&](int i) { return h * lanes_damping(l, i, true); });
+    lanes_solve(l, l.at.velocity);
+  }
+  l.together(
+      a.nv, [&](int i) { return s[l.at.velocity + i] + s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
+}
+
+/// Sets the status bit of worlds with a velocity that is NaN or infinite (x - x is 0 for finite x alone).
+template <class L, class View>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_check_velocity(L const& l, View const& status) {
+  if (l.worker != 0) return;
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  T sum(0);
+  for (int i = 0; i < l.a.nv; ++i) sum = sum + (l.items[l.at.velocity + i] - l.items[l.at.velocity + i]);
+  auto const finite = sum == T(0);
+  if (all(finite)) return;
+  for (int k = 0; k < l.count; ++k)
+    if (!(get_lane(sum, k) == 0)) Kokkos::atomic_or(&status(l.world[k]), std::uint32_t(status::not_finite));
+}
+
+/// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes. Positions of free bodies carry what rounding took (two-sum), so that
+/// they do not creep.
+template <class L, class State>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& state) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  T const h(l.model.timestep);
+  auto const moves = [&](int world) { return !(state.status(world) & status::stopped); };
+  bool all_move = true;
+  for (int k = 0; k < l.count; ++k) all_move &= moves(l.world[k]);
+  auto const write = [&](auto const& view, int const* first, int i, T const& x) {
+    if (all_move) return l.store(view, first, i, x);
+    for (int k = 0; k < l.count; ++k)
+      if (moves(l.world[k])) view(l.world[k], first[k] + i) = get_lane(x, k);
+  };
+  l.each(a.njnt, [&](int j) {
+    int q = l.index(a.jnt_qposadr, j), v = l.at.velocity + l.index(a.jnt_dofadr, j);
+    auto const type = JointType(l.index(a.jnt_type, j));
+    if (type == JointType::hinge || type == JointType::slide) {
+      write(state.qpos, l.qpos0, q, fma(h, s[v], l.load(state.qpos, l.qpos0, q)));
+      return;
+    }
+    if (type == JointType::free) {
+      for (int c = 0; c < 3; ++c, ++q, ++v) {
+        T const high = l.load(state.qpos, l.qpos0, q), add = fma(h, s[v], l.load(state.qpos_low, l.qpos0, q));
+        T const sum = high + add, part = sum - high;
+        write(state.qpos, l.qpos0, q, sum);
+        write(state.qpos_low, l.qpos0, q, (high - (sum - part)) + (add - part));
+      }
+    }
+    Quat<T> const now = normalized(Quat<T>{l.load(state.qpos, l.qpos0, q), l.load(state.qpos, l.qpos0, q + 1),
+                                           l.load(state.qpos, l.qpos0, q + 2), l.load(state.qpos, l.qpos0, q + 3)});
+    bool const carried = l.model.profile == Profile::stable && is_free_body(l);
+    Quat<T> const next = normalized(now * exp_rotation(h * (carried ? s.vec3(v) + s.vec3(l.at.spin) : s.vec3(v))));
+    write(state.qpos, l.qpos0, q, next.w), write(state.qpos, l.qpos0, q + 1, next.x), write(state.qpos, l.qpos0, q + 2, next.y),
+        write(state.qpos, l.qpos0, q + 3, next.z);
+  });
+  if (!store_block(l, l.at.velocity, a.nv, state.qvel, l.dof0[0], moves))
+    l.each(a.nv, [&](int i) { write(state.qvel, l.dof0, i, s[l.at.velocity + i]); });
+  if (a.nstate > 0) l.alone([&](auto const& one) { lanes_advance_activations(one, state); });
+}
+
+/// Checks the new velocities and ends the step, for worlds of one tree each.
+template <class L, class State>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_end_step(L const& l, State const& state) {
+  lanes_check_velocity(l, state.status);
+  l.sync();
+  lanes_integrate_positions(l, state);
+  for (int k = 0; k < l.count && l.worker == 0; ++k)
+    if (!(state.status(l.world[k]) & status::stopped)) ++state.steps(l.world[k]);
+}
+
+/// All of it for worlds of one tree each.
+template <class State>
+struct OneTreeStage {
+  static constexpr int shared_blocks = 8;
+  State state;
+  typename State::template View<typename State::real_type**> z, qfrc_constraint;
+  Kokkos::View<int const, typename State::memory_space> halt;
+  template <class L>
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
+    if (halt.data() && halt()) return;
+    lanes_new_velocity(l, z, qfrc_constraint), lanes_end_step(l, state);
+  }
+};
+template <class Mem>
+struct CountStep {
+  Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem> steps;
+  Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status_bits;
+  Kokkos::View<int const, Mem> halt;
+  KOKKOS_FUNCTION void operator()(int w) const {
+    if (!(halt.data() && halt()) && !(status_bits(w) & status::stopped)) ++steps(w);
+  }
+};
+template <class State>
+struct NewVelocityStage {
+  static constexpr int shared_blocks = 8;
+  State state;
+  typename State::template View<typename State::real_type**> z, qfrc_constraint;
+  Kokkos::View<int const, typename State::memory_space> halt;
+  template <class L>
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
+    if (halt.data() && halt()) return;
+    lanes_new_velocity(l, z, qfrc_constraint), lanes_check_velocity(l, state.status);
+  }
+};
+template <class State>
+struct IntegrateStage {
+  static constexpr int shared_blocks = 8;
+  State state;
+  Kokkos::View<int const, typename State::memory_space> halt;
+  template <class L>
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
+    if (halt.data() && halt()) return;
+    lanes_integrate_positions(l, state);
+  }
+};
+
+}  // namespace gsp::detail
