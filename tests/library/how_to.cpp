@@ -29,8 +29,8 @@ void set_keyframe(gsp::CompiledModel const& compiled, gsp::State<R, Mem>& state,
 using Exec = Kokkos::DefaultExecutionSpace;
 using Mem = Exec::memory_space;
 
-template <class View>
-bool same_row(View const& a, View const& b, int w) {
+template <class A, class B>
+bool same_row(A const& a, B const& b, int w) {
   return std::memcmp(&a(w, 0), &b(w, 0), sizeof(a(0, 0)) * a.extent(1)) == 0;
 }
 gsp::GeomDescription geom(gsp::ShapeType type, gsp::Double3 const& size) {
@@ -269,6 +269,49 @@ TEST_CASE("sensors") {
       CHECK(std::abs(found(w, gyro + c) - qvel(w, 3 + c)) < 1e-6 * (1 + std::abs(qvel(w, 3 + c))));
       CHECK(std::abs(found(w, trunk + c) - qpos(w, c)) < 1e-6);
     }
+}
+
+// After it worlds that are done stand where an episode begins, at time 0, the others have gone on by the steps asked for; sensors and
+// poses are of what the state is now.
+TEST_CASE("a control step") {
+  Exec const exec;
+  int const worlds = 6, decimation = 4;
+  auto robot = gsp::samples::quadruped_scene();
+  robot.sensors.push_back({.name = "trunk", .type = "framepos", .object_type = "xbody", .object = "trunk"});
+  auto const compiled = gsp::compile(robot);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto start = gsp::make_state(exec, model, {.worlds = 1});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  auto sensors = gsp::make_sensors(exec, model, compiled, {.worlds = worlds});
+  Kokkos::View<float**, Kokkos::LayoutRight, Mem> data("data", worlds, compiled.nsensordata);
+  Kokkos::View<bool*, Mem> const done("done", worlds);
+  auto const chosen = Kokkos::create_mirror_view(done);
+  for (int w = 0; w < worlds; ++w) chosen(w) = w % 2 == 1;
+  Kokkos::deep_copy(done, chosen);
+  set_keyframe(compiled, start, "stand");
+  set_keyframe(compiled, state, "stand");
+
+  // example-begin control_step
+  for (int left = decimation; left > 0; left = gsp::settle(exec, sim))  // what did not fit is launched again
+    for (int i = 0; i < left; ++i) gsp::launch_step(exec, model, state, sim);
+  gsp::reset(exec, model, state, done, start);                                            // worlds whose episode has ended
+  gsp::smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {.keep_all = true});  // poses, and what sensors read
+  gsp::smooth_sensors(exec, model, state, sim.poses, sim.dynamics, sensors, data);
+  // example-end control_step
+
+  auto const steps = gsp_test::host(state.steps);
+  auto const found = gsp_test::host(data), qpos = gsp_test::host(state.qpos), began = gsp_test::host(start.qpos);
+  auto const xpos = gsp_test::host(sim.poses.xpos);
+  int const trunk = gsp::body_id(compiled, "trunk");
+  for (int w = 0; w < worlds; ++w) {
+    CHECK(steps(w) == (chosen(w) ? 0 : decimation));
+    for (int c = 0; c < 3; ++c) {
+      CHECK(std::abs(found(w, c) - qpos(w, c)) < 1e-6);
+      CHECK(xpos(w, trunk, c) == found(w, c));
+      if (chosen(w)) CHECK(qpos(w, c) == began(0, c));
+    }
+  }
 }
 
 // A wall 3 m ahead of the trunk's middle, across the view: depth is camera z, so 3 m less where the camera sits, all over the picture.

@@ -44,9 +44,11 @@ std::vector<std::string> example(fs::path const& path, std::string const& name) 
 TEST_CASE("snippets of the pages are those of the tests") {
   bool const write = std::getenv("GSP_WRITE_SNIPPETS") != nullptr;
   int found = 0;
-  for (auto const& entry : fs::recursive_directory_iterator(root() / "docs")) {
-    if (entry.path().extension() != ".md") continue;
-    auto const lines = lines_of(entry.path());
+  std::vector<fs::path> pages{root() / "README.md"};
+  for (auto const& entry : fs::recursive_directory_iterator(root() / "docs"))
+    if (entry.path().extension() == ".md") pages.push_back(entry.path());
+  for (auto const& page : pages) {
+    auto const lines = lines_of(page);
     std::vector<std::string> out;
     for (std::size_t i = 0; i < lines.size(); ++i) {
       out.push_back(lines[i]);
@@ -56,7 +58,7 @@ TEST_CASE("snippets of the pages are those of the tests") {
       std::istringstream words(lines[i].substr(mark + 14));
       std::string file, name;
       words >> file >> name;
-      CAPTURE(entry.path().string());
+      CAPTURE(page.string());
       CAPTURE(name);
       auto const code = example(root() / file, name);
       CHECK_MESSAGE(!code.empty(), "no lines between the marks of this name in " << file);
@@ -73,7 +75,7 @@ TEST_CASE("snippets of the pages are those of the tests") {
       i = end;
     }
     if (write && out != lines) {
-      std::ofstream file(entry.path());
+      std::ofstream file(page);
       for (auto const& line : out) file << line << "\n";
     }
   }

@@ -250,4 +250,40 @@ TEST_CASE("rover") {
   // example-end rover_loop
   printed.is("rover_loop");
 }
+
+// The README's program: pictures of every world by the robot's own camera. What it sees of a wall is where the wall is.
+TEST_CASE("readme") {
+  Inside const folder;
+  gsp::io::write_mjcf("robot.xml", gsp::samples::quadruped_scene());
+  auto wall = gsp::io::make_splat_set(1, 0);
+  wall.positions = {4, 0, 0.5f};
+  wall.scales = {0.001f, 100, 100};
+  wall.opacities = {0.99f};
+  gsp::io::write_ply("kitchen.ply", wall);
+  Kokkos::DefaultExecutionSpace const exec;
+  int const n = 3;
+  // example-begin readme
+  auto const robot = gsp::compile(gsp::io::read_mjcf("robot.xml"));  // host: flat arrays by MuJoCo's rules
+  auto const model = gsp::make_model<float>(exec, robot);            // device, constant
+  auto state = gsp::make_state(exec, model, {.worlds = n});
+  auto simulation = gsp::make_simulation(exec, model, robot, {.worlds = n});
+  gsp::step(exec, model, state, simulation, {.steps = 100});
+
+  auto const room = gsp::io::to_gaussian_set(gsp::io::read_splats("kitchen.ply"), robot, "kitchen.ply");
+  auto const cloud = gsp::make_gaussians(exec, {room, gsp::sample_surface(robot, {.world = false})});
+  auto mounts = gsp::make_camera_mounts(exec, model, robot, {{.camera = "head"}}, {.worlds = n, .width = 128, .height = 96});
+  auto cameras = gsp::make_cameras(exec, mounts.images());
+  auto frames = gsp::make_frames(exec, cloud, {.images = n, .width = 128, .height = 96});
+  gsp::cameras_of(exec, model, simulation.poses, mounts, cameras);
+  gsp::render(exec, cloud, simulation.poses, cameras, frames);  // RGB, expected depth, alpha of every world
+  // example-end readme
+  auto const depth = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, frames.depth);
+  auto const views = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, cameras.viewmats);
+  for (int w = 0; w < n; ++w) {
+    float z = views(w, 2, 3);  // of the wall's Gaussian in the camera
+    for (int c = 0; c < 3; ++c) z += views(w, 2, c) * wall.positions[c];
+    CHECK(z > 3);
+    CHECK(depth(w, 48, 64) == doctest::Approx(z).epsilon(1e-5));  // one Gaussian: its depth, to rounding
+  }
+}
 #endif
