@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <map>
 #include <set>
 #include <string>
@@ -183,4 +184,20 @@ TEST_CASE("a region bears the name of its area and of the function that opens it
     }
   }
   CHECK(regions >= 18);
+}
+
+// A page may be about several headers; pairs of shapes and shapes have a table each (docs/collision/narrowphase.md, docs/geometry/shapes.md).
+TEST_CASE("a page names each public header") {
+  std::string pages;
+  for (auto const& entry : fs::recursive_directory_iterator(fs::path(GSP_TEST_DIR).parent_path() / "docs")) {
+    if (entry.path().extension() != ".md") continue;
+    std::ifstream file(entry.path());
+    pages.append(std::istreambuf_iterator<char>(file), {});
+  }
+  for (auto const& h : read_headers()) {
+    bool const family = starts_with(h.name, "gsp/collision/narrowphase/") || starts_with(h.name, "gsp/geometry/shapes/");
+    if (family || h.name.find("/detail/") != h.name.npos) continue;
+    std::string const file = fs::path(h.name).filename().string();
+    CHECK_MESSAGE(pages.find(file) != pages.npos, "no page below docs/ names ", h.name, ": write docs/", h.area, "/<name>.md");
+  }
 }
