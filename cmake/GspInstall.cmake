@@ -1,8 +1,11 @@
-# install, and a package that finds its dependencies again: find_package(gsp) gives gsp::gsp, and gsp::io and gsp::io_headers with COMPONENTS io.
+# install, and a package that finds its dependencies again: find_package(gsp) gives gsp::gsp and gsp::kernels, and gsp::io and gsp::io_headers with COMPONENTS io.
 include(CMakePackageConfigHelpers)
 set(_package "${CMAKE_INSTALL_LIBDIR}/cmake/gsp")
 install(DIRECTORY include/ DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp")
 install(TARGETS gsp_gsp EXPORT gspTargets)
+if(TARGET gsp_kernels)
+  install(TARGETS gsp_kernels EXPORT gspTargets ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}")
+endif()
 install(EXPORT gspTargets NAMESPACE gsp:: DESTINATION "${_package}")
 if(GSP_ENABLE_IO)
   install(TARGETS gsp_io gsp_io_headers EXPORT gspIoTargets ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}")

@@ -355,5 +355,4 @@ GSP_FUNCTION Pack<R, W> atan2(Pack<R, W> y, Pack<R, W> x) {
 
 }  // namespace GSP_PACK_NAMESPACE
 }  // namespace gsp
-#undef GSP_PACK_BYTES
 #undef GSP_PACK_NAMESPACE

@@ -66,3 +66,5 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
 }
 
 }  // namespace gsp
+
+#include <gsp/splat/detail/kernels.hpp>

@@ -148,3 +148,5 @@ void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Si
 }
 
 }  // namespace gsp
+
+#include <gsp/step/detail/kernels.hpp>

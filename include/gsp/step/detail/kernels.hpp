@@ -1,0 +1,37 @@
+#pragma once
+#include <gsp/core/detail/kernels.hpp>
+
+/// What gsp::kernels holds of a simulation's loop: step.hpp declares it, kernels/physics_*.cpp instantiate it.
+// clang-format off
+#define GSP_PHYSICS_KERNELS(word, Exec, Mem, R) \
+  namespace gsp { \
+  word Model<R, Mem> make_model<R>(Exec const&, CompiledModel const&, ModelOptions); \
+  word State<R, Mem> make_state(Exec const&, Model<R, Mem> const&, StateOptions); \
+  word void reset(Exec const&, Model<R, Mem> const&, State<R, Mem>&); \
+  word Dynamics<R, Mem> make_dynamics(Exec const&, Model<R, Mem> const&, DynamicsOptions); \
+  word Poses<R, Mem> make_poses(Exec const&, Model<R, Mem> const&, PosesOptions); \
+  word CollisionModel<R, Mem> make_collision_model<R>(Exec const&, CompiledModel const&); \
+  word Contacts<R, Mem> make_contacts(Exec const&, CollisionModel<R, Mem> const&, ContactsOptions); \
+  word Rows<R, Mem> make_rows(Exec const&, Model<R, Mem> const&, RowsOptions); \
+  word Impulses<R, Mem> make_impulses(Exec const&, Rows<R, Mem> const&); \
+  word Solution<R, Mem> make_solution(Exec const&, Model<R, Mem> const&, SolutionOptions); \
+  word Simulation<R, Mem> make_simulation(Exec const&, Model<R, Mem> const&, CompiledModel const&, SimulationOptions); \
+  word void forward_kinematics(Exec const&, Model<R, Mem> const&, State<R, Mem> const&, Poses<R, Mem>&, Dynamics<R, Mem>&); \
+  word void smooth_dynamics(Exec const&, Model<R, Mem> const&, State<R, Mem> const&, Poses<R, Mem>&, Dynamics<R, Mem>&, SmoothOptions); \
+  word void smooth_step(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Poses<R, Mem>&, Dynamics<R, Mem>&); \
+  word void runge_kutta(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Poses<R, Mem>&, Dynamics<R, Mem>&, RungeKutta<R, Mem>&); \
+  word void collide(Exec const&, CollisionModel<R, Mem> const&, Poses<R, Mem> const&, Contacts<R, Mem>&); \
+  word bool grow(Exec const&, Contacts<R, Mem>&); \
+  word void assemble(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Dynamics<R, Mem> const&, \
+                     ConstraintList<JointFriction<R, Mem>, TendonFriction<R, Mem>, JointLimits<R, Mem>, TendonLimits<R, Mem>, ContactRows<R, Mem>> const&, \
+                     Rows<R, Mem>&, Impulses<R, Mem>&, Progress<Mem>&); \
+  word bool grow(Exec const&, Rows<R, Mem>&, Impulses<R, Mem>&, Progress<Mem>&); \
+  word void pgs(Exec const&, Rows<R, Mem> const&, Impulses<R, Mem>&, Solution<R, Mem>&, Progress<Mem>&, PgsOptions); \
+  word void integrate(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Dynamics<R, Mem>&, ConstraintOutcome<R, Mem>); \
+  word void launch_step(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Simulation<R, Mem>&, PgsOptions const&); \
+  word int settle(Exec const&, Simulation<R, Mem>&); \
+  word void step(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Simulation<R, Mem>&, StepOptions); \
+  }
+// clang-format on
+
+GSP_EXTERN_KERNELS(GSP_PHYSICS_KERNELS)
