@@ -36,12 +36,20 @@ KOKKOS_INLINE_FUNCTION void set_law(ElementLaw<T, N>& law, int b, Row<R> const& 
 }
 
 namespace detail {
+/// A number that the compiler knows, on a GPU too (std::integral_constant is the host's).
+template <int i>
+struct Index {
+  KOKKOS_INLINE_FUNCTION constexpr operator int() const { return i; }
+};
+template <class F, int... i>
+KOKKOS_FORCEINLINE_FUNCTION void unroll(F const& f, std::integer_sequence<int, i...>) {
+  (f(Index<i>{}), ...);
+}
 /// f(0), ..., f(n - 1); on a GPU with numbers known to the compiler, so that what the rows of an element need stays in registers.
 template <int n, class F>
 KOKKOS_FORCEINLINE_FUNCTION void unrolled(F const& f) {
 #ifdef __CUDA_ARCH__
-  [&]<int... i>(std::integer_sequence<int, i...>) { (f(std::integral_constant<int, i>{}), ...); }
-  (std::make_integer_sequence<int, n>{});
+  unroll(f, std::make_integer_sequence<int, n>{});
 #else
   for (int i = 0; i < n; ++i) f(i);
 #endif

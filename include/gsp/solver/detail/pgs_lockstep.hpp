@@ -245,14 +245,19 @@ struct PgsLockstep {
       w[b] = total + fma(k.compliance[b], k.p[b], k.bias[b]);
     }
   }
+  /// Y_b . Y_a of the element that begins at place `first`.
+  struct Coupling {
+    Block const& k;
+    int first;
+    KOKKOS_INLINE_FUNCTION T operator()(int b, int a) const { return k.product[(first + b) * (first + b - 1) / 2 + first + a]; }
+  };
   /// Elements of N places one after the other.
   template <int N>
   static void project(Block const& k, T const& relaxation, T (&w)[B], T (&p)[B], T (&d)[B]) {
     for (int first = 0; first < B; first += N) {
       for (int b = first; b < first + N; ++b)
         for (int a = 0; a < first; ++a) w[b] = fma(k.product[b * (b - 1) / 2 + a], d[a], w[b]);
-      auto const coupling = [&](int b, int a) { return k.product[(first + b) * (first + b - 1) / 2 + first + a]; };
-      project_element<N>(k.law, first, coupling, relaxation, w, p, d);
+      project_element<N>(k.law, first, Coupling{k, first}, relaxation, w, p, d);
     }
   }
   /// z += Y^T d
