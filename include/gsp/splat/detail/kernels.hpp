@@ -1,5 +1,5 @@
 #pragma once
-#include <gsp/core/detail/kernels.hpp>
+#include <gsp/parallel/detail/kernels.hpp>
 #include <gsp/splat/render.hpp>
 
 /// What gsp::kernels holds of the renderer: render.hpp declares it, kernels/pictures.cpp instantiates it. R is the poses' number.

@@ -1,5 +1,5 @@
 #pragma once
-#include <gsp/core/detail/kernels.hpp>
+#include <gsp/parallel/detail/kernels.hpp>
 #include <gsp/step/step.hpp>
 
 /// What gsp::kernels holds of a simulation's loop: step.hpp declares it, kernels/physics_*.cpp instantiate it.

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/exec.hpp>
 #include <gsp/math/pack.hpp>
 
 /// Kernels compiled once. The target gsp::kernels brings a library with the host's kernels in float and double, and defines GSP_KERNELS as
