@@ -42,11 +42,18 @@ struct PlaceColliders {
                               {poses.xquat(w, b, 0), poses.xquat(w, b, 1), poses.xquat(w, b, 2), poses.xquat(w, b, 3)}};
       Transform<R> const t = body * load_pose(model.collider_pose.row(w) + 7 * c);
       R* const p = &bounds.pose(w, c, 0);
-      p[0] = t.p.x, p[1] = t.p.y, p[2] = t.p.z, p[3] = t.q.w, p[4] = t.q.x, p[5] = t.q.y, p[6] = t.q.z;
+      p[0] = t.p.x;
+      p[1] = t.p.y;
+      p[2] = t.p.z;
+      p[3] = t.q.w;
+      p[4] = t.q.x;
+      p[5] = t.q.y;
+      p[6] = t.q.z;
       Vec3<R> e = half_extents(ShapeType(model.collider_type(c)), model.data_of(w, c), to_matrix(t.q));
       for (int i = 0; i < 3; ++i) {
         e[i] = e[i] + R(8) * Kokkos::Experimental::epsilon_v<R> * (abs(t.p[i]) + e[i]);  // rounding must not lose a touch
-        bounds.box(w, c, i) = t.p[i], bounds.box(w, c, 3 + i) = e[i];
+        bounds.box(w, c, i) = t.p[i];
+        bounds.box(w, c, 3 + i) = e[i];
         bool const first = c == model.group_first(g);
         lo[i] = first ? t.p[i] - e[i] : min(lo[i], t.p[i] - e[i]);
         hi[i] = first ? t.p[i] + e[i] : max(hi[i], t.p[i] + e[i]);

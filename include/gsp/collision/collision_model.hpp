@@ -174,7 +174,8 @@ template <class R, ExecutionSpace Exec>
 CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& exec, CompiledModel const& m) {
   using C = CollisionModel<R, typename Exec::memory_space>;
   C c;
-  c.bodies = m.nbody, c.geoms = m.ngeom;
+  c.bodies = m.nbody;
+  c.geoms = m.ngeom;
   bool const on = m.option.contact && m.option.constraint;
   int const npair = on ? m.pair_count() : 0;
 
@@ -196,10 +197,13 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   std::vector<int> collider(m.ngeom, -1), group(m.ngeom, -1), group_first;
   for (int i = 0; i < int(order.size()); ++i) {
     if (i == 0 || group_key(order[i]) != group_key(order[i - 1])) group_first.push_back(i);
-    collider[order[i]] = i, group[order[i]] = int(group_first.size()) - 1;
+    collider[order[i]] = i;
+    group[order[i]] = int(group_first.size()) - 1;
   }
   group_first.push_back(int(order.size()));
-  c.colliders = int(order.size()), c.groups = int(group_first.size()) - 1, c.pairs = npair;
+  c.colliders = int(order.size());
+  c.groups = int(group_first.size()) - 1;
+  c.pairs = npair;
 
   // pairs by (kind, groups); the groups of a pair in ascending order, except that a plane stays first
   struct Key {
@@ -221,13 +225,16 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   std::vector<GeomContact<R>> contact;
   for (int i = 0; i < c.colliders; ++i) {
     int const g = order[i];
-    geom.push_back(g), body.push_back(m.geom_body[g]), type.push_back(m.geom_type[g]);
+    geom.push_back(g);
+    body.push_back(m.geom_body[g]);
+    type.push_back(m.geom_type[g]);
     pose.insert(pose.end(), m.geom_pos[g].begin(), m.geom_pos[g].end());
     pose.insert(pose.end(), m.geom_quat[g].begin(), m.geom_quat[g].end());
     size.insert(size.end(), m.geom_size[g].begin(), m.geom_size[g].end());
     contact.push_back(detail::geom_contact<R>(m, g));
     auto const& own = contact.back();
-    friction.insert(friction.end(), own.friction, own.friction + 3), solref.insert(solref.end(), own.solref, own.solref + 2);
+    friction.insert(friction.end(), own.friction, own.friction + 3);
+    solref.insert(solref.end(), own.solref, own.solref + 2);
     solimp.insert(solimp.end(), own.solimp, own.solimp + 5);
   }
 
@@ -286,7 +293,9 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   for (int k = 0; k < npair; ++k) {
     auto const& key = keys[k];
     auto const [g1, g2] = m.pair_geoms(key.source);
-    source.push_back(key.source), pair.push_back(collider[g1]), pair.push_back(collider[g2]);
+    source.push_back(key.source);
+    pair.push_back(collider[g1]);
+    pair.push_back(collider[g2]);
     parameters.push_back(parameters_of[key.source]);
     c.slots += max_points(PairKind(key.kind));
 
@@ -294,7 +303,8 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
     if (new_chunk) chunks.push_back({key.kind, k, k, int(runs.size()), int(runs.size()), max_points(PairKind(key.kind))});
     if (new_chunk || runs.back().a != key.a || runs.back().b != key.b) runs.push_back({key.a, key.b, k, k, R(0)});
     auto const& own = distinct[parameters.back()];
-    runs.back().end = chunks.back().end = k + 1, chunks.back().run_end = int(runs.size());
+    runs.back().end = chunks.back().end = k + 1;
+    chunks.back().run_end = int(runs.size());
     runs.back().reach = std::max(runs.back().reach, own.margin + own.gap);
   }
   c.chunks = int(chunks.size());
@@ -320,12 +330,18 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
       detail::to_device<decltype(c.pair_source)>(Kokkos::DefaultHostExecutionSpace{}, "gsp::CollisionModel::pair_source", source);
   int const* const i = c.ints.data();
   R const* const r = c.reals.data();
-  c.collider_geom = {i + at_geom, geom.size()}, c.collider_body = {i + at_body, body.size()}, c.collider_type = {i + at_type, type.size()};
+  c.collider_geom = {i + at_geom, geom.size()};
+  c.collider_body = {i + at_body, body.size()};
+  c.collider_type = {i + at_type, type.size()};
   c.collider_asset = {i + at_asset, asset.size()};
-  c.collider_pose = {r + at_pose}, c.collider_size = {r + at_size}, c.collider_friction = {r + at_friction};
-  c.collider_solref = {r + at_solref}, c.collider_solimp = {r + at_solimp};
+  c.collider_pose = {r + at_pose};
+  c.collider_size = {r + at_size};
+  c.collider_friction = {r + at_friction};
+  c.collider_solref = {r + at_solref};
+  c.collider_solimp = {r + at_solimp};
   c.group_first = {i + at_group, group_first.size()};
-  c.pair_collider = {i + at_pair, source.size()}, c.pair_parameters = {i + at_parameters, source.size()};
+  c.pair_collider = {i + at_pair, source.size()};
+  c.pair_parameters = {i + at_parameters, source.size()};
   return c;
 }
 

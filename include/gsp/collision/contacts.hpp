@@ -34,7 +34,8 @@ struct Candidate {
 struct CandidateSum {
   std::int64_t candidates = 0, points = 0;
   KOKKOS_INLINE_FUNCTION CandidateSum& operator+=(CandidateSum const& o) {
-    candidates += o.candidates, points += o.points;
+    candidates += o.candidates;
+    points += o.points;
     return *this;
   }
 };
@@ -140,7 +141,8 @@ struct WriteCandidates {
       }
       if (item == items - 1) s.total(0) = sum.candidates + n, s.total(1) = sum.points + std::int64_t(n) * each;
     }
-    sum.candidates += n, sum.points += std::int64_t(n) * each;
+    sum.candidates += n;
+    sum.points += std::int64_t(n) * each;
   }
 };
 
@@ -211,10 +213,15 @@ struct WriteContacts {
   }
   KOKKOS_INLINE_FUNCTION void write(int i, Candidate const& c, ContactPoint<R> const& p) const {
     int const a = model.pair_collider(c.pair, 0), b = model.pair_collider(c.pair, 1);
-    contacts.world(i) = c.world, contacts.pair(i) = c.pair, contacts.feature(i) = p.feature;
-    contacts.geom1(i) = model.collider_geom(a), contacts.geom2(i) = model.collider_geom(b);
-    contacts.body1(i) = model.collider_body(a), contacts.body2(i) = model.collider_body(b);
-    contacts.dist(i) = p.dist, contacts.includemargin(i) = model.parameters_of(c.world, c.pair).margin;
+    contacts.world(i) = c.world;
+    contacts.pair(i) = c.pair;
+    contacts.feature(i) = p.feature;
+    contacts.geom1(i) = model.collider_geom(a);
+    contacts.geom2(i) = model.collider_geom(b);
+    contacts.body1(i) = model.collider_body(a);
+    contacts.body2(i) = model.collider_body(b);
+    contacts.dist(i) = p.dist;
+    contacts.includemargin(i) = model.parameters_of(c.world, c.pair).margin;
     for (int k = 0; k < 3; ++k) contacts.pos(i, k) = p.pos[k];
     // a capsule on a plane slides along and across itself, as in MuJoCo
     Vec3<R> const hint = is_among(along_b_kinds, PairKind(c.kind))

@@ -99,7 +99,8 @@ void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector
     at += std::size_t(worlds) * row;
   }
   exec.fence("gsp::make_per_world: the old buffer may go");
-  model.world_reals = next, model.value_worlds = worlds;
+  model.world_reals = next;
+  model.value_worlds = worlds;
 }
 
 /// Sets a field of the geoms for the worlds of the mask, from `values` (worlds, geoms, components) or (worlds, geoms * components); geoms

@@ -27,7 +27,9 @@ class ApngWriter {
       expects(frame.width == last_.width && frame.height == last_.height && frame.channels == last_.channels,
               "gsp::io::ApngWriter::add: the frame differs in size from the first");
       std::size_t const c = static_cast<std::size_t>(frame.channels);
-      x0 = frame.width, y0 = frame.height, x1 = y1 = 0;
+      x0 = frame.width;
+      y0 = frame.height;
+      x1 = y1 = 0;
       for (int y = 0; y < frame.height; ++y)
         for (int x = 0; x < frame.width; ++x) {
           std::size_t const at = (static_cast<std::size_t>(y) * frame.width + x) * c;

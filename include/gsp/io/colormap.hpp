@@ -40,7 +40,8 @@ inline Bitmap8 depth_to_color(float const* depth, int width, int height, DepthCo
   auto const there = [&](std::size_t i) { return std::isfinite(depth[i]) && depth[i] > 0; };
   float low = options.near, high = options.far;
   if (low == high) {
-    low = INFINITY, high = 0;
+    low = INFINITY;
+    high = 0;
     for (std::size_t i = 0; i < n; ++i)
       if (there(i)) low = std::min(low, depth[i]), high = std::max(high, depth[i]);
   }

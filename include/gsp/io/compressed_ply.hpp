@@ -35,7 +35,8 @@ inline SplatSet parse_compressed_ply(PlyTable const& table) {
     auto const lo = table.column(*chunk, "min_" + std::string(axes[k]), what),
                hi = table.column(*chunk, "max_" + std::string(axes[k]), what);
     for (std::size_t c = 0; c < chunk->count; ++c) {
-      low[c][k] = lo(c), high[c][k] = hi(c);
+      low[c][k] = lo(c);
+      high[c][k] = hi(c);
       if (!std::isfinite(low[c][k]) || !std::isfinite(high[c][k]))
         fail(name, "chunk " + std::to_string(c),
              "the bounds of '" + std::string(axes[k]) + "' are not finite; repair or export the file again");

@@ -124,7 +124,11 @@ inline void write_npz(std::filesystem::path const& path, std::vector<NpzEntry> c
     std::string out;
     put(out, 20, 2), put(out, 0, 2), put(out, options.level ? 8 : 0, 2);
     put(out, 0, 2), put(out, 0x21, 2);  // 1980-01-01, the first day of zip
-    put(out, s.crc, 4), put(out, s.packed, 4), put(out, s.unpacked, 4), put(out, label.size(), 2), put(out, 0, 2);
+    put(out, s.crc, 4);
+    put(out, s.packed, 4);
+    put(out, s.unpacked, 4);
+    put(out, label.size(), 2);
+    put(out, 0, 2);
     return out;
   };
   AtomicFile file(path);
@@ -156,7 +160,11 @@ inline void write_npz(std::filesystem::path const& path, std::vector<NpzEntry> c
     directory += "PK\1\2";
     put(directory, 20, 2);  // made by: version 2.0
     directory += fields(label, sizes);
-    put(directory, 0, 2), put(directory, 0, 2), put(directory, 0, 2), put(directory, 0, 4), put(directory, sizes.offset, 4);
+    put(directory, 0, 2);
+    put(directory, 0, 2);
+    put(directory, 0, 2);
+    put(directory, 0, 4);
+    put(directory, sizes.offset, 4);
     directory += label;
   }
   if (at + directory.size() > limit) fail(name, "", "would pass 4 GiB, the limit of zip files without zip64; write fewer arrays to a file");

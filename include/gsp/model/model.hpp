@@ -170,17 +170,28 @@ namespace detail {
 template <class R, class Mem>
 void fill_options(Model<R, Mem>& d, FieldSource const& source, ModelOptions const& options) {
   CompiledModel const& m = source.m;
-  d.nq = m.nq, d.nv = m.nv, d.nbody = m.nbody, d.njnt = m.njnt, d.nu = m.nu, d.ntendon = m.ntendon;
-  d.na = m.na, d.ngeom = m.ngeom, d.nsite = m.nsite, d.ncam = m.ncam, d.nmocap = m.nmocap;
+  d.nq = m.nq;
+  d.nv = m.nv;
+  d.nbody = m.nbody;
+  d.njnt = m.njnt;
+  d.nu = m.nu;
+  d.ntendon = m.ntendon;
+  d.na = m.na;
+  d.ngeom = m.ngeom;
+  d.nsite = m.nsite;
+  d.ncam = m.ncam;
+  d.nmocap = m.nmocap;
   expects(options.timestep >= 0, "gsp::make_model: timestep must be positive, or 0 for the model's own");
   d.profile = options.profile;
   d.timestep = R(options.timestep > 0 ? options.timestep : m.option.timestep);
   d.eulerdamp = m.option.eulerdamp, d.springs = m.option.passive_spring, d.dampers = m.option.passive_damper,
   d.actuation = m.option.actuation;
-  d.clampctrl = m.option.clampctrl, d.constraints = m.option.constraint;
+  d.clampctrl = m.option.clampctrl;
+  d.constraints = m.option.constraint;
 
   d.integrator = m.option.integrator;
-  d.density = R(m.option.density), d.viscosity = R(m.option.viscosity);
+  d.density = R(m.option.density);
+  d.viscosity = R(m.option.viscosity);
 
   auto const any_of = [](auto const& polynomials) {
     for (auto const& p : polynomials)
@@ -230,10 +241,21 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
   for (int k = 0; k < int(trees.size()); ++k) {
     auto const& t = trees[k];
     Archetype a{};
-    a.nbody = t.nbody(), a.njnt = t.njnt(), a.nq = t.nq, a.nv = t.nv(), a.nM = int(t.row_col.size()), a.nterm = int(t.term_jnt.size());
-    a.ntendon = int(t.tendon_kind.size()), a.nact = int(t.act_id.size()), a.ninstance = int(t.instances.size());
-    a.nroot = t.nroot, a.npath = int(t.path_type.size()), a.nstate = t.nstate, a.ntendonJ = int(t.tendon_jdof.size());
-    a.nmoment = int(t.act_mdof.size()), a.nfluid = int(t.fluid_type.size());
+    a.nbody = t.nbody();
+    a.njnt = t.njnt();
+    a.nq = t.nq;
+    a.nv = t.nv();
+    a.nM = int(t.row_col.size());
+    a.nterm = int(t.term_jnt.size());
+    a.ntendon = int(t.tendon_kind.size());
+    a.nact = int(t.act_id.size());
+    a.ninstance = int(t.instances.size());
+    a.nroot = t.nroot;
+    a.npath = int(t.path_type.size());
+    a.nstate = t.nstate;
+    a.ntendonJ = int(t.tendon_jdof.size());
+    a.nmoment = int(t.act_mdof.size());
+    a.nfluid = int(t.fluid_type.size());
     auto const add = [&](auto... parts) { ((a.*parts.first = pool.add(t.*parts.second)), ...); };
     using A = Archetype;
     using D = ArchetypeDescription;
@@ -260,9 +282,19 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
     a.fluid = passive && (m.option.density != 0 || m.option.viscosity != 0);
     for (int i = 0; i < a.ninstance; ++i) {
       auto const& s = t.instances[i];
-      tree.push_back(s.tree), body.push_back(s.bodyadr), jnt.push_back(s.jntadr), dof.push_back(s.dofadr), qpos.push_back(s.qposadr);
-      append(tendon, s.tendon), append(term, s.term), append(act, s.act), append(path, s.path), append(side, s.side);
-      append(object1, s.act_object1), append(object2, s.act_object2), append(fluid, s.fluid_geom);
+      tree.push_back(s.tree);
+      body.push_back(s.bodyadr);
+      jnt.push_back(s.jntadr);
+      dof.push_back(s.dofadr);
+      qpos.push_back(s.qposadr);
+      append(tendon, s.tendon);
+      append(term, s.term);
+      append(act, s.act);
+      append(path, s.path);
+      append(side, s.side);
+      append(object1, s.act_object1);
+      append(object2, s.act_object2);
+      append(fluid, s.fluid_geom);
       lists.tree_archetype[s.tree] = k, lists.tree_instance[s.tree] = i, lists.tree_body[s.tree] = s.bodyadr,
       lists.tree_dof[s.tree] = s.dofadr, lists.tree_dofnum[s.tree] = a.nv;
       for (int b = 0; b < a.nbody; ++b)
@@ -287,9 +319,14 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
     if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicitfast) a.derivative = free_body ? 2 : 1;
     a.instance_tree = pool.add(tree), a.instance_body = pool.add(body), a.instance_jnt = pool.add(jnt), a.instance_dof = pool.add(dof),
     a.instance_qpos = pool.add(qpos);
-    a.instance_tendon = pool.add(tendon), a.instance_term = pool.add(term), a.instance_act = pool.add(act);
-    a.instance_path = pool.add(path), a.instance_side = pool.add(side), a.instance_object1 = pool.add(object1);
-    a.instance_object2 = pool.add(object2), a.instance_fluid = pool.add(fluid);
+    a.instance_tendon = pool.add(tendon);
+    a.instance_term = pool.add(term);
+    a.instance_act = pool.add(act);
+    a.instance_path = pool.add(path);
+    a.instance_side = pool.add(side);
+    a.instance_object1 = pool.add(object1);
+    a.instance_object2 = pool.add(object2);
+    a.instance_fluid = pool.add(fluid);
     pool.archetypes.push_back(a);
   }
   return lists;
@@ -317,11 +354,19 @@ void fill_lists(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& s
   termadr.push_back(int(m.term_jnt.size()));
   for (int b = 1; b < m.nbody; ++b)
     last_dof[b] = m.body_dofnum[b] > 0 ? m.body_dofadr[b] + m.body_dofnum[b] - 1 : last_dof[m.body_parent[b]];
-  pool.add(&M::limited_joints, limited_joints), pool.add(&M::friction_dofs, friction_dofs);
-  pool.add(&M::limited_tendons, limited_tendons), pool.add(&M::friction_tendons, friction_tendons);
-  pool.add(&M::jnt_type, m.jnt_type), pool.add(&M::jnt_body, m.jnt_body), pool.add(&M::jnt_qposadr, m.jnt_qposadr);
-  pool.add(&M::jnt_dofadr, m.jnt_dofadr), pool.add(&M::tendon_termadr, termadr), pool.add(&M::term_jnt, m.term_jnt);
-  pool.add(&M::body_last_dof, last_dof), pool.add(&M::dof_tree, trees.dof_tree), pool.add(&M::body_tree, trees.body_tree);
+  pool.add(&M::limited_joints, limited_joints);
+  pool.add(&M::friction_dofs, friction_dofs);
+  pool.add(&M::limited_tendons, limited_tendons);
+  pool.add(&M::friction_tendons, friction_tendons);
+  pool.add(&M::jnt_type, m.jnt_type);
+  pool.add(&M::jnt_body, m.jnt_body);
+  pool.add(&M::jnt_qposadr, m.jnt_qposadr);
+  pool.add(&M::jnt_dofadr, m.jnt_dofadr);
+  pool.add(&M::tendon_termadr, termadr);
+  pool.add(&M::term_jnt, m.term_jnt);
+  pool.add(&M::body_last_dof, last_dof);
+  pool.add(&M::dof_tree, trees.dof_tree);
+  pool.add(&M::body_tree, trees.body_tree);
   auto const mocap_root = mocap_roots(m);
   std::vector<int> mocap_body(m.nmocap, 0);
   std::vector<R> mocap_pose;
@@ -331,12 +376,21 @@ void fill_lists(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& s
     for (double x : m.body_pos[b]) mocap_pose.push_back(R(x));
     for (double x : m.body_quat[b]) mocap_pose.push_back(R(x));
   }
-  pool.add(&M::body_root, trees.body_root), pool.add(&M::body_parent, m.body_parent), pool.add(&M::body_mocap, mocap_root);
-  pool.add(&M::mocap_body, mocap_body), pool.add(&M::geom_body, m.geom_body), pool.add(&M::site_body, m.site_body);
-  pool.add(&M::cam_body, m.cam_body), pool.add(&M::cam_mode, filled(m.cam_mode, m.ncam, 0));
-  pool.add(&M::cam_target, filled(m.cam_target, m.ncam, -1)), pool.add(&M::act_state, filled(m.act_actadr, m.nu, -1));
-  pool.add(&M::tree_archetype, trees.tree_archetype), pool.add(&M::tree_instance, trees.tree_instance);
-  pool.add(&M::tree_body, trees.tree_body), pool.add(&M::tree_dof, trees.tree_dof), pool.add(&M::tree_dofnum, trees.tree_dofnum);
+  pool.add(&M::body_root, trees.body_root);
+  pool.add(&M::body_parent, m.body_parent);
+  pool.add(&M::body_mocap, mocap_root);
+  pool.add(&M::mocap_body, mocap_body);
+  pool.add(&M::geom_body, m.geom_body);
+  pool.add(&M::site_body, m.site_body);
+  pool.add(&M::cam_body, m.cam_body);
+  pool.add(&M::cam_mode, filled(m.cam_mode, m.ncam, 0));
+  pool.add(&M::cam_target, filled(m.cam_target, m.ncam, -1));
+  pool.add(&M::act_state, filled(m.act_actadr, m.nu, -1));
+  pool.add(&M::tree_archetype, trees.tree_archetype);
+  pool.add(&M::tree_instance, trees.tree_instance);
+  pool.add(&M::tree_body, trees.tree_body);
+  pool.add(&M::tree_dof, trees.tree_dof);
+  pool.add(&M::tree_dofnum, trees.tree_dofnum);
   pool.real_parts.push_back({&M::static_pose, pool.reals.size(), source.fixed.size()});
   pool.reals.insert(pool.reals.end(), source.fixed.begin(), source.fixed.end());
   pool.real_parts.push_back({&M::mocap_pose0, pool.reals.size(), mocap_pose.size()});

@@ -150,7 +150,8 @@ State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOpti
   s.act = view("gsp::State::act", model.na);
   s.mocap_pos = detail::allocate<typename S::template View<R***>>("gsp::State::mocap_pos", options.worlds, model.nmocap, 3);
   s.mocap_quat = detail::allocate<typename S::template View<R***>>("gsp::State::mocap_quat", options.worlds, model.nmocap, 4);
-  s.ctrl = view("gsp::State::ctrl", model.nu), s.qfrc_applied = view("gsp::State::qfrc_applied", model.nv);
+  s.ctrl = view("gsp::State::ctrl", model.nu);
+  s.qfrc_applied = view("gsp::State::qfrc_applied", model.nv);
   s.steps = detail::allocate<typename S::template View<std::int64_t*>>("gsp::State::steps", options.worlds);
   s.status = detail::allocate<typename S::template View<std::uint32_t*>>("gsp::State::status", options.worlds);
   s.moment = detail::allocate<Kokkos::View<std::uint64_t, Kokkos::HostSpace>>("gsp::State::moment");

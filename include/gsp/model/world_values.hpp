@@ -68,7 +68,8 @@ void make_per_world(Exec const& exec, Model<R, Mem>& model, std::vector<ModelFie
     at += std::size_t(worlds) * row;
   }
   exec.fence("gsp::make_per_world: the old buffer may go");
-  model.world_reals = next, model.value_worlds = worlds;
+  model.world_reals = next;
+  model.value_worlds = worlds;
   detail::allow_world_values(exec, model, fields);
 }
 

@@ -46,7 +46,9 @@ Cameras<typename Exec::memory_space> make_cameras(Exec const& exec, std::vector<
   cameras.Ks = typename Cam::template View<float***>(fresh("gsp::Cameras::Ks"), n, 3, 3);
   cameras.world = typename Cam::template View<int*>(fresh("gsp::Cameras::world"), world.size());
   auto const upload = [&](auto const& to, auto const& from) { detail::upload_bytes(exec, to.data(), from.data(), detail::bytes_of(to)); };
-  upload(cameras.viewmats, viewmats), upload(cameras.Ks, Ks), upload(cameras.world, world);
+  upload(cameras.viewmats, viewmats);
+  upload(cameras.Ks, Ks);
+  upload(cameras.world, world);
   exec.fence("gsp::make_cameras: the host arrays may go away");
   return cameras;
 }

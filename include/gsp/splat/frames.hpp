@@ -96,7 +96,12 @@ void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWa
   if (visible > w.visible_capacity) {
     // let go of the old buffers first: the peak is the new size, not the sum
     w.values = {};
-    w.splats = {}, w.splat_tiles = {}, w.order_keys = {}, w.order = {}, w.pair_offset = {}, w.order_scratch = {};
+    w.splats = {};
+    w.splat_tiles = {};
+    w.order_keys = {};
+    w.order = {};
+    w.pair_offset = {};
+    w.order_scratch = {};
     w.splats = detail::allocate<typename Wave::template View<Splat*>>("gsp::SplatWave::splats", visible);
     w.splat_tiles = detail::allocate<typename Wave::template View<int*>>("gsp::SplatWave::splat_tiles", visible);
     w.order_keys = detail::allocate<Kokkos::View<std::uint64_t*, Mem>>("gsp::SplatWave::order_keys", visible);
@@ -111,7 +116,9 @@ void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWa
     w.values = detail::allocate<typename Wave::template View<float*>>("gsp::SplatWave::values", std::int64_t(values));
   }
   if (pairs > w.pair_capacity) {
-    w.tile_keys = {}, w.tile_splats = {}, w.tile_scratch = {};
+    w.tile_keys = {};
+    w.tile_splats = {};
+    w.tile_scratch = {};
     w.tile_keys = detail::allocate<Kokkos::View<std::uint32_t*, Mem>>("gsp::SplatWave::tile_keys", pairs);
     w.tile_splats = detail::allocate<Kokkos::View<int*, Mem>>("gsp::SplatWave::tile_splats", pairs);
     w.tile_scratch = make_sort_scratch<std::uint32_t>(exec, pairs);
@@ -179,7 +186,9 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
   using Wave = SplatWave<Mem>;
   auto const sizes = detail::frame_sizes<Exec>(cloud, options);
   F f;
-  f.images = options.images, f.width = options.width, f.height = options.height;
+  f.images = options.images;
+  f.width = options.width;
+  f.height = options.height;
   int const c = f.images;
   int const h = f.height;
   int const w = f.width;

@@ -176,10 +176,13 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
     float low[3]{infinity, infinity, infinity}, high[3]{-infinity, -infinity, -infinity};
     for (int i = c.begin; i < c.end; ++i)
       for (int a = 0; a < 3; ++a) {
-        low[a] = std::min(low[a], positions(a, i)), high[a] = std::max(high[a], positions(a, i));
+        low[a] = std::min(low[a], positions(a, i));
+        high[a] = std::max(high[a], positions(a, i));
         c.scale = std::max(c.scale, scales(a, i));
       }
-    c.x = 0.5f * low[0] + 0.5f * high[0], c.y = 0.5f * low[1] + 0.5f * high[1], c.z = 0.5f * low[2] + 0.5f * high[2];
+    c.x = 0.5f * low[0] + 0.5f * high[0];
+    c.y = 0.5f * low[1] + 0.5f * high[1];
+    c.z = 0.5f * low[2] + 0.5f * high[2];
     double radius = 0;
     for (int i = c.begin; i < c.end; ++i) {
       double const dx = double(positions(0, i)) - c.x, dy = double(positions(1, i)) - c.y, dz = double(positions(2, i)) - c.z;
@@ -189,8 +192,13 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
   }
   g.clusters = typename G::template View<GaussianCluster*>(fresh("gsp::Gaussians::clusters"), clusters.size());
   auto const upload = [&](auto const& to, auto const* from) { detail::upload_bytes(exec, to.data(), from, detail::bytes_of(to)); };
-  upload(g.positions, positions.data()), upload(g.quats, quats.data()), upload(g.scales, scales.data()), upload(g.power, power.data());
-  upload(g.sh, sh.data()), upload(g.source, source.data()), upload(g.clusters, clusters.data());
+  upload(g.positions, positions.data());
+  upload(g.quats, quats.data());
+  upload(g.scales, scales.data());
+  upload(g.power, power.data());
+  upload(g.sh, sh.data());
+  upload(g.source, source.data());
+  upload(g.clusters, clusters.data());
   exec.fence("gsp::make_gaussians: the host arrays go away");
   return g;
 }

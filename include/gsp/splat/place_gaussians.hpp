@@ -39,10 +39,15 @@ struct PlaceLinks {
 
     // limits of x/z and y/z where the projection is linearised: 30 % of half the field of view beyond the picture (as gsplat)
     ImageView v;
-    v.fx = cameras.Ks(image, 0, 0), v.fy = cameras.Ks(image, 1, 1), v.cx = cameras.Ks(image, 0, 2), v.cy = cameras.Ks(image, 1, 2);
+    v.fx = cameras.Ks(image, 0, 0);
+    v.fy = cameras.Ks(image, 1, 1);
+    v.cx = cameras.Ks(image, 0, 2);
+    v.cy = cameras.Ks(image, 1, 2);
     double const mx = 0.15 * width / v.fx, my = 0.15 * height / v.fy;
-    v.x_low = static_cast<float>(-(v.cx / v.fx + mx)), v.x_high = static_cast<float>((width - v.cx) / v.fx + mx);
-    v.y_low = static_cast<float>(-(v.cy / v.fy + my)), v.y_high = static_cast<float>((height - v.cy) / v.fy + my);
+    v.x_low = static_cast<float>(-(v.cx / v.fx + mx));
+    v.x_high = static_cast<float>((width - v.cx) / v.fx + mx);
+    v.y_low = static_cast<float>(-(v.cy / v.fy + my));
+    v.y_high = static_cast<float>((height - v.cy) / v.fy + my);
     wave.image_views(local) = v;
   }
 };

@@ -295,7 +295,10 @@ inline void add_table_and_chairs(PaintedScene& s, Point at) {
     }
     for (double z : {0.60, 0.72, 0.85}) s.box(place(0, -0.178, z), {0.16, 0.010, 0.035}, yaw, 0.014, w, PaintedScene::all, true, 2);
   };
-  chair(-0.30, -0.62, 0), chair(0.32, -0.66, 0.15), chair(-0.34, 0.62, std::numbers::pi), chair(0.95, 0.05, std::numbers::pi / 2);
+  chair(-0.30, -0.62, 0);
+  chair(0.32, -0.66, 0.15);
+  chair(-0.34, 0.62, std::numbers::pi);
+  chair(0.95, 0.05, std::numbers::pi / 2);
 }
 
 inline void add_shelf(PaintedScene& s, Point at, int seed) {  // against the wall x = -3, open towards +x; 0.30 deep, 1.4 wide, 2.1 high

@@ -86,7 +86,8 @@ inline std::vector<TreeGroup> group_trees(CompiledModel const& m, Couplings cons
   for (int t = 0; t < m.ntree;) {
     int end = last[t];
     for (int k = t; k <= end; ++k) end = std::max(end, last[k]);
-    groups.push_back({t, end}), t = end + 1;
+    groups.push_back({t, end});
+    t = end + 1;
   }
   return groups;
 }
@@ -143,9 +144,11 @@ struct ArchetypeBuilder {
     for (int b = b0; b < end; ++b) {
       int const parent = m.body_parent[b];
       if (!holds(b)) {
-        a.body_parent.push_back(parent_of::none), a.body_root.push_back(0);
+        a.body_parent.push_back(parent_of::none);
+        a.body_root.push_back(0);
       } else if (holds(parent)) {
-        a.body_parent.push_back(parent - b0), a.body_root.push_back(a.body_root[parent - b0]);
+        a.body_parent.push_back(parent - b0);
+        a.body_root.push_back(a.body_root[parent - b0]);
       } else {
         a.body_parent.push_back(mocap_root[parent] >= 0 ? parent_of::mocap : parent_of::world), a.body_root.push_back(a.nroot++);
       }
@@ -163,13 +166,16 @@ struct ArchetypeBuilder {
   void add_joints() {
     int const end = m.tree_jntadr[group.last] + m.tree_jntnum[group.last];
     for (int j = j0; j < end; ++j) {
-      a.jnt_type.push_back(m.jnt_type[j]), a.jnt_body.push_back(m.jnt_body[j] - b0);
-      a.jnt_qposadr.push_back(m.jnt_qposadr[j] - q0), a.jnt_dofadr.push_back(m.jnt_dofadr[j] - d0);
+      a.jnt_type.push_back(m.jnt_type[j]);
+      a.jnt_body.push_back(m.jnt_body[j] - b0);
+      a.jnt_qposadr.push_back(m.jnt_qposadr[j] - q0);
+      a.jnt_dofadr.push_back(m.jnt_dofadr[j] - d0);
       a.jnt_actgravcomp.push_back(item_or(m.jnt_actgravcomp, j, 0));
     }
     int const dofs = m.tree_dofadr[group.last] + m.tree_dofnum[group.last] - d0;
     for (int i = 0; i < dofs; ++i) {
-      a.dof_body.push_back(m.dof_body[d0 + i] - b0), a.dof_jnt.push_back(m.dof_jnt[d0 + i] - j0);
+      a.dof_body.push_back(m.dof_body[d0 + i] - b0);
+      a.dof_jnt.push_back(m.dof_jnt[d0 + i] - j0);
       int const parent = m.dof_parent[d0 + i] < 0 ? -1 : m.dof_parent[d0 + i] - d0;
       a.dof_parent.push_back(parent);
       a.row_adr.push_back(int(a.row_col.size()));
@@ -179,7 +185,10 @@ struct ArchetypeBuilder {
       a.row_col.push_back(i);
     }
     a.row_adr.push_back(int(a.row_col.size()));
-    a.tendon_termadr.push_back(0), a.tendon_jadr.push_back(0), a.tendon_pathadr.push_back(0), a.act_madr.push_back(0);
+    a.tendon_termadr.push_back(0);
+    a.tendon_jadr.push_back(0);
+    a.tendon_pathadr.push_back(0);
+    a.act_madr.push_back(0);
   }
   void add_tendon(int k) {
     instance.tendon.push_back(k);
@@ -197,7 +206,9 @@ struct ArchetypeBuilder {
       kind = geom ? TendonKind::wrapped : std::max(kind, TendonKind::sites);
       int const id = type == WrapType::pulley ? 0 : m.wrap_id[w], side = geom ? m.wrap_side[w] : -1;
       int const ref = type == WrapType::pulley ? attachment::fixed : attached(geom ? m.geom_body[id] : m.site_body[id]);
-      a.path_type.push_back(int(type)), a.path_ref.push_back(ref), a.path_last.push_back(last_dof(ref));
+      a.path_type.push_back(int(type));
+      a.path_ref.push_back(ref);
+      a.path_last.push_back(last_dof(ref));
       a.path_side.push_back(side < 0 ? ArchetypeDescription::no_side : attached(m.site_body[side]));
       instance.path.push_back(type == WrapType::pulley ? w : id);  // a pulley: the item itself, for its divisor
       instance.side.push_back(std::max(side, 0));
@@ -206,7 +217,8 @@ struct ArchetypeBuilder {
     auto const dofs = join(chains);
     for (auto const& chain : chains) a.path_chain.push_back(places(chain, dofs));
     a.tendon_jdof.insert(a.tendon_jdof.end(), dofs.begin(), dofs.end());
-    a.tendon_jadr.push_back(int(a.tendon_jdof.size())), a.tendon_pathadr.push_back(int(a.path_type.size()));
+    a.tendon_jadr.push_back(int(a.tendon_jdof.size()));
+    a.tendon_pathadr.push_back(int(a.path_type.size()));
     a.tendon_kind.push_back(int(kind));
   }
   void add_actuator(int k) {
@@ -229,12 +241,15 @@ struct ArchetypeBuilder {
     } else if (target == Transmission::body) {
       kind = ActuatorKind::contacts;
     } else {
-      object1 = id, object2 = std::max(ref, 0), ref1 = attached(m.site_body[id]);
+      object1 = id;
+      object2 = std::max(ref, 0);
+      ref1 = attached(m.site_body[id]);
       if (ref >= 0) ref2 = attached(m.site_body[ref]);
       kind = target == Transmission::slider_crank ? ActuatorKind::slider_crank
              : ref >= 0                           ? ActuatorKind::site_in_reference
                                                   : ActuatorKind::site;
-      chain1 = chain_of(last_dof(ref1)), chain2 = chain_of(last_dof(ref2));
+      chain1 = chain_of(last_dof(ref1));
+      chain2 = chain_of(last_dof(ref2));
       dofs = join({chain1, chain2});
       if (kind == ActuatorKind::site_in_reference) {  // what moves both moves neither in the other's frame
         std::vector<int> own;
@@ -244,11 +259,19 @@ struct ArchetypeBuilder {
         dofs = own;
       }
     }
-    a.act_kind.push_back(int(kind)), a.act_id.push_back(local);
-    a.act_ref1.push_back(ref1), a.act_last1.push_back(last_dof(ref1)), a.act_chain1.push_back(places(chain1, dofs));
-    a.act_ref2.push_back(ref2), a.act_last2.push_back(last_dof(ref2)), a.act_chain2.push_back(places(chain2, dofs));
-    a.act_mdof.insert(a.act_mdof.end(), dofs.begin(), dofs.end()), a.act_madr.push_back(int(a.act_mdof.size()));
-    instance.act.push_back(k), instance.act_object1.push_back(object1), instance.act_object2.push_back(object2);
+    a.act_kind.push_back(int(kind));
+    a.act_id.push_back(local);
+    a.act_ref1.push_back(ref1);
+    a.act_last1.push_back(last_dof(ref1));
+    a.act_chain1.push_back(places(chain1, dofs));
+    a.act_ref2.push_back(ref2);
+    a.act_last2.push_back(last_dof(ref2));
+    a.act_chain2.push_back(places(chain2, dofs));
+    a.act_mdof.insert(a.act_mdof.end(), dofs.begin(), dofs.end());
+    a.act_madr.push_back(int(a.act_mdof.size()));
+    instance.act.push_back(k);
+    instance.act_object1.push_back(object1);
+    instance.act_object2.push_back(object2);
 
     auto const dyn = ActuatorDynamics(item_or(m.act_dyntype, k, 0));
     auto const gain = ActuatorGain(item_or(m.act_gaintype, k, 0));
@@ -260,14 +283,18 @@ struct ArchetypeBuilder {
     int wrap = 0;
     if (servo && (kind == ActuatorKind::ball || kind == ActuatorKind::ball_in_parent)) wrap = 1;
     if (servo && kind == ActuatorKind::site_in_reference && gear[0] == 0 && gear[1] == 0 && gear[2] == 0) wrap = 2;
-    a.act_dyn.push_back(int(dyn)), a.act_gain.push_back(int(gain)), a.act_bias.push_back(int(bias)), a.act_wrap.push_back(wrap);
+    a.act_dyn.push_back(int(dyn));
+    a.act_gain.push_back(int(gain));
+    a.act_bias.push_back(int(bias));
+    a.act_wrap.push_back(wrap);
     a.act_early.push_back(item_or(m.act_actearly, k, 0));
     a.act_state.push_back(item_or(m.act_actadr, k, -1) >= 0 ? a.nstate++ : -1);
     int const own_group = item_or(m.act_group, k, 0);
     a.act_disabled.push_back(own_group >= 0 && own_group < 31 && (m.option.disabled_actuator_groups >> own_group & 1));
   }
   void add_family() {
-    a.body_child.assign(a.nbody(), -1), a.body_sibling.assign(a.nbody(), -1);
+    a.body_child.assign(a.nbody(), -1);
+    a.body_sibling.assign(a.nbody(), -1);
     for (int b = 0; b < a.nbody(); ++b)
       if (int const parent = a.body_parent[b]; parent >= 0) a.body_sibling[b] = a.body_child[parent], a.body_child[parent] = b;
     a.body_dofend.assign(a.nbody(), 0);
@@ -295,7 +322,8 @@ struct ArchetypeBuilder {
       std::vector<int> assigned(n, 0);
       for (int b : limbs) {
         int const k = int(std::min_element(load.begin(), load.end()) - load.begin());
-        load[k] += weight[b], assigned[b] = k + 1;
+        load[k] += weight[b];
+        assigned[b] = k + 1;
       }
       int const way = trunk + *std::max_element(load.begin(), load.end());
       if (shortest < 0 || way < shortest) {
@@ -346,7 +374,9 @@ GSP_INLINE std::vector<ArchetypeDescription> find_archetypes(CompiledModel const
     actuators[couplings.actuator[k].empty() ? 0 : group_of[couplings.actuator[k][0]]].push_back(k);
   for (int g = 0; g < int(groups.size()); ++g) {
     detail::ArchetypeBuilder builder(m, mocap_root, groups[g], g);
-    builder.add_bodies(), builder.add_joints(), builder.add_family();
+    builder.add_bodies();
+    builder.add_joints();
+    builder.add_family();
     for (int k : tendons[g]) builder.add_tendon(k);
     for (int k : actuators[g]) builder.add_actuator(k);
     auto const [place, is_new] = known.try_emplace(builder.key(), int(result.size()));

@@ -15,7 +15,9 @@ namespace gsp {
 
 GSP_INLINE int add_body(Description& d, int parent, std::string name, Double3 const& pos) {
   BodyDescription body;
-  body.name = std::move(name), body.parent = parent, body.pos = pos;
+  body.name = std::move(name);
+  body.parent = parent;
+  body.pos = pos;
   d.bodies.push_back(std::move(body));
   return int(d.bodies.size()) - 1;
 }
@@ -57,7 +59,8 @@ GSP_INLINE void attach(Description& to, Description const& piece, AttachOptions 
   detail::Pose const frame{options.pos, detail::normalized(options.quat)};
   auto const move = [&](Double3& pos, Double4& quat) {
     auto const p = frame * detail::Pose{pos, quat};
-    pos = p.p, quat = detail::normalized(p.q);
+    pos = p.p;
+    quat = detail::normalized(p.q);
   };
   int const files = int(to.files.size());
   auto const adopt = [&](std::string& name, Place& from) {
@@ -94,7 +97,9 @@ GSP_INLINE void attach(Description& to, Description const& piece, AttachOptions 
   for (auto& x : world.cameras) move(x.pos, x.quat);
   auto const append = [](auto& a, auto& b) { a.insert(a.end(), std::make_move_iterator(b.begin()), std::make_move_iterator(b.end())); };
   auto& host = to.bodies[target];
-  append(host.geoms, world.geoms), append(host.sites, world.sites), append(host.cameras, world.cameras);
+  append(host.geoms, world.geoms);
+  append(host.sites, world.sites);
+  append(host.cameras, world.cameras);
 
   Description moved;  // the piece where it now stands, for its initial qpos
   moved.bodies = bodies;
@@ -142,23 +147,31 @@ GSP_INLINE void attach(Description& to, Description const& piece, AttachOptions 
       into.push_back(std::move(entry));
     }
   };
-  adopt_all(piece.tendons, to.tendons), adopt_all(piece.actuators, to.actuators), adopt_all(piece.excludes, to.excludes);
-  adopt_all(piece.equalities, to.equalities), adopt_all(piece.pairs, to.pairs), adopt_all(piece.sensors, to.sensors);
+  adopt_all(piece.tendons, to.tendons);
+  adopt_all(piece.actuators, to.actuators);
+  adopt_all(piece.excludes, to.excludes);
+  adopt_all(piece.equalities, to.equalities);
+  adopt_all(piece.pairs, to.pairs);
+  adopt_all(piece.sensors, to.sensors);
   auto const adopt_assets = [&](auto const& from, auto& into) {
     for (auto asset : from) {
       adopt(asset.name, asset.place);
       if (std::none_of(into.begin(), into.end(), [&](auto const& x) { return x.name == asset.name; })) into.push_back(std::move(asset));
     }
   };
-  adopt_assets(piece.meshes, to.meshes), adopt_assets(piece.hfields, to.hfields);
+  adopt_assets(piece.meshes, to.meshes);
+  adopt_assets(piece.hfields, to.hfields);
   auto const insert = [](std::vector<double>& into, int at, std::vector<double> const& what) {
     if (!into.empty()) into.insert(into.begin() + at, what.begin(), what.end());
   };
   auto const zeros = [](std::size_t n) { return std::vector<double>(n, 0.); };
   for (auto& k : to.keyframes) {
-    insert(k.qpos, q_at, piece_q), insert(k.qvel, v_at, zeros(std::size_t(piece_v)));
-    insert(k.ctrl, int(mine.u), zeros(guest.u)), insert(k.act, int(mine.na), zeros(guest.na));
-    insert(k.mpos, int(3 * mocap_at), piece_mocap[0]), insert(k.mquat, int(4 * mocap_at), piece_mocap[1]);
+    insert(k.qpos, q_at, piece_q);
+    insert(k.qvel, v_at, zeros(std::size_t(piece_v)));
+    insert(k.ctrl, int(mine.u), zeros(guest.u));
+    insert(k.act, int(mine.na), zeros(guest.na));
+    insert(k.mpos, int(3 * mocap_at), piece_mocap[0]);
+    insert(k.mquat, int(4 * mocap_at), piece_mocap[1]);
   }
   for (auto k : piece.keyframes) {
     adopt(k.name, k.place);
@@ -167,9 +180,12 @@ GSP_INLINE void attach(Description& to, Description const& piece, AttachOptions 
       all.insert(all.begin() + at, mine.begin(), mine.end());
       mine = std::move(all);
     };
-    around(k.qpos, host_q, q_at), around(k.qvel, zeros(std::size_t(nv)), v_at);
-    around(k.ctrl, zeros(mine.u), int(mine.u)), around(k.act, zeros(mine.na), int(mine.na));
-    around(k.mpos, host_mocap[0], int(3 * mocap_at)), around(k.mquat, host_mocap[1], int(4 * mocap_at));
+    around(k.qpos, host_q, q_at);
+    around(k.qvel, zeros(std::size_t(nv)), v_at);
+    around(k.ctrl, zeros(mine.u), int(mine.u));
+    around(k.act, zeros(mine.na), int(mine.na));
+    around(k.mpos, host_mocap[0], int(3 * mocap_at));
+    around(k.mquat, host_mocap[1], int(4 * mocap_at));
     to.keyframes.push_back(std::move(k));
   }
 }

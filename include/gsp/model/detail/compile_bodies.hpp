@@ -27,11 +27,15 @@ class BodyCompiler : public CompilerBase {
   void assets() {
     shapes_.emplace(d_, [this](auto const&... what) { fail(what...); });
     for (auto& mesh : shapes_->meshes()) {
-      m_.mesh_vertices.push_back(std::move(mesh.vertices)), m_.mesh_faces.push_back(std::move(mesh.faces));
+      m_.mesh_vertices.push_back(std::move(mesh.vertices));
+      m_.mesh_faces.push_back(std::move(mesh.faces));
       m_.mesh_hull.push_back(std::move(mesh.hull));
-      m_.mesh_pos.push_back(mesh.pos), m_.mesh_quat.push_back(mesh.quat), m_.mesh_name.push_back(d_.meshes[m_.nmesh++].name);
+      m_.mesh_pos.push_back(mesh.pos);
+      m_.mesh_quat.push_back(mesh.quat);
+      m_.mesh_name.push_back(d_.meshes[m_.nmesh++].name);
     }
-    m_.hfields = shapes_->hfields(), m_.nhfield = int(m_.hfields.size());
+    m_.hfields = shapes_->hfields();
+    m_.nhfield = int(m_.hfields.size());
   }
   GeomShape shape_of(GeomDescription const& g) const {
     return (*shapes_)(g, [this](auto const&... what) { fail(what...); });
@@ -52,8 +56,11 @@ class BodyCompiler : public CompilerBase {
         fail(body.place, "body", body.name,
              "is a mocap body but has joints or stands below another body: make it a fixed child of the world");
       m_.body_mocap.push_back(body.mocap ? m_.nmocap++ : -1);
-      m_.body_parent.push_back(std::max(body.parent, 0)), m_.body_name.push_back(body.name);
-      m_.body_pos.push_back(body.pos), m_.body_quat.push_back(unit(body.quat)), m_.body_gravcomp.push_back(body.gravcomp);
+      m_.body_parent.push_back(std::max(body.parent, 0));
+      m_.body_name.push_back(body.name);
+      m_.body_pos.push_back(body.pos);
+      m_.body_quat.push_back(unit(body.quat));
+      m_.body_gravcomp.push_back(body.gravcomp);
       m_.body_weld.push_back(b == 0 ? 0 : body.joints.empty() && !body.mocap ? m_.body_weld[body.parent] : b);
       m_.body_jntadr.push_back(body.joints.empty() ? -1 : m_.njnt), m_.body_jntnum.push_back(int(body.joints.size()));
       m_.body_dofadr.push_back(body.joints.empty() ? -1 : m_.nv);
@@ -124,15 +131,23 @@ class BodyCompiler : public CompilerBase {
     int const dofs = is_free ? 6 : is_ball ? 3 : 1, id = m_.njnt++;
     double const length = norm(j.axis);
     if (dofs == 1 && !(length > 1e-14)) fail(j.place, "joint", j.name, "has an axis of length zero: give a direction");
-    m_.jnt_type.push_back(int(j.type)), m_.jnt_body.push_back(b), m_.jnt_name.push_back(j.name);
-    m_.jnt_qposadr.push_back(m_.nq), m_.jnt_dofadr.push_back(m_.nv);
+    m_.jnt_type.push_back(int(j.type));
+    m_.jnt_body.push_back(b);
+    m_.jnt_name.push_back(j.name);
+    m_.jnt_qposadr.push_back(m_.nq);
+    m_.jnt_dofadr.push_back(m_.nv);
     m_.jnt_pos.push_back(is_free ? Double3{0, 0, 0} : j.pos);
     m_.jnt_axis.push_back(dofs == 1 ? (1 / length) * j.axis : Double3{0, 0, 1});
-    m_.jnt_limited.push_back(limited), m_.jnt_actfrclimited.push_back(j.actuator_force_limited);
-    m_.jnt_range.push_back(j.range), m_.jnt_actfrcrange.push_back(j.actuator_force_range);
-    m_.jnt_stiffness.push_back(j.stiffness), m_.jnt_margin.push_back(j.margin);
-    m_.jnt_stiffnesspoly.push_back(j.stiffness_poly), m_.jnt_actgravcomp.push_back(j.actuator_gravcomp);
-    m_.jnt_solref.push_back(j.limit.solref), m_.jnt_solimp.push_back(j.limit.solimp);
+    m_.jnt_limited.push_back(limited);
+    m_.jnt_actfrclimited.push_back(j.actuator_force_limited);
+    m_.jnt_range.push_back(j.range);
+    m_.jnt_actfrcrange.push_back(j.actuator_force_range);
+    m_.jnt_stiffness.push_back(j.stiffness);
+    m_.jnt_margin.push_back(j.margin);
+    m_.jnt_stiffnesspoly.push_back(j.stiffness_poly);
+    m_.jnt_actgravcomp.push_back(j.actuator_gravcomp);
+    m_.jnt_solref.push_back(j.limit.solref);
+    m_.jnt_solimp.push_back(j.limit.solimp);
     for (int k = 0; k < dofs; ++k) {
       bool const first_of_body = b > 0 && m_.nv == m_.body_dofadr[b];
       int parent = m_.nv - 1;
@@ -141,22 +156,30 @@ class BodyCompiler : public CompilerBase {
         while (p > 0 && m_.body_jntnum[p] == 0) p = m_.body_parent[p];
         parent = p > 0 ? m_.body_dofadr[p] + m_.body_dofnum[p] - 1 : -1;
       }
-      m_.dof_parent.push_back(parent), m_.dof_body.push_back(b), m_.dof_jnt.push_back(id);
-      m_.dof_armature.push_back(j.armature), m_.dof_damping.push_back(j.damping), m_.dof_frictionloss.push_back(j.frictionloss);
+      m_.dof_parent.push_back(parent);
+      m_.dof_body.push_back(b);
+      m_.dof_jnt.push_back(id);
+      m_.dof_armature.push_back(j.armature);
+      m_.dof_damping.push_back(j.damping);
+      m_.dof_frictionloss.push_back(j.frictionloss);
       m_.dof_dampingpoly.push_back(j.damping_poly);
-      m_.dof_solref.push_back(j.friction.solref), m_.dof_solimp.push_back(j.friction.solimp);
+      m_.dof_solref.push_back(j.friction.solref);
+      m_.dof_solimp.push_back(j.friction.solimp);
       ++m_.nv;
     }
     std::vector<double> rest, spring;
     if (is_free) {
       auto const q = unit(body.quat);
-      rest = {body.pos[0], body.pos[1], body.pos[2], q[0], q[1], q[2], q[3]}, spring = rest;
+      rest = {body.pos[0], body.pos[1], body.pos[2], q[0], q[1], q[2], q[3]};
+      spring = rest;
     } else if (is_ball) {
       rest = spring = {1, 0, 0, 0};
     } else {
-      rest = {j.ref}, spring = {j.springref};
+      rest = {j.ref};
+      spring = {j.springref};
     }
-    m_.qpos0.insert(m_.qpos0.end(), rest.begin(), rest.end()), m_.qpos_spring.insert(m_.qpos_spring.end(), spring.begin(), spring.end());
+    m_.qpos0.insert(m_.qpos0.end(), rest.begin(), rest.end());
+    m_.qpos_spring.insert(m_.qpos_spring.end(), spring.begin(), spring.end());
     m_.nq = int(m_.qpos0.size());
   }
 
@@ -180,16 +203,28 @@ class BodyCompiler : public CompilerBase {
     if (g.type == ShapeType::ellipsoid && g.shell_inertia)
       fail(g.place, "geom", g.name, "is an ellipsoid with shellinertia, which is not supported: give its body an inertial");
     if (g.has_mass ? g.mass < 0 : g.density < 0) fail(g.place, "geom", g.name, "has a negative mass or density: give zero or more");
-    m_.geom_type.push_back(int(g.type)), m_.geom_body.push_back(b), m_.geom_name.push_back(g.name);
-    m_.geom_contype.push_back(g.contype), m_.geom_conaffinity.push_back(g.conaffinity), m_.geom_condim.push_back(g.condim);
-    m_.geom_priority.push_back(g.priority), m_.geom_group.push_back(g.group);
+    m_.geom_type.push_back(int(g.type));
+    m_.geom_body.push_back(b);
+    m_.geom_name.push_back(g.name);
+    m_.geom_contype.push_back(g.contype);
+    m_.geom_conaffinity.push_back(g.conaffinity);
+    m_.geom_condim.push_back(g.condim);
+    m_.geom_priority.push_back(g.priority);
+    m_.geom_group.push_back(g.group);
     m_.geom_size.push_back(shape.size), m_.geom_pos.push_back(shape.pos), m_.geom_quat.push_back(shape.quat),
         m_.geom_friction.push_back(g.friction);
-    m_.geom_solmix.push_back(g.solmix), m_.geom_margin.push_back(g.margin), m_.geom_gap.push_back(g.gap);
-    m_.geom_solref.push_back(g.softness.solref), m_.geom_solimp.push_back(g.softness.solimp), m_.geom_rgba.push_back(g.rgba);
-    m_.geom_rbound.push_back(shape.rbound), m_.geom_data.push_back(shape.data);
-    m_.geom_fluid.push_back(g.fluid_ellipsoid), m_.geom_fluidcoef.push_back(g.fluid_coef);
-    m_.geom_surfacevel.push_back(g.surface_velocity), m_.geom_adhesion.push_back(g.adhesion);
+    m_.geom_solmix.push_back(g.solmix);
+    m_.geom_margin.push_back(g.margin);
+    m_.geom_gap.push_back(g.gap);
+    m_.geom_solref.push_back(g.softness.solref);
+    m_.geom_solimp.push_back(g.softness.solimp);
+    m_.geom_rgba.push_back(g.rgba);
+    m_.geom_rbound.push_back(shape.rbound);
+    m_.geom_data.push_back(shape.data);
+    m_.geom_fluid.push_back(g.fluid_ellipsoid);
+    m_.geom_fluidcoef.push_back(g.fluid_coef);
+    m_.geom_surfacevel.push_back(g.surface_velocity);
+    m_.geom_adhesion.push_back(g.adhesion);
     places_.push_back(g.place);
     ++m_.ngeom;
   }
@@ -203,13 +238,20 @@ class BodyCompiler : public CompilerBase {
         m_.body_tree[b] = parent;
       } else if (m_.body_jntnum[b] > 0) {
         m_.body_tree[b] = m_.ntree++;
-        m_.tree_bodyadr.push_back(b), m_.tree_jntadr.push_back(m_.body_jntadr[b]), m_.tree_dofadr.push_back(m_.body_dofadr[b]);
+        m_.tree_bodyadr.push_back(b);
+        m_.tree_jntadr.push_back(m_.body_jntadr[b]);
+        m_.tree_dofadr.push_back(m_.body_dofadr[b]);
         m_.tree_qposadr.push_back(m_.jnt_qposadr[m_.body_jntadr[b]]);
-        m_.tree_bodynum.push_back(0), m_.tree_jntnum.push_back(0), m_.tree_dofnum.push_back(0), m_.tree_qposnum.push_back(0);
+        m_.tree_bodynum.push_back(0);
+        m_.tree_jntnum.push_back(0);
+        m_.tree_dofnum.push_back(0);
+        m_.tree_qposnum.push_back(0);
       }
       int const t = m_.body_tree[b];
       if (t < 0) continue;
-      ++m_.tree_bodynum[t], m_.tree_jntnum[t] += m_.body_jntnum[b], m_.tree_dofnum[t] += m_.body_dofnum[b];
+      ++m_.tree_bodynum[t];
+      m_.tree_jntnum[t] += m_.body_jntnum[b];
+      m_.tree_dofnum[t] += m_.body_dofnum[b];
     }
     for (int t = 0; t < m_.ntree; ++t) m_.tree_qposnum[t] = (t + 1 < m_.ntree ? m_.tree_qposadr[t + 1] : m_.nq) - m_.tree_qposadr[t];
   }
@@ -286,8 +328,10 @@ class BodyCompiler : public CompilerBase {
         }
       }
       require_finite(std::isfinite(mass.mass) && finite(mass.moments), body.place, "body", body.name);
-      m_.body_mass.push_back(mass.mass), m_.body_inertia.push_back(mass.moments);
-      m_.body_ipos.push_back(mass.pos), m_.body_iquat.push_back(mass.quat);
+      m_.body_mass.push_back(mass.mass);
+      m_.body_inertia.push_back(mass.moments);
+      m_.body_ipos.push_back(mass.pos);
+      m_.body_iquat.push_back(mass.quat);
     }
     if (c.settotalmass > 0) {
       double total = 0;
@@ -324,18 +368,22 @@ class BodyCompiler : public CompilerBase {
       Pose const inverse{-1. * rotate(back, inertial.p), back};
       auto const move = [&](Double3& pos, Double4& quat) {
         Pose const x = inverse * Pose{pos, quat};
-        pos = x.p, quat = normalized(x.q);
+        pos = x.p;
+        quat = normalized(x.q);
       };
       Pose const frame = Pose{m_.body_pos[b], m_.body_quat[b]} * inertial;
-      m_.body_pos[b] = frame.p, m_.body_quat[b] = normalized(frame.q);
-      m_.body_ipos[b] = {0, 0, 0}, m_.body_iquat[b] = {1, 0, 0, 0};
+      m_.body_pos[b] = frame.p;
+      m_.body_quat[b] = normalized(frame.q);
+      m_.body_ipos[b] = {0, 0, 0};
+      m_.body_iquat[b] = {1, 0, 0, 0};
       for (int g = 0; g < m_.body_geomnum[b]; ++g) move(m_.geom_pos[m_.body_geomadr[b] + g], m_.geom_quat[m_.body_geomadr[b] + g]);
       for (int s = 0; s < m_.nsite; ++s)
         if (m_.site_body[s] == b) move(m_.site_pos[s], m_.site_quat[s]);
       for (int c = 0; c < m_.ncam; ++c)
         if (m_.cam_body[c] == b) move(m_.cam_pos[c], m_.cam_quat[c]);
       double* q = &m_.qpos0[m_.jnt_qposadr[m_.body_jntadr[b]]];
-      std::copy(m_.body_pos[b].begin(), m_.body_pos[b].end(), q), std::copy(m_.body_quat[b].begin(), m_.body_quat[b].end(), q + 3);
+      std::copy(m_.body_pos[b].begin(), m_.body_pos[b].end(), q);
+      std::copy(m_.body_quat[b].begin(), m_.body_quat[b].end(), q + 3);
       std::copy(q, q + 7, &m_.qpos_spring[m_.jnt_qposadr[m_.body_jntadr[b]]]);
     }
   }

@@ -137,7 +137,8 @@ class ConstantsCompiler : public ForceCompiler {
   }
 
   void inverse_weights(InitialPose const& pose, std::vector<InitialInertia> const& inertia) {
-    m_.body_invweight0.assign(m_.nbody, {0, 0}), m_.dof_invweight0.assign(m_.nv, 0);
+    m_.body_invweight0.assign(m_.nbody, {0, 0});
+    m_.dof_invweight0.assign(m_.nv, 0);
     for (int t = 0; t < m_.ntree; ++t) {
       int const n = m_.tree_dofnum[t], d0 = m_.tree_dofadr[t];
       for (int b = m_.tree_bodyadr[t], end = b + m_.tree_bodynum[t]; b < end; ++b)

@@ -32,7 +32,8 @@ class ForceCompiler : public BodyCompiler {
       require_range(*this, t.limited, t.range, t.place, "tendon", t.name, "range");
       require_range(*this, t.actuator_force_limited, t.actuator_force_range, t.place, "tendon", t.name, "actuatorfrcrange");
       std::vector<int> bodies;  // that it touches
-      m_.tendon_termadr.push_back(int(m_.term_jnt.size())), m_.tendon_termnum.push_back(int(t.terms.size()));
+      m_.tendon_termadr.push_back(int(m_.term_jnt.size()));
+      m_.tendon_termnum.push_back(int(t.terms.size()));
       for (auto const& term : t.terms) {
         int const j = find(Kind::joint, term.joint, t.place, "tendon", t.name);
         if (m_.jnt_type[j] < int(JointType::slide))
@@ -40,7 +41,8 @@ class ForceCompiler : public BodyCompiler {
         require_finite(std::isfinite(term.coefficient), t.place, "tendon", t.name);
         for (int e = m_.tendon_termadr.back(); e < int(m_.term_jnt.size()); ++e)
           if (m_.term_jnt[e] == j) refuse("names the joint '" + term.joint + "' twice: add the coefficients up");
-        m_.term_jnt.push_back(j), m_.term_coef.push_back(term.coefficient);
+        m_.term_jnt.push_back(j);
+        m_.term_coef.push_back(term.coefficient);
         bodies.push_back(m_.jnt_body[j]);
       }
       path(t, bodies);
@@ -49,13 +51,21 @@ class ForceCompiler : public BodyCompiler {
       for (int b : bodies)
         if (int const of = m_.body_tree[b]; of >= 0) several = several || (tree >= 0 && tree != of), tree = of;
       m_.tendon_tree.push_back(several ? -1 : tree), m_.tendon_limited.push_back(t.limited), m_.tendon_name.push_back(t.name);
-      m_.tendon_stiffness.push_back(t.stiffness), m_.tendon_damping.push_back(t.damping), m_.tendon_frictionloss.push_back(t.frictionloss);
-      m_.tendon_stiffnesspoly.push_back(t.stiffness_poly), m_.tendon_dampingpoly.push_back(t.damping_poly);
-      m_.tendon_armature.push_back(t.armature), m_.tendon_margin.push_back(t.margin);
-      m_.tendon_range.push_back(t.range), m_.tendon_lengthspring.push_back(t.springlength);
-      m_.tendon_actfrclimited.push_back(t.actuator_force_limited), m_.tendon_actfrcrange.push_back(t.actuator_force_range);
-      m_.tendon_solref_limit.push_back(t.limit.solref), m_.tendon_solref_friction.push_back(t.friction.solref);
-      m_.tendon_solimp_limit.push_back(t.limit.solimp), m_.tendon_solimp_friction.push_back(t.friction.solimp);
+      m_.tendon_stiffness.push_back(t.stiffness);
+      m_.tendon_damping.push_back(t.damping);
+      m_.tendon_frictionloss.push_back(t.frictionloss);
+      m_.tendon_stiffnesspoly.push_back(t.stiffness_poly);
+      m_.tendon_dampingpoly.push_back(t.damping_poly);
+      m_.tendon_armature.push_back(t.armature);
+      m_.tendon_margin.push_back(t.margin);
+      m_.tendon_range.push_back(t.range);
+      m_.tendon_lengthspring.push_back(t.springlength);
+      m_.tendon_actfrclimited.push_back(t.actuator_force_limited);
+      m_.tendon_actfrcrange.push_back(t.actuator_force_range);
+      m_.tendon_solref_limit.push_back(t.limit.solref);
+      m_.tendon_solref_friction.push_back(t.friction.solref);
+      m_.tendon_solimp_limit.push_back(t.limit.solimp);
+      m_.tendon_solimp_friction.push_back(t.friction.solimp);
       ++m_.ntendon;
     }
   }
@@ -88,15 +98,27 @@ class ForceCompiler : public BodyCompiler {
           refuse(
               "is a muscle whose numbers do not fit (range[0] < range[1], lmin < 1 < lmax, scale, vmax, fpmax, fvmax above 0): correct "
               "them");
-      m_.act_target.push_back(int(a.target)), m_.act_id.push_back(id), m_.act_ref.push_back(ref), m_.act_name.push_back(a.name);
-      m_.act_ctrllimited.push_back(a.ctrl_limited), m_.act_forcelimited.push_back(a.force_limited);
-      m_.act_actlimited.push_back(a.act_limited), m_.act_actearly.push_back(a.act_early), m_.act_group.push_back(a.group);
-      m_.act_dyntype.push_back(int(a.dynamics)), m_.act_gaintype.push_back(int(a.gain_type)), m_.act_biastype.push_back(int(a.bias_type));
+      m_.act_target.push_back(int(a.target));
+      m_.act_id.push_back(id);
+      m_.act_ref.push_back(ref);
+      m_.act_name.push_back(a.name);
+      m_.act_ctrllimited.push_back(a.ctrl_limited);
+      m_.act_forcelimited.push_back(a.force_limited);
+      m_.act_actlimited.push_back(a.act_limited);
+      m_.act_actearly.push_back(a.act_early);
+      m_.act_group.push_back(a.group);
+      m_.act_dyntype.push_back(int(a.dynamics));
+      m_.act_gaintype.push_back(int(a.gain_type));
+      m_.act_biastype.push_back(int(a.bias_type));
       m_.act_actadr.push_back(stateful ? m_.na : -1), m_.act_actnum.push_back(stateful), m_.na += stateful;
       m_.act_gear.push_back(a.gear), m_.act_gainprm.push_back(a.gainprm), m_.act_biasprm.push_back(a.biasprm),
           m_.act_dynprm.push_back(a.dynprm);
-      m_.act_cranklength.push_back(a.crank_length), m_.act_damping.push_back(a.damping), m_.act_armature.push_back(a.armature);
-      m_.act_ctrlrange.push_back(a.ctrl_range), m_.act_forcerange.push_back(a.force_range), m_.act_actrange.push_back(a.act_range);
+      m_.act_cranklength.push_back(a.crank_length);
+      m_.act_damping.push_back(a.damping);
+      m_.act_armature.push_back(a.armature);
+      m_.act_ctrlrange.push_back(a.ctrl_range);
+      m_.act_forcerange.push_back(a.force_range);
+      m_.act_actrange.push_back(a.act_range);
       auto const range = length_range(a, id);
       m_.act_lengthrange.push_back(range.value_or(std::array{0., 0.}));
       if (!range) unknown_ranges_.push_back(m_.nu);
@@ -119,9 +141,15 @@ class ForceCompiler : public BodyCompiler {
         for (int j : ids)
           if (j >= 0 && m_.jnt_type[j] < int(JointType::slide))
             fail(e.place, "equality", e.name, "names a ball or free joint: only hinge and slide joints have one coordinate");
-      m_.eq_type.push_back(int(e.type)), m_.eq_id1.push_back(ids[0]), m_.eq_id2.push_back(ids[1]), m_.eq_sites.push_back(e.sites);
-      m_.eq_active.push_back(e.active), m_.eq_data.push_back(e.data), m_.eq_name.push_back(e.name);
-      m_.eq_solref.push_back(e.softness.solref), m_.eq_solimp.push_back(e.softness.solimp);
+      m_.eq_type.push_back(int(e.type));
+      m_.eq_id1.push_back(ids[0]);
+      m_.eq_id2.push_back(ids[1]);
+      m_.eq_sites.push_back(e.sites);
+      m_.eq_active.push_back(e.active);
+      m_.eq_data.push_back(e.data);
+      m_.eq_name.push_back(e.name);
+      m_.eq_solref.push_back(e.softness.solref);
+      m_.eq_solimp.push_back(e.softness.solimp);
       ++m_.neq;
     }
   }
@@ -138,14 +166,17 @@ class ForceCompiler : public BodyCompiler {
                "is about a '" + type + "', which is not supported: name a body, geom, site, camera, joint, tendon or actuator");
         return find(kind, name, s.place, "sensor", s.name);
       };
-      m_.sensor_id.push_back(id(s.object_type, s.object)), m_.sensor_refid.push_back(id(s.reference_type, s.reference));
+      m_.sensor_id.push_back(id(s.object_type, s.object));
+      m_.sensor_refid.push_back(id(s.reference_type, s.reference));
       SensorInfo const* const info = find_sensor_type(s.type);
       if (!info) fail(s.place, "sensor", s.name, "has the type '" + s.type + "', which is not one of MJCF's: correct it, or use 'user'");
       check_sensor(s, *info, m_.sensor_id.back(), m_.sensor_refid.back());
       int const dim = info->size > 0 ? info->size : sensor_size(s, info->type);
-      m_.sensor_dim.push_back(dim), m_.sensor_adr.push_back(m_.nsensordata);
+      m_.sensor_dim.push_back(dim);
+      m_.sensor_adr.push_back(m_.nsensordata);
       m_.nsensordata += std::max(dim, 0);
-      m_.sensors.push_back(s), ++m_.nsensor;
+      m_.sensors.push_back(s);
+      ++m_.nsensor;
     }
   }
 
@@ -187,7 +218,8 @@ class ForceCompiler : public BodyCompiler {
     auto const refuse = [&](std::size_t at, std::string const& sentence) {
       fail(t.place, "tendon", t.name, sentence + " (item " + std::to_string(at + 1) + " of its path)");
     };
-    m_.tendon_wrapadr.push_back(int(m_.wrap_type.size())), m_.tendon_wrapnum.push_back(int(t.path.size()));
+    m_.tendon_wrapadr.push_back(int(m_.wrap_type.size()));
+    m_.tendon_wrapnum.push_back(int(t.path.size()));
     if (t.path.size() == 1) fail(t.place, "tendon", t.name, "has a path of one item: give at least two sites");
     auto const type = [&](std::size_t i) {
       return i < t.path.size() ? t.path[i].type : WrapType::pulley;
@@ -219,7 +251,10 @@ class ForceCompiler : public BodyCompiler {
         if (!item.sidesite.empty()) side = find(Kind::site, item.sidesite, t.place, "tendon", t.name);
         bodies.push_back(m_.geom_body[id]);
       }
-      m_.wrap_type.push_back(int(kind)), m_.wrap_id.push_back(id), m_.wrap_side.push_back(side), m_.wrap_divisor.push_back(divisor);
+      m_.wrap_type.push_back(int(kind));
+      m_.wrap_id.push_back(id);
+      m_.wrap_side.push_back(side);
+      m_.wrap_divisor.push_back(divisor);
     }
   }
 

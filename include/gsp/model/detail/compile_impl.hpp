@@ -43,7 +43,9 @@ class Compiler : public ConstantsCompiler {
 
  private:
   void masses_only() {
-    m_.name = d_.name, m_.option = d_.option, m_.report = d_.report;
+    m_.name = d_.name;
+    m_.option = d_.option;
+    m_.report = d_.report;
     check_numbers();
     assets();
     bodies();
@@ -67,15 +69,18 @@ class Compiler : public ConstantsCompiler {
       if (a == b) fail(p.place, "pair", p.name, "names one geom twice: name two");
       if (m_.geom_body[a] > m_.geom_body[b]) std::swap(a, b);
       CompiledModel::NamedPair pair{};
-      pair.geom1 = a, pair.geom2 = b;
+      pair.geom1 = a;
+      pair.geom2 = b;
       pair.condim = p.condim.value_or(3);
       if (pair.condim != 1 && pair.condim != 3 && pair.condim != 4 && pair.condim != 6)
         fail(p.place, "pair", p.name, "has a condim other than 1, 3, 4, 6: choose one of them");
       SoftnessDescription const standard;
       pair.friction = p.friction.value_or(std::array{1., 1., 0.005, 0.0001, 0.0001});
-      pair.solref = p.solref.value_or(standard.solref), pair.solimp = p.solimp.value_or(standard.solimp);
+      pair.solref = p.solref.value_or(standard.solref);
+      pair.solimp = p.solimp.value_or(standard.solimp);
       pair.solreffriction = p.solreffriction.value_or(std::array{0., 0.});
-      pair.margin = p.margin.value_or(0), pair.gap = p.gap.value_or(0);
+      pair.margin = p.margin.value_or(0);
+      pair.gap = p.gap.value_or(0);
       require_finite(finite(pair.friction) && finite(pair.solref) && finite(pair.solimp) && finite(pair.solreffriction) &&
                          std::isfinite(pair.margin) && std::isfinite(pair.gap),
                      p.place, "pair", p.name);

@@ -25,7 +25,13 @@ inline std::vector<double> static_poses(CompiledModel const& m) {
     auto const& x = m.body_pos[b];
     auto const& r = m.body_quat[b];
     auto const t = parent * Transform<double>{{x[0], x[1], x[2]}, {r[0], r[1], r[2], r[3]}};
-    p[0] = t.p.x, p[1] = t.p.y, p[2] = t.p.z, p[3] = t.q.w, p[4] = t.q.x, p[5] = t.q.y, p[6] = t.q.z;
+    p[0] = t.p.x;
+    p[1] = t.p.y;
+    p[2] = t.p.z;
+    p[3] = t.q.w;
+    p[4] = t.q.x;
+    p[5] = t.q.y;
+    p[6] = t.q.z;
   }
   return pose;
 }

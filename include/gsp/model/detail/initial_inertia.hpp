@@ -85,7 +85,8 @@ class InitialInertia {
     for (int c = 0; c < 3; ++c) {
       std::vector<double> v(n_, 0.), w(n_, 0.);
       for (int d : chain) v[d - first_] = pose.linear(d, pose.com(b))[c], w[d - first_] = pose.angular(d)[c];
-      mean[0] += inverse_weight(std::move(v)) / 3, mean[1] += inverse_weight(std::move(w)) / 3;
+      mean[0] += inverse_weight(std::move(v)) / 3;
+      mean[1] += inverse_weight(std::move(w)) / 3;
     }
     return mean;
   }

@@ -33,12 +33,17 @@ struct LengthAndRow {
 class InitialPose {
  public:
   InitialPose(CompiledModel const& m, std::vector<double> const& qpos) : m_(m), q_(qpos) {
-    body_.resize(m.nbody), com_.resize(m.nbody), axis_.resize(m.nv), anchor_.resize(m.nv), turns_.assign(m.nv, 0);
+    body_.resize(m.nbody);
+    com_.resize(m.nbody);
+    axis_.resize(m.nv);
+    anchor_.resize(m.nv);
+    turns_.assign(m.nv, 0);
     for (int b = 0; b < m.nbody; ++b) {
       Pose x = b == 0 ? Pose{m.body_pos[0], m.body_quat[0]} : body_[m.body_parent[b]] * Pose{m.body_pos[b], m.body_quat[b]};
       for (int j = m.body_jntadr[b], end = j + m.body_jntnum[b]; j < end; ++j) joint(j, x);
       x.q = normalized(x.q);
-      body_[b] = x, com_[b] = x * m.body_ipos[b];
+      body_[b] = x;
+      com_[b] = x * m.body_ipos[b];
     }
     // centres of mass of subtrees; a body's own where it has no mass
     std::vector<double> mass(m.body_mass);
@@ -100,11 +105,13 @@ class InitialPose {
         out.length += length / divisor;
         if (from == to) return;
         Double3 const along = length < 1e-15 ? Double3{1, 0, 0} : (1 / length) * d;
-        point(out.row, to, b, along, 1 / divisor), point(out.row, from, a, along, -1 / divisor);
+        point(out.row, to, b, along, 1 / divisor);
+        point(out.row, from, a, along, -1 / divisor);
       };
       if (wrap) {
         int const g = m_.geom_body[m_.wrap_id[w + 1]];
-        straight(b0, x, g, wrap->first), straight(g, wrap->second, b1, y);
+        straight(b0, x, g, wrap->first);
+        straight(g, wrap->second, b1, y);
         out.length += wrap->length / divisor;
       } else {
         straight(b0, x, b1, y);
@@ -156,9 +163,11 @@ class InitialPose {
         if (det > 0) {
           double const root = std::sqrt(det);
           out.length = av - root;
-          by_v = (1 - av / root) * axis + (1 / root) * v, by_axis = (1 - av / root) * v;
+          by_v = (1 - av / root) * axis + (1 / root) * v;
+          by_axis = (1 - av / root) * v;
         }
-        point(out.row, m_.site_body[id], crank.p, by_v, gear[0]), point(out.row, m_.site_body[ref], slider.p, by_v, -gear[0]);
+        point(out.row, m_.site_body[id], crank.p, by_v, gear[0]);
+        point(out.row, m_.site_body[ref], slider.p, by_v, -gear[0]);
         for (int d : dofs_of(m_.site_body[ref])) out.row.add(d, gear[0] * dot(by_axis, cross(angular(d), axis)));
         out.length *= gear[0];
         break;
@@ -199,7 +208,9 @@ class InitialPose {
     int const d = m_.jnt_dofadr[j], q = m_.jnt_qposadr[j];
     auto const unit = [](int k) { return Double3{k == 0 ? 1. : 0., k == 1 ? 1. : 0., k == 2 ? 1. : 0.}; };
     auto const put = [&](int k, Double3 const& direction, Double3 const& anchor, bool turns) {
-      axis_[k] = direction, anchor_[k] = anchor, turns_[k] = turns;
+      axis_[k] = direction;
+      anchor_[k] = anchor;
+      turns_[k] = turns;
     };
     switch (JointType(m_.jnt_type[j])) {
       case JointType::free:

@@ -18,7 +18,12 @@ inline NameSet mentioned(Description const& d) {
   auto const all = [&](auto const& list) {
     for (auto const& entry : list) for_each_reference(entry, add);
   };
-  all(d.tendons), all(d.actuators), all(d.equalities), all(d.sensors), all(d.pairs), all(d.excludes);
+  all(d.tendons);
+  all(d.actuators);
+  all(d.equalities);
+  all(d.sensors);
+  all(d.pairs);
+  all(d.excludes);
   for (auto const& b : d.bodies)
     for (auto const& c : b.cameras) names.add(Kind::body, c.target);
   return names;
@@ -51,7 +56,8 @@ inline Description without_visuals(Description d, CompiledModel const& m) {
           "body '" + body.name +
           "': a visual geom has mass, which compiler discardvisual would lose while inertiafromgeom is true: give the geom mass=\"0\" or "
           "set inertiafromgeom to auto");
-    body.has_inertial = true, body.inertial = inertial_of(m, b);
+    body.has_inertial = true;
+    body.inertial = inertial_of(m, b);
   }
   NameSet used = names;
   for (auto const& b : d.bodies)
@@ -112,16 +118,21 @@ inline Description without_static_bodies(Description d, CompiledModel const& m) 
     auto const move = [&](auto& items, auto& to) {
       for (auto& x : items) {
         Pose const p = at * Pose{x.pos, normalized(x.quat)};
-        x.pos = p.p, x.quat = normalized(p.q);
+        x.pos = p.p;
+        x.quat = normalized(p.q);
         to.push_back(std::move(x));
       }
     };
-    move(body.geoms, parent.geoms), move(body.sites, parent.sites), move(body.cameras, parent.cameras);
+    move(body.geoms, parent.geoms);
+    move(body.sites, parent.sites);
+    move(body.cameras, parent.cameras);
     for (int child = b + 1; child < n; ++child) {
       auto& x = d.bodies[child];
       if (x.parent != b) continue;
       Pose const p = at * Pose{x.pos, normalized(x.quat)};
-      x.pos = p.p, x.quat = normalized(p.q), x.parent = body.parent;
+      x.pos = p.p;
+      x.quat = normalized(p.q);
+      x.parent = body.parent;
     }
     gone[b] = 1;
   }

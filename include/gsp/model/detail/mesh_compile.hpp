@@ -90,8 +90,11 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
   // a box of half sizes b has the moments m (b1^2 + b2^2) / 3 ...
   auto const half = [&](double sum) { return 0.5 * std::sqrt(6 * std::max(sum, 0.) / solid.measure); };
   out.box = {half(i[1] + i[2] - i[0]), half(i[0] + i[2] - i[1]), half(i[0] + i[1] - i[2])};
-  out.measure = solid.measure, out.pos = solid.com, out.quat = axes.quat;
-  out.low = {1e10, 1e10, 1e10}, out.high = {-1e10, -1e10, -1e10};
+  out.measure = solid.measure;
+  out.pos = solid.com;
+  out.quat = axes.quat;
+  out.low = {1e10, 1e10, 1e10};
+  out.high = {-1e10, -1e10, -1e10};
   out.vertices.reserve(given.size());
   for (auto const& v : moved) {
     auto const x = rotate_inverse(out.quat, v - out.pos);

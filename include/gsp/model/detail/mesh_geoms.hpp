@@ -28,10 +28,12 @@ inline Double3 fitted_size(ShapeType type, CompiledMesh const& mesh, bool aabb, 
       size[0] = aabb ? std::max(across, s[2]) : (s[0] + s[1] + s[2]) / 3;
       break;
     case ShapeType::capsule:
-      size[0] = across, size[1] = aabb ? s[2] - across : std::max(0., s[2] - across / 2);
+      size[0] = across;
+      size[1] = aabb ? s[2] - across : std::max(0., s[2] - across / 2);
       break;
     case ShapeType::cylinder:
-      size[0] = across, size[1] = s[2];
+      size[0] = across;
+      size[1] = s[2];
       break;
     default:
       size = s;

@@ -44,7 +44,8 @@ inline MeshSolid mesh_solid(std::vector<Double3> const& vertices, std::vector<st
   for (auto const& f : surface) {
     auto const t = mesh_triangle(vertices[f[0]], vertices[f[1]], vertices[f[2]]);
     double const area = 0.5 * t.twice_area;
-    apex = apex + area * t.center, solid.surface += area;
+    apex = apex + area * t.center;
+    solid.surface += area;
   }
   if (solid.surface < 1e-15) return solid;
   apex = {apex[0] / solid.surface, apex[1] / solid.surface, apex[2] / solid.surface};
@@ -55,7 +56,8 @@ inline MeshSolid mesh_solid(std::vector<Double3> const& vertices, std::vector<st
   for (auto const& f : faces) {
     auto const t = mesh_triangle(vertices[f[0]], vertices[f[1]], vertices[f[2]]);
     double const v = weight(t, apex);
-    solid.measure += v, solid.com = solid.com + v * (0.75 * t.center + 0.25 * apex);
+    solid.measure += v;
+    solid.com = solid.com + v * (0.75 * t.center + 0.25 * apex);
   }
   if (solid.measure < 1e-15) return solid;
   solid.com = {solid.com[0] / solid.measure, solid.com[1] / solid.measure, solid.com[2] / solid.measure};

@@ -37,15 +37,18 @@ inline PrincipalAxes principal_axes(Symmetric3 const& s) {
     double const t = 0.5 * std::atan2(2 * a[p][q], a[p][p] - a[q][q]), c = std::cos(t), n = std::sin(t);
     for (auto& row : a) {
       double const x = row[p], y = row[q];
-      row[p] = c * x + n * y, row[q] = c * y - n * x;
+      row[p] = c * x + n * y;
+      row[q] = c * y - n * x;
     }
     for (int k = 0; k < 3; ++k) {
       double const x = a[p][k], y = a[q][k];
-      a[p][k] = c * x + n * y, a[q][k] = c * y - n * x;
+      a[p][k] = c * x + n * y;
+      a[q][k] = c * y - n * x;
     }
     for (auto& row : v) {
       double const x = row[p], y = row[q];
-      row[p] = c * x + n * y, row[q] = c * y - n * x;
+      row[p] = c * x + n * y;
+      row[q] = c * y - n * x;
     }
   }
   int order[3] = {0, 1, 2};

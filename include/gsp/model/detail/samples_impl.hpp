@@ -17,12 +17,16 @@ using Colour = std::array<float, 4>;
 inline GeomDescription shape(ShapeType type, Double3 const& size, Double3 const& pos = {0, 0, 0},
                              Colour const& rgba = {0.5f, 0.5f, 0.5f, 1}) {
   GeomDescription g;
-  g.type = type, g.size = size, g.pos = pos, g.rgba = rgba;
+  g.type = type;
+  g.size = size;
+  g.pos = pos;
+  g.rgba = rgba;
   return g;
 }
 
 inline GeomDescription weighing(GeomDescription g, double mass) {
-  g.has_mass = true, g.mass = mass;
+  g.has_mass = true;
+  g.mass = mass;
   return g;
 }
 
@@ -39,16 +43,23 @@ inline JointDescription hinge(std::string name, Double3 const& axis, double lowe
 
 inline JointDescription free_joint(std::string name) {
   JointDescription j;
-  j.name = std::move(name), j.type = JointType::free;
+  j.name = std::move(name);
+  j.type = JointType::free;
   return j;
 }
 
 /// Servo: force = kp (ctrl - q) - kv v, at most `strength` [N m].
 inline ActuatorDescription servo(std::string joint, std::array<double, 2> const& range, double kp, double kv, double strength) {
   ActuatorDescription a;
-  a.name = joint, a.target_name = std::move(joint);
-  a.gainprm[0] = kp, a.bias_type = ActuatorBias::affine, a.biasprm = {0, -kp, -kv};
-  a.ctrl_limited = true, a.ctrl_range = range, a.force_limited = true, a.force_range = {-strength, strength};
+  a.name = joint;
+  a.target_name = std::move(joint);
+  a.gainprm[0] = kp;
+  a.bias_type = ActuatorBias::affine;
+  a.biasprm = {0, -kp, -kv};
+  a.ctrl_limited = true;
+  a.ctrl_range = range;
+  a.force_limited = true;
+  a.force_range = {-strength, strength};
   return a;
 }
 
@@ -106,17 +117,22 @@ GSP_INLINE Description arm() {
   for (auto const& l : links) {
     parent = add_body(d, parent, l.name, l.pos);
     auto joint = hinge(l.name, l.axis, -l.range, l.range);
-    joint.armature = 0.05, joint.damping = 0.5;
+    joint.armature = 0.05;
+    joint.damping = 0.5;
     d.bodies[parent].joints = {joint};
     d.bodies[parent].geoms = {
         weighing(named(shape(ShapeType::capsule, {0.045, l.half, 0}, {0, 0, l.half}, parent % 2 ? grey : orange), l.name), l.mass)};
     d.actuators.push_back(servo(l.name, joint.range, l.kp, l.kp / 10, l.strength));
   }
   SiteDescription tool;
-  tool.name = "tool", tool.pos = {0, 0, 0.09};
+  tool.name = "tool";
+  tool.pos = {0, 0, 0.09};
   CameraDescription wrist;
-  wrist.name = "wrist", wrist.pos = {0.06, 0, 0.05}, wrist.quat = {0, 1, 0, 0};
-  d.bodies[parent].sites = {tool}, d.bodies[parent].cameras = {wrist};
+  wrist.name = "wrist";
+  wrist.pos = {0.06, 0, 0.05};
+  wrist.quat = {0, 1, 0, 0};
+  d.bodies[parent].sites = {tool};
+  d.bodies[parent].cameras = {wrist};
   for (int b = base; b < int(d.bodies.size()); ++b)  // links overlap at their joints, and short ones reach past their neighbours
     for (int other = b + 1; other < std::min(b + 4, int(d.bodies.size())); ++other)
       d.excludes.push_back({d.bodies[b].name, d.bodies[other].name, {}});
@@ -141,8 +157,12 @@ GSP_INLINE Description quadruped() {
   SiteDescription imu;
   imu.name = "imu";
   CameraDescription head;
-  head.name = "head", head.pos = {0.28, 0, 0.03}, head.quat = gsp::detail::quat_of_axes({0, -1, 0}, {0, 0, 1}, {-1, 0, 0}), head.fovy = 1.2;
-  body.sites = {imu}, body.cameras = {head};
+  head.name = "head";
+  head.pos = {0.28, 0, 0.03};
+  head.quat = gsp::detail::quat_of_axes({0, -1, 0}, {0, 0, 1}, {-1, 0, 0});
+  head.fovy = 1.2;
+  body.sites = {imu};
+  body.cameras = {head};
 
   KeyframeDescription stand{.name = "stand", .qpos = {0, 0, height, 1, 0, 0, 0}};
   for (int leg = 0; leg < 4; ++leg) {
@@ -150,7 +170,9 @@ GSP_INLINE Description quadruped() {
     std::string const name = std::string(leg < 2 ? "F" : "R") + (leg % 2 ? "R" : "L");
     auto const joint = [&](std::string const& joint_name, Double3 const& axis, double lower, double upper) {
       auto j = hinge(name + joint_name, axis, lower, upper);
-      j.damping = 0.1, j.armature = 0.01, j.frictionloss = 0.1;
+      j.damping = 0.1;
+      j.armature = 0.01;
+      j.frictionloss = 0.1;
       d.actuators.push_back(servo(j.name, j.range, 100, 2.5, 30));
       return j;
     };
@@ -229,7 +251,8 @@ GSP_INLINE Description ramp(double slope, double mu) {
   double const angle = std::atan(slope);
   Double4 const tilt = gsp::detail::axis_angle({0, 1, 0}, -angle);
   auto plane = floor();
-  plane.quat = tilt, plane.friction[0] = mu;
+  plane.quat = tilt;
+  plane.friction[0] = mu;
   d.bodies[0].geoms = {plane};
   int const b = add_body(d, 0, "box", gsp::detail::rotate(tilt, {0, 0, 0.05}));
   d.bodies[b].quat = tilt;

@@ -66,7 +66,8 @@ inline std::optional<Arc> inside(Double2 const& p, Double2 const& q, double r) {
     if (slope > -1e-15) return rough;
     double const next = z - value / slope;
     if (!(next < z)) break;
-    z = next, value = f(z);
+    z = next;
+    value = f(z);
   }
   bool const left = cross(p, q) > 0;
   auto const point = left ? turned(p, std::asin(z) - std::asin(a * z), r / lp) : turned(q, std::asin(z) - std::asin(b * z), r / lq);
@@ -118,7 +119,8 @@ inline std::optional<Wrap> wrapped(Double3 const& x, Double3 const& y, Pose cons
     result.second[2] = p[2] + (q[2] - p[2]) * (before + arc->length) / all;
     result.length = std::hypot(arc->length, result.second[2] - result.first[2]);
   }
-  result.first = pose * result.first, result.second = pose * result.second;
+  result.first = pose * result.first;
+  result.second = pose * result.second;
   return result;
 }
 
