@@ -100,11 +100,16 @@ void allocate_contacts(Contacts<R, Mem>& c, std::int64_t candidates, std::int64_
   };
   make(c.scratch.candidates, "gsp::Contacts::candidates", candidates);
   make(c.scratch.points, "gsp::Contacts::points", points);
-  make(c.world, "gsp::Contacts::world", contacts), make(c.pair, "gsp::Contacts::pair", contacts);
-  make(c.geom1, "gsp::Contacts::geom1", contacts), make(c.geom2, "gsp::Contacts::geom2", contacts);
-  make(c.body1, "gsp::Contacts::body1", contacts), make(c.body2, "gsp::Contacts::body2", contacts);
-  make(c.pos, "gsp::Contacts::pos", contacts), make(c.frame, "gsp::Contacts::frame", contacts);
-  make(c.dist, "gsp::Contacts::dist", contacts), make(c.includemargin, "gsp::Contacts::includemargin", contacts);
+  make(c.world, "gsp::Contacts::world", contacts);
+  make(c.pair, "gsp::Contacts::pair", contacts);
+  make(c.geom1, "gsp::Contacts::geom1", contacts);
+  make(c.geom2, "gsp::Contacts::geom2", contacts);
+  make(c.body1, "gsp::Contacts::body1", contacts);
+  make(c.body2, "gsp::Contacts::body2", contacts);
+  make(c.pos, "gsp::Contacts::pos", contacts);
+  make(c.frame, "gsp::Contacts::frame", contacts);
+  make(c.dist, "gsp::Contacts::dist", contacts);
+  make(c.includemargin, "gsp::Contacts::includemargin", contacts);
   make(c.feature, "gsp::Contacts::feature", contacts);
 }
 
@@ -134,12 +139,16 @@ struct WriteCandidates {
         std::int64_t k = sum.candidates;
         for (int i = 0; bits != 0; ++i, bits >>= 1) {
           int const skip = Kokkos::countr_zero(bits);
-          i += skip, bits >>= skip;
+          i += skip;
+          bits >>= skip;
           s.candidates(k++) = {w, chunk.first + i, slot, short(chunk.kind), short(each)};
           slot += each;
         }
       }
-      if (item == items - 1) s.total(0) = sum.candidates + n, s.total(1) = sum.points + std::int64_t(n) * each;
+      if (item == items - 1) {
+        s.total(0) = sum.candidates + n;
+        s.total(1) = sum.points + std::int64_t(n) * each;
+      }
     }
     sum.candidates += n;
     sum.points += std::int64_t(n) * each;
@@ -248,13 +257,17 @@ Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& m
   auto const make2 = [&](auto& v, std::string const& label, int n) {
     v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, worlds, n);
   };
-  make(c.first, "gsp::Contacts::first", worlds), make(c.end, "gsp::Contacts::end", worlds), make(c.status, "gsp::Contacts::status", worlds);
+  make(c.first, "gsp::Contacts::first", worlds);
+  make(c.end, "gsp::Contacts::end", worlds);
+  make(c.status, "gsp::Contacts::status", worlds);
   make2(c.scratch.bounds.pose, "gsp::Contacts::collider_pose", model.colliders);
   make2(c.scratch.bounds.box, "gsp::Contacts::collider_box", model.colliders);
   make2(c.scratch.bounds.group, "gsp::Contacts::group_box", model.groups);
   std::size_t const items = std::size_t(model.chunks) * worlds;
-  make(c.scratch.mask, "gsp::Contacts::mask", items), make(c.scratch.first, "gsp::Contacts::item_first", items);
-  make(c.scratch.lost, "gsp::Contacts::lost", worlds), make(c.scratch.total, "gsp::Contacts::total", 3);
+  make(c.scratch.mask, "gsp::Contacts::mask", items);
+  make(c.scratch.first, "gsp::Contacts::item_first", items);
+  make(c.scratch.lost, "gsp::Contacts::lost", worlds);
+  make(c.scratch.total, "gsp::Contacts::total", 3);
   // Guess: a collider is near two others, half of a candidate's room is used.
   std::int64_t const near = std::min<std::int64_t>(model.pairs, 2 * model.colliders + 8);
   std::int64_t const room = model.pairs > 0 ? (near * model.slots + model.pairs - 1) / model.pairs : 0;

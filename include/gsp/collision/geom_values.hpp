@@ -78,7 +78,10 @@ void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector
     auto const& f = detail::geom_field_row<C>(field);
     bool const known = (model.*f.member).stride > 0 ||
                        std::any_of(added.begin(), added.end(), [&](auto const& other) { return other.member == f.member; });
-    if (!known) added.push_back(f), size += std::size_t(worlds) * model.colliders * f.stride;
+    if (!known) {
+      added.push_back(f);
+      size += std::size_t(worlds) * model.colliders * f.stride;
+    }
     model.mixes_per_world |= f.mixes;
   }
   if (added.empty()) return;

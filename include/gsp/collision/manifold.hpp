@@ -14,7 +14,10 @@ KOKKOS_INLINE_FUNCTION int reduce_points(ContactPoint<T>* point, int count) {
     T most = score(point[place]);
     for (int i = place + 1; i < count; ++i) {
       T const s = score(point[i]);
-      if (s > most) most = s, best = i;
+      if (s > most) {
+        most = s;
+        best = i;
+      }
     }
     ContactPoint<T> const p = point[best];
     point[best] = point[place];

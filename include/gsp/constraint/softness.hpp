@@ -43,9 +43,11 @@ KOKKOS_INLINE_FUNCTION RowLaw<R> soft_law(Softness<R> const& s, R x, R u, R h, R
   R K, B;
   if (s.solref[0] > R(0)) {
     R const time = max(s.solref[0], R(2) * h), ratio = s.solref[1];
-    K = R(1) / max(tiny, square(dw * time * ratio)), B = R(2) / max(tiny, dw * time);
+    K = R(1) / max(tiny, square(dw * time * ratio));
+    B = R(2) / max(tiny, dw * time);
   } else {
-    K = -s.solref[0] / max(tiny, square(dw)), B = -s.solref[1] / max(tiny, dw);
+    K = -s.solref[0] / max(tiny, square(dw));
+    B = -s.solref[1] / max(tiny, dw);
   }
   if (rate_only) K = R(0);
   return {max(tiny, (R(1) - impedance) / impedance * diag), (R(1) - h * B) * u - h * K * impedance * x};

@@ -16,14 +16,22 @@ struct FluidForce {
 
 template <class T>
 KOKKOS_INLINE_FUNCTION void add_cross(T (&d)[6][6], int row, int column, Vec3<T> const& a) {  // + [a]x
-  d[row][column + 1] -= a.z, d[row][column + 2] += a.y, d[row + 1][column] += a.z;
-  d[row + 1][column + 2] -= a.x, d[row + 2][column] -= a.y, d[row + 2][column + 1] += a.x;
+  d[row][column + 1] -= a.z;
+  d[row][column + 2] += a.y;
+  d[row + 1][column] += a.z;
+  d[row + 1][column + 2] -= a.x;
+  d[row + 2][column] -= a.y;
+  d[row + 2][column + 1] += a.x;
 }
 /// - [a]x diag(b)
 template <class T>
 KOKKOS_INLINE_FUNCTION void subtract_cross_diagonal(T (&d)[6][6], int row, int column, Vec3<T> const& a, Vec3<T> const& b) {
-  d[row][column + 1] += a.z * b.y, d[row][column + 2] -= a.y * b.z, d[row + 1][column] -= a.z * b.x;
-  d[row + 1][column + 2] += a.x * b.z, d[row + 2][column] += a.y * b.x, d[row + 2][column + 1] -= a.x * b.y;
+  d[row][column + 1] += a.z * b.y;
+  d[row][column + 2] -= a.y * b.z;
+  d[row + 1][column] -= a.z * b.x;
+  d[row + 1][column + 2] += a.x * b.z;
+  d[row + 2][column] += a.y * b.x;
+  d[row + 2][column + 1] -= a.x * b.y;
 }
 template <class T>
 KOKKOS_INLINE_FUNCTION Vec3<T> times(Vec3<T> const& a, Vec3<T> const& b) {
@@ -42,8 +50,10 @@ KOKKOS_INLINE_FUNCTION void box_fluid(T mass, Vec3<T> const& inertia, T density,
   for (int i = 0; i < 3; ++i) {
     T const a = box[i], b = box[(i + 1) % 3], c = box[(i + 2) % 3];
     T const face = own * T(0.5) * density * b * c, blade = own * density * a * (square(b * b) + square(c * c)) * T(1. / 64);
-    f.force[i] = fma(move, v[i], -(face * abs(v[i]) * v[i])), f.torque[i] = fma(turn, w[i], -(blade * abs(w[i]) * w[i]));
-    f.derivative[i][i] = turn - T(2) * blade * abs(w[i]), f.derivative[3 + i][3 + i] = move - T(2) * face * abs(v[i]);
+    f.force[i] = fma(move, v[i], -(face * abs(v[i]) * v[i]));
+    f.torque[i] = fma(turn, w[i], -(blade * abs(w[i]) * w[i]));
+    f.derivative[i][i] = turn - T(2) * blade * abs(w[i]);
+    f.derivative[3 + i][3 + i] = move - T(2) * face * abs(v[i]);
   }
 }
 
@@ -55,7 +65,8 @@ KOKKOS_INLINE_FUNCTION void ellipsoid_fluid(Vec3<T> const& r, T const (&c)[5], V
   auto& d = f.derivative;
   // added mass: force p x w, torque p x v + l x w, with the momenta p, l of the fluid
   Vec3<T> const mass = density * added_mass, inertia = density * added_inertia, p = times(mass, v), l = times(inertia, w);
-  f.force = cross(p, w), f.torque = cross(p, v) + cross(l, w);
+  f.force = cross(p, w);
+  f.torque = cross(p, v) + cross(l, w);
   // Magnus: proportional to the volume
   T const magnus = c[4] * density * T(4. / 3) * pi * r.x * r.y * r.z;
   f.force += magnus * cross(w, v);
@@ -81,9 +92,14 @@ KOKKOS_INLINE_FUNCTION void ellipsoid_fluid(Vec3<T> const& r, T const (&c)[5], V
   f.torque -= turn * w;
   if (!derivative) return;
 
-  add_cross(d, 3, 0, p), subtract_cross_diagonal(d, 3, 3, w, mass);
-  add_cross(d, 0, 3, p), subtract_cross_diagonal(d, 0, 3, v, mass), add_cross(d, 0, 0, l), subtract_cross_diagonal(d, 0, 0, w, inertia);
-  add_cross(d, 3, 3, magnus * w), add_cross(d, 3, 0, -(magnus * v));
+  add_cross(d, 3, 0, p);
+  subtract_cross_diagonal(d, 3, 3, w, mass);
+  add_cross(d, 0, 3, p);
+  subtract_cross_diagonal(d, 0, 3, v, mass);
+  add_cross(d, 0, 0, l);
+  subtract_cross_diagonal(d, 0, 0, w, inertia);
+  add_cross(d, 3, 3, magnus * w);
+  add_cross(d, 3, 0, -(magnus * v));
   // kutta = k num^1/2 den^-1/2 / |v|
   Vec3<T> const lift = num * v - speed2 * n, bn = times(b, n);
   T const k = c[3] * density * pi / max(sqrt(den) * sqrt(num) * speed, least);  // kutta = k num
@@ -95,8 +111,12 @@ KOKKOS_INLINE_FUNCTION void ellipsoid_fluid(Vec3<T> const& r, T const (&c)[5], V
     for (int j = 0; j < 3; ++j) {
       T entry = lift[i] * slope[j] + k * num * (T(2) * v[i] * n[j] - T(2) * n[i] * v[j]) - v[i] * dmove[j];
       T turning = -(w[i] * dturn[j]);
-      if (i == j) entry = entry + k * num * (num - speed2 * b[i]) - move, turning = turning - turn;
-      d[3 + i][3 + j] = d[3 + i][3 + j] + entry, d[i][j] = d[i][j] + turning;
+      if (i == j) {
+        entry = entry + k * num * (num - speed2 * b[i]) - move;
+        turning = turning - turn;
+      }
+      d[3 + i][3 + j] = d[3 + i][3 + j] + entry;
+      d[i][j] = d[i][j] + turning;
     }
 }
 
@@ -117,7 +137,12 @@ KOKKOS_INLINE_FUNCTION void lanes_add_fluid_derivative(L const& l, int b, Transf
   auto const local = [&](int dof, T(&x)[6]) {  // motion of the frame that the dof gives, in its axes
     Spatial<T> const c = s.spatial(l.at.cdof + 6 * dof);
     Vec3<T> const w = rotate_inverse(frame.q, c.angular), v = rotate_inverse(frame.q, c.linear + cross(c.angular, arm));
-    x[0] = w.x, x[1] = w.y, x[2] = w.z, x[3] = v.x, x[4] = v.y, x[5] = v.z;
+    x[0] = w.x;
+    x[1] = w.y;
+    x[2] = w.z;
+    x[3] = v.x;
+    x[4] = v.y;
+    x[5] = v.z;
   };
   for (int p = 0; p < n; ++p) {
     int const row = l.index(a.row_col, adr + p), entries = l.index(a.row_adr, row);
@@ -125,13 +150,19 @@ KOKKOS_INLINE_FUNCTION void lanes_add_fluid_derivative(L const& l, int b, Transf
     local(row, ji);
     for (int j = 0; j < 6; ++j) {
       left[j] = right[j] = T(0);
-      for (int i = 0; i < 6; ++i) left[j] = fma(ji[i], f.derivative[i][j], left[j]), right[j] = fma(f.derivative[j][i], ji[i], right[j]);
+      for (int i = 0; i < 6; ++i) {
+        left[j] = fma(ji[i], f.derivative[i][j], left[j]);
+        right[j] = fma(f.derivative[j][i], ji[i], right[j]);
+      }
     }
     for (int q = 0; q <= p; ++q) {  // dof q of the chain is column q of the row
       T jj[6];
       local(l.index(a.row_col, adr + q), jj);
       T lower(0), upper(0);
-      for (int j = 0; j < 6; ++j) lower = fma(left[j], jj[j], lower), upper = fma(jj[j], right[j], upper);
+      for (int j = 0; j < 6; ++j) {
+        lower = fma(left[j], jj[j], lower);
+        upper = fma(jj[j], right[j], upper);
+      }
       s[l.at.derivative + entries + q] = s[l.at.derivative + entries + q] + lower;
       if (a.derivative == 2) s[l.at.derivative + a.nM + entries + q] = s[l.at.derivative + a.nM + entries + q] + upper;
     }

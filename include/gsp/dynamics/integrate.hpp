@@ -50,7 +50,11 @@ void integrate(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& stat
 /// The same with what a solver found (solver/solution.hpp) and the progress of the step (constraint/progress.hpp);
 /// solution.qfrc_constraint: out, J^T p / h [N, N m].
 template <ExecutionSpace Exec, class R, class Mem, class Solution, class Progress>
-requires requires(Solution const& s, Progress const& p) { s.z, s.qfrc_constraint, p.halt; }
+requires requires(Solution const& s, Progress const& p) {
+  s.z;
+  s.qfrc_constraint;
+  p.halt;
+}
 void integrate(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem>& dynamics, Progress const& progress,
                Solution& solution) {
   integrate(exec, model, state, dynamics, ConstraintOutcome<R, Mem>{solution.z, solution.qfrc_constraint, progress.halt});

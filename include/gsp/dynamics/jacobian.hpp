@@ -31,8 +31,10 @@ struct PointJacobian {
       int const dof = model.ints(a.row_col + e);
       Vec3<T> const w = get3(at.cdof + 6 * dof), v = get3(at.cdof + 6 * dof + 3) + cross(w, arm);
       for (int c = 0; c < 3; ++c)
-        for (int k = 0; k < l.count; ++k)
-          J(l.world(k), c, dof0 + dof) = get_lane(v[c], k), J(l.world(k), 3 + c, dof0 + dof) = get_lane(w[c], k);
+        for (int k = 0; k < l.count; ++k) {
+          J(l.world(k), c, dof0 + dof) = get_lane(v[c], k);
+          J(l.world(k), 3 + c, dof0 + dof) = get_lane(w[c], k);
+        }
     }
   }
 };

@@ -100,14 +100,30 @@ struct LaneItems {
   KOKKOS_INLINE_FUNCTION SpatialInertia<T> inertia(int i) const {
     return {(*this)[i], (*this)[i + 1], (*this)[i + 2], (*this)[i + 3], (*this)[i + 4], (*this)[i + 5], vec3(i + 6), (*this)[i + 9]};
   }
-  KOKKOS_INLINE_FUNCTION void put(int i, Vec3<T> const& v) const { (*this)[i] = v.x, (*this)[i + 1] = v.y, (*this)[i + 2] = v.z; }
-  KOKKOS_INLINE_FUNCTION void put(int i, Quat<T> const& q) const {
-    (*this)[i] = q.w, (*this)[i + 1] = q.x, (*this)[i + 2] = q.y, (*this)[i + 3] = q.z;
+  KOKKOS_INLINE_FUNCTION void put(int i, Vec3<T> const& v) const {
+    (*this)[i] = v.x;
+    (*this)[i + 1] = v.y;
+    (*this)[i + 2] = v.z;
   }
-  KOKKOS_INLINE_FUNCTION void put(int i, Spatial<T> const& s) const { put(i, s.angular), put(i + 3, s.linear); }
+  KOKKOS_INLINE_FUNCTION void put(int i, Quat<T> const& q) const {
+    (*this)[i] = q.w;
+    (*this)[i + 1] = q.x;
+    (*this)[i + 2] = q.y;
+    (*this)[i + 3] = q.z;
+  }
+  KOKKOS_INLINE_FUNCTION void put(int i, Spatial<T> const& s) const {
+    put(i, s.angular);
+    put(i + 3, s.linear);
+  }
   KOKKOS_INLINE_FUNCTION void put(int i, SpatialInertia<T> const& s) const {
-    (*this)[i] = s.xx, (*this)[i + 1] = s.yy, (*this)[i + 2] = s.zz, (*this)[i + 3] = s.xy, (*this)[i + 4] = s.xz, (*this)[i + 5] = s.yz;
-    put(i + 6, s.center), (*this)[i + 9] = s.mass;
+    (*this)[i] = s.xx;
+    (*this)[i + 1] = s.yy;
+    (*this)[i + 2] = s.zz;
+    (*this)[i + 3] = s.xy;
+    (*this)[i + 4] = s.xz;
+    (*this)[i + 5] = s.yz;
+    put(i + 6, s.center);
+    (*this)[i + 9] = s.mass;
   }
 };
 
@@ -125,17 +141,48 @@ struct DynamicsLayout {
   int size;
   KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) {
     int n = 0;
-    auto const take = [&n](int& at, int items) { at = n, n += items; };
-    take(com, 3 * a.nroot), take(cdof, 6 * a.nv), take(factor, a.nM), take(inverse_diagonal, a.nv), take(qvel, a.nv), take(velocity, a.nv),
-        take(spin, 3), take(act_dot, a.nstate), take(tendon_J, a.ntendonJ), take(tendon_length, a.ntendon), take(act_length, a.nact),
-        take(mass, a.nM), take(derivative, a.derivative * a.nM), take(force, a.nv);
-    take(passive, a.nv), take(actuator, a.nv), take(bias, a.nv), take(stiffness, a.nv), take(damping, a.nv), take(acceleration, a.nv),
-        take(impulse, a.nv), take(gravcomp, a.gravcomp ? a.nv : 0);
-    take(tendon_velocity, a.ntendon), take(act_velocity, a.nact), take(act_force, a.nact), take(act_slope, a.derivative ? a.nact : 0),
-        take(act_moment, a.nmoment), take(energy, 2);
-    take(xpos, 3 * a.nbody), take(xquat, 4 * a.nbody), take(xanchor, 3 * a.njnt), take(xaxis, 3 * a.njnt);
-    take(cinert, 10 * a.nbody), take(cvel, 6 * a.nbody), take(cacc, 6 * a.nbody), take(cfrc, 6 * a.nbody);
-    take(dvel, a.derivative == 2 ? 6 * a.nbody : 0), take(dacc, a.derivative == 2 ? 6 * a.nbody : 0);
+    auto const take = [&n](int& at, int items) {
+      at = n;
+      n += items;
+    };
+    take(com, 3 * a.nroot);
+    take(cdof, 6 * a.nv);
+    take(factor, a.nM);
+    take(inverse_diagonal, a.nv);
+    take(qvel, a.nv);
+    take(velocity, a.nv);
+    take(spin, 3);
+    take(act_dot, a.nstate);
+    take(tendon_J, a.ntendonJ);
+    take(tendon_length, a.ntendon);
+    take(act_length, a.nact);
+    take(mass, a.nM);
+    take(derivative, a.derivative * a.nM);
+    take(force, a.nv);
+    take(passive, a.nv);
+    take(actuator, a.nv);
+    take(bias, a.nv);
+    take(stiffness, a.nv);
+    take(damping, a.nv);
+    take(acceleration, a.nv);
+    take(impulse, a.nv);
+    take(gravcomp, a.gravcomp ? a.nv : 0);
+    take(tendon_velocity, a.ntendon);
+    take(act_velocity, a.nact);
+    take(act_force, a.nact);
+    take(act_slope, a.derivative ? a.nact : 0);
+    take(act_moment, a.nmoment);
+    take(energy, 2);
+    take(xpos, 3 * a.nbody);
+    take(xquat, 4 * a.nbody);
+    take(xanchor, 3 * a.njnt);
+    take(xaxis, 3 * a.njnt);
+    take(cinert, 10 * a.nbody);
+    take(cvel, 6 * a.nbody);
+    take(cacc, 6 * a.nbody);
+    take(cfrc, 6 * a.nbody);
+    take(dvel, a.derivative == 2 ? 6 * a.nbody : 0);
+    take(dacc, a.derivative == 2 ? 6 * a.nbody : 0);
     size = n;
   }
 };
@@ -198,7 +245,11 @@ Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, Dyn
     Archetype const& a = model.host_archetypes(k);
     int const blocks = int((std::int64_t(a.ninstance) * d.padded_worlds + W - 1) / W);
     first.push_back(int(archetype.size()));
-    for (int b = 0; b < blocks; ++b) archetype.push_back(k), offset.push_back(size), size += std::int64_t(DynamicsLayout(a).size) * W;
+    for (int b = 0; b < blocks; ++b) {
+      archetype.push_back(k);
+      offset.push_back(size);
+      size += std::int64_t(DynamicsLayout(a).size) * W;
+    }
   }
   d.blocks = int(archetype.size());
   if constexpr (!is_device<Exec>) {
@@ -373,17 +424,24 @@ struct Lane {
       world[i] = own ? lane % padded_worlds : worlds - 1;
       if (first_lane + i < lanes && own) count = i + 1;
       uniform &= instance[i] == instance[0];
-      body0[i] = ints[a.instance_body + instance[i]], jnt0[i] = ints[a.instance_jnt + instance[i]];
-      dof0[i] = ints[a.instance_dof + instance[i]], qpos0[i] = ints[a.instance_qpos + instance[i]];
+      body0[i] = ints[a.instance_body + instance[i]];
+      jnt0[i] = ints[a.instance_jnt + instance[i]];
+      dof0[i] = ints[a.instance_dof + instance[i]];
+      qpos0[i] = ints[a.instance_qpos + instance[i]];
     }
   }
   /// The same lane for one worker.
   template <int N>
   KOKKOS_FORCEINLINE_FUNCTION explicit Lane(Lane<T, Mem, N> const& l)
       : model(l.model), a(l.a), ints(l.ints), items(l.items), at(l.at), uniform(l.uniform), count(l.count) {
-    for (int i = 0; i < W; ++i)
-      world[i] = l.world[i], body0[i] = l.body0[i], jnt0[i] = l.jnt0[i], dof0[i] = l.dof0[i], qpos0[i] = l.qpos0[i],
+    for (int i = 0; i < W; ++i) {
+      world[i] = l.world[i];
+      body0[i] = l.body0[i];
+      jnt0[i] = l.jnt0[i];
+      dof0[i] = l.dof0[i];
+      qpos0[i] = l.qpos0[i];
       instance[i] = l.instance[i];
+    }
   }
   KOKKOS_FORCEINLINE_FUNCTION int index(int array, int i) const { return ints[array + i]; }
 

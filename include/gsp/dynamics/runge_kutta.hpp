@@ -57,7 +57,10 @@ KOKKOS_INLINE_FUNCTION void lanes_for_joint_parts(L const& l, F const& f) {
     int const q = l.index(l.a.jnt_qposadr, j), i = l.index(l.a.jnt_dofadr, j);
     auto const type = JointType(l.index(l.a.jnt_type, j));
     if (type == JointType::hinge || type == JointType::slide) f(q, i, 1, false);
-    if (type == JointType::free) f(q, i, 3, false), f(q + 3, i + 3, 3, true);
+    if (type == JointType::free) {
+      f(q, i, 3, false);
+      f(q + 3, i + 3, 3, true);
+    }
     if (type == JointType::ball) f(q, i, 3, true);
   }
 }
@@ -95,8 +98,13 @@ struct RungeKuttaStage {
       T const change = s[l.at.velocity + i] - s[l.at.qvel + i];  // h times the acceleration
       T const start = l.load(rk.qvel, l.dof0, i);
       T velocity = weight * s[u + i], sum = weight * change;
-      if (stage > 0) velocity = velocity + l.load(rk.velocity, l.dof0, i), sum = sum + l.load(rk.change, l.dof0, i);
-      l.store(rk.rate, l.dof0, i, s[u + i]), l.store(rk.velocity, l.dof0, i, velocity), l.store(rk.change, l.dof0, i, sum);
+      if (stage > 0) {
+        velocity = velocity + l.load(rk.velocity, l.dof0, i);
+        sum = sum + l.load(rk.change, l.dof0, i);
+      }
+      l.store(rk.rate, l.dof0, i, s[u + i]);
+      l.store(rk.velocity, l.dof0, i, velocity);
+      l.store(rk.change, l.dof0, i, sum);
       s[x + i] = h * (last ? velocity : reach * s[u + i]);
       s[l.at.velocity + i] = start + (last ? sum : reach * change);
     }
@@ -109,8 +117,10 @@ struct RungeKuttaStage {
         return;
       }
       Quat<T> const next = normalized(normalized(Quat<T>{from(0), from(1), from(2), from(3)}) * exp_rotation(s.vec3(x + i)));
-      write(state.qpos, l.qpos0, q, next.w), write(state.qpos, l.qpos0, q + 1, next.x), write(state.qpos, l.qpos0, q + 2, next.y),
-          write(state.qpos, l.qpos0, q + 3, next.z);
+      write(state.qpos, l.qpos0, q, next.w);
+      write(state.qpos, l.qpos0, q + 1, next.x);
+      write(state.qpos, l.qpos0, q + 2, next.y);
+      write(state.qpos, l.qpos0, q + 3, next.z);
     });
     for (int k = 0; k < a.nact && a.nstate > 0; ++k) {
       int const own = l.index(a.act_state, k);

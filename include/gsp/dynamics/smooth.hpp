@@ -15,7 +15,8 @@ namespace detail {
 /// Poses, inertias, M, and all forces.
 template <class L, class State, class Poses, class Laws>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, Poses const& poses, bool joint_poses, Laws const& laws) {
-  lanes_kinematics(l, state), lanes_store_poses(l, poses, joint_poses);
+  lanes_kinematics(l, state);
+  lanes_store_poses(l, poses, joint_poses);
   lanes_load_velocity(l, state.qvel);
   lanes_inertia(l);
   lanes_tendons(l, state);
@@ -57,9 +58,11 @@ struct SmoothStepStage {
     typename State::template View<typename State::real_type**> const none;
     lanes_forces(l, state, poses, false, laws);
     if (lanes_factors_again(l)) {  // what M itself gives is not asked for
-      lanes_total_force(l, state.qfrc_applied), lanes_new_velocity(l, none, none);
+      lanes_total_force(l, state.qfrc_applied);
+      lanes_new_velocity(l, none, none);
     } else {
-      lanes_factor_profile(l), lanes_free_velocity(l, state.qfrc_applied);
+      lanes_factor_profile(l);
+      lanes_free_velocity(l, state.qfrc_applied);
     }
     lanes_end_step(l, state);
   }

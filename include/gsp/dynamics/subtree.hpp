@@ -44,14 +44,16 @@ struct SubtreeCom {
   KOKKOS_FUNCTION void operator()(WorldLane<T> const& l, int) const {
     for (int b = 0; b < model.nbody; ++b) {
       T const mass = l.constant(model.body_mass, b);
-      l.store(s.mass, b, mass), l.store3(s.com, b, mass * center(l, b));
+      l.store(s.mass, b, mass);
+      l.store3(s.com, b, mass * center(l, b));
     }
     for (int b = model.nbody - 1; b >= 0; --b) {
       T const mass = l.load(s.mass, b);
       Vec3<T> const sum = l.load3(s.com, b);
       if (b > 0) {
         int const parent = model.body_parent(b);
-        l.store(s.mass, parent, l.load(s.mass, parent) + mass), l.store3(s.com, parent, l.load3(s.com, parent) + sum);
+        l.store(s.mass, parent, l.load(s.mass, parent) + mass);
+        l.store3(s.com, parent, l.load3(s.com, parent) + sum);
       }
       l.store3(s.com, b, select(mass < T(1e-15), center(l, b), (T(1) / max(mass, T(1e-15))) * sum));
     }
@@ -77,15 +79,20 @@ struct SubtreeMomentum {
         DynamicsLayout const at(a);
         auto const item = [&](int i) { return l.item(model, dynamics, t, i); };
         int const parent = model.body_parent(b), local = b - model.tree_body(t);
-        if (model.body_tree(parent) == t) w = l.load3(s.angmom, parent), v = l.load3(s.linvel, parent);
+        if (model.body_tree(parent) == t) {
+          w = l.load3(s.angmom, parent);
+          v = l.load3(s.linvel, parent);
+        }
         int const d0 = ints(a.body_dofadr + local);
         for (int i = d0, end = d0 + ints(a.body_dofnum + local); i < end; ++i) {
           T const qdot = item(at.qvel + i);
           int const c = at.cdof + 6 * i;
-          w = fma(qdot, Vec3<T>{item(c), item(c + 1), item(c + 2)}, w), v = fma(qdot, Vec3<T>{item(c + 3), item(c + 4), item(c + 5)}, v);
+          w = fma(qdot, Vec3<T>{item(c), item(c + 1), item(c + 2)}, w);
+          v = fma(qdot, Vec3<T>{item(c + 3), item(c + 4), item(c + 5)}, v);
         }
       }
-      l.store3(s.angmom, b, w), l.store3(s.linvel, b, v);
+      l.store3(s.angmom, b, w);
+      l.store3(s.linvel, b, v);
     }
     for (int b = 0; b < model.nbody; ++b) {
       int const t = model.body_tree(b);

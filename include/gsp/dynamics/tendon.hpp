@@ -93,7 +93,10 @@ KOKKOS_INLINE_FUNCTION void lanes_spatial_tendon(L const& l, State const& state,
     Vec3<T> const straight = normalized(x1 - x0);
     if (!geom) {
       length = fma(share, norm(x1 - x0), length);
-      if (l.index(a.path_ref, j) != l.index(a.path_ref, other)) pull(j, x0, -(share * straight)), pull(other, x1, share * straight);
+      if (l.index(a.path_ref, j) != l.index(a.path_ref, other)) {
+        pull(j, x0, -(share * straight));
+        pull(other, x1, share * straight);
+      }
     } else {
       int item[L::W];
       l.listed_items(a.instance_path, a.npath, j + 1, item);
@@ -109,9 +112,11 @@ KOKKOS_INLINE_FUNCTION void lanes_spatial_tendon(L const& l, State const& state,
       Vec3<T> const t0 = frame * way.t0, t1 = frame * way.t1;
       Vec3<T> const u0 = select(way.wrapped, normalized(t0 - x0), straight), u1 = select(way.wrapped, normalized(x1 - t1), straight);
       length = fma(share, select(way.wrapped, norm(t0 - x0) + way.length + norm(x1 - t1), norm(x1 - x0)), length);
-      pull(j, x0, -(share * u0)), pull(other, x1, share * u1);
+      pull(j, x0, -(share * u0));
+      pull(other, x1, share * u1);
       T const on = select(way.wrapped, share, T(0));
-      pull(j + 1, t0, on * u0), pull(j + 1, t1, -(on * u1));
+      pull(j + 1, t0, on * u0);
+      pull(j + 1, t1, -(on * u1));
     }
     j = other;
   }

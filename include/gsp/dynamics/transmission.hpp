@@ -58,7 +58,8 @@ KOKKOS_INLINE_FUNCTION void lanes_transmission(L const& l, State const& state, i
   if (kind == ActuatorKind::scalar_joint) return lanes_joint_transmission(l, state, k);
   if (kind == ActuatorKind::tendon) {
     T const g = gear(0);
-    s[l.at.act_length + k] = g * s[l.at.tendon_length + id], s[l.at.act_velocity + k] = g * s[l.at.tendon_velocity + id];
+    s[l.at.act_length + k] = g * s[l.at.tendon_length + id];
+    s[l.at.act_velocity + k] = g * s[l.at.tendon_velocity + id];
     return;
   }
   int const M = l.at.act_moment + l.index(a.act_madr, k), n = l.index(a.act_madr, k + 1) - l.index(a.act_madr, k);
@@ -73,10 +74,13 @@ KOKKOS_INLINE_FUNCTION void lanes_transmission(L const& l, State const& state, i
                                             l.load(state.qpos, l.qpos0, q + 2), l.load(state.qpos, l.qpos0, q + 3)});
     Vec3<T> axis = ball ? linear : angular;
     if (kind == ActuatorKind::ball_in_parent || kind == ActuatorKind::free_in_parent) axis = rotate_inverse(turn, axis);
-    if (ball)
-      length = dot(log_rotation(turn), axis), s.put(M, axis);
-    else
-      s.put(M, linear), s.put(M + 3, axis);  // a free body has no length
+    if (ball) {
+      length = dot(log_rotation(turn), axis);
+      s.put(M, axis);
+    } else {
+      s.put(M, linear);
+      s.put(M + 3, axis);  // a free body has no length
+    }
   } else if (kind != ActuatorKind::contacts) {
     int const ref1 = l.index(a.act_ref1, k), ref2 = l.index(a.act_ref2, k);
     auto const first = lanes_site_pose(l, state, ref1, a.instance_object1, a.nact, k);
@@ -95,18 +99,21 @@ KOKKOS_INLINE_FUNCTION void lanes_transmission(L const& l, State const& state, i
       if (kind == ActuatorKind::site_in_reference) {
         length = dot(rotate_inverse(second.q, first.p - second.p), linear) + dot(log_rotation(conjugate(second.q) * first.q), angular);
         Vec3<T> const force = rotate(second.q, linear), torque = rotate(second.q, angular);
-        add1(force, torque), add2(-force, -torque);
+        add1(force, torque);
+        add2(-force, -torque);
       } else {  // the first site is the crank's pin, the second the slider, along its z axis
         Vec3<T> const line = rotate(second.q, Vec3<T>{T(0), T(0), T(1)}), zero{T(0), T(0), T(0)};
         SliderCrank<T> const crank(first.p - second.p, line, l.listed(l.model.act_cranklength, a.instance_act, a.nact, k));
         length = linear.x * crank.length;
-        add1(linear.x * crank.by_v, zero), add2(-(linear.x * crank.by_v), linear.x * cross(line, crank.by_a));
+        add1(linear.x * crank.by_v, zero);
+        add2(-(linear.x * crank.by_v), linear.x * cross(line, crank.by_a));
       }
     }
   }
   T velocity(0);
   for (int e = 0; e < n; ++e) velocity = fma(s[M + e], s[l.at.qvel + l.index(a.act_mdof, l.index(a.act_madr, k) + e)], velocity);
-  s[l.at.act_length + k] = length, s[l.at.act_velocity + k] = velocity;
+  s[l.at.act_length + k] = length;
+  s[l.at.act_velocity + k] = velocity;
 }
 }  // namespace detail
 

@@ -52,7 +52,10 @@ struct WorldLane {
   }
   template <class View>
   KOKKOS_INLINE_FUNCTION void store4(View const& v, int i, Quat<T> const& q) const {
-    store(v, i, q.w, 4, 0), store(v, i, q.x, 4, 1), store(v, i, q.y, 4, 2), store(v, i, q.z, 4, 3);
+    store(v, i, q.w, 4, 0);
+    store(v, i, q.x, 4, 1);
+    store(v, i, q.y, 4, 2);
+    store(v, i, q.z, 4, 3);
   }
   KOKKOS_INLINE_FUNCTION T constant(Field<R> const& f, int i, int components = 1, int component = 0) const {
     int const at = i * components + component;

@@ -33,10 +33,17 @@ class ApngWriter {
       for (int y = 0; y < frame.height; ++y)
         for (int x = 0; x < frame.width; ++x) {
           std::size_t const at = (static_cast<std::size_t>(y) * frame.width + x) * c;
-          if (!std::equal(&frame.pixels[at], &frame.pixels[at] + c, &last_.pixels[at]))
-            x0 = std::min(x0, x), x1 = std::max(x1, x + 1), y0 = std::min(y0, y), y1 = y + 1;
+          if (!std::equal(&frame.pixels[at], &frame.pixels[at] + c, &last_.pixels[at])) {
+            x0 = std::min(x0, x);
+            x1 = std::max(x1, x + 1);
+            y0 = std::min(y0, y);
+            y1 = y + 1;
+          }
         }
-      if (x1 == 0) x0 = y0 = 0, x1 = y1 = 1;  // nothing changed: a frame needs a pixel
+      if (x1 == 0) {  // nothing changed: a frame needs a pixel
+        x0 = y0 = 0;
+        x1 = y1 = 1;
+      }
     }
     auto rectangle = make_bitmap<std::uint8_t>(x1 - x0, y1 - y0, frame.channels);
     std::size_t const row = static_cast<std::size_t>(x1 - x0) * frame.channels;
@@ -47,7 +54,8 @@ class ApngWriter {
 
     std::vector<std::byte> control;
     for (int v : {sequence_++, x1 - x0, y1 - y0, x0, y0}) detail::put_be(control, static_cast<std::uint32_t>(v));
-    detail::put_be(control, 1, 2), detail::put_be(control, static_cast<std::uint32_t>(options_.frames_per_second), 2);
+    detail::put_be(control, 1, 2);
+    detail::put_be(control, static_cast<std::uint32_t>(options_.frames_per_second), 2);
     detail::put_be(control, 0, 2);  // leave the frame when it is over; write over what was there
     detail::put_chunk(body_, "fcTL", control);
     if (count_ == 0) {
@@ -67,7 +75,8 @@ class ApngWriter {
     std::vector<std::byte> out, control;
     for (char c : detail::png_signature) out.push_back(static_cast<std::byte>(c));
     detail::put_chunk(out, "IHDR", detail::png_header(last_.width, last_.height, last_.channels, 8));
-    detail::put_be(control, static_cast<std::uint32_t>(count_)), detail::put_be(control, static_cast<std::uint32_t>(options_.loops));
+    detail::put_be(control, static_cast<std::uint32_t>(count_));
+    detail::put_be(control, static_cast<std::uint32_t>(options_.loops));
     detail::put_chunk(out, "acTL", control);
     out.insert(out.end(), body_.begin(), body_.end());
     detail::put_chunk(out, "IEND", {});

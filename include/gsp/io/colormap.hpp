@@ -43,7 +43,10 @@ inline Bitmap8 depth_to_color(float const* depth, int width, int height, DepthCo
     low = INFINITY;
     high = 0;
     for (std::size_t i = 0; i < n; ++i)
-      if (there(i)) low = std::min(low, depth[i]), high = std::max(high, depth[i]);
+      if (there(i)) {
+        low = std::min(low, depth[i]);
+        high = std::max(high, depth[i]);
+      }
   }
   for (std::size_t i = 0; i < n; ++i) {
     if (!there(i)) continue;

@@ -122,8 +122,11 @@ inline void write_npz(std::filesystem::path const& path, std::vector<NpzEntry> c
   };
   auto fields = [&](std::string const& label, Sizes const& s) {  // what a local and a directory record have in common
     std::string out;
-    put(out, 20, 2), put(out, 0, 2), put(out, options.level ? 8 : 0, 2);
-    put(out, 0, 2), put(out, 0x21, 2);  // 1980-01-01, the first day of zip
+    put(out, 20, 2);
+    put(out, 0, 2);
+    put(out, options.level ? 8 : 0, 2);
+    put(out, 0, 2);
+    put(out, 0x21, 2);  // 1980-01-01, the first day of zip
     put(out, s.crc, 4);
     put(out, s.packed, 4);
     put(out, s.unpacked, 4);
@@ -169,8 +172,12 @@ inline void write_npz(std::filesystem::path const& path, std::vector<NpzEntry> c
   }
   if (at + directory.size() > limit) fail(name, "", "would pass 4 GiB, the limit of zip files without zip64; write fewer arrays to a file");
   std::string tail = "PK\5\6";
-  put(tail, 0, 4), put(tail, entries.size(), 2), put(tail, entries.size(), 2), put(tail, directory.size(), 4), put(tail, at, 4),
-      put(tail, 0, 2);
+  put(tail, 0, 4);
+  put(tail, entries.size(), 2);
+  put(tail, entries.size(), 2);
+  put(tail, directory.size(), 4);
+  put(tail, at, 4);
+  put(tail, 0, 2);
   file.write(directory + tail);
   file.commit();
 }

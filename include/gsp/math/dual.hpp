@@ -182,7 +182,8 @@ template <class T, int N>
 GSP_FUNCTION void sincos(Dual<T, N> const& a, Dual<T, N>& s, Dual<T, N>& c) {
   T vs, vc;
   sincos(a.value, vs, vc);
-  s = detail::chain(a, vs, vc), c = detail::chain(a, vc, -vs);
+  s = detail::chain(a, vs, vc);
+  c = detail::chain(a, vc, -vs);
 }
 template <class T, int N>
 GSP_FUNCTION Dual<T, N> atan2(Dual<T, N> const& y, Dual<T, N> const& x) {

@@ -275,7 +275,8 @@ GSP_FUNCTION void sincos(Pack<R, W> x, Pack<R, W>& s, Pack<R, W>& c) {
     for (int i = 0; i < W; ++i) {
       R si, ci;
       gsp::sincos(x[i], si, ci);
-      s.set(i, si), c.set(i, ci);
+      s.set(i, si);
+      c.set(i, ci);
     }
     return;
   }

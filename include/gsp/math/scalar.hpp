@@ -74,7 +74,8 @@ GSP_FUNCTION void sincos(T x, T& s, T& c) {
   else
     ::sincos(x, &s, &c);
 #else
-  s = std::sin(x), c = std::cos(x);
+  s = std::sin(x);
+  c = std::cos(x);
 #endif
 }
 

@@ -184,7 +184,9 @@ void fill_options(Model<R, Mem>& d, FieldSource const& source, ModelOptions cons
   expects(options.timestep >= 0, "gsp::make_model: timestep must be positive, or 0 for the model's own");
   d.profile = options.profile;
   d.timestep = R(options.timestep > 0 ? options.timestep : m.option.timestep);
-  d.eulerdamp = m.option.eulerdamp, d.springs = m.option.passive_spring, d.dampers = m.option.passive_damper,
+  d.eulerdamp = m.option.eulerdamp;
+  d.springs = m.option.passive_spring;
+  d.dampers = m.option.passive_damper;
   d.actuation = m.option.actuation;
   d.clampctrl = m.option.clampctrl;
   d.constraints = m.option.constraint;
@@ -295,8 +297,11 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
       append(object1, s.act_object1);
       append(object2, s.act_object2);
       append(fluid, s.fluid_geom);
-      lists.tree_archetype[s.tree] = k, lists.tree_instance[s.tree] = i, lists.tree_body[s.tree] = s.bodyadr,
-      lists.tree_dof[s.tree] = s.dofadr, lists.tree_dofnum[s.tree] = a.nv;
+      lists.tree_archetype[s.tree] = k;
+      lists.tree_instance[s.tree] = i;
+      lists.tree_body[s.tree] = s.bodyadr;
+      lists.tree_dof[s.tree] = s.dofadr;
+      lists.tree_dofnum[s.tree] = a.nv;
       for (int b = 0; b < a.nbody; ++b)
         if (t.body_parent[b] != parent_of::none) {
           lists.body_tree[s.bodyadr + b] = s.tree;
@@ -317,7 +322,10 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
     bool const free_body = std::find(t.body_lone.begin(), t.body_lone.end(), 1) != t.body_lone.end();
     if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicit) a.derivative = 2;
     if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicitfast) a.derivative = free_body ? 2 : 1;
-    a.instance_tree = pool.add(tree), a.instance_body = pool.add(body), a.instance_jnt = pool.add(jnt), a.instance_dof = pool.add(dof),
+    a.instance_tree = pool.add(tree);
+    a.instance_body = pool.add(body);
+    a.instance_jnt = pool.add(jnt);
+    a.instance_dof = pool.add(dof);
     a.instance_qpos = pool.add(qpos);
     a.instance_tendon = pool.add(tendon);
     a.instance_term = pool.add(term);

@@ -145,7 +145,8 @@ State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOpti
   auto const view = [&](std::string const& label, int items) {
     return detail::allocate<typename S::template View<R**>>(label, options.worlds, items);
   };
-  s.qpos = view("gsp::State::qpos", model.nq), s.qpos_low = view("gsp::State::qpos_low", model.nq),
+  s.qpos = view("gsp::State::qpos", model.nq);
+  s.qpos_low = view("gsp::State::qpos_low", model.nq);
   s.qvel = view("gsp::State::qvel", model.nv);
   s.act = view("gsp::State::act", model.na);
   s.mocap_pos = detail::allocate<typename S::template View<R***>>("gsp::State::mocap_pos", options.worlds, model.nmocap, 3);

@@ -78,8 +78,11 @@ inline void check_gaussian_set(GaussianSet const& s, std::size_t which) {
       expects(std::isfinite(v[i]),
               name + ": Gaussian " + std::to_string(i * n / v.size()) + " has a " + what + " that is not finite; remove it");
   };
-  finite(s.positions, "position"), finite(s.quats, "rotation"), finite(s.scales, "scale"), finite(s.opacities, "opacity"),
-      finite(s.sh, "colour");
+  finite(s.positions, "position");
+  finite(s.quats, "rotation");
+  finite(s.scales, "scale");
+  finite(s.opacities, "opacity");
+  finite(s.sh, "colour");
   for (std::size_t i = 0; i < n; ++i)
     expects(s.body[i] >= 0,
             name + ": Gaussian " + std::to_string(i) + " has body " + std::to_string(s.body[i]) + "; 0 is the world, links follow");
@@ -157,7 +160,10 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
     double const norm = std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3]);
     expects(norm > 0, "gsp::make_gaussians: set " + std::to_string(k.set) + ": the rotation of Gaussian " + std::to_string(j) +
                           " has length 0; set it to 1 0 0 0");
-    for (int c = 0; c < 3; ++c) positions(c, i) = s.positions[3 * j + c], scales(c, i) = s.scales[3 * j + c];
+    for (int c = 0; c < 3; ++c) {
+      positions(c, i) = s.positions[3 * j + c];
+      scales(c, i) = s.scales[3 * j + c];
+    }
     for (int c = 0; c < 4; ++c) quats(c, i) = static_cast<float>(q[c] / norm);
     power(i) = static_cast<float>(std::log2(double(s.opacities[j])));
     for (int t = 0; t < 3 * terms; ++t) sh(t, i) = t < int(3 * old) ? s.sh[3 * old * j + t] : 0.f;
@@ -167,7 +173,10 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
     clusters.back().end = i + 1;
   }
   for (int i = n; i < n + G::padding; ++i) {
-    for (int c = 0; c < 3; ++c) positions(c, i) = 0, scales(c, i) = 0;
+    for (int c = 0; c < 3; ++c) {
+      positions(c, i) = 0;
+      scales(c, i) = 0;
+    }
     for (int c = 0; c < 4; ++c) quats(c, i) = c == 0;
     for (int t = 0; t < 3 * terms; ++t) sh(t, i) = 0;
     power(i) = -infinity;

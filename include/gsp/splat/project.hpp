@@ -72,7 +72,8 @@ struct Projector {
     Wide const x = px * link.m[0] + (py * link.m[1] + (pz * link.m[2] + link.m[3]));
     Wide const y = px * link.m[4] + (py * link.m[5] + (pz * link.m[6] + link.m[7]));
     Wide const inverse = Wide(1.) / z, xz = x * inverse, yz = y * inverse;
-    s.u = narrow(xz * view.fx + view.cx), s.v = narrow(yz * view.fy + view.cy);
+    s.u = narrow(xz * view.fx + view.cx);
+    s.v = narrow(yz * view.fy + view.cy);
 
     T const sx = clamp(narrow(xz), T(view.x_low), T(view.x_high)), sy = clamp(narrow(yz), T(view.y_low), T(view.y_high));
     T const fx = narrow(inverse * view.fx), fy = narrow(inverse * view.fy);
@@ -94,7 +95,8 @@ struct Projector {
     s.l21 = -xy * root / root_yy;
     s.l22 = sqrt(half_log2e) / root_yy;
     T const extent = sqrt(max(reach, T(0.f)) / half_log2e);
-    s.xe = extent * sqrt(xx), s.ye = extent * root_yy;
+    s.xe = extent * sqrt(xx);
+    s.ye = extent * root_yy;
     T const pad = fma(T(2e-6f), abs(s.u) + abs(s.v) + s.xe + s.ye, T(2e-3f)), w(static_cast<float>(width) - 0.5f),
             h(static_cast<float>(height) - 0.5f);
     return seen && det > T(0.f) && s.u + s.xe + pad >= T(0.5f) && s.u - s.xe - pad <= w && s.v + s.ye + pad >= T(0.5f) &&
@@ -107,7 +109,9 @@ struct Projector {
     Vec3<T> const d{L::load(cloud.positions, 0, i) - T(link.eye[0]), L::load(cloud.positions, 1, i) - T(link.eye[1]),
                     L::load(cloud.positions, 2, i) - T(link.eye[2])};
     Vec3<T> const c = sh_colour(cloud.sh, cloud.sh_degree, i, normalized(d));
-    s.r = c.x, s.g = c.y, s.b = c.z;
+    s.r = c.x;
+    s.g = c.y;
+    s.b = c.z;
   }
 
   /// Puts a splat into the pool, with its key (image, depth, source) and the number of tiles that it touches (0: none after all).
@@ -157,7 +161,10 @@ struct ProjectClusters {
     }
     int found = 0;
     std::int64_t offset = 0, end = 0;
-    if constexpr (fill) offset = wave.cluster_offset(index), end = wave.cluster_offset(index + 1);
+    if constexpr (fill) {
+      offset = wave.cluster_offset(index);
+      end = wave.cluster_offset(index + 1);
+    }
     for (int base = cluster.begin; base < cluster.end; base += team.team_size()) {
       int const i = base + team.team_rank();
       SplatOf<float> s;
@@ -207,7 +214,10 @@ struct ProjectPacks {
     }
     int found = 0;
     std::int64_t offset = 0, end = 0;
-    if constexpr (fill) offset = wave.cluster_offset(index), end = wave.cluster_offset(index + 1);
+    if constexpr (fill) {
+      offset = wave.cluster_offset(index);
+      end = wave.cluster_offset(index + 1);
+    }
     for (int base = cluster.begin; base < cluster.end; base += W) {
       SplatOf<T> s;
       auto const seen = p.geometry(base, link, view, s);

@@ -203,8 +203,12 @@ inline void add_shell(PaintedScene& s, int seed) {  // floor, walls, ceiling, wi
   auto const bar = [&](double x, double z, double hx, double hz, double depth = 0.03) {
     s.box({c.x + x, c.y + 0.06, c.z + z}, {hx, depth, hz}, 0, 0.022, plain(white, 0.05), F::all, false);
   };
-  bar(0, wz - 0.03, wx, 0.03), bar(0, -wz + 0.03, wx, 0.03), bar(wx - 0.03, 0, 0.03, wz), bar(-wx + 0.03, 0, 0.03, wz), bar(0, 0, 0.03, wz),
-      bar(0, 0.28, wx, 0.025, 0.02);
+  bar(0, wz - 0.03, wx, 0.03);
+  bar(0, -wz + 0.03, wx, 0.03);
+  bar(wx - 0.03, 0, 0.03, wz);
+  bar(-wx + 0.03, 0, 0.03, wz);
+  bar(0, 0, 0.03, wz);
+  bar(0, 0.28, wx, 0.025, 0.02);
   s.box({c.x, 2.46, 0.735}, {wx + 0.08, 0.10, 0.018}, 0, 0.025, plain(white, 0.08));  // sill
   for (double e : {-1., 1.}) {
     s.rectangle({c.x + e * wx, 2.58, c.z}, -e * Y, Z, 0.08, wz, {0.03, 0.03, 0.1, false, 0.99}, plain(white));

@@ -13,18 +13,24 @@ struct Bracket {
   KOKKOS_INLINE_FUNCTION explicit Bracket(Slope const& s) : slope(s), lo(-1), hi(1), g_lo(s(T(-1))), g_hi(s(T(1))) {
     if (g_lo >= T(0))
       done = true;
-    else if (g_hi <= T(0))
-      lo = hi, done = true;
+    else if (g_hi <= T(0)) {
+      lo = hi;
+      done = true;
+    }
   }
   KOKKOS_INLINE_FUNCTION void split(T t) {
     if (done || !(t > lo && t < hi)) return;
     T const g = slope(t);
-    if (g < T(0))
-      lo = t, g_lo = g;
-    else if (g > T(0))
-      hi = t, g_hi = g;
-    else
-      lo = t, done = true;
+    if (g < T(0)) {
+      lo = t;
+      g_lo = g;
+    } else if (g > T(0)) {
+      hi = t;
+      g_hi = g;
+    } else {
+      lo = t;
+      done = true;
+    }
   }
   /// The zero, by false position with halving of the end that stays (Illinois); one step where g is linear between the ends.
   KOKKOS_INLINE_FUNCTION T zero(int steps) {
@@ -34,15 +40,18 @@ struct Bracket {
       if (!(t > lo && t < hi)) return t <= lo ? lo : hi;
       T const g = slope(t);
       if (g < T(0)) {
-        lo = t, g_lo = g;
+        lo = t;
+        g_lo = g;
         if (side < 0) g_hi = T(0.5) * g_hi;
         side = -1;
       } else if (g > T(0)) {
-        hi = t, g_hi = g;
+        hi = t;
+        g_hi = g;
         if (side > 0) g_lo = T(0.5) * g_lo;
         side = 1;
       } else {
-        lo = t, done = true;
+        lo = t;
+        done = true;
       }
     }
     return done ? lo : -g_lo < g_hi ? lo : hi;

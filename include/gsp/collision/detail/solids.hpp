@@ -64,7 +64,8 @@ KOKKOS_INLINE_FUNCTION void clip_slab(T c, T u, T s, T& t0, T& t1) {
     return;
   }
   T const a = (-s - c) / u, b = (s - c) / u;
-  t0 = max(t0, min(a, b)), t1 = min(t1, max(a, b));
+  t0 = max(t0, min(a, b));
+  t1 = min(t1, max(a, b));
 }
 
 /// Narrows [t0, t1] to where the point (cx, cy) + t (ux, uy) is within the circle of radius R about the origin.
@@ -81,7 +82,8 @@ KOKKOS_INLINE_FUNCTION void clip_circle(T cx, T cy, T ux, T uy, T R, T& t0, T& t
     return;
   }
   T const root = sqrt(disc);
-  t0 = max(t0, (-b - root) / a), t1 = min(t1, (-b + root) / a);
+  t0 = max(t0, (-b - root) / a);
+  t1 = min(t1, (-b + root) / a);
 }
 
 }  // namespace gsp::detail

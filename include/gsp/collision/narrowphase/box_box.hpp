@@ -23,7 +23,13 @@ KOKKOS_INLINE_FUNCTION void clip_polygon(ClipPolygon<T>& p, int axis, T sign, T 
   for (int i = 0; i < p.count; ++i) inside = inside && !(over(i) > T(0));
   if (inside) return;
   auto const push = [&](T x, T y, T z, int edge) {
-    if (r.count < 8) r.x[r.count] = x, r.y[r.count] = y, r.z[r.count] = z, r.edge[r.count] = (unsigned char)(edge), ++r.count;
+    if (r.count < 8) {
+      r.x[r.count] = x;
+      r.y[r.count] = y;
+      r.z[r.count] = z;
+      r.edge[r.count] = (unsigned char)(edge);
+      ++r.count;
+    }
   };
   for (int i = 0; i < p.count; ++i) {
     int const j = i + 1 == p.count ? 0 : i + 1;
@@ -62,12 +68,18 @@ KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T marg
   for (int i = 0; i < 3; ++i) {
     T const gap = abs(ab[i]) - A[i] - (abs(C(i, 0)) * B.x + abs(C(i, 1)) * B.y + abs(C(i, 2)) * B.z);
     if (gap > apart) return;
-    if (gap > best) best = gap, code = i;
+    if (gap > best) {
+      best = gap;
+      code = i;
+    }
   }
   for (int j = 0; j < 3; ++j) {
     T const gap = abs(ba[j]) - B[j] - (abs(C(0, j)) * A.x + abs(C(1, j)) * A.y + abs(C(2, j)) * A.z);
     if (gap > apart) return;
-    if (gap > best) best = gap, code = 3 + j;
+    if (gap > best) {
+      best = gap;
+      code = 3 + j;
+    }
   }
   T const face_gap = best;
   int const face_code = code;
@@ -79,19 +91,24 @@ KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T marg
       T const length2 = x * x + y * y;
       if (length2 < T(0.5) * epsilon) continue;  // parallel edges: the faces cover them
       T const inverse = T(1) / sqrt(length2);
-      x = x * inverse, y = y * inverse;
+      x = x * inverse;
+      y = y * inverse;
       T const radius =
           A[i1] * abs(x) + A[i2] * abs(y) + B[j1] * abs(x * C(i1, j1) + y * C(i2, j1)) + B[j2] * abs(x * C(i1, j2) + y * C(i2, j2));
       T const gap = abs(x * ab[i1] + y * ab[i2]) - radius;
       if (gap > apart) return;
-      if (gap - T(1e-6) * abs(gap) > best && gap > face_gap) best = gap, code = 6 + 3 * i + j;
+      if (gap - T(1e-6) * abs(gap) > best && gap > face_gap) {
+        best = gap;
+        code = 6 + 3 * i + j;
+      }
     }
   }
 
   if (code >= 6) {
     int const i = (code - 6) / 3, j = (code - 6) % 3, i1 = (i + 1) % 3, i2 = (i + 2) % 3;
     Vec3<T> n{T(0), T(0), T(0)};
-    n[i1] = -C(i2, j), n[i2] = C(i1, j);
+    n[i1] = -C(i2, j);
+    n[i2] = C(i1, j);
     n = normalized(n);
     if (dot(n, ab) < T(0)) n = -n;
     Vec3<T> const m = transpose_times(C, n);  // in b's frame
@@ -112,8 +129,10 @@ KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T marg
         int const ka = abs(n[i1]) < vague ? i1 : abs(n[i2]) < vague ? i2 : -1, kb = abs(m[j1]) < vague ? j1 : abs(m[j2]) < vague ? j2 : -1;
         if ((flip_a && ka < 0) || (flip_b && kb < 0)) continue;
         Vec3<T> p{T(0), T(0), T(0)}, q{T(0), T(0), T(0)};
-        p[i1] = n[i1] < T(0) ? -A[i1] : A[i1], p[i2] = n[i2] < T(0) ? -A[i2] : A[i2];
-        q[j1] = m[j1] < T(0) ? B[j1] : -B[j1], q[j2] = m[j2] < T(0) ? B[j2] : -B[j2];
+        p[i1] = n[i1] < T(0) ? -A[i1] : A[i1];
+        p[i2] = n[i2] < T(0) ? -A[i2] : A[i2];
+        q[j1] = m[j1] < T(0) ? B[j1] : -B[j1];
+        q[j2] = m[j2] < T(0) ? B[j2] : -B[j2];
         if (flip_a) p[ka] = -p[ka];
         if (flip_b) q[kb] = -q[kb];
         int const which = (p[i1] > T(0)) + 2 * (p[i2] > T(0)) + 4 * (q[j1] > T(0)) + 8 * (q[j2] > T(0));
@@ -127,7 +146,12 @@ KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T marg
         q = q + t * d;
         Vec3<T> const gap = q - p;
         T const gap2 = dot(gap, gap);
-        if (gap2 < nearest) nearest = gap2, dist = dot(gap, n), middle = T(0.5) * (p + q), corners = which;
+        if (gap2 < nearest) {
+          nearest = gap2;
+          dist = dot(gap, n);
+          middle = T(0.5) * (p + q);
+          corners = which;
+        }
       }
       if (dist <= apart) out.add(a.p + a.R * middle, dist, a.R * n, (1 << 14) | ((code - 6) << 4) | corners);
       return;
@@ -152,7 +176,10 @@ KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T marg
   polygon.count = 4;
   for (int k = 0; k < 4; ++k) {
     T const u = k == 0 || k == 3 ? T(1) : T(-1), v = k < 2 ? T(1) : T(-1);
-    polygon.x[k] = at(x, u, v), polygon.y[k] = at(y, u, v), polygon.z[k] = up * at(f, u, v) - S[f], polygon.edge[k] = (unsigned char)(k);
+    polygon.x[k] = at(x, u, v);
+    polygon.y[k] = at(y, u, v);
+    polygon.z[k] = up * at(f, u, v) - S[f];
+    polygon.edge[k] = (unsigned char)(k);
   }
   detail::clip_polygon(polygon, 0, T(1), S[x], 4);
   detail::clip_polygon(polygon, 0, T(-1), S[x], 5);
@@ -170,7 +197,9 @@ KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T marg
       repeated = repeated || (polygon.z[l] <= margin && square(polygon.x[k] - polygon.x[l]) + square(polygon.y[k] - polygon.y[l]) < same);
     if (repeated) continue;
     Vec3<T> p;
-    p[x] = polygon.x[k], p[y] = polygon.y[k], p[f] = up * (S[f] + T(0.5) * polygon.z[k]);
+    p[x] = polygon.x[k];
+    p[y] = polygon.y[k];
+    p[f] = up * (S[f] + T(0.5) * polygon.z[k]);
     int const before = polygon.edge[k == 0 ? polygon.count - 1 : k - 1], after = polygon.edge[k];
     out.add(origin + R * p, polygon.z[k], n, faces | (before << 3) | after);
   }

@@ -20,7 +20,10 @@ KOKKOS_INLINE_FUNCTION void capsule_box(Shape<T> const& a, Shape<T> const& b, T 
     T t0(-1), t1(1);
     bool flat = false;
     for (int i = 0; i < 3; ++i)
-      if (abs(nearest.n[i]) < T(0.1)) detail::clip_slab(c[i], u[i], s[i], t0, t1), flat = true;
+      if (abs(nearest.n[i]) < T(0.1)) {
+        detail::clip_slab(c[i], u[i], s[i], t0, t1);
+        flat = true;
+      }
     if (!flat) t1 = t0 - T(1);
     detail::add_stretch(t, t0, t1, half, r, out, [&](T at, int feature) {
       Vec3<T> const q = c + at * u;
@@ -34,7 +37,10 @@ KOKKOS_INLINE_FUNCTION void capsule_box(Shape<T> const& a, Shape<T> const& b, T 
   T depth = s.x + abs(u.x) - abs(c.x);
   for (int i = 1; i < 3; ++i) {
     T const d = s[i] + abs(u[i]) - abs(c[i]);
-    if (d < depth) depth = d, face = i;
+    if (d < depth) {
+      depth = d;
+      face = i;
+    }
   }
   Vec3<T> way{T(0), T(0), T(0)};
   for (int i = 0; i < 3; ++i) {
@@ -45,7 +51,11 @@ KOKKOS_INLINE_FUNCTION void capsule_box(Shape<T> const& a, Shape<T> const& b, T 
     if (sine < T(1e-3)) continue;
     m = (T(1) / sine) * m;
     T const d = s.x * abs(m.x) + s.y * abs(m.y) + s.z * abs(m.z) - abs(dot(m, c));
-    if (d < T(0.95) * depth) depth = d, edge = i, way = dot(m, c) < T(0) ? -m : m;
+    if (d < T(0.95) * depth) {
+      depth = d;
+      edge = i;
+      way = dot(m, c) < T(0) ? -m : m;
+    }
   }
   if (edge < 0) {
     T const up = c[face] < T(0) ? T(-1) : T(1);

@@ -22,14 +22,20 @@ KOKKOS_INLINE_FUNCTION void capsule_capsule(Shape<T> const& a, Shape<T> const& b
   T const one(1);
   if (det > (sizeof(T) == 4 ? T(1e-7) : T(1e-15)) * aa * bb && det > tiny) {
     T x = (bb * u - ab * v) / det, y = (aa * v - ab * u) / det;
-    if (x > one)
-      x = one, y = (v - ab) * inv_bb;
-    else if (x < -one)
-      x = -one, y = (v + ab) * inv_bb;
-    if (y > one)
-      y = one, x = clamp((u - ab) * inv_aa, -one, one);
-    else if (y < -one)
-      y = -one, x = clamp((u + ab) * inv_aa, -one, one);
+    if (x > one) {
+      x = one;
+      y = (v - ab) * inv_bb;
+    } else if (x < -one) {
+      x = -one;
+      y = (v + ab) * inv_bb;
+    }
+    if (y > one) {
+      y = one;
+      x = clamp((u - ab) * inv_aa, -one, one);
+    } else if (y < -one) {
+      y = -one;
+      x = clamp((u + ab) * inv_aa, -one, one);
+    }
     detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, 0, out);
     return;
   }

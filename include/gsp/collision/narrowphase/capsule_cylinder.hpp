@@ -38,7 +38,8 @@ KOKKOS_INLINE_FUNCTION void capsule_cylinder(Shape<T> const& a, Shape<T> const& 
   T deepest, offset;
   if (out_cap < out_side) {
     T const up = c.z < T(0) ? T(-1) : T(1);
-    n = {T(0), T(0), up}, offset = H;
+    n = {T(0), T(0), up};
+    offset = H;
     detail::clip_circle(c.x, c.y, u.x, u.y, R, t0, t1);
     deepest = up * u.z > T(0) ? t0 : t1;
   } else {

@@ -12,8 +12,11 @@ KOKKOS_INLINE_FUNCTION void plane_cylinder(Shape<T> const& a, Shape<T> const& b,
   Vec3<T> const n = column(a.R, 2);
   Vec3<T> axis = column(b.R, 2);
   T slope = dot(n, axis);
-  if (slope > T(0)) axis = -axis, slope = -slope;  // towards the plane
-  Vec3<T> down = slope * axis - n;                 // -n without its part along the axis; its length is the sine of the tilt
+  if (slope > T(0)) {  // towards the plane
+    axis = -axis;
+    slope = -slope;
+  }
+  Vec3<T> down = slope * axis - n;  // -n without its part along the axis; its length is the sine of the tilt
   T const sine = norm(down);
   T const level = sizeof(T) == 4 ? T(3e-4) : T(1e-12);  // below, the direction is rounding
   down = sine < level ? b.size.x * column(b.R, 0) : (b.size.x / sine) * down;

@@ -25,7 +25,9 @@ struct RowStructure {
       refused = true;
       return;
     }
-    tree[segments] = t, last[segments] = local, ++segments;
+    tree[segments] = t;
+    last[segments] = local;
+    ++segments;
   }
   KOKKOS_INLINE_FUNCTION bool is_ancestor(int t, int high, int deep) const {
     Archetype const& a = model.archetypes(model.tree_archetype(t));

@@ -19,7 +19,10 @@ struct Muscle {
     L = p(0) + (length - range(0)) / max(least, optimum);
     velocity_scale = T(1) / max(least, optimum * p(6));
     V = velocity * velocity_scale;
-    lmin = p(4), lmax = p(5), fpmax = p(7), fvmax = p(8);
+    lmin = p(4);
+    lmax = p(5);
+    fpmax = p(7);
+    fvmax = p(8);
   }
   KOKKOS_INLINE_FUNCTION T length_curve() const {  // four parabolas between lmin, the middle to 1, 1, the middle to lmax, lmax
     T const least(1e-15), a = T(0.5) * (lmin + T(1)), b = T(0.5) * (T(1) + lmax);
@@ -124,15 +127,19 @@ KOKKOS_FORCEINLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, 
     f.force = get(m.act_gain, 10, 0) * u;
   } else if (gain == ActuatorGain::affine) {
     T const g1 = get(m.act_gain, 10, 1), g2 = get(m.act_gain, 10, 2);
-    f.force = fma(g2, velocity, fma(g1, length, get(m.act_gain, 10, 0))) * u, f.stiffness = -(g1 * u), f.damping = -(g2 * u);
+    f.force = fma(g2, velocity, fma(g1, length, get(m.act_gain, 10, 0))) * u;
+    f.stiffness = -(g1 * u);
+    f.damping = -(g2 * u);
   } else if constexpr (!plain) {
     Muscle<T> const muscle([&](int c) { return get(m.act_gain, 10, c); }, range, get(m.act_acc0, 1, 0), length, velocity);
-    f.force = muscle.gain() * u, f.damping = -(muscle.gain_slope() * u);
+    f.force = muscle.gain() * u;
+    f.damping = -(muscle.gain_slope() * u);
   }
   if (bias == ActuatorBias::affine) {
     T const b1 = get(m.act_bias, 10, 1), b2 = get(m.act_bias, 10, 2);
     f.force = f.force + fma(b2, velocity, fma(b1, length, get(m.act_bias, 10, 0)));
-    f.stiffness = f.stiffness - b1, f.damping = f.damping - b2;
+    f.stiffness = f.stiffness - b1;
+    f.damping = f.damping - b2;
   } else if constexpr (!plain) {
     if (bias == ActuatorBias::muscle) {
       Muscle<T> const muscle([&](int c) { return get(m.act_bias, 10, c); }, range, get(m.act_acc0, 1, 0), length, velocity);
@@ -186,7 +193,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_plain_actuators(L const& l, State const& 
             force = clamp(f.force, lo, hi);
     int const dof = l.index(a.jnt_dofadr, l.index(a.act_id, k));
     auto const inside = (f.force >= lo) && (f.force <= hi);
-    s[l.at.act_force + k] = force, s[l.at.actuator + dof] = gear * force;
+    s[l.at.act_force + k] = force;
+    s[l.at.actuator + dof] = gear * force;
     s[l.at.stiffness + dof] = square(gear) * select(inside, f.stiffness, T(0));
     s[l.at.damping + dof] = square(gear) * select(inside, f.damping, T(0));
     if (a.derivative) s[l.at.act_slope + k] = select((force > lo) && (force < hi), -f.damping, T(0));
@@ -283,8 +291,12 @@ struct ActuatorStage {
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
     lanes_load_velocity(l, state.qvel);
-    if (l.a.nmoment > 0 || l.a.spatial) lanes_load_poses(l, poses), lanes_inertia(l);
-    lanes_tendons(l, state), lanes_actuators(l, state, laws);
+    if (l.a.nmoment > 0 || l.a.spatial) {
+      lanes_load_poses(l, poses);
+      lanes_inertia(l);
+    }
+    lanes_tendons(l, state);
+    lanes_actuators(l, state, laws);
   }
 };
 

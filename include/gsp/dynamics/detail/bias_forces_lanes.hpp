@@ -39,7 +39,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = fals
       }
     }
     SpatialInertia<T> const inertia = s.inertia(l.at.cinert + 10 * b);
-    s.put(l.at.cvel + 6 * b, v), s.put(l.at.cacc + 6 * b, acc);
+    s.put(l.at.cvel + 6 * b, v);
+    s.put(l.at.cacc + 6 * b, acc);
     s.put(l.at.cfrc + 6 * b, inertia * acc + cross_force(v, inertia * v));
   });
   l.up([&](int b) {
@@ -96,11 +97,15 @@ KOKKOS_INLINE_FUNCTION void lanes_bias_derivative_by_columns(L const& l) {
           T const qdot = s[l.at.qvel + i];
           da = fma(qdot, cross_motion(dbefore, dof), da);
           v = fma(qdot, dof, v);
-          if (i == k) da = da + cross_motion(before, dof), dv = dv + dof;
+          if (i == k) {
+            da = da + cross_motion(before, dof);
+            dv = dv + dof;
+          }
         }
       }
       SpatialInertia<T> const inertia = s.inertia(l.at.cinert + 10 * b);
-      s.put(l.at.dvel + 6 * b, dv), s.put(l.at.dacc + 6 * b, da);
+      s.put(l.at.dvel + 6 * b, dv);
+      s.put(l.at.dacc + 6 * b, da);
       s.put(l.at.cfrc + 6 * b, inertia * da + cross_force(dv, inertia * v) + cross_force(v, inertia * dv));
     }
     for (int b = end - 1; b >= top; --b) {
@@ -134,7 +139,9 @@ struct BiasStage {
   Poses poses;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
-    lanes_load_poses(l, poses), lanes_load_velocity(l, state.qvel), lanes_inertia(l);
+    lanes_load_poses(l, poses);
+    lanes_load_velocity(l, state.qvel);
+    lanes_inertia(l);
     if (l.a.tendon_armature) lanes_tendons(l, state);
     lanes_bias(l, l.model.profile == Profile::stable && is_free_body(l));
     lanes_tendon_bias(l, state);

@@ -49,7 +49,8 @@ struct EnergyStage {
         int const c = l.index(a.row_col, e);
         kinetic = fma((c == i ? T(0.5) : T(1)) * s[l.at.mass + e], s[l.at.qvel + i] * s[l.at.qvel + c], kinetic);
       }
-    s[l.at.energy] = potential, s[l.at.energy + 1] = kinetic;
+    s[l.at.energy] = potential;
+    s[l.at.energy + 1] = kinetic;
   }
 };
 template <class R, class Mem, class View>
@@ -63,14 +64,16 @@ struct SumEnergies {
     T potential(0), kinetic(0);
     for (int t = 0; t < model.ntree; ++t) {
       int const at = DynamicsLayout(model.archetypes(model.tree_archetype(t))).energy;
-      potential = potential + l.item(model, dynamics, t, at), kinetic = kinetic + l.item(model, dynamics, t, at + 1);
+      potential = potential + l.item(model, dynamics, t, at);
+      kinetic = kinetic + l.item(model, dynamics, t, at + 1);
     }
     Vec3<T> const g = l.constant3(model.gravity, 0);
     for (int b = 1; b < model.nbody; ++b)
       if (model.body_tree(b) < 0)
         potential = potential - l.constant(model.body_mass, b) *
                                     dot(g, l.load3(poses.xpos, b) + rotate(l.load4(poses.xquat, b), l.constant3(model.body_ipos, b)));
-    l.store(energy, 0, potential), l.store(energy, 1, kinetic);
+    l.store(energy, 0, potential);
+    l.store(energy, 1, kinetic);
   }
 };
 

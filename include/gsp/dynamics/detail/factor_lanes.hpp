@@ -127,7 +127,10 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_total_force(L const& l, View const& qfrc_
   auto const& s = l.items;
   l.together(
       l.a.nv, [&](int i) { return s[l.at.passive + i] - s[l.at.bias + i] + s[l.at.actuator + i] + l.load(qfrc_applied, l.dof0, i); },
-      [&](int i, T const& f) { s[l.at.force + i] = s[l.at.acceleration + i] = f, s[l.at.impulse + i] = T(0); });
+      [&](int i, T const& f) {
+        s[l.at.force + i] = s[l.at.acceleration + i] = f;
+        s[l.at.impulse + i] = T(0);
+      });
   l.together(
       l.a.nv, [&](int i) { return s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
 }
@@ -159,7 +162,8 @@ struct FactorStage {
   State state;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
-    lanes_factor_profile(l), lanes_free_velocity(l, state.qfrc_applied);
+    lanes_factor_profile(l);
+    lanes_free_velocity(l, state.qfrc_applied);
   }
 };
 

@@ -26,7 +26,8 @@ KOKKOS_INLINE_FUNCTION void lanes_solve_unsymmetric(L const& l) {
   int const lower = l.at.factor, upper = l.at.derivative + a.nM, x = l.at.velocity;
   for (int e = 0; e < a.nM; ++e) {
     T const m = s[l.at.mass + e];
-    s[lower + e] = fma(-h, s[l.at.derivative + e], m), s[upper + e] = fma(-h, s[upper + e], m);
+    s[lower + e] = fma(-h, s[l.at.derivative + e], m);
+    s[upper + e] = fma(-h, s[upper + e], m);
   }
   for (int k = a.nv - 1; k >= 0; --k) {
     int const adr = l.index(a.row_adr, k), n = l.index(a.row_adr, k + 1) - adr;
@@ -194,8 +195,10 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
                                            l.load(state.qpos, l.qpos0, q + 2), l.load(state.qpos, l.qpos0, q + 3)});
     bool const carried = l.model.profile == Profile::stable && is_free_body(l);
     Quat<T> const next = normalized(now * exp_rotation(h * (carried ? s.vec3(v) + s.vec3(l.at.spin) : s.vec3(v))));
-    write(state.qpos, l.qpos0, q, next.w), write(state.qpos, l.qpos0, q + 1, next.x), write(state.qpos, l.qpos0, q + 2, next.y),
-        write(state.qpos, l.qpos0, q + 3, next.z);
+    write(state.qpos, l.qpos0, q, next.w);
+    write(state.qpos, l.qpos0, q + 1, next.x);
+    write(state.qpos, l.qpos0, q + 2, next.y);
+    write(state.qpos, l.qpos0, q + 3, next.z);
   });
   if (!store_block(l, l.at.velocity, a.nv, state.qvel, l.dof0[0], moves))
     l.each(a.nv, [&](int i) { write(state.qvel, l.dof0, i, s[l.at.velocity + i]); });
@@ -222,7 +225,8 @@ struct OneTreeStage {
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     if (halt.data() && halt()) return;
-    lanes_new_velocity(l, z, qfrc_constraint), lanes_end_step(l, state);
+    lanes_new_velocity(l, z, qfrc_constraint);
+    lanes_end_step(l, state);
   }
 };
 template <class Mem>
@@ -243,7 +247,8 @@ struct NewVelocityStage {
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     if (halt.data() && halt()) return;
-    lanes_new_velocity(l, z, qfrc_constraint), lanes_check_velocity(l, state.status);
+    lanes_new_velocity(l, z, qfrc_constraint);
+    lanes_check_velocity(l, state.status);
   }
 };
 template <class State>

@@ -39,7 +39,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_kinematics(L const& l, State const& state
       for (int i = 0; i < L::W; ++i)  // body_pos is in its frame already
         body[i] = l.model.mocap_body(l.model.body_mocap(l.model.body_parent(l.body0[i] + b)));
       Transform<T> const pose = lanes_static_pose(l, state, body, true);
-      p = pose * p, q = pose.q * q;
+      p = pose * p;
+      q = pose.q * q;
     }
     int const j0 = l.index(a.body_jntadr, b);
     for (int j = j0, end = j0 + l.index(a.body_jntnum, b); j < end; ++j) {
@@ -49,7 +50,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_kinematics(L const& l, State const& state
         p = {l.load(qpos, l.qpos0, adr), l.load(qpos, l.qpos0, adr + 1), l.load(qpos, l.qpos0, adr + 2)};
         q = normalized(Quat<T>{l.load(qpos, l.qpos0, adr + 3), l.load(qpos, l.qpos0, adr + 4), l.load(qpos, l.qpos0, adr + 5),
                                l.load(qpos, l.qpos0, adr + 6)});
-        l.items.put(l.at.xanchor + 3 * j, p), l.items.put(l.at.xaxis + 3 * j, Vec3<T>{T(0), T(0), T(1)});
+        l.items.put(l.at.xanchor + 3 * j, p);
+        l.items.put(l.at.xaxis + 3 * j, Vec3<T>{T(0), T(0), T(1)});
         continue;
       }
       Vec3<T> const local_axis = l.constant3(l.model.jnt_axis, l.jnt0, j), local_anchor = l.constant3(l.model.jnt_pos, l.jnt0, j);
@@ -64,9 +66,11 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_kinematics(L const& l, State const& state
                                      l.load(qpos, l.qpos0, adr + 3)});
         p = anchor - rotate(q, local_anchor);
       }
-      l.items.put(l.at.xanchor + 3 * j, anchor), l.items.put(l.at.xaxis + 3 * j, axis);
+      l.items.put(l.at.xanchor + 3 * j, anchor);
+      l.items.put(l.at.xaxis + 3 * j, axis);
     }
-    l.items.put(l.at.xpos + 3 * b, p), l.items.put(l.at.xquat + 4 * b, q);
+    l.items.put(l.at.xpos + 3 * b, p);
+    l.items.put(l.at.xquat + 4 * b, q);
   });
 }
 
@@ -113,7 +117,8 @@ struct KinematicsStage {
   Poses poses;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
-    lanes_kinematics(l, state), lanes_store_poses(l, poses);
+    lanes_kinematics(l, state);
+    lanes_store_poses(l, poses);
   }
 };
 
@@ -139,8 +144,13 @@ struct StaticPoses {
       own.q = normalized(own.q);
       t = own * t;
     }
-    poses.xpos(w, b, 0) = t.p.x, poses.xpos(w, b, 1) = t.p.y, poses.xpos(w, b, 2) = t.p.z;
-    poses.xquat(w, b, 0) = t.q.w, poses.xquat(w, b, 1) = t.q.x, poses.xquat(w, b, 2) = t.q.y, poses.xquat(w, b, 3) = t.q.z;
+    poses.xpos(w, b, 0) = t.p.x;
+    poses.xpos(w, b, 1) = t.p.y;
+    poses.xpos(w, b, 2) = t.p.z;
+    poses.xquat(w, b, 0) = t.q.w;
+    poses.xquat(w, b, 1) = t.q.x;
+    poses.xquat(w, b, 2) = t.q.y;
+    poses.xquat(w, b, 3) = t.q.z;
   }
 };
 template <ExecutionSpace Exec, class R, class Mem, class View>

@@ -22,7 +22,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_inertia(L const& l) {
     for (int b = 0; b < a.nbody; ++b) {
       if (skipped(b) || l.index(a.body_root, b) != root) continue;
       T const mass = l.constant(l.model.body_mass, l.body0, b);
-      com = fma(mass, s.vec3(l.at.cinert + 10 * b + 6), com), total = total + mass;
+      com = fma(mass, s.vec3(l.at.cinert + 10 * b + 6), com);
+      total = total + mass;
     }
     s.put(l.at.com + 3 * root, (T(1) / max(total, T(1e-15))) * com);
   });
@@ -84,8 +85,14 @@ struct MassMatrixStage {
   Poses poses;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
-    lanes_load_poses(l, poses), lanes_inertia(l), lanes_mass_matrix(l);
-    if (l.a.tendon_armature) lanes_load_velocity(l, state.qvel), lanes_tendons(l, state), lanes_tendon_armature(l);
+    lanes_load_poses(l, poses);
+    lanes_inertia(l);
+    lanes_mass_matrix(l);
+    if (l.a.tendon_armature) {
+      lanes_load_velocity(l, state.qvel);
+      lanes_tendons(l, state);
+      lanes_tendon_armature(l);
+    }
   }
 };
 template <class View>

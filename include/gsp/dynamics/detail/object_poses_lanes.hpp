@@ -16,7 +16,8 @@ struct ObjectPoses {
     int const b = body(i);
     Transform<T> const t =
         Transform<T>{l.load3(poses.xpos, b), l.load4(poses.xquat, b)} * Transform<T>{l.constant3(pos, i), l.constant4(quat, i)};
-    l.store3(xpos, i, t.p), l.store4(xquat, i, t.q);
+    l.store3(xpos, i, t.p);
+    l.store4(xquat, i, t.q);
   }
 };
 /// Where something is in the world, and its axes as columns.

@@ -50,7 +50,11 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_joint_spring(L const& l, View const& qpos
   auto const type = JointType(l.index(a.jnt_type, j));
   auto const difference = [&](int c) { return l.load(qpos, l.qpos0, q + c) - l.constant(m.qpos_spring, l.qpos0, q + c); };
   if (type == JointType::hinge || type == JointType::slide) return one(i, difference(0));
-  if (type == JointType::free) three(i, Vec3<T>{difference(0), difference(1), difference(2)}), q += 3, i += 3;
+  if (type == JointType::free) {
+    three(i, Vec3<T>{difference(0), difference(1), difference(2)});
+    q += 3;
+    i += 3;
+  }
   auto const quat = [&](auto const& get) { return normalized(Quat<T>{get(q), get(q + 1), get(q + 2), get(q + 3)}); };
   Quat<T> const rest = quat([&](int e) { return l.constant(m.qpos_spring, l.qpos0, e); }),
                 now = quat([&](int e) { return l.load(qpos, l.qpos0, e); });
@@ -118,7 +122,10 @@ KOKKOS_INLINE_FUNCTION void lanes_rare_passive(L const& l) {
       for (int i = i0; i < i0 + n; ++i) s[l.at.passive + i] = s[l.at.passive + i] + s[l.at.gravcomp + i];
     }
   }
-  if (a.fluid) lanes_body_velocity(l), lanes_fluid(l);
+  if (a.fluid) {
+    lanes_body_velocity(l);
+    lanes_fluid(l);
+  }
   if (a.derivative == 0 || !m.dampers) return;
   for (int k = 0; k < a.ntendon && a.tendon_passive; ++k)
     lanes_add_derivative(l, -lanes_tendon_damping(l, k, true), [&](auto const& f) { lanes_for_tendon_arm(l, k, f); });
@@ -168,8 +175,12 @@ struct PassiveStage {
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
     lanes_load_velocity(l, state.qvel);
-    if (l.a.fluid || l.a.gravcomp || l.a.spatial) lanes_load_poses(l, poses), lanes_inertia(l);
-    lanes_tendons(l, state), lanes_passive(l, state.qpos);
+    if (l.a.fluid || l.a.gravcomp || l.a.spatial) {
+      lanes_load_poses(l, poses);
+      lanes_inertia(l);
+    }
+    lanes_tendons(l, state);
+    lanes_passive(l, state.qpos);
   }
 };
 

@@ -120,13 +120,15 @@ struct ConstantsStage {
     auto const& m = l.model;
     StartState<R> const start{{m.qpos0.data, m.qpos0.stride}, {m.mocap_pos0.data(), 0}, {m.mocap_quat0.data(), 0}};
     for (int i = 0; i < a.nv; ++i) s[l.at.qvel + i] = T(0);
-    lanes_kinematics(l, start), lanes_inertia(l);
+    lanes_kinematics(l, start);
+    lanes_inertia(l);
     if (a.ntendon > 0) lanes_tendons(l, start);
     lanes_mass_matrix(l);
     for (int i = 0; i < a.nv; ++i) put(l, dof_M0, m.nv, l.dof0, i, s[l.at.mass + l.index(a.row_adr, i + 1) - 1]);
     lanes_tendon_armature(l);
     lanes_factor(l, [](int) { return T(0); });
-    bodies(l), dofs(l);
+    bodies(l);
+    dofs(l);
     int const x = l.at.acceleration;
     int item[L::W];
     for (int k = 0; k < a.ntendon; ++k) {

@@ -22,8 +22,10 @@ KOKKOS_INLINE_FUNCTION T lanes_wrap_outside(T ax, T ay, T bx, T by, T r, T turn,
   T const la = sqrt(max(aa - r * r, T(0))), lb = sqrt(max(bb - r * r, T(0)));  // lengths of the tangents
   T const sign = select(turn < T(0), T(-1), T(1));
   T const ka = r / max(aa, T(1e-30)), kb = r / max(bb, T(1e-30));
-  t[0] = ka * fma(r, ax, -(sign * la * ay)), t[1] = ka * fma(r, ay, sign * la * ax);
-  t[2] = kb * fma(r, bx, sign * lb * by), t[3] = kb * fma(r, by, -(sign * lb * bx));
+  t[0] = ka * fma(r, ax, -(sign * la * ay));
+  t[1] = ka * fma(r, ay, sign * la * ax);
+  t[2] = kb * fma(r, bx, sign * lb * by);
+  t[3] = kb * fma(r, by, -(sign * lb * bx));
   return abs(turn) - atan2(la, r) - atan2(lb, r);
 }
 
@@ -38,15 +40,18 @@ KOKKOS_INLINE_FUNCTION T lanes_wrap_inside(T A, T B, T r, T turn) {
     T s, c;
     sincos(angle, s, c);
     T const d = sqrt(max(fma(length, length, r * r) - T(2) * length * r * c, T(1e-30))), e = length * r / d;
-    g = e * s, slope = e * c - square(e * s) / d;
+    g = e * s;
+    slope = e * c - square(e * s) / d;
   };
   constexpr int most = sizeof(real_t<T>) == 4 ? 24 : 48;
   for (int i = 0; i < most; ++i) {
     T ga, gb, sa, sb;
-    side(A, psi, ga, sa), side(B, turn - psi, gb, sb);
+    side(A, psi, ga, sa);
+    side(B, turn - psi, gb, sb);
     T const g = ga - gb, slope = sa + sb;
     auto const right = g > T(0);  // the minimum is on the left
-    hi = select(right, psi, hi), lo = select(right, lo, psi);
+    hi = select(right, psi, hi);
+    lo = select(right, lo, psi);
     T const newton = psi - g / select(abs(slope) > T(1e-30), slope, T(1));
     auto const good = (newton >= lo) && (newton <= hi);
     T const next = select(good, newton, T(0.5) * (lo + hi));
@@ -83,7 +88,8 @@ KOKKOS_INLINE_FUNCTION auto lanes_wrap(Vec3<T> const& x0, Vec3<T> const& x1, T r
   if (has_side) {
     T sx = dot(s, u), sy = dot(s, v);
     auto const tiny = fma(sx, sx, sy * sy) < small * small;
-    sx = select(tiny, T(1), sx), sy = select(tiny, T(0), sy);
+    sx = select(tiny, T(1), sx);
+    sy = select(tiny, T(0), sy);
     turn = atan2(fma(ax, sy, -(ay * sx)), fma(ax, sx, ay * sy)) + atan2(fma(sx, by, -(sy * bx)), fma(sx, bx, sy * by));
   } else {
     turn = atan2(fma(ax, by, -(ay * bx)), fma(ax, bx, ay * by));
@@ -102,7 +108,10 @@ KOKKOS_INLINE_FUNCTION auto lanes_wrap(Vec3<T> const& x0, Vec3<T> const& x1, T r
       T sine, cosine;
       sincos(psi, sine, cosine);
       T const k = r / max(A, small), tx = k * fma(cosine, ax, -(sine * ay)), ty = k * fma(sine, ax, cosine * ay);
-      t[0] = select(inside, tx, t[0]), t[1] = select(inside, ty, t[1]), t[2] = select(inside, tx, t[2]), t[3] = select(inside, ty, t[3]);
+      t[0] = select(inside, tx, t[0]);
+      t[1] = select(inside, ty, t[1]);
+      t[2] = select(inside, tx, t[2]);
+      t[3] = select(inside, ty, t[3]);
       length = select(inside, T(0), length);
       auto const inner = inside && usable && !crosses && (A > r) && (B > r), outer = wrapped && !inside;
       wrapped = inner || outer;
@@ -112,7 +121,8 @@ KOKKOS_INLINE_FUNCTION auto lanes_wrap(Vec3<T> const& x0, Vec3<T> const& x1, T r
   if (!sphere) {  // the string is straight on the unrolled cylinder
     auto const flat = [](T x, T y) { return sqrt(fma(x, x, y * y)); };
     T const l0 = flat(ax - t[0], ay - t[1]), l1 = flat(bx - t[2], by - t[3]), rise = (x1.z - x0.z) / max(l0 + length + l1, small);
-    t0.z = fma(rise, l0, x0.z), t1.z = fma(rise, l0 + length, x0.z);
+    t0.z = fma(rise, l0, x0.z);
+    t1.z = fma(rise, l0 + length, x0.z);
     length = flat(length, t1.z - t0.z);
   }
   return LanesWrap<T, decltype(wrapped)>{wrapped, t0, t1, length};

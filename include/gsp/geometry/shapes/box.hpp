@@ -48,8 +48,10 @@ struct BoxShape {
     SurfacePoint r{{0, 0, 0}, {0, 0, 0}};
     int const b = (axis + 1) % 3;
     int const c = (axis + 2) % 3;
-    r.p[axis] = side * s[axis], r.n[axis] = side;
-    r.p[b] = s[b] * (2 * (u - std::floor(u)) - 1), r.p[c] = s[c] * (2 * w - 1);
+    r.p[axis] = side * s[axis];
+    r.n[axis] = side;
+    r.p[b] = s[b] * (2 * (u - std::floor(u)) - 1);
+    r.p[c] = s[c] * (2 * w - 1);
     return r;
   }
 };

@@ -15,7 +15,9 @@ namespace detail {
 
 inline HeightFieldDescription finish_hfield(int rows, int columns, std::vector<float> elevation) {
   HeightFieldDescription field;
-  field.rows = rows, field.columns = columns, field.elevation = std::move(elevation);
+  field.rows = rows;
+  field.columns = columns;
+  field.elevation = std::move(elevation);
   gsp::detail::normalize_elevation(field.elevation);
   return field;
 }

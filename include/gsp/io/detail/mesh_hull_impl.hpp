@@ -34,7 +34,10 @@ inline void expect_volume(std::vector<double> const& x, std::string const& what)
     if (i == second || norm(other) < tiny) continue;
     normal = cross(edge, other);
     double const size = norm(normal);
-    if (size > tiny * length * norm(other)) normal = (1 / size) * normal, flat = false;
+    if (size > tiny * length * norm(other)) {
+      normal = (1 / size) * normal;
+      flat = false;
+    }
   }
   if (flat) fail(what, "", "has all its vertices on one line, and its convex hull is needed; use a thin capsule");
   double const offset = dot(normal, at(0));
@@ -97,7 +100,10 @@ GSP_INLINE void add_hull(MeshDescription& mesh, std::string const& what) {
 
 GSP_INLINE void add_hulls(Description& description) {
   std::unordered_set<std::string> used, paired;
-  for (auto const& pair : description.pairs) paired.insert(pair.geom1), paired.insert(pair.geom2);
+  for (auto const& pair : description.pairs) {
+    paired.insert(pair.geom1);
+    paired.insert(pair.geom2);
+  }
   for (auto const& body : description.bodies)
     for (auto const& g : body.geoms)
       if (g.type == ShapeType::mesh && (!g.visual() || (!g.name.empty() && paired.count(g.name)))) used.insert(g.mesh);

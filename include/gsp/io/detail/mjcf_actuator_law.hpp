@@ -33,7 +33,9 @@ inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node co
     }
   a.number("inheritrange", law.inheritrange);
   auto const kind = [&](char const* dyn, char const* gain, char const* bias) {
-    law.dyntype = dyn, law.gaintype = gain, law.biastype = bias;
+    law.dyntype = dyn;
+    law.gaintype = gain;
+    law.biastype = bias;
   };
   auto const negative = [&](char const* attribute, double value) {
     if (value < 0) a.fail(attribute, "is negative; give zero or more");
@@ -44,11 +46,16 @@ inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node co
   law.ctrl_limited = false;
   law.type = general ? "" : type;
   if (general) {
-    a.numbers("gainprm", law.gain, false), a.numbers("biasprm", law.bias, false), a.numbers("dynprm", law.dyn, false);
-    law.gaintype = a.text("gaintype", law.gaintype), law.biastype = a.text("biastype", law.biastype),
+    a.numbers("gainprm", law.gain, false);
+    a.numbers("biasprm", law.bias, false);
+    a.numbers("dynprm", law.dyn, false);
+    law.gaintype = a.text("gaintype", law.gaintype);
+    law.biastype = a.text("biastype", law.biastype);
     law.dyntype = a.text("dyntype", law.dyntype);
   } else if (type == "motor") {
-    law.gain = {1}, law.bias = {}, law.dyn = {1};
+    law.gain = {1};
+    law.bias = {};
+    law.dyn = {1};
     kind("none", "fixed", "none");
   } else if (type == "position" || type == "intvelocity") {
     double kp = gain, kv = 0, dampratio = 0, timeconst = law.dyntype == "filterexact" ? law.dyn[0] : 0;
@@ -56,33 +63,47 @@ inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node co
     bool const has_kv = a.number("kv", kv), has_ratio = a.number("dampratio", dampratio);
     if (has_kv && has_ratio) a.fail("dampratio", "stands beside kv; keep one");
     if (kp < 0 || kv < 0 || dampratio < 0) a.fail("", "has a negative kp, kv or dampratio; give zero or more");
-    a.number("timeconst", timeconst), negative("timeconst", timeconst);
+    a.number("timeconst", timeconst);
+    negative("timeconst", timeconst);
     bool const filtered = type == "position" && timeconst > 0;
     law.bias = {0, -kp, has_kv ? -kv : has_ratio ? dampratio : affine ? law.bias[2] : 0};
-    law.gain = {kp}, law.dyn = {timeconst > 0 ? timeconst : 1};
+    law.gain = {kp};
+    law.dyn = {timeconst > 0 ? timeconst : 1};
     kind(type == "intvelocity" ? "integrator" : filtered ? "filterexact" : "none", "fixed", "affine");
   } else if (type == "velocity") {
     double kv = gain;
-    a.number("kv", kv), negative("kv", kv);
-    law.gain = {kv}, law.bias = {0, 0, -kv}, law.dyn = {1};
+    a.number("kv", kv);
+    negative("kv", kv);
+    law.gain = {kv};
+    law.bias = {0, 0, -kv};
+    law.dyn = {1};
     kind("none", "fixed", "affine");
   } else if (type == "damper") {
     double kv = law.gaintype == "affine" ? -law.gain[2] : 0;  // MuJoCo's own default, whatever its page says
-    a.number("kv", kv), negative("kv", kv);
-    law.gain = {0, 0, -kv}, law.bias = {}, law.dyn = {1}, law.ctrl_limited = true;
+    a.number("kv", kv);
+    negative("kv", kv);
+    law.gain = {0, 0, -kv};
+    law.bias = {};
+    law.dyn = {1};
+    law.ctrl_limited = true;
     kind("none", "affine", "none");
   } else if (type == "cylinder") {
     double timeconst = law.dyntype == "filter" || law.dyntype == "filterexact" ? law.dyn[0] : 1, area = gain, diameter = -1;
     Double3 bias = affine ? Double3{law.bias[0], law.bias[1], law.bias[2]} : Double3{};
-    a.number("timeconst", timeconst), a.number("area", area), a.numbers("bias", bias);
+    a.number("timeconst", timeconst);
+    a.number("area", area);
+    a.numbers("bias", bias);
     if (a.number("diameter", diameter) && diameter >= 0) area = 3.14159265358979323846 / 4 * diameter * diameter;
-    law.gain = {area}, law.bias = {bias[0], bias[1], bias[2]}, law.dyn = {timeconst};
+    law.gain = {area};
+    law.bias = {bias[0], bias[1], bias[2]};
+    law.dyn = {timeconst};
     kind("filter", "fixed", "affine");
   } else if (type == "muscle") {
     if (law.dyntype != "muscle") law.dyn = {0.01, 0.04};
     if (law.gaintype != "muscle") law.gain = {0.75, 1.05, -1, 200, 0.5, 1.6, 1.5, 1.3, 1.2};
     std::array<double, 2> timeconst{-1, -1}, range{-1, -1};
-    a.numbers("timeconst", timeconst), a.numbers("range", range);
+    a.numbers("timeconst", timeconst);
+    a.numbers("range", range);
     if (a.number("tausmooth", law.dyn[2])) negative("tausmooth", law.dyn[2]);
     for (std::size_t i = 0; i < 2; ++i) {
       if (timeconst[i] >= 0) law.dyn[i] = timeconst[i];
@@ -95,8 +116,12 @@ inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node co
     kind("muscle", "muscle", "muscle");
   } else if (type == "adhesion") {
     double force = gain;
-    a.number("gain", force), negative("gain", force);
-    law.gain = {force}, law.bias = {}, law.dyn = {1}, law.ctrl_limited = true;
+    a.number("gain", force);
+    negative("gain", force);
+    law.gain = {force};
+    law.bias = {};
+    law.dyn = {1};
+    law.ctrl_limited = true;
     kind("none", "fixed", "none");
   }
   return law;
@@ -114,9 +139,13 @@ inline void settle(Law const& law, Attributes const& a, ActuatorDescription& act
   act.dynamics = static_cast<ActuatorDynamics>(index("dyntype", law.dyntype, {"none", "integrator", "filter", "filterexact", "muscle"}));
   act.gain_type = static_cast<ActuatorGain>(index("gaintype", law.gaintype, {"fixed", "affine", "muscle"}));
   act.bias_type = static_cast<ActuatorBias>(index("biastype", law.biastype, {"none", "affine", "muscle"}));
-  act.gainprm = law.gain, act.biasprm = law.bias, act.dynprm = law.dyn;
-  if (law.gain[0] == -law.bias[1] && law.bias[2] > 0 && act.bias_type == ActuatorBias::affine)
-    act.dampratio = law.bias[2], act.biasprm[2] = 0;
+  act.gainprm = law.gain;
+  act.biasprm = law.bias;
+  act.dynprm = law.dyn;
+  if (law.gain[0] == -law.bias[1] && law.bias[2] > 0 && act.bias_type == ActuatorBias::affine) {
+    act.dampratio = law.bias[2];
+    act.biasprm[2] = 0;
+  }
 }
 
 }  // namespace gsp::io::detail::mjcf

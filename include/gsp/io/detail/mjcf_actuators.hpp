@@ -17,13 +17,18 @@ inline void read_actuators(Document& doc, Node const& node) {
     ActuatorDraft draft;
     auto& act = draft.actuator;
     draft.id = doc.session.next_id++;
-    act.place = child.place, act.name = a.own("name") ? a.text("name") : "";
+    act.place = child.place;
+    act.name = a.own("name") ? a.text("name") : "";
     constexpr std::pair<char const*, Transmission> targets[] = {
         {"joint", Transmission::joint}, {"jointinparent", Transmission::joint_in_parent}, {"tendon", Transmission::tendon},
         {"site", Transmission::site},   {"cranksite", Transmission::slider_crank},        {"body", Transmission::body}};
     int given = 0;
     for (auto const& [word, target] : targets)
-      if (a.own(word)) ++given, act.target = target, act.target_name = a.text(word);
+      if (a.own(word)) {
+        ++given;
+        act.target = target;
+        act.target_name = a.text(word);
+      }
     if (given != 1) a.fail("", "needs one of joint, jointinparent, tendon, site, cranksite and body; give one");
     a.number("cranklength", act.crank_length);
     if (act.target == Transmission::slider_crank) {
@@ -37,7 +42,9 @@ inline void read_actuators(Document& doc, Node const& node) {
       act.reference_name = a.text("refsite");
     else if (a.own("refsite"))
       a.fail("refsite", "is for a transmission by site; remove it");
-    a.numbers("gear", act.gear, false), a.integer("group", act.group), a.number("armature", act.armature);
+    a.numbers("gear", act.gear, false);
+    a.integer("group", act.group);
+    a.number("armature", act.armature);
     std::array<double, 2> higher{0, 0};
     polynomial(a, "damping", act.damping, higher);
     if (higher != std::array<double, 2>{})

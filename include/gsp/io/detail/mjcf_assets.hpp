@@ -93,8 +93,11 @@ inline void read_mesh_asset(Document& doc, Node const& node) {
     m = with_place(doc, node.place, [&] { return make_mesh(vertex, face, what); });
     m.inertia = inertia;
   }
-  m.name = name, m.place = node.place;
-  a.numbers("scale", m.scale), a.numbers("refpos", m.refpos), a.numbers("refquat", m.refquat);
+  m.name = name;
+  m.place = node.place;
+  a.numbers("scale", m.scale);
+  a.numbers("refpos", m.refpos);
+  a.numbers("refquat", m.refquat);
   if (a.integer("maxhullvert", m.max_hull_vertices) && m.max_hull_vertices != -1 && m.max_hull_vertices < 4)
     a.fail("maxhullvert", "is below 4; give 4 or more, or -1");
   doc.draft.meshes.push_back(std::move(m));
@@ -113,11 +116,13 @@ inline void read_hfield_asset(Document& doc, Node const& node) {
     h = std::move(*read);
   } else {
     int rows = 0, columns = 0;
-    a.integer("nrow", rows), a.integer("ncol", columns);
+    a.integer("nrow", rows);
+    a.integer("ncol", columns);
     auto const elevation = a.list("elevation");
     h = with_place(doc, node.place, [&] { return make_hfield(rows, columns, elevation, what); });
   }
-  h.name = name, h.place = node.place;
+  h.name = name;
+  h.place = node.place;
   if (!a.numbers("size", h.size)) a.fail("size", "is missing; give half x, half y, top and base");
   doc.draft.hfields.push_back(std::move(h));
 }

@@ -25,22 +25,34 @@ inline void read_joint(Document& doc, Node const& node, BodyDraft& to, Pose cons
       if (int const align = a.choice("align", {"false", "true", "auto"}); align != 2) j.align = align == 1;
   } else {
     if (a.has("type")) j.type = static_cast<JointType>(a.choice("type", {"free", "ball", "slide", "hinge"}));
-    a.numbers("pos", j.pos), a.numbers("axis", j.axis), a.numbers("range", j.range);
+    a.numbers("pos", j.pos);
+    a.numbers("axis", j.axis);
+    a.numbers("range", j.range);
     j.limited = limited(doc, a, "limited", "range", j.range) && j.type != JointType::free;
     a.numbers("actuatorfrcrange", j.actuator_force_range);
     j.actuator_force_limited =
         limited(doc, a, "actuatorfrclimited", "actuatorfrcrange", j.actuator_force_range) && j.type >= JointType::slide;
-    a.number("ref", j.ref), a.number("springref", j.springref), a.number("armature", j.armature), a.number("frictionloss", j.frictionloss),
-        a.number("margin", j.margin);
+    a.number("ref", j.ref);
+    a.number("springref", j.springref);
+    a.number("armature", j.armature);
+    a.number("frictionloss", j.frictionloss);
+    a.number("margin", j.margin);
     a.boolean("actuatorgravcomp", j.actuator_gravcomp);
-    polynomial(a, "stiffness", j.stiffness, j.stiffness_poly), polynomial(a, "damping", j.damping, j.damping_poly);
+    polynomial(a, "stiffness", j.stiffness, j.stiffness_poly);
+    polynomial(a, "damping", j.damping, j.damping_poly);
     a.numbers("springdamper", j.springdamper);
-    softness(a, j.limit, "limit"), softness(a, j.friction, "friction");
+    softness(a, j.limit, "limit");
+    softness(a, j.friction, "friction");
     if (j.limited && j.type != JointType::slide) j.range = {angle(doc, j.range[0]), angle(doc, j.range[1])};
-    if (j.type == JointType::hinge) j.ref = angle(doc, j.ref), j.springref = angle(doc, j.springref);
+    if (j.type == JointType::hinge) {
+      j.ref = angle(doc, j.ref);
+      j.springref = angle(doc, j.springref);
+    }
   }
-  j.pos = frame * j.pos, j.axis = gsp::detail::rotate(frame.q, j.axis);
-  to.body.joints.push_back(std::move(j)), to.joint_ids.push_back(doc.session.next_id++);
+  j.pos = frame * j.pos;
+  j.axis = gsp::detail::rotate(frame.q, j.axis);
+  to.body.joints.push_back(std::move(j));
+  to.joint_ids.push_back(doc.session.next_id++);
 }
 
 inline void read_inertial(Document& doc, Node const& node, BodyDraft& to) {
@@ -71,8 +83,10 @@ inline Pose shape_pose(Document const& doc, Attributes const& a, ShapeType type,
   if (!(length > 1e-14)) a.fail("fromto", "has two equal points; move one");
   if (type == ShapeType::capsule || type == ShapeType::cylinder)
     size[1] = length / 2;
-  else
-    size[2] = length / 2, size[1] = size[0];
+  else {
+    size[2] = length / 2;
+    size[1] = size[0];
+  }
   return {0.5 * (from + to), quat_of_z((1 / length) * along)};
 }
 inline ShapeType shape_type(Attributes const& a, ShapeType fallback) {
@@ -103,15 +117,25 @@ inline void read_geom(Document& doc, Node const& node, BodyDraft& to, Pose const
   doc.count(1, node.place);
   auto const a = doc.attributes(node, "geom", childclass);
   GeomDescription g;
-  g.place = node.place, g.name = a.own("name") ? a.text("name") : "";
+  g.place = node.place;
+  g.name = a.own("name") ? a.text("name") : "";
   g.type = shape_type(a, ShapeType::sphere);
   if (a.text("type") == "sdf")
     doc.refuse(node.place, "<geom> type='sdf': signed distance fields are not supported; use mesh or a primitive");
-  a.integer("contype", g.contype), a.integer("conaffinity", g.conaffinity), a.integer("condim", g.condim),
-      a.integer("priority", g.priority), a.integer("group", g.group);
-  a.numbers("size", g.size, false), a.numbers("friction", g.friction, false);
-  a.number("solmix", g.solmix), a.number("margin", g.margin), a.number("gap", g.gap), a.number("density", g.density);
-  a.numbers("surfacevel", g.surface_velocity, false), a.number("adhesion", g.adhesion), a.number("fitscale", g.fitscale);
+  a.integer("contype", g.contype);
+  a.integer("conaffinity", g.conaffinity);
+  a.integer("condim", g.condim);
+  a.integer("priority", g.priority);
+  a.integer("group", g.group);
+  a.numbers("size", g.size, false);
+  a.numbers("friction", g.friction, false);
+  a.number("solmix", g.solmix);
+  a.number("margin", g.margin);
+  a.number("gap", g.gap);
+  a.number("density", g.density);
+  a.numbers("surfacevel", g.surface_velocity, false);
+  a.number("adhesion", g.adhesion);
+  a.number("fitscale", g.fitscale);
   if (g.adhesion != 0) doc.note(Line::approximated, node.place, "<geom> adhesion: contacts push only");
   if (g.surface_velocity != std::array<double, 6>{}) doc.note(Line::approximated, node.place, "<geom> surfacevel: surfaces are at rest");
   if (a.has("fluidshape")) g.fluid_ellipsoid = a.choice("fluidshape", {"none", "ellipsoid"}) == 1;
@@ -128,7 +152,8 @@ inline void read_geom(Document& doc, Node const& node, BodyDraft& to, Pose const
       a.fail("material", "is " + in_quotes(a.text("material")) + ", which does not exist; correct the name");
     if (!colour) g.rgba = found->second;
   }
-  g.mesh = a.text("mesh"), g.hfield = a.text("hfield");
+  g.mesh = a.text("mesh");
+  g.hfield = a.text("hfield");
   if (auto const lost = doc.missing.find(g.mesh.empty() ? g.hfield : g.mesh); lost != doc.missing.end()) {
     without_shape(doc, node, g, to, lost->second);
     return;
@@ -142,9 +167,11 @@ inline void read_site(Document& doc, Node const& node, BodyDraft& to, Pose const
   doc.count(1, node.place);
   auto const a = doc.attributes(node, "site", childclass);
   SiteDescription s;
-  s.place = node.place, s.name = a.own("name") ? a.text("name") : "";
+  s.place = node.place;
+  s.name = a.own("name") ? a.text("name") : "";
   s.type = shape_type(a, ShapeType::sphere);
-  a.numbers("size", s.size, false), a.integer("group", s.group);
+  a.numbers("size", s.size, false);
+  a.integer("group", s.group);
   set_pose(s, frame * shape_pose(doc, a, s.type, s.size));
   to.body.sites.push_back(std::move(s));
 }
@@ -154,7 +181,9 @@ inline void read_camera(Document& doc, Node const& node, BodyDraft& to, Pose con
   doc.count(1, node.place);
   auto const a = doc.attributes(node, "camera", childclass);
   CameraDescription c;
-  c.place = node.place, c.name = a.own("name") ? a.text("name") : "", c.target = a.text("target");
+  c.place = node.place;
+  c.name = a.own("name") ? a.text("name") : "";
+  c.target = a.text("target");
   double constexpr pi = 3.14159265358979323846;
   double fovy = 45;
   a.number("fovy", fovy);
@@ -162,7 +191,10 @@ inline void read_camera(Document& doc, Node const& node, BodyDraft& to, Pose con
   c.fovy = fovy * (pi / 180);
   // fovy of a sensor: 2 atan(half height / focal length), as MuJoCo in float
   std::array<double, 2> sensor{0, 0}, focal{0, 0}, focal_pixel{0, 0}, principal{0, 0}, principal_pixel{0, 0}, resolution{1, 1};
-  a.numbers("sensorsize", sensor), a.numbers("focal", focal), a.numbers("focalpixel", focal_pixel), a.numbers("resolution", resolution);
+  a.numbers("sensorsize", sensor);
+  a.numbers("focal", focal);
+  a.numbers("focalpixel", focal_pixel);
+  a.numbers("resolution", resolution);
   a.numbers("principal", principal);
   a.numbers("principalpixel", principal_pixel);
   for (int k = 0; k < 2; ++k) {
@@ -180,7 +212,8 @@ inline void read_camera(Document& doc, Node const& node, BodyDraft& to, Pose con
     if (!a.has("resolution")) a.fail("sensorsize", "needs a resolution; give both");
     for (int k = 0; k < 2; ++k) {
       float const size = float(sensor[k]), density = float(resolution[k]) / size;
-      c.sensor_size[k] = size, c.focal[k] = focal_pixel[k] != 0 ? float(focal_pixel[k]) / density : float(focal[k]);
+      c.sensor_size[k] = size;
+      c.focal[k] = focal_pixel[k] != 0 ? float(focal_pixel[k]) / density : float(focal[k]);
       c.principal[k] = principal_pixel[k] != 0 ? float(principal_pixel[k]) / density : float(principal[k]);
     }
     c.fovy = std::atan2(float(c.sensor_size[1]) / 2, float(c.focal[1])) * 2;

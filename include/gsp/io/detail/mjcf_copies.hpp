@@ -33,7 +33,9 @@ inline Lists split_lists(Document& doc, Names& names) {
       bool any = false, only = true, broken = false;
       for_each_reference(d, [&](Kind kind, std::string const& name) {
         bool const in = names.has(kind, name);
-        any = any || in, only = only && in, broken = broken || lost.has(kind, name);
+        any = any || in;
+        only = only && in;
+        broken = broken || lost.has(kind, name);
       });
       if constexpr (std::same_as<D, TendonDescription>)
         for (auto const& item : d.path)
@@ -98,11 +100,18 @@ inline void split_key(Files const& files, ModelDraft const& model, KeyDraft& key
     part.at += std::size_t(n);
   };
   for_each_joint(model.world, [&](int id, JointDescription const& j, BodyDescription const&) {
-    take(qpos, id, qpos_size(j.type)), take(qvel, id, qvel_size(j.type));
+    take(qpos, id, qpos_size(j.type));
+    take(qvel, id, qvel_size(j.type));
   });
-  for (auto const& a : model.lists.actuators) take(act, a.id, act_size(a.actuator)), take(ctrl, a.id, 1);
+  for (auto const& a : model.lists.actuators) {
+    take(act, a.id, act_size(a.actuator));
+    take(ctrl, a.id, 1);
+  }
   for_each_body(model.world, [&](BodyDraft const& b) {
-    if (b.body.mocap) take(mpos, b.id, 3), take(mquat, b.id, 4);
+    if (b.body.mocap) {
+      take(mpos, b.id, 3);
+      take(mquat, b.id, 4);
+    }
   });
   for (Part* part : {&qpos, &qvel, &act, &ctrl, &mpos, &mquat}) {
     if (!part->all.empty() && part->all.size() != part->at)
@@ -112,7 +121,10 @@ inline void split_key(Files const& files, ModelDraft const& model, KeyDraft& key
   }
 }
 inline void prefix_assets(BodyDraft& b, Rename const& rename) {
-  for (auto& g : b.body.geoms) rename(g.mesh), rename(g.hfield);
+  for (auto& g : b.body.geoms) {
+    rename(g.mesh);
+    rename(g.hfield);
+  }
   for (auto& child : b.children) prefix_assets(child, rename);
 }
 
@@ -145,14 +157,18 @@ inline void attach(Document& doc, Attributes const& a, ModelDraft child, BodyDra
       if (!there) into.push_back(std::move(x));
     }
   };
-  adopt(child.meshes, doc.draft.meshes), adopt(child.hfields, doc.draft.hfields);
+  adopt(child.meshes, doc.draft.meshes);
+  adopt(child.hfields, doc.draft.hfields);
   Lists::for_each([&](auto list) {
     for (auto& entry : child.lists.*list) {
       auto& d = description_of(entry);
       bool all = true;
       for_each_reference(d, [&](Kind kind, std::string const& name) { all = all && names.has(kind, name); });
       if (!all) continue;
-      if (auto* name = own_name(d)) names.add(own_kind(d), *name), rename(*name);
+      if (auto* name = own_name(d)) {
+        names.add(own_kind(d), *name);
+        rename(*name);
+      }
       for_each_reference(d, [&](Kind, std::string& name) { rename(name); });
       (doc.draft.lists.*list).push_back(std::move(entry));
     }

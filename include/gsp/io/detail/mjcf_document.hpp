@@ -80,7 +80,8 @@ struct Document {
         if (lines) note(Line::no_effect, node.place, what);
       } else if (is_in(e->refused, a.name)) {
         if (is_neutral(a.value)) continue;
-        refuse(node.place, what + "=" + in_quotes(a.value) + " is not supported yet; remove the attribute"), good = false;
+        refuse(node.place, what + "=" + in_quotes(a.value) + " is not supported yet; remove the attribute");
+        good = false;
       } else {
         fail(node.place, "unknown attribute " + in_quotes(a.name) + " of <" + node.name + ">; correct or remove it");
       }

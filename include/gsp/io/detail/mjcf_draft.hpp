@@ -48,7 +48,12 @@ struct Lists {
   std::vector<SensorDescription> sensors;
   template <class F>
   static void for_each(F const& f) {  // each list as a member
-    f(&Lists::tendons), f(&Lists::actuators), f(&Lists::pairs), f(&Lists::excludes), f(&Lists::equalities), f(&Lists::sensors);
+    f(&Lists::tendons);
+    f(&Lists::actuators);
+    f(&Lists::pairs);
+    f(&Lists::excludes);
+    f(&Lists::equalities);
+    f(&Lists::sensors);
   }
   std::size_t size() const {
     return tendons.size() + actuators.size() + pairs.size() + excludes.size() + equalities.size() + sensors.size();
@@ -127,17 +132,25 @@ inline int act_size(ActuatorDescription const& a) { return a.dynamics == Actuato
 inline void merge(BodyDraft from, Pose const& frame, BodyDraft& to) {
   auto const place = [&](Double3& pos, Double4& quat) {
     Pose const p = frame * Pose{pos, quat};
-    pos = p.p, quat = normalized(p.q);
+    pos = p.p;
+    quat = normalized(p.q);
   };
-  for (auto& x : from.body.joints) x.pos = frame * x.pos, x.axis = gsp::detail::rotate(frame.q, x.axis);
+  for (auto& x : from.body.joints) {
+    x.pos = frame * x.pos;
+    x.axis = gsp::detail::rotate(frame.q, x.axis);
+  }
   for (auto& x : from.body.geoms) place(x.pos, x.quat);
   for (auto& x : from.body.sites) place(x.pos, x.quat);
   for (auto& x : from.body.cameras) place(x.pos, x.quat);
   for (auto& x : from.children) place(x.body.pos, x.body.quat);
   auto const append = [](auto& a, auto& b) { a.insert(a.end(), std::make_move_iterator(b.begin()), std::make_move_iterator(b.end())); };
   if (from.needs_mesh.file >= 0) to.needs_mesh = from.needs_mesh;
-  append(to.body.joints, from.body.joints), append(to.joint_ids, from.joint_ids), append(to.body.geoms, from.body.geoms);
-  append(to.body.sites, from.body.sites), append(to.body.cameras, from.body.cameras), append(to.children, from.children);
+  append(to.body.joints, from.body.joints);
+  append(to.joint_ids, from.joint_ids);
+  append(to.body.geoms, from.body.geoms);
+  append(to.body.sites, from.body.sites);
+  append(to.body.cameras, from.body.cameras);
+  append(to.children, from.children);
 }
 
 }  // namespace gsp::io::detail::mjcf

@@ -22,17 +22,24 @@ class Finish {
   Finish(Session& session, ModelDraft draft, MjcfOptions const& options) : s_(session), draft_(std::move(draft)), options_(options) {}
 
   Description run() {
-    d_.name = draft_.name, d_.option = draft_.option, d_.compiler = draft_.compiler;
+    d_.name = draft_.name;
+    d_.option = draft_.option;
+    d_.compiler = draft_.compiler;
     d_.compiler.approximate = options_.approximate;
     d_.bodies.clear();
     add(draft_.world, -1, false);
     auto& lists = draft_.lists;
-    d_.meshes = std::move(draft_.meshes), d_.hfields = std::move(draft_.hfields);
-    d_.tendons = std::move(lists.tendons), d_.equalities = std::move(lists.equalities), d_.sensors = std::move(lists.sensors);
-    d_.pairs = std::move(lists.pairs), d_.excludes = std::move(lists.excludes);
+    d_.meshes = std::move(draft_.meshes);
+    d_.hfields = std::move(draft_.hfields);
+    d_.tendons = std::move(lists.tendons);
+    d_.equalities = std::move(lists.equalities);
+    d_.sensors = std::move(lists.sensors);
+    d_.pairs = std::move(lists.pairs);
+    d_.excludes = std::move(lists.excludes);
     for (auto& act : lists.actuators) {
       if (act.inheritrange > 0) inherit(act);
-      actuator_at_[act.id] = d_.actuators.size(), act_at_[act.id] = na_;
+      actuator_at_[act.id] = d_.actuators.size();
+      act_at_[act.id] = na_;
       na_ += static_cast<std::size_t>(act_size(act.actuator));
       d_.actuators.push_back(std::move(act.actuator));
     }
@@ -43,7 +50,8 @@ class Finish {
     for (auto const& place : s_.files.stray_text)
       s_.report.add(ReportLine::Kind::no_effect, s_.files.names[std::size_t(place.file)], place.line, "text between elements");
     add_hulls(d_);
-    d_.files = s_.files.names, d_.report = s_.report.take();
+    d_.files = s_.files.names;
+    d_.report = s_.report.take();
     return std::move(d_);
   }
 
@@ -144,7 +152,8 @@ class Finish {
 GSP_INLINE Description parse_mjcf(std::string_view text, std::string const& name, MjcfOptions const& options) {
   detail::mjcf::Session session;
   session.files.read = options.read ? options.read : [](std::filesystem::path const& path) { return read_file(path); };
-  session.skip_visuals = options.skip_visuals, session.list_refusals = options.list_refusals;
+  session.skip_visuals = options.skip_visuals;
+  session.list_refusals = options.list_refusals;
   int const file = session.files.add(name);
   detail::mjcf::XmlReader xml(session.files);
   auto const root = xml.parse(detail::as_bytes(text), file);

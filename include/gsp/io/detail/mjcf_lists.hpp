@@ -19,23 +19,37 @@ inline void read_contacts(Document& doc, Node const& node) {
     if (child.name == "pair") {
       auto const a = doc.attributes(child, "pair", "");
       PairDescription p;
-      p.place = child.place, p.name = a.own("name") ? a.text("name") : "";
+      p.place = child.place;
+      p.name = a.own("name") ? a.text("name") : "";
       if (!a.own("geom1") || !a.own("geom2")) a.fail("", "needs geom1 and geom2; give both");
-      p.geom1 = a.text("geom1"), p.geom2 = a.text("geom2");
+      p.geom1 = a.text("geom1");
+      p.geom2 = a.text("geom2");
       auto const optional = [&](char const* name, auto& to) {
         if (!a.has(name)) return;
-        if constexpr (requires { to->size(); })
-          to.emplace(), a.numbers(name, *to, false);
-        else if constexpr (std::same_as<std::decay_t<decltype(*to)>, int>)
+        if constexpr (requires { to->size(); }) {
+          to.emplace();
+          a.numbers(name, *to, false);
+        } else if constexpr (std::same_as<std::decay_t<decltype(*to)>, int>)
           a.integer(name, to.emplace());
         else
           a.number(name, to.emplace());
       };
-      optional("condim", p.condim), optional("margin", p.margin), optional("gap", p.gap);
+      optional("condim", p.condim);
+      optional("margin", p.margin);
+      optional("gap", p.gap);
       optional("solreffriction", p.solreffriction);
-      if (a.has("solref")) p.solref = SoftnessDescription{}.solref, a.numbers("solref", *p.solref, false);
-      if (a.has("friction")) p.friction = {1, 1, 0.005, 0.0001, 0.0001}, a.numbers("friction", *p.friction, false);
-      if (a.has("solimp")) p.solimp = SoftnessDescription{}.solimp, a.numbers("solimp", *p.solimp, false);
+      if (a.has("solref")) {
+        p.solref = SoftnessDescription{}.solref;
+        a.numbers("solref", *p.solref, false);
+      }
+      if (a.has("friction")) {
+        p.friction = {1, 1, 0.005, 0.0001, 0.0001};
+        a.numbers("friction", *p.friction, false);
+      }
+      if (a.has("solimp")) {
+        p.solimp = SoftnessDescription{}.solimp;
+        a.numbers("solimp", *p.solimp, false);
+      }
       doc.draft.lists.pairs.push_back(std::move(p));
       continue;
     }
@@ -53,12 +67,15 @@ inline void read_equalities(Document& doc, Node const& node) {
     doc.count(1, child.place);
     auto const a = doc.attributes(child, "equality", "");
     EqualityDescription e;
-    e.place = child.place, e.name = a.own("name") ? a.text("name") : "";
-    a.boolean("active", e.active), softness(a, e.softness, "");
+    e.place = child.place;
+    e.name = a.own("name") ? a.text("name") : "";
+    a.boolean("active", e.active);
+    softness(a, e.softness, "");
     e.data[10] = 1;
     auto const two = [&](std::string const& kind) {
       if (!a.own(kind + "1")) a.fail(kind + "1", "is missing; name the first " + kind);
-      e.name1 = a.text(kind + "1"), e.name2 = a.text(kind + "2");
+      e.name1 = a.text(kind + "1");
+      e.name2 = a.text(kind + "2");
     };
     if (child.name == "joint" || child.name == "tendon") {
       e.type = child.name == "joint" ? EqualityType::joint : EqualityType::tendon;
@@ -76,7 +93,10 @@ inline void read_equalities(Document& doc, Node const& node) {
       bool const anchor = a.numbers("anchor", e.data.data(), 3);
       if (!weld && !e.sites && !anchor) a.fail("anchor", "is missing; give the point in the frame of body1");
       if (weld && e.sites) e.data[1] = 1;  // of no use, but MuJoCo's
-      if (weld) a.numbers("relpose", e.data.data() + 3, 7), a.number("torquescale", e.data[10]);
+      if (weld) {
+        a.numbers("relpose", e.data.data() + 3, 7);
+        a.number("torquescale", e.data[10]);
+      }
     }
     doc.draft.lists.equalities.push_back(std::move(e));
   }
@@ -89,16 +109,22 @@ inline void read_tendons(Document& doc, Node const& node) {
     doc.count(1 + child.children.size(), child.place);
     auto const a = doc.attributes(child, "tendon", "");
     TendonDescription t;
-    t.place = child.place, t.name = a.own("name") ? a.text("name") : "";
-    a.numbers("range", t.range), a.numbers("actuatorfrcrange", t.actuator_force_range);
+    t.place = child.place;
+    t.name = a.own("name") ? a.text("name") : "";
+    a.numbers("range", t.range);
+    a.numbers("actuatorfrcrange", t.actuator_force_range);
     t.limited = limited(doc, a, "limited", "range", t.range);
     t.actuator_force_limited = limited(doc, a, "actuatorfrclimited", "actuatorfrcrange", t.actuator_force_range);
     std::array<double, 2> spring{-1, -1};
     if (a.numbers("springlength", spring, false))
       t.springlength = words(a.text("springlength")).size() == 1 ? std::array{spring[0], spring[0]} : spring;
-    polynomial(a, "stiffness", t.stiffness, t.stiffness_poly), polynomial(a, "damping", t.damping, t.damping_poly);
-    a.number("frictionloss", t.frictionloss), a.number("armature", t.armature), a.number("margin", t.margin);
-    softness(a, t.limit, "limit"), softness(a, t.friction, "friction");
+    polynomial(a, "stiffness", t.stiffness, t.stiffness_poly);
+    polynomial(a, "damping", t.damping, t.damping_poly);
+    a.number("frictionloss", t.frictionloss);
+    a.number("armature", t.armature);
+    a.number("margin", t.margin);
+    softness(a, t.limit, "limit");
+    softness(a, t.friction, "friction");
     for (auto const& part : child.children) {
       doc.check(part, child.name + "/" + part.name);
       auto const b = doc.attributes(part);
@@ -143,10 +169,15 @@ inline void read_keyframes(Document& doc, Node const& node) {
     doc.check(child);
     auto const a = doc.attributes(child);
     KeyDraft k;
-    k.key.place = child.place, k.key.name = a.text("name");
+    k.key.place = child.place;
+    k.key.name = a.text("name");
     a.number("time", k.key.time);
-    k.key.qpos = a.list("qpos"), k.key.qvel = a.list("qvel"), k.key.act = a.list("act"), k.key.ctrl = a.list("ctrl");
-    k.key.mpos = a.list("mpos"), k.key.mquat = a.list("mquat");
+    k.key.qpos = a.list("qpos");
+    k.key.qvel = a.list("qvel");
+    k.key.act = a.list("act");
+    k.key.ctrl = a.list("ctrl");
+    k.key.mpos = a.list("mpos");
+    k.key.mquat = a.list("mquat");
     doc.draft.keys.push_back(std::move(k));
   }
 }

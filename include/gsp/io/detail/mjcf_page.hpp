@@ -16,7 +16,10 @@ inline std::string listed(std::string_view list) {
       auto const word = words.substr(at, end - at);
       bool group = false;
       for (auto const& g : attribute_groups)
-        if (g.name == word) self(self, g.words), group = true;
+        if (g.name == word) {
+          self(self, g.words);
+          group = true;
+        }
       if (!group && !word.empty()) all.emplace_back(word);
       at = end + 1;
     }

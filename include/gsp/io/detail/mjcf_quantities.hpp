@@ -42,7 +42,10 @@ inline Double4 orientation(Document const& doc, Attributes const& a) {
   std::string_view chosen;
   int own = 0;
   for (char const* way : ways)
-    if (a.own(way)) chosen = way, ++own;
+    if (a.own(way)) {
+      chosen = way;
+      ++own;
+    }
   if (own > 1) a.fail("", "has more than one of quat, axisangle, euler, xyaxes, zaxis; keep one");
   if (own == 0 || chosen == "quat")
     for (char const* way : {"axisangle", "euler", "xyaxes", "zaxis"})
@@ -87,17 +90,20 @@ inline Pose pose_of(Document const& doc, Attributes const& a) {
 }
 template <class Part>
 void set_pose(Part& part, Pose const& pose) {
-  part.pos = pose.p, part.quat = normalized(pose.q);
+  part.pos = pose.p;
+  part.quat = normalized(pose.q);
 }
 
 inline void softness(Attributes const& a, SoftnessDescription& s, std::string const& suffix) {
-  a.numbers("solref" + suffix, s.solref, false), a.numbers("solimp" + suffix, s.solimp, false);
+  a.numbers("solref" + suffix, s.solref, false);
+  a.numbers("solimp" + suffix, s.solimp, false);
 }
 /// The first number of a list and the coefficients of higher order that may follow.
 inline void polynomial(Attributes const& a, char const* name, double& first, std::array<double, 2>& higher) {
   std::array<double, 3> v{first, higher[0], higher[1]};
   a.numbers(name, v, false);
-  first = v[0], higher = {v[1], v[2]};
+  first = v[0];
+  higher = {v[1], v[2]};
 }
 /// limited="auto" follows from the range, if the compiler allows.
 inline bool limited(Document const& doc, Attributes const& a, char const* flag, char const* range, std::array<double, 2> const& value) {

@@ -25,9 +25,11 @@ inline void read_body(Document& doc, Node const& node, BodyDraft& parent, Pose c
   auto const a = doc.attributes(node);
   BodyDraft draft;
   auto& b = draft.body;
-  b.place = node.place, b.name = a.text("name");
+  b.place = node.place;
+  b.name = a.text("name");
   set_pose(b, frame * pose_of(doc, a));
-  a.number("gravcomp", b.gravcomp), a.boolean("mocap", b.mocap);
+  a.number("gravcomp", b.gravcomp);
+  a.boolean("mocap", b.mocap);
   if (a.has("fuse")) b.fuse = a.choice("fuse", {"false", "auto"}) == 1;
   if (b.mocap) draft.id = doc.session.next_id++;
   if (b.name == "world") a.fail("name", "is 'world', which the root has; choose another");
@@ -46,7 +48,8 @@ inline void read_replicate(Document& doc, Node const& node, BodyDraft& to, Pose 
   std::string const inner = doc.childclass(a, childclass);
   Pose pose;
   Double3 offset{}, angles{};
-  a.numbers("offset", offset), a.numbers("euler", angles);
+  a.numbers("offset", offset);
+  a.numbers("euler", angles);
   BodyDraft original;
   read_contents(doc, node, original, Pose{}, inner);
   Names names;
@@ -58,7 +61,10 @@ inline void read_replicate(Document& doc, Node const& node, BodyDraft& to, Pose 
     number.insert(0, width - std::min(width, number.size()), '0');
     Rename const rename{"", a.text("sep") + number};
     BodyDraft copy = original;
-    if (i > 0) doc.count(size, node.place), renumber(doc.session, copy);
+    if (i > 0) {
+      doc.count(size, node.place);
+      renumber(doc.session, copy);
+    }
     rename(copy, names);
     merge(std::move(copy), frame * pose, to);
     append(doc, lists, names, rename, i > 0);
@@ -109,9 +115,10 @@ inline void read_contents(Document& doc, Node const& node, BodyDraft& to, Pose c
       read_site(doc, child, to, frame, childclass);
     else if (child.name == "camera")
       read_camera(doc, child, to, frame, childclass);
-    else if (child.name == "light")
-      doc.check(child), doc.note(Line::visual_only, child.place, "<light>");
-    else if (child.name == "inertial")
+    else if (child.name == "light") {
+      doc.check(child);
+      doc.note(Line::visual_only, child.place, "<light>");
+    } else if (child.name == "inertial")
       read_inertial(doc, child, to);
     else if (child.name == "frame") {
       doc.check(child);

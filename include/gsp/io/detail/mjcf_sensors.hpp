@@ -24,10 +24,14 @@ inline constexpr std::string_view sensor_settings = "data num reduce enclosed da
 /// (camprojection: the camera; insidesite: the site).
 inline SensorDescription read_sensor(Attributes const& a, std::string const& type) {
   SensorDescription s;
-  s.place = a.place(), s.type = type, s.name = a.text("name");
-  a.number("cutoff", s.cutoff), a.number("noise", s.noise);
+  s.place = a.place();
+  s.type = type;
+  s.name = a.text("name");
+  a.number("cutoff", s.cutoff);
+  a.number("noise", s.noise);
   auto const put = [](std::string& to_type, std::string& to, std::string_view given_type, std::string given) {
-    to_type = given_type, to = std::move(given);
+    to_type = given_type;
+    to = std::move(given);
   };
   for (std::string const what : {"obj", "ref"})
     if (a.own(what + "type") != a.own(what + "name")) a.fail(what + "name", "and '" + what + "type' go together; give both");

@@ -15,15 +15,22 @@ inline void read_compiler(Document& doc, Node const& node) {
   auto& c = doc.draft.compiler;
   if (a.has("angle")) doc.degrees = a.choice("angle", {"radian", "degree"}) == 1;
   if (a.has("coordinate")) a.choice("coordinate", {"local"});
-  a.boolean("autolimits", doc.autolimits), a.boolean("balanceinertia", c.balanceinertia);
-  a.number("boundmass", c.boundmass), a.number("boundinertia", c.boundinertia), a.number("settotalmass", c.settotalmass);
-  a.boolean("fitaabb", c.fit_aabb), a.boolean("discardvisual", c.discard_visual), a.boolean("fusestatic", c.fuse_static);
-  a.boolean("alignfree", c.align_free), a.boolean("strippath", doc.strip_path);
+  a.boolean("autolimits", doc.autolimits);
+  a.boolean("balanceinertia", c.balanceinertia);
+  a.number("boundmass", c.boundmass);
+  a.number("boundinertia", c.boundinertia);
+  a.number("settotalmass", c.settotalmass);
+  a.boolean("fitaabb", c.fit_aabb);
+  a.boolean("discardvisual", c.discard_visual);
+  a.boolean("fusestatic", c.fuse_static);
+  a.boolean("alignfree", c.align_free);
+  a.boolean("strippath", doc.strip_path);
   if (a.has("assetdir")) doc.asset_folder = a.text("assetdir");
   if (a.has("meshdir")) doc.asset_folder = a.text("meshdir");
   if (a.has("inertiafromgeom")) {
     int const mode = a.choice("inertiafromgeom", {"false", "true", "auto"});
-    c.inertia_from_geom_never = mode == 0, c.inertia_from_geom_always = mode == 1;
+    c.inertia_from_geom_never = mode == 0;
+    c.inertia_from_geom_always = mode == 1;
   }
   std::array<double, 2> range{0, 5};
   if (a.numbers("inertiagrouprange", range))
@@ -56,10 +63,18 @@ inline void read_option(Document& doc, Node const& node) {
   doc.has_option = true;
   auto const a = doc.attributes(node);
   auto& o = doc.draft.option;
-  a.number("timestep", o.timestep), a.numbers("gravity", o.gravity), a.number("impratio", o.impratio), a.number("tolerance", o.tolerance);
-  a.number("density", o.density), a.number("viscosity", o.viscosity), a.numbers("wind", o.wind), a.numbers("magnetic", o.magnetic);
-  a.number("o_margin", o.o_margin), a.numbers("o_solref", o.o_softness.solref, false), a.numbers("o_solimp", o.o_softness.solimp, false),
-      a.numbers("o_friction", o.o_friction, false);
+  a.number("timestep", o.timestep);
+  a.numbers("gravity", o.gravity);
+  a.number("impratio", o.impratio);
+  a.number("tolerance", o.tolerance);
+  a.number("density", o.density);
+  a.number("viscosity", o.viscosity);
+  a.numbers("wind", o.wind);
+  a.numbers("magnetic", o.magnetic);
+  a.number("o_margin", o.o_margin);
+  a.numbers("o_solref", o.o_softness.solref, false);
+  a.numbers("o_solimp", o.o_softness.solimp, false);
+  a.numbers("o_friction", o.o_friction, false);
   a.integer("iterations", o.iterations);
   if (!(o.timestep > 0)) a.fail("timestep", "is not positive; give seconds, such as 0.002");
   if (!(o.impratio > 0)) a.fail("impratio", "is not positive; give one or more");

@@ -54,7 +54,10 @@ inline std::string merged(std::string_view attribute, std::string const& before,
   if (!is_in(partial_lists, attribute)) return next;
   auto const old = words(before), now = words(next);
   std::string text = next;
-  for (std::size_t i = now.size(); i < old.size(); ++i) text += ' ', text += old[i];
+  for (std::size_t i = now.size(); i < old.size(); ++i) {
+    text += ' ';
+    text += old[i];
+  }
   return text;
 }
 

@@ -95,7 +95,8 @@ class XmlReader {
   template <class Line>
   Node convert(pugi::xml_node const& from, int file, Line const& line, int depth) {
     Node node;
-    node.name = from.name(), node.place = {file, line(from.offset_debug())};
+    node.name = from.name();
+    node.place = {file, line(from.offset_debug())};
     if (depth > 100) files_.fail(node.place, "elements are nested more than 100 deep; flatten the file");
     if (++files_.nodes > 2'000'000) files_.fail(node.place, "the model has more than 2 million elements; split it");
     for (auto const& a : from.attributes()) {

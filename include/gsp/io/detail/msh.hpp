@@ -19,7 +19,8 @@ inline MeshDescription parse_msh(Bytes bytes, std::string const& file) {
          "its counts ask for " + std::to_string(expected) + " bytes and it has " + std::to_string(bytes.size()) +
              "; it is cut short or not MSH");
   MeshDescription mesh;
-  mesh.vertices.resize(static_cast<std::size_t>(vertices)), mesh.faces.resize(static_cast<std::size_t>(faces));
+  mesh.vertices.resize(static_cast<std::size_t>(vertices));
+  mesh.faces.resize(static_cast<std::size_t>(faces));
   std::memcpy(mesh.vertices.data(), bytes.data() + 16, mesh.vertices.size() * sizeof(Vertex));
   std::size_t const at_faces = bytes.size() - mesh.faces.size() * sizeof(Triangle);
   if (!mesh.faces.empty()) std::memcpy(mesh.faces.data(), bytes.data() + at_faces, mesh.faces.size() * sizeof(Triangle));

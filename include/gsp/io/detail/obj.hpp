@@ -21,10 +21,13 @@ inline bool cut_polygon(std::vector<int> corners, std::vector<Vertex> const& ver
       return x * x + y * y + z * z;
     };
     int const a = corners[0], b = corners[1], c = corners[2], d = corners[3];
-    if (distance2(0, 2) < distance2(1, 3))
-      faces.push_back({a, b, c}), faces.push_back({a, c, d});
-    else
-      faces.push_back({a, b, d}), faces.push_back({b, c, d});
+    if (distance2(0, 2) < distance2(1, 3)) {
+      faces.push_back({a, b, c});
+      faces.push_back({a, c, d});
+    } else {
+      faces.push_back({a, b, d});
+      faces.push_back({b, c, d});
+    }
     return true;
   }
   std::size_t first = 1, second = 2;  // the plane's axes
@@ -34,7 +37,10 @@ inline bool cut_polygon(std::vector<int> corners, std::vector<Vertex> const& ver
     float const u[3] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]}, w[3] = {c[0] - b[0], c[1] - b[1], c[2] - b[2]};
     float const x = std::abs(u[1] * w[2] - u[2] * w[1]), y = std::abs(u[2] * w[0] - u[0] * w[2]), z = std::abs(u[0] * w[1] - u[1] * w[0]);
     if (std::max({x, y, z}) > std::numeric_limits<float>::epsilon()) {
-      if (!(x > y && x > z)) first = 0, second = z > x && z > y ? 1 : 2;
+      if (!(x > y && x > z)) {
+        first = 0;
+        second = z > x && z > y ? 1 : 2;
+      }
       break;
     }
   }
@@ -44,7 +50,10 @@ inline bool cut_polygon(std::vector<int> corners, std::vector<Vertex> const& ver
     --tries;
     if ((budget -= static_cast<std::int64_t>(corners.size())) < 0) return false;
     float x[3], y[3];
-    for (std::size_t k = 0; k < 3; ++k) x[k] = at(guess + k)[first], y[k] = at(guess + k)[second];
+    for (std::size_t k = 0; k < 3; ++k) {
+      x[k] = at(guess + k)[first];
+      y[k] = at(guess + k)[second];
+    }
     float const turn = (x[1] - x[0]) * (y[2] - y[1]) - (y[1] - y[0]) * (x[2] - x[1]), about_origin = (x[0] * y[1] - y[0] * x[1]) * 0.5f;
     bool ear = !(turn * about_origin < 0);
     for (std::size_t other = 3; ear && other < corners.size(); ++other) {  // even-odd rule

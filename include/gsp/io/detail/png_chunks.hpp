@@ -54,7 +54,11 @@ inline std::vector<std::byte> filter_rows(Bytes rows, std::size_t stride, std::s
         trial[x] = static_cast<std::byte>(residual);
         sum += residual < 128 ? residual : 256 - residual;
       }
-      if (best_sum < 0 || sum < best_sum) best_sum = sum, best_filter = filter, std::swap(best, trial);
+      if (best_sum < 0 || sum < best_sum) {
+        best_sum = sum;
+        best_filter = filter;
+        std::swap(best, trial);
+      }
     }
     out.push_back(static_cast<std::byte>(best_filter));
     out.insert(out.end(), best.begin(), best.end());
@@ -73,7 +77,8 @@ std::vector<std::byte> png_rows(Bitmap<T> const& b) {
 
 inline std::vector<std::byte> png_header(int width, int height, int channels, int depth) {
   std::vector<std::byte> h;
-  put_be(h, static_cast<std::uint32_t>(width)), put_be(h, static_cast<std::uint32_t>(height));
+  put_be(h, static_cast<std::uint32_t>(width));
+  put_be(h, static_cast<std::uint32_t>(height));
   for (int v : {depth, std::array{0, 4, 2, 6}[static_cast<std::size_t>(channels - 1)], 0, 0, 0}) h.push_back(static_cast<std::byte>(v));
   return h;
 }

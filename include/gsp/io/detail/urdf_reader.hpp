@@ -44,7 +44,8 @@ class Reader {
     mimics();
     add_hulls(d_);
     for (auto const& place : files_.stray_text) note(Kind::no_effect, place, "text between elements");
-    d_.files = files_.names, d_.report = report_.take();
+    d_.files = files_.names;
+    d_.report = report_.take();
     return std::move(d_);
   }
 
@@ -164,7 +165,8 @@ class Reader {
       if (n.name != "compiler") continue;
       auto const a = of(n);
       a.boolean("balanceinertia", d_.compiler.balanceinertia);
-      a.number("boundmass", d_.compiler.boundmass), a.number("boundinertia", d_.compiler.boundinertia);
+      a.number("boundmass", d_.compiler.boundmass);
+      a.number("boundinertia", d_.compiler.boundinertia);
     }
   }
 
@@ -175,7 +177,9 @@ class Reader {
     if (!inertia) of(node).fail("", "has no <inertia>; give ixx ixy ixz iyy iyz izz in kg m^2");
     body.has_inertial = true;
     auto& i = body.inertial;
-    i.pos = pose.p, i.quat = pose.q, i.mass = required(*mass, "value");
+    i.pos = pose.p;
+    i.quat = pose.q;
+    i.mass = required(*mass, "value");
     char const* const names[] = {"ixx", "iyy", "izz", "ixy", "ixz", "iyz"};
     for (std::size_t k = 0; k < 6; ++k) i.inertia[k] = required(*inertia, names[k]);
     if (i.mass < 0) of(*mass).fail("value", "is negative; give kg");
@@ -188,16 +192,23 @@ class Reader {
     GeomDescription g;
     g.place = node.place;
     auto const pose = origin(node);
-    g.pos = pose.p, g.quat = pose.q;
-    g.has_mass = true, g.mass = 0;  // <inertial> says all
-    if (visual) g.contype = g.conaffinity = 0, g.group = 1;
+    g.pos = pose.p;
+    g.quat = pose.q;
+    g.has_mass = true;
+    g.mass = 0;  // <inertial> says all
+    if (visual) {
+      g.contype = g.conaffinity = 0;
+      g.group = 1;
+    }
     auto const& shape = geometry->children[0];
     if (shape.name == "box") {
       Double3 size{};
       if (!of(shape).numbers("size", size)) of(shape).fail("size", "is missing; give three lengths");
-      g.type = ShapeType::box, g.size = {size[0] / 2, size[1] / 2, size[2] / 2};
+      g.type = ShapeType::box;
+      g.size = {size[0] / 2, size[1] / 2, size[2] / 2};
     } else if (shape.name == "sphere") {
-      g.type = ShapeType::sphere, g.size = {required(shape, "radius"), 0, 0};
+      g.type = ShapeType::sphere;
+      g.size = {required(shape, "radius"), 0, 0};
     } else if (shape.name == "mesh") {
       if (!mesh(shape, visual, g)) return;
     } else {
@@ -260,7 +271,8 @@ class Reader {
       std::string ignored;
       auto mesh = parse_mesh(files_.load(node.place, path), path.string(), {}, &ignored);
       if (!ignored.empty()) note(Kind::left_out, node.place, "mesh " + in_quotes(name) + ": " + ignored);
-      mesh.scale = scale, mesh.place = node.place;
+      mesh.scale = scale;
+      mesh.place = node.place;
       std::string const stem = path.stem().string().empty() ? "mesh" : path.stem().string();
       mesh.name = stem;
       for (int k = 2; !mesh_names_.insert(mesh.name).second; ++k) mesh.name = stem + "_" + std::to_string(k);
@@ -308,7 +320,8 @@ class Reader {
       if (child.joint)
         of(n).fail("", "moves the link " + in_quotes(*child.node->find("name")) + ", which joint " + in_quotes(*child.joint->find("name")) +
                            " moves already; URDF knows trees only, remove one");
-      child.joint = &n, parent[std::size_t(to)] = from;
+      child.joint = &n;
+      parent[std::size_t(to)] = from;
     }
     for (int i = 0; i < int(links_.size()); ++i) {
       if (links_[std::size_t(i)].joint) {
@@ -343,7 +356,8 @@ class Reader {
       auto& body = d_.bodies[std::size_t(link.body)];
       body.place = node.place;
       if (!is_world) {
-        body.name = *node.find("name"), body.parent = above;
+        body.name = *node.find("name");
+        body.parent = above;
         if (body.name == "world") of(node).fail("name", "is the world's and not the root's; rename the link");
         if (auto const* n = one(node, "inertial")) inertial(*n, body);
       } else if (one(node, "inertial")) {
@@ -376,14 +390,18 @@ class Reader {
 
   JointDescription& add(BodyDescription& body, Node const& node, std::string name, JointType type, Double3 const& axis) {
     JointDescription j;
-    j.name = std::move(name), j.type = type, j.axis = axis, j.place = node.place;
+    j.name = std::move(name);
+    j.type = type;
+    j.axis = axis;
+    j.place = node.place;
     body.joints.push_back(std::move(j));
     return body.joints.back();
   }
 
   void joint(Node const& node, BodyDescription& body) {
     auto const pose = origin(node);
-    body.pos = pose.p, body.quat = pose.q;
+    body.pos = pose.p;
+    body.quat = pose.q;
     std::string const& name = *node.find("name");
     int const kind = of(node).choice("type", {"fixed", "revolute", "continuous", "prismatic", "floating", "planar"});
     bool const single = kind >= 1 && kind <= 3;
@@ -427,7 +445,8 @@ class Reader {
     if (limit) {
       auto const a = of(*limit);
       double effort = 0;
-      a.number("lower", j.range[0]), a.number("upper", j.range[1]);
+      a.number("lower", j.range[0]);
+      a.number("upper", j.range[1]);
       if (kind == 2) {
         if (a.own("lower") || a.own("upper")) note(Kind::no_effect, limit->place, "<limit> lower and upper of a continuous joint");
         j.range = {0, 0};
@@ -438,15 +457,17 @@ class Reader {
       }
       if (a.number("effort", effort)) {
         if (effort < 0) a.fail("effort", "is negative; give N or N m");
-        if (effort > 0)
-          j.actuator_force_limited = true, j.actuator_force_range = {-effort, effort};
-        else
+        if (effort > 0) {
+          j.actuator_force_limited = true;
+          j.actuator_force_range = {-effort, effort};
+        } else
           note(Kind::no_effect, limit->place, "<limit> effort of zero");
       }
     }
     if (dynamics) {
       auto const a = of(*dynamics);
-      a.number("damping", j.damping), a.number("friction", j.frictionloss);
+      a.number("damping", j.damping);
+      a.number("friction", j.frictionloss);
       if (j.damping < 0 || j.frictionloss < 0) a.fail("", "of joint " + in_quotes(name) + " is negative; give zero or more");
     }
     if (mimic) mimics_.push_back(&node);
@@ -457,7 +478,10 @@ class Reader {
     for (auto const* node : mimics_) {
       auto const& mimic = *one(*node, "mimic");
       EqualityDescription e;
-      e.type = EqualityType::joint, e.name1 = *node->find("name"), e.name2 = required_text(mimic, "joint"), e.place = mimic.place;
+      e.type = EqualityType::joint;
+      e.name1 = *node->find("name");
+      e.name2 = required_text(mimic, "joint");
+      e.place = mimic.place;
       auto const found = joints_.find(e.name2);
       if (found == joints_.end() || e.name2 == e.name1)
         of(mimic).fail("joint", "is " + in_quotes(e.name2) + ", which is no other joint; correct the name");
@@ -466,7 +490,8 @@ class Reader {
         of(mimic).fail("joint",
                        "is " + in_quotes(e.name2) + ", which is " + *type + "; name one that is revolute, continuous or prismatic");
       double multiplier = 1, offset = 0;
-      of(mimic).number("multiplier", multiplier), of(mimic).number("offset", offset);
+      of(mimic).number("multiplier", multiplier);
+      of(mimic).number("offset", offset);
       e.data = {offset, multiplier};
       d_.equalities.push_back(std::move(e));
     }

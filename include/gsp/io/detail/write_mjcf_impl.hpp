@@ -73,14 +73,21 @@ class Writer {
     return *this;
   }
   void close() { out_ += "/>\n"; }
-  void into() { out_ += ">\n", ++depth_; }
+  void into() {
+    out_ += ">\n";
+    ++depth_;
+  }
   void leave(char const* element) {
     --depth_;
     out_.append(depth_ * 2, ' ');
-    out_ += "</", out_ += element, out_ += ">\n";
+    out_ += "</";
+    out_ += element;
+    out_ += ">\n";
   }
   Writer& word(char const* name, std::string_view value) {
-    out_ += ' ', out_ += name, out_ += "=\"";
+    out_ += ' ';
+    out_ += name;
+    out_ += "=\"";
     for (char ch : value) switch (ch) {
         case '&':
           out_ += "&amp;";
@@ -161,7 +168,10 @@ class Writer {
     contents(d.bodies[0]);
     for (int b = 1; b < int(d.bodies.size()); ++b) {
       auto const& body = d.bodies[b];
-      while (path.size() > 1 && path.back() != body.parent) path.pop_back(), leave("body");
+      while (path.size() > 1 && path.back() != body.parent) {
+        path.pop_back();
+        leave("body");
+      }
       path.push_back(b);
       open("body").text("name", body.name).pose(body.pos, body.quat).number("gravcomp", body.gravcomp, 0).flag("mocap", body.mocap, false);
       if (!body.fuse) word("fuse", "false");
@@ -169,7 +179,10 @@ class Writer {
       if (body.has_inertial) inertial(body.inertial);
       contents(body);
     }
-    while (path.size() > 1) path.pop_back(), leave("body");
+    while (path.size() > 1) {
+      path.pop_back();
+      leave("body");
+    }
   }
   void inertial(InertialDescription const& i) {
     auto const& t = i.inertia;
@@ -294,8 +307,13 @@ class Writer {
     };
     for (auto const& p : d.pairs) {
       open("pair").text("name", p.name).text("geom1", p.geom1).text("geom2", p.geom2);
-      optional("condim", p.condim), optional("friction", p.friction), optional("solref", p.solref);
-      optional("solreffriction", p.solreffriction), optional("solimp", p.solimp), optional("margin", p.margin), optional("gap", p.gap);
+      optional("condim", p.condim);
+      optional("friction", p.friction);
+      optional("solref", p.solref);
+      optional("solreffriction", p.solreffriction);
+      optional("solimp", p.solimp);
+      optional("margin", p.margin);
+      optional("gap", p.gap);
       close();
     }
     for (auto const& e : d.excludes) open("exclude").text("body1", e.body1).text("body2", e.body2).close();
@@ -387,7 +405,8 @@ class Writer {
         else if (!s.reference.empty())
           text("reftype", s.reference_type).text("refname", s.reference);
       } else {
-        name(s.object_type, s.object, two ? "1" : ""), name(s.reference_type, s.reference, two ? "2" : "");
+        name(s.object_type, s.object, two ? "1" : "");
+        name(s.reference_type, s.reference, two ? "2" : "");
       }
       for (auto const& [key, value] : s.settings) word(key.c_str(), value);
       close();

@@ -150,16 +150,22 @@ struct ArchetypeBuilder {
         a.body_parent.push_back(parent - b0);
         a.body_root.push_back(a.body_root[parent - b0]);
       } else {
-        a.body_parent.push_back(mocap_root[parent] >= 0 ? parent_of::mocap : parent_of::world), a.body_root.push_back(a.nroot++);
+        a.body_parent.push_back(mocap_root[parent] >= 0 ? parent_of::mocap : parent_of::world);
+        a.body_root.push_back(a.nroot++);
       }
       bool const own = holds(b);
       bool const has_child = b + 1 < m.nbody && m.body_parent[b + 1] == b;
       a.body_lone.push_back(own && !has_child && m.body_jntnum[b] == 1 && m.jnt_type[m.body_jntadr[b]] == int(JointType::free));
-      a.body_jntadr.push_back(own && m.body_jntnum[b] ? m.body_jntadr[b] - j0 : 0), a.body_jntnum.push_back(own ? m.body_jntnum[b] : 0);
-      a.body_dofadr.push_back(own && m.body_dofnum[b] ? m.body_dofadr[b] - d0 : 0), a.body_dofnum.push_back(own ? m.body_dofnum[b] : 0);
+      a.body_jntadr.push_back(own && m.body_jntnum[b] ? m.body_jntadr[b] - j0 : 0);
+      a.body_jntnum.push_back(own ? m.body_jntnum[b] : 0);
+      a.body_dofadr.push_back(own && m.body_dofnum[b] ? m.body_dofadr[b] - d0 : 0);
+      a.body_dofnum.push_back(own ? m.body_dofnum[b] : 0);
       a.body_fluidadr.push_back(int(a.fluid_type.size()));
       for (int g = own ? m.body_geomadr[b] : 0, n = own ? m.body_geomnum[b] : 0; n > 0; ++g, --n)
-        if (item_or(m.geom_fluid, g, 0)) a.fluid_type.push_back(m.geom_type[g]), instance.fluid_geom.push_back(g);
+        if (item_or(m.geom_fluid, g, 0)) {
+          a.fluid_type.push_back(m.geom_type[g]);
+          instance.fluid_geom.push_back(g);
+        }
     }
     a.body_fluidadr.push_back(int(a.fluid_type.size()));
   }
@@ -296,7 +302,10 @@ struct ArchetypeBuilder {
     a.body_child.assign(a.nbody(), -1);
     a.body_sibling.assign(a.nbody(), -1);
     for (int b = 0; b < a.nbody(); ++b)
-      if (int const parent = a.body_parent[b]; parent >= 0) a.body_sibling[b] = a.body_child[parent], a.body_child[parent] = b;
+      if (int const parent = a.body_parent[b]; parent >= 0) {
+        a.body_sibling[b] = a.body_child[parent];
+        a.body_child[parent] = b;
+      }
     a.body_dofend.assign(a.nbody(), 0);
     for (int b = a.nbody() - 1; b >= 0; --b) {
       if (a.body_dofnum[b] > 0) a.body_dofend[b] = std::max(a.body_dofend[b], a.body_dofadr[b] + a.body_dofnum[b]);
@@ -380,7 +389,10 @@ GSP_INLINE std::vector<ArchetypeDescription> find_archetypes(CompiledModel const
     for (int k : tendons[g]) builder.add_tendon(k);
     for (int k : actuators[g]) builder.add_actuator(k);
     auto const [place, is_new] = known.try_emplace(builder.key(), int(result.size()));
-    if (is_new) builder.add_parts(), result.push_back(std::move(builder.a));
+    if (is_new) {
+      builder.add_parts();
+      result.push_back(std::move(builder.a));
+    }
     result[place->second].instances.push_back(std::move(builder.instance));
   }
   return result;

@@ -80,7 +80,11 @@ GSP_INLINE void attach(Description& to, Description const& piece, AttachOptions 
         throw Error("attach: body '" + b.name + "' has a free joint and would hang on body '" + options.body +
                     "': attach it to the world or remove the joint");
     }
-    for (auto& x : b.geoms) adopt(x.name, x.place), prefixed(x.mesh), prefixed(x.hfield);
+    for (auto& x : b.geoms) {
+      adopt(x.name, x.place);
+      prefixed(x.mesh);
+      prefixed(x.hfield);
+    }
     for (auto& x : b.sites) adopt(x.name, x.place);
     for (auto& x : b.cameras) {
       adopt(x.name, x.place);
@@ -126,7 +130,8 @@ GSP_INLINE void attach(Description& to, Description const& piece, AttachOptions 
     for (auto const& b : of)
       if (b.mocap) {
         auto const q = detail::normalized(b.quat);
-        all[0].insert(all[0].end(), b.pos.begin(), b.pos.end()), all[1].insert(all[1].end(), q.begin(), q.end());
+        all[0].insert(all[0].end(), b.pos.begin(), b.pos.end());
+        all[1].insert(all[1].end(), q.begin(), q.end());
       }
     return all;
   };

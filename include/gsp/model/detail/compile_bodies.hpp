@@ -62,17 +62,28 @@ class BodyCompiler : public CompilerBase {
       m_.body_quat.push_back(unit(body.quat));
       m_.body_gravcomp.push_back(body.gravcomp);
       m_.body_weld.push_back(b == 0 ? 0 : body.joints.empty() && !body.mocap ? m_.body_weld[body.parent] : b);
-      m_.body_jntadr.push_back(body.joints.empty() ? -1 : m_.njnt), m_.body_jntnum.push_back(int(body.joints.size()));
+      m_.body_jntadr.push_back(body.joints.empty() ? -1 : m_.njnt);
+      m_.body_jntnum.push_back(int(body.joints.size()));
       m_.body_dofadr.push_back(body.joints.empty() ? -1 : m_.nv);
-      for (auto const& j : body.joints) enter(Kind::joint, j.name, m_.njnt, j.place), joint(body, b, j);
+      for (auto const& j : body.joints) {
+        enter(Kind::joint, j.name, m_.njnt, j.place);
+        joint(body, b, j);
+      }
       m_.body_dofnum.push_back(body.joints.empty() ? 0 : m_.nv - m_.body_dofadr[b]);
-      m_.body_geomadr.push_back(body.geoms.empty() ? -1 : m_.ngeom), m_.body_geomnum.push_back(int(body.geoms.size()));
-      for (auto const& g : body.geoms) enter(Kind::geom, g.name, m_.ngeom, g.place), geom(b, g);
+      m_.body_geomadr.push_back(body.geoms.empty() ? -1 : m_.ngeom);
+      m_.body_geomnum.push_back(int(body.geoms.size()));
+      for (auto const& g : body.geoms) {
+        enter(Kind::geom, g.name, m_.ngeom, g.place);
+        geom(b, g);
+      }
       for (auto const& s : body.sites) {
         enter(Kind::site, s.name, m_.nsite, s.place);
         require_finite(finite(s.pos) && finite(s.quat), s.place, "site", s.name);
-        m_.site_body.push_back(b), m_.site_pos.push_back(s.pos), m_.site_quat.push_back(unit(s.quat)), m_.site_name.push_back(s.name),
-            ++m_.nsite;
+        m_.site_body.push_back(b);
+        m_.site_pos.push_back(s.pos);
+        m_.site_quat.push_back(unit(s.quat));
+        m_.site_name.push_back(s.name);
+        ++m_.nsite;
       }
       for (auto const& c : body.cameras) {
         enter(Kind::camera, c.name, m_.ncam, c.place);
@@ -90,8 +101,12 @@ class BodyCompiler : public CompilerBase {
         m_.cam_sensor_size.push_back(sized ? c.sensor_size : std::array<double, 2>{0, 0});
         m_.cam_principal.push_back(sized ? c.principal : std::array<double, 2>{0, 0});
         m_.cam_resolution.push_back({double(c.resolution[0]), double(c.resolution[1])});
-        m_.cam_body.push_back(b), m_.cam_pos.push_back(c.pos), m_.cam_quat.push_back(unit(c.quat)), m_.cam_fovy.push_back(c.fovy),
-            m_.cam_name.push_back(c.name), m_.cam_mode.push_back(int(c.mode));
+        m_.cam_body.push_back(b);
+        m_.cam_pos.push_back(c.pos);
+        m_.cam_quat.push_back(unit(c.quat));
+        m_.cam_fovy.push_back(c.fovy);
+        m_.cam_name.push_back(c.name);
+        m_.cam_mode.push_back(int(c.mode));
         ++m_.ncam;
       }
     }
@@ -211,8 +226,10 @@ class BodyCompiler : public CompilerBase {
     m_.geom_condim.push_back(g.condim);
     m_.geom_priority.push_back(g.priority);
     m_.geom_group.push_back(g.group);
-    m_.geom_size.push_back(shape.size), m_.geom_pos.push_back(shape.pos), m_.geom_quat.push_back(shape.quat),
-        m_.geom_friction.push_back(g.friction);
+    m_.geom_size.push_back(shape.size);
+    m_.geom_pos.push_back(shape.pos);
+    m_.geom_quat.push_back(shape.quat);
+    m_.geom_friction.push_back(g.friction);
     m_.geom_solmix.push_back(g.solmix);
     m_.geom_margin.push_back(g.margin);
     m_.geom_gap.push_back(g.gap);
@@ -280,7 +297,10 @@ class BodyCompiler : public CompilerBase {
     }
     if (parts.size() < 2) return parts.empty() ? std::nullopt : std::optional(parts[0]);
     Mass sum;
-    for (auto const& p : parts) sum.mass += p.mass, sum.pos = sum.pos + p.mass * p.pos;
+    for (auto const& p : parts) {
+      sum.mass += p.mass;
+      sum.pos = sum.pos + p.mass * p.pos;
+    }
     sum.pos = (1 / sum.mass) * sum.pos;
     Symmetric3 tensor{};
     for (auto const& p : parts) {
@@ -309,9 +329,9 @@ class BodyCompiler : public CompilerBase {
           require_finite(finite(given.pos) && finite(given.quat) && finite(given.inertia) && std::isfinite(given.mass), body.place, "body",
                          body.name);
           mass = principal(given.mass, given.pos, normalized(given.quat), given.inertia);
-        } else {
-          mass.pos = body.pos,
-          mass.quat = unit(body.quat);  // an arbitrary point, but MuJoCo's, and the body's inverse weight is taken there
+        } else {  // an arbitrary point, but MuJoCo's, and the body's inverse weight is taken there
+          mass.pos = body.pos;
+          mass.quat = unit(body.quat);
         }
         if (mass.mass < 0 || *std::min_element(mass.moments.begin(), mass.moments.end()) < 0)
           fail(body.place, "body", body.name, "has a negative mass or moment of inertia: correct its inertial");

@@ -53,7 +53,8 @@ class ConstantsCompiler : public ForceCompiler {
     for (int c = 0; c < m_.ncam; ++c) {
       Pose const x = pose.camera(c);
       int const b = m_.cam_body[c], target = m_.cam_target[c];
-      m_.cam_pos0.push_back(x.p - pose.body(b).p), m_.cam_poscom0.push_back(x.p - pose.subtree_com(target >= 0 ? target : b));
+      m_.cam_pos0.push_back(x.p - pose.body(b).p);
+      m_.cam_poscom0.push_back(x.p - pose.subtree_com(target >= 0 ? target : b));
       Double3 const axes[] = {rotate(x.q, {1, 0, 0}), rotate(x.q, {0, 1, 0}), rotate(x.q, {0, 0, 1})};
       auto& rows = m_.cam_mat0.emplace_back();
       for (std::size_t i = 0; i < 9; ++i) rows[i] = axes[i % 3][i / 3];

@@ -49,8 +49,13 @@ class ForceCompiler : public BodyCompiler {
       int tree = -1;  // the one that all of it belongs to; what is fixed to the world does not count
       bool several = false;
       for (int b : bodies)
-        if (int const of = m_.body_tree[b]; of >= 0) several = several || (tree >= 0 && tree != of), tree = of;
-      m_.tendon_tree.push_back(several ? -1 : tree), m_.tendon_limited.push_back(t.limited), m_.tendon_name.push_back(t.name);
+        if (int const of = m_.body_tree[b]; of >= 0) {
+          several = several || (tree >= 0 && tree != of);
+          tree = of;
+        }
+      m_.tendon_tree.push_back(several ? -1 : tree);
+      m_.tendon_limited.push_back(t.limited);
+      m_.tendon_name.push_back(t.name);
       m_.tendon_stiffness.push_back(t.stiffness);
       m_.tendon_damping.push_back(t.damping);
       m_.tendon_frictionloss.push_back(t.frictionloss);
@@ -110,9 +115,13 @@ class ForceCompiler : public BodyCompiler {
       m_.act_dyntype.push_back(int(a.dynamics));
       m_.act_gaintype.push_back(int(a.gain_type));
       m_.act_biastype.push_back(int(a.bias_type));
-      m_.act_actadr.push_back(stateful ? m_.na : -1), m_.act_actnum.push_back(stateful), m_.na += stateful;
-      m_.act_gear.push_back(a.gear), m_.act_gainprm.push_back(a.gainprm), m_.act_biasprm.push_back(a.biasprm),
-          m_.act_dynprm.push_back(a.dynprm);
+      m_.act_actadr.push_back(stateful ? m_.na : -1);
+      m_.act_actnum.push_back(stateful);
+      m_.na += stateful;
+      m_.act_gear.push_back(a.gear);
+      m_.act_gainprm.push_back(a.gainprm);
+      m_.act_biasprm.push_back(a.biasprm);
+      m_.act_dynprm.push_back(a.dynprm);
       m_.act_cranklength.push_back(a.crank_length);
       m_.act_damping.push_back(a.damping);
       m_.act_armature.push_back(a.armature);

@@ -128,7 +128,8 @@ class Compiler : public ConstantsCompiler {
     std::vector<std::vector<int>> excluded(std::size_t(m_.nbody));  // with which bodies, both ways
     for (auto const& e : d_.excludes) {
       int const a = find(Kind::body, e.body1, e.place, "exclude", ""), b = find(Kind::body, e.body2, e.place, "exclude", "");
-      excluded[std::size_t(a)].push_back(b), excluded[std::size_t(b)].push_back(a);
+      excluded[std::size_t(a)].push_back(b);
+      excluded[std::size_t(b)].push_back(a);
     }
     auto const stands = [&](int weld) { return m_.body_dofnum[weld] == 0; };  // also mocap bodies
     std::vector<int> colliding;
@@ -180,7 +181,10 @@ class Compiler : public ConstantsCompiler {
     if (judged && approximate_) {
       int changed = 0, first = -1;
       for (int g = 0; g < m_.ngeom; ++g)
-        if (m_.geom_condim[g] > 3) m_.geom_condim[g] = 3, first = changed++ ? first : g;
+        if (m_.geom_condim[g] > 3) {
+          m_.geom_condim[g] = 3;
+          first = changed++ ? first : g;
+        }
       if (wide)
         note(places_[first],
              "geoms with condim 4 or 6 are taken as condim 3: no torsional or rolling friction (" + std::to_string(wide) +
@@ -212,7 +216,8 @@ class Compiler : public ConstantsCompiler {
       fill(key.qvel, std::vector<double>(std::size_t(m_.nv), 0.), "qvel");
       fill(key.act, std::vector<double>(std::size_t(m_.na), 0.), "act");
       fill(key.ctrl, std::vector<double>(std::size_t(m_.nu), 0.), "ctrl");
-      fill(key.mpos, mpos, "mpos"), fill(key.mquat, mquat, "mquat");
+      fill(key.mpos, mpos, "mpos");
+      fill(key.mquat, mquat, "mquat");
       auto const normalize = [&](double* q) {
         auto const n = unit({q[0], q[1], q[2], q[3]});
         std::copy(n.begin(), n.end(), q);

@@ -35,7 +35,10 @@ class InitialInertia {
       auto const frame = times(pose.body(b).q, m.body_iquat[b]);
       auto const chain = pose.dofs_of(b);
       std::vector<Double3> v, w;
-      for (int d : chain) v.push_back(pose.linear(d, pose.com(b))), w.push_back(rotate_inverse(frame, pose.angular(d)));
+      for (int d : chain) {
+        v.push_back(pose.linear(d, pose.com(b)));
+        w.push_back(rotate_inverse(frame, pose.angular(d)));
+      }
       for (std::size_t i = 0; i < chain.size(); ++i)
         for (std::size_t k = 0; k <= i; ++k) {
           double const rotation = w[i][0] * w[k][0] * m.body_inertia[b][0] + w[i][1] * w[k][1] * m.body_inertia[b][1] +
@@ -43,7 +46,10 @@ class InitialInertia {
           add(chain[i] - first_, chain[k] - first_, m.body_mass[b] * dot(v[i], v[k]) + rotation);
         }
     }
-    for (int d = 0; d < n_; ++d) at(d, d) += armature[first_ + d], diagonal_.push_back(at(d, d));
+    for (int d = 0; d < n_; ++d) {
+      at(d, d) += armature[first_ + d];
+      diagonal_.push_back(at(d, d));
+    }
     for (auto const& [inertia, row] : tendons)
       for (auto const& [i, x] : row.entries) {
         if (i < first_ || i >= first_ + n_) continue;
@@ -84,7 +90,10 @@ class InitialInertia {
     std::array<double, 2> mean{0, 0};
     for (int c = 0; c < 3; ++c) {
       std::vector<double> v(n_, 0.), w(n_, 0.);
-      for (int d : chain) v[d - first_] = pose.linear(d, pose.com(b))[c], w[d - first_] = pose.angular(d)[c];
+      for (int d : chain) {
+        v[d - first_] = pose.linear(d, pose.com(b))[c];
+        w[d - first_] = pose.angular(d)[c];
+      }
       mean[0] += inverse_weight(std::move(v)) / 3;
       mean[1] += inverse_weight(std::move(w)) / 3;
     }
@@ -104,7 +113,10 @@ class InitialInertia {
   void factor() {
     std::vector<int> near;
     for (int i = n_ - 1; i >= 0; --i) {
-      if (!(at(i, i) >= 1e-15)) at(i, i) = 1e-15, singular_.push_back(first_ + i);
+      if (!(at(i, i) >= 1e-15)) {
+        at(i, i) = 1e-15;
+        singular_.push_back(first_ + i);
+      }
       near.clear();
       for (int k = 0; k < i; ++k)
         if (at(i, k) != 0) near.push_back(k);

@@ -137,7 +137,10 @@ class InitialPose {
         };
         if (m_.jnt_type[id] == int(JointType::free)) {
           auto const axis = turn(q + 3, torque);
-          for (int k = 0; k < 3; ++k) out.row.add(d + k, gear[k]), out.row.add(d + 3 + k, axis[k]);
+          for (int k = 0; k < 3; ++k) {
+            out.row.add(d + k, gear[k]);
+            out.row.add(d + 3 + k, axis[k]);
+          }
         } else if (m_.jnt_type[id] == int(JointType::ball)) {
           auto const axis = turn(q, force);
           out.length = dot(rotation_vector(normalized({q_[q], q_[q + 1], q_[q + 2], q_[q + 3]})), axis);
@@ -215,7 +218,10 @@ class InitialPose {
     switch (JointType(m_.jnt_type[j])) {
       case JointType::free:
         x = {{q_[q], q_[q + 1], q_[q + 2]}, normalized({q_[q + 3], q_[q + 4], q_[q + 5], q_[q + 6]})};
-        for (int k = 0; k < 3; ++k) put(d + k, unit(k), x.p, false), put(d + 3 + k, rotate(x.q, unit(k)), x.p, true);
+        for (int k = 0; k < 3; ++k) {
+          put(d + k, unit(k), x.p, false);
+          put(d + 3 + k, rotate(x.q, unit(k)), x.p, true);
+        }
         break;
       case JointType::ball: {
         Double3 const anchor = x * m_.jnt_pos[j];

@@ -40,7 +40,8 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
           fail(std::string("has ") + what + " with vertex " + std::to_string(v) + " of " + std::to_string(mesh.vertices.size()) +
                ": correct it");
   };
-  check(mesh.faces, "a face"), check(mesh.hull, "a face of the hull");
+  check(mesh.faces, "a face");
+  check(mesh.hull, "a face of the hull");
   bool const convex = mesh.inertia == MeshInertia::convex, of_hull = mesh.faces.empty();
   if ((of_hull || convex) && mesh.hull.empty())
     fail(std::string(of_hull ? "has no faces" : "takes the inertia of its hull") +
@@ -67,7 +68,10 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
     for (auto& f : faces) std::swap(f[1], f[2]);
   };
   auto hull = convex ? mesh.hull : std::vector<std::array<int, 3>>{};
-  if (mirrors) turn_over(out.faces), turn_over(hull);
+  if (mirrors) {
+    turn_over(out.faces);
+    turn_over(hull);
+  }
 
   std::vector<Double3> moved(given.size());
   auto const refquat = normalized(mesh.refquat);
@@ -98,7 +102,10 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
   out.vertices.reserve(given.size());
   for (auto const& v : moved) {
     auto const x = rotate_inverse(out.quat, v - out.pos);
-    for (int k = 0; k < 3; ++k) out.low[k] = std::min(out.low[k], x[k]), out.high[k] = std::max(out.high[k], x[k]);
+    for (int k = 0; k < 3; ++k) {
+      out.low[k] = std::min(out.low[k], x[k]);
+      out.high[k] = std::max(out.high[k], x[k]);
+    }
     out.vertices.push_back({float(x[0]), float(x[1]), float(x[2])});
     if (!finite(out.vertices.back())) fail("grows beyond what a float can hold: correct its scale");
   }

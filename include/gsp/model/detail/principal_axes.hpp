@@ -32,7 +32,10 @@ inline PrincipalAxes principal_axes(Symmetric3 const& s) {
   for (int sweep = 0; sweep < 90; ++sweep) {
     int p = 0, q = 1;
     if (std::abs(a[0][2]) > std::abs(a[p][q])) q = 2;
-    if (std::abs(a[1][2]) > std::abs(a[p][q])) p = 1, q = 2;
+    if (std::abs(a[1][2]) > std::abs(a[p][q])) {
+      p = 1;
+      q = 2;
+    }
     if (!(std::abs(a[p][q]) > 1e-14 * scale)) break;
     double const t = 0.5 * std::atan2(2 * a[p][q], a[p][p] - a[q][q]), c = std::cos(t), n = std::sin(t);
     for (auto& row : a) {

@@ -61,10 +61,16 @@ void for_each_reference(T& s, F const& f) {
 }
 template <class T, class F>
 requires std::same_as<std::remove_const_t<T>, PairDescription>
-void for_each_reference(T& p, F const& f) { f(Kind::geom, p.geom1), f(Kind::geom, p.geom2); }
+void for_each_reference(T& p, F const& f) {
+  f(Kind::geom, p.geom1);
+  f(Kind::geom, p.geom2);
+}
 template <class T, class F>
 requires std::same_as<std::remove_const_t<T>, ExcludeDescription>
-void for_each_reference(T& e, F const& f) { f(Kind::body, e.body1), f(Kind::body, e.body2); }
+void for_each_reference(T& e, F const& f) {
+  f(Kind::body, e.body1);
+  f(Kind::body, e.body2);
+}
 /// The entry's own name and kind; excludes have none.
 inline Kind own_kind(TendonDescription const&) { return Kind::tendon; }
 inline Kind own_kind(ActuatorDescription const&) { return Kind::actuator; }

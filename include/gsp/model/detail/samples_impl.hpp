@@ -37,7 +37,10 @@ inline GeomDescription named(GeomDescription g, std::string name) {
 
 inline JointDescription hinge(std::string name, Double3 const& axis, double lower = 0, double upper = 0) {
   JointDescription j;
-  j.name = std::move(name), j.axis = axis, j.range = {lower, upper}, j.limited = lower < upper;
+  j.name = std::move(name);
+  j.axis = axis;
+  j.range = {lower, upper};
+  j.limited = lower < upper;
   return j;
 }
 
@@ -189,7 +192,10 @@ GSP_INLINE Description quadruped() {
         weighing(named(shape(ShapeType::capsule, {0.014, shank / 2 - 0.01, 0}, {0, 0, -shank / 2 + 0.01}, dark), name + "_shank"), 0.15),
         weighing(named(shape(ShapeType::sphere, {foot, 0, 0}, {0, 0, -shank}, accent), name + "_foot"), 0.05)};
     d.bodies[lower].geoms[1].friction[0] = 0.9;
-    for (double q : {0., bend, -2 * bend}) stand.qpos.push_back(q), stand.ctrl.push_back(q);
+    for (double q : {0., bend, -2 * bend}) {
+      stand.qpos.push_back(q);
+      stand.ctrl.push_back(q);
+    }
   }
   d.keyframes = {stand};
   return d;

@@ -26,7 +26,11 @@ inline double smooth_step(double a, double b, double x) {
 inline double hash01(int x, int y, int seed) {
   std::uint32_t h = static_cast<std::uint32_t>(x) * 0x9e3779b1u ^ static_cast<std::uint32_t>(y) * 0x85ebca77u ^
                     static_cast<std::uint32_t>(seed) * 0xc2b2ae3du;
-  h ^= h >> 15, h *= 0x2c1b3c6du, h ^= h >> 12, h *= 0x297a2d39u, h ^= h >> 15;
+  h ^= h >> 15;
+  h *= 0x2c1b3c6du;
+  h ^= h >> 12;
+  h *= 0x297a2d39u;
+  h ^= h >> 15;
   return h * (1. / 4294967296.);
 }
 /// Smooth noise in [0, 1), cells of size 1.
@@ -72,13 +76,17 @@ inline double hit(Blocker const& b, Point origin, Point direction) {
       return;
     }
     double const a = (-half - x) / dx, c = (half - x) / dx;
-    enter = std::max(enter, std::min(a, c)), leave = std::min(leave, std::max(a, c));
+    enter = std::max(enter, std::min(a, c));
+    leave = std::min(leave, std::max(a, c));
   };
   if (b.kind == Blocker::Kind::box) {
-    slab(o.x, d.x, b.half.x), slab(o.y, d.y, b.half.y), slab(o.z, d.z, b.half.z);
+    slab(o.x, d.x, b.half.x);
+    slab(o.y, d.y, b.half.y);
+    slab(o.z, d.z, b.half.z);
     return enter <= leave ? enter : infinity;
   }
-  o = {o.x / b.half.x, o.y / b.half.y, o.z / b.half.z}, d = {d.x / b.half.x, d.y / b.half.y, d.z / b.half.z};
+  o = {o.x / b.half.x, o.y / b.half.y, o.z / b.half.z};
+  d = {d.x / b.half.x, d.y / b.half.y, d.z / b.half.z};
   if (b.kind == Blocker::Kind::cylinder) {
     slab(o.z, d.z, 1);
     o.z = d.z = 0;
@@ -87,7 +95,8 @@ inline double hit(Blocker const& b, Point origin, Point direction) {
   if (a < 1e-12) return c <= 0 && enter <= leave ? enter : infinity;
   double const q = h * h - a * c;
   if (q < 0) return infinity;
-  enter = std::max(enter, (-h - std::sqrt(q)) / a), leave = std::min(leave, (-h + std::sqrt(q)) / a);
+  enter = std::max(enter, (-h - std::sqrt(q)) / a);
+  leave = std::min(leave, (-h + std::sqrt(q)) / a);
   return enter <= leave ? enter : infinity;
 }
 
@@ -310,9 +319,13 @@ class PaintedScene {
         double const x = std::abs(b.cosine) * b.half.x + std::abs(b.sine) * b.half.y,
                      y = std::abs(b.sine) * b.half.x + std::abs(b.cosine) * b.half.y;
         Point const h{x, y, b.half.z};
-        for (int k = 0; k < 3; ++k) low[k] = std::min(low[k], b.center[k] - h[k]), high[k] = std::max(high[k], b.center[k] + h[k]);
+        for (int k = 0; k < 3; ++k) {
+          low[k] = std::min(low[k], b.center[k] - h[k]);
+          high[k] = std::max(high[k], b.center[k] + h[k]);
+        }
       }
-      g.center = 0.5 * (low + high), g.radius = 0.5 * norm(high - low);
+      g.center = 0.5 * (low + high);
+      g.radius = 0.5 * norm(high - low);
     }
   }
 

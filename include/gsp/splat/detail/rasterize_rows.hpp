@@ -65,12 +65,16 @@ struct RasterizeRows {
           Blend<P> const b{select(adds, alpha * p.T, P(0.f)), p.T, select(adds, left_over, p.T)};
           channels.blend(p.numbers, s, values, b);
           p.T = b.left;
-          if (any_lane(stops)) p.least = select(stops, P(infinity), p.least), finished = true;
+          if (any_lane(stops)) {
+            p.least = select(stops, P(infinity), p.least);
+            finished = true;
+          }
         }
         if (finished) {
           bool all_done = true;
           for (int k = 0; k < packs; ++k) all_done &= !any_lane(pixels[row][k].least < P(infinity));
-          done[row] = all_done, rows_done += all_done;
+          done[row] = all_done;
+          rows_done += all_done;
         }
       }
     }
