@@ -28,6 +28,11 @@ struct Simulation {
   RungeKutta<R, Mem> runge_kutta = {};  // integrator RK4 of profile mujoco, else empty
 };
 
+/// The constraint types of MJCF, in the order of their rows.
+template <class R, class Mem>
+using ModelConstraints =
+    ConstraintList<JointFriction<R, Mem>, TendonFriction<R, Mem>, JointLimits<R, Mem>, TendonLimits<R, Mem>, ContactRows<R, Mem>>;
+
 struct SimulationOptions {
   int worlds = 1;
   bool approximate = false;  // equalities are left out; profile mujoco: box friction stands in for the cones, and Euler for RK4
@@ -112,6 +117,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
                            ContactRows(model, sim.collision, sim.contacts), type...);
       },
       types);
+  static_assert(own_types || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>, "gsp::kernels holds assemble for these types");
   assemble(exec, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress);
   pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress, solver);
   integrate(exec, model, state, sim.dynamics, sim.progress, sim.solution);

@@ -24,7 +24,7 @@
   word void collide(Exec const&, CollisionModel<R, Mem> const&, Poses<R, Mem> const&, Contacts<R, Mem>&); \
   word bool grow(Exec const&, Contacts<R, Mem>&); \
   word void assemble(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Dynamics<R, Mem> const&, \
-                     ConstraintList<JointFriction<R, Mem>, TendonFriction<R, Mem>, JointLimits<R, Mem>, TendonLimits<R, Mem>, ContactRows<R, Mem>> const&, \
+                     ModelConstraints<R, Mem> const&, \
                      Rows<R, Mem>&, Impulses<R, Mem>&, Progress<Mem>&); \
   word bool grow(Exec const&, Rows<R, Mem>&, Impulses<R, Mem>&, Progress<Mem>&); \
   word void pgs(Exec const&, Rows<R, Mem> const&, Impulses<R, Mem>&, Solution<R, Mem>&, Progress<Mem>&, PgsOptions); \
