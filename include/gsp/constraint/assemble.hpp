@@ -56,6 +56,8 @@ TypeNames names_of(ConstraintList<Types...> const&) {
     int before = 0;
     for (int s = 0; s < t; ++s) before += kind[s] == kind[t];
     names.name[t] = nth_name(kind[t], before);
+    for (int s = 0; s < t; ++s)
+      expects(names.name[s] != names.name[t], "gsp::assemble: two constraint types have the same number by chance: rename one of your own");
   }
   names.count = n;
   return names;

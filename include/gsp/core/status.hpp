@@ -16,8 +16,8 @@ inline constexpr std::uint32_t stopped = not_finite | row_refused;
 /// What the bits mean, for people.
 inline std::string text(std::uint32_t bits) {
   std::string result;
-  if (bits & contact_overflow) result += "the contacts of this world did not fit: call grow(exec, contacts) and repeat the step; ";
-  if (bits & row_overflow) result += "the constraint rows of this world did not fit: call grow(exec, rows) and repeat the step; ";
+  if (bits & contact_overflow) result += "the contacts of this world did not fit: call settle(exec, simulation) and repeat the step (a loop of one's own: grow contacts, rows and impulses); ";
+  if (bits & row_overflow) result += "the constraint rows of this world did not fit: call settle(exec, simulation) and repeat the step (a loop of one's own: grow contacts, rows and impulses); ";
   if (bits & not_finite)
     result +=
         "the new velocity is NaN or infinite, and the world stays as it was before: take a smaller timestep or a softer model, then clear "

@@ -39,7 +39,7 @@ concept SensorOfWorlds = requires(S const s, int world, int i, AnyPut put) {
 ///                            a WorldLane<T> const& (the operator a template on T: a pack of worlds on a CPU), or
 ///                            an int (one world at a time: for loops whose length differs from world to world, such as over contacts)
 /// and, where its numbers do not stand one after the other,
-///   adr(i)                   the column of sensor i's first number
+///   adr(i), columns()        the column of sensor i's first number; one beyond the last column of all
 ///   limit(i, x)              what becomes of each of its numbers on their way (cutoffs)
 template <class S>
 concept SensorKind = std::copyable<S> && detail::SensorCount<S> && detail::SensorSize<S> &&
@@ -101,7 +101,12 @@ void sense(Exec const& exec, S const& sensor, Data& data, SenseOptions options =
   using R = typename Data::non_const_value_type;
   expects(options.adr >= 0, "gsp::sense: adr must not be negative");
   expects(sensor.count() >= 0 && sensor.size() >= 0, "gsp::sense: count() and size() must not be negative");
-  if constexpr (!requires { sensor.adr(0); })
+  if constexpr (requires { sensor.adr(0); }) {
+    static_assert(requires { sensor.columns(); }, "gsp::sense: a sensor with adr(i) also has `int columns() const`: the end of the last");
+    expects(options.adr + sensor.columns() <= int(data.extent(1)),
+            "gsp::sense: the sensors write to column " + std::to_string(options.adr + sensor.columns() - 1) +
+                ", and data has " + std::to_string(data.extent(1)) + " columns");
+  } else
     expects(options.adr + sensor.count() * sensor.size() <= int(data.extent(1)),
             "gsp::sense: " + std::to_string(sensor.count()) + " sensors of " + std::to_string(sensor.size()) + " numbers from column " +
                 std::to_string(options.adr) + " on do not fit into data with " + std::to_string(data.extent(1)) + " columns");

@@ -171,11 +171,13 @@ struct SmoothSensors {
   Vec3<R> magnetic;
   Subtrees<R, Mem> subtrees;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> energy;
+  int nsensordata;
 
   using Entry = SensorEntry<R>;
   int count() const { return int(entries.extent(0)); }
   KOKKOS_INLINE_FUNCTION int size() const { return 4; }  // at most
   KOKKOS_INLINE_FUNCTION int adr(int i) const { return entries(i).adr; }
+  int columns() const { return nsensordata; }
   template <class T>
   KOKKOS_INLINE_FUNCTION T limit(int i, T const& x) const {
     R const cutoff = entries(i).cutoff;
@@ -371,7 +373,7 @@ void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> 
   if (sensors.momenta) subtree_momentum(exec, model, poses, dynamics, sensors.subtrees);
   if (sensors.energy.data()) energies(exec, model, state, poses, dynamics, sensors.energy);
   sense(exec,
-        detail::SmoothSensors<R, Mem>{model, state, poses, dynamics, sensors.entries, sensors.magnetic, sensors.subtrees, sensors.energy},
+        detail::SmoothSensors<R, Mem>{model, state, poses, dynamics, sensors.entries, sensors.magnetic, sensors.subtrees, sensors.energy, sensors.nsensordata},
         data, {.label = "gsp::sensor::smooth_sensors"});
 }
 

@@ -14,6 +14,7 @@
 /// A ready-made simulation loop, written with public functions alone: copy it and change it.
 namespace gsp {
 
+inline namespace GSP_PACK_NAMESPACE {
 /// Everything that a step needs besides the model and the state.
 template <class R, class Mem>
 struct Simulation {
@@ -27,6 +28,7 @@ struct Simulation {
   Progress<Mem> progress;
   RungeKutta<R, Mem> runge_kutta = {};  // integrator RK4 of profile mujoco, else empty
 };
+}  // namespace GSP_PACK_NAMESPACE
 
 /// The constraint types of MJCF, in the order of their rows.
 template <class R, class Mem>
@@ -88,10 +90,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 /// Launches one step of all worlds and does not wait: smooth dynamics, contacts, rows, solver, integration. Where a pool is too small it
 /// and all steps launched after it do nothing; `settle` says how many, and lets the pools grow.
 /// @param more  of your own: constraint types (constraint_type.hpp), which act also where the model's constraints are disabled, and
-/// actuator
-///              laws (dynamics/actuator_law.hpp)
-/// Errors: constraint types of your own beside the integrator RK4, laws without actuators. Does not allocate, does not fence: a loop of it
-/// can be captured as a graph.
+///              actuator laws (dynamics/actuator_law.hpp)
+/// Errors: constraint types of your own beside the integrator RK4, laws without actuators. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim, PgsOptions const& solver = {},
                  More const&... more) {
@@ -100,7 +100,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
           "gsp::step: state and simulation have different numbers of worlds: make them with the same {.worlds = n}");
   auto const laws = detail::all_of_laws<true>(more...);
   auto const types = detail::all_of_laws<false>(more...);
-  constexpr bool own_types = std::tuple_size_v < std::remove_const_t < decltype(types) >>> 0;
+  constexpr bool own_types = (!ActuatorLaw<More> || ...);
   if (detail::has_runge_kutta(model)) {
     if constexpr (own_types)
       throw Error(

@@ -249,7 +249,7 @@ struct EmitRows {
     int const now = impulses.parity(), last = state.steps(w) > 0 ? last_row(w, place, id) : -1;
     std::uint64_t const key = row_key(place, id), old = last < 0 ? 0 : impulses.id[1 - now](last);
     for (int r = 0; r < n; ++r) {
-      row[r].type = static_cast<signed char>(place);
+      row[r].type = short(place);
       impulses.id[now](first + r) = key;
       bool const known =
           last >= 0 && last + r < impulses.first[1 - now](w) + impulses.count[1 - now](w) && impulses.id[1 - now](last + r) == old;

@@ -207,7 +207,8 @@ struct PgsLockstep {
         continue;
       }
       Row<R> const& row = rows.row(row_of[l][b]);
-      std::memcpy(numbers[l], &row.bias, 6 * sizeof(R));
+      static_assert(offsetof(Row<R>, mu) == offsetof(Row<R>, bias) + 5 * sizeof(R), "bias to mu lie side by side");
+      std::memcpy(numbers[l], reinterpret_cast<char const*>(&row) + offsetof(Row<R>, bias), 6 * sizeof(R));
       numbers[l][6] = impulses.p[parity](row_of[l][b]);
       numbers[l][7] = R(row.friction_of);
       normals |= row.friction_of < 0 ? 0u : 1u << row.friction_of;
