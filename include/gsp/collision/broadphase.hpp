@@ -117,7 +117,8 @@ void place_colliders(Exec const& exec, CollisionModel<R, Mem> const& model, Pose
                      std::uint32_t* status = nullptr, std::uint8_t* lost = nullptr) {
   static_assert(can_access<Exec, CollisionModel<R, Mem>>, "gsp::place_colliders: the model is not accessible from this execution space");
   std::int64_t const n = std::int64_t(bounds.pose.extent(0)) * model.groups;
-  Kokkos::parallel_for("gsp::collision::place_colliders", light(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n)),
+  Kokkos::parallel_for("gsp::collision::place_colliders",
+                       lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n)),
                        detail::PlaceColliders<R, Mem>{model, poses, bounds, status, lost});
 }
 
@@ -129,7 +130,7 @@ void find_near_pairs(Exec const& exec, CollisionModel<R, Mem> const& model, Coll
   int const worlds = int(bounds.pose.extent(0));
   expects(mask.extent(0) == std::size_t(model.chunks) * worlds, "gsp::find_near_pairs: the mask must hold chunks x worlds words");
   Kokkos::parallel_for("gsp::collision::find_near_pairs",
-                       light(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(mask.extent(0)))),
+                       lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(mask.extent(0)))),
                        detail::FindNearPairs<R, Mem>{model, bounds, mask, worlds});
 }
 

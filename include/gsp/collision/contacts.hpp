@@ -312,15 +312,16 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
   find_near_pairs(exec, model, s.bounds, s.mask);
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   std::int64_t const items = std::int64_t(s.mask.extent(0));
-  Kokkos::parallel_scan("gsp::collision::write_candidates", light(Range(exec, 0, items)),
+  Kokkos::parallel_scan("gsp::collision::write_candidates", lightweight(Range(exec, 0, items)),
                         detail::WriteCandidates<R, Mem>{model, s, contacts.worlds, items});
   // On a device the grid has the capacity's size and threads leave on the count; on a host the work before is done, so the count can be
   // read.
   std::int64_t candidates = std::int64_t(s.candidates.extent(0));
   if constexpr (!is_device<Exec>) candidates = std::min(candidates, std::int64_t(s.total(0)));
-  Kokkos::parallel_for("gsp::collision::narrowphase", light(Range(exec, 0, candidates)),
+  Kokkos::parallel_for("gsp::collision::narrowphase", lightweight(Range(exec, 0, candidates)),
                        detail::CollideCandidates<R, Mem>{model, s, contacts.points_per_box_pair == 4});
-  Kokkos::parallel_scan("gsp::collision::write_contacts", light(Range(exec, 0, items)), detail::WriteContacts<R, Mem>{model, contacts});
+  Kokkos::parallel_scan("gsp::collision::write_contacts", lightweight(Range(exec, 0, items)),
+                        detail::WriteContacts<R, Mem>{model, contacts});
 }
 
 }  // namespace gsp

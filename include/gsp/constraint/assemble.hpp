@@ -84,7 +84,7 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
   Region const region("gsp::constraint::assemble");
   using List = ConstraintList<Types...>;
   for_worlds("gsp::constraint::count_rows", exec, rows.worlds, detail::CountRows<R, Mem, List>{model, state, rows, progress.halt, types});
-  Kokkos::parallel_scan("gsp::constraint::scan_rows", light(Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds)),
+  Kokkos::parallel_scan("gsp::constraint::scan_rows", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds)),
                         detail::ScanRows<R, Mem>{rows, state, progress.halt, impulses.parity, impulses.solved,
                                                  std::min(rows.capacity(), impulses.capacity())});
   for_worlds("gsp::constraint::emit_rows", exec, rows.worlds,

@@ -18,7 +18,7 @@ inline constexpr bool can_access = bool(Kokkos::SpaceAccessibility<Exec, typenam
 /// The policy, with the kernel's functor travelling with the launch. By itself Kokkos puts functors of more than 512 bytes into a constant
 /// buffer of the device, and the host then waits at each launch for the kernel before.
 template <class Policy>
-auto light(Policy const& policy) {
+auto lightweight(Policy const& policy) {
   if constexpr (is_device<typename Policy::execution_space>)
     return Kokkos::Experimental::require(policy, Kokkos::Experimental::WorkItemProperty::HintLightWeight);
   else

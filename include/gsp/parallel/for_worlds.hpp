@@ -91,7 +91,7 @@ struct DeviceWorlds {
 template <ExecutionSpace Exec, class F>
 void for_worlds(std::string const& label, Exec const& exec, int worlds, F const& f) {
   if constexpr (is_device<Exec>)
-    Kokkos::parallel_for(label, light(Kokkos::TeamPolicy<Exec>(exec, worlds, 1, 32)), detail::DeviceWorlds<F>{f});
+    Kokkos::parallel_for(label, lightweight(Kokkos::TeamPolicy<Exec>(exec, worlds, 1, 32)), detail::DeviceWorlds<F>{f});
   else
     Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, worlds), detail::HostWorlds<F>{f});
 }

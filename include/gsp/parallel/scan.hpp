@@ -30,7 +30,8 @@ void exclusive_scan(Exec const& exec, In const& in, Out& out) {
   static_assert(std::is_integral_v<typename Out::value_type>, "gsp::exclusive_scan: `out` must hold whole numbers");
   std::int64_t const n = static_cast<std::int64_t>(in.extent(0));
   expects(static_cast<std::int64_t>(out.extent(0)) == n + 1, "gsp::exclusive_scan: `out` must be one longer than `in`, for the total");
-  Kokkos::parallel_scan("gsp::parallel::exclusive_scan", light(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n + 1)),
+  Kokkos::parallel_scan("gsp::parallel::exclusive_scan",
+                        lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n + 1)),
                         detail::ExclusiveScan<In, Out>{in, out, n});
 }
 

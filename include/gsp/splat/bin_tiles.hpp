@@ -23,21 +23,22 @@ void bin_tiles(Exec const& exec, Frames<Mem>& frames) {
   int const image_bits = std::bit_width(static_cast<unsigned>(wave.images)), tile_bits = std::bit_width(tile_pad);
   if constexpr (is_device<Exec>) {
     std::uint64_t const pad = ((static_cast<std::uint64_t>(wave.images) + 1) << (32 + wave.index_bits)) - 1;
-    Kokkos::parallel_for("gsp::splat::bin_tiles_pad", light(Range(exec, 0, wave.visible_capacity)),
+    Kokkos::parallel_for("gsp::splat::bin_tiles_pad", lightweight(Range(exec, 0, wave.visible_capacity)),
                          detail::PadKeys<std::uint64_t, Mem>{wave.order_keys, wave.visible, pad});
   }
   sort_by_key(exec, wave.order_keys, wave.order, wave.order_scratch, wave.visible,
               {.bits = std::min(64, 32 + wave.index_bits + image_bits)});
   exclusive_scan(exec, detail::OrderedTiles<Mem>{wave}, wave.pair_offset);
-  Kokkos::parallel_for("gsp::splat::bin_tiles_settle", light(Kokkos::RangePolicy<Exec>(exec, 0, 1)),
+  Kokkos::parallel_for("gsp::splat::bin_tiles_settle", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, 1)),
                        detail::SettlePairs<Mem>{wave, frames.status});
   if constexpr (is_device<Exec>)
-    Kokkos::parallel_for("gsp::splat::bin_tiles_pad", light(Range(exec, 0, wave.pair_capacity)),
+    Kokkos::parallel_for("gsp::splat::bin_tiles_pad", lightweight(Range(exec, 0, wave.pair_capacity)),
                          detail::PadKeys<std::uint32_t, Mem>{wave.tile_keys, wave.pairs, tile_pad});
-  Kokkos::parallel_for("gsp::splat::bin_tiles_emit", light(Range(exec, 0, wave.visible_capacity)),
+  Kokkos::parallel_for("gsp::splat::bin_tiles_emit", lightweight(Range(exec, 0, wave.visible_capacity)),
                        detail::EmitPairs<Mem>{wave, frames.width, frames.height, tile_pad});
   sort_by_key(exec, wave.tile_keys, wave.tile_splats, wave.tile_scratch, wave.pairs, {.bits = tile_bits});
-  Kokkos::parallel_for("gsp::splat::bin_tiles_begins", light(Range(exec, 0, std::int64_t(tile_pad) + 1)), detail::TileBegins<Mem>{wave});
+  Kokkos::parallel_for("gsp::splat::bin_tiles_begins", lightweight(Range(exec, 0, std::int64_t(tile_pad) + 1)),
+                       detail::TileBegins<Mem>{wave});
 }
 
 }  // namespace gsp

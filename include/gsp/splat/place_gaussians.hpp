@@ -78,7 +78,7 @@ void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, Pos
           "gsp::place_gaussians: the frames were made for fewer Gaussians or bodies; make_frames again with these");
   wave.first = first;
   wave.images = std::min(wave.batch, frames.images - first);
-  Kokkos::parallel_for("gsp::splat::place_gaussians", light(Kokkos::RangePolicy<Exec>(exec, 0, wave.images * cloud.bodies)),
+  Kokkos::parallel_for("gsp::splat::place_gaussians", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, wave.images * cloud.bodies)),
                        detail::PlaceLinks<Poses<R, PosesMem>, Mem>{cameras, poses, wave, frames.width, frames.height, cloud.bodies,
                                                                    static_cast<int>(poses.xpos.extent(0))});
 }

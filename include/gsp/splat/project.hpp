@@ -293,7 +293,7 @@ void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem>& frames,
   detail::Projector<Mem> const projector{cloud, wave, options, frames.width, frames.height};
   auto const pass = [&](char const* label, auto const& teams, auto const& packs) {
     if constexpr (is_device<Exec>)
-      Kokkos::parallel_for(label, light(Kokkos::TeamPolicy<Exec>(exec, cells, 128)), teams);
+      Kokkos::parallel_for(label, lightweight(Kokkos::TeamPolicy<Exec>(exec, cells, 128)), teams);
     else
       Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, cells, Kokkos::ChunkSize(8)),
                            packs);
@@ -303,7 +303,7 @@ void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem>& frames,
   using Offsets = Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem>;
   Offsets offsets(wave.cluster_offset, Kokkos::make_pair(0, cells + 1));
   exclusive_scan(exec, detail::Head<Kokkos::View<int*, Kokkos::LayoutRight, Mem>>{wave.cluster_visible, cells}, offsets);
-  Kokkos::parallel_for("gsp::splat::project_settle", light(Kokkos::RangePolicy<Exec>(exec, 0, 1)),
+  Kokkos::parallel_for("gsp::splat::project_settle", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, 1)),
                        detail::SettleVisible<Mem>{wave, frames.status, cells});
   pass("gsp::splat::project", detail::ProjectClusters<Mem, true, List>{projector, clusters, list},
        detail::ProjectPacks<Mem, true, List>{projector, clusters, list});

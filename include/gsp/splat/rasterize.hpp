@@ -27,7 +27,7 @@ void rasterize(Exec const& exec, Frames<Mem>& frames, RenderOptions options = {}
     using Functor = detail::RasterizePixels<Mem, List>;
     Kokkos::parallel_for(
         "gsp::splat::rasterize",
-        light(Kokkos::TeamPolicy<Exec>(exec, tiles, Functor::threads).set_scratch_size(0, Kokkos::PerTeam(Functor::scratch_bytes()))),
+        lightweight(Kokkos::TeamPolicy<Exec>(exec, tiles, Functor::threads).set_scratch_size(0, Kokkos::PerTeam(Functor::scratch_bytes()))),
         Functor{frames, list, options.alpha_max, options.stop});
   } else {
     Kokkos::parallel_for("gsp::splat::rasterize",
