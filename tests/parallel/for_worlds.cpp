@@ -6,7 +6,7 @@
 #include "support/kokkos_tools.hpp"
 
 namespace test_types {
-/// World w has 3 w items: i + w each. Sums, running sums and a count of `once` in integers, so that the order does not matter.
+/// World w has 3 w items: i + w each. Sums, running sums and a count of `single` in integers, so that the order does not matter.
 template <class Mem>
 struct Sums {
   Kokkos::View<long*, Mem> total, after, ones;
@@ -22,10 +22,10 @@ struct Sums {
       if (last) self.before(w, i) = running;
       running += self.item(w, i);
     });
-    world.once([&] { self.total(w) = sum, self.ones(w) += 1; });
+    world.single([&] { self.total(w) = sum, self.ones(w) += 1; });
     world.sync();
     long const later = world.template sum<long>(n, [&](int i) { return self.before(w, i); });
-    world.once([&] { self.after(w) = later; });
+    world.single([&] { self.after(w) = later; });
   }
 };
 }  // namespace test_types

@@ -11,7 +11,7 @@ struct HostWorld {
   int rank;
   KOKKOS_INLINE_FUNCTION void sync() const {}
   template <class F>
-  KOKKOS_INLINE_FUNCTION void once(F const& f) const {
+  KOKKOS_INLINE_FUNCTION void single(F const& f) const {
     f();
   }
   template <class F>
@@ -45,7 +45,7 @@ struct DeviceWorld {
 #endif
   }
   template <class F>
-  KOKKOS_INLINE_FUNCTION void once(F const& f) const {
+  KOKKOS_INLINE_FUNCTION void single(F const& f) const {
     Kokkos::single(Kokkos::PerThread(member), f);
   }
   template <class F>
@@ -87,7 +87,7 @@ struct DeviceWorlds {
 }  // namespace detail
 
 /// Runs f(world) for world.rank = 0 ... worlds - 1. `f` has a template <class World> operator()(World const&) const and uses world.each,
-/// sum, scan, once, sync.
+/// sum, scan, single, sync.
 template <ExecutionSpace Exec, class F>
 void for_worlds(std::string const& label, Exec const& exec, int worlds, F const& f) {
   if constexpr (is_device<Exec>)

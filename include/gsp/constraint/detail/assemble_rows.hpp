@@ -27,7 +27,7 @@ struct CountRows {
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
     std::uint32_t const status = types.status(w);
-    world.once([&] {
+    world.single([&] {
       state.status(w) = (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused)) | status;
       rows.largest_element(w) = 3;  // what contacts have
     });
@@ -52,7 +52,7 @@ struct CountRows {
     });
     world.sync();
     if (state.status(w) & status::row_refused) sizes = 0;
-    world.once([&] {
+    world.single([&] {
       if (status) halt() = 1;  // the same from every world that finds it
       rows.count(w) = rows_of(sizes);
       rows.entries(w) = entries_of(sizes);
@@ -117,7 +117,8 @@ template <class R>
 KOKKOS_INLINE_FUNCTION bool has_segments_of(Row<R> const& a, Row<R> const& b) {
   bool same = true;
   for (int s = 0; s < 2; ++s)
-    same = same && a.segment[s].dof0 == b.segment[s].dof0 && a.segment[s].list == b.segment[s].list && a.segment[s].count == b.segment[s].count;
+    same = same && a.segment[s].dof0 == b.segment[s].dof0 && a.segment[s].list == b.segment[s].list &&
+           a.segment[s].count == b.segment[s].count;
   return same;
 }
 /// Y_a . Y_b of two rows. `dofs`: what their lists lie in.
@@ -168,7 +169,7 @@ struct EmitRows {
     int const w = world.rank;
     if (halt()) return;
     int const now = impulses.parity();
-    world.once([&] {
+    world.single([&] {
       impulses.first[now](w) = rows.first(w);
       impulses.count[now](w) = rows.count(w);
     });

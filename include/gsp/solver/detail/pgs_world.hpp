@@ -23,10 +23,10 @@ struct PgsWorld {
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
     if (progress.halt()) {
-      if (w == 0) world.once([&] { ++progress.skipped(); });
+      if (w == 0) world.single([&] { ++progress.skipped(); });
       return;
     }
-    if (w == 0) world.once([&] { impulses.solved() = 1; });
+    if (w == 0) world.single([&] { impulses.solved() = 1; });
     int const first = rows.first(w), count = rows.count(w);
     if (lockstep && goes_in_lockstep(rows, w)) return;
     R* const z = solution.z.data() + std::int64_t(w) * rows.nv;
@@ -60,7 +60,7 @@ struct PgsWorld {
       take<N>(world, &rows.row(first + r), rows.element_rows(first + r), z, p + r, law, rate, now);
       worst = max(worst, element_residual<N>(law, 0, rate, now));
     }
-    world.once([&] {
+    world.single([&] {
       solution.iterations(w) = sweep;
       solution.residual(w) = worst;
     });
@@ -85,7 +85,7 @@ struct PgsWorld {
       if (d[b] == R(0)) return;
       any = true;
       change = max(change, abs(d[b]) / law.inverse_diagonal[b]);  // d is 0 where this is
-      world.once([&] { p[b] = now[b]; });
+      world.single([&] { p[b] = now[b]; });
     });
     if (!any) return change;
     if constexpr (M < N) {  // z += sum Y^T d at once
@@ -114,8 +114,8 @@ struct PgsWorld {
   }
   /// Laws of an element, its impulses, and the rates w = Y z + C p + b of its rows.
   template <int M, class World>
-  KOKKOS_INLINE_FUNCTION void take(World const& world, Row<R> const* row, int n, R const* z, R const* p, ElementLaw<R, M>& law, R (&rate)[M],
-                                   R (&now)[M]) const {
+  KOKKOS_INLINE_FUNCTION void take(World const& world, Row<R> const* row, int n, R const* z, R const* p, ElementLaw<R, M>& law,
+                                   R (&rate)[M], R (&now)[M]) const {
     unrolled<M>([&](auto b) {
       law.normals[b] = 0;
       if (M < N || b < n) {
