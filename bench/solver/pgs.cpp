@@ -24,17 +24,18 @@ void fill(gsp::Rows<R, Mem> const& rows, int count) {
       rows.element_rows(w * count + r) = in_contact > 0 ? 0 : r < singles ? 1 : 3;
       row.friction_of = in_contact > 0 ? 0 : -1;
       row.element = r;
-      row.alike = in_contact == 0;
-      row.Y = std::int64_t(w) * entries + std::int64_t(r) * nv + (r < singles ? 0 : contact - singles + 3);
+      row.same_segments = in_contact == 0;
+      row.first_entry = std::int64_t(w) * entries + std::int64_t(r) * nv + (r < singles ? 0 : contact - singles + 3);
       row.bias = next(), row.compliance = R(0.01), row.upper = R(1e30), row.mu = in_contact > 0 ? R(0.8) : R(-1);
       R diagonal(0.01f);
-      for (int i = 0; i < nv; ++i) rows.Y(row.Y + i) = next(), diagonal += rows.Y(row.Y + i) * rows.Y(row.Y + i);
+      for (int i = 0; i < nv; ++i)
+        rows.Y(row.first_entry + i) = next(), diagonal += rows.Y(row.first_entry + i) * rows.Y(row.first_entry + i);
       row.inverse_diagonal = R(1) / diagonal;
       for (int a = 0; a < in_contact; ++a) {  // before the entries of the contact's three rows
         auto const& other = rows.row(w * count + contact + a);
         R sum(0);
-        for (int i = 0; i < nv; ++i) sum += rows.Y(row.Y + i) * rows.Y(other.Y + i);
-        rows.Y(rows.row(w * count + contact).Y - 3 + in_contact * (in_contact - 1) / 2 + a) = sum;
+        for (int i = 0; i < nv; ++i) sum += rows.Y(row.first_entry + i) * rows.Y(other.first_entry + i);
+        rows.Y(rows.row(w * count + contact).first_entry - 3 + in_contact * (in_contact - 1) / 2 + a) = sum;
       }
     }
   }

@@ -119,7 +119,7 @@ Dense dense(S const& s, int world) {
     int const has = element_rows(first(world) + i);
     if (has > 0) element = i;
     d.element_rows.push_back(has);
-    std::int64_t at = r.Y;
+    std::int64_t at = r.first_entry;
     for (int k = 0; k < 2; ++k)
       for (int e = 0; e < r.segment[k].count; ++e, ++at)
         y[i][r.segment[k].dof0 + (r.segment[k].list < 0 ? e : ints(r.segment[k].list + e))] = Y(at);

@@ -11,7 +11,8 @@ namespace gsp {
 
 inline constexpr int most_element_rows = 6;
 
-/// Entries of a row on one tree: for the dofs dof0 + dof_lists(list + i) of the world, or dof0 + i where list < 0. dof0 is the tree's first.
+/// Entries of a row on one tree: for the dofs dof0 + dof_lists(list + i) of the world, or dof0 + i where list < 0. dof0 is the tree's
+/// first.
 struct RowSegment {
   int list, count, dof0;
 };
@@ -27,15 +28,15 @@ struct RowBounds {
 
 template <class R>
 struct Row {
-  RowSegment segment[2];  // without entries (count = 0) where it touches fewer trees
-  std::int64_t Y;         // first entry
-  R bias, compliance;     // w = Y z + C p + b
-  R inverse_diagonal;     // 1 / (|Y|^2 + C); 0: nothing that it touches can move
-  R lower, upper, mu;     // mu < 0: without friction
-  int element;            // k of its type
-  short type;             // place of the element's type in the list of types
-  signed char friction_of;  // row of the element, -1: lower and upper
-  bool alike;             // first row of an element: whether all of its rows have the segments of the first
+  RowSegment segment[2];     // without entries (count = 0) where it touches fewer trees
+  std::int64_t first_entry;  // in Rows::Y
+  R bias, compliance;        // w = Y z + C p + b
+  R inverse_diagonal;        // 1 / (|Y|^2 + C); 0: nothing that it touches can move
+  R lower, upper, mu;        // mu < 0: without friction
+  int element;               // k of its type
+  short type;                // place of the element's type in the list of types
+  signed char friction_of;   // row of the element, -1: lower and upper
+  bool same_segments;        // first row of an element: whether all of its rows have the segments of the first
 };
 static_assert(sizeof(Row<float>) == 64, "one cache line");
 

@@ -125,10 +125,10 @@ KOKKOS_INLINE_FUNCTION bool has_segments_of(Row<R> const& a, Row<R> const& b) {
 template <class R>
 KOKKOS_INLINE_FUNCTION R row_product(Row<R> const& a, Row<R> const& b, R const* Y, int const* dofs) {
   R sum(0);
-  R const* y = Y + a.Y;
+  R const* y = Y + a.first_entry;
   for (int s = 0; s < 2; ++s) {
     RowSegment const& mine = a.segment[s];
-    R const* z = Y + b.Y;
+    R const* z = Y + b.first_entry;
     for (int t = 0; t < 2; ++t) {
       RowSegment const& other = b.segment[t];
       if (mine.dof0 == other.dof0 && mine.list == other.list && mine.count == other.count) {
@@ -202,8 +202,8 @@ struct EmitRows {
                                    RowStructure<R, Mem> const& structure) const {
     Row<R> row;
     row.element = k;
-    row.alike = false;
-    row.Y = entry;
+    row.same_segments = false;
+    row.first_entry = entry;
     for (int s = 0; s < 2; ++s) row.segment[s] = s < structure.segments ? structure.segment(s) : RowSegment{-1, 0, -1};
     R* const y = rows.Y.data() + entry;
     for (int i = 0, n = structure.entries(); i < n; ++i) y[i] = R(0);
@@ -241,9 +241,9 @@ struct EmitRows {
   /// What belongs to the element as a whole: place in the list of types, couplings, identity, and the impulses to start from.
   KOKKOS_INLINE_FUNCTION void finish(int place, RowId id, int w, int n, int first, std::int64_t couplings) const {
     Row<R>* const row = &rows.row(first);
-    bool alike = true;
-    for (int b = 1; b < n; ++b) alike = alike && has_segments_of(row[b], row[0]);
-    row->alike = alike;
+    bool same = true;
+    for (int b = 1; b < n; ++b) same = same && has_segments_of(row[b], row[0]);
+    row->same_segments = same;
     R* const coupling = rows.Y.data() + couplings;
     for (int b = 1; b < n; ++b)
       for (int a = 0; a < b; ++a) coupling[couplings_of(b) + a] = row_product(row[a], row[b], rows.Y.data(), rows.dof_lists.data());

@@ -157,7 +157,7 @@ struct PgsLockstep {
             used |= groups_of(row.segment[s]);
             entries += row.segment[s].count;
           }
-          prefetch(rows.Y.data() + row.Y, entries * sizeof(R));
+          prefetch(rows.Y.data() + row.first_entry, entries * sizeof(R));
         }
       }
     }
@@ -172,7 +172,7 @@ struct PgsLockstep {
         if (row_of[l][b] < 0) continue;
         Row<R> const& row = rows.row(row_of[l][b]);
         R* const entries = reinterpret_cast<R*>(Y + b) + l;
-        R const* y = rows.Y.data() + row.Y;
+        R const* y = rows.Y.data() + row.first_entry;
         auto const entry_of = [&](int dof) {  // after the groups before
           return B * (4 * Kokkos::popcount(used & ((std::uint32_t(1) << (dof >> 2)) - 1)) + (dof & 3));
         };

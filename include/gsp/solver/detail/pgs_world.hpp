@@ -45,7 +45,7 @@ struct PgsWorld {
         int const n = rows.element_rows(first + r);
         if (n == 1)
           change = max(change, sweep_element<1>(world, row, 1, z, p + r));
-        else if (n == 3 && row->alike)
+        else if (n == 3 && row->same_segments)
           change = max(change, sweep_element<3>(world, row, 3, z, p + r));
         else
           change = max(change, sweep_element<N>(world, row, n, z, p + r));
@@ -75,7 +75,7 @@ struct PgsWorld {
     ElementLaw<R, M> law;
     R rate[M], now[M], d[M];
     take<M>(world, row, n, z, p, law, rate, now);
-    R const* const couplings = rows.Y.data() + row->Y - (M < N ? M * (M - 1) / 2 : n * (n - 1) / 2);
+    R const* const couplings = rows.Y.data() + row->first_entry - (M < N ? M * (M - 1) / 2 : n * (n - 1) / 2);
     auto const coupling = [&](int b, int a) { return M < N || b < n ? couplings[b * (b - 1) / 2 + a] : R(0); };
     project_element<M>(law, 0, coupling, R(options.relaxation), rate, now, d);
     world.sync();  // all have read p and z
@@ -90,7 +90,7 @@ struct PgsWorld {
     if (!any) return change;
     if constexpr (M < N) {  // z += sum Y^T d at once
       R const* y[M];
-      unrolled<M>([&](auto b) { y[b] = rows.Y.data() + row[b].Y; });
+      unrolled<M>([&](auto b) { y[b] = rows.Y.data() + row[b].first_entry; });
       for (int s = 0; s < 2 && row->segment[s].count > 0; ++s) {
         auto const& segment = row->segment[s];
         int const* const list = list_of(segment);
@@ -131,7 +131,7 @@ struct PgsWorld {
   /// Y z
   template <class World>
   KOKKOS_INLINE_FUNCTION R dot(World const& world, Row<R> const& row, R const* z) const {
-    R const* y = rows.Y.data() + row.Y;
+    R const* y = rows.Y.data() + row.first_entry;
     R total(0);
     for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
       auto const& segment = row.segment[s];
@@ -145,7 +145,7 @@ struct PgsWorld {
   /// z += Y^T d
   template <class World>
   KOKKOS_INLINE_FUNCTION void push(World const& world, Row<R> const& row, R* z, R d) const {
-    R const* y = rows.Y.data() + row.Y;
+    R const* y = rows.Y.data() + row.first_entry;
     for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
       auto const& segment = row.segment[s];
       int const* const list = list_of(segment);
