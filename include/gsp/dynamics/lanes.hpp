@@ -339,7 +339,7 @@ void expects_rows(char const* where, char const* what, View const& view, int wor
 /// put(i, get(i)) for i < n. On a GPU eight at a time: the compiler cannot know that what is put is not what is got next, and a thread
 /// would wait for memory item by item.
 template <class Get, class Put>
-KOKKOS_FORCEINLINE_FUNCTION void together(int n, Get const& get, Put const& put) {
+KOKKOS_FORCEINLINE_FUNCTION void each_batched(int n, Get const& get, Put const& put) {
 #ifdef __CUDA_ARCH__
   constexpr int batch = 8;
   for (int i = 0; i < n; i += batch) {
@@ -395,7 +395,7 @@ KOKKOS_FORCEINLINE_FUNCTION bool store_block([[maybe_unused]] L const& l, [[mayb
 }
 
 /// What a stage sees: one lane (GPU) or a block of lanes (CPU), its topology, constants, and items. On a GPU several workers, threads of
-/// different warps, may share a lane: each runs the stage, takes its part of every loop that goes through `each`, `together`, `down` or
+/// different warps, may share a lane: each runs the stage, takes its part of every loop that goes through `each`, `each_batched`, `down` or
 /// `up`, and waits there for the others. What stands outside of these is done by every worker, so it must not change what others read.
 template <class T, class Mem, int Workers = 1>
 struct Lane {
@@ -461,9 +461,9 @@ struct Lane {
   }
   /// put(i, get(i)) for i < n, in no order; neither may read what another i puts.
   template <class Get, class Put>
-  KOKKOS_FORCEINLINE_FUNCTION void together(int n, Get const& get, Put const& put) const {
-    detail::together((n - worker + Workers - 1) / Workers, [&](int k) { return get(worker + k * Workers); },
-                     [&](int k, auto const& v) { put(worker + k * Workers, v); });
+  KOKKOS_FORCEINLINE_FUNCTION void each_batched(int n, Get const& get, Put const& put) const {
+    detail::each_batched((n - worker + Workers - 1) / Workers, [&](int k) { return get(worker + k * Workers); },
+                         [&](int k, auto const& v) { put(worker + k * Workers, v); });
     sync();
   }
   /// f(body), parents before their children: f reads what its parent has and writes what is the body's own.

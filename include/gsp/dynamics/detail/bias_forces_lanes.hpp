@@ -49,7 +49,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = fals
     l.children(b, [&](int c) { f = f + s.spatial(l.at.cfrc + 6 * c); });
     s.put(l.at.cfrc + 6 * b, f);
   });
-  l.together(
+  l.each_batched(
       a.nv, [&](int i) { return dot(s.spatial(l.at.cdof + 6 * i), s.spatial(l.at.cfrc + 6 * l.index(a.dof_body, i))); },
       [&](int i, T const& x) { s[l.at.bias + i] = x; });
 }

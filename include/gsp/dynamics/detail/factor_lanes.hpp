@@ -16,7 +16,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_in_place(L const& l) {
     l.each(n - 1, [&](int p) {
       int const ancestor = l.at.factor + l.index(a.row_adr, l.index(a.row_col, adr + p));
       T const entry = s[row + p] * inverse;
-      together(
+      each_batched(
           p + 1, [&](int q) { return fma(-entry, s[row + q], s[ancestor + q]); }, [&](int q, T const& y) { s[ancestor + q] = y; });
     });
     for (int p = l.worker; p < n - 1; p += L::workers) s[row + p] = s[row + p] * inverse;
@@ -29,7 +29,7 @@ template <class L, class Extra>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_factor(L const& l, Extra const& extra) {
   auto const& a = l.a;
   auto const& s = l.items;
-  l.together(
+  l.each_batched(
       a.nM, [&](int e) { return s[l.at.mass + e]; }, [&](int e, auto const& m) { s[l.at.factor + e] = m; });
   l.each(a.nv, [&](int i) {
     int const diagonal = l.at.factor + l.index(a.row_adr, i + 1) - 1;
@@ -72,7 +72,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_solve_lower(L const& l, int x) {
 template <class L>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_solve(L const& l, int x) {
   lanes_solve_transposed(l, x);
-  l.together(
+  l.each_batched(
       l.a.nv, [&](int i) { return l.items[x + i] * l.items[l.at.inverse_diagonal + i]; },
       [&](int i, auto const& y) { l.items[x + i] = y; });
   lanes_solve_lower(l, x);
@@ -125,13 +125,13 @@ template <class L, class View>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_total_force(L const& l, View const& qfrc_applied) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& s = l.items;
-  l.together(
+  l.each_batched(
       l.a.nv, [&](int i) { return s[l.at.passive + i] - s[l.at.bias + i] + s[l.at.actuator + i] + l.load(qfrc_applied, l.dof0, i); },
       [&](int i, T const& f) {
         s[l.at.force + i] = s[l.at.acceleration + i] = f;
         s[l.at.impulse + i] = T(0);
       });
-  l.together(
+  l.each_batched(
       l.a.nv, [&](int i) { return s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
 }
 
@@ -152,7 +152,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfr
     l.each(nv, [&](int i) { s[l.at.acceleration + i] = fma(-h * s[l.at.stiffness + i], s[l.at.velocity + i], s[l.at.acceleration + i]); });
   }
   lanes_solve(l, l.at.acceleration);
-  l.together(
+  l.each_batched(
       nv, [&](int i) { return fma(h, s[l.at.acceleration + i], s[l.at.velocity + i]); },
       [&](int i, T const& v) { s[l.at.velocity + i] = v; });
 }

@@ -10,7 +10,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_derivative(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& s = l.items;
   T const h(l.model.timestep);
-  l.together(
+  l.each_batched(
       l.a.nM, [&](int e) { return fma(-h, s[l.at.derivative + e], s[l.at.mass + e]); }, [&](int e, T const& m) { s[l.at.factor + e] = m; });
   lanes_factor_in_place(l);
 }
@@ -90,7 +90,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_constraint_impulse(L const& l, View const
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
-  l.together(
+  l.each_batched(
       a.nv, [&](int i) { return l.load(z, l.dof0, i) / sqrt(s[l.at.inverse_diagonal + i]); },
       [&](int i, T const& x) { s[l.at.impulse + i] = x; });
   l.each(a.nv, [&](int i) {
@@ -116,11 +116,11 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z, V
     if (!z.data()) return;
     if (qfrc_constraint.data())
       lanes_constraint_impulse(l, z, [&](int i, T const& impulse) { l.store(qfrc_constraint, l.dof0, i, impulse / T(l.model.timestep)); });
-    l.together(
+    l.each_batched(
         a.nv, [&](int i) { return l.load(z, l.dof0, i) * sqrt(s[l.at.inverse_diagonal + i]); },
         [&](int i, T const& x) { s[l.at.impulse + i] = x; });
     lanes_solve_lower(l, l.at.impulse);
-    l.together(
+    l.each_batched(
         a.nv, [&](int i) { return s[l.at.velocity + i] + s[l.at.impulse + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
     return;
   }
@@ -131,7 +131,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z, V
       s[l.at.velocity + i] = fma(h, s[l.at.force + i], impulse);
     });
   } else {
-    l.together(
+    l.each_batched(
         a.nv, [&](int i) { return h * s[l.at.force + i]; }, [&](int i, T const& x) { s[l.at.velocity + i] = x; });
   }
   if (a.derivative == 2) {
@@ -143,7 +143,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z, V
       lanes_factor(l, [&](int i) { return h * lanes_damping(l, i, true); });
     lanes_solve(l, l.at.velocity);
   }
-  l.together(
+  l.each_batched(
       a.nv, [&](int i) { return s[l.at.velocity + i] + s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
 }
 

@@ -76,7 +76,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_kinematics(L const& l, State const& state
 
 template <class L, class View>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_load_velocity(L const& l, View const& qvel) {
-  l.together(
+  l.each_batched(
       l.a.nv, [&](int i) { return l.load(qvel, l.dof0, i); }, [&](int i, auto const& v) { l.items[l.at.qvel + i] = v; });
 }
 

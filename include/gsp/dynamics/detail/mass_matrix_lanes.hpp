@@ -73,7 +73,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_mass_matrix(L const& l) {
   l.each(a.nv, [&](int i) {
     Spatial<T> const f = s.inertia(l.at.cinert + 10 * l.index(a.dof_body, i)) * s.spatial(l.at.cdof + 6 * i);
     int const row = l.index(a.row_adr, i), n = l.index(a.row_adr, i + 1) - row;
-    together(
+    each_batched(
         n, [&](int p) { return dot(s.spatial(l.at.cdof + 6 * l.index(a.row_col, row + p)), f); },
         [&](int p, T const& m) { s[l.at.mass + row + p] = p < n - 1 ? m : m + l.constant(l.model.dof_armature, l.dof0, i); });
   });

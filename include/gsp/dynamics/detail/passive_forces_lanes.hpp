@@ -140,7 +140,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_passive(L const& l, View const& qpos) {
   auto const& a = l.a;
   auto const& s = l.items;
   auto const& m = l.model;
-  l.together(
+  l.each_batched(
       a.nv, [&](int i) { return m.dampers ? -(lanes_damping(l, i, false) * s[l.at.qvel + i]) : T(0); },
       [&](int i, T const& f) { s[l.at.passive + i] = f; });
   l.each(m.springs ? a.njnt : 0, [&](int j) {
