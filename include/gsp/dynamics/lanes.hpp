@@ -503,7 +503,7 @@ struct Lane {
   /// f(lane), by one worker: what few models have. On a GPU out of line, so that what a model lacks costs nothing: f gets a copy of the
   /// lane, which else would have to stand in memory.
   template <class F>
-  KOKKOS_FORCEINLINE_FUNCTION void alone(F const& f) const {
+  KOKKOS_FORCEINLINE_FUNCTION void single(F const& f) const {
 #ifdef __CUDA_ARCH__
     if (worker == 0) detail::out_of_line(Lane<T, Mem>(*this), f);
     sync();

@@ -125,7 +125,7 @@ KOKKOS_INLINE_FUNCTION void lanes_spatial_tendon(L const& l, State const& state,
 
 /// tendon_length, tendon_J, tendon_velocity of all tendons of the tree. After lanes_inertia (and lanes_load_velocity).
 template <class L, class State>
-KOKKOS_INLINE_FUNCTION void lanes_tendons_alone(L const& l, State const& state) {
+KOKKOS_INLINE_FUNCTION void serial_tendons(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   for (int k = 0; k < a.ntendon; ++k) {
@@ -143,7 +143,7 @@ KOKKOS_INLINE_FUNCTION void lanes_tendons_alone(L const& l, State const& state) 
 }
 template <class L, class State>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_tendons(L const& l, State const& state) {
-  if (l.a.ntendon > 0) l.alone([&](auto const& one) { lanes_tendons_alone(one, state); });
+  if (l.a.ntendon > 0) l.single([&](auto const& one) { serial_tendons(one, state); });
 }
 
 /// to_i += cdof_i . (the wrenches of cfrc of all bodies that dof i moves), for all dofs; cfrc becomes their sums.
@@ -179,7 +179,7 @@ KOKKOS_INLINE_FUNCTION void lanes_add_derivative(L const& l, T const& slope, Row
 
 /// M += armature J^T J, in M's sparsity (as MuJoCo has it: entries between branches are left out).
 template <class L>
-KOKKOS_INLINE_FUNCTION void lanes_tendon_armature_alone(L const& l) {
+KOKKOS_INLINE_FUNCTION void serial_tendon_armature(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -196,13 +196,13 @@ KOKKOS_INLINE_FUNCTION void lanes_tendon_armature_alone(L const& l) {
 }
 template <class L>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_tendon_armature(L const& l) {
-  if (l.a.tendon_armature) l.alone([](auto const& one) { lanes_tendon_armature_alone(one); });
+  if (l.a.tendon_armature) l.single([](auto const& one) { serial_tendon_armature(one); });
 }
 
 /// bias += armature (dJ/dt qvel) J. For a straight piece of length d between points with velocities v, v' and accelerations a, a' at
 /// qacc = 0:  dJ/dt qvel = u . (a' - a) + |v' - v - u (u . (v' - v))|^2 / d.  After lanes_bias.
 template <class L, class State>
-KOKKOS_INLINE_FUNCTION void lanes_tendon_bias_alone(L const& l, State const& state) {
+KOKKOS_INLINE_FUNCTION void serial_tendon_bias(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
@@ -239,7 +239,7 @@ KOKKOS_INLINE_FUNCTION void lanes_tendon_bias_alone(L const& l, State const& sta
 }
 template <class L, class State>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_tendon_bias(L const& l, State const& state) {
-  if (l.a.tendon_armature) l.alone([&](auto const& one) { lanes_tendon_bias_alone(one, state); });
+  if (l.a.tendon_armature) l.single([&](auto const& one) { serial_tendon_bias(one, state); });
 }
 }  // namespace detail
 

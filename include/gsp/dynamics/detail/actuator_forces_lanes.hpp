@@ -248,7 +248,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_actuators(L const& l, State const& state,
   if (a.plain_actuators)
     lanes_plain_actuators(l, state, laws);
   else
-    l.alone([&](auto const& one) { lanes_any_actuators(one, state, laws); });
+    l.single([&](auto const& one) { lanes_any_actuators(one, state, laws); });
   if (!m.actuation || m.nu == 0) return;
   l.each(a.njnt, [&](int j) {
     auto const type = JointType(l.index(a.jnt_type, j));
@@ -277,7 +277,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_actuators(L const& l, State const& state,
       if (a.derivative == 2) s[diagonal + a.nM] = s[diagonal + a.nM] + slope;
     });
   else if (a.derivative)
-    l.alone([](auto const& one) {
+    l.single([](auto const& one) {
       for (int k = 0; k < one.a.nact; ++k)
         lanes_add_derivative(one, one.items[one.at.act_slope + k], [&](auto const& f) { lanes_for_moment(one, k, f); });
     });

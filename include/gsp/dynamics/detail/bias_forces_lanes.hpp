@@ -130,7 +130,7 @@ template <class L>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_bias_derivative(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   l.each(l.a.derivative * l.a.nM, [&](int e) { l.items[l.at.derivative + e] = T(0); });
-  if (l.a.derivative == 2) l.alone([](auto const& one) { lanes_bias_derivative_by_columns(one); });
+  if (l.a.derivative == 2) l.single([](auto const& one) { lanes_bias_derivative_by_columns(one); });
 }
 
 template <class State, class Poses>

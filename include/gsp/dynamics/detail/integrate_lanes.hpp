@@ -135,7 +135,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z, V
         a.nv, [&](int i) { return h * s[l.at.force + i]; }, [&](int i, T const& x) { s[l.at.velocity + i] = x; });
   }
   if (a.derivative == 2) {
-    l.alone([](auto const& one) { lanes_solve_unsymmetric(one); });
+    l.single([](auto const& one) { lanes_solve_unsymmetric(one); });
   } else {
     if (a.derivative == 1)
       lanes_factor_derivative(l);
@@ -202,7 +202,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
   });
   if (!store_block(l, l.at.velocity, a.nv, state.qvel, l.dof0[0], moves))
     l.each(a.nv, [&](int i) { write(state.qvel, l.dof0, i, s[l.at.velocity + i]); });
-  if (a.nstate > 0) l.alone([&](auto const& one) { lanes_advance_activations(one, state); });
+  if (a.nstate > 0) l.single([&](auto const& one) { lanes_advance_activations(one, state); });
 }
 
 /// Checks the new velocities and ends the step, for worlds of one tree each.

@@ -158,7 +158,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_passive(L const& l, View const& qpos) {
           for (int c = 0; c < 3; ++c) s[l.at.passive + i + c] = fma(-f, x[c], s[l.at.passive + i + c]);
         });
   });
-  if (a.tendon_passive || a.gravcomp || a.fluid) l.alone([](auto const& one) { lanes_rare_passive(one); });
+  if (a.tendon_passive || a.gravcomp || a.fluid) l.single([](auto const& one) { lanes_rare_passive(one); });
   if (a.derivative == 0 || !m.dampers) return;
   l.each(a.nv, [&](int i) {
     int const diagonal = l.index(a.row_adr, i + 1) - 1;
