@@ -108,7 +108,7 @@ struct Touch {
   template <class Put>
   KOKKOS_FUNCTION void operator()(int world, int body, Put const& put) const {
     float found = 0, deepest = 0;
-    int const first = contacts.begin_of(world);
+    int const first = contacts.first_of(world);
     for (int k = first; k < first + contacts.count_of(world); ++k) {
       if (contacts.body1(k) != body && contacts.body2(k) != body) continue;
       found += 1;

@@ -124,7 +124,7 @@ TEST_CASE("contact forces") {
   auto const contacts = sim.contacts;
   Kokkos::parallel_for(
       "weight", Kokkos::RangePolicy<Exec>(exec, 0, worlds), KOKKOS_LAMBDA(int w) {
-        int const first = contacts.begin_of(w), end = first + contacts.count_of(w);
+        int const first = contacts.first_of(w), end = first + contacts.count_of(w);
         for (int c = first; c < end; ++c) {
           if (contacts.body1(c) != 0) continue;                                                   // not with the floor
           for (int r = 0; r < 3; ++r) on_floor(w) += contacts.frame(c, 3 * r + 2) * force(c, r);  // z of axis r in the world

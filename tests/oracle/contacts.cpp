@@ -112,7 +112,7 @@ void compare_models(std::string const& file, mjModel* const o, CompiledModel con
 
     using Key = std::array<int, 2>;
     std::map<Key, std::vector<int>> ours, theirs;
-    for (int i = contacts.begin_of(0); i < contacts.begin_of(0) + contacts.count_of(0); ++i)
+    for (int i = contacts.first_of(0); i < contacts.first_of(0) + contacts.count_of(0); ++i)
       ours[{map[contacts.geom1(i)], map[contacts.geom2(i)]}].push_back(i);
     for (int i = 0; i < d->ncon; ++i) {
       Key const key{d->contact[i].geom[0], d->contact[i].geom[1]};

@@ -190,7 +190,7 @@ struct ContactParameters {
   Kokkos::View<double***, Kokkos::LayoutRight, Mem> out;  // (world, most, 14)
   Kokkos::View<int*, Mem> count;
   KOKKOS_FUNCTION void operator()(int w) const {
-    int const first = sim.contacts.begin_of(w);
+    int const first = sim.contacts.first_of(w);
     count(w) = sim.contacts.count_of(w);
     for (int k = 0; k < count(w) && k < most; ++k) {
       out(w, k, 0) = sim.contacts.geom1(first + k), out(w, k, 1) = sim.contacts.geom2(first + k);

@@ -59,7 +59,7 @@ struct Contacts {
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0;
   int points_per_box_pair = 8;
-  View<int*> first, end;        // (worlds) the contacts of a world; use begin_of and count_of, which know about overflow
+  View<int*> first, end;        // (worlds) the contacts of a world; use first_of and count_of, which know about overflow
   View<std::uint32_t*> status;  // (worlds) status::contact_overflow
   // (capacity), filled up to size()
   View<int*> world, pair;  // pair: index into CollisionModel's pairs
@@ -75,7 +75,7 @@ struct Contacts {
   /// Contacts in the pool: on the device, or where the memory is the host's.
   KOKKOS_INLINE_FUNCTION int size() const { return scratch.total(2) < capacity() ? int(scratch.total(2)) : capacity(); }
   KOKKOS_INLINE_FUNCTION bool fits(int w) const { return (status(w) & status::contact_overflow) == 0; }
-  KOKKOS_INLINE_FUNCTION int begin_of(int w) const { return fits(w) ? first(w) : 0; }
+  KOKKOS_INLINE_FUNCTION int first_of(int w) const { return fits(w) ? first(w) : 0; }
   KOKKOS_INLINE_FUNCTION int count_of(int w) const { return fits(w) ? end(w) - first(w) : 0; }
 
   /// What the last collide needed. Fences `exec`.

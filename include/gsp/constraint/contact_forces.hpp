@@ -15,7 +15,7 @@ struct WriteContactForces {
   R inverse_timestep;
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
-    int const w = world.rank, begin = contacts.begin_of(w);
+    int const w = world.rank, begin = contacts.first_of(w);
     world.each(contacts.count_of(w), [&](int k) {
       int const first = impulses.first_row(w, k);
       int const n = first < 0 ? 0 : impulses.rows.element_rows(first);

@@ -19,7 +19,7 @@ struct ContactRows {
   KOKKOS_INLINE_FUNCTION int count(int world) const { return contacts.count_of(world); }
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const { return contacts.status(world); }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
-    int const c = contacts.begin_of(world) + k;
+    int const c = contacts.first_of(world) + k;
     if (!(contacts.dist(c) < contacts.includemargin(c))) return 0;
     // Equal last dofs, or none: the two do not move against each other (named pairs may be of such bodies), and J would be zero.
     if (body_last_dof(contacts.body1(c)) == body_last_dof(contacts.body2(c))) return 0;
@@ -27,7 +27,7 @@ struct ContactRows {
   }
   template <class Row>
   KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int row, Row&& J) const {
-    int const c = contacts.begin_of(world) + k;
+    int const c = contacts.first_of(world) + k;
     Vec3<R> const point{contacts.pos(c, 0), contacts.pos(c, 1), contacts.pos(c, 2)};
     Vec3<R> const direction{contacts.frame(c, 3 * row), contacts.frame(c, 3 * row + 1), contacts.frame(c, 3 * row + 2)};
     J.add_point(contacts.body2(c), point, direction, R(1));
@@ -36,7 +36,7 @@ struct ContactRows {
   }
   KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int row, R x, R u, R h) const {
     if (row > 0) return {R(0), R(0)};
-    int const c = contacts.begin_of(world) + k;
+    int const c = contacts.first_of(world) + k;
     auto const p = parameters(world, c);
     Softness<R> s;
     for (int i = 0; i < 2; ++i) s.solref[i] = p.solref[i];
@@ -46,10 +46,10 @@ struct ContactRows {
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const {
     if (row == 0) return {R(0), Kokkos::Experimental::infinity_v<R>};
-    return {R(0), R(0), 0, parameters(world, contacts.begin_of(world) + k).friction[row - 1]};
+    return {R(0), R(0), 0, parameters(world, contacts.first_of(world) + k).friction[row - 1]};
   }
   KOKKOS_INLINE_FUNCTION RowId id(int world, int k) const {
-    int const c = contacts.begin_of(world) + k;
+    int const c = contacts.first_of(world) + k;
     return {std::uint32_t(contacts.pair(c)), std::uint32_t(contacts.feature(c))};
   }
 
