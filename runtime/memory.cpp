@@ -63,7 +63,8 @@ std::uint64_t free_host_bytes() {
     auto const first = line.find(':');
     auto const second = line.find(':', first + 1);
     if (first == std::string::npos || second == std::string::npos) continue;
-    std::string const controllers = "," + line.substr(first + 1, second - first - 1) + ",";
+    std::string controllers(1, ',');
+    controllers.append(line, first + 1, second - first - 1).push_back(',');
     std::string const group = line.substr(second + 1) == "/" ? "" : line.substr(second + 1);
     if (controllers == ",,") least = std::min(least, left_of_groups("/sys/fs/cgroup", group, true));
     if (controllers.find(",memory,") != std::string::npos) least = std::min(least, left_of_groups("/sys/fs/cgroup/memory", group, false));

@@ -46,6 +46,18 @@ struct Tie : gsp::OneFreeRow {
   }
 };
 
+/// Names a dof (odd worlds) or a body (every third) that the model does not have.
+struct Nowhere : gsp::OneFreeRow {
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  KOKKOS_FUNCTION gsp::RowLaw<float> law(int, int, int, float, float, float) const { return {0.f, 0.f}; }
+  template <class Row>
+  KOKKOS_FUNCTION float jacobian(int world, int, int, Row&& J) const {
+    J.set_dof(world % 2 ? 3 : 0, 1.f);
+    if (world % 3 == 0) J.add_point(world == 0 ? 999 : -1, {0.f, 0.f, 0.f}, {1.f, 0.f, 0.f});
+    return 0.f;
+  }
+};
+
 /// 70,000 soft rows on dof 0.
 struct Many : gsp::OneFreeRow {
   KOKKOS_FUNCTION int count(int) const { return 70000; }
@@ -273,6 +285,18 @@ TEST_CASE_TEMPLATE("a row of three trees is refused, its world alone stays", Exe
     }
   }
   CHECK(gsp::status::text(gsp::status::row_refused).find("two kinematic trees") != std::string::npos);
+}
+
+TEST_CASE_TEMPLATE("a row about a body or dof that is not there is refused, and its world stays", Exec, GSP_TEST_EXECS) {
+  Loop<float, Exec> s(gsp::compile(sliders(3, 1)), 6);
+  for (int w = 0; w < 6; ++w) s.set(w, {0, 0, 0}, {1, 2, 3});
+  s.step(2, test_types::Nowhere{});
+  auto const status = gsp_test::host(s.state.status), steps = gsp_test::host(s.state.steps);
+  for (int w = 0; w < 6; ++w) {
+    bool const refused = w % 2 || w % 3 == 0;
+    CHECK(status(w) == (refused ? gsp::status::row_refused : 0u));
+    CHECK(steps(w) == (refused ? 0 : 2));
+  }
 }
 
 // A heap of 1,000 boxes has 120,000 rows in one world.

@@ -5,7 +5,9 @@
 #include <gsp/dynamics/kinematics.hpp>
 #include <gsp/model/attach.hpp>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/samples.hpp>
 #include <gsp/sensor/cameras.hpp>
+#include <gsp/splat/render.hpp>
 #include <gsp_test_execs.hpp>
 #include <numbers>
 
@@ -117,6 +119,19 @@ TEST_CASE_TEMPLATE("cameras of a model and on its links, in all worlds", Exec, G
   bad({.body = "mast", .pos = {1, 0, 0}, .look_at = gsp::Double3{1, 0, 0}}, "must not look at itself");
   bad({.body = "mast", .pos = {NAN, 0, 0}}, "must be finite");
   bad({.body = "mast", .fovy = 4}, "fovy");
+  CHECK_THROWS_WITH_AS(gsp::make_camera_mounts(exec, model, gsp::compile(gsp::samples::quadruped()), {{.body_id = 1}}),
+                       doctest::Contains("give the one that the model was made from"), std::invalid_argument);
+  gsp::GaussianSet one;
+  one.positions = {0, 0, 0};
+  one.body = {0};
+  one.quats = {1, 0, 0, 0};
+  one.scales = {0.1f, 0.1f, 0.1f};
+  one.opacities = {0.5f};
+  one.sh = {1, 1, 1};
+  auto const cloud = gsp::make_gaussians(exec, one);
+  auto frames = gsp::make_frames(exec, cloud, {.images = 15, .width = width, .height = height / 2});
+  CHECK_THROWS_WITH_AS(gsp::render(exec, cloud, poses, cameras, frames), doctest::Contains("200 x 100 pixels, the frames have 200 x 50"),
+                       std::invalid_argument);
   auto three = gsp::make_cameras(exec, 3);
   CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, model, poses, mounts, three), doctest::Contains("make_cameras(exec, mounts.images())"),
                        std::invalid_argument);

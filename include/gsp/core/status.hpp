@@ -24,8 +24,8 @@ inline std::string text(std::uint32_t bits) {
         "the bit; ";
   if (bits & row_refused)
     result +=
-        "a constraint row touches more than two kinematic trees, an element has more than six rows, or a friction row names a row that its "
-        "element does not have: split the element or correct bounds(); ";
+        "a constraint row touches more than two kinematic trees, an element has more than six rows, a row names a body or dof that is not there, or "
+        "a friction row a row that its element does not have: split the element, or correct jacobian() or bounds(); ";
   return result.empty() ? "ok" : result;
 }
 

@@ -423,6 +423,15 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   fill_lists(pool, d, source, trees);
   return pool;
 }
+
+/// Both are of one model, or the sentence that says so.
+template <class R, class Mem>
+void expects_made_of(char const* where, Model<R, Mem> const& model, CompiledModel const& compiled) {
+  expects(model.nbody == compiled.nbody && model.nq == compiled.nq && model.nv == compiled.nv && model.nu == compiled.nu,
+          std::string(where) + ": the model has " + std::to_string(model.nbody) + " bodies and " + std::to_string(model.nv) +
+              " degrees of freedom, the compiled model " + std::to_string(compiled.nbody) + " and " + std::to_string(compiled.nv) +
+              ": give the one that the model was made from");
+}
 }  // namespace detail
 
 /// Takes a compiled model to the memory of `exec`, in precision R. Allocates; fences.

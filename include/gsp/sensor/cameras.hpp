@@ -39,6 +39,7 @@ template <class R, class Mem>
 struct CameraMounts {
   using memory_space = Mem;
   int worlds = 0;
+  int width = 0, height = 0;  // of the pictures [pixel]
   Kokkos::View<detail::MountEntry<R>*, Mem> entries;
   Subtrees<R, Mem> subtrees;  // empty where no camera follows a centre of mass
   int count() const { return int(entries.extent(0)); }
@@ -55,8 +56,11 @@ CameraMounts<R, Mem> make_camera_mounts(Exec const& exec, Model<R, Mem> const& m
                                         std::vector<CameraMount> const& mounts, CameraMountsOptions options = {}) {
   expects(options.worlds > 0 && !mounts.empty(), "gsp::make_camera_mounts: worlds must be positive and a mount be given");
   expects(options.width > 0 && options.height > 0, "gsp::make_camera_mounts: width and height must be positive");
+  detail::expects_made_of("gsp::make_camera_mounts", model, compiled);
   CameraMounts<R, Mem> m;
   m.worlds = options.worlds;
+  m.width = options.width;
+  m.height = options.height;
   bool by_com = false;
   std::vector<detail::MountEntry<R>> entries;
   for (std::size_t k = 0; k < mounts.size(); ++k) {
@@ -151,7 +155,7 @@ struct CamerasOf {
 
 /// The cameras of all worlds in their present poses: image world x mounts.count() + k is what mount k of that world sees.
 /// @param poses    of `mounts.worlds` worlds, after forward_kinematics or a step
-/// @param cameras  out: viewmats, Ks, world; of make_cameras(exec, mounts.images())
+/// @param cameras  out: viewmats, Ks, world, width, height (render refuses frames of another size); of make_cameras(exec, mounts.images())
 /// One launch (two where a camera follows a centre of mass). Does not allocate, does not fence. About 100 flop an image.
 template <ExecutionSpace Exec, class R, class Mem>
 void cameras_of(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, CameraMounts<R, Mem>& mounts,
@@ -164,6 +168,8 @@ void cameras_of(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> cons
               int(cameras.world.extent(0)) == mounts.images(),
           "gsp::cameras_of: there is room for " + std::to_string(cameras.images()) + " cameras, and there are " +
               std::to_string(mounts.images()) + ": make_cameras(exec, mounts.images())");
+  cameras.width = mounts.width;
+  cameras.height = mounts.height;
   if (mounts.subtrees.com.data()) subtree_com(exec, model, poses, mounts.subtrees);
   Kokkos::parallel_for("gsp::sensor::cameras_of", Kokkos::RangePolicy<Exec>(exec, 0, mounts.images()),
                        detail::CamerasOf<R, Mem>{model, poses, mounts.entries, mounts.subtrees.com, cameras, mounts.count()});

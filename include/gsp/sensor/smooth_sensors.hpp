@@ -95,6 +95,7 @@ int frame_kind(std::string_view word) {
 template <class R, ExecutionSpace Exec, class Mem>
 Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled, SensorsOptions options = {}) {
   expects(options.worlds > 0, "gsp::make_sensors: worlds must be positive");
+  detail::expects_made_of("gsp::make_sensors", model, compiled);
   using Entry = SensorEntry<R>;
   Sensors<R, Mem> s;
   s.worlds = options.worlds;

@@ -71,6 +71,7 @@ bool has_runge_kutta(Model<R, Mem> const& model) {
 template <class R, ExecutionSpace Exec, class Mem>
 Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
                                    SimulationOptions options = {}) {
+  detail::expects_made_of("gsp::make_simulation", model, compiled);
   auto const refusals = simulation_refusals(compiled, {.profile = model.profile, .approximate = options.approximate});
   if (!refusals.empty()) throw Error(refusals.front());
   Simulation<R, Mem> sim;

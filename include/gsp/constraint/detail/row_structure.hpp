@@ -9,7 +9,7 @@ template <class R, class Mem>
 struct RowStructure {
   Model<R, Mem> const& model;
   int segments = 0;
-  bool refused = false;                        // more than two trees
+  bool refused = false;                        // more than two trees, or a body or dof that is not there
   int tree[2] = {-1, -1}, last[2] = {-1, -1};  // last: local dof at the end of the chain, -1: all dofs
 
   KOKKOS_INLINE_FUNCTION void touch(int dof) {
@@ -48,8 +48,17 @@ struct RowStructure {
     return n;
   }
   // the interface of AnyRow
-  KOKKOS_INLINE_FUNCTION void set_dof(int dof, R) { touch(dof); }
+  KOKKOS_INLINE_FUNCTION void set_dof(int dof, R) {
+    if (dof >= 0 && dof < model.nv)
+      touch(dof);
+    else
+      refused = true;
+  }
   KOKKOS_INLINE_FUNCTION void add_point(int body, Vec3<R> const&, Vec3<R> const&, R = R(1)) {
+    if (body < 0 || body >= model.nbody) {
+      refused = true;
+      return;
+    }
     int const dof = model.body_last_dof(body);
     if (dof >= 0) touch(dof);
   }
