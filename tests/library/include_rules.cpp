@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -161,7 +162,7 @@ TEST_CASE("gsp.hpp includes every public header") {
   REQUIRE(!all.empty());
   for (auto const& h : headers) {
     bool const direct = std::count(h.name.begin(), h.name.end(), '/') == 2;  // gsp/<area>/<name>.hpp
-    if (h.area == "runtime") continue;  // instead of the headers, not beside them
+    if (h.area == "runtime") continue;                                       // instead of the headers, not beside them
     if (direct && h.name != "gsp/io/compressed_ply.hpp") CHECK_MESSAGE(all.count(h.name) == 1, "gsp/gsp.hpp does not include ", h.name);
   }
 }
@@ -186,18 +187,29 @@ TEST_CASE("a region bears the name of its area and of the function that opens it
   CHECK(regions >= 18);
 }
 
-// A page may be about several headers; pairs of shapes and shapes have a table each (docs/collision/narrowphase.md, docs/geometry/shapes.md).
+// A page may be about several headers; pairs of shapes and shapes have a table each (docs/collision/narrowphase.md,
+// docs/geometry/shapes.md). It names one by its path, <area>/<name>.hpp: splat/cameras.hpp does not stand for sensor/cameras.hpp. Or it is
+// docs/<area>/<name>.md.
 TEST_CASE("a page names each public header") {
   std::string pages;
-  for (auto const& entry : fs::recursive_directory_iterator(fs::path(GSP_TEST_DIR).parent_path() / "docs")) {
+  std::set<std::string> names;  // of the pages: area/name
+  fs::path const docs = fs::path(GSP_TEST_DIR).parent_path() / "docs";
+  for (auto const& entry : fs::recursive_directory_iterator(docs)) {
     if (entry.path().extension() != ".md") continue;
+    names.insert(entry.path().lexically_relative(docs).replace_extension().generic_string());
     std::ifstream file(entry.path());
     pages.append(std::istreambuf_iterator<char>(file), {});
   }
   for (auto const& h : read_headers()) {
     bool const family = starts_with(h.name, "gsp/collision/narrowphase/") || starts_with(h.name, "gsp/geometry/shapes/");
     if (family || h.name.find("/detail/") != h.name.npos) continue;
-    std::string const file = fs::path(h.name).filename().string();
-    CHECK_MESSAGE(pages.find(file) != pages.npos, "no page below docs/ names ", h.name, ": write docs/", h.area, "/<name>.md");
+    std::string const path = h.name.substr(4);  // behind gsp/
+    bool found = names.count(fs::path(path).replace_extension().generic_string()) == 1;
+    for (auto at = pages.find(path); at != pages.npos && !found; at = pages.find(path, at + 1)) {
+      char const before = at == 0 ? ' ' : pages[at - 1];
+      found = !std::isalnum(static_cast<unsigned char>(before)) && before != '_';
+    }
+    CHECK_MESSAGE(found, "no page below docs/ names ", path, ": write that path into the page that is about it, or docs/", h.area,
+                  "/<name>.md");
   }
 }
