@@ -133,7 +133,11 @@ TEST_CASE_TEMPLATE("Jacobians, momenta and poses agree", Exec, GSP_TEST_EXECS) {
   auto const mass = gsp_test::host(subtrees.mass);
   auto const qvel = gsp_test::host(s.state.qvel);
   std::vector<double> momentum(3 * worlds, 0.);
-  typename Set<Exec>::View3 J("J", worlds, 6, s.model.nv);
+  typename Set<Exec>::View3 J("J", worlds, 6, s.model.nv), flat("flat", worlds, 3, s.model.nv);
+  std::string const nv = std::to_string(s.model.nv);
+  CHECK_THROWS_WITH_AS(gsp::com_jacobian(s.exec, s.model, s.poses, s.dynamics, 1, flat),
+                       doctest::Contains(("J is (9, 3, " + nv + ") and must be (worlds, 6, nv), here (9, 6, " + nv + ")").c_str()),
+                       std::invalid_argument);
   for (int b = 1; b < s.model.nbody; ++b) {
     gsp::com_jacobian(s.exec, s.model, s.poses, s.dynamics, b, J);
     auto const j = gsp_test::host(J);

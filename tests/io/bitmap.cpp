@@ -36,6 +36,10 @@ TEST_CASE("contact sheet") {
   auto const square = contact_sheet(std::vector<Bitmap8>(16, make_bitmap<std::uint8_t>(64, 64, 1)), 0, 0);
   CHECK(square.width == 256);
   CHECK(square.height == 256);
+  auto const named = contact_sheet({tiles[0], tiles[1]}, 2, 0);
+  CHECK(named.width == 8);
+  CHECK(named.height == 3);
+  CHECK(named.pixels == contact_sheet(std::vector<Bitmap8>{tiles[0], tiles[1]}, 2, 0).pixels);
   CHECK_THROWS_AS(contact_sheet(std::vector<Bitmap8>{}), std::invalid_argument);
   tiles.push_back(make_bitmap<std::uint8_t>(4, 4, 3));
   CHECK_THROWS_AS(contact_sheet(tiles), std::invalid_argument);

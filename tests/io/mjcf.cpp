@@ -231,9 +231,10 @@ TEST_CASE("visual meshes that are missing are left out when asked, colliding one
   std::string const weighed =
       "<mujoco>\n<asset><mesh name='x' file='x.stl'/></asset><worldbody><body><joint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>";
   std::string const end = "</body></worldbody></mujoco>";
-  refused(weighed + visual + end,
-          "m.xml:2: ", "x.stl: there is no such file; check the path, or leave out geoms that are only seen with --skip-visuals",
-          files({}));
+  refused(
+      weighed + visual + end, "m.xml:2: ",
+      "x.stl: there is no such file; check the path, or leave out geoms that are only seen with --skip-visuals (MjcfOptions::skip_visuals)",
+      files({}));
   auto skip = files({});
   skip.skip_visuals = true;
   auto const d = parse_mjcf(weighed + visual + visual + end, "m.xml", skip);

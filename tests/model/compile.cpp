@@ -135,6 +135,7 @@ TEST_CASE("pairs: bits, excludes, uncovered shapes and condim") {
   CHECK(compile(d).pairs == std::vector<std::array<int, 2>>{{0, 1}});
   d.bodies[1].geoms[0].condim = 6;
   check_message(d, "sphere of body 'b0' has condim 6");
+  check_message(d, "taken as 3 with --approximate (CompileOptions::approximate)");
   auto const taken = compile(d, {.approximate = true});
   CHECK(taken.geom_condim[0] == 3);
   REQUIRE(taken.report.size() == 1);
@@ -182,6 +183,7 @@ TEST_CASE("named pairs: whatever filters say, never an ordinary pair besides, ju
 
   d.pairs[0].condim = 4;
   check_message(d, "a.xml:5: pair has condim 4");
+  check_message(d, "taken as 3 with --approximate (CompileOptions::approximate)");
   auto const taken = compile(d, {.approximate = true});
   CHECK(taken.named_pairs[0].condim == 3);
   REQUIRE(taken.report.size() == 1);

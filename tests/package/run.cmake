@@ -3,8 +3,22 @@
 set(prefix "${WORK}/prefix")
 file(REMOVE_RECURSE "${WORK}")
 execute_process(COMMAND "${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${prefix}" OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
+file(GLOB kernels "${prefix}/*/libgsp_kernels.a" "${prefix}/*/*/libgsp_kernels.a")
+set(component "")
+if(kernels)
+  set(component kernels)
+endif()
 execute_process(COMMAND "${CMAKE_COMMAND}" -G "${GENERATOR}" -S "${CONSUMER}" -B "${WORK}/build" "-DCMAKE_CXX_COMPILER=${COMPILER}"
-  "-DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}" "-Dgsp_ROOT=${prefix}" -DCMAKE_BUILD_TYPE=Release "-DWITH_IO=${IO}" COMMAND_ERROR_IS_FATAL ANY)
+  "-DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}" "-Dgsp_ROOT=${prefix}" -DCMAKE_BUILD_TYPE=Release "-DWITH_IO=${IO}" "-DCOMPONENT=${component}"
+  COMMAND_ERROR_IS_FATAL ANY)
+if(IO)  # a component that is not there: the sentence that names those that are
+  execute_process(COMMAND "${CMAKE_COMMAND}" -G "${GENERATOR}" -S "${CONSUMER}" -B "${WORK}/component" "-DCMAKE_CXX_COMPILER=${COMPILER}"
+    "-Dgsp_ROOT=${prefix}" -DCOMPONENT=wheels RESULT_VARIABLE result OUTPUT_QUIET ERROR_VARIABLE said)
+  string(REGEX REPLACE "[ \n]+" " " said "${said}")
+  if(result EQUAL 0 OR NOT said MATCHES "gsp has no component 'wheels'; there are io, kernels and runtime")
+    message(FATAL_ERROR "find_package(gsp COMPONENTS wheels): ${said}")
+  endif()
+endif()
 execute_process(COMMAND "${CMAKE_COMMAND}" --build "${WORK}/build" COMMAND_ERROR_IS_FATAL ANY)
 execute_process(COMMAND "${WORK}/build/consumer" COMMAND_ERROR_IS_FATAL ANY)
 if(EXISTS "${BUILD}/gsp")  # the program is installed with the library

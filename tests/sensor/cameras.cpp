@@ -118,7 +118,8 @@ TEST_CASE_TEMPLATE("cameras of a model and on its links, in all worlds", Exec, G
   bad({.body = "mast", .quat = {0, 0, 0, 0}}, "the rotation not 0");
   bad({.body = "mast", .pos = {1, 0, 0}, .look_at = gsp::Double3{1, 0, 0}}, "must not look at itself");
   bad({.body = "mast", .pos = {NAN, 0, 0}}, "must be finite");
-  bad({.body = "mast", .fovy = 4}, "fovy");
+  bad({.body = "mast", .fovy = 60}, "mount 0: CameraMount::fovy is 60.000000 and must lie between 0 and pi: it is in radians");
+  bad({.body = "mast", .fovy = 0}, "CameraMount::fovy is 0.000000");
   CHECK_THROWS_WITH_AS(gsp::make_camera_mounts(exec, model, gsp::compile(gsp::samples::quadruped()), {{.body_id = 1}}),
                        doctest::Contains("give the one that the model was made from"), std::invalid_argument);
   gsp::GaussianSet one;

@@ -134,6 +134,11 @@ TEST_CASE_TEMPLATE("sensors give what poses, Jacobians and forces give", Exec, G
   typename Set::template View<double**> const data("data", n, c.nsensordata), energy("energy", n, 2), actuator("actuator", n, c.nv);
   Kokkos::deep_copy(data, 77.);
   gsp::smooth_sensors(s.exec, s.model, s.state, s.poses, s.dynamics, sensors, data);
+  typename Set::template View<double**> const narrow("narrow", n, 1);
+  std::string const sizes = "data is (" + std::to_string(n) + ", 1) and must be (worlds, nsensordata), here (" + std::to_string(n) + ", " +
+                            std::to_string(c.nsensordata) + ")";
+  CHECK_THROWS_WITH_AS(gsp::smooth_sensors(s.exec, s.model, s.state, s.poses, s.dynamics, sensors, narrow),
+                       doctest::Contains(sizes.c_str()), std::invalid_argument);
 
   typename Set::template View<double***> const x("x", n, c.nsite, 3), q("q", n, c.nsite, 4), cam("cam", n, c.ncam, 3),
       mat("mat", n, c.ncam, 9), M("M", n, c.nv, c.nv);

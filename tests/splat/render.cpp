@@ -215,8 +215,11 @@ TEST_CASE("input that cannot be is refused in a sentence") {
   auto frames = gsp::make_frames(exec, cloud, {.images = 2, .width = 32, .height = 32}),
        three = gsp::make_frames(exec, cloud, {.images = 3, .width = 32, .height = 32});
   CHECK_NOTHROW(gsp::render(exec, cloud, poses, cameras, frames));
-  CHECK_THROWS_AS(gsp::render(exec, cloud, short_poses, cameras, frames), std::invalid_argument);
-  CHECK_THROWS_AS(gsp::render(exec, cloud, poses, cameras, three), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::render(exec, cloud, short_poses, cameras, frames),
+                       doctest::Contains("name 2 bodies but the poses have 1: give poses of the model that the Gaussians were bound to"),
+                       std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::render(exec, cloud, poses, cameras, three),
+                       doctest::Contains("2 cameras for 3 images: make_frames with {.images = 2}"), std::invalid_argument);
   CHECK_THROWS_AS(gsp::render(exec, cloud, poses, cameras, frames, {.near = -1}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::render(exec, cloud, poses, cameras, frames, {.alpha_max = 1}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_frames(exec, cloud, {.images = 0}), std::invalid_argument);

@@ -42,7 +42,9 @@ template <ExecutionSpace Exec, class R, class Mem, class View>
 void jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
               Vec3<R> const& point, Field<R> const& field, int item, View& J) {
   expects(int(J.extent(0)) == dynamics.worlds && int(J.extent(1)) == 6 && int(J.extent(2)) == model.nv,
-          "gsp::body_jacobian: J must be (worlds, 6, nv)");
+          "gsp::body_jacobian: J is (" + std::to_string(J.extent(0)) + ", " + std::to_string(J.extent(1)) + ", " +
+              std::to_string(J.extent(2)) + ") and must be (worlds, 6, nv), here (" + std::to_string(dynamics.worlds) + ", 6, " +
+              std::to_string(model.nv) + ")");
   expects_fit("gsp::body_jacobian", model, dynamics, poses);
   expects_together("gsp::body_jacobian", dynamics, set_of(Quantity::motion));
   zero(exec, J);

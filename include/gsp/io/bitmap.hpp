@@ -3,7 +3,9 @@
 #include <cmath>
 #include <cstdint>
 #include <gsp/core/check.hpp>
+#include <initializer_list>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 namespace gsp::io {
@@ -58,7 +60,7 @@ inline Bitmap16 depth_to_bitmap16(float const* depth, int width, int height, flo
 /// Pictures of one size in a grid, row by row, `padding` pixels of `background` between and around them. `columns` = 0 makes the sheet as
 /// square as it goes.
 template <class T>
-Bitmap<T> contact_sheet(std::vector<Bitmap<T>> const& tiles, int columns = 0, int padding = 2, T background = 0) {
+Bitmap<T> contact_sheet(std::vector<Bitmap<T>> const& tiles, int columns = 0, int padding = 2, std::type_identity_t<T> background = 0) {
   expects(!tiles.empty(), "gsp::io::contact_sheet: there are no pictures");
   expects(columns >= 0 && padding >= 0, "gsp::io::contact_sheet: columns and padding must not be negative");
   auto const& first = tiles.front();
@@ -81,6 +83,11 @@ Bitmap<T> contact_sheet(std::vector<Bitmap<T>> const& tiles, int columns = 0, in
       std::copy_n(&tiles[t].pixels[y * row_values], row_values, &sheet.pixels[(top * sheet.width + left) * first.channels]);
     }
   return sheet;
+}
+/// The same of pictures by name: contact_sheet({before, after}, 2).
+template <class T>
+Bitmap<T> contact_sheet(std::initializer_list<Bitmap<T>> tiles, int columns = 0, int padding = 2, std::type_identity_t<T> background = 0) {
+  return contact_sheet(std::vector<Bitmap<T>>(tiles), columns, padding, background);
 }
 
 }  // namespace gsp::io

@@ -89,6 +89,8 @@ CameraMounts<R, Mem> make_camera_mounts(Exec const& exec, Model<R, Mem> const& m
     } else {
       expects(e.body < compiled.nbody,
               place + ": the model has " + std::to_string(compiled.nbody) + " bodies, not one of index " + std::to_string(e.body));
+      expects(mount.fovy > 0 && mount.fovy < 3.141592, place + ": CameraMount::fovy is " + std::to_string(mount.fovy) +
+                                                           " and must lie between 0 and pi: it is in radians, degrees times pi / 180");
       auto const& p = mount.pos;
       auto const& q = mount.quat;
       double way = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];

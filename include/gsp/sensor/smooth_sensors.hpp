@@ -366,7 +366,9 @@ void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> 
                     Dynamics<R, Mem> const& dynamics, Sensors<R, Mem>& sensors, View& data) {
   Region const region("gsp::sensor::smooth_sensors");
   expects(int(data.extent(0)) == sensors.worlds && int(data.extent(1)) == sensors.nsensordata,
-          "gsp::smooth_sensors: data must be (worlds, nsensordata)");
+          "gsp::smooth_sensors: data is (" + std::to_string(data.extent(0)) + ", " + std::to_string(data.extent(1)) +
+              ") and must be (worlds, nsensordata), here (" + std::to_string(sensors.worlds) + ", " + std::to_string(sensors.nsensordata) +
+              ")");
   expects(dynamics.worlds == sensors.worlds, "gsp::smooth_sensors: dynamics and sensors have different numbers of worlds");
   detail::expects_fit("gsp::smooth_sensors", model, state, dynamics, poses);
   detail::expects_of("gsp::smooth_sensors", dynamics, state, sensors.needs);
@@ -374,7 +376,8 @@ void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> 
   if (sensors.momenta) subtree_momentum(exec, model, poses, dynamics, sensors.subtrees);
   if (sensors.energy.data()) energies(exec, model, state, poses, dynamics, sensors.energy);
   sense(exec,
-        detail::SmoothSensors<R, Mem>{model, state, poses, dynamics, sensors.entries, sensors.magnetic, sensors.subtrees, sensors.energy, sensors.nsensordata},
+        detail::SmoothSensors<R, Mem>{model, state, poses, dynamics, sensors.entries, sensors.magnetic, sensors.subtrees, sensors.energy,
+                                      sensors.nsensordata},
         data, {.label = "gsp::sensor::smooth_sensors"});
 }
 

@@ -66,12 +66,15 @@ void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, Pos
   static_assert(can_access<Exec, Poses<R, PosesMem>> && can_access<Exec, Frames<Mem>>,
                 "gsp::place_gaussians: poses or frames are not accessible from this execution space");
   auto& wave = frames.wave;
-  expects(cameras.images() == frames.images, "gsp::place_gaussians: there are " + std::to_string(cameras.images()) + " cameras for " +
-                                                 std::to_string(frames.images) + " images");
+  expects(cameras.images() == frames.images,
+          "gsp::place_gaussians: there are " + std::to_string(cameras.images()) + " cameras for " + std::to_string(frames.images) +
+              " images: make_frames with {.images = " + std::to_string(cameras.images()) + "}, or as many cameras as images");
   expects(first >= 0 && first < frames.images, "gsp::place_gaussians: the first image is outside the frames");
   expects(static_cast<int>(poses.xpos.extent(1)) >= cloud.bodies && poses.xpos.extent(0) > 0,
           "gsp::place_gaussians: the Gaussians name " + std::to_string(cloud.bodies) + " bodies but the poses have " +
-              std::to_string(poses.xpos.extent(1)));
+              std::to_string(poses.xpos.extent(1)) +
+              ": give poses of the model that the Gaussians were bound to, or bind them to the model of these poses (sample_surface, "
+              "io::to_gaussian_set)");
   expects(static_cast<int>(wave.link_views.extent(1)) >= cloud.bodies &&
               wave.cluster_visible.extent(0) >= cloud.clusters.extent(0) * static_cast<std::size_t>(wave.batch) &&
               cloud.count <= (std::int64_t(1) << wave.index_bits),

@@ -108,7 +108,8 @@ inline void without_shape(Document& doc, Node const& node, GeomDescription const
     if (weighs) to.needs_mesh = node.place;
     doc.note(Line::left_out, node.place, "visual geoms whose mesh is missing (--skip-visuals)");
   } else {
-    doc.note(Line::refused, node.place, "visual geoms whose mesh is missing; leave them out with --skip-visuals");
+    doc.note(Line::refused, node.place,
+             "visual geoms whose mesh is missing; leave them out with --skip-visuals (MjcfOptions::skip_visuals)");
   }
 }
 inline void read_geom(Document& doc, Node const& node, BodyDraft& to, Pose const& frame, std::string const& childclass) {

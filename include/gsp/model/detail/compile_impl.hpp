@@ -93,7 +93,7 @@ class Compiler : public ConstantsCompiler {
           fail(p.place, "pair", p.name,
                "is of " + geom_text(a) + " and " + geom_text(b) +
                    ", and contact between these two shapes is not supported: remove it, use other shapes, or leave such pairs out with "
-                   "--approximate");
+                   "--approximate (CompileOptions::approximate)");
         if (left_out++ == 0) first_left_out = &p;
         continue;
       }
@@ -101,7 +101,8 @@ class Compiler : public ConstantsCompiler {
         if (!approximate_)
           fail(p.place, "pair", p.name,
                "has condim " + std::to_string(pair.condim) +
-                   ", and torsional and rolling friction are not supported yet: use condim 3, or let it be taken as 3 with --approximate");
+                   ", and torsional and rolling friction are not supported yet: use condim 3, or let it be taken as 3 with --approximate "
+                   "(CompileOptions::approximate)");
         if (wide++ == 0) first_wide = &p;
         pair.condim = 3;
       }
@@ -155,7 +156,7 @@ class Compiler : public ConstantsCompiler {
           if (!approximate_)
             throw Error(at(places_[a]) + geom_text(a) + " can meet " + geom_text(b) + " (" + at(places_[b]) +
                         "see there), and contact between these two shapes is not supported: keep them apart with contype and conaffinity "
-                        "or exclude, use other shapes, or leave such pairs out with --approximate");
+                        "or exclude, use other shapes, or leave such pairs out with --approximate (CompileOptions::approximate)");
           if (!left_out++) first_left_out = {a, b};
           continue;
         }
@@ -163,9 +164,9 @@ class Compiler : public ConstantsCompiler {
                                                                       : m_.geom_condim[m_.geom_priority[a] > m_.geom_priority[b] ? a : b];
         if (judged && condim > 3 && !approximate_) {
           int const g = m_.geom_condim[a] == condim ? a : b;
-          throw Error(
-              at(places_[g]) + geom_text(g) + " has condim " + std::to_string(condim) +
-              ", and torsional and rolling friction are not supported yet: use condim 3, or let it be taken as 3 with --approximate");
+          throw Error(at(places_[g]) + geom_text(g) + " has condim " + std::to_string(condim) +
+                      ", and torsional and rolling friction are not supported yet: use condim 3, or let it be taken as 3 with "
+                      "--approximate (CompileOptions::approximate)");
         }
         wide += condim > 3;
         m_.pairs.push_back(pair);
