@@ -8,6 +8,7 @@
 using Exec = Kokkos::DefaultExecutionSpace;
 using Mem = Exec::memory_space;
 
+// example-begin spring
 /// Spring and damper that pull the first degree of freedom to `rest`. The law is written once, on any number type: a dual number finds its
 /// slopes.
 struct Tether : gsp::OneFreeRow {
@@ -25,6 +26,7 @@ struct Tether : gsp::OneFreeRow {
     return qpos(world, 0) - rest;
   }
 };
+// example-end spring
 
 int main(int argc, char** argv) {
   Kokkos::ScopeGuard const kokkos(argc, argv);

@@ -156,7 +156,7 @@ TEST_CASE("friction per world") {
   Kokkos::parallel_for(
       "draw", Kokkos::RangePolicy<Exec>(exec, 0, worlds * model.ngeom), KOKKOS_LAMBDA(int i) {
         int const w = i / int(friction.extent(1)), g = i % int(friction.extent(1));
-        friction(w, g, 0) = 0.1f * float(w + 1);  // sliding; a contact takes the greater of its two geoms
+        friction(w, g, 0) = 0.1f * float(w + 1);  // sliding; of the geom of higher priority, else the greater one
         friction(w, g, 1) = 0.005f;               // torsional [m]
         friction(w, g, 2) = 0.0001f;              // rolling [m]
       });

@@ -110,7 +110,7 @@ struct ElementImpulses {
   }
 };
 
-/// The impulses of constraint type `Type`, of the nth of that type in the list that was assembled.
+/// The impulses of constraint type `Type`, of the nth of that type in the list that was assembled; 0 throughout where the list had none.
 template <class Type, class R, class Mem>
 ElementImpulses<R, Mem> impulses_of(Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, int nth = 0) {
   return {rows, impulses, detail::nth_name(detail::type_name<Type>(), nth)};

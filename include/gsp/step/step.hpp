@@ -89,7 +89,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 }
 
 /// Launches one step of all worlds and does not wait: smooth dynamics, contacts, rows, solver, integration. Where a pool is too small it
-/// and all steps launched after it do nothing; `settle` says how many, and lets the pools grow.
+/// and all steps launched after it do nothing; `settle` says how many, and lets the pools grow. Poses are left of the state before the
+/// step; `forward_kinematics` gives those of its end.
 /// @param more  of your own: constraint types (constraint_type.hpp), which act also where the model's constraints are disabled, and
 ///              actuator laws (dynamics/actuator_law.hpp)
 /// Errors: constraint types of your own beside the integrator RK4, laws without actuators. Does not allocate, does not fence.
