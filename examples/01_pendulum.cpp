@@ -22,7 +22,8 @@ int main(int argc, char** argv) {
   double a = 1, b = std::cos(swing / 2);
   for (int i = 0; i < 6; ++i) {
     double const mean = (a + b) / 2;
-    b = std::sqrt(a * b), a = mean;
+    b = std::sqrt(a * b);
+    a = mean;
   }
   double const period = 2 * std::acos(-1.) / (a * w0);
 

@@ -29,7 +29,8 @@ int main(int argc, char** argv) {
     for (int i = 0; i < model.nq; ++i) qpos(w, i) = float(stand.qpos[i]);
     for (int i = 0; i < model.nu; ++i) ctrl(w, i) = float(stand.ctrl[i]) * (i % 3 != 0 && w == 1 ? 1.4f : 1.f);
   }
-  Kokkos::deep_copy(state.qpos, qpos), Kokkos::deep_copy(state.ctrl, ctrl);
+  Kokkos::deep_copy(state.qpos, qpos);
+  Kokkos::deep_copy(state.ctrl, ctrl);
   gsp::step(exec, model, state, sim, {.steps = 250});
 
   auto const room = gsp::sample_room<gsp::GaussianSet>();

@@ -31,7 +31,8 @@ int main(int argc, char** argv) {
       for (int i = 0; i < model.nu; ++i) ctrl(w, i) = float(stand.ctrl[i]);
       qpos(w, 2) += 0.01f * float(w);  // dropped from different heights
     }
-    Kokkos::deep_copy(state.qpos, qpos), Kokkos::deep_copy(state.ctrl, ctrl);
+    Kokkos::deep_copy(state.qpos, qpos);
+    Kokkos::deep_copy(state.ctrl, ctrl);
     return state;
   };
 

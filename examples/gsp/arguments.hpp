@@ -48,10 +48,14 @@ inline std::string nearest(std::string const& word, std::vector<std::string> con
       row[0] = i;
       for (std::size_t j = 1; j <= c.size(); ++j) {
         std::size_t const edit = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (word[i - 1] != c[j - 1])});
-        diagonal = row[j], row[j] = edit;
+        diagonal = row[j];
+        row[j] = edit;
       }
     }
-    if (row.back() < least) least = row.back(), best = c;
+    if (row.back() < least) {
+      least = row.back();
+      best = c;
+    }
   }
   return best;
 }
@@ -78,7 +82,10 @@ class Arguments {
       }
       auto const equal = word.find('=');
       bool const inline_value = word.starts_with("--") && equal != std::string::npos;
-      if (inline_value) value = word.substr(equal + 1), word.resize(equal);
+      if (inline_value) {
+        value = word.substr(equal + 1);
+        word.resize(equal);
+      }
       auto const option = std::find_if(command.options.begin(), command.options.end(), [&](Option const& o) { return o.name == word; });
       if (option == command.options.end()) {
         std::vector<std::string> names;
@@ -185,13 +192,12 @@ inline std::string wrapped(std::string const& text, std::size_t indent, std::siz
     std::size_t const space = std::min(text.find(' ', at), text.size());
     if (at > 0) {
       bool const full = column + 1 + (space - at) > 100;
-      if (full)
-        out += '\n', out.append(indent, ' ');
-      else
-        out += ' ';
+      out += full ? '\n' : ' ';
+      if (full) out.append(indent, ' ');
       column = full ? indent : column + 1;
     }
-    out += text.substr(at, space - at), column += space - at;
+    out += text.substr(at, space - at);
+    column += space - at;
     at = space + 1;
   }
   return out;

@@ -71,7 +71,9 @@ bool add_floor(gsp::Description& d) {
       if (!g.visual()) return false;
   }
   gsp::GeomDescription plane;
-  plane.type = gsp::ShapeType::plane, plane.size = {0, 0, 1}, plane.name = "quickstart_floor";
+  plane.type = gsp::ShapeType::plane;
+  plane.size = {0, 0, 1};
+  plane.name = "quickstart_floor";
   d.bodies[0].geoms.push_back(plane);
   return true;
 }
@@ -93,8 +95,13 @@ int motors_to_servos(gsp::Description& d) {
     double const strength = a.ctrl_limited ? std::abs(a.gainprm[0]) * std::max(std::abs(a.ctrl_range[0]), std::abs(a.ctrl_range[1]))
                                            : std::max(std::abs(a.force_range[0]), std::abs(a.force_range[1]));
     double const stiffness = strength / (0.3 * std::abs(a.gear[0]));  // of the length gear q
-    if (!a.force_limited) a.force_limited = true, a.force_range = {-strength, strength};
-    a.gainprm[0] = stiffness, a.bias_type = gsp::ActuatorBias::affine, a.biasprm = {0, -stiffness, -0.03 * stiffness},
+    if (!a.force_limited) {
+      a.force_limited = true;
+      a.force_range = {-strength, strength};
+    }
+    a.gainprm[0] = stiffness;
+    a.bias_type = gsp::ActuatorBias::affine;
+    a.biasprm = {0, -stiffness, -0.03 * stiffness};
     a.ctrl_limited = false;
   }
   return static_cast<int>(d.actuators.size());
@@ -136,7 +143,8 @@ std::string summary(gsp::CompiledModel const& model) {
 
 States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe) {
   States s;
-  s.qpos = model.qpos0, s.qvel.assign(static_cast<std::size_t>(model.nv), 0.);
+  s.qpos = model.qpos0;
+  s.qvel.assign(static_cast<std::size_t>(model.nv), 0.);
   if (!keyframe) return s;
   int index = -1;
   for (std::size_t k = 0; k < model.keyframes.size(); ++k)
@@ -151,8 +159,11 @@ States initial_state(gsp::CompiledModel const& model, std::string const& file, s
   if (index < 0) {
     std::vector<std::string> names;
     std::string there;
-    for (auto const& k : model.keyframes)
-      if (!k.name.empty()) names.push_back(k.name), there += (there.empty() ? "" : ", ") + k.name;
+    for (auto const& k : model.keyframes) {
+      if (k.name.empty()) continue;
+      names.push_back(k.name);
+      there += (there.empty() ? "" : ", ") + k.name;
+    }
     auto const n = model.keyframes.size();
     fail(file, "",
          "has no keyframe " + in_quotes(*keyframe) +
@@ -163,7 +174,8 @@ States initial_state(gsp::CompiledModel const& model, std::string const& file, s
   auto const& k = model.keyframes[static_cast<std::size_t>(index)];
   if (!k.qpos.empty()) s.qpos = k.qpos;
   if (!k.qvel.empty()) s.qvel = k.qvel;
-  s.ctrl = k.ctrl, s.time = k.time;
+  s.ctrl = k.ctrl;
+  s.time = k.time;
   return s;
 }
 
@@ -185,7 +197,8 @@ Trace read_trace(std::string const& path, gsp::CompiledModel const& model) {
 States read_start(std::string const& path, gsp::CompiledModel const& model) {
   Trace const t = read_trace(path, model);
   States s;
-  s.worlds = static_cast<int>(t.worlds), s.time = t.time.back();
+  s.worlds = static_cast<int>(t.worlds);
+  s.time = t.time.back();
   s.qpos.assign(t.qpos.end() - static_cast<std::ptrdiff_t>(t.worlds) * model.nq, t.qpos.end());
   s.qvel.assign(t.qvel.end() - static_cast<std::ptrdiff_t>(t.worlds) * model.nv, t.qvel.end());
   return s;
@@ -200,12 +213,15 @@ void expect_worlds(States const& states, int worlds, std::string const& what) {
 States spread(States const& states, int worlds) {
   if (states.worlds == worlds) return states;
   States out;
-  out.worlds = worlds, out.time = states.time;
+  out.worlds = worlds;
+  out.time = states.time;
   auto const repeat = [&](std::vector<double> const& from, std::vector<double>& to) {
     to.reserve(from.size() * static_cast<std::size_t>(worlds));
     for (int w = 0; w < worlds; ++w) to.insert(to.end(), from.begin(), from.end());
   };
-  repeat(states.qpos, out.qpos), repeat(states.qvel, out.qvel), repeat(states.ctrl, out.ctrl);
+  repeat(states.qpos, out.qpos);
+  repeat(states.qvel, out.qvel);
+  repeat(states.ctrl, out.ctrl);
   return out;
 }
 
@@ -242,7 +258,8 @@ CameraFile read_cameras(std::string const& path) {
   gsp::io::expect_shape(views, {-1, 4, 4}, key("viewmats"));
   gsp::io::expect_shape(intrinsics, {static_cast<long long>(views.shape[0]), 3, 3}, key("Ks"));
   if (views.shape[0] == 0) fail(key("viewmats"), "", "holds no cameras; write at least one");
-  gsp::io::expect_finite(views, key("viewmats")), gsp::io::expect_finite(intrinsics, key("Ks"));
+  gsp::io::expect_finite(views, key("viewmats"));
+  gsp::io::expect_finite(intrinsics, key("Ks"));
   CameraFile c{views.shape[0], views.as<float>(), intrinsics.as<float>()};
   for (std::size_t i = 0; i < c.count; ++i) {
     float const *v = &c.viewmats[16 * i], *k = &c.Ks[9 * i];

@@ -167,10 +167,13 @@ void splats(std::string const& path) {
   std::array<float, 3> low{INFINITY, INFINITY, INFINITY}, high{-INFINITY, -INFINITY, -INFINITY};
   std::vector<float> sizes;
   for (std::size_t i = 0; i < set.size(); ++i) {
-    linked += set.link[i] >= 0, opacity += set.opacities[i];
+    linked += set.link[i] >= 0;
+    opacity += set.opacities[i];
     sizes.push_back(std::max({set.scales[3 * i], set.scales[3 * i + 1], set.scales[3 * i + 2]}));
-    for (std::size_t k = 0; k < 3; ++k)
-      low[k] = std::min(low[k], set.positions[3 * i + k]), high[k] = std::max(high[k], set.positions[3 * i + k]);
+    for (std::size_t k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], set.positions[3 * i + k]);
+      high[k] = std::max(high[k], set.positions[3 * i + k]);
+    }
   }
   std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2), sizes.end());
   std::printf("%s: %zu Gaussians, SH degree %d\n", path.c_str(), set.size(), set.sh_degree);

@@ -33,10 +33,12 @@ std::array<double, 2> limits(gsp::io::SplatSet const& set, std::size_t axis) {
 FloorMap map_floor(gsp::io::SplatSet const& set, double low, double high) {
   FloorMap m;
   auto const x = limits(set, 0), y = limits(set, 1);
-  m.x0 = x[0], m.y0 = y[0];
-  m.nx = std::clamp(static_cast<int>((x[1] - x[0]) / cell) + 1, 1, 4000),
+  m.x0 = x[0];
+  m.y0 = y[0];
+  m.nx = std::clamp(static_cast<int>((x[1] - x[0]) / cell) + 1, 1, 4000);
   m.ny = std::clamp(static_cast<int>((y[1] - y[0]) / cell) + 1, 1, 4000);
-  m.floor.assign(static_cast<std::size_t>(m.nx) * m.ny, 0), m.obstacle = m.floor;
+  m.floor.assign(static_cast<std::size_t>(m.nx) * m.ny, 0);
+  m.obstacle = m.floor;
   for (std::size_t i = 0; i < set.size(); ++i) {
     if (set.link[i] >= 0) continue;
     float const *p = &set.positions[3 * i], *s = &set.scales[3 * i];
@@ -58,7 +60,8 @@ FloorMap map_floor(gsp::io::SplatSet const& set, double low, double high) {
 gsp::io::SplatPose standing_pose(gsp::io::SplatSet const& capture) {
   gsp::io::SplatPose pose{{0, 0, 0}, {std::sqrt(0.5), -std::sqrt(0.5), 0, 0}, 1};  // (x, y, z) -> (x, z, -y)
   gsp::io::SplatSet set = capture;
-  set.sh_degree = 0, set.sh.assign(3 * set.size(), 0.f);  // colours do not matter here
+  set.sh_degree = 0;
+  set.sh.assign(3 * set.size(), 0.f);  // colours do not matter here
   gsp::io::transform(set, pose);
   // The floor: of all heights (steps of 1/200) the lowest with a third as much surface as the one with most in the lower half; surface:
   // opacity times the product of the two longer axes.
@@ -100,11 +103,12 @@ gsp::io::SplatPose standing_pose(gsp::io::SplatSet const& capture) {
       if (distance[c] > distance[best]) best = c;
     }
   if (distance[best] > 0) {
-    pose.position[0] = -(map.x0 + (double(best % static_cast<std::size_t>(w)) + 0.5) * cell),
+    pose.position[0] = -(map.x0 + (double(best % static_cast<std::size_t>(w)) + 0.5) * cell);
     pose.position[1] = -(map.y0 + (double(best / static_cast<std::size_t>(w)) + 0.5) * cell);
   } else {  // nothing like a floor: the middle of all
     auto const x = limits(set, 0), y = limits(set, 1);
-    pose.position[0] = -0.5 * (x[0] + x[1]), pose.position[1] = -0.5 * (y[0] + y[1]);
+    pose.position[0] = -0.5 * (x[0] + x[1]);
+    pose.position[1] = -0.5 * (y[0] + y[1]);
   }
   return pose;
 }

@@ -92,10 +92,11 @@ States starts(gsp::CompiledModel const& model, States const& one, int worlds, bo
       double* const v = &all.qvel[static_cast<std::size_t>(w) * model.nv + model.jnt_dofadr[static_cast<std::size_t>(j)]];
       double const x = q[0], y = q[1], r = std::hypot(x, y), speed = 0.7 + 0.5 * scatter(w, 10 * j), aside = 0.35 * scatter(w, 10 * j + 1),
                    turn = 0.3 * scatter(w, 10 * j + 2);
-      q[0] = (std::cos(turn) * x - std::sin(turn) * y) * (1 + 0.08 * scatter(w, 10 * j + 3)),
+      q[0] = (std::cos(turn) * x - std::sin(turn) * y) * (1 + 0.08 * scatter(w, 10 * j + 3));
       q[1] = (std::sin(turn) * x + std::cos(turn) * y) * (1 + 0.08 * scatter(w, 10 * j + 4));
       q[2] += 0.15 + 0.15 * scatter(w, 10 * j + 5);
-      v[0] = (-x - aside * y) / r * speed, v[1] = (-y + aside * x) / r * speed;
+      v[0] = (-x - aside * y) / r * speed;
+      v[1] = (-y + aside * x) / r * speed;
       for (int k = 3; k < 6; ++k) v[k] = 2.5 * scatter(w, 10 * j + k + 3);
     }
   return all;
@@ -123,8 +124,10 @@ int run(Arguments const& a) {
     a.fail("--splat needs --model FILE.xml: give both files, or none for the robot and room that the library makes");
   if (own && !a.has("--splat"))
     a.fail("--model needs --splat FILE: give both files, or none for the robot and room that the library makes");
-  a.needs("--splat-pose", "--splat", "it places that scene"), a.needs("--keyframe", "--model", "it is one of that model");
-  a.needs("--skip-visuals", "--model", "it is about that model"), a.needs("--approximate", "--model", "it is about that model");
+  a.needs("--splat-pose", "--splat", "it places that scene");
+  a.needs("--keyframe", "--model", "it is one of that model");
+  a.needs("--skip-visuals", "--model", "it is about that model");
+  a.needs("--approximate", "--model", "it is about that model");
   std::string const out = a.text("--out").value_or("out");
   int const threads = threads_of(a);
   Device const device = choose_device(a);
@@ -295,8 +298,11 @@ int run(Arguments const& a) {
   std::vector<gsp::io::Bitmap8> rgb, color;
   std::vector<gsp::io::Bitmap16> depth;
   float near = INFINITY, far = 0;
-  for (std::size_t i = 0; i < pixels * shown; ++i)
-    if (sheet_depth[i] > 0) near = std::min(near, sheet_depth[i]), far = std::max(far, sheet_depth[i]);
+  for (std::size_t i = 0; i < pixels * shown; ++i) {
+    if (!(sheet_depth[i] > 0)) continue;
+    near = std::min(near, sheet_depth[i]);
+    far = std::max(far, sheet_depth[i]);
+  }
   for (int k = 0; k < shown; ++k) {
     rgb.push_back(gsp::io::to_bitmap8(&sheet_rgb[3 * pixels * k], width, height, 3));
     color.push_back(gsp::io::depth_to_color(&sheet_depth[pixels * k], width, height, {.near = near, .far = far}));

@@ -75,21 +75,24 @@ int run(Arguments const& a) {
   a.exclusive("--cameras", "--camera", "both say where the camera stands");
   a.needs("--camera", "--model", "it is one of the model's");
   a.exclusive("--keyframe", "--trace", "both say where the model stands");
-  a.needs("--keyframe", "--model", "a keyframe belongs to a model"), a.needs("--trace", "--model", "a trace belongs to a model");
-  a.needs("--skip-visuals", "--model", "it is about a model's geoms"),
-      a.needs("--approximate", "--model", "it is about a model's contacts");
+  a.needs("--keyframe", "--model", "a keyframe belongs to a model");
+  a.needs("--trace", "--model", "a trace belongs to a model");
+  a.needs("--skip-visuals", "--model", "it is about a model's geoms");
+  a.needs("--approximate", "--model", "it is about a model's contacts");
   auto const files = a.all("--splat"), poses = a.all("--splat-pose");
   if (poses.size() > files.size())
     a.fail("--splat-pose is given " + std::to_string(poses.size()) + " times for " + std::to_string(files.size()) +
            " --splat; the k-th pose belongs to the k-th file, leave the others out");
   gsp::runtime::RendererOptions options;
-  options.width = static_cast<int>(a.integer("--width", 640, 1, 16384)),
+  options.width = static_cast<int>(a.integer("--width", 640, 1, 16384));
   options.height = static_cast<int>(a.integer("--height", 480, 1, 16384));
-  options.batch = static_cast<int>(a.integer("--batch", 0, 1, 65536)),
+  options.batch = static_cast<int>(a.integer("--batch", 0, 1, 65536));
   options.alpha_max = static_cast<float>(a.real("--alpha-max", 0.999, 0, 1));
   auto const channels = a.list("--channels", {"rgb", "depth", "alpha"}, {"rgb", "depth"});
   auto const wanted = [&](char const* c) { return std::find(channels.begin(), channels.end(), c) != channels.end(); };
-  options.rgb = wanted("rgb"), options.depth = wanted("depth"), options.alpha = wanted("alpha");
+  options.rgb = wanted("rgb");
+  options.depth = wanted("depth");
+  options.alpha = wanted("alpha");
   int const repeat = static_cast<int>(a.integer("--repeat", 1, 1, 1000000));
   int const threads = threads_of(a);
   auto const out = a.text("--out"), npz = a.text("--npz");
@@ -105,7 +108,9 @@ int run(Arguments const& a) {
       trace = read_trace(*file, model);
     } else {
       auto const s = initial_state(model, *path, a.text("--keyframe"));
-      trace.entries = trace.worlds = 1, trace.qpos = s.qpos;
+      trace.entries = 1;
+      trace.worlds = 1;
+      trace.qpos = s.qpos;
     }
     if (auto const s = summary(model); !s.empty() && !quiet(a))
       std::fprintf(stderr, "%s: %s ('gsp info' lists them)\n", path->c_str(), s.c_str());
@@ -172,7 +177,9 @@ int run(Arguments const& a) {
     if (out) write_pngs(*out, some, first, count, options.width, options.height, progress);
     if (npz) {
       auto const join = [](std::vector<float>& to, std::vector<float> const& from) { to.insert(to.end(), from.begin(), from.end()); };
-      join(all.rgb, some.rgb), join(all.depth, some.depth), join(all.alpha, some.alpha);
+      join(all.rgb, some.rgb);
+      join(all.depth, some.depth);
+      join(all.alpha, some.alpha);
     }
   }
   if (npz) {

@@ -15,9 +15,11 @@ int run(Arguments const& a) {
   a.needs("--every", "--trace", "it says how often a trace takes the state");
   StepperOptions options;
   auto const start_file = a.text("--start"), ctrl_file = a.text("--ctrl"), trace_file = a.text("--trace");
-  options.worlds = static_cast<int>(a.integer("--worlds", 1, 1, 1 << 24)), options.timestep = a.real("--timestep", 0, 0, 10);
+  options.worlds = static_cast<int>(a.integer("--worlds", 1, 1, 1 << 24));
+  options.timestep = a.real("--timestep", 0, 0, 10);
   options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
-  options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco", options.approximate = a.has("--approximate");
+  options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco";
+  options.approximate = a.has("--approximate");
   bool const in_double = a.choice("--precision", {"float", "double"}, "float") == "double";
   if (in_double) options.precision = gsp::runtime::Dtype::float64;
   long long steps = a.integer("--steps", 1000, 1, 1LL << 40), every = a.integer("--every", 1, 1, 1LL << 40),
@@ -74,7 +76,8 @@ int run(Arguments const& a) {
   auto const record = [&](long long done) {
     get_states(*stepper, qpos, qvel);
     trace.time.push_back(start.time + double(done) * stepper->timestep());
-    trace.qpos.insert(trace.qpos.end(), qpos.begin(), qpos.end()), trace.qvel.insert(trace.qvel.end(), qvel.begin(), qvel.end());
+    trace.qpos.insert(trace.qpos.end(), qpos.begin(), qpos.end());
+    trace.qvel.insert(trace.qvel.end(), qvel.begin(), qvel.end());
     ++trace.entries;
   };
   trace.worlds = worlds;
@@ -83,7 +86,10 @@ int run(Arguments const& a) {
     trace.time.reserve(entries);
     trace.qpos.reserve(entries * start.qpos.size());
     trace.qvel.reserve(entries * start.qvel.size());
-    trace.time = {start.time}, trace.qpos = start.qpos, trace.qvel = start.qvel, trace.entries = 1;
+    trace.time = {start.time};
+    trace.qpos = start.qpos;
+    trace.qvel = start.qvel;
+    trace.entries = 1;
   }
   double const startup = seconds_since_start();
   RunOptions run_options;

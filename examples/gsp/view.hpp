@@ -11,7 +11,11 @@ namespace gsp_cli {
 /// A number in [-1, 1] for (world, item).
 inline double scatter(int world, int item) {
   std::uint32_t h = static_cast<std::uint32_t>(world) * 0x9e3779b1u + static_cast<std::uint32_t>(item) * 0x85ebca77u + 1u;
-  h ^= h >> 15, h *= 0x2c1b3c6du, h ^= h >> 12, h *= 0x297a2d39u, h ^= h >> 15;
+  h ^= h >> 15;
+  h *= 0x2c1b3c6du;
+  h ^= h >> 12;
+  h *= 0x297a2d39u;
+  h ^= h >> 15;
   return h * (2. / 4294967296.) - 1;
 }
 
