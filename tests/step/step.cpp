@@ -259,6 +259,56 @@ TEST_CASE_TEMPLATE("a constraint of one's own never disappears", Exec, GSP_TEST_
                        doctest::Contains("RK4 takes none"), gsp::Error);
 }
 
+TEST_CASE_TEMPLATE("disabled constraints stay disabled beside one of one's own", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  auto d = one_body({joint(gsp::JointType::slide, {0, 0, 1})});
+  d.bodies[1].joints[0].frictionloss = 1e3;
+  d.option.constraint = false;
+  World<double, Exec> w(gsp::compile(d), 2);
+  double const k = 500;
+  gsp::step(w.exec, w.model, w.state, w.sim, {.steps = 4000}, test_types::Tether<Mem>{{}, k, 60., 0, w.state.qpos});
+  CHECK(std::abs(w.qpos()(1, 0) + 2 * 9.81 / k) < 1e-12);  // dry friction would hold it at 0
+}
+
+// What is not finite, a control of an actuator with activation too, stops its world as it was, with all integrators; mended, it goes on.
+TEST_CASE_TEMPLATE("a world that stops stays as it was before the step", Exec, GSP_TEST_EXECS) {
+  auto d = one_body({joint(gsp::JointType::slide, {0, 0, 1}), joint(gsp::JointType::ball, {0, 0, 1})});
+  d.bodies[1].joints[0].name = "lift";
+  d.actuators.push_back({.name = "lift", .target_name = "lift", .dynamics = gsp::ActuatorDynamics::filter});
+  d.actuators[0].dynprm[0] = 0.1;
+  for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco})
+    for (auto const integrator : {gsp::Integrator::euler, gsp::Integrator::implicitfast, gsp::Integrator::rk4}) {
+      d.option.constraint = integrator != gsp::Integrator::rk4;
+      d.option.integrator = integrator;
+      for (bool const control : {true, false}) {
+        World<double, Exec> w(gsp::compile(d), 3, {.profile = profile});
+        Kokkos::deep_copy(w.state.ctrl, 0.5);
+        w.step(10);
+        auto const q = gsp_test::snapshot(w.state.qpos), v = gsp_test::snapshot(w.state.qvel), a = gsp_test::snapshot(w.state.act);
+        set(control ? w.state.ctrl : w.state.qfrc_applied, 1, {NAN});
+        w.step(3);
+        auto const status = gsp_test::host(w.state.status), steps = gsp_test::host(w.state.steps);
+        CHECK(status(1) == gsp::status::not_finite);
+        CHECK(steps(1) == 10);
+        CHECK(steps(2) == 13);
+        CHECK(same_bits(q, gsp_test::snapshot(w.state.qpos), 1, 1));
+        CHECK(same_bits(v, gsp_test::snapshot(w.state.qvel), 1, 1));
+        CHECK(same_bits(a, gsp_test::snapshot(w.state.act), 1, 1));
+        set(control ? w.state.ctrl : w.state.qfrc_applied, 1, {control ? 0.5 : 0.});
+        Kokkos::deep_copy(w.state.status, 0u);
+        w.step(3);
+        CHECK(gsp_test::host(w.state.steps)(1) == 13);
+      }
+    }
+}
+
+TEST_CASE_TEMPLATE("no step leaves poses of the state too", Exec, GSP_TEST_EXECS) {
+  World<double, Exec> w(gsp::compile(one_body({joint(gsp::JointType::slide, {0, 0, 1})})), 2);
+  set(w.state.qpos, 1, {0.25});
+  w.step(0);
+  CHECK(gsp_test::host(w.sim.poses.xpos)(1, 1, 2) == 0.25);
+}
+
 // An actuator law acts with a constraint of one's own beside it (closed form: k q = 3 u - m g at rest), before or behind it, and alone in
 // the ways of a step without constraints: v = h (3 u / m - g) after the first, the same to h^4 for RK4 under constant forces.
 TEST_CASE_TEMPLATE("an actuator law of one's own in a step", Exec, GSP_TEST_EXECS) {

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/dynamics/detail/one_width.hpp>
 #include <gsp/dynamics/stamps.hpp>
 #include <gsp/math/pack.hpp>
 #include <gsp/math/spatial.hpp>

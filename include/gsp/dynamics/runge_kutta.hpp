@@ -79,9 +79,12 @@ struct RungeKuttaStage {
     T const weight(stage == 0 || stage == 3 ? R(1. / 6) : R(1. / 3));
     int const u = l.at.impulse, x = l.at.acceleration;  // rates of the positions; how far they go
     bool const last = stage == 3;
-    auto const write = [&](auto const& view, int const* first, int i, T const& value) {
-      for (int k = 0; k < l.count; ++k)
-        if (!(state.status(l.world[k]) & status::stopped)) view(l.world[k], first[k] + i) = get_lane(value, k);
+    // A world that stops goes back to where the step began.
+    auto const write = [&](auto const& view, int const* first, int i, T const& value, T const& start) {
+      for (int k = 0; k < l.count; ++k) {
+        bool const stopped = (state.status(l.world[k]) & status::stopped) != 0;
+        if (!stopped || last) view(l.world[k], first[k] + i) = get_lane(stopped ? start : value, k);
+      }
     };
     if (stage == 0) {
       for (int i = 0; i < a.nq; ++i) l.store(rk.qpos, l.qpos0, i, l.load(state.qpos, l.qpos0, i));
@@ -108,19 +111,19 @@ struct RungeKuttaStage {
       s[x + i] = h * (last ? velocity : reach * s[u + i]);
       s[l.at.velocity + i] = start + (last ? sum : reach * change);
     }
-    if (last) lanes_check_velocity(l, state.status);
-    for (int i = 0; i < a.nv; ++i) write(state.qvel, l.dof0, i, s[l.at.velocity + i]);
+    if (last) lanes_check_finite(l, state.status);
+    for (int i = 0; i < a.nv; ++i) write(state.qvel, l.dof0, i, s[l.at.velocity + i], l.load(rk.qvel, l.dof0, i));
     lanes_for_joint_parts(l, [&](int q, int i, int n, bool rotation) {
       auto const from = [&](int c) { return l.load(rk.qpos, l.qpos0, q + c); };
       if (!rotation) {
-        for (int c = 0; c < n; ++c) write(state.qpos, l.qpos0, q + c, from(c) + s[x + i + c]);
+        for (int c = 0; c < n; ++c) write(state.qpos, l.qpos0, q + c, from(c) + s[x + i + c], from(c));
         return;
       }
       Quat<T> const next = normalized(normalized(Quat<T>{from(0), from(1), from(2), from(3)}) * exp_rotation(s.vec3(x + i)));
-      write(state.qpos, l.qpos0, q, next.w);
-      write(state.qpos, l.qpos0, q + 1, next.x);
-      write(state.qpos, l.qpos0, q + 2, next.y);
-      write(state.qpos, l.qpos0, q + 3, next.z);
+      write(state.qpos, l.qpos0, q, next.w, from(0));
+      write(state.qpos, l.qpos0, q + 1, next.x, from(1));
+      write(state.qpos, l.qpos0, q + 2, next.y, from(2));
+      write(state.qpos, l.qpos0, q + 3, next.z, from(3));
     });
     for (int k = 0; k < a.nact && a.nstate > 0; ++k) {
       int const own = l.index(a.act_state, k);
@@ -135,7 +138,7 @@ struct RungeKuttaStage {
       T act = fma(h * reach, rate, start);
       if (last) act = lanes_next_activation(l, k, start, sum);
       if (last && l.index(a.act_dyn, k) == int(ActuatorDynamics::integrator)) act = lanes_wrap_setpoint(l, k, act);
-      write(state.act, item, 0, act);
+      write(state.act, item, 0, act, start);
     }
   }
 };

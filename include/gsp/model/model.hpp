@@ -348,16 +348,17 @@ void fill_lists(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& s
   auto const filled = [](std::vector<int> const& values, int n, int otherwise) {
     return int(values.size()) == n ? values : std::vector<int>(n, otherwise);
   };
-  d.frictionloss = m.option.frictionloss;
+  bool const limit = m.option.limit && m.option.constraint, frictionloss = m.option.frictionloss && m.option.constraint;
+  d.frictionloss = frictionloss;
   std::vector<int> limited_joints, friction_dofs, limited_tendons, friction_tendons, termadr(m.tendon_termadr), last_dof(m.nbody, -1);
-  for (int j = 0; j < m.njnt && m.option.limit; ++j)
+  for (int j = 0; j < m.njnt && limit; ++j)
     if (m.jnt_limited[j]) limited_joints.push_back(j);
   for (int i = 0; i < m.nv; ++i) {
-    if (m.option.frictionloss && m.dof_frictionloss[i] > 0) friction_dofs.push_back(i);
+    if (frictionloss && m.dof_frictionloss[i] > 0) friction_dofs.push_back(i);
   }
   for (int t = 0; t < m.ntendon; ++t) {
-    if (m.option.limit && m.tendon_limited[t]) limited_tendons.push_back(t);
-    if (m.option.frictionloss && m.tendon_frictionloss[t] > 0) friction_tendons.push_back(t);
+    if (limit && m.tendon_limited[t]) limited_tendons.push_back(t);
+    if (frictionloss && m.tendon_frictionloss[t] > 0) friction_tendons.push_back(t);
   }
   termadr.push_back(int(m.term_jnt.size()));
   for (int b = 1; b < m.nbody; ++b)

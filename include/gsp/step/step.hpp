@@ -149,6 +149,7 @@ template <ExecutionSpace Exec, class R, class Mem, class... More>
 void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim, StepOptions options = {},
           More const&... more) {
   expects(options.steps >= 0, "gsp::step: steps must not be negative");
+  if (options.steps == 0 && options.poses) forward_kinematics(exec, model, state, sim.poses, sim.dynamics);
   for (int left = options.steps; left > 0; left = settle(exec, sim)) {
     for (int i = 0; i < left; ++i) launch_step(exec, model, state, sim, options.solver, more...);
     if (options.poses) forward_kinematics(exec, model, state, sim.poses, sim.dynamics);

@@ -147,13 +147,14 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z, V
       a.nv, [&](int i) { return s[l.at.velocity + i] + s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
 }
 
-/// Sets the status bit of worlds with a velocity that is NaN or infinite (x - x is 0 for finite x alone).
+/// Sets the status bit of worlds with a velocity or a rate of an activation that is NaN or infinite (x - x is 0 for finite x alone).
 template <class L, class View>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_check_velocity(L const& l, View const& status) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_check_finite(L const& l, View const& status) {
   if (l.worker != 0) return;
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   T sum(0);
   for (int i = 0; i < l.a.nv; ++i) sum = sum + (l.items[l.at.velocity + i] - l.items[l.at.velocity + i]);
+  for (int i = 0; i < l.a.nstate; ++i) sum = sum + (l.items[l.at.act_dot + i] - l.items[l.at.act_dot + i]);
   auto const finite = sum == T(0);
   if (all(finite)) return;
   for (int k = 0; k < l.count; ++k)
@@ -208,7 +209,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
 /// Checks the new velocities and ends the step, for worlds of one tree each.
 template <class L, class State>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_end_step(L const& l, State const& state) {
-  lanes_check_velocity(l, state.status);
+  lanes_check_finite(l, state.status);
   l.sync();
   lanes_integrate_positions(l, state);
   for (int k = 0; k < l.count && l.worker == 0; ++k)
@@ -248,7 +249,7 @@ struct NewVelocityStage {
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     if (halt.data() && halt()) return;
     lanes_new_velocity(l, z, qfrc_constraint);
-    lanes_check_velocity(l, state.status);
+    lanes_check_finite(l, state.status);
   }
 };
 template <class State>
