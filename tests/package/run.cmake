@@ -1,5 +1,6 @@
-# Installs gsp into an empty prefix, configures a project of someone else against it, builds and runs that; then all examples and the program, as a user would build
-# a copy of that folder (not optimised: whether they compile and link is the question, and the examples' own tests run them). Any step that fails fails the test.
+# Installs gsp into an empty prefix, configures a project of someone else against it, builds and runs that: among it a simulation with gsp::kernels and header-only,
+# which must give the same bits. Then all examples and the program, as a user would build a copy of that folder (not optimised: whether they compile and link is the
+# question, and the examples' own tests run them). Any step that fails fails the test.
 set(prefix "${WORK}/prefix")
 file(REMOVE_RECURSE "${WORK}")
 execute_process(COMMAND "${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${prefix}" OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
@@ -10,7 +11,7 @@ if(kernels)
 endif()
 execute_process(COMMAND "${CMAKE_COMMAND}" -G "${GENERATOR}" -S "${CONSUMER}" -B "${WORK}/build" "-DCMAKE_CXX_COMPILER=${COMPILER}"
   "-DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}" "-Dgsp_ROOT=${prefix}" -DCMAKE_BUILD_TYPE=Release "-DWITH_IO=${IO}" "-DCOMPONENT=${component}"
-  COMMAND_ERROR_IS_FATAL ANY)
+  "-DNATIVE=${NATIVE}" "-DCMAKE_CXX_FLAGS=${FLAGS}" COMMAND_ERROR_IS_FATAL ANY)
 if(IO)  # a component that is not there: the sentence that names those that are
   execute_process(COMMAND "${CMAKE_COMMAND}" -G "${GENERATOR}" -S "${CONSUMER}" -B "${WORK}/component" "-DCMAKE_CXX_COMPILER=${COMPILER}"
     "-Dgsp_ROOT=${prefix}" -DCOMPONENT=wheels RESULT_VARIABLE result OUTPUT_QUIET ERROR_VARIABLE said)
@@ -19,8 +20,16 @@ if(IO)  # a component that is not there: the sentence that names those that are
     message(FATAL_ERROR "find_package(gsp COMPONENTS wheels): ${said}")
   endif()
 endif()
-execute_process(COMMAND "${CMAKE_COMMAND}" --build "${WORK}/build" COMMAND_ERROR_IS_FATAL ANY)
+execute_process(COMMAND "${CMAKE_COMMAND}" --build "${WORK}/build" --parallel 2 COMMAND_ERROR_IS_FATAL ANY)
 execute_process(COMMAND "${WORK}/build/consumer" COMMAND_ERROR_IS_FATAL ANY)
+if(kernels)
+  execute_process(COMMAND "${WORK}/build/simulation" "${WORK}/kernels.bin" COMMAND_ERROR_IS_FATAL ANY)
+  execute_process(COMMAND "${WORK}/build/simulation_header_only" "${WORK}/header_only.bin" COMMAND_ERROR_IS_FATAL ANY)
+  execute_process(COMMAND "${CMAKE_COMMAND}" -E compare_files "${WORK}/kernels.bin" "${WORK}/header_only.bin" RESULT_VARIABLE differ)
+  if(differ)
+    message(FATAL_ERROR "tests/package: states and pictures of gsp::kernels (${WORK}/kernels.bin) and of the headers alone (${WORK}/header_only.bin) are not the same bits")
+  endif()
+endif()
 if(EXISTS "${BUILD}/gsp")  # the program is installed with the library
   execute_process(COMMAND "${prefix}/bin/gsp" --version OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
 endif()
