@@ -291,7 +291,8 @@ TEST_CASE_TEMPLATE("a row about a body or dof that is not there is refused, and 
   Loop<float, Exec> s(gsp::compile(sliders(3, 1)), 6);
   for (int w = 0; w < 6; ++w) s.set(w, {0, 0, 0}, {1, 2, 3});
   s.step(2, test_types::Nowhere{});
-  auto const status = gsp_test::host(s.state.status), steps = gsp_test::host(s.state.steps);
+  auto const status = gsp_test::host(s.state.status);
+  auto const steps = gsp_test::host(s.state.steps);
   for (int w = 0; w < 6; ++w) {
     bool const refused = w % 2 || w % 3 == 0;
     CHECK(status(w) == (refused ? gsp::status::row_refused : 0u));

@@ -287,7 +287,8 @@ TEST_CASE_TEMPLATE("a world that stops stays as it was before the step", Exec, G
         auto const q = gsp_test::snapshot(w.state.qpos), v = gsp_test::snapshot(w.state.qvel), a = gsp_test::snapshot(w.state.act);
         set(control ? w.state.ctrl : w.state.qfrc_applied, 1, {NAN});
         w.step(3);
-        auto const status = gsp_test::host(w.state.status), steps = gsp_test::host(w.state.steps);
+        auto const status = gsp_test::host(w.state.status);
+        auto const steps = gsp_test::host(w.state.steps);
         CHECK(status(1) == gsp::status::not_finite);
         CHECK(steps(1) == 10);
         CHECK(steps(2) == 13);
