@@ -33,9 +33,13 @@ endif()
 if(EXISTS "${BUILD}/gsp")  # the program is installed with the library
   execute_process(COMMAND "${prefix}/bin/gsp" --version OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
 endif()
+set(flags -O0)
+if(NATIVE)
+  string(APPEND flags " -march=native")  # the width of gsp::kernels
+endif()
 if(IO)
   execute_process(COMMAND "${CMAKE_COMMAND}" -G "${GENERATOR}" -S "${EXAMPLES}" -B "${WORK}/examples" "-DCMAKE_CXX_COMPILER=${COMPILER}"
-    "-DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}" "-Dgsp_ROOT=${prefix}" -DCMAKE_CXX_FLAGS=-O0 COMMAND_ERROR_IS_FATAL ANY)
+    "-DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}" "-Dgsp_ROOT=${prefix}" "-DCMAKE_CXX_FLAGS=${flags}" COMMAND_ERROR_IS_FATAL ANY)
   execute_process(COMMAND "${CMAKE_COMMAND}" --build "${WORK}/examples" --parallel 2 COMMAND_ERROR_IS_FATAL ANY)
   execute_process(COMMAND "${WORK}/examples/example_01_pendulum" COMMAND_ERROR_IS_FATAL ANY)
 endif()

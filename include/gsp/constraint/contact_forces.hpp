@@ -30,7 +30,8 @@ struct WriteContactForces {
 /// @param contacts           as they were assembled
 /// @param rows, impulses     after `pgs` (or `step`), before the next `assemble`
 /// @param force              out (contact, 6): along the normal and the two tangents [N], about them (torsion, rolling) [N m]; zero
-///                           where the contact did not act. At least as many rows as contacts.dist
+///                           where the contact did not act, and along what nothing that it touches can move (where MuJoCo reports what its
+///                           regularisation gives). At least as many rows as contacts.dist
 /// Cost: a binary search a contact. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void contact_forces(Exec const& exec, Model<R, Mem> const& model, Contacts<R, Mem> const& contacts, Rows<R, Mem> const& rows,
