@@ -1,7 +1,6 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
-
 #include <gsp/model/attach.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>

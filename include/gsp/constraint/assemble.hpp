@@ -16,8 +16,9 @@ struct ConstraintList {
 };
 template <class Head, class... Tail>
 struct ConstraintList<Head, Tail...> {
-  static_assert(ConstraintType<Head>, "gsp::constraints: an argument is neither a constraint type (constraint_type.hpp says what one is) "
-                                      "nor, for step and launch_step, an actuator law (dynamics/actuator_law.hpp)");
+  static_assert(ConstraintType<Head>,
+                "gsp::constraints: an argument is neither a constraint type (constraint_type.hpp says what one is) "
+                "nor, for step and launch_step, an actuator law (dynamics/actuator_law.hpp)");
   Head head;
   ConstraintList<Tail...> tail;
   KOKKOS_INLINE_FUNCTION int count(int world) const { return int(head.count(world)) + tail.count(world); }

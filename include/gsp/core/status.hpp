@@ -16,15 +16,22 @@ inline constexpr std::uint32_t stopped = not_finite | row_refused;
 /// What the bits mean, for people.
 inline std::string text(std::uint32_t bits) {
   std::string result;
-  if (bits & contact_overflow) result += "the contacts of this world did not fit: call settle(exec, simulation) and repeat the step (a loop of one's own: grow contacts, rows and impulses); ";
-  if (bits & row_overflow) result += "the constraint rows of this world did not fit: call settle(exec, simulation) and repeat the step (a loop of one's own: grow contacts, rows and impulses); ";
+  if (bits & contact_overflow)
+    result +=
+        "the contacts of this world did not fit: call settle(exec, simulation) and repeat the step (a loop of one's own: grow contacts, "
+        "rows and impulses); ";
+  if (bits & row_overflow)
+    result +=
+        "the constraint rows of this world did not fit: call settle(exec, simulation) and repeat the step (a loop of one's own: grow "
+        "contacts, rows and impulses); ";
   if (bits & not_finite)
     result +=
         "the new velocity is NaN or infinite, and the world stays as it was before: take a smaller timestep or a softer model, then clear "
         "the bit; ";
   if (bits & row_refused)
     result +=
-        "a constraint row touches more than two kinematic trees, an element has more than six rows, a row names a body or dof that is not there, or "
+        "a constraint row touches more than two kinematic trees, an element has more than six rows, a row names a body or dof that is not "
+        "there, or "
         "a friction row a row that its element does not have: split the element, or correct jacobian() or bounds(); ";
   return result.empty() ? "ok" : result;
 }

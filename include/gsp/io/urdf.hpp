@@ -1,7 +1,7 @@
 #pragma once
 #include <filesystem>
-#include <gsp/io/detail/urdf_options.hpp>
 #include <gsp/core/check.hpp>
+#include <gsp/io/detail/urdf_options.hpp>
 #include <gsp/model/description.hpp>
 #include <string>
 #include <string_view>

@@ -96,10 +96,10 @@ struct CompiledModel {
   std::vector<int> site_body, cam_body;
   std::vector<Double3> site_pos, cam_pos;
   std::vector<Double4> site_quat, cam_quat;
-  std::vector<double> cam_fovy;                                  // [rad]
-  std::vector<std::array<double, 2>> cam_resolution, cam_focal;  // [pixel] width, height; focal lengths along x and y
+  std::vector<double> cam_fovy;                                       // [rad]
+  std::vector<std::array<double, 2>> cam_resolution, cam_focal;       // [pixel] width, height; focal lengths along x and y
   std::vector<std::array<double, 2>> cam_sensor_size, cam_principal;  // [m]; size 0 0: fovy says how wide it sees
-  std::vector<int> cam_mode, cam_target;                         // CameraMode; body, -1: none
+  std::vector<int> cam_mode, cam_target;                              // CameraMode; body, -1: none
   std::vector<Double3> cam_pos0, cam_poscom0;  // track modes: from the body, its subtree's centre of mass, in qpos0, world axes
   std::vector<std::array<double, 9>> cam_mat0;
   std::vector<std::string> site_name, cam_name;

@@ -102,10 +102,11 @@ void sense(Exec const& exec, S const& sensor, Data& data, SenseOptions options =
   expects(options.adr >= 0, "gsp::sense: adr must not be negative");
   expects(sensor.count() >= 0 && sensor.size() >= 0, "gsp::sense: count() and size() must not be negative");
   if constexpr (requires { sensor.adr(0); }) {
-    static_assert(requires { sensor.columns(); }, "gsp::sense: a sensor with adr(i) also has `int columns() const`: the end of the last");
-    expects(options.adr + sensor.columns() <= int(data.extent(1)),
-            "gsp::sense: the sensors write to column " + std::to_string(options.adr + sensor.columns() - 1) +
-                ", and data has " + std::to_string(data.extent(1)) + " columns");
+    static_assert(
+        requires { sensor.columns(); }, "gsp::sense: a sensor with adr(i) also has `int columns() const`: the end of the last");
+    expects(options.adr + sensor.columns() <= int(data.extent(1)), "gsp::sense: the sensors write to column " +
+                                                                       std::to_string(options.adr + sensor.columns() - 1) +
+                                                                       ", and data has " + std::to_string(data.extent(1)) + " columns");
   } else
     expects(options.adr + sensor.count() * sensor.size() <= int(data.extent(1)),
             "gsp::sense: " + std::to_string(sensor.count()) + " sensors of " + std::to_string(sensor.size()) + " numbers from column " +

@@ -13,9 +13,9 @@ struct Cameras {
   using memory_space = Mem;
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
-  View<float***> viewmats;  // (C, 4, 4) world to camera, rigid; camera axes: x right, y down, z forward
-  View<float***> Ks;        // (C, 3, 3) fx 0 cx, 0 fy cy, 0 0 1 [pixel]; the centre of pixel (row i, column j) is (j + 0.5, i + 0.5)
-  View<int*> world;         // (C) or (0)
+  View<float***> viewmats;    // (C, 4, 4) world to camera, rigid; camera axes: x right, y down, z forward
+  View<float***> Ks;          // (C, 3, 3) fx 0 cx, 0 fy cy, 0 0 1 [pixel]; the centre of pixel (row i, column j) is (j + 0.5, i + 0.5)
+  View<int*> world;           // (C) or (0)
   int width = 0, height = 0;  // of the pictures that they are for [pixel]; 0: of any
   int images() const { return static_cast<int>(viewmats.extent(0)); }
 };

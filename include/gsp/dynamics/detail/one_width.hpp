@@ -3,8 +3,8 @@
 #include <cstdlib>
 #include <gsp/math/pack.hpp>
 
-/// Buffers are laid out by the width of a pack, and kernels of templates are shared by all files of a program that use the same types. Files
-/// of different widths would take each other's: such a program ends before main, with a sentence.
+/// Buffers are laid out by the width of a pack, and kernels of templates are shared by all files of a program that use the same types.
+/// Files of different widths would take each other's: such a program ends before main, with a sentence.
 namespace gsp {
 namespace detail {
 inline int width_of_program = 0;  // bytes of a pack in the first file that was initialised
@@ -14,7 +14,9 @@ struct OneWidth {
   OneWidth() {
     if (detail::width_of_program == 0) detail::width_of_program = GSP_PACK_BYTES;
     if (detail::width_of_program == GSP_PACK_BYTES) return;
-    std::fprintf(stderr, "gsp: files of this program were compiled for vectors of %d and of %d bytes: give all files that include gsp, and its libraries, the same -march\n",
+    std::fprintf(stderr,
+                 "gsp: files of this program were compiled for vectors of %d and of %d bytes: give all files that include gsp, and its "
+                 "libraries, the same -march\n",
                  detail::width_of_program, GSP_PACK_BYTES);
     std::abort();
   }

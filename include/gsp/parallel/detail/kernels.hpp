@@ -18,6 +18,6 @@ extern int const kernels_width;
 #else
 #define GSP_EXTERN_KERNELS(list)
 #endif
-#define GSP_HOST_KERNELS(list, word)                                       \
-  list(word, Kokkos::DefaultHostExecutionSpace, Kokkos::HostSpace, float)  \
-  list(word, Kokkos::DefaultHostExecutionSpace, Kokkos::HostSpace, double)
+#define GSP_HOST_KERNELS(list, word)                                      \
+  list(word, Kokkos::DefaultHostExecutionSpace, Kokkos::HostSpace, float) \
+      list(word, Kokkos::DefaultHostExecutionSpace, Kokkos::HostSpace, double)
