@@ -175,6 +175,9 @@ States initial_state(gsp::CompiledModel const& model, std::string const& file, s
   if (!k.qpos.empty()) s.qpos = k.qpos;
   if (!k.qvel.empty()) s.qvel = k.qvel;
   s.ctrl = k.ctrl;
+  s.act = k.act;
+  s.mocap_pos = k.mpos;
+  s.mocap_quat = k.mquat;
   s.time = k.time;
   return s;
 }
@@ -222,6 +225,9 @@ States spread(States const& states, int worlds) {
   repeat(states.qpos, out.qpos);
   repeat(states.qvel, out.qvel);
   repeat(states.ctrl, out.ctrl);
+  out.act = states.act;
+  out.mocap_pos = states.mocap_pos;
+  out.mocap_quat = states.mocap_quat;
   return out;
 }
 

@@ -33,7 +33,8 @@ char const* kind_name(gsp::ReportLine::Kind kind);
 struct States {
   int worlds = 1;
   double time = 0;
-  std::vector<double> qpos, qvel, ctrl;  // ctrl: (worlds, nu), or empty
+  std::vector<double> qpos, qvel, ctrl;            // ctrl: (worlds, nu), or empty
+  std::vector<double> act, mocap_pos, mocap_quat;  // of a keyframe: one row for all worlds, or empty: the model's
 };
 /// Gaussians of a file, moved to `pose`.
 gsp::io::SplatSet load_splats(std::string const& path, gsp::io::SplatPose const& pose);

@@ -9,6 +9,10 @@ using gsp::runtime::host_array;
 
 void set_states(Stepper& stepper, States const& s, gsp::CompiledModel const& model) {
   auto const rows = [&](std::vector<double> const& v, int n) { return v.empty() ? Array{} : host_array(v.data(), {s.worlds, n}); };
+  auto const state = stepper.state();
+  if (!s.act.empty()) copy(host_array(s.act.data(), {1, model.na}), state.act);
+  if (!s.mocap_pos.empty()) copy(host_array(s.mocap_pos.data(), {1, model.nmocap, 3}), state.mocap_pos);
+  if (!s.mocap_quat.empty()) copy(host_array(s.mocap_quat.data(), {1, model.nmocap, 4}), state.mocap_quat);
   stepper.set(rows(s.qpos, model.nq), rows(s.qvel, model.nv), rows(s.ctrl, model.nu));
 }
 

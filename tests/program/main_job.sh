@@ -25,6 +25,17 @@ same "$hash" "$("$gsp" sim cart.xml --worlds 3 --steps 200 --keyframe 0 --thread
 same "$hash" "$("$gsp" sim cart.xml --worlds 3 --steps 200 --keyframe 0 --trace t.npz --every 7 --time-from 50 --json | key state_hash)" "with and without a trace"
 same "$("$gsp" sim cart.xml --worlds 3 --steps 200 --precision double --json | key contacts)" 3 "contacts of three balls that rest on the floor"
 
+# a keyframe is all of the state: activations and bodies that the user moves too
+cat > key.xml <<'XML'
+<mujoco><worldbody><body name="m" mocap="true"><geom type="sphere" size=".1" contype="0" conaffinity="0"/></body>
+  <body><joint name="j" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="1"/></body></worldbody>
+  <actuator><general joint="j" dyntype="integrator"/></actuator>
+  <keyframe><key name="pushed" act="2"/><key name="rest"/></keyframe></mujoco>
+XML
+pushed=$("$gsp" sim key.xml --worlds 2 --steps 100 --keyframe pushed --json | key state_hash)
+rest=$("$gsp" sim key.xml --worlds 2 --steps 100 --keyframe rest --json | key state_hash)
+[ "$pushed" != "$rest" ] || fail "the activations of a keyframe have no effect"
+
 # traces: the start first, one world equal to the others, a start from a trace
 "$gsp" sim cart.xml --worlds 2 --steps 100 --start start.npz --every 10 --trace a.npz > /dev/null
 "$gsp" info a.npz | grep -qF 'qpos          float64 (11, 2, 9)' || fail "the shape of the trace: $("$gsp" info a.npz)"
