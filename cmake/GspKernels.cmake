@@ -26,7 +26,7 @@ target_link_libraries(gsp_kernels PUBLIC gsp_gsp)
 if(NOT PROJECT_IS_TOP_LEVEL)
   set_target_properties(gsp_kernels PROPERTIES EXCLUDE_FROM_ALL ON)  # built where somebody links it
 endif()
-target_compile_definitions(gsp_kernels INTERFACE GSP_KERNELS=${_bytes})
+target_compile_definitions(gsp_kernels INTERFACE GSP_KERNELS=${_bytes} PRIVATE GSP_KERNELS_HERE=${_bytes})
 if(TARGET gsp_develop)
   target_link_libraries(gsp_kernels PRIVATE "$<BUILD_INTERFACE:gsp_develop>")
 endif()

@@ -1,3 +1,3 @@
 #include <gsp/step/step.hpp>
 
-GSP_PHYSICS_KERNELS(template, Kokkos::DefaultHostExecutionSpace, Kokkos::HostSpace, double)
+GSP_HOST_KERNELS(GSP_PHYSICS_KERNELS, template, double)

@@ -1,5 +1,5 @@
 #include <gsp/splat/render.hpp>
 
-GSP_PICTURE_KERNELS(template, Kokkos::DefaultHostExecutionSpace, Kokkos::HostSpace)
-GSP_PICTURE_KERNELS_OF_POSES(template, Kokkos::DefaultHostExecutionSpace, Kokkos::HostSpace, float)
-GSP_PICTURE_KERNELS_OF_POSES(template, Kokkos::DefaultHostExecutionSpace, Kokkos::HostSpace, double)
+GSP_HOST_KERNELS(GSP_PICTURE_KERNELS, template)
+GSP_HOST_KERNELS(GSP_PICTURE_KERNELS_OF_POSES, template, float)
+GSP_HOST_KERNELS(GSP_PICTURE_KERNELS_OF_POSES, template, double)

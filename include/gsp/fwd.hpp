@@ -1,5 +1,4 @@
 #pragma once
-#include <gsp/math/detail/pack_width.hpp>
 
 /// The names of the library's types, for headers that only mention them: no Kokkos, no standard library, nothing to compile.
 /// R: float or double. Mem: a memory space of Kokkos.
@@ -24,6 +23,8 @@ struct State;  // model/state.hpp
 template <class R, class Mem>
 struct Poses;  // model/poses.hpp
 template <class R, class Mem>
+struct Dynamics;  // dynamics/lanes.hpp
+template <class R, class Mem>
 struct RungeKutta;  // dynamics/runge_kutta.hpp
 template <class R, class Mem>
 struct CollisionModel;  // collision/collision_model.hpp
@@ -35,14 +36,10 @@ template <class R, class Mem>
 struct Impulses;  // constraint/impulses.hpp
 template <class Mem>
 struct Progress;  // constraint/progress.hpp
-inline namespace GSP_PACK_NAMESPACE {
-template <class R, class Mem>
-struct Dynamics;  // dynamics/lanes.hpp
 template <class R, class Mem>
 struct Solution;  // solver/solution.hpp
 template <class R, class Mem>
 struct Simulation;  // step/step.hpp
-}  // namespace GSP_PACK_NAMESPACE
 
 struct GaussianSet;  // splat/gaussians.hpp
 struct FrameOptions;

@@ -49,19 +49,26 @@ ConstraintList<Head, Tail...> constraints(Head const& head, Tail const&... tail)
 }
 
 namespace detail {
+/// Names of the types of a list, all different.
 template <class... Types>
-TypeNames names_of(ConstraintList<Types...> const&) {
-  TypeNames names;
-  constexpr int n = sizeof...(Types);
-  std::uint32_t const kind[n + 1] = {type_name<Types>()..., 0};
-  for (int t = 0; t < n; ++t) {
-    int before = 0;
-    for (int s = 0; s < t; ++s) before += kind[s] == kind[t];
-    names.name[t] = nth_name(kind[t], before);
-    for (int s = 0; s < t; ++s)
-      expects(names.name[s] != names.name[t], "gsp::assemble: two constraint types have the same number by chance: rename one of your own");
-  }
-  names.count = n;
+constexpr TypeNames names_of(ConstraintList<Types...> const&) {
+  constexpr TypeNames names = [] {
+    TypeNames result;
+    std::uint32_t const kind[] = {type_name<Types>()..., 0};
+    for (constexpr int n = sizeof...(Types); n > result.count; ++result.count) {
+      int before = 0;
+      for (int s = 0; s < result.count; ++s) before += kind[s] == kind[result.count];
+      result.name[result.count] = nth_name(kind[result.count], before);
+    }
+    return result;
+  }();
+  constexpr bool different = [&] {
+    for (int t = 0; names.count > t; ++t)
+      for (int s = 0; s < t; ++s)
+        if (names.name[s] == names.name[t]) return false;
+    return true;
+  }();
+  static_assert(different, "gsp::assemble: two constraint types have the same number by chance: rename one of your own");
   return names;
 }
 }  // namespace detail

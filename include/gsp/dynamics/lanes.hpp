@@ -194,7 +194,6 @@ struct TreeItems : LaneItems<R> {
   DynamicsLayout at;
 };
 
-inline namespace GSP_PACK_NAMESPACE {
 /// Scratch of the smooth dynamics, blocked by lanes, and the table of its blocks. `make_dynamics` allocates it.
 template <class R, class Mem>
 struct Dynamics {
@@ -223,7 +222,6 @@ struct Dynamics {
     return {{items.data() + block_offset(block) + lane % width, width}, DynamicsLayout(m.archetypes(k))};
   }
 };
-}  // namespace GSP_PACK_NAMESPACE
 
 struct DynamicsOptions {
   int worlds = 1;

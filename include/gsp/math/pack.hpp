@@ -3,14 +3,24 @@
 #include <immintrin.h>
 #endif
 #include <cmath>
-#include <gsp/math/detail/pack_width.hpp>
 #include <gsp/math/scalar.hpp>
 #include <initializer_list>
 
 /// `Pack<Real, W>`: W numbers that go through a kernel together on a CPU, one lane per world or instance (GPU: a lane is a thread, and T =
 /// Real). It brings its own sin, cos, exp and sqrt, so that no compiler flag beyond the target's instruction set is needed, and W is fixed
 /// once per binary by that instruction set: 16 float or 8 double lanes with AVX-512, 8/4 with AVX2, else 4/2. The width stands in an inline
-/// namespace (detail/pack_width.hpp), so that objects compiled for different instruction sets do not mix.
+/// namespace, so that packs of files compiled for different instruction sets do not mix (nor may whole kernels:
+/// dynamics/detail/one_width.hpp).
+#if defined(__AVX512F__)
+#define GSP_PACK_BYTES 64
+#define GSP_PACK_NAMESPACE pack512
+#elif defined(__AVX2__)
+#define GSP_PACK_BYTES 32
+#define GSP_PACK_NAMESPACE pack256
+#else
+#define GSP_PACK_BYTES 16
+#define GSP_PACK_NAMESPACE pack128
+#endif
 
 namespace gsp {
 inline namespace GSP_PACK_NAMESPACE {

@@ -3,7 +3,6 @@
 
 namespace gsp {
 
-inline namespace GSP_PACK_NAMESPACE {
 /// What a solver finds for the rows of each world, and room for its work.
 template <class R, class Mem>
 struct Solution {
@@ -19,7 +18,6 @@ struct Solution {
   View<R*> thread_items;      // hosts: room for a pack of worlds a thread (detail/pgs_lockstep.hpp)
   std::int64_t thread_stride = 0;
 };
-}  // namespace GSP_PACK_NAMESPACE
 
 struct SolutionOptions {
   int worlds = 1;

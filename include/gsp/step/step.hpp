@@ -14,7 +14,6 @@
 /// A ready-made simulation loop, written with public functions alone: copy it and change it.
 namespace gsp {
 
-inline namespace GSP_PACK_NAMESPACE {
 /// Everything that a step needs besides the model and the state.
 template <class R, class Mem>
 struct Simulation {
@@ -28,7 +27,6 @@ struct Simulation {
   Progress<Mem> progress;
   RungeKutta<R, Mem> runge_kutta = {};  // integrator RK4 of profile mujoco, else empty
 };
-}  // namespace GSP_PACK_NAMESPACE
 
 /// The constraint types of MJCF, in the order of their rows.
 template <class R, class Mem>

@@ -5,6 +5,11 @@
 
 /// Buffers are laid out by the width of a pack, and kernels of templates are shared by all files of a program that use the same types.
 /// Files of different widths would take each other's: such a program ends before main, with a sentence.
+/// gsp::kernels does not count: files of another width take nothing from it (the linker may load it all the same, for what the standard
+/// library left in it). What it tells them to be its width is checked where it is compiled.
+#if defined(GSP_KERNELS_HERE)
+static_assert(GSP_KERNELS_HERE == GSP_PACK_BYTES, "cmake/GspKernels.cmake has found another width than this file is compiled for");
+#else
 namespace gsp {
 namespace detail {
 inline int width_of_program = 0;  // bytes of a pack in the first file that was initialised
@@ -24,3 +29,4 @@ struct OneWidth {
 inline OneWidth const one_width;
 }  // namespace GSP_PACK_NAMESPACE
 }  // namespace gsp
+#endif
