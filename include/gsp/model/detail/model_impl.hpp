@@ -1,0 +1,329 @@
+#pragma once
+#include <algorithm>
+#include <gsp/core/detail/views.hpp>
+#include <gsp/model/model.hpp>
+#include <gsp/model/model_refusals.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+/// How a Model's arrays are filled from a CompiledModel: gsp/model/model.hpp, where the contract stands.
+namespace gsp {
+
+namespace detail {
+/// Host arrays one after the other, and whose they are.
+template <class R, class Mem>
+struct ModelPools {
+  using M = Model<R, Mem>;
+  template <class T>
+  using ArrayOf = typename M::template Array<T> M::*;
+  using FieldOf = Field<R> M::*;
+  template <class T>
+  struct Part {
+    ArrayOf<T> member;
+    std::size_t at, size;
+  };
+  std::vector<int> ints;
+  std::vector<R> reals;
+  std::vector<Archetype> archetypes;
+  std::vector<Part<int>> int_parts;
+  std::vector<Part<R>> real_parts;
+  std::vector<std::pair<FieldOf, std::size_t>> fields;
+  int add(std::vector<int> const& v) {
+    int const at = int(ints.size());
+    ints.insert(ints.end(), v.begin(), v.end());
+    return at;
+  }
+  void add(ArrayOf<int> member, std::vector<int> const& v) { int_parts.push_back({member, std::size_t(add(v)), v.size()}); }
+  void add(FieldOf member, std::vector<double> const& v) {
+    fields.emplace_back(member, reals.size());
+    reals.insert(reals.end(), v.begin(), v.end());
+  }
+};
+
+/// The sizes and options of `d`.
+template <class R, class Mem>
+void fill_options(Model<R, Mem>& d, FieldSource const& source, ModelOptions const& options) {
+  CompiledModel const& m = source.m;
+  d.nq = m.nq;
+  d.nv = m.nv;
+  d.nbody = m.nbody;
+  d.njnt = m.njnt;
+  d.nu = m.nu;
+  d.ntendon = m.ntendon;
+  d.na = m.na;
+  d.ngeom = m.ngeom;
+  d.nsite = m.nsite;
+  d.ncam = m.ncam;
+  d.nmocap = m.nmocap;
+  expects(options.timestep >= 0, "gsp::make_model: timestep must be positive, or 0 for the model's own");
+  d.profile = options.profile;
+  d.timestep = R(options.timestep > 0 ? options.timestep : m.option.timestep);
+  d.eulerdamp = m.option.eulerdamp;
+  d.springs = m.option.passive_spring;
+  d.dampers = m.option.passive_damper;
+  d.actuation = m.option.actuation;
+  d.clampctrl = m.option.clampctrl;
+  d.constraints = m.option.constraint;
+
+  d.integrator = m.option.integrator;
+  d.density = R(m.option.density);
+  d.viscosity = R(m.option.viscosity);
+
+  auto const any_of = [](auto const& polynomials) {
+    for (auto const& p : polynomials)
+      if (p[0] != 0 || p[1] != 0) return true;
+    return false;
+  };
+  d.poly_stiffness = any_of(m.jnt_stiffnesspoly) || any_of(m.tendon_stiffnesspoly);
+  d.poly_damping = any_of(m.dof_dampingpoly) || any_of(m.tendon_dampingpoly);
+  for (double const b : source.dof_damping) d.damped |= b != 0;
+  d.damped |= any_of(m.dof_dampingpoly);
+}
+
+template <class R, class Mem>
+void fill_fields(ModelPools<R, Mem>& pool, Model<R, Mem> const& d, FieldSource const& source) {
+  for (auto const& row : field_table<Model<R, Mem>>()) {
+    auto values = row.values(source);
+    int const items = count(d, row.item);
+    std::size_t const size = items < 0 ? values.size() : std::size_t(items) * row.components;
+    if (values.empty()) values.resize(size, 0.);  // what the model's maker has left empty
+    if (values.size() != size)
+      throw Error(std::string("gsp::make_model: the compiled model has ") + std::to_string(values.size()) + " numbers for " + row.name +
+                  ", and " + std::to_string(items) + " items of " + std::to_string(row.components) + " are needed");
+    pool.add(row.member, values);
+  }
+}
+
+/// World indices of what is in trees.
+struct TreeLists {
+  std::vector<int> tree_archetype, tree_instance, tree_body, tree_dof, tree_dofnum, body_tree, body_root, dof_tree;
+};
+template <class R, class Mem>
+TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& source) {
+  CompiledModel const& m = source.m;
+  auto const trees = find_archetypes(m);
+  d.narchetype = int(trees.size());
+  for (auto const& t : trees) d.ntree += int(t.instances.size());
+  std::vector<int> const of_trees(d.ntree);
+  TreeLists lists{of_trees,
+                  of_trees,
+                  of_trees,
+                  of_trees,
+                  of_trees,
+                  std::vector<int>(m.nbody, -1),
+                  std::vector<int>(m.nbody, 0),
+                  std::vector<int>(m.nv)};
+  bool const gravity = m.option.gravity_on && (m.option.gravity != Double3{}), passive = d.springs || d.dampers;
+  for (int k = 0; k < int(trees.size()); ++k) {
+    auto const& t = trees[k];
+    Archetype a{};
+    a.nbody = t.nbody();
+    a.njnt = t.njnt();
+    a.nq = t.nq;
+    a.nv = t.nv();
+    a.nM = int(t.row_col.size());
+    a.nterm = int(t.term_jnt.size());
+    a.ntendon = int(t.tendon_kind.size());
+    a.nact = int(t.act_id.size());
+    a.ninstance = int(t.instances.size());
+    a.nroot = t.nroot;
+    a.npath = int(t.path_type.size());
+    a.nstate = t.nstate;
+    a.ntendonJ = int(t.tendon_jdof.size());
+    a.nmoment = int(t.act_mdof.size());
+    a.nfluid = int(t.fluid_type.size());
+    auto const add = [&](auto... parts) { ((a.*parts.first = pool.add(t.*parts.second)), ...); };
+    using A = Archetype;
+    using D = ArchetypeDescription;
+    auto const p = [](int A::*to, std::vector<int> D::*from) { return std::pair(to, from); };
+    add(p(&A::body_parent, &D::body_parent), p(&A::body_root, &D::body_root), p(&A::body_lone, &D::body_lone),
+        p(&A::body_jntadr, &D::body_jntadr), p(&A::body_jntnum, &D::body_jntnum), p(&A::body_dofadr, &D::body_dofadr),
+        p(&A::body_dofnum, &D::body_dofnum), p(&A::jnt_type, &D::jnt_type), p(&A::jnt_body, &D::jnt_body),
+        p(&A::jnt_qposadr, &D::jnt_qposadr), p(&A::jnt_dofadr, &D::jnt_dofadr), p(&A::jnt_actgravcomp, &D::jnt_actgravcomp),
+        p(&A::dof_body, &D::dof_body), p(&A::dof_parent, &D::dof_parent), p(&A::dof_jnt, &D::dof_jnt), p(&A::row_adr, &D::row_adr),
+        p(&A::row_col, &D::row_col), p(&A::body_child, &D::body_child), p(&A::body_sibling, &D::body_sibling),
+        p(&A::body_dofend, &D::body_dofend), p(&A::part_adr, &D::part_adr), p(&A::part_body, &D::part_body),
+        p(&A::tendon_termadr, &D::tendon_termadr), p(&A::term_jnt, &D::term_jnt), p(&A::tendon_kind, &D::tendon_kind),
+        p(&A::tendon_jadr, &D::tendon_jadr), p(&A::tendon_jdof, &D::tendon_jdof), p(&A::tendon_pathadr, &D::tendon_pathadr),
+        p(&A::path_type, &D::path_type), p(&A::path_ref, &D::path_ref), p(&A::path_last, &D::path_last), p(&A::path_chain, &D::path_chain),
+        p(&A::path_side, &D::path_side), p(&A::chain, &D::chain), p(&A::act_kind, &D::act_kind), p(&A::act_id, &D::act_id),
+        p(&A::act_madr, &D::act_madr), p(&A::act_mdof, &D::act_mdof), p(&A::act_ref1, &D::act_ref1), p(&A::act_last1, &D::act_last1),
+        p(&A::act_chain1, &D::act_chain1), p(&A::act_ref2, &D::act_ref2), p(&A::act_last2, &D::act_last2),
+        p(&A::act_chain2, &D::act_chain2), p(&A::act_dyn, &D::act_dyn), p(&A::act_gain, &D::act_gain), p(&A::act_bias, &D::act_bias),
+        p(&A::act_wrap, &D::act_wrap), p(&A::act_early, &D::act_early), p(&A::act_state, &D::act_state),
+        p(&A::act_disabled, &D::act_disabled), p(&A::body_fluidadr, &D::body_fluidadr), p(&A::fluid_type, &D::fluid_type));
+    std::vector<int> tree, body, jnt, dof, qpos, tendon, term, act, path, side, object1, object2, fluid;
+    auto const append = [](std::vector<int>& to, std::vector<int> const& from) { to.insert(to.end(), from.begin(), from.end()); };
+    for (int kind : t.tendon_kind) a.spatial |= kind != int(TendonKind::fixed);
+    a.fluid = passive && (m.option.density != 0 || m.option.viscosity != 0);
+    for (int i = 0; i < a.ninstance; ++i) {
+      auto const& s = t.instances[i];
+      tree.push_back(s.tree);
+      body.push_back(s.bodyadr);
+      jnt.push_back(s.jntadr);
+      dof.push_back(s.dofadr);
+      qpos.push_back(s.qposadr);
+      append(tendon, s.tendon);
+      append(term, s.term);
+      append(act, s.act);
+      append(path, s.path);
+      append(side, s.side);
+      append(object1, s.act_object1);
+      append(object2, s.act_object2);
+      append(fluid, s.fluid_geom);
+      lists.tree_archetype[s.tree] = k;
+      lists.tree_instance[s.tree] = i;
+      lists.tree_body[s.tree] = s.bodyadr;
+      lists.tree_dof[s.tree] = s.dofadr;
+      lists.tree_dofnum[s.tree] = a.nv;
+      for (int b = 0; b < a.nbody; ++b)
+        if (t.body_parent[b] != parent_of::none) {
+          lists.body_tree[s.bodyadr + b] = s.tree;
+          lists.body_root[s.bodyadr + b] = t.body_root[b];
+          a.gravcomp |= passive && gravity && item_or(m.body_gravcomp, s.bodyadr + b, 0.) != 0;
+        }
+      for (int j = 0; j < a.nv; ++j) lists.dof_tree[s.dofadr + j] = s.tree;
+      for (int e : s.tendon) {
+        a.tendon_armature |= source.tendon_armature[e] != 0;
+        a.tendon_clamped |= item_or(m.tendon_actfrclimited, e, 0) != 0;
+        a.tendon_passive |= m.tendon_stiffness[e] != 0 || source.tendon_damping[e] != 0 || d.poly_stiffness || d.poly_damping;
+      }
+    }
+    a.plain_actuators = t.nstate == 0;
+    for (int k = 0; k < a.nact; ++k)
+      a.plain_actuators &= t.act_kind[k] == int(ActuatorKind::scalar_joint) && t.act_gain[k] != int(ActuatorGain::muscle) &&
+                           t.act_bias[k] != int(ActuatorBias::muscle) && std::count(t.act_id.begin(), t.act_id.end(), t.act_id[k]) == 1;
+    bool const free_body = std::find(t.body_lone.begin(), t.body_lone.end(), 1) != t.body_lone.end();
+    if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicit) a.derivative = 2;
+    if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicitfast) a.derivative = free_body ? 2 : 1;
+    a.instance_tree = pool.add(tree);
+    a.instance_body = pool.add(body);
+    a.instance_jnt = pool.add(jnt);
+    a.instance_dof = pool.add(dof);
+    a.instance_qpos = pool.add(qpos);
+    a.instance_tendon = pool.add(tendon);
+    a.instance_term = pool.add(term);
+    a.instance_act = pool.add(act);
+    a.instance_path = pool.add(path);
+    a.instance_side = pool.add(side);
+    a.instance_object1 = pool.add(object1);
+    a.instance_object2 = pool.add(object2);
+    a.instance_fluid = pool.add(fluid);
+    pool.archetypes.push_back(a);
+  }
+  return lists;
+}
+
+/// Index arrays in world indices, and poses that are given.
+template <class R, class Mem>
+void fill_lists(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& source, TreeLists const& trees) {
+  using M = Model<R, Mem>;
+  CompiledModel const& m = source.m;
+  auto const filled = [](std::vector<int> const& values, int n, int otherwise) {
+    return int(values.size()) == n ? values : std::vector<int>(n, otherwise);
+  };
+  bool const limit = m.option.limit && m.option.constraint, frictionloss = m.option.frictionloss && m.option.constraint;
+  d.frictionloss = frictionloss;
+  std::vector<int> limited_joints, friction_dofs, limited_tendons, friction_tendons, termadr(m.tendon_termadr), last_dof(m.nbody, -1);
+  for (int j = 0; j < m.njnt && limit; ++j)
+    if (m.jnt_limited[j]) limited_joints.push_back(j);
+  for (int i = 0; i < m.nv; ++i) {
+    if (frictionloss && m.dof_frictionloss[i] > 0) friction_dofs.push_back(i);
+  }
+  for (int t = 0; t < m.ntendon; ++t) {
+    if (limit && m.tendon_limited[t]) limited_tendons.push_back(t);
+    if (frictionloss && m.tendon_frictionloss[t] > 0) friction_tendons.push_back(t);
+  }
+  termadr.push_back(int(m.term_jnt.size()));
+  for (int b = 1; b < m.nbody; ++b)
+    last_dof[b] = m.body_dofnum[b] > 0 ? m.body_dofadr[b] + m.body_dofnum[b] - 1 : last_dof[m.body_parent[b]];
+  pool.add(&M::limited_joints, limited_joints);
+  pool.add(&M::friction_dofs, friction_dofs);
+  pool.add(&M::limited_tendons, limited_tendons);
+  pool.add(&M::friction_tendons, friction_tendons);
+  pool.add(&M::jnt_type, m.jnt_type);
+  pool.add(&M::jnt_body, m.jnt_body);
+  pool.add(&M::jnt_qposadr, m.jnt_qposadr);
+  pool.add(&M::jnt_dofadr, m.jnt_dofadr);
+  pool.add(&M::tendon_termadr, termadr);
+  pool.add(&M::term_jnt, m.term_jnt);
+  pool.add(&M::body_last_dof, last_dof);
+  pool.add(&M::dof_tree, trees.dof_tree);
+  pool.add(&M::body_tree, trees.body_tree);
+  auto const mocap_root = mocap_roots(m);
+  std::vector<int> mocap_body(m.nmocap, 0);
+  std::vector<R> mocap_pose;
+  for (int b = 0; b < m.nbody && m.nmocap > 0; ++b)
+    if (item_or(m.body_mocap, b, -1) >= 0) mocap_body[m.body_mocap[b]] = b;
+  for (int b : mocap_body) {
+    for (double x : m.body_pos[b]) mocap_pose.push_back(R(x));
+    for (double x : m.body_quat[b]) mocap_pose.push_back(R(x));
+  }
+  pool.add(&M::body_root, trees.body_root);
+  pool.add(&M::body_parent, m.body_parent);
+  pool.add(&M::body_mocap, mocap_root);
+  pool.add(&M::mocap_body, mocap_body);
+  pool.add(&M::geom_body, m.geom_body);
+  pool.add(&M::site_body, m.site_body);
+  pool.add(&M::cam_body, m.cam_body);
+  pool.add(&M::cam_mode, filled(m.cam_mode, m.ncam, 0));
+  pool.add(&M::cam_target, filled(m.cam_target, m.ncam, -1));
+  pool.add(&M::act_state, filled(m.act_actadr, m.nu, -1));
+  pool.add(&M::tree_archetype, trees.tree_archetype);
+  pool.add(&M::tree_instance, trees.tree_instance);
+  pool.add(&M::tree_body, trees.tree_body);
+  pool.add(&M::tree_dof, trees.tree_dof);
+  pool.add(&M::tree_dofnum, trees.tree_dofnum);
+  pool.real_parts.push_back({&M::static_pose, pool.reals.size(), source.fixed.size()});
+  pool.reals.insert(pool.reals.end(), source.fixed.begin(), source.fixed.end());
+  pool.real_parts.push_back({&M::mocap_pose0, pool.reals.size(), mocap_pose.size()});
+  pool.reals.insert(pool.reals.end(), mocap_pose.begin(), mocap_pose.end());
+  for (int part = 0; part < 2; ++part) {
+    int const from = part == 0 ? 0 : 3, n = part == 0 ? 3 : 4;
+    pool.real_parts.push_back({part == 0 ? &M::mocap_pos0 : &M::mocap_quat0, pool.reals.size(), std::size_t(n * m.nmocap)});
+    for (int k = 0; k < m.nmocap; ++k)
+      for (int c = 0; c < n; ++c) pool.reals.push_back(mocap_pose[7 * k + from + c]);
+  }
+}
+
+/// The sizes and options of `d`; its arrays are returned.
+template <class R, class Mem>
+ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOptions const& options) {
+  auto const source = field_source(m);
+  if (auto const refusals = model_refusals(m); !refusals.empty()) throw Error(refusals.front());
+  fill_options(d, source, options);
+  ModelPools<R, Mem> pool;
+  fill_fields(pool, d, source);
+  auto const trees = fill_archetypes(pool, d, source);
+  fill_lists(pool, d, source, trees);
+  return pool;
+}
+
+/// Both are of one model, or the sentence that says so.
+template <class R, class Mem>
+void expects_made_of(char const* where, Model<R, Mem> const& model, CompiledModel const& compiled) {
+  expects(model.nbody == compiled.nbody && model.nq == compiled.nq && model.nv == compiled.nv && model.nu == compiled.nu,
+          std::string(where) + ": the model has " + std::to_string(model.nbody) + " bodies and " + std::to_string(model.nv) +
+              " degrees of freedom, the compiled model " + std::to_string(compiled.nbody) + " and " + std::to_string(compiled.nv) +
+              ": give the one that the model was made from");
+}
+}  // namespace detail
+
+template <class R, ExecutionSpace Exec>
+Model<R, typename Exec::memory_space> make_model(Exec const& exec, CompiledModel const& m, ModelOptions options) {
+  using Mem = typename Exec::memory_space;
+  Model<R, Mem> d;
+  auto const pool = detail::fill_model(d, m, options);
+  d.archetypes = detail::to_device<Kokkos::View<Archetype*, Mem>>(exec, "gsp::Model::archetypes", pool.archetypes);
+  d.host_archetypes = detail::to_device<Kokkos::View<Archetype*, Kokkos::HostSpace>>(Kokkos::DefaultHostExecutionSpace{},
+                                                                                     "gsp::Model::host_archetypes", pool.archetypes);
+  d.ints = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Model::ints", pool.ints);
+  d.reals = detail::to_device<Kokkos::View<R*, Mem>>(exec, "gsp::Model::reals", pool.reals);
+  for (auto const& [member, at] : pool.fields) (d.*member).data = d.reals.data() + at;
+  for (auto const& p : pool.int_parts) d.*p.member = {d.ints.data() + p.at, p.size};
+  for (auto const& p : pool.real_parts) d.*p.member = {d.reals.data() + p.at, p.size};
+  return d;
+}
+
+}  // namespace gsp
