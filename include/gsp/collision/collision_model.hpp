@@ -1,17 +1,9 @@
 #pragma once
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <gsp/collision/shape_assets.hpp>
 #include <gsp/collision/shapes.hpp>
 #include <gsp/core/check.hpp>
-#include <gsp/core/detail/views.hpp>
 #include <gsp/model/compiled.hpp>
 #include <gsp/model/field.hpp>
-#include <map>
-#include <string>
-#include <tuple>
-#include <vector>
 
 /// What collision needs of a model, constant, on the device. Colliders are the geoms that occur in a pair, sorted by group; a group is a
 /// kinematic tree or a single static geom. Pairs are sorted by (kind, groups) and cut into chunks of at most 64 pairs of one kind: a chunk
@@ -42,69 +34,14 @@ struct GeomContact {
 
 /// Mixes the parameters of two geoms.
 template <class R>
-KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R> const& a, GeomContact<R> const& b) {
-  ContactParameters<R> p{};
-  p.margin = a.margin + b.margin;
-  p.gap = a.gap + b.gap;
-  R friction[3];
-  if (a.priority != b.priority) {
-    GeomContact<R> const& g = a.priority > b.priority ? a : b;
-    p.condim = g.condim;
-    for (int i = 0; i < 3; ++i) friction[i] = g.friction[i];
-    for (int i = 0; i < 2; ++i) p.solref[i] = g.solref[i];
-    for (int i = 0; i < 5; ++i) p.solimp[i] = g.solimp[i];
-  } else {
-    R const tiny(1e-15);
-    p.condim = a.condim > b.condim ? a.condim : b.condim;
-    for (int i = 0; i < 3; ++i) friction[i] = a.friction[i] > b.friction[i] ? a.friction[i] : b.friction[i];
-    R const s1 = a.solmix, s2 = b.solmix;
-    R const mix = s1 >= tiny && s2 >= tiny ? s1 / (s1 + s2) : s1 < tiny && s2 < tiny ? R(0.5) : s1 < tiny ? R(0) : R(1);
-    bool const standard = a.solref[0] > R(0) && b.solref[0] > R(0);
-    for (int i = 0; i < 2; ++i) {
-      R const least = a.solref[i] < b.solref[i] ? a.solref[i] : b.solref[i];
-      p.solref[i] = standard ? mix * a.solref[i] + (R(1) - mix) * b.solref[i] : least;
-    }
-    for (int i = 0; i < 5; ++i) p.solimp[i] = mix * a.solimp[i] + (R(1) - mix) * b.solimp[i];
-  }
-  for (int i = 0; i < 5; ++i) {
-    R const f = friction[i < 2 ? 0 : i == 2 ? 1 : 2];
-    p.friction[i] = f > R(1e-5) ? f : R(1e-5);
-  }
-  return p;
-}
-
-namespace detail {
-template <class R>
-GeomContact<R> geom_contact(CompiledModel const& m, int g) {
-  GeomContact<R> c{m.geom_priority[g], m.geom_condim[g], R(m.geom_solmix[g]), R(m.geom_margin[g]), R(m.geom_gap[g]), {}, {}, {}};
-  for (int i = 0; i < 3; ++i) c.friction[i] = R(m.geom_friction[g][i]);
-  for (int i = 0; i < 2; ++i) c.solref[i] = R(m.geom_solref[g][i]);
-  for (int i = 0; i < 5; ++i) c.solimp[i] = R(m.geom_solimp[g][i]);
-  return c;
-}
-}  // namespace detail
+KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R> const& a, GeomContact<R> const& b);
 
 /// Mixes the parameters of geoms g1 and g2. Host.
-inline ContactParameters<double> mix_contact_parameters(CompiledModel const& m, int g1, int g2) {
-  return mix_contact_parameters(detail::geom_contact<double>(m, g1), detail::geom_contact<double>(m, g2));
-}
+inline ContactParameters<double> mix_contact_parameters(CompiledModel const& m, int g1, int g2);
 
 /// The parameters of pair `pair` of the model (CompiledModel::pair_geoms), mixed or its own. Friction is at least 1e-5 in both cases, as in
 /// MuJoCo. Host.
-inline ContactParameters<double> contact_parameters(CompiledModel const& m, int pair) {
-  auto const [g1, g2] = m.pair_geoms(pair);
-  if (pair < int(m.pairs.size())) return mix_contact_parameters(m, g1, g2);
-  auto const& own = m.named_pairs[pair - m.pairs.size()];
-  ContactParameters<double> p{};
-  p.condim = own.condim;
-  p.margin = own.margin;
-  p.gap = own.gap;
-  for (int i = 0; i < 5; ++i) p.friction[i] = std::max(own.friction[i], 1e-5);
-  for (int i = 0; i < 5; ++i) p.solimp[i] = own.solimp[i];
-  for (int i = 0; i < 2; ++i) p.solref[i] = own.solref[i];
-  for (int i = 0; i < 2; ++i) p.solreffriction[i] = own.solreffriction[i];
-  return p;
-}
+inline ContactParameters<double> contact_parameters(CompiledModel const& m, int pair);
 
 /// Pairs first ... end - 1 whose geoms are in groups a and b (a: the plane's, where one of the two is a plane).
 template <class R>
@@ -118,6 +55,7 @@ struct CollisionChunk {
   int points;  // the most that a pair gives
 };
 
+/// Colliders, pairs, runs and chunks. `make_collision_model` fills it; copies share its arrays.
 template <class R, class Mem>
 struct CollisionModel {
   using real_type = R;
@@ -149,6 +87,7 @@ struct CollisionModel {
   Kokkos::View<R*, Mem> world_reals;                    // what those lie in
   bool mixes_per_world = false;                         // friction, solref or solimp is per world
 
+  /// Contact parameters of a pair in a world: of its own, or mixed from what its geoms have there.
   KOKKOS_INLINE_FUNCTION ContactParameters<R> parameters_of(int world, int pair) const {
     int const own = pair_parameters(pair);
     if (!mixes_per_world || own >= mixed_parameters) return parameters(own);
@@ -171,178 +110,8 @@ struct CollisionModel {
 /// Takes what collision needs of `m` to the memory of `exec`. Allocates; fences. Cost O(pairs log pairs), 24 bytes a pair.
 /// Errors: a pair of shapes without a narrow-phase function (gsp::Error with the names of the geoms).
 template <class R, ExecutionSpace Exec>
-CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& exec, CompiledModel const& m) {
-  using C = CollisionModel<R, typename Exec::memory_space>;
-  C c;
-  c.bodies = m.nbody;
-  c.geoms = m.ngeom;
-  bool const on = m.option.contact && m.option.constraint;
-  int const npair = on ? m.pair_count() : 0;
-
-  // colliders by group: trees first, then static geoms one by one
-  std::vector<char> used(m.ngeom, 0);
-  for (int k = 0; k < npair; ++k) {
-    auto const [g1, g2] = m.pair_geoms(k);
-    if (pair_kind(ShapeType(m.geom_type[g1]), ShapeType(m.geom_type[g2])) == PairKind::none)
-      throw Error("geoms '" + m.geom_name[g1] + "' and '" + m.geom_name[g2] +
-                  "' can meet, and contact between their shapes is not supported: keep them apart with contype and conaffinity");
-    used[g1] = used[g2] = 1;
-  }
-  std::vector<int> order;
-  for (int g = 0; g < m.ngeom; ++g)
-    if (used[g]) order.push_back(g);
-  auto const tree = [&](int g) { return m.body_tree[m.geom_body[g]]; };
-  auto const group_key = [&](int g) { return tree(g) >= 0 ? tree(g) : m.ntree + g; };
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return group_key(a) < group_key(b); });
-  std::vector<int> collider(m.ngeom, -1), group(m.ngeom, -1), group_first;
-  for (int i = 0; i < int(order.size()); ++i) {
-    if (i == 0 || group_key(order[i]) != group_key(order[i - 1])) group_first.push_back(i);
-    collider[order[i]] = i;
-    group[order[i]] = int(group_first.size()) - 1;
-  }
-  group_first.push_back(int(order.size()));
-  c.colliders = int(order.size());
-  c.groups = int(group_first.size()) - 1;
-  c.pairs = npair;
-
-  // pairs by (kind, groups); the groups of a pair in ascending order, except that a plane stays first
-  struct Key {
-    int kind, a, b, source;
-    bool operator<(Key const& o) const { return std::tie(kind, a, b, source) < std::tie(o.kind, o.a, o.b, o.source); }
-  };
-  std::vector<Key> keys(npair);
-  for (int k = 0; k < npair; ++k) {
-    auto const [g1, g2] = m.pair_geoms(k);
-    bool const plane = m.geom_type[g1] == int(ShapeType::plane);
-    int const a = group[g1], b = group[g2];
-    keys[k] = {int(pair_kind(ShapeType(m.geom_type[g1]), ShapeType(m.geom_type[g2]))), plane ? a : std::min(a, b),
-               plane ? b : std::max(a, b), k};
-  }
-  std::sort(keys.begin(), keys.end());
-
-  std::vector<int> geom, body, type, pair, parameters, source;
-  std::vector<R> pose, size, friction, solref, solimp;
-  std::vector<GeomContact<R>> contact;
-  for (int i = 0; i < c.colliders; ++i) {
-    int const g = order[i];
-    geom.push_back(g);
-    body.push_back(m.geom_body[g]);
-    type.push_back(m.geom_type[g]);
-    pose.insert(pose.end(), m.geom_pos[g].begin(), m.geom_pos[g].end());
-    pose.insert(pose.end(), m.geom_quat[g].begin(), m.geom_quat[g].end());
-    size.insert(size.end(), m.geom_size[g].begin(), m.geom_size[g].end());
-    contact.push_back(detail::geom_contact<R>(m, g));
-    auto const& own = contact.back();
-    friction.insert(friction.end(), own.friction, own.friction + 3);
-    solref.insert(solref.end(), own.solref, own.solref + 2);
-    solimp.insert(solimp.end(), own.solimp, own.solimp + 5);
-  }
-
-  std::vector<int> asset;
-  c.assets = make_shape_assets<R>(exec, m, order, asset);
-  std::vector<ContactParameters<R>> distinct;
-  std::vector<CollisionRun<R>> runs;
-  std::vector<CollisionChunk> chunks;
-  // pairs of geoms with equal parameters share them: mixing depends on each geom's own set only
-  std::map<std::array<double, 15>, int> geom_sets;
-  std::vector<int> geom_set(m.ngeom, 0);
-  for (int g : order) {
-    auto const& f = m.geom_friction[g];
-    auto const& r = m.geom_solref[g];
-    auto const& s = m.geom_solimp[g];
-    std::array<double, 15> const set{double(m.geom_condim[g]),
-                                     double(m.geom_priority[g]),
-                                     f[0],
-                                     f[1],
-                                     f[2],
-                                     m.geom_solmix[g],
-                                     m.geom_margin[g],
-                                     m.geom_gap[g],
-                                     r[0],
-                                     r[1],
-                                     s[0],
-                                     s[1],
-                                     s[2],
-                                     s[3],
-                                     s[4]};
-    geom_set[g] = geom_sets.try_emplace(set, int(geom_sets.size())).first->second;
-  }
-  auto const add_parameters = [&](int k) {
-    auto const p = contact_parameters(m, k);
-    ContactParameters<R> r{p.condim, R(p.margin), R(p.gap), {}, {}, {}, {}};
-    for (int i = 0; i < 5; ++i) r.friction[i] = R(p.friction[i]);
-    for (int i = 0; i < 5; ++i) r.solimp[i] = R(p.solimp[i]);
-    for (int i = 0; i < 2; ++i) r.solref[i] = R(p.solref[i]);
-    for (int i = 0; i < 2; ++i) r.solreffriction[i] = R(p.solreffriction[i]);
-    distinct.push_back(r);
-    return int(distinct.size()) - 1;
-  };
-  std::vector<int> parameters_of(npair);  // by source: the mixed ones first
-  std::map<std::array<int, 2>, int> mixed;
-  for (int k = 0; k < npair; ++k) {
-    if (k >= int(m.pairs.size())) {
-      parameters_of[k] = add_parameters(k);
-      continue;
-    }
-    auto const [g1, g2] = m.pairs[k];
-    auto const [at, fresh] = mixed.try_emplace({geom_set[g1], geom_set[g2]}, int(distinct.size()));
-    if (fresh) add_parameters(k);
-    parameters_of[k] = at->second;
-  }
-  c.mixed_parameters = int(mixed.size());
-  for (int k = 0; k < npair; ++k) {
-    auto const& key = keys[k];
-    auto const [g1, g2] = m.pair_geoms(key.source);
-    source.push_back(key.source);
-    pair.push_back(collider[g1]);
-    pair.push_back(collider[g2]);
-    parameters.push_back(parameters_of[key.source]);
-    c.slots += max_points(PairKind(key.kind));
-
-    bool const new_chunk = chunks.empty() || chunks.back().kind != key.kind || chunks.back().end - chunks.back().first == 64;
-    if (new_chunk) chunks.push_back({key.kind, k, k, int(runs.size()), int(runs.size()), max_points(PairKind(key.kind))});
-    if (new_chunk || runs.back().a != key.a || runs.back().b != key.b) runs.push_back({key.a, key.b, k, k, R(0)});
-    auto const& own = distinct[parameters.back()];
-    runs.back().end = chunks.back().end = k + 1;
-    chunks.back().run_end = int(runs.size());
-    runs.back().reach = std::max(runs.back().reach, own.margin + own.gap);
-  }
-  c.chunks = int(chunks.size());
-
-  std::vector<int> ints;
-  std::vector<R> reals;
-  auto const begin = [](auto& all, auto const& part) {  // appends a part and says where it begins
-    auto const at = all.size();
-    all.insert(all.end(), part.begin(), part.end());
-    return at;
-  };
-  std::size_t const at_geom = begin(ints, geom), at_body = begin(ints, body), at_type = begin(ints, type), at_asset = begin(ints, asset),
-                    at_pair = begin(ints, pair), at_group = begin(ints, group_first), at_parameters = begin(ints, parameters),
-                    at_pose = begin(reals, pose), at_size = begin(reals, size), at_friction = begin(reals, friction),
-                    at_solref = begin(reals, solref), at_solimp = begin(reals, solimp);
-  c.ints = detail::to_device<decltype(c.ints)>(exec, "gsp::CollisionModel::ints", ints);
-  c.reals = detail::to_device<decltype(c.reals)>(exec, "gsp::CollisionModel::reals", reals);
-  c.parameters = detail::to_device<decltype(c.parameters)>(exec, "gsp::CollisionModel::parameters", distinct);
-  c.collider_contact = detail::to_device<decltype(c.collider_contact)>(exec, "gsp::CollisionModel::collider_contact", contact);
-  c.runs = detail::to_device<decltype(c.runs)>(exec, "gsp::CollisionModel::runs", runs);
-  c.chunk = detail::to_device<decltype(c.chunk)>(exec, "gsp::CollisionModel::chunk", chunks);
-  c.pair_source =
-      detail::to_device<decltype(c.pair_source)>(Kokkos::DefaultHostExecutionSpace{}, "gsp::CollisionModel::pair_source", source);
-  int const* const i = c.ints.data();
-  R const* const r = c.reals.data();
-  c.collider_geom = {i + at_geom, geom.size()};
-  c.collider_body = {i + at_body, body.size()};
-  c.collider_type = {i + at_type, type.size()};
-  c.collider_asset = {i + at_asset, asset.size()};
-  c.collider_pose = {r + at_pose};
-  c.collider_size = {r + at_size};
-  c.collider_friction = {r + at_friction};
-  c.collider_solref = {r + at_solref};
-  c.collider_solimp = {r + at_solimp};
-  c.group_first = {i + at_group, group_first.size()};
-  c.pair_collider = {i + at_pair, source.size()};
-  c.pair_parameters = {i + at_parameters, source.size()};
-  return c;
-}
+CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& exec, CompiledModel const& m);
 
 }  // namespace gsp
+
+#include <gsp/collision/detail/collision_model_impl.hpp>
