@@ -1,0 +1,163 @@
+#pragma once
+#include <gsp/collision/broadphase.hpp>
+#include <gsp/collision/manifold.hpp>
+#include <gsp/collision/narrowphase.hpp>
+#include <gsp/core/status.hpp>
+#include <gsp/fwd.hpp>
+
+/// Kernels of gsp/collision/contacts.hpp, where the contract stands, and what they keep between them.
+namespace gsp::detail {
+
+struct Candidate {
+  int world, pair, slot;
+  short kind;   // PairKind
+  short count;  // room for points, then how many there are
+};
+struct CandidateSum {
+  std::int64_t candidates = 0, points = 0;
+  KOKKOS_INLINE_FUNCTION CandidateSum& operator+=(CandidateSum const& o) {
+    candidates += o.candidates;
+    points += o.points;
+    return *this;
+  }
+};
+template <class R, class Mem>
+struct ContactScratch {
+  ColliderBounds<R, Mem> bounds;
+  Kokkos::View<std::uint64_t*, Mem> mask;  // (chunks * worlds)
+  Kokkos::View<std::int64_t*, Mem> first;  // (chunks * worlds) first candidate of an item
+  Kokkos::View<Candidate*, Mem> candidates;
+  Kokkos::View<ContactPoint<R>*, Mem> points;
+  Kokkos::View<std::uint8_t*, Mem> lost;   // (worlds) candidates did not fit
+  Kokkos::View<std::int64_t*, Mem> total;  // (3) candidates, points, contacts that were needed
+};
+
+/// Counts the candidates of the items before, then writes this item's.
+template <class R, class Mem>
+struct WriteCandidates {
+  using value_type = CandidateSum;
+  CollisionModel<R, Mem> model;
+  ContactScratch<R, Mem> s;
+  int worlds;
+  std::int64_t items;
+  KOKKOS_FUNCTION void operator()(std::int64_t item, value_type& sum, bool last) const {
+    std::uint64_t bits = s.mask(item);
+    CollisionChunk const chunk = model.chunk(int(item / worlds));
+    int const n = Kokkos::popcount(bits), each = chunk.points;
+    if (last) {
+      int const w = int(item % worlds);
+      s.first(item) = sum.candidates;
+      if (sum.candidates + n > std::int64_t(s.candidates.extent(0)) ||
+          sum.points + std::int64_t(n) * each > std::int64_t(s.points.extent(0))) {
+        if (n > 0) s.lost(w) = 1;  // whoever finds it writes the same
+        // The narrow phase runs over the candidates that fit: leave none of this item undefined.
+        for (std::int64_t k = sum.candidates; k < sum.candidates + n && k < std::int64_t(s.candidates.extent(0)); ++k)
+          s.candidates(k) = {w, -1, 0, 0, 0};
+      } else {
+        int slot = int(sum.points);
+        std::int64_t k = sum.candidates;
+        for (int i = 0; bits != 0; ++i, bits >>= 1) {
+          int const skip = Kokkos::countr_zero(bits);
+          i += skip;
+          bits >>= skip;
+          s.candidates(k++) = {w, chunk.first + i, slot, short(chunk.kind), short(each)};
+          slot += each;
+        }
+      }
+      if (item == items - 1) {
+        s.total(0) = sum.candidates + n;
+        s.total(1) = sum.points + std::int64_t(n) * each;
+      }
+    }
+    sum.candidates += n;
+    sum.points += std::int64_t(n) * each;
+  }
+};
+
+template <class R>
+struct PointSlots {
+  ContactPoint<R>* slot;
+  int room, count;
+  KOKKOS_INLINE_FUNCTION void add(Vec3<R> const& pos, R dist, Vec3<R> const& normal, int feature) {
+    if (count < room) slot[count++] = {pos, dist, normal, feature};
+  }
+};
+
+template <class R, class Mem>
+struct CollideCandidates {
+  CollisionModel<R, Mem> model;
+  ContactScratch<R, Mem> s;
+  bool reduce;
+  KOKKOS_FUNCTION void operator()(std::int64_t k) const {
+    if (k >= s.total(0)) return;
+    Candidate c = s.candidates(k);
+    if (c.pair < 0) return;
+    int const a = model.pair_collider(c.pair, 0), b = model.pair_collider(c.pair, 1);
+    PairKind const kind{c.kind};
+    bool const with_asset = is_among(asset_kinds, kind);
+    auto const shape = [&](int i) {
+      return make_shape(load_pose(&s.bounds.pose(c.world, i, 0)), model.size_of(c.world, i), with_asset ? model.asset_of(i) : nullptr);
+    };
+    auto const own = model.parameters_of(c.world, c.pair);
+    PointSlots<R> out{&s.points(c.slot), c.count, 0};
+    narrowphase(kind, shape(a), shape(b), own.margin + own.gap, out);
+    s.candidates(k).count = short(reduce && is_among(reducing_kinds, kind) ? reduce_points(out.slot, out.count) : out.count);
+  }
+};
+
+/// Counts the contacts of the items before in world order, then copies this item's to their places.
+template <class R, class Mem>
+struct WriteContacts {
+  using value_type = std::int64_t;
+  CollisionModel<R, Mem> model;
+  Contacts<R, Mem> contacts;
+  KOKKOS_FUNCTION void operator()(std::int64_t index, value_type& sum, bool last) const {
+    auto const& s = contacts.scratch;
+    int const w = int(index / model.chunks), c = int(index % model.chunks);
+    std::int64_t const item = std::int64_t(c) * contacts.worlds + w;
+    bool const lost = s.lost(w) != 0;
+    int const n = lost ? 0 : Kokkos::popcount(s.mask(item));
+    std::int64_t const begin = s.first(item);
+    int count = 0;
+    for (int k = 0; k < n; ++k) count += s.candidates(begin + k).count;
+    if (last) {
+      if (c == 0) contacts.first(w) = int(sum);
+      if (c == model.chunks - 1) {
+        contacts.end(w) = int(sum) + count;
+        if (w == contacts.worlds - 1) s.total(2) = sum + count;
+      }
+      if (lost || sum + count > contacts.capacity()) {
+        // a bit that others may set too, with the same result in any order
+        if (lost || count > 0) Kokkos::atomic_or(&contacts.status(w), status::contact_overflow);
+      } else {
+        int at = int(sum);
+        for (int k = 0; k < n; ++k) {
+          Candidate const candidate = s.candidates(begin + k);
+          for (int p = 0; p < candidate.count; ++p) write(at++, candidate, s.points(candidate.slot + p));
+        }
+      }
+    }
+    sum += count;
+  }
+  KOKKOS_INLINE_FUNCTION void write(int i, Candidate const& c, ContactPoint<R> const& p) const {
+    int const a = model.pair_collider(c.pair, 0), b = model.pair_collider(c.pair, 1);
+    contacts.world(i) = c.world;
+    contacts.pair(i) = c.pair;
+    contacts.feature(i) = p.feature;
+    contacts.geom1(i) = model.collider_geom(a);
+    contacts.geom2(i) = model.collider_geom(b);
+    contacts.body1(i) = model.collider_body(a);
+    contacts.body2(i) = model.collider_body(b);
+    contacts.dist(i) = p.dist;
+    contacts.includemargin(i) = model.parameters_of(c.world, c.pair).margin;
+    for (int k = 0; k < 3; ++k) contacts.pos(i, k) = p.pos[k];
+    // a capsule on a plane slides along and across itself, as in MuJoCo
+    Vec3<R> const hint = is_among(along_b_kinds, PairKind(c.kind))
+                             ? rotate(load_pose(&contacts.scratch.bounds.pose(c.world, b, 0)).q, Vec3<R>{R(0), R(0), R(1)})
+                             : Vec3<R>{R(0), R(0), R(0)};
+    Mat3<R> const f = contact_frame(p.normal, hint);
+    for (int k = 0; k < 9; ++k) contacts.frame(i, k) = f.m[k];
+  }
+};
+
+}  // namespace gsp::detail
