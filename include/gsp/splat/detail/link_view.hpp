@@ -1,0 +1,17 @@
+#pragma once
+
+/// What `place_gaussians` leaves of cameras and links for `project`, kept in SplatWave.
+namespace gsp::detail {
+
+/// A camera as `project` reads it.
+struct ImageView {
+  double fx, fy, cx, cy;
+  float x_low, x_high, y_low, y_high;  // limits of x/z and y/z in the derivative of the projection
+};
+/// A link as a camera sees it: camera <- link (rows of rotation | translation), and the eye in the link's frame.
+struct LinkView {
+  double m[12];
+  float eye[3];
+};
+
+}  // namespace gsp::detail
