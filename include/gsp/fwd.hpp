@@ -23,7 +23,7 @@ struct State;  // model/state.hpp
 template <class R, class Mem>
 struct Poses;  // model/poses.hpp
 template <class R, class Mem>
-struct Dynamics;  // dynamics/lanes.hpp
+struct Dynamics;  // dynamics/dynamics.hpp
 template <class R, class Mem>
 struct RungeKutta;  // dynamics/runge_kutta.hpp
 template <class R, class Mem>

@@ -29,6 +29,7 @@
 #include <gsp/dynamics/actuator_forces.hpp>
 #include <gsp/dynamics/actuator_law.hpp>
 #include <gsp/dynamics/bias_forces.hpp>
+#include <gsp/dynamics/dynamics.hpp>
 #include <gsp/dynamics/energy.hpp>
 #include <gsp/dynamics/factor.hpp>
 #include <gsp/dynamics/fluid.hpp>
