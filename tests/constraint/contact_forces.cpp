@@ -2,11 +2,27 @@
 
 #include <cmath>
 #include <gsp/constraint/contact_forces.hpp>
+#include <gsp/constraint/joint_forces.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
 
 #include "dynamics/random_tree.hpp"
+
+namespace test_types {
+/// Holds poses, and has no elements.
+template <class Mem>
+struct Reads : gsp::OneFreeRow {
+  gsp::Poses<double, Mem> poses;
+  KOKKOS_FUNCTION int count(int) const { return 0; }
+  KOKKOS_FUNCTION gsp::RowLaw<double> law(int, int, int, double, double, double) const { return {0, 0}; }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int, int, int, Row&& J) const {
+    J.set_dof(0, 1.);
+    return 0;
+  }
+};
+}  // namespace test_types
 
 namespace {
 
@@ -69,7 +85,213 @@ gsp::Description box_on_plane(Double3 const& n) {
   return d;
 }
 
+/// What a call refuses with; empty: it does not.
+template <class F>
+std::string refusal(F const& call) {
+  try {
+    call();
+  } catch (std::invalid_argument const& e) { return e.what(); }
+  return {};
+}
+
+/// A box on a floor in three worlds, and the stages of a step one by one.
+template <class Exec>
+struct Stages {
+  static constexpr int worlds = 3;
+  using Mem = typename Exec::memory_space;
+  Exec exec;
+  gsp::CompiledModel compiled;
+  gsp::Model<double, Mem> model;
+  gsp::State<double, Mem> state;
+  gsp::Simulation<double, Mem> sim;
+  Kokkos::View<double* [6], Kokkos::LayoutRight, Mem> force;
+  Kokkos::View<double**, Kokkos::LayoutRight, Mem> limit, friction;
+  explicit Stages(bool constraints = true, gsp::ModelOptions options = {}, gsp::Integrator integrator = gsp::Integrator::euler)
+      : compiled(compiled_of(constraints, integrator)),
+        model(gsp::make_model<double>(exec, compiled, options)),
+        state(gsp::make_state(exec, model, {.worlds = worlds})),
+        sim(gsp::make_simulation(exec, model, compiled, {.worlds = worlds})),
+        force("force", 1000),
+        limit("limit", worlds, model.njnt),
+        friction("friction", worlds, model.nv) {}
+  static gsp::CompiledModel compiled_of(bool constraints, gsp::Integrator integrator) {
+    auto d = box_on_plane({0, 0, 1});
+    d.option.constraint = constraints;
+    d.option.integrator = integrator;
+    return gsp::compile(d);
+  }
+  void smooth() { gsp::smooth_dynamics(exec, model, state, sim.poses, sim.dynamics); }
+  void collide() { gsp::collide(exec, sim.collision, sim.poses, sim.contacts); }
+  void assemble() {
+    gsp::assemble(exec, model, state, sim.dynamics, gsp::constraints(gsp::ContactRows(model, sim.collision, sim.contacts)), sim.rows,
+                  sim.impulses, sim.progress);
+  }
+  void solve() { gsp::pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress); }
+  void integrate() { gsp::integrate(exec, model, state, sim.dynamics, sim.progress, sim.solution); }
+  void step() { gsp::step(exec, model, state, sim); }
+  std::string contact_forces() {
+    return refusal([&] { gsp::contact_forces(exec, model, sim.contacts, sim.rows, sim.impulses, force); });
+  }
+  std::string joint_forces() {
+    return refusal([&] { gsp::joint_forces(exec, model, sim.rows, sim.impulses, limit, friction); });
+  }
+  std::string impulses_of() {
+    return refusal([&] { gsp::impulses_of<gsp::ContactRows<double, Mem>>(sim.rows, sim.impulses); });
+  }
+  bool all_read() { return contact_forces().empty() && joint_forces().empty() && impulses_of().empty(); }
+  /// All three refuse, each by its name and with this.
+  bool none_reads(std::string const& why) {
+    auto const says = [&](std::string const& sentence, char const* who) {
+      return sentence.find(std::string("gsp::") + who + ": ") == 0 && sentence.find(why) != std::string::npos;
+    };
+    return says(contact_forces(), "contact_forces") && says(joint_forces(), "joint_forces") && says(impulses_of(), "impulses_of");
+  }
+};
+
 }  // namespace
+
+// Contacts are of the poses that they were found at: rows are made of contacts of this state, as it is now, or of a user's own.
+TEST_CASE_TEMPLATE("rows are not made of contacts of another moment", Exec, GSP_TEST_EXECS) {
+  Stages<Exec> s;
+  auto const refused = [&] { return refusal([&] { s.assemble(); }); };
+  std::string const before = "gsp::assemble: the contacts are of the state before its last step or reset: call forward_kinematics";
+  s.smooth();
+  s.assemble();  // before any collide: contacts that gsp has not found
+  s.collide();
+  s.assemble();
+  s.solve();
+  s.integrate();
+  s.smooth();
+  CHECK(refused().find(before) == 0);
+  s.collide();
+  s.assemble();
+  s.solve();
+  s.integrate();
+  s.collide();  // at poses of the state before
+  s.smooth();
+  CHECK(refused().find(before) == 0);
+  s.collide();
+  CHECK(refused().empty());
+  gsp::reset(s.exec, s.model, s.state);
+  s.smooth();
+  CHECK(refused().find(before) == 0);
+  auto other = gsp::make_state(s.exec, s.model, {.worlds = s.worlds});
+  gsp::smooth_dynamics(s.exec, s.model, other, s.sim.poses, s.sim.dynamics);
+  s.collide();
+  s.smooth();
+  CHECK(refused().find("gsp::assemble: the contacts are of another state") == 0);
+  auto const old = gsp::make_poses(s.exec, s.model, {.worlds = s.worlds});  // of the other state
+  auto const with_poses = [&](auto const& poses) {
+    test_types::Reads<typename Exec::memory_space> const type{{}, poses};
+    return refusal([&] {
+      gsp::assemble(s.exec, s.model, s.state, s.sim.dynamics, gsp::constraints(type), s.sim.rows, s.sim.impulses, s.sim.progress);
+    });
+  };
+  auto poses_of_other = old;
+  gsp::forward_kinematics(s.exec, s.model, other, poses_of_other, s.sim.dynamics);
+  s.smooth();
+  CHECK(with_poses(old).find("gsp::assemble: the poses are of another state: call forward_kinematics first") == 0);
+  CHECK(with_poses(s.sim.poses).empty());
+  auto const own = gsp::make_poses(s.exec, s.model, {.worlds = s.worlds});  // filled by hand
+  Kokkos::deep_copy(own.xpos, s.sim.poses.xpos);
+  Kokkos::deep_copy(own.xquat, s.sim.poses.xquat);
+  gsp::collide(s.exec, s.sim.collision, own, s.sim.contacts);
+  s.integrate();
+  s.smooth();
+  CHECK(refused().empty());
+}
+
+// Forces are read of the rows, the contacts and the impulses of one solve.
+TEST_CASE_TEMPLATE("forces are read back after the solve that they are of", Exec, GSP_TEST_EXECS) {
+  Stages<Exec> s;
+  std::string const unsolved = "have not been solved for since they were last assembled: call pgs first (or step)",
+                    anew = "gsp::contact_forces: the contacts are not those that were assembled, or collide has written them again since";
+  CHECK(s.none_reads(unsolved));
+  s.smooth();
+  s.collide();
+  s.assemble();
+  CHECK(s.none_reads(unsolved));
+  s.solve();
+  CHECK(s.all_read());
+  s.integrate();
+  CHECK(s.all_read());  // forces of the step just done
+  Kokkos::View<bool*, typename Exec::memory_space> const mask("mask", s.worlds);
+  gsp::reset(s.exec, s.model, s.state, mask);
+  CHECK(s.all_read());
+  s.smooth();
+  s.collide();
+  CHECK(s.contact_forces().find(anew) == 0);
+  CHECK(s.joint_forces().empty());
+  s.assemble();
+  CHECK(s.none_reads(unsolved));
+  gsp::set_solved(s.sim.rows, s.sim.impulses);  // a solver of one's own
+  CHECK(s.all_read());
+
+  auto const found = s.sim.contacts;
+  s.sim.contacts = gsp::make_contacts(s.exec, s.sim.collision, {.worlds = s.worlds});
+  CHECK(s.contact_forces().find(anew) == 0);  // others
+  s.sim.contacts = found;
+  CHECK(s.all_read());
+  auto const impulses = s.sim.impulses;
+  s.sim.impulses = gsp::make_impulses(s.exec, s.sim.rows);
+  s.smooth();
+  s.assemble();
+  s.solve();
+  CHECK(s.all_read());
+  s.sim.impulses = impulses;
+  CHECK(s.none_reads("are of other rows, or of these before they were assembled again"));
+  s.step();
+  CHECK(s.all_read());
+  s.sim.contacts.stamp = {};  // structs of one's own have no stamps: they are taken as they are
+  s.collide();
+  CHECK(s.all_read());
+  s.sim.rows.stamp = {};
+  s.smooth();
+  s.assemble();
+  CHECK(s.contact_forces().empty());
+}
+
+// A pool that is too small: what was launched has not happened until settle has made room and it is launched again.
+TEST_CASE_TEMPLATE("forces of steps that did not fit are not read", Exec, GSP_TEST_EXECS) {
+  Stages<Exec> s;
+  s.sim.contacts = gsp::make_contacts(s.exec, s.sim.collision,
+                                      {.worlds = s.worlds, .candidates_per_world = 1, .points_per_world = 1, .contacts_per_world = 1});
+  int rounds = 0;
+  for (int left = 2; left > 0;) {
+    for (int i = 0; i < left; ++i) gsp::launch_step(s.exec, s.model, s.state, s.sim);
+    left = gsp::settle(s.exec, s.sim);
+    ++rounds;
+    CHECK(s.joint_forces().empty() == (left == 0));
+    CHECK(s.contact_forces().empty() == (left == 0));
+  }
+  CHECK(rounds > 1);
+}
+
+// Models without constraints have no rows, and no forces of them: zeros, as before; but not those of an earlier step with constraints.
+TEST_CASE_TEMPLATE("steps without constraints have no forces of constraints", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  for (bool rk : {false, true}) {
+    Stages<Exec> s(false, {.profile = rk ? gsp::Profile::mujoco : gsp::Profile::stable},
+                   rk ? gsp::Integrator::rk4 : gsp::Integrator::euler);
+    Kokkos::deep_copy(s.limit, 7.);
+    for (int i = 0; i < 2; ++i) {
+      s.step();
+      CHECK(s.all_read());
+    }
+    auto const limit = gsp_test::host(s.limit);
+    for (int w = 0; w < s.worlds; ++w)
+      for (int j = 0; j < s.model.njnt; ++j) CHECK(limit(w, j) == 0);
+  }
+  Stages<Exec> with, without(false);
+  with.step();
+  gsp::Model<double, Mem> const own = with.model;
+  with.model = without.model;
+  with.step();
+  CHECK(with.none_reads("have not been solved for"));
+  with.model = own;
+  with.step();
+  CHECK(with.all_read());
+}
 
 // The law is a box: |f_i| <= mu_i f_n along each tangent. At rest along the normal the four contacts carry the weight, sum f_n = m g = N.
 //   worlds 0-3  slide, 1 m/s along (+-0.6, +-0.8) in (t1, t2): f_i = -mu_i f_n sign(v_i) at each contact, N (-+.3, -+.7) in all

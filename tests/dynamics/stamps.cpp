@@ -338,6 +338,129 @@ TEST_CASE_TEMPLATE("dynamics of one state say nothing of another", Exec, GSP_TES
                        doctest::Contains("are not in the dynamics"), std::invalid_argument);
 }
 
+// Poses are of a moment too: those of before are refused beside the state and beside the dynamics, whoever has moved the state on; poses
+// that gsp has never written are taken as they are, and give the same bits. The dynamics are of the state as it is now in all cases, so
+// that the poses alone are at fault.
+TEST_CASE_TEMPLATE("readers of poses refuse those of another moment", Exec, GSP_TEST_EXECS) {
+  using S = World<Exec>;
+  using Poses = gsp::Poses<double, typename S::Mem>;
+  struct Use {
+    std::string name;
+    std::function<std::vector<double>(S&, Poses const&)> run;
+    bool joints;
+  };
+  auto const with = [](int reader) {
+    return [reader](S& s, Poses const& poses) {
+      Poses const own = s.poses;
+      s.poses = poses;
+      std::vector<double> result;
+      std::string sentence;
+      try {
+        result = readers<Exec>()[reader].read(s);
+      } catch (std::invalid_argument const& e) { sentence = e.what(); }
+      s.poses = own;
+      if (!sentence.empty()) throw std::invalid_argument(sentence);
+      return result;
+    };
+  };
+  auto const copy = [](S& s, int gsp::DynamicsLayout::*item) {
+    typename S::template View<double**> const out("out", S::worlds, s.model.nv);
+    gsp::copy_dofs(s.exec, s.model, s.dynamics, item, out);
+    return numbers(out);
+  };
+  using L = gsp::DynamicsLayout;
+  std::vector<Use> const uses{
+      {"mass_matrix",
+       [](S& s, Poses const& p) {
+         gsp::mass_matrix(s.exec, s.model, s.state, p, s.dynamics);
+         return readers<Exec>()[0].read(s);
+       },
+       true},
+      {"bias_forces", [&](S& s, Poses const& p) { return gsp::bias_forces(s.exec, s.model, s.state, p, s.dynamics), copy(s, &L::bias); },
+       true},
+      {"passive_forces",
+       [&](S& s, Poses const& p) { return gsp::passive_forces(s.exec, s.model, s.state, p, s.dynamics), copy(s, &L::passive); }, true},
+      {"actuator_forces",
+       [&](S& s, Poses const& p) { return gsp::actuator_forces(s.exec, s.model, s.state, p, s.dynamics), copy(s, &L::actuator); }, true},
+      {"energies", with(6), false},
+      {"body_jacobian", with(8), false},
+      {"smooth_sensors", with(11), false},
+  };
+  std::vector<Stage<Exec>> const moves{
+      {"integrate", [](S& s) { s.smooth(true), gsp::integrate(s.exec, s.model, s.state, s.dynamics); }, "", ""},
+      {"smooth_step", [](S& s) { gsp::smooth_step(s.exec, s.model, s.state, s.poses, s.dynamics); }, "", ""},
+      {"runge_kutta",
+       [](S& s) {
+         auto rk = gsp::make_runge_kutta(s.exec, s.model, {.worlds = S::worlds});
+         gsp::runge_kutta(s.exec, s.model, s.state, s.poses, s.dynamics, rk);
+       },
+       "", ""},
+      {"reset", [](S& s) { gsp::reset(s.exec, s.model, s.state); }, "", ""},
+      {"reset of one world",
+       [](S& s) {
+         Kokkos::View<bool*, typename S::Mem> const mask("mask", S::worlds);
+         Kokkos::deep_copy(Kokkos::subview(mask, 1), true);
+         gsp::reset(s.exec, s.model, s.state, mask);
+       },
+       "", ""},
+  };
+  auto const make = [](S& s) { return gsp::make_poses(s.exec, s.model, {.worlds = S::worlds}); };
+  auto const now = [](S& s, Poses& poses) {
+    gsp::smooth_dynamics(s.exec, s.model, s.state, poses, s.dynamics, {.keep_all = true, .joint_poses = true});
+  };
+  for (auto const& move : moves) {
+    CAPTURE(move.name);
+    S s(Profile::stable);
+    now(s, s.poses);  // a copy shares what it holds, with its stamp
+    move.run(s);
+    Poses const old = s.poses;
+    s.poses = make(s);
+    for (auto const& use : uses) {
+      CAPTURE(use.name);
+      now(s, s.poses);
+      std::string sentence;
+      try {
+        use.run(s, old);
+      } catch (std::invalid_argument const& e) { sentence = e.what(); }
+      CAPTURE(sentence);
+      bool const with_dynamics = use.name == "body_jacobian";  // is given no state: what it takes is of one moment
+      CHECK(sentence.find("gsp::" + use.name + ": the poses") == 0);
+      CHECK(sentence.find(with_dynamics ? "different moments" : "before its last step or reset") != std::string::npos);
+      CHECK(sentence.find(with_dynamics ? ": call smooth_dynamics first" : ": call forward_kinematics first") != std::string::npos);
+      Poses const mine = make(s);  // filled by hand
+      Kokkos::deep_copy(mine.xpos, s.poses.xpos), Kokkos::deep_copy(mine.xquat, s.poses.xquat);
+      Kokkos::deep_copy(mine.xanchor, s.poses.xanchor), Kokkos::deep_copy(mine.xaxis, s.poses.xaxis);
+      auto const right = use.run(s, s.poses);
+      now(s, s.poses);
+      CHECK(use.run(s, mine) == right);
+      now(s, s.poses);
+      Poses bare;
+      bare.xpos = mine.xpos, bare.xquat = mine.xquat, bare.xanchor = mine.xanchor, bare.xaxis = mine.xaxis;
+      CHECK(use.run(s, bare) == right);
+    }
+  }
+  S s(Profile::stable), other(Profile::stable);
+  auto subtrees = gsp::make_subtrees(s.exec, s.model, {.worlds = S::worlds});
+  now(s, s.poses), now(other, other.poses);
+  CHECK_THROWS_WITH_AS(gsp::mass_matrix(s.exec, s.model, s.state, other.poses, s.dynamics), doctest::Contains("are of another state"),
+                       std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::subtree_momentum(s.exec, s.model, other.poses, s.dynamics, subtrees), doctest::Contains("different states"),
+                       std::invalid_argument);
+  // joints' poses are written on request alone
+  for (auto const& use : uses) {
+    CAPTURE(use.name);
+    S fresh(Profile::stable);
+    fresh.smooth(true);
+    if (use.joints)
+      CHECK_THROWS_WITH_AS(use.run(fresh, fresh.poses),
+                           doctest::Contains("(xanchor, xaxis) have not been written: call forward_kinematics"), std::invalid_argument);
+    else
+      use.run(fresh, fresh.poses);
+    fresh.single(1);
+    use.run(fresh, fresh.poses);
+  }
+}
+
 // Implicit integrators take the derivatives of the forces, to which three stages add: in order, and each once.
 TEST_CASE_TEMPLATE("half of the derivatives is not integrated with", Exec, GSP_TEST_EXECS) {
   auto c = model_of(false);

@@ -43,6 +43,7 @@ struct Contacts {
   View<R*> dist, includemargin;  // [m]; acts if dist < includemargin
   View<int*> feature;            // unique within (world, pair); survives steps
   detail::ContactScratch<R, Mem> scratch;
+  detail::SharedStamp<detail::ContactsStamp> stamp;  // host: of which state they are (dynamics/stamps.hpp)
 
   /// Most contacts that the pool holds; loops over all contacts on a device run to here and leave at size().
   KOKKOS_INLINE_FUNCTION int capacity() const { return int(dist.extent(0)); }
@@ -76,7 +77,8 @@ bool grow(Exec const& exec, Contacts<R, Mem>& contacts);
 /// @param poses     of the bodies, (worlds, bodies)
 /// @param contacts  overwritten
 /// Neither allocates nor fences. Cost: 2 us for a humanoid on the floor on one core, 26 ns in a batch of 8,192 on an H200 (docs/collision).
-/// The result depends on nothing but the world's own poses.
+/// The result depends on nothing but the world's own poses. The contacts are of the state that the poses are of, and `assemble` refuses
+/// them beside one that has moved on.
 template <ExecutionSpace Exec, class R, class Mem>
 void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses, Contacts<R, Mem>& contacts) {
   Region const region("gsp::collision::collide");
@@ -88,6 +90,11 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
   detail::expects_values("gsp::collide", model, contacts.worlds);
   auto& s = contacts.scratch;
   expects(s.mask.extent(0) == std::size_t(model.chunks) * contacts.worlds, "gsp::collide: the contacts were made for another model");
+  if (contacts.stamp.data()) {
+    contacts.stamp().poses.qpos = nullptr;
+    if (poses.stamp.data()) contacts.stamp().poses = poses.stamp().bodies;
+    contacts.stamp().made = detail::next_moment();
+  }
   if (model.pairs == 0) return;
   place_colliders(exec, model, poses, s.bounds, contacts.status.data(), s.lost.data());
   find_near_pairs(exec, model, s.bounds, s.mask);

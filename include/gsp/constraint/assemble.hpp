@@ -6,6 +6,9 @@
 /// for the host.
 namespace gsp {
 
+template <class R, class Mem>
+struct ContactRows;  // constraint/contact_rows.hpp
+
 /// Constraint types one after the other, as a list that kernels can walk: `constraints(JointLimits(model, state), Tether{...})`.
 template <class... C>
 struct ConstraintList {
@@ -71,6 +74,34 @@ constexpr TypeNames names_of(ConstraintList<Types...> const&) {
   static_assert(different, "gsp::assemble: two constraint types have the same number by chance: rename one of your own");
   return names;
 }
+
+/// Poses and contacts that the types hold are of this state, as it is now; what is not gsp's is taken as it is.
+template <class State>
+void expects_inputs_of(ConstraintList<> const&, State const&) {}
+template <class Head, class... Tail, class State>
+void expects_inputs_of(ConstraintList<Head, Tail...> const& types, State const& state) {
+  if constexpr (requires { types.head.poses.stamp().bodies; }) expects_poses_of("gsp::assemble", types.head.poses, state);
+  if constexpr (requires { types.head.contacts.stamp().made; })
+    if (auto const& contacts = types.head.contacts; contacts.stamp.data()) {
+      Stamp const& found = contacts.stamp().poses;
+      if (found.qpos && !found.is_of(state))
+        throw std::invalid_argument(std::string("gsp::assemble: the contacts ") + found.fault(state.qpos.data()) +
+                                    ": call forward_kinematics (or smooth_dynamics) and collide first");
+    }
+  expects_inputs_of(types.tail, state);
+}
+/// Which contacts the first ContactRows of a list hold (ContactsStamp::made); 0: none that gsp has found.
+template <class R, class Mem>
+std::uint64_t contacts_of(ConstraintList<> const&) {
+  return 0;
+}
+template <class R, class Mem, class Head, class... Tail>
+std::uint64_t contacts_of(ConstraintList<Head, Tail...> const& types) {
+  if constexpr (std::is_same_v<Head, ContactRows<R, Mem>>)
+    return types.head.contacts.stamp.data() ? types.head.contacts.stamp().made : 0;
+  else
+    return contacts_of<R, Mem>(types.tail);
+}
 }  // namespace detail
 
 /// Fills `rows` with the active rows of all types of the list, in their order, whitened with the factored matrix, and `impulses` with a
@@ -79,7 +110,8 @@ constexpr TypeNames names_of(ConstraintList<Types...> const&) {
 /// After factor or smooth_dynamics (and collide). A world whose rows do not fit has status::row_overflow; then no world is stepped
 /// (progress.halt), the pools grow at the host's next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows
 /// of more than two trees, elements of more than six rows, and friction of a row that the element does not have: status::row_refused.
-/// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence.
+/// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or
+/// the members `poses` and `contacts` of a type, are not of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class... Types>
 void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem> const& dynamics,
               ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress) {
@@ -90,6 +122,7 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
   detail::expects_fit("gsp::assemble", model, state, dynamics);
   detail::expects_of("gsp::assemble", dynamics, state,
                      detail::set_of(Quantity::motion, Quantity::velocity, Quantity::factor, Quantity::free_velocity));
+  detail::expects_inputs_of(types, state);
   Region const region("gsp::constraint::assemble");
   using List = ConstraintList<Types...>;
   for_worlds("gsp::constraint::count_rows", exec, rows.worlds, detail::CountRows<R, Mem, List>{model, state, rows, progress.halt, types});
@@ -98,6 +131,7 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
                                                  std::min(rows.capacity(), impulses.capacity())});
   for_worlds("gsp::constraint::emit_rows", exec, rows.worlds,
              detail::EmitRows<R, Mem, List>{model, state, dynamics, rows, impulses, progress.halt, types, detail::names_of(types)});
+  detail::leaves_rows(rows, impulses, detail::contacts_of<R, Mem>(types));
 }
 
 }  // namespace gsp

@@ -32,13 +32,19 @@ struct WriteContactForces {
 /// @param force              out (contact, 6): along the normal and the two tangents [N], about them (torsion, rolling) [N m]; zero
 ///                           where the contact did not act, and along what nothing that it touches can move (where MuJoCo reports what its
 ///                           regularisation gives). At least as many rows as contacts.dist
-/// Cost: a binary search a contact. Does not allocate, does not fence.
+/// Cost: a binary search a contact. Does not allocate, does not fence. Errors: std::invalid_argument where nothing has been solved since
+/// the rows were last assembled, or the contacts are others than those that were assembled, or were found anew since.
 template <ExecutionSpace Exec, class R, class Mem>
 void contact_forces(Exec const& exec, Model<R, Mem> const& model, Contacts<R, Mem> const& contacts, Rows<R, Mem> const& rows,
                     Impulses<R, Mem> const& impulses, Kokkos::View<R* [6], Kokkos::LayoutRight, Mem>& force) {
   expects(force.extent(0) >= contacts.dist.extent(0),
           "gsp::contact_forces: room for " + std::to_string(force.extent(0)) + " contacts is given, and there may be " +
               std::to_string(contacts.dist.extent(0)) + ": give as many rows as contacts.dist has");
+  detail::expects_solved("gsp::contact_forces", rows, impulses);
+  bool const known = rows.stamp.data() && contacts.stamp.data() && rows.stamp().contacts != 0;
+  expects(!known || rows.stamp().contacts == contacts.stamp().made,
+          "gsp::contact_forces: the contacts are not those that were assembled, or collide has written them again since: call assemble and "
+          "pgs with them first (or step)");
   for_worlds("gsp::constraint::contact_forces", exec, rows.worlds,
              detail::WriteContactForces<R, Mem>{contacts, impulses_of<ContactRows<R, Mem>>(rows, impulses), force, R(1) / model.timestep});
 }

@@ -7,6 +7,13 @@ namespace gsp {
 
 inline constexpr int most_constraint_types = 32;
 
+namespace detail {
+struct ImpulsesStamp {
+  std::uint64_t rows = 0;  // RowsStamp::made of the rows that they are for
+  bool solved = false;     // or only what a solver starts from
+};
+}  // namespace detail
+
 /// Impulses of all rows by parity: a step writes its own side while it looks up the last step's on the other one, by identity.
 template <class R, class Mem>
 struct Impulses {
@@ -15,11 +22,12 @@ struct Impulses {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0;
-  View<R*> p[2];                        // (capacity) [N s], beside Rows::row
-  View<std::uint64_t*> id[2];           // (capacity) place of the type, identity of the element
-  View<int*> first[2], count[2];        // (worlds) where a world's lie
-  View<std::uint32_t* [2]> type_names;  // (types, parity) name of the type at each place; 0 after the last
-  View<int> parity, solved;             // side of this step; whether it has been solved for
+  View<R*> p[2];                                     // (capacity) [N s], beside Rows::row
+  View<std::uint64_t*> id[2];                        // (capacity) place of the type, identity of the element
+  View<int*> first[2], count[2];                     // (worlds) where a world's lie
+  View<std::uint32_t* [2]> type_names;               // (types, parity) name of the type at each place; 0 after the last
+  View<int> parity, solved;                          // side of this step; whether it has been solved for
+  detail::SharedStamp<detail::ImpulsesStamp> stamp;  // host: which rows they are for (dynamics/stamps.hpp)
 
   KOKKOS_INLINE_FUNCTION int capacity() const { return int(p[0].extent(0)); }
 };
@@ -52,6 +60,7 @@ Impulses<R, Mem> make_impulses(Exec const& exec, Rows<R, Mem> const& rows) {
     v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, items...);
   };
   i.worlds = rows.worlds;
+  i.stamp = detail::make_stamp<detail::ImpulsesStamp>("gsp::Impulses::stamp");
   for (int side = 0; side < 2; ++side) {
     make(i.first[side], "gsp::Impulses::first", rows.worlds);
     make(i.count[side], "gsp::Impulses::count", rows.worlds);
@@ -62,6 +71,39 @@ Impulses<R, Mem> make_impulses(Exec const& exec, Rows<R, Mem> const& rows) {
   detail::allocate_impulses(exec, i, rows.capacity());
   return i;
 }
+
+/// Says on the host that `impulses` are the solution of `rows`, so that forces may be read. `pgs` does; call it after a solver of your own,
+/// whose kernel sets impulses.solved() = 1 besides, so that the next `assemble` starts from them.
+template <class R, class Mem>
+void set_solved(Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses) {
+  if (impulses.stamp.data()) impulses.stamp() = {rows.stamp.data() ? rows.stamp().made : 0, true};
+}
+
+namespace detail {
+/// Rows that were written, and have not been solved for.
+template <class R, class Mem>
+void leaves_rows(Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, std::uint64_t contacts) {
+  if (rows.stamp.data()) rows.stamp() = {next_moment(), contacts};
+  if (impulses.stamp.data()) impulses.stamp() = {rows.stamp.data() ? rows.stamp().made : 0, false};
+}
+/// A step without constraints: rows that were never written are none, and solved for; those of an earlier step are not this step's.
+template <class R, class Mem>
+void leaves_no_rows(Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses) {
+  if (!rows.stamp.data() || !impulses.stamp.data()) return;
+  impulses.stamp() = {rows.stamp().made, rows.stamp().made == 0};
+}
+/// The impulses are the solution of these rows, as they are now.
+template <class R, class Mem>
+void expects_solved(char const* where, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses) {
+  if (!rows.stamp.data() || !impulses.stamp.data()) return;
+  if (!impulses.stamp().solved)
+    throw std::invalid_argument(std::string(where) + ": the rows have not been solved for since they were last assembled: call pgs first " +
+                                "(or step)");
+  if (impulses.stamp().rows != rows.stamp().made)
+    throw std::invalid_argument(std::string(where) + ": the impulses are of other rows, or of these before they were assembled again: " +
+                                "call pgs with both first (or step)");
+}
+}  // namespace detail
 
 /// Enlarges the pools by half beyond what the last `assemble` needed, where it did not fit, and lets the step be repeated (halt = 0).
 /// Impulses for the warm start are kept. Fences `exec`. Returns whether anything grew.
@@ -75,6 +117,7 @@ bool grow(Exec const& exec, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Prog
   std::int64_t const room = more_rows ? demand[0] + demand[0] / 2 : 0;
   detail::allocate_rows(exec, rows, room, more_entries ? demand[1] + demand[1] / 2 : 0);
   detail::allocate_impulses(exec, impulses, room);
+  if (impulses.stamp.data()) impulses.stamp().solved = false;
   return true;
 }
 
@@ -111,8 +154,10 @@ struct ElementImpulses {
 };
 
 /// The impulses of constraint type `Type`, of the nth of that type in the list that was assembled; 0 throughout where the list had none.
+/// Errors: std::invalid_argument where nothing has been solved since the rows were last assembled.
 template <class Type, class R, class Mem>
 ElementImpulses<R, Mem> impulses_of(Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, int nth = 0) {
+  detail::expects_solved("gsp::impulses_of", rows, impulses);
   return {rows, impulses, detail::nth_name(detail::type_name<Type>(), nth)};
 }
 

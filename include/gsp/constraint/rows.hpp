@@ -40,6 +40,13 @@ struct Row {
 };
 static_assert(sizeof(Row<float>) == 64, "one cache line");
 
+namespace detail {
+struct RowsStamp {
+  std::uint64_t made = 0;      // which `assemble` has written them; 0: none
+  std::uint64_t contacts = 0;  // and which contacts it has read (ContactsStamp::made); 0: none that gsp has found
+};
+}  // namespace detail
+
 /// What `assemble` writes.
 template <class R, class Mem>
 struct Rows {
@@ -56,6 +63,7 @@ struct Rows {
   View<R*> Y;                  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed
   View<int const*> dof_lists;  // what the segments' lists lie in
+  detail::SharedStamp<detail::RowsStamp> stamp;  // host: which call has written them (dynamics/stamps.hpp)
 
   KOKKOS_INLINE_FUNCTION int capacity() const { return int(row.extent(0)); }
 };
@@ -97,6 +105,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   r.worlds = n;
   r.nv = model.nv;
   r.dof_lists = model.ints;
+  r.stamp = detail::make_stamp<detail::RowsStamp>("gsp::Rows::stamp");
   make(r.first, "gsp::Rows::first", n);
   make(r.count, "gsp::Rows::count", n);
   make(r.largest_element, "gsp::Rows::largest_element", n);

@@ -13,7 +13,7 @@ namespace gsp {
 /// (`copy_dofs(..., &DynamicsLayout::actuator, out)`); the rate of the activations, which integrate takes. `poses` as forward_kinematics
 /// left them; after passive_forces, where a joint counts gravity compensation as its actuator's. Controls and forces are clamped to their
 /// ranges, tendons' and joints' sums to their actuatorfrcrange. An actuator on a body (adhesion) has no force without contacts.
-/// Does not allocate, does not fence.
+/// Does not allocate, does not fence. Errors: std::invalid_argument for poses of another moment than the state, where they are read.
 /// @param laws  of your own (actuator_law.hpp), in the place of gain and bias of the actuators that they drive
 template <ExecutionSpace Exec, class R, class Mem, class... Laws>
 void actuator_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
@@ -23,6 +23,8 @@ void actuator_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>
   detail::expects_actuators("gsp::actuator_forces", model, sizeof...(Laws));
   if (model.nu > 0 && detail::any_archetype(model, [](Archetype const& a) { return a.gravcomp; }))  // an actuator may carry it
     detail::expects_of("gsp::actuator_forces", dynamics, state, detail::set_of(Quantity::passive));
+  bool const reads_poses = detail::any_archetype(model, [](Archetype const& a) { return a.nmoment > 0 || a.spatial; });
+  if (reads_poses) detail::expects_poses_of("gsp::actuator_forces", poses, state, true);
   using Stage = detail::ActuatorStage<State<R, Mem>, Poses<R, Mem>, detail::ActuatorLaws<Laws...>>;
   for_lanes("gsp::dynamics::actuator_forces", exec, model, dynamics, Stage{state, poses, detail::actuator_laws(laws...)});
   detail::leaves(dynamics, state,
@@ -30,8 +32,7 @@ void actuator_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>
                                 Quantity::activation_rate, Quantity::actuator));
   detail::begins(dynamics, state, Quantity::implicit);
   detail::continues(dynamics, state, Quantity::derivative, 2);
-  if (detail::any_archetype(model, [](Archetype const& a) { return a.nmoment > 0 || a.spatial; }))
-    detail::writes_some(dynamics, state, detail::set_of(Quantity::motion));
+  if (reads_poses) detail::writes_some(dynamics, state, detail::set_of(Quantity::motion));
 }
 
 }  // namespace gsp

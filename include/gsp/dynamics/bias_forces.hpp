@@ -8,12 +8,14 @@ namespace gsp {
 
 /// Bias forces c(q, v) - J^T m g of every tree, in dynamics.items (`copy_dofs` copies them out), so that M qacc + bias = applied forces.
 /// In profile `stable` a free body's gyroscopic part is left out: its angular momentum is carried by integrate
-/// (docs/dynamics/integrate.md). Cost about 250 flop a body. Does not allocate, does not fence.
+/// (docs/dynamics/integrate.md). Cost about 250 flop a body. Does not allocate, does not fence. Errors: std::invalid_argument for poses of
+/// another moment than the state.
 template <ExecutionSpace Exec, class R, class Mem>
 void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                  Dynamics<R, Mem>& dynamics) {
   Region const region("gsp::dynamics::bias_forces");
   detail::expects_fit("gsp::bias_forces", model, state, dynamics, poses);
+  detail::expects_poses_of("gsp::bias_forces", poses, state, true);
   for_lanes("gsp::dynamics::bias_forces", exec, model, dynamics, detail::BiasStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
   detail::leaves(dynamics, state, detail::set_of(Quantity::motion, Quantity::velocity, Quantity::bias));
   detail::begins(dynamics, state, Quantity::derivative);

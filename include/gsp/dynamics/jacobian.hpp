@@ -47,6 +47,7 @@ void jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const&
               std::to_string(model.nv) + ")");
   expects_fit("gsp::body_jacobian", model, dynamics, poses);
   expects_together("gsp::body_jacobian", dynamics, set_of(Quantity::motion));
+  expects_poses_with("gsp::body_jacobian", poses, dynamics);
   zero(exec, J);
   for_world_lanes<R>("gsp::dynamics::jacobian", exec, dynamics.worlds, 1,
                      PointJacobian<R, Mem, View>{model, poses, dynamics, body, point, field, item, J});
@@ -56,7 +57,7 @@ void jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const&
 /// Jacobian of the point `local` (body frame) of a body: J (world, 6, nv), rows 0-2 velocity of the point, 3-5 angular velocity, in world
 /// axes. After smooth_dynamics (or forward_kinematics and mass_matrix), at `poses`. Cost 20 flop a dof that moves the body.
 /// Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics hold no motions of the dofs, or those of the state
-/// before its last step.
+/// before its last step, or the poses are of another moment.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void body_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
                    std::type_identity_t<Vec3<R>> const& local, View& J) {

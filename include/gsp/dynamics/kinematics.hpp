@@ -32,6 +32,7 @@ void forward_kinematics(Exec const& exec, Model<R, Mem> const& model, State<R, M
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
   for_lanes("gsp::dynamics::forward_kinematics", exec, model, dynamics,
             detail::KinematicsStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
+  detail::leaves_poses(poses, state, true);
 }
 
 }  // namespace gsp

@@ -11,12 +11,14 @@
 namespace gsp {
 
 /// Mass matrix of every tree at `poses`, in dynamics.items (blocked; `dense_mass_matrix` copies it out); also com and cdof, which Jacobians
-/// need. Cost about 60 flop a dof and 11 an entry. Does not allocate, does not fence.
+/// need. Cost about 60 flop a dof and 11 an entry. Does not allocate, does not fence. Errors: std::invalid_argument for poses of another
+/// moment than the state (stamps.hpp).
 template <ExecutionSpace Exec, class R, class Mem>
 void mass_matrix(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                  Dynamics<R, Mem>& dynamics) {
   Region const region("gsp::dynamics::mass_matrix");
   detail::expects_fit("gsp::mass_matrix", model, state, dynamics, poses);
+  detail::expects_poses_of("gsp::mass_matrix", poses, state, true);
   for_lanes("gsp::dynamics::mass_matrix", exec, model, dynamics, detail::MassMatrixStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
   detail::leaves(dynamics, state, detail::set_of(Quantity::motion, Quantity::mass));
   if (detail::any_archetype(model, [](Archetype const& a) { return a.tendon_armature; }))

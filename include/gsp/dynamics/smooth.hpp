@@ -87,6 +87,7 @@ void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>
             Stage{state, poses, options, keep_mass, detail::actuator_laws(laws...)});
   detail::loses(dynamics, detail::all_quantities);
   detail::leaves(dynamics, state, detail::left_by_smooth(options.keep_all, keep_mass));
+  detail::leaves_poses(poses, state, options.joint_poses);
   detail::completes(dynamics);
 }
 
@@ -109,6 +110,7 @@ void smooth_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   using Stage = detail::SmoothStepStage<State<R, Mem>, Poses<R, Mem>, detail::ActuatorLaws<Laws...>>;
   for_lanes("gsp::dynamics::smooth_step", exec, model, dynamics, Stage{state, poses, detail::actuator_laws(laws...)});
   detail::loses(dynamics, detail::all_quantities);
+  detail::leaves_poses(poses, state, false);
   detail::moves_on(state);
 }
 

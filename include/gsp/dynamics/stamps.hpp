@@ -2,12 +2,14 @@
 #include <cstdint>
 #include <gsp/core/check.hpp>
 #include <gsp/core/detail/views.hpp>
+#include <gsp/model/detail/stamp.hpp>
+#include <gsp/model/poses.hpp>
 #include <gsp/model/state.hpp>
 #include <string>
 
-/// What the dynamics hold, and of which state: host-side stamps that each stage sets and each reader checks, so that a number which no
-/// stage has left, or which is of another state, is an error on every backend alike. Host integers alone: no allocation, no launch, no
-/// wait.
+/// What the dynamics and the poses hold, and of which state: host-side stamps that each stage sets and each reader checks, so that a number
+/// which no stage has left, or which is of another state, is an error on every backend alike. Host integers alone: no allocation, no
+/// launch, no wait.
 namespace gsp {
 
 /// What the stages leave in Dynamics::items.
@@ -83,26 +85,6 @@ constexpr Quantities left_by_smooth(bool keep_all, bool keep_mass) {
   return left;
 }
 
-/// A state at a moment, which changes whenever gsp moves the state on. A state without a counter has moment 0.
-struct Stamp {
-  void const* qpos = nullptr;  // null: nothing there
-  std::uint64_t moment = 0;
-  int level = 0;                                           // of what several stages add to: how many have
-  Kokkos::View<std::uint64_t, Kokkos::HostSpace> counter;  // the state's
-  bool is_same(Stamp const& o) const { return qpos == o.qpos && moment == o.moment; }
-  bool is_past() const { return counter.data() && counter() != moment; }
-  template <class State>
-  bool is_of(State const& state) const {
-    return qpos == state.qpos.data() && moment == (state.moment.data() ? state.moment() : 0);
-  }
-  template <class State>
-  void set(State const& state) {
-    qpos = state.qpos.data();
-    moment = state.moment.data() ? state.moment() : 0;
-    level = 0;
-    if (counter.data() != state.moment.data()) counter = state.moment;
-  }
-};
 using Stamps = Kokkos::View<Stamp*, Kokkos::HostSpace>;  // (quantities)
 inline Stamps make_stamps() { return Stamps(Kokkos::view_alloc("gsp::Dynamics::stamps", Kokkos::SequentialHostInit), quantities); }
 
@@ -178,8 +160,7 @@ void expects_of(char const* where, Dynamics const& dynamics, State const& state,
     if (!what.has(q.quantity)) continue;
     Stamp const& own = dynamics.stamps(int(q.quantity));
     if (own.is_of(state)) continue;
-    bool const before = own.qpos == state.qpos.data();
-    refuse_quantity(where, q.quantity, before ? "are of the state before its last step or reset" : "are of another state");
+    refuse_quantity(where, q.quantity, own.fault(state.qpos.data()));
   }
 }
 /// All stages that add to it have run once, for this state as it is now.
@@ -187,6 +168,39 @@ template <class Dynamics, class State>
 void expects_complete(char const* where, Dynamics const& dynamics, State const& state, Quantity what, int stages) {
   expects_of(where, dynamics, state, set_of(what));
   if (dynamics.stamps(int(what)).level != stages) refuse_quantity(where, what, "are not complete, or hold a stage twice");
+}
+
+/// Poses that were computed of this state.
+template <class R, class Mem, class State>
+void leaves_poses(Poses<R, Mem> const& poses, State const& state, bool joints) {
+  if (!poses.stamp.data()) return;
+  poses.stamp().bodies.set(state);
+  if (joints) poses.stamp().joints.set(state);
+}
+/// gsp has written them; else they are a user's own, and taken as they are.
+template <class R, class Mem>
+bool is_stamped(Poses<R, Mem> const& poses) {
+  return poses.stamp.data() && poses.stamp().bodies.qpos;
+}
+/// Poses of this state, as it is now: of bodies and, where they are read, of joints.
+template <class R, class Mem, class State>
+void expects_poses_of(char const* where, Poses<R, Mem> const& poses, State const& state, bool joints = false) {
+  if (!is_stamped(poses)) return;
+  auto const& [of_bodies, of_joints] = poses.stamp();
+  if (!of_bodies.is_of(state))
+    throw std::invalid_argument(std::string(where) + ": the poses " + of_bodies.fault(state.qpos.data()) +
+                                ": call forward_kinematics first (or smooth_dynamics)");
+  if (joints && !of_joints.is_of(state))
+    throw std::invalid_argument(std::string(where) + ": the poses of the joints (xanchor, xaxis) " + of_joints.fault(state.qpos.data()) +
+                                ": call forward_kinematics first (or smooth_dynamics(..., {.joint_poses = true}))");
+}
+/// Poses of bodies of the state that the motions in the dynamics are of. After expects_together or expects_of.
+template <class R, class Mem, class Dynamics>
+void expects_poses_with(char const* where, Poses<R, Mem> const& poses, Dynamics const& dynamics) {
+  Stamp const& motion = dynamics.stamps(int(Quantity::motion));
+  if (!is_stamped(poses) || poses.stamp().bodies.is_same(motion)) return;
+  throw std::invalid_argument(std::string(where) + ": the poses and the dynamics are of different states, or of different moments of " +
+                              "one: call smooth_dynamics first (or forward_kinematics and mass_matrix) with these poses");
 }
 }  // namespace detail
 

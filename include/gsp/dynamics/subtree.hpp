@@ -131,12 +131,14 @@ void subtree_com(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> con
 }
 /// Velocity of the centre of mass and angular momentum about it, of every body's subtree (s.linvel, s.angmom). After subtree_com and
 /// smooth_dynamics (or mass_matrix and bias_forces). Cost about 150 flop a body. Does not allocate, does not fence. Errors:
-/// std::invalid_argument where the dynamics do not hold motions and velocities of one state, or those of the state before its last step.
+/// std::invalid_argument where the dynamics do not hold motions and velocities of one state, or those of the state before its last step, or
+/// the poses are of another moment.
 template <ExecutionSpace Exec, class R, class Mem>
 void subtree_momentum(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics,
                       Subtrees<R, Mem>& s) {
   detail::expects_fit("gsp::subtree_momentum", model, dynamics, poses);
   detail::expects_together("gsp::subtree_momentum", dynamics, detail::set_of(Quantity::motion, Quantity::velocity));
+  detail::expects_poses_with("gsp::subtree_momentum", poses, dynamics);
   detail::expects_rows("gsp::subtree_momentum", "subtrees.com", s.com, dynamics.worlds, model.nbody);
   for_world_lanes<R>("gsp::dynamics::subtree_momentum", exec, int(s.com.extent(0)), 1,
                      detail::SubtreeMomentum<R, Mem>{model, poses, dynamics, s});

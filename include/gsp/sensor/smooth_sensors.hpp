@@ -360,7 +360,7 @@ struct SmoothSensors {
 /// data (world, nsensordata): the numbers of all sensors of the table, at sensor_adr; what others have there stays as it is.
 /// After smooth_dynamics with keep_all, which left `poses` and `dynamics`. Noise is not added. Cost up to 20 flop a dof above a frame.
 /// Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics do not hold what these sensors read, of this state
-/// as it is now (without keep_all: energies, velocities of tendons, velocities and forces of actuators).
+/// as it is now (without keep_all: energies, velocities of tendons, velocities and forces of actuators), or the poses are of before.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                     Dynamics<R, Mem> const& dynamics, Sensors<R, Mem>& sensors, View& data) {
@@ -372,6 +372,7 @@ void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> 
   expects(dynamics.worlds == sensors.worlds, "gsp::smooth_sensors: dynamics and sensors have different numbers of worlds");
   detail::expects_fit("gsp::smooth_sensors", model, state, dynamics, poses);
   detail::expects_of("gsp::smooth_sensors", dynamics, state, sensors.needs);
+  detail::expects_poses_of("gsp::smooth_sensors", poses, state);
   if (sensors.subtrees.com.data()) subtree_com(exec, model, poses, sensors.subtrees);
   if (sensors.momenta) subtree_momentum(exec, model, poses, dynamics, sensors.subtrees);
   if (sensors.energy.data()) energies(exec, model, state, poses, dynamics, sensors.energy);

@@ -34,6 +34,7 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
       lockstep = true;
     }
   for_worlds("gsp::solver::pgs", exec, rows.worlds, detail::PgsWorld<R, Mem>{rows, impulses, solution, progress, options, lockstep});
+  set_solved(rows, impulses);
 }
 
 }  // namespace gsp

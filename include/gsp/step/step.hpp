@@ -101,6 +101,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   auto const laws = detail::all_of_laws<true>(more...);
   auto const types = detail::all_of_laws<false>(more...);
   constexpr bool own_types = (!ActuatorLaw<More> || ...);
+  detail::leaves_no_rows(sim.rows, sim.impulses);  // assemble says otherwise where the step has some
   if (detail::has_runge_kutta(model)) {
     if constexpr (own_types)
       throw Error(
@@ -135,6 +136,7 @@ int settle(Exec const& exec, Simulation<R, Mem>& sim) {
   exec.fence("gsp::settle: the host reads whether all has fitted");
   if (!halt) return 0;
   detail::zero(exec, sim.progress.skipped);
+  if (sim.impulses.stamp.data()) sim.impulses.stamp().solved = false;  // the steps that are left say so again
   bool const contacts = grow(exec, sim.contacts), rows = grow(exec, sim.rows, sim.impulses, sim.progress);
   if (!contacts && !rows) throw Error("gsp::settle: a step did not fit, and no pool needs to grow: this is a defect of the library");
   return skipped;

@@ -37,6 +37,7 @@ Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& m
   expects(options.points_per_box_pair == 4 || options.points_per_box_pair == 8, "gsp::make_contacts: points_per_box_pair must be 4 or 8");
   Contacts<R, Mem> c;
   c.points_per_box_pair = options.points_per_box_pair;
+  c.stamp = detail::make_stamp<detail::ContactsStamp>("gsp::Contacts::stamp");
   int const worlds = c.worlds = options.worlds;
   auto const make = [&](auto& v, std::string const& label, std::size_t n) {
     v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, n);
@@ -73,6 +74,7 @@ bool grow(Exec const& exec, Contacts<R, Mem>& contacts) {
   std::int64_t const candidates = more(d.candidates, contacts.scratch.candidates.extent(0)),
                      points = more(d.points, contacts.scratch.points.extent(0));
   detail::allocate_contacts(contacts, candidates, points, more(d.contacts, contacts.dist.extent(0)));
+  if (contacts.stamp.data()) contacts.stamp().made = detail::next_moment();
   return true;
 }
 

@@ -4,6 +4,7 @@
 #include <gsp/collision/narrowphase.hpp>
 #include <gsp/core/status.hpp>
 #include <gsp/fwd.hpp>
+#include <gsp/model/detail/stamp.hpp>
 
 /// Kernels of gsp/collision/contacts.hpp, where the contract stands, and what they keep between them.
 namespace gsp::detail {
@@ -30,6 +31,10 @@ struct ContactScratch {
   Kokkos::View<ContactPoint<R>*, Mem> points;
   Kokkos::View<std::uint8_t*, Mem> lost;   // (worlds) candidates did not fit
   Kokkos::View<std::int64_t*, Mem> total;  // (3) candidates, points, contacts that were needed
+};
+struct ContactsStamp {
+  Stamp poses;             // what they were found at
+  std::uint64_t made = 0;  // which call has written them; 0: none of gsp
 };
 
 /// Counts the candidates of the items before, then writes this item's.

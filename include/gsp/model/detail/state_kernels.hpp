@@ -1,19 +1,14 @@
 #pragma once
-#include <atomic>
 #include <cstdint>
 #include <gsp/core/detail/views.hpp>
 #include <gsp/fwd.hpp>
+#include <gsp/model/detail/stamp.hpp>
 #include <gsp/model/model.hpp>
 #include <string>
 
 /// Kernels and arrays of gsp/model/state.hpp, where the contract stands.
 namespace gsp::detail {
 
-/// A number that no state has had before.
-inline std::uint64_t next_moment() {
-  static std::atomic<std::uint64_t> last{0};
-  return ++last;
-}
 /// The state moves on: what was computed of it is of the state before.
 template <class R, class Mem>
 void moves_on(State<R, Mem> const& s) {
