@@ -21,7 +21,9 @@ struct SplitPositions {
   }
 };
 
-inline SimulationOptions simulation_options(StepperOptions const& o) { return {.worlds = o.worlds, .approximate = o.approximate}; }
+inline SimulationOptions simulation_options(StepperOptions const& o) {
+  return {.worlds = o.worlds, .approximate = o.approximate, .cone = o.box_friction ? FrictionCone::box : FrictionCone::elliptic};
+}
 
 template <class R, class Exec>
 Model<R, typename Exec::memory_space> make_runtime_model(Exec const& exec, CompiledModel const& m, StepperOptions const& o) {
@@ -39,6 +41,7 @@ class KokkosStepper : public Stepper {
         simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
         timestep_(o.timestep > 0 ? o.timestep : m.option.timestep) {
     if (o.iterations > 0) solver_.iterations = o.iterations;
+    solver_.tolerance = static_cast<float>(o.tolerance);
   }
 
   double timestep() const override { return timestep_; }

@@ -26,7 +26,16 @@ Option package_option() {
 }
 
 gsp::CompiledModel load_model(std::string const& path, Arguments const& arguments) {
-  return compile_model(describe_model(path, arguments, false), arguments.has("--approximate"));
+  auto description = describe_model(path, arguments, false);
+  auto& o = description.option;
+  for (auto const& what : arguments.list("--disable", {"constraint", "contact", "limit", "equality", "friction"}, {})) {
+    if (what == "constraint") o.constraint = false;
+    if (what == "contact") o.contact = false;
+    if (what == "limit") o.limit = false;
+    if (what == "equality") o.equality = false;
+    if (what == "friction") o.frictionloss = false;
+  }
+  return compile_model(description, arguments.has("--approximate"));
 }
 gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals) {
   return describe_model(path, arguments, list_refusals, arguments.has("--skip-visuals"), arguments.has("--approximate"));

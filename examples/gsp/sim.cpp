@@ -18,6 +18,8 @@ int run(Arguments const& a) {
   options.worlds = static_cast<int>(a.integer("--worlds", 1, 1, 1 << 24));
   options.timestep = a.real("--timestep", 0, 0, 10);
   options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
+  options.tolerance = a.real("--tolerance", options.tolerance, 0, 1);
+  options.box_friction = a.choice("--cone", {"box", "elliptic"}, "elliptic") == "box";
   options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco";
   options.approximate = a.has("--approximate");
   bool const in_double = a.choice("--precision", {"float", "double"}, "float") == "double";
@@ -151,6 +153,10 @@ Command sim_command() {
        {"--start", "F.npz", "start from the last entry of a trace: time (T), qpos (T,N,nq), qvel (T,N,nv); N = 1 is given to all worlds"},
        {"--ctrl", "F.npy", "controls (K,nu) or (K,N,nu), one row a step; without it those of the keyframe, else 0"},
        {"--iterations", "I", "most sweeps of the solver a step; without it the library's default"},
+       {"--tolerance", "T",
+        "a world stops to sweep when no rate changes by more than T times what gravity does in a step, 1e-3; 0: after all sweeps"},
+       {"--cone", "box|elliptic", "friction along the two tangents: each by itself, or together in a disc (without the option)"},
+       {"--disable", "LIST", "of constraint, contact, limit, equality, friction (of joints and tendons), with commas: left out"},
        {"--profile", "mujoco|stable",
         "mujoco: as the file says, for what is covered; stable (without the option): rigid friction, implicit joints"},
        {"--precision", "float|double", "float without the option"},

@@ -112,7 +112,6 @@ for command in "sim" "info"; do
   refused "empty.xml" -- $command empty.xml
 done
 refused "mesh.xml" -- sim mesh.xml
-refused "condim.xml:14" "condim" "--approximate" -- sim condim.xml
 refused "is not a regular file" -- sim .
 refused "no keyframe 'upright'" "tilted" -- sim cart.xml --keyframe upright
 refused "no keyframe '1'" -- sim cart.xml --keyframe 1

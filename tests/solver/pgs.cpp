@@ -73,6 +73,59 @@ struct MixedElements {
   }
   KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
+/// Elements of 3 to 6 rows with friction in ellipses: behind its normal, before it, beside a row of its own, twice in an element; and, of
+/// three rows too, in a box, so that lanes of a pack differ.
+struct EllipseElements {
+  int n, more, dofs;
+  bool mixed;                                              // else of three rows alone
+  KOKKOS_FUNCTION static int normal_of(int kind, int row)  // -1: a normal
+  {
+    constexpr int table[5][6] = {{-1, 0, 0, 0, 0, 0}, {2, 2, -1, 0, 0, 0}, {-1, 0, 0, 0, 0, 0}, {-1, 0, 0, 0, 0, 0}, {-1, 0, 0, 0, 0, 0}};
+    return table[kind][row];
+  }
+  KOKKOS_FUNCTION static bool with_next(int kind, int row) {
+    constexpr int table[5][6] = {{0, 1, 0, 0, 0, 0}, {1, 0, 0, 0, 0, 0}, {0, 0, 0, 0, 0, 0}, {0, 1, 0, 0, 0, 0}, {0, 1, 0, 0, 1, 0}};
+    return table[kind][row] != 0;
+  }
+  KOKKOS_FUNCTION int kind(int world, int k) const { return (k + world) % (mixed ? 5 : 3); }
+  KOKKOS_FUNCTION int count(int world) const { return n + (world % 2 ? more : 0); }
+  KOKKOS_FUNCTION int rows(int world, int k) const {
+    constexpr int table[] = {3, 3, 3, 4, 6};
+    return table[kind(world, k)];
+  }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int world, int k, int row, Row&& J) const {
+    for (int i = 0; i < dofs; ++i) J.set_dof(i, RandomRows::random(world, k, row, i));
+    return 0;
+  }
+  KOKKOS_FUNCTION gsp::RowLaw<double> law(int world, int k, int row, double, double u, double) const {
+    bool const normal = normal_of(kind(world, k), row) < 0;
+    return {0.05 + 0.02 * RandomRows::random(world, k, 7, row), normal ? 1 + RandomRows::random(world, k, 8, row) : k % 2 ? u : 0.};
+  }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int k, int row) const {
+    int const normal = normal_of(kind(world, k), row);
+    if (normal < 0) return {0, 1e300};
+    return {0, 0, normal, 0.1 + 0.5 * ((row + k) % 3), with_next(kind(world, k), row)};
+  }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
+};
+/// Two rows of friction together that are none: the last of an element, of different normals, three in a row, one the other's normal.
+struct WrongEllipse {
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  KOKKOS_FUNCTION int rows(int, int) const { return 4; }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int, int, int row, Row&& J) const {
+    J.set_dof(row % 2, 1.);
+    return 0;
+  }
+  KOKKOS_FUNCTION gsp::RowLaw<double> law(int, int, int, double, double, double) const { return {1., 0.}; }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int, int row) const {
+    constexpr int normal[5][4] = {{-1, 0, 0, 0}, {-1, -1, 0, 1}, {-1, 0, 0, 0}, {1, -1, 0, 0}, {-1, 0, 0, 0}};
+    constexpr bool with_next[5][4] = {{0, 0, 0, 1}, {0, 0, 1, 0}, {0, 1, 1, 0}, {1, 0, 0, 0}, {0, 1, 0, 0}};  // the last is right
+    return {0, 1, normal[world][row], .5, with_next[world][row]};
+  }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
+};
 /// One row whose friction names itself.
 struct OwnFriction {
   KOKKOS_FUNCTION int count(int) const { return 1; }
@@ -94,6 +147,8 @@ struct Dense {
   int n = 0;
   std::vector<double> A, b, lower, upper, mu, p;
   std::vector<int> friction_of, element_rows;
+  std::vector<bool> with_next;
+  double at(int i, int j) const { return A[i * n + j]; }
   double w(std::vector<double> const& x, int i) const {
     double sum = b[i];
     for (int j = 0; j < n; ++j) sum += A[i * n + j] * x[j];
@@ -101,6 +156,27 @@ struct Dense {
   }
   double low(std::vector<double> const& x, int i) const { return friction_of[i] < 0 ? lower[i] : -mu[i] * std::abs(x[friction_of[i]]); }
   double high(std::vector<double> const& x, int i) const { return friction_of[i] < 0 ? upper[i] : mu[i] * std::abs(x[friction_of[i]]); }
+  bool in_ellipse(int i) const { return with_next[i] || (i > 0 && with_next[i - 1]); }
+  /// Impulse of row i, or of rows i and i + 1 of an ellipse, after a projection; step: by what rates are divided.
+  struct Next {
+    double p[2], step[2];
+  };
+  Next next(std::vector<double> const& x, int i) const {
+    if (!with_next[i]) return {{std::clamp(x[i] - w(x, i) / at(i, i), low(x, i), high(x, i)), 0}, {1 / at(i, i), 0}};
+    double const m[2] = {mu[i], mu[i + 1]};
+    double const a = m[0] * m[0] * at(i, i), b = m[1] * m[1] * at(i + 1, i + 1), c = m[0] * m[1] * (at(i, i + 1));
+    double const largest = (a + b + std::sqrt((a - b) * (a - b) + 4 * c * c)) / 2;
+    Next out;
+    double length = 0;
+    for (int k = 0; k < 2; ++k) {
+      out.step[k] = m[k] * m[k] / largest;
+      out.p[k] = x[i + k] - out.step[k] * w(x, i + k);
+      length = std::hypot(length, out.p[k] / m[k]);
+    }
+    double const scale = std::fmin(1, std::abs(x[friction_of[i]]) / length);
+    for (double& p : out.p) p *= scale;
+    return out;
+  }
 };
 
 template <class S>
@@ -125,6 +201,7 @@ Dense dense(S const& s, int world) {
         y[i][r.segment[k].dof0 + (r.segment[k].list < 0 ? e : ints(r.segment[k].list + e))] = Y(at);
     d.b.push_back(r.bias), d.lower.push_back(r.lower), d.upper.push_back(r.upper), d.mu.push_back(r.mu),
         d.friction_of.push_back(r.friction_of < 0 ? -1 : element + r.friction_of), d.p.push_back(p(first(world) + i));
+    d.with_next.push_back(r.with_next);
   }
   d.A.resize(std::size_t(d.n) * d.n);
   for (int i = 0; i < d.n; ++i)
@@ -192,9 +269,11 @@ std::vector<std::vector<double>> enumerate(Dense const& d) {
 /// Largest change that one more projection of a row would make to its rate.
 double violation(Dense const& d) {
   double worst = 0;
-  for (int i = 0; i < d.n; ++i)
-    worst = std::fmax(
-        worst, std::abs(std::clamp(d.p[i] - d.w(d.p, i) / d.A[i * d.n + i], d.low(d.p, i), d.high(d.p, i)) - d.p[i]) * d.A[i * d.n + i]);
+  for (int i = 0; i < d.n; ++i) {
+    if (i > 0 && d.with_next[i - 1]) continue;
+    auto const next = d.next(d.p, i);
+    for (int k = 0; k < (d.with_next[i] ? 2 : 1); ++k) worst = std::fmax(worst, std::abs(next.p[k] - d.p[i + k]) / next.step[k]);
+  }
   return worst;
 }
 
@@ -209,7 +288,12 @@ std::vector<double> gauss_seidel(Dense const& d, bool by_size, int sweeps) {
     }
   std::vector<double> p(d.n, 0.);
   for (int sweep = 0; sweep < sweeps; ++sweep)
-    for (int i : order) p[i] = std::clamp(p[i] - d.w(p, i) / d.A[i * d.n + i], d.low(p, i), d.high(p, i));
+    for (int i : order) {
+      if (i > 0 && d.with_next[i - 1]) continue;
+      auto const next = d.next(p, i);
+      p[i] = next.p[0];
+      if (d.with_next[i]) p[i + 1] = next.p[1];
+    }
   return p;
 }
 
@@ -226,7 +310,7 @@ TEST_CASE_TEMPLATE("impulses are those of the enumeration of active sets", Exec,
   gsp_test::randomise(c, s.state);
   int inside = 0, bound = 0;
   for (bool contacts : {false, true}) {
-    s.solver = {.iterations = 200000, .tolerance = 1e-13f, .residual = true};
+    s.solver = {.iterations = 200000, .tolerance = 5e-12f, .residual = true};
     test_types::RandomRows const type{contacts ? 2 : 6, contacts, 6, 0.5, 0};
     s.assemble(type);
     s.solve(s.solver);
@@ -306,14 +390,14 @@ TEST_CASE_TEMPLATE("friction follows the row that it names", Exec, GSP_TEST_EXEC
   for (auto [sweeps, most] : {std::array{6, 6}, std::array{6, 3}, std::array{200000, 6}, std::array{200000, 3}}) {
     Loop<double, Exec> s(c, 6);
     gsp_test::randomise(c, s.state);
-    test_types::MixedElements const type{most == 3 ? 12 : 7, most == 3 ? 90 : 53, 10, most};
+    test_types::MixedElements const type{most == 3 ? 12 : 7, sweeps > 6 ? 0 : most == 3 ? 90 : 53, 10, most};
     s.assemble(type);
     if (s.grow()) s.assemble(type);
-    s.solve({.iterations = sweeps, .tolerance = sweeps == 6 ? 0.f : 1e-12f, .residual = true});
+    s.solve({.iterations = sweeps, .tolerance = sweeps == 6 ? 0.f : 5e-11f, .accelerate = false, .residual = true});
     auto const residual = gsp_test::host(s.solution.residual);
     for (int w = 0; w < 6; ++w) {
       auto const d = dense(s, w);
-      REQUIRE(d.n >= (w % 2 ? 190 : 20));
+      REQUIRE(d.n >= (w % 2 && sweeps == 6 ? 190 : 20));
       if (sweeps == 6) {
         bool const lockstep = w % 2 == 0 && most == 3 && !gsp::is_device<Exec>;
         auto const p = gauss_seidel(d, lockstep, sweeps);
@@ -329,7 +413,7 @@ TEST_CASE_TEMPLATE("friction follows the row that it names", Exec, GSP_TEST_EXEC
           second += d.friction_of[i] < i && i + 1 - d.friction_of[i] > 2 && d.friction_of[d.friction_of[i] + 1] < 0;
           held += std::abs(d.p[i]) >= d.mu[i] * std::abs(d.p[d.friction_of[i]]);
         }
-      } else if (w % 2 == 0) {
+      } else {
         CHECK(violation(d) < 1e-9);
       }
     }
@@ -338,6 +422,65 @@ TEST_CASE_TEMPLATE("friction follows the row that it names", Exec, GSP_TEST_EXEC
   CHECK(ahead > 20);
   CHECK(second > 20);  // with another normal between: the last normal before it is not its own
   CHECK(held > 20);
+}
+
+// Friction in an ellipse, on all paths, in elements of 3 to 6 rows: six sweeps equal six sweeps over the dense problem (1e-10, as above).
+// Converged, each ellipse has its law: rates 0 inside of it; on its edge p_i = -s mu_i^2 w_i with one s >= 0 for both rows, which is
+// friction against the slip. Rates are solved to 1e-12, impulses are of 10: 1e-9.
+TEST_CASE_TEMPLATE("friction in an ellipse", Exec, GSP_TEST_EXECS) {
+  auto const c = two_trees();
+  int inside = 0, sliding = 0;
+  for (bool mixed : {false, true})
+    for (auto [sweeps, elements] : {std::array{6, 7}, std::array{200000, 3}, std::array{200000, 1}}) {
+      Loop<double, Exec> s(c, 6);
+      gsp_test::randomise(c, s.state);
+      test_types::EllipseElements const type{elements, sweeps > 6 ? 0 : 50, 10, mixed};
+      s.assemble(type);
+      if (s.grow()) s.assemble(type);
+      s.solve({.iterations = sweeps, .tolerance = sweeps == 6 ? 0.f : 5e-11f, .accelerate = sweeps > 6, .residual = true});
+      auto const residual = gsp_test::host(s.solution.residual);
+      for (int w = 0; w < 6; ++w) {
+        auto const d = dense(s, w);
+        CAPTURE(w);
+        CAPTURE(mixed);
+        REQUIRE(d.n >= (w % 2 && sweeps == 6 ? 150 : 3 * elements));
+        if (sweeps == 6) {
+          auto const p = gauss_seidel(d, false, sweeps);
+          double worst = 0;
+          for (int i = 0; i < d.n; ++i) worst = std::fmax(worst, std::abs(p[i] - d.p[i]));
+          CHECK(worst < 1e-10);
+          CHECK(std::abs(residual(w) - violation(d)) < 1e-9);
+          continue;
+        }
+        CAPTURE(gsp_test::host(s.solution.iterations)(w));
+        CHECK(violation(d) < 1e-9);
+        for (int i = 0; i < d.n; ++i) {
+          if (!d.with_next[i]) continue;
+          double const normal = std::abs(d.p[d.friction_of[i]]), m[2] = {d.mu[i], d.mu[i + 1]}, rate[2] = {d.w(d.p, i), d.w(d.p, i + 1)};
+          double const length = std::hypot(d.p[i] / m[0], d.p[i + 1] / m[1]);
+          CHECK(length < normal + 1e-9);
+          if (length < normal - 1e-9) {
+            CHECK(std::fmax(std::abs(rate[0]), std::abs(rate[1])) < 1e-9);
+            ++inside;
+          } else if (normal > 1e-6) {
+            double const along[2] = {m[0] * m[0] * rate[0], m[1] * m[1] * rate[1]};
+            CHECK(std::abs(d.p[i] * along[1] - d.p[i + 1] * along[0]) < 1e-9);
+            CHECK(d.p[i] * along[0] + d.p[i + 1] * along[1] < 1e-9);
+            ++sliding;
+          }
+        }
+      }
+    }
+  MESSAGE(inside << " stick, " << sliding << " slide");
+  CHECK(inside > 2);
+  CHECK(sliding > 20);
+}
+
+TEST_CASE_TEMPLATE("rows together that cannot be are refused", Exec, GSP_TEST_EXECS) {
+  Loop<double, Exec> s(gsp::compile(gsp_test::sliders(2, 2)), 5);
+  s.step(1, test_types::WrongEllipse{});
+  auto const status = gsp_test::host(s.state.status);
+  for (int w = 0; w < 5; ++w) CHECK(status(w) == (w < 4 ? gsp::status::row_refused : 0u));
 }
 
 TEST_CASE_TEMPLATE("friction of a row that the element does not have is refused", Exec, GSP_TEST_EXECS) {
@@ -357,7 +500,7 @@ TEST_CASE_TEMPLATE("a world stops when it has converged", Exec, GSP_TEST_EXECS) 
   Loop<double, Exec> s(c, 4);
   gsp_test::randomise(c, s.state);
   test_types::RandomRows const type{5, false, 8, 0, 0};
-  gsp::PgsOptions const options{.iterations = 100000, .tolerance = 1e-9f};
+  gsp::PgsOptions const options{.iterations = 100000, .least = 1, .tolerance = 5e-8f};
   s.assemble(type);
   s.solve(options);
   auto const cold = gsp_test::snapshot(s.solution.iterations);

@@ -17,13 +17,16 @@ struct RowSegment {
   int list, count, dof0;
 };
 
-/// Which impulses a row may have: between lower and upper, or, where friction_of >= 0, +-mu times the absolute impulse of row `friction_of`
-/// of the same element, which may stand before or after it.
+/// Which impulses a row may have: between lower and upper; or, where friction_of >= 0, +-mu times the absolute impulse of row `friction_of`
+/// of the same element, which may stand before or after it; or, where it goes with the next row, which names the same `friction_of`, the
+/// two together in an ellipse, a disc where their mu are equal:
+///   (p_r / mu_r)^2 + (p_{r+1} / mu_{r+1})^2 <= p_{friction_of}^2
 template <class R>
 struct RowBounds {
   R lower, upper;
   int friction_of = -1;
   R mu = R(0);
+  bool with_next = false;
 };
 
 template <class R>
@@ -31,11 +34,12 @@ struct Row {
   RowSegment segment[2];     // without entries (count = 0) where it touches fewer trees
   std::int64_t first_entry;  // in Rows::Y
   R bias, compliance;        // w = Y z + C p + b
-  R inverse_diagonal;        // 1 / (|Y|^2 + C); 0: nothing that it touches can move
+  R inverse_diagonal;        // 1 / (|Y|^2 + C), of two rows together: a step for both; 0: nothing that it touches can move
   R lower, upper, mu;        // mu < 0: without friction
   int element;               // k of its type
-  short type;                // place of the element's type in the list of types
+  unsigned char type;        // place of the element's type in the list of types
   signed char friction_of;   // row of the element, -1: lower and upper
+  bool with_next;            // bounded together with the next row
   bool same_segments;        // first row of an element: whether all of its rows have the segments of the first
 };
 static_assert(sizeof(Row<float>) == 64, "one cache line");
@@ -57,6 +61,7 @@ struct Rows {
   int worlds = 0, nv = 0;
   View<int*> first, count;                   // (worlds) rows of a world
   View<int*> largest_element;                // (worlds) most rows of an element
+  View<R*> rate_scale;                       // (worlds) what gravity does in a step, |g| h [m/s]; of standard gravity where there is none
   View<std::int64_t*> first_entry, entries;  // (worlds) of Y
   View<Row<R>*> row;                         // (capacity)
   View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
@@ -109,6 +114,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   make(r.first, "gsp::Rows::first", n);
   make(r.count, "gsp::Rows::count", n);
   make(r.largest_element, "gsp::Rows::largest_element", n);
+  make(r.rate_scale, "gsp::Rows::rate_scale", n);
   make(r.first_entry, "gsp::Rows::first_entry", n);
   make(r.entries, "gsp::Rows::entries", n);
   make(r.demand, "gsp::Rows::demand", 2);

@@ -12,7 +12,7 @@ struct CompileOptions {
 /// order of degrees of freedom, trees, pairs of geoms that may touch, named pairs, and what follows from the mass matrix in the initial
 /// pose (invweight0, acc0, lengths of tendons and actuators, data of equality constraints, springdamper, dampratio). Host, double. Cost:
 /// O(pairs of colliding geoms) + O(n^3) for each tree of n degrees of freedom. Errors: gsp::Error "FILE:LINE: what is wrong: remedy";
-/// shapes that can meet and are not covered, and condim 4 and 6, unless `approximate` or the model disables contacts.
+/// shapes that can meet and are not covered, unless `approximate` or the model disables contacts.
 CompiledModel compile(Description const& description, CompileOptions const& options = {});
 
 }  // namespace gsp

@@ -288,7 +288,7 @@ struct CompilerDescription {
   double boundmass = 0, boundinertia = 0, settotalmass = -1;
   bool balanceinertia = false;
   bool fit_aabb = false, discard_visual = false, fuse_static = false, align_free = false;
-  bool approximate = false;  // condim 4 and 6 become 3, and pairs of shapes that are not covered are left out; else both are refused
+  bool approximate = false;  // pairs of shapes that are not covered are left out; else they are refused
 };
 
 /// What was refused, approximated or without effect, one line each, for people.

@@ -6,33 +6,40 @@
 /// a user's own.
 namespace gsp {
 
+/// In which lanes something holds.
+enum class InLanes : unsigned char { none, some, all };
+
 /// The laws of up to N rows, as numbers of type T: a plain one, or a pack with a world a lane.
 template <class T, int N>
 struct ElementLaw {
-  T inverse_diagonal[N];  // 1 / (|Y|^2 + C); 0: the row cannot move, and its bounds are 0
+  T inverse_diagonal[N];  // 1 / (|Y|^2 + C), or the step of two rows together; 0: the row cannot move, and its bounds are 0
   T lower[N], upper[N];   // where mu < 0
   T mu[N];                // friction: +-mu times the absolute impulse of row `normal` of the element
   T normal[N];
+  T with_next[N];            // 1: this row and the next are bounded together, in an ellipse (RowBounds)
   unsigned char normals[N];  // bits of the rows that `normal` names in any of the lanes
+  InLanes ellipse[N];        // where with_next is 1
 };
 
 /// Place b of a law: no row.
 template <class T, int N>
 KOKKOS_INLINE_FUNCTION void clear_law(ElementLaw<T, N>& law, int b) {
-  law.inverse_diagonal[b] = law.lower[b] = law.upper[b] = law.normal[b] = T(0);
+  law.inverse_diagonal[b] = law.lower[b] = law.upper[b] = law.normal[b] = law.with_next[b] = T(0);
   law.mu[b] = T(-1);
   law.normals[b] = 0;
+  law.ellipse[b] = InLanes::none;
 }
-/// Takes a row's law to place b; set(place, value) writes one lane.
-template <class T, int N, class R, class Set>
-KOKKOS_INLINE_FUNCTION void set_law(ElementLaw<T, N>& law, int b, Row<R> const& row, Set const& set) {
-  bool const friction = row.friction_of >= 0;
-  set(law.inverse_diagonal[b], row.inverse_diagonal);
-  set(law.lower[b], row.lower);
-  set(law.upper[b], row.upper);
-  set(law.mu[b], row.mu);
-  set(law.normal[b], R(row.friction_of));
-  if (friction) law.normals[b] |= static_cast<unsigned char>(1 << row.friction_of);
+/// A row's law at place b.
+template <int N, class R>
+KOKKOS_INLINE_FUNCTION void set_law(ElementLaw<R, N>& law, int b, Row<R> const& row) {
+  law.inverse_diagonal[b] = row.inverse_diagonal;
+  law.lower[b] = row.lower;
+  law.upper[b] = row.upper;
+  law.mu[b] = row.mu;
+  law.normal[b] = R(row.friction_of);
+  law.with_next[b] = R(row.with_next);
+  law.normals[b] = static_cast<unsigned char>(row.friction_of >= 0 ? 1 << row.friction_of : 0);
+  law.ellipse[b] = row.with_next ? InLanes::all : InLanes::none;
 }
 
 namespace detail {
@@ -54,6 +61,25 @@ KOKKOS_FORCEINLINE_FUNCTION void unrolled(F const& f) {
   for (int i = 0; i < n; ++i) f(i);
 #endif
 }
+
+/// Absolute impulse of the row that row b's friction hangs on.
+template <int rows, int N, class T>
+KOKKOS_FORCEINLINE_FUNCTION T normal_impulse(ElementLaw<T, N> const& law, int first, int b, T const* p) {
+  T impulse(0);
+  unsigned const normals = law.normals[first + b];
+  unrolled<rows>([&](auto a) {
+    if (normals == 1u << a)
+      impulse = abs(p[first + a]);
+    else if ((normals >> a) & 1u)
+      impulse = select(law.normal[first + b] == T(int(a)), abs(p[first + a]), impulse);
+  });
+  return impulse;
+}
+/// p_b - relaxation w / (|Y_b|^2 + C_b), where w is the row's rate.
+template <int N, class T>
+KOKKOS_FORCEINLINE_FUNCTION T unbounded(ElementLaw<T, N> const& law, int at, T const& w, T const* p, T const& relaxation) {
+  return fma(-relaxation * law.inverse_diagonal[at], w, p[at]);
+}
 }  // namespace detail
 
 /// The impulse that takes row b of an element of (at most) `rows` rows to its bounds or to rest, where its rate is w and the impulses of
@@ -62,19 +88,30 @@ KOKKOS_FORCEINLINE_FUNCTION void unrolled(F const& f) {
 template <int rows, int N, class T>
 KOKKOS_FORCEINLINE_FUNCTION T project_row(ElementLaw<T, N> const& law, int first, int b, T const& w, T const* p, T const& relaxation) {
   int const at = first + b;
-  T const step = fma(-relaxation * law.inverse_diagonal[at], w, p[at]);
-  unsigned const normals = law.normals[at];
-  if (normals == 0) return clamp(step, law.lower[at], law.upper[at]);
-  T bound(0);
-  detail::unrolled<rows>([&](auto a) {
-    if (normals == 1u << a)
-      bound = abs(p[first + a]);
-    else if ((normals >> a) & 1u)
-      bound = select(law.normal[at] == T(int(a)), abs(p[first + a]), bound);
-  });
-  bound = law.mu[at] * bound;
+  T const step = detail::unbounded(law, at, w, p, relaxation);
+  if (law.normals[at] == 0) return clamp(step, law.lower[at], law.upper[at]);
+  T const bound = law.mu[at] * detail::normal_impulse<rows>(law, first, b, p);
   auto const friction = law.mu[at] >= T(0);
   return clamp(step, select(friction, -bound, law.lower[at]), select(friction, bound, law.upper[at]));
+}
+
+/// The same for rows b and b + 1 whose impulses lie in an ellipse: one step for both, so that friction opposes slip, then back along the
+/// ray to the centre of (p_1 / mu_1)^2 + (p_2 / mu_2)^2 <= p_normal^2 in p / mu, which is the nearest point there. At rest mu_i w_i is
+/// antiparallel to p_i / mu_i: the law of largest dissipation.
+/// @param w1, w2  rates of the two rows, of the same impulses
+/// @param p1, p2  out: their impulses
+template <int rows, int N, class T>
+KOKKOS_FORCEINLINE_FUNCTION void project_ellipse(ElementLaw<T, N> const& law, int first, int b, T const& w1, T const& w2, T const* p,
+                                                 T const& relaxation, T& p1, T& p2) {
+  int const at = first + b, to = b + 1 < rows ? at + 1 : at;
+  p1 = detail::unbounded(law, at, w1, p, relaxation);
+  p2 = detail::unbounded(law, to, w2, p, relaxation);
+  T const x = p1 * law.mu[to], y = p2 * law.mu[at], r2 = fma(x, x, y * y);  // mu_1 mu_2 p / mu: no division by a small mu
+  T const radius = law.mu[at] * law.mu[to] * detail::normal_impulse<rows>(law, first, b, p);
+  auto const outside = r2 > radius * radius;
+  T const scale = select(outside, radius / sqrt(select(outside, r2, T(1))), T(1));
+  p1 = scale * p1;
+  p2 = scale * p2;
 }
 
 /// One pass over the rows of the element that begins at place `first` of `law`: each sees what those before it have done.
@@ -85,11 +122,25 @@ KOKKOS_FORCEINLINE_FUNCTION T project_row(ElementLaw<T, N> const& law, int first
 template <int rows, int N, class T, class Coupling>
 KOKKOS_FORCEINLINE_FUNCTION void project_element(ElementLaw<T, N> const& law, int first, Coupling const& coupling, T const& relaxation,
                                                  T* w, T* p, T* d) {
+  T second(0);  // impulse of this row where it has been found together with the row before
   detail::unrolled<rows>([&](auto b) {
-    for (int a = 0; a < b; ++a) w[first + b] = fma(coupling(b, a), d[first + a], w[first + b]);
-    T const next = project_row<rows>(law, first, b, w[first + b], p, relaxation);
-    d[first + b] = next - p[first + b];
-    p[first + b] = next;
+    int const at = first + b, before = b > 0 ? at - 1 : at, to = b + 1 < rows ? at + 1 : at;
+    InLanes const found = b > 0 ? law.ellipse[before] : InLanes::none, ellipse = b + 1 < rows ? law.ellipse[at] : InLanes::none;
+    T next = second;
+    if (found != InLanes::all) {
+      for (int a = 0; a < b; ++a) w[at] = fma(coupling(b, a), d[first + a], w[at]);
+      if (ellipse != InLanes::all) next = project_row<rows>(law, first, b, w[at], p, relaxation);
+      if (found == InLanes::some) next = select(law.with_next[before] > T(0), second, next);
+    }
+    if (ellipse != InLanes::none) {
+      T w2 = w[to], p1, p2;
+      for (int a = 0; a < b; ++a) w2 = fma(coupling(b + 1, a), d[first + a], w2);
+      project_ellipse<rows>(law, first, b, w[at], w2, p, relaxation, p1, p2);
+      next = ellipse == InLanes::all ? p1 : select(law.with_next[at] > T(0), p1, next);
+      second = p2;
+    }
+    d[at] = next - p[at];
+    p[at] = next;
   });
 }
 
@@ -97,11 +148,18 @@ KOKKOS_FORCEINLINE_FUNCTION void project_element(ElementLaw<T, N> const& law, in
 /// projection of any of them would make [m/s, rad/s].
 template <int rows, int N, class T>
 KOKKOS_FORCEINLINE_FUNCTION T element_residual(ElementLaw<T, N> const& law, int first, T const* w, T const* p) {
-  T worst(0);
+  T worst(0), second(0);
   detail::unrolled<rows>([&](auto b) {
-    int const at = first + b;
+    int const at = first + b, before = b > 0 ? at - 1 : at, to = b + 1 < rows ? at + 1 : at;
+    T next = project_row<rows>(law, first, b, w[at], p, T(1));
+    if (b > 0 && law.ellipse[before] != InLanes::none) next = select(law.with_next[before] > T(0), second, next);
+    if (b + 1 < rows && law.ellipse[at] != InLanes::none) {
+      T p1;
+      project_ellipse<rows>(law, first, b, w[at], w[to], p, T(1), p1, second);
+      next = select(law.with_next[at] > T(0), p1, next);
+    }
     auto const movable = law.inverse_diagonal[at] > T(0);
-    T const miss = abs(project_row<rows>(law, first, b, w[at], p, T(1)) - p[at]);
+    T const miss = abs(next - p[at]);
     worst = max(worst, select(movable, miss / select(movable, law.inverse_diagonal[at], T(1)), T(0)));
   });
   return worst;

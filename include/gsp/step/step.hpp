@@ -26,6 +26,7 @@ struct Simulation {
   Solution<R, Mem> solution;
   Progress<Mem> progress;
   RungeKutta<R, Mem> runge_kutta = {};  // integrator RK4 of profile mujoco, else empty
+  FrictionCone cone = FrictionCone::elliptic;
 };
 
 /// The constraint types of MJCF, in the order of their rows.
@@ -35,7 +36,8 @@ using ModelConstraints =
 
 struct SimulationOptions {
   int worlds = 1;
-  bool approximate = false;  // equalities are left out; profile mujoco: box friction stands in for the cones, and Euler for RK4
+  bool approximate = false;  // equalities are left out; profile mujoco: rigid friction stands in for the soft one, and Euler for RK4
+  FrictionCone cone = FrictionCone::elliptic;
 };
 
 struct StepOptions {
@@ -82,6 +84,7 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   sim.impulses = make_impulses(exec, sim.rows);
   sim.solution = make_solution(exec, model, {.worlds = n});
   sim.progress = make_progress(exec);
+  sim.cone = options.cone;
   if (detail::has_runge_kutta(model)) sim.runge_kutta = make_runge_kutta(exec, model, {.worlds = n});
   return sim;
 }
@@ -115,7 +118,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   auto const list = std::apply(
       [&](auto const&... type) {
         return constraints(JointFriction(model), TendonFriction(model), JointLimits(model, state), TendonLimits(model, state),
-                           ContactRows(model, sim.collision, sim.contacts), type...);
+                           ContactRows(model, sim.collision, sim.contacts, sim.cone), type...);
       },
       types);
   static_assert(own_types || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>, "gsp::kernels holds assemble for these types");

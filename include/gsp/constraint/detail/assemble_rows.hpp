@@ -30,6 +30,9 @@ struct CountRows {
     world.single([&] {
       state.status(w) = (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused)) | status;
       rows.largest_element(w) = 3;  // what contacts have
+      Vec3<R> const gravity{model.gravity(w, 0), model.gravity(w, 1), model.gravity(w, 2)};
+      R const g = norm(gravity);
+      rows.rate_scale(w) = model.timestep * (g > R(0) ? g : R(9.81));
     });
     world.sync();
     std::int64_t sizes = world.template sum<std::int64_t>(types.count(w), [&](int e) {
@@ -42,6 +45,11 @@ struct CountRows {
           type.jacobian(w, k, r, structure);
           auto const bounds = type.bounds(w, k, r);
           refused = structure.refused || bounds.friction_of >= n || bounds.friction_of == r;
+          if (bounds.with_next) {
+            bool const there = r + 1 < n && bounds.friction_of >= 0 && bounds.friction_of != r + 1;
+            auto const next = type.bounds(w, k, there ? r + 1 : r);
+            refused = refused || !there || next.with_next || next.friction_of != bounds.friction_of;
+          }
           own += pack_sizes(1, structure.entries());
         }
         own += couplings_of(n);
@@ -202,6 +210,7 @@ struct EmitRows {
                                    RowStructure<R, Mem> const& structure) const {
     Row<R> row;
     row.element = k;
+    row.with_next = false;
     row.same_segments = false;
     row.first_entry = entry;
     for (int s = 0; s < 2; ++s) row.segment[s] = s < structure.segments ? structure.segment(s) : RowSegment{-1, 0, -1};
@@ -231,12 +240,24 @@ struct EmitRows {
     row.lower = R(bounds.lower);
     row.upper = R(bounds.upper);
     row.mu = bounds.friction_of < 0 ? R(-1) : R(bounds.mu);
+    row.with_next = bounds.with_next;
     if (row.inverse_diagonal == R(0)) {  // nothing that it touches can move
       row.friction_of = -1;
       row.mu = R(-1);
       row.lower = row.upper = R(0);
     }
     out = row;
+  }
+  /// Two rows that share an ellipse take one step in the coordinates q = p / mu, where it is a disc: a projected gradient step
+  /// contracts there for a step of 1 / (largest eigenvalue of the two rows' matrix diag(mu) A diag(mu)). Where one of them cannot move, or
+  /// has no friction, the other is alone.
+  KOKKOS_INLINE_FUNCTION static void step_together(Row<R>& first, Row<R>& second, R coupling) {
+    first.with_next = first.mu > R(0) && second.mu > R(0);
+    if (!first.with_next) return;
+    R const ratio = second.mu / first.mu, a = R(1) / first.inverse_diagonal, b = square(ratio) / second.inverse_diagonal;
+    R const half = R(0.5) * (a - b), root = sqrt(square(half) + square(ratio * coupling));
+    first.inverse_diagonal = R(1) / (R(0.5) * (a + b) + root);
+    second.inverse_diagonal = square(ratio) * first.inverse_diagonal;
   }
   /// What belongs to the element as a whole: place in the list of types, couplings, identity, and the impulses to start from.
   KOKKOS_INLINE_FUNCTION void finish(int place, RowId id, int w, int n, int first, std::int64_t couplings) const {
@@ -247,10 +268,12 @@ struct EmitRows {
     R* const coupling = rows.Y.data() + couplings;
     for (int b = 1; b < n; ++b)
       for (int a = 0; a < b; ++a) coupling[couplings_of(b) + a] = row_product(row[a], row[b], rows.Y.data(), rows.dof_lists.data());
+    for (int r = 0; r + 1 < n; ++r)
+      if (row[r].with_next) step_together(row[r], row[r + 1], coupling[couplings_of(r + 1) + r]);
     int const now = impulses.parity(), last = state.steps(w) > 0 ? last_row(w, place, id) : -1;
     std::uint64_t const key = row_key(place, id), old = last < 0 ? 0 : impulses.id[1 - now](last);
     for (int r = 0; r < n; ++r) {
-      row[r].type = short(place);
+      row[r].type = static_cast<unsigned char>(place);
       impulses.id[now](first + r) = key;
       bool const known =
           last >= 0 && last + r < impulses.first[1 - now](w) + impulses.count[1 - now](w) && impulses.id[1 - now](last + r) == old;

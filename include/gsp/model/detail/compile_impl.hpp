@@ -53,15 +53,13 @@ class Compiler : public ConstantsCompiler {
     masses();
   }
 
-  // Shapes and condim are judged where the model has contacts at all.
+  // Shapes are judged where the model has contacts at all.
   bool has_contacts() const { return d_.option.contact && d_.option.constraint; }
 
   // Two geoms that may touch in any case, by their own numbers: nothing is mixed from the geoms. The geom of the earlier body comes first.
   void named_pairs() {
     int left_out = 0;
-    int wide = 0;
     PairDescription const* first_left_out = nullptr;
-    PairDescription const* first_wide = nullptr;
     for (std::size_t i = 0; i < d_.pairs.size(); ++i) {
       auto const& p = d_.pairs[i];
       enter(Kind::pair, p.name, int(i), p.place);
@@ -97,22 +95,10 @@ class Compiler : public ConstantsCompiler {
         if (left_out++ == 0) first_left_out = &p;
         continue;
       }
-      if (has_contacts() && pair.condim > 3) {
-        if (!approximate_)
-          fail(p.place, "pair", p.name,
-               "has condim " + std::to_string(pair.condim) +
-                   ", and torsional and rolling friction are not supported yet: use condim 3, or let it be taken as 3 with --approximate "
-                   "(CompileOptions::approximate)");
-        if (wide++ == 0) first_wide = &p;
-        pair.condim = 3;
-      }
       m_.named_pairs.push_back(pair);
     }
     if (left_out > 0)
       note(first_left_out->place, "named pairs whose contact is not supported are left out", left_out, ReportLine::Kind::left_out);
-    if (wide > 0)
-      note(first_wide->place, "named pairs with condim 4 or 6 are taken as condim 3: no torsional or rolling friction", wide,
-           ReportLine::Kind::approximated);
   }
 
   void note(Place const& place, std::string const& text, int count, ReportLine::Kind kind) {
@@ -136,7 +122,7 @@ class Compiler : public ConstantsCompiler {
     std::vector<int> colliding;
     for (int g = 0; g < m_.ngeom; ++g)
       if (m_.geom_contype[g] != 0 || m_.geom_conaffinity[g] != 0) colliding.push_back(g);
-    int left_out = 0, wide = 0;
+    int left_out = 0;
     std::optional<std::array<int, 2>> first_left_out;
     for (std::size_t i = 0; i < colliding.size(); ++i) {
       int const a = colliding[i], body_a = m_.geom_body[a], weld_a = m_.body_weld[body_a];
@@ -160,15 +146,6 @@ class Compiler : public ConstantsCompiler {
           if (!left_out++) first_left_out = {a, b};
           continue;
         }
-        int const condim = m_.geom_priority[a] == m_.geom_priority[b] ? std::max(m_.geom_condim[a], m_.geom_condim[b])
-                                                                      : m_.geom_condim[m_.geom_priority[a] > m_.geom_priority[b] ? a : b];
-        if (judged && condim > 3 && !approximate_) {
-          int const g = m_.geom_condim[a] == condim ? a : b;
-          throw Error(at(places_[g]) + geom_text(g) + " has condim " + std::to_string(condim) +
-                      ", and torsional and rolling friction are not supported yet: use condim 3, or let it be taken as 3 with "
-                      "--approximate (CompileOptions::approximate)");
-        }
-        wide += condim > 3;
         m_.pairs.push_back(pair);
         if (m_.pairs.size() > 50'000'000)
           throw Error(at({}) + "more than 50 million pairs of geoms can meet: keep geoms apart with contype and conaffinity");
@@ -179,19 +156,6 @@ class Compiler : public ConstantsCompiler {
            "pairs of geoms whose contact is not supported are left out, first " + geom_text((*first_left_out)[0]) + " with " +
                geom_text((*first_left_out)[1]),
            left_out, ReportLine::Kind::left_out);
-    if (judged && approximate_) {
-      int changed = 0, first = -1;
-      for (int g = 0; g < m_.ngeom; ++g)
-        if (m_.geom_condim[g] > 3) {
-          m_.geom_condim[g] = 3;
-          first = changed++ ? first : g;
-        }
-      if (wide)
-        note(places_[first],
-             "geoms with condim 4 or 6 are taken as condim 3: no torsional or rolling friction (" + std::to_string(wide) +
-                 " pairs of geoms)",
-             changed, ReportLine::Kind::approximated);
-    }
   }
 
   void keyframes() {

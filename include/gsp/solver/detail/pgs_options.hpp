@@ -4,10 +4,14 @@ namespace gsp {
 
 /// How projected Gauss-Seidel sweeps (solver/pgs.hpp).
 struct PgsOptions {
-  int iterations = 100;     // sweeps at most
-  float tolerance = 1e-6f;  // a world stops when no row changed its rate by more than this in a sweep [m/s, rad/s]; 0: after all sweeps
+  int iterations = 100;  // sweeps at most
+  int least = 4;         // and at least: a world that stopped before it swept would keep a velocity below the tolerance for ever
+  // A world stops when no row changed its rate in a sweep by more than this times what gravity does in a step (Rows::rate_scale); 0: after
+  // all sweeps.
+  float tolerance = 1e-3f;
   float relaxation = 1;
-  bool residual = false;  // also measure solution.residual after the last sweep
+  bool accelerate = true;  // by Anderson's method with two differences (detail/anderson.hpp): half of the sweeps, and less
+  bool residual = false;   // also measure solution.residual after the last sweep
 };
 
 }  // namespace gsp
