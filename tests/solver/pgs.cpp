@@ -156,7 +156,6 @@ struct Dense {
   }
   double low(std::vector<double> const& x, int i) const { return friction_of[i] < 0 ? lower[i] : -mu[i] * std::abs(x[friction_of[i]]); }
   double high(std::vector<double> const& x, int i) const { return friction_of[i] < 0 ? upper[i] : mu[i] * std::abs(x[friction_of[i]]); }
-  bool in_ellipse(int i) const { return with_next[i] || (i > 0 && with_next[i - 1]); }
   /// Impulse of row i, or of rows i and i + 1 of an ellipse, after a projection; step: by what rates are divided.
   struct Next {
     double p[2], step[2];
@@ -277,13 +276,13 @@ double violation(Dense const& d) {
   return worst;
 }
 
-/// Projected Gauss-Seidel row by row from zero; elements in their order, or those of one row first.
-std::vector<double> gauss_seidel(Dense const& d, bool by_size, int sweeps) {
+/// Projected Gauss-Seidel row by row from zero; elements of one row first, else in their order.
+std::vector<double> gauss_seidel(Dense const& d, int sweeps) {
   std::vector<int> order;
-  for (int size = by_size ? 1 : 0; size <= (by_size ? 2 : 0); ++size)
+  for (int size = 1; size <= 2; ++size)
     for (int i = 0; i < d.n; ++i) {
       int const rows = d.element_rows[i];
-      if (rows > 0 && (size == 0 || size == std::min(rows, 2)))
+      if (rows > 0 && size == std::min(rows, 2))
         for (int b = 0; b < rows; ++b) order.push_back(i + b);
     }
   std::vector<double> p(d.n, 0.);
@@ -381,9 +380,8 @@ TEST_CASE_TEMPLATE("worlds of few and of many rows", Exec, GSP_TEST_EXECS) {
 }
 
 // One rule of friction for all paths: a row's bound is mu times the impulse of the row that friction_of names, wherever the two stand in
-// the element. Six sweeps equal six sweeps row by row over the dense problem, which knows nothing of elements but their order: by index,
-// or, in the lockstep of a CPU (few elements of at most three rows), those of one row first. Impulses of 10^2, sums of 250 terms,
-// double: 1e-10. Where few rows converge, no condition is missed.
+// the element. Six sweeps equal six sweeps row by row over the dense problem, which knows nothing of elements but their order. Impulses of
+// 10^2, sums of 250 terms, double: 1e-10. Where few rows converge, no condition is missed.
 TEST_CASE_TEMPLATE("friction follows the row that it names", Exec, GSP_TEST_EXECS) {
   auto const c = two_trees();
   int friction = 0, ahead = 0, second = 0, held = 0;
@@ -399,8 +397,7 @@ TEST_CASE_TEMPLATE("friction follows the row that it names", Exec, GSP_TEST_EXEC
       auto const d = dense(s, w);
       REQUIRE(d.n >= (w % 2 && sweeps == 6 ? 190 : 20));
       if (sweeps == 6) {
-        bool const lockstep = w % 2 == 0 && most == 3 && !gsp::is_device<Exec>;
-        auto const p = gauss_seidel(d, lockstep, sweeps);
+        auto const p = gauss_seidel(d, sweeps);
         double worst = 0;
         for (int i = 0; i < d.n; ++i) worst = std::fmax(worst, std::abs(p[i] - d.p[i]));
         CAPTURE(w);
@@ -445,7 +442,7 @@ TEST_CASE_TEMPLATE("friction in an ellipse", Exec, GSP_TEST_EXECS) {
         CAPTURE(mixed);
         REQUIRE(d.n >= (w % 2 && sweeps == 6 ? 150 : 3 * elements));
         if (sweeps == 6) {
-          auto const p = gauss_seidel(d, false, sweeps);
+          auto const p = gauss_seidel(d, sweeps);
           double worst = 0;
           for (int i = 0; i < d.n; ++i) worst = std::fmax(worst, std::abs(p[i] - d.p[i]));
           CHECK(worst < 1e-10);

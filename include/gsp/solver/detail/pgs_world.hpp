@@ -47,17 +47,18 @@ struct PgsWorld {
           mixing.row(H::before, r) = p[r];
         });
       world.sync();
-      for (int r = 0; r < count;) {
-        Row<R> const* const row = &rows.row(first + r);
-        int const n = rows.element_rows(first + r);
-        if (n == 1)
-          change = max(change, sweep_element<1>(world, row, 1, z, p + r));
-        else if (n == 3 && row->same_segments)
-          change = max(change, sweep_element<3>(world, row, 3, z, p + r));
-        else
-          change = max(change, sweep_element<N>(world, row, n, z, p + r));
-        r += n;
-      }
+      for (int kind = 0; kind < 2; ++kind)  // elements of one row first: the order of the lockstep (pgs_lockstep.hpp)
+        for (int r = 0, n; r < count; r += n) {
+          Row<R> const* const row = &rows.row(first + r);
+          n = rows.element_rows(first + r);
+          if ((n > 1) != kind) continue;
+          if (n == 1)
+            change = max(change, sweep_element<1>(world, row, 1, z, p + r));
+          else if (n == 3 && row->same_segments)
+            change = max(change, sweep_element<3>(world, row, 3, z, p + r));
+          else
+            change = max(change, sweep_element<N>(world, row, n, z, p + r));
+        }
       world.sync();
       again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
       if (again && options.accelerate) mixing.accelerate(world, sweep, p, z);
