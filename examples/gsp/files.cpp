@@ -15,7 +15,8 @@ using gsp::io::detail::fail;
 
 Option skip_visuals_option() { return {"--skip-visuals", "", "leave out visual geoms whose meshes are not read (colliding ones never)"}; }
 Option approximate_option() {
-  return {"--approximate", "", "take condim 4 and 6 as 3 and leave out pairs of shapes that are not covered, instead of refusing the file"};
+  return {"--approximate", "",
+          "leave out equality constraints and let rigid friction stand in for profile mujoco's cones, instead of refusing the model"};
 }
 Option floating_base_option() {
   return {"--floating-base", "", "the root link of a URDF file moves freely (else it is fixed to the world)"};

@@ -20,7 +20,7 @@ inline Double4 random_quat(std::mt19937& random) {
 }
 
 /// `n` free bodies over a floor plane and beside a static box; body k carries one or two of the shapes. Cylinders leave boxes and cylinders
-/// alone (not covered).
+/// alone.
 inline CompiledModel heap(int n, unsigned seed = 1) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> uniform(0.05, 0.2);

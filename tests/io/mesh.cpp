@@ -252,7 +252,7 @@ TEST_CASE("compile refuses meshes that weigh nothing, and says why") {
   CHECK(says(error_of([&] { gsp::compile(d); }), "taken already"));
 }
 
-TEST_CASE("a mesh that could touch something is still refused as a pair") {
+TEST_CASE("a mesh that could touch something has a hull with faces") {
   gsp::Description d;
   d.meshes.push_back(of(tetrahedron()));
   d.bodies[0].geoms.push_back({.type = gsp::ShapeType::plane, .size = {0, 0, 1}});
@@ -262,11 +262,9 @@ TEST_CASE("a mesh that could touch something is still refused as a pair") {
   body.geoms.push_back({.name = "g", .type = gsp::ShapeType::mesh, .mesh = "m"});
   d.bodies.push_back(body);
   add_hulls(d);
-  auto const error = error_of([&] { gsp::compile(d); });
-  CHECK(says(error, "can meet mesh 'g'"));
-  CHECK(says(error, "is not supported"));
-  auto const m = gsp::compile(d, {.approximate = true});
-  CHECK(m.pairs.empty());
-  REQUIRE(m.report.size() == 1);
-  CHECK(m.report[0].kind == gsp::ReportLine::Kind::left_out);
+  auto const m = gsp::compile(d);
+  CHECK(m.pairs.size() == 1);
+  CHECK(m.report.empty());
+  CHECK(m.mesh_hull.at(0).size() == 4);
+  CHECK(m.mesh_hull_faces.at(0).size() == 4);
 }

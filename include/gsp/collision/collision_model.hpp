@@ -85,6 +85,7 @@ struct CollisionModel {
   Kokkos::View<GeomContact<R>*, Mem> collider_contact;  // (colliders) what geoms bring to contacts, shared values
   int value_worlds = 0;                                 // of the fields that are per world; 0: none is
   Kokkos::View<R*, Mem> world_reals;                    // what those lie in
+  bool has_convex_pairs = false;                        // some pairs are of kinds that the convex routine serves
   bool mixes_per_world = false;                         // friction, solref or solimp is per world
 
   /// Contact parameters of a pair in a world: of its own, or mixed from what its geoms have there.
@@ -108,7 +109,7 @@ struct CollisionModel {
 };
 
 /// Takes what collision needs of `m` to the memory of `exec`. Allocates; fences. Cost O(pairs log pairs), 24 bytes a pair.
-/// Errors: a pair of shapes without a narrow-phase function (gsp::Error with the names of the geoms).
+/// Errors: gsp::Error for a pair that cannot collide, such as two planes; `compile` makes none.
 template <class R, ExecutionSpace Exec>
 CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& exec, CompiledModel const& m);
 

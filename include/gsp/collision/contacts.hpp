@@ -4,7 +4,8 @@
 #include <gsp/core/region.hpp>
 #include <gsp/core/status.hpp>
 
-/// Contacts of many worlds in one pool, in the order (world, pair, point). Five kernels, nothing waits for the host:
+/// Contacts of many worlds in one pool, in the order (world, pair, point). Five kernels (six with pairs of the convex routine), nothing
+/// waits for the host:
 ///   place colliders -> mask of near pairs a (chunk, world) -> scan + candidates, bucketed by (shape, shape) -> narrow phase -> scan +
 ///   contacts by world.
 /// A world whose candidates or contacts do not fit has status::contact_overflow and no contacts: `grow` enlarges the pools, then the step
@@ -107,7 +108,10 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
   std::int64_t candidates = std::int64_t(s.candidates.extent(0));
   if constexpr (!is_device<Exec>) candidates = std::min(candidates, std::int64_t(s.total(0)));
   Kokkos::parallel_for("gsp::collision::narrowphase", lightweight(Range(exec, 0, candidates)),
-                       detail::CollideCandidates<R, Mem>{model, s, contacts.points_per_box_pair == 4});
+                       detail::CollideCandidates<R, Mem, false>{model, s, contacts.points_per_box_pair == 4});
+  if (model.has_convex_pairs)
+    Kokkos::parallel_for("gsp::collision::convex_narrowphase", lightweight(Range(exec, 0, candidates)),
+                         detail::CollideCandidates<R, Mem, true>{model, s, contacts.points_per_box_pair == 4});
   Kokkos::parallel_scan("gsp::collision::write_contacts", lightweight(Range(exec, 0, items)),
                         detail::WriteContacts<R, Mem>{model, contacts});
 }

@@ -19,6 +19,13 @@ struct ShapeAsset {
   int const* triangles = nullptr;     // (triangle_count, 3) vertices, counter-clockwise seen from outside
   int const* hull = nullptr;          // (hull_count) vertices of its convex hull
   int vertex_count = 0, triangle_count = 0, hull_count = 0;
+  // its hull's faces and edges, where they are known (face_count > 0)
+  int const* face_first = nullptr;    // (face_count + 1) where a face's corners begin
+  int const* face_corners = nullptr;  // vertices, 3 to 8 a face, counter-clockwise seen from outside; triangles of one plane are one face
+  Vec3<T> const* face_normal = nullptr;  // (face_count) unit, outward
+  int const* neighbor_first = nullptr;   // (hull_count + 1) where the neighbors of a vertex of the hull begin
+  int const* neighbors = nullptr;        // numbers in `hull`
+  int face_count = 0;
   // height field
   T const* elevation = nullptr;  // (rows, columns) 0..1: row along y, column along x
   int rows = 0, columns = 0;

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <gsp/geometry/shape.hpp>
 
-/// The one table of pairs of shapes whose contacts are computed: the compiler of models, the broad and narrow phase, the tests and
+/// The one table of pairs of shapes, all that can meet: the compiler of models, the broad and narrow phase, the tests and
 /// docs/collision/narrowphase.md read it.
 namespace gsp {
 
@@ -21,6 +21,27 @@ enum class PairKind : int {
   capsule_cylinder,
   capsule_box,
   box_box,
+  plane_ellipsoid,
+  plane_mesh,
+  sphere_ellipsoid,
+  sphere_mesh,
+  capsule_ellipsoid,
+  capsule_mesh,
+  ellipsoid_ellipsoid,
+  ellipsoid_cylinder,
+  ellipsoid_box,
+  ellipsoid_mesh,
+  cylinder_cylinder,
+  cylinder_box,
+  cylinder_mesh,
+  box_mesh,
+  mesh_mesh,
+  hfield_sphere,
+  hfield_capsule,
+  hfield_ellipsoid,
+  hfield_cylinder,
+  hfield_box,
+  hfield_mesh,
   none
 };
 
@@ -31,6 +52,7 @@ struct ShapePair {
   int points;            // the most that it gives
   bool reduces = false;  // a patch of points with one normal: contacts may keep the four that support best (collision/manifold.hpp)
   bool along_b = false;  // the first tangent of its contacts lies along the z axis of b; else as mju_makeFrame chooses
+  bool convex = false;   // found by the convex routine (narrowphase/convex.hpp), which needs a stack of some kB: a kernel of its own
 };
 
 inline constexpr ShapePair shape_pairs[] = {
@@ -46,6 +68,27 @@ inline constexpr ShapePair shape_pairs[] = {
     {ShapeType::capsule, ShapeType::cylinder, PairKind::capsule_cylinder, "capsule_cylinder", 3},
     {ShapeType::capsule, ShapeType::box, PairKind::capsule_box, "capsule_box", 3},
     {ShapeType::box, ShapeType::box, PairKind::box_box, "box_box", 8, true},
+    {ShapeType::plane, ShapeType::ellipsoid, PairKind::plane_ellipsoid, "plane_ellipsoid", 1},
+    {ShapeType::plane, ShapeType::mesh, PairKind::plane_mesh, "plane_mesh", 4},
+    {ShapeType::sphere, ShapeType::ellipsoid, PairKind::sphere_ellipsoid, "convex_convex", 1, false, false, true},
+    {ShapeType::sphere, ShapeType::mesh, PairKind::sphere_mesh, "convex_convex", 1, false, false, true},
+    {ShapeType::capsule, ShapeType::ellipsoid, PairKind::capsule_ellipsoid, "convex_convex", 1, false, false, true},
+    {ShapeType::capsule, ShapeType::mesh, PairKind::capsule_mesh, "convex_convex", 3, false, false, true},
+    {ShapeType::ellipsoid, ShapeType::ellipsoid, PairKind::ellipsoid_ellipsoid, "convex_convex", 1, false, false, true},
+    {ShapeType::ellipsoid, ShapeType::cylinder, PairKind::ellipsoid_cylinder, "convex_convex", 1, false, false, true},
+    {ShapeType::ellipsoid, ShapeType::box, PairKind::ellipsoid_box, "convex_convex", 1, false, false, true},
+    {ShapeType::ellipsoid, ShapeType::mesh, PairKind::ellipsoid_mesh, "convex_convex", 1, false, false, true},
+    {ShapeType::cylinder, ShapeType::cylinder, PairKind::cylinder_cylinder, "convex_convex", 4, false, false, true},
+    {ShapeType::cylinder, ShapeType::box, PairKind::cylinder_box, "convex_convex", 4, false, false, true},
+    {ShapeType::cylinder, ShapeType::mesh, PairKind::cylinder_mesh, "convex_convex", 4, false, false, true},
+    {ShapeType::box, ShapeType::mesh, PairKind::box_mesh, "convex_convex", 4, false, false, true},
+    {ShapeType::mesh, ShapeType::mesh, PairKind::mesh_mesh, "convex_convex", 4, false, false, true},
+    {ShapeType::hfield, ShapeType::sphere, PairKind::hfield_sphere, "height_field", 8, false, false, true},
+    {ShapeType::hfield, ShapeType::capsule, PairKind::hfield_capsule, "height_field", 8, false, false, true},
+    {ShapeType::hfield, ShapeType::ellipsoid, PairKind::hfield_ellipsoid, "height_field", 8, false, false, true},
+    {ShapeType::hfield, ShapeType::cylinder, PairKind::hfield_cylinder, "height_field", 8, false, false, true},
+    {ShapeType::hfield, ShapeType::box, PairKind::hfield_box, "height_field", 8, false, false, true},
+    {ShapeType::hfield, ShapeType::mesh, PairKind::hfield_mesh, "height_field", 8, false, false, true},
 };
 inline constexpr int pair_kinds = int(sizeof(shape_pairs) / sizeof(shape_pairs[0]));
 
@@ -79,24 +122,56 @@ constexpr std::uint64_t kinds_where(F const& f) {
 inline constexpr std::uint64_t plane_kinds = kinds_where([](ShapePair const& p) { return p.a == ShapeType::plane; });
 inline constexpr std::uint64_t reducing_kinds = kinds_where([](ShapePair const& p) { return p.reduces; });
 inline constexpr std::uint64_t along_b_kinds = kinds_where([](ShapePair const& p) { return p.along_b; });
+inline constexpr std::uint64_t convex_kinds = kinds_where([](ShapePair const& p) { return p.convex; });
 inline constexpr std::uint64_t asset_kinds = kinds_where([](ShapePair const& p) {
   return p.a == ShapeType::hfield || p.a == ShapeType::mesh || p.b == ShapeType::hfield || p.b == ShapeType::mesh;
 });
+
+/// The types of a kind, as constants that kernels can index.
+struct KindTypes {
+  std::uint8_t a[pair_kinds], b[pair_kinds];
+};
+constexpr KindTypes make_kind_types() {
+  KindTypes types{};
+  for (int k = 0; k < pair_kinds; ++k) {
+    types.a[k] = std::uint8_t(shape_pairs[k].a);
+    types.b[k] = std::uint8_t(shape_pairs[k].b);
+  }
+  return types;
+}
+inline constexpr KindTypes kind_types = make_kind_types();
 }  // namespace detail
+
+/// The types of the shapes a and b of a pair of this kind, not `none`.
+GSP_FUNCTION ShapeType first_type(PairKind kind) {
+  constexpr detail::KindTypes types = detail::kind_types;
+  return ShapeType(types.a[int(kind)]);
+}
+GSP_FUNCTION ShapeType second_type(PairKind kind) {
+  constexpr detail::KindTypes types = detail::kind_types;
+  return ShapeType(types.b[int(kind)]);
+}
 
 /// Whether `kind` is among `kinds`.
 GSP_FUNCTION constexpr bool is_among(std::uint64_t kinds, PairKind kind) { return (kinds >> int(kind) & 1) != 0; }
 
-/// The kind of a pair, or `none`: it is not covered, or its order is not that of the types. Host.
+/// The kind of a pair, or `none`: the two cannot collide, or their order is not that of the types. Host.
 constexpr PairKind pair_kind(ShapeType a, ShapeType b) { return detail::pair_table[int(a)][int(b)]; }
 
 /// The most points that a pair of this kind gives. Host.
 constexpr int max_points(PairKind kind) { return kind == PairKind::none ? 0 : shape_pairs[int(kind)].points; }
 
-/// Contacts between these two shapes are computed, in whatever order they stand.
-constexpr bool is_covered_pair(ShapeType a, ShapeType b) { return (a <= b ? pair_kind(a, b) : pair_kind(b, a)) != PairKind::none; }
-
 /// Planes and height fields do not meet each other: MuJoCo defines no contact there.
 constexpr bool can_collide(ShapeType a, ShapeType b) { return a > ShapeType::hfield || b > ShapeType::hfield; }
+
+namespace detail {
+constexpr bool shape_pairs_are_complete() {
+  for (int a = 0; a < shape_types; ++a)
+    for (int b = a; b < shape_types; ++b)
+      if (can_collide(ShapeType(a), ShapeType(b)) != (pair_kind(ShapeType(a), ShapeType(b)) != PairKind::none)) return false;
+  return true;
+}
+static_assert(shape_pairs_are_complete(), "gsp::shape_pairs: two shapes that can meet have a row");
+}  // namespace detail
 
 }  // namespace gsp

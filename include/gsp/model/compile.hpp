@@ -5,14 +5,13 @@
 namespace gsp {
 
 struct CompileOptions {
-  bool approximate = false;  // besides Description::compiler.approximate: see there
+  bool approximate = false;  // without effect: every pair of shapes and every condim is taken
 };
 
 /// Turns a description into flat arrays by MuJoCo's rules: masses and principal axes of inertia from geoms, weld groups, initial pose,
 /// order of degrees of freedom, trees, pairs of geoms that may touch, named pairs, and what follows from the mass matrix in the initial
 /// pose (invweight0, acc0, lengths of tendons and actuators, data of equality constraints, springdamper, dampratio). Host, double. Cost:
-/// O(pairs of colliding geoms) + O(n^3) for each tree of n degrees of freedom. Errors: gsp::Error "FILE:LINE: what is wrong: remedy";
-/// shapes that can meet and are not covered, unless `approximate` or the model disables contacts.
+/// O(pairs of colliding geoms) + O(n^3) for each tree of n degrees of freedom. Errors: gsp::Error "FILE:LINE: what is wrong: remedy".
 CompiledModel compile(Description const& description, CompileOptions const& options = {});
 
 }  // namespace gsp

@@ -63,7 +63,8 @@ struct CompiledModel {
   // meshes: vertices about the centre of mass in principal axes (float, as MuJoCo rounds them); the geom's pose takes what was moved
   std::vector<std::vector<std::array<float, 3>>> mesh_vertices;
   std::vector<std::vector<std::array<int, 3>>> mesh_faces;
-  std::vector<std::vector<int>> mesh_hull;  // vertices of its convex hull
+  std::vector<std::vector<int>> mesh_hull;                       // vertices of its convex hull
+  std::vector<std::vector<std::array<int, 3>>> mesh_hull_faces;  // and its triangles, outward
   std::vector<Double3> mesh_pos;
   std::vector<Double4> mesh_quat;
   std::vector<std::string> mesh_name;

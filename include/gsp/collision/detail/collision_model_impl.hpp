@@ -88,7 +88,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
     auto const [g1, g2] = m.pair_geoms(k);
     if (pair_kind(ShapeType(m.geom_type[g1]), ShapeType(m.geom_type[g2])) == PairKind::none)
       throw Error("geoms '" + m.geom_name[g1] + "' and '" + m.geom_name[g2] +
-                  "' can meet, and contact between their shapes is not supported: keep them apart with contype and conaffinity");
+                  "' are a pair, but shapes such as theirs never touch, or stand in the other order: see gsp/geometry/shape_pairs.hpp");
     used[g1] = used[g2] = 1;
   }
   std::vector<int> order;
@@ -201,6 +201,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
     pair.push_back(collider[g2]);
     parameters.push_back(parameters_of[key.source]);
     c.slots += max_points(PairKind(key.kind));
+    c.has_convex_pairs |= is_among(detail::convex_kinds, PairKind(key.kind));
 
     bool const new_chunk = chunks.empty() || chunks.back().kind != key.kind || chunks.back().end - chunks.back().first == 64;
     if (new_chunk) chunks.push_back({key.kind, k, k, int(runs.size()), int(runs.size()), max_points(PairKind(key.kind))});

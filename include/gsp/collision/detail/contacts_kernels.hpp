@@ -88,7 +88,8 @@ struct PointSlots {
   }
 };
 
-template <class R, class Mem>
+/// The candidates of the kinds that the convex routine serves, or the others: its stack and registers are no burden to these.
+template <class R, class Mem, bool convex>
 struct CollideCandidates {
   CollisionModel<R, Mem> model;
   ContactScratch<R, Mem> s;
@@ -96,7 +97,7 @@ struct CollideCandidates {
   KOKKOS_FUNCTION void operator()(std::int64_t k) const {
     if (k >= s.total(0)) return;
     Candidate c = s.candidates(k);
-    if (c.pair < 0) return;
+    if (c.pair < 0 || is_among(convex_kinds, PairKind(c.kind)) != convex) return;
     int const a = model.pair_collider(c.pair, 0), b = model.pair_collider(c.pair, 1);
     PairKind const kind{c.kind};
     bool const with_asset = is_among(asset_kinds, kind);
@@ -105,7 +106,10 @@ struct CollideCandidates {
     };
     auto const own = model.parameters_of(c.world, c.pair);
     PointSlots<R> out{&s.points(c.slot), c.count, 0};
-    narrowphase(kind, shape(a), shape(b), own.margin + own.gap, out);
+    if constexpr (convex)
+      convex_narrowphase(kind, shape(a), shape(b), own.margin + own.gap, out);
+    else
+      closed_narrowphase(kind, shape(a), shape(b), own.margin + own.gap, out);
     s.candidates(k).count = short(reduce && is_among(reducing_kinds, kind) ? reduce_points(out.slot, out.count) : out.count);
   }
 };

@@ -86,4 +86,59 @@ KOKKOS_INLINE_FUNCTION void clip_circle(T cx, T cy, T ux, T uy, T R, T& t0, T& t
   t1 = min(t1, (-b + root) / a);
 }
 
+template <class T>
+struct WayOut {
+  T depth;
+  Vec3<T> n;
+};
+
+/// The shortest way of the line c + t u out of the cylinder at right angles to u (u not along z, c + t u inside for some t). Seen along u
+/// the cylinder is the hull of two ellipses with half axes R across and R |u.z| / |u| along its axis; with q the line's place among them,
+/// turned so that both coordinates count from the nearer side, the way along (sin x, cos x) is
+///   sqrt(R^2 sin^2 x + B^2 cos^2 x) + H' cos x - q . (sin x, cos x)
+/// whose least is sought on [0, 90] degrees: 16 steps, then its slope's zero by bisection.
+template <class T>
+KOKKOS_INLINE_FUNCTION WayOut<T> way_across_rim(Vec3<T> const& c, Vec3<T> const& u, T R, T H) {
+  T const length = norm(u);
+  Vec3<T> const d = (T(1) / length) * u;
+  Vec3<T> up{-d.z * d.x, -d.z * d.y, T(1) - d.z * d.z};  // z seen along u; its length is the sine of the tilt
+  T const sine = norm(up);
+  up = normalized(up);
+  Vec3<T> side = cross(d, up);
+  T y = dot(c, up), x = dot(c, side);
+  if (y < T(0)) up = -up;
+  if (x < T(0)) side = -side;
+  y = abs(y);
+  x = abs(x);
+  T const B = R * abs(d.z);
+  T const tall = H * sine;
+  auto const way = [&](T angle) {
+    T s, k;
+    sincos(angle, s, k);
+    return sqrt(R * R * s * s + B * B * k * k) + tall * k - x * s - y * k;
+  };
+  T const step = T(1.5707963267948966 / 16);
+  int best = 0;
+  for (int i = 1; i <= 16; ++i)
+    if (way(T(i) * step) < way(T(best) * step)) best = i;
+  T lo = T(best == 0 ? 0 : best - 1) * step, hi = T(best == 16 ? 16 : best + 1) * step;
+  auto const slope = [&](T angle) {
+    T s, k;
+    sincos(angle, s, k);
+    T const outline = sqrt(R * R * s * s + B * B * k * k);
+    return (R * R - B * B) * s * k / max(outline, T(1e-30)) - tall * s - x * k + y * s;
+  };
+  for (int i = 0; i < (sizeof(T) == 4 ? 22 : 48); ++i) {
+    T const middle = T(0.5) * (lo + hi);
+    if (slope(middle) > T(0))
+      hi = middle;
+    else
+      lo = middle;
+  }
+  T const angle = T(0.5) * (lo + hi);
+  T s, k;
+  sincos(angle, s, k);
+  return {way(angle), s * side + k * up};
+}
+
 }  // namespace gsp::detail

@@ -7,8 +7,8 @@ namespace gsp {
 /// from the 2 x 2 system
 ///   [ d_a.d_a  -d_a.d_b ] [x]   [ -d_a.(p_a - p_b) ]
 ///   [ -d_a.d_b  d_b.d_b ] [y] = [  d_b.(p_a - p_b) ]
-/// with clamps. Parallel axes (det below rounding): up to two points, at the ends of the common stretch (features 1 to 4: which end of
-/// which).
+/// with clamps. Parallel axes (det below rounding): two points, at the ends of the stretch that they have in common (features 1 to 4: which
+/// end of which), or one where they stand end to end.
 template <class T, class Out>
 KOKKOS_INLINE_FUNCTION void capsule_capsule(Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
   Vec3<T> const axis_a = column(a.R, 2), axis_b = column(b.R, 2);
@@ -39,16 +39,22 @@ KOKKOS_INLINE_FUNCTION void capsule_capsule(Shape<T> const& a, Shape<T> const& b
     detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, 0, out);
     return;
   }
-  int count = 0;
-  for (int end = 0; end < 2; ++end) {
-    T const x = end == 0 ? one : -one, y = clamp((v - x * ab) * inv_bb, -one, one);
-    count += detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, 1 + end, out);
-    if (aa <= tiny && count == 1) return;  // a is a sphere
+  // Parallel: the stretch [lo, hi] of a beside which b runs has both its ends in common.
+  if (aa <= tiny || bb <= tiny) {  // one of them is a sphere
+    T const x = clamp(u * inv_aa, -one, one);
+    T const y = clamp((v - x * ab) * inv_bb, -one, one);
+    detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, 1, out);
+    return;
   }
-  for (int end = 0; end < 2 && count < 2 && bb > tiny; ++end) {
-    T const y = end == 0 ? one : -one, x = clamp((u - y * ab) * inv_aa, -one, one);
-    if (x >= one || x <= -one) continue;  // that pair of ends is already there
-    count += detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, 3 + end, out);
+  T const x1 = (u - ab) * inv_aa, x2 = (u + ab) * inv_aa;  // b's ends y = 1 and y = -1
+  T const lo = max(-one, min(x1, x2)), hi = min(one, max(x1, x2));
+  for (int end = 0; end < 2; ++end) {
+    T const x = clamp(end == 0 ? hi : lo, -one, one);
+    T const y = clamp((v - x * ab) * inv_bb, -one, one);
+    bool const of_a = end == 0 ? x >= one : x <= -one;
+    int const of_b = (end == 0) == (x1 > x2) ? 3 : 4;
+    detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, of_a ? 1 + end : of_b, out);
+    if (!(hi > lo)) return;  // end to end
   }
 }
 

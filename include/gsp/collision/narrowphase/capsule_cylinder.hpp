@@ -6,7 +6,8 @@ namespace gsp {
 /// Capsule a, cylinder b. The deepest contact is the sphere at the point of the segment that is nearest to the cylinder (side, cap or rim:
 /// a bracketed monotone equation, solved to rounding). Along the side or on a cap the ends of the common stretch are contacts too, so that
 /// a lying capsule rests on two points. Features: 0 a point between, 1 the end nearer to -axis, 2 the end nearer to +axis. A segment that
-/// enters the cylinder leaves it through the nearer of side and cap.
+/// enters the cylinder leaves it the shortest way: through cap or side, or across the rim along a direction at right angles to the segment
+/// (feature 3).
 template <class T, class Out>
 KOKKOS_INLINE_FUNCTION void capsule_cylinder(Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
   T const r = a.size.x, half = a.size.y, R = b.size.x, H = b.size.y;
@@ -34,6 +35,18 @@ KOKKOS_INLINE_FUNCTION void capsule_cylinder(Shape<T> const& a, Shape<T> const& 
   T const ts = a2 > T(1e-30) ? clamp(-(c.x * u.x + c.y * u.y) / a2, T(-1), T(1)) : T(0);
   T const x = c.x + ts * u.x, y = c.y + ts * u.y, rho = sqrt(x * x + y * y);
   T const out_cap = H + abs(u.z) - abs(c.z), out_side = R - rho;
+  if (a2 > T(1e-30)) {
+    auto const rim = detail::way_across_rim(c, u, R, H);
+    if (rim.depth < T(0.95) * min(out_cap, out_side)) {  // it gives one point, the others a stretch
+      T const half2 = dot(u, u);
+      T const radial = sqrt(rim.n.x * rim.n.x + rim.n.y * rim.n.y);
+      T const k = radial > T(0) ? R / radial : T(0);
+      Vec3<T> const p{k * rim.n.x, k * rim.n.y, rim.n.z < T(0) ? -H : H};
+      T const at = clamp(dot(p - c, u) / half2, T(-1), T(1));
+      detail::add_sphere_contact(b, c + at * u, r, {-rim.depth, rim.n}, margin, 3, out);
+      return;
+    }
+  }
   Vec3<T> n;
   T deepest, offset;
   if (out_cap < out_side) {

@@ -30,6 +30,7 @@ class BodyCompiler : public CompilerBase {
       m_.mesh_vertices.push_back(std::move(mesh.vertices));
       m_.mesh_faces.push_back(std::move(mesh.faces));
       m_.mesh_hull.push_back(std::move(mesh.hull));
+      m_.mesh_hull_faces.push_back(std::move(mesh.hull_faces));
       m_.mesh_pos.push_back(mesh.pos);
       m_.mesh_quat.push_back(mesh.quat);
       m_.mesh_name.push_back(d_.meshes[m_.nmesh++].name);

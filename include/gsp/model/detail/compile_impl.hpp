@@ -8,7 +8,6 @@
 #include <gsp/model/compiled.hpp>
 #include <gsp/model/detail/compile_constants.hpp>
 #include <gsp/model/detail/leave_out.hpp>
-#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -20,7 +19,7 @@ namespace detail {
 
 class Compiler : public ConstantsCompiler {
  public:
-  Compiler(Description const& d, CompileOptions const& o) : ConstantsCompiler(d), approximate_(o.approximate || d.compiler.approximate) {}
+  explicit Compiler(Description const& d) : ConstantsCompiler(d) {}
   CompiledModel run() {
     masses_only();
     align_free_bodies();
@@ -53,13 +52,8 @@ class Compiler : public ConstantsCompiler {
     masses();
   }
 
-  // Shapes are judged where the model has contacts at all.
-  bool has_contacts() const { return d_.option.contact && d_.option.constraint; }
-
   // Two geoms that may touch in any case, by their own numbers: nothing is mixed from the geoms. The geom of the earlier body comes first.
   void named_pairs() {
-    int left_out = 0;
-    PairDescription const* first_left_out = nullptr;
     for (std::size_t i = 0; i < d_.pairs.size(); ++i) {
       auto const& p = d_.pairs[i];
       enter(Kind::pair, p.name, int(i), p.place);
@@ -86,32 +80,13 @@ class Compiler : public ConstantsCompiler {
       ShapeType const type_a{m_.geom_type[a]};
       ShapeType const type_b{m_.geom_type[b]};
       if (!can_collide(type_a, type_b)) continue;
-      if (has_contacts() && !is_covered_pair(type_a, type_b)) {
-        if (!approximate_)
-          fail(p.place, "pair", p.name,
-               "is of " + geom_text(a) + " and " + geom_text(b) +
-                   ", and contact between these two shapes is not supported: remove it, use other shapes, or leave such pairs out with "
-                   "--approximate (CompileOptions::approximate)");
-        if (left_out++ == 0) first_left_out = &p;
-        continue;
-      }
       m_.named_pairs.push_back(pair);
     }
-    if (left_out > 0)
-      note(first_left_out->place, "named pairs whose contact is not supported are left out", left_out, ReportLine::Kind::left_out);
   }
 
-  void note(Place const& place, std::string const& text, int count, ReportLine::Kind kind) {
-    m_.report.push_back({kind, place.file >= 0 ? d_.files[place.file] : d_.name, place.line, text, count});
-  }
-  std::string geom_text(int g) const {
-    return std::string(shape_name(ShapeType(m_.geom_type[g]))) +
-           (m_.geom_name[g].empty() ? " of body '" + m_.body_name[m_.geom_body[g]] + "'" : " '" + m_.geom_name[g] + "'");
-  }
   // Two geoms may touch when a bit of contype meets one of conaffinity and their bodies are not welded together, not parent and child
   // (unless one is the world), and not excluded; two that are a named pair are none here.
   void pairs() {
-    bool const judged = has_contacts();
     std::vector<std::vector<int>> excluded(std::size_t(m_.nbody));  // with which bodies, both ways
     for (auto const& e : d_.excludes) {
       int const a = find(Kind::body, e.body1, e.place, "exclude", ""), b = find(Kind::body, e.body2, e.place, "exclude", "");
@@ -122,8 +97,6 @@ class Compiler : public ConstantsCompiler {
     std::vector<int> colliding;
     for (int g = 0; g < m_.ngeom; ++g)
       if (m_.geom_contype[g] != 0 || m_.geom_conaffinity[g] != 0) colliding.push_back(g);
-    int left_out = 0;
-    std::optional<std::array<int, 2>> first_left_out;
     for (std::size_t i = 0; i < colliding.size(); ++i) {
       int const a = colliding[i], body_a = m_.geom_body[a], weld_a = m_.body_weld[body_a];
       int const above_a = m_.body_weld[m_.body_parent[weld_a]];
@@ -138,24 +111,11 @@ class Compiler : public ConstantsCompiler {
         if (!named_.empty() && named_.count({a, b})) continue;
         std::array<int, 2> const pair = m_.geom_type[a] <= m_.geom_type[b] ? std::array{a, b} : std::array{b, a};
         if (!can_collide(ShapeType(m_.geom_type[a]), ShapeType(m_.geom_type[b]))) continue;
-        if (judged && !is_covered_pair(ShapeType(m_.geom_type[a]), ShapeType(m_.geom_type[b]))) {
-          if (!approximate_)
-            throw Error(at(places_[a]) + geom_text(a) + " can meet " + geom_text(b) + " (" + at(places_[b]) +
-                        "see there), and contact between these two shapes is not supported: keep them apart with contype and conaffinity "
-                        "or exclude, use other shapes, or leave such pairs out with --approximate (CompileOptions::approximate)");
-          if (!left_out++) first_left_out = {a, b};
-          continue;
-        }
         m_.pairs.push_back(pair);
         if (m_.pairs.size() > 50'000'000)
           throw Error(at({}) + "more than 50 million pairs of geoms can meet: keep geoms apart with contype and conaffinity");
       }
     }
-    if (left_out)
-      note(places_[(*first_left_out)[0]],
-           "pairs of geoms whose contact is not supported are left out, first " + geom_text((*first_left_out)[0]) + " with " +
-               geom_text((*first_left_out)[1]),
-           left_out, ReportLine::Kind::left_out);
   }
 
   void keyframes() {
@@ -194,16 +154,15 @@ class Compiler : public ConstantsCompiler {
     }
   }
 
-  bool approximate_;
   std::set<std::pair<int, int>> named_;  // geoms of named pairs, the smaller index first: no ordinary pairs
 };
 
 }  // namespace detail
 
-GSP_INLINE CompiledModel compile(Description const& description, CompileOptions const& options) {
-  if (!description.compiler.discard_visual && !description.compiler.fuse_static) return detail::Compiler(description, options).run();
-  auto const smaller = detail::left_out(description, [&](Description const& d) { return detail::Compiler(d, options).bodies_only(); });
-  return detail::Compiler(smaller, options).run();
+GSP_INLINE CompiledModel compile(Description const& description, CompileOptions const&) {
+  if (!description.compiler.discard_visual && !description.compiler.fuse_static) return detail::Compiler(description).run();
+  auto const smaller = detail::left_out(description, [&](Description const& d) { return detail::Compiler(d).bodies_only(); });
+  return detail::Compiler(smaller).run();
 }
 
 }  // namespace gsp

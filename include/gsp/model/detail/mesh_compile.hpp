@@ -14,8 +14,9 @@ namespace gsp::detail {
 struct CompiledMesh {
   std::vector<std::array<float, 3>> vertices;
   std::vector<std::array<int, 3>> faces;
-  std::vector<int> hull;  // vertices on the convex hull; empty where it was not needed
-  Double3 pos{0, 0, 0};   // pose of its frame in the frame of the file, which geoms take over
+  std::vector<int> hull;                       // vertices on the convex hull; empty where it was not needed
+  std::vector<std::array<int, 3>> hull_faces;  // its triangles, outward
+  Double3 pos{0, 0, 0};                        // pose of its frame in the frame of the file, which geoms take over
   Double4 quat{1, 0, 0, 0};
   double measure = 0;                   // volume, or area of a shell
   Double3 box{0, 0, 0};                 // half sizes of the box with its inertia
@@ -112,6 +113,8 @@ CompiledMesh compile_mesh(MeshDescription const& mesh, Fail const& fail) {
   for (auto const& f : mesh.hull) out.hull.insert(out.hull.end(), f.begin(), f.end());
   std::sort(out.hull.begin(), out.hull.end());
   out.hull.erase(std::unique(out.hull.begin(), out.hull.end()), out.hull.end());
+  out.hull_faces = mesh.hull;
+  if (mirrors) turn_over(out.hull_faces);
   return out;
 }
 

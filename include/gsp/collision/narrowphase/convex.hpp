@@ -1,0 +1,114 @@
+#pragma once
+#include <gsp/collision/detail/patch.hpp>
+#include <gsp/collision/detail/penetration.hpp>
+#include <gsp/collision/manifold.hpp>
+
+namespace gsp {
+
+/// How two convex shapes lie to each other.
+template <class T>
+struct ConvexDistance {
+  bool near;       // the distance is at most `reach`; else nothing below is set
+  T dist;          // [m], negative inside: the least displacement that parts them
+  Vec3<T> normal;  // unit, from a to b
+  Vec3<T> pos;     // midway between the two surfaces where they are nearest, or deepest
+};
+
+namespace detail {
+
+template <class T>
+[[gnu::noinline]] KOKKOS_FUNCTION ConvexDistance<T> core_distance(ConvexShape<T>& a, ConvexShape<T>& b, T reach) {
+  bool const single = sizeof(T) == 4;
+  T const round = a.radius + b.radius;
+  T const size = a.extent + b.extent + round;
+  T const tolerance = (single ? T(1e-6) : T(1e-12)) * size;
+  // Nearer than this a direction between two points says little, and faces of the difference say it better.
+  T const touch = (single ? T(3e-5) : T(1e-9)) * size;
+  auto const separation = gjk(a, b, reach + round, touch, tolerance);
+  if (separation.answer == CoreDistance<T>::beyond) return {false, T(0), {T(1), T(0), T(0)}, {T(0), T(0), T(0)}};
+  Vec3<T> n = separation.n;
+  Vec3<T> at = separation.a;
+  T dist = separation.dist;
+  bool const is_curved = is_curved_core(a.type) || is_curved_core(b.type);
+  if (separation.answer == CoreDistance<T>::apart && is_curved && separation.length - dist > tolerance) {
+    CorePenetration<T> best{-dist, n, at};
+    polish(a, b, best, tolerance);
+    n = best.n;
+    dist = -best.depth;
+  }
+  if (separation.answer == CoreDistance<T>::near_or_inside) {
+    auto const overlap = penetration(a, b, size, tolerance, single ? 128 : 256);
+    n = overlap.n;
+    at = overlap.a;
+    dist = -overlap.depth;
+  }
+  dist = dist - round;
+  return {dist <= reach, dist, n, at + (a.radius + T(0.5) * dist) * n};
+}
+
+/// The points of two convex shapes: the patch of the faces that meet, and the deepest point where the patch has none that is as deep.
+/// Returns how many there are, at most four, those that support best.
+template <class T>
+[[gnu::noinline]] KOKKOS_FUNCTION int find_patch(ConvexShape<T>& a, ConvexShape<T>& b, T margin, Patch<T>& patch) {
+  ConvexDistance<T> const d = core_distance(a, b, margin);
+  if (!d.near) return 0;
+  T const size = a.extent + b.extent + a.radius + b.radius;
+  patch.margin = margin;
+  patch.same2 = square((sizeof(T) == 4 ? T(1e-5) : T(1e-7)) * size);
+  SupportFace<T> face_a, face_b;
+  support_face(a, d.normal, face_a);
+  support_face(b, -d.normal, face_b);
+  meet_faces(face_a, face_b, d.normal, patch);
+  T const slack = (sizeof(T) == 4 ? T(2e-6) : T(5e-7)) * size;
+  bool deep = false;
+  for (int i = 0; i < patch.count; ++i) {
+    deep = deep || patch.point[i].dist <= d.dist + slack;
+    patch.point[i].dist = max(patch.point[i].dist, d.dist);  // faces are flat but for rounding
+  }
+  if (!deep && patch.count < Patch<T>::most) {
+    patch.point[patch.count] = {d.pos, d.dist, d.normal, 0};
+    ++patch.count;
+  }
+  return reduce_points(patch.point, patch.count);
+}
+template <class T, class Out>
+KOKKOS_INLINE_FUNCTION void add_convex_points(ConvexShape<T>& a, ConvexShape<T>& b, Vec3<T> const& origin, T margin, Out& out) {
+  Patch<T> patch;
+  int const count = find_patch(a, b, margin, patch);
+  for (int i = 0; i < count; ++i) {
+    auto const& p = patch.point[i];
+    out.add(origin + p.pos, p.dist, p.normal, p.feature);
+  }
+}
+
+}  // namespace detail
+
+/// The distance of two convex shapes, or how deep they overlap: any of sphere, capsule, ellipsoid, cylinder, box and mesh (its hull), posed
+/// in one frame. Beyond `reach` the search ends as soon as a plane shows it.
+/// The normal n is such that the overlap of the shapes along it,  max n.x over a - min n.y over b,  is the least there is to within 1e-6
+/// (float) or 1e-12 (double) of their size; it is never less than the true depth, so that no overlap is missed. Round parts are exact:
+/// spheres and capsules count as their centers or segments, and a shallow contact needs no search in depth.
+/// No allocation, no recursion; about 7 kB of stack in float, 13 kB in double. Cost 5 to 20 supports apart, 15 to 260 inside.
+/// Source: Gilbert, Johnson, Keerthi (1988); van den Bergen (2001); docs/collision/convex.md.
+template <class T>
+KOKKOS_INLINE_FUNCTION ConvexDistance<T> convex_distance(ShapeType type_a, Shape<T> const& a, ShapeType type_b, Shape<T> const& b,
+                                                         T reach) {
+  auto ca = detail::make_convex_shape(type_a, a, a.p);
+  auto cb = detail::make_convex_shape(type_b, b, a.p);
+  ConvexDistance<T> d = detail::core_distance(ca, cb, reach);
+  d.pos = d.pos + a.p;
+  return d;
+}
+
+/// Contact points of two convex shapes, at most four with one normal: `convex_distance`'s, and the patch of the faces that meet along it
+/// (flat faces of boxes and meshes, caps and side lines of cylinders, capsules' lines), clipped by each other and thinned to the four that
+/// support best. Ellipsoids and spheres give one point. Features: faces and edges that meet; 0 the deepest point, where the patch has none
+/// as deep.
+template <class T, class Out>
+KOKKOS_INLINE_FUNCTION void convex_convex(ShapeType type_a, Shape<T> const& a, ShapeType type_b, Shape<T> const& b, T margin, Out& out) {
+  auto ca = detail::make_convex_shape(type_a, a, a.p);
+  auto cb = detail::make_convex_shape(type_b, b, a.p);
+  detail::add_convex_points(ca, cb, a.p, margin, out);
+}
+
+}  // namespace gsp

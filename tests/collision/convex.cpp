@@ -1,0 +1,355 @@
+// The convex routine against closed forms, against separating axes, and against what follows from supports alone: a depth is the overlap
+// along its normal, and no direction overlaps by less. GSP_PLACEMENTS=1000000: as many random overlaps (default 20,000).
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <set>
+
+#include "convex_shapes.hpp"
+
+using namespace gsp_test;
+
+namespace {
+using D = Vec3<double>;
+constexpr ShapeType types[] = {ShapeType::sphere,   ShapeType::capsule, ShapeType::ellipsoid,
+                               ShapeType::cylinder, ShapeType::box,     ShapeType::mesh};
+
+int placements() {
+  char const* const text = std::getenv("GSP_PLACEMENTS");
+  return text ? std::atoi(text) : 20000;
+}
+Shape<double> still(D p, D size, Quat<double> q = {1, 0, 0, 0}) { return make_shape(Transform<double>{p, q}, size); }
+
+/// The least overlap of two polyhedra over all normals of faces and all cross products of edges.
+double separating_axes(std::vector<D> const& a, std::vector<D> const& b, std::vector<D> const& normals, std::vector<D> const& edges_a,
+                       std::vector<D> const& edges_b, D& n) {
+  double least = 1e300;
+  auto const attempt = [&](D d) {
+    double const length = norm(d);
+    if (length < 1e-9) return;
+    d = (1 / length) * d;
+    double a_low = 1e300, a_high = -1e300, b_low = 1e300, b_high = -1e300;
+    for (auto const& p : a) {
+      a_low = std::min(a_low, dot(d, p));
+      a_high = std::max(a_high, dot(d, p));
+    }
+    for (auto const& p : b) {
+      b_low = std::min(b_low, dot(d, p));
+      b_high = std::max(b_high, dot(d, p));
+    }
+    if (a_high - b_low < least) {
+      least = a_high - b_low;
+      n = d;
+    }
+    if (b_high - a_low < least) {
+      least = b_high - a_low;
+      n = -d;
+    }
+  };
+  for (auto const& d : normals) attempt(d);
+  for (auto const& d : edges_a)
+    for (auto const& e : edges_b) attempt(cross(d, e));
+  return least;
+}
+}  // namespace
+
+TEST_CASE("triangles of a hull become faces, and edges of its vertices") {
+  auto const cube = prism(4, std::sqrt(2.), 1);
+  Hull<double> const box(cube.points, cube.triangles);
+  REQUIRE(box.asset.face_count == 6);
+  for (int f = 0; f < 6; ++f) {
+    CHECK(box.faces.first[f + 1] - box.faces.first[f] == 4);
+    D const n = box.normals[f];
+    CHECK(std::abs(std::abs(n.x) + std::abs(n.y) + std::abs(n.z) - 1) < 1e-6);  // vertices are floats
+    for (int k = 0; k < 4; ++k) {
+      auto const corner = [&](int i) { return box.vertices[box.faces.corners[box.faces.first[f] + i % 4]]; };
+      CHECK(std::abs(dot(n, corner(k)) - 1) < 1e-6);
+      CHECK(dot(n, cross(corner(k + 1) - corner(k), corner(k + 2) - corner(k + 1))) > 3);  // counter-clockwise
+    }
+  }
+  auto const round = prism(20, 1, 0.5);
+  Hull<double> const drum(round.points, round.triangles);
+  CHECK(drum.asset.face_count == 22);
+  int most = 0;
+  for (int f = 0; f < 22; ++f) most = std::max(most, drum.faces.first[f + 1] - drum.faces.first[f]);
+  CHECK(most == 8);  // of the 20 corners of a cap
+  // uphill along edges finds the farthest vertex from any start
+  auto const many = ball(20, 30, 0.3, 0.2, 0.4);
+  Hull<double> const pebble(many.points, many.triangles);
+  Random random(1);
+  for (int i = 0; i < 1000; ++i) {
+    D const d = random.direction();
+    int at = int(random.engine() % pebble.hull.size());
+    double most_along = -1;
+    for (auto const& v : pebble.vertices) most_along = std::max(most_along, dot(d, v));
+    CHECK(dot(d, detail::hull_support(pebble.asset, d, at)) > most_along - 1e-8);  // vertices are rounded to floats
+  }
+}
+
+TEST_CASE("the convex routine equals the closed forms") {
+  Random random(2);
+  using S = ShapeType;
+  double worst = 0, worst_normal = 0, worst_pos = 0, worst_axis = 0;
+  int touching = 0;
+  for (int trial = 0; trial < 4000; ++trial) {
+    D const p{0.4 * random(), 0.4 * random(), 0.4 * random()};
+    D const size{0.3 + 0.1 * random(), 0.3 + 0.1 * random(), 0.3 + 0.1 * random()};
+    D const other{0.2 + 0.1 * random(), 0.2 + 0.1 * random(), 0.2 + 0.1 * random()};
+    auto const a = still(p, other, random.turn()), b = still({0, 0, 0}, size, random.turn());
+    double const margin = 0.05;
+    S const pairs[][2] = {{S::sphere, S::box}, {S::sphere, S::cylinder}, {S::sphere, S::sphere}, {S::sphere, S::capsule}};
+    for (auto const& pair : pairs) {
+      ContactPoints<double, 8> closed;
+      narrowphase(pair_kind(pair[0], pair[1]), a, b, margin, closed);
+      auto const d = convex_distance(pair[0], a, pair[1], b, margin);
+      CHECK(d.near == (closed.count == 1));
+      if (!d.near || closed.count != 1) continue;
+      ++touching;
+      worst = std::max(worst, std::abs(d.dist - closed.point[0].dist));
+      // a center inside a cylinder may be as near to two ways out; where it is on the axis or between, only the depth is one
+      if (closed.point[0].dist + other.x < 1e-3) continue;
+      worst_normal = std::max(worst_normal, norm(d.normal - closed.point[0].normal));
+      worst_pos = std::max(worst_pos, norm(d.pos - closed.point[0].pos));
+    }
+    // a ball as an ellipsoid
+    auto const ball = still(b.p, {size.x, size.x, size.x}, random.turn());
+    auto const round = convex_distance(S::sphere, a, S::ellipsoid, ball, 10.);
+    CHECK(std::abs(round.dist - (norm(p) - other.x - size.x)) < 1e-9);
+    // segments inside a cylinder: the closed form prefers ways that give more points within 5 %
+    ContactPoints<double, 8> pierced;
+    narrowphase(PairKind::capsule_cylinder, a, b, margin, pierced);
+    auto const exact = convex_distance(S::capsule, a, S::cylinder, b, margin);
+    if (exact.near && exact.dist < -1e-9) {
+      double deepest = 0;
+      for (int i = 0; i < pierced.count; ++i) deepest = std::min(deepest, pierced.point[i].dist);
+      double const core = -exact.dist - other.x, closed = -deepest - other.x;  // of the segment
+      double const excess = core > 0 ? closed / core : 1;
+      if (core > 1e-6) worst_axis = std::max(worst_axis, excess);
+      CHECK(closed >= core - 1e-6);
+    }
+  }
+  CHECK(touching > 5000);
+  CHECK(worst < 1e-6);         // a cylinder's bounds meet within 4e-7 of the size
+  CHECK(worst_normal < 2e-5);  // apart: the distance is known to 1e-12, and the square of the normal's error with it
+  CHECK(worst_pos < 2e-5);
+  CHECK(worst_axis < 1 / 0.95 + 1e-6);
+}
+
+TEST_CASE("polyhedra equal separating axes") {
+  Random random(3);
+  auto const cube = prism(4, std::sqrt(2.) * 0.3, 0.2);
+  auto const wedge = prism(3, 0.35, 0.3);
+  Hull<double> const hull_a(cube.points, cube.triangles), hull_b(wedge.points, wedge.triangles);
+  double worst = 0, worst_normal = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    auto a = still({0, 0, 0}, hull_a.size, random.turn()),
+         b = still({0.4 * random(), 0.4 * random(), 0.4 * random()}, hull_b.size, random.turn());
+    a.asset = &hull_a.asset;
+    b.asset = &hull_b.asset;
+    std::vector<D> points_a, points_b, normals, edges_a, edges_b;
+    for (auto const& v : hull_a.vertices) points_a.push_back(a.p + a.R * v);
+    for (auto const& v : hull_b.vertices) points_b.push_back(b.p + b.R * v);
+    for (auto const& n : hull_a.normals) normals.push_back(a.R * n);
+    for (auto const& n : hull_b.normals) normals.push_back(b.R * n);
+    auto const edges = [](Hull<double> const& h, std::vector<D> const& at, std::vector<D>& out) {
+      for (int v = 0; v < int(at.size()); ++v)
+        for (int k = h.faces.neighbor_first[v]; k < h.faces.neighbor_first[v + 1]; ++k)
+          if (h.faces.neighbors[k] > v) out.push_back(at[h.faces.neighbors[k]] - at[v]);
+    };
+    edges(hull_a, points_a, edges_a);
+    edges(hull_b, points_b, edges_b);
+    D n{};
+    double const depth = separating_axes(points_a, points_b, normals, edges_a, edges_b, n);
+    auto const d = convex_distance(ShapeType::mesh, a, ShapeType::mesh, b, 0.);
+    CHECK(d.near == (depth > 0));
+    if (!d.near || depth < 1e-9) continue;
+    worst = std::max(worst, std::abs(d.dist + depth));
+    if (norm(d.normal - n) > 1e-6)
+      CHECK(std::abs(overlap(ShapeType::mesh, a, ShapeType::mesh, b, n) + d.dist) < 1e-8);  // as good
+    else
+      worst_normal = std::max(worst_normal, norm(d.normal - n));
+  }
+  CHECK(worst < 1e-7);  // faces' normals are of vertices that are floats
+}
+
+TEST_CASE_TEMPLATE("no overlap is missed, nothing is not a number, and no direction is better", T, float, double) {
+  Random random(4);
+  auto const small = prism(5, 0.3, 0.2), many = ball(8, 12, 0.3, 0.2, 0.25);
+  Hull<double> const few_d(small.points, small.triangles), many_d(many.points, many.triangles);
+  Hull<T> const few(small.points, small.triangles), round(many.points, many.triangles);
+  double const allowed = sizeof(T) == 4 ? 4e-6 : 1e-6;  // of sizes below 1; in float supports themselves are rounded to 1e-7
+  long missed = 0, bad = 0, better = 0, wrong = 0, repeated = 0;
+  double worst = 0;
+  int const n = placements();
+  for (int trial = 0; trial < n; ++trial) {
+    ShapeType const ta = types[random.engine() % 6], tb = types[random.engine() % 6];
+    if (ta > tb) continue;
+    bool const extreme = trial % 4 == 0;  // needles, sheets and lattices
+    auto const any = [&](ShapeType t, bool small_one) {
+      auto s = still({0, 0, 0}, {0, 0, 0}, extreme && trial % 8 == 0 ? Quat<double>{1, 0, 0, 0} : random.turn());
+      for (int i = 0; i < 3; ++i) s.size[i] = extreme ? std::pow(10., -1 - std::abs(random() + random())) : 0.25 + 0.15 * random();
+      if (t == ShapeType::mesh) s.size = small_one ? few_d.size : many_d.size;
+      if (t == ShapeType::mesh) s.asset = small_one ? &few_d.asset : &many_d.asset;
+      return s;
+    };
+    bool const few_a = random() > 0, few_b = random() > 0;
+    auto a = any(ta, few_a), b = any(tb, few_b);
+    // a point inside of each, in one place
+    auto const inner = [&](ShapeType t, Shape<double> const& s) {
+      D const x = support(t, ShapeData<double>{s.size, s.asset}, random.direction()),
+              y = support(t, ShapeData<double>{s.size, s.asset}, random.direction());
+      double const w = 0.5 + 0.5 * random();
+      return s.R * (0.99 * (w * x + (1 - w) * y));
+    };
+    b.p = inner(ta, a) - inner(tb, b);
+    Shape<T> const fa = cast<T>(a, ta == ShapeType::mesh ? (few_a ? &few.asset : &round.asset) : nullptr);
+    Shape<T> const fb = cast<T>(b, tb == ShapeType::mesh ? (few_b ? &few.asset : &round.asset) : nullptr);
+    auto const d = convex_distance(ta, fa, tb, fb, T(0.01));
+    missed += !d.near;
+    if (!d.near) continue;
+    D const normal{d.normal.x, d.normal.y, d.normal.z};
+    bad += !(std::isfinite(d.dist + d.pos.x + d.pos.y + d.pos.z) && std::abs(norm(normal) - 1) < 1e-5);
+    double const along = overlap(ta, fa, tb, fb, normal);
+    wrong += !(std::abs(along + d.dist) < allowed);
+    double least = 1e30;
+    for (int k = 0; k < 8; ++k) least = std::min(least, overlap(ta, fa, tb, fb, random.direction()));
+    for (int k = 0; k < 3; ++k) {
+      least = std::min({least, overlap(ta, fa, tb, fb, column(a.R, k)), overlap(ta, fa, tb, fb, -column(a.R, k))});
+      least = std::min({least, overlap(ta, fa, tb, fb, column(b.R, k)), overlap(ta, fa, tb, fb, -column(b.R, k))});
+    }
+    worst = std::max(worst, along - least);
+    better += !(along < least + allowed);
+    ContactPoints<T, 16> out;
+    convex_convex(ta, fa, tb, fb, T(0.01), out);
+    std::set<int> features;
+    for (int i = 0; i < std::min(out.count, 16); ++i) {
+      auto const& p = out.point[i];
+      bad += !std::isfinite(p.dist + p.pos.x + p.pos.y + p.pos.z);
+      wrong += !(p.dist >= d.dist && p.dist <= T(0.01));
+      repeated += !features.insert(p.feature).second || p.feature < 0;
+    }
+    bad += out.count < 1 || out.count > 4;
+  }
+  CAPTURE(worst);
+  CHECK(missed == 0);
+  CHECK(bad == 0);
+  CHECK(wrong == 0);
+  CHECK(better == 0);
+  CHECK(repeated == 0);
+}
+
+TEST_CASE("patches by hand") {
+  auto const cube = prism(4, std::sqrt(2.), 1);
+  Hull<double> const hull(cube.points, cube.triangles);
+  auto mesh = still({0, 0, 1.95}, hull.size);
+  mesh.asset = &hull.asset;
+  using S = ShapeType;
+  auto const box = still({0.2, 0, 0}, {1, 1, 1});
+  ContactPoints<double, 8> out;
+  convex_convex(S::box, box, S::mesh, mesh, 0., out);  // face on face, shifted: the corners of the common rectangle
+  REQUIRE(out.count == 4);
+  double x[2] = {1e9, -1e9}, y[2] = {1e9, -1e9};
+  for (int i = 0; i < 4; ++i) {
+    auto const& p = out.point[i];
+    CHECK(std::abs(p.dist + 0.05) < 1e-6);
+    CHECK(std::abs(p.pos.z - 0.975) < 1e-6);
+    CHECK(norm(p.normal - D{0, 0, 1}) < 1e-6);
+    x[0] = std::min(x[0], p.pos.x), x[1] = std::max(x[1], p.pos.x), y[0] = std::min(y[0], p.pos.y), y[1] = std::max(y[1], p.pos.y);
+  }
+  CHECK(std::abs(x[0] + 0.8) + std::abs(x[1] - 1) + std::abs(y[0] + 1) + std::abs(y[1] - 1) < 1e-6);
+
+  out = {};  // a standing cylinder: four points of its rim, far apart
+  convex_convex(S::cylinder, still({0.1, 0, 1.45}, {0.3, 0.5, 0}), S::box, still({0, 0, 0}, {1, 1, 1}), 0., out);
+  REQUIRE(out.count == 4);
+  for (int i = 0; i < 4; ++i) {
+    CHECK(std::abs(out.point[i].dist + 0.05) < 1e-12);
+    CHECK(std::abs(std::hypot(out.point[i].pos.x - 0.1, out.point[i].pos.y) - 0.3) < 1e-12);
+    CHECK(out.point[i].normal.z == -1);
+    for (int j = 0; j < i; ++j) CHECK(norm(out.point[i].pos - out.point[j].pos) > 0.22);
+  }
+  out = {};  // lying: the ends of its line, or where the box ends
+  convex_convex(S::cylinder, still({0.7, 0, 1.25}, {0.3, 0.5, 0}, axis_angle(D{0, 1, 0}, 1.5707963267948966)), S::box,
+                still({0, 0, 0}, {1, 1, 1}), 0., out);
+  REQUIRE(out.count == 2);
+  CHECK(std::abs(std::min(out.point[0].pos.x, out.point[1].pos.x) - 0.2) < 1e-9);
+  CHECK(std::abs(std::max(out.point[0].pos.x, out.point[1].pos.x) - 1) < 1e-9);
+  out = {};  // two cylinders side by side: the common stretch, twice
+  convex_convex(S::cylinder, still({0, 0, 0}, {0.3, 0.5, 0}), S::cylinder, still({0.55, 0, 0.4}, {0.3, 0.5, 0}), 0., out);
+  REQUIRE(out.count == 2);
+  for (int i = 0; i < 2; ++i) {
+    CHECK(std::abs(out.point[i].dist + 0.05) < 1e-6);
+    CHECK(norm(out.point[i].normal - D{1, 0, 0}) < 1e-3);
+  }
+  CHECK(std::abs(std::abs(out.point[0].pos.z - out.point[1].pos.z) - 0.6) < 1e-6);
+  out = {};  // a capsule lying on a mesh
+  convex_convex(S::capsule, still({0, 0, 3.1}, {0.2, 0.5, 0}, axis_angle(D{0, 1, 0}, 1.5707963267948966)), S::mesh, mesh, 0., out);
+  REQUIRE(out.count == 2);
+  CHECK(std::abs(std::abs(out.point[0].pos.x - out.point[1].pos.x) - 1) < 1e-6);
+  for (int i = 0; i < 2; ++i) CHECK(std::abs(out.point[i].dist + 0.05) < 1e-6);
+  out = {};  // an edge of one on an edge of the other
+  convex_convex(
+      S::box, still({0, 0, 0}, {1, 1, 1}, axis_angle(D{1, 0, 0}, 0.7853981633974483)), S::mesh,
+      [&] {
+        auto s = still({0, 0, 2 * std::sqrt(2.) - 0.1}, hull.size, axis_angle(D{0, 1, 0}, 0.7853981633974483));
+        s.asset = &hull.asset;
+        return s;
+      }(),
+      0., out);
+  REQUIRE(out.count == 1);
+  CHECK(norm(out.point[0].pos - D{0, 0, std::sqrt(2.) - 0.05}) < 1e-6);
+  CHECK(std::abs(out.point[0].dist + 0.1) < 1e-6);
+}
+
+TEST_CASE("features stay while shapes rock a little") {
+  auto const drum = prism(12, 0.3, 0.2);
+  Hull<double> const hull(drum.points, drum.triangles);
+  Random random(5);
+  std::set<int> seen;
+  for (int i = 0; i < 200; ++i) {
+    auto s = still({0.001 * random(), 0.001 * random(), 0.199}, hull.size,
+                   normalized(Quat<double>{1, 1e-4 * random(), 1e-4 * random(), 1e-3 * random()}));
+    s.asset = &hull.asset;
+    ContactPoints<double, 8> out;
+    convex_convex(ShapeType::box, still({0, 0, -1}, {1, 1, 1}), ShapeType::mesh, s, 0., out);
+    CHECK(out.count == 4);
+    for (int k = 0; k < out.count; ++k) seen.insert(out.point[k].feature);
+  }
+  CHECK(seen.size() <= 9);  // eight corners of its lower face, which has twelve, and the deepest point where that is another
+}
+
+TEST_CASE("parallel capsules push straight however they are shifted, and pierced cylinders give way by the least") {
+  for (double shift : {0., 0.01, 0.05, 0.1, 0.2, 0.5, 0.99}) {
+    ContactPoints<double, 8> out;
+    capsule_capsule(still({0, 0, 0}, {0.1, 0.5, 0}), still({0.19, 0, shift}, {0.1, 0.5, 0}), 0., out);
+    CAPTURE(shift);
+    REQUIRE(out.count == 2);
+    for (int i = 0; i < 2; ++i) {
+      CHECK(norm(out.point[i].normal - D{1, 0, 0}) < 1e-15);
+      CHECK(std::abs(out.point[i].dist + 0.01) < 1e-15);
+    }
+    CHECK(std::abs(std::abs(out.point[0].pos.z - out.point[1].pos.z) - (1 - shift)) < 1e-15);
+    CHECK(out.point[0].feature != out.point[1].feature);
+  }
+  ContactPoints<double, 8> out;  // end to end: one
+  capsule_capsule(still({0, 0, 0}, {0.1, 0.5, 0}), still({0, 0, 1.15}, {0.1, 0.5, 0}), 0., out);
+  REQUIRE(out.count == 1);
+  CHECK(norm(out.point[0].normal - D{0, 0, 1}) < 1e-15);
+  // a flat cylinder pierced near its rim, steeply: out across the rim, not along the axis or the whole radius
+  Random random(6);
+  double most = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    auto const b = still({0, 0, 0}, {0.3, 0.1, 0});
+    auto const a = still({0.25 * random(), 0.25 * random(), 0.08 * random()}, {0.05, 0.6, 0}, random.turn());
+    ContactPoints<double, 8> points;
+    capsule_cylinder(a, b, 0., points);
+    auto const exact = convex_distance(ShapeType::capsule, a, ShapeType::cylinder, b, 0.);
+    REQUIRE(points.count > 0);
+    double deepest = 0;
+    for (int i = 0; i < points.count; ++i) deepest = std::min(deepest, points.point[i].dist);
+    CHECK(deepest < exact.dist + 1e-6);
+    double const core = -exact.dist - 0.05;
+    if (core > 1e-6) most = std::max(most, (-deepest - 0.05) / core);
+  }
+  CHECK(most < 1 / 0.95 + 1e-6);
+}
