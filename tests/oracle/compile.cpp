@@ -231,7 +231,7 @@ void compare(CompiledModel const& g, mjModel const* m) {
       c.array("geom_contype", g.geom_contype, m->geom_contype);
   c.array("geom_conaffinity", g.geom_conaffinity, m->geom_conaffinity), c.array("geom_priority", g.geom_priority, m->geom_priority),
       c.array("geom_group", g.geom_group, m->geom_group);
-  for (int i = 0; i < g.ngeom; ++i) CHECK(g.geom_condim[i] == (g.report.empty() ? m->geom_condim[i] : std::min(m->geom_condim[i], 3)));
+  c.array("geom_condim", g.geom_condim, m->geom_condim);
   for (int i = 0; i < g.ngeom; ++i) {             // MuJoCo clears what a shape does not use
     if (g.geom_type[i] == mjGEOM_MESH) continue;  // its bounds, in axes of its own
     int const used = g.geom_type[i] == mjGEOM_SPHERE ? 1 : g.geom_type[i] == mjGEOM_CAPSULE || g.geom_type[i] == mjGEOM_CYLINDER ? 2 : 3;
@@ -365,7 +365,7 @@ void compare(CompiledModel const& g, mjModel const* m) {
     auto const p = std::find_if(g.named_pairs.begin(), g.named_pairs.end(),
                                 [&](auto const& x) { return x.geom1 == m->pair_geom1[i] && x.geom2 == m->pair_geom2[i]; });
     REQUIRE(p != g.named_pairs.end());
-    CHECK(p->condim == (g.report.empty() ? m->pair_dim[i] : std::min(m->pair_dim[i], 3)));
+    CHECK(p->condim == m->pair_dim[i]);
     for (int k = 0; k < 5; ++k) {
       c.number("pair_friction", 5 * i + k, p->friction[k], m->pair_friction[5 * i + k], c.tolerance);
       c.number("pair_solimp", 5 * i + k, p->solimp[k], m->pair_solimp[5 * i + k], c.tolerance);

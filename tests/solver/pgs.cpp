@@ -309,7 +309,7 @@ TEST_CASE_TEMPLATE("impulses are those of the enumeration of active sets", Exec,
   gsp_test::randomise(c, s.state);
   int inside = 0, bound = 0;
   for (bool contacts : {false, true}) {
-    s.solver = {.iterations = 200000, .tolerance = 5e-12f, .residual = true};
+    s.solver = gsp::PgsOptions{.iterations = 200000, .tolerance = 5e-12f, .residual = true};
     test_types::RandomRows const type{contacts ? 2 : 6, contacts, 6, 0.5, 0};
     s.assemble(type);
     s.solve(s.solver);
