@@ -1,6 +1,8 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/detail/host_math.hpp>
 #include <gsp/model/detail/principal_axes.hpp>
@@ -138,6 +140,44 @@ TEST_CASE("pairs: bits, excludes, any shapes and condim") {
   d.bodies[1].geoms[0].condim = 3, d.bodies[1].geoms[0].type = ShapeType::cylinder, d.bodies[1].geoms[0].size = {1, 1, 0};
   CHECK(compile(d).pairs == std::vector<std::array<int, 2>>{{0, 1}});  // two cylinders: no pair of shapes is refused
   CHECK(compile(d).report.empty());
+}
+
+// The list by groups is the list of all pairs, in the same order: each two geoms asked one by one.
+TEST_CASE("pairs: which geoms can meet, among many filters, bodies that stand, and bodies that are welded together") {
+  std::uint64_t state = 12345;
+  auto const draw = [&](int n) { return int((state = state * 6364136223846793005u + 1442695040888963407u) >> 33) % n; };
+  for (int trial = 0; trial < 20; ++trial) {
+    Description d;
+    d.option.filterparent = trial % 2 == 0;
+    for (int k = 1; k < 40; ++k) {
+      int parent = k - 1;  // depth first: below the body before it, or below one above that
+      while (parent > 0 && draw(2)) parent = d.bodies[std::size_t(parent)].parent;
+      auto b = body("b" + std::to_string(k), parent, {0, 0, 1});
+      if (draw(3) == 0) b.joints.emplace_back().type = parent == 0 && draw(2) ? JointType::free : JointType::hinge;
+      for (int g = draw(4); g > 0; --g) {
+        b.geoms.push_back(sphere(0.1));
+        b.geoms.back().contype = draw(4), b.geoms.back().conaffinity = draw(4);
+      }
+      d.bodies.push_back(b);
+    }
+    for (auto& b : d.bodies)
+      if (!b.joints.empty() && b.geoms.empty()) b.geoms.push_back(sphere(0.1));
+    d.excludes.push_back({"b3", "b17", {}});
+    auto const m = compile(d);
+    std::vector<std::array<int, 2>> expected;
+    for (int a = 0; a < m.ngeom; ++a)
+      for (int b = a + 1; b < m.ngeom; ++b) {
+        int const wa = m.body_weld[m.geom_body[a]], wb = m.body_weld[m.geom_body[b]];
+        bool const masks = (m.geom_contype[a] & m.geom_conaffinity[b]) || (m.geom_contype[b] & m.geom_conaffinity[a]);
+        bool const family =
+            d.option.filterparent && wa && wb && (wa == m.body_weld[m.body_parent[wb]] || wb == m.body_weld[m.body_parent[wa]]);
+        bool const excluded = std::minmax(m.geom_body[a], m.geom_body[b]) == std::minmax(3, 17);
+        bool const moves = m.body_dofnum[wa] > 0 || m.body_dofnum[wb] > 0;
+        if (wa != wb && moves && masks && !family && !excluded) expected.push_back({a, b});
+      }
+    CHECK(m.pairs.size() > 20);
+    CHECK(m.pairs == expected);
+  }
 }
 
 TEST_CASE("named pairs: whatever filters say, never an ordinary pair besides, judged as those are") {

@@ -11,7 +11,7 @@ struct CompileOptions {
 /// Turns a description into flat arrays by MuJoCo's rules: masses and principal axes of inertia from geoms, weld groups, initial pose,
 /// order of degrees of freedom, trees, pairs of geoms that may touch, named pairs, and what follows from the mass matrix in the initial
 /// pose (invweight0, acc0, lengths of tendons and actuators, data of equality constraints, springdamper, dampratio). Host, double. Cost:
-/// O(pairs of colliding geoms) + O(n^3) for each tree of n degrees of freedom. Errors: gsp::Error "FILE:LINE: what is wrong: remedy".
+/// O(pairs of geoms that can meet) + O(n^3) for each tree of n degrees of freedom. Errors: gsp::Error "FILE:LINE: what is wrong: remedy".
 CompiledModel compile(Description const& description, CompileOptions const& options = {});
 
 }  // namespace gsp

@@ -8,6 +8,7 @@
 #include <gsp/model/compiled.hpp>
 #include <gsp/model/detail/compile_constants.hpp>
 #include <gsp/model/detail/leave_out.hpp>
+#include <gsp/model/detail/meeting_geoms.hpp>
 #include <set>
 #include <string>
 #include <utility>
@@ -93,17 +94,14 @@ class Compiler : public ConstantsCompiler {
       excluded[std::size_t(a)].push_back(b);
       excluded[std::size_t(b)].push_back(a);
     }
-    auto const stands = [&](int weld) { return m_.body_dofnum[weld] == 0; };  // also mocap bodies
-    std::vector<int> colliding;
-    for (int g = 0; g < m_.ngeom; ++g)
-      if (m_.geom_contype[g] != 0 || m_.geom_conaffinity[g] != 0) colliding.push_back(g);
-    for (std::size_t i = 0; i < colliding.size(); ++i) {
-      int const a = colliding[i], body_a = m_.geom_body[a], weld_a = m_.body_weld[body_a];
+    MeetingGeoms const meeting(m_);
+    std::vector<int> later;
+    for (int const a : meeting.colliding()) {
+      int const body_a = m_.geom_body[a], weld_a = m_.body_weld[body_a];
       int const above_a = m_.body_weld[m_.body_parent[weld_a]];
-      for (std::size_t k = i + 1; k < colliding.size(); ++k) {
-        int const b = colliding[k], body_b = m_.geom_body[b], weld_b = m_.body_weld[body_b];
-        if (weld_a == weld_b || (stands(weld_a) && stands(weld_b))) continue;
-        if (!((m_.geom_contype[a] & m_.geom_conaffinity[b]) || (m_.geom_contype[b] & m_.geom_conaffinity[a]))) continue;
+      meeting.find_later(a, later);
+      for (int const b : later) {
+        int const body_b = m_.geom_body[b], weld_b = m_.body_weld[body_b];
         if (d_.option.filterparent && weld_a != 0 && weld_b != 0 && (weld_a == m_.body_weld[m_.body_parent[weld_b]] || weld_b == above_a))
           continue;
         if (auto const& not_with = excluded[std::size_t(body_a)]; std::find(not_with.begin(), not_with.end(), body_b) != not_with.end())
