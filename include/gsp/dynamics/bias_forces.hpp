@@ -7,9 +7,9 @@
 namespace gsp {
 
 /// Bias forces c(q, v) - J^T m g of every tree, in dynamics.items (`copy_dofs` copies them out), so that M qacc + bias = applied forces.
-/// In profile `stable` a free body's gyroscopic part is left out: its angular momentum is carried by integrate
-/// (docs/dynamics/integrate.md). Cost about 250 flop a body. Does not allocate, does not fence. Errors: std::invalid_argument for poses of
-/// another moment than the state.
+/// In profile `stable` the gyroscopic part of a tree that is one rigid body is left out, as factor carries its angular momentum; trees that
+/// nothing damps also get the derivative by velocity (docs/dynamics/factor.md). Cost about 250 flop a body. Does not allocate, does not
+/// fence. Errors: std::invalid_argument for poses of another moment than the state.
 template <ExecutionSpace Exec, class R, class Mem>
 void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                  Dynamics<R, Mem>& dynamics) {

@@ -84,13 +84,14 @@ struct LaneItems {
 /// results (vectors of dofs; force = passive - bias + actuator + applied; stiffness, damping: what the factored matrix takes implicitly;
 /// velocity: free, then new), then what is needed within one stage only.
 struct DynamicsLayout {
-  int com, cdof, factor, inverse_diagonal, qvel, velocity, spin,
-      act_dot;                              // com: of each root's bodies; spin: of a free body, see factor.hpp
+  int com, cdof, factor, inverse_diagonal, qvel, velocity, spin, center,
+      act_dot;                              // com: of each root's bodies; spin, center: of a tree that is one rigid body, see factor.hpp
   int tendon_J, tendon_length, act_length;  // tendon_J: of spatial tendons
   int mass, derivative;  // derivative of the forces by velocity, lower triangle as M, then the upper (by rows of the transpose)
   int force, passive, actuator, bias, stiffness, damping, acceleration, impulse, gravcomp;
   int tendon_velocity, act_velocity, act_force, act_slope, act_moment, energy;
-  int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc, dvel, dacc;
+  int gyro;  // d bias / d qvel of trees that nothing damps, as derivative
+  int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc, dvel, dacc, gyro_scratch, gyro_sigma, gyro_body;
   int size;
   KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) {
     int n = 0;
@@ -105,6 +106,7 @@ struct DynamicsLayout {
     reserve(qvel, a.nv);
     reserve(velocity, a.nv);
     reserve(spin, 3);
+    reserve(center, 3);
     reserve(act_dot, a.nstate);
     reserve(tendon_J, a.ntendonJ);
     reserve(tendon_length, a.ntendon);
@@ -126,6 +128,7 @@ struct DynamicsLayout {
     reserve(act_slope, a.derivative ? a.nact : 0);
     reserve(act_moment, a.nmoment);
     reserve(energy, 2);
+    reserve(gyro, a.gyroscopic ? 2 * a.nM : 0);
     reserve(xpos, 3 * a.nbody);
     reserve(xquat, 4 * a.nbody);
     reserve(xanchor, 3 * a.njnt);
@@ -136,6 +139,9 @@ struct DynamicsLayout {
     reserve(cfrc, 6 * a.nbody);
     reserve(dvel, a.derivative == 2 ? 6 * a.nbody : 0);
     reserve(dacc, a.derivative == 2 ? 6 * a.nbody : 0);
+    reserve(gyro_scratch, a.gyroscopic ? 2 * a.nM + a.nv : 0);
+    reserve(gyro_sigma, a.gyroscopic ? 6 * a.nv : 0);
+    reserve(gyro_body, a.gyroscopic ? 12 * a.nbody : 0);
     size = n;
   }
 };

@@ -9,7 +9,8 @@ namespace gsp {
 
 /// Factors the matrix that moves every tree (M, or with implicit terms in profile `stable`) and gives the velocities without constraints.
 /// After mass_matrix, bias_forces, passive_forces, actuator_forces; all of it stays in dynamics.items.
-/// Cost 2 sum d^2 + 4 nM flop (d: ancestors of a dof). Does not allocate, does not fence.
+/// Of a tree that is one rigid body, profile `stable`, it is the new velocity in the axes of the start (docs/dynamics/factor.md).
+/// Cost 2 sum d^2 + 4 nM flop (d: ancestors of a dof), three times that where nothing damps a joint. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void factor(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem>& dynamics) {
   Region const region("gsp::dynamics::factor");

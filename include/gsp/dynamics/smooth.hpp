@@ -20,10 +20,12 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, Po
   lanes_load_velocity(l, state.qvel);
   lanes_inertia(l);
   lanes_tendons(l, state);
-  lanes_bias(l, l.model.profile == Profile::stable && is_free_body(l));
+  lanes_bias(l, carries_momentum(l));
   lanes_tendon_bias(l, state);
   lanes_bias_derivative(l);
+  lanes_gyroscopic_terms(l);
   lanes_mass_matrix(l);
+  lanes_gyroscopic_matrix(l);
   lanes_tendon_armature(l);
   lanes_passive(l, state.qpos);
   lanes_actuators(l, state, laws);

@@ -14,7 +14,7 @@
 namespace gsp {
 
 /// `mujoco`: integrator, softness and friction regularisation exactly as the file says. `stable`, the default: soft normals as the file
-/// says, rigid friction, implicit joint terms inside the solve, momentum-conserving rotation of free bodies.
+/// says, rigid friction, implicit joint terms inside the solve, bias forces that keep momentum and energy.
 enum class Profile : int { stable, mujoco };
 
 /// Topology of trees of one kind: sizes, and where its index arrays start in Model::ints. Indices are local to the tree (archetypes.hpp).
@@ -31,6 +31,7 @@ struct Archetype {
   int instance_path, instance_side, instance_object1, instance_object2, instance_fluid;
   // what the trees of this kind have; all else costs them nothing
   bool spatial, tendon_armature, tendon_passive, tendon_clamped, gravcomp, fluid;
+  bool gyroscopic;       // profile stable takes the bias forces of the middle of the step, since nothing damps some joint
   bool plain_actuators;  // each on a hinge or slide of its own, without activation
   int derivative;  // of the forces by velocity, for the integrator: 0 none, 1 the lower triangle, 2 all of it and that of the bias forces
 };

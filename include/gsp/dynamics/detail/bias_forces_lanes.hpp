@@ -1,13 +1,17 @@
 #pragma once
+#include <gsp/dynamics/detail/gyroscopic_lanes.hpp>
 #include <gsp/dynamics/mass_matrix.hpp>
 
 /// Kernels of gsp/dynamics/bias_forces.hpp, where the contract stands.
 namespace gsp::detail {
 
-/// True where the tree is one free body, whose rotation the stable profile integrates by its angular momentum.
+/// True where the tree moves as one rigid body, free or on a ball joint, with whatever stands still in it: the stable profile carries its
+/// angular momentum.
 template <class L>
-KOKKOS_INLINE_FUNCTION bool is_free_body(L const& l) {
-  return l.a.nbody == 1 && l.a.njnt == 1 && l.index(l.a.jnt_type, 0) == int(JointType::free);
+KOKKOS_INLINE_FUNCTION bool carries_momentum(L const& l) {
+  if (l.model.profile != Profile::stable || l.a.njnt != 1) return false;
+  auto const type = JointType(l.index(l.a.jnt_type, 0));
+  return type == JointType::free || type == JointType::ball;
 }
 
 /// v_b = v_parent + cdof qdot;  a_b = a_parent + (v x cdof) qdot;  f_b = I a_b + v_b x* I v_b, summed towards the root;  bias_i = cdof_i .
@@ -143,9 +147,13 @@ struct BiasStage {
     lanes_load_velocity(l, state.qvel);
     lanes_inertia(l);
     if (l.a.tendon_armature) lanes_tendons(l, state);
-    lanes_bias(l, l.model.profile == Profile::stable && is_free_body(l));
+    lanes_bias(l, carries_momentum(l));
     lanes_tendon_bias(l, state);
     lanes_bias_derivative(l);
+    if (!l.a.gyroscopic) return;
+    lanes_gyroscopic_terms(l);
+    lanes_composite(l);
+    lanes_gyroscopic_matrix(l);
   }
 };
 using DofItems = int DynamicsLayout::*;  // one of the vectors of dofs

@@ -1,5 +1,7 @@
 #pragma once
 #include <gsp/dynamics/actuator_forces.hpp>
+#include <gsp/dynamics/detail/gyroscopic_lanes.hpp>
+#include <gsp/dynamics/detail/rigid_tree_lanes.hpp>
 
 /// Kernels of gsp/dynamics/factor.hpp, where the contract stands.
 namespace gsp::detail {
@@ -95,31 +97,6 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_profile(L const& l) {
   lanes_factor(l, [&](int i) { return h * fma(h, s[l.at.stiffness + i], s[l.at.damping + i]); });
 }
 
-/// The angular momentum I w of a free body stays in the world while its frame turns, and its centre of mass goes straight. By the midpoint
-/// rule, which also keeps the energy: the frame turns by exp(h x), where I x = exp(-h x / 2) I w, and then I w' = exp(-h x) I w, all in
-/// body axes. What the solver adds to w' turns the frame too: integrate turns it by exp(h (w+ + spin)), spin = x - w'. Source: the
-/// Lie-midpoint rule of Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), ch. VII.5.
-template <class L>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_transport_free_body(L const& l, int v) {
-  using T = std::remove_cvref_t<decltype(l.items[0])>;
-  auto const& s = l.items;
-  T const h(l.model.timestep);
-  Vec3<T> const w = s.vec3(v + 3), offset = l.constant3(l.model.body_ipos, l.body0, 0),
-                principal = l.constant3(l.model.body_inertia, l.body0, 0);
-  Quat<T> const q = s.quat(l.at.xquat), iq = l.constant4(l.model.body_iquat, l.body0, 0);
-  auto const scale = [](Vec3<T> const& a, Vec3<T> const& b) { return Vec3<T>{a.x * b.x, a.y * b.y, a.z * b.z}; };
-  Vec3<T> const momentum = rotate(iq, scale(principal, rotate_inverse(iq, w)));
-  Vec3<T> const inverse{T(1) / principal.x, T(1) / principal.y, T(1) / principal.z};
-  auto const rate = [&](Vec3<T> const& carried) { return rotate(iq, scale(inverse, rotate_inverse(iq, carried))); };
-  Vec3<T> x = w;
-  for (int i = 0; i < 6; ++i) x = rate(rotate_inverse(exp_rotation(T(0.5) * h * x), momentum));  // gains a factor of h |w| / 2 a round
-  Quat<T> const turn = exp_rotation(h * x);
-  Vec3<T> const turned = rate(rotate_inverse(turn, momentum));
-  s.put(v, s.vec3(v) + rotate(q, cross(w, offset)) - rotate(q, rotate(turn, cross(turned, offset))));
-  s.put(v + 3, turned);
-  s.put(l.at.spin, x - turned);
-}
-
 /// force, acceleration <- passive - bias + actuator + applied forces; velocity <- qvel.
 template <class L, class View>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_total_force(L const& l, View const& qfrc_applied) {
@@ -136,7 +113,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_total_force(L const& l, View const& qfrc_
 }
 
 /// velocity <- what the tree would have at the end of the step without constraints.
-///   mujoco: v + h M^-1 f.   stable: v' + M^^-1 (h f - h^2 K v'), v' the velocity, transported where the tree is a free body.
+///   mujoco: v + h M^-1 f.   stable: v + M^^-1 (h f - h^2 K v), its angular momentum then carried over where the tree is one rigid body;
+///   M^ + h/2 d bias / d v in place of M^ where the tree is one that nothing damps (lanes_solve_gyroscopic).
 template <class L, class View>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfrc_applied) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
@@ -144,17 +122,19 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfr
   T const h(l.model.timestep);
   int const nv = l.a.nv;
   lanes_total_force(l, qfrc_applied);
-  if (l.model.profile == Profile::stable) {
-    if (is_free_body(l)) {
-      if (l.worker == 0) lanes_transport_free_body(l, l.at.velocity);
-      l.sync();
-    }
+  if (l.model.profile == Profile::stable)
     l.each(nv, [&](int i) { s[l.at.acceleration + i] = fma(-h * s[l.at.stiffness + i], s[l.at.velocity + i], s[l.at.acceleration + i]); });
-  }
-  lanes_solve(l, l.at.acceleration);
+  if (l.a.gyroscopic)
+    l.single([](auto const& one) { lanes_solve_gyroscopic(one); });
+  else
+    lanes_solve(l, l.at.acceleration);
   l.each_batched(
       nv, [&](int i) { return fma(h, s[l.at.acceleration + i], s[l.at.velocity + i]); },
       [&](int i, T const& v) { s[l.at.velocity + i] = v; });
+  if (carries_momentum(l)) {
+    if (l.worker == 0) lanes_carry_momentum(l);
+    l.sync();
+  }
 }
 
 template <class State>

@@ -15,38 +15,19 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_derivative(L const& l) {
   lanes_factor_in_place(l);
 }
 
-/// velocity <- (M - h derivative)^-1 velocity, with both triangles. Elimination from the leaves up keeps the sparsity, as for the symmetric
-/// factor: row and column k reach the ancestors of k alone. The lower triangle goes to factor, the upper stays in place.
+/// velocity <- (M - h derivative)^-1 velocity, with both triangles.
 template <class L>
 KOKKOS_INLINE_FUNCTION void lanes_solve_unsymmetric(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
-  auto const& a = l.a;
   auto const& s = l.items;
   T const h(l.model.timestep);
-  int const lower = l.at.factor, upper = l.at.derivative + a.nM, x = l.at.velocity;
-  for (int e = 0; e < a.nM; ++e) {
+  int const lower = l.at.factor, upper = l.at.derivative + l.a.nM;
+  for (int e = 0; e < l.a.nM; ++e) {
     T const m = s[l.at.mass + e];
     s[lower + e] = fma(-h, s[l.at.derivative + e], m);
     s[upper + e] = fma(-h, s[upper + e], m);
   }
-  for (int k = a.nv - 1; k >= 0; --k) {
-    int const adr = l.index(a.row_adr, k), n = l.index(a.row_adr, k + 1) - adr;
-    T const inverse = T(1) / s[lower + adr + n - 1];
-    s[l.at.inverse_diagonal + k] = inverse;
-    for (int p = 0; p < n - 1; ++p) {
-      int const ancestor = l.index(a.row_col, adr + p), row = l.index(a.row_adr, ancestor);
-      T const up = s[upper + adr + p] * inverse, down = s[lower + adr + p] * inverse;
-      for (int q = 0; q <= p; ++q) s[lower + row + q] = fma(-up, s[lower + adr + q], s[lower + row + q]);
-      for (int q = 0; q < p; ++q) s[upper + row + q] = fma(-down, s[upper + adr + q], s[upper + row + q]);
-      s[x + ancestor] = fma(-up, s[x + k], s[x + ancestor]);
-    }
-  }
-  for (int k = 0; k < a.nv; ++k) {
-    int const adr = l.index(a.row_adr, k), n = l.index(a.row_adr, k + 1) - adr;
-    T value = s[x + k];
-    for (int p = 0; p < n - 1; ++p) value = fma(-s[lower + adr + p], s[x + l.index(a.row_col, adr + p)], value);
-    s[x + k] = value * s[l.at.inverse_diagonal + k];
-  }
+  lanes_solve_both_triangles(l, lower, upper, l.at.inverse_diagonal, l.at.velocity);
 }
 
 /// Activations to the end of the step.
@@ -161,8 +142,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_check_finite(L const& l, View const& stat
     if (!(get_lane(sum, k) == 0)) Kokkos::atomic_or(&status(l.world[k]), std::uint32_t(status::not_finite));
 }
 
-/// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes. Positions of free bodies carry what rounding took (two-sum), so that
-/// they do not creep.
+/// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes (trees that are one rigid body: lanes_turn). Positions of free bodies
+/// carry what rounding took (two-sum), so that they do not creep.
 template <class L, class State>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
@@ -184,6 +165,11 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
       write(state.qpos, l.qpos0, q, fma(h, s[v], l.load(state.qpos, l.qpos0, q)));
       return;
     }
+    int const quat = type == JointType::free ? q + 3 : q;
+    Quat<T> const now = normalized(Quat<T>{l.load(state.qpos, l.qpos0, quat), l.load(state.qpos, l.qpos0, quat + 1),
+                                           l.load(state.qpos, l.qpos0, quat + 2), l.load(state.qpos, l.qpos0, quat + 3)});
+    Quat<T> const turn =
+        carries_momentum(l) ? lanes_turn(l, now) : exp_rotation(h * s.vec3(type == JointType::free ? v + 3 : v));  // may change v
     if (type == JointType::free) {
       for (int c = 0; c < 3; ++c, ++q, ++v) {
         T const high = l.load(state.qpos, l.qpos0, q), add = fma(h, s[v], l.load(state.qpos_low, l.qpos0, q));
@@ -192,10 +178,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
         write(state.qpos_low, l.qpos0, q, (high - (sum - part)) + (add - part));
       }
     }
-    Quat<T> const now = normalized(Quat<T>{l.load(state.qpos, l.qpos0, q), l.load(state.qpos, l.qpos0, q + 1),
-                                           l.load(state.qpos, l.qpos0, q + 2), l.load(state.qpos, l.qpos0, q + 3)});
-    bool const carried = l.model.profile == Profile::stable && is_free_body(l);
-    Quat<T> const next = normalized(now * exp_rotation(h * (carried ? s.vec3(v) + s.vec3(l.at.spin) : s.vec3(v))));
+    Quat<T> const next = normalized(now * turn);
     write(state.qpos, l.qpos0, q, next.w);
     write(state.qpos, l.qpos0, q + 1, next.x);
     write(state.qpos, l.qpos0, q + 2, next.y);

@@ -58,18 +58,26 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_inertia(L const& l) {
   });
 }
 
+/// cinert <- composite inertias: of each body with all that hangs on it.
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_composite(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  l.up([&](int b) {
+    if (l.index(l.a.body_child, b) < 0) return;
+    SpatialInertia<T> composite = s.inertia(l.at.cinert + 10 * b);
+    l.children(b, [&](int c) { composite = composite + s.inertia(l.at.cinert + 10 * c); });
+    s.put(l.at.cinert + 10 * b, composite);
+  });
+}
+
 /// M from cdof and the bodies' inertias, which become composite inertias on the way.
 template <class L>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_mass_matrix(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
-  l.up([&](int b) {
-    if (l.index(a.body_child, b) < 0) return;
-    SpatialInertia<T> composite = s.inertia(l.at.cinert + 10 * b);
-    l.children(b, [&](int c) { composite = composite + s.inertia(l.at.cinert + 10 * c); });
-    s.put(l.at.cinert + 10 * b, composite);
-  });
+  lanes_composite(l);
   l.each(a.nv, [&](int i) {
     Spatial<T> const f = s.inertia(l.at.cinert + 10 * l.index(a.dof_body, i)) * s.spatial(l.at.cdof + 6 * i);
     int const row = l.index(a.row_adr, i), n = l.index(a.row_adr, i + 1) - row;

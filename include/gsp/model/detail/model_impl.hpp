@@ -99,6 +99,30 @@ void fill_fields(ModelPools<R, Mem>& pool, Model<R, Mem> const& d, FieldSource c
 struct TreeLists {
   std::vector<int> tree_archetype, tree_instance, tree_body, tree_dof, tree_dofnum, body_tree, body_root, dof_tree;
 };
+/// True where joints move one another in the tree and nothing damps one of them: no damping, no servo, no dry friction. Explicit bias
+/// forces make energy at the rate h w^2, which nothing would take there. A question of what is zero, so that worlds with values of their
+/// own get what a model with these values gets.
+inline bool moves_undamped(FieldSource const& source, ArchetypeDescription const& t) {
+  CompiledModel const& m = source.m;
+  bool turns = false;
+  for (int type : t.jnt_type) turns |= type != int(JointType::slide);
+  if (t.njnt() < 2 || !turns) return false;
+  bool const dampers = m.option.passive_damper, servos = m.option.actuation && !m.act_biasprm.empty(),
+             friction = m.option.frictionloss && m.option.constraint;
+  for (auto const& s : t.instances) {
+    std::vector<bool> damped(std::size_t(t.nv()), false);
+    for (int i = 0; i < t.nv(); ++i)
+      damped[std::size_t(i)] = t.jnt_type[std::size_t(t.dof_jnt[std::size_t(i)])] == int(JointType::free) ||
+                               (dampers && source.dof_damping[std::size_t(s.dofadr + i)] > 0) ||
+                               (friction && item_or(m.dof_frictionloss, s.dofadr + i, 0.) > 0);
+    for (std::size_t k = 0; k < s.act.size() && servos; ++k)
+      if (t.act_kind[k] == int(ActuatorKind::scalar_joint) && m.act_biasprm[std::size_t(s.act[k])][2] < 0)
+        damped[std::size_t(t.jnt_dofadr[std::size_t(t.act_id[k])])] = true;
+    if (std::find(damped.begin(), damped.end(), false) != damped.end()) return true;
+  }
+  return false;
+}
+
 template <class R, class Mem>
 TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& source) {
   CompiledModel const& m = source.m;
@@ -194,6 +218,7 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
     for (int k = 0; k < a.nact; ++k)
       a.plain_actuators &= t.act_kind[k] == int(ActuatorKind::scalar_joint) && t.act_gain[k] != int(ActuatorGain::muscle) &&
                            t.act_bias[k] != int(ActuatorBias::muscle) && std::count(t.act_id.begin(), t.act_id.end(), t.act_id[k]) == 1;
+    a.gyroscopic = d.profile == Profile::stable && moves_undamped(source, t);
     bool const free_body = std::find(t.body_lone.begin(), t.body_lone.end(), 1) != t.body_lone.end();
     if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicit) a.derivative = 2;
     if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicitfast) a.derivative = free_body ? 2 : 1;

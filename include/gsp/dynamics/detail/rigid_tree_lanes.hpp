@@ -1,0 +1,140 @@
+#pragma once
+#include <gsp/dynamics/bias_forces.hpp>
+
+/// Trees that move as one rigid body, free or on a ball joint: their angular momentum is carried through a step (profile stable).
+namespace gsp::detail {
+
+/// Inertia of a rigid body that turns, as L^T D L is to a tree: I x and I^-1 x.
+template <class T>
+struct RotationalInertia {
+  T xx, yy, zz, xy, xz, yz;
+  T l10, l20, l21;  // of L D L^T
+  Vec3<T> inverse;  // 1 / D
+
+  GSP_FUNCTION RotationalInertia(T xx_, T yy_, T zz_, T xy_, T xz_, T yz_) : xx(xx_), yy(yy_), zz(zz_), xy(xy_), xz(xz_), yz(yz_) {
+    T const least(1e-30);  // as for a singular M
+    inverse.x = T(1) / max(xx, least);
+    l10 = xy * inverse.x;
+    l20 = xz * inverse.x;
+    inverse.y = T(1) / max(fma(-l10, xy, yy), least);
+    T const d21 = fma(-l20, xy, yz);
+    l21 = d21 * inverse.y;
+    inverse.z = T(1) / max(fma(-l21, d21, fma(-l20, xz, zz)), least);
+  }
+  GSP_FUNCTION Vec3<T> times(Vec3<T> const& w) const {
+    return {fma(xx, w.x, fma(xy, w.y, xz * w.z)), fma(xy, w.x, fma(yy, w.y, yz * w.z)), fma(xz, w.x, fma(yz, w.y, zz * w.z))};
+  }
+  GSP_FUNCTION Vec3<T> solve(Vec3<T> const& m) const {
+    T const y = fma(-l10, m.x, m.y), z = fma(-l21, y, fma(-l20, m.x, m.z));
+    T const wz = z * inverse.z, wy = fma(-l21, wz, y * inverse.y);
+    return {fma(-l20, wz, fma(-l10, wy, m.x * inverse.x)), wy, wz};
+  }
+  /// (I + [a]x)^-1 r = (adj(I) r + a (a . r) - (I a) x r) / (det I + a . I a), whatever a is. Scaled by the trace, so that float holds it.
+  GSP_FUNCTION Vec3<T> solve_with_skew(Vec3<T> const& a, Vec3<T> const& r) const {
+    T const scale = T(1) / max(xx + yy + zz, T(1e-30));
+    T const sxx = scale * xx, syy = scale * yy, szz = scale * zz, sxy = scale * xy, sxz = scale * xz, syz = scale * yz;
+    Vec3<T> const sa = scale * a, sr = scale * r;
+    T const axx = fma(syy, szz, -(syz * syz)), ayy = fma(sxx, szz, -(sxz * sxz)), azz = fma(sxx, syy, -(sxy * sxy));
+    T const axy = fma(sxz, syz, -(sxy * szz)), axz = fma(sxy, syz, -(sxz * syy)), ayz = fma(sxy, sxz, -(syz * sxx));
+    Vec3<T> const ia{fma(sxx, sa.x, fma(sxy, sa.y, sxz * sa.z)), fma(sxy, sa.x, fma(syy, sa.y, syz * sa.z)),
+                     fma(sxz, sa.x, fma(syz, sa.y, szz * sa.z))};
+    Vec3<T> const adjugate{fma(axx, sr.x, fma(axy, sr.y, axz * sr.z)), fma(axy, sr.x, fma(ayy, sr.y, ayz * sr.z)),
+                           fma(axz, sr.x, fma(ayz, sr.y, azz * sr.z))};
+    T const determinant = fma(sxx, axx, fma(sxy, axy, sxz * axz)) + dot(sa, ia);
+    return (T(1) / max(determinant, T(1e-30))) * (adjugate + dot(sa, sr) * sa - cross(ia, sr));
+  }
+};
+
+/// q v q^-1 - v: what a rotation adds. As a small turn adds little, what it rounds is little too; velocities that go through two rotations
+/// a step would drift by an ulp a hundred steps.
+template <class T>
+GSP_FUNCTION Vec3<T> rotation_change(Quat<T> const& q, Vec3<T> const& v) {
+  Vec3<T> const u{q.x, q.y, q.z}, t = T(2) * cross(u, v);
+  return q.w * t + cross(u, t);
+}
+
+/// All bodies of a rigid tree as one, in axes that are turned by `axes` from those of its root; the centre of mass from the root's origin,
+/// in the root's axes.
+template <class T>
+struct RigidTree {
+  Quat<T> axes;
+  SpatialInertia<T> inertia;  // its center: see above
+};
+template <class L>
+KOKKOS_INLINE_FUNCTION auto lanes_rigid_tree(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  T const zero(0);
+  Vec3<T> const principal = l.constant3(l.model.body_inertia, l.body0, 0), center = l.constant3(l.model.body_ipos, l.body0, 0);
+  Quat<T> const iq = l.constant4(l.model.body_iquat, l.body0, 0);
+  T const mass = l.constant(l.model.body_mass, l.body0, 0);
+  if (l.a.nbody == 1)  // in its principal axes: a needle would lose its smallest moment in others
+    return RigidTree<T>{iq, {principal.x, principal.y, principal.z, zero, zero, zero, center, mass}};
+  SpatialInertia<T> sum = spatial_inertia(mass, principal, iq, center);
+  Vec3<T> const origin = s.vec3(l.at.xpos);
+  Quat<T> const back = conjugate(s.quat(l.at.xquat));
+  for (int b = 1; b < l.a.nbody; ++b) {
+    Quat<T> const q = back * s.quat(l.at.xquat + 4 * b);
+    Vec3<T> const c = rotate(back, s.vec3(l.at.xpos + 3 * b) - origin) + rotate(q, l.constant3(l.model.body_ipos, l.body0, b));
+    sum = sum + spatial_inertia(l.constant(l.model.body_mass, l.body0, b), l.constant3(l.model.body_inertia, l.body0, b),
+                                q * l.constant4(l.model.body_iquat, l.body0, b), c);
+  }
+  return RigidTree<T>{identity_quat<T>(), sum};
+}
+
+/// Carries the angular momentum I w of a tree that is one rigid body through the step, about the centre of mass where it is free, about the
+/// anchor on a ball joint: it stays in the world while the frame turns, and a free centre of mass goes straight. By the midpoint rule,
+/// which also keeps the energy: the frame turns by exp(h x), where I x = exp(-h x / 2) I w, and the new velocity is w' = I^-1 exp(-h x) I w
+/// in the new body axes. x by Newton's method: with m = exp(-h x / 2) I w, (I - h/2 [m]x) dx = m - I x, whose matrix is never singular.
+/// velocity: of the start with all that forces add, in; w' in the axes of the start, u = exp(h x) w', out, since constraints push in those;
+/// spin = x - u and center stay for lanes_turn.
+/// Source: the Lie-midpoint rule of Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), ch. VII.5.
+template <class L>
+KOKKOS_INLINE_FUNCTION void lanes_carry_momentum(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  T const h(l.model.timestep);
+  bool const is_free = l.index(l.a.jnt_type, 0) == int(JointType::free);
+  int const first = is_free ? 3 : 0, turning = l.at.velocity + first;  // of the dofs that turn it
+  auto const tree = lanes_rigid_tree(l);
+  auto const& i = tree.inertia;
+  Vec3<T> const arm = is_free ? Vec3<T>{T(0), T(0), T(0)} : rotate_inverse(tree.axes, i.center - l.constant3(l.model.jnt_pos, l.jnt0, 0));
+  Vec3<T> const moment = i.mass * arm;
+  T const rotor = l.constant(l.model.dof_armature, l.dof0, first);
+  RotationalInertia<T> const inertia(i.xx + fma(moment.y, arm.y, fma(moment.z, arm.z, rotor)),
+                                     i.yy + fma(moment.x, arm.x, fma(moment.z, arm.z, rotor)),
+                                     i.zz + fma(moment.x, arm.x, fma(moment.y, arm.y, rotor)), fma(-moment.x, arm.y, i.xy),
+                                     fma(-moment.x, arm.z, i.xz), fma(-moment.y, arm.z, i.yz));
+  Vec3<T> const w = rotate_inverse(tree.axes, s.vec3(turning)), momentum = inertia.times(w);
+  Vec3<T> more{T(0), T(0), T(0)};            // x - w
+  for (int round = 0; round < 4; ++round) {  // gains a factor of (h |w|)^2 / 8 a round
+    Vec3<T> const change = rotation_change(exp_rotation(T(-0.5) * h * (w + more)), momentum);
+    more = more + inertia.solve_with_skew(T(-0.5) * h * (momentum + change), change - inertia.times(more));
+  }
+  Quat<T> const turn = exp_rotation(h * (w + more));
+  Vec3<T> const gain = inertia.solve(rotation_change(conjugate(turn), momentum));  // w' - w
+  Vec3<T> const push = gain + rotation_change(turn, w + gain);                     // u - w
+  Vec3<T> const body_push = rotate(tree.axes, push);
+  if (is_free) s.put(l.at.velocity, s.vec3(l.at.velocity) - rotate(s.quat(l.at.xquat), cross(body_push, i.center)));
+  s.put(turning, s.vec3(turning) + body_push);
+  s.put(l.at.spin, rotate(tree.axes, more - push));
+  s.put(l.at.center, i.center);
+}
+
+/// The end of a step for such a tree: what the solver has added to u turns the frame too, by exp(h y), y = u + spin, and the velocity goes
+/// to the new axes: w = exp(-h y) u; the origin of a free body goes round its centre of mass c with the frame, v += u x (c - exp(h y) c).
+/// Returns exp(h y). `now`: the frame at the start.
+template <class L, class T>
+KOKKOS_INLINE_FUNCTION Quat<T> lanes_turn(L const& l, Quat<T> const& now) {
+  auto const& s = l.items;
+  T const h(l.model.timestep);
+  bool const is_free = l.index(l.a.jnt_type, 0) == int(JointType::free);
+  int const turning = l.at.velocity + (is_free ? 3 : 0);
+  Vec3<T> const u = s.vec3(turning), center = s.vec3(l.at.center);
+  Quat<T> const turn = exp_rotation(h * (u + s.vec3(l.at.spin)));
+  if (is_free) s.put(l.at.velocity, s.vec3(l.at.velocity) - rotate(now, cross(u, rotation_change(turn, center))));
+  s.put(turning, u + rotation_change(conjugate(turn), u));
+  return turn;
+}
+
+}  // namespace gsp::detail
