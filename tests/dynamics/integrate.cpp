@@ -378,3 +378,28 @@ TEST_CASE_TEMPLATE("a world that is not finite stops alone", Exec, GSP_TEST_EXEC
   CHECK(gsp_test::host(b.state.steps)(bad) == 5);
   CHECK(same(gsp_test::host(b.state.qpos), qa, bad));
 }
+
+// Where MuJoCo warns (1e10) a world stops with a bit, and is left as it was: angles, velocities, quaternions that only their length spoils.
+TEST_CASE_TEMPLATE("a world beyond 1e10 stops alone", Exec, GSP_TEST_EXECS) {
+  auto const c = gsp::compile(gsp_test::random_model({gsp::JointType::free, gsp::JointType::hinge}, 3));
+  int const hinge = c.tree_qposadr[1];
+  Worlds<float, Exec> s(c, 6, {});
+  gsp_test::randomise(c, s.state);
+  auto const q = gsp_test::snapshot(s.state.qpos), v = gsp_test::snapshot(s.state.qvel);
+  q(1, hinge) = 1e22f, v(2, c.nv - 1) = -1e11f, q(3, hinge) = std::numeric_limits<float>::infinity();
+  for (int k = 3; k < 7; ++k) q(4, k) = 1e30f;
+  Kokkos::deep_copy(s.state.qpos, q), Kokkos::deep_copy(s.state.qvel, v);
+  s.step(3);
+  auto const q2 = gsp_test::host(s.state.qpos), v2 = gsp_test::host(s.state.qvel);
+  auto const status = gsp_test::host(s.state.status);
+  auto const steps = gsp_test::host(s.state.steps);
+  for (int w = 0; w < 6; ++w) {
+    bool const good = w == 0 || w == 5;
+    CHECK(steps(w) == (good ? 3 : 0));
+    CHECK(bool(status(w) & (gsp::status::unbounded | gsp::status::not_finite)) == !good);
+    if (!good) CHECK(std::memcmp(&q2(w, 0), &q(w, 0), sizeof(float) * c.nq) == 0);
+    if (!good) CHECK(std::memcmp(&v2(w, 0), &v(w, 0), sizeof(float) * c.nv) == 0);
+  }
+  CHECK(status(1) == gsp::status::unbounded);
+  CHECK(status(2) == gsp::status::unbounded);
+}

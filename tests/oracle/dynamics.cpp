@@ -439,9 +439,12 @@ void check_trajectories(mjModel* m) {
       if (!open[w]) continue;
       mj_step(m, a[w].d()), mj_step(m, b[w].d());
       Error own, ours;
+      double farthest = 0;  // beyond mjMAXVAL MuJoCo warns and starts again, and we stop
+      for (int i = 0; i < m->nq; ++i) farthest = std::fmax(farthest, std::fabs(a[w].d()->qpos[i]));
+      for (int i = 0; i < m->nv; ++i) farthest = std::fmax(farthest, std::fabs(a[w].d()->qvel[i]));
       for (int i = 0; i < m->nq; ++i) own.add(b[w].d()->qpos[i], a[w].d()->qpos[i]), ours.add(s.state.qpos(w, i), a[w].d()->qpos[i]);
       for (int i = 0; i < m->nv; ++i) own.add(b[w].d()->qvel[i], a[w].d()->qvel[i]), ours.add(s.state.qvel(w, i), a[w].d()->qvel[i]);
-      if (!(own.relative() <= 1e-6)) {
+      if (!(own.relative() <= 1e-6) || farthest > mjMAXVAL) {
         open[w] = false, until[w] = t;
         continue;
       }

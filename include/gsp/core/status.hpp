@@ -10,8 +10,9 @@ inline constexpr std::uint32_t contact_overflow = 1u << 0;
 inline constexpr std::uint32_t row_overflow = 1u << 1;
 inline constexpr std::uint32_t not_finite = 1u << 2;
 inline constexpr std::uint32_t row_refused = 1u << 3;
+inline constexpr std::uint32_t unbounded = 1u << 4;
 /// Bits with which a world stays as it is, until somebody clears them.
-inline constexpr std::uint32_t stopped = not_finite | row_refused;
+inline constexpr std::uint32_t stopped = not_finite | row_refused | unbounded;
 
 /// What the bits mean, for people.
 inline std::string text(std::uint32_t bits) {
@@ -28,6 +29,11 @@ inline std::string text(std::uint32_t bits) {
     result +=
         "the new velocity is NaN or infinite, and the world stays as it was before: take a smaller timestep or a softer model, then clear "
         "the bit; ";
+  if (bits & unbounded)
+    result +=
+        "a position or a new velocity is beyond 1e10, where MuJoCo warns, and the world stays as it was before: start from smaller "
+        "numbers, "
+        "or take a smaller timestep or a softer model, then clear the bit; ";
   if (bits & row_refused)
     result +=
         "a constraint row touches more than two kinematic trees, an element has more than six rows, a row names a body or dof that is not "
@@ -37,3 +43,8 @@ inline std::string text(std::uint32_t bits) {
 }
 
 }  // namespace gsp::status
+
+namespace gsp {
+/// Positions and velocities beyond it [m, rad, and a second] stop a world (status::unbounded): MuJoCo's mjMAXVAL, where it warns.
+inline constexpr double state_bound = 1e10;
+}  // namespace gsp

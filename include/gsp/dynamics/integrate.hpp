@@ -17,7 +17,8 @@ struct ConstraintOutcome {
 };
 
 /// Ends the step: state.qvel and state.qpos become those of the end, state.steps goes up by one. A world whose new velocity is not finite
-/// stays as it was, and says so in state.status (status::not_finite); clear the bit to try again.
+/// stays as it was, and says so in state.status (status::not_finite), and so does one with a velocity or position beyond state_bound
+/// (status::unbounded); clear the bit to try again.
 /// After factor (or smooth_dynamics) and, where there are constraints, pgs. What the dynamics hold is then of the state before the step.
 /// @param constraints  what enters of the constraints; {}: none
 /// Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics hold nothing of this state as it is now.

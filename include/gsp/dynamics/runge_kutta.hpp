@@ -111,7 +111,7 @@ struct RungeKuttaStage {
       s[x + i] = h * (last ? velocity : reach * s[u + i]);
       s[l.at.velocity + i] = start + (last ? sum : reach * change);
     }
-    if (last) lanes_check_finite(l, state.status);
+    if (last) lanes_check_bounded(l, state);
     for (int i = 0; i < a.nv; ++i) write(state.qvel, l.dof0, i, s[l.at.velocity + i], l.load(rk.qvel, l.dof0, i));
     lanes_for_joint_parts(l, [&](int q, int i, int n, bool rotation) {
       auto const from = [&](int c) { return l.load(rk.qpos, l.qpos0, q + c); };
@@ -146,7 +146,7 @@ struct RungeKuttaStage {
 
 /// One step of integrator RK4. `evaluate()` must leave the velocities of a step of the timestep from `state` in dynamics, as
 /// smooth_dynamics does (and, with constraints, new_velocity after the solver); by default smooth_dynamics. A world whose new velocity is
-/// not finite has status::not_finite. Four evaluations a step; does not allocate, does not fence.
+/// not finite has status::not_finite, beyond state_bound status::unbounded. Four evaluations a step; does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem, class Evaluate>
 void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem>& dynamics, Evaluate const& evaluate,
                  RungeKutta<R, Mem>& rk) {

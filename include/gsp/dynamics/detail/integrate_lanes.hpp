@@ -1,4 +1,5 @@
 #pragma once
+#include <cstring>
 #include <gsp/dynamics/factor.hpp>
 
 /// Kernels of gsp/dynamics/integrate.hpp, where the contract stands.
@@ -128,18 +129,46 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z, V
       a.nv, [&](int i) { return s[l.at.velocity + i] + s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
 }
 
-/// Sets the status bit of worlds with a velocity or a rate of an activation that is NaN or infinite (x - x is 0 for finite x alone).
-template <class L, class View>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_check_finite(L const& l, View const& status) {
+/// Sets the status bits of worlds with a velocity or a rate of an activation that is NaN or infinite (x - x is 0 for finite x alone), and
+/// of those with a velocity or a position beyond state_bound.
+template <class L, class State>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_check_bounded(L const& l, State const& state) {
   if (l.worker != 0) return;
   using T = std::remove_cvref_t<decltype(l.items[0])>;
-  T sum(0);
-  for (int i = 0; i < l.a.nv; ++i) sum = sum + (l.items[l.at.velocity + i] - l.items[l.at.velocity + i]);
+  using R = typename L::R;
+  R const bound(state_bound);
+  auto const far_from_zero = [&](R const& x) { return int(x > bound) | int(x < -bound); };
+  auto const positions = [&](int k) { return state.qpos.data() + std::int64_t(l.world[k]) * state.qpos.extent(1) + l.qpos0[k]; };
+  T sum(0), most(0);
+  for (int i = 0; i < l.a.nv; ++i) {
+    T const v = l.items[l.at.velocity + i];
+    sum = sum + (v - v);
+    most = max(most, abs(v));
+  }
   for (int i = 0; i < l.a.nstate; ++i) sum = sum + (l.items[l.at.act_dot + i] - l.items[l.at.act_dot + i]);
+  T const fastest = most;
+  int far = 0;
+  for (int k = 0; k < l.count; ++k) {  // all worlds together first: a pack holds numbers of one world here
+    R const* const qpos = positions(k);
+    int i = 0;
+    if constexpr (L::W > 1)
+      for (; i + L::W <= l.a.nq; i += L::W) {
+        T part;
+        std::memcpy(&part, qpos + i, sizeof part);
+        most = max(most, abs(part));
+      }
+    for (; i < l.a.nq; ++i) far |= far_from_zero(qpos[i]);
+  }
+  auto const near = most <= T(bound);
   auto const finite = sum == T(0);
-  if (all(finite)) return;
-  for (int k = 0; k < l.count; ++k)
-    if (!(get_lane(sum, k) == 0)) Kokkos::atomic_or(&status(l.world[k]), std::uint32_t(status::not_finite));
+  if (all(near) && all(finite) && !far) return;
+  for (int k = 0; k < l.count; ++k) {
+    R const* const qpos = positions(k);
+    far = far_from_zero(get_lane(fastest, k));
+    for (int i = 0; i < l.a.nq; ++i) far |= far_from_zero(qpos[i]);
+    std::uint32_t const bits = !(get_lane(sum, k) == 0) ? status::not_finite : far ? status::unbounded : 0u;
+    if (bits) Kokkos::atomic_or(&state.status(l.world[k]), bits);
+  }
 }
 
 /// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes (trees that are one rigid body: lanes_turn). Positions of free bodies
@@ -192,7 +221,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
 /// Checks the new velocities and ends the step, for worlds of one tree each.
 template <class L, class State>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_end_step(L const& l, State const& state) {
-  lanes_check_finite(l, state.status);
+  lanes_check_bounded(l, state);
   l.sync();
   lanes_integrate_positions(l, state);
   for (int k = 0; k < l.count && l.worker == 0; ++k)
@@ -232,7 +261,7 @@ struct NewVelocityStage {
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     if (halt.data() && halt()) return;
     lanes_new_velocity(l, z, qfrc_constraint);
-    lanes_check_finite(l, state.status);
+    lanes_check_bounded(l, state);
   }
 };
 template <class State>
