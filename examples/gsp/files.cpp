@@ -4,6 +4,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <gsp/core/status.hpp>
 #include <gsp/io/mjcf.hpp>
 #include <gsp/io/splats.hpp>
 #include <gsp/io/urdf.hpp>
@@ -151,6 +152,21 @@ std::string summary(gsp::CompiledModel const& model) {
   return out;
 }
 
+namespace {
+/// A state beyond what a world is stepped with (status::unbounded) is no start; items: numbers of a world.
+void expect_bounded(std::vector<double> const& values, int items, std::string const& what) {
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (std::abs(values[i]) > gsp::state_bound) {
+      auto const n = static_cast<std::size_t>(items);
+      char text[32];
+      std::snprintf(text, sizeof text, "%.4g", values[i]);
+      fail(what, "",
+           "number " + std::to_string(i % n) + " of world " + std::to_string(i / n) + " is " + text +
+               ", and worlds stop beyond 1e10; give smaller numbers (angles modulo 2 pi, quaternions of length 1)");
+    }
+}
+}  // namespace
+
 States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe) {
   States s;
   s.qpos = model.qpos0;
@@ -189,6 +205,10 @@ States initial_state(gsp::CompiledModel const& model, std::string const& file, s
   s.mocap_pos = k.mpos;
   s.mocap_quat = k.mquat;
   s.time = k.time;
+  std::string const name = file + ": keyframe " + in_quotes(*keyframe) + ": ";
+  expect_bounded(s.qpos, model.nq, name + "qpos");
+  expect_bounded(s.qvel, model.nv, name + "qvel");
+  expect_bounded(s.act, model.na, name + "act");
   return s;
 }
 
@@ -204,7 +224,14 @@ Trace read_trace(std::string const& path, gsp::CompiledModel const& model) {
     fail(key("qpos"), "", "has shape " + gsp::io::format_shape(qpos.shape) + ", which holds no state; write at least one");
   for (auto const* array : {&time, &qpos, &qvel})
     gsp::io::expect_finite(*array, array == &time ? key("time") : array == &qpos ? key("qpos") : key("qvel"));
-  return {qpos.shape[0], qpos.shape[1], time.as<double>(), qpos.as<double>(), qvel.as<double>()};
+  Trace trace{qpos.shape[0], qpos.shape[1], time.as<double>(), qpos.as<double>(), qvel.as<double>(), {}};
+  if (npz.contains("act")) {
+    auto const& act = npz.at("act");
+    gsp::io::expect_shape(act, {entries, worlds, model.na}, key("act"));
+    gsp::io::expect_finite(act, key("act"));
+    trace.act = act.as<double>();
+  }
+  return trace;
 }
 
 States read_start(std::string const& path, gsp::CompiledModel const& model) {
@@ -214,6 +241,10 @@ States read_start(std::string const& path, gsp::CompiledModel const& model) {
   s.time = t.time.back();
   s.qpos.assign(t.qpos.end() - static_cast<std::ptrdiff_t>(t.worlds) * model.nq, t.qpos.end());
   s.qvel.assign(t.qvel.end() - static_cast<std::ptrdiff_t>(t.worlds) * model.nv, t.qvel.end());
+  if (!t.act.empty()) s.act.assign(t.act.end() - static_cast<std::ptrdiff_t>(t.worlds) * model.na, t.act.end());
+  expect_bounded(s.qpos, model.nq, path + "[qpos], last entry");
+  expect_bounded(s.qvel, model.nv, path + "[qvel], last entry");
+  expect_bounded(s.act, model.na, path + "[act], last entry");
   return s;
 }
 
@@ -235,7 +266,7 @@ States spread(States const& states, int worlds) {
   repeat(states.qpos, out.qpos);
   repeat(states.qvel, out.qvel);
   repeat(states.ctrl, out.ctrl);
-  out.act = states.act;
+  repeat(states.act, out.act);
   out.mocap_pos = states.mocap_pos;
   out.mocap_quat = states.mocap_quat;
   return out;
@@ -243,9 +274,10 @@ States spread(States const& states, int worlds) {
 
 void write_trace(std::string const& path, Trace const& t, gsp::CompiledModel const& model) {
   std::size_t const nq = static_cast<std::size_t>(model.nq), nv = static_cast<std::size_t>(model.nv);
-  gsp::io::write_npz(
-      path,
-      {{"time", {{t.entries}, t.time}}, {"qpos", {{t.entries, t.worlds, nq}, t.qpos}}, {"qvel", {{t.entries, t.worlds, nv}, t.qvel}}});
+  std::vector<gsp::io::NpzEntry> entries{
+      {"time", {{t.entries}, t.time}}, {"qpos", {{t.entries, t.worlds, nq}, t.qpos}}, {"qvel", {{t.entries, t.worlds, nv}, t.qvel}}};
+  if (model.na > 0) entries.push_back({"act", {{t.entries, t.worlds, static_cast<std::size_t>(model.na)}, t.act}});
+  gsp::io::write_npz(path, entries);
 }
 
 Controls read_controls(std::string const& path, gsp::CompiledModel const& model, int worlds) {

@@ -33,8 +33,9 @@ char const* kind_name(gsp::ReportLine::Kind kind);
 struct States {
   int worlds = 1;
   double time = 0;
-  std::vector<double> qpos, qvel, ctrl;            // ctrl: (worlds, nu), or empty
-  std::vector<double> act, mocap_pos, mocap_quat;  // of a keyframe: one row for all worlds, or empty: the model's
+  std::vector<double> qpos, qvel, ctrl;       // ctrl: (worlds, nu), or empty
+  std::vector<double> act;                    // (worlds, na), or empty: the model's
+  std::vector<double> mocap_pos, mocap_quat;  // of a keyframe: one row for all worlds, or empty: the model's
 };
 /// Gaussians of a file, moved to `pose`.
 gsp::io::SplatSet load_splats(std::string const& path, gsp::io::SplatPose const& pose);
@@ -46,19 +47,20 @@ bool add_floor(gsp::Description& description);
 int motors_to_servos(gsp::Description& description);
 void hold(gsp::CompiledModel const& model, int servos, States& states);
 
-/// The initial state of the file, or of a keyframe given by name or index; one world.
+/// The initial state of the file, or of a keyframe given by name or index; one world. Numbers beyond gsp::state_bound are refused.
 States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe);
-/// The last entry of a trace or start file: qpos (T,N,nq), qvel (T,N,nv), time (T).
+/// The last entry of a trace or start file: qpos (T,N,nq), qvel (T,N,nv), time (T), and act (T,N,na) where it is there. Numbers beyond
+/// gsp::state_bound are refused.
 States read_start(std::string const& path, gsp::CompiledModel const& model);
 /// Throws where there are neither 1 nor `worlds` states.
 void expect_worlds(States const& states, int worlds, std::string const& what);
 /// One world's state for all, or as it is.
 States spread(States const& states, int worlds);
 
-/// All entries of a trace: qpos (entries, worlds, nq).
+/// All entries of a trace: qpos (entries, worlds, nq), act (entries, worlds, na) or empty.
 struct Trace {
   std::size_t entries = 0, worlds = 0;
-  std::vector<double> time, qpos, qvel;
+  std::vector<double> time, qpos, qvel, act;
 };
 Trace read_trace(std::string const& path, gsp::CompiledModel const& model);
 void write_trace(std::string const& path, Trace const& trace, gsp::CompiledModel const& model);

@@ -12,6 +12,7 @@
 
 #include "commands.hpp"
 #include "files.hpp"
+#include "run.hpp"
 
 namespace gsp_cli {
 namespace {
@@ -104,9 +105,7 @@ void json(std::string const& path, gsp::CompiledModel const& m, Verdict const& v
                              {"na", m.na},       {"ntendon", m.ntendon}, {"nsensor", m.nsensor}, {"nkey", m.keyframes.size()},
                              {"nmesh", m.nmesh}, {"nhfield", m.nhfield}, {"nmocap", m.nmocap},   {"njnt", m.njnt},
                              {"nsite", m.nsite}, {"ncam", m.ncam},       {"ntree", m.ntree},     {"npair", m.named_pairs.size()}};
-  out["report"] = nlohmann::ordered_json::array();
-  for (auto const& l : m.report)
-    out["report"].push_back({{"kind", kind_name(l.kind)}, {"file", l.file}, {"line", l.line}, {"text", l.text}, {"count", l.count}});
+  out["report"] = report_json(m);
   out["taken"] = verdict.taken;
   out["flags"] = verdict.flags;
   out["verdict"] = text_of(verdict);

@@ -10,7 +10,7 @@ using gsp::runtime::host_array;
 void set_states(Stepper& stepper, States const& s, gsp::CompiledModel const& model) {
   auto const rows = [&](std::vector<double> const& v, int n) { return v.empty() ? Array{} : host_array(v.data(), {s.worlds, n}); };
   auto const state = stepper.state();
-  if (!s.act.empty()) copy(host_array(s.act.data(), {1, model.na}), state.act);
+  if (!s.act.empty()) copy(host_array(s.act.data(), {s.worlds, model.na}), state.act);
   if (!s.mocap_pos.empty()) copy(host_array(s.mocap_pos.data(), {1, model.nmocap, 3}), state.mocap_pos);
   if (!s.mocap_quat.empty()) copy(host_array(s.mocap_quat.data(), {1, model.nmocap, 4}), state.mocap_quat);
   stepper.set(rows(s.qpos, model.nq), rows(s.qvel, model.nv), rows(s.ctrl, model.nu));
@@ -24,8 +24,14 @@ void get_states(Stepper const& stepper, std::vector<double>& qpos, std::vector<d
               host_array(qvel.data(), {state.qvel.extents[0], state.qvel.extents[1]}));
 }
 
+void get_activations(Stepper const& stepper, std::vector<double>& act) {
+  auto const from = stepper.state().act;
+  act.resize(static_cast<std::size_t>(from.size()));
+  if (!act.empty()) copy(from, host_array(act.data(), {from.extents[0], from.extents[1]}));
+}
+
 std::uint64_t bytes_of_states(gsp::CompiledModel const& model, int worlds) {
-  return sizeof(double) * static_cast<std::uint64_t>(worlds) * static_cast<std::uint64_t>(2 * model.nq + model.nv);
+  return sizeof(double) * static_cast<std::uint64_t>(worlds) * static_cast<std::uint64_t>(2 * model.nq + model.nv + model.na);
 }
 
 Timing run_steps(Stepper& stepper, RunOptions const& o, Progress& progress) {
@@ -58,10 +64,17 @@ Timing run_steps(Stepper& stepper, RunOptions const& o, Progress& progress) {
       t.steps += next - done;
     }
     done = next;
-    if (o.record && done % o.every == 0) o.record(done);
+    if (o.record && (done % o.every == 0 || (o.record_last && done == o.steps))) o.record(done);
     progress.show(double(done) / double(o.steps));
   }
   return t;
+}
+
+nlohmann::ordered_json report_json(gsp::CompiledModel const& model) {
+  auto report = nlohmann::ordered_json::array();
+  for (auto const& l : model.report)
+    report.push_back({{"kind", kind_name(l.kind)}, {"file", l.file}, {"line", l.line}, {"text", l.text}, {"count", l.count}});
+  return report;
 }
 
 nlohmann::ordered_json steps_json(Stepper const& stepper, Device device, int worlds, Timing const& timing, double startup) {

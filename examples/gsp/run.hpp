@@ -16,6 +16,8 @@ using gsp::runtime::StepperOptions;
 void set_states(Stepper& stepper, States const& states, gsp::CompiledModel const& model);
 /// Positions and velocities of all worlds, float64.
 void get_states(Stepper const& stepper, std::vector<double>& qpos, std::vector<double>& qvel);
+/// Activations of all worlds, float64.
+void get_activations(Stepper const& stepper, std::vector<double>& act);
 /// Host memory that the states of so many worlds take when they are read back.
 std::uint64_t bytes_of_states(gsp::CompiledModel const& model, int worlds);
 
@@ -29,12 +31,18 @@ struct RunOptions {
   long long time_from = 0;                     // steps before it are not timed
   gsp::runtime::Array controls = {};           // (K, worlds | 1, nu) on the device, one row a step; or none
   long long every = 1;                         // steps between two records
+  bool record_last = false;                    // the last step is recorded too where it is none of those
   std::function<void(long long)> record = {};  // record(done)
 };
 
 /// Steps, timing those from `time_from` on.
 Timing run_steps(Stepper& stepper, RunOptions const& options, Progress& progress);
 
+/// Records after the start, with record_last.
+inline long long records(long long steps, long long every) { return steps / every + (steps % every != 0); }
+
+/// The load report of a model, as --json prints it: a list of kind, file, line, text, count.
+nlohmann::ordered_json report_json(gsp::CompiledModel const& model);
 /// What --json prints of steps: how fast, how large, what the last one met, and the hash of the states.
 nlohmann::ordered_json steps_json(Stepper const& stepper, Device device, int worlds, Timing const& timing, double startup);
 

@@ -48,7 +48,7 @@ int run(Arguments const& a) {
   if (auto const s = summary(model); !s.empty() && !quiet(a))
     std::fprintf(stderr, "%s: %s ('gsp info' lists them)\n", path.c_str(), s.c_str());
   std::size_t const worlds = static_cast<std::size_t>(options.worlds);
-  if (trace_file && (static_cast<double>(steps / every) + 1) * double(worlds) * std::max(model.nq, 1) * 8 > 4e9)
+  if (trace_file && (static_cast<double>(records(steps, every)) + 1) * double(worlds) * std::max({model.nq, model.na, 1}) * 8 > 4e9)
     throw Error(*trace_file +
                 ": the trace would pass 4 GiB, the limit of npz files here; give a larger --every, fewer --steps or fewer --worlds");
 
@@ -59,7 +59,7 @@ int run(Arguments const& a) {
   } catch (Error const& error) {  // what the dynamics do not cover: say which file
     throw Error(path + ": " + error.what());
   }
-  std::uint64_t const entries = trace_file ? static_cast<std::uint64_t>(steps / every) + 1 : 0;
+  std::uint64_t const entries = trace_file ? static_cast<std::uint64_t>(records(steps, every)) + 1 : 0;
   expect_memory(
       std::to_string(worlds) + " worlds of " + path + (trace_file ? " with " + std::to_string(entries) + " entries of a trace" : ""),
       device, bytes + controls.values.size() * (in_double ? 8 : 4), (entries + 1) * bytes_of_states(model, options.worlds),
@@ -74,12 +74,14 @@ int run(Arguments const& a) {
     gsp::runtime::copy(gsp::runtime::host_array(controls.values.data(), {k, n, model.nu}), there.array);
   }
   Trace trace;
-  std::vector<double> qpos, qvel;
+  std::vector<double> qpos, qvel, act;
   auto const record = [&](long long done) {
     get_states(*stepper, qpos, qvel);
     trace.time.push_back(start.time + double(done) * stepper->timestep());
     trace.qpos.insert(trace.qpos.end(), qpos.begin(), qpos.end());
     trace.qvel.insert(trace.qvel.end(), qvel.begin(), qvel.end());
+    get_activations(*stepper, act);
+    trace.act.insert(trace.act.end(), act.begin(), act.end());
     ++trace.entries;
   };
   trace.worlds = worlds;
@@ -91,6 +93,8 @@ int run(Arguments const& a) {
     trace.time = {start.time};
     trace.qpos = start.qpos;
     trace.qvel = start.qvel;
+    trace.act = start.act;
+    if (trace.act.empty()) get_activations(*stepper, trace.act);
     trace.entries = 1;
   }
   double const startup = seconds_since_start();
@@ -99,6 +103,7 @@ int run(Arguments const& a) {
   run_options.time_from = time_from;
   run_options.controls = there.array;
   run_options.every = every;
+  run_options.record_last = true;
   if (trace_file) run_options.record = record;
   Progress progress("stepping", quiet(a));
   auto const timing = run_steps(*stepper, run_options, progress);
@@ -111,8 +116,8 @@ int run(Arguments const& a) {
   double const rate = double(worlds) * double(timing.steps) / timing.seconds;
   if (counts.failed_worlds > 0)
     std::fprintf(stderr,
-                 "gsp: sim: the state of %d of %d worlds was no longer finite, and they stopped there; give a smaller --timestep, or more "
-                 "--iterations\n",
+                 "gsp: sim: the state of %d of %d worlds was no longer finite or beyond 1e10, and they stopped there; give a smaller "
+                 "--timestep, or more --iterations\n",
                  counts.failed_worlds, options.worlds);
   if (a.has("--json")) {
     auto json = steps_json(*stepper, device, options.worlds, timing, startup);
@@ -121,8 +126,9 @@ int run(Arguments const& a) {
                  {"timestep", stepper->timestep()},
                  {"profile", options.mujoco ? "mujoco" : "stable"},
                  {"precision", in_double ? "double" : "float"},
-                 {"device", device_name(device)}});
-    std::fprintf(say, "%s\n", json.dump().c_str());
+                 {"device", device_name(device)},
+                 {"report", report_json(model)}});
+    std::fprintf(say, "%s\n", json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
   } else {
     std::fprintf(say, "%d worlds x %lld steps of %g s, profile %s, %s, on %s\n", options.worlds, steps, stepper->timestep(),
                  options.mujoco ? "mujoco" : "stable", in_double ? "double" : "float", device_name(device).c_str());
@@ -150,7 +156,8 @@ Command sim_command() {
        {"--steps", "K", "steps, 1000 (with --ctrl: as many as it holds)"},
        {"--timestep", "H", "seconds a step; without it the model's own"},
        {"--keyframe", "NAME|INDEX", "start from a keyframe (its qpos, qvel and ctrl)"},
-       {"--start", "F.npz", "start from the last entry of a trace: time (T), qpos (T,N,nq), qvel (T,N,nv); N = 1 is given to all worlds"},
+       {"--start", "F.npz",
+        "start from the last entry of a trace: time (T), qpos (T,N,nq), qvel (T,N,nv), act (T,N,na) or none; N = 1 is given to all worlds"},
        {"--ctrl", "F.npy", "controls (K,nu) or (K,N,nu), one row a step; without it those of the keyframe, else 0"},
        {"--iterations", "I", "most sweeps of the solver a step; without it the library's default"},
        {"--tolerance", "T",
@@ -162,7 +169,7 @@ Command sim_command() {
        {"--precision", "float|double", "float without the option"},
        device_option(),
        threads_option(),
-       {"--trace", "OUT.npz", "write time, qpos, qvel, float64, the start first"},
+       {"--trace", "OUT.npz", "write time, qpos, qvel (and act), float64, the start first, the last step last"},
        {"--every", "E", "steps between two entries of the trace, 1"},
        {"--time-from", "S", "run the first S steps without timing them"},
        skip_visuals_option(),
@@ -172,7 +179,7 @@ Command sim_command() {
        quiet_option(),
        {"--json", "",
         "print one JSON object: seconds, steps_per_second, startup_seconds, peak_bytes, contacts, rows, iterations, residual, state_hash, "
-        "..."}},
+        "report, ..."}},
       run};
 }
 

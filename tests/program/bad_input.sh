@@ -128,6 +128,10 @@ refused "--package is '=here'" "NAME=FOLDER" -- sim lift.urdf --package =here
 refused "missing.npz" "no such file" -- sim cart.xml --start missing.npz --trace result.npz
 refused "start_shape.npz[qpos]" "(1, 1, 8)" "reshape" -- sim cart.xml --start start_shape.npz --trace result.npz
 refused "start_nan.npz[qpos]" "not finite" -- sim cart.xml --start start_nan.npz --trace result.npz
+refused "start_far.npz[qpos]" "1e+300" "beyond 1e10" -- sim cart.xml --start start_far.npz --trace result.npz
+refused "start_quat.npz[qpos]" "number 6 of world 0" "1e+30" -- sim cart.xml --start start_quat.npz --trace result.npz
+refused "start_act.npz[act]" "(1, 1, 2)" -- sim cart.xml --start start_act.npz --trace result.npz
+refused "far_key.xml: keyframe 'tilted': qpos" "beyond 1e10" -- sim far_key.xml --keyframe tilted --trace result.npz
 refused "cameras.npz" "no array 'time'" -- sim cart.xml --start cameras.npz --trace result.npz
 refused "start3.npz" "3 worlds" "--worlds 3" -- sim cart.xml --start start3.npz --worlds 2 --trace result.npz
 refused "ctrl_shape.npy" "(50, 2)" "reshape" -- sim cart.xml --ctrl ctrl_shape.npy --trace result.npz

@@ -57,6 +57,15 @@ PY
 "$gsp" sim cart.xml --start a.npz --steps 10 --trace b.npz --json > b.json
 same "$(key worlds < b.json)" 2 "worlds of a start file"
 
+# the last step is in the trace whatever --every is; what was left out is in the JSON; activations go through a trace into the next start
+"$gsp" sim key.xml --worlds 2 --steps 100 --keyframe pushed --precision double --every 30 --trace first.npz > /dev/null
+"$gsp" info first.npz | grep -qF 'time          float64 (5,)' || fail "the end of the trace is missing: $("$gsp" info first.npz)"
+"$gsp" info first.npz | grep -qF 'act           float64 (5, 2, 1)' || fail "the activations of the trace: $("$gsp" info first.npz)"
+same "$("$gsp" sim key.xml --steps 50 --start first.npz --precision double --json | key state_hash)" \
+  "$("$gsp" sim key.xml --worlds 2 --steps 150 --keyframe pushed --precision double --json | key state_hash)" "a start with activations"
+"$gsp" sim lift.urdf --steps 10 --approximate --json > report.json
+python3 -c 'import json; r = json.load(open("report.json"))["report"]; assert [l["kind"] for l in r].count("left out") == 1 and all(l["text"] for l in r), r'
+
 # controls: half a newton on the cart of one world, minus that on the other
 "$gsp" sim cart.xml --worlds 2 --ctrl ctrl_worlds.npy --trace c.npz > /dev/null
 python3 - <<'PY'
