@@ -220,7 +220,7 @@ TEST_CASE_TEMPLATE("tendon: limit and dry friction", Exec, GSP_TEST_EXECS) {
     d.tendons = {t};
     Loop<double, Exec> s(gsp::compile(d), 2);
     for (int w = 0; w < 2; ++w) s.push(w, {w ? -force : force, w ? 2 * force : -2 * force});
-    s.step(3000, gsp::TendonLimits(s.model, s.state));
+    s.step(3000, gsp::TendonLimits(s.model, s.dynamics));
     auto const q = gsp_test::host(s.state.qpos);
     CHECK(std::abs(0.3 - (q(0, 0) - 2 * q(0, 1)) - rest(force, diag)) < 1e-10);
     CHECK(std::abs(q(1, 0) - 2 * q(1, 1) + 0.1 - rest(force, diag)) < 1e-10);
@@ -231,7 +231,7 @@ TEST_CASE_TEMPLATE("tendon: limit and dry friction", Exec, GSP_TEST_EXECS) {
     Loop<double, Exec> s(gsp::compile(d), 3);
     s.push(0, {0.99 * force, -1.98 * force}), s.push(1, {1.5 * force, -3 * force}),
         s.push(2, {2, 1});  // 2: across the tendon, which does not resist
-    s.step(100, gsp::TendonFriction(s.model));
+    s.step(100, gsp::TendonFriction(s.model, s.dynamics));
     auto const v = gsp_test::host(s.state.qvel);
     CHECK(std::abs(v(0, 0)) < 1e-12);
     CHECK(std::abs(v(0, 1)) < 1e-12);

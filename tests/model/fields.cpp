@@ -15,9 +15,10 @@ using gsp::ModelItem;
 using M = gsp::Model<double, Kokkos::HostSpace>;
 
 constexpr std::pair<ModelItem, char const*> items[] = {
-    {ModelItem::world, "the world"},   {ModelItem::body, "body"}, {ModelItem::joint, "joint"},   {ModelItem::position, "position"},
-    {ModelItem::dof, "dof"},           {ModelItem::term, "term"}, {ModelItem::tendon, "tendon"}, {ModelItem::wrap, "wrap"},
-    {ModelItem::actuator, "actuator"}, {ModelItem::geom, "geom"}, {ModelItem::site, "site"},     {ModelItem::camera, "camera"}};
+    {ModelItem::world, "the world"},   {ModelItem::body, "body"},         {ModelItem::joint, "joint"},   {ModelItem::position, "position"},
+    {ModelItem::dof, "dof"},           {ModelItem::term, "term"},         {ModelItem::tendon, "tendon"}, {ModelItem::wrap, "wrap"},
+    {ModelItem::actuator, "actuator"}, {ModelItem::equality, "equality"}, {ModelItem::geom, "geom"},     {ModelItem::site, "site"},
+    {ModelItem::camera, "camera"}};
 
 /// The rows of the page's table: what may be per world. *: constants follow from it; in italics: these constants.
 std::vector<std::string> page_rows() {

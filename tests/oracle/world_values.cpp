@@ -278,7 +278,7 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
   exec.fence();
   HostField const body_invweight0(model.body_invweight0, worlds, 2 * model.nbody), dof_invweight0(model.dof_invweight0, worlds, model.nv),
       dof_M0(model.dof_M0, worlds, model.nv), tendon_invweight0(model.tendon_invweight0, worlds, model.ntendon),
-      act_acc0(model.act_acc0, worlds, model.nu);
+      tendon_length0(model.tendon_length0, worlds, model.ntendon), act_acc0(model.act_acc0, worlds, model.nu);
   auto const qpos = gsp_test::host(state.qpos), qvel = gsp_test::host(state.qvel), ctrl = gsp_test::host(state.ctrl),
              act = gsp_test::host(state.act);
 
@@ -298,7 +298,10 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
       for (int c = 0; c < 2; ++c) constants.add(body_invweight0(w, 2 * b + c), m->body_invweight0[2 * b + c]);
     for (int i = 0; i < m->nv; ++i) constants.add(dof_invweight0(w, i), m->dof_invweight0[i]);
     for (int i = 0; i < m->nv && model.dof_M0.stride > 0; ++i) constants.add(dof_M0(w, i), m->dof_M0[i]);
-    for (int t = 0; t < m->ntendon; ++t) constants.add(tendon_invweight0(w, t), m->tendon_invweight0[t]);
+    for (int t = 0; t < m->ntendon; ++t) {
+      constants.add(tendon_invweight0(w, t), m->tendon_invweight0[t]);
+      constants.add(tendon_length0(w, t), m->tendon_length0[t]);
+    }
     for (int k = 0; k < m->nu && model.act_acc0.stride > 0; ++k) constants.add(act_acc0(w, k), m->actuator_acc0[k]);
     worst.constants = std::fmax(worst.constants, constants.relative());
 
@@ -405,14 +408,8 @@ TEST_CASE("each field of the model") {
     if (gsp::info(f.field).item != gsp::ModelItem::geom) check(name_of(f.field), compare(scene, {f}, {}));
 }
 
-// (Dry friction of spatial tendons has no rows yet.)
-std::vector<Source> tendon_sources() {
-  auto fields = sources();
-  std::erase_if(fields, [](auto const& f) { return f.field == ModelField::tendon_frictionloss; });
-  return fields;
-}
 TEST_CASE("each field of a model with spatial tendons, muscles and mocap") {
-  for (auto const& f : tendon_sources()) {
+  for (auto const& f : sources()) {
     using F = ModelField;
     // what has no effect here has one in the other scene
     bool const mild = f.field == F::dof_solref || f.field == F::dof_solimp || f.field == F::jnt_margin || f.field == F::act_ctrlrange ||
@@ -429,7 +426,7 @@ TEST_CASE("each field of colliding geoms") {
 }
 
 TEST_CASE("all at once") {
-  check("all of the tendon scene", compare(tendon_scene, tendon_sources(), {}), 0);
+  check("all of the tendon scene", compare(tendon_scene, sources(), {}), 0);
   auto fields = sources();
   fields.resize(fields.size() - 3);  // the geoms' shapes come from the collision model's own fields
   check("all", compare(scene, fields, geom_sources()));

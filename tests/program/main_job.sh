@@ -127,7 +127,7 @@ PY
 "$gsp" info lift.urdf --json --floating-base > floating.json
 "$gsp" info lift.urdf | grep -qF "URDF model 'lift'" || fail "info of a URDF file"
 "$gsp" info lift.urdf | grep -q 'left out .*lift.urdf:5: .*blade.obj: line 10: faces from here on (1)' || fail "the load report lacks the faces of the second object"
-"$gsp" sim lift.urdf --worlds 2 --steps 100 --timestep 0.002 --precision double --approximate --trace lift.npz --json > lift_run.json
+"$gsp" sim lift.urdf --worlds 2 --steps 100 --timestep 0.002 --precision double --trace lift.npz --json > lift_run.json
 same "$(key worlds < lift_run.json)" 2 "worlds of a URDF robot"
 python3 - <<'PY'
 import json, struct, zipfile
@@ -155,11 +155,11 @@ PY
 # ... and what gsp sim would say to it
 "$gsp" info cart.xml | tail -1 | grep -q '^  verdict  *gsp sim takes it as it is; --profile mujoco needs --approximate$' || fail "verdict on cart.xml: $("$gsp" info cart.xml | tail -1)"
 "$gsp" info condim.xml | tail -1 | grep -q '^  verdict  *gsp sim takes it as it is' || fail "verdict on condim.xml: $("$gsp" info condim.xml | tail -1)"
-"$gsp" info lift.urdf | tail -1 | grep -q 'takes it with --approximate; without: .*equality' || fail "verdict on lift.urdf: $("$gsp" info lift.urdf | tail -1)"
-"$gsp" info string.xml | tail -1 | grep -q "verdict .*gsp sim refuses it: string.xml: tendon 'string' is spatial" || fail "verdict on string.xml: $("$gsp" info string.xml | tail -1)"
-same "$("$gsp" info lift.urdf --json | key flags)" "['--approximate']" "flags of lift.urdf"
-same "$("$gsp" info string.xml --json | key taken)" False "string.xml is taken"
-for file in cart.xml condim.xml lift.urdf string.xml; do  # the verdict is what happens
+"$gsp" info lift.urdf | tail -1 | grep -q 'gsp sim takes it as it is' || fail "verdict on lift.urdf: $("$gsp" info lift.urdf | tail -1)"
+"$gsp" info winch.xml | tail -1 | grep -q "verdict .*gsp sim refuses it: winch.xml: tendon 'winch' has armature and wraps" || fail "verdict on winch.xml: $("$gsp" info winch.xml | tail -1)"
+same "$("$gsp" info string.xml --json | key taken)" True "string.xml is taken"
+same "$("$gsp" info winch.xml --json | key taken)" False "winch.xml is taken"
+for file in cart.xml condim.xml lift.urdf string.xml winch.xml; do  # the verdict is what happens
   flags=$("$gsp" info $file --json | python3 -c 'import json, sys; print(*json.load(sys.stdin)["flags"])')
   taken=$("$gsp" info $file --json | key taken)
   if "$gsp" sim $file --steps 2 $flags > /dev/null 2>&1; then same "$taken" True "$file"; else same "$taken" False "$file"; fi

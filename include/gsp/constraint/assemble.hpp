@@ -75,12 +75,14 @@ constexpr TypeNames names_of(ConstraintList<Types...> const&) {
   return names;
 }
 
-/// Poses and contacts that the types hold are of this state, as it is now; what is not gsp's is taken as it is.
+/// Poses, contacts and tendons that the types hold are of this state, as it is now; what is not gsp's is taken as it is.
 template <class State>
 void expects_inputs_of(ConstraintList<> const&, State const&) {}
 template <class Head, class... Tail, class State>
 void expects_inputs_of(ConstraintList<Head, Tail...> const& types, State const& state) {
   if constexpr (requires { types.head.poses.stamp().bodies; }) expects_poses_of("gsp::assemble", types.head.poses, state);
+  if constexpr (requires { types.head.reads_tendons(); })
+    if (types.head.reads_tendons()) expects_of("gsp::assemble", types.head, state, set_of(Quantity::tendon_length));
   if constexpr (requires { types.head.contacts.stamp().made; })
     if (auto const& contacts = types.head.contacts; contacts.stamp.data()) {
       Stamp const& found = contacts.stamp().poses;
@@ -111,7 +113,7 @@ std::uint64_t contacts_of(ConstraintList<Head, Tail...> const& types) {
 /// (progress.halt), the pools grow at the host's next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows
 /// of more than two trees, elements of more than six rows, and friction of a row that the element does not have: status::row_refused.
 /// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or
-/// the members `poses` and `contacts` of a type, are not of this state as it is now.
+/// the members `poses` and `contacts` of a type and what it reads of tendons, are not of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class... Types>
 void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem> const& dynamics,
               ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress) {

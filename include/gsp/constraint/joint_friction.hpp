@@ -10,7 +10,7 @@ struct JointFriction {
   typename Model<R, Mem>::template Array<int> friction_dofs;
   Field<R> dof_frictionloss, dof_invweight0, dof_solref, dof_solimp;
   R timestep;
-  bool rigid;
+  bool rigid, refsafe;
   explicit JointFriction(Model<R, Mem> const& m)
       : friction_dofs(m.friction_dofs),
         dof_frictionloss(m.dof_frictionloss),
@@ -18,7 +18,8 @@ struct JointFriction {
         dof_solref(m.dof_solref),
         dof_solimp(m.dof_solimp),
         timestep(m.timestep),
-        rigid(m.profile == Profile::stable) {}
+        rigid(m.profile == Profile::stable),
+        refsafe(m.refsafe) {}
 
   KOKKOS_INLINE_FUNCTION int count(int) const { return int(friction_dofs.extent(0)); }
   KOKKOS_INLINE_FUNCTION int rows(int, int) const { return 1; }
@@ -30,7 +31,7 @@ struct JointFriction {
   KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int, R x, R u, R h) const {
     if (rigid) return {R(0), R(0)};
     int const i = friction_dofs(k);
-    return soft_law(detail::softness(dof_solref, dof_solimp, world, i), x, u, h, dof_invweight0(world, i), true);
+    return soft_law(detail::softness(dof_solref, dof_solimp, world, i, refsafe), x, u, h, dof_invweight0(world, i), true);
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int) const {
     R const most = timestep * dof_frictionloss(world, friction_dofs(k));

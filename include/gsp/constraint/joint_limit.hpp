@@ -11,6 +11,7 @@ struct JointLimits {
   Indices limited_joints, jnt_type, jnt_qposadr, jnt_dofadr;
   Field<R> jnt_range, jnt_margin, jnt_solref, jnt_solimp, dof_invweight0;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> qpos;
+  bool refsafe;
   JointLimits(Model<R, Mem> const& m, State<R, Mem> const& s)
       : limited_joints(m.limited_joints),
         jnt_type(m.jnt_type),
@@ -21,7 +22,8 @@ struct JointLimits {
         jnt_solref(m.jnt_solref),
         jnt_solimp(m.jnt_solimp),
         dof_invweight0(m.dof_invweight0),
-        qpos(s.qpos) {}
+        qpos(s.qpos),
+        refsafe(m.refsafe) {}
 
   KOKKOS_INLINE_FUNCTION int count(int) const { return 2 * int(limited_joints.extent(0)); }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
@@ -43,7 +45,7 @@ struct JointLimits {
   }
   KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int, R x, R u, R h) const {
     int const j = limited_joints(k / 2);
-    return soft_law(detail::softness(jnt_solref, jnt_solimp, world, j), x - jnt_margin(world, j), u, h,
+    return soft_law(detail::softness(jnt_solref, jnt_solimp, world, j, refsafe), x - jnt_margin(world, j), u, h,
                     dof_invweight0(world, jnt_dofadr(j)));
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int, int, int) const { return {R(0), Kokkos::Experimental::infinity_v<R>}; }

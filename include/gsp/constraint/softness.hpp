@@ -9,54 +9,64 @@ template <class R>
 struct Softness {
   R solref[2];
   R solimp[5];
+  bool refsafe = true;  // time constants are at least two timesteps (<flag refsafe>)
 };
+
+/// How much of a row's rate its constraint takes (0 .. 1): solimp = (d0, dw, width, mid, power) go from d0 where |x| = 0 to dw from |x| =
+/// width on, by a power on either side of mid.
+/// @param x  gap less margin [m, rad]; of elements that pull several rows together (connect, weld): the norm of all of them
+template <class R>
+KOKKOS_INLINE_FUNCTION R impedance_of(Softness<R> const& s, R x) {
+  R const least(1e-4), most(0.9999), tiny(1e-15);
+  R const d0 = clamp(s.solimp[0], least, most), dw = clamp(s.solimp[1], least, most), width = max(s.solimp[2], R(0)),
+          mid = clamp(s.solimp[3], least, most), power = max(s.solimp[4], R(1));
+  if (d0 == dw || width <= tiny) return R(0.5) * (d0 + dw);
+  R const r = abs(x) / width;
+  if (r >= R(1)) return dw;
+  if (power == R(1)) return d0 + r * (dw - d0);
+  R const y = r <= mid ? Kokkos::pow(r, power) / Kokkos::pow(mid, power - R(1))
+                       : R(1) - Kokkos::pow(R(1) - r, power) / Kokkos::pow(R(1) - mid, power - R(1));
+  return d0 + y * (dw - d0);
+}
 
 /// MuJoCo's reference acceleration a = -B u - K imp x and regularisation R = (1 - imp)/imp diag, taken over one step of length h with the
 /// impulse p = h f:
 ///   u+ = u + h a - R p,   so C = R and zeta = (1 - h B) u - h K imp x.
+/// @param impedance  of impedance_of
 /// @param x     gap less margin [m, rad]
 /// @param u     its rate at the start of the step
 /// @param diag  approximate diagonal of J M^-1 J^T (invweight0)
 /// @param rate_only  friction: K = 0
-/// solref > 0 is a time constant (at least 2 h) and a damping ratio; both <= 0 are -stiffness and -damping. Source: MuJoCo's documentation,
-/// "Computation: parameters".
+/// solref > 0 is a time constant (at least 2 h, where refsafe says so) and a damping ratio; both <= 0 are -stiffness and -damping; one of
+/// each is taken as (0.02, 1). Source: MuJoCo's documentation, "Computation: parameters".
 template <class R>
-KOKKOS_INLINE_FUNCTION RowLaw<R> soft_law(Softness<R> const& s, R x, R u, R h, R diag, bool rate_only = false) {
-  R const least(1e-4), most(0.9999), tiny(1e-15);
-  R const d0 = clamp(s.solimp[0], least, most), dw = clamp(s.solimp[1], least, most), width = max(s.solimp[2], R(0)),
-          mid = clamp(s.solimp[3], least, most), power = max(s.solimp[4], R(1));
-  R impedance;
-  if (d0 == dw || width <= tiny) {
-    impedance = R(0.5) * (d0 + dw);
-  } else {
-    R const r = abs(x) / width;
-    if (r >= R(1))
-      impedance = dw;
-    else if (power == R(1))
-      impedance = d0 + r * (dw - d0);
-    else {
-      R const y = r <= mid ? Kokkos::pow(r, power) / Kokkos::pow(mid, power - R(1))
-                           : R(1) - Kokkos::pow(R(1) - r, power) / Kokkos::pow(R(1) - mid, power - R(1));
-      impedance = d0 + y * (dw - d0);
-    }
-  }
+KOKKOS_INLINE_FUNCTION RowLaw<R> soft_law(Softness<R> const& s, R impedance, R x, R u, R h, R diag, bool rate_only) {
+  R const tiny(1e-15), dw = clamp(s.solimp[1], R(1e-4), R(0.9999));
+  bool const mixed = (s.solref[0] > R(0)) != (s.solref[1] > R(0));
+  R const first = mixed ? R(0.02) : s.solref[0], second = mixed ? R(1) : s.solref[1];
   R K, B;
-  if (s.solref[0] > R(0)) {
-    R const time = max(s.solref[0], R(2) * h), ratio = s.solref[1];
-    K = R(1) / max(tiny, square(dw * time * ratio));
+  if (first > R(0)) {
+    R const time = s.refsafe ? max(first, R(2) * h) : first;
+    K = R(1) / max(tiny, square(dw * time * second));
     B = R(2) / max(tiny, dw * time);
   } else {
-    K = -s.solref[0] / max(tiny, square(dw));
-    B = -s.solref[1] / max(tiny, dw);
+    K = -first / max(tiny, square(dw));
+    B = -second / max(tiny, dw);
   }
   if (rate_only) K = R(0);
   return {max(tiny, (R(1) - impedance) / impedance * diag), (R(1) - h * B) * u - h * K * impedance * x};
 }
+/// The same where the row is alone: the impedance is that of its own gap.
+template <class R>
+KOKKOS_INLINE_FUNCTION RowLaw<R> soft_law(Softness<R> const& s, R x, R u, R h, R diag, bool rate_only = false) {
+  return soft_law(s, impedance_of(s, x), x, u, h, diag, rate_only);
+}
 
 namespace detail {
 template <class R>
-KOKKOS_INLINE_FUNCTION Softness<R> softness(Field<R> const& solref, Field<R> const& solimp, int world, int i) {
+KOKKOS_INLINE_FUNCTION Softness<R> softness(Field<R> const& solref, Field<R> const& solimp, int world, int i, bool refsafe) {
   Softness<R> s;
+  s.refsafe = refsafe;
   for (int c = 0; c < 2; ++c) s.solref[c] = solref(world, 2 * i + c);
   for (int c = 0; c < 5; ++c) s.solimp[c] = solimp(world, 5 * i + c);
   return s;

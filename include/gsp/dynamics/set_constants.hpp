@@ -7,11 +7,11 @@
 namespace gsp {
 
 /// Recomputes what masses, inertias, armature and geometry decide in the initial pose, for the worlds of the mask: body_invweight0,
-/// dof_invweight0 (which soften constraints), dof_M0, tendon_invweight0, act_acc0 (the acceleration that an actuator's unit force gives,
-/// which scales muscles). After set_world_values; it takes `dynamics` as scratch, whose results are lost.
-/// Cost of one world: the mass matrix and its factor, and for each body six solves with its ancestors. Does not allocate, does not fence.
-/// Errors: std::invalid_argument where the model has no per-world masses (make_per_world with body_mass or the like), or where `dynamics`
-/// is of another number of worlds.
+/// dof_invweight0 (which soften constraints), dof_M0, tendon_invweight0, tendon_length0, act_acc0 (the acceleration that an actuator's unit
+/// force gives, which scales muscles). After set_world_values; it takes `dynamics` as scratch, whose results are lost. Cost of one world:
+/// the mass matrix and its factor, and for each body six solves with its ancestors. Does not allocate, does not fence. Errors:
+/// std::invalid_argument where the model has no per-world masses (make_per_world with body_mass or the like), or where `dynamics` is of
+/// another number of worlds.
 template <ExecutionSpace Exec, class R, class Mem, class Mask = AllWorlds>
 void set_constants(Exec const& exec, Model<R, Mem>& model, Dynamics<R, Mem>& dynamics, Mask const& mask = {}) {
   expects(model.body_invweight0.stride > 0,
@@ -22,10 +22,11 @@ void set_constants(Exec const& exec, Model<R, Mem>& model, Dynamics<R, Mem>& dyn
   auto const out = [&](ModelField field, int items) {  // a tree without tendons has nothing to write
     return items > 0 ? world_values(model, field).data() : nullptr;
   };
-  for_lanes("gsp::dynamics::set_constants", exec, model, dynamics,
-            detail::ConstantsStage<R, Mem, Mask>{out(ModelField::body_invweight0, model.nbody), out(ModelField::dof_invweight0, model.nv),
-                                                 out(ModelField::dof_M0, model.nv), out(ModelField::tendon_invweight0, model.ntendon),
-                                                 out(ModelField::act_acc0, model.nu), mask});
+  for_lanes(
+      "gsp::dynamics::set_constants", exec, model, dynamics,
+      detail::ConstantsStage<R, Mem, Mask>{out(ModelField::body_invweight0, model.nbody), out(ModelField::dof_invweight0, model.nv),
+                                           out(ModelField::dof_M0, model.nv), out(ModelField::tendon_invweight0, model.ntendon),
+                                           out(ModelField::tendon_length0, model.ntendon), out(ModelField::act_acc0, model.nu), mask});
 }
 
 }  // namespace gsp

@@ -63,6 +63,7 @@ enum class ModelField : int {
   tendon_friction_solimp,
   tendon_actfrcrange,
   tendon_invweight0,
+  tendon_length0,
   wrap_divisor,
   act_gear,
   act_gain,
@@ -74,6 +75,9 @@ enum class ModelField : int {
   act_lengthrange,
   act_cranklength,
   act_acc0,
+  eq_data,
+  eq_solref,
+  eq_solimp,
   geom_pos,
   geom_quat,
   geom_size,
@@ -91,7 +95,7 @@ enum class ModelField : int {
 };
 
 /// What a field has a number (or `components` of them) for.
-enum class ModelItem : int { world, body, joint, position, dof, term, tendon, wrap, actuator, geom, site, camera };
+enum class ModelItem : int { world, body, joint, position, dof, term, tendon, wrap, actuator, equality, geom, site, camera };
 
 /// What may be done with a field, and what follows from it.
 struct FieldUse {
@@ -227,6 +231,8 @@ std::span<FieldRow<M> const> field_table() {
        [](S const& s) { return ranges(s.m.tendon_actfrcrange, s.m.tendon_actfrclimited, s.m.ntendon); }},
       {F::tendon_invweight0, "tendon_invweight0", &M::tendon_invweight0, I::tendon, 1, follows,
        [](S const& s) { return numbers(s.m.tendon_invweight0); }},
+      {F::tendon_length0, "tendon_length0", &M::tendon_length0, I::tendon, 1, follows,
+       [](S const& s) { return numbers(s.m.tendon_length0); }},
       {F::wrap_divisor, "wrap_divisor", &M::wrap_divisor, I::wrap, 1, shared, [](S const& s) { return numbers(s.m.wrap_divisor); }},
 
       {F::act_gear, "act_gear", &M::act_gear, I::actuator, 6, shared, [](S const& s) { return numbers(s.m.act_gear); }},
@@ -245,6 +251,10 @@ std::span<FieldRow<M> const> field_table() {
       {F::act_cranklength, "act_cranklength", &M::act_cranklength, I::actuator, 1, shared,
        [](S const& s) { return numbers(s.m.act_cranklength); }},
       {F::act_acc0, "act_acc0", &M::act_acc0, I::actuator, 1, follows, [](S const& s) { return numbers(s.m.act_acc0); }},
+
+      {F::eq_data, "eq_data", &M::eq_data, I::equality, 11, per_world, [](S const& s) { return numbers(s.m.eq_data); }},
+      {F::eq_solref, "eq_solref", &M::eq_solref, I::equality, 2, per_world, [](S const& s) { return numbers(s.m.eq_solref); }},
+      {F::eq_solimp, "eq_solimp", &M::eq_solimp, I::equality, 5, per_world, [](S const& s) { return numbers(s.m.eq_solimp); }},
 
       // of the smooth dynamics: tendons that wrap round geoms, fluid forces
       {F::geom_pos, "geom_pos", &M::geom_pos, I::geom, 3, decides, [](S const& s) { return numbers(s.m.geom_pos); }},
@@ -288,6 +298,8 @@ int count(M const& model, ModelItem item) {
       return model.ntendon;
     case ModelItem::actuator:
       return model.nu;
+    case ModelItem::equality:
+      return model.neq;
     case ModelItem::geom:
       return model.ngeom;
     case ModelItem::site:

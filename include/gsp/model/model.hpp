@@ -46,9 +46,10 @@ struct Model {
   Profile profile = Profile::stable;
   R timestep = R(0.002);
   Integrator integrator = Integrator::euler;
-  int na = 0, ngeom = 0, nsite = 0, ncam = 0, nmocap = 0;
+  int na = 0, ngeom = 0, nsite = 0, ncam = 0, nmocap = 0, neq = 0;
   bool damped = false;  // any joint damping
   bool eulerdamp = true, springs = true, dampers = true, actuation = true, clampctrl = true, constraints = true;
+  bool equalities = true, refsafe = true;             // equality constraints act; time constants are at least two timesteps
   bool poly_stiffness = false, poly_damping = false;  // any polynomial spring or damper, of joints or tendons
   R density = R(0), viscosity = R(0);                 // of the medium [kg/m^3, Pa s]
 
@@ -74,6 +75,8 @@ struct Model {
   Field<R> dof_frictionloss, dof_invweight0, dof_solref, dof_solimp;                       // (nv, 1 | 1 | 2 | 5) friction loss
   Field<R> tendon_range, tendon_margin, tendon_invweight0, tendon_solref, tendon_solimp;   // (ntendon, 2 | 1 | 1 | 2 | 5) limits
   Field<R> tendon_frictionloss, tendon_friction_solref, tendon_friction_solimp;            // (ntendon, 1 | 2 | 5)
+  Field<R> tendon_length0;                                                                 // (ntendon) in qpos0 [m]
+  Field<R> eq_data, eq_solref, eq_solimp;                                                  // (neq, 11 | 2 | 5), equality.hpp
   Field<R> act_gear, act_gain, act_bias, act_dyn;                                          // (nu, 6 | 10 | 10 | 10)
   Field<R> act_ctrlrange, act_forcerange, act_actrange;                                    // (nu, 2) +-infinity where not limited
   Field<R> act_lengthrange, act_acc0, act_cranklength;                                     // (nu, 2 | 1 | 1)
@@ -94,6 +97,8 @@ struct Model {
   Array<int> limited_joints, friction_dofs, limited_tendons, friction_tendons;  // world indices
   Array<int> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr;                       // (njnt)
   Array<int> tendon_termadr, term_jnt;                                          // (ntendon + 1), (nterm)
+  Array<int> tendon_tree, tendon_place;                                         // (ntendon) its tree, -1: none; its place there
+  Array<int> eq_type, eq_id1, eq_id2, eq_sites, eq_active0;                     // (neq) as CompiledModel has them
   Array<int> body_last_dof;                                                     // (nbody) the dof that moves it last, -1 static
   Array<int> dof_tree;                                                          // (nv)
   Array<int> body_tree;                                                         // (nbody), -1 static

@@ -23,6 +23,7 @@ struct State {
   View<R**> act;                // (world, na) activations of actuators with dynamics
   View<R***> mocap_pos;         // (world, nmocap, 3) [m] of the bodies that the user moves
   View<R***> mocap_quat;        // (world, nmocap, 4) w x y z, normalised where they are read
+  View<int**> eq_active;        // (world, neq) not 0: this equality constraint acts
   View<R**> qfrc_applied;       // (world, nv) [N, N m]
   View<std::int64_t*> steps;    // (world) steps done; time = steps * timestep
   View<std::uint32_t*> status;  // (world) bits of core/status.hpp; 0: all is well. A world that is not finite is no longer stepped
@@ -51,10 +52,10 @@ void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, M
     expects(int(mask.extent(0)) == state.worlds, "gsp::reset: the mask has " + std::to_string(mask.extent(0)) + " worlds and the state " +
                                                      std::to_string(state.worlds) + ": make them equal");
   detail::moves_on(state);
-  int const items = std::max({model.nq, model.nv, model.na, model.nu, model.nmocap, 1});
+  int const items = std::max({model.nq, model.nv, model.na, model.nu, model.nmocap, model.neq, 1});
   Kokkos::parallel_for("gsp::model::reset",
                        Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(state.worlds) * items),
-                       detail::ResetWorlds<R, Mem, Mask>{state, from, model.qpos0, model.mocap_pose0, mask, items});
+                       detail::ResetWorlds<R, Mem, Mask>{state, from, model.qpos0, model.mocap_pose0, model.eq_active0, mask, items});
 }
 
 /// All worlds back to the model's initial positions, at rest, without activation, time 0.

@@ -16,7 +16,7 @@ struct AllWorlds {
 };
 
 /// Gives each of `worlds` worlds its own values of these fields, at first the shared ones. Fields that masses and geometry decide
-/// (body_invweight0, dof_invweight0, dof_M0, tendon_invweight0, act_acc0) come along with what they follow from.
+/// (body_invweight0, dof_invweight0, dof_M0, tendon_invweight0, tendon_length0, act_acc0) come along with what they follow from.
 /// Call it before make_dynamics and make_simulation, whose layout depends on what is there: what was zero for all may now be more, and then
 /// dynamics that were made before are refused. The model keeps the memory; copies of it made before keep theirs. A field that you have
 /// pointed at an array of your own stays there. Kernels read a field that is per world by a gather; the others stay as they are. Allocates;

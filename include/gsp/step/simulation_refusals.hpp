@@ -14,20 +14,7 @@ struct RefusalOptions {
 inline std::vector<std::string> simulation_refusals(CompiledModel const& m, RefusalOptions options = {}) {
   auto out = model_refusals(m);
   auto const& o = m.option;
-  for (int t = 0; t < m.ntendon && o.constraint; ++t) {
-    bool const limit = o.limit && m.tendon_limited[t];
-    bool const friction = o.frictionloss && m.tendon_frictionloss[t] > 0;
-    if (detail::item_or(m.tendon_wrapnum, t, 0) > 0 && (limit || friction))
-      out.push_back("tendon '" + m.tendon_name[t] + "' is spatial and has " + (limit ? "a limit" : "dry friction") +
-                    ", which the constraint rows do not cover yet: remove it, or disable " +
-                    (limit ? "limits (<flag limit=\"disable\"/>)" : "dry friction (<flag frictionloss=\"disable\"/>)"));
-  }
   if (options.approximate) return out;
-  for (int e = 0; e < m.neq && o.constraint && o.equality; ++e)
-    if (m.eq_active[e])
-      out.push_back("equality constraint '" + m.eq_name[e] +
-                    "' is active, and the constraint rows do not cover equalities yet: set active=\"false\", disable them (<flag "
-                    "equality=\"disable\"/>), or say --approximate (SimulationOptions::approximate), which leaves them out");
   if (options.profile != Profile::mujoco) return out;
   if (o.integrator == Integrator::rk4 && o.constraint)
     out.push_back(

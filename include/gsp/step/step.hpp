@@ -2,6 +2,7 @@
 #include <gsp/collision/contacts.hpp>
 #include <gsp/constraint/assemble.hpp>
 #include <gsp/constraint/contact_rows.hpp>
+#include <gsp/constraint/equality.hpp>
 #include <gsp/constraint/joint_friction.hpp>
 #include <gsp/constraint/joint_limit.hpp>
 #include <gsp/constraint/tendon.hpp>
@@ -31,12 +32,12 @@ struct Simulation {
 
 /// The constraint types of MJCF, in the order of their rows.
 template <class R, class Mem>
-using ModelConstraints =
-    ConstraintList<JointFriction<R, Mem>, TendonFriction<R, Mem>, JointLimits<R, Mem>, TendonLimits<R, Mem>, ContactRows<R, Mem>>;
+using ModelConstraints = ConstraintList<Equalities<R, Mem>, JointFriction<R, Mem>, TendonFriction<R, Mem>, JointLimits<R, Mem>,
+                                        TendonLimits<R, Mem>, ContactRows<R, Mem>>;
 
 struct SimulationOptions {
   int worlds = 1;
-  bool approximate = false;  // equalities are left out; profile mujoco: rigid friction stands in for the soft one, and Euler for RK4
+  bool approximate = false;  // profile mujoco: rigid friction stands in for the soft one, and Euler for RK4
   FrictionCone cone = FrictionCone::elliptic;
 };
 
@@ -66,8 +67,7 @@ bool has_runge_kutta(Model<R, Mem> const& model) {
 }  // namespace detail
 
 /// Buffers for stepping `worlds` worlds of `model`, which was made from `compiled`. Allocates.
-/// Errors: gsp::Error where profile `mujoco` is asked for what it does not cover yet (friction cones, integrator RK4 with constraints), and
-/// in all profiles for active equality constraints (unless approximate), and limits and dry friction of spatial tendons.
+/// Errors: gsp::Error where profile `mujoco` is asked for what it does not cover yet (friction cones, integrator RK4 with constraints).
 template <class R, ExecutionSpace Exec, class Mem>
 Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
                                    SimulationOptions options = {}) {
@@ -117,7 +117,8 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   collide(exec, sim.collision, sim.poses, sim.contacts);
   auto const list = std::apply(
       [&](auto const&... type) {
-        return constraints(JointFriction(model), TendonFriction(model), JointLimits(model, state), TendonLimits(model, state),
+        return constraints(Equalities(model, state, sim.poses, sim.dynamics), JointFriction(model), TendonFriction(model, sim.dynamics),
+                           JointLimits(model, state), TendonLimits(model, sim.dynamics),
                            ContactRows(model, sim.collision, sim.contacts, sim.cone), type...);
       },
       types);

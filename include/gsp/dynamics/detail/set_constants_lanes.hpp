@@ -48,7 +48,7 @@ KOKKOS_INLINE_FUNCTION auto lanes_row_weight(L const& l, int x) {
 
 template <class R, class Mem, class Mask>
 struct ConstantsStage {
-  R *body_invweight0, *dof_invweight0, *dof_M0, *tendon_invweight0, *act_acc0;
+  R *body_invweight0, *dof_invweight0, *dof_M0, *tendon_invweight0, *tendon_length0, *act_acc0;
   Mask mask;
 
   template <class L, class T>
@@ -136,6 +136,7 @@ struct ConstantsStage {
       lanes_for_tendon_arm(l, k, [&](int dof, T const& J) { s[x + dof] = s[x + dof] + J; });
       l.listed_items(a.instance_tendon, a.ntendon, k, item);
       put(l, tendon_invweight0, m.ntendon, item, 0, lanes_row_weight(l, x));
+      put(l, tendon_length0, m.ntendon, item, 0, s[l.at.tendon_length + k]);
     }
     for (int k = 0; k < a.nact; ++k) lanes_transmission(l, start, k);
     for (int k = 0; k < a.nact; ++k) {

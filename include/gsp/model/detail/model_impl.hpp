@@ -56,6 +56,7 @@ void fill_options(Model<R, Mem>& d, FieldSource const& source, ModelOptions cons
   d.nsite = m.nsite;
   d.ncam = m.ncam;
   d.nmocap = m.nmocap;
+  d.neq = m.neq;
   expects(options.timestep >= 0, "gsp::make_model: timestep must be positive, or 0 for the model's own");
   d.profile = options.profile;
   d.timestep = R(options.timestep > 0 ? options.timestep : m.option.timestep);
@@ -65,6 +66,8 @@ void fill_options(Model<R, Mem>& d, FieldSource const& source, ModelOptions cons
   d.actuation = m.option.actuation;
   d.clampctrl = m.option.clampctrl;
   d.constraints = m.option.constraint;
+  d.equalities = m.option.constraint && m.option.equality;
+  d.refsafe = m.option.refsafe;
 
   d.integrator = m.option.integrator;
   d.density = R(m.option.density);
@@ -97,7 +100,8 @@ void fill_fields(ModelPools<R, Mem>& pool, Model<R, Mem> const& d, FieldSource c
 
 /// World indices of what is in trees.
 struct TreeLists {
-  std::vector<int> tree_archetype, tree_instance, tree_body, tree_dof, tree_dofnum, body_tree, body_root, dof_tree;
+  std::vector<int> tree_archetype, tree_instance, tree_body, tree_dof, tree_dofnum, body_tree, body_root, dof_tree, tendon_tree,
+      tendon_place;
 };
 /// True where joints move one another in the tree and nothing damps one of them: no damping, no servo, no dry friction. Explicit bias
 /// forces make energy at the rate h w^2, which nothing would take there. A question of what is zero, so that worlds with values of their
@@ -137,7 +141,9 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
                   of_trees,
                   std::vector<int>(m.nbody, -1),
                   std::vector<int>(m.nbody, 0),
-                  std::vector<int>(m.nv)};
+                  std::vector<int>(m.nv),
+                  std::vector<int>(m.ntendon, -1),
+                  std::vector<int>(m.ntendon, -1)};
   bool const gravity = m.option.gravity_on && (m.option.gravity != Double3{}), passive = d.springs || d.dampers;
   for (int k = 0; k < int(trees.size()); ++k) {
     auto const& t = trees[k];
@@ -208,6 +214,10 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
           a.gravcomp |= passive && gravity && item_or(m.body_gravcomp, s.bodyadr + b, 0.) != 0;
         }
       for (int j = 0; j < a.nv; ++j) lists.dof_tree[s.dofadr + j] = s.tree;
+      for (int e = 0; e < a.ntendon; ++e) {
+        lists.tendon_tree[s.tendon[e]] = s.tree;
+        lists.tendon_place[s.tendon[e]] = e;
+      }
       for (int e : s.tendon) {
         a.tendon_armature |= source.tendon_armature[e] != 0;
         a.tendon_clamped |= item_or(m.tendon_actfrclimited, e, 0) != 0;
@@ -273,6 +283,13 @@ void fill_lists(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& s
   pool.add(&M::jnt_dofadr, m.jnt_dofadr);
   pool.add(&M::tendon_termadr, termadr);
   pool.add(&M::term_jnt, m.term_jnt);
+  pool.add(&M::tendon_tree, trees.tendon_tree);
+  pool.add(&M::tendon_place, trees.tendon_place);
+  pool.add(&M::eq_type, m.eq_type);
+  pool.add(&M::eq_id1, m.eq_id1);
+  pool.add(&M::eq_id2, m.eq_id2);
+  pool.add(&M::eq_sites, m.eq_sites);
+  pool.add(&M::eq_active0, m.eq_active);
   pool.add(&M::body_last_dof, last_dof);
   pool.add(&M::dof_tree, trees.dof_tree);
   pool.add(&M::body_tree, trees.body_tree);

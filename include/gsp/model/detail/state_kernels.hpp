@@ -31,6 +31,7 @@ void expects_fit(char const* where, Model<R, Mem> const& model, State<R, Mem> co
   fits(s.act, model.na, "act");
   fits(s.mocap_pos, model.nmocap, "mocap_pos");
   fits(s.mocap_quat, model.nmocap, "mocap_quat");
+  fits(s.eq_active, model.neq, "eq_active");
   fits(s.qfrc_applied, model.nv, "qfrc_applied");
   if (int(s.steps.extent(0)) != s.worlds || int(s.status.extent(0)) != s.worlds)
     throw std::invalid_argument(std::string(where) + ": state.steps and state.status must have " + std::to_string(s.worlds) +
@@ -45,6 +46,7 @@ struct ResetWorlds {
   State<R, Mem> state, from;
   Field<R> qpos0;
   decltype(Model<R, Mem>::mocap_pose0) mocap_pose0;
+  typename Model<R, Mem>::template Array<int> eq_active0;
   Mask mask;
   int items;  // of the longest array
   KOKKOS_FUNCTION void operator()(std::int64_t at) const {
@@ -61,6 +63,7 @@ struct ResetWorlds {
     }
     if (i < int(state.act.extent(1))) state.act(w, i) = given ? from.act(start, i) : R(0);
     if (i < int(state.ctrl.extent(1))) state.ctrl(w, i) = given ? from.ctrl(start, i) : R(0);
+    if (i < int(state.eq_active.extent(1))) state.eq_active(w, i) = given ? from.eq_active(start, i) : eq_active0(i);
     if (i < int(state.mocap_pos.extent(1))) {
       for (int c = 0; c < 3; ++c) state.mocap_pos(w, i, c) = given ? from.mocap_pos(start, i, c) : mocap_pose0(7 * i + c);
       for (int c = 0; c < 4; ++c) state.mocap_quat(w, i, c) = given ? from.mocap_quat(start, i, c) : mocap_pose0(7 * i + 3 + c);
@@ -84,6 +87,7 @@ void allocate_state(Model<R, Mem> const& model, int worlds, State<R, Mem>& s) {
   s.mocap_pos = allocate<typename S::template View<R***>>("gsp::State::mocap_pos", worlds, model.nmocap, 3);
   s.mocap_quat = allocate<typename S::template View<R***>>("gsp::State::mocap_quat", worlds, model.nmocap, 4);
   s.ctrl = view("gsp::State::ctrl", model.nu);
+  s.eq_active = allocate<typename S::template View<int**>>("gsp::State::eq_active", worlds, model.neq);
   s.qfrc_applied = view("gsp::State::qfrc_applied", model.nv);
   s.steps = allocate<typename S::template View<std::int64_t*>>("gsp::State::steps", worlds);
   s.status = allocate<typename S::template View<std::uint32_t*>>("gsp::State::status", worlds);
