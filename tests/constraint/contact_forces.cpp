@@ -172,6 +172,16 @@ TEST_CASE_TEMPLATE("rows are not made of contacts of another moment", Exec, GSP_
   CHECK(refused().find(before) == 0);
   s.collide();
   CHECK(refused().empty());
+  // pools that grow lose what they held
+  auto const large = s.sim.contacts;
+  s.sim.contacts = gsp::make_contacts(s.exec, s.sim.collision,
+                                      {.worlds = s.worlds, .candidates_per_world = 1, .points_per_world = 1, .contacts_per_world = 1});
+  s.collide();
+  CHECK(gsp::grow(s.exec, s.sim.contacts));
+  CHECK(refused() == "gsp::assemble: the contacts were lost when their pools grew: call collide again");
+  s.collide();
+  CHECK(refused().empty());
+  s.sim.contacts = large;
   gsp::reset(s.exec, s.model, s.state);
   s.smooth();
   CHECK(refused().find(before) == 0);

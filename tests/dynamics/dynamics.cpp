@@ -68,7 +68,8 @@ TEST_CASE("as many items as the contract says") {
   REQUIRE(model.narchetype == 1);
   gsp::Archetype const& a = model.host_archetypes(0);
   REQUIRE(a.nact == 0);
-  int const of_its_own = 3 * a.nroot + 5;  // centres of mass; spin and energies
-  CHECK(gsp::DynamicsLayout(a).size == 35 * a.nbody + 17 * a.nv + 6 * a.njnt + 2 * a.nM + of_its_own);
+  REQUIRE(a.gyroscopic);                   // nothing damps it
+  int const of_its_own = 3 * a.nroot + 8;  // centres of mass; spin, its centre, and energies
+  CHECK(gsp::DynamicsLayout(a).size == (35 + 12) * a.nbody + (17 + 7) * a.nv + 6 * a.njnt + (2 + 4) * a.nM + of_its_own);
   CHECK_THROWS_AS((void)gsp::make_dynamics(Exec(), model, {.worlds = 0}), std::invalid_argument);
 }

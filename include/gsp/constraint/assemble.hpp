@@ -85,6 +85,8 @@ void expects_inputs_of(ConstraintList<Head, Tail...> const& types, State const& 
     if (types.head.reads_tendons()) expects_of("gsp::assemble", types.head, state, set_of(Quantity::tendon_length));
   if constexpr (requires { types.head.contacts.stamp().made; })
     if (auto const& contacts = types.head.contacts; contacts.stamp.data()) {
+      if (contacts.stamp().lost)
+        throw std::invalid_argument("gsp::assemble: the contacts were lost when their pools grew: call collide again");
       Stamp const& found = contacts.stamp().poses;
       if (found.qpos && !found.is_of(state))
         throw std::invalid_argument(std::string("gsp::assemble: the contacts ") + found.fault(state.qpos.data()) +

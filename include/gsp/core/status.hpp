@@ -11,7 +11,7 @@ inline constexpr std::uint32_t row_overflow = 1u << 1;
 inline constexpr std::uint32_t not_finite = 1u << 2;
 inline constexpr std::uint32_t row_refused = 1u << 3;
 inline constexpr std::uint32_t unbounded = 1u << 4;
-/// Bits with which a world stays as it is, until somebody clears them.
+/// Bits with which a world stays as it is, until somebody clears them (row_refused: until the rows are right).
 inline constexpr std::uint32_t stopped = not_finite | row_refused | unbounded;
 
 /// What the bits mean, for people.

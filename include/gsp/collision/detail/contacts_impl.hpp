@@ -74,7 +74,10 @@ bool grow(Exec const& exec, Contacts<R, Mem>& contacts) {
   std::int64_t const candidates = more(d.candidates, contacts.scratch.candidates.extent(0)),
                      points = more(d.points, contacts.scratch.points.extent(0));
   detail::allocate_contacts(contacts, candidates, points, more(d.contacts, contacts.dist.extent(0)));
-  if (contacts.stamp.data()) contacts.stamp().made = detail::next_moment();
+  if (contacts.stamp.data()) {
+    contacts.stamp().made = detail::next_moment();
+    contacts.stamp().lost = true;
+  }
   return true;
 }
 

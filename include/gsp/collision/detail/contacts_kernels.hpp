@@ -35,6 +35,7 @@ struct ContactScratch {
 struct ContactsStamp {
   Stamp poses;             // what they were found at
   std::uint64_t made = 0;  // which call has written them; 0: none of gsp
+  bool lost = false;       // their pools have grown since
 };
 
 /// Counts the candidates of the items before, then writes this item's.
