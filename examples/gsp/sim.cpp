@@ -161,7 +161,7 @@ Command sim_command() {
        {"--ctrl", "F.npy", "controls (K,nu) or (K,N,nu), one row a step; without it those of the keyframe, else 0"},
        {"--iterations", "I", "most sweeps of the solver a step; without it the library's default"},
        {"--tolerance", "T",
-        "a world stops to sweep when no rate changes by more than T times what gravity does in a step, 1e-3; 0: after all sweeps"},
+        "a world stops to sweep when no rate changes by more than T times what gravity does in a step, 1e-4; 0: after all sweeps"},
        {"--cone", "box|elliptic", "friction along the two tangents: each by itself, or together in a disc (without the option)"},
        {"--disable", "LIST", "of constraint, contact, limit, equality, friction (of joints and tendons), with commas: left out"},
        {"--profile", "mujoco|stable",

@@ -13,7 +13,7 @@ struct StepperOptions {
   bool mujoco = false;               // profile mujoco instead of stable
   bool approximate = false;          // SimulationOptions::approximate
   int iterations = 0;                // most sweeps of the solver, 0: the library's default
-  double tolerance = 1e-3;           // PgsOptions::tolerance
+  double tolerance = 1e-4;           // PgsOptions::tolerance
   bool box_friction = false;         // FrictionCone::box instead of elliptic
 };
 

@@ -8,7 +8,7 @@ struct PgsOptions {
   int least = 4;         // and at least: a world that stopped before it swept would keep a velocity below the tolerance for ever
   // A world stops when no row changed its rate in a sweep by more than this times what gravity does in a step (Rows::rate_scale); 0: after
   // all sweeps.
-  float tolerance = 1e-3f;
+  float tolerance = 1e-4f;
   float relaxation = 1;
   // By Anderson's method with two differences (detail/anderson.hpp): half of the sweeps in stacks and heaps, and less. Not for strong
   // friction: where sweeps alone wander between solutions it leaps (docs/decisions/0011).
