@@ -1,7 +1,6 @@
 #pragma once
 #include <Kokkos_Core.hpp>
 #include <gsp/math/scalar.hpp>
-#include <limits>
 
 /// Anderson acceleration of a fixed-point iteration p -> G(p), here a sweep, with the last two differences (Walker and Ni 2011, type II):
 ///   f = W (G(p) - p),   df = f - f',   dg = G(p) - G(p')        (' : of the sweep before)
@@ -28,7 +27,7 @@ template <class R, class T, class M>
 KOKKOS_INLINE_FUNCTION void anderson_weights(AndersonProducts<T> const& s, M const& two, T& gamma1, T& gamma2) {
   T const zero(R(0)), one(R(1));
   T const c = select(two, s.df2_df2, zero), b = select(two, s.df1_df2, zero), r2 = select(two, s.df2_f, zero);
-  T const least = (s.df1_df1 + c) * T(max(R(1e-10), R(4) * std::numeric_limits<R>::epsilon()));
+  T const least = (s.df1_df1 + c) * T(max(R(1e-10), R(4) * Kokkos::Experimental::epsilon_v<R>));
   T const a1 = s.df1_df1 + least, a2 = select(two, c + least, one), det = a1 * a2 - b * b;
   auto const sound = det > zero;
   T const inverse = one / select(sound, det, one);
