@@ -71,7 +71,7 @@ int main(int argc, char** argv) {
     // the call includes taking the rows into lockstep; ten sweeps alone are the difference of eleven and one. Tolerance 0: calls start from
     // the impulses of those before, which would stop early
     auto const measure = [&](int sweeps) {
-      return gsp_bench::measure(exec, [&] { gsp::pgs(exec, rows, impulses, solution, progress, {.iterations = sweeps, .tolerance = 0, .accelerate = false}); });
+      return gsp_bench::measure(exec, [&] { gsp::pgs(exec, rows, impulses, solution, progress, {.iterations = sweeps, .tolerance = 0}); });
     };
     for (int i = 0; i < 3; ++i) {
       auto const one = measure(1), ten = measure(10), eleven = measure(11);

@@ -129,13 +129,10 @@ class Arguments {
   }
   /// least < value <= most
   double real(std::string const& name, double otherwise, double above, double most) const {
-    if (!has(name)) return otherwise;
-    std::string const& t = given_.at(name).front();
-    double value = 0;
-    auto const [end, error] = std::from_chars(t.data(), t.data() + t.size(), value);
-    if (error != std::errc{} || end != t.data() + t.size() || !std::isfinite(value) || value <= above || value > most)
-      fail(name + " is " + in_quotes(t) + "; give a number above " + short_number(above) + " and up to " + short_number(most));
-    return value;
+    return number(name, otherwise, above, most, false);
+  }
+  double real_from(std::string const& name, double otherwise, double least, double most) const {
+    return number(name, otherwise, least, most, true);
   }
   std::string choice(std::string const& name, std::vector<std::string> const& choices, std::string const& otherwise) const {
     if (!has(name)) return otherwise;
@@ -167,6 +164,17 @@ class Arguments {
   [[noreturn]] void fail(std::string const& sentence) const { throw Error(command_->name + ": " + sentence); }
 
  private:
+  double number(std::string const& name, double otherwise, double least, double most, bool inclusive) const {
+    if (!has(name)) return otherwise;
+    std::string const& t = given_.at(name).front();
+    double value = 0;
+    auto const [end, error] = std::from_chars(t.data(), t.data() + t.size(), value);
+    if (error != std::errc{} || end != t.data() + t.size() || !std::isfinite(value) || value < least || (value == least && !inclusive) ||
+        value > most)
+      fail(name + " is " + in_quotes(t) + "; give a number " + (inclusive ? "from " : "above ") + short_number(least) +
+           (inclusive ? " to " : " and up to ") + short_number(most));
+    return value;
+  }
   void check_choice(std::string const& name, std::string const& t, std::vector<std::string> const& choices) const {
     if (std::find(choices.begin(), choices.end(), t) != choices.end()) return;
     std::string names;

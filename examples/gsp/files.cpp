@@ -9,6 +9,7 @@
 #include <gsp/io/splats.hpp>
 #include <gsp/io/urdf.hpp>
 #include <gsp/model/compile.hpp>
+#include <map>
 
 namespace gsp_cli {
 
@@ -17,7 +18,7 @@ using gsp::io::detail::fail;
 Option skip_visuals_option() { return {"--skip-visuals", "", "leave out visual geoms whose meshes are not read (colliding ones never)"}; }
 Option approximate_option() {
   return {"--approximate", "",
-          "leave out equality constraints and let rigid friction stand in for profile mujoco's cones, instead of refusing the model"};
+          "profile mujoco: rigid friction stands in for cones, Euler for RK4 with constraints, instead of refusing the model"};
 }
 Option floating_base_option() {
   return {"--floating-base", "", "the root link of a URDF file moves freely (else it is fixed to the world)"};
@@ -30,13 +31,14 @@ Option package_option() {
 gsp::CompiledModel load_model(std::string const& path, Arguments const& arguments) {
   auto description = describe_model(path, arguments, false);
   auto& o = description.option;
-  for (auto const& what : arguments.list("--disable", {"constraint", "contact", "limit", "equality", "friction"}, {})) {
-    if (what == "constraint") o.constraint = false;
-    if (what == "contact") o.contact = false;
-    if (what == "limit") o.limit = false;
-    if (what == "equality") o.equality = false;
-    if (what == "friction") o.frictionloss = false;
-  }
+  std::map<std::string, bool*> const flags{{"constraint", &o.constraint},
+                                           {"contact", &o.contact},
+                                           {"limit", &o.limit},
+                                           {"equality", &o.equality},
+                                           {"friction", &o.frictionloss}};
+  std::vector<std::string> names;
+  for (auto const& [name, flag] : flags) names.push_back(name);
+  for (auto const& name : arguments.list("--disable", names, {})) *flags.at(name) = false;
   return compile_model(description, arguments.has("--approximate"));
 }
 gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals) {

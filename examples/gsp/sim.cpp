@@ -18,7 +18,7 @@ int run(Arguments const& a) {
   options.worlds = static_cast<int>(a.integer("--worlds", 1, 1, 1 << 24));
   options.timestep = a.real("--timestep", 0, 0, 10);
   options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
-  options.tolerance = a.text("--tolerance") == "0" ? 0 : a.real("--tolerance", options.tolerance, 0, 1);
+  options.tolerance = a.real_from("--tolerance", options.tolerance, 0, 1);
   options.box_friction = a.choice("--cone", {"box", "elliptic"}, "elliptic") == "box";
   options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco";
   options.approximate = a.has("--approximate");

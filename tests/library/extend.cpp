@@ -296,7 +296,7 @@ TEST_CASE_TEMPLATE("a constraint from outside", Exec, GSP_TEST_EXECS) {
   auto const sweeps = [&](gsp::Impulses<double, Mem>& start) {
     gsp::smooth_dynamics(exec, model, state, poses, dynamics);
     gsp::assemble(exec, model, state, dynamics, gsp::constraints(ropes), rows, start, progress);
-    gsp::pgs(exec, rows, start, solution, progress, {.least = 1, .tolerance = 1e-5f, .accelerate = false});
+    gsp::pgs(exec, rows, start, solution, progress, {.least = 1, .tolerance = 1e-5f});
     return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, solution.iterations)(worlds - 1);
   };
   auto cold = gsp::make_impulses(exec, rows);

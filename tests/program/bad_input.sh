@@ -114,6 +114,7 @@ done
 refused "mesh.xml" -- sim mesh.xml
 refused "is not a regular file" -- sim .
 refused "no keyframe 'upright'" "tilted" -- sim cart.xml --keyframe upright
+refused "--tolerance is '-1'" "from 0 to 1" -- sim cart.xml --tolerance -1
 refused "no keyframe '1'" -- sim cart.xml --keyframe 1
 refused "cart.xml: " "condim 3" "--approximate" -- sim cart.xml --profile mujoco
 for command in sim info; do

@@ -22,12 +22,11 @@ struct Impulses {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0;
-  View<R*> p[2];                        // (capacity) [N s], beside Rows::row
-  View<std::uint64_t*> id[2];           // (capacity) place of the type, identity of the element
-  View<R* [8]> history;                 // (capacity) what the solver keeps of a row between sweeps (solver/detail/anderson.hpp)
-  View<int*> first[2], count[2];        // (worlds) where a world's lie
-  View<std::uint32_t* [2]> type_names;  // (types, parity) name of the type at each place; 0 after the last
-  View<int> parity, solved;             // side of this step; whether it has been solved for
+  View<R*> p[2];                                     // (capacity) [N s], beside Rows::row
+  View<std::uint64_t*> id[2];                        // (capacity) place of the type, identity of the element
+  View<int*> first[2], count[2];                     // (worlds) where a world's lie
+  View<std::uint32_t* [2]> type_names;               // (types, parity) name of the type at each place; 0 after the last
+  View<int> parity, solved;                          // side of this step; whether it has been solved for
   detail::SharedStamp<detail::ImpulsesStamp> stamp;  // host: which rows they are for (dynamics/stamps.hpp)
 
   KOKKOS_INLINE_FUNCTION int capacity() const { return int(p[0].extent(0)); }
@@ -40,7 +39,6 @@ void allocate_impulses(Exec const& exec, Impulses<R, Mem>& i, std::int64_t rows)
     enlarge(exec, i.p[side], "gsp::Impulses::p", rows);
     enlarge(exec, i.id[side], "gsp::Impulses::id", rows);
   }
-  enlarge(exec, i.history, "gsp::Impulses::history", rows);
 }
 
 /// A number for the type itself, the same wherever it stands in a list (FNV-1a of its name). Never 0.

@@ -8,11 +8,14 @@ namespace gsp {
 /// Projected Gauss-Seidel over whitened rows (paper, eq. 6-8), element by element.
 ///   w = Y z + C p + b,   z = sum Y^T p,   lo <= p <= hi,   w complementary to the bounds
 ///   b = J v^ - zeta, so that Y z + b + C p = J v+ + C p - zeta vanishes where p is inside of its bounds.
+/// Two rows of friction together (RowBounds::with_next) lie in an ellipse instead, and slide against the slip.
 /// An element: its rows' rates w from z, project_element (solver/project_element.hpp), z <- z + sum Y^T dp.
 /// @param rows       what `assemble` wrote
 /// @param impulses   in: start (warm: those of the last step); out: the solution [N s, N m s]
 /// @param solution   z (world, nv), residual, iterations (world): out
 /// @param progress   nothing happens while progress.halt is set
+/// @param options    a world stops by itself: at a share of what gravity does in a step, after so many sweeps at least and at most
+/// Errors: std::invalid_argument for sizes of different models or worlds, and for iterations < 1.
 /// On a CPU, worlds of at most 128 rows, in elements of at most three, in models of at most 128 dofs go in lockstep, a pack at a time;
 /// larger ones, and on a GPU all, over sparse rows. Cost 4 entries iterations flop a world. A world's result depends on nothing but its own
 /// rows. Does not allocate, does not fence.

@@ -1,6 +1,5 @@
 #pragma once
 #include <gsp/constraint/rows.hpp>
-#include <gsp/solver/detail/anderson.hpp>
 
 namespace gsp {
 
@@ -13,7 +12,6 @@ struct Solution {
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0, nv = 0;
   View<R**> z;                // (world, nv) whitened sum of impulses, Y^T p
-  View<R** [3]> history;      // (world, nv) of z between sweeps (detail/anderson.hpp)
   View<R**> qfrc_constraint;  // (world, nv) J^T p / h, written by `integrate` [N, N m]
   View<R*> residual;          // (worlds) largest violation after the last sweep [m/s, rad/s] (pgs.hpp), where it was asked for
   View<int*> iterations;      // (worlds) sweeps done
@@ -36,10 +34,9 @@ template <class Rows>
 KOKKOS_INLINE_FUNCTION bool goes_in_lockstep(Rows const& rows, int world) {
   return rows.count(world) <= lockstep_most_rows && rows.largest_element(world) <= lockstep_rows;
 }
-/// Packs that such worlds need: z, its history, and the entries, by whole groups of four dofs; the blocks, and the history of their rows.
+/// Packs that such worlds need: z and the entries by whole groups of four dofs, and the blocks.
 inline std::int64_t lockstep_packs(int nv) {
-  return std::int64_t(nv + 3) / 4 * 4 * (1 + History::dof_numbers + lockstep_most_blocks * lockstep_rows) +
-         lockstep_most_blocks * (lockstep_block_packs + lockstep_rows * History::row_numbers);
+  return std::int64_t(nv + 3) / 4 * 4 * (1 + lockstep_most_blocks * lockstep_rows) + lockstep_most_blocks * lockstep_block_packs;
 }
 }  // namespace detail
 
@@ -55,7 +52,6 @@ Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, Sol
   s.worlds = options.worlds;
   s.nv = model.nv;
   make(s.z, "gsp::Solution::z", s.worlds, s.nv);
-  make(s.history, "gsp::Solution::history", s.worlds, s.nv);
   make(s.qfrc_constraint, "gsp::Solution::qfrc_constraint", s.worlds, s.nv);
   make(s.residual, "gsp::Solution::residual", s.worlds);
   make(s.iterations, "gsp::Solution::iterations", s.worlds);

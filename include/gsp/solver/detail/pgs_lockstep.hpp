@@ -42,7 +42,7 @@ struct PgsLockstep {
   };
 
   [[gnu::noinline]] void operator()(int first, int thread) const {
-    int const w0 = first * W, nv = rows.nv, padded = (nv + 3) / 4 * 4, parity = impulses.parity();
+    int const w0 = first * W, nv = rows.nv, parity = impulses.parity();
     int count[W], most[2] = {};
     Places places[W];
     for (int l = 0; l < W; ++l) {
@@ -51,13 +51,11 @@ struct PgsLockstep {
       find_places(places[l], w0 + l, count[l], most);
     }
     T* const z = reinterpret_cast<T*>(solution.thread_items.data() + std::int64_t(thread) * solution.thread_stride);
-    T* const dofs = z + padded;
-    for (T* q = z; q != dofs; ++q) *q = T(R(0));
+    T* const behind = z + (nv + 3) / 4 * 4;
+    for (T* q = z; q != behind; ++q) *q = T(R(0));
     static_assert(sizeof(Block) <= lockstep_block_packs * sizeof(T));
-    T* const behind = dofs + padded * History::dof_numbers;
     Block* const block = reinterpret_cast<Block*>(behind);
-    T* const places_history = behind + lockstep_most_blocks * lockstep_block_packs;
-    T* Y = places_history + lockstep_most_blocks * B * History::row_numbers;
+    T* Y = behind + lockstep_most_blocks * lockstep_block_packs;
     int blocks = 0;
     for (int kind = 0; kind < 2; ++kind)
       for (int q = 0, each = B / places_of(kind); q * each < most[kind]; ++q, ++blocks) {
@@ -72,10 +70,8 @@ struct PgsLockstep {
     int sweeps[W] = {};
     Mask<R, W> active;
     for (int l = 0; l < W; ++l) active.set(l, count[l] > 0);
-    Mixing mixing{places_history, dofs, blocks * B, padded};
     for (int sweep = 0; sweep < options.iterations && any(active); ++sweep) {
       T change = zero;
-      if (options.accelerate) mixing.begin(sweep, block);
       for (int q = 0; q < blocks; ++q) {
         Block& k = block[q];
         T w[B], d[B], p[B];
@@ -98,11 +94,6 @@ struct PgsLockstep {
           ++sweeps[l];
           if (options.tolerance > 0 && sweep + 1 >= options.least && !(change[l] > tolerance[l])) active.set(l, false);
         }
-      if (options.accelerate && sweep + 1 < options.iterations && any(active)) mixing.accelerate(sweep, active, block, z);
-    }
-    if (options.accelerate) {  // combined as p is, z drifts from Y^T p by rounding
-      for (T* q = z; q != dofs; ++q) *q = zero;
-      for (int q = 0; q < blocks; ++q) push(block[q], z, block[q].p);
     }
     T worst = zero;
     for (int q = 0; options.residual && q < blocks; ++q) {
@@ -132,88 +123,6 @@ struct PgsLockstep {
 
  private:
   static constexpr int places_of(int kind) { return kind == 0 ? 1 : B; }
-
-  /// What is kept of the sweeps before, and the combination of them, each lane with weights of its own.
-  struct Mixing {
-    T *rows, *dofs;
-    int count, nv;
-    T best = T(R(0)), df1_df1 = T(R(0));
-    Mask<R, W> two_before = {};  // lanes that have a difference from the sweep before
-
-    T& row(int number, int place) const { return rows[place * History::row_numbers + number]; }
-    T& dof(int number, int i) const { return dofs[i * History::dof_numbers + number]; }
-
-    void begin(int sweep, Block const* block) const {
-      using H = History;
-      T const zero(R(0)), one(R(1));
-      for (int place = 0; place < count; ++place) {
-        Block const& k = block[place / B];
-        int const b = place % B;
-        if (sweep == 0) {
-          auto const movable = k.law.inverse_diagonal[b] > zero;
-          row(H::weight, place) = select(movable, one / sqrt(select(movable, k.law.inverse_diagonal[b], one)), zero);
-        }
-        row(H::before, place) = k.p[b];
-      }
-    }
-    /// After sweep `sweep`: p and z are what it has left, and become what the next one starts from, in the active lanes.
-    void accelerate(int sweep, Mask<R, W> const& active, Block* block, T* z) {
-      using H = History;
-      int const now = sweep % 2, old = 1 - now;  // places of the newest difference and of the one before
-      T const zero(R(0));
-      AndersonProducts<T> s{zero, zero, zero, zero, zero, df1_df1};
-      if (sweep == 0) {
-        for (int place = 0; place < count; ++place) {
-          T* const h = &row(0, place);
-          T const p = block[place / B].p[place % B], f = h[H::weight] * (p - h[H::before]);
-          s.ff = fma(f, f, s.ff);
-          h[H::f] = f;
-          h[H::g] = p;
-          h[H::df + old] = h[H::dg + old] = zero;
-        }
-        for (int i = 0; i < nv; ++i) {
-          dof(H::z, i) = z[i];
-          dof(H::dz + old, i) = zero;
-        }
-        best = s.ff;
-        for (int l = 0; l < W; ++l) two_before.set(l, false);
-        return;
-      }
-      for (int place = 0; place < count; ++place) {
-        T* const h = &row(0, place);
-        T const p = block[place / B].p[place % B], f = h[H::weight] * (p - h[H::before]), df = f - h[H::f], before = h[H::df + old];
-        s.ff = fma(f, f, s.ff);
-        s.df1_f = fma(df, f, s.df1_f);
-        s.df2_f = fma(before, f, s.df2_f);
-        s.df1_df1 = fma(df, df, s.df1_df1);
-        s.df1_df2 = fma(df, before, s.df1_df2);
-        h[H::df + now] = df;
-        h[H::dg + now] = p - h[H::g];
-        h[H::f] = f;
-        h[H::g] = p;
-      }
-      df1_df1 = s.df1_df1;
-      auto const worse = s.ff > T(R(4)) * best;  // what was learnt before is of another set of active rows
-      best = min(best, s.ff);
-      auto const two = two_before && !worse;
-      for (int l = 0; l < W; ++l) two_before.set(l, true);
-      T gamma1, gamma2;
-      anderson_weights<R>(s, two, gamma1, gamma2);
-      gamma1 = select(active, gamma1, zero);
-      gamma2 = select(active, gamma2, zero);
-      for (int place = 0; place < count; ++place) {
-        T const* const h = &row(0, place);
-        T& p = block[place / B].p[place % B];
-        p = p - fma(gamma1, h[H::dg + now], gamma2 * h[H::dg + old]);
-      }
-      for (int i = 0; i < nv; ++i) {
-        T* const h = &dof(0, i);
-        h[H::dz + now] = z[i] - h[H::z];
-        h[H::z] = z[i];
-        z[i] = z[i] - fma(gamma1, h[H::dz + now], gamma2 * h[H::dz + old]);
-      }
-    }
-  };
 
   void find_places(Places& places, int w, int count, int (&most)[2]) const {
     signed char const* const element_rows = rows.element_rows.data() + (count > 0 ? rows.first(w) : 0);

@@ -10,9 +10,6 @@ struct PgsOptions {
   // all sweeps.
   float tolerance = 1e-4f;
   float relaxation = 1;
-  // By Anderson's method with two differences (detail/anderson.hpp): half of the sweeps in stacks and heaps, and less. Not for strong
-  // friction: where sweeps alone wander between solutions it leaps (docs/decisions/0011).
-  bool accelerate = false;
   bool residual = false;  // also measure solution.residual after the last sweep, which is 0 otherwise
 };
 

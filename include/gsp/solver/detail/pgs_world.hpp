@@ -31,22 +31,16 @@ struct PgsWorld {
     if (lockstep && goes_in_lockstep(rows, w)) return;
     R* const z = solution.z.data() + std::int64_t(w) * rows.nv;
     R* const p = impulses.p[impulses.parity()].data() + first;
-    sum_up(world, first, count, p, z);
-    Mixing mixing{impulses.history.data() + std::int64_t(first) * H::row_numbers,
-                  solution.history.data() + std::int64_t(w) * rows.nv * H::dof_numbers, count, rows.nv};
+    world.each(rows.nv, [&](int i) { z[i] = R(0); });
+    for (int r = 0; r < count; ++r) {
+      world.sync();
+      if (p[r] != R(0)) push(world, rows.row(first + r), z, p[r]);
+    }
+    world.sync();
     R const tolerance = R(options.tolerance) * rows.rate_scale(w);
     int sweep = 0;
     for (bool again = count > 0; again; ++sweep) {
       R change(0);
-      if (options.accelerate)
-        world.each(count, [&](int r) {
-          if (sweep == 0) {
-            R const inverse = rows.row(first + r).inverse_diagonal;
-            mixing.row(H::weight, r) = inverse > R(0) ? R(1) / sqrt(inverse) : R(0);
-          }
-          mixing.row(H::before, r) = p[r];
-        });
-      world.sync();
       for (int kind = 0; kind < 2; ++kind)  // elements of one row first: the order of the lockstep (pgs_lockstep.hpp)
         for (int r = 0, n; r < count; r += n) {
           Row<R> const* const row = &rows.row(first + r);
@@ -59,11 +53,8 @@ struct PgsWorld {
           else
             change = max(change, sweep_element<N>(world, row, n, z, p + r));
         }
-      world.sync();
       again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
-      if (again && options.accelerate) mixing.accelerate(world, sweep, p, z);
     }
-    if (options.accelerate) sum_up(world, first, count, p, z);  // combined as p is, z drifts from Y^T p by rounding
     R worst(0);
     for (int r = 0; options.residual && r < count; r += rows.element_rows(first + r)) {
       ElementLaw<R, N> law;
@@ -78,74 +69,6 @@ struct PgsWorld {
   }
 
  private:
-  using H = History;
-  /// What is kept of the sweeps before, and the combination of them.
-  struct Mixing {
-    R *rows, *dofs;
-    int count, nv;
-    R best = R(0), df1_df1 = R(0);
-    int differences = 0;
-    KOKKOS_INLINE_FUNCTION R& row(int number, int r) const { return rows[std::int64_t(number) * count + r]; }
-    KOKKOS_INLINE_FUNCTION R& dof(int number, int i) const { return dofs[number * nv + i]; }
-
-    /// After sweep `sweep`: p and z are what it has left, and become what the next one starts from.
-    template <class World>
-    KOKKOS_INLINE_FUNCTION void accelerate(World const& world, int sweep, R* p, R* z) {
-      int const now = sweep % 2, old = 1 - now;  // places of the newest difference and of the one before
-      bool const any = sweep > 0;
-      world.each(count, [&](int r) {
-        R const f = row(H::weight, r) * (p[r] - row(H::before, r));
-        if (any) {
-          row(H::df + now, r) = f - row(H::f, r);
-          row(H::dg + now, r) = p[r] - row(H::g, r);
-        }
-        row(H::f, r) = f;
-        row(H::g, r) = p[r];
-      });
-      world.each(nv, [&](int i) {
-        if (any) dof(H::dz + now, i) = z[i] - dof(H::z, i);
-        dof(H::z, i) = z[i];
-      });
-      world.sync();
-      auto const product = [&](int a, int b) { return world.template sum<R>(count, [&](int r) { return row(a, r) * row(b, r); }); };
-      AndersonProducts<R> s{};
-      s.ff = product(H::f, H::f);
-      if (sweep == 0 || s.ff > R(4) * best) differences = 0;  // it gets worse: what was learnt before is of another set of active rows
-      best = sweep == 0 || s.ff < best ? s.ff : best;
-      if (!any) return;
-      differences = differences < 2 ? differences + 1 : 2;
-      bool const two = differences == 2;
-      s.df2_df2 = df1_df1;
-      s.df1_df1 = df1_df1 = product(H::df + now, H::df + now);
-      s.df1_f = product(H::df + now, H::f);
-      if (two) {
-        s.df2_f = product(H::df + old, H::f);
-        s.df1_df2 = product(H::df + now, H::df + old);
-      }
-      R gamma1, gamma2;
-      anderson_weights<R>(s, two, gamma1, gamma2);
-      if (gamma1 == R(0) && gamma2 == R(0)) return;
-      world.each(count, [&](int r) {
-        R const older = two ? row(H::dg + old, r) : R(0);
-        p[r] -= fma(gamma1, row(H::dg + now, r), gamma2 * older);
-      });
-      world.each(nv, [&](int i) {
-        R const older = two ? dof(H::dz + old, i) : R(0);
-        z[i] -= fma(gamma1, dof(H::dz + now, i), gamma2 * older);
-      });
-      world.sync();
-    }
-  };
-  /// z = Y^T p
-  template <class World>
-  KOKKOS_INLINE_FUNCTION void sum_up(World const& world, int first, int count, R const* p, R* z) const {
-    world.each(rows.nv, [&](int i) { z[i] = R(0); });
-    for (int r = 0; r < count; ++r) {
-      world.sync();
-      if (p[r] != R(0)) push(world, rows.row(first + r), z, p[r]);
-    }
-    world.sync();
-  }
   KOKKOS_INLINE_FUNCTION int const* list_of(RowSegment const& s) const { return s.list < 0 ? nullptr : rows.dof_lists.data() + s.list; }
 
   /// One pass over an element; the largest change of a rate. M = 1 or 3: so many rows, which have the same segments; M = N: any.
