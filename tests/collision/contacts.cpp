@@ -8,6 +8,7 @@
 #include <support/kokkos_tools.hpp>
 
 #include "scenes.hpp"
+#include "support/kernels.hpp"
 
 using namespace gsp;
 using gsp_test::download;

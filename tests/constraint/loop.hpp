@@ -6,6 +6,7 @@
 #include <gsp/solver/pgs.hpp>
 
 #include "dynamics/random_tree.hpp"
+#include "support/kernels.hpp"
 
 namespace gsp_test {
 

@@ -7,6 +7,7 @@
 #include <gsp_test_execs.hpp>
 
 #include "dynamics/random_tree.hpp"
+#include "support/kernels.hpp"
 
 // Laws of a user's own: at namespace scope, as nvcc wants them.
 namespace test_laws {

@@ -15,7 +15,7 @@ template <class R>
 struct Copies {
   using real_type = R;
   using View2 = Kokkos::View<R**, Kokkos::LayoutRight, Kokkos::HostSpace>;
-  Kokkos::Serial exec;
+  Kokkos::DefaultHostExecutionSpace exec;
   gsp::Model<R, Kokkos::HostSpace> model;
   gsp::State<R, Kokkos::HostSpace> state;
   gsp::Dynamics<R, Kokkos::HostSpace> dynamics;

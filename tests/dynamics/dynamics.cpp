@@ -10,6 +10,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "support/kernels.hpp"
+
 namespace {
 /// Counts of items, by archetype.
 template <class R, class Mem>

@@ -4,6 +4,7 @@
 #include <gsp_test_execs.hpp>
 
 #include "dynamics/random_tree.hpp"
+#include "support/kernels.hpp"
 
 // L^T D L = M (+ implicit terms): M times the solved acceleration gives back the force. Tolerance: the residual of a backward stable solve,
 // n^2 eps |M| |x| with n <= 30 dofs; |M|, |x| < 100 here.

@@ -11,6 +11,7 @@
 #include "dynamics/random_tree.hpp"
 #include "reference/rigid_bodies.hpp"
 #include "support/data.hpp"
+#include "support/kernels.hpp"
 #include "support/skip.hpp"
 
 namespace {

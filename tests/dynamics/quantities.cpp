@@ -12,6 +12,7 @@
 
 #include "dynamics/derivatives.hpp"
 #include "dynamics/random_tree.hpp"
+#include "support/kernels.hpp"
 
 namespace {
 using gsp::JointType;
@@ -211,7 +212,7 @@ TEST_CASE("derivatives of a step by position, velocity and control are central d
         std::tuple{gsp::Profile::mujoco, gsp::Integrator::implicitfast, false},
         std::tuple{gsp::Profile::mujoco, gsp::Integrator::implicit, false}}) {
     c.option.integrator = integrator;
-    Set<Kokkos::Serial> const from(c, 1, profile);
+    Set<Kokkos::DefaultHostExecutionSpace> const from(c, 1, profile);
     for (int i = 0; i < c.nu; ++i) from.state.ctrl(0, i) = std::sin(i);
     if (rest) Kokkos::deep_copy(from.state.qvel, 0.);
     double const error = gsp_test::derivative_error(c, profile, from.state, 0, [](auto& at) {
@@ -238,7 +239,7 @@ std::vector<double> step_of_duals(gsp::CompiledModel const& c) {
   auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
   auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
-  Set<Kokkos::Serial> const from(c, 1);
+  Set<Kokkos::DefaultHostExecutionSpace> const from(c, 1);
   auto const qpos = Kokkos::create_mirror_view(state.qpos), qvel = Kokkos::create_mirror_view(state.qvel);
   for (int w = 0; w < worlds; ++w) {
     for (int i = 0; i < c.nq; ++i) qpos(w, i) = from.state.qpos(0, i);
@@ -266,7 +267,7 @@ std::vector<double> step_of_duals(gsp::CompiledModel const& c) {
 // A thousand roundings of numbers below 10^3.
 TEST_CASE("a GPU's derivatives are the host's") {
   for (auto const& c : {gsp_test::servo_model(), model_of(gsp::Integrator::implicitfast)}) {
-    auto const host = step_of_duals<Kokkos::Serial>(c), device = step_of_duals<Kokkos::Cuda>(c);
+    auto const host = step_of_duals<Kokkos::DefaultHostExecutionSpace>(c), device = step_of_duals<Kokkos::Cuda>(c);
     REQUIRE(host.size() == device.size());
     double worst = 0, largest = 0;
     for (std::size_t i = 0; i < host.size(); ++i) {
@@ -281,7 +282,7 @@ TEST_CASE("a GPU's derivatives are the host's") {
 
 // In two worlds: where the string is straight, and where it bends so much (longer by 1e-3) that a step of the differences does not free it.
 TEST_CASE("derivatives of quantities by position, velocity, control and acceleration are central differences") {
-  using Exec = Kokkos::Serial;
+  using Exec = Kokkos::DefaultHostExecutionSpace;
   int const worlds = 100;
   for (bool through : {false, true}) {
     auto const c = model_of(gsp::Integrator::rk4, through);

@@ -9,6 +9,7 @@
 
 #include "dynamics/random_tree.hpp"
 #include "reference/rigid_bodies.hpp"
+#include "support/kernels.hpp"
 #include "support/kokkos_tools.hpp"
 
 namespace {

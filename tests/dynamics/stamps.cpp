@@ -18,6 +18,7 @@
 #include <gsp_test_execs.hpp>
 
 #include "dynamics/random_tree.hpp"
+#include "support/kernels.hpp"
 
 namespace {
 using gsp::JointType;

@@ -17,6 +17,8 @@
 #include <string>
 #include <vector>
 
+#include "support/kernels.hpp"
+
 namespace {
 
 // example-begin add_a_constraint

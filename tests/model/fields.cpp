@@ -9,6 +9,8 @@
 #include <set>
 #include <sstream>
 
+#include "support/kernels.hpp"
+
 namespace {
 using gsp::ModelField;
 using gsp::ModelItem;
@@ -66,7 +68,7 @@ TEST_CASE("each field of the model has one row") {
 }
 
 TEST_CASE("the model holds as many numbers of a field as the table says") {
-  Kokkos::Serial const exec;
+  Kokkos::DefaultHostExecutionSpace const exec;
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   auto const model = gsp::make_model<double>(exec, compiled);
   // fields are one after the other in Model::reals, in the order of the table
@@ -90,7 +92,7 @@ TEST_CASE("the model holds as many numbers of a field as the table says") {
 }
 
 TEST_CASE("what cannot be per world is refused") {
-  Kokkos::Serial const exec;
+  Kokkos::DefaultHostExecutionSpace const exec;
   auto model = gsp::make_model<double>(exec, gsp::compile(gsp::samples::quadruped()));
   for (ModelField const field : gsp::model_fields()) {
     auto const f = gsp::info(field);

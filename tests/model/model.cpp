@@ -8,6 +8,7 @@
 #include <string>
 
 #include "dynamics/random_tree.hpp"
+#include "support/kernels.hpp"
 
 namespace {
 using Exec = Kokkos::DefaultHostExecutionSpace;

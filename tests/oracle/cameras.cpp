@@ -11,6 +11,7 @@
 
 #include "dynamics/random_tree.hpp"
 #include "oracle/load.hpp"
+#include "support/kernels.hpp"
 
 namespace {
 using Exec = Kokkos::DefaultHostExecutionSpace;

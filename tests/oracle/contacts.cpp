@@ -15,6 +15,8 @@
 #include <tuple>
 #include <vector>
 
+#include "support/kernels.hpp"
+
 using namespace gsp;
 
 namespace {

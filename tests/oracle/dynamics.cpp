@@ -24,6 +24,7 @@
 #include "oracle/from_mujoco.hpp"
 #include "oracle/load.hpp"
 #include "support/data.hpp"
+#include "support/kernels.hpp"
 #include "support/skip.hpp"
 
 // Smooth dynamics against MuJoCo, profile `mujoco`, constraints disabled in both, on every model of the zoo; the compiled model is taken

@@ -13,6 +13,7 @@
 #include "dynamics/random_tree.hpp"
 #include "oracle/load.hpp"
 #include "support/data.hpp"
+#include "support/kernels.hpp"
 #include "support/skip.hpp"
 
 namespace {

@@ -11,6 +11,7 @@
 #include <gsp_test_execs.hpp>
 #include <numbers>
 
+#include "support/kernels.hpp"
 #include "support/kokkos_tools.hpp"
 
 namespace {
