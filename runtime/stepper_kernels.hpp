@@ -22,7 +22,7 @@ struct SplitPositions {
 };
 
 inline SimulationOptions simulation_options(StepperOptions const& o) {
-  return {.worlds = o.worlds, .approximate = o.approximate, .cone = o.box_friction ? FrictionCone::box : FrictionCone::elliptic};
+  return {.worlds = o.worlds, .cone = o.cone};
 }
 
 template <class R, class Exec>

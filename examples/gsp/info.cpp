@@ -149,7 +149,7 @@ void model(std::string const& path, Arguments const& arguments) {
   auto const& o = m.option;
   row("option", "timestep " + number(o.timestep) + " s, gravity " + number(o.gravity[0]) + " " + number(o.gravity[1]) + " " +
                     number(o.gravity[2]) + ", integrator " + integrators[int(o.integrator)] + ", cone " +
-                    (o.cone == gsp::Cone::elliptic ? "elliptic" : "pyramidal") + ", iterations " + std::to_string(o.iterations));
+                    (o.cone == gsp::FrictionCone::elliptic ? "elliptic" : "pyramidal") + ", iterations " + std::to_string(o.iterations));
   if (!arguments.has("--approximate")) {
     try {
       compile_model(description, false);

@@ -20,6 +20,7 @@
 #include <gsp/constraint/joint_limit.hpp>
 #include <gsp/constraint/progress.hpp>
 #include <gsp/constraint/rows.hpp>
+#include <gsp/constraint/soft_friction.hpp>
 #include <gsp/constraint/softness.hpp>
 #include <gsp/constraint/tendon.hpp>
 #include <gsp/core/check.hpp>
@@ -80,7 +81,9 @@
 #include <gsp/sensor/cameras.hpp>
 #include <gsp/sensor/sense.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>
+#include <gsp/solver/newton.hpp>
 #include <gsp/solver/pgs.hpp>
+#include <gsp/solver/soft_element.hpp>
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
 #include <gsp/splat/bin_tiles.hpp>
@@ -97,7 +100,6 @@
 #include <gsp/splat/sample_surface.hpp>
 #include <gsp/splat/splat.hpp>
 #include <gsp/step/bytes_needed.hpp>
-#include <gsp/step/simulation_refusals.hpp>
 #include <gsp/step/step.hpp>
 
 #if defined(GSP_IO)

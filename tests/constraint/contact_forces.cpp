@@ -130,7 +130,7 @@ struct Stages {
   void integrate() { gsp::integrate(exec, model, state, sim.dynamics, sim.progress, sim.solution); }
   void step() { gsp::step(exec, model, state, sim); }
   std::string contact_forces() {
-    return refusal([&] { gsp::contact_forces(exec, model, sim.contacts, sim.rows, sim.impulses, force); });
+    return refusal([&] { gsp::contact_forces(exec, model, sim.collision, sim.contacts, sim.rows, sim.impulses, force); });
   }
   std::string joint_forces() {
     return refusal([&] { gsp::joint_forces(exec, model, sim.rows, sim.impulses, limit, friction); });
@@ -350,7 +350,7 @@ TEST_CASE_TEMPLATE("friction of its own along each tangent of a named pair", Exe
     Kokkos::deep_copy(state.qfrc_applied, push);
     gsp::step(exec, model, state, sim, {.steps = 1, .solver = solver});
     Kokkos::View<double* [6], Kokkos::LayoutRight, Mem> force("force", sim.contacts.dist.extent(0));
-    gsp::contact_forces(exec, model, sim.contacts, sim.rows, sim.impulses, force);
+    gsp::contact_forces(exec, model, sim.collision, sim.contacts, sim.rows, sim.impulses, force);
     auto const f = gsp_test::host(force);
     auto const after = gsp_test::host(state.qvel);
     auto const qfrc = gsp_test::host(sim.solution.qfrc_constraint);

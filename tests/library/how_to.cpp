@@ -118,7 +118,7 @@ TEST_CASE("contact forces") {
 
   // example-begin contact_forces
   Kokkos::View<float* [6], Kokkos::LayoutRight, Mem> force("force", sim.contacts.capacity());  // again after the pool has grown
-  gsp::contact_forces(exec, model, sim.contacts, sim.rows, sim.impulses, force);
+  gsp::contact_forces(exec, model, sim.collision, sim.contacts, sim.rows, sim.impulses, force);
 
   Kokkos::View<float*, Mem> const on_floor("on_floor", worlds);  // [N]
   auto const contacts = sim.contacts;

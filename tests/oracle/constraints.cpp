@@ -26,6 +26,8 @@ using Mem = Exec::memory_space;
 
 struct Outcome {
   double worst = 0, worst_force = 0;
+  double residual = 0;
+  int iterations = 0;
   int contacts = 0, limits = 0, frictions = 0, off = 0, touches = 0, forces = 0;
 };
 
@@ -35,16 +37,29 @@ struct Touch {
   double pos[3], force[6];
 };
 
-Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int worlds, double height) {
+/// What a comparison asks of both.
+struct Setting {
+  int condim = 1;  // of all contacts; 0: as the model says
+  mjtCone cone = mjCONE_PYRAMIDAL;
+  mjtIntegrator integrator = mjINT_EULER;
+  double impratio = 1;
+};
+
+Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int worlds, double height, Setting setting = {}) {
   mjModel* m = oracle.m();
   mjData* d = oracle.d();
   m->opt.solver = mjSOL_NEWTON, m->opt.iterations = 200, m->opt.tolerance = 0, m->opt.ls_iterations = 200, m->opt.ls_tolerance = 1e-12;
   m->opt.disableflags |= mjDSBL_AUTORESET | mjDSBL_WARMSTART;
   m->opt.enableflags &= ~mjENBL_SLEEP;
-  for (int g = 0; g < m->ngeom; ++g) m->geom_condim[g] = 1;
-  for (int p = 0; p < m->npair; ++p) m->pair_dim[p] = 1;
-  for (int& condim : compiled.geom_condim) condim = 1;
-  for (auto& pair : compiled.named_pairs) pair.condim = 1;
+  m->opt.cone = setting.cone, m->opt.integrator = setting.integrator, m->opt.impratio = setting.impratio;
+  compiled.option.cone = gsp::FrictionCone(setting.cone), compiled.option.impratio = setting.impratio;
+  compiled.option.integrator = gsp::Integrator(setting.integrator);
+  if (int const condim = setting.condim; condim > 0) {
+    for (int g = 0; g < m->ngeom; ++g) m->geom_condim[g] = condim;
+    for (int p = 0; p < m->npair; ++p) m->pair_dim[p] = condim;
+    for (int& own : compiled.geom_condim) own = condim;
+    for (auto& pair : compiled.named_pairs) pair.condim = condim;
+  }
 
   Exec const exec;
   auto const model = gsp::make_model<double>(exec, compiled, {.profile = gsp::Profile::mujoco});
@@ -77,7 +92,8 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
     mj_step(m, d);
     rows[w] = d->nefc;
     for (int i = 0; i < d->nefc; ++i) {
-      out.contacts += d->efc_type[i] == mjCNSTR_CONTACT_FRICTIONLESS;
+      out.contacts += d->efc_type[i] == mjCNSTR_CONTACT_FRICTIONLESS || d->efc_type[i] == mjCNSTR_CONTACT_PYRAMIDAL ||
+                      d->efc_type[i] == mjCNSTR_CONTACT_ELLIPTIC;
       out.limits += d->efc_type[i] == mjCNSTR_LIMIT_JOINT || d->efc_type[i] == mjCNSTR_LIMIT_TENDON;
       out.frictions += d->efc_type[i] == mjCNSTR_FRICTION_DOF;
     }
@@ -89,9 +105,9 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
       touches[w].push_back(t);
     }
   }
-  gsp::step(exec, model, state, sim, {.steps = 1, .solver = {.iterations = 100000, .tolerance = 5e-13f}});
+  gsp::step(exec, model, state, sim, {.steps = 1, .solver = {.iterations = 100, .residual = true}});
   Kokkos::View<double* [6], Kokkos::LayoutRight, Mem> force("force", sim.contacts.dist.extent(0));
-  gsp::contact_forces(exec, model, sim.contacts, sim.rows, sim.impulses, force);
+  gsp::contact_forces(exec, model, sim.collision, sim.contacts, sim.rows, sim.impulses, force);
   auto const& found = sim.contacts;
   for (int w = 0; w < worlds; ++w) {
     double difference = 0, norm = 1;
@@ -101,6 +117,8 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
       norm = std::fmax(norm, std::abs(ref));
     }
     CHECK(state.status(w) == 0);
+    out.iterations = std::max(out.iterations, sim.solution.iterations(w));
+    out.residual = std::fmax(out.residual, sim.solution.residual(w));
     if (sim.rows.count(w) != rows[w]) {  // contact lists differ: where MuJoCo's are ambiguous (tests/oracle/contacts.cpp)
       ++out.off;
       continue;
@@ -129,7 +147,7 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
   }
   MESSAGE(out.contacts << " contact rows, " << out.limits << " limits, " << out.frictions << " of dry friction in " << worlds << " worlds ("
                        << out.off << " with other row counts); worst error " << out.worst << ", of " << out.forces << " contact forces "
-                       << out.worst_force);
+                       << out.worst_force << "; at most " << out.iterations << " iterations, residual " << out.residual);
   CHECK(out.worst_force <= 1e-8);
   CHECK(out.forces > 0.99 * out.touches);
   return out;
@@ -183,4 +201,35 @@ TEST_CASE("named pairs: softness and margins of their own; what stands still or 
   CHECK(out.worst <= 1e-8);
   CHECK(out.off == 0);
   CHECK(out.contacts > 400);
+}
+
+TEST_CASE("cones of friction, condim 3, 4 and 6, and all integrators") {
+  std::string const text = R"(<mujoco><option timestep="0.004"/><worldbody><geom name="floor" type="plane" size="5 5 1" friction="0.7 0.01 0.002"/>
+    <body pos="0 0 0.5"><freejoint/><geom type="box" size=".1 .2 .05" friction="0.4 0.02 0.003"/>
+      <body pos=".15 0 0"><joint name="a" axis="0 1 0" range="-30 40" frictionloss=".4" damping=".1"/><geom type="capsule" size=".03 .1" pos="0 0 .1"/>
+        <body pos="0 0 .2"><joint name="b" axis="1 0 0" range="-20 20" armature=".01"/><geom type="sphere" size=".05" pos="0 0 .1" solref="-800 -20" friction="1.2 .1 .05"/></body></body>
+      <body pos="-.15 0 0"><joint name="c" type="ball" damping=".05"/><geom name="foot" type="sphere" size=".06" pos="0 0 .12" solimp=".8 .99 .01"/></body>
+    </body></worldbody>
+    <contact><pair geom1="floor" geom2="foot" friction=".5 .9 .02 .004 .001" solreffriction=".03 .9"/></contact>
+    <actuator><position joint="a" kp="5"/></actuator></mujoco>)";
+  auto const oracle = gsp_test::load_oracle("model.xml", text);
+  auto const compiled = gsp::compile(gsp::io::parse_mjcf(text, "model.xml"));
+  struct Case {
+    char const* name;
+    Setting setting;
+  };
+  for (auto const& [name, setting] : {Case{"pyramid 3", {3, mjCONE_PYRAMIDAL}}, Case{"pyramid 4", {4, mjCONE_PYRAMIDAL}},
+                                      Case{"pyramid 6", {6, mjCONE_PYRAMIDAL, mjINT_IMPLICITFAST}},
+                                      Case{"pyramid 3, impratio 5", {3, mjCONE_PYRAMIDAL, mjINT_IMPLICIT, 5}},
+                                      Case{"ellipse 3", {3, mjCONE_ELLIPTIC}}, Case{"ellipse 4", {4, mjCONE_ELLIPTIC, mjINT_IMPLICITFAST}},
+                                      Case{"ellipse 6", {6, mjCONE_ELLIPTIC}},
+                                      Case{"ellipse 3, impratio 10", {3, mjCONE_ELLIPTIC, mjINT_IMPLICIT, 10}},
+                                      Case{"pyramid 3, RK4", {3, mjCONE_PYRAMIDAL, mjINT_RK4}},
+                                      Case{"ellipse 6, RK4", {6, mjCONE_ELLIPTIC, mjINT_RK4}}}) {
+    INFO(std::string(name));
+    auto const out = compare(oracle, compiled, 100, 0.15, setting);
+    CHECK(out.worst <= 1e-8);
+    CHECK(out.off == 0);
+    CHECK(out.contacts > 100);
+  }
 }

@@ -50,7 +50,7 @@ inline gsp::CompiledModel from_mujoco(mjModel const* m) {
   auto const on = [&](int flag) { return !(m->opt.disableflags & flag); };
   o.timestep = m->opt.timestep, o.impratio = m->opt.impratio, o.tolerance = m->opt.tolerance, o.iterations = m->opt.iterations;
   for (int i = 0; i < 3; ++i) o.gravity[i] = m->opt.gravity[i], o.wind[i] = m->opt.wind[i], o.magnetic[i] = m->opt.magnetic[i];
-  o.integrator = gsp::Integrator(m->opt.integrator), o.cone = gsp::Cone(m->opt.cone);
+  o.integrator = gsp::Integrator(m->opt.integrator), o.cone = gsp::FrictionCone(m->opt.cone);
   o.density = m->opt.density, o.viscosity = m->opt.viscosity, o.disabled_actuator_groups = m->opt.disableactuator;
   o.equality = on(mjDSBL_EQUALITY), o.eulerdamp = on(mjDSBL_EULERDAMP), o.contact = on(mjDSBL_CONTACT),
   o.constraint = on(mjDSBL_CONSTRAINT);

@@ -414,7 +414,7 @@ TEST_CASE_TEMPLATE("contact forces in every direction", Exec, GSP_TEST_EXECS) {
   set(w.state.qfrc_applied, worlds - 1, {3, -2, 0});
   w.step(1);
   Kokkos::View<double* [6], Kokkos::LayoutRight, Mem> force("force", w.sim.contacts.dist.extent(0));
-  gsp::contact_forces(w.exec, w.model, w.sim.contacts, w.sim.rows, w.sim.impulses, force);
+  gsp::contact_forces(w.exec, w.model, w.sim.collision, w.sim.contacts, w.sim.rows, w.sim.impulses, force);
   auto const f = gsp_test::host(force);
   auto const after = gsp_test::host(w.state.qvel), qfrc = gsp_test::host(w.sim.solution.qfrc_constraint);
   auto const frame = gsp_test::host(w.sim.contacts.frame);

@@ -63,6 +63,7 @@ struct CollisionModel {
   template <class D>
   using Array = Kokkos::View<D, Kokkos::LayoutRight, Mem, Kokkos::MemoryTraits<Kokkos::Unmanaged>>;
   int bodies = 0, geoms = 0, colliders = 0, groups = 0, pairs = 0, chunks = 0;
+  int most_edges = 1;                                             // most edges of a pyramid of friction, 2 (condim - 1)
   long slots = 0;                                                 // most points that all pairs together can give
   Kokkos::View<int*, Mem> ints;                                   // what the arrays of whole numbers lie in
   Kokkos::View<R*, Mem> reals;                                    // and the others

@@ -94,15 +94,15 @@ void expects_inputs_of(ConstraintList<Head, Tail...> const& types, State const& 
     }
   expects_inputs_of(types.tail, state);
 }
-/// Which contacts the first ContactRows of a list hold (ContactsStamp::made); 0: none that gsp has found.
+/// What the rows' stamp says of the first ContactRows of a list.
 template <class R, class Mem>
-std::uint64_t contacts_of(ConstraintList<> const&) {
-  return 0;
+RowsStamp contacts_of(ConstraintList<> const&) {
+  return {};
 }
 template <class R, class Mem, class Head, class... Tail>
-std::uint64_t contacts_of(ConstraintList<Head, Tail...> const& types) {
+RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
   if constexpr (std::is_same_v<Head, ContactRows<R, Mem>>)
-    return types.head.contacts.stamp.data() ? types.head.contacts.stamp().made : 0;
+    return {0, types.head.contacts.stamp.data() ? types.head.contacts.stamp().made : 0, types.head.edges};
   else
     return contacts_of<R, Mem>(types.tail);
 }

@@ -9,25 +9,35 @@ namespace detail {
 template <class R, class Mem>
 struct WriteContactForces {
   using View = Kokkos::View<R* [6], Kokkos::LayoutRight, Mem>;
+  CollisionModel<R, Mem> collision;
   Contacts<R, Mem> contacts;
   ElementImpulses<R, Mem> impulses;
   View force;
   R inverse_timestep;
+  int edges;  // of a pyramid; 1: rows along the axes themselves
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank, begin = contacts.first_of(w);
     world.each(contacts.count_of(w), [&](int k) {
-      int const first = impulses.first_row(w, k);
-      int const n = first < 0 ? 0 : impulses.rows.element_rows(first);
-      R const* const p = impulses.impulses.p[impulses.impulses.parity()].data();
-      for (int r = 0; r < 6; ++r) force(begin + k, r) = r < n ? p[first + r] * inverse_timestep : R(0);
+      int const c = begin + k, first = impulses.first_row(w, edges * k);
+      R const* const p = impulses.impulses.p[impulses.impulses.parity()].data() + first;
+      for (int r = 0; r < 6; ++r) force(c, r) = R(0);
+      if (first < 0) return;
+      auto const parameters = collision.parameters_of(w, contacts.pair(c));
+      bool const pyramid = edges > 1 && parameters.condim > 1;
+      for (int r = 0; r < parameters.condim && !pyramid; ++r) force(c, r) = p[r] * inverse_timestep;
+      for (int r = 1; r < parameters.condim && pyramid; ++r) {
+        R const plus = p[2 * r - 2] * inverse_timestep, minus = p[2 * r - 1] * inverse_timestep;
+        force(c, 0) += plus + minus;
+        force(c, r) = parameters.friction[r - 1] * (plus - minus);
+      }
     });
   }
 };
 }  // namespace detail
 
 /// The force and torque of every contact of the last step, on body 2, in the contact's frame (MuJoCo's mj_contactForce).
-/// @param contacts           as they were assembled
+/// @param collision, contacts  as they were assembled
 /// @param rows, impulses     after `pgs` (or `step`), before the next `assemble`
 /// @param force              out (contact, 6): along the normal and the two tangents [N], about them (torsion, rolling) [N m]; zero
 ///                           where the contact did not act, and along what nothing that it touches can move (where MuJoCo reports what its
@@ -35,8 +45,8 @@ struct WriteContactForces {
 /// Cost: a binary search a contact. Does not allocate, does not fence. Errors: std::invalid_argument where nothing has been solved since
 /// the rows were last assembled, or the contacts are others than those that were assembled, or were found anew since.
 template <ExecutionSpace Exec, class R, class Mem>
-void contact_forces(Exec const& exec, Model<R, Mem> const& model, Contacts<R, Mem> const& contacts, Rows<R, Mem> const& rows,
-                    Impulses<R, Mem> const& impulses, Kokkos::View<R* [6], Kokkos::LayoutRight, Mem>& force) {
+void contact_forces(Exec const& exec, Model<R, Mem> const& model, CollisionModel<R, Mem> const& collision,
+                    Contacts<R, Mem> const& contacts, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Kokkos::View<R* [6], Kokkos::LayoutRight, Mem>& force) {
   expects(force.extent(0) >= contacts.dist.extent(0),
           "gsp::contact_forces: room for " + std::to_string(force.extent(0)) + " contacts is given, and there may be " +
               std::to_string(contacts.dist.extent(0)) + ": give as many rows as contacts.dist has");
@@ -46,7 +56,8 @@ void contact_forces(Exec const& exec, Model<R, Mem> const& model, Contacts<R, Me
           "gsp::contact_forces: the contacts are not those that were assembled, or collide has written them again since: call assemble and "
           "pgs with them first (or step)");
   for_worlds("gsp::constraint::contact_forces", exec, rows.worlds,
-             detail::WriteContactForces<R, Mem>{contacts, impulses_of<ContactRows<R, Mem>>(rows, impulses), force, R(1) / model.timestep});
+             detail::WriteContactForces<R, Mem>{collision, contacts, impulses_of<ContactRows<R, Mem>>(rows, impulses), force,
+                                                R(1) / model.timestep, rows.stamp.data() ? rows.stamp().contact_edges : 1});
 }
 
 }  // namespace gsp

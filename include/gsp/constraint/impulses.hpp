@@ -82,8 +82,9 @@ void set_solved(Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses) {
 namespace detail {
 /// Rows that were written, and have not been solved for.
 template <class R, class Mem>
-void leaves_rows(Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, std::uint64_t contacts) {
-  if (rows.stamp.data()) rows.stamp() = {next_moment(), contacts};
+void leaves_rows(Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, RowsStamp stamp) {
+  stamp.made = next_moment();
+  if (rows.stamp.data()) rows.stamp() = stamp;
   if (impulses.stamp.data()) impulses.stamp() = {rows.stamp.data() ? rows.stamp().made : 0, false};
 }
 /// A step without constraints: rows that were never written are none, and solved for; those of an earlier step are not this step's.

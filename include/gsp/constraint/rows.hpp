@@ -48,6 +48,7 @@ namespace detail {
 struct RowsStamp {
   std::uint64_t made = 0;      // which `assemble` has written them; 0: none
   std::uint64_t contacts = 0;  // and which contacts it has read (ContactsStamp::made); 0: none that gsp has found
+  int contact_edges = 1;       // elements of each of them (ContactRows::edges)
 };
 }  // namespace detail
 

@@ -48,6 +48,20 @@ void integrate(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& stat
                        detail::CountStep<Mem>{state.steps, state.status, halt});
 }
 
+/// The first half of `integrate`: what the dynamics hold as velocity without constraints becomes the new velocity; the state stays. For
+/// integrators of your own (runge_kutta.hpp). Sets the status of worlds whose new velocity is not finite or not bounded.
+template <ExecutionSpace Exec, class R, class Mem>
+void new_velocity(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem>& dynamics,
+                  ConstraintOutcome<R, Mem> constraints) {
+  auto const& [z, qfrc_constraint, halt] = constraints;
+  detail::expects_fit("gsp::new_velocity", model, state, dynamics);
+  expects(!detail::factors_again(model),
+          "gsp::new_velocity: this integrator factors a matrix of its own: call integrate, or choose RK4 or profile stable");
+  detail::expects_of("gsp::new_velocity", dynamics, state,
+                     detail::set_of(Quantity::velocity, Quantity::factor, Quantity::free_velocity, Quantity::activation_rate));
+  for_lanes("gsp::dynamics::new_velocity", exec, model, dynamics, detail::NewVelocityStage<State<R, Mem>>{state, z, qfrc_constraint, halt});
+}
+
 /// The same with what a solver found (solver/solution.hpp) and the progress of the step (constraint/progress.hpp);
 /// solution.qfrc_constraint: out, J^T p / h [N, N m].
 template <ExecutionSpace Exec, class R, class Mem, class Solution, class Progress>

@@ -70,6 +70,7 @@ struct RungeKuttaStage {
   State<R, Mem> state;
   RungeKutta<R, Mem> rk;
   int stage;
+  Kokkos::View<int const, Mem> halt;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
     using T = std::remove_cvref_t<decltype(l.items[0])>;
@@ -79,6 +80,15 @@ struct RungeKuttaStage {
     T const weight(stage == 0 || stage == 3 ? R(1. / 6) : R(1. / 3));
     int const u = l.at.impulse, x = l.at.acceleration;  // rates of the positions; how far they go
     bool const last = stage == 3;
+    auto const each_state = [&](auto const& f) {  // f(actuator, its activations' places in state.act)
+      for (int k = 0; k < a.nact && a.nstate > 0; ++k) {
+        if (l.index(a.act_state, k) < 0) continue;
+        int item[L::W];
+        l.listed_items(a.instance_act, a.nact, k, item);
+        for (int i = 0; i < L::W; ++i) item[i] = l.model.act_state(item[i]);
+        f(k, item);
+      }
+    };
     // A world that stops goes back to where the step began.
     auto const write = [&](auto const& view, int const* first, int i, T const& value, T const& start) {
       for (int k = 0; k < l.count; ++k) {
@@ -88,7 +98,14 @@ struct RungeKuttaStage {
     };
     if (stage == 0) {
       for (int i = 0; i < a.nq; ++i) l.store(rk.qpos, l.qpos0, i, l.load(state.qpos, l.qpos0, i));
-      for (int i = 0; i < a.nv; ++i) l.store(rk.qvel, l.dof0, i, s[l.at.qvel + i]);
+      for (int i = 0; i < a.nv; ++i) l.store(rk.qvel, l.dof0, i, l.load(state.qvel, l.dof0, i));
+      each_state([&](int, int const* item) { l.store(rk.act, item, 0, l.load(state.act, item, 0)); });
+    }
+    if (halt.data() && halt()) {  // the step is to be repeated, from where it began
+      for (int i = 0; i < a.nq; ++i) l.store(state.qpos, l.qpos0, i, l.load(rk.qpos, l.qpos0, i));
+      for (int i = 0; i < a.nv; ++i) l.store(state.qvel, l.dof0, i, l.load(rk.qvel, l.dof0, i));
+      each_state([&](int, int const* item) { l.store(state.act, item, 0, l.load(rk.act, item, 0)); });
+      return;
     }
     for (int i = 0; i < a.nv; ++i) s[u + i] = s[l.at.qvel + i];
     lanes_for_joint_parts(l, [&](int, int i, int, bool rotation) {
@@ -125,31 +142,26 @@ struct RungeKuttaStage {
       write(state.qpos, l.qpos0, q + 2, next.y, from(2));
       write(state.qpos, l.qpos0, q + 3, next.z, from(3));
     });
-    for (int k = 0; k < a.nact && a.nstate > 0; ++k) {
-      int const own = l.index(a.act_state, k);
-      if (own < 0) continue;
-      int item[L::W];
-      l.listed_items(a.instance_act, a.nact, k, item);
-      for (int i = 0; i < L::W; ++i) item[i] = l.model.act_state(item[i]);
-      T const rate = s[l.at.act_dot + own];
-      if (stage == 0) l.store(rk.act, item, 0, l.load(state.act, item, 0));
+    each_state([&](int k, int const* item) {
+      T const rate = s[l.at.act_dot + l.index(a.act_state, k)];
       T const start = l.load(rk.act, item, 0), sum = stage == 0 ? weight * rate : fma(weight, rate, l.load(rk.change_act, item, 0));
       l.store(rk.change_act, item, 0, sum);
       T act = fma(h * reach, rate, start);
       if (last) act = lanes_next_activation(l, k, start, sum);
       if (last && l.index(a.act_dyn, k) == int(ActuatorDynamics::integrator)) act = lanes_wrap_setpoint(l, k, act);
       write(state.act, item, 0, act, start);
-    }
+    });
   }
 };
 }  // namespace detail
 
 /// One step of integrator RK4. `evaluate()` must leave the velocities of a step of the timestep from `state` in dynamics, as
-/// smooth_dynamics does (and, with constraints, new_velocity after the solver); by default smooth_dynamics. A world whose new velocity is
+/// smooth_dynamics does (with constraints: new_velocity after the solver); by default smooth_dynamics. A world whose new velocity is
 /// not finite has status::not_finite, beyond state_bound status::unbounded. Four evaluations a step; does not allocate, does not fence.
+/// @param halt  while it holds non-zero the state goes back to where the step began, which has to be repeated; empty: never
 template <ExecutionSpace Exec, class R, class Mem, class Evaluate>
 void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem>& dynamics, Evaluate const& evaluate,
-                 RungeKutta<R, Mem>& rk) {
+                 RungeKutta<R, Mem>& rk, Kokkos::View<int const, Mem> halt = {}) {
   Region const region("gsp::dynamics::runge_kutta");
   detail::expects_fit("gsp::runge_kutta", model, state, dynamics);
   detail::expects_rows("gsp::runge_kutta", "rk.qpos", rk.qpos, state.worlds, model.nq);
@@ -159,12 +171,12 @@ void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
     evaluate();
     detail::expects_of("gsp::runge_kutta", dynamics, state,
                        detail::set_of(Quantity::velocity, Quantity::free_velocity, Quantity::activation_rate));
-    for_lanes("gsp::dynamics::runge_kutta", exec, model, dynamics, detail::RungeKuttaStage<R, Mem>{state, rk, stage});
+    for_lanes("gsp::dynamics::runge_kutta", exec, model, dynamics, detail::RungeKuttaStage<R, Mem>{state, rk, stage, halt});
     detail::moves_on(state);
   }
   detail::loses(dynamics, detail::all_quantities);  // they would be those of the last evaluation
   Kokkos::parallel_for("gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
-                       detail::CountStep<Mem>{state.steps, state.status, {}});
+                       detail::CountStep<Mem>{state.steps, state.status, halt});
 }
 /// @param laws  of actuators, of your own (actuator_law.hpp)
 template <ExecutionSpace Exec, class R, class Mem, class... Laws>

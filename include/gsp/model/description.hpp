@@ -16,7 +16,14 @@ using Double4 = std::array<double, 4>;
 
 enum class JointType : int { free = 0, ball = 1, slide = 2, hinge = 3 };  // MuJoCo's numbering
 enum class Integrator : int { euler = 0, rk4 = 1, implicit = 2, implicitfast = 3 };
-enum class Cone : int { pyramidal = 0, elliptic = 1 };
+/// Which impulses the rows of friction of a contact may have together. Files name the first two.
+enum class FrictionCone : int {
+  pyramidal = 0,  // MuJoCo's: 2 (condim - 1) soft edges J_n +- mu_k J_k that push, an element of one row each
+  // Those along the tangents in an ellipse, a disc of radius mu p_n where friction is the same along both, and so those of rolling: slides
+  // against the slip. In profile mujoco all of them in one ellipsoid.
+  elliptic = 1,
+  box = 2  // profile stable: each by itself within +-mu p_n (the paper's): up to sqrt(2) stronger between the tangents, and steers
+};
 
 /// Where an item came from, for messages: an index into Description::files (-1: made in code) and a line.
 struct Place {
@@ -251,7 +258,7 @@ struct OptionDescription {
   double timestep = 0.002;
   Double3 gravity{0, 0, -9.81};
   Integrator integrator = Integrator::euler;
-  Cone cone = Cone::pyramidal;
+  FrictionCone cone = FrictionCone::pyramidal;
   double density = 0, viscosity = 0;  // of the medium [kg/m^3, Pa s]
   Double3 wind{0, 0, 0}, magnetic{0, -0.5, 0};
   bool override_contacts = false;  // o_margin, o_solref, o_solimp, o_friction replace what geoms and pairs say

@@ -49,6 +49,7 @@ struct Model {
   int na = 0, ngeom = 0, nsite = 0, ncam = 0, nmocap = 0, neq = 0;
   bool damped = false;  // any joint damping
   bool eulerdamp = true, springs = true, dampers = true, actuation = true, clampctrl = true, constraints = true;
+  R impratio = R(1);                                  // profile mujoco: how much stiffer friction of contacts is than their normals
   bool equalities = true, refsafe = true;             // equality constraints act; time constants are at least two timesteps
   bool poly_stiffness = false, poly_damping = false;  // any polynomial spring or damper, of joints or tendons
   R density = R(0), viscosity = R(0);                 // of the medium [kg/m^3, Pa s]

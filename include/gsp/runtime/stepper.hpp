@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/model/compiled.hpp>
 #include <gsp/runtime/array.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,10 +12,9 @@ struct StepperOptions {
   Dtype precision = Dtype::float32;  // or float64
   double timestep = 0;               // [s]; 0: the model's own
   bool mujoco = false;               // profile mujoco instead of stable
-  bool approximate = false;          // SimulationOptions::approximate
   int iterations = 0;                // most sweeps of the solver, 0: the library's default
   double tolerance = 1e-4;           // PgsOptions::tolerance
-  bool box_friction = false;         // FrictionCone::box instead of elliptic
+  std::optional<FrictionCone> cone;  // SimulationOptions::cone
 };
 
 /// The state itself (model/state.hpp): what is written there is what the next step starts from.

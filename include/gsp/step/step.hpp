@@ -8,8 +8,10 @@
 #include <gsp/constraint/tendon.hpp>
 #include <gsp/dynamics/runge_kutta.hpp>
 #include <gsp/dynamics/smooth.hpp>
+#include <gsp/model/model_refusals.hpp>
+#include <gsp/solver/newton.hpp>
 #include <gsp/solver/pgs.hpp>
-#include <gsp/step/simulation_refusals.hpp>
+#include <optional>
 #include <tuple>
 
 /// A ready-made simulation loop, written with public functions alone: copy it and change it.
@@ -26,6 +28,7 @@ struct Simulation {
   Impulses<R, Mem> impulses;
   Solution<R, Mem> solution;
   Progress<Mem> progress;
+  Newton<R, Mem> newton = {};           // profile mujoco, else empty
   RungeKutta<R, Mem> runge_kutta = {};  // integrator RK4 of profile mujoco, else empty
   FrictionCone cone = FrictionCone::elliptic;
 };
@@ -37,13 +40,12 @@ using ModelConstraints = ConstraintList<Equalities<R, Mem>, JointFriction<R, Mem
 
 struct SimulationOptions {
   int worlds = 1;
-  bool approximate = false;  // profile mujoco: rigid friction stands in for the soft one, and Euler for RK4
-  FrictionCone cone = FrictionCone::elliptic;
+  std::optional<FrictionCone> cone = {};  // as the file says in profile mujoco, else elliptic
 };
 
 struct StepOptions {
   int steps = 1;
-  PgsOptions solver = {};
+  PgsOptions solver = {};  // profile mujoco, which Newton's method solves: iterations and residual alone
   bool poses = true;  // leave simulation.poses of the end: one launch of forward_kinematics a call
 };
 
@@ -62,18 +64,28 @@ auto all_of_laws(More const&... more) {
 }
 template <class R, class Mem>
 bool has_runge_kutta(Model<R, Mem> const& model) {
-  return model.profile == Profile::mujoco && model.integrator == Integrator::rk4 && !model.constraints;
+  return model.profile == Profile::mujoco && model.integrator == Integrator::rk4;
+}
+/// pgs in profile stable, Newton's method in profile mujoco.
+template <class Exec, class R, class Mem>
+void solve(Exec const& exec, Model<R, Mem> const& model, Simulation<R, Mem>& sim, PgsOptions const& options, bool warm, bool ends_step) {
+  if (model.profile == Profile::stable) return pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress, options);
+  newton(exec, sim.rows, sim.impulses, sim.solution, sim.newton, sim.progress,
+         {.iterations = options.iterations, .warm = warm, .residual = options.residual}, ends_step);
 }
 }  // namespace detail
 
 /// Buffers for stepping `worlds` worlds of `model`, which was made from `compiled`. Allocates.
-/// Errors: gsp::Error where profile `mujoco` is asked for what it does not cover yet (friction cones, integrator RK4 with constraints).
+/// Errors: gsp::Error for what make_model refuses too, and for the box of friction in profile mujoco.
 template <class R, ExecutionSpace Exec, class Mem>
 Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
                                    SimulationOptions options = {}) {
   detail::expects_made_of("gsp::make_simulation", model, compiled);
-  auto const refusals = simulation_refusals(compiled, {.profile = model.profile, .approximate = options.approximate});
+  auto const refusals = model_refusals(compiled);
   if (!refusals.empty()) throw Error(refusals.front());
+  bool const mujoco = model.profile == Profile::mujoco;
+  if (mujoco && options.cone == FrictionCone::box)
+    throw Error("gsp::make_simulation: profile mujoco has no box of friction: choose FrictionCone::elliptic or pyramidal, or profile stable");
   Simulation<R, Mem> sim;
   int const n = options.worlds;
   sim.collision = make_collision_model<R>(exec, compiled);
@@ -84,7 +96,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   sim.impulses = make_impulses(exec, sim.rows);
   sim.solution = make_solution(exec, model, {.worlds = n});
   sim.progress = make_progress(exec);
-  sim.cone = options.cone;
+  sim.cone = options.cone.value_or(mujoco ? compiled.option.cone : FrictionCone::elliptic);
+  if (mujoco) sim.newton = make_newton(exec, model, {.worlds = n});
   if (detail::has_runge_kutta(model)) sim.runge_kutta = make_runge_kutta(exec, model, {.worlds = n});
   return sim;
 }
@@ -94,7 +107,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 /// step; `forward_kinematics` gives those of its end.
 /// @param more  of your own: constraint types (constraint_type.hpp), which act also where the model's constraints are disabled, and
 ///              actuator laws (dynamics/actuator_law.hpp)
-/// Errors: constraint types of your own beside the integrator RK4, laws without actuators. Does not allocate, does not fence.
+/// In profile mujoco rows are solved by Newton's method (solver/newton.hpp), with RK4 four times a step, from nothing each time, so that a
+/// repeated step is the same. Does not fence; allocates where profile mujoco's pool of rows has grown. Errors: laws without actuators.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim, PgsOptions const& solver = {},
                  More const&... more) {
@@ -105,27 +119,42 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   auto const types = detail::all_of_laws<false>(more...);
   constexpr bool own_types = (!ActuatorLaw<More> || ...);
   detail::leaves_no_rows(sim.rows, sim.impulses);  // assemble says otherwise where the step has some
-  if (detail::has_runge_kutta(model)) {
-    if constexpr (own_types)
-      throw Error(
-          "gsp::step: constraints of your own are given, and the integrator RK4 takes none: choose another integrator or profile stable");
-    return std::apply([&](auto const&... law) { runge_kutta(exec, model, state, sim.poses, sim.dynamics, sim.runge_kutta, law...); }, laws);
-  }
+  bool const runge_kutta_steps = detail::has_runge_kutta(model);
   if (!model.constraints && !own_types)
-    return std::apply([&](auto const&... law) { smooth_step(exec, model, state, sim.poses, sim.dynamics, law...); }, laws);
-  std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {}, law...); }, laws);
-  collide(exec, sim.collision, sim.poses, sim.contacts);
-  auto const list = std::apply(
-      [&](auto const&... type) {
-        return constraints(Equalities(model, state, sim.poses, sim.dynamics), JointFriction(model), TendonFriction(model, sim.dynamics),
-                           JointLimits(model, state), TendonLimits(model, sim.dynamics),
-                           ContactRows(model, sim.collision, sim.contacts, sim.cone), type...);
+    return std::apply(
+        [&](auto const&... law) {
+          if (runge_kutta_steps)
+            runge_kutta(exec, model, state, sim.poses, sim.dynamics, sim.runge_kutta, law...);
+          else
+            smooth_step(exec, model, state, sim.poses, sim.dynamics, law...);
+        },
+        laws);
+  auto const find_impulses = [&](bool warm, bool ends_step) {
+    std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {}, law...); }, laws);
+    collide(exec, sim.collision, sim.poses, sim.contacts);
+    auto const list = std::apply(
+        [&](auto const&... type) {
+          return constraints(Equalities(model, state, sim.poses, sim.dynamics), JointFriction(model), TendonFriction(model, sim.dynamics),
+                             JointLimits(model, state), TendonLimits(model, sim.dynamics),
+                             ContactRows(model, sim.collision, sim.contacts, sim.cone), type...);
+        },
+        types);
+    static_assert(own_types || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>, "gsp::kernels holds assemble for these types");
+    assemble(exec, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress);
+    detail::solve(exec, model, sim, solver, warm, ends_step);
+  };
+  if (!runge_kutta_steps) {
+    find_impulses(true, true);
+    return integrate(exec, model, state, sim.dynamics, sim.progress, sim.solution);
+  }
+  int evaluation = 0;
+  runge_kutta(
+      exec, model, state, sim.dynamics,
+      [&] {
+        find_impulses(false, ++evaluation == 4);
+        new_velocity(exec, model, state, sim.dynamics, {sim.solution.z, sim.solution.qfrc_constraint, sim.progress.halt});
       },
-      types);
-  static_assert(own_types || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>, "gsp::kernels holds assemble for these types");
-  assemble(exec, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress);
-  pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress, solver);
-  integrate(exec, model, state, sim.dynamics, sim.progress, sim.solution);
+      sim.runge_kutta, Kokkos::View<int const, Mem>(sim.progress.halt));
 }
 
 /// Waits for the steps that were launched, and enlarges the pools that were too small.

@@ -207,6 +207,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
     if (new_chunk) chunks.push_back({key.kind, k, k, int(runs.size()), int(runs.size()), max_points(PairKind(key.kind))});
     if (new_chunk || runs.back().a != key.a || runs.back().b != key.b) runs.push_back({key.a, key.b, k, k, R(0)});
     auto const& own = distinct[parameters.back()];
+    c.most_edges = std::max(c.most_edges, 2 * (own.condim - 1));
     runs.back().end = chunks.back().end = k + 1;
     chunks.back().run_end = int(runs.size());
     runs.back().reach = std::max(runs.back().reach, own.margin + own.gap);

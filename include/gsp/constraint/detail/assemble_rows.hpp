@@ -45,6 +45,10 @@ struct CountRows {
           type.jacobian(w, k, r, structure);
           auto const bounds = type.bounds(w, k, r);
           refused = structure.refused || bounds.friction_of >= n || bounds.friction_of == r;
+          if (!refused && bounds.friction_of >= 0 && model.profile == Profile::mujoco) {  // newton's cones: normals that push alone
+            auto const normal = type.bounds(w, k, bounds.friction_of);
+            refused = normal.friction_of >= 0 || !(normal.lower == 0 && normal.upper >= 1e30);
+          }
           if (bounds.with_next) {
             bool const there = r + 1 < n && bounds.friction_of >= 0 && bounds.friction_of != r + 1;
             auto const next = type.bounds(w, k, there ? r + 1 : r);
@@ -241,7 +245,8 @@ struct EmitRows {
     row.upper = R(bounds.upper);
     row.mu = bounds.friction_of < 0 ? R(-1) : R(bounds.mu);
     row.with_next = bounds.with_next;
-    if (row.inverse_diagonal == R(0)) {  // nothing that it touches can move
+    // Nothing that it touches can move. In profile mujoco its softness says what it bears, as there.
+    if (row.inverse_diagonal == R(0) && model.profile == Profile::stable) {
       row.friction_of = -1;
       row.mu = R(-1);
       row.lower = row.upper = R(0);

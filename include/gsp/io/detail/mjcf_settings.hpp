@@ -87,7 +87,7 @@ inline void read_option(Document& doc, Node const& node) {
     doc.refuse(node.place, "<option> integrator='discrete' is not supported; use implicitfast");
   else if (a.has("integrator"))
     o.integrator = static_cast<Integrator>(a.choice("integrator", {"Euler", "RK4", "implicit", "implicitfast"}));
-  if (a.has("cone")) o.cone = static_cast<Cone>(a.choice("cone", {"pyramidal", "elliptic"}));
+  if (a.has("cone")) o.cone = static_cast<FrictionCone>(a.choice("cone", {"pyramidal", "elliptic"}));
   for (char const* name : {"integrator", "cone", "impratio"})
     if (a.has(name)) doc.note(Line::no_effect, node.place, std::string("<option> ") + name + " (in profile stable)");
   for (auto const& flag : node.children) {

@@ -147,7 +147,7 @@ class Writer {
     list("actuatorgroupdisable", groups, {});
     number("tolerance", o.tolerance, standard.tolerance).number("iterations", o.iterations, standard.iterations);
     if (o.integrator != Integrator::euler) word("integrator", integrators[int(o.integrator)]);
-    if (o.cone == Cone::elliptic) word("cone", "elliptic");
+    if (o.cone == FrictionCone::elliptic) word("cone", "elliptic");
     std::pair<char const*, bool> const flags[] = {
         {"actuation", o.actuation},       {"clampctrl", o.clampctrl}, {"constraint", o.constraint}, {"contact", o.contact},
         {"damper", o.passive_damper},     {"equality", o.equality},   {"eulerdamp", o.eulerdamp},   {"filterparent", o.filterparent},

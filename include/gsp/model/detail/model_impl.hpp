@@ -68,6 +68,7 @@ void fill_options(Model<R, Mem>& d, FieldSource const& source, ModelOptions cons
   d.constraints = m.option.constraint;
   d.equalities = m.option.constraint && m.option.equality;
   d.refsafe = m.option.refsafe;
+  d.impratio = R(m.option.impratio);
 
   d.integrator = m.option.integrator;
   d.density = R(m.option.density);

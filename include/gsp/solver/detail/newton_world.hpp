@@ -1,0 +1,330 @@
+#pragma once
+#include <gsp/constraint/impulses.hpp>
+#include <gsp/parallel/for_worlds.hpp>
+#include <gsp/solver/soft_element.hpp>
+#include <gsp/solver/solution.hpp>
+
+/// The kernel of `newton` (solver/newton.hpp): a thread or a warp a world.
+namespace gsp::detail {
+
+/// Lower triangle by columns, and the direction.
+inline std::int64_t newton_work(int nv) { return std::int64_t(nv) * (nv + 1) / 2 + nv; }
+
+template <class R, class Mem>
+struct NewtonWorld {
+  static constexpr int N = most_element_rows;
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  Rows<R, Mem> rows;
+  Impulses<R, Mem> impulses;
+  Solution<R, Mem> solution;
+  Progress<Mem> progress;
+  View<R*> rate, rate_change, work;
+  std::int64_t stride;
+  int iterations;
+  R tolerance;
+  bool warm, residual, ends_step;
+
+  template <class World>
+  KOKKOS_FUNCTION void operator()(World const& world) const {
+    solve(world, work.data() + world.rank * stride);
+  }
+
+  template <class World>
+  KOKKOS_FUNCTION void solve(World const& world, R* H) const {
+    int const id = world.rank;
+    if (progress.halt()) {
+      if (id == 0 && ends_step) world.single([&] { ++progress.skipped(); });
+      return;
+    }
+    if (id == 0) world.single([&] { impulses.solved() = 1; });
+    int const first = rows.first(id), count = rows.count(id), nv = rows.nv;
+    Lists const l{&rows.row(first), &rows.element_rows(first), count};
+    R* const z = solution.z.data() + std::int64_t(id) * nv;
+    R* const p = impulses.p[impulses.parity()].data() + first;
+    R* const w = rate.data() + first;
+    R* const change = rate_change.data() + first;
+    R* const d = H + std::int64_t(nv) * (nv + 1) / 2;
+    start(world, l, z, w, p);
+    int iteration = 0;
+    R best = Kokkos::Experimental::infinity_v<R>;
+    while (count > 0 && iteration < iterations) {
+      // d <- -g, H d <- -g
+      world.each(nv, [&](int i) { d[i] = -z[i]; });
+      set_impulses(world, l, w, p);
+      add_transposed(world, l, p, d);
+      R const linear = world.template sum<R>(nv, [&](int i) { return d[i] * d[i]; });
+      if (linear == R(0)) break;
+      assemble(world, l, w, H);
+      factor(world, H, nv);
+      R const decrement = solve_factored(world, H, nv, d);  // g . H^-1 g, an upper bound of |d|^2
+      R const size = world.template sum<R>(nv, [&](int i) { return z[i] * z[i]; });
+      R const least = square(tolerance) * size;
+      bool const there = !(decrement > least);
+      if (!there && decrement >= best && decrement < R(1e6) * least) break;  // rounding alone is left
+      best = min(best, decrement);
+      world.each(count, [&](int r) { change[r] = dot(l.row[r], d); });
+      world.sync();
+      R const length = there ? R(1) : line_search(world, l, z, d, w, change, decrement);
+      world.each(nv, [&](int i) { z[i] = fma(length, d[i], z[i]); });
+      world.each(count, [&](int r) { w[r] = fma(length, change[r], w[r]); });
+      world.sync();
+      if (there) break;
+      ++iteration;
+    }
+    finish(world, l, z, w, p, iteration);
+  }
+
+ private:
+  struct Lists {
+    Row<R> const* row;
+    signed char const* element_rows;
+    int count;
+  };
+
+  /// z = Y^T p of the impulses given, or 0 where that costs less; w = Y z + b
+  template <class World>
+  KOKKOS_FUNCTION void start(World const& world, Lists const& l, R* z, R* w, R* p) const {
+    world.each(rows.nv, [&](int i) { z[i] = R(0); });
+    world.each(l.count, [&](int r) { w[r] = l.row[r].bias; });
+    world.sync();
+    if (!warm) return;
+    R const none = total_cost(world, l, w);
+    add_transposed(world, l, p, z);
+    world.each(l.count, [&](int r) { w[r] = dot(l.row[r], z) + l.row[r].bias; });
+    world.sync();
+    R const given =
+        total_cost(world, l, w) + R(0.5) * world.template sum<R>(rows.nv, [&](int i) { return z[i] * z[i]; });
+    if (given < none) return;
+    world.sync();
+    world.each(rows.nv, [&](int i) { z[i] = R(0); });
+    world.each(l.count, [&](int r) { w[r] = l.row[r].bias; });
+    world.sync();
+  }
+  /// p(w), z = Y^T p and what is said of the world.
+  template <class World>
+  KOKKOS_FUNCTION void finish(World const& world, Lists const& l, R* z, R* w, R* p, int iteration) const {
+    set_impulses(world, l, w, p);
+    world.each(rows.nv, [&](int i) { z[i] = R(0); });
+    world.sync();
+    add_transposed(world, l, p, z);
+    R worst(0);
+    if (residual)
+      for (int r = 0; r < l.count; ++r) worst = max(worst, abs(dot(l.row[r], z) + l.row[r].bias - w[r]));
+    world.single([&] {
+      solution.iterations(world.rank) = iteration;
+      solution.residual(world.rank) = worst;
+    });
+  }
+
+  /// The elements one after the other, shared among the threads: f(element, first of its rows).
+  template <class World, class F>
+  KOKKOS_INLINE_FUNCTION void each_element(World const& world, Lists const& l, F const& f) const {
+    world.each(l.count, [&](int r) {
+      if (int const n = l.element_rows[r]; n > 0) f(soft_element(l.row + r, n), r);
+    });
+    world.sync();
+  }
+  template <class World>
+  KOKKOS_FUNCTION void set_impulses(World const& world, Lists const& l, R const* w, R* p) const {
+    each_element(world, l, [&](SoftElement<R> const& e, int r) { soft_impulses(e, w + r, p + r); });
+  }
+  template <class World>
+  KOKKOS_FUNCTION R total_cost(World const& world, Lists const& l, R const* w) const {
+    return world.template sum<R>(l.count, [&](int r) {
+      int const n = l.element_rows[r];
+      if (n == 0) return R(0);
+      SoftElement<R> const e = soft_element(l.row + r, n);
+      R p[N];
+      soft_impulses(e, w + r, p);
+      return soft_cost(e, w + r, p);
+    });
+  }
+
+  /// alpha > 0 with |slope| <= 0.01 of the slope at 0, of the convex  |z + alpha d|^2 / 2 + sum s(w + alpha Y d): secants inside of a bracket.
+  template <class World>
+  KOKKOS_FUNCTION R line_search(World const& world, Lists const& l, R const* z, R const* d, R const* w, R const* change, R decrement) const {
+    R const zd = world.template sum<R>(rows.nv, [&](int i) { return z[i] * d[i]; });
+    R const dd = world.template sum<R>(rows.nv, [&](int i) { return d[i] * d[i]; });
+    auto const slope = [&](R alpha) {
+      return zd + alpha * dd - world.template sum<R>(l.count, [&](int r) {
+        int const n = l.element_rows[r];
+        if (n == 0) return R(0);
+        R at[N], p[N], sum(0);
+        for (int b = 0; b < n; ++b) at[b] = fma(alpha, change[r + b], w[r + b]);
+        soft_impulses(soft_element(l.row + r, n), at, p);
+        for (int b = 0; b < n; ++b) sum = fma(p[b], change[r + b], sum);
+        return sum;
+      });
+    };
+    R low(0), at_low = -decrement, high(0), at_high(0), alpha(1);
+    for (int i = 0; i < 40; ++i) {
+      R const now = slope(alpha);
+      if (!(abs(now) > R(0.01) * decrement)) break;
+      if (now < R(0)) {
+        if (high > R(0)) at_high = at_high * R(0.5);  // so that no end of the bracket stays for ever (the Illinois rule)
+        low = alpha;
+        at_low = now;
+      } else {
+        if (high > R(0)) at_low = at_low * R(0.5);
+        high = alpha;
+        at_high = now;
+      }
+      R const next = high > R(0) ? low + (high - low) * (at_low / (at_low - at_high)) : R(4) * alpha;
+      if (next == alpha || !(next > R(0))) break;
+      alpha = next;
+    }
+    return alpha;
+  }
+
+  /// H <- 1 + Y^T B Y
+  template <class World>
+  KOKKOS_FUNCTION void assemble(World const& world, Lists const& l, R const* w, R* H) const {
+    int const nv = rows.nv;
+    world.each(nv, [&](int k) {
+      R* const column = column_of(H, nv, k);
+      column[k] = R(1);
+      for (int i = k + 1; i < nv; ++i) column[i] = R(0);
+    });
+    world.sync();
+    for (int r = 0, n; r < l.count; r += n) {
+      n = l.element_rows[r];
+      R B[N][N];
+      if (!soft_curvature(soft_element(l.row + r, n), w + r, B)) continue;
+      if (n == 1 || l.row[r].same_segments)
+        add_element(world, l.row + r, n, B, H);
+      else
+        add_pairs(world, l.row + r, n, B, H);
+    }
+  }
+  /// H += sum B_ab Y_a Y_b^T where the rows have the same entries: a column a thread.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void add_element(World const& world, Row<R> const* row, int n, R const (&B)[N][N], R* H) const {
+    int const entries = row->segment[0].count + row->segment[1].count, nv = rows.nv;
+    world.each(entries, [&](int i) {
+      int const k = dof_of(*row, i);
+      R u[N];
+      for (int b = 0; b < n; ++b) {
+        u[b] = R(0);
+        for (int a = 0; a < n; ++a) u[b] = fma(B[a][b], rows.Y(row[a].first_entry + i), u[b]);
+      }
+      R* const column = column_of(H, nv, k);
+      for (int j = 0; j < entries; ++j) {
+        int const at = dof_of(*row, j);
+        if (at < k) continue;
+        R sum = column[at];
+        for (int b = 0; b < n; ++b) sum = fma(u[b], rows.Y(row[b].first_entry + j), sum);
+        column[at] = sum;
+      }
+    });
+    world.sync();
+  }
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void add_pairs(World const& world, Row<R> const* row, int n, R const (&B)[N][N], R* H) const {
+    int const nv = rows.nv;
+    for (int a = 0; a < n; ++a)
+      for (int b = 0; b < n; ++b) {
+        if (B[a][b] == R(0)) continue;
+        world.each(row[a].segment[0].count + row[a].segment[1].count, [&](int i) {
+          int const k = dof_of(row[a], i);
+          R const u = B[a][b] * rows.Y(row[a].first_entry + i);
+          R* const column = column_of(H, nv, k);
+          for (int j = 0; j < row[b].segment[0].count + row[b].segment[1].count; ++j)
+            if (int const at = dof_of(row[b], j); at >= k) column[at] = fma(u, rows.Y(row[b].first_entry + j), column[at]);
+        });
+        world.sync();
+      }
+  }
+
+  /// H <- L with L L^T = H, columns that do not meet left out.
+  template <class World>
+  KOKKOS_FUNCTION void factor(World const& world, R* H, int nv) const {
+    for (int k = 0; k < nv; ++k) {
+      R* const column = column_of(H, nv, k);
+      R const root = sqrt(column[k]), inverse = R(1) / root;
+      world.sync();
+      world.each(nv - k, [&](int i) { column[k + i] = i == 0 ? root : column[k + i] * inverse; });
+      world.sync();
+      for (int j = k + 1; j < nv; ++j) {
+        R const x = column[j];
+        if (x == R(0)) continue;
+        R* const other = column_of(H, nv, j);
+        world.each(nv - j, [&](int i) { other[j + i] = fma(-x, column[j + i], other[j + i]); });
+      }
+      world.sync();
+    }
+  }
+  /// d <- (L L^T)^-1 d. Returns d . (L L^T)^-1 d.
+  template <class World>
+  KOKKOS_FUNCTION R solve_factored(World const& world, R const* H, int nv, R* d) const {
+    for (int k = 0; k < nv; ++k) {
+      R const* const column = column_of(H, nv, k);
+      R const x = d[k] / column[k];
+      world.sync();
+      world.each(nv - k, [&](int i) { d[k + i] = i == 0 ? x : fma(-column[k + i], x, d[k + i]); });
+      world.sync();
+    }
+    R const decrement = world.template sum<R>(nv, [&](int i) { return d[i] * d[i]; });
+    for (int k = nv - 1; k >= 0; --k) {
+      R const* const column = column_of(H, nv, k);
+      R const sum = world.template sum<R>(nv - 1 - k, [&](int i) { return column[k + 1 + i] * d[k + 1 + i]; });
+      R const x = (d[k] - sum) / column[k];
+      world.sync();
+      world.single([&] { d[k] = x; });
+      world.sync();
+    }
+    return decrement;
+  }
+  /// Column k of the lower triangle, so that its entries are [k] ... [nv - 1].
+  template <class Number>
+  KOKKOS_INLINE_FUNCTION static Number* column_of(Number* H, int nv, int k) {
+    return H + std::int64_t(k) * nv - std::int64_t(k) * (k + 1) / 2;
+  }
+
+  KOKKOS_INLINE_FUNCTION int dof_of(Row<R> const& row, int i) const {
+    int const s = i < row.segment[0].count ? 0 : 1;
+    RowSegment const& segment = row.segment[s];
+    int const at = s == 0 ? i : i - row.segment[0].count;
+    return segment.dof0 + (segment.list < 0 ? at : rows.dof_lists(segment.list + at));
+  }
+  /// Y x of one row, by one thread
+  KOKKOS_INLINE_FUNCTION R dot(Row<R> const& row, R const* x) const {
+    R const* y = rows.Y.data() + row.first_entry;
+    R total(0);
+    for (int s = 0; s < 2; ++s) {
+      RowSegment const& segment = row.segment[s];
+      for (int i = 0; i < segment.count; ++i)
+        total = fma(y[i], x[segment.dof0 + (segment.list < 0 ? i : rows.dof_lists(segment.list + i))], total);
+      y += segment.count;
+    }
+    return total;
+  }
+  /// x += Y^T p
+  template <class World>
+  KOKKOS_FUNCTION void add_transposed(World const& world, Lists const& l, R const* p, R* x) const {
+    world.sync();
+    for (int r = 0; r < l.count; ++r) {
+      if (p[r] == R(0)) continue;
+      Row<R> const& row = l.row[r];
+      world.each(row.segment[0].count + row.segment[1].count, [&](int i) {
+        int const k = dof_of(row, i);
+        x[k] = fma(rows.Y(row.first_entry + i), p[r], x[k]);
+      });
+      world.sync();
+    }
+  }
+};
+
+/// On hosts the work belongs to a thread.
+template <class Exec, class R, class Mem>
+struct NewtonThread {
+  NewtonWorld<R, Mem> solver;
+  void operator()(int w) const {
+    Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
+    int const thread = token.acquire();
+    solver.solve(HostWorld{w}, solver.work.data() + thread * solver.stride);
+    token.release(thread);
+  }
+};
+
+}  // namespace gsp::detail
