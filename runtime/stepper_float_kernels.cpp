@@ -1,5 +1,3 @@
-#include <gsp/step/simulation_refusals.hpp>
-
 #include "stepper_kernels.hpp"
 
 namespace gsp::runtime {
@@ -9,9 +7,6 @@ std::unique_ptr<Stepper> make_stepper(Device device, CompiledModel const& model,
 }
 std::int64_t bytes_needed(Device device, CompiledModel const& model, StepperOptions const& options) {
   return options.precision == Dtype::float64 ? bytes_needed_double(device, model, options) : bytes_needed_of<float>(device, model, options);
-}
-std::vector<std::string> refusals(CompiledModel const& model, StepperOptions const& options) {
-  return simulation_refusals(model, {.profile = options.mujoco ? Profile::mujoco : Profile::stable, .approximate = options.approximate});
 }
 
 }  // namespace gsp::runtime

@@ -153,7 +153,7 @@ int main(int argc, char** argv) {
   every_backend("quadruped among boxes and balls", compile(samples::quadruped_scene()), 1024, 0.05, 0.2, 0.3, 0.05);
   std::string const humanoid = std::string(GSP_DATA_DIR) + "/models/mujoco/humanoid/humanoid.xml";
   if (std::filesystem::exists(humanoid)) {
-    auto const m = compile(io::read_mjcf(humanoid, {.approximate = true}));
+    auto const m = compile(io::read_mjcf(humanoid));
     for (int worlds : {1024, 8192}) every_backend("humanoid, fallen", m, worlds, 0.02, 1.5, 0.3, 1.1);
 #ifdef GSP_HAS_MUJOCO
     oracle("humanoid, fallen", humanoid, m, 256, 0.02, 1.5, 0.3, 1.1);

@@ -35,7 +35,7 @@ struct Core {
 template <class Exec>
 void run(std::string const& path, int worlds, double mujoco_us) {
   Exec const exec;
-  auto const compiled = gsp::compile(gsp::io::read_mjcf(path, {.skip_visuals = true, .approximate = true}));
+  auto const compiled = gsp::compile(gsp::io::read_mjcf(path, {.skip_visuals = true}));
   auto const model = gsp::make_model<float>(exec, compiled, {.profile = gsp::Profile::mujoco});
   auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});

@@ -69,7 +69,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> files(argv + 1, argv + argc);
   if (files.empty()) files = {data + "mjlab/unitree_go1/go1.xml", data + "mujoco/humanoid/humanoid.xml", data + "mjlab/unitree_g1/g1.xml"};
   for (auto const& file : files) {
-    auto robot = gsp::io::read_mjcf(file, {.skip_visuals = true, .approximate = true});
+    auto robot = gsp::io::read_mjcf(file, {.skip_visuals = true});
     robot.option.integrator = gsp::Integrator::euler;
     auto const compiled = gsp::compile(robot);
     std::string const name = file.substr(file.rfind('/') + 1),

@@ -20,7 +20,7 @@ int main(int argc, char** argv) {
   for (auto const& file : files)
     for (int i = 0; i < 5; ++i) {
       auto const time = gsp_bench::measure(
-          exec, [&] { gsp::compile(gsp::io::read_mjcf(file, {.skip_visuals = true, .approximate = true})); }, once);
+          exec, [&] { gsp::compile(gsp::io::read_mjcf(file, {.skip_visuals = true})); }, once);
       double mujoco = 0;
 #ifdef GSP_HAS_MUJOCO
       char error[1000] = "";

@@ -17,8 +17,7 @@ using gsp::io::detail::fail;
 
 Option skip_visuals_option() { return {"--skip-visuals", "", "leave out visual geoms whose meshes are not read (colliding ones never)"}; }
 Option approximate_option() {
-  return {"--approximate", "",
-          "profile mujoco: rigid friction stands in for cones, Euler for RK4 with constraints, instead of refusing the model"};
+  return {"--approximate", "", "without effect: nothing has to be approximated any more; old scripts say it"};
 }
 Option floating_base_option() {
   return {"--floating-base", "", "the root link of a URDF file moves freely (else it is fixed to the world)"};
@@ -39,18 +38,16 @@ gsp::CompiledModel load_model(std::string const& path, Arguments const& argument
   std::vector<std::string> names;
   for (auto const& [name, flag] : flags) names.push_back(name);
   for (auto const& name : arguments.list("--disable", names, {})) *flags.at(name) = false;
-  return compile_model(description, arguments.has("--approximate"));
+  return compile_model(description);
 }
 gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals) {
-  return describe_model(path, arguments, list_refusals, arguments.has("--skip-visuals"), arguments.has("--approximate"));
+  return describe_model(path, arguments, list_refusals, arguments.has("--skip-visuals"));
 }
-gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals, bool skip_visuals,
-                                bool approximate) {
+gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals, bool skip_visuals) {
   if (path.ends_with(".urdf")) {
     gsp::io::UrdfOptions options;
     options.floating_base = arguments.has("--floating-base");
     options.skip_visuals = skip_visuals;
-    options.approximate = approximate;
     options.list_refusals = list_refusals;
     for (auto const& text : arguments.all("--package")) {
       auto const equal = text.find('=');
@@ -61,13 +58,10 @@ gsp::Description describe_model(std::string const& path, Arguments const& argume
   }
   gsp::io::MjcfOptions options;
   options.skip_visuals = skip_visuals;
-  options.approximate = approximate;
   options.list_refusals = list_refusals;
   return gsp::io::read_mjcf(path, options);
 }
-gsp::CompiledModel compile_model(gsp::Description const& description, bool approximate) {
-  return gsp::compile(description, {.approximate = approximate});
-}
+gsp::CompiledModel compile_model(gsp::Description const& description) { return gsp::compile(description); }
 
 gsp::io::SplatSet load_splats(std::string const& path, gsp::io::SplatPose const& pose) {
   auto set = gsp::io::read_splats(path);

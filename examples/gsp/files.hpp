@@ -22,9 +22,8 @@ gsp::CompiledModel load_model(std::string const& path, Arguments const& argument
 /// The same in two parts; list_refusals: what is refused becomes a line of the report. (The reader is long to compile, so it is in
 /// files.cpp alone.)
 gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals);
-gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals, bool skip_visuals,
-                                bool approximate);
-gsp::CompiledModel compile_model(gsp::Description const& description, bool approximate);
+gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals, bool skip_visuals);
+gsp::CompiledModel compile_model(gsp::Description const& description);
 /// One line: how much of the file is not taken as it stands; empty when all is.
 std::string summary(gsp::CompiledModel const& model);
 char const* kind_name(gsp::ReportLine::Kind kind);

@@ -50,42 +50,27 @@ struct Verdict {
   std::vector<std::string> flags;  // it needs these
   std::string refusal;             // the first reason without them, or, where none help, with them
   bool taken = false;
-  std::string mujoco;  // what --profile mujoco needs besides, or why it does not take the file; empty: nothing
 };
 
 Verdict judge(std::string const& path, Arguments const& arguments, gsp::Description const* as_it_is) {
-  auto const compiled = [&](bool skip_visuals, bool approximate) {
-    return compile_model(
-        as_it_is && !skip_visuals && !approximate ? *as_it_is : describe_model(path, arguments, false, skip_visuals, approximate),
-        approximate);
-  };
-  // The first reason that the profile refuses the file for; empty: it takes it.
-  auto const refusal = [&](bool skip_visuals, bool approximate, bool mujoco) -> std::string {
+  // The first reason to refuse the file; empty: it is taken.
+  auto const refusal = [&](bool skip_visuals) -> std::string {
     try {
-      gsp::runtime::StepperOptions options;
-      options.approximate = approximate;
-      options.mujoco = mujoco;
-      auto const reasons = gsp::runtime::refusals(compiled(skip_visuals, approximate), options);
+      auto const compiled = compile_model(as_it_is && !skip_visuals ? *as_it_is : describe_model(path, arguments, false, skip_visuals));
+      auto const reasons = gsp::model_refusals(compiled);
       return reasons.empty() ? "" : path + ": " + reasons.front();
     } catch (Error const& error) { return error.what(); }
   };
   Verdict v;
-  for (int k = 0; k < 4 && !v.taken; ++k) {
-    bool const skip_visuals = (k & 1) != 0;
-    bool const approximate = (k & 2) != 0;
-    auto const reason = refusal(skip_visuals, approximate, false);
-    v.taken = reason.empty();
-    if (k == 0 || k == 3) v.refusal = v.taken ? v.refusal : reason;
-    if (!v.taken) continue;
-    if (skip_visuals) v.flags.push_back("--skip-visuals");
-    if (approximate) v.flags.push_back("--approximate");
-    auto const with_mujoco = refusal(skip_visuals, approximate, true);
-    if (with_mujoco.empty()) continue;
-    if (!approximate && refusal(skip_visuals, true, true).empty())
-      v.mujoco = "needs --approximate";
-    else
-      v.mujoco = "refuses it: " + with_mujoco;
-  }
+  v.refusal = refusal(false);
+  v.taken = v.refusal.empty();
+  if (v.taken) return v;
+  auto const without_visuals = refusal(true);
+  v.taken = without_visuals.empty();
+  if (v.taken)
+    v.flags.push_back("--skip-visuals");
+  else
+    v.refusal = without_visuals;
   return v;
 }
 
@@ -94,8 +79,7 @@ std::string text_of(Verdict const& v) {
   if (!v.taken) return "gsp sim refuses it: " + v.refusal;
   std::string flags;
   for (auto const& f : v.flags) flags += " " + f;
-  return (flags.empty() ? "gsp sim takes it as it is" : "gsp sim takes it with" + flags) +
-         (v.mujoco.empty() ? "" : "; --profile mujoco " + v.mujoco) + (flags.empty() ? "" : "; without: " + v.refusal);
+  return (flags.empty() ? "gsp sim takes it as it is" : "gsp sim takes it with" + flags) + (flags.empty() ? "" : "; without: " + v.refusal);
 }
 
 /// One JSON object: sizes, the report and the verdict.
@@ -114,9 +98,9 @@ void json(std::string const& path, gsp::CompiledModel const& m, Verdict const& v
 
 void model(std::string const& path, Arguments const& arguments) {
   auto const description = describe_model(path, arguments, true);
-  auto const m = compile_model(description, true);  // what would be refused without is in the report
+  auto const m = compile_model(description);
   bool const listed = std::any_of(m.report.begin(), m.report.end(), [](auto const& l) { return l.kind == gsp::ReportLine::Kind::refused; });
-  bool const as_it_is = !listed && !arguments.has("--skip-visuals") && !arguments.has("--approximate");  // it need not be read again
+  bool const as_it_is = !listed && !arguments.has("--skip-visuals");  // it need not be read again
   auto const verdict = judge(path, arguments, as_it_is ? &description : nullptr);
   if (arguments.has("--json")) return json(path, m, verdict);
   char const* const joint_names[] = {"free", "ball", "slide", "hinge"};
@@ -150,11 +134,6 @@ void model(std::string const& path, Arguments const& arguments) {
   row("option", "timestep " + number(o.timestep) + " s, gravity " + number(o.gravity[0]) + " " + number(o.gravity[1]) + " " +
                     number(o.gravity[2]) + ", integrator " + integrators[int(o.integrator)] + ", cone " +
                     (o.cone == gsp::FrictionCone::elliptic ? "elliptic" : "pyramidal") + ", iterations " + std::to_string(o.iterations));
-  if (!arguments.has("--approximate")) {
-    try {
-      compile_model(description, false);
-    } catch (Error const& error) { row("refused", std::string("unless --approximate is given: ") + error.what()); }
-  }
   report(m.report);
   row("verdict", text_of(verdict));
 }
@@ -244,7 +223,7 @@ Command info_command() {
        package_option(),
        {"--json", "", "of a model: one JSON object with its sizes, the report and the verdict"},
        {"--schema", "", "no file: what of MJCF works, as a page in Markdown"},
-       {"--approximate", "", "as --approximate of sim and render: what it would change stands in the report"}},
+       approximate_option()},
       run};
 }
 

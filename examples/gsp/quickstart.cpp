@@ -127,7 +127,6 @@ int run(Arguments const& a) {
   a.needs("--splat-pose", "--splat", "it places that scene");
   a.needs("--keyframe", "--model", "it is one of that model");
   a.needs("--skip-visuals", "--model", "it is about that model");
-  a.needs("--approximate", "--model", "it is about that model");
   std::string const out = a.text("--out").value_or("out");
   int const threads = threads_of(a);
   Device const device = choose_device(a);
@@ -152,19 +151,18 @@ int run(Arguments const& a) {
     description = describe_model(model_name, a, false);
     floor_added = add_floor(description);
     servos = motors_to_servos(description);
-    model = compile_model(description, a.has("--approximate"));
+    model = compile_model(description);
     auto const first = model.keyframes.empty() ? std::nullopt : std::optional<std::string>("0");
     one = initial_state(model, model_name, a.has("--keyframe") ? a.text("--keyframe") : first);
     hold(model, servos, one);
   } else {
     description = gsp::samples::quadruped_scene();
-    model = compile_model(description, false);
+    model = compile_model(description);
     one = initial_state(model, model_name, "stand");
   }
   gsp::runtime::Session const session(threads);
   StepperOptions stepping;
   stepping.worlds = worlds;
-  stepping.approximate = a.has("--approximate");
   expect_memory(std::to_string(worlds) + " worlds of " + model_name, device,
                 static_cast<std::uint64_t>(gsp::runtime::bytes_needed(device, model, stepping)), 2 * bytes_of_states(model, worlds),
                 "fewer --worlds");

@@ -78,7 +78,6 @@ int run(Arguments const& a) {
   a.needs("--keyframe", "--model", "a keyframe belongs to a model");
   a.needs("--trace", "--model", "a trace belongs to a model");
   a.needs("--skip-visuals", "--model", "it is about a model's geoms");
-  a.needs("--approximate", "--model", "it is about a model's contacts");
   auto const files = a.all("--splat"), poses = a.all("--splat-pose");
   if (poses.size() > files.size())
     a.fail("--splat-pose is given " + std::to_string(poses.size()) + " times for " + std::to_string(files.size()) +

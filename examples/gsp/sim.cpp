@@ -9,6 +9,13 @@ namespace gsp_cli {
 
 namespace {
 
+std::optional<gsp::FrictionCone> cone_of(Arguments const& a) {
+  std::map<std::string, gsp::FrictionCone> const cones{
+      {"box", gsp::FrictionCone::box}, {"elliptic", gsp::FrictionCone::elliptic}, {"pyramidal", gsp::FrictionCone::pyramidal}};
+  if (!a.has("--cone")) return {};
+  return cones.at(a.choice("--cone", {"box", "elliptic", "pyramidal"}, ""));
+}
+
 int run(Arguments const& a) {
   std::string const path = a.operands().front();
   a.exclusive("--keyframe", "--start", "both say where the worlds start");
@@ -19,9 +26,9 @@ int run(Arguments const& a) {
   options.timestep = a.real("--timestep", 0, 0, 10);
   options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
   options.tolerance = a.real_from("--tolerance", options.tolerance, 0, 1);
-  options.box_friction = a.choice("--cone", {"box", "elliptic"}, "elliptic") == "box";
+  options.cone = cone_of(a);
   options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco";
-  options.approximate = a.has("--approximate");
+  if (options.mujoco && options.cone == gsp::FrictionCone::box) a.fail("--cone box is of profile stable; give pyramidal or elliptic, or leave it out");
   bool const in_double = a.choice("--precision", {"float", "double"}, "float") == "double";
   if (in_double) options.precision = gsp::runtime::Dtype::float64;
   long long steps = a.integer("--steps", 1000, 1, 1LL << 40), every = a.integer("--every", 1, 1, 1LL << 40),
@@ -162,10 +169,12 @@ Command sim_command() {
        {"--iterations", "I", "most sweeps of the solver a step; without it the library's default"},
        {"--tolerance", "T",
         "a world stops to sweep when no rate changes by more than T times what gravity does in a step, 1e-4; 0: after all sweeps"},
-       {"--cone", "box|elliptic", "friction along the two tangents: each by itself, or together in a disc (without the option)"},
+       {"--cone", "box|elliptic|pyramidal",
+        "friction along the two tangents: each by itself, together in a disc, or MuJoCo's soft edges; without it as the file says in profile "
+        "mujoco, else elliptic"},
        {"--disable", "LIST", "of constraint, contact, limit, equality, friction (of joints and tendons), with commas: left out"},
        {"--profile", "mujoco|stable",
-        "mujoco: as the file says, for what is covered; stable (without the option): rigid friction, implicit joints"},
+        "mujoco: as the file says, solved exactly; stable (without the option): rigid friction, implicit joints"},
        {"--precision", "float|double", "float without the option"},
        device_option(),
        threads_option(),

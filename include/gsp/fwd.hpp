@@ -7,7 +7,6 @@ namespace gsp {
 struct Error;
 struct Description;    // model/description.hpp
 struct CompiledModel;  // model/compiled.hpp
-struct CompileOptions;
 struct ModelOptions;
 struct StateOptions;
 struct SimulationOptions;

@@ -296,7 +296,7 @@ TEST_CASE_TEMPLATE("rotors on a free body keep their energy", Exec, GSP_TEST_EXE
 TEST_CASE("an undamped humanoid keeps its energy" * doctest::test_suite("data")) {
   auto const path = gsp_test::data("models/mujoco/humanoid/humanoid.xml");
   if (!path) return gsp_test::skip("models/mujoco/humanoid is missing from GSP_DATA_DIR");
-  auto d = gsp::io::read_mjcf(*path, {.skip_visuals = true, .approximate = true});
+  auto d = gsp::io::read_mjcf(*path, {.skip_visuals = true});
   for (auto& body : d.bodies)
     for (auto& joint : body.joints) joint.damping = 0;
   auto const c = gsp::compile(d);

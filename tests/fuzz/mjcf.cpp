@@ -11,7 +11,7 @@ extern "C" int LLVMFuzzerTestOneInput(std::uint8_t const* data, std::size_t size
   using namespace gsp;
   auto const input = std::as_bytes(std::span(data, size));
   bool const lenient = size % 2 == 0;
-  io::MjcfOptions options{.skip_visuals = lenient, .approximate = lenient, .list_refusals = size % 3 == 0};
+  io::MjcfOptions options{.skip_visuals = lenient, .list_refusals = size % 3 == 0};
   options.read = [&](std::filesystem::path const&) { return std::vector<std::byte>(input.begin(), input.end()); };
   gsp_fuzz::survive([&] {
     auto d = io::parse_mjcf(io::detail::as_text(input), "fuzz.xml", options);

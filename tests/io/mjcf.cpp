@@ -273,32 +273,27 @@ TEST_CASE("a skin is seen only: one line, whatever it holds, also where its file
   }
 }
 
-TEST_CASE("every pair of shapes and every condim is taken, and --approximate changes nothing") {
+TEST_CASE("every pair of shapes and every condim is taken") {
   std::string const scene =
       "<mujoco><worldbody><geom type='plane' size='1 1 1'/>\n<body><freejoint/><geom type='cylinder' size='.1 .1' condim='6'/></body>\n"
       "<body pos='1 0 0'><freejoint/><geom name='c' type='cylinder' size='.1 .1'/></body></worldbody></mujoco>";
-  for (bool approximate : {false, true}) {
-    auto const m = compile(parse_mjcf(scene, "m.xml", {.approximate = approximate}));
-    CHECK(m.pairs.size() == 3);
-    CHECK(m.geom_condim == std::vector<int>{3, 6, 3});
-    CHECK(m.report.empty());
-  }
+  auto const m = compile(parse_mjcf(scene, "m.xml"));
+  CHECK(m.pairs.size() == 3);
+  CHECK(m.geom_condim == std::vector<int>{3, 6, 3});
+  CHECK(m.report.empty());
 }
 
 TEST_CASE("pairs of shapes and condim are not judged where there are no contacts: they stay as the file says") {
-  for (char const* flag : {"contact", "constraint"})
-    for (bool approximate : {false, true}) {
-      CAPTURE(flag);
-      CAPTURE(approximate);
-      auto const m =
-          compile(parse_mjcf("<mujoco><option><flag " + std::string(flag) +
-                                 "='disable'/></option><worldbody><geom type='plane' size='1 1 1'/>"
-                                 "<body><freejoint/><geom type='ellipsoid' size='.1 .1 .2' condim='6'/></body></worldbody></mujoco>",
-                             "m.xml", {.approximate = approximate}));
-      CHECK(m.pairs == std::vector<std::array<int, 2>>{{0, 1}});
-      CHECK(m.geom_condim == std::vector<int>{3, 6});
-      CHECK(m.report.empty());
-    }
+  for (char const* flag : {"contact", "constraint"}) {
+    CAPTURE(flag);
+    auto const m = compile(parse_mjcf("<mujoco><option><flag " + std::string(flag) +
+                                          "='disable'/></option><worldbody><geom type='plane' size='1 1 1'/>"
+                                          "<body><freejoint/><geom type='ellipsoid' size='.1 .1 .2' condim='6'/></body></worldbody></mujoco>",
+                                      "m.xml"));
+    CHECK(m.pairs == std::vector<std::array<int, 2>>{{0, 1}});
+    CHECK(m.geom_condim == std::vector<int>{3, 6});
+    CHECK(m.report.empty());
+  }
 }
 
 TEST_CASE("the report lists what has no effect, with file, line and count") {

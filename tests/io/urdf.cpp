@@ -69,7 +69,7 @@ void same(std::array<double, N> const& value, std::vector<double> const& expecte
 }  // namespace
 
 TEST_CASE("arm with a mimic gripper") {
-  auto const d = parse_urdf(gsp_test::urdf_arm(), "arm.urdf", {.approximate = true});
+  auto const d = parse_urdf(gsp_test::urdf_arm(), "arm.urdf");
   auto const m = compile(d);
   CHECK(d.name == "arm");
   CHECK(m.nbody == 7);
@@ -126,7 +126,7 @@ TEST_CASE("arm with a mimic gripper") {
 }
 
 TEST_CASE("quadruped: floating base") {
-  auto const d = parse_urdf(gsp_test::urdf_quadruped(), "q.urdf", {.floating_base = true, .approximate = true});
+  auto const d = parse_urdf(gsp_test::urdf_quadruped(), "q.urdf", {.floating_base = true});
   auto const m = compile(d);
   CHECK(m.nbody == 1 + 1 + 16);
   CHECK(m.nq == 7 + 12);
@@ -144,13 +144,13 @@ TEST_CASE("quadruped: floating base") {
     same(m.body_pos[std::size_t(m.jnt_body[hip])], {leg[0] == 'f' ? 0.2 : -0.2, leg[1] == 'l' ? 0.1 : -0.1, 0});
     CHECK(m.dof_damping[m.jnt_dofadr[thigh]] == 0.01);
   }
-  auto const fixed = compile(parse_urdf(gsp_test::urdf_quadruped(), "q.urdf", {.approximate = true}));
+  auto const fixed = compile(parse_urdf(gsp_test::urdf_quadruped(), "q.urdf"));
   CHECK(fixed.nv == 12);
   CHECK(fixed.ntree == 4);  // legs of a trunk that does not move
 }
 
 TEST_CASE("wheeled base: continuous joints, a massless root that floats with what is fixed to it") {
-  auto const d = parse_urdf(gsp_test::urdf_wheels(), "w.urdf", {.floating_base = true, .approximate = true});
+  auto const d = parse_urdf(gsp_test::urdf_wheels(), "w.urdf", {.floating_base = true});
   auto const m = compile(d);
   CHECK(m.nv == 6 + 3);
   CHECK(total(m) == doctest::Approx(12.8).epsilon(1e-14));

@@ -13,7 +13,7 @@ struct Mine {
   gsp::Simulation<R, Mem>* simulation;
   gsp::Frames<Mem>* frames;
 };
-gsp::CompiledModel load(gsp::Description const& description, gsp::CompileOptions const& options);
+gsp::CompiledModel load(gsp::Description const& description);
 }  // namespace
 
 #include <gsp/gsp.hpp>
@@ -21,8 +21,8 @@ gsp::CompiledModel load(gsp::Description const& description, gsp::CompileOptions
 #include <type_traits>
 
 namespace {
-gsp::CompiledModel load(gsp::Description const& description, gsp::CompileOptions const& options) {
-  return gsp::compile(description, options);
+gsp::CompiledModel load(gsp::Description const& description) {
+  return gsp::compile(description);
 }
 
 std::vector<std::string> told;

@@ -41,7 +41,7 @@ template <class Exec, class R, class Mem>
 std::vector<R> read(Exec const& exec, gsp::Model<R, Mem> const& model, ModelField field) {
   return gsp::detail::to_host(exec, gsp::world_values(model, field));
 }
-gsp::CompiledModel robots() { return gsp::compile(gsp::samples::quadruped_scene(), {.approximate = true}); }
+gsp::CompiledModel robots() { return gsp::compile(gsp::samples::quadruped_scene()); }
 }  // namespace
 
 TEST_CASE_TEMPLATE("values of the masked worlds change, all others stay", Exec, GSP_TEST_EXECS) {
@@ -128,7 +128,7 @@ TEST_CASE_TEMPLATE("a world steps as a model of its own", Exec, GSP_TEST_EXECS) 
     }
     for (auto& g : body.geoms) g.friction[0] *= 0.7;
   }
-  auto const shared = gsp::compile(base, {.approximate = true}), own = gsp::compile(heavy, {.approximate = true});
+  auto const shared = gsp::compile(base), own = gsp::compile(heavy);
   int const worlds = 5, special = 3;
   auto const model_own = gsp::make_model<double>(exec, own);
   auto model = gsp::make_model<double>(exec, shared);

@@ -445,7 +445,7 @@ TEST_CASE("humanoid, go2 and 22 humanoids" * doctest::test_suite("data")) {
           line.find("mesh=\"") == std::string::npos)
         stripped += line + "\n";
     auto const theirs = oracle({{"main.xml", stripped}});
-    compare(compile(io::parse_mjcf(all, *go2, {.skip_visuals = true, .approximate = true})), theirs.get());
+    compare(compile(io::parse_mjcf(all, *go2, {.skip_visuals = true})), theirs.get());
   }
 }
 
@@ -464,7 +464,7 @@ TEST_CASE("every file that MuJoCo loads is read to the same numbers or refused i
     auto const path = gsp_test::data("models/" + name);
     REQUIRE(path);
     try {
-      auto const mine = compile(io::read_mjcf(*path, {.approximate = true}));
+      auto const mine = compile(io::read_mjcf(*path));
       char error[1000] = "";
       mju_user_warning = [](char const*) {};
       std::shared_ptr<mjModel> const theirs(mj_loadXML(path->c_str(), nullptr, error, sizeof error), mj_deleteModel);
@@ -499,8 +499,7 @@ TEST_CASE("shapes, masses and inertias") {
     <body pos="9 0 2"><freejoint/><inertial pos=".1 0 0" mass="2" diaginertia="1 2 2.5" euler="30 0 10"/><geom size=".1"/></body>
     <body pos="9 0 3"><freejoint/><geom size=".1" mass="0"/><geom size=".2" pos="1 0 0" group="4"/></body>
     <body pos="9 0 5"><geom size=".1" type="capsule" fromto="0 0 0 0 0 -1"/><joint/><geom size=".1" mass="0"/></body>
-  </worldbody></mujoco>)",
-          {.approximate = true});
+  </worldbody></mujoco>)");
 }
 
 TEST_CASE("compiler settings") {
@@ -640,8 +639,7 @@ TEST_CASE("actuators: every transmission and every law") {
      <cylinder joint="j3" timeconst=".3" area=".2" bias="1 2 3"/><cylinder joint="j3" diameter=".2"/><muscle tendon="t" lengthrange="-1 2"/><muscle joint="j1" force="30" timeconst=".02 .03" tausmooth=".1" range=".6 1.2" lmin=".4" lmax="1.7" vmax="2" fpmax="1.4" fvmax="1.1" scale="150"/>
      <muscle tendon="sp"/><general joint="j1" dyntype="filter" dynprm=".3" gaintype="affine" gainprm="1 2 3" biastype="affine" biasprm="4 5 6" actearly="true" actlimited="true" actrange="-1 2" forcerange="-3 3"/>
      <general joint="j1" dyntype="muscle" gaintype="muscle" biastype="muscle" dynprm=".01 .04 0" gainprm=".75 1.05 -1 200 .5 1.6 1.5 1.3 1.2" biasprm=".75 1.05 -1 200 .5 1.6 1.5 1.3 1.2"/></actuator>
-    <keyframe><key name="k" mpos="3 2 1" mquat="0 0 2 0"/><key time="1" act="1 2 3 4 5 6 7 8 9 10 11"/></keyframe></mujoco>)",
-      {.approximate = true});
+    <keyframe><key name="k" mpos="3 2 1" mquat="0 0 2 0"/><key time="1" act="1 2 3 4 5 6 7 8 9 10 11"/></keyframe></mujoco>)");
 }
 
 TEST_CASE("actuators: shortcuts in default classes change each other as in MuJoCo") {
@@ -660,9 +658,9 @@ TEST_CASE("actuators: shortcuts in default classes change each other as in MuJoC
                                            "</default></default></default>" + robot + "<actuator><" + word + end}};
         auto const theirs = oracle(texts, true);
         if (theirs)
-          compare(compile(description(texts, {.approximate = true})), theirs.get());
+          compare(compile(description(texts)), theirs.get());
         else
-          CHECK_THROWS_AS(compile(description(texts, {.approximate = true})), Error);
+          CHECK_THROWS_AS(compile(description(texts)), Error);
       }
     }
 }
@@ -682,8 +680,7 @@ TEST_CASE("equality constraints, pairs, cameras, sensors, keyframes, mocap") {
       <jointactuatorfrc joint="j1"/><tendonactuatorfrc tendon="t1"/><ballquat joint="ball"/><ballangvel joint="ball"/><jointlimitpos joint="j1"/><framepos objtype="site" objname="s1" reftype="body" refname="f"/><framequat objtype="xbody" objname="a"/><framexaxis objtype="geom" objname="ga"/>
       <framelinvel objtype="body" objname="a" reftype="site" refname="s4"/><frameangvel objtype="body" objname="a"/><framelinacc objtype="site" objname="s2"/><frameangacc objtype="body" objname="b"/><subtreecom body="a"/><subtreelinvel body="a"/><subtreeangmom body="a"/><insidesite site="s1" objtype="body" objname="f"/>
       <distance geom1="ga" body2="f" cutoff="1"/><normal geom1="ga" geom2="gf" cutoff="1"/><fromto body1="a" geom2="gf" cutoff="1"/><contact geom1="ga" subtree2="f" data="found force dist" num="3" reduce="mindist"/><contact site="s1"/><e_potential/><e_kinetic/><clock/><user dim="4"/><user name="u" objtype="body" objname="a" dim="2"/></sensor>
-    <keyframe><key qpos="1 2 3 .5 .5 .5 .5 1 2 3 4 5 6 7" qvel="1 2 3 4 5 6 7 8 9 10 11 12" time="3"/></keyframe></mujoco>)",
-      {.approximate = true});
+    <keyframe><key qpos="1 2 3 .5 .5 .5 .5 1 2 3 4 5 6 7" qvel="1 2 3 4 5 6 7 8 9 10 11 12" time="3"/></keyframe></mujoco>)");
   compare_twice(
       R"(<mujoco><worldbody><geom name="a" size=".1" margin=".1" gap=".3" solref=".1 .5" solmix="2" friction="1 2 3" solimp=".1 .2 .3"/><body><joint/><geom name="b" size=".1" margin=".2" gap=".5" solref=".2 .7" friction=".5 3 1"/></body>
      <body><joint/><geom name="c" size=".1" margin=".2" solref="-100 -7" priority="1"/></body></worldbody><contact><pair geom1="a" geom2="b"/><pair geom1="c" geom2="a"/><pair geom1="b" geom2="c" friction="7" solref=".3" solimp=".5"/></contact></mujoco>)");
@@ -720,8 +717,7 @@ TEST_CASE("spatial tendons: 400 paths round spheres and cylinders, with sides ou
     }
     compare("<mujoco><worldbody>" + sites +
                 "<body name='a'><joint axis='1 2 3'/><joint type='slide' springref='.3'/><geom size='.1' pos='.1 .2 .3'/>" + geoms +
-                "</body></worldbody><tendon>" + tendons + "</tendon></mujoco>",
-            {.approximate = true});
+                "</body></worldbody><tendon>" + tendons + "</tendon></mujoco>");
   }
 }
 
@@ -795,7 +791,7 @@ TEST_CASE("models of the collection written and loaded by MuJoCo have the same n
       gsp_test::skip(std::string(name) + " is missing from GSP_DATA_DIR");
       continue;
     }
-    auto const d = io::read_mjcf(*path, {.approximate = true});
+    auto const d = io::read_mjcf(*path);
     auto const theirs = oracle({{"main.xml", io::format_mjcf(d)}});
     compare(compile(d), theirs.get());
   }

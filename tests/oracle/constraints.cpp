@@ -162,7 +162,7 @@ TEST_CASE("humanoid: limits and frictionless contacts" * doctest::test_suite("da
     return;
   }
   auto const oracle = gsp_test::load_oracle(*path);
-  auto const out = compare(oracle, gsp::compile(gsp::io::read_mjcf(*path, {.approximate = true})), 200, 0.6);
+  auto const out = compare(oracle, gsp::compile(gsp::io::read_mjcf(*path)), 200, 0.6);
   CHECK(out.worst <= 1e-8);
   CHECK(out.off <= 2);
   CHECK(out.contacts > 400);
@@ -179,7 +179,7 @@ TEST_CASE("dry friction, limits of hinges, balls and tendons") {
     <tendon><fixed name="t" limited="true" range="-.2 .3" frictionloss=".3"><joint joint="a" coef="1"/><joint joint="b" coef="-.7"/></fixed></tendon>
     <actuator><position joint="a" kp="5"/></actuator></mujoco>)";
   auto const oracle = gsp_test::load_oracle("model.xml", text);
-  auto const out = compare(oracle, gsp::compile(gsp::io::parse_mjcf(text, "model.xml", {.approximate = true})), 200, 0.15);
+  auto const out = compare(oracle, gsp::compile(gsp::io::parse_mjcf(text, "model.xml")), 200, 0.15);
   CHECK(out.worst <= 1e-8);
   CHECK(out.off == 0);
   CHECK(out.contacts > 100);

@@ -535,5 +535,5 @@ TEST_CASE("models that our reader has read") {
   for (std::string const name : {"mujoco/humanoid/humanoid.xml", "mujoco/humanoid/22_humanoids.xml", "unitree/go2/go2.xml"})
     if (auto const path = gsp_test::data("models/" + name))
       check_read(*path, name.find("go2") != std::string::npos ? gsp_test::without_meshes(*path) : std::string(),
-                 gsp::io::read_mjcf(*path, {.skip_visuals = true, .approximate = true}));
+                 gsp::io::read_mjcf(*path, {.skip_visuals = true}));
 }

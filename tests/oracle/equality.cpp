@@ -232,7 +232,7 @@ TEST_CASE("models with equalities" * doctest::test_suite("data")) {
     REQUIRE(path);
     gsp::CompiledModel compiled;
     try {
-      compiled = gsp::compile(gsp::io::read_mjcf(*path, {.approximate = true}), {.approximate = true});
+      compiled = gsp::compile(gsp::io::read_mjcf(*path));
     } catch (gsp::Error const& error) {
       MESSAGE(name << " is refused: " << error.what());  // by the reader, for reasons of its own
       continue;

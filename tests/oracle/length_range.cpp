@@ -30,7 +30,7 @@ Outcome theirs(std::string const& text) {
 }
 Outcome ours(std::string const& text) {
   try {
-    return {compile(io::parse_mjcf(text, "model.xml", {.approximate = true})).act_lengthrange, ""};
+    return {compile(io::parse_mjcf(text, "model.xml")).act_lengthrange, ""};
   } catch (Error const& e) { return {{}, e.what()}; }
 }
 

@@ -454,7 +454,7 @@ void compare_field(std::string const& attributes, std::string const& file, std::
   body.joints.push_back({.type = JointType::free});
   body.geoms.push_back({.type = ShapeType::hfield, .pos = {.1, 0, 0}, .hfield = "h"});
   d.bodies.push_back(body);
-  auto const g = compile(d, {.approximate = true});
+  auto const g = compile(d);
   REQUIRE(g.nhfield == 1);
   CHECK(g.hfields[0].rows == m->hfield_nrow[0]);
   CHECK(g.hfields[0].columns == m->hfield_ncol[0]);

@@ -126,7 +126,7 @@ TEST_CASE("every model of the zoo that has sensors" * doctest::test_suite("data"
     REQUIRE(path);
     auto const oracle = gsp_test::load_oracle(*path);
     ++models, all += oracle.m()->nsensor;
-    compared += check(gsp::io::read_mjcf(*path, {.approximate = true}), oracle.m(), oracle.d());
+    compared += check(gsp::io::read_mjcf(*path), oracle.m(), oracle.d());
   }
   MESSAGE(models << " models, " << compared << " of " << all << " sensors");
   CHECK(models > 0);

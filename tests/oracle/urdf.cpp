@@ -45,7 +45,7 @@ std::array<double, 6> tensor(gsp::Double4 const& q, gsp::Double3 const& moments)
 
 void compare(std::string const& text) {
   auto const theirs = gsp_test::load_oracle("model.xml", with_extension(text));
-  auto const description = gsp::io::parse_urdf(text, "r.urdf", {.approximate = true});
+  auto const description = gsp::io::parse_urdf(text, "r.urdf");
   auto const ours = gsp::compile(description);
   mjModel const* m = theirs.m();
   REQUIRE(ours.nbody == m->nbody);

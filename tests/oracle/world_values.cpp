@@ -225,7 +225,7 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
   base->ngravcomp = base->nbody;  // looked for in all bodies
   for (int g = 0; g < base->ngeom; ++g) base->geom_condim[g] = 1;
   general_frames(base);
-  auto compiled = gsp::compile(gsp::io::parse_mjcf(text, "model.xml", {.approximate = true}));
+  auto compiled = gsp::compile(gsp::io::parse_mjcf(text, "model.xml"));
   for (int& condim : compiled.geom_condim) condim = 1;
   auto model = gsp::make_model<double>(exec, compiled, {.profile = gsp::Profile::mujoco});
   REQUIRE(model.nv == base->nv);

@@ -67,7 +67,7 @@ struct Rows {
   View<Row<R>*> row;                         // (capacity)
   View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
   View<R*> Y;                  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries
-  View<std::int64_t*> demand;  // (2) rows and entries that the last step needed
+  View<std::int64_t*> demand;  // (2) rows and entries that the last step needed, or one since they grew that needed more than there is
   View<int const*> dof_lists;  // what the segments' lists lie in
   detail::SharedStamp<detail::RowsStamp> stamp;  // host: which call has written them (dynamics/stamps.hpp)
 

@@ -12,7 +12,6 @@ namespace gsp::io {
 
 struct MjcfOptions {
   bool skip_visuals = false;   // leave out visual geoms whose mesh is missing; otherwise that is an error
-  bool approximate = false;    // sets Description::compiler.approximate, which is without effect
   bool list_refusals = false;  // what is not supported becomes a line of the report instead of an error, and is left out of the description
   std::function<std::vector<std::byte>(std::filesystem::path const&)> read = {};  // where files come from; empty: the disk
 };

@@ -8,7 +8,7 @@ namespace gsp::io {
 
 /// A description as MJCF text, which MuJoCo and read_mjcf load to the same numbers: no default classes, angles in radians, every number in
 /// the shortest form that reads back the same, meshes and height fields in the text. Joints and bodies that tendons, actuators and excludes
-/// name need names. O(size). Not written, as MJCF has no word for them: CompilerDescription::approximate, the report.
+/// name need names. O(size). Not written, as MJCF has no word for it: the report.
 std::string format_mjcf(Description const& description);
 
 /// Writes it under `path`, all or nothing.

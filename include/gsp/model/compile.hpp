@@ -4,15 +4,11 @@
 
 namespace gsp {
 
-struct CompileOptions {
-  bool approximate = false;  // without effect: every pair of shapes and every condim is taken
-};
-
 /// Turns a description into flat arrays by MuJoCo's rules: masses and principal axes of inertia from geoms, weld groups, initial pose,
 /// order of degrees of freedom, trees, pairs of geoms that may touch, named pairs, and what follows from the mass matrix in the initial
 /// pose (invweight0, acc0, lengths of tendons and actuators, data of equality constraints, springdamper, dampratio). Host, double. Cost:
 /// O(pairs of geoms that can meet) + O(n^3) for each tree of n degrees of freedom. Errors: gsp::Error "FILE:LINE: what is wrong: remedy".
-CompiledModel compile(Description const& description, CompileOptions const& options = {});
+CompiledModel compile(Description const& description);
 
 }  // namespace gsp
 

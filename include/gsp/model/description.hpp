@@ -295,7 +295,6 @@ struct CompilerDescription {
   double boundmass = 0, boundinertia = 0, settotalmass = -1;
   bool balanceinertia = false;
   bool fit_aabb = false, discard_visual = false, fuse_static = false, align_free = false;
-  bool approximate = false;  // without effect: every pair of shapes and every condim is taken
 };
 
 /// What was refused, approximated or without effect, one line each, for people.

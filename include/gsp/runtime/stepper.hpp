@@ -74,8 +74,6 @@ class Stepper {
 std::unique_ptr<Stepper> make_stepper(Device device, CompiledModel const& model, StepperOptions const& options);
 /// Bytes that make_stepper will allocate on the device (step/bytes_needed.hpp).
 std::int64_t bytes_needed(Device device, CompiledModel const& model, StepperOptions const& options);
-/// Why make_stepper would refuse the model, one sentence each; empty: it takes it. Needs no Session.
-std::vector<std::string> refusals(CompiledModel const& model, StepperOptions const& options);
 
 /// float32, on any device; on a renderer's own they are read where they are.
 struct CameraArrays {

@@ -56,6 +56,7 @@ Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& m
   make(c.scratch.first, "gsp::Contacts::item_first", items);
   make(c.scratch.lost, "gsp::Contacts::lost", worlds);
   make(c.scratch.total, "gsp::Contacts::total", 3);
+  make(c.scratch.most, "gsp::Contacts::most", 3);
   // Guess: a collider is near two others, half of a candidate's room is used.
   std::int64_t const near = std::min<std::int64_t>(model.pairs, 2 * model.colliders + 8);
   std::int64_t const room = model.pairs > 0 ? (near * model.slots + model.pairs - 1) / model.pairs : 0;
@@ -68,12 +69,17 @@ Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& m
 
 template <ExecutionSpace Exec, class R, class Mem>
 bool grow(Exec const& exec, Contacts<R, Mem>& contacts) {
-  auto const d = contacts.demand(exec);
-  if (d.lost_worlds == 0) return false;
-  auto const more = [](std::int64_t need, std::size_t have) { return need > std::int64_t(have) ? need + need / 2 : std::int64_t(have); };
-  std::int64_t const candidates = more(d.candidates, contacts.scratch.candidates.extent(0)),
-                     points = more(d.points, contacts.scratch.points.extent(0));
-  detail::allocate_contacts(contacts, candidates, points, more(d.contacts, contacts.dist.extent(0)));
+  auto const most = detail::to_host(exec, contacts.scratch.most);
+  std::size_t const have[3] = {contacts.scratch.candidates.extent(0), contacts.scratch.points.extent(0), contacts.dist.extent(0)};
+  std::int64_t room[3];
+  bool grows = false;
+  for (int i = 0; i < 3; ++i) {
+    room[i] = std::max(std::int64_t(have[i]), most[i] + most[i] / 2);
+    grows |= most[i] > std::int64_t(have[i]);
+  }
+  if (!grows) return false;
+  detail::allocate_contacts(contacts, room[0], room[1], room[2]);
+  detail::zero(exec, contacts.scratch.most);
   if (contacts.stamp.data()) {
     contacts.stamp().made = detail::next_moment();
     contacts.stamp().lost = true;

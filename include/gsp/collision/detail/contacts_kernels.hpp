@@ -31,6 +31,7 @@ struct ContactScratch {
   Kokkos::View<ContactPoint<R>*, Mem> points;
   Kokkos::View<std::uint8_t*, Mem> lost;   // (worlds) candidates did not fit
   Kokkos::View<std::int64_t*, Mem> total;  // (3) candidates, points, contacts that were needed
+  Kokkos::View<std::int64_t*, Mem> most;   // (3) the same, the most that did not fit in any call since the pools grew
 };
 struct ContactsStamp {
   Stamp poses;             // what they were found at
@@ -134,7 +135,12 @@ struct WriteContacts {
       if (c == 0) contacts.first(w) = int(sum);
       if (c == model.chunks - 1) {
         contacts.end(w) = int(sum) + count;
-        if (w == contacts.worlds - 1) s.total(2) = sum + count;
+        if (w == contacts.worlds - 1) {
+          s.total(2) = sum + count;
+          std::size_t const room[3] = {s.candidates.extent(0), s.points.extent(0), contacts.dist.extent(0)};
+          for (int i = 0; i < 3; ++i)
+            if (s.total(i) > std::int64_t(room[i]) && s.total(i) > s.most(i)) s.most(i) = s.total(i);
+        }
       }
       if (lost || sum + count > contacts.capacity()) {
         // a bit that others may set too, with the same result in any order

@@ -95,9 +95,11 @@ struct ScanRows {
       rows.first_entry(w) = sum.entries;
       if (sum.rows + count > capacity || sum.entries + entries > room) state.status(w) |= status::row_overflow;
       if (w == rows.worlds - 1) {
-        rows.demand(0) = sum.rows + count;
-        rows.demand(1) = sum.entries + entries;
-        if (rows.demand(0) > capacity || rows.demand(1) > room) halt() = 1;
+        // What did not fit is remembered until the pools have grown: a step of several evaluations may need less in the next one.
+        std::int64_t const most_rows = sum.rows + count, most_entries = sum.entries + entries;
+        if (!(rows.demand(0) > capacity) || most_rows > rows.demand(0)) rows.demand(0) = most_rows;
+        if (!(rows.demand(1) > room) || most_entries > rows.demand(1)) rows.demand(1) = most_entries;
+        if (most_rows > capacity || most_entries > room) halt() = 1;
         if (solved()) {
           parity() ^= 1;
           solved() = 0;

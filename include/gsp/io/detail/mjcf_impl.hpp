@@ -25,7 +25,6 @@ class Finish {
     d_.name = draft_.name;
     d_.option = draft_.option;
     d_.compiler = draft_.compiler;
-    d_.compiler.approximate = options_.approximate;
     d_.bodies.clear();
     add(draft_.world, -1, false);
     auto& lists = draft_.lists;

@@ -11,7 +11,6 @@ namespace gsp::io {
 struct UrdfOptions {
   bool floating_base = false;  // the root link moves freely; else it is fixed to the world
   bool skip_visuals = false;   // leave out visual meshes; otherwise a mesh that cannot be read is an error
-  bool approximate = false;    // sets Description::compiler.approximate
   bool list_refusals = false;  // what is not supported becomes a line of the report instead of an error, and is left out
   std::map<std::string, std::filesystem::path> packages = {};  // folder of package://NAME; else the nearest folder above the file that is
                                                                // called NAME or holds one that is

@@ -35,7 +35,6 @@ class Reader {
     check(root);
     if (auto const* name = root.find("name")) d_.name = *name;
     d_.compiler.inertia_from_geom_never = true;  // URDF: a link without <inertial> weighs nothing
-    d_.compiler.approximate = options_.approximate;
     colours(root);
     for (auto const& n : root.children)
       if (n.name == "mujoco") compiler(n);

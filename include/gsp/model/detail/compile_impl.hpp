@@ -157,7 +157,7 @@ class Compiler : public ConstantsCompiler {
 
 }  // namespace detail
 
-GSP_INLINE CompiledModel compile(Description const& description, CompileOptions const&) {
+GSP_INLINE CompiledModel compile(Description const& description) {
   if (!description.compiler.discard_visual && !description.compiler.fuse_static) return detail::Compiler(description).run();
   auto const smaller = detail::left_out(description, [&](Description const& d) { return detail::Compiler(d).bodies_only(); });
   return detail::Compiler(smaller).run();

@@ -1,0 +1,206 @@
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <gsp/solver/newton.hpp>
+#include <gsp_test_execs.hpp>
+
+#include "constraint/loop.hpp"
+
+using gsp_test::Loop;
+
+namespace test_types {
+/// Random soft elements of 1 to 6 rows over random dofs: single rows between bounds, without bounds, and cones whose normal stands
+/// anywhere.
+template <class R>
+struct SoftElements {
+  int n, more, dofs;
+  double stiffness;  // 1: compliances about those of the rows themselves
+  KOKKOS_FUNCTION static double random(int world, int k, int row, int i) {  // in [-1, 1)
+    std::uint64_t s = 0x9e3779b97f4a7c15u *
+                      (1 + std::uint64_t(world) + 1000 * std::uint64_t(k) + 100000 * std::uint64_t(row) + 10000000 * std::uint64_t(i));
+    for (int j = 0; j < 4; ++j) s ^= s << 13, s ^= s >> 7, s ^= s << 17;
+    return double(s >> 11) / 4503599627370496. - 1;
+  }
+  KOKKOS_FUNCTION static int normal_of(int kind, int row) {  // -1: bounds
+    constexpr int table[6][6] = {{-1, 0, 0, 0, 0, 0},  {1, -1, 0, 0, 0, 0},   {-1, 0, 0, 0, 0, 0},
+                                 {2, 2, -1, 2, 0, 0}, {-1, -1, 0, 0, -1, 0}, {-1, 0, 0, 0, 0, 0}};
+    return table[kind][row];
+  }
+  KOKKOS_FUNCTION int count(int world) const { return n + (world % 2 ? more : 0); }
+  KOKKOS_FUNCTION int rows(int world, int k) const { return (k + world) % 6 + 1; }
+  template <class Row>
+  KOKKOS_FUNCTION R jacobian(int world, int k, int row, Row&& J) const {
+    int const from = k % 2 ? 0 : row % 2;  // rows of other entries now and then
+    for (int i = from; i < dofs; ++i) J.set_dof(i, R(random(world, k, row, i)));
+    return 0;
+  }
+  KOKKOS_FUNCTION gsp::RowLaw<R> law(int world, int k, int row, R, R, R) const {
+    return {R((0.05 + 0.02 * random(world, k, 7, row)) / stiffness), R(2 * random(world, k, 8, row))};
+  }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int k, int row) const {
+    int const kind = rows(world, k) - 1, normal = normal_of(kind, row);
+    if (normal >= 0) return {0, 0, normal, 0.3 + 0.1 * row};
+    if (kind == 4 && row == 4) return {-0.2, 0.1};
+    if (kind == 0 && k % 3 == 0) return {-1e300, 1e300};
+    return {0, 1e300};
+  }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
+};
+/// Friction of a row that pulls too.
+struct BoundedNormal {
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  KOKKOS_FUNCTION int rows(int, int) const { return 2; }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int, int, int row, Row&& J) const {
+    J.set_dof(row, 1.);
+    return 0;
+  }
+  KOKKOS_FUNCTION gsp::RowLaw<double> law(int, int, int, double, double, double) const { return {1., 0.}; }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int, int row) const {
+    if (row == 1) return {0, 0, 0, 0.5};
+    return {world == 0 ? 0. : -1., world == 2 ? 5. : 1e300};
+  }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
+};
+}  // namespace test_types
+
+namespace {
+gsp::CompiledModel two_trees() { return gsp::compile(gsp_test::random_model({gsp::JointType::free, gsp::JointType::hinge}, 4)); }
+
+/// By how much the impulses and z of a world miss the conditions of the convex problem, in rates: feasible, w + C p in the dual cone,
+/// orthogonal to p, z = Y^T p; beside the largest rate.
+template <class S>
+double violation(S const& s, int world) {
+  auto const row = gsp_test::host(s.rows.row);
+  auto const element_rows = gsp_test::host(s.rows.element_rows);
+  auto const Y = gsp_test::host(s.rows.Y);
+  auto const first = gsp_test::host(s.rows.first), count = gsp_test::host(s.rows.count);
+  auto const ints = gsp_test::host(s.model.ints);
+  auto const impulse = gsp_test::host(s.impulses.p[gsp_test::host(s.impulses.parity)()]);
+  auto const z = gsp_test::host(s.solution.z);
+  double worst = 0, largest = 1e-12;
+  std::vector<double> sum(std::size_t(s.model.nv), 0.);
+  for (int r = first(world), end = r + count(world), n; r < end; r += n) {
+    n = element_rows(r);
+    double v[6], C[6], p[6];
+    int normal = -1, one = -1;
+    for (int b = 0; b < n; ++b) {
+      auto const& own = row(r + b);
+      p[b] = double(impulse(r + b));
+      v[b] = double(own.bias);
+      std::int64_t at = own.first_entry;
+      for (int k = 0; k < 2; ++k)
+        for (int e = 0; e < own.segment[k].count; ++e, ++at) {
+          int const dof = own.segment[k].dof0 + (own.segment[k].list < 0 ? e : ints(own.segment[k].list + e));
+          v[b] += double(Y(at)) * double(z(world, dof));
+          sum[std::size_t(dof)] += double(Y(at)) * p[b];
+        }
+      largest = std::fmax(largest, std::abs(v[b]));
+      C[b] = double(own.compliance);
+      if (own.friction_of >= 0) normal = own.friction_of, one = one < 0 ? b : one;
+    }
+    double length = 0, dual = 0, product = 0;
+    for (int b = 0; b < n; ++b) {
+      auto const& own = row(r + b);
+      bool const friction = own.friction_of >= 0;
+      if (friction) C[b] = C[one] * std::pow(double(row(r + one).mu) / double(own.mu), 2);  // the first friction row's counts for all
+      v[b] += C[b] * p[b];
+      if (friction) length = std::hypot(length, p[b] / double(own.mu)), dual = std::hypot(dual, double(own.mu) * v[b]);
+      if (friction || b == normal)
+        product += v[b] * p[b];
+      else {
+        worst = std::fmax(worst, C[b] * std::fmax(p[b] - double(own.upper), double(own.lower) - p[b]));
+        if (p[b] > double(own.lower)) worst = std::fmax(worst, v[b]);
+        if (p[b] < double(own.upper)) worst = std::fmax(worst, -v[b]);
+      }
+    }
+    if (normal < 0) continue;
+    worst = std::fmax(worst, C[normal] * (length - p[normal]));
+    worst = std::fmax(worst, dual - v[normal]);
+    if (p[normal] > 0) worst = std::fmax(worst, std::abs(product) / p[normal]);
+  }
+  for (int i = 0; i < s.model.nv; ++i) worst = std::fmax(worst, std::abs(sum[std::size_t(i)] - double(z(world, i))));
+  return worst / largest;
+}
+}  // namespace
+
+// The rates of the solution are good to rounding times the condition of H, which is at most 1 + |Y|^2 / C, here 1e4.
+TEST_CASE_TEMPLATE("conditions of the convex problem", Exec, GSP_TEST_EXECS) {
+  int const worlds = 20;
+  auto const c = two_trees();
+  for (double stiffness : {1., 100.}) {
+    Loop<double, Exec> s(c, worlds, {.profile = gsp::Profile::mujoco});
+    Loop<float, Exec> f(c, worlds, {.profile = gsp::Profile::mujoco});
+    gsp_test::randomise(c, s.state);
+    gsp_test::randomise(c, f.state);
+    test_types::SoftElements<double> const type{9, 8, 7, stiffness};
+    test_types::SoftElements<float> const rounded{9, 8, 7, stiffness};
+    auto newton = gsp::make_newton(s.exec, s.model, {.worlds = worlds});
+    auto single = gsp::make_newton(f.exec, f.model, {.worlds = worlds});
+    do s.assemble(type);
+    while (s.grow());
+    do f.assemble(rounded);
+    while (f.grow());
+    gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress, {.residual = true});
+    gsp::newton(f.exec, f.rows, f.impulses, f.solution, single, f.progress);
+    s.exec.fence(), f.exec.fence();
+    auto const iterations = gsp_test::host(s.solution.iterations);
+    auto const residual = gsp_test::host(s.solution.residual);
+    for (int w = 0; w < worlds; ++w) {
+      CAPTURE(stiffness);
+      CAPTURE(w);
+      REQUIRE(gsp_test::host(s.rows.count)(w) > 20);
+      CHECK(violation(s, w) < 1e-11);
+      CHECK(violation(f, w) < 1e-2);
+      CHECK(residual(w) < 1e-10);
+      CHECK(iterations(w) > 0);
+      CHECK(iterations(w) < 40);
+    }
+    // From the solution there is nothing left to do, and the world before it does not matter.
+    auto const z = gsp_test::snapshot(s.solution.z);
+    gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress);
+    for (int w = 0; w < worlds; ++w) CHECK(gsp_test::host(s.solution.iterations)(w) <= 1);
+    auto const again = gsp_test::host(s.solution.z);
+    for (int w = 0; w < worlds; ++w)
+      for (int i = 0; i < s.model.nv; ++i) CHECK(again(w, i) == doctest::Approx(z(w, i)).epsilon(1e-9));
+  }
+}
+
+// The same bits for a world alone and among others, and twice.
+TEST_CASE_TEMPLATE("a world's result depends on its own rows", Exec, GSP_TEST_EXECS) {
+  auto const c = two_trees();
+  test_types::SoftElements<double> const type{9, 8, 7, 10.};
+  std::vector<double> z[3];
+  for (int n = 0; n < 3; ++n) {
+    int const worlds = n == 0 ? 1 : 37;
+    Loop<double, Exec> s(c, worlds, {.profile = gsp::Profile::mujoco});
+    s.set(0, {0.1, 0.2, 0.9, 1, 0, 0, 0, 0.3}, {0.4, 0.5, 0.6, 0.7, 0.1, 0.2, 0.3});
+    auto newton = gsp::make_newton(s.exec, s.model, {.worlds = worlds});
+    do s.assemble(type);
+    while (s.grow());
+    gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress, {.warm = false});
+    auto const h = gsp_test::host(s.solution.z);
+    for (int i = 0; i < s.model.nv; ++i) z[n].push_back(h(0, i));
+  }
+  CHECK(z[0] == z[1]);
+  CHECK(z[1] == z[2]);
+}
+
+TEST_CASE_TEMPLATE("what newton refuses", Exec, GSP_TEST_EXECS) {
+  auto const c = two_trees();
+  Loop<double, Exec> s(c, 3, {.profile = gsp::Profile::mujoco});
+  auto newton = gsp::make_newton(s.exec, s.model, {.worlds = 3}), fewer = gsp::make_newton(s.exec, s.model, {.worlds = 2});
+  s.assemble(test_types::BoundedNormal{});  // profile mujoco has cones of normals that push alone
+  auto const status = gsp_test::host(s.state.status);
+  CHECK(status(0) == 0);
+  CHECK(status(1) == gsp::status::row_refused);
+  CHECK(status(2) == gsp::status::row_refused);
+  CHECK_THROWS_AS(gsp::newton(s.exec, s.rows, s.impulses, s.solution, fewer, s.progress), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress, {.iterations = 0}), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::make_newton(s.exec, s.model, {.worlds = 0}), std::invalid_argument);
+  Kokkos::deep_copy(s.progress.halt, 1);
+  Kokkos::deep_copy(s.solution.z, 7.);
+  gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress);
+  CHECK(gsp_test::host(s.solution.z)(0, 0) == 7.);
+  CHECK(gsp_test::host(s.progress.skipped)() == 1);
+}
