@@ -204,10 +204,7 @@ TEST_CASE("integrators and profiles") {
   for (bool rk : {false, true}) {
     auto description = gsp::samples::pendulum();
     // example-begin integrator
-    if (rk) {
-      description.option.integrator = gsp::Integrator::rk4;  // what <option integrator="RK4"/> reads as
-      description.option.constraint = false;                 // RK4 takes no constraints
-    }
+    if (rk) description.option.integrator = gsp::Integrator::rk4;  // what <option integrator="RK4"/> reads as
     auto const compiled = gsp::compile(description);
     auto const model = gsp::make_model<float>(exec, compiled, {.profile = gsp::Profile::mujoco, .timestep = 0.01});
     // example-end integrator
