@@ -7,6 +7,7 @@
 #include <gsp/io/png.hpp>
 #include <gsp/io/splats.hpp>
 #include <gsp/model/archetypes.hpp>
+#include <gsp/model/model_refusals.hpp>
 #include <gsp/runtime/stepper.hpp>
 #include <nlohmann/json.hpp>
 

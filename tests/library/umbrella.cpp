@@ -44,7 +44,7 @@ TEST_CASE("names of fwd.hpp are those of the headers") {
   static_assert(sizeof(gsp::io::MjcfOptions) + sizeof(gsp::io::UrdfOptions) + sizeof(gsp::io::SplatSet) > 0);
 #endif
   CHECK(mine.model == nullptr);
-  CHECK(load(gsp::samples::pendulum(), {}).nv == 1);
+  CHECK(load(gsp::samples::pendulum()).nv == 1);
 }
 
 TEST_CASE("a region is told to the tool that listens when it opens, and to nobody else") {
