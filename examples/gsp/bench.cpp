@@ -27,7 +27,7 @@ std::vector<Scenario> scenarios() {
 }
 
 nlohmann::ordered_json step_scenario(Scenario const& s, Device device, Arguments const& a) {
-  auto const model = compile_model(s.make(), false);
+  auto const model = compile_model(s.make());
   StepperOptions options;
   options.worlds = static_cast<int>(a.integer("--worlds", s.worlds * (device == Device::cuda ? 16 : 1), 1, 1 << 24));
   bool const in_double = a.choice("--precision", {"float", "double"}, "float") == "double";

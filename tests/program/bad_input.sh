@@ -116,7 +116,7 @@ refused "is not a regular file" -- sim .
 refused "no keyframe 'upright'" "tilted" -- sim cart.xml --keyframe upright
 refused "--tolerance is '-1'" "from 0 to 1" -- sim cart.xml --tolerance -1
 refused "no keyframe '1'" -- sim cart.xml --keyframe 1
-refused "cart.xml: " "condim 3" "--approximate" -- sim cart.xml --profile mujoco
+refused "--cone box is of profile stable" -- sim cart.xml --profile mujoco --cone box
 for command in sim info; do
   refused "lift_attribute.urdf:10: " "xzy" -- $command lift_attribute.urdf
   refused "lift_massless.urdf" "carriage" -- $command lift_massless.urdf
