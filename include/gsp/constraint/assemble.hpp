@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/constraint/detail/assemble_rows.hpp>
+#include <gsp/constraint/eliminate.hpp>
 #include <gsp/core/region.hpp>
 
 /// All constraint types to one list of rows a world: count -> scan -> emit, in the order of the types, then of the elements. Nothing waits
@@ -135,6 +136,7 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
                                                  std::min(rows.capacity(), impulses.capacity())});
   for_worlds("gsp::constraint::emit_rows", exec, rows.worlds,
              detail::EmitRows<R, Mem, List>{model, state, dynamics, rows, impulses, progress.halt, types, detail::names_of(types)});
+  eliminate_rows(exec, model, rows, impulses, progress);
   detail::leaves_rows(rows, impulses, detail::contacts_of<R, Mem>(types));
 }
 

@@ -39,8 +39,9 @@ struct Row {
   int element;               // k of its type
   unsigned char type;        // place of the element's type in the list of types
   signed char friction_of;   // row of the element, -1: lower and upper
-  bool with_next;            // bounded together with the next row
-  bool same_segments;        // first row of an element: whether all of its rows have the segments of the first
+  bool with_next : 1;        // bounded together with the next row
+  bool same_segments : 1;    // first row of an element: whether all of its rows have the segments of the first
+  bool eliminated : 1;       // solvers leave it out (constraint/eliminate.hpp)
 };
 static_assert(sizeof(Row<float>) == 64, "one cache line");
 
@@ -60,13 +61,16 @@ struct Rows {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0, nv = 0;
+  int most_eliminated = 0;  // rows that are eliminated in a world, at most; 0: none is
   View<int*> first, count;                   // (worlds) rows of a world
   View<int*> largest_element;                // (worlds) most rows of an element
+  View<int*> eliminated;                     // (worlds) rows that are eliminated
   View<R*> rate_scale;                       // (worlds) what gravity does in a step, |g| h [m/s]; of standard gravity where there is none
   View<std::int64_t*> first_entry, entries;  // (worlds) of Y
   View<Row<R>*> row;                         // (capacity)
   View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
-  View<R*> Y;                  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries
+  View<R*> Y;                  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries; last
+                               // of a world what eliminated rows do to all, (most_eliminated, count)
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed, or one since they grew that needed more than there is
   View<int const*> dof_lists;  // what the segments' lists lie in
   detail::SharedStamp<detail::RowsStamp> stamp;  // host: which call has written them (dynamics/stamps.hpp)
@@ -77,6 +81,7 @@ struct Rows {
 struct RowsOptions {
   int worlds = 1;
   int rows_per_world = 0, entries_per_world = 0;  // hints, 0: a guess from the model; the pools grow
+  bool eliminate = true;                          // equality constraints inside of a tree, in profile stable (constraint/eliminate.hpp)
 };
 
 namespace detail {
@@ -110,11 +115,13 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   };
   r.worlds = n;
   r.nv = model.nv;
+  r.most_eliminated = options.eliminate ? model.closing_rows : 0;
   r.dof_lists = model.ints;
   r.stamp = detail::make_stamp<detail::RowsStamp>("gsp::Rows::stamp");
   make(r.first, "gsp::Rows::first", n);
   make(r.count, "gsp::Rows::count", n);
   make(r.largest_element, "gsp::Rows::largest_element", n);
+  make(r.eliminated, "gsp::Rows::eliminated", n);
   make(r.rate_scale, "gsp::Rows::rate_scale", n);
   make(r.first_entry, "gsp::Rows::first_entry", n);
   make(r.entries, "gsp::Rows::entries", n);

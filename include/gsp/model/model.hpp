@@ -17,6 +17,9 @@ namespace gsp {
 /// says, rigid friction, implicit joint terms inside the solve, bias forces that keep momentum and energy.
 enum class Profile : int { stable, mujoco };
 
+/// Most rows of equality constraints that are eliminated in a world (constraint/eliminate.hpp); the others are swept.
+inline constexpr int most_closing_rows = 64;
+
 /// Topology of trees of one kind: sizes, and where its index arrays start in Model::ints. Indices are local to the tree (archetypes.hpp).
 struct Archetype {
   int nbody, njnt, nq, nv, nM, nroot, ntendon, nterm, npath, nact, nstate, ntendonJ, nmoment, nfluid, ninstance;
@@ -49,6 +52,7 @@ struct Model {
   int na = 0, ngeom = 0, nsite = 0, ncam = 0, nmocap = 0, neq = 0;
   bool damped = false;  // any joint damping
   bool eulerdamp = true, springs = true, dampers = true, actuation = true, clampctrl = true, constraints = true;
+  int closing_rows = 0;                               // rows of those in a world, at most
   R impratio = R(1);                                  // profile mujoco: how much stiffer friction of contacts is than their normals
   bool equalities = true, refsafe = true;             // equality constraints act; time constants are at least two timesteps
   bool poly_stiffness = false, poly_damping = false;  // any polynomial spring or damper, of joints or tendons
@@ -111,6 +115,7 @@ struct Model {
   Array<int> act_state;                         // (nu) its activation, -1: none
   Array<int> tree_archetype, tree_instance;     // (ntree)
   Array<int> tree_body, tree_dof, tree_dofnum;  // (ntree)
+  Array<int> tree_closed;                       // (ntree) 1: equality constraints inside of it are eliminated (constraint/eliminate.hpp)
   Array<R> static_pose;  // (nbody, 7) pose of bodies fixed to the world (or to a mocap body, and then in its frame): position, quaternion
   Array<R> mocap_pose0;  // (nmocap, 7) where mocap bodies begin
 };

@@ -58,6 +58,9 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
               buffers.nv == rows.nv,
           "gsp::newton: rows, impulses, solution and buffers have different numbers of worlds or degrees of freedom: make them for one "
           "model and the same {.worlds = n}");
+  expects(rows.most_eliminated == 0,
+          "gsp::newton: equality rows are eliminated, and this solver takes them itself: choose profile mujoco, or make_rows(exec, model, "
+          "{.eliminate = false})");
   enlarge(exec, buffers.rate, "gsp::Newton::rate", rows.capacity());
   enlarge(exec, buffers.rate_change, "gsp::Newton::rate_change", rows.capacity());
   NewtonWorld<R, Mem> const solve{rows,

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/constraint/eliminate.hpp>
 #include <gsp/core/region.hpp>
 #include <gsp/solver/detail/pgs_lockstep.hpp>
 #include <gsp/solver/detail/pgs_world.hpp>
@@ -37,6 +38,7 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
       lockstep = true;
     }
   for_worlds("gsp::solver::pgs", exec, rows.worlds, detail::PgsWorld<R, Mem>{rows, impulses, solution, progress, options, lockstep});
+  restore_rows(exec, rows, impulses, solution.z, progress);
   set_solved(rows, impulses);
 }
 

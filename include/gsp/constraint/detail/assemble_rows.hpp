@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/constraint/constraint_type.hpp>
+#include <gsp/constraint/detail/couple_rows.hpp>
 #include <gsp/constraint/detail/row_structure.hpp>
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/core/status.hpp>
@@ -11,7 +12,6 @@ namespace gsp::detail {
 KOKKOS_INLINE_FUNCTION std::int64_t pack_sizes(int rows, int entries) { return (std::int64_t(rows) << 40) + entries; }
 KOKKOS_INLINE_FUNCTION int rows_of(std::int64_t sizes) { return int(sizes >> 40); }
 KOKKOS_INLINE_FUNCTION std::int64_t entries_of(std::int64_t sizes) { return sizes & ((std::int64_t(1) << 40) - 1); }
-KOKKOS_INLINE_FUNCTION int couplings_of(int rows) { return rows * (rows - 1) / 2; }
 KOKKOS_INLINE_FUNCTION std::uint64_t row_key(int type, RowId id) {
   return (std::uint64_t(type) << 59) | (std::uint64_t(id.major) << 32) | id.minor;
 }
@@ -64,6 +64,7 @@ struct CountRows {
     });
     world.sync();
     if (state.status(w) & status::row_refused) sizes = 0;
+    sizes += std::int64_t(rows.most_eliminated) * rows_of(sizes);
     world.single([&] {
       if (status) halt() = 1;  // the same from every world that finds it
       rows.count(w) = rows_of(sizes);
@@ -127,41 +128,6 @@ KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, TreeItems<R> cons
   }
 }
 
-template <class R>
-KOKKOS_INLINE_FUNCTION bool has_segments_of(Row<R> const& a, Row<R> const& b) {
-  bool same = true;
-  for (int s = 0; s < 2; ++s)
-    same = same && a.segment[s].dof0 == b.segment[s].dof0 && a.segment[s].list == b.segment[s].list &&
-           a.segment[s].count == b.segment[s].count;
-  return same;
-}
-/// Y_a . Y_b of two rows. `dofs`: what their lists lie in.
-template <class R>
-KOKKOS_INLINE_FUNCTION R row_product(Row<R> const& a, Row<R> const& b, R const* Y, int const* dofs) {
-  R sum(0);
-  R const* y = Y + a.first_entry;
-  for (int s = 0; s < 2; ++s) {
-    RowSegment const& mine = a.segment[s];
-    R const* z = Y + b.first_entry;
-    for (int t = 0; t < 2; ++t) {
-      RowSegment const& other = b.segment[t];
-      if (mine.dof0 == other.dof0 && mine.list == other.list && mine.count == other.count) {
-        for (int i = 0; i < mine.count; ++i) sum = fma(y[i], z[i], sum);
-      } else if (mine.dof0 == other.dof0) {  // both lists ascend
-        for (int i = 0, j = 0; i < mine.count && j < other.count;) {
-          int const dof = mine.list < 0 ? i : dofs[mine.list + i], with = other.list < 0 ? j : dofs[other.list + j];
-          if (dof == with) sum = fma(y[i], z[j], sum);
-          i += dof <= with;
-          j += with <= dof;
-        }
-      }
-      z += other.count;
-    }
-    y += mine.count;
-  }
-  return sum;
-}
-
 /// Names of the types, in the order of the list.
 struct TypeNames {
   std::uint32_t name[most_constraint_types] = {};
@@ -218,6 +184,7 @@ struct EmitRows {
     row.element = k;
     row.with_next = false;
     row.same_segments = false;
+    row.eliminated = false;
     row.first_entry = entry;
     for (int s = 0; s < 2; ++s) row.segment[s] = s < structure.segments ? structure.segment(s) : RowSegment{-1, 0, -1};
     R* const y = rows.Y.data() + entry;
@@ -255,28 +222,13 @@ struct EmitRows {
     }
     out = row;
   }
-  /// Two rows that share an ellipse take one step in the coordinates q = p / mu, where it is a disc: a projected gradient step
-  /// contracts there for a step of 1 / (largest eigenvalue of the two rows' matrix diag(mu) A diag(mu)). Where one of them cannot move, or
-  /// has no friction, the other is alone.
-  KOKKOS_INLINE_FUNCTION static void step_together(Row<R>& first, Row<R>& second, R coupling) {
-    first.with_next = first.mu > R(0) && second.mu > R(0);
-    if (!first.with_next) return;
-    R const ratio = second.mu / first.mu, a = R(1) / first.inverse_diagonal, b = square(ratio) / second.inverse_diagonal;
-    R const half = R(0.5) * (a - b), root = sqrt(square(half) + square(ratio * coupling));
-    first.inverse_diagonal = R(1) / (R(0.5) * (a + b) + root);
-    second.inverse_diagonal = square(ratio) * first.inverse_diagonal;
-  }
   /// What belongs to the element as a whole: place in the list of types, couplings, identity, and the impulses to start from.
   KOKKOS_INLINE_FUNCTION void finish(int place, RowId id, int w, int n, int first, std::int64_t couplings) const {
     Row<R>* const row = &rows.row(first);
     bool same = true;
     for (int b = 1; b < n; ++b) same = same && has_segments_of(row[b], row[0]);
     row->same_segments = same;
-    R* const coupling = rows.Y.data() + couplings;
-    for (int b = 1; b < n; ++b)
-      for (int a = 0; a < b; ++a) coupling[couplings_of(b) + a] = row_product(row[a], row[b], rows.Y.data(), rows.dof_lists.data());
-    for (int r = 0; r + 1 < n; ++r)
-      if (row[r].with_next) step_together(row[r], row[r + 1], coupling[couplings_of(r + 1) + r]);
+    couple(rows, row, n, couplings);
     int const now = impulses.parity(), last = state.steps(w) > 0 ? last_row(w, place, id) : -1;
     std::uint64_t const key = row_key(place, id), old = last < 0 ? 0 : impulses.id[1 - now](last);
     for (int r = 0; r < n; ++r) {

@@ -37,7 +37,7 @@ struct RowStructure {
   }
   KOKKOS_INLINE_FUNCTION RowSegment segment(int s) const {
     Archetype const& a = model.archetypes(model.tree_archetype(tree[s]));
-    if (last[s] < 0) return {-1, a.nv, model.tree_dof(tree[s])};
+    if (last[s] < 0 || model.tree_closed(tree[s])) return {-1, a.nv, model.tree_dof(tree[s])};
     int const* const ints = model.ints.data();
     int const adr = ints[a.row_adr + last[s]], n = ints[a.row_adr + last[s] + 1] - adr;
     return {n == a.nv ? -1 : a.row_col + adr, n, model.tree_dof(tree[s])};  // a chain of all dofs lists them in order

@@ -104,6 +104,28 @@ struct TreeLists {
   std::vector<int> tree_archetype, tree_instance, tree_body, tree_dof, tree_dofnum, body_tree, body_root, dof_tree, tendon_tree,
       tendon_place;
 };
+/// Trees that equality constraints close on themselves or hold to what stands still; how many rows those have goes to d.closing_rows.
+template <class M>
+std::vector<int> closed_trees(CompiledModel const& m, TreeLists const& trees, M& d) {
+  std::vector<int> closed(trees.tree_dof.size(), 0);
+  d.closing_rows = 0;
+  for (int k = 0; k < m.neq && d.profile == Profile::stable && d.equalities; ++k) {
+    auto const type = EqualityType(m.eq_type[k]);
+    auto const tree_of = [&](int id) {
+      if (id < 0) return -1;
+      if (type == EqualityType::joint) return trees.body_tree[m.jnt_body[id]];
+      if (type == EqualityType::tendon) return trees.tendon_tree[id];
+      return trees.body_tree[m.eq_sites[k] ? m.site_body[id] : id];
+    };
+    int const one = tree_of(m.eq_id1[k]), two = tree_of(m.eq_id2[k]), tree = one < 0 ? two : one;
+    int const rows = type == EqualityType::weld ? 6 : type == EqualityType::connect ? 3 : 1;
+    bool const inside = tree >= 0 && (one < 0 || two < 0 || one == two);
+    if (!inside || d.closing_rows + rows > most_closing_rows) continue;
+    closed[tree] = 1;
+    d.closing_rows += rows;
+  }
+  return closed;
+}
 /// True where joints move one another in the tree and nothing damps one of them: no damping, no servo, no dry friction. Explicit bias
 /// forces make energy at the rate h w^2, which nothing would take there. A question of what is zero, so that worlds with values of their
 /// own get what a model with these values gets.
@@ -318,6 +340,7 @@ void fill_lists(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& s
   pool.add(&M::tree_body, trees.tree_body);
   pool.add(&M::tree_dof, trees.tree_dof);
   pool.add(&M::tree_dofnum, trees.tree_dofnum);
+  pool.add(&M::tree_closed, closed_trees(m, trees, d));
   pool.real_parts.push_back({&M::static_pose, pool.reals.size(), source.fixed.size()});
   pool.reals.insert(pool.reals.end(), source.fixed.begin(), source.fixed.end());
   pool.real_parts.push_back({&M::mocap_pose0, pool.reals.size(), mocap_pose.size()});

@@ -128,7 +128,7 @@ struct PgsLockstep {
     signed char const* const element_rows = rows.element_rows.data() + (count > 0 ? rows.first(w) : 0);
     for (int r = 0; r < count; ++r) {
       int const n = element_rows[r], kind = n > 1;
-      if (n == 0) continue;
+      if (n == 0 || (rows.most_eliminated > 0 && rows.row(rows.first(w) + r).eliminated)) continue;
       int const at = places.count[kind]++;
       places.row[kind][at] = short(r);
       places.has[kind][at] = static_cast<signed char>(n);

@@ -45,7 +45,7 @@ struct PgsWorld {
         for (int r = 0, n; r < count; r += n) {
           Row<R> const* const row = &rows.row(first + r);
           n = rows.element_rows(first + r);
-          if ((n > 1) != kind) continue;
+          if ((n > 1) != kind || row->eliminated) continue;
           if (n == 1)
             change = max(change, sweep_element<1>(world, row, 1, z, p + r));
           else if (n == 3 && row->same_segments)
@@ -57,6 +57,7 @@ struct PgsWorld {
     }
     R worst(0);
     for (int r = 0; options.residual && r < count; r += rows.element_rows(first + r)) {
+      if (rows.row(first + r).eliminated) continue;
       ElementLaw<R, N> law;
       R rate[N], now[N];
       take<N>(world, &rows.row(first + r), rows.element_rows(first + r), z, p + r, law, rate, now);
