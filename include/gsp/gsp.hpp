@@ -13,6 +13,7 @@
 #include <gsp/constraint/constraint_type.hpp>
 #include <gsp/constraint/contact_forces.hpp>
 #include <gsp/constraint/contact_rows.hpp>
+#include <gsp/constraint/eliminate.hpp>
 #include <gsp/constraint/equality.hpp>
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/constraint/joint_forces.hpp>
