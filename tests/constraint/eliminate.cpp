@@ -84,7 +84,7 @@ TEST_CASE_TEMPLATE("eliminated rows and swept ones have the same solution", Exec
     CHECK(a.rows.most_eliminated == 4);
     CHECK(b.rows.most_eliminated == 0);
     test_types::Pushes<double> const pushes{contacts, 3, free_dofs + links};
-    a.solver = b.solver = {.iterations = 100000, .tolerance = 1e-11f, .residual = true};
+    a.solver = b.solver = gsp::PgsOptions{.iterations = 100000, .tolerance = 1e-11f, .residual = true};
     for (auto* s : {&a, &b}) {
       do {
         s->assemble(gsp::Equalities(s->model, s->state, s->poses, s->dynamics), pushes);
@@ -129,7 +129,7 @@ TEST_CASE_TEMPLATE("redundant equalities stay finite", Exec, GSP_TEST_EXECS) {
   Loop<double, Exec> b(twice, worlds);
   gsp_test::randomise(twice, a.state);
   gsp_test::randomise(twice, b.state);
-  a.solver = b.solver = {.iterations = 2000, .tolerance = 1e-6f};
+  a.solver = b.solver = gsp::PgsOptions{.iterations = 2000, .tolerance = 1e-6f};
   test_types::Pushes<float> const rounded{1, 2, free_dofs + links};
   test_types::Pushes<double> const pushes{1, 2, free_dofs + links};
   do a.assemble(gsp::Equalities(a.model, a.state, a.poses, a.dynamics), rounded);
