@@ -233,3 +233,30 @@ TEST_CASE("cones of friction, condim 3, 4 and 6, and all integrators") {
     CHECK(out.contacts > 100);
   }
 }
+
+TEST_CASE("<option o_*> says what all contacts are like; time constants below two timesteps") {
+  std::string const text = R"(<mujoco><option timestep="0.004" OPTION><flag FLAG/></option><worldbody><geom name="floor" type="plane" size="5 5 1" friction="0.7 0.01 0.002"/>
+    <body pos="0 0 0.5"><freejoint/><geom type="box" size=".1 .2 .05" friction="0.4 0.02 0.003" solref=".005 1" margin=".01" gap=".01"/>
+      <body pos=".15 0 0"><joint name="a" axis="0 1 0" range="-30 40" damping=".1" solreflimit=".004 .9"/><geom type="capsule" size=".03 .1" pos="0 0 .1" priority="1" condim="4" solref=".006 .7"/></body>
+      <body pos="-.15 0 0"><joint name="c" type="ball" damping=".05"/><geom name="foot" type="sphere" size=".06" pos="0 0 .12" solimp=".8 .99 .01"/></body>
+    </body></worldbody>
+    <contact><pair geom1="floor" geom2="foot" condim="6" friction=".5 .9 .02 .004 .001" solref=".003 1" solreffriction=".005 .9" margin=".02"/></contact></mujoco>)";
+  auto const with = [&](std::string all, std::string const& option, std::string const& flag) {
+    all.replace(all.find("OPTION"), 6, option);
+    return all.replace(all.find("FLAG"), 4, flag);
+  };
+  std::string const own = R"(o_margin=".015" o_solref=".005 .8" o_solimp=".7 .9 .005" o_friction=".3 .6 .03 .002 .004")";
+  for (auto const& [option, flag] : {std::pair<std::string, std::string>{own, R"(override="enable")"}, {own, R"(refsafe="disable")"},
+                                     {own, R"(override="enable" refsafe="disable")"}, {R"(o_solref="-900 -20")", R"(override="enable")"}})
+    for (mjtCone const cone : {mjCONE_PYRAMIDAL, mjCONE_ELLIPTIC}) {
+      INFO(option << " " << flag << " cone " << int(cone));
+      auto const model = with(text, option, flag);
+      auto const oracle = gsp_test::load_oracle("model.xml", model);
+      auto const compiled = gsp::compile(gsp::io::parse_mjcf(model, "model.xml"));
+      CHECK(compiled.report.empty());
+      auto const out = compare(oracle, compiled, 100, 0.15, {0, cone});
+      CHECK(out.worst <= 1e-8);
+      CHECK(out.off == 0);
+      CHECK(out.contacts > 100);
+    }
+}

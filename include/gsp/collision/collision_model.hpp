@@ -39,8 +39,8 @@ KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R
 /// Mixes the parameters of geoms g1 and g2. Host.
 inline ContactParameters<double> mix_contact_parameters(CompiledModel const& m, int g1, int g2);
 
-/// The parameters of pair `pair` of the model (CompiledModel::pair_geoms), mixed or its own. Friction is at least 1e-5 in both cases, as in
-/// MuJoCo. Host.
+/// The parameters of pair `pair` of the model (CompiledModel::pair_geoms), mixed or its own; with <flag override> margin, solref, solimp
+/// and friction are those of <option o_*>. Friction is at least 1e-5 in all cases, as in MuJoCo. Host.
 inline ContactParameters<double> contact_parameters(CompiledModel const& m, int pair);
 
 /// Pairs first ... end - 1 whose geoms are in groups a and b (a: the plane's, where one of the two is a plane).
@@ -87,6 +87,7 @@ struct CollisionModel {
   int value_worlds = 0;                                 // of the fields that are per world; 0: none is
   Kokkos::View<R*, Mem> world_reals;                    // what those lie in
   bool has_convex_pairs = false;                        // some pairs are of kinds that the convex routine serves
+  bool overridden = false;                              // <option o_*> says what friction, solref and solimp are, in every world
   bool mixes_per_world = false;                         // friction, solref or solimp is per world
 
   /// Contact parameters of a pair in a world: of its own, or mixed from what its geoms have there.

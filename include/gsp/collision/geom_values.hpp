@@ -61,7 +61,8 @@ struct SetGeoms {
 }  // namespace detail
 
 /// Gives each of `worlds` worlds its own values of these fields of the geoms that collide, at first the shared ones. Parameters of contacts
-/// (friction, solref, solimp) are then mixed where a contact is met; models that share them keep the table. The model keeps the memory.
+/// (friction, solref, solimp) are then mixed where a contact is met; models that share them keep the table, and where <flag override> says
+/// what they are they have no effect. The model keeps the memory.
 /// Allocates; fences. Errors: std::invalid_argument where fields are per world already for another number of worlds.
 template <ExecutionSpace Exec, class R, class Mem>
 void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector<GeomField> const& fields, int worlds) {
@@ -82,7 +83,7 @@ void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector
       added.push_back(f);
       size += std::size_t(worlds) * model.colliders * f.stride;
     }
-    model.mixes_per_world |= f.mixes;
+    model.mixes_per_world |= f.mixes && !model.overridden;
   }
   if (added.empty()) return;
   auto const next = detail::allocate<Kokkos::View<R*, Mem>>("gsp::CollisionModel::world_reals", size);

@@ -23,7 +23,7 @@ struct ContactRows {
   ContactRows(Model<R, Mem> const& m, CollisionModel<R, Mem> const& c, Contacts<R, Mem> const& found,
               FrictionCone friction_cone = FrictionCone::elliptic)
       : body_last_dof(m.body_last_dof), body_invweight0(m.body_invweight0), collision(c), contacts(found), cone(friction_cone),
-        soft{m.profile == Profile::mujoco, m.impratio}, edges(friction_cone == FrictionCone::pyramidal ? c.most_edges : 1) {}
+        soft{m.profile == Profile::mujoco, m.impratio, m.refsafe}, edges(friction_cone == FrictionCone::pyramidal ? c.most_edges : 1) {}
 
   KOKKOS_INLINE_FUNCTION int count(int world) const { return edges * contacts.count_of(world); }
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const { return contacts.status(world); }
@@ -57,7 +57,7 @@ struct ContactRows {
     R const gap = contacts.dist(c) - contacts.includemargin(c);
     if (edges > 1 && p.condim > 1) return soft.edge(p, gap, u, h, translation);
     if (row > 0) return soft.tangent(p, row - 1, gap, u, h, translation);
-    return soft_law(softness_of(p), x - contacts.includemargin(c), u, h, translation);
+    return soft_law(softness_of(p, soft.refsafe), x - contacts.includemargin(c), u, h, translation);
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const {
     if (row == 0) return {R(0), Kokkos::Experimental::infinity_v<R>};

@@ -11,8 +11,9 @@ namespace gsp {
 
 /// solref and solimp of a contact.
 template <class R>
-KOKKOS_INLINE_FUNCTION Softness<R> softness_of(ContactParameters<R> const& p) {
+KOKKOS_INLINE_FUNCTION Softness<R> softness_of(ContactParameters<R> const& p, bool refsafe) {
   Softness<R> s;
+  s.refsafe = refsafe;
   for (int i = 0; i < 2; ++i) s.solref[i] = p.solref[i];
   for (int i = 0; i < 5; ++i) s.solimp[i] = p.solimp[i];
   return s;
@@ -22,12 +23,13 @@ template <class R>
 struct SoftFriction {
   bool on = false;
   R impratio = R(1);
+  bool refsafe = true;  // Softness::refsafe
 
   /// Friction row k (0, 1 sliding, 2 torsional, 3, 4 rolling) of an elliptic contact.
   /// @param gap   distance less margin [m];   @param u  rate of the row
   /// @param diag  of the normal (invweight0)
   KOKKOS_INLINE_FUNCTION RowLaw<R> tangent(ContactParameters<R> const& p, int k, R gap, R u, R h, R diag) const {
-    Softness<R> s = softness_of(p);
+    Softness<R> s = softness_of(p, refsafe);
     R const impedance = impedance_of(s, gap);
     if (p.solreffriction[0] != R(0) || p.solreffriction[1] != R(0))
       for (int i = 0; i < 2; ++i) s.solref[i] = p.solreffriction[i];
@@ -37,7 +39,7 @@ struct SoftFriction {
   }
   /// Any edge of a pyramidal contact.
   KOKKOS_INLINE_FUNCTION RowLaw<R> edge(ContactParameters<R> const& p, R gap, R u, R h, R diag) const {
-    Softness<R> const s = softness_of(p);
+    Softness<R> const s = softness_of(p, refsafe);
     R const mu2 = square(p.friction[0]);
     RowLaw<R> law = soft_law(s, impedance_of(s, gap), gap, u, h, diag * (R(1) + mu2), false);
     law.compliance *= R(2) * mu2 / impratio;

@@ -59,17 +59,27 @@ inline ContactParameters<double> mix_contact_parameters(CompiledModel const& m, 
 }
 
 inline ContactParameters<double> contact_parameters(CompiledModel const& m, int pair) {
-  auto const [g1, g2] = m.pair_geoms(pair);
-  if (pair < int(m.pairs.size())) return mix_contact_parameters(m, g1, g2);
-  auto const& own = m.named_pairs[pair - m.pairs.size()];
   ContactParameters<double> p{};
-  p.condim = own.condim;
-  p.margin = own.margin;
-  p.gap = own.gap;
-  for (int i = 0; i < 5; ++i) p.friction[i] = std::max(own.friction[i], 1e-5);
-  for (int i = 0; i < 5; ++i) p.solimp[i] = own.solimp[i];
-  for (int i = 0; i < 2; ++i) p.solref[i] = own.solref[i];
-  for (int i = 0; i < 2; ++i) p.solreffriction[i] = own.solreffriction[i];
+  if (pair < int(m.pairs.size())) {
+    auto const [g1, g2] = m.pair_geoms(pair);
+    p = mix_contact_parameters(m, g1, g2);
+  } else {
+    auto const& own = m.named_pairs[pair - m.pairs.size()];
+    p.condim = own.condim;
+    p.margin = own.margin;
+    p.gap = own.gap;
+    for (int i = 0; i < 5; ++i) p.friction[i] = std::max(own.friction[i], 1e-5);
+    for (int i = 0; i < 5; ++i) p.solimp[i] = own.solimp[i];
+    for (int i = 0; i < 2; ++i) p.solref[i] = own.solref[i];
+    for (int i = 0; i < 2; ++i) p.solreffriction[i] = own.solreffriction[i];
+  }
+  auto const& o = m.option;
+  if (!o.override_contacts) return p;
+  p.margin = o.o_margin;
+  for (int i = 0; i < 5; ++i) p.friction[i] = std::max(o.o_friction[i], 1e-5);
+  for (int i = 0; i < 5; ++i) p.solimp[i] = o.o_softness.solimp[i];
+  for (int i = 0; i < 2; ++i) p.solref[i] = o.o_softness.solref[i];
+  for (int i = 0; i < 2; ++i) p.solreffriction[i] = 0;  // as solref
   return p;
 }
 
@@ -79,6 +89,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   C c;
   c.bodies = m.nbody;
   c.geoms = m.ngeom;
+  c.overridden = m.option.override_contacts;
   bool const on = m.option.contact && m.option.constraint;
   int const npair = on ? m.pair_count() : 0;
 

@@ -113,9 +113,6 @@ inline void read_option(Document& doc, Node const& node) {
       for (auto const& [name, value] : flags)
         if (one.name == name) *value = on;
     }
-    if (o.override_contacts)
-      doc.note(Line::approximated, flag.place, "<flag> override: contacts keep margin, solref, solimp and friction of their own");
-    if (!o.refsafe) doc.note(Line::approximated, flag.place, "<flag> refsafe: time constants stay at least two timesteps");
   }
 }
 
