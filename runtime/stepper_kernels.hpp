@@ -1,5 +1,6 @@
 #pragma once
 // The Stepper over Kokkos; stepper_float_kernels.cpp and stepper_double_kernels.cpp instantiate it.
+#include <gsp/constraint/contact_forces.hpp>
 #include <gsp/runtime/stepper.hpp>
 #include <gsp/step/bytes_needed.hpp>
 
@@ -21,9 +22,7 @@ struct SplitPositions {
   }
 };
 
-inline SimulationOptions simulation_options(StepperOptions const& o) {
-  return {.worlds = o.worlds, .cone = o.cone};
-}
+inline SimulationOptions simulation_options(StepperOptions const& o) { return {.worlds = o.worlds, .cone = o.cone}; }
 
 template <class R, class Exec>
 Model<R, typename Exec::memory_space> make_runtime_model(Exec const& exec, CompiledModel const& m, StepperOptions const& o) {
@@ -106,6 +105,17 @@ class KokkosStepper : public Stepper {
     for (R const r : gsp::detail::to_host(exec_, simulation_.solution.residual)) out.residual = std::max(out.residual, double(r));
     return out;
   }
+  ContactArrays contacts() override {
+    auto const& c = simulation_.contacts;
+    std::int64_t const count = c.demand(exec_).contacts;
+    if (contact_force_.extent(0) < c.dist.extent(0))
+      contact_force_ = gsp::detail::allocate<decltype(contact_force_)>("gsp::runtime::Stepper::contact_force", c.dist.extent(0));
+    contact_forces(exec_, model_, simulation_.collision, c, simulation_.rows, simulation_.impulses, contact_force_);
+    exec_.fence("gsp::runtime::Stepper::contacts: the forces are there");
+    auto const found = [&](auto const& view) { return array_of<Exec>(view).rows(0, count); };
+    return {found(c.world), found(c.geom1), found(c.geom2), found(c.dist), found(c.pos), found(c.frame), found(contact_force_)};
+  }
+  Array qfrc_constraint() const override { return array_of<Exec>(simulation_.solution.qfrc_constraint); }
 
  private:
   Exec exec_;
@@ -113,6 +123,7 @@ class KokkosStepper : public Stepper {
   State<R, Mem> state_;
   Simulation<R, Mem> simulation_;
   PgsOptions solver_;
+  Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> contact_force_;
   double timestep_;
   bool stale_ = true;  // the poses are not those of the state
 };

@@ -16,9 +16,7 @@ namespace gsp_cli {
 using gsp::io::detail::fail;
 
 Option skip_visuals_option() { return {"--skip-visuals", "", "leave out visual geoms whose meshes are not read (colliding ones never)"}; }
-Option approximate_option() {
-  return {"--approximate", "", "without effect: nothing has to be approximated any more; old scripts say it"};
-}
+Option approximate_option() { return {"--approximate", "", "without effect: nothing has to be approximated any more; old scripts say it"}; }
 Option floating_base_option() {
   return {"--floating-base", "", "the root link of a URDF file moves freely (else it is fixed to the world)"};
 }
@@ -274,6 +272,39 @@ void write_trace(std::string const& path, Trace const& t, gsp::CompiledModel con
       {"time", {{t.entries}, t.time}}, {"qpos", {{t.entries, t.worlds, nq}, t.qpos}}, {"qvel", {{t.entries, t.worlds, nv}, t.qvel}}};
   if (model.na > 0) entries.push_back({"act", {{t.entries, t.worlds, static_cast<std::size_t>(model.na)}, t.act}});
   gsp::io::write_npz(path, entries);
+}
+
+namespace {
+template <class T>
+std::vector<T> on_host(gsp::runtime::Array const& from) {
+  std::vector<T> numbers(static_cast<std::size_t>(from.size()));
+  if (from.rank == 1)
+    copy(from, gsp::runtime::host_array(numbers.data(), {from.extents[0]}));
+  else
+    copy(from, gsp::runtime::host_array(numbers.data(), {from.extents[0], from.extents[1]}));
+  return numbers;
+}
+}  // namespace
+
+void write_contacts(std::string const& path, gsp::runtime::ContactArrays const& c) {
+  auto const count = static_cast<std::size_t>(c.dist.extents[0]);
+  auto const world = on_host<int>(c.world), geom1 = on_host<int>(c.geom1), geom2 = on_host<int>(c.geom2);
+  auto const dist = on_host<double>(c.dist), pos = on_host<double>(c.pos), frame = on_host<double>(c.frame),
+             force = on_host<double>(c.force);
+  gsp::io::write_npz(path, {{"world", {{count}, world}},
+                            {"geom1", {{count}, geom1}},
+                            {"geom2", {{count}, geom2}},
+                            {"dist", {{count}, dist}},
+                            {"pos", {{count, 3}, pos}},
+                            {"frame", {{count, 9}, frame}},
+                            {"force", {{count, 6}, force}}});
+}
+
+void write_forces(std::string const& path, gsp::runtime::Array const& qfrc_constraint) {
+  auto const numbers = on_host<double>(qfrc_constraint);
+  gsp::io::write_npz(
+      path, {{"qfrc_constraint",
+              {{static_cast<std::size_t>(qfrc_constraint.extents[0]), static_cast<std::size_t>(qfrc_constraint.extents[1])}, numbers}}});
 }
 
 Controls read_controls(std::string const& path, gsp::CompiledModel const& model, int worlds) {

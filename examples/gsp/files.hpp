@@ -85,6 +85,9 @@ CameraFile read_cameras(std::string const& path);
 
 /// Throws unless `path` can be written: its folder is there and it is no folder itself. Called before long work.
 void expect_writable(std::string const& path, char const* option);
+/// Contacts of all worlds, and what constraints do to the degrees of freedom, as docs/cli.md has them.
+void write_contacts(std::string const& path, gsp::runtime::ContactArrays const& contacts);
+void write_forces(std::string const& path, gsp::runtime::Array const& qfrc_constraint);
 /// Where the program says what it has done: stdout, or stderr where `output` is stdout itself (/dev/stdout).
 std::FILE* text_beside(std::optional<std::string> const& output);
 /// Makes the folder and those above it.

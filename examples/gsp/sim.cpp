@@ -21,21 +21,28 @@ int run(Arguments const& a) {
   a.exclusive("--keyframe", "--start", "both say where the worlds start");
   a.needs("--every", "--trace", "it says how often a trace takes the state");
   StepperOptions options;
-  auto const start_file = a.text("--start"), ctrl_file = a.text("--ctrl"), trace_file = a.text("--trace");
+  auto const start_file = a.text("--start"), ctrl_file = a.text("--ctrl"), trace_file = a.text("--trace"),
+             contacts_file = a.text("--contacts"), forces_file = a.text("--forces");
   options.worlds = static_cast<int>(a.integer("--worlds", 1, 1, 1 << 24));
   options.timestep = a.real("--timestep", 0, 0, 10);
   options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
   options.tolerance = a.real_from("--tolerance", options.tolerance, 0, 1);
   options.cone = cone_of(a);
   options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco";
-  if (options.mujoco && options.cone == gsp::FrictionCone::box) a.fail("--cone box is of profile stable; give pyramidal or elliptic, or leave it out");
+  if (options.mujoco && options.cone == gsp::FrictionCone::box)
+    a.fail("--cone box is of profile stable; give pyramidal or elliptic, or leave it out");
   bool const in_double = a.choice("--precision", {"float", "double"}, "float") == "double";
   if (in_double) options.precision = gsp::runtime::Dtype::float64;
   long long steps = a.integer("--steps", 1000, 1, 1LL << 40), every = a.integer("--every", 1, 1, 1LL << 40),
             time_from = a.integer("--time-from", 0, 0, 1LL << 40);
   int const threads = threads_of(a);
   Device const device = choose_device(a);
-  if (trace_file) expect_writable(*trace_file, "--trace");
+  std::optional<std::string> written;  // one of them may be stdout
+  for (auto const& [file, option] : {std::pair{trace_file, "--trace"}, {contacts_file, "--contacts"}, {forces_file, "--forces"}}) {
+    if (!file) continue;
+    expect_writable(*file, option);
+    if (!written || text_beside(file) == stderr) written = file;
+  }
 
   auto const model = load_model(path, a);
   States start = start_file ? read_start(*start_file, model) : initial_state(model, path, a.text("--keyframe"));
@@ -118,8 +125,10 @@ int run(Arguments const& a) {
   auto const counts = stepper->counts();
   get_states(*stepper, qpos, qvel);
   if (trace_file) write_trace(*trace_file, trace, model);
+  if (contacts_file) write_contacts(*contacts_file, stepper->contacts());
+  if (forces_file) write_forces(*forces_file, stepper->qfrc_constraint());
 
-  std::FILE* const say = text_beside(trace_file);
+  std::FILE* const say = text_beside(written);
   double const rate = double(worlds) * double(timing.steps) / timing.seconds;
   if (counts.failed_worlds > 0)
     std::fprintf(stderr,
@@ -170,7 +179,8 @@ Command sim_command() {
        {"--tolerance", "T",
         "a world stops to sweep when no rate changes by more than T times what gravity does in a step, 1e-4; 0: after all sweeps"},
        {"--cone", "box|elliptic|pyramidal",
-        "friction along the two tangents: each by itself, together in a disc, or MuJoCo's soft edges; without it as the file says in profile "
+        "friction along the two tangents: each by itself, together in a disc, or MuJoCo's soft edges; without it as the file says in "
+        "profile "
         "mujoco, else elliptic"},
        {"--disable", "LIST", "of constraint, contact, limit, equality, friction (of joints and tendons), with commas: left out"},
        {"--profile", "mujoco|stable",
@@ -180,6 +190,9 @@ Command sim_command() {
        threads_option(),
        {"--trace", "OUT.npz", "write time, qpos, qvel (and act), float64, the start first, the last step last"},
        {"--every", "E", "steps between two entries of the trace, 1"},
+       {"--contacts", "OUT.npz",
+        "write the contacts of the last step: world, geom1, geom2, dist, pos, frame, force (in the frame, on geom2)"},
+       {"--forces", "OUT.npz", "write what constraints did in the last step: qfrc_constraint (N,nv), float64"},
        {"--time-from", "S", "run the first S steps without timing them"},
        skip_visuals_option(),
        approximate_option(),

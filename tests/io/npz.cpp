@@ -29,6 +29,9 @@ TEST_CASE("npz: what is written comes back, stored and deflated, the same bytes 
     CHECK(npz.at("qpos").shape == std::vector<std::size_t>{1, 2, 3});
     CHECK(npz.at("qpos").as<double>() == poses);
     CHECK(npz.at("rgb").as<float>() == image);
+    std::vector<double> const none;
+    auto const nothing = written({{"none", {{0, 3}, none}}, {"qpos", {{6}, poses}}}, {level});
+    CHECK(parse_npz(nothing, "b.npz").at("none").shape == std::vector<std::size_t>{0, 3});
     CHECK(says(error_of([&] { npz.at("depth"); }), "a.npz: has no array 'depth' (it has: qpos, rgb); add it"));
   }
   CHECK(parse_npz(written({}), "none").arrays.empty());

@@ -59,6 +59,8 @@ refused "--json takes no value" -- sim cart.xml --json=yes
 refused "--trace has an empty value" -- sim cart.xml --trace=
 refused "--keyframe and --start contradict" -- sim cart.xml --keyframe tilted --start start.npz
 refused "--every needs --trace" -- sim cart.xml --every 5
+refused "--contacts has an empty value" -- sim cart.xml --contacts=
+refused "no/such/folder" "--forces" -- sim cart.xml --forces no/such/folder/f.npz --trace result.npz
 refused "--time-from 100" "less than --steps" -- sim cart.xml --steps 100 --time-from 100
 refused "--keyframe and --trace contradict" -- render --splat disc.ply --cameras cameras.npz --model cart.xml --keyframe 0 --trace start.npz
 refused "--trace needs --model" -- render --splat disc.ply --cameras cameras.npz --trace start.npz

@@ -14,7 +14,7 @@ cd "$work"
 "$gsp" quickstart --device cuda --worlds 16 --seconds 0.2 --out out --files scene > /dev/null
 for precision in float double; do
   for device in cpu cuda; do
-    "$gsp" sim scene/model.xml --start scene/start.npz --ctrl scene/ctrl.npy --steps 100 --every 100 --precision $precision --device $device --trace $precision.$device.npz > /dev/null
+    "$gsp" sim scene/model.xml --start scene/start.npz --ctrl scene/ctrl.npy --steps 100 --every 100 --precision $precision --device $device --trace $precision.$device.npz --contacts met.$precision.$device.npz --forces forces.$precision.$device.npz > /dev/null
   done
 done
 cat > npz.py <<'PY'
@@ -41,6 +41,13 @@ for precision, bar in (("float", 1e-4), ("double", 1e-9)):
         error = max(abs(x - y) for x, y in zip(a, b)) / max(1, max(map(abs, a)))
         worst[precision + " " + key] = error
         assert error <= bar, "%s %s: %g" % (precision, key, error)
+for key in ("world", "geom1", "geom2", "dist", "pos", "force", "qfrc_constraint"):  # forces are what rates take over a step: 500 times as coarse
+    file, code = ("forces" if key == "qfrc_constraint" else "met") + ".double", "i" if key in ("world", "geom1", "geom2") else "d"
+    a, b = (load("%s.%s.npz" % (file, device), key, code) for device in ("cpu", "cuda"))
+    assert len(a) == len(b) > 0, key
+    error = max(abs(x - y) for x, y in zip(a, b)) / max(1, max(map(abs, a)))
+    worst["double " + key] = error
+    assert error <= (5e-7 if key in ("force", "qfrc_constraint") else 1e-9), "%s: %g" % (key, error)
 print("largest errors", {k: "%.1e" % v for k, v in worst.items()})
 q, v = load("float.cpu.npz", "qpos", "d"), load("float.cpu.npz", "qvel", "d")
 q, v = q[len(q) // 2:], v[len(v) // 2:]

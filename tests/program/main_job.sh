@@ -66,6 +66,51 @@ same "$("$gsp" sim key.xml --steps 50 --start first.npz --precision double --jso
 "$gsp" sim lift.urdf --steps 10 --approximate --json > report.json
 python3 -c 'import json; r = json.load(open("report.json"))["report"]; assert [l["kind"] for l in r].count("left out") == 1 and all(l["text"] for l in r), r'
 
+# contacts and forces of the last step: two boxes and a ball at rest weigh what they weigh, on every world; the same bits with and without
+cat > weights.xml <<'XML'
+<mujoco><worldbody><geom type="plane" size="5 5 1"/>
+  <body pos="0 0 .099"><freejoint/><geom type="box" size=".1 .1 .1" mass="2"/></body>
+  <body pos="0 0 .298"><freejoint/><geom type="box" size=".1 .1 .1" mass="3"/></body>
+  <body pos="1 0 .049"><joint type="slide" axis="0 0 1"/><geom type="sphere" size=".05" mass=".5" gap=".01"/></body>
+  <body pos="2 0 .055"><joint type="slide" axis="1 0 0"/><geom type="sphere" size=".05" mass=".5" gap=".01"/></body></worldbody></mujoco>
+XML
+for profile in stable mujoco; do
+  for precision in float double; do
+    run="sim weights.xml --worlds 2 --steps 2000 --profile $profile --precision $precision"
+    same "$("$gsp" $run --contacts met.npz --forces forces.npz --json | key state_hash)" "$("$gsp" $run --json | key state_hash)" "with and without --contacts"
+    python3 - $profile $precision <<'PY'
+import struct, sys, zipfile
+# profile mujoco solves to rounding; stable stops at 1e-4 of gravity a row, with up to ten rows here
+bar = {"mujoco double": 1e-6, "mujoco float": 1e-3}.get(" ".join(sys.argv[1:]), 5e-3)
+def load(name, key, code="d"):
+    data = zipfile.ZipFile(name).read(key + ".npy")
+    at = 10 + struct.unpack("<H", data[8:10])[0]
+    return struct.unpack("<%d%s" % ((len(data) - at) // struct.calcsize(code), code), data[at:])
+world, geom1, geom2 = (load("met.npz", key, "i") for key in ("world", "geom1", "geom2"))
+dist, pos, frame, force = (load("met.npz", key) for key in ("dist", "pos", "frame", "force"))
+n = len(world)
+assert list(world) == sorted(world) and set(world) == {0, 1} and (len(dist), len(pos), len(frame), len(force)) == (n, 3 * n, 9 * n, 6 * n)
+for w in (0, 1):
+    def weight(a, b):  # what b feels from a, along z, of all their contacts
+        return [sum(force[6 * c + r] * frame[9 * c + 3 * r + 2] for r in range(3)) for c in range(n) if (world[c], geom1[c], geom2[c]) == (w, a, b)]
+    for pair, wanted in (((0, 1), 5 * 9.81), ((1, 2), 3 * 9.81), ((0, 3), .5 * 9.81)):
+        assert abs(sum(weight(*pair)) - wanted) < bar * wanted, (w, pair, weight(*pair))
+    assert weight(0, 4) == [0.0], "within the gap, and on a rail that bears it"
+    for c in range(n):
+        assert force[6 * c] >= 0 and abs(frame[9 * c + 2] - 1) < 1e-4, "normals from the lower geom to the upper"
+        assert abs(pos[3 * c + 2] - (.2 if geom1[c] == 1 else 0)) < 6e-3 and abs(dist[c]) < 6e-3
+q = load("forces.npz", "qfrc_constraint")
+assert len(q) == 28
+for w in (0, 1):
+    own = q[14 * w:14 * w + 14]
+    for dof, wanted in ((2, 2 * 9.81), (8, 3 * 9.81), (12, .5 * 9.81), (13, 0)):
+        assert abs(own[dof] - wanted) < bar * 29, (dof, own)
+PY
+  done
+done
+"$gsp" sim weights.xml --steps 10 --disable contact --contacts none.npz > /dev/null
+"$gsp" info none.npz | grep -qF 'force         float64 (0, 6)' || fail "no contacts: $("$gsp" info none.npz)"
+
 # controls: half a newton on the cart of one world, minus that on the other
 "$gsp" sim cart.xml --worlds 2 --ctrl ctrl_worlds.npy --trace c.npz > /dev/null
 python3 - <<'PY'

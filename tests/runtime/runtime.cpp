@@ -105,6 +105,18 @@ TEST_CASE("a stepper is the library's step, and gives back every digit that it w
     CHECK(counts.contacts > 0);
     CHECK(counts.rows > 0);
     CHECK(counts.failed_worlds == 0);
+    {  // contacts by world; those that act push
+      auto const met = stepper->contacts();
+      auto const world = on_host<int>(met.world);
+      CHECK(std::is_sorted(world.begin(), world.end()));
+      auto const force = on_host<double>(met.force);
+      double normal = 0;
+      for (std::size_t c = 0; c < world.size(); ++c) {
+        CHECK(force[6 * c] >= 0);
+        normal += force[6 * c];
+      }
+      CHECK(normal > 0);
+    }
     if (device == Device::cpu) {  // the same by hand
       Kokkos::DefaultHostExecutionSpace const exec;
       auto const model = gsp::make_model<float>(exec, compiled);
@@ -122,6 +134,11 @@ TEST_CASE("a stepper is the library's step, and gives back every digit that it w
       CHECK(std::memcmp(mine.qvel.data(), state.qvel.data, mine.qvel.span() * sizeof(float)) == 0);
       gsp::forward_kinematics(exec, model, mine, simulation.poses, simulation.dynamics);
       CHECK(std::memcmp(simulation.poses.xpos.data(), stepper->poses().xpos.data, simulation.poses.xpos.span() * sizeof(float)) == 0);
+      auto const met = stepper->contacts();  // of the same step
+      REQUIRE(met.dist.extents[0] == counts.contacts);
+      CHECK(std::memcmp(simulation.contacts.pos.data(), met.pos.data, std::size_t(met.pos.size()) * sizeof(float)) == 0);
+      CHECK(std::memcmp(simulation.solution.qfrc_constraint.data(), stepper->qfrc_constraint().data,
+                        simulation.solution.qfrc_constraint.span() * sizeof(float)) == 0);
     }
   }
 }
@@ -202,9 +219,10 @@ TEST_CASE("what make_stepper refuses, and the machine's memory is a number") {
   std::int64_t const bytes = bytes_needed(Device::cpu, compiled, options);
   CHECK(bytes > 0);
   options.cone = gsp::FrictionCone::box;
-  CHECK_THROWS_WITH_AS(make_stepper(Device::cpu, compiled, options),
-                       "gsp::make_simulation: profile mujoco has no box of friction: choose FrictionCone::elliptic or pyramidal, or profile stable",
-                       gsp::Error);
+  CHECK_THROWS_WITH_AS(
+      make_stepper(Device::cpu, compiled, options),
+      "gsp::make_simulation: profile mujoco has no box of friction: choose FrictionCone::elliptic or pyramidal, or profile stable",
+      gsp::Error);
   for (Device const device : devices()) {
     CHECK(free_bytes(device) > (std::uint64_t(1) << 20));
     CHECK(free_bytes(device) < (std::uint64_t(1) << 50));

@@ -50,6 +50,15 @@ struct StepCounts {
   int failed_worlds = 0;                // worlds that stopped because their state was not finite
 };
 
+/// The contacts of the last step (collision/contacts.hpp) and what they did (constraint/contact_forces.hpp), those of world 0 first.
+struct ContactArrays {
+  Array world, geom1, geom2;  // (contacts) int32; MuJoCo's order: the type of geom1 is the lesser
+  Array dist;                 // (contacts) [m], negative inside
+  Array pos;                  // (contacts, 3) midway between the surfaces [m]
+  Array frame;                // (contacts, 9) rows normal (geom1 to geom2), two tangents
+  Array force;                // (contacts, 6) on geom2 along the frame's rows [N], about them [N m]; zero where it did not act
+};
+
 /// Many worlds of one model on a device.
 class Stepper {
  public:
@@ -68,6 +77,12 @@ class Stepper {
   /// Waits until the steps are done. measure: counts().residual is that of the last one.
   virtual void step(int steps, bool measure) = 0;
   virtual StepCounts counts() const = 0;
+  /// The contacts of the last step, found at its start (RK4: of its last evaluation), where they lie. The arrays hold until the next call
+  /// of `step` or `contacts`. The forces are computed here, so steps cost the same without. Allocates where there may be more contacts than
+  /// before; waits. Error: std::invalid_argument before the first step.
+  virtual ContactArrays contacts() = 0;
+  /// (worlds, nv) what all constraints together did to the degrees of freedom in the last step [N, N m]; where it stays.
+  virtual Array qfrc_constraint() const = 0;
 };
 
 /// Errors: those of make_model and make_simulation.

@@ -120,6 +120,7 @@ inline std::vector<std::byte> deflate(Bytes bytes, Wrapper wrapper, int level = 
 }
 
 inline std::uint32_t crc32(Bytes bytes, std::uint32_t start = 0) {
+  if (bytes.empty()) return start;  // zlib begins anew at a null pointer
   return static_cast<std::uint32_t>(::crc32_z(start, reinterpret_cast<Bytef const*>(bytes.data()), bytes.size()));
 }
 
