@@ -11,6 +11,7 @@
 #include <gsp/collision/shapes.hpp>
 #include <gsp/constraint/assemble.hpp>
 #include <gsp/constraint/constraint_type.hpp>
+#include <gsp/constraint/contact_adhesion.hpp>
 #include <gsp/constraint/contact_forces.hpp>
 #include <gsp/constraint/contact_rows.hpp>
 #include <gsp/constraint/eliminate.hpp>
@@ -84,8 +85,8 @@
 #include <gsp/sensor/smooth_sensors.hpp>
 #include <gsp/solver/newton.hpp>
 #include <gsp/solver/pgs.hpp>
-#include <gsp/solver/soft_element.hpp>
 #include <gsp/solver/project_element.hpp>
+#include <gsp/solver/soft_element.hpp>
 #include <gsp/solver/solution.hpp>
 #include <gsp/splat/bin_tiles.hpp>
 #include <gsp/splat/cameras.hpp>

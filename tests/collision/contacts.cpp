@@ -276,8 +276,11 @@ TEST_CASE("parameters are mixed as MuJoCo mixes them") {
   m.geom_friction[a] = {0.5, 0.01, 0}, m.geom_friction[b] = {0.7, 0.005, 0.0002};
   m.geom_margin[a] = 0.01, m.geom_margin[b] = 0.02, m.geom_gap[a] = 0.003, m.geom_gap[b] = 0;
   m.geom_condim[a] = 1, m.geom_condim[b] = 3;
+  m.geom_adhesion.assign(std::size_t(m.ngeom), 0.);
+  m.geom_adhesion[a] = 2, m.geom_adhesion[b] = 5;
   auto p = mix_contact_parameters(m, a, b);
   CHECK(p.condim == 3);
+  CHECK(p.adhesion == 7);
   CHECK(p.margin == doctest::Approx(0.03));
   CHECK(p.gap == doctest::Approx(0.003));
   CHECK(p.solref[0] == doctest::Approx(0.75 * 0.02 + 0.25 * 0.04));
@@ -295,6 +298,7 @@ TEST_CASE("parameters are mixed as MuJoCo mixes them") {
   CHECK(p.condim == 1);
   CHECK(p.friction[0] == 0.5);
   CHECK(p.friction[3] == 1e-5);  // at least mjMINMU
+  CHECK(p.adhesion == 2);
   CHECK(p.solref[1] == 1);
 }
 
@@ -329,6 +333,31 @@ TEST_CASE_TEMPLATE("a named pair keeps its own numbers, also where those of geom
     for (int i = 0; i < 5; ++i) CHECK(p.solimp[i] == float(own.solimp[i]));
     for (int i = 0; i < 2; ++i) CHECK(p.solref[i] == float(own.solref[i]));
     for (int i = 0; i < 2; ++i) CHECK(p.solreffriction[i] == float(own.solreffriction[i]));
+  }
+}
+
+TEST_CASE_TEMPLATE("<option o_*> says what all pairs are like, also where geoms differ from world to world", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  int const worlds = 2;
+  auto m = gsp_test::heap(12);
+  name_pairs(m);
+  m.option.override_contacts = true;
+  m.option.o_margin = 0.02;
+  m.option.o_friction = {0.3, 0.4, 0, 0.02, 0.03};
+  auto model = make_collision_model<float>(exec, m);
+  make_per_world(exec, model, {GeomField::friction}, worlds);
+  Kokkos::View<float***, Kokkos::LayoutRight, typename Exec::memory_space> friction("friction", worlds, m.ngeom, 3);
+  Kokkos::deep_copy(friction, 0.25f);
+  set_world_values(exec, model, GeomField::friction, friction);
+  Kokkos::View<ContactParameters<float>*, typename Exec::memory_space> found("found", model.pairs);
+  Kokkos::parallel_for("test", Kokkos::RangePolicy<Exec>(exec, 0, model.pairs), ParametersOf<typename Exec::memory_space>{model, found});
+  auto const host = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, found);
+  for (int k = 0; k < model.pairs; ++k) {
+    auto const& p = host(k);
+    CHECK(p.margin == 0.02f);
+    for (int i = 0; i < 5; ++i) CHECK(p.friction[i] == float(std::max(1e-5, m.option.o_friction[i])));
+    for (int i = 0; i < 2; ++i) CHECK(p.solref[i] == float(m.option.o_softness.solref[i]));
+    for (int i = 0; i < 2; ++i) CHECK(p.solreffriction[i] == 0);
   }
 }
 

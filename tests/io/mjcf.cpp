@@ -81,7 +81,6 @@ TEST_CASE("unknown and unsupported words name file, line and remedy") {
   refused(model("", "<actuator><muscle joint='j'/></actuator>"), "m.xml:4: ", "needs the range of its length");
   refused(model("", "<sensor><plugin/></sensor>"), "m.xml:4: ", "<sensor> <plugin>: plug-ins are not supported");
   refused(model("", "<sensor><gyro site='s' nsample='4'/></sensor>"), "m.xml:4: ", "nsample='4'");
-  refused(model("", "<contact><pair geom1='g' geom2='g' adhesion='2'/></contact>"), "m.xml:4: ", "adhesion='2'");
   refused(model("", "<option integrator='discrete'/>"), "m.xml:4: ", "use implicitfast");
   refused(model("", "<option><flag diagexact='enable'/></option>"), "m.xml:4: ", "diagexact='enable'");
   refused("<robot/>", "m.xml:1: ", "an MJCF model is <mujoco>");
@@ -286,10 +285,11 @@ TEST_CASE("every pair of shapes and every condim is taken") {
 TEST_CASE("pairs of shapes and condim are not judged where there are no contacts: they stay as the file says") {
   for (char const* flag : {"contact", "constraint"}) {
     CAPTURE(flag);
-    auto const m = compile(parse_mjcf("<mujoco><option><flag " + std::string(flag) +
-                                          "='disable'/></option><worldbody><geom type='plane' size='1 1 1'/>"
-                                          "<body><freejoint/><geom type='ellipsoid' size='.1 .1 .2' condim='6'/></body></worldbody></mujoco>",
-                                      "m.xml"));
+    auto const m =
+        compile(parse_mjcf("<mujoco><option><flag " + std::string(flag) +
+                               "='disable'/></option><worldbody><geom type='plane' size='1 1 1'/>"
+                               "<body><freejoint/><geom type='ellipsoid' size='.1 .1 .2' condim='6'/></body></worldbody></mujoco>",
+                           "m.xml"));
     CHECK(m.pairs == std::vector<std::array<int, 2>>{{0, 1}});
     CHECK(m.geom_condim == std::vector<int>{3, 6});
     CHECK(m.report.empty());

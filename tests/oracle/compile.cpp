@@ -375,6 +375,7 @@ void compare(CompiledModel const& g, mjModel const* m) {
       c.number("pair_solreffriction", 2 * i + k, p->solreffriction[k], m->pair_solreffriction[2 * i + k], c.tolerance);
     }
     c.number("pair_margin", i, p->margin, m->pair_margin[i], c.tolerance), c.number("pair_gap", i, p->gap, m->pair_gap[i], c.tolerance);
+    c.number("pair_adhesion", i, p->adhesion, m->pair_adhesion[i], c.tolerance);
   }
   for (int k = 0; k < m->nkey; ++k) {
     CHECK(g.keyframes[k].time == m->key_time[k]);
@@ -630,7 +631,7 @@ std::string const robot = R"(<worldbody><site name="w" pos=".1 .2 1.5"/><geom na
 TEST_CASE("actuators: every transmission and every law") {
   compare_twice(
       "<mujoco><compiler><lengthrange uselimit='true'/></compiler>" + robot +
-          R"(<tendon><fixed name="t"><joint joint="j1" coef="2"/><joint joint="j3" coef="-3"/></fixed><spatial name="sp" range="0 3"><site site="w"/><site site="s1"/><geom geom="cyl" sidesite="side"/><site site="s2"/></spatial></tendon>
+      R"(<tendon><fixed name="t"><joint joint="j1" coef="2"/><joint joint="j3" coef="-3"/></fixed><spatial name="sp" range="0 3"><site site="w"/><site site="s1"/><geom geom="cyl" sidesite="side"/><site site="s2"/></spatial></tendon>
     <actuator><motor name="m1" joint="j1" gear="3" armature=".2" damping=".4"/><motor joint="ball" gear="1 2 3"/><motor jointinparent="ball" gear="1 2 3"/><motor joint="free" gear="1 2 3 4 5 6"/><motor jointinparent="free" gear="1 2 3 4 5 6"/>
      <motor tendon="t" gear="2" armature=".3"/><motor tendon="sp" gear="-2" group="3"/><motor site="s1" gear="1 2 3 4 5 6"/><motor site="s2" refsite="s3" gear="1 2 3 0 0 0"/><motor site="s2" refsite="w" gear="1 2 3 4 5 6"/><motor site="s4" refsite="s3" gear="0 0 0 4 5 6"/>
      <motor cranksite="s2" slidersite="s1" cranklength=".5" gear="2"/><motor cranksite="s3" slidersite="w" cranklength=".1"/>
@@ -671,11 +672,11 @@ TEST_CASE("equality constraints, pairs, cameras, sensors, keyframes, mocap") {
       ".2' o_friction='1 2'><flag override='enable' equality='disable'/></option>"
       "<default><equality solref='.1 .5'/><pair friction='.3 .4' margin='.1'/><default class='e'><equality active='false' "
       "solimp='.5'/></default></default>" +
-          robot +
-          R"(<tendon><fixed name="t1"><joint joint="j1" coef="2"/></fixed><fixed name="t2" actuatorfrcrange="-1 2" stiffness="1 2 3" damping="3 2 1"><joint joint="j3" coef="1"/></fixed></tendon>
+      robot +
+      R"(<tendon><fixed name="t1"><joint joint="j1" coef="2"/></fixed><fixed name="t2" actuatorfrcrange="-1 2" stiffness="1 2 3" damping="3 2 1"><joint joint="j3" coef="1"/></fixed></tendon>
     <equality><connect name="c1" body1="b" body2="f" anchor=".1 .2 .3"/><connect body1="c" anchor="1 2 3" class="e"/><connect site1="s1" site2="s4"/><weld body1="b" body2="f"/><weld body1="b" body2="f" anchor=".1 .2 .3" torquescale="2"/>
       <weld body1="f" body2="m" relpose="1 2 3 2 0 0 1" anchor="1 0 0"/><weld body1="f" relpose="1 2 3 0 0 0 0"/><weld site1="s2" site2="s3" torquescale=".3"/><joint joint1="j1"/><joint joint1="j1" joint2="j3" polycoef="1 2 3 4"/><tendon tendon1="t1" tendon2="t2" polycoef="0 2"/><tendon tendon1="t1" active="false"/></equality>
-    <contact><pair name="p" geom1="gb" geom2="gf"/><pair geom1="gf" geom2="ga" condim="6" friction="1 2 3 4 5" solref="-100 -10" solreffriction=".1 2" solimp=".5 .6 .7" margin=".3" gap=".2"/><pair geom1="sph" geom2="floor" condim="1"/><exclude body1="b" body2="c"/></contact>
+    <contact><pair name="p" geom1="gb" geom2="gf"/><pair geom1="gf" geom2="ga" condim="6" friction="1 2 3 4 5" solref="-100 -10" solreffriction=".1 2" solimp=".5 .6 .7" margin=".3" gap=".2" adhesion=".7"/><pair geom1="sph" geom2="floor" condim="1"/><exclude body1="b" body2="c"/></contact>
     <sensor><touch site="s1" cutoff="3" noise=".1"/><accelerometer site="s1"/><velocimeter site="s1"/><gyro name="g" site="s1"/><force site="s1"/><torque site="s1"/><magnetometer site="s1"/><rangefinder site="s1"/><rangefinder site="s1" data="dist point normal"/><jointpos joint="j1"/><jointvel joint="j1"/><tendonpos tendon="t1"/><tendonvel tendon="t1"/>
       <jointactuatorfrc joint="j1"/><tendonactuatorfrc tendon="t1"/><ballquat joint="ball"/><ballangvel joint="ball"/><jointlimitpos joint="j1"/><framepos objtype="site" objname="s1" reftype="body" refname="f"/><framequat objtype="xbody" objname="a"/><framexaxis objtype="geom" objname="ga"/>
       <framelinvel objtype="body" objname="a" reftype="site" refname="s4"/><frameangvel objtype="body" objname="a"/><framelinacc objtype="site" objname="s2"/><frameangacc objtype="body" objname="b"/><subtreecom body="a"/><subtreelinvel body="a"/><subtreeangmom body="a"/><insidesite site="s1" objtype="body" objname="f"/>
@@ -716,8 +717,8 @@ TEST_CASE("spatial tendons: 400 paths round spheres and cylinders, with sides ou
           "</spatial>";
     }
     compare("<mujoco><worldbody>" + sites +
-                "<body name='a'><joint axis='1 2 3'/><joint type='slide' springref='.3'/><geom size='.1' pos='.1 .2 .3'/>" + geoms +
-                "</body></worldbody><tendon>" + tendons + "</tendon></mujoco>");
+            "<body name='a'><joint axis='1 2 3'/><joint type='slide' springref='.3'/><geom size='.1' pos='.1 .2 .3'/>" + geoms +
+            "</body></worldbody><tendon>" + tendons + "</tendon></mujoco>");
   }
 }
 

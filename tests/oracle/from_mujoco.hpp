@@ -107,6 +107,7 @@ inline gsp::CompiledModel from_mujoco(mjModel const* m) {
   c.geom_gap = numbers(m->geom_gap, ngeom), c.geom_rbound = numbers(m->geom_rbound, ngeom);
   c.geom_solref = rows<2>(m->geom_solref, ngeom), c.geom_solimp = rows<5>(m->geom_solimp, ngeom);
   c.geom_rgba.resize(ngeom), c.geom_name = names(m, m->name_geomadr, ngeom), c.geom_data = ints(m->geom_dataid, ngeom);
+  c.geom_surfacevel = rows<6>(m->geom_surfacevel, ngeom), c.geom_adhesion = numbers(m->geom_adhesion, ngeom);
   c.geom_fluidcoef = rows<5>(m->geom_fluid + 1, ngeom, mjNFLUID);
   for (int g = 0; g < ngeom; ++g) c.geom_fluid.push_back(m->geom_fluid[mjNFLUID * g] > 0);
 

@@ -13,14 +13,15 @@ namespace gsp {
 
 /// Contact parameters of a pair: its own numbers where it was named (CompiledModel::named_pairs); else mixed (MuJoCo's mj_contactParam):
 /// the geom with the higher priority wins; else the larger condim and friction, solref and solimp weighted by solmix (solref: the smaller,
-/// where one of them is not positive); margin and gap are sums.
+/// where one of them is not positive), and adhesion is the sum; margin and gap are sums in any case.
 template <class R>
 struct ContactParameters {
   int condim;
-  R margin, gap;  // detected if dist <= margin + gap, acts if dist < margin [m]
+  R margin, gap;  // detected if dist <= margin + gap, acts if dist < margin [m]; with adhesion wherever it is detected
   R friction[5];  // sliding, sliding, torsional [m], rolling [m], rolling [m]
   R solref[2], solimp[5];
   R solreffriction[2];  // of soft friction rows; 0 0: as solref
+  R adhesion;           // with which it may pull [N]
 };
 
 /// What a geom brings to a contact.
@@ -30,6 +31,7 @@ struct GeomContact {
   R solmix, margin, gap;
   R friction[3];  // sliding, torsional [m], rolling [m]
   R solref[2], solimp[5];
+  R adhesion;
 };
 
 /// Mixes the parameters of two geoms.
@@ -39,8 +41,8 @@ KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R
 /// Mixes the parameters of geoms g1 and g2. Host.
 inline ContactParameters<double> mix_contact_parameters(CompiledModel const& m, int g1, int g2);
 
-/// The parameters of pair `pair` of the model (CompiledModel::pair_geoms), mixed or its own; with <flag override> margin, solref, solimp
-/// and friction are those of <option o_*>. Friction is at least 1e-5 in all cases, as in MuJoCo. Host.
+/// The parameters of pair `pair` of the model (CompiledModel::pair_geoms), mixed or its own; with flag override margin, solref, solimp
+/// and friction are the option's (o_margin ...). Friction is at least 1e-5 in all cases, as in MuJoCo. Host.
 inline ContactParameters<double> contact_parameters(CompiledModel const& m, int pair);
 
 /// Pairs first ... end - 1 whose geoms are in groups a and b (a: the plane's, where one of the two is a plane).
@@ -75,6 +77,7 @@ struct CollisionModel {
   Field<R> collider_size;                                        // (colliders, 3)
   Field<R> collider_friction, collider_solref, collider_solimp;  // (colliders, 3 | 2 | 5)
   Array<int const*> group_first;                                 // (groups + 1) first collider
+  Array<R const* [6]> collider_surface;                          // (colliders) velocity of the surface in its own frame; or none
   Array<int const* [2]> pair_collider;                           // (pairs, 2) colliders, type of the first <= type of the second
   Array<int const*> pair_parameters;                             // (pairs) index into parameters
   Kokkos::View<ContactParameters<R>*, Mem> parameters;           // the different ones
@@ -86,6 +89,7 @@ struct CollisionModel {
   Kokkos::View<GeomContact<R>*, Mem> collider_contact;  // (colliders) what geoms bring to contacts, shared values
   int value_worlds = 0;                                 // of the fields that are per world; 0: none is
   Kokkos::View<R*, Mem> world_reals;                    // what those lie in
+  bool adhesive = false;                                // contacts of some pairs pull
   bool has_convex_pairs = false;                        // some pairs are of kinds that the convex routine serves
   bool overridden = false;                              // <option o_*> says what friction, solref and solimp are, in every world
   bool mixes_per_world = false;                         // friction, solref or solimp is per world

@@ -41,8 +41,11 @@ struct Contacts {
   View<int*> geom1, geom2, body1, body2;
   View<R* [3]> pos;              // midway between the surfaces [m]
   View<R* [9]> frame;            // rows normal (geom1 to geom2), t1, t2
-  View<R*> dist, includemargin;  // [m]; acts if dist < includemargin
-  View<int*> feature;            // unique within (world, pair); survives steps
+  View<R*> dist, includemargin;  // [m]; acts if dist < includemargin, or adhesion != 0
+  View<R*> adhesion;             // with which it may pull [N]; empty where no pair of the model has any
+  View<R* [3]> surfacevel;  // velocity of the surface of geom2 less that of geom1: along t1, t2 [m/s], about the normal [rad/s]; or empty
+  View<int*> feature;       // unique within (world, pair); survives steps
+  bool adhesive = false, moving = false;  // of what model
   detail::ContactScratch<R, Mem> scratch;
   detail::SharedStamp<detail::ContactsStamp> stamp;  // host: of which state they are (dynamics/stamps.hpp)
 

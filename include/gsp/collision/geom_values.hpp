@@ -61,7 +61,7 @@ struct SetGeoms {
 }  // namespace detail
 
 /// Gives each of `worlds` worlds its own values of these fields of the geoms that collide, at first the shared ones. Parameters of contacts
-/// (friction, solref, solimp) are then mixed where a contact is met; models that share them keep the table, and where <flag override> says
+/// (friction, solref, solimp) are then mixed where a contact is met; models that share them keep the table, and where flag override says
 /// what they are they have no effect. The model keeps the memory.
 /// Allocates; fences. Errors: std::invalid_argument where fields are per world already for another number of worlds.
 template <ExecutionSpace Exec, class R, class Mem>

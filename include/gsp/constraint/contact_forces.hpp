@@ -23,7 +23,8 @@ struct WriteContactForces {
       R const* const p = impulses.impulses.p[impulses.impulses.parity()].data() + first;
       for (int r = 0; r < 6; ++r) force(c, r) = R(0);
       if (first < 0) return;
-      auto const parameters = collision.parameters_of(w, contacts.pair(c));
+      auto parameters = collision.parameters_of(w, contacts.pair(c));
+      if (!(contacts.dist(c) < contacts.includemargin(c))) parameters.condim = 1;  // pulls over the gap
       bool const pyramid = edges > 1 && parameters.condim > 1;
       for (int r = 0; r < parameters.condim && !pyramid; ++r) force(c, r) = p[r] * inverse_timestep;
       for (int r = 1; r < parameters.condim && pyramid; ++r) {
@@ -31,12 +32,14 @@ struct WriteContactForces {
         force(c, 0) += plus + minus;
         force(c, r) = parameters.friction[r - 1] * (plus - minus);
       }
+      force(c, 0) -= parameters.adhesion;
     });
   }
 };
 }  // namespace detail
 
-/// The force and torque of every contact of the last step, on body 2, in the contact's frame (MuJoCo's mj_contactForce).
+/// The force and torque of every contact of the last step, on body 2, in the contact's frame (MuJoCo's mj_contactForce): with adhesion the
+/// normal force may be negative; what adhesion actuators press with is not in it.
 /// @param collision, contacts  as they were assembled
 /// @param rows, impulses     after `pgs` (or `step`), before the next `assemble`
 /// @param force              out (contact, 6): along the normal and the two tangents [N], about them (torsion, rolling) [N m]; zero
@@ -45,8 +48,8 @@ struct WriteContactForces {
 /// Cost: a binary search a contact. Does not allocate, does not fence. Errors: std::invalid_argument where nothing has been solved since
 /// the rows were last assembled, or the contacts are others than those that were assembled, or were found anew since.
 template <ExecutionSpace Exec, class R, class Mem>
-void contact_forces(Exec const& exec, Model<R, Mem> const& model, CollisionModel<R, Mem> const& collision,
-                    Contacts<R, Mem> const& contacts, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Kokkos::View<R* [6], Kokkos::LayoutRight, Mem>& force) {
+void contact_forces(Exec const& exec, Model<R, Mem> const& model, CollisionModel<R, Mem> const& collision, Contacts<R, Mem> const& contacts,
+                    Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Kokkos::View<R* [6], Kokkos::LayoutRight, Mem>& force) {
   expects(force.extent(0) >= contacts.dist.extent(0),
           "gsp::contact_forces: room for " + std::to_string(force.extent(0)) + " contacts is given, and there may be " +
               std::to_string(contacts.dist.extent(0)) + ": give as many rows as contacts.dist has");

@@ -8,6 +8,9 @@
 ///   4  and one about the normal: torsion, |p| <= mu_torsion p_n
 ///   6  and two about the tangents: rolling
 /// J = J(body 2) - J(body 1) along, from the fourth row on about, the rows of the contact frame.
+/// What pulls (adhesion a) pushes from there on, p >= 0 being what it pushes and h a together: zeta += C h a of the normal, while
+/// ContactAdhesion, which stands before, pulls with h a. Within the gap it is a normal alone. Where a surface moves at s relative to the
+/// other (surfacevel) the rate of friction is u + s.
 /// In profile stable friction is rigid: it sticks exactly. In profile mujoco it is as soft as impratio says (constraint/soft_friction.hpp).
 namespace gsp {
 
@@ -22,14 +25,19 @@ struct ContactRows {
   int edges;  // elements of a contact
   ContactRows(Model<R, Mem> const& m, CollisionModel<R, Mem> const& c, Contacts<R, Mem> const& found,
               FrictionCone friction_cone = FrictionCone::elliptic)
-      : body_last_dof(m.body_last_dof), body_invweight0(m.body_invweight0), collision(c), contacts(found), cone(friction_cone),
-        soft{m.profile == Profile::mujoco, m.impratio, m.refsafe}, edges(friction_cone == FrictionCone::pyramidal ? c.most_edges : 1) {}
+      : body_last_dof(m.body_last_dof),
+        body_invweight0(m.body_invweight0),
+        collision(c),
+        contacts(found),
+        cone(friction_cone),
+        soft{m.profile == Profile::mujoco, m.impratio, m.refsafe},
+        edges(friction_cone == FrictionCone::pyramidal ? c.most_edges : 1) {}
 
   KOKKOS_INLINE_FUNCTION int count(int world) const { return edges * contacts.count_of(world); }
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const { return contacts.status(world); }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
     int const c = contact_of(world, k);
-    if (!(contacts.dist(c) < contacts.includemargin(c))) return 0;
+    if (!(contacts.dist(c) < contacts.includemargin(c)) && adhesion_of(c) == R(0)) return 0;
     // Equal last dofs, or none: the two do not move against each other (named pairs may be of such bodies), and J would be zero.
     if (body_last_dof(contacts.body1(c)) == body_last_dof(contacts.body2(c))) return 0;
     int const condim = parameters(world, c).condim;
@@ -50,6 +58,17 @@ struct ContactRows {
     return contacts.dist(c);
   }
   KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int row, R x, R u, R h) const {
+    R const surface = surface_rate(world, k, row);
+    RowLaw<R> law = law_at_rest(world, k, row, x, u + surface, h);
+    law.zeta -= surface;
+    if (int const c = contact_of(world, k); row == 0 && adhesion_of(c) != R(0)) {
+      int const condim = parameters(world, c).condim;
+      law.zeta += law.compliance * h * adhesion_of(c) / R(edges > 1 && condim > 1 ? 2 * (condim - 1) : 1);
+    }
+    return law;
+  }
+  /// Of surfaces that neither move nor pull.
+  KOKKOS_INLINE_FUNCTION RowLaw<R> law_at_rest(int world, int k, int row, R x, R u, R h) const {
     if (row > 0 && !soft.on) return {R(0), R(0)};
     int const c = contact_of(world, k);
     auto const p = parameters(world, c);
@@ -62,8 +81,7 @@ struct ContactRows {
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const {
     if (row == 0) return {R(0), Kokkos::Experimental::infinity_v<R>};
     bool const first_of_two = row == 1 || row == 4;
-    return {R(0), R(0), 0, parameters(world, contact_of(world, k)).friction[row - 1],
-            first_of_two && cone == FrictionCone::elliptic};
+    return {R(0), R(0), 0, parameters(world, contact_of(world, k)).friction[row - 1], first_of_two && cone == FrictionCone::elliptic};
   }
   KOKKOS_INLINE_FUNCTION RowId id(int world, int k) const {
     int const c = contact_of(world, k);
@@ -87,8 +105,21 @@ struct ContactRows {
       J.add_rotation(contacts.body1(c), direction, -scale);
     }
   }
+  KOKKOS_INLINE_FUNCTION R adhesion_of(int c) const { return contacts.adhesive ? contacts.adhesion(c) : R(0); }
+  /// Rate of the surfaces along a row.
+  KOKKOS_INLINE_FUNCTION R surface_rate(int world, int k, int row) const {
+    if (!contacts.moving) return R(0);
+    int const c = contact_of(world, k);
+    if (edges == 1) return row >= 1 && row <= 3 ? contacts.surfacevel(c, row - 1) : R(0);
+    auto const p = parameters(world, c);
+    int const edge = k % edges;
+    if (p.condim == 1 || edge > 5) return R(0);
+    return (edge % 2 ? -p.friction[edge / 2] : p.friction[edge / 2]) * contacts.surfacevel(c, edge / 2);
+  }
   KOKKOS_INLINE_FUNCTION ContactParameters<R> parameters(int world, int c) const {
-    return collision.parameters_of(world, contacts.pair(c));
+    auto p = collision.parameters_of(world, contacts.pair(c));
+    if (!(contacts.dist(c) < contacts.includemargin(c))) p.condim = 1;  // pulls over the gap
+    return p;
   }
 };
 

@@ -12,7 +12,8 @@ namespace gsp {
 /// Actuator forces [N, N m] on every dof at state.ctrl (world, nu) and state.act (world, na), in dynamics.items
 /// (`copy_dofs(..., &DynamicsLayout::actuator, out)`); the rate of the activations, which integrate takes. `poses` as forward_kinematics
 /// left them; after passive_forces, where a joint counts gravity compensation as its actuator's. Controls and forces are clamped to their
-/// ranges, tendons' and joints' sums to their actuatorfrcrange. An actuator on a body (adhesion) has no force without contacts.
+/// ranges, tendons' and joints' sums to their actuatorfrcrange. The force of an actuator on a body (adhesion) is for its
+/// contacts (constraint/contact_adhesion.hpp).
 /// Does not allocate, does not fence. Errors: std::invalid_argument for poses of another moment than the state, where they are read.
 /// @param laws  of your own (actuator_law.hpp), in the place of gain and bias of the actuators that they drive
 template <ExecutionSpace Exec, class R, class Mem, class... Laws>

@@ -111,6 +111,7 @@ struct DynamicsLayout {
     reserve(tendon_J, a.ntendonJ);
     reserve(tendon_length, a.ntendon);
     reserve(act_length, a.nact);
+    if (a.adhesion) reserve(act_force, a.nact);
     reserve(mass, a.nM);
     reserve(derivative, a.derivative * a.nM);
     reserve(force, a.nv);
@@ -124,7 +125,7 @@ struct DynamicsLayout {
     reserve(gravcomp, a.gravcomp ? a.nv : 0);
     reserve(tendon_velocity, a.ntendon);
     reserve(act_velocity, a.nact);
-    reserve(act_force, a.nact);
+    if (!a.adhesion) reserve(act_force, a.nact);
     reserve(act_slope, a.derivative ? a.nact : 0);
     reserve(act_moment, a.nmoment);
     reserve(energy, 2);

@@ -55,7 +55,7 @@ struct CompiledModel {
   std::vector<std::array<float, 4>> geom_rgba;
   std::vector<std::string> geom_name;
   std::vector<std::array<double, 6>> geom_surfacevel;  // of its surface in its own frame: linear, angular
-  std::vector<double> geom_adhesion;                   // [N] a contact
+  std::vector<double> geom_adhesion;                   // with which each contact may pull [N]
   std::vector<int> geom_data;                          // mesh or height field, -1: none
   std::vector<int> geom_fluid;                         // takes part in the ellipsoid fluid model
   std::vector<std::array<double, 5>> geom_fluidcoef;   // blunt drag, slender drag, angular drag, Kutta lift, Magnus lift
@@ -80,7 +80,7 @@ struct CompiledModel {
     int geom1, geom2, condim;
     std::array<double, 5> friction, solimp;        // friction: sliding, sliding, torsional [m], rolling [m], rolling [m]
     std::array<double, 2> solref, solreffriction;  // solreffriction 0 0: as solref
-    double margin, gap;
+    double margin, gap, adhesion = 0;
   };
   std::vector<NamedPair> named_pairs;
   /// All pairs that may touch: `pairs`, then `named_pairs`.

@@ -217,7 +217,7 @@ struct PairDescription {
   std::optional<int> condim{};  // what is empty takes MJCF's default (condim 3, friction 1 ..., no margin): nothing comes from the geoms
   std::optional<std::array<double, 5>> friction{}, solimp{};
   std::optional<std::array<double, 2>> solref{}, solreffriction{};
-  std::optional<double> margin{}, gap{};
+  std::optional<double> margin{}, gap{}, adhesion{};
   Place place{};
 };
 

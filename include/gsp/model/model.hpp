@@ -36,6 +36,7 @@ struct Archetype {
   bool spatial, tendon_armature, tendon_passive, tendon_clamped, gravcomp, fluid;
   bool gyroscopic;       // profile stable takes the bias forces of the middle of the step, since nothing damps some joint
   bool plain_actuators;  // each on a hinge or slide of its own, without activation
+  bool adhesion;         // actuators on bodies, whose forces contacts ask for
   int derivative;  // of the forces by velocity, for the integrator: 0 none, 1 the lower triangle, 2 all of it and that of the bias forces
 };
 
@@ -102,6 +103,7 @@ struct Model {
   Array<int> limited_joints, friction_dofs, limited_tendons, friction_tendons;  // world indices
   Array<int> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr;                       // (njnt)
   Array<int> tendon_termadr, term_jnt;                                          // (ntendon + 1), (nterm)
+  Array<int> adhesion_body, adhesion_tree, adhesion_place;                      // of actuators on bodies: where their forces lie
   Array<int> tendon_tree, tendon_place;                                         // (ntendon) its tree, -1: none; its place there
   Array<int> eq_type, eq_id1, eq_id2, eq_sites, eq_active0;                     // (neq) as CompiledModel has them
   Array<int> body_last_dof;                                                     // (nbody) the dof that moves it last, -1 static

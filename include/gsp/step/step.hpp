@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/collision/contacts.hpp>
 #include <gsp/constraint/assemble.hpp>
+#include <gsp/constraint/contact_adhesion.hpp>
 #include <gsp/constraint/contact_rows.hpp>
 #include <gsp/constraint/equality.hpp>
 #include <gsp/constraint/joint_friction.hpp>
@@ -36,7 +37,7 @@ struct Simulation {
 /// The constraint types of MJCF, in the order of their rows.
 template <class R, class Mem>
 using ModelConstraints = ConstraintList<Equalities<R, Mem>, JointFriction<R, Mem>, TendonFriction<R, Mem>, JointLimits<R, Mem>,
-                                        TendonLimits<R, Mem>, ContactRows<R, Mem>>;
+                                        TendonLimits<R, Mem>, ContactAdhesion<R, Mem>, ContactRows<R, Mem>>;
 
 struct SimulationOptions {
   int worlds = 1;
@@ -46,7 +47,7 @@ struct SimulationOptions {
 struct StepOptions {
   int steps = 1;
   PgsOptions solver = {};  // profile mujoco, which Newton's method solves: iterations and residual alone
-  bool poses = true;  // leave simulation.poses of the end: one launch of forward_kinematics a call
+  bool poses = true;       // leave simulation.poses of the end: one launch of forward_kinematics a call
 };
 
 namespace detail {
@@ -85,7 +86,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   if (!refusals.empty()) throw Error(refusals.front());
   bool const mujoco = model.profile == Profile::mujoco;
   if (mujoco && options.cone == FrictionCone::box)
-    throw Error("gsp::make_simulation: profile mujoco has no box of friction: choose FrictionCone::elliptic or pyramidal, or profile stable");
+    throw Error(
+        "gsp::make_simulation: profile mujoco has no box of friction: choose FrictionCone::elliptic or pyramidal, or profile stable");
   Simulation<R, Mem> sim;
   int const n = options.worlds;
   sim.collision = make_collision_model<R>(exec, compiled);
@@ -136,10 +138,12 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
         [&](auto const&... type) {
           return constraints(Equalities(model, state, sim.poses, sim.dynamics), JointFriction(model), TendonFriction(model, sim.dynamics),
                              JointLimits(model, state), TendonLimits(model, sim.dynamics),
-                             ContactRows(model, sim.collision, sim.contacts, sim.cone), type...);
+                             ContactAdhesion(model, sim.contacts, sim.dynamics), ContactRows(model, sim.collision, sim.contacts, sim.cone),
+                             type...);
         },
         types);
-    static_assert(own_types || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>, "gsp::kernels holds assemble for these types");
+    static_assert(own_types || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>,
+                  "gsp::kernels holds assemble for these types");
     assemble(exec, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress);
     detail::solve(exec, model, sim, solver, warm, ends_step);
   };

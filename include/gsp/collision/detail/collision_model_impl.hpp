@@ -3,6 +3,7 @@
 #include <array>
 #include <gsp/collision/collision_model.hpp>
 #include <gsp/core/detail/views.hpp>
+#include <gsp/model/archetypes.hpp>
 #include <map>
 #include <string>
 #include <tuple>
@@ -23,6 +24,7 @@ KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R
     for (int i = 0; i < 3; ++i) friction[i] = g.friction[i];
     for (int i = 0; i < 2; ++i) p.solref[i] = g.solref[i];
     for (int i = 0; i < 5; ++i) p.solimp[i] = g.solimp[i];
+    p.adhesion = g.adhesion;
   } else {
     R const tiny(1e-15);
     p.condim = a.condim > b.condim ? a.condim : b.condim;
@@ -35,6 +37,7 @@ KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R
       p.solref[i] = standard ? mix * a.solref[i] + (R(1) - mix) * b.solref[i] : least;
     }
     for (int i = 0; i < 5; ++i) p.solimp[i] = mix * a.solimp[i] + (R(1) - mix) * b.solimp[i];
+    p.adhesion = a.adhesion + b.adhesion;
   }
   for (int i = 0; i < 5; ++i) {
     R const f = friction[i < 2 ? 0 : i == 2 ? 1 : 2];
@@ -46,10 +49,11 @@ KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R
 namespace detail {
 template <class R>
 GeomContact<R> geom_contact(CompiledModel const& m, int g) {
-  GeomContact<R> c{m.geom_priority[g], m.geom_condim[g], R(m.geom_solmix[g]), R(m.geom_margin[g]), R(m.geom_gap[g]), {}, {}, {}};
+  GeomContact<R> c{m.geom_priority[g], m.geom_condim[g], R(m.geom_solmix[g]), R(m.geom_margin[g]), R(m.geom_gap[g]), {}, {}, {}, R(0)};
   for (int i = 0; i < 3; ++i) c.friction[i] = R(m.geom_friction[g][i]);
   for (int i = 0; i < 2; ++i) c.solref[i] = R(m.geom_solref[g][i]);
   for (int i = 0; i < 5; ++i) c.solimp[i] = R(m.geom_solimp[g][i]);
+  c.adhesion = R(item_or(m.geom_adhesion, g, 0.));
   return c;
 }
 }  // namespace detail
@@ -72,6 +76,7 @@ inline ContactParameters<double> contact_parameters(CompiledModel const& m, int 
     for (int i = 0; i < 5; ++i) p.solimp[i] = own.solimp[i];
     for (int i = 0; i < 2; ++i) p.solref[i] = own.solref[i];
     for (int i = 0; i < 2; ++i) p.solreffriction[i] = own.solreffriction[i];
+    p.adhesion = own.adhesion;
   }
   auto const& o = m.option;
   if (!o.override_contacts) return p;
@@ -135,7 +140,8 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   std::sort(keys.begin(), keys.end());
 
   std::vector<int> geom, body, type, pair, parameters, source;
-  std::vector<R> pose, size, friction, solref, solimp;
+  std::vector<R> pose, size, friction, solref, solimp, surface;
+  bool moving = false;
   std::vector<GeomContact<R>> contact;
   for (int i = 0; i < c.colliders; ++i) {
     int const g = order[i];
@@ -150,7 +156,12 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
     friction.insert(friction.end(), own.friction, own.friction + 3);
     solref.insert(solref.end(), own.solref, own.solref + 2);
     solimp.insert(solimp.end(), own.solimp, own.solimp + 5);
+    auto const velocity = detail::item_or(m.geom_surfacevel, g, std::array<double, 6>{});
+    surface.insert(surface.end(), velocity.begin(), velocity.end());
+    moving = moving || velocity != std::array<double, 6>{};
   }
+
+  if (!moving) surface.clear();
 
   std::vector<int> asset;
   c.assets = make_shape_assets<R>(exec, m, order, asset);
@@ -158,13 +169,13 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   std::vector<CollisionRun<R>> runs;
   std::vector<CollisionChunk> chunks;
   // pairs of geoms with equal parameters share them: mixing depends on each geom's own set only
-  std::map<std::array<double, 15>, int> geom_sets;
+  std::map<std::array<double, 16>, int> geom_sets;
   std::vector<int> geom_set(m.ngeom, 0);
   for (int g : order) {
     auto const& f = m.geom_friction[g];
     auto const& r = m.geom_solref[g];
     auto const& s = m.geom_solimp[g];
-    std::array<double, 15> const set{double(m.geom_condim[g]),
+    std::array<double, 16> const set{double(m.geom_condim[g]),
                                      double(m.geom_priority[g]),
                                      f[0],
                                      f[1],
@@ -178,12 +189,13 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
                                      s[1],
                                      s[2],
                                      s[3],
-                                     s[4]};
+                                     s[4],
+                                     detail::item_or(m.geom_adhesion, g, 0.)};
     geom_set[g] = geom_sets.try_emplace(set, int(geom_sets.size())).first->second;
   }
   auto const add_parameters = [&](int k) {
     auto const p = contact_parameters(m, k);
-    ContactParameters<R> r{p.condim, R(p.margin), R(p.gap), {}, {}, {}, {}};
+    ContactParameters<R> r{p.condim, R(p.margin), R(p.gap), {}, {}, {}, {}, R(p.adhesion)};
     for (int i = 0; i < 5; ++i) r.friction[i] = R(p.friction[i]);
     for (int i = 0; i < 5; ++i) r.solimp[i] = R(p.solimp[i]);
     for (int i = 0; i < 2; ++i) r.solref[i] = R(p.solref[i]);
@@ -219,6 +231,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
     if (new_chunk || runs.back().a != key.a || runs.back().b != key.b) runs.push_back({key.a, key.b, k, k, R(0)});
     auto const& own = distinct[parameters.back()];
     c.most_edges = std::max(c.most_edges, 2 * (own.condim - 1));
+    c.adhesive |= own.adhesion != R(0);
     runs.back().end = chunks.back().end = k + 1;
     chunks.back().run_end = int(runs.size());
     runs.back().reach = std::max(runs.back().reach, own.margin + own.gap);
@@ -235,7 +248,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   std::size_t const at_geom = begin(ints, geom), at_body = begin(ints, body), at_type = begin(ints, type), at_asset = begin(ints, asset),
                     at_pair = begin(ints, pair), at_group = begin(ints, group_first), at_parameters = begin(ints, parameters),
                     at_pose = begin(reals, pose), at_size = begin(reals, size), at_friction = begin(reals, friction),
-                    at_solref = begin(reals, solref), at_solimp = begin(reals, solimp);
+                    at_solref = begin(reals, solref), at_solimp = begin(reals, solimp), at_surface = begin(reals, surface);
   c.ints = detail::to_device<decltype(c.ints)>(exec, "gsp::CollisionModel::ints", ints);
   c.reals = detail::to_device<decltype(c.reals)>(exec, "gsp::CollisionModel::reals", reals);
   c.parameters = detail::to_device<decltype(c.parameters)>(exec, "gsp::CollisionModel::parameters", distinct);
@@ -255,6 +268,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   c.collider_friction = {r + at_friction};
   c.collider_solref = {r + at_solref};
   c.collider_solimp = {r + at_solimp};
+  if (moving) c.collider_surface = {r + at_surface, geom.size()};
   c.group_first = {i + at_group, group_first.size()};
   c.pair_collider = {i + at_pair, source.size()};
   c.pair_parameters = {i + at_parameters, source.size()};

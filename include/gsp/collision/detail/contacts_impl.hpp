@@ -28,6 +28,8 @@ void allocate_contacts(Contacts<R, Mem>& c, std::int64_t candidates, std::int64_
   make(c.dist, "gsp::Contacts::dist", contacts);
   make(c.includemargin, "gsp::Contacts::includemargin", contacts);
   make(c.feature, "gsp::Contacts::feature", contacts);
+  if (c.adhesive) make(c.adhesion, "gsp::Contacts::adhesion", contacts);
+  if (c.moving) make(c.surfacevel, "gsp::Contacts::surfacevel", contacts);
 }
 }  // namespace detail
 
@@ -39,6 +41,8 @@ Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& m
   c.points_per_box_pair = options.points_per_box_pair;
   c.stamp = detail::make_stamp<detail::ContactsStamp>("gsp::Contacts::stamp");
   int const worlds = c.worlds = options.worlds;
+  c.adhesive = model.adhesive;
+  c.moving = model.collider_surface.extent(0) > 0;
   auto const make = [&](auto& v, std::string const& label, std::size_t n) {
     v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, n);
   };

@@ -4,6 +4,7 @@
 #include <gsp/collision/narrowphase.hpp>
 #include <gsp/core/status.hpp>
 #include <gsp/fwd.hpp>
+#include <gsp/math/spatial.hpp>
 #include <gsp/model/detail/stamp.hpp>
 
 /// Kernels of gsp/collision/contacts.hpp, where the contract stands, and what they keep between them.
@@ -165,7 +166,9 @@ struct WriteContacts {
     contacts.body1(i) = model.collider_body(a);
     contacts.body2(i) = model.collider_body(b);
     contacts.dist(i) = p.dist;
-    contacts.includemargin(i) = model.parameters_of(c.world, c.pair).margin;
+    auto const own = model.parameters_of(c.world, c.pair);
+    contacts.includemargin(i) = own.margin;
+    if (contacts.adhesive) contacts.adhesion(i) = own.adhesion;
     for (int k = 0; k < 3; ++k) contacts.pos(i, k) = p.pos[k];
     // a capsule on a plane slides along and across itself, as in MuJoCo
     Vec3<R> const hint = is_among(along_b_kinds, PairKind(c.kind))
@@ -173,6 +176,19 @@ struct WriteContacts {
                              : Vec3<R>{R(0), R(0), R(0)};
     Mat3<R> const f = contact_frame(p.normal, hint);
     for (int k = 0; k < 9; ++k) contacts.frame(i, k) = f.m[k];
+    if (!contacts.moving) return;
+    Spatial<R> const velocity_a = surface_velocity(c.world, a, p.pos), velocity_b = surface_velocity(c.world, b, p.pos);
+    Vec3<R> const linear = velocity_b.linear - velocity_a.linear, angular = velocity_b.angular - velocity_a.angular;
+    contacts.surfacevel(i, 0) = dot(Vec3<R>{f.m[3], f.m[4], f.m[5]}, linear);
+    contacts.surfacevel(i, 1) = dot(Vec3<R>{f.m[6], f.m[7], f.m[8]}, linear);
+    contacts.surfacevel(i, 2) = dot(p.normal, angular);
+  }
+  /// v + w x (point - origin) and w of a collider's surface, world frame.
+  KOKKOS_INLINE_FUNCTION Spatial<R> surface_velocity(int world, int collider, Vec3<R> const& point) const {
+    Transform<R> const at = load_pose(&contacts.scratch.bounds.pose(world, collider, 0));
+    R const* const s = &model.collider_surface(collider, 0);
+    Vec3<R> const w = rotate(at.q, Vec3<R>{s[3], s[4], s[5]});
+    return {w, rotate(at.q, Vec3<R>{s[0], s[1], s[2]}) + cross(w, point - at.p)};
   }
 };
 

@@ -137,8 +137,6 @@ inline void read_geom(Document& doc, Node const& node, BodyDraft& to, Pose const
   a.numbers("surfacevel", g.surface_velocity, false);
   a.number("adhesion", g.adhesion);
   a.number("fitscale", g.fitscale);
-  if (g.adhesion != 0) doc.note(Line::approximated, node.place, "<geom> adhesion: contacts push only");
-  if (g.surface_velocity != std::array<double, 6>{}) doc.note(Line::approximated, node.place, "<geom> surfacevel: surfaces are at rest");
   if (a.has("fluidshape")) g.fluid_ellipsoid = a.choice("fluidshape", {"none", "ellipsoid"}) == 1;
   a.numbers("fluidcoef", g.fluid_coef, false);
   g.has_mass = a.number("mass", g.mass);

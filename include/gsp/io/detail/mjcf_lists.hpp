@@ -37,6 +37,7 @@ inline void read_contacts(Document& doc, Node const& node) {
       optional("condim", p.condim);
       optional("margin", p.margin);
       optional("gap", p.gap);
+      optional("adhesion", p.adhesion);
       optional("solreffriction", p.solreffriction);
       if (a.has("solref")) {
         p.solref = SoftnessDescription{}.solref;

@@ -49,7 +49,6 @@ inline std::string schema_page() {
       "`user`, `pid`, `so3`\n"
       "and `dcmotor`, coefficients of higher order of an actuator's damping, muscles whose length range is not given and that the\n"
       "simulation of `<lengthrange>` pulls without end.\n\n"
-      "Taken with a note: `adhesion` and `surfacevel` of geoms, which contacts do not know yet.\n\n"
       "## Elements and their attributes\n\n| element | honoured | seen only | without effect | refused |\n| --- | --- | --- | --- | --- "
       "|\n";
   for (auto const& e : schema) {

@@ -135,7 +135,7 @@ inline constexpr ElementSchema schema[] = {
      "softness specular target texture type",
      "", "", ""},
     {"contact", "", "", "", "", "pair exclude"},
-    {"pair", "class condim friction gap geom1 geom2 margin name solimp solref solreffriction", "", "", "adhesion", ""},
+    {"pair", "adhesion class condim friction gap geom1 geom2 margin name solimp solref solreffriction", "", "", "", ""},
     {"exclude", "body1 body2 name", "", "", "", ""},
     {"equality", "", "", "", "", "connect weld joint tendon flex flexvert flexstrain"},
     {"default/equality", "active solimp solref", "", "", "", ""},

@@ -314,6 +314,7 @@ class Writer {
       optional("solimp", p.solimp);
       optional("margin", p.margin);
       optional("gap", p.gap);
+      optional("adhesion", p.adhesion);
       close();
     }
     for (auto const& e : d.excludes) open("exclude").text("body1", e.body1).text("body2", e.body2).close();

@@ -199,9 +199,21 @@ class BodyCompiler : public CompilerBase {
     m_.nq = int(m_.qpos0.size());
   }
 
+  /// In the frame that a mesh has moved the geom to: v + w x r and w about its origin, r from the one to the other.
+  static std::array<double, 6> surface_velocity(GeomDescription const& g, GeomShape const& shape) {
+    auto const& s = g.surface_velocity;
+    if (g.type != ShapeType::mesh || s == std::array<double, 6>{}) return s;
+    Double4 const own = normalized(g.quat), turned = normalized(shape.quat);
+    auto const turn = [&](Double3 const& v) { return rotate_inverse(turned, rotate(own, v)); };
+    Double3 const w{s[3], s[4], s[5]}, r = rotate_inverse(own, shape.pos - g.pos);
+    Double3 const linear = turn(Double3{s[0], s[1], s[2]} + cross(w, r)), angular = turn(w);
+    return {linear[0], linear[1], linear[2], angular[0], angular[1], angular[2]};
+  }
+
   void geom(int b, GeomDescription const& g) {
     require_finite(finite(g.pos) && finite(g.quat) && finite(g.size) && finite(g.friction) && finite(g.softness.solref) &&
-                       finite(g.softness.solimp) && finite(std::array{g.solmix, g.margin, g.gap, g.mass, g.density}),
+                       finite(g.softness.solimp) && finite(std::array{g.solmix, g.margin, g.gap, g.mass, g.density, g.adhesion}) &&
+                       finite(g.surface_velocity),
                    g.place, "geom", g.name);
     auto const shape = shape_of(g);
     if (g.condim != 1 && g.condim != 3 && g.condim != 4 && g.condim != 6)
@@ -241,7 +253,7 @@ class BodyCompiler : public CompilerBase {
     m_.geom_data.push_back(shape.data);
     m_.geom_fluid.push_back(g.fluid_ellipsoid);
     m_.geom_fluidcoef.push_back(g.fluid_coef);
-    m_.geom_surfacevel.push_back(g.surface_velocity);
+    m_.geom_surfacevel.push_back(surface_velocity(g, shape));
     m_.geom_adhesion.push_back(g.adhesion);
     places_.push_back(g.place);
     ++m_.ngeom;

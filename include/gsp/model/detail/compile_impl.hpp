@@ -74,8 +74,9 @@ class Compiler : public ConstantsCompiler {
       pair.solreffriction = p.solreffriction.value_or(std::array{0., 0.});
       pair.margin = p.margin.value_or(0);
       pair.gap = p.gap.value_or(0);
+      pair.adhesion = p.adhesion.value_or(0);
       require_finite(finite(pair.friction) && finite(pair.solref) && finite(pair.solimp) && finite(pair.solreffriction) &&
-                         std::isfinite(pair.margin) && std::isfinite(pair.gap),
+                         std::isfinite(pair.margin) && std::isfinite(pair.gap) && std::isfinite(pair.adhesion),
                      p.place, "pair", p.name);
       named_.emplace(std::min(a, b), std::max(a, b));
       ShapeType const type_a{m_.geom_type[a]};

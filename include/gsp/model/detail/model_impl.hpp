@@ -102,7 +102,7 @@ void fill_fields(ModelPools<R, Mem>& pool, Model<R, Mem> const& d, FieldSource c
 /// World indices of what is in trees.
 struct TreeLists {
   std::vector<int> tree_archetype, tree_instance, tree_body, tree_dof, tree_dofnum, body_tree, body_root, dof_tree, tendon_tree,
-      tendon_place;
+      tendon_place, adhesion_body, adhesion_tree, adhesion_place;
 };
 /// Trees that equality constraints close on themselves or hold to what stands still; how many rows those have goes to d.closing_rows.
 template <class M>
@@ -166,7 +166,10 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
                   std::vector<int>(m.nbody, 0),
                   std::vector<int>(m.nv),
                   std::vector<int>(m.ntendon, -1),
-                  std::vector<int>(m.ntendon, -1)};
+                  std::vector<int>(m.ntendon, -1),
+                  {},
+                  {},
+                  {}};
   bool const gravity = m.option.gravity_on && (m.option.gravity != Double3{}), passive = d.springs || d.dampers;
   for (int k = 0; k < int(trees.size()); ++k) {
     auto const& t = trees[k];
@@ -241,6 +244,13 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
         lists.tendon_tree[s.tendon[e]] = s.tree;
         lists.tendon_place[s.tendon[e]] = e;
       }
+      for (int e = 0; e < a.nact; ++e) {
+        if (t.act_kind[e] != int(ActuatorKind::contacts)) continue;
+        a.adhesion = true;
+        lists.adhesion_body.push_back(m.act_id[s.act[e]]);
+        lists.adhesion_tree.push_back(s.tree);
+        lists.adhesion_place.push_back(e);
+      }
       for (int e : s.tendon) {
         a.tendon_armature |= source.tendon_armature[e] != 0;
         a.tendon_clamped |= item_or(m.tendon_actfrclimited, e, 0) != 0;
@@ -308,6 +318,9 @@ void fill_lists(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& s
   pool.add(&M::term_jnt, m.term_jnt);
   pool.add(&M::tendon_tree, trees.tendon_tree);
   pool.add(&M::tendon_place, trees.tendon_place);
+  pool.add(&M::adhesion_body, trees.adhesion_body);
+  pool.add(&M::adhesion_tree, trees.adhesion_tree);
+  pool.add(&M::adhesion_place, trees.adhesion_place);
   pool.add(&M::eq_type, m.eq_type);
   pool.add(&M::eq_id1, m.eq_id1);
   pool.add(&M::eq_id2, m.eq_id2);
