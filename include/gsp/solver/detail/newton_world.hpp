@@ -46,7 +46,7 @@ struct NewtonWorld {
     R* const change = rate_change.data() + first;
     R* const d = H + std::int64_t(nv) * (nv + 1) / 2;
     start(world, l, z, w, p);
-    int iteration = 0;
+    int iteration = 0, stalls = 0;
     R best = Kokkos::Experimental::infinity_v<R>;
     while (count > 0 && iteration < iterations) {
       // d <- -g, H d <- -g
@@ -61,7 +61,7 @@ struct NewtonWorld {
       R const size = world.template sum<R>(nv, [&](int i) { return z[i] * z[i]; });
       R const least = square(tolerance) * size;
       bool const there = !(decrement > least);
-      if (!there && decrement >= best && decrement < R(1e6) * least) break;  // rounding alone is left
+      if (!there && decrement >= best && decrement < R(1e6) * least && ++stalls == 3) break;  // rounding alone is left
       best = min(best, decrement);
       world.each(count, [&](int r) { change[r] = dot(l.row[r], d); });
       world.sync();
