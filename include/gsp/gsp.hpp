@@ -24,6 +24,7 @@
 #include <gsp/constraint/rows.hpp>
 #include <gsp/constraint/soft_friction.hpp>
 #include <gsp/constraint/softness.hpp>
+#include <gsp/constraint/stiff_forces.hpp>
 #include <gsp/constraint/tendon.hpp>
 #include <gsp/core/check.hpp>
 #include <gsp/core/exec.hpp>

@@ -9,6 +9,8 @@ namespace gsp {
 
 template <class R, class Mem>
 struct ContactRows;  // constraint/contact_rows.hpp
+template <class R, class Mem>
+struct StiffForces;  // constraint/stiff_forces.hpp
 
 /// Constraint types one after the other, as a list that kernels can walk: `constraints(JointLimits(model, state), Tether{...})`.
 template <class... C>
@@ -128,6 +130,10 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
   detail::expects_of("gsp::assemble", dynamics, state,
                      detail::set_of(Quantity::motion, Quantity::velocity, Quantity::factor, Quantity::free_velocity));
   detail::expects_inputs_of(types, state);
+  if (detail::leaves_stiff_forces(dynamics) && !(std::is_same_v<Types, StiffForces<R, Mem>> || ...))
+    throw std::invalid_argument(
+        "gsp::assemble: stiff springs and servos were left to rows (stiff_rows), and the list has none for them: add "
+        "StiffForces(model, state, dynamics)");
   Region const region("gsp::constraint::assemble");
   using List = ConstraintList<Types...>;
   for_worlds("gsp::constraint::count_rows", exec, rows.worlds, detail::CountRows<R, Mem, List>{model, state, rows, progress.halt, types});

@@ -129,12 +129,18 @@ struct ElementImpulses {
   Impulses<R, Mem> impulses;
   std::uint32_t name;
 
+  /// Row::type of the rows of this type, -1 where the list had none.
+  KOKKOS_INLINE_FUNCTION int type() const {
+    int place = 0;
+    int const side = impulses.parity();
+    for (; impulses.type_names(place, side) != name; ++place)
+      if (impulses.type_names(place, side) == 0) return -1;
+    return place;
+  }
   /// First row of element k in Rows::row, -1 where it had no rows. Cost: a binary search.
   KOKKOS_INLINE_FUNCTION int first_row(int world, int k) const {
-    int type = 0;
-    int const side = impulses.parity();
-    for (; impulses.type_names(type, side) != name; ++type)
-      if (impulses.type_names(type, side) == 0) return -1;
+    int const type = this->type();
+    if (type < 0) return -1;
     int low = rows.first(world);
     int const end = low + rows.count(world);
     for (int high = end; low < high;) {

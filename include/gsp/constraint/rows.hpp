@@ -126,9 +126,11 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   make(r.first_entry, "gsp::Rows::first_entry", n);
   make(r.entries, "gsp::Rows::entries", n);
   make(r.demand, "gsp::Rows::demand", 2);
-  std::int64_t const rows = options.rows_per_world > 0
-                                ? options.rows_per_world
-                                : 12 * model.ntree + int(model.limited_joints.extent(0) + model.friction_dofs.extent(0));
+  bool const stiff = detail::any_archetype(model, [](Archetype const& a) { return a.stiff; });
+  std::int64_t const rows =
+      options.rows_per_world > 0
+          ? options.rows_per_world
+          : 12 * model.ntree + int(model.limited_joints.extent(0) + model.friction_dofs.extent(0)) + (stiff ? model.nu + model.ntendon : 0);
   std::int64_t const entries = options.entries_per_world > 0 ? options.entries_per_world : rows * std::max(8, std::min(model.nv + 1, 12));
   detail::allocate_rows(exec, r, std::max<std::int64_t>(rows, 1) * n, std::max<std::int64_t>(entries, 1) * n);
   return r;

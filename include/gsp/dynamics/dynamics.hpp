@@ -85,12 +85,14 @@ struct LaneItems {
 /// velocity: free, then new), then what is needed within one stage only.
 struct DynamicsLayout {
   int com, cdof, factor, inverse_diagonal, qvel, velocity, spin, center,
-      act_dot;                              // com: of each root's bodies; spin, center: of a tree that is one rigid body, see factor.hpp
-  int tendon_J, tendon_length, act_length;  // tendon_J: of spatial tendons
-  int mass, derivative;  // derivative of the forces by velocity, lower triangle as M, then the upper (by rows of the transpose)
+      act_dot;  // com: of each root's bodies; spin, center: of a tree that is one rigid body, see factor.hpp
+  int tendon_J, tendon_length, act_length, act_moment;  // tendon_J: of spatial tendons
+  int act_row, tendon_row;  // what is left to rows (constraint/stiff_forces.hpp): (slope, intercept, lower, upper), (slope, intercept)
+  int mass, derivative;     // derivative of the forces by velocity, lower triangle as M, then the upper (by rows of the transpose)
   int force, passive, actuator, bias, stiffness, damping, acceleration, impulse, gravcomp;
-  int tendon_velocity, act_velocity, act_force, act_slope, act_moment, energy;
-  int gyro;  // d bias / d qvel of trees that nothing damps, as derivative
+  int tendon_velocity, act_velocity, act_force, act_slope, act_law, energy;  // act_law: force before its limits, -d/d length, -d/d velocity
+  int drag;                                                                  // what a fluid damps: -d force / d qvel, as M
+  int gyro;                                                                  // d bias / d qvel of trees that nothing damps, as derivative
   int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc, dvel, dacc, gyro_scratch, gyro_sigma, gyro_body;
   int size;
   KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) {
@@ -112,6 +114,9 @@ struct DynamicsLayout {
     reserve(tendon_length, a.ntendon);
     reserve(act_length, a.nact);
     if (a.adhesion) reserve(act_force, a.nact);
+    reserve(act_moment, a.nmoment);
+    reserve(act_row, a.stiff ? 4 * a.nact : 0);
+    reserve(tendon_row, a.stiff ? 2 * a.ntendon : 0);
     reserve(mass, a.nM);
     reserve(derivative, a.derivative * a.nM);
     reserve(force, a.nv);
@@ -127,8 +132,9 @@ struct DynamicsLayout {
     reserve(act_velocity, a.nact);
     if (!a.adhesion) reserve(act_force, a.nact);
     reserve(act_slope, a.derivative ? a.nact : 0);
-    reserve(act_moment, a.nmoment);
+    reserve(act_law, a.stiff ? 3 * a.nact : 0);
     reserve(energy, 2);
+    reserve(drag, a.drag ? a.nM : 0);
     reserve(gyro, a.gyroscopic ? 2 * a.nM : 0);
     reserve(xpos, 3 * a.nbody);
     reserve(xquat, 4 * a.nbody);
@@ -167,6 +173,7 @@ struct Dynamics {
   Kokkos::View<int*, Mem> block_archetype;                 // (blocks)
   Kokkos::View<std::int64_t*, Mem> block_offset;           // (blocks) first item of the block
   Kokkos::View<int*, Mem> archetype_block;                 // (archetypes) first block
+  Kokkos::View<std::int64_t*, Mem> left_step;              // (worlds) the last step (State::steps) that left forces to rows
   Kokkos::View<Archetype*, Kokkos::HostSpace> archetypes;  // host: the model's when it was made, which decided the layout
   detail::Stamps stamps;                                   // host: what the items hold, and of which state (stamps.hpp)
 
@@ -187,7 +194,8 @@ struct DynamicsOptions {
 };
 
 /// Scratch for the dynamics of `worlds` worlds: 35 numbers a body, 17 a dof, 6 a joint and two mass matrices; 12, 7
-/// and four more in trees with a joint that nothing damps. Allocates; fences.
+/// and four more in trees with a joint that nothing damps; 7 an actuator and 2 a tendon where there may be stiff rows, and a mass matrix in
+/// a fluid (profile stable). Allocates; fences.
 /// Errors: std::invalid_argument for worlds < 1, and for more than the model has values for.
 template <class R, ExecutionSpace Exec, class Mem>
 Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, DynamicsOptions options = {});

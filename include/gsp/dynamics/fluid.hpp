@@ -58,6 +58,7 @@ KOKKOS_INLINE_FUNCTION void box_fluid(T mass, Vec3<T> const& inertia, T density,
 }
 
 /// Ellipsoid of half axes r: added mass, Magnus and Kutta lift, drag, viscosity. c: blunt drag, slender drag, angular drag, Kutta, Magnus.
+/// derivative: all of it, else what slows down alone.
 template <class T>
 KOKKOS_INLINE_FUNCTION void ellipsoid_fluid(Vec3<T> const& r, T const (&c)[5], Vec3<T> const& added_mass, Vec3<T> const& added_inertia,
                                             T density, T viscosity, Vec3<T> const& w, Vec3<T> const& v, bool derivative, FluidForce<T>& f) {
@@ -90,7 +91,13 @@ KOKKOS_INLINE_FUNCTION void ellipsoid_fluid(Vec3<T> const& r, T const (&c)[5], V
   Vec3<T> const moments{moment(r.x, r.y, r.z), moment(r.y, r.z, r.x), moment(r.z, r.x, r.y)}, swirl = times(moments, w);
   T const turbulence = norm(swirl), turn = fma(viscosity, pi * sphere * sphere * sphere, density * turbulence);
   f.torque -= turn * w;
-  if (!derivative) return;
+  if (!derivative) {  // what slows down, at the drag of this speed: a part that never speeds up
+    for (int i = 0; i < 3; ++i) {
+      d[i][i] = -turn;
+      d[3 + i][3 + i] = -move;
+    }
+    return;
+  }
 
   add_cross(d, 3, 0, p);
   subtract_cross_diagonal(d, 3, 3, w, mass);
@@ -121,7 +128,7 @@ KOKKOS_INLINE_FUNCTION void ellipsoid_fluid(Vec3<T> const& r, T const (&c)[5], V
 }
 
 /// derivative += J^T B J for the dofs that move body b: B in the axes q at the point p of body b. implicitfast takes the symmetric part of
-/// B, and the lower triangle alone.
+/// B, and the lower triangle alone. Profile stable: drag -= J^T B J.
 template <class L, class T>
 KOKKOS_INLINE_FUNCTION void lanes_add_fluid_derivative(L const& l, int b, Transform<T> const& frame, FluidForce<T>& f) {
   auto const& a = l.a;
@@ -130,7 +137,9 @@ KOKKOS_INLINE_FUNCTION void lanes_add_fluid_derivative(L const& l, int b, Transf
   if (b < 0) return;
   int const last = l.index(a.body_dofadr, b) + l.index(a.body_dofnum, b) - 1;
   int const adr = l.index(a.row_adr, last), n = l.index(a.row_adr, last + 1) - adr;
-  if (!lanes_full_derivative(l, b))
+  int const to = a.drag ? l.at.drag : l.at.derivative;
+  T const sign(a.drag ? -1 : 1);
+  if (!a.drag && !lanes_full_derivative(l, b))
     for (int i = 0; i < 6; ++i)
       for (int j = 0; j < i; ++j) f.derivative[i][j] = f.derivative[j][i] = T(0.5) * (f.derivative[i][j] + f.derivative[j][i]);
   Vec3<T> const arm = frame.p - l.com_of_body(b);
@@ -163,7 +172,7 @@ KOKKOS_INLINE_FUNCTION void lanes_add_fluid_derivative(L const& l, int b, Transf
         lower = fma(left[j], jj[j], lower);
         upper = fma(jj[j], right[j], upper);
       }
-      s[l.at.derivative + entries + q] = s[l.at.derivative + entries + q] + lower;
+      s[to + entries + q] = fma(sign, lower, s[to + entries + q]);
       if (a.derivative == 2) s[l.at.derivative + a.nM + entries + q] = s[l.at.derivative + a.nM + entries + q] + upper;
     }
   }
@@ -180,7 +189,8 @@ KOKKOS_INLINE_FUNCTION void lanes_fluid(L const& l) {
   int const origin[L::W] = {};
   Vec3<T> const wind = l.constant3(m.wind, origin, 0);
   T const density(m.density), viscosity(m.viscosity);
-  bool const derivative = a.derivative != 0;
+  bool const derivative = a.derivative != 0 || a.drag;
+  for (int e = 0; a.drag && e < a.nM; ++e) s[l.at.drag + e] = T(0);
   for (int b = 0; b < a.nbody; ++b) {
     if (l.index(a.body_parent, b) == parent_of::none) continue;
     s.put(l.at.cfrc + 6 * b, Spatial<T>{zero, zero});
@@ -213,7 +223,7 @@ KOKKOS_INLINE_FUNCTION void lanes_fluid(L const& l) {
                             l.constant(m.geom_addedmass, item, 0, 6, 5)};
       apply(Transform<T>{x, q} * Transform<T>{l.constant3(m.geom_pos, item, 0), l.constant4(m.geom_quat, item, 0)},
             [&](Vec3<T> const& w, Vec3<T> const& v, FluidForce<T>& f) {
-              ellipsoid_fluid(r, c, added, turning, density, viscosity, w, v, derivative, f);
+              ellipsoid_fluid(r, c, added, turning, density, viscosity, w, v, a.derivative != 0, f);
             });
     }
     if (first == end)

@@ -33,6 +33,10 @@ void integrate(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& stat
   bool const again = detail::factors_again(model);
   detail::expects_of("gsp::integrate", dynamics, state,
                      detail::set_of(Quantity::velocity, Quantity::factor, Quantity::free_velocity, Quantity::activation_rate));
+  if (!z.data() && detail::leaves_stiff_forces(dynamics))
+    throw std::invalid_argument(
+        "gsp::integrate: stiff springs and servos were left to rows (stiff_rows), and no rows have been solved: call assemble and pgs, or "
+        "smooth_dynamics without stiff_rows");
   if (again) detail::expects_of("gsp::integrate", dynamics, state, detail::set_of(Quantity::mass, Quantity::force));
   if (again && detail::any_archetype(model, [](Archetype const& a) { return a.derivative > 0; }))
     detail::expects_complete("gsp::integrate", dynamics, state, Quantity::derivative, 3);

@@ -9,6 +9,7 @@ namespace gsp {
 struct SmoothOptions {
   bool keep_all = false;     // also leave M and all dof vectors in dynamics.items, as the single functions do
   bool joint_poses = false;  // also write poses.xanchor and xaxis
+  bool stiff_rows = false;   // profile stable: leave stiff springs and servos to rows, which assemble then gets as StiffForces
 };
 
 namespace detail {
@@ -37,12 +38,13 @@ struct SmoothStage {
   Poses poses;
   SmoothOptions options;
   bool keep_mass;
+  LeftForces left = {};
   Laws laws = {};
   static constexpr int shared_blocks = 4;
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     lanes_forces(l, state, poses, options.joint_poses, laws);
-    lanes_factor_profile(l);
+    lanes_factor_profile(l, left);
     lanes_free_velocity(l, state.qfrc_applied);
   }
   KOKKOS_INLINE_FUNCTION int kept(Archetype const&, DynamicsLayout const& at) const {
@@ -85,10 +87,12 @@ void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>
   bool const keep_mass = model.profile == Profile::mujoco;  // its integrator takes M again, with joint damping
   if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
   using Stage = detail::SmoothStage<State<R, Mem>, Poses<R, Mem>, detail::ActuatorLaws<Laws...>>;
-  for_lanes("gsp::dynamics::smooth_dynamics", exec, model, dynamics,
-            Stage{state, poses, options, keep_mass, detail::actuator_laws(laws...)});
+  for_lanes(
+      "gsp::dynamics::smooth_dynamics", exec, model, dynamics,
+      Stage{state, poses, options, keep_mass, detail::left_forces(dynamics, state, options.stiff_rows), detail::actuator_laws(laws...)});
   detail::loses(dynamics, detail::all_quantities);
   detail::leaves(dynamics, state, detail::left_by_smooth(options.keep_all, keep_mass));
+  detail::set_leaves_stiff_forces(dynamics, options.stiff_rows && detail::any_archetype(model, [](Archetype const& a) { return a.stiff; }));
   detail::leaves_poses(poses, state, options.joint_poses);
   detail::completes(dynamics);
 }

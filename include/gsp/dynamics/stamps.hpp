@@ -127,6 +127,16 @@ void completes(Dynamics const& dynamics) {
 }
 inline constexpr Quantities all_quantities{(1u << quantities) - 1};
 
+/// The free velocities are without what StiffForces has (stiff_rows).
+template <class Dynamics>
+void set_leaves_stiff_forces(Dynamics const& dynamics, bool leaves) {
+  dynamics.stamps(int(Quantity::free_velocity)).level = leaves;
+}
+template <class Dynamics>
+bool leaves_stiff_forces(Dynamics const& dynamics) {
+  return dynamics.stamps(int(Quantity::free_velocity)).level == 1;
+}
+
 [[noreturn]] inline void refuse_quantity(char const* where, Quantity what, std::string const& why) {
   QuantityInfo const& q = quantity_table[int(what)];
   throw std::invalid_argument(std::string(where) + ": " + q.name + " " + why + ": call smooth_dynamics" +

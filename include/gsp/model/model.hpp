@@ -20,6 +20,12 @@ enum class Profile : int { stable, mujoco };
 /// Most rows of equality constraints that are eliminated in a world (constraint/eliminate.hpp); the others are swept.
 inline constexpr int most_closing_rows = 64;
 
+namespace detail {
+/// A spring, damper or servo is stiff where a step h changes its force, per force, by more than this: h (h k + b) J M^-1 J^T. Explicit
+/// forces are stable below 2.
+inline constexpr double stiff_share = 0.1;
+}  // namespace detail
+
 /// Topology of trees of one kind: sizes, and where its index arrays start in Model::ints. Indices are local to the tree (archetypes.hpp).
 struct Archetype {
   int nbody, njnt, nq, nv, nM, nroot, ntendon, nterm, npath, nact, nstate, ntendonJ, nmoment, nfluid, ninstance;
@@ -28,7 +34,7 @@ struct Archetype {
       tendon_termadr, term_jnt;
   int tendon_kind, tendon_jadr, tendon_jdof, tendon_pathadr, path_type, path_ref, path_last, path_chain, path_side, chain;
   int act_kind, act_id, act_madr, act_mdof, act_ref1, act_last1, act_chain1, act_ref2, act_last2, act_chain2;
-  int act_dyn, act_gain, act_bias, act_wrap, act_early, act_state, act_disabled, body_fluidadr, fluid_type;
+  int act_dyn, act_gain, act_bias, act_wrap, act_early, act_state, act_disabled, act_sole, body_fluidadr, fluid_type;
   int instance_tree, instance_body, instance_jnt, instance_dof, instance_qpos;  // (ninstance) first world index of each
   int instance_tendon, instance_term, instance_act;                             // (ninstance, n) world indices
   int instance_path, instance_side, instance_object1, instance_object2, instance_fluid;
@@ -37,6 +43,8 @@ struct Archetype {
   bool gyroscopic;       // profile stable takes the bias forces of the middle of the step, since nothing damps some joint
   bool plain_actuators;  // each on a hinge or slide of its own, without activation
   bool adhesion;         // actuators on bodies, whose forces contacts ask for
+  bool drag;             // profile stable takes what a fluid damps implicitly
+  bool stiff;            // profile stable may leave springs and servos to rows (constraint/stiff_forces.hpp)
   int derivative;  // of the forces by velocity, for the integrator: 0 none, 1 the lower triangle, 2 all of it and that of the bias forces
 };
 
@@ -105,6 +113,7 @@ struct Model {
   Array<int> tendon_termadr, term_jnt;                                          // (ntendon + 1), (nterm)
   Array<int> adhesion_body, adhesion_tree, adhesion_place;                      // of actuators on bodies: where their forces lie
   Array<int> tendon_tree, tendon_place;                                         // (ntendon) its tree, -1: none; its place there
+  Array<int> act_tree, act_place;                                               // (nu) the same
   Array<int> eq_type, eq_id1, eq_id2, eq_sites, eq_active0;                     // (neq) as CompiledModel has them
   Array<int> body_last_dof;                                                     // (nbody) the dof that moves it last, -1 static
   Array<int> dof_tree;                                                          // (nv)

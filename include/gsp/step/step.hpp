@@ -6,6 +6,7 @@
 #include <gsp/constraint/equality.hpp>
 #include <gsp/constraint/joint_friction.hpp>
 #include <gsp/constraint/joint_limit.hpp>
+#include <gsp/constraint/stiff_forces.hpp>
 #include <gsp/constraint/tendon.hpp>
 #include <gsp/dynamics/runge_kutta.hpp>
 #include <gsp/dynamics/smooth.hpp>
@@ -34,10 +35,10 @@ struct Simulation {
   FrictionCone cone = FrictionCone::elliptic;
 };
 
-/// The constraint types of MJCF, in the order of their rows.
+/// The constraint types of MJCF, in the order of their rows, and the springs and servos that are too stiff for a step.
 template <class R, class Mem>
 using ModelConstraints = ConstraintList<Equalities<R, Mem>, JointFriction<R, Mem>, TendonFriction<R, Mem>, JointLimits<R, Mem>,
-                                        TendonLimits<R, Mem>, ContactAdhesion<R, Mem>, ContactRows<R, Mem>>;
+                                        TendonLimits<R, Mem>, ContactAdhesion<R, Mem>, ContactRows<R, Mem>, StiffForces<R, Mem>>;
 
 struct SimulationOptions {
   int worlds = 1;
@@ -122,7 +123,8 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   constexpr bool own_types = (!ActuatorLaw<More> || ...);
   detail::leaves_no_rows(sim.rows, sim.impulses);  // assemble says otherwise where the step has some
   bool const runge_kutta_steps = detail::has_runge_kutta(model);
-  if (!model.constraints && !own_types)
+  bool const stiff = detail::any_archetype(model, [](Archetype const& a) { return a.stiff; });  // profile stable alone
+  if (!model.constraints && !own_types && !stiff)
     return std::apply(
         [&](auto const&... law) {
           if (runge_kutta_steps)
@@ -132,14 +134,15 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
         },
         laws);
   auto const find_impulses = [&](bool warm, bool ends_step) {
-    std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {}, law...); }, laws);
+    std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {.stiff_rows = stiff}, law...); },
+               laws);
     collide(exec, sim.collision, sim.poses, sim.contacts);
     auto const list = std::apply(
         [&](auto const&... type) {
           return constraints(Equalities(model, state, sim.poses, sim.dynamics), JointFriction(model), TendonFriction(model, sim.dynamics),
                              JointLimits(model, state), TendonLimits(model, sim.dynamics),
                              ContactAdhesion(model, sim.contacts, sim.dynamics), ContactRows(model, sim.collision, sim.contacts, sim.cone),
-                             type...);
+                             StiffForces(model, state, sim.dynamics), type...);
         },
         types);
     static_assert(own_types || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>,
@@ -149,7 +152,11 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   };
   if (!runge_kutta_steps) {
     find_impulses(true, true);
-    return integrate(exec, model, state, sim.dynamics, sim.progress, sim.solution);
+    integrate(exec, model, state, sim.dynamics, sim.progress, sim.solution);
+    if (stiff)
+      subtract_stiff_forces(exec, StiffForces(model, state, sim.dynamics), sim.rows, sim.impulses, sim.progress,
+                            sim.solution.qfrc_constraint);
+    return;
   }
   int evaluation = 0;
   runge_kutta(

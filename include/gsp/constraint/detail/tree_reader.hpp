@@ -65,6 +65,23 @@ struct TreeReader {
       J.set_dof(dof0 + ints[a.tendon_jdof + e], scale * items[items.at.tendon_J + e]);
   }
 
+  /// J += (moment of actuator `place` of tree t), its gear in it
+  template <class Row>
+  KOKKOS_INLINE_FUNCTION void add_actuator(int w, int t, int place, R gear, Row&& J) const {
+    Archetype const& a = archetype(t);
+    auto const kind = ActuatorKind(ints[a.act_kind + place]);
+    int const dof0 = tree_dof[t], id = ints[a.act_id + place];
+    if (kind == ActuatorKind::scalar_joint) {
+      J.set_dof(dof0 + ints[a.jnt_dofadr + id], gear);
+    } else if (kind == ActuatorKind::tendon) {
+      add_tendon(w, t, id, gear, J);
+    } else {
+      TreeItems<R> const items = tree(w, t);
+      for (int e = ints[a.act_madr + place], end = ints[a.act_madr + place + 1]; e < end; ++e)
+        J.set_dof(dof0 + ints[a.act_mdof + e], items[items.at.act_moment + e]);
+    }
+  }
+
   /// Motion of a body, dof by dof from its root: V = sum S v and A = sum (V_S x S) v, V_S the velocity of the frame that S is fixed to: of
   /// a ball's and a free joint's axes the one before the joint turns, of a free joint's translations the world's.
   KOKKOS_INLINE_FUNCTION BodyMotion<R> motion(int w, int body) const {

@@ -150,6 +150,29 @@ KOKKOS_FORCEINLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, 
   return f;
 }
 
+/// The k-th actuator's force before its limits, and its slopes, for what may be left to rows (stiff_forces_lanes.hpp).
+template <class L, class T>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_keep_law(L const& l, int k, ActuatorForce<T> const& f) {
+  int const at = l.at.act_law + 3 * k;
+  l.items[at] = f.force;
+  l.items[at + 1] = f.stiffness;
+  l.items[at + 2] = f.damping;
+}
+
+KOKKOS_INLINE_FUNCTION bool is_of_ball(ActuatorKind kind) { return kind == ActuatorKind::ball || kind == ActuatorKind::ball_in_parent; }
+/// t / sin t of a ball joint that is turned by t, at most 8: how much stiffer its servos are taken for a step. Their length, a part of the
+/// rotation vector r, changes by J w, not by w, where J has the eigenvalues t/2 cot t/2 +- i t/2 across r. A stiff implicit servo leaves
+/// 1 - J / s of an error, which falls for s > t / (2 sin t) alone.
+template <class L, class State>
+KOKKOS_INLINE_FUNCTION auto lanes_ball_stiffening(L const& l, State const& state, int k) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  int const q = l.index(l.a.jnt_qposadr, l.index(l.a.act_id, k));
+  auto const part = [&](int c) { return l.load(state.qpos, l.qpos0, q + c); };
+  Quat<T> const turn = normalized(Quat<T>{part(0), part(1), part(2), part(3)});
+  T const angle = norm(log_rotation(turn)), sine = T(2) * abs(turn.w) * norm(Vec3<T>{turn.x, turn.y, turn.z});
+  return select(angle > T(1e-3), angle / max(sine, T(0.125) * max(angle, T(1e-3))), T(1));
+}
+
 /// Scales the forces of all actuators of a tendon so that their sum stays within its actuatorfrcrange.
 template <class L>
 KOKKOS_INLINE_FUNCTION void lanes_clamp_tendon_actuators(L const& l) {
@@ -189,6 +212,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_plain_actuators(L const& l, State const& 
     }
     auto const get = [&](auto const& field, int n, int c) { return l.listed(field, a.instance_act, a.nact, k, n, c); };
     auto const f = lanes_actuator<true>(l, state, laws, k);
+    if (a.stiff) lanes_keep_law(l, k, f);
     T const gear = get(m.act_gear, 6, 0), lo = get(m.act_forcerange, 2, 0), hi = get(m.act_forcerange, 2, 1),
             force = clamp(f.force, lo, hi);
     int const dof = l.index(a.jnt_dofadr, l.index(a.act_id, k));
@@ -217,6 +241,9 @@ KOKKOS_INLINE_FUNCTION void lanes_any_actuators(L const& l, State const& state, 
   auto const get = [&](auto const& field, int k, int n, int c) { return l.listed(field, a.instance_act, a.nact, k, n, c); };
   for (int k = 0; k < a.nact; ++k) {
     auto const f = lanes_actuator(l, state, laws, k);
+    if (a.stiff) lanes_keep_law(l, k, f);
+    if (a.stiff && is_of_ball(ActuatorKind(l.index(a.act_kind, k))))
+      s[l.at.act_law + 3 * k + 1] = lanes_ball_stiffening(l, state, k) * f.stiffness;
     s[l.at.act_force + k] = f.force;
     if (a.derivative) s[l.at.act_slope + k] = -f.damping;
     if (l.index(a.act_kind, k) != int(ActuatorKind::scalar_joint)) continue;

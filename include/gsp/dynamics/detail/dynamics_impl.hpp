@@ -43,6 +43,8 @@ Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, Dyn
   d.items = detail::allocate_zero<Kokkos::View<R*, Mem>>(exec, "gsp::Dynamics::items", size);
   d.block_archetype = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Dynamics::block_archetype", archetype);
   d.block_offset = detail::to_device<Kokkos::View<std::int64_t*, Mem>>(exec, "gsp::Dynamics::block_offset", offset);
+  d.left_step = detail::to_device<Kokkos::View<std::int64_t*, Mem>>(exec, "gsp::Dynamics::left_step",
+                                                                    std::vector<std::int64_t>(std::size_t(d.worlds), -1));
   d.archetype_block = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Dynamics::archetype_block", first);
   return d;
 }

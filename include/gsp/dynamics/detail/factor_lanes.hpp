@@ -2,6 +2,7 @@
 #include <gsp/dynamics/actuator_forces.hpp>
 #include <gsp/dynamics/detail/gyroscopic_lanes.hpp>
 #include <gsp/dynamics/detail/rigid_tree_lanes.hpp>
+#include <gsp/dynamics/detail/stiff_forces_lanes.hpp>
 
 /// Kernels of gsp/dynamics/factor.hpp, where the contract stands.
 namespace gsp::detail {
@@ -26,13 +27,18 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_in_place(L const& l) {
   }
   l.sync();
 }
-/// factor <- M + diag(extra(i)), factored.
+/// factor <- M + h drag + diag(extra(i)), factored.
 template <class L, class Extra>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_factor(L const& l, Extra const& extra) {
   auto const& a = l.a;
   auto const& s = l.items;
   l.each_batched(
       a.nM, [&](int e) { return s[l.at.mass + e]; }, [&](int e, auto const& m) { s[l.at.factor + e] = m; });
+  if (a.drag) {
+    using T = std::remove_cvref_t<decltype(l.items[0])>;
+    T const h(l.model.timestep);
+    l.each(a.nM, [&](int e) { s[l.at.factor + e] = fma(h, s[l.at.drag + e], s[l.at.factor + e]); });
+  }
   l.each(a.nv, [&](int i) {
     int const diagonal = l.at.factor + l.index(a.row_adr, i + 1) - 1;
     s[diagonal] = s[diagonal] + extra(i);
@@ -81,15 +87,18 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_solve(L const& l, int x) {
 }
 
 /// The matrix that moves the robot. mujoco: M itself (joint damping enters when velocities are integrated); stable: M + h B + h^2 K with
-/// the dampers, springs and unclamped servos of the joints. Adds the joints' own to damping and stiffness, which the actuators have begun.
+/// the dampers, springs and unclamped servos of the joints, and what a fluid damps. Adds the joints' own to damping and stiffness, which
+/// the actuators have begun.
+/// @param left  stiff forces go to rows; {}: nothing does
 template <class L>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_profile(L const& l) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_profile(L const& l, LeftForces const& left = {}) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
   auto const& m = l.model;
   if (m.profile == Profile::mujoco) return lanes_factor(l, [](int) { return T(0); });
   T const h(m.timestep);
+  lanes_leave_forces(l, left);
   l.each(a.nv, [&](int i) {
     if (m.dampers) s[l.at.damping + i] = s[l.at.damping + i] + lanes_damping(l, i, true);
     if (m.springs) s[l.at.stiffness + i] = s[l.at.stiffness + i] + l.constant(m.jnt_stiffness, l.jnt0, l.index(a.dof_jnt, i));
@@ -113,8 +122,9 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_total_force(L const& l, View const& qfrc_
 }
 
 /// velocity <- what the tree would have at the end of the step without constraints.
-///   mujoco: v + h M^-1 f.   stable: v + M^^-1 (h f - h^2 K v), its angular momentum then carried over where the tree is one rigid body;
-///   M^ + h/2 d bias / d v in place of M^ where the tree is one that nothing damps (lanes_solve_gyroscopic).
+///   mujoco: v + h M^-1 f.   stable: v + M^^-1 (h f - h^2 K v), f without what is left to rows, its angular momentum then carried over
+///   where the tree is one rigid body; M^ + h/2 d bias / d v in place of M^ where the tree is one that nothing damps
+///   (lanes_solve_gyroscopic).
 template <class L, class View>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfrc_applied) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
@@ -124,6 +134,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfr
   lanes_total_force(l, qfrc_applied);
   if (l.model.profile == Profile::stable)
     l.each(nv, [&](int i) { s[l.at.acceleration + i] = fma(-h * s[l.at.stiffness + i], s[l.at.velocity + i], s[l.at.acceleration + i]); });
+  if (l.a.stiff) l.single([](auto const& one) { lanes_subtract_left(one, one.at.acceleration); });
   if (l.a.gyroscopic)
     l.single([](auto const& one) { lanes_solve_gyroscopic(one); });
   else
@@ -132,7 +143,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfr
       nv, [&](int i) { return fma(h, s[l.at.acceleration + i], s[l.at.velocity + i]); },
       [&](int i, T const& v) { s[l.at.velocity + i] = v; });
   if (carries_momentum(l)) {
-    if (l.worker == 0) lanes_carry_momentum(l);
+    if (l.worker == 0) lanes_carry_momentum(l, lanes_leaves_any(l));
     l.sync();
   }
 }
@@ -140,9 +151,10 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfr
 template <class State>
 struct FactorStage {
   State state;
+  LeftForces left;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
-    lanes_factor_profile(l);
+    lanes_factor_profile(l, left);
     lanes_free_velocity(l, state.qfrc_applied);
   }
 };

@@ -122,7 +122,7 @@ KOKKOS_INLINE_FUNCTION void lanes_solve_gyroscopic(L const& l) {
   T const h(l.model.timestep), half = T(0.5) * h;
   int const lower = l.at.gyro_scratch, upper = lower + a.nM, inverse = upper + a.nM;
   for (int e = 0; e < a.nM; ++e) {
-    T const m = s[l.at.mass + e];
+    T const m = a.drag ? fma(h, s[l.at.drag + e], s[l.at.mass + e]) : s[l.at.mass + e];
     s[lower + e] = fma(half, s[l.at.gyro + e], m);
     s[upper + e] = fma(half, s[l.at.gyro + a.nM + e], m);
   }

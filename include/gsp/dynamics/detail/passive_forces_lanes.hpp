@@ -40,6 +40,44 @@ KOKKOS_INLINE_FUNCTION auto lanes_tendon_stretch(L const& l, int k) {
   T const length = l.items[l.at.tendon_length + k];
   return max(length - get(1), T(0)) + min(length - get(0), T(0));
 }
+/// Force of the k-th tendon's spring and damper.
+template <class L>
+KOKKOS_INLINE_FUNCTION auto lanes_tendon_force(L const& l, int k) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& m = l.model;
+  T force(0);
+  if (m.springs) {
+    auto const get = [&](auto const& f, int n, int c) { return l.listed(f, a.instance_tendon, a.ntendon, k, n, c); };
+    T const stretch = lanes_tendon_stretch(l, k), linear = get(m.tendon_stiffness, 1, 0);
+    force =
+        -(stretch *
+          (m.poly_stiffness ? polynomial(linear, get(m.tendon_stiffnesspoly, 2, 0), get(m.tendon_stiffnesspoly, 2, 1), stretch) : linear));
+  }
+  if (m.dampers) force = fma(-lanes_tendon_damping(l, k, false), l.items[l.at.tendon_velocity + k], force);
+  return force;
+}
+/// -d force / d length, -d force / d velocity of these, as far as they hold back.
+template <class T>
+struct Slopes {
+  T stiffness, damping;
+};
+template <class L>
+KOKKOS_INLINE_FUNCTION auto lanes_tendon_slopes(L const& l, int k) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& m = l.model;
+  Slopes<T> slopes{T(0), T(0)};
+  if (m.springs) {
+    auto const get = [&](auto const& f, int n, int c) { return l.listed(f, a.instance_tendon, a.ntendon, k, n, c); };
+    T const stretch = lanes_tendon_stretch(l, k);
+    T slope = get(m.tendon_stiffness, 1, 0);
+    if (m.poly_stiffness) slope = polynomial_slope(slope, get(m.tendon_stiffnesspoly, 2, 0), get(m.tendon_stiffnesspoly, 2, 1), stretch);
+    slopes.stiffness = select(stretch != T(0), max(slope, T(0)), T(0));
+  }
+  if (m.dampers) slopes.damping = max(lanes_tendon_damping(l, k, true), T(0));
+  return slopes;
+}
 /// Displacement of joint j's spring, times(c, difference): one number for a hinge or slide, vectors else; visit(first dof, vector).
 template <class L, class View, class One, class Three>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_joint_spring(L const& l, View const& qpos, int j, One const& one, Three const& three) {
@@ -102,15 +140,7 @@ KOKKOS_INLINE_FUNCTION void lanes_rare_passive(L const& l) {
   auto const& m = l.model;
   if (a.tendon_passive)
     for (int k = 0; k < a.ntendon; ++k) {
-      T force(0);
-      if (m.springs) {
-        auto const get = [&](auto const& f, int n, int c) { return l.listed(f, a.instance_tendon, a.ntendon, k, n, c); };
-        T const stretch = lanes_tendon_stretch(l, k), linear = get(m.tendon_stiffness, 1, 0);
-        force = -(stretch * (m.poly_stiffness
-                                 ? polynomial(linear, get(m.tendon_stiffnesspoly, 2, 0), get(m.tendon_stiffnesspoly, 2, 1), stretch)
-                                 : linear));
-      }
-      if (m.dampers) force = fma(-lanes_tendon_damping(l, k, false), s[l.at.tendon_velocity + k], force);
+      T const force = lanes_tendon_force(l, k);
       lanes_for_tendon_arm(l, k, [&](int i, T const& J) { s[l.at.passive + i] = fma(J, force, s[l.at.passive + i]); });
     }
   if (a.gravcomp) {

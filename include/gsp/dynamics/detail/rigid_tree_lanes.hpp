@@ -87,10 +87,11 @@ KOKKOS_INLINE_FUNCTION auto lanes_rigid_tree(L const& l) {
 /// which also keeps the energy: the frame turns by exp(h x), where I x = exp(-h x / 2) I w, and the new velocity is w' = I^-1 exp(-h x) I w
 /// in the new body axes. x by Newton's method: with m = exp(-h x / 2) I w, (I - h/2 [m]x) dx = m - I x, whose matrix is never singular.
 /// velocity: of the start with all that forces add, in; w' in the axes of the start, u = exp(h x) w', out, since constraints push in those;
-/// spin = x - u and center stay for lanes_turn.
+/// spin = x - u and center stay for lanes_turn. Where rows hold the joint (`held`) w is that of the start alone: what forces add to it they
+/// take again, and a body that they hold would creep by what it would have turned.
 /// Source: the Lie-midpoint rule of Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), ch. VII.5.
-template <class L>
-KOKKOS_INLINE_FUNCTION void lanes_carry_momentum(L const& l) {
+template <class L, class Held>
+KOKKOS_INLINE_FUNCTION void lanes_carry_momentum(L const& l, Held const& held) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& s = l.items;
   T const h(l.model.timestep);
@@ -105,7 +106,7 @@ KOKKOS_INLINE_FUNCTION void lanes_carry_momentum(L const& l) {
                                      i.yy + fma(moment.x, arm.x, fma(moment.z, arm.z, rotor)),
                                      i.zz + fma(moment.x, arm.x, fma(moment.y, arm.y, rotor)), fma(-moment.x, arm.y, i.xy),
                                      fma(-moment.x, arm.z, i.xz), fma(-moment.y, arm.z, i.yz));
-  Vec3<T> const w = rotate_inverse(tree.axes, s.vec3(turning)), momentum = inertia.times(w);
+  Vec3<T> const w = rotate_inverse(tree.axes, select(held, s.vec3(l.at.qvel + first), s.vec3(turning))), momentum = inertia.times(w);
   Vec3<T> more{T(0), T(0), T(0)};            // x - w
   for (int round = 0; round < 4; ++round) {  // gains a factor of (h |w|)^2 / 8 a round
     Vec3<T> const change = rotation_change(exp_rotation(T(-0.5) * h * (w + more)), momentum);

@@ -3,6 +3,7 @@
 #include <gsp/core/detail/views.hpp>
 #include <gsp/model/model.hpp>
 #include <gsp/model/model_refusals.hpp>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -102,7 +103,7 @@ void fill_fields(ModelPools<R, Mem>& pool, Model<R, Mem> const& d, FieldSource c
 /// World indices of what is in trees.
 struct TreeLists {
   std::vector<int> tree_archetype, tree_instance, tree_body, tree_dof, tree_dofnum, body_tree, body_root, dof_tree, tendon_tree,
-      tendon_place, adhesion_body, adhesion_tree, adhesion_place;
+      tendon_place, adhesion_body, adhesion_tree, adhesion_place, act_tree, act_place;
 };
 /// Trees that equality constraints close on themselves or hold to what stands still; how many rows those have goes to d.closing_rows.
 template <class M>
@@ -150,8 +151,73 @@ inline bool moves_undamped(FieldSource const& source, ArchetypeDescription const
   return false;
 }
 
+/// 1 for actuators that alone act on their joint, or on their tendon: what limits the sum there limits them.
+inline std::vector<int> sole_actuators(ArchetypeDescription const& t) {
+  int const n = int(t.act_id.size());
+  std::vector<int> acting(std::size_t(t.nv()), 0), sole(std::size_t(n), 0);
+  auto const each_dof = [&](int k, auto const& f) {
+    int const id = t.act_id[std::size_t(k)];
+    if (t.act_kind[std::size_t(k)] == int(ActuatorKind::scalar_joint)) return f(t.jnt_dofadr[std::size_t(id)]);
+    if (t.act_kind[std::size_t(k)] == int(ActuatorKind::tendon)) {
+      for (int e = t.tendon_termadr[std::size_t(id)]; e < t.tendon_termadr[std::size_t(id) + 1]; ++e)
+        f(t.jnt_dofadr[std::size_t(t.term_jnt[std::size_t(e)])]);
+      for (int e = t.tendon_jadr[std::size_t(id)]; e < t.tendon_jadr[std::size_t(id) + 1]; ++e) f(t.tendon_jdof[std::size_t(e)]);
+    } else {
+      for (int e = t.act_madr[std::size_t(k)]; e < t.act_madr[std::size_t(k) + 1]; ++e) f(t.act_mdof[std::size_t(e)]);
+    }
+  };
+  for (int k = 0; k < n; ++k) each_dof(k, [&](int dof) { ++acting[std::size_t(dof)]; });
+  for (int k = 0; k < n; ++k) {
+    auto const kind = ActuatorKind(t.act_kind[std::size_t(k)]);
+    int const id = t.act_id[std::size_t(k)];
+    if (kind == ActuatorKind::scalar_joint)
+      sole[std::size_t(k)] = acting[std::size_t(t.jnt_dofadr[std::size_t(id)])] == 1 && !t.jnt_actgravcomp[std::size_t(id)];
+    if (kind != ActuatorKind::tendon) continue;
+    int others = 0;
+    for (int o = 0; o < n; ++o) others += o != k && t.act_kind[std::size_t(o)] == int(kind) && t.act_id[std::size_t(o)] == id;
+    sole[std::size_t(k)] = others == 0;
+  }
+  return sole;
+}
+
+/// True where a spring, damper or servo of the tree may ask for a row (constraint/stiff_forces.hpp): a servo on a joint where its force has
+/// a limit and h times its slopes weigh against the inertia; any other, and any tendon's spring or damper, as it is. Decided by the
+/// model's own numbers, a quarter of what asks for a row: worlds with values of their own get what a model with these values gets.
+inline bool may_be_stiff(FieldSource const& source, ArchetypeDescription const& t, double h) {
+  CompiledModel const& m = source.m;
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  auto const bends = [](auto const& poly, int i) {
+    return std::size_t(i) < poly.size() && poly[std::size_t(i)] != std::array<double, 2>{};
+  };
+  auto const stiff = [&](double k, double b, double weight) { return (k > 0 || b > 0) && h * (h * k + b) * weight > 0.25 * stiff_share; };
+  for (auto const& s : t.instances) {
+    for (std::size_t k = 0; k < s.tendon.size(); ++k) {
+      int const e = s.tendon[k];
+      double const stiffness = m.option.passive_spring ? m.tendon_stiffness[std::size_t(e)] : 0,
+                   damping = m.option.passive_damper ? source.tendon_damping[std::size_t(e)] : 0;
+      bool const spatial = t.tendon_kind[k] != int(TendonKind::fixed);  // its moment arms may be larger than those in qpos0
+      if (stiff(stiffness, damping, spatial ? infinity : item_or(m.tendon_invweight0, e, infinity)) || bends(m.tendon_stiffnesspoly, e) ||
+          bends(m.tendon_dampingpoly, e))
+        return true;
+    }
+    for (std::size_t k = 0; k < s.act.size() && m.option.actuation; ++k) {
+      std::size_t const act = std::size_t(s.act[k]), id = std::size_t(t.act_id[k]);
+      auto const kind = ActuatorKind(t.act_kind[k]);
+      bool const affine_gain = t.act_gain[k] == int(ActuatorGain::affine) && (m.act_gainprm[act][1] != 0 || m.act_gainprm[act][2] != 0);
+      bool const affine_bias = t.act_bias[k] == int(ActuatorBias::affine);
+      double const stiffness = affine_bias ? -m.act_biasprm[act][1] : 0, damping = affine_bias ? -m.act_biasprm[act][2] : 0;
+      if (kind == ActuatorKind::contacts || (!affine_gain && stiffness <= 0 && damping <= 0)) continue;
+      if (kind != ActuatorKind::scalar_joint || affine_gain) return true;
+      bool const limited = item_or(m.act_forcelimited, int(act), 0) || item_or(m.jnt_actfrclimited, s.jntadr + int(id), 0);
+      double const gear = m.act_gear[act][0], weight = item_or(m.dof_invweight0, s.dofadr + t.jnt_dofadr[id], infinity);
+      if (limited && stiff(std::max(stiffness, 0.), std::max(damping, 0.), gear * gear * weight)) return true;
+    }
+  }
+  return false;
+}
+
 template <class R, class Mem>
-TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& source) {
+TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& source, double timestep) {
   CompiledModel const& m = source.m;
   auto const trees = find_archetypes(m);
   d.narchetype = int(trees.size());
@@ -169,7 +235,9 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
                   std::vector<int>(m.ntendon, -1),
                   {},
                   {},
-                  {}};
+                  {},
+                  std::vector<int>(m.nu, -1),
+                  std::vector<int>(m.nu, -1)};
   bool const gravity = m.option.gravity_on && (m.option.gravity != Double3{}), passive = d.springs || d.dampers;
   for (int k = 0; k < int(trees.size()); ++k) {
     auto const& t = trees[k];
@@ -245,6 +313,8 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
         lists.tendon_place[s.tendon[e]] = e;
       }
       for (int e = 0; e < a.nact; ++e) {
+        lists.act_tree[s.act[e]] = s.tree;
+        lists.act_place[s.act[e]] = e;
         if (t.act_kind[e] != int(ActuatorKind::contacts)) continue;
         a.adhesion = true;
         lists.adhesion_body.push_back(m.act_id[s.act[e]]);
@@ -262,6 +332,9 @@ TreeLists fill_archetypes(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSourc
       a.plain_actuators &= t.act_kind[k] == int(ActuatorKind::scalar_joint) && t.act_gain[k] != int(ActuatorGain::muscle) &&
                            t.act_bias[k] != int(ActuatorBias::muscle) && std::count(t.act_id.begin(), t.act_id.end(), t.act_id[k]) == 1;
     a.gyroscopic = d.profile == Profile::stable && moves_undamped(source, t);
+    a.drag = d.profile == Profile::stable && a.fluid;
+    a.stiff = d.profile == Profile::stable && may_be_stiff(source, t, timestep);
+    a.act_sole = pool.add(sole_actuators(t));
     bool const free_body = std::find(t.body_lone.begin(), t.body_lone.end(), 1) != t.body_lone.end();
     if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicit) a.derivative = 2;
     if (d.profile == Profile::mujoco && m.option.integrator == Integrator::implicitfast) a.derivative = free_body ? 2 : 1;
@@ -321,6 +394,8 @@ void fill_lists(ModelPools<R, Mem>& pool, Model<R, Mem>& d, FieldSource const& s
   pool.add(&M::adhesion_body, trees.adhesion_body);
   pool.add(&M::adhesion_tree, trees.adhesion_tree);
   pool.add(&M::adhesion_place, trees.adhesion_place);
+  pool.add(&M::act_tree, trees.act_tree);
+  pool.add(&M::act_place, trees.act_place);
   pool.add(&M::eq_type, m.eq_type);
   pool.add(&M::eq_id1, m.eq_id1);
   pool.add(&M::eq_id2, m.eq_id2);
@@ -374,7 +449,7 @@ ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOpt
   fill_options(d, source, options);
   ModelPools<R, Mem> pool;
   fill_fields(pool, d, source);
-  auto const trees = fill_archetypes(pool, d, source);
+  auto const trees = fill_archetypes(pool, d, source, options.timestep > 0 ? options.timestep : m.option.timestep);
   fill_lists(pool, d, source, trees);
   return pool;
 }
