@@ -95,13 +95,13 @@ struct FindNearPairs {
     std::uint64_t bits = 0;
     for (int r = chunk.run_first; r < chunk.run_end; ++r) {
       CollisionRun<R> const run = model.runs(r);
-      if (plane ? !plane_near(&bounds.pose(w, model.group_first(run.a), 0), &bounds.group(w, run.b, 0), run.reach)
-                : run.a != run.b && !boxes_near(&bounds.group(w, run.a, 0), &bounds.group(w, run.b, 0), run.reach))
+      if (plane ? !plane_near(&bounds.pose(w, model.group_first(run.a), 0), &bounds.group(w, run.b, 0), run.reach + model.early)
+                : run.a != run.b && !boxes_near(&bounds.group(w, run.a, 0), &bounds.group(w, run.b, 0), run.reach + model.early))
         continue;
       for (int p = run.first; p < run.end; ++p) {
         int const a = model.pair_collider(p, 0), b = model.pair_collider(p, 1);
-        bool const near = plane ? plane_near(&bounds.pose(w, a, 0), &bounds.box(w, b, 0), run.reach)
-                                : boxes_near(&bounds.box(w, a, 0), &bounds.box(w, b, 0), run.reach);
+        bool const near = plane ? plane_near(&bounds.pose(w, a, 0), &bounds.box(w, b, 0), run.reach + model.early)
+                                : boxes_near(&bounds.box(w, a, 0), &bounds.box(w, b, 0), run.reach + model.early);
         bits |= std::uint64_t(near) << (p - chunk.first);
       }
     }

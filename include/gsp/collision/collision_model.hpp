@@ -13,7 +13,8 @@ namespace gsp {
 
 /// Contact parameters of a pair: its own numbers where it was named (CompiledModel::named_pairs); else mixed (MuJoCo's mj_contactParam):
 /// the geom with the higher priority wins; else the larger condim and friction, solref and solimp weighted by solmix (solref: the smaller,
-/// where one of them is not positive), and adhesion is the sum; margin and gap are sums in any case.
+/// where one of them is not positive), and adhesion is the sum; margin and gap are sums in any case. Rigid where one of the two is, with its
+/// restitution and erp, the larger of both where both are.
 template <class R>
 struct ContactParameters {
   int condim;
@@ -22,6 +23,8 @@ struct ContactParameters {
   R solref[2], solimp[5];
   R solreffriction[2];  // of soft friction rows; 0 0: as solref
   R adhesion;           // with which it may pull [N]
+  bool hard;            // profile stable: rigid, with
+  R restitution, erp;   // GeomDescription
 };
 
 /// What a geom brings to a contact.
@@ -32,6 +35,8 @@ struct GeomContact {
   R friction[3];  // sliding, torsional [m], rolling [m]
   R solref[2], solimp[5];
   R adhesion;
+  bool hard;
+  R restitution, erp;
 };
 
 /// Mixes the parameters of two geoms.
@@ -82,7 +87,8 @@ struct CollisionModel {
   Array<int const*> pair_parameters;                             // (pairs) index into parameters
   Kokkos::View<ContactParameters<R>*, Mem> parameters;           // the different ones
   Kokkos::View<CollisionRun<R>*, Mem> runs;
-  Kokkos::View<CollisionChunk*, Mem> chunk;           // (chunks)
+  Kokkos::View<CollisionChunk*, Mem> chunk;  // (chunks)
+  R early = R(0);  // contacts are found so much before margin + gap says [m]: what may close within a step (constraint/contact_rows.hpp)
   int mixed_parameters = 0;                           // so many of them are mixed from geoms; the others are those of named pairs
   Kokkos::View<int*, Kokkos::HostSpace> pair_source;  // (pairs) host: index of the pair as CompiledModel::pair_geoms has it
 

@@ -112,8 +112,8 @@ RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
 }  // namespace detail
 
 /// Fills `rows` with the active rows of all types of the list, in their order, whitened with the factored matrix, and `impulses` with a
-/// start: last step's impulses by identity (type, RowId), 0 for new elements and in worlds that were reset. A type is known by its C++ type
-/// and by its place among those of the same type: the others may come, go and change places.
+/// start: last step's impulses by identity (type, RowId), for new elements by place where the type has `place`, else 0, as in worlds that
+/// were reset. A type is known by its C++ type and by its place among those of the same type: the others may come, go and change places.
 /// After factor or smooth_dynamics (and collide). A world whose rows do not fit has status::row_overflow; then no world is stepped
 /// (progress.halt), the pools grow at the host's next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows
 /// of more than two trees, elements of more than six rows, and friction of a row that the element does not have: status::row_refused.

@@ -21,6 +21,7 @@ struct RowId {
 template <class R>
 struct RowLaw {
   R compliance, zeta;
+  R most_yield = Kokkos::Experimental::infinity_v<R>;  // C p of its load at most [m/s]: C is less where it carries more (assemble)
 };
 
 /// What `jacobian` writes a row to: by dof, by (body, point, direction) or by (body, direction); entries add up. World frame.
@@ -48,6 +49,7 @@ struct OneFreeRow {
 ///   lambda(world, k, row, x, u)         force law, written once on T (a number or a Dual), or
 ///   law(world, k, row, x, u, h)         the linear law RowLaw itself
 ///   bounds(world, k, row), id(world, k)
+/// and, where elements come and go at the same place, place(world, k), where one acts: new ones start from what those near by had
 template <class C>
 concept ConstraintType = std::copyable<C> && requires(C const c, int world, int k, int row, AnyRow J) {
   { c.count(world) } -> std::convertible_to<int>;

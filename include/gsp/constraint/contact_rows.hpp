@@ -2,7 +2,7 @@
 #include <gsp/collision/contacts.hpp>
 #include <gsp/constraint/soft_friction.hpp>
 
-/// Contacts as rows: a soft normal as solref and solimp say, then friction. By condim
+/// Contacts as rows: a normal, soft as solref and solimp say or rigid (hard), then friction. By condim
 ///   1  none
 ///   3  two rows along the tangents
 ///   4  and one about the normal: torsion, |p| <= mu_torsion p_n
@@ -11,7 +11,8 @@
 /// What pulls (adhesion a) pushes from there on, p >= 0 being what it pushes and h a together: zeta += C h a of the normal, while
 /// ContactAdhesion, which stands before, pulls with h a. Within the gap it is a normal alone. Where a surface moves at s relative to the
 /// other (surfacevel) the rate of friction is u + s.
-/// In profile stable friction is rigid: it sticks exactly. In profile mujoco it is as soft as impratio says (constraint/soft_friction.hpp).
+/// In profile stable they are rows from CollisionModel::early before they touch on, give the less the more they carry
+/// (docs/constraint/contact_rows.md), and friction is rigid: it sticks exactly. In profile mujoco it is as soft as impratio says (constraint/soft_friction.hpp).
 namespace gsp {
 
 template <class R, class Mem>
@@ -23,6 +24,7 @@ struct ContactRows {
   FrictionCone cone;
   SoftFriction<R> soft;
   int edges;  // elements of a contact
+  Field<R> gravity;
   ContactRows(Model<R, Mem> const& m, CollisionModel<R, Mem> const& c, Contacts<R, Mem> const& found,
               FrictionCone friction_cone = FrictionCone::elliptic)
       : body_last_dof(m.body_last_dof),
@@ -31,13 +33,14 @@ struct ContactRows {
         contacts(found),
         cone(friction_cone),
         soft{m.profile == Profile::mujoco, m.impratio, m.refsafe},
-        edges(friction_cone == FrictionCone::pyramidal ? c.most_edges : 1) {}
+        edges(friction_cone == FrictionCone::pyramidal ? c.most_edges : 1),
+        gravity(m.gravity) {}
 
   KOKKOS_INLINE_FUNCTION int count(int world) const { return edges * contacts.count_of(world); }
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const { return contacts.status(world); }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
     int const c = contact_of(world, k);
-    if (!(contacts.dist(c) < contacts.includemargin(c)) && adhesion_of(c) == R(0)) return 0;
+    if (!acts(c) && adhesion_of(c) == R(0)) return 0;
     // Equal last dofs, or none: the two do not move against each other (named pairs may be of such bodies), and J would be zero.
     if (body_last_dof(contacts.body1(c)) == body_last_dof(contacts.body2(c))) return 0;
     int const condim = parameters(world, c).condim;
@@ -72,11 +75,17 @@ struct ContactRows {
     if (row > 0 && !soft.on) return {R(0), R(0)};
     int const c = contact_of(world, k);
     auto const p = parameters(world, c);
-    R const translation = body_invweight0(world, 2 * contacts.body1(c)) + body_invweight0(world, 2 * contacts.body2(c));
-    R const gap = contacts.dist(c) - contacts.includemargin(c);
-    if (edges > 1 && p.condim > 1) return soft.edge(p, gap, u, h, translation);
-    if (row > 0) return soft.tangent(p, row - 1, gap, u, h, translation);
-    return soft_law(softness_of(p, soft.refsafe), x - contacts.includemargin(c), u, h, translation);
+    R const diag = body_invweight0(world, 2 * contacts.body1(c)) + body_invweight0(world, 2 * contacts.body2(c));
+    R const gap = contacts.dist(c) - contacts.includemargin(c), spring = soft.on ? gap : min(gap, R(0));
+    if (row > 0) return soft.tangent(p, row - 1, gap, u, h, diag);
+    R const g = norm(Vec3<R>{gravity(world, 0), gravity(world, 1), gravity(world, 2)}), rest = h * (g > R(0) ? g : R(9.81));
+    bool const edge = edges > 1 && p.condim > 1;
+    if (p.hard && !soft.on && !edge) return {R(0), hard_target(gap, u, h, rest, p.restitution, p.erp)};
+    RowLaw<R> law = edge ? soft.edge(p, spring, u, h, diag) : soft_law(softness_of(p, soft.refsafe), spring, u, h, diag);
+    if (soft.on) return law;
+    if (gap > R(0)) law.zeta = min(-gap / h, law.zeta);  // no spring at a gap: it may close within the step
+    if (!edge) law.most_yield = law.compliance / diag * rest;
+    return law;
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const {
     if (row == 0) return {R(0), Kokkos::Experimental::infinity_v<R>};
@@ -86,6 +95,11 @@ struct ContactRows {
   KOKKOS_INLINE_FUNCTION RowId id(int world, int k) const {
     int const c = contact_of(world, k);
     return {std::uint32_t(contacts.pair(c)), std::uint32_t(edges * contacts.feature(c) + k % edges)};
+  }
+  /// Where it acts: a point that is new starts from the impulses of those near it that are gone.
+  KOKKOS_INLINE_FUNCTION Vec3<R> place(int world, int k) const {
+    int const c = contact_of(world, k);
+    return {contacts.pos(c, 0), contacts.pos(c, 1), contacts.pos(c, 2)};
   }
 
  private:
@@ -105,6 +119,7 @@ struct ContactRows {
       J.add_rotation(contacts.body1(c), direction, -scale);
     }
   }
+  KOKKOS_INLINE_FUNCTION bool acts(int c) const { return contacts.dist(c) < contacts.includemargin(c) + collision.early; }
   KOKKOS_INLINE_FUNCTION R adhesion_of(int c) const { return contacts.adhesive ? contacts.adhesion(c) : R(0); }
   /// Rate of the surfaces along a row.
   KOKKOS_INLINE_FUNCTION R surface_rate(int world, int k, int row) const {
@@ -118,7 +133,7 @@ struct ContactRows {
   }
   KOKKOS_INLINE_FUNCTION ContactParameters<R> parameters(int world, int c) const {
     auto p = collision.parameters_of(world, contacts.pair(c));
-    if (!(contacts.dist(c) < contacts.includemargin(c))) p.condim = 1;  // pulls over the gap
+    if (!acts(c)) p.condim = 1;  // pulls over the gap
     return p;
   }
 };

@@ -24,6 +24,8 @@ struct Impulses {
   int worlds = 0;
   View<R*> p[2];                                     // (capacity) [N s], beside Rows::row
   View<std::uint64_t*> id[2];                        // (capacity) place of the type, identity of the element
+  View<R*> before;                                   // (capacity) a solver's own: impulses before its last sweep
+  View<R* [3]> place[2];                             // (capacity) where an element acts [m], at its first row; of types that say so
   View<int*> first[2], count[2];                     // (worlds) where a world's lie
   View<std::uint32_t* [2]> type_names;               // (types, parity) name of the type at each place; 0 after the last
   View<int> parity, solved;                          // side of this step; whether it has been solved for
@@ -35,9 +37,11 @@ struct Impulses {
 namespace detail {
 template <class R, class Mem, class Exec>
 void allocate_impulses(Exec const& exec, Impulses<R, Mem>& i, std::int64_t rows) {
+  enlarge(exec, i.before, "gsp::Impulses::before", rows);
   for (int side = 0; side < 2; ++side) {
     enlarge(exec, i.p[side], "gsp::Impulses::p", rows);
     enlarge(exec, i.id[side], "gsp::Impulses::id", rows);
+    enlarge(exec, i.place[side], "gsp::Impulses::place", rows);
   }
 }
 

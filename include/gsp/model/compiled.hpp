@@ -51,6 +51,8 @@ struct CompiledModel {
   std::vector<Double4> geom_quat;
   std::vector<double> geom_solmix, geom_margin, geom_gap, geom_rbound;  // rbound: radius of the bounding sphere; 0 for planes
   std::vector<std::array<double, 2>> geom_solref;
+  std::vector<int> geom_hard;  // rigid contacts, with
+  std::vector<double> geom_restitution, geom_erp;
   std::vector<std::array<double, 5>> geom_solimp;
   std::vector<std::array<float, 4>> geom_rgba;
   std::vector<std::string> geom_name;

@@ -75,6 +75,10 @@ struct GeomDescription {
   Double3 friction{1, 0.005, 0.0001};  // sliding, torsional [m], rolling [m]
   double solmix = 1, margin = 0, gap = 0;
   SoftnessDescription softness{};
+  // Profile stable: contacts that are rigid in place of `softness`. restitution: share of the speed of an impact that comes back; erp:
+  // share of an overlap that a step takes back. Both 0 to 1.
+  bool hard = false;
+  double restitution = 0, erp = 0.2;
   bool has_mass = false;  // mass given; else density * volume
   double mass = 0, density = 1000;
   bool shell_inertia = false;

@@ -10,6 +10,7 @@ namespace gsp {
 ///   w = Y z + C p + b,   z = sum Y^T p,   lo <= p <= hi,   w complementary to the bounds
 ///   b = J v^ - zeta, so that Y z + b + C p = J v+ + C p - zeta vanishes where p is inside of its bounds.
 /// Two rows of friction together (RowBounds::with_next) lie in an ellipse instead, and slide against the slip.
+/// Slow sweeps leap: docs/solver/pgs.md.
 /// An element: its rows' rates w from z, project_element (solver/project_element.hpp), z <- z + sum Y^T dp.
 /// @param rows       what `assemble` wrote
 /// @param impulses   in: start (warm: those of the last step); out: the solution [N s, N m s]

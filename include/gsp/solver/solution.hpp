@@ -12,6 +12,7 @@ struct Solution {
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0, nv = 0;
   View<R**> z;                // (world, nv) whitened sum of impulses, Y^T p
+  View<R**> z_before;         // (world, nv) z before the last sweep
   View<R**> qfrc_constraint;  // (world, nv) J^T p / h, written by `integrate` [N, N m]
   View<R*> residual;          // (worlds) largest violation after the last sweep [m/s, rad/s] (pgs.hpp), where it was asked for
   View<int*> iterations;      // (worlds) sweeps done
@@ -28,15 +29,15 @@ namespace detail {
 inline constexpr int lockstep_most_rows = 128, lockstep_most_dofs = 128, lockstep_rows = 3;
 // Elements of one row, and of two or three, have blocks of their own: room for the longest list of either in any world of a pack.
 inline constexpr int lockstep_most_blocks = (128 + lockstep_rows - 1) / lockstep_rows + 64;
-inline constexpr int lockstep_block_packs = 40;  // what is known of a block but its entries
+inline constexpr int lockstep_block_packs = 43;  // what is known of a block but its entries
 /// A world takes this path by its own rows alone.
 template <class Rows>
 KOKKOS_INLINE_FUNCTION bool goes_in_lockstep(Rows const& rows, int world) {
   return rows.count(world) <= lockstep_most_rows && rows.largest_element(world) <= lockstep_rows;
 }
-/// Packs that such worlds need: z and the entries by whole groups of four dofs, and the blocks.
+/// Packs that such worlds need: z, twice, and the entries by whole groups of four dofs, and the blocks.
 inline std::int64_t lockstep_packs(int nv) {
-  return std::int64_t(nv + 3) / 4 * 4 * (1 + lockstep_most_blocks * lockstep_rows) + lockstep_most_blocks * lockstep_block_packs;
+  return std::int64_t(nv + 3) / 4 * 4 * (2 + lockstep_most_blocks * lockstep_rows) + lockstep_most_blocks * lockstep_block_packs;
 }
 }  // namespace detail
 
@@ -52,6 +53,7 @@ Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, Sol
   s.worlds = options.worlds;
   s.nv = model.nv;
   make(s.z, "gsp::Solution::z", s.worlds, s.nv);
+  make(s.z_before, "gsp::Solution::z_before", s.worlds, s.nv);
   make(s.qfrc_constraint, "gsp::Solution::qfrc_constraint", s.worlds, s.nv);
   make(s.residual, "gsp::Solution::residual", s.worlds);
   make(s.iterations, "gsp::Solution::iterations", s.worlds);

@@ -25,9 +25,17 @@ KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R
     for (int i = 0; i < 2; ++i) p.solref[i] = g.solref[i];
     for (int i = 0; i < 5; ++i) p.solimp[i] = g.solimp[i];
     p.adhesion = g.adhesion;
+    p.hard = g.hard;
+    p.restitution = g.restitution;
+    p.erp = g.erp;
   } else {
     R const tiny(1e-15);
     p.condim = a.condim > b.condim ? a.condim : b.condim;
+    GeomContact<R> const& rigid = a.hard ? a : b;
+    bool const both = a.hard && b.hard;
+    p.hard = a.hard || b.hard;
+    p.restitution = both && b.restitution > rigid.restitution ? b.restitution : rigid.restitution;
+    p.erp = both && b.erp > rigid.erp ? b.erp : rigid.erp;
     for (int i = 0; i < 3; ++i) friction[i] = a.friction[i] > b.friction[i] ? a.friction[i] : b.friction[i];
     R const s1 = a.solmix, s2 = b.solmix;
     R const mix = s1 >= tiny && s2 >= tiny ? s1 / (s1 + s2) : s1 < tiny && s2 < tiny ? R(0.5) : s1 < tiny ? R(0) : R(1);
@@ -49,7 +57,8 @@ KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R
 namespace detail {
 template <class R>
 GeomContact<R> geom_contact(CompiledModel const& m, int g) {
-  GeomContact<R> c{m.geom_priority[g], m.geom_condim[g], R(m.geom_solmix[g]), R(m.geom_margin[g]), R(m.geom_gap[g]), {}, {}, {}, R(0)};
+  GeomContact<R> c{m.geom_priority[g],  m.geom_condim[g], R(m.geom_solmix[g]),  R(m.geom_margin[g]),    R(m.geom_gap[g]), {}, {}, {}, R(0),
+                   m.geom_hard[g] != 0, R(m.geom_restitution[g]), R(m.geom_erp[g])};
   for (int i = 0; i < 3; ++i) c.friction[i] = R(m.geom_friction[g][i]);
   for (int i = 0; i < 2; ++i) c.solref[i] = R(m.geom_solref[g][i]);
   for (int i = 0; i < 5; ++i) c.solimp[i] = R(m.geom_solimp[g][i]);
@@ -169,13 +178,16 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   std::vector<CollisionRun<R>> runs;
   std::vector<CollisionChunk> chunks;
   // pairs of geoms with equal parameters share them: mixing depends on each geom's own set only
-  std::map<std::array<double, 16>, int> geom_sets;
+  std::map<std::array<double, 19>, int> geom_sets;
   std::vector<int> geom_set(m.ngeom, 0);
   for (int g : order) {
     auto const& f = m.geom_friction[g];
     auto const& r = m.geom_solref[g];
     auto const& s = m.geom_solimp[g];
-    std::array<double, 16> const set{double(m.geom_condim[g]),
+    std::array<double, 19> const set{double(m.geom_hard[g]),
+                                     m.geom_restitution[g],
+                                     m.geom_erp[g],
+                                     double(m.geom_condim[g]),
                                      double(m.geom_priority[g]),
                                      f[0],
                                      f[1],
@@ -195,7 +207,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   }
   auto const add_parameters = [&](int k) {
     auto const p = contact_parameters(m, k);
-    ContactParameters<R> r{p.condim, R(p.margin), R(p.gap), {}, {}, {}, {}, R(p.adhesion)};
+    ContactParameters<R> r{p.condim, R(p.margin), R(p.gap), {}, {}, {}, {}, R(p.adhesion), p.hard, R(p.restitution), R(p.erp)};
     for (int i = 0; i < 5; ++i) r.friction[i] = R(p.friction[i]);
     for (int i = 0; i < 5; ++i) r.solimp[i] = R(p.solimp[i]);
     for (int i = 0; i < 2; ++i) r.solref[i] = R(p.solref[i]);

@@ -110,9 +110,9 @@ struct CollideCandidates {
     auto const own = model.parameters_of(c.world, c.pair);
     PointSlots<R> out{&s.points(c.slot), c.count, 0};
     if constexpr (convex)
-      convex_narrowphase(kind, shape(a), shape(b), own.margin + own.gap, out);
+      convex_narrowphase(kind, shape(a), shape(b), own.margin + own.gap + model.early, out);
     else
-      closed_narrowphase(kind, shape(a), shape(b), own.margin + own.gap, out);
+      closed_narrowphase(kind, shape(a), shape(b), own.margin + own.gap + model.early, out);
     s.candidates(k).count = short(reduce && is_among(reducing_kinds, kind) ? reduce_points(out.slot, out.count) : out.count);
   }
 };

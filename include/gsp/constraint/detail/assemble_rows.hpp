@@ -160,26 +160,27 @@ struct EmitRows {
         int const n = type.rows(w, k), first = rows.first(w) + rows_of(sum);
         std::int64_t const couplings = rows.first_entry(w) + entries_of(sum), first_entry = couplings + couplings_of(n);
         std::int64_t sizes = 0;
+        R most_yield[most_element_rows];
         for (int r = 0; r < n; ++r) {
           RowStructure<R, Mem> structure{model};
           type.jacobian(w, k, r, structure);
           if (last) {
-            emit(type, w, k, r, rows.row(first + r), first_entry + entries_of(sizes), structure);
+            most_yield[r] = emit(type, w, k, r, rows.row(first + r), first_entry + entries_of(sizes), structure);
             rows.element_rows(first + r) = static_cast<signed char>(r == 0 ? n : 0);
           }
           sizes += pack_sizes(1, structure.entries());
         }
-        if (last && n > 0) finish(place, type.id(w, k), w, n, first, couplings);
+        if (last && n > 0) finish(type, k, place, w, n, first, couplings, most_yield);
         sum += sizes + couplings_of(n);
       });
     });
   }
 
  private:
-  /// Row r of element k: whitened entries, law and bounds.
+  /// Row r of element k: whitened entries, law and bounds. Returns what it may yield to its load (RowLaw).
   template <class Type>
-  KOKKOS_INLINE_FUNCTION void emit(Type const& type, int w, int k, int r, Row<R>& out, std::int64_t entry,
-                                   RowStructure<R, Mem> const& structure) const {
+  KOKKOS_INLINE_FUNCTION R emit(Type const& type, int w, int k, int r, Row<R>& out, std::int64_t entry,
+                                RowStructure<R, Mem> const& structure) const {
     Row<R> row;
     row.element = k;
     row.with_next = false;
@@ -221,46 +222,104 @@ struct EmitRows {
       row.lower = row.upper = R(0);
     }
     out = row;
+    return law.most_yield;
   }
   /// What belongs to the element as a whole: place in the list of types, couplings, identity, and the impulses to start from.
-  KOKKOS_INLINE_FUNCTION void finish(int place, RowId id, int w, int n, int first, std::int64_t couplings) const {
+  template <class Type>
+  KOKKOS_INLINE_FUNCTION void finish(Type const& type, int k, int place, int w, int n, int first, std::int64_t couplings,
+                                     R const* most_yield) const {
     Row<R>* const row = &rows.row(first);
     bool same = true;
     for (int b = 1; b < n; ++b) same = same && has_segments_of(row[b], row[0]);
     row->same_segments = same;
     couple(rows, row, n, couplings);
-    int const now = impulses.parity(), last = state.steps(w) > 0 ? last_row(w, place, id) : -1;
-    std::uint64_t const key = row_key(place, id), old = last < 0 ? 0 : impulses.id[1 - now](last);
+    int const now = impulses.parity();
+    RowId const id = type.id(w, k);
+    R start[most_element_rows];
+    for (int r = 0; r < n; ++r) start[r] = R(0);
+    R const load = state.steps(w) > 0 ? find_start(type, k, place, id, w, n, start) : R(0);
     for (int r = 0; r < n; ++r) {
       row[r].type = static_cast<unsigned char>(place);
-      impulses.id[now](first + r) = key;
-      bool const known =
-          last >= 0 && last + r < impulses.first[1 - now](w) + impulses.count[1 - now](w) && impulses.id[1 - now](last + r) == old;
-      R const p = known && row[r].inverse_diagonal > R(0) ? impulses.p[1 - now](last + r) : R(0);
+      impulses.id[now](first + r) = row_key(place, id);
+      R const p = row[r].inverse_diagonal > R(0) ? start[r] : R(0);
       impulses.p[now](first + r) = p - p == R(0) ? p : R(0);
+      harden(row[r], load, most_yield[r]);
+    }
+    if constexpr (requires { type.place(w, k); }) {
+      Vec3<R> const at = type.place(w, k);
+      for (int c = 0; c < 3; ++c) impulses.place[now](first, c) = at[c];
     }
   }
-  /// First row of this element in the last step, -1 where it was not there. The type's place in the list may have been another one;
-  /// identities are sorted but for the minor part.
-  KOKKOS_INLINE_FUNCTION int last_row(int w, int place, RowId id) const {
+  /// Adds the impulses that the element had in the last step to `start`: those of its identity; or, where it had none and the type says
+  /// where its elements act, of all elements of the same major identity that are gone and to which it is the nearest of the new ones.
+  template <class Type>
+  KOKKOS_INLINE_FUNCTION R find_start(Type const& type, int k, int place, RowId id, int w, int n, R* start) const {
     int const before = 1 - impulses.parity();
-    int type = 0;
-    for (; impulses.type_names(type, before) != names.name[place]; ++type)
-      if (impulses.type_names(type, before) == 0) return -1;
-    std::uint64_t const key = row_key(type, id), major = key >> 32;
+    int known = 0;
+    for (; impulses.type_names(known, before) != names.name[place]; ++known)
+      if (impulses.type_names(known, before) == 0) return R(0);
     auto const& ids = impulses.id[before];
-    int lo = impulses.first[before](w);
-    int const end = lo + impulses.count[before](w);
-    for (int hi = end; lo < hi;) {
-      int const mid = lo + (hi - lo) / 2;
-      if ((ids(mid) >> 32) < major)
-        lo = mid + 1;
+    std::uint64_t const key = row_key(known, id), major = key >> 32;
+    int low = impulses.first[before](w);
+    int const end = low + impulses.count[before](w);
+    for (int high = end; low < high;) {  // identities are sorted but for the minor part
+      int const middle = low + (high - low) / 2;
+      if ((ids(middle) >> 32) < major)
+        low = middle + 1;
       else
-        hi = mid;
+        high = middle;
     }
-    for (; lo < end && (ids(lo) >> 32) == major; ++lo)
-      if (ids(lo) == key) return lo;
-    return -1;
+    auto const add = [&](int row) {
+      std::uint64_t const old = ids(row);
+      for (int r = 0; r < n && row + r < end && ids(row + r) == old; ++r) start[r] += impulses.p[before](row + r);
+    };
+    R load(0);
+    int old = 0, mine = -1;
+    for (int row = low; row < end && (ids(row) >> 32) == major; ++row) {
+      if (row > low && ids(row) == ids(row - 1)) continue;
+      load += abs(impulses.p[before](row));
+      ++old;
+      if (ids(row) == key) mine = row;
+    }
+    if (old > 0) load = load / R(old);
+    if (mine >= 0) {
+      add(mine);
+      return load;
+    }
+    if constexpr (requires { type.place(w, k); }) {
+      int from = k, to = k + 1;
+      int const elements = int(type.count(w));
+      while (from > 0 && type.id(w, from - 1).major == id.major) --from;
+      while (to < elements && type.id(w, to).major == id.major) ++to;
+      auto const was_there = [&](std::uint32_t minor) {
+        for (int row = low; row < end && (ids(row) >> 32) == major; ++row)
+          if (std::uint32_t(ids(row)) == minor) return true;
+        return false;
+      };
+      for (int row = low; row < end && (ids(row) >> 32) == major; ++row) {
+        if (row > low && ids(row) == ids(row - 1)) continue;
+        bool gone = true;
+        for (int e = from; e < to; ++e) gone = gone && !(type.rows(w, e) > 0 && type.id(w, e).minor == std::uint32_t(ids(row)));
+        if (!gone) continue;
+        Vec3<R> const at{impulses.place[before](row, 0), impulses.place[before](row, 1), impulses.place[before](row, 2)};
+        R const mine = norm(type.place(w, k) - at);
+        bool nearest = true;
+        for (int e = from; e < to; ++e) {
+          if (e == k || type.rows(w, e) == 0) continue;
+          R const other = norm(type.place(w, e) - at);
+          if (other < mine || (other == mine && e < k)) nearest = nearest && was_there(type.id(w, e).minor);
+        }
+        if (nearest) add(row);
+      }
+    }
+    return load;
+  }
+  /// A row that carries much yields C p <= most to it.
+  KOKKOS_INLINE_FUNCTION static void harden(Row<R>& row, R p, R most) {
+    R const compliance = row.compliance;
+    if (!(compliance * abs(p) > most) || row.with_next) return;
+    row.compliance = most / abs(p);
+    row.inverse_diagonal = R(1) / (R(1) / row.inverse_diagonal + (row.compliance - compliance));
   }
 };
 

@@ -142,6 +142,9 @@ inline void read_geom(Document& doc, Node const& node, BodyDraft& to, Pose const
   g.has_mass = a.number("mass", g.mass);
   a.boolean("shellinertia", g.shell_inertia);
   softness(a, g.softness, "");
+  for (char const* name : {"hard", "_hard"}) a.boolean(name, g.hard);
+  for (char const* name : {"restitution", "_bounciness"}) a.number(name, g.restitution);
+  for (char const* name : {"erp", "_erp"}) a.number(name, g.erp);
   std::array<double, 4> rgba{0.5, 0.5, 0.5, 1};
   bool const colour = a.numbers("rgba", rgba);
   g.rgba = {float(rgba[0]), float(rgba[1]), float(rgba[2]), float(rgba[3])};

@@ -124,8 +124,9 @@ inline constexpr ElementSchema schema[] = {
      "", "user", "springyield", ""},
     {"freejoint", "align group name", "", "", "", ""},
     {"geom",
-     "adhesion class conaffinity condim contype density fitscale fluidcoef fluidshape friction fromto gap group hfield margin mass "
-     "material mesh name pos priority rgba shellinertia size solimp solmix solref surfacevel type @turn",
+     "adhesion class conaffinity condim contype density erp fitscale fluidcoef fluidshape friction fromto gap group hard hfield margin "
+     "mass "
+     "material mesh name pos priority restitution rgba shellinertia size solimp solmix solref surfacevel type _bounciness _erp _hard @turn",
      "castshadow", "user", "", "plugin"},
     {"site", "class fromto group name pos size type @turn", "material mesh rgba", "user", "", ""},
     {"camera", "class focal focalpixel fovy mode name pos principal principalpixel projection resolution sensorsize target @turn",

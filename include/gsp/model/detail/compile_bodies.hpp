@@ -230,6 +230,8 @@ class BodyCompiler : public CompilerBase {
       fail(g.place, "geom", g.name, "is a plane in a body that moves: planes belong to the world, use a box");
     if (g.type == ShapeType::ellipsoid && g.shell_inertia)
       fail(g.place, "geom", g.name, "is an ellipsoid with shellinertia, which is not supported: give its body an inertial");
+    for (auto const& [value, name] : {std::pair{g.restitution, "restitution"}, std::pair{g.erp, "erp"}})
+      if (!(value >= 0 && value <= 1)) fail(g.place, "geom", g.name, std::string("has a ") + name + " outside of 0 to 1: give one of them");
     if (g.has_mass ? g.mass < 0 : g.density < 0) fail(g.place, "geom", g.name, "has a negative mass or density: give zero or more");
     m_.geom_type.push_back(int(g.type));
     m_.geom_body.push_back(b);
@@ -246,6 +248,9 @@ class BodyCompiler : public CompilerBase {
     m_.geom_solmix.push_back(g.solmix);
     m_.geom_margin.push_back(g.margin);
     m_.geom_gap.push_back(g.gap);
+    m_.geom_hard.push_back(g.hard);
+    m_.geom_restitution.push_back(g.restitution);
+    m_.geom_erp.push_back(g.erp);
     m_.geom_solref.push_back(g.softness.solref);
     m_.geom_solimp.push_back(g.softness.solimp);
     m_.geom_rgba.push_back(g.rgba);

@@ -1,6 +1,7 @@
 #pragma once
 #include <cstring>
 #include <gsp/constraint/impulses.hpp>
+#include <gsp/solver/detail/leap.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
@@ -28,7 +29,7 @@ struct PgsLockstep {
   /// What is known of B rows but their entries.
   struct Block {
     ElementLaw<T, B> law;
-    T bias[B], compliance[B], p[B], product[B * (B - 1) / 2];
+    T bias[B], compliance[B], p[B], before[B], product[B * (B - 1) / 2];
     T const* Y;        // entry e of row b at B e + b
     int element_rows;  // places of an element
     int groups;        // of four dofs
@@ -51,7 +52,8 @@ struct PgsLockstep {
       find_places(places[l], w0 + l, count[l], most);
     }
     T* const z = reinterpret_cast<T*>(solution.thread_items.data() + std::int64_t(thread) * solution.thread_stride);
-    T* const behind = z + (nv + 3) / 4 * 4;
+    T* const z_before = z + (nv + 3) / 4 * 4;
+    T* const behind = z_before + (nv + 3) / 4 * 4;
     for (T* q = z; q != behind; ++q) *q = T(R(0));
     static_assert(sizeof(Block) <= lockstep_block_packs * sizeof(T));
     Block* const block = reinterpret_cast<Block*>(behind);
@@ -70,8 +72,11 @@ struct PgsLockstep {
     int sweeps[W] = {};
     Mask<R, W> active;
     for (int l = 0; l < W; ++l) active.set(l, count[l] > 0);
+    Mask<R, W> leaping = active;
+    T before_leap(Kokkos::Experimental::infinity_v<R>);
     for (int sweep = 0; sweep < options.iterations && any(active); ++sweep) {
       T change = zero;
+      if (leaps_after(sweep)) keep(block, blocks, z, z_before);
       for (int q = 0; q < blocks; ++q) {
         Block& k = block[q];
         T w[B], d[B], p[B];
@@ -84,8 +89,7 @@ struct PgsLockstep {
         for (int b = 0; b < B; ++b) {
           d[b] = select(active, d[b], zero);
           k.p[b] = k.p[b] + d[b];
-          if (options.tolerance > 0)
-            change = max(change, abs(d[b]) / select(k.law.inverse_diagonal[b] > zero, k.law.inverse_diagonal[b], one));
+          change = max(change, abs(d[b]) / select(k.law.inverse_diagonal[b] > zero, k.law.inverse_diagonal[b], one));
         }
         push(k, z, d);
       }
@@ -94,6 +98,11 @@ struct PgsLockstep {
           ++sweeps[l];
           if (options.tolerance > 0 && sweep + 1 >= options.least && !(change[l] > tolerance[l])) active.set(l, false);
         }
+      if (leaps_after(sweep) && sweep + 1 < options.iterations) {
+        for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leap_helped(change[l], before_leap[l]));
+        before_leap = change;
+        if (any(leaping)) leap(block, blocks, z, z_before, leaping);
+      }
     }
     T worst = zero;
     for (int q = 0; options.residual && q < blocks; ++q) {
@@ -122,6 +131,32 @@ struct PgsLockstep {
   }
 
  private:
+  /// Impulses and z before a sweep that a leap follows on.
+  void keep(Block* block, int blocks, T const* z, T* z_before) const {
+    for (int i = 0; i < rows.nv; ++i) z_before[i] = z[i];
+    for (int q = 0; q < blocks; ++q)
+      for (int b = 0; b < B; ++b) block[q].before[b] = block[q].p[b];
+  }
+  /// Leaves p and z of the active worlds where the energy is least (leap.hpp).
+  void leap(Block* block, int blocks, T* z, T* z_before, Mask<R, W> const& active) const {
+    T const zero(R(0));
+    LeapSums<T> s{zero, zero, zero, zero, zero};
+    for (int i = 0; i < rows.nv; ++i) s.add_dof(z[i], z[i] - z_before[i]);
+    for (int q = 0; q < blocks; ++q)
+      for (int b = 0; b < B; ++b) s.add_row(block[q].p[b], block[q].p[b] - block[q].before[b], block[q].compliance[b], block[q].bias[b]);
+    Leap<T> to = best_leap<R>(s);
+    to.along = select(active, to.along, zero);
+    to.on = select(active, to.on, zero);
+    for (int i = 0; i < (rows.nv + 3) / 4 * 4; ++i) z_before[i] = zero;
+    for (int q = 0; q < blocks; ++q) {
+      for (int b = 0; b < B; ++b) {
+        T const p = block[q].p[b];
+        block[q].p[b] = p + fma(to.along, p, to.on * (p - block[q].before[b]));
+      }
+      push(block[q], z_before, block[q].p);
+    }
+    for (int i = 0; i < rows.nv; ++i) z[i] = select(active, z_before[i], z[i]);
+  }
   static constexpr int places_of(int kind) { return kind == 0 ? 1 : B; }
 
   void find_places(Places& places, int w, int count, int (&most)[2]) const {

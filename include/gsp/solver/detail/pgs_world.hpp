@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/parallel/for_worlds.hpp>
+#include <gsp/solver/detail/leap.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
@@ -31,16 +32,14 @@ struct PgsWorld {
     if (lockstep && goes_in_lockstep(rows, w)) return;
     R* const z = solution.z.data() + std::int64_t(w) * rows.nv;
     R* const p = impulses.p[impulses.parity()].data() + first;
-    world.each(rows.nv, [&](int i) { z[i] = R(0); });
-    for (int r = 0; r < count; ++r) {
-      world.sync();
-      if (p[r] != R(0)) push(world, rows.row(first + r), z, p[r]);
-    }
-    world.sync();
+    set_z(world, first, count, z, p);
     R const tolerance = R(options.tolerance) * rows.rate_scale(w);
     int sweep = 0;
+    bool leaping = true;
+    R before_leap = Kokkos::Experimental::infinity_v<R>;
     for (bool again = count > 0; again; ++sweep) {
       R change(0);
+      if (leaps_after(sweep)) keep(world, w, first, count, z, p);
       for (int kind = 0; kind < 2; ++kind)  // elements of one row first: the order of the lockstep (pgs_lockstep.hpp)
         for (int r = 0, n; r < count; r += n) {
           Row<R> const* const row = &rows.row(first + r);
@@ -54,6 +53,11 @@ struct PgsWorld {
             change = max(change, sweep_element<N>(world, row, n, z, p + r));
         }
       again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
+      if (again && leaps_after(sweep)) {
+        leaping = leaping && leap_helped(change, before_leap);
+        before_leap = change;
+        if (leaping) leap(world, w, first, count, z, p);
+      }
     }
     R worst(0);
     for (int r = 0; options.residual && r < count; r += rows.element_rows(first + r)) {
@@ -70,6 +74,44 @@ struct PgsWorld {
   }
 
  private:
+  /// Impulses and z before a sweep that a leap follows on.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void keep(World const& world, int w, int first, int count, R const* z, R const* p) const {
+    world.each(rows.nv, [&](int i) { solution.z_before(w, i) = z[i]; });
+    world.each(count, [&](int r) { impulses.before(first + r) = p[r]; });
+    world.sync();
+  }
+  /// Leaves p and z where the energy is least (leap.hpp).
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void leap(World const& world, int w, int first, int count, R* z, R* p) const {
+    LeapSums<R> s;
+    auto const dz = [&](int i) { return z[i] - solution.z_before(w, i); };
+    auto const d = [&](int r) { return p[r] - impulses.before(first + r); };
+    auto const sum = [&](auto const& of_dof, auto const& of_row) {
+      return world.template sum<R>(rows.nv, of_dof) + world.template sum<R>(count, of_row);
+    };
+    auto const softly = [&](int r) { return rows.row(first + r).compliance; };
+    auto const none = [](int) { return R(0); };
+    s.pp = sum([&](int i) { return square(z[i]); }, [&](int r) { return softly(r) * square(p[r]); });
+    s.pd = sum([&](int i) { return z[i] * dz(i); }, [&](int r) { return softly(r) * p[r] * d(r); });
+    s.dd = sum([&](int i) { return square(dz(i)); }, [&](int r) { return softly(r) * square(d(r)); });
+    s.bp = sum(none, [&](int r) { return rows.row(first + r).bias * p[r]; });
+    s.bd = sum(none, [&](int r) { return rows.row(first + r).bias * d(r); });
+    Leap<R> const to = best_leap<R>(s);
+    world.sync();  // all have read p and z
+    world.each(count, [&](int r) { p[r] += to.along * p[r] + to.on * d(r); });
+    set_z(world, first, count, z, p);
+  }
+  /// z = Y^T p
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void set_z(World const& world, int first, int count, R* z, R const* p) const {
+    world.each(rows.nv, [&](int i) { z[i] = R(0); });
+    for (int r = 0; r < count; ++r) {
+      world.sync();
+      if (p[r] != R(0)) push(world, rows.row(first + r), z, p[r]);
+    }
+    world.sync();
+  }
   KOKKOS_INLINE_FUNCTION int const* list_of(RowSegment const& s) const { return s.list < 0 ? nullptr : rows.dof_lists.data() + s.list; }
 
   /// One pass over an element; the largest change of a rate. M = 1 or 3: so many rows, which have the same segments; M = N: any.
