@@ -12,10 +12,11 @@ int main(int argc, char** argv) {
 
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   auto const model = gsp::make_model<float>(exec, compiled);
-  auto const collision = gsp::make_collision_model<float>(exec, compiled);
+  auto collision = gsp::make_collision_model<float>(exec, compiled);
+  collision.early = float(gsp::early_distance(compiled, model.timestep));  // as profile stable has it
   auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
   auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
-  auto contacts = gsp::make_contacts(exec, collision, {.worlds = worlds});
+  auto contacts = gsp::make_contacts(exec, collision, {.worlds = worlds, .points_per_box_pair = 4});
   auto rows = gsp::make_rows(exec, model, {.worlds = worlds});
   auto impulses = gsp::make_impulses(exec, rows);
   auto solution = gsp::make_solution(exec, model, {.worlds = worlds});

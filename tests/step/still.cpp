@@ -82,8 +82,8 @@ struct World {
 
 }  // namespace
 
-// A rigid contact closes a gap within the step and no more: a sphere x above the floor that falls with u is at the floor after the step where
-// x + h u < 0 (u+ = -x / h), else where free fall takes it; it never is pushed away. Tolerance: rounding of one step.
+// A rigid contact closes a gap within the step and no more: a sphere x above the floor that falls with u is at the floor after the step
+// where x + h u < 0 (u+ = -x / h), else where free fall takes it; it never is pushed away. Tolerance: rounding of one step.
 TEST_CASE_TEMPLATE("a gap closes within the step and no more", Exec, GSP_TEST_EXECS) {
   double const h = 0.002, g = 9.81;
   for (double const gap : {0.0, 1e-6, 1e-5, 3e-5})
@@ -141,8 +141,8 @@ TEST_CASE("an aligned tower of 20 stands") {
   CHECK(f.moved(true) < 5e-3);
 }
 
-// The give of a contact is that of the mass that it carries: 1:10,000 sinks (1 - d) / d^2 |g| / K = 0.2 to 0.4 mm a contact, as a body alone
-// does. Before: sunk through (0.2 m).
+// The give of a contact is that of the mass that it carries: 1:10,000 sinks (1 - d) / d^2 |g| / K = 0.2 to 0.4 mm a contact, as a body
+// alone does. Before: sunk through (0.2 m).
 TEST_CASE("a heavy box stays on a light one") {
   using Exec = Kokkos::DefaultHostExecutionSpace;
   for (double const heavy : {100.0, 10000.0}) {

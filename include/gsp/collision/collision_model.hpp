@@ -1,4 +1,5 @@
 #pragma once
+#include <cmath>
 #include <gsp/collision/shape_assets.hpp>
 #include <gsp/collision/shapes.hpp>
 #include <gsp/core/check.hpp>
@@ -119,6 +120,15 @@ struct CollisionModel {
   KOKKOS_INLINE_FUNCTION ShapeAsset<R> const* asset_of(int collider) const { return assets.at(collider_asset(collider)); }
   KOKKOS_INLINE_FUNCTION ShapeData<R> data_of(int world, int collider) const { return {size_of(world, collider), asset_of(collider)}; }
 };
+
+/// How far gravity takes a body from rest in a step, |g| h^2 [m]: CollisionModel::early of profile `stable`, whose contacts act from there
+/// on.
+/// @param timestep  [s]; 0: the model's own
+inline double early_distance(CompiledModel const& m, double timestep = 0) {
+  double const h = timestep > 0 ? timestep : m.option.timestep;
+  auto const& g = m.option.gravity;
+  return std::sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]) * h * h;
+}
 
 /// Takes what collision needs of `m` to the memory of `exec`. Allocates; fences. Cost O(pairs log pairs), 24 bytes a pair.
 /// Errors: gsp::Error for a pair that cannot collide, such as two planes; `compile` makes none.

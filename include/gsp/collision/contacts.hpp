@@ -41,7 +41,7 @@ struct Contacts {
   View<int*> geom1, geom2, body1, body2;
   View<R* [3]> pos;              // midway between the surfaces [m]
   View<R* [9]> frame;            // rows normal (geom1 to geom2), t1, t2
-  View<R*> dist, includemargin;  // [m]; acts if dist < includemargin, or adhesion != 0
+  View<R*> dist, includemargin;  // [m]; acts if dist < includemargin (profile stable: + early), or adhesion != 0
   View<R*> adhesion;             // with which it may pull [N]; empty where no pair of the model has any
   View<R* [3]> surfacevel;  // velocity of the surface of geom2 less that of geom1: along t1, t2 [m/s], about the normal [rad/s]; or empty
   View<int*> feature;       // unique within (world, pair); survives steps
@@ -77,7 +77,7 @@ Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& m
 template <ExecutionSpace Exec, class R, class Mem>
 bool grow(Exec const& exec, Contacts<R, Mem>& contacts);
 
-/// Finds all contacts with dist <= margin + gap of all worlds in their present poses.
+/// Finds all contacts with dist <= margin + gap + model.early of all worlds in their present poses.
 /// @param poses     of the bodies, (worlds, bodies)
 /// @param contacts  overwritten
 /// Neither allocates nor fences. Cost: 2 us for a humanoid on the floor on one core, 26 ns in a batch of 8,192 on an H200 (docs/collision).

@@ -92,13 +92,11 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   Simulation<R, Mem> sim;
   int const n = options.worlds;
   sim.collision = make_collision_model<R>(exec, compiled);
-  if (model.profile == Profile::stable) {
-    auto const& g = compiled.option.gravity;
-    sim.collision.early = R(std::sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])) * model.timestep * model.timestep;
-  }
+  bool const stable = model.profile == Profile::stable;
+  if (stable) sim.collision.early = R(early_distance(compiled, double(model.timestep)));
   sim.dynamics = make_dynamics(exec, model, {.worlds = n});
   sim.poses = make_poses(exec, model, {.worlds = n});
-  sim.contacts = make_contacts(exec, sim.collision, {.worlds = n, .points_per_box_pair = model.profile == Profile::stable ? 4 : 8});
+  sim.contacts = make_contacts(exec, sim.collision, {.worlds = n, .points_per_box_pair = stable ? 4 : 8});
   sim.rows = make_rows(exec, model, {.worlds = n});
   sim.impulses = make_impulses(exec, sim.rows);
   sim.solution = make_solution(exec, model, {.worlds = n});

@@ -11,8 +11,8 @@ inline constexpr int leap_from = 16, leap_every = 4;  // sweeps: before the firs
 /// Whether a leap follows on sweep number `sweep` (from 0): then p and z before it are kept.
 KOKKOS_INLINE_FUNCTION constexpr bool leaps_after(int sweep) { return sweep >= leap_from && sweep % leap_every == 0; }
 
-/// Friction is no minimum of an energy, and a leap may spoil what sweeps have found: a world whose sweeps change it by more than half of what
-/// they did before its last leap leaps no more in this step.
+/// Friction is no minimum of an energy, and a leap may spoil what sweeps have found: a world whose sweeps change it by more than half of
+/// what they did before its last leap leaps no more in this step.
 template <class R>
 KOKKOS_INLINE_FUNCTION bool leap_helped(R change, R change_before) {
   return change <= R(0.5) * change_before;
@@ -43,9 +43,9 @@ template <class T>
 struct Leap {
   T along, on;
 };
-/// Where E is least in that plane:  pp along + pd on = -(pp + bp),   pd along + dd on = -(pd + bd).  Where p and d point the same way, along
-/// p alone. Never back (on >= 0), at most 10,000 sweeps at once, and half of p is kept: bounds and friction are left to the next sweep. z is
-/// found anew, Y^T p, as what rounding makes of d is enlarged.
+/// Where E is least in that plane:  pp along + pd on = -(pp + bp),   pd along + dd on = -(pd + bd).  Where p and d point the same way,
+/// along p alone. Never back (on >= 0), at most 10,000 sweeps at once, and half of p is kept: bounds and friction are left to the next
+/// sweep. z is found anew, Y^T p, as what rounding makes of d is enlarged.
 template <class R, class T>
 KOKKOS_INLINE_FUNCTION Leap<T> best_leap(LeapSums<T> const& s) {
   T const zero(R(0)), one(R(1)), p = s.pp + s.bp, d = s.pd + s.bd, det = s.pp * s.dd - s.pd * s.pd;
