@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/exec.hpp>
 #include <gsp/math/scalar.hpp>
 
 /// What hurries sweeps that are slow: every few of them, the best point of the plane through the impulses p, their own direction and that
