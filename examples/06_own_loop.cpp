@@ -47,11 +47,10 @@ int main(int argc, char** argv) {
     gsp::actuator_forces(exec, model, state, poses, dynamics);
     gsp::factor(exec, model, state, dynamics, {.stiff_rows = true});
     gsp::collide(exec, collision, poses, contacts);
-    auto const types =
-        gsp::constraints(gsp::Equalities(model, state, poses, dynamics), gsp::JointFriction(model), gsp::TendonFriction(model, dynamics),
-                         gsp::JointLimits(model, state), gsp::TendonLimits(model, dynamics),
-                         gsp::ContactAdhesion(model, contacts, dynamics), gsp::ContactRows(model, collision, contacts),
-                         gsp::StiffForces(model, state, dynamics));
+    auto const types = gsp::constraints(gsp::Equalities(model, state, poses, dynamics), gsp::JointFriction(model),
+                                        gsp::TendonFriction(model, dynamics), gsp::JointLimits(model, state),
+                                        gsp::TendonLimits(model, dynamics), gsp::ContactAdhesion(model, contacts, dynamics),
+                                        gsp::ContactRows(model, collision, contacts), gsp::StiffForces(model, state, dynamics));
     gsp::assemble(exec, model, state, dynamics, types, rows, impulses, progress);
     gsp::pgs(exec, rows, impulses, solution, progress, {.iterations = 100});
     gsp::integrate(exec, model, state, dynamics, progress, solution);

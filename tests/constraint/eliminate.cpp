@@ -54,7 +54,8 @@ gsp::CompiledModel closed_chain(bool twice = false) {
   };
   body("box", 0, {2, 0, 0}, gsp::JointType::free, {0, 0, 1});
   gsp::Double3 const axes[] = {{0, 1, 0}, {1, 0, 0}, {0, 0, 1}, {0.6, 0.8, 0}, {0, 1, 0}, {0, 0.6, 0.8}};
-  for (int i = 0; i < links; ++i) body("l" + std::to_string(i), i == 0 ? 0 : int(d.bodies.size()) - 1, {0, 0.05, 0.3}, gsp::JointType::hinge, axes[i]);
+  for (int i = 0; i < links; ++i)
+    body("l" + std::to_string(i), i == 0 ? 0 : int(d.bodies.size()) - 1, {0, 0.05, 0.3}, gsp::JointType::hinge, axes[i]);
   auto const equality = [&](gsp::EqualityType type, std::string one, std::string two) {
     gsp::EqualityDescription e;
     e.name = "e" + std::to_string(d.equalities.size()), e.type = type, e.name1 = one, e.name2 = two;
@@ -86,15 +87,15 @@ TEST_CASE_TEMPLATE("eliminated rows and swept ones have the same solution", Exec
     test_types::Pushes<double> const pushes{contacts, 3, free_dofs + links};
     a.solver = b.solver = gsp::PgsOptions{.iterations = 100000, .tolerance = 1e-11f, .residual = true};
     for (auto* s : {&a, &b}) {
-      do {
-        s->assemble(gsp::Equalities(s->model, s->state, s->poses, s->dynamics), pushes);
-      } while (s->grow());
+      do { s->assemble(gsp::Equalities(s->model, s->state, s->poses, s->dynamics), pushes); } while (s->grow());
       s->solve(s->solver);
       s->exec.fence();
     }
-    auto const eliminated = gsp_test::host(a.rows.eliminated), more = gsp_test::host(a.solution.iterations), less = gsp_test::host(b.solution.iterations);
+    auto const eliminated = gsp_test::host(a.rows.eliminated), more = gsp_test::host(a.solution.iterations),
+               less = gsp_test::host(b.solution.iterations);
     auto const za = gsp_test::host(a.solution.z), zb = gsp_test::host(b.solution.z);
-    auto const pa = gsp_test::host(a.impulses.p[gsp_test::host(a.impulses.parity)()]), pb = gsp_test::host(b.impulses.p[gsp_test::host(b.impulses.parity)()]);
+    auto const pa = gsp_test::host(a.impulses.p[gsp_test::host(a.impulses.parity)()]),
+               pb = gsp_test::host(b.impulses.p[gsp_test::host(b.impulses.parity)()]);
     auto const first = gsp_test::host(a.rows.first), count = gsp_test::host(a.rows.count), other = gsp_test::host(b.rows.first);
     int sweeps[2] = {0, 0};
     for (int w = 0; w < worlds; ++w) {
@@ -121,7 +122,8 @@ TEST_CASE_TEMPLATE("eliminated rows and swept ones have the same solution", Exec
   }
 }
 
-// In float, and with the same joints coupled twice: finite, the same rates to float's rounding times the stiffness of the rows (1 / C |Y|^2 = 20).
+// In float, and with the same joints coupled twice: finite, the same rates to float's rounding times the stiffness of the rows (1 / C |Y|^2
+// = 20).
 TEST_CASE_TEMPLATE("redundant equalities stay finite", Exec, GSP_TEST_EXECS) {
   int const worlds = 5;
   auto const once = closed_chain(), twice = closed_chain(true);

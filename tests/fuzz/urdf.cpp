@@ -8,8 +8,7 @@
 extern "C" int LLVMFuzzerTestOneInput(std::uint8_t const* data, std::size_t size) {
   using namespace gsp;
   auto const input = std::as_bytes(std::span(data, size));
-  io::UrdfOptions options{
-      .floating_base = size % 5 == 0, .skip_visuals = size % 2 == 0, .list_refusals = size % 3 == 0};
+  io::UrdfOptions options{.floating_base = size % 5 == 0, .skip_visuals = size % 2 == 0, .list_refusals = size % 3 == 0};
   options.read = [&](std::filesystem::path const&) { return std::vector<std::byte>(input.begin(), input.end()); };
   gsp_fuzz::survive([&] {
     auto const d = io::parse_urdf(io::detail::as_text(input), "fuzz.urdf", options);

@@ -21,9 +21,7 @@ gsp::CompiledModel load(gsp::Description const& description);
 #include <type_traits>
 
 namespace {
-gsp::CompiledModel load(gsp::Description const& description) {
-  return gsp::compile(description);
-}
+gsp::CompiledModel load(gsp::Description const& description) { return gsp::compile(description); }
 
 std::vector<std::string> told;
 void push(char const* name) { told.push_back(name); }

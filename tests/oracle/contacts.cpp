@@ -189,8 +189,7 @@ void compare_scene(std::string const& file, std::vector<int> const& steps, Seen&
     gsp_test::skip(std::string(file) + " is missing from GSP_DATA_DIR");
     return;
   }
-  compare_models(file, load_without_visuals(*path), compile(io::read_mjcf(*path, {.skip_visuals = true})), steps, seen,
-                 disturb, clench);
+  compare_models(file, load_without_visuals(*path), compile(io::read_mjcf(*path, {.skip_visuals = true})), steps, seen, disturb, clench);
 }
 
 void report(Seen const& s) {

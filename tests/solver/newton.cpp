@@ -14,7 +14,7 @@ namespace test_types {
 template <class R>
 struct SoftElements {
   int n, more, dofs;
-  double stiffness;  // 1: compliances about those of the rows themselves
+  double stiffness;                                                         // 1: compliances about those of the rows themselves
   KOKKOS_FUNCTION static double random(int world, int k, int row, int i) {  // in [-1, 1)
     std::uint64_t s = 0x9e3779b97f4a7c15u *
                       (1 + std::uint64_t(world) + 1000 * std::uint64_t(k) + 100000 * std::uint64_t(row) + 10000000 * std::uint64_t(i));
@@ -22,7 +22,7 @@ struct SoftElements {
     return double(s >> 11) / 4503599627370496. - 1;
   }
   KOKKOS_FUNCTION static int normal_of(int kind, int row) {  // -1: bounds
-    constexpr int table[6][6] = {{-1, 0, 0, 0, 0, 0},  {1, -1, 0, 0, 0, 0},   {-1, 0, 0, 0, 0, 0},
+    constexpr int table[6][6] = {{-1, 0, 0, 0, 0, 0}, {1, -1, 0, 0, 0, 0},   {-1, 0, 0, 0, 0, 0},
                                  {2, 2, -1, 2, 0, 0}, {-1, -1, 0, 0, -1, 0}, {-1, 0, 0, 0, 0, 0}};
     return table[kind][row];
   }

@@ -14,8 +14,8 @@ namespace gsp {
 
 /// Contact parameters of a pair: its own numbers where it was named (CompiledModel::named_pairs); else mixed (MuJoCo's mj_contactParam):
 /// the geom with the higher priority wins; else the larger condim and friction, solref and solimp weighted by solmix (solref: the smaller,
-/// where one of them is not positive), and adhesion is the sum; margin and gap are sums in any case. Rigid where one of the two is, with its
-/// restitution and erp, the larger of both where both are.
+/// where one of them is not positive), and adhesion is the sum; margin and gap are sums in any case. Rigid where one of the two is, with
+/// its restitution and erp, the larger of both where both are.
 template <class R>
 struct ContactParameters {
   int condim;

@@ -12,7 +12,8 @@
 /// ContactAdhesion, which stands before, pulls with h a. Within the gap it is a normal alone. Where a surface moves at s relative to the
 /// other (surfacevel) the rate of friction is u + s.
 /// In profile stable they are rows from CollisionModel::early before they touch on, give the less the more they carry
-/// (docs/constraint/contact_rows.md), and friction is rigid: it sticks exactly. In profile mujoco it is as soft as impratio says (constraint/soft_friction.hpp).
+/// (docs/constraint/contact_rows.md), and friction is rigid: it sticks exactly. In profile mujoco it is as soft as impratio says
+/// (constraint/soft_friction.hpp).
 namespace gsp {
 
 template <class R, class Mem>

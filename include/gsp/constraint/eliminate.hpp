@@ -165,7 +165,8 @@ struct RestoreRows {
 /// most rows.most_eliminated a world: Row::eliminated; the others change as above. `assemble` ends with it.
 /// Cost: 4 n a pair of an eliminated row and another on a tree of n degrees of freedom. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
-void eliminate_rows(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem> const& progress) {
+void eliminate_rows(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses,
+                    Progress<Mem> const& progress) {
   if (rows.most_eliminated == 0) return;
   for_worlds("gsp::constraint::eliminate_rows", exec, rows.worlds,
              detail::EliminateRows<R, Mem>{rows, impulses, progress.halt, model.tree_closed, model.dof_tree});

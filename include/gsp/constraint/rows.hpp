@@ -61,7 +61,7 @@ struct Rows {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0, nv = 0;
-  int most_eliminated = 0;  // rows that are eliminated in a world, at most; 0: none is
+  int most_eliminated = 0;                   // rows that are eliminated in a world, at most; 0: none is
   View<int*> first, count;                   // (worlds) rows of a world
   View<int*> largest_element;                // (worlds) most rows of an element
   View<int*> eliminated;                     // (worlds) rows that are eliminated
@@ -69,8 +69,8 @@ struct Rows {
   View<std::int64_t*> first_entry, entries;  // (worlds) of Y
   View<Row<R>*> row;                         // (capacity)
   View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
-  View<R*> Y;                  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries; last
-                               // of a world what eliminated rows do to all, (most_eliminated, count)
+  View<R*> Y;  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries; last
+               // of a world what eliminated rows do to all, (most_eliminated, count)
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed, or one since they grew that needed more than there is
   View<int const*> dof_lists;  // what the segments' lists lie in
   detail::SharedStamp<detail::RowsStamp> stamp;  // host: which call has written them (dynamics/stamps.hpp)

@@ -7,8 +7,8 @@
 ///   minimise  |z|^2 / 2 + sum over the elements of s(w),   w = Y z + b              (s, p, B: solver/soft_element.hpp)
 ///   gradient  g = z - Y^T p(w),   Hessian  H = 1 + Y^T B Y
 /// which has one solution. Each iteration factors H and goes along -H^-1 g to the least cost on that line. The number of iterations does
-/// not grow with masses or stiffness: where p is linear around the start it is one. Source: Todorov 2014, "Convex and analytically-invertible
-/// dynamics with contacts and constraints"; MuJoCo's documentation, "Computation: algorithms".
+/// not grow with masses or stiffness: where p is linear around the start it is one. Source: Todorov 2014, "Convex and
+/// analytically-invertible dynamics with contacts and constraints"; MuJoCo's documentation, "Computation: algorithms".
 namespace gsp {
 
 struct NewtonOptions {

@@ -5,7 +5,8 @@
 /// What the rows of one element answer to their rates where all of them are soft, as in MuJoCo's convex problem:
 ///   p(w) = argmax over the impulses allowed of  -p . w - p . C p / 2,   its value the cost s(w),   p = -ds/dw
 ///   a row with bounds              p = clamp(-w / C, lower, upper)
-///   a normal a and its friction b  p in the cone  |p_b / mu_b| <= p_a.   With U_b = mu_b w_b, T = |U|, N = mu w_a, mu = mu_1 sqrt(C_1 / C_a):
+///   a normal a and its friction b  p in the cone  |p_b / mu_b| <= p_a.   With U_b = mu_b w_b, T = |U|, N = mu w_a, mu = mu_1 sqrt(C_1 /
+///   C_a):
 ///     N >= mu T       p = 0
 ///     mu N + T <= 0   p = -w / C
 ///     else            p_a = -D mu (N - mu T),  p_b = -p_a mu_b U_b / T,   D = 1 / (C_a mu^2 (1 + mu^2))

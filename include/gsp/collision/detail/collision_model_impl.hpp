@@ -57,8 +57,9 @@ KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R
 namespace detail {
 template <class R>
 GeomContact<R> geom_contact(CompiledModel const& m, int g) {
-  GeomContact<R> c{m.geom_priority[g],  m.geom_condim[g], R(m.geom_solmix[g]),  R(m.geom_margin[g]),    R(m.geom_gap[g]), {}, {}, {}, R(0),
-                   m.geom_hard[g] != 0, R(m.geom_restitution[g]), R(m.geom_erp[g])};
+  GeomContact<R> c{
+      m.geom_priority[g],  m.geom_condim[g],         R(m.geom_solmix[g]), R(m.geom_margin[g]), R(m.geom_gap[g]), {}, {}, {}, R(0),
+      m.geom_hard[g] != 0, R(m.geom_restitution[g]), R(m.geom_erp[g])};
   for (int i = 0; i < 3; ++i) c.friction[i] = R(m.geom_friction[g][i]);
   for (int i = 0; i < 2; ++i) c.solref[i] = R(m.geom_solref[g][i]);
   for (int i = 0; i < 5; ++i) c.solimp[i] = R(m.geom_solimp[g][i]);

@@ -93,8 +93,7 @@ struct NewtonWorld {
     add_transposed(world, l, p, z);
     world.each(l.count, [&](int r) { w[r] = dot(l.row[r], z) + l.row[r].bias; });
     world.sync();
-    R const given =
-        total_cost(world, l, w) + R(0.5) * world.template sum<R>(rows.nv, [&](int i) { return z[i] * z[i]; });
+    R const given = total_cost(world, l, w) + R(0.5) * world.template sum<R>(rows.nv, [&](int i) { return z[i] * z[i]; });
     if (given < none) return;
     world.sync();
     world.each(rows.nv, [&](int i) { z[i] = R(0); });
@@ -141,9 +140,11 @@ struct NewtonWorld {
     });
   }
 
-  /// alpha > 0 with |slope| <= 0.01 of the slope at 0, of the convex  |z + alpha d|^2 / 2 + sum s(w + alpha Y d): secants inside of a bracket.
+  /// alpha > 0 with |slope| <= 0.01 of the slope at 0, of the convex  |z + alpha d|^2 / 2 + sum s(w + alpha Y d): secants inside of a
+  /// bracket.
   template <class World>
-  KOKKOS_FUNCTION R line_search(World const& world, Lists const& l, R const* z, R const* d, R const* w, R const* change, R decrement) const {
+  KOKKOS_FUNCTION R line_search(World const& world, Lists const& l, R const* z, R const* d, R const* w, R const* change,
+                                R decrement) const {
     R const zd = world.template sum<R>(rows.nv, [&](int i) { return z[i] * d[i]; });
     R const dd = world.template sum<R>(rows.nv, [&](int i) { return d[i] * d[i]; });
     auto const slope = [&](R alpha) {
