@@ -92,6 +92,18 @@ struct ParametersOf {
   KOKKOS_FUNCTION void operator()(int k) const { found(k) = model.parameters_of(1, k); }
 };
 
+/// Parameters of all pairs in the second of two worlds, whose geoms have a friction of 0.25 of their own.
+template <class Exec, class Mem>
+auto parameters_per_world(Exec const& exec, CompiledModel const& m, CollisionModel<float, Mem>& model) {
+  make_per_world(exec, model, {GeomField::friction}, 2);
+  Kokkos::View<float***, Kokkos::LayoutRight, Mem> friction("friction", 2, m.ngeom, 3);
+  Kokkos::deep_copy(friction, 0.25f);
+  set_world_values(exec, model, GeomField::friction, friction);
+  Kokkos::View<ContactParameters<float>*, Mem> found("found", model.pairs);
+  Kokkos::parallel_for("test", Kokkos::RangePolicy<Exec>(exec, 0, model.pairs), ParametersOf<Mem>{model, found});
+  return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, found);
+}
+
 template <class Exec, class R>
 void against_brute_force() {
   Exec const exec;
@@ -304,19 +316,12 @@ TEST_CASE("parameters are mixed as MuJoCo mixes them") {
 
 TEST_CASE_TEMPLATE("a named pair keeps its own numbers, also where those of geoms differ from world to world", Exec, GSP_TEST_EXECS) {
   Exec const exec;
-  int const worlds = 2;
   auto m = gsp_test::heap(12);
   name_pairs(m);
   m.named_pairs[0].friction = {0, 0, 0, 0, 0};
   auto model = make_collision_model<float>(exec, m);
   CHECK(model.pairs == m.pair_count());
-  make_per_world(exec, model, {GeomField::friction}, worlds);
-  Kokkos::View<float***, Kokkos::LayoutRight, typename Exec::memory_space> friction("friction", worlds, m.ngeom, 3);
-  Kokkos::deep_copy(friction, 0.25f);
-  set_world_values(exec, model, GeomField::friction, friction);
-  Kokkos::View<ContactParameters<float>*, typename Exec::memory_space> found("found", model.pairs);
-  Kokkos::parallel_for("test", Kokkos::RangePolicy<Exec>(exec, 0, model.pairs), ParametersOf<typename Exec::memory_space>{model, found});
-  auto const host = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, found);
+  auto const host = parameters_per_world(exec, m, model);
   for (int k = 0; k < model.pairs; ++k) {
     auto const& p = host(k);
     int const named = model.pair_source(k) - int(m.pairs.size());
@@ -338,20 +343,13 @@ TEST_CASE_TEMPLATE("a named pair keeps its own numbers, also where those of geom
 
 TEST_CASE_TEMPLATE("<option o_*> says what all pairs are like, also where geoms differ from world to world", Exec, GSP_TEST_EXECS) {
   Exec const exec;
-  int const worlds = 2;
   auto m = gsp_test::heap(12);
   name_pairs(m);
   m.option.override_contacts = true;
   m.option.o_margin = 0.02;
   m.option.o_friction = {0.3, 0.4, 0, 0.02, 0.03};
   auto model = make_collision_model<float>(exec, m);
-  make_per_world(exec, model, {GeomField::friction}, worlds);
-  Kokkos::View<float***, Kokkos::LayoutRight, typename Exec::memory_space> friction("friction", worlds, m.ngeom, 3);
-  Kokkos::deep_copy(friction, 0.25f);
-  set_world_values(exec, model, GeomField::friction, friction);
-  Kokkos::View<ContactParameters<float>*, typename Exec::memory_space> found("found", model.pairs);
-  Kokkos::parallel_for("test", Kokkos::RangePolicy<Exec>(exec, 0, model.pairs), ParametersOf<typename Exec::memory_space>{model, found});
-  auto const host = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, found);
+  auto const host = parameters_per_world(exec, m, model);
   for (int k = 0; k < model.pairs; ++k) {
     auto const& p = host(k);
     CHECK(p.margin == 0.02f);

@@ -6,7 +6,7 @@
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
 
-#include "dynamics/random_tree.hpp"
+#include "step/world.hpp"
 
 // Adhesion and moving surfaces in profile stable, beside closed forms. (In profile mujoco: tests/oracle/constraints.cpp.)
 
@@ -38,18 +38,10 @@ gsp::Description scene(gsp::GeomDescription const& still, gsp::GeomDescription c
 }
 
 template <class Exec>
-struct World {
-  Exec exec;
-  gsp::CompiledModel compiled;
-  gsp::Model<double, typename Exec::memory_space> model;
-  gsp::State<double, typename Exec::memory_space> state;
-  gsp::Simulation<double, typename Exec::memory_space> sim;
-  explicit World(gsp::Description const& d)
-      : compiled(gsp::compile(d)),
-        model(gsp::make_model<double>(exec, compiled)),
-        state(gsp::make_state(exec, model)),
-        sim(gsp::make_simulation(exec, model, compiled)) {}
-  void step(int n) { gsp::step(exec, model, state, sim, {.steps = n}); }
+struct World : gsp_test::World<double, Exec> {
+  using Base = gsp_test::World<double, Exec>;
+  using Base::exec, Base::model, Base::sim, Base::state;
+  explicit World(gsp::Description const& d) : Base(gsp::compile(d)) {}
   double speed(int i) const { return gsp_test::host(state.qvel)(0, i); }
   double height() const { return gsp_test::host(state.qpos)(0, 2); }
   /// Normal forces of all contacts together.

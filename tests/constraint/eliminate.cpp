@@ -14,21 +14,17 @@ namespace test_types {
 template <class R>
 struct Pushes {
   int contacts, singles, dofs;
-  KOKKOS_FUNCTION static double random(int world, int k, int row, int i) {  // in [-1, 1)
-    std::uint64_t s = 0x9e3779b97f4a7c15u *
-                      (7 + std::uint64_t(world) + 1000 * std::uint64_t(k) + 100000 * std::uint64_t(row) + 10000000 * std::uint64_t(i));
-    for (int j = 0; j < 4; ++j) s ^= s << 13, s ^= s >> 7, s ^= s << 17;
-    return double(s >> 11) / 4503599627370496. - 1;
-  }
   KOKKOS_FUNCTION int count(int) const { return contacts + singles; }
   KOKKOS_FUNCTION int rows(int, int k) const { return k < contacts ? 3 : 1; }
   template <class Row>
   KOKKOS_FUNCTION R jacobian(int world, int k, int row, Row&& J) const {
-    for (int i = k % 2 ? 6 : 0; i < dofs; ++i) J.set_dof(i, R(random(world, k, row, i)));  // every second one: the tree of the loops alone
+    for (int i = k % 2 ? 6 : 0; i < dofs; ++i)
+      J.set_dof(i, R(gsp_test::hashed(world, k, row, i, 7)));  // every second one: the tree of the loops alone
     return 0;
   }
   KOKKOS_FUNCTION gsp::RowLaw<R> law(int world, int k, int row, R, R u, R) const {
-    return {row == 0 ? R(0.05 + 0.02 * random(world, k, 5, 0)) : R(0), row == 0 ? u + R(random(world, k, 6, 0)) : R(0)};
+    return {row == 0 ? R(0.05 + 0.02 * gsp_test::hashed(world, k, 5, 0, 7)) : R(0),
+            row == 0 ? u + R(gsp_test::hashed(world, k, 6, 0, 7)) : R(0)};
   }
   KOKKOS_FUNCTION gsp::RowBounds<R> bounds(int, int k, int row) const {
     if (row > 0) return {0, 0, 0, R(0.6), row == 1};

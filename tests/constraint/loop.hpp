@@ -10,6 +10,14 @@
 
 namespace gsp_test {
 
+/// A number in [-1, 1) that its arguments fix: entries, laws and bounds of random rows, on any backend.
+KOKKOS_INLINE_FUNCTION double hashed(int world, int k, int row, int i, int seed = 1) {
+  std::uint64_t s = 0x9e3779b97f4a7c15u * (std::uint64_t(seed) + std::uint64_t(world) + 1000 * std::uint64_t(k) +
+                                           100000 * std::uint64_t(row) + 10000000 * std::uint64_t(i));
+  for (int j = 0; j < 4; ++j) s ^= s << 13, s ^= s >> 7, s ^= s << 17;
+  return double(s >> 11) / 4503599627370496. - 1;
+}
+
 template <class R, class Exec>
 struct Loop {
   using Mem = typename Exec::memory_space;

@@ -14,13 +14,7 @@ namespace test_types {
 template <class R>
 struct SoftElements {
   int n, more, dofs;
-  double stiffness;                                                         // 1: compliances about those of the rows themselves
-  KOKKOS_FUNCTION static double random(int world, int k, int row, int i) {  // in [-1, 1)
-    std::uint64_t s = 0x9e3779b97f4a7c15u *
-                      (1 + std::uint64_t(world) + 1000 * std::uint64_t(k) + 100000 * std::uint64_t(row) + 10000000 * std::uint64_t(i));
-    for (int j = 0; j < 4; ++j) s ^= s << 13, s ^= s >> 7, s ^= s << 17;
-    return double(s >> 11) / 4503599627370496. - 1;
-  }
+  double stiffness;                                          // 1: compliances about those of the rows themselves
   KOKKOS_FUNCTION static int normal_of(int kind, int row) {  // -1: bounds
     constexpr int table[6][6] = {{-1, 0, 0, 0, 0, 0}, {1, -1, 0, 0, 0, 0},   {-1, 0, 0, 0, 0, 0},
                                  {2, 2, -1, 2, 0, 0}, {-1, -1, 0, 0, -1, 0}, {-1, 0, 0, 0, 0, 0}};
@@ -31,11 +25,11 @@ struct SoftElements {
   template <class Row>
   KOKKOS_FUNCTION R jacobian(int world, int k, int row, Row&& J) const {
     int const from = k % 2 ? 0 : row % 2;  // rows of other entries now and then
-    for (int i = from; i < dofs; ++i) J.set_dof(i, R(random(world, k, row, i)));
+    for (int i = from; i < dofs; ++i) J.set_dof(i, R(gsp_test::hashed(world, k, row, i)));
     return 0;
   }
   KOKKOS_FUNCTION gsp::RowLaw<R> law(int world, int k, int row, R, R, R) const {
-    return {R((0.05 + 0.02 * random(world, k, 7, row)) / stiffness), R(2 * random(world, k, 8, row))};
+    return {R((0.05 + 0.02 * gsp_test::hashed(world, k, 7, row)) / stiffness), R(2 * gsp_test::hashed(world, k, 8, row))};
   }
   KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int k, int row) const {
     int const kind = rows(world, k) - 1, normal = normal_of(kind, row);

@@ -19,28 +19,22 @@ struct RandomRows {
   bool contacts;
   int dofs;
   double mu;
-  int more;                                                                 // in odd worlds
-  KOKKOS_FUNCTION static double random(int world, int k, int row, int i) {  // in [-1, 1)
-    std::uint64_t s = 0x9e3779b97f4a7c15u *
-                      (1 + std::uint64_t(world) + 1000 * std::uint64_t(k) + 100000 * std::uint64_t(row) + 10000000 * std::uint64_t(i));
-    for (int j = 0; j < 4; ++j) s ^= s << 13, s ^= s >> 7, s ^= s << 17;
-    return double(s >> 11) / 4503599627370496. - 1;
-  }
+  int more;  // in odd worlds
   KOKKOS_FUNCTION int count(int world) const { return n + (world % 2 ? more : 0); }
   KOKKOS_FUNCTION int rows(int, int) const { return contacts ? 3 : 1; }
   template <class Row>
   KOKKOS_FUNCTION double jacobian(int world, int k, int row, Row&& J) const {
-    for (int i = 0; i < dofs; ++i) J.set_dof(i, random(world, k, row, i));
+    for (int i = 0; i < dofs; ++i) J.set_dof(i, gsp_test::hashed(world, k, row, i));
     return 0;
   }
   KOKKOS_FUNCTION gsp::RowLaw<double> law(int world, int k, int row, double, double, double) const {
-    return {row == 0 ? 0.02 * (1 + random(world, k, 5, 0)) : 0., row == 0 ? random(world, k, 5, 1) : 0.};
+    return {row == 0 ? 0.02 * (1 + gsp_test::hashed(world, k, 5, 0)) : 0., row == 0 ? gsp_test::hashed(world, k, 5, 1) : 0.};
   }
   KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int k, int row) const {
     if (contacts && row > 0) return {0, 0, 0, mu};
     if (contacts) return {0, 1e300};
-    double const a = random(world, k, 6, 0) - 0.5;
-    return {a, a + 1.5 * (1 + random(world, k, 6, 1))};
+    double const a = gsp_test::hashed(world, k, 6, 0) - 0.5;
+    return {a, a + 1.5 * (1 + gsp_test::hashed(world, k, 6, 1))};
   }
   KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
@@ -59,12 +53,12 @@ struct MixedElements {
   KOKKOS_FUNCTION int rows(int world, int k) const { return (k + world) % most + 1; }
   template <class Row>
   KOKKOS_FUNCTION double jacobian(int world, int k, int row, Row&& J) const {
-    for (int i = 0; i < dofs; ++i) J.set_dof(i, RandomRows::random(world, k, row, i));
+    for (int i = 0; i < dofs; ++i) J.set_dof(i, gsp_test::hashed(world, k, row, i));
     return 0;
   }
   KOKKOS_FUNCTION gsp::RowLaw<double> law(int world, int k, int row, double, double, double) const {
     bool const normal = normal_of(rows(world, k) - 1, row) < 0;
-    return {0.05 + 0.02 * RandomRows::random(world, k, 7, row), normal ? 1 + RandomRows::random(world, k, 8, row) : 0.};
+    return {0.05 + 0.02 * gsp_test::hashed(world, k, 7, row), normal ? 1 + gsp_test::hashed(world, k, 8, row) : 0.};
   }
   KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int k, int row) const {
     int const normal = normal_of(rows(world, k) - 1, row);
@@ -95,12 +89,12 @@ struct EllipseElements {
   }
   template <class Row>
   KOKKOS_FUNCTION double jacobian(int world, int k, int row, Row&& J) const {
-    for (int i = 0; i < dofs; ++i) J.set_dof(i, RandomRows::random(world, k, row, i));
+    for (int i = 0; i < dofs; ++i) J.set_dof(i, gsp_test::hashed(world, k, row, i));
     return 0;
   }
   KOKKOS_FUNCTION gsp::RowLaw<double> law(int world, int k, int row, double, double u, double) const {
     bool const normal = normal_of(kind(world, k), row) < 0;
-    return {0.05 + 0.02 * RandomRows::random(world, k, 7, row), normal ? 1 + RandomRows::random(world, k, 8, row) : k % 2 ? u : 0.};
+    return {0.05 + 0.02 * gsp_test::hashed(world, k, 7, row), normal ? 1 + gsp_test::hashed(world, k, 8, row) : k % 2 ? u : 0.};
   }
   KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int k, int row) const {
     int const normal = normal_of(kind(world, k), row);

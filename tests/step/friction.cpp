@@ -7,7 +7,7 @@
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
 
-#include "dynamics/random_tree.hpp"
+#include "step/world.hpp"
 
 namespace {
 
@@ -67,19 +67,11 @@ gsp::CompiledModel make(Scene const& s) {
 }
 
 template <class R, class Exec>
-struct World {
-  Exec exec;
-  gsp::CompiledModel compiled;
-  gsp::Model<R, typename Exec::memory_space> model;
-  gsp::State<R, typename Exec::memory_space> state;
-  gsp::Simulation<R, typename Exec::memory_space> sim;
+struct World : gsp_test::World<R, Exec> {
+  using Base = gsp_test::World<R, Exec>;
+  using Base::state;
   Double4 turn;
-  World(Scene const& s, double timestep = 0)
-      : compiled(make(s)),
-        model(gsp::make_model<R>(exec, compiled, {.timestep = timestep})),
-        state(gsp::make_state(exec, model)),
-        sim(gsp::make_simulation(exec, model, compiled)),
-        turn(s.turn) {}
+  World(Scene const& s, double timestep = 0) : Base(make(s), 1, {.timestep = timestep}), turn(s.turn) {}
   /// Velocity in the scene's frame, then angular velocity in the body's.
   void set(Double3 const& v, Double3 const& w) {
     auto const h = gsp_test::host(state.qvel);
@@ -90,7 +82,6 @@ struct World {
     }
     Kokkos::deep_copy(state.qvel, h);
   }
-  void step(int n) { gsp::step(exec, model, state, sim, {.steps = n}); }
   Double3 velocity() const {
     auto const h = gsp_test::host(state.qvel);
     return rotate({turn[0], -turn[1], -turn[2], -turn[3]}, {double(h(0, 0)), double(h(0, 1)), double(h(0, 2))});

@@ -9,7 +9,7 @@
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
 
-#include "dynamics/random_tree.hpp"
+#include "step/world.hpp"
 
 namespace test_types {
 /// Spring on dof `dof`, of a user's own.
@@ -67,21 +67,10 @@ void set(View const& view, int world, std::vector<double> const& values) {
 }
 
 template <class R, class Exec>
-struct World {
-  using Mem = typename Exec::memory_space;
-  Exec exec;
-  gsp::CompiledModel compiled;
-  gsp::Model<R, Mem> model;
-  gsp::State<R, Mem> state;
-  gsp::Simulation<R, Mem> sim;
-  World(gsp::CompiledModel const& c, int worlds, gsp::ModelOptions options = {})
-      : compiled(c),
-        model(gsp::make_model<R>(exec, c, options)),
-        state(gsp::make_state(exec, model, {.worlds = worlds})),
-        sim(gsp::make_simulation(exec, model, c, {.worlds = worlds})) {}
-  void step(int n, gsp::PgsOptions solver = {}) { gsp::step(exec, model, state, sim, {.steps = n, .solver = solver}); }
-  auto qpos() const { return gsp_test::host(state.qpos); }
-  auto qvel() const { return gsp_test::host(state.qvel); }
+struct World : gsp_test::World<R, Exec> {
+  using Base = gsp_test::World<R, Exec>;
+  using Base::Base;
+  using Base::compiled, Base::model, Base::qpos, Base::qvel, Base::state;
   /// The keyframe in all worlds, and a small push that differs from world to world.
   void start(int keyframe, int first_world = 0) {
     auto const q = qpos(), v = qvel(), u = gsp_test::host(state.ctrl);

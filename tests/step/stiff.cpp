@@ -9,7 +9,7 @@
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
 
-#include "dynamics/random_tree.hpp"
+#include "step/world.hpp"
 
 namespace {
 
@@ -55,17 +55,10 @@ gsp::BodyDescription pendulum(std::string const& name, double arm, double x = 0,
 }
 
 template <class R, class Exec>
-struct World {
-  Exec exec;
-  gsp::CompiledModel compiled;
-  gsp::Model<R, typename Exec::memory_space> model;
-  gsp::State<R, typename Exec::memory_space> state;
-  gsp::Simulation<R, typename Exec::memory_space> sim;
-  World(gsp::Description const& d, double h, int worlds = 1)
-      : compiled(gsp::compile(d)),
-        model(gsp::make_model<R>(exec, compiled, {.timestep = h})),
-        state(gsp::make_state(exec, model, {.worlds = worlds})),
-        sim(gsp::make_simulation(exec, model, compiled, {.worlds = worlds})) {}
+struct World : gsp_test::World<R, Exec> {
+  using Base = gsp_test::World<R, Exec>;
+  using Base::exec, Base::model, Base::state, Base::sim;
+  World(gsp::Description const& d, double h, int worlds = 1) : Base(gsp::compile(d), worlds, {.timestep = h}) {}
   template <class View>
   void put(View const& view, std::vector<double> const& values) {
     auto const h = gsp_test::host(view);

@@ -6,7 +6,7 @@
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
 
-#include "dynamics/random_tree.hpp"
+#include "step/world.hpp"
 
 namespace {
 
@@ -41,20 +41,10 @@ gsp::Description tower(double half, std::vector<double> const& masses, double ti
 }
 
 template <class R, class Exec>
-struct World {
-  Exec exec;
-  gsp::CompiledModel compiled;
-  gsp::Model<R, typename Exec::memory_space> model;
-  gsp::State<R, typename Exec::memory_space> state;
-  gsp::Simulation<R, typename Exec::memory_space> sim;
-  explicit World(gsp::Description const& d)
-      : compiled(gsp::compile(d)),
-        model(gsp::make_model<R>(exec, compiled)),
-        state(gsp::make_state(exec, model)),
-        sim(gsp::make_simulation(exec, model, compiled)) {}
-  void step(int n) { gsp::step(exec, model, state, sim, {.steps = n}); }
-  auto qpos() const { return gsp_test::host(state.qpos); }
-  auto qvel() const { return gsp_test::host(state.qvel); }
+struct World : gsp_test::World<R, Exec> {
+  using Base = gsp_test::World<R, Exec>;
+  using Base::compiled, Base::model, Base::qpos, Base::qvel, Base::sim, Base::state;
+  explicit World(gsp::Description const& d) : Base(gsp::compile(d)) {}
   int sweeps() const { return gsp_test::host(sim.solution.iterations)(0); }
   double speed() const {
     auto const v = qvel();

@@ -141,13 +141,10 @@ struct ElementImpulses {
       if (impulses.type_names(place, side) == 0) return -1;
     return place;
   }
-  /// First row of element k in Rows::row, -1 where it had no rows. Cost: a binary search.
-  KOKKOS_INLINE_FUNCTION int first_row(int world, int k) const {
-    int const type = this->type();
-    if (type < 0) return -1;
+  /// First row in Rows::row that is not before those of element k of the type at `type`. Cost: a binary search.
+  KOKKOS_INLINE_FUNCTION int lower_row(int world, int type, int k) const {
     int low = rows.first(world);
-    int const end = low + rows.count(world);
-    for (int high = end; low < high;) {
+    for (int high = low + rows.count(world); low < high;) {
       int const middle = low + (high - low) / 2;
       Row<R> const& row = rows.row(middle);
       if (row.type < type || (row.type == type && row.element < k))
@@ -155,6 +152,13 @@ struct ElementImpulses {
       else
         high = middle;
     }
+    return low;
+  }
+  /// First row of element k in Rows::row, -1 where it had no rows. Cost: a binary search.
+  KOKKOS_INLINE_FUNCTION int first_row(int world, int k) const {
+    int const type = this->type();
+    if (type < 0) return -1;
+    int const low = lower_row(world, type, k), end = rows.first(world) + rows.count(world);
     return low < end && rows.row(low).type == type && rows.row(low).element == k ? low : -1;
   }
   /// Impulse of row r of element k [N s, N m s]; 0 where the element was not active or has no such row. Divided by the timestep: the force.

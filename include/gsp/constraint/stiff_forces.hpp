@@ -85,20 +85,12 @@ struct SubtractStiffForces {
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank, type = impulses.type();
     if (halt() || type < 0 || types.left_step[w] < 0) return;
-    world.single([&] {  // rows of a type stand together: the first of them by halves
+    world.single([&] {  // rows of a type stand together
       auto const& rows = impulses.rows;
       int const end = rows.first(w) + rows.count(w);
-      int low = rows.first(w);
-      for (int high = end; low < high;) {
-        int const middle = low + (high - low) / 2;
-        if (rows.row(middle).type < type)
-          low = middle + 1;
-        else
-          high = middle;
-      }
-      for (; low < end && rows.row(low).type == type; ++low)
-        types.jacobian(w, rows.row(low).element, 0,
-                       Entries{&qfrc(w, 0), impulses.impulses.p[impulses.impulses.parity()](low) / types.timestep});
+      for (int r = impulses.lower_row(w, type, 0); r < end && rows.row(r).type == type; ++r)
+        types.jacobian(w, rows.row(r).element, 0,
+                       Entries{&qfrc(w, 0), impulses.impulses.p[impulses.impulses.parity()](r) / types.timestep});
     });
   }
 };

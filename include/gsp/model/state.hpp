@@ -16,18 +16,17 @@ struct State {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0;
-  View<R**> qpos;             // (world, nq) [m, rad]; quaternions w x y z are normalised where they are read
-  View<R**> qpos_low;         // (world, nq) what rounding took from the positions of free bodies; the position is qpos + qpos_low
-  View<R**> qvel;             // (world, nv) [m/s, rad/s]; free joint: velocity in world axes, then angular velocity in body axes
-  View<R**> ctrl;             // (world, nu)
-  View<R**> act;              // (world, na) activations of actuators with dynamics
-  View<R***> mocap_pos;       // (world, nmocap, 3) [m] of the bodies that the user moves
-  View<R***> mocap_quat;      // (world, nmocap, 4) w x y z, normalised where they are read
-  View<int**> eq_active;      // (world, neq) not 0: this equality constraint acts
-  View<R**> qfrc_applied;     // (world, nv) [N, N m]
-  View<std::int64_t*> steps;  // (world) steps done; time = steps * timestep
-  View<std::uint32_t*>
-      status;  // (world) bits of core/status.hpp; 0: all is well. A world that is not finite, or beyond 1e10, is no longer stepped
+  View<R**> qpos;               // (world, nq) [m, rad]; quaternions w x y z are normalised where they are read
+  View<R**> qpos_low;           // (world, nq) what rounding took from the positions of free bodies; the position is qpos + qpos_low
+  View<R**> qvel;               // (world, nv) [m/s, rad/s]; free joint: velocity in world axes, then angular velocity in body axes
+  View<R**> ctrl;               // (world, nu)
+  View<R**> act;                // (world, na) activations of actuators with dynamics
+  View<R***> mocap_pos;         // (world, nmocap, 3) [m] of the bodies that the user moves
+  View<R***> mocap_quat;        // (world, nmocap, 4) w x y z, normalised where they are read
+  View<int**> eq_active;        // (world, neq) not 0: this equality constraint acts
+  View<R**> qfrc_applied;       // (world, nv) [N, N m]
+  View<std::int64_t*> steps;    // (world) steps done; time = steps * timestep
+  View<std::uint32_t*> status;  // (world) bits of core/status.hpp; 0: all is well. A world that is stopped stays as it was
   Kokkos::View<std::uint64_t, Kokkos::HostSpace> moment;  // host: changes whenever a step or reset moves the state on (dynamics/stamps.hpp)
 };
 

@@ -33,7 +33,7 @@ struct NewtonBufferOptions {
   int worlds = 1;
 };
 
-/// Buffers for `worlds` worlds: (nv + 4) nv / 2 numbers each on a device, a thread on a host. Allocates.
+/// Buffers for `worlds` worlds: (nv + 3) nv / 2 numbers each on a device, a thread on a host. Allocates.
 template <class R, ExecutionSpace Exec, class Mem>
 Newton<R, Mem> make_newton(Exec const& exec, Model<R, Mem> const& model, NewtonBufferOptions options = {}) {
   expects(options.worlds > 0, "gsp::make_newton: worlds must be positive");

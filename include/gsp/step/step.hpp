@@ -85,14 +85,13 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   detail::expects_made_of("gsp::make_simulation", model, compiled);
   auto const refusals = model_refusals(compiled);
   if (!refusals.empty()) throw Error(refusals.front());
-  bool const mujoco = model.profile == Profile::mujoco;
-  if (mujoco && options.cone == FrictionCone::box)
+  bool const stable = model.profile == Profile::stable;
+  if (!stable && options.cone == FrictionCone::box)
     throw Error(
         "gsp::make_simulation: profile mujoco has no box of friction: choose FrictionCone::elliptic or pyramidal, or profile stable");
   Simulation<R, Mem> sim;
   int const n = options.worlds;
   sim.collision = make_collision_model<R>(exec, compiled);
-  bool const stable = model.profile == Profile::stable;
   if (stable) sim.collision.early = R(early_distance(compiled, double(model.timestep)));
   sim.dynamics = make_dynamics(exec, model, {.worlds = n});
   sim.poses = make_poses(exec, model, {.worlds = n});
@@ -101,8 +100,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   sim.impulses = make_impulses(exec, sim.rows);
   sim.solution = make_solution(exec, model, {.worlds = n});
   sim.progress = make_progress(exec);
-  sim.cone = options.cone.value_or(mujoco ? compiled.option.cone : FrictionCone::elliptic);
-  if (mujoco) sim.newton = make_newton(exec, model, {.worlds = n});
+  sim.cone = options.cone.value_or(stable ? FrictionCone::elliptic : compiled.option.cone);
+  if (!stable) sim.newton = make_newton(exec, model, {.worlds = n});
   if (detail::has_runge_kutta(model)) sim.runge_kutta = make_runge_kutta(exec, model, {.worlds = n});
   return sim;
 }

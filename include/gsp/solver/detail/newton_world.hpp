@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/parallel/for_worlds.hpp>
+#include <gsp/solver/detail/row_vectors.hpp>
 #include <gsp/solver/soft_element.hpp>
 #include <gsp/solver/solution.hpp>
 
@@ -39,7 +40,7 @@ struct NewtonWorld {
     }
     if (id == 0) world.single([&] { impulses.solved() = 1; });
     int const first = rows.first(id), count = rows.count(id), nv = rows.nv;
-    Lists const l{&rows.row(first), &rows.element_rows(first), count};
+    Lists const l{&rows.row(first), &rows.element_rows(first), first, count};
     R* const z = solution.z.data() + std::int64_t(id) * nv;
     R* const p = impulses.p[impulses.parity()].data() + first;
     R* const w = rate.data() + first;
@@ -52,7 +53,7 @@ struct NewtonWorld {
       // d <- -g, H d <- -g
       world.each(nv, [&](int i) { d[i] = -z[i]; });
       set_impulses(world, l, w, p);
-      add_transposed(world, l, p, d);
+      push_rows(world, rows, l.first, l.count, d, p);
       R const linear = world.template sum<R>(nv, [&](int i) { return d[i] * d[i]; });
       if (linear == R(0)) break;
       assemble(world, l, w, H);
@@ -63,7 +64,7 @@ struct NewtonWorld {
       bool const there = !(decrement > least);
       if (!there && decrement >= best && decrement < R(1e6) * least && ++stalls == 3) break;  // rounding alone is left
       best = min(best, decrement);
-      world.each(count, [&](int r) { change[r] = dot(l.row[r], d); });
+      world.each(count, [&](int r) { change[r] = dot_row(HostWorld{0}, rows, l.row[r], d); });
       world.sync();
       R const length = there ? R(1) : line_search(world, l, z, d, w, change, decrement);
       world.each(nv, [&](int i) { z[i] = fma(length, d[i], z[i]); });
@@ -76,10 +77,11 @@ struct NewtonWorld {
   }
 
  private:
+  // dot_row with HostWorld: a row a thread.
   struct Lists {
     Row<R> const* row;
     signed char const* element_rows;
-    int count;
+    int first, count;
   };
 
   /// z = Y^T p of the impulses given, or 0 where that costs less; w = Y z + b
@@ -90,8 +92,8 @@ struct NewtonWorld {
     world.sync();
     if (!warm) return;
     R const none = total_cost(world, l, w);
-    add_transposed(world, l, p, z);
-    world.each(l.count, [&](int r) { w[r] = dot(l.row[r], z) + l.row[r].bias; });
+    push_rows(world, rows, l.first, l.count, z, p);
+    world.each(l.count, [&](int r) { w[r] = dot_row(HostWorld{0}, rows, l.row[r], z) + l.row[r].bias; });
     world.sync();
     R const given = total_cost(world, l, w) + R(0.5) * world.template sum<R>(rows.nv, [&](int i) { return z[i] * z[i]; });
     if (given < none) return;
@@ -104,12 +106,10 @@ struct NewtonWorld {
   template <class World>
   KOKKOS_FUNCTION void finish(World const& world, Lists const& l, R* z, R* w, R* p, int iteration) const {
     set_impulses(world, l, w, p);
-    world.each(rows.nv, [&](int i) { z[i] = R(0); });
-    world.sync();
-    add_transposed(world, l, p, z);
+    sum_rows(world, rows, l.first, l.count, z, p);
     R worst(0);
     if (residual)
-      for (int r = 0; r < l.count; ++r) worst = max(worst, abs(dot(l.row[r], z) + l.row[r].bias - w[r]));
+      for (int r = 0; r < l.count; ++r) worst = max(worst, abs(dot_row(HostWorld{0}, rows, l.row[r], z) + l.row[r].bias - w[r]));
     world.single([&] {
       solution.iterations(world.rank) = iteration;
       solution.residual(world.rank) = worst;
@@ -287,32 +287,6 @@ struct NewtonWorld {
     RowSegment const& segment = row.segment[s];
     int const at = s == 0 ? i : i - row.segment[0].count;
     return segment.dof0 + (segment.list < 0 ? at : rows.dof_lists(segment.list + at));
-  }
-  /// Y x of one row, by one thread
-  KOKKOS_INLINE_FUNCTION R dot(Row<R> const& row, R const* x) const {
-    R const* y = rows.Y.data() + row.first_entry;
-    R total(0);
-    for (int s = 0; s < 2; ++s) {
-      RowSegment const& segment = row.segment[s];
-      for (int i = 0; i < segment.count; ++i)
-        total = fma(y[i], x[segment.dof0 + (segment.list < 0 ? i : rows.dof_lists(segment.list + i))], total);
-      y += segment.count;
-    }
-    return total;
-  }
-  /// x += Y^T p
-  template <class World>
-  KOKKOS_FUNCTION void add_transposed(World const& world, Lists const& l, R const* p, R* x) const {
-    world.sync();
-    for (int r = 0; r < l.count; ++r) {
-      if (p[r] == R(0)) continue;
-      Row<R> const& row = l.row[r];
-      world.each(row.segment[0].count + row.segment[1].count, [&](int i) {
-        int const k = dof_of(row, i);
-        x[k] = fma(rows.Y(row.first_entry + i), p[r], x[k]);
-      });
-      world.sync();
-    }
   }
 };
 

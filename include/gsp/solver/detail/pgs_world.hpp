@@ -3,6 +3,7 @@
 #include <gsp/parallel/for_worlds.hpp>
 #include <gsp/solver/detail/leap.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
+#include <gsp/solver/detail/row_vectors.hpp>
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
 
@@ -32,7 +33,7 @@ struct PgsWorld {
     if (lockstep && goes_in_lockstep(rows, w)) return;
     R* const z = solution.z.data() + std::int64_t(w) * rows.nv;
     R* const p = impulses.p[impulses.parity()].data() + first;
-    set_z(world, first, count, z, p);
+    sum_rows(world, rows, first, count, z, p);
     R const tolerance = R(options.tolerance) * rows.rate_scale(w);
     int sweep = 0;
     bool leaping = true;
@@ -100,20 +101,8 @@ struct PgsWorld {
     Leap<R> const to = best_leap<R>(s);
     world.sync();  // all have read p and z
     world.each(count, [&](int r) { p[r] += to.along * p[r] + to.on * d(r); });
-    set_z(world, first, count, z, p);
+    sum_rows(world, rows, first, count, z, p);
   }
-  /// z = Y^T p
-  template <class World>
-  KOKKOS_INLINE_FUNCTION void set_z(World const& world, int first, int count, R* z, R const* p) const {
-    world.each(rows.nv, [&](int i) { z[i] = R(0); });
-    for (int r = 0; r < count; ++r) {
-      world.sync();
-      if (p[r] != R(0)) push(world, rows.row(first + r), z, p[r]);
-    }
-    world.sync();
-  }
-  KOKKOS_INLINE_FUNCTION int const* list_of(RowSegment const& s) const { return s.list < 0 ? nullptr : rows.dof_lists.data() + s.list; }
-
   /// One pass over an element; the largest change of a rate. M = 1 or 3: so many rows, which have the same segments; M = N: any.
   template <int M, class World>
   KOKKOS_INLINE_FUNCTION R sweep_element(World const& world, Row<R> const* row, int n, R* z, R* p) const {
@@ -138,7 +127,7 @@ struct PgsWorld {
       unrolled<M>([&](auto b) { y[b] = rows.Y.data() + row[b].first_entry; });
       for (int s = 0; s < 2 && row->segment[s].count > 0; ++s) {
         auto const& segment = row->segment[s];
-        int const* const list = list_of(segment);
+        int const* const list = list_of(rows, segment);
         R* const part = z + segment.dof0;
         world.each(segment.count, [&](int i) {
           R& to = part[list ? list[i] : i];
@@ -151,7 +140,7 @@ struct PgsWorld {
       world.sync();
     } else {
       for (int b = 0; b < n; ++b) {
-        push(world, row[b], z, d[b]);
+        push_row(world, rows, row[b], z, d[b]);
         world.sync();  // before the next row of the element adds to z
       }
     }
@@ -165,38 +154,12 @@ struct PgsWorld {
       if (M < N || b < n) {
         set_law(law, b, row[b]);
         now[b] = p[b];
-        rate[b] = fma(row[b].compliance, now[b], row[b].bias) + dot(world, row[b], z);
+        rate[b] = fma(row[b].compliance, now[b], row[b].bias) + dot_row(world, rows, row[b], z);
       } else {
         clear_law(law, b);
         now[b] = rate[b] = R(0);
       }
     });
-  }
-  /// Y z
-  template <class World>
-  KOKKOS_INLINE_FUNCTION R dot(World const& world, Row<R> const& row, R const* z) const {
-    R const* y = rows.Y.data() + row.first_entry;
-    R total(0);
-    for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
-      auto const& segment = row.segment[s];
-      int const* const list = list_of(segment);
-      R const* const part = z + segment.dof0;
-      total += world.template sum<R>(segment.count, [&](int i) { return y[i] * part[list ? list[i] : i]; });
-      y += segment.count;
-    }
-    return total;
-  }
-  /// z += Y^T d
-  template <class World>
-  KOKKOS_INLINE_FUNCTION void push(World const& world, Row<R> const& row, R* z, R d) const {
-    R const* y = rows.Y.data() + row.first_entry;
-    for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
-      auto const& segment = row.segment[s];
-      int const* const list = list_of(segment);
-      R* const part = z + segment.dof0;
-      world.each(segment.count, [&](int i) { part[list ? list[i] : i] = fma(y[i], d, part[list ? list[i] : i]); });
-      y += segment.count;
-    }
   }
 };
 

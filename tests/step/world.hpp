@@ -1,0 +1,28 @@
+#pragma once
+// Worlds of a model with all that a step needs: what tests of steps derive theirs from.
+#include <gsp/model/compile.hpp>
+#include <gsp/step/step.hpp>
+
+#include "dynamics/random_tree.hpp"
+
+namespace gsp_test {
+
+template <class R, class Exec>
+struct World {
+  using Mem = typename Exec::memory_space;
+  Exec exec;
+  gsp::CompiledModel compiled;
+  gsp::Model<R, Mem> model;
+  gsp::State<R, Mem> state;
+  gsp::Simulation<R, Mem> sim;
+  explicit World(gsp::CompiledModel const& c, int worlds = 1, gsp::ModelOptions options = {})
+      : compiled(c),
+        model(gsp::make_model<R>(exec, c, options)),
+        state(gsp::make_state(exec, model, {.worlds = worlds})),
+        sim(gsp::make_simulation(exec, model, c, {.worlds = worlds})) {}
+  void step(int n, gsp::PgsOptions solver = {}) { gsp::step(exec, model, state, sim, {.steps = n, .solver = solver}); }
+  auto qpos() const { return host(state.qpos); }
+  auto qvel() const { return host(state.qvel); }
+};
+
+}  // namespace gsp_test
