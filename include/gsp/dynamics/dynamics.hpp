@@ -92,8 +92,7 @@ struct DynamicsLayout {
   int force, passive, actuator, bias, stiffness, damping, acceleration, impulse, gravcomp;
   int tendon_velocity, act_velocity, act_force, act_slope, act_law, energy;  // act_law: force before its limits, -d/d length, -d/d velocity
   int drag;                                                                  // what a fluid damps: -d force / d qvel, as M
-  int gyro;                                                                  // d bias / d qvel of trees that nothing damps, as derivative
-  int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc, dvel, dacc, gyro_scratch, gyro_sigma, gyro_body;
+  int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc, both_triangles, sigma, velocity_terms;
   int size;
   KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) {
     int n = 0;
@@ -118,7 +117,8 @@ struct DynamicsLayout {
     reserve(act_row, a.stiff ? 4 * a.nact : 0);
     reserve(tendon_row, a.stiff ? 2 * a.ntendon : 0);
     reserve(mass, a.nM);
-    reserve(derivative, a.derivative * a.nM);
+    bool const bias_derivative = a.gyroscopic || a.derivative == 2;
+    reserve(derivative, (bias_derivative ? 2 : a.derivative) * a.nM);
     reserve(force, a.nv);
     reserve(passive, a.nv);
     reserve(actuator, a.nv);
@@ -135,7 +135,6 @@ struct DynamicsLayout {
     reserve(act_law, a.stiff ? 3 * a.nact : 0);
     reserve(energy, 2);
     reserve(drag, a.drag ? a.nM : 0);
-    reserve(gyro, a.gyroscopic ? 2 * a.nM : 0);
     reserve(xpos, 3 * a.nbody);
     reserve(xquat, 4 * a.nbody);
     reserve(xanchor, 3 * a.njnt);
@@ -144,11 +143,9 @@ struct DynamicsLayout {
     reserve(cvel, 6 * a.nbody);
     reserve(cacc, 6 * a.nbody);
     reserve(cfrc, 6 * a.nbody);
-    reserve(dvel, a.derivative == 2 ? 6 * a.nbody : 0);
-    reserve(dacc, a.derivative == 2 ? 6 * a.nbody : 0);
-    reserve(gyro_scratch, a.gyroscopic ? 2 * a.nM + a.nv : 0);
-    reserve(gyro_sigma, a.gyroscopic ? 6 * a.nv : 0);
-    reserve(gyro_body, a.gyroscopic ? 12 * a.nbody : 0);
+    reserve(both_triangles, a.gyroscopic ? 2 * a.nM + a.nv : 0);
+    reserve(sigma, bias_derivative ? 6 * a.nv : 0);
+    reserve(velocity_terms, bias_derivative ? 12 * a.nbody : 0);
     size = n;
   }
 };

@@ -131,6 +131,16 @@ struct Lane {
 #endif
   }
 
+  /// f(lane), by all workers, out of line as with `single`.
+  template <class F>
+  KOKKOS_FORCEINLINE_FUNCTION void seldom(F const& f) const {
+#ifdef __CUDA_ARCH__
+    detail::out_of_line(Lane(*this), f);
+#else
+    f(*this);
+#endif
+  }
+
   /// Constant `component` of item `i` (counted from `first` of each lane): one broadcast where all lanes share it, else a gather.
   KOKKOS_FORCEINLINE_FUNCTION T constant(Field<R> const& f, int const* first, int i, int components = 1, int component = 0) const {
     if constexpr (W == 1) {

@@ -23,10 +23,9 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, Po
   lanes_tendons(l, state);
   lanes_bias(l, carries_momentum(l));
   lanes_tendon_bias(l, state);
-  lanes_bias_derivative(l);
-  lanes_gyroscopic_terms(l);
+  lanes_bias_derivative_terms(l);
   lanes_mass_matrix(l);
-  lanes_gyroscopic_matrix(l);
+  lanes_bias_derivative(l);
   lanes_tendon_armature(l);
   lanes_passive(l, state.qpos);
   lanes_actuators(l, state, laws);

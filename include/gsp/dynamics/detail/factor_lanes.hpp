@@ -1,6 +1,6 @@
 #pragma once
 #include <gsp/dynamics/actuator_forces.hpp>
-#include <gsp/dynamics/detail/gyroscopic_lanes.hpp>
+#include <gsp/dynamics/detail/bias_derivative_lanes.hpp>
 #include <gsp/dynamics/detail/rigid_tree_lanes.hpp>
 #include <gsp/dynamics/detail/stiff_forces_lanes.hpp>
 
@@ -136,7 +136,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_free_velocity(L const& l, View const& qfr
     l.each(nv, [&](int i) { s[l.at.acceleration + i] = fma(-h * s[l.at.stiffness + i], s[l.at.velocity + i], s[l.at.acceleration + i]); });
   if (l.a.stiff) l.single([](auto const& one) { lanes_subtract_left(one, one.at.acceleration); });
   if (l.a.gyroscopic)
-    l.single([](auto const& one) { lanes_solve_gyroscopic(one); });
+    l.seldom([](auto const& rare) { lanes_solve_gyroscopic(rare); });
   else
     lanes_solve(l, l.at.acceleration);
   l.each_batched(

@@ -23,11 +23,10 @@ KOKKOS_INLINE_FUNCTION void lanes_solve_unsymmetric(L const& l) {
   auto const& s = l.items;
   T const h(l.model.timestep);
   int const lower = l.at.factor, upper = l.at.derivative + l.a.nM;
-  for (int e = 0; e < l.a.nM; ++e) {
-    T const m = s[l.at.mass + e];
-    s[lower + e] = fma(-h, s[l.at.derivative + e], m);
-    s[upper + e] = fma(-h, s[upper + e], m);
-  }
+  l.each_batched(
+      l.a.nM, [&](int e) { return fma(-h, s[l.at.derivative + e], s[l.at.mass + e]); }, [&](int e, T const& y) { s[lower + e] = y; });
+  l.each_batched(
+      l.a.nM, [&](int e) { return fma(-h, s[upper + e], s[l.at.mass + e]); }, [&](int e, T const& y) { s[upper + e] = y; });
   lanes_solve_both_triangles(l, lower, upper, l.at.inverse_diagonal, l.at.velocity);
 }
 
@@ -117,7 +116,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z, V
         a.nv, [&](int i) { return h * s[l.at.force + i]; }, [&](int i, T const& x) { s[l.at.velocity + i] = x; });
   }
   if (a.derivative == 2) {
-    l.single([](auto const& one) { lanes_solve_unsymmetric(one); });
+    l.seldom([](auto const& rare) { lanes_solve_unsymmetric(rare); });
   } else {
     if (a.derivative == 1)
       lanes_factor_derivative(l);

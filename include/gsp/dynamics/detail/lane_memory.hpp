@@ -41,12 +41,11 @@ template <class T>
   for (int i = 0; i < T::width; ++i, data += stride) *data = values[i];
 }
 
-/// put(i, get(i)) for i < n. On a GPU eight at a time: the compiler cannot know that what is put is not what is got next, and a thread
+/// put(i, get(i)) for i < n. On a GPU `batch` at a time: the compiler cannot know that what is put is not what is got next, and a thread
 /// would wait for memory item by item.
-template <class Get, class Put>
+template <int batch = 8, class Get, class Put>
 KOKKOS_FORCEINLINE_FUNCTION void each_batched(int n, Get const& get, Put const& put) {
 #ifdef __CUDA_ARCH__
-  constexpr int batch = 8;
   for (int i = 0; i < n; i += batch) {
     decltype(get(0)) v[batch];
 #pragma unroll
