@@ -128,45 +128,56 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z, V
       a.nv, [&](int i) { return s[l.at.velocity + i] + s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
 }
 
-/// Sets the status bits of worlds with a velocity or a rate of an activation that is NaN or infinite (x - x is 0 for finite x alone), and
-/// of those with a velocity or a position beyond state_bound.
+/// Sets the status bits of the block's k-th world for a velocity or a rate of an activation that is NaN or infinite (x - x is 0 for finite x
+/// alone), and for a velocity or a position beyond state_bound: of the numbers `first`, `first + stride`, ...
+template <class L, class State>
+KOKKOS_INLINE_FUNCTION void lanes_set_status(L const& l, State const& state, int k, int first, int stride) {
+  using R = typename L::R;
+  R const bound(state_bound), *const qpos = state.qpos.data() + std::int64_t(l.world[k]) * state.qpos.extent(1) + l.qpos0[k];
+  int finite = 1, near = 1;
+  for (int i = first; i < l.a.nv; i += stride) {
+    R const v = get_lane(l.items[l.at.velocity + i], k);
+    int const sound = v - v == R(0);
+    finite &= sound;
+    near &= !sound | (v <= bound && v >= -bound);
+  }
+  for (int i = first; i < l.a.nstate; i += stride) {
+    R const rate = get_lane(l.items[l.at.act_dot + i], k);
+    finite &= rate - rate == R(0);
+  }
+  for (int i = first; i < l.a.nq; i += stride) near &= !(qpos[i] > bound || qpos[i] < -bound);
+  std::uint32_t const bits = (finite ? 0u : status::not_finite) | (near ? 0u : status::unbounded);
+  if (bits) Kokkos::atomic_or(&state.status(l.world[k]), bits);
+}
+/// The same of all worlds of the block: packs of numbers first, as all but few are sound.
 template <class L, class State>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_check_bounded(L const& l, State const& state) {
-  if (l.worker != 0) return;
-  using T = std::remove_cvref_t<decltype(l.items[0])>;
-  using R = typename L::R;
-  R const bound(state_bound);
-  auto const far_from_zero = [&](R const& x) { return int(x > bound) | int(x < -bound); };
-  auto const positions = [&](int k) { return state.qpos.data() + std::int64_t(l.world[k]) * state.qpos.extent(1) + l.qpos0[k]; };
-  T sum(0), most(0);
-  for (int i = 0; i < l.a.nv; ++i) {
-    T const v = l.items[l.at.velocity + i];
-    sum = sum + (v - v);
-    most = max(most, abs(v));
-  }
-  for (int i = 0; i < l.a.nstate; ++i) sum = sum + (l.items[l.at.act_dot + i] - l.items[l.at.act_dot + i]);
-  T const fastest = most;
-  int far = 0;
-  for (int k = 0; k < l.count; ++k) {  // all worlds together first: a pack holds numbers of one world here
-    R const* const qpos = positions(k);
-    int i = 0;
-    if constexpr (L::W > 1)
+  if constexpr (L::W == 1) {
+    if (l.count > 0) lanes_set_status(l, state, 0, l.worker, L::workers);
+  } else {
+    using T = std::remove_cvref_t<decltype(l.items[0])>;
+    using R = typename L::R;
+    T const bound(R{state_bound});
+    T sum(0), most(0);
+    for (int i = 0; i < l.a.nv; ++i) {
+      T const v = l.items[l.at.velocity + i];
+      sum = sum + (v - v);
+      most = max(most, abs(v));
+    }
+    for (int i = 0; i < l.a.nstate; ++i) sum = sum + (l.items[l.at.act_dot + i] - l.items[l.at.act_dot + i]);
+    bool near = true;
+    for (int k = 0; k < l.count; ++k) {  // a pack holds numbers of one world here
+      R const* const qpos = state.qpos.data() + std::int64_t(l.world[k]) * state.qpos.extent(1) + l.qpos0[k];
+      int i = 0;
       for (; i + L::W <= l.a.nq; i += L::W) {
         T part;
         std::memcpy(&part, qpos + i, sizeof part);
         most = max(most, abs(part));
       }
-    for (; i < l.a.nq; ++i) far |= far_from_zero(qpos[i]);
-  }
-  auto const near = most <= T(bound);
-  auto const finite = sum == T(0);
-  if (all(near) && all(finite) && !far) return;
-  for (int k = 0; k < l.count; ++k) {
-    R const* const qpos = positions(k);
-    far = far_from_zero(get_lane(fastest, k));
-    for (int i = 0; i < l.a.nq; ++i) far |= far_from_zero(qpos[i]);
-    std::uint32_t const bits = !(get_lane(sum, k) == 0) ? status::not_finite : far ? status::unbounded : 0u;
-    if (bits) Kokkos::atomic_or(&state.status(l.world[k]), bits);
+      for (; i < l.a.nq; ++i) near &= !(qpos[i] > R(state_bound) || qpos[i] < -R(state_bound));
+    }
+    if (near && all(most <= bound) && all(sum == T(0))) return;
+    for (int k = 0; k < l.count; ++k) lanes_set_status(l, state, k, 0, 1);
   }
 }
 
