@@ -64,7 +64,10 @@ struct SmoothStepStage {
       lanes_total_force(l, state.qfrc_applied);
       lanes_new_velocity(l, none, none);
     } else {
-      lanes_factor_profile(l);
+      if (l.a.gyroscopic)  // the velocity comes from a matrix of its own
+        lanes_implicit_forces(l);
+      else
+        lanes_factor_profile(l);
       lanes_free_velocity(l, state.qfrc_applied);
     }
     lanes_end_step(l, state);

@@ -86,23 +86,28 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_solve(L const& l, int x) {
   lanes_solve_lower(l, x);
 }
 
-/// The matrix that moves the robot. mujoco: M itself (joint damping enters when velocities are integrated); stable: M + h B + h^2 K with
-/// the dampers, springs and unclamped servos of the joints, and what a fluid damps. Adds the joints' own to damping and stiffness, which
-/// the actuators have begun.
+/// damping, stiffness <- what the matrix of profile stable takes implicitly: what the actuators have begun, and the dampers and springs of
+/// the joints.
 /// @param left  stiff forces go to rows; {}: nothing does
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_implicit_forces(L const& l, LeftForces const& left = {}) {
+  auto const& s = l.items;
+  auto const& m = l.model;
+  lanes_leave_forces(l, left);
+  l.each(l.a.nv, [&](int i) {
+    if (m.dampers) s[l.at.damping + i] = s[l.at.damping + i] + lanes_damping(l, i, true);
+    if (m.springs) s[l.at.stiffness + i] = s[l.at.stiffness + i] + l.constant(m.jnt_stiffness, l.jnt0, l.index(l.a.dof_jnt, i));
+  });
+}
+/// The matrix that moves the robot. mujoco: M itself (joint damping enters when velocities are integrated); stable: M + h B + h^2 K with
+/// lanes_implicit_forces, and what a fluid damps.
 template <class L>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_factor_profile(L const& l, LeftForces const& left = {}) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
-  auto const& a = l.a;
   auto const& s = l.items;
-  auto const& m = l.model;
-  if (m.profile == Profile::mujoco) return lanes_factor(l, [](int) { return T(0); });
-  T const h(m.timestep);
-  lanes_leave_forces(l, left);
-  l.each(a.nv, [&](int i) {
-    if (m.dampers) s[l.at.damping + i] = s[l.at.damping + i] + lanes_damping(l, i, true);
-    if (m.springs) s[l.at.stiffness + i] = s[l.at.stiffness + i] + l.constant(m.jnt_stiffness, l.jnt0, l.index(a.dof_jnt, i));
-  });
+  if (l.model.profile == Profile::mujoco) return lanes_factor(l, [](int) { return T(0); });
+  T const h(l.model.timestep);
+  lanes_implicit_forces(l, left);
   lanes_factor(l, [&](int i) { return h * fma(h, s[l.at.stiffness + i], s[l.at.damping + i]); });
 }
 

@@ -128,8 +128,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z, V
       a.nv, [&](int i) { return s[l.at.velocity + i] + s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
 }
 
-/// Sets the status bits of the block's k-th world for a velocity or a rate of an activation that is NaN or infinite (x - x is 0 for finite x
-/// alone), and for a velocity or a position beyond state_bound: of the numbers `first`, `first + stride`, ...
+/// Sets the status bits of the block's k-th world for a velocity or a rate of an activation that is NaN or infinite (x - x is 0 for finite
+/// x alone), and for a velocity or a position beyond state_bound: of the numbers `first`, `first + stride`, ...
 template <class L, class State>
 KOKKOS_INLINE_FUNCTION void lanes_set_status(L const& l, State const& state, int k, int first, int stride) {
   using R = typename L::R;
