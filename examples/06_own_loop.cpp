@@ -13,7 +13,7 @@ int main(int argc, char** argv) {
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   auto const model = gsp::make_model<float>(exec, compiled);
   auto collision = gsp::make_collision_model<float>(exec, compiled);
-  collision.early = float(gsp::early_distance(compiled, model.timestep));  // as profile stable has it
+  gsp::act_early(model, collision);  // contacts act from before they touch, as profile stable has it
   auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
   auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
   auto contacts = gsp::make_contacts(exec, collision, {.worlds = worlds, .points_per_box_pair = 4});

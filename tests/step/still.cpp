@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/world_values.hpp>
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
 
@@ -240,4 +241,28 @@ TEST_CASE("Newton's cradle keeps its energy") {
   MESSAGE("energy within " << worst << " of the start's, spheres overlap by at most " << 4 * order << " m");
   CHECK(worst < 0.01);
   CHECK(4 * order < 0.05);
+}
+
+// Contacts act from |g| h^2 on, of the gravity of their world now: 9.81, 4 x 9.81 and none, which counts as 9.81. Spheres at rest at 0.9
+// and 1.1 times that, in all worlds; one normal and two tangents each.
+TEST_CASE_TEMPLATE("contacts act as early as the gravity of their world says", Exec, GSP_TEST_EXECS) {
+  double const h = 0.002, early = 9.81 * h * h;
+  gsp::Description d = on_floor(h);
+  d.option.gravity = {0, 0, 0};
+  for (double const gap : {0.9 * early, 1.1 * early, 3.6 * early, 4.4 * early})
+    add_free(d, {gap * 1e5, 0, 0.1 + gap}, geom(gsp::ShapeType::sphere, {0.1, 0, 0}));
+  auto const compiled = gsp::compile(d);
+  Exec const exec;
+  auto model = gsp::make_model<double>(exec, compiled);
+  gsp::make_per_world(exec, model, {gsp::ModelField::gravity}, 3);
+  auto const g = Kokkos::create_mirror_view(gsp::world_values(model, gsp::ModelField::gravity));
+  for (int w = 0; w < 3; ++w) g(w, 0) = g(w, 1) = 0, g(w, 2) = w == 0 ? -9.81 : w == 1 ? -4 * 9.81 : 0;
+  Kokkos::deep_copy(gsp::world_values(model, gsp::ModelField::gravity), g);
+  auto state = gsp::make_state(exec, model, {.worlds = 3});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = 3});
+  gsp::step(exec, model, state, sim);
+  auto const rows = gsp_test::host(sim.rows.count);
+  CHECK(rows(0) == 3);
+  CHECK(rows(1) == 9);
+  CHECK(rows(2) == 3);
 }

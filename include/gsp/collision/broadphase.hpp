@@ -92,16 +92,17 @@ struct FindNearPairs {
     int const c = int(item / worlds), w = int(item % worlds);
     CollisionChunk const chunk = model.chunk(c);
     bool const plane = is_among(plane_kinds, PairKind(chunk.kind));
+    R const early = model.early(w);
     std::uint64_t bits = 0;
     for (int r = chunk.run_first; r < chunk.run_end; ++r) {
       CollisionRun<R> const run = model.runs(r);
-      if (plane ? !plane_near(&bounds.pose(w, model.group_first(run.a), 0), &bounds.group(w, run.b, 0), run.reach + model.early)
-                : run.a != run.b && !boxes_near(&bounds.group(w, run.a, 0), &bounds.group(w, run.b, 0), run.reach + model.early))
+      if (plane ? !plane_near(&bounds.pose(w, model.group_first(run.a), 0), &bounds.group(w, run.b, 0), run.reach + early)
+                : run.a != run.b && !boxes_near(&bounds.group(w, run.a, 0), &bounds.group(w, run.b, 0), run.reach + early))
         continue;
       for (int p = run.first; p < run.end; ++p) {
         int const a = model.pair_collider(p, 0), b = model.pair_collider(p, 1);
-        bool const near = plane ? plane_near(&bounds.pose(w, a, 0), &bounds.box(w, b, 0), run.reach + model.early)
-                                : boxes_near(&bounds.box(w, a, 0), &bounds.box(w, b, 0), run.reach + model.early);
+        bool const near = plane ? plane_near(&bounds.pose(w, a, 0), &bounds.box(w, b, 0), run.reach + early)
+                                : boxes_near(&bounds.box(w, a, 0), &bounds.box(w, b, 0), run.reach + early);
         bits |= std::uint64_t(near) << (p - chunk.first);
       }
     }

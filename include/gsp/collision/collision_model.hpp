@@ -1,10 +1,9 @@
 #pragma once
-#include <cmath>
 #include <gsp/collision/shape_assets.hpp>
 #include <gsp/collision/shapes.hpp>
 #include <gsp/core/check.hpp>
 #include <gsp/model/compiled.hpp>
-#include <gsp/model/field.hpp>
+#include <gsp/model/model.hpp>
 
 /// What collision needs of a model, constant, on the device. Colliders are the geoms that occur in a pair, sorted by group; a group is a
 /// kinematic tree or a single static geom. Pairs are sorted by (kind, groups) and cut into chunks of at most 64 pairs of one kind: a chunk
@@ -88,8 +87,9 @@ struct CollisionModel {
   Array<int const*> pair_parameters;                             // (pairs) index into parameters
   Kokkos::View<ContactParameters<R>*, Mem> parameters;           // the different ones
   Kokkos::View<CollisionRun<R>*, Mem> runs;
-  Kokkos::View<CollisionChunk*, Mem> chunk;  // (chunks)
-  R early = R(0);  // contacts are found so much before margin + gap says [m]: what may close within a step (constraint/contact_rows.hpp)
+  Kokkos::View<CollisionChunk*, Mem> chunk;           // (chunks)
+  Field<R> gravity;                                   // Model::gravity and the timestep, as act_early has set them: contacts are there
+  R early_step = R(0);                                // early(world) before margin (+ gap) says; 0: not early
   int mixed_parameters = 0;                           // so many of them are mixed from geoms; the others are those of named pairs
   Kokkos::View<int*, Kokkos::HostSpace> pair_source;  // (pairs) host: index of the pair as CompiledModel::pair_geoms has it
 
@@ -101,6 +101,10 @@ struct CollisionModel {
   bool overridden = false;                              // <option o_*> says what friction, solref and solimp are, in every world
   bool mixes_per_world = false;                         // friction, solref or solimp is per world
 
+  /// How far gravity takes a body from rest in a step, |g| h^2 [m], where contacts act early.
+  KOKKOS_INLINE_FUNCTION R early(int world) const {
+    return early_step > R(0) ? gravity_rate(gravity, world, early_step) * early_step : R(0);
+  }
   /// Contact parameters of a pair in a world: of its own, or mixed from what its geoms have there.
   KOKKOS_INLINE_FUNCTION ContactParameters<R> parameters_of(int world, int pair) const {
     int const own = pair_parameters(pair);
@@ -121,13 +125,12 @@ struct CollisionModel {
   KOKKOS_INLINE_FUNCTION ShapeData<R> data_of(int world, int collider) const { return {size_of(world, collider), asset_of(collider)}; }
 };
 
-/// How far gravity takes a body from rest in a step, |g| h^2 [m]: CollisionModel::early of profile `stable`, whose contacts act from there
-/// on.
-/// @param timestep  [s]; 0: the model's own
-inline double early_distance(CompiledModel const& m, double timestep = 0) {
-  double const h = timestep > 0 ? timestep : m.option.timestep;
-  auto const& g = m.option.gravity;
-  return std::sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]) * h * h;
+/// In profile `stable` contacts are found, and act, as soon as gravity may close them within a step (constraint/contact_rows.hpp): with the
+/// gravity that each world has now; in profile `mujoco` not. `launch_step` calls it; in a loop of your own once, and after make_per_world.
+template <class R, class Mem>
+void act_early(Model<R, Mem> const& model, CollisionModel<R, Mem>& collision) {
+  collision.gravity = model.gravity;
+  collision.early_step = model.profile == Profile::stable ? model.timestep : R(0);
 }
 
 /// Takes what collision needs of `m` to the memory of `exec`. Allocates; fences. Cost O(pairs log pairs), 24 bytes a pair.

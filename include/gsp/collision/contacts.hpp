@@ -41,7 +41,7 @@ struct Contacts {
   View<int*> geom1, geom2, body1, body2;
   View<R* [3]> pos;              // midway between the surfaces [m]
   View<R* [9]> frame;            // rows normal (geom1 to geom2), t1, t2
-  View<R*> dist, includemargin;  // [m]; acts if dist < includemargin (profile stable: + early), or adhesion != 0
+  View<R*> dist, includemargin;  // [m]; acts as contact_acts says
   View<R*> adhesion;             // with which it may pull [N]; empty where no pair of the model has any
   View<R* [3]> surfacevel;  // velocity of the surface of geom2 less that of geom1: along t1, t2 [m/s], about the normal [rad/s]; or empty
   View<int*> feature;       // unique within (world, pair); survives steps
@@ -67,6 +67,21 @@ struct Contacts {
   }
 };
 
+/// Whether contact c of the pool, of this world, acts in full: below its margin, or somewhat before (act_early). Where it does not, and has
+/// adhesion, it pulls over the gap along its normal alone.
+template <class R, class Mem>
+KOKKOS_INLINE_FUNCTION bool contact_acts(CollisionModel<R, Mem> const& model, Contacts<R, Mem> const& contacts, int world, int c) {
+  return contacts.dist(c) < contacts.includemargin(c) + model.early(world);
+}
+/// Its parameters as it acts.
+template <class R, class Mem>
+KOKKOS_INLINE_FUNCTION ContactParameters<R> acting_parameters(CollisionModel<R, Mem> const& model, Contacts<R, Mem> const& contacts,
+                                                              int world, int c) {
+  auto p = model.parameters_of(world, contacts.pair(c));
+  if (!contact_acts(model, contacts, world, c)) p.condim = 1;
+  return p;
+}
+
 /// Pools for the contacts of `worlds` worlds. Allocates.
 /// Errors: std::invalid_argument for worlds < 1 and for points_per_box_pair other than 4 and 8; gsp::Error for pools of 2^31 or more.
 template <ExecutionSpace Exec, class R, class Mem>
@@ -77,7 +92,7 @@ Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& m
 template <ExecutionSpace Exec, class R, class Mem>
 bool grow(Exec const& exec, Contacts<R, Mem>& contacts);
 
-/// Finds all contacts with dist <= margin + gap + model.early of all worlds in their present poses.
+/// Finds all contacts with dist <= margin + gap + model.early(world) of all worlds in their present poses.
 /// @param poses     of the bodies, (worlds, bodies)
 /// @param contacts  overwritten
 /// Neither allocates nor fences. Cost: 2 us for a humanoid on the floor on one core, 26 ns in a batch of 8,192 on an H200 (docs/collision).

@@ -23,8 +23,7 @@ struct WriteContactForces {
       R const* const p = impulses.impulses.p[impulses.impulses.parity()].data() + first;
       for (int r = 0; r < 6; ++r) force(c, r) = R(0);
       if (first < 0) return;
-      auto parameters = collision.parameters_of(w, contacts.pair(c));
-      if (!(contacts.dist(c) < contacts.includemargin(c))) parameters.condim = 1;  // pulls over the gap
+      auto const parameters = acting_parameters(collision, contacts, w, c);
       bool const pyramid = edges > 1 && parameters.condim > 1;
       for (int r = 0; r < parameters.condim && !pyramid; ++r) force(c, r) = p[r] * inverse_timestep;
       for (int r = 1; r < parameters.condim && pyramid; ++r) {

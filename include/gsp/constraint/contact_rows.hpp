@@ -11,7 +11,7 @@
 /// What pulls (adhesion a) pushes from there on, p >= 0 being what it pushes and h a together: zeta += C h a of the normal, while
 /// ContactAdhesion, which stands before, pulls with h a. Within the gap it is a normal alone. Where a surface moves at s relative to the
 /// other (surfacevel) the rate of friction is u + s.
-/// In profile stable they are rows from CollisionModel::early before they touch on, give the less the more they carry
+/// In profile stable they are rows from before they touch on (act_early), give the less the more they carry
 /// (docs/constraint/contact_rows.md), and friction is rigid: it sticks exactly. In profile mujoco it is as soft as impratio says
 /// (constraint/soft_friction.hpp).
 namespace gsp {
@@ -41,7 +41,7 @@ struct ContactRows {
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const { return contacts.status(world); }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
     int const c = contact_of(world, k);
-    if (!acts(c) && adhesion_of(c) == R(0)) return 0;
+    if (!contact_acts(collision, contacts, world, c) && adhesion_of(c) == R(0)) return 0;
     // Equal last dofs, or none: the two do not move against each other (named pairs may be of such bodies), and J would be zero.
     if (body_last_dof(contacts.body1(c)) == body_last_dof(contacts.body2(c))) return 0;
     int const condim = parameters(world, c).condim;
@@ -61,9 +61,9 @@ struct ContactRows {
     }
     return contacts.dist(c);
   }
-  KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int row, R x, R u, R h) const {
+  KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int row, R, R u, R h) const {
     R const surface = surface_rate(world, k, row);
-    RowLaw<R> law = law_at_rest(world, k, row, x, u + surface, h);
+    RowLaw<R> law = law_at_rest(world, k, row, u + surface, h);
     law.zeta -= surface;
     if (int const c = contact_of(world, k); row == 0 && adhesion_of(c) != R(0)) {
       int const condim = parameters(world, c).condim;
@@ -72,14 +72,14 @@ struct ContactRows {
     return law;
   }
   /// Of surfaces that neither move nor pull.
-  KOKKOS_INLINE_FUNCTION RowLaw<R> law_at_rest(int world, int k, int row, R x, R u, R h) const {
+  KOKKOS_INLINE_FUNCTION RowLaw<R> law_at_rest(int world, int k, int row, R u, R h) const {
     if (row > 0 && !soft.on) return {R(0), R(0)};
     int const c = contact_of(world, k);
     auto const p = parameters(world, c);
     R const diag = body_invweight0(world, 2 * contacts.body1(c)) + body_invweight0(world, 2 * contacts.body2(c));
     R const gap = contacts.dist(c) - contacts.includemargin(c), spring = soft.on ? gap : min(gap, R(0));
     if (row > 0) return soft.tangent(p, row - 1, gap, u, h, diag);
-    R const g = norm(Vec3<R>{gravity(world, 0), gravity(world, 1), gravity(world, 2)}), rest = h * (g > R(0) ? g : R(9.81));
+    R const rest = gravity_rate(gravity, world, h);
     bool const edge = edges > 1 && p.condim > 1;
     if (p.hard && !soft.on && !edge) return {R(0), hard_target(gap, u, h, rest, p.restitution, p.erp)};
     RowLaw<R> law = edge ? soft.edge(p, spring, u, h, diag) : soft_law(softness_of(p, soft.refsafe), spring, u, h, diag);
@@ -120,7 +120,6 @@ struct ContactRows {
       J.add_rotation(contacts.body1(c), direction, -scale);
     }
   }
-  KOKKOS_INLINE_FUNCTION bool acts(int c) const { return contacts.dist(c) < contacts.includemargin(c) + collision.early; }
   KOKKOS_INLINE_FUNCTION R adhesion_of(int c) const { return contacts.adhesive ? contacts.adhesion(c) : R(0); }
   /// Rate of the surfaces along a row.
   KOKKOS_INLINE_FUNCTION R surface_rate(int world, int k, int row) const {
@@ -133,9 +132,7 @@ struct ContactRows {
     return (edge % 2 ? -p.friction[edge / 2] : p.friction[edge / 2]) * contacts.surfacevel(c, edge / 2);
   }
   KOKKOS_INLINE_FUNCTION ContactParameters<R> parameters(int world, int c) const {
-    auto p = collision.parameters_of(world, contacts.pair(c));
-    if (!acts(c)) p.condim = 1;  // pulls over the gap
-    return p;
+    return acting_parameters(collision, contacts, world, c);
   }
 };
 

@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <gsp/core/check.hpp>
 #include <gsp/core/exec.hpp>
+#include <gsp/math/vec3.hpp>
 #include <gsp/model/archetypes.hpp>
 #include <gsp/model/compiled.hpp>
 #include <gsp/model/field.hpp>
@@ -130,6 +131,13 @@ struct Model {
   Array<R> static_pose;  // (nbody, 7) pose of bodies fixed to the world (or to a mocap body, and then in its frame): position, quaternion
   Array<R> mocap_pose0;  // (nmocap, 7) where mocap bodies begin
 };
+
+/// What gravity does to a rate in a step, |g| h [m/s]: the measure of rates that are small. Of standard gravity where there is none.
+template <class R>
+KOKKOS_INLINE_FUNCTION R gravity_rate(Field<R> const& gravity, int world, R timestep) {
+  R const g = norm(Vec3<R>{gravity(world, 0), gravity(world, 1), gravity(world, 2)});
+  return timestep * (g > R(0) ? g : R(9.81));
+}
 
 /// How `make_model` takes a model.
 struct ModelOptions {

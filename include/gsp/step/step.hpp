@@ -92,7 +92,6 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   Simulation<R, Mem> sim;
   int const n = options.worlds;
   sim.collision = make_collision_model<R>(exec, compiled);
-  if (stable) sim.collision.early = R(early_distance(compiled, double(model.timestep)));
   sim.dynamics = make_dynamics(exec, model, {.worlds = n});
   sim.poses = make_poses(exec, model, {.worlds = n});
   sim.contacts = make_contacts(exec, sim.collision, {.worlds = n, .points_per_box_pair = stable ? 4 : 8});
@@ -137,6 +136,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   auto const find_impulses = [&](bool warm, bool ends_step) {
     std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {.stiff_rows = stiff}, law...); },
                laws);
+    act_early(model, sim.collision);
     collide(exec, sim.collision, sim.poses, sim.contacts);
     auto const list = std::apply(
         [&](auto const&... type) {

@@ -108,11 +108,12 @@ struct CollideCandidates {
       return make_shape(load_pose(&s.bounds.pose(c.world, i, 0)), model.size_of(c.world, i), with_asset ? model.asset_of(i) : nullptr);
     };
     auto const own = model.parameters_of(c.world, c.pair);
+    R const reach = own.margin + own.gap + model.early(c.world);
     PointSlots<R> out{&s.points(c.slot), c.count, 0};
     if constexpr (convex)
-      convex_narrowphase(kind, shape(a), shape(b), own.margin + own.gap + model.early, out);
+      convex_narrowphase(kind, shape(a), shape(b), reach, out);
     else
-      closed_narrowphase(kind, shape(a), shape(b), own.margin + own.gap + model.early, out);
+      closed_narrowphase(kind, shape(a), shape(b), reach, out);
     s.candidates(k).count = short(reduce && is_among(reducing_kinds, kind) ? reduce_points(out.slot, out.count) : out.count);
   }
 };

@@ -30,9 +30,7 @@ struct CountRows {
     world.single([&] {
       state.status(w) = (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused)) | status;
       rows.largest_element(w) = 3;  // what contacts have
-      Vec3<R> const gravity{model.gravity(w, 0), model.gravity(w, 1), model.gravity(w, 2)};
-      R const g = norm(gravity);
-      rows.rate_scale(w) = model.timestep * (g > R(0) ? g : R(9.81));
+      rows.rate_scale(w) = gravity_rate(model.gravity, w, model.timestep);
     });
     world.sync();
     std::int64_t sizes = world.template sum<std::int64_t>(types.count(w), [&](int e) {
