@@ -156,3 +156,28 @@ TEST_CASE_TEMPLATE("surfaces that move take along what lies on them", Exec, GSP_
     CHECK(std::abs(turning.speed(5) - 2) < 1e-3);
   }
 }
+
+// The force of an actuator is read of the dynamics: of this state, as it is now, whatever dynamics assemble is given.
+TEST_CASE_TEMPLATE("forces of actuators are of the state that rows are made for", Exec, GSP_TEST_EXECS) {
+  auto d = scene(shape(gsp::ShapeType::plane, {0, 0, 1}), shape(gsp::ShapeType::box, {0.2, 0.2, 0.02}), {0, 0, 0.02}, 2);
+  gsp::ActuatorDescription press;
+  press.target = gsp::Transmission::body;
+  press.target_name = "body";
+  d.actuators.push_back(press);
+  World<Exec> w(d);
+  auto old = gsp::make_dynamics(w.exec, w.model);
+  gsp::smooth_dynamics(w.exec, w.model, w.state, w.sim.poses, old);
+  w.step(1);
+  auto const refused = [&](auto const& dynamics) {
+    try {
+      gsp::assemble(w.exec, w.model, w.state, w.sim.dynamics, gsp::constraints(gsp::ContactAdhesion(w.model, w.sim.contacts, dynamics)),
+                    w.sim.rows, w.sim.impulses, w.sim.progress);
+    } catch (std::invalid_argument const& e) { return std::string(e.what()); }
+    return std::string();
+  };
+  gsp::smooth_dynamics(w.exec, w.model, w.state, w.sim.poses, w.sim.dynamics);
+  gsp::collide(w.exec, w.sim.collision, w.sim.poses, w.sim.contacts);
+  CHECK(refused(old).find("gsp::assemble: ") == 0);
+  CHECK(refused(old).find("are of the state before its last step or reset") != std::string::npos);
+  CHECK(refused(w.sim.dynamics).empty());
+}

@@ -122,9 +122,10 @@ struct Stages {
   }
   void smooth() { gsp::smooth_dynamics(exec, model, state, sim.poses, sim.dynamics); }
   void collide() { gsp::collide(exec, sim.collision, sim.poses, sim.contacts); }
-  void assemble() {
-    gsp::assemble(exec, model, state, sim.dynamics, gsp::constraints(gsp::ContactRows(model, sim.collision, sim.contacts)), sim.rows,
-                  sim.impulses, sim.progress);
+  void assemble() { assemble(gsp::ContactRows(model, sim.collision, sim.contacts)); }
+  template <class Type>
+  void assemble(Type const& type) {
+    gsp::assemble(exec, model, state, sim.dynamics, gsp::constraints(type), sim.rows, sim.impulses, sim.progress);
   }
   void solve() { gsp::pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress); }
   void integrate() { gsp::integrate(exec, model, state, sim.dynamics, sim.progress, sim.solution); }
@@ -154,6 +155,7 @@ struct Stages {
 TEST_CASE_TEMPLATE("rows are not made of contacts of another moment", Exec, GSP_TEST_EXECS) {
   Stages<Exec> s;
   auto const refused = [&] { return refusal([&] { s.assemble(); }); };
+  auto const adhesion_refused = [&] { return refusal([&] { s.assemble(gsp::ContactAdhesion(s.model, s.sim.contacts, s.sim.dynamics)); }); };
   std::string const before = "gsp::assemble: the contacts are of the state before its last step or reset: call forward_kinematics";
   s.smooth();
   s.assemble();  // before any collide: contacts that gsp has not found
@@ -170,17 +172,29 @@ TEST_CASE_TEMPLATE("rows are not made of contacts of another moment", Exec, GSP_
   s.collide();  // at poses of the state before
   s.smooth();
   CHECK(refused().find(before) == 0);
+  CHECK(adhesion_refused().find(before) == 0);
   s.collide();
   CHECK(refused().empty());
+  CHECK(adhesion_refused().empty());
   // pools that grow lose what they held
   auto const large = s.sim.contacts;
   s.sim.contacts = gsp::make_contacts(s.exec, s.sim.collision,
                                       {.worlds = s.worlds, .candidates_per_world = 1, .points_per_world = 1, .contacts_per_world = 1});
   s.collide();
+  gsp::ContactRows const early(s.model, s.sim.collision, s.sim.contacts);
+  gsp::ContactAdhesion const early_adhesion(s.model, s.sim.contacts, s.sim.dynamics);
   CHECK(gsp::grow(s.exec, s.sim.contacts));
-  CHECK(refused() == "gsp::assemble: the contacts were lost when their pools grew: call collide again");
+  std::string const lost = "gsp::assemble: the contacts were lost when their pools grew: call collide again";
+  CHECK(refused() == lost);
+  CHECK(adhesion_refused() == lost);
   s.collide();
   CHECK(refused().empty());
+  CHECK(adhesion_refused().empty());
+  while (gsp::grow(s.exec, s.sim.contacts)) s.collide();
+  std::string const moved =
+      "gsp::assemble: the pools of the contacts have grown since a constraint type was made of them";  // it has the old
+  CHECK(refusal([&] { s.assemble(early); }).find(moved) == 0);
+  CHECK(refusal([&] { s.assemble(early_adhesion); }).find(moved) == 0);
   s.sim.contacts = large;
   gsp::reset(s.exec, s.model, s.state);
   s.smooth();
@@ -390,5 +404,49 @@ TEST_CASE_TEMPLATE("friction of its own along each tangent of a named pair", Exe
         CHECK(std::abs(after(w, k) - before(w, k) - moved) < 1e-11);
       }
     }
+  }
+}
+
+// A rigid ball that slips with (1, 0.5) m/s at a gap x = 1e-6 m, which gravity closes in the step: all of J^T p / h, in the frames of the
+// contacts, is what contact_forces says, also its friction. Where it is rigid (pyramids are soft) the ball reaches the plane at the end of
+// the step, u+ = -x / h:
+//   f_n = m (g - x / h^2) = 19.12 N,   sqrt(f_1^2 + f_2^2) = mu f_n
+// Tolerance: the sweeps stop at 5e-13 |g| h; m / h of that is 1e-11 N. Gaps are differences of numbers of 0.1: 1e-17 m / h^2 of them.
+TEST_CASE_TEMPLATE("what slips just above a plane rubs on it", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Exec const exec;
+  double const m = 2, h = 0.002, gap = 1e-6;
+  for (auto const cone : {gsp::FrictionCone::elliptic, gsp::FrictionCone::pyramidal}) {
+    auto d = box_on_plane({0, 0, 1});
+    d.pairs.clear();
+    d.bodies[1].pos = {0, 0, 0.1 + gap};
+    auto& ball = d.bodies[1].geoms[0];
+    ball.type = gsp::ShapeType::sphere;
+    ball.size = {0.1, 0, 0};
+    ball.friction = {0.5, 0.005, 0.0001};
+    d.bodies[0].geoms[0].friction = ball.friction;
+    ball.hard = true;
+    auto const compiled = gsp::compile(d);
+    auto const model = gsp::make_model<double>(exec, compiled);
+    auto state = gsp::make_state(exec, model);
+    auto sim = gsp::make_simulation(exec, model, compiled, {.cone = cone});
+    auto const qvel = gsp_test::host(state.qvel);
+    qvel(0, 0) = 1;
+    qvel(0, 1) = 0.5;
+    Kokkos::deep_copy(state.qvel, qvel);
+    gsp::step(exec, model, state, sim, {.solver = {.iterations = 1000, .tolerance = 5e-13f}});
+    Kokkos::View<double* [6], Kokkos::LayoutRight, Mem> force("force", sim.contacts.dist.extent(0));
+    gsp::contact_forces(exec, model, sim.collision, sim.contacts, sim.rows, sim.impulses, force);
+    auto const f = gsp_test::host(force);
+    auto const frame = gsp_test::host(sim.contacts.frame);
+    auto const qfrc = gsp_test::host(sim.solution.qfrc_constraint);
+    CAPTURE(int(cone));
+    REQUIRE(sim.contacts.demand(exec).contacts == 1);
+    for (int k = 0; k < 3; ++k)
+      CHECK(std::abs(f(0, 0) * frame(0, k) + f(0, 1) * frame(0, 3 + k) + f(0, 2) * frame(0, 6 + k) - qfrc(0, k)) < 1e-9);
+    CHECK(qfrc(0, 2) > 1);
+    if (cone == gsp::FrictionCone::pyramidal) continue;
+    CHECK(f(0, 0) == doctest::Approx(m * (9.81 - gap / (h * h))).epsilon(1e-9));
+    CHECK(std::hypot(f(0, 1), f(0, 2)) == doctest::Approx(0.5 * f(0, 0)).epsilon(1e-9));
   }
 }

@@ -114,6 +114,7 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
     if (poses.stamp.data()) contacts.stamp().poses = poses.stamp().bodies;
     contacts.stamp().made = detail::next_moment();
     contacts.stamp().lost = false;
+    contacts.stamp().pool = contacts.dist.data();
   }
   if (model.pairs == 0) return;
   place_colliders(exec, model, poses, s.bounds, contacts.status.data(), s.lost.data());

@@ -17,6 +17,8 @@ template <class... C>
 struct ConstraintList {
   KOKKOS_INLINE_FUNCTION int count(int) const { return 0; }
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int) const { return 0; }
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void prepare(World const&) const {}
   template <class F>
   KOKKOS_INLINE_FUNCTION void visit(int, int, int, F const&) const {}
 };
@@ -34,6 +36,12 @@ struct ConstraintList<Head, Tail...> {
       return head.status(world) | tail.status(world);
     else
       return tail.status(world);
+  }
+  /// What types find out once for all of their elements of a world.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void prepare(World const& world) const {
+    if constexpr (requires { head.prepare(world); }) head.prepare(world);
+    tail.prepare(world);
   }
   /// f(type, place of the type, element of the type) for element `e` of the world
   template <class F>
@@ -78,18 +86,21 @@ constexpr TypeNames names_of(ConstraintList<Types...> const&) {
   return names;
 }
 
-/// Poses, contacts and tendons that the types hold are of this state, as it is now; what is not gsp's is taken as it is.
+/// Poses, contacts and quantities of the dynamics that the types hold are of this state, as it is now; what is not gsp's is taken as it is.
 template <class State>
 void expects_inputs_of(ConstraintList<> const&, State const&) {}
 template <class Head, class... Tail, class State>
 void expects_inputs_of(ConstraintList<Head, Tail...> const& types, State const& state) {
   if constexpr (requires { types.head.poses.stamp().bodies; }) expects_poses_of("gsp::assemble", types.head.poses, state);
-  if constexpr (requires { types.head.reads_tendons(); })
-    if (types.head.reads_tendons()) expects_of("gsp::assemble", types.head, state, set_of(Quantity::tendon_length));
+  if constexpr (requires { types.head.reads().bits; }) expects_of("gsp::assemble", types.head, state, types.head.reads());
   if constexpr (requires { types.head.contacts.stamp().made; })
     if (auto const& contacts = types.head.contacts; contacts.stamp.data()) {
       if (contacts.stamp().lost)
         throw std::invalid_argument("gsp::assemble: the contacts were lost when their pools grew: call collide again");
+      if (contacts.stamp().made && contacts.stamp().pool != contacts.dist.data())
+        throw std::invalid_argument(
+            "gsp::assemble: the pools of the contacts have grown since a constraint type was made of them, and it has the old ones: make "
+            "it anew (ContactRows(...), ContactAdhesion(...)) before each call");
       Stamp const& found = contacts.stamp().poses;
       if (found.qpos && !found.is_of(state))
         throw std::invalid_argument(std::string("gsp::assemble: the contacts ") + found.fault(state.qpos.data()) +
@@ -118,7 +129,7 @@ RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
 /// (progress.halt), the pools grow at the host's next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows
 /// of more than two trees, elements of more than six rows, and friction of a row that the element does not have: status::row_refused.
 /// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or
-/// the members `poses` and `contacts` of a type and what it reads of tendons, are not of this state as it is now.
+/// the members `poses` and `contacts` of a type and what it `reads()` of dynamics of its own, are not of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class... Types>
 void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem> const& dynamics,
               ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress) {

@@ -49,7 +49,9 @@ struct OneFreeRow {
 ///   lambda(world, k, row, x, u)         force law, written once on T (a number or a Dual), or
 ///   law(world, k, row, x, u, h)         the linear law RowLaw itself
 ///   bounds(world, k, row), id(world, k)
-/// and, where elements come and go at the same place, place(world, k), where one acts: new ones start from what those near by had
+/// and, where elements come and go at the same place, place(world, k), where one acts: new ones start from what those near by had;
+/// where something is to be found out once for all elements of a world, prepare(world), which its threads run together before they are
+/// counted (parallel/for_worlds.hpp says what a world is)
 template <class C>
 concept ConstraintType = std::copyable<C> && requires(C const c, int world, int k, int row, AnyRow J) {
   { c.count(world) } -> std::convertible_to<int>;

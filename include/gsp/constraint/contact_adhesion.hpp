@@ -2,7 +2,7 @@
 #include <gsp/collision/contacts.hpp>
 #include <gsp/constraint/constraint_type.hpp>
 #include <gsp/constraint/detail/tree_reader.hpp>
-#include <gsp/core/status.hpp>
+#include <gsp/dynamics/stamps.hpp>
 
 /// What pulls the bodies of contacts together, along their normals: adhesion of geoms and of named pairs, and actuators on bodies
 /// (MJCF's adhesion), which divide their force among all contacts of the body, those within the gap included. One row a contact, whose
@@ -12,70 +12,75 @@ namespace gsp {
 
 template <class R, class Mem>
 struct ContactAdhesion {
-  detail::TreeReader<R, Mem> trees;                         // forces of actuators
-  int const *first, *end, *pair, *feature, *body1, *body2;  // of the contacts: plain pointers, since ContactRows holds them already
-  std::uint32_t const* contact_status;
-  R const *pos, *frame, *adhesion;  // adhesion: null where no pair of the model has any
+  detail::TreeReader<R, Mem> trees;  // forces of actuators
+  Contacts<R, Mem> contacts;
   typename Model<R, Mem>::template Array<int> actuator_body, actuator_tree, actuator_place;
   R timestep;
-  /// @param dynamics  after smooth_dynamics or actuator_forces
+  detail::Stamps stamps;  // host: those of the dynamics
+  /// @param dynamics  after smooth_dynamics or actuator_forces; `assemble` counts in them among how many contacts an actuator is divided
   ContactAdhesion(Model<R, Mem> const& m, Contacts<R, Mem> const& found, Dynamics<R, Mem> const& dynamics)
       : trees(m, dynamics),
-        first(found.first.data()),
-        end(found.end.data()),
-        pair(found.pair.data()),
-        feature(found.feature.data()),
-        body1(found.body1.data()),
-        body2(found.body2.data()),
-        contact_status(found.status.data()),
-        pos(found.pos.data()),
-        frame(found.frame.data()),
-        adhesion(found.adhesive ? found.adhesion.data() : nullptr),
+        contacts(found),
         actuator_body(m.adhesion_body),
         actuator_tree(m.adhesion_tree),
         actuator_place(m.adhesion_place),
-        timestep(m.timestep) {}
+        timestep(m.timestep),
+        stamps(dynamics.stamps) {}
 
-  KOKKOS_INLINE_FUNCTION int count(int world) const {
-    return (adhesion || actuator_body.extent(0) > 0) && (contact_status[world] & status::contact_overflow) == 0 ? end[world] - first[world]
-                                                                                                                : 0;
+  /// Forces of actuators, which are left together with the rates of their activations.
+  detail::Quantities reads() const {
+    return actuator_body.extent(0) > 0 ? detail::set_of(Quantity::activation_rate) : detail::Quantities{};
   }
-  KOKKOS_INLINE_FUNCTION int rows(int world, int k) const { return pull(world, first[world] + k) != R(0); }
+  KOKKOS_INLINE_FUNCTION int count(int world) const {
+    return contacts.adhesive || actuator_body.extent(0) > 0 ? contacts.count_of(world) : 0;
+  }
+  /// Divides the force of each actuator among the contacts of its body.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void prepare(World const& world) const {
+    int const w = world.rank, begin = contacts.first_of(w);
+    for (int i = 0; i < int(actuator_body.extent(0)); ++i) {
+      int const body = actuator_body(i);
+      int const joined = world.template sum<int>(contacts.count_of(w), [&](int k) { return int(joins(begin + k, body)); });
+      auto const items = trees.tree(w, actuator_tree(i));
+      world.single([&] {
+        items[items.at.act_share + actuator_place(i)] = joined > 0 ? items[items.at.act_force + actuator_place(i)] / R(joined) : R(0);
+      });
+    }
+  }
+  KOKKOS_INLINE_FUNCTION int rows(int world, int k) const { return pull(world, contacts.first_of(world) + k) != R(0); }
   template <class Row>
   KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int, Row&& J) const {
-    int const c = first[world] + k;
-    Vec3<R> const normal{frame[9 * c], frame[9 * c + 1], frame[9 * c + 2]}, point{pos[3 * c], pos[3 * c + 1], pos[3 * c + 2]};
-    J.add_point(body2[c], point, normal, R(1));
-    J.add_point(body1[c], point, normal, R(-1));
+    int const c = contacts.first_of(world) + k;
+    Vec3<R> const normal{contacts.frame(c, 0), contacts.frame(c, 1), contacts.frame(c, 2)};
+    Vec3<R> const point{contacts.pos(c, 0), contacts.pos(c, 1), contacts.pos(c, 2)};
+    J.add_point(contacts.body2(c), point, normal, R(1));
+    J.add_point(contacts.body1(c), point, normal, R(-1));
     return R(0);
   }
   KOKKOS_INLINE_FUNCTION RowLaw<R> law(int, int, int, R, R, R) const { return {R(0), R(0)}; }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int) const {
-    R const impulse = -timestep * pull(world, first[world] + k);
+    R const impulse = -timestep * pull(world, contacts.first_of(world) + k);
     return {impulse, impulse};
   }
   KOKKOS_INLINE_FUNCTION RowId id(int world, int k) const {
-    int const c = first[world] + k;
-    return {std::uint32_t(pair[c]), std::uint32_t(feature[c])};
+    int const c = contacts.first_of(world) + k;
+    return {std::uint32_t(contacts.pair(c)), std::uint32_t(contacts.feature(c))};
   }
 
  private:
   /// The two move against each other, and `body`, where one is named, is one of them.
   KOKKOS_INLINE_FUNCTION bool joins(int c, int body = -1) const {
-    int const a = body1[c], b = body2[c];
+    int const a = contacts.body1(c), b = contacts.body2(c);
     return trees.body_last_dof[a] != trees.body_last_dof[b] && (body < 0 || a == body || b == body);
   }
   /// Force with which contact c of the pool pulls [N].
   KOKKOS_INLINE_FUNCTION R pull(int world, int c) const {
     if (!joins(c)) return R(0);
-    R force = adhesion ? adhesion[c] : R(0);
+    R force = contacts.adhesive ? contacts.adhesion(c) : R(0);
     for (int i = 0; i < int(actuator_body.extent(0)); ++i) {
-      int const body = actuator_body(i);
-      if (!joins(c, body)) continue;
-      int shares = 0;
-      for (int other = first[world]; other < end[world]; ++other) shares += joins(other, body);
+      if (!joins(c, actuator_body(i))) continue;
       auto const items = trees.tree(world, actuator_tree(i));
-      force += items[items.at.act_force + actuator_place(i)] / R(shares);
+      force += items[items.at.act_share + actuator_place(i)];
     }
     return force;
   }

@@ -61,7 +61,7 @@ struct Equalities {
         tendons(m.ntendon > 0),
         refsafe(m.refsafe) {}
 
-  bool reads_tendons() const { return elements > 0 && tendons; }
+  detail::Quantities reads() const { return elements > 0 && tendons ? detail::set_of(Quantity::tendon_length) : detail::Quantities{}; }
   KOKKOS_INLINE_FUNCTION int count(int) const { return elements; }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
     if (eq_active(world, k) == 0) return 0;

@@ -36,7 +36,7 @@ struct StiffForces {
         ntendon(m.ntendon),
         stamps(d.stamps) {}
 
-  bool reads_tendons() const { return ntendon > 0; }
+  detail::Quantities reads() const { return ntendon > 0 ? detail::set_of(Quantity::tendon_length) : detail::Quantities{}; }
 
   KOKKOS_INLINE_FUNCTION int count(int world) const { return left_step[world] == steps[world] ? nu + ntendon : 0; }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {

@@ -26,7 +26,9 @@ struct TendonLimits {
         tendon_invweight0(m.tendon_invweight0),
         refsafe(m.refsafe) {}
 
-  bool reads_tendons() const { return limited_tendons.extent(0) > 0; }
+  detail::Quantities reads() const {
+    return limited_tendons.extent(0) > 0 ? detail::set_of(Quantity::tendon_length) : detail::Quantities{};
+  }
   KOKKOS_INLINE_FUNCTION int count(int) const { return 2 * int(limited_tendons.extent(0)); }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
     int const t = limited_tendons(k / 2);
@@ -77,7 +79,9 @@ struct TendonFriction {
         rigid(m.profile == Profile::stable),
         refsafe(m.refsafe) {}
 
-  bool reads_tendons() const { return friction_tendons.extent(0) > 0; }
+  detail::Quantities reads() const {
+    return friction_tendons.extent(0) > 0 ? detail::set_of(Quantity::tendon_length) : detail::Quantities{};
+  }
   KOKKOS_INLINE_FUNCTION int count(int) const { return int(friction_tendons.extent(0)); }
   KOKKOS_INLINE_FUNCTION int rows(int, int k) const { return tendon_tree(friction_tendons(k)) >= 0; }
   template <class Row>

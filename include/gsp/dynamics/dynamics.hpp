@@ -87,6 +87,7 @@ struct DynamicsLayout {
   int com, cdof, factor, inverse_diagonal, qvel, velocity, spin, center,
       act_dot;  // com: of each root's bodies; spin, center: of a tree that is one rigid body, see factor.hpp
   int tendon_J, tendon_length, act_length, act_moment;  // tendon_J: of spatial tendons
+  int act_share;                                        // of actuators on bodies: force on each contact (constraint/contact_adhesion.hpp)
   int act_row, tendon_row;  // what is left to rows (constraint/stiff_forces.hpp): (slope, intercept, lower, upper), (slope, intercept)
   int mass, derivative;     // derivative of the forces by velocity, lower triangle as M, then the upper (by rows of the transpose)
   int force, passive, actuator, bias, stiffness, damping, acceleration, impulse, gravcomp;
@@ -113,6 +114,7 @@ struct DynamicsLayout {
     reserve(tendon_length, a.ntendon);
     reserve(act_length, a.nact);
     if (a.adhesion) reserve(act_force, a.nact);
+    reserve(act_share, a.adhesion ? a.nact : 0);
     reserve(act_moment, a.nmoment);
     reserve(act_row, a.stiff ? 4 * a.nact : 0);
     reserve(tendon_row, a.stiff ? 2 * a.ntendon : 0);

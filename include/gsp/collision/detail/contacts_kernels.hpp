@@ -35,9 +35,10 @@ struct ContactScratch {
   Kokkos::View<std::int64_t*, Mem> most;   // (3) the same, the most that did not fit in any call since the pools grew
 };
 struct ContactsStamp {
-  Stamp poses;             // what they were found at
-  std::uint64_t made = 0;  // which call has written them; 0: none of gsp
-  bool lost = false;       // their pools have grown since
+  Stamp poses;                 // what they were found at
+  std::uint64_t made = 0;      // which call has written them; 0: none of gsp
+  bool lost = false;           // their pools have grown since
+  void const* pool = nullptr;  // where they were written: Contacts::dist
 };
 
 /// Counts the candidates of the items before, then writes this item's.

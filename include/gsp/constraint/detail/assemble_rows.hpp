@@ -32,6 +32,7 @@ struct CountRows {
       rows.largest_element(w) = 3;  // what contacts have
       rows.rate_scale(w) = gravity_rate(model.gravity, w, model.timestep);
     });
+    types.prepare(world);
     world.sync();
     std::int64_t sizes = world.template sum<std::int64_t>(types.count(w), [&](int e) {
       std::int64_t own = 0;
