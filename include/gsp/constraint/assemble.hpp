@@ -153,7 +153,7 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
                                                  std::min(rows.capacity(), impulses.capacity())});
   for_worlds("gsp::constraint::emit_rows", exec, rows.worlds,
              detail::EmitRows<R, Mem, List>{model, state, dynamics, rows, impulses, progress.halt, types, detail::names_of(types)});
-  eliminate_rows(exec, model, rows, impulses, progress);
+  eliminate_rows(exec, model, progress, rows, impulses);
   detail::leaves_rows(rows, impulses, detail::contacts_of<R, Mem>(types));
 }
 

@@ -11,6 +11,12 @@ namespace gsp {
 
 inline constexpr int most_element_rows = 6;
 
+/// Bounds beyond it are none: a solver's infinity, in any precision [N s].
+template <class R>
+KOKKOS_INLINE_FUNCTION bool is_no_bound(R bound) {
+  return abs(bound) >= R(1e30);
+}
+
 /// Entries of a row on one tree: for the dofs dof0 + dof_lists(list + i) of the world, or dof0 + i where list < 0. dof0 is the tree's
 /// first.
 struct RowSegment {
@@ -27,6 +33,12 @@ struct RowBounds {
   int friction_of = -1;
   R mu = R(0);
   bool with_next = false;
+  /// Any impulse: an equality, a spring.
+  KOKKOS_INLINE_FUNCTION bool is_free() const {
+    return friction_of < 0 && lower < R(0) && is_no_bound(lower) && upper > R(0) && is_no_bound(upper);
+  }
+  /// p >= 0
+  KOKKOS_INLINE_FUNCTION bool pushes_alone() const { return friction_of < 0 && lower == R(0) && upper > R(0) && is_no_bound(upper); }
 };
 
 template <class R>
@@ -61,6 +73,7 @@ struct Rows {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0, nv = 0;
+  Profile profile = Profile::stable;         // of the model: whose problem they are
   int most_eliminated = 0;                   // rows that are eliminated in a world, at most; 0: none is
   View<int*> first, count;                   // (worlds) rows of a world
   View<int*> largest_element;                // (worlds) most rows of an element
@@ -115,6 +128,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   };
   r.worlds = n;
   r.nv = model.nv;
+  r.profile = model.profile;
   r.most_eliminated = options.eliminate ? model.closing_rows : 0;
   r.dof_lists = model.ints;
   r.stamp = detail::make_stamp<detail::RowsStamp>("gsp::Rows::stamp");

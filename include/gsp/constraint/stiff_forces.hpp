@@ -1,8 +1,7 @@
 #pragma once
 #include <gsp/constraint/constraint_type.hpp>
+#include <gsp/constraint/detail/subtract_stiff_forces.hpp>
 #include <gsp/constraint/detail/tree_reader.hpp>
-#include <gsp/constraint/impulses.hpp>
-#include <gsp/parallel/for_worlds.hpp>
 
 /// Springs, dampers and servos that are too stiff for a step, as soft rows with their own laws, bounded by their ranges of force (the
 /// paper's form). Which they are, and when: docs/constraint/stiff_forces.md.
@@ -69,33 +68,6 @@ struct StiffForces {
   }
 };
 
-namespace detail {
-template <class R, class Mem>
-struct SubtractStiffForces {
-  StiffForces<R, Mem> types;
-  ElementImpulses<R, Mem> impulses;
-  Kokkos::View<int, Mem> halt;
-  Kokkos::View<R**, Kokkos::LayoutRight, Mem> qfrc;
-  struct Entries {
-    R* qfrc;
-    R force;
-    KOKKOS_INLINE_FUNCTION void set_dof(int dof, R value) const { qfrc[dof] -= force * value; }
-  };
-  template <class World>
-  KOKKOS_FUNCTION void operator()(World const& world) const {
-    int const w = world.rank, type = impulses.type();
-    if (halt() || type < 0 || types.left_step[w] < 0) return;
-    world.single([&] {  // rows of a type stand together
-      auto const& rows = impulses.rows;
-      int const end = rows.first(w) + rows.count(w);
-      for (int r = impulses.lower_row(w, type, 0); r < end && rows.row(r).type == type; ++r)
-        types.jacobian(w, rows.row(r).element, 0,
-                       Entries{&qfrc(w, 0), impulses.impulses.p[impulses.impulses.parity()](r) / types.timestep});
-    });
-  }
-};
-}  // namespace detail
-
 /// Takes what stiff springs and servos did out of qfrc_constraint (world, nv), the sum over all rows that `integrate` leaves: what they do
 /// counts as passive and as the actuators' [N, N m]. After `integrate`, before the next `assemble`.
 /// Does not allocate, does not fence. Errors: std::invalid_argument where nothing has been solved since the rows were last assembled.
@@ -106,7 +78,8 @@ void subtract_stiff_forces(Exec const& exec, StiffForces<R, Mem> const& types, R
           "gsp::subtract_stiff_forces: qfrc_constraint must be (worlds, nv)");
   if (rows.nv == 0) return;
   for_worlds("gsp::constraint::subtract_stiff_forces", exec, rows.worlds,
-             detail::SubtractStiffForces<R, Mem>{types, impulses_of<StiffForces<R, Mem>>(rows, impulses), progress.halt, qfrc_constraint});
+             detail::SubtractStiffForces<StiffForces<R, Mem>, R, Mem>{types, impulses_of<StiffForces<R, Mem>>(rows, impulses),
+                                                                      progress.halt, qfrc_constraint});
 }
 
 }  // namespace gsp

@@ -6,8 +6,8 @@
 namespace gsp {
 
 namespace detail {
-/// A world on a host: plain loops. What every kernel by world is written with.
-struct HostWorld {
+/// One thread alone, with plain loops: a world on a host, or a part of one on a device. What every kernel by world is written with.
+struct SerialWorld {
   int rank;
   KOKKOS_INLINE_FUNCTION void sync() const {}
   template <class F>
@@ -74,7 +74,7 @@ struct DeviceWorld {
 template <class F>
 struct HostWorlds {
   F f;
-  [[gnu::noinline]] void operator()(int w) const { f(HostWorld{w}); }  // one copy of the code for all host backends
+  [[gnu::noinline]] void operator()(int w) const { f(SerialWorld{w}); }  // one copy of the code for all host backends
 };
 template <class F>
 struct DeviceWorlds {

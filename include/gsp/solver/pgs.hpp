@@ -39,7 +39,7 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
       lockstep = true;
     }
   for_worlds("gsp::solver::pgs", exec, rows.worlds, detail::PgsWorld<R, Mem>{rows, impulses, solution, progress, options, lockstep});
-  restore_rows(exec, rows, impulses, solution.z, progress);
+  restore_rows(exec, rows, progress, impulses, solution.z);
   set_solved(rows, impulses);
 }
 

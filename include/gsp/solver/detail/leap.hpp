@@ -7,6 +7,9 @@
 /// share of the light: p grows along itself, or keeps on going as it went.
 namespace gsp::detail {
 
+// A leap goes on for so many sweeps at most, and grows p by so much along itself at most; it keeps half of p, since what bounds and
+// friction say is left to the next sweep.
+inline constexpr double leap_most_sweeps = 10000, leap_most_growth = 1000, leap_most_shrinking = 0.5;
 inline constexpr int leap_from = 16, leap_every = 4;  // sweeps: before the first one, and from one to the next
 
 /// Whether a leap follows on sweep number `sweep` (from 0): then p and z before it are kept.
@@ -39,25 +42,27 @@ struct LeapSums {
     bd = fma(bias, d, bd);
   }
 };
-/// p <- p + along p + on d, and z likewise.
+/// p <- p + growth p + sweeps d, and z likewise.
 template <class T>
 struct Leap {
-  T along, on;
+  T growth, sweeps;
 };
-/// Where E is least in that plane:  pp along + pd on = -(pp + bp),   pd along + dd on = -(pd + bd).  Where p and d point the same way,
-/// along p alone. Never back (on >= 0), at most 10,000 sweeps at once, and half of p is kept: bounds and friction are left to the next
-/// sweep. z is found anew, Y^T p, as what rounding makes of d is enlarged.
+/// Where E is least in that plane:
+///   pp growth + pd sweeps = -(pp + bp),   pd growth + dd sweeps = -(pd + bd)
+/// Where p and d point the same way, along p alone. Never back (sweeps >= 0). z is found anew, Y^T p, as what rounding makes of d is
+/// enlarged.
 template <class R, class T>
 KOKKOS_INLINE_FUNCTION Leap<T> best_leap(LeapSums<T> const& s) {
   T const zero(R(0)), one(R(1)), p = s.pp + s.bp, d = s.pd + s.bd, det = s.pp * s.dd - s.pd * s.pd;
   auto const plane = det > T(R(64) * Kokkos::Experimental::epsilon_v<R>) * s.pp * s.dd;
   auto const some = s.pp > zero;
   T const inverse = one / select(plane, det, one);
-  T along = select(plane, (s.pd * d - s.dd * p) * inverse, -p / select(some, s.pp, one));
-  T on = select(plane, (s.pd * p - s.pp * d) * inverse, zero);
-  auto const back = on < zero;
-  along = select(back, -p / select(some, s.pp, one), along);
-  return {select(some, clamp(along, T(R(-0.5)), T(R(1000))), zero), select(some, clamp(on, zero, T(R(10000))), zero)};
+  T growth = select(plane, (s.pd * d - s.dd * p) * inverse, -p / select(some, s.pp, one));
+  T sweeps = select(plane, (s.pd * p - s.pp * d) * inverse, zero);
+  auto const back = sweeps < zero;
+  growth = select(back, -p / select(some, s.pp, one), growth);
+  return {select(some, clamp(growth, T(R(-leap_most_shrinking)), T(R(leap_most_growth))), zero),
+          select(some, clamp(sweeps, zero, T(R(leap_most_sweeps))), zero)};
 }
 
 }  // namespace gsp::detail

@@ -8,6 +8,14 @@
 /// The kernel of `newton` (solver/newton.hpp): a thread or a warp a world.
 namespace gsp::detail {
 
+// A world whose decrement no longer falls, near what it should be, so often: rounding alone is left.
+inline constexpr double newton_near = 1e6;  // of the square of a step: a thousand times the tolerance
+inline constexpr int newton_most_stalls = 3;
+// The line is searched until its slope is this share of that at its start: a closer search costs more than the next iteration gains.
+inline constexpr double newton_slope = 0.01;
+inline constexpr int newton_most_secants = 40;  // each halves the bracket at least every other time: the digits of a double
+inline constexpr double newton_widen = 4;       // by how much the line is followed while it still falls
+
 /// Lower triangle by columns, and the direction.
 inline std::int64_t newton_work(int nv) { return std::int64_t(nv) * (nv + 1) / 2 + nv; }
 
@@ -61,23 +69,23 @@ struct NewtonWorld {
       R const decrement = solve_factored(world, H, nv, d);  // g . H^-1 g, an upper bound of |d|^2
       R const size = world.template sum<R>(nv, [&](int i) { return z[i] * z[i]; });
       R const least = square(tolerance) * size;
-      bool const there = !(decrement > least);
-      if (!there && decrement >= best && decrement < R(1e6) * least && ++stalls == 3) break;  // rounding alone is left
+      bool const last = !(decrement > least);  // one whole step more
+      if (!last && decrement >= best && decrement < R(newton_near) * least && ++stalls == newton_most_stalls) break;
       best = min(best, decrement);
-      world.each(count, [&](int r) { change[r] = dot_row(HostWorld{0}, rows, l.row[r], d); });
+      world.each(count, [&](int r) { change[r] = dot_row(SerialWorld{0}, rows, l.row[r], d); });
       world.sync();
-      R const length = there ? R(1) : line_search(world, l, z, d, w, change, decrement);
+      R const length = last ? R(1) : line_search(world, l, z, d, w, change, decrement);
       world.each(nv, [&](int i) { z[i] = fma(length, d[i], z[i]); });
       world.each(count, [&](int r) { w[r] = fma(length, change[r], w[r]); });
       world.sync();
-      if (there) break;
+      if (last) break;
       ++iteration;
     }
     finish(world, l, z, w, p, iteration);
   }
 
  private:
-  // dot_row with HostWorld: a row a thread.
+  // dot_row with SerialWorld: a row a thread.
   struct Lists {
     Row<R> const* row;
     signed char const* element_rows;
@@ -93,7 +101,7 @@ struct NewtonWorld {
     if (!warm) return;
     R const none = total_cost(world, l, w);
     push_rows(world, rows, l.first, l.count, z, p);
-    world.each(l.count, [&](int r) { w[r] = dot_row(HostWorld{0}, rows, l.row[r], z) + l.row[r].bias; });
+    world.each(l.count, [&](int r) { w[r] = dot_row(SerialWorld{0}, rows, l.row[r], z) + l.row[r].bias; });
     world.sync();
     R const given = total_cost(world, l, w) + R(0.5) * world.template sum<R>(rows.nv, [&](int i) { return z[i] * z[i]; });
     if (given < none) return;
@@ -109,7 +117,7 @@ struct NewtonWorld {
     sum_rows(world, rows, l.first, l.count, z, p);
     R worst(0);
     if (residual)
-      for (int r = 0; r < l.count; ++r) worst = max(worst, abs(dot_row(HostWorld{0}, rows, l.row[r], z) + l.row[r].bias - w[r]));
+      for (int r = 0; r < l.count; ++r) worst = max(worst, abs(dot_row(SerialWorld{0}, rows, l.row[r], z) + l.row[r].bias - w[r]));
     world.single([&] {
       solution.iterations(world.rank) = iteration;
       solution.residual(world.rank) = worst;
@@ -140,8 +148,8 @@ struct NewtonWorld {
     });
   }
 
-  /// alpha > 0 with |slope| <= 0.01 of the slope at 0, of the convex  |z + alpha d|^2 / 2 + sum s(w + alpha Y d): secants inside of a
-  /// bracket.
+  /// alpha > 0 with |slope| <= newton_slope of the slope at 0, of the convex  |z + alpha d|^2 / 2 + sum s(w + alpha Y d): secants inside of
+  /// a bracket.
   template <class World>
   KOKKOS_FUNCTION R line_search(World const& world, Lists const& l, R const* z, R const* d, R const* w, R const* change,
                                 R decrement) const {
@@ -159,9 +167,9 @@ struct NewtonWorld {
       });
     };
     R low(0), at_low = -decrement, high(0), at_high(0), alpha(1);
-    for (int i = 0; i < 40; ++i) {
+    for (int i = 0; i < newton_most_secants; ++i) {
       R const now = slope(alpha);
-      if (!(abs(now) > R(0.01) * decrement)) break;
+      if (!(abs(now) > R(newton_slope) * decrement)) break;
       if (now < R(0)) {
         if (high > R(0)) at_high = at_high * R(0.5);  // so that no end of the bracket stays for ever (the Illinois rule)
         low = alpha;
@@ -171,7 +179,7 @@ struct NewtonWorld {
         high = alpha;
         at_high = now;
       }
-      R const next = high > R(0) ? low + (high - low) * (at_low / (at_low - at_high)) : R(4) * alpha;
+      R const next = high > R(0) ? low + (high - low) * (at_low / (at_low - at_high)) : R(newton_widen) * alpha;
       if (next == alpha || !(next > R(0))) break;
       alpha = next;
     }
@@ -297,7 +305,7 @@ struct NewtonThread {
   void operator()(int w) const {
     Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
     int const thread = token.acquire();
-    solver.solve(HostWorld{w}, solver.work.data() + thread * solver.stride);
+    solver.solve(SerialWorld{w}, solver.work.data() + thread * solver.stride);
     token.release(thread);
   }
 };

@@ -3,6 +3,7 @@
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/solver/detail/leap.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
+#include <gsp/solver/detail/row_vectors.hpp>
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
 
@@ -145,13 +146,13 @@ struct PgsLockstep {
     for (int q = 0; q < blocks; ++q)
       for (int b = 0; b < B; ++b) s.add_row(block[q].p[b], block[q].p[b] - block[q].before[b], block[q].compliance[b], block[q].bias[b]);
     Leap<T> to = best_leap<R>(s);
-    to.along = select(active, to.along, zero);
-    to.on = select(active, to.on, zero);
+    to.growth = select(active, to.growth, zero);
+    to.sweeps = select(active, to.sweeps, zero);
     for (int i = 0; i < (rows.nv + 3) / 4 * 4; ++i) z_before[i] = zero;
     for (int q = 0; q < blocks; ++q) {
       for (int b = 0; b < B; ++b) {
         T const p = block[q].p[b];
-        block[q].p[b] = p + fma(to.along, p, to.on * (p - block[q].before[b]));
+        block[q].p[b] = p + fma(to.growth, p, to.sweeps * (p - block[q].before[b]));
       }
       push(block[q], z_before, block[q].p);
     }
@@ -180,8 +181,8 @@ struct PgsLockstep {
     for (int l = 0; l < W; ++l) {
       int const start = rows.first(w0 + l < rows.worlds ? w0 + l : w0);
       for (int e = 0; e < each; ++e) {
-        bool const there = first + e < places[l].count[kind];
-        int const head = there ? start + places[l].row[kind][first + e] : -1, has = there ? places[l].has[kind][first + e] : 0;
+        bool const has_element = first + e < places[l].count[kind];
+        int const head = has_element ? start + places[l].row[kind][first + e] : -1, has = has_element ? places[l].has[kind][first + e] : 0;
         if (first + e + each < places[l].count[kind])
           prefetch(&rows.row(start + places[l].row[kind][first + e + each]),
                    n * sizeof(Row<R>));  // more streams than the processor follows
@@ -215,7 +216,7 @@ struct PgsLockstep {
         };
         for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
           auto const& segment = row.segment[s];
-          if (int const* const list = list_of(segment)) {
+          if (int const* const list = list_of(rows, segment)) {
             for (int i = 0; i < segment.count; ++i) entries[W * entry_of(segment.dof0 + list[i])] = y[i];
           } else {  // consecutive dofs: all of their groups are there
             R* const e = entries + W * entry_of(segment.dof0);
@@ -316,7 +317,7 @@ struct PgsLockstep {
   /// Bits of the groups of four dofs that a segment has entries in.
   std::uint32_t groups_of(RowSegment const& s) const {
     std::uint32_t bits = 0;
-    if (int const* const list = list_of(s)) {
+    if (int const* const list = list_of(rows, s)) {
       for (int i = 0; i < s.count; ++i) bits |= std::uint32_t(1) << ((s.dof0 + list[i]) >> 2);
     } else if (s.count > 0) {
       int const low = s.dof0 >> 2, high = (s.dof0 + s.count - 1) >> 2;
@@ -324,7 +325,6 @@ struct PgsLockstep {
     }
     return bits;
   }
-  int const* list_of(RowSegment const& s) const { return s.list < 0 ? nullptr : rows.dof_lists.data() + s.list; }
 };
 
 template <class Exec, class Solver>

@@ -88,19 +88,19 @@ struct PgsWorld {
     LeapSums<R> s;
     auto const dz = [&](int i) { return z[i] - solution.z_before(w, i); };
     auto const d = [&](int r) { return p[r] - impulses.before(first + r); };
-    auto const sum = [&](auto const& of_dof, auto const& of_row) {
-      return world.template sum<R>(rows.nv, of_dof) + world.template sum<R>(count, of_row);
-    };
-    auto const softly = [&](int r) { return rows.row(first + r).compliance; };
-    auto const none = [](int) { return R(0); };
-    s.pp = sum([&](int i) { return square(z[i]); }, [&](int r) { return softly(r) * square(p[r]); });
-    s.pd = sum([&](int i) { return z[i] * dz(i); }, [&](int r) { return softly(r) * p[r] * d(r); });
-    s.dd = sum([&](int i) { return square(dz(i)); }, [&](int r) { return softly(r) * square(d(r)); });
-    s.bp = sum(none, [&](int r) { return rows.row(first + r).bias * p[r]; });
-    s.bd = sum(none, [&](int r) { return rows.row(first + r).bias * d(r); });
+    for (R LeapSums<R>::*part : {&LeapSums<R>::pp, &LeapSums<R>::pd, &LeapSums<R>::dd, &LeapSums<R>::bp, &LeapSums<R>::bd})
+      s.*part = world.template sum<R>(rows.nv, [&](int i) {
+        LeapSums<R> own{};
+        own.add_dof(z[i], dz(i));
+        return own.*part;
+      }) + world.template sum<R>(count, [&](int r) {
+        LeapSums<R> own{};
+        own.add_row(p[r], d(r), rows.row(first + r).compliance, rows.row(first + r).bias);
+        return own.*part;
+      });
     Leap<R> const to = best_leap<R>(s);
     world.sync();  // all have read p and z
-    world.each(count, [&](int r) { p[r] += to.along * p[r] + to.on * d(r); });
+    world.each(count, [&](int r) { p[r] += to.growth * p[r] + to.sweeps * d(r); });
     sum_rows(world, rows, first, count, z, p);
   }
   /// One pass over an element; the largest change of a rate. M = 1 or 3: so many rows, which have the same segments; M = N: any.
