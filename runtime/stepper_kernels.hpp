@@ -39,8 +39,14 @@ class KokkosStepper : public Stepper {
         state_(make_state(exec_, model_, {.worlds = o.worlds})),
         simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
         timestep_(o.timestep > 0 ? o.timestep : m.option.timestep) {
-    if (o.iterations > 0) solver_.iterations = o.iterations;
-    solver_.tolerance = static_cast<float>(o.tolerance);
+    auto const set = [&](auto& solver) {
+      if (o.iterations > 0) solver.iterations = o.iterations;
+      if (o.tolerance) solver.tolerance = static_cast<float>(*o.tolerance);
+    };
+    if (o.mujoco)
+      set(newton_);
+    else
+      set(solver_);
   }
 
   double timestep() const override { return timestep_; }
@@ -89,9 +95,8 @@ class KokkosStepper : public Stepper {
     stale_ = false;
   }
   void step(int steps, bool measure) override {
-    auto solver = solver_;
-    solver.residual = measure;
-    gsp::step(exec_, model_, state_, simulation_, {.steps = steps, .solver = solver, .poses = false});
+    solver_.residual = newton_.residual = measure;
+    gsp::step(exec_, model_, state_, simulation_, {.steps = steps, .solver = solver_, .newton = newton_, .poses = false});
     stale_ = true;  // poses of the end where somebody asks for them: a call of one step would pay for them each time
   }
 
@@ -122,7 +127,8 @@ class KokkosStepper : public Stepper {
   Model<R, Mem> model_;
   State<R, Mem> state_;
   Simulation<R, Mem> simulation_;
-  PgsOptions solver_;
+  PgsOptions solver_;     // profile stable
+  NewtonOptions newton_;  // profile mujoco
   Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> contact_force_;
   double timestep_;
   bool stale_ = true;  // the poses are not those of the state

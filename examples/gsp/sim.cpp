@@ -26,7 +26,7 @@ int run(Arguments const& a) {
   options.worlds = static_cast<int>(a.integer("--worlds", 1, 1, 1 << 24));
   options.timestep = a.real("--timestep", 0, 0, 10);
   options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
-  options.tolerance = a.real_from("--tolerance", options.tolerance, 0, 1);
+  if (a.has("--tolerance")) options.tolerance = a.real_from("--tolerance", 0, 0, 1);
   options.cone = cone_of(a);
   options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco";
   if (options.mujoco && options.cone == gsp::FrictionCone::box)
@@ -175,9 +175,11 @@ Command sim_command() {
        {"--start", "F.npz",
         "start from the last entry of a trace: time (T), qpos (T,N,nq), qvel (T,N,nv), act (T,N,na) or none; N = 1 is given to all worlds"},
        {"--ctrl", "F.npy", "controls (K,nu) or (K,N,nu), one row a step; without it those of the keyframe, else 0"},
-       {"--iterations", "I", "most sweeps of the solver a step; without it the library's default"},
+       {"--iterations", "I",
+        "most sweeps of the solver a step (profile mujoco: iterations of Newton's method); without it the library's default"},
        {"--tolerance", "T",
-        "a world stops to sweep when no rate changes by more than T times what gravity does in a step, 1e-4; 0: after all sweeps"},
+        "a world stops to sweep when no rate changes by more than T times what gravity does in a step, 1e-4; 0: after all sweeps. Profile "
+        "mujoco: when an iteration changes the impulses by less than T of them, 1e-10"},
        {"--cone", "box|elliptic|pyramidal",
         "friction along the two tangents: each by itself, together in a disc, or MuJoCo's soft edges; without it as the file says in "
         "profile "

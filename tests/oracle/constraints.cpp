@@ -106,7 +106,7 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
       touches[w].push_back(t);
     }
   }
-  gsp::step(exec, model, state, sim, {.steps = 1, .solver = {.iterations = 100, .residual = true}});
+  gsp::step(exec, model, state, sim, {.steps = 1, .newton = {.residual = true}});
   Kokkos::View<double* [6], Kokkos::LayoutRight, Mem> force("force", sim.contacts.dist.extent(0));
   gsp::contact_forces(exec, model, sim.collision, sim.contacts, sim.rows, sim.impulses, force);
   auto const& found = sim.contacts;

@@ -155,7 +155,7 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
     mj_step(m, d);
     m->opt.solver = solver, m->opt.iterations = iterations, m->opt.ls_iterations = ls, m->opt.tolerance = tolerance,
     m->opt.ls_tolerance = ls_tolerance;
-    gsp::step(exec, model, state, sim, {.steps = 1, .solver = {.iterations = 100000, .tolerance = 5e-13f}});
+    gsp::step(exec, model, state, sim);
     double difference = 0, norm = 1;
     for (int i = 0; i < m->nv; ++i) {
       difference = std::fmax(difference, std::isfinite(state.qvel(0, i)) ? std::abs(state.qvel(0, i) - d->qvel[i]) : INFINITY);

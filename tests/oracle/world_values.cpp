@@ -354,7 +354,7 @@ Worst compare(char const* text, std::vector<Source> const& fields, std::vector<G
   gsp::copy_dofs(exec, model, sim.dynamics, &gsp::DynamicsLayout::passive, passive);
   gsp::copy_dofs(exec, model, sim.dynamics, &gsp::DynamicsLayout::actuator, actuator);
   gsp::copy_dofs(exec, model, sim.dynamics, &gsp::DynamicsLayout::acceleration, acceleration);
-  gsp::step(exec, model, state, sim, {.steps = 1, .solver = {.iterations = 200000, .tolerance = 5e-13f}});
+  gsp::step(exec, model, state, sim);
   ContactParameters<decltype(sim)> const parameters{
       sim, {"parameters", worlds, ContactParameters<decltype(sim)>::most, 14}, {"count", worlds}};
   Kokkos::parallel_for("gsp::test::contact_parameters", Kokkos::RangePolicy<Exec>(exec, 0, worlds), parameters);

@@ -5,6 +5,7 @@
 #include <gsp_test_execs.hpp>
 
 #include "constraint/loop.hpp"
+#include "support/kokkos_tools.hpp"
 
 using gsp_test::Loop;
 
@@ -33,10 +34,31 @@ struct SoftElements {
   }
   KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int k, int row) const {
     int const kind = rows(world, k) - 1, normal = normal_of(kind, row);
-    if (normal >= 0) return {0, 0, normal, 0.3 + 0.1 * row};
+    if (normal >= 0) {
+      bool const pair = row < kind && normal_of(kind, row + 1) == normal;
+      bool const second = row > 0 && normal_of(kind, row - 1) == normal && !(kind == 5 && row == 3);
+      return {0, 0, normal, 0.3 + 0.1 * row, pair && !second};
+    }
     if (kind == 4 && row == 4) return {-0.2, 0.1};
     if (kind == 0 && k % 3 == 0) return {-1e300, 1e300};
     return {0, 1e300};
+  }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
+};
+/// A normal and two rows of friction: in world 0 they share an ellipse, in world 1 they are a box, in world 2 a row without friction stands
+/// between them, in world 3 there are three, one of them beside the ellipse.
+struct Friction {
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  KOKKOS_FUNCTION int rows(int world, int) const { return world < 2 ? 3 : 4; }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int, int, int row, Row&& J) const {
+    J.set_dof(row, 1.);
+    return 0;
+  }
+  KOKKOS_FUNCTION gsp::RowLaw<double> law(int, int, int, double, double, double) const { return {1., 0.}; }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int, int row) const {
+    if (row == 0 || (world == 2 && row == 2)) return {0, 1e300};
+    return {0, 0, 0, 0.5, row == 1 && (world == 0 || world == 3)};
   }
   KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
@@ -129,12 +151,12 @@ TEST_CASE_TEMPLATE("conditions of the convex problem", Exec, GSP_TEST_EXECS) {
     gsp_test::randomise(c, f.state);
     test_types::SoftElements<double> const type{9, 8, 7, stiffness};
     test_types::SoftElements<float> const rounded{9, 8, 7, stiffness};
-    auto newton = gsp::make_newton(s.exec, s.model, {.worlds = worlds});
-    auto single = gsp::make_newton(f.exec, f.model, {.worlds = worlds});
     do s.assemble(type);
     while (s.grow());
     do f.assemble(rounded);
     while (f.grow());
+    auto newton = gsp::make_newton(s.exec, s.rows);
+    auto single = gsp::make_newton(f.exec, f.rows);
     gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress, {.residual = true});
     gsp::newton(f.exec, f.rows, f.impulses, f.solution, single, f.progress);
     s.exec.fence(), f.exec.fence();
@@ -169,9 +191,9 @@ TEST_CASE_TEMPLATE("a world's result depends on its own rows", Exec, GSP_TEST_EX
     int const worlds = n == 0 ? 1 : 37;
     Loop<double, Exec> s(c, worlds, {.profile = gsp::Profile::mujoco});
     s.set(0, {0.1, 0.2, 0.9, 1, 0, 0, 0, 0.3}, {0.4, 0.5, 0.6, 0.7, 0.1, 0.2, 0.3});
-    auto newton = gsp::make_newton(s.exec, s.model, {.worlds = worlds});
     do s.assemble(type);
     while (s.grow());
+    auto newton = gsp::make_newton(s.exec, s.rows);
     gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress, {.warm = false});
     auto const h = gsp_test::host(s.solution.z);
     for (int i = 0; i < s.model.nv; ++i) z[n].push_back(h(0, i));
@@ -182,8 +204,8 @@ TEST_CASE_TEMPLATE("a world's result depends on its own rows", Exec, GSP_TEST_EX
 
 TEST_CASE_TEMPLATE("what newton refuses", Exec, GSP_TEST_EXECS) {
   auto const c = two_trees();
-  Loop<double, Exec> s(c, 3, {.profile = gsp::Profile::mujoco});
-  auto newton = gsp::make_newton(s.exec, s.model, {.worlds = 3}), fewer = gsp::make_newton(s.exec, s.model, {.worlds = 2});
+  Loop<double, Exec> s(c, 3, {.profile = gsp::Profile::mujoco}), two(c, 2, {.profile = gsp::Profile::mujoco});
+  auto newton = gsp::make_newton(s.exec, s.rows), fewer = gsp::make_newton(s.exec, two.rows);
   s.assemble(test_types::BoundedNormal{});  // profile mujoco has cones of normals that push alone
   auto const status = gsp_test::host(s.state.status);
   CHECK(status(0) == 0);
@@ -191,10 +213,49 @@ TEST_CASE_TEMPLATE("what newton refuses", Exec, GSP_TEST_EXECS) {
   CHECK(status(2) == gsp::status::row_refused);
   CHECK_THROWS_AS(gsp::newton(s.exec, s.rows, s.impulses, s.solution, fewer, s.progress), std::invalid_argument);
   CHECK_THROWS_AS(gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress, {.iterations = 0}), std::invalid_argument);
-  CHECK_THROWS_AS(gsp::make_newton(s.exec, s.model, {.worlds = 0}), std::invalid_argument);
+  Loop<double, Exec> stable(c, 3);  // the same rows are none that it could solve
+  stable.assemble(test_types::BoundedNormal{});
+  auto of_stable = gsp::make_newton(stable.exec, stable.rows);
+  CHECK_THROWS_WITH_AS(gsp::newton(stable.exec, stable.rows, stable.impulses, stable.solution, of_stable, stable.progress),
+                       doctest::Contains("profile stable"), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::assemble(s.exec, s.model, s.state, s.dynamics, gsp::constraints(), stable.rows, s.impulses, s.progress),
+                  std::invalid_argument);
+  // Launches that do nothing are a step once, however many solves it has.
   Kokkos::deep_copy(s.progress.halt, 1);
   Kokkos::deep_copy(s.solution.z, 7.);
+  gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress, {.ends_step = false});
   gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress);
   CHECK(gsp_test::host(s.solution.z)(0, 0) == 7.);
   CHECK(gsp_test::host(s.progress.skipped)() == 1);
+}
+
+// One cone is what profile mujoco has for all friction of a row: a box is refused there, and is one in profile stable.
+TEST_CASE_TEMPLATE("friction that is no cone is refused in profile mujoco", Exec, GSP_TEST_EXECS) {
+  auto const c = two_trees();
+  for (bool const mujoco : {true, false}) {
+    Loop<double, Exec> s(c, 4, {.profile = mujoco ? gsp::Profile::mujoco : gsp::Profile::stable});
+    s.assemble(test_types::Friction{});
+    auto const status = gsp_test::host(s.state.status);
+    for (int w = 0; w < 4; ++w) {
+      CAPTURE(w);
+      CHECK(status(w) == (mujoco && (w == 1 || w == 2) ? gsp::status::row_refused : 0u));
+    }
+  }
+}
+
+// Its buffers are as large as the pool of rows: a pool that grew is refused until they have grown too, and the call itself makes no room.
+TEST_CASE_TEMPLATE("newton neither allocates nor waits", Exec, GSP_TEST_EXECS) {
+  auto const c = two_trees();
+  Loop<double, Exec> s(c, 3, {.profile = gsp::Profile::mujoco});
+  s.forget({.worlds = 3, .rows_per_world = 1, .entries_per_world = 1});
+  auto newton = gsp::make_newton(s.exec, s.rows);
+  test_types::SoftElements<double> const type{9, 8, 7, 1.};
+  do s.assemble(type);
+  while (s.grow());
+  auto const solve = [&] { gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress); };
+  CHECK_THROWS_WITH_AS(solve(), doctest::Contains("call grow(exec, rows, buffers)"), std::invalid_argument);
+  CHECK(gsp::grow(s.exec, s.rows, newton));
+  CHECK(!gsp::grow(s.exec, s.rows, newton));
+  gsp_test::check_algorithm(s.exec, gsp_test::watch(solve));
+  CHECK(gsp_test::host(s.solution.iterations)(0) > 0);
 }

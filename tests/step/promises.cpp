@@ -33,11 +33,12 @@ struct Scene {
   using Mem = typename Exec::memory_space;
   Exec exec;
   gsp::CompiledModel compiled = gsp::compile(gsp::samples::quadruped_scene());
-  gsp::Model<float, Mem> model = gsp::make_model<float>(exec, compiled);
+  gsp::Model<float, Mem> model;
   gsp::State<float, Mem> state;
   gsp::Simulation<float, Mem> sim;
-  explicit Scene(int worlds, Exec const& on = Exec{})
+  explicit Scene(int worlds, Exec const& on = Exec{}, gsp::ModelOptions options = {})
       : exec(on),
+        model(gsp::make_model<float>(exec, compiled, options)),
         state(gsp::make_state(exec, model, {.worlds = worlds})),
         sim(gsp::make_simulation(exec, model, compiled, {.worlds = worlds})) {
     auto const& stand = compiled.keyframes.at(0);
@@ -71,6 +72,40 @@ TEST_CASE_TEMPLATE("a warm step allocates nothing and waits at its end alone", E
                   "kernel without a gsp label: ", kernel.label);
   CHECK(ten.kernels.size() > 8 * one.kernels.size());
   CHECK(ten.fences.size() == one.fences.size());
+}
+
+// Pools, and the buffers of the solver beside them, grow where the host settles: never in a launch, behind which others may be at work.
+TEST_CASE_TEMPLATE("launches of profile mujoco make no room", Exec, GSP_TEST_EXECS) {
+  Scene<Exec> s(3, Exec{}, {.profile = gsp::Profile::mujoco});
+  s.sim.rows = gsp::make_rows(s.exec, s.model, {.worlds = 3, .rows_per_world = 1, .entries_per_world = 1});
+  s.sim.impulses = gsp::make_impulses(s.exec, s.sim.rows);
+  s.sim.newton = gsp::make_newton(s.exec, s.sim.rows);
+  int rounds = 0;
+  for (int left = 1; left > 0; left = gsp::settle(s.exec, s.sim), ++rounds) {
+    auto const seen = gsp_test::watch([&] { gsp::launch_step(s.exec, s.model, s.state, s.sim); });
+    CHECK(seen.allocations.empty());
+    CHECK(seen.fences.empty());
+  }
+  CHECK(rounds > 1);
+}
+
+// Each profile has its solver, and each solver its options.
+TEST_CASE_TEMPLATE("a step's options reach the solver of its profile", Exec, GSP_TEST_EXECS) {
+  for (auto const profile : {gsp::Profile::mujoco, gsp::Profile::stable}) {
+    Scene<Exec> s(1, Exec{}, {.profile = profile});
+    bool const mujoco = profile == gsp::Profile::mujoco;
+    s.step(5);
+    auto const iterations = [&](gsp::PgsOptions solver, gsp::NewtonOptions newton) {
+      auto state = s.state;
+      gsp::step(s.exec, s.model, state, s.sim, {.solver = solver, .newton = newton});
+      return gsp_test::host(s.sim.solution.iterations)(0);
+    };
+    // Impulses of 1e-1 are near enough after the first iteration; to a tolerance of 0 it takes more.
+    CHECK((iterations({.iterations = 3, .tolerance = 0}, {.iterations = 1, .warm = false}) == (mujoco ? 1 : 3)));
+    int const coarse = iterations({.least = 1, .tolerance = 1}, {.tolerance = 1e3f, .warm = false});
+    int const fine = iterations({.tolerance = 1e-7f}, {.tolerance = 0, .warm = false});
+    CHECK(coarse < fine);
+  }
 }
 
 // NaN in a control, an infinite velocity, a position that is NaN, and a row over three trees: each stops its own world, which keeps its

@@ -127,7 +127,8 @@ RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
 /// were reset. A type is known by its C++ type and by its place among those of the same type: the others may come, go and change places.
 /// After factor or smooth_dynamics (and collide). A world whose rows do not fit has status::row_overflow; then no world is stepped
 /// (progress.halt), the pools grow at the host's next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows
-/// of more than two trees, elements of more than six rows, and friction of a row that the element does not have: status::row_refused.
+/// of more than two trees, elements of more than six rows, friction of a row that the element does not have, and in profile mujoco what no
+/// cone is (docs/add_a_constraint.md): status::row_refused.
 /// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or
 /// the members `poses` and `contacts` of a type and what it `reads()` of dynamics of its own, are not of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class... Types>
@@ -136,7 +137,8 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::assemble: the rows are not accessible from this execution space");
   expects(rows.worlds == state.worlds && dynamics.worlds == state.worlds && impulses.worlds == state.worlds,
           "gsp::assemble: state, dynamics, rows and impulses have different numbers of worlds: make them with the same {.worlds = n}");
-  expects(rows.nv == model.nv, "gsp::assemble: the rows were made for another model: call make_rows(exec, model)");
+  expects(rows.nv == model.nv && rows.profile == model.profile,
+          "gsp::assemble: the rows were made for another model: call make_rows(exec, model)");
   detail::expects_fit("gsp::assemble", model, state, dynamics);
   detail::expects_of("gsp::assemble", dynamics, state,
                      detail::set_of(Quantity::motion, Quantity::velocity, Quantity::factor, Quantity::free_velocity));

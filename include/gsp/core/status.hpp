@@ -38,8 +38,9 @@ inline std::string text(std::uint32_t bits) {
     result +=
         "a constraint row touches more than two kinematic trees, an element has more than six rows, a row names a body or dof that is not "
         "there, or "
-        "a friction row a row that its element does not have (in profile mujoco: one without the bounds 0 and infinity): split the "
-        "element, or correct jacobian() or bounds(); ";
+        "a friction row a row that its element does not have (in profile mujoco: one without the bounds 0 and infinity, or two friction "
+        "rows of one row that share no "
+        "ellipse): split the element, or correct jacobian() or bounds(); ";
   return result.empty() ? "ok" : result;
 }
 

@@ -12,8 +12,8 @@ struct StepperOptions {
   Dtype precision = Dtype::float32;  // or float64
   double timestep = 0;               // [s]; 0: the model's own
   bool mujoco = false;               // profile mujoco instead of stable
-  int iterations = 0;                // most sweeps of the solver, 0: the library's default
-  double tolerance = 1e-4;           // PgsOptions::tolerance
+  int iterations = 0;                // at most, of the profile's solver (PgsOptions, NewtonOptions); 0: the library's default
+  std::optional<double> tolerance;   // of the same; empty: the library's default
   std::optional<FrictionCone> cone;  // SimulationOptions::cone
 };
 

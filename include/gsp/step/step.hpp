@@ -45,10 +45,17 @@ struct SimulationOptions {
   std::optional<FrictionCone> cone = {};  // as the file says in profile mujoco, else elliptic
 };
 
+/// How rows are solved for: each profile has its solver.
+struct LaunchOptions {
+  PgsOptions solver = {};     // profile stable
+  NewtonOptions newton = {};  // profile mujoco; ends_step is launch_step's own
+};
+
 struct StepOptions {
   int steps = 1;
-  PgsOptions solver = {};  // profile mujoco, which Newton's method solves: iterations and residual alone
-  bool poses = true;       // leave simulation.poses of the end: one launch of forward_kinematics a call
+  PgsOptions solver = {};  // as in LaunchOptions
+  NewtonOptions newton = {};
+  bool poses = true;  // leave simulation.poses of the end: one launch of forward_kinematics a call
 };
 
 namespace detail {
@@ -70,10 +77,12 @@ bool has_runge_kutta(Model<R, Mem> const& model) {
 }
 /// pgs in profile stable, Newton's method in profile mujoco.
 template <class Exec, class R, class Mem>
-void solve(Exec const& exec, Model<R, Mem> const& model, Simulation<R, Mem>& sim, PgsOptions const& options, bool warm, bool ends_step) {
-  if (model.profile == Profile::stable) return pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress, options);
-  newton(exec, sim.rows, sim.impulses, sim.solution, sim.newton, sim.progress,
-         {.iterations = options.iterations, .warm = warm, .residual = options.residual}, ends_step);
+void solve(Exec const& exec, Model<R, Mem> const& model, Simulation<R, Mem>& sim, LaunchOptions const& options, bool warm, bool ends_step) {
+  if (model.profile == Profile::stable) return pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress, options.solver);
+  NewtonOptions own = options.newton;
+  own.warm = own.warm && warm;
+  own.ends_step = ends_step;
+  newton(exec, sim.rows, sim.impulses, sim.solution, sim.newton, sim.progress, own);
 }
 }  // namespace detail
 
@@ -100,7 +109,7 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   sim.solution = make_solution(exec, model, {.worlds = n});
   sim.progress = make_progress(exec);
   sim.cone = options.cone.value_or(stable ? FrictionCone::elliptic : compiled.option.cone);
-  if (!stable) sim.newton = make_newton(exec, model, {.worlds = n});
+  if (!stable) sim.newton = make_newton(exec, sim.rows);
   if (detail::has_runge_kutta(model)) sim.runge_kutta = make_runge_kutta(exec, model, {.worlds = n});
   return sim;
 }
@@ -111,10 +120,10 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 /// @param more  of your own: constraint types (constraint_type.hpp), which act also where the model's constraints are disabled, and
 ///              actuator laws (dynamics/actuator_law.hpp)
 /// In profile mujoco rows are solved by Newton's method (solver/newton.hpp), with RK4 four times a step, from nothing each time, so that a
-/// repeated step is the same. Does not fence; allocates where profile mujoco's pool of rows has grown. Errors: laws without actuators.
+/// repeated step is the same. Does not allocate, does not fence. Errors: laws without actuators.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
-void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim, PgsOptions const& solver = {},
-                 More const&... more) {
+void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim,
+                 LaunchOptions const& options = {}, More const&... more) {
   Region const region("gsp::step::launch_step");
   expects(sim.rows.worlds == state.worlds,
           "gsp::step: state and simulation have different numbers of worlds: make them with the same {.worlds = n}");
@@ -149,7 +158,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
     static_assert(own_types || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>,
                   "gsp::kernels holds assemble for these types");
     assemble(exec, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress);
-    detail::solve(exec, model, sim, solver, warm, ends_step);
+    detail::solve(exec, model, sim, options, warm, ends_step);
   };
   if (!runge_kutta_steps) {
     find_impulses(true, true);
@@ -183,6 +192,7 @@ int settle(Exec const& exec, Simulation<R, Mem>& sim) {
   detail::zero(exec, sim.progress.skipped);
   if (sim.impulses.stamp.data()) sim.impulses.stamp().solved = false;  // the steps that are left say so again
   bool const contacts = grow(exec, sim.contacts), rows = grow(exec, sim.rows, sim.impulses, sim.progress);
+  if (sim.newton.worlds > 0) grow(exec, sim.rows, sim.newton);
   if (!contacts && !rows) throw Error("gsp::settle: a step did not fit, and no pool needs to grow: this is a defect of the library");
   return skipped;
 }
@@ -196,7 +206,7 @@ void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Si
   expects(options.steps >= 0, "gsp::step: steps must not be negative");
   if (options.steps == 0 && options.poses) forward_kinematics(exec, model, state, sim.poses, sim.dynamics);
   for (int left = options.steps; left > 0; left = settle(exec, sim)) {
-    for (int i = 0; i < left; ++i) launch_step(exec, model, state, sim, options.solver, more...);
+    for (int i = 0; i < left; ++i) launch_step(exec, model, state, sim, {.solver = options.solver, .newton = options.newton}, more...);
     if (options.poses) forward_kinematics(exec, model, state, sim.poses, sim.dynamics);
   }
 }

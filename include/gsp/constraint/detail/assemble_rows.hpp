@@ -38,20 +38,24 @@ struct CountRows {
       std::int64_t own = 0;
       types.visit(w, e, 0, [&](auto const& type, int, int k) {
         int const n = type.rows(w, k);
-        bool refused = n > most_element_rows;
+        bool refused = n > most_element_rows, second = false;
+        unsigned alone = 0;  // normals that have friction which shares no ellipse
         for (int r = 0; r < n && !refused; ++r) {
           RowStructure<R, Mem> structure{model};
           type.jacobian(w, k, r, structure);
           auto const bounds = type.bounds(w, k, r);
           refused = structure.refused || bounds.friction_of >= n || bounds.friction_of == r;
           if (!refused && bounds.friction_of >= 0 && model.profile == Profile::mujoco) {  // newton's cones: normals that push alone
-            auto const normal = type.bounds(w, k, bounds.friction_of);
-            refused = normal.friction_of >= 0 || !(normal.lower == 0 && normal.upper >= 1e30);
+            // Two that are bounded each by itself are a box, which is none.
+            unsigned const one = bounds.with_next || second ? 0u : 1u << bounds.friction_of;
+            refused = !type.bounds(w, k, bounds.friction_of).pushes_alone() || (alone & one) != 0;
+            alone |= one;
           }
+          second = bounds.with_next;
           if (bounds.with_next) {
-            bool const there = r + 1 < n && bounds.friction_of >= 0 && bounds.friction_of != r + 1;
-            auto const next = type.bounds(w, k, there ? r + 1 : r);
-            refused = refused || !there || next.with_next || next.friction_of != bounds.friction_of;
+            bool const has_next = r + 1 < n && bounds.friction_of >= 0 && bounds.friction_of != r + 1;
+            auto const next = type.bounds(w, k, has_next ? r + 1 : r);
+            refused = refused || !has_next || next.with_next || next.friction_of != bounds.friction_of;
           }
           own += pack_sizes(1, structure.entries());
         }
@@ -159,7 +163,7 @@ struct EmitRows {
         int const n = type.rows(w, k), first = rows.first(w) + rows_of(sum);
         std::int64_t const couplings = rows.first_entry(w) + entries_of(sum), first_entry = couplings + couplings_of(n);
         std::int64_t sizes = 0;
-        R most_yield[most_element_rows];
+        R most_yield[most_element_rows] = {};
         for (int r = 0; r < n; ++r) {
           RowStructure<R, Mem> structure{model};
           type.jacobian(w, k, r, structure);
@@ -273,16 +277,16 @@ struct EmitRows {
       for (int r = 0; r < n && row + r < end && ids(row + r) == old; ++r) start[r] += impulses.p[before](row + r);
     };
     R load(0);
-    int old = 0, mine = -1;
+    int old = 0, same = -1;  // elements that there were, the row of this one
     for (int row = low; row < end && (ids(row) >> 32) == major; ++row) {
       if (row > low && ids(row) == ids(row - 1)) continue;
       load += abs(impulses.p[before](row));
       ++old;
-      if (ids(row) == key) mine = row;
+      if (ids(row) == key) same = row;
     }
     if (old > 0) load = load / R(old);
-    if (mine >= 0) {
-      add(mine);
+    if (same >= 0) {
+      add(same);
       return load;
     }
     if constexpr (requires { type.place(w, k); }) {
@@ -301,12 +305,12 @@ struct EmitRows {
         for (int e = from; e < to; ++e) gone = gone && !(type.rows(w, e) > 0 && type.id(w, e).minor == std::uint32_t(ids(row)));
         if (!gone) continue;
         Vec3<R> const at{impulses.place[before](row, 0), impulses.place[before](row, 1), impulses.place[before](row, 2)};
-        R const mine = norm(type.place(w, k) - at);
+        R const distance = norm(type.place(w, k) - at);
         bool nearest = true;
         for (int e = from; e < to; ++e) {
           if (e == k || type.rows(w, e) == 0) continue;
           R const other = norm(type.place(w, e) - at);
-          if (other < mine || (other == mine && e < k)) nearest = nearest && was_there(type.id(w, e).minor);
+          if (other < distance || (other == distance && e < k)) nearest = nearest && was_there(type.id(w, e).minor);
         }
         if (nearest) add(row);
       }
