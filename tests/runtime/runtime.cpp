@@ -70,6 +70,31 @@ TEST_CASE("copy: any device, precision and stride; one row for all") {
   CHECK_THROWS_AS((void)a.rows(2, 2), std::invalid_argument);
 }
 
+// Sweeps of pgs that know no tolerance are as many as were asked for; Newton's method takes more iterations to 1e-10 of the impulses than
+// to all of them.
+TEST_CASE("iterations and tolerance are those of the profile's solver") {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  auto const iterations = [&](Device device, StepperOptions options) {
+    auto const stepper = make_stepper(device, compiled, options);
+    std::vector<double> qpos = compiled.keyframes.at(0).qpos;
+    stepper->set(host_array(qpos.data(), {1, compiled.nq}), {}, {});
+    stepper->step(20, false);
+    return stepper->counts().iterations;
+  };
+  for (Device const device : devices()) {
+    StepperOptions stable;
+    stable.iterations = 7;
+    stable.tolerance = 0.;
+    CHECK(iterations(device, stable) == 7);
+    StepperOptions mujoco;
+    mujoco.mujoco = true;
+    mujoco.precision = Dtype::float64;
+    int const fine = iterations(device, mujoco);
+    mujoco.tolerance = 1.;
+    CHECK(iterations(device, mujoco) < fine);
+  }
+}
+
 TEST_CASE("a stepper is the library's step, and gives back every digit that it was given") {
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   for (Device const device : devices()) {

@@ -73,17 +73,17 @@ struct ContactRows {
   }
   /// Of surfaces that neither move nor pull.
   KOKKOS_INLINE_FUNCTION RowLaw<R> law_at_rest(int world, int k, int row, R u, R h) const {
-    if (row > 0 && !soft.on) return {R(0), R(0)};
+    if (row > 0 && !soft.as_mujoco) return {R(0), R(0)};
     int const c = contact_of(world, k);
     auto const p = parameters(world, c);
     R const diag = body_invweight0(world, 2 * contacts.body1(c)) + body_invweight0(world, 2 * contacts.body2(c));
-    R const gap = contacts.dist(c) - contacts.includemargin(c), spring = soft.on ? gap : min(gap, R(0));
+    R const gap = contacts.dist(c) - contacts.includemargin(c), spring = soft.as_mujoco ? gap : min(gap, R(0));
     if (row > 0) return soft.tangent(p, row - 1, gap, u, h, diag);
     R const rest = gravity_rate(gravity, world, h);
     bool const edge = edges > 1 && p.condim > 1;
-    if (p.hard && !soft.on && !edge) return {R(0), hard_target(gap, u, h, rest, p.restitution, p.erp)};
+    if (p.hard && !soft.as_mujoco && !edge) return {R(0), hard_target(gap, u, h, rest, p.restitution, p.erp)};
     RowLaw<R> law = edge ? soft.edge(p, spring, u, h, diag) : soft_law(softness_of(p, soft.refsafe), spring, u, h, diag);
-    if (soft.on) return law;
+    if (soft.as_mujoco) return law;
     if (gap > R(0)) law.zeta = min(-gap / h, law.zeta);  // no spring at a gap: it may close within the step
     if (!edge) law.most_yield = law.compliance / diag * rest;
     return law;

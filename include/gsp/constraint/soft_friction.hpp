@@ -21,7 +21,7 @@ KOKKOS_INLINE_FUNCTION Softness<R> softness_of(ContactParameters<R> const& p, bo
 
 template <class R>
 struct SoftFriction {
-  bool on = false;
+  bool as_mujoco = false;  // contacts as in profile mujoco; else friction rows are rigid, but edges of a pyramid
   R impratio = R(1);
   bool refsafe = true;  // Softness::refsafe
 

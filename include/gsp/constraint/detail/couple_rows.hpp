@@ -20,15 +20,15 @@ KOKKOS_INLINE_FUNCTION R row_product(Row<R> const& a, Row<R> const& b, R const* 
   R sum(0);
   R const* y = Y + a.first_entry;
   for (int s = 0; s < 2; ++s) {
-    RowSegment const& mine = a.segment[s];
+    RowSegment const& own = a.segment[s];
     R const* z = Y + b.first_entry;
     for (int t = 0; t < 2; ++t) {
       RowSegment const& other = b.segment[t];
-      if (mine.dof0 == other.dof0 && mine.list == other.list && mine.count == other.count) {
-        for (int i = 0; i < mine.count; ++i) sum = fma(y[i], z[i], sum);
-      } else if (mine.dof0 == other.dof0) {  // both lists ascend
-        for (int i = 0, j = 0; i < mine.count && j < other.count;) {
-          int const dof = mine.list < 0 ? i : dofs[mine.list + i], with = other.list < 0 ? j : dofs[other.list + j];
+      if (own.dof0 == other.dof0 && own.list == other.list && own.count == other.count) {
+        for (int i = 0; i < own.count; ++i) sum = fma(y[i], z[i], sum);
+      } else if (own.dof0 == other.dof0) {  // both lists ascend
+        for (int i = 0, j = 0; i < own.count && j < other.count;) {
+          int const dof = own.list < 0 ? i : dofs[own.list + i], with = other.list < 0 ? j : dofs[other.list + j];
           if (dof == with) sum = fma(y[i], z[j], sum);
           i += dof <= with;
           j += with <= dof;
@@ -36,7 +36,7 @@ KOKKOS_INLINE_FUNCTION R row_product(Row<R> const& a, Row<R> const& b, R const* 
       }
       z += other.count;
     }
-    y += mine.count;
+    y += own.count;
   }
   return sum;
 }

@@ -56,7 +56,8 @@ struct EliminateRows {
   KOKKOS_INLINE_FUNCTION bool free_inside(Row<R> const* row, int n) const {
     bool free = true;
     for (int b = 0; b < n; ++b)
-      free = free && RowBounds<R>{row[b].lower, row[b].upper, row[b].friction_of}.is_free() && row[b].segment[1].count == 0 && closed(row[b].segment[0]);
+      free = free && RowBounds<R>{row[b].lower, row[b].upper, row[b].friction_of}.is_free() && row[b].segment[1].count == 0 &&
+             closed(row[b].segment[0]);
     return free;
   }
   /// Where the entries of a row on the tree of dof0 begin, null: it has none.
