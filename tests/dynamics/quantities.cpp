@@ -350,6 +350,24 @@ TEST_CASE("derivatives of quantities by position, velocity, control and accelera
   }
 }
 
+// Newton's steps end lane by lane: a string's way has the bits that it has alone, whatever the ways beside it take.
+TEST_CASE_TEMPLATE("strings through a ball do not see each other", Real, float, double) {
+  constexpr int W = gsp::native_width<Real>;
+  using P = gsp::Pack<Real, W>;
+  gsp_test::Random r;
+  for (int i = 0; i < 200; ++i) {
+    P A, B, turn, radius;
+    for (int l = 0; l < W; ++l) {
+      radius.set(l, Real(0.12 + 0.1 * r()));
+      A.set(l, radius[l] * Real(1 + std::exp(3 * r() - 2)));
+      B.set(l, radius[l] * Real(1 + std::exp(3 * r() - 2)));
+      turn.set(l, (std::acos(radius[l] / A[l]) + std::acos(radius[l] / B[l])) * Real(0.5 + 0.49 * r()));
+    }
+    P const mixed = gsp::detail::lanes_wrap_inside(A, B, radius, turn);
+    for (int l = 0; l < W; ++l) CHECK(mixed[l] == gsp::detail::lanes_wrap_inside(P(A[l]), P(B[l]), P(radius[l]), P(turn[l]))[0]);
+  }
+}
+
 // Where both ends are equally far, the first guess is the answer, whose derivatives still have to come. Ends that see the point: angles
 // below acos(r / A) + acos(r / B). Steps of 1e-6: 1e-9 from rounding to 1e-15, 2e-10 from third derivatives below 1e3; bar 1e-6.
 TEST_CASE("derivatives of a string's way through a ball are central differences") {

@@ -1,9 +1,11 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <cstring>
 #include <gsp/math/pack.hpp>
 #include <gsp/math/quat.hpp>
 #include <limits>
+#include <vector>
 
 #if defined(KOKKOS_MACROS_HPP) && !defined(__CUDACC__)
 #error "math/ includes Kokkos"
@@ -50,5 +52,69 @@ TEST_CASE_TEMPLATE("rotation of packs: exp and log invert, rotate equals the mat
         CHECK(std::abs(back[k][l] - w[k][l]) < tolerance);
         CHECK(std::abs(a[k][l] - b[k][l]) < tolerance);
       }
+  }
+}
+
+// A lane never sees another lane: packs of mixed numbers (ordinary, beyond the range of sincos and exp, infinite, not a number) give in
+// each lane the bits of a pack that holds this lane's numbers alone. (Signs of NaN are nobody's promise: all are one.)
+TEST_CASE_TEMPLATE("lanes do not see each other", Real, float, double) {
+  constexpr int W = gsp::native_width<Real>;
+  using P = gsp::Pack<Real, W>;
+  using Limits = std::numeric_limits<Real>;
+  std::vector<Real> const numbers{Real(0.7),   Real(-2.9),    Real(8000),          Real(8193),      Real(-17000),
+                                  Real(2.1e9), Real(-0.),     Limits::infinity(),  Limits::min(),   Real(100),
+                                  Real(-800),  Limits::max(), Limits::quiet_NaN(), Real(1.5707963), -Limits::infinity()};
+  int const n = int(numbers.size());
+  auto const all_functions = [](P const& x, P const& y, P const& z) {
+    P s, c;
+    sincos(x, s, c);
+    P const one(Real(1)), zero(Real(0));
+    return std::vector<P>{s,
+                          c,
+                          sin(x),
+                          cos(x),
+                          exp(x),
+                          log(x),
+                          sqrt(x),
+                          abs(x),
+                          -x,
+                          atan2(y, x),
+                          fma(x, y, z),
+                          min(x, y),
+                          max(x, y),
+                          clamp(x, y, z),
+                          square(x),
+                          x + y,
+                          x - y,
+                          x * y,
+                          x / y,
+                          select(x < y, x, z),
+                          select(x <= y, one, zero),
+                          select(x > y, one, zero),
+                          select(x >= y, one, zero),
+                          select(x == y, one, zero),
+                          select(x != y, one, zero),
+                          select(!(x < y) && (y < z), one, zero),
+                          select((x < y) || (y < z), one, zero)};
+  };
+  auto const same = [](Real a, Real b) { return std::memcmp(&a, &b, sizeof a) == 0 || (a != a && b != b); };
+  for (int i = 0; i < n * n; ++i) {
+    P x, y, z;
+    for (int l = 0; l < W; ++l) {
+      x.set(l, numbers[(i + l) % n]);
+      y.set(l, numbers[(i / n + 2 * l) % n]);
+      z.set(l, numbers[(i + 7 * l) % n]);
+    }
+    auto const mixed = all_functions(x, y, z);
+    for (int l = 0; l < W; ++l) {
+      auto const alone = all_functions(P(x[l]), P(y[l]), P(z[l]));
+      for (std::size_t f = 0; f < mixed.size(); ++f) {
+        CAPTURE(f);
+        CAPTURE(x[l]);
+        CAPTURE(y[l]);
+        CAPTURE(z[l]);
+        CHECK(same(mixed[f][l], alone[f][0]));
+      }
+    }
   }
 }

@@ -3,12 +3,13 @@
 #include <cmath>
 #include <cstring>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/names.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
 #include <limits>
 
-#include "dynamics/random_tree.hpp"
+#include "step/world.hpp"
 #include "support/kokkos_tools.hpp"
 
 // What gsp::step promises besides the right numbers: it allocates nothing once it is warm, waits at its end alone, and a world that goes
@@ -131,6 +132,41 @@ TEST_CASE_TEMPLATE("a world that goes wrong is alone with it", Exec, GSP_TEST_EX
     CHECK(same(qb, stopped ? q0 : gsp_test::snapshot(qg), w));
     if (stopped) CHECK(same(vb, v0, w));
   }
+}
+
+// Worlds beside neighbours whose angles are beyond what sincos of a pack reduces (8192 rad in float, 1e9 in double), or not numbers.
+TEST_CASE_TEMPLATE("a world has the bits that it has alone, whatever its neighbours do", Exec, GSP_TEST_EXECS) {
+  auto const in_precision = [](auto zero) {
+    using R = decltype(zero);
+    auto const compiled = gsp_test::servo_model();
+    int const worlds = 21;
+    int const hinge = compiled.jnt_qposadr[gsp::joint_id(compiled, "t1b1j0")];
+    for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+      gsp_test::World<R, Exec> batch(compiled, worlds, {.profile = profile});
+      auto const q = gsp_test::host(batch.state.qpos), v = gsp_test::host(batch.state.qvel);
+      for (int w = 0; w < worlds; ++w)
+        for (int i = 0; i < batch.model.nv; ++i) v(w, i) = R(std::sin(1.3 * i + w));
+      double const far[] = {8200, -17000, 2.1e9, std::numeric_limits<double>::quiet_NaN()};
+      for (int i = 0; i < 4; ++i) q(5 * i + 1, hinge) = R(far[i]);
+      Kokkos::deep_copy(batch.state.qpos, q), Kokkos::deep_copy(batch.state.qvel, v);
+      auto const q0 = gsp_test::snapshot(batch.state.qpos), v0 = gsp_test::snapshot(batch.state.qvel);
+      batch.step(30);
+      auto const qb = batch.qpos(), vb = batch.qvel();
+      for (int w = 0; w < worlds; w += 1 + w % 2) {
+        CAPTURE(w);
+        gsp_test::World<R, Exec> alone(compiled, 1, {.profile = profile});
+        auto const q1 = gsp_test::host(alone.state.qpos), v1 = gsp_test::host(alone.state.qvel);
+        for (int i = 0; i < batch.model.nq; ++i) q1(0, i) = q0(w, i);
+        for (int i = 0; i < batch.model.nv; ++i) v1(0, i) = v0(w, i);
+        Kokkos::deep_copy(alone.state.qpos, q1), Kokkos::deep_copy(alone.state.qvel, v1);
+        alone.step(30);
+        auto const qa = alone.qpos(), va = alone.qvel();
+        CHECK(std::memcmp(&qa(0, 0), &qb(w, 0), sizeof(R) * qa.extent(1)) == 0);
+        CHECK(std::memcmp(&va(0, 0), &vb(w, 0), sizeof(R) * va.extent(1)) == 0);
+      }
+    }
+  };
+  in_precision(0.f), in_precision(0.);
 }
 
 #if defined(KOKKOS_ENABLE_SERIAL) && defined(KOKKOS_ENABLE_OPENMP)

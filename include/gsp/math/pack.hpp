@@ -267,21 +267,11 @@ GSP_FUNCTION Pack<R, W> sqrt(Pack<R, W> a) {
 }
 
 /// sin and cos together. Range reduction by pi/2 in three parts (Cody and Waite), then the minimax polynomials of the Cephes library:
-/// within 2 ulp for |x| < 8192 (float) and 1e9 (double); beyond, lanes are evaluated one by one.
+/// within 2 ulp for |x| < 8192 (float) and 1e9 (double); a lane beyond is evaluated by itself.
 template <class R, int W>
 GSP_FUNCTION void sincos(Pack<R, W> x, Pack<R, W>& s, Pack<R, W>& c) {
   using P = Pack<R, W>;
   constexpr bool single = sizeof(R) == 4;
-  R const limit = single ? R(8192) : R(1e9);
-  if (!all(abs(x) <= P(limit))) {
-    for (int i = 0; i < W; ++i) {
-      R si, ci;
-      gsp::sincos(x[i], si, ci);
-      s.set(i, si);
-      c.set(i, ci);
-    }
-    return;
-  }
   R const magic = single ? R(12582912) : R(6755399441055744.);  // 1.5 * 2^23 or 2^52: adding it rounds to the nearest integer
   P const shifted = fma(x, P(R(0.63661977236758134308)), P(magic));
   P const k = shifted - magic;
@@ -314,6 +304,15 @@ GSP_FUNCTION void sincos(Pack<R, W> x, Pack<R, W>& s, Pack<R, W>& c) {
   P const sv = select(swap, pc, ps), cv = select(swap, ps, pc);
   s = select(negative_s, -sv, sv);
   c = select(negative_c, -cv, cv);
+  R const limit = single ? R(8192) : R(1e9);
+  if (all(abs(x) <= P(limit))) return;
+  for (int i = 0; i < W; ++i) {
+    if (gsp::abs(x[i]) <= limit) continue;
+    R si, ci;
+    gsp::sincos(x[i], si, ci);
+    s.set(i, si);
+    c.set(i, ci);
+  }
 }
 template <class R, int W>
 GSP_FUNCTION Pack<R, W> sin(Pack<R, W> x) {

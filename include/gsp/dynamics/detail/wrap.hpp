@@ -44,6 +44,7 @@ KOKKOS_INLINE_FUNCTION T lanes_wrap_inside(T A, T B, T r, T turn) {
     slope = e * c - square(e * s) / d;
   };
   constexpr int most = sizeof(real_t<T>) == 4 ? 24 : 48;
+  auto settled = T(1) < T(0);  // such a lane waits for the others, and keeps its bits
   for (int i = 0; i < most; ++i) {
     T ga, gb, sa, sb;
     side(A, psi, ga, sa);
@@ -56,8 +57,9 @@ KOKKOS_INLINE_FUNCTION T lanes_wrap_inside(T A, T B, T r, T turn) {
     auto const good = (newton >= lo) && (newton <= hi);
     T const next = select(good, newton, T(0.5) * (lo + hi));
     T const change = abs(next - psi);
-    psi = next;
-    if (all(change <= T(sizeof(real_t<T>) == 4 ? 1e-7 : 4e-16))) break;
+    psi = select(settled, psi, next);
+    settled = settled || (change <= T(sizeof(real_t<T>) == 4 ? 1e-7 : 4e-16));
+    if (all(settled)) break;
   }
   return psi;
 }

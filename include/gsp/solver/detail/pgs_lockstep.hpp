@@ -152,7 +152,7 @@ struct PgsLockstep {
     for (int q = 0; q < blocks; ++q) {
       for (int b = 0; b < B; ++b) {
         T const p = block[q].p[b];
-        block[q].p[b] = p + fma(to.growth, p, to.sweeps * (p - block[q].before[b]));
+        block[q].p[b] = select(active, p + fma(to.growth, p, to.sweeps * (p - block[q].before[b])), p);
       }
       push(block[q], z_before, block[q].p);
     }
