@@ -110,7 +110,7 @@ void write_scene(std::string const& folder, gsp::Description const& description,
   gsp::io::write_mjcf(at / "model.xml", description);
   gsp::io::write_ply(at / "scene.ply", scan);
   std::size_t const worlds = static_cast<std::size_t>(start.worlds), nu = static_cast<std::size_t>(model.nu);
-  write_trace((at / "start.npz").string(), {1, worlds, {start.time}, start.qpos, start.qvel}, model);
+  write_trace((at / "start.npz").string(), {1, worlds, {start.time}, start.qpos, start.qvel, start.act}, model);
   std::vector<double> ctrl(static_cast<std::size_t>(steps) * nu);  // one row a step
   if (!start.ctrl.empty())
     for (std::size_t i = 0; i < ctrl.size(); ++i) ctrl[i] = start.ctrl[i % nu];
