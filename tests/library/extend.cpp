@@ -2,6 +2,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <gsp/collision/contacts.hpp>
@@ -177,7 +178,7 @@ struct Pulls {
 };
 // example-end read_a_force
 
-static_assert(gsp::ConstraintType<Ropes<float, Kokkos::HostSpace>>);
+static_assert(gsp::ConstraintType<Ropes<float, Kokkos::HostSpace>> && !gsp::ConstraintType<gsp::OneFreeRow>);
 
 static_assert(gsp::ActuatorLaw<DcMotor> && gsp::ActuatorLaw<Network<Kokkos::HostSpace>> && !gsp::ActuatorLaw<gsp::Splat>);
 
@@ -382,6 +383,14 @@ TEST_CASE_TEMPLATE("a sensor from outside", Exec, GSP_TEST_EXECS) {
   gsp::sense(s.exec, Touch<Mem>{contacts, 3}, touch, {.adr = 1});
   CHECK_THROWS_WITH_AS(gsp::sense(s.exec, Touch<Mem>{contacts, 3}, touch, {.adr = 3}), doctest::Contains("do not fit into data with 8"),
                        std::invalid_argument);
+  for (int rows : {s.worlds - 1, s.worlds + 1}) {
+    Kokkos::View<float**, Kokkos::LayoutRight, Mem> const other("other", rows, 8);
+    std::string const start = "gsp::sense: data has " + std::to_string(rows) + " rows, and the sensor's ";
+    CHECK_THROWS_WITH_AS(gsp::sense(s.exec, Range<Mem>{s.poses, 1, 2}, other), doctest::Contains((start + "`poses` 19 worlds").c_str()),
+                         std::invalid_argument);
+    CHECK_THROWS_WITH_AS(gsp::sense(s.exec, Touch<Mem>{contacts, 3}, other), doctest::Contains((start + "`contacts` 19 worlds").c_str()),
+                         std::invalid_argument);
+  }
 
   auto const found = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, data);
   auto const touched = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, touch);
@@ -435,6 +444,12 @@ TEST_CASE_TEMPLATE("picture channels from outside", Exec, GSP_TEST_EXECS) {
   auto frames = gsp::make_frames(exec, cloud, {.width = width, .height = height});
   CHECK_THROWS_WITH_AS(gsp::project(exec, cloud, frames, {}, median, label), doctest::Contains("keep 4 numbers of each Gaussian"),
                        std::invalid_argument);
+  for (auto const& [images, rows, columns] : {std::array{1, 5, 7}, std::array{2, height, width}, std::array{0, 0, 0}}) {
+    MedianDepth<Mem> const other{Kokkos::View<float***, Kokkos::LayoutRight, Mem>("other", images, rows, columns)};
+    auto const wrong = doctest::Contains("and the pictures are (images, height, width) = (1, 19, 21)");
+    CHECK_THROWS_WITH_AS(gsp::render(exec, cloud, poses, cameras, frames, {}, other), wrong, std::invalid_argument);
+    CHECK_THROWS_WITH_AS(gsp::rasterize(exec, frames, {}, other), wrong, std::invalid_argument);
+  }
   gsp::render(exec, cloud, poses, cameras, frames, {}, median, label);
 
   auto const host = [](auto const& v) { return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, v); };

@@ -81,11 +81,27 @@ struct Sense {
       return x;
   }
 };
+
+/// What a sensor holds of gsp's is of as many worlds as data has rows.
+template <class S>
+void expects_worlds_of(S const& sensor, int rows) {
+  auto const check = [&](char const* member, int worlds) {
+    if (worlds != rows)
+      throw std::invalid_argument("gsp::sense: data has " + std::to_string(rows) + " rows, and the sensor's `" + member + "` " +
+                                  std::to_string(worlds) + " worlds: make both with the same number of worlds");
+  };
+  if constexpr (requires { sensor.state.worlds; }) check("state", int(sensor.state.worlds));
+  if constexpr (requires { sensor.poses.xpos.extent(0); }) check("poses", int(sensor.poses.xpos.extent(0)));
+  if constexpr (requires { sensor.dynamics.worlds; }) check("dynamics", int(sensor.dynamics.worlds));
+  if constexpr (requires { sensor.contacts.worlds; }) check("contacts", int(sensor.contacts.worlds));
+}
 }  // namespace detail
 
 /// data (world, columns): the numbers of all sensors of a kind, those of sensor i from column options.adr + i size() on; other columns stay
 /// as they are. MJCF's sensors (`smooth_sensors`) go through the same function. A `user` sensor of MJCF: {.adr = compiled.sensor_adr[id]}.
 /// One launch of worlds x count() items; does not allocate, does not fence; a world's numbers depend on that world alone.
+/// Errors: std::invalid_argument for columns that data does not have, and where data's rows are not the worlds of the sensor's members
+/// `state`, `poses`, `dynamics`, `contacts`; views of other names are taken as they are.
 /// @param sensor  a SensorKind; its views hold the worlds of `data`
 template <ExecutionSpace Exec, class S, class Data>
 void sense(Exec const& exec, S const& sensor, Data& data, SenseOptions options = {}) {
@@ -101,6 +117,7 @@ void sense(Exec const& exec, S const& sensor, Data& data, SenseOptions options =
   using R = typename Data::non_const_value_type;
   expects(options.adr >= 0, "gsp::sense: adr must not be negative");
   expects(sensor.count() >= 0 && sensor.size() >= 0, "gsp::sense: count() and size() must not be negative");
+  detail::expects_worlds_of(sensor, int(data.extent(0)));
   if constexpr (requires { sensor.adr(0); }) {
     static_assert(
         requires { sensor.columns(); }, "gsp::sense: a sensor with adr(i) also has `int columns() const`: the end of the last");

@@ -66,7 +66,8 @@ concept ChannelSize = requires {
 ///   static constexpr int size         numbers of a pixel
 ///   value(g, float* out) const        the numbers of a Gaussian: of a `Splat` (what every splat carries), or of any SeenGaussian<Mem> (a
 ///                                     template; then they are stored beside the splats when it is projected, 4 bytes each)
-///   store(image, row, column, float const* pixel) const   takes a pixel's numbers: into a view of any type
+///   store(image, row, column, float const* pixel) const   takes a pixel's numbers: into a view of any type; one that is called `image`,
+///                                     of three dimensions or more, must be (images, height, width, ...) as the frames are
 /// and, if they are wanted,
 ///   blend(P* pixel, float const* value, Blend<P> const& b) const   one Gaussian; else pixel += weight value. Pixels begin with 0.
 ///                                     P is float or a pack: select(mask, a, b) in place of a branch
@@ -205,6 +206,26 @@ ChannelList<C, Rest...> channel_list(C const& channel, Rest const&... rest) {
 template <class Mem, class... More>
 auto picture_channels(Frames<Mem> const& frames, More const&... more) {
   return channel_list(RgbChannel<Mem>{frames.rgb}, DepthChannel<Mem>{frames.depth}, AlphaChannel<Mem>{frames.alpha}, more...);
+}
+
+/// A further channel's own pictures are as many and as large as the frames: it stores every pixel.
+template <class Mem, class C>
+void check_image(char const* function, Frames<Mem> const& frames, C const& channel) {
+  if constexpr (requires {
+                  channel.image.rank();
+                  channel.image.extent(0);
+                }) {
+    if constexpr (std::remove_cvref_t<decltype(channel.image)>::rank() >= 3) {
+      auto const text = [](auto a, auto b, auto c) {
+        return "(" + std::to_string(a) + ", " + std::to_string(b) + ", " + std::to_string(c) + ")";
+      };
+      auto const& image = channel.image;
+      expects(int(image.extent(0)) == frames.images && int(image.extent(1)) == frames.height && int(image.extent(2)) == frames.width,
+              std::string(function) + ": a channel's `image` is " + text(image.extent(0), image.extent(1), image.extent(2)) +
+                  ", and the pictures are (images, height, width) = " + text(frames.images, frames.height, frames.width) +
+                  ": make the two of one size");
+    }
+  }
 }
 
 /// Is there room for what the channels keep beside each splat?

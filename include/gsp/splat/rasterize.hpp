@@ -14,6 +14,7 @@ namespace gsp {
 /// looks only at those that touch its own 8 x 4 pixels.
 /// @param channels  further picture channels (channels.hpp), the same as `project` was given
 /// @param frames  in: bin_tiles' lists.   out: rgb, depth, alpha of the images of the wave whose status is 0
+/// Errors: std::invalid_argument for a channel whose own `image` is not of the frames' size, and without room for what channels keep.
 /// Neither allocates nor fences. Each pixel depends on nothing but its own list.
 template <ExecutionSpace Exec, class Mem, class... Channels>
 void rasterize(Exec const& exec, Frames<Mem>& frames, RenderOptions options = {}, Channels const&... channels) {
@@ -22,6 +23,7 @@ void rasterize(Exec const& exec, Frames<Mem>& frames, RenderOptions options = {}
   auto const list = detail::picture_channels(frames, channels...);
   using List = std::remove_const_t<decltype(list)>;
   detail::check_values<List>("gsp::rasterize", frames);
+  (detail::check_image("gsp::rasterize", frames, channels), ...);
   int const tiles = frames.wave.images * frames.wave.tiles();
   if constexpr (is_device<Exec>) {
     using Functor = detail::RasterizePixels<Mem, List>;

@@ -20,7 +20,8 @@ struct ResetNeeded {
 /// @param poses    world poses of the bodies; image c shows world c % worlds, or cameras.world(c)
 /// @param cameras  as many as frames.images
 /// @param frames   out: rgb, depth, alpha
-/// @param channels further picture channels (channels.hpp); each stores its own picture
+/// @param channels further picture channels (channels.hpp); each stores its own picture, of the size of the frames' (checked where it is
+///                 the channel's member `image`)
 /// Waits for the device once, at its end (and once after the very first wave), to learn whether every wave fitted its buffers; those that
 /// did not are repeated with larger ones, so that nothing is ever dropped. Allocates only then. An image depends on nothing but its own
 /// input: the same bits for any batch, any number of threads and any other images.
@@ -32,6 +33,7 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
           "gsp::render: the cameras are for pictures of " + std::to_string(cameras.width) + " x " + std::to_string(cameras.height) +
               " pixels, the frames have " + std::to_string(frames.width) + " x " + std::to_string(frames.height) +
               ": make mounts and frames with one size");
+  (detail::check_image("gsp::render", frames, channels), ...);
   constexpr int values = decltype(detail::channel_list(channels...))::stored;
   if (values > frames.wave.values_a_splat) {
     frames.wave.values_a_splat = values;
