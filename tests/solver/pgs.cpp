@@ -339,6 +339,11 @@ TEST_CASE_TEMPLATE("residual", Exec, GSP_TEST_EXECS) {
   Loop<double, Exec> s(c, 3);
   gsp_test::randomise(c, s.state);
   test_types::RandomRows const type{8, false, 10, 0, 0};
+  CHECK(std::isnan(gsp_test::host(s.solution.residual)(1)));  // not asked for
+  s.forget({.worlds = 3});
+  s.assemble(type);
+  s.solve({.iterations = 1});
+  CHECK(std::isnan(gsp_test::host(s.solution.residual)(1)));
   double before = std::numeric_limits<double>::infinity();
   for (int sweeps : {1, 8, 64, 512}) {
     s.forget({.worlds = 3});

@@ -15,7 +15,7 @@ struct NewtonOptions {
   int iterations = 100;      // at most
   float tolerance = 1e-10f;  // a world stops when a step would change z by less than this times |z|, or than rounding allows
   bool warm = true;          // start from the impulses given, where that costs less than none
-  bool residual = false;     // also measure solution.residual, which is 0 otherwise
+  bool residual = false;     // also measure solution.residual, which is NaN otherwise
   bool ends_step = true;     // a launch that does nothing counts as a step (Progress::skipped): of several in a step, the last one alone
 };
 

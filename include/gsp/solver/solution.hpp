@@ -14,7 +14,8 @@ struct Solution {
   View<R**> z;                // (world, nv) whitened sum of impulses, Y^T p
   View<R**> z_before;         // (world, nv) z before the last sweep
   View<R**> qfrc_constraint;  // (world, nv) J^T p / h, written by `integrate` [N, N m]
-  View<R*> residual;          // (worlds) largest violation after the last sweep [m/s, rad/s] (pgs.hpp), where it was asked for
+  View<R*> residual;          // (worlds) largest violation after the last sweep [m/s, rad/s] (pgs.hpp); NaN where it was not asked for
+                              // (PgsOptions::residual)
   View<int*> iterations;      // (worlds) sweeps done
   View<R*> thread_items;      // hosts: room for a pack of worlds a thread (detail/pgs_lockstep.hpp)
   std::int64_t thread_stride = 0;
@@ -39,13 +40,18 @@ KOKKOS_INLINE_FUNCTION bool goes_in_lockstep(Rows const& rows, int world) {
 inline std::int64_t lockstep_packs(int nv) {
   return std::int64_t(nv + 3) / 4 * 4 * (2 + lockstep_most_blocks * lockstep_rows) + lockstep_most_blocks * lockstep_block_packs;
 }
+template <class R, class Mem>
+struct NotMeasured {
+  Kokkos::View<R*, Kokkos::LayoutRight, Mem> residual;
+  KOKKOS_FUNCTION void operator()(int w) const { residual(w) = Kokkos::Experimental::quiet_NaN_v<R>; }
+};
 }  // namespace detail
 
 /// Room for what is found in `worlds` worlds. Allocates.
 template <class R, ExecutionSpace Exec, class Mem>
 Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, SolutionOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_solution: the model is not accessible from this execution space");
-  expects(options.worlds > 0, "gsp::make_solution: worlds must be positive");
+  expects(options.worlds > 0, "gsp::make_solution: worlds must be positive and is " + std::to_string(options.worlds));
   Solution<R, Mem> s;
   auto const make = [&](auto& v, char const* label, auto... items) {
     v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, items...);
@@ -56,6 +62,7 @@ Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, Sol
   make(s.z_before, "gsp::Solution::z_before", s.worlds, s.nv);
   make(s.qfrc_constraint, "gsp::Solution::qfrc_constraint", s.worlds, s.nv);
   make(s.residual, "gsp::Solution::residual", s.worlds);
+  Kokkos::parallel_for("gsp::solver::make_solution", Kokkos::RangePolicy<Exec>(exec, 0, s.worlds), detail::NotMeasured<R, Mem>{s.residual});
   make(s.iterations, "gsp::Solution::iterations", s.worlds);
   if constexpr (!is_device<Exec>)
     if (s.nv <= detail::lockstep_most_dofs) {

@@ -120,7 +120,7 @@ struct NewtonWorld {
       for (int r = 0; r < l.count; ++r) worst = max(worst, abs(dot_row(SerialWorld{0}, rows, l.row[r], z) + l.row[r].bias - w[r]));
     world.single([&] {
       solution.iterations(world.rank) = iteration;
-      solution.residual(world.rank) = worst;
+      solution.residual(world.rank) = residual ? worst : Kokkos::Experimental::quiet_NaN_v<R>;
     });
   }
 

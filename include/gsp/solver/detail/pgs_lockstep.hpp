@@ -127,7 +127,7 @@ struct PgsLockstep {
         q += (most[kind] + each - 1) / each;
       }
       solution.iterations(w0 + l) = sweeps[l];
-      solution.residual(w0 + l) = worst[l];
+      solution.residual(w0 + l) = options.residual ? worst[l] : Kokkos::Experimental::quiet_NaN_v<R>;
     }
   }
 

@@ -10,7 +10,7 @@ struct PgsOptions {
   // all sweeps.
   float tolerance = 1e-4f;
   float relaxation = 1;
-  bool residual = false;  // also measure solution.residual after the last sweep, which is 0 otherwise
+  bool residual = false;  // also measure solution.residual after the last sweep, which is NaN otherwise
 };
 
 }  // namespace gsp

@@ -70,7 +70,7 @@ struct PgsWorld {
     }
     world.single([&] {
       solution.iterations(w) = sweep;
-      solution.residual(w) = worst;
+      solution.residual(w) = options.residual ? worst : Kokkos::Experimental::quiet_NaN_v<R>;
     });
   }
 
