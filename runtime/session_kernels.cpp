@@ -73,12 +73,12 @@ int gpu_count() {
   return count;
 }
 
-std::string device_name(Device device) {
+std::string device_name(Device device, int threads) {
 #ifdef KOKKOS_ENABLE_CUDA
   if (device == Device::cuda) return Kokkos::Cuda().cuda_device_prop().name;
 #endif
   (void)device;
-  int const threads = Kokkos::DefaultHostExecutionSpace().concurrency();
+  if (threads == 0) threads = Kokkos::DefaultHostExecutionSpace().concurrency();
   return "CPU, " + std::to_string(threads) + (threads == 1 ? " thread" : " threads");
 }
 

@@ -1,8 +1,11 @@
 #pragma once
 // The Stepper over Kokkos; stepper_float_kernels.cpp and stepper_double_kernels.cpp instantiate it.
+#include <cmath>
 #include <gsp/constraint/contact_forces.hpp>
+#include <gsp/runtime/session.hpp>
 #include <gsp/runtime/stepper.hpp>
 #include <gsp/step/bytes_needed.hpp>
+#include <limits>
 
 #include "device.hpp"
 
@@ -29,13 +32,32 @@ Model<R, typename Exec::memory_space> make_runtime_model(Exec const& exec, Compi
   return make_model<R>(exec, m, {.profile = o.mujoco ? Profile::mujoco : Profile::stable, .timestep = o.timestep});
 }
 
+/// Threads that find work: small worlds are stepped and solved a pack at a time, with Newton's method (profile mujoco) one at a time. One
+/// more finds none, and waking it for each kernel costs more than the kernels of few worlds.
+template <class R>
+int useful_threads(CompiledModel const& m, StepperOptions const& o) {
+  if (o.threads > 0) return o.threads;
+  if (o.mujoco) return o.worlds;
+  constexpr int width = native_width<R>;
+  return m.nv <= gsp::detail::lockstep_most_dofs ? (o.worlds + width - 1) / width : most_threads;
+}
+template <class R, class Exec>
+Exec stepping_exec([[maybe_unused]] CompiledModel const& m, [[maybe_unused]] StepperOptions const& o) {
+#ifdef KOKKOS_ENABLE_OPENMP
+  if constexpr (std::is_same_v<Exec, Kokkos::OpenMP>)
+    if (int const threads = useful_threads<R>(m, o); threads < Exec().concurrency()) return Exec(threads);
+#endif
+  return Exec();
+}
+
 template <class R, class Exec>
 class KokkosStepper : public Stepper {
   using Mem = typename Exec::memory_space;
 
  public:
   KokkosStepper(CompiledModel const& m, StepperOptions const& o)
-      : model_(make_runtime_model<R>(exec_, m, o)),
+      : exec_(stepping_exec<R, Exec>(m, o)),
+        model_(make_runtime_model<R>(exec_, m, o)),
         state_(make_state(exec_, model_, {.worlds = o.worlds})),
         simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
         timestep_(o.timestep > 0 ? o.timestep : m.option.timestep) {
@@ -50,6 +72,7 @@ class KokkosStepper : public Stepper {
   }
 
   double timestep() const override { return timestep_; }
+  int threads() const override { return gsp::is_device<Exec> ? 0 : exec_.concurrency(); }
   StateArrays state() const override {
     auto const array = [](auto const& view) { return array_of<Exec>(view); };
     return {array(state_.qpos),      array(state_.qpos_low),   array(state_.qvel),         array(state_.ctrl),  array(state_.act),
@@ -107,7 +130,8 @@ class KokkosStepper : public Stepper {
     out.contacts = simulation_.contacts.demand(exec_).contacts;
     for (int const n : gsp::detail::to_host(exec_, simulation_.rows.count)) out.rows += n;
     for (int const n : gsp::detail::to_host(exec_, simulation_.solution.iterations)) out.iterations = std::max(out.iterations, n);
-    for (R const r : gsp::detail::to_host(exec_, simulation_.solution.residual)) out.residual = std::max(out.residual, double(r));
+    out.residual = std::numeric_limits<double>::quiet_NaN();
+    for (R const r : gsp::detail::to_host(exec_, simulation_.solution.residual)) out.residual = std::fmax(out.residual, double(r));
     return out;
   }
   ContactArrays contacts() override {

@@ -30,6 +30,7 @@ nlohmann::ordered_json step_scenario(Scenario const& s, Device device, Arguments
   auto const model = compile_model(s.make());
   StepperOptions options;
   options.worlds = static_cast<int>(a.integer("--worlds", s.worlds * (device == Device::cuda ? 16 : 1), 1, 1 << 24));
+  options.threads = threads_of(a);
   bool const in_double = a.choice("--precision", {"float", "double"}, "float") == "double";
   if (in_double) options.precision = gsp::runtime::Dtype::float64;
   expect_memory(std::to_string(options.worlds) + " worlds of " + s.name, device,
@@ -46,8 +47,10 @@ nlohmann::ordered_json step_scenario(Scenario const& s, Device device, Arguments
   progress.finish();
   nlohmann::ordered_json json{{"bench", s.name}};
   json.update(steps_json(*stepper, device, options.worlds, timing, startup));
-  json.update(
-      {{"steps", timing.steps}, {"profile", "stable"}, {"precision", in_double ? "double" : "float"}, {"device", device_name(device)}});
+  json.update({{"steps", timing.steps},
+               {"profile", "stable"},
+               {"precision", in_double ? "double" : "float"},
+               {"device", device_name(device, stepper->threads())}});
   return json;
 }
 

@@ -25,7 +25,9 @@ std::string gigabytes(std::uint64_t bytes) {
 Option device_option() {
   return {"--device", "cpu|cuda", "where to compute; without it CUDA if this program was built with it, else the CPU"};
 }
-Option threads_option() { return {"--threads", "T", "threads of the CPU, up to 512; without it all (also OMP_NUM_THREADS)"}; }
+Option threads_option() {
+  return {"--threads", "T", "threads of the CPU, up to 512; without it as many as find work, of all (also OMP_NUM_THREADS)"};
+}
 Option quiet_option() { return {"--quiet", "", "neither progress nor notes on stderr"}; }
 
 Device choose_device(Arguments const& arguments) {

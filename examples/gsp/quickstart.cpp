@@ -132,7 +132,7 @@ int run(Arguments const& a) {
   Device const device = choose_device(a);
   bool const gpu = device == Device::cuda;
   int const worlds = static_cast<int>(
-      a.integer("--worlds", gpu ? 1024 : std::clamp(8 * static_cast<int>(std::thread::hardware_concurrency()), 16, 128), 1, 1 << 20));
+      a.integer("--worlds", gpu ? 1024 : std::clamp(16 * static_cast<int>(std::thread::hardware_concurrency()), 16, 128), 1, 1 << 20));
   double const seconds = a.real("--seconds", 2, 0, 3600);
   int const width = static_cast<int>(a.integer("--width", 320, 16, 4096)), height = static_cast<int>(a.integer("--height", 240, 16, 4096));
 
@@ -163,6 +163,7 @@ int run(Arguments const& a) {
   gsp::runtime::Session const session(threads);
   StepperOptions stepping;
   stepping.worlds = worlds;
+  stepping.threads = threads;
   expect_memory(std::to_string(worlds) + " worlds of " + model_name, device,
                 static_cast<std::uint64_t>(gsp::runtime::bytes_needed(device, model, stepping)), 2 * bytes_of_states(model, worlds),
                 "fewer --worlds");
@@ -360,7 +361,7 @@ Command quickstart_command() {
            approximate_option(),
            floating_base_option(),
            package_option(),
-           {"--worlds", "N", "16 on a CPU of two cores, 8 a core beyond; 1024 on a GPU"},
+           {"--worlds", "N", "16 a core of the CPU, at most 128; 1024 on a GPU"},
            {"--seconds", "S", "of simulated time, 2"},
            {"--files", "DIR",
             "also write the scene as files that gsp sim and gsp render take: model.xml, scene.ply, start.npz, ctrl.npy, cameras.npz"},

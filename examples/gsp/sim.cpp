@@ -28,6 +28,7 @@ int run(Arguments const& a) {
   options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
   if (a.has("--tolerance")) options.tolerance = a.real_from("--tolerance", 0, 0, 1);
   options.cone = cone_of(a);
+  options.threads = threads_of(a);
   options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco";
   if (options.mujoco && options.cone == gsp::FrictionCone::box)
     a.fail("--cone box is of profile stable; give pyramidal or elliptic, or leave it out");
@@ -35,7 +36,6 @@ int run(Arguments const& a) {
   if (in_double) options.precision = gsp::runtime::Dtype::float64;
   long long steps = a.integer("--steps", 1000, 1, 1LL << 40), every = a.integer("--every", 1, 1, 1LL << 40),
             time_from = a.integer("--time-from", 0, 0, 1LL << 40);
-  int const threads = threads_of(a);
   Device const device = choose_device(a);
   std::optional<std::string> written;  // one of them may be stdout
   for (auto const& [file, option] : {std::pair{trace_file, "--trace"}, {contacts_file, "--contacts"}, {forces_file, "--forces"}}) {
@@ -66,7 +66,7 @@ int run(Arguments const& a) {
     throw Error(*trace_file +
                 ": the trace would pass 4 GiB, the limit of npz files here; give a larger --every, fewer --steps or fewer --worlds");
 
-  gsp::runtime::Session const session(threads);
+  gsp::runtime::Session const session(options.threads);
   std::uint64_t bytes = 0;
   try {
     bytes = static_cast<std::uint64_t>(gsp::runtime::bytes_needed(device, model, options));
@@ -142,12 +142,12 @@ int run(Arguments const& a) {
                  {"timestep", stepper->timestep()},
                  {"profile", options.mujoco ? "mujoco" : "stable"},
                  {"precision", in_double ? "double" : "float"},
-                 {"device", device_name(device)},
+                 {"device", device_name(device, stepper->threads())},
                  {"report", report_json(model)}});
     std::fprintf(say, "%s\n", json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
   } else {
     std::fprintf(say, "%d worlds x %lld steps of %g s, profile %s, %s, on %s\n", options.worlds, steps, stepper->timestep(),
-                 options.mujoco ? "mujoco" : "stable", in_double ? "double" : "float", device_name(device).c_str());
+                 options.mujoco ? "mujoco" : "stable", in_double ? "double" : "float", device_name(device, stepper->threads()).c_str());
     std::fprintf(say, "  %.4g s for %lld steps: %.4g steps/s (%.4g x real time a world)\n", timing.seconds, timing.steps, rate,
                  double(timing.steps) * stepper->timestep() / timing.seconds);
     std::fprintf(say, "  last step: %lld contacts, %lld rows, %d iterations, residual %.3g\n", static_cast<long long>(counts.contacts),

@@ -130,6 +130,7 @@ TEST_CASE("a stepper is the library's step, and gives back every digit that it w
     CHECK(counts.contacts > 0);
     CHECK(counts.rows > 0);
     CHECK(counts.failed_worlds == 0);
+    CHECK(counts.residual >= 0);
     {  // contacts by world; those that act push
       auto const met = stepper->contacts();
       auto const world = on_host<int>(met.world);
@@ -141,6 +142,18 @@ TEST_CASE("a stepper is the library's step, and gives back every digit that it w
         normal += force[6 * c];
       }
       CHECK(normal > 0);
+    }
+    if (device == Device::cpu) {  // three worlds are one pack; more threads give the same bits
+      CHECK(stepper->threads() == 1);
+      options.threads = 2;
+      auto const other = make_stepper(device, compiled, options);
+      CHECK(other->threads() == std::min(2, Kokkos::DefaultHostExecutionSpace().concurrency()));
+      other->set(host_array(qpos.data(), {1, compiled.nq}), host_array(qvel.data(), {1, compiled.nv}),
+                 ctrl.empty() ? Array{} : host_array(ctrl.data(), {1, compiled.nu}));
+      other->step(20, false);
+      CHECK(on_host<float>(other->state().qpos) == on_host<float>(state.qpos));
+      CHECK(on_host<float>(other->state().qvel) == on_host<float>(state.qvel));
+      CHECK(std::isnan(other->counts().residual));  // not asked for
     }
     if (device == Device::cpu) {  // the same by hand
       Kokkos::DefaultHostExecutionSpace const exec;

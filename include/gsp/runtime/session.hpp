@@ -22,8 +22,8 @@ class Session {
 bool has_cuda();
 int gpu_count();
 
-/// "CPU, 2 threads" or the GPU's name.
-std::string device_name(Device device);
+/// "CPU, 2 threads" or the GPU's name. threads: of the CPU, 0: all of the Session.
+std::string device_name(Device device, int threads = 0);
 /// Waits until all that was launched is done.
 void wait(Device device);
 /// Peak memory so far: CUDA: greatest sum of all allocations on the GPU; CPU: greatest resident size of the process.

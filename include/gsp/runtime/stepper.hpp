@@ -15,6 +15,7 @@ struct StepperOptions {
   int iterations = 0;                // at most, of the profile's solver (PgsOptions, NewtonOptions); 0: the library's default
   std::optional<double> tolerance;   // of the same; empty: the library's default
   std::optional<FrictionCone> cone;  // SimulationOptions::cone
+  int threads = 0;                   // of the CPU; 0: all, but no more than such worlds have work for
 };
 
 /// The state itself (model/state.hpp): what is written there is what the next step starts from.
@@ -46,7 +47,7 @@ struct PoseArrays {
 struct StepCounts {
   std::int64_t contacts = 0, rows = 0;  // of all worlds
   int iterations = 0;                   // most sweeps of any world
-  double residual = 0;                  // greatest of any world [m/s, rad/s], where it was measured
+  double residual = 0;                  // greatest of any world [m/s, rad/s] where it was measured, else NaN
   int failed_worlds = 0;                // worlds that stopped because their state was not finite
 };
 
@@ -64,6 +65,8 @@ class Stepper {
  public:
   virtual ~Stepper() = default;
   virtual double timestep() const = 0;
+  /// Threads of the CPU that step; 0: a GPU does.
+  virtual int threads() const = 0;
   /// The state, and poses of it: both stay where they are as long as the stepper lives. `poses` brings them up to date after `set` and
   /// `step`; whoever writes into the state's arrays calls `forward`.
   virtual StateArrays state() const = 0;
