@@ -122,27 +122,11 @@ void hold(gsp::CompiledModel const& model, int servos, States& states) {
                                              static_cast<std::size_t>(model.jnt_qposadr[static_cast<std::size_t>(model.act_id[k])])];
 }
 
-char const* kind_name(gsp::ReportLine::Kind kind) {
-  using Kind = gsp::ReportLine::Kind;
-  switch (kind) {
-    case Kind::refused:
-      return "refused";
-    case Kind::approximated:
-      return "approximated";
-    case Kind::no_effect:
-      return "no effect";
-    case Kind::visual_only:
-      return "visual only";
-    default:
-      return "left out";
-  }
-}
-
 std::string summary(gsp::CompiledModel const& model) {
   std::map<gsp::ReportLine::Kind, int> counts;
   for (auto const& line : model.report) counts[line.kind] += line.count;
   std::string out;
-  for (auto const& [kind, count] : counts) out += (out.empty() ? "" : ", ") + std::to_string(count) + " " + kind_name(kind);
+  for (auto const& [kind, count] : counts) out += (out.empty() ? "" : ", ") + std::to_string(count) + " " + gsp::text(kind);
   return out;
 }
 

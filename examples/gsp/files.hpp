@@ -26,7 +26,6 @@ gsp::Description describe_model(std::string const& path, Arguments const& argume
 gsp::CompiledModel compile_model(gsp::Description const& description);
 /// One line: how much of the file is not taken as it stands; empty when all is.
 std::string summary(gsp::CompiledModel const& model);
-char const* kind_name(gsp::ReportLine::Kind kind);
 
 /// States of `worlds` worlds, (worlds, nq) and (worlds, nv).
 struct States {

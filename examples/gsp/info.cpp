@@ -37,11 +37,11 @@ void report(std::vector<gsp::ReportLine> lines) {
   std::map<gsp::ReportLine::Kind, int> counts;
   for (auto const& l : lines) counts[l.kind] += l.count;
   std::string sum;
-  for (auto const& [kind, count] : counts) sum += (sum.empty() ? "" : ", ") + std::to_string(count) + " " + kind_name(kind);
+  for (auto const& [kind, count] : counts) sum += (sum.empty() ? "" : ", ") + std::to_string(count) + " " + gsp::text(kind);
   row("load report", sum);
   for (auto const& l : lines) {
     std::string const place = l.file + (l.line > 0 ? ":" + std::to_string(l.line) : "");
-    std::printf("    %-13s %s: %s%s\n", kind_name(l.kind), place.c_str(), l.text.c_str(),
+    std::printf("    %-13s %s: %s%s\n", gsp::text(l.kind), place.c_str(), l.text.c_str(),
                 l.count > 1 ? (" (" + std::to_string(l.count) + " times)").c_str() : "");
   }
 }

@@ -73,7 +73,7 @@ Timing run_steps(Stepper& stepper, RunOptions const& o, Progress& progress) {
 nlohmann::ordered_json report_json(gsp::CompiledModel const& model) {
   auto report = nlohmann::ordered_json::array();
   for (auto const& l : model.report)
-    report.push_back({{"kind", kind_name(l.kind)}, {"file", l.file}, {"line", l.line}, {"text", l.text}, {"count", l.count}});
+    report.push_back({{"kind", gsp::text(l.kind)}, {"file", l.file}, {"line", l.line}, {"text", l.text}, {"count", l.count}});
   return report;
 }
 

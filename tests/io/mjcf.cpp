@@ -232,7 +232,7 @@ TEST_CASE("visual meshes that are missing are left out when asked, colliding one
   std::string const end = "</body></worldbody></mujoco>";
   refused(
       weighed + visual + end, "m.xml:2: ",
-      "x.stl: there is no such file; check the path, or leave out geoms that are only seen with --skip-visuals (MjcfOptions::skip_visuals)",
+      "x.stl: there is no such file; check the path, or leave out geoms that are only seen with MjcfOptions::skip_visuals (--skip-visuals)",
       files({}));
   auto skip = files({});
   skip.skip_visuals = true;

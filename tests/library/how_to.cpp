@@ -499,7 +499,7 @@ TEST_CASE("files of one's own") {
   // example-begin files
   auto const description = gsp::io::read_mjcf(robot_file);  // or read_urdf
   for (auto const& line : description.report)               // what is approximated, left out or without effect
-    std::printf("%s:%d: %s\n", line.file.c_str(), line.line, line.text.c_str());
+    std::printf("%s:%d: %s: %s\n", line.file.c_str(), line.line, gsp::text(line.kind), line.text.c_str());
   auto const compiled = gsp::compile(description);
 
   auto scene = gsp::io::read_splats(scene_file);                                                // .ply, .compressed.ply, .splat, .spz

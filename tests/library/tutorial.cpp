@@ -165,7 +165,8 @@ TEST_CASE("rover") {
   Kokkos::DefaultExecutionSpace const exec;
 
   auto const description = gsp::io::read_mjcf("rover.xml");
-  for (auto const& line : description.report) std::printf("%s:%d: %s\n", line.file.c_str(), line.line, line.text.c_str());
+  for (auto const& line : description.report)
+    std::printf("%s:%d: %s: %s\n", line.file.c_str(), line.line, gsp::text(line.kind), line.text.c_str());
   auto const compiled = gsp::compile(description);
   std::printf("%d bodies, %d degrees of freedom, %d motors\n", compiled.nbody, compiled.nv, compiled.nu);
   // example-end rover_read

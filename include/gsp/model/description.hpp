@@ -310,6 +310,22 @@ struct ReportLine {
   std::string text;
   int count = 1;
 };
+/// "left out", "no effect", ...: what a line of the report starts with for people.
+inline char const* text(ReportLine::Kind kind) {
+  using Kind = ReportLine::Kind;
+  switch (kind) {
+    case Kind::refused:
+      return "refused";
+    case Kind::approximated:
+      return "approximated";
+    case Kind::no_effect:
+      return "no effect";
+    case Kind::visual_only:
+      return "visual only";
+    default:
+      return "left out";
+  }
+}
 
 struct Description {
   std::string name = "";

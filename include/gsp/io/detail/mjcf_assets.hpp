@@ -42,7 +42,7 @@ auto load_asset(Document& doc, Attributes const& a, std::string const& name, Par
     bytes = doc.session.files.load(a.place(), path);
   } catch (Error const& e) {
     if (!doc.session.skip_visuals && !doc.session.list_refusals)
-      throw Error(std::string(e.what()) + ", or leave out geoms that are only seen with --skip-visuals (MjcfOptions::skip_visuals)");
+      throw Error(std::string(e.what()) + ", or leave out geoms that are only seen with MjcfOptions::skip_visuals (--skip-visuals)");
     doc.missing[name] = e.what();
     doc.note(doc.session.skip_visuals ? Line::left_out : Line::refused, a.place(),
              "asset " + in_quotes(name) + ": " + path.string() + " cannot be read");

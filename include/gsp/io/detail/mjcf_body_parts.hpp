@@ -106,10 +106,10 @@ inline void without_shape(Document& doc, Node const& node, GeomDescription const
     bool const weighs =
         (g.has_mass ? g.mass > 0 : g.density > 0) && g.group >= c.inertia_group_range[0] && g.group <= c.inertia_group_range[1];
     if (weighs) to.needs_mesh = node.place;
-    doc.note(Line::left_out, node.place, "visual geoms whose mesh is missing (--skip-visuals)");
+    doc.note(Line::left_out, node.place, "visual geoms whose mesh is missing (MjcfOptions::skip_visuals, --skip-visuals)");
   } else {
     doc.note(Line::refused, node.place,
-             "visual geoms whose mesh is missing; leave them out with --skip-visuals (MjcfOptions::skip_visuals)");
+             "visual geoms whose mesh is missing; leave them out with MjcfOptions::skip_visuals (--skip-visuals)");
   }
 }
 inline void read_geom(Document& doc, Node const& node, BodyDraft& to, Pose const& frame, std::string const& childclass) {

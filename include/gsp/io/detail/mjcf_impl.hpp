@@ -61,7 +61,7 @@ class Finish {
     auto const& c = draft_.compiler;
     if (moves && b.needs_mesh.file >= 0 && (c.inertia_from_geom_always || (!b.body.has_inertial && !c.inertia_from_geom_never)))
       s_.files.fail(b.needs_mesh, "the mass of body " + in_quotes(b.body.name) +
-                                      " comes from this visual mesh, which --skip-visuals (MjcfOptions::skip_visuals) leaves out; give the "
+                                      " comes from this visual mesh, which MjcfOptions::skip_visuals (--skip-visuals) leaves out; give the "
                                       "body an <inertial> or the geom mass=\"0\"");
     for (std::size_t i = 0; i < b.body.joints.size(); ++i) {
       auto const& j = b.body.joints[i];
