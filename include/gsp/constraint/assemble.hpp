@@ -24,9 +24,30 @@ struct ConstraintList {
 };
 template <class Head, class... Tail>
 struct ConstraintList<Head, Tail...> {
-  static_assert(ConstraintType<Head>,
+  static constexpr bool like = detail::LikeConstraint<Head>;
+  static_assert(like,
                 "gsp::constraints: an argument is neither a constraint type (constraint_type.hpp says what one is) "
-                "nor, for step and launch_step, an actuator law (dynamics/actuator_law.hpp)");
+                "nor, for step and launch_step, an actuator law (dynamics/actuator_law.hpp): copyable, with `X force(gsp::WorldLane<T> "
+                "const& world, int actuator, T control, X length, X velocity) const` of any T and X");
+  static_assert(!like || std::copyable<Head>,
+                "gsp::constraints: a constraint type is copied to the device; give it views and numbers, no references");
+  static_assert(!like || detail::ConstraintCount<Head>,
+                "gsp::constraints: the constraint type has no `int count(int world) const`: its elements in a world");
+  static_assert(!like || detail::ConstraintRows<Head>,
+                "gsp::constraints: the constraint type has no `int rows(int world, int k) const`: rows of element k; the base "
+                "gsp::OneFreeRow brings rows, bounds and id");
+  static_assert(!like || detail::ConstraintJacobian<Head>,
+                "gsp::constraints: the constraint type has no `R jacobian(int world, int k, int row, Row&& J) const`, Row any type and R "
+                "float or double: writes J, returns the gap");
+  static_assert(!like || detail::ConstraintLaw<Head>,
+                "gsp::constraints: the constraint type has neither `T lambda(int world, int k, int row, T x, T u) const` of any T, its "
+                "force, nor `gsp::RowLaw<R> law(int world, int k, int row, R x, R u, R h) const`");
+  static_assert(!like || detail::ConstraintBounds<Head>,
+                "gsp::constraints: the constraint type has no `gsp::RowBounds<R> bounds(int world, int k, int row) const`; the base "
+                "gsp::OneFreeRow brings rows, bounds and id");
+  static_assert(!like || detail::ConstraintId<Head>,
+                "gsp::constraints: the constraint type has no `gsp::RowId id(int world, int k) const`: who the element is from step to "
+                "step; the base gsp::OneFreeRow brings rows, bounds and id");
   Head head;
   ConstraintList<Tail...> tail;
   KOKKOS_INLINE_FUNCTION int count(int world) const { return int(head.count(world)) + tail.count(world); }

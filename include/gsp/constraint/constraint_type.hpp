@@ -42,6 +42,39 @@ struct OneFreeRow {
   KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
 
+namespace detail {
+template <class C>
+concept ConstraintCount = requires(C const c, int world) {
+  { c.count(world) } -> std::convertible_to<int>;
+};
+template <class C>
+concept ConstraintRows = requires(C const c, int world, int k) {
+  { c.rows(world, k) } -> std::convertible_to<int>;
+};
+template <class C>
+concept ConstraintJacobian = requires(C const c, int world, int k, int row, AnyRow J) {
+  { c.jacobian(world, k, row, J) } -> std::floating_point;
+};
+template <class C>
+concept ConstraintBounds = requires(C const c, int world, int k, int row) {
+  { c.bounds(world, k, row).friction_of } -> std::convertible_to<int>;
+};
+template <class C>
+concept ConstraintId = requires(C const c, int world, int k) {
+  { c.id(world, k) } -> std::same_as<RowId>;
+};
+template <class C>
+concept ConstraintLaw = requires(C const c) {
+  c.lambda(0, 0, 0, Dual<float, 2>(), Dual<float, 2>());
+}
+|| requires(C const c) { c.law(0, 0, 0, 0.f, 0.f, 0.f); }
+|| requires(C const c) { c.law(0, 0, 0, 0., 0., 0.); };
+/// It has at least one of them: what lacks the others is meant as one.
+template <class C>
+concept LikeConstraint =
+    ConstraintCount<C> || ConstraintRows<C> || ConstraintJacobian<C> || ConstraintBounds<C> || ConstraintId<C> || ConstraintLaw<C>;
+}  // namespace detail
+
 /// A constraint type: copyable to the device, with
 ///   count(world)                        elements of the world; those with rows() == 0 are not active
 ///   rows(world, k)                      rows of element k, 0-6
@@ -53,15 +86,8 @@ struct OneFreeRow {
 /// where something is to be found out once for all elements of a world, prepare(world), which its threads run together before they are
 /// counted (parallel/for_worlds.hpp says what a world is)
 template <class C>
-concept ConstraintType = std::copyable<C> && requires(C const c, int world, int k, int row, AnyRow J) {
-  { c.count(world) } -> std::convertible_to<int>;
-  { c.rows(world, k) } -> std::convertible_to<int>;
-  { c.jacobian(world, k, row, J) } -> std::floating_point;
-  { c.bounds(world, k, row).friction_of } -> std::convertible_to<int>;
-  { c.id(world, k) } -> std::same_as<RowId>;
-} &&(
-    requires(C const c) { c.lambda(0, 0, 0, Dual<float, 2>(), Dual<float, 2>()); } ||
-    requires(C const c) { c.law(0, 0, 0, 0.f, 0.f, 0.f); } || requires(C const c) { c.law(0, 0, 0, 0., 0., 0.); });
+concept ConstraintType = std::copyable<C> && detail::ConstraintCount<C> && detail::ConstraintRows<C> && detail::ConstraintJacobian<C> &&
+    detail::ConstraintBounds<C> && detail::ConstraintId<C> && detail::ConstraintLaw<C>;
 
 namespace detail {
 /// u+ = -C p + zeta of one row.

@@ -10,6 +10,13 @@
 /// The law is evaluated where the model's own would be, at the state that is stepped, in the same kernel.
 namespace gsp {
 
+namespace detail {
+template <class A>
+concept LawForce = requires(A const law, WorldLane<float> const world, int actuator, float x) {
+  { law.force(world, actuator, x, x, x) } -> std::convertible_to<float>;
+};
+}  // namespace detail
+
 /// An actuator law: copyable to the device, with
 ///   template <class T, class X>
 ///   X force(WorldLane<T> const& world, int actuator, T control, X length, X velocity) const
@@ -24,9 +31,7 @@ namespace gsp {
 /// is explicit: with a slope -b, b > 0, a step h is stable for h b J M^-1 J^T < 2.
 /// It writes nothing: a step that is repeated evaluates it again.
 template <class A>
-concept ActuatorLaw = std::copyable<A> && requires(A const law, WorldLane<float> const world, int actuator, float x) {
-  { law.force(world, actuator, x, x, x) } -> std::convertible_to<float>;
-};
+concept ActuatorLaw = std::copyable<A> && detail::LawForce<A>;
 
 namespace detail {
 template <class T>
@@ -67,7 +72,11 @@ struct ActuatorLaws {
 };
 template <class Head, class... Tail>
 struct ActuatorLaws<Head, Tail...> {
-  static_assert(ActuatorLaw<Head>, "gsp: an argument is not an actuator law (actuator_law.hpp says what one is)");
+  static_assert(std::copyable<Head>, "gsp: an actuator law is copied to the device; give it views and numbers, no references");
+  static_assert(
+      LawForce<Head>,
+      "gsp: the actuator law has no `X force(gsp::WorldLane<T> const& world, int actuator, T control, X length, X velocity) const` "
+      "of any T and X: its force");
   Head head;
   ActuatorLaws<Tail...> tail;
 

@@ -11,4 +11,9 @@
 #define GSP_EXTERN_KERNELS(list, ...) GSP_HOST_KERNELS(list, extern template __VA_OPT__(, ) __VA_ARGS__)
 #else
 #define GSP_EXTERN_KERNELS(list, ...)
+#if defined(GSP_KERNELS) && !defined(__CUDA_ARCH__)
+#pragma message(                                                                                                                               \
+    "gsp::kernels has vectors of another width than this file, which therefore compiles all kernels by itself (a minute instead of seconds): " \
+    "compile it with the -march that gsp was built with (the presets: -march=native), or link gsp::gsp instead of gsp::kernels")
+#endif
 #endif
