@@ -139,6 +139,11 @@ TEST_CASE_TEMPLATE("Jacobians, momenta and poses agree", Exec, GSP_TEST_EXECS) {
   CHECK_THROWS_WITH_AS(gsp::com_jacobian(s.exec, s.model, s.poses, s.dynamics, 1, flat),
                        doctest::Contains(("J is (9, 3, " + nv + ") and must be (worlds, 6, nv), here (9, 6, " + nv + ")").c_str()),
                        std::invalid_argument);
+  std::string const has = "the model has " + std::to_string(s.model.nbody) + ", numbered from 0; body_id(compiled, name) finds one";
+  CHECK_THROWS_WITH_AS(gsp::com_jacobian(s.exec, s.model, s.poses, s.dynamics, 99, J),
+                       ("gsp::com_jacobian: there is no body 99: " + has).c_str(), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::body_jacobian(s.exec, s.model, s.poses, s.dynamics, -1, {}, J),
+                       ("gsp::body_jacobian: there is no body -1: " + has).c_str(), std::invalid_argument);
   for (int b = 1; b < s.model.nbody; ++b) {
     gsp::com_jacobian(s.exec, s.model, s.poses, s.dynamics, b, J);
     auto const j = gsp_test::host(J);

@@ -155,6 +155,11 @@ TEST_CASE("PNG: bad input") {
   CHECK(says(refusal(bytes_of("JFIF")), "does not start as a PNG"));
   CHECK_THROWS_AS(format_png(Bitmap8{2, 2, 3, {1}}), std::invalid_argument);
   Folder folder;
+  CHECK_THROWS_WITH_AS(
+      write_png(folder.path / "a.png", Bitmap8{}),
+      "gsp::io::write_png: the bitmap is 0 x 0 x 0 and has 0 values: it needs a positive size, 1 to 4 channels and width * "
+      "height * channels values; make_bitmap and to_bitmap8 give one",
+      std::invalid_argument);
   CHECK_THROWS(write_png(folder.path / "a.png", Bitmap8{2, 2, 3, {1}}));
   CHECK(folder.files() == 0);
   write_png(folder.path / "a.png", picture<std::uint16_t>(9, 9, 1));

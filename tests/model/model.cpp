@@ -104,5 +104,6 @@ TEST_CASE_TEMPLATE("a state starts, and starts again, at the model's initial pos
   gsp::reset(exec, model, state);
   exec.fence();
   check();
-  CHECK_THROWS_AS(gsp::make_state(exec, model, {.worlds = 0}), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::make_state(exec, model, {.worlds = -3}), "gsp::make_state: worlds must be positive and is -3",
+                       std::invalid_argument);
 }

@@ -68,7 +68,7 @@ template <ExecutionSpace Exec, class R, class Mem>
 void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector<GeomField> const& fields, int worlds) {
   using C = CollisionModel<R, Mem>;
   static_assert(can_access<Exec, C>, "gsp::make_per_world: the collision model is not accessible from this execution space");
-  expects(worlds > 0, "gsp::make_per_world: worlds must be positive");
+  expects(worlds > 0, "gsp::make_per_world: worlds must be positive and is " + std::to_string(worlds));
   expects(model.value_worlds == 0 || model.value_worlds == worlds, "gsp::make_per_world: other fields are per world already, for " +
                                                                        std::to_string(model.value_worlds) + " worlds and not " +
                                                                        std::to_string(worlds));

@@ -120,7 +120,7 @@ void allocate_rows(Exec const& exec, Rows<R, Mem>& r, std::int64_t rows, std::in
 template <class R, ExecutionSpace Exec, class Mem>
 Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_rows: the model is not accessible from this execution space");
-  expects(options.worlds > 0, "gsp::make_rows: worlds must be positive");
+  expects(options.worlds > 0, "gsp::make_rows: worlds must be positive and is " + std::to_string(options.worlds));
   Rows<R, Mem> r;
   int const n = options.worlds;
   auto const make = [&](auto& v, char const* label, int items) {

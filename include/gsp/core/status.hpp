@@ -17,30 +17,25 @@ inline constexpr std::uint32_t stopped = not_finite | row_refused | unbounded;
 /// What the bits mean, for people.
 inline std::string text(std::uint32_t bits) {
   std::string result;
-  if (bits & contact_overflow)
-    result +=
-        "the contacts of this world did not fit: call settle(exec, simulation) and repeat the step (a loop of one's own: grow contacts, "
-        "rows and impulses); ";
-  if (bits & row_overflow)
-    result +=
-        "the constraint rows of this world did not fit: call settle(exec, simulation) and repeat the step (a loop of one's own: grow "
-        "contacts, rows and impulses); ";
-  if (bits & not_finite)
-    result +=
-        "the new velocity is NaN or infinite, and the world stays as it was before: take a smaller timestep or a softer model, then clear "
-        "the bit; ";
-  if (bits & unbounded)
-    result +=
-        "a position or a new velocity is beyond 1e10, where MuJoCo warns, and the world stays as it was before: start from smaller "
-        "numbers, "
-        "or take a smaller timestep or a softer model, then clear the bit; ";
-  if (bits & row_refused)
-    result +=
-        "a constraint row touches more than two kinematic trees, an element has more than six rows, a row names a body or dof that is not "
-        "there, or "
-        "a friction row a row that its element does not have (in profile mujoco: one without the bounds 0 and infinity, or two friction "
-        "rows of one row that share no "
-        "ellipse): split the element, or correct jacobian() or bounds(); ";
+  auto const add = [&](std::uint32_t bit, char const* sentence) {
+    if (bits & bit) result += (result.empty() ? "" : "; ") + std::string(sentence);
+  };
+  add(contact_overflow,
+      "the contacts of this world did not fit: call settle(exec, simulation) and repeat the step (a loop of one's own: grow contacts, "
+      "rows and impulses)");
+  add(row_overflow,
+      "the constraint rows of this world did not fit: call settle(exec, simulation) and repeat the step (a loop of one's own: grow "
+      "contacts, rows and impulses)");
+  add(not_finite,
+      "the new velocity is NaN or infinite, and the world stays as it was before: look for numbers that are not finite in qpos, qvel, "
+      "ctrl and qfrc_applied, or take a smaller timestep or a softer model, then clear the bit");
+  add(unbounded,
+      "a position or a new velocity is beyond 1e10, where MuJoCo warns, and the world stays as it was before: start from smaller "
+      "numbers, give smaller ctrl and qfrc_applied, or take a smaller timestep or a softer model, then clear the bit");
+  add(row_refused,
+      "a constraint row touches more than two kinematic trees, an element has more than six rows, a row names a body or dof that is not "
+      "there, or a friction row a row that its element does not have (in profile mujoco: one without the bounds 0 and infinity, "
+      "or two friction rows of one row that share no ellipse): split the element, or correct jacobian() or bounds()");
   return result.empty() ? "ok" : result;
 }
 

@@ -5,6 +5,11 @@
 namespace gsp {
 
 namespace detail {
+inline void expects_index(char const* where, char const* what, int i, int count) {
+  if (i < 0 || i >= count)
+    throw std::invalid_argument(std::string(where) + ": there is no " + what + " " + std::to_string(i) + ": the model has " +
+                                std::to_string(count) + ", numbered from 0; " + what + "_id(compiled, name) finds one");
+}
 template <class R, class Mem, class View>
 struct PointJacobian {
   Model<R, Mem> model;
@@ -57,25 +62,26 @@ void jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const&
 /// Jacobian of the point `local` (body frame) of a body: J (world, 6, nv), rows 0-2 velocity of the point, 3-5 angular velocity, in world
 /// axes. After smooth_dynamics (or forward_kinematics and mass_matrix), at `poses`. Cost 20 flop a dof that moves the body.
 /// Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics hold no motions of the dofs, or those of the state
-/// before its last step, or the poses are of another moment.
+/// before its last step, or the poses are of another moment; for a body or site that the model does not have.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void body_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
                    std::type_identity_t<Vec3<R>> const& local, View& J) {
-  expects(body >= 0 && body < model.nbody, "gsp::body_jacobian: there is no such body");
+  detail::expects_index("gsp::body_jacobian", "body", body, model.nbody);
   detail::jacobian(exec, model, poses, dynamics, body, local, Field<R>{}, 0, J);
 }
 /// The same of a body's centre of mass.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void com_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
                   View& J) {
-  expects(body >= 0 && body < model.nbody, "gsp::com_jacobian: there is no such body");
+  detail::expects_index("gsp::com_jacobian", "body", body, model.nbody);
   detail::jacobian(exec, model, poses, dynamics, body, {}, model.body_ipos, body, J);
 }
 /// The same of a site, which is on `body` (CompiledModel::site_body).
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void site_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
                    int site, View& J) {
-  expects(body >= 0 && body < model.nbody && site >= 0 && site < model.nsite, "gsp::site_jacobian: there is no such site or body");
+  detail::expects_index("gsp::site_jacobian", "body", body, model.nbody);
+  detail::expects_index("gsp::site_jacobian", "site", site, model.nsite);
   detail::jacobian(exec, model, poses, dynamics, body, {}, model.site_pos, site, J);
 }
 

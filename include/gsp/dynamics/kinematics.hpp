@@ -13,7 +13,7 @@ struct PosesOptions {
 /// Poses for `worlds` worlds of the model; bodies fixed to the world get their pose here, once. Allocates.
 template <class R, ExecutionSpace Exec, class Mem>
 Poses<R, Mem> make_poses(Exec const& exec, Model<R, Mem> const& model, PosesOptions options = {}) {
-  expects(options.worlds > 0, "gsp::make_poses: worlds must be positive");
+  expects(options.worlds > 0, "gsp::make_poses: worlds must be positive and is " + std::to_string(options.worlds));
   auto poses = make_poses<R>(exec, options.worlds, model.nbody, model.njnt);
   typename Poses<R, Mem>::template View<R***> const none;
   detail::static_poses(exec, model, none, none, poses);

@@ -26,7 +26,7 @@ struct RungeKuttaOptions {
 /// Buffers for `worlds` worlds: one state and four vectors of dofs. Allocates.
 template <class R, ExecutionSpace Exec, class Mem>
 RungeKutta<R, Mem> make_runge_kutta(Exec const&, Model<R, Mem> const& model, RungeKuttaOptions options = {}) {
-  expects(options.worlds > 0, "gsp::make_runge_kutta: worlds must be positive");
+  expects(options.worlds > 0, "gsp::make_runge_kutta: worlds must be positive and is " + std::to_string(options.worlds));
   auto const view = [&](char const* label, int n) {
     return detail::allocate<typename RungeKutta<R, Mem>::template View<R**>>(label, options.worlds, n);
   };

@@ -21,7 +21,7 @@ struct SubtreesOptions {
 /// Buffers for `worlds` worlds. Allocates.
 template <class R, ExecutionSpace Exec, class Mem>
 Subtrees<R, Mem> make_subtrees(Exec const& exec, Model<R, Mem> const& model, SubtreesOptions options = {}) {
-  expects(options.worlds > 0, "gsp::make_subtrees: worlds must be positive");
+  expects(options.worlds > 0, "gsp::make_subtrees: worlds must be positive and is " + std::to_string(options.worlds));
   using S = Subtrees<R, Mem>;
   auto const view = [&](char const* label) {
     return detail::allocate_zero<typename S::template View<R***>>(exec, label, options.worlds, model.nbody, 3);

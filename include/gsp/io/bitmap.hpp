@@ -29,10 +29,12 @@ Bitmap<T> make_bitmap(int width, int height, int channels, T value = 0) {
 /// Throws std::invalid_argument unless the pixels are as many as width, height and channels say.
 template <class T>
 void expect_bitmap(Bitmap<T> const& b, char const* function) {
-  expects(b.width > 0 && b.height > 0 && b.channels >= 1 && b.channels <= 4 &&
-              b.pixels.size() == static_cast<std::size_t>(b.width) * b.height * b.channels,
-          std::string(function) + ": the bitmap is " + std::to_string(b.width) + " x " + std::to_string(b.height) + " x " +
-              std::to_string(b.channels) + " but has " + std::to_string(b.pixels.size()) + " values");
+  expects(
+      b.width > 0 && b.height > 0 && b.channels >= 1 && b.channels <= 4 &&
+          b.pixels.size() == static_cast<std::size_t>(b.width) * b.height * b.channels,
+      std::string(function) + ": the bitmap is " + std::to_string(b.width) + " x " + std::to_string(b.height) + " x " +
+          std::to_string(b.channels) + " and has " + std::to_string(b.pixels.size()) +
+          " values: it needs a positive size, 1 to 4 channels and width * height * channels values; make_bitmap and to_bitmap8 give one");
 }
 
 /// 0..1 -> 0..255, rounded to nearest, clamped; NaN becomes 0.

@@ -69,7 +69,7 @@ void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state) {
 template <class R, ExecutionSpace Exec, class Mem>
 State<R, Mem> make_state(Exec const& exec, Model<R, Mem> const& model, StateOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_state: the model is not accessible from this execution space");
-  expects(options.worlds > 0, "gsp::make_state: worlds must be positive");
+  expects(options.worlds > 0, "gsp::make_state: worlds must be positive and is " + std::to_string(options.worlds));
   State<R, Mem> s;
   detail::allocate_state(model, options.worlds, s);
   reset(exec, model, s, detail::AllWorlds{});

@@ -26,7 +26,7 @@ template <ExecutionSpace Exec, class R, class Mem>
 void make_per_world(Exec const& exec, Model<R, Mem>& model, std::vector<ModelField> const& fields, int worlds) {
   using M = Model<R, Mem>;
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_per_world: the model is not accessible from this execution space");
-  expects(worlds > 0, "gsp::make_per_world: worlds must be positive");
+  expects(worlds > 0, "gsp::make_per_world: worlds must be positive and is " + std::to_string(worlds));
   expects(model.value_worlds == 0 || model.value_worlds == worlds, "gsp::make_per_world: other fields are per world already, for " +
                                                                        std::to_string(model.value_worlds) + " worlds and not " +
                                                                        std::to_string(worlds));

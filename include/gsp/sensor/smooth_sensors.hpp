@@ -94,7 +94,7 @@ int frame_kind(std::string_view word) {
 /// The sensors of `compiled`, of which `model` was made, for `worlds` worlds. Allocates.
 template <class R, ExecutionSpace Exec, class Mem>
 Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled, SensorsOptions options = {}) {
-  expects(options.worlds > 0, "gsp::make_sensors: worlds must be positive");
+  expects(options.worlds > 0, "gsp::make_sensors: worlds must be positive and is " + std::to_string(options.worlds));
   detail::expects_made_of("gsp::make_sensors", model, compiled);
   using Entry = SensorEntry<R>;
   Sensors<R, Mem> s;

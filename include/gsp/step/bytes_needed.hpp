@@ -9,7 +9,7 @@ namespace gsp {
 /// Errors: those of make_simulation.
 template <class R, ExecutionSpace Exec, class Mem>
 std::int64_t bytes_needed(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled, SimulationOptions options = {}) {
-  expects(options.worlds > 0, "gsp::bytes_needed: worlds must be positive");
+  expects(options.worlds > 0, "gsp::bytes_needed: worlds must be positive and is " + std::to_string(options.worlds));
   auto shared = model;
   shared.value_worlds = 0;  // what is made here reads no field that is per world
   auto const bytes_of = [&](int worlds) {

@@ -11,7 +11,7 @@ namespace gsp {
 template <class R, ExecutionSpace Exec, class Mem>
 Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, DynamicsOptions options) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_dynamics: the model is not accessible from this execution space");
-  expects(options.worlds > 0, "gsp::make_dynamics: worlds must be positive");
+  expects(options.worlds > 0, "gsp::make_dynamics: worlds must be positive and is " + std::to_string(options.worlds));
   detail::expects_values("gsp::make_dynamics", model, options.worlds);
   Dynamics<R, Mem> d;
   constexpr int W = Dynamics<R, Mem>::width;

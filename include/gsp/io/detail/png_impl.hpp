@@ -50,13 +50,13 @@ inline void read_png_pass(PngInfo const& p, PngPass const& pass, Bytes data, std
 }
 
 template <class T>
-std::vector<std::byte> png_bytes(Bitmap<T> const& bitmap, PngOptions options) {
-  expect_bitmap(bitmap, "gsp::io::format_png");
-  expects(options.level >= 0 && options.level <= 9, "gsp::io::format_png: level must be 0..9");
+std::vector<std::byte> png_bytes(Bitmap<T> const& bitmap, PngOptions options, char const* where) {
+  expect_bitmap(bitmap, where);
+  expects(options.level >= 0 && options.level <= 9, std::string(where) + ": level must be 0..9");
   std::size_t const pixel = sizeof(T) * static_cast<std::size_t>(bitmap.channels);
   auto const packed =
       deflate(filter_rows(png_rows(bitmap), pixel * static_cast<std::size_t>(bitmap.width), pixel), Wrapper::zlib, options.level);
-  expects(packed.size() < (1u << 31), "gsp::io::format_png: the picture is too large for one PNG chunk (2 GiB); split it");
+  expects(packed.size() < (1u << 31), std::string(where) + ": the picture is too large for one PNG chunk (2 GiB); split it");
   std::vector<std::byte> out;
   for (char c : png_signature) out.push_back(static_cast<std::byte>(c));
   put_chunk(out, "IHDR", png_header(bitmap.width, bitmap.height, bitmap.channels, 8 * sizeof(T)));
@@ -66,14 +66,18 @@ std::vector<std::byte> png_bytes(Bitmap<T> const& bitmap, PngOptions options) {
 }
 }  // namespace detail
 
-GSP_INLINE std::vector<std::byte> format_png(Bitmap8 const& bitmap, PngOptions options) { return detail::png_bytes(bitmap, options); }
-GSP_INLINE std::vector<std::byte> format_png(Bitmap16 const& bitmap, PngOptions options) { return detail::png_bytes(bitmap, options); }
+GSP_INLINE std::vector<std::byte> format_png(Bitmap8 const& bitmap, PngOptions options) {
+  return detail::png_bytes(bitmap, options, "gsp::io::format_png");
+}
+GSP_INLINE std::vector<std::byte> format_png(Bitmap16 const& bitmap, PngOptions options) {
+  return detail::png_bytes(bitmap, options, "gsp::io::format_png");
+}
 
 GSP_INLINE void write_png(std::filesystem::path const& path, Bitmap8 const& bitmap, PngOptions options) {
-  write_file(path, format_png(bitmap, options));
+  write_file(path, detail::png_bytes(bitmap, options, "gsp::io::write_png"));
 }
 GSP_INLINE void write_png(std::filesystem::path const& path, Bitmap16 const& bitmap, PngOptions options) {
-  write_file(path, format_png(bitmap, options));
+  write_file(path, detail::png_bytes(bitmap, options, "gsp::io::write_png"));
 }
 
 GSP_INLINE Bitmap16 parse_png16(Bytes bytes, std::string const& name, int* depth) {

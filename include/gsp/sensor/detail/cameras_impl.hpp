@@ -13,7 +13,8 @@ namespace gsp {
 template <class R, ExecutionSpace Exec, class Mem>
 CameraMounts<R, Mem> make_camera_mounts(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
                                         std::vector<CameraMount> const& mounts, CameraMountsOptions options) {
-  expects(options.worlds > 0 && !mounts.empty(), "gsp::make_camera_mounts: worlds must be positive and a mount be given");
+  expects(options.worlds > 0, "gsp::make_camera_mounts: worlds must be positive and is " + std::to_string(options.worlds));
+  expects(!mounts.empty(), "gsp::make_camera_mounts: no mount is given: name at least one body or camera");
   expects(options.width > 0 && options.height > 0, "gsp::make_camera_mounts: width and height must be positive");
   detail::expects_made_of("gsp::make_camera_mounts", model, compiled);
   CameraMounts<R, Mem> m;
