@@ -12,13 +12,14 @@
 #include "support/data.hpp"
 #include "support/skip.hpp"
 
-// One step with limits, dry friction and frictionless contacts against MuJoCo's Newton solver, profile `mujoco`, double, every contact
-// condim 1 on both sides. Both solve the same strictly convex problem (R > 0). Ours: sweeps until none changes a rate by 1e-14. MuJoCo's:
-// tolerance 0, 200 iterations. Error: max norm of the difference of qvel over max(1, max norm). Two converged solutions agree to rounding
-// times the condition number of M + J^T R^-1 J, about 1e6 here: 1e-9; the bar is 1e-8.
+// One step with limits, dry friction, contacts of condim 1, 3, 4 and 6 in both cones, surfaces that move and adhesion, in four integrators,
+// against MuJoCo's Newton solver (tolerance 0, 200 iterations): profile `mujoco`, double. Both solve one strictly convex problem (R > 0).
+// Error: max norm of the difference of qvel over max(1, max norm). Two solutions agree to rounding times the condition of
+// 1 + M^-1 J^T R^-1 J, whose part of one row is imp / (1 - imp), 10 to 100 here; some ten rows meet in a joint: 1e3 to 1e4 epsilon, 1e-12.
+// The humanoid's limbs weigh 1:100: 1e-11.
 // Beside it contact_forces and mj_contactForce, contact by contact (same geoms, same place). f = (aref - J a) / R, so an error e of a rate
 // is one of e / (h R) in the force, which itself is about |u| / (h A): relative to the largest, e A / R = e imp / (1 - imp), 10 e at an
-// impedance of 0.9. The bar is the same 1e-8, of max(1 N, the largest).
+// impedance of 0.9: the bar is ten times that of the rates, of max(1 N, the largest).
 namespace {
 
 using Exec = Kokkos::DefaultHostExecutionSpace;
@@ -44,6 +45,7 @@ struct Setting {
   mjtCone cone = mjCONE_PYRAMIDAL;
   mjtIntegrator integrator = mjINT_EULER;
   double impratio = 1;
+  double bar = 1e-12;  // of the rates
 };
 
 Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int worlds, double height, Setting setting = {}) {
@@ -155,7 +157,8 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
   MESSAGE(out.contacts << " contact rows, " << out.limits << " limits, " << out.frictions << " of dry friction in " << worlds << " worlds ("
                        << out.off << " with other row counts); worst error " << out.worst << ", of " << out.forces << " contact forces "
                        << out.worst_force << "; at most " << out.iterations << " iterations, residual " << out.residual);
-  CHECK(out.worst_force <= 1e-8);
+  CHECK(out.worst <= setting.bar);
+  CHECK(out.worst_force <= 10 * setting.bar);
   CHECK(out.forces > 0.99 * out.touches);
   return out;
 }
@@ -169,8 +172,7 @@ TEST_CASE("humanoid: limits and frictionless contacts" * doctest::test_suite("da
     return;
   }
   auto const oracle = gsp_test::load_oracle(*path);
-  auto const out = compare(oracle, gsp::compile(gsp::io::read_mjcf(*path)), 200, 0.6);
-  CHECK(out.worst <= 1e-8);
+  auto const out = compare(oracle, gsp::compile(gsp::io::read_mjcf(*path)), 200, 0.6, {.condim = 1, .bar = 1e-11});
   CHECK(out.off <= 2);
   CHECK(out.contacts > 400);
   CHECK(out.limits > 400);
@@ -187,7 +189,6 @@ TEST_CASE("dry friction, limits of hinges, balls and tendons") {
     <actuator><position joint="a" kp="5"/></actuator></mujoco>)";
   auto const oracle = gsp_test::load_oracle("model.xml", text);
   auto const out = compare(oracle, gsp::compile(gsp::io::parse_mjcf(text, "model.xml")), 200, 0.15);
-  CHECK(out.worst <= 1e-8);
   CHECK(out.off == 0);
   CHECK(out.contacts > 100);
   CHECK(out.limits > 100);
@@ -205,7 +206,6 @@ TEST_CASE("named pairs: softness and margins of their own; what stands still or 
       <pair geom1="knob" geom2="box"/><pair geom1="welded" geom2="knob"/><pair geom1="arm" geom2="knob" solref="-300 -10"/></contact></mujoco>)";
   auto const oracle = gsp_test::load_oracle("model.xml", text);
   auto const out = compare(oracle, gsp::compile(gsp::io::parse_mjcf(text, "model.xml")), 200, 0.15);
-  CHECK(out.worst <= 1e-8);
   CHECK(out.off == 0);
   CHECK(out.contacts > 400);
 }
@@ -235,7 +235,6 @@ TEST_CASE("cones of friction, condim 3, 4 and 6, and all integrators") {
         Case{"ellipse 6, RK4", {6, mjCONE_ELLIPTIC, mjINT_RK4}}}) {
     INFO(std::string(name));
     auto const out = compare(oracle, compiled, 100, 0.15, setting);
-    CHECK(out.worst <= 1e-8);
     CHECK(out.off == 0);
     CHECK(out.contacts > 100);
   }
@@ -265,7 +264,6 @@ TEST_CASE("<option o_*> says what all contacts are like; time constants below tw
       auto const compiled = gsp::compile(gsp::io::parse_mjcf(model, "model.xml"));
       CHECK(compiled.report.empty());
       auto const out = compare(oracle, compiled, 100, 0.15, {0, cone});
-      CHECK(out.worst <= 1e-8);
       CHECK(out.off == 0);
       CHECK(out.contacts > 100);
     }
@@ -288,7 +286,6 @@ TEST_CASE("surfaces that move: of the floor, of bodies, against one another, in 
       for (mjtIntegrator const integrator : {mjINT_EULER, mjINT_RK4}) {
         INFO(condim << " cone " << int(cone) << " integrator " << int(integrator));
         auto const out = compare(oracle, compiled, 60, 0.15, {condim, cone, integrator});
-        CHECK(out.worst <= 1e-8);
         CHECK(out.off == 0);
         CHECK(out.contacts > 60);
       }
@@ -312,7 +309,6 @@ TEST_CASE("adhesion of geoms, pairs and actuators") {
       for (mjtIntegrator const integrator : {mjINT_EULER, mjINT_IMPLICITFAST, mjINT_RK4}) {
         INFO(condim << " cone " << int(cone) << " integrator " << int(integrator));
         auto const out = compare(oracle, compiled, 60, 0.15, {condim, cone, integrator});
-        CHECK(out.worst <= 1e-8);
         CHECK(out.off == 0);
         CHECK(out.contacts > 60);
         CHECK(out.pulling > 10);

@@ -7,6 +7,7 @@
 #include <gsp/io/mjcf.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/step/step.hpp>
+#include <limits>
 #include <sstream>
 
 #include "dynamics/random_tree.hpp"
@@ -15,16 +16,43 @@
 #include "support/skip.hpp"
 
 // Real models as their files are, in contact: one step of profile mujoco beside mj_step from states that MuJoCo has come to.
-
+//
+// Both solve one strictly convex problem, so what parts them is rounding: of the accelerations a (also those without constraints) and of
+// v / h, from whose differences they are read here, times what the solution makes of it. That is 1e5 at most: H = 1 + Y^T B Y has a
+// condition of 1 / (1 - d) <= 1e4 for an impedance d that stays below 0.9999, and ten roundings a row. (Measured: below 1e3, in the kitchen
+// and mjx/sensor/model.xml 1e4.)
 namespace {
 using Exec = Kokkos::DefaultHostExecutionSpace;
+
+constexpr double most_roundings = 1e5;
+
+/// Where both need not agree so far.
+struct Apart {
+  char const* model;
+  int same = 20;         // states with the same contacts at least, elsewhere all
+  double roundings = 1;  // as many times most_roundings
+};
+constexpr Apart apart[] = {
+    // of two convex shapes the points of a patch are not unique (tests/oracle/convex.cpp compares depths)
+    {"dm_control/kinova/jaco_arm.xml", 0},
+    {"gym_robotics/hand/manipulate_pen.xml", 6},
+    {"gym_robotics/hand/manipulate_pen_touch_sensors.xml", 6},
+    {"mujoco/balloons/balloons.xml", 0},
+    {"mujoco/humanoid/humanoid100.xml", 12},
+    {"mujoco/replicate/bunnies.xml", 0},
+    {"mujoco/replicate/leaves.xml", 0},
+    {"phys_bench/assets/franka_emika_panda/panda.xml", 0},
+    // tendons between two sites on one ray from the centre of the sphere that they are to wrap: their plane is what rounding says
+    {"mujoco/replicate/tendon.xml", 20, 1e3},
+};
 
 struct Outcome {
   int states = 0, same = 0;  // in contact; of them, where both find the same contacts
   double worst = 0;          // of the accelerations, beside max(1, largest)
+  double roundings = 0;      // the same in epsilon (|a| + |v| / h)
 };
 
-/// Whether each of their points is among ours.
+/// Whether each of their points is among ours, to rounding.
 template <class Contacts>
 bool same_contacts(Contacts const& found, int w, mjData const* d) {
   for (int k = 0; k < d->ncon; ++k) {
@@ -32,12 +60,12 @@ bool same_contacts(Contacts const& found, int w, mjData const* d) {
     if (t.efc_address < 0) continue;
     int matches = 0;
     for (int c = found.first_of(w); c < found.first_of(w) + found.count_of(w); ++c) {
-      double apart = std::abs(found.dist(c) - t.dist);
-      for (int i = 0; i < 3; ++i) apart = std::fmax(apart, std::abs(found.pos(c, i) - t.pos[i]));
-      for (int i = 0; i < 3; ++i) apart = std::fmax(apart, 0.1 * std::abs(found.frame(c, i) - t.frame[i]));
+      double away = std::abs(found.dist(c) - t.dist);
+      for (int i = 0; i < 3; ++i) away = std::fmax(away, std::abs(found.pos(c, i) - t.pos[i]));
+      for (int i = 0; i < 3; ++i) away = std::fmax(away, 0.1 * std::abs(found.frame(c, i) - t.frame[i]));
       bool const pair =
           (found.geom1(c) == t.geom[0] && found.geom2(c) == t.geom[1]) || (found.geom1(c) == t.geom[1] && found.geom2(c) == t.geom[0]);
-      matches += pair && apart < 1e-9;
+      matches += pair && away < 1e-12;
     }
     if (matches == 0) return false;
   }
@@ -105,14 +133,16 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel const& compil
     }
     if (rows != d->nefc || !same_contacts(sim.contacts, w, d)) continue;
     ++out.same;
-    double largest = 1, worst = 0;
+    double largest = 1, rounded = 0, worst = 0;
     for (int i = 0; i < m->nv; ++i) {
       double const theirs = (d->qvel[i] - before[std::size_t(i)]) / m->opt.timestep,
                    mine = (state.qvel(w, i) - before[std::size_t(i)]) / m->opt.timestep;
       largest = std::fmax(largest, std::abs(theirs));
+      rounded = std::fmax(rounded, std::fmax(std::abs(d->qacc_smooth[i]), std::abs(before[std::size_t(i)]) / m->opt.timestep));
       worst = std::fmax(worst, std::isfinite(mine) ? std::abs(mine - theirs) : INFINITY);
     }
     out.worst = std::fmax(out.worst, worst / largest);
+    out.roundings = std::fmax(out.roundings, worst / (std::numeric_limits<double>::epsilon() * (largest + rounded)));
     CHECK(state.status(w) == 0);
   }
   return out;
@@ -120,7 +150,8 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel const& compil
 
 }  // namespace
 
-// A few of data/models/zoo.txt; GSP_TEST_ZOO=all: every one.
+// A few of data/models/zoo.txt; GSP_TEST_ZOO=all: every one that can move, 85; GSP_TEST_ZOO=car: those with this in their names. None is
+// refused.
 TEST_CASE("one step of real models in contact" * doctest::test_suite("data")) {
   auto const zoo = gsp_test::data("models/zoo.txt");
   if (!zoo) {
@@ -141,20 +172,18 @@ TEST_CASE("one step of real models in contact" * doctest::test_suite("data")) {
     CAPTURE(name);
     auto const path = gsp_test::data("models/" + name);
     REQUIRE(path);
-    gsp::CompiledModel compiled;
-    try {
-      compiled = gsp::compile(gsp::io::read_mjcf(*path, {.skip_visuals = true}));
-    } catch (gsp::Error const& error) {
-      MESSAGE(name << " is refused: " << error.what());  // by the reader, for reasons of its own
-      continue;
-    }
+    auto const compiled = gsp::compile(gsp::io::read_mjcf(*path, {.skip_visuals = true}));
     auto const out = compare(gsp_test::load_oracle(*path), compiled, 20);
-    MESSAGE(name << ": " << out.same << " of " << out.states << " states, worst " << out.worst);
-    CHECK(out.worst <= 1e-6);
+    MESSAGE(name << ": " << out.same << " of " << out.states << " states, worst " << out.worst << ", " << out.roundings << " roundings");
+    auto const* const other = std::find_if(std::begin(apart), std::end(apart), [&](Apart const& a) { return name == a.model; });
+    bool const found = other != std::end(apart);
+    CHECK(out.same >= std::min(out.states, found ? other->same : out.states));
+    CHECK(out.roundings <= most_roundings * (found ? other->roundings : 1));
     ++models;
     states += out.states;
     same += out.same;
   }
   MESSAGE(models << " models, " << states << " states in contact, " << same << " with the same contacts");
-  CHECK((choice || same > 100));
+  CHECK(models >= (all ? 85 : choice ? 1 : 18));
+  CHECK((choice && !all ? true : states >= (all ? 850 : 160)));  // MuJoCo's own: 890 and 170
 }
