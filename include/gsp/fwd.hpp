@@ -38,6 +38,8 @@ struct Progress;  // constraint/progress.hpp
 template <class R, class Mem>
 struct Solution;  // solver/solution.hpp
 template <class R, class Mem>
+struct Newton;  // solver/newton.hpp
+template <class R, class Mem>
 struct Simulation;  // step/step.hpp
 
 struct GaussianSet;  // splat/gaussians.hpp

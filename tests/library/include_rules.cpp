@@ -213,3 +213,46 @@ TEST_CASE("a page names each public header") {
                   "/<name>.md");
   }
 }
+
+// Each public header has a test: tests/<area>/<name>.cpp, or one that is about several headers of one idea. That a test names what the
+// header declares at all is what can be held here.
+TEST_CASE("a test names what each public header declares") {
+  fs::path const tests(GSP_TEST_DIR), include = tests.parent_path() / "include";
+  auto const each_word = [](std::string const& line, auto const& f) {
+    for (std::size_t i = 0, end = 0; i < line.size(); i = end + 1) {
+      for (end = i; end < line.size() && (std::isalnum(static_cast<unsigned char>(line[end])) || line[end] == '_');) ++end;
+      if (end > i) f(line.substr(i, end - i), line.substr(end));
+    }
+  };
+  std::set<std::string> used;
+  for (auto const& entry : fs::recursive_directory_iterator(tests)) {
+    auto const ending = entry.path().extension();
+    if ((ending != ".cpp" && ending != ".hpp") || entry.path().filename() == "include_rules.cpp") continue;
+    std::ifstream file(entry.path());
+    for (std::string line; std::getline(file, line);)
+      each_word(line.substr(0, line.find("//")), [&](std::string const& word, std::string const&) { used.insert(word); });
+  }
+  std::set<std::string> const kinds = {"struct", "class", "concept", "using", "bool"};
+  int checked = 0;
+  for (auto const& h : read_headers()) {
+    if (h.name.find("/detail/") != h.name.npos || std::count(h.name.begin(), h.name.end(), '/') != 2) continue;
+    if (fs::exists(tests / fs::path(h.name.substr(4)).replace_extension(".cpp"))) continue;
+    std::ifstream file(include / h.name);
+    bool detail = false, named = false, any = false;
+    for (std::string line; std::getline(file, line);) {
+      detail = (detail || starts_with(line, "namespace detail {")) && !starts_with(line, "}  // namespace detail");
+      if (detail || line.empty() || line[0] == ' ' || line[0] == '#' || line[0] == '/') continue;
+      std::string before;
+      each_word(line, [&](std::string const& word, std::string const& rest) {
+        if (word != "alignas" && (kinds.count(before) == 1 || rest[0] == '(')) {
+          any = true;
+          named = named || used.count(word) == 1;
+        }
+        before = word;
+      });
+    }
+    ++checked;
+    CHECK_MESSAGE((named || !any), "no test names what ", h.name, " declares: write tests/", h.name.substr(4, h.name.size() - 7), "cpp");
+  }
+  CHECK(checked > 40);
+}

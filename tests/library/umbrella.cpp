@@ -34,7 +34,8 @@ TEST_CASE("names of fwd.hpp are those of the headers") {
   static_assert(std::is_same_v<decltype(*mine.model), gsp::Model<float, Mem> const&>);
   static_assert(sizeof(gsp::Dynamics<float, Mem>) > 0 && sizeof(gsp::Poses<float, Mem>) > 0 && sizeof(gsp::RungeKutta<float, Mem>) > 0);
   static_assert(sizeof(gsp::CollisionModel<float, Mem>) > 0 && sizeof(gsp::Contacts<float, Mem>) > 0 && sizeof(gsp::Rows<float, Mem>) > 0);
-  static_assert(sizeof(gsp::Simulation<float, Mem>) > 0 && sizeof(gsp::Gaussians<Mem>) > 0 && sizeof(gsp::Cameras<Mem>) > 0);
+  static_assert(sizeof(gsp::Newton<float, Mem>) > 0 && sizeof(gsp::Simulation<float, Mem>) > 0 && sizeof(gsp::Gaussians<Mem>) > 0 &&
+                sizeof(gsp::Cameras<Mem>) > 0);
   static_assert(sizeof(gsp::Frames<Mem>) > 0 && sizeof(gsp::Field<float>) > 0 && sizeof(gsp::GaussianSet) > 0 && sizeof(gsp::Error) > 0);
   static_assert(sizeof(gsp::ModelOptions) + sizeof(gsp::StateOptions) + sizeof(gsp::SimulationOptions) + sizeof(gsp::StepOptions) > 0);
   static_assert(sizeof(gsp::PgsOptions) + sizeof(gsp::FrameOptions) + sizeof(gsp::RenderOptions) > 0);

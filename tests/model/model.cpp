@@ -79,6 +79,7 @@ TEST_CASE("what the dynamics cover is taken, and what they do not is refused by 
   } catch (gsp::Error const& e) {
     CHECK(says(e.what(), "'twist'"));
     CHECK(says(e.what(), "actdim"));
+    CHECK(gsp::model_refusals(c).front() == e.what());
   }
   CHECK_THROWS_AS(gsp::make_model<double>(Exec{}, gsp::compile(base), {.timestep = -1}), std::invalid_argument);
 }

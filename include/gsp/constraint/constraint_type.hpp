@@ -82,9 +82,15 @@ concept LikeConstraint =
 ///   lambda(world, k, row, x, u)         force law, written once on T (a number or a Dual), or
 ///   law(world, k, row, x, u, h)         the linear law RowLaw itself
 ///   bounds(world, k, row), id(world, k)
-/// and, where elements come and go at the same place, place(world, k), where one acts: new ones start from what those near by had;
-/// where something is to be found out once for all elements of a world, prepare(world), which its threads run together before they are
-/// counted (parallel/for_worlds.hpp says what a world is)
+/// and, where a type has them,
+///   place(world, k)                     where an element acts [m]: new ones start from what those near by had that are gone
+///   prepare(world)                      finds out once what all elements of a world need; its threads run it together before they are
+///                                       counted (parallel/for_worlds.hpp says what a world is)
+///   status(world)                       status bits of a world whose elements are not complete: it is not stepped
+///   poses, contacts                     members that hold what the type reads: assemble refuses them of another moment than the state
+///   reads_tendons() and stamps          on the host: whether lengths of tendons are read from the dynamics, and what those hold
+/// Two types of the library are known by name: rows remember which ContactRows they are of, for contact_forces; and dynamics that left
+/// stiff forces to rows are refused without StiffForces.
 template <class C>
 concept ConstraintType = std::copyable<C> && detail::ConstraintCount<C> && detail::ConstraintRows<C> && detail::ConstraintJacobian<C> &&
     detail::ConstraintBounds<C> && detail::ConstraintId<C> && detail::ConstraintLaw<C>;

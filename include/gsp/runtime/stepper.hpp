@@ -48,7 +48,7 @@ struct StepCounts {
   std::int64_t contacts = 0, rows = 0;  // of all worlds
   int iterations = 0;                   // most sweeps of any world
   double residual = 0;                  // greatest of any world [m/s, rad/s] where it was measured, else NaN
-  int failed_worlds = 0;                // worlds that stopped because their state was not finite
+  int failed_worlds = 0;                // worlds that stopped (status::stopped): not finite, unbounded, or with a row that was refused
 };
 
 /// The contacts of the last step (collision/contacts.hpp) and what they did (constraint/contact_forces.hpp), those of world 0 first.
