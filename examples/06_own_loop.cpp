@@ -1,4 +1,5 @@
-// A loop of one's own from public functions: what gsp::step does, stage by stage. Put your own stages between them, or leave some out.
+// A loop of one's own from public functions: what gsp::step does in profile stable, stage by stage. Put your own stages between them, or
+// leave some out.
 #include <cmath>
 #include <cstdio>
 #include <gsp/model/compile.hpp>
@@ -47,13 +48,12 @@ int main(int argc, char** argv) {
     gsp::actuator_forces(exec, model, state, poses, dynamics);
     gsp::factor(exec, model, state, dynamics, {.stiff_rows = true});
     gsp::collide(exec, collision, poses, contacts);
-    auto const types = gsp::constraints(gsp::Equalities(model, state, poses, dynamics), gsp::JointFriction(model),
-                                        gsp::TendonFriction(model, dynamics), gsp::JointLimits(model, state),
-                                        gsp::TendonLimits(model, dynamics), gsp::ContactAdhesion(model, contacts, dynamics),
-                                        gsp::ContactRows(model, collision, contacts), gsp::StiffForces(model, state, dynamics));
+    auto const types = gsp::model_constraints(model, state, poses, dynamics, collision, contacts);
     gsp::assemble(exec, model, state, dynamics, types, rows, impulses, progress);
     gsp::pgs(exec, rows, impulses, solution, progress, {.iterations = 100});
     gsp::integrate(exec, model, state, dynamics, progress, solution);
+    // solution.qfrc_constraint: without stiff springs and servos, where a model has some
+    gsp::subtract_stiff_forces(exec, gsp::StiffForces(model, state, dynamics), rows, impulses, progress, solution.qfrc_constraint);
     // this loop asks after every step
     bool const more_contacts = gsp::grow(exec, contacts), more_rows = gsp::grow(exec, rows, impulses, progress);
     if (more_contacts || more_rows)

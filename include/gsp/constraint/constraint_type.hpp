@@ -88,7 +88,7 @@ concept LikeConstraint =
 ///                                       counted (parallel/for_worlds.hpp says what a world is)
 ///   status(world)                       status bits of a world whose elements are not complete: it is not stepped
 ///   poses, contacts                     members that hold what the type reads: assemble refuses them of another moment than the state
-///   reads_tendons() and stamps          on the host: whether lengths of tendons are read from the dynamics, and what those hold
+///   reads() and stamps                  on the host: which quantities are read from the dynamics, and of which state those are
 /// Two types of the library are known by name: rows remember which ContactRows they are of, for contact_forces; and dynamics that left
 /// stiff forces to rows are refused without StiffForces.
 template <class C>

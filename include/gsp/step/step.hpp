@@ -15,6 +15,7 @@
 #include <gsp/solver/pgs.hpp>
 #include <optional>
 #include <tuple>
+#include <utility>
 
 /// A ready-made simulation loop, written with public functions alone: copy it and change it.
 namespace gsp {
@@ -35,10 +36,21 @@ struct Simulation {
   FrictionCone cone = FrictionCone::elliptic;
 };
 
-/// The constraint types of MJCF, in the order of their rows, and the springs and servos that are too stiff for a step.
+/// The constraint types of MJCF, in the order of their rows, the springs and servos that are too stiff for a step, and yours: what `step`
+/// assembles.
+/// @param cone  of friction: elliptic in profile stable, as the file says (compiled.option.cone) in profile mujoco
+template <class R, class Mem, class... More>
+auto model_constraints(Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics,
+                       CollisionModel<R, Mem> const& collision, Contacts<R, Mem> const& contacts,
+                       FrictionCone cone = FrictionCone::elliptic, More const&... more) {
+  return constraints(Equalities(model, state, poses, dynamics), JointFriction(model), TendonFriction(model, dynamics),
+                     JointLimits(model, state), TendonLimits(model, dynamics), ContactAdhesion(model, contacts, dynamics),
+                     ContactRows(model, collision, contacts, cone), StiffForces(model, state, dynamics), more...);
+}
 template <class R, class Mem>
-using ModelConstraints = ConstraintList<Equalities<R, Mem>, JointFriction<R, Mem>, TendonFriction<R, Mem>, JointLimits<R, Mem>,
-                                        TendonLimits<R, Mem>, ContactAdhesion<R, Mem>, ContactRows<R, Mem>, StiffForces<R, Mem>>;
+using ModelConstraints = decltype(model_constraints(std::declval<Model<R, Mem>&>(), std::declval<State<R, Mem>&>(),
+                                                    std::declval<Poses<R, Mem>&>(), std::declval<Dynamics<R, Mem>&>(),
+                                                    std::declval<CollisionModel<R, Mem>&>(), std::declval<Contacts<R, Mem>&>()));
 
 struct SimulationOptions {
   int worlds = 1;
@@ -149,10 +161,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
     collide(exec, sim.collision, sim.poses, sim.contacts);
     auto const list = std::apply(
         [&](auto const&... type) {
-          return constraints(Equalities(model, state, sim.poses, sim.dynamics), JointFriction(model), TendonFriction(model, sim.dynamics),
-                             JointLimits(model, state), TendonLimits(model, sim.dynamics),
-                             ContactAdhesion(model, sim.contacts, sim.dynamics), ContactRows(model, sim.collision, sim.contacts, sim.cone),
-                             StiffForces(model, state, sim.dynamics), type...);
+          return model_constraints(model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.cone, type...);
         },
         types);
     static_assert(own_types || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>,
