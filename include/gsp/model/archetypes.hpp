@@ -38,8 +38,8 @@ enum class TendonKind : int { fixed, sites, wrapped };  // sites: no geom on its
 inline constexpr int tree_parts = 4;
 
 struct ArchetypeDescription {
-  // lone: a free body without children. Local indices: bodies, joints, dofs and qpos of a tree are contiguous and counted from 0; parents:
-  // see parent_of
+  // lone: a free body below which no joint is. Local indices: bodies, joints, dofs and qpos of a tree are contiguous and counted from 0;
+  // parents: see parent_of
   std::vector<int> body_parent, body_root, body_lone, body_jntadr, body_jntnum, body_dofadr, body_dofnum;
   std::vector<int> jnt_type, jnt_body, jnt_qposadr, jnt_dofadr, jnt_actgravcomp;
   std::vector<int> dof_body, dof_parent, dof_jnt;

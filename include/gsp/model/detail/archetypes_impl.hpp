@@ -154,8 +154,9 @@ struct ArchetypeBuilder {
         a.body_root.push_back(a.nroot++);
       }
       bool const own = holds(b);
-      bool const has_child = b + 1 < m.nbody && m.body_parent[b + 1] == b;
-      a.body_lone.push_back(own && !has_child && m.body_jntnum[b] == 1 && m.jnt_type[m.body_jntadr[b]] == int(JointType::free));
+      bool lone = own && m.body_jntnum[b] == 1 && m.jnt_type[m.body_jntadr[b]] == int(JointType::free);
+      for (int below = b + 1; lone && below < m.nbody && m.body_parent[below] >= b; ++below) lone = m.body_jntnum[below] == 0;
+      a.body_lone.push_back(lone);
       a.body_jntadr.push_back(own && m.body_jntnum[b] ? m.body_jntadr[b] - j0 : 0);
       a.body_jntnum.push_back(own ? m.body_jntnum[b] : 0);
       a.body_dofadr.push_back(own && m.body_dofnum[b] ? m.body_dofadr[b] - d0 : 0);
