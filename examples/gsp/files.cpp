@@ -354,6 +354,33 @@ void expect_writable(std::string const& path, char const* option) {
   gsp::io::expect_writable(path);
 }
 
+namespace {
+/// Where bytes that are written to `path` end up: behind all links, of files that are not there yet too.
+std::filesystem::path destination(std::filesystem::path path) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (fs::exists(path, error)) return fs::canonical(path, error);
+  for (int links = 0; links < 40 && fs::is_symlink(fs::symlink_status(path, error)); ++links)
+    path = path.parent_path() / fs::read_symlink(path, error);
+  return fs::weakly_canonical(fs::absolute(path, error), error);
+}
+bool one_file(std::string const& a, std::string const& b) {
+  std::error_code error;
+  if (std::filesystem::is_character_file(a, error)) return false;
+  return std::filesystem::equivalent(a, b, error) || destination(a) == destination(b);
+}
+}  // namespace
+void expect_apart(std::vector<NamedFile> const& inputs, std::vector<NamedFile> const& outputs) {
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    auto const& [option, path] = outputs[i];
+    for (auto const& input : inputs)
+      if (one_file(path, input.path))
+        throw Error(path + ": " + option + " would replace what " + input.option + " names (" + input.path + "); name another file");
+    for (std::size_t k = 0; k < i; ++k)
+      if (one_file(path, outputs[k].path))
+        throw Error(path + ": " + option + " would replace what " + outputs[k].option + " writes; name two files");
+  }
+}
 std::FILE* text_beside(std::optional<std::string> const& output) {
   struct stat file {
   }, standard{};

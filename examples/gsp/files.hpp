@@ -84,6 +84,13 @@ CameraFile read_cameras(std::string const& path);
 
 /// Throws unless `path` can be written: its folder is there and it is no folder itself. Called before long work.
 void expect_writable(std::string const& path, char const* option);
+/// A file and the option that names it.
+struct NamedFile {
+  std::string option, path;
+};
+/// Throws where an output is an input, or another output, by whatever names and links: the later one would replace the other. Devices may
+/// take several.
+void expect_apart(std::vector<NamedFile> const& inputs, std::vector<NamedFile> const& outputs);
 /// Contacts of all worlds, and what constraints do to the degrees of freedom, as docs/cli.md has them.
 void write_contacts(std::string const& path, gsp::runtime::ContactArrays const& contacts);
 void write_forces(std::string const& path, gsp::runtime::Array const& qfrc_constraint);

@@ -136,6 +136,14 @@ int run(Arguments const& a) {
   double const seconds = a.real("--seconds", 2, 0, 3600);
   int const width = static_cast<int>(a.integer("--width", 320, 16, 4096)), height = static_cast<int>(a.integer("--height", 240, 16, 4096));
 
+  std::vector<NamedFile> inputs, outputs;
+  for (char const* option : {"--model", "--splat"})
+    for (auto const& file : a.all(option)) inputs.push_back({option, file});
+  for (auto const& folder : a.all("--files"))
+    for (char const* name : {"model.xml", "scene.ply", "start.npz", "ctrl.npy", "cameras.npz"})
+      outputs.push_back({"--files", (std::filesystem::path(folder) / name).string()});
+  expect_apart(inputs, outputs);
+
   auto const begin = Clock::now();
   gsp::Description description;
   gsp::CompiledModel model;

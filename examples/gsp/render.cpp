@@ -96,7 +96,13 @@ int run(Arguments const& a) {
   int const threads = threads_of(a);
   auto const out = a.text("--out"), npz = a.text("--npz");
   Device const device = choose_device(a);
-  if (npz) expect_writable(*npz, "--npz");
+  if (npz) {
+    expect_writable(*npz, "--npz");
+    std::vector<NamedFile> inputs;
+    for (char const* option : {"--splat", "--cameras", "--model", "--trace"})
+      for (auto const& file : a.all(option)) inputs.push_back({option, file});
+    expect_apart(inputs, {{"--npz", *npz}});
+  }
 
   // All input is read before anything is written.
   gsp::CompiledModel model;

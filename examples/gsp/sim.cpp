@@ -37,12 +37,17 @@ int run(Arguments const& a) {
   long long steps = a.integer("--steps", 1000, 1, 1LL << 40), every = a.integer("--every", 1, 1, 1LL << 40),
             time_from = a.integer("--time-from", 0, 0, 1LL << 40);
   Device const device = choose_device(a);
+  std::vector<NamedFile> inputs{{"MODEL", path}}, outputs;
+  if (start_file) inputs.push_back({"--start", *start_file});
+  if (ctrl_file) inputs.push_back({"--ctrl", *ctrl_file});
   std::optional<std::string> written;  // one of them may be stdout
   for (auto const& [file, option] : {std::pair{trace_file, "--trace"}, {contacts_file, "--contacts"}, {forces_file, "--forces"}}) {
     if (!file) continue;
     expect_writable(*file, option);
+    outputs.push_back({option, *file});
     if (!written || text_beside(file) == stderr) written = file;
   }
+  expect_apart(inputs, outputs);
 
   auto const model = load_model(path, a);
   States start = start_file ? read_start(*start_file, model) : initial_state(model, path, a.text("--keyframe"));

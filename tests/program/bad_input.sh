@@ -146,6 +146,26 @@ refused "cart.xml" -- sim cart.xml --ctrl cart.xml --trace result.npz
 refused "nowhere/result.npz" "create it first" -- sim cart.xml --trace nowhere/result.npz
 refused "names a folder" -- sim cart.xml --trace .
 
+# an output that is an input, or another output, by any name
+cp cart.xml whole.xml
+cp start.npz whole.npz
+ln -s cart.xml to_cart.xml
+ln cart.xml also_cart.xml
+ln -s result.npz to_result.npz
+for name in cart.xml ./cart.xml "$PWD/cart.xml" to_cart.xml also_cart.xml; do
+  refused "--trace would replace what MODEL names (cart.xml)" -- sim cart.xml --trace $name
+done
+refused "--contacts would replace what --start names" -- sim cart.xml --start start.npz --contacts ./start.npz
+refused "--forces would replace what --ctrl names" -- sim cart.xml --ctrl ctrl.npy --forces ctrl.npy
+refused "--contacts would replace what --trace writes" -- sim cart.xml --trace result.npz --contacts result.npz
+refused "--forces would replace what --trace writes" -- sim cart.xml --trace ./result.npz --forces to_result.npz
+refused "--npz would replace what --trace names" -- render --splat disc.ply --cameras cameras.npz --model cart.xml --trace start.npz --npz start.npz
+refused "--npz would replace what --splat names" -- render --splat disc.ply --cameras cameras.npz --npz disc.ply
+mkdir scene
+cp cart.xml scene/model.xml
+refused "--files would replace what --model names" -- quickstart --model scene/model.xml --splat disc.ply --files scene --out pictures
+cmp cart.xml whole.xml && cmp start.npz whole.npz && cmp cart.xml scene/model.xml || failures=$((failures + 1))
+
 # Gaussians and cameras
 render() { refused "$@" --out pictures --npz result.npz; }
 render "missing.ply" "no such file" -- render --splat missing.ply --cameras cameras.npz
