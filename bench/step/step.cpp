@@ -15,7 +15,8 @@ void run(Exec const& exec, gsp::Profile profile, int worlds) {
   auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
   auto const& stand = compiled.keyframes.at(0);
-  auto const qpos = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.qpos), ctrl = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.ctrl);
+  auto const qpos = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.qpos),
+             ctrl = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.ctrl);
   for (int w = 0; w < worlds; ++w) {
     for (int i = 0; i < model.nq; ++i) qpos(w, i) = float(stand.qpos[i]);
     for (int i = 0; i < model.nu; ++i) ctrl(w, i) = float(stand.ctrl[i]);
@@ -25,8 +26,8 @@ void run(Exec const& exec, gsp::Profile profile, int worlds) {
   Kokkos::deep_copy(state.ctrl, ctrl);
   gsp::step(exec, model, state, sim, {.steps = 100});
   int const steps = 10;
-  auto const time = gsp_bench::measure(
-      exec, [&] { gsp::step(exec, model, state, sim, {.steps = steps, .poses = false}); }, {.samples = 5, .repeats = 5});
+  auto const time =
+      gsp_bench::measure(exec, [&] { gsp::step(exec, model, state, sim, {.steps = steps, .poses = false}); }, {.samples = 5, .repeats = 5});
   long rows = 0, iterations = 0;
   auto const count = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, sim.rows.count);
   auto const last = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, sim.solution.iterations);

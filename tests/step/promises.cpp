@@ -26,6 +26,35 @@ struct TieThree : gsp::OneFreeRow {
     return 0.f;
   }
 };
+/// A row on dof 0 whose law or bounds are numbers that none can have, in all worlds but the first; its state is in order.
+struct NoLaw : gsp::OneFreeRow {
+  static constexpr int kinds = 9;
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  KOKKOS_FUNCTION gsp::RowLaw<double> law(int world, int, int, double, double, double) const {
+    double const inf = Kokkos::Experimental::infinity_v<double>, nan = inf - inf;
+    return {world == 1 ? nan : world == 2 ? inf : world == 3 ? -1. : 0., world == 4 ? nan : world == 5 ? inf : world == 6 ? -inf : 1.};
+  }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int, int) const {
+    double const inf = Kokkos::Experimental::infinity_v<double>, nan = inf - inf;
+    return {world == 7 ? nan : -inf, world == 8 ? nan : inf};
+  }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int, int, int, Row&& J) const {
+    J.set_dof(0, 1.);
+    return 0.1;
+  }
+};
+/// Elements that touch nothing: no entry, a point of the world, an entry of 0.
+struct Nothing : gsp::OneFreeRow {
+  KOKKOS_FUNCTION int count(int) const { return 3; }
+  KOKKOS_FUNCTION gsp::RowLaw<double> law(int, int, int, double, double, double) const { return {0., 1.}; }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int, int k, int, Row&& J) const {
+    if (k == 1) J.add_point(0, {1., 0., 0.}, {0., 0., 1.});
+    if (k == 2) J.set_dof(0, 0.);
+    return 0.1;
+  }
+};
 }  // namespace test_types
 
 namespace {
@@ -131,6 +160,40 @@ TEST_CASE_TEMPLATE("a world that goes wrong is alone with it", Exec, GSP_TEST_EX
     CHECK(steps(w) == (stopped ? 5 : 5 + n));
     CHECK(same(qb, stopped ? q0 : gsp_test::snapshot(qg), w));
     if (stopped) CHECK(same(vb, v0, w));
+  }
+}
+
+// In both profiles: such a world stays and says why, the first goes on to the rate that its row asks for.
+TEST_CASE_TEMPLATE("a row whose law or bounds are no numbers is refused", Exec, GSP_TEST_EXECS) {
+  auto const compiled = gsp_test::servo_model();
+  for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+    gsp_test::World<double, Exec> world(compiled, test_types::NoLaw::kinds, {.profile = profile});
+    gsp::step(world.exec, world.model, world.state, world.sim, {.steps = 2}, test_types::NoLaw{});
+    auto const status = gsp_test::host(world.state.status);
+    auto const steps = gsp_test::host(world.state.steps);
+    auto const q = world.qpos(), v = world.qvel();
+    for (int w = 0; w < test_types::NoLaw::kinds; ++w) {
+      CAPTURE(w);
+      CHECK(status(w) == (w == 0 ? 0u : gsp::status::row_refused));
+      CHECK(steps(w) == (w == 0 ? 2 : 0));
+      for (int i = 0; w > 0 && i < world.model.nv; ++i) CHECK(v(w, i) == 0);
+      for (int i = 0; w > 0 && i < world.model.nq; ++i) CHECK(q(w, i) == compiled.qpos0[i]);
+    }
+    CHECK(std::abs(v(0, 0) - 1) < 1e-5);  // the tolerance of the sweeps: 1e-4 |g| h = 2e-6
+  }
+}
+TEST_CASE_TEMPLATE("a row that touches nothing has no impulse", Exec, GSP_TEST_EXECS) {
+  auto const compiled = gsp_test::servo_model();
+  for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+    gsp_test::World<double, Exec> world(compiled, 2, {.profile = profile});
+    gsp::step(world.exec, world.model, world.state, world.sim, {.steps = 3}, test_types::Nothing{});
+    auto const impulses = gsp::impulses_of<test_types::Nothing>(world.sim.rows, world.sim.impulses);
+    Kokkos::View<double[2][3], typename Exec::memory_space> const found("found");
+    Kokkos::parallel_for(
+        "gsp::test::found", Kokkos::RangePolicy<Exec>(0, 6), KOKKOS_LAMBDA(int i) { found(i / 3, i % 3) = impulses(i / 3, i % 3); });
+    auto const p = gsp_test::host(found);
+    for (int i = 0; i < 6; ++i) CHECK(p(i / 3, i % 3) == 0);
+    CHECK(gsp_test::host(world.state.status)(1) == 0u);
   }
 }
 

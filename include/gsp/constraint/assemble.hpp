@@ -148,8 +148,9 @@ RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
 /// were reset. A type is known by its C++ type and by its place among those of the same type: the others may come, go and change places.
 /// After factor or smooth_dynamics (and collide). A world whose rows do not fit has status::row_overflow; then no world is stepped
 /// (progress.halt), the pools grow at the host's next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows
-/// of more than two trees, elements of more than six rows, friction of a row that the element does not have, and in profile mujoco what no
-/// cone is (docs/add_a_constraint.md): status::row_refused.
+/// of more than two trees, elements of more than six rows, friction of a row that the element does not have, laws that are not finite or of
+/// negative compliance at a finite state, bounds that are NaN, and in profile mujoco what no cone is (docs/add_a_constraint.md):
+/// status::row_refused.
 /// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or
 /// the members `poses` and `contacts` of a type and what it `reads()` of dynamics of its own, are not of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class... Types>

@@ -12,6 +12,15 @@ namespace gsp::detail {
 KOKKOS_INLINE_FUNCTION std::int64_t pack_sizes(int rows, int entries) { return (std::int64_t(rows) << 40) + entries; }
 KOKKOS_INLINE_FUNCTION int rows_of(std::int64_t sizes) { return int(sizes >> 40); }
 KOKKOS_INLINE_FUNCTION std::int64_t entries_of(std::int64_t sizes) { return sizes & ((std::int64_t(1) << 40) - 1); }
+/// None of them is NaN.
+template <class... R>
+KOKKOS_INLINE_FUNCTION bool are_numbers(R const&... x) {
+  return ((x == x) && ...);
+}
+template <class R>
+KOKKOS_INLINE_FUNCTION bool is_finite(R const& x) {
+  return x - x == R(0);
+}
 KOKKOS_INLINE_FUNCTION std::uint64_t row_key(int type, RowId id) {
   return (std::uint64_t(type) << 59) | (std::uint64_t(id.major) << 32) | id.minor;
 }
@@ -44,7 +53,8 @@ struct CountRows {
           RowStructure<R, Mem> structure{model};
           type.jacobian(w, k, r, structure);
           auto const bounds = type.bounds(w, k, r);
-          refused = structure.refused || bounds.friction_of >= n || bounds.friction_of == r;
+          refused = structure.refused || bounds.friction_of >= n || bounds.friction_of == r ||
+                    !are_numbers(bounds.lower, bounds.upper, bounds.friction_of < 0 ? R(0) : R(bounds.mu));
           if (!refused && bounds.friction_of >= 0 && model.profile == Profile::mujoco) {  // newton's cones: normals that push alone
             // Two that are bounded each by itself are a box, which is none.
             unsigned const one = bounds.with_next || second ? 0u : 1u << bounds.friction_of;
@@ -209,7 +219,13 @@ struct EmitRows {
       part += segment.count;
     }
     auto const bounds = type.bounds(w, k, r);
-    RowLaw<R> const law = row_law(type, w, k, r, gap, rate, model.timestep);
+    RowLaw<R> law = row_law(type, w, k, r, gap, rate, model.timestep);
+    bool const is_law = is_finite(law.zeta) && is_finite(law.compliance) && law.compliance >= R(0);
+    if (!is_law && is_finite(gap) && is_finite(rate)) {  // of a state that is none it need not be one
+      Kokkos::atomic_or(&state.status(w), std::uint32_t(status::row_refused));
+      law.compliance = R(0);
+      law.zeta = free_rate;
+    }
     row.bias = free_rate - law.zeta;
     row.compliance = law.compliance;
     row.inverse_diagonal = diagonal > R(0) ? R(1) / (diagonal + law.compliance) : R(0);
@@ -218,11 +234,13 @@ struct EmitRows {
     row.upper = R(bounds.upper);
     row.mu = bounds.friction_of < 0 ? R(-1) : R(bounds.mu);
     row.with_next = bounds.with_next;
-    // Nothing that it touches can move. In profile mujoco its softness says what it bears, as there.
-    if (row.inverse_diagonal == R(0) && model.profile == Profile::stable) {
-      row.friction_of = -1;
-      row.mu = R(-1);
-      row.lower = row.upper = R(0);
+    if (row.inverse_diagonal == R(0)) {  // nothing that it touches can move
+      row.bias = R(0);
+      if (model.profile == Profile::stable) {
+        row.friction_of = -1;
+        row.mu = R(-1);
+      }
+      if (model.profile == Profile::stable || !(row.lower <= R(0) && row.upper >= R(0))) row.lower = row.upper = R(0);
     }
     out = row;
     return law.most_yield;
