@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/constraint/islands.hpp>
 #include <gsp/dynamics/lanes.hpp>
 
 /// Constraint rows of many worlds in one pool, whitened with the matrix M^ = L^T D L that moves the robot:
@@ -86,6 +87,7 @@ struct Rows {
                // of a world what eliminated rows do to all, (most_eliminated, count)
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed, or one since they grew that needed more than there is
   View<int const*> dof_lists;  // what the segments' lists lie in
+  Islands<Mem> islands;        // room for those of these rows, which `pgs` finds
   detail::SharedStamp<detail::RowsStamp> stamp;  // host: which call has written them (dynamics/stamps.hpp)
 
   KOKKOS_INLINE_FUNCTION int capacity() const { return int(row.extent(0)); }
@@ -112,6 +114,8 @@ void allocate_rows(Exec const& exec, Rows<R, Mem>& r, std::int64_t rows, std::in
     throw Error("gsp::Rows: more than 2147483647 constraint rows are asked for: use fewer worlds a batch");
   enlarge(exec, r.row, "gsp::Rows::row", rows);
   enlarge(exec, r.element_rows, "gsp::Rows::element_rows", rows);
+  enlarge(exec, r.islands.elements, "gsp::Islands::elements", rows);
+  enlarge(exec, r.islands.keys, "gsp::Islands::keys", rows);
   enlarge(exec, r.Y, "gsp::Rows::Y", entries);
 }
 }  // namespace detail
@@ -131,6 +135,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   r.profile = model.profile;
   r.most_eliminated = options.eliminate ? model.closing_rows : 0;
   r.dof_lists = model.ints;
+  r.islands = detail::make_islands(exec, model, n);
   r.stamp = detail::make_stamp<detail::RowsStamp>("gsp::Rows::stamp");
   make(r.first, "gsp::Rows::first", n);
   make(r.count, "gsp::Rows::count", n);

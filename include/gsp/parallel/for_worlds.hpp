@@ -31,6 +31,17 @@ struct SerialWorld {
     T running(0);
     for (int i = 0; i < n; ++i) f(i, running, true);
   }
+  /// to += x, from several threads.
+  template <class T>
+  KOKKOS_INLINE_FUNCTION void add(T& to, T x) const {
+    to += x;
+  }
+  /// put(i, next[key(i)]++) in the order of i, where key(i) >= 0: what a counting sort ends with.
+  template <class Key, class Put>
+  KOKKOS_INLINE_FUNCTION void place(int n, Key const& key, int* next, Put const& put) const {
+    for (int i = 0; i < n; ++i)
+      if (int const k = key(i); k >= 0) put(i, next[k]++);
+  }
 };
 /// The same for a warp of a device.
 template <class Member>
@@ -68,6 +79,29 @@ struct DeviceWorld {
   template <class T, class F>
   KOKKOS_INLINE_FUNCTION void scan(int n, F const& f) const {
     Kokkos::parallel_scan(Kokkos::ThreadVectorRange(member, n), [&](int i, T& running, bool last) { f(i, running, last); });
+  }
+  template <class T>
+  KOKKOS_INLINE_FUNCTION void add(T& to, T x) const {
+    Kokkos::atomic_add(&to, x);
+  }
+  template <class Key, class Put>
+  KOKKOS_INLINE_FUNCTION void place(int n, Key const& key, int* next, Put const& put) const {
+#ifdef __CUDA_ARCH__
+    for (int begin = 0; begin < n; begin += 32) {
+      int const i = begin + int(threadIdx.x), k = i < n ? key(i) : -1;
+      unsigned const equal = __match_any_sync(0xffffffffu, k), before = equal & ((1u << threadIdx.x) - 1u);
+      int const at = k >= 0 ? next[k] + __popc(before) : 0;
+      __syncwarp();
+      if (k >= 0 && (equal >> threadIdx.x) == 1u) next[k] = at + 1;  // the last of those that are equal
+      __syncwarp();
+      if (k >= 0) put(i, at);
+    }
+#else
+    single([&] {
+      for (int i = 0; i < n; ++i)
+        if (int const k = key(i); k >= 0) put(i, next[k]++);
+    });
+#endif
   }
 };
 

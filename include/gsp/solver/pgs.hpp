@@ -38,7 +38,13 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
                            detail::LockstepLoop<Exec, Solver>{{rows, impulses, solution, options}, progress.halt});
       lockstep = true;
     }
-  for_worlds("gsp::solver::pgs", exec, rows.worlds, detail::PgsWorld<R, Mem>{rows, impulses, solution, progress, options, lockstep});
+  // more threads or warps than worlds share the islands of each
+  int const busy = is_device<Exec> ? 2048 : exec.concurrency(), parts = std::clamp(busy / rows.worlds, 1, std::max(1, rows.islands.ntree));
+  detail::PgsWorld<R, Mem> const solver{rows, impulses, solution, progress, options, lockstep, parts};
+  if (parts > 1)
+    for_worlds("gsp::solver::find_islands", exec, rows.worlds, detail::FindIslands<R, Mem>{rows, solution, progress.halt, lockstep});
+  for_worlds("gsp::solver::pgs", exec, rows.worlds * parts, solver);
+  if (options.residual) for_worlds("gsp::solver::pgs_residual", exec, rows.worlds, detail::PgsResidual<R, Mem>{solver});
   restore_rows(exec, rows, progress, impulses, solution.z);
   set_solved(rows, impulses);
 }

@@ -243,7 +243,7 @@ struct EmitRows {
       if (model.profile == Profile::stable || !(row.lower <= R(0) && row.upper >= R(0))) row.lower = row.upper = R(0);
     }
     out = row;
-    return law.most_yield;
+    return max(law.most_yield, law.zeta);  // hardened so far that it yields at most that: never until it stops being pushed out
   }
   /// What belongs to the element as a whole: place in the list of types, couplings, identity, and the impulses to start from.
   template <class Type>

@@ -27,6 +27,7 @@ struct TreeReader {
   Archetype const* archetypes;
   Field<R> term_coef;
   int padded_worlds;
+  bool carries;  // profile stable: the centre of mass of a lone rigid body goes straight, not its frame's origin (dynamics/factor.hpp)
   TreeReader(Model<R, Mem> const& m, Dynamics<R, Mem> const& d)
       : values(d.items.data()),
         block_offset(d.block_offset.data()),
@@ -40,7 +41,8 @@ struct TreeReader {
         ints(m.ints.data()),
         archetypes(m.archetypes.data()),
         term_coef(m.term_coef),
-        padded_worlds(d.padded_worlds) {}
+        padded_worlds(d.padded_worlds),
+        carries(m.profile == Profile::stable) {}
 
   KOKKOS_INLINE_FUNCTION Archetype const& archetype(int t) const { return archetypes[tree_archetype[t]]; }
   KOKKOS_INLINE_FUNCTION TreeItems<R> tree(int w, int t) const {
@@ -83,7 +85,8 @@ struct TreeReader {
   }
 
   /// Motion of a body, dof by dof from its root: V = sum S v and A = sum (V_S x S) v, V_S the velocity of the frame that S is fixed to: of
-  /// a ball's and a free joint's axes the one before the joint turns, of a free joint's translations the world's.
+  /// a ball's and a free joint's axes the one before the joint turns, of a free joint's translations the world's. A lone rigid body that
+  /// carries its momentum turns about its centre of mass.
   KOKKOS_INLINE_FUNCTION BodyMotion<R> motion(int w, int body) const {
     Vec3<R> const zero{R(0), R(0), R(0)};
     BodyMotion<R> out{zero, {zero, zero}, {zero, zero}};
@@ -103,6 +106,8 @@ struct TreeReader {
       if (!free || k > 2) out.drift = fma(rate, cross_motion(frame, axis), out.drift);
       out.velocity = fma(rate, axis, out.velocity);
     }
+    if (carries && a.njnt == 1 && JointType(ints[a.jnt_type]) == JointType::free)  // drift_of(centre) = 0
+      out.drift.linear = cross(out.velocity.linear, out.velocity.angular);
     return out;
   }
 };

@@ -7,9 +7,23 @@
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// Projected Gauss-Seidel over sparse rows, one world after the other: a thread a world, or a warp whose threads share the entries of a
-/// row.
+/// Projected Gauss-Seidel over sparse rows, island by island: a thread a world, or a warp whose threads share the entries of a row; worlds of
+/// several trees may be shared by several threads or warps.
 namespace gsp::detail {
+
+template <class R, class Mem>
+struct FindIslands {
+  Rows<R, Mem> rows;
+  Solution<R, Mem> solution;
+  Kokkos::View<int, Mem> halt;
+  bool lockstep;
+  template <class World>
+  KOKKOS_FUNCTION void operator()(World const& world) const {
+    if (halt() || (lockstep && goes_in_lockstep(rows, world.rank))) return;
+    find_islands(world, rows, rows.islands, world.rank);
+    world.single([&] { solution.iterations(world.rank) = 0; });
+  }
+};
 
 template <class R, class Mem>
 struct PgsWorld {
@@ -20,88 +34,125 @@ struct PgsWorld {
   Progress<Mem> progress;
   PgsOptions options;
   bool lockstep = false;  // worlds that can have been solved in lockstep
+  int parts = 1;          // threads or warps that share a world's islands, which have been found where they are several
 
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
-    int const w = world.rank;
+    int const w = world.rank / parts, part = world.rank % parts;
     if (progress.halt()) {
-      if (w == 0) world.single([&] { ++progress.skipped(); });
+      if (world.rank == 0) world.single([&] { ++progress.skipped(); });
       return;
     }
-    if (w == 0) world.single([&] { impulses.solved() = 1; });
-    int const first = rows.first(w), count = rows.count(w);
+    if (world.rank == 0) world.single([&] { impulses.solved() = 1; });
     if (lockstep && goes_in_lockstep(rows, w)) return;
+    auto const& islands = rows.islands;
+    if (parts == 1) find_islands(world, rows, islands, w);
     R* const z = solution.z.data() + std::int64_t(w) * rows.nv;
-    R* const p = impulses.p[impulses.parity()].data() + first;
-    sum_rows(world, rows, first, count, z, p);
-    R const tolerance = R(options.tolerance) * rows.rate_scale(w);
+    R* const p = impulses.p[impulses.parity()].data() + rows.first(w);
+    int const count = islands.count(w);
+    int most = 0;
+    for (int i = part; i < count; i += parts) {
+      Island const e{w, rows.first(w), islands.elements.data() + rows.first(w) + islands.first_element(w, i),
+                     islands.first_element(w, i + 1) - islands.first_element(w, i), &islands.dofs(w, 0) + islands.first_dof(w, i),
+                     islands.first_dof(w, i + 1) - islands.first_dof(w, i)};
+      int const sweeps = solve(world, e, z, p);
+      most = sweeps > most ? sweeps : most;
+    }
+    world.single([&] {
+      if (parts == 1)
+        solution.iterations(w) = most;
+      else
+        Kokkos::atomic_max(&solution.iterations(w), most);
+    });
+    if (part > 0) return;
+    world.single([&] { solution.residual(w) = Kokkos::Experimental::quiet_NaN_v<R>; });  // PgsResidual finds it
+    int const still = islands.first_dof(w, count);
+    world.each(rows.nv - still, [&](int k) { z[islands.dofs(w, still + k)] = R(0); });
+  }
+
+ private:
+  struct Island {
+    int world, first_row;
+    int const* element;  // first rows, counted from first_row
+    int elements;
+    int const* dof;
+    int dofs;
+  };
+  /// f(r) for the rows of an island, elements shared by the world's threads.
+  template <class World, class F>
+  KOKKOS_INLINE_FUNCTION void each_row(World const& world, Island const& e, F const& f) const {
+    world.each(e.elements, [&](int k) {
+      for (int r = e.element[k], end = r + rows.element_rows(e.first_row + r); r < end; ++r) f(r);
+    });
+  }
+  /// Sweeps until no rate changes by more than the tolerance; their number.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION int solve(World const& world, Island const& e, R* z, R* p) const {
+    R const tolerance = R(options.tolerance) * rows.rate_scale(e.world);
+    sum_island(world, e, z, p);
     int sweep = 0;
     bool leaping = true;
     R before_leap = Kokkos::Experimental::infinity_v<R>;
-    for (bool again = count > 0; again; ++sweep) {
+    for (bool again = true; again; ++sweep) {
       R change(0);
-      if (leaps_after(sweep)) keep(world, w, first, count, z, p);
-      for (int kind = 0; kind < 2; ++kind)  // elements of one row first: the order of the lockstep (pgs_lockstep.hpp)
-        for (int r = 0, n; r < count; r += n) {
-          Row<R> const* const row = &rows.row(first + r);
-          n = rows.element_rows(first + r);
-          if ((n > 1) != kind || row->eliminated) continue;
-          if (n == 1)
-            change = max(change, sweep_element<1>(world, row, 1, z, p + r));
-          else if (n == 3 && row->same_segments)
-            change = max(change, sweep_element<3>(world, row, 3, z, p + r));
-          else
-            change = max(change, sweep_element<N>(world, row, n, z, p + r));
-        }
+      if (leaps_after(sweep)) keep(world, e, z, p);
+      for (int k = 0; k < e.elements; ++k) {
+        int const r = e.element[k], n = rows.element_rows(e.first_row + r);
+        Row<R> const* const row = &rows.row(e.first_row + r);
+        if (n == 1)
+          change = max(change, sweep_element<1>(world, row, 1, z, p + r));
+        else if (n == 3 && row->same_segments)
+          change = max(change, sweep_element<3>(world, row, 3, z, p + r));
+        else
+          change = max(change, sweep_element<N>(world, row, n, z, p + r));
+      }
       again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
       if (again && leaps_after(sweep)) {
         leaping = leaping && leap_helped(change, before_leap);
         before_leap = change;
-        if (leaping) leap(world, w, first, count, z, p);
+        if (leaping) leap(world, e, z, p);
       }
     }
-    R worst(0);
-    for (int r = 0; options.residual && r < count; r += rows.element_rows(first + r)) {
-      if (rows.row(first + r).eliminated) continue;
-      ElementLaw<R, N> law;
-      R rate[N], now[N];
-      take<N>(world, &rows.row(first + r), rows.element_rows(first + r), z, p + r, law, rate, now);
-      worst = max(worst, element_residual<N>(law, 0, rate, now));
-    }
-    world.single([&] {
-      solution.iterations(w) = sweep;
-      solution.residual(w) = options.residual ? worst : Kokkos::Experimental::quiet_NaN_v<R>;
-    });
+    return sweep;
   }
-
- private:
+  /// z = Y^T p of an island.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void sum_island(World const& world, Island const& e, R* z, R const* p) const {
+    world.each(e.dofs, [&](int k) { z[e.dof[k]] = R(0); });
+    for (int k = 0; k < e.elements; ++k) {
+      int const r = e.element[k];
+      push_rows(world, rows, e.first_row + r, rows.element_rows(e.first_row + r), z, p + r);
+    }
+  }
   /// Impulses and z before a sweep that a leap follows on.
   template <class World>
-  KOKKOS_INLINE_FUNCTION void keep(World const& world, int w, int first, int count, R const* z, R const* p) const {
-    world.each(rows.nv, [&](int i) { solution.z_before(w, i) = z[i]; });
-    world.each(count, [&](int r) { impulses.before(first + r) = p[r]; });
+  KOKKOS_INLINE_FUNCTION void keep(World const& world, Island const& e, R const* z, R const* p) const {
+    world.each(e.dofs, [&](int k) { solution.z_before(e.world, e.dof[k]) = z[e.dof[k]]; });
+    each_row(world, e, [&](int r) { impulses.before(e.first_row + r) = p[r]; });
     world.sync();
   }
   /// Leaves p and z where the energy is least (leap.hpp).
   template <class World>
-  KOKKOS_INLINE_FUNCTION void leap(World const& world, int w, int first, int count, R* z, R* p) const {
+  KOKKOS_INLINE_FUNCTION void leap(World const& world, Island const& e, R* z, R* p) const {
     LeapSums<R> s;
-    auto const dz = [&](int i) { return z[i] - solution.z_before(w, i); };
-    auto const d = [&](int r) { return p[r] - impulses.before(first + r); };
     for (R LeapSums<R>::*part : {&LeapSums<R>::pp, &LeapSums<R>::pd, &LeapSums<R>::dd, &LeapSums<R>::bp, &LeapSums<R>::bd})
-      s.*part = world.template sum<R>(rows.nv, [&](int i) {
+      s.*part = world.template sum<R>(e.dofs, [&](int k) {
         LeapSums<R> own{};
-        own.add_dof(z[i], dz(i));
+        own.add_dof(z[e.dof[k]], z[e.dof[k]] - solution.z_before(e.world, e.dof[k]));
         return own.*part;
-      }) + world.template sum<R>(count, [&](int r) {
+      }) + world.template sum<R>(e.elements, [&](int k) {
         LeapSums<R> own{};
-        own.add_row(p[r], d(r), rows.row(first + r).compliance, rows.row(first + r).bias);
+        for (int r = e.element[k], end = r + rows.element_rows(e.first_row + r); r < end; ++r) {
+          auto const& row = rows.row(e.first_row + r);
+          own.add_row(p[r], p[r] - impulses.before(e.first_row + r), row.compliance, row.bias);
+        }
         return own.*part;
       });
     Leap<R> const to = best_leap<R>(s);
     world.sync();  // all have read p and z
-    world.each(count, [&](int r) { p[r] += to.growth * p[r] + to.sweeps * d(r); });
-    sum_rows(world, rows, first, count, z, p);
+    each_row(world, e, [&](int r) { p[r] += to.growth * p[r] + to.sweeps * (p[r] - impulses.before(e.first_row + r)); });
+    world.sync();
+    sum_island(world, e, z, p);
   }
   /// One pass over an element; the largest change of a rate. M = 1 or 3: so many rows, which have the same segments; M = N: any.
   template <int M, class World>
@@ -146,6 +197,7 @@ struct PgsWorld {
     }
     return change;
   }
+ public:
   /// Laws of an element, its impulses, and the rates w = Y z + C p + b of its rows.
   template <int M, class World>
   KOKKOS_INLINE_FUNCTION void take(World const& world, Row<R> const* row, int n, R const* z, R const* p, ElementLaw<R, M>& law,
@@ -160,6 +212,30 @@ struct PgsWorld {
         now[b] = rate[b] = R(0);
       }
     });
+  }
+};
+
+/// solution.residual: the largest violation in each world.
+template <class R, class Mem>
+struct PgsResidual {
+  PgsWorld<R, Mem> solver;
+  template <class World>
+  KOKKOS_FUNCTION void operator()(World const& world) const {
+    constexpr int N = PgsWorld<R, Mem>::N;
+    auto const& rows = solver.rows;
+    int const w = world.rank, first = rows.first(w), count = rows.count(w);
+    if (solver.progress.halt() || (solver.lockstep && goes_in_lockstep(rows, w))) return;
+    R const* const z = solver.solution.z.data() + std::int64_t(w) * rows.nv;
+    R const* const p = solver.impulses.p[solver.impulses.parity()].data() + first;
+    R worst(0);
+    for (int r = 0; r < count; r += rows.element_rows(first + r)) {
+      if (rows.row(first + r).eliminated) continue;
+      ElementLaw<R, N> law;
+      R rate[N], now[N];
+      solver.template take<N>(world, &rows.row(first + r), rows.element_rows(first + r), z, p + r, law, rate, now);
+      worst = max(worst, element_residual<N>(law, 0, rate, now));
+    }
+    world.single([&] { solver.solution.residual(w) = worst; });
   }
 };
 

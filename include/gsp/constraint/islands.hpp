@@ -1,0 +1,131 @@
+#pragma once
+#include <gsp/model/model.hpp>
+#include <gsp/parallel/for_worlds.hpp>
+
+namespace gsp {
+
+/// The islands of each world: trees that rows couple, directly or through other trees. Nothing passes from one to another, so a solver takes
+/// them one by one, each for as long as it needs, or at the same time. Found anew each step by `pgs`; the same in any order of threads.
+template <class Mem>
+struct Islands {
+  int ntree = 0, nv = 0;
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> lists;  // (worlds, 6 ntree + 5): count, first_element, first_dof, and room to find them
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> dofs;   // (worlds, nv)
+  Kokkos::View<int*, Kokkos::LayoutRight, Mem> elements, keys;  // (capacity of rows), a world's from Rows::first on; keys: of rows, to sort by
+  Kokkos::View<int const*, Mem> dof_tree, tree_dofnum;          // the model's
+
+  /// Islands of a world that have rows.
+  KOKKOS_INLINE_FUNCTION int& count(int w) const { return lists(w, 0); }
+  /// Island i has the elements first_element(w, i) ... of `elements`, which says where their rows begin, counted from Rows::first: elements
+  /// of one row before others, each in the order of the rows.
+  KOKKOS_INLINE_FUNCTION int& first_element(int w, int i) const { return lists(w, 1 + i); }
+  /// And the dofs first_dof(w, i) ... of `dofs`; from that of island count(w) on they are those that no row moves.
+  KOKKOS_INLINE_FUNCTION int& first_dof(int w, int i) const { return lists(w, 2 + ntree + i); }
+  /// Scratch.
+  KOKKOS_INLINE_FUNCTION int* label(int w) const { return &lists(w, 4 + 2 * ntree); }   // (ntree)
+  KOKKOS_INLINE_FUNCTION int* number(int w) const { return label(w) + ntree; }          // (ntree)
+  KOKKOS_INLINE_FUNCTION int* next(int w) const { return label(w) + 2 * ntree; }        // (2 ntree + 1)
+};
+
+namespace detail {
+
+/// Room for the islands of `worlds` worlds. Allocates.
+template <class Mem, class Exec, class R>
+Islands<Mem> make_islands(Exec const& exec, Model<R, Mem> const& model, int worlds) {
+  Islands<Mem> s;
+  s.ntree = model.ntree;
+  s.nv = model.nv;
+  s.dof_tree = model.dof_tree;
+  s.tree_dofnum = model.tree_dofnum;
+  s.lists = allocate_zero<decltype(s.lists)>(exec, "gsp::Islands::lists", worlds, 6 * s.ntree + 5);
+  s.dofs = allocate_zero<decltype(s.dofs)>(exec, "gsp::Islands::dofs", worlds, s.nv);
+  return s;
+}
+
+/// The islands of one world. Labels: every tree gets the first tree that it is coupled to, until nothing changes; then elements and dofs are
+/// sorted by them (counting sort). Cost: a few passes over rows and trees.
+/// @param rows  of `constraint/rows.hpp`: first, count, row, element_rows
+template <class World, class Rows, class Mem>
+KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, Islands<Mem> const& s, int w) {
+  int const first = rows.first(w), count = rows.count(w), ntree = s.ntree;
+  int *const label = s.label(w), *const number = s.number(w), *const next = s.next(w), *const keys = s.keys.data() + first;
+  auto const tree_of = [&](int r, int segment) {  // -1: none
+    auto const& t = rows.row(first + r).segment[segment];
+    return t.count > 0 ? s.dof_tree(t.dof0) : -1;
+  };
+  world.each(ntree, [&](int t) { label[t] = t; });
+  for (bool again = ntree > 1; again;) {
+    world.sync();
+    int const changes = world.template sum<int>(count, [&](int r) {
+      int const n = rows.element_rows(first + r);
+      int least = ntree, changed = 0;
+      auto const each_tree = [&](auto const& f) {
+        for (int i = 0; i < 2 * n; ++i)
+          if (int const t = tree_of(r + i / 2, i % 2); t >= 0) f(t);
+      };
+      each_tree([&](int t) { least = label[t] < least ? label[t] : least; });
+      each_tree([&](int t) {
+        int const old = label[t];
+        if (old == least) return;
+        Kokkos::atomic_min(&label[old], least);
+        Kokkos::atomic_min(&label[t], least);
+        changed = 1;
+      });
+      return changed;
+    });
+    world.sync();
+    world.each(ntree, [&](int t) {
+      while (label[label[t]] != label[t]) label[t] = label[label[t]];
+    });
+    again = changes > 0;
+  }
+  world.sync();
+
+  world.each(2 * ntree + 1, [&](int k) { next[k] = 0; });
+  world.sync();
+  world.each(count, [&](int r) {  // by island, then elements of one row before others; -1: no element, or one that nothing is solved for
+    int const n = rows.element_rows(first + r);
+    int tree = -1;
+    if (!rows.row(first + r).eliminated)
+      for (int i = 0; i < 2 * n && tree < 0; ++i) tree = tree_of(r + i / 2, i % 2);
+    keys[r] = tree < 0 ? -1 : 2 * label[tree] + (n > 1);
+    if (tree >= 0) world.add(next[keys[r]], 1);
+  });
+  world.sync();
+  world.template scan<int>(2 * ntree + 1, [&](int k, int& running, bool last) {
+    int const n = next[k];
+    if (last) next[k] = running;
+    running += n;
+  });
+  world.sync();
+  world.template scan<int>(ntree, [&](int t, int& running, bool last) {
+    int const begin = next[2 * t], has = next[2 * t + 2] > begin;
+    if (last) {
+      number[t] = has ? running : -1;
+      if (has) s.first_element(w, running) = begin;
+      if (t == ntree - 1) s.count(w) = running + has, s.first_element(w, running + has) = next[2 * ntree];
+    }
+    running += has;
+  });
+  world.sync();
+  world.place(count, [&](int r) { return keys[r]; }, next, [&](int r, int at) { s.elements(first + at) = r; });
+
+  int const islands = s.count(w);
+  auto const island_of = [&](int tree) { return number[label[tree]] < 0 ? islands : number[label[tree]]; };
+  world.sync();
+  world.each(ntree + 1, [&](int k) { next[k] = 0; });
+  world.sync();
+  world.each(ntree, [&](int t) { world.add(next[island_of(t)], s.tree_dofnum(t)); });
+  world.sync();
+  world.template scan<int>(ntree + 1, [&](int k, int& running, bool last) {
+    int const n = next[k];
+    if (last) next[k] = s.first_dof(w, k) = running;
+    running += n;
+  });
+  world.sync();
+  world.place(s.nv, [&](int i) { return island_of(s.dof_tree(i)); }, next, [&](int i, int at) { s.dofs(w, at) = i; });
+  world.sync();
+}
+
+}  // namespace detail
+}  // namespace gsp

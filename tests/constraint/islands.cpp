@@ -1,0 +1,137 @@
+// Islands of random rows beside a plain search: parts, order and what is left out, on every backend.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <gsp/constraint/rows.hpp>
+#include <gsp/model/compile.hpp>
+#include <gsp_test_execs.hpp>
+#include <random>
+#include <set>
+
+#include "dynamics/random_tree.hpp"
+
+namespace {
+
+template <class Mem>
+struct Find {
+  gsp::Rows<double, Mem> rows;
+  template <class World>
+  KOKKOS_FUNCTION void operator()(World const& world) const {
+    gsp::detail::find_islands(world, rows, rows.islands, world.rank);
+  }
+};
+
+/// `trees` chains of 1, 2, 3, 1, ... hinges.
+gsp::CompiledModel chains(int trees) {
+  gsp::Description d;
+  for (int t = 0; t < trees; ++t)
+    for (int b = 0; b <= t % 3; ++b) {
+      gsp::BodyDescription body;
+      body.parent = b == 0 ? 0 : int(d.bodies.size()) - 1;
+      body.has_inertial = true;
+      body.inertial.mass = 1;
+      body.inertial.inertia = {1, 1, 1, 0, 0, 0};
+      body.joints.emplace_back();
+      d.bodies.push_back(body);
+    }
+  return gsp::compile(d);
+}
+
+struct Element {
+  int first, rows;
+  std::set<int> trees;
+  bool eliminated;
+};
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("islands are what rows couple, each with its elements and dofs in order", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  for (int trees : {1, 2, 40}) {
+    int const worlds = 7, capacity = 130;
+    auto const compiled = chains(trees);
+    auto const model = gsp::make_model<double>(exec, compiled);
+    std::vector<int> tree_of;  // of each dof
+    for (int t = 0; t < trees; ++t) tree_of.insert(tree_of.end(), compiled.tree_dofnum[t], t);
+    auto rows = gsp::make_rows(exec, model, {.worlds = worlds, .rows_per_world = capacity});
+    auto const row = Kokkos::create_mirror_view(rows.row);
+    auto const element_rows = Kokkos::create_mirror_view(rows.element_rows);
+    auto const first = Kokkos::create_mirror_view(rows.first), count = Kokkos::create_mirror_view(rows.count);
+    std::mt19937 random(trees);
+    auto const pick = [&](int n) { return int(random() % unsigned(n)); };
+    std::vector<std::vector<Element>> elements(worlds);
+    for (int w = 0; w < worlds; ++w) {
+      first(w) = w * capacity;
+      int const wanted = w == 0 ? 0 : w == 1 ? 1 : w * capacity / 8, reach = w % 2 ? trees : std::max(1, trees / 8);
+      int n = 0;
+      while (n < wanted) {
+        Element e{n, 1 + pick(6), {}, pick(10) == 0};
+        int const home = pick(trees);
+        for (int b = 0; b < e.rows; ++b) {
+          gsp::Row<double> r{};
+          for (int s = 0; s < 2; ++s) {  // a row may touch one tree, or none, in the second place alone
+            r.segment[s] = {-1, 0, 0};
+            if (pick(3) == 0) continue;
+            int const t = (home + pick(std::max(1, reach / 4))) % trees;
+            r.segment[s] = {-1, compiled.tree_dofnum[t], compiled.tree_dofadr[t]};
+            e.trees.insert(t);
+          }
+          r.eliminated = e.eliminated;
+          row(first(w) + n + b) = r;
+          element_rows(first(w) + n + b) = b == 0 ? e.rows : 0;
+        }
+        n += e.rows;
+        elements[w].push_back(e);
+      }
+      count(w) = n;
+    }
+    Kokkos::deep_copy(exec, rows.row, row);
+    Kokkos::deep_copy(exec, rows.element_rows, element_rows);
+    Kokkos::deep_copy(exec, rows.first, first);
+    Kokkos::deep_copy(exec, rows.count, count);
+    gsp::for_worlds("test", exec, worlds, Find<typename Exec::memory_space>{rows});
+    exec.fence();
+    auto const lists = gsp_test::host(rows.islands.lists), dofs = gsp_test::host(rows.islands.dofs);
+    auto const order = gsp_test::host(rows.islands.elements);
+    for (int w = 0; w < worlds; ++w) {
+      CAPTURE(trees);
+      CAPTURE(w);
+      std::vector<int> label(trees);  // the least tree that can be reached
+      for (int t = 0; t < trees; ++t) label[t] = t;
+      for (bool again = true; again;) {
+        again = false;
+        for (auto const& e : elements[w]) {
+          int least = trees;
+          for (int t : e.trees) least = std::min(least, label[t]);
+          for (int t : e.trees) again |= label[t] != least, label[t] = least;
+        }
+      }
+      std::vector<std::vector<int>> expected;  // by island: elements of one row, then others
+      std::vector<int> moved;
+      for (int t = 0; t < trees; ++t) {
+        std::vector<int> list;
+        for (int several = 0; several < 2; ++several)
+          for (auto const& e : elements[w])
+            if (!e.eliminated && !e.trees.empty() && label[*e.trees.begin()] == t && (e.rows > 1) == several) list.push_back(e.first);
+        if (list.empty()) continue;
+        expected.push_back(list);
+        moved.push_back(t);
+      }
+      auto const at = [&](int i) { return lists(w, i); };
+      int const islands = at(0);
+      REQUIRE(islands == int(expected.size()));
+      int place = 0, dof = 0;
+      for (int i = 0; i <= islands; ++i) {
+        CHECK(at(1 + i) == place);
+        CHECK(at(2 + trees + i) == dof);
+        for (int d = 0; d < compiled.nv; ++d) {
+          auto const found = std::find(moved.begin(), moved.end(), label[tree_of[d]]) - moved.begin();
+          if (found == i) CHECK(dofs(w, dof++) == d);
+        }
+        if (i < islands)
+          for (int e : expected[i]) CHECK(order(first(w) + place++) == e);
+      }
+      CHECK(dof == compiled.nv);
+    }
+  }
+}
