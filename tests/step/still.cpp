@@ -197,8 +197,8 @@ TEST_CASE("a heavy box stays on a light one") {
   }
 }
 
-// What cannot give way is pressed by its spring, K d x / R, whatever it was pressed with before. MuJoCo: 209 N, 228 N. Before, contacts that
-// carried much were hardened for it, so that they carried more: 1e27 N after 50 steps.
+// What cannot give way is pressed by its spring, K d x / R, whatever it was pressed with before. MuJoCo: 209 N, 228 N. Before, contacts
+// that carried much were hardened for it, so that they carried more: 1e27 N after 50 steps.
 TEST_CASE("what is squeezed is pressed no harder each step") {
   using Exec = Kokkos::DefaultHostExecutionSpace;
   double const r = 0.1, depth = 1e-3, mass = 1000 * 4.0 / 3.0 * M_PI * r * r * r, d = 0.95, time = 0.02;

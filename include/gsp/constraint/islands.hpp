@@ -4,15 +4,17 @@
 
 namespace gsp {
 
-/// The islands of each world: trees that rows couple, directly or through other trees. Nothing passes from one to another, so a solver takes
-/// them one by one, each for as long as it needs, or at the same time. Found anew each step by `pgs`; the same in any order of threads.
+/// The islands of each world: trees that rows couple, directly or through other trees. Nothing passes from one to another, so a solver
+/// takes them one by one, each for as long as it needs, or at the same time. Found anew each step by `pgs`; the same in any order of
+/// threads.
 template <class Mem>
 struct Islands {
   int ntree = 0, nv = 0;
   Kokkos::View<int**, Kokkos::LayoutRight, Mem> lists;  // (worlds, 6 ntree + 5): count, first_element, first_dof, and room to find them
   Kokkos::View<int**, Kokkos::LayoutRight, Mem> dofs;   // (worlds, nv)
-  Kokkos::View<int*, Kokkos::LayoutRight, Mem> elements, keys;  // (capacity of rows), a world's from Rows::first on; keys: of rows, to sort by
-  Kokkos::View<int const*, Mem> dof_tree, tree_dofnum;          // the model's
+  Kokkos::View<int*, Kokkos::LayoutRight, Mem> elements,
+      keys;                                             // (capacity of rows), a world's from Rows::first on; keys: of rows, to sort by
+  Kokkos::View<int const*, Mem> dof_tree, tree_dofnum;  // the model's
 
   /// Islands of a world that have rows.
   KOKKOS_INLINE_FUNCTION int& count(int w) const { return lists(w, 0); }
@@ -22,9 +24,9 @@ struct Islands {
   /// And the dofs first_dof(w, i) ... of `dofs`; from that of island count(w) on they are those that no row moves.
   KOKKOS_INLINE_FUNCTION int& first_dof(int w, int i) const { return lists(w, 2 + ntree + i); }
   /// Scratch.
-  KOKKOS_INLINE_FUNCTION int* label(int w) const { return &lists(w, 4 + 2 * ntree); }   // (ntree)
-  KOKKOS_INLINE_FUNCTION int* number(int w) const { return label(w) + ntree; }          // (ntree)
-  KOKKOS_INLINE_FUNCTION int* next(int w) const { return label(w) + 2 * ntree; }        // (2 ntree + 1)
+  KOKKOS_INLINE_FUNCTION int* label(int w) const { return &lists(w, 4 + 2 * ntree); }  // (ntree)
+  KOKKOS_INLINE_FUNCTION int* number(int w) const { return label(w) + ntree; }         // (ntree)
+  KOKKOS_INLINE_FUNCTION int* next(int w) const { return label(w) + 2 * ntree; }       // (2 ntree + 1)
 };
 
 namespace detail {
@@ -42,8 +44,8 @@ Islands<Mem> make_islands(Exec const& exec, Model<R, Mem> const& model, int worl
   return s;
 }
 
-/// The islands of one world. Labels: every tree gets the first tree that it is coupled to, until nothing changes; then elements and dofs are
-/// sorted by them (counting sort). Cost: a few passes over rows and trees.
+/// The islands of one world. Labels: every tree gets the first tree that it is coupled to, until nothing changes; then elements and dofs
+/// are sorted by them (counting sort). Cost: a few passes over rows and trees.
 /// @param rows  of `constraint/rows.hpp`: first, count, row, element_rows
 template <class World, class Rows, class Mem>
 KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, Islands<Mem> const& s, int w) {
@@ -108,7 +110,8 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
     running += has;
   });
   world.sync();
-  world.place(count, [&](int r) { return keys[r]; }, next, [&](int r, int at) { s.elements(first + at) = r; });
+  world.place(
+      count, [&](int r) { return keys[r]; }, next, [&](int r, int at) { s.elements(first + at) = r; });
 
   int const islands = s.count(w);
   auto const island_of = [&](int tree) { return number[label[tree]] < 0 ? islands : number[label[tree]]; };
@@ -123,7 +126,8 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
     running += n;
   });
   world.sync();
-  world.place(s.nv, [&](int i) { return island_of(s.dof_tree(i)); }, next, [&](int i, int at) { s.dofs(w, at) = i; });
+  world.place(
+      s.nv, [&](int i) { return island_of(s.dof_tree(i)); }, next, [&](int i, int at) { s.dofs(w, at) = i; });
   world.sync();
 }
 

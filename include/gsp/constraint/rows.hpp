@@ -80,6 +80,7 @@ struct Rows {
   View<int*> largest_element;                // (worlds) most rows of an element
   View<int*> eliminated;                     // (worlds) rows that are eliminated
   View<R*> rate_scale;                       // (worlds) what gravity does in a step, |g| h [m/s]; of standard gravity where there is none
+  View<R*> weight;                           // (worlds) and to all bodies together, m |g| h [N s]
   View<std::int64_t*> first_entry, entries;  // (worlds) of Y
   View<Row<R>*> row;                         // (capacity)
   View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
@@ -142,6 +143,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   make(r.largest_element, "gsp::Rows::largest_element", n);
   make(r.eliminated, "gsp::Rows::eliminated", n);
   make(r.rate_scale, "gsp::Rows::rate_scale", n);
+  make(r.weight, "gsp::Rows::weight", n);
   make(r.first_entry, "gsp::Rows::first_entry", n);
   make(r.entries, "gsp::Rows::entries", n);
   make(r.demand, "gsp::Rows::demand", 2);

@@ -36,10 +36,12 @@ struct CountRows {
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
     std::uint32_t const status = types.status(w);
+    R const mass = world.template sum<R>(model.nbody - 1, [&](int b) { return model.body_mass(w, b + 1); });
     world.single([&] {
       state.status(w) = (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused)) | status;
       rows.largest_element(w) = 3;  // what contacts have
       rows.rate_scale(w) = gravity_rate(model.gravity, w, model.timestep);
+      rows.weight(w) = mass * rows.rate_scale(w);
     });
     types.prepare(world);
     world.sync();
@@ -243,7 +245,7 @@ struct EmitRows {
       if (model.profile == Profile::stable || !(row.lower <= R(0) && row.upper >= R(0))) row.lower = row.upper = R(0);
     }
     out = row;
-    return max(law.most_yield, law.zeta);  // hardened so far that it yields at most that: never until it stops being pushed out
+    return law.most_yield;
   }
   /// What belongs to the element as a whole: place in the list of types, couplings, identity, and the impulses to start from.
   template <class Type>
@@ -258,7 +260,8 @@ struct EmitRows {
     RowId const id = type.id(w, k);
     R start[most_element_rows];
     for (int r = 0; r < n; ++r) start[r] = R(0);
-    R const load = state.steps(w) > 0 ? find_start(type, k, place, id, w, n, start) : R(0);
+    // What is squeezed carries zeta / C, and hardened for that it would carry more each step: the weight of all is the most that counts.
+    R const load = state.steps(w) > 0 ? min(find_start(type, k, place, id, w, n, start), rows.weight(w)) : R(0);
     for (int r = 0; r < n; ++r) {
       row[r].type = static_cast<unsigned char>(place);
       impulses.id[now](first + r) = row_key(place, id);

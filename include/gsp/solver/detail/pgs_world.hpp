@@ -7,8 +7,8 @@
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// Projected Gauss-Seidel over sparse rows, island by island: a thread a world, or a warp whose threads share the entries of a row; worlds of
-/// several trees may be shared by several threads or warps.
+/// Projected Gauss-Seidel over sparse rows, island by island: a thread a world, or a warp whose threads share the entries of a row; worlds
+/// of several trees may be shared by several threads or warps.
 namespace gsp::detail {
 
 template <class R, class Mem>
@@ -52,8 +52,11 @@ struct PgsWorld {
     int const count = islands.count(w);
     int most = 0;
     for (int i = part; i < count; i += parts) {
-      Island const e{w, rows.first(w), islands.elements.data() + rows.first(w) + islands.first_element(w, i),
-                     islands.first_element(w, i + 1) - islands.first_element(w, i), &islands.dofs(w, 0) + islands.first_dof(w, i),
+      Island const e{w,
+                     rows.first(w),
+                     islands.elements.data() + rows.first(w) + islands.first_element(w, i),
+                     islands.first_element(w, i + 1) - islands.first_element(w, i),
+                     &islands.dofs(w, 0) + islands.first_dof(w, i),
                      islands.first_dof(w, i + 1) - islands.first_dof(w, i)};
       int const sweeps = solve(world, e, z, p);
       most = sweeps > most ? sweeps : most;
@@ -197,6 +200,7 @@ struct PgsWorld {
     }
     return change;
   }
+
  public:
   /// Laws of an element, its impulses, and the rates w = Y z + C p + b of its rows.
   template <int M, class World>
