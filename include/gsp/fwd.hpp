@@ -31,6 +31,8 @@ template <class R, class Mem>
 struct Contacts;  // collision/contacts.hpp
 template <class R, class Mem>
 struct Rows;  // constraint/rows.hpp
+template <class Mem>
+struct Islands;  // constraint/islands.hpp
 template <class R, class Mem>
 struct Impulses;  // constraint/impulses.hpp
 template <class Mem>

@@ -17,6 +17,7 @@
 #include <gsp/constraint/eliminate.hpp>
 #include <gsp/constraint/equality.hpp>
 #include <gsp/constraint/impulses.hpp>
+#include <gsp/constraint/islands.hpp>
 #include <gsp/constraint/joint_forces.hpp>
 #include <gsp/constraint/joint_friction.hpp>
 #include <gsp/constraint/joint_limit.hpp>

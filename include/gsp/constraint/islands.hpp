@@ -105,7 +105,10 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
     if (last) {
       number[t] = has ? running : -1;
       if (has) s.first_element(w, running) = begin;
-      if (t == ntree - 1) s.count(w) = running + has, s.first_element(w, running + has) = next[2 * ntree];
+      if (t == ntree - 1) {
+        s.count(w) = running + has;
+        s.first_element(w, running + has) = next[2 * ntree];
+      }
     }
     running += has;
   });
