@@ -79,6 +79,7 @@ TEST_CASE("unknown and unsupported words name file, line and remedy") {
   refused(model("", "<actuator><general joint='j' dyntype='user'/></actuator>"), "m.xml:4: ", "use one of: none, integrator, filter");
   refused(model("", "<actuator><general joint='j' gaintype='pid'/></actuator>"), "m.xml:4: ", "use one of: fixed, affine, muscle");
   refused(model("", "<actuator><muscle joint='j'/></actuator>"), "m.xml:4: ", "needs the range of its length");
+  refused(model("", "<actuator><muscle site='s' lengthrange='0 1'/></actuator>"), "m.xml:4: ", "unknown attribute 'site' of <muscle>");
   refused(model("", "<sensor><plugin/></sensor>"), "m.xml:4: ", "<sensor> <plugin>: plug-ins are not supported");
   refused(model("", "<sensor><gyro site='s' nsample='4'/></sensor>"), "m.xml:4: ", "nsample='4'");
   refused(model("", "<option integrator='discrete'/>"), "m.xml:4: ", "use implicitfast");

@@ -553,3 +553,18 @@ TEST_CASE("models that our reader has read") {
       check_read(*path, name.find("go2") != std::string::npos ? gsp_test::without_meshes(*path) : std::string(),
                  gsp::io::read_mjcf(*path, {.skip_visuals = true}));
 }
+
+// A ball joint may come after hinges and slides of its body (not before a hinge: MuJoCo and we refuse that). Armatures keep M regular.
+TEST_CASE("a ball joint after hinges of the same body") {
+  for (std::string const joints :
+       {"<joint axis='1 2 0' pos='.1 0 .2' armature='.2' damping='.1'/><joint type='ball' pos='0 .1 0' stiffness='2' armature='.1'/>",
+        "<joint axis='0 1 0' pos='0 0 .3' armature='.1'/><joint type='slide' axis='1 0 1'/><joint axis='0 0 1' "
+        "armature='.3'/><joint type='ball' armature='.2' damping='.3'/>"}) {
+    std::string const text = "<mujoco><worldbody><body pos='0 0 1'>" + joints +
+                             "<geom type='box' size='.3 .1 .05' pos='.1 .2 .03' euler='20 30 40'/><body pos='.3 0 0'><joint axis='0 1 1'/>"
+                             "<geom type='capsule' size='.05 .2'/></body></body></worldbody></mujoco>";
+    auto const oracle = gsp_test::load_oracle("ball.xml", text);
+    check("ball.xml", oracle.m(), oracle.d());
+    check_read("ball.xml", text, gsp::io::parse_mjcf(text, "ball.xml"));
+  }
+}

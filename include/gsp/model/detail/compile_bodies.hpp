@@ -134,10 +134,6 @@ class BodyCompiler : public CompilerBase {
         if (&other == &j) break;
         if (other.type == JointType::ball) fail(j.place, "joint", j.name, "turns a body that a ball joint turns already: keep one of them");
       }
-    if (is_ball)
-      for (auto const& other : body.joints)
-        if (&other != &j && other.type == JointType::hinge)
-          fail(j.place, "joint", j.name, "is a ball joint beside a hinge of the same body: keep one of them");
     if (j.armature < 0) fail(j.place, "joint", j.name, "has a negative armature: give zero or more");
     bool const limited = j.limited && !is_free;
     if (is_ball && limited && (j.range[0] != 0 || j.range[1] < 0))
