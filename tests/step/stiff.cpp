@@ -240,7 +240,9 @@ TEST_CASE_TEMPLATE("a servo at the limit of its force comes to its target", Exec
       }
     }
     World<R, Exec> w(d, h);
-    w.put(w.state.ctrl, {way == Way::gear ? -2 * target : target, 0});
+    std::vector<double> ctrl{way == Way::gear ? -2 * target : target};
+    ctrl.resize(std::size_t(w.model.nu));
+    w.put(w.state.ctrl, ctrl);
     w.put(w.state.qvel, {5});
     w.run(5);
     CAPTURE(h);

@@ -11,6 +11,12 @@
 /// of several trees may be shared by several threads or warps.
 namespace gsp::detail {
 
+/// Worlds that a host can solve in lockstep, which stop as a whole, are one island on all backends: the same answer from all.
+template <class World, class R, class Mem>
+KOKKOS_INLINE_FUNCTION void find_solved_islands(World const& world, Rows<R, Mem> const& rows, int w) {
+  find_islands(world, rows, rows.islands, w, rows.nv <= lockstep_most_dofs && goes_in_lockstep(rows, w));
+}
+
 template <class R, class Mem>
 struct FindIslands {
   Rows<R, Mem> rows;
@@ -20,7 +26,7 @@ struct FindIslands {
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
     if (halt() || (lockstep && goes_in_lockstep(rows, world.rank))) return;
-    find_islands(world, rows, rows.islands, world.rank);
+    find_solved_islands(world, rows, world.rank);
     world.single([&] { solution.iterations(world.rank) = 0; });
   }
 };
@@ -46,7 +52,7 @@ struct PgsWorld {
     if (world.rank == 0) world.single([&] { impulses.solved() = 1; });
     if (lockstep && goes_in_lockstep(rows, w)) return;
     auto const& islands = rows.islands;
-    if (parts == 1) find_islands(world, rows, islands, w);
+    if (parts == 1) find_solved_islands(world, rows, w);
     R* const z = solution.z.data() + std::int64_t(w) * rows.nv;
     R* const p = impulses.p[impulses.parity()].data() + rows.first(w);
     int const count = islands.count(w);
