@@ -46,18 +46,17 @@ Islands<Mem> make_islands(Exec const& exec, Model<R, Mem> const& model, int worl
 
 /// The islands of one world. Labels: every tree gets the first tree that it is coupled to, until nothing changes; then elements and dofs
 /// are sorted by them (counting sort). Cost: a few passes over rows and trees.
-/// @param rows   of `constraint/rows.hpp`: first, count, row, element_rows
-/// @param whole  all of the world is one island
+/// @param rows  of `constraint/rows.hpp`: first, count, row, element_rows
 template <class World, class Rows, class Mem>
-KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, Islands<Mem> const& s, int w, bool whole = false) {
+KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, Islands<Mem> const& s, int w) {
   int const first = rows.first(w), count = rows.count(w), ntree = s.ntree;
   int *const label = s.label(w), *const number = s.number(w), *const next = s.next(w), *const keys = s.keys.data() + first;
   auto const tree_of = [&](int r, int segment) {  // -1: none
     auto const& t = rows.row(first + r).segment[segment];
     return t.count > 0 ? s.dof_tree(t.dof0) : -1;
   };
-  world.each(ntree, [&](int t) { label[t] = whole ? 0 : t; });
-  for (bool again = ntree > 1 && !whole; again;) {
+  world.each(ntree, [&](int t) { label[t] = t; });
+  for (bool again = ntree > 1; again;) {
     world.sync();
     int const changes = world.template sum<int>(count, [&](int r) {
       int const n = rows.element_rows(first + r);

@@ -11,10 +11,11 @@
 /// of several trees may be shared by several threads or warps.
 namespace gsp::detail {
 
-/// Worlds that a host can solve in lockstep, which stop as a whole, are one island on all backends: the same answer from all.
-template <class World, class R, class Mem>
-KOKKOS_INLINE_FUNCTION void find_solved_islands(World const& world, Rows<R, Mem> const& rows, int w) {
-  find_islands(world, rows, rows.islands, w, rows.nv <= lockstep_most_dofs && goes_in_lockstep(rows, w));
+/// Worlds of one tree are one island, and so are those that a host can solve in lockstep, which stop as a whole there: the same answer on
+/// all backends.
+template <class R, class Mem>
+KOKKOS_INLINE_FUNCTION bool is_one_island(Rows<R, Mem> const& rows, int w) {
+  return rows.islands.ntree <= 1 || (rows.nv <= lockstep_most_dofs && goes_in_lockstep(rows, w));
 }
 
 template <class R, class Mem>
@@ -25,8 +26,8 @@ struct FindIslands {
   bool lockstep;
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
-    if (halt() || (lockstep && goes_in_lockstep(rows, world.rank))) return;
-    find_solved_islands(world, rows, world.rank);
+    if (halt() || is_one_island(rows, world.rank)) return;
+    find_islands(world, rows, rows.islands, world.rank);
     world.single([&] { solution.iterations(world.rank) = 0; });
   }
 };
@@ -52,9 +53,18 @@ struct PgsWorld {
     if (world.rank == 0) world.single([&] { impulses.solved() = 1; });
     if (lockstep && goes_in_lockstep(rows, w)) return;
     auto const& islands = rows.islands;
-    if (parts == 1) find_solved_islands(world, rows, w);
     R* const z = solution.z.data() + std::int64_t(w) * rows.nv;
     R* const p = impulses.p[impulses.parity()].data() + rows.first(w);
+    if (is_one_island(rows, w)) {
+      if (part > 0) return;
+      int const sweeps = solve(world, Island{w, rows.first(w), nullptr, rows.count(w), nullptr, rows.nv}, z, p);
+      world.single([&] {
+        solution.iterations(w) = sweeps;
+        solution.residual(w) = Kokkos::Experimental::quiet_NaN_v<R>;
+      });
+      return;
+    }
+    if (parts == 1) find_islands(world, rows, islands, w);
     int const count = islands.count(w);
     int most = 0;
     for (int i = part; i < count; i += parts) {
@@ -82,17 +92,40 @@ struct PgsWorld {
  private:
   struct Island {
     int world, first_row;
-    int const* element;  // first rows, counted from first_row
-    int elements;
-    int const* dof;
+    int const* element;  // first rows, counted from first_row; null: all rows of the world, the order being found on the way
+    int elements;        // or rows
+    int const* list;     // null: all dofs
     int dofs;
+    KOKKOS_INLINE_FUNCTION int dof(int k) const { return list ? list[k] : k; }
+    /// Of entry k of the list: first row, and the row after its last.
+    KOKKOS_INLINE_FUNCTION int begin(int k) const { return element ? element[k] : k; }
+    KOKKOS_INLINE_FUNCTION int end(Rows<R, Mem> const& rows, int k) const {
+      return element ? element[k] + rows.element_rows(first_row + element[k]) : k + 1;
+    }
   };
-  /// f(r) for the rows of an island, elements shared by the world's threads.
+  /// f(r) for the rows of an island, shared by the world's threads.
   template <class World, class F>
   KOKKOS_INLINE_FUNCTION void each_row(World const& world, Island const& e, F const& f) const {
     world.each(e.elements, [&](int k) {
-      for (int r = e.element[k], end = r + rows.element_rows(e.first_row + r); r < end; ++r) f(r);
+      for (int r = e.begin(k), end = e.end(rows, k); r < end; ++r) f(r);
     });
+  }
+  /// Goes to the next element of a sweep: elements of one row before others. False after the last; place and several begin with 0.
+  KOKKOS_INLINE_FUNCTION bool next_element(Island const& e, int& place, int& several, int& r, int& n) const {
+    if (e.element) {
+      if (place == e.elements) return false;
+      r = e.element[place++];
+      n = rows.element_rows(e.first_row + r);
+      return true;
+    }
+    for (; several < 2; place = 0, ++several)
+      while (place < e.elements) {
+        r = place;
+        n = rows.element_rows(e.first_row + r);
+        place += n;
+        if ((n > 1) == several && !rows.row(e.first_row + r).eliminated) return true;
+      }
+    return false;
   }
   /// Sweeps until no rate changes by more than the tolerance; their number.
   template <class World>
@@ -102,11 +135,10 @@ struct PgsWorld {
     int sweep = 0;
     bool leaping = true;
     R before_leap = Kokkos::Experimental::infinity_v<R>;
-    for (bool again = true; again; ++sweep) {
+    for (bool again = e.elements > 0; again; ++sweep) {
       R change(0);
       if (leaps_after(sweep)) keep(world, e, z, p);
-      for (int k = 0; k < e.elements; ++k) {
-        int const r = e.element[k], n = rows.element_rows(e.first_row + r);
+      for (int place = 0, several = 0, r, n; next_element(e, place, several, r, n);) {
         Row<R> const* const row = &rows.row(e.first_row + r);
         if (n == 1)
           change = max(change, sweep_element<1>(world, row, 1, z, p + r));
@@ -127,16 +159,14 @@ struct PgsWorld {
   /// z = Y^T p of an island.
   template <class World>
   KOKKOS_INLINE_FUNCTION void sum_island(World const& world, Island const& e, R* z, R const* p) const {
-    world.each(e.dofs, [&](int k) { z[e.dof[k]] = R(0); });
-    for (int k = 0; k < e.elements; ++k) {
-      int const r = e.element[k];
-      push_rows(world, rows, e.first_row + r, rows.element_rows(e.first_row + r), z, p + r);
-    }
+    world.each(e.dofs, [&](int k) { z[e.dof(k)] = R(0); });
+    if (!e.element) return push_rows(world, rows, e.first_row, e.elements, z, p);
+    for (int k = 0; k < e.elements; ++k) push_rows(world, rows, e.first_row + e.begin(k), e.end(rows, k) - e.begin(k), z, p + e.begin(k));
   }
   /// Impulses and z before a sweep that a leap follows on.
   template <class World>
   KOKKOS_INLINE_FUNCTION void keep(World const& world, Island const& e, R const* z, R const* p) const {
-    world.each(e.dofs, [&](int k) { solution.z_before(e.world, e.dof[k]) = z[e.dof[k]]; });
+    world.each(e.dofs, [&](int k) { solution.z_before(e.world, e.dof(k)) = z[e.dof(k)]; });
     each_row(world, e, [&](int r) { impulses.before(e.first_row + r) = p[r]; });
     world.sync();
   }
@@ -147,11 +177,11 @@ struct PgsWorld {
     for (R LeapSums<R>::*part : {&LeapSums<R>::pp, &LeapSums<R>::pd, &LeapSums<R>::dd, &LeapSums<R>::bp, &LeapSums<R>::bd})
       s.*part = world.template sum<R>(e.dofs, [&](int k) {
         LeapSums<R> own{};
-        own.add_dof(z[e.dof[k]], z[e.dof[k]] - solution.z_before(e.world, e.dof[k]));
+        own.add_dof(z[e.dof(k)], z[e.dof(k)] - solution.z_before(e.world, e.dof(k)));
         return own.*part;
       }) + world.template sum<R>(e.elements, [&](int k) {
         LeapSums<R> own{};
-        for (int r = e.element[k], end = r + rows.element_rows(e.first_row + r); r < end; ++r) {
+        for (int r = e.begin(k), end = e.end(rows, k); r < end; ++r) {
           auto const& row = rows.row(e.first_row + r);
           own.add_row(p[r], p[r] - impulses.before(e.first_row + r), row.compliance, row.bias);
         }
