@@ -151,8 +151,8 @@ TEST_CASE("cans come to rest on a shelf") {
 }
 
 // MuJoCo's tower of 20 buckles: 21 mm of give, 44 mm sideways after 6 s from a start moved by 1e-6, fallen at 8 s. Ours from aligned: what
-// rounding moves sways (docs/decisions/0013: 0.25 mm in 10 s), within a 50th of half a box. As it sways it takes 10 to 33 sweeps a step,
-// which hangs on the processor's rounding (the project's bar for what rests is 10): the bars here only guard against never stopping.
+// rounding moves sways (docs/decisions/0013: 0.25 mm in 10 s), within a 50th of half a box. As it sways it takes 9 to 51 sweeps a step,
+// which hangs on rounding alone, so that they are printed and no bar (the project's for what rests is 10).
 TEST_CASE("an aligned tower of 20 stands") {
   using Exec = Kokkos::DefaultHostExecutionSpace;
   World<double, Exec> w(tower(0.05, std::vector<double>(20, 1.0), 0.005));
@@ -160,13 +160,11 @@ TEST_CASE("an aligned tower of 20 stands") {
   double const sweeps = w.mean_sweeps(200);
   MESSAGE("sideways " << w.moved(true) << " m in 10 s, " << sweeps << " sweeps a step");
   CHECK(w.moved(true) < 1e-3);
-  CHECK(sweeps < 60);
   World<float, Exec> f(tower(0.05, std::vector<double>(20, 1.0), 0.005));
   f.step(1800);
   double const rounded = f.mean_sweeps(200);
   MESSAGE("sideways " << f.moved(true) << " m in 10 s in float, " << rounded << " sweeps a step");
   CHECK(f.moved(true) < 1e-3);
-  CHECK(rounded < 60);
 }
 
 // The give of a contact is that of the mass that it carries: d^2 K x = (1 - d) |g| with the impedance d(x) of the defaults, 0.367 mm for
