@@ -28,19 +28,12 @@ void run(Exec const& exec, gsp::Profile profile, int worlds) {
   int const steps = 10;
   auto const time =
       gsp_bench::measure(exec, [&] { gsp::step(exec, model, state, sim, {.steps = steps, .poses = false}); }, {.samples = 5, .repeats = 5});
-  long rows = 0, iterations = 0;
-  auto const count = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, sim.rows.count);
-  auto const last = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, sim.solution.iterations);
-  for (int w = 0; w < worlds; ++w) {
-    rows += count(w);
-    iterations += last(w);
-  }
   gsp_bench::Line("step/step", exec)
       .add("worlds", worlds)
       .add("profile", profile == gsp::Profile::mujoco ? "mujoco" : "stable")
       .add("precision", "float")
-      .add("rows_per_world", double(rows) / worlds)
-      .add("iterations", double(iterations) / worlds)
+      .add("rows_per_world", gsp_bench::mean(sim.rows.count))
+      .add("iterations", gsp_bench::mean(sim.solution.iterations))
       .add(time)
       .add("us_per_world", 1e6 * time.median / (steps * worlds))
       .add("steps_per_second", steps * worlds / time.median)

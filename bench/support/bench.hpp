@@ -79,6 +79,15 @@ std::string state_hash(View const& view) {
   return text;
 }
 
+/// Mean of a view of one number a world.
+template <class View>
+double mean(View const& view) {
+  auto const host = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, view);
+  double sum = 0;
+  for (std::size_t w = 0; w < host.extent(0); ++w) sum += double(host(w));
+  return sum / double(host.extent(0));
+}
+
 /// One line of output: a JSON object that grows by add().
 class Line {
  public:

@@ -46,38 +46,33 @@ struct SoftElements {
   }
   KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
-/// A normal and two rows of friction: in world 0 they share an ellipse, in world 1 they are a box, in world 2 a row without friction stands
-/// between them, in world 3 there are three, one of them beside the ellipse.
-struct Friction {
+/// One element whose rows push on one dof each.
+struct UnitRows {
   KOKKOS_FUNCTION int count(int) const { return 1; }
-  KOKKOS_FUNCTION int rows(int world, int) const { return world < 2 ? 3 : 4; }
   template <class Row>
   KOKKOS_FUNCTION double jacobian(int, int, int row, Row&& J) const {
     J.set_dof(row, 1.);
     return 0;
   }
   KOKKOS_FUNCTION gsp::RowLaw<double> law(int, int, int, double, double, double) const { return {1., 0.}; }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
+};
+/// A normal and two rows of friction: in world 0 they share an ellipse, in world 1 they are a box, in world 2 a row without friction stands
+/// between them, in world 3 there are three, one of them beside the ellipse.
+struct Friction : UnitRows {
+  KOKKOS_FUNCTION int rows(int world, int) const { return world < 2 ? 3 : 4; }
   KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int, int row) const {
     if (row == 0 || (world == 2 && row == 2)) return {0, 1e300};
     return {0, 0, 0, 0.5, row == 1 && (world == 0 || world == 3)};
   }
-  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
 /// Friction of a row that pulls too.
-struct BoundedNormal {
-  KOKKOS_FUNCTION int count(int) const { return 1; }
+struct BoundedNormal : UnitRows {
   KOKKOS_FUNCTION int rows(int, int) const { return 2; }
-  template <class Row>
-  KOKKOS_FUNCTION double jacobian(int, int, int row, Row&& J) const {
-    J.set_dof(row, 1.);
-    return 0;
-  }
-  KOKKOS_FUNCTION gsp::RowLaw<double> law(int, int, int, double, double, double) const { return {1., 0.}; }
   KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int, int row) const {
     if (row == 1) return {0, 0, 0, 0.5};
     return {world == 0 ? 0. : -1., world == 2 ? 5. : 1e300};
   }
-  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
 }  // namespace test_types
 

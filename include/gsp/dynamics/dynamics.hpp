@@ -80,6 +80,11 @@ struct LaneItems {
   }
 };
 
+namespace detail {
+/// Whether d bias / d qvel is taken: profile stable where nothing damps, and implicit integrators.
+KOKKOS_INLINE_FUNCTION bool takes_bias_derivative(Archetype const& a) { return a.gyroscopic || a.derivative == 2; }
+}  // namespace detail
+
 /// Where the dynamics of a tree keep their items: offsets for its archetype. First what the constraints and the integrator need, then other
 /// results (vectors of dofs; force = passive - bias + actuator + applied; stiffness, damping: what the factored matrix takes implicitly;
 /// velocity: free, then new), then what is needed within one stage only.
@@ -119,7 +124,7 @@ struct DynamicsLayout {
     reserve(act_row, a.stiff ? 4 * a.nact : 0);
     reserve(tendon_row, a.stiff ? 2 * a.ntendon : 0);
     reserve(mass, a.nM);
-    bool const bias_derivative = a.gyroscopic || a.derivative == 2;
+    bool const bias_derivative = detail::takes_bias_derivative(a);
     reserve(derivative, (bias_derivative ? 2 : a.derivative) * a.nM);
     reserve(force, a.nv);
     reserve(passive, a.nv);

@@ -7,8 +7,6 @@
 /// Algebra (IEEE RA-L, 2022); in world axes the matrix B of a body has the closed form below.
 namespace gsp::detail {
 
-KOKKOS_INLINE_FUNCTION bool takes_bias_derivative(Archetype const& a) { return a.gyroscopic || a.derivative == 2; }
-
 /// True where the integrator takes all of the derivative of body b's forces: always (implicit, stable), or as it is a lone free body
 /// (implicitfast).
 template <class L>

@@ -18,12 +18,12 @@ KOKKOS_INLINE_FUNCTION bool is_one_island(Rows<R, Mem> const& rows, int w) {
   return rows.islands.ntree <= 1 || (rows.nv <= lockstep_most_dofs && goes_in_lockstep(rows, w));
 }
 
+/// For worlds that several threads or warps share: the islands, and a number of sweeps to begin from.
 template <class R, class Mem>
 struct FindIslands {
   Rows<R, Mem> rows;
   Solution<R, Mem> solution;
   Kokkos::View<int, Mem> halt;
-  bool lockstep;
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
     if (halt() || is_one_island(rows, world.rank)) return;
