@@ -42,7 +42,7 @@ constexpr Apart apart[] = {
     {"mujoco/replicate/bunnies.xml", 0},
     {"mujoco/replicate/leaves.xml", 0},
     {"phys_bench/assets/franka_emika_panda/panda.xml", 0},
-    // tendons between two sites on one ray from the centre of the sphere that they are to wrap: their plane is what rounding says
+    // tendons that pass through a sphere: MuJoCo stops looking for the point where they touch it (tests/oracle/rows.cpp)
     {"mujoco/replicate/tendon.xml", 20, 1e3},
 };
 
