@@ -86,6 +86,7 @@
 #include <gsp/sensor/sense.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>
 #include <gsp/solver/newton.hpp>
+#include <gsp/solver/noslip.hpp>
 #include <gsp/solver/pgs.hpp>
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/soft_element.hpp>

@@ -160,6 +160,8 @@ void compare(CompiledModel const& g, mjModel const* m) {
   CHECK(int(g.option.integrator) == m->opt.integrator);
   CHECK(int(g.option.cone) == m->opt.cone);
   CHECK(g.option.iterations == m->opt.iterations);
+  CHECK(g.option.noslip_iterations == m->opt.noslip_iterations);
+  CHECK(g.option.noslip_tolerance == m->opt.noslip_tolerance);
   auto const& o = g.option;
   for (auto const& [on, bit] : {std::pair{o.constraint, mjDSBL_CONSTRAINT},
                                 {o.frictionloss, mjDSBL_FRICTIONLOSS},
@@ -521,7 +523,7 @@ TEST_CASE("compiler settings") {
 
 TEST_CASE("joints: springdamper, armature, friction loss, softness, several on one body, chains of static bodies") {
   compare(
-      R"(<mujoco><option timestep=".004" gravity="0 1 -5" cone="elliptic" impratio="3" integrator="implicitfast" iterations="7"><flag contact="disable" eulerdamp="disable" refsafe="disable" warmstart="disable"/></option>
+      R"(<mujoco><option timestep=".004" gravity="0 1 -5" cone="elliptic" impratio="3" integrator="implicitfast" iterations="7" noslip_iterations="5" noslip_tolerance="1e-7"><flag contact="disable" eulerdamp="disable" refsafe="disable" warmstart="disable"/></option>
    <default><joint solreflimit=".05 .9" solimpfriction=".8 .9" damping="1"/></default>
    <worldbody><body><geom size=".1"/><body pos="0 0 1"><joint name="a" springdamper=".1 .7"/><joint type="slide" axis="0 0 2" armature=".3" frictionloss=".2" solreffriction=".1" margin=".01"/>
      <geom size=".1" pos=".3 0 0"/><body pos="1 0 0"><body pos="0 1 0" euler="0 0 20"><joint type="ball" pos=".1 0 0" armature=".1" springdamper=".2 1" actuatorfrcrange="-3 4"/><geom type="box" size=".1 .2 .3"/></body></body></body></body>

@@ -121,7 +121,6 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel const& compil
     put(d->mocap_pos, mocap_pos, 3 * m->nmocap), put(d->mocap_quat, mocap_quat, 4 * m->nmocap);
     m->opt = own;
     m->opt.solver = mjSOL_NEWTON, m->opt.iterations = 1000, m->opt.tolerance = 0, m->opt.ls_iterations = 200, m->opt.ls_tolerance = 1e-12;
-    m->opt.noslip_iterations = 0;
     std::vector<double> const before(d->qvel, d->qvel + m->nv);
     mj_step(m, d);
     m->opt = own;

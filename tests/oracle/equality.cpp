@@ -9,6 +9,7 @@
 
 #include "dynamics/random_tree.hpp"
 #include "oracle/load.hpp"
+#include "oracle/rows.hpp"
 #include "support/data.hpp"
 #include "support/skip.hpp"
 
@@ -32,30 +33,6 @@ struct Subject {
   gsp::CompiledModel const& compiled;
 };
 
-void copy_state(mjModel const* m, mjData const* d, gsp::State<double, Mem>& state) {
-  for (int i = 0; i < m->nq; ++i) state.qpos(0, i) = d->qpos[i];
-  for (int i = 0; i < m->nv; ++i) state.qvel(0, i) = d->qvel[i];
-  for (int i = 0; i < m->nu; ++i) state.ctrl(0, i) = d->ctrl[i];
-  for (int i = 0; i < m->na; ++i) state.act(0, i) = d->act[i];
-  for (int i = 0; i < m->neq; ++i) state.eq_active(0, i) = d->eq_active[i];
-  for (int k = 0; k < m->nmocap; ++k) {
-    for (int c = 0; c < 3; ++c) state.mocap_pos(0, k, c) = d->mocap_pos[3 * k + c];
-    for (int c = 0; c < 4; ++c) state.mocap_quat(0, k, c) = d->mocap_quat[4 * k + c];
-  }
-  state.status(0) = 0;
-}
-
-/// efc_J of row i, dense.
-std::vector<double> row_of(mjModel const* m, mjData const* d, int i) {
-  std::vector<double> row(std::size_t(m->nv), 0.);
-  if (!mj_isSparse(m)) {
-    for (int c = 0; c < m->nv; ++c) row[std::size_t(c)] = d->efc_J[std::size_t(i) * m->nv + c];
-    return row;
-  }
-  for (int e = 0; e < d->efc_J_rownnz[i]; ++e) row[std::size_t(d->efc_J_colind[d->efc_J_rowadr[i] + e])] = d->efc_J[d->efc_J_rowadr[i] + e];
-  return row;
-}
-
 /// The rows of a type beside MuJoCo's from row `at` on; returns the row after them.
 template <class Type>
 int compare_rows(Type const& type, gsp::Model<double, Mem> const& model, gsp::Dynamics<double, Mem> const& dynamics, Subject const& s,
@@ -78,7 +55,7 @@ int compare_rows(Type const& type, gsp::Model<double, Mem> const& model, gsp::Dy
           J[std::size_t(segment.dof0 + (segment.list < 0 ? i : model.ints(segment.list + i)))] = entries[e++];
       REQUIRE(at < d->nefc);
       double u = 0, J_off = 0, J_most = 1;
-      auto const reference = row_of(m, d, at);
+      auto const reference = gsp_test::row_of(m, d, at);
       for (std::size_t i = 0; i < J.size(); ++i) {
         u += J[i] * d->qvel[i];
         J_off = std::fmax(J_off, std::abs(J[i] - reference[i]));
@@ -132,8 +109,8 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled, int
     bool finite = true;
     for (int i = 0; i < m->nv; ++i) finite = finite && std::abs(d->qvel[i]) < 1e3;
     if (!finite) continue;  // MuJoCo itself has lost it
-    copy_state(m, d, state);
-    gsp::detail::moves_on(state);
+    gsp_test::copy_state(m, d, state);
+    state.status(0) = 0;
     gsp::smooth_dynamics(exec, model, state, sim.poses, sim.dynamics);
     out.equalities += d->ne;
     for (int i = 0; i < d->nefc; ++i) {

@@ -49,6 +49,7 @@ inline gsp::CompiledModel from_mujoco(mjModel const* m) {
   auto& o = c.option;
   auto const on = [&](int flag) { return !(m->opt.disableflags & flag); };
   o.timestep = m->opt.timestep, o.impratio = m->opt.impratio, o.tolerance = m->opt.tolerance, o.iterations = m->opt.iterations;
+  o.noslip_tolerance = m->opt.noslip_tolerance, o.noslip_iterations = m->opt.noslip_iterations;
   for (int i = 0; i < 3; ++i) o.gravity[i] = m->opt.gravity[i], o.wind[i] = m->opt.wind[i], o.magnetic[i] = m->opt.magnetic[i];
   o.integrator = gsp::Integrator(m->opt.integrator), o.cone = gsp::FrictionCone(m->opt.cone);
   o.density = m->opt.density, o.viscosity = m->opt.viscosity, o.disabled_actuator_groups = m->opt.disableactuator;

@@ -1,3 +1,5 @@
+#include "oracle/rows.hpp"
+
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -7,7 +9,6 @@
 #include <gsp/io/mjcf.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/step/step.hpp>
-#include <map>
 #include <sstream>
 
 #include "dynamics/random_tree.hpp"
@@ -16,8 +17,8 @@
 #include "support/skip.hpp"
 
 // All rows of the models of zoo.txt beside MuJoCo's, one by one and in its order: its state after 200 steps, its own contacts in place of
-// ours (what of them the pool holds; friction, solref, solimp and condim are our pairs', and compared), in both cones; what `assemble` wrote
-// in profile `mujoco` beside efc_*. Nothing of efc_* is left out.
+// ours (what of them the pool holds; friction, solref, solimp and condim are our pairs', and compared), in both cones; what `assemble`
+// wrote in profile `mujoco` beside efc_*. Nothing of efc_* is left out.
 //   J     rows hold Y = J L^-1 D^-1/2. J = Y D^1/2 L is multiplied, not solved for: D cancels, and an entry is off by as many roundings as
 //         its row has entries, times |J| |L^-1| |L|, L the unit triangle: lever arms and ratios of masses, 1e3 at most:
 //         1e-11 of the largest entry.
@@ -26,19 +27,19 @@
 //         which nothing can move (a weld across a flat mechanism) A is rounding alone.
 //   aref  b = J (v + h a) - zeta and zeta = J v + h aref: aref = (J (v + h a) - b - J v) / h, to rounding of |J| |v + h a| / h
 //   R     the compliance: to rounding
-// The bar of all is 1e-9, but for rows of tendons that pass through a sphere or cylinder (a sidesite inside of it): MuJoCo stops looking for
-// the place where they touch while the slope of their length along the surface is still up to 5e-8 (measured at its points), ours go on
+// The bar of all is 1e-9, but for rows of tendons that pass through a sphere or cylinder (a sidesite inside of it): MuJoCo stops looking
+// for the place where they touch while the slope of their length along the surface is still up to 5e-8 (measured at its points), ours go on
 // to rounding: 1e-6, as in tests/oracle/dynamics.cpp. Bounds, mu and ids are compared besides.
 namespace {
 using Exec = Kokkos::DefaultHostExecutionSpace;
 using Mem = Exec::memory_space;
+using gsp_test::apart, gsp_test::raise, gsp_test::row_of;
 using Sim = gsp::Simulation<double, Mem>;
 
 constexpr double bar = 1e-9, inside_bar = 1e-6;
 
 struct Outcome {
   int rows[mjCNSTR_CONTACT_ELLIPTIC + 1] = {};  // by kind
-  int contacts = 0;
   double J = 0, A = 0, aref = 0, R = 0, parameters = 0;
   double inside = 0;  // J, A and aref of tendons that pass inside
   std::string fault;  // the first that is no number
@@ -47,76 +48,6 @@ struct Outcome {
   }
 };
 
-void raise(double& worst, double off) { worst = std::fmax(worst, std::isfinite(off) ? off : INFINITY); }
-double apart(double a, double b) { return std::abs(a - b) / std::fmax(1e-300, std::fmax(std::abs(a), std::abs(b))); }
-
-void copy_state(mjModel const* m, mjData const* d, gsp::State<double, Mem>& state) {
-  auto const copy = [](auto const& to, double const* from, int n) { std::copy(from, from + n, to.data()); };
-  copy(state.qpos, d->qpos, m->nq), copy(state.qvel, d->qvel, m->nv), copy(state.act, d->act, m->na), copy(state.ctrl, d->ctrl, m->nu);
-  copy(state.mocap_pos, d->mocap_pos, 3 * m->nmocap), copy(state.mocap_quat, d->mocap_quat, 4 * m->nmocap);
-  for (int i = 0; i < m->neq; ++i) state.eq_active(0, i) = d->eq_active[i];
-  gsp::detail::moves_on(state);
-}
-
-/// Friction, softness and kind of a contact of ours beside MuJoCo's.
-double parameters_apart(gsp::ContactParameters<double> const& p, mjContact const& t) {
-  int const condim = t.dist >= t.includemargin && t.efc_address >= 0 ? 1 : p.condim;  // adhesion over a gap: a normal alone
-  double worst = condim == t.dim ? 0 : INFINITY;
-  auto const put = [&](double mine, double theirs) {
-    raise(worst, mine == theirs ? 0 : apart(mine, theirs));
-  };
-  for (int i = 0; i < 5; ++i) put(p.friction[i], t.friction[i]);
-  for (int i = 0; i < 2; ++i) put(p.solref[i], t.solref[i]), put(p.solreffriction[i], t.solreffriction[i]);
-  for (int i = 0; i < 5; ++i) put(p.solimp[i], t.solimp[i]);
-  put(p.margin, t.includemargin), put(p.adhesion, t.adhesion);
-  return worst;
-}
-
-/// MuJoCo's contacts, in its order, in a pool of ours.
-gsp::Contacts<double, Mem> contacts_of(mjData const* d, gsp::CollisionModel<double, Mem> const& collision, Outcome& out) {
-  auto contacts = gsp::make_contacts(Exec{}, collision, {.contacts_per_world = d->ncon + 1});
-  std::multimap<std::pair<int, int>, int> pairs;
-  for (int p = 0; p < collision.pairs; ++p) {
-    int const a = collision.collider_geom(collision.pair_collider(p, 0)), b = collision.collider_geom(collision.pair_collider(p, 1));
-    pairs.emplace(std::minmax(a, b), p);
-  }
-  for (int c = 0; c < d->ncon; ++c) {
-    auto const& t = d->contact[c];
-    auto const [first, last] = pairs.equal_range(std::minmax(t.geom[0], t.geom[1]));
-    if (first == last) {
-      out.blame("geoms " + std::to_string(t.geom[0]) + " and " + std::to_string(t.geom[1]) + " are no pair of ours");
-      return contacts;
-    }
-    double off = INFINITY;
-    int pair = first->second;
-    for (auto at = first; at != last; ++at)  // two geoms may be named twice
-      if (double const own = parameters_apart(collision.parameters_of(0, at->second), t); own < off) off = own, pair = at->second;
-    raise(out.parameters, off);
-    int const collider = collision.pair_collider(pair, 0), other = collision.pair_collider(pair, 1);
-    bool const swapped = collision.collider_geom(collider) != t.geom[0];
-    contacts.pair(c) = pair;
-    contacts.feature(c) = c;
-    contacts.geom1(c) = t.geom[0], contacts.geom2(c) = t.geom[1];
-    contacts.body1(c) = collision.collider_body(swapped ? other : collider);
-    contacts.body2(c) = collision.collider_body(swapped ? collider : other);
-    contacts.dist(c) = t.dist, contacts.includemargin(c) = t.includemargin;
-    for (int i = 0; i < 3; ++i) contacts.pos(c, i) = t.pos[i];
-    for (int i = 0; i < 9; ++i) contacts.frame(c, i) = t.frame[i];
-    if (contacts.adhesive) contacts.adhesion(c) = t.adhesion;
-    for (int i = 0; i < 3 && contacts.moving; ++i) contacts.surfacevel(c, i) = t.surfacevel[i];
-  }
-  contacts.first(0) = 0, contacts.end(0) = d->ncon, contacts.status(0) = 0;
-  out.contacts += d->ncon;
-  return contacts;
-}
-
-/// Row i of efc_J, dense.
-std::vector<double> row_of(mjModel const* m, mjData const* d, int i) {
-  std::vector<double> row(std::size_t(m->nv), 0.);
-  int const adr = mj_isSparse(m) ? d->efc_J_rowadr[i] : i * m->nv, n = mj_isSparse(m) ? d->efc_J_rownnz[i] : m->nv;
-  for (int e = 0; e < n; ++e) row[std::size_t(mj_isSparse(m) ? d->efc_J_colind[adr + e] : e)] = d->efc_J[adr + e];
-  return row;
-}
 /// J of a row of ours, dense, J = Y D^1/2 L from the root on: each entry gives its share back to its ancestors. Besides J (v + h a).
 std::vector<double> row_of(gsp::Model<double, Mem> const& model, Sim const& sim, gsp::Row<double> const& row, double& free_rate) {
   std::vector<double> J(std::size_t(model.nv), 0.);
@@ -155,13 +86,20 @@ Named name_of(gsp::Model<double, Mem> const& model, gsp::Row<double> const& row,
   enum { equality, joint_friction, tendon_friction, joint_limit, tendon_limit, adhesion, contact };  // model_constraints
   int const k = row.element;
   switch (row.type) {
-    case equality: return {mjCNSTR_EQUALITY, k};
-    case joint_friction: return {mjCNSTR_FRICTION_DOF, model.friction_dofs(k)};
-    case tendon_friction: return {mjCNSTR_FRICTION_TENDON, model.friction_tendons(k)};
-    case joint_limit: return {mjCNSTR_LIMIT_JOINT, model.limited_joints(k / 2)};
-    case tendon_limit: return {mjCNSTR_LIMIT_TENDON, model.limited_tendons(k / 2)};
-    case contact: break;
-    default: return {-1, -1};
+    case equality:
+      return {mjCNSTR_EQUALITY, k};
+    case joint_friction:
+      return {mjCNSTR_FRICTION_DOF, model.friction_dofs(k)};
+    case tendon_friction:
+      return {mjCNSTR_FRICTION_TENDON, model.friction_tendons(k)};
+    case joint_limit:
+      return {mjCNSTR_LIMIT_JOINT, model.limited_joints(k / 2)};
+    case tendon_limit:
+      return {mjCNSTR_LIMIT_TENDON, model.limited_tendons(k / 2)};
+    case contact:
+      break;
+    default:
+      return {-1, -1};
   }
   auto const& t = d->contact[k / edges];
   return {t.dim == 1 ? mjCNSTR_CONTACT_FRICTIONLESS : edges > 1 ? mjCNSTR_CONTACT_PYRAMIDAL : mjCNSTR_CONTACT_ELLIPTIC, k / edges};
@@ -189,7 +127,7 @@ void compare(mjModel const* m, mjData* d, gsp::Model<double, Mem> const& model, 
     ++out.rows[kind];
     double free_rate = 0, rate = 0, J_off = 0, J_most = 1, free_terms = 0, A = 0, A_own = 0;
     auto const J = row_of(model, sim, row, free_rate);
-    auto const theirs = row_of(m, d, at);
+    auto const theirs = gsp_test::row_of(m, d, at);
     for (std::size_t i = 0; i < J.size(); ++i) {
       rate += theirs[i] * d->qvel[i];
       free_terms += std::abs(theirs[i]) * (std::abs(d->qvel[i]) + h * std::abs(d->qacc_smooth[i]));
@@ -203,7 +141,8 @@ void compare(mjModel const* m, mjData* d, gsp::Model<double, Mem> const& model, 
     for (double const x : half) A += x * x;
     raise(inside ? out.inside : out.A, std::abs(A_own - A) / (A + d->efc_R[at]));
     double const aref = (free_rate - row.bias - rate) / h;
-    raise(inside ? out.inside : out.aref, std::abs(aref - d->efc_aref[at]) / std::fmax(1, std::fmax(std::abs(d->efc_aref[at]), free_terms / h)));
+    raise(inside ? out.inside : out.aref,
+          std::abs(aref - d->efc_aref[at]) / std::fmax(1, std::fmax(std::abs(d->efc_aref[at]), free_terms / h)));
     raise(out.R, apart(row.compliance, d->efc_R[at]));
     bool const friction_loss = kind == mjCNSTR_FRICTION_DOF || kind == mjCNSTR_FRICTION_TENDON;
     bool const tangent = kind == mjCNSTR_CONTACT_ELLIPTIC && row.friction_of >= 0;
@@ -217,7 +156,8 @@ void compare(mjModel const* m, mjData* d, gsp::Model<double, Mem> const& model, 
     }
     ++at;
   }
-  if (at != d->nefc) out.blame(std::to_string(d->nefc - at) + " of MuJoCo's rows are missing, the first of kind " + std::to_string(d->efc_type[at]));
+  if (at != d->nefc)
+    out.blame(std::to_string(d->nefc - at) + " of MuJoCo's rows are missing, the first of kind " + std::to_string(d->efc_type[at]));
 }
 
 Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled) {
@@ -253,14 +193,13 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel compiled) {
     REQUIRE(model.nq == m->nq);
     auto state = gsp::make_state(exec, model);
     auto sim = gsp::make_simulation(exec, model, compiled);
-    copy_state(m, d, state);
+    gsp_test::copy_state(m, d, state);
     gsp::smooth_dynamics(exec, model, state, sim.poses, sim.dynamics);
-    auto const contacts = contacts_of(d, sim.collision, out);
+    auto const contacts = gsp_test::contacts_of(d, sim.collision, out.parameters);
     do {
-      gsp::assemble(
-          exec, model, state, sim.dynamics,
-          gsp::model_constraints(model, state, sim.poses, sim.dynamics, sim.collision, contacts, gsp::FrictionCone(cone)), sim.rows,
-          sim.impulses, sim.progress);
+      gsp::assemble(exec, model, state, sim.dynamics,
+                    gsp::model_constraints(model, state, sim.poses, sim.dynamics, sim.collision, contacts, gsp::FrictionCone(cone)),
+                    sim.rows, sim.impulses, sim.progress);
     } while (gsp::grow(exec, sim.rows, sim.impulses, sim.progress));
     if (state.status(0) != 0) out.blame(gsp::status::text(state.status(0)));
     if (out.fault.empty()) compare(m, d, model, sim, out);

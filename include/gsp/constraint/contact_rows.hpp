@@ -89,7 +89,8 @@ struct ContactRows {
     return law;
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const {
-    if (row == 0) return {R(0), Kokkos::Experimental::infinity_v<R>};
+    if (row == 0)
+      return {R(0), Kokkos::Experimental::infinity_v<R>, -1, R(0), false, edges > 1 && parameters(world, contact_of(world, k)).condim > 1};
     bool const first_of_two = row == 1 || row == 4;
     return {R(0), R(0), 0, parameters(world, contact_of(world, k)).friction[row - 1], first_of_two && cone == FrictionCone::elliptic};
   }

@@ -34,6 +34,9 @@ struct RowBounds {
   int friction_of = -1;
   R mu = R(0);
   bool with_next = false;
+  // Friction that is bounded by itself, which `noslip` lets stick: between lower and upper; or where it pushes alone one of two rows of
+  // elements side by side, over the same dofs, of which it keeps the sum (opposing edges of a pyramid).
+  bool dry = false;
   /// Any impulse: an equality, a spring.
   KOKKOS_INLINE_FUNCTION bool is_free() const {
     return friction_of < 0 && lower < R(0) && is_no_bound(lower) && upper > R(0) && is_no_bound(upper);
@@ -53,6 +56,7 @@ struct Row {
   unsigned char type;        // place of the element's type in the list of types
   signed char friction_of;   // row of the element, -1: lower and upper
   bool with_next : 1;        // bounded together with the next row
+  bool dry : 1;              // RowBounds::dry
   bool same_segments : 1;    // first row of an element: whether all of its rows have the segments of the first
   bool eliminated : 1;       // solvers leave it out (constraint/eliminate.hpp)
 };

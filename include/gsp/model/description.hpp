@@ -270,8 +270,8 @@ struct OptionDescription {
   SoftnessDescription o_softness{};
   std::array<double, 5> o_friction{1, 1, 0.005, 0.0001, 0.0001};
   int disabled_actuator_groups = 0;  // bits
-  double impratio = 1, tolerance = 1e-8;
-  int iterations = 100;
+  double impratio = 1, tolerance = 1e-8, noslip_tolerance = 1e-6;
+  int iterations = 100, noslip_iterations = 0;
   bool equality = true, eulerdamp = true, contact = true, constraint = true, limit = true, frictionloss = true, passive_spring = true,
        passive_damper = true, gravity_on = true, actuation = true, clampctrl = true, filterparent = true, refsafe = true, warmstart = true;
 };

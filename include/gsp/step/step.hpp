@@ -12,6 +12,7 @@
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp/model/model_refusals.hpp>
 #include <gsp/solver/newton.hpp>
+#include <gsp/solver/noslip.hpp>
 #include <gsp/solver/pgs.hpp>
 #include <optional>
 #include <tuple>
@@ -34,6 +35,7 @@ struct Simulation {
   Newton<R, Mem> newton = {};           // profile mujoco, else empty
   RungeKutta<R, Mem> runge_kutta = {};  // integrator RK4 of profile mujoco, else empty
   FrictionCone cone = FrictionCone::elliptic;
+  NoslipOptions noslip = {};  // profile mujoco: as the file says
 };
 
 /// The constraint types of MJCF, in the order of their rows, the springs and servos that are too stiff for a step, and yours: what `step`
@@ -87,7 +89,7 @@ template <class R, class Mem>
 bool has_runge_kutta(Model<R, Mem> const& model) {
   return model.profile == Profile::mujoco && model.integrator == Integrator::rk4;
 }
-/// pgs in profile stable, Newton's method in profile mujoco.
+/// pgs in profile stable; Newton's method in profile mujoco, and noslip where the file asks for it.
 template <class Exec, class R, class Mem>
 void solve(Exec const& exec, Model<R, Mem> const& model, Simulation<R, Mem>& sim, LaunchOptions const& options, bool warm, bool ends_step) {
   if (model.profile == Profile::stable) return pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress, options.solver);
@@ -95,6 +97,7 @@ void solve(Exec const& exec, Model<R, Mem> const& model, Simulation<R, Mem>& sim
   own.warm = own.warm && warm;
   own.ends_step = ends_step;
   newton(exec, sim.rows, sim.impulses, sim.solution, sim.newton, sim.progress, own);
+  if (sim.noslip.iterations > 0) noslip(exec, sim.rows, sim.impulses, sim.solution, sim.progress, sim.noslip);
 }
 }  // namespace detail
 
@@ -121,7 +124,10 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   sim.solution = make_solution(exec, model, {.worlds = n});
   sim.progress = make_progress(exec);
   sim.cone = options.cone.value_or(stable ? FrictionCone::elliptic : compiled.option.cone);
-  if (!stable) sim.newton = make_newton(exec, sim.rows);
+  if (!stable) {
+    sim.newton = make_newton(exec, sim.rows);
+    sim.noslip = noslip_options(compiled);
+  }
   if (detail::has_runge_kutta(model)) sim.runge_kutta = make_runge_kutta(exec, model, {.worlds = n});
   return sim;
 }
@@ -131,8 +137,9 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 /// step; `forward_kinematics` gives those of its end.
 /// @param more  of your own: constraint types (constraint_type.hpp), which act also where the model's constraints are disabled, and
 ///              actuator laws (dynamics/actuator_law.hpp)
-/// In profile mujoco rows are solved by Newton's method (solver/newton.hpp), with RK4 four times a step, from nothing each time, so that a
-/// repeated step is the same. Does not allocate, does not fence. Errors: laws without actuators.
+/// In profile mujoco rows are solved by Newton's method (solver/newton.hpp), and friction again by sim.noslip (solver/noslip.hpp), with RK4
+/// four times a step, from nothing each time, so that a repeated step is the same. Does not allocate, does not fence. Errors: laws without
+/// actuators.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim,
                  LaunchOptions const& options = {}, More const&... more) {

@@ -199,6 +199,7 @@ struct EmitRows {
     Row<R> row;
     row.element = k;
     row.with_next = false;
+    row.dry = false;
     row.same_segments = false;
     row.eliminated = false;
     row.first_entry = entry;
@@ -236,6 +237,7 @@ struct EmitRows {
     row.upper = R(bounds.upper);
     row.mu = bounds.friction_of < 0 ? R(-1) : R(bounds.mu);
     row.with_next = bounds.with_next;
+    row.dry = bounds.dry;
     if (row.inverse_diagonal == R(0)) {  // nothing that it touches can move
       row.bias = R(0);
       if (model.profile == Profile::stable) {

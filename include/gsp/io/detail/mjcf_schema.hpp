@@ -59,10 +59,10 @@ inline constexpr ElementSchema schema[] = {
      "texturedir", "conflict passthrough savecanonical savecompiled saveinertial usethread", "", "lengthrange"},
     {"lengthrange", "accel interval inttotal maxforce mode timeconst timestep tolrange useexisting uselimit", "", "", "", ""},
     {"option",
-     "actuatorgroupdisable cone density gravity impratio integrator iterations magnetic o_friction o_margin o_solimp o_solref timestep "
-     "tolerance viscosity wind",
+     "actuatorgroupdisable cone density gravity impratio integrator iterations magnetic noslip_iterations noslip_tolerance o_friction "
+     "o_margin o_solimp o_solref timestep tolerance viscosity wind",
      "",
-     "ccd_iterations ccd_tolerance jacobian ls_iterations ls_tolerance noslip_iterations noslip_tolerance sdf_initpoints sdf_iterations "
+     "ccd_iterations ccd_tolerance jacobian ls_iterations ls_tolerance sdf_initpoints sdf_iterations "
      "sleep_tolerance solver",
      "", "flag"},
     {"flag",

@@ -76,6 +76,8 @@ inline void read_option(Document& doc, Node const& node) {
   a.numbers("o_solimp", o.o_softness.solimp, false);
   a.numbers("o_friction", o.o_friction, false);
   a.integer("iterations", o.iterations);
+  a.integer("noslip_iterations", o.noslip_iterations);
+  a.number("noslip_tolerance", o.noslip_tolerance);
   if (!(o.timestep > 0)) a.fail("timestep", "is not positive; give seconds, such as 0.002");
   if (!(o.impratio > 0)) a.fail("impratio", "is not positive; give one or more");
   for (double group : a.list("actuatorgroupdisable")) {
@@ -88,7 +90,7 @@ inline void read_option(Document& doc, Node const& node) {
   else if (a.has("integrator"))
     o.integrator = static_cast<Integrator>(a.choice("integrator", {"Euler", "RK4", "implicit", "implicitfast"}));
   if (a.has("cone")) o.cone = static_cast<FrictionCone>(a.choice("cone", {"pyramidal", "elliptic"}));
-  for (char const* name : {"integrator", "cone", "impratio"})
+  for (char const* name : {"integrator", "cone", "impratio", "noslip_iterations", "noslip_tolerance"})
     if (a.has(name)) doc.note(Line::no_effect, node.place, std::string("<option> ") + name + " (in profile stable)");
   for (auto const& flag : node.children) {
     doc.check(flag);

@@ -146,6 +146,8 @@ class Writer {
       if (o.disabled_actuator_groups >> k & 1) groups.push_back(k);
     list("actuatorgroupdisable", groups, {});
     number("tolerance", o.tolerance, standard.tolerance).number("iterations", o.iterations, standard.iterations);
+    number("noslip_tolerance", o.noslip_tolerance, standard.noslip_tolerance);
+    number("noslip_iterations", o.noslip_iterations, standard.noslip_iterations);
     if (o.integrator != Integrator::euler) word("integrator", integrators[int(o.integrator)]);
     if (o.cone == FrictionCone::elliptic) word("cone", "elliptic");
     std::pair<char const*, bool> const flags[] = {

@@ -31,6 +31,7 @@
   word Newton<R, Mem> make_newton(Exec const&, Rows<R, Mem> const&); \
   word bool grow(Exec const&, Rows<R, Mem> const&, Newton<R, Mem>&); \
   word void newton(Exec const&, Rows<R, Mem> const&, Impulses<R, Mem>&, Solution<R, Mem>&, Newton<R, Mem>&, Progress<Mem>&, NewtonOptions); \
+  word void noslip(Exec const&, Rows<R, Mem> const&, Impulses<R, Mem>&, Solution<R, Mem>&, Progress<Mem> const&, NoslipOptions); \
   word void integrate(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Dynamics<R, Mem>&, ConstraintOutcome<R, Mem>); \
   word void launch_step(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Simulation<R, Mem>&, LaunchOptions const&); \
   word int settle(Exec const&, Simulation<R, Mem>&); \
