@@ -121,7 +121,7 @@ void model(std::string const& path, Arguments const& arguments) {
                     std::to_string(m.nv));
   row("trees", std::to_string(m.ntree) + ", of " + std::to_string(gsp::find_archetypes(m).size()) + " kinds");
   row("geoms", std::to_string(m.ngeom) + (m.ngeom ? " (" + tally(geoms) + ")" : "") + "; " + std::to_string(colliding) + " collide, " +
-                   std::to_string(m.pair_count()) + " pairs may touch" +
+                   std::to_string(m.pair_count()) + (m.pairs_searched ? " pairs are listed, others searched for" : " pairs may touch") +
                    (m.named_pairs.empty() ? "" : ", " + std::to_string(m.named_pairs.size()) + " of them named"));
   row("actuators", std::to_string(m.nu) + "; tendons " + std::to_string(m.ntendon) + ", equality constraints " + std::to_string(m.neq) +
                        ", sensors " + std::to_string(m.nsensor));

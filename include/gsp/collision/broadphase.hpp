@@ -4,7 +4,7 @@
 #include <gsp/geometry/shapes.hpp>
 #include <gsp/model/poses.hpp>
 
-/// Where the colliders are, and which pairs of them are near.
+/// Where the colliders are, and which of the listed pairs are near. Pairs that are not listed are searched for (detail/pair_search.hpp).
 namespace gsp {
 
 /// World poses and axis-aligned boxes of colliders and groups. A plane's box is as good as infinite: its pose serves.
@@ -35,6 +35,9 @@ struct PlaceColliders {
     int const w = int(item / model.groups), g = int(item % model.groups);
     if (g == 0 && status != nullptr) status[w] = 0;
     if (g == 0 && lost != nullptr) lost[w] = 0;
+    place(w, g);
+  }
+  KOKKOS_FORCEINLINE_FUNCTION void place(int w, int g) const {
     Vec3<R> lo{}, hi{};
     for (int c = model.group_first(g); c < model.group_first(g + 1); ++c) {
       int const b = model.collider_body(c);

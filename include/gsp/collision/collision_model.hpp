@@ -9,6 +9,8 @@
 /// kinematic tree or a single static geom. Pairs are sorted by (kind, groups) and cut into chunks of at most 64 pairs of one kind: a chunk
 /// of a world is one work item with a 64-bit mask of the pairs that are near, and since items are numbered chunk by chunk, candidates come
 /// out bucketed by (shape, shape) without a sort.
+/// Where pairs are too many to list (CompiledModel::pairs_searched), those of planes, height fields and named ones are; the others are
+/// searched for in trees of boxes and have numbers behind them, which say who they are (colliders_of).
 namespace gsp {
 
 /// Contact parameters of a pair: its own numbers where it was named (CompiledModel::named_pairs); else mixed (MuJoCo's mj_contactParam):
@@ -62,6 +64,27 @@ struct CollisionChunk {
   int points;  // the most that a pair gives
 };
 
+/// Whom a collider may meet, where pairs are searched for. Lists are parts of CollisionModel::avoided.
+struct ColliderFilter {
+  int contype, conaffinity;
+  int weld, above;             // weld group of its body, and the one that it is filtered against as its parent, or -1
+  int body_first, body_end;    // bodies that are excluded
+  int named_first, named_end;  // colliders with which it is a named pair
+  int set;                     // which of the different sets of contact parameters of geoms is its own
+};
+/// A tree of boxes over n leaves, eight to a block, eight blocks to one of the level above, up to one: its shape says n alone.
+struct BoxTreeShape {
+  int leaves = 0, levels = 0, blocks = 0;
+  int first[9] = {};  // first block of a level; level 0 holds the boxes of leaves
+
+  KOKKOS_INLINE_FUNCTION int blocks_of(int level) const { return first[level + 1] - first[level]; }
+};
+
+/// The colliders of a pair, type of the first <= type of the second.
+struct ColliderPair {
+  int a, b;
+};
+
 /// Colliders, pairs, runs and chunks. `make_collision_model` fills it; copies share its arrays.
 template <class R, class Mem>
 struct CollisionModel {
@@ -92,6 +115,17 @@ struct CollisionModel {
   R early_step = R(0);                                // early(world) before margin (+ gap) says; 0: not early
   int mixed_parameters = 0;                           // so many of them are mixed from geoms; the others are those of named pairs
   Kokkos::View<int*, Kokkos::HostSpace> pair_source;  // (pairs) host: index of the pair as CompiledModel::pair_geoms has it
+  // Where pairs are searched for, else empty:
+  int movers = 0;                             // so many colliders, the first ones, are of trees: one of each pair is among them
+  int moving_groups = 0;                      // those of trees, the first ones
+  BoxTreeShape moving_tree, still_tree;       // over the movers and over the others
+  Kokkos::View<ColliderFilter*, Mem> filter;  // (colliders)
+  Kokkos::View<int*, Mem> avoided;            // lists of the filters
+  Kokkos::View<int*, Mem> still_order;        // (colliders - movers) colliders by place, in the order of their tree
+  Kokkos::View<int*, Mem> still_body;         // the different bodies of colliders that are no movers
+  Kokkos::View<int*, Mem> set_parameters;     // (sets, sets) index into parameters; empty where sets are many: pairs are mixed when met
+  int sets = 0;
+  Kokkos::View<R*, Mem> collider_reach;  // (colliders) its part of margin + gap
 
   Kokkos::View<GeomContact<R>*, Mem> collider_contact;  // (colliders) what geoms bring to contacts, shared values
   int value_worlds = 0;                                 // of the fields that are per world; 0: none is
@@ -105,11 +139,38 @@ struct CollisionModel {
   KOKKOS_INLINE_FUNCTION R early(int world) const {
     return early_step > R(0) ? gravity_rate(gravity, world, early_step) * early_step : R(0);
   }
+  /// Who pair `pair` is, listed (below `pairs`) or searched for.
+  KOKKOS_INLINE_FUNCTION ColliderPair colliders_of(int pair) const {
+    if (pair < pairs) return {pair_collider(pair, 0), pair_collider(pair, 1)};
+    int const a = (pair - pairs) / colliders, b = (pair - pairs) % colliders;
+    int const type_a = collider_type(a), type_b = collider_type(b);
+    bool const in_order = type_a < type_b || (type_a == type_b && collider_geom(a) < collider_geom(b));
+    return in_order ? ColliderPair{a, b} : ColliderPair{b, a};
+  }
+  /// The number of the pair of mover a and collider b > a.
+  KOKKOS_INLINE_FUNCTION int searched_pair(int a, int b) const { return pairs + a * colliders + b; }
+  /// Whether mover a and another collider, neither of them wide (is_wide), are a pair that is searched for.
+  KOKKOS_INLINE_FUNCTION bool may_meet(int a, int b) const {
+    ColliderFilter const &f = filter(a), &g = filter(b);
+    if ((f.contype & g.conaffinity) == 0 && (g.contype & f.conaffinity) == 0) return false;
+    if (f.weld == g.weld || f.above == g.weld || g.above == f.weld) return false;
+    for (int k = f.body_first; k < f.body_end; ++k)
+      if (avoided(k) == collider_body(b)) return false;
+    for (int k = f.named_first; k < f.named_end; ++k)
+      if (avoided(k) == b) return false;
+    return true;
+  }
   /// Contact parameters of a pair in a world: of its own, or mixed from what its geoms have there.
   KOKKOS_INLINE_FUNCTION ContactParameters<R> parameters_of(int world, int pair) const {
-    int const own = pair_parameters(pair);
-    if (!mixes_per_world || own >= mixed_parameters) return parameters(own);
-    return mix_contact_parameters(contact_of(world, pair_collider(pair, 0)), contact_of(world, pair_collider(pair, 1)));
+    int const own = pair < pairs ? pair_parameters(pair) : parameters_by_sets(pair);
+    if (own >= 0 && (!mixes_per_world || own >= mixed_parameters)) return parameters(own);
+    ColliderPair const p = colliders_of(pair);
+    return mix_contact_parameters(contact_of(world, p.a), contact_of(world, p.b));
+  }
+  /// Which they are of a pair that is searched for, where worlds have none of their own; -1: to be mixed.
+  KOKKOS_INLINE_FUNCTION int parameters_by_sets(int pair) const {
+    ColliderPair const p = colliders_of(pair);
+    return sets > 0 ? set_parameters(filter(p.a).set * sets + filter(p.b).set) : -1;
   }
   KOKKOS_INLINE_FUNCTION GeomContact<R> contact_of(int world, int collider) const {
     GeomContact<R> c = collider_contact(collider);
@@ -133,8 +194,9 @@ void act_early(Model<R, Mem> const& model, CollisionModel<R, Mem>& collision) {
   collision.early_step = model.profile == Profile::stable ? model.timestep : R(0);
 }
 
-/// Takes what collision needs of `m` to the memory of `exec`. Allocates; fences. Cost O(pairs log pairs), 24 bytes a pair.
-/// Errors: gsp::Error for a pair that cannot collide, such as two planes; `compile` makes none.
+/// Takes what collision needs of `m` to the memory of `exec`. Allocates; fences. Cost O(pairs log pairs), 24 bytes a pair that is listed.
+/// Errors: gsp::Error for a pair that cannot collide, such as two planes; `compile` makes none; and where geoms that move times all geoms
+/// that collide are 2^27 or more.
 template <class R, ExecutionSpace Exec>
 CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& exec, CompiledModel const& m);
 

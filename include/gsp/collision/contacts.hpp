@@ -8,6 +8,7 @@
 /// waits for the host:
 ///   place colliders -> mask of near pairs a (chunk, world) -> scan + candidates, bucketed by (shape, shape) -> narrow phase -> scan +
 ///   contacts by world.
+/// Where pairs are too many to list (CompiledModel::pairs_searched) most are searched for in trees of boxes before the narrow phase.
 /// A world whose candidates or contacts do not fit has status::contact_overflow and no contacts: `grow` enlarges the pools, then the step
 /// is repeated. So neither a capacity nor the other worlds change a result.
 namespace gsp {
@@ -37,7 +38,7 @@ struct Contacts {
   View<int*> first, end;        // (worlds) the contacts of a world; use first_of and count_of, which know about overflow
   View<std::uint32_t*> status;  // (worlds) status::contact_overflow
   // (capacity), filled up to size()
-  View<int*> world, pair;  // pair: index into CollisionModel's pairs
+  View<int*> world, pair;  // pair: its number, CollisionModel::colliders_of
   View<int*> geom1, geom2, body1, body2;
   View<R* [3]> pos;              // midway between the surfaces [m]
   View<R* [9]> frame;            // rows normal (geom1 to geom2), t1, t2
@@ -47,6 +48,7 @@ struct Contacts {
   View<int*> feature;       // unique within (world, pair); survives steps
   bool adhesive = false, moving = false;  // of what model
   detail::ContactScratch<R, Mem> scratch;
+  detail::PairSearch<R, Mem> search;                 // empty where pairs are listed
   detail::SharedStamp<detail::ContactsStamp> stamp;  // host: of which state they are (dynamics/stamps.hpp)
 
   /// Most contacts that the pool holds; loops over all contacts on a device run to here and leave at size().
@@ -108,7 +110,9 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
           "gsp::collide: poses have " + std::to_string(poses.xpos.extent(1)) + " bodies and the model " + std::to_string(model.bodies));
   detail::expects_values("gsp::collide", model, contacts.worlds);
   auto& s = contacts.scratch;
-  expects(s.mask.extent(0) == std::size_t(model.chunks) * contacts.worlds, "gsp::collide: the contacts were made for another model");
+  expects(s.mask.extent(0) == std::size_t(model.chunks) * contacts.worlds &&
+              contacts.search.found.extent(0) == std::size_t(model.movers) * contacts.worlds,
+          "gsp::collide: the contacts were made for another model");
   if (contacts.stamp.data()) {
     contacts.stamp().poses.qpos = nullptr;
     if (poses.stamp.data()) contacts.stamp().poses = poses.stamp().bodies;
@@ -116,13 +120,19 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
     contacts.stamp().lost = false;
     contacts.stamp().pool = contacts.dist.data();
   }
-  if (model.pairs == 0) return;
-  place_colliders(exec, model, poses, s.bounds, contacts.status.data(), s.lost.data());
+  if (model.pairs == 0 && model.movers == 0) return;
+  if (model.movers == 0)
+    place_colliders(exec, model, poses, s.bounds, contacts.status.data(), s.lost.data());
+  else
+    detail::search_pairs(exec, model, poses, s.bounds, contacts.search, contacts.status.data(), s.lost.data());
   find_near_pairs(exec, model, s.bounds, s.mask);
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
-  std::int64_t const items = std::int64_t(s.mask.extent(0));
+  std::int64_t const masks = std::int64_t(s.mask.extent(0)), movers = std::int64_t(contacts.worlds) * model.movers, items = masks + movers;
   Kokkos::parallel_scan("gsp::collision::write_candidates", lightweight(Range(exec, 0, items)),
-                        detail::WriteCandidates<R, Mem>{model, s, contacts.worlds, items});
+                        detail::WriteCandidates<R, Mem>{model, s, contacts.search, contacts.worlds, masks, items});
+  if (movers > 0)
+    Kokkos::parallel_for("gsp::collision::write_near_pairs", lightweight(Range(exec, 0, movers)),
+                         detail::WriteNearPairs<R, Mem>{{model, s.bounds, contacts.search}, s, masks});
   // On a device the grid has the capacity's size and threads leave on the count; on a host the work before is done, so the count can be
   // read.
   std::int64_t candidates = std::int64_t(s.candidates.extent(0));

@@ -101,14 +101,21 @@ constexpr bool shape_pairs_are_in_order() {
 static_assert(pair_kinds == int(PairKind::none), "gsp::shape_pairs: one row for each PairKind");
 static_assert(shape_pairs_are_in_order(), "gsp::shape_pairs: rows in the order of PairKind, type of a <= type of b");
 
-constexpr std::array<std::array<PairKind, shape_types>, shape_types> make_pair_table() {
-  std::array<std::array<PairKind, shape_types>, shape_types> table{};
-  for (auto& row : table)
-    for (auto& kind : row) kind = PairKind::none;
-  for (auto const& pair : shape_pairs) table[int(pair.a)][int(pair.b)] = pair.kind;
+/// The kind of two types, and the most points of a kind, as constants that kernels can index.
+struct PairTable {
+  std::uint8_t kind[shape_types][shape_types], points[pair_kinds + 1];
+};
+constexpr PairTable make_pair_table() {
+  PairTable table{};
+  for (auto& row : table.kind)
+    for (auto& kind : row) kind = std::uint8_t(PairKind::none);
+  for (auto const& pair : shape_pairs) {
+    table.kind[int(pair.a)][int(pair.b)] = std::uint8_t(pair.kind);
+    table.points[int(pair.kind)] = std::uint8_t(pair.points);
+  }
   return table;
 }
-inline constexpr auto pair_table = make_pair_table();
+inline constexpr PairTable pair_table = make_pair_table();
 
 /// The kinds for which `f(row)` holds, as bits: kernels read this constant, not the table.
 template <class F>
@@ -155,14 +162,22 @@ GSP_FUNCTION ShapeType second_type(PairKind kind) {
 /// Whether `kind` is among `kinds`.
 GSP_FUNCTION constexpr bool is_among(std::uint64_t kinds, PairKind kind) { return (kinds >> int(kind) & 1) != 0; }
 
-/// The kind of a pair, or `none`: the two cannot collide, or their order is not that of the types. Host.
-constexpr PairKind pair_kind(ShapeType a, ShapeType b) { return detail::pair_table[int(a)][int(b)]; }
+/// The kind of a pair, or `none`: the two cannot collide, or their order is not that of the types.
+GSP_FUNCTION constexpr PairKind pair_kind(ShapeType a, ShapeType b) {
+  constexpr detail::PairTable table = detail::pair_table;
+  return PairKind(table.kind[int(a)][int(b)]);
+}
 
-/// The most points that a pair of this kind gives. Host.
-constexpr int max_points(PairKind kind) { return kind == PairKind::none ? 0 : shape_pairs[int(kind)].points; }
+/// The most points that a pair of this kind gives; 0 for none.
+GSP_FUNCTION constexpr int max_points(PairKind kind) {
+  constexpr detail::PairTable table = detail::pair_table;
+  return table.points[int(kind)];
+}
 
+/// Planes and height fields: they have no box, or one that is near everything.
+GSP_FUNCTION constexpr bool is_wide(ShapeType type) { return type <= ShapeType::hfield; }
 /// Planes and height fields do not meet each other: MuJoCo defines no contact there.
-constexpr bool can_collide(ShapeType a, ShapeType b) { return a > ShapeType::hfield || b > ShapeType::hfield; }
+constexpr bool can_collide(ShapeType a, ShapeType b) { return !is_wide(a) || !is_wide(b); }
 
 namespace detail {
 constexpr bool shape_pairs_are_complete() {

@@ -73,8 +73,11 @@ struct CompiledModel {
   std::vector<HeightFieldDescription> hfields;
 
   // Pairs of geoms that may touch: after contype/conaffinity, excludes, weld and parent filters; type of first <= type of second. Their
-  // parameters are mixed from the geoms.
+  // parameters are mixed from the geoms. Where there are too many to list (CompileOptions), those of planes and height fields alone:
+  // `collide` searches for the others, by the same filters.
   std::vector<std::array<int, 2>> pairs;
+  bool pairs_searched = false;
+  std::vector<std::array<int, 2>> excluded_bodies;
 
   // Pairs that were named (<contact><pair>), with parameters of their own: they may touch whatever the filters say, and are not in `pairs`.
   // geom1 is the geom of the earlier body.

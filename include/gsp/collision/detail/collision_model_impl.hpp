@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <gsp/collision/collision_model.hpp>
+#include <gsp/collision/detail/pair_search_maker.hpp>
 #include <gsp/core/detail/views.hpp>
 #include <gsp/model/archetypes.hpp>
 #include <map>
@@ -72,23 +73,9 @@ inline ContactParameters<double> mix_contact_parameters(CompiledModel const& m, 
   return mix_contact_parameters(detail::geom_contact<double>(m, g1), detail::geom_contact<double>(m, g2));
 }
 
-inline ContactParameters<double> contact_parameters(CompiledModel const& m, int pair) {
-  ContactParameters<double> p{};
-  if (pair < int(m.pairs.size())) {
-    auto const [g1, g2] = m.pair_geoms(pair);
-    p = mix_contact_parameters(m, g1, g2);
-  } else {
-    auto const& own = m.named_pairs[pair - m.pairs.size()];
-    p.condim = own.condim;
-    p.margin = own.margin;
-    p.gap = own.gap;
-    for (int i = 0; i < 5; ++i) p.friction[i] = std::max(own.friction[i], 1e-5);
-    for (int i = 0; i < 5; ++i) p.solimp[i] = own.solimp[i];
-    for (int i = 0; i < 2; ++i) p.solref[i] = own.solref[i];
-    for (int i = 0; i < 2; ++i) p.solreffriction[i] = own.solreffriction[i];
-    p.adhesion = own.adhesion;
-  }
-  auto const& o = m.option;
+namespace detail {
+/// As they are, or with flag override as the option says.
+inline ContactParameters<double> with_override(OptionDescription const& o, ContactParameters<double> p) {
   if (!o.override_contacts) return p;
   p.margin = o.o_margin;
   for (int i = 0; i < 5; ++i) p.friction[i] = std::max(o.o_friction[i], 1e-5);
@@ -96,6 +83,34 @@ inline ContactParameters<double> contact_parameters(CompiledModel const& m, int 
   for (int i = 0; i < 2; ++i) p.solref[i] = o.o_softness.solref[i];
   for (int i = 0; i < 2; ++i) p.solreffriction[i] = 0;  // as solref
   return p;
+}
+template <class R>
+ContactParameters<R> in_precision(ContactParameters<double> const& p) {
+  ContactParameters<R> r{p.condim, R(p.margin), R(p.gap), {}, {}, {}, {}, R(p.adhesion), p.hard, R(p.restitution), R(p.erp)};
+  for (int i = 0; i < 5; ++i) r.friction[i] = R(p.friction[i]);
+  for (int i = 0; i < 5; ++i) r.solimp[i] = R(p.solimp[i]);
+  for (int i = 0; i < 2; ++i) r.solref[i] = R(p.solref[i]);
+  for (int i = 0; i < 2; ++i) r.solreffriction[i] = R(p.solreffriction[i]);
+  return r;
+}
+}  // namespace detail
+
+inline ContactParameters<double> contact_parameters(CompiledModel const& m, int pair) {
+  if (pair < int(m.pairs.size())) {
+    auto const [g1, g2] = m.pair_geoms(pair);
+    return detail::with_override(m.option, mix_contact_parameters(m, g1, g2));
+  }
+  auto const& own = m.named_pairs[pair - m.pairs.size()];
+  ContactParameters<double> p{};
+  p.condim = own.condim;
+  p.margin = own.margin;
+  p.gap = own.gap;
+  for (int i = 0; i < 5; ++i) p.friction[i] = std::max(own.friction[i], 1e-5);
+  for (int i = 0; i < 5; ++i) p.solimp[i] = own.solimp[i];
+  for (int i = 0; i < 2; ++i) p.solref[i] = own.solref[i];
+  for (int i = 0; i < 2; ++i) p.solreffriction[i] = own.solreffriction[i];
+  p.adhesion = own.adhesion;
+  return detail::with_override(m.option, p);
 }
 
 template <class R, ExecutionSpace Exec>
@@ -107,6 +122,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   c.overridden = m.option.override_contacts;
   bool const on = m.option.contact && m.option.constraint;
   int const npair = on ? m.pair_count() : 0;
+  detail::PairSearchMaker<R> const search(m, on);
 
   // colliders by group: trees first, then static geoms one by one
   std::vector<char> used(m.ngeom, 0);
@@ -117,6 +133,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
                   "' are a pair, but shapes such as theirs never touch, or stand in the other order: see gsp/geometry/shape_pairs.hpp");
     used[g1] = used[g2] = 1;
   }
+  search.add_used(used);
   std::vector<int> order;
   for (int g = 0; g < m.ngeom; ++g)
     if (used[g]) order.push_back(g);
@@ -206,28 +223,21 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
                                      detail::item_or(m.geom_adhesion, g, 0.)};
     geom_set[g] = geom_sets.try_emplace(set, int(geom_sets.size())).first->second;
   }
-  auto const add_parameters = [&](int k) {
-    auto const p = contact_parameters(m, k);
-    ContactParameters<R> r{p.condim, R(p.margin), R(p.gap), {}, {}, {}, {}, R(p.adhesion), p.hard, R(p.restitution), R(p.erp)};
-    for (int i = 0; i < 5; ++i) r.friction[i] = R(p.friction[i]);
-    for (int i = 0; i < 5; ++i) r.solimp[i] = R(p.solimp[i]);
-    for (int i = 0; i < 2; ++i) r.solref[i] = R(p.solref[i]);
-    for (int i = 0; i < 2; ++i) r.solreffriction[i] = R(p.solreffriction[i]);
-    distinct.push_back(r);
+  auto const add_parameters = [&](ContactParameters<double> const& p) {
+    distinct.push_back(detail::in_precision<R>(p));
     return int(distinct.size()) - 1;
   };
   std::vector<int> parameters_of(npair);  // by source: the mixed ones first
   std::map<std::array<int, 2>, int> mixed;
-  for (int k = 0; k < npair; ++k) {
-    if (k >= int(m.pairs.size())) {
-      parameters_of[k] = add_parameters(k);
-      continue;
-    }
-    auto const [g1, g2] = m.pairs[k];
+  auto const mix = [&](int g1, int g2) {
     auto const [at, fresh] = mixed.try_emplace({geom_set[g1], geom_set[g2]}, int(distinct.size()));
-    if (fresh) add_parameters(k);
-    parameters_of[k] = at->second;
-  }
+    if (fresh) add_parameters(detail::with_override(m.option, mix_contact_parameters(m, g1, g2)));
+    return at->second;
+  };
+  int const listed = std::min(npair, int(m.pairs.size()));
+  for (int k = 0; k < listed; ++k) parameters_of[k] = mix(m.pairs[k][0], m.pairs[k][1]);
+  search.make(exec, order, collider, geom_set, int(geom_sets.size()), mix, c);
+  for (int k = listed; k < npair; ++k) parameters_of[k] = add_parameters(contact_parameters(m, k));
   c.mixed_parameters = int(mixed.size());
   for (int k = 0; k < npair; ++k) {
     auto const& key = keys[k];

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/collision/broadphase.hpp>
+#include <gsp/collision/detail/pair_search.hpp>
 #include <gsp/collision/manifold.hpp>
 #include <gsp/collision/narrowphase.hpp>
 #include <gsp/core/status.hpp>
@@ -27,7 +28,7 @@ template <class R, class Mem>
 struct ContactScratch {
   ColliderBounds<R, Mem> bounds;
   Kokkos::View<std::uint64_t*, Mem> mask;  // (chunks * worlds)
-  Kokkos::View<std::int64_t*, Mem> first;  // (chunks * worlds) first candidate of an item
+  Kokkos::View<std::int64_t*, Mem> first;  // (chunks * worlds + worlds * movers) first candidate of an item
   Kokkos::View<Candidate*, Mem> candidates;
   Kokkos::View<ContactPoint<R>*, Mem> points;
   Kokkos::View<std::uint8_t*, Mem> lost;   // (worlds) candidates did not fit
@@ -41,28 +42,23 @@ struct ContactsStamp {
   void const* pool = nullptr;  // where they were written: Contacts::dist
 };
 
-/// Counts the candidates of the items before, then writes this item's.
+/// Counts the candidates of the items before, then writes this item's: of chunks of pairs, then of movers, whose are written later.
 template <class R, class Mem>
 struct WriteCandidates {
   using value_type = CandidateSum;
   CollisionModel<R, Mem> model;
   ContactScratch<R, Mem> s;
+  PairSearch<R, Mem> search;
   int worlds;
-  std::int64_t items;
+  std::int64_t masks, items;
   KOKKOS_FUNCTION void operator()(std::int64_t item, value_type& sum, bool last) const {
+    if (item >= masks) return write_mover(item, sum, last);
     std::uint64_t bits = s.mask(item);
     CollisionChunk const chunk = model.chunk(int(item / worlds));
     int const n = Kokkos::popcount(bits), each = chunk.points;
     if (last) {
       int const w = int(item % worlds);
-      s.first(item) = sum.candidates;
-      if (sum.candidates + n > std::int64_t(s.candidates.extent(0)) ||
-          sum.points + std::int64_t(n) * each > std::int64_t(s.points.extent(0))) {
-        if (n > 0) s.lost(w) = 1;  // whoever finds it writes the same
-        // The narrow phase runs over the candidates that fit: leave none of this item undefined.
-        for (std::int64_t k = sum.candidates; k < sum.candidates + n && k < std::int64_t(s.candidates.extent(0)); ++k)
-          s.candidates(k) = {w, -1, 0, 0, 0};
-      } else {
+      if (has_room(item, w, sum, n, std::int64_t(n) * each)) {
         int slot = int(sum.points);
         std::int64_t k = sum.candidates;
         for (int i = 0; bits != 0; ++i, bits >>= 1) {
@@ -73,13 +69,79 @@ struct WriteCandidates {
           slot += each;
         }
       }
-      if (item == items - 1) {
-        s.total(0) = sum.candidates + n;
-        s.total(1) = sum.points + std::int64_t(n) * each;
-      }
     }
     sum.candidates += n;
     sum.points += std::int64_t(n) * each;
+  }
+  KOKKOS_INLINE_FUNCTION void write_mover(std::int64_t item, value_type& sum, bool last) const {
+    std::int64_t const mover = item - masks;
+    int const n = search.found(mover, 0), points = search.found(mover, 1);
+    if (last) {
+      search.first_slot(mover) = sum.points;
+      if (!has_room(item, int(mover / model.movers), sum, n, points)) search.first_slot(mover) = -1;
+    }
+    sum.candidates += n;
+    sum.points += points;
+  }
+  /// Notes where the item begins, and if it is the last, what all of them need.
+  KOKKOS_INLINE_FUNCTION bool has_room(std::int64_t item, int w, value_type const& sum, int n, std::int64_t points) const {
+    s.first(item) = sum.candidates;
+    if (item == items - 1) {
+      s.total(0) = sum.candidates + n;
+      s.total(1) = sum.points + points;
+    }
+    if (sum.candidates + n <= std::int64_t(s.candidates.extent(0)) && sum.points + points <= std::int64_t(s.points.extent(0))) return true;
+    if (n > 0) s.lost(w) = 1;  // whoever finds it writes the same
+    // The narrow phase runs over the candidates that fit: leave none of this item undefined.
+    for (std::int64_t k = sum.candidates; k < sum.candidates + n && k < std::int64_t(s.candidates.extent(0)); ++k)
+      s.candidates(k) = {w, -1, 0, 0, 0};
+    return false;
+  }
+};
+
+/// x(0) ... x(n - 1) ascend: heapsort, which needs no memory.
+template <class Numbers>
+KOKKOS_INLINE_FUNCTION void sort_in_place(Numbers const& x, int n) {
+  auto const sift_down = [&](int root, int end) {
+    for (int child = 2 * root + 1; child < end; child = 2 * root + 1) {
+      if (child + 1 < end && x(child + 1) > x(child)) ++child;
+      if (x(root) >= x(child)) return;
+      Kokkos::kokkos_swap(x(root), x(child));
+      root = child;
+    }
+  };
+  for (int root = n / 2 - 1; root >= 0; --root) sift_down(root, n);
+  for (int end = n - 1; end > 0; --end) {
+    Kokkos::kokkos_swap(x(0), x(end));
+    sift_down(0, end);
+  }
+}
+
+/// The candidates of a mover, in the order of their pairs.
+template <class R, class Mem>
+struct WriteNearPairs {
+  NearPairs<R, Mem> near;
+  ContactScratch<R, Mem> s;
+  std::int64_t masks;
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
+    int const w = int(item / near.model.movers), m = int(item % near.model.movers), n = near.search.found(item, 0);
+    std::int64_t slot = near.search.first_slot(item);
+    if (n == 0 || slot < 0) return;
+    Candidate* const own = &s.candidates(s.first(masks + item));
+    auto const other = [&](int k) -> int& { return own[k].pair; };
+    if (n <= PairSearch<R, Mem>::kept) {
+      for (int k = 0; k < n; ++k) other(k) = near.search.other(item, k);
+    } else {
+      int k = 0;
+      near.each(w, m, [&](int o) { other(k++) = o; });
+    }
+    sort_in_place(other, n);
+    for (int k = 0; k < n; ++k) {
+      PairKind const kind = near.kind_of(m, other(k));
+      int const points = max_points(kind);
+      own[k] = Candidate{w, near.model.searched_pair(m, other(k)), int(slot), short(kind), short(points)};
+      slot += points;
+    }
   }
 };
 
@@ -102,7 +164,7 @@ struct CollideCandidates {
     if (k >= s.total(0)) return;
     Candidate c = s.candidates(k);
     if (c.pair < 0 || is_among(convex_kinds, PairKind(c.kind)) != convex) return;
-    int const a = model.pair_collider(c.pair, 0), b = model.pair_collider(c.pair, 1);
+    auto const [a, b] = model.colliders_of(c.pair);
     PairKind const kind{c.kind};
     bool const with_asset = is_among(asset_kinds, kind);
     auto const shape = [&](int i) {
@@ -127,16 +189,17 @@ struct WriteContacts {
   Contacts<R, Mem> contacts;
   KOKKOS_FUNCTION void operator()(std::int64_t index, value_type& sum, bool last) const {
     auto const& s = contacts.scratch;
-    int const w = int(index / model.chunks), c = int(index % model.chunks);
-    std::int64_t const item = std::int64_t(c) * contacts.worlds + w;
-    bool const lost = s.lost(w) != 0;
-    int const n = lost ? 0 : Kokkos::popcount(s.mask(item));
+    int const each = model.chunks + model.movers, w = int(index / each), c = int(index % each);
+    bool const lost = s.lost(w) != 0, listed = c < model.chunks;
+    std::int64_t const mover = std::int64_t(w) * model.movers + c - model.chunks;
+    std::int64_t const item = listed ? std::int64_t(c) * contacts.worlds + w : std::int64_t(s.mask.extent(0)) + mover;
+    int const n = lost ? 0 : listed ? Kokkos::popcount(s.mask(item)) : contacts.search.found(mover, 0);
     std::int64_t const begin = s.first(item);
     int count = 0;
     for (int k = 0; k < n; ++k) count += s.candidates(begin + k).count;
     if (last) {
       if (c == 0) contacts.first(w) = int(sum);
-      if (c == model.chunks - 1) {
+      if (c == each - 1) {
         contacts.end(w) = int(sum) + count;
         if (w == contacts.worlds - 1) {
           s.total(2) = sum + count;
@@ -159,7 +222,7 @@ struct WriteContacts {
     sum += count;
   }
   KOKKOS_INLINE_FUNCTION void write(int i, Candidate const& c, ContactPoint<R> const& p) const {
-    int const a = model.pair_collider(c.pair, 0), b = model.pair_collider(c.pair, 1);
+    auto const [a, b] = model.colliders_of(c.pair);
     contacts.world(i) = c.world;
     contacts.pair(i) = c.pair;
     contacts.feature(i) = p.feature;

@@ -20,7 +20,7 @@ namespace detail {
 
 class Compiler : public ConstantsCompiler {
  public:
-  explicit Compiler(Description const& d) : ConstantsCompiler(d) {}
+  explicit Compiler(Description const& d, CompileOptions options = {}) : ConstantsCompiler(d), options_(options) {}
   CompiledModel run() {
     masses_only();
     align_free_bodies();
@@ -87,35 +87,51 @@ class Compiler : public ConstantsCompiler {
   }
 
   // Two geoms may touch when a bit of contype meets one of conaffinity and their bodies are not welded together, not parent and child
-  // (unless one is the world), and not excluded; two that are a named pair are none here.
+  // (unless one is the world), and not excluded; two that are a named pair are none here. Of more than can be listed, those of planes and
+  // height fields are, which have no box to speak of.
   void pairs() {
-    std::vector<std::vector<int>> excluded(std::size_t(m_.nbody));  // with which bodies, both ways
+    excluded_.resize(std::size_t(m_.nbody));
     for (auto const& e : d_.excludes) {
       int const a = find(Kind::body, e.body1, e.place, "exclude", ""), b = find(Kind::body, e.body2, e.place, "exclude", "");
-      excluded[std::size_t(a)].push_back(b);
-      excluded[std::size_t(b)].push_back(a);
+      excluded_[std::size_t(a)].push_back(b);
+      excluded_[std::size_t(b)].push_back(a);
+      m_.excluded_bodies.push_back({a, b});
     }
     MeetingGeoms const meeting(m_);
-    std::vector<int> later;
+    std::vector<int> others;
     for (int const a : meeting.colliding()) {
-      int const body_a = m_.geom_body[a], weld_a = m_.body_weld[body_a];
-      int const above_a = m_.body_weld[m_.body_parent[weld_a]];
-      meeting.find_later(a, later);
-      for (int const b : later) {
-        int const body_b = m_.geom_body[b], weld_b = m_.body_weld[body_b];
-        if (d_.option.filterparent && weld_a != 0 && weld_b != 0 && (weld_a == m_.body_weld[m_.body_parent[weld_b]] || weld_b == above_a))
-          continue;
-        if (auto const& not_with = excluded[std::size_t(body_a)]; std::find(not_with.begin(), not_with.end(), body_b) != not_with.end())
-          continue;
-        if (!named_.empty() && named_.count({a, b})) continue;
-        std::array<int, 2> const pair = m_.geom_type[a] <= m_.geom_type[b] ? std::array{a, b} : std::array{b, a};
-        if (!can_collide(ShapeType(m_.geom_type[a]), ShapeType(m_.geom_type[b]))) continue;
-        m_.pairs.push_back(pair);
-        if (m_.pairs.size() > 50'000'000)
-          throw Error(at({}) + "more than 50 million pairs of geoms can meet: keep geoms apart with contype and conaffinity");
-      }
+      meeting.find_later(a, others);
+      for (int const b : others)
+        if (may_touch(a, b)) add_pair(a, b);
+      m_.pairs_searched = int(m_.pairs.size()) > options_.listed_pairs;
+      if (m_.pairs_searched) break;
+    }
+    if (!m_.pairs_searched) return;
+    m_.pairs.clear();
+    auto const wide = [&](int g) { return is_wide(ShapeType(m_.geom_type[g])); };
+    for (int const a : meeting.colliding()) {
+      if (!wide(a)) continue;
+      meeting.find_later(-1, a, others);
+      for (int const b : others)
+        if ((b > a || !wide(b)) && may_touch(a, b)) add_pair(std::min(a, b), std::max(a, b));
+      if (m_.pairs.size() > 50'000'000)
+        throw Error(at({}) +
+                    "more than 50 million pairs of a plane or height field with another geom can meet: keep geoms apart with "
+                    "contype and conaffinity");
     }
   }
+  /// By all filters but that of their bits.
+  bool may_touch(int a, int b) const {
+    int const body_a = m_.geom_body[a], body_b = m_.geom_body[b], weld_a = m_.body_weld[body_a], weld_b = m_.body_weld[body_b];
+    if (d_.option.filterparent && weld_a != 0 && weld_b != 0 &&
+        (weld_a == m_.body_weld[m_.body_parent[weld_b]] || weld_b == m_.body_weld[m_.body_parent[weld_a]]))
+      return false;
+    auto const& not_with = excluded_[std::size_t(body_a)];
+    if (std::find(not_with.begin(), not_with.end(), body_b) != not_with.end()) return false;
+    if (!named_.empty() && named_.count(std::minmax(a, b))) return false;
+    return can_collide(ShapeType(m_.geom_type[a]), ShapeType(m_.geom_type[b]));
+  }
+  void add_pair(int a, int b) { m_.pairs.push_back(m_.geom_type[a] <= m_.geom_type[b] ? std::array{a, b} : std::array{b, a}); }
 
   void keyframes() {
     std::vector<double> mpos, mquat;
@@ -153,15 +169,17 @@ class Compiler : public ConstantsCompiler {
     }
   }
 
-  std::set<std::pair<int, int>> named_;  // geoms of named pairs, the smaller index first: no ordinary pairs
+  CompileOptions options_;
+  std::vector<std::vector<int>> excluded_;  // of bodies: with which, both ways
+  std::set<std::pair<int, int>> named_;     // geoms of named pairs, the smaller index first: no ordinary pairs
 };
 
 }  // namespace detail
 
-GSP_INLINE CompiledModel compile(Description const& description) {
-  if (!description.compiler.discard_visual && !description.compiler.fuse_static) return detail::Compiler(description).run();
+GSP_INLINE CompiledModel compile(Description const& description, CompileOptions options) {
+  if (!description.compiler.discard_visual && !description.compiler.fuse_static) return detail::Compiler(description, options).run();
   auto const smaller = detail::left_out(description, [&](Description const& d) { return detail::Compiler(d).bodies_only(); });
-  return detail::Compiler(smaller).run();
+  return detail::Compiler(smaller, options).run();
 }
 
 }  // namespace gsp

@@ -35,14 +35,21 @@ class MeetingGeoms {
   }
   /// All geoms with a filter that lets them meet anything, in order.
   std::vector<int> const& colliding() const { return colliding_; }
+  /// Whether it can meet any.
+  bool meets_any(int a) const {
+    int const group = group_of_[std::size_t(a)];
+    return group >= 0 && !groups_[std::size_t(group)].others.empty();
+  }
   /// later <- the geoms after `a` that it can meet, in order. Cost: what it finds, and a search a group.
-  void find_later(int a, std::vector<int>& later) const {
+  void find_later(int a, std::vector<int>& later) const { find_later(a, a, later); }
+  /// later <- the geoms after `after` that `a` can meet, in order.
+  void find_later(int after, int a, std::vector<int>& later) const {
     later.clear();
     int found_in = 0;
     for (int const k : groups_[std::size_t(group_of_[std::size_t(a)])].others) {
       Group const& group = groups_[std::size_t(k)];
       std::size_t const before = later.size();
-      auto const first = std::upper_bound(group.geoms.begin(), group.geoms.end(), a);
+      auto const first = std::upper_bound(group.geoms.begin(), group.geoms.end(), after);
       for (std::size_t i = std::size_t(first - group.geoms.begin()); i < group.geoms.size();) {
         std::size_t const end = group.run_end[i];
         if (weld(group.geoms[i]) != weld(a)) later.insert(later.end(), group.geoms.begin() + long(i), group.geoms.begin() + long(end));
