@@ -291,6 +291,24 @@ TEST_CASE("surfaces that move: of the floor, of bodies, against one another, in 
       }
 }
 
+// The normal moves nothing, and bears friction all the same: what its softness makes of the overlap.
+TEST_CASE("what slides on rails is pressed into the floor") {
+  std::string const text =
+      R"(<mujoco><option timestep="0.004"/><worldbody><geom type="plane" size="5 5 1" friction="0.7 0.01 0.002"/>
+    <body pos="0 0 .099"><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><geom size=".1" mass="2"/></body>
+    <body pos="0 2 .0995"><joint type="slide" axis="1 0 0"/><geom size=".1"/></body>
+    <body pos="0 4 .099"><joint axis="0 0 1"/><geom size=".1"/><geom size=".1" pos=".3 0 0"/></body></worldbody></mujoco>)";
+  auto const oracle = gsp_test::load_oracle("model.xml", text);
+  auto const compiled = gsp::compile(gsp::io::parse_mjcf(text, "model.xml"));
+  for (int const condim : {1, 3, 4, 6})
+    for (mjtCone const cone : {mjCONE_PYRAMIDAL, mjCONE_ELLIPTIC}) {
+      INFO(condim << " cone " << int(cone));
+      auto const out = compare(oracle, compiled, 20, 0.15, {condim, cone});
+      CHECK(out.off == 0);
+      CHECK(out.contacts > 60);
+    }
+}
+
 // Geoms, a geom of higher priority, a named pair, and actuators on two bodies of one tree and on the world, also over gaps.
 TEST_CASE("adhesion of geoms, pairs and actuators") {
   std::string const text = R"(<mujoco><option timestep="0.004"/><worldbody><geom name="floor" type="plane" size="5 5 1" adhesion="3"/>

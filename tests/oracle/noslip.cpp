@@ -11,12 +11,12 @@
 #include "support/data.hpp"
 #include "support/skip.hpp"
 
-// noslip beside MuJoCo's, of its own contacts, in both cones. Both solve one convex problem before it, to rounding; each sweep of both takes
-// the same blocks in the same order to their least costs, so they agree after three sweeps and, what is least being one point, after many.
-// MuJoCo stops within an ellipsoid at |s|^2 - r^2 < 1e-10 N^2: 1e-10 beside forces of 1 N, 1e-7 where one of 0.03 N counts. The bar is 1e-6
-// of max(1, the largest acceleration).
-// Where the block of a contact's friction has a determinant below 1e-10 (in units of mu: something that moves in a plane only, say) MuJoCo
-// finds no impulses, and keeps those that slip. Ours stick: where the two are apart, one of MuJoCo's contacts is such, and our cost is lower.
+// noslip beside MuJoCo's, of its own contacts, in both cones. Both solve one convex problem before it, to rounding; each sweep of both
+// takes the same blocks in the same order to their least costs, so they agree after three sweeps and, what is least being one point, after
+// many. MuJoCo stops within an ellipsoid at |s|^2 - r^2 < 1e-10 N^2: 1e-10 beside forces of 1 N, 1e-7 where one of 0.03 N counts. The bar
+// is 1e-6 of max(1, the largest acceleration). Where the block of a contact's friction has a determinant below 1e-10 (in units of mu:
+// something that moves in a plane only, say) MuJoCo finds no impulses, and keeps those that slip. Ours stick: where the two are apart, one
+// of MuJoCo's contacts is such, and our cost is lower.
 namespace {
 using Exec = Kokkos::DefaultHostExecutionSpace;
 using Mem = Exec::memory_space;
@@ -183,9 +183,9 @@ TEST_CASE("real models" * doctest::test_suite("data")) {
   CHECK(change > 0.1);
 }
 
-// A box on a ramp that holds it four times over, as each pair of edges has its share of the normal alone: it creeps where friction is soft, and holds where noslip has come to its end. Steps of both libraries
-// from rest. Edges of a pyramid take many sweeps, and stop early at the tolerance that files have: so does MuJoCo. The box rests in four
-// points, whose order may differ: speeds to 1e-7 m/s.
+// A box on a ramp that holds it four times over, as each pair of edges has its share of the normal alone: it creeps where friction is soft,
+// and holds where noslip has come to its end. Steps of both libraries from rest. Edges of a pyramid take many sweeps, and stop early at the
+// tolerance that files have: so does MuJoCo. The box rests in four points, whose order may differ: speeds to 1e-7 m/s.
 TEST_CASE("a box on a ramp creeps, and holds with noslip") {
   enum { creeps, between, holds };
   struct Case {

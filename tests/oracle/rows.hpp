@@ -28,9 +28,7 @@ inline void copy_state(mjModel const* m, mjData const* d, gsp::State<double, Kok
 inline double parameters_apart(gsp::ContactParameters<double> const& p, mjContact const& t) {
   int const condim = t.dist >= t.includemargin && t.efc_address >= 0 ? 1 : p.condim;  // adhesion over a gap: a normal alone
   double worst = condim == t.dim ? 0 : INFINITY;
-  auto const put = [&](double mine, double theirs) {
-    raise(worst, mine == theirs ? 0 : apart(mine, theirs));
-  };
+  auto const put = [&](double mine, double theirs) { raise(worst, mine == theirs ? 0 : apart(mine, theirs)); };
   for (int i = 0; i < 5; ++i) put(p.friction[i], t.friction[i]);
   for (int i = 0; i < 2; ++i) put(p.solref[i], t.solref[i]), put(p.solreffriction[i], t.solreffriction[i]);
   for (int i = 0; i < 5; ++i) put(p.solimp[i], t.solimp[i]);
@@ -38,7 +36,7 @@ inline double parameters_apart(gsp::ContactParameters<double> const& p, mjContac
   return worst;
 }
 
-/// MuJoCo's contacts, in its order, in a pool of ours; `parameters`: how far those of our pairs are from its own.
+/// MuJoCo's contacts, in its order, in a pool of ours, whose pairs are listed; `parameters`: how far those of our pairs are from its own.
 inline Contacts contacts_of(mjData const* d, gsp::CollisionModel<double, Kokkos::HostSpace> const& collision, double& parameters) {
   auto contacts = gsp::make_contacts(Kokkos::DefaultHostExecutionSpace{}, collision, {.contacts_per_world = d->ncon + 1});
   std::multimap<std::pair<int, int>, int> pairs;

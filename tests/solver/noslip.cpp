@@ -171,7 +171,8 @@ TEST_CASE_TEMPLATE("a world's friction depends on its own rows", Exec, GSP_TEST_
   CHECK(z[0] == z[1]);
 }
 
-TEST_CASE_TEMPLATE("noslip neither allocates nor waits, does nothing while halted, and refuses rows that do not slip", Exec, GSP_TEST_EXECS) {
+TEST_CASE_TEMPLATE("noslip neither allocates nor waits, does nothing while halted, and refuses rows that do not slip", Exec,
+                   GSP_TEST_EXECS) {
   auto const c = two_trees();
   Loop<double, Exec> s(c, 3, {.profile = gsp::Profile::mujoco}), stable(c, 3), two(c, 2, {.profile = gsp::Profile::mujoco});
   do s.assemble(test_types::Grips<double>{15});

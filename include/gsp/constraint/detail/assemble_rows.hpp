@@ -239,7 +239,8 @@ struct EmitRows {
     row.with_next = bounds.with_next;
     row.dry = bounds.dry;
     if (row.inverse_diagonal == R(0)) {  // nothing that it touches can move
-      row.bias = R(0);
+      // In profile mujoco it bears what its softness makes of its gap, and friction with it.
+      if (model.profile == Profile::stable || law.compliance == R(0)) row.bias = R(0);
       if (model.profile == Profile::stable) {
         row.friction_of = -1;
         row.mu = R(-1);
