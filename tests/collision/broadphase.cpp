@@ -307,8 +307,10 @@ TEST_CASE_TEMPLATE("the same bits for any capacity, batch and number of threads"
   SUBCASE("room for some: others have no contacts and say so, these have theirs") {
     auto const need = contacts.demand(exec);
     auto some = make_contacts(exec, model,
-                              {.worlds = worlds, .candidates_per_world = int(need.candidates / worlds) - 3,
-                               .points_per_world = int(need.points / worlds), .contacts_per_world = int(need.contacts / worlds) + 1});
+                              {.worlds = worlds,
+                               .candidates_per_world = int(need.candidates / worlds) - 3,
+                               .points_per_world = int(need.points / worlds),
+                               .contacts_per_world = int(need.contacts / worlds) + 1});
     collide(exec, model, poses, some);
     int const lost = some.demand(exec).lost_worlds;
     CHECK(lost > 0);
@@ -427,8 +429,8 @@ CompiledModel lattice(int side, CompileOptions options = {}) {
 }
 }  // namespace
 
-// A lattice of s^3 boxes that overlap their neighbours: along an axis s have one and s - 1 two of them, so there are ((3 s - 2)^3 - s^3) / 2
-// pairs, and s^2 boxes touch the floor.
+// A lattice of s^3 boxes that overlap their neighbours: along an axis s have one and s - 1 two of them, so there are ((3 s - 2)^3 - s^3) /
+// 2 pairs, and s^2 boxes touch the floor.
 TEST_CASE("a heap of 4,913 boxes lists the floor's pairs alone, and as many are near as touch") {
   Kokkos::DefaultHostExecutionSpace const exec;
   for (int side : {12, 17}) {
@@ -471,5 +473,6 @@ TEST_CASE("more geoms than pairs can be numbered are refused") {
     d.bodies.push_back(b);
   }
   auto const m = compile(d);
-  CHECK_THROWS_WITH_AS(make_collision_model<float>(Kokkos::DefaultHostExecutionSpace{}, m), doctest::Contains("12000 geoms that move"), Error);
+  CHECK_THROWS_WITH_AS(make_collision_model<float>(Kokkos::DefaultHostExecutionSpace{}, m), doctest::Contains("12000 geoms that move"),
+                       Error);
 }

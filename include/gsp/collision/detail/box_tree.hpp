@@ -2,7 +2,8 @@
 #include <gsp/collision/collision_model.hpp>
 
 /// Trees of boxes (BoxTreeShape): eight children a block, low[axis][child], high[axis][child]. Which leaf stands where is for the caller to
-/// say; neighbours in space should be neighbours in the tree. A child that is not there, or is NaN, has an empty box, which is near nothing.
+/// say; neighbours in space should be neighbours in the tree. A child that is not there, or is NaN, has an empty box, which is near
+/// nothing.
 namespace gsp::detail {
 
 inline constexpr int block_reals = 48;

@@ -15,16 +15,16 @@ template <class R, class Mem>
 struct PairSearch {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
-  View<R*> moving_tree, still_tree;  // (worlds, blocks, block_reals)
-  View<R** [7]> seen;                // (worlds, still bodies) the pose for which what is still was placed
-  View<std::uint8_t*> moved;         // (worlds) some of them have another now
-  View<R** [6]> part;                // (worlds, parts) low, high of centres of movers
+  View<R*> moving_tree, still_tree;        // (worlds, blocks, block_reals)
+  View<R** [7]> seen;                      // (worlds, still bodies) the pose for which what is still was placed
+  View<std::uint8_t*> moved;               // (worlds) some of them have another now
+  View<R** [6]> part;                      // (worlds, parts) low, high of centres of movers
   Kokkos::View<std::uint64_t*, Mem> keys;  // (worlds, movers) the world, and places on the curve
   Kokkos::View<int*, Mem> order;           // (worlds, movers) colliders by place
   SortScratch<std::uint64_t, Mem> sort;
-  Kokkos::View<std::int64_t, Mem> items;   // worlds * movers
+  Kokkos::View<std::int64_t, Mem> items;  // worlds * movers
   static constexpr int kept = 16;
-  View<int* [kept]> other;           // (worlds * movers) with whom, where they are no more
+  View<int* [kept]> other;         // (worlds * movers) with whom, where they are no more
   View<int* [2]> found;            // (worlds * movers) pairs of a mover, and the most points that they give
   View<std::int64_t*> first_slot;  // (worlds * movers) of their points
   void const* placed = nullptr;    // the model's numbers for which `seen` holds
@@ -74,8 +74,8 @@ struct FillLeaves {
   BoxTreeShape shape;
   R* trees;
   int const* order;
-  int order_stride;            // of a world
-  std::uint8_t const* where;   // (worlds) only there, if given
+  int order_stride;           // of a world
+  std::uint8_t const* where;  // (worlds) only there, if given
   KOKKOS_FUNCTION void operator()(std::int64_t item) const {
     int const n = shape.blocks_of(0), w = int(item / n), j = int(item % n);
     if (where != nullptr && where[w] == 0) return;

@@ -91,7 +91,8 @@ class PairSearchMaker {
       moves[std::size_t(type)] |= i < c.movers;
     }
     for (auto const& pair : shape_pairs)
-      if (!is_wide(pair.a) && is[std::size_t(pair.a)] && is[std::size_t(pair.b)] && (moves[std::size_t(pair.a)] || moves[std::size_t(pair.b)]))
+      if (!is_wide(pair.a) && is[std::size_t(pair.a)] && is[std::size_t(pair.b)] &&
+          (moves[std::size_t(pair.a)] || moves[std::size_t(pair.b)]))
         c.has_convex_pairs |= pair.convex;
   }
 
@@ -133,7 +134,8 @@ class PairSearchMaker {
       auto const g = std::size_t(order[i]), body = std::size_t(m_.geom_body[g]);
       int const weld = m_.body_weld[body], parent = m_.body_weld[std::size_t(m_.body_parent[std::size_t(weld)])];
       bool const filtered = m_.option.filterparent && weld != 0 && parent != 0;
-      ColliderFilter f{m_.geom_contype[g], m_.geom_conaffinity[g], weld, filtered ? parent : -1, body_list[body][0], body_list[body][1], 0, 0,
+      ColliderFilter f{m_.geom_contype[g], m_.geom_conaffinity[g], weld, filtered ? parent : -1,
+                       body_list[body][0], body_list[body][1],     0,    0,
                        geom_set[g]};
       append(named[i], f.named_first, f.named_end);
       result.push_back(f);
