@@ -16,6 +16,9 @@ namespace gsp_cli {
 using gsp::io::detail::fail;
 
 Option skip_visuals_option() { return {"--skip-visuals", "", "leave out visual geoms whose meshes are not read (colliding ones never)"}; }
+Option decompose_option() {
+  return {"--decompose", "", "meshes that are not convex touch as their convex parts, found by CoACD and kept in the cache"};
+}
 Option approximate_option() { return {"--approximate", "", "without effect: nothing has to be approximated any more; old scripts say it"}; }
 Option floating_base_option() {
   return {"--floating-base", "", "the root link of a URDF file moves freely (else it is fixed to the world)"};
@@ -47,6 +50,7 @@ gsp::Description describe_model(std::string const& path, Arguments const& argume
     options.floating_base = arguments.has("--floating-base");
     options.skip_visuals = skip_visuals;
     options.list_refusals = list_refusals;
+    options.convex_decomposition = arguments.has("--decompose");
     for (auto const& text : arguments.all("--package")) {
       auto const equal = text.find('=');
       if (equal == 0 || equal == std::string::npos) arguments.fail("--package is " + in_quotes(text) + "; give NAME=FOLDER");
@@ -57,6 +61,7 @@ gsp::Description describe_model(std::string const& path, Arguments const& argume
   gsp::io::MjcfOptions options;
   options.skip_visuals = skip_visuals;
   options.list_refusals = list_refusals;
+  options.convex_decomposition = arguments.has("--decompose");
   return gsp::io::read_mjcf(path, options);
 }
 gsp::CompiledModel compile_model(gsp::Description const& description) { return gsp::compile(description); }

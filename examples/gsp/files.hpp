@@ -11,8 +11,9 @@
 
 namespace gsp_cli {
 
-/// The options --skip-visuals, --approximate, --floating-base and --package, for the tables of commands.
+/// The options --skip-visuals, --decompose, --approximate, --floating-base and --package, for the tables of commands.
 Option skip_visuals_option();
+Option decompose_option();
 Option approximate_option();
 Option floating_base_option();
 Option package_option();

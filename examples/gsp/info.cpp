@@ -220,6 +220,7 @@ Command info_command() {
       0,
       -1,
       {skip_visuals_option(),
+       decompose_option(),
        floating_base_option(),
        package_option(),
        {"--json", "", "of a model: one JSON object with its sizes, the report and the verdict"},

@@ -366,6 +366,7 @@ Command quickstart_command() {
             "piece below the model"},
            {"--keyframe", "NAME|INDEX", "where your robot starts; its first keyframe, if there is one"},
            skip_visuals_option(),
+           decompose_option(),
            approximate_option(),
            floating_base_option(),
            package_option(),

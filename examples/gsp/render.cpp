@@ -230,6 +230,7 @@ Command render_command() {
            {"--model", "M.xml",
             "a MJCF model; its links carry the Gaussians that are bound to them, or, where none are, Gaussians on its geoms"},
            skip_visuals_option(),
+           decompose_option(),
            approximate_option(),
            floating_base_option(),
            package_option(),

@@ -202,6 +202,7 @@ Command sim_command() {
        {"--forces", "OUT.npz", "write what constraints did in the last step: qfrc_constraint (N,nv), float64"},
        {"--time-from", "S", "run the first S steps without timing them"},
        skip_visuals_option(),
+       decompose_option(),
        approximate_option(),
        floating_base_option(),
        package_option(),

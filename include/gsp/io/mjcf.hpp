@@ -13,6 +13,7 @@ namespace gsp::io {
 struct MjcfOptions {
   bool skip_visuals = false;   // leave out visual geoms whose mesh is missing; otherwise that is an error
   bool list_refusals = false;  // what is not supported becomes a line of the report instead of an error, and is left out of the description
+  bool convex_decomposition = false;  // meshes that are not convex touch as their convex parts (io/convex_parts.hpp), not as their hull
   std::function<std::vector<std::byte>(std::filesystem::path const&)> read = {};  // where files come from; empty: the disk
 };
 

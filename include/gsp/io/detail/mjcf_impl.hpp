@@ -2,6 +2,7 @@
 #include <filesystem>
 #include <functional>
 #include <gsp/core/detail/compiled.hpp>
+#include <gsp/io/convex_parts.hpp>
 #include <gsp/io/detail/mjcf_reader.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/mesh_hull.hpp>
@@ -48,8 +49,9 @@ class Finish {
     }
     for (auto const& place : s_.files.stray_text)
       s_.report.add(ReportLine::Kind::no_effect, s_.files.names[std::size_t(place.file)], place.line, "text between elements");
-    add_hulls(d_);
     d_.files = s_.files.names;
+    if (options_.convex_decomposition) split_into_convex_parts(d_);
+    add_hulls(d_);
     d_.report = s_.report.take();
     return std::move(d_);
   }

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <functional>
+#include <gsp/io/convex_parts.hpp>
 #include <gsp/io/detail/load_report.hpp>
 #include <gsp/io/detail/mjcf_values.hpp>
 #include <gsp/io/detail/mjcf_xml.hpp>
@@ -41,9 +42,10 @@ class Reader {
     tree(root);
     bodies();
     mimics();
+    d_.files = files_.names;
+    if (options_.convex_decomposition) split_into_convex_parts(d_);
     add_hulls(d_);
     for (auto const& place : files_.stray_text) note(Kind::no_effect, place, "text between elements");
-    d_.files = files_.names;
     d_.report = report_.take();
     return std::move(d_);
   }
