@@ -57,6 +57,9 @@ KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R
 
 namespace detail {
 template <class R>
+class PairSearchMaker;  // its header may be included first, and includes this one
+
+template <class R>
 GeomContact<R> geom_contact(CompiledModel const& m, int g) {
   GeomContact<R> c{
       m.geom_priority[g],  m.geom_condim[g],         R(m.geom_solmix[g]), R(m.geom_margin[g]), R(m.geom_gap[g]), {}, {}, {}, R(0),
