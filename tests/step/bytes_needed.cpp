@@ -24,10 +24,11 @@ TEST_CASE_TEMPLATE("the bytes of a simulation are told before they are allocated
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   auto const model = gsp::make_model<float>(exec, compiled);
   for (int worlds : {1, 64, 1000, 3000}) {
-    std::int64_t const told = gsp::bytes_needed(exec, model, compiled, {.worlds = worlds});
+    gsp::SimulationOptions const options{.worlds = worlds, .sleep = worlds == 1000};
+    std::int64_t const told = gsp::bytes_needed(exec, model, compiled, options);
     auto const seen = watch([&] {
       auto state = gsp::make_state(exec, model, {.worlds = worlds});
-      auto const simulation = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+      auto const simulation = gsp::make_simulation(exec, model, compiled, options);
     });
     std::int64_t const allocated = bytes_of(seen);
     CAPTURE(worlds);

@@ -97,11 +97,13 @@ bool grow(Exec const& exec, Contacts<R, Mem>& contacts);
 /// Finds all contacts with dist <= margin + gap + model.early(world) of all worlds in their present poses.
 /// @param poses     of the bodies, (worlds, bodies)
 /// @param contacts  overwritten
+/// @param still     trees that have not moved since the last call: contacts between them are taken over from it (step/sleep.hpp)
 /// Neither allocates nor fences. Cost: 2 us for a humanoid on the floor on one core, 26 ns in a batch of 8,192 on an H200 (docs/collision).
 /// The result depends on nothing but the world's own poses. The contacts are of the state that the poses are of, and `assemble` refuses
 /// them beside one that has moved on.
 template <ExecutionSpace Exec, class R, class Mem>
-void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses, Contacts<R, Mem>& contacts) {
+void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses, Contacts<R, Mem>& contacts,
+             StillTrees<R, Mem> const& still = {}) {
   Region const region("gsp::collision::collide");
   static_assert(can_access<Exec, Contacts<R, Mem>>, "gsp::collide: the contacts are not accessible from this execution space");
   expects(int(poses.xpos.extent(0)) == contacts.worlds,
@@ -133,15 +135,17 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
   if (movers > 0)
     Kokkos::parallel_for("gsp::collision::write_near_pairs", lightweight(Range(exec, 0, movers)),
                          detail::WriteNearPairs<R, Mem>{{model, s.bounds, contacts.search}, s, masks});
+  detail::StillContacts<R, Mem> const before{still,         contacts.first, contacts.end,  contacts.pair, contacts.feature,
+                                             contacts.dist, contacts.pos,   contacts.frame};
   // On a device the grid has the capacity's size and threads leave on the count; on a host the work before is done, so the count can be
   // read.
   std::int64_t candidates = std::int64_t(s.candidates.extent(0));
   if constexpr (!is_device<Exec>) candidates = std::min(candidates, std::int64_t(s.total(0)));
   Kokkos::parallel_for("gsp::collision::narrowphase", lightweight(Range(exec, 0, candidates)),
-                       detail::CollideCandidates<R, Mem, false>{model, s, contacts.points_per_box_pair == 4});
+                       detail::CollideCandidates<R, Mem, false>{model, s, contacts.points_per_box_pair == 4, before});
   if (model.has_convex_pairs)
     Kokkos::parallel_for("gsp::collision::convex_narrowphase", lightweight(Range(exec, 0, candidates)),
-                         detail::CollideCandidates<R, Mem, true>{model, s, contacts.points_per_box_pair == 4});
+                         detail::CollideCandidates<R, Mem, true>{model, s, contacts.points_per_box_pair == 4, before});
   Kokkos::parallel_scan("gsp::collision::write_contacts", lightweight(Range(exec, 0, items)),
                         detail::WriteContacts<R, Mem>{model, contacts});
 }

@@ -151,11 +151,14 @@ RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
 /// of more than two trees, elements of more than six rows, friction of a row that the element does not have, laws that are not finite or of
 /// negative compliance at a finite state, bounds that are NaN, and in profile mujoco what no cone is (docs/add_a_constraint.md):
 /// status::row_refused.
+/// @param sleeping  islands that sleep (step/sleep.hpp): those that something awake touches are woken, the others have no rows and keep
+///                  their impulses
 /// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or
 /// the members `poses` and `contacts` of a type and what it `reads()` of dynamics of its own, are not of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class... Types>
 void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem> const& dynamics,
-              ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress) {
+              ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress,
+              SleepingIslands<Mem> const& sleeping = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::assemble: the rows are not accessible from this execution space");
   expects(rows.worlds == state.worlds && dynamics.worlds == state.worlds && impulses.worlds == state.worlds,
           "gsp::assemble: state, dynamics, rows and impulses have different numbers of worlds: make them with the same {.worlds = n}");
@@ -171,12 +174,17 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
         "StiffForces(model, state, dynamics)");
   Region const region("gsp::constraint::assemble");
   using List = ConstraintList<Types...>;
-  for_worlds("gsp::constraint::count_rows", exec, rows.worlds, detail::CountRows<R, Mem, List>{model, state, rows, progress.halt, types});
+  if (sleeping.any())
+    for_worlds("gsp::constraint::wake_islands", exec, rows.worlds,
+               detail::WakeIslands<R, Mem, List>{model, sleeping, types, (detail::rests<Types>() && ...)});
+  for_worlds("gsp::constraint::count_rows", exec, rows.worlds,
+             detail::CountRows<R, Mem, List>{model, state, rows, progress.halt, types, sleeping});
   Kokkos::parallel_scan("gsp::constraint::scan_rows", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds)),
                         detail::ScanRows<R, Mem>{rows, state, progress.halt, impulses.parity, impulses.solved,
                                                  std::min(rows.capacity(), impulses.capacity())});
-  for_worlds("gsp::constraint::emit_rows", exec, rows.worlds,
-             detail::EmitRows<R, Mem, List>{model, state, dynamics, rows, impulses, progress.halt, types, detail::names_of(types)});
+  for_worlds(
+      "gsp::constraint::emit_rows", exec, rows.worlds,
+      detail::EmitRows<R, Mem, List>{model, state, dynamics, rows, impulses, progress.halt, types, detail::names_of(types), sleeping});
   eliminate_rows(exec, model, progress, rows, impulses);
   detail::leaves_rows(rows, impulses, detail::contacts_of<R, Mem>(types));
 }

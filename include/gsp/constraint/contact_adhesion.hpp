@@ -12,6 +12,7 @@ namespace gsp {
 
 template <class R, class Mem>
 struct ContactAdhesion {
+  static constexpr bool rests = true;
   detail::TreeReader<R, Mem> trees;  // forces of actuators
   Contacts<R, Mem> contacts;
   typename Model<R, Mem>::template Array<int> actuator_body, actuator_tree, actuator_place;

@@ -18,6 +18,7 @@ namespace gsp {
 
 template <class R, class Mem>
 struct ContactRows {
+  static constexpr bool rests = true;
   typename Model<R, Mem>::template Array<int> body_last_dof;
   Field<R> body_invweight0;
   CollisionModel<R, Mem> collision;

@@ -20,6 +20,7 @@ namespace gsp {
 /// held, J' v being subtracted from what the law asks for, so that what turns fast is not pulled apart.
 template <class R, class Mem>
 struct Equalities {
+  static constexpr bool rests = true;
   using Indices = typename Model<R, Mem>::template Array<int>;
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;

@@ -26,7 +26,7 @@ struct Impulses {
   View<std::uint64_t*> id[2];                        // (capacity) place of the type, identity of the element
   View<R*> before;                                   // (capacity) a solver's own: impulses before its last sweep
   View<R* [3]> place[2];                             // (capacity) where an element acts [m], at its first row; of types that say so
-  View<int*> first[2], count[2];                     // (worlds) where a world's lie
+  View<int*> first[2], count[2], kept[2];            // (worlds) where a world's lie; after them those of islands that sleep
   View<std::uint32_t* [2]> type_names;               // (types, parity) name of the type at each place; 0 after the last
   View<int> parity, solved;                          // side of this step; whether it has been solved for
   detail::SharedStamp<detail::ImpulsesStamp> stamp;  // host: which rows they are for (dynamics/stamps.hpp)
@@ -68,6 +68,7 @@ Impulses<R, Mem> make_impulses(Exec const& exec, Rows<R, Mem> const& rows) {
   for (int side = 0; side < 2; ++side) {
     make(i.first[side], "gsp::Impulses::first", rows.worlds);
     make(i.count[side], "gsp::Impulses::count", rows.worlds);
+    make(i.kept[side], "gsp::Impulses::kept", rows.worlds);
   }
   make(i.type_names, "gsp::Impulses::type_names", most_constraint_types + 1);
   make(i.parity, "gsp::Impulses::parity");
@@ -141,10 +142,11 @@ struct ElementImpulses {
       if (impulses.type_names(place, side) == 0) return -1;
     return place;
   }
-  /// First row in Rows::row that is not before those of element k of the type at `type`. Cost: a binary search.
-  KOKKOS_INLINE_FUNCTION int lower_row(int world, int type, int k) const {
-    int low = rows.first(world);
-    for (int high = low + rows.count(world); low < high;) {
+  /// First row in Rows::row that is not before those of element k of the type at `type`; `kept`: among those of islands that sleep. Cost: a
+  /// binary search.
+  KOKKOS_INLINE_FUNCTION int lower_row(int world, int type, int k, bool kept = false) const {
+    int low = rows.first(world) + (kept ? rows.count(world) : 0);
+    for (int high = low + (kept ? rows.kept(world) : rows.count(world)); low < high;) {
       int const middle = low + (high - low) / 2;
       Row<R> const& row = rows.row(middle);
       if (row.type < type || (row.type == type && row.element < k))
@@ -158,8 +160,12 @@ struct ElementImpulses {
   KOKKOS_INLINE_FUNCTION int first_row(int world, int k) const {
     int const type = this->type();
     if (type < 0) return -1;
-    int const low = lower_row(world, type, k), end = rows.first(world) + rows.count(world);
-    return low < end && rows.row(low).type == type && rows.row(low).element == k ? low : -1;
+    int const middle = rows.first(world) + rows.count(world);
+    auto const found = [&](int row, int end) { return row < end && rows.row(row).type == type && rows.row(row).element == k; };
+    if (int const low = lower_row(world, type, k); found(low, middle)) return low;
+    if (rows.kept(world) == 0) return -1;
+    int const low = lower_row(world, type, k, true);
+    return found(low, middle + rows.kept(world)) ? low : -1;
   }
   /// Impulse of row r of element k [N s, N m s]; 0 where the element was not active or has no such row. Divided by the timestep: the force.
   KOKKOS_INLINE_FUNCTION R operator()(int world, int k, int r = 0) const {

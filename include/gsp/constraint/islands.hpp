@@ -29,6 +29,17 @@ struct Islands {
   KOKKOS_INLINE_FUNCTION int* next(int w) const { return label(w) + 2 * ntree; }       // (2 ntree + 1)
 };
 
+/// The islands that sleep (step/sleep.hpp), for `assemble`: it wakes those that something awake touches, and leaves out the rows of the
+/// others. Empty: nothing sleeps.
+template <class Mem>
+struct SleepingIslands {
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> island;   // (worlds, ntree) first tree of the island that the tree sleeps in; -1: awake
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> stirred;  // (worlds, ntree) out: 1: what touches the tree may change while it rests
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> wakes;    // (worlds, ntree) scratch: of islands, at their first tree
+
+  KOKKOS_INLINE_FUNCTION bool any() const { return island.data() != nullptr; }
+};
+
 namespace detail {
 
 /// Room for the islands of `worlds` worlds. Allocates.
@@ -44,17 +55,19 @@ Islands<Mem> make_islands(Exec const& exec, Model<R, Mem> const& model, int worl
   return s;
 }
 
-/// The islands of one world. Labels: every tree gets the first tree that it is coupled to, until nothing changes; then elements and dofs
-/// are sorted by them (counting sort). Cost: a few passes over rows and trees.
+/// The tree that row r of a world touches with one of its segments, -1: none.
+template <class Rows, class Mem>
+KOKKOS_INLINE_FUNCTION int tree_of_row(Rows const& rows, Islands<Mem> const& s, int w, int r, int segment) {
+  auto const& t = rows.row(rows.first(w) + r).segment[segment];
+  return t.count > 0 ? s.dof_tree(t.dof0) : -1;
+}
+
+/// s.label(w): every tree gets the first tree that it is coupled to, until nothing changes.
 /// @param rows  of `constraint/rows.hpp`: first, count, row, element_rows
 template <class World, class Rows, class Mem>
-KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, Islands<Mem> const& s, int w) {
+KOKKOS_INLINE_FUNCTION void label_trees(World const& world, Rows const& rows, Islands<Mem> const& s, int w) {
   int const first = rows.first(w), count = rows.count(w), ntree = s.ntree;
-  int *const label = s.label(w), *const number = s.number(w), *const next = s.next(w), *const keys = s.keys.data() + first;
-  auto const tree_of = [&](int r, int segment) {  // -1: none
-    auto const& t = rows.row(first + r).segment[segment];
-    return t.count > 0 ? s.dof_tree(t.dof0) : -1;
-  };
+  int* const label = s.label(w);
   world.each(ntree, [&](int t) { label[t] = t; });
   for (bool again = ntree > 1; again;) {
     world.sync();
@@ -63,7 +76,7 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
       int least = ntree, changed = 0;
       auto const each_tree = [&](auto const& f) {
         for (int i = 0; i < 2 * n; ++i)
-          if (int const t = tree_of(r + i / 2, i % 2); t >= 0) f(t);
+          if (int const t = tree_of_row(rows, s, w, r + i / 2, i % 2); t >= 0) f(t);
       };
       each_tree([&](int t) { least = label[t] < least ? label[t] : least; });
       each_tree([&](int t) {
@@ -82,14 +95,21 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
     again = changes > 0;
   }
   world.sync();
+}
 
+/// The islands of one world: labels, then elements and dofs sorted by them (counting sort). Cost: a few passes over rows and trees.
+template <class World, class Rows, class Mem>
+KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, Islands<Mem> const& s, int w) {
+  int const first = rows.first(w), count = rows.count(w), ntree = s.ntree;
+  int *const label = s.label(w), *const number = s.number(w), *const next = s.next(w), *const keys = s.keys.data() + first;
+  label_trees(world, rows, s, w);
   world.each(2 * ntree + 1, [&](int k) { next[k] = 0; });
   world.sync();
   world.each(count, [&](int r) {  // by island, then elements of one row before others; -1: no element, or one that nothing is solved for
     int const n = rows.element_rows(first + r);
     int tree = -1;
     if (!rows.row(first + r).eliminated)
-      for (int i = 0; i < 2 * n && tree < 0; ++i) tree = tree_of(r + i / 2, i % 2);
+      for (int i = 0; i < 2 * n && tree < 0; ++i) tree = tree_of_row(rows, s, w, r + i / 2, i % 2);
     keys[r] = tree < 0 ? -1 : 2 * label[tree] + (n > 1);
     if (tree >= 0) world.add(next[keys[r]], 1);
   });

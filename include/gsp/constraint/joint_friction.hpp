@@ -7,6 +7,7 @@ namespace gsp {
 
 template <class R, class Mem>
 struct JointFriction {
+  static constexpr bool rests = true;
   typename Model<R, Mem>::template Array<int> friction_dofs;
   Field<R> dof_frictionloss, dof_invweight0, dof_solref, dof_solimp;
   R timestep;

@@ -7,6 +7,7 @@ namespace gsp {
 /// Element 2 i is the lower, 2 i + 1 the upper end of the i-th limited joint (ball: the upper alone).
 template <class R, class Mem>
 struct JointLimits {
+  static constexpr bool rests = true;
   using Indices = typename Model<R, Mem>::template Array<int>;
   Indices limited_joints, jnt_type, jnt_qposadr, jnt_dofadr;
   Field<R> jnt_range, jnt_margin, jnt_solref, jnt_solimp, dof_invweight0;

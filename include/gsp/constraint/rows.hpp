@@ -81,6 +81,7 @@ struct Rows {
   Profile profile = Profile::stable;         // of the model: whose problem they are
   int most_eliminated = 0;                   // rows that are eliminated in a world, at most; 0: none is
   View<int*> first, count;                   // (worlds) rows of a world
+  View<int*> kept;                           // (worlds) after them, rows of islands that sleep: type, element and impulse alone
   View<int*> largest_element;                // (worlds) most rows of an element
   View<int*> eliminated;                     // (worlds) rows that are eliminated
   View<R*> rate_scale;                       // (worlds) what gravity does in a step, |g| h [m/s]; of standard gravity where there is none
@@ -144,6 +145,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   r.stamp = detail::make_stamp<detail::RowsStamp>("gsp::Rows::stamp");
   make(r.first, "gsp::Rows::first", n);
   make(r.count, "gsp::Rows::count", n);
+  make(r.kept, "gsp::Rows::kept", n);
   make(r.largest_element, "gsp::Rows::largest_element", n);
   make(r.eliminated, "gsp::Rows::eliminated", n);
   make(r.rate_scale, "gsp::Rows::rate_scale", n);

@@ -14,6 +14,7 @@ namespace gsp {
 /// f, k, b: force, and its slopes by length and rate, at the state.
 template <class R, class Mem>
 struct StiffForces {
+  static constexpr bool rests = true;
   detail::TreeReader<R, Mem> trees;
   std::int64_t const *left_step, *steps;
   int const *act_tree, *act_place, *tendon_tree, *tendon_place;

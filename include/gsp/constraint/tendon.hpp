@@ -8,6 +8,7 @@ namespace gsp {
 /// Element 2 i is the lower, 2 i + 1 the upper end of the i-th limited tendon.
 template <class R, class Mem>
 struct TendonLimits {
+  static constexpr bool rests = true;
   detail::TreeReader<R, Mem> trees;
   detail::Stamps stamps;  // host: those of the dynamics
   typename Model<R, Mem>::template Array<int> limited_tendons, tendon_tree, tendon_place;
@@ -59,6 +60,7 @@ struct TendonLimits {
 /// |force| <= frictionloss against any change of length. `stable`: rigid (sticks exactly); `mujoco`: as soft as solreffriction says.
 template <class R, class Mem>
 struct TendonFriction {
+  static constexpr bool rests = true;
   detail::TreeReader<R, Mem> trees;
   detail::Stamps stamps;  // host: those of the dynamics
   typename Model<R, Mem>::template Array<int> friction_tendons, tendon_tree, tendon_place;

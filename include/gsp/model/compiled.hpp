@@ -23,6 +23,7 @@ struct CompiledModel {
   std::vector<double> body_mass, body_gravcomp;
   std::vector<std::array<double, 2>> body_invweight0;  // translational, rotational
   std::vector<int> body_mocap;                         // index among the mocap bodies, -1: none
+  std::vector<int> body_sleep;                         // BodySleep, of roots of trees
   std::vector<std::string> body_name;
 
   // joints (njnt)

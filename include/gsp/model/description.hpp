@@ -37,6 +37,8 @@ enum class ActuatorGain : int { fixed = 0, affine = 1, muscle = 2 };
 enum class ActuatorBias : int { none = 0, affine = 1, muscle = 2 };
 enum class EqualityType : int { connect = 0, weld = 1, joint = 2, tendon = 3 };
 enum class CameraMode : int { fixed = 0, track = 1, track_com = 2, target_body = 3, target_body_com = 4 };
+/// Whether a tree may sleep (step/sleep.hpp), at its root: automatic: unless an actuator moves it.
+enum class BodySleep : int { automatic = 0, never = 1, allowed = 2 };
 enum class MeshInertia : int { legacy = 0, exact = 1, convex = 2, shell = 3 };
 
 /// Softness of a constraint as MuJoCo has it (physics: docs/conventions.md).
@@ -131,6 +133,7 @@ struct BodyDescription {
   InertialDescription inertial;
   double gravcomp = 0;
   bool mocap = false;
+  BodySleep sleep = BodySleep::automatic;
   bool fuse = true;  // may be fused with its parent where CompilerDescription::fuse_static asks for that
   std::vector<JointDescription> joints;
   std::vector<GeomDescription> geoms;
@@ -272,6 +275,8 @@ struct OptionDescription {
   int disabled_actuator_groups = 0;  // bits
   double impratio = 1, tolerance = 1e-8, noslip_tolerance = 1e-6;
   int iterations = 100, noslip_iterations = 0;
+  bool sleep = false;  // islands that rest sleep (step/sleep.hpp), where their speed was below the tolerance [m/s]
+  double sleep_tolerance = 1e-3;
   bool equality = true, eulerdamp = true, contact = true, constraint = true, limit = true, frictionloss = true, passive_spring = true,
        passive_damper = true, gravity_on = true, actuation = true, clampctrl = true, filterparent = true, refsafe = true, warmstart = true;
 };

@@ -14,6 +14,7 @@
 #include <gsp/solver/newton.hpp>
 #include <gsp/solver/noslip.hpp>
 #include <gsp/solver/pgs.hpp>
+#include <gsp/step/sleep.hpp>
 #include <optional>
 #include <tuple>
 #include <utility>
@@ -34,6 +35,7 @@ struct Simulation {
   Progress<Mem> progress;
   Newton<R, Mem> newton = {};           // profile mujoco, else empty
   RungeKutta<R, Mem> runge_kutta = {};  // integrator RK4 of profile mujoco, else empty
+  Sleep<R, Mem> sleep = {};             // where islands sleep, else empty
   FrictionCone cone = FrictionCone::elliptic;
   NoslipOptions noslip = {};  // profile mujoco: as the file says
 };
@@ -57,6 +59,7 @@ using ModelConstraints = decltype(model_constraints(std::declval<Model<R, Mem>&>
 struct SimulationOptions {
   int worlds = 1;
   std::optional<FrictionCone> cone = {};  // as the file says in profile mujoco, else elliptic
+  std::optional<bool> sleep = {};         // islands that rest sleep (step/sleep.hpp); empty: as the file says (<flag sleep>), so not
 };
 
 /// How rows are solved for: each profile has its solver.
@@ -128,6 +131,7 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
     sim.newton = make_newton(exec, sim.rows);
     sim.noslip = noslip_options(compiled);
   }
+  if (options.sleep.value_or(compiled.option.sleep)) sim.sleep = make_sleep(exec, model, compiled, {.worlds = n});
   if (detail::has_runge_kutta(model)) sim.runge_kutta = make_runge_kutta(exec, model, {.worlds = n});
   return sim;
 }
@@ -164,8 +168,10 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   auto const find_impulses = [&](bool warm, bool ends_step) {
     std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {.stiff_rows = stiff}, law...); },
                laws);
+    wake_changed(exec, model, state, sim.dynamics, sim.sleep);
     act_early(model, sim.collision);
-    collide(exec, sim.collision, sim.poses, sim.contacts);
+    collide(exec, sim.collision, sim.poses, sim.contacts, still_trees(model, sim.contacts, sim.sleep));
+    if (sim.sleep.worlds > 0 && sim.contacts.stamp.data()) sim.sleep.contacts_before() = sim.contacts.stamp().made;
     auto const list = std::apply(
         [&](auto const&... type) {
           return model_constraints(model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.cone, type...);
@@ -173,7 +179,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
         types);
     static_assert(own_types || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>,
                   "gsp::kernels holds assemble for these types");
-    assemble(exec, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress);
+    assemble(exec, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress, sim.sleep.islands);
     detail::solve(exec, model, sim, options, warm, ends_step);
   };
   if (!runge_kutta_steps) {
@@ -182,6 +188,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
     if (stiff)
       subtract_stiff_forces(exec, StiffForces(model, state, sim.dynamics), sim.rows, sim.impulses, sim.progress,
                             sim.solution.qfrc_constraint);
+    fall_asleep(exec, model, sim.rows, sim.progress, state, sim.dynamics, sim.solution.qfrc_constraint, sim.sleep);
     return;
   }
   int evaluation = 0;

@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/collision/broadphase.hpp>
 #include <gsp/collision/detail/pair_search.hpp>
+#include <gsp/collision/detail/still_contacts.hpp>
 #include <gsp/collision/manifold.hpp>
 #include <gsp/collision/narrowphase.hpp>
 #include <gsp/core/status.hpp>
@@ -160,11 +161,16 @@ struct CollideCandidates {
   CollisionModel<R, Mem> model;
   ContactScratch<R, Mem> s;
   bool reduce;
+  StillContacts<R, Mem> before;
   KOKKOS_FUNCTION void operator()(std::int64_t k) const {
     if (k >= s.total(0)) return;
     Candidate c = s.candidates(k);
     if (c.pair < 0 || is_among(convex_kinds, PairKind(c.kind)) != convex) return;
     auto const [a, b] = model.colliders_of(c.pair);
+    if (int const n = before.copy(c.world, c.pair, model.collider_body(a), model.collider_body(b), &s.points(c.slot), c.count); n > 0) {
+      s.candidates(k).count = short(n);
+      return;
+    }
     PairKind const kind{c.kind};
     bool const with_asset = is_among(asset_kinds, kind);
     auto const shape = [&](int i) {

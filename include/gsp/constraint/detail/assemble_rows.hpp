@@ -2,6 +2,7 @@
 #include <gsp/constraint/constraint_type.hpp>
 #include <gsp/constraint/detail/couple_rows.hpp>
 #include <gsp/constraint/detail/row_structure.hpp>
+#include <gsp/constraint/detail/wake_islands.hpp>
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/core/status.hpp>
 #include <gsp/parallel/for_worlds.hpp>
@@ -32,6 +33,7 @@ struct CountRows {
   Rows<R, Mem> rows;
   Kokkos::View<int, Mem> halt;
   Types types;
+  SleepingIslands<Mem> sleeping;
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
@@ -39,6 +41,7 @@ struct CountRows {
     R const mass = world.template sum<R>(model.nbody - 1, [&](int b) { return model.body_mass(w, b + 1); });
     world.single([&] {
       state.status(w) = (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused)) | status;
+      rows.kept(w) = 0;
       rows.largest_element(w) = 3;  // what contacts have
       rows.rate_scale(w) = gravity_rate(model.gravity, w, model.timestep);
       rows.weight(w) = mass * rows.rate_scale(w);
@@ -49,6 +52,7 @@ struct CountRows {
       std::int64_t own = 0;
       types.visit(w, e, 0, [&](auto const& type, int, int k) {
         int const n = type.rows(w, k);
+        if (n > 0 && lies_still(model, sleeping, type, w, k)) return world.add(rows.kept(w), n);
         bool refused = n > most_element_rows, second = false;
         unsigned alone = 0;  // normals that have friction which shares no ellipse
         for (int r = 0; r < n && !refused; ++r) {
@@ -78,10 +82,12 @@ struct CountRows {
       return own;
     });
     world.sync();
-    if (state.status(w) & status::row_refused) sizes = 0;
+    bool const refused = (state.status(w) & status::row_refused) != 0;
+    if (refused) sizes = 0;
     sizes += std::int64_t(rows.most_eliminated) * rows_of(sizes);
     world.single([&] {
       if (status) halt() = 1;  // the same from every world that finds it
+      if (refused) rows.kept(w) = 0;
       rows.count(w) = rows_of(sizes);
       rows.entries(w) = entries_of(sizes);
     });
@@ -104,7 +110,7 @@ struct ScanRows {
   Kokkos::View<int, Mem> halt, parity, solved;
   int capacity;
   KOKKOS_FUNCTION void operator()(int w, value_type& sum, bool last) const {
-    int const count = rows.count(w);
+    int const count = rows.count(w) + rows.kept(w);
     std::int64_t const entries = rows.entries(w), room = std::int64_t(rows.Y.extent(0));
     if (last) {
       rows.first(w) = int(sum.rows);
@@ -159,6 +165,7 @@ struct EmitRows {
   Kokkos::View<int, Mem> halt;
   Types types;
   TypeNames names;
+  SleepingIslands<Mem> sleeping;
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
@@ -167,12 +174,14 @@ struct EmitRows {
     world.single([&] {
       impulses.first[now](w) = rows.first(w);
       impulses.count[now](w) = rows.count(w);
+      impulses.kept[now](w) = rows.kept(w);
     });
     if (w == 0) world.each(most_constraint_types + 1, [&](int t) { impulses.type_names(t, now) = t < names.count ? names.name[t] : 0; });
     if (state.status(w) & status::row_refused) return;
     world.template scan<std::int64_t>(types.count(w), [&](int e, std::int64_t& sum, bool last) {
       types.visit(w, e, 0, [&](auto const& type, int place, int k) {
         int const n = type.rows(w, k), first = rows.first(w) + rows_of(sum);
+        if (n > 0 && lies_still(model, sleeping, type, w, k)) return;
         std::int64_t const couplings = rows.first_entry(w) + entries_of(sum), first_entry = couplings + couplings_of(n);
         std::int64_t sizes = 0;
         R most_yield[most_element_rows] = {};
@@ -187,6 +196,15 @@ struct EmitRows {
         }
         if (last && n > 0) finish(type, k, place, w, n, first, couplings, most_yield);
         sum += sizes + couplings_of(n);
+      });
+    });
+    if (rows.kept(w) == 0) return;
+    world.template scan<int>(types.count(w), [&](int e, int& sum, bool last) {
+      types.visit(w, e, 0, [&](auto const& type, int place, int k) {
+        int const n = type.rows(w, k);
+        if (n == 0 || !lies_still(model, sleeping, type, w, k)) return;
+        if (last) keep(type, k, place, w, n, rows.first(w) + rows.count(w) + sum);
+        sum += n;
       });
     });
   }
@@ -250,6 +268,27 @@ struct EmitRows {
     out = row;
     return law.most_yield;
   }
+  /// Of an element whose island sleeps: who it is, and the impulses that it fell asleep with.
+  template <class Type>
+  KOKKOS_INLINE_FUNCTION void keep(Type const& type, int k, int place, int w, int n, int first) const {
+    int const now = impulses.parity();
+    RowId const id = type.id(w, k);
+    R start[most_element_rows];
+    for (int r = 0; r < n; ++r) start[r] = R(0);
+    find_start(type, k, place, id, w, n, start);
+    for (int r = 0; r < n; ++r) {
+      Row<R>& row = rows.row(first + r);
+      row.type = static_cast<unsigned char>(place);
+      row.element = k;
+      rows.element_rows(first + r) = static_cast<signed char>(r == 0 ? n : 0);
+      impulses.id[now](first + r) = row_key(place, id);
+      impulses.p[now](first + r) = start[r];
+    }
+    if constexpr (requires { type.place(w, k); }) {
+      Vec3<R> const at = type.place(w, k);
+      for (int c = 0; c < 3; ++c) impulses.place[now](first, c) = at[c];
+    }
+  }
   /// What belongs to the element as a whole: place in the list of types, couplings, identity, and the impulses to start from.
   template <class Type>
   KOKKOS_INLINE_FUNCTION void finish(Type const& type, int k, int place, int w, int n, int first, std::int64_t couplings,
@@ -287,14 +326,21 @@ struct EmitRows {
       if (impulses.type_names(known, before) == 0) return R(0);
     auto const& ids = impulses.id[before];
     std::uint64_t const key = row_key(known, id), major = key >> 32;
-    int low = impulses.first[before](w);
-    int const end = low + impulses.count[before](w);
-    for (int high = end; low < high;) {  // identities are sorted but for the minor part
-      int const middle = low + (high - low) / 2;
-      if ((ids(middle) >> 32) < major)
-        low = middle + 1;
-      else
-        high = middle;
+    int low = impulses.first[before](w), end = low + impulses.count[before](w);
+    auto const search = [&] {
+      for (int high = end; low < high;) {  // identities are sorted but for the minor part
+        int const middle = low + (high - low) / 2;
+        if ((ids(middle) >> 32) < major)
+          low = middle + 1;
+        else
+          high = middle;
+      }
+    };
+    search();
+    if (!(low < end && (ids(low) >> 32) == major) && impulses.kept[before](w) > 0) {  // all of a major identity sleep, or none
+      low = end;
+      end += impulses.kept[before](w);
+      search();
     }
     auto const add = [&](int row) {
       std::uint64_t const old = ids(row);

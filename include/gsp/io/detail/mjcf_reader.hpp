@@ -31,6 +31,11 @@ inline void read_body(Document& doc, Node const& node, BodyDraft& parent, Pose c
   a.number("gravcomp", b.gravcomp);
   a.boolean("mocap", b.mocap);
   if (a.has("fuse")) b.fuse = a.choice("fuse", {"false", "auto"}) == 1;
+  if (a.has("sleep")) {
+    int const sleep = a.choice("sleep", {"auto", "never", "allowed", "init"});
+    if (sleep == 3) doc.note(Line::no_effect, node.place, "<body> sleep='init': starts awake, as if it were allowed");
+    b.sleep = static_cast<BodySleep>(std::min(sleep, 2));
+  }
   if (b.mocap) draft.id = doc.session.next_id++;
   if (b.name == "world") a.fail("name", "is 'world', which the root has; choose another");
   read_contents(doc, node, draft, Pose{}, doc.childclass(a, childclass));

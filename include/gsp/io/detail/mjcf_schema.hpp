@@ -60,15 +60,15 @@ inline constexpr ElementSchema schema[] = {
     {"lengthrange", "accel interval inttotal maxforce mode timeconst timestep tolrange useexisting uselimit", "", "", "", ""},
     {"option",
      "actuatorgroupdisable cone density gravity impratio integrator iterations magnetic noslip_iterations noslip_tolerance o_friction "
-     "o_margin o_solimp o_solref timestep tolerance viscosity wind",
+     "o_margin o_solimp o_solref sleep_tolerance timestep tolerance viscosity wind",
      "",
-     "ccd_iterations ccd_tolerance jacobian ls_iterations ls_tolerance sdf_initpoints sdf_iterations "
-     "sleep_tolerance solver",
+     "ccd_iterations ccd_tolerance jacobian ls_iterations ls_tolerance sdf_initpoints sdf_iterations solver",
      "", "flag"},
     {"flag",
-     "actuation clampctrl constraint contact damper equality eulerdamp filterparent frictionloss gravity limit override refsafe spring "
+     "actuation clampctrl constraint contact damper equality eulerdamp filterparent frictionloss gravity limit override refsafe sleep "
+     "spring "
      "warmstart",
-     "", "autoreset energy fwdinv invdiscrete island midphase multiccd nativeccd sensor sleep", "diagexact ipc speculative", ""},
+     "", "autoreset energy fwdinv invdiscrete island midphase multiccd nativeccd sensor", "diagexact ipc speculative", ""},
     {"size", "", "",
      "memory nconmax njmax nkey nstack nuser_actuator nuser_body nuser_cam nuser_geom nuser_jnt nuser_sensor nuser_site nuser_tendon "
      "nuserdata",
@@ -113,7 +113,7 @@ inline constexpr ElementSchema schema[] = {
     {"layer", "", "role texture", "", "", ""},
     {"model", "file name", "", "content_type", "", ""},
     {"worldbody", "", "", "", "", "@world"},
-    {"body", "childclass fuse gravcomp mocap name pos @turn", "", "simple sleep user", "", "inertial joint freejoint @world"},
+    {"body", "childclass fuse gravcomp mocap name pos sleep @turn", "", "simple user", "", "inertial joint freejoint @world"},
     {"frame", "childclass name pos @turn", "", "", "massscale scale scaling", "joint freejoint @world"},
     {"replicate", "childclass count euler offset sep", "", "", "", "joint freejoint @world"},
     {"attach", "body model prefix", "", "", "frame", ""},

@@ -67,6 +67,7 @@ inline void read_option(Document& doc, Node const& node) {
   a.numbers("gravity", o.gravity);
   a.number("impratio", o.impratio);
   a.number("tolerance", o.tolerance);
+  a.number("sleep_tolerance", o.sleep_tolerance);
   a.number("density", o.density);
   a.number("viscosity", o.viscosity);
   a.numbers("wind", o.wind);
@@ -79,6 +80,7 @@ inline void read_option(Document& doc, Node const& node) {
   a.integer("noslip_iterations", o.noslip_iterations);
   a.number("noslip_tolerance", o.noslip_tolerance);
   if (!(o.timestep > 0)) a.fail("timestep", "is not positive; give seconds, such as 0.002");
+  if (!(o.sleep_tolerance >= 0)) a.fail("sleep_tolerance", "is negative; give metres a second, such as 0.001");
   if (!(o.impratio > 0)) a.fail("impratio", "is not positive; give one or more");
   for (double group : a.list("actuatorgroupdisable")) {
     if (group != std::floor(group) || group < 0 || group > 30)
@@ -97,21 +99,11 @@ inline void read_option(Document& doc, Node const& node) {
     auto const f = doc.attributes(flag);
     for (auto const& one : flag.attributes) {
       bool const on = f.choice(one.name, {"disable", "enable"}) == 1;
-      std::pair<char const*, bool*> const flags[] = {{"actuation", &o.actuation},
-                                                     {"clampctrl", &o.clampctrl},
-                                                     {"constraint", &o.constraint},
-                                                     {"contact", &o.contact},
-                                                     {"damper", &o.passive_damper},
-                                                     {"equality", &o.equality},
-                                                     {"eulerdamp", &o.eulerdamp},
-                                                     {"filterparent", &o.filterparent},
-                                                     {"frictionloss", &o.frictionloss},
-                                                     {"gravity", &o.gravity_on},
-                                                     {"limit", &o.limit},
-                                                     {"override", &o.override_contacts},
-                                                     {"refsafe", &o.refsafe},
-                                                     {"spring", &o.passive_spring},
-                                                     {"warmstart", &o.warmstart}};
+      std::pair<char const*, bool*> const flags[] = {
+          {"actuation", &o.actuation},       {"clampctrl", &o.clampctrl}, {"constraint", &o.constraint}, {"contact", &o.contact},
+          {"damper", &o.passive_damper},     {"equality", &o.equality},   {"eulerdamp", &o.eulerdamp},   {"filterparent", &o.filterparent},
+          {"frictionloss", &o.frictionloss}, {"gravity", &o.gravity_on},  {"limit", &o.limit},           {"override", &o.override_contacts},
+          {"refsafe", &o.refsafe},           {"sleep", &o.sleep},         {"spring", &o.passive_spring}, {"warmstart", &o.warmstart}};
       for (auto const& [name, value] : flags)
         if (one.name == name) *value = on;
     }

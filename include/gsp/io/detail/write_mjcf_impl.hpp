@@ -145,6 +145,7 @@ class Writer {
     for (int k = 0; k < 31; ++k)
       if (o.disabled_actuator_groups >> k & 1) groups.push_back(k);
     list("actuatorgroupdisable", groups, {});
+    number("sleep_tolerance", o.sleep_tolerance, standard.sleep_tolerance);
     number("tolerance", o.tolerance, standard.tolerance).number("iterations", o.iterations, standard.iterations);
     number("noslip_tolerance", o.noslip_tolerance, standard.noslip_tolerance);
     number("noslip_iterations", o.noslip_iterations, standard.noslip_iterations);
@@ -155,12 +156,14 @@ class Writer {
         {"damper", o.passive_damper},     {"equality", o.equality},   {"eulerdamp", o.eulerdamp},   {"filterparent", o.filterparent},
         {"frictionloss", o.frictionloss}, {"gravity", o.gravity_on},  {"limit", o.limit},           {"refsafe", o.refsafe},
         {"spring", o.passive_spring},     {"warmstart", o.warmstart}};
-    if (std::all_of(std::begin(flags), std::end(flags), [](auto const& f) { return f.second; }) && !o.override_contacts) return close();
+    if (std::all_of(std::begin(flags), std::end(flags), [](auto const& f) { return f.second; }) && !o.override_contacts && !o.sleep)
+      return close();
     into();
     open("flag");
     for (auto const& [name, on] : flags)
       if (!on) word(name, "disable");
     if (o.override_contacts) word("override", "enable");
+    if (o.sleep) word("sleep", "enable");
     close();
     leave("option");
   }
@@ -177,6 +180,7 @@ class Writer {
       path.push_back(b);
       open("body").text("name", body.name).pose(body.pos, body.quat).number("gravcomp", body.gravcomp, 0).flag("mocap", body.mocap, false);
       if (!body.fuse) word("fuse", "false");
+      if (body.sleep != BodySleep::automatic) word("sleep", body.sleep == BodySleep::never ? "never" : "allowed");
       into();
       if (body.has_inertial) inertial(body.inertial);
       contents(body);

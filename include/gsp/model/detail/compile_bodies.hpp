@@ -56,6 +56,9 @@ class BodyCompiler : public CompilerBase {
       if (body.mocap && (body.parent != 0 || !body.joints.empty()))
         fail(body.place, "body", body.name,
              "is a mocap body but has joints or stands below another body: make it a fixed child of the world");
+      if (body.sleep != BodySleep::automatic && (body.joints.empty() || (b > 0 && m_.body_weld[body.parent] != 0)))
+        fail(body.place, "body", body.name, "says whether it may sleep and is not the root of a tree: say it at the root, which moves");
+      m_.body_sleep.push_back(int(body.sleep));
       m_.body_mocap.push_back(body.mocap ? m_.nmocap++ : -1);
       m_.body_parent.push_back(std::max(body.parent, 0));
       m_.body_name.push_back(body.name);

@@ -21,11 +21,12 @@
   word void smooth_dynamics(Exec const&, Model<R, Mem> const&, State<R, Mem> const&, Poses<R, Mem>&, Dynamics<R, Mem>&, SmoothOptions); \
   word void smooth_step(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Poses<R, Mem>&, Dynamics<R, Mem>&); \
   word void runge_kutta(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Poses<R, Mem>&, Dynamics<R, Mem>&, RungeKutta<R, Mem>&); \
-  word void collide(Exec const&, CollisionModel<R, Mem> const&, Poses<R, Mem> const&, Contacts<R, Mem>&); \
+  word void collide(Exec const&, CollisionModel<R, Mem> const&, Poses<R, Mem> const&, Contacts<R, Mem>&, \
+                    StillTrees<R, Mem> const&); \
   word bool grow(Exec const&, Contacts<R, Mem>&); \
   word void assemble(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Dynamics<R, Mem> const&, \
                      ModelConstraints<R, Mem> const&, \
-                     Rows<R, Mem>&, Impulses<R, Mem>&, Progress<Mem>&); \
+                     Rows<R, Mem>&, Impulses<R, Mem>&, Progress<Mem>&, SleepingIslands<Mem> const&); \
   word bool grow(Exec const&, Rows<R, Mem>&, Impulses<R, Mem>&, Progress<Mem>&); \
   word void pgs(Exec const&, Rows<R, Mem> const&, Impulses<R, Mem>&, Solution<R, Mem>&, Progress<Mem>&, PgsOptions); \
   word Newton<R, Mem> make_newton(Exec const&, Rows<R, Mem> const&); \
@@ -33,6 +34,10 @@
   word void newton(Exec const&, Rows<R, Mem> const&, Impulses<R, Mem>&, Solution<R, Mem>&, Newton<R, Mem>&, Progress<Mem>&, NewtonOptions); \
   word void noslip(Exec const&, Rows<R, Mem> const&, Impulses<R, Mem>&, Solution<R, Mem>&, Progress<Mem> const&, NoslipOptions); \
   word void integrate(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Dynamics<R, Mem>&, ConstraintOutcome<R, Mem>); \
+  word Sleep<R, Mem> make_sleep(Exec const&, Model<R, Mem> const&, CompiledModel const&, SleepOptions); \
+  word void wake_changed(Exec const&, Model<R, Mem> const&, State<R, Mem> const&, Dynamics<R, Mem> const&, Sleep<R, Mem>&); \
+  word void fall_asleep(Exec const&, Model<R, Mem> const&, Rows<R, Mem> const&, Progress<Mem> const&, State<R, Mem>&, \
+                        Dynamics<R, Mem>&, Kokkos::View<R**, Kokkos::LayoutRight, Mem>&, Sleep<R, Mem>&); \
   word void launch_step(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Simulation<R, Mem>&, LaunchOptions const&); \
   word int settle(Exec const&, Simulation<R, Mem>&); \
   word void step(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Simulation<R, Mem>&, StepOptions); \

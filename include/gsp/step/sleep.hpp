@@ -1,0 +1,114 @@
+#pragma once
+#include <gsp/collision/contacts.hpp>
+#include <gsp/constraint/islands.hpp>
+#include <gsp/constraint/progress.hpp>
+#include <gsp/constraint/rows.hpp>
+#include <gsp/core/region.hpp>
+#include <gsp/step/detail/sleep_kernels.hpp>
+
+/// Islands that rest sleep: they stay where they are to the bit, without rows and with the contacts they had, until something wakes them.
+/// MuJoCo's rules (docs/step/sleep.md says where they differ).
+namespace gsp {
+
+struct SleepOptions {
+  int worlds = 1;
+  double tolerance = 0;  // [m/s] of max |qvel| dof_length; 0: as the file says (<option sleep_tolerance>)
+  int steps = 10;        // below it, before a tree may sleep
+};
+
+/// Who sleeps, and what a tree that sleeps is compared with. State as much as qpos is: a simulation goes on to the bit from copies of qpos,
+/// qpos_low, qvel, act, steps, of the impulses and of the views from calm to eq_before.
+template <class R, class Mem>
+struct Sleep {
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  int worlds = 0;      // 0: nothing sleeps
+  R tolerance = R(0);  // [m/s]; of a speed below it steps count as rest. 0: nothing falls asleep
+  int steps = 10;      // of rest before a tree may sleep
+  View<int**> calm;    // (worlds, ntree) steps of rest, up to `steps`; -1 - t: asleep in the island whose first tree is t
+  View<R**> qpos, qpos_low, free_velocity;                         // (worlds, nq | nq | nv) of trees that sleep; NaN: not known yet
+  View<R**> force;                                                 // (worlds, nv) their qfrc_constraint
+  View<R**> ctrl_before, act_before;                               // (worlds, nu | na) of the last step
+  View<int**> eq_before;                                           // (worlds, neq)
+  SleepingIslands<Mem> islands;                                    // of this step
+  View<int**> still;                                               // (worlds, ntree) of this step: 1: sleeps where it was in the last one
+  View<R**> qpos_before, qpos_low_before;                          // (worlds, nq) of the start of the last step
+  Kokkos::View<int*, Mem> policy;                                  // (ntree) detail::SleepPolicy
+  Kokkos::View<R*, Mem> dof_length;                                // (nv) what a rotation moves, per radian [m]; of a translation 1
+  View<int*> asleep;                                               // (worlds) trees that sleep
+  Kokkos::View<std::uint64_t, Kokkos::HostSpace> contacts_before;  // host: ContactsStamp::made of the last step
+};
+
+/// Room for the sleep of `options.worlds` worlds: all are awake. Allocates.
+/// Errors: gsp::Error for profile mujoco with the integrator RK4; std::invalid_argument for steps < 1.
+template <class R, ExecutionSpace Exec, class Mem>
+Sleep<R, Mem> make_sleep(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled, SleepOptions options = {}) {
+  expects(options.worlds > 0 && options.steps > 0 && options.tolerance >= 0,
+          "gsp::make_sleep: worlds and steps must be positive, the tolerance not negative");
+  if (model.profile == Profile::mujoco && model.integrator == Integrator::rk4)
+    throw Error("gsp::make_sleep: nothing sleeps with the integrator RK4, which evaluates a step four times: choose another, or no sleep");
+  Sleep<R, Mem> s;
+  int const n = s.worlds = options.worlds;
+  s.tolerance = R(options.tolerance > 0 ? options.tolerance : compiled.option.sleep_tolerance);
+  s.steps = options.steps;
+  auto const make = [&](auto& v, char const* label, int items) {
+    v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, n, items);
+  };
+  make(s.calm, "gsp::Sleep::calm", model.ntree);
+  make(s.qpos, "gsp::Sleep::qpos", model.nq);
+  make(s.qpos_low, "gsp::Sleep::qpos_low", model.nq);
+  make(s.free_velocity, "gsp::Sleep::free_velocity", model.nv);
+  make(s.force, "gsp::Sleep::force", model.nv);
+  make(s.ctrl_before, "gsp::Sleep::ctrl_before", model.nu);
+  make(s.act_before, "gsp::Sleep::act_before", model.na);
+  make(s.eq_before, "gsp::Sleep::eq_before", model.neq);
+  make(s.islands.island, "gsp::Sleep::island", model.ntree);
+  make(s.islands.stirred, "gsp::Sleep::stirred", model.ntree);
+  make(s.islands.wakes, "gsp::Sleep::wakes", model.ntree);
+  make(s.qpos_before, "gsp::Sleep::qpos_before", model.nq);
+  make(s.qpos_low_before, "gsp::Sleep::qpos_low_before", model.nq);
+  make(s.still, "gsp::Sleep::still", model.ntree);
+  s.contacts_before = decltype(s.contacts_before)(Kokkos::view_alloc("gsp::Sleep::contacts_before", Kokkos::SequentialHostInit));
+  s.asleep = detail::allocate_zero<decltype(s.asleep)>(exec, "gsp::Sleep::asleep", n);
+  s.policy = detail::to_device<decltype(s.policy)>(exec, "gsp::Sleep::policy", detail::sleep_policies(compiled));
+  s.dof_length = detail::to_device<decltype(s.dof_length)>(exec, "gsp::Sleep::dof_length", detail::dof_lengths<R>(compiled));
+  return s;
+}
+
+/// The first half: which islands sleep in this step. Wakes those of worlds that were reset or whose eq_active was changed; of trees whose
+/// positions were changed, or to which a velocity, a force or another free velocity was given (gravity, wind, masses); and of trees with
+/// actuators where any control or activation of the world has changed. After smooth_dynamics, before collide and assemble, which wakes
+/// those that something touches. Does not allocate, does not fence.
+template <ExecutionSpace Exec, class R, class Mem>
+void wake_changed(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
+                  Sleep<R, Mem>& sleep) {
+  if (sleep.worlds == 0) return;
+  Region const region("gsp::step::wake_changed");
+  expects(sleep.worlds == state.worlds, "gsp::wake_changed: sleep and state have different numbers of worlds");
+  for_worlds("gsp::step::wake_changed", exec, state.worlds, detail::WakeChanged<Sleep<R, Mem>, R, Mem>{model, state, dynamics, sleep});
+}
+
+/// What `collide` may take over from its last call. Empty where somebody else has called it with these contacts since, or their pools have
+/// grown. After wake_changed; on the host, for each call anew.
+template <class R, class Mem>
+StillTrees<R, Mem> still_trees(Model<R, Mem> const& model, Contacts<R, Mem> const& contacts, Sleep<R, Mem> const& sleep) {
+  if (sleep.worlds == 0 || !contacts.stamp.data() || contacts.stamp().made != sleep.contacts_before()) return {};
+  return {sleep.still, model.body_tree, model.body_mocap};
+}
+
+/// The second half, after integrate: what sleeps goes back to where it lay, and islands all of whose trees have rested for so many steps
+/// fall asleep: their velocities are zero from here on.
+/// @param qfrc_constraint  of the step; of what sleeps it is what it was at first
+/// Does not allocate, does not fence.
+template <ExecutionSpace Exec, class R, class Mem>
+void fall_asleep(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows, Progress<Mem> const& progress,
+                 State<R, Mem>& state, Dynamics<R, Mem>& dynamics, Kokkos::View<R**, Kokkos::LayoutRight, Mem>& qfrc_constraint,
+                 Sleep<R, Mem>& sleep) {
+  if (sleep.worlds == 0) return;
+  Region const region("gsp::step::fall_asleep");
+  expects(sleep.worlds == state.worlds, "gsp::fall_asleep: sleep and state have different numbers of worlds");
+  for_worlds("gsp::step::fall_asleep", exec, state.worlds,
+             detail::FallAsleep<Sleep<R, Mem>, R, Mem>{model, rows, progress.halt, state, dynamics, qfrc_constraint, sleep});
+}
+
+}  // namespace gsp

@@ -1,0 +1,432 @@
+// Islands that rest sleep: what sleeps does not move in one bit, wakes when it is met or pushed, and goes on as if it had been awake.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <gsp/constraint/contact_forces.hpp>
+#include <gsp/model/compile.hpp>
+#include <gsp/step/step.hpp>
+#include <gsp_test_execs.hpp>
+
+#include "step/world.hpp"
+#include "support/kokkos_tools.hpp"
+
+namespace {
+
+gsp::GeomDescription geom(gsp::ShapeType type, gsp::Double3 size, double mass = 0) {
+  gsp::GeomDescription g;
+  g.type = type;
+  g.size = size;
+  g.has_mass = mass > 0;
+  g.mass = mass;
+  return g;
+}
+void add_free(gsp::Description& d, gsp::Double3 pos, gsp::GeomDescription const& g) {
+  gsp::BodyDescription b;
+  b.parent = 0;
+  b.pos = pos;
+  b.joints.emplace_back().type = gsp::JointType::free;
+  b.geoms.push_back(g);
+  d.bodies.push_back(b);
+}
+/// On a floor two towers of `height` boxes each, 2 m from each other, and a ball of 0.5 kg, the last tree, at rest 3 m off. More than 21
+/// free bodies: islands are solved one by one.
+gsp::Description towers(int height, double timestep = 0.004) {
+  gsp::Description d;
+  d.option.timestep = timestep;
+  d.bodies[0].geoms.push_back(geom(gsp::ShapeType::plane, {0, 0, 1}));
+  for (double x : {0., 2.})
+    for (int i = 0; i < height; ++i) add_free(d, {x, 0.01 * (i % 2), 0.1 + 0.2 * i}, geom(gsp::ShapeType::box, {0.1, 0.1, 0.1}, 1));
+  auto ball = geom(gsp::ShapeType::sphere, {0.1, 0, 0}, 0.5);
+  ball.friction = {1, 0.005, 0.005};
+  ball.condim = 6;
+  add_free(d, {-3, 0, 0.1}, ball);
+  return d;
+}
+
+template <class R, class Exec>
+struct World : gsp_test::World<R, Exec> {
+  using Base = gsp_test::World<R, Exec>;
+  using Base::compiled, Base::exec, Base::model, Base::sim, Base::state;
+  explicit World(gsp::Description const& d, int worlds = 1, bool sleep = true, gsp::ModelOptions options = {})
+      : Base(gsp::compile(d), worlds, options) {
+    sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds, .sleep = sleep});
+  }
+  int asleep(int w = 0) const { return gsp_test::host(sim.sleep.asleep)(w); }
+  bool sleeps(int tree, int w = 0) const { return gsp_test::host(sim.sleep.calm)(w, tree) < 0; }
+  int rows(int w = 0) const { return gsp_test::host(sim.rows.count)(w); }
+  int kept(int w = 0) const { return gsp_test::host(sim.rows.kept)(w); }
+  void set(decltype(state.qvel) const& view, int w, int i, double value) {
+    auto const h = gsp_test::snapshot(view);
+    h(w, i) = R(value);
+    Kokkos::deep_copy(view, h);
+  }
+  /// Steps until so many trees sleep, at most so many steps; how many it took.
+  int until(int trees, int most, int w = 0) {
+    for (int i = 1; i <= most; ++i) {
+      this->step(1);
+      if (asleep(w) == trees) return i;
+    }
+    return most + 1;
+  }
+  auto all(int w) const {
+    std::vector<R> out;
+    for (auto const& view : {state.qpos, state.qpos_low, state.qvel, state.act}) {
+      auto const h = gsp_test::snapshot(view);
+      for (int i = 0; i < int(h.extent(1)); ++i) out.push_back(h(w, i));
+    }
+    return out;
+  }
+};
+
+}  // namespace
+
+// Until something sleeps the motion is that without sleep, to the bit; then no bit changes in 1,000 steps, and no row is solved for.
+TEST_CASE_TEMPLATE("what sleeps stays where it is to the bit", Exec, GSP_TEST_EXECS) {
+  for (int const height : {3, 11}) {  // in lockstep on a host, and island by island
+    CAPTURE(height);
+    World<float, Exec> w(towers(height)), never(towers(height), 1, false);
+    int const trees = 2 * height + 1;
+    int before = 0;
+    for (; w.asleep() == 0 && before < 2000; ++before) {
+      auto const last = never.all(0);
+      CHECK(w.all(0) == last);
+      w.step(1);
+      never.step(1);
+    }
+    REQUIRE(before < 2000);
+    REQUIRE(w.until(trees, 2000) <= 2000);
+    auto const lies = w.all(0);
+    w.step(1);
+    int const kept = w.kept();
+    CHECK(w.rows() == 0);
+    CHECK(kept >= 3 * trees);
+    for (int i = 0; i < 10; ++i) {
+      w.step(100);
+      CHECK(w.all(0) == lies);
+      CHECK(w.asleep() == trees);
+      CHECK(w.kept() == kept);
+    }
+    CHECK(gsp_test::host(w.state.status)(0) == 0);
+    gsp_test::check_algorithm(w.exec, gsp_test::watch([&] { gsp::launch_step(w.exec, w.model, w.state, w.sim); }));
+  }
+}
+
+// What `collide` takes over from its last call is what the narrow phase finds, bit for bit, and what kept impulses say is what the heap
+// weighs: the floor carries m g of everything. Tolerance: the sweeps stop at 1e-4 of what gravity does in a step, a contact each.
+TEST_CASE_TEMPLATE("contacts and forces of what sleeps stay to be read", Exec, GSP_TEST_EXECS) {
+  World<double, Exec> w(towers(4));
+  REQUIRE(w.until(9, 3000) <= 3000);
+  w.step(50);
+  auto const& kept = w.sim.contacts;
+  auto fresh = gsp::make_contacts(w.exec, w.sim.collision, {.worlds = 1, .points_per_box_pair = 4});
+  for (bool again = true; again; again = gsp::grow(w.exec, fresh)) gsp::collide(w.exec, w.sim.collision, w.sim.poses, fresh);
+  int const n = gsp_test::host(kept.end)(0);
+  REQUIRE(n == gsp_test::host(fresh.end)(0));
+  REQUIRE(n >= 9);
+  auto const same = [&](auto const& a, auto const& b, int size) {
+    auto const x = gsp_test::host(a), y = gsp_test::host(b);
+    for (int i = 0; i < n * size; ++i) CHECK(x.data()[i] == y.data()[i]);
+  };
+  same(kept.pair, fresh.pair, 1), same(kept.feature, fresh.feature, 1), same(kept.dist, fresh.dist, 1);
+  same(kept.pos, fresh.pos, 3), same(kept.frame, fresh.frame, 9);
+
+  auto const marked = gsp_test::snapshot(kept.dist);
+  marked(0) -= 1e-9;
+  Kokkos::deep_copy(kept.dist, marked);
+  w.step(3);
+  CHECK(gsp_test::host(kept.dist)(0) == marked(0));  // it was taken over, not found
+
+  Kokkos::View<double* [6], Kokkos::LayoutRight, typename Exec::memory_space> force("force", kept.dist.extent(0));
+  gsp::contact_forces(w.exec, w.model, w.sim.collision, kept, w.sim.rows, w.sim.impulses, force);
+  auto const f = gsp_test::host(force);
+  auto const body1 = gsp_test::host(kept.body1);
+  double carried = 0;
+  for (int c = 0; c < n; ++c) carried += body1(c) == 0 ? f(c, 0) : 0;
+  CHECK(std::abs(carried - 8.5 * 9.81) < 1e-3 * 8.5 * 9.81);
+}
+
+// A ball of 0.5 kg rolls into one of two towers that sleep: that one wakes in the step in which the two touch, whole, and the other stays.
+// The blow itself is what it is without sleep. Tolerance: what sleeps has been moving by up to 1e-3 m/s (sleep_tolerance), and so do they
+// part.
+TEST_CASE_TEMPLATE("a ball wakes the island that it meets, and no other", Exec, GSP_TEST_EXECS) {
+  int const height = 4, trees = 2 * height + 1, ball = trees - 1;
+  World<double, Exec> w(towers(height)), never(towers(height), 1, false);
+  int const settles = w.until(trees, 3000);
+  REQUIRE(settles <= 3000);
+  auto const lies = w.all(0);
+  never.step(settles);
+  for (auto* world : {&w, &never}) {
+    world->set(world->state.qvel, 0, 6 * ball, 3);       // [m/s] along x
+    world->set(world->state.qvel, 0, 6 * ball + 4, 30);  // rolls
+  }
+  int step = 0;
+  for (; step < 1000 && w.sleeps(0); ++step) {
+    CHECK(w.asleep() == (step == 0 ? trees : trees - 1));
+    w.step(1);
+    never.step(1);
+  }
+  REQUIRE(step < 1000);
+  double const x = gsp_test::host(w.state.qpos)(0, 7 * ball);
+  CHECK(std::abs(x + 0.2) < 3 * 0.004 * 1.5);  // where they touch, to a step or so
+  for (int more = 0; more < 3; ++more) {
+    auto const v = gsp_test::host(w.state.qvel), u = gsp_test::host(never.state.qvel);
+    double apart = 0;
+    for (int t : {0, 1, 2, 3, ball})
+      for (int k = 6 * t; k < 6 * t + 6; ++k) apart = std::fmax(apart, std::abs(v(0, k) - u(0, k)));
+    CHECK(apart < 1e-2);
+    w.step(1);
+    never.step(1);
+  }
+  for (int t = 0; t < height; ++t) CHECK(!w.sleeps(t));
+  for (int t = height; t < 2 * height; ++t) CHECK(w.sleeps(t));
+  w.step(100);
+  auto const after = w.all(0);
+  for (int i = 7 * height; i < 7 * 2 * height; ++i) CHECK(after[i] == lies[i]);
+}
+
+// An island that is woken goes on from the impulses that it fell asleep with, so that nothing moves it but what moved it before: it stays
+// about as slow as it was, below sleep_tolerance (twice that is left to the first steps). Where its impulses are lost, its contacts yield
+// to what they carry as if they carried nothing, and a tower of four jumps.
+TEST_CASE_TEMPLATE("an island that is woken does not jump", Exec, GSP_TEST_EXECS) {
+  int const height = 4, trees = 2 * height + 1;
+  double const tolerance = 1e-4;
+  for (bool const forgets : {false, true}) {
+    World<double, Exec> w(towers(height));
+    w.sim.sleep.tolerance = tolerance;
+    REQUIRE(w.until(trees, 5000) <= 5000);
+    w.step(500);
+    w.set(w.state.qvel, 0, 0, 1e-9);  // wakes it
+    if (forgets)
+      for (int side : {0, 1}) Kokkos::deep_copy(w.sim.impulses.p[side], 0.);
+    auto const length = gsp_test::host(w.sim.sleep.dof_length);
+    double most = 0;
+    for (int i = 0; i < 20; ++i) {
+      w.step(1);
+      if (i == 0) CHECK(w.asleep() == trees - height);
+      auto const v = gsp_test::host(w.state.qvel);
+      for (int k = 0; k < 6 * height; ++k) most = std::fmax(most, length(k) * std::abs(v(0, k)));
+    }
+    CAPTURE(most);
+    CHECK(forgets == (most > 5 * tolerance));
+    CHECK(forgets != (most < 2 * tolerance));
+  }
+}
+
+namespace {
+/// A box on the floor, a box on a table that is a mocap body, a box welded to the world at 1 m, a box on a slide with a motor, all apart.
+gsp::Description zoo() {
+  gsp::Description d = towers(0);
+  d.bodies.pop_back();
+  auto const box = geom(gsp::ShapeType::box, {0.1, 0.1, 0.1}, 1);
+  add_free(d, {0, 0, 0.1}, box);
+  gsp::BodyDescription table;
+  table.parent = 0;
+  table.name = "table";
+  table.pos = {2, 0, 0.5};
+  table.mocap = true;
+  table.geoms.push_back(geom(gsp::ShapeType::box, {0.3, 0.3, 0.1}));
+  d.bodies.push_back(table);
+  add_free(d, {2, 0, 0.7}, box);
+  add_free(d, {4, 0, 1}, box);
+  d.bodies.back().name = "hung";
+  d.equalities.push_back({.type = gsp::EqualityType::weld, .name1 = "hung", .data = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1}});
+  add_free(d, {6, 0, 0.1}, box);
+  d.bodies.back().joints[0] = {.name = "slide", .type = gsp::JointType::slide, .axis = {1, 0, 0}, .damping = 1};
+  d.bodies.back().sleep = gsp::BodySleep::allowed;
+  d.actuators.push_back({.name = "motor", .target_name = "slide"});
+  return d;
+}
+struct Tether : gsp::OneFreeRow {  // of a user: it may change at any time
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  template <class T>
+  KOKKOS_FUNCTION T lambda(int, int, int, T x, T u) const {
+    return -(x + u);
+  }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int, int, int, Row&& J) const {
+    J.set_dof(0, 1.);
+    return 0.;
+  }
+};
+struct RestingTether : Tether {
+  static constexpr bool rests = true;
+};
+}  // namespace
+
+// Trees: 0 on the floor, 1 on the table, 2 hung, 3 with a motor.
+TEST_CASE_TEMPLATE("who sleeps, and what wakes whom", Exec, GSP_TEST_EXECS) {
+  World<double, Exec> w(zoo());
+  w.step(400);
+  CHECK(w.sleeps(0));
+  CHECK(!w.sleeps(1));  // the user may move the table at any time
+  CHECK(w.sleeps(2));
+  CHECK(w.sleeps(3));
+  auto const only = [&](std::initializer_list<int> awake) {
+    for (int t : {0, 2, 3}) {
+      CAPTURE(t);
+      CHECK(w.sleeps(t) == (std::find(awake.begin(), awake.end(), t) == awake.end()));
+    }
+  };
+  SUBCASE("nothing") {
+    w.step(1);
+    only({});
+  }
+  SUBCASE("a force") {
+    w.set(w.state.qfrc_applied, 0, 2, -1);
+    w.step(1);
+    only({0});
+    w.step(100);
+    only({0});  // as long as it acts
+    w.set(w.state.qfrc_applied, 0, 2, 0);
+    w.step(100);
+    only({});
+  }
+  SUBCASE("a velocity") {
+    w.set(w.state.qvel, 0, 12, 1e-5);
+    w.step(1);
+    only({2});
+  }
+  SUBCASE("a position") {
+    w.set(w.state.qpos, 0, 0, 0.01);
+    w.step(1);
+    only({0});
+  }
+  SUBCASE("a control") {
+    w.set(w.state.ctrl, 0, 0, 2);
+    w.step(1);
+    only({3});
+    CHECK(gsp_test::host(w.state.qvel)(0, 18) > 0);
+  }
+  SUBCASE("gravity") {
+    auto other = w.compiled;
+    other.option.gravity = {0, 0, -9};
+    w.model = gsp::make_model<double>(w.exec, other);
+    w.step(1);
+    only({0, 2});  // the slide does not feel it
+  }
+  SUBCASE("a weld that lets go") {
+    auto const h = gsp_test::snapshot(w.state.eq_active);
+    h(0, 0) = 0;
+    Kokkos::deep_copy(w.state.eq_active, h);
+    w.step(1);
+    only({0, 2, 3});  // all of the world, which is on the safe side
+    w.step(200);
+    CHECK(std::abs(gsp_test::host(w.state.qpos)(0, 16) - 0.1) < 0.01);
+  }
+  SUBCASE("a reset") {
+    gsp::reset(w.exec, w.model, w.state);
+    w.step(1);
+    only({0, 2, 3});
+  }
+  SUBCASE("a body that comes down on it") {
+    w.set(w.state.qpos, 0, 7, 0);  // the box of the table, 1 m above the first
+    w.set(w.state.qpos, 0, 9, 1.3);
+    w.step(80);
+    only({});
+    w.step(60);  // sqrt(2 (1) / g) = 0.45 s after its start it is there: 113 steps
+    only({0});
+  }
+  SUBCASE("a constraint of one's own") {
+    for (int i = 0; i < 30; ++i) gsp::step(w.exec, w.model, w.state, w.sim, {.steps = 1}, Tether{});
+    only({0});
+    for (int i = 0; i < 30; ++i) gsp::step(w.exec, w.model, w.state, w.sim, {.steps = 1}, RestingTether{});
+    only({});
+  }
+  SUBCASE("nobody may") {
+    auto never = zoo();
+    for (auto& body : never.bodies)
+      if (!body.joints.empty()) body.sleep = gsp::BodySleep::never;
+    World<double, Exec> awake(never);
+    awake.step(400);
+    CHECK(awake.asleep() == 0);
+    auto automatic = zoo();
+    automatic.bodies.back().sleep = gsp::BodySleep::automatic;
+    World<double, Exec> two(automatic);
+    two.step(400);
+    CHECK(two.asleep() == 2);
+    CHECK(!two.sleeps(3));  // an actuator moves it
+  }
+}
+
+// Worlds of a batch give the bits that each gives alone, whether its neighbours sleep or not, and whatever the pools hold at first.
+TEST_CASE_TEMPLATE("worlds that sleep do not touch their neighbours", Exec, GSP_TEST_EXECS) {
+  for (int const height : {2, 11}) {
+    int const worlds = 3, ball = 2 * height;
+    auto const start = [&](auto& w, int first) {
+      for (int i = 0; i < w.state.worlds; ++i)
+        if (first + i > 0) w.set(w.state.qvel, i, 6 * ball, 1.5 * (first + i));
+    };
+    World<float, Exec> all(towers(height), worlds);
+    start(all, 0);
+    std::vector<World<float, Exec>> each;
+    for (int i = 0; i < worlds; ++i) start(each.emplace_back(towers(height)), i);
+    World<float, Exec> narrow(towers(height), worlds);
+    narrow.sim.contacts = gsp::make_contacts(
+        narrow.exec, narrow.sim.collision,
+        {.worlds = worlds, .candidates_per_world = 1, .points_per_world = 1, .contacts_per_world = 1, .points_per_box_pair = 4});
+    narrow.sim.rows = gsp::make_rows(narrow.exec, narrow.model, {.worlds = worlds, .rows_per_world = 1, .entries_per_world = 1});
+    narrow.sim.impulses = gsp::make_impulses(narrow.exec, narrow.sim.rows);
+    start(narrow, 0);
+    bool slept = false, differed = false;
+    for (int k = 0; k < 16; ++k) {
+      all.step(40);
+      narrow.step(40);
+      for (int i = 0; i < worlds; ++i) {
+        each[i].step(40);
+        CHECK(all.all(i) == each[i].all(0));
+        CHECK(all.all(i) == narrow.all(i));
+        CHECK(all.asleep(i) == each[i].asleep());
+      }
+      slept = slept || all.asleep(0) > 0;
+      differed = differed || all.asleep(0) != all.asleep(2);
+    }
+    CHECK(slept);
+    CHECK(differed);
+  }
+}
+
+// Profile mujoco sleeps as well, but not with RK4.
+TEST_CASE_TEMPLATE("profile mujoco sleeps, but for RK4", Exec, GSP_TEST_EXECS) {
+  World<double, Exec> w(towers(2), 1, true, {.profile = gsp::Profile::mujoco});
+  REQUIRE(w.until(5, 2000) <= 2000);
+  auto const lies = w.all(0);
+  w.step(200);
+  CHECK(w.all(0) == lies);
+  CHECK(w.rows() == 0);
+  auto d = towers(2);
+  d.option.integrator = gsp::Integrator::rk4;
+  CHECK_THROWS_WITH_AS((World<double, Exec>(d, 1, true, {.profile = gsp::Profile::mujoco})), doctest::Contains("RK4"), gsp::Error);
+}
+
+// A simulation goes on to the bit from copies of the state, of the impulses and of who sleeps.
+TEST_CASE_TEMPLATE("a snapshot with sleepers replays bit for bit", Exec, GSP_TEST_EXECS) {
+  World<float, Exec> w(towers(3));
+  REQUIRE(w.until(7, 3000) <= 3000);
+  w.set(w.state.qvel, 0, 36, 3);
+  w.step(60);
+  auto const state = w.all(0);
+  REQUIRE(w.asleep() == 6);
+  std::vector<std::pair<void*, std::vector<char>>> saved;
+  auto const save = [&](auto const& view) {
+    auto const* p = reinterpret_cast<char const*>(view.data());
+    saved.emplace_back(view.data(), std::vector<char>(p, p + view.span() * sizeof(*view.data())));
+  };
+  if constexpr (Kokkos::SpaceAccessibility<Kokkos::HostSpace, typename Exec::memory_space>::accessible) {
+    auto const& s = w.state;
+    save(s.qpos), save(s.qpos_low), save(s.qvel), save(s.steps);
+    auto const& i = w.sim.impulses;
+    for (int side : {0, 1})
+      save(i.p[side]), save(i.id[side]), save(i.place[side]), save(i.first[side]), save(i.count[side]), save(i.kept[side]);
+    save(i.type_names), save(i.parity), save(i.solved);
+    auto const& z = w.sim.sleep;
+    save(z.calm), save(z.qpos), save(z.qpos_low), save(z.free_velocity), save(z.force), save(z.ctrl_before), save(z.act_before),
+        save(z.eq_before);
+    w.step(400);
+    auto const once = w.all(0);
+    CHECK(once != state);
+    for (auto const& [to, bytes] : saved) std::copy(bytes.begin(), bytes.end(), static_cast<char*>(to));
+    w.step(400);
+    CHECK(w.all(0) == once);
+  }
+}
