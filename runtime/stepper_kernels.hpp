@@ -129,6 +129,8 @@ class KokkosStepper : public Stepper {
     if (!model_.constraints) return out;
     out.contacts = simulation_.contacts.demand(exec_).contacts;
     for (int const n : gsp::detail::to_host(exec_, simulation_.rows.count)) out.rows += n;
+    for (int const n : gsp::detail::to_host(exec_, simulation_.rows.kept)) out.kept += n;
+    for (int const n : gsp::detail::to_host(exec_, simulation_.sleep.asleep)) out.asleep += n;
     for (int const n : gsp::detail::to_host(exec_, simulation_.solution.iterations)) out.iterations = std::max(out.iterations, n);
     out.residual = std::numeric_limits<double>::quiet_NaN();
     for (R const r : gsp::detail::to_host(exec_, simulation_.solution.residual)) out.residual = std::fmax(out.residual, double(r));

@@ -31,11 +31,8 @@ Option package_option() {
 gsp::CompiledModel load_model(std::string const& path, Arguments const& arguments) {
   auto description = describe_model(path, arguments, false);
   auto& o = description.option;
-  std::map<std::string, bool*> const flags{{"constraint", &o.constraint},
-                                           {"contact", &o.contact},
-                                           {"limit", &o.limit},
-                                           {"equality", &o.equality},
-                                           {"friction", &o.frictionloss}};
+  std::map<std::string, bool*> const flags{{"constraint", &o.constraint}, {"contact", &o.contact},       {"limit", &o.limit},
+                                           {"equality", &o.equality},     {"friction", &o.frictionloss}, {"sleep", &o.sleep}};
   std::vector<std::string> names;
   for (auto const& [name, flag] : flags) names.push_back(name);
   for (auto const& name : arguments.list("--disable", names, {})) *flags.at(name) = false;

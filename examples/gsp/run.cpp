@@ -87,6 +87,8 @@ nlohmann::ordered_json steps_json(Stepper const& stepper, Device device, int wor
           {"peak_bytes", gsp::runtime::peak_bytes(device)},
           {"contacts", counts.contacts},
           {"rows", counts.rows},
+          {"asleep", counts.asleep},
+          {"kept_rows", counts.kept},
           {"iterations", counts.iterations},
           {"residual", counts.residual},
           {"state_hash", hash_of({&qpos, &qvel})},

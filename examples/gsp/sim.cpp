@@ -49,7 +49,8 @@ int run(Arguments const& a) {
   }
   expect_apart(inputs, outputs);
 
-  auto const model = load_model(path, a);
+  auto model = load_model(path, a);
+  if (a.has("--sleep")) model.option.sleep = true;
   States start = start_file ? read_start(*start_file, model) : initial_state(model, path, a.text("--keyframe"));
   if (start_file && !a.has("--worlds")) options.worlds = start.worlds;
   expect_worlds(start, options.worlds, start_file ? *start_file : path);
@@ -157,6 +158,9 @@ int run(Arguments const& a) {
                  double(timing.steps) * stepper->timestep() / timing.seconds);
     std::fprintf(say, "  last step: %lld contacts, %lld rows, %d iterations, residual %.3g\n", static_cast<long long>(counts.contacts),
                  static_cast<long long>(counts.rows), counts.iterations, counts.residual);
+    if (model.option.sleep)
+      std::fprintf(say, "  %lld of %lld trees sleep, and %lld rows of theirs were not solved for\n", static_cast<long long>(counts.asleep),
+                   static_cast<long long>(options.worlds) * model.ntree, static_cast<long long>(counts.kept));
     std::fprintf(say, "  %.2f s to start, %.4g MB, state %s\n", startup, 1e-6 * double(peak_bytes(device)),
                  hash_of({&qpos, &qvel}).c_str());
     if (trace_file) std::fprintf(say, "  %s: %zu states of %zu worlds\n", trace_file->c_str(), trace.entries, trace.worlds);
@@ -189,7 +193,8 @@ Command sim_command() {
         "friction along the two tangents: each by itself, together in a disc, or MuJoCo's soft edges; without it as the file says in "
         "profile "
         "mujoco, else elliptic"},
-       {"--disable", "LIST", "of constraint, contact, limit, equality, friction (of joints and tendons), with commas: left out"},
+       {"--sleep", "", "islands that rest sleep until something wakes them; without it as the file says (<flag sleep>)"},
+       {"--disable", "LIST", "of constraint, contact, limit, equality, friction (of joints and tendons), sleep, with commas: left out"},
        {"--profile", "mujoco|stable",
         "mujoco: as the file says, solved exactly; stable (without the option): rigid friction, implicit joints"},
        {"--precision", "float|double", "float without the option"},
