@@ -30,7 +30,7 @@ TEST_CASE("the row at -y comes first, the lowest is 0, the highest 1") {
   check(parse_hfield(format_png(color), "a.png"));
   CHECK(parse_hfield(format_png(grey), "dir/ground.png").name == "ground");
   CHECK(make_hfield(3, 4, {}, "h").elevation == std::vector<float>(12, 0.f));
-  CHECK(make_hfield(1, 2, std::vector<double>{7, 7}, "h").elevation == std::vector<float>(2, 0.f));
+  CHECK(make_hfield(2, 2, std::vector<double>(4, 7.), "h").elevation == std::vector<float>(4, 0.f));
   Folder folder;
   write_file(folder.path / "a.png", format_png(grey));
   check(read_hfield(folder.path / "a.png"));
@@ -47,7 +47,7 @@ TEST_CASE("what is wrong is said") {
   CHECK(says(error_of([] { parse_hfield(bytes_of("hello"), "a.png"); }), "a.png: byte 0"));
   CHECK(says(error_of([] { parse_hfield(bytes_of("hello"), "a.jpg", "image/jpeg"); }), "content type"));
   CHECK(says(error_of([] { make_hfield(2, 2, std::vector<double>(3), "hfield 'h'"); }), "has 3 elevations for 2 rows of 2"));
-  CHECK(says(error_of([] { make_hfield(0, 2, {}, "h"); }), "1 or more"));
+  CHECK(says(error_of([] { make_hfield(1, 2, {}, "h"); }), "2 or more"));
 }
 
 TEST_CASE("compile: size, bounds, what it refuses") {
@@ -70,6 +70,11 @@ TEST_CASE("compile: size, bounds, what it refuses") {
   };
   CHECK(says(error([](auto& x) { x.hfields[0].size[3] = 0; }), "hfield 'h' has a size that is not positive"));
   CHECK(says(error([](auto& x) { x.hfields[0].rows = 3; }), "has 4 elevations for 3 rows of 2"));
+  for (auto [rows, columns] : {std::pair{1, 4}, {4, 1}, {1, 1}, {0, 4}})  // no triangle: nothing could touch it
+    CHECK(says(error([&, r = rows, c = columns](auto& x) {
+                 x.hfields[0].rows = r, x.hfields[0].columns = c, x.hfields[0].elevation.assign(std::size_t(r * c), 0.f);
+               }),
+               "hfield 'h' has " + std::to_string(rows) + " rows of " + std::to_string(columns) + ": give 2 or more of each"));
   CHECK(says(error([](auto& x) { x.hfields[0].name = "i"; }), "which does not exist"));
   CHECK(says(error([](auto& x) { x.bodies[0].geoms[0].hfield = ""; }), "names none"));
   CHECK(says(error([](auto& x) { x.bodies[0].geoms[0].type = gsp::ShapeType::box; }), "has another type"));

@@ -248,12 +248,153 @@ TEST_CASE("what cannot be compiled is said in one sentence") {
   check_message(d, "exceeds the sum");
   d.compiler.balanceinertia = true;
   CHECK(compile(d).body_inertia[2][2] == doctest::Approx(5. / 3));
+  d = double_pendulum(), d.bodies[1].geoms[0].name = "g", d.bodies[1].geoms[0].friction = {1, 0, -1e-4};
+  check_message(d, "geom 'g' has a negative friction: give zero or more");
+  d = double_pendulum(), d.bodies[1].geoms[0].name = "g", d.bodies[2].geoms[0].name = "h";
+  d.pairs.push_back({.name = "p", .geom1 = "g", .geom2 = "h", .friction = std::array<double, 5>{1, -1, 0, 0, 0}});
+  check_message(d, "pair 'p' has a negative friction");
+  d = double_pendulum(), d.option.override_contacts = true, d.option.o_friction[0] = -1;
+  check_message(d, "option o_friction is negative");
+  d = double_pendulum(), d.bodies[2].joints[0].frictionloss = -1;
+  check_message(d, "joint 'elbow' has a negative frictionloss");
+  d = double_pendulum(), d.tendons.push_back({.name = "t", .terms = {{"elbow", 1}}, .frictionloss = -1});
+  check_message(d, "tendon 't' has a negative frictionloss");
+  for (double OptionDescription::*of : {&OptionDescription::density, &OptionDescription::viscosity}) {
+    d = double_pendulum(), d.option.*of = -1;
+    check_message(d, "option density and viscosity are not both zero or more");
+  }
+  d = double_pendulum(), d.option.density = NAN;
+  check_message(d, "option density and viscosity");
   d = double_pendulum(), d.bodies[1].cameras.emplace_back().resolution = {64, 0};
   check_message(d, "no positive resolution");
   d = double_pendulum(), d.bodies[1].cameras.emplace_back().sensor_size = {0.1, 0};
   check_message(d, "a sensor without area");
   d = double_pendulum(), d.files = {"a.xml"}, d.bodies[1].joints[0].place = {0, 7}, d.bodies[1].joints[0].limited = true;
   check_message(d, "a.xml:7: joint 'shoulder' is limited");
+}
+
+namespace {
+/// Whether the report has a line with this in it, and how many it has.
+bool notes(Description const& d, std::string const& part, std::size_t lines = 1) {
+  auto const m = compile(d);
+  bool found = false;
+  for (auto const& line : m.report) found |= line.text.find(part) != std::string::npos;
+  return found && m.report.size() == lines;
+}
+/// A connect or weld of two points, as sites "one" and "two".
+EqualityDescription of_sites(EqualityType type, std::string one, std::string two) {
+  EqualityDescription e;
+  e.name = one + two, e.type = type, e.sites = true, e.name1 = std::move(one), e.name2 = std::move(two);
+  return e;
+}
+}  // namespace
+
+// The pendulum's tip is 2 m from the shoulder at most, and comes to it. A hook at x can be reached where
+// |x| <= 2 alone; one on a rail with 3 m of play where |x| <= 5; a tip at 0.25 m of the lower rod not below |x| = 0.75.
+TEST_CASE("a loop that cannot close is said, and how far it stays open") {
+  auto const open = [](double hook, double tip, double play = 0) {
+    auto d = double_pendulum();
+    d.bodies[2].sites.push_back({.name = "tip", .pos = {0, 0, -tip}});
+    if (play > 0) {
+      auto cart = body("cart", 0, {0, 0, 0});
+      JointDescription rail;
+      rail.name = "rail", rail.type = JointType::slide, rail.axis = {1, 0, 0}, rail.limited = true, rail.range = {-play, 1};
+      cart.joints.push_back(rail), cart.geoms.push_back(sphere(0.1));
+      d.bodies.push_back(cart);
+    }
+    d.bodies[play > 0 ? 3 : 0].sites.push_back({.name = "hook", .pos = {hook, 0, 0}});
+    d.equalities = {of_sites(EqualityType::connect, "tip", "hook")};
+    return d;
+  };
+  CHECK(compile(open(1.999, 1)).report.empty());
+  CHECK(notes(open(2.25, 1), "'tiphook' cannot close: the joints between them leave its two points at least 0.25 m apart"));
+  CHECK(compile(open(0.7501, 0.25)).report.empty());
+  CHECK(notes(open(0.5, 0.25), "at least 0.25 m apart"));
+  CHECK(compile(open(4.99, 1, 3)).report.empty());
+  CHECK(notes(open(5.5, 1, 3), "at least 0.5 m apart"));
+  auto d = open(9, 1);
+  d.bodies[2].joints[0].type = JointType::slide;  // without limits: anywhere
+  CHECK(compile(d).report.empty());
+  d = open(9, 1), d.equalities[0].active = false;
+  CHECK(compile(d).report.empty());
+  d = open(9, 1), d.bodies[0].sites.clear();
+  d.equalities[0] = {.name = "w", .type = EqualityType::weld, .name1 = "world", .name2 = "lower"};
+  d.equalities[0].data = {0, 0, -1, 3, 0, 0, 1, 0, 0, 0, 1};  // the tip 3 m off the world's origin
+  CHECK(notes(d, "'w' cannot close: the joints between them leave its two points at least 1 m apart"));
+}
+
+TEST_CASE("points and poses that two equalities ask for at once are compared") {
+  Description d;
+  for (int k = 0; k < 2; ++k) {
+    auto b = body(k ? "b" : "a", 0, {double(k), 0, 1});
+    b.joints.emplace_back().type = JointType::free;
+    b.geoms.push_back(sphere(0.1));
+    for (int s = 0; s < 3; ++s) b.sites.push_back({.name = b.name + std::to_string(s), .pos = {0.1 * s, k * 0.2 * (s == 2), 0}});
+    d.bodies.push_back(b);
+  }
+  auto const connect = EqualityType::connect, weld = EqualityType::weld;
+  auto const with = [&](EqualityDescription one, EqualityDescription two) {
+    auto copy = d;
+    copy.equalities = {std::move(one), std::move(two)};
+    return copy;
+  };
+  char const* const said = "ask different things";
+  CHECK(compile(with(of_sites(connect, "a0", "b0"), of_sites(connect, "a1", "b1"))).report.empty());  // 0.1 m apart on both bodies
+  CHECK(notes(with(of_sites(connect, "a0", "b0"), of_sites(connect, "a2", "b1")), said));             // 0.2 m, 0.1 m
+  CHECK(notes(with(of_sites(connect, "a0", "b0"), of_sites(connect, "b1", "a2")), said));             // whichever is named first
+  CHECK(compile(with(of_sites(weld, "a0", "b0"), of_sites(weld, "a1", "b1"))).report.empty());
+  CHECK(notes(with(of_sites(weld, "a0", "b0"), of_sites(weld, "a1", "b0")), said));
+  CHECK(notes(with(of_sites(weld, "a0", "b0"), of_sites(connect, "a2", "b2")), said));  // (0.2, 0) of a, (0.2, 0.2) of b
+  d.bodies[1].sites[1].quat = {std::sqrt(0.5), 0, 0, std::sqrt(0.5)};
+  CHECK(notes(with(of_sites(weld, "a0", "b0"), of_sites(weld, "a1", "b1")), said));  // the same place, another turn
+}
+
+TEST_CASE("what is taken for another, grows without bound or is lost in float is said") {
+  auto d = double_pendulum();
+  d.bodies[1].joints[0].limited = true, d.bodies[1].joints[0].range = {-1, 0.5};
+  d.equalities = {{.name = "e", .type = EqualityType::joint, .name1 = "shoulder"}};
+  d.equalities[0].data[0] = 0.5;
+  CHECK(compile(d).report.empty());
+  d.equalities[0].data[0] = 2;
+  CHECK(notes(d, "'e' asks joint 'shoulder' for 2, outside of its range -1 to 0.5"));
+
+  d = double_pendulum();
+  for (int k : {1, 2}) d.bodies[k].geoms[0].name = "g" + std::to_string(k), d.bodies[k].geoms[0].softness.solimp = {0, 1, 0, 1, 1};
+  CHECK(compile(d).report.empty());  // the ends of what has a meaning
+  for (int k : {1, 2}) d.bodies[k].geoms[0].softness.solimp = {0.9, 2, 0.001, 0.5, 2};
+  CHECK(notes(d, "geom 'g1' has solimp 0.9 2 0.001 0.5 2, which is taken at the nearest"));
+  CHECK(compile(d).report[0].count == 2);
+  for (int k : {1, 2}) d.bodies[k].geoms[0].contype = d.bodies[k].geoms[0].conaffinity = 0;  // asked by nobody
+  CHECK(compile(d).report.empty());
+  d = double_pendulum(), d.bodies[1].geoms[0].softness.solref = {0.02, -1};
+  CHECK(notes(d, "solref 0.02 -1, neither"));
+  d.bodies[1].geoms[0].softness.solref = {0, 0};
+  CHECK(compile(d).report.empty());
+
+  d = double_pendulum(), d.actuators.push_back({.name = "slow", .target_name = "elbow", .dynamics = ActuatorDynamics::filter});
+  d.actuators[0].dynprm[0] = 0.5 * d.option.timestep;
+  CHECK(compile(d).report.empty());
+  d.actuators[0].dynprm[0] *= 0.99;
+  CHECK(notes(d, "actuator 'slow' filters with a time constant of 0.00099 s"));
+  d.actuators[0].dynamics = ActuatorDynamics::filter_exact;
+  CHECK(compile(d).report.empty());
+  d.option.integrator = Integrator::rk4,
+  d.actuators[0].dynprm[0] = d.option.timestep / 2.78;  // 1 + x + x^2/2 + x^3/6 + x^4/24 at -2.78: 0.99
+  CHECK(compile(d).report.empty());
+  d.actuators[0].dynprm[0] = d.option.timestep / 2.79;
+  CHECK(notes(d, "of RK4: its activation grows without bound"));
+
+  // A sphere of 1 kg and 0.1 m (I = 0.004 kg m^2) at 25 m has m r^2 / I = 156,250, at 15 m 56,250.
+  for (double r : {15., 25.}) {
+    d = {}, d.bodies.push_back(body("far", 0, {0, 0, 0}));
+    d.bodies[1].joints.emplace_back().type = JointType::free;
+    auto g = sphere(0.1);
+    g.pos[0] = r, g.has_mass = true, g.mass = 1;
+    d.bodies[1].geoms.push_back(g);
+    CHECK((r < 20 ? compile(d).report.empty() : notes(d, "body 'far' has its centre of mass 25 m from its frame")));
+    d.bodies[1].joints[0].align = true;
+    CHECK(compile(d).report.empty());
+  }
 }
 
 TEST_CASE("a sensor of a type that MJCF does not have is refused") {

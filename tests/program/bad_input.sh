@@ -109,6 +109,8 @@ for command in "sim" "info"; do
   refused "value.xml:9" "thin" -- $command value.xml
   refused "nan.xml:9" -- $command nan.xml
   refused "massless.xml" "ball" -- $command massless.xml
+  refused "friction.xml:9" "negative friction" -- $command friction.xml
+  refused "row.xml:3" "'strip'" "has 1 rows of 4" "2 or more" -- $command row.xml
   refused "recursive.xml" -- $command recursive.xml
   refused "deep.xml" -- $command deep.xml
   refused "empty.xml" -- $command empty.xml

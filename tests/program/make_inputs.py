@@ -64,6 +64,8 @@ write("string.xml", model.replace('<freejoint name="ball"/>', '<freejoint name="
 write("winch.xml", model.replace('<freejoint name="ball"/>', '<freejoint name="ball"/><site name="end"/>').replace('<geom type="sphere" size=".1"', '<geom name="drum" type="sphere" size=".1"').replace("</worldbody>", '<site name="hook" pos="1 0 1"/></worldbody><tendon><spatial name="winch"><site site="hook"/><geom geom="drum"/><site site="end"/></spatial></tendon><actuator><motor tendon="winch" armature=".1"/></actuator>'))
 write("condim.xml", model.replace('<geom type="sphere" size=".1"', '<geom type="sphere" condim="6" size=".1"'))
 write("massless.xml", model.replace('<geom type="sphere" size=".1" rgba=".2 .3 .8 1"/>', ""))
+write("friction.xml", model.replace('size=".02"', 'size=".02" friction="-1"'))
+write("row.xml", '<mujoco>\n<asset>\n<hfield name="strip" nrow="1" ncol="4" size="1 1 .1 .1"/>\n</asset><worldbody><geom type="hfield" hfield="strip"/></worldbody></mujoco>')
 write("recursive.xml", '<mujoco><include file="recursive.xml"/></mujoco>')
 write("empty.xml", "")
 write("deep.xml", "<mujoco><worldbody>" + "<body>" * 100000)

@@ -70,10 +70,10 @@ GSP_INLINE HeightFieldDescription read_hfield(std::filesystem::path const& path,
 }
 
 GSP_INLINE HeightFieldDescription make_hfield(int rows, int columns, std::span<double const> elevation, std::string const& what) {
-  if (rows < 1 || columns < 1 || std::int64_t(rows) * columns > 100'000'000)
+  if (rows < 2 || columns < 2 || std::int64_t(rows) * columns > 100'000'000)
     detail::fail(
         what, "",
-        "has " + std::to_string(rows) + " rows of " + std::to_string(columns) + "; give 1 or more of each, at most 100 million together");
+        "has " + std::to_string(rows) + " rows of " + std::to_string(columns) + "; give 2 or more of each, at most 100 million together");
   std::size_t const n = std::size_t(rows) * std::size_t(columns);
   if (!elevation.empty() && elevation.size() != n)
     detail::fail(what, "",

@@ -16,6 +16,10 @@ class BodyCompiler : public CompilerBase {
   void check_numbers() const {
     if (!(d_.option.timestep > 0) || !std::isfinite(d_.option.timestep))
       throw Error(at({}) + "option timestep is not positive: give seconds, such as 0.002");
+    if (!(d_.option.density >= 0 && d_.option.viscosity >= 0 && std::isfinite(d_.option.density + d_.option.viscosity)))
+      throw Error(at({}) + "option density and viscosity are not both zero or more: correct them");
+    for (double f : d_.option.o_friction)
+      if (d_.option.override_contacts && !(f >= 0)) throw Error(at({}) + "option o_friction is negative: give zero or more");
     if (!finite(d_.option.gravity)) throw Error(at({}) + "option gravity is not finite: give three numbers");
     if (d_.bodies.empty() || d_.bodies[0].parent != -1)
       throw Error(at({}) + "the first body of a Description is the world, with parent -1: start from a default Description");
@@ -138,6 +142,7 @@ class BodyCompiler : public CompilerBase {
         if (other.type == JointType::ball) fail(j.place, "joint", j.name, "turns a body that a ball joint turns already: keep one of them");
       }
     if (j.armature < 0) fail(j.place, "joint", j.name, "has a negative armature: give zero or more");
+    if (j.frictionloss < 0) fail(j.place, "joint", j.name, "has a negative frictionloss: give zero or more");
     bool const limited = j.limited && !is_free;
     if (is_ball && limited && (j.range[0] != 0 || j.range[1] < 0))
       fail(j.place, "joint", j.name, "is a limited ball joint, whose range is '0 angle': set the first number to 0");
@@ -217,6 +222,8 @@ class BodyCompiler : public CompilerBase {
     auto const shape = shape_of(g);
     if (g.condim != 1 && g.condim != 3 && g.condim != 4 && g.condim != 6)
       fail(g.place, "geom", g.name, "has a condim other than 1, 3, 4, 6: choose one of them");
+    for (double f : g.friction)
+      if (f < 0) fail(g.place, "geom", g.name, "has a negative friction: give zero or more");
     int const sizes = positive_sizes(g.type);
     for (int k = 0; k < sizes; ++k)
       if (!(shape.size[k] > 0))

@@ -28,6 +28,7 @@ class ForceCompiler : public BodyCompiler {
         refuse(t.terms.empty() ? "has neither joints nor a path: add joints, or sites"
                                : "has both joints and a path: make two tendons of it");
       if (t.armature < 0) refuse("has a negative armature: give zero or more");
+      if (t.frictionloss < 0) refuse("has a negative frictionloss: give zero or more");
       if (t.springlength[0] > t.springlength[1]) refuse("has a springlength whose first number is above the second: order them");
       require_range(*this, t.limited, t.range, t.place, "tendon", t.name, "range");
       require_range(*this, t.actuator_force_limited, t.actuator_force_range, t.place, "tendon", t.name, "actuatorfrcrange");
@@ -150,7 +151,6 @@ class ForceCompiler : public BodyCompiler {
         for (int j : ids)
           if (j >= 0 && m_.jnt_type[j] < int(JointType::slide))
             fail(e.place, "equality", e.name, "names a ball or free joint: only hinge and slide joints have one coordinate");
-      note_equality(e, ids);
       m_.eq_type.push_back(int(e.type));
       m_.eq_id1.push_back(ids[0]);
       m_.eq_id2.push_back(ids[1]);
@@ -161,36 +161,6 @@ class ForceCompiler : public BodyCompiler {
       m_.eq_solref.push_back(e.softness.solref);
       m_.eq_solimp.push_back(e.softness.solimp);
       ++m_.neq;
-    }
-  }
-
-  /// What can be seen to be in vain before anything moves.
-  void note_equality(EqualityDescription const& e, int const (&ids)[2]) {
-    if (!e.active) return;
-    auto const note = [&](ReportLine::Kind kind, std::string const& text) {
-      m_.report.push_back(
-          {kind, e.place.file >= 0 ? d_.files[std::size_t(e.place.file)] : d_.name, e.place.line, "equality '" + e.name + "' " + text, 1});
-    };
-    if (e.type == EqualityType::connect || e.type == EqualityType::weld) {
-      auto const mover = [&](int id) {  // the body whose joints move it
-        int b = e.sites ? m_.site_body[id] : id;
-        while (b > 0 && m_.body_dofnum[b] == 0) b = m_.body_parent[b];
-        return b;
-      };
-      if (mover(ids[0]) == mover(ids[1])) {
-        std::string const one = e.name1.empty() ? "the world" : "'" + e.name1 + "'";
-        std::string const two = e.name2.empty() ? "the world" : "'" + e.name2 + "'";
-        note(ReportLine::Kind::no_effect, "joins " + one + " and " + two + ", which do not move against each other");
-      }
-      return;
-    }
-    for (int k = 0; k < m_.neq; ++k) {
-      bool const same = m_.eq_type[k] == int(e.type) && m_.eq_id1[k] == ids[0] && m_.eq_id2[k] == ids[1] && m_.eq_active[k];
-      bool const differs = !std::equal(m_.eq_data[k].begin(), m_.eq_data[k].begin() + 5, e.data.begin());
-      if (same && differs)
-        note(ReportLine::Kind::approximated, "and '" + m_.eq_name[k] +
-                                                 "' ask different things of the same two: neither holds, and where they meet depends on "
-                                                 "solref and solimp");
     }
   }
 

@@ -9,6 +9,7 @@
 #include <gsp/model/detail/compile_constants.hpp>
 #include <gsp/model/detail/leave_out.hpp>
 #include <gsp/model/detail/meeting_geoms.hpp>
+#include <gsp/model/detail/model_notes.hpp>
 #include <set>
 #include <string>
 #include <utility>
@@ -33,6 +34,7 @@ class Compiler : public ConstantsCompiler {
     named_pairs();
     pairs();
     keyframes();
+    ModelNotes(d_, m_).write();
     return std::move(m_);
   }
   /// Bodies, joints, shapes and masses, before anything that depends on the initial pose.
@@ -78,6 +80,8 @@ class Compiler : public ConstantsCompiler {
       require_finite(finite(pair.friction) && finite(pair.solref) && finite(pair.solimp) && finite(pair.solreffriction) &&
                          std::isfinite(pair.margin) && std::isfinite(pair.gap) && std::isfinite(pair.adhesion),
                      p.place, "pair", p.name);
+      for (double f : pair.friction)
+        if (f < 0) fail(p.place, "pair", p.name, "has a negative friction: give zero or more");
       named_.emplace(std::min(a, b), std::max(a, b));
       ShapeType const type_a{m_.geom_type[a]};
       ShapeType const type_b{m_.geom_type[b]};

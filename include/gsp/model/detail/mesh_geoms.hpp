@@ -61,7 +61,11 @@ class GeomShapes {
       for (double s : h.size)
         if (!(s > 0) || !std::isfinite(s))
           fail(h.place, "hfield", h.name, "has a size that is not positive: give half x, half y, top and base");
-      if (h.rows < 1 || h.columns < 1 || h.elevation.size() != std::size_t(h.rows) * std::size_t(h.columns))
+      if (h.rows < 2 || h.columns < 2)
+        fail(h.place, "hfield", h.name,
+             "has " + std::to_string(h.rows) + " rows of " + std::to_string(h.columns) +
+                 ": give 2 or more of each, between which its surface lies");
+      if (h.elevation.size() != std::size_t(h.rows) * std::size_t(h.columns))
         fail(h.place, "hfield", h.name,
              "has " + std::to_string(h.elevation.size()) + " elevations for " + std::to_string(h.rows) + " rows of " +
                  std::to_string(h.columns) + ": give one for each");
