@@ -21,6 +21,8 @@ struct ConstraintList {
   KOKKOS_INLINE_FUNCTION void prepare(World const&) const {}
   template <class F>
   KOKKOS_INLINE_FUNCTION void visit(int, int, int, F const&) const {}
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void visit_type(int, F const&) const {}
 };
 template <class Head, class... Tail>
 struct ConstraintList<Head, Tail...> {
@@ -72,6 +74,14 @@ struct ConstraintList<Head, Tail...> {
       f(head, place, e);
     else
       tail.visit(world, e - n, place + 1, f);
+  }
+  /// f(type) for the type at `place`
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void visit_type(int place, F const& f) const {
+    if (place == 0)
+      f(head);
+    else
+      tail.visit_type(place - 1, f);
   }
 };
 

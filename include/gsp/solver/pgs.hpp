@@ -30,17 +30,19 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
           "gsp::pgs: rows, impulses and solution have different numbers of worlds or degrees of freedom: make them for one model and the "
           "same {.worlds = n}");
   Region const region("gsp::solver::pgs");
-  bool lockstep = false;
-  if constexpr (!is_device<Exec>)
-    if (solution.thread_stride > 0) {  // before the other kernel, which marks the step as solved
-      using Solver = detail::PgsLockstep<R, Mem>;
-      Kokkos::parallel_for("gsp::solver::pgs_lockstep", Kokkos::RangePolicy<Exec>(exec, 0, (rows.worlds + Solver::W - 1) / Solver::W),
-                           detail::LockstepLoop<Exec, Solver>{{rows, impulses, solution, options}, progress.halt});
-      lockstep = true;
-    }
+  auto elsewhere = detail::SmallWorlds::none;  // solved before the other kernel, which marks the step as solved
+  if constexpr (is_device<Exec>) {
+    detail::launch_pgs_shared(exec, detail::PgsShared<R, Mem>{rows, impulses, solution, options, progress.halt});
+    elsewhere = detail::SmallWorlds::shared;
+  } else if (solution.thread_stride > 0) {
+    using Solver = detail::PgsLockstep<R, Mem>;
+    Kokkos::parallel_for("gsp::solver::pgs_lockstep", Kokkos::RangePolicy<Exec>(exec, 0, (rows.worlds + Solver::W - 1) / Solver::W),
+                         detail::LockstepLoop<Exec, Solver>{{rows, impulses, solution, options}, progress.halt});
+    elsewhere = detail::SmallWorlds::lockstep;
+  }
   // more threads or warps than worlds share the islands of each
   int const busy = is_device<Exec> ? 2048 : exec.concurrency(), parts = std::clamp(busy / rows.worlds, 1, std::max(1, rows.islands.ntree));
-  detail::PgsWorld<R, Mem> const solver{rows, impulses, solution, progress, options, lockstep, parts};
+  detail::PgsWorld<R, Mem> const solver{rows, impulses, solution, progress, options, elsewhere, parts};
   if (parts > 1) for_worlds("gsp::solver::find_islands", exec, rows.worlds, detail::FindIslands<R, Mem>{rows, solution, progress.halt});
   for_worlds("gsp::solver::pgs", exec, rows.worlds * parts, solver);
   if (options.residual) for_worlds("gsp::solver::pgs_residual", exec, rows.worlds, detail::PgsResidual<R, Mem>{solver});

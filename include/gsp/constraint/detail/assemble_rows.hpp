@@ -133,19 +133,29 @@ struct ScanRows {
   }
 };
 
-/// y <- y L^-1 D^-1/2 on one segment, of tree `tree`: from the leaves, each entry leaves its share to its ancestors.
-template <class R, class Mem>
-KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, TreeItems<R> const& s, int tree, RowSegment const& segment, R* y) {
+/// y <- y L^-1 D^-1/2 on one segment, of tree `tree`, entries from `begin` on: from the leaves, each leaves its share to its ancestors.
+template <class R, class Mem, class Entries>
+KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, TreeItems<R> const& s, int tree, RowSegment const& segment, Entries const& y,
+                                   int begin) {
   Archetype const& a = model.archetypes(model.tree_archetype(tree));
   int const* const ints = model.ints.data();
+  constexpr int batch = 4;  // loads that wait for each other's stores to y would come one by one, as they might be of the same place
   for (int i = segment.count - 1; i >= 0; --i) {
     int const dof = segment.list < 0 ? i : ints[segment.list + i], adr = ints[a.row_adr + dof], n = ints[a.row_adr + dof + 1] - adr;
-    R const value = y[i];
-    for (int p = 0; p < n - 1; ++p) {
-      int const at = segment.list < 0 ? ints[a.row_col + adr + p] : p;  // in a chain the ancestors are the entries before
-      y[at] = fma(-s[s.at.factor + adr + p], value, y[at]);
+    R const value = y[begin + i], scale = sqrt(s[s.at.inverse_diagonal + dof]);
+    for (int p = 0; p < n - 1; p += batch) {
+      int const m = n - 1 - p < batch ? n - 1 - p : batch;
+      int at[batch];
+      R next[batch];
+      for (int k = 0; k < batch; ++k) {
+        if (k >= m) continue;
+        at[k] = begin + (segment.list < 0 ? ints[a.row_col + adr + p + k] : p + k);  // in a chain the ancestors are the entries before
+        next[k] = fma(-s[s.at.factor + adr + p + k], value, y[at[k]]);
+      }
+      for (int k = 0; k < batch; ++k)
+        if (k < m) y[at[k]] = next[k];
     }
-    y[i] = value * sqrt(s[s.at.inverse_diagonal + dof]);
+    y[begin + i] = value * scale;
   }
 }
 
@@ -166,6 +176,7 @@ struct EmitRows {
   Types types;
   TypeNames names;
   SleepingIslands<Mem> sleeping;
+  static constexpr int column_bytes = 160;  // a row's entries, or else they are worked on in the pool
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
@@ -178,25 +189,33 @@ struct EmitRows {
     });
     if (w == 0) world.each(most_constraint_types + 1, [&](int t) { impulses.type_names(t, now) = t < names.count ? names.name[t] : 0; });
     if (state.status(w) & status::row_refused) return;
+    int const first = rows.first(w), count = rows.count(w);
     world.template scan<std::int64_t>(types.count(w), [&](int e, std::int64_t& sum, bool last) {
       types.visit(w, e, 0, [&](auto const& type, int place, int k) {
-        int const n = type.rows(w, k), first = rows.first(w) + rows_of(sum);
+        int const n = type.rows(w, k);
         if (n > 0 && lies_still(model, sleeping, type, w, k)) return;
-        std::int64_t const couplings = rows.first_entry(w) + entries_of(sum), first_entry = couplings + couplings_of(n);
-        std::int64_t sizes = 0;
-        R most_yield[most_element_rows] = {};
+        std::int64_t sizes = couplings_of(n);
         for (int r = 0; r < n; ++r) {
           RowStructure<R, Mem> structure{model};
           type.jacobian(w, k, r, structure);
-          if (last) {
-            most_yield[r] = emit(type, w, k, r, rows.row(first + r), first_entry + entries_of(sizes), structure);
-            rows.element_rows(first + r) = static_cast<signed char>(r == 0 ? n : 0);
-          }
+          if (last) lay_out(rows.row(first + rows_of(sum) + r), place, k, rows.first_entry(w) + entries_of(sum + sizes), structure);
+          if (last) rows.element_rows(first + rows_of(sum) + r) = static_cast<signed char>(r == 0 ? n : 0);
           sizes += pack_sizes(1, structure.entries());
         }
-        if (last && n > 0) finish(type, k, place, w, n, first, couplings, most_yield);
-        sum += sizes + couplings_of(n);
+        sum += sizes;
       });
+    });
+    world.sync();
+    world.each(count, [&](int r) {
+      Row<R>& row = rows.row(first + r);
+      int of_element = 0;
+      while (rows.element_rows(first + r - of_element) == 0) ++of_element;
+      types.visit_type(row.type, [&](auto const& type) { most_yield(first + r) = emit(world, type, w, of_element, row); });
+    });
+    world.sync();
+    world.each(count, [&](int r) {
+      int const n = rows.element_rows(first + r);
+      if (n > 0) types.visit_type(rows.row(first + r).type, [&](auto const& type) { finish(type, w, n, first + r); });
     });
     if (rows.kept(w) == 0) return;
     world.template scan<int>(types.count(w), [&](int e, int& sum, bool last) {
@@ -210,34 +229,41 @@ struct EmitRows {
   }
 
  private:
-  /// Row r of element k: whitened entries, law and bounds. Returns what it may yield to its load (RowLaw).
-  template <class Type>
-  KOKKOS_INLINE_FUNCTION R emit(Type const& type, int w, int k, int r, Row<R>& out, std::int64_t entry,
-                                RowStructure<R, Mem> const& structure) const {
-    Row<R> row;
+  /// What a row may yield to its load (RowLaw), until its element is finished: in room that nothing else needs before the solver.
+  KOKKOS_INLINE_FUNCTION R& most_yield(int row) const { return impulses.before(row); }
+  /// Who a row is and where it lies.
+  KOKKOS_INLINE_FUNCTION void lay_out(Row<R>& row, int place, int k, std::int64_t entry, RowStructure<R, Mem> const& structure) const {
+    row.type = static_cast<unsigned char>(place);
     row.element = k;
-    row.with_next = false;
-    row.dry = false;
     row.same_segments = false;
     row.eliminated = false;
     row.first_entry = entry;
     for (int s = 0; s < 2; ++s) row.segment[s] = s < structure.segments ? structure.segment(s) : RowSegment{-1, 0, -1};
-    R* const y = rows.Y.data() + entry;
-    for (int i = 0, n = structure.entries(); i < n; ++i) y[i] = R(0);
-    R const gap = R(type.jacobian(w, k, r, RowWriter<R, Mem>{model, dynamics, structure, row, y, w}));
+  }
+  /// Row r of an element: whitened entries, law and bounds. Returns what it may yield to its load (RowLaw).
+  template <class World, class Type>
+  KOKKOS_INLINE_FUNCTION R emit(World const& world, Type const& type, int w, int r, Row<R>& out) const {
+    Row<R> row = out;
+    int const k = row.element, entries = row.segment[0].count + row.segment[1].count;
+    R* const there = rows.Y.data() + row.first_entry;
+    auto const y = world.column(entries, there);
+    for (int i = 0; i < entries; ++i) y[i] = R(0);
+    R const gap = R(type.jacobian(w, k, r, RowWriter<R, Mem, std::decay_t<decltype(y)>>{model, dynamics, row, y, w}));
     R rate(0), free_rate(0), diagonal(0);
-    R* part = y;
-    for (int s = 0; s < structure.segments; ++s) {
+    for (int s = 0, begin = 0; s < 2 && row.segment[s].count > 0; begin += row.segment[s++].count) {
       auto const& segment = row.segment[s];
-      TreeItems<R> const items = dynamics.tree(model, w, structure.tree[s]);
+      int const tree = model.dof_tree(segment.dof0);
+      TreeItems<R> const items = dynamics.tree(model, w, tree);
       for (int i = 0; i < segment.count; ++i) {
         int const dof = segment.list < 0 ? i : model.ints(segment.list + i);
-        rate = fma(part[i], items[items.at.qvel + dof], rate);
-        free_rate = fma(part[i], items[items.at.velocity + dof], free_rate);
+        rate = fma(y[begin + i], items[items.at.qvel + dof], rate);
+        free_rate = fma(y[begin + i], items[items.at.velocity + dof], free_rate);
       }
-      whiten(model, items, structure.tree[s], segment, part);
-      for (int i = 0; i < segment.count; ++i) diagonal = fma(part[i], part[i], diagonal);
-      part += segment.count;
+      whiten(model, items, tree, segment, y, begin);
+      for (int i = 0; i < segment.count; ++i) {
+        diagonal = fma(y[begin + i], y[begin + i], diagonal);
+        there[begin + i] = y[begin + i];
+      }
     }
     auto const bounds = type.bounds(w, k, r);
     RowLaw<R> law = row_law(type, w, k, r, gap, rate, model.timestep);
@@ -289,15 +315,15 @@ struct EmitRows {
       for (int c = 0; c < 3; ++c) impulses.place[now](first, c) = at[c];
     }
   }
-  /// What belongs to the element as a whole: place in the list of types, couplings, identity, and the impulses to start from.
+  /// What belongs to an element as a whole: couplings, identity, and the impulses to start from.
   template <class Type>
-  KOKKOS_INLINE_FUNCTION void finish(Type const& type, int k, int place, int w, int n, int first, std::int64_t couplings,
-                                     R const* most_yield) const {
+  KOKKOS_INLINE_FUNCTION void finish(Type const& type, int w, int n, int first) const {
     Row<R>* const row = &rows.row(first);
+    int const k = row->element, place = row->type;
     bool same = true;
     for (int b = 1; b < n; ++b) same = same && has_segments_of(row[b], row[0]);
     row->same_segments = same;
-    couple(rows, row, n, couplings);
+    couple(rows, row, n, row->first_entry - couplings_of(n));
     int const now = impulses.parity();
     RowId const id = type.id(w, k);
     R start[most_element_rows];
@@ -305,11 +331,10 @@ struct EmitRows {
     // What is squeezed carries zeta / C, and hardened for that it would carry more each step: the weight of all is the most that counts.
     R const load = state.steps(w) > 0 ? min(find_start(type, k, place, id, w, n, start), rows.weight(w)) : R(0);
     for (int r = 0; r < n; ++r) {
-      row[r].type = static_cast<unsigned char>(place);
       impulses.id[now](first + r) = row_key(place, id);
       R const p = row[r].inverse_diagonal > R(0) ? start[r] : R(0);
       impulses.p[now](first + r) = p - p == R(0) ? p : R(0);
-      harden(row[r], load, most_yield[r]);
+      harden(row[r], load, most_yield(first + r));
     }
     if constexpr (requires { type.place(w, k); }) {
       Vec3<R> const at = type.place(w, k);

@@ -66,17 +66,16 @@ struct RowStructure {
 };
 
 /// Writes the entries of J where RowStructure has made room.
-template <class R, class Mem>
+template <class R, class Mem, class Entries>
 struct RowWriter {
   Model<R, Mem> const& model;
   Dynamics<R, Mem> const& dynamics;
-  RowStructure<R, Mem> const& structure;
   Row<R> const& row;
-  R* J;  // the row's entries, zero before
+  Entries J;  // the row's, zero before
   int world;
 
   KOKKOS_INLINE_FUNCTION int place(int tree, int depth_index, int local) const {  // index of an entry in J
-    bool const second = structure.tree[0] != tree;
+    bool const second = row.segment[0].dof0 != model.tree_dof(tree);
     RowSegment const& segment = row.segment[second];
     return (second ? row.segment[0].count : 0) + (segment.list < 0 ? local : depth_index);
   }
@@ -107,9 +106,18 @@ struct RowWriter {
     TreeItems<R> const items = dynamics.tree(model, world, t);
     Spatial<R> const f = force(items);  // J = f . cdof for all dofs that move the body
     int const adr = model.ints(a.row_adr + last), n = model.ints(a.row_adr + last + 1) - adr;
-    for (int p = 0; p < n; ++p) {
-      int const local = model.ints(a.row_col + adr + p);
-      J[place(t, p, local)] += scale * dot(f, items.spatial(items.at.cdof + 6 * local));
+    constexpr int batch = 2;  // loads that wait for the stores to J before them would come one by one
+    for (int p = 0; p < n; p += batch) {
+      int at[batch];
+      R value[batch];
+      for (int k = 0; k < batch; ++k) {
+        if (p + k >= n) continue;
+        int const local = model.ints(a.row_col + adr + p + k);
+        at[k] = place(t, p + k, local);
+        value[k] = J[at[k]] + scale * dot(f, items.spatial(items.at.cdof + 6 * local));
+      }
+      for (int k = 0; k < batch; ++k)
+        if (p + k < n) J[at[k]] = value[k];
     }
   }
 };

@@ -1,11 +1,7 @@
 #pragma once
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/parallel/for_worlds.hpp>
-#include <gsp/solver/detail/leap.hpp>
-#include <gsp/solver/detail/pgs_options.hpp>
-#include <gsp/solver/detail/row_vectors.hpp>
-#include <gsp/solver/project_element.hpp>
-#include <gsp/solver/solution.hpp>
+#include <gsp/solver/detail/pgs_shared.hpp>
 
 /// Projected Gauss-Seidel over sparse rows, island by island: a thread a world, or a warp whose threads share the entries of a row; worlds
 /// of several trees may be shared by several threads or warps.
@@ -32,6 +28,9 @@ struct FindIslands {
   }
 };
 
+/// Which worlds another kernel solves.
+enum class SmallWorlds : unsigned char { none, lockstep, shared };  // pgs_lockstep.hpp, pgs_shared.hpp
+
 template <class R, class Mem>
 struct PgsWorld {
   static constexpr int N = most_element_rows;
@@ -40,8 +39,8 @@ struct PgsWorld {
   Solution<R, Mem> solution;
   Progress<Mem> progress;
   PgsOptions options;
-  bool lockstep = false;  // worlds that can have been solved in lockstep
-  int parts = 1;          // threads or warps that share a world's islands, which have been found where they are several
+  SmallWorlds elsewhere = SmallWorlds::none;
+  int parts = 1;  // threads or warps that share a world's islands, which have been found where they are several
 
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
@@ -51,7 +50,7 @@ struct PgsWorld {
       return;
     }
     if (world.rank == 0) world.single([&] { impulses.solved() = 1; });
-    if (lockstep && goes_in_lockstep(rows, w)) return;
+    if (is_solved_elsewhere(w)) return;
     auto const& islands = rows.islands;
     R* const z = solution.z.data() + std::int64_t(w) * rows.nv;
     R* const p = impulses.p[impulses.parity()].data() + rows.first(w);
@@ -87,6 +86,9 @@ struct PgsWorld {
     world.single([&] { solution.residual(w) = Kokkos::Experimental::quiet_NaN_v<R>; });  // PgsResidual finds it
     int const still = islands.first_dof(w, count);
     world.each(rows.nv - still, [&](int k) { z[islands.dofs(w, still + k)] = R(0); });
+  }
+  KOKKOS_INLINE_FUNCTION bool is_solved_elsewhere(int w) const {
+    return elsewhere == SmallWorlds::lockstep ? goes_in_lockstep(rows, w) : elsewhere == SmallWorlds::shared && fits_shared(rows, w);
   }
 
  private:
@@ -264,7 +266,7 @@ struct PgsResidual {
     constexpr int N = PgsWorld<R, Mem>::N;
     auto const& rows = solver.rows;
     int const w = world.rank, first = rows.first(w), count = rows.count(w);
-    if (solver.progress.halt() || (solver.lockstep && goes_in_lockstep(rows, w))) return;
+    if (solver.progress.halt() || (solver.elsewhere == SmallWorlds::lockstep && goes_in_lockstep(rows, w))) return;
     R const* const z = solver.solution.z.data() + std::int64_t(w) * rows.nv;
     R const* const p = solver.impulses.p[solver.impulses.parity()].data() + first;
     R worst(0);

@@ -1,0 +1,310 @@
+#pragma once
+#include <gsp/parallel/detail/launch_cuda.hpp>
+
+/// The kernel of pgs_shared.hpp. All threads of a warp stay together: a world whose elements are through, or that has stopped, goes along
+/// with `active` false, and writes nothing.
+namespace gsp::detail {
+
+inline constexpr int shared_lanes = 8, shared_worlds = 32 / shared_lanes;  // threads a world, worlds a warp
+
+/// One world, seen by one of its eight threads.
+template <class R, class Mem>
+struct SharedWorld {
+  PgsShared<R, Mem> const& k;
+  int world, first, count, entries, nv, lane;
+  SharedNumbers<R>* number;  // by row
+  R *z, *z_before, *Y;
+  SharedRow* row;
+  unsigned char *order, *dof;  // first rows of elements, those of one row before others; dofs of entries
+  int single = 0, elements = 0;
+
+  __device__ SharedWorld(PgsShared<R, Mem> const& solver, int w, bool mine, char* memory)
+      : k(solver),
+        world(w),
+        first(mine ? solver.rows.first(w) : 0),
+        count(mine ? solver.rows.count(w) : 0),
+        entries(mine ? int(solver.rows.entries(w)) - solver.rows.most_eliminated * count : 0),
+        nv(mine ? solver.rows.nv : 0),
+        lane(threadIdx.x % shared_lanes),
+        number(reinterpret_cast<SharedNumbers<R>*>(memory)),
+        z(reinterpret_cast<R*>(number + count)),
+        z_before(z + nv),
+        Y(z_before + nv),
+        row(reinterpret_cast<SharedRow*>(Y + entries + entries % 2)),
+        order(reinterpret_cast<unsigned char*>(row + count)),
+        dof(order + count) {}
+
+  /// Sum over the eight threads, the same in all.
+  static __device__ R sum(R x) {
+#pragma unroll
+    for (int stride = shared_lanes / 2; stride > 0; stride /= 2) x += __shfl_xor_sync(0xffffffffu, x, stride);
+    return x;
+  }
+
+  /// Rows and entries, from the pools.
+  __device__ void read() {
+    auto const& rows = k.rows;
+    std::int64_t const first_entry = count > 0 ? rows.first_entry(world) : 0;
+    R const *const y = rows.Y.data() + first_entry, *const p = k.impulses.p[k.impulses.parity()].data() + first;
+    for (int i = lane; i < entries; i += shared_lanes) Y[i] = y[i];
+    for (int r = lane; r < count; r += shared_lanes) {
+      Row<R> const from = rows.row(first + r);
+      R const inverse = from.inverse_diagonal;
+      number[r] = {from.bias, from.compliance, inverse, inverse > R(0) ? R(1) / inverse : R(0), from.friction_of < 0 ? from.lower : from.mu,
+                   from.upper, p[r],           p[r]};
+      int const entry = int(from.first_entry - first_entry);
+      row[r] = {static_cast<unsigned short>(entry),
+                static_cast<unsigned char>(from.segment[0].count + from.segment[1].count),
+                from.friction_of,
+                static_cast<unsigned char>(rows.element_rows(first + r)),
+                from.with_next,
+                from.same_segments};
+      unsigned char* d = dof + entry;
+      for (int s = 0; s < 2; ++s) {
+        RowSegment const& segment = from.segment[s];
+        int const* const list = list_of(rows, segment);
+        for (int i = 0; i < segment.count; ++i) d[i] = static_cast<unsigned char>(segment.dof0 + (list ? list[i] : i));
+        d += segment.count;
+      }
+    }
+    find_order();
+    for (int i = lane; i < nv; i += shared_lanes) z[i] = R(0);
+    __syncwarp();
+  }
+  /// Elements of one row first, else in their order; eliminated ones are left out.
+  __device__ void find_order() {
+    int const most = warp_max(count), shift = int(threadIdx.x) / shared_lanes * shared_lanes;
+    for (int kind = 0; kind < 2; ++kind) {
+      for (int begin = 0; begin < most; begin += shared_lanes) {
+        int const r = begin + lane, n = r < count ? k.rows.element_rows(first + r) : 0;
+        bool const want = n > 0 && (n > 1) == kind && !k.rows.row(first + r).eliminated;
+        unsigned const all = __ballot_sync(0xffffffffu, want) >> shift & ((1u << shared_lanes) - 1u);
+        if (want) order[elements + __popc(all & ((1u << lane) - 1u))] = static_cast<unsigned char>(r);
+        elements += __popc(all);
+      }
+      if (kind == 0) single = elements;
+    }
+  }
+  static __device__ int warp_max(int x) { return __reduce_max_sync(0xffffffffu, x); }
+
+  /// z += Y^T d of the rows of an element, whose first is `at`; d by row.
+  template <int M>
+  __device__ void push(bool active, int at, int n, bool same, R const* d) const {
+    if (same) {
+      SharedRow const from = row[active ? at : 0];
+      R const* const y = Y + from.entry;
+      unsigned char const* const list = dof + from.entry;
+      for (int i = active ? lane : nv, end = active ? from.count : 0; i < end; i += shared_lanes) {
+        R x = z[list[i]];
+#pragma unroll
+        for (int b = 0; b < M; ++b) x = fma(y[b * from.count + i], d[b], x);
+        z[list[i]] = x;
+      }
+      __syncwarp();
+      return;
+    }
+    for (int b = 0; b < M; ++b) {
+      if (active && b < n) {
+        SharedRow const from = row[at + b];
+        for (int i = lane; i < from.count; i += shared_lanes)
+          z[dof[from.entry + i]] = fma(Y[from.entry + i], d[b], z[dof[from.entry + i]]);
+      }
+      __syncwarp();  // before the next row adds to z
+    }
+  }
+  /// One pass over the element whose first row is `at`; the largest change of a rate. M = 1: one row; M = 3: two or three.
+  template <int M>
+  __device__ R sweep_element(bool active, int at) const {
+    int const n = !active ? 0 : M == 1 ? 1 : row[at].rows;
+    // whether all worlds of the warp can take the short way: it gives the same numbers
+    bool const same = M == 1 || __all_sync(0xffffffffu, !active || (n == M && row[at].same_segments));
+    R w[M], p[M], d[M];
+    ElementLaw<R, M> law;
+#pragma unroll
+    for (int b = 0; b < M; ++b) w[b] = R(0);
+    int entry = 0;
+    if (active) {
+      entry = row[at].entry;
+      if (same) {
+        SharedRow const from = row[at];
+        R const* const y = Y + entry;
+        for (int i = lane; i < from.count; i += shared_lanes) {
+          R const x = z[dof[entry + i]];
+#pragma unroll
+          for (int b = 0; b < M; ++b) w[b] = fma(y[b * from.count + i], x, w[b]);
+        }
+      } else {
+#pragma unroll
+        for (int b = 0; b < M; ++b) {
+          if (b >= n) continue;
+          SharedRow const from = row[at + b];
+          for (int i = lane; i < from.count; i += shared_lanes) w[b] = fma(Y[from.entry + i], z[dof[from.entry + i]], w[b]);
+        }
+      }
+    }
+#pragma unroll
+    for (int b = 0; b < M; ++b) w[b] = sum(w[b]);
+    R diagonal[M];
+#pragma unroll
+    for (int b = 0; b < M; ++b) {
+      clear_law(law, b);
+      p[b] = diagonal[b] = R(0);
+      if (b >= n) continue;
+      SharedNumbers<R> const row_of = number[at + b];
+      SharedRow const from = row[at + b];
+      bool const friction = from.friction_of >= 0;
+      law.inverse_diagonal[b] = row_of.inverse_diagonal;
+      law.lower[b] = row_of.lower;
+      law.upper[b] = row_of.upper;
+      law.mu[b] = friction ? row_of.lower : R(-1);
+      law.normal[b] = R(from.friction_of);
+      law.with_next[b] = R(from.with_next);
+      law.normals[b] = static_cast<unsigned char>(friction ? 1 << from.friction_of : 0);
+      law.ellipse[b] = from.with_next ? InLanes::all : InLanes::none;
+      diagonal[b] = row_of.diagonal;
+      p[b] = row_of.p;
+      w[b] = fma(row_of.compliance, p[b], row_of.bias) + w[b];
+    }
+    R const* const couplings = Y + entry - n * (n - 1) / 2;
+    auto const coupling = [&](int b, int a) { return b < n ? couplings[b * (b - 1) / 2 + a] : R(0); };
+    project_element<M>(law, 0, coupling, R(k.options.relaxation), w, p, d);
+    __syncwarp();  // all have read p and z
+    R change(0);
+#pragma unroll
+    for (int b = 0; b < M; ++b) {
+      if (d[b] == R(0)) continue;
+      change = max(change, abs(d[b]) * diagonal[b]);
+      if (lane == b) number[at + b].p = p[b];
+    }
+    if (__any_sync(0xffffffffu, change > R(0))) push<M>(active, at, n, same, d);
+    return change;
+  }
+  /// z = Y^T p
+  __device__ void sum_elements(bool active) const {
+    for (int i = active ? lane : nv; i < nv; i += shared_lanes) z[i] = R(0);
+    __syncwarp();
+    for (int e = 0, most = warp_max(active ? elements : 0); e < most; ++e) {
+      bool const has = active && e < elements;
+      int const at = has ? order[e] : 0, n = has ? row[at].rows : 0;
+      R d[lockstep_rows];
+#pragma unroll
+      for (int b = 0; b < lockstep_rows; ++b) d[b] = b < n ? number[at + b].p : R(0);
+      push<lockstep_rows>(has, at, n, false, d);
+    }
+  }
+  /// Impulses and z before a sweep that a leap follows on.
+  __device__ void keep() const {
+    for (int i = lane; i < nv; i += shared_lanes) z_before[i] = z[i];
+    for (int r = lane; r < count; r += shared_lanes) number[r].before = number[r].p;
+    __syncwarp();
+  }
+  /// Leaves p and z where the energy is least (leap.hpp).
+  __device__ void leap(bool active) const {
+    LeapSums<R> s{};
+    for (int i = lane; i < nv; i += shared_lanes) s.add_dof(z[i], z[i] - z_before[i]);
+    for (int r = lane; r < count; r += shared_lanes) {
+      SharedNumbers<R> const n = number[r];
+      s.add_row(n.p, n.p - n.before, n.compliance, n.bias);
+    }
+    Leap<R> const to = best_leap<R>(LeapSums<R>{sum(s.pp), sum(s.pd), sum(s.dd), sum(s.bp), sum(s.bd)});
+    __syncwarp();
+    for (int r = active ? lane : count; r < count; r += shared_lanes) {
+      SharedNumbers<R>& n = number[r];
+      n.p += to.growth * n.p + to.sweeps * (n.p - n.before);
+    }
+    __syncwarp();
+    sum_elements(active);
+  }
+  /// Sweeps until no rate changes by more than the tolerance; their number.
+  __device__ int solve() const {
+    auto const& options = k.options;
+    R const tolerance = count > 0 ? R(options.tolerance) * k.rows.rate_scale(world) : R(0);
+    sum_elements(true);
+    int sweeps = 0;
+    bool again = count > 0, leaping = true;
+    R before_leap = Kokkos::Experimental::infinity_v<R>;
+    int const most_single = warp_max(single), most = warp_max(elements - single);
+    for (int sweep = 0; __any_sync(0xffffffffu, again); ++sweep) {
+      R change(0);
+      if (leaps_after(sweep)) keep();
+      for (int e = 0; e < most_single; ++e) {
+        bool const active = again && e < single;
+        change = max(change, sweep_element<1>(active, active ? order[e] : 0));
+      }
+      for (int e = 0; e < most; ++e) {
+        bool const active = again && single + e < elements;
+        change = max(change, sweep_element<lockstep_rows>(active, active ? order[single + e] : 0));
+      }
+      if (again) ++sweeps;
+      again = again && sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
+      if (leaps_after(sweep)) {
+        leaping = leaping && again && leap_helped(change, before_leap);
+        before_leap = change;
+        if (__any_sync(0xffffffffu, leaping)) leap(leaping);
+      }
+    }
+    return sweeps;
+  }
+  __device__ void write(int sweeps) const {
+    R* const p = k.impulses.p[k.impulses.parity()].data() + first;
+    R* const out = k.solution.z.data() + std::int64_t(world) * nv;
+    for (int r = lane; r < count; r += shared_lanes) p[r] = number[r].p;
+    for (int i = lane; i < nv; i += shared_lanes) out[i] = z[i];
+    if (lane == 0) {
+      k.solution.iterations(world) = sweeps;
+      k.solution.residual(world) = Kokkos::Experimental::quiet_NaN_v<R>;  // PgsResidual finds it
+    }
+  }
+};
+
+/// What four worlds need together, from number w on; mine: of the thread's own, which is `group`, begin: where it begins.
+template <class R, class Mem>
+__device__ int bytes_of_four(Rows<R, Mem> const& rows, int w, int group, int& begin, bool& mine) {
+  int bytes = 0;
+  for (int g = 0; g < shared_worlds; ++g) {
+    bool const fits = w + g < rows.worlds && fits_shared(rows, w + g);
+    if (g == group) begin = bytes, mine = fits;
+    bytes += fits ? int(shared_bytes(rows, w + g)) : 0;
+  }
+  return bytes;
+}
+
+/// Each block takes every gridDim-th four worlds, of those that need as much memory as it has: its threads look for them, 32 at a time.
+template <class R, class Mem>
+__global__ void __launch_bounds__(32) pgs_shared_kernel(PgsShared<R, Mem> const __grid_constant__ solver, int least, int most) {
+  extern __shared__ __align__(32) char shared_memory[];
+  if (solver.halt()) return;
+  int const blocks = gridDim.x, worlds = solver.rows.worlds, group = int(threadIdx.x) / shared_lanes;
+  int begin;
+  bool mine;
+  for (int first = blockIdx.x; first * shared_worlds < worlds; first += 32 * blocks) {
+    std::int64_t const own = first + std::int64_t(threadIdx.x) * blocks;
+    int const bytes = own * shared_worlds < worlds ? bytes_of_four(solver.rows, int(own) * shared_worlds, group, begin, mine) : 0;
+    for (unsigned found = __ballot_sync(0xffffffffu, bytes > least && bytes <= most); found != 0; found &= found - 1) {
+      int const w = (first + (__ffs(found) - 1) * blocks) * shared_worlds;
+      bytes_of_four(solver.rows, w, group, begin, mine);
+      SharedWorld<R, Mem> world(solver, w + group, mine, shared_memory + begin);
+      world.read();
+      int const sweeps = world.solve();
+      if (mine) world.write(sweeps);
+      __syncwarp();
+    }
+  }
+}
+
+template <class Exec, class R, class Mem>
+void launch_pgs_shared(Exec const& exec, PgsShared<R, Mem> const& solver) {
+  auto const& device = exec.cuda_device_prop();
+  int const fours = (solver.rows.worlds + shared_worlds - 1) / shared_worlds;
+  for (int c = 0; c < shared_sizes; ++c) {
+    int const bytes = shared_size(c), a_block = bytes + int(device.reservedSharedMemPerBlock);
+    int const at_a_time = device.multiProcessorCount * std::clamp(int(device.sharedMemPerMultiprocessor) / a_block, 1, 32);
+    if (bytes > int(device.sharedMemPerBlock))
+      cudaFuncSetAttribute(pgs_shared_kernel<R, Mem>, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
+    launch_on_cuda("gsp::solver::pgs_shared", exec, [&](cudaStream_t stream) {
+      pgs_shared_kernel<<<std::min(fours, at_a_time), 32, bytes, stream>>>(solver, c > 0 ? shared_size(c - 1) : 0, bytes);
+    });
+  }
+}
+
+}  // namespace gsp::detail
