@@ -139,22 +139,22 @@ KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, TreeItems<R> cons
                                    int begin) {
   Archetype const& a = model.archetypes(model.tree_archetype(tree));
   int const* const ints = model.ints.data();
-  constexpr int batch = 4;  // loads that wait for each other's stores to y would come one by one, as they might be of the same place
+  constexpr int batch = 4;  // loads after a store to y would wait for it, as they might be of the same place: so many at a time
   for (int i = segment.count - 1; i >= 0; --i) {
     int const dof = segment.list < 0 ? i : ints[segment.list + i], adr = ints[a.row_adr + dof], n = ints[a.row_adr + dof + 1] - adr;
     R const value = y[begin + i], scale = sqrt(s[s.at.inverse_diagonal + dof]);
-    for (int p = 0; p < n - 1; p += batch) {
-      int const m = n - 1 - p < batch ? n - 1 - p : batch;
+    auto const place = [&](int p) {  // in a chain the ancestors are the entries before
+      return begin + (segment.list < 0 ? ints[a.row_col + adr + p] : p);
+    };
+    int p = 0;
+    for (; p + batch < n; p += batch) {
       int at[batch];
       R next[batch];
-      for (int k = 0; k < batch; ++k) {
-        if (k >= m) continue;
-        at[k] = begin + (segment.list < 0 ? ints[a.row_col + adr + p + k] : p + k);  // in a chain the ancestors are the entries before
-        next[k] = fma(-s[s.at.factor + adr + p + k], value, y[at[k]]);
-      }
-      for (int k = 0; k < batch; ++k)
-        if (k < m) y[at[k]] = next[k];
+      for (int k = 0; k < batch; ++k) at[k] = place(p + k);
+      for (int k = 0; k < batch; ++k) next[k] = fma(-s[s.at.factor + adr + p + k], value, y[at[k]]);
+      for (int k = 0; k < batch; ++k) y[at[k]] = next[k];
     }
+    for (; p < n - 1; ++p) y[place(p)] = fma(-s[s.at.factor + adr + p], value, y[place(p)]);
     y[begin + i] = value * scale;
   }
 }
@@ -207,10 +207,9 @@ struct EmitRows {
     });
     world.sync();
     world.each(count, [&](int r) {
-      Row<R>& row = rows.row(first + r);
       int of_element = 0;
       while (rows.element_rows(first + r - of_element) == 0) ++of_element;
-      types.visit_type(row.type, [&](auto const& type) { most_yield(first + r) = emit(world, type, w, of_element, row); });
+      emit(world, w, of_element, first + r);
     });
     world.sync();
     world.each(count, [&](int r) {
@@ -240,16 +239,19 @@ struct EmitRows {
     row.first_entry = entry;
     for (int s = 0; s < 2; ++s) row.segment[s] = s < structure.segments ? structure.segment(s) : RowSegment{-1, 0, -1};
   }
-  /// Row r of an element: whitened entries, law and bounds. Returns what it may yield to its load (RowLaw).
-  template <class World, class Type>
-  KOKKOS_INLINE_FUNCTION R emit(World const& world, Type const& type, int w, int r, Row<R>& out) const {
-    Row<R> row = out;
-    int const k = row.element, entries = row.segment[0].count + row.segment[1].count;
+  /// Row r of an element, number `at` of the pool: whitened entries, law and bounds. What all types do stands between what each does by
+  /// itself: threads with rows of different types go through it together.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void emit(World const& world, int w, int r, int at) const {
+    Row<R> row = rows.row(at);
+    int const entries = row.segment[0].count + row.segment[1].count;
     R* const there = rows.Y.data() + row.first_entry;
     auto const y = world.column(entries, there);
     for (int i = 0; i < entries; ++i) y[i] = R(0);
-    R const gap = R(type.jacobian(w, k, r, RowWriter<R, Mem, std::decay_t<decltype(y)>>{model, dynamics, row, y, w}));
-    R rate(0), free_rate(0), diagonal(0);
+    R gap(0), rate(0), free_rate(0), diagonal(0);
+    types.visit_type(row.type, [&](auto const& type) {
+      gap = R(type.jacobian(w, row.element, r, RowWriter<R, Mem, std::decay_t<decltype(y)>>{model, dynamics, row, y, w}));
+    });
     for (int s = 0, begin = 0; s < 2 && row.segment[s].count > 0; begin += row.segment[s++].count) {
       auto const& segment = row.segment[s];
       int const tree = model.dof_tree(segment.dof0);
@@ -265,6 +267,13 @@ struct EmitRows {
         there[begin + i] = y[begin + i];
       }
     }
+    types.visit_type(row.type, [&](auto const& type) { most_yield(at) = set_law(type, w, r, gap, rate, free_rate, diagonal, row); });
+    rows.row(at) = row;
+  }
+  /// Law and bounds of a row. Returns what it may yield to its load (RowLaw).
+  template <class Type>
+  KOKKOS_INLINE_FUNCTION R set_law(Type const& type, int w, int r, R gap, R rate, R free_rate, R diagonal, Row<R>& row) const {
+    int const k = row.element;
     auto const bounds = type.bounds(w, k, r);
     RowLaw<R> law = row_law(type, w, k, r, gap, rate, model.timestep);
     bool const is_law = is_finite(law.zeta) && is_finite(law.compliance) && law.compliance >= R(0);
@@ -291,7 +300,6 @@ struct EmitRows {
       }
       if (model.profile == Profile::stable || !(row.lower <= R(0) && row.upper >= R(0))) row.lower = row.upper = R(0);
     }
-    out = row;
     return law.most_yield;
   }
   /// Of an element whose island sleeps: who it is, and the impulses that it fell asleep with.

@@ -106,18 +106,9 @@ struct RowWriter {
     TreeItems<R> const items = dynamics.tree(model, world, t);
     Spatial<R> const f = force(items);  // J = f . cdof for all dofs that move the body
     int const adr = model.ints(a.row_adr + last), n = model.ints(a.row_adr + last + 1) - adr;
-    constexpr int batch = 2;  // loads that wait for the stores to J before them would come one by one
-    for (int p = 0; p < n; p += batch) {
-      int at[batch];
-      R value[batch];
-      for (int k = 0; k < batch; ++k) {
-        if (p + k >= n) continue;
-        int const local = model.ints(a.row_col + adr + p + k);
-        at[k] = place(t, p + k, local);
-        value[k] = J[at[k]] + scale * dot(f, items.spatial(items.at.cdof + 6 * local));
-      }
-      for (int k = 0; k < batch; ++k)
-        if (p + k < n) J[at[k]] = value[k];
+    for (int p = 0; p < n; ++p) {
+      int const local = model.ints(a.row_col + adr + p);
+      J[place(t, p, local)] += scale * dot(f, items.spatial(items.at.cdof + 6 * local));
     }
   }
 };

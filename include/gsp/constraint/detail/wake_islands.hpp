@@ -9,7 +9,7 @@ namespace gsp::detail {
 
 /// Its rows are the same as long as nothing moves that they touch, and nothing that a sleeping tree is woken for changes.
 template <class Type>
-constexpr bool rests() {
+KOKKOS_INLINE_FUNCTION constexpr bool rests() {
   if constexpr (requires { Type::rests; })
     return Type::rests;
   else

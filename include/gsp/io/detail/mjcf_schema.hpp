@@ -61,9 +61,7 @@ inline constexpr ElementSchema schema[] = {
     {"option",
      "actuatorgroupdisable cone density gravity impratio integrator iterations magnetic noslip_iterations noslip_tolerance o_friction "
      "o_margin o_solimp o_solref sleep_tolerance timestep tolerance viscosity wind",
-     "",
-     "ccd_iterations ccd_tolerance jacobian ls_iterations ls_tolerance sdf_initpoints sdf_iterations solver",
-     "", "flag"},
+     "", "ccd_iterations ccd_tolerance jacobian ls_iterations ls_tolerance sdf_initpoints sdf_iterations solver", "", "flag"},
     {"flag",
      "actuation clampctrl constraint contact damper equality eulerdamp filterparent frictionloss gravity limit override refsafe sleep "
      "spring "

@@ -6,16 +6,21 @@
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// Projected Gauss-Seidel for small worlds on a GPU: eight threads a world, four worlds a warp, with rows, entries, impulses and z in shared
-/// memory from the first sweep to the last. What bounds a sweep is the chain from z to z of one element after the other; four worlds share
-/// the instructions of it. A world takes this path by its own rows alone, and eight threads sum its rows whatever its neighbours do.
+/// Projected Gauss-Seidel for small worlds on a GPU: eight threads a world, four worlds a warp, with rows, entries, impulses and z in
+/// shared memory from the first sweep to the last. What bounds a sweep is the chain from z to z of one element after the other; four worlds
+/// share the instructions of it. A world takes this path by its own rows alone, and eight threads sum its rows whatever its neighbours do.
 namespace gsp::detail {
 
 // A world has so much shared memory at most, and four are solved by a launch whose blocks have what the four need together: smaller ones
 // leave room for more at a time.
 inline constexpr int shared_most_bytes = 51200, shared_sizes = 6;
 KOKKOS_INLINE_FUNCTION constexpr int shared_size(int size_class) {
-  return size_class == 0 ? 7168 : size_class == 1 ? 10240 : size_class == 2 ? 14336 : size_class == 3 ? 20480 : size_class == 4 ? 40960 : 4 * shared_most_bytes;
+  return size_class == 0   ? 7168
+         : size_class == 1 ? 10240
+         : size_class == 2 ? 14336
+         : size_class == 3 ? 20480
+         : size_class == 4 ? 40960
+                           : 4 * shared_most_bytes;
 }
 
 /// What is known of a row but its entries and its numbers.
@@ -40,7 +45,8 @@ template <class R, class Mem>
 KOKKOS_INLINE_FUNCTION std::int64_t shared_bytes(Rows<R, Mem> const& rows, int w) {
   std::int64_t const count = rows.count(w), entries = rows.entries(w) - rows.most_eliminated * count;
   return (count * std::int64_t(sizeof(SharedNumbers<R>) + sizeof(SharedRow) + 1) + entries * std::int64_t(sizeof(R) + 1) +
-          2 * std::int64_t(sizeof(R)) * rows.nv + 64) / 32 * 32;
+          2 * std::int64_t(sizeof(R)) * rows.nv + 64) /
+         32 * 32;
 }
 /// Whether a world is solved this way, rather than by a whole warp (pgs_world.hpp).
 template <class R, class Mem>

@@ -50,8 +50,14 @@ struct SharedWorld {
     for (int r = lane; r < count; r += shared_lanes) {
       Row<R> const from = rows.row(first + r);
       R const inverse = from.inverse_diagonal;
-      number[r] = {from.bias, from.compliance, inverse, inverse > R(0) ? R(1) / inverse : R(0), from.friction_of < 0 ? from.lower : from.mu,
-                   from.upper, p[r],           p[r]};
+      number[r] = {from.bias,
+                   from.compliance,
+                   inverse,
+                   inverse > R(0) ? R(1) / inverse : R(0),
+                   from.friction_of < 0 ? from.lower : from.mu,
+                   from.upper,
+                   p[r],
+                   p[r]};
       int const entry = int(from.first_entry - first_entry);
       row[r] = {static_cast<unsigned short>(entry),
                 static_cast<unsigned char>(from.segment[0].count + from.segment[1].count),
@@ -106,8 +112,7 @@ struct SharedWorld {
     for (int b = 0; b < M; ++b) {
       if (active && b < n) {
         SharedRow const from = row[at + b];
-        for (int i = lane; i < from.count; i += shared_lanes)
-          z[dof[from.entry + i]] = fma(Y[from.entry + i], d[b], z[dof[from.entry + i]]);
+        for (int i = lane; i < from.count; i += shared_lanes) z[dof[from.entry + i]] = fma(Y[from.entry + i], d[b], z[dof[from.entry + i]]);
       }
       __syncwarp();  // before the next row adds to z
     }
