@@ -268,7 +268,10 @@ __device__ int bytes_of_four(Rows<R, Mem> const& rows, int w, int group, int& be
   int bytes = 0;
   for (int g = 0; g < shared_worlds; ++g) {
     bool const fits = w + g < rows.worlds && fits_shared(rows, w + g);
-    if (g == group) begin = bytes, mine = fits;
+    if (g == group) {
+      begin = bytes;
+      mine = fits;
+    }
     bytes += fits ? int(shared_bytes(rows, w + g)) : 0;
   }
   return bytes;
