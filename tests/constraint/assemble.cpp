@@ -137,6 +137,20 @@ TEST_CASE_TEMPLATE("a joint rests at its soft limit where MuJoCo's law says", Ex
 }
 
 // One step of one soft row: p = max(0, (zeta - u^) / (1/m + R)), zeta = u + h aref.
+// MuJoCo's solimp in numbers of 80 bits; a power of n enlarges the rounding of its base n times.
+TEST_CASE("impedance of high powers is finite in float") {
+  for (float mid : {1e-4f, 0.1f, 0.5f, 0.9999f})
+    for (float power : {1.f, 2.f, 14.f, 40.f, 300.f})
+      for (float r : {0.f, 1e-5f, 0.05f, 0.3f, 0.7f, 0.9999f, 1.f}) {
+        gsp::Softness<float> const s{{0.02f, 1}, {0.5f, 0.95f, 1, mid, power}};
+        long double const m = mid, x = r, y = r <= mid ? m * std::pow(x / m, power) : 1 - (1 - m) * std::pow((1 - x) / (1 - m), power);
+        CAPTURE(mid);
+        CAPTURE(power);
+        CAPTURE(r);
+        CHECK(gsp::impedance_of(s, r) == doctest::Approx(double(0.5L + 0.45L * y)).epsilon(4 * (power + 4) * 6e-8));
+      }
+}
+
 TEST_CASE_TEMPLATE("one step into a limit", Exec, GSP_TEST_EXECS) {
   auto d = sliders(1, 2);
   d.bodies[1].joints[0].limited = true, d.bodies[1].joints[0].range = {-1, 0.2};

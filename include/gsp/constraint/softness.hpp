@@ -24,8 +24,8 @@ KOKKOS_INLINE_FUNCTION R impedance_of(Softness<R> const& s, R x) {
   R const r = abs(x) / width;
   if (r >= R(1)) return dw;
   if (power == R(1)) return d0 + r * (dw - d0);
-  R const y = r <= mid ? Kokkos::pow(r, power) / Kokkos::pow(mid, power - R(1))
-                       : R(1) - Kokkos::pow(R(1) - r, power) / Kokkos::pow(R(1) - mid, power - R(1));
+  // r^power / mid^(power - 1), whose parts may both underflow
+  R const y = r <= mid ? mid * Kokkos::pow(r / mid, power) : R(1) - (R(1) - mid) * Kokkos::pow((R(1) - r) / (R(1) - mid), power);
   return d0 + y * (dw - d0);
 }
 
