@@ -10,25 +10,16 @@ function(gsp_find_mujoco)
     message(STATUS "gsp: oracle tests are left out (the pinned MuJoCo is for Linux on x86_64)")
     return()
   endif()
-  set(prefix "${GSP_CACHE_DIR}/mujoco-core-4.0.1")
-  set(library "${prefix}/mujoco/libmujoco.so.4.0.1")
-  if(NOT EXISTS "${prefix}/installed")
-    file(MAKE_DIRECTORY "${GSP_CACHE_DIR}/download")
-    file(LOCK "${GSP_CACHE_DIR}/mujoco.lock" GUARD FUNCTION TIMEOUT 600 RESULT_VARIABLE locked)
-    # One wheel for every Python: only its C library and headers are used.
-    gsp_download(wheel mujoco_core-4.0.1-cp311-cp311-manylinux_2_27_x86_64.manylinux_2_28_x86_64.whl
-      be28c0c7587347ef996b4de0487264e9da296282082b092bae211a9163e9aed6
-      --only-binary :all: --python-version 311 --implementation cp --abi cp311 --platform manylinux_2_28_x86_64 --platform manylinux_2_27_x86_64 mujoco-core==4.0.1)
-    if(NOT wheel)
-      message(STATUS "gsp: oracle tests are left out (${wheel_ERROR})")
-      return()
-    endif()
-    file(MAKE_DIRECTORY "${prefix}")
-    execute_process(COMMAND "${CMAKE_COMMAND}" -E tar xf "${wheel}" WORKING_DIRECTORY "${prefix}" COMMAND_ERROR_IS_FATAL ANY)
-    file(TOUCH "${prefix}/installed")
+  # One wheel for every Python: only its C library and headers are used.
+  gsp_unpack_wheel(prefix mujoco-core-4.0.1 mujoco_core-4.0.1-cp311-cp311-manylinux_2_27_x86_64.manylinux_2_28_x86_64.whl
+    be28c0c7587347ef996b4de0487264e9da296282082b092bae211a9163e9aed6
+    --only-binary :all: --python-version 311 --implementation cp --abi cp311 --platform manylinux_2_28_x86_64 --platform manylinux_2_27_x86_64 mujoco-core==4.0.1)
+  if(NOT prefix)
+    message(STATUS "gsp: oracle tests are left out (${prefix_ERROR})")
+    return()
   endif()
   add_library(gsp_mujoco SHARED IMPORTED GLOBAL)
-  set_target_properties(gsp_mujoco PROPERTIES IMPORTED_LOCATION "${library}" IMPORTED_SONAME libmujoco.so.4.0.1
+  set_target_properties(gsp_mujoco PROPERTIES IMPORTED_LOCATION "${prefix}/mujoco/libmujoco.so.4.0.1" IMPORTED_SONAME libmujoco.so.4.0.1
     INTERFACE_INCLUDE_DIRECTORIES "${prefix}/mujoco/include" INTERFACE_COMPILE_DEFINITIONS GSP_HAS_MUJOCO=1)
   message(STATUS "gsp: oracle MuJoCo 4.0.1 at ${prefix}")
 endfunction()

@@ -73,19 +73,7 @@ Description scene(int n, unsigned seed = 1) {
 
 /// Poses of all bodies: free and mocap bodies anywhere, links and static ones too, which the pipeline need not know.
 std::vector<double> anywhere(CompiledModel const& m, int worlds, double spread, unsigned seed = 3) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<double> uniform(-1, 1);
-  std::vector<double> poses(std::size_t(worlds) * m.nbody * 7, 0);
-  for (int w = 0; w < worlds; ++w)
-    for (int b = 0; b < m.nbody; ++b) {
-      double* p = &poses[(std::size_t(w) * m.nbody + b) * 7];
-      p[3] = 1;
-      if (b == 0) continue;
-      for (int i = 0; i < 3; ++i) p[i] = spread * uniform(random);
-      auto const q = gsp_test::random_quat(random);
-      for (int i = 0; i < 4; ++i) p[3 + i] = q[i];
-    }
-  return poses;
+  return gsp_test::random_poses(m, worlds, spread, seed, true);
 }
 
 template <class Exec, class Mem, class R>

@@ -54,9 +54,9 @@ inline CompiledModel heap(int n, unsigned seed = 1) {
   return compile(d);
 }
 
-/// Random poses of all bodies of `worlds` worlds (world, body, 7), the same for every precision and backend. Bodies fixed to the world stay
-/// at the origin.
-inline std::vector<double> random_poses(CompiledModel const& m, int worlds, double spread, unsigned seed = 2) {
+/// Random poses of all bodies of `worlds` worlds (world, body, 7), the same for every precision and backend: above the floor, those fixed
+/// to the world at the origin; or `anywhere`, whatever the body.
+inline std::vector<double> random_poses(CompiledModel const& m, int worlds, double spread, unsigned seed = 2, bool anywhere = false) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> uniform(-1, 1);
   std::vector<double> poses(std::size_t(worlds) * m.nbody * 7, 0);
@@ -64,9 +64,9 @@ inline std::vector<double> random_poses(CompiledModel const& m, int worlds, doub
     for (int b = 0; b < m.nbody; ++b) {
       double* p = &poses[(std::size_t(w) * m.nbody + b) * 7];
       p[3] = 1;
-      if (m.body_tree[b] < 0) continue;
+      if (anywhere ? b == 0 : m.body_tree[b] < 0) continue;
       for (int i = 0; i < 3; ++i) p[i] = spread * uniform(random);
-      p[2] = 0.1 + 0.5 * std::abs(p[2]);
+      if (!anywhere) p[2] = 0.1 + 0.5 * std::abs(p[2]);
       auto const q = random_quat(random);
       for (int i = 0; i < 4; ++i) p[3 + i] = q[i];
     }

@@ -13,22 +13,9 @@
 
 namespace {
 
-gsp::GeomDescription geom(gsp::ShapeType type, gsp::Double3 size, double mass = 0) {
-  gsp::GeomDescription g;
-  g.type = type;
-  g.size = size;
-  g.has_mass = mass > 0;
-  g.mass = mass;
-  return g;
-}
-void add_free(gsp::Description& d, gsp::Double3 pos, gsp::GeomDescription const& g) {
-  gsp::BodyDescription b;
-  b.parent = 0;
-  b.pos = pos;
-  b.joints.emplace_back().type = gsp::JointType::free;
-  b.geoms.push_back(g);
-  d.bodies.push_back(b);
-}
+using gsp_test::add_free;
+using gsp_test::geom;
+
 /// On a floor two towers of `height` boxes each, 2 m from each other, and a ball of 0.5 kg, the last tree, at rest 3 m off. More than 21
 /// free bodies: islands are solved one by one.
 gsp::Description towers(int height, double timestep = 0.004) {

@@ -11,22 +11,9 @@
 
 namespace {
 
-gsp::GeomDescription geom(gsp::ShapeType type, gsp::Double3 size, double mass = 0) {
-  gsp::GeomDescription g;
-  g.type = type;
-  g.size = size;
-  g.has_mass = mass > 0;
-  g.mass = mass;
-  return g;
-}
-void add_free(gsp::Description& d, gsp::Double3 pos, gsp::GeomDescription const& g) {
-  gsp::BodyDescription b;
-  b.parent = 0;
-  b.pos = pos;
-  b.joints.emplace_back().type = gsp::JointType::free;
-  b.geoms.push_back(g);
-  d.bodies.push_back(b);
-}
+using gsp_test::add_free;
+using gsp_test::geom;
+
 gsp::Description on_floor(double timestep) {
   gsp::Description d;
   d.option.timestep = timestep;

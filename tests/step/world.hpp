@@ -7,6 +7,24 @@
 
 namespace gsp_test {
 
+inline gsp::GeomDescription geom(gsp::ShapeType type, gsp::Double3 size, double mass = 0) {
+  gsp::GeomDescription g;
+  g.type = type;
+  g.size = size;
+  g.has_mass = mass > 0;
+  g.mass = mass;
+  return g;
+}
+/// A body of one geom, free.
+inline void add_free(gsp::Description& d, gsp::Double3 pos, gsp::GeomDescription const& g) {
+  gsp::BodyDescription b;
+  b.parent = 0;
+  b.pos = pos;
+  b.joints.emplace_back().type = gsp::JointType::free;
+  b.geoms.push_back(g);
+  d.bodies.push_back(b);
+}
+
 template <class R, class Exec>
 struct World {
   using Mem = typename Exec::memory_space;

@@ -86,9 +86,8 @@ concept LikeConstraint =
 ///   place(world, k)                     where an element acts [m]: new ones start from what those near by had that are gone
 ///   prepare(world)                      finds out once what all elements of a world need; its threads run it together before they are
 ///                                       counted (parallel/for_worlds.hpp says what a world is)
-///   rests                               static constexpr bool true: rows and laws stay the same as long as the trees that they touch do
-///   not
-///                                       move and their controls do not change; else those trees do not sleep (step/sleep.hpp)
+///   rests                               static constexpr bool true: rows and laws stay the same as long as the trees that they touch
+///                                       lie still and their controls are the same; else those trees do not sleep (step/sleep.hpp)
 ///   status(world)                       status bits of a world whose elements are not complete: it is not stepped
 ///   poses, contacts                     members that hold what the type reads: assemble refuses them of another moment than the state
 ///   reads() and stamps                  on the host: which quantities are read from the dynamics, and of which state those are

@@ -11,9 +11,9 @@
 /// share the instructions of it. A world takes this path by its own rows alone, and eight threads sum its rows whatever its neighbours do.
 namespace gsp::detail {
 
-// A world has so much shared memory at most, and four are solved by a launch whose blocks have what the four need together: smaller ones
-// leave room for more at a time.
-inline constexpr int shared_most_bytes = 51200, shared_sizes = 6;
+// A world has so much shared memory at most, four of them what a block may have on all GPUs since Ampere (99 kB). Four are solved by a
+// launch whose blocks have what they need together: smaller ones leave room for more at a time.
+inline constexpr int shared_most_bytes = 24576, shared_sizes = 6;
 KOKKOS_INLINE_FUNCTION constexpr int shared_size(int size_class) {
   return size_class == 0   ? 7168
          : size_class == 1 ? 10240
@@ -30,7 +30,6 @@ struct alignas(8) SharedRow {
   signed char friction_of;  // as in Row
   unsigned char rows;       // of the element that begins here
   bool with_next, same_segments;
-  unsigned char unused = 0;
 };
 static_assert(sizeof(SharedRow) == 8);
 template <class R>
