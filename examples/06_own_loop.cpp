@@ -18,7 +18,7 @@ int main(int argc, char** argv) {
   auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
   auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
   auto contacts = gsp::make_contacts(exec, collision, {.worlds = worlds, .points_per_box_pair = 4});
-  auto rows = gsp::make_rows(exec, model, {.worlds = worlds});
+  auto rows = gsp::make_rows(exec, model, {.worlds = worlds, .impacts = collision.bounces});
   auto impulses = gsp::make_impulses(exec, rows);
   auto solution = gsp::make_solution(exec, model, {.worlds = worlds});
   auto progress = gsp::make_progress(exec);
@@ -50,6 +50,7 @@ int main(int argc, char** argv) {
     gsp::collide(exec, collision, poses, contacts);
     auto const types = gsp::model_constraints(model, state, poses, dynamics, collision, contacts);
     gsp::assemble(exec, model, state, dynamics, types, rows, impulses, progress);
+    gsp::impacts(exec, progress, rows, impulses, solution);  // of geoms with a restitution
     gsp::pgs(exec, rows, impulses, solution, progress, {.iterations = 100});
     gsp::integrate(exec, model, state, dynamics, progress, solution);
     // solution.qfrc_constraint: without stiff springs and servos, where a model has some

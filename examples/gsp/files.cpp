@@ -270,14 +270,21 @@ std::vector<T> on_host(gsp::runtime::Array const& from) {
     copy(from, gsp::runtime::host_array(numbers.data(), {from.extents[0], from.extents[1]}));
   return numbers;
 }
+/// Files hold no unsigned integers of 32 bits.
+std::vector<int> status_bits(gsp::runtime::Array const& status) {
+  auto const bits = on_host<std::uint32_t>(status);
+  return {bits.begin(), bits.end()};
+}
 }  // namespace
 
-void write_contacts(std::string const& path, gsp::runtime::ContactArrays const& c) {
+void write_contacts(std::string const& path, gsp::runtime::ContactArrays const& c, gsp::runtime::Array const& status) {
   auto const count = static_cast<std::size_t>(c.dist.extents[0]);
   auto const world = on_host<int>(c.world), geom1 = on_host<int>(c.geom1), geom2 = on_host<int>(c.geom2);
   auto const dist = on_host<double>(c.dist), pos = on_host<double>(c.pos), frame = on_host<double>(c.frame),
              force = on_host<double>(c.force);
-  gsp::io::write_npz(path, {{"world", {{count}, world}},
+  auto const bits = status_bits(status);
+  gsp::io::write_npz(path, {{"status", {{bits.size()}, bits}},
+                            {"world", {{count}, world}},
                             {"geom1", {{count}, geom1}},
                             {"geom2", {{count}, geom2}},
                             {"dist", {{count}, dist}},
@@ -286,10 +293,12 @@ void write_contacts(std::string const& path, gsp::runtime::ContactArrays const& 
                             {"force", {{count, 6}, force}}});
 }
 
-void write_forces(std::string const& path, gsp::runtime::Array const& qfrc_constraint) {
+void write_forces(std::string const& path, gsp::runtime::Array const& qfrc_constraint, gsp::runtime::Array const& status) {
   auto const numbers = on_host<double>(qfrc_constraint);
+  auto const bits = status_bits(status);
   gsp::io::write_npz(
-      path, {{"qfrc_constraint",
+      path, {{"status", {{bits.size()}, bits}},
+             {"qfrc_constraint",
               {{static_cast<std::size_t>(qfrc_constraint.extents[0]), static_cast<std::size_t>(qfrc_constraint.extents[1])}, numbers}}});
 }
 

@@ -93,8 +93,9 @@ struct NamedFile {
 /// take several.
 void expect_apart(std::vector<NamedFile> const& inputs, std::vector<NamedFile> const& outputs);
 /// Contacts of all worlds, and what constraints do to the degrees of freedom, as docs/cli.md has them.
-void write_contacts(std::string const& path, gsp::runtime::ContactArrays const& contacts);
-void write_forces(std::string const& path, gsp::runtime::Array const& qfrc_constraint);
+/// status: (worlds) uint32 bits of gsp::status: what a world that stopped has is no contact or force.
+void write_contacts(std::string const& path, gsp::runtime::ContactArrays const& contacts, gsp::runtime::Array const& status);
+void write_forces(std::string const& path, gsp::runtime::Array const& qfrc_constraint, gsp::runtime::Array const& status);
 /// Where the program says what it has done: stdout, or stderr where `output` is stdout itself (/dev/stdout).
 std::FILE* text_beside(std::optional<std::string> const& output);
 /// Makes the folder and those above it.

@@ -131,8 +131,8 @@ int run(Arguments const& a) {
   auto const counts = stepper->counts();
   get_states(*stepper, qpos, qvel);
   if (trace_file) write_trace(*trace_file, trace, model);
-  if (contacts_file) write_contacts(*contacts_file, stepper->contacts());
-  if (forces_file) write_forces(*forces_file, stepper->qfrc_constraint());
+  if (contacts_file) write_contacts(*contacts_file, stepper->contacts(), stepper->state().status);
+  if (forces_file) write_forces(*forces_file, stepper->qfrc_constraint(), stepper->state().status);
 
   std::FILE* const say = text_beside(written);
   double const rate = double(worlds) * double(timing.steps) / timing.seconds;
@@ -203,8 +203,8 @@ Command sim_command() {
        {"--trace", "OUT.npz", "write time, qpos, qvel (and act), float64, the start first, the last step last"},
        {"--every", "E", "steps between two entries of the trace, 1"},
        {"--contacts", "OUT.npz",
-        "write the contacts of the last step: world, geom1, geom2, dist, pos, frame, force (in the frame, on geom2)"},
-       {"--forces", "OUT.npz", "write what constraints did in the last step: qfrc_constraint (N,nv), float64"},
+        "write the contacts of the last step: status of each world; world, geom1, geom2, dist, pos, frame, force (in the frame, on geom2)"},
+       {"--forces", "OUT.npz", "write what constraints did in the last step: status (N), qfrc_constraint (N,nv), float64"},
        {"--time-from", "S", "run the first S steps without timing them"},
        skip_visuals_option(),
        decompose_option(),

@@ -85,6 +85,7 @@
 #include <gsp/sensor/cameras.hpp>
 #include <gsp/sensor/sense.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>
+#include <gsp/solver/impacts.hpp>
 #include <gsp/solver/newton.hpp>
 #include <gsp/solver/noslip.hpp>
 #include <gsp/solver/pgs.hpp>

@@ -439,7 +439,7 @@ TEST_CASE("a heap of 4,913 boxes lists the floor's pairs alone, and as many are 
 }
 
 TEST_CASE("steps are those of the list, to the bit, where contacts come in the same order") {
-  Kokkos::Serial const exec;
+  Kokkos::DefaultHostExecutionSpace const exec;  // whose kernels are compiled
   auto const run = [&](CompileOptions options) {
     auto const m = lattice(3, options);  // one plane and boxes: plane's contacts first, then by box
     auto const model = make_model<float>(exec, m);
@@ -463,4 +463,28 @@ TEST_CASE("more geoms than pairs can be numbered are refused") {
   auto const m = compile(d);
   CHECK_THROWS_WITH_AS(make_collision_model<float>(Kokkos::DefaultHostExecutionSpace{}, m), doctest::Contains("12000 geoms that move"),
                        Error);
+}
+
+// Models of the same counts, one after the other: the second is likely to lie where the first has lain. Its geoms have other sizes.
+TEST_CASE_TEMPLATE("what stands still is placed again for another model", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  auto d = scene(30);
+  auto const first = compile(d, searched);
+  for (auto& g : d.bodies[0].geoms)
+    for (double& size : g.size) size *= g.type == ShapeType::plane || g.type == ShapeType::hfield ? 1 : 1.5;
+  auto const second = compile(d, searched);
+  auto const poses = gsp_test::upload_poses<double>(exec, first, anywhere(first, 1, 0.4), 0, 1);
+  std::vector<HostContact<double>> expected[2];
+  for (int k : {0, 1})
+    expected[k] = download(exec, contacts_of(exec, make_collision_model<double>(exec, k ? second : first), poses, ContactsOptions{}));
+  REQUIRE(expected[0] != expected[1]);
+  auto model = make_collision_model<double>(exec, first);
+  auto contacts = contacts_of(exec, model, poses, ContactsOptions{});
+  for (int k = 1; k < 20; ++k) {
+    model = {};
+    model = make_collision_model<double>(exec, k % 2 ? second : first);
+    do collide(exec, model, poses, contacts);
+    while (grow(exec, contacts));
+    CHECK((download(exec, contacts) == expected[k % 2]));
+  }
 }

@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <cstdlib>
+#include <fstream>
 #include <gsp/io/convex_parts.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/mesh_hull.hpp>
@@ -90,7 +91,7 @@ double nearest(std::vector<MeshDescription> const& parts, Vec3<double> const& p)
 }
 /// Height of a ball of 4 cm that is dropped into the notch, after two seconds.
 double height_of_ball(CompiledModel const& m) {
-  Kokkos::Serial const exec;
+  Kokkos::DefaultHostExecutionSpace const exec;  // whose kernels are compiled
   auto const model = make_model<double>(exec, m);
   auto state = make_state(exec, model, {.worlds = 1});
   auto sim = make_simulation<double>(exec, model, m, {.worlds = 1});
@@ -219,4 +220,44 @@ TEST_CASE("what is convex, only seen, or a primitive is left as it is") {
   CHECK(d.bodies[0].geoms[0].contype == 1);
   CHECK_THROWS_AS(io::convex_parts(d.meshes[1], "mesh 'u'", {.threshold = 0}), std::invalid_argument);
   CHECK_THROWS_AS(io::convex_parts(d.meshes[1], "mesh 'u'", {.most_parts = 0}), std::invalid_argument);
+}
+
+namespace {
+/// A library with the C functions of CoACD, the C++ function `version`, and a run that throws. Empty where there is no compiler.
+std::filesystem::path false_library(Folder const& folder, std::string const& version) {
+  std::filesystem::create_directories(folder.path);
+  auto const source = folder.path / "false.cpp", library = folder.path / ("lib" + version + ".so");
+  std::ofstream(source) << "#include <stdexcept>\nextern \"C\" {\nvoid " << version
+                        << "() {}\nvoid CoACD_setLogLevel(char const*) {}\nvoid CoACD_freeMeshArray() {}\n"
+                           "void CoACD_run() { throw std::runtime_error(\"nothing left\"); }\n}\n";
+  std::string const command = "c++ -shared -fPIC -o " + library.string() + " " + source.string() + " 2> /dev/null";
+  return std::system(command.c_str()) == 0 ? library : "";
+}
+}  // namespace
+
+TEST_CASE("a library of another version is refused, and what CoACD throws is an error with the mesh's name" * doctest::test_suite("data")) {
+  auto const own = std::getenv("GSP_COACD") ? std::string(std::getenv("GSP_COACD")) : std::string();
+  Folder const folder;
+  // In 1.0.7 the interface had no real_metric.
+  for (std::string const version : {"_ZN5coacd5CoACDERKNS_4MeshEdiSsiiiiibbbibdSsj", "_ZN5coacd5CoACDERKNS_4MeshEdiSsiiiiibbbibdSsjb"}) {
+    auto const library = false_library(folder, version);
+    if (library.empty()) return gsp_test::skip("c++ is missing");
+    setenv("GSP_COACD", library.c_str(), 1);
+    bool const is_it = version.back() == 'b';
+    CHECK_THROWS_WITH_AS(io::convex_parts(mesh_of(u_mesh(), "u"), "mesh 'u'", {.cache = folder.path}),
+                         is_it ? doctest::Contains("mesh 'u': cannot be taken apart by CoACD (nothing left)")
+                               : doctest::Contains("which is of another version; use that of CoACD 1.0.14"),
+                         Error);
+  }
+  own.empty() ? unsetenv("GSP_COACD") : setenv("GSP_COACD", own.c_str(), 1);
+}
+
+// Names of parts are checked against all that there are; what cannot be named twice is said.
+TEST_CASE("a geom that is called like a part is asked for another name" * doctest::test_suite("data")) {
+  Folder const folder;
+  if (!has_coacd(folder)) return;
+  auto const text = text_of(u_mesh(), R"(<geom name="u" type="mesh" mesh="u"/><geom name="u.part1" size="0.1"/>)");
+  auto d = io::parse_mjcf(text, "u.xml");
+  CHECK_THROWS_WITH_AS(io::split_into_convex_parts(d, {.cache = folder.path}),
+                       doctest::Contains("geom 'u': is taken apart, and a geom is called 'u.part1' already; rename that one"), Error);
 }

@@ -102,6 +102,8 @@ TEST_CASE("values are checked") {
   refused(model("<geom size='1' class='c'/>"), "m.xml:3: ", "default class 'c' does not exist");
   refused(model("<geom size='1' material='c'/>"), "m.xml:3: ", "which does not exist; correct the name");
   refused(model("<geom size='0'/>"), "m.xml:3: ", "size[0] <= 0");
+  for (char const* size : {"", "size='0 0 0'", "size='1 1'", "size='1 1 -1'"})
+    refused(model("<geom type='plane' " + std::string(size) + "/>"), "m.xml:3: ", "no positive third number");
   refused(model("<geom size='1' name='g'/>"), "m.xml:3: ", "name that is taken already");
   refused(model("<joint range='3 -3'/>"), "m.xml:3: ", "not in increasing order");
   refused(model("<freejoint/>"), "m.xml:3: ", "leaves nothing for the other joints");

@@ -323,6 +323,27 @@ TEST_CASE("a loop that cannot close is said, and how far it stays open") {
   CHECK(notes(d, "'w' cannot close: the joints between them leave its two points at least 1 m apart"));
 }
 
+// What the user moves may come to where it closes; two that he moves are moved by no joint.
+TEST_CASE("what a mocap body holds may close, and two of them are moved by nothing") {
+  auto d = double_pendulum();
+  d.bodies[2].sites.push_back({.name = "tip", .pos = {0, 0, -1}});
+  d.bodies[2].sites.push_back({.name = "elbow", .pos = {0, 0, 0}});
+  for (double x : {5., 6.}) {
+    auto hand = body(x < 6 ? "left" : "right", 0, {x, 0, 0});
+    hand.mocap = true;
+    hand.sites.push_back({.name = hand.name});
+    d.bodies.push_back(hand);
+  }
+  for (auto const type : {EqualityType::connect, EqualityType::weld}) {
+    d.equalities = {of_sites(type, "tip", "left")};
+    CHECK(compile(d).report.empty());
+    d.equalities = {of_sites(type, "tip", "left"), of_sites(type, "elbow", "right")};
+    CHECK(compile(d).report.empty());
+    d.equalities = {of_sites(type, "left", "right")};
+    CHECK(notes(d, "'leftright' joins 'left' and 'right', which no joint moves"));
+  }
+}
+
 TEST_CASE("points and poses that two equalities ask for at once are compared") {
   Description d;
   for (int k = 0; k < 2; ++k) {

@@ -17,12 +17,12 @@ using Exec = Kokkos::DefaultHostExecutionSpace;
 
 void compare_rules(gsp::CompiledModel const& g, mjModel const* m) {
   auto const length = gsp::detail::dof_lengths<double>(g);
-  auto const policy = gsp::detail::sleep_policies(g);
+  auto const policy = gsp::detail::file_policies(g);
   REQUIRE(g.nv == m->nv);
   REQUIRE(g.ntree == m->ntree);
   for (int i = 0; i < g.nv; ++i) CHECK(std::abs(length[i] - m->dof_length[i]) < 1e-6 * m->dof_length[i]);  // meshes are in float
   for (int t = 0; t < g.ntree; ++t)
-    CHECK((policy[t] == int(gsp::detail::SleepPolicy::never)) ==
+    CHECK((policy[t] == gsp::SleepPolicy::never) ==
           (m->tree_sleep_policy[t] == mjSLEEP_NEVER || m->tree_sleep_policy[t] == mjSLEEP_AUTO_NEVER));
 }
 
@@ -100,7 +100,7 @@ TEST_CASE("the same trees sleep and wake when MuJoCo's do") {
     mj_step(m, d);
     gsp::step(exec, model, state, sim);
     for (int t = 0; t < ntree; ++t) {
-      note(ours[t], step, sim.sleep.calm(0, t) < 0);
+      note(ours[t], step, sim.sleep.state.sleeps(0, t));
       note(theirs[t], step, d->tree_asleep[t] >= 0);
     }
   }

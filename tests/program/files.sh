@@ -39,6 +39,15 @@ cmp far/behind.npz plain.npz || fail "the file behind the link is another"
 "$gsp" sim cart.xml --steps 10 --trace /dev/full > /dev/null 2> full.txt && fail "/dev/full took a trace"
 grep -q 'disk full' full.txt || fail "a full disk: $(cat full.txt)"
 
+# a world that stops, and one that does not: who it was stands beside what they met
+"$gsp" sim cart.xml --start start_flies.npz --worlds 2 --steps 3 --contacts met.npz --forces forces.npz > /dev/null 2>&1 || true
+python3 - <<'PY'
+import struct, zipfile
+for name in ("met.npz", "forces.npz"):
+    data = zipfile.ZipFile(name).read("status.npy")
+    assert b"'<i4'" in data and struct.unpack("<II", data[-8:]) == (0, 1 << 4), (name, data)
+PY
+
 # stopped: in the middle of the steps, and in the middle of a file (a pipe that nobody reads to its end)
 python3 - "$gsp" <<'PY'
 import os, signal, subprocess, sys, time

@@ -143,6 +143,7 @@ with open(os.path.join(folder, "cameras.npz"), "rb") as file:
 q = [0, 0.3, 1, 0, 0.5, 1, 0, 0, 0]
 npz("start.npz", time=npy((1,), [0]), qpos=npy((1, 1, 9), q), qvel=npy((1, 1, 8), [0] * 8))
 npz("start3.npz", time=npy((1,), [0]), qpos=npy((1, 3, 9), q * 3), qvel=npy((1, 3, 8), [0] * 24))
+npz("start_flies.npz", time=npy((1,), [0]), qpos=npy((1, 2, 9), q + q[:4] + [9.99e9] + q[5:]), qvel=npy((1, 2, 8), [0] * 12 + [9e9] + [0] * 3))  # beyond 1e10 in a step
 npz("start_shape.npz", time=npy((1,), [0]), qpos=npy((1, 1, 8), q[:8]), qvel=npy((1, 1, 8), [0] * 8))
 npz("start_nan.npz", time=npy((1,), [0]), qpos=npy((1, 1, 9), [float("nan")] * 9), qvel=npy((1, 1, 8), [0] * 8))
 npz("start_far.npz", time=npy((1,), [0]), qpos=npy((1, 1, 9), [0, 1e300] + q[2:]), qvel=npy((1, 1, 8), [0] * 8))

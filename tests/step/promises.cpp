@@ -46,8 +46,9 @@ struct NoLaw : gsp::OneFreeRow {
 };
 /// Elements that touch nothing: no entry, a point of the world, an entry of 0.
 struct Nothing : gsp::OneFreeRow {
+  double compliance = 0;
   KOKKOS_FUNCTION int count(int) const { return 3; }
-  KOKKOS_FUNCTION gsp::RowLaw<double> law(int, int, int, double, double, double) const { return {0., 1.}; }
+  KOKKOS_FUNCTION gsp::RowLaw<double> law(int, int, int, double, double, double) const { return {compliance, 1.}; }
   template <class Row>
   KOKKOS_FUNCTION double jacobian(int, int k, int, Row&& J) const {
     if (k == 1) J.add_point(0, {1., 0., 0.}, {0., 0., 1.});
@@ -182,19 +183,21 @@ TEST_CASE_TEMPLATE("a row whose law or bounds are no numbers is refused", Exec, 
     CHECK(std::abs(v(0, 0) - 1) < 1e-5);  // the tolerance of the sweeps: 1e-4 |g| h = 2e-6
   }
 }
+// And one that moves nothing bears zeta / C, as its softness says; rigid, it has none.
 TEST_CASE_TEMPLATE("a row that touches nothing has no impulse", Exec, GSP_TEST_EXECS) {
   auto const compiled = gsp_test::servo_model();
-  for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
-    gsp_test::World<double, Exec> world(compiled, 2, {.profile = profile});
-    gsp::step(world.exec, world.model, world.state, world.sim, {.steps = 3}, test_types::Nothing{});
-    auto const impulses = gsp::impulses_of<test_types::Nothing>(world.sim.rows, world.sim.impulses);
-    Kokkos::View<double[2][3], typename Exec::memory_space> const found("found");
-    Kokkos::parallel_for(
-        "gsp::test::found", Kokkos::RangePolicy<Exec>(0, 6), KOKKOS_LAMBDA(int i) { found(i / 3, i % 3) = impulses(i / 3, i % 3); });
-    auto const p = gsp_test::host(found);
-    for (int i = 0; i < 6; ++i) CHECK(p(i / 3, i % 3) == 0);
-    CHECK(gsp_test::host(world.state.status)(1) == 0u);
-  }
+  for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco})
+    for (double const compliance : {0., 0.5}) {
+      gsp_test::World<double, Exec> world(compiled, 2, {.profile = profile});
+      gsp::step(world.exec, world.model, world.state, world.sim, {.steps = 3}, test_types::Nothing{{}, compliance});
+      auto const impulses = gsp::impulses_of<test_types::Nothing>(world.sim.rows, world.sim.impulses);
+      Kokkos::View<double[2][3], typename Exec::memory_space> const found("found");
+      Kokkos::parallel_for(
+          "gsp::test::found", Kokkos::RangePolicy<Exec>(0, 6), KOKKOS_LAMBDA(int i) { found(i / 3, i % 3) = impulses(i / 3, i % 3); });
+      auto const p = gsp_test::host(found);
+      for (int i = 0; i < 6; ++i) CHECK(p(i / 3, i % 3) == (i % 3 == 2 && compliance > 0 ? 1 / compliance : 0.));
+      CHECK(gsp_test::host(world.state.status)(1) == 0u);
+    }
 }
 
 // Worlds beside neighbours whose angles are beyond what sincos of a pack reduces (8192 rad in float, 1e9 in double), or not numbers.

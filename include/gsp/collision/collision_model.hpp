@@ -131,6 +131,7 @@ struct CollisionModel {
   int value_worlds = 0;                                 // of the fields that are per world; 0: none is
   Kokkos::View<R*, Mem> world_reals;                    // what those lie in
   bool adhesive = false;                                // contacts of some pairs pull
+  bool bounces = false;                                 // some geoms are rigid with a restitution
   bool has_convex_pairs = false;                        // some pairs are of kinds that the convex routine serves
   bool overridden = false;                              // <option o_*> says what friction, solref and solimp are, in every world
   bool mixes_per_world = false;                         // friction, solref or solimp is per world

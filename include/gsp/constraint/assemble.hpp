@@ -139,6 +139,14 @@ void expects_inputs_of(ConstraintList<Head, Tail...> const& types, State const& 
     }
   expects_inputs_of(types.tail, state);
 }
+/// Whether some law of a list may have a restitution.
+inline bool may_bounce(ConstraintList<> const&) { return false; }
+template <class Head, class... Tail>
+bool may_bounce(ConstraintList<Head, Tail...> const& types) {
+  if constexpr (requires { types.head.bounces(); })
+    if (types.head.bounces()) return true;
+  return may_bounce(types.tail);
+}
 /// What the rows' stamp says of the first ContactRows of a list.
 template <class R, class Mem>
 RowsStamp contacts_of(ConstraintList<> const&) {
@@ -159,8 +167,8 @@ RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
 /// After factor or smooth_dynamics (and collide). A world whose rows do not fit has status::row_overflow; then no world is stepped
 /// (progress.halt), the pools grow at the host's next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows
 /// of more than two trees, elements of more than six rows, friction of a row that the element does not have, laws that are not finite or of
-/// negative compliance at a finite state, bounds that are NaN, and in profile mujoco what no cone is (docs/add_a_constraint.md):
-/// status::row_refused.
+/// negative compliance at a finite state, a restitution outside of 0 to 1 or of rows that are soft, pull or have no room for it, bounds
+/// that are NaN, and in profile mujoco what no cone is (docs/add_a_constraint.md): status::row_refused.
 /// @param sleeping  islands that sleep (step/sleep.hpp): those that something awake touches are woken, the others have no rows and keep
 ///                  their impulses
 /// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or
@@ -178,6 +186,9 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
   detail::expects_of("gsp::assemble", dynamics, state,
                      detail::set_of(Quantity::motion, Quantity::velocity, Quantity::factor, Quantity::free_velocity));
   detail::expects_inputs_of(types, state);
+  expects(!detail::may_bounce(types) || rows.impact.data(),
+          "gsp::assemble: some rows have a restitution, and there is no room for it: make_rows(exec, model, {.impacts = true}) "
+          "(make_simulation: the same), and impacts before pgs");
   if (detail::leaves_stiff_forces(dynamics) && !(std::is_same_v<Types, StiffForces<R, Mem>> || ...))
     throw std::invalid_argument(
         "gsp::assemble: stiff springs and servos were left to rows (stiff_rows), and the list has none for them: add "

@@ -22,6 +22,7 @@ template <class R>
 struct RowLaw {
   R compliance, zeta;
   R most_yield = Kokkos::Experimental::infinity_v<R>;  // C p of its load at most [m/s]: C is less where it carries more (assemble)
+  R restitution = R(0);  // 0 ... 1: share of the rate of an impact that comes back (solver/impacts.hpp); of rigid rows that push alone
 };
 
 /// What `jacobian` writes a row to: by dof, by (body, point, direction) or by (body, direction); entries add up. World frame.
@@ -88,6 +89,7 @@ concept LikeConstraint =
 ///                                       counted (parallel/for_worlds.hpp says what a world is)
 ///   rests                               static constexpr bool true: rows and laws stay the same as long as the trees that they touch
 ///                                       lie still and their controls are the same; else those trees do not sleep (step/sleep.hpp)
+///   bounces()                           on the host: whether some law may have a restitution; rows without room for it are refused then
 ///   status(world)                       status bits of a world whose elements are not complete: it is not stepped
 ///   poses, contacts                     members that hold what the type reads: assemble refuses them of another moment than the state
 ///   reads() and stamps                  on the host: which quantities are read from the dynamics, and of which state those are

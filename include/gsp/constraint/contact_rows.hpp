@@ -40,6 +40,7 @@ struct ContactRows {
 
   KOKKOS_INLINE_FUNCTION int count(int world) const { return edges * contacts.count_of(world); }
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const { return contacts.status(world); }
+  bool bounces() const { return collision.bounces && !soft.as_mujoco; }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
     int const c = contact_of(world, k);
     if (!contact_acts(collision, contacts, world, c) && adhesion_of(c) == R(0)) return 0;
@@ -80,13 +81,16 @@ struct ContactRows {
     R const diag = body_invweight0(world, 2 * contacts.body1(c)) + body_invweight0(world, 2 * contacts.body2(c));
     R const gap = contacts.dist(c) - contacts.includemargin(c), spring = soft.as_mujoco ? gap : min(gap, R(0));
     if (row > 0) return soft.tangent(p, row - 1, gap, u, h, diag);
-    R const rest = gravity_rate(gravity, world, h);
     bool const edge = edges > 1 && p.condim > 1;
-    if (p.hard && !soft.as_mujoco && !edge) return {R(0), hard_target(gap, u, h, rest, p.restitution, p.erp)};
+    if (p.hard && !soft.as_mujoco && !edge) {
+      RowLaw<R> rigid{R(0), hard_target(gap, h, p.erp)};
+      rigid.restitution = p.restitution;
+      return rigid;
+    }
     RowLaw<R> law = edge ? soft.edge(p, spring, u, h, diag) : soft_law(softness_of(p, soft.refsafe), spring, u, h, diag);
     if (soft.as_mujoco) return law;
     if (gap > R(0)) law.zeta = min(-gap / h, law.zeta);  // no spring at a gap: it may close within the step
-    if (!edge) law.most_yield = law.compliance / diag * rest;
+    if (!edge) law.most_yield = law.compliance / diag * gravity_rate(gravity, world, h);
     return law;
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const {

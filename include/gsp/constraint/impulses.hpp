@@ -89,6 +89,7 @@ namespace detail {
 template <class R, class Mem>
 void leaves_rows(Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, RowsStamp stamp) {
   stamp.made = next_moment();
+  stamp.impacts_left = rows.impact.data() != nullptr;
   if (rows.stamp.data()) rows.stamp() = stamp;
   if (impulses.stamp.data()) impulses.stamp() = {rows.stamp.data() ? rows.stamp().made : 0, false};
 }

@@ -36,6 +36,7 @@ struct SleepingIslands {
   Kokkos::View<int**, Kokkos::LayoutRight, Mem> island;   // (worlds, ntree) first tree of the island that the tree sleeps in; -1: awake
   Kokkos::View<int**, Kokkos::LayoutRight, Mem> stirred;  // (worlds, ntree) out: 1: what touches the tree may change while it rests
   Kokkos::View<int**, Kokkos::LayoutRight, Mem> wakes;    // (worlds, ntree) scratch: of islands, at their first tree
+  Kokkos::View<int*, Kokkos::LayoutRight, Mem> asleep;    // (worlds) out: trees that stay asleep
 
   KOKKOS_INLINE_FUNCTION bool any() const { return island.data() != nullptr; }
 };

@@ -36,7 +36,7 @@ struct JointFriction {
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int) const {
     R const most = timestep * dof_frictionloss(world, friction_dofs(k));
-    return {-most, most, -1, R(0), false, true};
+    return RowBounds<R>::dry_between(-most, most);
   }
   KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };

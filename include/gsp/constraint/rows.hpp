@@ -37,6 +37,11 @@ struct RowBounds {
   // Friction that is bounded by itself, which `noslip` lets stick: between lower and upper; or where it pushes alone one of two rows of
   // elements side by side, over the same dofs, of which it keeps the sum (opposing edges of a pyramid).
   bool dry = false;
+  KOKKOS_INLINE_FUNCTION static RowBounds dry_between(R lower, R upper) {
+    RowBounds bounds{lower, upper};
+    bounds.dry = true;
+    return bounds;
+  }
   /// Any impulse: an equality, a spring.
   KOKKOS_INLINE_FUNCTION bool is_free() const {
     return friction_of < 0 && lower < R(0) && is_no_bound(lower) && upper > R(0) && is_no_bound(upper);
@@ -50,7 +55,7 @@ struct Row {
   RowSegment segment[2];     // without entries (count = 0) where it touches fewer trees
   std::int64_t first_entry;  // in Rows::Y
   R bias, compliance;        // w = Y z + C p + b
-  R inverse_diagonal;        // 1 / (|Y|^2 + C), of two rows together: a step for both; 0: nothing that it touches can move
+  R inverse_diagonal;        // 1 / (|Y|^2 + C), of two rows together: a step for both; 0: rigid, and nothing that it touches can move
   R lower, upper, mu;        // mu < 0: without friction
   int element;               // k of its type
   unsigned char type;        // place of the element's type in the list of types
@@ -62,11 +67,21 @@ struct Row {
 };
 static_assert(sizeof(Row<float>) == 64, "one cache line");
 
+/// What `impacts` (solver/impacts.hpp) knows of a row.
+template <class R>
+struct RowImpact {
+  R restitution;  // share of the rate of an impact that comes back; 0: none
+  R rate;         // J v at the start of the step, and after the impacts that were found
+  R target;       // zeta
+  R forces;       // half of what the step's forces make of the rate
+};
+
 namespace detail {
 struct RowsStamp {
   std::uint64_t made = 0;      // which `assemble` has written them; 0: none
   std::uint64_t contacts = 0;  // and which contacts it has read (ContactsStamp::made); 0: none that gsp has found
   int contact_edges = 1;       // elements of each of them (ContactRows::edges)
+  bool impacts_left = false;   // rows may bounce, and `impacts` has not been called
 };
 }  // namespace detail
 
@@ -88,6 +103,7 @@ struct Rows {
   View<R*> weight;                           // (worlds) and to all bodies together, m |g| h [N s]
   View<std::int64_t*> first_entry, entries;  // (worlds) of Y
   View<Row<R>*> row;                         // (capacity)
+  View<RowImpact<R>*> impact;                // (capacity) empty where no row has a restitution
   View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
   View<R*> Y;  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries; last
                // of a world what eliminated rows do to all, (most_eliminated, count)
@@ -103,6 +119,7 @@ struct RowsOptions {
   int worlds = 1;
   int rows_per_world = 0, entries_per_world = 0;  // hints, 0: a guess from the model; the pools grow
   bool eliminate = true;                          // equality constraints inside of a tree, in profile stable (constraint/eliminate.hpp)
+  bool impacts = false;                           // some rows may have a restitution, in profile stable (solver/impacts.hpp)
 };
 
 namespace detail {
@@ -120,6 +137,7 @@ void allocate_rows(Exec const& exec, Rows<R, Mem>& r, std::int64_t rows, std::in
     throw Error("gsp::Rows: more than 2147483647 constraint rows are asked for: use fewer worlds a batch");
   enlarge(exec, r.row, "gsp::Rows::row", rows);
   enlarge(exec, r.element_rows, "gsp::Rows::element_rows", rows);
+  if (r.impact.data()) enlarge(exec, r.impact, "gsp::Rows::impact", rows);
   enlarge(exec, r.islands.elements, "gsp::Islands::elements", rows);
   enlarge(exec, r.islands.keys, "gsp::Islands::keys", rows);
   enlarge(exec, r.Y, "gsp::Rows::Y", entries);
@@ -153,6 +171,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   make(r.first_entry, "gsp::Rows::first_entry", n);
   make(r.entries, "gsp::Rows::entries", n);
   make(r.demand, "gsp::Rows::demand", 2);
+  if (options.impacts && model.profile == Profile::stable) make(r.impact, "gsp::Rows::impact", 1);
   bool const stiff = detail::any_archetype(model, [](Archetype const& a) { return a.stiff; });
   std::int64_t const rows =
       options.rows_per_world > 0

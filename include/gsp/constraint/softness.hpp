@@ -63,13 +63,10 @@ KOKKOS_INLINE_FUNCTION RowLaw<R> soft_law(Softness<R> const& s, R x, R u, R h, R
 }
 
 /// The rate that a rigid row asks for, u+ >= zeta with C = 0: an overlap x < 0 shrinks by the share `erp` a step, a gap x > 0 may close
-/// within the step and no further; and of an impact, which is what closes the gap within the step and is faster than `rest`, the share
-/// `restitution` comes back (Newton).
-/// @param rest  what gravity does to a rate in a step, |g| h: slower than that is at rest
+/// within the step and no further.
 template <class R>
-KOKKOS_INLINE_FUNCTION R hard_target(R x, R u, R h, R rest, R restitution, R erp) {
-  R const target = (x < R(0) ? -erp : R(-1)) * x / h;
-  return u < -rest && x + h * u <= R(0) ? max(target, -restitution * u) : target;
+KOKKOS_INLINE_FUNCTION R hard_target(R x, R h, R erp) {
+  return (x < R(0) ? -erp : R(-1)) * x / h;
 }
 
 namespace detail {

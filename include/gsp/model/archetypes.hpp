@@ -85,6 +85,19 @@ T item_or(V const& v, int i, T otherwise) {
 
 /// Which static body's mocap ancestor moves it (itself included): index among the mocap bodies, -1: none. Bodies of trees: -1.
 std::vector<int> mocap_roots(CompiledModel const& m);
+
+/// Trees that each tendon and actuator reaches.
+struct Couplings {
+  std::vector<std::vector<int>> tendon, actuator;
+  bool on_mocap = false;  // one of them reaches a mocap body
+};
+Couplings find_couplings(CompiledModel const& m);
+
+/// Trees that are taken as one, a tree of the Model: consecutive, first .. last.
+struct TreeGroup {
+  int first, last;
+};
+std::vector<TreeGroup> group_trees(CompiledModel const& m, Couplings const& c);
 }  // namespace detail
 
 /// Groups the trees of `m`, in the order in which each topology first occurs. Tendons and actuators that reach no tree are the first

@@ -59,8 +59,9 @@ template <class Exec, class F>
 void launch_worlds(std::string const& label, Exec const& exec, int worlds, F const& f);
 }  // namespace detail
 
-/// Runs f(world) for world.rank = 0 ... worlds - 1. `f` has a template <class World> operator()(World const&) const and uses world.each,
-/// sum, scan, single, sync.
+/// Runs f(world) for world.rank = 0 ... worlds - 1. `f` has a template <class World> operator()(World const&) const and uses what
+/// detail::SerialWorld has; docs/parallel/for_worlds.md has the table. Each, sum, scan, place, single and sync must be reached by all
+/// threads of a world: never in a branch that some of them take, nor inside of one another.
 template <ExecutionSpace Exec, class F>
 void for_worlds(std::string const& label, Exec const& exec, int worlds, F const& f) {
   if constexpr (is_device<Exec>)

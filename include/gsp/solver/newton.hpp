@@ -19,18 +19,18 @@ struct NewtonOptions {
   bool ends_step = true;     // a launch that does nothing counts as a step (Progress::skipped): of several in a step, the last one alone
 };
 
-/// Buffers of `newton`: the Hessian of each world (of each thread on a host) and two numbers a row.
+/// Buffers of `newton`: the Hessian of each world (of each thread on a host) and three numbers a row.
 template <class R, class Mem>
 struct Newton {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0, nv = 0;
-  View<R*> rate, rate_change;  // (capacity of the rows) w, and Y times the direction
-  View<R*> work;               // a world's or thread's: lower triangle of H by columns, direction
-  std::int64_t stride = 0;     // numbers of one
+  View<R*> rate, rate_change, least;  // (capacity of the rows) w, Y times the direction, and the least compliance (least_softness)
+  View<R*> work;                      // a world's or thread's: lower triangle of H by columns, direction
+  std::int64_t stride = 0;            // numbers of one
 };
 
-/// Buffers for the worlds of `rows`: (nv + 3) nv / 2 numbers each on a device, a thread on a host, and two for each row of the pool.
+/// Buffers for the worlds of `rows`: (nv + 3) nv / 2 numbers each on a device, a thread on a host, and three for each row of the pool.
 /// Allocates.
 template <ExecutionSpace Exec, class R, class Mem>
 Newton<R, Mem> make_newton(Exec const& exec, Rows<R, Mem> const& rows) {
@@ -43,6 +43,7 @@ Newton<R, Mem> make_newton(Exec const& exec, Rows<R, Mem> const& rows) {
   n.work = detail::allocate_zero<View>(exec, "gsp::Newton::work", parts * n.stride);
   n.rate = detail::allocate_zero<View>(exec, "gsp::Newton::rate", rows.capacity());
   n.rate_change = detail::allocate_zero<View>(exec, "gsp::Newton::rate_change", rows.capacity());
+  n.least = detail::allocate_zero<View>(exec, "gsp::Newton::least", rows.capacity());
   return n;
 }
 
@@ -54,15 +55,16 @@ bool grow(Exec const& exec, Rows<R, Mem> const& rows, Newton<R, Mem>& buffers) {
   exec.fence("gsp::grow: what was launched uses the buffers as they were");
   detail::enlarge(exec, buffers.rate, "gsp::Newton::rate", rows.capacity());
   detail::enlarge(exec, buffers.rate_change, "gsp::Newton::rate_change", rows.capacity());
+  detail::enlarge(exec, buffers.least, "gsp::Newton::least", rows.capacity());
   exec.fence("gsp::grow: the old buffers may go");
   return true;
 }
 
 /// Solves for the impulses of all rows. Friction of an element is the elliptic cone of its rows and their normal, which must push alone
-/// (lower 0, no upper bound); what is rigid is taken as soft as `least_softness`.
+/// (lower 0, no upper bound); what is rigid is taken as soft as `least_softness` has it.
 /// @param rows       what `assemble` wrote, in profile mujoco
 /// @param impulses   in: start;   out: p(w) of the solution [N s]
-/// @param solution   z = Y^T p (world, nv), iterations (world), residual: largest change of a rate between the solution and that z
+/// @param solution   z (world, nv), Y^T p but for rounding; iterations (world); residual: largest change of a rate between z and that sum
 /// @param buffers    of make_newton
 /// @param progress   nothing happens while progress.halt is set
 /// Cost an iteration: n^2 / 2 a row of n entries, nv^3 / 6 for the factor where trees touch, and a few passes over the rows. A world's
@@ -90,6 +92,7 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
                                           progress,
                                           buffers.rate,
                                           buffers.rate_change,
+                                          buffers.least,
                                           buffers.work,
                                           buffers.stride,
                                           options.iterations,

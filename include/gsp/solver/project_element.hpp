@@ -30,8 +30,9 @@ KOKKOS_INLINE_FUNCTION void clear_law(ElementLaw<T, N>& law, int b) {
   law.ellipse[b] = InLanes::none;
 }
 /// A row's law at place b.
-template <int N, class R>
-KOKKOS_INLINE_FUNCTION void set_law(ElementLaw<R, N>& law, int b, Row<R> const& row) {
+/// @param row  a Row, or what has its numbers and bounds
+template <int N, class R, class RowLike>
+KOKKOS_INLINE_FUNCTION void set_law(ElementLaw<R, N>& law, int b, RowLike const& row) {
   law.inverse_diagonal[b] = row.inverse_diagonal;
   law.lower[b] = row.lower;
   law.upper[b] = row.upper;

@@ -1,6 +1,5 @@
 #pragma once
 #include <gsp/constraint/rows.hpp>
-#include <limits>
 
 /// What the rows of one element answer to their rates where all of them are soft, as in MuJoCo's convex problem:
 ///   p(w) = argmax over the impulses allowed of  -p . w - p . C p / 2,   its value the cost s(w),   p = -ds/dw
@@ -24,18 +23,14 @@ struct SoftElement {
   R cone_mu[N];           // of a normal: mu of its cone; 0: it has none
 };
 
-/// The least compliance of a row, as a share of |Y|^2 + C: what is rigid (a type of a user's own) is this soft here.
-template <class R>
-inline constexpr R least_softness = R(sizeof(R) == 4 ? 1e-7 : 1e-10);
-
 /// The rows `row` ... `row + rows - 1` of one element.
+/// @param least  the least compliance of each
 template <class R>
-KOKKOS_INLINE_FUNCTION SoftElement<R> soft_element(Row<R> const* row, int rows) {
+KOKKOS_INLINE_FUNCTION SoftElement<R> soft_element(Row<R> const* row, int rows, R const* least) {
   SoftElement<R> e;
   e.rows = rows;
   for (int b = 0; b < rows; ++b) {
-    R const inverse = row[b].inverse_diagonal, least = inverse > R(0) ? least_softness<R> / inverse : R(1e-15);
-    e.compliance[b] = max(row[b].compliance, least);
+    e.compliance[b] = max(row[b].compliance, least[b]);
     e.lower[b] = row[b].lower;
     e.upper[b] = row[b].upper;
     e.mu[b] = row[b].mu;

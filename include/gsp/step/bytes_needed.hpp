@@ -15,7 +15,8 @@ std::int64_t bytes_needed(Exec const& exec, Model<R, Mem> const& model, Compiled
   auto const bytes_of = [&](int worlds) {
     std::int64_t const before = detail::allocated_bytes();
     auto state = make_state(exec, shared, {.worlds = worlds});
-    auto const simulation = make_simulation(exec, shared, compiled, {.worlds = worlds, .cone = options.cone, .sleep = options.sleep});
+    auto const simulation = make_simulation(exec, shared, compiled,
+                                            {.worlds = worlds, .cone = options.cone, .sleep = options.sleep, .impacts = options.impacts});
     return detail::allocated_bytes() - before;
   };
   constexpr int block = 64;  // a multiple of the worlds of any block of lanes

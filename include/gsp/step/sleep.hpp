@@ -16,8 +16,26 @@ struct SleepOptions {
   int steps = 10;        // below it, before a tree may sleep
 };
 
-/// Who sleeps, and what a tree that sleeps is compared with. State as much as qpos is: a simulation goes on to the bit from copies of qpos,
-/// qpos_low, qvel, act, steps, of the impulses and of the views from calm to eq_before.
+/// Who sleeps, and what is compared with it to find what wakes. A simulation goes on to the bit from copies of these views, of the
+/// impulses, and of the state: qpos, qpos_low, qvel, act, steps, and what is given to it: ctrl, qfrc_applied, eq_active, mocap_pos,
+/// mocap_quat.
+template <class R, class Mem>
+struct SleepState {
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  View<int**> calm;                                // (worlds, ntree) steps of rest, up to Sleep::steps; below 0: asleep, see island_of
+  View<R**> qpos, qpos_low, free_velocity;         // (worlds, nq | nq | nv) of trees that sleep; NaN: not known yet
+  View<R**> force;                                 // (worlds, nv) their qfrc_constraint
+  View<R**> ctrl_before, act_before;               // (worlds, nu | na) of the last step
+  View<int**> eq_before;                           // (worlds, neq)
+  View<R***> mocap_pos_before, mocap_quat_before;  // (worlds, nmocap, 3 | 4)
+
+  KOKKOS_INLINE_FUNCTION bool sleeps(int w, int tree) const { return calm(w, tree) < 0; }
+  /// First tree of the island in which a tree sleeps, -1: it is awake.
+  KOKKOS_INLINE_FUNCTION int island_of(int w, int tree) const { return sleeps(w, tree) ? -1 - calm(w, tree) : -1; }
+  KOKKOS_INLINE_FUNCTION void lay_down(int w, int tree, int island) const { calm(w, tree) = -1 - island; }
+};
+
 template <class R, class Mem>
 struct Sleep {
   template <class D>
@@ -25,15 +43,12 @@ struct Sleep {
   int worlds = 0;      // 0: nothing sleeps
   R tolerance = R(0);  // [m/s]; of a speed below it steps count as rest. 0: nothing falls asleep
   int steps = 10;      // of rest before a tree may sleep
-  View<int**> calm;    // (worlds, ntree) steps of rest, up to `steps`; -1 - t: asleep in the island whose first tree is t
-  View<R**> qpos, qpos_low, free_velocity;                         // (worlds, nq | nq | nv) of trees that sleep; NaN: not known yet
-  View<R**> force;                                                 // (worlds, nv) their qfrc_constraint
-  View<R**> ctrl_before, act_before;                               // (worlds, nu | na) of the last step
-  View<int**> eq_before;                                           // (worlds, neq)
+  SleepState<R, Mem> state;
   SleepingIslands<Mem> islands;                                    // of this step
   View<int**> still;                                               // (worlds, ntree) of this step: 1: sleeps where it was in the last one
   View<R**> qpos_before, qpos_low_before;                          // (worlds, nq) of the start of the last step
-  Kokkos::View<int*, Mem> policy;                                  // (ntree) detail::SleepPolicy
+  Kokkos::View<int*, Mem> policy;                                  // (ntree) SleepPolicy
+  Kokkos::View<int*, Mem> hangs;                                   // (ntree) 1: moves, or its rows do, where a mocap body moves
   Kokkos::View<R*, Mem> dof_length;                                // (nv) what a rotation moves, per radian [m]; of a translation 1
   View<int*> asleep;                                               // (worlds) trees that sleep
   Kokkos::View<std::uint64_t, Kokkos::HostSpace> contacts_before;  // host: ContactsStamp::made of the last step
@@ -54,31 +69,38 @@ Sleep<R, Mem> make_sleep(Exec const& exec, Model<R, Mem> const& model, CompiledM
   auto const make = [&](auto& v, char const* label, int items) {
     v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, n, items);
   };
-  make(s.calm, "gsp::Sleep::calm", model.ntree);
-  make(s.qpos, "gsp::Sleep::qpos", model.nq);
-  make(s.qpos_low, "gsp::Sleep::qpos_low", model.nq);
-  make(s.free_velocity, "gsp::Sleep::free_velocity", model.nv);
-  make(s.force, "gsp::Sleep::force", model.nv);
-  make(s.ctrl_before, "gsp::Sleep::ctrl_before", model.nu);
-  make(s.act_before, "gsp::Sleep::act_before", model.na);
-  make(s.eq_before, "gsp::Sleep::eq_before", model.neq);
+  make(s.state.calm, "gsp::Sleep::calm", model.ntree);
+  make(s.state.qpos, "gsp::Sleep::qpos", model.nq);
+  make(s.state.qpos_low, "gsp::Sleep::qpos_low", model.nq);
+  make(s.state.free_velocity, "gsp::Sleep::free_velocity", model.nv);
+  make(s.state.force, "gsp::Sleep::force", model.nv);
+  make(s.state.ctrl_before, "gsp::Sleep::ctrl_before", model.nu);
+  make(s.state.act_before, "gsp::Sleep::act_before", model.na);
+  make(s.state.eq_before, "gsp::Sleep::eq_before", model.neq);
+  s.state.mocap_pos_before =
+      detail::allocate_zero<decltype(s.state.mocap_pos_before)>(exec, "gsp::Sleep::mocap_pos_before", n, model.nmocap, 3);
+  s.state.mocap_quat_before =
+      detail::allocate_zero<decltype(s.state.mocap_quat_before)>(exec, "gsp::Sleep::mocap_quat_before", n, model.nmocap, 4);
   make(s.islands.island, "gsp::Sleep::island", model.ntree);
   make(s.islands.stirred, "gsp::Sleep::stirred", model.ntree);
   make(s.islands.wakes, "gsp::Sleep::wakes", model.ntree);
+  s.islands.asleep = detail::allocate_zero<decltype(s.islands.asleep)>(exec, "gsp::Sleep::islands_asleep", n);
   make(s.qpos_before, "gsp::Sleep::qpos_before", model.nq);
   make(s.qpos_low_before, "gsp::Sleep::qpos_low_before", model.nq);
   make(s.still, "gsp::Sleep::still", model.ntree);
   s.contacts_before = decltype(s.contacts_before)(Kokkos::view_alloc("gsp::Sleep::contacts_before", Kokkos::SequentialHostInit));
   s.asleep = detail::allocate_zero<decltype(s.asleep)>(exec, "gsp::Sleep::asleep", n);
   s.policy = detail::to_device<decltype(s.policy)>(exec, "gsp::Sleep::policy", detail::sleep_policies(compiled));
+  s.hangs = detail::to_device<decltype(s.hangs)>(exec, "gsp::Sleep::hangs", detail::hang_on_mocap(compiled));
   s.dof_length = detail::to_device<decltype(s.dof_length)>(exec, "gsp::Sleep::dof_length", detail::dof_lengths<R>(compiled));
   return s;
 }
 
 /// The first half: which islands sleep in this step. Wakes those of worlds that were reset or whose eq_active was changed; of trees whose
-/// positions were changed, or to which a velocity, a force or another free velocity was given (gravity, wind, masses); and of trees with
-/// actuators where any control or activation of the world has changed. After smooth_dynamics, before collide and assemble, which wakes
-/// those that something touches. Does not allocate, does not fence.
+/// positions were changed, or to which a velocity, a force or another free velocity was given (gravity, wind, masses); of trees with
+/// actuators where any control or activation of the world has changed, and of all trees where a magnet that no tree moves may have; and of
+/// trees that hang on a mocap body, or of all where a tendon or an actuator reaches one, where a mocap body of the world has moved. After
+/// smooth_dynamics, before collide and assemble, which wakes those that something touches. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void wake_changed(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                   Sleep<R, Mem>& sleep) {

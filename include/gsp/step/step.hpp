@@ -11,6 +11,7 @@
 #include <gsp/dynamics/runge_kutta.hpp>
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp/model/model_refusals.hpp>
+#include <gsp/solver/impacts.hpp>
 #include <gsp/solver/newton.hpp>
 #include <gsp/solver/noslip.hpp>
 #include <gsp/solver/pgs.hpp>
@@ -60,6 +61,7 @@ struct SimulationOptions {
   int worlds = 1;
   std::optional<FrictionCone> cone = {};  // as the file says in profile mujoco, else elliptic
   std::optional<bool> sleep = {};         // islands that rest sleep (step/sleep.hpp); empty: as the file says (<flag sleep>), so not
+  bool impacts = false;                   // rows of your own may have a restitution; whether contacts have, the model says
 };
 
 /// How rows are solved for: each profile has its solver.
@@ -92,10 +94,13 @@ template <class R, class Mem>
 bool has_runge_kutta(Model<R, Mem> const& model) {
   return model.profile == Profile::mujoco && model.integrator == Integrator::rk4;
 }
-/// pgs in profile stable; Newton's method in profile mujoco, and noslip where the file asks for it.
+/// impacts and pgs in profile stable; Newton's method in profile mujoco, and noslip where the file asks for it.
 template <class Exec, class R, class Mem>
 void solve(Exec const& exec, Model<R, Mem> const& model, Simulation<R, Mem>& sim, LaunchOptions const& options, bool warm, bool ends_step) {
-  if (model.profile == Profile::stable) return pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress, options.solver);
+  if (model.profile == Profile::stable) {
+    impacts(exec, sim.progress, sim.rows, sim.impulses, sim.solution);
+    return pgs(exec, sim.rows, sim.impulses, sim.solution, sim.progress, options.solver);
+  }
   NewtonOptions own = options.newton;
   own.warm = own.warm && warm;
   own.ends_step = ends_step;
@@ -122,7 +127,7 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   sim.dynamics = make_dynamics(exec, model, {.worlds = n});
   sim.poses = make_poses(exec, model, {.worlds = n});
   sim.contacts = make_contacts(exec, sim.collision, {.worlds = n, .points_per_box_pair = stable ? 4 : 8});
-  sim.rows = make_rows(exec, model, {.worlds = n});
+  sim.rows = make_rows(exec, model, {.worlds = n, .impacts = options.impacts || sim.collision.bounces});
   sim.impulses = make_impulses(exec, sim.rows);
   sim.solution = make_solution(exec, model, {.worlds = n});
   sim.progress = make_progress(exec);
@@ -141,9 +146,9 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 /// step; `forward_kinematics` gives those of its end.
 /// @param more  of your own: constraint types (constraint_type.hpp), which act also where the model's constraints are disabled, and
 ///              actuator laws (dynamics/actuator_law.hpp)
-/// In profile mujoco rows are solved by Newton's method (solver/newton.hpp), and friction again by sim.noslip (solver/noslip.hpp), with RK4
-/// four times a step, from nothing each time, so that a repeated step is the same. Does not allocate, does not fence. Errors: laws without
-/// actuators.
+/// In profile stable what bounces is solved for first (solver/impacts.hpp). In profile mujoco rows are solved by Newton's method
+/// (solver/newton.hpp), and friction again by sim.noslip (solver/noslip.hpp), with RK4 four times a step, from nothing each time, so that a
+/// repeated step is the same. Does not allocate, does not fence. Errors: laws without actuators.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim,
                  LaunchOptions const& options = {}, More const&... more) {

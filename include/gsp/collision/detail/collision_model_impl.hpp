@@ -175,6 +175,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   std::vector<GeomContact<R>> contact;
   for (int i = 0; i < c.colliders; ++i) {
     int const g = order[i];
+    c.bounces = c.bounces || (m.geom_hard[g] != 0 && m.geom_restitution[g] > 0);
     geom.push_back(g);
     body.push_back(m.geom_body[g]);
     type.push_back(m.geom_type[g]);

@@ -27,7 +27,7 @@ struct PairSearch {
   View<int* [kept]> other;         // (worlds * movers) with whom, where they are no more
   View<int* [2]> found;            // (worlds * movers) pairs of a mover, and the most points that they give
   View<std::int64_t*> first_slot;  // (worlds * movers) of their points
-  void const* placed = nullptr;    // the model's numbers for which `seen` holds
+  Kokkos::View<R*, Mem> placed;    // the model's numbers for which `seen` holds: kept, so that no other model's come to lie there
 };
 
 /// The groups of movers (first = 0), or of what stands still.
@@ -252,8 +252,8 @@ void search_pairs(auto const& exec, CollisionModel<R, Mem> const& model, Poses<R
     if (shape.levels > 1) for_worlds("gsp::collision::join_levels", exec, int(worlds), JoinLevels<R>{shape, trees, where});
   };
   // Shapes and poses that worlds have of their own may change at any time, and so may those of another model.
-  bool const always = model.collider_pose.stride > 0 || model.collider_size.stride > 0 || s.placed != model.reals.data();
-  s.placed = model.reals.data();
+  bool const always = model.collider_pose.stride > 0 || model.collider_size.stride > 0 || s.placed.data() != model.reals.data();
+  s.placed = model.reals;
   PlaceColliders<R, Mem> const place{model, poses, bounds, status, lost};
   int const still_groups = model.groups - model.moving_groups;
   run("gsp::collision::place_colliders", worlds * model.moving_groups, PlaceGroups<R, Mem>{place, 0, model.moving_groups, s.moved.data()});

@@ -267,39 +267,46 @@ struct EmitRows {
         there[begin + i] = y[begin + i];
       }
     }
-    types.visit_type(row.type, [&](auto const& type) { most_yield(at) = set_law(type, w, r, gap, rate, free_rate, diagonal, row); });
+    types.visit_type(row.type, [&](auto const& type) { most_yield(at) = set_law(type, w, r, at, gap, rate, free_rate, diagonal, row); });
     rows.row(at) = row;
   }
   /// Law and bounds of a row. Returns what it may yield to its load (RowLaw).
   template <class Type>
-  KOKKOS_INLINE_FUNCTION R set_law(Type const& type, int w, int r, R gap, R rate, R free_rate, R diagonal, Row<R>& row) const {
+  KOKKOS_INLINE_FUNCTION R set_law(Type const& type, int w, int r, int at, R gap, R rate, R free_rate, R diagonal, Row<R>& row) const {
     int const k = row.element;
     auto const bounds = type.bounds(w, k, r);
     RowLaw<R> law = row_law(type, w, k, r, gap, rate, model.timestep);
-    bool const is_law = is_finite(law.zeta) && is_finite(law.compliance) && law.compliance >= R(0);
+    bool const bounces =
+        law.restitution > R(0) && law.restitution <= R(1) && law.compliance == R(0) && bounds.pushes_alone() && rows.impact.data();
+    bool const is_law = is_finite(law.zeta) && is_finite(law.compliance) && law.compliance >= R(0) && (bounces || law.restitution == R(0));
     if (!is_law && is_finite(gap) && is_finite(rate)) {  // of a state that is none it need not be one
       Kokkos::atomic_or(&state.status(w), std::uint32_t(status::row_refused));
       law.compliance = R(0);
       law.zeta = free_rate;
+      law.restitution = R(0);
     }
     row.bias = free_rate - law.zeta;
     row.compliance = law.compliance;
-    row.inverse_diagonal = diagonal > R(0) ? R(1) / (diagonal + law.compliance) : R(0);
+    // What nothing can move bears what its softness makes of its gap, p = -b / C; rigid, or without a dof, it bears nothing.
+    R const size = row.segment[0].count > 0 ? diagonal + law.compliance : R(0);
+    row.inverse_diagonal = size > R(0) ? R(1) / size : R(0);
     row.friction_of = static_cast<signed char>(bounds.friction_of);
     row.lower = R(bounds.lower);
     row.upper = R(bounds.upper);
     row.mu = bounds.friction_of < 0 ? R(-1) : R(bounds.mu);
     row.with_next = bounds.with_next;
     row.dry = bounds.dry;
-    if (row.inverse_diagonal == R(0)) {  // nothing that it touches can move
-      // In profile mujoco it bears what its softness makes of its gap, and friction with it.
-      if (model.profile == Profile::stable || law.compliance == R(0)) row.bias = R(0);
+    if (rows.impact.data()) rows.impact(at) = RowImpact<R>{diagonal > R(0) ? law.restitution : R(0), rate, law.zeta, R(0)};
+    if (row.inverse_diagonal == R(0)) {
+      row.bias = R(0);
       if (model.profile == Profile::stable) {
         row.friction_of = -1;
         row.mu = R(-1);
       }
       if (model.profile == Profile::stable || !(row.lower <= R(0) && row.upper >= R(0))) row.lower = row.upper = R(0);
     }
+    // What cannot sink in carries the same however hard it is, or more.
+    if (!(diagonal > Kokkos::Experimental::epsilon_v<R> * law.compliance)) return Kokkos::Experimental::infinity_v<R>;
     return law.most_yield;
   }
   /// Of an element whose island sleeps: who it is, and the impulses that it fell asleep with.

@@ -42,10 +42,10 @@ KOKKOS_INLINE_FUNCTION void visit_trees(Model<R, Mem> const& model, Type const& 
   for (int r = 0; r < n; ++r) type.jacobian(w, k, r, visitor);
 }
 
-/// Whether element k, which has rows, is of an island that sleeps. Before WakeIslands it may be one that is to be woken.
+/// Whether element k, which has rows, is of an island that sleeps. After WakeIslands, which counts who does.
 template <class R, class Mem, class Type>
 KOKKOS_INLINE_FUNCTION bool lies_still(Model<R, Mem> const& model, SleepingIslands<Mem> const& sleeping, Type const& type, int w, int k) {
-  if (!rests<Type>() || !sleeping.any()) return false;
+  if (!rests<Type>() || !sleeping.any() || sleeping.asleep(w) == 0) return false;
   bool still = false;
   visit_trees(model, type, w, k, [&](int t) { still = still || (t >= 0 && sleeping.island(w, t) >= 0); });
   return still;
@@ -63,7 +63,7 @@ struct WakeIslands {
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank, ntree = model.ntree;
     world.each(ntree, [&](int t) { sleeping.stirred(w, t) = 0; });
-    int asleep = world.template sum<int>(ntree, [&](int t) { return int(sleeping.island(w, t) >= 0); });
+    int const asleep = count_sleepers(world);
     if (asleep == 0 && all_rest && model.nmocap == 0) return;
     types.prepare(world);
     world.sync();
@@ -103,6 +103,16 @@ struct WakeIslands {
       });
       world.sync();
     }
+    if (asleep > 0) count_sleepers(world);
+  }
+
+ private:
+  template <class World>
+  KOKKOS_INLINE_FUNCTION int count_sleepers(World const& world) const {
+    int const w = world.rank;
+    int const asleep = world.template sum<int>(model.ntree, [&](int t) { return int(sleeping.island(w, t) >= 0); });
+    world.single([&] { sleeping.asleep(w) = asleep; });
+    return asleep;
   }
 };
 

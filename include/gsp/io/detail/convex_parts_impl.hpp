@@ -59,6 +59,10 @@ inline Library find_library(std::string const& what) {
     function = reinterpret_cast<std::decay_t<decltype(function)>>(dlsym(handle, name));
     if (function == nullptr) fail(what, "", "is to be taken apart by " + path + ", which has no " + name + "; use that of CoACD 1.0.14");
   };
+  // The C functions say nothing of what they take; the C++ function does, with std::string of before C++11 or of today.
+  if (dlsym(handle, "_ZN5coacd5CoACDERKNS_4MeshEdiSsiiiiibbbibdSsjb") == nullptr &&
+      dlsym(handle, "_ZN5coacd5CoACDERKNS_4MeshEdiNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEEiiiiibbbibdS8_jb") == nullptr)
+    fail(what, "", "is to be taken apart by " + path + ", which is of another version; use that of CoACD 1.0.14");
   Library library{};
   find(library.run, "CoACD_run");
   find(library.free, "CoACD_freeMeshArray");
@@ -153,8 +157,13 @@ inline Parts compute(MeshDescription const& mesh, std::string const& what, Conve
   library.set_log_level("error");
   Mesh const input{vertices.data(), mesh.vertices.size(), triangles.data(), mesh.faces.size()};
   // The library's own defaults, but the seed: said here, as they are part of what the cache keeps.
-  Meshes const found = library.run(&input, options.threshold, options.most_parts, 0, 50, 2000, 20, 150, 3, false, true, false, 256, false,
-                                   0.01, 0, 1, false);
+  Meshes found{};
+  try {
+    found = library.run(&input, options.threshold, options.most_parts, 0, 50, 2000, 20, 150, 3, false, true, false, 256, false, 0.01, 0, 1,
+                        false);
+  } catch (std::exception const& e) {
+    fail(what, "", std::string("cannot be taken apart by CoACD (") + e.what() + "); mend the mesh or give it contype and conaffinity 0");
+  } catch (...) { fail(what, "", "cannot be taken apart by CoACD; mend the mesh or give it contype and conaffinity 0"); }
   Parts parts;
   for (std::uint64_t i = 0; i < found.count; ++i) {
     Mesh const& m = found.meshes[i];
@@ -232,11 +241,19 @@ GSP_INLINE std::vector<MeshDescription> convex_parts(MeshDescription const& mesh
 }
 
 GSP_INLINE void split_into_convex_parts(Description& description, ConvexPartsOptions const& options) {
-  std::set<std::string> paired, names;
+  std::set<std::string> paired, names;  // of geoms
+  for (auto const& body : description.bodies)
+    for (auto const& g : body.geoms) names.insert(g.name);
   for (auto const& pair : description.pairs) {
     paired.insert(pair.geom1);
     paired.insert(pair.geom2);
   }
+  auto const place_of = [&](Place const& place) {
+    bool const has_file = place.file >= 0 && place.file < int(description.files.size());
+    return has_file                   ? description.files[std::size_t(place.file)] + ":" + std::to_string(place.line) + ": "
+           : description.name.empty() ? std::string("model: ")
+                                      : description.name + ": ";
+  };
   std::map<std::string, std::size_t> mesh_of;
   for (std::size_t i = 0; i < description.meshes.size(); ++i) mesh_of[description.meshes[i].name] = i;
   std::map<std::string, std::vector<std::string>> parts_of, geoms_of;  // by mesh: names of meshes; by geom: of geoms
@@ -245,11 +262,7 @@ GSP_INLINE void split_into_convex_parts(Description& description, ConvexPartsOpt
     auto const found = mesh_of.find(name);
     if (!is_new || found == mesh_of.end()) return known->second;
     MeshDescription const mesh = description.meshes[found->second];
-    bool const has_file = mesh.place.file >= 0 && mesh.place.file < int(description.files.size());
-    auto const place = has_file ? description.files[std::size_t(mesh.place.file)] + ":" + std::to_string(mesh.place.line) + ": "
-                       : description.name.empty() ? std::string("model: ")
-                                                  : description.name + ": ";
-    auto const what = place + "mesh '" + name + "'";
+    auto const what = place_of(mesh.place) + "mesh '" + name + "'";
     if (!detail::coacd::is_concave(mesh, what, 0.01)) return known->second;
     for (auto& part : convex_parts(mesh, what, options)) {
       if (mesh_of.count(part.name)) detail::fail(what, "", "has parts, and a mesh is called '" + part.name + "' already; rename that one");
@@ -267,6 +280,9 @@ GSP_INLINE void split_into_convex_parts(Description& description, ConvexPartsOpt
       for (std::size_t i = 0; i < parts.size(); ++i) {
         auto part = g;
         part.name = g.name.empty() ? "" : g.name + ".part" + std::to_string(i);
+        if (!part.name.empty() && names.count(part.name))
+          detail::fail(place_of(g.place) + "geom '" + g.name + "'", "",
+                       "is taken apart, and a geom is called '" + part.name + "' already; rename that one");
         part.mesh = parts[i];
         part.group = 3;
         part.has_mass = true;

@@ -160,6 +160,8 @@ inline void read_geom(Document& doc, Node const& node, BodyDraft& to, Pose const
     without_shape(doc, node, g, to, lost->second);
     return;
   }
+  if (g.type == ShapeType::plane && !(g.size[2] > 0))
+    a.fail("size", "has no positive third number, as a plane's must be (the spacing of its grid lines); write size=\"0 0 1\"");
   set_pose(g, frame * shape_pose(doc, a, g.type, g.size));
   to.body.geoms.push_back(std::move(g));
 }

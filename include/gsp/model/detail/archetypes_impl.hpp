@@ -11,11 +11,6 @@ namespace gsp {
 
 namespace detail {
 
-/// Trees that are taken as one: consecutive, first .. last.
-struct TreeGroup {
-  int first, last;
-};
-
 GSP_INLINE std::vector<int> mocap_roots(CompiledModel const& m) {
   std::vector<int> root(m.nbody, -1);
   for (int b = 1; b < m.nbody; ++b)
@@ -26,14 +21,12 @@ GSP_INLINE std::vector<int> mocap_roots(CompiledModel const& m) {
   return root;
 }
 
-/// Trees that each tendon and actuator reaches.
-struct Couplings {
-  std::vector<std::vector<int>> tendon, actuator;
-};
-inline Couplings find_couplings(CompiledModel const& m) {
+GSP_INLINE Couplings find_couplings(CompiledModel const& m) {
   Couplings c;
+  auto const mocap_root = mocap_roots(m);
   auto const add_body = [&](std::vector<int>& list, int body) {
     if (m.body_tree[body] >= 0) list.push_back(m.body_tree[body]);
+    c.on_mocap = c.on_mocap || mocap_root[body] >= 0;
   };
   for (int t = 0; t < m.ntendon; ++t) {
     std::vector<int> list;
@@ -73,7 +66,7 @@ inline Couplings find_couplings(CompiledModel const& m) {
   return c;
 }
 
-inline std::vector<TreeGroup> group_trees(CompiledModel const& m, Couplings const& c) {
+GSP_INLINE std::vector<TreeGroup> group_trees(CompiledModel const& m, Couplings const& c) {
   std::vector<int> last(m.ntree);
   for (int t = 0; t < m.ntree; ++t) last[t] = t;
   for (auto const* lists : {&c.tendon, &c.actuator})

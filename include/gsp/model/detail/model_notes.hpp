@@ -34,13 +34,14 @@ class ModelNotes {
     return text;
   }
 
-  // One end of a connect or weld: its frame in that of the body whose joints move it.
+  bool is_mocap(int body) const { return !m_.body_mocap.empty() && m_.body_mocap[body] >= 0; }
+  // One end of a connect or weld: its frame in that of the body whose joints, or whose user, move it.
   struct End {
     int mover = 0;
     Pose at;
   };
   End carried(int body, Pose at) const {
-    while (body > 0 && m_.body_dofnum[body] == 0) {
+    while (body > 0 && m_.body_dofnum[body] == 0 && !is_mocap(body)) {
       at = Pose{m_.body_pos[body], m_.body_quat[body]} * at;
       body = m_.body_parent[body];
     }
@@ -80,10 +81,11 @@ class ModelNotes {
       return;
     }
     End const one = end(k, 0), two = end(k, 1);
-    if (one.mover == two.mover)
+    auto const given = [&](End const& end) { return end.mover == 0 || is_mocap(end.mover); };
+    if (one.mover == two.mover || (given(one) && given(two)))
       return note(place, Kind::no_effect,
                   what + "joins " + name_of(m_.eq_id1[k], m_.eq_sites[k]) + " and " + name_of(m_.eq_id2[k], m_.eq_sites[k]) +
-                      ", which do not move against each other");
+                      (one.mover == two.mover ? ", which do not move against each other" : ", which no joint moves"));
     for (int other = 0; other < k; ++other)
       if (m_.eq_active[other] && m_.eq_type[other] <= int(EqualityType::weld) && apart(k, one, two, other)) contradicts(other);
     if (double const gap = least_gap(one, two); gap > 0)
@@ -139,7 +141,7 @@ class ModelNotes {
       End const& from = which == 0 ? one : two;
       Double3 at = from.at.p;
       for (int b = from.mover; b != meet; b = m_.body_parent[b]) {
-        if (!m_.body_mocap.empty() && m_.body_mocap[b] >= 0) return 0;  // wherever the user puts it
+        if (is_mocap(b)) return 0;  // wherever the user puts it
         for (int j = m_.body_jntadr[b] + m_.body_jntnum[b] - 1; j >= m_.body_jntadr[b] && j >= 0; --j) {
           auto const type = JointType(m_.jnt_type[j]);
           if (type == JointType::free || (type == JointType::slide && !m_.jnt_limited[j])) return 0;

@@ -10,15 +10,20 @@
 /// host's stack before each launch.
 namespace gsp::detail {
 
-/// launch(stream) between the calls that Kokkos' tools expect of a parallel_for. Errors: gsp::Error with CUDA's sentence.
+inline void cuda_expects(cudaError_t code, std::string const& what) {
+  if (code != cudaSuccess) throw Error(what + ": " + cudaGetErrorString(code));
+}
+
+/// launch(stream) on the instance's device, which need not be the calling thread's, between the calls that Kokkos' tools expect of a
+/// parallel_for. Errors: gsp::Error with CUDA's sentence.
 template <class Exec, class Launch>
 void launch_on_cuda(std::string const& label, Exec const& exec, Launch const& launch) {
   std::uint64_t id = 0;
   bool const tools = Kokkos::Tools::profileLibraryLoaded();
   if (tools) Kokkos::Tools::beginParallelFor(label, Kokkos::Tools::Experimental::device_id(exec), &id);
+  cuda_expects(cudaSetDevice(exec.cuda_device()), label);
   launch(exec.cuda_stream());
-  cudaError_t const error = cudaGetLastError();
-  if (error != cudaSuccess) throw Error(label + ": " + cudaGetErrorString(error));
+  cuda_expects(cudaGetLastError(), label);
   if (tools) Kokkos::Tools::endParallelFor(id);
 }
 

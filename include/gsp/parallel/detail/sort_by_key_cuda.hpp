@@ -2,8 +2,7 @@
 #include <Kokkos_Core.hpp>
 #include <cstdint>
 #include <cub/device/device_radix_sort.cuh>
-#include <gsp/core/check.hpp>
-#include <string>
+#include <gsp/parallel/detail/launch_cuda.hpp>
 #include <utility>
 
 namespace gsp {
@@ -13,10 +12,6 @@ struct SortScratch;
 
 /// sort_by_key on CUDA by CUB's radix sort (stable), on the instance's stream.
 namespace gsp::detail {
-
-inline void cuda_expects(cudaError_t code, char const* what) {
-  if (code != cudaSuccess) throw Error(std::string(what) + ": " + cudaGetErrorString(code));
-}
 
 /// Bytes of scratch that any sort of up to n keys needs.
 template <class Key>
@@ -31,6 +26,7 @@ std::size_t cuda_sort_bytes(std::int64_t n) {
 template <class Key, class Mem>
 void cuda_sort(Kokkos::Cuda const& exec, Kokkos::View<Key*, Mem>& keys, Kokkos::View<int*, Mem>& values, SortScratch<Key, Mem>& scratch,
                int bits) {
+  cuda_expects(cudaSetDevice(exec.cuda_device()), "gsp::sort_by_key");
   cub::DoubleBuffer<Key> k(keys.data(), scratch.keys.data());
   cub::DoubleBuffer<int> v(values.data(), scratch.values.data());
   std::size_t bytes = scratch.temporary.extent(0);

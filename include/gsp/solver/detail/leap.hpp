@@ -8,8 +8,9 @@
 namespace gsp::detail {
 
 // A leap goes on for so many sweeps at most, and grows p by so much along itself at most; it keeps half of p, since what bounds and
-// friction say is left to the next sweep.
-inline constexpr double leap_most_sweeps = 10000, leap_most_growth = 1000, leap_most_shrinking = 0.5;
+// friction say is left to the next sweep. What is wedged presses against itself, and such a p does not leap: where sum |Y_r p_r|^2 is more
+// than 100,000 times |Y^T p|^2 (a weight of 10,000 on a light body: 20,000 times).
+inline constexpr double leap_most_sweeps = 10000, leap_most_growth = 1000, leap_most_shrinking = 0.5, leap_most_stress = 1e5;
 inline constexpr int leap_from = 16, leap_every = 4;  // sweeps: before the first one, and from one to the next
 
 /// Whether a leap follows on sweep number `sweep` (from 0): then p and z before it are kept.
@@ -22,19 +23,25 @@ KOKKOS_INLINE_FUNCTION bool leap_helped(R change, R change_before) {
   return change <= R(0.5) * change_before;
 }
 
+/// A leap that has changed the energy by less than this share of its parts has done nothing that R can tell from its own rounding.
+template <class R>
+inline constexpr R leap_noise = R(512) * Kokkos::Experimental::epsilon_v<R>;
+
 /// Sums over dofs and rows of a world.
 ///   energy  E(p) = 1/2 (z.z + p.Cp) + b.p,   z = Y^T p
-///   pp = z.z + p.Cp,   pd, dd: the same of p and d, and of d alone,   bp = b.p,   bd = b.d
+///   pp = z.z + p.Cp,   pd, dd: the same of p and d, and of d alone,   bp = b.p,   bd = b.d,   yy = sum p_r^2 (|Y_r|^2 + C_r)
 template <class T>
 struct LeapSums {
-  T pp, pd, dd, bp, bd;
+  T pp, pd, dd, bp, bd, yy;
   KOKKOS_INLINE_FUNCTION void add_dof(T const& z, T const& dz) {
     pp = fma(z, z, pp);
     pd = fma(z, dz, pd);
     dd = fma(dz, dz, dd);
   }
-  KOKKOS_INLINE_FUNCTION void add_row(T const& p, T const& d, T const& compliance, T const& bias) {
-    T const cp = compliance * p, cd = compliance * d;
+  KOKKOS_INLINE_FUNCTION void add_row(T const& p, T const& d, T const& compliance, T const& bias, T const& inverse_diagonal) {
+    T const zero(0.0f), one(1.0f), cp = compliance * p, cd = compliance * d;
+    auto const movable = inverse_diagonal > zero;
+    yy = fma(p, select(movable, p / select(movable, inverse_diagonal, one), zero), yy);
     pp = fma(cp, p, pp);
     pd = fma(cp, d, pd);
     dd = fma(cd, d, dd);
@@ -42,6 +49,23 @@ struct LeapSums {
     bd = fma(bias, d, bd);
   }
 };
+/// E of an iterate, and the size of the parts that cancel in it.
+template <class T>
+struct LeapEnergy {
+  T value, size;
+};
+template <class T>
+KOKKOS_INLINE_FUNCTION LeapEnergy<T> leap_energy(LeapSums<T> const& s) {
+  T const half(0.5f);
+  return {fma(half, s.pp, s.bp), fma(half, s.pp, abs(s.bp))};
+}
+/// Near rest p - p_before is little more than the rounding of p, and a leap along it, up to 10,000 times as far, throws what holds still
+/// off: sweeps change rates by more than before it, and the energy is where it was. Such a leap is taken back, and its world leaps no more
+/// in this step.
+template <class R>
+KOKKOS_INLINE_FUNCTION bool leap_was_noise(R energy, LeapEnergy<R> const& before) {
+  return abs(energy - before.value) < leap_noise<R> * before.size;
+}
 /// p <- p + growth p + sweeps d, and z likewise.
 template <class T>
 struct Leap {
@@ -61,6 +85,9 @@ KOKKOS_INLINE_FUNCTION Leap<T> best_leap(LeapSums<T> const& s) {
   T sweeps = select(plane, (s.pd * p - s.pp * d) * inverse, zero);
   auto const back = sweeps < zero;
   growth = select(back, -p / select(some, s.pp, one), growth);
+  auto const wedged = s.yy > T(R(leap_most_stress)) * s.pp;
+  growth = select(wedged, zero, growth);
+  sweeps = select(wedged, zero, sweeps);
   return {select(some, clamp(growth, T(R(-leap_most_shrinking)), T(R(leap_most_growth))), zero),
           select(some, clamp(sweeps, zero, T(R(leap_most_sweeps))), zero)};
 }

@@ -6,6 +6,16 @@
 #include <gsp/solver/solution.hpp>
 
 /// The kernel of `newton` (solver/newton.hpp): a thread or a warp a world.
+namespace gsp {
+
+/// The least compliance of a row: this share of the sum, over the dofs of its entries, of the largest Y^2 that any row has there. What is
+/// rigid (a type of a user's own), or of leverage too small to tell from none, is this soft: rows between which a dof cannot choose
+/// weigh by Y^2, as in MuJoCo, whose least is 1e-15 for all.
+template <class R>
+inline constexpr R least_softness = R(sizeof(R) == 4 ? 1e-7 : 1e-10);
+
+}  // namespace gsp
+
 namespace gsp::detail {
 
 // A world whose decrement no longer falls, near what it should be, so often: rounding alone is left.
@@ -13,8 +23,9 @@ inline constexpr double newton_near = 1e6;  // of the square of a step: a thousa
 inline constexpr int newton_most_stalls = 3;
 // The line is searched until its slope is this share of that at its start: a closer search costs more than the next iteration gains.
 inline constexpr double newton_slope = 0.01;
-inline constexpr int newton_most_secants = 40;  // each halves the bracket at least every other time: the digits of a double
-inline constexpr double newton_widen = 4;       // by how much the line is followed while it still falls
+inline constexpr int newton_most_secants = 40;     // each halves the bracket at least every other time: the digits of a double
+inline constexpr double newton_widen = 4;          // by how much the line is followed while it still falls
+inline constexpr double least_compliance = 1e-15;  // of a row that nothing can move
 
 /// Lower triangle by columns, and the direction.
 inline std::int64_t newton_work(int nv) { return std::int64_t(nv) * (nv + 1) / 2 + nv; }
@@ -28,7 +39,7 @@ struct NewtonWorld {
   Impulses<R, Mem> impulses;
   Solution<R, Mem> solution;
   Progress<Mem> progress;
-  View<R*> rate, rate_change, work;
+  View<R*> rate, rate_change, least, work;
   std::int64_t stride;
   int iterations;
   R tolerance;
@@ -48,12 +59,13 @@ struct NewtonWorld {
     }
     if (id == 0) world.single([&] { impulses.solved() = 1; });
     int const first = rows.first(id), count = rows.count(id), nv = rows.nv;
-    Lists const l{&rows.row(first), &rows.element_rows(first), first, count};
+    Lists const l{&rows.row(first), &rows.element_rows(first), least.data() + first, first, count};
     R* const z = solution.z.data() + std::int64_t(id) * nv;
     R* const p = impulses.p[impulses.parity()].data() + first;
     R* const w = rate.data() + first;
     R* const change = rate_change.data() + first;
     R* const d = H + std::int64_t(nv) * (nv + 1) / 2;
+    set_least(world, l, d);
     start(world, l, z, w, p);
     int iteration = 0, stalls = 0;
     R best = Kokkos::Experimental::infinity_v<R>;
@@ -81,7 +93,7 @@ struct NewtonWorld {
       if (last) break;
       ++iteration;
     }
-    finish(world, l, z, w, p, iteration);
+    finish(world, l, w, p, d, iteration);
   }
 
  private:
@@ -89,8 +101,31 @@ struct NewtonWorld {
   struct Lists {
     Row<R> const* row;
     signed char const* element_rows;
+    R* least;
     int first, count;
   };
+
+  /// The least compliance of each row (least_softness). @param most  room: the largest Y^2 on each dof
+  template <class World>
+  KOKKOS_FUNCTION void set_least(World const& world, Lists const& l, R* most) const {
+    world.each(rows.nv, [&](int i) { most[i] = R(0); });
+    for (int r = 0; r < l.count; ++r) {
+      Row<R> const& row = l.row[r];
+      world.sync();
+      world.each(row.segment[0].count + row.segment[1].count, [&](int i) {
+        R& on_dof = most[dof_of(row, i)];
+        on_dof = max(on_dof, square(rows.Y(row.first_entry + i)));
+      });
+    }
+    world.sync();
+    world.each(l.count, [&](int r) {
+      Row<R> const& row = l.row[r];
+      R sum(0);
+      for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) sum += most[dof_of(row, i)];
+      l.least[r] = max(least_softness<R> * sum, R(least_compliance));
+    });
+    world.sync();
+  }
 
   /// z = Y^T p of the impulses given, or 0 where that costs less; w = Y z + b
   template <class World>
@@ -110,14 +145,17 @@ struct NewtonWorld {
     world.each(l.count, [&](int r) { w[r] = l.row[r].bias; });
     world.sync();
   }
-  /// p(w), z = Y^T p and what is said of the world.
+  /// p(w) and what is said of the world. z stays what it is: in Y^T p what stiff rows bear against each other leaves |Y w / C| epsilon,
+  /// which H has divided by Y^2 / C in z.
+  /// @param sum  room: Y^T p
   template <class World>
-  KOKKOS_FUNCTION void finish(World const& world, Lists const& l, R* z, R* w, R* p, int iteration) const {
+  KOKKOS_FUNCTION void finish(World const& world, Lists const& l, R* w, R* p, R* sum, int iteration) const {
     set_impulses(world, l, w, p);
-    sum_rows(world, rows, l.first, l.count, z, p);
     R worst(0);
-    if (residual)
-      for (int r = 0; r < l.count; ++r) worst = max(worst, abs(dot_row(SerialWorld{0}, rows, l.row[r], z) + l.row[r].bias - w[r]));
+    if (residual) {
+      sum_rows(world, rows, l.first, l.count, sum, p);
+      for (int r = 0; r < l.count; ++r) worst = max(worst, abs(dot_row(SerialWorld{0}, rows, l.row[r], sum) + l.row[r].bias - w[r]));
+    }
     world.single([&] {
       solution.iterations(world.rank) = iteration;
       solution.residual(world.rank) = residual ? worst : Kokkos::Experimental::quiet_NaN_v<R>;
@@ -128,7 +166,7 @@ struct NewtonWorld {
   template <class World, class F>
   KOKKOS_INLINE_FUNCTION void each_element(World const& world, Lists const& l, F const& f) const {
     world.each(l.count, [&](int r) {
-      if (int const n = l.element_rows[r]; n > 0) f(soft_element(l.row + r, n), r);
+      if (int const n = l.element_rows[r]; n > 0) f(soft_element(l.row + r, n, l.least + r), r);
     });
     world.sync();
   }
@@ -141,7 +179,7 @@ struct NewtonWorld {
     return world.template sum<R>(l.count, [&](int r) {
       int const n = l.element_rows[r];
       if (n == 0) return R(0);
-      SoftElement<R> const e = soft_element(l.row + r, n);
+      SoftElement<R> const e = soft_element(l.row + r, n, l.least + r);
       R p[N];
       soft_impulses(e, w + r, p);
       return soft_cost(e, w + r, p);
@@ -161,7 +199,7 @@ struct NewtonWorld {
         if (n == 0) return R(0);
         R at[N], p[N], sum(0);
         for (int b = 0; b < n; ++b) at[b] = fma(alpha, change[r + b], w[r + b]);
-        soft_impulses(soft_element(l.row + r, n), at, p);
+        soft_impulses(soft_element(l.row + r, n, l.least + r), at, p);
         for (int b = 0; b < n; ++b) sum = fma(p[b], change[r + b], sum);
         return sum;
       });
@@ -199,7 +237,7 @@ struct NewtonWorld {
     for (int r = 0, n; r < l.count; r += n) {
       n = l.element_rows[r];
       R B[N][N];
-      if (!soft_curvature(soft_element(l.row + r, n), w + r, B)) continue;
+      if (!soft_curvature(soft_element(l.row + r, n, l.least + r), w + r, B)) continue;
       if (n == 1 || l.row[r].same_segments)
         add_element(world, l.row + r, n, B, H);
       else
@@ -245,12 +283,13 @@ struct NewtonWorld {
       }
   }
 
-  /// H <- L with L L^T = H, columns that do not meet left out.
+  /// H <- L with L L^T = H, columns that do not meet left out. H is 1 and what is positive semidefinite, so that no pivot is less than 1
+  /// but by rounding, of which stiff rows that are nearly parallel leave more than that.
   template <class World>
   KOKKOS_FUNCTION void factor(World const& world, R* H, int nv) const {
     for (int k = 0; k < nv; ++k) {
       R* const column = column_of(H, nv, k);
-      R const root = sqrt(column[k]), inverse = R(1) / root;
+      R const root = sqrt(max(column[k], R(1))), inverse = R(1) / root;
       world.sync();
       world.each(nv - k, [&](int i) { column[k + i] = i == 0 ? root : column[k + i] * inverse; });
       world.sync();

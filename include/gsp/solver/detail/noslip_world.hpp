@@ -74,15 +74,13 @@ struct NoslipWorld {
     for (int sweep = 0; sweep < iterations; ++sweep) {
       for (int r = 0, n; r < count; r += n) {
         n = rows.element_rows(first + r);
-        for (int b = r, end = r + n; b < end; ++b) {
-          if (!row[b].dry) continue;
-          if (!is_no_bound(row[b].upper)) {
-            gain += stick(world, row[b], p + b, z);
-          } else if (n == 1 && r + 1 < count && row[r + 1].dry && has_segments_of(row[r], row[r + 1])) {
-            gain += stick_edges(world, row + r, p + r, z);
-            n = 2;
-          }
+        if (n == 1 && r + 1 < count && is_edge(row[r]) && row[r + 1].dry && has_segments_of(row[r], row[r + 1])) {
+          gain += stick_edges(world, row + r, p + r, z);
+          n = 2;
+          continue;
         }
+        for (int b = r; b < r + n; ++b)
+          if (row[b].dry && !is_edge(row[b])) gain += stick(world, row[b], p + b, z);
         for (int a = 0; a < n; ++a)
           if (row[r + a].friction_of < 0) gain += stick_in_cone(world, row + r, n, a, p + r, z);
       }
@@ -92,6 +90,8 @@ struct NoslipWorld {
   }
 
  private:
+  /// Of a pyramid: it pushes alone.
+  KOKKOS_INLINE_FUNCTION static bool is_edge(Row<R> const& row) { return row.dry && is_no_bound(row.upper); }
   template <class World>
   KOKKOS_INLINE_FUNCTION R rate(World const& world, Row<R> const& row, R const* z) const {
     return dot_row(world, rows, row, z) + row.bias;

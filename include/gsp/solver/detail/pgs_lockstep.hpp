@@ -73,11 +73,15 @@ struct PgsLockstep {
     int sweeps[W] = {};
     Mask<R, W> active;
     for (int l = 0; l < W; ++l) active.set(l, count[l] > 0);
-    Mask<R, W> leaping = active;
-    T before_leap(Kokkos::Experimental::infinity_v<R>);
+    Mask<R, W> leaping = active, leapt = zero > one;
+    T change = zero, before_leap(Kokkos::Experimental::infinity_v<R>);
+    LeapEnergy<T> energy{zero, zero};
     for (int sweep = 0; sweep < options.iterations && any(active); ++sweep) {
-      T change = zero;
-      if (leaps_after(sweep)) keep(block, blocks, z, z_before);
+      if (leaps_after(sweep)) {
+        take_back(block, blocks, z, z_before, leapt, leaping, active, change > before_leap, energy);
+        keep(block, blocks, z, z_before);
+      }
+      change = zero;
       for (int q = 0; q < blocks; ++q) {
         Block& k = block[q];
         T w[B], d[B], p[B];
@@ -102,7 +106,8 @@ struct PgsLockstep {
       if (leaps_after(sweep) && sweep + 1 < options.iterations) {
         for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leap_helped(change[l], before_leap[l]));
         before_leap = change;
-        if (any(leaping)) leap(block, blocks, z, z_before, leaping);
+        leapt = leaping;
+        if (any(leaping)) energy = leap(block, blocks, z, z_before, leaping);
       }
     }
     T worst = zero;
@@ -138,25 +143,48 @@ struct PgsLockstep {
     for (int q = 0; q < blocks; ++q)
       for (int b = 0; b < B; ++b) block[q].before[b] = block[q].p[b];
   }
-  /// Leaves p and z of the active worlds where the energy is least (leap.hpp).
-  void leap(Block* block, int blocks, T* z, T* z_before, Mask<R, W> const& active) const {
+  LeapSums<T> leap_sums(Block const* block, int blocks, T const* z, T const* z_before) const {
     T const zero(R(0));
-    LeapSums<T> s{zero, zero, zero, zero, zero};
+    LeapSums<T> s{zero, zero, zero, zero, zero, zero};
     for (int i = 0; i < rows.nv; ++i) s.add_dof(z[i], z[i] - z_before[i]);
     for (int q = 0; q < blocks; ++q)
-      for (int b = 0; b < B; ++b) s.add_row(block[q].p[b], block[q].p[b] - block[q].before[b], block[q].compliance[b], block[q].bias[b]);
-    Leap<T> to = best_leap<R>(s);
-    to.growth = select(active, to.growth, zero);
-    to.sweeps = select(active, to.sweeps, zero);
-    for (int i = 0; i < (rows.nv + 3) / 4 * 4; ++i) z_before[i] = zero;
-    for (int q = 0; q < blocks; ++q) {
       for (int b = 0; b < B; ++b) {
-        T const p = block[q].p[b];
-        block[q].p[b] = select(active, p + fma(to.growth, p, to.sweeps * (p - block[q].before[b])), p);
+        Block const& k = block[q];
+        s.add_row(k.p[b], k.p[b] - k.before[b], k.compliance[b], k.bias[b], k.law.inverse_diagonal[b]);
       }
+    return s;
+  }
+  /// Leaves p and z of some worlds where the energy is least (leap.hpp). Returns what it was.
+  LeapEnergy<T> leap(Block* block, int blocks, T* z, T* z_before, Mask<R, W> const& worlds) const {
+    LeapSums<T> const s = leap_sums(block, blocks, z, z_before);
+    Leap<T> const to = best_leap<R>(s);
+    set_impulses(block, blocks, z, z_before, worlds,
+                 [&](T const& p, T const& before) { return p + fma(to.growth, p, to.sweeps * (p - before)); });
+    return leap_energy(s);
+  }
+  /// Takes back the last leap of the worlds where it was noise (leap.hpp), which leap no more.
+  /// @param worse  the sweeps after it change rates by more than those before it
+  void take_back(Block* block, int blocks, T* z, T* z_before, Mask<R, W> const& leapt, Mask<R, W>& leaping, Mask<R, W> const& active,
+                 Mask<R, W> const& worse, LeapEnergy<T> const& energy) const {
+    Mask<R, W> back = leapt;
+    for (int l = 0; l < W; ++l) back.set(l, leapt[l] && active[l] && worse[l]);
+    if (!any(back)) return;
+    T const now = leap_energy(leap_sums(block, blocks, z, z_before)).value;
+    for (int l = 0; l < W; ++l) {
+      back.set(l, back[l] && leap_was_noise<R>(now[l], {energy.value[l], energy.size[l]}));
+      leaping.set(l, leaping[l] && !back[l]);
+    }
+    if (any(back)) set_impulses(block, blocks, z, z_before, back, [](T const&, T const& before) { return before; });
+  }
+  /// p <- f(p, p before the last sweep that was kept), and z = Y^T p, of some worlds. z_before is lost.
+  template <class F>
+  void set_impulses(Block* block, int blocks, T* z, T* z_before, Mask<R, W> const& worlds, F const& f) const {
+    for (int i = 0; i < (rows.nv + 3) / 4 * 4; ++i) z_before[i] = T(R(0));
+    for (int q = 0; q < blocks; ++q) {
+      for (int b = 0; b < B; ++b) block[q].p[b] = select(worlds, f(block[q].p[b], block[q].before[b]), block[q].p[b]);
       push(block[q], z_before, block[q].p);
     }
-    for (int i = 0; i < rows.nv; ++i) z[i] = select(active, z_before[i], z[i]);
+    for (int i = 0; i < rows.nv; ++i) z[i] = select(worlds, z_before[i], z[i]);
   }
   static constexpr int places_of(int kind) { return kind == 0 ? 1 : B; }
 

@@ -7,6 +7,14 @@ namespace gsp::detail {
 
 inline constexpr int shared_lanes = 8, shared_worlds = 32 / shared_lanes;  // threads a world, worlds a warp
 
+/// What set_law takes of a row.
+template <class R>
+struct SharedLaw {
+  R inverse_diagonal, lower, upper, mu;
+  int friction_of;
+  bool with_next;
+};
+
 /// One world, seen by one of its eight threads.
 template <class R, class Mem>
 struct SharedWorld {
@@ -15,8 +23,8 @@ struct SharedWorld {
   SharedNumbers<R>* number;  // by row
   R *z, *z_before, *Y;
   SharedRow* row;
-  unsigned char *order, *dof;  // first rows of elements, those of one row before others; dofs of entries
-  int single = 0, elements = 0;
+  unsigned char *order, *dof;        // first rows of elements, those of one row before others; dofs of entries
+  int of_one_row = 0, elements = 0;  // the first so many elements have one row
 
   __device__ SharedWorld(PgsShared<R, Mem> const& solver, int w, bool mine, char* memory)
       : k(solver),
@@ -74,7 +82,6 @@ struct SharedWorld {
       }
     }
     find_order();
-    for (int i = lane; i < nv; i += shared_lanes) z[i] = R(0);
     __syncwarp();
   }
   /// Elements of one row first, else in their order; eliminated ones are left out.
@@ -88,7 +95,7 @@ struct SharedWorld {
         if (want) order[elements + __popc(all & ((1u << lane) - 1u))] = static_cast<unsigned char>(r);
         elements += __popc(all);
       }
-      if (kind == 0) single = elements;
+      if (kind == 0) of_one_row = elements;
     }
   }
   static __device__ int warp_max(int x) { return __reduce_max_sync(0xffffffffu, x); }
@@ -97,10 +104,10 @@ struct SharedWorld {
   template <int M>
   __device__ void push(bool active, int at, int n, bool same, R const* d) const {
     if (same) {
-      SharedRow const from = row[active ? at : 0];
+      SharedRow const from = active ? row[at] : SharedRow{};
       R const* const y = Y + from.entry;
       unsigned char const* const list = dof + from.entry;
-      for (int i = active ? lane : nv, end = active ? from.count : 0; i < end; i += shared_lanes) {
+      for (int i = lane; i < from.count; i += shared_lanes) {
         R x = z[list[i]];
 #pragma unroll
         for (int b = 0; b < M; ++b) x = fma(y[b * from.count + i], d[b], x);
@@ -157,15 +164,9 @@ struct SharedWorld {
       if (b >= n) continue;
       SharedNumbers<R> const row_of = number[at + b];
       SharedRow const from = row[at + b];
-      bool const friction = from.friction_of >= 0;
-      law.inverse_diagonal[b] = row_of.inverse_diagonal;
-      law.lower[b] = row_of.lower;
-      law.upper[b] = row_of.upper;
-      law.mu[b] = friction ? row_of.lower : R(-1);
-      law.normal[b] = R(from.friction_of);
-      law.with_next[b] = R(from.with_next);
-      law.normals[b] = static_cast<unsigned char>(friction ? 1 << from.friction_of : 0);
-      law.ellipse[b] = from.with_next ? InLanes::all : InLanes::none;
+      set_law(law, b,
+              SharedLaw<R>{row_of.inverse_diagonal, row_of.lower, row_of.upper, from.friction_of >= 0 ? row_of.lower : R(-1),
+                           from.friction_of, from.with_next});
       diagonal[b] = row_of.diagonal;
       p[b] = row_of.p;
       w[b] = fma(row_of.compliance, p[b], row_of.bias) + w[b];
@@ -175,13 +176,15 @@ struct SharedWorld {
     project_element<M>(law, 0, coupling, R(k.options.relaxation), w, p, d);
     __syncwarp();  // all have read p and z
     R change(0);
+    bool moves = false;  // also where change underflows, or is not a number
 #pragma unroll
     for (int b = 0; b < M; ++b) {
       if (d[b] == R(0)) continue;
+      moves = true;
       change = max(change, abs(d[b]) * diagonal[b]);
       if (lane == b) number[at + b].p = p[b];
     }
-    if (__any_sync(0xffffffffu, change > R(0))) push<M>(active, at, n, same, d);
+    if (__any_sync(0xffffffffu, moves)) push<M>(active, at, n, same, d);
     return change;
   }
   /// z = Y^T p
@@ -203,20 +206,27 @@ struct SharedWorld {
     for (int r = lane; r < count; r += shared_lanes) number[r].before = number[r].p;
     __syncwarp();
   }
-  /// Leaves p and z where the energy is least (leap.hpp).
-  __device__ void leap(bool active) const {
+  __device__ LeapSums<R> leap_sums() const {
     LeapSums<R> s{};
     for (int i = lane; i < nv; i += shared_lanes) s.add_dof(z[i], z[i] - z_before[i]);
     for (int r = lane; r < count; r += shared_lanes) {
       SharedNumbers<R> const n = number[r];
-      s.add_row(n.p, n.p - n.before, n.compliance, n.bias);
+      s.add_row(n.p, n.p - n.before, n.compliance, n.bias, n.inverse_diagonal);
     }
-    Leap<R> const to = best_leap<R>(LeapSums<R>{sum(s.pp), sum(s.pd), sum(s.dd), sum(s.bp), sum(s.bd)});
+    return {sum(s.pp), sum(s.pd), sum(s.dd), sum(s.bp), sum(s.bd), sum(s.yy)};
+  }
+  /// Leaves p and z where the energy is least (leap.hpp). Returns what it was.
+  __device__ LeapEnergy<R> leap(bool active) const {
+    LeapSums<R> const s = leap_sums();
+    Leap<R> const to = best_leap<R>(s);
+    set_impulses(active, [&](R now, R before) { return now + (to.growth * now + to.sweeps * (now - before)); });
+    return leap_energy(s);
+  }
+  /// p <- f(p, p before the last sweep that was kept), and z = Y^T p.
+  template <class F>
+  __device__ void set_impulses(bool active, F const& f) const {
     __syncwarp();
-    for (int r = active ? lane : count; r < count; r += shared_lanes) {
-      SharedNumbers<R>& n = number[r];
-      n.p += to.growth * n.p + to.sweeps * (n.p - n.before);
-    }
+    for (int r = active ? lane : count; r < count; r += shared_lanes) number[r].p = f(number[r].p, number[r].before);
     __syncwarp();
     sum_elements(active);
   }
@@ -226,26 +236,39 @@ struct SharedWorld {
     R const tolerance = count > 0 ? R(options.tolerance) * k.rows.rate_scale(world) : R(0);
     sum_elements(true);
     int sweeps = 0;
-    bool again = count > 0, leaping = true;
-    R before_leap = Kokkos::Experimental::infinity_v<R>;
-    int const most_single = warp_max(single), most = warp_max(elements - single);
+    bool again = count > 0, leaping = true, leapt = false;
+    R change(0), before_leap = Kokkos::Experimental::infinity_v<R>;
+    LeapEnergy<R> energy{};
+    int const most_of_one = warp_max(of_one_row), most = warp_max(elements - of_one_row);
     for (int sweep = 0; __any_sync(0xffffffffu, again); ++sweep) {
-      R change(0);
-      if (leaps_after(sweep)) keep();
-      for (int e = 0; e < most_single; ++e) {
-        bool const active = again && e < single;
+      if (leaps_after(sweep)) {
+        bool const worse = leapt && again && change > before_leap;
+        if (__any_sync(0xffffffffu, worse)) {
+          bool const back = leap_was_noise(leap_energy(leap_sums()).value, energy) && worse;
+          leaping = leaping && !back;
+          if (__any_sync(0xffffffffu, back)) set_impulses(back, [](R, R before) { return before; });
+        }
+        keep();
+      }
+      change = R(0);
+      for (int e = 0; e < most_of_one; ++e) {
+        bool const active = again && e < of_one_row;
         change = max(change, sweep_element<1>(active, active ? order[e] : 0));
       }
       for (int e = 0; e < most; ++e) {
-        bool const active = again && single + e < elements;
-        change = max(change, sweep_element<lockstep_rows>(active, active ? order[single + e] : 0));
+        bool const active = again && of_one_row + e < elements;
+        change = max(change, sweep_element<lockstep_rows>(active, active ? order[of_one_row + e] : 0));
       }
       if (again) ++sweeps;
       again = again && sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
       if (leaps_after(sweep)) {
         leaping = leaping && again && leap_helped(change, before_leap);
         before_leap = change;
-        if (__any_sync(0xffffffffu, leaping)) leap(leaping);
+        leapt = leaping;
+        if (__any_sync(0xffffffffu, leaping)) {
+          LeapEnergy<R> const now = leap(leaping);
+          if (leaping) energy = now;
+        }
       }
     }
     return sweeps;
@@ -307,9 +330,10 @@ void launch_pgs_shared(Exec const& exec, PgsShared<R, Mem> const& solver) {
   for (int c = 0; c < shared_sizes; ++c) {
     int const bytes = shared_size(c), a_block = bytes + int(device.reservedSharedMemPerBlock);
     int const at_a_time = device.multiProcessorCount * std::clamp(int(device.sharedMemPerMultiprocessor) / a_block, 1, 32);
-    if (bytes > int(device.sharedMemPerBlock))
-      cudaFuncSetAttribute(pgs_shared_kernel<R, Mem>, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes);
     launch_on_cuda("gsp::solver::pgs_shared", exec, [&](cudaStream_t stream) {
+      if (bytes > int(device.sharedMemPerBlock))
+        cuda_expects(cudaFuncSetAttribute(pgs_shared_kernel<R, Mem>, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes),
+                     "gsp::solver::pgs_shared, shared memory");
       pgs_shared_kernel<<<std::min(fours, at_a_time), 32, bytes, stream>>>(solver, c > 0 ? shared_size(c - 1) : 0, bytes);
     });
   }

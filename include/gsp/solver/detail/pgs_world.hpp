@@ -135,11 +135,18 @@ struct PgsWorld {
     R const tolerance = R(options.tolerance) * rows.rate_scale(e.world);
     sum_island(world, e, z, p);
     int sweep = 0;
-    bool leaping = true;
-    R before_leap = Kokkos::Experimental::infinity_v<R>;
+    bool leaping = true, leapt = false;
+    R change(0), before_leap = Kokkos::Experimental::infinity_v<R>;
+    LeapEnergy<R> energy{};
     for (bool again = e.elements > 0; again; ++sweep) {
-      R change(0);
-      if (leaps_after(sweep)) keep(world, e, z, p);
+      if (leaps_after(sweep)) {
+        if (leapt && change > before_leap && leap_was_noise(leap_energy(leap_sums(world, e, z, p)).value, energy)) {
+          leaping = false;
+          set_impulses(world, e, z, p, [](R, R before) { return before; });
+        }
+        keep(world, e, z, p);
+      }
+      change = R(0);
       for (int place = 0, several = 0, r, n; next_element(e, place, several, r, n);) {
         Row<R> const* const row = &rows.row(e.first_row + r);
         if (n == 1)
@@ -153,7 +160,8 @@ struct PgsWorld {
       if (again && leaps_after(sweep)) {
         leaping = leaping && leap_helped(change, before_leap);
         before_leap = change;
-        if (leaping) leap(world, e, z, p);
+        leapt = leaping;
+        if (leaping) energy = leap(world, e, z, p);
       }
     }
     return sweep;
@@ -172,11 +180,11 @@ struct PgsWorld {
     each_row(world, e, [&](int r) { impulses.before(e.first_row + r) = p[r]; });
     world.sync();
   }
-  /// Leaves p and z where the energy is least (leap.hpp).
   template <class World>
-  KOKKOS_INLINE_FUNCTION void leap(World const& world, Island const& e, R* z, R* p) const {
+  KOKKOS_INLINE_FUNCTION LeapSums<R> leap_sums(World const& world, Island const& e, R const* z, R const* p) const {
     LeapSums<R> s;
-    for (R LeapSums<R>::*part : {&LeapSums<R>::pp, &LeapSums<R>::pd, &LeapSums<R>::dd, &LeapSums<R>::bp, &LeapSums<R>::bd})
+    for (R LeapSums<R>::*part :
+         {&LeapSums<R>::pp, &LeapSums<R>::pd, &LeapSums<R>::dd, &LeapSums<R>::bp, &LeapSums<R>::bd, &LeapSums<R>::yy})
       s.*part = world.template sum<R>(e.dofs, [&](int k) {
         LeapSums<R> own{};
         own.add_dof(z[e.dof(k)], z[e.dof(k)] - solution.z_before(e.world, e.dof(k)));
@@ -185,13 +193,25 @@ struct PgsWorld {
         LeapSums<R> own{};
         for (int r = e.begin(k), end = e.end(rows, k); r < end; ++r) {
           auto const& row = rows.row(e.first_row + r);
-          own.add_row(p[r], p[r] - impulses.before(e.first_row + r), row.compliance, row.bias);
+          own.add_row(p[r], p[r] - impulses.before(e.first_row + r), row.compliance, row.bias, row.inverse_diagonal);
         }
         return own.*part;
       });
+    return s;
+  }
+  /// Leaves p and z where the energy is least (leap.hpp). Returns what it was.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION LeapEnergy<R> leap(World const& world, Island const& e, R* z, R* p) const {
+    LeapSums<R> const s = leap_sums(world, e, z, p);
     Leap<R> const to = best_leap<R>(s);
+    set_impulses(world, e, z, p, [&](R now, R before) { return now + (to.growth * now + to.sweeps * (now - before)); });
+    return leap_energy(s);
+  }
+  /// p <- f(p, p before the last sweep that was kept), and z = Y^T p.
+  template <class World, class F>
+  KOKKOS_INLINE_FUNCTION void set_impulses(World const& world, Island const& e, R* z, R* p, F const& f) const {
     world.sync();  // all have read p and z
-    each_row(world, e, [&](int r) { p[r] += to.growth * p[r] + to.sweeps * (p[r] - impulses.before(e.first_row + r)); });
+    each_row(world, e, [&](int r) { p[r] = f(p[r], impulses.before(e.first_row + r)); });
     world.sync();
     sum_island(world, e, z, p);
   }
@@ -208,7 +228,7 @@ struct PgsWorld {
     R change(0);
     bool any = false;
     unrolled<M>([&](auto b) {
-      if (d[b] == R(0)) return;
+      if (!(M < N || b < n) || d[b] == R(0)) return;  // places without a row may hold NaN
       any = true;
       change = max(change, abs(d[b]) / law.inverse_diagonal[b]);  // d is 0 where this is
       world.single([&] { p[b] = now[b]; });

@@ -28,6 +28,7 @@
                      ModelConstraints<R, Mem> const&, \
                      Rows<R, Mem>&, Impulses<R, Mem>&, Progress<Mem>&, SleepingIslands<Mem> const&); \
   word bool grow(Exec const&, Rows<R, Mem>&, Impulses<R, Mem>&, Progress<Mem>&); \
+  word void impacts(Exec const&, Progress<Mem> const&, Rows<R, Mem>&, Impulses<R, Mem>&, Solution<R, Mem>&, ImpactOptions); \
   word void pgs(Exec const&, Rows<R, Mem> const&, Impulses<R, Mem>&, Solution<R, Mem>&, Progress<Mem>&, PgsOptions); \
   word Newton<R, Mem> make_newton(Exec const&, Rows<R, Mem> const&); \
   word bool grow(Exec const&, Rows<R, Mem> const&, Newton<R, Mem>&); \

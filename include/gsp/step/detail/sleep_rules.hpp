@@ -2,45 +2,58 @@
 #include <algorithm>
 #include <cmath>
 #include <gsp/math/quat.hpp>
+#include <gsp/model/archetypes.hpp>
 #include <gsp/model/compiled.hpp>
 #include <vector>
+
+namespace gsp {
+/// Whether a tree may sleep.
+enum class SleepPolicy : int { never, allowed, with_actuators };  // with_actuators: it may, and any control of the world wakes it
+}  // namespace gsp
 
 /// What MuJoCo's compiler decides of sleep: which trees may, and how long a radian is. On the host.
 namespace gsp::detail {
 
-enum class SleepPolicy : int { never, allowed, with_actuators };  // with_actuators: woken by any control of the world
-
-/// Of trees. Where their body does not say: those that an actuator moves never sleep, the others may.
-inline std::vector<int> sleep_policies(CompiledModel const& m) {
-  std::vector<int> actuated(m.ntree, 0), policy(m.ntree, int(SleepPolicy::allowed));
-  auto const moves = [&](int body) {
-    if (body >= 0 && m.body_tree[body] >= 0) actuated[m.body_tree[body]] = 1;
-  };
-  for (int u = 0; u < m.nu; ++u) {
-    int const id = m.act_id[u], ref = m.act_ref[u];
-    switch (Transmission(m.act_target[u])) {
-      case Transmission::joint:
-      case Transmission::joint_in_parent:
-        moves(m.jnt_body[id]);
-        break;
-      case Transmission::tendon:
-        if (m.tendon_tree[id] >= 0) actuated[m.tendon_tree[id]] = 1;
-        break;
-      case Transmission::body:
-        moves(id);
-        break;
-      default:  // sites
-        moves(m.site_body[id]);
-        if (ref >= 0) moves(m.site_body[ref]);
-    }
-  }
+/// Of the file's trees. Where their body does not say: those that an actuator moves never sleep, the others may.
+inline std::vector<SleepPolicy> file_policies(CompiledModel const& m) {
+  std::vector<bool> actuated(m.ntree);
+  for (auto const& trees : find_couplings(m).actuator)
+    for (int const t : trees) actuated[t] = true;
+  std::vector<SleepPolicy> policy;
   for (int t = 0; t < m.ntree; ++t) {
-    int const body = m.tree_bodyadr[t];
-    BodySleep const says = body < int(m.body_sleep.size()) ? BodySleep(m.body_sleep[body]) : BodySleep::automatic;
+    auto const says = BodySleep(item_or(m.body_sleep, m.tree_bodyadr[t], int(BodySleep::automatic)));
     bool const never = says == BodySleep::never || (says == BodySleep::automatic && actuated[t]);
-    policy[t] = int(never ? SleepPolicy::never : actuated[t] ? SleepPolicy::with_actuators : SleepPolicy::allowed);
+    policy.push_back(never ? SleepPolicy::never : actuated[t] ? SleepPolicy::with_actuators : SleepPolicy::allowed);
   }
   return policy;
+}
+
+/// Of the model's trees, each one or several of the file's: what most keeps one of them awake.
+inline std::vector<int> sleep_policies(CompiledModel const& m) {
+  auto const of_file = file_policies(m);
+  std::vector<int> result;
+  for (TreeGroup const group : group_trees(m, find_couplings(m))) {
+    auto const first = of_file.begin() + group.first, end = of_file.begin() + group.last + 1;
+    auto const any = [&](SleepPolicy policy) { return std::find(first, end, policy) != end; };
+    result.push_back(int(any(SleepPolicy::never)            ? SleepPolicy::never
+                         : any(SleepPolicy::with_actuators) ? SleepPolicy::with_actuators
+                                                            : SleepPolicy::allowed));
+  }
+  return result;
+}
+
+/// Whether a mocap body that moves may move one of the model's trees, or its rows, though nothing of its own changes and no row names the
+/// mocap body: what hangs on one; and everything where a tendon or an actuator reaches one.
+inline std::vector<int> hang_on_mocap(CompiledModel const& m) {
+  auto const couplings = find_couplings(m);
+  auto const mocap_root = mocap_roots(m);
+  std::vector<int> result;
+  for (TreeGroup const group : group_trees(m, couplings)) {
+    bool hangs = couplings.on_mocap;
+    for (int t = group.first; t <= group.last; ++t) hangs = hangs || mocap_root[m.body_parent[m.tree_bodyadr[t]]] >= 0;
+    result.push_back(hangs);
+  }
+  return result;
 }
 
 /// Of dofs [m]: of a translation 1; of a rotation how far the body reaches from its centre of mass: to the anchors of its joints and of its

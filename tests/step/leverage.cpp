@@ -1,0 +1,98 @@
+// Rows that nothing can move, or next to nothing, and rows that differ by next to nothing: contacts across a rail, welds and contacts of
+// what turns about its centre, the edges of a pyramid of little friction.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <gsp/constraint/contact_forces.hpp>
+#include <gsp/io/mjcf.hpp>
+
+#include "step/world.hpp"
+#include "support/kernels.hpp"
+
+namespace {
+
+template <class R>
+struct World : gsp_test::World<R, Kokkos::DefaultHostExecutionSpace> {
+  using Base = gsp_test::World<R, Kokkos::DefaultHostExecutionSpace>;
+  World(std::string const& text, gsp::Profile profile)
+      : Base(gsp::compile(gsp::io::parse_mjcf("<mujoco>" + text + "</mujoco>", "model.xml")), 1, {.profile = profile}) {}
+  double speed() const {
+    auto const v = Base::qvel();
+    double worst = 0;
+    for (int i = 0; i < Base::model.nv; ++i) worst = std::fmax(worst, v(0, i) == v(0, i) ? std::abs(double(v(0, i))) : INFINITY);
+    return worst;
+  }
+  unsigned status() const { return gsp_test::host(Base::state.status)(0); }
+};
+
+}  // namespace
+
+// Edges n +- mu t are as soft as mu^2: 1e-8 of |Y|^2 and less, so that rounding of a sum of them is more than the 1 that the Hessian has
+// where nothing holds. The box lies still: it sinks by |g| / K (1 - d) / d times mu^2, nothing.
+TEST_CASE_TEMPLATE("a box lies on pyramids of little friction", R, float, double) {
+  struct Case {
+    double mu, impratio;
+  };
+  for (auto const [mu, impratio] : {Case{0, 1}, Case{1e-4, 1}, Case{1e-3, 1}, Case{1e-2, 100}, Case{1, 1e6}}) {
+    std::string const friction = " friction='" + std::to_string(mu) + "'";
+    World<R> w("<option impratio='" + std::to_string(impratio) + "'/><worldbody><geom type='plane' size='5 5 .1'" + friction +
+                   "/><body pos='0 0 .1'><freejoint/><geom type='box' size='.1 .1 .1'" + friction + "/></body></worldbody>",
+               gsp::Profile::mujoco);
+    w.step(1000);
+    CAPTURE(mu);
+    CHECK(w.status() == 0);
+    CHECK(w.speed() < 5e-4);  // g h = 0.02; a rounding of 0.1 m in a step is 3e-6 m/s, over an arm of 0.1 m 3e-5 rad/s
+    CHECK(std::abs(double(w.qpos()(0, 2)) - 0.1) < 1e-4);
+  }
+}
+
+// A ball on a hinge through its centre, welded 0.1 m off: its inverse inertia at the centre is 0, and MuJoCo makes all rows as soft as each
+// other, 1e-15. So the rows that ask for different rates weigh by the square of their leverage: w = -sum Y b / sum Y^2, the number that
+// MuJoCo has.
+TEST_CASE_TEMPLATE("rows of a weld weigh by their leverage", R, float, double) {
+  World<R> w(
+      "<worldbody><body name='b' pos='.378 -.338 .112'><joint/><geom size='.28' density='193'/></body></worldbody>"
+      "<equality><weld body1='b' relpose='.1 0 .1 .9 .1 .2 .3'/></equality>",
+      gsp::Profile::mujoco);
+  auto const q = gsp_test::host(w.state.qpos);
+  q(0, 0) = R(0.035);
+  Kokkos::deep_copy(w.state.qpos, q);
+  w.step(1);
+  CHECK(double(w.qvel()(0, 0)) == doctest::Approx(18.47475238).epsilon(std::is_same_v<R, float> ? 1e-4 : 1e-7));
+}
+
+// A ball on a hinge through its centre, pressed against another: the normal has no leverage but by rounding.
+TEST_CASE_TEMPLATE("a ball on an axis does not turn where it is pressed", R, float, double) {
+  std::string const text =
+      "<worldbody><geom size='.3' pos='-1.2987520098439185 -0.5638235120658672 0.2834645284076248'/>"
+      "<body pos='-0.9363221409373843 -0.6706116870041745 0.24295680299952704' euler='-27.836697474557518 77.05463282380634 "
+      "36.7945923462359'>"
+      "<joint axis='0.6350314368921064 2.383144774863942 0.9444794869904138'/><geom size='.1'/></body></worldbody>";
+  World<R> w(text, gsp::Profile::mujoco);
+  double worst = 0;
+  for (int i = 0; i < 200; ++i) {
+    w.step(1);
+    worst = std::fmax(worst, w.speed());
+  }
+  CHECK(worst < 1e-3);
+}
+
+// A contact across a rail: its normal moves nothing and carries what its softness makes of the overlap x = -1 mm, at an impedance d = 0.95
+//   N = -zeta / (h C) = K d x d / ((1 - d) diag),   K = 1 / (0.95 * 0.02)^2,   diag = 1 / m
+// and friction mu N stops the box: a quarter of it each of four corners.
+TEST_CASE_TEMPLATE("what slides on a rail is pressed into the floor", R, float, double) {
+  for (char const* const tilt : {"0", "1e-12"}) {
+    World<R> w("<worldbody><geom type='plane' size='5 5 .1' euler='0 " + std::string(tilt) +
+                   " 0'/><body pos='0 0 .099'><joint type='slide' axis='1 0 0'/><geom type='box' size='.1 .1 .1' mass='1'/></body>"
+                   "</worldbody>",
+               gsp::Profile::stable);
+    auto const v = gsp_test::host(w.state.qvel);
+    v(0, 0) = R(10);
+    Kokkos::deep_copy(w.state.qvel, v);
+    double const d = 0.95, K = 1 / (0.95 * 0.95 * 0.02 * 0.02), N = 4 * K * d * 0.001 * d / (1 - d);
+    w.step(1);
+    CHECK(double(w.qvel()(0, 0)) == doctest::Approx(10 - 0.002 * N).epsilon(1e-5));
+    w.step(100);
+    CHECK(w.speed() < 1e-6);
+  }
+}
