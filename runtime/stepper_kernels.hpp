@@ -1,10 +1,12 @@
 #pragma once
 // The Stepper over Kokkos; stepper_float_kernels.cpp and stepper_double_kernels.cpp instantiate it.
+#include <algorithm>
 #include <cmath>
 #include <gsp/constraint/contact_forces.hpp>
 #include <gsp/runtime/session.hpp>
 #include <gsp/runtime/stepper.hpp>
 #include <gsp/step/bytes_needed.hpp>
+#include <gsp/step/detail/sleep_kernels.hpp>
 #include <limits>
 
 #include "device.hpp"
@@ -24,6 +26,27 @@ struct SplitPositions {
     qpos_low[i] = R(q - double(qpos[i]));
   }
 };
+
+/// The new velocities of the last step, of worlds that it left as they were too.
+template <class R, class Mem>
+struct NewVelocities {
+  Model<R, Mem> model;
+  Dynamics<R, Mem> dynamics;
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> velocity;  // (worlds, nv) out
+  KOKKOS_FUNCTION void operator()(int w) const {
+    for (int t = 0; t < model.ntree; ++t) {
+      TreeItems<R> const items = dynamics.tree(model, w, t);
+      gsp::detail::TreeRange<R, Mem> const at(model, t);
+      for (int i = 0; i < at.nv; ++i) velocity(w, at.dof0 + i) = items[items.at.velocity + i];
+    }
+  }
+};
+
+/// The worse of two numbers: what is not finite, then what is larger; the first of equals.
+inline bool is_worse(double a, double b) {
+  if (!std::isfinite(b)) return false;
+  return !std::isfinite(a) || std::abs(a) > std::abs(b);
+}
 
 inline SimulationOptions simulation_options(StepperOptions const& o) { return {.worlds = o.worlds, .cone = o.cone}; }
 
@@ -60,6 +83,8 @@ class KokkosStepper : public Stepper {
         model_(make_runtime_model<R>(exec_, m, o)),
         state_(make_state(exec_, model_, {.worlds = o.worlds})),
         simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
+        joint_of_dof_(m.dof_jnt),
+        joint_qpos_(m.jnt_qposadr),
         timestep_(o.timestep > 0 ? o.timestep : m.option.timestep) {
     auto const set = [&](auto& solver) {
       if (o.iterations > 0) solver.iterations = o.iterations;
@@ -136,6 +161,39 @@ class KokkosStepper : public Stepper {
     for (R const r : gsp::detail::to_host(exec_, simulation_.solution.residual)) out.residual = std::fmax(out.residual, double(r));
     return out;
   }
+  std::vector<StoppedWorld> stopped(int most) const override {
+    std::vector<StoppedWorld> out;
+    auto const bits = gsp::detail::to_host(exec_, state_.status);
+    for (int w = 0; w < state_.worlds && int(out.size()) < most; ++w)
+      if (bits[w] & status::stopped) out.push_back({.world = w, .status = bits[w]});
+    if (out.empty()) return out;
+    auto const velocity =
+        gsp::detail::allocate<Kokkos::View<R**, Kokkos::LayoutRight, Mem>>("gsp::runtime::Stepper::new_velocity", state_.worlds, model_.nv);
+    Kokkos::parallel_for("gsp::runtime::new_velocities", Kokkos::RangePolicy<Exec>(exec_, 0, state_.worlds),
+                         NewVelocities<R, Mem>{model_, simulation_.dynamics, velocity});
+    auto const v = gsp::detail::to_host(exec_, velocity), q = gsp::detail::to_host(exec_, state_.qpos);
+    auto const steps = gsp::detail::to_host(exec_, state_.steps);
+    auto const bad = [](double x) { return !(std::abs(x) <= state_bound); };
+    for (StoppedWorld& s : out) {
+      s.steps = steps[s.world];
+      for (int i = 0; i < model_.nv; ++i) {
+        double const x = v[std::size_t(s.world) * model_.nv + i];
+        if (!bad(x)) continue;
+        if (s.dofs++ > 0 && !is_worse(x, s.number)) continue;
+        s.number = x;
+        s.dof = i;
+        s.joint = joint_of_dof_[i];
+      }
+      for (int i = 0; i < model_.nq && s.dofs == 0 && !s.position; ++i) {
+        double const x = q[std::size_t(s.world) * model_.nq + i];
+        if (!bad(x)) continue;
+        s.number = x;
+        s.position = true;
+        s.joint = int(std::upper_bound(joint_qpos_.begin(), joint_qpos_.end(), i) - joint_qpos_.begin()) - 1;
+      }
+    }
+    return out;
+  }
   ContactArrays contacts() override {
     auto const& c = simulation_.contacts;
     std::int64_t const count = c.demand(exec_).contacts;
@@ -156,6 +214,7 @@ class KokkosStepper : public Stepper {
   PgsOptions solver_;     // profile stable
   NewtonOptions newton_;  // profile mujoco
   Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> contact_force_;
+  std::vector<int> joint_of_dof_, joint_qpos_;
   double timestep_;
   bool stale_ = true;  // the poses are not those of the state
 };

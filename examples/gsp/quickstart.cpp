@@ -341,11 +341,7 @@ int run(Arguments const& a) {
         file("worlds.png").c_str(), shown, file("depth_color.png").c_str(), near, far, file("depth_mm.png").c_str(),
         file("animation.png").c_str(), double(steps) * stepper->timestep());
   }
-  if (counts.failed_worlds > 0)
-    std::fprintf(
-        stderr,
-        "gsp: quickstart: %d of %d worlds stopped because their state was no longer finite; 'gsp sim --timestep' takes smaller steps\n",
-        counts.failed_worlds, worlds);
+  say_stopped("quickstart", *stepper, model, worlds, "'gsp sim --timestep' takes smaller steps");
   return 0;
 }
 

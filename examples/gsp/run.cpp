@@ -1,6 +1,9 @@
 #include "run.hpp"
 
 #include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <gsp/core/status.hpp>
 
 namespace gsp_cli {
 
@@ -94,6 +97,51 @@ nlohmann::ordered_json steps_json(Stepper const& stepper, Device device, int wor
           {"state_hash", hash_of({&qpos, &qvel})},
           {"worlds", worlds},
           {"failed_worlds", counts.failed_worlds}};
+}
+
+namespace {
+constexpr int most_named = 8;  // worlds that stopped, of which it is said why: the others' reason is most often the same
+
+std::string short_number(double x) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.6g", x);
+  return buffer;
+}
+}  // namespace
+
+std::string sentence(gsp::runtime::StoppedWorld const& s, gsp::CompiledModel const& model, double timestep) {
+  std::string out = "world " + std::to_string(s.world) + " stopped after " + std::to_string(s.steps) + " steps" + " (" +
+                    short_number(double(s.steps) * timestep) + " s): ";
+  if (s.joint < 0) return out + gsp::status::text(s.status);
+  std::string const& name = model.jnt_name[std::size_t(s.joint)];
+  std::string const joint = name.empty() ? "joint " + std::to_string(s.joint) + " of body '" +
+                                               model.body_name[std::size_t(model.jnt_body[std::size_t(s.joint)])] + "'"
+                                         : "joint '" + name + "'";
+  std::string const number = std::isnan(s.number) ? "NaN" : short_number(s.number);
+  if (s.position) return out + "a position of " + joint + " is " + number + ", beyond 1e10";
+  out += "the new velocity of dof " + std::to_string(s.dof) + " (" + joint + ") is " + number;
+  if (std::isfinite(s.number)) out += ", beyond 1e10";
+  if (s.dofs > 1) out += ", and of " + std::to_string(s.dofs - 1) + " more dofs it is no better";
+  return out;
+}
+
+void say_stopped(char const* command, Stepper const& stepper, gsp::CompiledModel const& model, int worlds, char const* remedy) {
+  int const failed = stepper.counts().failed_worlds;
+  if (failed == 0) return;
+  std::fprintf(stderr, "gsp: %s: %d of %d worlds stopped, and stay as they were before; %s\n", command, failed, worlds, remedy);
+  for (auto const& s : stepper.stopped(most_named)) std::fprintf(stderr, "  %s\n", sentence(s, model, stepper.timestep()).c_str());
+  if (failed > most_named) std::fprintf(stderr, "  and %d more\n", failed - most_named);
+}
+
+nlohmann::ordered_json stopped_json(Stepper const& stepper, gsp::CompiledModel const& model) {
+  auto list = nlohmann::ordered_json::array();
+  for (auto const& s : stepper.stopped(most_named))
+    list.push_back({{"world", s.world},
+                    {"steps", s.steps},
+                    {"joint", s.joint < 0 ? "" : model.jnt_name[std::size_t(s.joint)]},
+                    {"dof", s.dof},
+                    {"text", sentence(s, model, stepper.timestep())}});
+  return list;
 }
 
 }  // namespace gsp_cli

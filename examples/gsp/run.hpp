@@ -41,6 +41,13 @@ Timing run_steps(Stepper& stepper, RunOptions const& options, Progress& progress
 /// Records after the start, with record_last.
 inline long long records(long long steps, long long every) { return steps / every + (steps % every != 0); }
 
+/// What went wrong in a world that stopped: "world 1 stopped after 3 steps (0.06 s): the new velocity of dof 4 (joint 'lift') is 1.2e+10".
+std::string sentence(gsp::runtime::StoppedWorld const& s, gsp::CompiledModel const& model, double timestep);
+/// Says on stderr how many worlds stopped and of the first of them why, and what to do. None: nothing.
+void say_stopped(char const* command, Stepper const& stepper, gsp::CompiledModel const& model, int worlds, char const* remedy);
+/// Those of --json: a list of world, steps, text.
+nlohmann::ordered_json stopped_json(Stepper const& stepper, gsp::CompiledModel const& model);
+
 /// The load report of a model, as --json prints it: a list of kind, file, line, text, count.
 nlohmann::ordered_json report_json(gsp::CompiledModel const& model);
 /// What --json prints of steps: how fast, how large, what the last one met, and the hash of the states.

@@ -136,11 +136,7 @@ int run(Arguments const& a) {
 
   std::FILE* const say = text_beside(written);
   double const rate = double(worlds) * double(timing.steps) / timing.seconds;
-  if (counts.failed_worlds > 0)
-    std::fprintf(stderr,
-                 "gsp: sim: the state of %d of %d worlds was no longer finite or beyond 1e10, and they stopped there; give a smaller "
-                 "--timestep, or more --iterations\n",
-                 counts.failed_worlds, options.worlds);
+  say_stopped("sim", *stepper, model, options.worlds, "give a smaller --timestep, or more --iterations");
   if (a.has("--json")) {
     auto json = steps_json(*stepper, device, options.worlds, timing, startup);
     json.update({{"steps", steps},
@@ -149,6 +145,7 @@ int run(Arguments const& a) {
                  {"profile", options.mujoco ? "mujoco" : "stable"},
                  {"precision", in_double ? "double" : "float"},
                  {"device", device_name(device, stepper->threads())},
+                 {"stopped", stopped_json(*stepper, model)},
                  {"report", report_json(model)}});
     std::fprintf(say, "%s\n", json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
   } else {

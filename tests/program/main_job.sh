@@ -25,6 +25,12 @@ same "$hash" "$("$gsp" sim cart.xml --worlds 3 --steps 200 --keyframe 0 --thread
 same "$hash" "$("$gsp" sim cart.xml --worlds 3 --steps 200 --keyframe 0 --trace t.npz --every 7 --time-from 50 --json | key state_hash)" "with and without a trace"
 same "$("$gsp" sim cart.xml --worlds 3 --steps 200 --precision double --json | key contacts)" 3 "contacts of three balls that rest on the floor"
 
+# a world that stops is named, with the step, the joint and the number
+"$gsp" sim cart.xml --start start_flies.npz --worlds 2 --steps 5 --json > stops.json 2> stops.txt
+grep -qF "1 of 2 worlds stopped" stops.txt || fail "how many worlds stopped: $(cat stops.txt)"
+grep -qF "world 1 stopped after 1 steps (0.002 s): a position of joint 'ball' is 1.0008e+10, beyond 1e10" stops.txt || fail "why a world stopped: $(cat stops.txt)"
+python3 -c 'import json; s, = json.load(open("stops.json"))["stopped"]; assert (s["world"], s["steps"], s["joint"]) == (1, 1, "ball") and "1.0008e+10" in s["text"], s'
+
 # a keyframe is all of the state: activations and bodies that the user moves too
 cat > key.xml <<'XML'
 <mujoco><worldbody><body name="m" mocap="true"><geom type="sphere" size=".1" contype="0" conaffinity="0"/></body>

@@ -95,6 +95,58 @@ TEST_CASE("iterations and tolerance are those of the profile's solver") {
   }
 }
 
+// The first dof that is not finite, else the one farthest beyond 1e10; where none is, the joint whose position is.
+TEST_CASE("a stepper says which worlds stopped, when and at which joint") {
+  gsp::Description d;
+  for (char const* const name : {"a", "b", "c"}) {
+    gsp::BodyDescription body;
+    body.parent = 0;
+    body.joints.emplace_back().name = name;
+    body.joints[0].type = gsp::JointType::slide;
+    body.has_inertial = true;
+    body.inertial.mass = 1;
+    body.inertial.inertia = {1, 1, 1, 0, 0, 0};
+    d.bodies.push_back(body);
+  }
+  auto const compiled = gsp::compile(d);
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  for (Device const device : devices()) {
+    StepperOptions options;
+    options.worlds = 5;
+    options.precision = Dtype::float64;
+    auto const stepper = make_stepper(device, compiled, options);
+    CHECK(stepper->stopped(5).empty());
+    std::vector<double> qpos(15, 0.), qvel(15, 0.);
+    qvel[3 * 1 + 0] = 2e10, qvel[3 * 1 + 2] = -3e10;
+    qvel[3 * 2 + 0] = 2e10, qvel[3 * 2 + 1] = nan;
+    qpos[3 * 3 + 1] = -4e10;
+    qvel[3 * 4 + 2] = 9e9;  // world 4 goes on for one step
+    qpos[3 * 4 + 2] = 9.99e9;
+    stepper->set(host_array(qpos.data(), {5, 3}), host_array(qvel.data(), {5, 3}), {});
+    stepper->step(10, false);
+    auto const stopped = stepper->stopped(9);
+    CHECK(stepper->counts().failed_worlds == 4);
+    REQUIRE(stopped.size() == 4);
+    CHECK(stopped[0].world == 1);
+    CHECK(stopped[0].steps == 0);
+    CHECK(stopped[0].status == gsp::status::unbounded);
+    CHECK(stopped[0].dof == 2);
+    CHECK(stopped[0].joint == 2);
+    CHECK(stopped[0].dofs == 2);
+    CHECK(stopped[0].number == doctest::Approx(-3e10));
+    CHECK(stopped[1].dof == 1);
+    CHECK(std::isnan(stopped[1].number));
+    CHECK((stopped[1].status & gsp::status::not_finite) != 0);
+    CHECK(stopped[2].position);
+    CHECK(stopped[2].joint == 1);
+    CHECK(stopped[2].dof == -1);
+    CHECK(stopped[2].number == -4e10);
+    CHECK(stopped[3].steps == 1);
+    CHECK(stopped[3].joint == 2);
+    CHECK(stepper->stopped(2).size() == 2);
+  }
+}
+
 TEST_CASE("a stepper is the library's step, and gives back every digit that it was given") {
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   for (Device const device : devices()) {

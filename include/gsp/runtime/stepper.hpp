@@ -52,6 +52,18 @@ struct StepCounts {
   int failed_worlds = 0;                // worlds that stopped (status::stopped): not finite, unbounded, or with a row that was refused
 };
 
+/// A world that stopped, and the first degree of freedom to blame: of those with a bad number the first that is not finite, else the one
+/// farthest beyond state_bound.
+struct StoppedWorld {
+  int world = 0;
+  std::int64_t steps = 0;    // done before it stopped
+  std::uint32_t status = 0;  // bits of core/status.hpp
+  int joint = -1, dof = -1;  // -1: no velocity or position of the last step says which
+  int dofs = 0;              // that have such a number
+  bool position = false;     // the number is a position of the joint: else the new velocity of the dof
+  double number = 0;         // [m, rad, and a second]
+};
+
 /// The contacts of the last step (collision/contacts.hpp) and what they did (constraint/contact_forces.hpp), those of world 0 first.
 struct ContactArrays {
   Array world, geom1, geom2;  // (contacts) int32; MuJoCo's order: the type of geom1 is the lesser
@@ -81,6 +93,8 @@ class Stepper {
   /// Waits until the steps are done. measure: counts().residual is that of the last one.
   virtual void step(int steps, bool measure) = 0;
   virtual StepCounts counts() const = 0;
+  /// The first `most` of the worlds that stopped, after the steps of the last call of `step`. Allocates; waits.
+  virtual std::vector<StoppedWorld> stopped(int most) const = 0;
   /// The contacts of the last step, found at its start (RK4: of its last evaluation), where they lie. The arrays hold until the next call
   /// of `step` or `contacts`. The forces are computed here, so steps cost the same without. Allocates where there may be more contacts than
   /// before; waits. Error: std::invalid_argument before the first step.
