@@ -84,6 +84,41 @@ TEST_CASE("what the dynamics cover is taken, and what they do not is refused by 
   CHECK_THROWS_AS(gsp::make_model<double>(Exec{}, gsp::compile(base), {.timestep = -1}), std::invalid_argument);
 }
 
+// Beyond 3.4e38 a float is infinite, below 1.2e-38 it loses its digits and at last itself, and what is divided by it is NaN: each number is
+// asked for at both sides of the bound, in float and in double.
+TEST_CASE("numbers that float cannot hold are refused by name, and taken in double") {
+  auto d = gsp_test::random_model({gsp::JointType::ball, gsp::JointType::hinge}, 5);
+  d.bodies[0].geoms.emplace_back().size = {1, 1, 1};
+  auto const base = gsp::compile(d);
+  auto const made = [&]<class R>(R, auto const& change) -> std::string {
+    auto c = base;
+    change(c);
+    try {
+      (void)gsp::make_model<R>(Exec{}, c);
+      return "";
+    } catch (gsp::Error const& e) { return e.what(); }
+  };
+  auto const refused = [&](char const* place, char const* number, auto const& change) {
+    std::string const sentence = made(0.f, change);
+    CHECK_MESSAGE(says(sentence, place), sentence);
+    CHECK_MESSAGE(says(sentence, number), sentence);
+    CHECK_MESSAGE(says(sentence, "in double"), sentence);
+    CHECK(made(0., change).empty());
+  };
+  int const b = base.njnt > 0 ? base.jnt_body[0] : 1;
+  std::string const body = "body '" + base.body_name[b] + "'", joint = "'" + base.jnt_name[1] + "'";
+  refused(body.c_str(), "body_mass 1e-39", [&](auto& c) { c.body_mass[b] = 1e-39; });
+  refused(body.c_str(), "body_inertia 1e-60", [&](auto& c) { c.body_inertia[b][1] = 1e-60; });
+  refused(body.c_str(), "body_mass 1e+39", [&](auto& c) { c.body_mass[b] = 1e39; });
+  refused(joint.c_str(), "jnt_stiffness -3.5e+38", [&](auto& c) { c.jnt_stiffness[1] = -3.5e38; });
+  refused("option", "gravity -1e+300", [&](auto& c) { c.option.gravity[2] = -1e300; });
+  refused("option", "timestep 1e-40", [&](auto& c) { c.option.timestep = 1e-40; });
+  refused("geom 0", "solref 1e+40", [&](auto& c) { c.geom_solref[0][0] = 1e40; });
+  for (auto const& fits : {made(0.f, [&](auto& c) { c.body_mass[b] = 1.2e-38; }), made(0.f, [&](auto& c) { c.body_mass[b] = 3.4e38; }),
+                           made(0.f, [&](auto& c) { c.jnt_pos[1][0] = 1e-60; }), made(0.f, [&](auto& c) { c.body_mass[b] = 0; })})
+    CHECK_MESSAGE(fits.empty(), fits);
+}
+
 TEST_CASE_TEMPLATE("a state starts, and starts again, at the model's initial positions", E, GSP_TEST_EXECS) {
   E const exec;
   auto const c = gsp::compile(gsp::samples::quadruped());

@@ -146,8 +146,9 @@ struct ModelOptions {
 };
 
 /// Takes a compiled model to the memory of `exec`, in precision R. Allocates; fences.
-/// Errors: gsp::Error where the model holds what the dynamics do not cover (model_refusals.hpp), and where an array of `m` has a wrong
-/// size; std::invalid_argument for a negative timestep.
+/// Errors: gsp::Error where the model holds what the dynamics do not cover (model_refusals.hpp), or a number that R cannot hold (float:
+/// beyond 3.4e38, and masses, inertias, pulleys' divisors and focal lengths below 1.2e-38), and where an array of `m` has a wrong size;
+/// std::invalid_argument for a negative timestep.
 template <class R, ExecutionSpace Exec>
 Model<R, typename Exec::memory_space> make_model(Exec const& exec, CompiledModel const& m, ModelOptions options = {});
 

@@ -1,6 +1,7 @@
 #pragma once
 #include <algorithm>
 #include <gsp/core/detail/views.hpp>
+#include <gsp/model/detail/held_numbers.hpp>
 #include <gsp/model/model.hpp>
 #include <gsp/model/model_refusals.hpp>
 #include <limits>
@@ -96,6 +97,7 @@ void fill_fields(ModelPools<R, Mem>& pool, Model<R, Mem> const& d, FieldSource c
     if (values.size() != size)
       throw Error(std::string("gsp::make_model: the compiled model has ") + std::to_string(values.size()) + " numbers for " + row.name +
                   ", and " + std::to_string(items) + " items of " + std::to_string(row.components) + " are needed");
+    expects_held<R>(source.m, {row.field, row.name, row.item, row.components, row.use}, values);
     pool.add(row.member, values);
   }
 }
@@ -446,6 +448,7 @@ template <class R, class Mem>
 ModelPools<R, Mem> fill_model(Model<R, Mem>& d, CompiledModel const& m, ModelOptions const& options) {
   auto const source = field_source(m);
   if (auto const refusals = model_refusals(m); !refusals.empty()) throw Error(refusals.front());
+  expects_held<R>(m, options.timestep > 0 ? options.timestep : m.option.timestep);
   fill_options(d, source, options);
   ModelPools<R, Mem> pool;
   fill_fields(pool, d, source);
