@@ -27,8 +27,11 @@ inline constexpr int newton_most_secants = 40;     // each halves the bracket at
 inline constexpr double newton_widen = 4;          // by how much the line is followed while it still falls
 inline constexpr double least_compliance = 1e-15;  // of a row that nothing can move
 
-/// Lower triangle by columns, and the direction.
-inline std::int64_t newton_work(int nv) { return std::int64_t(nv) * (nv + 1) / 2 + nv; }
+// Of a pivot below this times epsilon of the diagonal that it was rounding is a sixteenth and more: L is found row by row then.
+inline constexpr double newton_pivot = 16;
+
+/// Lower triangle by columns, the direction, and room for the diagonal or a row.
+inline std::int64_t newton_work(int nv) { return std::int64_t(nv) * (nv + 1) / 2 + 2 * nv; }
 
 template <class R, class Mem>
 struct NewtonWorld {
@@ -77,7 +80,7 @@ struct NewtonWorld {
       R const linear = world.template sum<R>(nv, [&](int i) { return d[i] * d[i]; });
       if (linear == R(0)) break;
       assemble(world, l, w, H);
-      factor(world, H, nv);
+      if (!factor(world, H, d + nv, nv)) factor_rows(world, l, w, H, d + nv);
       R const decrement = solve_factored(world, H, nv, d);  // g . H^-1 g, an upper bound of |d|^2
       R const size = world.template sum<R>(nv, [&](int i) { return z[i] * z[i]; });
       R const least = square(tolerance) * size;
@@ -283,12 +286,17 @@ struct NewtonWorld {
       }
   }
 
-  /// H <- L with L L^T = H, columns that do not meet left out. H is 1 and what is positive semidefinite, so that no pivot is less than 1
-  /// but by rounding, of which stiff rows that are nearly parallel leave more than that.
+  /// H <- L with L L^T = H, columns that do not meet left out. False where rounding is much of a pivot: H is 1 and what is positive
+  /// semidefinite, so that no pivot is less than 1, but stiff rows that are nearly parallel, or there twice, leave epsilon H_kk of it and
+  /// more, and over a pivot of 1 that would grow by its square from column to column.
+  /// @param diagonal  room: that of H
   template <class World>
-  KOKKOS_FUNCTION void factor(World const& world, R* H, int nv) const {
+  KOKKOS_FUNCTION bool factor(World const& world, R* H, R* diagonal, int nv) const {
+    world.each(nv, [&](int k) { diagonal[k] = column_of(H, nv, k)[k]; });
+    world.sync();
     for (int k = 0; k < nv; ++k) {
       R* const column = column_of(H, nv, k);
+      if (!(column[k] > R(newton_pivot) * Kokkos::Experimental::epsilon_v<R> * diagonal[k])) return false;
       R const root = sqrt(max(column[k], R(1))), inverse = R(1) / root;
       world.sync();
       world.each(nv - k, [&](int i) { column[k + i] = i == 0 ? root : column[k + i] * inverse; });
@@ -299,6 +307,72 @@ struct NewtonWorld {
         R* const other = column_of(H, nv, j);
         world.each(nv - j, [&](int i) { other[j + i] = fma(-x, column[j + i], other[j + i]); });
       }
+      world.sync();
+    }
+    return true;
+  }
+  /// L of 1 + Y^T B Y without the sum: from L = 1 each column u of Y^T G, B = G G^T, is turned into it by plane rotations,
+  ///   (L u) Q = (L' 0),   L' L'^T = L L^T + u u^T
+  /// Rounding is epsilon of |u| then, where the sum has epsilon of |u|^2. Twice the work and more, for the few worlds that need it.
+  /// @param u  room
+  template <class World>
+  KOKKOS_FUNCTION void factor_rows(World const& world, Lists const& l, R const* w, R* L, R* u) const {
+    int const nv = rows.nv;
+    world.sync();
+    world.each(nv, [&](int k) {
+      R* const column = column_of(L, nv, k);
+      column[k] = R(1);
+      for (int i = k + 1; i < nv; ++i) column[i] = R(0);
+    });
+    for (int r = 0, n; r < l.count; r += n) {
+      n = l.element_rows[r];
+      R G[N][N];
+      if (!soft_curvature(soft_element(l.row + r, n, l.least + r), w + r, G)) continue;
+      for (int c = 0; c < n; ++c) {
+        if (!next_column(G, n, c)) continue;
+        world.sync();
+        world.each(nv, [&](int i) { u[i] = R(0); });
+        world.sync();
+        for (int b = c; b < n; ++b) {
+          Row<R> const& row = l.row[r + b];
+          world.each(row.segment[0].count + row.segment[1].count, [&](int i) {
+            R& to = u[dof_of(row, i)];
+            to = fma(G[b][c], rows.Y(row.first_entry + i), to);
+          });
+          world.sync();
+        }
+        add_to_factor(world, L, u, nv);
+      }
+    }
+    world.sync();
+  }
+  /// Column c of G of B = G G^T, in place, from the columns before it and the lower triangle of B. False: it is zero, but for rounding.
+  KOKKOS_INLINE_FUNCTION static bool next_column(R (&B)[N][N], int n, int c) {
+    R pivot = B[c][c];
+    for (int k = 0; k < c; ++k) pivot = fma(-B[c][k], B[c][k], pivot);
+    bool const some = pivot > R(newton_pivot) * Kokkos::Experimental::epsilon_v<R> * B[c][c];
+    R const root = some ? sqrt(pivot) : R(0);
+    for (int b = c; b < n; ++b) {
+      R x = B[b][c];
+      for (int k = 0; k < c; ++k) x = fma(-B[b][k], B[c][k], x);
+      B[b][c] = some ? b == c ? root : x / root : R(0);
+    }
+    return some;
+  }
+  /// L L^T <- L L^T + u u^T. Overwrites u.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void add_to_factor(World const& world, R* L, R* u, int nv) const {
+    for (int k = 0; k < nv; ++k) {
+      R const x = u[k];
+      if (x == R(0)) continue;
+      R* const column = column_of(L, nv, k);
+      R const before = column[k], after = sqrt(fma(x, x, before * before)), cosine = before / after, sine = x / after;
+      world.sync();
+      world.each(nv - k, [&](int i) {
+        R const own = column[k + i], other = u[k + i];
+        column[k + i] = i == 0 ? after : fma(cosine, own, sine * other);
+        u[k + i] = i == 0 ? R(0) : fma(cosine, other, -sine * own);
+      });
       world.sync();
     }
   }
