@@ -96,3 +96,40 @@ TEST_CASE_TEMPLATE("what slides on a rail is pressed into the floor", R, float, 
     CHECK(w.speed() < 1e-6);
   }
 }
+
+// A rigid contact across a rail that is tilted as its floor is: of |Y|^2 rounding is left, 1e-15 in float, by which the overlap of 1 mm
+// would throw the ball (1e6 m/s and more in the first step). Nothing can move it: it bears nothing, and the ball slides as g sin(tilt)
+// makes it, but for rounding of each of 100 steps.
+TEST_CASE_TEMPLATE("what is jammed across its rail is not thrown", R, float, double) {
+  constexpr double radian = 0.017453292519943295;
+  for (int const tilt : {7, 23, 37, 61, 79}) {
+    std::string const euler = " euler='0 " + std::to_string(tilt) + " 0'";
+    std::string const x = std::to_string(0.099 * std::sin(tilt * radian)), z = std::to_string(0.099 * std::cos(tilt * radian));
+    World<R> w("<worldbody><geom type='plane' size='5 5 .1' hard='true' condim='1'" + euler + "/><body pos='" + x + " 0 " + z + "'" +
+                   euler + "><joint type='slide' axis='1 0 0'/><geom size='.1' mass='3' hard='true' condim='1'/></body></worldbody>",
+               gsp::Profile::stable);
+    w.step(100);
+    CAPTURE(tilt);
+    CHECK(w.status() == 0);
+    CHECK(double(w.qvel()(0, 0)) == doctest::Approx(9.81 * std::sin(tilt * radian) * 0.2).epsilon(1e-5));
+  }
+}
+
+// A floor tilted against its rail by 1e-4 rad sees 1e8 m, of which a rigid contact takes for its overlap x what all bodies weigh, m:
+//   v+ = 1e-4 p / m,   p = |u| / 1e-8 m + m (1e3 |g| h + |zeta|),   zeta = -erp x / h,   u = -1e-4 v
+// where all of it would be zeta / 1e-4, 1 km/s: so what slides into the wedge is stopped, however fast. Tolerance: x to 1e-8 of 1e-3.
+TEST_CASE_TEMPLATE("a rigid contact in a wedge is stopped, and not thrown by its overlap", R, float, double) {
+  double const h = 0.002, zeta = 0.2 * 0.001 / h, push = 1e-4 * (1e3 * 9.81 * h + zeta);
+  for (double const v : {0., -50.}) {
+    World<R> w(
+        "<worldbody><geom type='plane' size='5 5 .1' hard='true' condim='1' euler='0 .005729577951308232 0'/><body pos='0 0 .099'>"
+        "<joint type='slide' axis='1 0 0'/><geom size='.1' mass='3' hard='true' condim='1'/></body></worldbody>",
+        gsp::Profile::stable);
+    auto const start = gsp_test::host(w.state.qvel);
+    start(0, 0) = R(v);
+    Kokkos::deep_copy(w.state.qvel, start);
+    w.step(1);
+    CAPTURE(v);
+    CHECK(std::abs(double(w.qvel()(0, 0)) - push) < 1e-4 * push + 1e-5 * std::abs(v));
+  }
+}

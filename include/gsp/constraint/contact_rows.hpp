@@ -85,6 +85,7 @@ struct ContactRows {
     if (p.hard && !soft.as_mujoco && !edge) {
       RowLaw<R> rigid{R(0), hard_target(gap, h, p.erp)};
       rigid.restitution = p.restitution;
+      if (diag > R(0)) rigid.mass = R(1) / diag;
       return rigid;
     }
     RowLaw<R> law = edge ? soft.edge(p, spring, u, h, diag) : soft_law(softness_of(p, soft.refsafe), spring, u, h, diag);

@@ -26,6 +26,13 @@ KOKKOS_INLINE_FUNCTION std::uint64_t row_key(int type, RowId id) {
   return (std::uint64_t(type) << 59) | (std::uint64_t(id.major) << 32) | id.minor;
 }
 
+// A rigid row that pushes bears  p <= |u| / |Y|^2 + m (1e3 |g| h + |zeta|),  m the mass of all bodies: what is jammed asks for zeta /
+// |Y|^2, any number, or, between two that do not yield, for more with every sweep, and would be thrown by its overlap or by rounding of its
+// load.
+inline constexpr double most_weights = 1e3;
+// |Y|^2 mass is 1 but for leverage; the square of so many epsilon is what rounding has left of 0.
+inline constexpr double jammed_rounding = 32;
+
 template <class R, class Mem, class Types>
 struct CountRows {
   Model<R, Mem> model;
@@ -288,11 +295,12 @@ struct EmitRows {
     row.bias = free_rate - law.zeta;
     row.compliance = law.compliance;
     // What nothing can move bears what its softness makes of its gap, p = -b / C; rigid, or without a dof, it bears nothing.
-    R const size = row.segment[0].count > 0 ? diagonal + law.compliance : R(0);
+    bool const jammed = law.compliance == R(0) && diagonal * law.mass <= square(R(jammed_rounding) * Kokkos::Experimental::epsilon_v<R>);
+    R const size = row.segment[0].count > 0 && !jammed ? diagonal + law.compliance : R(0);
     row.inverse_diagonal = size > R(0) ? R(1) / size : R(0);
     row.friction_of = static_cast<signed char>(bounds.friction_of);
     row.lower = R(bounds.lower);
-    row.upper = R(bounds.upper);
+    row.upper = min(R(bounds.upper), most_push(law, w, max(abs(rate), abs(free_rate)) * row.inverse_diagonal));
     row.mu = bounds.friction_of < 0 ? R(-1) : R(bounds.mu);
     row.with_next = bounds.with_next;
     row.dry = bounds.dry;
@@ -308,6 +316,12 @@ struct EmitRows {
     // What cannot sink in carries the same however hard it is, or more.
     if (!(diagonal > Kokkos::Experimental::epsilon_v<R> * law.compliance)) return Kokkos::Experimental::infinity_v<R>;
     return law.most_yield;
+  }
+  /// What a rigid row that says what it moves may push (RowLaw::mass): what stops it, which makes no energy however little it moves; and
+  /// for the overlap and for others no more than all bodies ask for (most_weights).
+  KOKKOS_INLINE_FUNCTION R most_push(RowLaw<R> const& law, int w, R stops) const {
+    R const mass = max(law.mass, rows.weight(w) / rows.rate_scale(w));
+    return stops + mass * (R(most_weights) * rows.rate_scale(w) + abs(law.zeta));
   }
   /// Of an element whose island sleeps: who it is, and the impulses that it fell asleep with.
   template <class Type>

@@ -123,7 +123,7 @@ struct ImpactsWorld {
         bool const hit = q.impact[r].restitution > R(0);
         R const before = q.p[r];
         R const rate = dot_row(world, rows, row, q.z) + (hit ? q.middle(r) : row.compliance * before);
-        R const next = before - rate * row.inverse_diagonal, p = hit ? max(next, R(0)) : next;
+        R const next = before - rate * row.inverse_diagonal, p = hit ? clamp(next, R(0), row.upper) : next;
         fastest = max(fastest, hit && sweep == 0 ? -q.middle(r) : R(0));
         world.sync();  // all have read p and z
         if (p == before) continue;
@@ -156,7 +156,10 @@ struct ImpactsWorld {
       int const r = q.list[k];
       R const e = q.impact[r].restitution;
       q.p[r] *= part * (R(1) + (e > R(0) ? e : q.greatest[0]));
-      if (e > R(0)) q.row[r].lower += q.p[r];
+      if (e > R(0)) {
+        q.row[r].lower += q.p[r];
+        q.row[r].upper += q.p[r];
+      }
     });
     world.each(rows.nv, [&](int i) { q.z[i] = R(0); });
     for (int k = 0; k < chosen; ++k) {
