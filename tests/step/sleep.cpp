@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <gsp/collision/geom_values.hpp>
 #include <gsp/constraint/contact_forces.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/step/step.hpp>
@@ -561,4 +562,43 @@ TEST_CASE_TEMPLATE("a world that is reset falls asleep when a new one does", Exe
     gsp::reset(w.exec, w.model, w.state);
     CHECK(w.until(1, 100) == steps);
   }
+}
+
+// A box on a slope that friction holds. Nothing feels that its friction is less, so it sleeps on, until its world is woken; then it slides
+// with a = g_x - mu g_z. The world beside it does not notice. Tolerance: n h a to the overlap that the contact gives back, 1e-3 m/s.
+TEST_CASE_TEMPLATE("a world whose values were changed is woken by hand", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  gsp::Description d;
+  d.option.timestep = 0.004;
+  d.option.gravity = {1, 0, -10};
+  d.bodies[0].geoms.push_back(geom(gsp::ShapeType::plane, {0, 0, 1}));
+  add_free(d, {0, 0, 0.1}, geom(gsp::ShapeType::box, {0.1, 0.1, 0.1}, 1));
+  World<double, Exec> w(d, 2);
+  REQUIRE(w.until(1, 500, 1) <= 500);
+  REQUIRE(w.asleep(0) == 1);
+  gsp::make_per_world(w.exec, w.sim.collision, {gsp::GeomField::friction}, 2);
+  Kokkos::View<double***, Kokkos::LayoutRight, Mem> const friction("friction", 2, 2, 3);
+  Kokkos::deep_copy(friction, 0.02);
+  gsp::set_world_values(w.exec, w.sim.collision, gsp::GeomField::friction, friction);
+  auto const lies = w.all(0);
+  w.step(20);
+  CHECK(w.asleep(1) == 1);  // it cannot know
+  Kokkos::View<bool*, Mem> const mask("mask", 2);
+  auto const second = gsp_test::snapshot(mask);
+  second(1) = true;
+  Kokkos::deep_copy(mask, second);
+  gsp_test::check_algorithm(w.exec, gsp_test::watch([&] { gsp::wake(w.exec, w.sim.sleep, mask); }));
+  CHECK(w.asleep(0) == 1);
+  CHECK(w.asleep(1) == 0);
+  w.step(50);
+  CHECK(w.asleep(0) == 1);
+  CHECK(w.all(0) == lies);
+  double const v = gsp_test::host(w.state.qvel)(1, 0);
+  CHECK(std::abs(v - (1 - 0.02 * 10) * 50 * 0.004) < 1e-3);
+  gsp::wake(w.exec, w.sim.sleep);
+  w.step(1);
+  CHECK(!w.sleeps(0, 0));
+  CHECK(gsp_test::host(w.state.qvel)(0, 0) > 0);
+  Kokkos::View<bool*, Mem> const three("mask", 3);
+  CHECK_THROWS_WITH_AS(gsp::wake(w.exec, w.sim.sleep, three), doctest::Contains("the mask has 3 worlds"), std::invalid_argument);
 }

@@ -110,6 +110,27 @@ void wake_changed(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> co
   for_worlds("gsp::step::wake_changed", exec, state.worlds, detail::WakeChanged<Sleep<R, Mem>, R, Mem>{model, state, dynamics, sleep});
 }
 
+/// Wakes what sleeps in the worlds of the mask, from the next step on: for changes that no tree can feel, such as other friction, poses or
+/// softness of geoms (make_per_world, set_world_values), a collision model or equalities of your own. It counts its steps of rest from none
+/// and starts from the impulses with which it fell asleep. The other worlds do not notice. Nothing sleeps: nothing happens. Does not
+/// allocate, does not fence. Error: std::invalid_argument for a mask of another number of worlds.
+/// @param mask  callable with a world, such as a View<bool*> on the device
+template <ExecutionSpace Exec, class R, class Mem, class Mask>
+requires requires(Mask const& mask) { bool(mask(0)); }
+void wake(Exec const& exec, Sleep<R, Mem>& sleep, Mask const& mask) {
+  if (sleep.worlds == 0) return;
+  if constexpr (requires { mask.extent(0); })
+    expects(int(mask.extent(0)) == sleep.worlds, "gsp::wake: the mask has " + std::to_string(mask.extent(0)) + " worlds and the sleep " +
+                                                     std::to_string(sleep.worlds) + ": make them equal");
+  Kokkos::parallel_for("gsp::step::wake", Kokkos::RangePolicy<Exec>(exec, 0, sleep.worlds),
+                       detail::WakeWorlds<Mem, Mask>{sleep.state.calm, sleep.asleep, mask});
+}
+/// Wakes all that sleeps.
+template <ExecutionSpace Exec, class R, class Mem>
+void wake(Exec const& exec, Sleep<R, Mem>& sleep) {
+  wake(exec, sleep, detail::AllWorlds{});
+}
+
 /// What `collide` may take over from its last call. Empty where somebody else has called it with these contacts since, or their pools have
 /// grown. After wake_changed; on the host, for each call anew.
 template <class R, class Mem>

@@ -99,6 +99,18 @@ struct WakeChanged {
   }
 };
 
+template <class Mem, class Mask>
+struct WakeWorlds {
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> calm;
+  Kokkos::View<int*, Kokkos::LayoutRight, Mem> asleep;
+  Mask mask;
+  KOKKOS_FUNCTION void operator()(int w) const {
+    if (!mask(w)) return;
+    for (int t = 0; t < int(calm.extent(1)); ++t) calm(w, t) = 0;
+    asleep(w) = 0;
+  }
+};
+
 template <class Sleep, class R, class Mem>
 struct FallAsleep {
   Model<R, Mem> model;
