@@ -102,7 +102,7 @@ TEST_CASE("numbers that float cannot hold are refused by name, and taken in doub
     std::string const sentence = made(0.f, change);
     CHECK_MESSAGE(says(sentence, place), sentence);
     CHECK_MESSAGE(says(sentence, number), sentence);
-    CHECK_MESSAGE(says(sentence, "in double"), sentence);
+    CHECK_MESSAGE(says(sentence, "take double precision"), sentence);
     CHECK(made(0., change).empty());
   };
   int const b = base.njnt > 0 ? base.jnt_body[0] : 1;

@@ -67,7 +67,7 @@ void expects_held(double x, bool divides, char const* name, Where const& where) 
   std::snprintf(number, sizeof number, "%.6g", x);
   std::snprintf(bound, sizeof bound, "%.2g", double(beyond ? std::numeric_limits<R>::max() : std::numeric_limits<R>::min()));
   throw Error(where() + ": " + name + " " + number + (beyond ? " is beyond " : " is divided by, and is less than ") + bound +
-              (sizeof(R) == 4 ? ", which float holds: make the model in double, or give " : ": give ") +
+              (sizeof(R) == 4 ? ", which float holds: take double precision, or give " : ": give ") +
               (beyond ? "a smaller number" : "a larger number"));
 }
 
