@@ -8,9 +8,9 @@
 /// The kernel of `newton` (solver/newton.hpp): a thread or a warp a world.
 namespace gsp {
 
-/// The least compliance of a row: this share of the sum, over the dofs of its entries, of the largest Y^2 that any row has there. What is
-/// rigid (a type of a user's own), or of leverage too small to tell from none, is this soft: rows between which a dof cannot choose
-/// weigh by Y^2, as in MuJoCo, whose least is 1e-15 for all.
+/// The least compliance of a rigid row: this share of the sum, over the dofs of its entries, of the largest Y^2 that any row has there.
+/// What is rigid (C < rigid_softness |Y|^2), or of leverage too small to tell from none, is this soft: rows between which a dof cannot
+/// choose weigh by Y^2, as in MuJoCo, whose least is 1e-15 for all.
 template <class R>
 inline constexpr R least_softness = R(sizeof(R) == 4 ? 1e-7 : 1e-10);
 
@@ -26,6 +26,10 @@ inline constexpr double newton_slope = 0.01;
 inline constexpr int newton_most_secants = 40;     // each halves the bracket at least every other time: the digits of a double
 inline constexpr double newton_widen = 4;          // by how much the line is followed while it still falls
 inline constexpr double least_compliance = 1e-15;  // of a row that nothing can move
+// A row is rigid where |Y|^2 / C is more than 1e5, which leaves float two digits beside the 1 of H; and its leverage is rounding where
+// |Y|^2 is the square of so many epsilon beside what others have.
+inline constexpr double rigid_softness = 1e-5;
+inline constexpr double newton_rounding = 32;
 
 // Of a pivot below this times epsilon of the diagonal that it was rounding is a sixteenth and more: L is found row by row then.
 inline constexpr double newton_pivot = 16;
@@ -123,9 +127,14 @@ struct NewtonWorld {
     world.sync();
     world.each(l.count, [&](int r) {
       Row<R> const& row = l.row[r];
-      R sum(0);
-      for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) sum += most[dof_of(row, i)];
-      l.least[r] = max(least_softness<R> * sum, R(least_compliance));
+      R sum(0), own(0);
+      for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) {
+        sum += most[dof_of(row, i)];
+        own += square(rows.Y(row.first_entry + i));
+      }
+      bool const is_soft =
+          row.compliance >= R(rigid_softness) * own && own > square(R(newton_rounding) * Kokkos::Experimental::epsilon_v<R>) * sum;
+      l.least[r] = max(is_soft ? R(0) : least_softness<R> * sum, R(least_compliance));
     });
     world.sync();
   }
