@@ -115,6 +115,30 @@ TEST_CASE_TEMPLATE("what is jammed across its rail is not thrown", R, float, dou
   }
 }
 
+// A tendon between two bodies that are welded to each other cannot give way, whatever its limit asks for: its row is 0 but for rounding,
+// and as soft as MuJoCo's least, 1e-15, so that it bears 1e13 N s and more. The body swings as without it: 100 roundings of 10 rad/s apart.
+TEST_CASE_TEMPLATE("a tendon between bodies that are one moves nothing", R, float, double) {
+  for (int const angle : {10, 50, 130, -130}) {
+    auto const profile = angle < 100 && angle > 0 ? gsp::Profile::stable : gsp::Profile::mujoco;
+    std::string const body = "<worldbody><body euler='" + std::to_string(angle) +
+                             " 20 30'><joint axis='.3 .5 .8' pos='.2 -.1 .15'/><geom size='.1' mass='1' pos='.13 .2 .07'/>"
+                             "<body pos='.02 .25 .2' euler='20 -80 10'><joint type='ball' pos='-.13 -.17 .17'/><geom size='.1' mass='.1'/>"
+                             "<site name='a' pos='-.16 .11 -.05'/><body pos='.03 .08 -.11' euler='50 10 -40'><geom size='.05' mass='.2'/>"
+                             "<site name='b' pos='0 -.03 -.12'/></body></body></body></worldbody>";
+    World<R> with(body + "<tendon><spatial limited='true' range='0 .01'><site site='a'/><site site='b'/></spatial></tendon>", profile);
+    World<R> without(body, profile);
+    for (World<R>* w : {&with, &without}) {
+      auto const v = gsp_test::host(w->state.qvel);
+      for (int i = 0; i < 4; ++i) v(0, i) = R(i - 1.5);
+      Kokkos::deep_copy(w->state.qvel, v);
+      w->step(100);
+    }
+    CAPTURE(angle);
+    CHECK(with.status() == 0);
+    for (int i = 0; i < 4; ++i) CHECK(std::abs(double(with.qvel()(0, i)) - double(without.qvel()(0, i))) < 100 * 1.2e-7 * 10);
+  }
+}
+
 // A floor tilted against its rail by 1e-4 rad sees 1e8 m, of which a rigid contact takes for its overlap x what all bodies weigh, m:
 //   v+ = 1e-4 p / m,   p = |u| / 1e-8 m + m (1e3 |g| h + |zeta|),   zeta = -erp x / h,   u = -1e-4 v
 // where all of it would be zeta / 1e-4, 1 km/s: so what slides into the wedge is stopped, however fast. Tolerance: x to 1e-8 of 1e-3.

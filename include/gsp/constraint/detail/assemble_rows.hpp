@@ -32,6 +32,10 @@ KOKKOS_INLINE_FUNCTION std::uint64_t row_key(int type, RowId id) {
 inline constexpr double most_weights = 1e3;
 // |Y|^2 mass is 1 but for leverage; the square of so many epsilon is what rounding has left of 0.
 inline constexpr double jammed_rounding = 32;
+// MuJoCo's least compliance, of what nothing moves in the initial pose (soft_law). Such a row bears zeta / C, 1e14 and more, by which
+// entries that are rounding would throw what they touch (a tendon between bodies that are one: 1e7 m/s in float). They are 0 then: of
+// |Y|^2 less than the square of so many epsilon, for joints that move the row by 1 a radian or metre.
+inline constexpr double no_softness = 2e-15;
 
 template <class R, class Mem, class Types>
 struct CountRows {
@@ -292,6 +296,11 @@ struct EmitRows {
       law.zeta = free_rate;
       law.restitution = R(0);
     }
+    if (law.compliance > R(0) && law.compliance <= R(no_softness) && diagonal > R(0) &&
+        diagonal <= square(R(jammed_rounding) * Kokkos::Experimental::epsilon_v<R>) * inverse_inertia(w, row)) {
+      for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) rows.Y(row.first_entry + i) = R(0);
+      diagonal = R(0);
+    }
     row.bias = free_rate - law.zeta;
     row.compliance = law.compliance;
     // What nothing can move bears what its softness makes of its gap, p = -b / C; rigid, or without a dof, it bears nothing.
@@ -316,6 +325,17 @@ struct EmitRows {
     // What cannot sink in carries the same however hard it is, or more.
     if (!(diagonal > Kokkos::Experimental::epsilon_v<R> * law.compliance)) return Kokkos::Experimental::infinity_v<R>;
     return law.most_yield;
+  }
+  /// Sum of 1 / D over the dofs of a row: |Y|^2 of a row that each of them moves by 1.
+  KOKKOS_INLINE_FUNCTION R inverse_inertia(int w, Row<R> const& row) const {
+    R sum(0);
+    for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
+      auto const& segment = row.segment[s];
+      TreeItems<R> const items = dynamics.tree(model, w, model.dof_tree(segment.dof0));
+      for (int i = 0; i < segment.count; ++i)
+        sum += items[items.at.inverse_diagonal + (segment.list < 0 ? i : model.ints(segment.list + i))];
+    }
+    return sum;
   }
   /// What a rigid row that says what it moves may push (RowLaw::mass): what stops it, which makes no energy however little it moves; and
   /// for the overlap and for others no more than all bodies ask for (most_weights).
