@@ -16,11 +16,20 @@ inline constexpr int leap_from = 16, leap_every = 4;  // sweeps: before the firs
 /// Whether a leap follows on sweep number `sweep` (from 0): then p and z before it are kept.
 KOKKOS_INLINE_FUNCTION constexpr bool leaps_after(int sweep) { return sweep >= leap_from && sweep % leap_every == 0; }
 
-/// Friction is no minimum of an energy, and a leap may spoil what sweeps have found: a world whose sweeps change it by more than half of
-/// what they did before its last leap leaps no more in this step.
+/// Sweeps lower E, except where friction, which is no minimum of an energy, follows a normal that a leap has changed: there they take back
+/// what it gained. A world whose sweeps raise E after a leap leaps no more in this step.
+/// @param raised  by how much the sweeps since the last leap have raised E (energy_of_step)
 template <class R>
-KOKKOS_INLINE_FUNCTION bool leap_helped(R change, R change_before) {
-  return change <= R(0.5) * change_before;
+KOKKOS_INLINE_FUNCTION bool leap_helped(R raised) {
+  return raised <= R(0);
+}
+/// Change of E where row b of an element moves by d, after the rows before it have:   d (w + Y_b . sum Y_a d_a) + 1/2 d^2 (|Y|^2 + C)
+/// No difference of large numbers, as two values of E are.
+/// @param rate    w of the row before the element moves, + the products with the rows a < b
+/// @param change  |d| (|Y|^2 + C), what the row's rate changes by
+template <class T>
+KOKKOS_INLINE_FUNCTION T energy_of_step(T const& d, T const& rate, T const& change) {
+  return fma(d, rate, T(0.5f) * abs(d) * change);
 }
 
 /// A leap that has changed the energy by less than this share of its parts has done nothing that R can tell from its own rounding.

@@ -74,7 +74,7 @@ struct PgsLockstep {
     Mask<R, W> active;
     for (int l = 0; l < W; ++l) active.set(l, count[l] > 0);
     Mask<R, W> leaping = active, leapt = zero > one;
-    T change = zero, before_leap(Kokkos::Experimental::infinity_v<R>);
+    T change = zero, raised = zero, before_leap(Kokkos::Experimental::infinity_v<R>);
     LeapEnergy<T> energy{zero, zero};
     for (int sweep = 0; sweep < options.iterations && any(active); ++sweep) {
       if (leaps_after(sweep)) {
@@ -82,11 +82,15 @@ struct PgsLockstep {
         keep(block, blocks, z, z_before);
       }
       change = zero;
+      bool const counts = any(leapt);
       for (int q = 0; q < blocks; ++q) {
         Block& k = block[q];
-        T w[B], d[B], p[B];
+        T w[B], before[B], d[B], p[B];
         rates(k, z, w);
-        for (int b = 0; b < B; ++b) p[b] = k.p[b];
+        for (int b = 0; b < B; ++b) {
+          p[b] = k.p[b];
+          before[b] = w[b];
+        }
         if (k.element_rows == 1)
           project<1>(k, relaxation, w, p, d);
         else
@@ -94,7 +98,11 @@ struct PgsLockstep {
         for (int b = 0; b < B; ++b) {
           d[b] = select(active, d[b], zero);
           k.p[b] = k.p[b] + d[b];
-          change = max(change, abs(d[b]) / select(k.law.inverse_diagonal[b] > zero, k.law.inverse_diagonal[b], one));
+          T const of_row = abs(d[b]) / select(k.law.inverse_diagonal[b] > zero, k.law.inverse_diagonal[b], one);
+          change = max(change, of_row);
+          if (!counts) continue;
+          for (int a = 0; a < b; ++a) before[b] = fma(k.product[b * (b - 1) / 2 + a], d[a], before[b]);
+          raised = raised + energy_of_step(d[b], before[b], of_row);
         }
         push(k, z, d);
       }
@@ -104,9 +112,10 @@ struct PgsLockstep {
           if (options.tolerance > 0 && sweep + 1 >= options.least && !(change[l] > tolerance[l])) active.set(l, false);
         }
       if (leaps_after(sweep) && sweep + 1 < options.iterations) {
-        for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leap_helped(change[l], before_leap[l]));
+        for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && (!leapt[l] || leap_helped(raised[l])));
         before_leap = change;
         leapt = leaping;
+        raised = zero;
         if (any(leaping)) energy = leap(block, blocks, z, z_before, leaping);
       }
     }

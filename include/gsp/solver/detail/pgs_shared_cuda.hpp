@@ -125,12 +125,13 @@ struct SharedWorld {
     }
   }
   /// One pass over the element whose first row is `at`; the largest change of a rate. M = 1: one row; M = 3: two or three.
+  /// @param raised  grows by what the pass changes E by (leap.hpp)
   template <int M>
-  __device__ R sweep_element(bool active, int at) const {
+  __device__ R sweep_element(bool active, int at, R& raised) const {
     int const n = !active ? 0 : M == 1 ? 1 : row[at].rows;
     // whether all worlds of the warp can take the short way: it gives the same numbers
     bool const same = M == 1 || __all_sync(0xffffffffu, !active || (n == M && row[at].same_segments));
-    R w[M], p[M], d[M];
+    R w[M], before[M], p[M], d[M];
     ElementLaw<R, M> law;
 #pragma unroll
     for (int b = 0; b < M; ++b) w[b] = R(0);
@@ -173,6 +174,8 @@ struct SharedWorld {
     }
     R const* const couplings = Y + entry - n * (n - 1) / 2;
     auto const coupling = [&](int b, int a) { return b < n ? couplings[b * (b - 1) / 2 + a] : R(0); };
+#pragma unroll
+    for (int b = 0; b < M; ++b) before[b] = w[b];
     project_element<M>(law, 0, coupling, R(k.options.relaxation), w, p, d);
     __syncwarp();  // all have read p and z
     R change(0);
@@ -181,7 +184,11 @@ struct SharedWorld {
     for (int b = 0; b < M; ++b) {
       if (d[b] == R(0)) continue;
       moves = true;
-      change = max(change, abs(d[b]) * diagonal[b]);
+      R const of_row = abs(d[b]) * diagonal[b];
+      change = max(change, of_row);
+#pragma unroll
+      for (int a = 0; a < b; ++a) before[b] = fma(coupling(b, a), d[a], before[b]);
+      raised += energy_of_step(d[b], before[b], of_row);
       if (lane == b) number[at + b].p = p[b];
     }
     if (__any_sync(0xffffffffu, moves)) push<M>(active, at, n, same, d);
@@ -237,7 +244,7 @@ struct SharedWorld {
     sum_elements(true);
     int sweeps = 0;
     bool again = count > 0, leaping = true, leapt = false;
-    R change(0), before_leap = Kokkos::Experimental::infinity_v<R>;
+    R change(0), raised(0), before_leap = Kokkos::Experimental::infinity_v<R>;
     LeapEnergy<R> energy{};
     int const most_of_one = warp_max(of_one_row), most = warp_max(elements - of_one_row);
     for (int sweep = 0; __any_sync(0xffffffffu, again); ++sweep) {
@@ -253,18 +260,19 @@ struct SharedWorld {
       change = R(0);
       for (int e = 0; e < most_of_one; ++e) {
         bool const active = again && e < of_one_row;
-        change = max(change, sweep_element<1>(active, active ? order[e] : 0));
+        change = max(change, sweep_element<1>(active, active ? order[e] : 0, raised));
       }
       for (int e = 0; e < most; ++e) {
         bool const active = again && of_one_row + e < elements;
-        change = max(change, sweep_element<lockstep_rows>(active, active ? order[of_one_row + e] : 0));
+        change = max(change, sweep_element<lockstep_rows>(active, active ? order[of_one_row + e] : 0, raised));
       }
       if (again) ++sweeps;
       again = again && sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
       if (leaps_after(sweep)) {
-        leaping = leaping && again && leap_helped(change, before_leap);
+        leaping = leaping && again && (!leapt || leap_helped(raised));
         before_leap = change;
         leapt = leaping;
+        raised = R(0);
         if (__any_sync(0xffffffffu, leaping)) {
           LeapEnergy<R> const now = leap(leaping);
           if (leaping) energy = now;

@@ -136,7 +136,7 @@ struct PgsWorld {
     sum_island(world, e, z, p);
     int sweep = 0;
     bool leaping = true, leapt = false;
-    R change(0), before_leap = Kokkos::Experimental::infinity_v<R>;
+    R change(0), raised(0), before_leap = Kokkos::Experimental::infinity_v<R>;
     LeapEnergy<R> energy{};
     for (bool again = e.elements > 0; again; ++sweep) {
       if (leaps_after(sweep)) {
@@ -150,18 +150,19 @@ struct PgsWorld {
       for (int place = 0, several = 0, r, n; next_element(e, place, several, r, n);) {
         Row<R> const* const row = &rows.row(e.first_row + r);
         if (n == 1)
-          change = max(change, sweep_element<1>(world, row, 1, z, p + r));
+          change = max(change, sweep_element<1>(world, row, 1, z, p + r, raised));
         else if (n == 3 && row->same_segments)
-          change = max(change, sweep_element<3>(world, row, 3, z, p + r));
+          change = max(change, sweep_element<3>(world, row, 3, z, p + r, raised));
         else
-          change = max(change, sweep_element<N>(world, row, n, z, p + r));
+          change = max(change, sweep_element<N>(world, row, n, z, p + r, raised));
       }
       again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
       if (again && leaps_after(sweep)) {
-        leaping = leaping && leap_helped(change, before_leap);
+        leaping = leaping && (!leapt || leap_helped(raised));
         before_leap = change;
         leapt = leaping;
         if (leaping) energy = leap(world, e, z, p);
+        raised = R(0);
       }
     }
     return sweep;
@@ -216,13 +217,15 @@ struct PgsWorld {
     sum_island(world, e, z, p);
   }
   /// One pass over an element; the largest change of a rate. M = 1 or 3: so many rows, which have the same segments; M = N: any.
+  /// @param raised  grows by what the pass changes E by (leap.hpp)
   template <int M, class World>
-  KOKKOS_INLINE_FUNCTION R sweep_element(World const& world, Row<R> const* row, int n, R* z, R* p) const {
+  KOKKOS_INLINE_FUNCTION R sweep_element(World const& world, Row<R> const* row, int n, R* z, R* p, R& raised) const {
     ElementLaw<R, M> law;
-    R rate[M], now[M], d[M];
+    R rate[M], before[M], now[M], d[M];
     take<M>(world, row, n, z, p, law, rate, now);
     R const* const couplings = rows.Y.data() + row->first_entry - (M < N ? M * (M - 1) / 2 : n * (n - 1) / 2);
     auto const coupling = [&](int b, int a) { return M < N || b < n ? couplings[b * (b - 1) / 2 + a] : R(0); };
+    unrolled<M>([&](auto b) { before[b] = rate[b]; });
     project_element<M>(law, 0, coupling, R(options.relaxation), rate, now, d);
     world.sync();  // all have read p and z
     R change(0);
@@ -230,7 +233,10 @@ struct PgsWorld {
     unrolled<M>([&](auto b) {
       if (!(M < N || b < n) || d[b] == R(0)) return;  // places without a row may hold NaN
       any = true;
-      change = max(change, abs(d[b]) / law.inverse_diagonal[b]);  // d is 0 where this is
+      R const of_row = abs(d[b]) / law.inverse_diagonal[b];  // d is 0 where this is
+      change = max(change, of_row);
+      for (int a = 0; a < b; ++a) before[b] = fma(coupling(b, a), d[a], before[b]);
+      raised += energy_of_step(d[b], before[b], of_row);
       world.single([&] { p[b] = now[b]; });
     });
     if (!any) return change;
