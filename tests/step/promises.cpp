@@ -28,7 +28,7 @@ struct TieThree : gsp::OneFreeRow {
 };
 /// A row on dof 0 whose law or bounds are numbers that none can have, in all worlds but the first; its state is in order.
 struct NoLaw : gsp::OneFreeRow {
-  static constexpr int kinds = 9;
+  static constexpr int kinds = 10;
   KOKKOS_FUNCTION int count(int) const { return 1; }
   KOKKOS_FUNCTION gsp::RowLaw<double> law(int world, int, int, double, double, double) const {
     double const inf = Kokkos::Experimental::infinity_v<double>, nan = inf - inf;
@@ -36,7 +36,7 @@ struct NoLaw : gsp::OneFreeRow {
   }
   KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int, int) const {
     double const inf = Kokkos::Experimental::infinity_v<double>, nan = inf - inf;
-    return {world == 7 ? nan : -inf, world == 8 ? nan : inf};
+    return {world == 7 ? nan : world == 9 ? 2. : -inf, world == 8 ? nan : world == 9 ? 1. : inf};
   }
   template <class Row>
   KOKKOS_FUNCTION double jacobian(int, int, int, Row&& J) const {

@@ -168,7 +168,7 @@ RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
 /// (progress.halt), the pools grow at the host's next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows
 /// of more than two trees, elements of more than six rows, friction of a row that the element does not have, laws that are not finite or of
 /// negative compliance at a finite state, a restitution outside of 0 to 1 or of rows that are soft, pull or have no room for it, bounds
-/// that are NaN, and in profile mujoco what no cone is (docs/add_a_constraint.md): status::row_refused.
+/// that are NaN or change places (lower > upper), and in profile mujoco what no cone is (docs/add_a_constraint.md): status::row_refused.
 /// @param sleeping  islands that sleep (step/sleep.hpp): those that something awake touches are woken, the others have no rows and keep
 ///                  their impulses
 /// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or

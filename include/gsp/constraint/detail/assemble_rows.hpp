@@ -70,7 +70,7 @@ struct CountRows {
           RowStructure<R, Mem> structure{model};
           type.jacobian(w, k, r, structure);
           auto const bounds = type.bounds(w, k, r);
-          refused = structure.refused || bounds.friction_of >= n || bounds.friction_of == r ||
+          refused = structure.refused || bounds.friction_of >= n || bounds.friction_of == r || bounds.lower > bounds.upper ||
                     !are_numbers(bounds.lower, bounds.upper, bounds.friction_of < 0 ? R(0) : R(bounds.mu));
           if (!refused && bounds.friction_of >= 0 && model.profile == Profile::mujoco) {  // newton's cones: normals that push alone
             // Two that are bounded each by itself are a box, which is none.
