@@ -1,6 +1,7 @@
 #pragma once
 #include <cmath>
 #include <cstdio>
+#include <gsp/math/scalar.hpp>
 #include <gsp/model/fields.hpp>
 #include <limits>
 #include <string>
@@ -60,14 +61,15 @@ inline bool divides(ModelField field) {
 /// Refuses a number that R cannot hold. @param where  callable, for the sentence
 template <class R, class Where>
 void expects_held(double x, bool divides, char const* name, Where const& where) {
-  bool const beyond = std::isfinite(x) && std::abs(x) > double(std::numeric_limits<R>::max()),
-             lost = divides && x != 0 && std::abs(x) < double(std::numeric_limits<R>::min());
+  using Limits = std::numeric_limits<real_t<R>>;
+  bool const beyond = std::isfinite(x) && std::abs(x) > double(Limits::max()),
+             lost = divides && x != 0 && std::abs(x) < double(Limits::min());
   if (!beyond && !lost) return;
   char number[32], bound[32];
   std::snprintf(number, sizeof number, "%.6g", x);
-  std::snprintf(bound, sizeof bound, "%.2g", double(beyond ? std::numeric_limits<R>::max() : std::numeric_limits<R>::min()));
+  std::snprintf(bound, sizeof bound, "%.2g", double(beyond ? Limits::max() : Limits::min()));
   throw Error(where() + ": " + name + " " + number + (beyond ? " is beyond " : " is divided by, and is less than ") + bound +
-              (sizeof(R) == 4 ? ", which float holds: take double precision, or give " : ": give ") +
+              (sizeof(real_t<R>) == 4 ? ", which float holds: take double precision, or give " : ": give ") +
               (beyond ? "a smaller number" : "a larger number"));
 }
 
