@@ -146,8 +146,9 @@ TEST_CASE("a pyramid of 204 boxes comes to rest") {
   w.run(100);
   w.sweeps = 0;
   w.run(20);
-  MESSAGE(w.sweeps / 20 << " sweeps a step, mean speed " << w.speed() << " m/s");
-  CHECK(w.sweeps / 20 < 10);
+  double const sweeps = w.sweeps / 20;
+  MESSAGE(sweeps << " sweeps a step, mean speed " << w.speed() << " m/s");
+  CHECK(sweeps < 10);
   CHECK(w.speed() < 1e-5);
 }
 
