@@ -107,6 +107,7 @@
 #include <gsp/splat/splat.hpp>
 #include <gsp/step/bytes_needed.hpp>
 #include <gsp/step/sleep.hpp>
+#include <gsp/step/snapshot.hpp>
 #include <gsp/step/step.hpp>
 
 #if defined(GSP_IO)

@@ -16,9 +16,9 @@ struct SleepOptions {
   int steps = 10;        // below it, before a tree may sleep
 };
 
-/// Who sleeps, and what is compared with it to find what wakes. A simulation goes on to the bit from copies of these views, of the
-/// impulses, and of the state: qpos, qpos_low, qvel, act, steps, and what is given to it: ctrl, qfrc_applied, eq_active, mocap_pos,
-/// mocap_quat.
+/// Who sleeps, and what is compared with it to find what wakes. With the impulses and the state (qpos, qpos_low, qvel, act, steps, status,
+/// and what is given to it: ctrl, qfrc_applied, eq_active, mocap_pos, mocap_quat) it is all that the next step starts from: save and
+/// restore (step/snapshot.hpp) copy it.
 template <class R, class Mem>
 struct SleepState {
   template <class D>
