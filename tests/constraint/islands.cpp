@@ -2,6 +2,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <gsp/constraint/rows.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp_test_execs.hpp>
@@ -15,9 +16,13 @@ namespace {
 template <class Mem>
 struct Find {
   gsp::Rows<double, Mem> rows;
+  bool each_row;
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
-    gsp::detail::find_islands(world, rows, rows.islands, world.rank);
+    if (each_row)
+      gsp::detail::find_islands<gsp::detail::IslandItems::rows>(world, rows, rows.islands, world.rank);
+    else
+      gsp::detail::find_islands(world, rows, rows.islands, world.rank);
   }
 };
 
@@ -47,7 +52,9 @@ struct Element {
 
 TEST_CASE_TEMPLATE("islands are what rows couple, each with its elements and dofs in order", Exec, GSP_TEST_EXECS) {
   Exec const exec;
-  for (int trees : {1, 2, 40}) {
+  for (int const shape : {1, 2, 40, -1, -2, -40}) {  // below 0: all rows are listed
+    bool const each_row = shape < 0;
+    int const trees = std::abs(shape);
     int const worlds = 7, capacity = 130;
     auto const compiled = chains(trees);
     auto const model = gsp::make_model<double>(exec, compiled);
@@ -89,12 +96,12 @@ TEST_CASE_TEMPLATE("islands are what rows couple, each with its elements and dof
     Kokkos::deep_copy(exec, rows.element_rows, element_rows);
     Kokkos::deep_copy(exec, rows.first, first);
     Kokkos::deep_copy(exec, rows.count, count);
-    gsp::for_worlds("test", exec, worlds, Find<typename Exec::memory_space>{rows});
+    gsp::for_worlds("test", exec, worlds, Find<typename Exec::memory_space>{rows, each_row});
     exec.fence();
     auto const lists = gsp_test::host(rows.islands.lists), dofs = gsp_test::host(rows.islands.dofs);
     auto const order = gsp_test::host(rows.islands.elements);
     for (int w = 0; w < worlds; ++w) {
-      CAPTURE(trees);
+      CAPTURE(shape);
       CAPTURE(w);
       std::vector<int> label(trees);  // the least tree that can be reached
       for (int t = 0; t < trees; ++t) label[t] = t;
@@ -106,13 +113,14 @@ TEST_CASE_TEMPLATE("islands are what rows couple, each with its elements and dof
           for (int t : e.trees) again |= label[t] != least, label[t] = least;
         }
       }
-      std::vector<std::vector<int>> expected;  // by island: elements of one row, then others
+      std::vector<std::vector<int>> expected;  // by island: elements of one row, then others; or all rows
       std::vector<int> moved;
       for (int t = 0; t < trees; ++t) {
         std::vector<int> list;
         for (int several = 0; several < 2; ++several)
           for (auto const& e : elements[w])
-            if (!e.eliminated && !e.trees.empty() && label[*e.trees.begin()] == t && (e.rows > 1) == several) list.push_back(e.first);
+            if (!e.eliminated && !e.trees.empty() && label[*e.trees.begin()] == t && (each_row ? several == 0 : (e.rows > 1) == several))
+              for (int b = 0; b < (each_row ? e.rows : 1); ++b) list.push_back(e.first + b);
         if (list.empty()) continue;
         expected.push_back(list);
         moved.push_back(t);

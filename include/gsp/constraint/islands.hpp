@@ -5,7 +5,7 @@
 namespace gsp {
 
 /// The islands of each world: trees that rows couple, directly or through other trees. Nothing passes from one to another, so a solver
-/// takes them one by one, each for as long as it needs, or at the same time. Found anew each step by `pgs`; the same in any order of
+/// takes them one by one, each for as long as it needs, or at the same time. Found anew each step by the solvers; the same in any order of
 /// threads.
 template <class Mem>
 struct Islands {
@@ -19,7 +19,7 @@ struct Islands {
   /// Islands of a world that have rows.
   KOKKOS_INLINE_FUNCTION int& count(int w) const { return lists(w, 0); }
   /// Island i has the elements first_element(w, i) ... of `elements`, which says where their rows begin, counted from Rows::first: elements
-  /// of one row before others, each in the order of the rows.
+  /// of one row before others, each in the order of the rows; or all rows in their order (IslandItems).
   KOKKOS_INLINE_FUNCTION int& first_element(int w, int i) const { return lists(w, 1 + i); }
   /// And the dofs first_dof(w, i) ... of `dofs`; from that of island count(w) on they are those that no row moves.
   KOKKOS_INLINE_FUNCTION int& first_dof(int w, int i) const { return lists(w, 2 + ntree + i); }
@@ -42,6 +42,9 @@ struct SleepingIslands {
 };
 
 namespace detail {
+
+/// What Islands::elements lists: where elements begin, those of one row before others; or all of their rows in order.
+enum class IslandItems { elements, rows };
 
 /// Room for the islands of `worlds` worlds. Allocates.
 template <class Mem, class Exec, class R>
@@ -99,7 +102,7 @@ KOKKOS_INLINE_FUNCTION void label_trees(World const& world, Rows const& rows, Is
 }
 
 /// The islands of one world: labels, then elements and dofs sorted by them (counting sort). Cost: a few passes over rows and trees.
-template <class World, class Rows, class Mem>
+template <IslandItems items = IslandItems::elements, class World, class Rows, class Mem>
 KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, Islands<Mem> const& s, int w) {
   int const first = rows.first(w), count = rows.count(w), ntree = s.ntree;
   int *const label = s.label(w), *const number = s.number(w), *const next = s.next(w), *const keys = s.keys.data() + first;
@@ -107,12 +110,13 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
   world.each(2 * ntree + 1, [&](int k) { next[k] = 0; });
   world.sync();
   world.each(count, [&](int r) {  // by island, then elements of one row before others; -1: no element, or one that nothing is solved for
-    int const n = rows.element_rows(first + r);
+    int const n = rows.element_rows(first + r), listed = items == IslandItems::rows ? n : 1;
     int tree = -1;
     if (!rows.row(first + r).eliminated)
       for (int i = 0; i < 2 * n && tree < 0; ++i) tree = tree_of_row(rows, s, w, r + i / 2, i % 2);
-    keys[r] = tree < 0 ? -1 : 2 * label[tree] + (n > 1);
-    if (tree >= 0) world.add(next[keys[r]], 1);
+    int const key = tree < 0 ? -1 : 2 * label[tree] + (items == IslandItems::elements && n > 1);
+    for (int b = 0; b < listed; ++b) keys[r + b] = key;
+    if (tree >= 0) world.add(next[key], listed);
   });
   world.sync();
   world.template scan<int>(2 * ntree + 1, [&](int k, int& running, bool last) {
@@ -153,6 +157,34 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
   world.place(
       s.nv, [&](int i) { return island_of(s.dof_tree(i)); }, next, [&](int i, int at) { s.dofs(w, at) = i; });
   world.sync();
+}
+
+/// Rows and dofs of an island, each in their order, or of a whole world.
+struct IslandRows {
+  int const* rows;  // counted from Rows::first; null: all
+  int count;
+  int const* list;  // null: all dofs
+  int dofs;
+  KOKKOS_INLINE_FUNCTION int row(int k) const { return rows ? rows[k] : k; }
+  KOKKOS_INLINE_FUNCTION int dof(int k) const { return list ? list[k] : k; }
+};
+
+/// f(island) for the islands of a world, one after the other. What an island is to f hangs on its own rows and dofs alone: the k-th row of
+/// it, the k-th dof. Islands::keys is free for f.
+template <class World, class Rows, class F>
+KOKKOS_INLINE_FUNCTION void each_island(World const& world, Rows const& rows, int w, F const& f) {
+  auto const& islands = rows.islands;
+  int const count = rows.count(w);
+  if (count == 0) return;
+  if (islands.ntree <= 1) return f(IslandRows{nullptr, count, nullptr, islands.nv});
+  find_islands<IslandItems::rows>(world, rows, islands, w);
+  int const found = islands.count(w);
+  for (int i = 0; i < found; ++i) {
+    int const row = islands.first_element(w, i), dof = islands.first_dof(w, i);
+    int const n = islands.first_element(w, i + 1) - row, dofs = islands.first_dof(w, i + 1) - dof;
+    f(IslandRows{n == count ? nullptr : islands.elements.data() + rows.first(w) + row, n,
+                 dofs == islands.nv ? nullptr : &islands.dofs(w, 0) + dof, dofs});
+  }
 }
 
 }  // namespace detail

@@ -95,6 +95,7 @@ struct Rows {
   int worlds = 0, nv = 0;
   Profile profile = Profile::stable;         // of the model: whose problem they are
   int most_eliminated = 0;                   // rows that are eliminated in a world, at most; 0: none is
+  bool may_sleep = false;                    // some islands may sleep: the others are solved to the same bits whether they do or not
   View<int*> first, count;                   // (worlds) rows of a world
   View<int*> kept;                           // (worlds) after them, rows of islands that sleep: type, element and impulse alone
   View<int*> largest_element;                // (worlds) most rows of an element
@@ -109,7 +110,7 @@ struct Rows {
                // of a world what eliminated rows do to all, (most_eliminated, count)
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed, or one since they grew that needed more than there is
   View<int const*> dof_lists;  // what the segments' lists lie in
-  Islands<Mem> islands;        // room for those of these rows, which `pgs` finds
+  Islands<Mem> islands;        // room for those of these rows, which solvers find
   detail::SharedStamp<detail::RowsStamp> stamp;  // host: which call has written them (dynamics/stamps.hpp)
 
   KOKKOS_INLINE_FUNCTION int capacity() const { return int(row.extent(0)); }

@@ -9,13 +9,13 @@
 ///   0 <= p  _|_  u_S + Y_S Y_S^T p >= 0
 ///   z0 += (1 + e) Y_S^T p,   p0 += (1 + e) p,   and again, until S is empty
 /// A round adds no energy, as all rows that it solves together have one e: of rows that share a tree those of the greatest e go first. Rows
-/// without bounds (equalities, springs) take part as far as their softness lets them. Momentum is kept.
+/// without bounds (equalities, springs) take part as far as their softness lets them. Momentum is kept. Each island has its own rounds.
 /// Then p0 is the least that the solver may give these rows: friction and what reads forces see the whole impulse.
 namespace gsp {
 
 struct ImpactOptions {
-  // Rounds at most; 0: 50 and two for each row with a restitution, as a blow passes one contact a round. What then still approaches is
-  // stopped by the solver, without restitution.
+  // Rounds at most; 0: 50 and two for each row of an island with a restitution, as a blow passes one contact a round. What then still
+  // approaches is stopped by the solver, without restitution.
   int rounds = 0;
   int sweeps = 200;         // of Gauss-Seidel in a round, at most
   float tolerance = 1e-6f;  // a round ends when no rate changed in a sweep by more than this share of its fastest approach

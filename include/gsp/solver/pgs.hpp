@@ -20,9 +20,9 @@ namespace gsp {
 /// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, and for rows with room for a restitution
 /// without a call of impacts.
 /// On a CPU, worlds of at most 128 rows, in elements of at most three, in models of at most 128 dofs go in lockstep, a pack at a time;
-/// on a GPU they stay in shared memory, where 24 kB hold one, eight threads each; larger ones are swept over sparse rows, by a thread or a
-/// warp each, or island by island. Cost 4 entries iterations flop a world. A world's result depends on nothing but its own rows. Does not
-/// allocate, does not fence.
+/// on a GPU they stay in shared memory, where 24 kB hold one, eight threads each; larger ones, and those in which trees may sleep, are
+/// swept over sparse rows, by a thread or a warp each, island by island. Cost 4 entries iterations flop a world. A world's result depends
+/// on nothing but its own rows. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
          PgsOptions options = {}) {
@@ -34,14 +34,16 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
   expects(!rows.stamp.data() || !rows.stamp().impacts_left, "gsp::pgs: some rows may have a restitution: call impacts first");
   Region const region("gsp::solver::pgs");
   auto elsewhere = detail::SmallWorlds::none;  // solved before the other kernel, which marks the step as solved
-  if constexpr (is_device<Exec>) {
-    detail::launch_pgs_shared(exec, detail::PgsShared<R, Mem>{rows, impulses, solution, options, progress.halt});
-    elsewhere = detail::SmallWorlds::shared;
-  } else if (solution.thread_stride > 0) {
-    using Solver = detail::PgsLockstep<R, Mem>;
-    Kokkos::parallel_for("gsp::solver::pgs_lockstep", Kokkos::RangePolicy<Exec>(exec, 0, (rows.worlds + Solver::W - 1) / Solver::W),
-                         detail::LockstepLoop<Exec, Solver>{{rows, impulses, solution, options}, progress.halt});
-    elsewhere = detail::SmallWorlds::lockstep;
+  if (detail::goes_as_a_whole(rows)) {
+    if constexpr (is_device<Exec>) {
+      detail::launch_pgs_shared(exec, detail::PgsShared<R, Mem>{rows, impulses, solution, options, progress.halt});
+      elsewhere = detail::SmallWorlds::shared;
+    } else if (solution.thread_stride > 0) {
+      using Solver = detail::PgsLockstep<R, Mem>;
+      Kokkos::parallel_for("gsp::solver::pgs_lockstep", Kokkos::RangePolicy<Exec>(exec, 0, (rows.worlds + Solver::W - 1) / Solver::W),
+                           detail::LockstepLoop<Exec, Solver>{{rows, impulses, solution, options}, progress.halt});
+      elsewhere = detail::SmallWorlds::lockstep;
+    }
   }
   // more threads or warps than worlds share the islands of each
   int const busy = is_device<Exec> ? 2048 : exec.concurrency(), parts = std::clamp(busy / rows.worlds, 1, std::max(1, rows.islands.ntree));

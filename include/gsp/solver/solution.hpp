@@ -36,6 +36,11 @@ template <class Rows>
 KOKKOS_INLINE_FUNCTION bool goes_in_lockstep(Rows const& rows, int world) {
   return rows.count(world) <= lockstep_most_rows && rows.largest_element(world) <= lockstep_rows;
 }
+/// Such worlds stop as a whole; where some trees may sleep, the bits of the others would hang on them.
+template <class Rows>
+KOKKOS_INLINE_FUNCTION bool goes_as_a_whole(Rows const& rows) {
+  return !rows.may_sleep || rows.islands.ntree <= 1;
+}
 /// Packs that such worlds need: z, twice, and the entries by whole groups of four dofs, and the blocks.
 inline std::int64_t lockstep_packs(int nv) {
   return std::int64_t(nv + 3) / 4 * 4 * (2 + lockstep_most_blocks * lockstep_rows) + lockstep_most_blocks * lockstep_block_packs;

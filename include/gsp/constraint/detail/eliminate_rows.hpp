@@ -138,7 +138,7 @@ struct RestoreRows {
       R const* const y = rows.Y.data() + row.first_entry;
       R* const own = z + row.segment[0].dof0;
       int const n = row.segment[0].count;
-      R const sum = world.template sum<R>(count, [&](int q) { return coupling[q] * p[q]; });
+      R const sum = coupled(world, coupling, p, count, rows.islands.keys.data() + first);
       R const norm2 = world.template sum<R>(n, [&](int i) { return y[i] * y[i]; });
       R const yz = world.template sum<R>(n, [&](int i) { return y[i] * own[i]; });
       Elimination<R> const e(row, norm2);
@@ -149,6 +149,22 @@ struct RestoreRows {
       world.sync();
       --k;
     }
+  }
+
+ private:
+  /// coupling . p. Threads that share a sum take its items by their places, so where rows of other trees may be missing, as they sleep,
+  /// the rows that are coupled are listed first.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION R coupled(World const& world, R const* coupling, R const* p, int count, int* list) const {
+    if (!rows.may_sleep) return world.template sum<R>(count, [&](int q) { return coupling[q] * p[q]; });
+    world.template scan<int>(count, [&](int q, int& running, bool last) {
+      int const has = coupling[q] != R(0);
+      if (last && has) list[running] = q;
+      running += has;
+    });
+    int const own = world.template sum<int>(count, [&](int q) { return int(coupling[q] != R(0)); });
+    world.sync();
+    return world.template sum<R>(own, [&](int i) { return coupling[list[i]] * p[list[i]]; });
   }
 };
 

@@ -4,7 +4,7 @@
 #include <gsp/solver/detail/row_vectors.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// The kernel of `impacts` (solver/impacts.hpp, where the equations stand): a thread or a warp a world.
+/// The kernel of `impacts` (solver/impacts.hpp, where the equations stand): a thread or a warp a world, island by island.
 namespace gsp::detail {
 
 template <class R, class Mem>
@@ -18,31 +18,45 @@ struct ImpactsWorld {
 
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
-    int const w = world.rank, count = rows.count(w);
+    int const w = world.rank;
     if (halt()) return;
+    int const first = rows.first(w);
+    if (world.template sum<int>(rows.count(w), [&](int r) { return int(strikes(w, first + r)); }) == 0) return;
+    each_island(world, rows, w, [&](IslandRows const& e) { reflect(world, e); });
+  }
+
+ private:
+  KOKKOS_INLINE_FUNCTION bool bounces(int at) const { return rows.impact(at).restitution > R(0) && rows.row(at).inverse_diagonal > R(0); }
+  KOKKOS_INLINE_FUNCTION bool strikes(int w, int at) const {
+    return bounces(at) && rows.impact(at).rate < -rows.rate_scale(w) && rows.row(at).bias < R(0);
+  }
+  /// All rounds of an island.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void reflect(World const& world, IslandRows const& e) const {
+    int const w = world.rank;
     std::int64_t const first = rows.first(w), dof = std::int64_t(w) * rows.nv;
     Row<R>* const row = rows.row.data() + first;
     RowImpact<R>* const impact = rows.impact.data() + first;
-    R const rest = rows.rate_scale(w);
-    auto const bounces = [&](int r) { return impact[r].restitution > R(0) && row[r].inverse_diagonal > R(0); };
-    int const bouncing =
-        world.template sum<int>(count, [&](int r) { return int(bounces(r) && impact[r].rate < -rest && row[r].bias < R(0)); });
-    if (bouncing == 0) return;
-    world.each(count, [&](int r) { impact[r].forces = R(0.5) * (row[r].bias + impact[r].target - impact[r].rate); });
+    auto const bounces = [&](int r) { return this->bounces(int(first) + r); };
+    if (world.template sum<int>(e.count, [&](int k) { return int(strikes(w, int(first) + e.row(k))); }) == 0) return;
+    world.each(e.count, [&](int k) {
+      int const r = e.row(k);
+      impact[r].forces = R(0.5) * (row[r].bias + impact[r].target - impact[r].rate);
+    });
     world.sync();
     auto const joins = [&](int r) {  // rates of rows without bounds stay as they are
       return RowBounds<R>{row[r].lower, row[r].upper, row[r].friction_of}.is_free() && !row[r].eliminated && row[r].inverse_diagonal > R(0);
     };
-    Problem const q{row,
+    Problem const q{e,
+                    row,
                     impact,
                     impulses.before.data() + first,
                     solution.z.data() + dof,
                     solution.z_before.data() + dof,
                     rows.islands.keys.data() + first,
-                    count,
-                    world.template sum<int>(count, [&](int r) { return int(joins(r)); }) > 0,
-                    rest};
-    int const with = world.template sum<int>(count, [&](int r) { return int(bounces(r)); });
+                    world.template sum<int>(e.count, [&](int k) { return int(joins(e.row(k))); }) > 0,
+                    rows.rate_scale(w)};
+    int const with = world.template sum<int>(e.count, [&](int k) { return int(bounces(e.row(k))); });
     int const most = rounds > 0 ? rounds : 50 + 2 * with;
     for (int round = 0; round < most; ++round) {
       int const chosen = choose(world, q, bounces, joins);
@@ -51,21 +65,20 @@ struct ImpactsWorld {
       give_back(world, q, chosen, solved);
     }
     R* const p = impulses.p[impulses.parity()].data() + first;
-    world.each(count, [&](int r) {
+    world.each(e.count, [&](int k) {
+      int const r = e.row(k);
       if (bounces(r)) p[r] = max(p[r], row[r].lower);
     });
   }
-
- private:
   struct Problem {
+    IslandRows island;
     Row<R>* row;  // of the world, and so on
     RowImpact<R>* impact;
     R* p;         // of a round
     R* z;         // Y^T p
     R* greatest;  // restitution of the rows that approach, at the first dof of each tree
     int* list;    // rows of a round
-    int count;    // rows
-    bool joined;  // there are rows without bounds: trees are not alone, and all rows have the greatest of all, at 0
+    bool joined;  // there are rows without bounds: trees are not alone, and all rows have the greatest of all, at the first dof
     R rest;
     KOKKOS_INLINE_FUNCTION R middle(int r) const { return impact[r].rate + impact[r].forces; }
     KOKKOS_INLINE_FUNCTION bool approaches(int r) const {
@@ -74,7 +87,7 @@ struct ImpactsWorld {
     /// f(greatest) of what row r shares with others.
     template <class F>
     KOKKOS_INLINE_FUNCTION void each_tree(int r, F const& f) const {
-      if (joined) return f(greatest[0]);
+      if (joined) return f(greatest[island.dof(0)]);
       for (int s = 0; s < 2; ++s)
         if (row[r].segment[s].count > 0) f(greatest[row[r].segment[s].dof0]);
     }
@@ -85,7 +98,8 @@ struct ImpactsWorld {
   KOKKOS_INLINE_FUNCTION int choose(World const& world, Problem const& q, Bounces const& bounces, Joins const& joins) const {
     auto const hits = [&](int r) { return bounces(r) && q.approaches(r); };
     auto const each_hit = [&](auto const& f) {
-      world.each(q.count, [&](int r) {
+      world.each(q.island.count, [&](int k) {
+        int const r = q.island.row(k);
         if (hits(r)) q.each_tree(r, [&](R& greatest) { f(greatest, q.impact[r].restitution); });
       });
       world.sync();
@@ -97,20 +111,21 @@ struct ImpactsWorld {
       if (first) q.each_tree(r, [&](R const& greatest) { first = first && !(greatest > q.impact[r].restitution); });
       return first;
     };
-    int const hit = world.template sum<int>(q.count, [&](int r) { return int(leads(r)); });
+    int const count = q.island.count, hit = world.template sum<int>(count, [&](int k) { return int(leads(q.island.row(k))); });
     if (hit == 0) return 0;
-    world.template scan<int>(q.count, [&](int r, int& running, bool last) {
+    world.template scan<int>(count, [&](int k, int& running, bool last) {
+      int const r = q.island.row(k);
       int const chosen = leads(r) || joins(r);
       if (last && chosen) q.list[running] = r;
       running += chosen;
     });
     world.sync();
-    return world.template sum<int>(q.count, [&](int r) { return int(leads(r) || joins(r)); });
+    return world.template sum<int>(count, [&](int k) { return int(leads(q.island.row(k)) || joins(q.island.row(k))); });
   }
   /// q.p: what brings the rows of the list to no approach. Whether sweeps have come to rest.
   template <class World>
   KOKKOS_INLINE_FUNCTION bool compress(World const& world, Problem const& q, int chosen) const {
-    world.each(rows.nv, [&](int i) { q.z[i] = R(0); });
+    world.each(q.island.dofs, [&](int i) { q.z[q.island.dof(i)] = R(0); });
     world.each(chosen, [&](int k) { q.p[q.list[k]] = R(0); });
     world.sync();
     R const share = max(tolerance, R(16) * Kokkos::Experimental::epsilon_v<R>);
@@ -145,29 +160,31 @@ struct ImpactsWorld {
         int const r = q.list[k];
         return q.impact[r].restitution > R(0) ? q.p[r] * q.middle(r) : R(0);
       });
-      R const pAp = world.template sum<R>(rows.nv, [&](int i) { return square(q.z[i]); }) + world.template sum<R>(chosen, [&](int k) {
-        int const r = q.list[k];
-        return q.impact[r].restitution > R(0) ? R(0) : q.row[r].compliance * square(q.p[r]);
-      });
+      R const pAp = world.template sum<R>(q.island.dofs, [&](int i) { return square(q.z[q.island.dof(i)]); }) +
+                    world.template sum<R>(chosen, [&](int k) {
+                      int const r = q.list[k];
+                      return q.impact[r].restitution > R(0) ? R(0) : q.row[r].compliance * square(q.p[r]);
+                    });
       part = pAp > R(0) ? clamp(-up / pAp, R(0), R(1)) : R(0);
     }
     world.sync();
     world.each(chosen, [&](int k) {
       int const r = q.list[k];
       R const e = q.impact[r].restitution;
-      q.p[r] *= part * (R(1) + (e > R(0) ? e : q.greatest[0]));
+      q.p[r] *= part * (R(1) + (e > R(0) ? e : q.greatest[q.island.dof(0)]));
       if (e > R(0)) {
         q.row[r].lower += q.p[r];
         q.row[r].upper += q.p[r];
       }
     });
-    world.each(rows.nv, [&](int i) { q.z[i] = R(0); });
+    world.each(q.island.dofs, [&](int i) { q.z[q.island.dof(i)] = R(0); });
     for (int k = 0; k < chosen; ++k) {
       world.sync();
       push_row(world, rows, q.row[q.list[k]], q.z, q.p[q.list[k]]);
     }
     world.sync();
-    world.each(q.count, [&](int r) {
+    world.each(q.island.count, [&](int k) {
+      int const r = q.island.row(k);
       if (q.impact[r].restitution > R(0)) q.impact[r].rate += dot_row(SerialWorld{0}, rows, q.row[r], q.z);
     });
     world.sync();

@@ -11,7 +11,7 @@ namespace gsp::detail {
 /// all backends.
 template <class R, class Mem>
 KOKKOS_INLINE_FUNCTION bool is_one_island(Rows<R, Mem> const& rows, int w) {
-  return rows.islands.ntree <= 1 || (rows.nv <= lockstep_most_dofs && goes_in_lockstep(rows, w));
+  return rows.islands.ntree <= 1 || (rows.nv <= lockstep_most_dofs && goes_as_a_whole(rows) && goes_in_lockstep(rows, w));
 }
 
 /// For worlds that several threads or warps share: the islands, and a number of sweeps to begin from.
