@@ -7,7 +7,9 @@
 #include <gsp/runtime/stepper.hpp>
 #include <gsp/step/bytes_needed.hpp>
 #include <gsp/step/detail/sleep_kernels.hpp>
+#include <gsp/step/snapshot.hpp>
 #include <limits>
+#include <optional>
 
 #include "device.hpp"
 
@@ -26,6 +28,23 @@ struct SplitPositions {
     qpos_low[i] = R(q - double(qpos[i]));
   }
 };
+/// Steps carry qpos_low of free bodies' places alone: elsewhere it would stay what it was at the start, wherever the joint goes.
+template <class R, class Mem>
+struct DropLow {
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> qpos_low;
+  Kokkos::View<int*, Mem> is_place;
+  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
+    int const nq = int(is_place.extent(0));
+    if (!is_place(i % nq)) qpos_low(i / nq, i % nq) = R(0);
+  }
+};
+/// (nq) 1: a coordinate of a free body's place.
+inline std::vector<int> places_of_free_bodies(CompiledModel const& m) {
+  std::vector<int> is_place(std::size_t(m.nq), 0);
+  for (std::size_t j = 0; j < std::size_t(m.njnt); ++j)
+    if (JointType(m.jnt_type[j]) == JointType::free) std::fill_n(is_place.begin() + m.jnt_qposadr[j], 3, 1);
+  return is_place;
+}
 
 /// The new velocities of the last step, of worlds that it left as they were too.
 template <class R, class Mem>
@@ -73,6 +92,53 @@ Exec stepping_exec([[maybe_unused]] CompiledModel const& m, [[maybe_unused]] Ste
   return Exec();
 }
 
+inline std::string shape_of(Array const& a) {
+  std::string text = "(";
+  for (int k = 0; k < a.rank; ++k) text += (k == 0 ? "" : ", ") + std::to_string(a.extents[k]);
+  return text + (a.dtype == Dtype::float32   ? ") float32"
+                 : a.dtype == Dtype::float64 ? ") float64"
+                 : a.dtype == Dtype::int32   ? ") int32"
+                 : a.dtype == Dtype::int64   ? ") int64"
+                                             : ") uint32");
+}
+
+template <class... Types>
+constexpr int types_in(std::type_identity<ConstraintList<Types...>>) {
+  return sizeof...(Types);
+}
+/// The arrays of a snapshot, of so many impulses; unsigned numbers as those with a sign. Names of constraint types are left out: they hang
+/// on the compiler.
+template <class Exec, class R, class Mem>
+std::vector<NamedArray> arrays_of(Snapshot<R, Mem> const& s, std::int64_t rows) {
+  std::vector<NamedArray> out;
+  auto const add = [&](std::string const& name, auto const& view) {
+    using Item = typename std::decay_t<decltype(view)>::value_type;
+    using Signed = std::conditional_t<std::is_same_v<Item, std::uint64_t>, std::int64_t,
+                                      std::conditional_t<std::is_same_v<Item, std::uint32_t>, int, Item>>;
+    Array a = make_array(view.data(), dtype_of<Signed>(), device_of<Exec>(), {});
+    std::int64_t step = 1;
+    a.rank = static_cast<int>(view.rank());
+    for (int k = a.rank; k-- > 0; step *= a.extents[k]) {
+      a.extents[k] = static_cast<std::int64_t>(view.extent(k));
+      a.strides[k] = step;
+    }
+    out.push_back({name, a});
+  };
+  gsp::detail::each_state_view([&](char const* name, auto const& view) { add(std::string("state.") + name, view); }, s.state);
+  if (s.sleep.calm.data())
+    gsp::detail::each_sleep_view([&](char const* name, auto const& view) { add(std::string("sleep.") + name, view); }, s.sleep);
+  auto const& i = s.impulses;
+  add("impulses.first", i.first);
+  add("impulses.count", i.count);
+  add("impulses.kept", i.kept);
+  std::size_t const pool = out.size();
+  add("impulses.p", i.p);
+  add("impulses.id", i.id);
+  add("impulses.place", i.place);
+  for (std::size_t k = pool; k < out.size(); ++k) out[k].array = out[k].array.rows(0, rows);
+  return out;
+}
+
 template <class R, class Exec>
 class KokkosStepper : public Stepper {
   using Mem = typename Exec::memory_space;
@@ -83,6 +149,7 @@ class KokkosStepper : public Stepper {
         model_(make_runtime_model<R>(exec_, m, o)),
         state_(make_state(exec_, model_, {.worlds = o.worlds})),
         simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
+        is_place_(gsp::detail::to_device<decltype(is_place_)>(exec_, "gsp::runtime::Stepper::is_place", places_of_free_bodies(m))),
         joint_of_dof_(m.dof_jnt),
         joint_qpos_(m.jnt_qposadr),
         timestep_(o.timestep > 0 ? o.timestep : m.option.timestep) {
@@ -120,6 +187,7 @@ class KokkosStepper : public Stepper {
                            SplitPositions<R>{static_cast<double const*>(exact.array.data), state_.qpos.data(), state_.qpos_low.data(),
                                              std::max<std::int64_t>(1, qpos.size())});
       exec_.fence("gsp::runtime::Stepper::set: the positions are there");
+      split_ = true;
     }
     if (qvel) copy(qvel, array_of<Exec>(state_.qvel));
     if (ctrl) copy(ctrl, array_of<Exec>(state_.ctrl));
@@ -142,7 +210,60 @@ class KokkosStepper : public Stepper {
     forward_kinematics(exec_, model_, state_, simulation_.poses, simulation_.dynamics);
     stale_ = false;
   }
+  std::vector<NamedArray> save() override {
+    if (snapshot_)
+      gsp::save(exec_, state_, simulation_, *snapshot_);
+    else
+      snapshot_ = make_snapshot(exec_, state_, simulation_);
+    auto const& i = snapshot_->impulses;
+    auto const first = gsp::detail::to_host(exec_, i.first), count = gsp::detail::to_host(exec_, i.count),
+               kept = gsp::detail::to_host(exec_, i.kept);
+    return arrays_of<Exec>(*snapshot_, first.back() + count.back() + kept.back());
+  }
+  void restore(std::vector<NamedArray> const& arrays) override {
+    auto const find = [&](std::string const& name) {
+      for (auto const& a : arrays)
+        if (a.name == name && a.array.rank > 0) return a.array;
+      throw Error("there is no array '" + name + "': give all that Stepper::save gave");
+    };
+    auto const begins = [](NamedArray const& a) { return a.name.starts_with("sleep."); };
+    bool const sleeps = std::any_of(arrays.begin(), arrays.end(), begins);
+    if (sleeps && simulation_.sleep.worlds == 0)
+      throw Error("islands may sleep there, and here they may not: make the stepper of a model with option.sleep");
+    std::int64_t const worlds = find("state.qpos").extents[0], rows = find("impulses.p").extents[0];
+    if (worlds != 1 && worlds != state_.worlds)
+      throw Error("there are " + std::to_string(worlds) + " worlds, and here " + std::to_string(state_.worlds) +
+                  ": give as many, or one for all");
+    if (rows > std::numeric_limits<int>::max()) throw Error("array 'impulses.p' is longer than 2147483647: give fewer worlds");
+    Snapshot<R, Mem> s;
+    gsp::detail::allocate_snapshot(exec_, state_, simulation_, static_cast<int>(worlds), rows, s);
+    if (!sleeps) s.sleep = {};
+    for (auto const& [name, to] : arrays_of<Exec>(s, rows)) {
+      Array const from = find(name);
+      bool same = from.rank == to.rank && from.dtype == to.dtype;
+      for (int k = 0; k < to.rank && same; ++k) same = from.extents[k] == to.extents[k];
+      if (!same)
+        throw Error("array '" + name + "' is " + shape_of(from) + " and must be " + shape_of(to) + ": give what Stepper::save gave");
+      copy(from, to);
+    }
+    expect_in_range(s, rows);
+    auto const list = model_constraints(model_, state_, simulation_.poses, simulation_.dynamics, simulation_.collision,
+                                        simulation_.contacts, simulation_.cone);
+    auto const names = gsp::detail::names_of(list);
+    static_assert(types_in(std::type_identity<std::remove_const_t<decltype(list)>>()) == 8,
+                  "step has other constraint types: raise snapshot_version, and this number");
+    gsp::detail::upload_bytes(exec_, s.impulses.type_names.data(), names.name, std::size_t(names.count) * sizeof names.name[0]);
+    gsp::restore(exec_, s, state_, simulation_);
+    exec_.fence("gsp::runtime::Stepper::restore: the copies may go");
+    stale_ = split_ = true;
+  }
   void step(int steps, bool measure) override {
+    if (split_ && steps > 0) {
+      Kokkos::parallel_for("gsp::runtime::drop_low",
+                           Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec_, 0, std::int64_t(state_.qpos.size())),
+                           DropLow<R, Mem>{state_.qpos_low, is_place_});
+      split_ = false;
+    }
     solver_.residual = newton_.residual = measure;
     gsp::step(exec_, model_, state_, simulation_, {.steps = steps, .solver = solver_, .newton = newton_, .poses = false});
     stale_ = true;  // poses of the end where somebody asks for them: a call of one step would pay for them each time
@@ -207,16 +328,37 @@ class KokkosStepper : public Stepper {
   Array qfrc_constraint() const override { return array_of<Exec>(simulation_.solution.qfrc_constraint); }
 
  private:
+  /// What kernels take for places: impulses one world after the other, and islands that there are.
+  void expect_in_range(Snapshot<R, Mem> const& s, std::int64_t rows) const {
+    auto const first = gsp::detail::to_host(exec_, s.impulses.first), count = gsp::detail::to_host(exec_, s.impulses.count),
+               kept = gsp::detail::to_host(exec_, s.impulses.kept);
+    std::int64_t at = 0;
+    bool good = true;
+    for (std::size_t w = 0; w < first.size() && good; ++w) {
+      good = first[w] == at && count[w] >= 0 && kept[w] >= 0;
+      at += std::int64_t(count[w]) + kept[w];
+    }
+    if (!good || at != rows)
+      throw Error("array 'impulses.first', 'impulses.count' or 'impulses.kept' does not fit 'impulses.p': give what Stepper::save gave");
+    for (int const calm : gsp::detail::to_host(exec_, s.sleep.calm))
+      if (calm < -model_.ntree || calm > simulation_.sleep.steps)
+        throw Error("array 'sleep.calm' holds " + std::to_string(calm) + ", and must be from " + std::to_string(-model_.ntree) + " to " +
+                    std::to_string(simulation_.sleep.steps) + ": give what Stepper::save gave");
+  }
+
   Exec exec_;
   Model<R, Mem> model_;
   State<R, Mem> state_;
   Simulation<R, Mem> simulation_;
+  std::optional<Snapshot<R, Mem>> snapshot_;
   PgsOptions solver_;     // profile stable
   NewtonOptions newton_;  // profile mujoco
   Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> contact_force_;
+  Kokkos::View<int*, Mem> is_place_;  // (nq) 1: of a free body
   std::vector<int> joint_of_dof_, joint_qpos_;
   double timestep_;
-  bool stale_ = true;  // the poses are not those of the state
+  bool stale_ = true;   // the poses are not those of the state
+  bool split_ = false;  // all of qpos_low was set, and no step done since
 };
 
 template <class R>

@@ -192,8 +192,8 @@ States initial_state(gsp::CompiledModel const& model, std::string const& file, s
   return s;
 }
 
-Trace read_trace(std::string const& path, gsp::CompiledModel const& model) {
-  auto const npz = gsp::io::read_npz(path);
+namespace {
+Trace trace_of(gsp::io::Npz const& npz, std::string const& path, gsp::CompiledModel const& model) {
   auto const &time = npz.at("time"), &qpos = npz.at("qpos"), &qvel = npz.at("qvel");
   auto const key = [&](char const* name) { return path + "[" + name + "]"; };
   gsp::io::expect_shape(qpos, {-1, -1, model.nq}, key("qpos"));
@@ -213,10 +213,24 @@ Trace read_trace(std::string const& path, gsp::CompiledModel const& model) {
   }
   return trace;
 }
+/// Arrays of a snapshot have a point in their names.
+bool is_of_snapshot(std::string const& name) { return name.find('.') != std::string::npos; }
+}  // namespace
+
+Trace read_trace(std::string const& path, gsp::CompiledModel const& model) { return trace_of(gsp::io::read_npz(path), path, model); }
 
 States read_start(std::string const& path, gsp::CompiledModel const& model) {
-  Trace const t = read_trace(path, model);
+  auto npz = gsp::io::read_npz(path);
+  Trace const t = trace_of(npz, path, model);
   States s;
+  if (npz.contains("snapshot")) {
+    auto const version = npz.at("snapshot").as<int>(path + "[snapshot]");
+    if (version != std::vector<int>{gsp::runtime::snapshot_version})
+      fail(path + "[snapshot]", "",
+           "is of another version of gsp, which goes on from other arrays; leave out 'snapshot', or save the file anew (--save)");
+    for (auto& [name, array] : npz.arrays)
+      if (is_of_snapshot(name)) s.snapshot.emplace(name, std::move(array));
+  }
   s.worlds = static_cast<int>(t.worlds);
   s.time = t.time.back();
   s.qpos.assign(t.qpos.end() - static_cast<std::ptrdiff_t>(t.worlds) * model.nq, t.qpos.end());
@@ -226,6 +240,49 @@ States read_start(std::string const& path, gsp::CompiledModel const& model) {
   expect_bounded(s.qvel, model.nv, path + "[qvel], last entry");
   expect_bounded(s.act, model.na, path + "[act], last entry");
   return s;
+}
+
+void write_snapshot(std::string const& path, gsp::runtime::Stepper& stepper, double time, gsp::CompiledModel const& model) {
+  using gsp::runtime::Dtype;
+  auto const state = stepper.state();
+  auto const worlds = static_cast<std::size_t>(state.qpos.extents[0]);
+  auto const nq = static_cast<std::size_t>(model.nq), nv = static_cast<std::size_t>(model.nv), na = static_cast<std::size_t>(model.na);
+  std::vector<double> const times{time};
+  std::vector<double> qpos(worlds * nq), qvel(worlds * nv), act(worlds * na);
+  stepper.get(gsp::runtime::host_array(qpos.data(), {state.qpos.extents[0], model.nq}),
+              gsp::runtime::host_array(qvel.data(), {state.qpos.extents[0], model.nv}));
+  if (na > 0) copy(state.act, gsp::runtime::host_array(act.data(), {state.qpos.extents[0], model.na}));
+  std::vector<int> const version{gsp::runtime::snapshot_version};
+  std::vector<gsp::io::NpzEntry> entries{{"time", {{1}, times}}, {"qpos", {{1, worlds, nq}, qpos}}, {"qvel", {{1, worlds, nv}, qvel}}};
+  if (na > 0) entries.push_back({"act", {{1, worlds, na}, act}});
+  entries.push_back({"snapshot", {{1}, version}});
+  std::vector<gsp::io::NpyArray> arrays;
+  auto const saved = stepper.save();
+  arrays.reserve(saved.size());  // entries refer to them
+  for (auto const& [name, from] : saved) {
+    auto& array = arrays.emplace_back();
+    array.dtype = from.dtype == Dtype::float32   ? gsp::io::Dtype::f4
+                  : from.dtype == Dtype::float64 ? gsp::io::Dtype::f8
+                  : from.dtype == Dtype::int32   ? gsp::io::Dtype::i4
+                                                 : gsp::io::Dtype::i8;
+    for (int k = 0; k < from.rank; ++k) array.shape.push_back(static_cast<std::size_t>(from.extents[k]));
+    array.bytes.resize(static_cast<std::size_t>(from.size() * gsp::runtime::bytes_of(from.dtype)));
+    auto to = from;
+    to.data = array.bytes.data();
+    to.device = gsp::runtime::Device::cpu;
+    copy(from, to);
+    entries.push_back({name, array});
+  }
+  gsp::io::write_npz(path, entries);
+}
+
+void expect_goes_on(States const& s, bool in_double, bool sleep, std::string const& path) {
+  if (s.snapshot.empty()) return;
+  auto const qpos = s.snapshot.find("state.qpos");
+  bool const has_double = qpos != s.snapshot.end() && qpos->second.dtype == gsp::io::Dtype::f8;
+  if (has_double != in_double)
+    throw Error(path + ": was saved in " + (has_double ? "double" : "float") + "; give --precision " + (has_double ? "double" : "float"));
+  if (s.snapshot.contains("sleep.calm") && !sleep) throw Error(path + ": was saved with islands that may sleep; give --sleep");
 }
 
 void expect_worlds(States const& states, int worlds, std::string const& what) {

@@ -4,6 +4,7 @@
 #include <gsp/io/splat_transform.hpp>
 #include <gsp/model/compiled.hpp>
 #include <gsp/runtime/renderer.hpp>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -32,9 +33,10 @@ std::string summary(gsp::CompiledModel const& model);
 struct States {
   int worlds = 1;
   double time = 0;
-  std::vector<double> qpos, qvel, ctrl;       // ctrl: (worlds, nu), or empty
-  std::vector<double> act;                    // (worlds, na), or empty: the model's
-  std::vector<double> mocap_pos, mocap_quat;  // of a keyframe: one row for all worlds, or empty: the model's
+  std::vector<double> qpos, qvel, ctrl;                    // ctrl: (worlds, nu), or empty
+  std::vector<double> act;                                 // (worlds, na), or empty: the model's
+  std::vector<double> mocap_pos, mocap_quat;               // of a keyframe: one row for all worlds, or empty: the model's
+  std::map<std::string, gsp::io::NpyArray> snapshot = {};  // of a file of --save, all that a stepper goes on from; or empty
 };
 /// Gaussians of a file, moved to `pose`.
 gsp::io::SplatSet load_splats(std::string const& path, gsp::io::SplatPose const& pose);
@@ -48,9 +50,13 @@ void hold(gsp::CompiledModel const& model, int servos, States& states);
 
 /// The initial state of the file, or of a keyframe given by name or index; one world. Numbers beyond gsp::state_bound are refused.
 States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe);
-/// The last entry of a trace or start file: qpos (T,N,nq), qvel (T,N,nv), time (T), and act (T,N,na) where it is there. Numbers beyond
-/// gsp::state_bound are refused.
+/// The last entry of a trace or start file: qpos (T,N,nq), qvel (T,N,nv), time (T), and act (T,N,na) where it is there; and what
+/// write_snapshot put beside them. Numbers beyond gsp::state_bound are refused.
 States read_start(std::string const& path, gsp::CompiledModel const& model);
+/// A start with all that the stepper goes on from to the bit.
+void write_snapshot(std::string const& path, gsp::runtime::Stepper& stepper, double time, gsp::CompiledModel const& model);
+/// Throws where the snapshot is of another version, precision, or of sleepers and the run is without.
+void expect_goes_on(States const& states, bool in_double, bool sleep, std::string const& path);
 /// Throws where there are neither 1 nor `worlds` states.
 void expect_worlds(States const& states, int worlds, std::string const& what);
 /// One world's state for all, or as it is.

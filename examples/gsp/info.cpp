@@ -172,7 +172,7 @@ void splats(std::string const& path) {
 
 void array_line(std::string const& name, gsp::io::NpyArray const& a) {
   char const* const types[] = {"float32", "float64", "int32", "int64", "uint8", "bool"};
-  std::printf("  %-14s%s %s\n", name.c_str(), types[int(a.dtype)], gsp::io::format_shape(a.shape).c_str());
+  std::printf("  %-13s %s %s\n", name.c_str(), types[int(a.dtype)], gsp::io::format_shape(a.shape).c_str());
 }
 
 int run(Arguments const& arguments) {

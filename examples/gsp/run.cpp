@@ -19,6 +19,30 @@ void set_states(Stepper& stepper, States const& s, gsp::CompiledModel const& mod
   stepper.set(rows(s.qpos, model.nq), rows(s.qvel, model.nv), rows(s.ctrl, model.nu));
 }
 
+void restore(Stepper& stepper, States const& states, std::string const& path) {
+  using gsp::runtime::Dtype;
+  std::vector<gsp::runtime::NamedArray> arrays;
+  for (auto const& [name, from] : states.snapshot) {
+    if (from.dtype > gsp::io::Dtype::i8 || from.shape.empty() || from.shape.size() > 4) continue;  // none that a stepper gives
+    std::map<gsp::io::Dtype, Dtype> const dtypes{{gsp::io::Dtype::f4, Dtype::float32},
+                                                 {gsp::io::Dtype::f8, Dtype::float64},
+                                                 {gsp::io::Dtype::i4, Dtype::int32},
+                                                 {gsp::io::Dtype::i8, Dtype::int64}};
+    Array a = gsp::runtime::make_array(const_cast<std::byte*>(from.bytes.data()), dtypes.at(from.dtype), Device::cpu, {});
+    a.read_only = true;
+    a.rank = static_cast<int>(from.shape.size());
+    std::int64_t step = 1;
+    for (std::size_t k = from.shape.size(); k-- > 0; step *= a.extents[k]) {
+      a.extents[k] = static_cast<std::int64_t>(from.shape[k]);
+      a.strides[k] = step;
+    }
+    arrays.push_back({name, a});
+  }
+  try {
+    stepper.restore(arrays);
+  } catch (Error const& error) { throw Error(path + ": " + error.what() + " (--save writes such files)"); }
+}
+
 void get_states(Stepper const& stepper, std::vector<double>& qpos, std::vector<double>& qvel) {
   auto const state = stepper.state();
   qpos.resize(static_cast<std::size_t>(state.qpos.size()));

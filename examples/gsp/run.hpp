@@ -14,6 +14,8 @@ using gsp::runtime::StepperOptions;
 
 /// Starts of all worlds, or one for all, onto the device.
 void set_states(Stepper& stepper, States const& states, gsp::CompiledModel const& model);
+/// The same of the snapshot of a file.
+void restore(Stepper& stepper, States const& states, std::string const& path);
 /// Positions and velocities of all worlds, float64.
 void get_states(Stepper const& stepper, std::vector<double>& qpos, std::vector<double>& qvel);
 /// Activations of all worlds, float64.

@@ -22,7 +22,7 @@ int run(Arguments const& a) {
   a.needs("--every", "--trace", "it says how often a trace takes the state");
   StepperOptions options;
   auto const start_file = a.text("--start"), ctrl_file = a.text("--ctrl"), trace_file = a.text("--trace"),
-             contacts_file = a.text("--contacts"), forces_file = a.text("--forces");
+             contacts_file = a.text("--contacts"), forces_file = a.text("--forces"), save_file = a.text("--save");
   options.worlds = static_cast<int>(a.integer("--worlds", 1, 1, 1 << 24));
   options.timestep = a.real("--timestep", 0, 0, 10);
   options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
@@ -41,7 +41,8 @@ int run(Arguments const& a) {
   if (start_file) inputs.push_back({"--start", *start_file});
   if (ctrl_file) inputs.push_back({"--ctrl", *ctrl_file});
   std::optional<std::string> written;  // one of them may be stdout
-  for (auto const& [file, option] : {std::pair{trace_file, "--trace"}, {contacts_file, "--contacts"}, {forces_file, "--forces"}}) {
+  for (auto const& [file, option] :
+       {std::pair{trace_file, "--trace"}, {contacts_file, "--contacts"}, {forces_file, "--forces"}, {save_file, "--save"}}) {
     if (!file) continue;
     expect_writable(*file, option);
     outputs.push_back({option, *file});
@@ -54,6 +55,7 @@ int run(Arguments const& a) {
   States start = start_file ? read_start(*start_file, model) : initial_state(model, path, a.text("--keyframe"));
   if (start_file && !a.has("--worlds")) options.worlds = start.worlds;
   expect_worlds(start, options.worlds, start_file ? *start_file : path);
+  expect_goes_on(start, in_double, model.option.sleep, start_file ? *start_file : path);
   Controls controls;
   if (ctrl_file) {
     controls = read_controls(*ctrl_file, model, options.worlds);
@@ -85,7 +87,10 @@ int run(Arguments const& a) {
       device, bytes + controls.values.size() * (in_double ? 8 : 4), (entries + 1) * bytes_of_states(model, options.worlds),
       trace_file ? "fewer --worlds or a larger --every" : "fewer --worlds");
   auto const stepper = gsp::runtime::make_stepper(device, model, options);
-  set_states(*stepper, start, model);
+  if (start.snapshot.empty())
+    set_states(*stepper, start, model);
+  else
+    restore(*stepper, start, *start_file);
   gsp::runtime::Buffer there;
   if (ctrl_file) {
     auto const k = static_cast<std::int64_t>(controls.steps);
@@ -132,6 +137,7 @@ int run(Arguments const& a) {
   get_states(*stepper, qpos, qvel);
   if (trace_file) write_trace(*trace_file, trace, model);
   if (contacts_file) write_contacts(*contacts_file, stepper->contacts(), stepper->state().status);
+  if (save_file) write_snapshot(*save_file, *stepper, start.time + double(steps) * stepper->timestep(), model);
   if (forces_file) write_forces(*forces_file, stepper->qfrc_constraint(), stepper->state().status);
 
   std::FILE* const say = text_beside(written);
@@ -179,7 +185,8 @@ Command sim_command() {
        {"--timestep", "H", "seconds a step; without it the model's own"},
        {"--keyframe", "NAME|INDEX", "start from a keyframe (its qpos, qvel and ctrl)"},
        {"--start", "F.npz",
-        "start from the last entry of a trace: time (T), qpos (T,N,nq), qvel (T,N,nv), act (T,N,na) or none; N = 1 is given to all worlds"},
+        "start from the last entry of a trace: time (T), qpos (T,N,nq), qvel (T,N,nv), act (T,N,na) or none; N = 1 is given to all worlds; "
+        "of a file of --save: go on from it to the bit"},
        {"--ctrl", "F.npy", "controls (K,nu) or (K,N,nu), one row a step; without it those of the keyframe, else 0"},
        {"--iterations", "I",
         "most sweeps of the solver a step (profile mujoco: iterations of Newton's method); without it the library's default"},
@@ -199,6 +206,7 @@ Command sim_command() {
        threads_option(),
        {"--trace", "OUT.npz", "write time, qpos, qvel (and act), float64, the start first, the last step last"},
        {"--every", "E", "steps between two entries of the trace, 1"},
+       {"--save", "OUT.npz", "write the last state whole, impulses and who sleeps with it, for --start"},
        {"--contacts", "OUT.npz",
         "write the contacts of the last step: status of each world; world, geom1, geom2, dist, pos, frame, force (in the frame, on geom2)"},
        {"--forces", "OUT.npz", "write what constraints did in the last step: status (N), qfrc_constraint (N,nv), float64"},

@@ -148,6 +148,36 @@ refused "cart.xml" -- sim cart.xml --ctrl cart.xml --trace result.npz
 refused "nowhere/result.npz" "create it first" -- sim cart.xml --trace nowhere/result.npz
 refused "names a folder" -- sim cart.xml --trace .
 
+# what --save wrote, and somebody has changed
+"$gsp" sim cart.xml --worlds 2 --steps 5 --sleep --quiet --save saved.npz > /dev/null || exit 1
+python3 - <<'PY' || exit 1
+import struct, zipfile
+arrays = {name: data for name in [*zipfile.ZipFile("saved.npz").namelist()] for data in [zipfile.ZipFile("saved.npz").read(name)]}
+def write(name, **changes):  # None: left out; else f(bytes)
+    with zipfile.ZipFile(name, "w") as out:
+        for key, data in arrays.items():
+            f = changes.get(key[:-4].replace(".", "_"), lambda d: d)
+            if f: out.writestr(key, f(data))
+def last_int(value): return lambda d: d[:-4] + struct.pack("<i", value)
+write("saved_version.npz", snapshot=last_int(99))
+write("saved_short.npz", state_qvel=None)
+write("saved_first.npz", impulses_first=last_int(1 << 30))
+write("saved_count.npz", impulses_count=last_int(1 << 30))
+write("saved_calm.npz", sleep_calm=last_int(-1000))
+write("saved_kind.npz", state_steps=lambda d: arrays["state.status.npy"])
+PY
+go_on() { refused "$@" --sleep --trace result.npz; }
+go_on "saved_version.npz[snapshot]" "another version" "--save" -- sim cart.xml --start saved_version.npz
+go_on "saved_short.npz: there is no array 'state.qvel'" "--save" -- sim cart.xml --start saved_short.npz
+go_on "saved_first.npz: array 'impulses.first'" "does not fit" -- sim cart.xml --start saved_first.npz
+go_on "saved_count.npz: array 'impulses.first'" "does not fit" -- sim cart.xml --start saved_count.npz
+go_on "saved_calm.npz: array 'sleep.calm' holds -1000" -- sim cart.xml --start saved_calm.npz
+go_on "saved_kind.npz: array 'state.steps' is (2) int32 and must be (2) int64" -- sim cart.xml --start saved_kind.npz
+go_on "saved.npz: was saved in float" "--precision float" -- sim cart.xml --start saved.npz --precision double
+go_on "saved.npz: holds 2 worlds" "--worlds 2" -- sim cart.xml --start saved.npz --worlds 3
+refused "saved.npz: was saved with islands that may sleep" "--sleep" -- sim cart.xml --start saved.npz --trace result.npz
+refused "--save would replace what --start names" -- sim cart.xml --start saved.npz --sleep --save saved.npz
+
 # an output that is an input, or another output, by any name
 cp cart.xml whole.xml
 cp start.npz whole.npz

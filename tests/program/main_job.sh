@@ -117,6 +117,53 @@ done
 "$gsp" sim weights.xml --steps 10 --disable contact --contacts none.npz > /dev/null
 "$gsp" info none.npz | grep -qF 'force         float64 (0, 6)' || fail "no contacts: $("$gsp" info none.npz)"
 
+# what was saved is gone on from to the bit, twice as in one, with sleep and without; a trace's last entry holds no impulses
+cat > many.xml <<'XML'
+<mujoco><option timestep=".004"/><worldbody><geom type="plane" size="5 5 1"/>
+  <body mocap="true" pos="1 1 1"><geom type="box" size=".1 .1 .1"/></body>
+  <body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="2"/></body>
+  <body pos="0 .03 .301" euler="0 0 20"><freejoint/><geom type="box" size=".1 .1 .1" mass="3"/></body>
+  <body pos=".5 .1 .7"><freejoint/><geom type="capsule" size=".05 .1" mass="1"/></body>
+  <body pos="1.3 0 .3"><joint name="j" axis="0 1 0"/><geom type="capsule" size=".03" fromto="0 0 0 .2 0 0" mass="1"/></body></worldbody>
+  <actuator><general joint="j" dyntype="filter" dynprm=".1" biastype="affine" gainprm="5" biasprm="0 -5 -.1"/></actuator>
+  <keyframe><key name="pressed" ctrl=".4"/></keyframe></mujoco>
+XML
+for profile in stable mujoco; do
+  for precision in float double; do
+    for sleep in "" --sleep; do
+      run="sim many.xml --profile $profile --precision $precision $sleep --json"
+      whole=$("$gsp" $run --worlds 3 --keyframe pressed --steps 200 | key state_hash)
+      "$gsp" $run --worlds 3 --keyframe pressed --steps 100 --save half.npz --trace half_trace.npz > /dev/null
+      same "$("$gsp" $run --start half.npz --steps 100 | key state_hash)" "$whole" "2 x 100 steps and 200 ($run)"
+      [ "$("$gsp" $run --start half_trace.npz --steps 100 | key state_hash)" != "$whole" ] || fail "the state alone is enough: the test says nothing"
+    done
+  done
+done
+"$gsp" $run --start half.npz --steps 50 --save later.npz > /dev/null
+same "$("$gsp" $run --start later.npz --steps 50 --save end.npz | key state_hash)" "$whole" "a start saved twice"
+"$gsp" $run --worlds 3 --keyframe pressed --steps 200 --save whole.npz > /dev/null
+python3 - <<'PY'
+import zipfile
+end, whole = zipfile.ZipFile("end.npz"), zipfile.ZipFile("whole.npz")
+assert end.namelist() == whole.namelist() and len(end.namelist()) > 30
+for name in end.namelist():  # sums of times are rounded
+    assert name == "time.npy" or end.read(name) == whole.read(name), name + ": two ways to one state save other numbers"
+PY
+"$gsp" info half.npz | grep -qF 'qpos          float64 (1, 3, 22)' || fail "what is saved is no start: $("$gsp" info half.npz)"
+"$gsp" sim many.xml --keyframe pressed --steps 100 --save one.npz > /dev/null
+"$gsp" sim many.xml --start one.npz --worlds 2 --steps 100 --trace two.npz > /dev/null  # one world for all
+"$gsp" sim many.xml --keyframe pressed --steps 200 --trace one_trace.npz > /dev/null
+"$gsp" sim many.xml --start one.npz --sleep --steps 10 > /dev/null || fail "a start without sleep"
+python3 - <<'PY'
+import struct, zipfile
+def last(name, worlds):
+    data = zipfile.ZipFile(name).read("qpos.npy")
+    return [data[-22 * 8 * (w + 1):][:22 * 8] for w in range(worlds)]
+assert last("two.npz", 2) == last("one_trace.npz", 1) * 2
+data = zipfile.ZipFile("two.npz").read("time.npy")
+assert abs(struct.unpack("<d", data[-8:])[0] - 0.8) < 1e-12, "time goes on"
+PY
+
 # controls: half a newton on the cart of one world, minus that on the other
 "$gsp" sim cart.xml --worlds 2 --ctrl ctrl_worlds.npy --trace c.npz > /dev/null
 python3 - <<'PY'

@@ -73,6 +73,15 @@ struct ContactArrays {
   Array force;                // (contacts, 6) on geom2 along the frame's rows [N], about them [N m]; zero where it did not act
 };
 
+/// One of the arrays that a stepper goes on from, by name: "state.qpos", "impulses.p", "sleep.calm" (step/snapshot.hpp).
+struct NamedArray {
+  std::string name;
+  Array array;  // float32 or float64, as the stepper's precision; int32 or int64
+};
+/// Of what `Stepper::save` gives: another number where names or meaning of the arrays are others, the order of the constraint types among
+/// it.
+inline constexpr int snapshot_version = 1;
+
 /// Many worlds of one model on a device.
 class Stepper {
  public:
@@ -90,6 +99,13 @@ class Stepper {
   /// Positions (qpos + qpos_low) and velocities into float64 arrays of the host, (worlds, n).
   virtual void get(Array qpos, Array qvel) const = 0;
   virtual void forward() = 0;
+  /// Copies all that the next step starts from: state, impulses, who sleeps. The arrays hold until the next call. Waits; allocates at first,
+  /// and where there may be more impulses than before.
+  virtual std::vector<NamedArray> save() = 0;
+  /// Goes on from such arrays, on any device, of as many worlds or of one, which is given to all: with the same model and options, on the
+  /// same device, what follows is what would have followed, to the bit. Without those of "sleep." all worlds are awake. Allocates; waits.
+  /// Errors: gsp::Error that names an array which is missing, or of other shape, kind or range than `save` gives.
+  virtual void restore(std::vector<NamedArray> const& arrays) = 0;
   /// Waits until the steps are done. measure: counts().residual is that of the last one.
   virtual void step(int steps, bool measure) = 0;
   virtual StepCounts counts() const = 0;
