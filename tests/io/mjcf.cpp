@@ -316,6 +316,29 @@ TEST_CASE("the report lists what has no effect, with file, line and count") {
   CHECK(d.report[0].line == 2);
 }
 
+// Of soft contacts neither is asked: what is given without hard is one line, wherever it comes from.
+TEST_CASE("a restitution without hard is a line of the report") {
+  auto const report = [](std::string const& geom, std::string const& class_of_all = "") {
+    return parse_mjcf("<mujoco>\n<default><geom " + class_of_all + "/></default><worldbody>\n<geom size='1' " + geom +
+                          "/><geom size='1'/></worldbody></mujoco>",
+                      "m.xml")
+        .report;
+  };
+  for (char const* given : {"restitution='.5'", "_bounciness='.5'", "erp='.1'", "_erp='.2'", "erp='.1' restitution='.1'"}) {
+    CAPTURE(given);
+    auto const lines = report(given);
+    REQUIRE(lines.size() == 1);
+    CHECK(lines[0].kind == ReportLine::Kind::no_effect);
+    CHECK(lines[0].line == 3);
+    CHECK(lines[0].text == "<geom> restitution and erp without hard (a soft geom has neither: give hard=\"true\")");
+    CHECK(report(std::string("hard='true' ") + given).empty());
+    CHECK(report(std::string("hard='false' ") + given).size() == 1);
+    CHECK(report("", given).at(0).count == 2);
+  }
+  CHECK(report("restitution='0'").empty());
+  CHECK(report("_hard='true'", "restitution='.5' _hard='true'").empty());
+}
+
 TEST_CASE("faces of an OBJ file that are not taken stand in the report, with the place of the mesh and theirs") {
   auto const d = parse_mjcf("<mujoco>\n<asset>\n<mesh name='two' file='two.obj'/></asset></mujoco>", "m.xml",
                             files({{"two.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\ng second\nf 1 2 4\n"}}));
