@@ -105,6 +105,101 @@ TEST_CASE("reset of single worlds") {
   CHECK(resets < worlds);
 }
 
+// What follows is the same to the bit, in all worlds and in chosen ones; the others keep what they have.
+TEST_CASE("save and restore") {
+  Exec const exec;
+  int const worlds = 8;
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  set_keyframe(compiled, state, "stand");
+  Kokkos::View<bool*, Mem> const done("done", worlds);
+  auto const chosen = Kokkos::create_mirror_view(done);
+  for (int w = 0; w < worlds; ++w) chosen(w) = w % 3 == 0;
+  Kokkos::deep_copy(done, chosen);
+  // example-begin snapshot
+  gsp::step(exec, model, state, sim, {.steps = 200});  // until the robot stands
+  auto stands = gsp::make_snapshot(exec, state, sim);  // allocates; into the same memory again: gsp::save(exec, state, sim, stands)
+  gsp::step(exec, model, state, sim, {.steps = 50});
+  gsp::restore(exec, stands, state, sim);  // all worlds: what follows is what followed, bit for bit
+  gsp::step(exec, model, state, sim, {.steps = 50});
+  gsp::restore(exec, stands, state, sim, done);  // those of a mask, a View<bool*>
+  // example-end snapshot
+  auto const now = gsp_test::snapshot(state.qpos), then = gsp_test::host(stands.state.qpos);
+  gsp::restore(exec, stands, state, sim);
+  gsp::step(exec, model, state, sim, {.steps = 50});
+  auto const after = gsp_test::host(state.qpos);
+  for (int w = 0; w < worlds; ++w) {
+    CHECK(same_row(now, chosen(w) ? then : after, w));
+    CHECK(!same_row(then, after, w));
+  }
+}
+
+// Dropped from H = 1 m a ball comes with v = sqrt(2 g H) and goes with e v: it rises to e^2 H. Tolerance: v to what gravity does in a step,
+// 0.02 m/s of 4.4, twice that of its square, and the top between two steps.
+TEST_CASE("bodies that bounce") {
+  Exec const exec;
+  // example-begin bounce
+  gsp::GeomDescription ball;  // in MJCF: <geom size="0.1" hard="true" restitution="0.8"/>
+  ball.size = {0.1, 0, 0};
+  ball.hard = true;        // without it the contact is a soft one, and restitution and erp do nothing
+  ball.restitution = 0.8;  // the share of an impact's speed that comes back; of two hard geoms the greater one
+  ball.erp = 0.2;          // the share of an overlap that is taken back in a step
+  // example-end bounce
+  gsp::Description d;
+  d.bodies[0].geoms.push_back(geom(gsp::ShapeType::plane, {0, 0, 1}));
+  for (bool const hard : {true, false}) {
+    gsp::BodyDescription b;
+    b.parent = 0;
+    b.pos = {hard ? 0. : 1., 0, 1.1};
+    b.joints.emplace_back().type = gsp::JointType::free;
+    ball.hard = hard;
+    b.geoms.push_back(ball);
+    d.bodies.push_back(b);
+  }
+  auto const compiled = gsp::compile(d);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model);
+  auto sim = gsp::make_simulation(exec, model, compiled);
+  double top[2] = {0, 0};
+  for (int t = 0; t < 500; ++t) {
+    gsp::step(exec, model, state, sim);
+    auto const q = gsp_test::host(state.qpos);
+    for (int b = 0; b < 2; ++b)
+      if (t > 250) top[b] = std::fmax(top[b], q(0, 7 * b + 2) - 0.1);  // after 0.45 s it is down
+  }
+  CHECK(top[0] == doctest::Approx(0.64).epsilon(0.02));
+  CHECK(top[1] < 0.05);
+}
+
+TEST_CASE("sleep") {
+  Exec const exec;
+  int const worlds = 4;
+  auto const compiled = gsp::compile(gsp::samples::stack(3));
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  // example-begin sleep
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds, .sleep = true});  // or <flag sleep="enable"/> in the file
+  gsp::step(exec, model, state, sim, {.steps = 1000});
+
+  auto const asleep = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, sim.sleep.asleep);  // (worlds) trees that sleep
+  int sleepers = 0;
+  for (int w = 0; w < worlds; ++w) sleepers += asleep(w);
+  // example-end sleep
+  CHECK(sleepers == 3 * worlds);
+  CHECK(gsp_test::host(sim.rows.count)(0) == 0);
+  auto const before = gsp_test::snapshot(state.qpos);
+  gsp::step(exec, model, state, sim, {.steps = 100});
+  for (int w = 0; w < worlds; ++w) CHECK(same_row(gsp_test::host(state.qpos), before, w));
+  // example-begin wake
+  gsp::wake(exec, sim.sleep);  // or of the worlds of a mask: after changes that nobody can see, such as another friction
+  // example-end wake
+  gsp::step(exec, model, state, sim);
+  CHECK(gsp_test::host(sim.sleep.asleep)(0) == 0);
+  CHECK(gsp_test::host(sim.rows.count)(0) > 0);
+}
+
 // At rest the floor carries all: sum of the forces' z = m g in every world. What the solver leaves is a change of rates of at most its
 // tolerance a sweep, 1e-6 m/s: m 1e-6 / h = 0.012 N for 24 kg, and float's rounding of velocities adds as much.
 TEST_CASE("contact forces") {

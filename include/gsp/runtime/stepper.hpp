@@ -99,8 +99,8 @@ class Stepper {
   /// Positions (qpos + qpos_low) and velocities into float64 arrays of the host, (worlds, n).
   virtual void get(Array qpos, Array qvel) const = 0;
   virtual void forward() = 0;
-  /// Copies all that the next step starts from: state, impulses, who sleeps. The arrays hold until the next call. Waits; allocates at first,
-  /// and where there may be more impulses than before.
+  /// Copies all that the next step starts from: state, impulses, who sleeps. The arrays hold until the next call. Waits; allocates at
+  /// first, and where there may be more impulses than before.
   virtual std::vector<NamedArray> save() = 0;
   /// Goes on from such arrays, on any device, of as many worlds or of one, which is given to all: with the same model and options, on the
   /// same device, what follows is what would have followed, to the bit. Without those of "sleep." all worlds are awake. Allocates; waits.
