@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <gsp/model/detail/principal_axes.hpp>
 #include <gsp/solver/newton.hpp>
@@ -46,6 +47,30 @@ struct SoftElements {
     return {0, 1e300};
   }
   KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
+};
+/// Such elements over dofs 0 ... 5 and 15 ... 19 (an island of two trees), over 10 ... 14 (another one), or over both by turns; those of
+/// the second are a thousand times as stiff.
+template <class R>
+struct ElementsApart {
+  int n;
+  bool first, second;
+  KOKKOS_FUNCTION int count(int) const { return first && second ? 2 * n : n; }
+  KOKKOS_FUNCTION bool is_second(int k) const { return first && second ? k % 2 == 1 : second; }
+  KOKKOS_FUNCTION int number(int k) const { return (first && second ? k / 2 : k) + (is_second(k) ? 100 : 0); }
+  KOKKOS_FUNCTION SoftElements<R> elements(int k) const { return {n, 0, 0, is_second(k) ? 1000. : 1.}; }
+  KOKKOS_FUNCTION int rows(int world, int k) const { return elements(k).rows(world, number(k)); }
+  template <class Row>
+  KOKKOS_FUNCTION R jacobian(int world, int k, int row, Row&& J) const {
+    int const skipped = number(k) % 2 ? 0 : row % 2;  // rows of other entries now and then
+    for (int i = skipped; i < (is_second(k) ? 5 : 11); ++i)
+      J.set_dof(is_second(k) ? 10 + i : i < 6 ? i : 9 + i, R(gsp_test::hashed(world, number(k), row, i)));
+    return 0;
+  }
+  KOKKOS_FUNCTION gsp::RowLaw<R> law(int world, int k, int row, R, R, R) const {
+    return elements(k).law(world, number(k), row, R(0), R(0), R(0));
+  }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int k, int row) const { return elements(k).bounds(world, number(k), row); }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(number(k)), 0}; }
 };
 /// Rigid rows without bounds, `copies` times each of three.
 template <class R>
@@ -311,6 +336,58 @@ TEST_CASE_TEMPLATE("soft rows keep their softness beside one of great leverage",
     CHECK(condition(s, w) < 1e5);
     CHECK(std::sqrt(difference) < double(std::numeric_limits<float>::epsilon()) * condition(s, w) * std::sqrt(size));
   }
+}
+
+// An island has the bits that it has without the others, from nothing and from the last impulses, and each iterates for itself.
+TEST_CASE_TEMPLATE("an island's result depends on its own rows", Exec, GSP_TEST_EXECS) {
+  using gsp::JointType;
+  int const worlds = 6;
+  auto const c = gsp::compile(gsp_test::random_model({JointType::free, JointType::hinge, JointType::hinge}, 4));
+  REQUIRE(c.nv == 20);
+  REQUIRE(c.tree_dofadr == std::vector{0, 10, 15});
+  struct Result {
+    std::vector<std::vector<double>> z, once;
+    std::vector<int> iterations;
+  };
+  auto const solve = [&](bool first, bool second) {
+    Loop<double, Exec> s(c, worlds, {.profile = gsp::Profile::mujoco});
+    gsp_test::randomise(c, s.state);
+    do s.assemble(test_types::ElementsApart<double>{7, first, second});
+    while (s.grow());
+    auto newton = gsp::make_newton(s.exec, s.rows);
+    Result out;
+    auto const z_of = [&](int w) {
+      auto const h = gsp_test::host(s.solution.z);
+      std::vector<double> z(20);
+      for (int i = 0; i < 20; ++i) z[std::size_t(i)] = h(w, i);
+      return z;
+    };
+    gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress, {.iterations = 1});
+    for (int w = 0; w < worlds; ++w) out.once.push_back(z_of(w));
+    gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress, {.residual = true});
+    for (int w = 0; w < worlds; ++w) {
+      CAPTURE(w);
+      out.z.push_back(z_of(w));
+      out.iterations.push_back(gsp_test::host(s.solution.iterations)(w));
+      CHECK(violation(s, w) < std::numeric_limits<double>::epsilon() * condition(s, w));
+      CHECK(gsp_test::host(s.solution.residual)(w) < std::numeric_limits<double>::epsilon() * condition(s, w));
+    }
+    return out;
+  };
+  auto const both = solve(true, true), first = solve(true, false), second = solve(false, true);
+  bool apart = false;
+  for (int w = 0; w < worlds; ++w) {
+    CAPTURE(w);
+    CHECK(both.iterations[w] == std::max(first.iterations[w], second.iterations[w]));
+    apart = apart || first.iterations[w] != second.iterations[w];
+    for (int i = 0; i < 20; ++i) {
+      auto const& own = i >= 10 && i < 15 ? second : first;
+      CAPTURE(i);
+      CHECK(both.once[w][i] == own.once[w][i]);
+      CHECK(both.z[w][i] == own.z[w][i]);
+    }
+  }
+  CHECK(apart);
 }
 
 // The same bits for a world alone and among others, and twice.

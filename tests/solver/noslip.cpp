@@ -45,6 +45,36 @@ struct Grips {
   }
   KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
+/// Such elements over 7 dofs of the first tree, over the 5 of the second, 10 ... 14, or over both, five of each by turns.
+template <class R>
+struct GripsApart : Grips<R> {
+  using Base = Grips<R>;
+  bool first, second;
+  KOKKOS_FUNCTION bool is_second(int k) const { return first && second ? k / 5 % 2 == 1 : second; }
+  KOKKOS_FUNCTION int number(int k) const { return (first && second ? k / 10 * 5 + k % 5 : k) + (is_second(k) ? 100 : 0); }
+  KOKKOS_FUNCTION int count(int world) const { return (first && second ? 2 : 1) * Base::count(world); }
+  KOKKOS_FUNCTION int rows(int world, int k) const { return Base::rows(world, number(k)); }
+  template <class Row>
+  struct Shifted {
+    Row& row;
+    bool is_second;
+    KOKKOS_FUNCTION void set_dof(int i, R x) const {
+      if (!is_second)
+        row.set_dof(i, x);
+      else if (i < 5)
+        row.set_dof(10 + i, x);
+    }
+  };
+  template <class Row>
+  KOKKOS_FUNCTION R jacobian(int world, int k, int row, Row&& J) const {
+    return Base::jacobian(world, number(k), row, Shifted<std::remove_reference_t<Row>>{J, is_second(k)});
+  }
+  KOKKOS_FUNCTION gsp::RowLaw<R> law(int world, int k, int row, R, R, R) const {
+    return Base::law(world, number(k), row, R(0), R(0), R(0));
+  }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int k, int row) const { return Base::bounds(world, number(k), row); }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(number(k)), 0}; }
+};
 }  // namespace test_types
 
 namespace {
@@ -169,6 +199,33 @@ TEST_CASE_TEMPLATE("a world's friction depends on its own rows", Exec, GSP_TEST_
     for (int i = 0; i < s.model.nv; ++i) z[n].push_back(h(0, i));
   }
   CHECK(z[0] == z[1]);
+}
+
+// An island has the bits that it has without the others, whenever these stop.
+TEST_CASE_TEMPLATE("an island's friction depends on its own rows", Exec, GSP_TEST_EXECS) {
+  int const worlds = 6;
+  auto const c = two_trees();
+  REQUIRE(c.tree_dofadr == std::vector{0, 10});
+  for (double const least_gain : {1e-3, 1e-5, 1e-7}) {
+    CAPTURE(least_gain);
+    auto const solve = [&](bool first, bool second) {
+      Loop<double, Exec> s(c, worlds, {.profile = gsp::Profile::mujoco});
+      gsp_test::randomise(c, s.state);
+      do s.assemble(test_types::GripsApart<double>{{15}, first, second});
+      while (s.grow());
+      auto buffers = gsp::make_newton(s.exec, s.rows);
+      gsp::newton(s.exec, s.rows, s.impulses, s.solution, buffers, s.progress);
+      gsp::noslip(s.exec, s.rows, s.impulses, s.solution, s.progress, {.iterations = 500, .least_gain = least_gain});
+      return gsp_test::host(s.solution.z);
+    };
+    auto const both = solve(true, true), first = solve(true, false), second = solve(false, true);
+    for (int w = 0; w < worlds; ++w)
+      for (int i = 0; i < 15; ++i) {
+        CAPTURE(w);
+        CAPTURE(i);
+        CHECK(both(w, i) == (i < 10 ? first : second)(w, i));
+      }
+  }
 }
 
 TEST_CASE_TEMPLATE("noslip neither allocates nor waits, does nothing while halted, and refuses rows that do not slip", Exec,

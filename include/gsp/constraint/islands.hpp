@@ -176,12 +176,12 @@ KOKKOS_INLINE_FUNCTION void each_island(World const& world, Rows const& rows, in
   auto const& islands = rows.islands;
   int const count = rows.count(w);
   if (count == 0) return;
-  if (islands.ntree <= 1) return f(IslandRows{nullptr, count, nullptr, islands.nv});
-  find_islands<IslandItems::rows>(world, rows, islands, w);
-  int const found = islands.count(w);
+  bool const one = islands.ntree <= 1;
+  if (!one) find_islands<IslandItems::rows>(world, rows, islands, w);
+  int const found = one ? 1 : islands.count(w);
   for (int i = 0; i < found; ++i) {
-    int const row = islands.first_element(w, i), dof = islands.first_dof(w, i);
-    int const n = islands.first_element(w, i + 1) - row, dofs = islands.first_dof(w, i + 1) - dof;
+    int const row = one ? 0 : islands.first_element(w, i), n = one ? count : islands.first_element(w, i + 1) - row;
+    int const dof = one ? 0 : islands.first_dof(w, i), dofs = one ? islands.nv : islands.first_dof(w, i + 1) - dof;
     f(IslandRows{n == count ? nullptr : islands.elements.data() + rows.first(w) + row, n,
                  dofs == islands.nv ? nullptr : &islands.dofs(w, 0) + dof, dofs});
   }

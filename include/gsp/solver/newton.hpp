@@ -6,14 +6,15 @@
 /// matrix is the identity:
 ///   minimise  |z|^2 / 2 + sum over the elements of s(w),   w = Y z + b              (s, p, B: solver/soft_element.hpp)
 ///   gradient  g = z - Y^T p(w),   Hessian  H = 1 + Y^T B Y
-/// which has one solution. Each iteration factors H and goes along -H^-1 g to the least cost on that line. The number of iterations does
-/// not grow with masses or stiffness: where p is linear around the start it is one. Source: Todorov 2014, "Convex and
-/// analytically-invertible dynamics with contacts and constraints"; MuJoCo's documentation, "Computation: algorithms".
+/// which has one solution. Islands (constraint/islands.hpp) are problems of their own, and solved one by one. Each iteration factors H and
+/// goes along -H^-1 g to the least cost on that line. The number of iterations does not grow with masses or stiffness: where p is linear
+/// around the start it is one. Source: Todorov 2014, "Convex and analytically-invertible dynamics with contacts and constraints"; MuJoCo's
+/// documentation, "Computation: algorithms".
 namespace gsp {
 
 struct NewtonOptions {
   int iterations = 100;      // at most
-  float tolerance = 1e-10f;  // a world stops when a step would change z by less than this times |z|, or than rounding allows
+  float tolerance = 1e-10f;  // an island stops when a step would change z by less than this times |z|, or than rounding allows
   bool warm = true;          // start from the impulses given, where that costs less than none
   bool residual = false;     // also measure solution.residual, which is NaN otherwise
   bool ends_step = true;     // a launch that does nothing counts as a step (Progress::skipped): of several in a step, the last one alone
@@ -64,11 +65,12 @@ bool grow(Exec const& exec, Rows<R, Mem> const& rows, Newton<R, Mem>& buffers) {
 /// (lower 0, no upper bound); what is rigid is taken as soft as `least_softness` has it.
 /// @param rows       what `assemble` wrote, in profile mujoco
 /// @param impulses   in: start;   out: p(w) of the solution [N s]
-/// @param solution   z (world, nv), Y^T p but for rounding; iterations (world); residual: largest change of a rate between z and that sum
+/// @param solution   z (world, nv), Y^T p but for rounding; iterations (world), the most of any island; residual: largest change of a rate
+/// between z and that sum
 /// @param buffers    of make_newton
 /// @param progress   nothing happens while progress.halt is set
-/// Cost an iteration: n^2 / 2 a row of n entries, nv^3 / 6 for the factor where trees touch, and a few passes over the rows. A world's
-/// result depends on nothing but its own rows. Does not allocate, does not fence.
+/// Cost an iteration: n^2 / 2 a row of n entries, m^3 / 6 for the factor of an island of m dofs, and a few passes over the rows. An
+/// island's result depends on nothing but its own rows. Does not allocate, does not fence.
 /// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, for rows of profile stable, which may be
 /// eliminated, or of laws that are no convex problem, and where the rows' pool has grown beyond the buffers.
 template <ExecutionSpace Exec, class R, class Mem>

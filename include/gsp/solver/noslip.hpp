@@ -9,13 +9,15 @@
 ///   dry rows              lower <= p <= upper
 ///   friction of a normal  in the ellipsoid |p_b / mu_b| <= p_a, p_a as it is
 ///   edges of a pyramid    p_1 + p_2 as it is, both >= 0
-/// by sweeps, each block to its least cost in turn: dry rows, a contact's friction together, pairs of edges. What holds then holds without
-/// creeping; that normals no longer fit to it is not mended. Source: MuJoCo's documentation, "Computation: algorithms", NoSlip.
+/// by sweeps, each block to its least cost in turn: dry rows, a contact's friction together, pairs of edges; island by island. What holds
+/// then holds without creeping; that normals no longer fit to it is not mended. Source: MuJoCo's documentation, "Computation: algorithms",
+/// NoSlip.
 namespace gsp {
 
 struct NoslipOptions {
   int iterations = 0;        // sweeps, at most
-  double least_gain = 1e-9;  // a world stops after a sweep that lowers the cost by less [J]; below zero: after all of them
+  double least_gain = 1e-9;  // of a world [J]: an island stops after a sweep that lowers the cost by less than its dofs' share of it; below
+                             // zero: after all of them
 };
 
 /// As a file says: noslip_iterations and noslip_tolerance, of the mean inertia of a dof in qpos0, times the dofs, times h^2 (MuJoCo's
@@ -30,7 +32,7 @@ inline NoslipOptions noslip_options(CompiledModel const& m) {
 /// @param impulses  in: of all rows;   out: those of friction are new
 /// @param solution  in: z = Y^T p;   out: the same with the new ones
 /// @param progress  nothing happens while progress.halt is set
-/// Cost a sweep: 8 flop an entry of friction. A world's result depends on nothing but its own rows. Does not allocate, does not fence.
+/// Cost a sweep: 8 flop an entry of friction. An island's result depends on nothing but its own rows. Does not allocate, does not fence.
 /// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 0, for rows of profile stable.
 template <ExecutionSpace Exec, class R, class Mem>
 void noslip(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution,

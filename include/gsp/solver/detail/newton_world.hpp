@@ -5,7 +5,7 @@
 #include <gsp/solver/soft_element.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// The kernel of `newton` (solver/newton.hpp): a thread or a warp a world.
+/// The kernel of `newton` (solver/newton.hpp): a thread or a warp a world, island by island.
 namespace gsp {
 
 /// The least compliance of a rigid row: this share of the sum, over the dofs of its entries, of the largest Y^2 that any row has there.
@@ -18,7 +18,7 @@ inline constexpr R least_softness = R(sizeof(R) == 4 ? 1e-7 : 1e-10);
 
 namespace gsp::detail {
 
-// A world whose decrement no longer falls, near what it should be, so often: rounding alone is left.
+// An island whose decrement no longer falls, near what it should be, so often: rounding alone is left.
 inline constexpr double newton_near = 1e6;  // of the square of a step: a thousand times the tolerance
 inline constexpr int newton_most_stalls = 3;
 // The line is searched until its slope is this share of that at its start: a closer search costs more than the next iteration gains.
@@ -34,7 +34,7 @@ inline constexpr double newton_rounding = 32;
 // Of a pivot below this times epsilon of the diagonal that it was rounding is a sixteenth and more: L is found row by row then.
 inline constexpr double newton_pivot = 16;
 
-/// Lower triangle by columns, the direction, and room for the diagonal or a row.
+/// Lower triangle by columns, the direction, and room for the diagonal, a row or the direction in the order of the island's dofs.
 inline std::int64_t newton_work(int nv) { return std::int64_t(nv) * (nv + 1) / 2 + 2 * nv; }
 
 template <class R, class Mem>
@@ -65,58 +65,111 @@ struct NewtonWorld {
       return;
     }
     if (id == 0) world.single([&] { impulses.solved() = 1; });
-    int const first = rows.first(id), count = rows.count(id), nv = rows.nv;
-    Lists const l{&rows.row(first), &rows.element_rows(first), least.data() + first, first, count};
+    int const first = rows.first(id), nv = rows.nv;
+    Lists const all{&rows.row(first), &rows.element_rows(first), least.data() + first, first, {nullptr, rows.count(id), nullptr, nv}};
     R* const z = solution.z.data() + std::int64_t(id) * nv;
     R* const p = impulses.p[impulses.parity()].data() + first;
     R* const w = rate.data() + first;
     R* const change = rate_change.data() + first;
     R* const d = H + std::int64_t(nv) * (nv + 1) / 2;
-    set_least(world, l, d);
-    start(world, l, z, w, p);
-    int iteration = 0, stalls = 0;
-    R best = Kokkos::Experimental::infinity_v<R>;
-    while (count > 0 && iteration < iterations) {
-      // d <- -g, H d <- -g
-      world.each(nv, [&](int i) { d[i] = -z[i]; });
-      set_impulses(world, l, w, p);
-      push_rows(world, rows, l.first, l.count, d, p);
-      R const linear = world.template sum<R>(nv, [&](int i) { return d[i] * d[i]; });
-      if (linear == R(0)) break;
-      assemble(world, l, w, H);
-      if (!factor(world, H, d + nv, nv)) factor_rows(world, l, w, H, d + nv);
-      R const decrement = solve_factored(world, H, nv, d);  // g . H^-1 g, an upper bound of |d|^2
-      R const size = world.template sum<R>(nv, [&](int i) { return z[i] * z[i]; });
-      R const least = square(tolerance) * size;
-      bool const last = !(decrement > least);  // one whole step more
-      if (!last && decrement >= best && decrement < R(newton_near) * least && ++stalls == newton_most_stalls) break;
-      best = min(best, decrement);
-      world.each(count, [&](int r) { change[r] = dot_row(SerialWorld{0}, rows, l.row[r], d); });
-      world.sync();
-      R const length = last ? R(1) : line_search(world, l, z, d, w, change, decrement);
-      world.each(nv, [&](int i) { z[i] = fma(length, d[i], z[i]); });
-      world.each(count, [&](int r) { w[r] = fma(length, change[r], w[r]); });
-      world.sync();
-      if (last) break;
-      ++iteration;
-    }
-    finish(world, l, w, p, d, iteration);
+    set_least(world, all, d);
+    world.each(nv, [&](int i) { z[i] = R(0); });
+    world.each(all.island.count, [&](int r) { w[r] = all.row[r].bias; });
+    world.sync();
+    int most = 0;
+    each_island(world, rows, id, [&](IslandRows const& island) {
+      Lists l = all;
+      l.island = island;
+      if (island.list) l.shift = rows.islands.number(id);
+      int const iteration = descend(world, l, z, w, p, change, H, d);
+      most = iteration > most ? iteration : most;
+    });
+    finish(world, all, w, p, d, most);
   }
 
  private:
   // dot_row with SerialWorld: a row a thread.
   struct Lists {
-    Row<R> const* row;
+    Row<R> const* row;  // of the world, and so on
     signed char const* element_rows;
     R* least;
-    int first, count;
+    int first;
+    IslandRows island;
+    int* shift = nullptr;  // by how much the dofs of a tree come before their places in the island's H; null: that is the world's
+  };
+  /// Of the dofs of a row's two segments.
+  struct Shifts {
+    int of[2];
+    KOKKOS_INLINE_FUNCTION Shifts(NewtonWorld const& k, Lists const& l, Row<R> const& row) {
+      for (int s = 0; s < 2; ++s) of[s] = l.shift && row.segment[s].count > 0 ? l.shift[k.rows.islands.dof_tree(row.segment[s].dof0)] : 0;
+    }
   };
 
-  /// The least compliance of each row (least_softness). @param most  room: the largest Y^2 on each dof
+  /// Iterates on the rows and dofs of an island, from z = 0 and w = b. Returns how often.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION int descend(World const& world, Lists const& l, R* z, R* w, R* p, R* change, R* H, R* d) const {
+    auto const& e = l.island;
+    int const n = e.dofs;
+    R* const place = d + rows.nv;  // room
+    if (l.shift)
+      world.each(n, [&](int k) {
+        int const tree = rows.islands.dof_tree(e.dof(k));
+        if (k == 0 || rows.islands.dof_tree(e.dof(k - 1)) != tree) l.shift[tree] = e.dof(k) - k;
+      });
+    start(world, l, z, w, p);
+    int iteration = 0, stalls = 0;
+    R best = Kokkos::Experimental::infinity_v<R>;
+    while (iteration < iterations) {
+      // d <- -g, H d <- -g
+      world.each(n, [&](int i) { d[e.dof(i)] = -z[e.dof(i)]; });
+      set_impulses(world, l, w, p);
+      push(world, l, d, p);
+      R const linear = world.template sum<R>(n, [&](int i) { return d[e.dof(i)] * d[e.dof(i)]; });
+      if (linear == R(0)) break;
+      assemble(world, l, w, H);
+      if (!factor(world, H, place, n)) factor_rows(world, l, w, H, place);
+      if (e.list) world.each(n, [&](int i) { place[i] = d[e.dof(i)]; });
+      world.sync();
+      R const decrement = solve_factored(world, H, n, e.list ? place : d);  // g . H^-1 g, an upper bound of |d|^2
+      if (e.list) world.each(n, [&](int i) { d[e.dof(i)] = place[i]; });
+      world.sync();
+      R const size = world.template sum<R>(n, [&](int i) { return z[e.dof(i)] * z[e.dof(i)]; });
+      R const least = square(tolerance) * size;
+      bool const last = !(decrement > least);  // one whole step more
+      if (!last && decrement >= best && decrement < R(newton_near) * least && ++stalls == newton_most_stalls) break;
+      best = min(best, decrement);
+      each_row(world, l, [&](int r) { change[r] = dot_row(SerialWorld{0}, rows, l.row[r], d); });
+      R const length = last ? R(1) : line_search(world, l, z, d, w, change, decrement);
+      world.each(n, [&](int i) { z[e.dof(i)] = fma(length, d[e.dof(i)], z[e.dof(i)]); });
+      each_row(world, l, [&](int r) { w[r] = fma(length, change[r], w[r]); });
+      if (last) break;
+      ++iteration;
+    }
+    return iteration;
+  }
+
+  /// f(r) for the rows of the island, shared among the threads.
+  template <class World, class F>
+  KOKKOS_INLINE_FUNCTION void each_row(World const& world, Lists const& l, F const& f) const {
+    world.each(l.island.count, [&](int k) { f(l.island.row(k)); });
+    world.sync();
+  }
+  /// to += Y^T p of its rows.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void push(World const& world, Lists const& l, R* to, R const* p) const {
+    for (int k = 0; k < l.island.count; ++k) {
+      int const r = l.island.row(k);
+      world.sync();
+      if (p[r] != R(0)) push_row(world, rows, l.row[r], to, p[r]);
+    }
+    world.sync();
+  }
+
+  /// The least compliance of each row (least_softness), of all islands at once. @param most  room: the largest Y^2 on each dof
   template <class World>
   KOKKOS_FUNCTION void set_least(World const& world, Lists const& l, R* most) const {
     world.each(rows.nv, [&](int i) { most[i] = R(0); });
-    for (int r = 0; r < l.count; ++r) {
+    for (int r = 0; r < l.island.count; ++r) {
       Row<R> const& row = l.row[r];
       world.sync();
       world.each(row.segment[0].count + row.segment[1].count, [&](int i) {
@@ -125,7 +178,7 @@ struct NewtonWorld {
       });
     }
     world.sync();
-    world.each(l.count, [&](int r) {
+    world.each(l.island.count, [&](int r) {
       Row<R> const& row = l.row[r];
       R sum(0), own(0);
       for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) {
@@ -139,23 +192,19 @@ struct NewtonWorld {
     world.sync();
   }
 
-  /// z = Y^T p of the impulses given, or 0 where that costs less; w = Y z + b
+  /// z = Y^T p of the impulses given, or 0 where that costs less; w = Y z + b. From z = 0 and w = b.
   template <class World>
   KOKKOS_FUNCTION void start(World const& world, Lists const& l, R* z, R* w, R* p) const {
-    world.each(rows.nv, [&](int i) { z[i] = R(0); });
-    world.each(l.count, [&](int r) { w[r] = l.row[r].bias; });
-    world.sync();
     if (!warm) return;
+    auto const& e = l.island;
     R const none = total_cost(world, l, w);
-    push_rows(world, rows, l.first, l.count, z, p);
-    world.each(l.count, [&](int r) { w[r] = dot_row(SerialWorld{0}, rows, l.row[r], z) + l.row[r].bias; });
-    world.sync();
-    R const given = total_cost(world, l, w) + R(0.5) * world.template sum<R>(rows.nv, [&](int i) { return z[i] * z[i]; });
+    push(world, l, z, p);
+    each_row(world, l, [&](int r) { w[r] = dot_row(SerialWorld{0}, rows, l.row[r], z) + l.row[r].bias; });
+    R const given = total_cost(world, l, w) + R(0.5) * world.template sum<R>(e.dofs, [&](int i) { return z[e.dof(i)] * z[e.dof(i)]; });
     if (given < none) return;
     world.sync();
-    world.each(rows.nv, [&](int i) { z[i] = R(0); });
-    world.each(l.count, [&](int r) { w[r] = l.row[r].bias; });
-    world.sync();
+    world.each(e.dofs, [&](int i) { z[e.dof(i)] = R(0); });
+    each_row(world, l, [&](int r) { w[r] = l.row[r].bias; });
   }
   /// p(w) and what is said of the world. z stays what it is: in Y^T p what stiff rows bear against each other leaves |Y w / C| epsilon,
   /// which H has divided by Y^2 / C in z.
@@ -165,8 +214,8 @@ struct NewtonWorld {
     set_impulses(world, l, w, p);
     R worst(0);
     if (residual) {
-      sum_rows(world, rows, l.first, l.count, sum, p);
-      for (int r = 0; r < l.count; ++r) worst = max(worst, abs(dot_row(SerialWorld{0}, rows, l.row[r], sum) + l.row[r].bias - w[r]));
+      sum_rows(world, rows, l.first, l.island.count, sum, p);
+      for (int r = 0; r < l.island.count; ++r) worst = max(worst, abs(dot_row(SerialWorld{0}, rows, l.row[r], sum) + l.row[r].bias - w[r]));
     }
     world.single([&] {
       solution.iterations(world.rank) = iteration;
@@ -177,10 +226,9 @@ struct NewtonWorld {
   /// The elements one after the other, shared among the threads: f(element, first of its rows).
   template <class World, class F>
   KOKKOS_INLINE_FUNCTION void each_element(World const& world, Lists const& l, F const& f) const {
-    world.each(l.count, [&](int r) {
+    each_row(world, l, [&](int r) {
       if (int const n = l.element_rows[r]; n > 0) f(soft_element(l.row + r, n, l.least + r), r);
     });
-    world.sync();
   }
   template <class World>
   KOKKOS_FUNCTION void set_impulses(World const& world, Lists const& l, R const* w, R* p) const {
@@ -188,8 +236,8 @@ struct NewtonWorld {
   }
   template <class World>
   KOKKOS_FUNCTION R total_cost(World const& world, Lists const& l, R const* w) const {
-    return world.template sum<R>(l.count, [&](int r) {
-      int const n = l.element_rows[r];
+    return world.template sum<R>(l.island.count, [&](int k) {
+      int const r = l.island.row(k), n = l.element_rows[r];
       if (n == 0) return R(0);
       SoftElement<R> const e = soft_element(l.row + r, n, l.least + r);
       R p[N];
@@ -203,11 +251,12 @@ struct NewtonWorld {
   template <class World>
   KOKKOS_FUNCTION R line_search(World const& world, Lists const& l, R const* z, R const* d, R const* w, R const* change,
                                 R decrement) const {
-    R const zd = world.template sum<R>(rows.nv, [&](int i) { return z[i] * d[i]; });
-    R const dd = world.template sum<R>(rows.nv, [&](int i) { return d[i] * d[i]; });
+    auto const& e = l.island;
+    R const zd = world.template sum<R>(e.dofs, [&](int i) { return z[e.dof(i)] * d[e.dof(i)]; });
+    R const dd = world.template sum<R>(e.dofs, [&](int i) { return d[e.dof(i)] * d[e.dof(i)]; });
     auto const slope = [&](R alpha) {
-      return zd + alpha * dd - world.template sum<R>(l.count, [&](int r) {
-        int const n = l.element_rows[r];
+      return zd + alpha * dd - world.template sum<R>(e.count, [&](int k) {
+        int const r = e.row(k), n = l.element_rows[r];
         if (n == 0) return R(0);
         R at[N], p[N], sum(0);
         for (int b = 0; b < n; ++b) at[b] = fma(alpha, change[r + b], w[r + b]);
@@ -236,32 +285,34 @@ struct NewtonWorld {
     return alpha;
   }
 
-  /// H <- 1 + Y^T B Y
+  /// H <- 1 + Y^T B Y, of the island's dofs.
   template <class World>
   KOKKOS_FUNCTION void assemble(World const& world, Lists const& l, R const* w, R* H) const {
-    int const nv = rows.nv;
+    int const nv = l.island.dofs;
     world.each(nv, [&](int k) {
       R* const column = column_of(H, nv, k);
       column[k] = R(1);
       for (int i = k + 1; i < nv; ++i) column[i] = R(0);
     });
     world.sync();
-    for (int r = 0, n; r < l.count; r += n) {
+    for (int k = 0, n; k < l.island.count; k += n) {
+      int const r = l.island.row(k);
       n = l.element_rows[r];
       R B[N][N];
       if (!soft_curvature(soft_element(l.row + r, n, l.least + r), w + r, B)) continue;
       if (n == 1 || l.row[r].same_segments)
-        add_element(world, l.row + r, n, B, H);
+        add_element(world, l, l.row + r, n, B, H);
       else
-        add_pairs(world, l.row + r, n, B, H);
+        add_pairs(world, l, l.row + r, n, B, H);
     }
   }
   /// H += sum B_ab Y_a Y_b^T where the rows have the same entries: a column a thread.
   template <class World>
-  KOKKOS_INLINE_FUNCTION void add_element(World const& world, Row<R> const* row, int n, R const (&B)[N][N], R* H) const {
-    int const entries = row->segment[0].count + row->segment[1].count, nv = rows.nv;
+  KOKKOS_INLINE_FUNCTION void add_element(World const& world, Lists const& l, Row<R> const* row, int n, R const (&B)[N][N], R* H) const {
+    int const entries = row->segment[0].count + row->segment[1].count, nv = l.island.dofs;
+    Shifts const shifts(*this, l, *row);
     world.each(entries, [&](int i) {
-      int const k = dof_of(*row, i);
+      int const k = place_of(*row, i, shifts);
       R u[N];
       for (int b = 0; b < n; ++b) {
         u[b] = R(0);
@@ -269,7 +320,7 @@ struct NewtonWorld {
       }
       R* const column = column_of(H, nv, k);
       for (int j = 0; j < entries; ++j) {
-        int const at = dof_of(*row, j);
+        int const at = place_of(*row, j, shifts);
         if (at < k) continue;
         R sum = column[at];
         for (int b = 0; b < n; ++b) sum = fma(u[b], rows.Y(row[b].first_entry + j), sum);
@@ -279,17 +330,18 @@ struct NewtonWorld {
     world.sync();
   }
   template <class World>
-  KOKKOS_INLINE_FUNCTION void add_pairs(World const& world, Row<R> const* row, int n, R const (&B)[N][N], R* H) const {
-    int const nv = rows.nv;
+  KOKKOS_INLINE_FUNCTION void add_pairs(World const& world, Lists const& l, Row<R> const* row, int n, R const (&B)[N][N], R* H) const {
+    int const nv = l.island.dofs;
     for (int a = 0; a < n; ++a)
       for (int b = 0; b < n; ++b) {
         if (B[a][b] == R(0)) continue;
+        Shifts const of_a(*this, l, row[a]), of_b(*this, l, row[b]);
         world.each(row[a].segment[0].count + row[a].segment[1].count, [&](int i) {
-          int const k = dof_of(row[a], i);
+          int const k = place_of(row[a], i, of_a);
           R const u = B[a][b] * rows.Y(row[a].first_entry + i);
           R* const column = column_of(H, nv, k);
           for (int j = 0; j < row[b].segment[0].count + row[b].segment[1].count; ++j)
-            if (int const at = dof_of(row[b], j); at >= k) column[at] = fma(u, rows.Y(row[b].first_entry + j), column[at]);
+            if (int const at = place_of(row[b], j, of_b); at >= k) column[at] = fma(u, rows.Y(row[b].first_entry + j), column[at]);
         });
         world.sync();
       }
@@ -326,14 +378,15 @@ struct NewtonWorld {
   /// @param u  room
   template <class World>
   KOKKOS_FUNCTION void factor_rows(World const& world, Lists const& l, R const* w, R* L, R* u) const {
-    int const nv = rows.nv;
+    int const nv = l.island.dofs;
     world.sync();
     world.each(nv, [&](int k) {
       R* const column = column_of(L, nv, k);
       column[k] = R(1);
       for (int i = k + 1; i < nv; ++i) column[i] = R(0);
     });
-    for (int r = 0, n; r < l.count; r += n) {
+    for (int k = 0, n; k < l.island.count; k += n) {
+      int const r = l.island.row(k);
       n = l.element_rows[r];
       R G[N][N];
       if (!soft_curvature(soft_element(l.row + r, n, l.least + r), w + r, G)) continue;
@@ -344,8 +397,9 @@ struct NewtonWorld {
         world.sync();
         for (int b = c; b < n; ++b) {
           Row<R> const& row = l.row[r + b];
+          Shifts const shifts(*this, l, row);
           world.each(row.segment[0].count + row.segment[1].count, [&](int i) {
-            R& to = u[dof_of(row, i)];
+            R& to = u[place_of(row, i, shifts)];
             to = fma(G[b][c], rows.Y(row.first_entry + i), to);
           });
           world.sync();
@@ -417,6 +471,10 @@ struct NewtonWorld {
     RowSegment const& segment = row.segment[s];
     int const at = s == 0 ? i : i - row.segment[0].count;
     return segment.dof0 + (segment.list < 0 ? at : rows.dof_lists(segment.list + at));
+  }
+  /// Where that is in H.
+  KOKKOS_INLINE_FUNCTION int place_of(Row<R> const& row, int i, Shifts const& shifts) const {
+    return dof_of(row, i) - shifts.of[i < row.segment[0].count ? 0 : 1];
   }
 };
 

@@ -5,7 +5,7 @@
 #include <gsp/solver/detail/row_vectors.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// The kernel of `noslip` (solver/noslip.hpp): a thread or a warp a world.
+/// The kernel of `noslip` (solver/noslip.hpp): a thread or a warp a world, island by island.
 namespace gsp::detail {
 
 inline constexpr int most_friction_rows = most_element_rows - 1;
@@ -64,17 +64,25 @@ struct NoslipWorld {
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
     if (progress.halt()) return;
-    int const first = rows.first(world.rank), count = rows.count(world.rank);
-    if (count == 0) return;
+    each_island(world, rows, world.rank, [&](IslandRows const& e) { sweep(world, e); });
+  }
+
+ private:
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void sweep(World const& world, IslandRows const& e) const {
+    int const first = rows.first(world.rank);
     Row<R> const* const row = &rows.row(first);
     R* const z = solution.z.data() + std::int64_t(world.rank) * rows.nv;
     R* const p = impulses.p[impulses.parity()].data() + first;
+    R const least = least_gain * (R(e.dofs) / R(rows.nv));
     // The first sweep gains what the softness cost, too: as in MuJoCo.
-    R gain = world.template sum<R>(count, [&](int r) { return R(0.5) * row[r].compliance * square(p[r]); });
+    R gain = world.template sum<R>(e.count, [&](int k) { return R(0.5) * row[e.row(k)].compliance * square(p[e.row(k)]); });
     for (int sweep = 0; sweep < iterations; ++sweep) {
-      for (int r = 0, n; r < count; r += n) {
+      for (int k = 0, n; k < e.count; k += n) {
+        int const r = e.row(k);
         n = rows.element_rows(first + r);
-        if (n == 1 && r + 1 < count && is_edge(row[r]) && row[r + 1].dry && has_segments_of(row[r], row[r + 1])) {
+        bool const next = k + 1 < e.count && e.row(k + 1) == r + 1;
+        if (n == 1 && next && is_edge(row[r]) && row[r + 1].dry && has_segments_of(row[r], row[r + 1])) {
           gain += stick_edges(world, row + r, p + r, z);
           n = 2;
           continue;
@@ -84,12 +92,10 @@ struct NoslipWorld {
         for (int a = 0; a < n; ++a)
           if (row[r + a].friction_of < 0) gain += stick_in_cone(world, row + r, n, a, p + r, z);
       }
-      if (gain < least_gain) break;
+      if (gain < least) break;
       gain = R(0);
     }
   }
-
- private:
   /// Of a pyramid: it pushes alone.
   KOKKOS_INLINE_FUNCTION static bool is_edge(Row<R> const& row) { return row.dry && is_no_bound(row.upper); }
   template <class World>
