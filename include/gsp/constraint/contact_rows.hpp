@@ -63,9 +63,9 @@ struct ContactRows {
     }
     return contacts.dist(c);
   }
-  KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int row, R, R u, R h) const {
+  KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int row, R gap, R u, R h) const {
     R const surface = surface_rate(world, k, row);
-    RowLaw<R> law = law_at_rest(world, k, row, u + surface, h);
+    RowLaw<R> law = law_at_rest(world, k, row, gap, u + surface, h);
     law.zeta -= surface;
     if (int const c = contact_of(world, k); row == 0 && adhesion_of(c) != R(0)) {
       int const condim = parameters(world, c).condim;
@@ -74,12 +74,14 @@ struct ContactRows {
     return law;
   }
   /// Of surfaces that neither move nor pull.
-  KOKKOS_INLINE_FUNCTION RowLaw<R> law_at_rest(int world, int k, int row, R u, R h) const {
+  KOKKOS_INLINE_FUNCTION RowLaw<R> law_at_rest(int world, int k, int row, R dist, R u, R h) const {
     if (row > 0 && !soft.as_mujoco) return {R(0), R(0)};
     int const c = contact_of(world, k);
     auto const p = parameters(world, c);
     R const diag = body_invweight0(world, 2 * contacts.body1(c)) + body_invweight0(world, 2 * contacts.body2(c));
-    R const gap = contacts.dist(c) - contacts.includemargin(c), spring = soft.as_mujoco ? gap : min(gap, R(0));
+    // dist is that of a normal alone, with what rounding has taken from places; an edge has some of its tangents' in it
+    R const gap = (soft.as_mujoco || edges > 1 ? contacts.dist(c) : dist) - contacts.includemargin(c);
+    R const spring = soft.as_mujoco ? gap : min(gap, R(0));
     if (row > 0) return soft.tangent(p, row - 1, gap, u, h, diag);
     bool const edge = edges > 1 && p.condim > 1;
     if (p.hard && !soft.as_mujoco && !edge) {

@@ -267,6 +267,7 @@ struct EmitRows {
       auto const& segment = row.segment[s];
       int const tree = model.dof_tree(segment.dof0);
       TreeItems<R> const items = dynamics.tree(model, w, tree);
+      gap += low_part(w, tree, segment, y, begin);
       for (int i = 0; i < segment.count; ++i) {
         int const dof = segment.list < 0 ? i : model.ints(segment.list + i);
         rate = fma(y[begin + i], items[items.at.qvel + dof], rate);
@@ -280,6 +281,19 @@ struct EmitRows {
     }
     types.visit_type(row.type, [&](auto const& type) { most_yield(at) = set_law(type, w, r, at, gap, rate, free_rate, diagonal, row); });
     rows.row(at) = row;
+  }
+  /// J x of a segment, x what rounding has taken from the place of a body that floats (State::qpos_low). Poses are without it: a gap that
+  /// they give jumps by the last digit of a place, and a pile in float would never rest.
+  template <class Entries>
+  KOKKOS_INLINE_FUNCTION R low_part(int w, int tree, RowSegment const& segment, Entries const& J, int begin) const {
+    Archetype const& a = model.archetypes(model.tree_archetype(tree));
+    int const* const ints = model.ints.data();
+    int const joint = ints[a.dof_jnt + (segment.list < 0 ? 0 : ints[segment.list])];  // a chain begins at its root
+    if (JointType(ints[a.jnt_type + joint]) != JointType::free) return R(0);
+    int const q = ints[a.instance_qpos + model.tree_instance(tree)] + ints[a.jnt_qposadr + joint];
+    R sum(0);
+    for (int i = 0; i < 3 && i < segment.count; ++i) sum = fma(J[begin + i], state.qpos_low(w, q + i), sum);
+    return sum;
   }
   /// Law and bounds of a row. Returns what it may yield to its load (RowLaw).
   template <class Type>
