@@ -153,7 +153,7 @@ TEST_CASE("a pyramid of 204 boxes comes to rest") {
 }
 
 // No box further than 0.5 m in 60 s. Measured for 10 s: 6.3 mm, at rest within a second; in double 4 to 7 sweeps a step then, in float 70
-// to 85.
+// to 100.
 TEST_CASE_TEMPLATE("a pyramid of 1,240 boxes stands" * doctest::test_suite("long") * doctest::skip(), R, float, double) {
   Scene<R> w(pyramid(15));
   for (int second = 10; second <= 60; second += 10) {

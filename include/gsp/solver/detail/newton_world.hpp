@@ -97,11 +97,13 @@ struct NewtonWorld {
     IslandRows island;
     int* shift = nullptr;  // by how much the dofs of a tree come before their places in the island's H; null: that is the world's
   };
-  /// Of the dofs of a row's two segments.
+  /// Of the dofs of a row's two segments. Two numbers: an array that is indexed is memory to a GPU.
   struct Shifts {
-    int of[2];
+    int first, second;
     KOKKOS_INLINE_FUNCTION Shifts(NewtonWorld const& k, Lists const& l, Row<R> const& row) {
-      for (int s = 0; s < 2; ++s) of[s] = l.shift && row.segment[s].count > 0 ? l.shift[k.rows.islands.dof_tree(row.segment[s].dof0)] : 0;
+      auto const of = [&](RowSegment const& s) { return l.shift && s.count > 0 ? l.shift[k.rows.islands.dof_tree(s.dof0)] : 0; };
+      first = of(row.segment[0]);
+      second = of(row.segment[1]);
     }
   };
 
@@ -474,7 +476,7 @@ struct NewtonWorld {
   }
   /// Where that is in H.
   KOKKOS_INLINE_FUNCTION int place_of(Row<R> const& row, int i, Shifts const& shifts) const {
-    return dof_of(row, i) - shifts.of[i < row.segment[0].count ? 0 : 1];
+    return dof_of(row, i) - (i < row.segment[0].count ? shifts.first : shifts.second);
   }
 };
 
