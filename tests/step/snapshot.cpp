@@ -295,7 +295,7 @@ TEST_CASE_TEMPLATE("types of one's own, and lists that differ", Exec, GSP_TEST_E
   using Tether = test_types::Tether;
   World<double, Exec> w(compiled, 2, false), reset(compiled, 2, false);
   w.set(w.state.qvel, 0, 0, 1), w.set(w.state.qvel, 1, 7, 1);
-  auto const tied = [&](int steps) { gsp::step(w.exec, w.model, w.state, w.sim, {.steps = steps}, Tether{.dof = 0}, Tether{.dof = 6}); };
+  auto const tied = [&](int steps) { gsp::step(w.exec, w.model, w.state, w.sim, {.steps = steps}, Tether{{}, 0}, Tether{{}, 6}); };
   tied(30);
   auto const snapshot = w.saved();
   tied(10);
