@@ -538,6 +538,10 @@ TEST_CASE("forces of one's own") {
 
 // An instance is a queue of its own (on a GPU a stream): what runs on one does not change what another gives.
 TEST_CASE("instances of an execution space") {
+  if (Kokkos::DefaultExecutionSpace{}.concurrency() < 2) {
+    MESSAGE("not tested: one thread cannot be divided");
+    return;
+  }
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   int const worlds = 4, steps = 30;
   // example-begin instances
