@@ -247,6 +247,7 @@ class KokkosStepper : public Stepper {
       copy(from, to);
     }
     expect_in_range(s, rows);
+    expect_numbers(find("state.status"), arrays);
     auto const list = model_constraints(model_, state_, simulation_.poses, simulation_.dynamics, simulation_.collision,
                                         simulation_.contacts, simulation_.cone);
     auto const names = gsp::detail::names_of(list);
@@ -344,6 +345,27 @@ class KokkosStepper : public Stepper {
       if (calm < -model_.ntree || calm > simulation_.sleep.steps)
         throw Error("array 'sleep.calm' holds " + std::to_string(calm) + ", and must be from " + std::to_string(-model_.ntree) + " to " +
                     std::to_string(simulation_.sleep.steps) + ": give what Stepper::save gave");
+  }
+
+  /// Numbers of a state that a step could have left, in the worlds that had not stopped.
+  static void expect_numbers(Array const& status, std::vector<NamedArray> const& arrays) {
+    std::vector<int> stopped(static_cast<std::size_t>(status.size()));
+    copy(status, host_array(stopped.data(), {status.extents[0]}));
+    for (auto const& [name, from] : arrays) {
+      if (!name.starts_with("state.") || (from.dtype != Dtype::float32 && from.dtype != Dtype::float64) || from.size() == 0) continue;
+      std::vector<double> numbers(static_cast<std::size_t>(from.size()));
+      Array to = host_array(numbers.data(), {from.size()});
+      to.rank = from.rank;
+      std::int64_t stride = 1;
+      for (int k = from.rank; k-- > 0; stride *= from.extents[k]) to.extents[k] = from.extents[k], to.strides[k] = stride;
+      copy(from, to);
+      for (std::size_t i = 0; i < numbers.size(); ++i) {
+        std::size_t const world = i / (numbers.size() / stopped.size());
+        if ((stopped[world] & int(status::not_finite | status::unbounded)) == 0 && !(std::abs(numbers[i]) <= state_bound))
+          throw Error("array '" + name + "' holds " + std::to_string(numbers[i]) + " of world " + std::to_string(world) +
+                      ", which is no number of a state (at most 1e10): give what Stepper::save gave");
+      }
+    }
   }
 
   Exec exec_;

@@ -41,6 +41,19 @@ void restore(Stepper& stepper, States const& states, std::string const& path) {
   try {
     stepper.restore(arrays);
   } catch (Error const& error) { throw Error(path + ": " + error.what() + " (--save writes such files)"); }
+  // The state is there twice, as a start of one entry and whole: what was changed in one alone would be lost.
+  std::vector<double> qpos, qvel, act;
+  get_states(stepper, qpos, qvel);
+  get_activations(stepper, act);
+  auto const expect_same = [&](char const* name, std::vector<double> const& given, std::vector<double> const& taken) {
+    for (std::size_t i = 0; i < given.size() && i < taken.size(); ++i)
+      if (given[i] != taken[i] && !(std::isnan(given[i]) && std::isnan(taken[i])))
+        throw Error(path + ": '" + name + "' is not that of 'state." + name + "', from which a saved simulation goes on: for a start of " +
+                    "your own keep time, qpos, qvel and act alone");
+  };
+  expect_same("qpos", states.qpos, qpos);
+  expect_same("qvel", states.qvel, qvel);
+  expect_same("act", states.act, act);
 }
 
 void get_states(Stepper const& stepper, std::vector<double>& qpos, std::vector<double>& qvel) {

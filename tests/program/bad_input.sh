@@ -151,7 +151,7 @@ refused "names a folder" -- sim cart.xml --trace .
 # what --save wrote, and somebody has changed
 "$gsp" sim cart.xml --worlds 2 --steps 5 --sleep --quiet --save saved.npz > /dev/null || exit 1
 python3 - <<'PY' || exit 1
-import struct, zipfile
+import math, struct, zipfile
 arrays = {name: data for name in [*zipfile.ZipFile("saved.npz").namelist()] for data in [zipfile.ZipFile("saved.npz").read(name)]}
 def write(name, **changes):  # None: left out; else f(bytes)
     with zipfile.ZipFile(name, "w") as out:
@@ -163,6 +163,8 @@ write("saved_version.npz", snapshot=last_int(99))
 write("saved_short.npz", state_qvel=None)
 write("saved_first.npz", impulses_first=last_int(1 << 30))
 write("saved_count.npz", impulses_count=last_int(1 << 30))
+write("saved_nan.npz", state_qvel=lambda d: d[:-4] + struct.pack("<f", math.nan))
+write("saved_qpos.npz", qpos=lambda d: d[:-8] + struct.pack("<d", 0.125))
 write("saved_calm.npz", sleep_calm=last_int(-1000))
 write("saved_kind.npz", state_steps=lambda d: arrays["state.status.npy"])
 PY
@@ -171,6 +173,8 @@ go_on "saved_version.npz[snapshot]" "another version" "--save" -- sim cart.xml -
 go_on "saved_short.npz: there is no array 'state.qvel'" "--save" -- sim cart.xml --start saved_short.npz
 go_on "saved_first.npz: array 'impulses.first'" "does not fit" -- sim cart.xml --start saved_first.npz
 go_on "saved_count.npz: array 'impulses.first'" "does not fit" -- sim cart.xml --start saved_count.npz
+go_on "saved_nan.npz: array 'state.qvel' holds nan of world 1" "at most 1e10" -- sim cart.xml --start saved_nan.npz
+go_on "saved_qpos.npz: 'qpos' is not that of 'state.qpos'" "keep time, qpos" -- sim cart.xml --start saved_qpos.npz
 go_on "saved_calm.npz: array 'sleep.calm' holds -1000" -- sim cart.xml --start saved_calm.npz
 go_on "saved_kind.npz: array 'state.steps' is (2) int32 and must be (2) int64" -- sim cart.xml --start saved_kind.npz
 go_on "saved.npz: was saved in float" "--precision float" -- sim cart.xml --start saved.npz --precision double
