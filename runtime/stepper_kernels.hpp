@@ -357,7 +357,10 @@ class KokkosStepper : public Stepper {
       Array to = host_array(numbers.data(), {from.size()});
       to.rank = from.rank;
       std::int64_t stride = 1;
-      for (int k = from.rank; k-- > 0; stride *= from.extents[k]) to.extents[k] = from.extents[k], to.strides[k] = stride;
+      for (int k = from.rank; k-- > 0; stride *= from.extents[k]) {
+        to.extents[k] = from.extents[k];
+        to.strides[k] = stride;
+      }
       copy(from, to);
       for (std::size_t i = 0; i < numbers.size(); ++i) {
         std::size_t const world = i / (numbers.size() / stopped.size());
