@@ -79,7 +79,7 @@ struct ContactRows {
     int const c = contact_of(world, k);
     auto const p = parameters(world, c);
     R const diag = body_invweight0(world, 2 * contacts.body1(c)) + body_invweight0(world, 2 * contacts.body2(c));
-    // dist is that of a normal alone, with what rounding has taken from places; an edge has some of its tangents' in it
+    // dist has what rounding has taken from places; MuJoCo's has not, and that of an edge has its tangents' part too
     R const gap = (soft.as_mujoco || edges > 1 ? contacts.dist(c) : dist) - contacts.includemargin(c);
     R const spring = soft.as_mujoco ? gap : min(gap, R(0));
     if (row > 0) return soft.tangent(p, row - 1, gap, u, h, diag);

@@ -170,7 +170,7 @@ struct IslandRows {
 };
 
 /// f(island) for the islands of a world, one after the other. What an island is to f hangs on its own rows and dofs alone: the k-th row of
-/// it, the k-th dof. Islands::keys is free for f.
+/// it, the k-th dof. Islands::keys and number are free for f.
 template <class World, class Rows, class F>
 KOKKOS_INLINE_FUNCTION void each_island(World const& world, Rows const& rows, int w, F const& f) {
   auto const& islands = rows.islands;

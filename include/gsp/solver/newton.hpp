@@ -27,11 +27,11 @@ struct Newton {
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0, nv = 0;
   View<R*> rate, rate_change, least;  // (capacity of the rows) w, Y times the direction, and the least compliance (least_softness)
-  View<R*> work;                      // a world's or thread's: lower triangle of H by columns, direction
+  View<R*> work;                      // a world's or thread's: lower triangle of H by columns, direction, and nv of room
   std::int64_t stride = 0;            // numbers of one
 };
 
-/// Buffers for the worlds of `rows`: (nv + 3) nv / 2 numbers each on a device, a thread on a host, and three for each row of the pool.
+/// Buffers for the worlds of `rows`: (nv + 5) nv / 2 numbers each on a device, a thread on a host, and three for each row of the pool.
 /// Allocates.
 template <ExecutionSpace Exec, class R, class Mem>
 Newton<R, Mem> make_newton(Exec const& exec, Rows<R, Mem> const& rows) {

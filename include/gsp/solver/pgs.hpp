@@ -20,9 +20,9 @@ namespace gsp {
 /// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, and for rows with room for a restitution
 /// without a call of impacts.
 /// On a CPU, worlds of at most 128 rows, in elements of at most three, in models of at most 128 dofs go in lockstep, a pack at a time;
-/// on a GPU they stay in shared memory, where 24 kB hold one, eight threads each; larger ones, and those in which trees may sleep, are
-/// swept over sparse rows, by a thread or a warp each, island by island. Cost 4 entries iterations flop a world. A world's result depends
-/// on nothing but its own rows. Does not allocate, does not fence.
+/// on a GPU they stay in shared memory, where 24 kB hold one, eight threads each; larger ones, and those of several trees that may sleep,
+/// are swept over sparse rows, by a thread or a warp each, island by island. Cost 4 entries iterations flop a world. A world's result
+/// depends on nothing but its own rows and on whether trees may sleep. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
          PgsOptions options = {}) {

@@ -29,8 +29,8 @@ struct Snapshot {
   SleepState<R, Mem> sleep;  // empty: of a simulation in which nothing sleeps
 };
 
-/// Copies what the next step would start from, after `step` (or launch_step and settle). Does not wait; allocates only where the pool of
-/// impulses has grown since the snapshot was made.
+/// Copies what the next step would start from, after `step` (or launch_step and settle). Waits and allocates only where the pool
+/// of impulses has grown since the snapshot was made.
 /// Errors: std::invalid_argument for a snapshot of another model, of another number of worlds, or with sleep where the simulation has none.
 template <ExecutionSpace Exec, class R, class Mem>
 void save(Exec const& exec, State<R, Mem> const& state, Simulation<R, Mem> const& sim, Snapshot<R, Mem>& snapshot) {

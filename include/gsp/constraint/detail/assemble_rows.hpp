@@ -283,7 +283,7 @@ struct EmitRows {
     rows.row(at) = row;
   }
   /// J x of a segment, x what rounding has taken from the place of a body that floats (State::qpos_low). Poses are without it: a gap that
-  /// they give jumps by the last digit of a place, and a pile in float would never rest.
+  /// they give jumps by the last digit of a place, and what lies far from the origin would never rest in float.
   template <class Entries>
   KOKKOS_INLINE_FUNCTION R low_part(int w, int tree, RowSegment const& segment, Entries const& J, int begin) const {
     Archetype const& a = model.archetypes(model.tree_archetype(tree));

@@ -88,14 +88,13 @@ struct NewtonWorld {
   }
 
  private:
-  // dot_row with SerialWorld: a row a thread.
   struct Lists {
     Row<R> const* row;  // of the world, and so on
     signed char const* element_rows;
     R* least;
     int first;
     IslandRows island;
-    int* shift = nullptr;  // by how much the dofs of a tree come before their places in the island's H; null: that is the world's
+    int* shift = nullptr;  // of a tree: dof less its place in the island's H; null: the same
   };
   /// Of the dofs of a row's two segments. Two numbers: an array that is indexed is memory to a GPU.
   struct Shifts {
@@ -150,7 +149,7 @@ struct NewtonWorld {
     return iteration;
   }
 
-  /// f(r) for the rows of the island, shared among the threads.
+  /// f(r) for the rows of the island, a row a thread: dot_row is called with SerialWorld.
   template <class World, class F>
   KOKKOS_INLINE_FUNCTION void each_row(World const& world, Lists const& l, F const& f) const {
     world.each(l.island.count, [&](int k) { f(l.island.row(k)); });
