@@ -247,7 +247,7 @@ class KokkosStepper : public Stepper {
       copy(from, to);
     }
     expect_in_range(s, rows);
-    expect_numbers(find("state.status"), arrays);
+    expect_numbers(s);
     auto const list = model_constraints(model_, state_, simulation_.poses, simulation_.dynamics, simulation_.collision,
                                         simulation_.contacts, simulation_.cone);
     auto const names = gsp::detail::names_of(list);
@@ -348,27 +348,20 @@ class KokkosStepper : public Stepper {
   }
 
   /// Numbers of a state that a step could have left, in the worlds that had not stopped.
-  static void expect_numbers(Array const& status, std::vector<NamedArray> const& arrays) {
-    std::vector<int> stopped(static_cast<std::size_t>(status.size()));
-    copy(status, host_array(stopped.data(), {status.extents[0]}));
-    for (auto const& [name, from] : arrays) {
-      if (!name.starts_with("state.") || (from.dtype != Dtype::float32 && from.dtype != Dtype::float64) || from.size() == 0) continue;
-      std::vector<double> numbers(static_cast<std::size_t>(from.size()));
-      Array to = host_array(numbers.data(), {from.size()});
-      to.rank = from.rank;
-      std::int64_t stride = 1;
-      for (int k = from.rank; k-- > 0; stride *= from.extents[k]) {
-        to.extents[k] = from.extents[k];
-        to.strides[k] = stride;
+  void expect_numbers(Snapshot<R, Mem> const& s) const {
+    auto const bits = gsp::detail::to_host(exec_, s.state.status);
+    auto const check = [&](char const* name, auto const& view) {
+      if constexpr (std::is_floating_point_v<typename std::decay_t<decltype(view)>::non_const_value_type>) {
+        auto const numbers = gsp::detail::to_host(exec_, view);
+        for (std::size_t i = 0; i < numbers.size(); ++i) {
+          std::size_t const world = i / std::size_t(gsp::detail::items_of_row(view));
+          if ((bits[world] & (status::not_finite | status::unbounded)) == 0 && !(std::abs(double(numbers[i])) <= state_bound))
+            throw Error(std::string("array 'state.") + name + "' holds " + std::to_string(numbers[i]) + " of world " +
+                        std::to_string(world) + ", which is no number of a state (at most 1e10): give what Stepper::save gave");
+        }
       }
-      copy(from, to);
-      for (std::size_t i = 0; i < numbers.size(); ++i) {
-        std::size_t const world = i / (numbers.size() / stopped.size());
-        if ((stopped[world] & int(status::not_finite | status::unbounded)) == 0 && !(std::abs(numbers[i]) <= state_bound))
-          throw Error("array '" + name + "' holds " + std::to_string(numbers[i]) + " of world " + std::to_string(world) +
-                      ", which is no number of a state (at most 1e10): give what Stepper::save gave");
-      }
-    }
+    };
+    gsp::detail::each_state_view(check, s.state);
   }
 
   Exec exec_;

@@ -21,13 +21,13 @@ void set_states(Stepper& stepper, States const& s, gsp::CompiledModel const& mod
 
 void restore(Stepper& stepper, States const& states, std::string const& path) {
   using gsp::runtime::Dtype;
+  std::map<gsp::io::Dtype, Dtype> const dtypes{{gsp::io::Dtype::f4, Dtype::float32},
+                                               {gsp::io::Dtype::f8, Dtype::float64},
+                                               {gsp::io::Dtype::i4, Dtype::int32},
+                                               {gsp::io::Dtype::i8, Dtype::int64}};
   std::vector<gsp::runtime::NamedArray> arrays;
   for (auto const& [name, from] : states.snapshot) {
-    if (from.dtype > gsp::io::Dtype::i8 || from.shape.empty() || from.shape.size() > 4) continue;  // none that a stepper gives
-    std::map<gsp::io::Dtype, Dtype> const dtypes{{gsp::io::Dtype::f4, Dtype::float32},
-                                                 {gsp::io::Dtype::f8, Dtype::float64},
-                                                 {gsp::io::Dtype::i4, Dtype::int32},
-                                                 {gsp::io::Dtype::i8, Dtype::int64}};
+    if (!dtypes.contains(from.dtype) || from.shape.empty() || from.shape.size() > 4) continue;  // none that a stepper gives
     Array a = gsp::runtime::make_array(const_cast<std::byte*>(from.bytes.data()), dtypes.at(from.dtype), Device::cpu, {});
     a.read_only = true;
     a.rank = static_cast<int>(from.shape.size());

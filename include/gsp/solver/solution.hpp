@@ -36,7 +36,8 @@ template <class Rows>
 KOKKOS_INLINE_FUNCTION bool goes_in_lockstep(Rows const& rows, int world) {
   return rows.count(world) <= lockstep_most_rows && rows.largest_element(world) <= lockstep_rows;
 }
-/// Such worlds stop as a whole; where some trees may sleep, the bits of the others would hang on them.
+/// Whether small worlds may be solved as a whole, all trees stopping together: where some may sleep, the bits of the others would hang on
+/// them.
 template <class Rows>
 KOKKOS_INLINE_FUNCTION bool goes_as_a_whole(Rows const& rows) {
   return !rows.may_sleep || rows.islands.ntree <= 1;
