@@ -121,6 +121,12 @@ TEST_CASE("what is wrong is said with its place") {
   CHECK(says(error("v 1 2 x\n", "a.obj"), "'x' is not a coordinate"));
   CHECK(says(error("v 1 2 nan\n", "a.obj"), "line 1"));
   CHECK(says(error("v 1 2 1e300\n", "a.obj"), "line 1"));
+  for (auto const& number : std::vector<std::string>{"1e400", "1" + std::string(400, '0')}) {
+    CHECK(says(error("v 1 2 " + number + "\n", "a.obj"), "line 1: '" + number.substr(0, 5)));
+    CHECK(says(error("solid\nfacet\nvertex 0 0 " + number + "\n", "a.stl"), "line 3: '" + number.substr(0, 5)));
+  }
+  CHECK(parse_mesh(bytes_of("v 0." + std::string(400, '0') + "1 1e-400 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n"), "a.obj").vertices[0] ==
+        std::array<float, 3>{});
   CHECK(says(error("v 1 2 3e9\n", "a.obj"), "2^30"));
   CHECK(says(error(four + "f 1 2 0\n", "a.obj"), "line 5: '0' is not a corner"));
   CHECK(says(error(four + "f 1 2 5\n", "a.obj"), "line 5: a face names a vertex that is not among the 4"));

@@ -90,6 +90,22 @@ TEST_CASE("unknown and unsupported words name file, line and remedy") {
 TEST_CASE("values are checked") {
   refused(model("<geom size='.1 x'/>"), "m.xml:3: ", "holds 'x', which is not a finite number");
   refused(model("<geom size='nan'/>"), "m.xml:3: ", "not a finite number");
+  for (auto const& number : std::vector<std::string>{"1e400", "-1e400", "2e308", "+1e99999999999999999999", "1" + std::string(400, '0')})
+    refused(model("<body pos='0 " + number + " 0'/>"), "m.xml:3: ", "which is beyond the largest number, 1.8e308; correct it");
+  refused(model("<body pos='0 -1e400 0'/>"),
+          "m.xml:3: ", "<body>: attribute 'pos' holds '-1e400', which is beyond the largest number, 1.8e308; correct it");
+  refused(model("<geom size='1' friction='1e400'/>"),
+          "m.xml:3: ", "attribute 'friction' holds '1e400', which is beyond the largest number");
+  refused(model("", "<default><joint damping='1e400'/></default>"), "m.xml:", "attribute 'damping' holds '1e400', which is beyond");
+  for (auto const* other : {"1e", "1e5x", "+-1", "+", "-", "0x10"})
+    refused(model("<geom size='" + std::string(other) + "'/>"), "m.xml:3: ", "not a finite number");
+  std::string const small = "0." + std::string(400, '0') + "1";
+  auto const tiny = parse_mjcf(model("<body pos='1e-400 -1e-99999999999999999999 " + small + "'/>"), "m.xml", {});
+  CHECK(tiny.bodies.back().pos == std::array<double, 3>{0, 0, 0});
+  auto const wide = parse_mjcf(model("<body pos='1" + std::string(400, '0') + "e-400 1e-310 0e400'/>"), "m.xml", {});
+  CHECK(wide.bodies.back().pos[0] == 1);
+  CHECK(wide.bodies.back().pos[1] == 1e-310);
+  CHECK(wide.bodies.back().pos[2] == 0);
   refused(model("<geom size='1 2 3 4'/>"), "m.xml:3: ", "has 4 numbers; give at most 3");
   refused(model("<geom size='1' pos='1 2'/>"), "m.xml:3: ", "attribute 'pos' has 2 numbers; give 3");
   refused(model("<geom size='1' condim='2.5'/>"), "m.xml:3: ", "not a whole number");

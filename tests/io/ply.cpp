@@ -123,6 +123,12 @@ TEST_CASE("3DGS PLY: faults are named with place and remedy") {
   CHECK(says(refusal(replaced(good, "property float nx", "property float x")), "declared twice"));
   CHECK(says(refusal(replaced(good, "property float nx", "texture nx")), "unknown header word"));
   CHECK(says(refusal(replaced(good, "end_header", "end_headed")), "unknown header word"));
+  CHECK(says(refusal(replaced(good, "vertex 3", "vertex 99999999999999999999")), "is not 'element NAME COUNT'"));
+  std::string const typed = as_text_ply(bytes_of(good));
+  auto const first = typed.find("end_header\n") + 11, blank = typed.find(' ', first);
+  auto const begins = [&](std::string const& number) { return std::string(typed).replace(first, blank - first, number); };
+  CHECK(says(refusal(begins("1e400")), "'1e400' is beyond the largest number, 1.8e308; repair the file"));
+  CHECK(parse_ply(bytes_of(begins("1e-400")), "small.ply").positions[0] == 0);
   for (float value : {NAN, INFINITY, -INFINITY}) {
     std::string bad = good;
     std::memcpy(&bad[bad.size() - 68 + 9 * 4], &value, 4);  // opacity of the third

@@ -119,6 +119,7 @@ TEST_CASE("a pose as text") {
   CHECK(p.position == std::array<double, 3>{1, -2.5, 0.3});
   CHECK(p.quat == std::array<double, 4>{0.5, 0.5, 0.5, 0.5});
   CHECK(p.scale == 2);
+  CHECK(parse_splat_pose("1e-400 0 0 1 0 0 0 1").position[0] == 0);
   for (auto bad : {"", "1 2 3", "0 0 0 1 0 0 0", "0 0 0 1 0 0 0 1 1", "0 0 0 1 0 0 0 0", "0 0 0 1 0 0 0 -1", "0 0 0 0 0 0 0 1",
                    "0 0 x 1 0 0 0 1", "0 0 nan 1 0 0 0 1", "0 0 0 1 0 0 0 1e999", "0,0 0 1 0 0 0 1"})
     CHECK_MESSAGE(says(error_of([&] { parse_splat_pose(bad); }), "must be eight numbers"), bad);

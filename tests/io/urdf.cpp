@@ -203,6 +203,7 @@ TEST_CASE("what is wrong is said with file, line and remedy") {
   refused(robot("<inertial><mass value='x'/></inertial>"), "r.urdf:2: ", "has no <inertia>");
   refused(robot("<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='3'/></inertial>"),
           "r.urdf:2: ", "exceeds the sum of the others");
+  refused(robot(inertial, "<limit lower='-1e400' upper='1'/>"), "r.urdf:3: ", "holds '-1e400', which is beyond the largest number");
   refused(robot(inertial, "<limit lower='1' upper='0'/>"), "r.urdf:3: ", "leaves no way between lower and upper");
   refused(robot(inertial, ""), "r.urdf:3: ", "is revolute and has no <limit>");
   refused(robot(inertial, "<axis xyz='0 0 0'/><limit lower='0' upper='1'/>"), "r.urdf:3: ", "direction of length zero");

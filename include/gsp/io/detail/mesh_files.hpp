@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <gsp/io/detail/bytes.hpp>
+#include <gsp/io/detail/decimal.hpp>
 #include <gsp/model/description.hpp>
 #include <optional>
 #include <string>
@@ -28,16 +29,8 @@ inline bool is_vertex(Vertex const& v) { return is_coordinate(v[0]) && is_coordi
 
 /// A number as a float, as written in text files; empty where `word` is none or too large.
 inline std::optional<float> to_float(std::string_view word) {
-  if (!word.empty() && word[0] == '+') word.remove_prefix(1);
-  double value = 0;
-  auto const [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (end != word.data() + word.size() || word.empty()) return std::nullopt;
-  if (error == std::errc::result_out_of_range) {  // 1e-400 is zero, 1e400 is not a length
-    auto const exponent = word.find_first_of("eE");
-    return exponent != word.npos && exponent + 1 < word.size() && word[exponent + 1] == '-' ? std::optional(0.f) : std::nullopt;
-  }
-  if (error != std::errc() || !std::isfinite(value) || std::abs(value) > 3e38) return std::nullopt;
-  return static_cast<float>(value);
+  auto const value = decimal(word);
+  return value && std::abs(*value) <= 3e38 ? std::optional(static_cast<float>(*value)) : std::nullopt;
 }
 
 /// The lines of a text, numbered from 1; ends of lines are \n, \r\n or \r.

@@ -1,6 +1,6 @@
 #pragma once
-#include <charconv>
 #include <cmath>
+#include <gsp/io/detail/decimal.hpp>
 #include <gsp/io/detail/mjcf_schema.hpp>
 #include <gsp/io/detail/mjcf_xml.hpp>
 #include <map>
@@ -24,13 +24,8 @@ inline std::vector<std::string_view> words(std::string_view text) {
   return out;
 }
 inline std::optional<double> to_number(std::string_view word) {
-  if (!word.empty() && word[0] == '+') word.remove_prefix(1);
-  double value = 0;
-  auto const [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (end != word.data() + word.size() || !std::isfinite(value)) return std::nullopt;
-  if (error == std::errc::result_out_of_range) return value == 0 ? std::optional(0.) : std::nullopt;
-  if (error != std::errc()) return std::nullopt;
-  return value;
+  auto const value = decimal(word);
+  return value && std::isfinite(*value) ? value : std::nullopt;
 }
 /// 0, false, none, auto, disable or nothing: a value that asks for no more than leaving the attribute away.
 inline bool is_neutral(std::string_view text) {
@@ -127,6 +122,8 @@ class Attributes {
   }
   double to_double(std::string_view name, std::string_view word) const {
     auto const value = to_number(word);
+    if (!value && decimal(word) && word.find_first_of("0123456789") != word.npos)
+      fail(name, "holds " + in_quotes(word) + ", which is beyond the largest number, 1.8e308; correct it");
     if (!value) fail(name, "holds " + in_quotes(word) + ", which is not a finite number; correct it");
     return *value;
   }

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <gsp/io/detail/bytes.hpp>
+#include <gsp/io/detail/decimal.hpp>
 #include <optional>
 #include <string_view>
 #include <vector>
@@ -128,6 +129,11 @@ inline std::vector<std::string_view> words(std::string_view line) {
   return out;
 }
 
+inline bool is_count(std::string_view word, std::size_t& count) {
+  auto const [end, error] = std::from_chars(word.data(), word.data() + word.size(), count);
+  return error == std::errc() && end == word.data() + word.size();
+}
+
 /// Header lines into `table`; returns the offset of the first byte after it.
 inline std::size_t parse_ply_header(Bytes bytes, PlyTable& table) {
   std::string const& name = table.name;
@@ -158,7 +164,7 @@ inline std::size_t parse_ply_header(Bytes bytes, PlyTable& table) {
     } else if (w[0] == "element") {
       PlyElement e;
       e.line = line;
-      if (w.size() != 3 || std::from_chars(w[2].data(), w[2].data() + w[2].size(), e.count).ptr != w[2].data() + w[2].size())
+      if (w.size() != 3 || !is_count(w[2], e.count))
         fail(name, at_line(line), in_quotes(row) + " is not 'element NAME COUNT'; repair the header");
       e.name = w[1];
       if (table.find(e.name)) fail(name, at_line(line), "element " + in_quotes(e.name) + " is declared twice; repair the header");
@@ -197,12 +203,12 @@ inline std::vector<double> parse_ply_text(PlyTable const& table, PlyElement cons
     if (at == text.size())
       fail(table.name, at_line(line),
            "the file ends within element '" + e.name + "' (no white space after its last number); it is cut short, fetch it again");
-    double value = 0;
-    std::size_t const from = text[begin] == '+' ? begin + 1 : begin;
-    auto const [end, error] = std::from_chars(text.data() + from, text.data() + at, value);
-    if (error != std::errc{} || end != text.data() + at)
-      fail(table.name, at_line(line), in_quotes(text.substr(begin, at - begin)) + " is not a number; repair the file");
-    values.push_back(value);
+    auto const word = text.substr(begin, at - begin);
+    auto const value = decimal(word);
+    if (!value) fail(table.name, at_line(line), in_quotes(word) + " is not a number; repair the file");
+    if (std::isinf(*value) && word.find_first_of("0123456789") != word.npos)
+      fail(table.name, at_line(line), in_quotes(word) + " is beyond the largest number, 1.8e308; repair the file");
+    values.push_back(*value);
   }
   return values;
 }

@@ -1,7 +1,7 @@
 #pragma once
 #include <array>
-#include <charconv>
 #include <gsp/core/detail/compiled.hpp>
+#include <gsp/io/detail/decimal.hpp>
 #include <gsp/io/detail/splat_rotation.hpp>
 #include <gsp/io/splat_set.hpp>
 #include <gsp/io/splat_transform.hpp>
@@ -17,9 +17,9 @@ GSP_INLINE SplatPose parse_splat_pose(std::string_view text) {
     std::size_t const end = std::min(text.find_first_of(" \t", at), text.size());
     ok = count < 8;
     if (!ok) break;
-    auto const [stop, error] = std::from_chars(text.data() + at, text.data() + end, v[count]);
-    ok = error == std::errc{} && stop == text.data() + end && std::isfinite(v[count]);
-    ++count;
+    auto const value = detail::decimal(text.substr(at, end - at));
+    ok = value && std::isfinite(*value);
+    v[count++] = value.value_or(0);
     at = end;
   }
   if (!ok || count != 8 || !(v[7] > 0) || (v[3] == 0 && v[4] == 0 && v[5] == 0 && v[6] == 0))
