@@ -172,6 +172,18 @@ TEST_CASE_TEMPLATE("rounding does not choose the points of a patch", T, float, d
     }
 }
 
+// The face of a box on the same face, turned by 1e-7: near each corner two edges cross, and those in line cross anywhere along themselves,
+// here a sixth of a side from a corner. All are as deep but for rounding, and the list begins with that crossing: what is kept are the
+// corners.
+TEST_CASE_TEMPLATE("a box stands on its corners", T, float, double) {
+  ContactPoint<T> point[8];
+  double const side[8][2] = {{0.84, 1}, {1, 1}, {1, 0.1}, {1, -1}, {-0.3, -1}, {-1, -1}, {-1, -0.2}, {-1, 1}};
+  for (int k = 0; k < 8; ++k)
+    point[k] = {{T(0.1 * side[k][0]), T(0.1 * side[k][1]), T(0)}, T(-7e-5 - 1e-7 * (k % 3)), {T(0), T(0), T(1)}, k};
+  REQUIRE(reduce_points(point, 8) == 4);
+  for (int k = 0; k < 4; ++k) CHECK(point[k].feature % 2 == 1);
+}
+
 TEST_CASE("the nearest point of a segment beats a dense search") {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> uniform(-1, 1);

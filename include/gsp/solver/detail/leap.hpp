@@ -11,7 +11,7 @@ namespace gsp::detail {
 // friction say is left to the next sweep. What is wedged presses against itself, and such a p does not leap: where sum |Y_r p_r|^2 is more
 // than 100,000 times |Y^T p|^2 (a weight of 10,000 on a light body: 20,000 times).
 inline constexpr double leap_most_sweeps = 10000, leap_most_growth = 1000, leap_most_shrinking = 0.5, leap_most_stress = 1e5;
-inline constexpr int leap_from = 16, leap_every = 4;  // sweeps: before the first one, and from one to the next
+inline constexpr int leap_from = 8, leap_every = 4;  // sweeps: before the first one, and from one to the next
 
 /// Whether a leap follows on sweep number `sweep` (from 0): then p and z before it are kept.
 KOKKOS_INLINE_FUNCTION constexpr bool leaps_after(int sweep) { return sweep >= leap_from && sweep % leap_every == 0; }
@@ -20,8 +20,8 @@ KOKKOS_INLINE_FUNCTION constexpr bool leaps_after(int sweep) { return sweep >= l
 /// what it gained. A world whose sweeps raise E after a leap leaps no more in this step.
 /// @param raised  by how much the sweeps since the last leap have raised E (energy_of_step)
 template <class R>
-KOKKOS_INLINE_FUNCTION bool leap_helped(R raised) {
-  return raised <= R(0);
+KOKKOS_INLINE_FUNCTION bool leaps_again(int sweep, R raised) {
+  return sweep == leap_from || raised <= R(0);
 }
 /// Change of E where row b of an element moves by d, after the rows before it have:   d (w + Y_b . sum Y_a d_a) + 1/2 d^2 (|Y|^2 + C)
 /// No difference of large numbers, as two values of E are.
@@ -32,16 +32,12 @@ KOKKOS_INLINE_FUNCTION T energy_of_step(T const& d, T const& rate, T const& chan
   return fma(d, rate, T(0.5f) * abs(d) * change);
 }
 
-/// A leap that has changed the energy by less than this share of its parts has done nothing that R can tell from its own rounding.
-template <class R>
-inline constexpr R leap_noise = R(512) * Kokkos::Experimental::epsilon_v<R>;
-
 /// Sums over dofs and rows of a world.
 ///   energy  E(p) = 1/2 (z.z + p.Cp) + b.p,   z = Y^T p
-///   pp = z.z + p.Cp,   pd, dd: the same of p and d, and of d alone,   bp = b.p,   bd = b.d,   yy = sum p_r^2 (|Y_r|^2 + C_r)
+///   pp = z.z + p.Cp,   pd, dd: the same of p and d, and of d alone,   bp = b.p,   yy = sum p_r^2 (|Y_r|^2 + C_r)
 template <class T>
 struct LeapSums {
-  T pp, pd, dd, bp, bd, yy;
+  T pp, pd, dd, bp, yy;
   KOKKOS_INLINE_FUNCTION void add_dof(T const& z, T const& dz) {
     pp = fma(z, z, pp);
     pd = fma(z, dz, pd);
@@ -55,38 +51,22 @@ struct LeapSums {
     pd = fma(cp, d, pd);
     dd = fma(cd, d, dd);
     bp = fma(bias, p, bp);
-    bd = fma(bias, d, bd);
   }
 };
-/// E of an iterate, and the size of the parts that cancel in it.
-template <class T>
-struct LeapEnergy {
-  T value, size;
-};
-template <class T>
-KOKKOS_INLINE_FUNCTION LeapEnergy<T> leap_energy(LeapSums<T> const& s) {
-  T const half(0.5f);
-  return {fma(half, s.pp, s.bp), fma(half, s.pp, abs(s.bp))};
-}
-/// Near rest p - p_before is little more than the rounding of p, and a leap along it, up to 10,000 times as far, throws what holds still
-/// off: sweeps change rates by more than before it, and the energy is where it was. Such a leap is taken back, and its world leaps no more
-/// in this step.
-template <class R>
-KOKKOS_INLINE_FUNCTION bool leap_was_noise(R energy, LeapEnergy<R> const& before) {
-  return abs(energy - before.value) < leap_noise<R> * before.size;
-}
 /// p <- p + growth p + sweeps d, and z likewise.
 template <class T>
 struct Leap {
   T growth, sweeps;
 };
 /// Where E is least in that plane:
-///   pp growth + pd sweeps = -(pp + bp),   pd growth + dd sweeps = -(pd + bd)
-/// Where p and d point the same way, along p alone. Never back (sweeps >= 0). z is found anew, Y^T p, as what rounding makes of d is
-/// enlarged.
+///   pp growth + pd sweeps = -grad E . p = -(pp + bp),   pd growth + dd sweeps = -grad E . d = -(raised + dd / 2)
+/// since E(p) - E(p - d) = grad E . d - dd / 2. pd + b.d is the same in exact arithmetic, but near rest it is a difference of large
+/// numbers, and leaps along it, up to 10,000 times as far, throw what holds still off. Where p and d point the same way, along p alone.
+/// Never back (sweeps >= 0). z is found anew, Y^T p, as what rounding makes of d is enlarged.
+/// @param raised  by how much the sweep that made d has raised E
 template <class R, class T>
-KOKKOS_INLINE_FUNCTION Leap<T> best_leap(LeapSums<T> const& s) {
-  T const zero(R(0)), one(R(1)), p = s.pp + s.bp, d = s.pd + s.bd, det = s.pp * s.dd - s.pd * s.pd;
+KOKKOS_INLINE_FUNCTION Leap<T> best_leap(LeapSums<T> const& s, T const& raised) {
+  T const zero(R(0)), one(R(1)), p = s.pp + s.bp, d = fma(T(R(0.5)), s.dd, raised), det = s.pp * s.dd - s.pd * s.pd;
   auto const plane = det > T(R(64) * Kokkos::Experimental::epsilon_v<R>) * s.pp * s.dd;
   auto const some = s.pp > zero;
   T const inverse = one / select(plane, det, one);

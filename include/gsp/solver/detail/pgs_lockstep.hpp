@@ -73,16 +73,16 @@ struct PgsLockstep {
     int sweeps[W] = {};
     Mask<R, W> active;
     for (int l = 0; l < W; ++l) active.set(l, count[l] > 0);
-    Mask<R, W> leaping = active, leapt = zero > one;
-    T change = zero, raised = zero, before_leap(Kokkos::Experimental::infinity_v<R>);
-    LeapEnergy<T> energy{zero, zero};
+    Mask<R, W> leaping = active;
+    T earlier = zero, raised = zero;  // what sweeps have raised E by since the last leap: those before the last one, and that
     for (int sweep = 0; sweep < options.iterations && any(active); ++sweep) {
       if (leaps_after(sweep)) {
-        take_back(block, blocks, z, z_before, leapt, leaping, active, change > before_leap, energy);
         keep(block, blocks, z, z_before);
+        earlier = raised;
+        raised = zero;
       }
-      change = zero;
-      bool const counts = any(leapt);
+      T change = zero;
+      bool const counts = sweep >= leap_from && any(leaping);
       for (int q = 0; q < blocks; ++q) {
         Block& k = block[q];
         T w[B], before[B], d[B], p[B];
@@ -112,11 +112,9 @@ struct PgsLockstep {
           if (options.tolerance > 0 && sweep + 1 >= options.least && !(change[l] > tolerance[l])) active.set(l, false);
         }
       if (leaps_after(sweep) && sweep + 1 < options.iterations) {
-        for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && (!leapt[l] || leap_helped(raised[l])));
-        before_leap = change;
-        leapt = leaping;
+        for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leaps_again(sweep, earlier[l] + raised[l]));
+        if (any(leaping)) leap(block, blocks, z, z_before, leaping, raised);
         raised = zero;
-        if (any(leaping)) energy = leap(block, blocks, z, z_before, leaping);
       }
     }
     T worst = zero;
@@ -154,7 +152,7 @@ struct PgsLockstep {
   }
   LeapSums<T> leap_sums(Block const* block, int blocks, T const* z, T const* z_before) const {
     T const zero(R(0));
-    LeapSums<T> s{zero, zero, zero, zero, zero, zero};
+    LeapSums<T> s{zero, zero, zero, zero, zero};
     for (int i = 0; i < rows.nv; ++i) s.add_dof(z[i], z[i] - z_before[i]);
     for (int q = 0; q < blocks; ++q)
       for (int b = 0; b < B; ++b) {
@@ -163,34 +161,15 @@ struct PgsLockstep {
       }
     return s;
   }
-  /// Leaves p and z of some worlds where the energy is least (leap.hpp). Returns what it was.
-  LeapEnergy<T> leap(Block* block, int blocks, T* z, T* z_before, Mask<R, W> const& worlds) const {
-    LeapSums<T> const s = leap_sums(block, blocks, z, z_before);
-    Leap<T> const to = best_leap<R>(s);
-    set_impulses(block, blocks, z, z_before, worlds,
-                 [&](T const& p, T const& before) { return p + fma(to.growth, p, to.sweeps * (p - before)); });
-    return leap_energy(s);
-  }
-  /// Takes back the last leap of the worlds where it was noise (leap.hpp), which leap no more.
-  /// @param worse  the sweeps after it change rates by more than those before it
-  void take_back(Block* block, int blocks, T* z, T* z_before, Mask<R, W> const& leapt, Mask<R, W>& leaping, Mask<R, W> const& active,
-                 Mask<R, W> const& worse, LeapEnergy<T> const& energy) const {
-    Mask<R, W> back = leapt;
-    for (int l = 0; l < W; ++l) back.set(l, leapt[l] && active[l] && worse[l]);
-    if (!any(back)) return;
-    T const now = leap_energy(leap_sums(block, blocks, z, z_before)).value;
-    for (int l = 0; l < W; ++l) {
-      back.set(l, back[l] && leap_was_noise<R>(now[l], {energy.value[l], energy.size[l]}));
-      leaping.set(l, leaping[l] && !back[l]);
-    }
-    if (any(back)) set_impulses(block, blocks, z, z_before, back, [](T const&, T const& before) { return before; });
-  }
-  /// p <- f(p, p before the last sweep that was kept), and z = Y^T p, of some worlds. z_before is lost.
-  template <class F>
-  void set_impulses(Block* block, int blocks, T* z, T* z_before, Mask<R, W> const& worlds, F const& f) const {
+  /// Leaves p and z of some worlds where the energy is least (leap.hpp). z_before is lost.
+  void leap(Block* block, int blocks, T* z, T* z_before, Mask<R, W> const& worlds, T const& raised) const {
+    Leap<T> const to = best_leap<R>(leap_sums(block, blocks, z, z_before), raised);
     for (int i = 0; i < (rows.nv + 3) / 4 * 4; ++i) z_before[i] = T(R(0));
     for (int q = 0; q < blocks; ++q) {
-      for (int b = 0; b < B; ++b) block[q].p[b] = select(worlds, f(block[q].p[b], block[q].before[b]), block[q].p[b]);
+      for (int b = 0; b < B; ++b) {
+        T& p = block[q].p[b];
+        p = select(worlds, p + fma(to.growth, p, to.sweeps * (p - block[q].before[b])), p);
+      }
       push(block[q], z_before, block[q].p);
     }
     for (int i = 0; i < rows.nv; ++i) z[i] = select(worlds, z_before[i], z[i]);

@@ -220,20 +220,16 @@ struct SharedWorld {
       SharedNumbers<R> const n = number[r];
       s.add_row(n.p, n.p - n.before, n.compliance, n.bias, n.inverse_diagonal);
     }
-    return {sum(s.pp), sum(s.pd), sum(s.dd), sum(s.bp), sum(s.bd), sum(s.yy)};
+    return {sum(s.pp), sum(s.pd), sum(s.dd), sum(s.bp), sum(s.yy)};
   }
-  /// Leaves p and z where the energy is least (leap.hpp). Returns what it was.
-  __device__ LeapEnergy<R> leap(bool active) const {
-    LeapSums<R> const s = leap_sums();
-    Leap<R> const to = best_leap<R>(s);
-    set_impulses(active, [&](R now, R before) { return now + (to.growth * now + to.sweeps * (now - before)); });
-    return leap_energy(s);
-  }
-  /// p <- f(p, p before the last sweep that was kept), and z = Y^T p.
-  template <class F>
-  __device__ void set_impulses(bool active, F const& f) const {
+  /// Leaves p and z where the energy is least (leap.hpp).
+  __device__ void leap(bool active, R raised) const {
+    Leap<R> const to = best_leap<R>(leap_sums(), raised);
     __syncwarp();
-    for (int r = active ? lane : count; r < count; r += shared_lanes) number[r].p = f(number[r].p, number[r].before);
+    for (int r = active ? lane : count; r < count; r += shared_lanes) {
+      R& p = number[r].p;
+      p += to.growth * p + to.sweeps * (p - number[r].before);
+    }
     __syncwarp();
     sum_elements(active);
   }
@@ -243,21 +239,16 @@ struct SharedWorld {
     R const tolerance = count > 0 ? R(options.tolerance) * k.rows.rate_scale(world) : R(0);
     sum_elements(true);
     int sweeps = 0;
-    bool again = count > 0, leaping = true, leapt = false;
-    R change(0), raised(0), before_leap = Kokkos::Experimental::infinity_v<R>;
-    LeapEnergy<R> energy{};
+    bool again = count > 0, leaping = true;
+    R earlier(0), raised(0);  // what sweeps have raised E by since the last leap: those before the last one, and that
     int const most_of_one = warp_max(of_one_row), most = warp_max(elements - of_one_row);
     for (int sweep = 0; __any_sync(0xffffffffu, again); ++sweep) {
       if (leaps_after(sweep)) {
-        bool const worse = leapt && again && change > before_leap;
-        if (__any_sync(0xffffffffu, worse)) {
-          bool const back = leap_was_noise(leap_energy(leap_sums()).value, energy) && worse;
-          leaping = leaping && !back;
-          if (__any_sync(0xffffffffu, back)) set_impulses(back, [](R, R before) { return before; });
-        }
         keep();
+        earlier = raised;
+        raised = R(0);
       }
-      change = R(0);
+      R change(0);
       for (int e = 0; e < most_of_one; ++e) {
         bool const active = again && e < of_one_row;
         change = max(change, sweep_element<1>(active, active ? order[e] : 0, raised));
@@ -269,14 +260,9 @@ struct SharedWorld {
       if (again) ++sweeps;
       again = again && sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
       if (leaps_after(sweep)) {
-        leaping = leaping && again && (!leapt || leap_helped(raised));
-        before_leap = change;
-        leapt = leaping;
+        leaping = leaping && again && leaps_again(sweep, earlier + raised);
+        if (__any_sync(0xffffffffu, leaping)) leap(leaping, raised);
         raised = R(0);
-        if (__any_sync(0xffffffffu, leaping)) {
-          LeapEnergy<R> const now = leap(leaping);
-          if (leaping) energy = now;
-        }
       }
     }
     return sweeps;

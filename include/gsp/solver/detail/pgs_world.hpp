@@ -135,18 +135,16 @@ struct PgsWorld {
     R const tolerance = R(options.tolerance) * rows.rate_scale(e.world);
     sum_island(world, e, z, p);
     int sweep = 0;
-    bool leaping = true, leapt = false;
-    R change(0), raised(0), before_leap = Kokkos::Experimental::infinity_v<R>;
-    LeapEnergy<R> energy{};
+    bool leaping = true;
+    R earlier(0), raised(0);  // what sweeps have raised E by since the last leap: those before the last one, and that
     for (bool again = e.elements > 0; again; ++sweep) {
-      if (leaps_after(sweep)) {
-        if (leapt && change > before_leap && leap_was_noise(leap_energy(leap_sums(world, e, z, p)).value, energy)) {
-          leaping = false;
-          set_impulses(world, e, z, p, [](R, R before) { return before; });
-        }
+      bool const leaps = leaping && leaps_after(sweep);
+      if (leaps) {
         keep(world, e, z, p);
+        earlier = raised;
+        raised = R(0);
       }
-      change = R(0);
+      R change(0);
       for (int place = 0, several = 0, r, n; next_element(e, place, several, r, n);) {
         Row<R> const* const row = &rows.row(e.first_row + r);
         if (n == 1)
@@ -157,11 +155,9 @@ struct PgsWorld {
           change = max(change, sweep_element<N>(world, row, n, z, p + r, raised));
       }
       again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
-      if (again && leaps_after(sweep)) {
-        leaping = leaping && (!leapt || leap_helped(raised));
-        before_leap = change;
-        leapt = leaping;
-        if (leaping) energy = leap(world, e, z, p);
+      if (again && leaps) {
+        leaping = leaps_again(sweep, earlier + raised);
+        if (leaping) leap(world, e, z, p, raised);
         raised = R(0);
       }
     }
@@ -184,8 +180,7 @@ struct PgsWorld {
   template <class World>
   KOKKOS_INLINE_FUNCTION LeapSums<R> leap_sums(World const& world, Island const& e, R const* z, R const* p) const {
     LeapSums<R> s;
-    for (R LeapSums<R>::*part :
-         {&LeapSums<R>::pp, &LeapSums<R>::pd, &LeapSums<R>::dd, &LeapSums<R>::bp, &LeapSums<R>::bd, &LeapSums<R>::yy})
+    for (R LeapSums<R>::*part : {&LeapSums<R>::pp, &LeapSums<R>::pd, &LeapSums<R>::dd, &LeapSums<R>::bp, &LeapSums<R>::yy})
       s.*part = world.template sum<R>(e.dofs, [&](int k) {
         LeapSums<R> own{};
         own.add_dof(z[e.dof(k)], z[e.dof(k)] - solution.z_before(e.world, e.dof(k)));
@@ -200,19 +195,12 @@ struct PgsWorld {
       });
     return s;
   }
-  /// Leaves p and z where the energy is least (leap.hpp). Returns what it was.
+  /// Leaves p and z where the energy is least (leap.hpp).
   template <class World>
-  KOKKOS_INLINE_FUNCTION LeapEnergy<R> leap(World const& world, Island const& e, R* z, R* p) const {
-    LeapSums<R> const s = leap_sums(world, e, z, p);
-    Leap<R> const to = best_leap<R>(s);
-    set_impulses(world, e, z, p, [&](R now, R before) { return now + (to.growth * now + to.sweeps * (now - before)); });
-    return leap_energy(s);
-  }
-  /// p <- f(p, p before the last sweep that was kept), and z = Y^T p.
-  template <class World, class F>
-  KOKKOS_INLINE_FUNCTION void set_impulses(World const& world, Island const& e, R* z, R* p, F const& f) const {
+  KOKKOS_INLINE_FUNCTION void leap(World const& world, Island const& e, R* z, R* p, R raised) const {
+    Leap<R> const to = best_leap<R>(leap_sums(world, e, z, p), raised);
     world.sync();  // all have read p and z
-    each_row(world, e, [&](int r) { p[r] = f(p[r], impulses.before(e.first_row + r)); });
+    each_row(world, e, [&](int r) { p[r] += to.growth * p[r] + to.sweeps * (p[r] - impulses.before(e.first_row + r)); });
     world.sync();
     sum_island(world, e, z, p);
   }
