@@ -30,8 +30,7 @@ class KokkosKinematics : public Kinematics {
     return {array_of<Exec>(poses_->xpos), array_of<Exec>(poses_->xquat), array_of<Exec>(poses_->xanchor), array_of<Exec>(poses_->xaxis)};
   }
 
-  CameraArrays cameras(std::string const& name, int width, int height) override {
-    int const camera = camera_id(compiled_, name);
+  CameraArrays cameras(int camera, int width, int height) override {
     expects(worlds_ > 0, "gsp::runtime::Kinematics::cameras: call poses first");
     if (!model_) throw Error("gsp::runtime::Kinematics::cameras: nothing moves in the model; give its camera as viewmats and Ks");
     auto mounts =

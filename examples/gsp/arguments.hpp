@@ -148,6 +148,7 @@ class Arguments {
     std::string const t = given_.at(name).front() + ",";
     for (std::size_t at = 0, comma; (comma = t.find(',', at)) != std::string::npos; at = comma + 1) {
       std::string const word = t.substr(at, comma - at);
+      if (word.empty()) fail(name + " has a comma too many; take it out");
       check_choice(name, word, choices);
       if (std::find(out.begin(), out.end(), word) != out.end()) fail(name + " names " + word + " twice; name it once");
       out.push_back(word);

@@ -147,37 +147,31 @@ void expect_bounded(std::vector<double> const& values, int items, std::string co
 }
 }  // namespace
 
+int named_or_index(std::string const& file, std::string const& what, std::vector<std::string> const& names, std::string const& text) {
+  if (auto const found = std::find(names.begin(), names.end(), text); found != names.end() && !text.empty())
+    return static_cast<int>(found - names.begin());
+  int number = -1;
+  int const n = static_cast<int>(names.size());
+  auto const [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error == std::errc{} && end == text.data() + text.size() && number >= 0 && number < n) return number;
+  std::string there;
+  for (auto const& name : names)
+    if (!name.empty()) there += (there.empty() ? "" : ", ") + name;
+  fail(file, "",
+       "has no " + what + " " + in_quotes(text) +
+           (n == 0 ? " (it has none); leave out --" + what
+                   : "; it has " + std::to_string(n) + (there.empty() ? "" : " (" + there + ")") +
+                         ", give one of their names or an index from 0"));
+}
+
 States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe) {
   States s;
   s.qpos = model.qpos0;
   s.qvel.assign(static_cast<std::size_t>(model.nv), 0.);
   if (!keyframe) return s;
-  int index = -1;
-  for (std::size_t k = 0; k < model.keyframes.size(); ++k)
-    if (model.keyframes[k].name == *keyframe) index = static_cast<int>(k);
-  if (index < 0) {
-    int number = -1;
-    auto const [end, error] = std::from_chars(keyframe->data(), keyframe->data() + keyframe->size(), number);
-    if (error == std::errc{} && end == keyframe->data() + keyframe->size() && number >= 0 &&
-        number < static_cast<int>(model.keyframes.size()))
-      index = number;
-  }
-  if (index < 0) {
-    std::vector<std::string> names;
-    std::string there;
-    for (auto const& k : model.keyframes) {
-      if (k.name.empty()) continue;
-      names.push_back(k.name);
-      there += (there.empty() ? "" : ", ") + k.name;
-    }
-    auto const n = model.keyframes.size();
-    fail(file, "",
-         "has no keyframe " + in_quotes(*keyframe) +
-             (n == 0 ? " (it has none); leave out --keyframe"
-                     : "; it has " + std::to_string(n) + (there.empty() ? "" : " (" + there + ")") +
-                           ", give one of their names or an index from 0"));
-  }
-  auto const& k = model.keyframes[static_cast<std::size_t>(index)];
+  std::vector<std::string> names;
+  for (auto const& k : model.keyframes) names.push_back(k.name);
+  auto const& k = model.keyframes[static_cast<std::size_t>(named_or_index(file, "keyframe", names, *keyframe))];
   if (!k.qpos.empty()) s.qpos = k.qpos;
   if (!k.qvel.empty()) s.qvel = k.qvel;
   s.ctrl = k.ctrl;
@@ -370,11 +364,16 @@ Controls read_controls(std::string const& path, gsp::CompiledModel const& model,
              ", " + std::to_string(nu) + ") with K > 0 for " + std::to_string(nu) + " actuators; reshape it");
   Controls const c{array.shape[0], own ? array.shape[1] : 1, array.as<double>(path)};
   for (std::size_t i = 0; i < c.values.size(); ++i)
-    if (!std::isfinite(c.values[i]))
+    if (!(std::abs(c.values[i]) <= gsp::state_bound)) {
+      char number[32];
+      std::snprintf(number, sizeof number, "%.4g", c.values[i]);
       fail(path, "step " + std::to_string(i / (nu * c.worlds)),
            (own ? "the control of world " + std::to_string(i / nu % c.worlds) + " for" : "the control for") + " actuator " +
                std::to_string(i % nu) + " (" + in_quotes(model.act_name[i % nu]) + ") is " +
-               (std::isnan(c.values[i]) ? "NaN" : "infinite") + "; write finite numbers");
+               (std::isnan(c.values[i])   ? "NaN; write finite numbers"
+                : std::isinf(c.values[i]) ? "infinite; write finite numbers"
+                                          : number + std::string(", beyond 1e10; write smaller numbers")));
+    }
   return c;
 }
 

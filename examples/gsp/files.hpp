@@ -48,6 +48,8 @@ bool add_floor(gsp::Description& description);
 int motors_to_servos(gsp::Description& description);
 void hold(gsp::CompiledModel const& model, int servos, States& states);
 
+/// Which of the model's keyframes or cameras (`what`) an option names: by name, or by index from 0.
+int named_or_index(std::string const& file, std::string const& what, std::vector<std::string> const& names, std::string const& text);
 /// The initial state of the file, or of a keyframe given by name or index; one world. Numbers beyond gsp::state_bound are refused.
 States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe);
 /// The last entry of a trace or start file: qpos (T,N,nq), qvel (T,N,nv), time (T), and act (T,N,na) where it is there; and what

@@ -71,7 +71,7 @@ CameraFile same_camera(CameraFile const& one, std::size_t n) {
 int run(Arguments const& a) {
   if (!a.has("--splat")) a.fail("needs --splat FILE: the Gaussians to draw (.ply, .splat or .spz)");
   if (!a.has("--cameras") && !a.has("--camera"))
-    a.fail("needs --cameras C.npz: viewmats (C,4,4) and Ks (C,3,3); or --camera NAME, one of the model's");
+    a.fail("needs --cameras C.npz: viewmats (C,4,4) and Ks (C,3,3); or --camera NAME|INDEX, one of the model's");
   a.exclusive("--cameras", "--camera", "both say where the camera stands");
   a.needs("--camera", "--model", "it is one of the model's");
   a.exclusive("--keyframe", "--trace", "both say where the model stands");
@@ -123,7 +123,7 @@ int run(Arguments const& a) {
     trace.entries = trace.worlds = 1;
   }
   auto const of_model = a.text("--camera");
-  if (of_model) gsp::camera_id(model, *of_model);  // or a sentence with the nearest names
+  int const camera = of_model ? named_or_index(*a.text("--model"), "camera", model.cam_name, *of_model) : -1;
   CameraFile const cameras = of_model ? CameraFile{} : read_cameras(*a.text("--cameras"));
   std::size_t const states = trace.entries * trace.worlds;
   if (!of_model && a.has("--trace") && cameras.count != states && cameras.count != 1)
@@ -168,7 +168,7 @@ int run(Arguments const& a) {
         gsp::runtime::host_array(trace.qpos.data() + (moves ? first * nq : 0), {moves ? static_cast<std::int64_t>(n) : 1, model.nq}));
     auto const views = cameras.count == 1 ? same_camera(cameras, n) : cameras;
     auto const arrays =
-        of_model ? kinematics->cameras(*of_model, options.width, options.height) : views.arrays(cameras.count == 1 ? 0 : first, n);
+        of_model ? kinematics->cameras(camera, options.width, options.height) : views.arrays(cameras.count == 1 ? 0 : first, n);
     if (repeat > 1 || first == 0) renderer->render(poses, arrays);  // untimed: buffers find their size
     auto const start = std::chrono::steady_clock::now();
     for (int r = 0; r < repeat; ++r) {
@@ -236,8 +236,8 @@ Command render_command() {
            package_option(),
            {"--keyframe", "NAME|INDEX", "where the model stands; without it (and --trace) its initial pose"},
            {"--trace", "F.npz", "a trace of gsp sim: picture t*N+w shows world w at entry t"},
-           {"--camera", "NAME",
-            "in place of --cameras: the model's camera of this name, with its mode and intrinsics, in every world and entry"},
+           {"--camera", "NAME|INDEX",
+            "in place of --cameras: the model's camera of this name or index, with its mode and intrinsics, in every world and entry"},
            {"--cameras", "C.npz", "viewmats (C,4,4) world-to-camera, x right, y down, z forward; Ks (C,3,3) in pixels"},
            {"--width", "W", "of the pictures, 640"},
            {"--height", "H", "of the pictures, 480"},

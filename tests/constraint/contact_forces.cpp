@@ -216,6 +216,13 @@ TEST_CASE_TEMPLATE("rows are not made of contacts of another moment", Exec, GSP_
   s.smooth();
   CHECK(with_poses(old).find("gsp::assemble: the poses are of another state: call forward_kinematics first") == 0);
   CHECK(with_poses(s.sim.poses).empty());
+  std::string const worlds = " worlds, and the state has " + std::to_string(s.worlds);
+  auto const too_few = gsp::make_poses(s.exec, s.model, {.worlds = 1});
+  CHECK(with_poses(too_few).find("gsp::assemble: a constraint type's `poses` have 1" + worlds) == 0);
+  CHECK(with_poses(decltype(too_few){}).find("gsp::assemble: a constraint type's `poses` have 0" + worlds) == 0);
+  gsp::ContactRows few(s.model, s.sim.collision, s.sim.contacts);
+  few.contacts.worlds = 1;
+  CHECK(refusal([&] { s.assemble(few); }).find("gsp::assemble: a constraint type's `contacts` have 1" + worlds) == 0);
   auto const own = gsp::make_poses(s.exec, s.model, {.worlds = s.worlds});  // filled by hand
   Kokkos::deep_copy(own.xpos, s.sim.poses.xpos);
   Kokkos::deep_copy(own.xquat, s.sim.poses.xquat);
@@ -228,7 +235,7 @@ TEST_CASE_TEMPLATE("rows are not made of contacts of another moment", Exec, GSP_
 // Forces are read of the rows, the contacts and the impulses of one solve.
 TEST_CASE_TEMPLATE("forces are read back after the solve that they are of", Exec, GSP_TEST_EXECS) {
   Stages<Exec> s;
-  std::string const unsolved = "have not been solved for since they were last assembled: call pgs first (or step)",
+  std::string const unsolved = "have not been solved for since they were last assembled: call pgs (profile mujoco: newton) first (or step)",
                     anew = "gsp::contact_forces: the contacts are not those that were assembled, or collide has written them again since";
   CHECK(s.none_reads(unsolved));
   s.smooth();

@@ -65,7 +65,9 @@ refused "--time-from 100" "less than --steps" -- sim cart.xml --steps 100 --time
 refused "--keyframe and --trace contradict" -- render --splat disc.ply --cameras cameras.npz --model cart.xml --keyframe 0 --trace start.npz
 refused "--trace needs --model" -- render --splat disc.ply --cameras cameras.npz --trace start.npz
 refused "needs --splat" -- render --cameras cameras.npz
-refused "no camera 'sid'" "nearest: 'side'" -- render --splat disc.ply --model eye.xml --camera sid
+refused "eye.xml: has no camera 'sid'" "(side, on)" "or an index from 0" -- render --splat disc.ply --model eye.xml --camera sid
+refused "has no camera '2'; it has 2" -- render --splat disc.ply --model eye.xml --camera 2
+refused "has no camera '0' (it has none); leave out --camera" -- render --splat disc.ply --model cart.xml --camera 0
 refused "--camera needs --model" -- render --splat disc.ply --camera side
 refused "--cameras and --camera contradict" -- render --splat disc.ply --model eye.xml --camera side --cameras cameras.npz
 refused "needs --cameras" -- render --splat disc.ply
@@ -142,6 +144,8 @@ refused "start3.npz" "3 worlds" "--worlds 3" -- sim cart.xml --start start3.npz 
 refused "ctrl_shape.npy" "(50, 2)" "reshape" -- sim cart.xml --ctrl ctrl_shape.npy --trace result.npz
 refused "ctrl_worlds.npy" "(50, 2, 1)" -- sim cart.xml --ctrl ctrl_worlds.npy --worlds 3 --trace result.npz
 refused "ctrl_nan.npy: step 7: " "actuator 0 ('push') is NaN" -- sim cart.xml --ctrl ctrl_nan.npy --trace result.npz
+refused "ctrl_far.npy: step 7: " "actuator 0 ('push') is 1e+11, beyond 1e10" -- sim cart.xml --ctrl ctrl_far.npy --trace result.npz
+refused "--disable has a comma too many" -- sim cart.xml --disable contact, --trace result.npz
 refused "ctrl_worlds_nan.npy: step 7: " "world 1" "is infinite" -- sim cart.xml --worlds 2 --ctrl ctrl_worlds_nan.npy --trace result.npz
 refused "ctrl.npy" "50 steps" "--steps 51" -- sim cart.xml --ctrl ctrl.npy --steps 51 --trace result.npz
 refused "cart.xml" -- sim cart.xml --ctrl cart.xml --trace result.npz

@@ -199,7 +199,7 @@ PY
 # cameras of the model: the picture of the same camera in a file; one on a body goes with it
 "$gsp" render --splat disc.ply --model eye.xml --camera side --width 64 --height 48 --channels depth --npz side.npz > /dev/null
 "$gsp" render --splat disc.ply --model eye.xml --cameras side_camera.npz --width 64 --height 48 --channels depth --npz file.npz > /dev/null
-"$gsp" render --splat disc.ply --model eye.xml --camera on --width 64 --height 48 --channels depth --npz on.npz > /dev/null
+"$gsp" render --splat disc.ply --model eye.xml --camera 1 --width 64 --height 48 --channels depth --npz on.npz > /dev/null
 "$gsp" render --splat disc.ply --model eye.xml --camera side --trace moved.npz --width 64 --height 48 --channels depth --npz side_trace.npz > /dev/null
 "$gsp" render --splat disc.ply --model eye.xml --camera on --trace moved.npz --width 64 --height 48 --channels depth --npz on_trace.npz > /dev/null
 python3 - <<'PY'

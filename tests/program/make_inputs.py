@@ -151,6 +151,7 @@ npz("start_quat.npz", time=npy((1,), [0]), qpos=npy((1, 1, 9), q[:6] + [1e30] + 
 npz("start_act.npz", time=npy((1,), [0]), qpos=npy((1, 1, 9), q), qvel=npy((1, 1, 8), [0] * 8), act=npy((1, 1, 2), [0, 0]))
 write("ctrl.npy", npy((50, 1), [0.5] * 50))
 write("ctrl_worlds.npy", npy((50, 2, 1), [0.5, -0.5] * 50))
+write("ctrl_far.npy", npy((50, 1), [0.5] * 7 + [1e11] + [0.5] * 42))
 write("ctrl_nan.npy", npy((50, 1), [0.5] * 7 + [float("nan")] + [0.5] * 42))
 write("ctrl_worlds_nan.npy", npy((50, 2, 1), [0.5, -0.5] * 7 + [0.5, float("inf")] + [0.5, -0.5] * 42))
 write("ctrl_shape.npy", npy((50, 2), [0.5] * 100))

@@ -117,11 +117,20 @@ constexpr TypeNames names_of(ConstraintList<Types...> const&) {
   return names;
 }
 
-/// Poses, contacts and quantities of the dynamics that the types hold are of this state, as it is now; what is not gsp's is taken as it is.
+inline void expects_worlds_of_type(char const* member, int worlds, int of_state) {
+  if (worlds != of_state)
+    throw std::invalid_argument("gsp::assemble: a constraint type's `" + std::string(member) + "` have " + std::to_string(worlds) +
+                                " worlds, and the state has " + std::to_string(of_state) + ": make both with the same {.worlds = n}");
+}
+/// Poses, contacts and quantities of the dynamics that the types hold are of this state, as it is now; of those that are not gsp's, of as
+/// many worlds.
 template <class State>
 void expects_inputs_of(ConstraintList<> const&, State const&) {}
 template <class Head, class... Tail, class State>
 void expects_inputs_of(ConstraintList<Head, Tail...> const& types, State const& state) {
+  if constexpr (requires { types.head.poses.xpos.extent(0); })
+    expects_worlds_of_type("poses", int(types.head.poses.xpos.extent(0)), state.worlds);
+  if constexpr (requires { types.head.contacts.worlds; }) expects_worlds_of_type("contacts", types.head.contacts.worlds, state.worlds);
   if constexpr (requires { types.head.poses.stamp().bodies; }) expects_poses_of("gsp::assemble", types.head.poses, state);
   if constexpr (requires { types.head.reads().bits; }) expects_of("gsp::assemble", types.head, state, types.head.reads());
   if constexpr (requires { types.head.contacts.stamp().made; })
@@ -172,7 +181,8 @@ RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
 /// @param sleeping  islands that sleep (step/sleep.hpp): those that something awake touches are woken, the others have no rows and keep
 ///                  their impulses
 /// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or
-/// the members `poses` and `contacts` of a type and what it `reads()` of dynamics of its own, are not of this state as it is now.
+/// the members `poses` and `contacts` of a type and what it `reads()` of dynamics of its own, are not of this state as it is now, or of
+/// another number of worlds.
 template <ExecutionSpace Exec, class R, class Mem, class... Types>
 void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem> const& dynamics,
               ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress,

@@ -15,9 +15,14 @@ namespace gsp {
 template <ExecutionSpace Exec, class R, class Mem>
 void joint_forces(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses,
                   Kokkos::View<R**, Kokkos::LayoutRight, Mem>& limit, Kokkos::View<R**, Kokkos::LayoutRight, Mem>& friction) {
-  expects(int(limit.extent(0)) == rows.worlds && int(friction.extent(0)) == rows.worlds && int(limit.extent(1)) == model.njnt &&
-              int(friction.extent(1)) == model.nv,
-          "gsp::joint_forces: limit must be (worlds, njnt) and friction (worlds, nv)");
+  auto const expects_size = [&](char const* name, auto const& view, char const* items, int count) {
+    if (int(view.extent(0)) != rows.worlds || int(view.extent(1)) != count)
+      throw std::invalid_argument("gsp::joint_forces: " + std::string(name) + " is (" + std::to_string(view.extent(0)) + ", " +
+                                  std::to_string(view.extent(1)) + ") and must be (worlds, " + items + "), here (" +
+                                  std::to_string(rows.worlds) + ", " + std::to_string(count) + ")");
+  };
+  expects_size("limit", limit, "njnt", model.njnt);
+  expects_size("friction", friction, "nv", model.nv);
   detail::expects_solved("gsp::joint_forces", rows, impulses);
   for_worlds("gsp::constraint::joint_forces", exec, rows.worlds,
              detail::WriteJointForces<R, Mem>{model.limited_joints, model.friction_dofs, impulses_of<JointLimits<R, Mem>>(rows, impulses),

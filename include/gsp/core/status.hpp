@@ -28,7 +28,8 @@ inline std::string text(std::uint32_t bits) {
       "contacts, rows and impulses)");
   add(not_finite,
       "the new velocity is NaN or infinite, and the world stays as it was before: look for numbers that are not finite in qpos, qvel, "
-      "ctrl and qfrc_applied, or take a smaller timestep or a softer model, then clear the bit");
+      "ctrl and qfrc_applied, in the model's values per world, and in what constraints and actuators of your own give, or take a smaller "
+      "timestep or a softer model, then clear the bit");
   add(unbounded,
       "a position or a new velocity is beyond 1e10, where MuJoCo warns, and the world stays as it was before: start from smaller "
       "numbers, give smaller ctrl and qfrc_applied, or take a smaller timestep or a softer model, then clear the bit");

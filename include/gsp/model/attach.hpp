@@ -7,7 +7,8 @@
 namespace gsp {
 
 /// Adds an empty body below `parent` (an index) at the end of the tree and returns its index. Depth-first order asks that `parent` is the
-/// last body or one of its ancestors. The reference to the body itself (description.bodies[index]) holds until the next one is added.
+/// last body or one of its ancestors; std::invalid_argument where there is no such body. The reference to the body itself
+/// (description.bodies[index]) holds until the next one is added.
 int add_body(Description& d, int parent, std::string name, Double3 const& pos = {0, 0, 0});
 
 /// qpos of the initial pose: free joints take their body's pose, ball joints the identity, others their `ref`. MuJoCo's order.

@@ -149,6 +149,25 @@ constexpr SensorInfo const* find_sensor_type(std::string_view name) {
 }
 
 namespace detail {
+/// The stages that `smooth_sensors` evaluates.
+constexpr bool is_smooth(SensorStage stage) {
+  switch (stage) {
+    case SensorStage::state:
+    case SensorStage::pose:
+    case SensorStage::velocity:
+    case SensorStage::actuation:
+    case SensorStage::energy:
+    case SensorStage::subtree:
+    case SensorStage::momentum:
+      return true;
+    case SensorStage::constraint:
+    case SensorStage::acceleration:
+    case SensorStage::shape:
+    case SensorStage::outside:
+      return false;
+  }
+  return false;
+}
 constexpr bool sensor_types_in_order() {
   int at = 0;
   for (auto const& info : sensor_types)

@@ -137,9 +137,9 @@ class Kinematics {
   virtual ~Kinematics() = default;
   /// qpos (worlds, nq) on any device. The arrays hold until the next call.
   virtual PoseArrays poses(Array const& qpos) = 0;
-  /// What the model's camera of this name sees of the worlds of the last `poses`, one camera a world, for pictures of this size
-  /// (sensor/cameras.hpp). The arrays hold until the next call. Error: no camera of that name, or a model in which nothing moves.
-  virtual CameraArrays cameras(std::string const& name, int width, int height) = 0;
+  /// What the model's camera of this index (`camera_id`) sees of the worlds of the last `poses`, one camera a world, for pictures of this
+  /// size (sensor/cameras.hpp). The arrays hold until the next call. Error: no camera of that index, or a model in which nothing moves.
+  virtual CameraArrays cameras(int camera, int width, int height) = 0;
 };
 /// `model` may have no dofs, or be empty: then one body, the world.
 std::unique_ptr<Kinematics> make_kinematics(Device device, CompiledModel const& model);

@@ -40,25 +40,6 @@ struct SensorsOptions {
 };
 
 namespace detail {
-/// The stages that `smooth_sensors` evaluates.
-constexpr bool is_smooth(SensorStage stage) {
-  switch (stage) {
-    case SensorStage::state:
-    case SensorStage::pose:
-    case SensorStage::velocity:
-    case SensorStage::actuation:
-    case SensorStage::energy:
-    case SensorStage::subtree:
-    case SensorStage::momentum:
-      return true;
-    case SensorStage::constraint:
-    case SensorStage::acceleration:
-    case SensorStage::shape:
-    case SensorStage::outside:
-      return false;
-  }
-  return false;
-}
 /// What a sensor reads of the dynamics.
 inline Quantities needs_of(SensorInfo const& info) {
   switch (info.stage) {

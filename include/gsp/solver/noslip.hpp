@@ -33,13 +33,15 @@ inline NoslipOptions noslip_options(CompiledModel const& m) {
 /// @param solution  in: z = Y^T p;   out: the same with the new ones
 /// @param progress  nothing happens while progress.halt is set
 /// Cost a sweep: 8 flop an entry of friction. An island's result depends on nothing but its own rows. Does not allocate, does not fence.
-/// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 0, for rows of profile stable.
+/// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 0, a least_gain that is NaN, for rows of
+/// profile stable.
 template <ExecutionSpace Exec, class R, class Mem>
 void noslip(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution,
             Progress<Mem> const& progress, NoslipOptions options) {
   Region const region("gsp::solver::noslip");
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::noslip: the rows are not accessible from this execution space");
   expects(options.iterations >= 0, "gsp::noslip: iterations must not be negative");
+  expects(options.least_gain == options.least_gain, "gsp::noslip: least_gain is NaN: give a number (below 0: all sweeps are done)");
   expects(impulses.worlds == rows.worlds && solution.worlds == rows.worlds && solution.nv == rows.nv,
           "gsp::noslip: rows, impulses and solution have different numbers of worlds or degrees of freedom: make them for one model and "
           "the same {.worlds = n}");

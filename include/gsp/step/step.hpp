@@ -153,8 +153,9 @@ template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim,
                  LaunchOptions const& options = {}, More const&... more) {
   Region const region("gsp::step::launch_step");
-  expects(sim.rows.worlds == state.worlds,
-          "gsp::step: state and simulation have different numbers of worlds: make them with the same {.worlds = n}");
+  if (sim.rows.worlds != state.worlds)
+    throw std::invalid_argument("gsp::step: the state has " + std::to_string(state.worlds) + " worlds, the simulation " +
+                                std::to_string(sim.rows.worlds) + ": make them with the same {.worlds = n}");
   auto const laws = detail::all_of_laws<true>(more...);
   auto const types = detail::all_of_laws<false>(more...);
   constexpr bool own_types = (!ActuatorLaw<More> || ...);

@@ -4,6 +4,7 @@
 #include <gsp/io/detail/mjcf_document.hpp>
 #include <gsp/io/detail/mjcf_quantities.hpp>
 #include <gsp/io/detail/mjcf_sensors.hpp>
+#include <gsp/model/sensor_types.hpp>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -161,6 +162,12 @@ inline void read_sensors(Document& doc, Node const& node) {
     if (!doc.check(child, "sensor/" + child.name)) continue;
     doc.count(1, child.place);
     doc.draft.lists.sensors.push_back(read_sensor(doc.attributes(child), child.name));
+    if (SensorInfo const* const info = find_sensor_type(child.name);
+        info && info->stage != SensorStage::outside && !gsp::detail::is_smooth(info->stage))
+      doc.note(Line::no_effect, child.place,
+               child.name +
+                   ": what follows from accelerations, contacts, constraints or rays is not computed, and its columns of "
+                   "sensordata stay as they are (Sensors::left_out)");
   }
 }
 

@@ -80,7 +80,9 @@ class XmlReader {
     };
     pugi::xml_document document;
     auto const result = document.load_buffer(text.data(), text.size(), pugi::parse_default, pugi::encoding_utf8);
-    if (!result) files_.fail({file, line(result.offset)}, std::string("is not XML here (") + result.description() + "); correct the file");
+    if (!result)
+      files_.fail({file, line(result.offset)},
+                  std::string("is not XML here (") + result.description() + "); correct the file, or give one of MJCF or URDF");
     pugi::xml_node root;
     for (auto const& child : document.children()) {
       if (child.type() != pugi::node_element) continue;

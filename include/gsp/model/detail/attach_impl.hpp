@@ -14,6 +14,9 @@
 namespace gsp {
 
 GSP_INLINE int add_body(Description& d, int parent, std::string name, Double3 const& pos) {
+  expects(parent >= 0 && parent < int(d.bodies.size()), "gsp::add_body: there is no body " + std::to_string(parent) +
+                                                            " to be the parent of '" + name + "'; the description has " +
+                                                            std::to_string(d.bodies.size()) + ", from 0, the world, on");
   BodyDescription body;
   body.name = std::move(name);
   body.parent = parent;

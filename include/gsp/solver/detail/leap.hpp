@@ -13,8 +13,11 @@ namespace gsp::detail {
 inline constexpr double leap_most_sweeps = 10000, leap_most_growth = 1000, leap_most_shrinking = 0.5, leap_most_stress = 1e5;
 inline constexpr int leap_from = 8, leap_every = 4;  // sweeps: before the first one, and from one to the next
 
-/// Whether a leap follows on sweep number `sweep` (from 0): then p and z before it are kept.
-KOKKOS_INLINE_FUNCTION constexpr bool leaps_after(int sweep) { return sweep >= leap_from && sweep % leap_every == 0; }
+/// Whether a leap follows on sweep number `sweep` (from 0) of at most `sweeps`: then p and z before it are kept. The sweeps to the next one
+/// must be there to settle what it has thrown over bounds and friction.
+KOKKOS_INLINE_FUNCTION constexpr bool leaps_after(int sweep, int sweeps) {
+  return sweep >= leap_from && sweep % leap_every == 0 && sweep + leap_every < sweeps;
+}
 
 /// Sweeps lower E, except where friction, which is no minimum of an energy, follows a normal that a leap has changed: there they take back
 /// what it gained. A world whose sweeps raise E after a leap leaps no more in this step.

@@ -76,13 +76,13 @@ struct PgsLockstep {
     Mask<R, W> leaping = active;
     T earlier = zero, raised = zero;  // what sweeps have raised E by since the last leap: those before the last one, and that
     for (int sweep = 0; sweep < options.iterations && any(active); ++sweep) {
-      if (leaps_after(sweep)) {
+      if (leaps_after(sweep, options.iterations)) {
         keep(block, blocks, z, z_before);
         earlier = raised;
         raised = zero;
       }
       T change = zero;
-      bool const counts = sweep >= leap_from && any(leaping);
+      bool const counts = leaps_after(leap_from, options.iterations) && sweep >= leap_from && any(leaping);
       for (int q = 0; q < blocks; ++q) {
         Block& k = block[q];
         T w[B], before[B], d[B], p[B];
@@ -111,7 +111,7 @@ struct PgsLockstep {
           ++sweeps[l];
           if (options.tolerance > 0 && sweep + 1 >= options.least && !(change[l] > tolerance[l])) active.set(l, false);
         }
-      if (leaps_after(sweep) && sweep + 1 < options.iterations) {
+      if (leaps_after(sweep, options.iterations)) {
         for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leaps_again(sweep, earlier[l] + raised[l]));
         if (any(leaping)) leap(block, blocks, z, z_before, leaping, raised);
         raised = zero;

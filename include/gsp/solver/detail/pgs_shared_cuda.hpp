@@ -243,7 +243,7 @@ struct SharedWorld {
     R earlier(0), raised(0);  // what sweeps have raised E by since the last leap: those before the last one, and that
     int const most_of_one = warp_max(of_one_row), most = warp_max(elements - of_one_row);
     for (int sweep = 0; __any_sync(0xffffffffu, again); ++sweep) {
-      if (leaps_after(sweep)) {
+      if (leaps_after(sweep, options.iterations)) {
         keep();
         earlier = raised;
         raised = R(0);
@@ -259,7 +259,7 @@ struct SharedWorld {
       }
       if (again) ++sweeps;
       again = again && sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
-      if (leaps_after(sweep)) {
+      if (leaps_after(sweep, options.iterations)) {
         leaping = leaping && again && leaps_again(sweep, earlier + raised);
         if (__any_sync(0xffffffffu, leaping)) leap(leaping, raised);
         raised = R(0);

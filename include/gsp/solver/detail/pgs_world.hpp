@@ -138,7 +138,7 @@ struct PgsWorld {
     bool leaping = true;
     R earlier(0), raised(0);  // what sweeps have raised E by since the last leap: those before the last one, and that
     for (bool again = e.elements > 0; again; ++sweep) {
-      bool const leaps = leaping && leaps_after(sweep);
+      bool const leaps = leaping && leaps_after(sweep, options.iterations);
       if (leaps) {
         keep(world, e, z, p);
         earlier = raised;
