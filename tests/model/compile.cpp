@@ -391,6 +391,16 @@ TEST_CASE("what is taken for another, grows without bound or is lost in float is
   CHECK(notes(d, "solref 0.02 -1, neither"));
   d.bodies[1].geoms[0].softness.solref = {0, 0};
   CHECK(compile(d).report.empty());
+  for (int k : {1, 2}) d.bodies[k].geoms[0].name = "g" + std::to_string(k);
+  d.pairs = {{.name = "p", .geom1 = "g1", .geom2 = "g2"}};
+  for (auto const& valid : {std::array{0., 0.}, {0.02, 1.}, {-500., -20.}, {0., -5.}}) {
+    d.pairs[0].solreffriction = valid;
+    CHECK(compile(d).report.empty());
+  }
+  d.pairs[0].solreffriction = {0.02, 0};
+  CHECK(notes(d,
+              "pair 'p' has solreffriction 0.02 0, neither a time constant and a damping ratio nor -stiffness and -damping: its friction "
+              "is as soft as solref says: correct it"));
 
   d = double_pendulum(), d.actuators.push_back({.name = "slow", .target_name = "elbow", .dynamics = ActuatorDynamics::filter});
   d.actuators[0].dynprm[0] = 0.5 * d.option.timestep;

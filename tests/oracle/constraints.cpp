@@ -269,6 +269,25 @@ TEST_CASE("<option o_*> says what all contacts are like; time constants below tw
     }
 }
 
+// One positive number and one that is not: MuJoCo takes its default, 0 0, as solref says; joints' friction has 0.02 1 there.
+TEST_CASE("a pair's solreffriction that is neither form is none") {
+  for (char const* given : {"0.02", "0.02 -1", "-500 20", "0.08 0", "0 0.5", "0.08 0.5", "-500 -20", "0 -5", "-5 0"})
+    for (std::string const solref : {"0.05 1", "0.05 -1"})
+      for (char const* flag : {"disable", "enable"}) {
+        std::string const text = R"(<mujoco><option timestep="0.002"><flag override=")" + std::string(flag) +
+                                 R"("/></option><worldbody><geom name="p" type="plane" size="5 5 1"/>
+            <body pos="0 0 .09"><freejoint/><geom name="s" size=".1"/></body></worldbody>
+          <contact><pair geom1="p" geom2="s" condim="6" friction="1 1 .05 .01 .01" solref=")" +
+                                 solref + R"(" solreffriction=")" + given + R"("/></contact></mujoco>)";
+        INFO(std::string(given) << ", solref " << solref << ", override " << std::string(flag));
+        auto const oracle = gsp_test::load_oracle("model.xml", text);
+        auto const compiled = gsp::compile(gsp::io::parse_mjcf(text, "model.xml"));
+        auto const out = compare(oracle, compiled, 20, 0.08, {0, mjCONE_ELLIPTIC});
+        CHECK(out.off == 0);
+        CHECK(out.contacts > 10);
+      }
+}
+
 TEST_CASE("surfaces that move: of the floor, of bodies, against one another, in all cones") {
   std::string const text =
       R"(<mujoco><option timestep="0.004"/><worldbody><geom name="floor" type="plane" size="5 5 1" surfacevel=".7 -.4 .9 .3 -.2 1.5" pos=".1 0 0"/>

@@ -23,7 +23,7 @@ struct ContactParameters {
   R margin, gap;  // detected if dist <= margin + gap, acts if dist < margin [m]; with adhesion wherever it is detected
   R friction[5];  // sliding, sliding, torsional [m], rolling [m], rolling [m]
   R solref[2], solimp[5];
-  R solreffriction[2];  // of soft friction rows; 0 0: as solref
+  R solreffriction[2];  // of soft friction rows; 0 0, or one above 0 alone: as solref
   R adhesion;           // with which it may pull [N]
   bool hard;            // profile stable: rigid, with
   R restitution, erp;   // GeomDescription

@@ -4,7 +4,7 @@
 
 /// MuJoCo's contact friction: soft, with the impedance d of the contact's gap and the compliance R = (1 - d) / d diag of its normal.
 ///   elliptic   R_1 = R / impratio, R_k = R_1 (mu_1 / mu_k)^2; a rate to damp and no position to hold (K = 0), with the pair's
-///              solreffriction where it has one
+///              solreffriction where it has one: two positive numbers, or two that are not and not both 0
 ///   pyramidal  every edge J_n +- mu_k J_k: R = 2 mu^2 (1 - d) / d (1 + mu_1^2) diag, mu^2 = mu_1^2 / impratio; else as the normal
 /// Source: MuJoCo's documentation, "Computation: friction cones", "Computation: parameters".
 namespace gsp {
@@ -31,8 +31,9 @@ struct SoftFriction {
   KOKKOS_INLINE_FUNCTION RowLaw<R> tangent(ContactParameters<R> const& p, int k, R gap, R u, R h, R diag) const {
     Softness<R> s = softness_of(p, refsafe);
     R const impedance = impedance_of(s, gap);
-    if (p.solreffriction[0] != R(0) || p.solreffriction[1] != R(0))
-      for (int i = 0; i < 2; ++i) s.solref[i] = p.solreffriction[i];
+    R const first = p.solreffriction[0], second = p.solreffriction[1];
+    bool const own = (first > R(0)) == (second > R(0)) && (first != R(0) || second != R(0));
+    for (int i = 0; i < 2 && own; ++i) s.solref[i] = p.solreffriction[i];
     RowLaw<R> law = soft_law(s, impedance, R(0), u, h, diag, true);
     law.compliance *= square(p.friction[0] / p.friction[k]) / impratio;
     return law;

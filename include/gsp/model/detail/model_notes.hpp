@@ -173,19 +173,25 @@ class ModelNotes {
     };
     std::map<std::string, std::size_t> known;
     std::vector<Said> said;
+    auto const mixed = [](std::array<double, 2> const& solref) { return (solref[0] > 0) != (solref[1] > 0); };
+    auto const neither = [&](std::string const& attribute, std::array<double, 2> const& solref, std::string const& instead) {
+      return " has " + attribute + " " + number(solref[0]) + " " + number(solref[1]) +
+             ", neither a time constant and a damping ratio nor -stiffness and -damping: " + instead + ": correct it";
+    };
+    auto const say = [&](Place const& place, std::string const& what, std::string const& text) {
+      if (text.empty()) return;
+      auto const [found, is_new] = known.emplace(text, said.size());
+      if (is_new) said.push_back({place, what + text, 0});
+      ++said[found->second].count;
+    };
     auto const look = [&](Place const& place, std::string const& what, SoftnessDescription const& s) {
       std::string text;
       auto const& [d0, dw, width, mid, power] = s.solimp;
       if (d0 < 0 || d0 > 1 || dw < 0 || dw > 1 || width < 0 || mid < 0 || mid > 1 || power < 1)
         text = " has solimp " + number(d0) + " " + number(dw) + " " + number(width) + " " + number(mid) + " " + number(power) +
                ", which is taken at the nearest of 0.0001 to 0.9999 twice, 0 or more, 0.0001 to 0.9999, 1 or more: correct it";
-      if ((s.solref[0] > 0) != (s.solref[1] > 0))
-        text += std::string(text.empty() ? "" : "; and") + " has solref " + number(s.solref[0]) + " " + number(s.solref[1]) +
-                ", neither a time constant and a damping ratio nor -stiffness and -damping: it is taken as 0.02 1: correct it";
-      if (text.empty()) return;
-      auto const [found, is_new] = known.emplace(text, said.size());
-      if (is_new) said.push_back({place, what + text, 0});
-      ++said[found->second].count;
+      if (mixed(s.solref)) text += (text.empty() ? "" : "; and") + neither("solref", s.solref, "it is taken as 0.02 1");
+      say(place, what, text);
     };
     for (auto const& body : d_.bodies) {
       for (auto const& j : body.joints) {
@@ -205,6 +211,8 @@ class ModelNotes {
       s.solref = p.solref.value_or(s.solref);
       s.solimp = p.solimp.value_or(s.solimp);
       look(p.place, "pair '" + p.name + "'", s);
+      if (p.solreffriction && mixed(*p.solreffriction))
+        say(p.place, "pair '" + p.name + "'", neither("solreffriction", *p.solreffriction, "its friction is as soft as solref says"));
     }
     for (auto const& s : said) note(s.place, Kind::approximated, s.text, s.count);
   }
