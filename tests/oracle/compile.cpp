@@ -748,6 +748,19 @@ TEST_CASE("fusestatic, discardvisual, alignfree, fitaabb and lengthrange as MuJo
   compare_twice("<mujoco>" + moved(aligned));
 }
 
+TEST_CASE("fusestatic: what stands in the world is part of it, whatever a fluid or gravcomp would do to it") {
+  for (std::string const option : {"", "density='1000'", "viscosity='1'"})
+    for (std::string const compiler : {"", "settotalmass='10'"}) {
+      CAPTURE(option);
+      CAPTURE(compiler);
+      compare("<mujoco><compiler fusestatic='true' " + compiler + "/><option " + option + R"(/><worldbody>
+        <body name="s" pos="0 0 1" gravcomp="1"><geom size=".1" mass="1"/><body name="below" pos="0 1 0" euler="10 20 30"><geom type="box" size=".1 .2 .3" fluidshape="ellipsoid"/><body name="hung" pos="1 0 0"><joint/><geom size=".1"/></body></body></body>
+        <body name="shaped" pos="0 0 3"><geom type="ellipsoid" size=".1 .2 .3" fluidshape="ellipsoid"/></body>
+        <body name="m" pos="1 0 0"><joint name="j" type="slide" axis="0 1 0"/><geom type="box" size=".1 .2 .3" mass="1"/><body name="k" pos="0 0 1"><geom size=".1" mass=".5"/></body></body>
+        </worldbody><actuator><motor joint="j"/></actuator></mujoco>)");
+    }
+}
+
 TEST_CASE("replicating and attaching copy whatever names what is copied") {
   std::string const inside =
       R"(<body name="x" pos=".1 0 0"><joint name="jx" axis="0 1 0"/><geom name="gx" size=".1" pos="0 0 .3"/><site name="sx" pos="0 0 .2"/><camera name="cx" mode="targetbody" target="x"/></body>)";

@@ -89,7 +89,8 @@ inline InertialDescription sum_of_inertials(InertialDescription const& a, Inerti
 }
 
 /// Without bodies that do not move against their parents: what they carry goes to the parent. Kept are those that something names, that
-/// carry the site of a force or torque sensor, whose fuse is false, or whose gravity compensation or drag would change.
+/// carry the site of a force or torque sensor, whose fuse is false, or whose gravity compensation or drag would change (which what
+/// stands in the world has none of).
 inline Description without_static_bodies(Description d, CompiledModel const& m) {
   auto const names = mentioned(d);
   NameSet measured;
@@ -108,8 +109,9 @@ inline Description without_static_bodies(Description d, CompiledModel const& m) 
     bool const heavy = inertial[b].mass >= 1e-15, below_world = body.parent == 0;
     bool keep = !body.joints.empty() || body.mocap || !body.fuse || names.has(Kind::body, body.name);
     for (auto const& s : body.sites) keep = keep || (!s.name.empty() && measured.has(Kind::site, s.name));
-    keep = keep || (heavy && (fluid || body.gravcomp != parent.gravcomp)) || (c.inertia_from_geom_always && adjusts);
-    for (auto const& g : body.geoms) keep = keep || (fluid && g.fluid_ellipsoid);
+    bool const feels = (heavy && (fluid || body.gravcomp != parent.gravcomp)) || (c.inertia_from_geom_always && adjusts);
+    keep = keep || (feels && !below_world);
+    for (auto const& g : body.geoms) keep = keep || (fluid && g.fluid_ellipsoid && !below_world);
     if (keep) continue;
     Pose const at{body.pos, normalized(body.quat)};
     if (heavy && !below_world) inertial[body.parent] = sum_of_inertials(inertial[body.parent], inertial[b], at);
