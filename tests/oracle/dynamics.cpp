@@ -15,6 +15,7 @@
 #include <gsp/io/write_mjcf.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>
+#include <gsp/step/step.hpp>
 #include <map>
 #include <sstream>
 #include <utility>
@@ -552,6 +553,46 @@ TEST_CASE("models that our reader has read") {
     if (auto const path = gsp_test::data("models/" + name))
       check_read(*path, name.find("go2") != std::string::npos ? gsp_test::without_meshes(*path) : std::string(),
                  gsp::io::read_mjcf(*path, {.skip_visuals = true}));
+}
+
+namespace {
+/// Activations after five steps beside MuJoCo's. They hang on nothing that moves here, so profile `stable` has those of Euler's method.
+void check_activations(std::string const& option, std::string const& rest) {
+  for (auto const& [integrator, profile] : {std::pair{"Euler", gsp::Profile::mujoco}, std::pair{"implicit", gsp::Profile::mujoco},
+                                            std::pair{"implicitfast", gsp::Profile::mujoco}, std::pair{"RK4", gsp::Profile::mujoco},
+                                            std::pair{"Euler", gsp::Profile::stable}}) {
+    INFO(integrator << ", profile " << int(profile));
+    std::string const text = "<mujoco><option integrator='" + std::string(integrator) + "'>" + option + "</option>" + rest + "</mujoco>";
+    auto const oracle = gsp_test::load_oracle("act.xml", text);
+    mjData* const d = oracle.d();
+    auto const compiled = gsp::compile(gsp::io::parse_mjcf(text, "act.xml"));
+    Exec const exec;
+    auto const model = gsp::make_model<double>(exec, compiled, {.profile = profile});
+    auto state = gsp::make_state(exec, model, {.worlds = 2});
+    auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = 2});
+    REQUIRE(model.na == oracle.m()->na);
+    for (int i = 0; i < model.na; ++i) d->act[i] = state.act(1, i) = 2 - 0.5 * i;
+    for (int i = 0; i < model.nu; ++i) d->ctrl[i] = state.ctrl(1, i) = 1;
+    for (int k = 0; k < 5; ++k) mj_step(oracle.m(), d);
+    gsp::step(exec, model, state, sim, {.steps = 5});
+    exec.fence();
+    CHECK(state.steps(1) == 5);
+    CHECK(state.status(1) == 0);
+    for (int i = 0; i < model.na; ++i) {
+      CHECK_MESSAGE(std::abs(state.act(1, i) - d->act[i]) <= 1e-14,
+                    "activation " << i << ": " << state.act(1, i) << ", MuJoCo " << d->act[i]);
+      CHECK(state.act(0, i) == 0);
+    }
+  }
+}
+}  // namespace
+
+TEST_CASE("activations of a model that has no joints") {
+  check_activations(
+      "", R"(<worldbody><site name="o" pos="1 0 0"/><body name="b"><geom size=".1"/><site name="s" euler="10 20 30"/></body></worldbody>
+    <tendon><spatial name="t"><site site="s"/><site site="o"/></spatial></tendon>
+    <actuator><general site="s" dyntype="integrator"/><general site="s" dyntype="filter" dynprm=".1"/><motor site="s"/><general tendon="t" dyntype="filterexact" dynprm=".1" actrange="0 .005"/>
+      <intvelocity site="s" refsite="o" kp="3" gear="0 0 0 1 0 0" actrange="-9 9"/><general site="s" dyntype="integrator" actearly="true" actrange="0 1"/></actuator>)");
 }
 
 // A ball joint may come after hinges and slides of its body (not before a hinge: MuJoCo and we refuse that). Armatures keep M regular.

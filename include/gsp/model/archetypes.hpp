@@ -93,7 +93,8 @@ struct Couplings {
 };
 Couplings find_couplings(CompiledModel const& m);
 
-/// Trees that are taken as one, a tree of the Model: consecutive, first .. last.
+/// Trees that are taken as one, a tree of the Model: consecutive, first .. last. A model with actuators and without trees has one of none,
+/// 0 .. -1, in which their activations live.
 struct TreeGroup {
   int first, last;
 };

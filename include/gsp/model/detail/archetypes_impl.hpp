@@ -82,6 +82,7 @@ GSP_INLINE std::vector<TreeGroup> group_trees(CompiledModel const& m, Couplings 
     groups.push_back({t, end});
     t = end + 1;
   }
+  if (groups.empty() && m.nu > 0) groups.push_back({0, -1});
   return groups;
 }
 
@@ -98,12 +99,15 @@ struct ArchetypeBuilder {
       : m(m_),
         mocap_root(mocap_root_),
         group(group_),
-        b0(m.tree_bodyadr[group.first]),
-        j0(m.tree_jntadr[group.first]),
-        d0(m.tree_dofadr[group.first]),
-        q0(m.tree_qposadr[group.first]),
+        b0(first_of(m.tree_bodyadr)),
+        j0(first_of(m.tree_jntadr)),
+        d0(first_of(m.tree_dofadr)),
+        q0(first_of(m.tree_qposadr)),
         instance{index, b0, j0, d0, q0, {}, {}, {}, {}, {}, {}, {}, {}} {}
 
+  bool empty() const { return group.last < group.first; }
+  int first_of(std::vector<int> const& adr) const { return empty() ? 0 : adr[group.first]; }
+  int end_of(std::vector<int> const& adr, std::vector<int> const& num) const { return empty() ? 0 : adr[group.last] + num[group.last]; }
   bool holds(int body) const { return m.body_tree[body] >= group.first && m.body_tree[body] <= group.last; }
   int attached(int body) const { return holds(body) ? body - b0 : mocap_root[body] >= 0 ? attachment::mocap : attachment::fixed; }
   int last_dof(int ref) const {
@@ -132,7 +136,7 @@ struct ArchetypeBuilder {
   }
 
   void add_bodies() {
-    int const end = m.tree_bodyadr[group.last] + m.tree_bodynum[group.last];
+    int const end = end_of(m.tree_bodyadr, m.tree_bodynum);
     for (int t = group.first; t <= group.last; ++t) a.nq += m.tree_qposnum[t];
     for (int b = b0; b < end; ++b) {
       int const parent = m.body_parent[b];
@@ -164,7 +168,7 @@ struct ArchetypeBuilder {
     a.body_fluidadr.push_back(int(a.fluid_type.size()));
   }
   void add_joints() {
-    int const end = m.tree_jntadr[group.last] + m.tree_jntnum[group.last];
+    int const end = end_of(m.tree_jntadr, m.tree_jntnum);
     for (int j = j0; j < end; ++j) {
       a.jnt_type.push_back(m.jnt_type[j]);
       a.jnt_body.push_back(m.jnt_body[j] - b0);
@@ -172,7 +176,7 @@ struct ArchetypeBuilder {
       a.jnt_dofadr.push_back(m.jnt_dofadr[j] - d0);
       a.jnt_actgravcomp.push_back(item_or(m.jnt_actgravcomp, j, 0));
     }
-    int const dofs = m.tree_dofadr[group.last] + m.tree_dofnum[group.last] - d0;
+    int const dofs = end_of(m.tree_dofadr, m.tree_dofnum) - d0;
     for (int i = 0; i < dofs; ++i) {
       a.dof_body.push_back(m.dof_body[d0 + i] - b0);
       a.dof_jnt.push_back(m.dof_jnt[d0 + i] - j0);
@@ -371,9 +375,9 @@ GSP_INLINE std::vector<ArchetypeDescription> find_archetypes(CompiledModel const
   std::vector<int> group_of(m.ntree);
   for (int g = 0; g < int(groups.size()); ++g)
     for (int t = groups[g].first; t <= groups[g].last; ++t) group_of[t] = g;
-  for (int k = 0; k < m.ntendon && m.ntree > 0; ++k)
+  for (int k = 0; k < m.ntendon && !groups.empty(); ++k)
     tendons[couplings.tendon[k].empty() ? 0 : group_of[couplings.tendon[k][0]]].push_back(k);
-  for (int k = 0; k < m.nu && m.ntree > 0; ++k)
+  for (int k = 0; k < m.nu && !groups.empty(); ++k)
     actuators[couplings.actuator[k].empty() ? 0 : group_of[couplings.actuator[k][0]]].push_back(k);
   for (int g = 0; g < int(groups.size()); ++g) {
     detail::ArchetypeBuilder builder(m, mocap_root, groups[g], g);

@@ -35,9 +35,9 @@ inline std::vector<int> sleep_policies(CompiledModel const& m) {
   for (TreeGroup const group : group_trees(m, find_couplings(m))) {
     auto const first = of_file.begin() + group.first, end = of_file.begin() + group.last + 1;
     auto const any = [&](SleepPolicy policy) { return std::find(first, end, policy) != end; };
-    result.push_back(int(any(SleepPolicy::never)            ? SleepPolicy::never
-                         : any(SleepPolicy::with_actuators) ? SleepPolicy::with_actuators
-                                                            : SleepPolicy::allowed));
+    result.push_back(int(first == end || any(SleepPolicy::never) ? SleepPolicy::never
+                         : any(SleepPolicy::with_actuators)      ? SleepPolicy::with_actuators
+                                                                 : SleepPolicy::allowed));
   }
   return result;
 }
