@@ -594,6 +594,12 @@ TEST_CASE("activations of a model that has no joints") {
     <actuator><general site="s" dyntype="integrator"/><general site="s" dyntype="filter" dynprm=".1"/><motor site="s"/><general tendon="t" dyntype="filterexact" dynprm=".1" actrange="0 .005"/>
       <intvelocity site="s" refsite="o" kp="3" gear="0 0 0 1 0 0" actrange="-9 9"/><general site="s" dyntype="integrator" actearly="true" actrange="0 1"/></actuator>)");
 }
+TEST_CASE("activations where actuators are disabled: they stay, within their ranges or not") {
+  std::string const rest = R"(<worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody>
+    <actuator><general joint="j" dyntype="integrator" actrange="0 1"/><general joint="j" dyntype="filterexact" dynprm=".1" actrange="0 .5"/><general joint="j" dyntype="filter" dynprm=".1"/><intvelocity joint="j" actrange="0 .1" kp="3"/></actuator>)";
+  check_activations("<flag actuation='disable'/>", rest);
+  check_activations("", rest);
+}
 
 // A ball joint may come after hinges and slides of its body (not before a hinge: MuJoCo and we refuse that). Armatures keep M regular.
 TEST_CASE("a ball joint after hinges of the same body") {

@@ -147,8 +147,9 @@ struct RungeKuttaStage {
       T const start = l.load(rk.act, item, 0), sum = stage == 0 ? weight * rate : fma(weight, rate, l.load(rk.change_act, item, 0));
       l.store(rk.change_act, item, 0, sum);
       T act = fma(h * reach, rate, start);
-      if (last) act = lanes_next_activation(l, k, start, sum);
-      if (last && l.index(a.act_dyn, k) == int(ActuatorDynamics::integrator)) act = lanes_wrap_setpoint(l, k, act);
+      bool const ends = last && l.model.actuation;
+      if (ends) act = lanes_next_activation(l, k, start, sum);
+      if (ends && l.index(a.act_dyn, k) == int(ActuatorDynamics::integrator)) act = lanes_wrap_setpoint(l, k, act);
       write(state.act, item, 0, act, start);
     });
   }

@@ -30,12 +30,12 @@ KOKKOS_INLINE_FUNCTION void lanes_solve_unsymmetric(L const& l) {
   lanes_solve_both_triangles(l, lower, upper, l.at.inverse_diagonal, l.at.velocity);
 }
 
-/// Activations to the end of the step.
+/// Activations to the end of the step. Where actuators are disabled they stay, within their ranges or not.
 template <class L, class State>
 KOKKOS_INLINE_FUNCTION void lanes_advance_activations(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
-  for (int k = 0; k < a.nact; ++k) {
+  for (int k = 0; k < a.nact && l.model.actuation; ++k) {
     int const own = l.index(a.act_state, k);
     if (own < 0) continue;
     int item[L::W];
