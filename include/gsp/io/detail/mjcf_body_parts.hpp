@@ -3,6 +3,7 @@
 #include <cmath>
 #include <gsp/io/detail/mjcf_document.hpp>
 #include <gsp/io/detail/mjcf_quantities.hpp>
+#include <gsp/model/detail/principal_axes.hpp>
 #include <string>
 #include <utility>
 
@@ -70,6 +71,12 @@ inline void read_inertial(Document& doc, Node const& node, BodyDraft& to) {
   if (full && (a.has("quat") || a.has("axisangle") || a.has("euler") || a.has("xyaxes") || a.has("zaxis")))
     a.fail("fullinertia", "stands beside an orientation; remove one of the two");
   if (!full) i.inertia = {diagonal[0], diagonal[1], diagonal[2], 0, 0, 0};
+  if (full && i.inertia[3] == 0 && i.inertia[4] == 0 &&
+      i.inertia[5] == 0) {  // its frame is sorted all the same; that of diaginertia is not
+    auto const axes = gsp::detail::principal_axes(i.inertia);
+    i.inertia = {axes.moments[0], axes.moments[1], axes.moments[2], 0, 0, 0};
+    i.quat = axes.quat;
+  }
 }
 
 /// The pose of a shape; between two points also its half length, and local z points from the second to the first.
