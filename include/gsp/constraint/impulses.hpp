@@ -104,9 +104,9 @@ template <class R, class Mem>
 void expects_solved(char const* where, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses) {
   if (!rows.stamp.data() || !impulses.stamp.data()) return;
   if (!impulses.stamp().solved)
-    throw std::invalid_argument(
-        std::string(where) +
-        ": the rows have not been solved for since they were last assembled: call pgs (profile mujoco: newton) first " + "(or step)");
+    throw std::invalid_argument(std::string(where) +
+                                ": the rows have not been solved for since they were last assembled: call pgs (profile mujoco: newton) "
+                                "first (or step)");
   if (impulses.stamp().rows != rows.stamp().made)
     throw std::invalid_argument(std::string(where) + ": the impulses are of other rows, or of these before they were assembled again: " +
                                 "call pgs with both first (or step)");

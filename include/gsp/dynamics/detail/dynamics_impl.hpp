@@ -71,11 +71,9 @@ void expects_fit(char const* where, Model<R, Mem> const& model, Dynamics<R, Mem>
     fits = then.ninstance == now.ninstance && DynamicsLayout(then).size == DynamicsLayout(now).size;
   }
   if (!fits)
-    throw std::invalid_argument(
-        std::string(where) +
-        ": the dynamics were made for another model, for the other profile, or before make_per_world gave this one more "
-        "terms: call "
-        "make_dynamics (or make_simulation) after make_per_world");
+    throw std::invalid_argument(std::string(where) +
+                                ": the dynamics were made for another model, for the other profile, or before make_per_world gave this "
+                                "one more terms: call make_dynamics (or make_simulation) after make_per_world");
 }
 template <class R, class Mem>
 void expects_fit(char const* where, Model<R, Mem> const& model, Poses<R, Mem> const& poses, int worlds) {
