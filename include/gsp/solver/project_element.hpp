@@ -53,28 +53,26 @@ template <class F, int... i>
 KOKKOS_FORCEINLINE_FUNCTION void unroll(F const& f, std::integer_sequence<int, i...>) {
   (f(Index<i>{}), ...);
 }
-/// f(0), ..., f(n - 1); on a GPU with numbers known to the compiler, so that what the rows of an element need stays in registers.
+/// f(0), ..., f(n - 1), numbers known to the compiler, so that what the rows of an element need stays in registers.
 template <int n, class F>
 KOKKOS_FORCEINLINE_FUNCTION void unrolled(F const& f) {
-#ifdef __CUDA_ARCH__
   unroll(f, std::make_integer_sequence<int, n>{});
-#else
-  for (int i = 0; i < n; ++i) f(i);
-#endif
 }
 
-/// Absolute impulse of the row that row b's friction hangs on.
-template <int rows, int N, class T>
-KOKKOS_FORCEINLINE_FUNCTION T normal_impulse(ElementLaw<T, N> const& law, int first, int b, T const* p) {
+/// Absolute impulse of the row that row b's friction hangs on: one of rows a... of the element.
+template <int N, class T, int... a>
+KOKKOS_FORCEINLINE_FUNCTION T normal_impulse(ElementLaw<T, N> const& law, int first, int b, T const* p, std::integer_sequence<int, a...>) {
   T impulse(0);
   unsigned const normals = law.normals[first + b];
-  unrolled<rows>([&](auto a) {
-    if (normals == 1u << a)
-      impulse = abs(p[first + a]);
-    else if ((normals >> a) & 1u)
-      impulse = select(law.normal[first + b] == T(int(a)), abs(p[first + a]), impulse);
-  });
+  ((impulse = normals == 1u << a    ? abs(p[first + a])
+              : (normals >> a) & 1u ? select(law.normal[first + b] == T(int(a)), abs(p[first + a]), impulse)
+                                    : impulse),
+   ...);
   return impulse;
+}
+template <int rows, int N, class T>
+KOKKOS_FORCEINLINE_FUNCTION T normal_impulse(ElementLaw<T, N> const& law, int first, int b, T const* p) {
+  return normal_impulse(law, first, b, p, std::make_integer_sequence<int, rows>{});
 }
 /// p_b - relaxation w / (|Y_b|^2 + C_b), where w is the row's rate.
 template <int N, class T>
@@ -115,6 +113,56 @@ KOKKOS_FORCEINLINE_FUNCTION void project_ellipse(ElementLaw<T, N> const& law, in
   p2 = scale * p2;
 }
 
+namespace detail {
+/// What project_element takes from row to row. The rows' numbers are known to the compiler, so that impulses and rates stay in registers:
+/// through memory, each row would wait for what the one before has stored.
+template <int rows, int N, class T, class Coupling>
+struct ElementPass {
+  ElementLaw<T, N> const& law;
+  int first;
+  Coupling const& coupling;
+  T const& relaxation;
+  T *w, *p, *d;
+  T second = T(0);  // impulse of this row where it has been found together with the row before
+
+  /// Rate of row b after the rows a... before it.
+  template <int... a>
+  KOKKOS_FORCEINLINE_FUNCTION T after(T rate, [[maybe_unused]] int b, std::integer_sequence<int, a...>) const {
+    ((rate = fma(coupling(b, a), d[first + a], rate)), ...);
+    return rate;
+  }
+  template <int b>
+  KOKKOS_FORCEINLINE_FUNCTION void row() {
+    constexpr std::make_integer_sequence<int, b> before;
+    int const at = first + b;
+    InLanes found = InLanes::none, ellipse = InLanes::none;
+    if constexpr (b > 0) found = law.ellipse[at - 1];
+    if constexpr (b + 1 < rows) ellipse = law.ellipse[at];
+    T next = second;
+    if (found != InLanes::all) {
+      w[at] = after(w[at], b, before);
+      if (ellipse != InLanes::all) next = project_row<rows>(law, first, b, w[at], p, relaxation);
+      if constexpr (b > 0)
+        if (found == InLanes::some) next = select(law.with_next[at - 1] > T(0), second, next);
+    }
+    if constexpr (b + 1 < rows) {
+      if (ellipse != InLanes::none) {
+        T p1, p2;
+        project_ellipse<rows>(law, first, b, w[at], after(w[at + 1], b + 1, before), p, relaxation, p1, p2);
+        next = ellipse == InLanes::all ? p1 : select(law.with_next[at] > T(0), p1, next);
+        second = p2;
+      }
+    }
+    d[at] = next - p[at];
+    p[at] = next;
+  }
+  template <int... b>
+  KOKKOS_FORCEINLINE_FUNCTION void all(std::integer_sequence<int, b...>) {
+    (row<b>(), ...);
+  }
+};
+}  // namespace detail
+
 /// One pass over the rows of the element that begins at place `first` of `law`: each sees what those before it have done.
 /// @param coupling  coupling(b, a) = Y_b . Y_a of the rows b > a of the element
 /// @param w         in: rates J v+ + C p - zeta of the rows before the pass
@@ -123,26 +171,8 @@ KOKKOS_FORCEINLINE_FUNCTION void project_ellipse(ElementLaw<T, N> const& law, in
 template <int rows, int N, class T, class Coupling>
 KOKKOS_FORCEINLINE_FUNCTION void project_element(ElementLaw<T, N> const& law, int first, Coupling const& coupling, T const& relaxation,
                                                  T* w, T* p, T* d) {
-  T second(0);  // impulse of this row where it has been found together with the row before
-  detail::unrolled<rows>([&](auto b) {
-    int const at = first + b, before = b > 0 ? at - 1 : at, to = b + 1 < rows ? at + 1 : at;
-    InLanes const found = b > 0 ? law.ellipse[before] : InLanes::none, ellipse = b + 1 < rows ? law.ellipse[at] : InLanes::none;
-    T next = second;
-    if (found != InLanes::all) {
-      for (int a = 0; a < b; ++a) w[at] = fma(coupling(b, a), d[first + a], w[at]);
-      if (ellipse != InLanes::all) next = project_row<rows>(law, first, b, w[at], p, relaxation);
-      if (found == InLanes::some) next = select(law.with_next[before] > T(0), second, next);
-    }
-    if (ellipse != InLanes::none) {
-      T w2 = w[to], p1, p2;
-      for (int a = 0; a < b; ++a) w2 = fma(coupling(b + 1, a), d[first + a], w2);
-      project_ellipse<rows>(law, first, b, w[at], w2, p, relaxation, p1, p2);
-      next = ellipse == InLanes::all ? p1 : select(law.with_next[at] > T(0), p1, next);
-      second = p2;
-    }
-    d[at] = next - p[at];
-    p[at] = next;
-  });
+  detail::ElementPass<rows, N, T, Coupling> pass{law, first, coupling, relaxation, w, p, d};
+  pass.all(std::make_integer_sequence<int, rows>{});
 }
 
 /// By how much the rows of an element miss their conditions at the impulses p and rates w: the largest change of rate that one more

@@ -26,11 +26,13 @@ struct SolutionOptions {
 };
 
 namespace detail {
-// On hosts, worlds of at most so many rows and dofs are solved a pack at a time, in blocks of so many rows (detail/pgs_lockstep.hpp).
+// On hosts, worlds of at most so many rows and dofs, and elements of so many rows, are solved a pack at a time (detail/pgs_lockstep.hpp).
 inline constexpr int lockstep_most_rows = 128, lockstep_most_dofs = 128, lockstep_rows = 3;
-// Elements of one row, and of two or three, have blocks of their own: room for the longest list of either in any world of a pack.
-inline constexpr int lockstep_most_blocks = (128 + lockstep_rows - 1) / lockstep_rows + 64;
-inline constexpr int lockstep_block_packs = 43;  // what is known of a block but its entries
+// So many elements of one row, or one of two or three, make a block: room for the longest list of either in any world of a pack.
+inline constexpr int lockstep_single_rows = 4;
+inline constexpr int lockstep_most_blocks = lockstep_most_rows / lockstep_single_rows + lockstep_most_rows / 2;
+inline constexpr int lockstep_most_block_rows = lockstep_most_rows + lockstep_most_rows / 2 * lockstep_rows;
+inline constexpr int lockstep_block_packs = 59;  // what is known of a block but its entries
 /// A world takes this path by its own rows alone.
 template <class Rows>
 KOKKOS_INLINE_FUNCTION bool goes_in_lockstep(Rows const& rows, int world) {
@@ -44,7 +46,7 @@ KOKKOS_INLINE_FUNCTION bool goes_as_a_whole(Rows const& rows) {
 }
 /// Packs that such worlds need: z, twice, and the entries by whole groups of four dofs, and the blocks.
 inline std::int64_t lockstep_packs(int nv) {
-  return std::int64_t(nv + 3) / 4 * 4 * (2 + lockstep_most_blocks * lockstep_rows) + lockstep_most_blocks * lockstep_block_packs;
+  return std::int64_t(nv + 3) / 4 * 4 * (2 + lockstep_most_block_rows) + lockstep_most_blocks * lockstep_block_packs;
 }
 template <class R, class Mem>
 struct NotMeasured {

@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <cstring>
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/solver/detail/leap.hpp>
@@ -7,9 +8,9 @@
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and three rows at a time: three elements of one row, or
-/// an element of two or three. A world's elements of one row go first, else in their order. Three dot products read z once, and so does z
-/// += sum Y^T d; what the rows of a block do to each other in between goes through their products:
+/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and three or four rows at a time: four elements of one
+/// row, or an element of two or three. A world's elements of one row go first, else in their order. The dot products of a block read z
+/// once, and so does z += sum Y^T d; what its rows do to each other in between goes through their products:
 ///   w_b = Y_b z + sum_{a < b} (Y_b . Y_a) d_a + C p_b + bias_b     (z as before the block: the same numbers as row by row)
 /// A block's entries are widened to the dofs that any of its rows has in any of the worlds, so that nothing is gathered inside a sweep.
 /// What bounds a sweep is loading Y, twice a block. A world takes this path by its own number of rows alone, which rows share a block is a
@@ -18,7 +19,7 @@ namespace gsp::detail {
 
 template <class R, class Mem>
 struct PgsLockstep {
-  static constexpr int W = native_width<R>, B = lockstep_rows;
+  static constexpr int W = native_width<R>;
   using T = Pack<R, W>;
   using memory_space = Mem;
   static constexpr int sums = sizeof(T) == 64 ? 4 : 2;  // partial sums of a dot product, as many as there are registers for
@@ -27,14 +28,28 @@ struct PgsLockstep {
   Solution<R, Mem> solution;
   PgsOptions options;
 
-  /// What is known of B rows but their entries.
+  /// Rows of a block of a kind, and places of an element: kind 0 is elements of one row, kind 1 of more.
+  static constexpr int rows_of(int kind) { return kind == 0 ? lockstep_single_rows : lockstep_rows; }
+  static constexpr int places_of(int kind) { return kind == 0 ? 1 : lockstep_rows; }
+  static constexpr int B = std::max(rows_of(0), rows_of(1));
+
+  /// What is known of a block's rows but their entries.
   struct Block {
     ElementLaw<T, B> law;
-    T bias[B], compliance[B], p[B], before[B], product[B * (B - 1) / 2];
-    T const* Y;        // entry e of row b at B e + b
-    int element_rows;  // places of an element
-    int groups;        // of four dofs
+    T bias[B], compliance[B], diagonal[B], p[B], before[B], product[B * (B - 1) / 2];
+    T const* Y;  // entry e of row b of n at n e + b
+    int groups;  // of four dofs
     short dof[lockstep_most_dofs / 4];
+  };
+  struct Blocks {
+    Block* first;
+    int count[2];  // of a kind
+    /// f(kind, block) of all of them in the order of the sweeps, the kind known to the compiler.
+    template <class F>
+    void each(F const& f) const {
+      for (int q = 0; q < count[0]; ++q) f(Index<0>{}, first[q]);
+      for (int q = 0; q < count[1]; ++q) f(Index<1>{}, first[count[0] + q]);
+    }
   };
   /// The first rows of a world's elements, of one row and of more.
   struct Places {
@@ -57,15 +72,14 @@ struct PgsLockstep {
     T* const behind = z_before + (nv + 3) / 4 * 4;
     for (T* q = z; q != behind; ++q) *q = T(R(0));
     static_assert(sizeof(Block) <= lockstep_block_packs * sizeof(T));
-    Block* const block = reinterpret_cast<Block*>(behind);
+    Blocks const blocks{reinterpret_cast<Block*>(behind), {(most[0] + rows_of(0) - 1) / rows_of(0), most[1]}};
     T* Y = behind + lockstep_most_blocks * lockstep_block_packs;
-    int blocks = 0;
-    for (int kind = 0; kind < 2; ++kind)
-      for (int q = 0, each = B / places_of(kind); q * each < most[kind]; ++q, ++blocks) {
-        block[blocks].element_rows = places_of(kind);
-        widen(block[blocks], Y, kind, q * each, w0, places, parity);
-        push(block[blocks], z, block[blocks].p);
-      }
+    int taken[2] = {};
+    blocks.each([&](auto kind, Block& k) {
+      widen<kind>(k, Y, taken[kind], w0, places, parity);
+      taken[kind] += rows_of(kind) / places_of(kind);
+      push<kind>(k, z, k.p);
+    });
 
     T const relaxation(R(options.relaxation)), zero(R(0)), one(R(1));
     T tolerance(R(0));
@@ -76,68 +90,44 @@ struct PgsLockstep {
     Mask<R, W> leaping = active;
     T earlier = zero, raised = zero;  // what sweeps have raised E by since the last leap: those before the last one, and that
     for (int sweep = 0; sweep < options.iterations && any(active); ++sweep) {
-      if (leaps_after(sweep, options.iterations)) {
-        keep(block, blocks, z, z_before);
+      bool const leaps = leaps_after(sweep, options.iterations) && any(leaping);
+      if (leaps) {
+        keep(blocks, z, z_before);
         earlier = raised;
         raised = zero;
       }
       T change = zero;
-      bool const counts = leaps_after(leap_from, options.iterations) && sweep >= leap_from && any(leaping);
-      for (int q = 0; q < blocks; ++q) {
-        Block& k = block[q];
-        T w[B], before[B], d[B], p[B];
-        rates(k, z, w);
-        for (int b = 0; b < B; ++b) {
-          p[b] = k.p[b];
-          before[b] = w[b];
-        }
-        if (k.element_rows == 1)
-          project<1>(k, relaxation, w, p, d);
-        else
-          project<B>(k, relaxation, w, p, d);
-        for (int b = 0; b < B; ++b) {
-          d[b] = select(active, d[b], zero);
-          k.p[b] = k.p[b] + d[b];
-          T const of_row = abs(d[b]) / select(k.law.inverse_diagonal[b] > zero, k.law.inverse_diagonal[b], one);
-          change = max(change, of_row);
-          if (!counts) continue;
-          for (int a = 0; a < b; ++a) before[b] = fma(k.product[b * (b - 1) / 2 + a], d[a], before[b]);
-          raised = raised + energy_of_step(d[b], before[b], of_row);
-        }
-        push(k, z, d);
-      }
+      T* const counted = leaps_after(leap_from, options.iterations) && sweep >= leap_from && any(leaping) ? &raised : nullptr;
+      blocks.each([&](auto kind, Block& k) { pass<kind>(k, z, active, relaxation, change, counted); });
       for (int l = 0; l < W; ++l)
         if (active[l]) {
           ++sweeps[l];
           if (options.tolerance > 0 && sweep + 1 >= options.least && !(change[l] > tolerance[l])) active.set(l, false);
         }
-      if (leaps_after(sweep, options.iterations)) {
+      if (leaps) {
         for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leaps_again(sweep, earlier[l] + raised[l]));
-        if (any(leaping)) leap(block, blocks, z, z_before, leaping, raised);
+        if (any(leaping)) leap(blocks, z, z_before, leaping, raised);
         raised = zero;
       }
     }
     T worst = zero;
-    for (int q = 0; options.residual && q < blocks; ++q) {
-      T w[B];
-      rates(block[q], z, w);
-      Block const& k = block[q];
-      for (int s = 0; s < B; s += k.element_rows)  // places without a row are at rest
-        worst = max(worst, k.element_rows == 1 ? element_residual<1>(k.law, s, w, k.p) : element_residual<B>(k.law, s, w, k.p));
-    }
+    if (options.residual)
+      blocks.each([&](auto kind, Block const& k) {
+        T w[B];
+        rates<kind>(k, z, w);
+        for (int s = 0; s < rows_of(kind); s += places_of(kind))  // places without a row are at rest
+          worst = max(worst, element_residual<places_of(kind)>(k.law, s, w, k.p));
+      });
     for (int l = 0; l < W; ++l) {
       if (w0 + l >= rows.worlds || !goes_in_lockstep(rows, w0 + l)) continue;
       R* const out = solution.z.data() + std::int64_t(w0 + l) * nv;
       for (int i = 0; i < nv; ++i) out[i] = z[i][l];
       R* const p = impulses.p[parity].data() + rows.first(w0 + l);
-      for (int kind = 0, q = 0; kind < 2; ++kind) {
-        int const n = places_of(kind), each = B / n;
-        for (int e = 0; e < places[l].count[kind]; ++e) {
-          int const row = places[l].row[kind][e], has = places[l].has[kind][e];
-          for (int b = 0; b < has; ++b) p[row + b] = block[q + e / each].p[e % each * n + b][l];
-        }
-        q += (most[kind] + each - 1) / each;
-      }
+      int left[2] = {};
+      blocks.each([&](auto kind, Block const& k) {
+        for (int s = 0; s < rows_of(kind) && left[kind] < places[l].count[kind]; s += places_of(kind), ++left[kind])
+          for (int b = 0; b < places[l].has[kind][left[kind]]; ++b) p[places[l].row[kind][left[kind]] + b] = k.p[s + b][l];
+      });
       solution.iterations(w0 + l) = sweeps[l];
       solution.residual(w0 + l) = options.residual ? worst[l] : Kokkos::Experimental::quiet_NaN_v<R>;
     }
@@ -145,36 +135,35 @@ struct PgsLockstep {
 
  private:
   /// Impulses and z before a sweep that a leap follows on.
-  void keep(Block* block, int blocks, T const* z, T* z_before) const {
+  void keep(Blocks const& blocks, T const* z, T* z_before) const {
     for (int i = 0; i < rows.nv; ++i) z_before[i] = z[i];
-    for (int q = 0; q < blocks; ++q)
-      for (int b = 0; b < B; ++b) block[q].before[b] = block[q].p[b];
+    blocks.each([&](auto kind, Block& k) {
+      for (int b = 0; b < rows_of(kind); ++b) k.before[b] = k.p[b];
+    });
   }
-  LeapSums<T> leap_sums(Block const* block, int blocks, T const* z, T const* z_before) const {
+  LeapSums<T> leap_sums(Blocks const& blocks, T const* z, T const* z_before) const {
     T const zero(R(0));
     LeapSums<T> s{zero, zero, zero, zero, zero};
     for (int i = 0; i < rows.nv; ++i) s.add_dof(z[i], z[i] - z_before[i]);
-    for (int q = 0; q < blocks; ++q)
-      for (int b = 0; b < B; ++b) {
-        Block const& k = block[q];
+    blocks.each([&](auto kind, Block const& k) {
+      for (int b = 0; b < rows_of(kind); ++b)
         s.add_row(k.p[b], k.p[b] - k.before[b], k.compliance[b], k.bias[b], k.law.inverse_diagonal[b]);
-      }
+    });
     return s;
   }
   /// Leaves p and z of some worlds where the energy is least (leap.hpp). z_before is lost.
-  void leap(Block* block, int blocks, T* z, T* z_before, Mask<R, W> const& worlds, T const& raised) const {
-    Leap<T> const to = best_leap<R>(leap_sums(block, blocks, z, z_before), raised);
+  void leap(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& worlds, T const& raised) const {
+    Leap<T> const to = best_leap<R>(leap_sums(blocks, z, z_before), raised);
     for (int i = 0; i < (rows.nv + 3) / 4 * 4; ++i) z_before[i] = T(R(0));
-    for (int q = 0; q < blocks; ++q) {
-      for (int b = 0; b < B; ++b) {
-        T& p = block[q].p[b];
-        p = select(worlds, p + fma(to.growth, p, to.sweeps * (p - block[q].before[b])), p);
+    blocks.each([&](auto kind, Block& k) {
+      for (int b = 0; b < rows_of(kind); ++b) {
+        T& p = k.p[b];
+        p = select(worlds, p + fma(to.growth, p, to.sweeps * (p - k.before[b])), p);
       }
-      push(block[q], z_before, block[q].p);
-    }
+      push<kind>(k, z_before, k.p);
+    });
     for (int i = 0; i < rows.nv; ++i) z[i] = select(worlds, z_before[i], z[i]);
   }
-  static constexpr int places_of(int kind) { return kind == 0 ? 1 : B; }
 
   void find_places(Places& places, int w, int count, int (&most)[2]) const {
     signed char const* const element_rows = rows.element_rows.data() + (count > 0 ? rows.first(w) : 0);
@@ -188,10 +177,11 @@ struct PgsLockstep {
     for (int kind = 0; kind < 2; ++kind) most[kind] = places.count[kind] > most[kind] ? places.count[kind] : most[kind];
   }
 
-  /// Takes B / element_rows elements of a kind, from `first` on, of all worlds into `k`; their entries go to Y, which moves on. Entries
-  /// come by whole groups of four dofs, so that the order in which a world's are summed does not depend on what the other worlds have.
-  void widen(Block& k, T*& Y, int kind, int first, int w0, Places const (&places)[W], int parity) const {
-    int const n = k.element_rows, each = B / n;
+  /// Takes elements of a kind, from `first` on, of all worlds into `k`; their entries go to Y, which moves on. Entries come by whole groups
+  /// of four dofs, so that the order in which a world's are summed does not depend on what the other worlds have.
+  template <int kind>
+  void widen(Block& k, T*& Y, int first, int w0, Places const (&places)[W], int parity) const {
+    constexpr int B = rows_of(kind), n = places_of(kind), each = B / n;
     int row_of[W][B];  // in the pool, -1: none
     std::uint32_t used = 0;
     for (int l = 0; l < W; ++l) {
@@ -220,7 +210,11 @@ struct PgsLockstep {
     for (std::uint32_t bits = used; bits != 0; bits &= bits - 1) k.dof[k.groups++] = short(4 * Kokkos::countr_zero(bits));
     T* const end = Y + B * 4 * k.groups;
     for (T* y = Y; y != end; ++y) *y = T(R(0));
-    for (int b = 0; b < B; ++b) take_law(k, b, row_of, parity);
+    for (int b = 0; b < B; ++b) {
+      int of_lane[W];
+      for (int l = 0; l < W; ++l) of_lane[l] = row_of[l][b];
+      take_law(k, b, of_lane, parity);
+    }
     for (int l = 0; l < W; ++l)
       for (int b = 0; b < B; ++b) {
         if (row_of[l][b] < 0) continue;
@@ -250,21 +244,21 @@ struct PgsLockstep {
     Y = end;
   }
   /// What is known of row b of all worlds, but its entries. The numbers of a row lie side by side: they come at once, and are transposed.
-  void take_law(Block& k, int b, int const (&row_of)[W][B], int parity) const {
+  void take_law(Block& k, int b, int const (&row_of)[W], int parity) const {
     constexpr int n = 8;  // six numbers and the impulse
     alignas(T) R numbers[W][n];
     unsigned normals = 0, ellipses = 0, lines = 0;
     T with_next(R(0));
     for (int l = 0; l < W; ++l) {
-      if (row_of[l][b] < 0) {
+      if (row_of[l] < 0) {
         R const none[n] = {R(0), R(0), R(0), R(0), R(0), R(-1), R(0), R(0)};
         std::memcpy(numbers[l], none, sizeof none);
         continue;
       }
-      Row<R> const& row = rows.row(row_of[l][b]);
+      Row<R> const& row = rows.row(row_of[l]);
       static_assert(offsetof(Row<R>, mu) == offsetof(Row<R>, bias) + 5 * sizeof(R), "bias to mu lie side by side");
       std::memcpy(numbers[l], reinterpret_cast<char const*>(&row) + offsetof(Row<R>, bias), 6 * sizeof(R));
-      numbers[l][6] = impulses.p[parity](row_of[l][b]);
+      numbers[l][6] = impulses.p[parity](row_of[l]);
       numbers[l][7] = R(row.friction_of);
       normals |= row.friction_of < 0 ? 0u : 1u << row.friction_of;
       (row.with_next ? ellipses : lines) += 1;
@@ -276,6 +270,8 @@ struct PgsLockstep {
     k.bias[b] = out[0];
     k.compliance[b] = out[1];
     k.law.inverse_diagonal[b] = out[2];
+    auto const movable = out[2] > T(R(0));
+    k.diagonal[b] = select(movable, T(R(1)) / select(movable, out[2], T(R(1))), T(R(0)));
     k.law.lower[b] = out[3];
     k.law.upper[b] = out[4];
     k.law.mu[b] = out[5];
@@ -288,45 +284,82 @@ struct PgsLockstep {
   static void prefetch(void const* at, std::size_t bytes) {
     for (std::size_t i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<char const*>(at) + i);
   }
+  /// One pass over a block: rates, projections, z.
+  /// @param change  in, out: largest change of a rate;   @param raised  in, out, or null: what E has risen by
+  template <int kind>
+  static void pass(Block& k, T* z, Mask<R, W> const& active, T const& relaxation, T& change, T* raised) {
+    constexpr int B = rows_of(kind), N = places_of(kind);
+    T w[B], p[B], d[B], before[B];
+    rates<kind>(k, z, w);
+    unrolled<B>([&](auto b) {
+      p[b] = k.p[b];
+      before[b] = w[b];
+    });
+    project<N>(k, relaxation, w, p, d, std::make_integer_sequence<int, B / N>{});
+    unrolled<B>([&](auto b) {
+      d[b] = select(active, d[b], T(R(0)));
+      k.p[b] = k.p[b] + d[b];
+      T const of_row = abs(d[b]) * k.diagonal[b];
+      change = max(change, of_row);
+      if (raised == nullptr) return;
+      unrolled<b>([&](auto a) { before[b] = fma(k.product[b * (b - 1) / 2 + a], d[a], before[b]); });
+      *raised = *raised + energy_of_step(d[b], before[b], of_row);
+    });
+    push<kind>(k, z, d);
+  }
   /// w = Y z + C p + b
-  static void rates(Block const& k, T const* z, T (&w)[B]) {
-    T sum[sums][B];  // one sum a row would wait for itself
-    for (auto& of_dof : sum)
-      for (T& x : of_dof) x = T(R(0));
+  template <int kind>
+  static void rates(Block const& k, T const* z, T* w) {
+    constexpr int B = rows_of(kind);
+    T sum[sums * B];  // one sum a row would wait for itself
+    unrolled<sums * B>([&](auto i) { sum[i] = T(R(0)); });
     T const* y = k.Y;
-    for (int g = 0; g < k.groups; ++g)
-      for (int i = 0; i < 4; ++i, y += B) {
-        T const x = z[k.dof[g] + i];
-        for (int b = 0; b < B; ++b) sum[i % sums][b] = fma(y[b], x, sum[i % sums][b]);
-      }
-    for (int b = 0; b < B; ++b) {
-      T total = sum[0][b] + sum[1][b];
-      if constexpr (sums == 4) total = total + (sum[2][b] + sum[3][b]);
-      w[b] = total + fma(k.compliance[b], k.p[b], k.bias[b]);
+    for (int g = 0; g < k.groups; ++g, y += 4 * B) {
+      T const* const of_dof = z + k.dof[g];
+      unrolled<4>([&](auto i) {
+        T const x = of_dof[i];
+        unrolled<B>([&](auto b) {
+          constexpr int at = i % sums * B + b;
+          sum[at] = fma(y[B * i + b], x, sum[at]);
+        });
+      });
     }
+    unrolled<B>([&](auto b) {
+      T total = sum[b] + sum[B + b];
+      if constexpr (sums == 4) total = total + (sum[2 * B + b] + sum[3 * B + b]);
+      w[b] = total + fma(k.compliance[b], k.p[b], k.bias[b]);
+    });
   }
   /// Y_b . Y_a of the element that begins at place `first`.
   struct Coupling {
     Block const& k;
     int first;
-    KOKKOS_INLINE_FUNCTION T operator()(int b, int a) const { return k.product[(first + b) * (first + b - 1) / 2 + first + a]; }
+    KOKKOS_FORCEINLINE_FUNCTION T operator()(int b, int a) const { return k.product[(first + b) * (first + b - 1) / 2 + first + a]; }
   };
-  /// Elements of N places one after the other.
-  template <int N>
-  static void project(Block const& k, T const& relaxation, T (&w)[B], T (&p)[B], T (&d)[B]) {
-    for (int first = 0; first < B; first += N) {
-      for (int b = first; b < first + N; ++b)
-        for (int a = 0; a < first; ++a) w[b] = fma(k.product[b * (b - 1) / 2 + a], d[a], w[b]);
-      project_element<N>(k.law, first, Coupling{k, first}, relaxation, w, p, d);
-    }
+  /// Elements of N places one after the other: number e...
+  template <int N, int... e>
+  KOKKOS_FORCEINLINE_FUNCTION static void project(Block const& k, T const& relaxation, T* w, T* p, T* d, std::integer_sequence<int, e...>) {
+    (project_one<N, N * e>(k, relaxation, w, p, d, std::make_integer_sequence<int, N * e>{}), ...);
+  }
+  /// That at place `first`, after the rows a... before it.
+  template <int N, int first, int... a>
+  KOKKOS_FORCEINLINE_FUNCTION static void project_one(Block const& k, T const& relaxation, T* w, T* p, T* d,
+                                                      std::integer_sequence<int, a...>) {
+    unrolled<N>([&](auto at) {
+      constexpr int b = first + at;
+      ((w[b] = fma(k.product[b * (b - 1) / 2 + a], d[a], w[b])), ...);
+    });
+    project_element<N>(k.law, first, Coupling{k, first}, relaxation, w, p, d);
   }
   /// z += Y^T d
-  static void push(Block const& k, T* z, T const (&d)[B]) {
+  template <int kind>
+  static void push(Block const& k, T* z, T const* d) {
+    constexpr int B = rows_of(kind);
     T const* y = k.Y;
     for (int g = 0; g < k.groups; ++g)
       for (int i = 0; i < 4; ++i, y += B) {
         T x = z[k.dof[g] + i];
-        for (int b = 0; b < B; ++b) x = fma(y[b], d[b], x);
+        unrolled<B>([&](auto b) { x = fma(y[b], d[b], x); });
         z[k.dof[g] + i] = x;
       }
   }
