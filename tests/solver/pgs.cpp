@@ -379,10 +379,11 @@ TEST_CASE_TEMPLATE("worlds of few and of many rows", Exec, GSP_TEST_EXECS) {
 }
 
 // Elements of four rows go where six have room: what of a world that has gone wrong stands in the places that are left over is nobody's.
+// Elements of at most three are lanes of a pack.
 TEST_CASE_TEMPLATE("a world of NaN leaves its neighbours alone", Exec, GSP_TEST_EXECS) {
   auto const c = two_trees();
-  test_types::MixedElements const type{10, 0, 10, 6};  // world 0 ends with four rows
-  auto const solved = [&](bool wrong) {
+  auto const solved = [&](int most, bool wrong) {
+    test_types::MixedElements const type{10, 0, 10, most};  // six: world 0 ends with four rows
     Loop<double, Exec> s(c, 3);
     gsp_test::randomise(c, s.state);
     s.assemble(type);
@@ -398,7 +399,7 @@ TEST_CASE_TEMPLATE("a world of NaN leaves its neighbours alone", Exec, GSP_TEST_
     s.solve({.iterations = 20, .tolerance = 0});
     return std::array{dense(s, 1).p, dense(s, 2).p};
   };
-  CHECK(solved(true) == solved(false));
+  for (int most : {6, 3}) CHECK(solved(most, true) == solved(most, false));
 }
 
 // One rule of friction for all paths: a row's bound is mu times the impulse of the row that friction_of names, wherever the two stand in
@@ -430,7 +431,9 @@ TEST_CASE_TEMPLATE("friction follows the row that it names", Exec, GSP_TEST_EXEC
           ++friction;
           ahead += d.friction_of[i] > i;
           second += d.friction_of[i] < i && i + 1 - d.friction_of[i] > 2 && d.friction_of[d.friction_of[i] + 1] < 0;
-          held += std::abs(d.p[i]) >= d.mu[i] * std::abs(d.p[d.friction_of[i]]);
+          double const bound = d.mu[i] * std::abs(d.p[d.friction_of[i]]);
+          held += std::abs(d.p[i]) >= bound;
+          if (d.friction_of[i] < i) CHECK(std::abs(d.p[i]) <= bound);  // not by a rounding more
         }
       } else {
         CHECK(violation(d) < 1e-9);

@@ -165,7 +165,7 @@ struct ElementPass {
 
 /// One pass over the rows of the element that begins at place `first` of `law`: each sees what those before it have done.
 /// @param coupling  coupling(b, a) = Y_b . Y_a of the rows b > a of the element
-/// @param w         in: rates J v+ + C p - zeta of the rows before the pass
+/// @param w         in, lost: rates J v+ + C p - zeta of the rows before the pass
 /// @param p         in, out: impulses [N s];   @param d  out: their changes.   All three are indexed as the law is
 /// Cost rows^2 flop.
 template <int rows, int N, class T, class Coupling>

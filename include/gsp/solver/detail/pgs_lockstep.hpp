@@ -11,10 +11,10 @@
 /// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and three or four rows at a time: four elements of one
 /// row, or an element of two or three. A world's elements of one row go first, else in their order. The dot products of a block read z
 /// once, and so does z += sum Y^T d; what its rows do to each other in between goes through their products:
-///   w_b = Y_b z + sum_{a < b} (Y_b . Y_a) d_a + C p_b + bias_b     (z as before the block: the same numbers as row by row)
+///   w_b = Y_b z + sum_{a < b} (Y_b . Y_a) d_a + C p_b + bias_b     (z as before the block: row by row but for rounding)
 /// A block's entries are widened to the dofs that any of its rows has in any of the worlds, so that nothing is gathered inside a sweep.
-/// What bounds a sweep is loading Y, twice a block. A world takes this path by its own number of rows alone, which rows share a block is a
-/// matter of its own elements, and a lane never sees another lane.
+/// What bounds a sweep is loading Y, twice a block. A world takes this path by its own rows alone (goes_in_lockstep), which of them share a
+/// block is a matter of its own elements, and a lane of finite numbers never sees another lane.
 namespace gsp::detail {
 
 template <class R, class Mem>
@@ -298,7 +298,7 @@ struct PgsLockstep {
     project<N>(k, relaxation, w, p, d, std::make_integer_sequence<int, B / N>{});
     unrolled<B>([&](auto b) {
       d[b] = select(active, d[b], T(R(0)));
-      k.p[b] = k.p[b] + d[b];
+      k.p[b] = select(active, p[b], k.p[b]);  // not p + d, which rounding may take beyond its bound
       T const of_row = abs(d[b]) * k.diagonal[b];
       change = max(change, of_row);
       if (raised == nullptr) return;
