@@ -239,8 +239,8 @@ TEST_CASE("rover") {
           float nearest = 100;
           for (int column = 8; column < 24; ++column) nearest = Kokkos::fmin(nearest, ahead(w, small / 2, column));
           float const speed = Kokkos::fmin(10.f, 8 * Kokkos::fmax(0.f, nearest - 0.6f));  // slower when something is near
-          ctrl(w, 0) = speed * (1 - 0.04f * float(w));
-          ctrl(w, 1) = speed * (1 + 0.04f * float(w));
+          ctrl(w, 0) = speed * (1 - 0.04f * float(w + 1));
+          ctrl(w, 1) = speed * (1 + 0.04f * float(w + 1));
         });
     gsp::step(exec, model, state, sim, {.steps = 40});
   }
