@@ -59,7 +59,8 @@ KOKKOS_FORCEINLINE_FUNCTION void unrolled(F const& f) {
   unroll(f, std::make_integer_sequence<int, n>{});
 }
 
-/// Absolute impulse of the row that row b's friction hangs on: one of rows a... of the element.
+/// Absolute impulse of the row that row b's friction hangs on: one of rows a... of the element. A fold: through a lambda g++ 12 keeps p in
+/// memory, and sweeps take 15 % longer.
 template <int N, class T, int... a>
 KOKKOS_FORCEINLINE_FUNCTION T normal_impulse(ElementLaw<T, N> const& law, int first, int b, T const* p, std::integer_sequence<int, a...>) {
   T impulse(0);

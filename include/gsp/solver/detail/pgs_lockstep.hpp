@@ -81,7 +81,7 @@ struct PgsLockstep {
       push<kind>(k, z, k.p);
     });
 
-    T const relaxation(R(options.relaxation)), zero(R(0)), one(R(1));
+    T const relaxation(R(options.relaxation)), zero(R(0));
     T tolerance(R(0));
     for (int l = 0; l < W; ++l) tolerance.set(l, R(options.tolerance) * rows.rate_scale(w0 + l < rows.worlds ? w0 + l : w0));
     int sweeps[W] = {};
