@@ -34,6 +34,24 @@ struct Spring : gsp::OneFreeRow {
   }
 };
 
+/// A force on dof 0 that no rate changes; of a rope that is taut where x > 0, none beside it.
+template <class Mem>
+struct Constant : gsp::OneFreeRow {
+  double force, rope, most;
+  typename gsp::State<double, Mem>::template View<double**> qpos;
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int, int, int) const { return {-most, most}; }
+  template <class T>
+  KOKKOS_FUNCTION T lambda(int, int, int, T x, T) const {
+    return x > T(0) ? force - rope * x : T(force);
+  }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int world, int, int, Row&& J) const {
+    J.set_dof(0, 1.);
+    return qpos(world, 0);
+  }
+};
+
 /// Ties the dofs 0, 1 and (in odd worlds) 2 to a common velocity sum of zero.
 struct Tie : gsp::OneFreeRow {
   KOKKOS_FUNCTION int count(int) const { return 1; }
@@ -271,6 +289,29 @@ TEST_CASE_TEMPLATE("a spring as a law gives the implicit Euler step", Exec, GSP_
       // m (v+ - u) = h (f + force + slope h (v+ - u) - d (v+ - u))
       double const expected = u + h * (f + force) / (m + h * d - h * h * slope);
       CHECK(std::abs(v2(w, 0) - expected) < 1e-13 * (1 + std::abs(h * force / m)));
+    }
+  }
+}
+
+// A law without a slope is a force: m (v+ - v) = h (f + lambda), within the bounds of its impulse; where it has one, the implicit
+// step. Rates of 10, impulses of 0.1: 1e-13.
+TEST_CASE_TEMPLATE("a law that no rate changes is a force", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  double const m = 2, h = 0.002, f = 11, k = 900;
+  Loop<double, Exec> s(gsp::compile(sliders(1, m)), 17);
+  for (auto [force, rope, most] :
+       {std::array{0., k, 1e300}, std::array{5., 0., 1e300}, std::array{-7e6, 0., 1e300}, std::array{5., 0., 0.004}}) {
+    for (int w = 0; w < 17; ++w) s.set(w, {0.1 * w - 0.75}, {1 - 0.2 * w}), s.push(w, {f});
+    auto const q = gsp_test::snapshot(s.state.qpos), v = gsp_test::snapshot(s.state.qvel);
+    s.solver.residual = true;
+    s.step(1, test_types::Constant<Mem>{{}, force, rope, most, s.state.qpos});
+    auto const v2 = gsp_test::host(s.state.qvel);
+    for (int w = 0; w < 17; ++w) {
+      double const x = q(w, 0), u = v(w, 0), at = x + h * u, slope = at > 0 ? rope : 0;
+      double const push = std::clamp(h * (force - slope * at), -most, most) / h;
+      CHECK(gsp_test::host(s.state.status)(w) == 0);
+      CHECK(std::abs(v2(w, 0) - u - h * (f + push) / (m + h * h * slope)) < 1e-13 * (1 + std::abs(h * push / m)));
+      CHECK(gsp_test::host(s.solution.residual)(w) < 1e-12);
     }
   }
 }

@@ -61,7 +61,8 @@ int compare_rows(Type const& type, gsp::Model<double, Mem> const& model, gsp::Dy
         J_off = std::fmax(J_off, std::abs(J[i] - reference[i]));
         J_most = std::fmax(J_most, std::abs(reference[i]));
       }
-      auto const law = gsp::detail::row_law(type, 0, k, r, gap, u, h);
+      gsp::RowBounds<double> bounds{-INFINITY, INFINITY};
+      auto const law = gsp::detail::row_law(type, 0, k, r, gap, u, h, bounds);
       double const aref = (law.zeta - u) / h, terms = std::fmax(1, std::fmax(std::abs(d->efc_aref[at]), std::abs(u) / h));
       out.J = std::fmax(out.J, std::isfinite(J_off) ? J_off / J_most : INFINITY);
       out.aref = std::fmax(out.aref, std::isfinite(aref) ? std::abs(aref - d->efc_aref[at]) / terms : INFINITY);

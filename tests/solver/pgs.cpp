@@ -103,6 +103,32 @@ struct EllipseElements {
   }
   KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
+/// As many rows as small worlds may have, 128: of elements of two rows, of one, of three and a pair, and a few of all sizes beside them.
+struct MostRows {
+  int dofs;
+  KOKKOS_FUNCTION int count(int world) const {
+    constexpr int table[] = {64, 128, 43, 9};
+    return table[world % 4];
+  }
+  KOKKOS_FUNCTION int rows(int world, int k) const {
+    constexpr int table[] = {2, 1, 3};
+    return world % 4 == 3 ? k % 3 + 1 : k == 42 && world % 4 == 2 ? 2 : table[world % 4];
+  }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int world, int k, int row, Row&& J) const {
+    for (int i = 0; i < dofs; ++i) J.set_dof(i, gsp_test::hashed(world, k, row, i) / 16);
+    return 0;
+  }
+  template <class R>
+  KOKKOS_FUNCTION gsp::RowLaw<R> law(int world, int k, int row, R, R, R) const {
+    return {R(0.5), row == 0 ? R(1 + gsp_test::hashed(world, k, 8, row)) : R(0)};
+  }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int k, int row) const {
+    if (row == 0) return {0, 1e300};
+    return {0, 0, 0, 0.7, row == 1 && k % 2 && rows(world, k) == 3};
+  }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
+};
 /// Two rows of friction together that are none: the last of an element, of different normals, three in a row, one the other's normal.
 struct WrongEllipse {
   KOKKOS_FUNCTION int count(int) const { return 1; }
@@ -376,6 +402,44 @@ TEST_CASE_TEMPLATE("worlds of few and of many rows", Exec, GSP_TEST_EXECS) {
       CHECK(std::abs(residual(w) - violation(d)) < 1e-10);
     }
   }
+}
+
+// Worlds of as many rows and dofs as go in lockstep, side by side: six sweeps equal six sweeps row by row over the dense problem. Each of
+// 6 x 128 impulses is a sum of 128 + 128 terms of its size: 256 x 28 roundings, were they all alike.
+TEST_CASE_TEMPLATE("the largest of small worlds", Exec, GSP_TEST_EXECS) {
+  auto const check = [](auto zero) {
+    using R = decltype(zero);
+    gsp::Description d;
+    for (int b = 0; b < 128; ++b) {
+      gsp::BodyDescription body;
+      body.parent = b, body.has_inertial = true, body.inertial.mass = 1, body.inertial.inertia = {1, 1, 1, 0, 0, 0};
+      body.joints.emplace_back();
+      d.bodies.push_back(body);
+    }
+    int const worlds = 21;
+    Loop<R, Exec> s(gsp::compile(d), worlds);
+    test_types::MostRows const type{128};
+    s.assemble(type);
+    if (s.grow()) s.assemble(type);
+    s.solve({.iterations = 6, .tolerance = 0, .residual = true});
+    int most = 0;
+    for (int w = 0; w < worlds; ++w) {
+      auto const problem = dense(s, w);
+      most = std::max(most, problem.n);
+      auto const p = gauss_seidel(problem, 6);
+      double worst = 0, largest = 0;
+      for (int i = 0; i < problem.n; ++i) {
+        worst = std::fmax(worst, std::abs(p[i] - problem.p[i]));
+        largest = std::fmax(largest, std::abs(p[i]));
+      }
+      CAPTURE(w);
+      CHECK(largest > 0.1);
+      CHECK(worst < 256 * 28 * double(std::numeric_limits<R>::epsilon()) * largest);
+    }
+    CHECK(most == 128);
+  };
+  check(0.f);
+  check(0.);
 }
 
 // Elements of four rows go where six have room: what of a world that has gone wrong stands in the places that are left over is nobody's.

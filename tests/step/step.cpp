@@ -29,6 +29,22 @@ struct Tether : gsp::OneFreeRow {
     return qpos(world, dof);
   }
 };
+/// A rope on dof 0 that pulls below -length alone: its law has a slope there, and none above.
+template <class Mem>
+struct Rope : gsp::OneFreeRow {
+  double stiffness, damping, length;
+  typename gsp::State<double, Mem>::template View<double**> qpos;
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  template <class T>
+  KOKKOS_FUNCTION T lambda(int, int, int, T x, T u) const {
+    return x < T(-length) ? -(stiffness * (x + length) + damping * u) : T(0);
+  }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int world, int, int, Row&& J) const {
+    J.set_dof(0, 1.);
+    return qpos(world, 0);
+  }
+};
 /// Pushes with `factor` times the control.
 struct Push {
   double factor;
@@ -273,6 +289,21 @@ TEST_CASE_TEMPLATE("a constraint of one's own never disappears", Exec, GSP_TEST_
   World<double, Exec> rk(gsp::compile(d), 2, {.profile = gsp::Profile::mujoco});
   gsp::step(rk.exec, rk.model, rk.state, rk.sim, {.steps = 4000}, test_types::Tether<Mem>{{}, k, 60., 0, rk.state.qpos});
   CHECK(std::abs(rk.qpos()(1, 0) + 2 * 9.81 / k) < 1e-12);
+}
+
+// Slack, it lets fall as if it was not there; taut, it holds the weight. 100 sums of 1e-2: 1e-14.
+TEST_CASE_TEMPLATE("a rope of one's own hangs slack, then taut", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  auto const c = gsp::compile(one_body({joint(gsp::JointType::slide, {0, 0, 1})}));
+  double const k = 500, length = 0.3, h = c.option.timestep;
+  for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+    World<double, Exec> w(c, 2, {.profile = profile});
+    test_types::Rope<Mem> const rope{{}, k, 60., length, w.state.qpos};
+    gsp::step(w.exec, w.model, w.state, w.sim, {.steps = 100}, rope);
+    CHECK(std::abs(w.qpos()(1, 0) + 9.81 * h * h * 5050) < 1e-14);
+    gsp::step(w.exec, w.model, w.state, w.sim, {.steps = 4000}, rope);
+    CHECK(std::abs(w.qpos()(1, 0) + length + 2 * 9.81 / k) < 1e-12);
+  }
 }
 
 TEST_CASE_TEMPLATE("disabled constraints stay disabled beside one of one's own", Exec, GSP_TEST_EXECS) {

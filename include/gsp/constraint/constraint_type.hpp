@@ -9,7 +9,8 @@
 ///   new rate:
 ///     s = h dlambda/dx + dlambda/du,   C = -1/(h s),   zeta = u + h C lambda(x + h u, u),   u+ = -C p + zeta      (paper, eq. 2-4; p the
 ///     impulse)
-///   A linear spring and damper gives exactly the implicit Euler step.
+///   A linear spring and damper gives exactly the implicit Euler step. Where the slope s is 0 (a slack rope, a constant force) nothing
+///   changes the force, and the impulse is h lambda.
 namespace gsp {
 
 /// Identity of an element within its type: warm starts find last step's impulses by it.
@@ -102,14 +103,20 @@ concept ConstraintType = std::copyable<C> && detail::ConstraintCount<C> && detai
 
 namespace detail {
 /// u+ = -C p + zeta of one row.
+/// @param bounds  in, out: a force that nothing changes is held between bounds that meet
 template <class C, class R>
-KOKKOS_INLINE_FUNCTION RowLaw<R> row_law(C const& c, int world, int k, int row, R x, R u, R h) {
+KOKKOS_INLINE_FUNCTION RowLaw<R> row_law(C const& c, int world, int k, int row, R x, R u, R h, RowBounds<R>& bounds) {
   if constexpr (requires { c.law(world, k, row, x, u, h); }) {
     return c.law(world, k, row, x, u, h);
   } else {
     using D = Dual<R, 2>;
     D const f = c.lambda(world, k, row, D::variable(x + h * u, 0), D::variable(u, 1));
-    R const slope = h * f.slope[0] + f.slope[1];
+    R slope = h * f.slope[0] + f.slope[1];
+    R const least = max(Kokkos::Experimental::epsilon_v<R> * abs(f.value), R(1e-20));  // a rate of 1 changes the force by its last digit
+    if (slope <= R(0) && slope > -least) {
+      slope = -least;
+      bounds.lower = bounds.upper = clamp(h * f.value, bounds.lower, bounds.upper);
+    }
     R const compliance = R(-1) / (h * slope);
     return {compliance, u + h * compliance * f.value};
   }

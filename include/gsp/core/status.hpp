@@ -37,7 +37,8 @@ inline std::string text(std::uint32_t bits) {
       "a constraint row touches more than two kinematic trees, an element has more than six rows, a row names a body or dof that is not "
       "there, or a friction row a row that its element does not have (in profile mujoco: one without the bounds 0 and infinity, "
       "or two friction rows of one row that share no ellipse), or a law or bounds are no numbers that a row can have (compliance and zeta "
-      "are finite, compliance is not negative, bounds are not NaN and the lower one not above the upper, a restitution is 0 to 1, and of "
+      "are finite, compliance is not negative: no lambda() that grows with the gap or the rate; bounds are not NaN and the lower one not "
+      "above the upper, a restitution is 0 to 1, and of "
       "rigid rows that only push and have room "
       "for it, make_rows or make_simulation with {.impacts = true}): split the element, or correct jacobian(), law(), lambda() or "
       "bounds()");

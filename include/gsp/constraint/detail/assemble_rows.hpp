@@ -299,8 +299,9 @@ struct EmitRows {
   template <class Type>
   KOKKOS_INLINE_FUNCTION R set_law(Type const& type, int w, int r, int at, R gap, R rate, R free_rate, R diagonal, Row<R>& row) const {
     int const k = row.element;
-    auto const bounds = type.bounds(w, k, r);
-    RowLaw<R> law = row_law(type, w, k, r, gap, rate, model.timestep);
+    auto const of_type = type.bounds(w, k, r);
+    RowBounds<R> bounds{R(of_type.lower), R(of_type.upper), of_type.friction_of, R(of_type.mu), of_type.with_next, of_type.dry};
+    RowLaw<R> law = row_law(type, w, k, r, gap, rate, model.timestep, bounds);
     bool const bounces =
         law.restitution > R(0) && law.restitution <= R(1) && law.compliance == R(0) && bounds.pushes_alone() && rows.impact.data();
     bool const is_law = is_finite(law.zeta) && is_finite(law.compliance) && law.compliance >= R(0) && (bounces || law.restitution == R(0));
@@ -322,9 +323,9 @@ struct EmitRows {
     R const size = row.segment[0].count > 0 && !jammed ? diagonal + law.compliance : R(0);
     row.inverse_diagonal = size > R(0) ? R(1) / size : R(0);
     row.friction_of = static_cast<signed char>(bounds.friction_of);
-    row.lower = R(bounds.lower);
-    row.upper = min(R(bounds.upper), most_push(law, w, max(abs(rate), abs(free_rate)) * row.inverse_diagonal));
-    row.mu = bounds.friction_of < 0 ? R(-1) : R(bounds.mu);
+    row.lower = bounds.lower;
+    row.upper = min(bounds.upper, most_push(law, w, max(abs(rate), abs(free_rate)) * row.inverse_diagonal));
+    row.mu = bounds.friction_of < 0 ? R(-1) : bounds.mu;
     row.with_next = bounds.with_next;
     row.dry = bounds.dry;
     if (rows.impact.data()) rows.impact(at) = RowImpact<R>{diagonal > R(0) ? law.restitution : R(0), rate, law.zeta, R(0)};

@@ -4,7 +4,7 @@
 /// What the rows of an element do to each other.
 namespace gsp::detail {
 
-KOKKOS_INLINE_FUNCTION int couplings_of(int rows) { return rows * (rows - 1) / 2; }
+KOKKOS_INLINE_FUNCTION constexpr int couplings_of(int rows) { return rows * (rows - 1) / 2; }
 
 template <class R>
 KOKKOS_INLINE_FUNCTION bool has_segments_of(Row<R> const& a, Row<R> const& b) {

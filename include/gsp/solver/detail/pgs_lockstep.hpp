@@ -1,6 +1,7 @@
 #pragma once
 #include <algorithm>
 #include <cstring>
+#include <gsp/constraint/detail/couple_rows.hpp>
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/solver/detail/leap.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
@@ -31,14 +32,15 @@ struct PgsLockstep {
   /// Rows of a block of a kind, and places of an element: kind 0 is elements of one row, kind 1 of more.
   static constexpr int rows_of(int kind) { return kind == 0 ? lockstep_single_rows : lockstep_rows; }
   static constexpr int places_of(int kind) { return kind == 0 ? 1 : lockstep_rows; }
-  static constexpr int B = std::max(rows_of(0), rows_of(1));
+  static constexpr int most_rows = std::max(rows_of(0), rows_of(1));
 
   /// What is known of a block's rows but their entries.
   struct Block {
-    ElementLaw<T, B> law;
-    T bias[B], compliance[B], diagonal[B], p[B], before[B], product[B * (B - 1) / 2];
-    T const* Y;  // entry e of row b of n at n e + b
-    int groups;  // of four dofs
+    ElementLaw<T, most_rows> law;
+    T bias[most_rows], compliance[most_rows], diagonal[most_rows], p[most_rows], before[most_rows];
+    T product[couplings_of(most_rows)];  // Y_b . Y_a at couplings_of(b) + a
+    T const* Y;                          // entry e of row b of B at B e + b
+    int groups;                          // of four dofs
     short dof[lockstep_most_dofs / 4];
   };
   struct Blocks {
@@ -113,7 +115,7 @@ struct PgsLockstep {
     T worst = zero;
     if (options.residual)
       blocks.each([&](auto kind, Block const& k) {
-        T w[B];
+        T w[most_rows];
         rates<kind>(k, z, w);
         for (int s = 0; s < rows_of(kind); s += places_of(kind))  // places without a row are at rest
           worst = max(worst, element_residual<places_of(kind)>(k.law, s, w, k.p));
@@ -181,7 +183,7 @@ struct PgsLockstep {
   /// of four dofs, so that the order in which a world's are summed does not depend on what the other worlds have.
   template <int kind>
   void widen(Block& k, T*& Y, int first, int w0, Places const (&places)[W], int parity) const {
-    constexpr int B = rows_of(kind), n = places_of(kind), each = B / n;
+    constexpr int B = rows_of(kind), N = places_of(kind), each = B / N;
     int row_of[W][B];  // in the pool, -1: none
     std::uint32_t used = 0;
     for (int l = 0; l < W; ++l) {
@@ -191,9 +193,9 @@ struct PgsLockstep {
         int const head = has_element ? start + places[l].row[kind][first + e] : -1, has = has_element ? places[l].has[kind][first + e] : 0;
         if (first + e + each < places[l].count[kind])
           prefetch(&rows.row(start + places[l].row[kind][first + e + each]),
-                   n * sizeof(Row<R>));  // more streams than the processor follows
-        for (int b = 0; b < n; ++b) {
-          row_of[l][e * n + b] = b < has ? head + b : -1;
+                   N * sizeof(Row<R>));  // more streams than the processor follows
+        for (int b = 0; b < N; ++b) {
+          row_of[l][e * N + b] = b < has ? head + b : -1;
           if (b >= has) continue;
           Row<R> const& row = rows.row(head + b);
           int entries = 0;
@@ -245,13 +247,13 @@ struct PgsLockstep {
   }
   /// What is known of row b of all worlds, but its entries. The numbers of a row lie side by side: they come at once, and are transposed.
   void take_law(Block& k, int b, int const (&row_of)[W], int parity) const {
-    constexpr int n = 8;  // six numbers and the impulse
-    alignas(T) R numbers[W][n];
+    constexpr int has = 8;  // six numbers of the row, its impulse, and the row that its friction names
+    alignas(T) R numbers[W][has];
     unsigned normals = 0, ellipses = 0, lines = 0;
     T with_next(R(0));
     for (int l = 0; l < W; ++l) {
       if (row_of[l] < 0) {
-        R const none[n] = {R(0), R(0), R(0), R(0), R(0), R(-1), R(0), R(0)};
+        R const none[has] = {R(0), R(0), R(0), R(0), R(0), R(-1), R(0), R(0)};
         std::memcpy(numbers[l], none, sizeof none);
         continue;
       }
@@ -264,9 +266,9 @@ struct PgsLockstep {
       (row.with_next ? ellipses : lines) += 1;
       with_next.set(l, R(row.with_next));
     }
-    T out[n];
+    T out[has];
     for (int l = 0; l < W; ++l)
-      for (int i = 0; i < n; ++i) reinterpret_cast<R*>(out)[i * W + l] = numbers[l][i];
+      for (int i = 0; i < has; ++i) reinterpret_cast<R*>(out)[i * W + l] = numbers[l][i];
     k.bias[b] = out[0];
     k.compliance[b] = out[1];
     k.law.inverse_diagonal[b] = out[2];
@@ -302,7 +304,7 @@ struct PgsLockstep {
       T const of_row = abs(d[b]) * k.diagonal[b];
       change = max(change, of_row);
       if (raised == nullptr) return;
-      unrolled<b>([&](auto a) { before[b] = fma(k.product[b * (b - 1) / 2 + a], d[a], before[b]); });
+      unrolled<b>([&](auto a) { before[b] = fma(k.product[couplings_of(b) + a], d[a], before[b]); });
       *raised = *raised + energy_of_step(d[b], before[b], of_row);
     });
     push<kind>(k, z, d);
@@ -334,7 +336,7 @@ struct PgsLockstep {
   struct Coupling {
     Block const& k;
     int first;
-    KOKKOS_FORCEINLINE_FUNCTION T operator()(int b, int a) const { return k.product[(first + b) * (first + b - 1) / 2 + first + a]; }
+    KOKKOS_FORCEINLINE_FUNCTION T operator()(int b, int a) const { return k.product[couplings_of(first + b) + first + a]; }
   };
   /// Elements of N places one after the other: number e...
   template <int N, int... e>
@@ -346,8 +348,8 @@ struct PgsLockstep {
   KOKKOS_FORCEINLINE_FUNCTION static void project_one(Block const& k, T const& relaxation, T* w, T* p, T* d,
                                                       std::integer_sequence<int, a...>) {
     unrolled<N>([&](auto at) {
-      constexpr int b = first + at;
-      ((w[b] = fma(k.product[b * (b - 1) / 2 + a], d[a], w[b])), ...);
+      [[maybe_unused]] constexpr int b = first + at;
+      ((w[b] = fma(k.product[couplings_of(b) + a], d[a], w[b])), ...);
     });
     project_element<N>(k.law, first, Coupling{k, first}, relaxation, w, p, d);
   }

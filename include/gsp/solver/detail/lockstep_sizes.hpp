@@ -1,0 +1,33 @@
+#pragma once
+#include <Kokkos_Core.hpp>
+#include <cstdint>
+
+/// Which worlds are small, and go together through the sweeps (pgs_lockstep.hpp on hosts, pgs_shared.hpp on GPUs), and the room of a pack of
+/// them.
+namespace gsp::detail {
+
+// Worlds of at most so many rows and dofs, with elements of at most so many rows.
+inline constexpr int lockstep_most_rows = 128, lockstep_most_dofs = 128, lockstep_rows = 3;
+// So many elements of one row, or one of two or three, make a block: room for the longest list of either in any world of a pack.
+inline constexpr int lockstep_single_rows = 4;
+inline constexpr int lockstep_most_blocks = lockstep_most_rows / lockstep_single_rows + lockstep_most_rows / 2;
+inline constexpr int lockstep_most_block_rows = lockstep_most_rows + lockstep_most_rows / 2 * lockstep_rows;
+// What is known of a block but its entries: 11 numbers a row and the products of its rows; all else takes 6 of the narrowest packs.
+inline constexpr int lockstep_block_packs = 11 * lockstep_single_rows + lockstep_single_rows * (lockstep_single_rows - 1) / 2 + 6;
+/// A world takes this path by its own rows alone.
+template <class Rows>
+KOKKOS_INLINE_FUNCTION bool goes_in_lockstep(Rows const& rows, int world) {
+  return rows.count(world) <= lockstep_most_rows && rows.largest_element(world) <= lockstep_rows;
+}
+/// Whether small worlds may be solved as a whole, all trees stopping together: where some may sleep, the bits of the others would hang on
+/// them.
+template <class Rows>
+KOKKOS_INLINE_FUNCTION bool goes_as_a_whole(Rows const& rows) {
+  return !rows.may_sleep || rows.islands.ntree <= 1;
+}
+/// Packs that such worlds need: z, twice, and the entries by whole groups of four dofs, and the blocks.
+inline std::int64_t lockstep_packs(int nv) {
+  return std::int64_t(nv + 3) / 4 * 4 * (2 + lockstep_most_block_rows) + lockstep_most_blocks * lockstep_block_packs;
+}
+
+}  // namespace gsp::detail
