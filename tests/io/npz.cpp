@@ -37,6 +37,21 @@ TEST_CASE("npz: what is written comes back, stored and deflated, the same bytes 
   CHECK(parse_npz(written({}), "none").arrays.empty());
 }
 
+TEST_CASE("npz: temporaries are kept until they are written") {
+  std::vector<NpzEntry> list;
+  for (int i = 0; i < 3; ++i) {
+    list.push_back({"v" + std::to_string(i), {{1000}, std::vector<double>(1000, i)}});
+    list.push_back({"a" + std::to_string(i), make_npy({1000}, std::vector<double>(1000, 10 + i))});
+  }
+  auto const copy = list;
+  list.clear();
+  Npz const npz = parse_npz(written(copy), "a.npz");
+  for (int i = 0; i < 3; ++i) {
+    CHECK(npz.at("v" + std::to_string(i)).as<double>() == std::vector<double>(1000, i));
+    CHECK(npz.at("a" + std::to_string(i)).as<double>() == std::vector<double>(1000, 10 + i));
+  }
+}
+
 TEST_CASE("npz: a failed write leaves nothing") {
   Folder folder;
   auto const path = folder.path / "a.npz";

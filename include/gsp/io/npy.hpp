@@ -6,6 +6,7 @@
 #include <concepts>
 #include <gsp/io/file.hpp>
 #include <limits>
+#include <memory>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -97,18 +98,33 @@ struct NpyArray {
   }
 };
 
-/// An array to be written, not owned.
+/// An array to be written: somebody else's, which has to be there still when it is, or a temporary, which it keeps.
 struct NpyView {
   Dtype dtype = Dtype::f8;
   std::vector<std::size_t> shape;
   Bytes bytes;
+  std::shared_ptr<void const> kept;
   NpyView() = default;
   NpyView(NpyArray const& a) : dtype(a.dtype), shape(a.shape), bytes(a.bytes) {}  // NOLINT: an array is a view of itself
+  NpyView(NpyArray&& a) : dtype(a.dtype), shape(std::move(a.shape)) {             // NOLINT
+    auto const owned = std::make_shared<std::vector<std::byte> const>(std::move(a.bytes));
+    bytes = *owned;
+    kept = owned;
+  }
   template <class T>
   NpyView(std::vector<std::size_t> s, std::span<T const> values)
       : dtype(dtype_of<T>()), shape(std::move(s)), bytes(std::as_bytes(values)) {}
   template <class T>
   NpyView(std::vector<std::size_t> s, std::vector<T> const& values) : NpyView(std::move(s), std::span<T const>(values)) {}
+  template <class T>
+  NpyView(std::vector<std::size_t> s, std::vector<T>&& values)
+      : NpyView(std::move(s), std::make_shared<std::vector<T> const>(std::move(values))) {}
+
+ private:
+  template <class T>
+  NpyView(std::vector<std::size_t> s, std::shared_ptr<std::vector<T> const> values) : NpyView(std::move(s), std::span<T const>(*values)) {
+    kept = std::move(values);
+  }
 };
 
 /// Owns a copy of `values`.

@@ -2,8 +2,8 @@
 #include <Kokkos_Core.hpp>
 #include <cstdint>
 
-/// Which worlds are small, and go together through the sweeps (pgs_lockstep.hpp on hosts, pgs_shared.hpp on GPUs), and the room of a pack of
-/// them.
+/// Which worlds are small, and go together through the sweeps (pgs_lockstep.hpp on hosts, pgs_shared.hpp on GPUs), and the room of a pack
+/// of them.
 namespace gsp::detail {
 
 // Worlds of at most so many rows and dofs, with elements of at most so many rows.
