@@ -104,6 +104,56 @@ TEST_CASE_TEMPLATE("inverse dynamics inverts forward dynamics", Exec, GSP_TEST_E
   CHECK(worst < 1e-10);
 }
 
+// Profile stable carries the angular momentum of what is one rigid body, and its step takes no gyroscopic force: who asks for the bias, or
+// for the forces of accelerations, gets them all the same, from the fused stage and from the single ones. Forces of 10^2: rounding.
+TEST_CASE_TEMPLATE("bias forces and inverse dynamics are those of the state in both profiles", Exec, GSP_TEST_EXECS) {
+  gsp::Description d;
+  for (auto [type, parent] : {std::pair{JointType::free, 0}, std::pair{JointType::ball, 0}, std::pair{JointType::hinge, 0}}) {
+    gsp::BodyDescription body;
+    body.parent = parent, body.has_inertial = true;
+    body.inertial = {{0.1, -0.2, 0.3}, {0.8, 0.6, 0, 0}, 2, {0.3, 0.2, 0.4, 0.01, 0.02, -0.03}};
+    gsp::JointDescription joint;
+    joint.type = type, joint.pos = type == JointType::ball ? gsp::Double3{-0.1, 0.2, 0} : gsp::Double3{0, 0, 0}, joint.armature = 0.05;
+    body.joints.push_back(joint);
+    d.bodies.push_back(body);
+    body.joints.clear(), body.parent = int(d.bodies.size()) - 1, body.pos = {0.2, 0, 0.1};  // welded to it
+    d.bodies.push_back(body);
+  }
+  auto const c = gsp::compile(d);
+  int const worlds = 19;
+  Set<Exec> s(c, worlds, gsp::Profile::stable), other(c, worlds, gsp::Profile::mujoco);
+  typename Set<Exec>::View2 qacc("qacc", worlds, s.model.nv);
+  Kokkos::deep_copy(qacc, 1.5);
+  auto const numbers = [&](Set<Exec>& at, bool single) {
+    at.smooth();
+    if (single) {
+      gsp::forward_kinematics(at.exec, at.model, at.state, at.poses, at.dynamics);
+      gsp::bias_forces(at.exec, at.model, at.state, at.poses, at.dynamics);
+      return std::array{at.dofs(&gsp::DynamicsLayout::bias), std::vector<double>()};
+    }
+    typename Set<Exec>::View2 out("out", worlds, at.model.nv);
+    gsp::inverse_dynamics(at.exec, at.model, at.dynamics, qacc, out);
+    auto const h = gsp_test::host(out);
+    return std::array{at.dofs(&gsp::DynamicsLayout::bias), std::vector<double>(h.data(), h.data() + h.size())};
+  };
+  auto const reference = numbers(other, false);
+  double turning = 0;
+  for (bool single : {false, true}) {
+    auto const ours = numbers(s, single);
+    for (int k = 0; k < (single ? 1 : 2); ++k) {
+      double worst = 0;
+      REQUIRE(ours[k].size() == reference[k].size());
+      for (std::size_t i = 0; i < ours[k].size(); ++i) worst = std::fmax(worst, std::abs(ours[k][i] - reference[k][i]));
+      CHECK(worst < 1e-12);
+    }
+  }
+  Kokkos::deep_copy(s.state.qvel, 0.);
+  auto const still = numbers(s, false);
+  for (std::size_t i = 0; i < still[0].size(); ++i)
+    if (int const dof = int(i) % s.model.nv; dof < 9) turning = std::fmax(turning, std::abs(still[0][i] - reference[0][i]));
+  CHECK(turning > 0.1);
+}
+
 // The power of all forces but weight and springs is what the energies' sum changes by: checked by a small step of RK4 (order 4: h^4 =
 // 1e-16) without dampers.
 TEST_CASE_TEMPLATE("energy is conserved without dampers", Exec, GSP_TEST_EXECS) {

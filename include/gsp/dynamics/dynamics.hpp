@@ -96,6 +96,7 @@ struct DynamicsLayout {
   int act_row, tendon_row;  // what is left to rows (constraint/stiff_forces.hpp): (slope, intercept, lower, upper), (slope, intercept)
   int mass, derivative;     // derivative of the forces by velocity, lower triangle as M, then the upper (by rows of the transpose)
   int force, passive, actuator, bias, stiffness, damping, acceleration, impulse, gravcomp;
+  int turning_bias;  // of a tree that carries its momentum: what `bias` is without, for those who read it
   int tendon_velocity, act_velocity, act_force, act_slope, act_law, energy;  // act_law: force before its limits, -d/d length, -d/d velocity
   int drag;                                                                  // what a fluid damps: -d force / d qvel, as M
   int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc, both_triangles, sigma, velocity_terms;
@@ -135,6 +136,7 @@ struct DynamicsLayout {
     reserve(acceleration, a.nv);
     reserve(impulse, a.nv);
     reserve(gravcomp, a.gravcomp ? a.nv : 0);
+    reserve(turning_bias, a.njnt == 1 ? a.nv : 0);
     reserve(tendon_velocity, a.ntendon);
     reserve(act_velocity, a.nact);
     if (!a.adhesion) reserve(act_force, a.nact);

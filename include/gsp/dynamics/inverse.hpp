@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/dynamics/bias_forces.hpp>
 #include <gsp/dynamics/passive_forces.hpp>
 
 /// Inverse dynamics: the forces that make given accelerations, without constraints.
@@ -15,7 +16,7 @@ struct InverseStage {
     auto const& a = l.a;
     auto const& s = l.items;
     int const f = l.at.impulse;
-    for (int i = 0; i < a.nv; ++i) s[f + i] = s[l.at.bias + i] - s[l.at.passive + i];
+    for (int i = 0; i < a.nv; ++i) s[f + i] = whole_bias(l, i) - s[l.at.passive + i];
     for (int i = 0; i < a.nv; ++i) {
       T const own = l.load(qacc, l.dof0, i);
       for (int e = l.index(a.row_adr, i), end = l.index(a.row_adr, i + 1); e < end; ++e) {

@@ -15,13 +15,13 @@ struct SmoothOptions {
 namespace detail {
 /// Poses, inertias, M, and all forces.
 template <class L, class State, class Poses, class Laws>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, Poses const& poses, bool joint_poses, Laws const& laws) {
+KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, Poses const& poses, SmoothOptions options, Laws const& laws) {
   lanes_kinematics(l, state);
-  lanes_store_poses(l, poses, joint_poses);
+  lanes_store_poses(l, poses, options.joint_poses);
   lanes_load_velocity(l, state.qvel);
   lanes_inertia(l);
   lanes_tendons(l, state);
-  lanes_bias(l, carries_momentum(l));
+  lanes_bias_of_step(l, options.keep_all);
   lanes_tendon_bias(l, state);
   lanes_bias_derivative_terms(l);
   lanes_mass_matrix(l);
@@ -42,7 +42,7 @@ struct SmoothStage {
   static constexpr int shared_blocks = 4;
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
-    lanes_forces(l, state, poses, options.joint_poses, laws);
+    lanes_forces(l, state, poses, options, laws);
     lanes_factor_profile(l, left);
     lanes_free_velocity(l, state.qfrc_applied);
   }
@@ -59,7 +59,7 @@ struct SmoothStepStage {
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     typename State::template View<typename State::real_type**> const none;
-    lanes_forces(l, state, poses, false, laws);
+    lanes_forces(l, state, poses, SmoothOptions{}, laws);
     if (lanes_factors_again(l)) {  // what M itself gives is not asked for
       lanes_total_force(l, state.qfrc_applied);
       lanes_new_velocity(l, none, none);

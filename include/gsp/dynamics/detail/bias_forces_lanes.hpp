@@ -58,6 +58,26 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = fals
       [&](int i, T const& x) { s[l.at.bias + i] = x; });
 }
 
+/// The bias that the step takes: of a tree that carries its momentum gravity alone. What is left out, Coriolis and gyroscopic forces, stays
+/// beside it where somebody may read it (`kept`).
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_bias_of_step(L const& l, bool kept) {
+  auto const& s = l.items;
+  bool const carries = carries_momentum(l);
+  for (int pass = carries && kept ? 0 : 1; pass < 2; ++pass) {
+    lanes_bias(l, carries && pass == 1);
+    if (!carries || !kept) continue;
+    int const out = l.at.turning_bias, bias = l.at.bias;
+    l.each(l.a.nv, [&](int i) { s[out + i] = pass == 0 ? s[bias + i] : s[out + i] - s[bias + i]; });
+  }
+}
+/// All of a dof's bias.
+template <class L>
+KOKKOS_INLINE_FUNCTION auto whole_bias(L const& l, int i) {
+  auto const& s = l.items;
+  return carries_momentum(l) ? s[l.at.bias + i] + s[l.at.turning_bias + i] : s[l.at.bias + i];
+}
+
 template <class State, class Poses>
 struct BiasStage {
   State state;
@@ -68,7 +88,7 @@ struct BiasStage {
     lanes_load_velocity(l, state.qvel);
     lanes_inertia(l);
     if (l.a.tendon_armature) lanes_tendons(l, state);
-    lanes_bias(l, carries_momentum(l));
+    lanes_bias_of_step(l, true);
     lanes_tendon_bias(l, state);
     lanes_bias_derivative_terms(l);
     if (takes_bias_derivative(l.a)) lanes_composite(l);
@@ -97,7 +117,8 @@ struct CopyDofsStage {
   DofItems item;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
-    for (int i = 0; i < l.a.nv; ++i) l.store(out, l.dof0, i, l.items[l.at.*item + i]);
+    bool const bias = item == &DynamicsLayout::bias;
+    for (int i = 0; i < l.a.nv; ++i) l.store(out, l.dof0, i, bias ? whole_bias(l, i) : l.items[l.at.*item + i]);
   }
 };
 
