@@ -181,7 +181,7 @@ std::vector<Reader<Exec>> readers() {
           {"site_jacobian",
            [](S& s) {
              typename S::template View<double***> const out("out", S::worlds, 6, s.model.nv);
-             gsp::site_jacobian(s.exec, s.model, s.poses, s.dynamics, s.all.site_body[3], 3, out);
+             gsp::site_jacobian(s.exec, s.model, s.poses, s.dynamics, 3, out);
              return numbers(out);
            }},
           {"subtree_momentum",
@@ -384,7 +384,7 @@ TEST_CASE_TEMPLATE("readers of poses refuse those of another moment", Exec, GSP_
       {"actuator_forces",
        [&](S& s, Poses const& p) { return gsp::actuator_forces(s.exec, s.model, s.state, p, s.dynamics), copy(s, &L::actuator); }, true},
       {"energies", with(6), false},
-      {"body_jacobian", with(8), false},
+      {"site_jacobian", with(8), false},
       {"smooth_sensors", with(11), false},
   };
   std::vector<Stage<Exec>> const moves{
@@ -424,7 +424,7 @@ TEST_CASE_TEMPLATE("readers of poses refuse those of another moment", Exec, GSP_
         use.run(s, old);
       } catch (std::invalid_argument const& e) { sentence = e.what(); }
       CAPTURE(sentence);
-      bool const with_dynamics = use.name == "body_jacobian";  // is given no state: what it takes is of one moment
+      bool const with_dynamics = use.name == "site_jacobian";  // is given no state: what it takes is of one moment
       CHECK(sentence.find("gsp::" + use.name + ": the poses") == 0);
       CHECK(sentence.find(with_dynamics ? "different moments" : "before its last step or reset") != std::string::npos);
       CHECK(sentence.find(with_dynamics ? ": call smooth_dynamics first" : ": call forward_kinematics first") != std::string::npos);

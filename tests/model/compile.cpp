@@ -267,6 +267,8 @@ TEST_CASE("what cannot be compiled is said in one sentence") {
   check_message(d, "option density and viscosity");
   d = double_pendulum(), d.bodies[1].cameras.emplace_back().resolution = {64, 0};
   check_message(d, "no positive resolution");
+  d = double_pendulum(), d.bodies[1].cameras.emplace_back().fovy = 60;
+  check_message(d, "body 'upper': camera has a fovy of pi or more: give less, in radians");
   d = double_pendulum(), d.bodies[1].cameras.emplace_back().sensor_size = {0.1, 0};
   check_message(d, "a sensor without area");
   d = double_pendulum(), d.files = {"a.xml"}, d.bodies[1].joints[0].place = {0, 7}, d.bodies[1].joints[0].limited = true;
@@ -414,6 +416,13 @@ TEST_CASE("what is taken for another, grows without bound or is lost in float is
   CHECK(compile(d).report.empty());
   d.actuators[0].dynprm[0] = d.option.timestep / 2.79;
   CHECK(notes(d, "of RK4: its activation grows without bound"));
+
+  d = double_pendulum(), d.bodies[1].joints[0].range = {-1, 1};
+  CHECK(notes(d, "joint 'shoulder' has a range of -1 to 1, and limited is false: set it"));
+  d.files = {"a.xml"}, d.bodies[1].joints[0].place = {0, 7};  // a file says limited="false" where it means it
+  CHECK(compile(d).report.empty());
+  d = double_pendulum(), d.actuators.push_back({.name = "m", .target_name = "elbow", .ctrl_range = {-1, 1}});
+  CHECK(notes(d, "actuator 'm' has a range of -1 to 1, and ctrl_limited is false"));
 
   // A sphere of 1 kg and 0.1 m (I = 0.004 kg m^2) at 25 m has m r^2 / I = 156,250, at 15 m 56,250.
   for (double r : {15., 25.}) {

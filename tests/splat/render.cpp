@@ -220,6 +220,15 @@ TEST_CASE("input that cannot be is refused in a sentence") {
                        std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::render(exec, cloud, poses, cameras, three),
                        doctest::Contains("2 cameras for 3 images: make_frames with {.images = 2}"), std::invalid_argument);
+  auto unwritten = gsp::make_cameras(exec, 2);
+  for (bool second : {false, true}) {
+    CHECK_THROWS_WITH_AS(gsp::render(exec, cloud, poses, unwritten, frames),
+                         doctest::Contains(second ? "camera 0 has no focal length: write its viewmat and K, or call cameras_of"
+                                                  : "camera 1 has no focal length"),
+                         std::invalid_argument);
+    for (int i = 0; i < 3; ++i) unwritten.Ks(1, i, i) = 30;
+  }
+  CHECK_NOTHROW(gsp::render(exec, cloud, poses, cameras, frames));
   CHECK_THROWS_AS(gsp::render(exec, cloud, poses, cameras, frames, {.near = -1}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::render(exec, cloud, poses, cameras, frames, {.alpha_max = 1}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_frames(exec, cloud, {.images = 0}), std::invalid_argument);

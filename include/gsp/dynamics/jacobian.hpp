@@ -15,14 +15,14 @@ struct PointJacobian {
   Model<R, Mem> model;
   Poses<R, Mem> poses;
   Dynamics<R, Mem> dynamics;
-  int body;
+  int body;  // -1: of site `item`
   Vec3<R> point;
   Field<R> field;  // where it has data: the point is its item
   int item;
   View J;
   template <class T>
   KOKKOS_FUNCTION void operator()(WorldLane<T> const& l, int) const {
-    int const last = model.body_last_dof(body);
+    int const body = this->body < 0 ? model.site_body(item) : this->body, last = model.body_last_dof(body);
     if (last < 0) return;
     int const t = model.dof_tree(last), dof0 = model.tree_dof(t);
     Archetype const& a = model.archetypes(model.tree_archetype(t));
@@ -44,15 +44,14 @@ struct PointJacobian {
   }
 };
 template <ExecutionSpace Exec, class R, class Mem, class View>
-void jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
-              Vec3<R> const& point, Field<R> const& field, int item, View& J) {
+void jacobian(std::string const& where, Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses,
+              Dynamics<R, Mem> const& dynamics, int body, Vec3<R> const& point, Field<R> const& field, int item, View& J) {
   expects(int(J.extent(0)) == dynamics.worlds && int(J.extent(1)) == 6 && int(J.extent(2)) == model.nv,
-          "gsp::body_jacobian: J is (" + std::to_string(J.extent(0)) + ", " + std::to_string(J.extent(1)) + ", " +
-              std::to_string(J.extent(2)) + ") and must be (worlds, 6, nv), here (" + std::to_string(dynamics.worlds) + ", 6, " +
-              std::to_string(model.nv) + ")");
-  expects_fit("gsp::body_jacobian", model, dynamics, poses);
-  expects_together("gsp::body_jacobian", dynamics, set_of(Quantity::motion));
-  expects_poses_with("gsp::body_jacobian", poses, dynamics);
+          where + ": J is (" + std::to_string(J.extent(0)) + ", " + std::to_string(J.extent(1)) + ", " + std::to_string(J.extent(2)) +
+              ") and must be (worlds, 6, nv), here (" + std::to_string(dynamics.worlds) + ", 6, " + std::to_string(model.nv) + ")");
+  expects_fit(where.c_str(), model, dynamics, poses);
+  expects_together(where.c_str(), dynamics, set_of(Quantity::motion));
+  expects_poses_with(where.c_str(), poses, dynamics);
   zero(exec, J);
   for_world_lanes<R>("gsp::dynamics::jacobian", exec, dynamics.worlds, 1,
                      PointJacobian<R, Mem, View>{model, poses, dynamics, body, point, field, item, J});
@@ -67,22 +66,21 @@ template <ExecutionSpace Exec, class R, class Mem, class View>
 void body_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
                    std::type_identity_t<Vec3<R>> const& local, View& J) {
   detail::expects_index("gsp::body_jacobian", "body", body, model.nbody);
-  detail::jacobian(exec, model, poses, dynamics, body, local, Field<R>{}, 0, J);
+  detail::jacobian("gsp::body_jacobian", exec, model, poses, dynamics, body, local, Field<R>{}, 0, J);
 }
 /// The same of a body's centre of mass.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void com_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
                   View& J) {
   detail::expects_index("gsp::com_jacobian", "body", body, model.nbody);
-  detail::jacobian(exec, model, poses, dynamics, body, {}, model.body_ipos, body, J);
+  detail::jacobian("gsp::com_jacobian", exec, model, poses, dynamics, body, {}, model.body_ipos, body, J);
 }
-/// The same of a site, which is on `body` (CompiledModel::site_body).
+/// The same of a site.
 template <ExecutionSpace Exec, class R, class Mem, class View>
-void site_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
-                   int site, View& J) {
-  detail::expects_index("gsp::site_jacobian", "body", body, model.nbody);
+void site_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int site,
+                   View& J) {
   detail::expects_index("gsp::site_jacobian", "site", site, model.nsite);
-  detail::jacobian(exec, model, poses, dynamics, body, {}, model.site_pos, site, J);
+  detail::jacobian("gsp::site_jacobian", exec, model, poses, dynamics, -1, {}, model.site_pos, site, J);
 }
 
 }  // namespace gsp

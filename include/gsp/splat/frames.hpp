@@ -24,7 +24,8 @@ struct SplatWave {
   View<int*> cluster_visible;            // (batch x clusters) Gaussians whose ellipse's box meets the picture
   View<std::int64_t*> cluster_offset;    // (batch x clusters + 1)
   View<std::int64_t> visible, pairs;     // how many there are; 0 where they did not fit
-  View<std::int64_t[2]> needed;          // greatest number of visible and of pairs of any wave since `render` began
+  View<std::int64_t[3]> needed;          // greatest number of visible and of pairs of any wave since `render` began, and of a camera
+                                         // that has no focal length (its image + 1)
 
   View<Splat*> splats;                           // (visible)
   View<float*> values;                           // (visible x values_a_splat)

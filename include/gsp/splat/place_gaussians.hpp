@@ -41,6 +41,8 @@ struct PlaceLinks {
     ImageView v;
     v.fx = cameras.Ks(image, 0, 0);
     v.fy = cameras.Ks(image, 1, 1);
+    auto const is_length = [](double f) { return f < 0 || f > 0; };
+    if (!is_length(v.fx) || !is_length(v.fy)) Kokkos::atomic_max(&wave.needed(2), std::int64_t(image) + 1);
     v.cx = cameras.Ks(image, 0, 2);
     v.cy = cameras.Ks(image, 1, 2);
     double const mx = 0.15 * width / v.fx, my = 0.15 * height / v.fy;

@@ -10,8 +10,8 @@ namespace gsp {
 namespace detail {
 template <class Mem>
 struct ResetNeeded {
-  Kokkos::View<std::int64_t[2], Kokkos::LayoutRight, Mem> needed;
-  KOKKOS_FUNCTION void operator()(int) const { needed(0) = needed(1) = 0; }
+  Kokkos::View<std::int64_t[3], Kokkos::LayoutRight, Mem> needed;
+  KOKKOS_FUNCTION void operator()(int) const { needed(0) = needed(1) = needed(2) = 0; }
 };
 }  // namespace detail
 
@@ -23,7 +23,8 @@ struct ResetNeeded {
 /// @param channels further picture channels (channels.hpp); each stores its own picture, of the size of the frames' (checked where it is
 ///                 the channel's member `image`)
 /// Waits for the device once, at its end (and once after the very first wave), to learn whether every wave fitted its buffers; those that
-/// did not are repeated with larger ones, so that nothing is ever dropped. Allocates only then. An image depends on nothing but its own
+/// did not are repeated with larger ones, so that nothing is ever dropped. Allocates only then. Errors: std::invalid_argument also where a
+/// camera has no focal length (none has written it). An image depends on nothing but its own
 /// input: the same bits for any batch, any number of threads and any other images.
 template <ExecutionSpace Exec, class R, class PosesMem, class Mem, class... Channels>
 void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras,
@@ -48,6 +49,8 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
   // Room for the greatest wave so far; true if there was too little.
   auto const grow = [&] {
     auto const needed = detail::to_host(exec, frames.wave.needed);
+    expects(needed[2] == 0,
+            "gsp::render: camera " + std::to_string(needed[2] - 1) + " has no focal length: write its viewmat and K, or call cameras_of");
     auto const room = [](std::int64_t n) { return n + n / 8; };
     bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
     if (small)

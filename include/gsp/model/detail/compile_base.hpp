@@ -23,7 +23,7 @@ class CompilerBase {
     throw Error(at(place) + what + (name.empty() ? "" : " '" + name + "'") + " " + sentence);
   }
   std::string at(Place const& place) const {
-    if (place.file < 0 || place.file >= int(d_.files.size())) return d_.name.empty() ? "model: " : d_.name + ": ";
+    if (place.file < 0 || place.file >= int(d_.files.size())) return (d_.name.empty() ? "model: " : d_.name + ": ") + of_body_;
     return d_.files[place.file] + ":" + std::to_string(place.line) + ": ";
   }
   static char const* kind_name(Kind kind) {
@@ -64,6 +64,7 @@ class CompilerBase {
   Description const& d_;
   CompiledModel m_;
   std::array<std::unordered_map<std::string, int>, std::size_t(Kind::count)> names_;
+  std::string of_body_;  // whose parts are read now: "body 'name': ", where there is no line to name
 };
 
 }  // namespace gsp::detail

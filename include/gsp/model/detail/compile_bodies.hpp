@@ -73,6 +73,7 @@ class BodyCompiler : public CompilerBase {
       m_.body_jntadr.push_back(body.joints.empty() ? -1 : m_.njnt);
       m_.body_jntnum.push_back(int(body.joints.size()));
       m_.body_dofadr.push_back(body.joints.empty() ? -1 : m_.nv);
+      of_body_ = "body " + (body.name.empty() ? std::to_string(b) : "'" + body.name + "'") + ": ";
       for (auto const& j : body.joints) {
         enter(Kind::joint, j.name, m_.njnt, j.place);
         joint(body, b, j);
@@ -98,6 +99,7 @@ class BodyCompiler : public CompilerBase {
         require_finite(
             finite(c.pos) && finite(c.quat) && finite(c.sensor_size) && finite(c.focal) && finite(c.principal) && std::isfinite(c.fovy),
             c.place, "camera", c.name);
+        if (!(c.fovy < 3.14159265358979323846)) fail(c.place, "camera", c.name, "has a fovy of pi or more: give less, in radians");
         bool const sized = c.sensor_size[0] > 0 && c.sensor_size[1] > 0;
         if (!(c.resolution[0] > 0 && c.resolution[1] > 0)) fail(c.place, "camera", c.name, "has no positive resolution: give its pixels");
         if (!sized && (c.sensor_size[0] != 0 || c.sensor_size[1] != 0))
@@ -117,6 +119,7 @@ class BodyCompiler : public CompilerBase {
         m_.cam_mode.push_back(int(c.mode));
         ++m_.ncam;
       }
+      of_body_.clear();
     }
     m_.nbody = int(d_.bodies.size());
     for (auto const& body : d_.bodies)

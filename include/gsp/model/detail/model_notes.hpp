@@ -19,6 +19,7 @@ class ModelNotes {
     for (int k = 0; k < m_.neq; ++k)
       if (m_.eq_active[k]) equality(k);
     softnesses();
+    ranges();
     filters();
     far_centers();
   }
@@ -92,6 +93,26 @@ class ModelNotes {
       note(place, Kind::approximated,
            what + "cannot close: the joints between them leave its two points at least " + number(gap) +
                " m apart, and it will pull without end: correct its points, or the bodies between them");
+  }
+
+  // Ranges that limit nothing. A file that says so (limited="false") means it.
+  void ranges() {
+    auto const check = [&](Place const& place, std::string const& who, char const* flag, bool limited, std::array<double, 2> const& range) {
+      if (place.file < 0 && !limited && range[0] < range[1])
+        note(place, Kind::no_effect,
+             who + " has a range of " + number(range[0]) + " to " + number(range[1]) + ", and " + flag + " is false: set it");
+    };
+    for (auto const& body : d_.bodies)
+      for (auto const& j : body.joints) {
+        check(j.place, "joint '" + j.name + "'", "limited", j.limited, j.range);
+        check(j.place, "joint '" + j.name + "'", "actuator_force_limited", j.actuator_force_limited, j.actuator_force_range);
+      }
+    for (auto const& t : d_.tendons) check(t.place, "tendon '" + t.name + "'", "limited", t.limited, t.range);
+    for (auto const& a : d_.actuators) {
+      check(a.place, "actuator '" + a.name + "'", "ctrl_limited", a.ctrl_limited, a.ctrl_range);
+      check(a.place, "actuator '" + a.name + "'", "force_limited", a.force_limited, a.force_range);
+      check(a.place, "actuator '" + a.name + "'", "act_limited", a.act_limited, a.act_range);
+    }
   }
 
   // A joint that is to stand where its limits do not let it.

@@ -130,7 +130,7 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
       detail::allocate<typename Wave::template View<std::int64_t*>>("gsp::SplatWave::cluster_offset", batch * clusters + 1);
   wave.visible = detail::allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::visible");
   wave.pairs = detail::allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::pairs");
-  wave.needed = detail::allocate_zero<typename Wave::template View<std::int64_t[2]>>(exec, "gsp::SplatWave::needed");
+  wave.needed = detail::allocate_zero<typename Wave::template View<std::int64_t[3]>>(exec, "gsp::SplatWave::needed");
   wave.tile_begin = detail::allocate<typename Wave::template View<std::int64_t*>>("gsp::SplatWave::tile_begin", batch * wave.tiles() + 1);
   reserve(exec, sizes.visible, sizes.pairs, wave);
   return f;
