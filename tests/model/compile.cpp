@@ -267,6 +267,10 @@ TEST_CASE("what cannot be compiled is said in one sentence") {
   check_message(d, "option density and viscosity");
   d = double_pendulum(), d.bodies[1].cameras.emplace_back().resolution = {64, 0};
   check_message(d, "no positive resolution");
+  d = double_pendulum(), d.bodies[1].geoms[0].has_mass = false, d.bodies[1].geoms[0].mass = 1;
+  check_message(d, "has a mass, and has_mass is false");
+  d = double_pendulum(), d.bodies[1].has_inertial = false, d.bodies[1].inertial.mass = 1;
+  check_message(d, "body 'upper' has an inertial, and has_inertial is false");
   d = double_pendulum(), d.bodies[1].cameras.emplace_back().fovy = 60;
   check_message(d, "body 'upper': camera has a fovy of pi or more: give less, in radians");
   d = double_pendulum(), d.bodies[1].cameras.emplace_back().sensor_size = {0.1, 0};

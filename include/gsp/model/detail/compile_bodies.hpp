@@ -57,6 +57,8 @@ class BodyCompiler : public CompilerBase {
       path.push_back(b);
       enter(Kind::body, body.name, b, body.place);
       require_finite(finite(body.pos) && finite(body.quat) && std::isfinite(body.gravcomp), body.place, "body", body.name);
+      if (body.inertial.mass != 0 && !body.has_inertial)
+        fail(body.place, "body", body.name, "has an inertial, and has_inertial is false: set it, or leave the inertial away");
       if (body.mocap && (body.parent != 0 || !body.joints.empty()))
         fail(body.place, "body", body.name,
              "is a mocap body but has joints or stands below another body: make it a fixed child of the world");
@@ -222,6 +224,7 @@ class BodyCompiler : public CompilerBase {
                        finite(g.softness.solimp) && finite(std::array{g.solmix, g.margin, g.gap, g.mass, g.density, g.adhesion}) &&
                        finite(g.surface_velocity),
                    g.place, "geom", g.name);
+    if (g.mass != 0 && !g.has_mass) fail(g.place, "geom", g.name, "has a mass, and has_mass is false: set it, or leave the mass 0");
     auto const shape = shape_of(g);
     if (g.condim != 1 && g.condim != 3 && g.condim != 4 && g.condim != 6)
       fail(g.place, "geom", g.name, "has a condim other than 1, 3, 4, 6: choose one of them");
