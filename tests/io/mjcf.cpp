@@ -113,6 +113,7 @@ TEST_CASE("values are checked") {
   refused(model("<geom size='1' type='ball'/>"), "m.xml:3: ", "give one of: plane, hfield, sphere");
   refused(model("<geom size='1' quat='1 0 0 0' euler='0 0 0'/>"), "m.xml:3: ", "more than one of quat");
   refused(model("<geom size='1' zaxis='0 0 0'/>"), "m.xml:3: ", "direction of length zero");
+  refused(model("<geom type='capsule' size='.1' pos='1 0 0' fromto='0 0 0 0 0 1'/>"), "m.xml:3: ", "fromto' stands beside pos");
   refused(model("<geom size='1' fromto='0 0 0 0 0 1'/>"), "m.xml:3: ", "fromto' is for capsule");
   refused(model("<geom type='capsule' size='1' fromto='0 0 0 0 0 0'/>"), "m.xml:3: ", "two equal points");
   refused(model("<geom size='1' class='c'/>"), "m.xml:3: ", "default class 'c' does not exist");

@@ -537,6 +537,64 @@ TEST_CASE("forces of one's own") {
 }
 
 // An instance is a queue of its own (on a GPU a stream): what runs on one does not change what another gives.
+TEST_CASE("control in task space") {
+  Exec const exec;
+  int const worlds = 5;
+  auto description = gsp::samples::arm();
+  description.actuators.clear();  // torques instead of its servos
+  description.keyframes.clear();
+  auto const compiled = gsp::compile(description);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  auto const q = gsp_test::host(state.qpos);
+  for (int w = 0; w < worlds; ++w) {
+    q(w, 1) = 0.4f;
+    q(w, 2) = q(w, 4) = 1.2f;
+  }
+  Kokkos::deep_copy(state.qpos, q);
+  Kokkos::View<float**, Kokkos::LayoutRight, Mem> const goal("goal", worlds, 3);  // [m]
+  auto const goals = gsp_test::host(goal);
+  for (int w = 0; w < worlds; ++w) {
+    goals(w, 0) = 0.35f + 0.02f * float(w);
+    goals(w, 1) = 0.05f * float(w) - 0.1f;
+    goals(w, 2) = 0.3f;
+  }
+  Kokkos::deep_copy(goal, goals);
+
+  // example-begin task_space
+  int const tool = gsp::site_id(compiled, "tool"), nv = model.nv;
+  Kokkos::View<float***, Kokkos::LayoutRight, Mem> J("J", worlds, 6, nv), place("place", worlds, model.nsite, 3),
+      turn("turn", worlds, model.nsite, 4);
+  Kokkos::View<float**, Kokkos::LayoutRight, Mem> bias("bias", worlds, nv);  // Coriolis, centrifugal, gravity [N, N m]
+  auto const applied = state.qfrc_applied, qvel = state.qvel;
+  auto const reach = [&] {  // before each step: tau = bias + J^T (k (goal - x) - d dx/dt) - c qvel
+    gsp::smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {.keep_all = true});
+    gsp::copy_dofs(exec, model, sim.dynamics, &gsp::DynamicsLayout::bias, bias);
+    gsp::site_jacobian(exec, model, sim.poses, sim.dynamics, tool, J);
+    gsp::site_poses(exec, model, sim.poses, place, turn);
+    Kokkos::parallel_for(
+        "reach", Kokkos::RangePolicy<Exec>(exec, 0, worlds), KOKKOS_LAMBDA(int w) {
+          for (int i = 0; i < nv; ++i) applied(w, i) = bias(w, i) - 2 * qvel(w, i);
+          for (int c = 0; c < 3; ++c) {
+            float rate = 0;
+            for (int i = 0; i < nv; ++i) rate += J(w, c, i) * qvel(w, i);
+            float const force = 800 * (goal(w, c) - place(w, tool, c)) - 80 * rate;
+            for (int i = 0; i < nv; ++i) applied(w, i) += J(w, c, i) * force;
+          }
+        });
+  };
+  // example-end task_space
+  for (int t = 0; t < 2500; ++t) {
+    reach();
+    gsp::step(exec, model, state, sim);
+  }
+  reach();
+  auto const at = gsp_test::host(place);
+  for (int w = 0; w < worlds; ++w)
+    for (int c = 0; c < 3; ++c) CHECK(std::abs(at(w, tool, c) - goals(w, c)) < 1e-3f);
+}
+
 TEST_CASE("instances of an execution space") {
   if (Kokkos::DefaultExecutionSpace{}.concurrency() < 2) {
     MESSAGE("not tested: one thread cannot be divided");

@@ -271,6 +271,13 @@ TEST_CASE("what cannot be compiled is said in one sentence") {
   check_message(d, "has a mass, and has_mass is false");
   d = double_pendulum(), d.bodies[1].has_inertial = false, d.bodies[1].inertial.mass = 1;
   check_message(d, "body 'upper' has an inertial, and has_inertial is false");
+  d = double_pendulum(), d.actuators.push_back({.name = "suck", .target = Transmission::body, .target_name = "upper"});
+  d.actuators[0].bias_type = ActuatorBias::affine, d.actuators[0].biasprm[2] = -1;
+  check_message(d, "actuator 'suck' acts at the contacts of a body and depends on their velocity");
+  for (auto const& wrong : {std::array{-1., 1.}, {1., 0.}}) {
+    d = double_pendulum(), d.bodies[1].joints[0].springdamper = wrong;
+    check_message(d, "joint 'shoulder' has a springdamper that is not two positive numbers");
+  }
   d = double_pendulum(), d.bodies[1].cameras.emplace_back().fovy = 60;
   check_message(d, "body 'upper': camera has a fovy of pi or more: give less, in radians");
   d = double_pendulum(), d.bodies[1].cameras.emplace_back().sensor_size = {0.1, 0};
@@ -420,6 +427,13 @@ TEST_CASE("what is taken for another, grows without bound or is lost in float is
   CHECK(compile(d).report.empty());
   d.actuators[0].dynprm[0] = d.option.timestep / 2.79;
   CHECK(notes(d, "of RK4: its activation grows without bound"));
+
+  d = double_pendulum(), d.bodies[2].gravcomp = -1;
+  CHECK(notes(d, "body 'lower' has gravcomp -1, which does nothing"));
+  CHECK(compile(d).body_gravcomp[2] == 0);
+  d.bodies[1].gravcomp = 0.5;
+  CHECK(compile(d).report.empty());
+  CHECK(compile(d).body_gravcomp[2] == -1);
 
   d = double_pendulum(), d.bodies[1].joints[0].range = {-1, 1};
   CHECK(notes(d, "joint 'shoulder' has a range of -1 to 1, and limited is false: set it"));

@@ -650,9 +650,11 @@ TEST_CASE("actuators: shortcuts in default classes change each other as in MuJoC
   for (char const* one :
        {"<general dyntype='filter' dynprm='.3' gainprm='.9' biastype='affine' biasprm='1 -2 -3'/>",
         "<position kp='6' dampratio='.8' timeconst='.1'/>", "<velocity kv='4'/>", "<intvelocity kp='3' actrange='0 1'/>",
-        "<damper kv='2' ctrlrange='0 1'/>", "<cylinder area='3' bias='1 2 3'/>", "<muscle force='3' scale='100'/>", "<motor gear='2'/>"})
+        "<damper kv='2' ctrlrange='0 1'/>", "<cylinder area='3' bias='1 2 3'/>", "<muscle force='3' scale='100'/>", "<motor gear='2'/>",
+        "<general gaintype='affine' gainprm='2 3 -4' dynprm='4' biasprm='1 2 -3'/>", "<general biasprm='1 2 -3' dynprm='.7'/>",
+        "<general gaintype='muscle' gainprm='.7 1.1 5' dyntype='filterexact' dynprm='.4 .5'/>"})
     for (char const* two : {"<motor/>", "<position kp='3'/>", "<velocity kv='7'/>", "<general gear='5'/>", "<muscle vmax='3'/>",
-                            "<cylinder timeconst='.7'/>"}) {
+                            "<cylinder timeconst='.7'/>", "<general gaintype='affine'/>", "<general biastype='none' dyntype='muscle'/>"}) {
       CAPTURE(one);
       CAPTURE(two);
       std::string const end = " joint='j1' class='two' lengthrange='0 1' ctrlrange='0 2'/></actuator></mujoco>";

@@ -566,7 +566,7 @@ TEST_CASE_TEMPLATE("rows together that cannot be are refused", Exec, GSP_TEST_EX
   Loop<double, Exec> s(gsp::compile(gsp_test::sliders(2, 2)), 5);
   s.step(1, test_types::WrongEllipse{});
   auto const status = gsp_test::host(s.state.status);
-  for (int w = 0; w < 5; ++w) CHECK(status(w) == (w < 4 ? gsp::status::row_refused : 0u));
+  for (int w = 0; w < 5; ++w) CHECK(status(w) == (w < 4 ? gsp::status::row_refused | gsp::status::refused_friction : 0u));
 }
 
 TEST_CASE_TEMPLATE("friction of a row that the element does not have is refused", Exec, GSP_TEST_EXECS) {
@@ -575,7 +575,7 @@ TEST_CASE_TEMPLATE("friction of a row that the element does not have is refused"
   auto const status = gsp_test::host(s.state.status);
   auto const steps = gsp_test::host(s.state.steps);
   for (int w = 0; w < 4; ++w) {
-    CHECK(status(w) == (w % 2 ? gsp::status::row_refused : 0u));
+    CHECK(status(w) == (w % 2 ? gsp::status::row_refused | gsp::status::refused_friction : 0u));
     CHECK(steps(w) == (w % 2 ? 0 : 2));
   }
 }

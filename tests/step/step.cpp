@@ -349,6 +349,26 @@ TEST_CASE_TEMPLATE("a world that stops stays as it was before the step", Exec, G
     }
 }
 
+// NaN in any one number of qpos: a rotation is no exception.
+TEST_CASE_TEMPLATE("a place that is no number stops its world", Exec, GSP_TEST_EXECS) {
+  for (auto type : {gsp::JointType::free, gsp::JointType::ball, gsp::JointType::hinge})
+    for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+      World<double, Exec> w(gsp::compile(one_body({joint(type, {0, 0, 1})})), 9, {.profile = profile});
+      int const nq = w.model.nq;
+      auto const q = gsp_test::host(w.state.qpos);
+      for (int i = 0; i < nq; ++i) q(i, i) = NAN;
+      Kokkos::deep_copy(w.state.qpos, q);
+      auto const before = gsp_test::snapshot(w.state.qpos);
+      w.step(2);
+      auto const status = gsp_test::host(w.state.status);
+      for (int i = 0; i < 9; ++i) {
+        CAPTURE(i);
+        CHECK(status(i) == (i < nq ? gsp::status::not_finite : 0u));
+        if (i < nq) CHECK(same_bits(before, gsp_test::snapshot(w.state.qpos), i, i));
+      }
+    }
+}
+
 TEST_CASE_TEMPLATE("no step leaves poses of the state too", Exec, GSP_TEST_EXECS) {
   World<double, Exec> w(gsp::compile(one_body({joint(gsp::JointType::slide, {0, 0, 1})})), 2);
   set(w.state.qpos, 1, {0.25});

@@ -135,9 +135,12 @@ void expects_inputs_of(ConstraintList<Head, Tail...> const& types, State const& 
   if constexpr (requires { types.head.reads().bits; }) expects_of("gsp::assemble", types.head, state, types.head.reads());
   if constexpr (requires { types.head.contacts.stamp().made; })
     if (auto const& contacts = types.head.contacts; contacts.stamp.data()) {
+      if (!contacts.stamp().made)
+        throw std::invalid_argument(
+            "gsp::assemble: the contacts have not been written: call collide first (of contacts of your own, leave the stamp empty)");
       if (contacts.stamp().lost)
         throw std::invalid_argument("gsp::assemble: the contacts were lost when their pools grew: call collide again");
-      if (contacts.stamp().made && contacts.stamp().pool != contacts.dist.data())
+      if (contacts.stamp().pool != contacts.dist.data())
         throw std::invalid_argument(
             "gsp::assemble: the pools of the contacts have grown since a constraint type was made of them, and it has the old ones: make "
             "it anew (ContactRows(...), ContactAdhesion(...)) before each call");
@@ -164,7 +167,7 @@ RowsStamp contacts_of(ConstraintList<> const&) {
 template <class R, class Mem, class Head, class... Tail>
 RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
   if constexpr (std::is_same_v<Head, ContactRows<R, Mem>>)
-    return {0, types.head.contacts.stamp.data() ? types.head.contacts.stamp().made : 0, types.head.edges};
+    return {.contacts = types.head.contacts.stamp.data() ? types.head.contacts.stamp().made : 0, .contact_edges = types.head.edges};
   else
     return contacts_of<R, Mem>(types.tail);
 }
@@ -191,7 +194,7 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
   expects(rows.worlds == state.worlds && dynamics.worlds == state.worlds && impulses.worlds == state.worlds,
           "gsp::assemble: state, dynamics, rows and impulses have different numbers of worlds: make them with the same {.worlds = n}");
   expects(rows.nv == model.nv && rows.profile == model.profile,
-          "gsp::assemble: the rows were made for another model: call make_rows(exec, model)");
+          "gsp::assemble: the rows were made for another model: call make_rows(exec, model), or make_simulation with it");
   detail::expects_fit("gsp::assemble", model, state, dynamics);
   detail::expects_of("gsp::assemble", dynamics, state,
                      detail::set_of(Quantity::motion, Quantity::velocity, Quantity::factor, Quantity::free_velocity));
@@ -218,7 +221,9 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
       "gsp::constraint::emit_rows", exec, rows.worlds,
       detail::EmitRows<R, Mem, List>{model, state, dynamics, rows, impulses, progress.halt, types, detail::names_of(types), sleeping});
   eliminate_rows(exec, model, progress, rows, impulses);
-  detail::leaves_rows(rows, impulses, detail::contacts_of<R, Mem>(types));
+  detail::RowsStamp stamp = detail::contacts_of<R, Mem>(types);
+  stamp.state.set(state);
+  detail::leaves_rows(rows, impulses, stamp);
 }
 
 }  // namespace gsp

@@ -55,8 +55,8 @@ concept ConstraintRows = requires(C const c, int world, int k) {
   { c.rows(world, k) } -> std::convertible_to<int>;
 };
 template <class C>
-concept ConstraintJacobian = requires(C const c, int world, int k, int row, AnyRow J) {
-  { c.jacobian(world, k, row, J) } -> std::floating_point;
+concept ConstraintJacobian = requires(C const c, int world, int k, int row) {
+  { c.jacobian(world, k, row, AnyRow{}) } -> std::floating_point;
 };
 template <class C>
 concept ConstraintBounds = requires(C const c, int world, int k, int row) {

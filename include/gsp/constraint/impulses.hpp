@@ -78,10 +78,17 @@ Impulses<R, Mem> make_impulses(Exec const& exec, Rows<R, Mem> const& rows) {
 }
 
 /// Says on the host that `impulses` are the solution of `rows`, so that forces may be read. `pgs` does; call it after a solver of your own,
-/// whose kernel sets impulses.solved() = 1 besides, so that the next `assemble` starts from them.
+/// whose kernel sets impulses.solved() = 1 besides, so that the next `assemble` starts from them. With a solution: that it is of these
+/// rows, so that `integrate` takes it.
 template <class R, class Mem>
 void set_solved(Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses) {
   if (impulses.stamp.data()) impulses.stamp() = {rows.stamp.data() ? rows.stamp().made : 0, true};
+}
+
+template <class R, class Mem, class Solution>
+void set_solved(Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution& solution) {
+  set_solved(rows, impulses);
+  if (rows.stamp.data() && solution.stamp.data()) solution.stamp() = rows.stamp().state;
 }
 
 namespace detail {

@@ -11,6 +11,13 @@ inline constexpr std::uint32_t row_overflow = 1u << 1;
 inline constexpr std::uint32_t not_finite = 1u << 2;
 inline constexpr std::uint32_t row_refused = 1u << 3;
 inline constexpr std::uint32_t unbounded = 1u << 4;
+// Beside row_refused, why:
+inline constexpr std::uint32_t refused_place = 1u << 8;
+inline constexpr std::uint32_t refused_size = 1u << 9;
+inline constexpr std::uint32_t refused_friction = 1u << 10;
+inline constexpr std::uint32_t refused_bounds = 1u << 11;
+inline constexpr std::uint32_t refused_law = 1u << 12;
+inline constexpr std::uint32_t causes = refused_place | refused_size | refused_friction | refused_bounds | refused_law;
 /// Bits with which a world stays as it is, until somebody clears them (row_refused: until the rows are right).
 inline constexpr std::uint32_t stopped = not_finite | row_refused | unbounded;
 
@@ -33,15 +40,20 @@ inline std::string text(std::uint32_t bits) {
   add(unbounded,
       "a position or a new velocity is beyond 1e10, where MuJoCo warns, and the world stays as it was before: start from smaller "
       "numbers, give smaller ctrl and qfrc_applied, or take a smaller timestep or a softer model, then clear the bit");
-  add(row_refused,
-      "a constraint row touches more than two kinematic trees, an element has more than six rows, a row names a body or dof that is not "
-      "there, or a friction row a row that its element does not have (in profile mujoco: one without the bounds 0 and infinity, "
-      "or two friction rows of one row that share no ellipse), or a law or bounds are no numbers that a row can have (compliance and zeta "
-      "are finite, compliance is not negative: no lambda() that grows with the gap or the rate; bounds are not NaN and the lower one not "
-      "above the upper, a restitution is 0 to 1, and of "
-      "rigid rows that only push and have room "
-      "for it, make_rows or make_simulation with {.impacts = true}): split the element, or correct jacobian(), law(), lambda() or "
-      "bounds()");
+  add(bits & causes ? 0 : row_refused, "a constraint row was refused");
+  add(refused_place,
+      "a constraint row was refused: jacobian() touches more than two kinematic trees, or names a body or dof that is not there: split the "
+      "element, or correct the number");
+  add(refused_size, "a constraint row was refused: rows() gives an element more than six: split the element");
+  add(refused_friction,
+      "a constraint row was refused: its bounds() name a row of friction that the element does not have, or itself, or share an ellipse "
+      "with what is no friction of the same row (in profile mujoco also: friction of a row without the bounds 0 and infinity, or a second "
+      "one that shares no ellipse): correct friction_of and with_next");
+  add(refused_bounds, "a constraint row was refused: its bounds() are NaN, or the lower one is above the upper one: correct them");
+  add(refused_law,
+      "a constraint row was refused: its law() is infinite or NaN or has a negative compliance (a lambda() that grows with the gap or the "
+      "rate), or a restitution that is not 0 to 1 of a rigid row that only pushes and has room for it (make_rows or make_simulation with "
+      "{.impacts = true}): correct it");
   return result.empty() ? "ok" : result;
 }
 

@@ -67,7 +67,7 @@ void new_velocity(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& s
 }
 
 /// The same with what a solver found (solver/solution.hpp) and the progress of the step (constraint/progress.hpp);
-/// solution.qfrc_constraint: out, J^T p / h [N, N m].
+/// solution.qfrc_constraint: out, J^T p / h [N, N m]. Errors also: a solution that is not of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class Solution, class Progress>
 requires requires(Solution const& s, Progress const& p) {
   s.z;
@@ -76,6 +76,10 @@ requires requires(Solution const& s, Progress const& p) {
 }
 void integrate(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem>& dynamics, Progress const& progress,
                Solution& solution) {
+  if constexpr (requires { solution.stamp().qpos; })
+    if (solution.stamp.data() && !solution.stamp().is_of(state))
+      throw std::invalid_argument(std::string("gsp::integrate: the impulses of the solution ") + solution.stamp().fault(state.qpos.data()) +
+                                  ": call assemble and pgs (profile mujoco: newton) first, or integrate without a solution");
   integrate(exec, model, state, dynamics, ConstraintOutcome<R, Mem>{solution.z, solution.qfrc_constraint, progress.halt});
 }
 

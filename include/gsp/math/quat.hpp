@@ -43,13 +43,13 @@ GSP_FUNCTION Vec3<T> rotate_inverse(Quat<T> const& q, Vec3<T> const& v) {
   return rotate(conjugate(q), v);
 }
 
-/// q / |q|; the identity where |q| < 1e-15.
+/// q / |q|; the identity where |q| < 1e-15; NaN where q holds one.
 template <class T>
 GSP_FUNCTION Quat<T> normalized(Quat<T> const& q) {
   T const n = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
-  auto const ok = n >= T(1e-15);
-  T const s = T(1) / select(ok, n, T(1));
-  return {select(ok, q.w * s, T(1)), select(ok, q.x * s, T(0)), select(ok, q.y * s, T(0)), select(ok, q.z * s, T(0))};
+  auto const none = n < T(1e-15);  // not of NaN, which stays
+  T const s = T(1) / select(none, T(1), n);
+  return {select(none, T(1), q.w * s), select(none, T(0), q.x * s), select(none, T(0), q.y * s), select(none, T(0), q.z * s)};
 }
 /// Rotation by `angle` [rad] about the unit vector `axis`.
 template <class T>

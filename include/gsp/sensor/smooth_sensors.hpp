@@ -256,7 +256,7 @@ struct SmoothSensors {
       case S::actuator_pos:
         return put(0, item(layout(e.tree).act_length + e.local));
       case S::actuator_vel:
-        return put(0, item(layout(e.tree).act_velocity + e.local));
+        return put(0, model.actuation ? item(layout(e.tree).act_velocity + e.local) : T(0));  // as MuJoCo
       case S::actuator_force:
         return put(0, item(layout(e.tree).act_force + e.local));
       case S::joint_actuator_force: {

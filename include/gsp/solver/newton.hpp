@@ -107,7 +107,7 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
     for_worlds("gsp::solver::newton", exec, rows.worlds, solve);
   else
     Kokkos::parallel_for("gsp::solver::newton", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds), detail::NewtonThread<Exec, R, Mem>{solve});
-  set_solved(rows, impulses);
+  set_solved(rows, impulses, solution);
 }
 
 }  // namespace gsp

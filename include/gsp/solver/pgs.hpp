@@ -53,7 +53,7 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
   for_worlds("gsp::solver::pgs", exec, rows.worlds * parts, solver);
   if (options.residual) for_worlds("gsp::solver::pgs_residual", exec, rows.worlds, detail::PgsResidual<R, Mem>{solver});
   restore_rows(exec, rows, progress, impulses, solution.z);
-  set_solved(rows, impulses);
+  set_solved(rows, impulses, solution);
 }
 
 }  // namespace gsp

@@ -131,6 +131,9 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   std::vector<char> used(m.ngeom, 0);
   for (int k = 0; k < npair; ++k) {
     auto const [g1, g2] = m.pair_geoms(k);
+    if (std::min(g1, g2) < 0 || std::max(g1, g2) >= m.ngeom)
+      throw Error("pair " + std::to_string(k) + " is of geoms " + std::to_string(g1) + " and " + std::to_string(g2) +
+                  ", and the model has " + std::to_string(m.ngeom) + ": correct CompiledModel::pairs");
     if (pair_kind(ShapeType(m.geom_type[g1]), ShapeType(m.geom_type[g2])) == PairKind::none)
       throw Error("geoms '" + m.geom_name[g1] + "' and '" + m.geom_name[g2] +
                   "' are a pair, but shapes such as theirs never touch, or stand in the other order: see gsp/geometry/shape_pairs.hpp");

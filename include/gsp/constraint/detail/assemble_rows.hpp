@@ -51,7 +51,8 @@ struct CountRows {
     std::uint32_t const status = types.status(w);
     R const mass = world.template sum<R>(model.nbody - 1, [&](int b) { return model.body_mass(w, b + 1); });
     world.single([&] {
-      state.status(w) = (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused)) | status;
+      state.status(w) =
+          (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused | status::causes)) | status;
       rows.kept(w) = 0;
       rows.largest_element(w) = 3;  // what contacts have
       rows.rate_scale(w) = gravity_rate(model.gravity, w, model.timestep);
@@ -64,31 +65,35 @@ struct CountRows {
       types.visit(w, e, 0, [&](auto const& type, int, int k) {
         int const n = type.rows(w, k);
         if (n > 0 && lies_still(model, sleeping, type, w, k)) return world.add(rows.kept(w), n);
-        bool refused = n > most_element_rows, second = false;
+        std::uint32_t refused = n > most_element_rows ? status::refused_size : 0;
+        bool second = false;
+        auto const refuse = [&](bool when, std::uint32_t cause) { refused |= when ? cause : 0u; };
         unsigned alone = 0;  // normals that have friction which shares no ellipse
         for (int r = 0; r < n && !refused; ++r) {
           RowStructure<R, Mem> structure{model};
           type.jacobian(w, k, r, structure);
           auto const bounds = type.bounds(w, k, r);
-          refused = structure.refused || bounds.friction_of >= n || bounds.friction_of == r || bounds.lower > bounds.upper ||
-                    !are_numbers(bounds.lower, bounds.upper, bounds.friction_of < 0 ? R(0) : R(bounds.mu));
+          refuse(structure.refused, status::refused_place);
+          refuse(bounds.friction_of >= n || bounds.friction_of == r, status::refused_friction);
+          refuse(bounds.lower > bounds.upper || !are_numbers(bounds.lower, bounds.upper, bounds.friction_of < 0 ? R(0) : R(bounds.mu)),
+                 status::refused_bounds);
           if (!refused && bounds.friction_of >= 0 && model.profile == Profile::mujoco) {  // newton's cones: normals that push alone
             // Two that are bounded each by itself are a box, which is none.
             unsigned const one = bounds.with_next || second ? 0u : 1u << bounds.friction_of;
-            refused = !type.bounds(w, k, bounds.friction_of).pushes_alone() || (alone & one) != 0;
+            refuse(!type.bounds(w, k, bounds.friction_of).pushes_alone() || (alone & one) != 0, status::refused_friction);
             alone |= one;
           }
           second = bounds.with_next;
           if (bounds.with_next) {
             bool const has_next = r + 1 < n && bounds.friction_of >= 0 && bounds.friction_of != r + 1;
             auto const next = type.bounds(w, k, has_next ? r + 1 : r);
-            refused = refused || !has_next || next.with_next || next.friction_of != bounds.friction_of;
+            refuse(!has_next || next.with_next || next.friction_of != bounds.friction_of, status::refused_friction);
           }
           own += pack_sizes(1, structure.entries());
         }
         own += couplings_of(n);
         if (n > 3) Kokkos::atomic_max(&rows.largest_element(w), n);
-        if (refused) Kokkos::atomic_or(&state.status(w), std::uint32_t(status::row_refused));
+        if (refused) Kokkos::atomic_or(&state.status(w), status::row_refused | refused);
       });
       return own;
     });
@@ -306,7 +311,7 @@ struct EmitRows {
         law.restitution > R(0) && law.restitution <= R(1) && law.compliance == R(0) && bounds.pushes_alone() && rows.impact.data();
     bool const is_law = is_finite(law.zeta) && is_finite(law.compliance) && law.compliance >= R(0) && (bounces || law.restitution == R(0));
     if (!is_law && is_finite(gap) && is_finite(rate)) {  // of a state that is none it need not be one
-      Kokkos::atomic_or(&state.status(w), std::uint32_t(status::row_refused));
+      Kokkos::atomic_or(&state.status(w), status::row_refused | status::refused_law);
       law.compliance = R(0);
       law.zeta = free_rate;
       law.restitution = R(0);

@@ -18,16 +18,17 @@ struct Law {
   bool ctrl_limited = false;  // the element asks for a limit by itself
 };
 
-/// The law of `node`. Each shortcut starts from its class's values; where another shortcut than itself or general set those, from the
-/// parent class's (laws: of the outermost class first, its own last), and otherwise from MuJoCo's defaults. All that it does not say is
-/// set as MuJoCo's table of the shortcut says.
+/// The law of `node`. Each shortcut starts from its class's values where it set them itself, or general did with the gaintype that it
+/// makes; else from those of the parent class (laws: of the outermost class first, its own last), and otherwise from MuJoCo's defaults. All
+/// that it does not say is set as MuJoCo's table of the shortcut says.
 inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node const& node) {
   Attributes const a(files, node, nullptr);
   std::string const& type = node.name;
   bool const general = type == "general";
   Law law;
+  std::string const gaintype = type == "damper" ? "affine" : type == "muscle" ? "muscle" : "fixed";
   for (auto from = laws.rbegin(); from != laws.rend(); ++from)
-    if (general || from->type.empty() || from->type == type) {
+    if (general || from->type == type || (from->type.empty() && from->gaintype == gaintype)) {
       law = *from;
       break;
     }
@@ -40,9 +41,7 @@ inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node co
   auto const negative = [&](char const* attribute, double value) {
     if (value < 0) a.fail(attribute, "is negative; give zero or more");
   };
-  // what a shortcut takes over: numbers that mean the same to it
-  bool const fixed = law.gaintype == "fixed", affine = law.biastype == "affine";
-  double const gain = fixed ? law.gain[0] : 1;
+  double const gain = law.gain[0];
   law.ctrl_limited = false;
   law.type = general ? "" : type;
   if (general) {
@@ -58,17 +57,19 @@ inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node co
     law.dyn = {1};
     kind("none", "fixed", "none");
   } else if (type == "position" || type == "intvelocity") {
-    double kp = gain, kv = 0, dampratio = 0, timeconst = law.dyntype == "filterexact" ? law.dyn[0] : 0;
+    double kp = gain, kv = 0, dampratio = 0, timeconst = 0;
+    bool const was_filtered = law.dyntype == "filterexact";
     a.number("kp", kp);
     bool const has_kv = a.number("kv", kv), has_ratio = a.number("dampratio", dampratio);
     if (has_kv && has_ratio) a.fail("dampratio", "stands beside kv; keep one");
     if (kp < 0 || kv < 0 || dampratio < 0) a.fail("", "has a negative kp, kv or dampratio; give zero or more");
-    a.number("timeconst", timeconst);
+    bool const has_timeconst = a.number("timeconst", timeconst);
     negative("timeconst", timeconst);
+    if (!has_timeconst && was_filtered) timeconst = law.dyn[0];
     bool const filtered = type == "position" && timeconst > 0;
-    law.bias = {0, -kp, has_kv ? -kv : has_ratio ? dampratio : affine ? law.bias[2] : 0};
+    law.bias = {0, -kp, has_kv ? -kv : has_ratio ? dampratio : law.bias[2]};
     law.gain = {kp};
-    law.dyn = {timeconst > 0 ? timeconst : 1};
+    law.dyn = {has_timeconst || was_filtered ? timeconst : 1};
     kind(type == "intvelocity" ? "integrator" : filtered ? "filterexact" : "none", "fixed", "affine");
   } else if (type == "velocity") {
     double kv = gain;
@@ -88,8 +89,8 @@ inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node co
     law.ctrl_limited = true;
     kind("none", "affine", "none");
   } else if (type == "cylinder") {
-    double timeconst = law.dyntype == "filter" || law.dyntype == "filterexact" ? law.dyn[0] : 1, area = gain, diameter = -1;
-    Double3 bias = affine ? Double3{law.bias[0], law.bias[1], law.bias[2]} : Double3{};
+    double timeconst = law.dyn[0], area = gain, diameter = -1;
+    Double3 bias{law.bias[0], law.bias[1], law.bias[2]};
     a.number("timeconst", timeconst);
     a.number("area", area);
     a.numbers("bias", bias);
@@ -99,8 +100,10 @@ inline Law changed_law(std::vector<Law> const& laws, Files const& files, Node co
     law.dyn = {timeconst};
     kind("filter", "fixed", "affine");
   } else if (type == "muscle") {
-    if (law.dyntype != "muscle") law.dyn = {0.01, 0.04};
-    if (law.gaintype != "muscle") law.gain = {0.75, 1.05, -1, 200, 0.5, 1.6, 1.5, 1.3, 1.2};
+    if (law.gaintype != "muscle") {
+      law.dyn = {0.01, 0.04};
+      law.gain = {0.75, 1.05, -1, 200, 0.5, 1.6, 1.5, 1.3, 1.2};
+    }
     std::array<double, 2> timeconst{-1, -1}, range{-1, -1};
     a.numbers("timeconst", timeconst);
     a.numbers("range", range);
@@ -142,7 +145,8 @@ inline void settle(Law const& law, Attributes const& a, ActuatorDescription& act
   act.gainprm = law.gain;
   act.biasprm = law.bias;
   act.dynprm = law.dyn;
-  if (law.gain[0] == -law.bias[1] && law.bias[2] > 0 && act.bias_type == ActuatorBias::affine) {
+  bool const affine = act.bias_type == ActuatorBias::affine;
+  if (law.gain[0] == -law.bias[1] && law.bias[2] > 0 && (affine || law.gain[0] > 0)) {
     act.dampratio = law.bias[2];
     act.biasprm[2] = 0;
   }

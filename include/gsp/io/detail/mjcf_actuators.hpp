@@ -65,7 +65,7 @@ inline void read_actuators(Document& doc, Node const& node) {
     act.force_limited = range("forcerange", "forcelimited", act.force_range);
     act.act_limited = range("actrange", "actlimited", act.act_range);
     act.has_length_range = a.numbers("lengthrange", act.length_range);
-    a.boolean("actearly", act.act_early);
+    if (child.name == "general") a.boolean("actearly", act.act_early);  // no shortcut takes it over
     settle(law, a, act);
     int actdim = -1;
     if (a.integer("actdim", actdim) && actdim >= 0 && actdim != act_size(act))

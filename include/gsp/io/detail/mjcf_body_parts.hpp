@@ -85,6 +85,9 @@ inline Pose shape_pose(Document const& doc, Attributes const& a, ShapeType type,
   if (!a.numbers("fromto", v)) return pose_of(doc, a);
   if (type != ShapeType::capsule && type != ShapeType::cylinder && type != ShapeType::box && type != ShapeType::ellipsoid)
     a.fail("fromto", "is for capsule, cylinder, box and ellipsoid; give pos and size");
+  Double3 pos{};
+  a.numbers("pos", pos);
+  if (pos != Double3{}) a.fail("fromto", "stands beside pos; keep one");
   Double3 const from{v[0], v[1], v[2]}, to{v[3], v[4], v[5]}, along = from - to;
   double const length = norm(along);
   if (!(length > 1e-14)) a.fail("fromto", "has two equal points; move one");

@@ -101,7 +101,8 @@ class Finish {
     } else if (a.target == Transmission::joint) {
       if (joint_range_.empty())
         for (auto const& b : d_.bodies)
-          for (auto const& j : b.joints) joint_range_[j.name] = &j.range;
+          for (auto const& j : b.joints)
+            if (j.type == JointType::hinge || j.type == JointType::slide) joint_range_[j.name] = &j.range;
       auto const found = joint_range_.find(a.target_name);
       if (found != joint_range_.end() && (*found->second)[0] < (*found->second)[1]) range = found->second;
     }

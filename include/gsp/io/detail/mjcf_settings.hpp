@@ -125,6 +125,8 @@ inline void read_defaults(Document& doc, Node const& node, std::string const& pa
   }
   for (auto const& child : node.children) {
     if (child.name == "default") continue;
+    for (auto const* before = &node.children.front(); before != &child; ++before)
+      if (before->name == child.name) doc.fail(child.place, "<" + child.name + "> stands twice in one <default>; keep one");
     if (find_refused(child.name)) {  // matters only to elements that are refused themselves
       doc.note(Line::no_effect, child.place, "<default> <" + child.name + ">");
       continue;

@@ -124,6 +124,8 @@ class BodyCompiler : public CompilerBase {
       of_body_.clear();
     }
     m_.nbody = int(d_.bodies.size());
+    if (std::none_of(m_.body_gravcomp.begin(), m_.body_gravcomp.end(), [](double x) { return x > 0; }))  // as MuJoCo (ModelNotes)
+      std::fill(m_.body_gravcomp.begin(), m_.body_gravcomp.end(), 0.);
     for (auto const& body : d_.bodies)
       for (auto const& c : body.cameras) {
         m_.cam_target.push_back(c.target.empty() ? -1 : find(Kind::body, c.target, c.place, "camera", c.name));
@@ -136,6 +138,10 @@ class BodyCompiler : public CompilerBase {
                        finite(j.stiffness_poly) && finite(j.damping_poly) &&
                        finite(std::array{j.ref, j.springref, j.stiffness, j.damping, j.armature, j.frictionloss, j.margin}),
                    j.place, "joint", j.name);
+    auto const& damper = j.springdamper;
+    if ((damper[0] != 0 || damper[1] != 0) && !(damper[0] > 0 && damper[1] > 0))
+      fail(j.place, "joint", j.name,
+           "has a springdamper that is not two positive numbers: give a time constant and a damping ratio, or none");
     bool const is_free = j.type == JointType::free, is_ball = j.type == JointType::ball, turns_one = j.type == JointType::hinge;
     if (is_free && body.joints.size() > 1)
       fail(j.place, "joint", j.name, "is free, which leaves nothing for the other joints of its body: keep one of them");

@@ -95,6 +95,11 @@ class ForceCompiler : public BodyCompiler {
         refuse("is a slider-crank without the slider's site or a positive crank length: give both");
       bool const geared = a.target == Transmission::joint || a.target == Transmission::joint_in_parent || a.target == Transmission::tendon;
       if (!geared && (a.damping != 0 || a.armature != 0)) refuse("has damping or armature, which are for joints and tendons: remove them");
+      if (a.target == Transmission::body &&
+          ((a.gain_type == ActuatorGain::affine && a.gainprm[2] != 0) || (a.bias_type == ActuatorBias::affine && a.biasprm[2] != 0)))
+        refuse(
+            "acts at the contacts of a body and depends on their velocity, which is not supported: make the third number of gainprm and "
+            "biasprm 0");
       bool const stateful = a.dynamics != ActuatorDynamics::none;
       if (a.act_limited && !stateful) refuse("limits an activation but has none: set its dynamics");
       for (auto const& [type, p] :

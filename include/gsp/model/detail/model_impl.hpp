@@ -83,7 +83,7 @@ void fill_options(Model<R, Mem>& d, FieldSource const& source, ModelOptions cons
   };
   d.poly_stiffness = any_of(m.jnt_stiffnesspoly) || any_of(m.tendon_stiffnesspoly);
   d.poly_damping = any_of(m.dof_dampingpoly) || any_of(m.tendon_dampingpoly);
-  for (double const b : source.dof_damping) d.damped |= b != 0;
+  for (double const b : source.dof_damping) d.damped |= b > 0;  // as MuJoCo: where nothing damps, what drives stays explicit
   d.damped |= any_of(m.dof_dampingpoly);
 }
 

@@ -20,6 +20,7 @@ class ModelNotes {
       if (m_.eq_active[k]) equality(k);
     softnesses();
     ranges();
+    lone_gravcomp();
     filters();
     far_centers();
   }
@@ -93,6 +94,18 @@ class ModelNotes {
       note(place, Kind::approximated,
            what + "cannot close: the joints between them leave its two points at least " + number(gap) +
                " m apart, and it will pull without end: correct its points, or the bodies between them");
+  }
+
+  // A body that is to be heavier, where none is to be lighter.
+  void lone_gravcomp() {
+    for (auto const& body : d_.bodies) {
+      if (body.gravcomp > 0) return;
+    }
+    for (auto const& body : d_.bodies)
+      if (body.gravcomp < 0)
+        note(body.place, Kind::no_effect,
+             "body '" + body.name + "' has gravcomp " + number(body.gravcomp) +
+                 ", which does nothing where no body has one above 0, as in MuJoCo");
   }
 
   // Ranges that limit nothing. A file that says so (limited="false") means it.
