@@ -318,7 +318,7 @@ TEST_CASE_TEMPLATE("a law that no rate changes is a force", Exec, GSP_TEST_EXECS
 
 // A stage that a loop of one's own leaves out is told.
 TEST_CASE_TEMPLATE("a solution that nobody has made for this state is refused", Exec, GSP_TEST_EXECS) {
-  Loop<double, Exec> s(gsp::compile(sliders(3, 1)), 3);
+  Loop<float, Exec> s(gsp::compile(sliders(3, 1)), 3);
   auto const integrate = [&] { gsp::integrate(s.exec, s.model, s.state, s.dynamics, s.progress, s.solution); };
   auto const smooth = [&] { gsp::smooth_dynamics(s.exec, s.model, s.state, s.poses, s.dynamics); };
   smooth();

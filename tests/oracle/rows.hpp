@@ -39,6 +39,7 @@ inline double parameters_apart(gsp::ContactParameters<double> const& p, mjContac
 /// MuJoCo's contacts, in its order, in a pool of ours, whose pairs are listed; `parameters`: how far those of our pairs are from its own.
 inline Contacts contacts_of(mjData const* d, gsp::CollisionModel<double, Kokkos::HostSpace> const& collision, double& parameters) {
   auto contacts = gsp::make_contacts(Kokkos::DefaultHostExecutionSpace{}, collision, {.contacts_per_world = d->ncon + 1});
+  contacts.stamp = {};  // ours are not found by collide
   std::multimap<std::pair<int, int>, int> pairs;
   for (int p = 0; p < collision.pairs; ++p) {
     int const a = collision.collider_geom(collision.pair_collider(p, 0)), b = collision.collider_geom(collision.pair_collider(p, 1));
