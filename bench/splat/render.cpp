@@ -54,8 +54,8 @@ void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
   double const project = stage([&] { gsp::project(exec, cloud, frames, options); });
   double const projected_and_binned = stage([&] { gsp::project(exec, cloud, frames, options), gsp::bin_tiles(exec, frames); });
   double const rasterize = stage([&] { gsp::rasterize(exec, frames, options); });
-  std::int64_t needed[2];
-  Kokkos::deep_copy(Kokkos::View<std::int64_t[2], Kokkos::HostSpace, Kokkos::MemoryUnmanaged>(needed), wave.needed);
+  std::int64_t needed[3];
+  Kokkos::deep_copy(Kokkos::View<std::int64_t[3], Kokkos::HostSpace, Kokkos::MemoryUnmanaged>(needed), wave.needed);
 
   double const per_visible = sizeof(gsp::Splat) + 4 + 2 * 12 + 8, per_pair = 2 * 8;
   gsp_bench::Line("splat/render", exec)
