@@ -92,7 +92,9 @@ struct FindNearPairs {
   Kokkos::View<std::uint64_t*, Mem> mask;
   int worlds;
   KOKKOS_FUNCTION void operator()(std::int64_t item) const {
-    int const c = int(item / worlds), w = int(item % worlds);
+    // A device's threads read one chunk of neighbouring worlds; a host's thread all chunks of a world, whose boxes stay in its cache.
+    constexpr bool by_world = !is_device<typename Mem::execution_space>;
+    int const c = int(by_world ? item % model.chunks : item / worlds), w = int(by_world ? item / model.chunks : item % worlds);
     CollisionChunk const chunk = model.chunk(c);
     bool const plane = is_among(plane_kinds, PairKind(chunk.kind));
     R const early = model.early(w);
@@ -109,7 +111,7 @@ struct FindNearPairs {
         bits |= std::uint64_t(near) << (p - chunk.first);
       }
     }
-    mask(item) = bits;
+    mask(std::int64_t(c) * worlds + w) = bits;
   }
 };
 
