@@ -331,7 +331,18 @@ TEST_CASE_TEMPLATE("a solution that nobody has made for this state is refused", 
   smooth();
   CHECK_THROWS_WITH_AS(integrate(), doctest::Contains("are of the state before its last step"), std::invalid_argument);
   gsp::integrate(s.exec, s.model, s.state, s.dynamics);  // without constraints
-  CHECK(gsp_test::host(s.state.steps)(2) == 2);
+  // rows of one's own, without a stamp or never written by gsp
+  auto const stamp = s.rows.stamp;
+  s.rows.stamp = {};
+  smooth();
+  s.solve(s.solver);
+  integrate();
+  s.rows.stamp = stamp;
+  s.forget({.worlds = 3});
+  smooth();
+  s.solve(s.solver);
+  integrate();
+  CHECK(gsp_test::host(s.state.steps)(2) == 4);
 }
 
 // A row over three trees is refused: that world stays, and says why; the others (two trees) are solved.

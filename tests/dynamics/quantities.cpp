@@ -119,6 +119,15 @@ TEST_CASE_TEMPLATE("bias forces and inverse dynamics are those of the state in b
     body.joints.clear(), body.parent = int(d.bodies.size()) - 1, body.pos = {0.2, 0, 0.1};  // welded to it
     d.bodies.push_back(body);
   }
+  gsp::TendonDescription string;  // whose armature has a bias of its own
+  string.name = "string", string.armature = 0.4;
+  for (int b : {0, 1}) {
+    gsp::SiteDescription site;
+    site.name = "end" + std::to_string(b), site.pos = {0.3, 0.2, 1. - b};
+    d.bodies[std::size_t(b)].sites.push_back(site);
+    string.path.push_back({gsp::WrapType::site, site.name});
+  }
+  d.tendons.push_back(string);
   auto const c = gsp::compile(d);
   int const worlds = 19;
   Set<Exec> s(c, worlds, gsp::Profile::stable), other(c, worlds, gsp::Profile::mujoco);

@@ -29,19 +29,19 @@ struct Tether : gsp::OneFreeRow {
     return qpos(world, dof);
   }
 };
-/// A rope on dof 0 that pulls below -length alone: its law has a slope there, and none above.
-template <class Mem>
+/// A rope on dof 0 that pulls below -length alone: its law has a slope there, and none above, where a constant force is left.
+template <class R, class Mem>
 struct Rope : gsp::OneFreeRow {
-  double stiffness, damping, length;
-  typename gsp::State<double, Mem>::template View<double**> qpos;
+  R stiffness, damping, length, lift;
+  typename gsp::State<R, Mem>::template View<R**> qpos;
   KOKKOS_FUNCTION int count(int) const { return 1; }
   template <class T>
   KOKKOS_FUNCTION T lambda(int, int, int, T x, T u) const {
-    return x < T(-length) ? -(stiffness * (x + length) + damping * u) : T(0);
+    return x < T(-length) ? lift - (stiffness * (x + length) + damping * u) : T(lift);
   }
   template <class Row>
-  KOKKOS_FUNCTION double jacobian(int world, int, int, Row&& J) const {
-    J.set_dof(0, 1.);
+  KOKKOS_FUNCTION R jacobian(int world, int, int, Row&& J) const {
+    J.set_dof(0, R(1));
     return qpos(world, 0);
   }
 };
@@ -291,19 +291,28 @@ TEST_CASE_TEMPLATE("a constraint of one's own never disappears", Exec, GSP_TEST_
   CHECK(std::abs(rk.qpos()(1, 0) + 2 * 9.81 / k) < 1e-12);
 }
 
-// Slack, it lets fall as if it was not there; taut, it holds the weight. 100 sums of 1e-2: 1e-14.
+// Slack, it lets fall, and a constant force lifts; taut, it holds the weight. 100 sums of 1e-2 in double: 1e-14; in float, of places: 1e-6.
 TEST_CASE_TEMPLATE("a rope of one's own hangs slack, then taut", Exec, GSP_TEST_EXECS) {
-  using Mem = typename Exec::memory_space;
   auto const c = gsp::compile(one_body({joint(gsp::JointType::slide, {0, 0, 1})}));
   double const k = 500, length = 0.3, h = c.option.timestep;
-  for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
-    World<double, Exec> w(c, 2, {.profile = profile});
-    test_types::Rope<Mem> const rope{{}, k, 60., length, w.state.qpos};
-    gsp::step(w.exec, w.model, w.state, w.sim, {.steps = 100}, rope);
-    CHECK(std::abs(w.qpos()(1, 0) + 9.81 * h * h * 5050) < 1e-14);
-    gsp::step(w.exec, w.model, w.state, w.sim, {.steps = 4000}, rope);
-    CHECK(std::abs(w.qpos()(1, 0) + length + 2 * 9.81 / k) < 1e-12);
-  }
+  auto const check = [&](auto zero, double rounding, gsp::Profile profile, double lift) {
+    using R = decltype(zero);
+    World<R, Exec> w(c, 2, {.profile = profile});
+    test_types::Rope<R, typename Exec::memory_space> const rope{{}, R(k), R(60), R(length), R(lift), w.state.qpos};
+    gsp::StepOptions options{.steps = 100};
+    options.solver.residual = options.newton.residual = true;
+    gsp::step(w.exec, w.model, w.state, w.sim, options, rope);
+    CHECK(std::abs(w.qpos()(1, 0) - (lift / 2 - 9.81) * h * h * 5050) < rounding);
+    CHECK(gsp_test::host(w.sim.solution.residual)(1) < 100 * rounding);
+    options.steps = 4000;
+    gsp::step(w.exec, w.model, w.state, w.sim, options, rope);
+    CHECK(std::abs(w.qpos()(1, 0) + length + (2 * 9.81 - lift) / k) < 100 * rounding);
+  };
+  for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco})
+    for (double lift : {0., 3.}) {
+      check(0., 1e-14, profile, lift);
+      check(0.f, 1e-6, profile, lift);
+    }
 }
 
 TEST_CASE_TEMPLATE("disabled constraints stay disabled beside one of one's own", Exec, GSP_TEST_EXECS) {

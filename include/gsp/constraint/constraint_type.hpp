@@ -113,7 +113,7 @@ KOKKOS_INLINE_FUNCTION RowLaw<R> row_law(C const& c, int world, int k, int row, 
     D const f = c.lambda(world, k, row, D::variable(x + h * u, 0), D::variable(u, 1));
     R slope = h * f.slope[0] + f.slope[1];
     R const least = max(Kokkos::Experimental::epsilon_v<R> * abs(f.value), R(1e-20));  // a rate of 1 changes the force by its last digit
-    if (slope <= R(0) && slope > -least) {
+    if (abs(slope) < least) {
       slope = -least;
       bounds.lower = bounds.upper = clamp(h * f.value, bounds.lower, bounds.upper);
     }

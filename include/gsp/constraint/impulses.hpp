@@ -88,7 +88,11 @@ void set_solved(Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses) {
 template <class R, class Mem, class Solution>
 void set_solved(Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution& solution) {
   set_solved(rows, impulses);
-  if (rows.stamp.data() && solution.stamp.data()) solution.stamp() = rows.stamp().state;
+  if constexpr (requires { solution.stamp().own; })
+    if (solution.stamp.data()) {
+      bool const own = !rows.stamp.data() || !rows.stamp().made;
+      solution.stamp() = {own ? detail::Stamp{} : rows.stamp().state, own};
+    }
 }
 
 namespace detail {

@@ -40,6 +40,7 @@ inline std::string text(std::uint32_t bits) {
   add(unbounded,
       "a position or a new velocity is beyond 1e10, where MuJoCo warns, and the world stays as it was before: start from smaller "
       "numbers, give smaller ctrl and qfrc_applied, or take a smaller timestep or a softer model, then clear the bit");
+  if (!(bits & row_refused)) bits &= ~causes;
   add(bits & causes ? 0 : row_refused, "a constraint row was refused");
   add(refused_place,
       "a constraint row was refused: jacobian() touches more than two kinematic trees, or names a body or dof that is not there: split the "

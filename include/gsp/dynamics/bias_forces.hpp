@@ -24,8 +24,9 @@ void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
 }
 
 /// Copies one kind of dof vector, e.g. &DynamicsLayout::bias, to `out` (world, nv): force, passive, actuator, bias, stiffness, damping,
-/// acceleration, qvel, velocity or inverse_diagonal. In profile stable `acceleration` is that of the implicit step. It is of the state that
-/// it was computed for, also when that has moved on since. Errors: std::invalid_argument where no stage has left it, and for other items.
+/// acceleration, qvel, velocity or inverse_diagonal. In profile stable `acceleration` is that of the implicit step, and of a single rigid
+/// body `force` and it are without gyroscopic forces, which its momentum carries. It is of the state that it was computed for, also when
+/// that has moved on since. Errors: std::invalid_argument where no stage has left it, and for other items.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void copy_dofs(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, detail::DofItems item, View& out) {
   expects(int(out.extent(0)) == dynamics.worlds && int(out.extent(1)) == model.nv, "gsp::copy_dofs: out must be (worlds, nv)");

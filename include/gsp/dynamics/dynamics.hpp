@@ -199,10 +199,10 @@ struct DynamicsOptions {
   int worlds = 1;
 };
 
-/// Scratch for the dynamics of `worlds` worlds: 35 numbers a body, 17 a dof, 6 a joint and two mass matrices; 12, 7
-/// and four more in trees with a joint that nothing damps; 7 an actuator and 2 a tendon where there may be stiff rows, and a mass matrix in
-/// a fluid (profile stable). Allocates; fences.
-/// Errors: std::invalid_argument for worlds < 1, and for more than the model has values for.
+/// Scratch for the dynamics of `worlds` worlds: 35 numbers a body, 17 a dof (18 in trees of one joint), 6 a joint and two mass matrices;
+/// 12, 7 and four more in trees with a joint that nothing damps; 7 an actuator and 2 a tendon where there may be stiff rows, and a mass
+/// matrix in a fluid (profile stable). Allocates; fences. Errors: std::invalid_argument for worlds < 1, and for more than the model has
+/// values for.
 template <class R, ExecutionSpace Exec, class Mem>
 Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, DynamicsOptions options = {});
 

@@ -76,9 +76,10 @@ requires requires(Solution const& s, Progress const& p) {
 }
 void integrate(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem>& dynamics, Progress const& progress,
                Solution& solution) {
-  if constexpr (requires { solution.stamp().qpos; })
-    if (solution.stamp.data() && !solution.stamp().is_of(state))
-      throw std::invalid_argument(std::string("gsp::integrate: the impulses of the solution ") + solution.stamp().fault(state.qpos.data()) +
+  if constexpr (requires { solution.stamp().own; })
+    if (solution.stamp.data() && !solution.stamp().own && !solution.stamp().state.is_of(state))
+      throw std::invalid_argument(std::string("gsp::integrate: the impulses of the solution ") +
+                                  solution.stamp().state.fault(state.qpos.data()) +
                                   ": call assemble and pgs (profile mujoco: newton) first, or integrate without a solution");
   integrate(exec, model, state, dynamics, ConstraintOutcome<R, Mem>{solution.z, solution.qfrc_constraint, progress.halt});
 }

@@ -21,8 +21,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, Po
   lanes_load_velocity(l, state.qvel);
   lanes_inertia(l);
   lanes_tendons(l, state);
-  lanes_bias_of_step(l, options.keep_all);
-  lanes_tendon_bias(l, state);
+  lanes_bias_of_step(l, state, options.keep_all);
   lanes_bias_derivative_terms(l);
   lanes_mass_matrix(l);
   lanes_bias_derivative(l);

@@ -20,7 +20,7 @@ struct Solution {
   View<int*> iterations;      // (worlds) sweeps done; of newton its iterations
   View<R*> thread_items;      // hosts: room for a pack of worlds a thread (detail/pgs_lockstep.hpp)
   std::int64_t thread_stride = 0;
-  detail::SharedStamp<detail::Stamp> stamp;  // host: of which state it is (dynamics/stamps.hpp)
+  detail::SharedStamp<detail::SolutionStamp> stamp;  // host: of which state it is (dynamics/stamps.hpp)
 };
 
 struct SolutionOptions {
@@ -46,7 +46,7 @@ Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, Sol
   };
   s.worlds = options.worlds;
   s.nv = model.nv;
-  s.stamp = detail::make_stamp<detail::Stamp>("gsp::Solution::stamp");
+  s.stamp = detail::make_stamp<detail::SolutionStamp>("gsp::Solution::stamp");
   make(s.z, "gsp::Solution::z", s.worlds, s.nv);
   make(s.z_before, "gsp::Solution::z_before", s.worlds, s.nv);
   make(s.qfrc_constraint, "gsp::Solution::qfrc_constraint", s.worlds, s.nv);

@@ -41,7 +41,7 @@ struct PlaceLinks {
     ImageView v;
     v.fx = cameras.Ks(image, 0, 0);
     v.fy = cameras.Ks(image, 1, 1);
-    auto const is_length = [](double f) { return f < 0 || f > 0; };
+    auto const is_length = [](double f) { return f < 0 || f > 0; };  // neither 0, as nobody has written it, nor NaN
     if (!is_length(v.fx) || !is_length(v.fy)) Kokkos::atomic_max(&wave.needed(2), std::int64_t(image) + 1);
     v.cx = cameras.Ks(image, 0, 2);
     v.cy = cameras.Ks(image, 1, 2);

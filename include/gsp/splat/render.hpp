@@ -24,8 +24,8 @@ struct ResetNeeded {
 ///                 the channel's member `image`)
 /// Waits for the device once, at its end (and once after the very first wave), to learn whether every wave fitted its buffers; those that
 /// did not are repeated with larger ones, so that nothing is ever dropped. Allocates only then. Errors: std::invalid_argument also where a
-/// camera has no focal length (none has written it). An image depends on nothing but its own
-/// input: the same bits for any batch, any number of threads and any other images.
+/// camera has no focal length (none has written it). An image depends on nothing but its own input: the same bits for any batch, any number
+/// of threads and any other images.
 template <ExecutionSpace Exec, class R, class PosesMem, class Mem, class... Channels>
 void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras,
             Frames<Mem>& frames, RenderOptions options = {}, Channels const&... channels) {

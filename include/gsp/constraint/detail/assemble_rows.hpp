@@ -316,6 +316,11 @@ struct EmitRows {
       law.zeta = free_rate;
       law.restitution = R(0);
     }
+    // Between bounds that meet the impulse is known, whatever the rate. (A cone of profile mujoco goes by its law, not by bounds.)
+    if (bounds.lower == bounds.upper && bounds.friction_of < 0 && (model.profile == Profile::stable || !bears_friction(type, w, k, r))) {
+      law.compliance = R(0);
+      law.zeta = rate;
+    }
     if (law.compliance > R(0) && law.compliance <= R(no_softness) && diagonal > R(0) &&
         diagonal <= square(R(jammed_rounding) * Kokkos::Experimental::epsilon_v<R>) * inverse_inertia(w, row)) {
       for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) rows.Y(row.first_entry + i) = R(0);
@@ -345,6 +350,13 @@ struct EmitRows {
     // What cannot sink in carries the same however hard it is, or more.
     if (!(diagonal > Kokkos::Experimental::epsilon_v<R> * law.compliance)) return Kokkos::Experimental::infinity_v<R>;
     return law.most_yield;
+  }
+  /// Whether friction of the element hangs on its row r.
+  template <class Type>
+  KOKKOS_INLINE_FUNCTION static bool bears_friction(Type const& type, int w, int k, int r) {
+    for (int b = 0, n = type.rows(w, k); b < n; ++b)
+      if (type.bounds(w, k, b).friction_of == r) return true;
+    return false;
   }
   /// Sum of 1 / D over the dofs of a row: |Y|^2 of a row that each of them moves by 1.
   KOKKOS_INLINE_FUNCTION R inverse_inertia(int w, Row<R> const& row) const {

@@ -58,14 +58,15 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = fals
       [&](int i, T const& x) { s[l.at.bias + i] = x; });
 }
 
-/// The bias that the step takes: of a tree that carries its momentum gravity alone. What is left out, Coriolis and gyroscopic forces, stays
-/// beside it where somebody may read it (`kept`).
-template <class L>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_bias_of_step(L const& l, bool kept) {
+/// The bias that the step takes, with that of tendons' armature: of a tree that carries its momentum gravity alone. What is left out,
+/// Coriolis and gyroscopic forces, stays beside it where somebody may read it (`kept`).
+template <class L, class State>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_bias_of_step(L const& l, State const& state, bool kept) {
   auto const& s = l.items;
   bool const carries = carries_momentum(l);
   for (int pass = carries && kept ? 0 : 1; pass < 2; ++pass) {
     lanes_bias(l, carries && pass == 1);
+    lanes_tendon_bias(l, state);
     if (!carries || !kept) continue;
     int const out = l.at.turning_bias, bias = l.at.bias;
     l.each(l.a.nv, [&](int i) { s[out + i] = pass == 0 ? s[bias + i] : s[out + i] - s[bias + i]; });
@@ -88,8 +89,7 @@ struct BiasStage {
     lanes_load_velocity(l, state.qvel);
     lanes_inertia(l);
     if (l.a.tendon_armature) lanes_tendons(l, state);
-    lanes_bias_of_step(l, true);
-    lanes_tendon_bias(l, state);
+    lanes_bias_of_step(l, state, true);
     lanes_bias_derivative_terms(l);
     if (takes_bias_derivative(l.a)) lanes_composite(l);
     lanes_bias_derivative(l);

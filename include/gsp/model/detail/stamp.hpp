@@ -40,6 +40,12 @@ struct Stamp {
   }
 };
 
+/// Of which state's rows a solution is; of rows that gsp has not written, a user's own: taken as it is.
+struct SolutionStamp {
+  Stamp state = {};
+  bool own = false;
+};
+
 /// The stamp of a struct that is written as a whole. Without data (a struct filled by hand): what it holds is taken as it is.
 template <class S>
 using SharedStamp = Kokkos::View<S, Kokkos::HostSpace>;
