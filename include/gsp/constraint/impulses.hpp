@@ -88,11 +88,12 @@ void set_solved(Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses) {
 template <class R, class Mem, class Solution>
 void set_solved(Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution& solution) {
   set_solved(rows, impulses);
-  if constexpr (requires { solution.stamp().own; })
-    if (solution.stamp.data()) {
-      bool const own = !rows.stamp.data() || !rows.stamp().made;
-      solution.stamp() = {own ? detail::Stamp{} : rows.stamp().state, own};
-    }
+  if constexpr (requires { solution.stamp().own; }) {
+    if (!solution.stamp.data()) return;
+    detail::SolutionStamp& stamp = solution.stamp();
+    stamp.own = !rows.stamp.data() || !rows.stamp().made;
+    if (!stamp.own) stamp.state = rows.stamp().state;
+  }
 }
 
 namespace detail {
