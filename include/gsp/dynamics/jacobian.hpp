@@ -44,14 +44,15 @@ struct PointJacobian {
   }
 };
 template <ExecutionSpace Exec, class R, class Mem, class View>
-void jacobian(std::string const& where, Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses,
-              Dynamics<R, Mem> const& dynamics, int body, Vec3<R> const& point, Field<R> const& field, int item, View& J) {
+void jacobian(char const* where, Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics,
+              int body, Vec3<R> const& point, Field<R> const& field, int item, View& J) {
   expects(int(J.extent(0)) == dynamics.worlds && int(J.extent(1)) == 6 && int(J.extent(2)) == model.nv,
-          where + ": J is (" + std::to_string(J.extent(0)) + ", " + std::to_string(J.extent(1)) + ", " + std::to_string(J.extent(2)) +
-              ") and must be (worlds, 6, nv), here (" + std::to_string(dynamics.worlds) + ", 6, " + std::to_string(model.nv) + ")");
-  expects_fit(where.c_str(), model, dynamics, poses);
-  expects_together(where.c_str(), dynamics, set_of(Quantity::motion));
-  expects_poses_with(where.c_str(), poses, dynamics);
+          std::string(where) + ": J is (" + std::to_string(J.extent(0)) + ", " + std::to_string(J.extent(1)) + ", " +
+              std::to_string(J.extent(2)) + ") and must be (worlds, 6, nv), here (" + std::to_string(dynamics.worlds) + ", 6, " +
+              std::to_string(model.nv) + ")");
+  expects_fit(where, model, dynamics, poses);
+  expects_together(where, dynamics, set_of(Quantity::motion));
+  expects_poses_with(where, poses, dynamics);
   zero(exec, J);
   for_world_lanes<R>("gsp::dynamics::jacobian", exec, dynamics.worlds, 1,
                      PointJacobian<R, Mem, View>{model, poses, dynamics, body, point, field, item, J});
