@@ -296,15 +296,15 @@ double violation(Dense const& d) {
   return worst;
 }
 
-/// Projected Gauss-Seidel row by row from zero; elements of one row first, else in their order.
+/// Projected Gauss-Seidel row by row from zero; elements of one row and of more take turns.
 std::vector<double> gauss_seidel(Dense const& d, int sweeps) {
-  std::vector<int> order;
-  for (int size = 1; size <= 2; ++size)
-    for (int i = 0; i < d.n; ++i) {
-      int const rows = d.element_rows[i];
-      if (rows > 0 && size == std::min(rows, 2))
-        for (int b = 0; b < rows; ++b) order.push_back(i + b);
-    }
+  std::vector<int> first[2], order;
+  for (int i = 0; i < d.n; ++i)
+    if (d.element_rows[i] > 0) first[d.element_rows[i] > 1].push_back(i);
+  for (std::size_t k = 0; k < std::max(first[0].size(), first[1].size()); ++k)
+    for (auto const& list : first)
+      if (k < list.size())
+        for (int b = 0; b < d.element_rows[list[k]]; ++b) order.push_back(list[k] + b);
   std::vector<double> p(d.n, 0.);
   for (int sweep = 0; sweep < sweeps; ++sweep)
     for (int i : order) {

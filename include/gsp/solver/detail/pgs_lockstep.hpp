@@ -3,15 +3,16 @@
 #include <cstring>
 #include <gsp/constraint/detail/couple_rows.hpp>
 #include <gsp/constraint/impulses.hpp>
+#include <gsp/math/detail/transpose.hpp>
 #include <gsp/solver/detail/leap.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
 #include <gsp/solver/detail/row_vectors.hpp>
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and three or four rows at a time: four elements of one
-/// row, or an element of two or three. A world's elements of one row go first, else in their order. The dot products of a block read z
-/// once, and so does z += sum Y^T d; what its rows do to each other in between goes through their products:
+/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and up to four rows at a time: an element of one row and
+/// one of two or three, which take turns in a sweep, then what is left of either kind. The dot products of a block read z once, and so does
+/// z += sum Y^T d; what its rows do to each other in between goes through their products:
 ///   w_b = Y_b z + sum_{a < b} (Y_b . Y_a) d_a + C p_b + bias_b     (z as before the block: row by row but for rounding)
 /// A block's entries are widened to the dofs that any of its rows has in any of the worlds, so that nothing is gathered inside a sweep.
 /// What bounds a sweep is loading Y, twice a block. A world takes this path by its own rows alone (goes_in_lockstep), which of them share a
@@ -29,10 +30,16 @@ struct PgsLockstep {
   Solution<R, Mem> solution;
   PgsOptions options;
 
-  /// Rows of a block of a kind, and places of an element: kind 0 is elements of one row, kind 1 of more.
-  static constexpr int rows_of(int kind) { return kind == 0 ? lockstep_single_rows : lockstep_rows; }
-  static constexpr int places_of(int kind) { return kind == 0 ? 1 : lockstep_rows; }
-  static constexpr int most_rows = std::max(rows_of(0), rows_of(1));
+  /// Kinds of blocks: an element of one row and one of more, in this order; one of more; four of one row.
+  enum Kind { both, several, singles };
+  static constexpr int elements_of(int kind) { return kind == both ? 2 : kind == several ? 1 : lockstep_single_rows; }
+  /// Whether element e of a block, which begins at its place e, has several rows; and its places.
+  static constexpr int is_several(int kind, int e) { return kind == several || (kind == both && e == 1); }
+  static constexpr int places_of(int kind, int e) { return is_several(kind, e) ? lockstep_rows : 1; }
+  static constexpr int rows_of(int kind) {
+    return kind == both ? 1 + lockstep_rows : kind == several ? lockstep_rows : lockstep_single_rows;
+  }
+  static constexpr int most_rows = std::max(1 + lockstep_rows, lockstep_single_rows);
 
   /// What is known of a block's rows but their entries.
   struct Block {
@@ -45,12 +52,14 @@ struct PgsLockstep {
   };
   struct Blocks {
     Block* first;
-    int count[2];  // of a kind
+    int count[3];  // of a kind
     /// f(kind, block) of all of them in the order of the sweeps, the kind known to the compiler.
     template <class F>
     void each(F const& f) const {
-      for (int q = 0; q < count[0]; ++q) f(Index<0>{}, first[q]);
-      for (int q = 0; q < count[1]; ++q) f(Index<1>{}, first[count[0] + q]);
+      Block* k = first;
+      for (int q = 0; q < count[both]; ++q) f(Index<both>{}, *k++);
+      for (int q = 0; q < count[several]; ++q) f(Index<several>{}, *k++);
+      for (int q = 0; q < count[singles]; ++q) f(Index<singles>{}, *k++);
     }
   };
   /// The first rows of a world's elements, of one row and of more.
@@ -74,12 +83,14 @@ struct PgsLockstep {
     T* const behind = z_before + (nv + 3) / 4 * 4;
     for (T* q = z; q != behind; ++q) *q = T(R(0));
     static_assert(sizeof(Block) <= lockstep_block_packs * sizeof(T));
-    Blocks const blocks{reinterpret_cast<Block*>(behind), {(most[0] + rows_of(0) - 1) / rows_of(0), most[1]}};
+    int const pairs = std::min(most[0], most[1]);
+    Blocks const blocks{reinterpret_cast<Block*>(behind),
+                        {pairs, most[1] - pairs, (most[0] - pairs + lockstep_single_rows - 1) / lockstep_single_rows}};
     T* Y = behind + lockstep_most_blocks * lockstep_block_packs;
     int taken[2] = {};
     blocks.each([&](auto kind, Block& k) {
-      widen<kind>(k, Y, taken[kind], w0, places, parity);
-      taken[kind] += rows_of(kind) / places_of(kind);
+      widen<kind>(k, Y, taken, w0, places, parity);
+      for (int e = 0; e < elements_of(kind); ++e) ++taken[is_several(kind, e)];
       push<kind>(k, z, k.p);
     });
 
@@ -117,8 +128,9 @@ struct PgsLockstep {
       blocks.each([&](auto kind, Block const& k) {
         T w[most_rows];
         rates<kind>(k, z, w);
-        for (int s = 0; s < rows_of(kind); s += places_of(kind))  // places without a row are at rest
-          worst = max(worst, element_residual<places_of(kind)>(k.law, s, w, k.p));
+        unrolled<elements_of(kind)>([&](auto e) {  // places without a row are at rest
+          worst = max(worst, element_residual<places_of(kind, e)>(k.law, e, w, k.p));
+        });
       });
     for (int l = 0; l < W; ++l) {
       if (w0 + l >= rows.worlds || !goes_in_lockstep(rows, w0 + l)) continue;
@@ -127,8 +139,11 @@ struct PgsLockstep {
       R* const p = impulses.p[parity].data() + rows.first(w0 + l);
       int left[2] = {};
       blocks.each([&](auto kind, Block const& k) {
-        for (int s = 0; s < rows_of(kind) && left[kind] < places[l].count[kind]; s += places_of(kind), ++left[kind])
-          for (int b = 0; b < places[l].has[kind][left[kind]]; ++b) p[places[l].row[kind][left[kind]] + b] = k.p[s + b][l];
+        for (int e = 0; e < elements_of(kind); ++e) {
+          int const list = is_several(kind, e), at = left[list]++;
+          if (at >= places[l].count[list]) continue;
+          for (int b = 0; b < places[l].has[list][at]; ++b) p[places[l].row[list][at] + b] = k.p[e + b][l];
+        }
       });
       solution.iterations(w0 + l) = sweeps[l];
       solution.residual(w0 + l) = options.residual ? worst[l] : Kokkos::Experimental::quiet_NaN_v<R>;
@@ -182,20 +197,21 @@ struct PgsLockstep {
   /// Takes elements of a kind, from `first` on, of all worlds into `k`; their entries go to Y, which moves on. Entries come by whole groups
   /// of four dofs, so that the order in which a world's are summed does not depend on what the other worlds have.
   template <int kind>
-  void widen(Block& k, T*& Y, int first, int w0, Places const (&places)[W], int parity) const {
-    constexpr int B = rows_of(kind), N = places_of(kind), each = B / N;
+  void widen(Block& k, T*& Y, int const (&taken)[2], int w0, Places const (&places)[W], int parity) const {
+    constexpr int B = rows_of(kind), E = elements_of(kind);
     int row_of[W][B];  // in the pool, -1: none
     std::uint32_t used = 0;
     for (int l = 0; l < W; ++l) {
       int const start = rows.first(w0 + l < rows.worlds ? w0 + l : w0);
-      for (int e = 0; e < each; ++e) {
-        bool const has_element = first + e < places[l].count[kind];
-        int const head = has_element ? start + places[l].row[kind][first + e] : -1, has = has_element ? places[l].has[kind][first + e] : 0;
-        if (first + e + each < places[l].count[kind])
-          prefetch(&rows.row(start + places[l].row[kind][first + e + each]),
-                   N * sizeof(Row<R>));  // more streams than the processor follows
+      unrolled<E>([&](auto e) {
+        constexpr int list = is_several(kind, e), N = places_of(kind, e), each = kind == singles ? E : 1;
+        int const at = taken[list] + (kind == singles ? int(e) : 0);
+        bool const has_element = at < places[l].count[list];
+        int const head = has_element ? start + places[l].row[list][at] : -1, has = has_element ? places[l].has[list][at] : 0;
+        if (at + each < places[l].count[list])
+          prefetch(&rows.row(start + places[l].row[list][at + each]), N * sizeof(Row<R>));  // more streams than the processor follows
         for (int b = 0; b < N; ++b) {
-          row_of[l][e * N + b] = b < has ? head + b : -1;
+          row_of[l][e + b] = b < has ? head + b : -1;
           if (b >= has) continue;
           Row<R> const& row = rows.row(head + b);
           int entries = 0;
@@ -205,7 +221,7 @@ struct PgsLockstep {
           }
           prefetch(rows.Y.data() + row.first_entry, entries * sizeof(R));
         }
-      }
+      });
     }
     k.Y = Y;
     k.groups = 0;
@@ -217,25 +233,15 @@ struct PgsLockstep {
       for (int l = 0; l < W; ++l) of_lane[l] = row_of[l][b];
       take_law(k, b, of_lane, parity);
     }
-    for (int l = 0; l < W; ++l)
-      for (int b = 0; b < B; ++b) {
-        if (row_of[l][b] < 0) continue;
-        Row<R> const& row = rows.row(row_of[l][b]);
-        R* const entries = reinterpret_cast<R*>(Y + b) + l;
-        R const* y = rows.Y.data() + row.first_entry;
-        auto const entry_of = [&](int dof) {  // after the groups before
-          return B * (4 * Kokkos::popcount(used & ((std::uint32_t(1) << (dof >> 2)) - 1)) + (dof & 3));
-        };
-        for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
-          auto const& segment = row.segment[s];
-          if (int const* const list = list_of(rows, segment)) {
-            for (int i = 0; i < segment.count; ++i) entries[W * entry_of(segment.dof0 + list[i])] = y[i];
-          } else {  // consecutive dofs: all of their groups are there
-            R* const e = entries + W * entry_of(segment.dof0);
-            for (int i = 0; i < segment.count; ++i) e[B * W * i] = y[i];
+    for (int b = 0; b < B; ++b)
+      for (int l = 0; l < W; ++l) {
+        if constexpr (W % 4 == 0)
+          if (l % 4 == 0 && alike(row_of, l, b)) {
+            place_entries<4>(row_of, l, b, used, Y);
+            l += 3;
+            continue;
           }
-          y += segment.count;
-        }
+        if (row_of[l][b] >= 0) place_entries<1>(row_of, l, b, used, Y);
       }
     for (int b = 0, at = 0; b < B; ++b)
       for (int a = 0; a < b; ++a) {
@@ -244,6 +250,45 @@ struct PgsLockstep {
         k.product[at++] = sum;
       }
     Y = end;
+  }
+  /// Whether rows b of four worlds, from number l of the pack on, have the same dofs.
+  template <int B>
+  bool alike(int const (&row_of)[W][B], int l, int b) const {
+    for (int i = 0; i < 4; ++i)
+      if (row_of[l + i][b] < 0) return false;
+    auto const& segment = rows.row(row_of[l][b]).segment;
+    for (int i = 1; i < 4; ++i)
+      if (std::memcmp(rows.row(row_of[l + i][b]).segment, segment, sizeof segment) != 0) return false;
+    return true;
+  }
+  /// Entries of rows b of one world, or of four that are alike.
+  template <int worlds, int B>
+  void place_entries(int const (&row_of)[W][B], int l, int b, std::uint32_t used, T* Y) const {
+    R const* y[worlds];
+    for (int k = 0; k < worlds; ++k) y[k] = rows.Y.data() + rows.row(row_of[l + k][b]).first_entry;
+    R* const entries = reinterpret_cast<R*>(Y + b) + l;
+    auto const place_of = [&](int dof) {  // after the groups before
+      return entries + B * W * (4 * Kokkos::popcount(used & ((std::uint32_t(1) << (dof >> 2)) - 1)) + (dof & 3));
+    };
+    auto const place = [&](R* to) {
+      for (int k = 0; k < worlds; ++k) to[k] = *y[k]++;
+    };
+    Row<R> const& row = rows.row(row_of[l][b]);
+    for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
+      RowSegment const& segment = row.segment[s];
+      if (int const* const list = list_of(rows, segment)) {
+        for (int i = 0; i < segment.count; ++i) place(place_of(segment.dof0 + list[i]));
+        continue;
+      }
+      R* to = place_of(segment.dof0);  // consecutive dofs: all of their groups are there
+      int i = 0;
+      if constexpr (worlds == 4)
+        for (; i + 4 <= segment.count; i += 4, to += 4 * B * W) {
+          transpose4(y, to, B * W);
+          for (R const*& from : y) from += 4;
+        }
+      for (; i < segment.count; ++i, to += B * W) place(to);
+    }
   }
   /// What is known of row b of all worlds, but its entries. The numbers of a row lie side by side: they come at once, and are transposed.
   void take_law(Block& k, int b, int const (&row_of)[W], int parity) const {
@@ -290,14 +335,14 @@ struct PgsLockstep {
   /// @param change  in, out: largest change of a rate;   @param raised  in, out, or null: what E has risen by
   template <int kind>
   static void pass(Block& k, T* z, Mask<R, W> const& active, T const& relaxation, T& change, T* raised) {
-    constexpr int B = rows_of(kind), N = places_of(kind);
+    constexpr int B = rows_of(kind);
     T w[B], p[B], d[B], before[B];
     rates<kind>(k, z, w);
     unrolled<B>([&](auto b) {
       p[b] = k.p[b];
       before[b] = w[b];
     });
-    project<N>(k, relaxation, w, p, d, std::make_integer_sequence<int, B / N>{});
+    project<kind>(k, relaxation, w, p, d, std::make_integer_sequence<int, elements_of(kind)>{});
     unrolled<B>([&](auto b) {
       d[b] = select(active, d[b], T(R(0)));
       k.p[b] = select(active, p[b], k.p[b]);  // not p + d, which rounding may take beyond its bound
@@ -338,10 +383,10 @@ struct PgsLockstep {
     int first;
     KOKKOS_FORCEINLINE_FUNCTION T operator()(int b, int a) const { return k.product[couplings_of(first + b) + first + a]; }
   };
-  /// Elements of N places one after the other: number e...
-  template <int N, int... e>
+  /// Elements e... one after the other.
+  template <int kind, int... e>
   KOKKOS_FORCEINLINE_FUNCTION static void project(Block const& k, T const& relaxation, T* w, T* p, T* d, std::integer_sequence<int, e...>) {
-    (project_one<N, N * e>(k, relaxation, w, p, d, std::make_integer_sequence<int, N * e>{}), ...);
+    (project_one<places_of(kind, e), e>(k, relaxation, w, p, d, std::make_integer_sequence<int, e>{}), ...);
   }
   /// That at place `first`, after the rows a... before it.
   template <int N, int first, int... a>

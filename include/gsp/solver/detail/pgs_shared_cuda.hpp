@@ -84,7 +84,7 @@ struct SharedWorld {
     find_order();
     __syncwarp();
   }
-  /// Elements of one row first, else in their order; eliminated ones are left out.
+  /// Lists the elements of one row, then those of more, each in their order; eliminated ones are left out.
   __device__ void find_order() {
     int const most = warp_max(count), shift = int(threadIdx.x) / shared_lanes * shared_lanes;
     for (int kind = 0; kind < 2; ++kind) {
@@ -249,13 +249,15 @@ struct SharedWorld {
         raised = R(0);
       }
       R change(0);
-      for (int e = 0; e < most_of_one; ++e) {
-        bool const active = again && e < of_one_row;
-        change = max(change, sweep_element<1>(active, active ? order[e] : 0, raised));
-      }
-      for (int e = 0; e < most; ++e) {
-        bool const active = again && of_one_row + e < elements;
-        change = max(change, sweep_element<lockstep_rows>(active, active ? order[of_one_row + e] : 0, raised));
+      for (int e = 0; e < most_of_one || e < most; ++e) {  // elements of one row and of more in turn
+        if (e < most_of_one) {
+          bool const active = again && e < of_one_row;
+          change = max(change, sweep_element<1>(active, active ? order[e] : 0, raised));
+        }
+        if (e < most) {
+          bool const active = again && of_one_row + e < elements;
+          change = max(change, sweep_element<lockstep_rows>(active, active ? order[of_one_row + e] : 0, raised));
+        }
       }
       if (again) ++sweeps;
       again = again && sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);

@@ -112,21 +112,23 @@ struct PgsWorld {
       for (int r = e.begin(k), end = e.end(rows, k); r < end; ++r) f(r);
     });
   }
-  /// Goes to the next element of a sweep: elements of one row before others. False after the last; place and several begin with 0.
-  KOKKOS_INLINE_FUNCTION bool next_element(Island const& e, int& place, int& several, int& r, int& n) const {
-    if (e.element) {
-      if (place == e.elements) return false;
-      r = e.element[place++];
-      n = rows.element_rows(e.first_row + r);
-      return true;
-    }
-    for (; several < 2; place = 0, ++several)
-      while (place < e.elements) {
-        r = place;
+  /// Where a sweep is in an island's list: elements of one row and of more take turns, each kind in its order.
+  struct Turn {
+    int place[2] = {0, 0};
+    int several = 0;  // whose turn it is
+  };
+  /// Goes to the next element of a sweep, of n rows from r on. False after the last.
+  KOKKOS_INLINE_FUNCTION bool next_element(Island const& e, Turn& turn, int& r, int& n) const {
+    for (int kinds = 0; kinds < 2; ++kinds) {
+      int const several = turn.several;
+      turn.several = !several;
+      for (int& place = several ? turn.place[1] : turn.place[0]; place < e.elements;) {  // not [several]: that would be memory on a GPU
+        r = e.begin(place);
         n = rows.element_rows(e.first_row + r);
-        place += n;
-        if ((n > 1) == several && !rows.row(e.first_row + r).eliminated) return true;
+        place += e.element ? 1 : n;
+        if ((n > 1) == several && (e.element || !rows.row(e.first_row + r).eliminated)) return true;
       }
+    }
     return false;
   }
   /// Sweeps until no rate changes by more than the tolerance; their number.
@@ -145,7 +147,8 @@ struct PgsWorld {
         raised = R(0);
       }
       R change(0);
-      for (int place = 0, several = 0, r, n; next_element(e, place, several, r, n);) {
+      int r, n;
+      for (Turn turn; next_element(e, turn, r, n);) {
         Row<R> const* const row = &rows.row(e.first_row + r);
         if (n == 1)
           change = max(change, sweep_element<1>(world, row, 1, z, p + r, raised));
