@@ -40,6 +40,7 @@ void impacts(Exec const& exec, Progress<Mem> const& progress, Rows<R, Mem>& rows
           "gsp::impacts: rows, impulses and solution have different numbers of worlds or degrees of freedom: make them for one model and "
           "the same {.worlds = n}");
   if (!rows.impact.data()) return;
+  detail::expects_assembled("gsp::impacts", rows);
   Region const region("gsp::solver::impacts");
   for_worlds("gsp::solver::impacts", exec, rows.worlds,
              detail::ImpactsWorld<R, Mem>{rows, impulses, solution, progress.halt, options.rounds, options.sweeps, R(options.tolerance)});

@@ -84,6 +84,7 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
               buffers.nv == rows.nv,
           "gsp::newton: rows, impulses, solution and buffers have different numbers of worlds or degrees of freedom: make them for one "
           "model and the same {.worlds = n}");
+  detail::expects_assembled("gsp::newton", rows);
   expects(rows.profile == Profile::mujoco,
           "gsp::newton: the rows are of profile stable, and those need not be the convex problem that this solver solves: call pgs, or "
           "make_model with {.profile = Profile::mujoco}");

@@ -17,12 +17,12 @@ namespace gsp {
 /// @param solution   z (world, nv), residual, iterations (world): out
 /// @param progress   nothing happens while progress.halt is set
 /// @param options    a world stops by itself: at a share of what gravity does in a step, after so many sweeps at least and at most
-/// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, a tolerance below 0 or NaN, and for rows with
-/// room for a restitution without a call of impacts. On a CPU, worlds of at most 128 rows, in elements of at most three, in models of at
-/// most 128 dofs go in lockstep, a pack at a time; on a GPU they stay in shared memory, where 24 kB hold one, eight threads each; larger
-/// ones, and those of several trees that may sleep, are swept over sparse rows, by a thread or a warp each, island by island. Cost 4
-/// entries iterations flop a world. A world's result depends on nothing but its own rows and on whether trees may sleep. Does not allocate,
-/// does not fence.
+/// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, a tolerance below 0 or NaN, for rows that
+/// nobody has assembled, and for rows with room for a restitution without a call of impacts. On a CPU, worlds of at most 128 rows, in
+/// elements of at most three, in models of at most 128 dofs go in lockstep, a pack at a time; on a GPU they stay in shared memory, where 24
+/// kB hold one, eight threads each; larger ones, and those of several trees that may sleep, are swept over sparse rows, by a thread or a
+/// warp each, island by island. Cost 4 entries iterations flop a world. A world's result depends on nothing but its own rows and on whether
+/// trees may sleep. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
          PgsOptions options = {}) {
@@ -32,6 +32,7 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
   expects(impulses.worlds == rows.worlds && solution.worlds == rows.worlds && solution.nv == rows.nv,
           "gsp::pgs: rows, impulses and solution have different numbers of worlds or degrees of freedom: make them for one model and the "
           "same {.worlds = n}");
+  detail::expects_assembled("gsp::pgs", rows);
   expects(!rows.stamp.data() || !rows.stamp().impacts_left, "gsp::pgs: some rows may have a restitution: call impacts first");
   Region const region("gsp::solver::pgs");
   auto elsewhere = detail::SmallWorlds::none;  // solved before the other kernel, which marks the step as solved

@@ -3,10 +3,10 @@
 
 namespace gsp::detail {
 
-/// Four numbers from each of four places, so that those of one number lie side by side: to + stride i holds number i of all four. A store
-/// for four numbers, instead of one each. Hosts only.
+/// to[i][k] = from[k][i] for i, k < 4: four numbers at once, where one by one took a load and a store each. Nothing need be aligned. Hosts
+/// only.
 template <class R>
-inline void transpose4(R const* const (&from)[4], R* to, int stride) {
+void transpose4(R const* const (&from)[4], R* const (&to)[4]) {
   using Four [[gnu::vector_size(4 * sizeof(R))]] = R;
   Four row[4];
   for (int k = 0; k < 4; ++k) std::memcpy(&row[k], from[k], sizeof(Four));
@@ -14,7 +14,7 @@ inline void transpose4(R const* const (&from)[4], R* to, int stride) {
   Four const c = __builtin_shufflevector(row[0], row[1], 2, 6, 3, 7), d = __builtin_shufflevector(row[2], row[3], 2, 6, 3, 7);
   Four const column[4] = {__builtin_shufflevector(a, b, 0, 1, 4, 5), __builtin_shufflevector(a, b, 2, 3, 6, 7),
                           __builtin_shufflevector(c, d, 0, 1, 4, 5), __builtin_shufflevector(c, d, 2, 3, 6, 7)};
-  for (int i = 0; i < 4; ++i) std::memcpy(to + stride * i, &column[i], sizeof(Four));
+  for (int i = 0; i < 4; ++i) std::memcpy(to[i], &column[i], sizeof(Four));
 }
 
 }  // namespace gsp::detail

@@ -8,14 +8,15 @@ namespace gsp::detail {
 
 // Worlds of at most so many rows and dofs, with elements of at most so many rows.
 inline constexpr int lockstep_most_rows = 128, lockstep_most_dofs = 128, lockstep_rows = 3;
-// An element of one row and one of two or three make a block, and so do four of one row. Most where some world of a pack has rows of the
-// one kind alone, and some other of the other: then every element of two rows shares a block with one of one row.
-inline constexpr int lockstep_single_rows = 4;
-inline constexpr int lockstep_most_blocks = lockstep_most_rows / 2 + lockstep_most_rows / 2 / lockstep_single_rows;
-inline constexpr int lockstep_most_block_rows = 4 * lockstep_most_blocks;
-static_assert(1 + lockstep_rows == 4 && lockstep_single_rows == 4);
+// Blocks (pgs_lockstep.hpp) have an element of one row and one of two or three; one of two or three; or four of one row. A world has at
+// most a third as many of the first as rows, since those have three at least; and where one world of a pack has the most elements of two
+// rows and another the most of one, there is room for both.
+inline constexpr int lockstep_block_rows = 4;
+static_assert(lockstep_block_rows == 1 + lockstep_rows);
+inline constexpr int lockstep_most_blocks = lockstep_most_rows / 2 + lockstep_most_rows / lockstep_block_rows;
+inline constexpr int lockstep_most_block_rows = lockstep_most_rows / 2 * lockstep_rows + lockstep_most_rows / 3 + lockstep_most_rows;
 // What is known of a block but its entries: 11 numbers a row and the products of its rows; all else takes 6 of the narrowest packs.
-inline constexpr int lockstep_block_packs = 11 * lockstep_single_rows + lockstep_single_rows * (lockstep_single_rows - 1) / 2 + 6;
+inline constexpr int lockstep_block_packs = 11 * lockstep_block_rows + lockstep_block_rows * (lockstep_block_rows - 1) / 2 + 6;
 /// A world takes this path by its own rows alone.
 template <class Rows>
 KOKKOS_INLINE_FUNCTION bool goes_in_lockstep(Rows const& rows, int world) {

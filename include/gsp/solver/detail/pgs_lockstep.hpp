@@ -30,16 +30,17 @@ struct PgsLockstep {
   Solution<R, Mem> solution;
   PgsOptions options;
 
-  /// Kinds of blocks: an element of one row and one of more, in this order; one of more; four of one row.
-  enum Kind { both, several, singles };
-  static constexpr int elements_of(int kind) { return kind == both ? 2 : kind == several ? 1 : lockstep_single_rows; }
-  /// Whether element e of a block, which begins at its place e, has several rows; and its places.
-  static constexpr int is_several(int kind, int e) { return kind == several || (kind == both && e == 1); }
-  static constexpr int places_of(int kind, int e) { return is_several(kind, e) ? lockstep_rows : 1; }
-  static constexpr int rows_of(int kind) {
-    return kind == both ? 1 + lockstep_rows : kind == several ? lockstep_rows : lockstep_single_rows;
-  }
-  static constexpr int most_rows = std::max(1 + lockstep_rows, lockstep_single_rows);
+  /// A world's elements: those of one row that have one of more rows to take turns with; those of more; those of one row that are left.
+  enum List { turn, several, rest };
+  static constexpr int places_of(int list) { return list == several ? lockstep_rows : 1; }
+  /// Kinds of blocks, in the order of the sweeps: an element of one row and one of more; one of more; four of one row. What kind a world's
+  /// element goes in beside which others of its own, the world alone says: it comes with an empty place, or without, as others have it.
+  enum Kind { in_turn, alone, by_fours };
+  static constexpr int elements_of(int kind) { return kind == in_turn ? 2 : kind == alone ? 1 : 4; }
+  /// The list that element e of a block is from. It begins at place e.
+  static constexpr int list_at(int kind, int e) { return kind == by_fours ? rest : kind == alone ? several : e == 0 ? turn : several; }
+  static constexpr int rows_of(int kind) { return kind == alone ? lockstep_rows : lockstep_block_rows; }
+  static constexpr int most_rows = lockstep_block_rows;
 
   /// What is known of a block's rows but their entries.
   struct Block {
@@ -57,40 +58,45 @@ struct PgsLockstep {
     template <class F>
     void each(F const& f) const {
       Block* k = first;
-      for (int q = 0; q < count[both]; ++q) f(Index<both>{}, *k++);
-      for (int q = 0; q < count[several]; ++q) f(Index<several>{}, *k++);
-      for (int q = 0; q < count[singles]; ++q) f(Index<singles>{}, *k++);
+      for (int q = 0; q < count[in_turn]; ++q) f(Index<in_turn>{}, *k++);
+      for (int q = 0; q < count[alone]; ++q) f(Index<alone>{}, *k++);
+      for (int q = 0; q < count[by_fours]; ++q) f(Index<by_fours>{}, *k++);
     }
   };
-  /// The first rows of a world's elements, of one row and of more.
-  struct Places {
-    int count[2] = {};
-    short row[2][lockstep_most_rows];
-    signed char has[2][lockstep_most_rows];  // rows
+  /// The elements of a world, list by list.
+  struct Element {
+    int row, rows;  // the first, counted from Rows::first, and their number; 0: none
+  };
+  struct Elements {
+    int count[3] = {};
+    short single[lockstep_most_rows], first[lockstep_most_rows / 2];  // those of one row, and the first rows of the others
+    signed char rows[lockstep_most_rows / 2];
+    Element operator()(int list, int at) const {
+      if (at >= count[list]) return {-1, 0};
+      return list == several ? Element{first[at], rows[at]} : Element{single[list == turn ? at : count[turn] + at], 1};
+    }
   };
 
   [[gnu::noinline]] void operator()(int first, int thread) const {
     int const w0 = first * W, nv = rows.nv, parity = impulses.parity();
-    int count[W], most[2] = {};
-    Places places[W];
+    int count[W], most[3] = {};
+    Elements elements[W];
     for (int l = 0; l < W; ++l) {
       count[l] = w0 + l < rows.worlds ? rows.count(w0 + l) : 0;
       if (w0 + l < rows.worlds && !goes_in_lockstep(rows, w0 + l)) count[l] = 0;  // that world goes alone
-      find_places(places[l], w0 + l, count[l], most);
+      find_elements(elements[l], w0 + l, count[l], most);
     }
     T* const z = reinterpret_cast<T*>(solution.thread_items.data() + std::int64_t(thread) * solution.thread_stride);
     T* const z_before = z + (nv + 3) / 4 * 4;
     T* const behind = z_before + (nv + 3) / 4 * 4;
     for (T* q = z; q != behind; ++q) *q = T(R(0));
     static_assert(sizeof(Block) <= lockstep_block_packs * sizeof(T));
-    int const pairs = std::min(most[0], most[1]);
-    Blocks const blocks{reinterpret_cast<Block*>(behind),
-                        {pairs, most[1] - pairs, (most[0] - pairs + lockstep_single_rows - 1) / lockstep_single_rows}};
+    Blocks const blocks{reinterpret_cast<Block*>(behind), {most[turn], most[several] - most[turn], (most[rest] + 3) / 4}};
     T* Y = behind + lockstep_most_blocks * lockstep_block_packs;
-    int taken[2] = {};
+    int taken[3] = {};
     blocks.each([&](auto kind, Block& k) {
-      widen<kind>(k, Y, taken, w0, places, parity);
-      for (int e = 0; e < elements_of(kind); ++e) ++taken[is_several(kind, e)];
+      widen<kind>(k, Y, taken, w0, elements, parity);
+      for (int e = 0; e < elements_of(kind); ++e) ++taken[list_at(kind, e)];
       push<kind>(k, z, k.p);
     });
 
@@ -124,25 +130,17 @@ struct PgsLockstep {
       }
     }
     T worst = zero;
-    if (options.residual)
-      blocks.each([&](auto kind, Block const& k) {
-        T w[most_rows];
-        rates<kind>(k, z, w);
-        unrolled<elements_of(kind)>([&](auto e) {  // places without a row are at rest
-          worst = max(worst, element_residual<places_of(kind, e)>(k.law, e, w, k.p));
-        });
-      });
+    if (options.residual) blocks.each([&](auto kind, Block const& k) { worst = max(worst, residual<kind>(k, z)); });
     for (int l = 0; l < W; ++l) {
       if (w0 + l >= rows.worlds || !goes_in_lockstep(rows, w0 + l)) continue;
       R* const out = solution.z.data() + std::int64_t(w0 + l) * nv;
       for (int i = 0; i < nv; ++i) out[i] = z[i][l];
       R* const p = impulses.p[parity].data() + rows.first(w0 + l);
-      int left[2] = {};
+      int written[3] = {};
       blocks.each([&](auto kind, Block const& k) {
         for (int e = 0; e < elements_of(kind); ++e) {
-          int const list = is_several(kind, e), at = left[list]++;
-          if (at >= places[l].count[list]) continue;
-          for (int b = 0; b < places[l].has[list][at]; ++b) p[places[l].row[list][at] + b] = k.p[e + b][l];
+          Element const of = elements[l](list_at(kind, e), written[list_at(kind, e)]++);
+          for (int b = 0; b < of.rows; ++b) p[of.row + b] = k.p[e + b][l];
         }
       });
       solution.iterations(w0 + l) = sweeps[l];
@@ -182,38 +180,43 @@ struct PgsLockstep {
     for (int i = 0; i < rows.nv; ++i) z[i] = select(worlds, z_before[i], z[i]);
   }
 
-  void find_places(Places& places, int w, int count, int (&most)[2]) const {
+  void find_elements(Elements& found, int w, int count, int (&most)[3]) const {
     signed char const* const element_rows = rows.element_rows.data() + (count > 0 ? rows.first(w) : 0);
+    int singles = 0, others = 0;
     for (int r = 0; r < count; ++r) {
-      int const n = element_rows[r], kind = n > 1;
+      int const n = element_rows[r];
       if (n == 0 || (rows.most_eliminated > 0 && rows.row(rows.first(w) + r).eliminated)) continue;
-      int const at = places.count[kind]++;
-      places.row[kind][at] = short(r);
-      places.has[kind][at] = static_cast<signed char>(n);
+      if (n == 1) {
+        found.single[singles++] = short(r);
+      } else {
+        found.first[others] = short(r);
+        found.rows[others++] = static_cast<signed char>(n);
+      }
     }
-    for (int kind = 0; kind < 2; ++kind) most[kind] = places.count[kind] > most[kind] ? places.count[kind] : most[kind];
+    found.count[turn] = std::min(singles, others);
+    found.count[several] = others;
+    found.count[rest] = singles - found.count[turn];
+    for (int list : {turn, several, rest}) most[list] = std::max(most[list], found.count[list]);
   }
 
-  /// Takes elements of a kind, from `first` on, of all worlds into `k`; their entries go to Y, which moves on. Entries come by whole groups
-  /// of four dofs, so that the order in which a world's are summed does not depend on what the other worlds have.
+  /// Takes the next elements of all worlds into `k`, after those that are `taken`; their entries go to Y, which moves on. Entries come by
+  /// whole groups of four dofs, so that the order in which a world's are summed does not depend on what the other worlds have.
   template <int kind>
-  void widen(Block& k, T*& Y, int const (&taken)[2], int w0, Places const (&places)[W], int parity) const {
-    constexpr int B = rows_of(kind), E = elements_of(kind);
+  void widen(Block& k, T*& Y, int const (&taken)[3], int w0, Elements const (&elements)[W], int parity) const {
+    constexpr int B = rows_of(kind), E = elements_of(kind), each = kind == by_fours ? E : 1;
     int row_of[W][B];  // in the pool, -1: none
     std::uint32_t used = 0;
     for (int l = 0; l < W; ++l) {
       int const start = rows.first(w0 + l < rows.worlds ? w0 + l : w0);
       unrolled<E>([&](auto e) {
-        constexpr int list = is_several(kind, e), N = places_of(kind, e), each = kind == singles ? E : 1;
-        int const at = taken[list] + (kind == singles ? int(e) : 0);
-        bool const has_element = at < places[l].count[list];
-        int const head = has_element ? start + places[l].row[list][at] : -1, has = has_element ? places[l].has[list][at] : 0;
-        if (at + each < places[l].count[list])
-          prefetch(&rows.row(start + places[l].row[list][at + each]), N * sizeof(Row<R>));  // more streams than the processor follows
+        constexpr int list = list_at(kind, e), N = places_of(list);
+        int const at = taken[list] + (kind == by_fours ? int(e) : 0);
+        Element const own = elements[l](list, at), next = elements[l](list, at + each);
+        if (next.rows > 0) prefetch(&rows.row(start + next.row), N * sizeof(Row<R>));  // more streams than the processor follows
         for (int b = 0; b < N; ++b) {
-          row_of[l][e + b] = b < has ? head + b : -1;
-          if (b >= has) continue;
-          Row<R> const& row = rows.row(head + b);
+          row_of[l][e + b] = b < own.rows ? start + own.row + b : -1;
+          if (b >= own.rows) continue;
+          Row<R> const& row = rows.row(start + own.row + b);
           int entries = 0;
           for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
             used |= groups_of(row.segment[s]);
@@ -270,24 +273,28 @@ struct PgsLockstep {
     auto const place_of = [&](int dof) {  // after the groups before
       return entries + B * W * (4 * Kokkos::popcount(used & ((std::uint32_t(1) << (dof >> 2)) - 1)) + (dof & 3));
     };
-    auto const place = [&](R* to) {
-      for (int k = 0; k < worlds; ++k) to[k] = *y[k]++;
-    };
     Row<R> const& row = rows.row(row_of[l][b]);
     for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
       RowSegment const& segment = row.segment[s];
-      if (int const* const list = list_of(rows, segment)) {
-        for (int i = 0; i < segment.count; ++i) place(place_of(segment.dof0 + list[i]));
-        continue;
+      int const* const list = list_of(rows, segment);
+      if (list)
+        each_entry<worlds>(segment.count, y, [&](int i) { return place_of(segment.dof0 + list[i]); });
+      else  // consecutive dofs: all of their groups are there
+        each_entry<worlds>(segment.count, y, [to = place_of(segment.dof0)](int i) { return to + B * W * i; });
+    }
+  }
+  /// The next n entries of each world to place_of(0), place_of(1), ...
+  template <int worlds, class F>
+  static void each_entry(int n, R const* (&y)[worlds], F const& place_of) {
+    int i = 0;
+    if constexpr (worlds == 4)
+      for (; i + 4 <= n; i += 4) {
+        transpose4(y, {place_of(i), place_of(i + 1), place_of(i + 2), place_of(i + 3)});
+        for (R const*& from : y) from += 4;
       }
-      R* to = place_of(segment.dof0);  // consecutive dofs: all of their groups are there
-      int i = 0;
-      if constexpr (worlds == 4)
-        for (; i + 4 <= segment.count; i += 4, to += 4 * B * W) {
-          transpose4(y, to, B * W);
-          for (R const*& from : y) from += 4;
-        }
-      for (; i < segment.count; ++i, to += B * W) place(to);
+    for (; i < n; ++i) {
+      R* const to = place_of(i);
+      for (int k = 0; k < worlds; ++k) to[k] = *y[k]++;
     }
   }
   /// What is known of row b of all worlds, but its entries. The numbers of a row lie side by side: they come at once, and are transposed.
@@ -354,6 +361,14 @@ struct PgsLockstep {
     });
     push<kind>(k, z, d);
   }
+  /// The largest violation of a block's rows. Places without a row are at rest.
+  template <int kind>
+  static T residual(Block const& k, T const* z) {
+    T w[most_rows], worst(R(0));
+    rates<kind>(k, z, w);
+    unrolled<elements_of(kind)>([&](auto e) { worst = max(worst, element_residual<places_of(list_at(kind, e))>(k.law, e, w, k.p)); });
+    return worst;
+  }
   /// w = Y z + C p + b
   template <int kind>
   static void rates(Block const& k, T const* z, T* w) {
@@ -386,7 +401,7 @@ struct PgsLockstep {
   /// Elements e... one after the other.
   template <int kind, int... e>
   KOKKOS_FORCEINLINE_FUNCTION static void project(Block const& k, T const& relaxation, T* w, T* p, T* d, std::integer_sequence<int, e...>) {
-    (project_one<places_of(kind, e), e>(k, relaxation, w, p, d, std::make_integer_sequence<int, e>{}), ...);
+    (project_one<places_of(list_at(kind, e)), e>(k, relaxation, w, p, d, std::make_integer_sequence<int, e>{}), ...);
   }
   /// That at place `first`, after the rows a... before it.
   template <int N, int first, int... a>

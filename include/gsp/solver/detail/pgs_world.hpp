@@ -114,15 +114,28 @@ struct PgsWorld {
   }
   /// Where a sweep is in an island's list: elements of one row and of more take turns, each kind in its order.
   struct Turn {
-    int place[2] = {0, 0};
-    int several = 0;  // whose turn it is
+    int single, several;  // the next place where one of a kind may be
+    int singles_end;
+    bool of_several = false;  // whose turn it is
   };
+  /// A list of elements has those of one row first; in a list of rows both kinds are looked for from its first to its last.
+  KOKKOS_INLINE_FUNCTION Turn first_turn(Island const& e) const {
+    if (!e.element) return {0, 0, e.elements};
+    int low = 0, high = e.elements;
+    while (low < high) {
+      int const middle = (low + high) / 2;
+      bool const several = rows.element_rows(e.first_row + e.element[middle]) > 1;
+      (several ? high : low) = several ? middle : middle + 1;
+    }
+    return {0, low, low};
+  }
   /// Goes to the next element of a sweep, of n rows from r on. False after the last.
   KOKKOS_INLINE_FUNCTION bool next_element(Island const& e, Turn& turn, int& r, int& n) const {
     for (int kinds = 0; kinds < 2; ++kinds) {
-      int const several = turn.several;
-      turn.several = !several;
-      for (int& place = several ? turn.place[1] : turn.place[0]; place < e.elements;) {  // not [several]: that would be memory on a GPU
+      bool const several = turn.of_several;
+      turn.of_several = !several;
+      int const end = several ? e.elements : turn.singles_end;
+      for (int& place = several ? turn.several : turn.single; place < end;) {
         r = e.begin(place);
         n = rows.element_rows(e.first_row + r);
         place += e.element ? 1 : n;
@@ -135,6 +148,7 @@ struct PgsWorld {
   template <class World>
   KOKKOS_INLINE_FUNCTION int solve(World const& world, Island const& e, R* z, R* p) const {
     R const tolerance = R(options.tolerance) * rows.rate_scale(e.world);
+    Turn const first = first_turn(e);
     sum_island(world, e, z, p);
     int sweep = 0;
     bool leaping = true;
@@ -148,7 +162,7 @@ struct PgsWorld {
       }
       R change(0);
       int r, n;
-      for (Turn turn; next_element(e, turn, r, n);) {
+      for (Turn turn = first; next_element(e, turn, r, n);) {
         Row<R> const* const row = &rows.row(e.first_row + r);
         if (n == 1)
           change = max(change, sweep_element<1>(world, row, 1, z, p + r, raised));
