@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <gsp/model/compile.hpp>
 #include <gsp/splat/detail/spherical_harmonics.hpp>
 #include <gsp/splat/sample_surface.hpp>
 
@@ -64,7 +65,7 @@ TEST_CASE("samples lie on the surface, point outward, and are even") {
   }
 }
 
-TEST_CASE("area shares out the count; density, groups, world and shading do what they say; meshes are refused") {
+TEST_CASE("area shares out the count; density, groups, world and shading do what they say") {
   auto model = one_geom(gsp::ShapeType::sphere, {0.1, 0, 0});
   model.ngeom = 2;
   model.geom_type.push_back(int(gsp::ShapeType::sphere)), model.geom_body.push_back(0), model.geom_group.push_back(0);
@@ -90,11 +91,87 @@ TEST_CASE("area shares out the count; density, groups, world and shading do what
     CHECK(face.z == doctest::Approx(0.2).epsilon(1e-5));
     CHECK(edge.x == doctest::Approx(0.48).epsilon(1e-5));
   }
-  model.geom_type[0] = int(gsp::ShapeType::mesh);
-  CHECK_THROWS_AS(gsp::sample_surface(model), gsp::Error);
-  CHECK_NOTHROW(gsp::sample_surface(model, {.groups = {0}}));
   CHECK_THROWS_AS(gsp::sample_surface(model, {.count = 0}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::sample_surface(model, {.world_share = 1.5}), std::invalid_argument);
+}
+
+// A mesh that lies off its origin, in a geom that is turned: compile moves it into its principal axes and the geom with it. Float vertices
+// of 3 m: 1e-6.
+TEST_CASE("samples lie on meshes and height fields") {
+  gsp::Description d;
+  d.bodies.resize(1);
+  gsp::MeshDescription mesh;
+  mesh.name = "box";
+  for (float x : {0.9f, 1.1f})
+    for (float y : {1.8f, 2.2f})
+      for (float z : {2.7f, 3.3f}) mesh.vertices.push_back({x, y, z});
+  mesh.faces = {{0, 1, 3}, {0, 3, 2}, {4, 6, 7}, {4, 7, 5}, {0, 4, 5}, {0, 5, 1},
+                {2, 3, 7}, {2, 7, 6}, {0, 2, 6}, {0, 6, 4}, {1, 5, 7}, {1, 7, 3}};
+  d.meshes.push_back(mesh);
+  gsp::HeightFieldDescription field;
+  field.name = "hills", field.rows = 3, field.columns = 4, field.size = {2, 1, 0.5, 0.1};
+  for (int i = 0; i < 12; ++i) field.elevation.push_back(float(i * i % 7) / 6);
+  d.hfields.push_back(field);
+  gsp::BodyDescription body;
+  body.parent = 0;
+  body.joints.emplace_back();
+  gsp::GeomDescription geom;
+  geom.type = gsp::ShapeType::mesh, geom.mesh = "box", geom.pos = {0.1, 0.2, 0.3}, geom.quat = {0.5, 0.5, -0.5, 0.5};
+  body.geoms.push_back(geom);
+  d.bodies.push_back(body);
+  gsp::GeomDescription ground;
+  ground.type = gsp::ShapeType::hfield, ground.hfield = "hills";
+  d.bodies[0].geoms.push_back(ground);
+  auto const compiled = gsp::compile(d);
+  auto const& elevation = compiled.hfields[0].elevation;  // from 0 to 1
+  auto const set = gsp::sample_surface(compiled, {.count = 8000});
+  gsp::Transform<double> const frame{{0.1, 0.2, 0.3}, {0.5, 0.5, -0.5, 0.5}};
+  int on_mesh = 0, ends = 0, on_field = 0, left = 0;
+  for (std::size_t i = 0; i < set.size(); ++i) {
+    gsp::Vec3<double> const at{set.positions[3 * i], set.positions[3 * i + 1], set.positions[3 * i + 2]};
+    if (set.body[i] == 1) {
+      auto const p = gsp::inverse(frame) * at - gsp::Vec3<double>{1, 2, 3};
+      double const off[3] = {std::abs(p.x) - 0.1, std::abs(p.y) - 0.2, std::abs(p.z) - 0.3};
+      CHECK(std::abs(std::max({off[0], off[1], off[2]})) < 1e-6);
+      gsp::Quat<double> const q{set.quats[4 * i], set.quats[4 * i + 1], set.quats[4 * i + 2], set.quats[4 * i + 3]};
+      auto const normal = gsp::rotate_inverse(frame.q, gsp::rotate(q, gsp::Vec3<double>{0, 0, 1}));
+      CHECK(gsp::dot(normal, p) > 0.09);  // outward
+      ++on_mesh;
+      ends += off[2] > -1e-6;
+    } else {
+      double const x = (at.x + 2) / 4 * 3, y = at.y + 1;
+      int const c = std::clamp(int(x), 0, 2), r = std::clamp(int(y), 0, 1);
+      double const u = x - c, v = y - r;
+      auto const e = [&](int row, int column) { return 0.5 * elevation[row * 4 + column]; };
+      double const z = u + v < 1 ? e(r, c) + u * (e(r, c + 1) - e(r, c)) + v * (e(r + 1, c) - e(r, c))
+                                 : e(r + 1, c + 1) + (1 - u) * (e(r + 1, c) - e(r + 1, c + 1)) + (1 - v) * (e(r, c + 1) - e(r + 1, c + 1));
+      CHECK(std::abs(at.z - z) < 1e-6);
+      ++on_field;
+      left += at.y < 0;
+    }
+  }
+  CHECK(on_mesh == 4000);  // no less than half for what moves: 0.88 m^2 beside more than 8
+  CHECK(on_field == 4000);
+  CHECK(std::abs(ends / 4000. - 0.16 / 0.88) < 0.01);
+  CHECK(std::abs(left - 2000) < 200);  // steeper cells have more
+}
+
+TEST_CASE("what a viewer shows is drawn, and all of a body that shows nothing") {
+  auto model = one_geom(gsp::ShapeType::sphere, {0.1, 0, 0});
+  auto const add = [&](int body, int group, double radius) {
+    ++model.ngeom;
+    model.geom_type.push_back(int(gsp::ShapeType::sphere)), model.geom_body.push_back(body), model.geom_group.push_back(group);
+    model.geom_size.push_back({radius, 0, 0}), model.geom_pos.push_back({0, 0, 0}), model.geom_quat.push_back({1, 0, 0, 0});
+    model.geom_rgba.push_back({0.1f, 0.2f, 0.3f, 1.f}), model.geom_name.push_back("h");
+  };
+  add(1, 3, 0.5);  // a collision geom beside the visual one
+  add(2, 3, 0.1);  // and alone
+  model.nbody = 3;
+  auto const count = [&](gsp::GaussianSet const& set, int body) { return std::count(set.body.begin(), set.body.end(), body); };
+  auto const set = gsp::sample_surface(model, {.count = 1000});
+  CHECK(count(set, 1) == 500);
+  CHECK(count(set, 2) == 500);
+  CHECK(count(gsp::sample_surface(model, {.count = 2600, .groups = {3}}), 1) == 2500);
 }
 
 TEST_CASE("a large floor leaves links their share") {

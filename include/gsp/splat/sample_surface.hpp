@@ -1,8 +1,8 @@
 #pragma once
 #include <cmath>
 #include <cstdint>
-#include <gsp/geometry/shapes.hpp>
 #include <gsp/model/compiled.hpp>
+#include <gsp/splat/detail/geom_surface.hpp>
 #include <gsp/splat/gaussians.hpp>
 #include <numbers>
 
@@ -17,7 +17,7 @@ struct SampleSurfaceOptions {
   double plane_half = 5;         // half side of the patch that stands for an infinite plane [m]
   bool world = true;             // also geoms that are fixed to the world (body 0)
   double world_share = 0.5;      // of `count`: what does not move takes no more where there are links, however large a floor is
-  std::vector<int> groups = {};  // only geoms of these groups; empty: all
+  std::vector<int> groups = {};  // only geoms of these groups; empty: 0 to 2, and all of a body that has none in them
 };
 
 namespace detail {
@@ -37,10 +37,10 @@ inline Quat<double> z_to(Vec3<double> const& n) {
 
 }  // namespace detail
 
-/// Gaussians on the geoms of a model, for robots and objects that have none of their own: flat discs, spread evenly over planes (as
-/// patches), spheres, capsules, cylinders, boxes and ellipsoids, coloured by the geom's rgba, each in the frame of its body. The same model
-/// gives the same set. Geoms with alpha 0 are left out. Throws Error for a chosen geom of another type (mesh, height field), naming it.
-/// Host, about 0.3 us a Gaussian.
+/// Gaussians on the geoms of a model, for robots and objects that have none of their own: flat discs, spread evenly over the surfaces of
+/// all shapes (infinite planes as patches, meshes by their triangles, height fields by their tops), coloured by the geom's rgba, each in
+/// the frame of its body. Without `groups`, what MuJoCo's viewer shows is drawn, groups 0 to 2, and all geoms of a body that has none in
+/// them. Geoms with alpha 0 are left out. The same model gives the same set. Host, about 0.3 us a Gaussian.
 inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptions options = {}) {
   expects(options.count > 0 && options.density >= 0 && options.spread > 0 && options.plane_half > 0,
           "gsp::sample_surface: count, spread and plane_half must be positive and density not negative");
@@ -48,35 +48,32 @@ inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptio
   expects(options.opacity > 0 && options.opacity <= 1 && options.shading >= 0 && options.shading <= 1,
           "gsp::sample_surface: opacity must be in (0, 1] and shading in [0, 1]");
   std::vector<int> geoms;
+  std::vector<detail::GeomSurface> surfaces;
   double total = 0, fixed = 0;  // areas: of all, of what does not move
   auto const moves = [&](int g) {
     int const b = model.geom_body[g];
     return b > 0 && (model.body_weld.empty() || model.body_weld[b] != 0);
   };
-  auto const size_of = [&](int g) {
-    Double3 size = model.geom_size[g];
-    if (ShapeType(model.geom_type[g]) == ShapeType::plane)
-      for (int k = 0; k < 2; ++k)
-        if (!(size[k] > 0)) size[k] = options.plane_half;
-    return size;
-  };
-  auto const area = [&](int g) { return surface_area(ShapeType(model.geom_type[g]), size_of(g)); };
+  auto const shown_first = [&](int g) { return model.geom_group[g] >= 0 && model.geom_group[g] <= 2; };
+  std::vector<char> shows(model.nbody, 0);
+  for (int g = 0; g < model.ngeom; ++g)
+    if (shown_first(g) && model.geom_rgba[g][3] != 0) shows[model.geom_body[g]] = 1;
   for (int g = 0; g < model.ngeom; ++g) {
     if (!options.world && model.geom_body[g] == 0) continue;
     if (!options.groups.empty() && std::find(options.groups.begin(), options.groups.end(), model.geom_group[g]) == options.groups.end())
       continue;
+    if (options.groups.empty() && shows[model.geom_body[g]] && !shown_first(g)) continue;
     if (model.geom_rgba[g][3] == 0) continue;
-    ShapeType const type{model.geom_type[g]};
-    if (!has_surface(type))
-      throw Error("gsp::sample_surface: geom " + std::to_string(g) + " ('" + model.geom_name[g] + "') is a " + shape_name(type) +
-                  ", which cannot be sampled; choose other groups, or leave visual geoms out when reading");
+    detail::GeomSurface surface(model, g, options.plane_half);
+    double const area = surface.area();
+    if (!(area > 0)) continue;  // a mesh without a face
     geoms.push_back(g);
-    total += area(g);
-    if (!moves(g)) fixed += area(g);
+    surfaces.push_back(std::move(surface));
+    total += area;
+    if (!moves(g)) fixed += area;
   }
   bool const crowded = fixed < total && fixed > options.world_share * total;
-  auto const gaussians = [&](int g) {
-    double const a = area(g);
+  auto const gaussians = [&](int g, double a) {
     if (options.density > 0) return options.density * a;
     if (!crowded) return options.count * a / total;
     return moves(g) ? options.count * (1 - options.world_share) * a / (total - fixed) : options.count * options.world_share * a / fixed;
@@ -84,12 +81,12 @@ inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptio
 
   GaussianSet out;
   out.sh_degree = options.shading > 0 ? 1 : 0;
-  for (int g : geoms) {
-    ShapeType const type{model.geom_type[g]};
-    Double3 const s = size_of(g);
-    double const a = area(g);
-    int const n = std::max(16, static_cast<int>(std::lround(gaussians(g))));
-    double const least = std::max(thickness(type, s), 0.2 * std::sqrt(a / (4 * std::numbers::pi)));
+  for (std::size_t k = 0; k < geoms.size(); ++k) {
+    int const g = geoms[k];
+    detail::GeomSurface const& surface = surfaces[k];
+    double const a = surface.area();
+    int const n = std::max(16, static_cast<int>(std::lround(gaussians(g, a))));
+    double const least = std::max(surface.thickness(), 0.2 * std::sqrt(a / (4 * std::numbers::pi)));
     double const sigma = std::min(options.spread * std::sqrt(a / n), 0.5 * least);  // a disc is no wider than half of the least size
     Double3 const& gp = model.geom_pos[g];
     Double4 const& gq = model.geom_quat[g];
@@ -97,7 +94,7 @@ inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptio
     auto const& rgba = model.geom_rgba[g];
     for (std::int64_t i = 0, made = 0; made < n; ++i) {
       auto const [t, w] = detail::even2(i);
-      SurfacePoint const point = surface_point(type, s, t, w);
+      SurfacePoint const point = surface.point(t, w);
       double const golden = 0.6180339887498949 * double(i + 1);
       if (point.keep < 1 && golden - std::floor(golden) >= point.keep) continue;
       ++made;
@@ -108,11 +105,11 @@ inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptio
       for (double x : {sigma, sigma, 0.05 * sigma}) out.scales.push_back(static_cast<float>(x));
       out.opacities.push_back(options.opacity * rgba[3]);
       // colour (1 - k + k (-n.d)): degree 1 holds it exactly; Y_1..3 = 0.4886 (-y, z, -x)
-      double const k = options.shading, c0 = 0.28209479177387814, c1 = 0.48860251190291992;
-      for (int c = 0; c < 3; ++c) out.sh.push_back(static_cast<float>((rgba[c] * (1 - k) - 0.5) / c0));
+      double const shade = options.shading, c0 = 0.28209479177387814, c1 = 0.48860251190291992;
+      for (int c = 0; c < 3; ++c) out.sh.push_back(static_cast<float>((rgba[c] * (1 - shade) - 0.5) / c0));
       if (out.sh_degree == 1)
         for (double y : {normal.y, -normal.z, normal.x})
-          for (int c = 0; c < 3; ++c) out.sh.push_back(static_cast<float>(rgba[c] * k * y / c1));
+          for (int c = 0; c < 3; ++c) out.sh.push_back(static_cast<float>(rgba[c] * shade * y / c1));
       out.body.push_back(model.geom_body[g]);
     }
   }
