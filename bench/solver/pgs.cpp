@@ -63,8 +63,9 @@ int main(int argc, char** argv) {
   for (Case c : {Case{27, 49}, Case{18, 32}, Case{35, 64}}) {
     int const worlds = 1024;
     auto const model = gsp::make_model<float>(exec, chain(c.dofs));
-    auto const rows = gsp::make_rows(exec, model, {.worlds = worlds, .rows_per_world = c.rows, .entries_per_world = c.rows * (c.dofs + 1)});
+    auto rows = gsp::make_rows(exec, model, {.worlds = worlds, .rows_per_world = c.rows, .entries_per_world = c.rows * (c.dofs + 1)});
     fill(rows, c.rows);
+    rows.stamp = {};
     auto impulses = gsp::make_impulses(exec, rows);
     auto solution = gsp::make_solution(exec, model, {.worlds = worlds});
     auto progress = gsp::make_progress(exec);

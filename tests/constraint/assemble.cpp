@@ -107,6 +107,18 @@ struct Movers {
   }
 };
 
+/// In world 2 one element fewer than none, or one with fewer rows.
+struct Fewer : gsp::OneFreeRow {
+  bool of_rows;
+  KOKKOS_FUNCTION int count(int world) const { return world == 2 && !of_rows ? -1 : 1; }
+  KOKKOS_FUNCTION int rows(int world, int) const { return world == 2 && of_rows ? -1 : 1; }
+  KOKKOS_FUNCTION gsp::RowLaw<float> law(int, int, int, float, float, float) const { return {0.5f, 0.f}; }
+  template <class Row>
+  KOKKOS_FUNCTION float jacobian(int, int, int, Row&& J) const {
+    J.set_dof(0, 1.f);
+    return 0.f;
+  }
+};
 }  // namespace test_types
 
 namespace {
@@ -339,6 +351,7 @@ TEST_CASE_TEMPLATE("a solution that nobody has made for this state is refused", 
   integrate();
   s.rows.stamp = stamp;
   s.forget({.worlds = 3});
+  s.rows.stamp = {};  // none, of one's own
   smooth();
   s.solve(s.solver);
   integrate();
@@ -381,6 +394,22 @@ TEST_CASE_TEMPLATE("a row about a body or dof that is not there is refused, and 
     bool const refused = w % 2 || w % 3 == 0;
     CHECK(status(w) == (refused ? gsp::status::row_refused | gsp::status::refused_place : 0u));
     CHECK(steps(w) == (refused ? 0 : 2));
+  }
+}
+
+// What is counted below zero would take elements of another type away.
+TEST_CASE_TEMPLATE("fewer elements or rows than none are refused, and the world stays", Exec, GSP_TEST_EXECS) {
+  for (bool of_rows : {false, true}) {
+    Loop<float, Exec> s(gsp::compile(sliders(3, 1)), 4);
+    for (int w = 0; w < 4; ++w) s.set(w, {0, 0, 0}, {1, 2, 3});
+    s.step(2, test_types::Fewer{{}, of_rows}, test_types::Tie{});
+    auto const status = gsp_test::host(s.state.status);
+    auto const steps = gsp_test::host(s.state.steps);
+    for (int w = 0; w < 4; w += 2) {
+      bool const refused = w == 2;
+      CHECK(status(w) == (refused ? gsp::status::row_refused | gsp::status::refused_size : 0u));
+      CHECK(steps(w) == (refused ? 0 : 2));
+    }
   }
 }
 

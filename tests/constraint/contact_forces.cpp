@@ -463,3 +463,24 @@ TEST_CASE_TEMPLATE("what slips just above a plane rubs on it", Exec, GSP_TEST_EX
     CHECK(std::hypot(f(0, 1), f(0, 2)) == doctest::Approx(0.5 * f(0, 0)).epsilon(1e-9));
   }
 }
+
+// A model, its contacts and its rows go together.
+TEST_CASE_TEMPLATE("forces of another model are refused", Exec, GSP_TEST_EXECS) {
+  Stages<Exec> s, other;
+  s.step();
+  other.step();
+  CHECK(s.all_read());
+  auto const read = [&](auto const& model, auto const& collision, auto const& contacts) {
+    return refusal([&] { gsp::contact_forces(s.exec, model, collision, contacts, s.sim.rows, s.sim.impulses, s.force); });
+  };
+  std::string const why = "gsp::contact_forces: model, collision model, contacts and rows are of different models";
+  CHECK(read(s.model, other.sim.collision, s.sim.contacts).find(why) == 0);
+  CHECK(read(s.model, other.sim.collision, other.sim.contacts).find("gsp::contact_forces: the contacts are not those") == 0);
+  auto d = box_on_plane({0, 0, 1});
+  d.bodies[1].joints.pop_back();
+  auto const narrow = gsp::make_model<double>(s.exec, gsp::compile(d));
+  CHECK(read(narrow, s.sim.collision, s.sim.contacts).find(why) == 0);
+  CHECK(refusal([&] {
+          gsp::joint_forces(s.exec, narrow, s.sim.rows, s.sim.impulses, s.limit, s.friction);
+        }).find("gsp::joint_forces: the rows have 3 degrees of freedom and the model 2") == 0);
+}

@@ -682,19 +682,26 @@ TEST_CASE("traces for Python") {
   Kokkos::deep_copy(state.qpos, 0.5f);
   auto const path = (std::filesystem::temp_directory_path() / ("gsp_trace_" + std::to_string(::getpid()) + ".npz")).string();
   // example-begin trace
-  std::vector<float> trace;  // (entries, worlds, nq)
+  std::vector<float> time, positions, velocities;  // (entries), (entries, worlds, nq), (entries, worlds, nv)
+  auto const keep = [&](std::vector<float>& to, auto const& view) {
+    auto const host = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, view);
+    to.insert(to.end(), host.data(), host.data() + host.size());
+  };
   for (int t = 0; t < entries; ++t) {
     gsp::step(exec, model, state, sim, {.steps = 10});
-    auto const qpos = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state.qpos);
-    trace.insert(trace.end(), qpos.data(), qpos.data() + qpos.size());
+    time.push_back(float((t + 1) * 10 * model.timestep));
+    keep(positions, state.qpos);
+    keep(velocities, state.qvel);
   }
-  std::vector<std::size_t> const shape{std::size_t(entries), std::size_t(worlds), std::size_t(model.nq)};
-  gsp::io::write_npz(path, {{"qpos", {shape, trace}}});  // numpy.load(path)["qpos"]
+  auto const T = std::size_t(entries), N = std::size_t(worlds), nq = std::size_t(model.nq), nv = std::size_t(model.nv);
+  gsp::io::write_npz(path, {{"time", {{T}, time}}, {"qpos", {{T, N, nq}, positions}}, {"qvel", {{T, N, nv}, velocities}}});
   // example-end trace
   auto const back = gsp::io::read_npz(path);
-  CHECK(back.at("qpos").shape == shape);
-  CHECK(back.at("qpos").as<float>() == trace);
-  CHECK(trace.back() < trace.front());
+  CHECK(back.at("qpos").shape == std::vector<std::size_t>{T, N, nq});
+  CHECK(back.at("qvel").shape == std::vector<std::size_t>{T, N, nv});
+  CHECK(back.at("qpos").as<float>() == positions);
+  CHECK(back.at("time").as<float>().back() == doctest::Approx(50 * model.timestep));
+  CHECK(positions.back() < positions.front());
   std::filesystem::remove(path);
 }
 #endif

@@ -138,6 +138,9 @@ TEST_CASE_TEMPLATE("cameras of a model and on its links, in all worlds", Exec, G
   CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, model, poses, mounts, three), doctest::Contains("make_cameras(exec, mounts.images())"),
                        std::invalid_argument);
   auto fewer = gsp::make_poses(exec, model, {.worlds = 4});
+  auto const other = gsp::make_model<double>(exec, gsp::compile(gsp::samples::quadruped()));
+  CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, other, poses, mounts, cameras),
+                       doctest::Contains("the mounts were made for another model: make_camera_mounts with this"), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, model, fewer, mounts, cameras), doctest::Contains("mounts are for 5 worlds"),
                        std::invalid_argument);
 }

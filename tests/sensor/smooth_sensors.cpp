@@ -140,6 +140,12 @@ TEST_CASE_TEMPLATE("sensors give what poses, Jacobians and forces give", Exec, G
                             std::to_string(c.nsensordata) + ")";
   CHECK_THROWS_WITH_AS(gsp::smooth_sensors(s.exec, s.model, s.state, s.poses, s.dynamics, sensors, narrow),
                        doctest::Contains(sizes.c_str()), std::invalid_argument);
+  auto fewer = d;
+  fewer.sensors.clear();
+  fewer.actuators.clear();
+  auto const elsewhere = gsp::make_model<double>(s.exec, gsp::compile(fewer));
+  CHECK_THROWS_WITH_AS(gsp::smooth_sensors(s.exec, elsewhere, s.state, s.poses, s.dynamics, sensors, data),
+                       doctest::Contains("the sensors were made for another model: make_sensors with this"), std::invalid_argument);
 
   typename Set::template View<double***> const x("x", n, c.nsite, 3), q("q", n, c.nsite, 4), cam("cam", n, c.ncam, 3),
       mat("mat", n, c.ncam, 9), M("M", n, c.nv, c.nv);

@@ -228,6 +228,14 @@ TEST_CASE("input that cannot be is refused in a sentence") {
                          std::invalid_argument);
     for (int i = 0; i < 3; ++i) unwritten.Ks(1, i, i) = 30;
   }
+  auto elsewhere = cameras;
+  elsewhere.world = decltype(elsewhere.world)("world", 2);
+  for (int world : {-1, 1}) {
+    elsewhere.world(1) = world;
+    CHECK_THROWS_WITH_AS(gsp::render(exec, cloud, poses, elsewhere, frames),
+                         doctest::Contains("camera 1 is of a world that the poses do not have (they have 1): write its world"),
+                         std::invalid_argument);
+  }
   CHECK_NOTHROW(gsp::render(exec, cloud, poses, cameras, frames));
   CHECK_THROWS_AS(gsp::render(exec, cloud, poses, cameras, frames, {.near = -1}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::render(exec, cloud, poses, cameras, frames, {.alpha_max = 1}), std::invalid_argument);

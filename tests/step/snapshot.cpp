@@ -387,6 +387,8 @@ TEST_CASE_TEMPLATE("a snapshot that does not fit is refused", Exec, GSP_TEST_EXE
                        doctest::Contains("the mask has 2 worlds and the state 3"), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::restore(w.exec, snapshot, w.state, two.sim), doctest::Contains("different numbers of worlds"),
                        std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::make_snapshot(w.exec, w.state, other.sim),
+                       doctest::Contains("of different models: the one has 18 degrees of freedom, the other 24"), std::invalid_argument);
   CHECK(w.all() == before);
 }
 

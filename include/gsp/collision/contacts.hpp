@@ -121,6 +121,7 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
     contacts.stamp().made = detail::next_moment();
     contacts.stamp().lost = false;
     contacts.stamp().pool = contacts.dist.data();
+    contacts.stamp().model = model.collider_body.data();
   }
   if (model.pairs == 0 && model.movers == 0) return;
   if (model.movers == 0)

@@ -16,6 +16,7 @@ struct StiffForces;  // constraint/stiff_forces.hpp
 template <class... C>
 struct ConstraintList {
   KOKKOS_INLINE_FUNCTION int count(int) const { return 0; }
+  KOKKOS_INLINE_FUNCTION bool counts(int) const { return true; }
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int) const { return 0; }
   template <class World>
   KOKKOS_INLINE_FUNCTION void prepare(World const&) const {}
@@ -52,7 +53,10 @@ struct ConstraintList<Head, Tail...> {
                 "step; the base gsp::OneFreeRow brings rows, bounds and id");
   Head head;
   ConstraintList<Tail...> tail;
-  KOKKOS_INLINE_FUNCTION int count(int world) const { return int(head.count(world)) + tail.count(world); }
+  KOKKOS_INLINE_FUNCTION int own(int world) const { return int(head.count(world)) > 0 ? int(head.count(world)) : 0; }
+  KOKKOS_INLINE_FUNCTION int count(int world) const { return own(world) + tail.count(world); }
+  /// Whether no type has fewer elements than none.
+  KOKKOS_INLINE_FUNCTION bool counts(int world) const { return int(head.count(world)) >= 0 && tail.counts(world); }
   /// Status bits of a world whose elements are incomplete (a pool that was too small): it is not stepped.
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const {
     if constexpr (requires { head.status(world); })
@@ -69,7 +73,7 @@ struct ConstraintList<Head, Tail...> {
   /// f(type, place of the type, element of the type) for element `e` of the world
   template <class F>
   KOKKOS_INLINE_FUNCTION void visit(int world, int e, int place, F const& f) const {
-    int const n = int(head.count(world));
+    int const n = own(world);
     if (e < n)
       f(head, place, e);
     else

@@ -111,6 +111,13 @@ void leaves_no_rows(Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses) 
   if (!rows.stamp.data() || !impulses.stamp.data()) return;
   impulses.stamp() = {rows.stamp().made, rows.stamp().made == 0};
 }
+/// The rows were assembled, or are a user's own.
+template <class R, class Mem>
+void expects_assembled(char const* where, Rows<R, Mem> const& rows) {
+  if (rows.stamp.data() && !rows.stamp().made)
+    throw std::invalid_argument(std::string(where) +
+                                ": the rows have not been written: call assemble first (of rows of your own, leave the stamp empty)");
+}
 /// The impulses are the solution of these rows, as they are now.
 template <class R, class Mem>
 void expects_solved(char const* where, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses) {

@@ -11,10 +11,12 @@ namespace gsp {
 ///                        jointlimitfrc) [N, N m]
 /// @param friction        out (world, nv): force of dry friction on each degree of freedom [N, N m]
 /// Cost: a binary search a limit and a degree of freedom with friction. Does not allocate, does not fence.
-/// Errors: std::invalid_argument where nothing has been solved since the rows were last assembled.
+/// Errors: std::invalid_argument where nothing has been solved since the rows were last assembled, and for rows of another model.
 template <ExecutionSpace Exec, class R, class Mem>
 void joint_forces(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses,
                   Kokkos::View<R**, Kokkos::LayoutRight, Mem>& limit, Kokkos::View<R**, Kokkos::LayoutRight, Mem>& friction) {
+  expects(rows.nv == model.nv, "gsp::joint_forces: the rows have " + std::to_string(rows.nv) + " degrees of freedom and the model " +
+                                   std::to_string(model.nv) + ": give the model that they were assembled for");
   auto const expects_size = [&](char const* name, auto const& view, char const* items, int count) {
     if (int(view.extent(0)) != rows.worlds || int(view.extent(1)) != count)
       throw std::invalid_argument("gsp::joint_forces: " + std::string(name) + " is (" + std::to_string(view.extent(0)) + ", " +

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/dynamics/subtree.hpp>
+#include <gsp/model/detail/sizes.hpp>
 #include <gsp/model/model.hpp>
 #include <gsp/model/poses.hpp>
 #include <gsp/sensor/detail/cameras_kernels.hpp>
@@ -32,7 +33,8 @@ template <class R, class Mem>
 struct CameraMounts {
   using memory_space = Mem;
   int worlds = 0;
-  int width = 0, height = 0;  // of the pictures [pixel]
+  int width = 0, height = 0;   // of the pictures [pixel]
+  detail::ModelSizes model{};  // host: of which model
   Kokkos::View<detail::MountEntry<R>*, Mem> entries;
   Subtrees<R, Mem> subtrees;  // empty where no camera follows a centre of mass
   int count() const { return int(entries.extent(0)); }
@@ -56,6 +58,7 @@ template <ExecutionSpace Exec, class R, class Mem>
 void cameras_of(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, CameraMounts<R, Mem>& mounts,
                 Cameras<Mem>& cameras) {
   static_assert(can_access<Exec, Cameras<Mem>>, "gsp::cameras_of: the cameras are not accessible from this execution space");
+  expects(mounts.model == detail::sizes_of(model), "gsp::cameras_of: the mounts were made for another model: make_camera_mounts with this");
   expects(int(poses.xpos.extent(0)) == mounts.worlds && int(poses.xpos.extent(1)) == model.nbody,
           "gsp::cameras_of: the mounts are for " + std::to_string(mounts.worlds) + " worlds of " + std::to_string(model.nbody) +
               " bodies, the poses of " + std::to_string(poses.xpos.extent(0)) + " of " + std::to_string(poses.xpos.extent(1)));

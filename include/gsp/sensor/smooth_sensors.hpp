@@ -4,6 +4,7 @@
 #include <gsp/dynamics/object_poses.hpp>
 #include <gsp/dynamics/subtree.hpp>
 #include <gsp/model/archetypes.hpp>
+#include <gsp/model/detail/sizes.hpp>
 #include <gsp/model/sensor_types.hpp>
 #include <gsp/sensor/sense.hpp>
 
@@ -26,6 +27,7 @@ struct SensorEntry {
 template <class R, class Mem>
 struct Sensors {
   int worlds = 0, nsensordata = 0;
+  detail::ModelSizes model{};  // host: of which model
   Kokkos::View<SensorEntry<R>*, Mem> entries;
   Vec3<R> magnetic;           // flux, in the world frame
   Subtrees<R, Mem> subtrees;  // empty where no sensor asks for them
@@ -80,6 +82,7 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
   using Entry = SensorEntry<R>;
   Sensors<R, Mem> s;
   s.worlds = options.worlds;
+  s.model = detail::sizes_of(model);
   s.nsensordata = compiled.nsensordata;
   auto const& flux = compiled.option.magnetic;
   s.magnetic = {R(flux[0]), R(flux[1]), R(flux[2])};
@@ -350,6 +353,7 @@ void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> 
           "gsp::smooth_sensors: data is (" + std::to_string(data.extent(0)) + ", " + std::to_string(data.extent(1)) +
               ") and must be (worlds, nsensordata), here (" + std::to_string(sensors.worlds) + ", " + std::to_string(sensors.nsensordata) +
               ")");
+  expects(sensors.model == detail::sizes_of(model), "gsp::smooth_sensors: the sensors were made for another model: make_sensors with this");
   expects(dynamics.worlds == sensors.worlds, "gsp::smooth_sensors: dynamics and sensors have different numbers of worlds");
   detail::expects_fit("gsp::smooth_sensors", model, state, dynamics, poses);
   detail::expects_of("gsp::smooth_sensors", dynamics, state, sensors.needs);

@@ -9,6 +9,9 @@ namespace gsp {
 
 namespace detail {
 
+/// Why a camera cannot be drawn; wave.needed(2) = 2 (image + 1) + fault, of the last such image.
+enum class CameraFault : int { no_focal_length, no_such_world };
+
 /// camera <- link = (camera <- world) (world <- link), in double: the order of Gaussians and the place of their centres hang on it.
 template <class Poses, class Mem>
 struct PlaceLinks {
@@ -19,7 +22,8 @@ struct PlaceLinks {
 
   KOKKOS_FUNCTION void operator()(int index) const {
     int const local = index / bodies, body = index % bodies, image = wave.first + local;
-    int const world = cameras.world.extent(0) > 0 ? cameras.world(image) : image % worlds;
+    int const named = cameras.world.extent(0) > 0 ? cameras.world(image) : image % worlds;
+    int const world = named >= 0 && named < worlds ? named : 0;
     double view[12];
     for (int r = 0; r < 3; ++r)
       for (int c = 0; c < 4; ++c) view[4 * r + c] = cameras.viewmats(image, r, c);
@@ -42,7 +46,9 @@ struct PlaceLinks {
     v.fx = cameras.Ks(image, 0, 0);
     v.fy = cameras.Ks(image, 1, 1);
     auto const is_length = [](double f) { return f < 0 || f > 0; };  // neither 0, as nobody has written it, nor NaN
-    if (!is_length(v.fx) || !is_length(v.fy)) Kokkos::atomic_max(&wave.needed(2), std::int64_t(image) + 1);
+    auto const refuse = [&](CameraFault why) { Kokkos::atomic_max(&wave.needed(2), (std::int64_t(image) + 1) * 2 + int(why)); };
+    if (!is_length(v.fx) || !is_length(v.fy)) refuse(CameraFault::no_focal_length);
+    if (world != named) refuse(CameraFault::no_such_world);
     v.cx = cameras.Ks(image, 0, 2);
     v.cy = cameras.Ks(image, 1, 2);
     double const mx = 0.15 * width / v.fx, my = 0.15 * height / v.fy;

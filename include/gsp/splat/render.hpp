@@ -24,8 +24,8 @@ struct ResetNeeded {
 ///                 the channel's member `image`)
 /// Waits for the device once, at its end (and once after the very first wave), to learn whether every wave fitted its buffers; those that
 /// did not are repeated with larger ones, so that nothing is ever dropped. Allocates only then. Errors: std::invalid_argument also where a
-/// camera has no focal length (none has written it). An image depends on nothing but its own input: the same bits for any batch, any number
-/// of threads and any other images.
+/// camera has no focal length (none has written it), or is of a world that the poses do not have. An image depends on nothing but its own
+/// input: the same bits for any batch, any number of threads and any other images.
 template <ExecutionSpace Exec, class R, class PosesMem, class Mem, class... Channels>
 void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras,
             Frames<Mem>& frames, RenderOptions options = {}, Channels const&... channels) {
@@ -49,8 +49,11 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
   // Room for the greatest wave so far; true if there was too little.
   auto const grow = [&] {
     auto const needed = detail::to_host(exec, frames.wave.needed);
-    expects(needed[2] == 0,
-            "gsp::render: camera " + std::to_string(needed[2] - 1) + " has no focal length: write its viewmat and K, or call cameras_of");
+    expects(needed[2] == 0, "gsp::render: camera " + std::to_string(needed[2] / 2 - 1) +
+                                (needed[2] % 2 == int(detail::CameraFault::no_focal_length)
+                                     ? " has no focal length: write its viewmat and K, or call cameras_of"
+                                     : " is of a world that the poses do not have (they have " + std::to_string(poses.xpos.extent(0)) +
+                                           "): write its world, or make poses and mounts with the same {.worlds = n}"));
     auto const room = [](std::int64_t n) { return n + n / 8; };
     bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
     if (small)

@@ -37,10 +37,11 @@ struct ContactScratch {
   Kokkos::View<std::int64_t*, Mem> most;   // (3) the same, the most that did not fit in any call since the pools grew
 };
 struct ContactsStamp {
-  Stamp poses;                 // what they were found at
-  std::uint64_t made = 0;      // which call has written them; 0: none of gsp
-  bool lost = false;           // their pools have grown since
-  void const* pool = nullptr;  // where they were written: Contacts::dist
+  Stamp poses;                  // what they were found at
+  std::uint64_t made = 0;       // which call has written them; 0: none of gsp
+  bool lost = false;            // their pools have grown since
+  void const* pool = nullptr;   // where they were written: Contacts::dist
+  void const* model = nullptr;  // of which model: CollisionModel::collider_body
 };
 
 /// Counts the candidates of the items before, then writes this item's: of chunks of pairs, then of movers, whose are written later.

@@ -52,7 +52,8 @@ struct CountRows {
     R const mass = world.template sum<R>(model.nbody - 1, [&](int b) { return model.body_mass(w, b + 1); });
     world.single([&] {
       state.status(w) =
-          (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused | status::causes)) | status;
+          (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused | status::causes)) | status |
+          (types.counts(w) ? 0u : status::row_refused | status::refused_size);
       rows.kept(w) = 0;
       rows.largest_element(w) = 3;  // what contacts have
       rows.rate_scale(w) = gravity_rate(model.gravity, w, model.timestep);
@@ -65,7 +66,7 @@ struct CountRows {
       types.visit(w, e, 0, [&](auto const& type, int, int k) {
         int const n = type.rows(w, k);
         if (n > 0 && lies_still(model, sleeping, type, w, k)) return world.add(rows.kept(w), n);
-        std::uint32_t refused = n > most_element_rows ? status::refused_size : 0;
+        std::uint32_t refused = n < 0 || n > most_element_rows ? status::refused_size : 0;
         bool second = false;
         auto const refuse = [&](bool when, std::uint32_t cause) { refused |= when ? cause : 0u; };
         unsigned alone = 0;  // normals that have friction which shares no ellipse

@@ -19,6 +19,7 @@ CameraMounts<R, Mem> make_camera_mounts(Exec const& exec, Model<R, Mem> const& m
   detail::expects_made_of("gsp::make_camera_mounts", model, compiled);
   CameraMounts<R, Mem> m;
   m.worlds = options.worlds;
+  m.model = detail::sizes_of(model);
   m.width = options.width;
   m.height = options.height;
   bool by_com = false;
