@@ -107,6 +107,22 @@ struct Movers {
   }
 };
 
+/// One element, which is known after prepare.
+template <class Mem>
+struct Prepared : gsp::OneFreeRow {
+  Kokkos::View<int*, Mem> found;
+  template <class World>
+  KOKKOS_FUNCTION void prepare(World const& world) const {
+    world.single([&] { found(world.rank) = 1; });
+  }
+  KOKKOS_FUNCTION int count(int world) const { return found(world); }
+  KOKKOS_FUNCTION gsp::RowLaw<float> law(int, int, int, float, float, float) const { return {0.5f, 0.f}; }
+  template <class Row>
+  KOKKOS_FUNCTION float jacobian(int, int, int, Row&& J) const {
+    J.set_dof(0, 1.f);
+    return 0.f;
+  }
+};
 /// In world 2 one element fewer than none, or one with fewer rows.
 struct Fewer : gsp::OneFreeRow {
   bool of_rows;
@@ -343,7 +359,7 @@ TEST_CASE_TEMPLATE("a solution that nobody has made for this state is refused", 
   smooth();
   CHECK_THROWS_WITH_AS(integrate(), doctest::Contains("are of the state before its last step"), std::invalid_argument);
   gsp::integrate(s.exec, s.model, s.state, s.dynamics);  // without constraints
-  // rows of one's own, without a stamp or never written by gsp
+  // rows of one's own, without a stamp
   auto const stamp = s.rows.stamp;
   s.rows.stamp = {};
   smooth();
@@ -399,18 +415,27 @@ TEST_CASE_TEMPLATE("a row about a body or dof that is not there is refused, and 
 
 // What is counted below zero would take elements of another type away.
 TEST_CASE_TEMPLATE("fewer elements or rows than none are refused, and the world stays", Exec, GSP_TEST_EXECS) {
+  Kokkos::View<int*, typename Exec::memory_space> const found("found", 4);
   for (bool of_rows : {false, true}) {
     Loop<float, Exec> s(gsp::compile(sliders(3, 1)), 4);
     for (int w = 0; w < 4; ++w) s.set(w, {0, 0, 0}, {1, 2, 3});
-    s.step(2, test_types::Fewer{{}, of_rows}, test_types::Tie{});
+    s.step(2, test_types::Fewer{{}, of_rows}, test_types::Prepared<typename Exec::memory_space>{{}, found});
     auto const status = gsp_test::host(s.state.status);
     auto const steps = gsp_test::host(s.state.steps);
-    for (int w = 0; w < 4; w += 2) {
+    for (int w = 0; w < 4; ++w) {
       bool const refused = w == 2;
       CHECK(status(w) == (refused ? gsp::status::row_refused | gsp::status::refused_size : 0u));
       CHECK(steps(w) == (refused ? 0 : 2));
     }
   }
+}
+TEST_CASE_TEMPLATE("what prepare counts is asked for after it", Exec, GSP_TEST_EXECS) {
+  Loop<float, Exec> s(gsp::compile(sliders(3, 1)), 2);
+  Kokkos::View<int*, typename Exec::memory_space> const found("found", 2);
+  Kokkos::deep_copy(found, -1);
+  s.step(1, test_types::Prepared<typename Exec::memory_space>{{}, found});
+  CHECK(gsp_test::host(s.state.status)(1) == 0);
+  CHECK(gsp_test::host(s.rows.count)(1) == 1);
 }
 
 // A heap of 1,000 boxes has 120,000 rows in one world.

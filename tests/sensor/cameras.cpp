@@ -141,6 +141,13 @@ TEST_CASE_TEMPLATE("cameras of a model and on its links, in all worlds", Exec, G
   auto const other = gsp::make_model<double>(exec, gsp::compile(gsp::samples::quadruped()));
   CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, other, poses, mounts, cameras),
                        doctest::Contains("the mounts were made for another model: make_camera_mounts with this"), std::invalid_argument);
+  auto blind = mast();
+  for (auto& body : blind.bodies) body.cameras.clear();
+  auto const without = gsp::make_model<double>(exec, gsp::compile(blind));  // of the same bodies
+  CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, without, poses, mounts, cameras), doctest::Contains("made for another model"),
+                       std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::make_camera_mounts(exec, without, compiled, {{.camera = "eye"}}),
+                       doctest::Contains("sites and 0 cameras, the compiled model"), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, model, fewer, mounts, cameras), doctest::Contains("mounts are for 5 worlds"),
                        std::invalid_argument);
 }

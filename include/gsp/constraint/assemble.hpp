@@ -53,7 +53,10 @@ struct ConstraintList<Head, Tail...> {
                 "step; the base gsp::OneFreeRow brings rows, bounds and id");
   Head head;
   ConstraintList<Tail...> tail;
-  KOKKOS_INLINE_FUNCTION int own(int world) const { return int(head.count(world)) > 0 ? int(head.count(world)) : 0; }
+  KOKKOS_INLINE_FUNCTION int own(int world) const {
+    int const n = int(head.count(world));
+    return n > 0 ? n : 0;
+  }
   KOKKOS_INLINE_FUNCTION int count(int world) const { return own(world) + tail.count(world); }
   /// Whether no type has fewer elements than none.
   KOKKOS_INLINE_FUNCTION bool counts(int world) const { return int(head.count(world)) >= 0 && tail.counts(world); }
@@ -141,7 +144,8 @@ void expects_inputs_of(ConstraintList<Head, Tail...> const& types, State const& 
     if (auto const& contacts = types.head.contacts; contacts.stamp.data()) {
       if (!contacts.stamp().made)
         throw std::invalid_argument(
-            "gsp::assemble: the contacts have not been written: call collide first (of contacts of your own, leave the stamp empty)");
+            "gsp::assemble: the contacts have not been written: call collide first (of contacts that you fill yourself: contacts.stamp = "
+            "{})");
       if (contacts.stamp().lost)
         throw std::invalid_argument("gsp::assemble: the contacts were lost when their pools grew: call collide again");
       if (contacts.stamp().pool != contacts.dist.data())

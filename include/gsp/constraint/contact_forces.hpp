@@ -13,15 +13,15 @@ namespace gsp {
 ///                           regularisation gives). At least as many rows as contacts.dist
 /// Cost: a binary search a contact. Does not allocate, does not fence. Errors: std::invalid_argument where nothing has been solved since
 /// the rows were last assembled, or the contacts are others than those that were assembled, or were found anew since, or are of another
-/// model.
+/// model (also of a collision model that was made anew).
 template <ExecutionSpace Exec, class R, class Mem>
 void contact_forces(Exec const& exec, Model<R, Mem> const& model, CollisionModel<R, Mem> const& collision, Contacts<R, Mem> const& contacts,
                     Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Kokkos::View<R* [6], Kokkos::LayoutRight, Mem>& force) {
   bool const found = contacts.stamp.data() && contacts.stamp().made;
   expects(contacts.worlds == rows.worlds && rows.nv == model.nv &&
               (!found || contacts.stamp().model == static_cast<void const*>(collision.collider_body.data())),
-          "gsp::contact_forces: model, collision model, contacts and rows are of different models or numbers of worlds: give those of one "
-          "simulation");
+          "gsp::contact_forces: model, collision model, contacts and rows are of different models or numbers of worlds, or the collision "
+          "model was made anew: give what collide and assemble had");
   expects(force.extent(0) >= contacts.dist.extent(0),
           "gsp::contact_forces: room for " + std::to_string(force.extent(0)) + " contacts is given, and there may be " +
               std::to_string(contacts.dist.extent(0)) + ": give as many rows as contacts.dist has");

@@ -116,7 +116,7 @@ template <class R, class Mem>
 void expects_assembled(char const* where, Rows<R, Mem> const& rows) {
   if (rows.stamp.data() && !rows.stamp().made)
     throw std::invalid_argument(std::string(where) +
-                                ": the rows have not been written: call assemble first (of rows of your own, leave the stamp empty)");
+                                ": the rows have not been written: call assemble first (of rows that you fill yourself: rows.stamp = {})");
 }
 /// The impulses are the solution of these rows, as they are now.
 template <class R, class Mem>

@@ -45,8 +45,9 @@ inline std::string text(std::uint32_t bits) {
   add(refused_place,
       "a constraint row was refused: jacobian() touches more than two kinematic trees, or names a body or dof that is not there: split the "
       "element, or correct the number");
-  add(refused_size, "a constraint row was refused: count() is negative, or rows() gives an element fewer than none or more than six: correct the number, or "
-      "split the element");
+  add(refused_size,
+      "a constraint row was refused: count() is negative, or rows() gives an element fewer than none or more than six: correct the "
+      "number, or split the element");
   add(refused_friction,
       "a constraint row was refused: its bounds() name a row of friction that the element does not have, or itself, or share an ellipse "
       "with what is no friction of the same row (in profile mujoco also: friction of a row without the bounds 0 and infinity, or a second "

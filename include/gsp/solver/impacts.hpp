@@ -28,8 +28,8 @@ struct ImpactOptions {
 /// @param impulses  start of the solver; out: at least p0 [N s]
 /// @param solution  scratch
 /// Cost: where nothing approaches a pass over the rows; else a round costs 4 flop an entry and sweep. A world's result depends on nothing
-/// but its own rows. Does not allocate, does not fence. Errors: std::invalid_argument for sizes of different models or worlds and for
-/// negative options.
+/// but its own rows. Does not allocate, does not fence. Errors: std::invalid_argument for sizes of different models or worlds, for
+/// rows that nobody has assembled and for negative options.
 template <ExecutionSpace Exec, class R, class Mem>
 void impacts(Exec const& exec, Progress<Mem> const& progress, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution,
              ImpactOptions options = {}) {

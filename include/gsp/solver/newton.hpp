@@ -71,8 +71,9 @@ bool grow(Exec const& exec, Rows<R, Mem> const& rows, Newton<R, Mem>& buffers) {
 /// @param progress   nothing happens while progress.halt is set
 /// Cost an iteration: n^2 / 2 a row of n entries, m^3 / 6 for the factor of an island of m dofs, and a few passes over the rows. An
 /// island's result depends on nothing but its own rows. Does not allocate, does not fence.
-/// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, a tolerance below 0 or NaN, for rows of
-/// profile stable, which may be eliminated, or of laws that are no convex problem, and where the rows' pool has grown beyond the buffers.
+/// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, a tolerance below 0 or NaN, for rows
+/// that nobody has assembled, of profile stable, which may be eliminated, or of laws that are no convex problem, and where the rows' pool
+/// has grown beyond the buffers.
 template <ExecutionSpace Exec, class R, class Mem>
 void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Newton<R, Mem>& buffers,
             Progress<Mem>& progress, NewtonOptions options = {}) {

@@ -40,7 +40,8 @@ inline Quat<double> z_to(Vec3<double> const& n) {
 /// Gaussians on the geoms of a model, for robots and objects that have none of their own: flat discs, spread evenly over the surfaces of
 /// all shapes (infinite planes as patches, meshes by their triangles, height fields by their tops), coloured by the geom's rgba, each in
 /// the frame of its body. Without `groups`, what MuJoCo's viewer shows is drawn, groups 0 to 2, and all geoms of a body that has none in
-/// them. Geoms with alpha 0 are left out. The same model gives the same set. Host, about 0.3 us a Gaussian.
+/// them (of URDF, whose visual geoms are group 1 and colliding ones group 0, both: {.groups = {1}} for the first). Alpha 0 is left out. The
+/// same model gives the same set. Host, about 0.3 us a Gaussian.
 inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptions options = {}) {
   expects(options.count > 0 && options.density >= 0 && options.spread > 0 && options.plane_half > 0,
           "gsp::sample_surface: count, spread and plane_half must be positive and density not negative");
@@ -66,7 +67,7 @@ inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptio
     if (model.geom_rgba[g][3] == 0) continue;
     detail::GeomSurface surface(model, g, options.plane_half);
     double const area = surface.area();
-    if (!(area > 0)) continue;  // a mesh without a face
+    if (!(area > 0)) continue;  // nothing to draw on
     geoms.push_back(g);
     surfaces.push_back(std::move(surface));
     total += area;

@@ -52,8 +52,7 @@ struct CountRows {
     R const mass = world.template sum<R>(model.nbody - 1, [&](int b) { return model.body_mass(w, b + 1); });
     world.single([&] {
       state.status(w) =
-          (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused | status::causes)) | status |
-          (types.counts(w) ? 0u : status::row_refused | status::refused_size);
+          (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused | status::causes)) | status;
       rows.kept(w) = 0;
       rows.largest_element(w) = 3;  // what contacts have
       rows.rate_scale(w) = gravity_rate(model.gravity, w, model.timestep);
@@ -61,6 +60,9 @@ struct CountRows {
     });
     types.prepare(world);
     world.sync();
+    world.single([&] {
+      if (!types.counts(w)) Kokkos::atomic_or(&state.status(w), status::row_refused | status::refused_size);
+    });
     std::int64_t sizes = world.template sum<std::int64_t>(types.count(w), [&](int e) {
       std::int64_t own = 0;
       types.visit(w, e, 0, [&](auto const& type, int, int k) {

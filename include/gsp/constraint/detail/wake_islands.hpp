@@ -73,7 +73,7 @@ struct WakeIslands {
       int const found = world.template sum<int>(types.count(w), [&](int e) {
         int wakes_some = 0;
         types.visit(w, e, 0, [&](auto const& type, int, int k) {
-          if (type.rows(w, k) == 0) return;
+          if (type.rows(w, k) <= 0) return;
           using Type = std::remove_cvref_t<decltype(type)>;
           bool moves = !rests<Type>(), awake = moves;
           int first = -1, last = -1;  // islands

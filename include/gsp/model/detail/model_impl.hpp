@@ -464,6 +464,10 @@ void expects_made_of(char const* where, Model<R, Mem> const& model, CompiledMode
           std::string(where) + ": the model has " + std::to_string(model.nbody) + " bodies and " + std::to_string(model.nv) +
               " degrees of freedom, the compiled model " + std::to_string(compiled.nbody) + " and " + std::to_string(compiled.nv) +
               ": give the one that the model was made from");
+  expects(model.ngeom == compiled.ngeom && model.nsite == compiled.nsite && model.ncam == compiled.ncam,
+          std::string(where) + ": the model has " + std::to_string(model.ngeom) + " geoms, " + std::to_string(model.nsite) + " sites and " +
+              std::to_string(model.ncam) + " cameras, the compiled model " + std::to_string(compiled.ngeom) + ", " +
+              std::to_string(compiled.nsite) + " and " + std::to_string(compiled.ncam) + ": give the one that the model was made from");
 }
 }  // namespace detail
 

@@ -33,8 +33,9 @@ struct PgsLockstep {
   /// A world's elements: those of one row that have one of more rows to take turns with; those of more; those of one row that are left.
   enum List { turn, several, rest };
   static constexpr int places_of(int list) { return list == several ? lockstep_rows : 1; }
-  /// Kinds of blocks, in the order of the sweeps: an element of one row and one of more; one of more; four of one row. What kind a world's
-  /// element goes in beside which others of its own, the world alone says: it comes with an empty place, or without, as others have it.
+  /// Kinds of blocks, in the order of the sweeps: an element of one row and one of more; one of more; four of one row. Which of a world's
+  /// elements share a block hangs on the world alone; whether an empty place stands beside one of more rows, on the pack: it changes no
+  /// bit.
   enum Kind { in_turn, alone, by_fours };
   static constexpr int elements_of(int kind) { return kind == in_turn ? 2 : kind == alone ? 1 : 4; }
   /// The list that element e of a block is from. It begins at place e.

@@ -3,8 +3,10 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <gsp/core/check.hpp>
 #include <gsp/geometry/shapes.hpp>
 #include <gsp/model/compiled.hpp>
+#include <string>
 #include <vector>
 
 namespace gsp::detail {
@@ -21,8 +23,11 @@ class GeomSurface {
       auto const& vertices = model.mesh_vertices[model.geom_data[geom]];
       auto const at = [&](int v) { return Vec3<double>{vertices[v][0], vertices[v][1], vertices[v][2]}; };
       for (auto const& face : model.mesh_faces[model.geom_data[geom]]) add(at(face[0]), at(face[1]), at(face[2]));
-    }
-    if (type_ == ShapeType::hfield) add_top(model.hfields[model.geom_data[geom]]);
+    } else if (type_ == ShapeType::hfield)
+      add_top(model.hfields[model.geom_data[geom]]);
+    else if (!has_surface(type_))
+      throw Error("gsp::sample_surface: geom " + std::to_string(geom) + " ('" + model.geom_name[geom] + "') is a " + shape_name(type_) +
+                  ", which has neither a closed form nor triangles: choose other groups");
   }
   /// [m^2]
   double area() const { return has_surface(type_) ? surface_area(type_, size_) : up_to_.empty() ? 0 : up_to_.back(); }
