@@ -55,16 +55,16 @@ inline GaussianSet sample_surface(CompiledModel const& model, SampleSurfaceOptio
     int const b = model.geom_body[g];
     return b > 0 && (model.body_weld.empty() || model.body_weld[b] != 0);
   };
-  auto const shown_first = [&](int g) { return model.geom_group[g] >= 0 && model.geom_group[g] <= 2; };
-  std::vector<char> shows(model.nbody, 0);
+  auto const is_shown = [&](int g) { return model.geom_group[g] >= 0 && model.geom_group[g] <= 2; };  // by a viewer
+  std::vector<char> shows(model.nbody, 0);                                                            // some geom of the body is
   for (int g = 0; g < model.ngeom; ++g)
-    if (shown_first(g) && model.geom_rgba[g][3] != 0) shows[model.geom_body[g]] = 1;
+    if (is_shown(g) && model.geom_rgba[g][3] != 0) shows[model.geom_body[g]] = 1;
+  auto const is_chosen = [&](int g) {
+    if (options.groups.empty()) return is_shown(g) || !shows[model.geom_body[g]];
+    return std::find(options.groups.begin(), options.groups.end(), model.geom_group[g]) != options.groups.end();
+  };
   for (int g = 0; g < model.ngeom; ++g) {
-    if (!options.world && model.geom_body[g] == 0) continue;
-    if (!options.groups.empty() && std::find(options.groups.begin(), options.groups.end(), model.geom_group[g]) == options.groups.end())
-      continue;
-    if (options.groups.empty() && shows[model.geom_body[g]] && !shown_first(g)) continue;
-    if (model.geom_rgba[g][3] == 0) continue;
+    if ((!options.world && model.geom_body[g] == 0) || !is_chosen(g) || model.geom_rgba[g][3] == 0) continue;
     detail::GeomSurface surface(model, g, options.plane_half);
     double const area = surface.area();
     if (!(area > 0)) continue;  // nothing to draw on

@@ -61,10 +61,13 @@ class GeomSurface {
     }
   }
   void add_top(HeightFieldDescription const& field) {
-    auto const at = [&](int row, int column) {
-      return Point{field.size[0] * (2. * column / (field.columns - 1) - 1), field.size[1] * (2. * row / (field.rows - 1) - 1),
-                   field.size[2] * field.elevation[std::size_t(row) * field.columns + column]};
-    };
+    std::vector<double> const elevation(field.elevation.begin(), field.elevation.end());
+    ShapeAsset<double> asset;
+    asset.elevation = elevation.data();
+    asset.rows = field.rows;
+    asset.columns = field.columns;
+    std::copy(field.size.begin(), field.size.end(), asset.extent);
+    auto const at = [&](int row, int column) { return HfieldShape::point(asset, row, column); };
     for (int r = 0; r + 1 < field.rows; ++r)
       for (int c = 0; c + 1 < field.columns; ++c) {
         add(at(r, c), at(r, c + 1), at(r + 1, c));
