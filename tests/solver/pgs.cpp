@@ -434,7 +434,8 @@ TEST_CASE_TEMPLATE("the largest of small worlds", Exec, GSP_TEST_EXECS) {
       return s;
     };
     auto const bits = [](Loop<R, Exec> const& s, int world) {
-      auto const p = gsp_test::host(s.impulses.p[gsp_test::host(s.impulses.parity)()]), z = gsp_test::host(s.solution.z);
+      auto const p = gsp_test::host(s.impulses.p[gsp_test::host(s.impulses.parity)()]);
+      auto const z = gsp_test::host(s.solution.z);
       int const first = gsp_test::host(s.rows.first)(world), count = gsp_test::host(s.rows.count)(world);
       std::vector<R> out{gsp_test::host(s.solution.residual)(world)};
       for (int r = 0; r < count; ++r) out.push_back(p(first + r));

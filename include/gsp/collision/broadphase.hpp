@@ -98,16 +98,19 @@ struct FindNearPairs {
     CollisionChunk const chunk = model.chunk(c);
     bool const plane = is_among(plane_kinds, PairKind(chunk.kind));
     R const early = model.early(w);
+    R const* const poses = &bounds.pose(w, 0, 0);  // rows of one world lie one after another
+    R const* const boxes = &bounds.box(w, 0, 0);
+    R const* const groups = &bounds.group(w, 0, 0);
     std::uint64_t bits = 0;
     for (int r = chunk.run_first; r < chunk.run_end; ++r) {
-      CollisionRun<R> const run = model.runs(r);
-      if (plane ? !plane_near(&bounds.pose(w, model.group_first(run.a), 0), &bounds.group(w, run.b, 0), run.reach + early)
-                : run.a != run.b && !boxes_near(&bounds.group(w, run.a, 0), &bounds.group(w, run.b, 0), run.reach + early))
+      CollisionRun<R> const& run = model.runs(r);
+      R const reach = run.reach + early;
+      if (plane ? !plane_near(poses + 7 * model.group_first(run.a), groups + 6 * run.b, reach)
+                : run.a != run.b && !boxes_near(groups + 6 * run.a, groups + 6 * run.b, reach))
         continue;
       for (int p = run.first; p < run.end; ++p) {
         int const a = model.pair_collider(p, 0), b = model.pair_collider(p, 1);
-        bool const near = plane ? plane_near(&bounds.pose(w, a, 0), &bounds.box(w, b, 0), run.reach + early)
-                                : boxes_near(&bounds.box(w, a, 0), &bounds.box(w, b, 0), run.reach + early);
+        bool const near = plane ? plane_near(poses + 7 * a, boxes + 6 * b, reach) : boxes_near(boxes + 6 * a, boxes + 6 * b, reach);
         bits |= std::uint64_t(near) << (p - chunk.first);
       }
     }
