@@ -158,6 +158,7 @@ inline void read_geom(Document& doc, Node const& node, BodyDraft& to, Pose const
   for (char const* name : {"erp", "_erp"}) corrects = a.number(name, g.erp) || corrects;
   if (!g.hard && (g.restitution != 0 || corrects))
     doc.note(Line::no_effect, node.place, "<geom> restitution and erp without hard (a soft geom has neither: give hard=\"true\")");
+  if (g.hard) doc.note(Line::no_effect, node.place, "<geom> hard, restitution and erp (in profile mujoco)");
   std::array<double, 4> rgba{0.5, 0.5, 0.5, 1};
   bool const colour = a.numbers("rgba", rgba);
   g.rgba = {float(rgba[0]), float(rgba[1]), float(rgba[2]), float(rgba[3])};
