@@ -347,21 +347,26 @@ class KokkosStepper : public Stepper {
                     std::to_string(simulation_.sleep.steps) + ": give what Stepper::save gave");
   }
 
-  /// Numbers of a state that a step could have left, in the worlds that had not stopped.
+  /// Numbers that a step could have left, in the worlds that had not stopped.
   void expect_numbers(Snapshot<R, Mem> const& s) const {
     auto const bits = gsp::detail::to_host(exec_, s.state.status);
-    auto const check = [&](char const* name, auto const& view) {
+    auto const first = gsp::detail::to_host(exec_, s.impulses.first);
+    auto const expect = [&](std::string const& name, std::size_t world, R number) {
+      if ((bits[world] & (status::not_finite | status::unbounded)) == 0 && !(std::abs(double(number)) <= state_bound))
+        throw Error("array '" + name + "' holds " + std::to_string(number) + " of world " + std::to_string(world) +
+                    ", which is no number of a state (at most 1e10): give what Stepper::save gave");
+    };
+    auto const check = [&](std::string const& name, auto const& view) {
       if constexpr (std::is_floating_point_v<typename std::decay_t<decltype(view)>::non_const_value_type>) {
         auto const numbers = gsp::detail::to_host(exec_, view);
-        for (std::size_t i = 0; i < numbers.size(); ++i) {
-          std::size_t const world = i / std::size_t(gsp::detail::items_of_row(view));
-          if ((bits[world] & (status::not_finite | status::unbounded)) == 0 && !(std::abs(double(numbers[i])) <= state_bound))
-            throw Error(std::string("array 'state.") + name + "' holds " + std::to_string(numbers[i]) + " of world " +
-                        std::to_string(world) + ", which is no number of a state (at most 1e10): give what Stepper::save gave");
-        }
+        for (std::size_t i = 0; i < numbers.size(); ++i) expect(name, i / std::size_t(gsp::detail::items_of_row(view)), numbers[i]);
       }
     };
-    gsp::detail::each_state_view(check, s.state);
+    gsp::detail::each_state_view([&](char const* name, auto const& view) { check(std::string("state.") + name, view); }, s.state);
+    check("sleep.force", s.sleep.force);
+    auto const p = gsp::detail::to_host(exec_, s.impulses.p);
+    for (std::size_t w = 0, r = 0; w < first.size(); ++w)
+      for (std::size_t const end = w + 1 < first.size() ? std::size_t(first[w + 1]) : p.size(); r < end; ++r) expect("impulses.p", w, p[r]);
   }
 
   Exec exec_;

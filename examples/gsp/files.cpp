@@ -222,6 +222,7 @@ States read_start(std::string const& path, gsp::CompiledModel const& model) {
     if (version != std::vector<int>{gsp::runtime::snapshot_version})
       fail(path + "[snapshot]", "",
            "is of another version of gsp, which goes on from other arrays; leave out 'snapshot', or save the file anew (--save)");
+    if (npz.contains("options")) s.saved_with = npz.at("options").as<double>(path + "[options]");
     for (auto& [name, array] : npz.arrays)
       if (is_of_snapshot(name)) s.snapshot.emplace(name, std::move(array));
   }
@@ -236,7 +237,20 @@ States read_start(std::string const& path, gsp::CompiledModel const& model) {
   return s;
 }
 
-void write_snapshot(std::string const& path, gsp::runtime::Stepper& stepper, double time, gsp::CompiledModel const& model) {
+std::vector<double> options_in_numbers(gsp::CompiledModel const& model, gsp::runtime::StepperOptions const& options) {
+  return {options.timestep > 0 ? options.timestep : model.option.timestep, double(options.mujoco),
+          options.cone ? double(int(*options.cone)) : -1., double(options.iterations), options.tolerance.value_or(-1)};
+}
+std::string other_options(States const& states, std::vector<double> const& now) {
+  char const* const names[] = {"--timestep", "--profile", "--cone", "--iterations", "--tolerance"};
+  std::string others;
+  for (std::size_t k = 0; k < now.size() && k < states.saved_with.size(); ++k)
+    if (states.saved_with[k] != now[k]) others += (others.empty() ? "" : ", ") + std::string(names[k]);
+  return others.empty() ? others : "was saved with another " + others + ": it goes on, but not to the bit as it would have";
+}
+
+void write_snapshot(std::string const& path, gsp::runtime::Stepper& stepper, double time, gsp::CompiledModel const& model,
+                    gsp::runtime::StepperOptions const& options) {
   using gsp::runtime::Dtype;
   auto const state = stepper.state();
   auto const worlds = static_cast<std::size_t>(state.qpos.extents[0]);
@@ -250,6 +264,8 @@ void write_snapshot(std::string const& path, gsp::runtime::Stepper& stepper, dou
   std::vector<gsp::io::NpzEntry> entries{{"time", {{1}, times}}, {"qpos", {{1, worlds, nq}, qpos}}, {"qvel", {{1, worlds, nv}, qvel}}};
   if (na > 0) entries.push_back({"act", {{1, worlds, na}, act}});
   entries.push_back({"snapshot", {{1}, version}});
+  auto const with = options_in_numbers(model, options);
+  entries.push_back({"options", {{with.size()}, with}});
   std::vector<gsp::io::NpyArray> arrays;
   auto const saved = stepper.save();
   arrays.reserve(saved.size());  // entries refer to them

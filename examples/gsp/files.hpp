@@ -37,6 +37,7 @@ struct States {
   std::vector<double> act;                                 // (worlds, na), or empty: the model's
   std::vector<double> mocap_pos, mocap_quat;               // of a keyframe: one row for all worlds, or empty: the model's
   std::map<std::string, gsp::io::NpyArray> snapshot = {};  // of a file of --save, all that a stepper goes on from; or empty
+  std::vector<double> saved_with;                          // options_in_numbers of then; empty: not known
 };
 /// Gaussians of a file, moved to `pose`.
 gsp::io::SplatSet load_splats(std::string const& path, gsp::io::SplatPose const& pose);
@@ -56,7 +57,13 @@ States initial_state(gsp::CompiledModel const& model, std::string const& file, s
 /// write_snapshot put beside them. Numbers beyond gsp::state_bound are refused.
 States read_start(std::string const& path, gsp::CompiledModel const& model);
 /// A start with all that the stepper goes on from to the bit.
-void write_snapshot(std::string const& path, gsp::runtime::Stepper& stepper, double time, gsp::CompiledModel const& model);
+void write_snapshot(std::string const& path, gsp::runtime::Stepper& stepper, double time, gsp::CompiledModel const& model,
+                    gsp::runtime::StepperOptions const& options);
+/// What a simulation that goes on to the bit must have as it was: timestep [s], profile (1: mujoco), cone (-1: the model's), most
+/// iterations (0: the library's), tolerance (-1: the library's).
+std::vector<double> options_in_numbers(gsp::CompiledModel const& model, gsp::runtime::StepperOptions const& options);
+/// A sentence where what is gone on from was saved with others; or empty.
+std::string other_options(States const& states, std::vector<double> const& now);
 /// Throws where the snapshot is of another version, precision, or of sleepers and the run is without.
 void expect_goes_on(States const& states, bool in_double, bool sleep, std::string const& path);
 /// Throws where there are neither 1 nor `worlds` states.

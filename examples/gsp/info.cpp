@@ -120,7 +120,8 @@ void model(std::string const& path, Arguments const& arguments) {
   row("bodies", std::to_string(m.nbody - 1) + " and the world, " + number(mass) + " kg in all");
   row("joints", std::to_string(m.njnt) + (m.njnt ? " (" + tally(joints) + ")" : "") + "; nq " + std::to_string(m.nq) + ", nv " +
                     std::to_string(m.nv));
-  row("trees", std::to_string(m.ntree) + ", of " + std::to_string(gsp::find_archetypes(m).size()) + " kinds");
+  row("trees",
+      m.ntree == 0 ? "none: nothing moves" : std::to_string(m.ntree) + ", of " + std::to_string(gsp::find_archetypes(m).size()) + " kinds");
   row("geoms", std::to_string(m.ngeom) + (m.ngeom ? " (" + tally(geoms) + ")" : "") + "; " + std::to_string(colliding) + " collide, " +
                    std::to_string(m.pair_count()) + (m.pairs_searched ? " pairs are listed, others searched for" : " pairs may touch") +
                    (m.named_pairs.empty() ? "" : ", " + std::to_string(m.named_pairs.size()) + " of them named"));

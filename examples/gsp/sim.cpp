@@ -56,6 +56,8 @@ int run(Arguments const& a) {
   if (start_file && !a.has("--worlds")) options.worlds = start.worlds;
   expect_worlds(start, options.worlds, start_file ? *start_file : path);
   expect_goes_on(start, in_double, model.option.sleep, start_file ? *start_file : path);
+  if (auto const others = other_options(start, options_in_numbers(model, options)); !others.empty() && !a.has("--quiet"))
+    std::fprintf(stderr, "%s: %s\n", start_file->c_str(), others.c_str());
   Controls controls;
   if (ctrl_file) {
     controls = read_controls(*ctrl_file, model, options.worlds);
@@ -137,7 +139,7 @@ int run(Arguments const& a) {
   get_states(*stepper, qpos, qvel);
   if (trace_file) write_trace(*trace_file, trace, model);
   if (contacts_file) write_contacts(*contacts_file, stepper->contacts(), stepper->state().status);
-  if (save_file) write_snapshot(*save_file, *stepper, start.time + double(steps) * stepper->timestep(), model);
+  if (save_file) write_snapshot(*save_file, *stepper, start.time + double(steps) * stepper->timestep(), model, options);
   if (forces_file) write_forces(*forces_file, stepper->qfrc_constraint(), stepper->state().status);
 
   std::FILE* const say = text_beside(written);

@@ -168,6 +168,7 @@ write("saved_short.npz", state_qvel=None)
 write("saved_first.npz", impulses_first=last_int(1 << 30))
 write("saved_count.npz", impulses_count=last_int(1 << 30))
 write("saved_nan.npz", state_qvel=lambda d: d[:-4] + struct.pack("<f", math.nan))
+write("saved_force.npz", sleep_force=lambda d: d[:-4] + struct.pack("<f", math.inf))
 write("saved_qpos.npz", qpos=lambda d: d[:-8] + struct.pack("<d", 0.125))
 write("saved_calm.npz", sleep_calm=last_int(-1000))
 write("saved_kind.npz", state_steps=lambda d: arrays["state.status.npy"])
@@ -178,6 +179,7 @@ go_on "saved_short.npz: there is no array 'state.qvel'" "--save" -- sim cart.xml
 go_on "saved_first.npz: array 'impulses.first'" "does not fit" -- sim cart.xml --start saved_first.npz
 go_on "saved_count.npz: array 'impulses.first'" "does not fit" -- sim cart.xml --start saved_count.npz
 go_on "saved_nan.npz: array 'state.qvel' holds nan of world 1" "at most 1e10" -- sim cart.xml --start saved_nan.npz
+go_on "saved_force.npz: array 'sleep.force' holds inf of world 1" -- sim cart.xml --start saved_force.npz
 go_on "saved_qpos.npz: 'qpos' is not that of 'state.qpos'" "keep time, qpos" -- sim cart.xml --start saved_qpos.npz
 go_on "saved_calm.npz: array 'sleep.calm' holds -1000" -- sim cart.xml --start saved_calm.npz
 go_on "saved_kind.npz: array 'state.steps' is (2) int32 and must be (2) int64" -- sim cart.xml --start saved_kind.npz

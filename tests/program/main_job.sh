@@ -149,6 +149,9 @@ assert end.namelist() == whole.namelist() and len(end.namelist()) > 30
 for name in end.namelist():  # sums of times are rounded
     assert name == "time.npy" or end.read(name) == whole.read(name), name + ": two ways to one state save other numbers"
 PY
+"$gsp" $run --start half.npz --steps 5 --timestep 0.001 2>&1 > /dev/null | grep -qF 'half.npz: was saved with another --timestep: it goes on, but not to the bit' ||
+  fail "another timestep than that of the saved file goes unsaid"
+[ -z "$("$gsp" $run --start half.npz --steps 5 2>&1 > /dev/null | grep another)" ] || fail "the same options are told as others"
 "$gsp" info half.npz | grep -qF 'qpos          float64 (1, 3, 22)' || fail "what is saved is no start: $("$gsp" info half.npz)"
 "$gsp" sim many.xml --keyframe pressed --steps 100 --save one.npz > /dev/null
 "$gsp" sim many.xml --start one.npz --worlds 2 --steps 100 --trace two.npz > /dev/null  # one world for all
