@@ -3,6 +3,7 @@
 #include <gsp/constraint/detail/couple_rows.hpp>
 #include <gsp/constraint/detail/row_structure.hpp>
 #include <gsp/constraint/detail/wake_islands.hpp>
+#include <gsp/constraint/detail/whiten_rows.hpp>
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/core/status.hpp>
 #include <gsp/parallel/for_worlds.hpp>
@@ -152,32 +153,6 @@ struct ScanRows {
   }
 };
 
-/// y <- y L^-1 D^-1/2 on one segment, of tree `tree`, entries from `begin` on: from the leaves, each leaves its share to its ancestors.
-template <class R, class Mem, class Entries>
-KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, TreeItems<R> const& s, int tree, RowSegment const& segment, Entries const& y,
-                                   int begin) {
-  Archetype const& a = model.archetypes(model.tree_archetype(tree));
-  int const* const ints = model.ints.data();
-  constexpr int batch = 4;  // loads after a store to y would wait for it, as they might be of the same place: so many at a time
-  for (int i = segment.count - 1; i >= 0; --i) {
-    int const dof = segment.list < 0 ? i : ints[segment.list + i], adr = ints[a.row_adr + dof], n = ints[a.row_adr + dof + 1] - adr;
-    R const value = y[begin + i], scale = sqrt(s[s.at.inverse_diagonal + dof]);
-    auto const place = [&](int p) {  // in a chain the ancestors are the entries before
-      return begin + (segment.list < 0 ? ints[a.row_col + adr + p] : p);
-    };
-    int p = 0;
-    for (; p + batch < n; p += batch) {
-      int at[batch];
-      R next[batch];
-      for (int k = 0; k < batch; ++k) at[k] = place(p + k);
-      for (int k = 0; k < batch; ++k) next[k] = fma(-s[s.at.factor + adr + p + k], value, y[at[k]]);
-      for (int k = 0; k < batch; ++k) y[at[k]] = next[k];
-    }
-    for (; p < n - 1; ++p) y[place(p)] = fma(-s[s.at.factor + adr + p], value, y[place(p)]);
-    y[begin + i] = value * scale;
-  }
-}
-
 /// Names of the types, in the order of the list.
 struct TypeNames {
   std::uint32_t name[most_constraint_types] = {};
@@ -225,11 +200,15 @@ struct EmitRows {
       });
     });
     world.sync();
-    world.each(count, [&](int r) {
-      int of_element = 0;
-      while (rows.element_rows(first + r - of_element) == 0) ++of_element;
-      emit(world, w, of_element, first + r);
-    });
+    auto const of_element = [&](int at) {
+      int r = 0;
+      while (rows.element_rows(at - r) == 0) ++r;
+      return r;
+    };
+    if constexpr (is_device<typename Mem::execution_space>)
+      world.each(count, [&](int r) { emit(world, w, of_element(first + r), first + r); });
+    else
+      emit_together(w, first, count, of_element);
     world.sync();
     world.each(count, [&](int r) {
       int const n = rows.element_rows(first + r);
@@ -289,6 +268,35 @@ struct EmitRows {
     }
     types.visit_type(row.type, [&](auto const& type) { most_yield(at) = set_law(type, w, r, at, gap, rate, free_rate, diagonal, row); });
     rows.row(at) = row;
+  }
+  /// All rows of a world, on a host: the entries of each, which are whitened together, then the laws.
+  template <class OfElement>
+  KOKKOS_INLINE_FUNCTION void emit_together(int w, int first, int count, OfElement const& of_element) const {
+    for (int at = first; at < first + count; ++at) {
+      Row<R>& row = rows.row(at);
+      R* const y = rows.Y.data() + row.first_entry;
+      for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) y[i] = R(0);
+      R gap(0);
+      types.visit_type(row.type, [&](auto const& type) {
+        gap = R(type.jacobian(w, row.element, of_element(at), RowWriter<R, Mem, R*>{model, dynamics, row, y, w}));
+      });
+      for (int s = 0, begin = 0; s < 2 && row.segment[s].count > 0; begin += row.segment[s++].count)
+        gap += low_part(w, model.dof_tree(row.segment[s].dof0), row.segment[s], y, begin);
+      row.bias = gap;
+      row.lower = row.upper = row.mu = R(0);
+    }
+    RowBatch<R, Mem> batch(model, dynamics, rows.Y.data(), w);
+    for (int s = 0; s < 2; ++s) {
+      for (int at = first; at < first + count; ++at)
+        if (rows.row(at).segment[s].count > 0) batch.add(rows.row(at), s);
+      batch.finish();
+    }
+    for (int at = first; at < first + count; ++at) {
+      Row<R>& row = rows.row(at);
+      types.visit_type(row.type, [&](auto const& type) {
+        most_yield(at) = set_law(type, w, of_element(at), at, row.bias, row.lower, row.upper, row.mu, row);
+      });
+    }
   }
   /// J x of a segment, x what rounding has taken from the place of a body that floats (State::qpos_low). Poses are without it: a gap that
   /// they give jumps by the last digit of a place, and what lies far from the origin would never rest in float.
