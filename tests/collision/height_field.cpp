@@ -170,3 +170,40 @@ TEST_CASE_TEMPLATE("rough fields: the deepest of all prisms is kept, and nothing
   }
   CHECK(worst < (sizeof(T) == 4 ? 5e-6 : 1e-9));  // the tolerance of the search in float, rounding in double
 }
+
+// A contact lies where the two shapes meet: of the shape within its depth, though internal sides of prisms, wide and flat, have many
+// points as deep. What lies on corners and lines of cells meets several of them.
+TEST_CASE("contacts of a field lie on what touches it") {
+  Field const level(3, 3, [](int, int) { return 0.; });
+  Random random(7);
+  std::vector<std::array<float, 3>> corners;
+  for (int k = 0; k < 8; ++k) corners.push_back({k & 1 ? .05f : -.05f, k & 2 ? .05f : -.05f, k & 4 ? .05f : -.05f});
+  Hull<double> const mesh(
+      corners,
+      {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4}, {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}});
+  double const depths[] = {0, 1e-9, 1e-6, 1e-4, 1e-3, -1e-5};
+  int met = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    int const kind = trial % 3;
+    double const places[] = {0, 0.01, 0.1, -0.1}, turns[] = {0, M_PI / 4, M_PI / 2};
+    auto const pick = [&](auto const& list, int n) { return list[std::min(n - 1, int(n * 0.5 * (1 + random())))]; };
+    bool const lined = trial % 2 == 0;
+    double const x = lined ? pick(places, 4) : 0.2 * random(), y = lined ? pick(places, 4) : 0.2 * random();
+    double const yaw = lined ? pick(turns, 3) : 3 * random(), tip = kind == 0 && trial % 4 == 0 ? M_PI / 4 : 0;
+    Quat<double> const q = Quat<double>{std::cos(yaw / 2), 0, 0, std::sin(yaw / 2)} * Quat<double>{std::cos(tip), std::sin(tip), 0, 0};
+    double const depth = pick(depths, 6);
+    auto shape = still({x, y, 0.05 - depth}, {0.05, 0.05, 0.05}, q);
+    if (kind == 2) shape.asset = &mesh.asset;
+    ShapeType const type = kind == 0 ? ShapeType::cylinder : kind == 1 ? ShapeType::box : ShapeType::mesh;
+    ContactPoints<double, 8> out;
+    height_field(level.at({0, 0, 0}), type, shape, 2e-5, out);
+    for (int i = 0; i < out.count; ++i) {
+      D const at = transpose_times(shape.R, out.point[i].pos - shape.p);
+      double const beyond = std::max(abs(at.z), kind == 0 ? std::hypot(at.x, at.y) : std::max(abs(at.x), abs(at.y))) - 0.05;
+      CAPTURE(trial);
+      CHECK(beyond <= 0.5 * abs(out.point[i].dist) + 1e-6);
+      ++met;
+    }
+  }
+  CHECK(met > 5000);
+}

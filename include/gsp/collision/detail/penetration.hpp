@@ -235,6 +235,14 @@ KOKKOS_INLINE_FUNCTION CorePenetration<T> penetration(ConvexShape<T>& a, ConvexS
     if (i == 6) v[3] = p;
     if (i == 7 && -dot(axis, p.w - v[0].w) > dot(axis, v[3].w - v[0].w)) v[3] = p;
   }
+  if (a.type ==
+      ShapeType::hfield) {  // the ground's own normal: what the search finds beside it is no better but by rounding of a wide prism
+    Vec3<T> const up = normalized(cross(a.prism[4] - a.prism[3], a.prism[5] - a.prism[3]));
+    Vec3<T> const n = a.R * (up.z < T(0) ? -up : up);
+    DifferencePoint<T> const p = difference_support(a, b, n);
+    T const h = dot(n, p.w);
+    if (h <= best.depth + vague) best = {h, n, p.a};
+  }
   T const thick = dot(axis, v[3].w - v[0].w);
   T const wide = norm(cross(v[1].w - v[0].w, v[2].w - v[0].w));
   if (!(abs(thick) > T(64) * epsilon * size) || !(wide > T(64) * epsilon * size * size)) return best;  // D is flat: the best that was seen
@@ -262,7 +270,7 @@ KOKKOS_INLINE_FUNCTION CorePenetration<T> penetration(ConvexShape<T>& a, ConvexS
     Vec3<T> const n = polytope.normal[f];
     DifferencePoint<T> const p = difference_support(a, b, n);
     T const h = dot(n, p.w);
-    if (h < best.depth) {
+    if (h < best.depth - (a.type == ShapeType::hfield ? vague : T(0))) {
       DifferencePoint<T> const& i = v[polytope.corner[f][0]];
       DifferencePoint<T> const& j = v[polytope.corner[f][1]];
       DifferencePoint<T> const& k = v[polytope.corner[f][2]];

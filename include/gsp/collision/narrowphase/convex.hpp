@@ -51,11 +51,24 @@ template <class T>
   return {dist <= reach, dist, n, at + (a.radius + T(0.5) * dist) * n};
 }
 
+/// Where two overlapping cores are deepest: B moved out along n, and a little farther, is nearest to A there. The search in depth knows the
+/// depth, but of many points as deep, as on a wide side of a prism, any: it need not be of both.
+template <class T>
+[[gnu::noinline]] KOKKOS_FUNCTION void find_deepest(ConvexShape<T>& a, ConvexShape<T> b, ConvexDistance<T>& d) {
+  bool const single = sizeof(T) == 4;
+  T const round = a.radius + b.radius, depth = -(d.dist + round);
+  if (!(depth > T(0)) || a.type == ShapeType::ellipsoid || b.type == ShapeType::ellipsoid) return;
+  T const size = a.extent + b.extent + round, touch = (single ? T(3e-5) : T(1e-9)) * size;
+  b.p = b.p + (depth + T(4) * touch) * d.normal;
+  auto const parted = gjk(a, b, size, touch, (single ? T(1e-6) : T(1e-12)) * size);
+  if (parted.answer == CoreDistance<T>::apart) d.pos = parted.a + (a.radius + T(0.5) * d.dist) * d.normal;
+}
+
 /// The points of two convex shapes: the patch of the faces that meet, and the deepest point where the patch has none that is as deep.
 /// Returns how many there are, at most four, those that support best.
 template <class T>
 [[gnu::noinline]] KOKKOS_FUNCTION int find_patch(ConvexShape<T>& a, ConvexShape<T>& b, T margin, Patch<T>& patch) {
-  ConvexDistance<T> const d = core_distance(a, b, margin);
+  ConvexDistance<T> d = core_distance(a, b, margin);
   if (!d.near) return 0;
   T const size = a.extent + b.extent + a.radius + b.radius;
   patch.margin = margin;
@@ -71,6 +84,7 @@ template <class T>
     patch.point[i].dist = max(patch.point[i].dist, d.dist);  // faces are flat but for rounding
   }
   if (!deep && patch.count < Patch<T>::most) {
+    find_deepest(a, b, d);
     patch.point[patch.count] = {d.pos, d.dist, d.normal, 0};
     ++patch.count;
   }
@@ -102,6 +116,7 @@ KOKKOS_INLINE_FUNCTION ConvexDistance<T> convex_distance(ShapeType type_a, Shape
   auto ca = detail::make_convex_shape(type_a, a, a.p);
   auto cb = detail::make_convex_shape(type_b, b, a.p);
   ConvexDistance<T> d = detail::core_distance(ca, cb, reach);
+  if (d.near) detail::find_deepest(ca, cb, d);
   d.pos = d.pos + a.p;
   return d;
 }
