@@ -5,8 +5,12 @@
 #include <gsp/constraint/joint_friction.hpp>
 #include <gsp/constraint/joint_limit.hpp>
 #include <gsp/constraint/tendon.hpp>
+#include <gsp/dynamics/smooth.hpp>
+#include <gsp/model/compile.hpp>
+#include <gsp/model/samples.hpp>
 #include <gsp_test_execs.hpp>
 #include <limits>
+#include <random>
 
 #include "constraint/loop.hpp"
 #include "support/kokkos_tools.hpp"
@@ -549,4 +553,55 @@ TEST_CASE_TEMPLATE("assemble and pgs neither allocate nor fence", Exec, GSP_TEST
   Loop<float, Exec> s(gsp::compile(d), 4, {}, gsp_test::other_instance(Exec{}));
   s.step(2, gsp::JointFriction(s.model));
   gsp_test::check_algorithm(s.exec, gsp_test::watch([&] { s.assemble(gsp::JointFriction(s.model)), s.solve({}); }));
+}
+
+// Hosts whiten rows of a tree together, a row a lane of a pack: each has the bits that it has alone, whoever is beside it. Chains of all
+// dofs, whole trees and two trees in turn, more of them than a pack has lanes, and a pack of two.
+TEST_CASE_TEMPLATE("rows that are whitened together have the bits that they have alone", R, float, double) {
+  using Mem = Kokkos::HostSpace;
+  Kokkos::DefaultHostExecutionSpace const exec;
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  auto const model = gsp::make_model<R>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = 3});
+  auto poses = gsp::make_poses(exec, model, {.worlds = 3});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = 3});
+  std::mt19937 engine(3);
+  std::normal_distribution<double> random;
+  for (int w = 0; w < 3; ++w)
+    for (int i = 0; i < model.nv; ++i) state.qvel(w, i) = R(random(engine));
+  gsp::smooth_dynamics(exec, model, state, poses, dynamics);
+  int const w = 1;
+  for (int length : {2, 3, 7, 100}) {
+    std::vector<gsp::Row<R>> rows;
+    std::vector<R> together;
+    while (int(rows.size()) < length) {
+      int const place = int(rows.size()), tree = place % 9 == 4 ? 1 : 0, nv = model.archetypes(model.tree_archetype(tree)).nv;
+      gsp::Archetype const& a = model.archetypes(model.tree_archetype(tree));
+      int const dof = (7 * place) % nv, adr = model.ints(a.row_adr + dof), n = model.ints(a.row_adr + dof + 1) - adr;
+      gsp::Row<R> row{};
+      row.segment[0] = {place % 5 == 3 || n == nv ? -1 : a.row_col + adr, place % 5 == 3 ? nv : n, model.tree_dof(tree)};
+      row.first_entry = std::int64_t(together.size());
+      row.lower = row.upper = row.mu = R(0.25 * place);  // sums of another segment
+      for (int i = 0; i < row.segment[0].count; ++i) together.push_back(R(random(engine)));
+      rows.push_back(row);
+    }
+    auto alone = together;
+    auto of_alone = rows;
+    gsp::detail::RowBatch<R, Mem> batch(model, dynamics, together.data(), w);
+    for (auto& row : rows) batch.add(row, 0);
+    batch.finish();
+    for (auto& row : of_alone) {
+      gsp::detail::RowBatch<R, Mem> one(model, dynamics, alone.data(), w);
+      one.add(row, 0);
+      one.finish();
+    }
+    CHECK(std::memcmp(together.data(), alone.data(), alone.size() * sizeof(R)) == 0);
+    for (int k = 0; k < length; ++k) {
+      CAPTURE(k);
+      CHECK(rows[k].lower == of_alone[k].lower);
+      CHECK(rows[k].upper == of_alone[k].upper);
+      CHECK(rows[k].mu == of_alone[k].mu);
+      CHECK(rows[k].mu > R(0.25 * k));
+    }
+  }
 }
