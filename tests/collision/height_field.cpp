@@ -201,6 +201,10 @@ TEST_CASE("contacts of a field lie on what touches it") {
       D const at = transpose_times(shape.R, out.point[i].pos - shape.p);
       double const beyond = std::max(abs(at.z), kind == 0 ? std::hypot(at.x, at.y) : std::max(abs(at.x), abs(at.y))) - 0.05;
       CAPTURE(trial);
+      CAPTURE(out.point[i].normal.z);
+      CAPTURE(at.x);
+      CAPTURE(at.y);
+      CAPTURE(at.z);
       CHECK(beyond <= 0.5 * abs(out.point[i].dist) + 1e-6);
       ++met;
     }

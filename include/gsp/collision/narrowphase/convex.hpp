@@ -59,9 +59,14 @@ template <class T>
   T const round = a.radius + b.radius, depth = -(d.dist + round);
   if (!(depth > T(0)) || a.type == ShapeType::ellipsoid || b.type == ShapeType::ellipsoid) return;
   T const size = a.extent + b.extent + round, touch = (single ? T(3e-5) : T(1e-9)) * size;
-  b.p = b.p + (depth + T(4) * touch) * d.normal;
-  auto const parted = gjk(a, b, size, touch, (single ? T(1e-6) : T(1e-12)) * size);
-  if (parted.answer == CoreDistance<T>::apart) d.pos = parted.a + (a.radius + T(0.5) * d.dist) * d.normal;
+  Vec3<T> const at = b.p;
+  for (T gap = T(4) * touch; gap < T(0.01) * size; gap = T(16) * gap) {  // too near, and rounding takes them for touching
+    b.p = at + (depth + gap) * d.normal;
+    auto const parted = gjk(a, b, size, touch, (single ? T(1e-6) : T(1e-12)) * size);
+    if (parted.answer != CoreDistance<T>::apart) continue;
+    d.pos = parted.a + (a.radius + T(0.5) * d.dist) * d.normal;
+    return;
+  }
 }
 
 /// The points of two convex shapes: the patch of the faces that meet, and the deepest point where the patch has none that is as deep.
