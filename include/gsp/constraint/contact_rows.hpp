@@ -34,7 +34,7 @@ struct ContactRows {
         collision(c),
         contacts(found),
         cone(friction_cone),
-        soft{m.profile == Profile::mujoco, m.impratio, m.refsafe},
+        soft{m.profile == Profile::mujoco, m.impratio, m.refsafe ? Refsafe::two_steps : Refsafe::off},
         edges(friction_cone == FrictionCone::pyramidal ? c.most_edges : 1),
         gravity(m.gravity) {}
 
@@ -115,9 +115,13 @@ struct ContactRows {
  private:
   KOKKOS_INLINE_FUNCTION int contact_of(int world, int k) const { return contacts.first_of(world) + k / edges; }
   /// Profile `stable` takes MuJoCo's default solref, (0.02, 1), as (0.0125, 1): its sweeps bear it, and what rests sinks in by 0.4 as much.
+  /// What a file says itself rests where it says at any timestep; the default gives more where steps are long, as piles rest with it.
   KOKKOS_INLINE_FUNCTION Softness<R> softness(ContactParameters<R> const& p) const {
     Softness<R> s = softness_of(p, soft.refsafe);
-    if (!soft.as_mujoco && s.solref[0] == R(0.02) && s.solref[1] == R(1)) s.solref[0] = R(0.0125);
+    if (soft.as_mujoco) return s;
+    bool const by_default = s.solref[0] == R(0.02) && s.solref[1] == R(1);
+    if (by_default) s.solref[0] = R(0.0125);
+    if (!by_default && s.refsafe == Refsafe::two_steps) s.refsafe = Refsafe::keeps_rest;
     return s;
   }
   KOKKOS_INLINE_FUNCTION static int most(int a, int b) { return a > b ? a : b; }

@@ -32,7 +32,8 @@ struct Equalities {
   Indices eq_type, eq_id1, eq_id2, eq_sites, site_body, jnt_qposadr, jnt_dofadr, tendon_tree, tendon_place;
   Field<R> eq_data, eq_solref, eq_solimp, site_pos, site_quat, qpos0, tendon_length0, body_invweight0, dof_invweight0, tendon_invweight0;
   int elements;
-  bool tendons, refsafe;
+  bool tendons;
+  Refsafe refsafe;
   Equalities(Model<R, Mem> const& m, State<R, Mem> const& s, Poses<R, Mem> const& p, Dynamics<R, Mem> const& d)
       : trees(m, d),
         stamps(d.stamps),
@@ -60,7 +61,7 @@ struct Equalities {
         tendon_invweight0(m.tendon_invweight0),
         elements(m.equalities ? m.neq : 0),
         tendons(m.ntendon > 0),
-        refsafe(m.refsafe) {}
+        refsafe(refsafe_of(m)) {}
 
   detail::Quantities reads() const { return elements > 0 && tendons ? detail::set_of(Quantity::tendon_length) : detail::Quantities{}; }
   KOKKOS_INLINE_FUNCTION int count(int) const { return elements; }

@@ -11,7 +11,8 @@ struct JointFriction {
   typename Model<R, Mem>::template Array<int> friction_dofs;
   Field<R> dof_frictionloss, dof_invweight0, dof_solref, dof_solimp;
   R timestep;
-  bool rigid, refsafe;
+  bool rigid;
+  Refsafe refsafe;
   explicit JointFriction(Model<R, Mem> const& m)
       : friction_dofs(m.friction_dofs),
         dof_frictionloss(m.dof_frictionloss),
@@ -20,7 +21,7 @@ struct JointFriction {
         dof_solimp(m.dof_solimp),
         timestep(m.timestep),
         rigid(m.profile == Profile::stable),
-        refsafe(m.refsafe) {}
+        refsafe(refsafe_of(m)) {}
 
   KOKKOS_INLINE_FUNCTION int count(int) const { return int(friction_dofs.extent(0)); }
   KOKKOS_INLINE_FUNCTION int rows(int, int) const { return 1; }

@@ -12,7 +12,7 @@ struct JointLimits {
   Indices limited_joints, jnt_type, jnt_qposadr, jnt_dofadr;
   Field<R> jnt_range, jnt_margin, jnt_solref, jnt_solimp, dof_invweight0;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> qpos;
-  bool refsafe;
+  Refsafe refsafe;
   JointLimits(Model<R, Mem> const& m, State<R, Mem> const& s)
       : limited_joints(m.limited_joints),
         jnt_type(m.jnt_type),
@@ -24,7 +24,7 @@ struct JointLimits {
         jnt_solimp(m.jnt_solimp),
         dof_invweight0(m.dof_invweight0),
         qpos(s.qpos),
-        refsafe(m.refsafe) {}
+        refsafe(refsafe_of(m)) {}
 
   KOKKOS_INLINE_FUNCTION int count(int) const { return 2 * int(limited_joints.extent(0)); }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {

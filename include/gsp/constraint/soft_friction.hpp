@@ -11,7 +11,7 @@ namespace gsp {
 
 /// solref and solimp of a contact.
 template <class R>
-KOKKOS_INLINE_FUNCTION Softness<R> softness_of(ContactParameters<R> const& p, bool refsafe) {
+KOKKOS_INLINE_FUNCTION Softness<R> softness_of(ContactParameters<R> const& p, Refsafe refsafe) {
   Softness<R> s;
   s.refsafe = refsafe;
   for (int i = 0; i < 2; ++i) s.solref[i] = p.solref[i];
@@ -23,7 +23,7 @@ template <class R>
 struct SoftFriction {
   bool as_mujoco = false;  // contacts as in profile mujoco; else friction rows are rigid, but edges of a pyramid
   R impratio = R(1);
-  bool refsafe = true;  // Softness::refsafe
+  Refsafe refsafe = Refsafe::two_steps;
 
   /// Friction row k (0, 1 sliding, 2 torsional, 3, 4 rolling) of an elliptic contact.
   /// @param gap   distance less margin [m];   @param u  rate of the row

@@ -4,12 +4,24 @@
 /// MuJoCo's soft constraints (solref, solimp) as a compliance and a target rate of one step.
 namespace gsp {
 
+/// What becomes of a time constant shorter than two timesteps, which one step cannot follow (solref > 0; <flag refsafe>).
+enum class Refsafe : unsigned char {
+  off,         // it is taken as it stands
+  two_steps,   // it becomes 2 h: MuJoCo, profile mujoco
+  keeps_rest,  // the same, and the compliance shrinks by as much as the stiffness, (time / 2 h)^2: what rests lies where the file says
+};
+template <class R, class Mem>
+Refsafe refsafe_of(Model<R, Mem> const& model) {
+  if (!model.refsafe) return Refsafe::off;
+  return model.profile == Profile::mujoco ? Refsafe::two_steps : Refsafe::keeps_rest;
+}
+
 /// solref and solimp of one row.
 template <class R>
 struct Softness {
   R solref[2];
   R solimp[5];
-  bool refsafe = true;  // time constants are at least two timesteps (<flag refsafe>)
+  Refsafe refsafe = Refsafe::two_steps;
 };
 
 /// How much of a row's rate its constraint takes (0 .. 1): solimp = (d0, dw, width, mid, power) go from d0 where |x| = 0 to dw from |x| =
@@ -37,16 +49,18 @@ KOKKOS_INLINE_FUNCTION R impedance_of(Softness<R> const& s, R x) {
 /// @param u     its rate at the start of the step
 /// @param diag  approximate diagonal of J M^-1 J^T (invweight0)
 /// @param rate_only  friction: K = 0
-/// solref > 0 is a time constant (at least 2 h, where refsafe says so) and a damping ratio; both <= 0 are -stiffness and -damping; one of
+/// solref > 0 is a time constant (at least 2 h, but for Refsafe::off) and a damping ratio; both <= 0 are -stiffness and -damping; one of
 /// each is taken as (0.02, 1). Source: MuJoCo's documentation, "Computation: parameters".
 template <class R>
 KOKKOS_INLINE_FUNCTION RowLaw<R> soft_law(Softness<R> const& s, R impedance, R x, R u, R h, R diag, bool rate_only) {
   R const tiny(1e-15), dw = clamp(s.solimp[1], R(1e-4), R(0.9999));
   bool const mixed = (s.solref[0] > R(0)) != (s.solref[1] > R(0));
   R const first = mixed ? R(0.02) : s.solref[0], second = mixed ? R(1) : s.solref[1];
-  R K, B;
+  R K, B, softer(1);
   if (first > R(0)) {
-    R const time = s.refsafe ? max(first, R(2) * h) : first;
+    R const time = s.refsafe == Refsafe::off ? first : max(first, R(2) * h);
+    // At rest R p = -h K d x: R over K decides where.
+    if (s.refsafe == Refsafe::keeps_rest) softer = square(first / time);
     K = R(1) / max(tiny, square(dw * time * second));
     B = R(2) / max(tiny, dw * time);
   } else {
@@ -54,7 +68,7 @@ KOKKOS_INLINE_FUNCTION RowLaw<R> soft_law(Softness<R> const& s, R impedance, R x
     B = -second / max(tiny, dw);
   }
   if (rate_only) K = R(0);
-  return {max(tiny, (R(1) - impedance) / impedance * diag), (R(1) - h * B) * u - h * K * impedance * x};
+  return {max(tiny, softer * (R(1) - impedance) / impedance * diag), (R(1) - h * B) * u - h * K * impedance * x};
 }
 /// The same where the row is alone: the impedance is that of its own gap.
 template <class R>
@@ -71,7 +85,8 @@ KOKKOS_INLINE_FUNCTION R hard_target(R x, R h, R erp) {
 
 namespace detail {
 template <class R>
-KOKKOS_INLINE_FUNCTION Softness<R> softness(Field<R> const& solref, Field<R> const& solimp, int world, int i, bool refsafe) {
+KOKKOS_INLINE_FUNCTION Softness<R> softness(Field<R> const& solref, Field<R> const& solimp, int world, int i,
+                                            Refsafe refsafe) {
   Softness<R> s;
   s.refsafe = refsafe;
   for (int c = 0; c < 2; ++c) s.solref[c] = solref(world, 2 * i + c);

@@ -13,7 +13,7 @@ struct TendonLimits {
   detail::Stamps stamps;  // host: those of the dynamics
   typename Model<R, Mem>::template Array<int> limited_tendons, tendon_tree, tendon_place;
   Field<R> tendon_range, tendon_margin, tendon_solref, tendon_solimp, tendon_invweight0;
-  bool refsafe;
+  Refsafe refsafe;
   TendonLimits(Model<R, Mem> const& m, Dynamics<R, Mem> const& d)
       : trees(m, d),
         stamps(d.stamps),
@@ -25,7 +25,7 @@ struct TendonLimits {
         tendon_solref(m.tendon_solref),
         tendon_solimp(m.tendon_solimp),
         tendon_invweight0(m.tendon_invweight0),
-        refsafe(m.refsafe) {}
+        refsafe(refsafe_of(m)) {}
 
   detail::Quantities reads() const {
     return limited_tendons.extent(0) > 0 ? detail::set_of(Quantity::tendon_length) : detail::Quantities{};
@@ -66,7 +66,8 @@ struct TendonFriction {
   typename Model<R, Mem>::template Array<int> friction_tendons, tendon_tree, tendon_place;
   Field<R> tendon_frictionloss, tendon_friction_solref, tendon_friction_solimp, tendon_invweight0;
   R timestep;
-  bool rigid, refsafe;
+  bool rigid;
+  Refsafe refsafe;
   TendonFriction(Model<R, Mem> const& m, Dynamics<R, Mem> const& d)
       : trees(m, d),
         stamps(d.stamps),
@@ -79,7 +80,7 @@ struct TendonFriction {
         tendon_invweight0(m.tendon_invweight0),
         timestep(m.timestep),
         rigid(m.profile == Profile::stable),
-        refsafe(m.refsafe) {}
+        refsafe(refsafe_of(m)) {}
 
   detail::Quantities reads() const {
     return friction_tendons.extent(0) > 0 ? detail::set_of(Quantity::tendon_length) : detail::Quantities{};
