@@ -335,8 +335,31 @@ TEST_CASE("parallel capsules push straight however they are shifted, and pierced
   capsule_capsule(still({0, 0, 0}, {0.1, 0.5, 0}), still({0, 0, 1.15}, {0.1, 0.5, 0}), 0., out);
   REQUIRE(out.count == 1);
   CHECK(norm(out.point[0].normal - D{0, 0, 1}) < 1e-15);
-  // a flat cylinder pierced near its rim, steeply: out across the rim, not along the axis or the whole radius
+  // Nearly parallel ones that lie (profile stable): two points, the deeper one at most 1e-4 of the radii above the closest points, and not
+  // below them; both move as the capsules do: 1e-7 rad or less by less than 1e-3 of their length (their places turn with 1e3 a radian).
   Random random(6);
+  for (int trial = 0; trial < 3000; ++trial) {
+    Quat<double> const turn = normalized(Quat<double>{1, 0.02 * random(), 0.02 * random() * random() * random(), 0.1 * random()});
+    Vec3<double> const p{0.19 + 0.005 * random(), 0.02 * random(), 0.8 * random()};
+    auto const bar = still({0, 0, 0}, {0.1, 0.5, 0}), near = still(p, {0.1, 0.5, 0}, turn);
+    auto const nearer = still(p, {0.1, 0.5, 0}, normalized(turn * Quat<double>{1, 1e-7 * random(), 1e-7 * random(), 0}));
+    ContactPoints<double, 8> closest, lying, moved;
+    capsule_capsule(bar, near, 1., closest);
+    capsule_capsule(bar, near, 1., lying, true);
+    capsule_capsule(bar, nearer, 1., moved, true);
+    REQUIRE(lying.count == 2);
+    REQUIRE(moved.count == 2);
+    double const above = std::fmin(lying.point[0].dist, lying.point[1].dist) - std::fmin(closest.point[0].dist, closest.point[closest.count - 1].dist);
+    CHECK(above > -1e-15);
+    CHECK(above < 1.01e-4 * 0.2);
+    CHECK(lying.point[0].feature == 1);
+    CHECK(lying.point[1].feature == 2);
+    for (int i = 0; i < 2; ++i) {
+      CHECK(norm(lying.point[i].pos - moved.point[i].pos) < 1e-3);
+      CHECK(std::abs(lying.point[i].dist - moved.point[i].dist) < 1e-6);
+    }
+  }
+  // a flat cylinder pierced near its rim, steeply: out across the rim, not along the axis or the whole radius
   double most = 0;
   for (int trial = 0; trial < 3000; ++trial) {
     auto const b = still({0, 0, 0}, {0.3, 0.1, 0});

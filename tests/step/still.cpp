@@ -246,26 +246,39 @@ TEST_CASE("what is squeezed is pressed no harder each step") {
   }
 }
 
-// Bar of the project: within 1e-4 m for 60 s, in float, once it has sunk into its contacts.
-TEST_CASE("a capsule in a V lies still") {
-  gsp::Description d;
-  d.option.timestep = 0.002;
-  for (double const x : {-0.09, 0.09}) {
-    auto bar = geom(gsp::ShapeType::capsule, {0.1, 1, 0});
-    bar.pos = {x, 0, 0};
-    bar.quat = {std::sqrt(0.5), std::sqrt(0.5), 0, 0};
-    d.bodies[0].geoms.push_back(bar);
+// Bar of the project: within 1e-4 m for 60 s, once it has sunk into its contacts. In double, where rounding never makes axes parallel again,
+// it rocked for ever, from one end to the other, with 0.06 rad/s at 2 ms and 0.28 at 10 ms. Dropped askew it comes to rest askew: 1e-4 m/s
+
+TEST_CASE_TEMPLATE("a capsule in a V lies still", R, float, double) {
+  struct Start {
+    double timestep, tilt, yaw, seconds;
+  };
+  for (Start const start : {Start{0.002, 0, 0, 60}, {0.01, 0, 0, 60}, {0.01, 0.02, 0, 9}, {0.002, 0, 0.02, 9}, {0.01, 0.05, 0.05, 9}}) {
+    gsp::Description d;
+    d.option.timestep = start.timestep;
+    for (double const x : {-0.09, 0.09}) {
+      auto bar = geom(gsp::ShapeType::capsule, {0.1, 1, 0});
+      bar.pos = {x, 0, 0};
+      bar.quat = {std::sqrt(0.5), std::sqrt(0.5), 0, 0};
+      d.bodies[0].geoms.push_back(bar);
+    }
+    auto capsule = geom(gsp::ShapeType::capsule, {0.1, 0.3, 0});
+    capsule.quat = {std::sqrt(0.5), std::sqrt(0.5), 0, 0};
+    add_free(d, {0, 0, std::sqrt(0.04 - 0.0081) + 0.3 * start.tilt}, capsule);
+    World<R, Kokkos::DefaultHostExecutionSpace> w(d);
+    w.state.qpos(0, 4) = R(start.tilt / 2), w.state.qpos(0, 6) = R(start.yaw / 2);
+    bool const askew = start.tilt != 0 || start.yaw != 0;
+    w.step(int((askew ? 8 : 1) / start.timestep));
+    auto const before = w.qpos();
+    double const place[3] = {before(0, 0), before(0, 1), before(0, 2)};
+    w.step(int((start.seconds - (askew ? 8 : 1)) / start.timestep));
+    auto const q = w.qpos();
+    CAPTURE(start.timestep);
+    CAPTURE(start.tilt);
+    CAPTURE(start.yaw);
+    for (int c = 0; c < 3; ++c) CHECK(std::abs(q(0, c) - place[c]) < 1e-4);
+    CHECK(w.speed() < 1e-4);
   }
-  auto capsule = geom(gsp::ShapeType::capsule, {0.1, 0.3, 0});
-  capsule.quat = {std::sqrt(0.5), std::sqrt(0.5), 0, 0};
-  add_free(d, {0, 0, std::sqrt(0.04 - 0.0081)}, capsule);
-  World<float, Kokkos::DefaultHostExecutionSpace> w(d);
-  w.step(500);
-  auto const before = w.qpos();
-  double const start[3] = {before(0, 0), before(0, 1), before(0, 2)};
-  w.step(29500);
-  auto const q = w.qpos();
-  for (int c = 0; c < 3; ++c) CHECK(std::abs(q(0, c) - start[c]) < 1e-4);
 }
 
 // A rigid sphere comes back with e times its speed in the middle of the step, whatever the sub-step at which it lands: u+ + g h / 2 =

@@ -20,8 +20,10 @@ namespace gsp {
 
 /// Contact points of a and b with dist <= margin, by the kind of the pair; `out.add(pos, dist, normal, feature)` takes them
 /// (ContactPoints). This one: the kinds with a function of their own; none for the others.
+/// @param capsules_lie  nearly parallel capsules touch at two points (capsule_capsule)
 template <class T, class Out>
-KOKKOS_INLINE_FUNCTION void closed_narrowphase(PairKind kind, Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
+KOKKOS_INLINE_FUNCTION void closed_narrowphase(PairKind kind, Shape<T> const& a, Shape<T> const& b, T margin, Out& out,
+                                               bool capsules_lie = false) {
   switch (kind) {
     case PairKind::plane_sphere:
       return plane_sphere(a, b, margin, out);
@@ -40,7 +42,7 @@ KOKKOS_INLINE_FUNCTION void closed_narrowphase(PairKind kind, Shape<T> const& a,
     case PairKind::sphere_box:
       return sphere_box(a, b, margin, out);
     case PairKind::capsule_capsule:
-      return capsule_capsule(a, b, margin, out);
+      return capsule_capsule(a, b, margin, out, capsules_lie);
     case PairKind::capsule_cylinder:
       return capsule_cylinder(a, b, margin, out);
     case PairKind::capsule_box:

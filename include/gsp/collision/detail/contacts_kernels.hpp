@@ -161,7 +161,7 @@ template <class R, class Mem, bool convex>
 struct CollideCandidates {
   CollisionModel<R, Mem> model;
   ContactScratch<R, Mem> s;
-  bool reduce;
+  bool reduce, capsules_lie;
   StillContacts<R, Mem> before;
   KOKKOS_FUNCTION void operator()(std::int64_t k) const {
     if (k >= s.total(0)) return;
@@ -183,7 +183,7 @@ struct CollideCandidates {
     if constexpr (convex)
       convex_narrowphase(kind, shape(a), shape(b), reach, out);
     else
-      closed_narrowphase(kind, shape(a), shape(b), reach, out);
+      closed_narrowphase(kind, shape(a), shape(b), reach, out, capsules_lie);
     s.candidates(k).count = short(reduce && is_among(reducing_kinds, kind) ? reduce_points(out.slot, out.count) : out.count);
   }
 };

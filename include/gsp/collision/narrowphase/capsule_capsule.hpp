@@ -9,8 +9,11 @@ namespace gsp {
 ///   [ -d_a.d_b  d_b.d_b ] [y] = [  d_b.(p_a - p_b) ]
 /// with clamps. Parallel axes (det below rounding): two points, at the ends of the stretch that they have in common (features 1 to 4: which
 /// end of which), or one where they stand end to end.
+/// @param lies  axes within 6 degrees of each other (sin^2 < 0.01) touch at two points, too: at either side of the closest ones, as far
+///              from them along a as it takes to be 1e-4 of the radii less deep, or at the ends. Both move as the capsules do. A capsule
+///              that lies on another one keeps both while it rocks; with one at a time, now at this end and now at that, it rocks for ever.
 template <class T, class Out>
-KOKKOS_INLINE_FUNCTION void capsule_capsule(Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
+KOKKOS_INLINE_FUNCTION void capsule_capsule(Shape<T> const& a, Shape<T> const& b, T margin, Out& out, bool lies = false) {
   Vec3<T> const axis_a = column(a.R, 2), axis_b = column(b.R, 2);
   Vec3<T> const da = a.size.y * axis_a, db = b.size.y * axis_b, d = a.p - b.p;
   T const aa = dot(da, da), ab = -dot(da, db), bb = dot(db, db), u = -dot(da, d), v = dot(db, d);
@@ -20,6 +23,13 @@ KOKKOS_INLINE_FUNCTION void capsule_capsule(Shape<T> const& a, Shape<T> const& b
   T const tiny = T(1e-30), inv_aa = aa > tiny ? T(1) / aa : T(0), inv_bb = bb > tiny ? T(1) / bb : T(0);
   Vec3<T> const fallback = cross(axis_a, axis_b);
   T const one(1);
+  // The stretch [lo, hi] of a beside which b runs; b's ends y = 1 and y = -1 are at x1 and x2.
+  T const x1 = (u - ab) * inv_aa, x2 = (u + ab) * inv_aa;
+  T const lo = max(-one, min(x1, x2)), hi = min(one, max(x1, x2));
+  auto const beside = [&](T x) { return clamp((v - x * ab) * inv_bb, -one, one); };
+  auto const add = [&](T x, T y, int feature) {
+    detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, feature, out);
+  };
   if (det > (sizeof(T) == 4 ? T(1e-7) : T(1e-15)) * aa * bb && det > tiny) {
     T x = (bb * u - ab * v) / det, y = (aa * v - ab * u) / det;
     if (x > one) {
@@ -36,24 +46,24 @@ KOKKOS_INLINE_FUNCTION void capsule_capsule(Shape<T> const& a, Shape<T> const& b
       y = -one;
       x = clamp((u + ab) * inv_aa, -one, one);
     }
-    detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, 0, out);
-    return;
+    if (!lies || !(det < T(0.01) * aa * bb) || !(hi > lo)) return add(x, y, 0);
+    // Beside the closest points, which are D apart, the axes part by (s sin)^2 / (2 D), sin as seen along the line between those.
+    Vec3<T> const apart = b.p + y * db - a.p - x * da;
+    T const D = norm(apart), part = T(1e-4) * (a.size.x + b.size.x), seen = dot(c, apart);
+    T const s = sqrt(T(2) * D * D * D * part * bb) / max(abs(seen), tiny);
+    T const first = min(hi, x + s), second = max(lo, x - s);
+    add(first, beside(first), 1);
+    return add(second, beside(second), 2);
   }
-  // Parallel: the stretch [lo, hi] of a beside which b runs has both its ends in common.
   if (aa <= tiny || bb <= tiny) {  // one of them is a sphere
     T const x = clamp(u * inv_aa, -one, one);
-    T const y = clamp((v - x * ab) * inv_bb, -one, one);
-    detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, 1, out);
-    return;
+    return add(x, beside(x), 1);
   }
-  T const x1 = (u - ab) * inv_aa, x2 = (u + ab) * inv_aa;  // b's ends y = 1 and y = -1
-  T const lo = max(-one, min(x1, x2)), hi = min(one, max(x1, x2));
   for (int end = 0; end < 2; ++end) {
     T const x = clamp(end == 0 ? hi : lo, -one, one);
-    T const y = clamp((v - x * ab) * inv_bb, -one, one);
-    bool const of_a = end == 0 ? x >= one : x <= -one;
+    bool const of_a = lies || (end == 0 ? x >= one : x <= -one);
     int const of_b = (end == 0) == (x1 > x2) ? 3 : 4;
-    detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, of_a ? 1 + end : of_b, out);
+    add(x, beside(x), of_a ? 1 + end : of_b);
     if (!(hi > lo)) return;  // end to end
   }
 }
