@@ -376,3 +376,60 @@ TEST_CASE_TEMPLATE("strong friction makes no energy", Exec, GSP_TEST_EXECS) {
     CHECK(most < 1.02 * start);
   }
 }
+
+// Contact frames are made from the normal alone, and turn about it by half a turn where it comes to 60 degrees from y. What friction held
+// in the last step is turned into the new frame: as a vector it stays, but for the 2e-4 rad by which the plane has turned.
+TEST_CASE_TEMPLATE("friction starts where it pointed", Exec, GSP_TEST_EXECS) {
+  for (int condim : {3, 4, 6}) {
+    gsp::Description d;
+    d.option.timestep = 0.002;
+    gsp::BodyDescription plank;
+    plank.parent = 0;
+    plank.joints.emplace_back().type = gsp::JointType::hinge;
+    plank.joints[0].axis = {1, 0, 0};
+    plank.joints[0].armature = 1e9;
+    plank.geoms.push_back(gsp_test::geom(gsp::ShapeType::box, {1, 1, 0.1}));
+    plank.geoms[0].condim = condim;
+    plank.geoms[0].friction = {1, 0.1, 0.1};
+    d.bodies.push_back(plank);
+    double const before = -M_PI / 6 + 1e-4, after = -M_PI / 6 - 1e-4, r = 0.1, way = 0.1 + r - 1e-4;
+    auto ball = gsp_test::geom(gsp::ShapeType::sphere, {r, 0, 0});
+    gsp_test::add_free(d, {0, way * std::sin(-before), way * std::cos(before)}, ball);
+    gsp_test::World<double, Exec> w(gsp::compile(d));
+    auto const put = [&](double angle) {
+      auto q = w.qpos();
+      q(0, 0) = angle, q(0, 1) = 0, q(0, 2) = way * std::sin(-angle), q(0, 3) = way * std::cos(angle);
+      Kokkos::deep_copy(w.state.qpos, q);
+    };
+    auto const friction = [&](int first) {  // along (first 1) or about (4) the tangents, in the world
+      auto const p = gsp_test::host(w.sim.impulses.p[gsp_test::host(w.sim.impulses.parity)()]);
+      auto const frame = gsp_test::host(w.sim.contacts.frame);
+      REQUIRE(gsp_test::host(w.sim.contacts.end)(0) == 1);
+      gsp::Vec3<double> out{0, 0, 0};
+      for (int c = 0; c < 3; ++c) out[c] = p(first) * frame(0, 3 + c) + p(first + 1) * frame(0, 6 + c);
+      return out;
+    };
+    auto const tangent = [&] {
+      auto const frame = gsp_test::host(w.sim.contacts.frame);
+      return gsp::Vec3<double>{frame(0, 3), frame(0, 4), frame(0, 5)};
+    };
+    put(before);
+    auto v = w.qvel();
+    v(0, 1) = 0.01, v(0, 4) = 0.3, v(0, 5) = 0.2;
+    Kokkos::deep_copy(w.state.qvel, v);
+    w.step(1);
+    auto const held = friction(1), rolled = condim == 6 ? friction(4) : held;
+    auto const axis = tangent();
+    put(after);
+    gsp::smooth_dynamics(w.exec, w.model, w.state, w.sim.poses, w.sim.dynamics);
+    gsp::collide(w.exec, w.sim.collision, w.sim.poses, w.sim.contacts);
+    gsp::assemble(w.exec, w.model, w.state, w.sim.dynamics,
+                  gsp::model_constraints(w.model, w.state, w.sim.poses, w.sim.dynamics, w.sim.collision, w.sim.contacts), w.sim.rows,
+                  w.sim.impulses, w.sim.progress);
+    CAPTURE(condim);
+    CHECK(dot(axis, tangent()) < -0.99);
+    CHECK(norm(held) > 1e-4);
+    CHECK(norm(friction(1) - held) < 3e-4 * norm(held));
+    if (condim == 6) CHECK(norm(friction(4) - rolled) < 3e-4 * norm(rolled));
+  }
+}

@@ -111,6 +111,11 @@ struct ContactRows {
     int const c = contact_of(world, k);
     return {contacts.pos(c, 0), contacts.pos(c, 1), contacts.pos(c, 2)};
   }
+  /// Direction of row 1 + i, by which friction of the last step is turned into this one's frame.
+  KOKKOS_INLINE_FUNCTION Vec3<R> tangent(int world, int k, int i) const {
+    int const c = contact_of(world, k), at = 3 * (1 + i);
+    return {contacts.frame(c, at), contacts.frame(c, at + 1), contacts.frame(c, at + 2)};
+  }
 
  private:
   KOKKOS_INLINE_FUNCTION int contact_of(int world, int k) const { return contacts.first_of(world) + k / edges; }

@@ -402,10 +402,7 @@ struct EmitRows {
       impulses.id[now](first + r) = row_key(place, id);
       impulses.p[now](first + r) = start[r];
     }
-    if constexpr (requires { type.place(w, k); }) {
-      Vec3<R> const at = type.place(w, k);
-      for (int c = 0; c < 3; ++c) impulses.place[now](first, c) = at[c];
-    }
+    mark_place(type, w, k, n, first);
   }
   /// What belongs to an element as a whole: couplings, identity, and the impulses to start from.
   template <class Type>
@@ -428,9 +425,31 @@ struct EmitRows {
       impulses.p[now](first + r) = p - p == R(0) ? p : R(0);
       harden(row[r], load, most_yield(first + r));
     }
-    if constexpr (requires { type.place(w, k); }) {
-      Vec3<R> const at = type.place(w, k);
-      for (int c = 0; c < 3; ++c) impulses.place[now](first, c) = at[c];
+    mark_place(type, w, k, n, first);
+  }
+  /// Where an element acts and how its friction lies, for the next step.
+  template <class Type>
+  KOKKOS_INLINE_FUNCTION void mark_place(Type const& type, int w, int k, int n, int first) const {
+    auto const mark = [&](int row, Vec3<R> const& v) {
+      for (int c = 0; c < 3; ++c) impulses.place[impulses.parity()](row, c) = v[c];
+    };
+    if constexpr (requires { type.place(w, k); }) mark(first, type.place(w, k));
+    if constexpr (requires { type.tangent(w, k, 0); })
+      if (n >= 3) mark(first + 1, type.tangent(w, k, 0));
+  }
+  /// Impulses along and about the first tangent t of the last step and the normal cross t become those of this step's tangents: turned by
+  /// the angle from these to t.
+  template <class Type>
+  KOKKOS_INLINE_FUNCTION static void turn(Type const& type, int w, int k, int n, Vec3<R> const& t, R* p) {
+    Vec3<R> const first = type.tangent(w, k, 0);
+    if (t.x == first.x && t.y == first.y && t.z == first.z) return;  // the usual case keeps its bits
+    R const x = dot(t, first), y = dot(t, type.tangent(w, k, 1)), length = sqrt(fma(x, x, y * y));
+    if (!(length > R(0))) return;
+    R const c = x / length, s = y / length;
+    for (int r = 1; r + 1 < n; r += 3) {
+      R const along = p[r];
+      p[r] = fma(c, along, -s * p[r + 1]);
+      p[r + 1] = fma(s, along, c * p[r + 1]);
     }
   }
   /// Adds the impulses that the element had in the last step to `start`: those of its identity; or, where it had none and the type says
@@ -461,7 +480,14 @@ struct EmitRows {
     }
     auto const add = [&](int row) {
       std::uint64_t const old = ids(row);
-      for (int r = 0; r < n && row + r < end && ids(row + r) == old; ++r) start[r] += impulses.p[before](row + r);
+      R p[most_element_rows];
+      int had = 0;
+      for (; had < n && row + had < end && ids(row + had) == old; ++had) p[had] = impulses.p[before](row + had);
+      if constexpr (requires { type.tangent(w, k, 0); }) {
+        auto const& t = impulses.place[before];
+        if (had >= 3) turn(type, w, k, had, {t(row + 1, 0), t(row + 1, 1), t(row + 1, 2)}, p);
+      }
+      for (int r = 0; r < had; ++r) start[r] += p[r];
     };
     R load(0);
     int old = 0, same = -1;  // elements that there were, the row of this one
