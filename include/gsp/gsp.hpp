@@ -90,6 +90,7 @@
 #include <gsp/solver/noslip.hpp>
 #include <gsp/solver/pgs.hpp>
 #include <gsp/solver/project_element.hpp>
+#include <gsp/solver/residual.hpp>
 #include <gsp/solver/soft_element.hpp>
 #include <gsp/solver/solution.hpp>
 #include <gsp/splat/bin_tiles.hpp>

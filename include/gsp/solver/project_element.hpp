@@ -176,11 +176,12 @@ KOKKOS_FORCEINLINE_FUNCTION void project_element(ElementLaw<T, N> const& law, in
   pass.all(std::make_integer_sequence<int, rows>{});
 }
 
-/// By how much the rows of an element miss their conditions at the impulses p and rates w: the largest change of rate that one more
-/// projection of any of them would make [m/s, rad/s].
-template <int rows, int N, class T>
-KOKKOS_FORCEINLINE_FUNCTION T element_residual(ElementLaw<T, N> const& law, int first, T const* w, T const* p) {
-  T worst(0), second(0);
+/// By how much each row of an element misses its conditions at the impulses p and rates w: f(b, miss), miss >= 0 the change of its rate
+/// that one more projection would make [m/s, rad/s], 0 of rows that cannot move. It is the natural map (p - proj(p - w / A)) A, A = |Y|^2 +
+/// C.
+template <int rows, int N, class T, class F>
+KOKKOS_FORCEINLINE_FUNCTION void element_misses(ElementLaw<T, N> const& law, int first, T const* w, T const* p, F const& f) {
+  T second(0);
   detail::unrolled<rows>([&](auto b) {
     int const at = first + b, before = b > 0 ? at - 1 : at, to = b + 1 < rows ? at + 1 : at;
     T next = project_row<rows>(law, first, b, w[at], p, T(1));
@@ -192,8 +193,16 @@ KOKKOS_FORCEINLINE_FUNCTION T element_residual(ElementLaw<T, N> const& law, int 
     }
     auto const movable = law.inverse_diagonal[at] > T(0);
     T const miss = abs(next - p[at]);
-    worst = max(worst, select(movable, miss / select(movable, law.inverse_diagonal[at], T(1)), T(0)));
+    f(b, select(movable, miss / select(movable, law.inverse_diagonal[at], T(1)), T(0)));
   });
+}
+
+/// By how much the rows of an element miss their conditions at the impulses p and rates w: the largest change of rate that one more
+/// projection of any of them would make [m/s, rad/s].
+template <int rows, int N, class T>
+KOKKOS_FORCEINLINE_FUNCTION T element_residual(ElementLaw<T, N> const& law, int first, T const* w, T const* p) {
+  T worst(0);
+  element_misses<rows>(law, first, w, p, [&](int, T const& miss) { worst = max(worst, miss); });
   return worst;
 }
 

@@ -2,6 +2,7 @@
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/parallel/for_worlds.hpp>
 #include <gsp/solver/detail/pgs_shared.hpp>
+#include <gsp/solver/detail/take_element.hpp>
 
 /// Projected Gauss-Seidel over sparse rows, island by island: a thread a world, or a warp whose threads share the entries of a row; worlds
 /// of several trees may be shared by several threads or warps.
@@ -227,7 +228,7 @@ struct PgsWorld {
   KOKKOS_INLINE_FUNCTION R sweep_element(World const& world, Row<R> const* row, int n, R* z, R* p, R& raised) const {
     ElementLaw<R, M> law;
     R rate[M], before[M], now[M], d[M];
-    take<M>(world, row, n, z, p, law, rate, now);
+    take_element<M>(world, rows, row, n, z, p, law, rate, now);
     R const* const couplings = rows.Y.data() + row->first_entry - (M < N ? M * (M - 1) / 2 : n * (n - 1) / 2);
     auto const coupling = [&](int b, int a) { return M < N || b < n ? couplings[b * (b - 1) / 2 + a] : R(0); };
     unrolled<M>([&](auto b) { before[b] = rate[b]; });
@@ -269,23 +270,6 @@ struct PgsWorld {
     }
     return change;
   }
-
- public:
-  /// Laws of an element, its impulses, and the rates w = Y z + C p + b of its rows.
-  template <int M, class World>
-  KOKKOS_INLINE_FUNCTION void take(World const& world, Row<R> const* row, int n, R const* z, R const* p, ElementLaw<R, M>& law,
-                                   R (&rate)[M], R (&now)[M]) const {
-    unrolled<M>([&](auto b) {
-      if (M < N || b < n) {
-        set_law(law, b, row[b]);
-        now[b] = p[b];
-        rate[b] = fma(row[b].compliance, now[b], row[b].bias) + dot_row(world, rows, row[b], z);
-      } else {
-        clear_law(law, b);
-        now[b] = rate[b] = R(0);
-      }
-    });
-  }
 };
 
 /// solution.residual: the largest violation in each world.
@@ -305,7 +289,7 @@ struct PgsResidual {
       if (rows.row(first + r).eliminated) continue;
       ElementLaw<R, N> law;
       R rate[N], now[N];
-      solver.template take<N>(world, &rows.row(first + r), rows.element_rows(first + r), z, p + r, law, rate, now);
+      take_element<N>(world, rows, &rows.row(first + r), rows.element_rows(first + r), z, p + r, law, rate, now);
       worst = max(worst, element_residual<N>(law, 0, rate, now));
     }
     world.single([&] { solver.solution.residual(w) = worst; });
