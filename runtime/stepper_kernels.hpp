@@ -5,6 +5,7 @@
 #include <gsp/constraint/contact_forces.hpp>
 #include <gsp/runtime/session.hpp>
 #include <gsp/runtime/stepper.hpp>
+#include <gsp/solver/residual.hpp>
 #include <gsp/step/bytes_needed.hpp>
 #include <gsp/step/detail/sleep_kernels.hpp>
 #include <gsp/step/snapshot.hpp>
@@ -278,9 +279,46 @@ class KokkosStepper : public Stepper {
     for (int const n : gsp::detail::to_host(exec_, simulation_.rows.count)) out.rows += n;
     for (int const n : gsp::detail::to_host(exec_, simulation_.rows.kept)) out.kept += n;
     for (int const n : gsp::detail::to_host(exec_, simulation_.sleep.asleep)) out.asleep += n;
-    for (int const n : gsp::detail::to_host(exec_, simulation_.solution.iterations)) out.iterations = std::max(out.iterations, n);
+    for (int const n : gsp::detail::to_host(exec_, simulation_.solution.iterations)) {
+      out.iterations = std::max(out.iterations, n);
+      out.mean_iterations += double(n) / state_.worlds;
+    }
     out.residual = std::numeric_limits<double>::quiet_NaN();
     for (R const r : gsp::detail::to_host(exec_, simulation_.solution.residual)) out.residual = std::fmax(out.residual, double(r));
+    return out;
+  }
+  StepResiduals residuals() const override {
+    StepResiduals out;
+    using Part = StepResiduals::Part;
+    if (!simulation_.impulses.stamp().solved) {
+      double const nan = std::numeric_limits<double>::quiet_NaN();
+      Part const unknown{nan, nan};
+      return {unknown, unknown, unknown, unknown, unknown, unknown, nan};
+    }
+    auto left = make_residuals(exec_, simulation_.rows);
+    gsp::residuals(exec_, simulation_.rows, simulation_.impulses, simulation_.progress, left);
+    auto const bits = gsp::detail::to_host(exec_, state_.status);
+    auto const part = [&](auto const& view) {
+      auto const numbers = gsp::detail::to_host(exec_, view);
+      Part p{};
+      int count = 0;
+      for (std::size_t w = 0; w < numbers.size(); ++w) {
+        if (bits[w] & status::stopped) continue;
+        double const x = double(numbers[w]);
+        p.most = std::fmax(p.most, x);
+        p.mean += x;
+        ++count;
+      }
+      p.mean /= std::max(count, 1);
+      return p;
+    };
+    out.rate = part(left.rate);
+    out.equality = part(left.equality);
+    out.complementarity = part(left.complementarity);
+    out.friction = part(left.friction);
+    out.bounds = part(left.bounds);
+    out.cone = part(left.cone);
+    out.energy = part(left.energy).mean;
     return out;
   }
   std::vector<StoppedWorld> stopped(int most) const override {

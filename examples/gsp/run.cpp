@@ -117,6 +117,15 @@ nlohmann::ordered_json report_json(gsp::CompiledModel const& model) {
   return report;
 }
 
+namespace {
+nlohmann::ordered_json residuals_json(gsp::runtime::StepResiduals const& left) {
+  auto const part = [](gsp::runtime::StepResiduals::Part const& p) { return nlohmann::ordered_json{{"max", p.most}, {"mean", p.mean}}; };
+  return {{"rate", part(left.rate)},          {"equality", part(left.equality)}, {"complementarity", part(left.complementarity)},
+          {"friction", part(left.friction)},  {"bounds", part(left.bounds)},     {"cone", part(left.cone)},
+          {"energy", {{"mean", left.energy}}}};
+}
+}  // namespace
+
 nlohmann::ordered_json steps_json(Stepper const& stepper, Device device, int worlds, Timing const& timing, double startup) {
   std::vector<double> qpos, qvel;
   get_states(stepper, qpos, qvel);
@@ -130,7 +139,9 @@ nlohmann::ordered_json steps_json(Stepper const& stepper, Device device, int wor
           {"asleep", counts.asleep},
           {"kept_rows", counts.kept},
           {"iterations", counts.iterations},
+          {"mean_iterations", counts.mean_iterations},
           {"residual", counts.residual},
+          {"residuals", residuals_json(stepper.residuals())},
           {"state_hash", hash_of({&qpos, &qvel})},
           {"worlds", worlds},
           {"failed_worlds", counts.failed_worlds}};

@@ -157,17 +157,21 @@ int run(Arguments const& a) {
                  {"report", report_json(model)}});
     std::fprintf(say, "%s\n", json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
   } else {
+    double const megabytes = 1e-6 * double(peak_bytes(device));
+    auto const left = stepper->residuals();
     std::fprintf(say, "%d worlds x %lld steps of %g s, profile %s, %s, on %s\n", options.worlds, steps, stepper->timestep(),
                  options.mujoco ? "mujoco" : "stable", in_double ? "double" : "float", device_name(device, stepper->threads()).c_str());
     std::fprintf(say, "  %.4g s for %lld steps: %.4g steps/s (%.4g x real time a world)\n", timing.seconds, timing.steps, rate,
                  double(timing.steps) * stepper->timestep() / timing.seconds);
     std::fprintf(say, "  last step: %lld contacts, %lld rows, %d iterations, residual %.3g\n", static_cast<long long>(counts.contacts),
                  static_cast<long long>(counts.rows), counts.iterations, counts.residual);
+    std::fprintf(
+        say, "  left unsolved, at most: equalities %.3g, bounded rows %.3g, friction %.3g m/s; outside of bounds %.3g, cones %.3g N s\n",
+        left.equality.most, left.complementarity.most, left.friction.most, left.bounds.most, left.cone.most);
     if (model.option.sleep)
       std::fprintf(say, "  %lld of %lld trees sleep, and %lld rows of theirs were not solved for\n", static_cast<long long>(counts.asleep),
                    static_cast<long long>(options.worlds) * model.ntree, static_cast<long long>(counts.kept));
-    std::fprintf(say, "  %.2f s to start, %.4g MB, state %s\n", startup, 1e-6 * double(peak_bytes(device)),
-                 hash_of({&qpos, &qvel}).c_str());
+    std::fprintf(say, "  %.2f s to start, %.4g MB, state %s\n", startup, megabytes, hash_of({&qpos, &qvel}).c_str());
     if (trace_file) std::fprintf(say, "  %s: %zu states of %zu worlds\n", trace_file->c_str(), trace.entries, trace.worlds);
   }
   return 0;
@@ -220,8 +224,8 @@ Command sim_command() {
        package_option(),
        quiet_option(),
        {"--json", "",
-        "print one JSON object: seconds, steps_per_second, startup_seconds, peak_bytes, contacts, rows, iterations, residual, state_hash, "
-        "report, ..."}},
+        "print one JSON object: seconds, steps_per_second, startup_seconds, peak_bytes, contacts, rows, iterations, residual, residuals, "
+        "state_hash, report, ..."}},
       run};
 }
 

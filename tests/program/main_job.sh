@@ -18,7 +18,7 @@ same() { [ "$1" = "$2" ] || fail "$3: $1 and $2"; }
 
 # every name that scripts lean on
 "$gsp" sim cart.xml --worlds 3 --steps 200 --keyframe tilted --json > one.json
-for name in seconds steps_per_second startup_seconds peak_bytes contacts rows iterations residual state_hash; do key $name < one.json > /dev/null || fail "sim --json lacks $name"; done
+for name in seconds steps_per_second startup_seconds peak_bytes contacts rows iterations mean_iterations residual residuals state_hash; do key $name < one.json > /dev/null || fail "sim --json lacks $name"; done
 hash=$(key state_hash < one.json)
 same "$hash" "$("$gsp" sim cart.xml --worlds 3 --steps 200 --keyframe 0 --json | key state_hash)" "two runs"
 same "$hash" "$("$gsp" sim cart.xml --worlds 3 --steps 200 --keyframe 0 --threads 1 --json | key state_hash)" "two threads and one"

@@ -174,6 +174,7 @@ TEST_CASE("a stepper is the library's step, and gives back every digit that it w
     CHECK(xpos[3] == xpos[3 + std::size_t(3 * compiled.nbody)]);
 
     auto const state = stepper->state();
+    CHECK(std::isnan(stepper->residuals().rate.most));  // nothing has been solved
     stepper->step(20, true);
     CHECK(stepper->state().qpos.data == state.qpos.data);  // the arrays stay where they are
     CHECK(stepper->poses().xpos.data == poses.xpos.data);
@@ -183,6 +184,15 @@ TEST_CASE("a stepper is the library's step, and gives back every digit that it w
     CHECK(counts.rows > 0);
     CHECK(counts.failed_worlds == 0);
     CHECK(counts.residual >= 0);
+    CHECK(counts.mean_iterations > 0);
+    CHECK(counts.mean_iterations <= counts.iterations);
+    auto const left = stepper->residuals();
+    CHECK(std::abs(left.rate.most - counts.residual) < 1e-5);  // float
+    CHECK(left.rate.most == std::max({left.equality.most, left.complementarity.most, left.friction.most}));
+    CHECK(left.rate.mean <= left.rate.most);
+    CHECK(left.bounds.most == 0);
+    CHECK(left.cone.most < 1e-6);
+    CHECK(left.energy < 0);
     {  // contacts by world; those that act push
       auto const met = stepper->contacts();
       auto const world = on_host<int>(met.world);

@@ -47,9 +47,21 @@ struct PoseArrays {
 struct StepCounts {
   std::int64_t contacts = 0, rows = 0;  // of all worlds
   int iterations = 0;                   // most sweeps of any world
+  double mean_iterations = 0;           // of all worlds
   double residual = 0;                  // greatest of any world [m/s, rad/s] where it was measured, else NaN
   std::int64_t asleep = 0, kept = 0;    // of all worlds: trees that sleep after it, their rows, which were not solved for
   int failed_worlds = 0;                // worlds that stopped (status::stopped): not finite, unbounded, or with a row that was refused
+};
+
+/// What the solver has left unsolved in the last step, by parts (solver/residual.hpp), in worlds that have not stopped. NaN before the
+/// first step; 0 where there are no constraints.
+struct StepResiduals {
+  struct Part {
+    double most = 0, mean = 0;  // of these worlds
+  };
+  Part rate, equality, complementarity, friction;  // [m/s, rad/s]
+  Part bounds, cone;                               // [N s]
+  double energy = 0;                               // mean [J]
 };
 
 /// A world that stopped, and the first degree of freedom to blame: of those with a bad number the first that is not finite, else the one
@@ -109,6 +121,9 @@ class Stepper {
   /// Waits until the steps are done. measure: counts().residual is that of the last one.
   virtual void step(int steps, bool measure) = 0;
   virtual StepCounts counts() const = 0;
+  /// Of the last step, whatever `measure` was: computed here from what the solver has left, so steps cost the same without. RK4: of its
+  /// last evaluation. Allocates; waits.
+  virtual StepResiduals residuals() const = 0;
   /// The first `most` of the worlds that stopped, after the steps of the last call of `step`. Allocates; waits.
   virtual std::vector<StoppedWorld> stopped(int most) const = 0;
   /// The contacts of the last step, found at its start (RK4: of its last evaluation), where they lie. The arrays hold until the next call
