@@ -349,7 +349,8 @@ TEST_CASE("parallel capsules push straight however they are shifted, and pierced
     capsule_capsule(bar, nearer, 1., moved, true);
     REQUIRE(lying.count == 2);
     REQUIRE(moved.count == 2);
-    double const above = std::fmin(lying.point[0].dist, lying.point[1].dist) - std::fmin(closest.point[0].dist, closest.point[closest.count - 1].dist);
+    double const above =
+        std::fmin(lying.point[0].dist, lying.point[1].dist) - std::fmin(closest.point[0].dist, closest.point[closest.count - 1].dist);
     CHECK(above > -1e-15);
     CHECK(above < 1.01e-4 * 0.2);
     CHECK(lying.point[0].feature == 1);

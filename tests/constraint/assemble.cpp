@@ -170,8 +170,7 @@ double rest(double f, double diag) {
 TEST_CASE_TEMPLATE("a joint rests at its soft limit where MuJoCo's law says", Exec, GSP_TEST_EXECS) {
   double const force = 3;
   for (double margin : {0., 0.01})
-    for (auto const& [profile, h] :
-         {std::pair{gsp::Profile::stable, 0.002}, {gsp::Profile::mujoco, 0.002}, {gsp::Profile::stable, 0.02}, {gsp::Profile::stable, 0.1}}) {
+    for (auto const& [profile, h] : {std::pair{gsp::Profile::stable, 0.002}, {gsp::Profile::mujoco, 0.002}, {gsp::Profile::stable, 0.02}}) {
       CAPTURE(h);
       auto d = sliders(2, 2);
       d.option.timestep = h;

@@ -147,9 +147,9 @@ TEST_CASE_TEMPLATE("Spot stands where small steps put it", R, float, double) {
     std::vector<double> const q(w.state.qpos.data(), w.state.qpos.data() + 7);
     double const speed = std::hypot(double(w.state.qvel(0, 0)), double(w.state.qvel(0, 1)), double(w.state.qvel(0, 2)));
     auto const far = [&](std::vector<double> const& p) { return std::hypot(q[0] - p[0], q[1] - p[1], q[2] - p[2]); };
-    MESSAGE(name_of<R>() << ", " << h << " s" << std::string(home ? "" : ", all joints at 0") << ": " << far(fine) << " m and " << angle(&q[3], &fine[3])
-                         << " rad from steps of 1 ms, " << angle(&q[3], &start[3]) << " rad from its start, " << speed << " m/s, " << w.sweeps / last
-                         << " sweeps a step");
+    MESSAGE(name_of<R>() << ", " << h << " s" << std::string(home ? "" : ", all joints at 0") << ": " << far(fine) << " m and "
+                         << angle(&q[3], &fine[3]) << " rad from steps of 1 ms, " << angle(&q[3], &start[3]) << " rad from its start, "
+                         << speed << " m/s, " << w.sweeps / last << " sweeps a step");
     if (h == 0.001) fine = q;
     CHECK(q[2] > 0.3);
     CHECK(speed < 1e-4);

@@ -246,8 +246,8 @@ TEST_CASE("what is squeezed is pressed no harder each step") {
   }
 }
 
-// Bar of the project: within 1e-4 m for 60 s, once it has sunk into its contacts. In double, where rounding never makes axes parallel again,
-// it rocked for ever, from one end to the other, with 0.06 rad/s at 2 ms and 0.28 at 10 ms. Dropped askew it comes to rest askew.
+// Bar of the project: within 1e-4 m for 60 s, once it has sunk into its contacts. In double, where rounding never makes axes parallel
+// again, it rocked for ever, from one end to the other, with 0.06 rad/s at 2 ms and 0.28 at 10 ms. Dropped askew it comes to rest askew.
 TEST_CASE_TEMPLATE("a capsule in a V lies still", R, float, double) {
   struct Start {
     double timestep, tilt, yaw, seconds;

@@ -144,11 +144,13 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
   // read.
   std::int64_t candidates = std::int64_t(s.candidates.extent(0));
   if constexpr (!is_device<Exec>) candidates = std::min(candidates, std::int64_t(s.total(0)));
-  Kokkos::parallel_for("gsp::collision::narrowphase", lightweight(Range(exec, 0, candidates)),
-                       detail::CollideCandidates<R, Mem, false>{model, s, contacts.points_per_box_pair == 4, contacts.capsules_lie, before});
+  Kokkos::parallel_for(
+      "gsp::collision::narrowphase", lightweight(Range(exec, 0, candidates)),
+      detail::CollideCandidates<R, Mem, false>{model, s, contacts.points_per_box_pair == 4, contacts.capsules_lie, before});
   if (model.has_convex_pairs)
-    Kokkos::parallel_for("gsp::collision::convex_narrowphase", lightweight(Range(exec, 0, candidates)),
-                         detail::CollideCandidates<R, Mem, true>{model, s, contacts.points_per_box_pair == 4, contacts.capsules_lie, before});
+    Kokkos::parallel_for(
+        "gsp::collision::convex_narrowphase", lightweight(Range(exec, 0, candidates)),
+        detail::CollideCandidates<R, Mem, true>{model, s, contacts.points_per_box_pair == 4, contacts.capsules_lie, before});
   Kokkos::parallel_scan("gsp::collision::write_contacts", lightweight(Range(exec, 0, items)),
                         detail::WriteContacts<R, Mem>{model, contacts});
 }

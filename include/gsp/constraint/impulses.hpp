@@ -22,14 +22,14 @@ struct Impulses {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0;
-  View<R*> p[2];                                     // (capacity) [N s], beside Rows::row
-  View<std::uint64_t*> id[2];                        // (capacity) place of the type, identity of the element
-  View<R*> before;                                   // (capacity) scratch of assemble, impacts and solvers: impulses before the last sweep
-  View<R* [3]> place[2];                             // (capacity) where an element acts [m], at its first row, and its tangent, at its second; of
-                                                     // types that say so
-  View<int*> first[2], count[2], kept[2];            // (worlds) where a world's lie; after them those of islands that sleep
-  View<std::uint32_t* [2]> type_names;               // (types, parity) name of the type at each place; 0 after the last
-  View<int> parity, solved;                          // side of this step; whether it has been solved for
+  View<R*> p[2];                           // (capacity) [N s], beside Rows::row
+  View<std::uint64_t*> id[2];              // (capacity) place of the type, identity of the element
+  View<R*> before;                         // (capacity) scratch of assemble, impacts and solvers: impulses before the last sweep
+  View<R* [3]> place[2];                   // (capacity) where an element acts [m], at its first row, and its tangent, at its second; of
+                                           // types that say so
+  View<int*> first[2], count[2], kept[2];  // (worlds) where a world's lie; after them those of islands that sleep
+  View<std::uint32_t* [2]> type_names;     // (types, parity) name of the type at each place; 0 after the last
+  View<int> parity, solved;                // side of this step; whether it has been solved for
   detail::SharedStamp<detail::ImpulsesStamp> stamp;  // host: which rows they are for (dynamics/stamps.hpp)
 
   KOKKOS_INLINE_FUNCTION int capacity() const { return int(p[0].extent(0)); }

@@ -8,8 +8,12 @@ namespace gsp {
 enum class Refsafe : unsigned char {
   off,         // it is taken as it stands
   two_steps,   // it becomes 2 h: MuJoCo, profile mujoco
-  keeps_rest,  // the same, and the compliance shrinks by as much as the stiffness, (time / 2 h)^2: what rests lies where the file says
+  keeps_rest,  // the same, and the compliance shrinks by as much as the stiffness, (time / 2 h)^2, down to least_yield diag: what rests
+               // lies where the file says
 };
+// What sweeps bear: a grip of a compliance of 6e-4 diag takes more than 100 of them to close.
+inline constexpr double least_yield = 0.01;
+
 template <class R, class Mem>
 Refsafe refsafe_of(Model<R, Mem> const& model) {
   if (!model.refsafe) return Refsafe::off;
@@ -68,7 +72,8 @@ KOKKOS_INLINE_FUNCTION RowLaw<R> soft_law(Softness<R> const& s, R impedance, R x
     B = -second / max(tiny, dw);
   }
   if (rate_only) K = R(0);
-  return {max(tiny, softer * (R(1) - impedance) / impedance * diag), (R(1) - h * B) * u - h * K * impedance * x};
+  R const compliance = (R(1) - impedance) / impedance;
+  return {max(tiny, max(softer * compliance, min(compliance, R(least_yield))) * diag), (R(1) - h * B) * u - h * K * impedance * x};
 }
 /// The same where the row is alone: the impedance is that of its own gap.
 template <class R>
@@ -85,8 +90,7 @@ KOKKOS_INLINE_FUNCTION R hard_target(R x, R h, R erp) {
 
 namespace detail {
 template <class R>
-KOKKOS_INLINE_FUNCTION Softness<R> softness(Field<R> const& solref, Field<R> const& solimp, int world, int i,
-                                            Refsafe refsafe) {
+KOKKOS_INLINE_FUNCTION Softness<R> softness(Field<R> const& solref, Field<R> const& solimp, int world, int i, Refsafe refsafe) {
   Softness<R> s;
   s.refsafe = refsafe;
   for (int c = 0; c < 2; ++c) s.solref[c] = solref(world, 2 * i + c);
