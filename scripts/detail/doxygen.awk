@@ -5,7 +5,7 @@
 #   what comes behind the arguments is not about the last;
 #   a comment before the namespace is about the header.
 #   several arguments may share a line.                       @param rows, impulses  after `pgs`
-# In pages: headings of how_to and tutorial get the anchors that they have on GitHub, and links to them are such.
+# In pages: headings of those that others link into get the anchors that they have on GitHub, and links to them are such.
 # In both: < before a letter is no tag, unless it stands between backticks.
 
 # The text with \< for each < that begins a word outside of backticks.
@@ -24,7 +24,7 @@ function plain(text,    out, i, c, code) {
 FILENAME ~ /\.md$/ {
   if ($0 ~ /^```/) fence = !fence
   line = fence ? $0 : plain($0)
-  if (!fence && line ~ /^## / && FILENAME ~ /(how_to|tutorial)\.md$/) {
+  if (!fence && line ~ /^## / && FILENAME ~ /(how_to|tutorial|benchmarks|getting_started)\.md$/) {
     anchor = tolower(substr(line, 4))
     gsub(/[^a-z0-9_ -]/, "", anchor)
     gsub(/ /, "-", anchor)
