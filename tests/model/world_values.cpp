@@ -225,8 +225,8 @@ TEST_CASE_TEMPLATE("misuse is refused in one sentence", Exec, GSP_TEST_EXECS) {
   CHECK_THROWS_WITH_AS(gsp::set_constants(exec, model, dynamics), doctest::Contains("call make_per_world"), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_per_world(exec, model, {ModelField::body_mass}, 0), std::invalid_argument);
   gsp::make_per_world(exec, model, {ModelField::body_mass}, 4);
-  CHECK_THROWS_WITH_AS(gsp::make_per_world(exec, model, {ModelField::gravity}, 5), doctest::Contains("for 4 worlds and not 5"),
-                       std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::make_per_world(exec, model, {ModelField::gravity}, 5),
+                       doctest::Contains("for 4 worlds and not 5: give 4, or make the model anew"), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::set_constants(exec, model, dynamics), doctest::Contains("2 worlds and the model 4"), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, model, ModelField::body_mass, Values<Exec>("v", 4, 1)),
                        doctest::Contains("must be (4, "), std::invalid_argument);
@@ -281,7 +281,7 @@ TEST_CASE_TEMPLATE("what does not fit together is refused where it meets", Exec,
   // values for fewer worlds than there are
   auto few = shared;
   gsp::make_per_world(exec, few, {ModelField::dof_damping}, 2);
-  char const* const values = "values for 2 worlds, and 4 are asked for: call make_per_world";
+  char const* const values = "values for 2 worlds, and 4 are asked for: make the model anew (of geoms: the collision model)";
   refused(few, state, dynamics, poses, values);
   refused_without_poses(few, state, dynamics, values);
   CHECK_THROWS_WITH_AS(gsp::reset(exec, few, state), doctest::Contains(values), std::invalid_argument);

@@ -69,9 +69,7 @@ void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector
   using C = CollisionModel<R, Mem>;
   static_assert(can_access<Exec, C>, "gsp::make_per_world: the collision model is not accessible from this execution space");
   expects(worlds > 0, "gsp::make_per_world: worlds must be positive and is " + std::to_string(worlds));
-  expects(model.value_worlds == 0 || model.value_worlds == worlds, "gsp::make_per_world: other fields are per world already, for " +
-                                                                       std::to_string(model.value_worlds) + " worlds and not " +
-                                                                       std::to_string(worlds));
+  detail::expects_as_many_worlds(model, worlds);
   if (model.colliders == 0) return;
   std::size_t size = model.world_reals.extent(0);
   std::vector<detail::GeomFieldRow<C>> added;

@@ -16,12 +16,23 @@ struct Field {
 };
 
 namespace detail {
+/// All fields that are per world have rows for the same worlds. A field cannot be given more: copies of the model may read the rows.
+template <class Model>
+void expects_as_many_worlds(Model const& model, int worlds) {
+  if (model.value_worlds == 0 || model.value_worlds == worlds) return;
+  std::string const there = std::to_string(model.value_worlds), asked = std::to_string(worlds);
+  throw std::invalid_argument("gsp::make_per_world: other fields are per world already, for " + there + " worlds and not " + asked +
+                              ": give " + there + ", or make the model anew (of geoms: the collision model) and call make_per_world with " +
+                              asked);
+}
 /// The fields of a Model or CollisionModel that are per world have a row for each of `worlds` worlds.
 template <class Model>
 void expects_values(char const* where, Model const& model, int worlds) {
   if (model.value_worlds > 0 && model.value_worlds < worlds)
     throw std::invalid_argument(std::string(where) + ": the model has values for " + std::to_string(model.value_worlds) + " worlds, and " +
-                                std::to_string(worlds) + " are asked for: call make_per_world for as many worlds as there are");
+                                std::to_string(worlds) +
+                                " are asked for: make the model anew (of geoms: the collision model), and call make_per_world with " +
+                                std::to_string(worlds) + " worlds");
 }
 }  // namespace detail
 

@@ -27,9 +27,7 @@ void make_per_world(Exec const& exec, Model<R, Mem>& model, std::vector<ModelFie
   using M = Model<R, Mem>;
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_per_world: the model is not accessible from this execution space");
   expects(worlds > 0, "gsp::make_per_world: worlds must be positive and is " + std::to_string(worlds));
-  expects(model.value_worlds == 0 || model.value_worlds == worlds, "gsp::make_per_world: other fields are per world already, for " +
-                                                                       std::to_string(model.value_worlds) + " worlds and not " +
-                                                                       std::to_string(worlds));
+  detail::expects_as_many_worlds(model, worlds);
   bool decides = false;
   std::vector<detail::FieldRow<M>> added;
   auto const row_of = [&](detail::FieldRow<M> const& f) { return detail::count(model, f.item) * f.components; };
