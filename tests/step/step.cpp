@@ -248,6 +248,29 @@ TEST_CASE_TEMPLATE("launch and settle", Exec, GSP_TEST_EXECS) {
   CHECK(gsp_test::host(b.state.steps)(3) == 12);
 }
 
+// Options that no solver can keep are refused also where the profile has the other solver.
+TEST_CASE_TEMPLATE("options of the solvers are checked in both profiles", Exec, GSP_TEST_EXECS) {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+    World<float, Exec> w(compiled, 1, {.profile = profile});
+    w.start(0);
+    auto const refused = [&](gsp::LaunchOptions const& options, char const* why) {
+      CHECK_THROWS_WITH_AS(gsp::launch_step(w.exec, w.model, w.state, w.sim, options), doctest::Contains(why), std::invalid_argument);
+      CHECK_THROWS_AS(gsp::step(w.exec, w.model, w.state, w.sim, {.solver = options.solver, .newton = options.newton}),
+                      std::invalid_argument);
+    };
+    refused({.solver = {.iterations = -3}}, "gsp::step: solver (PgsOptions): iterations must be positive");
+    refused({.solver = {.tolerance = NAN}}, "solver (PgsOptions): tolerance must be a number, 0 or more");
+    refused({.solver = {.relaxation = 2}}, "solver (PgsOptions): relaxation must be above 0 and below 2");
+    refused({.solver = {.relaxation = NAN}}, "relaxation must be above 0 and below 2");
+    refused({.newton = {.iterations = 0}}, "gsp::step: newton (NewtonOptions): iterations must be positive");
+    refused({.newton = {.tolerance = -1}}, "newton (NewtonOptions): tolerance must be a number, 0 or more");
+    CHECK(gsp_test::host(w.state.steps)(0) == 0);
+    w.step(1);
+    CHECK(gsp_test::host(w.state.steps)(0) == 1);
+  }
+}
+
 // The same of profile mujoco, where a step may be cut off after one of RK4's evaluations: its state goes back to where the step began.
 TEST_CASE_TEMPLATE("steps of profile mujoco that do not fit are done again", Exec, GSP_TEST_EXECS) {
   auto description = gsp::samples::quadruped_scene();

@@ -20,6 +20,14 @@ struct NewtonOptions {
   bool ends_step = true;     // a launch that does nothing counts as a step (Progress::skipped): of several in a step, the last one alone
 };
 
+namespace detail {
+inline void expects_options(char const* where, NewtonOptions const& o) {
+  std::string const begin = std::string(where) + ": ";
+  expects(o.iterations > 0, begin + "iterations must be positive");
+  expects(o.tolerance >= 0, begin + "tolerance must be a number, 0 or more");
+}
+}  // namespace detail
+
 /// Buffers of `newton`: the Hessian of each world (of each thread on a host) and three numbers a row.
 template <class R, class Mem>
 struct Newton {
@@ -79,8 +87,7 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
             Progress<Mem>& progress, NewtonOptions options = {}) {
   Region const region("gsp::solver::newton");
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::newton: the rows are not accessible from this execution space");
-  expects(options.iterations > 0, "gsp::newton: iterations must be positive");
-  expects(options.tolerance >= 0, "gsp::newton: tolerance must be a number, 0 or more");
+  detail::expects_options("gsp::newton", options);
   expects(impulses.worlds == rows.worlds && solution.worlds == rows.worlds && solution.nv == rows.nv && buffers.worlds == rows.worlds &&
               buffers.nv == rows.nv,
           "gsp::newton: rows, impulses, solution and buffers have different numbers of worlds or degrees of freedom: make them for one "

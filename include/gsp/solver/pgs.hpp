@@ -17,18 +17,17 @@ namespace gsp {
 /// @param solution   z (world, nv), residual, iterations (world): out
 /// @param progress   nothing happens while progress.halt is set
 /// @param options    a world stops by itself: at a share of what gravity does in a step, after so many sweeps at least and at most
-/// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, a tolerance below 0 or NaN, for rows that
-/// nobody has assembled, and for rows with room for a restitution without a call of impacts. On a CPU, worlds of at most 128 rows, in
-/// elements of at most three, in models of at most 128 dofs go in lockstep, a pack at a time; on a GPU they stay in shared memory, where 24
-/// kB hold one, eight threads each; larger ones, and those of several trees that may sleep, are swept over sparse rows, by a thread or a
-/// warp each, island by island. Cost 4 entries iterations flop a world. A world's result depends on nothing but its own rows and on whether
-/// trees may sleep. Does not allocate, does not fence.
+/// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, a tolerance below 0 or NaN, a relaxation
+/// outside of 0 to 2, for rows that nobody has assembled, and for rows with room for a restitution without a call of impacts. On a CPU,
+/// worlds of at most 128 rows, in elements of at most three, in models of at most 128 dofs go in lockstep, a pack at a time; on a GPU they
+/// stay in shared memory, where 24 kB hold one, eight threads each; larger ones, and those of several trees that may sleep, are swept over
+/// sparse rows, by a thread or a warp each, island by island. Cost 4 entries iterations flop a world. A world's result depends on nothing
+/// but its own rows and on whether trees may sleep. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
          PgsOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::pgs: the rows are not accessible from this execution space");
-  expects(options.iterations > 0, "gsp::pgs: iterations must be positive");
-  expects(options.tolerance >= 0, "gsp::pgs: tolerance must be a number, 0 or more");
+  detail::expects_options("gsp::pgs", options);
   expects(impulses.worlds == rows.worlds && solution.worlds == rows.worlds && solution.nv == rows.nv,
           "gsp::pgs: rows, impulses and solution have different numbers of worlds or degrees of freedom: make them for one model and the "
           "same {.worlds = n}");

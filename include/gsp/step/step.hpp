@@ -148,7 +148,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 ///              actuator laws (dynamics/actuator_law.hpp)
 /// In profile stable what bounces is solved for first (solver/impacts.hpp). In profile mujoco rows are solved by Newton's method
 /// (solver/newton.hpp), and friction again by sim.noslip (solver/noslip.hpp), with RK4 four times a step, from nothing each time, so that a
-/// repeated step is the same. Does not allocate, does not fence. Errors: laws without actuators.
+/// repeated step is the same. Does not allocate, does not fence. Errors: laws without actuators; options that the solvers refuse, those of
+/// the other profile too. Until `settle` nothing of the step is to be saved, and no force to be read.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim,
                  LaunchOptions const& options = {}, More const&... more) {
@@ -156,6 +157,8 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   if (sim.rows.worlds != state.worlds)
     throw std::invalid_argument("gsp::step: the state has " + std::to_string(state.worlds) + " worlds, the simulation " +
                                 std::to_string(sim.rows.worlds) + ": make them with the same {.worlds = n}");
+  detail::expects_options("gsp::step: solver (PgsOptions)", options.solver);  // of both, whichever solver this model has
+  detail::expects_options("gsp::step: newton (NewtonOptions)", options.newton);
   auto const laws = detail::all_of_laws<true>(more...);
   auto const types = detail::all_of_laws<false>(more...);
   constexpr bool own_types = (!ActuatorLaw<More> || ...);

@@ -1,4 +1,6 @@
 #pragma once
+#include <gsp/core/check.hpp>
+#include <string>
 
 namespace gsp {
 
@@ -12,5 +14,15 @@ struct PgsOptions {
   float relaxation = 1;
   bool residual = false;  // also measure solution.residual after the last sweep, which is NaN otherwise
 };
+
+namespace detail {
+/// Options that no solver can keep are refused by whoever takes them, also where the model's profile has the other solver.
+inline void expects_options(char const* where, PgsOptions const& o) {
+  std::string const begin = std::string(where) + ": ";
+  expects(o.iterations > 0, begin + "iterations must be positive");
+  expects(o.tolerance >= 0, begin + "tolerance must be a number, 0 or more");
+  expects(o.relaxation > 0 && o.relaxation < 2, begin + "relaxation must be above 0 and below 2: 1 is Gauss-Seidel's own");
+}
+}  // namespace detail
 
 }  // namespace gsp
