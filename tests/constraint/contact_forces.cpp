@@ -241,9 +241,9 @@ TEST_CASE_TEMPLATE("rows are not made of contacts of another moment", Exec, GSP_
 // Forces are read of the rows, the contacts and the impulses of one solve.
 TEST_CASE_TEMPLATE("forces are read back after the solve that they are of", Exec, GSP_TEST_EXECS) {
   Stages<Exec> s;
-  std::string const unsolved = "have not been solved for since they were last assembled: call pgs (profile mujoco: newton) first (or step)",
+  std::string const unsolved = "have not been solved for since they were last assembled: step first (or call pgs; profile mujoco: newton)",
                     anew = "gsp::contact_forces: the contacts are not those that were assembled, or collide has written them again since";
-  CHECK(s.none_reads(unsolved));
+  CHECK(s.none_reads("nothing has been solved yet: step first (or collide, assemble, and pgs; profile mujoco: newton)"));
   s.smooth();
   s.collide();
   s.assemble();
@@ -286,6 +286,33 @@ TEST_CASE_TEMPLATE("forces are read back after the solve that they are of", Exec
   s.smooth();
   s.assemble();
   CHECK(s.contact_forces().empty());
+}
+
+// Before settle the host does not know whether a step has fitted: what lies there may be of the step before.
+TEST_CASE_TEMPLATE("forces of steps that nobody has waited for are not read", Exec, GSP_TEST_EXECS) {
+  Stages<Exec> s;
+  s.step();
+  CHECK(s.all_read());
+  for (int i = 0; i < 2; ++i) {  // a second launch is none the wiser
+    gsp::launch_step(s.exec, s.model, s.state, s.sim);
+    CHECK(s.none_reads("steps were launched, and whether they have fitted is not known yet: call settle(exec, sim) first"));
+  }
+  REQUIRE(gsp::settle(s.exec, s.sim) == 0);
+  CHECK(s.all_read());
+}
+
+TEST_CASE_TEMPLATE("impulses of a type that the list had not as often are refused", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Stages<Exec> s;
+  s.step();
+  auto const refused = [&](int nth) {
+    return refusal([&] { gsp::impulses_of<gsp::ContactRows<double, Mem>>(s.sim.rows, s.sim.impulses, nth); });
+  };
+  CHECK(refused(0).empty());
+  CHECK(refused(1) ==
+        "gsp::impulses_of: number 1 of this constraint type is asked for, and the list that was assembled has 1: they count from 0");
+  CHECK(refused(-1).find("gsp::impulses_of: number -1 of") == 0);
+  CHECK(refusal([&] { gsp::impulses_of<test_types::Reads<Mem>>(s.sim.rows, s.sim.impulses); }).empty());  // none: zeros
 }
 
 // A pool that is too small: what was launched has not happened until settle has made room and it is launched again.

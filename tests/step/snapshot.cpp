@@ -392,6 +392,21 @@ TEST_CASE_TEMPLATE("a snapshot that does not fit is refused", Exec, GSP_TEST_EXE
   CHECK(w.all() == before);
 }
 
+// Of steps that were launched the host knows only after settle whether they have fitted.
+TEST_CASE_TEMPLATE("what is not settled is neither saved nor restored", Exec, GSP_TEST_EXECS) {
+  World<double, Exec> w(tower(2), 1, false);
+  w.step(3);
+  auto snapshot = w.saved();
+  gsp::launch_step(w.exec, w.model, w.state, w.sim);
+  char const* const why = ": steps were launched, and whether they have fitted is not known yet: call settle(exec, sim) first";
+  CHECK_THROWS_WITH_AS(w.saved(), doctest::Contains(("gsp::save" + std::string(why)).c_str()), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::save(w.exec, w.state, w.sim, snapshot), doctest::Contains(why), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(w.restore(snapshot), doctest::Contains(("gsp::restore" + std::string(why)).c_str()), std::invalid_argument);
+  while (gsp::settle(w.exec, w.sim) > 0) gsp::launch_step(w.exec, w.model, w.state, w.sim);
+  CHECK_NOTHROW(w.saved());
+  CHECK_NOTHROW(w.restore(snapshot));
+}
+
 TEST_CASE_TEMPLATE("impulses are not to be read before the step that follows", Exec, GSP_TEST_EXECS) {
   World<double, Exec> w(tower(2), 1, false);
   w.step(20);

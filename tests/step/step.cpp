@@ -561,7 +561,7 @@ TEST_CASE_TEMPLATE("forces of limits, dry friction and a constraint of one's own
     gsp::joint_forces(w.exec, w.model, w.sim.rows, w.sim.impulses, limit, friction);
     Kokkos::View<double*, Mem> const spring("spring", 3);
     auto const read = gsp::impulses_of<test_types::Tether<Mem>>(w.sim.rows, w.sim.impulses);
-    auto const absent = gsp::impulses_of<test_types::Tether<Mem>>(w.sim.rows, w.sim.impulses, 1);
+    auto const absent = gsp::impulses_of<test_types::Rope<double, Mem>>(w.sim.rows, w.sim.impulses);
     Kokkos::parallel_for(
         "gsp::test::read", Kokkos::RangePolicy<Exec>(w.exec, 0, 3),
         KOKKOS_LAMBDA(int i) { spring(i) = read(i, 0) + absent(i, 0) + read(i, 0, 1); });

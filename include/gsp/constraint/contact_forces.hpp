@@ -12,8 +12,8 @@ namespace gsp {
 ///                           where the contact did not act, and along what nothing that it touches can move (where MuJoCo reports what its
 ///                           regularisation gives). At least as many rows as contacts.dist
 /// Cost: a binary search a contact. Does not allocate, does not fence. Errors: std::invalid_argument where nothing has been solved since
-/// the rows were last assembled, or the contacts are others than those that were assembled, or were found anew since, or are of another
-/// model (also of a collision model that was made anew).
+/// the rows were last assembled, where steps were launched and not settled, or the contacts are others than those that were assembled, or
+/// were found anew since, or are of another model (also of a collision model that was made anew).
 template <ExecutionSpace Exec, class R, class Mem>
 void contact_forces(Exec const& exec, Model<R, Mem> const& model, CollisionModel<R, Mem> const& collision, Contacts<R, Mem> const& contacts,
                     Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Kokkos::View<R* [6], Kokkos::LayoutRight, Mem>& force) {
@@ -25,11 +25,12 @@ void contact_forces(Exec const& exec, Model<R, Mem> const& model, CollisionModel
   expects(force.extent(0) >= contacts.dist.extent(0),
           "gsp::contact_forces: room for " + std::to_string(force.extent(0)) + " contacts is given, and there may be " +
               std::to_string(contacts.dist.extent(0)) + ": give as many rows as contacts.dist has");
-  detail::expects_solved("gsp::contact_forces", rows, impulses);
+  detail::expects_readable("gsp::contact_forces", rows, impulses);
   bool const known = rows.stamp.data() && contacts.stamp.data() && rows.stamp().contacts != 0;
-  expects(!known || rows.stamp().contacts == contacts.stamp().made,
-          "gsp::contact_forces: the contacts are not those that were assembled, or collide has written them again since: call assemble and "
-          "pgs with them first (or step)");
+  expects(
+      !known || rows.stamp().contacts == contacts.stamp().made,
+      "gsp::contact_forces: the contacts are not those that were assembled, or collide has written them again since: step first (or call "
+      "assemble and pgs with them)");
   for_worlds("gsp::constraint::contact_forces", exec, rows.worlds,
              detail::WriteContactForces<R, Mem>{collision, contacts, impulses_of<ContactRows<R, Mem>>(rows, impulses), force,
                                                 R(1) / model.timestep, rows.stamp.data() ? rows.stamp().contact_edges : 1});

@@ -1,16 +1,16 @@
 #pragma once
+#include <algorithm>
 #include <gsp/constraint/progress.hpp>
 #include <gsp/constraint/rows.hpp>
 
 /// The impulses of the rows of this step and of the last one: warm starts, and what a user reads back.
 namespace gsp {
 
-inline constexpr int most_constraint_types = 32;
-
 namespace detail {
 struct ImpulsesStamp {
   std::uint64_t rows = 0;  // RowsStamp::made of the rows that they are for
   bool solved = false;     // or only what a solver starts from
+  bool launched = false;   // by steps that nobody has waited for: the host does not know whether they have fitted (step/step.hpp)
 };
 }  // namespace detail
 
@@ -83,7 +83,7 @@ Impulses<R, Mem> make_impulses(Exec const& exec, Rows<R, Mem> const& rows) {
 /// rows, so that `integrate` takes it.
 template <class R, class Mem>
 void set_solved(Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses) {
-  if (impulses.stamp.data()) impulses.stamp() = {rows.stamp.data() ? rows.stamp().made : 0, true};
+  if (impulses.stamp.data()) impulses.stamp() = {rows.stamp.data() ? rows.stamp().made : 0, true, impulses.stamp().launched};
 }
 
 template <class R, class Mem, class Solution>
@@ -104,13 +104,13 @@ void leaves_rows(Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Row
   stamp.made = next_moment();
   stamp.impacts_left = rows.impact.data() != nullptr;
   if (rows.stamp.data()) rows.stamp() = stamp;
-  if (impulses.stamp.data()) impulses.stamp() = {rows.stamp.data() ? rows.stamp().made : 0, false};
+  if (impulses.stamp.data()) impulses.stamp() = {rows.stamp.data() ? rows.stamp().made : 0, false, impulses.stamp().launched};
 }
 /// A step without constraints: rows that were never written are none, and solved for; those of an earlier step are not this step's.
 template <class R, class Mem>
 void leaves_no_rows(Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses) {
   if (!rows.stamp.data() || !impulses.stamp.data()) return;
-  impulses.stamp() = {rows.stamp().made, rows.stamp().made == 0};
+  impulses.stamp() = {rows.stamp().made, rows.stamp().made == 0, impulses.stamp().launched};
 }
 /// The rows were assembled, or are a user's own.
 template <class R, class Mem>
@@ -119,17 +119,47 @@ void expects_assembled(char const* where, Rows<R, Mem> const& rows) {
     throw std::invalid_argument(std::string(where) +
                                 ": the rows have not been written: call assemble first (of rows that you fill yourself: rows.stamp = {})");
 }
+/// Steps that were launched have been waited for.
+template <class R, class Mem>
+void expects_settled(char const* where, Impulses<R, Mem> const& impulses) {
+  if (impulses.stamp.data() && impulses.stamp().launched)
+    throw std::invalid_argument(std::string(where) +
+                                ": steps were launched, and whether they have fitted is not known yet: call settle(exec, sim) first, and "
+                                "launch again what it says is left");
+}
 /// The impulses are the solution of these rows, as they are now.
 template <class R, class Mem>
 void expects_solved(char const* where, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses) {
   if (!rows.stamp.data() || !impulses.stamp.data()) return;
+  if (!impulses.stamp().solved && !rows.stamp().made)
+    throw std::invalid_argument(std::string(where) +
+                                ": nothing has been solved yet: step first (or collide, assemble, and pgs; profile mujoco: newton)");
   if (!impulses.stamp().solved)
     throw std::invalid_argument(std::string(where) +
-                                ": the rows have not been solved for since they were last assembled: call pgs (profile mujoco: newton) "
-                                "first (or step)");
+                                ": the rows have not been solved for since they were last assembled: step first (or call pgs; profile "
+                                "mujoco: newton)");
   if (impulses.stamp().rows != rows.stamp().made)
     throw std::invalid_argument(std::string(where) + ": the impulses are of other rows, or of these before they were assembled again: " +
-                                "call pgs with both first (or step)");
+                                "step first (or call pgs with both)");
+}
+template <class R, class Mem>
+void expects_readable(char const* where, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses) {
+  expects_settled(where, impulses);
+  expects_solved(where, rows, impulses);
+}
+/// The list that was assembled had an nth type of this name. Of a list with none there are no impulses: of many lists one reads.
+template <class R, class Mem>
+void expects_nth(Rows<R, Mem> const& rows, std::uint32_t name, int nth) {
+  TypeNames const* const types = rows.stamp.data() ? &rows.stamp().types : nullptr;
+  int there = 0;
+  if (types) {
+    auto const end = types->name + types->count;
+    while (std::find(types->name, end, nth_name(name, there)) != end) ++there;
+  }
+  bool const known = types && types->count > 0;
+  if (nth < 0 || (known && nth > 0 && nth >= there))
+    throw std::invalid_argument("gsp::impulses_of: number " + std::to_string(nth) + " of this constraint type is asked for" +
+                                (known ? ", and the list that was assembled has " + std::to_string(there) : "") + ": they count from 0");
 }
 }  // namespace detail
 
@@ -139,6 +169,7 @@ template <ExecutionSpace Exec, class R, class Mem>
 bool grow(Exec const& exec, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress) {
   auto const demand = detail::to_host(exec, rows.demand);
   detail::zero(exec, progress.halt);
+  if (impulses.stamp.data()) impulses.stamp().launched = false;
   bool const more_rows = demand[0] > rows.capacity() || demand[0] > impulses.capacity();
   bool const more_entries = demand[1] > std::int64_t(rows.Y.extent(0));
   if (!more_rows && !more_entries) return false;
@@ -196,11 +227,13 @@ struct ElementImpulses {
   }
 };
 
-/// The impulses of constraint type `Type`, of the nth of that type in the list that was assembled; 0 throughout where the list had none.
-/// Errors: std::invalid_argument where nothing has been solved since the rows were last assembled.
+/// The impulses of constraint type `Type`, of the nth of that type in the list that was assembled; 0 throughout where the list had none
+/// at all. Errors: std::invalid_argument where nothing has been solved since the rows were last assembled, where steps were launched and
+/// not settled, and for an nth below 0 or above what the list had.
 template <class Type, class R, class Mem>
 ElementImpulses<R, Mem> impulses_of(Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, int nth = 0) {
-  detail::expects_solved("gsp::impulses_of", rows, impulses);
+  detail::expects_readable("gsp::impulses_of", rows, impulses);
+  detail::expects_nth(rows, detail::type_name<Type>(), nth);
   return {rows, impulses, detail::nth_name(detail::type_name<Type>(), nth)};
 }
 

@@ -11,7 +11,8 @@ namespace gsp {
 ///                        jointlimitfrc) [N, N m]
 /// @param friction        out (world, nv): force of dry friction on each degree of freedom [N, N m]
 /// Cost: a binary search a limit and a degree of freedom with friction. Does not allocate, does not fence.
-/// Errors: std::invalid_argument where nothing has been solved since the rows were last assembled, and for rows of another model.
+/// Errors: std::invalid_argument where nothing has been solved since the rows were last assembled, where steps were launched and not
+/// settled, and for rows of another model.
 template <ExecutionSpace Exec, class R, class Mem>
 void joint_forces(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses,
                   Kokkos::View<R**, Kokkos::LayoutRight, Mem>& limit, Kokkos::View<R**, Kokkos::LayoutRight, Mem>& friction) {
@@ -25,7 +26,7 @@ void joint_forces(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> con
   };
   expects_size("limit", limit, "njnt", model.njnt);
   expects_size("friction", friction, "nv", model.nv);
-  detail::expects_solved("gsp::joint_forces", rows, impulses);
+  detail::expects_readable("gsp::joint_forces", rows, impulses);
   for_worlds("gsp::constraint::joint_forces", exec, rows.worlds,
              detail::WriteJointForces<R, Mem>{model.limited_joints, model.friction_dofs, impulses_of<JointLimits<R, Mem>>(rows, impulses),
                                               impulses_of<JointFriction<R, Mem>>(rows, impulses), limit, friction, R(1) / model.timestep});

@@ -11,6 +11,7 @@
 namespace gsp {
 
 inline constexpr int most_element_rows = 6;
+inline constexpr int most_constraint_types = 32;
 
 /// Bounds beyond it are none: a solver's infinity, in any precision [N s].
 template <class R>
@@ -77,12 +78,18 @@ struct RowImpact {
 };
 
 namespace detail {
+/// Names of the types, in the order of the list.
+struct TypeNames {
+  std::uint32_t name[most_constraint_types] = {};
+  int count = 0;
+};
 struct RowsStamp {
   std::uint64_t made = 0;      // which `assemble` has written them; 0: none
   std::uint64_t contacts = 0;  // and which contacts it has read (ContactsStamp::made); 0: none that gsp has found
   int contact_edges = 1;       // elements of each of them (ContactRows::edges)
   bool impacts_left = false;   // rows may bounce, and `impacts` has not been called
   Stamp state = {};            // of which state they are
+  TypeNames types = {};        // of the list
 };
 }  // namespace detail
 

@@ -78,9 +78,10 @@ void subtract_stiff_forces(Exec const& exec, StiffForces<R, Mem> const& types, R
   expects(int(qfrc_constraint.extent(0)) == rows.worlds && int(qfrc_constraint.extent(1)) == rows.nv,
           "gsp::subtract_stiff_forces: qfrc_constraint must be (worlds, nv)");
   if (rows.nv == 0) return;
+  detail::expects_solved("gsp::subtract_stiff_forces", rows, impulses);  // a part of a step: nobody has waited for it
+  ElementImpulses<R, Mem> const own{rows, impulses, detail::nth_name(detail::type_name<StiffForces<R, Mem>>(), 0)};
   for_worlds("gsp::constraint::subtract_stiff_forces", exec, rows.worlds,
-             detail::SubtractStiffForces<StiffForces<R, Mem>, R, Mem>{types, impulses_of<StiffForces<R, Mem>>(rows, impulses),
-                                                                      progress.halt, qfrc_constraint});
+             detail::SubtractStiffForces<StiffForces<R, Mem>, R, Mem>{types, own, progress.halt, qfrc_constraint});
 }
 
 }  // namespace gsp

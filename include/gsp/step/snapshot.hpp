@@ -31,7 +31,8 @@ struct Snapshot {
 
 /// Copies what the next step would start from, after `step` (or launch_step and settle). Waits and allocates only where the pool
 /// of impulses has grown since the snapshot was made.
-/// Errors: std::invalid_argument for a snapshot of another model, of another number of worlds, or with sleep where the simulation has none.
+/// Errors: std::invalid_argument for a snapshot of another model, of another number of worlds, or with sleep where the simulation has
+/// none, and where steps were launched and not settled.
 template <ExecutionSpace Exec, class R, class Mem>
 void save(Exec const& exec, State<R, Mem> const& state, Simulation<R, Mem> const& sim, Snapshot<R, Mem>& snapshot) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::save: the state is not accessible from this execution space");
@@ -64,8 +65,8 @@ Snapshot<R, Mem> make_snapshot(Exec const& exec, State<R, Mem> const& state, Sim
 /// without impulses.
 /// @param snapshot  of as many worlds, or of one, which is given to all of the mask
 /// @param mask      callable with a world, such as a View<bool*> on the device
-/// Errors: std::invalid_argument for a snapshot of another model or number of worlds, a mask of another size, and a snapshot with sleep
-/// where the simulation has no room for it.
+/// Errors: std::invalid_argument for a snapshot of another model or number of worlds, a mask of another size, a snapshot with sleep
+/// where the simulation has no room for it, and where steps were launched and not settled.
 template <ExecutionSpace Exec, class R, class Mem, class Mask>
 requires requires(Mask const& mask) { bool(mask(0)); }
 void restore(Exec const& exec, Snapshot<R, Mem> const& snapshot, State<R, Mem>& state, Simulation<R, Mem>& sim, Mask const& mask) {

@@ -90,6 +90,11 @@ template <bool laws, class... More>
 auto all_of_laws(More const&... more) {
   return std::tuple_cat(one_of_laws<laws>(more)...);
 }
+/// The host does not know whether the step has fitted before it waits.
+template <class R, class Mem>
+void leaves_launched(Simulation<R, Mem> const& sim) {
+  if (sim.impulses.stamp.data()) sim.impulses.stamp().launched = true;
+}
 template <class R, class Mem>
 bool has_runge_kutta(Model<R, Mem> const& model) {
   return model.profile == Profile::mujoco && model.integrator == Integrator::rk4;
@@ -198,6 +203,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
       subtract_stiff_forces(exec, StiffForces(model, state, sim.dynamics), sim.rows, sim.impulses, sim.progress,
                             sim.solution.qfrc_constraint);
     fall_asleep(exec, model, sim.rows, sim.progress, state, sim.dynamics, sim.solution.qfrc_constraint, sim.sleep);
+    detail::leaves_launched(sim);
     return;
   }
   int evaluation = 0;
@@ -208,6 +214,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
         new_velocity(exec, model, state, sim.dynamics, {sim.solution.z, sim.solution.qfrc_constraint, sim.progress.halt});
       },
       sim.runge_kutta, Kokkos::View<int const, Mem>(sim.progress.halt));
+  detail::leaves_launched(sim);
 }
 
 /// Waits for the steps that were launched, and enlarges the pools that were too small.
@@ -220,6 +227,7 @@ int settle(Exec const& exec, Simulation<R, Mem>& sim) {
   detail::download_bytes(exec, &halt, sim.progress.halt.data(), sizeof halt);
   detail::download_bytes(exec, &skipped, sim.progress.skipped.data(), sizeof skipped);
   exec.fence("gsp::settle: the host reads whether all has fitted");
+  if (sim.impulses.stamp.data()) sim.impulses.stamp().launched = false;
   if (!halt) return 0;
   detail::zero(exec, sim.progress.skipped);
   if (sim.impulses.stamp.data()) sim.impulses.stamp().solved = false;  // the steps that are left say so again

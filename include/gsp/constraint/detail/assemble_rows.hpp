@@ -153,12 +153,6 @@ struct ScanRows {
   }
 };
 
-/// Names of the types, in the order of the list.
-struct TypeNames {
-  std::uint32_t name[most_constraint_types] = {};
-  int count = 0;
-};
-
 template <class R, class Mem, class Types>
 struct EmitRows {
   Model<R, Mem> model;

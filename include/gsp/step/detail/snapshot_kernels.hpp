@@ -111,6 +111,7 @@ void expects_fit(char const* where, Snapshot<R, Mem> const& snapshot, State<R, M
   if (sim.rows.nv != int(state.qvel.extent(1)))
     throw std::invalid_argument(begin + "state and simulation are of different models: the one has " +
                                 std::to_string(state.qvel.extent(1)) + " degrees of freedom, the other " + std::to_string(sim.rows.nv));
+  expects_settled(where, sim.impulses);
   int const worlds = snapshot.state.worlds;
   if (worlds != state.worlds && worlds != 1)
     throw std::invalid_argument(begin + "the snapshot has " + std::to_string(worlds) + " worlds and the state " +
