@@ -38,7 +38,7 @@ void check_message(Description const& d, char const* part) {
   try {
     compile(d);
     CHECK_MESSAGE(false, "accepted, expected: ", part);
-  } catch (Error const& e) { CHECK_MESSAGE(std::string(e.what()).find(part) != std::string::npos, e.what()); }
+  } catch (Error const& e) { CHECK_MESSAGE(std::string(e.what()).find(part) != std::string::npos, std::string(e.what())); }
 }
 }  // namespace
 
@@ -453,6 +453,100 @@ TEST_CASE("what is taken for another, grows without bound or is lost in float is
     d.bodies[1].joints[0].align = true;
     CHECK(compile(d).report.empty());
   }
+}
+
+// Bodies as MuJoCo 4.0.1 takes and refuses them: negative numbers count as 0, and what moves must have both mass and moments above 1e-15.
+TEST_CASE("masses of 0 and below are refused where they move, and said where they stand") {
+  auto const weighed = [](bool moves, double mass, Double3 moments = {1, 1, 1}) {
+    Description d;
+    auto b = body("lump", 0, {0, 0, 0});
+    b.has_inertial = true, b.inertial.mass = mass, b.inertial.inertia = {moments[0], moments[1], moments[2], 0, 0, 0};
+    if (moves) b.joints.emplace_back().type = JointType::free;
+    d.bodies.push_back(b);
+    return d;
+  };
+  char const* const each = ", and each has to be above 1e-15): correct them, or set compiler boundmass and boundinertia";
+  check_message(
+      weighed(true, 0),
+      ("body 'lump' moves but has no mass or inertia (its inertial gives it mass 0 and moments 1 1 1" + std::string(each)).c_str());
+  check_message(weighed(true, -1), "body 'lump' moves but has no mass or inertia (its inertial gives it mass -1 and moments 1 1 1");
+  check_message(weighed(true, 1, {-1, 1, 1}), "its inertial gives it mass 1 and moments -1 1 1");
+  CHECK(compile(weighed(true, 1e-14)).report.empty());
+  auto bounded = weighed(true, -1);
+  bounded.compiler.boundmass = 0.1;
+  CHECK(compile(bounded).body_mass[1] == 0.1);
+  CHECK(notes(bounded, "body 'lump' has a negative mass or moment of inertia, which is taken as 0, or as boundmass and boundinertia say"));
+  CHECK(compile(weighed(false, 0)).report.empty());
+  CHECK(notes(weighed(false, -1), "body 'lump' has a negative mass or moment of inertia, which is taken as 0"));
+  CHECK(compile(weighed(false, -1)).body_mass[1] == 0);
+  auto empty = weighed(true, 1);
+  empty.bodies[1].has_inertial = false, empty.bodies[1].inertial = {};
+  check_message(empty, "body 'lump' moves but has no mass or inertia: give it a geom with density or mass, an inertial, or set compiler");
+  empty.bodies[1].geoms = {sphere(0.1)}, empty.bodies[1].geoms[0].has_mass = true, empty.bodies[1].geoms[0].mass = 1e-14;
+  empty.bodies[1].geoms[0].mass = 2e-14;
+  check_message(empty, "its geoms give it mass 2e-14 and moments 8e-17");
+  empty.bodies[1].geoms[0].mass = -1;
+  check_message(empty, "has a negative mass or density: give zero or more");
+  Description world;
+  world.bodies[0].geoms = {sphere(1)}, world.bodies[0].geoms[0].name = "rock", world.bodies[0].geoms[0].density = -1;
+  CHECK(notes(world, "geom 'rock' of the world has a negative mass or density, and the world weighs nothing"));
+}
+
+TEST_CASE("equalities without a name are named by what they join") {
+  auto d = double_pendulum();
+  EqualityDescription e{.type = EqualityType::joint, .name1 = "shoulder", .name2 = "elbow"};
+  d.equalities = {e, e};
+  d.equalities[1].data[0] = 1;
+  CHECK(notes(
+      d, "joint equality of joint 'shoulder' and joint 'elbow' and joint equality of joint 'shoulder' and joint 'elbow' ask different"));
+  d.equalities = {{.type = EqualityType::weld, .name1 = "lower"}};
+  d.equalities[0].softness.solref = {0.02, -1};
+  CHECK(notes(d, "weld of body 'lower' and the world has solref 0.02 -1"));
+  d.bodies[1].name = "", d.bodies[1].sites = {{.name = "hook"}}, d.bodies[2].sites = {{.name = "eye"}};
+  d.equalities[0] = {.type = EqualityType::connect, .name1 = "hook", .name2 = "eye", .sites = true};
+  d.equalities[0].softness.solref = {0.02, -1};
+  CHECK(notes(d, "connect of site 'hook' and site 'eye' has solref", 2));
+  CHECK(notes(d, "connect of site 'hook' and site 'eye' cannot close", 2));
+}
+
+// Four faces, of which MuJoCo's volume is the sum of pyramids by their absolute values, whatever they bound.
+TEST_CASE("meshes that are open or inside out are said where they weigh") {
+  MeshDescription solid{
+      .name = "m", .vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, .faces = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}};
+  auto open = solid, inside_out = solid, seamed = solid;
+  open.faces.pop_back();
+  for (auto& f : inside_out.faces) std::swap(f[1], f[2]);
+  auto both = inside_out;
+  both.faces.erase(both.faces.begin());
+  seamed.vertices.push_back({0, 0, 1}), seamed.faces[3][2] = 4;  // one place twice
+  auto const with = [](MeshDescription const& mesh, bool weighs) {
+    Description d;
+    d.meshes = {mesh};
+    auto b = body("b", 0, {0, 0, 0});
+    b.joints.emplace_back().type = JointType::free;
+    if (!weighs) b.has_inertial = true, b.inertial.mass = 1, b.inertial.inertia = {1, 1, 1, 0, 0, 0};
+    b.geoms = {{}};
+    b.geoms[0].type = ShapeType::mesh, b.geoms[0].mesh = "m", b.geoms[0].contype = b.geoms[0].conaffinity = 0;
+    d.bodies.push_back(b);
+    return d;
+  };
+  CHECK(compile(with(solid, true)).report.empty());
+  CHECK(compile(with(seamed, true)).report.empty());
+  CHECK(notes(with(open, true),
+              "mesh 'm' is open (3 of its 6 edges lack a face): what its faces span with their middle is taken for its volume, as in "
+              "MuJoCo: close it"));
+  CHECK(notes(
+      with(inside_out, true),
+      "mesh 'm' is inside out (its faces look inwards): the absolute value of its volumes is taken, as in MuJoCo: turn its faces over"));
+  CHECK(notes(with(both, true), "lack a face): what its faces span with their middle is taken for its volume; it is inside out"));
+  CHECK(compile(with(inside_out, true)).body_mass[1] == doctest::Approx(compile(with(solid, true)).body_mass[1]));
+  CHECK(compile(with(open, true)).body_mass[1] == doctest::Approx(1000. / 9));                         // MuJoCo's
+  for (auto const& mesh : {open, inside_out, both}) CHECK(compile(with(mesh, false)).report.empty());  // seen alone
+  auto still = with(open, true);
+  still.bodies[1].joints.clear();
+  CHECK(compile(still).report.empty());
+  open.inertia = MeshInertia::shell;
+  CHECK(compile(with(open, true)).report.empty());
 }
 
 TEST_CASE("a sensor of a type that MJCF does not have is refused") {

@@ -26,6 +26,9 @@ class CompilerBase {
     if (place.file < 0 || place.file >= int(d_.files.size())) return (d_.name.empty() ? "model: " : d_.name + ": ") + of_body_;
     return d_.files[place.file] + ":" + std::to_string(place.line) + ": ";
   }
+  void note(Place const& place, ReportLine::Kind kind, std::string const& text) {
+    m_.report.push_back({kind, place.file >= 0 ? d_.files[std::size_t(place.file)] : d_.name, place.line, text, 1});
+  }
   static char const* kind_name(Kind kind) {
     char const* const names[] = {"item",   "body",     "joint", "geom",     "site",   "camera",
                                  "tendon", "actuator", "mesh",  "equality", "sensor", "pair"};

@@ -250,7 +250,12 @@ class BodyCompiler : public CompilerBase {
       fail(g.place, "geom", g.name, "is an ellipsoid with shellinertia, which is not supported: give its body an inertial");
     for (auto const& [value, name] : {std::pair{g.restitution, "restitution"}, std::pair{g.erp, "erp"}})
       if (!(value >= 0 && value <= 1)) fail(g.place, "geom", g.name, std::string("has a ") + name + " outside of 0 to 1: give one of them");
-    if (g.has_mass ? g.mass < 0 : g.density < 0) fail(g.place, "geom", g.name, "has a negative mass or density: give zero or more");
+    if (g.has_mass ? g.mass < 0 : g.density < 0) {
+      if (b > 0) fail(g.place, "geom", g.name, "has a negative mass or density: give zero or more");
+      note(g.place, ReportLine::Kind::no_effect,
+           (g.name.empty() ? "a geom" : "geom '" + g.name + "'") +
+               " of the world has a negative mass or density, and the world weighs nothing");
+    }
     m_.geom_type.push_back(int(g.type));
     m_.geom_body.push_back(b);
     m_.geom_name.push_back(g.name);
@@ -350,8 +355,15 @@ class BodyCompiler : public CompilerBase {
     return Mass{sum.mass, sum.pos, axes.quat, axes.moments};
   }
 
+  static std::string in_numbers(double mass, Double3 const& moments) {
+    char text[160];
+    std::snprintf(text, sizeof text, " mass %.3g and moments %.3g %.3g %.3g", mass, moments[0], moments[1], moments[2]);
+    return text;
+  }
+
   void masses() {
     auto const& c = d_.compiler;
+    std::vector<std::string> weighed;  // what a body weighs, and says who: for what moves and weighs nothing
     for (int b = 0; b < m_.nbody; ++b) {
       auto const& body = d_.bodies[b];
       Mass mass;
@@ -370,9 +382,14 @@ class BodyCompiler : public CompilerBase {
           mass.quat = unit(body.quat);
         }
         if (mass.mass < 0 || *std::min_element(mass.moments.begin(), mass.moments.end()) < 0)
-          fail(body.place, "body", body.name, "has a negative mass or moment of inertia: correct its inertial");
-        mass.mass = std::max(mass.mass, c.boundmass);
-        for (double& i : mass.moments) i = std::max(i, c.boundinertia);
+          note(body.place, ReportLine::Kind::approximated,
+               (body.name.empty() ? "a body" : "body '" + body.name + "'") +
+                   " has a negative mass or moment of inertia, which is taken as 0, or as boundmass and boundinertia say: correct its "
+                   "inertial");
+        weighed.push_back(shapes ? "its geoms give it" : body.has_inertial ? "its inertial gives it" : "");
+        if (!weighed.back().empty()) weighed.back() += in_numbers(mass.mass, mass.moments);
+        mass.mass = std::max({mass.mass, c.boundmass, 0.});
+        for (double& i : mass.moments) i = std::max({i, c.boundinertia, 0.});
         auto& i = mass.moments;
         if (i[0] + i[1] < i[2] || i[0] + i[2] < i[1] || i[1] + i[2] < i[0]) {
           if (!c.balanceinertia)
@@ -383,6 +400,7 @@ class BodyCompiler : public CompilerBase {
           i = {mean, mean, mean};
         }
       }
+      if (b == 0) weighed.emplace_back();
       require_finite(std::isfinite(mass.mass) && finite(mass.moments), body.place, "body", body.name);
       m_.body_mass.push_back(mass.mass);
       m_.body_inertia.push_back(mass.moments);
@@ -406,8 +424,11 @@ class BodyCompiler : public CompilerBase {
       if (m_.body_jntnum[b] == 0 && heavy[b]) heavy[m_.body_parent[b]] = 1;
       if (m_.body_jntnum[b] > 0 && !heavy[b])
         fail(d_.bodies[b].place, "body", d_.bodies[b].name,
-             "moves but has no mass or inertia: give it a geom with density or mass, an inertial, or set compiler boundmass and "
-             "boundinertia");
+             "moves but has no mass or inertia" +
+                 (weighed[b].empty() ? ": give it a geom with density or mass, an inertial, or set compiler boundmass and boundinertia"
+                                     : " (" + weighed[b] +
+                                           ", and each has to be above 1e-15): correct them, or set compiler boundmass and "
+                                           "boundinertia"));
     }
   }
 

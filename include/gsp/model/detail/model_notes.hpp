@@ -4,9 +4,13 @@
 #include <cstdio>
 #include <gsp/model/compiled.hpp>
 #include <gsp/model/detail/host_math.hpp>
+#include <gsp/model/detail/mesh_inertia.hpp>
 #include <map>
+#include <numeric>
 #include <optional>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace gsp::detail {
@@ -23,6 +27,7 @@ class ModelNotes {
     lone_gravcomp();
     filters();
     far_centers();
+    meshes();
   }
 
  private:
@@ -64,14 +69,30 @@ class ModelNotes {
     return "'" + (site ? m_.site_name[id] : m_.body_name[id]) + "'";
   }
 
+  /// By its name, or by its type and what it joins.
+  std::string equality_name(int k) const {
+    if (!m_.eq_name[k].empty()) return "equality '" + m_.eq_name[k] + "'";
+    auto const type = EqualityType(m_.eq_type[k]);
+    auto const of = [&](int id) -> std::string {
+      bool const joint = type == EqualityType::joint, other = joint || type == EqualityType::tendon;
+      auto const& names = joint ? m_.jnt_name : other ? m_.tendon_name : m_.eq_sites[k] ? m_.site_name : m_.body_name;
+      char const* const what = joint ? "joint " : other ? "tendon " : m_.eq_sites[k] ? "site " : "body ";
+      if (id == 0 && !other && !m_.eq_sites[k]) return "the world";
+      return what + (names[id].empty() ? std::to_string(id) : "'" + names[id] + "'");
+    };
+    char const* const types[] = {"connect", "weld", "joint equality", "tendon equality"};
+    std::string const begin = std::string(types[int(type)]) + " of ";
+    return m_.eq_id2[k] < 0 ? begin + of(m_.eq_id1[k]) : begin + of(m_.eq_id1[k]) + " and " + of(m_.eq_id2[k]);
+  }
+
   void equality(int k) {
     auto const type = EqualityType(m_.eq_type[k]);
     auto const& place = d_.equalities[std::size_t(k)].place;
-    std::string const what = "equality '" + m_.eq_name[k] + "' ";
+    std::string const what = equality_name(k) + " ";
     auto const contradicts = [&](int other) {
       note(place, Kind::approximated,
-           what + "and '" + m_.eq_name[other] +
-               "' ask different things of the same two: neither holds, and where they meet depends on solref and solimp");
+           what + "and " + (m_.eq_name[other].empty() ? equality_name(other) : "'" + m_.eq_name[other] + "'") +
+               " ask different things of the same two: neither holds, and where they meet depends on solref and solimp");
     };
     if (type == EqualityType::joint || type == EqualityType::tendon) {
       for (int other = 0; other < k; ++other) {
@@ -239,7 +260,7 @@ class ModelNotes {
       if (t.limited) look(t.place, "tendon '" + t.name + "' (limit)", t.limit);
       if (t.frictionloss > 0) look(t.place, "tendon '" + t.name + "' (frictionloss)", t.friction);
     }
-    for (auto const& e : d_.equalities) look(e.place, "equality '" + e.name + "'", e.softness);
+    for (int k = 0; k < m_.neq; ++k) look(d_.equalities[std::size_t(k)].place, equality_name(k), d_.equalities[std::size_t(k)].softness);
     for (auto const& p : d_.pairs) {
       SoftnessDescription s;
       s.solref = p.solref.value_or(s.solref);
@@ -263,6 +284,67 @@ class ModelNotes {
                  number(d_.option.timestep) + (plain ? " s" : " s of RK4") + ": its activation grows without bound: give " +
                  (plain && !runge_kutta ? "dyntype=\"filterexact\"" : "another integrator and dyntype=\"filterexact\""));
     }
+  }
+
+  // Meshes whose volume is taken and that bound none: open ones, and those whose faces look inwards. Of meshes that only touch, are only
+  // seen or stand still nothing hangs on it: a hull has neither.
+  void meshes() {
+    std::set<std::string> weigh;
+    auto const& c = d_.compiler;
+    for (std::size_t b = 0; b < d_.bodies.size(); ++b) {
+      auto const& body = d_.bodies[b];
+      bool const from_geoms = m_.body_weld[b] != 0 && !c.inertia_from_geom_never && (!body.has_inertial || c.inertia_from_geom_always);
+      for (auto const& g : body.geoms) {
+        bool const weighs = from_geoms && g.group >= c.inertia_group_range[0] && g.group <= c.inertia_group_range[1] &&
+                            (g.has_mass ? g.mass : g.density) > 0;
+        bool const fitted = g.type != ShapeType::mesh && !c.fit_aabb;  // its sizes are of the mesh's inertia
+        if (!g.mesh.empty() && (g.type == ShapeType::mesh || fitted) && (weighs || fitted)) weigh.insert(g.mesh);
+      }
+    }
+    for (auto const& mesh : d_.meshes)
+      if (weigh.contains(mesh.name) && !mesh.faces.empty() && (mesh.inertia == MeshInertia::legacy || mesh.inertia == MeshInertia::exact))
+        mesh_bounds(mesh);
+  }
+  void mesh_bounds(MeshDescription const& mesh) {
+    // vertices at one place are one: files often repeat them at seams
+    std::vector<int> order(mesh.vertices.size()), same(mesh.vertices.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::sort(order.begin(), order.end(), [&](int a, int b) { return mesh.vertices[a] < mesh.vertices[b]; });
+    for (std::size_t i = 0; i < order.size(); ++i)
+      same[order[i]] = i > 0 && mesh.vertices[order[i]] == mesh.vertices[order[i - 1]] ? same[order[i - 1]] : order[i];
+    std::vector<std::pair<int, int>> edges;
+    edges.reserve(3 * mesh.faces.size());
+    for (auto const& f : mesh.faces)
+      for (int k = 0; k < 3; ++k)
+        if (int const a = same[f[k]], b = same[f[(k + 1) % 3]]; a != b) edges.push_back(std::minmax(a, b));
+    std::sort(edges.begin(), edges.end());
+    int open = 0, all = 0;
+    for (std::size_t i = 0, end = 0; i < edges.size(); i = end, ++all) {
+      while (end < edges.size() && edges[end] == edges[i]) ++end;
+      open += (end - i) % 2;
+    }
+    Double3 middle{0, 0, 0};  // of the faces, as mesh_solid takes it
+    double area = 0, volume = 0;
+    auto const each = [&](auto const& f) {
+      for (auto const& face : mesh.faces) {
+        Double3 x[3];
+        for (int k = 0; k < 3; ++k)
+          for (int i = 0; i < 3; ++i) x[k][i] = mesh.vertices[face[k]][i];
+        f(mesh_triangle(x[0], x[1], x[2]));
+      }
+    };
+    each([&](MeshTriangle const& t) { middle = middle + t.twice_area * t.center, area += t.twice_area; });
+    if (area > 0) middle = (1 / area) * middle;
+    each([&](MeshTriangle const& t) { volume += dot(t.center - middle, t.cross); });
+    if (open == 0 && volume >= 0) return;
+    std::string text = "mesh '" + mesh.name + "'";
+    if (open > 0)
+      text += " is open (" + std::to_string(open) + " of its " + std::to_string(all) +
+              " edges lack a face): what its faces span with their middle is taken for its volume";
+    if (volume < 0)
+      text += std::string(open > 0 ? "; it" : "") + " is inside out (its faces look inwards): the absolute value of its volumes is taken";
+    note(mesh.place, Kind::approximated,
+         text + ", as in MuJoCo: " + (open > 0 ? "close it, or set its inertia to \"convex\" or \"shell\"" : "turn its faces over"));
   }
 
   // A free body's M about its frame is I + m r^2: of I, float keeps 24 bits less those of m r^2 / I.
