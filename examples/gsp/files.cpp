@@ -19,6 +19,7 @@ Option skip_visuals_option() { return {"--skip-visuals", "", "leave out visual g
 Option decompose_option() {
   return {"--decompose", "", "meshes that are not convex touch as their convex parts, found by CoACD and kept in the cache"};
 }
+std::string const approximate_note = "--approximate is without effect: what it was given for is computed; leave it out";
 Option approximate_option() { return {"--approximate", "", "without effect: nothing has to be approximated any more; old scripts say it"}; }
 Option floating_base_option() {
   return {"--floating-base", "", "the root link of a URDF file moves freely (else it is fixed to the world)"};
@@ -35,7 +36,10 @@ gsp::CompiledModel load_model(std::string const& path, Arguments const& argument
                                            {"equality", &o.equality},     {"friction", &o.frictionloss}, {"sleep", &o.sleep}};
   std::vector<std::string> names;
   for (auto const& [name, flag] : flags) names.push_back(name);
-  for (auto const& name : arguments.list("--disable", names, {})) *flags.at(name) = false;
+  for (auto const& name : arguments.list("--disable", names, {})) {
+    if (name == "sleep" && arguments.has("--sleep")) arguments.fail("--sleep and --disable sleep contradict each other; leave one out");
+    *flags.at(name) = false;
+  }
   return compile_model(description);
 }
 gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals) {
@@ -187,9 +191,27 @@ States initial_state(gsp::CompiledModel const& model, std::string const& file, s
 }
 
 namespace {
+/// The sizes of a world are the model's: no other shape of the numbers would make them this model's.
+void expect_of_model(gsp::io::Npz const& npz, std::string const& path, gsp::CompiledModel const& model) {
+  std::string others;
+  auto const compare = [&](char const* array, std::size_t rank, std::size_t axis, char const* size, int here) {
+    if (!npz.contains(array) || npz.at(array).shape.size() != rank) return;
+    std::size_t const there = npz.at(array).shape[axis];
+    if (there != static_cast<std::size_t>(here))
+      others += (others.empty() ? "" : ", ") + std::string(size) + " " + std::to_string(there) + " instead of " + std::to_string(here);
+  };
+  compare("qpos", 3, 2, "nq", model.nq);
+  compare("qvel", 3, 2, "nv", model.nv);
+  compare("act", 3, 2, "na", model.na);
+  compare("state.ctrl", 2, 1, "nu", model.nu);
+  compare("state.mocap_pos", 3, 1, "nmocap", model.nmocap);
+  compare("state.eq_active", 2, 1, "neq", model.neq);
+  if (!others.empty()) fail(path, "", "was saved from another model (" + others + "); give the model that it was saved from");
+}
 Trace trace_of(gsp::io::Npz const& npz, std::string const& path, gsp::CompiledModel const& model) {
   auto const &time = npz.at("time"), &qpos = npz.at("qpos"), &qvel = npz.at("qvel");
   auto const key = [&](char const* name) { return path + "[" + name + "]"; };
+  expect_of_model(npz, path, model);
   gsp::io::expect_shape(qpos, {-1, -1, model.nq}, key("qpos"));
   long long const entries = static_cast<long long>(qpos.shape[0]), worlds = static_cast<long long>(qpos.shape[1]);
   gsp::io::expect_shape(qvel, {entries, worlds, model.nv}, key("qvel"));
@@ -237,16 +259,82 @@ States read_start(std::string const& path, gsp::CompiledModel const& model) {
   return s;
 }
 
-std::vector<double> options_in_numbers(gsp::CompiledModel const& model, gsp::runtime::StepperOptions const& options) {
-  return {options.timestep > 0 ? options.timestep : model.option.timestep, double(options.mujoco),
-          options.cone ? double(int(*options.cone)) : -1., double(options.iterations), options.tolerance.value_or(-1)};
+namespace {
+/// What constraints are left out (--disable), as bits.
+double disabled(gsp::CompiledModel const& m) {
+  auto const& o = m.option;
+  int bits = 0, at = 0;
+  for (bool const on : {o.constraint, o.contact, o.limit, o.equality, o.frictionloss}) bits |= int(!on) << at++;
+  return bits;
 }
-std::string other_options(States const& states, std::vector<double> const& now) {
-  char const* const names[] = {"--timestep", "--profile", "--cone", "--iterations", "--tolerance"};
+/// A number for all of the model that steps read, but for names and what other options say: FNV-1a, of which a double holds 53 bits.
+double number_of(gsp::CompiledModel const& m) {
+  std::uint64_t hash = 14695981039346656037ull;
+  auto const one = [&](auto const& x) {
+    auto const* bytes = reinterpret_cast<unsigned char const*>(&x);
+    for (std::size_t i = 0; i < sizeof x; ++i) hash = (hash ^ bytes[i]) * 1099511628211ull;
+  };
+  auto const list = [&](auto const& values) {
+    one(values.size());
+    for (auto const& x : values) one(x);
+  };
+  auto const all = [&](auto const&... values) { (list(values), ...); };
+  auto const& o = m.option;
+  for (bool const flag : {o.override_contacts, o.eulerdamp, o.passive_spring, o.passive_damper, o.gravity_on, o.actuation, o.clampctrl,
+                          o.filterparent, o.refsafe, o.warmstart})
+    one(flag);
+  all(o.gravity, o.wind, o.magnetic, o.o_softness.solref, o.o_softness.solimp, o.o_friction);
+  for (double const x : {o.density, o.viscosity, o.o_margin, o.impratio, o.noslip_tolerance, o.sleep_tolerance}) one(x);
+  for (int const x : {int(o.integrator), o.disabled_actuator_groups, o.noslip_iterations}) one(x);
+  all(m.body_parent, m.body_pos, m.body_quat, m.body_ipos, m.body_iquat, m.body_mass, m.body_inertia, m.body_gravcomp, m.body_mocap,
+      m.body_sleep);
+  all(m.jnt_type, m.jnt_body, m.jnt_limited, m.jnt_actfrclimited, m.jnt_actgravcomp, m.jnt_pos, m.jnt_axis, m.jnt_stiffness, m.jnt_margin,
+      m.jnt_stiffnesspoly, m.jnt_range, m.jnt_actfrcrange, m.jnt_solref, m.jnt_solimp);
+  all(m.dof_armature, m.dof_damping, m.dof_frictionloss, m.dof_dampingpoly, m.dof_solref, m.dof_solimp, m.qpos_spring);
+  all(m.geom_type, m.geom_body, m.geom_contype, m.geom_conaffinity, m.geom_condim, m.geom_priority, m.geom_size, m.geom_pos, m.geom_quat,
+      m.geom_friction, m.geom_solmix, m.geom_margin, m.geom_gap, m.geom_solref, m.geom_solimp, m.geom_hard, m.geom_restitution, m.geom_erp,
+      m.geom_surfacevel, m.geom_adhesion, m.geom_data, m.geom_fluid, m.geom_fluidcoef);
+  for (auto const& vertices : m.mesh_vertices) list(vertices);
+  for (auto const& h : m.hfields) all(h.size, h.elevation);
+  all(m.pairs, m.excluded_bodies);
+  for (auto const& p : m.named_pairs) {
+    all(std::array{p.geom1, p.geom2, p.condim}, p.friction, p.solimp, p.solref, p.solreffriction);
+    all(std::array{p.margin, p.gap, p.adhesion});
+  }
+  all(m.site_body, m.site_pos, m.site_quat, m.wrap_type, m.wrap_id, m.wrap_side, m.wrap_divisor, m.term_jnt, m.term_coef);
+  all(m.tendon_wrapnum, m.tendon_termnum, m.tendon_limited, m.tendon_actfrclimited, m.tendon_actfrcrange, m.tendon_stiffness,
+      m.tendon_stiffnesspoly, m.tendon_damping, m.tendon_dampingpoly, m.tendon_frictionloss, m.tendon_armature, m.tendon_margin,
+      m.tendon_range, m.tendon_lengthspring, m.tendon_solref_limit, m.tendon_solref_friction, m.tendon_solimp_limit,
+      m.tendon_solimp_friction);
+  all(m.act_target, m.act_id, m.act_ref, m.act_ctrllimited, m.act_forcelimited, m.act_actlimited, m.act_actearly, m.act_dyntype,
+      m.act_gaintype, m.act_biastype, m.act_dynprm, m.act_gainprm, m.act_biasprm, m.act_cranklength, m.act_damping, m.act_armature,
+      m.act_actrange, m.act_lengthrange, m.act_gear, m.act_ctrlrange, m.act_forcerange);
+  all(m.eq_type, m.eq_id1, m.eq_id2, m.eq_sites, m.eq_data, m.eq_solref, m.eq_solimp);
+  return double(hash >> 11);
+}
+constexpr std::size_t at_disabled = 5, at_model = 6;
+}  // namespace
+
+std::vector<double> options_in_numbers(gsp::CompiledModel const& model, gsp::runtime::StepperOptions const& options) {
+  return {options.timestep > 0 ? options.timestep : model.option.timestep,
+          double(options.mujoco),
+          options.cone ? double(int(*options.cone)) : -1.,
+          double(options.iterations),
+          options.tolerance.value_or(-1),
+          disabled(model),
+          number_of(model)};
+}
+std::string other_options(States& states, std::vector<double> const& now) {
+  char const* const names[] = {"--timestep", "--profile", "--cone", "--iterations", "--tolerance", "--disable", "model"};
   std::string others;
   for (std::size_t k = 0; k < now.size() && k < states.saved_with.size(); ++k)
     if (states.saved_with[k] != now[k]) others += (others.empty() ? "" : ", ") + std::string(names[k]);
-  return others.empty() ? others : "was saved with another " + others + ": it goes on, but not to the bit as it would have";
+  if (others.empty()) return others;
+  bool woken = false;
+  auto const is_other = [&](std::size_t k) { return k < states.saved_with.size() && states.saved_with[k] != now[k]; };
+  if (is_other(at_disabled) || is_other(at_model))  // what carried the sleepers may be gone, and nothing would wake them
+    woken = std::erase_if(states.snapshot, [](auto const& entry) { return entry.first.starts_with("sleep."); }) > 0;
+  return "was saved with another " + others + ": it goes on" + (woken ? ", with all awake" : "") + ", but not to the bit as it would have";
 }
 
 void write_snapshot(std::string const& path, gsp::runtime::Stepper& stepper, double time, gsp::CompiledModel const& model,

@@ -16,6 +16,7 @@ namespace gsp_cli {
 Option skip_visuals_option();
 Option decompose_option();
 Option approximate_option();
+extern std::string const approximate_note;
 Option floating_base_option();
 Option package_option();
 
@@ -60,10 +61,11 @@ States read_start(std::string const& path, gsp::CompiledModel const& model);
 void write_snapshot(std::string const& path, gsp::runtime::Stepper& stepper, double time, gsp::CompiledModel const& model,
                     gsp::runtime::StepperOptions const& options);
 /// What a simulation that goes on to the bit must have as it was: timestep [s], profile (1: mujoco), cone (-1: the model's), most
-/// iterations (0: the library's), tolerance (-1: the library's).
+/// iterations (0: the library's), tolerance (-1: the library's), bits of what is disabled, a number of the model.
 std::vector<double> options_in_numbers(gsp::CompiledModel const& model, gsp::runtime::StepperOptions const& options);
-/// A sentence where what is gone on from was saved with others; or empty.
-std::string other_options(States const& states, std::vector<double> const& now);
+/// A sentence where what is gone on from was saved with others; or empty. Where the model or what is disabled is another, who slept is left
+/// out of the states, so that all are awake.
+std::string other_options(States& states, std::vector<double> const& now);
 /// Throws where the snapshot is of another version, precision, or of sleepers and the run is without.
 void expect_goes_on(States const& states, bool in_double, bool sleep, std::string const& path);
 /// Throws where there are neither 1 nor `worlds` states.

@@ -55,9 +55,13 @@ int run(Arguments const& a) {
   States start = start_file ? read_start(*start_file, model) : initial_state(model, path, a.text("--keyframe"));
   if (start_file && !a.has("--worlds")) options.worlds = start.worlds;
   expect_worlds(start, options.worlds, start_file ? *start_file : path);
+  std::vector<std::string> notes;
+  if (a.has("--approximate")) notes.push_back(approximate_note);
+  if (auto const others = other_options(start, options_in_numbers(model, options)); !others.empty())
+    notes.push_back(*start_file + ": " + others);
   expect_goes_on(start, in_double, model.option.sleep, start_file ? *start_file : path);
-  if (auto const others = other_options(start, options_in_numbers(model, options)); !others.empty() && !a.has("--quiet"))
-    std::fprintf(stderr, "%s: %s\n", start_file->c_str(), others.c_str());
+  for (auto const& note : notes)
+    if (!a.has("--quiet")) std::fprintf(stderr, "%s\n", note.c_str());
   Controls controls;
   if (ctrl_file) {
     controls = read_controls(*ctrl_file, model, options.worlds);
@@ -153,6 +157,7 @@ int run(Arguments const& a) {
                  {"profile", options.mujoco ? "mujoco" : "stable"},
                  {"precision", in_double ? "double" : "float"},
                  {"device", device_name(device, stepper->threads())},
+                 {"notes", notes},
                  {"stopped", stopped_json(*stepper, model)},
                  {"report", report_json(model)}});
     std::fprintf(say, "%s\n", json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());

@@ -58,6 +58,7 @@ refused "--device is 'tpu'" "cpu or cuda" -- sim cart.xml --device tpu
 refused "--json takes no value" -- sim cart.xml --json=yes
 refused "--trace has an empty value" -- sim cart.xml --trace=
 refused "--keyframe and --start contradict" -- sim cart.xml --keyframe tilted --start start.npz
+refused "--sleep and --disable sleep contradict each other" -- sim cart.xml --sleep --disable limit,sleep
 refused "--every needs --trace" -- sim cart.xml --every 5
 refused "--contacts has an empty value" -- sim cart.xml --contacts=
 refused "no/such/folder" "--forces" -- sim cart.xml --forces no/such/folder/f.npz --trace result.npz
@@ -133,11 +134,11 @@ refused "--package is '=here'" "NAME=FOLDER" -- sim lift.urdf --package =here
 
 # states and controls
 refused "missing.npz" "no such file" -- sim cart.xml --start missing.npz --trace result.npz
-refused "start_shape.npz[qpos]" "(1, 1, 8)" "reshape" -- sim cart.xml --start start_shape.npz --trace result.npz
+refused "start_shape.npz: was saved from another model (nq 8 instead of 9); give the model that it was saved from" -- sim cart.xml --start start_shape.npz --trace result.npz
 refused "start_nan.npz[qpos]" "not finite" -- sim cart.xml --start start_nan.npz --trace result.npz
 refused "start_far.npz[qpos]" "1e+300" "beyond 1e10" -- sim cart.xml --start start_far.npz --trace result.npz
 refused "start_quat.npz[qpos]" "number 6 of world 0" "1e+30" -- sim cart.xml --start start_quat.npz --trace result.npz
-refused "start_act.npz[act]" "(1, 1, 2)" -- sim cart.xml --start start_act.npz --trace result.npz
+refused "start_act.npz: was saved from another model (na 2 instead of 0)" -- sim cart.xml --start start_act.npz --trace result.npz
 refused "far_key.xml: keyframe 'tilted': qpos" "beyond 1e10" -- sim far_key.xml --keyframe tilted --trace result.npz
 refused "cameras.npz" "no array 'time'" -- sim cart.xml --start cameras.npz --trace result.npz
 refused "start3.npz" "3 worlds" "--worlds 3" -- sim cart.xml --start start3.npz --worlds 2 --trace result.npz

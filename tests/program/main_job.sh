@@ -69,8 +69,9 @@ same "$(key worlds < b.json)" 2 "worlds of a start file"
 "$gsp" info first.npz | grep -qF 'act           float64 (5, 2, 1)' || fail "the activations of the trace: $("$gsp" info first.npz)"
 same "$("$gsp" sim key.xml --steps 50 --start first.npz --precision double --json | key state_hash)" \
   "$("$gsp" sim key.xml --worlds 2 --steps 150 --keyframe pushed --precision double --json | key state_hash)" "a start with activations"
-"$gsp" sim lift.urdf --steps 10 --approximate --json > report.json
-python3 -c 'import json; r = json.load(open("report.json"))["report"]; assert [l["kind"] for l in r].count("left out") == 1 and all(l["text"] for l in r), r'
+"$gsp" sim lift.urdf --steps 10 --approximate --json > report.json 2> said.txt
+same "$(cat said.txt)" "--approximate is without effect: what it was given for is computed; leave it out" "the note of --approximate"
+python3 -c 'import json; r = json.load(open("report.json")); assert len(r["notes"]) == 1; r = r["report"]; assert [l["kind"] for l in r].count("left out") == 1 and all(l["text"] for l in r), r'
 
 # contacts and forces of the last step: two boxes and a ball at rest weigh what they weigh, on every world; the same bits with and without
 cat > weights.xml <<'XML'
@@ -152,6 +153,23 @@ PY
 "$gsp" $run --start half.npz --steps 5 --timestep 0.001 2>&1 > /dev/null | grep -qF 'half.npz: was saved with another --timestep: it goes on, but not to the bit' ||
   fail "another timestep than that of the saved file goes unsaid"
 [ -z "$("$gsp" $run --start half.npz --steps 5 2>&1 > /dev/null | grep another)" ] || fail "the same options are told as others"
+# sleepers are woken where what carried them may be gone: in another model, and with other constraints left out
+cat > rests.xml <<'XML'
+<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1"/></body></worldbody></mujoco>
+XML
+sed 's|<geom type="plane" size="5 5 1"/>||' rests.xml > floorless.xml
+"$gsp" sim rests.xml --steps 300 --sleep --save rests.npz --json | key asleep | grep -qx 1 || fail "the box does not sleep"
+for other in "rests.xml --disable contact" "floorless.xml"; do
+  "$gsp" sim $other --sleep --start rests.npz --steps 100 --trace falls.npz --json > falls.json 2> said.txt || fail "sim $other"
+  grep -qF ': it goes on, with all awake, but not to the bit as it would have' said.txt || fail "$other goes on in silence: $(cat said.txt)"
+  python3 -c 'import json; assert len(json.load(open("falls.json"))["notes"]) == 1' || fail "the notes of --json"
+  python3 - <<'PY' || fail "what slept on a floor floats without it ($other)"
+import struct, zipfile
+data = zipfile.ZipFile("falls.npz").read("qpos.npy")
+assert struct.unpack("<d", data[-40:-32])[0] < 0
+PY
+done
+[ -z "$("$gsp" sim rests.xml --sleep --start rests.npz --steps 5 2>&1 > /dev/null | grep another)" ] || fail "the same model is told as another"
 "$gsp" info half.npz | grep -qF 'qpos          float64 (1, 3, 22)' || fail "what is saved is no start: $("$gsp" info half.npz)"
 "$gsp" sim many.xml --keyframe pressed --steps 100 --save one.npz > /dev/null
 "$gsp" sim many.xml --start one.npz --worlds 2 --steps 100 --trace two.npz > /dev/null  # one world for all
