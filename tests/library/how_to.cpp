@@ -57,6 +57,154 @@ TEST_CASE("the start of all recipes, and a keyframe in all worlds") {
   for (int w = 0; w < worlds; ++w) CHECK(std::abs(qpos(w, 2) - compiled.keyframes[0].qpos[2]) < 0.05);  // it still stands
 }
 
+TEST_CASE("names and indices") {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  // example-begin names
+  int const knee = gsp::joint_id(compiled, "FL_knee");  // body_id, geom_id ...: an unknown name throws, and tells the nearest
+  int const position = compiled.jnt_qposadr[knee], velocity = compiled.jnt_dofadr[knee];  // its columns in qpos and qvel
+  int const shank = compiled.jnt_body[knee];
+  std::string const& name = compiled.body_name[shank];  // and back: body_name, jnt_name, geom_name, site_name, act_name ...; "": none
+  // example-end names
+  CHECK(name == "FL_shank");
+  CHECK(compiled.jnt_name[knee] == "FL_knee");
+  CHECK(velocity == compiled.jnt_dofadr[knee]);
+  CHECK(compiled.qpos0[position] == compiled.qpos0[7 + 2]);
+  CHECK_THROWS_WITH_AS(gsp::joint_id(compiled, "FL_kne"), doctest::Contains("nearest: 'FL_knee'"), gsp::Error);
+}
+
+// A body of its own archetype sleeps by its tree: the boxes of a stack do, the world has none.
+TEST_CASE("who sleeps") {
+  Exec const exec;
+  int const worlds = 3;
+  auto const compiled = gsp::compile(gsp::samples::stack(3));
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds, .sleep = true});
+  gsp::step(exec, model, state, sim, {.steps = 1000});
+  // example-begin body_sleeps
+  int const tree = compiled.body_tree[gsp::body_id(compiled, "box1")];  // -1: fixed to the world
+  Kokkos::View<bool*, Mem> const rests("rests", worlds);
+  auto const sleep = sim.sleep.state;
+  Kokkos::parallel_for(
+      "rests", Kokkos::RangePolicy<Exec>(exec, 0, worlds), KOKKOS_LAMBDA(int w) { rests(w) = sleep.sleeps(w, tree); });
+  // example-end body_sleeps
+  CHECK(compiled.body_tree[0] == -1);
+  for (int w = 0; w < worlds; ++w) CHECK(gsp_test::host(rests)(w));
+}
+
+// What the solver leaves is told where it is asked for: more sweeps and a smaller tolerance leave less.
+TEST_CASE("options of the solver") {
+  Exec const exec;
+  auto const compiled = gsp::compile(gsp::samples::stack(5));
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model);
+  auto sim = gsp::make_simulation(exec, model, compiled);
+  // example-begin solver
+  gsp::PgsOptions solver;    // profile stable; in profile mujoco: gsp::NewtonOptions, {.newton = ...}
+  solver.iterations = 200;   // sweeps at most (100)
+  solver.tolerance = 1e-5f;  // a world stops when no rate changes by more than this share of what gravity does in a step (1e-4)
+  solver.residual = true;    // measure what is left
+  gsp::step(exec, model, state, sim, {.steps = 100, .solver = solver});
+  auto const sweeps = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, sim.solution.iterations);  // (worlds) of the last step
+  auto const left = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, sim.solution.residual);      // (worlds) [m/s, rad/s]
+  // example-end solver
+  CHECK(sweeps(0) >= solver.least);
+  CHECK(sweeps(0) <= solver.iterations);
+  CHECK(left(0) < 1e-4f);
+}
+
+// A box on a belt comes to the belt's speed.
+TEST_CASE("belts") {
+  Exec const exec;
+  gsp::Description d;
+  // example-begin belt
+  gsp::GeomDescription belt;  // in MJCF: <geom type="box" size="2 .3 .05" surfacevel="0.5 0 0"/>
+  belt.type = gsp::ShapeType::box;
+  belt.size = {2, 0.3, 0.05};
+  belt.surface_velocity = {0.5, 0, 0, 0, 0, 0};  // of its surface in the geom's frame: linear [m/s], angular [rad/s] (a turntable)
+  // example-end belt
+  d.bodies[0].geoms.push_back(belt);
+  gsp::BodyDescription parcel;
+  parcel.name = "parcel", parcel.parent = 0, parcel.pos = {-1, 0, 0.15};
+  parcel.joints.emplace_back().type = gsp::JointType::free;
+  parcel.geoms.push_back(geom(gsp::ShapeType::box, {0.1, 0.1, 0.1}));
+  d.bodies.push_back(parcel);
+  auto const compiled = gsp::compile(d);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model);
+  auto sim = gsp::make_simulation(exec, model, compiled);
+  gsp::step(exec, model, state, sim, {.steps = 500});
+  CHECK(std::abs(gsp_test::host(state.qvel)(0, 0) - 0.5) < 1e-3);
+}
+
+// A cup that presses with 20 N holds a kilogram under it, and lets go where it is told to.
+TEST_CASE("suction") {
+  Exec const exec;
+  gsp::Description d;
+  gsp::BodyDescription cup;
+  cup.name = "cup", cup.parent = 0, cup.pos = {0, 0, 1};
+  cup.geoms.push_back(geom(gsp::ShapeType::box, {0.1, 0.1, 0.05}));
+  gsp::BodyDescription load;
+  load.name = "load", load.parent = 0, load.pos = {0, 0, 0.9};
+  load.joints.emplace_back().type = gsp::JointType::free;
+  load.geoms.push_back(geom(gsp::ShapeType::box, {0.05, 0.05, 0.05}));
+  load.geoms[0].has_mass = true, load.geoms[0].mass = 1;
+  d.bodies.push_back(cup);
+  d.bodies.push_back(load);
+  // example-begin suction
+  gsp::ActuatorDescription suction;  // in MJCF: <adhesion name="suction" body="cup" gain="20" ctrlrange="0 1"/>
+  suction.name = "suction";
+  suction.target = gsp::Transmission::body;  // all contacts of the body share the force
+  suction.target_name = "cup";
+  suction.gainprm = {20};  // [N] at ctrl 1
+  suction.ctrl_limited = true, suction.ctrl_range = {0, 1};
+  d.actuators.push_back(suction);
+  // example-end suction
+  auto const compiled = gsp::compile(d);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model);
+  auto sim = gsp::make_simulation(exec, model, compiled);
+  Kokkos::deep_copy(state.ctrl, 1.f);
+  gsp::step(exec, model, state, sim, {.steps = 500});
+  CHECK(std::abs(gsp_test::host(state.qpos)(0, 2) - 0.9) < 2e-3);
+  Kokkos::deep_copy(state.ctrl, 0.f);
+  gsp::step(exec, model, state, sim, {.steps = 500});
+  CHECK(gsp_test::host(state.qpos)(0, 2) < -3);
+}
+
+// A ball that hangs on a connect: its force is the weight.
+TEST_CASE("forces of equalities") {
+  Exec const exec;
+  int const worlds = 2;
+  gsp::Description d;
+  gsp::BodyDescription lamp;
+  lamp.name = "lamp", lamp.parent = 0, lamp.pos = {0, 0, 1};
+  lamp.joints.emplace_back().type = gsp::JointType::free;
+  lamp.geoms.push_back(geom(gsp::ShapeType::sphere, {0.1, 0, 0}));
+  lamp.geoms[0].has_mass = true, lamp.geoms[0].mass = 2;
+  d.bodies.push_back(lamp);
+  d.equalities.push_back({.name = "hook", .type = gsp::EqualityType::connect, .name1 = "lamp"});
+  auto const compiled = gsp::compile(d);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  gsp::step(exec, model, state, sim, {.steps = 1000});
+  // example-begin equality_forces
+  int const hook = gsp::equality_id(compiled, "hook");
+  auto const impulse = gsp::impulses_of<gsp::Equalities<float, Mem>>(sim.rows, sim.impulses);  // again after each step
+  Kokkos::View<float* [3], Kokkos::LayoutRight, Mem> const pull("pull", worlds);               // [N] on body 1, world axes
+  float const h = float(model.timestep);
+  Kokkos::parallel_for(
+      "pull", Kokkos::RangePolicy<Exec>(exec, 0, worlds), KOKKOS_LAMBDA(int w) {
+        for (int row = 0; row < 3; ++row) pull(w, row) = impulse(w, hook, row) / h;
+      });
+  // example-end equality_forces
+  for (int w = 0; w < worlds; ++w) {
+    CHECK(std::abs(gsp_test::host(pull)(w, 2) - 2 * 9.81) < 0.02);
+    CHECK(std::abs(gsp_test::host(pull)(w, 0)) < 0.02);
+  }
+}
+
 TEST_CASE("reset of single worlds") {
   Exec const exec;
   int const worlds = 16;
@@ -227,7 +375,24 @@ TEST_CASE("contact forces") {
       });
   // example-end contact_forces
 
+  int const world = 3;
+  double carried = 0;
+  // example-begin contacts_on_host
+  auto const host = [](auto const& view) { return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, view); };
+  auto const first = host(contacts.first), end = host(contacts.end), geom1 = host(contacts.geom1), geom2 = host(contacts.geom2);
+  auto const pos = host(contacts.pos);
+  auto const dist = host(contacts.dist);
+  auto const forces = host(force);
+  for (int c = first(world); c < end(world); ++c) {  // those of one world lie side by side
+    std::printf("%s on %s at (%.2f, %.2f, %.2f), %.1e m apart: %.2f N along the normal\n", compiled.geom_name[geom2(c)].c_str(),
+                compiled.geom_name[geom1(c)].c_str(), pos(c, 0), pos(c, 1), pos(c, 2), dist(c), forces(c, 0));
+  }
+  // example-end contacts_on_host
+  for (int c = first(world); c < end(world); ++c) carried += geom1(c) == 0 ? forces(c, 0) : 0;
+  CHECK(end(world) - first(world) == 12);
+
   double const weight = std::accumulate(compiled.body_mass.begin(), compiled.body_mass.end(), 0.) * 9.81;
+  CHECK(std::abs(carried - weight) < 0.03);
   auto const found = gsp_test::host(on_floor);
   for (int w = 0; w < worlds; ++w) {
     MESSAGE("on the floor " << found(w) << " N of " << weight);
