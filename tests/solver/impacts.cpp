@@ -252,6 +252,24 @@ TEST_CASE_TEMPLATE("a box that falls flat stays flat", Exec, GSP_TEST_EXECS) {
   check(1.f);
 }
 
+// What overlaps is parted by erp x / h, a velocity that stays: energy from nowhere, unless erp is 0.
+TEST_CASE_TEMPLATE("an overlap is energy where erp takes it back", Exec, GSP_TEST_EXECS) {
+  for (double const erp : {0.2, 0.}) {
+    gsp::Description d;
+    d.option.timestep = 0.001;
+    d.option.gravity = {0, 0, 0};
+    auto ball = geom(gsp::ShapeType::sphere, {0.1, 0, 0});
+    ball.hard = true, ball.restitution = 1, ball.erp = erp;
+    gsp_test::add_free(d, {0, 0, 0}, ball);
+    gsp_test::add_free(d, {0.199, 0, 0}, ball);
+    gsp_test::World<double, Exec> w(gsp::compile(d));
+    w.step(1);
+    CHECK(w.qvel()(0, 6) - w.qvel()(0, 0) == doctest::Approx(erp * 0.001 / 0.001).epsilon(1e-6));
+    w.step(20);
+    CHECK((w.qvel()(0, 6) > 0.05) == (erp > 0));
+  }
+}
+
 // Friction is that of the whole impulse: a sphere that slides through its bounce loses mu (1 + e) v_n along the floor, and turns with it.
 TEST_CASE_TEMPLATE("an oblique bounce has its friction", Exec, GSP_TEST_EXECS) {
   double const mu = 0.05, e = 0.5, r = 0.1;
