@@ -5,9 +5,10 @@ namespace gsp {
 
 /// Moves the (at most) four points that support best to the front of `point` and returns how many there are: the deepest; the one farthest
 /// from it; the one that spans the largest triangle with those two; the one that adds most area on the other side. Of points that differ by
-/// less than 3e-6 of their spread in depth the outermost is the deepest (edges of two boxes in line cross anywhere along themselves, which
-/// is no corner to stand on), and of points that differ by less than 1e-3 in what they span the first is taken, so that rounding does not
-/// choose; no point is changed, so that features stay what they are. `count` points with one common normal. Cost 5 passes over the points.
+/// less than 1e-6 of their spread in depth (float: 3e-6) the outermost is the deepest (edges of two boxes in line cross anywhere along
+/// themselves, which is no corner to stand on), and of points that differ by less than 1e-3 in what they span the first is taken, so that
+/// rounding does not choose; no point is changed, so that features stay what they are. `count` points with one common normal. Cost 5 passes
+/// over the points.
 template <class T>
 KOKKOS_INLINE_FUNCTION int reduce_points(ContactPoint<T>* point, int count) {
   if (count <= 4) return count;
@@ -26,7 +27,7 @@ KOKKOS_INLINE_FUNCTION int reduce_points(ContactPoint<T>* point, int count) {
     point[place] = p;
     return most;
   };
-  T const equal(1e-3), spread = norm(point[count / 2].pos - point[0].pos);
+  T const equal(1e-3), level = (sizeof(T) == 4 ? T(3e-6) : T(1e-6)) * norm(point[count / 2].pos - point[0].pos);
   T least = point[0].dist;
   Vec3<T> sum = point[0].pos;
   for (int i = 1; i < count; ++i) {
@@ -36,7 +37,7 @@ KOKKOS_INLINE_FUNCTION int reduce_points(ContactPoint<T>* point, int count) {
   Vec3<T> const middle = (T(1) / T(count)) * sum;
   take(0, equal, [&](ContactPoint<T> const& p) {
     Vec3<T> const d = p.pos - middle;
-    return p.dist > least + T(3e-6) * spread ? T(-1) : dot(d, d);
+    return p.dist > least + level ? T(-1) : dot(d, d);
   });
   Vec3<T> const n = point[0].normal, a = point[0].pos;
   take(1, equal, [&](ContactPoint<T> const& p) {

@@ -93,17 +93,27 @@ struct Polytope {
       if (best == none || bound[f] < bound[best]) best = f;
     return best;
   }
-  /// Forgets the faces from `limit` on, but `keep`, and the vertices that no face needs.
-  KOKKOS_INLINE_FUNCTION void forget(T limit, int keep) {
+  /// The room of vertices that no face needs is free again.
+  KOKKOS_INLINE_FUNCTION void release_vertices() {
     used = {};
-    has_holes = true;
-    for (int f = alive.from(0); f < faces; f = alive.from(f + 1)) {
-      if (f != keep && bound[f] >= limit) {
-        remove_face(f);
-        continue;
-      }
+    for (int f = alive.from(0); f < faces; f = alive.from(f + 1))
       for (int k = 0; k < 3; ++k) used.add(corner[f][k]);
+  }
+  /// Forgets the faces of which fewer than `least` corners belong to near faces, those below `limit` and `keep`. What borders on near faces
+  /// stays: over a hole right beside them new faces would fold back, and the search go in circles.
+  KOKKOS_INLINE_FUNCTION void forget(T limit, int keep, int least) {
+    SmallSet<1> near;
+    for (int f = alive.from(0); f < faces; f = alive.from(f + 1))
+      for (int k = 0; k < 3; ++k)
+        if (f == keep || bound[f] < limit) near.add(corner[f][k]);
+    for (int f = alive.from(0); f < faces; f = alive.from(f + 1)) {
+      int count = 0;
+      for (int k = 0; k < 3; ++k) count += near.has(corner[f][k]) ? 1 : 0;
+      if (count >= least) continue;
+      has_holes = true;
+      remove_face(f);
     }
+    release_vertices();
   }
   KOKKOS_INLINE_FUNCTION bool has_room() const { return used.size() < vertices && alive.size() + 2 <= faces; }
   /// Takes point p, which lies beyond face f: the faces that it sees, a patch round f, give way to a fan from the patch's rim to p.
@@ -288,11 +298,12 @@ KOKKOS_INLINE_FUNCTION CorePenetration<T> penetration(ConvexShape<T>& a, ConvexS
       polytope.remove_face(f);
       continue;
     }
-    // Room: what is farther than the answer first; if that is not enough, what is farther than most.
+    // Room: vertices inside, then what is farther than the answer; if that is not enough, what is farther than most.
+    if (!polytope.has_room()) polytope.release_vertices();
     T limit = best.depth - vague;
-    for (int k = 0; k < 8 && !polytope.has_room(); ++k) {
-      polytope.forget(limit, f);
-      limit = T(0.5) * (limit + polytope.bound[f]);
+    for (int k = 0; k < 16 && !polytope.has_room(); ++k) {
+      polytope.forget(limit, f, k == 0 ? 1 : 2);
+      if (k > 0) limit = T(0.8) * limit + T(0.2) * polytope.bound[f];
     }
     if (!polytope.has_room()) break;
     polytope.insert(p, f, T(4) * epsilon * size, least_area);
