@@ -275,14 +275,16 @@ TEST_CASE("float agrees with double") {
     // Near ties of axes and features a point may change its place: the depth is the invariant. Those of an edge contact within the 5 % of
     // the face preference may differ by that; they are few.
     if (std::abs(deep - deepf) > 3e-6) {
-      if (kind == PairKind::box_box || kind == PairKind::capsule_box || kind == PairKind::capsule_cylinder) {
+      if (kind == PairKind::box_box || kind == PairKind::capsule_box) {
         CHECK(std::abs(deep - deepf) < 0.06 * std::abs(deep) + 3e-6);
         continue;
       }
     }
-    if (is_among(detail::convex_kinds, kind)) {
-      // the search ends within 1e-6 of the size (below 2), and a patch counts as deep enough within 2e-6
+    if (is_among(detail::convex_kinds, kind) || kind == PairKind::capsule_cylinder) {
+      // the search ends within 1e-6 of the size (below 2), and a patch counts as deep enough within 2e-6; a capsule leaves a cylinder over
+      // the rim where that is shorter by 3e-6 of the size
       CHECK(std::abs(deep - deepf) < 6e-6);
+      ++compared;
       continue;
     }
     worst = std::max(worst, std::abs(deep - deepf));

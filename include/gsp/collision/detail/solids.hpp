@@ -96,7 +96,7 @@ struct WayOut {
 /// the cylinder is the hull of two ellipses with half axes R across and R |u.z| / |u| along its axis; with q the line's place among them,
 /// turned so that both coordinates count from the nearer side, the way along (sin x, cos x) is
 ///   sqrt(R^2 sin^2 x + B^2 cos^2 x) + H' cos x - q . (sin x, cos x)
-/// whose least is sought on [0, 90] degrees: 16 steps, then its slope's zero by bisection.
+/// whose least is sought on [0, 90] degrees: 16 steps, then its slope's zero by bisection from each that is lower than its neighbors.
 template <class T>
 KOKKOS_INLINE_FUNCTION WayOut<T> way_across_rim(Vec3<T> const& c, Vec3<T> const& u, T R, T H) {
   T const length = norm(u);
@@ -118,27 +118,38 @@ KOKKOS_INLINE_FUNCTION WayOut<T> way_across_rim(Vec3<T> const& c, Vec3<T> const&
     return sqrt(R * R * s * s + B * B * k * k) + tall * k - x * s - y * k;
   };
   T const step = T(1.5707963267948966 / 16);
-  int best = 0;
-  for (int i = 1; i <= 16; ++i)
-    if (way(T(i) * step) < way(T(best) * step)) best = i;
-  T lo = T(best == 0 ? 0 : best - 1) * step, hi = T(best == 16 ? 16 : best + 1) * step;
   auto const slope = [&](T angle) {
     T s, k;
     sincos(angle, s, k);
     T const outline = sqrt(R * R * s * s + B * B * k * k);
     return (R * R - B * B) * s * k / max(outline, T(1e-30)) - tall * s - x * k + y * s;
   };
-  for (int i = 0; i < (sizeof(T) == 4 ? 22 : 48); ++i) {
-    T const middle = T(0.5) * (lo + hi);
-    if (slope(middle) > T(0))
-      hi = middle;
-    else
-      lo = middle;
+  // There may be a way over the cap and one over the side, nearly as short: each is followed to its bottom.
+  WayOut<T> least{Kokkos::Experimental::finite_max_v<T>, up};
+  T before = Kokkos::Experimental::finite_max_v<T>;
+  T here = way(T(0));
+  for (int i = 0; i <= 16; ++i) {
+    T const next = i == 16 ? Kokkos::Experimental::finite_max_v<T> : way(T(i + 1) * step);
+    bool const bottom = here <= before && here <= next;
+    before = here;
+    here = next;
+    if (!bottom) continue;
+    T lo = T(i == 0 ? 0 : i - 1) * step, hi = T(i == 16 ? 16 : i + 1) * step;
+    for (int j = 0; j < (sizeof(T) == 4 ? 22 : 48); ++j) {
+      T const middle = T(0.5) * (lo + hi);
+      if (slope(middle) > T(0))
+        hi = middle;
+      else
+        lo = middle;
+    }
+    T const angle = T(0.5) * (lo + hi);
+    T const depth = way(angle);
+    if (!(depth < least.depth)) continue;
+    T s, k;
+    sincos(angle, s, k);
+    least = {depth, s * side + k * up};
   }
-  T const angle = T(0.5) * (lo + hi);
-  T s, k;
-  sincos(angle, s, k);
-  return {way(angle), s * side + k * up};
+  return least;
 }
 
 }  // namespace gsp::detail

@@ -6,8 +6,7 @@ namespace gsp {
 /// Capsule a, cylinder b. The deepest contact is the sphere at the point of the segment that is nearest to the cylinder (side, cap or rim:
 /// a bracketed monotone equation, solved to rounding). Along the side or on a cap the ends of the common stretch are contacts too, so that
 /// a lying capsule rests on two points. Features: 0 a point between, 1 the end nearer to -axis, 2 the end nearer to +axis. A segment that
-/// enters the cylinder leaves it the shortest way: through cap or side, or across the rim along a direction at right angles to the segment
-/// (feature 3).
+/// enters the cylinder leaves it the shortest way: through cap or side, or across the rim along a direction at right angles to the segment.
 template <class T, class Out>
 KOKKOS_INLINE_FUNCTION void capsule_cylinder(Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
   T const r = a.size.x, half = a.size.y, R = b.size.x, H = b.size.y;
@@ -37,13 +36,27 @@ KOKKOS_INLINE_FUNCTION void capsule_cylinder(Shape<T> const& a, Shape<T> const& 
   T const out_cap = H + abs(u.z) - abs(c.z), out_side = R - rho;
   if (a2 > T(1e-30)) {
     auto const rim = detail::way_across_rim(c, u, R, H);
-    if (rim.depth < T(0.95) * min(out_cap, out_side)) {  // it gives one point, the others a stretch
+    // less by more than what the routes differ by where they are one: a capsule that lies along cap or side leaves over that
+    if (rim.depth < min(out_cap, out_side) - (sizeof(T) == 4 ? T(3e-6) : T(5e-7)) * (R + H + half)) {
       T const half2 = dot(u, u);
       T const radial = sqrt(rim.n.x * rim.n.x + rim.n.y * rim.n.y);
       T const k = radial > T(0) ? R / radial : T(0);
-      Vec3<T> const p{k * rim.n.x, k * rim.n.y, rim.n.z < T(0) ? -H : H};
+      T const steep = abs(rim.n.z), up = rim.n.z < T(0) ? T(-1) : T(1);
+      Vec3<T> const p{k * rim.n.x, k * rim.n.y, up * H};
       T const at = clamp(dot(p - c, u) / half2, T(-1), T(1));
-      detail::add_sphere_contact(b, c + at * u, r, {-rim.depth, rim.n}, margin, 3, out);
+      if (steep < T(0.1))
+        detail::clip_slab(c.z, u.z, H, t0, t1);
+      else if (steep > T(0.995))
+        detail::clip_circle(c.x, c.y, u.x, u.y, R, t0, t1);
+      else
+        t1 = t0 - T(1);
+      detail::add_stretch(at, t0, t1, half, r, out, [&](T where, int feature) {
+        Vec3<T> const q = c + where * u;
+        T dist = -rim.depth;  // beside the rim: along its normal from the cap or the side
+        if (where != at && steep < T(0.1)) dist = max(dist, ((rim.n.x * q.x + rim.n.y * q.y) / radial - R) / radial);
+        if (where != at && steep > T(0.995)) dist = max(dist, (up * q.z - H) / steep);
+        detail::add_sphere_contact(b, q, r, {dist, rim.n}, margin, feature, out);
+      });
       return;
     }
   }
