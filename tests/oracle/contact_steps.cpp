@@ -149,8 +149,8 @@ Outcome compare(gsp_test::Oracle const& oracle, gsp::CompiledModel const& compil
 
 }  // namespace
 
-// A few of data/models/zoo.txt; GSP_TEST_ZOO=all: every one that can move, 85; GSP_TEST_ZOO=car: those with this in their names. None is
-// refused.
+// Of data/models/zoo.txt the 80 that can move with at most 700 degrees of freedom (20 s); GSP_TEST_ZOO=all: the larger ones too, 85 (two
+// minutes, half of them one sand castle of 3,294); GSP_TEST_ZOO=car: those with this in their names. None is refused.
 TEST_CASE("one step of real models in contact" * doctest::test_suite("data")) {
   auto const zoo = gsp_test::data("models/zoo.txt");
   if (!zoo) {
@@ -167,7 +167,7 @@ TEST_CASE("one step of real models in contact" * doctest::test_suite("data")) {
     int nq = 0, nv = 0, nbody = 0, ngeom = 0;
     if (line.empty() || line[0] == '#' || !(words >> name >> nq >> nv >> nbody >> ngeom) || nv == 0) continue;
     if (choice && !all && name.find(choice) == std::string::npos) continue;
-    if (!choice && name.find("dm_control/suite") == std::string::npos && name.find("active_adhesion") == std::string::npos) continue;
+    if (!choice && nv > 700) continue;
     CAPTURE(name);
     auto const path = gsp_test::data("models/" + name);
     REQUIRE(path);
@@ -183,6 +183,6 @@ TEST_CASE("one step of real models in contact" * doctest::test_suite("data")) {
     same += out.same;
   }
   MESSAGE(models << " models, " << states << " states in contact, " << same << " with the same contacts");
-  CHECK(models >= (all ? 85 : choice ? 1 : 18));
-  CHECK((choice && !all ? true : states >= (all ? 850 : 160)));  // MuJoCo's own: 890 and 170
+  CHECK(models >= (all ? 85 : choice ? 1 : 80));
+  CHECK((choice && !all ? true : states >= (all ? 850 : 750)));  // MuJoCo's own: 890 and 790
 }
