@@ -215,20 +215,19 @@ Tally compare(ShapeType ta, ShapeType tb, int wanted) {
         }
         // a distance is less than that along a normal: of two right answers the one with the larger dist is better
         double const worse = other - dist;
+        double const theirs = certified && n > 0 ? overlap(ta, a, tb, b, {c[j].frame[0], c[j].frame[1], c[j].frame[2]}) : -other;
         if (worse < -1e-6) {
           ++tally.oracle_deeper;
+          if (!certified) fault = "too shallow";
+        } else if (theirs + other > 1e-6) {  // MuJoCo's is no depth at all: along its own normal the supports overlap by more
+          ++tally.oracle_wrong;
+          if (-dist > theirs + 1e-6) fault = "deeper than along their normal";
         } else {
           if (!(worse < 1e-6)) fault = "deeper";
-          // unless MuJoCo's is no depth at all: along its normal the supports overlap by more
-          if (certified && n > 0 && overlap(ta, a, tb, b, {c[j].frame[0], c[j].frame[1], c[j].frame[2]}) + other > 1e-6) {
-            ++tally.oracle_wrong;
-            continue;
-          }
           tally.depth = std::max(tally.depth, std::abs(worse));
           double normal = 0;
           for (int k = 0; k < 3; ++k) normal = std::max(normal, std::abs(p.normal[k] - c[j].frame[k]));
           if (flat && !(normal < 1e-5)) {  // another face as deep?
-            double const theirs = overlap(ta, a, tb, b, {c[j].frame[0], c[j].frame[1], c[j].frame[2]});
             if (dist < 0 && theirs < overlap(ta, a, tb, b, p.normal) - 1e-9) fault = "normal";
           } else if (flat) {
             tally.normal = std::max(tally.normal, normal);
