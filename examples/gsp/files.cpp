@@ -289,7 +289,7 @@ double number_of(gsp::CompiledModel const& m) {
   all(m.body_parent, m.body_pos, m.body_quat, m.body_ipos, m.body_iquat, m.body_mass, m.body_inertia, m.body_gravcomp, m.body_mocap,
       m.body_sleep);
   all(m.jnt_type, m.jnt_body, m.jnt_limited, m.jnt_actfrclimited, m.jnt_actgravcomp, m.jnt_pos, m.jnt_axis, m.jnt_stiffness, m.jnt_margin,
-      m.jnt_stiffnesspoly, m.jnt_range, m.jnt_actfrcrange, m.jnt_solref, m.jnt_solimp);
+      m.jnt_stiffnesspoly, m.jnt_range, m.jnt_actfrcrange, m.jnt_solref, m.jnt_solimp, m.jnt_rigid);
   all(m.dof_armature, m.dof_damping, m.dof_frictionloss, m.dof_dampingpoly, m.dof_solref, m.dof_solimp, m.qpos_spring);
   all(m.geom_type, m.geom_body, m.geom_contype, m.geom_conaffinity, m.geom_condim, m.geom_priority, m.geom_size, m.geom_pos, m.geom_quat,
       m.geom_friction, m.geom_solmix, m.geom_margin, m.geom_gap, m.geom_solref, m.geom_solimp, m.geom_hard, m.geom_restitution, m.geom_erp,
@@ -299,13 +299,13 @@ double number_of(gsp::CompiledModel const& m) {
   all(m.pairs, m.excluded_bodies);
   for (auto const& p : m.named_pairs) {
     all(std::array{p.geom1, p.geom2, p.condim}, p.friction, p.solimp, p.solref, p.solreffriction);
-    all(std::array{p.margin, p.gap, p.adhesion});
+    all(std::array{p.margin, p.gap, p.adhesion, double(p.rigid.hard), p.rigid.restitution, p.rigid.erp});
   }
   all(m.site_body, m.site_pos, m.site_quat, m.wrap_type, m.wrap_id, m.wrap_side, m.wrap_divisor, m.term_jnt, m.term_coef);
   all(m.tendon_wrapnum, m.tendon_termnum, m.tendon_limited, m.tendon_actfrclimited, m.tendon_actfrcrange, m.tendon_stiffness,
       m.tendon_stiffnesspoly, m.tendon_damping, m.tendon_dampingpoly, m.tendon_frictionloss, m.tendon_armature, m.tendon_margin,
       m.tendon_range, m.tendon_lengthspring, m.tendon_solref_limit, m.tendon_solref_friction, m.tendon_solimp_limit,
-      m.tendon_solimp_friction);
+      m.tendon_solimp_friction, m.tendon_rigid);
   all(m.act_target, m.act_id, m.act_ref, m.act_ctrllimited, m.act_forcelimited, m.act_actlimited, m.act_actearly, m.act_dyntype,
       m.act_gaintype, m.act_biastype, m.act_dynprm, m.act_gainprm, m.act_biasprm, m.act_cranklength, m.act_damping, m.act_armature,
       m.act_actrange, m.act_lengthrange, m.act_gear, m.act_ctrlrange, m.act_forcerange);

@@ -8,6 +8,7 @@
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>
+#include <gsp/solver/impacts.hpp>
 #include <gsp_test_execs.hpp>
 #include <limits>
 #include <random>
@@ -222,6 +223,52 @@ TEST_CASE_TEMPLATE("one step into a limit", Exec, GSP_TEST_EXECS) {
   }
   CHECK(active > 10);
   CHECK(active < 40);
+}
+
+// Rigid limits of a slide and of a fixed tendon, in profile stable: what comes at v stops at the end or, with a restitution, comes back with
+// e times what it had (no force acts); what is pushed against the end rests there, where a soft one gives. The end is not overstepped.
+TEST_CASE_TEMPLATE("rigid limits stop and bounce", Exec, GSP_TEST_EXECS) {
+  for (bool const tendon : {false, true})
+    for (double const e : {0., 0.5, 1.}) {
+      auto d = sliders(1, 2);
+      gsp::RigidDescription const rigid{.hard = true, .restitution = e, .erp = 0.2};
+      if (tendon) {
+        d.tendons.emplace_back();
+        d.tendons[0].terms = {{"j0", 2.}};
+        d.tendons[0].limited = true, d.tendons[0].range = {-2, 0.4}, d.tendons[0].rigid_limit = rigid;
+      } else {
+        d.bodies[1].joints[0].limited = true, d.bodies[1].joints[0].range = {-1, 0.2}, d.bodies[1].joints[0].rigid_limit = rigid;
+      }
+      Loop<double, Exec> s(gsp::compile(d), 1);
+      s.forget({.impacts = true});
+      CHECK(s.model.limits_bounce == (e > 0));
+      auto const limits = [&](int n) {
+        for (int i = 0; i < n; ++i) {
+          s.assemble(gsp::JointLimits(s.model, s.state), gsp::TendonLimits(s.model, s.dynamics));
+          gsp::impacts(s.exec, s.progress, s.rows, s.impulses, s.solution);
+          s.finish();
+        }
+      };
+      double const v = 0.6, h = s.model.timestep;
+      s.set(0, {0.15}, {v});
+      limits(100);
+      auto const q = gsp_test::host(s.state.qpos), u = gsp_test::host(s.state.qvel);
+      CAPTURE(tendon);
+      CAPTURE(e);
+      CHECK(std::abs(u(0, 0) + e * v) < 1e-12);
+      if (e == 0) CHECK(std::abs(q(0, 0) - 0.2) < 1e-12);
+      s.set(0, {0.1999}, {0});
+      s.push(0, {50});
+      limits(2000);
+      auto const end = gsp_test::host(s.state.qpos);
+      CHECK(std::abs(end(0, 0) - 0.2) < (e == 1 ? 1.1e-4 : 1e-9));  // with e = 1 it falls and comes back for ever
+    }
+  auto d = sliders(1, 2);
+  auto& joint = d.bodies[1].joints[0];
+  joint.limited = true, joint.range = {-1, 0.2}, joint.rigid_limit = {.hard = true, .erp = 2};
+  CHECK_THROWS_WITH_AS(gsp::compile(d), doctest::Contains("erp that is not between 0 and 1"), gsp::Error);
+  joint.rigid_limit = {.hard = true, .restitution = -1};
+  CHECK_THROWS_WITH_AS(gsp::compile(d), doctest::Contains("restitution that is not between 0 and 1"), gsp::Error);
 }
 
 // A ball joint at its limit is pushed back about its own rotation axis: for an isotropic body the change of velocity is parallel to it, and

@@ -372,6 +372,42 @@ TEST_CASE("a restitution without hard is a line of the report") {
   CHECK(report("_hard='true'", "restitution='.5' _hard='true'").at(0).count == 2);
 }
 
+// Rigid limits, equalities and pairs are read, by classes too, written, and read again the same; without hard the rest is a line each.
+TEST_CASE("rigid limits, equalities and pairs") {
+  std::string const text = R"(<mujoco><default><joint hardlimit="true" erplimit=".3"/><equality erp=".5"/><pair hard="true" restitution=".25"/>
+    </default><worldbody><body name="a"><joint name="j" type="slide" range="-1 1" limited="true" restitutionlimit=".5"/>
+    <joint name="k" type="hinge" hardlimit="false"/><geom name="g" size="1"/></body><body name="b"><freejoint/><geom name="h" size="1"/>
+    </body></worldbody><contact><pair geom1="g" geom2="h" erp=".1"/></contact><equality><weld body1="a" body2="b" hard="true"/>
+    <joint joint1="j" joint2="k"/></equality><tendon><fixed name="t" limited="true" range="0 1" hardlimit="true"><joint joint="j" coef="1"/>
+    </fixed></tendon></mujoco>)";
+  gsp_test::Folder const folder;
+  auto const first = parse_mjcf(text, "m.xml");
+  io::write_mjcf(folder.path / "out.xml", first);
+  for (auto const& d : {first, io::read_mjcf(folder.path / "out.xml")}) {
+    auto const is = [](RigidDescription const& r, bool hard, double restitution, double erp) {
+      return r.hard == hard && r.restitution == restitution && r.erp == erp;
+    };
+    CHECK(is(d.bodies[1].joints[0].rigid_limit, true, 0.5, 0.3));
+    CHECK(is(d.bodies[1].joints[1].rigid_limit, false, 0, 0.3));
+    CHECK(is(d.equalities[0].rigid, true, 0, 0.5));
+    CHECK(is(d.equalities[1].rigid, false, 0, 0.5));
+    CHECK(is(d.tendons[0].rigid_limit, true, 0, 0.2));
+    CHECK(is(d.pairs[0].rigid, true, 0.25, 0.1));
+    auto const compiled = gsp::compile(d);
+    CHECK(compiled.jnt_rigid[0] == gsp::Double3{1, 0.5, 0.3});
+    CHECK(compiled.eq_rigid[0] == gsp::Double3{1, 0, 0.5});
+    CHECK(compiled.tendon_rigid[0] == gsp::Double3{1, 0, 0.2});
+    CHECK(compiled.named_pairs[0].rigid.hard);
+  }
+  auto const said = [&](std::string const& what) { return lines(first, ReportLine::Kind::no_effect, what); };
+  CHECK(said("<joint> hardlimit, restitutionlimit and erplimit (in profile mujoco)") == 1);
+  CHECK(said("<joint> restitutionlimit and erplimit without hardlimit") == 1);
+  CHECK(said("<weld> hard, erp (in profile mujoco)") == 1);
+  CHECK(said("<joint> erp without hard (give hard=\"true\")") == 1);
+  CHECK(said("<pair> hard, restitution and erp (in profile mujoco)") == 1);
+  CHECK(said("<fixed> hardlimit, restitutionlimit and erplimit (in profile mujoco)") == 1);
+}
+
 TEST_CASE("faces of an OBJ file that are not taken stand in the report, with the place of the mesh and theirs") {
   auto const d = parse_mjcf("<mujoco>\n<asset>\n<mesh name='two' file='two.obj'/></asset></mujoco>", "m.xml",
                             files({{"two.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\ng second\nf 1 2 4\n"}}));

@@ -321,6 +321,36 @@ TEST_CASE_TEMPLATE("rigid spheres bounce", Exec, GSP_TEST_EXECS) {
   }
 }
 
+// A named pair may be rigid, whatever its geoms are: it comes back with half its speed, half a step's fall apart as above; and the geoms may
+// be, and the pair is soft.
+TEST_CASE_TEMPLATE("a named pair is rigid by itself", Exec, GSP_TEST_EXECS) {
+  for (bool const hard : {true, false}) {
+    gsp::Description d = on_floor(0.001);
+    d.bodies[0].geoms[0].name = "floor";
+    auto ball = geom(gsp::ShapeType::sphere, {0.1, 0, 0});
+    ball.name = "ball";
+    ball.hard = !hard;
+    ball.restitution = 1;
+    add_free(d, {0, 0, 0.3}, ball);
+    d.pairs.emplace_back();
+    d.pairs[0].geom1 = "floor", d.pairs[0].geom2 = "ball";
+    d.pairs[0].rigid = {.hard = hard, .restitution = 0.5, .erp = 0};
+    World<double, Exec> w(d);
+    double down = 0, up = 0;
+    for (int left = 1000; left > 0; --left) {
+      w.step(1);
+      double const v = w.qvel()(0, 2);
+      if (up == 0) down = std::fmin(down, v);
+      up = std::fmax(up, v);
+    }
+    double const half = 9.81 * 0.001 / 2;
+    CAPTURE(hard);
+    CHECK(down < -1.9);
+    if (hard) CHECK(std::abs(up + half + 0.5 * (down - half)) < 1e-9);
+    if (!hard) CHECK(up < 0.1);
+  }
+}
+
 // Newton's cradle (shared/data: newton_cradle_mt.xml): five touching spheres on arms, the first falls from the horizontal, and stops as the
 // last one flies. A round of impacts conserves energy; what is left is what steps of 1 ms make of pendula: below 0.2 %. Bar of the project:
 // 1 % in 30 s, 0.99 of the rate passed on. The spheres keep their order but for the way of a step, h v, v^2 = 2 g L, by which one is in the

@@ -84,12 +84,7 @@ struct ContactRows {
     R const spring = soft.as_mujoco ? gap : min(gap, R(0));
     if (row > 0) return soft.tangent(p, row - 1, gap, u, h, diag);
     bool const edge = edges > 1 && p.condim > 1;
-    if (p.hard && !soft.as_mujoco && !edge) {
-      RowLaw<R> rigid{R(0), hard_target(gap, h, p.erp)};
-      rigid.restitution = p.restitution;
-      if (diag > R(0)) rigid.mass = R(1) / diag;
-      return rigid;
-    }
+    if (p.hard && !soft.as_mujoco && !edge) return hard_law(gap, h, p.erp, p.restitution, diag);
     RowLaw<R> law = edge ? soft.edge(p, spring, u, h, diag) : soft_law(softness(p), spring, u, h, diag);
     if (soft.as_mujoco) return law;
     if (gap > R(0)) law.zeta = min(-gap / h, law.zeta);  // no spring at a gap: it may close within the step

@@ -12,12 +12,17 @@
 /// documentation, "Computation: equality".
 namespace gsp {
 
+/// A rigid equality closes its gap no faster than so many |g| h: two that contradict each other throw nothing away.
+inline constexpr double most_closing = 1e3;
+
 /// The equality constraints of the model; element k is the k-th of them, rows where state.eq_active(world, k). Its data (Model::eq_data):
 ///   connect, bodies  0-2 the point in body 1, 3-5 in body 2
 ///   weld, bodies     0-2 the point in body 2, 3-5 in body 1, 6-9 body 2's turn in body 1, 10 torquescale; sites: 10 alone
 ///   joint, tendon    0-4 c0 ... c4
 /// What joins two bodies that do not move against each other has no rows. The rate of J is taken into account where points and frames are
 /// held, J' v being subtracted from what the law asks for, so that what turns fast is not pulled apart.
+/// Rigid ones (eq_rigid, profile stable): C = 0, zeta = -erp x / h - h J' v / 2, by which the gap after a step, x + h J v+ + h^2 J' v / 2, is
+/// (1 - erp) x but for h^3.
 template <class R, class Mem>
 struct Equalities {
   static constexpr bool rests = true;
@@ -30,9 +35,9 @@ struct Equalities {
   View<R**> qpos;
   View<int**> eq_active;
   Indices eq_type, eq_id1, eq_id2, eq_sites, site_body, jnt_qposadr, jnt_dofadr, tendon_tree, tendon_place;
-  Field<R> eq_data, eq_solref, eq_solimp, site_pos, site_quat, qpos0, tendon_length0, body_invweight0, dof_invweight0, tendon_invweight0;
+  Field<R> eq_data, eq_solref, eq_solimp, eq_rigid, site_pos, site_quat, qpos0, tendon_length0, body_invweight0, dof_invweight0, tendon_invweight0, gravity;
   int elements;
-  bool tendons;
+  bool tendons, stable;
   Refsafe refsafe;
   Equalities(Model<R, Mem> const& m, State<R, Mem> const& s, Poses<R, Mem> const& p, Dynamics<R, Mem> const& d)
       : trees(m, d),
@@ -52,6 +57,7 @@ struct Equalities {
         eq_data(m.eq_data),
         eq_solref(m.eq_solref),
         eq_solimp(m.eq_solimp),
+        eq_rigid(m.eq_rigid),
         site_pos(m.site_pos),
         site_quat(m.site_quat),
         qpos0(m.qpos0),
@@ -59,8 +65,10 @@ struct Equalities {
         body_invweight0(m.body_invweight0),
         dof_invweight0(m.dof_invweight0),
         tendon_invweight0(m.tendon_invweight0),
+        gravity(m.gravity),
         elements(m.equalities ? m.neq : 0),
         tendons(m.ntendon > 0),
+        stable(m.profile == Profile::stable),
         refsafe(refsafe_of(m)) {}
 
   detail::Quantities reads() const { return elements > 0 && tendons ? detail::set_of(Quantity::tendon_length) : detail::Quantities{}; }
@@ -90,8 +98,12 @@ struct Equalities {
     return gap(world, k, row, f);
   }
   KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int row, R x, R u, R h) const {
-    Softness<R> const s = detail::softness(eq_solref, eq_solimp, world, k, refsafe);
     EqualityType const type = type_of(k);
+    if (detail::Rigidity<R> const r{eq_rigid, world, k, stable}; r.hard) {
+      R const most = R(most_closing) * gravity_rate(gravity, world, h);
+      return {R(0), clamp(-r.erp * x / h, -most, most) - R(0.5) * h * curvature(world, k, row)};
+    }
+    Softness<R> const s = detail::softness(eq_solref, eq_solimp, world, k, refsafe);
     int const id1 = eq_id1(k), id2 = eq_id2(k);
     if (type == EqualityType::joint) {
       R const second = id2 < 0 ? R(0) : dof_invweight0(world, jnt_dofadr(id2));
@@ -168,6 +180,18 @@ struct Equalities {
   KOKKOS_INLINE_FUNCTION static Vec3<R> turned(Vec3<R> const& v, R s, Frames const& f) {
     Quat<R> const q = conjugate(f.turn[1]) * (Quat<R>{s, v.x, v.y, v.z} * f.turn[0]);
     return {q.x, q.y, q.z};
+  }
+  /// The second derivative of a gap where no joint accelerates; of tendons 0 is taken for that of their lengths.
+  KOKKOS_INLINE_FUNCTION R curvature(int world, int k, int row) const {
+    EqualityType const type = type_of(k);
+    if (type == EqualityType::connect || type == EqualityType::weld) return drift(world, k, row, frames(world, k));
+    int const id = eq_id2(k);
+    if (type == EqualityType::tendon || id < 0) return R(0);
+    R const y = place(world, k, id), c2 = data(world, k, 2), c3 = data(world, k, 3), c4 = data(world, k, 4);
+    int const dof = jnt_dofadr(id), t = trees.dof_tree[dof];
+    TreeItems<R> const items = trees.tree(world, t);
+    R const rate = items[items.at.qvel + dof - trees.tree_dof[t]];
+    return -(R(2) * c2 + y * (R(6) * c3 + y * R(12) * c4)) * rate * rate;
   }
   /// J' v: what the gap's second derivative is where no joint accelerates. Points: a1 - a2. Frames, with w = w1 - w2 and a the difference
   /// of the angular accelerations: torquescale/2 times the vector part of q2^-1 ((0, a) + ((0, w) (0, w1) - (0, w2) (0, w))/2) q1.

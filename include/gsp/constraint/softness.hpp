@@ -88,7 +88,25 @@ KOKKOS_INLINE_FUNCTION R hard_target(R x, R h, R erp) {
   return (x < R(0) ? -erp : R(-1)) * x / h;
 }
 
+/// A rigid row that pushes: what closes faster than |g| h comes back with the share `restitution` (solver/impacts.hpp).
+/// @param x     gap [m, rad];   @param diag  approximate diagonal of J M^-1 J^T (invweight0)
+template <class R>
+KOKKOS_INLINE_FUNCTION RowLaw<R> hard_law(R x, R h, R erp, R restitution, R diag) {
+  RowLaw<R> law{R(0), hard_target(x, h, erp)};
+  law.restitution = restitution;
+  if (diag > R(0)) law.mass = R(1) / diag;
+  return law;
+}
+
 namespace detail {
+/// hard, restitution, erp of item i of jnt_rigid, tendon_rigid or eq_rigid; soft where rows are never rigid.
+template <class R>
+struct Rigidity {
+  bool hard;
+  R restitution, erp;
+  KOKKOS_INLINE_FUNCTION Rigidity(Field<R> const& rigid, int world, int i, bool rows_may_be)
+      : hard(rows_may_be && rigid(world, 3 * i) != R(0)), restitution(rigid(world, 3 * i + 1)), erp(rigid(world, 3 * i + 2)) {}
+};
 template <class R>
 KOKKOS_INLINE_FUNCTION Softness<R> softness(Field<R> const& solref, Field<R> const& solimp, int world, int i, Refsafe refsafe) {
   Softness<R> s;

@@ -5,14 +5,16 @@
 /// Limits and dry friction of tendons, fixed and spatial: lengths and moment arms J = dlength/dq are those of the dynamics.
 namespace gsp {
 
-/// Element 2 i is the lower, 2 i + 1 the upper end of the i-th limited tendon.
+/// Element 2 i is the lower, 2 i + 1 the upper end of the i-th limited tendon. Rigid ones (tendon_rigid) as those of joints.
 template <class R, class Mem>
 struct TendonLimits {
   static constexpr bool rests = true;
   detail::TreeReader<R, Mem> trees;
   detail::Stamps stamps;  // host: those of the dynamics
   typename Model<R, Mem>::template Array<int> limited_tendons, tendon_tree, tendon_place;
-  Field<R> tendon_range, tendon_margin, tendon_solref, tendon_solimp, tendon_invweight0;
+  Field<R> tendon_range, tendon_margin, tendon_solref, tendon_solimp, tendon_rigid, tendon_invweight0, gravity;
+  R timestep;
+  bool stable, bounce;
   Refsafe refsafe;
   TendonLimits(Model<R, Mem> const& m, Dynamics<R, Mem> const& d)
       : trees(m, d),
@@ -24,7 +26,12 @@ struct TendonLimits {
         tendon_margin(m.tendon_margin),
         tendon_solref(m.tendon_solref),
         tendon_solimp(m.tendon_solimp),
+        tendon_rigid(m.tendon_rigid),
         tendon_invweight0(m.tendon_invweight0),
+        gravity(m.gravity),
+        timestep(m.timestep),
+        stable(m.profile == Profile::stable),
+        bounce(m.limits_bounce),
         refsafe(refsafe_of(m)) {}
 
   detail::Quantities reads() const {
@@ -33,7 +40,11 @@ struct TendonLimits {
   KOKKOS_INLINE_FUNCTION int count(int) const { return 2 * int(limited_tendons.extent(0)); }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
     int const t = limited_tendons(k / 2);
-    return tendon_tree(t) >= 0 && gap(world, k) < tendon_margin(world, t);
+    if (tendon_tree(t) < 0) return 0;
+    R early(0);
+    if (rigid(world, t).hard)
+      early = timestep * (abs(trees.tendon_rate(world, tendon_tree(t), tendon_place(t))) + gravity_rate(gravity, world, timestep));
+    return gap(world, k) < tendon_margin(world, t) + early;
   }
   template <class Row>
   KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int, Row&& J) const {
@@ -43,13 +54,17 @@ struct TendonLimits {
   }
   KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int, R x, R u, R h) const {
     int const t = limited_tendons(k / 2);
-    return soft_law(detail::softness(tendon_solref, tendon_solimp, world, t, refsafe), x - tendon_margin(world, t), u, h,
-                    tendon_invweight0(world, t));
+    R const diag = tendon_invweight0(world, t);
+    x -= tendon_margin(world, t);
+    if (auto const r = rigid(world, t); r.hard) return hard_law(x, h, r.erp, r.restitution, diag);
+    return soft_law(detail::softness(tendon_solref, tendon_solimp, world, t, refsafe), x, u, h, diag);
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int, int, int) const { return {R(0), Kokkos::Experimental::infinity_v<R>}; }
   KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
+  bool bounces() const { return stable && bounce; }
 
  private:
+  KOKKOS_INLINE_FUNCTION detail::Rigidity<R> rigid(int world, int t) const { return {tendon_rigid, world, t, stable}; }
   KOKKOS_INLINE_FUNCTION R gap(int world, int k) const {
     int const t = limited_tendons(k / 2);
     R const length = trees.tendon_length(world, tendon_tree(t), tendon_place(t));

@@ -33,6 +33,7 @@ struct CompiledModel {
   std::vector<double> jnt_stiffness, jnt_margin;
   std::vector<std::array<double, 2>> jnt_stiffnesspoly;
   std::vector<std::array<double, 2>> jnt_range, jnt_actfrcrange, jnt_solref;
+  std::vector<Double3> jnt_rigid;  // of limits: hard (0, 1), restitution, erp; empty: all are soft
   std::vector<std::array<double, 5>> jnt_solimp;
   std::vector<std::string> jnt_name;
 
@@ -87,6 +88,7 @@ struct CompiledModel {
     std::array<double, 5> friction, solimp;        // friction: sliding, sliding, torsional [m], rolling [m], rolling [m]
     std::array<double, 2> solref, solreffriction;  // solreffriction 0 0: as solref
     double margin, gap, adhesion = 0;
+    RigidDescription rigid{};
   };
   std::vector<NamedPair> named_pairs;
   /// All pairs that may touch: `pairs`, then `named_pairs`.
@@ -124,6 +126,7 @@ struct CompiledModel {
   std::vector<double> term_coef;
   std::vector<double> tendon_stiffness, tendon_damping, tendon_frictionloss, tendon_armature, tendon_margin, tendon_invweight0,
       tendon_length0;
+  std::vector<Double3> tendon_rigid;  // as jnt_rigid
   std::vector<std::array<double, 2>> tendon_range, tendon_lengthspring, tendon_solref_limit, tendon_solref_friction;
   std::vector<std::array<double, 5>> tendon_solimp_limit, tendon_solimp_friction;
   std::vector<std::string> tendon_name;
@@ -143,6 +146,7 @@ struct CompiledModel {
   std::vector<int> eq_type, eq_id1, eq_id2, eq_sites, eq_active;  // EqualityType; bodies (or sites), joints or tendons, -1: none
   std::vector<std::array<double, 11>> eq_data;                    // as MuJoCo completes it in qpos0
   std::vector<std::array<double, 2>> eq_solref;
+  std::vector<Double3> eq_rigid;  // as jnt_rigid
   std::vector<std::array<double, 5>> eq_solimp;
   std::vector<std::string> eq_name;
 

@@ -47,6 +47,13 @@ struct SoftnessDescription {
   std::array<double, 5> solimp{0.9, 0.95, 0.001, 0.5, 2};
 };
 
+/// Instead of soft, in profile stable: rigid, with the share of a gap that a step takes back and, of what pushes, the share of the speed
+/// that comes back (docs/constraint/softness.md).
+struct RigidDescription {
+  bool hard = false;
+  double restitution = 0, erp = 0.2;
+};
+
 struct JointDescription {
   std::string name = "";
   JointType type = JointType::hinge;
@@ -63,6 +70,7 @@ struct JointDescription {
       0, 0};  // time constant [s] and damping ratio; both positive: compile chooses stiffness and damping from the inertia
   std::optional<bool> align{};  // a free joint's body frame becomes its inertial frame; empty: as CompilerDescription::align_free says
   SoftnessDescription limit{}, friction{};
+  RigidDescription rigid_limit{};
   int group = 0;
   Place place{};
 };
@@ -171,6 +179,7 @@ struct TendonDescription {
   std::array<double, 2> springlength{-1, -1};  // dead band; -1: the length at the springs' rest
   double stiffness = 0, damping = 0, frictionloss = 0, armature = 0, margin = 0;
   SoftnessDescription limit{}, friction{};
+  RigidDescription rigid_limit{};
   Place place{};
 };
 
@@ -205,6 +214,7 @@ struct EqualityDescription {
   std::array<double, 11> data{0, 0, 0, 0, 0, 0,
                               0, 0, 0, 0, 1};  // connect: anchor; weld: anchor, relative pose, torquescale; joint, tendon: polynomial
   SoftnessDescription softness{};
+  RigidDescription rigid{.erp = 1};  // without restitution
   Place place{};
 };
 
@@ -225,6 +235,7 @@ struct PairDescription {
   std::optional<std::array<double, 5>> friction{}, solimp{};
   std::optional<std::array<double, 2>> solref{}, solreffriction{};
   std::optional<double> margin{}, gap{}, adhesion{};
+  RigidDescription rigid{};
   Place place{};
 };
 

@@ -64,6 +64,7 @@ struct Model {
   bool eulerdamp = true, springs = true, dampers = true, actuation = true, clampctrl = true, constraints = true;
   int closing_rows = 0;                               // rows of those in a world, at most
   R impratio = R(1);                                  // profile mujoco: how much stiffer friction of contacts is than their normals
+  bool limits_bounce = false;                         // some rigid limits have a restitution
   bool equalities = true, refsafe = true;             // equality constraints act; time constants are at least two timesteps
   bool poly_stiffness = false, poly_damping = false;  // any polynomial spring or damper, of joints or tendons
   R density = R(0), viscosity = R(0);                 // of the medium [kg/m^3, Pa s]
@@ -86,12 +87,13 @@ struct Model {
   Field<R> cam_pos, cam_quat, cam_pos0, cam_poscom0, cam_mat0;                             // (ncam, 3 | 4 | 3 | 3 | 9)
   Field<R> cam_focal, cam_resolution;                                                      // (ncam, 2) [pixel]
   Field<R> body_invweight0;                                                                // (nbody, 2) translational, rotational
-  Field<R> jnt_range, jnt_margin, jnt_solref, jnt_solimp;                                  // (njnt, 2 | 1 | 2 | 5) limits
+  Field<R> jnt_range, jnt_margin, jnt_solref, jnt_solimp, jnt_rigid;                       // (njnt, 2 | 1 | 2 | 5 | 3) limits
   Field<R> dof_frictionloss, dof_invweight0, dof_solref, dof_solimp;                       // (nv, 1 | 1 | 2 | 5) friction loss
   Field<R> tendon_range, tendon_margin, tendon_invweight0, tendon_solref, tendon_solimp;   // (ntendon, 2 | 1 | 1 | 2 | 5) limits
+  Field<R> tendon_rigid;                                                                   // (ntendon, 3)
   Field<R> tendon_frictionloss, tendon_friction_solref, tendon_friction_solimp;            // (ntendon, 1 | 2 | 5)
   Field<R> tendon_length0;                                                                 // (ntendon) in qpos0 [m]
-  Field<R> eq_data, eq_solref, eq_solimp;                                                  // (neq, 11 | 2 | 5), equality.hpp
+  Field<R> eq_data, eq_solref, eq_solimp, eq_rigid;                                        // (neq, 11 | 2 | 5 | 3), equality.hpp
   Field<R> act_gear, act_gain, act_bias, act_dyn;                                          // (nu, 6 | 10 | 10 | 10)
   Field<R> act_ctrlrange, act_forcerange, act_actrange;                                    // (nu, 2) +-infinity where not limited
   Field<R> act_lengthrange, act_acc0, act_cranklength;                                     // (nu, 2 | 1 | 1)

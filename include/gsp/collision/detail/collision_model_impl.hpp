@@ -113,6 +113,9 @@ inline ContactParameters<double> contact_parameters(CompiledModel const& m, int 
   for (int i = 0; i < 2; ++i) p.solref[i] = own.solref[i];
   for (int i = 0; i < 2; ++i) p.solreffriction[i] = own.solreffriction[i];
   p.adhesion = own.adhesion;
+  p.hard = own.rigid.hard;
+  p.restitution = own.rigid.restitution;
+  p.erp = own.rigid.erp;
   return detail::with_override(m.option, p);
 }
 
@@ -173,6 +176,7 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   std::sort(keys.begin(), keys.end());
 
   std::vector<int> geom, body, type, pair, parameters, source;
+  for (auto const& p : m.named_pairs) c.bounces = c.bounces || (p.rigid.hard && p.rigid.restitution > 0);
   std::vector<R> pose, size, friction, solref, solimp, surface;
   bool moving = false;
   std::vector<GeomContact<R>> contact;

@@ -66,6 +66,12 @@ struct TreeReader {
     for (int e = ints[a.tendon_jadr + place], end = ints[a.tendon_jadr + place + 1]; e < end; ++e)
       J.set_dof(dof0 + ints[a.tendon_jdof + e], scale * items[items.at.tendon_J + e]);
   }
+  /// Rate of its length [m/s, rad/s].
+  KOKKOS_INLINE_FUNCTION R tendon_rate(int w, int t, int place) const {
+    RateOf rate{tree(w, t), tree_dof[t]};
+    add_tendon(w, t, place, R(1), rate);
+    return rate.sum;
+  }
 
   /// J += (moment of actuator `place` of tree t), its gear in it
   template <class Row>
@@ -83,6 +89,14 @@ struct TreeReader {
         J.set_dof(dof0 + ints[a.act_mdof + e], items[items.at.act_moment + e]);
     }
   }
+
+  /// In place of a row: J v of one tree.
+  struct RateOf {
+    TreeItems<R> items;
+    int dof0;
+    R sum = R(0);
+    KOKKOS_INLINE_FUNCTION void set_dof(int dof, R value) { sum = fma(value, items[items.at.qvel + dof - dof0], sum); }
+  };
 
   /// Motion of a body, dof by dof from its root: V = sum S v and A = sum (V_S x S) v, V_S the velocity of the frame that S is fixed to: of
   /// a ball's and a free joint's axes the one before the joint turns, of a free joint's translations the world's. A lone rigid body that

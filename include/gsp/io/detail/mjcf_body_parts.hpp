@@ -44,6 +44,7 @@ inline void read_joint(Document& doc, Node const& node, BodyDraft& to, Pose cons
     a.numbers("springdamper", j.springdamper);
     softness(a, j.limit, "limit");
     softness(a, j.friction, "friction");
+    rigidity(doc, a, node, j.rigid_limit, "limit", true);
     if (j.limited && j.type != JointType::slide) j.range = {angle(doc, j.range[0]), angle(doc, j.range[1])};
     if (j.type == JointType::hinge) {
       j.ref = angle(doc, j.ref);

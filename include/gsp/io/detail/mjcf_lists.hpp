@@ -52,6 +52,7 @@ inline void read_contacts(Document& doc, Node const& node) {
         p.solimp = SoftnessDescription{}.solimp;
         a.numbers("solimp", *p.solimp, false);
       }
+      rigidity(doc, a, child, p.rigid, "", true);
       doc.draft.lists.pairs.push_back(std::move(p));
       continue;
     }
@@ -73,6 +74,7 @@ inline void read_equalities(Document& doc, Node const& node) {
     e.name = a.own("name") ? a.text("name") : "";
     a.boolean("active", e.active);
     softness(a, e.softness, "");
+    rigidity(doc, a, child, e.rigid, "", false);
     e.data[10] = 1;
     auto const two = [&](std::string const& kind) {
       if (!a.own(kind + "1")) a.fail(kind + "1", "is missing; name the first " + kind);
@@ -127,6 +129,7 @@ inline void read_tendons(Document& doc, Node const& node) {
     a.number("margin", t.margin);
     softness(a, t.limit, "limit");
     softness(a, t.friction, "friction");
+    rigidity(doc, a, child, t.rigid_limit, "limit", true);
     for (auto const& part : child.children) {
       doc.check(part, child.name + "/" + part.name);
       auto const b = doc.attributes(part);

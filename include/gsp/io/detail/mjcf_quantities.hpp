@@ -98,6 +98,15 @@ inline void softness(Attributes const& a, SoftnessDescription& s, std::string co
   a.numbers("solref" + suffix, s.solref, false);
   a.numbers("solimp" + suffix, s.solimp, false);
 }
+/// Attributes of our own: hard, restitution, erp. The last two do nothing without the first, and none does in profile mujoco: the report
+/// says so.
+inline void rigidity(Document& doc, Attributes const& a, Node const& node, RigidDescription& r, std::string const& suffix, bool bounces) {
+  a.boolean("hard" + suffix, r.hard);
+  bool const given = (bounces && a.number("restitution" + suffix, r.restitution)) | a.number("erp" + suffix, r.erp);
+  std::string const what = std::string(bounces ? "restitution" + suffix + " and erp" : "erp") + suffix;
+  if (!r.hard && given) doc.note(Line::no_effect, node.place, "<" + node.name + "> " + what + " without hard" + suffix + " (give hard" + suffix + "=\"true\")");
+  if (r.hard) doc.note(Line::no_effect, node.place, "<" + node.name + "> hard" + suffix + ", " + what + " (in profile mujoco)");
+}
 /// The first number of a list and the coefficients of higher order that may follow.
 inline void polynomial(Attributes const& a, char const* name, double& first, std::array<double, 2>& higher) {
   std::array<double, 3> v{first, higher[0], higher[1]};

@@ -127,6 +127,11 @@ class Writer {
     SoftnessDescription const standard;
     return list(("solref" + suffix).c_str(), s.solref, standard.solref).list(("solimp" + suffix).c_str(), s.solimp, standard.solimp);
   }
+  Writer& rigidity(RigidDescription const& r, std::string const& suffix, RigidDescription const& standard = {}) {
+    return flag(("hard" + suffix).c_str(), r.hard, false)
+        .number(("restitution" + suffix).c_str(), r.restitution, 0)
+        .number(("erp" + suffix).c_str(), r.erp, standard.erp);
+  }
   Writer& range(char const* name, char const* limited, std::array<double, 2> const& r, bool is_limited) {
     return list(name, r, {0, 0}).word(limited, is_limited ? "true" : "false");
   }
@@ -224,7 +229,7 @@ class Writer {
           .number("frictionloss", j.frictionloss, 0)
           .number("margin", j.margin, 0)
           .list("springdamper", j.springdamper, {0, 0});
-      softness(j.limit, "limit").softness(j.friction, "friction");
+      softness(j.limit, "limit").softness(j.friction, "friction").rigidity(j.rigid_limit, "limit");
       if (j.type != JointType::free) range("range", "limited", j.range, j.limited);
       if (j.actuator_force_limited) range("actuatorfrcrange", "actuatorfrclimited", j.actuator_force_range, true);
       close();
@@ -322,7 +327,7 @@ class Writer {
       optional("margin", p.margin);
       optional("gap", p.gap);
       optional("adhesion", p.adhesion);
-      close();
+      rigidity(p.rigid, "").close();
     }
     for (auto const& e : d.excludes) open("exclude").text("body1", e.body1).text("body2", e.body2).close();
     leave("contact");
@@ -335,6 +340,7 @@ class Writer {
       auto const& x = e.data;
       std::string const kind = e.type >= EqualityType::joint ? types[int(e.type)] : e.sites ? "site" : "body";
       open(types[int(e.type)]).text("name", e.name).flag("active", e.active, true).softness(e.softness, "");
+      rigidity(e.rigid, "", EqualityDescription{}.rigid);
       text((kind + "1").c_str(), e.name1).text((kind + "2").c_str(), e.name2);
       if (e.type >= EqualityType::joint) list("polycoef", std::array{x[0], x[1], x[2], x[3], x[4]}, {0, 1, 0, 0, 0});
       if (kind == "body") word("anchor", digits(x[0]) + " " + digits(x[1]) + " " + digits(x[2]));
@@ -359,7 +365,8 @@ class Writer {
       number("frictionloss", t.frictionloss, 0);
       number("armature", t.armature, 0).number("margin", t.margin, 0).list("springlength", t.springlength, {-1, -1});
       if (t.actuator_force_limited) range("actuatorfrcrange", "actuatorfrclimited", t.actuator_force_range, true);
-      softness(t.limit, "limit").softness(t.friction, "friction").range("range", "limited", t.range, t.limited).into();
+      softness(t.limit, "limit").softness(t.friction, "friction").rigidity(t.rigid_limit, "limit");
+      range("range", "limited", t.range, t.limited).into();
       for (auto const& term : t.terms) open("joint").text("joint", term.joint).word("coef", digits(term.coefficient)).close();
       for (auto const& item : t.path) {
         if (item.type == WrapType::pulley)

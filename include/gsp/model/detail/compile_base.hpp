@@ -56,6 +56,12 @@ class CompilerBase {
   void require_finite(bool ok, Place const& place, char const* what, std::string const& name) const {
     if (!ok) fail(place, what, name, "holds a number that is not finite: give it a value");
   }
+  /// hard, restitution and erp as numbers.
+  Double3 rigid(RigidDescription const& r, Place const& place, char const* what, std::string const& name) const {
+    if (!(r.restitution >= 0 && r.restitution <= 1)) fail(place, what, name, "has a restitution that is not between 0 and 1: correct it");
+    if (!(r.erp >= 0 && r.erp <= 1)) fail(place, what, name, "has an erp that is not between 0 and 1: correct it");
+    return {double(r.hard), r.restitution, r.erp};
+  }
   Double4 unit(Double4 const& q) const { return normalized(q); }
   static void require_range(CompilerBase const& c, bool limited, std::array<double, 2> const& range, Place const& place, char const* what,
                             std::string const& name, char const* attribute) {

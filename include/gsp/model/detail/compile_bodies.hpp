@@ -179,6 +179,7 @@ class BodyCompiler : public CompilerBase {
     m_.jnt_actgravcomp.push_back(j.actuator_gravcomp);
     m_.jnt_solref.push_back(j.limit.solref);
     m_.jnt_solimp.push_back(j.limit.solimp);
+    m_.jnt_rigid.push_back(rigid(j.rigid_limit, j.place, "joint", j.name));
     for (int k = 0; k < dofs; ++k) {
       bool const first_of_body = b > 0 && m_.nv == m_.body_dofadr[b];
       int parent = m_.nv - 1;
@@ -271,6 +272,7 @@ class BodyCompiler : public CompilerBase {
     m_.geom_solmix.push_back(g.solmix);
     m_.geom_margin.push_back(g.margin);
     m_.geom_gap.push_back(g.gap);
+    rigid({g.hard, g.restitution, g.erp}, g.place, "geom", g.name);
     m_.geom_hard.push_back(g.hard);
     m_.geom_restitution.push_back(g.restitution);
     m_.geom_erp.push_back(g.erp);

@@ -69,6 +69,7 @@ class ForceCompiler : public BodyCompiler {
       m_.tendon_actfrclimited.push_back(t.actuator_force_limited);
       m_.tendon_actfrcrange.push_back(t.actuator_force_range);
       m_.tendon_solref_limit.push_back(t.limit.solref);
+      m_.tendon_rigid.push_back(rigid(t.rigid_limit, t.place, "tendon", t.name));
       m_.tendon_solref_friction.push_back(t.friction.solref);
       m_.tendon_solimp_limit.push_back(t.limit.solimp);
       m_.tendon_solimp_friction.push_back(t.friction.solimp);
@@ -165,6 +166,7 @@ class ForceCompiler : public BodyCompiler {
       m_.eq_name.push_back(e.name);
       m_.eq_solref.push_back(e.softness.solref);
       m_.eq_solimp.push_back(e.softness.solimp);
+      m_.eq_rigid.push_back(rigid(e.rigid, e.place, "equality", e.name));
       ++m_.neq;
     }
   }

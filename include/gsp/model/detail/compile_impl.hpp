@@ -77,6 +77,8 @@ class Compiler : public ConstantsCompiler {
       pair.margin = p.margin.value_or(0);
       pair.gap = p.gap.value_or(0);
       pair.adhesion = p.adhesion.value_or(0);
+      pair.rigid = p.rigid;
+      rigid(p.rigid, p.place, "pair", p.name);
       require_finite(finite(pair.friction) && finite(pair.solref) && finite(pair.solimp) && finite(pair.solreffriction) &&
                          std::isfinite(pair.margin) && std::isfinite(pair.gap) && std::isfinite(pair.adhesion),
                      p.place, "pair", p.name);

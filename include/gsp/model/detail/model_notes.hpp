@@ -333,7 +333,10 @@ class ModelNotes {
         f(mesh_triangle(x[0], x[1], x[2]));
       }
     };
-    each([&](MeshTriangle const& t) { middle = middle + t.twice_area * t.center, area += t.twice_area; });
+    each([&](MeshTriangle const& t) {
+      middle = middle + t.twice_area * t.center;
+      area += t.twice_area;
+    });
     if (area > 0) middle = (1 / area) * middle;
     each([&](MeshTriangle const& t) { volume += dot(t.center - middle, t.cross); });
     if (open == 0 && volume >= 0) return;
