@@ -347,7 +347,7 @@ TEST_CASE_TEMPLATE("a named pair is rigid by itself", Exec, GSP_TEST_EXECS) {
     CAPTURE(hard);
     CHECK(down < -1.9);
     if (hard) CHECK(std::abs(up + half + 0.5 * (down - half)) < 1e-9);
-    if (!hard) CHECK(up < 0.1);
+    if (!hard) CHECK(up < 0.5);  // a soft one gives back a little; rigid by its geoms it would have 2 m/s
   }
 }
 
