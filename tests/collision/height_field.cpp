@@ -211,3 +211,80 @@ TEST_CASE("contacts of a field lie on what touches it") {
   }
   CHECK(met > 5000);
 }
+
+// Along normals of the surface alone. A ball whose center is above the ground touches it where it is nearest: that is a point of the
+// surface, so its depth and normal are exact; anything else has a point as deep as the deepest prism says where it is shallow, and no
+// normal that leads down or to the side; nothing that is in the ground is without a point.
+TEST_CASE_TEMPLATE("points along normals of the surface", T, float, double) {
+  Random random(9);
+  Field const rough(13, 17, [&](int, int) { return 0.5 + 0.5 * random(); });
+  Field const smooth(13, 17, [&](int r, int c) { return 0.5 + 0.2 * std::sin(0.7 * r) * std::cos(0.5 * c); });
+  double worst = 0, worst_normal = 0, shallow = 0;
+  int balls = 0, lost = 0, inner = 0;
+  for (int trial = 0; trial < 6000; ++trial) {
+    Field const& ground = trial % 2 == 0 ? rough : smooth;
+    std::vector<T> const elevation(ground.elevation.begin(), ground.elevation.end());
+    ShapeAsset<T> asset;
+    asset.elevation = elevation.data();
+    asset.rows = 13;
+    asset.columns = 17;
+    for (int i = 0; i < 4; ++i) asset.extent[i] = T(ground.asset.extent[i]);
+    Shape<T> const field = cast<T>(ground.at({0, 0, 0}), &asset);
+    ShapeType const types[] = {ShapeType::sphere, ShapeType::capsule, ShapeType::ellipsoid, ShapeType::cylinder, ShapeType::box};
+    ShapeType const type = types[trial / 2 % 5];
+    double const r = 0.05 + 0.1 * std::abs(random());
+    auto b = still({1.4 * random(), random(), 0}, {r, 0.15 + 0.05 * random(), 0.15 + 0.05 * random()}, random.turn());
+    // the surface: its triangles
+    std::vector<std::array<D, 3>> tops;
+    for (int row = 0; row < 12; ++row)
+      for (int c = 0; c < 16; ++c)
+        for (int half = 0; half < 2; ++half)
+          tops.push_back({HfieldShape::point(ground.asset, row, c),
+                          HfieldShape::point(ground.asset, half ? row : row + 1, half ? c + 1 : c),
+                          HfieldShape::point(ground.asset, row + 1, c + 1)});
+    b.p.z = 0.5 * (1 + random()) * 0.5;
+    double nearest = 1e30;
+    D foot{0, 0, 0};
+    for (auto const& t : tops) {
+      double l[3];
+      detail::nearest_of_triangle(t[0] - b.p, t[1] - b.p, t[2] - b.p, l[0], l[1], l[2]);
+      D const q = l[0] * t[0] + l[1] * t[1] + l[2] * t[2];
+      if (norm(q - b.p) < nearest) nearest = norm(q - b.p), foot = q;
+    }
+    double height = 0;  // of the ground below its center
+    for (auto const& t : tops) {
+      D const u = t[1] - t[0], v = t[2] - t[0], d = b.p - t[0];
+      double const det = u.x * v.y - u.y * v.x, s = (d.x * v.y - d.y * v.x) / det, w = (u.x * d.y - u.y * d.x) / det;
+      if (s >= 0 && w >= 0 && s + w <= 1) height = t[0].z + s * u.z + w * v.z;
+    }
+    if (b.p.z < height) continue;
+    ContactPoints<T, 8> out, any;
+    height_field(field, type, cast<T>(b), T(0), out, true);
+    height_field(field, type, cast<T>(b), T(0), any);
+    double least = 0, deep = 0;
+    D normal{0, 0, 1};
+    for (int i = 0; i < any.count; ++i) least = std::min(least, double(any.point[i].dist));
+    for (int i = 0; i < out.count; ++i) {
+      auto const& p = out.point[i];
+      CHECK(std::isfinite(p.dist + p.pos.x + p.pos.y + p.pos.z + p.normal.x));
+      inner += !(p.normal.z > 0);
+      if (p.dist < deep) deep = p.dist, normal = {p.normal.x, p.normal.y, p.normal.z};
+    }
+    CAPTURE(trial);
+    bool const missed = least < -1e-5 && out.count == 0;
+    CHECK(!missed);
+    lost += missed;
+    if (least > -0.015) shallow = std::max(shallow, deep - least);  // less than a tenth of the sizes
+    if (type == ShapeType::sphere && nearest < r - 1e-5 && nearest > 1e-3) {
+      ++balls;
+      worst = std::max(worst, std::abs(deep - (nearest - r)));
+      worst_normal = std::max(worst_normal, norm(normal - normalized(b.p - foot)));
+    }
+  }
+  CHECK(balls > 200);
+  CHECK(lost == 0);
+  CHECK(inner == 0);
+  CHECK(worst < 5e-6);
+  CHECK(worst_normal < 1e-3);
+  CHECK(shallow < 5e-6);
+}

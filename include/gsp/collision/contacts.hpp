@@ -18,7 +18,9 @@ struct ContactsOptions {
   int worlds = 1;
   int candidates_per_world = 0, points_per_world = 0, contacts_per_world = 0;
   int points_per_box_pair = 8;  // 8: all of them; 4: those that support best (manifold.hpp)
-  bool capsules_lie = false;    // nearly parallel capsules touch at two points (narrowphase/capsule_capsule.hpp), not at one
+  // Points that move as the bodies do: nearly parallel capsules touch at two (narrowphase/capsule_capsule.hpp), not at one, and height
+  // fields push along normals of their surface alone (narrowphase/height_field.hpp), not out of inner sides of their prisms.
+  bool steady = false;
 };
 
 /// What the last `collide` needed, read by the host.
@@ -36,7 +38,7 @@ struct Contacts {
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0;
   int points_per_box_pair = 8;
-  bool capsules_lie = false;
+  bool steady = false;
   View<int*> first, end;        // (worlds) the contacts of a world; use first_of and count_of, which know about overflow
   View<std::uint32_t*> status;  // (worlds) status::contact_overflow
   // (capacity), filled up to size()
@@ -144,13 +146,11 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
   // read.
   std::int64_t candidates = std::int64_t(s.candidates.extent(0));
   if constexpr (!is_device<Exec>) candidates = std::min(candidates, std::int64_t(s.total(0)));
-  Kokkos::parallel_for(
-      "gsp::collision::narrowphase", lightweight(Range(exec, 0, candidates)),
-      detail::CollideCandidates<R, Mem, false>{model, s, contacts.points_per_box_pair == 4, contacts.capsules_lie, before});
+  Kokkos::parallel_for("gsp::collision::narrowphase", lightweight(Range(exec, 0, candidates)),
+                       detail::CollideCandidates<R, Mem, false>{model, s, contacts.points_per_box_pair == 4, contacts.steady, before});
   if (model.has_convex_pairs)
-    Kokkos::parallel_for(
-        "gsp::collision::convex_narrowphase", lightweight(Range(exec, 0, candidates)),
-        detail::CollideCandidates<R, Mem, true>{model, s, contacts.points_per_box_pair == 4, contacts.capsules_lie, before});
+    Kokkos::parallel_for("gsp::collision::convex_narrowphase", lightweight(Range(exec, 0, candidates)),
+                         detail::CollideCandidates<R, Mem, true>{model, s, contacts.points_per_box_pair == 4, contacts.steady, before});
   Kokkos::parallel_scan("gsp::collision::write_contacts", lightweight(Range(exec, 0, items)),
                         detail::WriteContacts<R, Mem>{model, contacts});
 }

@@ -20,10 +20,11 @@ namespace gsp {
 
 /// Contact points of a and b with dist <= margin, by the kind of the pair; `out.add(pos, dist, normal, feature)` takes them
 /// (ContactPoints). This one: the kinds with a function of their own; none for the others.
-/// @param capsules_lie  nearly parallel capsules touch at two points (capsule_capsule)
+/// @param steady  nearly parallel capsules touch at two points (capsule_capsule), and a height field pushes along normals of its surface
+///                alone (height_field)
 template <class T, class Out>
 KOKKOS_INLINE_FUNCTION void closed_narrowphase(PairKind kind, Shape<T> const& a, Shape<T> const& b, T margin, Out& out,
-                                               bool capsules_lie = false) {
+                                               bool steady = false) {
   switch (kind) {
     case PairKind::plane_sphere:
       return plane_sphere(a, b, margin, out);
@@ -42,7 +43,7 @@ KOKKOS_INLINE_FUNCTION void closed_narrowphase(PairKind kind, Shape<T> const& a,
     case PairKind::sphere_box:
       return sphere_box(a, b, margin, out);
     case PairKind::capsule_capsule:
-      return capsule_capsule(a, b, margin, out, capsules_lie);
+      return capsule_capsule(a, b, margin, out, steady);
     case PairKind::capsule_cylinder:
       return capsule_cylinder(a, b, margin, out);
     case PairKind::capsule_box:
@@ -60,18 +61,19 @@ KOKKOS_INLINE_FUNCTION void closed_narrowphase(PairKind kind, Shape<T> const& a,
 
 /// The kinds that the convex routine serves (`detail::convex_kinds`), which needs a stack of some kB.
 template <class T, class Out>
-KOKKOS_INLINE_FUNCTION void convex_narrowphase(PairKind kind, Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
+KOKKOS_INLINE_FUNCTION void convex_narrowphase(PairKind kind, Shape<T> const& a, Shape<T> const& b, T margin, Out& out,
+                                               bool steady = false) {
   ShapeType const type_b = second_type(kind);
-  if (first_type(kind) == ShapeType::hfield) return height_field(a, type_b, b, margin, out);
+  if (first_type(kind) == ShapeType::hfield) return height_field(a, type_b, b, margin, out, steady);
   convex_convex(first_type(kind), a, type_b, b, margin, out);
 }
 
 /// Any kind.
 template <class T, class Out>
-KOKKOS_INLINE_FUNCTION void narrowphase(PairKind kind, Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
+KOKKOS_INLINE_FUNCTION void narrowphase(PairKind kind, Shape<T> const& a, Shape<T> const& b, T margin, Out& out, bool steady = false) {
   if (kind == PairKind::none) return;
-  if (is_among(detail::convex_kinds, kind)) return convex_narrowphase(kind, a, b, margin, out);
-  closed_narrowphase(kind, a, b, margin, out);
+  if (is_among(detail::convex_kinds, kind)) return convex_narrowphase(kind, a, b, margin, out, steady);
+  closed_narrowphase(kind, a, b, margin, out, steady);
 }
 
 }  // namespace gsp

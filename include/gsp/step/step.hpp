@@ -131,7 +131,7 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   sim.collision = make_collision_model<R>(exec, compiled);
   sim.dynamics = make_dynamics(exec, model, {.worlds = n});
   sim.poses = make_poses(exec, model, {.worlds = n});
-  sim.contacts = make_contacts(exec, sim.collision, {.worlds = n, .points_per_box_pair = stable ? 4 : 8, .capsules_lie = stable});
+  sim.contacts = make_contacts(exec, sim.collision, {.worlds = n, .points_per_box_pair = stable ? 4 : 8, .steady = stable});
   sim.rows = make_rows(exec, model, {.worlds = n, .impacts = options.impacts || sim.collision.bounces || model.limits_bounce});
   sim.impulses = make_impulses(exec, sim.rows);
   sim.solution = make_solution(exec, model, {.worlds = n});

@@ -39,7 +39,7 @@ Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& m
   expects(options.points_per_box_pair == 4 || options.points_per_box_pair == 8, "gsp::make_contacts: points_per_box_pair must be 4 or 8");
   Contacts<R, Mem> c;
   c.points_per_box_pair = options.points_per_box_pair;
-  c.capsules_lie = options.capsules_lie;
+  c.steady = options.steady;
   c.stamp = detail::make_stamp<detail::ContactsStamp>("gsp::Contacts::stamp");
   int const worlds = c.worlds = options.worlds;
   c.adhesive = model.adhesive;

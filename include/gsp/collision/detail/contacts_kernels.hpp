@@ -161,7 +161,7 @@ template <class R, class Mem, bool convex>
 struct CollideCandidates {
   CollisionModel<R, Mem> model;
   ContactScratch<R, Mem> s;
-  bool reduce, capsules_lie;
+  bool reduce, steady;
   StillContacts<R, Mem> before;
   KOKKOS_FUNCTION void operator()(std::int64_t k) const {
     if (k >= s.total(0)) return;
@@ -181,9 +181,9 @@ struct CollideCandidates {
     R const reach = own.margin + own.gap + model.early(c.world);
     PointSlots<R> out{&s.points(c.slot), c.count, 0};
     if constexpr (convex)
-      convex_narrowphase(kind, shape(a), shape(b), reach, out);
+      convex_narrowphase(kind, shape(a), shape(b), reach, out, steady);
     else
-      closed_narrowphase(kind, shape(a), shape(b), reach, out, capsules_lie);
+      closed_narrowphase(kind, shape(a), shape(b), reach, out, steady);
     s.candidates(k).count = short(reduce && is_among(reducing_kinds, kind) ? reduce_points(out.slot, out.count) : out.count);
   }
 };

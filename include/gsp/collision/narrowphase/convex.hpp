@@ -69,12 +69,11 @@ template <class T>
   }
 }
 
-/// The points of two convex shapes: the patch of the faces that meet, and the deepest point where the patch has none that is as deep.
-/// Returns how many there are, at most four, those that support best.
+/// The patch of the faces that meet along d's normal. Returns whether one of its points is as deep as the shapes overlap along it, or there
+/// is no room for one.
 template <class T>
-[[gnu::noinline]] KOKKOS_FUNCTION int find_patch(ConvexShape<T>& a, ConvexShape<T>& b, T margin, Patch<T>& patch) {
-  ConvexDistance<T> d = core_distance(a, b, margin);
-  if (!d.near) return 0;
+KOKKOS_INLINE_FUNCTION bool meet_patch(ConvexShape<T> const& a, ConvexShape<T> const& b, ConvexDistance<T> const& d, T margin,
+                                       Patch<T>& patch) {
   T const size = a.extent + b.extent + a.radius + b.radius;
   patch.margin = margin;
   patch.same2 = square((sizeof(T) == 4 ? T(1e-5) : T(1e-7)) * size);
@@ -88,7 +87,16 @@ template <class T>
     deep = deep || patch.point[i].dist <= d.dist + slack;
     patch.point[i].dist = max(patch.point[i].dist, d.dist);  // faces are flat but for rounding
   }
-  if (!deep && patch.count < Patch<T>::most) {
+  return deep || patch.count == Patch<T>::most;
+}
+
+/// The points of two convex shapes: the patch of the faces that meet, and the deepest point where the patch has none that is as deep.
+/// Returns how many there are, at most four, those that support best.
+template <class T>
+[[gnu::noinline]] KOKKOS_FUNCTION int find_patch(ConvexShape<T>& a, ConvexShape<T>& b, T margin, Patch<T>& patch) {
+  ConvexDistance<T> d = core_distance(a, b, margin);
+  if (!d.near) return 0;
+  if (!meet_patch(a, b, d, margin, patch)) {
     find_deepest(a, b, d);
     patch.point[patch.count] = {d.pos, d.dist, d.normal, 0};
     ++patch.count;

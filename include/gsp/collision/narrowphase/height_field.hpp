@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/collision/detail/field_normals.hpp>
 #include <gsp/collision/narrowphase/convex.hpp>
 
 namespace gsp {
@@ -49,6 +50,38 @@ KOKKOS_INLINE_FUNCTION void cells_under(T x, T e, T half, T w, int cells, int& f
   last = int(clamp((x + e + half) / w, T(0), most));
 }
 
+/// The points of a prism of a height field and b along a normal of the surface. Where the shortest way out is none (`is_surface_normal`),
+/// it is the least of those that are, and the deepest point counts only where the triangle is what it is below of: else it is the next
+/// one's. A point that is left for that goes to `rest`, if it is the deepest so far.
+template <class T>
+[[gnu::noinline]] KOKKOS_FUNCTION int find_surface_patch(FieldTriangle<T> const& triangle, ConvexShape<T>& prism, ConvexShape<T>& b,
+                                                         T margin, Patch<T>& patch, ContactPoint<T>& rest) {
+  ConvexDistance<T> d = core_distance(prism, b, margin);
+  if (!d.near) return 0;
+  bool const kept = is_surface_normal(triangle, d.normal);
+  if (!kept) {
+    T overlap;
+    d.normal = surface_normal(triangle, prism, b, d.normal, overlap);
+    d.dist = -overlap - b.radius;
+  }
+  if (!meet_patch(prism, b, d, margin, patch)) {
+    bool own = true;
+    if (kept) {
+      find_deepest(prism, b, d);
+    } else {
+      Vec3<T> const low = core_support(b, -d.normal) - b.radius * d.normal;
+      d.pos = low - T(0.5) * d.dist * d.normal;
+      own = is_in_column(triangle, low - d.dist * d.normal - prism.p);
+    }
+    ContactPoint<T> const p{d.pos, d.dist, d.normal, 0};
+    if (own)
+      patch.point[patch.count++] = p;
+    else if (d.dist < rest.dist)
+      rest = p;
+  }
+  return reduce_points(patch.point, patch.count);
+}
+
 }  // namespace detail
 
 /// Height field a and any convex shape b of type `type_b`: the cells under b's bounds, each as two prisms from the triangle of its surface
@@ -56,8 +89,9 @@ KOKKOS_INLINE_FUNCTION void cells_under(T x, T e, T half, T w, int cells, int& f
 /// of more, the two that lie nearest to each other lose the shallower one. What is deeper in the ground than a prism is wide may be pushed
 /// out of its side, as in MuJoCo: make cells wider than things sink. Features: prism and point. Cost: one convex search for each prism
 /// that is not below b's bounds.
+/// @param smooth  normals are those of the surface alone, not of sides and edges inside of it: what slides does not catch there
 template <class T, class Out>
-KOKKOS_INLINE_FUNCTION void height_field(Shape<T> const& a, ShapeType type_b, Shape<T> const& b, T margin, Out& out) {
+KOKKOS_INLINE_FUNCTION void height_field(Shape<T> const& a, ShapeType type_b, Shape<T> const& b, T margin, Out& out, bool smooth = false) {
   ShapeAsset<T> const& field = *a.asset;
   if (field.rows < 2 || field.columns < 2) return;     // no cell
   Vec3<T> const at = transpose_times(a.R, b.p - a.p);  // b in the field's frame
@@ -84,6 +118,7 @@ KOKKOS_INLINE_FUNCTION void height_field(Shape<T> const& a, ShapeType type_b, Sh
   detail::ConvexShape<T> prism{ShapeType::hfield, {T(0), T(0), T(0)}, {{T(1), T(0), T(0), T(0), T(1), T(0), T(0), T(0), T(1)}}, {}};
   prism.prism = corner;
   detail::FieldPoints<T> points;
+  ContactPoint<T> rest{{T(0), T(0), T(0)}, Kokkos::Experimental::finite_max_v<T>, {T(0), T(0), T(1)}, 0};
   points.same2 = square(T(1e-3) * min(dx, dy));
   for (int r = first_row; r <= last_row; ++r)
     for (int c = first_column; c <= last_column; ++c)
@@ -102,8 +137,19 @@ KOKKOS_INLINE_FUNCTION void height_field(Shape<T> const& a, ShapeType type_b, Sh
         prism.p = origin - at;
         prism.extent = max(max(dx, dy), half_depth);
         points.base = ((r * (field.columns - 1) + c) * 2 + half) * 4;
-        detail::add_convex_points(prism, shape, at, margin, points);
+        if (!smooth) {
+          detail::add_convex_points(prism, shape, at, margin, points);
+          continue;
+        }
+        auto const triangle = detail::field_triangle(field, r, c, half, origin, corner);
+        detail::Patch<T> patch;
+        int const count = detail::find_surface_patch(triangle, prism, shape, margin, patch, rest);
+        for (int i = 0; i < count; ++i) points.add(at + patch.point[i].pos, patch.point[i].dist, patch.point[i].normal, 0);
       }
+  if (points.count == 0 && rest.dist <= margin) {  // no column has the deepest point of its own
+    points.base = 0;
+    points.add(at + rest.pos, rest.dist, rest.normal, 0);
+  }
   for (int i = 0; i < points.count; ++i) {
     auto const& p = points.point[i];
     out.add(a.p + a.R * p.pos, p.dist, a.R * p.normal, p.feature);
