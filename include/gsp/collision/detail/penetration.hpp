@@ -45,6 +45,15 @@ struct Polytope {
 
   /// The distance of a face's plane from the origin, by one of its corners.
   KOKKOS_INLINE_FUNCTION T offset(int f, int a) const { return dot(normal[f], vertex[a].w); }
+  KOKKOS_INLINE_FUNCTION void find_bound(int f) {
+    bound[f] = offset(f, corner[f][0]);
+    if (!has_holes || !(bound[f] > T(0))) return;
+    // what is left of its neighbors no longer tells where its plane is the nearest
+    Vec3<T> const a = vertex[corner[f][0]].w, b = vertex[corner[f][1]].w, c = vertex[corner[f][2]].w;
+    T la, lb, lc;
+    nearest_of_triangle(a, b, c, la, lb, lc);
+    bound[f] = max(bound[f], norm(la * a + lb * b + lc * c));
+  }
   /// A new face a b c; none where it has no area or there is no room.
   KOKKOS_INLINE_FUNCTION int add_face(int a, int b, int c, T least_area) {
     int f = 0;
@@ -54,15 +63,10 @@ struct Polytope {
     T const length = norm(n);
     if (!(length > least_area)) return none;
     normal[f] = (T(1) / length) * n;
-    bound[f] = offset(f, a);
-    if (has_holes && bound[f] > T(0)) {  // what is left of its neighbors no longer tells where its plane is the nearest
-      T la, lb, lc;
-      nearest_of_triangle(vertex[a].w, vertex[b].w, vertex[c].w, la, lb, lc);
-      bound[f] = max(bound[f], norm(la * vertex[a].w + lb * vertex[b].w + lc * vertex[c].w));
-    }
     corner[f][0] = std::uint8_t(a);
     corner[f][1] = std::uint8_t(b);
     corner[f][2] = std::uint8_t(c);
+    find_bound(f);
     for (int k = 0; k < 3; ++k) neighbor[f][k] = none;
     alive.add(f);
     return f;
@@ -77,6 +81,25 @@ struct Polytope {
         for (int l = 0; l < 3; ++l)
           if (corner[g][l] == b) neighbor[g][l] = std::uint8_t(f);
       }
+  }
+  /// The square of a face's least height.
+  KOKKOS_INLINE_FUNCTION T width2(int f) const {
+    Vec3<T> const a = vertex[corner[f][0]].w, b = vertex[corner[f][1]].w, c = vertex[corner[f][2]].w;
+    Vec3<T> const ab = b - a, ac = c - a, bc = c - b;
+    Vec3<T> const twice = cross(ab, ac);
+    return dot(twice, twice) / max(max(dot(ab, ab), dot(ac, ac)), dot(bc, bc));
+  }
+  /// A new face whose plane is that of its neighbor g, which is wider, to the rounding of its corners: its own normal is rounding where it
+  /// is a sliver, and what lies far off would seem to be beyond it. It takes g's.
+  KOKKOS_INLINE_FUNCTION void straighten(int f, int g, T rounding) {
+    if (f == none || g == none) return;
+    Vec3<T> const turn = normal[f] - normal[g];
+    T const turn2 = dot(turn, turn);
+    if (!(turn2 < T(1e-4))) return;
+    T const own = width2(f);
+    if (!(turn2 * own <= square(rounding)) || !(own < width2(g))) return;
+    normal[f] = normal[g];
+    find_bound(f);
   }
   KOKKOS_INLINE_FUNCTION void remove_face(int f) {
     alive.remove(f);
@@ -154,6 +177,7 @@ struct Polytope {
       int const g = add_face(rim[i][0], rim[i][1], v, least_area);
       from[rim[i][0]] = std::uint8_t(g);
       join(g, rim[i][2], rim[i][0]);
+      straighten(g, rim[i][2], rounding);
     }
     for (int i = 0; i < count; ++i) join(from[rim[i][0]], from[rim[i][1]], rim[i][1]);
   }
