@@ -86,9 +86,9 @@ template <class T>
 
 /// Height field a and any convex shape b of type `type_b`: the cells under b's bounds, each as two prisms from the triangle of its surface
 /// (the diagonal runs from (row, column) to (row + 1, column + 1)) down to the base, each against b by the convex routine; up to 8 points:
-/// of more, the two that lie nearest to each other lose the shallower one. What is deeper in the ground than a prism is wide may be pushed
-/// out of its side, as in MuJoCo: make cells wider than things sink. Features: prism and point. Cost: one convex search for each prism
-/// that is not below b's bounds.
+/// of more, the two that lie nearest to each other lose the shallower one. Unless `smooth`, what is deeper in the ground than a prism is
+/// wide may be pushed out of its side, as in MuJoCo: make cells wider than things sink. Features: prism and point. Cost: one convex search
+/// for each prism that is not below b's bounds.
 /// @param smooth  normals are those of the surface alone, not of sides and edges inside of it: what slides does not catch there
 template <class T, class Out>
 KOKKOS_INLINE_FUNCTION void height_field(Shape<T> const& a, ShapeType type_b, Shape<T> const& b, T margin, Out& out, bool smooth = false) {
