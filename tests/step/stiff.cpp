@@ -11,6 +11,35 @@
 
 #include "step/world.hpp"
 
+namespace test_types {
+/// A user's springs and dampers between points of bodies, the law of a spatial tendon: tether k from `from[k]` of body a[k] to `to[k]` of
+/// b[k].
+template <class R, class Mem>
+struct Tethers : gsp::OneFreeRow {
+  gsp::Poses<R, Mem> poses;
+  R stiffness, damping, length;
+  gsp::Vec3<R> from[2], to[2];
+  int a[2], b[2];
+  KOKKOS_FUNCTION int count(int) const { return 2; }
+  KOKKOS_FUNCTION gsp::Vec3<R> at(int world, int body, gsp::Vec3<R> const& p) const {
+    gsp::Quat<R> const q{poses.xquat(world, body, 0), poses.xquat(world, body, 1), poses.xquat(world, body, 2),
+                         poses.xquat(world, body, 3)};
+    return gsp::Vec3<R>{poses.xpos(world, body, 0), poses.xpos(world, body, 1), poses.xpos(world, body, 2)} + gsp::rotate(q, p);
+  }
+  template <class T>
+  KOKKOS_FUNCTION T lambda(int, int, int, T x, T u) const {
+    return -(stiffness * x + damping * u);
+  }
+  template <class Row>
+  KOKKOS_FUNCTION R jacobian(int world, int k, int, Row&& J) const {
+    gsp::Vec3<R> const p = at(world, a[k], from[k]), q = at(world, b[k], to[k]), along = gsp::normalized(q - p);
+    if (a[k] > 0) J.add_point(a[k], p, -along);
+    J.add_point(b[k], q, along);
+    return gsp::norm(q - p) - length;
+  }
+};
+}  // namespace test_types
+
 namespace {
 
 constexpr double gravity = 9.81;
@@ -160,6 +189,58 @@ TEST_CASE_TEMPLATE("springs, dampers and servos of spatial tendons hold a weight
       run(1., h, driven);
       run(1.f, h, driven);
     }
+}
+
+// A spatial tendon's spring and damper, and the same law as a constraint of a user's own (docs/add_a_constraint.md): from the world to a
+// body on slides, and from there to a corner of a free body, thrown. Both are rows with one law, C = 1 / (h (h k + b)), so the problem that
+// is solved is the same, and its solution unique: solved to 1e-12 |g| h a rate, 4e-14 m/s a step, and rounding, k eps of places in forces,
+// 2e-10 N, of which the law itself gives back all but h b / (h k + b) a step. 200 steps of both: 1e-10 m, 1e-8 m/s. They start where the
+// springs are out of balance, so that it is a motion that is compared.
+TEST_CASE_TEMPLATE("a user's tether is a spatial tendon's spring", Exec, GSP_TEST_EXECS) {
+  double const k = 1e6, damping = 3e3, length = 0.8;
+  auto const scene = [&](bool tendons) {
+    gsp::Description d;
+    d.bodies[0].sites.emplace_back().name = "top";
+    auto b = body(0, {0, 0, -1}, {0, 0, 0}, 2);
+    for (int c = 0; c < 3; ++c)
+      joint(b, gsp::JointType::slide, {double(c == 0), double(c == 1), double(c == 2)}, std::string(1, char('x' + c)));
+    b.sites.emplace_back().name = "hook";
+    d.bodies.push_back(b);
+    auto free = body(0, {0.2, 0.1, -1.7}, {0, 0, 0}, 1, 0.02);
+    free.joints.emplace_back().type = gsp::JointType::free;
+    auto& corner = free.sites.emplace_back();
+    corner.name = "corner", corner.pos = {0.1, -0.05, 0.1};
+    d.bodies.push_back(free);
+    for (auto const& [from, to] : {std::pair{"top", "hook"}, {"hook", "corner"}}) {
+      if (!tendons) continue;
+      auto& t = d.tendons.emplace_back();
+      t.name = to;
+      t.path = {{gsp::WrapType::site, from}, {gsp::WrapType::site, to}};
+      t.stiffness = k, t.damping = damping, t.springlength = {length, length};
+    }
+    return d;
+  };
+  World<double, Exec> a(scene(true), 0.002), b(scene(false), 0.002);
+  test_types::Tethers<double, typename Exec::memory_space> tethers{};
+  tethers.poses = b.sim.poses, tethers.stiffness = k, tethers.damping = damping, tethers.length = length;
+  tethers.to[1] = {0.1, -0.05, 0.1};
+  tethers.a[0] = 0, tethers.b[0] = 1, tethers.a[1] = 1, tethers.b[1] = 2;
+  std::vector<double> const push{0.5, 0, 0, 0, 0.3, 0, 1, 2, -1};
+  a.put(a.state.qvel, push), b.put(b.state.qvel, push);
+  gsp::PgsOptions const solver{.iterations = 100000, .tolerance = 1e-12f};
+  double places = 0, rates = 0, most = 0;
+  for (int i = 0; i < 200; ++i) {
+    gsp::step(a.exec, a.model, a.state, a.sim, {.steps = 1, .solver = solver});
+    gsp::step(b.exec, b.model, b.state, b.sim, {.steps = 1, .solver = solver}, tethers);
+    auto const qa = a.qpos(), qb = b.qpos(), va = a.qvel(), vb = b.qvel();
+    for (int c = 0; c < a.model.nq; ++c) places = std::fmax(places, std::abs(qa(0, c) - qb(0, c)));
+    for (int c = 0; c < a.model.nv; ++c)
+      rates = std::fmax(rates, std::abs(va(0, c) - vb(0, c))), most = std::fmax(most, std::abs(va(0, c)));
+  }
+  MESSAGE("apart by " << places << " m, " << rates << " m/s; fastest " << most << " m/s or rad/s");
+  CHECK(places < 1e-10);
+  CHECK(rates < 1e-8);
+  CHECK(most > 1);
 }
 
 // A pendulum on a ball joint, servos on the three parts of its rotation vector: where kp (target - q) balances the weight about y.
