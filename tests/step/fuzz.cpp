@@ -8,6 +8,8 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
+#include <gsp/io/mjcf.hpp>
 #include <gsp/io/write_mjcf.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/step/step.hpp>
@@ -151,6 +153,46 @@ TEST_CASE("random worlds end finite or say why not, with the same bits for any n
   Tally tally;
   run_all(1, 8, 2, tally);
   CHECK(tally.refused == 0);
+}
+
+// The starting files of the fuzzer (tests/fuzz/seeds/mjcf): meshes that are flat, open, inside out, one point; height fields of one row;
+// solimp out of range; welds that contradict each other, loops that cannot close. Each is refused in one sentence, stops with a status bit,
+// or stays finite for 200 steps.
+TEST_CASE("files that ask for what cannot be end in a sentence, a status bit or numbers") {
+  int files = 0, refused = 0, stopped = 0;
+  for (auto const& entry : std::filesystem::directory_iterator(std::filesystem::path(GSP_TEST_DIR) / "fuzz/seeds/mjcf")) {
+    auto const name = entry.path().filename().string();
+    INFO(name);
+    ++files;
+    gsp::CompiledModel m;
+    auto const step = [&](auto zero, gsp::Profile profile) {
+      using R = decltype(zero);
+      Host const exec{};
+      auto const model = gsp::make_model<R>(exec, m, {.profile = profile});
+      auto state = gsp::make_state(exec, model);
+      auto sim = gsp::make_simulation(exec, model, m);
+      gsp::step(exec, model, state, sim, {.steps = 200});
+      CHECK(finite(state.qpos, 0));
+      CHECK(finite(state.qvel, 0));
+      CHECK((state.status(0) & ~(gsp::status::not_finite | gsp::status::unbounded)) == 0);
+      CHECK((state.status(0) != 0 || state.steps(0) == 200));
+      stopped += state.status(0) != 0;
+      if (state.status(0) != 0) std::printf("%s: %s\n", name.c_str(), gsp::status::text(state.status(0)).c_str());
+    };
+    try {
+      auto d = gsp::io::read_mjcf(entry.path());
+      m = gsp::compile(d);
+      for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco}) step(0.f, profile), step(0., profile);
+    } catch (gsp::Error const& error) {
+      std::string const text = error.what();
+      ++refused;
+      std::printf("%s is refused: %s\n", name.c_str(), text.c_str());
+      CHECK(text.size() > 20);
+      CHECK(text.find('\n') == std::string::npos);
+    }
+  }
+  std::printf("%d files: %d refused; %d runs stopped\n", files, refused, stopped);
+  CHECK(files > 15);
 }
 
 TEST_CASE("10,000 random worlds end finite or say why not" * doctest::test_suite("long") * doctest::skip()) {
