@@ -6,6 +6,7 @@
 #include <gsp/model/world_values.hpp>
 #include <gsp_test_execs.hpp>
 
+#include "constraint/four_bar.hpp"
 #include "constraint/loop.hpp"
 #include "support/kokkos_tools.hpp"
 
@@ -209,36 +210,6 @@ TEST_CASE_TEMPLATE("what an equality asks for may differ from world to world", E
 }
 
 namespace {
-/// A four-bar (crank 0.1, rod 0.3, rocker 0.25 m, ground 0.3 m) whose loop is closed by `loop` between the points of rod and rocker that
-/// meet. qpos0 has them elsewhere; closed_angles does not.
-gsp::CompiledModel four_bar(gsp::EqualityDescription const& settings, double damping, gsp::Double3 gravity, double timestep) {
-  gsp::Description d;
-  auto const link = [&](std::string name, int parent, gsp::Double3 pos, double length) {
-    gsp::BodyDescription b;
-    b.parent = parent, b.name = std::move(name), b.pos = pos, b.has_inertial = true;
-    b.inertial.mass = length, b.inertial.pos = {length / 2, 0, 0}, b.inertial.inertia = {1e-4, 1e-3, 1e-3, 0, 0, 0};
-    b.joints.emplace_back().name = b.name;
-    b.joints[0].axis = {0, -1, 0}, b.joints[0].damping = damping;
-    d.bodies.push_back(b);
-    return int(d.bodies.size()) - 1;
-  };
-  int const crank = link("crank", 0, {0, 0, 0}, 0.1);
-  link("rod", crank, {0.1, 0, 0}, 0.3);
-  link("rocker", 0, {0.3, 0, 0}, 0.25);
-  auto loop = equality("loop", gsp::EqualityType::connect, "rod", "rocker");
-  loop.data[0] = 0.3, loop.softness = settings.softness, loop.rigid = settings.rigid;
-  d.equalities = {loop};
-  d.option.gravity = gravity;
-  d.option.timestep = timestep;
-  auto compiled = gsp::compile(d);
-  for (int c = 0; c < 3; ++c) compiled.eq_data[0][3 + std::size_t(c)] = c == 0 ? 0.25 : 0;  // the rocker's end
-  return compiled;
-}
-/// Crank at 0: the rod's end on circles of 0.3 about (0.1, 0) and 0.25 about (0.3, 0).
-std::vector<double> closed_angles() {
-  double const x = (0.09 - 0.0625 - 0.01 + 0.09) / 0.4, z = std::sqrt(0.09 - (x - 0.1) * (x - 0.1));
-  return {0, std::atan2(z, x - 0.1), std::atan2(z, x - 0.3)};
-}
 /// How far the loop is open.
 template <class Angles>
 double opening(Angles const& q) {
@@ -253,12 +224,10 @@ double opening(Angles const& q) {
 // settles u = h J'v/2 is left, against which stands x = -B u/(K d) = 2 h^2 J'v dw/d. J'v: at most what the two points' centripetal
 // accelerations are together. The sum of both at their greatest is the bound.
 TEST_CASE_TEMPLATE("a stiff loop stays closed", Exec, GSP_TEST_EXECS) {
-  gsp::EqualityDescription stiff;
-  stiff.softness.solref = {0.004, 1};
-  auto const compiled = four_bar(stiff, 0.01, {0, 0, 0}, 0.002);
+  auto const compiled = gsp_test::four_bar();
   Loop<double, Exec> s(compiled, 1);
   s.solver = converged;
-  s.set(0, closed_angles(), {});
+  s.set(0, gsp_test::four_bar_closed(), {});
   s.push(0, {0.3, 0, 0});
   double worst = 0, most_force = 0, most_drift = 0, turned = 0;
   double const h = s.model.timestep;
@@ -288,12 +257,10 @@ TEST_CASE_TEMPLATE("a stiff loop stays closed", Exec, GSP_TEST_EXECS) {
 // 3 l w^3, of which h^3 / 2 is left: at 1 ms 1/2 * 1e-9 * 3 * 0.3 * 19^3 = 3e-6. The bar of the project is 1e-6 m; measured 1.6e-7, in float
 // 2.9e-7, and 1.3e-6 at 2 ms.
 TEST_CASE_TEMPLATE("a rigid loop stays closed", R, float, double) {
-  gsp::EqualityDescription rigid;
-  rigid.rigid.hard = true;
   for (double const h : {0.001, 0.002}) {
-    Loop<R, Kokkos::DefaultHostExecutionSpace> s(four_bar(rigid, 0, {0, 0, -9.81}, h), 1);
+    Loop<R, Kokkos::DefaultHostExecutionSpace> s(gsp_test::four_bar({.damping = 0, .rigid = true, .timestep = h}), 1);
     s.solver = {};
-    s.set(0, closed_angles(), {});
+    s.set(0, gsp_test::four_bar_closed(), {});
     double worst = 0, fastest = 0;
     for (int t = 0; t < int(60 / h); ++t) {
       s.step(1, equalities(s));

@@ -1,18 +1,16 @@
 // Scenes of the paper with default settings of profile `stable`, in float and double: a shelf of 548 bodies, grasps that are shaken, a
 // pyramid of 1,240 boxes, a gyroscope on its tip. Bars of the project; what misses its bar says so. Minutes to hours each, so CTest runs
 // none of the suite "long": OMP_NUM_THREADS=1 test_step_scenes --no-skip -ts=long -tc="*shelf*float*"
+#include "step/scenes.hpp"
+
 #include <doctest/doctest.h>
 
 #include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <gsp/io/mjcf.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/step/step.hpp>
 #include <random>
-#include <regex>
-#include <sstream>
 
+#include "step/scene_files.hpp"
 #include "step/world.hpp"
 #include "support/data.hpp"
 #include "support/skip.hpp"
@@ -70,57 +68,6 @@ std::string name_of() {
   return sizeof(R) == 4 ? "float" : "double";
 }
 
-/// A file on a floor, without its assets, whose meshes and pictures are missing, and without what an expression finds.
-gsp::Description without(std::string const& path, std::string const& what) {
-  std::ostringstream file;
-  file << std::ifstream(path).rdbuf();
-  auto d = gsp::io::parse_mjcf(std::regex_replace(file.str(), std::regex("<asset>[^]*?</asset>|" + what), ""), path);
-  gsp::GeomDescription floor;
-  floor.type = gsp::ShapeType::plane;
-  floor.size = {0, 0, 0.05};
-  d.bodies[0].geoms.push_back(floor);
-  return d;
-}
-
-/// MotrixSim's store on a floor, without pictures and the cones of 15 bottles, whose meshes are missing: boxes and cylinders; every free
-/// body weighs 0.35 kg, shared among its geoms by volume.
-gsp::Description store(std::string const& path) {
-  auto d = without(path, R"(<default class="C_Mesh[^]*?</default>|<geom class="(C_Mesh|visual)[^>]*/>)");
-  d.option.timestep = 0.01;
-  d.option.gravity = {0, 0, -9.8};
-  for (auto& body : d.bodies) {
-    if (body.joints.empty()) continue;
-    body.has_inertial = false;
-    double volume = 0;
-    auto const of = [](gsp::GeomDescription const& g) {
-      return g.type == gsp::ShapeType::box ? 8 * g.size[0] * g.size[1] * g.size[2] : 2 * M_PI * g.size[0] * g.size[0] * g.size[1];
-    };
-    for (auto const& g : body.geoms) volume += of(g);
-    for (auto& g : body.geoms) g.has_mass = true, g.mass = 0.35 * of(g) / volume;
-  }
-  return d;
-}
-
-/// Layers of boxes of 1 m, k x k of them with 2 cm between neighbours.
-gsp::Description pyramid(int layers) {
-  gsp::Description d;
-  d.option.timestep = 1 / 60.;
-  gsp::GeomDescription g;
-  g.type = gsp::ShapeType::plane;
-  g.size = {0, 0, 1};
-  d.bodies[0].geoms.push_back(g);
-  g.type = gsp::ShapeType::box;
-  g.size = {0.5, 0.5, 0.5};
-  for (int layer = 0; layer < layers; ++layer)
-    for (int a = 0, k = layers - layer; a < k * k; ++a) {
-      auto& b = d.bodies.emplace_back();
-      b.parent = 0;
-      b.pos = {1.02 * (a / k - (k - 1) / 2.), 1.02 * (a % k - (k - 1) / 2.), 0.5 + layer};
-      b.joints.emplace_back().type = gsp::JointType::free;
-      b.geoms.push_back(g);
-    }
-  return d;
-}
 }  // namespace
 
 // MotrixSim's Spot on soft feet (solref 4 ms), from home with its controls, without meshes, which are missing. At 10 ms it stands where
@@ -130,7 +77,7 @@ gsp::Description pyramid(int layers) {
 TEST_CASE_TEMPLATE("Spot stands where small steps put it", R, float, double) {
   auto const path = gsp_test::data("models/motrix/spot/spot.xml");
   if (!path) return gsp_test::skip("models/motrix/spot is missing from GSP_DATA_DIR");
-  auto const d = without(*path, R"(<geom [^>]*mesh="[^>]*/>)");
+  auto const d = gsp_test::spot(*path);
   std::vector<double> fine(7);
   for (auto const& [h, home] : {std::pair{0.001, true}, {0.01, true}, {0.02, true}, {0.01, false}}) {
     CAPTURE(h);
@@ -168,7 +115,7 @@ TEST_CASE_TEMPLATE("Spot stands where small steps put it", R, float, double) {
 TEST_CASE_TEMPLATE("a shelf of 548 bodies stands still" * doctest::test_suite("long") * doctest::skip(), R, float, double) {
   auto const path = gsp_test::data("models/motrix/store/store.xml");
   if (!path) return gsp_test::skip("models/motrix/store is missing from GSP_DATA_DIR");
-  Scene<R> w(store(*path));
+  Scene<R> w(gsp_test::store(*path));
   w.run(50);
   double const early = w.error();
   w.sweeps = 0;
@@ -183,7 +130,7 @@ TEST_CASE_TEMPLATE("a shelf of 548 bodies stands still" * doctest::test_suite("l
 // Loads of a pyramid go far, and what a step leaves unsolved moves boxes, which is more to solve: it rests where leaps go on (100 sweeps a
 // step and 2e-5 m/s for ever where they ended early). Within 1.7 s: fewer than 10 sweeps a step and below 1e-5 m/s, the project's bars.
 TEST_CASE("a pyramid of 204 boxes comes to rest") {
-  Scene<double> w(pyramid(8));
+  Scene<double> w(gsp_test::pyramid(8));
   w.run(100);
   w.sweeps = 0;
   w.run(20);
@@ -196,7 +143,7 @@ TEST_CASE("a pyramid of 204 boxes comes to rest") {
 // No box further than 0.5 m in 60 s. Measured for 10 s: 6.3 mm, at rest within a second; in double 4 to 7 sweeps a step then, in float 70
 // to 100.
 TEST_CASE_TEMPLATE("a pyramid of 1,240 boxes stands" * doctest::test_suite("long") * doctest::skip(), R, float, double) {
-  Scene<R> w(pyramid(15));
+  Scene<R> w(gsp_test::pyramid(15));
   for (int second = 10; second <= 60; second += 10) {
     w.sweeps = 0;
     w.run(600);
@@ -208,55 +155,54 @@ TEST_CASE_TEMPLATE("a pyramid of 1,240 boxes stands" * doctest::test_suite("long
   }
 }
 
+namespace {
 // phys-bench's protocol: to the lifted pose (1 s), down to the object (1 s), close (1 s), lift (1 s), then targets of the seven joints that
 // are off by N(0, 0.025 rad), drawn anew every second step, until 20 s. It passes where the object is above 3 cm all the time. Measured:
 // all six, in float and double; 20 to 90 sweeps a step while shaken.
-TEST_CASE_TEMPLATE("three objects are grasped and shaken" * doctest::test_suite("long") * doctest::skip(), R, float, double) {
+template <class R>
+void grasp_and_shake(std::string const& object, double h) {
   using Pose = std::array<double, 8>;
   Pose const home{0, 0, 0, -1.57079, 0, 1.57079, -0.7853, 0.04}, low{-1.0104, 1.5623, 1.3601, -1.6840, -1.5863, 1.7810, 1.4598, 0.04},
       high{-1.0426, 1.4028, 1.5634, -1.7114, -1.4055, 1.6015, 1.4510, 0};
+  auto const path = gsp_test::data("models/phys_bench/grasp_xml/mjx_pick_" + object + ".xml");
+  if (!path) return gsp_test::skip("models/phys_bench is missing from GSP_DATA_DIR");
+  Scene<R> w(gsp_test::grasp(*path), h);
+  for (int j = 0; j < 7; ++j) w.state.qpos(0, j) = home[j];
+  w.state.qpos(0, 7) = w.state.qpos(0, 8) = home[7];
+  std::mt19937 random(1);
+  std::normal_distribution<double> shake(0, 0.025);
+  Pose noise{};
+  double dropped = -1, lowest = 1;
+  for (int i = 0; i * h < 20; ++i) {
+    double const t = i * h;
+    Pose open = high;
+    open[7] = 0.04;
+    Pose closed = low;
+    closed[7] = 0;
+    Pose const legs[5] = {home, open, low, closed, high};
+    int const leg = std::min(int(t), 3);
+    double const share = std::fmin(1, t - leg);
+    if (t >= 4 && i % 2 == 0)
+      for (int j = 0; j < 7; ++j) noise[j] = shake(random);
+    for (int j = 0; j < 8; ++j) w.state.ctrl(0, j) = (1 - share) * legs[leg][j] + share * legs[leg + 1][j] + noise[j];
+    w.run(1);
+    double const z = w.state.qpos(0, 11);
+    if (t > 4.5) lowest = std::fmin(lowest, z);
+    if (t > 4.5 && dropped < 0 && !(z > 0.03)) dropped = t;
+  }
+  MESSAGE(name_of<R>() << ", " << object << ", " << h << " s: lowest " << lowest << " m, dropped at " << dropped << " s (-1: never), "
+                       << w.sweeps * h / 20 << " sweeps a step");
+  CHECK(dropped < 0);
+}
+}  // namespace
+
+TEST_CASE("three objects are grasped and shaken, in float" * doctest::test_suite("data")) {
   for (std::string const object : {"cube", "ball", "bottle"})
-    for (double const h : {0.002, 0.01}) {
-      auto const path = gsp_test::data("models/phys_bench/grasp_xml/mjx_pick_" + object + ".xml");
-      if (!path) return gsp_test::skip("models/phys_bench is missing from GSP_DATA_DIR");
-      // they lie in grasp/xml at their source, two folders below assets
-      auto const read = [](std::filesystem::path const& file) {
-        std::string name = file.lexically_normal().string(), from = "/models/assets/";
-        if (auto const at = name.find(from); at != std::string::npos) name.replace(at, from.size(), "/models/phys_bench/assets/");
-        std::ifstream in(name, std::ios::binary);
-        if (!in) throw std::runtime_error("no " + name);
-        std::vector<std::byte> bytes(std::filesystem::file_size(name));
-        in.read(reinterpret_cast<char*>(bytes.data()), std::streamsize(bytes.size()));
-        return bytes;
-      };
-      Scene<R> w(gsp::io::read_mjcf(*path, {.skip_visuals = true, .read = read}), h);
-      for (int j = 0; j < 7; ++j) w.state.qpos(0, j) = home[j];
-      w.state.qpos(0, 7) = w.state.qpos(0, 8) = home[7];
-      std::mt19937 random(1);
-      std::normal_distribution<double> shake(0, 0.025);
-      Pose noise{};
-      double dropped = -1, lowest = 1;
-      for (int i = 0; i * h < 20; ++i) {
-        double const t = i * h;
-        Pose open = high;
-        open[7] = 0.04;
-        Pose closed = low;
-        closed[7] = 0;
-        Pose const legs[5] = {home, open, low, closed, high};
-        int const leg = std::min(int(t), 3);
-        double const share = std::fmin(1, t - leg);
-        if (t >= 4 && i % 2 == 0)
-          for (int j = 0; j < 7; ++j) noise[j] = shake(random);
-        for (int j = 0; j < 8; ++j) w.state.ctrl(0, j) = (1 - share) * legs[leg][j] + share * legs[leg + 1][j] + noise[j];
-        w.run(1);
-        double const z = w.state.qpos(0, 11);
-        if (t > 4.5) lowest = std::fmin(lowest, z);
-        if (t > 4.5 && dropped < 0 && !(z > 0.03)) dropped = t;
-      }
-      MESSAGE(name_of<R>() << ", " << object << ", " << h << " s: lowest " << lowest << " m, dropped at " << dropped << " s (-1: never), "
-                           << w.sweeps * h / 20 << " sweeps a step");
-      CHECK(dropped < 0);
-    }
+    for (double const h : {0.002, 0.01}) grasp_and_shake<float>(object, h);
+}
+TEST_CASE("three objects are grasped and shaken, in double" * doctest::test_suite("long") * doctest::skip()) {
+  for (std::string const object : {"cube", "ball", "bottle"})
+    for (double const h : {0.002, 0.01}) grasp_and_shake<double>(object, h);
 }
 
 // A top on a smooth floor in steady precession: its centre of mass stands still, N = m g, and about it  m g l = Omega (C s - A Omega cos)
@@ -266,26 +212,7 @@ TEST_CASE_TEMPLATE("three objects are grasped and shaken" * doctest::test_suite(
 TEST_CASE_TEMPLATE("a gyroscope on its tip precesses as theory has it", R, float, double) {
   double const m = 50, l = 0.3, A = 2.1, C = 4, g = 9.8, tilt = 0.314159, spin = 50, radius = 0.01;
   double const half = C * spin / (2 * A * std::cos(tilt)), omega = half - std::sqrt(half * half - m * g * l / (A * std::cos(tilt)));
-  gsp::Description d;
-  d.option.gravity = {0, 0, -g};
-  gsp::GeomDescription geom;
-  geom.condim = 1;
-  geom.type = gsp::ShapeType::plane;
-  geom.size = {0, 0, 1};
-  d.bodies[0].geoms.push_back(geom);
-  auto& b = d.bodies.emplace_back();
-  b.parent = 0;
-  b.pos = {0, 0, radius};
-  b.quat = {std::cos(tilt / 2), std::sin(tilt / 2), 0, 0};
-  b.joints.emplace_back().type = gsp::JointType::free;
-  b.has_inertial = true;
-  b.inertial.mass = m;
-  b.inertial.pos = {0, 0, l};
-  b.inertial.inertia = {A, A, C, 0, 0, 0};
-  geom.type = gsp::ShapeType::sphere;
-  geom.size = {radius, 0, 0};
-  b.geoms.push_back(geom);
-  Scene<R> w(d);
+  Scene<R> w(gsp_test::gyroscope(1, m, l, A, C, tilt, radius));
   double const start[6] = {-l * omega * std::sin(tilt), 0, 0, 0, omega * std::sin(tilt), spin};
   for (int i = 0; i < 6; ++i) w.state.qvel(0, i) = start[i];
   double angle = 0, last = 0, nods = 0;

@@ -9,6 +9,7 @@
 #include <limits>
 #include <random>
 
+#include "step/scenes.hpp"
 #include "step/world.hpp"
 
 namespace {
@@ -253,18 +254,7 @@ TEST_CASE_TEMPLATE("a capsule in a V lies still", R, float, double) {
     double timestep, tilt, yaw, seconds;
   };
   for (Start const start : {Start{0.002, 0, 0, 60}, {0.01, 0, 0, 60}, {0.01, 0.02, 0, 9}, {0.002, 0, 0.02, 9}, {0.01, 0.05, 0.05, 9}}) {
-    gsp::Description d;
-    d.option.timestep = start.timestep;
-    for (double const x : {-0.09, 0.09}) {
-      auto bar = geom(gsp::ShapeType::capsule, {0.1, 1, 0});
-      bar.pos = {x, 0, 0};
-      bar.quat = {std::sqrt(0.5), std::sqrt(0.5), 0, 0};
-      d.bodies[0].geoms.push_back(bar);
-    }
-    auto capsule = geom(gsp::ShapeType::capsule, {0.1, 0.3, 0});
-    capsule.quat = {std::sqrt(0.5), std::sqrt(0.5), 0, 0};
-    add_free(d, {0, 0, std::sqrt(0.04 - 0.0081) + 0.3 * start.tilt}, capsule);
-    World<R, Kokkos::DefaultHostExecutionSpace> w(d);
+    World<R, Kokkos::DefaultHostExecutionSpace> w(gsp_test::capsule_in_v(start.timestep, start.tilt));
     w.state.qpos(0, 4) = R(start.tilt / 2), w.state.qpos(0, 6) = R(start.yaw / 2);
     bool const askew = start.tilt != 0 || start.yaw != 0;
     w.step(int((askew ? 8 : 1) / start.timestep));
@@ -356,26 +346,7 @@ TEST_CASE_TEMPLATE("a named pair is rigid by itself", Exec, GSP_TEST_EXECS) {
 // 1 % in 30 s, 0.99 of the rate passed on. The spheres keep their order but for the way of a step, h v, v^2 = 2 g L, by which one is in the
 // next when it is found.
 TEST_CASE("Newton's cradle keeps its energy") {
-  gsp::Description d;
-  d.option.timestep = 0.001;
-  d.option.gravity = {0, 0, -9.8};
-  for (int i = 0; i < 5; ++i) {
-    gsp::BodyDescription b;
-    b.parent = 0;
-    b.pos = {double(i), 0, 7};
-    auto& joint = b.joints.emplace_back();
-    joint.type = gsp::JointType::hinge;
-    joint.axis = {0, 1, 0};
-    auto ball = geom(gsp::ShapeType::sphere, {0.5, 0, 0});
-    ball.pos = {0, 0, -4};
-    ball.condim = 1;
-    ball.hard = true;
-    ball.restitution = 1;
-    ball.erp = 0;
-    b.geoms.push_back(ball);
-    d.bodies.push_back(b);
-  }
-  World<double, Kokkos::DefaultHostExecutionSpace> w(d);
+  World<double, Kokkos::DefaultHostExecutionSpace> w(gsp_test::cradle());
   auto const q0 = w.qpos();
   q0(0, 0) = M_PI / 2;
   Kokkos::deep_copy(w.state.qpos, q0);

@@ -33,8 +33,9 @@ struct World {
   gsp::Model<R, Mem> model;
   gsp::State<R, Mem> state;
   gsp::Simulation<R, Mem> sim;
-  explicit World(gsp::CompiledModel const& c, int worlds = 1, gsp::ModelOptions options = {})
-      : compiled(c),
+  explicit World(gsp::CompiledModel const& c, int worlds = 1, gsp::ModelOptions options = {}, Exec const& on = Exec{})
+      : exec(on),
+        compiled(c),
         model(gsp::make_model<R>(exec, c, options)),
         state(gsp::make_state(exec, model, {.worlds = worlds})),
         sim(gsp::make_simulation(exec, model, c, {.worlds = worlds})) {}
