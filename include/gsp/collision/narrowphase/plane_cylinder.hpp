@@ -16,9 +16,11 @@ KOKKOS_INLINE_FUNCTION void plane_cylinder(Shape<T> const& a, Shape<T> const& b,
     axis = -axis;
     slope = -slope;
   }
-  Vec3<T> down = slope * axis - n;  // -n without its part along the axis; its length is the sine of the tilt
+  // -n without its part along the axis; its length is the sine of the tilt. slope axis - n leaves rounding of 1 along n, by which depths at
+  // the rim of what stands on a slope jumped by a third.
+  Vec3<T> down = cross(axis, cross(axis, n));
   T const sine = norm(down);
-  T const level = sizeof(T) == 4 ? T(3e-4) : T(1e-12);  // below, the direction is rounding
+  T const level = sizeof(T) == 4 ? T(1e-5) : T(1e-12);  // below, the direction is rounding
   down = sine < level ? b.size.x * column(b.R, 0) : (b.size.x / sine) * down;
   axis = b.size.y * axis;
   T const height = dot(n, b.p - a.p), drop = dot(n, down), along = b.size.y * slope;
