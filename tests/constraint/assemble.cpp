@@ -225,8 +225,8 @@ TEST_CASE_TEMPLATE("one step into a limit", Exec, GSP_TEST_EXECS) {
   CHECK(active < 40);
 }
 
-// Rigid limits of a slide and of a fixed tendon, in profile stable: what comes at v stops at the end or, with a restitution, comes back with
-// e times what it had (no force acts); what is pushed against the end rests there, where a soft one gives. The end is not overstepped.
+// Rigid limits of a slide and of a fixed tendon, in profile stable: what comes at v stops at the end or, with a restitution, comes back
+// with e times what it had (no force acts); what is pushed against the end rests there, where a soft one gives. The end is not overstepped.
 TEST_CASE_TEMPLATE("rigid limits stop and bounce", Exec, GSP_TEST_EXECS) {
   for (bool const tendon : {false, true})
     for (double const e : {0., 0.5, 1.}) {

@@ -254,8 +254,8 @@ TEST_CASE_TEMPLATE("a stiff loop stays closed", Exec, GSP_TEST_EXECS) {
 
 // The same loop, rigid, which swings under gravity for a minute, at up to 19 rad/s. A step takes back what is open, and the second order
 // of what it opens; the third is left, h^3 times the change of J'v: points at rates w on arms l have J'v = l w^2 and its change about
-// 3 l w^3, of which h^3 / 2 is left: at 1 ms 1/2 * 1e-9 * 3 * 0.3 * 19^3 = 3e-6. The bar of the project is 1e-6 m; measured 1.6e-7, in float
-// 2.9e-7, and 1.3e-6 at 2 ms.
+// 3 l w^3, of which h^3 / 2 is left: at 1 ms 1/2 * 1e-9 * 3 * 0.3 * 19^3 = 3e-6. The bar of the project is 1e-6 m; measured 1.6e-7, in
+// float 2.9e-7, and 1.3e-6 at 2 ms.
 TEST_CASE_TEMPLATE("a rigid loop stays closed", R, float, double) {
   for (double const h : {0.001, 0.002}) {
     Loop<R, Kokkos::DefaultHostExecutionSpace> s(gsp_test::four_bar({.damping = 0, .rigid = true, .timestep = h}), 1);
@@ -273,8 +273,8 @@ TEST_CASE_TEMPLATE("a rigid loop stays closed", R, float, double) {
   }
 }
 
-// Rigid equalities of each kind that start open close by x / h within a step, and what that has opened in the next, and stay closed. A weld between two bodies that float is
-// swept for, like all that joins two trees. In double, converged.
+// Rigid equalities of each kind that start open close by x / h within a step, and what that has opened in the next, and stay closed. A weld
+// between two bodies that float is swept for, like all that joins two trees. In double, converged.
 TEST_CASE_TEMPLATE("rigid equalities close at once", Exec, GSP_TEST_EXECS) {
   auto d = sliders(2, 2);
   d.equalities = {equality("gear", gsp::EqualityType::joint, "j0", "j1")};

@@ -374,7 +374,8 @@ TEST_CASE("a restitution without hard is a line of the report") {
 
 // Rigid limits, equalities and pairs are read, by classes too, written, and read again the same; without hard the rest is a line each.
 TEST_CASE("rigid limits, equalities and pairs") {
-  std::string const text = R"(<mujoco><default><joint hardlimit="true" erplimit=".3"/><equality erp=".5"/><pair hard="true" restitution=".25"/>
+  std::string const text =
+      R"(<mujoco><default><joint hardlimit="true" erplimit=".3"/><equality erp=".5"/><pair hard="true" restitution=".25"/>
     </default><worldbody><body name="a"><joint name="j" type="slide" range="-1 1" limited="true" restitutionlimit=".5"/>
     <joint name="k" type="hinge" hardlimit="false"/><geom name="g" size="1"/></body><body name="b"><freejoint/><geom name="h" size="1"/>
     </body></worldbody><contact><pair geom1="g" geom2="h" erp=".1"/></contact><equality><weld body1="a" body2="b" hard="true"/>

@@ -465,10 +465,17 @@ TEST_CASE_TEMPLATE("residuals keep the promises of an algorithm", Exec, GSP_TEST
   s.exec.fence();
   auto const bits = [](auto const& l) {
     std::vector<double> out;
-    for (auto const& view : {l.rate, l.equality, l.complementarity, l.friction, l.bounds, l.cone, l.energy}) {
+    auto const append = [&](auto const& view) {
       auto const on_host = gsp_test::host(view);
       for (int w = 0; w < worlds; ++w) out.push_back(on_host(w));
-    }
+    };
+    append(l.rate);
+    append(l.equality);
+    append(l.complementarity);
+    append(l.friction);
+    append(l.bounds);
+    append(l.cone);
+    append(l.energy);
     return out;
   };
   auto const expected = bits(left);

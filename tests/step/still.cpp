@@ -338,8 +338,8 @@ TEST_CASE_TEMPLATE("rigid spheres bounce", Exec, GSP_TEST_EXECS) {
   }
 }
 
-// A named pair may be rigid, whatever its geoms are: it comes back with half its speed, half a step's fall apart as above; and the geoms may
-// be, and the pair is soft.
+// A named pair may be rigid, whatever its geoms are: it comes back with half its speed, half a step's fall apart as above; and the geoms
+// may be, and the pair is soft.
 TEST_CASE_TEMPLATE("a named pair is rigid by itself", Exec, GSP_TEST_EXECS) {
   for (bool const hard : {true, false}) {
     gsp::Description d = on_floor(0.001);

@@ -21,8 +21,8 @@ inline constexpr double most_closing = 1e3;
 ///   joint, tendon    0-4 c0 ... c4
 /// What joins two bodies that do not move against each other has no rows. The rate of J is taken into account where points and frames are
 /// held, J' v being subtracted from what the law asks for, so that what turns fast is not pulled apart.
-/// Rigid ones (eq_rigid, profile stable): C = 0, zeta = -erp x / h - h J' v / 2, by which the gap after a step, x + h J v+ + h^2 J' v / 2, is
-/// (1 - erp) x but for h^3.
+/// Rigid ones (eq_rigid, profile stable): C = 0, zeta = -erp x / h - h J' v / 2, by which the gap after a step, x + h J v+ + h^2 J' v / 2,
+/// is (1 - erp) x but for h^3.
 template <class R, class Mem>
 struct Equalities {
   static constexpr bool rests = true;
@@ -35,7 +35,8 @@ struct Equalities {
   View<R**> qpos;
   View<int**> eq_active;
   Indices eq_type, eq_id1, eq_id2, eq_sites, site_body, jnt_qposadr, jnt_dofadr, tendon_tree, tendon_place;
-  Field<R> eq_data, eq_solref, eq_solimp, eq_rigid, site_pos, site_quat, qpos0, tendon_length0, body_invweight0, dof_invweight0, tendon_invweight0, gravity;
+  Field<R> eq_data, eq_solref, eq_solimp, eq_rigid, site_pos, site_quat, qpos0, tendon_length0, body_invweight0, dof_invweight0,
+      tendon_invweight0, gravity;
   int elements;
   bool tendons, stable;
   Refsafe refsafe;

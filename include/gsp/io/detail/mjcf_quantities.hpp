@@ -104,7 +104,8 @@ inline void rigidity(Document& doc, Attributes const& a, Node const& node, Rigid
   a.boolean("hard" + suffix, r.hard);
   bool const given = (bounces && a.number("restitution" + suffix, r.restitution)) | a.number("erp" + suffix, r.erp);
   std::string const what = std::string(bounces ? "restitution" + suffix + " and erp" : "erp") + suffix;
-  if (!r.hard && given) doc.note(Line::no_effect, node.place, "<" + node.name + "> " + what + " without hard" + suffix + " (give hard" + suffix + "=\"true\")");
+  if (!r.hard && given)
+    doc.note(Line::no_effect, node.place, "<" + node.name + "> " + what + " without hard" + suffix + " (give hard" + suffix + "=\"true\")");
   if (r.hard) doc.note(Line::no_effect, node.place, "<" + node.name + "> hard" + suffix + ", " + what + " (in profile mujoco)");
 }
 /// The first number of a list and the coefficients of higher order that may follow.
