@@ -225,6 +225,26 @@ TEST_CASE_TEMPLATE("one step into a limit", Exec, GSP_TEST_EXECS) {
   CHECK(active < 40);
 }
 
+// Impedances below a half with time constants below two timesteps: what is pressed against its limit comes to rest, as in profile mujoco.
+// (Where compliance alone shrank each step turned the rate round and enlarged it: 7e9 m/s.)
+TEST_CASE_TEMPLATE("weak limits with short time constants come to rest", Exec, GSP_TEST_EXECS) {
+  for (double const impedance : {0.02, 0.1, 0.5, 0.9})
+    for (double const share : {0.01, 0.1, 0.5, 1.}) {
+      auto d = sliders(1, 2);
+      auto& joint = d.bodies[1].joints[0];
+      joint.limited = true, joint.range = {-1, 0.2}, joint.damping = 5;
+      joint.limit.solref = {share * 2 * d.option.timestep, 1}, joint.limit.solimp = {impedance, impedance, 0.001, 0.5, 2};
+      Loop<double, Exec> s(gsp::compile(d), 1);
+      s.set(0, {0.19}, {0.3});
+      s.push(0, {3});
+      s.step(3000, gsp::JointLimits(s.model, s.state));
+      CAPTURE(impedance);
+      CAPTURE(share);
+      CHECK(std::abs(gsp_test::host(s.state.qvel)(0, 0)) < 1e-6);
+      CHECK(gsp_test::host(s.state.qpos)(0, 0) < 0.21);
+    }
+}
+
 // Rigid limits of a slide and of a fixed tendon, in profile stable: what comes at v stops at the end or, with a restitution, comes back
 // with e times what it had (no force acts); what is pushed against the end rests there, where a soft one gives. The end is not overstepped.
 TEST_CASE_TEMPLATE("rigid limits stop and bounce", Exec, GSP_TEST_EXECS) {

@@ -8,8 +8,7 @@ namespace gsp {
 enum class Refsafe : unsigned char {
   off,         // it is taken as it stands
   two_steps,   // it becomes 2 h: MuJoCo, profile mujoco
-  keeps_rest,  // the same, and the compliance shrinks by as much as the stiffness, (time / 2 h)^2, down to least_yield diag: what rests
-               // lies where the file says
+  keeps_rest,  // the same, and the compliance shrinks so that what rests lies where the file says, down to least_yield diag
 };
 // What sweeps bear: a grip of a compliance of 6e-4 diag takes more than 100 of them to close.
 inline constexpr double least_yield = 0.01;
@@ -60,11 +59,10 @@ KOKKOS_INLINE_FUNCTION RowLaw<R> soft_law(Softness<R> const& s, R impedance, R x
   R const tiny(1e-15), dw = clamp(s.solimp[1], R(1e-4), R(0.9999));
   bool const mixed = (s.solref[0] > R(0)) != (s.solref[1] > R(0));
   R const first = mixed ? R(0.02) : s.solref[0], second = mixed ? R(1) : s.solref[1];
-  R K, B, softer(1);
+  R K, B, rest(1);
   if (first > R(0)) {
     R const time = s.refsafe == Refsafe::off ? first : max(first, R(2) * h);
-    // At rest R p = -h K d x: R over K decides where.
-    if (s.refsafe == Refsafe::keeps_rest) softer = square(first / time);
+    if (s.refsafe == Refsafe::keeps_rest) rest = square(first / time);
     K = R(1) / max(tiny, square(dw * time * second));
     B = R(2) / max(tiny, dw * time);
   } else {
@@ -72,8 +70,16 @@ KOKKOS_INLINE_FUNCTION RowLaw<R> soft_law(Softness<R> const& s, R impedance, R x
     B = -second / max(tiny, dw);
   }
   if (rate_only) K = R(0);
-  R const compliance = (R(1) - impedance) / impedance;
-  return {max(tiny, max(softer * compliance, min(compliance, R(least_yield))) * diag), (R(1) - h * B) * u - h * K * impedance * x};
+  R compliance = (R(1) - impedance) / impedance;
+  if (rest < R(1)) {
+    // At rest R p = -h K d x: R over K shrinks by `rest`. K and B shrink as 1 + R / diag does, m: what is free approaches as it did.
+    R const shrink = max(rest * impedance / (R(1) - rest * (R(1) - impedance)), min(R(1), R(least_yield) / compliance));
+    R const m = impedance + shrink * (R(1) - impedance);
+    compliance *= shrink;
+    K *= m;
+    B *= m;
+  }
+  return {max(tiny, compliance * diag), (R(1) - h * B) * u - h * K * impedance * x};
 }
 /// The same where the row is alone: the impedance is that of its own gap.
 template <class R>
