@@ -309,7 +309,7 @@ double number_of(gsp::CompiledModel const& m) {
   all(m.act_target, m.act_id, m.act_ref, m.act_ctrllimited, m.act_forcelimited, m.act_actlimited, m.act_actearly, m.act_dyntype,
       m.act_gaintype, m.act_biastype, m.act_dynprm, m.act_gainprm, m.act_biasprm, m.act_cranklength, m.act_damping, m.act_armature,
       m.act_actrange, m.act_lengthrange, m.act_gear, m.act_ctrlrange, m.act_forcerange);
-  all(m.eq_type, m.eq_id1, m.eq_id2, m.eq_sites, m.eq_data, m.eq_solref, m.eq_solimp);
+  all(m.eq_type, m.eq_id1, m.eq_id2, m.eq_sites, m.eq_data, m.eq_solref, m.eq_solimp, m.eq_rigid);
   return double(hash >> 11);
 }
 constexpr std::size_t at_disabled = 5, at_model = 6;

@@ -14,7 +14,7 @@ struct JointLimits {
   Field<R> jnt_range, jnt_margin, jnt_solref, jnt_solimp, jnt_rigid, dof_invweight0, gravity;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> qpos, qvel;
   R timestep;
-  bool stable, bounce;
+  bool may_be_rigid, bounce;
   Refsafe refsafe;
   JointLimits(Model<R, Mem> const& m, State<R, Mem> const& s)
       : limited_joints(m.limited_joints),
@@ -31,7 +31,7 @@ struct JointLimits {
         qpos(s.qpos),
         qvel(s.qvel),
         timestep(m.timestep),
-        stable(m.profile == Profile::stable),
+        may_be_rigid(detail::may_be_rigid(m, m.jnt_rigid)),
         bounce(m.limits_bounce),
         refsafe(refsafe_of(m)) {}
 
@@ -68,10 +68,10 @@ struct JointLimits {
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int, int, int) const { return {R(0), Kokkos::Experimental::infinity_v<R>}; }
   KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
-  bool bounces() const { return stable && bounce; }
+  bool bounces() const { return bounce; }
 
  private:
-  KOKKOS_INLINE_FUNCTION detail::Rigidity<R> rigid(int world, int j) const { return {jnt_rigid, world, j, stable}; }
+  KOKKOS_INLINE_FUNCTION detail::Rigidity<R> rigid(int world, int j) const { return {jnt_rigid, world, j, may_be_rigid}; }
   KOKKOS_INLINE_FUNCTION Vec3<R> rotation(int world, int j) const {
     int const q = jnt_qposadr(j);
     return log_rotation(normalized(Quat<R>{qpos(world, q), qpos(world, q + 1), qpos(world, q + 2), qpos(world, q + 3)}));

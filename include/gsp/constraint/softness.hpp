@@ -105,6 +105,11 @@ KOKKOS_INLINE_FUNCTION RowLaw<R> hard_law(R x, R h, R erp, R restitution, R diag
 }
 
 namespace detail {
+/// Whether limits may be rigid: some are, or become so in some worlds (jnt_rigid, tendon_rigid). Else nobody need look at each.
+template <class R, class Mem>
+bool may_be_rigid(Model<R, Mem> const& model, Field<R> const& rigid) {
+  return model.profile == Profile::stable && (model.rigid_limits || rigid.stride > 0);
+}
 /// hard, restitution, erp of item i of jnt_rigid, tendon_rigid or eq_rigid; soft where rows are never rigid.
 template <class R>
 struct Rigidity {

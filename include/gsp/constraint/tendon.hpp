@@ -14,7 +14,7 @@ struct TendonLimits {
   typename Model<R, Mem>::template Array<int> limited_tendons, tendon_tree, tendon_place;
   Field<R> tendon_range, tendon_margin, tendon_solref, tendon_solimp, tendon_rigid, tendon_invweight0, gravity;
   R timestep;
-  bool stable, bounce;
+  bool may_be_rigid, bounce;
   Refsafe refsafe;
   TendonLimits(Model<R, Mem> const& m, Dynamics<R, Mem> const& d)
       : trees(m, d),
@@ -30,7 +30,7 @@ struct TendonLimits {
         tendon_invweight0(m.tendon_invweight0),
         gravity(m.gravity),
         timestep(m.timestep),
-        stable(m.profile == Profile::stable),
+        may_be_rigid(detail::may_be_rigid(m, m.tendon_rigid)),
         bounce(m.limits_bounce),
         refsafe(refsafe_of(m)) {}
 
@@ -61,10 +61,10 @@ struct TendonLimits {
   }
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int, int, int) const { return {R(0), Kokkos::Experimental::infinity_v<R>}; }
   KOKKOS_INLINE_FUNCTION RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
-  bool bounces() const { return stable && bounce; }
+  bool bounces() const { return bounce; }
 
  private:
-  KOKKOS_INLINE_FUNCTION detail::Rigidity<R> rigid(int world, int t) const { return {tendon_rigid, world, t, stable}; }
+  KOKKOS_INLINE_FUNCTION detail::Rigidity<R> rigid(int world, int t) const { return {tendon_rigid, world, t, may_be_rigid}; }
   KOKKOS_INLINE_FUNCTION R gap(int world, int k) const {
     int const t = limited_tendons(k / 2);
     R const length = trees.tendon_length(world, tendon_tree(t), tendon_place(t));

@@ -16,5 +16,9 @@ inline void expects(bool condition, char const* message) {
 inline void expects(bool condition, std::string const& message) {
   if (!condition) throw std::invalid_argument(message);
 }
+/// The same for one of several callers: `where` names it. No text is made while all is well: hot calls check, too.
+inline void expects(bool condition, char const* where, char const* message) {
+  if (!condition) throw std::invalid_argument(std::string(where) + ": " + message);
+}
 
 }  // namespace gsp

@@ -22,9 +22,8 @@ struct NewtonOptions {
 
 namespace detail {
 inline void expects_options(char const* where, NewtonOptions const& o) {
-  std::string const begin = std::string(where) + ": ";
-  expects(o.iterations > 0, begin + "iterations must be positive");
-  expects(o.tolerance >= 0, begin + "tolerance must be a number, 0 or more");
+  expects(o.iterations > 0, where, "iterations must be positive");
+  expects(o.tolerance >= 0, where, "tolerance must be a number, 0 or more");
 }
 }  // namespace detail
 

@@ -153,13 +153,11 @@ inline void read_geom(Document& doc, Node const& node, BodyDraft& to, Pose const
   g.has_mass = a.number("mass", g.mass);
   a.boolean("shellinertia", g.shell_inertia);
   softness(a, g.softness, "");
-  for (char const* name : {"hard", "_hard"}) a.boolean(name, g.hard);
-  for (char const* name : {"restitution", "_bounciness"}) a.number(name, g.restitution);
-  bool corrects = false;
-  for (char const* name : {"erp", "_erp"}) corrects = a.number(name, g.erp) || corrects;
-  if (!g.hard && (g.restitution != 0 || corrects))
-    doc.note(Line::no_effect, node.place, "<geom> restitution and erp without hard (a soft geom has neither: give hard=\"true\")");
-  if (g.hard) doc.note(Line::no_effect, node.place, "<geom> hard, restitution and erp (in profile mujoco)");
+  RigidDescription rigid{g.hard, g.restitution, g.erp};
+  rigidity(doc, a, node, rigid, "", true);
+  g.hard = rigid.hard;
+  g.restitution = rigid.restitution;
+  g.erp = rigid.erp;
   std::array<double, 4> rgba{0.5, 0.5, 0.5, 1};
   bool const colour = a.numbers("rgba", rgba);
   g.rgba = {float(rgba[0]), float(rgba[1]), float(rgba[2]), float(rgba[3])};

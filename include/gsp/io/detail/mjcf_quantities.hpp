@@ -98,14 +98,19 @@ inline void softness(Attributes const& a, SoftnessDescription& s, std::string co
   a.numbers("solref" + suffix, s.solref, false);
   a.numbers("solimp" + suffix, s.solimp, false);
 }
-/// Attributes of our own: hard, restitution, erp. The last two do nothing without the first, and none does in profile mujoco: the report
-/// says so.
+/// Attributes of our own: hard, restitution, erp; of geoms also as MotrixSim calls them. The last two do nothing without the first, and
+/// none does in profile mujoco: the report says so.
 inline void rigidity(Document& doc, Attributes const& a, Node const& node, RigidDescription& r, std::string const& suffix, bool bounces) {
-  a.boolean("hard" + suffix, r.hard);
-  bool const given = (bounces && a.number("restitution" + suffix, r.restitution)) | a.number("erp" + suffix, r.erp);
+  for (std::string const& name : {"hard" + suffix, std::string("_hard")}) a.boolean(name, r.hard);
+  for (std::string const& name : {"restitution" + suffix, std::string("_bounciness")})
+    if (bounces) a.number(name, r.restitution);
+  bool corrects = false;
+  for (std::string const& name : {"erp" + suffix, std::string("_erp")}) corrects = a.number(name, r.erp) || corrects;
   std::string const what = std::string(bounces ? "restitution" + suffix + " and erp" : "erp") + suffix;
-  if (!r.hard && given)
-    doc.note(Line::no_effect, node.place, "<" + node.name + "> " + what + " without hard" + suffix + " (give hard" + suffix + "=\"true\")");
+  std::string const why = node.name == "geom" ? "a soft geom has neither: " : "";
+  if (!r.hard && (r.restitution != 0 || corrects))
+    doc.note(Line::no_effect, node.place,
+             "<" + node.name + "> " + what + " without hard" + suffix + " (" + why + "give hard" + suffix + "=\"true\")");
   if (r.hard) doc.note(Line::no_effect, node.place, "<" + node.name + "> hard" + suffix + ", " + what + " (in profile mujoco)");
 }
 /// The first number of a list and the coefficients of higher order that may follow.

@@ -249,7 +249,7 @@ class Writer {
           .list("friction", g.friction, {1, 0.005, 0.0001})
           .number("solmix", g.solmix, 1);
       number("margin", g.margin, 0).number("gap", g.gap, 0).softness(g.softness, "").flag("shellinertia", g.shell_inertia, false);
-      flag("hard", g.hard, false).number("restitution", g.restitution, 0).number("erp", g.erp, 0.2);
+      rigidity({g.hard, g.restitution, g.erp}, "");
       if (g.has_mass)
         number("mass", g.mass, -1);
       else

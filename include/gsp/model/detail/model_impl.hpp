@@ -70,8 +70,12 @@ void fill_options(Model<R, Mem>& d, FieldSource const& source, ModelOptions cons
   d.constraints = m.option.constraint;
   d.equalities = m.option.constraint && m.option.equality;
   d.refsafe = m.option.refsafe;
-  for (auto const& rigid : {m.jnt_rigid, m.tendon_rigid})
-    for (auto const& [hard, restitution, erp] : rigid) d.limits_bounce = d.limits_bounce || (hard != 0 && restitution > 0);
+  for (auto const* const rigid : {&m.jnt_rigid, &m.tendon_rigid})
+    for (auto const& [hard, restitution, erp] : *rigid) {
+      bool const counts = hard != 0 && d.profile == Profile::stable;
+      d.rigid_limits = d.rigid_limits || counts;
+      d.limits_bounce = d.limits_bounce || (counts && restitution > 0);
+    }
   d.impratio = R(m.option.impratio);
 
   d.integrator = m.option.integrator;

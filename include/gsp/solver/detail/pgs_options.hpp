@@ -1,6 +1,5 @@
 #pragma once
 #include <gsp/core/check.hpp>
-#include <string>
 
 namespace gsp {
 
@@ -18,10 +17,9 @@ struct PgsOptions {
 namespace detail {
 /// Options that no solver can keep are refused by whoever takes them, also where the model's profile has the other solver.
 inline void expects_options(char const* where, PgsOptions const& o) {
-  std::string const begin = std::string(where) + ": ";
-  expects(o.iterations > 0, begin + "iterations must be positive");
-  expects(o.tolerance >= 0, begin + "tolerance must be a number, 0 or more");
-  expects(o.relaxation > 0 && o.relaxation < 2, begin + "relaxation must be above 0 and below 2: 1 is Gauss-Seidel's own");
+  expects(o.iterations > 0, where, "iterations must be positive");
+  expects(o.tolerance >= 0, where, "tolerance must be a number, 0 or more");
+  expects(o.relaxation > 0 && o.relaxation < 2, where, "relaxation must be above 0 and below 2: 1 is Gauss-Seidel's own");
 }
 }  // namespace detail
 
