@@ -269,7 +269,7 @@ TEST_CASE_TEMPLATE("rigid limits stop and bounce", Exec, GSP_TEST_EXECS) {
           s.finish();
         }
       };
-      double const v = 0.6, h = s.model.timestep;
+      double const v = 0.6;
       s.set(0, {0.15}, {v});
       limits(100);
       auto const q = gsp_test::host(s.state.qpos), u = gsp_test::host(s.state.qvel);

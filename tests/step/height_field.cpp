@@ -18,8 +18,8 @@ constexpr double mu = 0.5, g = 9.81;
 /// Ground and one free body of density 1,000 above it.
 struct Scene {
   ShapeType type = ShapeType::box;
-  gsp::HeightFieldDescription field;  // rows 0: a plane
-  D at{0, 0, 0};                      // of the ground
+  gsp::HeightFieldDescription field = {};  // rows 0: a plane
+  D at{0, 0, 0};                           // of the ground
   Q turn{1, 0, 0, 0};
   D body{0, 0, 0};
   Q body_turn{1, 0, 0, 0};

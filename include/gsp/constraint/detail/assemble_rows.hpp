@@ -223,13 +223,13 @@ struct EmitRows {
   /// What a row may yield to its load (RowLaw), until its element is finished: in room that nothing else needs before the solver.
   KOKKOS_INLINE_FUNCTION R& most_yield(int row) const { return impulses.before(row); }
   /// Who a row is and where it lies.
-  KOKKOS_INLINE_FUNCTION void lay_out(Row<R>& row, int place, int k, std::int64_t entry, RowStructure<R, Mem> const& structure) const {
+  KOKKOS_INLINE_FUNCTION void lay_out(Row<R>& to, int place, int k, std::int64_t entry, RowStructure<R, Mem> const& structure) const {
+    Row<R> row{};  // written as a whole: a single bit would wait for what lies beside it in memory
     row.type = static_cast<unsigned char>(place);
     row.element = k;
-    row.same_segments = false;
-    row.eliminated = false;
     row.first_entry = entry;
     for (int s = 0; s < 2; ++s) row.segment[s] = s < structure.segments ? structure.segment(s) : RowSegment{-1, 0, -1};
+    to = row;
   }
   /// Row r of an element, number `at` of the pool: whitened entries, law and bounds. What all types do stands between what each does by
   /// itself: threads with rows of different types go through it together.

@@ -29,7 +29,8 @@ struct alignas(8) SharedRow {
   unsigned char count;      // entries
   signed char friction_of;  // as in Row
   unsigned char rows;       // of the element that begins here
-  bool with_next, same_segments;
+  bool with_next : 1, same_segments : 1;
+  bool contact : 1;  // of this row, which pushes, and two in its ellipse, all with the same segments
 };
 static_assert(sizeof(SharedRow) == 8);
 template <class R>

@@ -72,7 +72,8 @@ struct SharedWorld {
                 from.friction_of,
                 static_cast<unsigned char>(rows.element_rows(first + r)),
                 from.with_next,
-                from.same_segments};
+                from.same_segments,
+                false};
       unsigned char* d = dof + entry;
       for (int s = 0; s < 2; ++s) {
         RowSegment const& segment = from.segment[s];
@@ -82,6 +83,12 @@ struct SharedWorld {
       }
     }
     find_order();
+    __syncwarp();
+    for (int e = of_one_row + lane; e < elements; e += shared_lanes) {
+      SharedRow* const own = row + order[e];
+      own->contact = own->rows == 3 && own->same_segments && own->friction_of < 0 && own[1].friction_of == 0 && own[1].with_next &&
+                     own[2].friction_of == 0;
+    }
     __syncwarp();
   }
   /// Lists the elements of one row, then those of more, each in their order; eliminated ones are left out.
@@ -194,6 +201,68 @@ struct SharedWorld {
     if (__any_sync(0xffffffffu, moves)) push<M>(active, at, n, same, d);
     return change;
   }
+  /// The same of a contact in each world (SharedRow::contact): the same numbers in half the instructions, entries once from memory.
+  __device__ R sweep_contact(bool active, int at, R& raised) const {
+    SharedRow const from = active ? row[at] : SharedRow{};
+    SharedNumbers<R> const none{}, n0 = active ? number[at] : none, n1 = active ? number[at + 1] : none,
+                                   n2 = active ? number[at + 2] : none;
+    unsigned char const* const list = dof + from.entry;
+    R const* const y = Y + from.entry;
+    constexpr int held = 2;  // entries of a thread that stay in registers
+    R x[held], y0[held], y1[held], y2[held], w0(0), w1(0), w2(0);
+#pragma unroll
+    for (int k = 0; k < held; ++k) {
+      int const i = lane + k * shared_lanes;
+      if (i >= from.count) continue;
+      x[k] = z[list[i]];
+      y0[k] = y[i];
+      y1[k] = y[from.count + i];
+      y2[k] = y[2 * from.count + i];
+      w0 = fma(y0[k], x[k], w0);
+      w1 = fma(y1[k], x[k], w1);
+      w2 = fma(y2[k], x[k], w2);
+    }
+    for (int i = lane + held * shared_lanes; i < from.count; i += shared_lanes) {
+      R const more = z[list[i]];
+      w0 = fma(y[i], more, w0);
+      w1 = fma(y[from.count + i], more, w1);
+      w2 = fma(y[2 * from.count + i], more, w2);
+    }
+    w0 = sum(w0);
+    w1 = sum(w1);
+    w2 = sum(w2);
+    __syncwarp();  // all have read p and z
+    if (!active) return R(0);
+    R const relaxation = R(k.options.relaxation), coupling10 = y[-3], coupling20 = y[-2], coupling21 = y[-1];
+    w0 = fma(n0.compliance, n0.p, n0.bias) + w0;
+    w1 = fma(n1.compliance, n1.p, n1.bias) + w1;
+    w2 = fma(n2.compliance, n2.p, n2.bias) + w2;
+    R const p0 = clamp(fma(-relaxation * n0.inverse_diagonal, w0, n0.p), n0.lower, n0.upper), d0 = p0 - n0.p;
+    w1 = fma(coupling10, d0, w1);
+    w2 = fma(coupling20, d0, w2);
+    R p1 = fma(-relaxation * n1.inverse_diagonal, w1, n1.p), p2 = fma(-relaxation * n2.inverse_diagonal, w2, n2.p);
+    R const mu1 = n1.lower, mu2 = n2.lower, q1 = p1 * mu2, q2 = p2 * mu1, r2 = fma(q1, q1, q2 * q2), radius = mu1 * mu2 * abs(p0);
+    if (r2 > radius * radius) {
+      R const scale = radius / sqrt(r2);
+      p1 = scale * p1;
+      p2 = scale * p2;
+    }
+    R const d1 = p1 - n1.p, d2 = p2 - n2.p;
+    if (d0 == R(0) && d1 == R(0) && d2 == R(0)) return R(0);
+    // rates before the row moves, after those before it have: w1 is that already
+    w2 = fma(coupling21, d1, w2);
+    R const c0 = abs(d0) * n0.diagonal, c1 = abs(d1) * n1.diagonal, c2 = abs(d2) * n2.diagonal;
+    if (d0 != R(0)) raised += energy_of_step(d0, w0, c0);
+    if (d1 != R(0)) raised += energy_of_step(d1, w1, c1);
+    if (d2 != R(0)) raised += energy_of_step(d2, w2, c2);
+    if (lane < 3) number[at + lane].p = lane == 0 ? p0 : lane == 1 ? p1 : p2;
+#pragma unroll
+    for (int k = 0; k < held; ++k)
+      if (int const i = lane + k * shared_lanes; i < from.count) z[list[i]] = fma(y2[k], d2, fma(y1[k], d1, fma(y0[k], d0, x[k])));
+    for (int i = lane + held * shared_lanes; i < from.count; i += shared_lanes)
+      z[list[i]] = fma(y[2 * from.count + i], d2, fma(y[from.count + i], d1, fma(y[i], d0, z[list[i]])));
+    return max(max(c0, c1), c2);
+  }
   /// z = Y^T p
   __device__ void sum_elements(bool active) const {
     for (int i = active ? lane : nv; i < nv; i += shared_lanes) z[i] = R(0);
@@ -204,7 +273,7 @@ struct SharedWorld {
       R d[lockstep_rows];
 #pragma unroll
       for (int b = 0; b < lockstep_rows; ++b) d[b] = b < n ? number[at + b].p : R(0);
-      push<lockstep_rows>(has, at, n, false, d);
+      push<lockstep_rows>(has, at, n, __all_sync(0xffffffffu, !has || (n == lockstep_rows && row[at].same_segments)), d);
     }
   }
   /// Impulses and z before a sweep that a leap follows on.
@@ -256,7 +325,10 @@ struct SharedWorld {
         }
         if (e < most) {
           bool const active = again && of_one_row + e < elements;
-          change = max(change, sweep_element<lockstep_rows>(active, active ? order[of_one_row + e] : 0, raised));
+          int const at = active ? order[of_one_row + e] : 0;
+          bool const contacts = __all_sync(0xffffffffu, !active || row[at].contact);
+          change = max(change, contacts ? sweep_contact(active, at, raised) : sweep_element<lockstep_rows>(active, at, raised));
+          __syncwarp();
         }
       }
       if (again) ++sweeps;

@@ -104,7 +104,7 @@ struct ResidualWorld {
       // 1/2 C p^2 + b p; that of Y comes from z
       parts.energy = fma(now[b], fma(R(0.5) * row[b].compliance, now[b], row[b].bias), parts.energy);
     }
-    for (int b = 0; b < n; ++b) raise(parts.cone, convex ? outside_ellipsoid(row, n, b, now) : outside_friction(row, b, now));
+    for (int b = 0; b < n; ++b) raise(parts.cone, convex ? outside_ellipsoid(row, n, b, now) : outside_friction<M>(row, b, now));
   }
   KOKKOS_INLINE_FUNCTION static R outside_bounds(Row<R> const& row, R p) {
     if (row.friction_of >= 0) return row.mu > R(0) ? R(0) : abs(p);
@@ -115,10 +115,11 @@ struct ResidualWorld {
     return out;
   }
   /// Friction row b by itself, or b and b + 1 in their ellipse.
+  template <int M>
   KOKKOS_INLINE_FUNCTION static R outside_friction(Row<R> const* row, int b, R const* p) {
     if (row[b].friction_of < 0 || !(row[b].mu > R(0)) || (b > 0 && row[b - 1].with_next)) return R(0);
     R out = abs(p[b]) / row[b].mu;
-    if (row[b].with_next) out = sqrt(square(out) + square(p[b + 1] / row[b + 1].mu));
+    if (b + 1 < M && row[b].with_next) out = sqrt(square(out) + square(p[b + 1] / row[b + 1].mu));
     out -= abs(p[row[b].friction_of]);
     return out > R(0) || out != out ? out : R(0);
   }
