@@ -1,9 +1,11 @@
-// gsp bench: timings of models and a scene that the library makes itself, so that two machines or versions can be compared without files.
+// gsp bench: timings of models and a scene that the library makes itself, so that two machines or versions can be compared without files;
+// `physics` is in physics.cpp.
 #include <chrono>
 #include <cstdio>
 #include <gsp/model/samples.hpp>
 
 #include "commands.hpp"
+#include "physics.hpp"
 #include "run.hpp"
 #include "view.hpp"
 
@@ -86,13 +88,16 @@ nlohmann::ordered_json draw_room(Device device, Arguments const& a) {
 
 int run(Arguments const& a) {
   std::string const name = a.operands().front();
-  std::vector<std::string> names{"all", "room"};
+  std::vector<std::string> names{"all", "physics", "room"};
   for (auto const& s : scenarios()) names.push_back(s.name);
   if (std::find(names.begin(), names.end(), name) == names.end()) {
     std::string all;
     for (auto const& n : names) all += (all.empty() ? "" : ", ") + n;
     a.fail("there is no bench " + in_quotes(name) + "; there are " + all);
   }
+  if (name == "physics") return bench_physics(a);
+  for (auto const& option : physics_options())
+    if (a.has(option.name)) a.fail(option.name + " is of bench physics; leave it out, or give physics instead of " + name);
   Device const device = choose_device(a);
   gsp::runtime::Session const session(threads_of(a));
   auto const show = [&](nlohmann::ordered_json const& json) {
@@ -118,18 +123,20 @@ int run(Arguments const& a) {
 Command bench_command() {
   std::string names;
   for (auto const& s : scenarios()) names += std::string(s.name) + " (" + s.what + "), ";
-  return {"bench",
-          "NAME",
-          "times models that the library makes itself: " + names + "room (its pictures), all",
-          1,
-          1,
-          {{"--worlds", "N", "worlds, or pictures of the room; without it a number that suits the device"},
-           {"--precision", "float|double", "float without the option"},
-           device_option(),
-           threads_option(),
-           quiet_option(),
-           {"--json", "", "print one JSON object a bench"}},
-          run};
+  std::vector<Option> options{{"--worlds", "N", "worlds, or pictures of the room; without it a number that suits the device"},
+                              {"--precision", "float|double", "float without the option"}};
+  for (auto const& option : physics_options()) options.push_back(option);
+  for (auto const& option : {device_option(), threads_option(), quiet_option()}) options.push_back(option);
+  options.push_back({"--json", "", "print one JSON object a bench, or a scene"});
+  return {
+      "bench",
+      "NAME",
+      "times models that the library makes itself: " + names +
+          "room (its pictures), all of these; and physics: robots, heaps and piles over one window of steps, beside MuJoCo with --peers",
+      1,
+      1,
+      options,
+      run};
 }
 
 }  // namespace gsp_cli

@@ -74,6 +74,16 @@ std::uint64_t bytes_of_states(gsp::CompiledModel const& model, int worlds) {
   return sizeof(double) * static_cast<std::uint64_t>(worlds) * static_cast<std::uint64_t>(2 * model.nq + model.nv + model.na);
 }
 
+Array row_of(Array const& controls, long long k) {
+  Array row = controls.rows(k, 1);  // (1, worlds | 1, nu)
+  row.rank = 2;
+  for (std::size_t d = 0; d < 2; ++d) {
+    row.extents[d] = row.extents[d + 1];
+    row.strides[d] = row.strides[d + 1];
+  }
+  return row;
+}
+
 Timing run_steps(Stepper& stepper, RunOptions const& o, Progress& progress) {
   using clock = std::chrono::steady_clock;
   Timing t;
@@ -87,15 +97,7 @@ Timing run_steps(Stepper& stepper, RunOptions const& o, Progress& progress) {
     if (progress.shown()) next = std::min(next, done + at_once);
     next = std::min(next, done + 100000);
     auto const start = clock::now();
-    if (o.controls) {
-      Array row = o.controls.rows(done, 1);  // (1, worlds | 1, nu) -> (worlds | 1, nu)
-      row.rank = 2;
-      for (std::size_t k = 0; k < 2; ++k) {
-        row.extents[k] = row.extents[k + 1];
-        row.strides[k] = row.strides[k + 1];
-      }
-      gsp::runtime::copy(row, stepper.state().ctrl);
-    }
+    if (o.controls) gsp::runtime::copy(row_of(o.controls, done), stepper.state().ctrl);
     stepper.step(static_cast<int>(next - done), next == o.steps);
     double const seconds = std::chrono::duration<double>(clock::now() - start).count();
     at_once = seconds < 0.1 ? 2 * at_once : seconds > 0.4 ? std::max(1LL, at_once / 2) : at_once;

@@ -37,6 +37,9 @@ struct RunOptions {
   std::function<void(long long)> record = {};  // record(done)
 };
 
+/// Row k of controls (K, worlds | 1, nu), as (worlds | 1, nu).
+gsp::runtime::Array row_of(gsp::runtime::Array const& controls, long long k);
+
 /// Steps, timing those from `time_from` on.
 Timing run_steps(Stepper& stepper, RunOptions const& options, Progress& progress);
 

@@ -1,14 +1,17 @@
 #include <doctest/doctest.h>
 
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/runtime/renderer.hpp>
 #include <gsp/runtime/session.hpp>
+#include <gsp/runtime/stage_times.hpp>
 #include <gsp/splat/render.hpp>
 #include <gsp/splat/sample_surface.hpp>
 #include <gsp/step/step.hpp>
+#include <map>
 #include <support/kokkos_tools.hpp>
 
 // gsp::runtime against the same calls of the library itself, bit for bit, on the CPU and on a GPU where there is one. (The tests' main
@@ -374,6 +377,37 @@ TEST_CASE("pictures of the simulation's poses, where they lie") {
     CHECK(difference / double(rgb.size()) < 1e-4);  // poses differ by some 1e-7 m, a Gaussian is some mm wide
     CHECK_THROWS_AS(renderer->render(stepper->poses(), {host_array(four_views.data(), {4, 4, 4}), host_array(Ks.data(), {1, 3, 3}), {}}),
                     std::invalid_argument);
+  }
+}
+
+// Each stage of a step is called once a step, and what stages took by themselves is no more than the whole: nothing is counted twice.
+TEST_CASE("stages of steps and their times") {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  for (Device const device : devices()) {
+    StepperOptions options;
+    options.worlds = 3;
+    auto const stepper = make_stepper(device, compiled, options);
+    stepper->step(2, false);  // pools find their size
+    double whole = 0;
+    auto const stages = gsp::runtime::stage_times(device, [&] {
+      auto const start = std::chrono::steady_clock::now();
+      stepper->step(5, false);
+      whole = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    });
+    std::map<std::string, long> calls;
+    double sum = 0;
+    for (auto const& stage : stages) {
+      calls[stage.name] = stage.calls;
+      sum += stage.seconds;
+      CHECK(stage.seconds > 0);
+    }
+    for (char const* name : {"step::launch_step", "dynamics::smooth_dynamics", "collision::collide", "constraint::assemble", "solver::pgs",
+                             "dynamics::integrate"})
+      CHECK_MESSAGE(calls[name] == 5, name);
+    CHECK(sum <= whole);
+    CHECK(sum > 0.5 * whole);  // what lies outside of all stages is a call a step
+    CHECK(std::is_sorted(stages.begin(), stages.end(), [](auto const& a, auto const& b) { return a.seconds > b.seconds; }));
+    stepper->step(1, false);  // nobody listens any more
   }
 }
 
