@@ -219,7 +219,7 @@ std::vector<PhysicsScene> physics_scenes() {
        .noise = 0.01},
       {.name = "go1", .what = "feet on a floor", .needs_files = true, .make = go1, .keyframe = "home", .worlds = 1024, .from = 100},
       {.name = "go2", .what = "with servos, on a floor", .needs_files = true, .make = go2, .keyframe = "home", .worlds = 1024, .from = 100},
-      {.name = "g1", .what = "on a floor", .needs_files = true, .make = g1, .keyframe = "home", .worlds = 1024, .from = 100},
+      {.name = "g1", .what = "fallen on a floor", .needs_files = true, .make = g1, .keyframe = "home", .worlds = 1024, .from = 300},
       {.name = "heap_10", .what = "10 humanoids in a heap", .needs_files = true, .make = heap_of_10, .from = 400},
       {.name = "heap_50", .what = "50 humanoids in a heap", .needs_files = true, .make = heap_of_50, .from = 400, .peers = "newton,cg"},
       {.name = "apart_50", .what = "50 humanoids, 2 m apart", .needs_files = true, .make = apart_50, .from = 400, .peers = "newton,cg"},
