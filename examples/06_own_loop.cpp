@@ -17,8 +17,8 @@ int main(int argc, char** argv) {
   gsp::act_early(model, collision);  // contacts act from before they touch, as profile stable has it
   auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
   auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
-  auto contacts = gsp::make_contacts(exec, collision, {.worlds = worlds, .points_per_box_pair = 4});
-  auto rows = gsp::make_rows(exec, model, {.worlds = worlds, .impacts = collision.bounces});
+  auto contacts = gsp::make_contacts(exec, collision, gsp::contacts_options(model, worlds));
+  auto rows = gsp::make_rows(exec, model, gsp::rows_options(model, collision, worlds));
   auto impulses = gsp::make_impulses(exec, rows);
   auto solution = gsp::make_solution(exec, model, {.worlds = worlds});
   auto progress = gsp::make_progress(exec);

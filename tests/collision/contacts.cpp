@@ -305,6 +305,11 @@ TEST_CASE("parameters are mixed as MuJoCo mixes them") {
   CHECK(p.friction[1] == 0.7);
   CHECK(p.friction[2] == 0.01);
   CHECK(p.friction[4] == 0.0002);
+  m.geom_solref[b] = m.geom_solref[a];  // what both say stays, to the bit: profile stable knows the default by it
+  for (int mix = 1; mix < 11; ++mix) {
+    m.geom_solmix[b] = mix;
+    CHECK(mix_contact_parameters(m, a, b).solref[0] == 0.02);
+  }
   m.geom_solref[b] = {-100, -5};
   p = mix_contact_parameters(m, a, b);
   CHECK(p.solref[0] == -100);

@@ -166,7 +166,8 @@ std::string const everything = R"(<mujoco><option timestep="0.002"/><compiler an
  <tendon><fixed name="fix"><joint joint="a1" coef="1"/><joint joint="b1" coef="-.6"/></fixed>
   <fixed name="other"><joint joint="e1" coef="2"/><joint joint="e2" coef=".5"/></fixed>
   <spatial name="rope" limited="true" range="0 .55" frictionloss=".4" solreflimit=".03 .8" solimpfriction=".8 .9 .01"><site site="post"/><site site="sb"/><site site="sd"/></spatial>
-  <spatial name="round" limited="true" range=".62 .9" margin=".02"><site site="se"/><geom geom="roll" sidesite="side"/><site site="sa"/></spatial></tendon>
+  <spatial name="round" limited="true" range=".62 .9" margin=".02"><site site="se"/><geom geom="roll" sidesite="side"/><site site="sa"/></spatial>
+  <spatial name="still"><site site="post"/><site site="side"/></spatial></tendon>
  <equality>
   <connect name="c0" body1="a" body2="c" anchor=".3 .05 -.02" solref=".03 .9"/>
   <connect name="c1" body1="b" anchor=".2 0 .03" solref="-2000 -50" solimp=".8 .95 .01 .3 3"/>
@@ -179,6 +180,7 @@ std::string const everything = R"(<mujoco><option timestep="0.002"/><compiler an
   <tendon name="t0" tendon1="fix" tendon2="other" polycoef="0 .4 .1 0 .05"/>
   <tendon name="t1" tendon1="rope" polycoef="-.05 0 0 0 0"/>
   <tendon name="t2" tendon1="round" tendon2="rope" polycoef="0 -.5 0 .2 0"/>
+  <tendon name="t3" tendon1="still" tendon2="fix" polycoef="0 .3 -.2 0 0"/>
   <connect name="off" body1="a" body2="g" anchor="0 0 0" active="false"/></equality></mujoco>)";
 
 }  // namespace

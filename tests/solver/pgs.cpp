@@ -489,7 +489,9 @@ TEST_CASE_TEMPLATE("a world of NaN leaves its neighbours alone", Exec, GSP_TEST_
           Y(row(first + r).first_entry + i) = std::nan("");
       Kokkos::deep_copy(s.rows.Y, Y);
     }
-    s.solve({.iterations = 20, .tolerance = 0});
+    s.solve({.iterations = 20, .tolerance = 0, .residual = true});
+    CHECK(std::isnan(gsp_test::host(s.solution.residual)(0)) == wrong);
+    CHECK(!std::isnan(gsp_test::host(s.solution.residual)(1)));
     return std::array{dense(s, 1).p, dense(s, 2).p};
   };
   for (int most : {6, 3}) CHECK(solved(most, true) == solved(most, false));

@@ -28,8 +28,9 @@ struct TieThree : gsp::OneFreeRow {
 };
 /// A row on dof 0 whose law or bounds are numbers that none can have, in all worlds but the first; its state is in order.
 struct NoLaw : gsp::OneFreeRow {
-  static constexpr int kinds = 10;
+  static constexpr int kinds = 11;
   KOKKOS_FUNCTION int count(int) const { return 1; }
+  KOKKOS_FUNCTION gsp::RowId id(int world, int k) const { return {world == 10 ? 1u << 27 : std::uint32_t(k), 0}; }
   KOKKOS_FUNCTION gsp::RowLaw<double> law(int world, int, int, double, double, double) const {
     double const inf = Kokkos::Experimental::infinity_v<double>, nan = inf - inf;
     return {world == 1 ? nan : world == 2 ? inf : world == 3 ? -1. : 0., world == 4 ? nan : world == 5 ? inf : world == 6 ? -inf : 1.};
@@ -165,7 +166,7 @@ TEST_CASE_TEMPLATE("a world that goes wrong is alone with it", Exec, GSP_TEST_EX
 }
 
 // In both profiles: such a world stays and says why, the first goes on to the rate that its row asks for.
-TEST_CASE_TEMPLATE("a row whose law or bounds are no numbers is refused", Exec, GSP_TEST_EXECS) {
+TEST_CASE_TEMPLATE("a row whose law or bounds are no numbers, or whose identity is too great, is refused", Exec, GSP_TEST_EXECS) {
   auto const compiled = gsp_test::servo_model();
   for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
     gsp_test::World<double, Exec> world(compiled, test_types::NoLaw::kinds, {.profile = profile});
@@ -176,7 +177,10 @@ TEST_CASE_TEMPLATE("a row whose law or bounds are no numbers is refused", Exec, 
     for (int w = 0; w < test_types::NoLaw::kinds; ++w) {
       CAPTURE(w);
       CHECK((status(w) & gsp::status::row_refused) == (w == 0 ? 0u : gsp::status::row_refused));
-      CHECK((status(w) & gsp::status::causes) == (w == 0 ? 0u : w < 7 ? gsp::status::refused_law : gsp::status::refused_bounds));
+      CHECK((status(w) & gsp::status::causes) == (w == 0   ? 0u
+                                                  : w < 7  ? gsp::status::refused_law
+                                                  : w < 10 ? gsp::status::refused_bounds
+                                                           : gsp::status::refused_identity));
       CHECK(steps(w) == (w == 0 ? 2 : 0));
       for (int i = 0; w > 0 && i < world.model.nv; ++i) CHECK(v(w, i) == 0);
       for (int i = 0; w > 0 && i < world.model.nq; ++i) CHECK(q(w, i) == compiled.qpos0[i]);

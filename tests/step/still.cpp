@@ -455,3 +455,47 @@ TEST_CASE_TEMPLATE("what is wedged is not thrown out", R, float, double) {
   }
   CHECK(worst < 1 + 1e-4);
 }
+
+// A capsule in a V of two others needs the points that make_simulation asks for; a loop without them has other bits.
+TEST_CASE("a loop of one's own has the bits of step") {
+  using World = gsp_test::World<double, Kokkos::DefaultHostExecutionSpace>;
+  auto const c = gsp::compile(gsp_test::capsule_in_v(0.01));
+  World step(c);
+  step.step(100);
+  auto const own = [&](gsp::ContactsOptions options) {
+    World w(c);
+    auto& s = w.sim;
+    s.contacts = gsp::make_contacts(w.exec, s.collision, options);
+    s.rows = gsp::make_rows(w.exec, w.model, gsp::rows_options(w.model, s.collision, 1));
+    s.impulses = gsp::make_impulses(w.exec, s.rows);
+    for (int t = 0; t < 100;) {
+      gsp::smooth_dynamics(w.exec, w.model, w.state, s.poses, s.dynamics);
+      gsp::act_early(w.model, s.collision);
+      gsp::collide(w.exec, s.collision, s.poses, s.contacts);
+      auto const types = gsp::model_constraints(w.model, w.state, s.poses, s.dynamics, s.collision, s.contacts);
+      gsp::assemble(w.exec, w.model, w.state, s.dynamics, types, s.rows, s.impulses, s.progress);
+      gsp::impacts(w.exec, s.progress, s.rows, s.impulses, s.solution);
+      gsp::pgs(w.exec, s.rows, s.impulses, s.solution, s.progress);
+      gsp::integrate(w.exec, w.model, w.state, s.dynamics, s.progress, s.solution);
+      bool const more_contacts = gsp::grow(w.exec, s.contacts), more_rows = gsp::grow(w.exec, s.rows, s.impulses, s.progress);
+      t += !more_contacts && !more_rows;
+    }
+    double difference = 0;
+    for (int i = 0; i < w.model.nq; ++i) difference = std::fmax(difference, std::abs(w.state.qpos(0, i) - step.state.qpos(0, i)));
+    return difference;
+  };
+  CHECK(own(gsp::contacts_options(step.model, 1)) == 0);
+  CHECK(own({.worlds = 1, .points_per_box_pair = 4}) > 0);
+}
+
+TEST_CASE("pyramids beside contacts that are hard are refused") {
+  auto d = gsp_test::capsule_in_v(0.01);
+  auto const make = [&](gsp::FrictionCone cone) {
+    gsp_test::World<float, Kokkos::DefaultHostExecutionSpace> const w(gsp::compile(d));
+    return gsp::make_simulation(w.exec, w.model, w.compiled, {.cone = cone});
+  };
+  CHECK_NOTHROW(make(gsp::FrictionCone::pyramidal));
+  d.bodies.back().geoms.at(0).hard = true;
+  CHECK_NOTHROW(make(gsp::FrictionCone::box));
+  CHECK_THROWS_WITH_AS(make(gsp::FrictionCone::pyramidal), doctest::Contains("some geoms or pairs are hard"), gsp::Error);
+}

@@ -1,5 +1,7 @@
 #pragma once
 // Worlds of a model with all that a step needs: what tests of steps derive theirs from.
+#include <doctest/doctest.h>
+
 #include <gsp/model/compile.hpp>
 #include <gsp/step/step.hpp>
 
@@ -39,7 +41,12 @@ struct World {
         model(gsp::make_model<R>(exec, c, options)),
         state(gsp::make_state(exec, model, {.worlds = worlds})),
         sim(gsp::make_simulation(exec, model, c, {.worlds = worlds})) {}
-  void step(int n, gsp::PgsOptions solver = {}) { gsp::step(exec, model, state, sim, {.steps = n, .solver = solver}); }
+  bool may_stop = false;  // worlds may: what is said of them must not hold because they stand still
+  void step(int n, gsp::PgsOptions solver = {}) {
+    gsp::step(exec, model, state, sim, {.steps = n, .solver = solver});
+    auto const status = host(state.status);
+    for (int w = 0; w < state.worlds && !may_stop; ++w) REQUIRE(status(w) == 0);
+  }
   auto qpos() const { return host(state.qpos); }
   auto qvel() const { return host(state.qvel); }
 };

@@ -78,7 +78,7 @@ struct Equalities {
     if (eq_active(world, k) == 0) return 0;
     EqualityType const type = type_of(k);
     if (type == EqualityType::joint) return 1;
-    if (type == EqualityType::tendon) return tendon_tree(eq_id1(k)) >= 0;
+    if (type == EqualityType::tendon) return tendon_tree(eq_id1(k)) >= 0 || (eq_id2(k) >= 0 && tendon_tree(eq_id2(k)) >= 0);
     if (trees.body_last_dof[body(k, 0)] == trees.body_last_dof[body(k, 1)]) return 0;
     return type == EqualityType::weld ? 6 : 3;
   }

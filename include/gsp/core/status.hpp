@@ -17,7 +17,8 @@ inline constexpr std::uint32_t refused_size = 1u << 9;
 inline constexpr std::uint32_t refused_friction = 1u << 10;
 inline constexpr std::uint32_t refused_bounds = 1u << 11;
 inline constexpr std::uint32_t refused_law = 1u << 12;
-inline constexpr std::uint32_t causes = refused_place | refused_size | refused_friction | refused_bounds | refused_law;
+inline constexpr std::uint32_t refused_identity = 1u << 13;
+inline constexpr std::uint32_t causes = refused_place | refused_size | refused_friction | refused_bounds | refused_law | refused_identity;
 /// Bits with which a world stays as it is, until somebody clears them (row_refused: until the rows are right).
 inline constexpr std::uint32_t stopped = not_finite | row_refused | unbounded;
 
@@ -57,6 +58,8 @@ inline std::string text(std::uint32_t bits) {
       "a constraint row was refused: its law() is infinite or NaN or has a negative compliance (a lambda() that grows with the gap or the "
       "rate), or a restitution that is not 0 to 1 of a rigid row that only pushes and has room for it (make_rows or make_simulation with "
       "{.impacts = true}): correct it");
+  add(refused_identity,
+      "a constraint row was refused: its id() has a major part of 2^27 or more: number the elements of a type from 0 on, in their order");
   return result.empty() ? "ok" : result;
 }
 

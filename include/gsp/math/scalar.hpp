@@ -63,6 +63,11 @@ template <Scalar T>
 GSP_FUNCTION T select(bool m, T a, T b) {
   return m ? a : b;
 }
+/// The greater one; NaN where one of them is.
+template <class T>
+GSP_FUNCTION T max_or_nan(T const& a, T const& b) {
+  return select(a >= b, a, select(a == a, b, a));
+}
 GSP_FUNCTION constexpr bool any(bool m) { return m; }
 GSP_FUNCTION constexpr bool all(bool m) { return m; }
 

@@ -12,7 +12,7 @@ enum class InLanes : unsigned char { none, some, all };
 /// The laws of up to N rows, as numbers of type T: a plain one, or a pack with a world a lane.
 template <class T, int N>
 struct ElementLaw {
-  T inverse_diagonal[N];  // 1 / (|Y|^2 + C), or the step of two rows together; 0: the row cannot move, and its bounds are 0
+  T inverse_diagonal[N];  // 1 / (|Y|^2 + C), or the step of two rows together; 0: the row cannot move (profile stable: its bounds are 0)
   T lower[N], upper[N];   // where mu < 0
   T mu[N];                // friction: +-mu times the absolute impulse of row `normal` of the element
   T normal[N];
@@ -202,7 +202,7 @@ KOKKOS_FORCEINLINE_FUNCTION void element_misses(ElementLaw<T, N> const& law, int
 template <int rows, int N, class T>
 KOKKOS_FORCEINLINE_FUNCTION T element_residual(ElementLaw<T, N> const& law, int first, T const* w, T const* p) {
   T worst(0);
-  element_misses<rows>(law, first, w, p, [&](int, T const& miss) { worst = max(worst, miss); });
+  element_misses<rows>(law, first, w, p, [&](int, T const& miss) { worst = max_or_nan(worst, miss); });
   return worst;
 }
 

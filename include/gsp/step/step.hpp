@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <gsp/collision/contacts.hpp>
 #include <gsp/constraint/assemble.hpp>
 #include <gsp/constraint/contact_adhesion.hpp>
@@ -64,6 +65,18 @@ struct SimulationOptions {
   bool impacts = false;                   // rows of your own may have a restitution; whether contacts have, the model says
 };
 
+/// The contacts and rows that `make_simulation` makes, for loops of your own, which have the same bits then.
+template <class R, class Mem>
+ContactsOptions contacts_options(Model<R, Mem> const& model, int worlds) {
+  bool const stable = model.profile == Profile::stable;
+  return {.worlds = worlds, .points_per_box_pair = stable ? 4 : 8, .steady = stable};
+}
+/// @param impacts  rows of your own may have a restitution
+template <class R, class Mem>
+RowsOptions rows_options(Model<R, Mem> const& model, CollisionModel<R, Mem> const& collision, int worlds, bool impacts = false) {
+  return {.worlds = worlds, .impacts = impacts || collision.bounces || model.limits_bounce};
+}
+
 /// How rows are solved for: each profile has its solver.
 struct LaunchOptions {
   PgsOptions solver = {};     // profile stable
@@ -99,6 +112,15 @@ template <class R, class Mem>
 bool has_runge_kutta(Model<R, Mem> const& model) {
   return model.profile == Profile::mujoco && model.integrator == Integrator::rk4;
 }
+/// Edges of a pyramid are soft.
+inline void expects_soft_contacts(CompiledModel const& compiled) {
+  auto const is_hard = [](auto const& pair) { return pair.rigid.hard; };
+  bool const geoms = std::any_of(compiled.geom_hard.begin(), compiled.geom_hard.end(), [](int hard) { return hard != 0; });
+  if (geoms || std::any_of(compiled.named_pairs.begin(), compiled.named_pairs.end(), is_hard))
+    throw Error(
+        "gsp::make_simulation: some geoms or pairs are hard, and pyramids of friction are soft: choose FrictionCone::elliptic or box, or "
+        "leave hard out");
+}
 /// impacts and pgs in profile stable; Newton's method in profile mujoco, and noslip where the file asks for it.
 template <class Exec, class R, class Mem>
 void solve(Exec const& exec, Model<R, Mem> const& model, Simulation<R, Mem>& sim, LaunchOptions const& options, bool warm, bool ends_step) {
@@ -115,7 +137,8 @@ void solve(Exec const& exec, Model<R, Mem> const& model, Simulation<R, Mem>& sim
 }  // namespace detail
 
 /// Buffers for stepping `worlds` worlds of `model`, which was made from `compiled`. Allocates.
-/// Errors: gsp::Error for what make_model refuses too, and for the box of friction in profile mujoco.
+/// Errors: gsp::Error for what make_model refuses too, for the box of friction in profile mujoco, and in profile stable for pyramids beside
+/// contacts that are hard.
 template <class R, ExecutionSpace Exec, class Mem>
 Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
                                    SimulationOptions options = {}) {
@@ -126,13 +149,14 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   if (!stable && options.cone == FrictionCone::box)
     throw Error(
         "gsp::make_simulation: profile mujoco has no box of friction: choose FrictionCone::elliptic or pyramidal, or profile stable");
+  if (stable && options.cone == FrictionCone::pyramidal) detail::expects_soft_contacts(compiled);
   Simulation<R, Mem> sim;
   int const n = options.worlds;
   sim.collision = make_collision_model<R>(exec, compiled);
   sim.dynamics = make_dynamics(exec, model, {.worlds = n});
   sim.poses = make_poses(exec, model, {.worlds = n});
-  sim.contacts = make_contacts(exec, sim.collision, {.worlds = n, .points_per_box_pair = stable ? 4 : 8, .steady = stable});
-  sim.rows = make_rows(exec, model, {.worlds = n, .impacts = options.impacts || sim.collision.bounces || model.limits_bounce});
+  sim.contacts = make_contacts(exec, sim.collision, contacts_options(model, n));
+  sim.rows = make_rows(exec, model, rows_options(model, sim.collision, n, options.impacts));
   sim.impulses = make_impulses(exec, sim.rows);
   sim.solution = make_solution(exec, model, {.worlds = n});
   sim.progress = make_progress(exec);

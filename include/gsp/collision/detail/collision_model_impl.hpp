@@ -41,11 +41,12 @@ KOKKOS_INLINE_FUNCTION ContactParameters<R> mix_contact_parameters(GeomContact<R
     R const s1 = a.solmix, s2 = b.solmix;
     R const mix = s1 >= tiny && s2 >= tiny ? s1 / (s1 + s2) : s1 < tiny && s2 < tiny ? R(0.5) : s1 < tiny ? R(0) : R(1);
     bool const standard = a.solref[0] > R(0) && b.solref[0] > R(0);
+    auto const between = [mix](R x, R y) { return x == y ? x : mix * x + (R(1) - mix) * y; };  // what both say stays, to the bit
     for (int i = 0; i < 2; ++i) {
       R const least = a.solref[i] < b.solref[i] ? a.solref[i] : b.solref[i];
-      p.solref[i] = standard ? mix * a.solref[i] + (R(1) - mix) * b.solref[i] : least;
+      p.solref[i] = standard ? between(a.solref[i], b.solref[i]) : least;
     }
-    for (int i = 0; i < 5; ++i) p.solimp[i] = mix * a.solimp[i] + (R(1) - mix) * b.solimp[i];
+    for (int i = 0; i < 5; ++i) p.solimp[i] = between(a.solimp[i], b.solimp[i]);
     p.adhesion = a.adhesion + b.adhesion;
   }
   for (int i = 0; i < 5; ++i) {

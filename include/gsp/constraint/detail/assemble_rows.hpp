@@ -68,8 +68,10 @@ struct CountRows {
       std::int64_t own = 0;
       types.visit(w, e, 0, [&](auto const& type, int, int k) {
         int const n = type.rows(w, k);
-        if (n > 0 && lies_still(model, sleeping, type, w, k)) return world.add(rows.kept(w), n);
+        bool const of_one_size = n > 0 && n <= most_element_rows;
+        if (of_one_size && lies_still(model, sleeping, type, w, k)) return world.add(rows.kept(w), n);
         std::uint32_t refused = n < 0 || n > most_element_rows ? status::refused_size : 0;
+        if (n > 0 && type.id(w, k).major >> 27 != 0) refused |= status::refused_identity;
         bool second = false;
         auto const refuse = [&](bool when, std::uint32_t cause) { refused |= when ? cause : 0u; };
         unsigned alone = 0;  // normals that have friction which shares no ellipse

@@ -8,8 +8,9 @@ namespace gsp::detail {
 // keep of their worlds, eight of which share each sector of memory: eight neighbours a block find it in their L1 cache. They wait for
 // memory most of the time: three blocks at a time, with 80 registers a thread, are faster than two with all that they want, and than four.
 template <bool has_columns>
-inline constexpr int warps_of_block = has_columns ? 8 : 2,
-                     blocks_at_a_time = has_columns ? 3 : 1;
+inline constexpr int warps_of_block = has_columns ? 8 : 2;
+template <bool has_columns>
+inline constexpr int blocks_at_a_time = has_columns ? 3 : 1;
 
 /// Numbers of a thread among those of the other threads of its warp.
 template <class T>

@@ -216,7 +216,8 @@ struct NewtonWorld {
     R worst(0);
     if (residual) {
       sum_rows(world, rows, l.first, l.island.count, sum, p);
-      for (int r = 0; r < l.island.count; ++r) worst = max(worst, abs(dot_row(SerialWorld{0}, rows, l.row[r], sum) + l.row[r].bias - w[r]));
+      for (int r = 0; r < l.island.count; ++r)
+        worst = max_or_nan(worst, abs(dot_row(SerialWorld{0}, rows, l.row[r], sum) + l.row[r].bias - w[r]));
     }
     world.single([&] {
       solution.iterations(world.rank) = iteration;

@@ -131,7 +131,7 @@ struct PgsLockstep {
       }
     }
     T worst = zero;
-    if (options.residual) blocks.each([&](auto kind, Block const& k) { worst = max(worst, residual<kind>(k, z)); });
+    if (options.residual) blocks.each([&](auto kind, Block const& k) { worst = max_or_nan(worst, residual<kind>(k, z)); });
     for (int l = 0; l < W; ++l) {
       if (w0 + l >= rows.worlds || !goes_in_lockstep(rows, w0 + l)) continue;
       R* const out = solution.z.data() + std::int64_t(w0 + l) * nv;

@@ -211,16 +211,16 @@ struct SharedWorld {
     constexpr int held = 2;  // entries of a thread that stay in registers
     R x[held], y0[held], y1[held], y2[held], w0(0), w1(0), w2(0);
 #pragma unroll
-    for (int k = 0; k < held; ++k) {
-      int const i = lane + k * shared_lanes;
+    for (int h = 0; h < held; ++h) {
+      int const i = lane + h * shared_lanes;
       if (i >= from.count) continue;
-      x[k] = z[list[i]];
-      y0[k] = y[i];
-      y1[k] = y[from.count + i];
-      y2[k] = y[2 * from.count + i];
-      w0 = fma(y0[k], x[k], w0);
-      w1 = fma(y1[k], x[k], w1);
-      w2 = fma(y2[k], x[k], w2);
+      x[h] = z[list[i]];
+      y0[h] = y[i];
+      y1[h] = y[from.count + i];
+      y2[h] = y[2 * from.count + i];
+      w0 = fma(y0[h], x[h], w0);
+      w1 = fma(y1[h], x[h], w1);
+      w2 = fma(y2[h], x[h], w2);
     }
     for (int i = lane + held * shared_lanes; i < from.count; i += shared_lanes) {
       R const more = z[list[i]];
@@ -257,8 +257,8 @@ struct SharedWorld {
     if (d2 != R(0)) raised += energy_of_step(d2, w2, c2);
     if (lane < 3) number[at + lane].p = lane == 0 ? p0 : lane == 1 ? p1 : p2;
 #pragma unroll
-    for (int k = 0; k < held; ++k)
-      if (int const i = lane + k * shared_lanes; i < from.count) z[list[i]] = fma(y2[k], d2, fma(y1[k], d1, fma(y0[k], d0, x[k])));
+    for (int h = 0; h < held; ++h)
+      if (int const i = lane + h * shared_lanes; i < from.count) z[list[i]] = fma(y2[h], d2, fma(y1[h], d1, fma(y0[h], d0, x[h])));
     for (int i = lane + held * shared_lanes; i < from.count; i += shared_lanes)
       z[list[i]] = fma(y[2 * from.count + i], d2, fma(y[from.count + i], d1, fma(y[i], d0, z[list[i]])));
     return max(max(c0, c1), c2);

@@ -290,7 +290,7 @@ struct PgsResidual {
       ElementLaw<R, N> law;
       R rate[N], now[N];
       take_element<N>(world, rows, &rows.row(first + r), rows.element_rows(first + r), z, p + r, law, rate, now);
-      worst = max(worst, element_residual<N>(law, 0, rate, now));
+      worst = max_or_nan(worst, element_residual<N>(law, 0, rate, now));
     }
     world.single([&] { solver.solution.residual(w) = worst; });
   }

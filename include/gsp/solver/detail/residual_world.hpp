@@ -13,7 +13,7 @@ struct ResidualParts {
 /// worst <- the greater one. NaN stays.
 template <class R>
 KOKKOS_INLINE_FUNCTION void raise(R& worst, R x) {
-  if (x > worst || x != x) worst = x;
+  worst = max_or_nan(worst, x);
 }
 
 template <class R, class Mem>
