@@ -11,6 +11,8 @@ namespace gsp::detail {
 // friction say is left to the next sweep. What is wedged presses against itself, and such a p does not leap: where sum |Y_r p_r|^2 is more
 // than 100,000 times |Y^T p|^2 (a weight of 10,000 on a light body: 20,000 times).
 inline constexpr double leap_most_sweeps = 10000, leap_most_growth = 1000, leap_most_shrinking = 0.5, leap_most_stress = 1e5;
+// What grows p by more than itself asks only the rows that no bound holds (best_leap).
+inline constexpr double leap_held_growth = 1;
 inline constexpr int leap_from = 8, leap_every = 4;  // sweeps: before the first one, and from one to the next
 
 /// Whether a leap follows on sweep number `sweep` (from 0) of at most `sweeps`: then p and z before it are kept. The sweeps to the next one
@@ -20,20 +22,38 @@ KOKKOS_INLINE_FUNCTION constexpr bool leaps_after(int sweep, int sweeps) {
 }
 
 /// Sweeps lower E, except where friction, which is no minimum of an energy, follows a normal that a leap has changed: there they take back
-/// what it gained. A world whose sweeps raise E after a leap leaps no more in this step.
-/// @param raised  by how much the sweeps since the last leap have raised E (energy_of_step)
+/// what it gained. A world whose sweeps raise E after a leap leaps no more in this step, nor does one whose last sweep has raised E: where
+/// friction still goes another way than down, the least E lies far off.
+/// @param earlier, raised  by how much the sweeps since the last leap have raised E (SweepWork): those before the last one, and that
 template <class R>
-KOKKOS_INLINE_FUNCTION bool leaps_again(int sweep, R raised) {
-  return sweep == leap_from || raised <= R(0);
+KOKKOS_INLINE_FUNCTION bool leaps_again(int sweep, R earlier, R raised) {
+  return raised <= R(0) && (sweep == leap_from || earlier + raised <= R(0));
 }
-/// Change of E where row b of an element moves by d, after the rows before it have:   d (w + Y_b . sum Y_a d_a) + 1/2 d^2 (|Y|^2 + C)
-/// No difference of large numbers, as two values of E are.
-/// @param rate    w of the row before the element moves, + the products with the rows a < b
-/// @param change  |d| (|Y|^2 + C), what the row's rate changes by
+
+/// What a sweep tells of E, summed row by row as they move.
+///   raised  its change,   d (w + Y_b . sum Y_a d_a) + 1/2 d^2 (|Y|^2 + C), where row b of an element moves by d after the rows a < b have:
+///           no difference of large numbers, as two values of E are
+///   held_p  sum p w, held_d  sum d w:   slopes of E along p and d of rows that a bound holds, w the row's rate right after it has moved,
+///           which is 0 for all others, but for rounding of p
 template <class T>
-KOKKOS_INLINE_FUNCTION T energy_of_step(T const& d, T const& rate, T const& change) {
-  return fma(d, rate, T(0.5f) * abs(d) * change);
-}
+struct SweepWork {
+  T raised, held_p, held_d;
+  /// @param p         impulse after the row has moved by d
+  /// @param rate      w of the row before the element moves, + the products with the rows a < b
+  /// @param change    d (|Y|^2 + C), what its rate changes by
+  /// @param inverse_diagonal  1 / (|Y|^2 + C)
+  /// @param together  of `rate`, what the row before has done, where both move together in an ellipse; or 0
+  template <class R>
+  KOKKOS_INLINE_FUNCTION void add_row(T const& p, T const& d, T const& rate, T const& change, T const& inverse_diagonal,
+                                      T const& together) {
+    T const w = rate - together + change;
+    auto const held = abs(w) * inverse_diagonal > T(R(4) * Kokkos::Experimental::epsilon_v<R>) * abs(p);
+    T const left = select(held, w, T(R(0)));
+    raised = raised + fma(d, rate, T(0.5f) * d * change);
+    held_p = fma(p, left, held_p);
+    held_d = fma(d, left, held_d);
+  }
+};
 
 /// Sums over dofs and rows of a world.
 ///   energy  E(p) = 1/2 (z.z + p.Cp) + b.p,   z = Y^T p
@@ -61,15 +81,12 @@ template <class T>
 struct Leap {
   T growth, sweeps;
 };
-/// Where E is least in that plane:
-///   pp growth + pd sweeps = -grad E . p = -(pp + bp),   pd growth + dd sweeps = -grad E . d = -(raised + dd / 2)
-/// since E(p) - E(p - d) = grad E . d - dd / 2. pd + b.d is the same in exact arithmetic, but near rest it is a difference of large
-/// numbers, and leaps along it, up to 10,000 times as far, throw what holds still off. Where p and d point the same way, along p alone.
-/// Never back (sweeps >= 0). z is found anew, Y^T p, as what rounding makes of d is enlarged.
-/// @param raised  by how much the sweep that made d has raised E
+/// Where a function with the curvature of E and the slopes p, d is least in that plane:
+///   pp growth + pd sweeps = -p,   pd growth + dd sweeps = -d
+/// Where both point the same way, along p alone. Never back (sweeps >= 0).
 template <class R, class T>
-KOKKOS_INLINE_FUNCTION Leap<T> best_leap(LeapSums<T> const& s, T const& raised) {
-  T const zero(R(0)), one(R(1)), p = s.pp + s.bp, d = fma(T(R(0.5)), s.dd, raised), det = s.pp * s.dd - s.pd * s.pd;
+KOKKOS_INLINE_FUNCTION Leap<T> least_in_plane(LeapSums<T> const& s, T const& p, T const& d) {
+  T const zero(R(0)), one(R(1)), det = s.pp * s.dd - s.pd * s.pd;
   auto const plane = det > T(R(64) * Kokkos::Experimental::epsilon_v<R>) * s.pp * s.dd;
   auto const some = s.pp > zero;
   T const inverse = one / select(plane, det, one);
@@ -82,6 +99,22 @@ KOKKOS_INLINE_FUNCTION Leap<T> best_leap(LeapSums<T> const& s, T const& raised) 
   sweeps = select(wedged, zero, sweeps);
   return {select(some, clamp(growth, T(R(-leap_most_shrinking)), T(R(leap_most_growth))), zero),
           select(some, clamp(sweeps, zero, T(R(leap_most_sweeps))), zero)};
+}
+/// The leap to the least E of that plane. Slopes:
+///   grad E . p = pp + bp,   grad E . d = raised + dd / 2, since E(p) - E(p - d) = grad E . d - dd / 2
+/// pd + b.d is the latter in exact arithmetic, but near rest it is a difference of large numbers, and leaps along it, up to 10,000 times as
+/// far, throw what holds still off. z is found anew, Y^T p, as what rounding makes of d is enlarged.
+/// Friction that slides lowers E as it grows, by what it dissipates, but grows with its normal alone: asked for its slope, a leap presses
+/// what is squeezed between others tens of times harder than any normal needs (thrown, where the sweeps left are too few to take it back).
+/// So a leap that would grow p by more than itself leaves out the slopes of rows that a bound holds, if it is a smaller one then. Smaller
+/// growths keep them: near rest it is what settles friction.
+/// @param work  of the sweep that made d
+template <class R, class T>
+KOKKOS_INLINE_FUNCTION Leap<T> best_leap(LeapSums<T> const& s, SweepWork<T> const& work) {
+  T const p = s.pp + s.bp, d = fma(T(R(0.5)), s.dd, work.raised);
+  Leap<T> const all = least_in_plane<R>(s, p, d), unheld = least_in_plane<R>(s, p - work.held_p, d - work.held_d);
+  auto const far = all.growth > max(T(R(leap_held_growth)), unheld.growth);
+  return {select(far, unheld.growth, all.growth), select(far, unheld.sweeps, all.sweeps)};
 }
 
 }  // namespace gsp::detail

@@ -108,16 +108,18 @@ struct PgsLockstep {
     Mask<R, W> active;
     for (int l = 0; l < W; ++l) active.set(l, count[l] > 0);
     Mask<R, W> leaping = active;
-    T earlier = zero, raised = zero;  // what sweeps have raised E by since the last leap: those before the last one, and that
+    T earlier = zero;  // what sweeps have raised E by since the last leap, without the last one
+    SweepWork<T> const none{zero, zero, zero};
+    SweepWork<T> work = none;  // of the last sweep, or of all since the last leap
     for (int sweep = 0; sweep < options.iterations && any(active); ++sweep) {
       bool const leaps = leaps_after(sweep, options.iterations) && any(leaping);
       if (leaps) {
         keep(blocks, z, z_before);
-        earlier = raised;
-        raised = zero;
+        earlier = work.raised;
+        work = none;
       }
       T change = zero;
-      T* const counted = leaps_after(leap_from, options.iterations) && sweep >= leap_from && any(leaping) ? &raised : nullptr;
+      SweepWork<T>* const counted = leaps_after(leap_from, options.iterations) && sweep >= leap_from && any(leaping) ? &work : nullptr;
       blocks.each([&](auto kind, Block& k) { pass<kind>(k, z, active, relaxation, change, counted); });
       for (int l = 0; l < W; ++l)
         if (active[l]) {
@@ -125,9 +127,9 @@ struct PgsLockstep {
           if (options.tolerance > 0 && sweep + 1 >= options.least && !(change[l] > tolerance[l])) active.set(l, false);
         }
       if (leaps) {
-        for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leaps_again(sweep, earlier[l] + raised[l]));
-        if (any(leaping)) leap(blocks, z, z_before, leaping, raised);
-        raised = zero;
+        for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leaps_again(sweep, earlier[l], work.raised[l]));
+        if (any(leaping)) leap(blocks, z, z_before, leaping, work);
+        work = none;
       }
     }
     T worst = zero;
@@ -168,8 +170,8 @@ struct PgsLockstep {
     return s;
   }
   /// Leaves p and z of some worlds where the energy is least (leap.hpp). z_before is lost.
-  void leap(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& worlds, T const& raised) const {
-    Leap<T> const to = best_leap<R>(leap_sums(blocks, z, z_before), raised);
+  void leap(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& worlds, SweepWork<T> const& work) const {
+    Leap<T> const to = best_leap<R>(leap_sums(blocks, z, z_before), work);
     for (int i = 0; i < (rows.nv + 3) / 4 * 4; ++i) z_before[i] = T(R(0));
     blocks.each([&](auto kind, Block& k) {
       for (int b = 0; b < rows_of(kind); ++b) {
@@ -340,9 +342,9 @@ struct PgsLockstep {
     for (std::size_t i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<char const*>(at) + i);
   }
   /// One pass over a block: rates, projections, z.
-  /// @param change  in, out: largest change of a rate;   @param raised  in, out, or null: what E has risen by
+  /// @param change  in, out: largest change of a rate;   @param work  in, out, or null: what the pass has done (leap.hpp)
   template <int kind>
-  static void pass(Block& k, T* z, Mask<R, W> const& active, T const& relaxation, T& change, T* raised) {
+  static void pass(Block& k, T* z, Mask<R, W> const& active, T const& relaxation, T& change, SweepWork<T>* work) {
     constexpr int B = rows_of(kind);
     T w[B], p[B], d[B], before[B];
     rates<kind>(k, z, w);
@@ -354,11 +356,13 @@ struct PgsLockstep {
     unrolled<B>([&](auto b) {
       d[b] = select(active, d[b], T(R(0)));
       k.p[b] = select(active, p[b], k.p[b]);  // not p + d, which rounding may take beyond its bound
-      T const of_row = abs(d[b]) * k.diagonal[b];
-      change = max(change, of_row);
-      if (raised == nullptr) return;
+      T const of_row = d[b] * k.diagonal[b];
+      change = max(change, abs(of_row));
+      if (work == nullptr) return;
       unrolled<b>([&](auto a) { before[b] = fma(k.product[couplings_of(b) + a], d[a], before[b]); });
-      *raised = *raised + energy_of_step(d[b], before[b], of_row);
+      T together(R(0));
+      if constexpr (b > 0) together = k.law.with_next[b - 1] * (k.product[couplings_of(b) + b - 1] * d[b - 1]);
+      work->template add_row<R>(p[b], d[b], before[b], of_row, k.law.inverse_diagonal[b], together);
     });
     push<kind>(k, z, d);
   }

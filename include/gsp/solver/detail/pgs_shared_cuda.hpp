@@ -132,9 +132,9 @@ struct SharedWorld {
     }
   }
   /// One pass over the element whose first row is `at`; the largest change of a rate. M = 1: one row; M = 3: two or three.
-  /// @param raised  grows by what the pass changes E by (leap.hpp)
+  /// @param work  grows by what the pass does (leap.hpp), where somebody asks: `tells`
   template <int M>
-  __device__ R sweep_element(bool active, int at, R& raised) const {
+  __device__ R sweep_element(bool active, int at, bool tells, SweepWork<R>& work) const {
     int const n = !active ? 0 : M == 1 ? 1 : row[at].rows;
     // whether all worlds of the warp can take the short way: it gives the same numbers
     bool const same = M == 1 || __all_sync(0xffffffffu, !active || (n == M && row[at].same_segments));
@@ -189,20 +189,23 @@ struct SharedWorld {
     bool moves = false;  // also where change underflows, or is not a number
 #pragma unroll
     for (int b = 0; b < M; ++b) {
-      if (d[b] == R(0)) continue;
-      moves = true;
-      R const of_row = abs(d[b]) * diagonal[b];
-      change = max(change, of_row);
+      R const of_row = d[b] == R(0) ? R(0) : d[b] * diagonal[b];
 #pragma unroll
       for (int a = 0; a < b; ++a) before[b] = fma(coupling(b, a), d[a], before[b]);
-      raised += energy_of_step(d[b], before[b], of_row);
+      int const last = b > 0 ? b - 1 : 0;
+      bool const with_last = b > 0 && law.with_next[last] > R(0);
+      if (tells)
+        work.template add_row<R>(p[b], d[b], before[b], of_row, law.inverse_diagonal[b], with_last ? coupling(b, last) * d[last] : R(0));
+      if (d[b] == R(0)) continue;
+      moves = true;
+      change = max(change, abs(of_row));
       if (lane == b) number[at + b].p = p[b];
     }
     if (__any_sync(0xffffffffu, moves)) push<M>(active, at, n, same, d);
     return change;
   }
   /// The same of a contact in each world (SharedRow::contact): the same numbers in half the instructions, entries once from memory.
-  __device__ R sweep_contact(bool active, int at, R& raised) const {
+  __device__ R sweep_contact(bool active, int at, bool tells, SweepWork<R>& work) const {
     SharedRow const from = active ? row[at] : SharedRow{};
     SharedNumbers<R> const none{}, n0 = active ? number[at] : none, n1 = active ? number[at + 1] : none,
                                    n2 = active ? number[at + 2] : none;
@@ -248,20 +251,22 @@ struct SharedWorld {
       p2 = scale * p2;
     }
     R const d1 = p1 - n1.p, d2 = p2 - n2.p;
-    if (d0 == R(0) && d1 == R(0) && d2 == R(0)) return R(0);
     // rates before the row moves, after those before it have: w1 is that already
     w2 = fma(coupling21, d1, w2);
-    R const c0 = abs(d0) * n0.diagonal, c1 = abs(d1) * n1.diagonal, c2 = abs(d2) * n2.diagonal;
-    if (d0 != R(0)) raised += energy_of_step(d0, w0, c0);
-    if (d1 != R(0)) raised += energy_of_step(d1, w1, c1);
-    if (d2 != R(0)) raised += energy_of_step(d2, w2, c2);
+    R const c0 = d0 * n0.diagonal, c1 = d1 * n1.diagonal, c2 = d2 * n2.diagonal;
+    if (tells) {
+      work.template add_row<R>(p0, d0, w0, c0, n0.inverse_diagonal, R(0));
+      work.template add_row<R>(p1, d1, w1, c1, n1.inverse_diagonal, R(0));
+      work.template add_row<R>(p2, d2, w2, c2, n2.inverse_diagonal, coupling21 * d1);
+    }
+    if (d0 == R(0) && d1 == R(0) && d2 == R(0)) return R(0);
     if (lane < 3) number[at + lane].p = lane == 0 ? p0 : lane == 1 ? p1 : p2;
 #pragma unroll
     for (int h = 0; h < held; ++h)
       if (int const i = lane + h * shared_lanes; i < from.count) z[list[i]] = fma(y2[h], d2, fma(y1[h], d1, fma(y0[h], d0, x[h])));
     for (int i = lane + held * shared_lanes; i < from.count; i += shared_lanes)
       z[list[i]] = fma(y[2 * from.count + i], d2, fma(y[from.count + i], d1, fma(y[i], d0, z[list[i]])));
-    return max(max(c0, c1), c2);
+    return max(max(abs(c0), abs(c1)), abs(c2));
   }
   /// z = Y^T p
   __device__ void sum_elements(bool active) const {
@@ -292,8 +297,8 @@ struct SharedWorld {
     return {sum(s.pp), sum(s.pd), sum(s.dd), sum(s.bp), sum(s.yy)};
   }
   /// Leaves p and z where the energy is least (leap.hpp).
-  __device__ void leap(bool active, R raised) const {
-    Leap<R> const to = best_leap<R>(leap_sums(), raised);
+  __device__ void leap(bool active, SweepWork<R> const& work) const {
+    Leap<R> const to = best_leap<R>(leap_sums(), work);
     __syncwarp();
     for (int r = active ? lane : count; r < count; r += shared_lanes) {
       R& p = number[r].p;
@@ -309,34 +314,36 @@ struct SharedWorld {
     sum_elements(true);
     int sweeps = 0;
     bool again = count > 0, leaping = true;
-    R earlier(0), raised(0);  // what sweeps have raised E by since the last leap: those before the last one, and that
+    R earlier(0);         // what sweeps have raised E by since the last leap, without the last one
+    SweepWork<R> work{};  // of the last sweep, or of all since the last leap
     int const most_of_one = warp_max(of_one_row), most = warp_max(elements - of_one_row);
     for (int sweep = 0; __any_sync(0xffffffffu, again); ++sweep) {
       if (leaps_after(sweep, options.iterations)) {
         keep();
-        earlier = raised;
-        raised = R(0);
+        earlier = work.raised;
+        work = {};
       }
+      bool const tells = sweep >= leap_from;  // no leap asks for what sweeps before have done
       R change(0);
       for (int e = 0; e < most_of_one || e < most; ++e) {  // elements of one row and of more in turn
         if (e < most_of_one) {
           bool const active = again && e < of_one_row;
-          change = max(change, sweep_element<1>(active, active ? order[e] : 0, raised));
+          change = max(change, sweep_element<1>(active, active ? order[e] : 0, tells, work));
         }
         if (e < most) {
           bool const active = again && of_one_row + e < elements;
           int const at = active ? order[of_one_row + e] : 0;
           bool const contacts = __all_sync(0xffffffffu, !active || row[at].contact);
-          change = max(change, contacts ? sweep_contact(active, at, raised) : sweep_element<lockstep_rows>(active, at, raised));
+          change = max(change, contacts ? sweep_contact(active, at, tells, work) : sweep_element<lockstep_rows>(active, at, tells, work));
           __syncwarp();
         }
       }
       if (again) ++sweeps;
       again = again && sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
       if (leaps_after(sweep, options.iterations)) {
-        leaping = leaping && again && leaps_again(sweep, earlier + raised);
-        if (__any_sync(0xffffffffu, leaping)) leap(leaping, raised);
-        raised = R(0);
+        leaping = leaping && again && leaps_again(sweep, earlier, work.raised);
+        if (__any_sync(0xffffffffu, leaping)) leap(leaping, work);
+        work = {};
       }
     }
     return sweeps;

@@ -153,30 +153,31 @@ struct PgsWorld {
     sum_island(world, e, z, p);
     int sweep = 0;
     bool leaping = true;
-    R earlier(0), raised(0);  // what sweeps have raised E by since the last leap: those before the last one, and that
+    R earlier(0);         // what sweeps have raised E by since the last leap, without the last one
+    SweepWork<R> work{};  // of the last sweep, or of all since the last leap
     for (bool again = e.elements > 0; again; ++sweep) {
       bool const leaps = leaping && leaps_after(sweep, options.iterations);
       if (leaps) {
         keep(world, e, z, p);
-        earlier = raised;
-        raised = R(0);
+        earlier = work.raised;
+        work = {};
       }
       R change(0);
       int r, n;
       for (Turn turn = first; next_element(e, turn, r, n);) {
         Row<R> const* const row = &rows.row(e.first_row + r);
         if (n == 1)
-          change = max(change, sweep_element<1>(world, row, 1, z, p + r, raised));
+          change = max(change, sweep_element<1>(world, row, 1, z, p + r, work));
         else if (n == 3 && row->same_segments)
-          change = max(change, sweep_element<3>(world, row, 3, z, p + r, raised));
+          change = max(change, sweep_element<3>(world, row, 3, z, p + r, work));
         else
-          change = max(change, sweep_element<N>(world, row, n, z, p + r, raised));
+          change = max(change, sweep_element<N>(world, row, n, z, p + r, work));
       }
       again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
       if (again && leaps) {
-        leaping = leaps_again(sweep, earlier + raised);
-        if (leaping) leap(world, e, z, p, raised);
-        raised = R(0);
+        leaping = leaps_again(sweep, earlier, work.raised);
+        if (leaping) leap(world, e, z, p, work);
+        work = {};
       }
     }
     return sweep;
@@ -215,17 +216,17 @@ struct PgsWorld {
   }
   /// Leaves p and z where the energy is least (leap.hpp).
   template <class World>
-  KOKKOS_INLINE_FUNCTION void leap(World const& world, Island const& e, R* z, R* p, R raised) const {
-    Leap<R> const to = best_leap<R>(leap_sums(world, e, z, p), raised);
+  KOKKOS_INLINE_FUNCTION void leap(World const& world, Island const& e, R* z, R* p, SweepWork<R> const& work) const {
+    Leap<R> const to = best_leap<R>(leap_sums(world, e, z, p), work);
     world.sync();  // all have read p and z
     each_row(world, e, [&](int r) { p[r] += to.growth * p[r] + to.sweeps * (p[r] - impulses.before(e.first_row + r)); });
     world.sync();
     sum_island(world, e, z, p);
   }
   /// One pass over an element; the largest change of a rate. M = 1 or 3: so many rows, which have the same segments; M = N: any.
-  /// @param raised  grows by what the pass changes E by (leap.hpp)
+  /// @param work  grows by what the pass does (leap.hpp)
   template <int M, class World>
-  KOKKOS_INLINE_FUNCTION R sweep_element(World const& world, Row<R> const* row, int n, R* z, R* p, R& raised) const {
+  KOKKOS_INLINE_FUNCTION R sweep_element(World const& world, Row<R> const* row, int n, R* z, R* p, SweepWork<R>& work) const {
     ElementLaw<R, M> law;
     R rate[M], before[M], now[M], d[M];
     take_element<M>(world, rows, row, n, z, p, law, rate, now);
@@ -237,12 +238,16 @@ struct PgsWorld {
     R change(0);
     bool any = false;
     unrolled<M>([&](auto b) {
-      if (!(M < N || b < n) || d[b] == R(0)) return;  // places without a row may hold NaN
-      any = true;
-      R const of_row = abs(d[b]) / law.inverse_diagonal[b];  // d is 0 where this is
-      change = max(change, of_row);
+      if (!(M < N || b < n)) return;  // places without a row may hold NaN
+      bool const moves = d[b] != R(0);
+      R const of_row = moves ? d[b] / law.inverse_diagonal[b] : R(0);  // d is 0 where this is
       for (int a = 0; a < b; ++a) before[b] = fma(coupling(b, a), d[a], before[b]);
-      raised += energy_of_step(d[b], before[b], of_row);
+      int const last = b > 0 ? b - 1 : 0;
+      bool const with_last = b > 0 && law.with_next[last] > R(0);
+      work.template add_row<R>(now[b], d[b], before[b], of_row, law.inverse_diagonal[b], with_last ? coupling(b, last) * d[last] : R(0));
+      if (!moves) return;
+      any = true;
+      change = max(change, abs(of_row));
       world.single([&] { p[b] = now[b]; });
     });
     if (!any) return change;
