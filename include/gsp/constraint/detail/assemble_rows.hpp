@@ -33,9 +33,10 @@ KOKKOS_INLINE_FUNCTION std::uint64_t row_key(int type, RowId id) {
 inline constexpr double most_weights = 1e3;
 // |Y|^2 mass is 1 but for leverage; the square of so many epsilon is what rounding has left of 0.
 inline constexpr double jammed_rounding = 32;
-// MuJoCo's least compliance, of what nothing moves in the initial pose (soft_law). Such a row bears zeta / C, 1e14 and more, by which
-// entries that are rounding would throw what they touch (a tendon between bodies that are one: 1e7 m/s in float). They are 0 then: of
-// |Y|^2 less than the square of so many epsilon, for joints that move the row by 1 a radian or metre.
+// MuJoCo's least compliance, of what nothing moves in the initial pose (soft_law). Such a row bears zeta / C, 1e14 and more, and a rigid
+// one zeta / |Y|^2, by which entries that are rounding would throw or hold what they touch (a tendon between bodies that are one: 1e7 m/s
+// in float; a door that a rigid connect holds on its own hinge). They are 0 then: of |Y|^2 less than the square of so many epsilon, for
+// joints that move the row by 1 a radian or metre.
 inline constexpr double no_softness = 2e-15;
 
 template <class R, class Mem, class Types>
@@ -328,7 +329,7 @@ struct EmitRows {
       law.compliance = R(0);
       law.zeta = rate;
     }
-    if (law.compliance > R(0) && law.compliance <= R(no_softness) && diagonal > R(0) &&
+    if (law.compliance <= R(no_softness) && bounds.friction_of < 0 && diagonal > R(0) &&
         diagonal <= square(R(jammed_rounding) * Kokkos::Experimental::epsilon_v<R>) * inverse_inertia(w, row)) {
       for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) rows.Y(row.first_entry + i) = R(0);
       diagonal = R(0);

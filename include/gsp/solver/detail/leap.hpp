@@ -87,7 +87,9 @@ struct Leap {
 template <class R, class T>
 KOKKOS_INLINE_FUNCTION Leap<T> least_in_plane(LeapSums<T> const& s, T const& p, T const& d) {
   T const zero(R(0)), one(R(1)), det = s.pp * s.dd - s.pd * s.pd;
-  auto const plane = det > T(R(64) * Kokkos::Experimental::epsilon_v<R>) * s.pp * s.dd;
+  // of what weighs little det vanishes among the least numbers, whose inverse is none
+  T const rounding = T(R(64) * Kokkos::Experimental::epsilon_v<R>) * s.pp * s.dd, least(R(8) * Kokkos::Experimental::norm_min_v<R>);
+  auto const plane = det > max(rounding, least);
   auto const some = s.pp > zero;
   T const inverse = one / select(plane, det, one);
   T growth = select(plane, (s.pd * d - s.dd * p) * inverse, -p / select(some, s.pp, one));
