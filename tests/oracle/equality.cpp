@@ -189,7 +189,7 @@ TEST_CASE("every form of equality, limits and dry friction of spatial tendons") 
   auto const oracle = gsp_test::load_oracle("model.xml", everything);
   auto const out = compare(oracle, gsp::compile(gsp::io::parse_mjcf(everything, "model.xml")), 20, 200, true);
   CHECK(out.worlds == 20);
-  CHECK(out.equalities == 20 * (9 + 18 + 5));
+  CHECK(out.equalities == 20 * (9 + 18 + 6));
   CHECK(out.tendon_limits > 5);
   CHECK(out.tendon_frictions == 20);
 }

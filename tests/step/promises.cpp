@@ -214,6 +214,7 @@ TEST_CASE_TEMPLATE("a world has the bits that it has alone, whatever its neighbo
     int const hinge = compiled.jnt_qposadr[gsp::joint_id(compiled, "t1b1j0")];
     for (auto profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
       gsp_test::World<R, Exec> batch(compiled, worlds, {.profile = profile});
+      batch.may_stop = true;
       auto const q = gsp_test::host(batch.state.qpos), v = gsp_test::host(batch.state.qvel);
       for (int w = 0; w < worlds; ++w)
         for (int i = 0; i < batch.model.nv; ++i) v(w, i) = R(std::sin(1.3 * i + w));
@@ -226,6 +227,7 @@ TEST_CASE_TEMPLATE("a world has the bits that it has alone, whatever its neighbo
       for (int w = 0; w < worlds; w += 1 + w % 2) {
         CAPTURE(w);
         gsp_test::World<R, Exec> alone(compiled, 1, {.profile = profile});
+        alone.may_stop = true;
         auto const q1 = gsp_test::host(alone.state.qpos), v1 = gsp_test::host(alone.state.qvel);
         for (int i = 0; i < batch.model.nq; ++i) q1(0, i) = q0(w, i);
         for (int i = 0; i < batch.model.nv; ++i) v1(0, i) = v0(w, i);

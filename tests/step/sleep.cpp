@@ -155,6 +155,7 @@ void compare_neighbours(gsp::Description d, int boxes, int steps, gsp::Profile p
     auto with = d;
     add_neighbours(with, boxes, who);
     auto& w = worlds.emplace_back(with, 1, true, gsp::ModelOptions{.profile = profile});
+    w.may_stop = true;  // some random scenes do
     nq = w.model.nq - (who == Neighbours::absent ? 0 : 7 * boxes), nv = w.model.nv - (who == Neighbours::absent ? 0 : 6 * boxes);
     for (std::size_t i = 0; i < qvel.size(); ++i) w.set(w.state.qvel, 0, int(i), qvel[i]);
     if (who == Neighbours::pushed) w.set(w.state.qfrc_applied, 0, nv, 1e-9);

@@ -533,7 +533,7 @@ TEST_CASE_TEMPLATE("stiff forces in a loop of one's own", Exec, GSP_TEST_EXECS) 
           }(),
           0.02);
   for (auto* w : {&ready, &own, &disabled}) start(*w, 3);  // the servo is at its limit
-  auto& [exec, compiled, model, state, sim] = own;
+  auto& [exec, compiled, model, state, sim, may_stop] = own;
   for (int i = 0; i < 30; ++i) {
     ready.run(0.02);
     disabled.run(0.02);

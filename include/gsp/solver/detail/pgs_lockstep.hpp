@@ -371,7 +371,8 @@ struct PgsLockstep {
   static T residual(Block const& k, T const* z) {
     T w[most_rows], worst(R(0));
     rates<kind>(k, z, w);
-    unrolled<elements_of(kind)>([&](auto e) { worst = max(worst, element_residual<places_of(list_at(kind, e))>(k.law, e, w, k.p)); });
+    unrolled<elements_of(kind)>(
+        [&](auto e) { worst = max_or_nan(worst, element_residual<places_of(list_at(kind, e))>(k.law, e, w, k.p)); });
     return worst;
   }
   /// w = Y z + C p + b
