@@ -6,7 +6,8 @@ namespace gsp::detail {
 
 // A multiprocessor holds 32 blocks, and more warps than that where registers allow it. Kernels that work in columns read what the dynamics
 // keep of their worlds, eight of which share each sector of memory: eight neighbours a block find it in their L1 cache. They wait for
-// memory most of the time: three blocks at a time, with 80 registers a thread, are faster than two with all that they want, and than four.
+// memory most of the time: three blocks at a time, with 80 registers a thread, are faster than two with all that they want (four: about
+// the same, docs/decisions/0017).
 template <bool has_columns>
 inline constexpr int warps_of_block = has_columns ? 8 : 2;
 template <bool has_columns>
