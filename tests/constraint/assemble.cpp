@@ -624,9 +624,9 @@ TEST_CASE_TEMPLATE("assemble and pgs neither allocate nor fence", Exec, GSP_TEST
   gsp_test::check_algorithm(s.exec, gsp_test::watch([&] { s.assemble(gsp::JointFriction(s.model)), s.solve({}); }));
 }
 
-// Hosts whiten rows of a tree together, a row a lane of a pack: each has the bits that it has alone, whoever is beside it. Chains of all
-// dofs, whole trees and two trees in turn, more of them than a pack has lanes, and a pack of two.
-TEST_CASE_TEMPLATE("rows that are whitened together have the bits that they have alone", R, float, double) {
+// Hosts make rows of a tree together, a row a lane of a pack: each has the bits that it has alone, whoever is beside it. Forces, entries
+// and both; chains of all dofs, whole trees and two trees in turn, more of them than a pack has lanes, and a pack of two.
+TEST_CASE_TEMPLATE("rows that are made together have the bits that they have alone", R, float, double) {
   using Mem = Kokkos::HostSpace;
   Kokkos::DefaultHostExecutionSpace const exec;
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
@@ -642,6 +642,7 @@ TEST_CASE_TEMPLATE("rows that are whitened together have the bits that they have
   int const w = 1;
   for (int length : {2, 3, 7, 100}) {
     std::vector<gsp::Row<R>> rows;
+    std::vector<gsp::detail::RowForces<R, Mem>> forces;
     std::vector<R> together;
     while (int(rows.size()) < length) {
       int const place = int(rows.size()), tree = place % 9 == 4 ? 1 : 0, nv = model.archetypes(model.tree_archetype(tree)).nv;
@@ -650,23 +651,33 @@ TEST_CASE_TEMPLATE("rows that are whitened together have the bits that they have
       gsp::Row<R> row{};
       row.segment[0] = {place % 5 == 3 || n == nv ? -1 : a.row_col + adr, place % 5 == 3 ? nv : n, model.tree_dof(tree)};
       row.first_entry = std::int64_t(together.size());
-      row.lower = row.upper = row.mu = R(0.25 * place);  // sums of another segment
+      row.bias = row.lower = row.upper = row.mu = R(0.25 * place);  // sums of another segment
       for (int i = 0; i < row.segment[0].count; ++i) together.push_back(R(random(engine)));
       rows.push_back(row);
+      gsp::detail::RowForces<R, Mem> own;
+      own.entries = place % 4 != 2;
+      for (; own.count < (own.entries ? place % 3 : 2); ++own.count) {
+        int const last = own.count == 0 ? dof : model.ints(a.row_col + adr);  // of the chain: its end, its root
+        own.force[own.count].dof = model.tree_dof(tree) + last;
+        for (auto* v : {&own.force[own.count].force.angular, &own.force[own.count].force.linear})
+          *v = {R(random(engine)), R(random(engine)), R(random(engine))};
+      }
+      forces.push_back(own);
     }
     auto alone = together;
     auto of_alone = rows;
-    gsp::detail::RowBatch<R, Mem> batch(model, dynamics, together.data(), w);
-    for (auto& row : rows) batch.add(row, 0);
-    batch.finish();
-    for (auto& row : of_alone) {
-      gsp::detail::RowBatch<R, Mem> one(model, dynamics, alone.data(), w);
-      one.add(row, 0);
+    gsp::detail::RowLanes<R, Mem> lanes(model, state, dynamics, together.data(), w);
+    for (std::size_t k = 0; k < rows.size(); ++k) lanes.add(rows[k], 0, forces[k]);
+    lanes.finish();
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      gsp::detail::RowLanes<R, Mem> one(model, state, dynamics, alone.data(), w);
+      one.add(of_alone[k], 0, forces[k]);
       one.finish();
     }
     CHECK(std::memcmp(together.data(), alone.data(), alone.size() * sizeof(R)) == 0);
     for (int k = 0; k < length; ++k) {
       CAPTURE(k);
+      CHECK(rows[k].bias == of_alone[k].bias);
       CHECK(rows[k].lower == of_alone[k].lower);
       CHECK(rows[k].upper == of_alone[k].upper);
       CHECK(rows[k].mu == of_alone[k].mu);

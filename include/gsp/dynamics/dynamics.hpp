@@ -85,12 +85,23 @@ namespace detail {
 KOKKOS_INLINE_FUNCTION bool takes_bias_derivative(Archetype const& a) { return a.gyroscopic || a.derivative == 2; }
 }  // namespace detail
 
+/// What every constraint row needs of a tree, and where it lies: first.
+struct FactorLayout {
+  int com, cdof, factor, inverse_diagonal, qvel, velocity;  // com: of each root's bodies; velocity: free, then new
+  KOKKOS_INLINE_FUNCTION explicit FactorLayout(Archetype const& a)
+      : com(0),
+        cdof(3 * a.nroot),
+        factor(cdof + 6 * a.nv),
+        inverse_diagonal(factor + a.nM),
+        qvel(inverse_diagonal + a.nv),
+        velocity(qvel + a.nv) {}
+};
+
 /// Where the dynamics of a tree keep their items: offsets for its archetype. First what the constraints and the integrator need, then other
-/// results (vectors of dofs; force = passive - bias + actuator + applied; stiffness, damping: what the factored matrix takes implicitly;
-/// velocity: free, then new), then what is needed within one stage only.
-struct DynamicsLayout {
-  int com, cdof, factor, inverse_diagonal, qvel, velocity, spin, center,
-      act_dot;  // com: of each root's bodies; spin, center: of a tree that is one rigid body, see factor.hpp
+/// results (vectors of dofs; force = passive - bias + actuator + applied; stiffness, damping: what the factored matrix takes implicitly),
+/// then what is needed within one stage only.
+struct DynamicsLayout : FactorLayout {
+  int spin, center, act_dot;                            // spin, center: of a tree that is one rigid body, see factor.hpp
   int tendon_J, tendon_length, act_length, act_moment;  // tendon_J: of spatial tendons
   int act_share;                                        // of actuators on bodies: force on each contact (constraint/contact_adhesion.hpp)
   int act_row, tendon_row;  // what is left to rows (constraint/stiff_forces.hpp): (slope, intercept, lower, upper), (slope, intercept)
@@ -101,18 +112,12 @@ struct DynamicsLayout {
   int drag;                                                                  // what a fluid damps: -d force / d qvel, as M
   int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc, both_triangles, sigma, velocity_terms;
   int size;
-  KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) {
-    int n = 0;
+  KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) : FactorLayout(a) {
+    int n = velocity + a.nv;
     auto const reserve = [&n](int& at, int items) {
       at = n;
       n += items;
     };
-    reserve(com, 3 * a.nroot);
-    reserve(cdof, 6 * a.nv);
-    reserve(factor, a.nM);
-    reserve(inverse_diagonal, a.nv);
-    reserve(qvel, a.nv);
-    reserve(velocity, a.nv);
     reserve(spin, 3);
     reserve(center, 3);
     reserve(act_dot, a.nstate);
@@ -165,6 +170,12 @@ struct TreeItems : LaneItems<R> {
   DynamicsLayout at;
 };
 
+/// The first of them.
+template <class R>
+struct FactorItems : LaneItems<R> {
+  FactorLayout at;
+};
+
 /// Scratch of the smooth dynamics, blocked by lanes, and the table of its blocks. `make_dynamics` allocates it.
 template <class R, class Mem>
 struct Dynamics {
@@ -189,9 +200,16 @@ struct Dynamics {
   }
   /// Items of tree `t` of world `w`.
   KOKKOS_INLINE_FUNCTION TreeItems<R> tree(Model<R, Mem> const& m, int w, int t) const {
-    int const k = m.tree_archetype(t), lane = m.tree_instance(t) * padded_worlds + w;
-    int const block = archetype_block(k) + lane / width;
-    return {{items.data() + block_offset(block) + lane % width, width}, DynamicsLayout(m.archetypes(k))};
+    return {lane_items(m, w, t), DynamicsLayout(m.archetypes(m.tree_archetype(t)))};
+  }
+  KOKKOS_INLINE_FUNCTION FactorItems<R> factored(Model<R, Mem> const& m, int w, int t) const {
+    return {lane_items(m, w, t), FactorLayout(m.archetypes(m.tree_archetype(t)))};
+  }
+
+ private:
+  KOKKOS_INLINE_FUNCTION LaneItems<R> lane_items(Model<R, Mem> const& m, int w, int t) const {
+    int const lane = m.tree_instance(t) * padded_worlds + w, block = archetype_block(m.tree_archetype(t)) + lane / width;
+    return {items.data() + block_offset(block) + lane % width, width};
   }
 };
 

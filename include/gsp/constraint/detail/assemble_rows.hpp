@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/constraint/constraint_type.hpp>
 #include <gsp/constraint/detail/couple_rows.hpp>
+#include <gsp/constraint/detail/row_lanes.hpp>
 #include <gsp/constraint/detail/row_structure.hpp>
 #include <gsp/constraint/detail/wake_islands.hpp>
 #include <gsp/constraint/detail/whiten_rows.hpp>
@@ -266,27 +267,28 @@ struct EmitRows {
     types.visit_type(row.type, [&](auto const& type) { most_yield(at) = set_law(type, w, r, at, gap, rate, free_rate, diagonal, row); });
     rows.row(at) = row;
   }
-  /// All rows of a world, on a host: the entries of each, which are whitened together, then the laws.
+  /// All rows of a world, on a host: a pack at a time (row_lanes.hpp), then the laws.
   template <class OfElement>
   KOKKOS_INLINE_FUNCTION void emit_together(int w, int first, int count, OfElement const& of_element) const {
-    for (int at = first; at < first + count; ++at) {
-      Row<R>& row = rows.row(at);
-      R* const y = rows.Y.data() + row.first_entry;
-      for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) y[i] = R(0);
-      R gap(0);
-      types.visit_type(row.type, [&](auto const& type) {
-        gap = R(type.jacobian(w, row.element, of_element(at), RowWriter<R, Mem, R*>{model, dynamics, row, y, w}));
-      });
-      for (int s = 0, begin = 0; s < 2 && row.segment[s].count > 0; begin += row.segment[s++].count)
-        gap += low_part(w, model.dof_tree(row.segment[s].dof0), row.segment[s], y, begin);
-      row.bias = gap;
-      row.lower = row.upper = row.mu = R(0);
-    }
-    RowBatch<R, Mem> batch(model, dynamics, rows.Y.data(), w);
-    for (int s = 0; s < 2; ++s) {
-      for (int at = first; at < first + count; ++at)
-        if (rows.row(at).segment[s].count > 0) batch.add(rows.row(at), s);
-      batch.finish();
+    using Lanes = RowLanes<R, Mem>;
+    Lanes lanes(model, state, dynamics, rows.Y.data(), w);
+    RowForces<R, Mem> forces[Lanes::W];
+    for (int begin = first, end; begin < first + count; begin = end) {
+      end = begin + Lanes::W < first + count ? begin + Lanes::W : first + count;
+      for (int at = begin; at < end; ++at) {
+        Row<R>& row = rows.row(at);
+        bool keeps = true;
+        for (int s = 0; s < 2 && row.segment[s].count > 0; ++s)
+          keeps = keeps && Lanes::takes(model.archetypes(model.tree_archetype(model.dof_tree(row.segment[s].dof0))));
+        ForceWriter<R, Mem> const writer(model, dynamics, row, rows.Y.data() + row.first_entry, w, forces[at - begin], keeps);
+        types.visit_type(row.type, [&](auto const& type) { row.bias = R(type.jacobian(w, row.element, of_element(at), writer)); });
+        row.lower = row.upper = row.mu = R(0);
+      }
+      for (int s = 0; s < 2; ++s) {
+        for (int at = begin; at < end; ++at)
+          if (rows.row(at).segment[s].count > 0) lanes.add(rows.row(at), s, forces[at - begin]);
+        lanes.finish();
+      }
     }
     for (int at = first; at < first + count; ++at) {
       Row<R>& row = rows.row(at);
