@@ -157,7 +157,7 @@ using World = gsp_test::World<double, Host>;
 
 /// Goes `rounds` times 25 steps on, after each of them one step more with rows eliminated and with all rows in the sweeps: the largest
 /// difference of the two in rates, over the largest rate (at least 1), less 20 times what the sweeps have left.
-double difference(World& w, int rounds, int& contacts) {
+double difference(World& w, int rounds, int& contacts, bool accelerate = true) {
   World eliminated(w.compiled, 1, {.timestep = w.model.timestep}), swept(w.compiled, 1, {.timestep = w.model.timestep});
   swept.sim.rows = gsp::make_rows(swept.exec, swept.model, {.eliminate = false});
   swept.sim.impulses = gsp::make_impulses(swept.exec, swept.sim.rows);
@@ -171,7 +171,7 @@ double difference(World& w, int rounds, int& contacts) {
     all(0) = true;
     for (auto* one : {&eliminated, &swept}) {
       gsp::restore(one->exec, snapshot, one->state, one->sim, all);
-      one->step(1, {.iterations = 100000, .tolerance = 1e-13f, .residual = true});
+      one->step(1, {.iterations = 100000, .tolerance = 1e-13f, .accelerate = accelerate, .residual = true});
     }
     CHECK(gsp_test::host(eliminated.sim.rows.eliminated)(0) == eliminated.model.closing_rows);
     CHECK(gsp_test::host(swept.sim.rows.eliminated)(0) == 0);
@@ -193,7 +193,7 @@ double difference(World& w, int rounds, int& contacts) {
 // The same of robots: a Panda, whose fingers are coupled, closes upon a cube, without friction and with it; an arm whose hand has coupled
 // tendons, and a quadruped, whose legs' tendons are held, move freely or fall. Sweeps end at a change of 1e-13 |g| h. Rates agree to 1e-9
 // (measured 3e-14), impulses need not. The rubbing grip is slow: 100,000 sweeps leave 3e-10 to 5e-7 m/s of either, and rates differ by 0.1
-// to 10 times that.
+// to 10 times that. It goes by sweeps alone: friction there has several answers, and mixtures end at others (3e-5 m/s apart).
 TEST_CASE("robots with eliminated rows move as with swept ones" * doctest::test_suite("data")) {
   auto const grasp = gsp_test::data("models/phys_bench/grasp_xml/mjx_pick_cube.xml");
   if (!grasp) return gsp_test::skip("models/phys_bench is missing from GSP_DATA_DIR");
@@ -208,7 +208,7 @@ TEST_CASE("robots with eliminated rows move as with swept ones" * doctest::test_
     REQUIRE(panda.model.closing_rows == 1);
     for (int j = 0; j < 7; ++j) panda.state.qpos(0, j) = panda.state.ctrl(0, j) = pose[std::size_t(j)];
     panda.state.qpos(0, 7) = panda.state.qpos(0, 8) = 0.04;
-    double const off = difference(panda, 20, contacts);
+    double const off = difference(panda, 20, contacts, !rough);
     MESSAGE("Panda, rough " << rough << ": rates differ by " << off << ", up to " << contacts << " contacts");
     CHECK(contacts > 4);  // more than the cube on the floor
     CHECK(off < 1e-9);

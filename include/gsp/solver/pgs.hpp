@@ -19,10 +19,10 @@ namespace gsp {
 /// @param options    a world stops by itself: at a share of what gravity does in a step, after so many sweeps at least and at most
 /// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, a tolerance below 0 or NaN, a relaxation
 /// outside of 0 to 2, for rows that nobody has assembled, and for rows with room for a restitution without a call of impacts. On a CPU,
-/// worlds of at most 128 rows, in elements of at most three, in models of at most 128 dofs go in lockstep, a pack at a time; on a GPU they
-/// stay in shared memory, where 24 kB hold one, eight threads each; larger ones, and those of several trees that may sleep, are swept over
-/// sparse rows, by a thread or a warp each, island by island. Cost 4 entries iterations flop a world. A world's result depends on nothing
-/// but its own rows and on whether trees may sleep. Does not allocate, does not fence.
+/// worlds of at most 128 rows in models of at most 128 dofs go in lockstep, a pack at a time; on a GPU, where their elements have at most
+/// three rows, they stay in shared memory, where 24 kB hold one, eight threads each; larger ones, and those of several trees that may
+/// sleep, are swept over sparse rows, by a thread or a warp each, island by island. Cost 4 entries iterations flop a world. A world's
+/// result depends on nothing but its own rows and on whether trees may sleep. Does not allocate, does not fence.
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
          PgsOptions options = {}) {
@@ -40,9 +40,7 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
       detail::launch_pgs_shared(exec, detail::PgsShared<R, Mem>{rows, impulses, solution, options, progress.halt});
       elsewhere = detail::SmallWorlds::shared;
     } else if (solution.thread_stride > 0) {
-      using Solver = detail::PgsLockstep<R, Mem>;
-      Kokkos::parallel_for("gsp::solver::pgs_lockstep", Kokkos::RangePolicy<Exec>(exec, 0, (rows.worlds + Solver::W - 1) / Solver::W),
-                           detail::LockstepLoop<Exec, Solver>{{rows, impulses, solution, options}, progress.halt});
+      detail::launch_lockstep(exec, rows, impulses, solution, options, progress.halt);
       elsewhere = detail::SmallWorlds::lockstep;
     }
   }

@@ -20,6 +20,9 @@ struct Solution {
   View<int*> iterations;      // (worlds) sweeps done; of newton its iterations
   View<R*> thread_items;      // hosts: room for a pack of worlds a thread (detail/pgs_lockstep.hpp)
   std::int64_t thread_stride = 0;
+  View<signed char*> goes_on;  // hosts, (worlds) whether it goes into another round of sweeps there
+  View<int*> going_worlds;     // hosts, (worlds) those that do, and their number
+  View<int> going;
   detail::SharedStamp<detail::SolutionStamp> stamp;  // host: of which state it is (dynamics/stamps.hpp)
 };
 
@@ -57,6 +60,9 @@ Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, Sol
     if (s.nv <= detail::lockstep_most_dofs) {
       s.thread_stride = detail::lockstep_packs(s.nv) * native_width<R>;
       make(s.thread_items, "gsp::Solution::thread_items", s.thread_stride * Kokkos::DefaultHostExecutionSpace().concurrency());
+      make(s.goes_on, "gsp::Solution::goes_on", s.worlds);
+      make(s.going_worlds, "gsp::Solution::going_worlds", s.worlds);
+      make(s.going, "gsp::Solution::going");
     }
   return s;
 }

@@ -1,10 +1,11 @@
 #pragma once
 #include <gsp/core/exec.hpp>
 #include <gsp/math/scalar.hpp>
+#include <gsp/solver/detail/pgs_options.hpp>
 
-/// What hurries sweeps that are slow: every few of them, the best point of the plane through the impulses p, their own direction and that
-/// of the last sweep, d = p - p_before. Gauss-Seidel passes a load on by one body a sweep, and what a heavy body lays on a light one by the
-/// share of the light: p grows along itself, or keeps on going as it went.
+/// What hurries sweeps that are slow, where loads go far: now and then, the best point of the plane through the impulses p, their own
+/// direction and that of the last sweep, d = p - p_before. Gauss-Seidel passes a load on by one body a sweep, and what a heavy body lays on
+/// a light one by the share of the light: p grows along itself, or keeps on going as it went.
 namespace gsp::detail {
 
 // A leap goes on for so many sweeps at most, and grows p by so much along itself at most; it keeps half of p, since what bounds and
@@ -13,21 +14,20 @@ namespace gsp::detail {
 inline constexpr double leap_most_sweeps = 10000, leap_most_growth = 1000, leap_most_shrinking = 0.5, leap_most_stress = 1e5;
 // What grows p by more than itself asks only the rows that no bound holds (best_leap).
 inline constexpr double leap_held_growth = 1;
-inline constexpr int leap_from = 8, leap_every = 4;  // sweeps: before the first one, and from one to the next
+inline constexpr int leap_from = 8;        // sweeps before the first one; the next ones come after 16, 32, 64, ...
+inline constexpr int leap_least_left = 4;  // sweeps to settle what it has thrown over bounds and friction
 
-/// Whether a leap follows on sweep number `sweep` (from 0) of at most `sweeps`: then p and z before it are kept. The sweeps to the next one
-/// must be there to settle what it has thrown over bounds and friction.
-KOKKOS_INLINE_FUNCTION constexpr bool leaps_after(int sweep, int sweeps) {
-  return sweep >= leap_from && sweep % leap_every == 0 && sweep + leap_every < sweeps;
+/// Whether a leap follows on sweep number `sweep` (from 0): then p and z before it are kept.
+KOKKOS_INLINE_FUNCTION constexpr bool leaps_after(int sweep, PgsOptions const& options) {
+  return options.accelerate && sweep >= leap_from && (sweep & (sweep - 1)) == 0 && sweep + leap_least_left < options.iterations;
 }
 
-/// Sweeps lower E, except where friction, which is no minimum of an energy, follows a normal that a leap has changed: there they take back
-/// what it gained. A world whose sweeps raise E after a leap leaps no more in this step, nor does one whose last sweep has raised E: where
-/// friction still goes another way than down, the least E lies far off.
-/// @param earlier, raised  by how much the sweeps since the last leap have raised E (SweepWork): those before the last one, and that
+/// Sweeps lower E, except where friction, which is no minimum of an energy, follows a normal: a world whose last sweep has raised E leaps
+/// no more in this step, as the least E lies far off.
+/// @param raised  by how much the sweep has raised E (SweepWork)
 template <class R>
-KOKKOS_INLINE_FUNCTION bool leaps_again(int sweep, R earlier, R raised) {
-  return raised <= R(0) && (sweep == leap_from || earlier + raised <= R(0));
+KOKKOS_INLINE_FUNCTION bool leaps_again(R raised) {
+  return raised <= R(0);
 }
 
 /// What a sweep tells of E, summed row by row as they move.

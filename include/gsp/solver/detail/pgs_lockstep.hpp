@@ -5,25 +5,29 @@
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/math/detail/transpose.hpp>
 #include <gsp/solver/detail/leap.hpp>
+#include <gsp/solver/detail/mixing.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
 #include <gsp/solver/detail/row_vectors.hpp>
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and up to four rows at a time: an element of one row and
-/// one of two or three, which take turns in a sweep, then what is left of either kind. The dot products of a block read z once, and so does
-/// z += sum Y^T d; what its rows do to each other in between goes through their products:
+/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and two elements at a time: one of one row and one of
+/// more, which take turns in a sweep, then what is left of either kind. The dot products of a block read z once, and so does z += sum Y^T
+/// d; what its rows do to each other in between goes through their products:
 ///   w_b = Y_b z + sum_{a < b} (Y_b . Y_a) d_a + C p_b + bias_b     (z as before the block: row by row but for rounding)
 /// A block's entries are widened to the dofs that any of its rows has in any of the worlds, so that nothing is gathered inside a sweep.
 /// What bounds a sweep is loading Y, twice a block. A world takes this path by its own rows alone (goes_in_lockstep), which of them share a
-/// block is a matter of its own elements, and a lane of finite numbers never sees another lane.
+/// block is a matter of its own elements, and a lane of finite numbers never sees another lane. Most packs have no element of more than
+/// three rows, and blocks without room for more; it changes no bit either.
 namespace gsp::detail {
 
-template <class R, class Mem>
-struct PgsLockstep {
+/// What Solution::goes_on says of a world after a round of sweeps.
+enum GoesOn : signed char { is_done, only_sweeps, still_leaps };
+/// @tparam N  rows of an element, at most
+template <class R, class Mem, int N>
+struct LockstepPack {
   static constexpr int W = native_width<R>;
   using T = Pack<R, W>;
-  using memory_space = Mem;
   static constexpr int sums = sizeof(T) == 64 ? 4 : 2;  // partial sums of a dot product, as many as there are registers for
   Rows<R, Mem> rows;
   Impulses<R, Mem> impulses;
@@ -32,7 +36,7 @@ struct PgsLockstep {
 
   /// A world's elements: those of one row that have one of more rows to take turns with; those of more; those of one row that are left.
   enum List { turn, several, rest };
-  static constexpr int places_of(int list) { return list == several ? lockstep_rows : 1; }
+  static constexpr int places_of(int list) { return list == several ? N : 1; }
   /// Kinds of blocks, in the order of the sweeps: an element of one row and one of more; one of more; four of one row. Which of a world's
   /// elements share a block hangs on the world alone; whether an empty place stands beside one of more rows, on the pack: it changes no
   /// bit.
@@ -40,16 +44,18 @@ struct PgsLockstep {
   static constexpr int elements_of(int kind) { return kind == in_turn ? 2 : kind == alone ? 1 : 4; }
   /// The list that element e of a block is from. It begins at place e.
   static constexpr int list_at(int kind, int e) { return kind == by_fours ? rest : kind == alone ? several : e == 0 ? turn : several; }
-  static constexpr int rows_of(int kind) { return kind == alone ? lockstep_rows : lockstep_block_rows; }
-  static constexpr int most_rows = lockstep_block_rows;
+  static constexpr int rows_of(int kind) { return kind == in_turn ? 1 + N : kind == alone ? N : 4; }
+  static constexpr int most_rows = 1 + N;
 
   /// What is known of a block's rows but their entries.
   struct Block {
     ElementLaw<T, most_rows> law;
-    T bias[most_rows], compliance[most_rows], diagonal[most_rows], p[most_rows], before[most_rows];
-    T product[couplings_of(most_rows)];  // Y_b . Y_a at couplings_of(b) + a
-    T const* Y;                          // entry e of row b of B at B e + b
-    int groups;                          // of four dofs
+    T bias[most_rows], compliance[most_rows], diagonal[most_rows], p[most_rows];
+    T d[most_rows];                                  // what the last sweep has changed p by
+    T before[2][most_rows], d_before[2][most_rows];  // p after the last sweep that was mixed, and after the one after that; their d
+    T product[couplings_of(most_rows)];              // Y_b . Y_a at couplings_of(b) + a
+    T const* Y;                                      // entry e of row b of B at B e + b
+    int groups;                                      // of four dofs
     short dof[lockstep_most_dofs / 4];
   };
   struct Blocks {
@@ -78,67 +84,84 @@ struct PgsLockstep {
     }
   };
 
-  [[gnu::noinline]] void operator()(int first, int thread) const {
-    int const w0 = first * W, nv = rows.nv, parity = impulses.parity();
+  /// @param worlds  of the lanes, -1: none
+  /// @param begin   sweeps that they have behind them
+  [[gnu::noinline]] void operator()(int const (&worlds)[W], int begin, int thread) const {
+    int const nv = rows.nv, parity = impulses.parity();
     int count[W], most[3] = {};
     Elements elements[W];
     for (int l = 0; l < W; ++l) {
-      count[l] = w0 + l < rows.worlds ? rows.count(w0 + l) : 0;
-      if (w0 + l < rows.worlds && !goes_in_lockstep(rows, w0 + l)) count[l] = 0;  // that world goes alone
-      find_elements(elements[l], w0 + l, count[l], most);
+      count[l] = worlds[l] < 0 ? 0 : rows.count(worlds[l]);
+      find_elements(elements[l], worlds[l], count[l], most);
     }
     T* const z = reinterpret_cast<T*>(solution.thread_items.data() + std::int64_t(thread) * solution.thread_stride);
     T* const z_before = z + (nv + 3) / 4 * 4;
     T* const behind = z_before + (nv + 3) / 4 * 4;
     for (T* q = z; q != behind; ++q) *q = T(R(0));
-    static_assert(sizeof(Block) <= lockstep_block_packs * sizeof(T));
+    constexpr int block_packs = lockstep_block_packs(most_rows);
+    static_assert(sizeof(Block) <= block_packs * sizeof(T));
     Blocks const blocks{reinterpret_cast<Block*>(behind), {most[turn], most[several] - most[turn], (most[rest] + 3) / 4}};
-    T* Y = behind + lockstep_most_blocks * lockstep_block_packs;
+    T* Y = behind + lockstep_most_blocks * block_packs;
     int taken[3] = {};
     blocks.each([&](auto kind, Block& k) {
-      widen<kind>(k, Y, taken, w0, elements, parity);
+      widen<kind>(k, Y, taken, worlds, elements, parity);
       for (int e = 0; e < elements_of(kind); ++e) ++taken[list_at(kind, e)];
       push<kind>(k, z, k.p);
     });
 
     T const relaxation(R(options.relaxation)), zero(R(0));
     T tolerance(R(0));
-    for (int l = 0; l < W; ++l) tolerance.set(l, R(options.tolerance) * rows.rate_scale(w0 + l < rows.worlds ? w0 + l : w0));
-    int sweeps[W] = {};
-    Mask<R, W> active;
-    for (int l = 0; l < W; ++l) active.set(l, count[l] > 0);
-    Mask<R, W> leaping = active;
-    T earlier = zero;  // what sweeps have raised E by since the last leap, without the last one
+    int sweeps[W];
+    Mask<R, W> active, leaping;
+    for (int l = 0; l < W; ++l) {
+      sweeps[l] = begin;
+      active.set(l, count[l] > 0);
+      leaping.set(l, count[l] > 0 && (begin == 0 || solution.goes_on(worlds[l]) == still_leaps));
+      if (worlds[l] >= 0) tolerance.set(l, R(options.tolerance) * rows.rate_scale(worlds[l]));
+    }
     SweepWork<T> const none{zero, zero, zero};
-    SweepWork<T> work = none;  // of the last sweep, or of all since the last leap
-    for (int sweep = 0; sweep < options.iterations && any(active); ++sweep) {
-      bool const leaps = leaps_after(sweep, options.iterations) && any(leaping);
-      if (leaps) {
-        keep(blocks, z, z_before);
-        earlier = work.raised;
-        work = none;
-      }
-      T change = zero;
-      SweepWork<T>* const counted = leaps_after(leap_from, options.iterations) && sweep >= leap_from && any(leaping) ? &work : nullptr;
-      blocks.each([&](auto kind, Block& k) { pass<kind>(k, z, active, relaxation, change, counted); });
+    MixingMemory memory[W];
+    T missed = zero;                     // |f|^2 of the sweep that was mixed
+    Mask<R, W> mixed = none_of_lanes();  // worlds whose sweep begins from a mixture
+    bool more = false;
+    for (int sweep = begin; sweep < options.iterations && any(active) && !more; ++sweep) {
+      bool const leaps = leaps_after(sweep, options) && any(leaping);
+      if (leaps)
+        for (int i = 0; i < nv; ++i) z_before[i] = z[i];
+      SweepWork<T> work = none;
+      T change = zero, misses = zero;
+      blocks.each([&](auto kind, Block& k) { pass<kind>(k, z, active, relaxation, change, misses, leaps ? &work : nullptr); });
       for (int l = 0; l < W; ++l)
         if (active[l]) {
           ++sweeps[l];
           if (options.tolerance > 0 && sweep + 1 >= options.least && !(change[l] > tolerance[l])) active.set(l, false);
         }
-      if (leaps) {
-        for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leaps_again(sweep, earlier[l], work.raised[l]));
-        if (any(leaping)) leap(blocks, z, z_before, leaping, work);
-        work = none;
+      if (any(mixed)) {
+        Mask<R, W> worse;
+        for (int l = 0; l < W; ++l) worse.set(l, active[l] && memory[l].is_worse(misses[l], missed[l]));
+        if (any(worse)) take_back(blocks, z, z_before, worse);
       }
+      if (leaps) {
+        for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leaps_again(work.raised[l]));
+        if (any(leaping)) leap(blocks, z, z_before, leaping, work);
+      }
+      Mask<R, W> both;
+      for (int l = 0; l < W; ++l) {
+        mixed.set(l, memory[l].after(sweep, options, leaps && leaping[l]) && active[l]);
+        both.set(l, memory[l].knows_both());
+      }
+      missed = misses;
+      if (is_remembered(sweep, options)) remember(blocks, sweep % 2, mixed, both, z, z_before);
+      more = begins_anew(sweep, options);
     }
     T worst = zero;
     if (options.residual) blocks.each([&](auto kind, Block const& k) { worst = max_or_nan(worst, residual<kind>(k, z)); });
     for (int l = 0; l < W; ++l) {
-      if (w0 + l >= rows.worlds || !goes_in_lockstep(rows, w0 + l)) continue;
-      R* const out = solution.z.data() + std::int64_t(w0 + l) * nv;
+      if (worlds[l] < 0) continue;
+      int const w = worlds[l];
+      R* const out = solution.z.data() + std::int64_t(w) * nv;
       for (int i = 0; i < nv; ++i) out[i] = z[i][l];
-      R* const p = impulses.p[parity].data() + rows.first(w0 + l);
+      R* const p = impulses.p[parity].data() + rows.first(w);
       int written[3] = {};
       blocks.each([&](auto kind, Block const& k) {
         for (int e = 0; e < elements_of(kind); ++e) {
@@ -146,40 +169,67 @@ struct PgsLockstep {
           for (int b = 0; b < of.rows; ++b) p[of.row + b] = k.p[e + b][l];
         }
       });
-      solution.iterations(w0 + l) = sweeps[l];
-      solution.residual(w0 + l) = options.residual ? worst[l] : Kokkos::Experimental::quiet_NaN_v<R>;
+      solution.iterations(w) = sweeps[l];
+      solution.residual(w) = options.residual ? worst[l] : Kokkos::Experimental::quiet_NaN_v<R>;
+      solution.goes_on(w) = !(more && active[l]) ? is_done : leaping[l] ? still_leaps : only_sweeps;
     }
   }
 
  private:
-  /// Impulses and z before a sweep that a leap follows on.
-  void keep(Blocks const& blocks, T const* z, T* z_before) const {
-    for (int i = 0; i < rows.nv; ++i) z_before[i] = z[i];
-    blocks.each([&](auto kind, Block& k) {
-      for (int b = 0; b < rows_of(kind); ++b) k.before[b] = k.p[b];
-    });
-  }
+  static Mask<R, W> none_of_lanes() { return T(R(0)) > T(R(0)); }
   LeapSums<T> leap_sums(Blocks const& blocks, T const* z, T const* z_before) const {
     T const zero(R(0));
     LeapSums<T> s{zero, zero, zero, zero, zero};
     for (int i = 0; i < rows.nv; ++i) s.add_dof(z[i], z[i] - z_before[i]);
     blocks.each([&](auto kind, Block const& k) {
-      for (int b = 0; b < rows_of(kind); ++b)
-        s.add_row(k.p[b], k.p[b] - k.before[b], k.compliance[b], k.bias[b], k.law.inverse_diagonal[b]);
+      for (int b = 0; b < rows_of(kind); ++b) s.add_row(k.p[b], k.d[b], k.compliance[b], k.bias[b], k.law.inverse_diagonal[b]);
     });
     return s;
   }
   /// Leaves p and z of some worlds where the energy is least (leap.hpp). z_before is lost.
   void leap(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& worlds, SweepWork<T> const& work) const {
     Leap<T> const to = best_leap<R>(leap_sums(blocks, z, z_before), work);
-    for (int i = 0; i < (rows.nv + 3) / 4 * 4; ++i) z_before[i] = T(R(0));
     blocks.each([&](auto kind, Block& k) {
       for (int b = 0; b < rows_of(kind); ++b) {
         T& p = k.p[b];
-        p = select(worlds, p + fma(to.growth, p, to.sweeps * (p - k.before[b])), p);
+        p = select(worlds, p + fma(to.growth, p, to.sweeps * k.d[b]), p);
       }
-      push<kind>(k, z_before, k.p);
     });
+    sum_impulses(blocks, z, z_before, worlds);
+  }
+  /// Keeps p and d of the last sweep, and leaves p of some worlds where f would be least (mixing.hpp).
+  void remember(Blocks const& blocks, int side, Mask<R, W> const& worlds, Mask<R, W> const& both, T* z, T* z_before) const {
+    T const zero(R(0));
+    Mixing<T> to{zero, zero};
+    bool const mixes = any(worlds);
+    if (mixes) {
+      MixingSums<T> sums{zero, zero, zero, zero, zero};
+      blocks.each([&](auto kind, Block const& k) {
+        for (int b = 0; b < rows_of(kind); ++b) sums.add_row(k.diagonal[b], k.d[b], k.d_before[1][b], k.d_before[0][b], both);
+      });
+      to = best_mixing<R>(sums);
+    }
+    blocks.each([&](auto kind, Block& k) {
+      for (int b = 0; b < rows_of(kind); ++b) {
+        T const p = k.p[b];
+        if (mixes) k.p[b] = select(worlds, p - to.of(p, k.before[1][b], k.before[0][b], both), p);
+        k.before[side][b] = p;
+        k.d_before[side][b] = k.d[b];
+      }
+    });
+    if (mixes) sum_impulses(blocks, z, z_before, worlds);
+  }
+  /// Leaves p of some worlds where it was before it was mixed.
+  void take_back(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& worlds) const {
+    blocks.each([&](auto kind, Block& k) {
+      for (int b = 0; b < rows_of(kind); ++b) k.p[b] = select(worlds, k.before[0][b], k.p[b]);
+    });
+    sum_impulses(blocks, z, z_before, worlds);
+  }
+  /// z = Y^T p of some worlds. z_before is lost.
+  void sum_impulses(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& worlds) const {
+    for (int i = 0; i < (rows.nv + 3) / 4 * 4; ++i) z_before[i] = T(R(0));
+    blocks.each([&](auto kind, Block const& k) { push<kind>(k, z_before, k.p); });
     for (int i = 0; i < rows.nv; ++i) z[i] = select(worlds, z_before[i], z[i]);
   }
 
@@ -205,18 +255,18 @@ struct PgsLockstep {
   /// Takes the next elements of all worlds into `k`, after those that are `taken`; their entries go to Y, which moves on. Entries come by
   /// whole groups of four dofs, so that the order in which a world's are summed does not depend on what the other worlds have.
   template <int kind>
-  void widen(Block& k, T*& Y, int const (&taken)[3], int w0, Elements const (&elements)[W], int parity) const {
+  void widen(Block& k, T*& Y, int const (&taken)[3], int const (&worlds)[W], Elements const (&elements)[W], int parity) const {
     constexpr int B = rows_of(kind), E = elements_of(kind), each = kind == by_fours ? E : 1;
     int row_of[W][B];  // in the pool, -1: none
     std::uint32_t used = 0;
     for (int l = 0; l < W; ++l) {
-      int const start = rows.first(w0 + l < rows.worlds ? w0 + l : w0);
+      int const start = worlds[l] < 0 ? 0 : rows.first(worlds[l]);
       unrolled<E>([&](auto e) {
-        constexpr int list = list_at(kind, e), N = places_of(list);
+        constexpr int list = list_at(kind, e), places = places_of(list);
         int const at = taken[list] + (kind == by_fours ? int(e) : 0);
         Element const own = elements[l](list, at), next = elements[l](list, at + each);
-        if (next.rows > 0) prefetch(&rows.row(start + next.row), N * sizeof(Row<R>));  // more streams than the processor follows
-        for (int b = 0; b < N; ++b) {
+        if (next.rows > 0) prefetch(&rows.row(start + next.row), places * sizeof(Row<R>));  // more streams than the processor follows
+        for (int b = 0; b < places; ++b) {
           row_of[l][e + b] = b < own.rows ? start + own.row + b : -1;
           if (b >= own.rows) continue;
           Row<R> const& row = rows.row(start + own.row + b);
@@ -342,9 +392,10 @@ struct PgsLockstep {
     for (std::size_t i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<char const*>(at) + i);
   }
   /// One pass over a block: rates, projections, z.
-  /// @param change  in, out: largest change of a rate;   @param work  in, out, or null: what the pass has done (leap.hpp)
+  /// @param change  in, out: largest change of a rate;   @param misses  in, out: sum d^2 (|Y|^2 + C)
+  /// @param work    in, out, or null: what the pass has done (leap.hpp)
   template <int kind>
-  static void pass(Block& k, T* z, Mask<R, W> const& active, T const& relaxation, T& change, SweepWork<T>* work) {
+  static void pass(Block& k, T* z, Mask<R, W> const& active, T const& relaxation, T& change, T& misses, SweepWork<T>* work) {
     constexpr int B = rows_of(kind);
     T w[B], p[B], d[B], before[B];
     rates<kind>(k, z, w);
@@ -357,7 +408,9 @@ struct PgsLockstep {
       d[b] = select(active, d[b], T(R(0)));
       k.p[b] = select(active, p[b], k.p[b]);  // not p + d, which rounding may take beyond its bound
       T const of_row = d[b] * k.diagonal[b];
+      k.d[b] = d[b];
       change = max(change, abs(of_row));
+      misses = fma(d[b], of_row, misses);
       if (work == nullptr) return;
       unrolled<b>([&](auto a) { before[b] = fma(k.product[couplings_of(b) + a], d[a], before[b]); });
       T together(R(0));
@@ -410,14 +463,14 @@ struct PgsLockstep {
     (project_one<places_of(list_at(kind, e)), e>(k, relaxation, w, p, d, std::make_integer_sequence<int, e>{}), ...);
   }
   /// That at place `first`, after the rows a... before it.
-  template <int N, int first, int... a>
+  template <int places, int first, int... a>
   KOKKOS_FORCEINLINE_FUNCTION static void project_one(Block const& k, T const& relaxation, T* w, T* p, T* d,
                                                       std::integer_sequence<int, a...>) {
-    unrolled<N>([&](auto at) {
+    unrolled<places>([&](auto at) {
       [[maybe_unused]] constexpr int b = first + at;
       ((w[b] = fma(k.product[couplings_of(b) + a], d[a], w[b])), ...);
     });
-    project_element<N>(k.law, first, Coupling{k, first}, relaxation, w, p, d);
+    project_element<places>(k.law, first, Coupling{k, first}, relaxation, w, p, d);
   }
   /// z += Y^T d
   template <int kind>
@@ -444,17 +497,83 @@ struct PgsLockstep {
   }
 };
 
+/// Worlds that several rounds of sweeps take, in packs: of all that go in lockstep, then of those that go on.
+template <class R, class Mem>
+struct PgsLockstep {
+  static constexpr int W = native_width<R>;
+  using memory_space = Mem;
+  Rows<R, Mem> rows;
+  Impulses<R, Mem> impulses;
+  Solution<R, Mem> solution;
+  PgsOptions options;
+  int begin;  // sweeps of the rounds before
+  void operator()(int pack, int thread) const {
+    int const first = pack * W, end = begin == 0 ? rows.worlds : solution.going();
+    int worlds[W], most = 0, count = 0;
+    for (int l = 0; l < W; ++l) {
+      worlds[l] = first + l < end ? (begin == 0 ? first + l : solution.going_worlds(first + l)) : -1;
+      if (worlds[l] >= 0 && !goes_in_lockstep(rows, worlds[l])) {
+        solution.goes_on(worlds[l]) = is_done;  // here: it goes alone
+        worlds[l] = -1;
+      }
+      if (worlds[l] < 0) continue;
+      most = std::max(most, rows.largest_element(worlds[l]));
+      ++count;
+    }
+    if (count == 0) return;
+    if (most <= lockstep_few_rows)
+      LockstepPack<R, Mem, lockstep_few_rows>{rows, impulses, solution, options}(worlds, begin, thread);
+    else
+      LockstepPack<R, Mem, lockstep_rows>{rows, impulses, solution, options}(worlds, begin, thread);
+  }
+};
+
+/// The worlds of the next round, in their order.
+template <class R, class Mem>
+struct ListGoing {
+  using value_type = int;
+  Solution<R, Mem> solution;
+  Kokkos::View<int const, Mem> halt;
+  void operator()(int w, int& sum, bool last) const {
+    if (halt()) return;
+    if (solution.goes_on(w) != is_done) {
+      if (last) solution.going_worlds(sum) = w;
+      ++sum;
+    }
+    if (last && w + 1 == solution.worlds) solution.going() = sum;
+  }
+};
+
 template <class Exec, class Solver>
 struct LockstepLoop {
   Solver solver;
   Kokkos::View<int const, typename Solver::memory_space> halt;
-  void operator()(int block) const {
+  void operator()(int pack) const {
     if (halt()) return;
     Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
     int const thread = token.acquire();
-    solver(block, thread);
+    solver(pack, thread);
     token.release(thread);
   }
 };
+
+/// Sweeps all worlds that go in lockstep. A pack goes on until the slowest of its worlds rests, so after a round those that still move are
+/// packed together, and taken from the pool anew: what that costs is as much as ten sweeps. A world's z is summed anew then, Y^T p,
+/// whatever its neighbours do.
+template <class Exec, class R, class Mem>
+void launch_lockstep(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Solution<R, Mem> const& solution,
+                     PgsOptions const& options, Kokkos::View<int, Mem> const& halt) {
+  using Solver = PgsLockstep<R, Mem>;
+  int const packs = (rows.worlds + Solver::W - 1) / Solver::W;
+  for (int begin = 0, sweep = 0; sweep < options.iterations; ++sweep) {
+    bool const last = sweep + 1 == options.iterations;
+    if (!last && !begins_anew(sweep, options)) continue;
+    if (begin > 0)
+      Kokkos::parallel_scan("gsp::solver::list_going", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds), ListGoing<R, Mem>{solution, halt});
+    Kokkos::parallel_for("gsp::solver::pgs_lockstep", Kokkos::RangePolicy<Exec>(exec, 0, packs),
+                         LockstepLoop<Exec, Solver>{{rows, impulses, solution, options, begin}, halt});
+    begin = sweep + 1;
+  }
+}
 
 }  // namespace gsp::detail

@@ -11,7 +11,8 @@ struct PgsOptions {
   // all sweeps.
   float tolerance = 1e-4f;
   float relaxation = 1;
-  bool residual = false;  // also measure solution.residual after the last sweep, which is NaN otherwise
+  bool accelerate = true;  // leaps and mixtures (docs/solver/pgs.md); false: sweeps alone
+  bool residual = false;   // also measure solution.residual after the last sweep, which is NaN otherwise
 };
 
 namespace detail {

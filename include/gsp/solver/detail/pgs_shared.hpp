@@ -14,6 +14,7 @@ namespace gsp::detail {
 // A world has so much shared memory at most, four of them what a block may have on all GPUs since Ampere (99 kB). Four are solved by a
 // launch whose blocks have what they need together: smaller ones leave room for more at a time.
 inline constexpr int shared_most_bytes = 24576, shared_sizes = 6;
+inline constexpr int shared_rows = 3;  // of an element, at most
 KOKKOS_INLINE_FUNCTION constexpr int shared_size(int size_class) {
   return size_class == 0   ? 7168
          : size_class == 1 ? 10240
@@ -51,7 +52,8 @@ KOKKOS_INLINE_FUNCTION std::int64_t shared_bytes(Rows<R, Mem> const& rows, int w
 /// Whether a world is solved this way, rather than by a whole warp (pgs_world.hpp).
 template <class R, class Mem>
 KOKKOS_INLINE_FUNCTION bool fits_shared(Rows<R, Mem> const& rows, int w) {
-  return rows.nv <= lockstep_most_dofs && goes_in_lockstep(rows, w) && shared_bytes(rows, w) <= shared_most_bytes;
+  return rows.nv <= lockstep_most_dofs && goes_in_lockstep(rows, w) && rows.largest_element(w) <= shared_rows &&
+         shared_bytes(rows, w) <= shared_most_bytes;
 }
 
 template <class R, class Mem>

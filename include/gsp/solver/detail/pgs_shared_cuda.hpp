@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/parallel/detail/launch_cuda.hpp>
+#include <gsp/solver/detail/mixing.hpp>
 
 /// The kernel of pgs_shared.hpp. All threads of a warp stay together: a world whose elements are through, or that has stopped, goes along
 /// with `active` false, and writes nothing.
@@ -275,15 +276,15 @@ struct SharedWorld {
     for (int e = 0, most = warp_max(active ? elements : 0); e < most; ++e) {
       bool const has = active && e < elements;
       int const at = has ? order[e] : 0, n = has ? row[at].rows : 0;
-      R d[lockstep_rows];
+      R d[shared_rows];
 #pragma unroll
-      for (int b = 0; b < lockstep_rows; ++b) d[b] = b < n ? number[at + b].p : R(0);
-      push<lockstep_rows>(has, at, n, __all_sync(0xffffffffu, !has || (n == lockstep_rows && row[at].same_segments)), d);
+      for (int b = 0; b < shared_rows; ++b) d[b] = b < n ? number[at + b].p : R(0);
+      push<shared_rows>(has, at, n, __all_sync(0xffffffffu, !has || (n == shared_rows && row[at].same_segments)), d);
     }
   }
-  /// Impulses and z before a sweep that a leap follows on.
-  __device__ void keep() const {
-    for (int i = lane; i < nv; i += shared_lanes) z_before[i] = z[i];
+  /// Impulses before a sweep, and z where a leap follows on it.
+  __device__ void keep(bool leaps) const {
+    for (int i = leaps ? lane : nv; i < nv; i += shared_lanes) z_before[i] = z[i];
     for (int r = lane; r < count; r += shared_lanes) number[r].before = number[r].p;
     __syncwarp();
   }
@@ -307,6 +308,40 @@ struct SharedWorld {
     __syncwarp();
     sum_elements(active);
   }
+  /// sum d^2 (|Y|^2 + C) of the last sweep.
+  __device__ R sum_misses() const {
+    R own(0);
+    for (int r = lane; r < count; r += shared_lanes) {
+      R const d = number[r].p - number[r].before;
+      own = fma(d, d * number[r].diagonal, own);
+    }
+    return sum(own);
+  }
+  /// p of worlds that missed by too much more as it was before it was mixed (mixing.hpp).
+  __device__ void take_back(bool active) const {
+    for (int r = active ? lane : count; r < count; r += shared_lanes) number[r].p = k.impulses.mixing[0](first + r);
+    __syncwarp();
+    sum_elements(active);
+  }
+  /// Keeps p and d of the last sweep; of worlds that mix, p goes on to the mixture. They stay in the pool: a row's numbers are read once a
+  /// sweep, by the thread that has written them.
+  __device__ void remember(int side, bool mixes, bool both) const {
+    auto const& mixing = k.impulses.mixing;
+    Mixing<R> to{R(0), R(0)};
+    if (__any_sync(0xffffffffu, mixes)) {
+      MixingSums<R> own{};
+      for (int r = mixes ? lane : count; r < count; r += shared_lanes)
+        own.add_row(number[r].diagonal, number[r].p - number[r].before, mixing[3](first + r), mixing[1](first + r), both);
+      to = best_mixing<R>(MixingSums<R>{sum(own.dd11), sum(own.dd12), sum(own.dd22), sum(own.df1), sum(own.df2)});
+    }
+    for (int r = lane; r < count; r += shared_lanes) {
+      R const now = number[r].p, d = now - number[r].before;
+      if (mixes) number[r].p = now - to.of(now, mixing[2](first + r), mixing[0](first + r), both);
+      mixing[2 * side](first + r) = now;
+      mixing[2 * side + 1](first + r) = d;
+    }
+    __syncwarp();
+  }
   /// Sweeps until no rate changes by more than the tolerance; their number.
   __device__ int solve() const {
     auto const& options = k.options;
@@ -314,37 +349,42 @@ struct SharedWorld {
     sum_elements(true);
     int sweeps = 0;
     bool again = count > 0, leaping = true;
-    R earlier(0);         // what sweeps have raised E by since the last leap, without the last one
-    SweepWork<R> work{};  // of the last sweep, or of all since the last leap
+    MixingMemory memory;
+    R missed(0);  // |f|^2 of the sweep that was mixed
     int const most_of_one = warp_max(of_one_row), most = warp_max(elements - of_one_row);
     for (int sweep = 0; __any_sync(0xffffffffu, again); ++sweep) {
-      if (leaps_after(sweep, options.iterations)) {
-        keep();
-        earlier = work.raised;
-        work = {};
-      }
-      bool const tells = sweep >= leap_from;  // no leap asks for what sweeps before have done
+      bool const leaps = leaps_after(sweep, options);
+      keep(leaps);
+      SweepWork<R> work{};
       R change(0);
       for (int e = 0; e < most_of_one || e < most; ++e) {  // elements of one row and of more in turn
         if (e < most_of_one) {
           bool const active = again && e < of_one_row;
-          change = max(change, sweep_element<1>(active, active ? order[e] : 0, tells, work));
+          change = max(change, sweep_element<1>(active, active ? order[e] : 0, leaps, work));
         }
         if (e < most) {
           bool const active = again && of_one_row + e < elements;
           int const at = active ? order[of_one_row + e] : 0;
           bool const contacts = __all_sync(0xffffffffu, !active || row[at].contact);
-          change = max(change, contacts ? sweep_contact(active, at, tells, work) : sweep_element<lockstep_rows>(active, at, tells, work));
+          change = max(change, contacts ? sweep_contact(active, at, leaps, work) : sweep_element<shared_rows>(active, at, leaps, work));
           __syncwarp();
         }
       }
       if (again) ++sweeps;
       again = again && sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
-      if (leaps_after(sweep, options.iterations)) {
-        leaping = leaping && again && leaps_again(sweep, earlier, work.raised);
+      if (!__any_sync(0xffffffffu, again)) break;
+      R const misses = is_remembered(sweep, options) ? sum_misses() : R(0);
+      bool const worse = again && memory.is_worse(misses, missed);
+      if (__any_sync(0xffffffffu, worse)) take_back(worse);
+      if (leaps) {
+        leaping = leaping && again && leaps_again(work.raised);
         if (__any_sync(0xffffffffu, leaping)) leap(leaping, work);
-        work = {};
       }
+      missed = misses;
+      bool const mixes = memory.after(sweep, options, leaps && leaping) && again;
+      if (is_remembered(sweep, options)) remember(sweep % 2, mixes, memory.knows_both());
+      bool const anew = mixes || (again && begins_anew(sweep, options));
+      if (__any_sync(0xffffffffu, anew)) sum_elements(anew);
     }
     return sweeps;
   }

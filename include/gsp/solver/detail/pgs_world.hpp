@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/parallel/for_worlds.hpp>
+#include <gsp/solver/detail/mixing.hpp>
 #include <gsp/solver/detail/pgs_shared.hpp>
 #include <gsp/solver/detail/take_element.hpp>
 
@@ -153,34 +154,84 @@ struct PgsWorld {
     sum_island(world, e, z, p);
     int sweep = 0;
     bool leaping = true;
-    R earlier(0);         // what sweeps have raised E by since the last leap, without the last one
-    SweepWork<R> work{};  // of the last sweep, or of all since the last leap
+    MixingMemory memory;
+    R missed(0);  // |f|^2 of the sweep that was mixed
     for (bool again = e.elements > 0; again; ++sweep) {
-      bool const leaps = leaping && leaps_after(sweep, options.iterations);
-      if (leaps) {
-        keep(world, e, z, p);
-        earlier = work.raised;
-        work = {};
-      }
-      R change(0);
+      bool const leaps = leaping && leaps_after(sweep, options);
+      keep(world, e, z, p, leaps);
+      SweepWork<R> work{};
+      R change(0), misses(0);
       int r, n;
       for (Turn turn = first; next_element(e, turn, r, n);) {
         Row<R> const* const row = &rows.row(e.first_row + r);
         if (n == 1)
-          change = max(change, sweep_element<1>(world, row, 1, z, p + r, work));
+          change = max(change, sweep_element<1>(world, row, 1, z, p + r, misses, work));
         else if (n == 3 && row->same_segments)
-          change = max(change, sweep_element<3>(world, row, 3, z, p + r, work));
+          change = max(change, sweep_element<3>(world, row, 3, z, p + r, misses, work));
         else
-          change = max(change, sweep_element<N>(world, row, n, z, p + r, work));
+          change = max(change, sweep_element<N>(world, row, n, z, p + r, misses, work));
       }
       again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
-      if (again && leaps) {
-        leaping = leaps_again(sweep, earlier, work.raised);
-        if (leaping) leap(world, e, z, p, work);
-        work = {};
+      if (!again) continue;
+      if (memory.is_worse(misses, missed)) {
+        each_row(world, e, [&](int at) { p[at] = impulses.mixing[0](e.first_row + at); });
+        world.sync();
+        sum_island(world, e, z, p);
       }
+      if (leaps) {
+        leaping = leaps_again(work.raised);
+        if (leaping) leap(world, e, z, p, work);
+      }
+      missed = misses;
+      Mixing<R> to{R(0), R(0)};
+      bool const mixes = memory.after(sweep, options, leaps && leaping);
+      bool const both = memory.knows_both();
+      if (mixes) to = best_mixing<R>(mixing_sums(world, e, p, both));
+      if (is_remembered(sweep, options)) remember(world, e, p, sweep % 2, mixes, to, both);
+      if (mixes || begins_anew(sweep, options)) sum_island(world, e, z, p);
     }
     return sweep;
+  }
+  /// Sum of f(r) over the rows of an island.
+  template <class World, class F>
+  KOKKOS_INLINE_FUNCTION R sum_of_rows(World const& world, Island const& e, F const& f) const {
+    return world.template sum<R>(e.elements, [&](int k) {
+      R own(0);
+      for (int r = e.begin(k), end = e.end(rows, k); r < end; ++r) own += f(r);
+      return own;
+    });
+  }
+  template <class World>
+  KOKKOS_INLINE_FUNCTION MixingSums<R> mixing_sums(World const& world, Island const& e, R const* p, bool both) const {
+    auto const of_row = [&](int r) {
+      int const at = e.first_row + r;
+      R const inverse = rows.row(at).inverse_diagonal;
+      MixingSums<R> own{};
+      own.add_row(inverse > R(0) ? R(1) / inverse : R(0), p[r] - impulses.before(at), impulses.mixing[3](at), impulses.mixing[1](at), both);
+      return own;
+    };
+    MixingSums<R> s{};
+    if constexpr (std::is_same_v<World, SerialWorld>)
+      each_row(world, e, [&](int r) { s += of_row(r); });
+    else
+      for (R MixingSums<R>::*part :
+           {&MixingSums<R>::dd11, &MixingSums<R>::dd12, &MixingSums<R>::dd22, &MixingSums<R>::df1, &MixingSums<R>::df2})
+        s.*part = sum_of_rows(world, e, [&](int r) { return of_row(r).*part; });
+    return s;
+  }
+  /// Keeps p and d of the last sweep; where it mixes, p goes on to the mixture.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void remember(World const& world, Island const& e, R* p, int side, bool mixes, Mixing<R> const& to,
+                                       bool both) const {
+    world.sync();
+    each_row(world, e, [&](int r) {
+      int const at = e.first_row + r;
+      R const now = p[r], d = now - impulses.before(at);
+      if (mixes) p[r] = now - to.of(now, impulses.mixing[2](at), impulses.mixing[0](at), both);
+      impulses.mixing[2 * side](at) = now;
+      impulses.mixing[2 * side + 1](at) = d;
+    });
+    world.sync();
   }
   /// z = Y^T p of an island.
   template <class World>
@@ -189,10 +240,10 @@ struct PgsWorld {
     if (!e.element) return push_rows(world, rows, e.first_row, e.elements, z, p);
     for (int k = 0; k < e.elements; ++k) push_rows(world, rows, e.first_row + e.begin(k), e.end(rows, k) - e.begin(k), z, p + e.begin(k));
   }
-  /// Impulses and z before a sweep that a leap follows on.
+  /// Impulses before a sweep, and z where a leap follows on it.
   template <class World>
-  KOKKOS_INLINE_FUNCTION void keep(World const& world, Island const& e, R const* z, R const* p) const {
-    world.each(e.dofs, [&](int k) { solution.z_before(e.world, e.dof(k)) = z[e.dof(k)]; });
+  KOKKOS_INLINE_FUNCTION void keep(World const& world, Island const& e, R const* z, R const* p, bool leaps) const {
+    if (leaps) world.each(e.dofs, [&](int k) { solution.z_before(e.world, e.dof(k)) = z[e.dof(k)]; });
     each_row(world, e, [&](int r) { impulses.before(e.first_row + r) = p[r]; });
     world.sync();
   }
@@ -224,9 +275,9 @@ struct PgsWorld {
     sum_island(world, e, z, p);
   }
   /// One pass over an element; the largest change of a rate. M = 1 or 3: so many rows, which have the same segments; M = N: any.
-  /// @param work  grows by what the pass does (leap.hpp)
+  /// @param misses  grows by sum d^2 (|Y|^2 + C);   @param work  by what the pass does (leap.hpp)
   template <int M, class World>
-  KOKKOS_INLINE_FUNCTION R sweep_element(World const& world, Row<R> const* row, int n, R* z, R* p, SweepWork<R>& work) const {
+  KOKKOS_INLINE_FUNCTION R sweep_element(World const& world, Row<R> const* row, int n, R* z, R* p, R& misses, SweepWork<R>& work) const {
     ElementLaw<R, M> law;
     R rate[M], before[M], now[M], d[M];
     take_element<M>(world, rows, row, n, z, p, law, rate, now);
@@ -248,6 +299,7 @@ struct PgsWorld {
       if (!moves) return;
       any = true;
       change = max(change, abs(of_row));
+      misses = fma(d[b], of_row, misses);
       world.single([&] { p[b] = now[b]; });
     });
     if (!any) return change;

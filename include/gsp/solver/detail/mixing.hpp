@@ -1,0 +1,104 @@
+#pragma once
+#include <gsp/core/exec.hpp>
+#include <gsp/math/scalar.hpp>
+#include <gsp/solver/detail/pgs_options.hpp>
+
+/// Anderson's mixing of sweeps: a sweep takes the impulses p to g = p + f, and f vanishes at the solution. From the ninth sweep on, every
+/// second time, the two differences that the last three sweeps have made say where f would:
+///   p <- g - sum gamma_k dg_k,   gamma the least of |f - sum gamma_k df_k|^2 + e |gamma|^2,   |f|^2 = sum f_r^2 (|Y_r|^2 + C_r)
+/// What it weighs by is what makes f a rate. e keeps differences that are nearly the same from large weights of opposite sign, so that
+/// starts that differ by rounding stay together. Friction has several solutions, and a mixture may leave where sweeps would go: one whose
+/// sweep has a larger f is taken back. (Walker and Ni, Anderson acceleration for fixed-point iterations, 2011; every second time: Banerjee,
+/// Suryanarayana and Pask, periodic Pulay method, 2016)
+namespace gsp::detail {
+
+// Of the trace of the differences' products; by how much |f|^2 may grow in the sweep after.
+inline constexpr double mixing_softness = 1e-4, mixing_most_growth = 4;
+// Sweeps: the first one that is mixed, and from one to the next. What rests takes fewer than eight; mixed from the third one on, a shelf
+// that was at rest moved for 60 steps.
+inline constexpr int mixing_from = 8, mixing_every = 2;
+// Sweeps that must be left to settle what a mixture has thrown over bounds and friction.
+inline constexpr int mixing_least_left = 4;
+
+/// Whether a mixture follows on sweep number `sweep` (from 0).
+KOKKOS_INLINE_FUNCTION constexpr bool mixes_after(int sweep, PgsOptions const& options) {
+  return options.accelerate && sweep >= mixing_from && sweep % mixing_every == 0 && sweep + mixing_least_left < options.iterations;
+}
+/// Whether a mixture after it asks what it did, or it begins from one.
+KOKKOS_INLINE_FUNCTION constexpr bool is_remembered(int sweep, PgsOptions const& options) {
+  return options.accelerate && sweep + 2 >= mixing_from && sweep + mixing_least_left <= options.iterations;
+}
+
+/// Whether what is known is dropped after sweep number `sweep` (from 0), the 17th and the 41st, and z is summed anew, Y^T p: hosts pack the
+/// worlds that go on together then (pgs_lockstep.hpp), and all paths do the same.
+KOKKOS_INLINE_FUNCTION constexpr bool begins_anew(int sweep, PgsOptions const& options) {
+  return options.tolerance > 0 && (sweep == 16 || sweep == 40) && sweep + mixing_least_left < options.iterations;
+}
+
+/// Which sweeps a mixture knows of.
+struct MixingMemory {
+  int known = 0;                                                         // sweeps in a row, with the last one
+  bool mixed = false;                                                    // the next sweep begins from a mixture
+  KOKKOS_INLINE_FUNCTION bool knows_both() const { return known >= 3; }  // differences
+  /// Whether a mixture follows on sweep number `sweep`; leapt: the impulses have gone elsewhere.
+  KOKKOS_INLINE_FUNCTION bool after(int sweep, PgsOptions const& options, bool leapt) {
+    ++known;
+    if (leapt || begins_anew(sweep, options)) known = 0;
+    mixed = known >= 2 && mixes_after(sweep, options);
+    return mixed;
+  }
+  /// Whether the sweep that began from it missed by too much more: it is taken back. Mixtures follow on even sweeps, as leaps do, so that
+  /// no leap follows on what is taken back.
+  template <class R>
+  KOKKOS_INLINE_FUNCTION bool is_worse(R misses, R missed) {
+    bool const worse = mixed && misses > R(mixing_most_growth) * missed;
+    if (worse) known = -1;
+    mixed = false;
+    return worse;
+  }
+};
+
+/// Products of the differences df_1 = f - f_1, df_2 = f_1 - f_2 and of f, where f_1, f_2 are of the sweeps before.
+template <class T>
+struct MixingSums {
+  T dd11, dd12, dd22, df1, df2;
+  /// @param weight  |Y|^2 + C of the row, 0 where it cannot move
+  /// @param both    whether the second difference is known: f2 may be anything where it is not
+  template <class Condition>
+  KOKKOS_INLINE_FUNCTION void add_row(T const& weight, T const& f, T const& f1, T const& f2, Condition const& both) {
+    T const d1 = f - f1, d2 = select(both, f1 - f2, T(0.0f)), w1 = weight * d1, w2 = weight * d2;
+    dd11 = fma(w1, d1, dd11);
+    dd12 = fma(w1, d2, dd12);
+    dd22 = fma(w2, d2, dd22);
+    df1 = fma(w1, f, df1);
+    df2 = fma(w2, f, df2);
+  }
+  KOKKOS_INLINE_FUNCTION MixingSums& operator+=(MixingSums const& o) {
+    dd11 += o.dd11;
+    dd12 += o.dd12;
+    dd22 += o.dd22;
+    df1 += o.df1;
+    df2 += o.df2;
+    return *this;
+  }
+};
+/// gamma of the two.
+template <class T>
+struct Mixing {
+  T gamma1, gamma2;
+  /// What is taken from p, where p_1 and p_2 are of the sweeps before.
+  template <class Condition>
+  KOKKOS_INLINE_FUNCTION T of(T const& p, T const& p1, T const& p2, Condition const& both) const {
+    return fma(gamma1, p - p1, gamma2 * select(both, p1 - p2, T(0.0f)));
+  }
+};
+template <class R, class T>
+KOKKOS_INLINE_FUNCTION Mixing<T> best_mixing(MixingSums<T> const& s) {
+  T const soft = T(R(mixing_softness)) * (s.dd11 + s.dd22), a = s.dd11 + soft, b = s.dd22 + soft, zero(R(0)), one(R(1));
+  T const det = fma(a, b, -s.dd12 * s.dd12), least(R(8) * Kokkos::Experimental::norm_min_v<R>);
+  auto const any = det > least;  // of what weighs little it vanishes among the least numbers
+  T const inverse = one / select(any, det, one);
+  return {select(any, (b * s.df1 - s.dd12 * s.df2) * inverse, zero), select(any, (a * s.df2 - s.dd12 * s.df1) * inverse, zero)};
+}
+
+}  // namespace gsp::detail
