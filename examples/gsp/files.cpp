@@ -128,9 +128,14 @@ void hold(gsp::CompiledModel const& model, int servos, States& states) {
                                              static_cast<std::size_t>(model.jnt_qposadr[static_cast<std::size_t>(model.act_id[k])])];
 }
 
-std::string summary(gsp::CompiledModel const& model) {
+bool concerns(gsp::ReportLine const& line, bool mujoco) {
+  using Kind = gsp::ReportLine::Kind;
+  return line.kind != (mujoco ? Kind::mujoco_only : Kind::stable_only);
+}
+std::string summary(gsp::CompiledModel const& model, bool mujoco) {
   std::map<gsp::ReportLine::Kind, int> counts;
-  for (auto const& line : model.report) counts[line.kind] += line.count;
+  for (auto const& line : model.report)
+    if (concerns(line, mujoco)) counts[line.kind] += line.count;
   std::string out;
   for (auto const& [kind, count] : counts) out += (out.empty() ? "" : ", ") + std::to_string(count) + " " + gsp::text(kind);
   return out;

@@ -27,8 +27,10 @@ gsp::CompiledModel load_model(std::string const& path, Arguments const& argument
 gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals);
 gsp::Description describe_model(std::string const& path, Arguments const& arguments, bool list_refusals, bool skip_visuals);
 gsp::CompiledModel compile_model(gsp::Description const& description);
-/// One line: how much of the file is not taken as it stands; empty when all is.
-std::string summary(gsp::CompiledModel const& model);
+/// Whether a line of the report is about simulations in this profile.
+bool concerns(gsp::ReportLine const& line, bool mujoco);
+/// One line: how much of the file is not taken as it stands; empty when all is. In profile stable, or mujoco.
+std::string summary(gsp::CompiledModel const& model, bool mujoco = false);
 
 /// States of `worlds` worlds, (worlds, nq) and (worlds, nv).
 struct States {

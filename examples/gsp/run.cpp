@@ -112,9 +112,9 @@ Timing run_steps(Stepper& stepper, RunOptions const& o, Progress& progress) {
   return t;
 }
 
-nlohmann::ordered_json report_json(gsp::CompiledModel const& model) {
+nlohmann::ordered_json report_json(std::vector<gsp::ReportLine> const& lines) {
   auto report = nlohmann::ordered_json::array();
-  for (auto const& l : model.report)
+  for (auto const& l : lines)
     report.push_back({{"kind", gsp::text(l.kind)}, {"file", l.file}, {"line", l.line}, {"text", l.text}, {"count", l.count}});
   return report;
 }

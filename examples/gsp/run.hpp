@@ -53,8 +53,8 @@ void say_stopped(char const* command, Stepper const& stepper, gsp::CompiledModel
 /// Those of --json: a list of world, steps, text.
 nlohmann::ordered_json stopped_json(Stepper const& stepper, gsp::CompiledModel const& model);
 
-/// The load report of a model, as --json prints it: a list of kind, file, line, text, count.
-nlohmann::ordered_json report_json(gsp::CompiledModel const& model);
+/// Lines of a load report, as --json prints them: a list of kind, file, line, text, count.
+nlohmann::ordered_json report_json(std::vector<gsp::ReportLine> const& lines);
 /// What --json prints of steps: how fast, how large, what the last one met, and the hash of the states.
 nlohmann::ordered_json steps_json(Stepper const& stepper, Device device, int worlds, Timing const& timing, double startup);
 

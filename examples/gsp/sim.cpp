@@ -73,7 +73,7 @@ int run(Arguments const& a) {
   if (time_from >= steps)
     a.fail("--time-from " + std::to_string(time_from) + " leaves none of the " + std::to_string(steps) +
            " steps to be timed; give less than --steps");
-  if (auto const s = summary(model); !s.empty() && !quiet(a))
+  if (auto const s = summary(model, options.mujoco); !s.empty() && !quiet(a))
     std::fprintf(stderr, "%s: %s ('gsp info' lists them)\n", path.c_str(), s.c_str());
   std::size_t const worlds = static_cast<std::size_t>(options.worlds);
   if (trace_file && (static_cast<double>(records(steps, every)) + 1) * double(worlds) * std::max({model.nq, model.na, 1}) * 8 > 4e9)
@@ -150,6 +150,9 @@ int run(Arguments const& a) {
   double const rate = double(worlds) * double(timing.steps) / timing.seconds;
   say_stopped("sim", *stepper, model, options.worlds, "give a smaller --timestep, or more --iterations");
   if (a.has("--json")) {
+    std::vector<gsp::ReportLine> lines;
+    for (auto const& line : model.report)
+      if (concerns(line, options.mujoco)) lines.push_back(line);
     auto json = steps_json(*stepper, device, options.worlds, timing, startup);
     json.update({{"steps", steps},
                  {"timed_steps", timing.steps},
@@ -159,7 +162,7 @@ int run(Arguments const& a) {
                  {"device", device_name(device, stepper->threads())},
                  {"notes", notes},
                  {"stopped", stopped_json(*stepper, model)},
-                 {"report", report_json(model)}});
+                 {"report", report_json(lines)}});
     std::fprintf(say, "%s\n", json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
   } else {
     double const megabytes = 1e-6 * double(peak_bytes(device));

@@ -337,7 +337,7 @@ TEST_CASE("the report lists what has no effect, with file, line and count") {
       "<sensor><clock/><clock/></sensor></mujoco>",
       "m.xml");
   CHECK(lines(d, ReportLine::Kind::no_effect, "<option> solver") == 1);
-  CHECK(lines(d, ReportLine::Kind::no_effect, "cone (in profile stable)") == 1);
+  CHECK(lines(d, ReportLine::Kind::mujoco_only, "<option> cone (profile stable does without)") == 1);
   CHECK(lines(d, ReportLine::Kind::visual_only, "<map> zfar") == 1);
   CHECK(lines(d, ReportLine::Kind::visual_only, "<light>") >= 2);
   CHECK(d.bodies[0].cameras[0].mode == CameraMode::track);
@@ -364,7 +364,8 @@ TEST_CASE("a restitution without hard is a line of the report") {
     CHECK(lines[0].text == "<geom> restitution and erp without hard (a soft geom has neither: give hard=\"true\")");
     auto const hard = report(std::string("hard='true' ") + given);  // MuJoCo has none of the three
     REQUIRE(hard.size() == 1);
-    CHECK(hard[0].text == "<geom> hard, restitution and erp (in profile mujoco)");
+    CHECK(hard[0].kind == ReportLine::Kind::stable_only);
+    CHECK(hard[0].text == "<geom> hard, restitution and erp (profile mujoco does without)");
     CHECK(report(std::string("hard='false' ") + given).size() == 1);
     CHECK(report("", given).at(0).count == 2);
   }
@@ -400,13 +401,15 @@ TEST_CASE("rigid limits, equalities and pairs") {
     CHECK(compiled.tendon_rigid[0] == gsp::Double3{1, 0, 0.2});
     CHECK(compiled.named_pairs[0].rigid.hard);
   }
-  auto const said = [&](std::string const& what) { return lines(first, ReportLine::Kind::no_effect, what); };
-  CHECK(said("<joint> hardlimit, restitutionlimit and erplimit (in profile mujoco)") == 1);
+  auto const said = [&](std::string const& what) {
+    return lines(first, ReportLine::Kind::no_effect, what) + lines(first, ReportLine::Kind::stable_only, what);
+  };
+  CHECK(said("<joint> hardlimit, restitutionlimit and erplimit (profile mujoco does without)") == 1);
   CHECK(said("<joint> restitutionlimit and erplimit without hardlimit") == 1);
-  CHECK(said("<weld> hard, erp (in profile mujoco)") == 1);
+  CHECK(said("<weld> hard, erp (profile mujoco does without)") == 1);
   CHECK(said("<joint> erp without hard (give hard=\"true\")") == 1);
-  CHECK(said("<pair> hard, restitution and erp (in profile mujoco)") == 1);
-  CHECK(said("<fixed> hardlimit, restitutionlimit and erplimit (in profile mujoco)") == 1);
+  CHECK(said("<pair> hard, restitution and erp (profile mujoco does without)") == 1);
+  CHECK(said("<fixed> hardlimit, restitutionlimit and erplimit (profile mujoco does without)") == 1);
 }
 
 TEST_CASE("faces of an OBJ file that are not taken stand in the report, with the place of the mesh and theirs") {

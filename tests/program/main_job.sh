@@ -73,6 +73,17 @@ same "$("$gsp" sim key.xml --steps 50 --start first.npz --precision double --jso
 same "$(cat said.txt)" "--approximate is without effect: what it was given for is computed; leave it out" "the note of --approximate"
 python3 -c 'import json; r = json.load(open("report.json")); assert len(r["notes"]) == 1; r = r["report"]; assert [l["kind"] for l in r].count("left out") == 1 and all(l["text"] for l in r), r'
 
+# what one profile takes and the other does without is told where it is left out alone
+echo '<mujoco><option cone="elliptic"/><worldbody><body><freejoint/><geom size=".1" hard="true"/></body></worldbody></mujoco>' > hard.xml
+"$gsp" info hard.xml | grep -q 'stable only .*<geom> hard, restitution and erp (profile mujoco does without)' || fail "info does not say which profile takes hard"
+"$gsp" info hard.xml | grep -q 'mujoco only .*<option> cone (profile stable does without)' || fail "info does not say which profile takes cone"
+for profile in stable:mujoco mujoco:stable; do
+  "$gsp" sim hard.xml --steps 1 --profile ${profile%:*} 2> said.txt > /dev/null
+  same "$(cat said.txt)" "hard.xml: 1 ${profile#*:} only ('gsp info' lists them)" "what is said of the file in profile ${profile%:*}"
+  "$gsp" sim hard.xml --steps 1 --profile ${profile%:*} --json > hard.json
+  python3 -c 'import json, sys; assert [l["kind"] for l in json.load(open("hard.json"))["report"]] == [sys.argv[1]]' "${profile#*:} only" || fail "the report of profile ${profile%:*}"
+done
+
 # contacts and forces of the last step: two boxes and a ball at rest weigh what they weigh, on every world; the same bits with and without
 cat > weights.xml <<'XML'
 <mujoco><worldbody><geom type="plane" size="5 5 1"/>

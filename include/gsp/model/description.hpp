@@ -319,7 +319,8 @@ struct CompilerDescription {
 
 /// What was refused, approximated or without effect, one line each, for people.
 struct ReportLine {
-  enum class Kind : int { refused, approximated, no_effect, visual_only, left_out };
+  /// stable_only, mujoco_only: what the one profile takes and the other does without; nothing to a simulation in the one that it names.
+  enum class Kind : int { refused, approximated, no_effect, visual_only, left_out, stable_only, mujoco_only };
   Kind kind = Kind::no_effect;
   std::string file;
   int line = 0;
@@ -338,6 +339,10 @@ inline char const* text(ReportLine::Kind kind) {
       return "no effect";
     case Kind::visual_only:
       return "visual only";
+    case Kind::stable_only:
+      return "stable only";
+    case Kind::mujoco_only:
+      return "mujoco only";
     default:
       return "left out";
   }

@@ -99,7 +99,7 @@ inline void softness(Attributes const& a, SoftnessDescription& s, std::string co
   a.numbers("solimp" + suffix, s.solimp, false);
 }
 /// Attributes of our own: hard, restitution, erp; of geoms also as MotrixSim calls them. The last two do nothing without the first, and
-/// none does in profile mujoco: the report says so.
+/// none does in profile mujoco: the report says so, the latter in lines that a simulation in profile stable need not show.
 inline void rigidity(Document& doc, Attributes const& a, Node const& node, RigidDescription& r, std::string const& suffix, bool bounces) {
   for (std::string const& name : {"hard" + suffix, std::string("_hard")}) a.boolean(name, r.hard);
   for (std::string const& name : {"restitution" + suffix, std::string("_bounciness")})
@@ -111,7 +111,7 @@ inline void rigidity(Document& doc, Attributes const& a, Node const& node, Rigid
   if (!r.hard && (r.restitution != 0 || corrects))
     doc.note(Line::no_effect, node.place,
              "<" + node.name + "> " + what + " without hard" + suffix + " (" + why + "give hard" + suffix + "=\"true\")");
-  if (r.hard) doc.note(Line::no_effect, node.place, "<" + node.name + "> hard" + suffix + ", " + what + " (in profile mujoco)");
+  if (r.hard) doc.note(Line::stable_only, node.place, "<" + node.name + "> hard" + suffix + ", " + what + " (profile mujoco does without)");
 }
 /// The first number of a list and the coefficients of higher order that may follow.
 inline void polynomial(Attributes const& a, char const* name, double& first, std::array<double, 2>& higher) {

@@ -93,7 +93,7 @@ inline void read_option(Document& doc, Node const& node) {
     o.integrator = static_cast<Integrator>(a.choice("integrator", {"Euler", "RK4", "implicit", "implicitfast"}));
   if (a.has("cone")) o.cone = static_cast<FrictionCone>(a.choice("cone", {"pyramidal", "elliptic"}));
   for (char const* name : {"integrator", "cone", "impratio", "noslip_iterations", "noslip_tolerance"})
-    if (a.has(name)) doc.note(Line::no_effect, node.place, std::string("<option> ") + name + " (in profile stable)");
+    if (a.has(name)) doc.note(Line::mujoco_only, node.place, std::string("<option> ") + name + " (profile stable does without)");
   for (auto const& flag : node.children) {
     doc.check(flag);
     auto const f = doc.attributes(flag);
