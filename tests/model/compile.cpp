@@ -456,6 +456,61 @@ TEST_CASE("what is taken for another, grows without bound or is lost in float is
 }
 
 // Bodies as MuJoCo 4.0.1 takes and refuses them: negative numbers count as 0, and what moves must have both mass and moments above 1e-15.
+// Of a description made in code nobody else sees them; hardlimit of a file comes from classes too, so it is looked for here.
+TEST_CASE("what is rigid without a limit, and what bounces and is soft, are lines of the report") {
+  auto const lines = [](Description const& d) {
+    std::vector<std::string> all;
+    for (auto const& line : compile(d).report) {
+      CHECK(line.kind == ReportLine::Kind::no_effect);
+      all.push_back(line.text + " " + std::to_string(line.count));
+    }
+    return all;
+  };
+  auto const rigid = [](RigidDescription r, bool limited) {
+    auto d = double_pendulum();
+    for (int b = 1; b <= 2; ++b) {
+      auto& joint = d.bodies[std::size_t(b)].joints[0];
+      joint.rigid_limit = r;
+      joint.limited = limited;
+      joint.range = {limited ? -1. : 0., limited ? 1. : 0.};
+    }
+    return d;
+  };
+  CHECK(lines(rigid({}, false)).empty());
+  CHECK(lines(rigid({.hard = true, .restitution = 0.5}, true)).empty());
+  auto d = rigid({.hard = true}, false);
+  std::string const name = d.bodies[1].joints[0].name;
+  std::string const vain = "joint '" + name + "' has a rigid limit (hardlimit) and no range that limits it: give it a range ";
+  CHECK(lines(d) == std::vector<std::string>{vain + "2"});
+  d.files = {"a.xml"};
+  d.bodies[1].joints[0].place = d.bodies[2].joints[0].place = {0, 7};  // of a file too
+  CHECK(lines(d) == std::vector<std::string>{vain + "2"});
+  CHECK(compile(d).report[0].line == 7);
+
+  std::string const soft = " has a restitution or an erp, and only what is rigid asks for them: set ";
+  CHECK(lines(rigid({.restitution = 0.5}, true)) == std::vector<std::string>{"joint '" + name + "'" + soft + "rigid_limit.hard 2"});
+  d = double_pendulum();
+  d.bodies[2].geoms[0].name = "ball";
+  d.bodies[2].geoms[0].restitution = 0.5;
+  CHECK(lines(d) == std::vector<std::string>{"geom 'ball'" + soft + "hard 1"});
+  d.bodies[2].geoms[0].hard = true;
+  CHECK(lines(d).empty());
+  d.bodies[2].geoms[0].hard = false;
+  d.files = {"a.xml"};
+  d.bodies[2].geoms[0].place = {0, 7};  // its reader has said it
+  CHECK(lines(d).empty());
+  d = double_pendulum();
+  EqualityDescription weld;
+  weld.name = "held";
+  weld.type = EqualityType::weld;
+  weld.name1 = d.bodies[1].name;
+  weld.name2 = d.bodies[2].name;
+  d.equalities.push_back(weld);
+  CHECK(lines(d).empty());
+  d.equalities[0].rigid.erp = 0.5;
+  CHECK(lines(d) == std::vector<std::string>{"equality 'held'" + soft + "rigid.hard 1"});
+}
+
 TEST_CASE("masses of 0 and below are refused where they move, and said where they stand") {
   auto const weighed = [](bool moves, double mass, Double3 moments = {1, 1, 1}) {
     Description d;

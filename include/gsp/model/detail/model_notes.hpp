@@ -24,6 +24,7 @@ class ModelNotes {
       if (m_.eq_active[k]) equality(k);
     softnesses();
     ranges();
+    rigid_in_vain();
     lone_gravcomp();
     filters();
     far_centers();
@@ -147,6 +148,49 @@ class ModelNotes {
       check(a.place, "actuator '" + a.name + "'", "force_limited", a.force_limited, a.force_range);
       check(a.place, "actuator '" + a.name + "'", "act_limited", a.act_limited, a.act_range);
     }
+  }
+
+  // What is rigid or bounces, and nothing is that it could. Alike ones are said once, by the first. Readers say themselves what is given
+  // without hard: they alone see what stands in the file.
+  void rigid_in_vain() {
+    struct Said {
+      Place place;
+      std::string text;
+      int count = 0;
+    };
+    std::map<std::string, Said> said;  // in an order that does not depend on the model's
+    auto const say = [&](Place const& place, std::string const& who, std::string const& text) {
+      auto& one = said[text];
+      if (one.count++ > 0) return;
+      one.place = place;
+      one.text = who + text;
+    };
+    auto const unlimited = [&](Place const& place, std::string const& who, RigidDescription const& r, bool limited) {
+      if (r.hard && !limited) say(place, who, " has a rigid limit (hardlimit) and no range that limits it: give it a range");
+    };
+    auto const soft = [&](Place const& place, std::string const& who, RigidDescription const& r, double erp, char const* flag) {
+      if (place.file >= 0 || r.hard || (r.restitution == 0 && r.erp == erp)) return;
+      say(place, who, std::string(" has a restitution or an erp, and only what is rigid asks for them: set ") + flag);
+    };
+    double const erp = RigidDescription{}.erp;
+    for (auto const& body : d_.bodies) {
+      for (auto const& j : body.joints) {
+        unlimited(j.place, "joint '" + j.name + "'", j.rigid_limit, j.limited && j.type != JointType::free);
+        soft(j.place, "joint '" + j.name + "'", j.rigid_limit, erp, "rigid_limit.hard");
+      }
+      for (auto const& g : body.geoms)
+        if (!g.visual()) soft(g.place, "geom '" + g.name + "'", {g.hard, g.restitution, g.erp}, erp, "hard");
+    }
+    for (auto const& t : d_.tendons) {
+      unlimited(t.place, "tendon '" + t.name + "'", t.rigid_limit, t.limited);
+      soft(t.place, "tendon '" + t.name + "'", t.rigid_limit, erp, "rigid_limit.hard");
+    }
+    for (auto const& p : d_.pairs) soft(p.place, "pair '" + p.name + "'", p.rigid, erp, "rigid.hard");
+    for (int k = 0; k < m_.neq; ++k) {
+      auto const& e = d_.equalities[std::size_t(k)];
+      soft(e.place, equality_name(k), e.rigid, EqualityDescription{}.rigid.erp, "rigid.hard");
+    }
+    for (auto const& [text, one] : said) note(one.place, Kind::no_effect, one.text, one.count);
   }
 
   // A joint that is to stand where its limits do not let it.
