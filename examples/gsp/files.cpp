@@ -463,6 +463,7 @@ void write_forces(std::string const& path, gsp::runtime::Array const& qfrc_const
 }
 
 Controls read_controls(std::string const& path, gsp::CompiledModel const& model, int worlds) {
+  if (model.nu == 0) fail(path, "", "is given as --ctrl, and the model has no actuators; leave out --ctrl, or give the model some");
   auto const array = gsp::io::read_npy(path);
   std::size_t const nu = static_cast<std::size_t>(model.nu), n = static_cast<std::size_t>(worlds);
   bool const shared = array.shape.size() == 2 && array.shape[1] == nu;

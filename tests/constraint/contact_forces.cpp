@@ -218,7 +218,7 @@ TEST_CASE_TEMPLATE("rows are not made of contacts of another moment", Exec, GSP_
   auto poses_of_other = old;
   gsp::forward_kinematics(s.exec, s.model, other, poses_of_other, s.sim.dynamics);
   s.smooth();
-  CHECK(with_poses(old).find("gsp::assemble: the poses are of another state: call forward_kinematics first") == 0);
+  CHECK(with_poses(old).find("gsp::assemble: the poses (xpos, xquat) are of another state than the one given") == 0);
   CHECK(with_poses(s.sim.poses).empty());
   std::string const worlds = " worlds, and the state has " + std::to_string(s.worlds);
   auto const too_few = gsp::make_poses(s.exec, s.model, {.worlds = 1});

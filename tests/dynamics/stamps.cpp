@@ -443,8 +443,12 @@ TEST_CASE_TEMPLATE("readers of poses refuse those of another moment", Exec, GSP_
   S s(Profile::stable), other(Profile::stable);
   auto subtrees = gsp::make_subtrees(s.exec, s.model, {.worlds = S::worlds});
   now(s, s.poses), now(other, other.poses);
-  CHECK_THROWS_WITH_AS(gsp::mass_matrix(s.exec, s.model, s.state, other.poses, s.dynamics), doctest::Contains("are of another state"),
-                       std::invalid_argument);
+  CHECK_THROWS_WITH_AS(
+      gsp::mass_matrix(s.exec, s.model, s.state, other.poses, s.dynamics),
+      "gsp::mass_matrix: the poses (xpos, xquat) are of another state than the one given (their qpos lies elsewhere): give "
+      "the poses of the simulation that steps this state (simulation.poses), or call forward_kinematics first (or "
+      "smooth_dynamics)",
+      std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::subtree_momentum(s.exec, s.model, other.poses, s.dynamics, subtrees), doctest::Contains("different states"),
                        std::invalid_argument);
   // joints' poses are written on request alone

@@ -241,7 +241,9 @@ TEST_CASE("what cannot be compiled is said in one sentence") {
   CHECK(twice.report[0].kind == ReportLine::Kind::approximated);
   CHECK(twice.report[0].text.find("singular") != std::string::npos);
   d = double_pendulum(), d.bodies[1].geoms[0].size[1] = 0;
-  check_message(d, "size[1] <= 0");
+  check_message(d, "has size[1] <= 0, and a box needs 3 positive sizes: give them");
+  d.bodies[1].geoms[0].type = ShapeType::sphere, d.bodies[1].geoms[0].size[0] = 0;
+  check_message(d, "has size[0] <= 0, and a sphere needs 1 positive size: give it");
   d = double_pendulum(), d.keyframes.push_back({"k", 0, {1, 2, 3}, {}, {}, {}});
   check_message(d, "has 3 numbers in qpos, and the model needs 2");
   d = double_pendulum(), d.bodies[2].has_inertial = true, d.bodies[2].inertial.mass = 1, d.bodies[2].inertial.inertia = {1, 1, 3, 0, 0, 0};

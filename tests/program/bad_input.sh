@@ -144,6 +144,7 @@ refused "cameras.npz" "no array 'time'" -- sim cart.xml --start cameras.npz --tr
 refused "start3.npz" "3 worlds" "--worlds 3" -- sim cart.xml --start start3.npz --worlds 2 --trace result.npz
 refused "ctrl_shape.npy" "(50, 2)" "reshape" -- sim cart.xml --ctrl ctrl_shape.npy --trace result.npz
 refused "ctrl_worlds.npy" "(50, 2, 1)" -- sim cart.xml --ctrl ctrl_worlds.npy --worlds 3 --trace result.npz
+refused "ctrl.npy" "the model has no actuators" "leave out --ctrl" -- sim lift.urdf --ctrl ctrl.npy --trace result.npz
 refused "ctrl_nan.npy: step 7: " "actuator 0 ('push') is NaN" -- sim cart.xml --ctrl ctrl_nan.npy --trace result.npz
 refused "ctrl_far.npy: step 7: " "actuator 0 ('push') is 1e+11, beyond 1e10" -- sim cart.xml --ctrl ctrl_far.npy --trace result.npz
 refused "--disable has a comma too many" -- sim cart.xml --disable contact, --trace result.npz

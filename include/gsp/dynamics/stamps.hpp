@@ -197,12 +197,18 @@ template <class R, class Mem, class State>
 void expects_poses_of(char const* where, Poses<R, Mem> const& poses, State const& state, bool joints = false) {
   if (!is_stamped(poses)) return;
   auto const& [of_bodies, of_joints] = poses.stamp();
-  if (!of_bodies.is_of(state))
-    throw std::invalid_argument(std::string(where) + ": the poses " + of_bodies.fault(state.qpos.data()) +
-                                ": call forward_kinematics first (or smooth_dynamics)");
+  auto const refuse = [&](std::string const& what, Stamp const& own, std::string const& call) {
+    bool const another = own.qpos && own.qpos != state.qpos.data();
+    throw std::invalid_argument(std::string(where) + ": " + what + own.fault(state.qpos.data()) +
+                                (another ? " than the one given (their qpos lies elsewhere): give the poses of the simulation that steps "
+                                           "this state (simulation.poses), or call "
+                                         : ": call ") +
+                                call);
+  };
+  if (!of_bodies.is_of(state)) refuse("the poses (xpos, xquat) ", of_bodies, "forward_kinematics first (or smooth_dynamics)");
   if (joints && !of_joints.is_of(state))
-    throw std::invalid_argument(std::string(where) + ": the poses of the joints (xanchor, xaxis) " + of_joints.fault(state.qpos.data()) +
-                                ": call forward_kinematics first (or smooth_dynamics(..., {.joint_poses = true}))");
+    refuse("the poses of the joints (xanchor, xaxis) ", of_joints,
+           "forward_kinematics first (or smooth_dynamics(..., {.joint_poses = true}))");
 }
 /// Poses of bodies of the state that the motions in the dynamics are of. After expects_together or expects_of.
 template <class R, class Mem, class Dynamics>

@@ -242,7 +242,7 @@ class BodyCompiler : public CompilerBase {
       if (!(shape.size[k] > 0))
         fail(g.place, "geom", g.name,
              "has size[" + std::to_string(k) + "] <= 0, and a " + shape_name(g.type) + " needs " + std::to_string(sizes) +
-                 " positive sizes: give them");
+                 (sizes == 1 ? " positive size: give it" : " positive sizes: give them"));
     if (g.type == ShapeType::plane && (g.size[0] < 0 || g.size[1] < 0))
       fail(g.place, "geom", g.name, "is a plane with a negative size: give zero (infinite) or more");
     if (g.type == ShapeType::plane && m_.body_weld[b] != 0)
