@@ -6,6 +6,7 @@
 #include <gsp/io/file.hpp>
 #include <gsp/io/mjcf.hpp>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/sensor_types.hpp>
 #include <map>
 #include <set>
 #include <sstream>
@@ -39,6 +40,19 @@ TEST_CASE("no attribute stands in two lists of an element, and groups exist") {
     CHECK(std::adjacent_find(all.begin(), all.end()) == all.end());
   }
   CHECK(listed("b @turn a") == "a, axisangle, b, euler, quat, xyaxes, zaxis");
+}
+
+// By what fills sensordata: `Sensors::left_out` goes by the same stage (tests/sensor/smooth_sensors.cpp).
+TEST_CASE("the page does not call a sensor honoured that nothing computes") {
+  std::string const page = gsp::io::detail::mjcf::schema_page();
+  auto const kept = page.find("## Sensors that are read and not computed");
+  REQUIRE(kept != page.npos);
+  for (auto const& info : gsp::sensor_types) {
+    CAPTURE(info.name);
+    auto const row = page.find("\n| sensor/" + std::string(info.name) + " |");
+    REQUIRE(row != page.npos);
+    CHECK((row > kept) == !gsp::detail::is_smooth(info.stage));
+  }
 }
 
 TEST_CASE("docs/io/mjcf.md lists every file of the corpus that MuJoCo does not load: each loads without its visuals, or is refused so" *

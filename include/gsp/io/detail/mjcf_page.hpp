@@ -1,6 +1,7 @@
 #pragma once
 #include <algorithm>
 #include <gsp/io/detail/mjcf_schema.hpp>
+#include <gsp/model/sensor_types.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,6 +32,14 @@ inline std::string listed(std::string_view list) {
   return out;
 }
 
+/// Whether it is a sensor whose numbers nothing of the library computes.
+inline bool is_kept_alone(std::string_view element) {
+  constexpr std::string_view place = "sensor/";
+  if (!element.starts_with(place)) return false;
+  auto const* const info = find_sensor_type(element.substr(place.size()));
+  return info && !gsp::detail::is_smooth(info->stage);
+}
+
 /// The page "What of MJCF works", in Markdown, from the table that the reader itself obeys. `gsp info --schema` prints it.
 inline std::string schema_page() {
   std::string page =
@@ -52,9 +61,26 @@ inline std::string schema_page() {
       "## Elements and their attributes\n\n| element | honoured | seen only | without effect | refused |\n| --- | --- | --- | --- | --- "
       "|\n";
   for (auto const& e : schema) {
+    if (is_kept_alone(e.element)) continue;
     if (e.honoured.empty() && e.visual.empty() && e.no_effect.empty() && e.refused.empty()) continue;
     page += "| " + std::string(e.element);
     for (auto list : {e.honoured, e.visual, e.no_effect, e.refused}) page += " | " + listed(list);
+    page += " |\n";
+  }
+  page +=
+      "\n## Sensors that are read and not computed\n\n"
+      "What follows from accelerations, contacts, limits, rays and distances is not computed yet: these are read, checked, kept and "
+      "written, "
+      "with their\n"
+      "place in sensordata, whose numbers stay as they are (`Sensors::left_out`); a line of the load report names each type. Those of "
+      "`user` "
+      "are yours to\n"
+      "compute ([a sensor of one's own](../add_a_sensor.md)), and no line.\n\n"
+      "| element | read and kept | without effect | refused |\n| --- | --- | --- | --- |\n";
+  for (auto const& e : schema) {
+    if (!is_kept_alone(e.element)) continue;
+    page += "| " + std::string(e.element);
+    for (auto list : {e.honoured, e.no_effect, e.refused}) page += " | " + listed(list);
     page += " |\n";
   }
   return page;
