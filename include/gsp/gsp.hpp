@@ -71,6 +71,7 @@
 #include <gsp/model/description.hpp>
 #include <gsp/model/field.hpp>
 #include <gsp/model/fields.hpp>
+#include <gsp/model/keyframe.hpp>
 #include <gsp/model/model.hpp>
 #include <gsp/model/model_refusals.hpp>
 #include <gsp/model/names.hpp>

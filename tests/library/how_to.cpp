@@ -10,22 +10,6 @@
 #include "dynamics/random_tree.hpp"
 
 namespace {
-// example-begin keyframe
-/// Positions and controls of a keyframe into all worlds.
-template <class R, class Mem>
-void set_keyframe(gsp::CompiledModel const& compiled, gsp::State<R, Mem>& state, std::string const& name) {
-  auto const& key = compiled.keyframes.at(gsp::keyframe_id(compiled, name));
-  auto const qpos = Kokkos::create_mirror_view(state.qpos);
-  auto const ctrl = Kokkos::create_mirror_view(state.ctrl);
-  for (int w = 0; w < state.worlds; ++w) {
-    for (std::size_t i = 0; i < key.qpos.size(); ++i) qpos(w, i) = R(key.qpos[i]);
-    for (std::size_t i = 0; i < key.ctrl.size(); ++i) ctrl(w, i) = R(key.ctrl[i]);
-  }
-  Kokkos::deep_copy(state.qpos, qpos);
-  Kokkos::deep_copy(state.ctrl, ctrl);
-}
-// example-end keyframe
-
 using Exec = Kokkos::DefaultExecutionSpace;
 using Mem = Exec::memory_space;
 
@@ -50,11 +34,21 @@ TEST_CASE("the start of all recipes, and a keyframe in all worlds") {
   auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
 
-  set_keyframe(compiled, state, "stand");
+  gsp::set_keyframe(exec, model, compiled, "stand", state);
   gsp::step(exec, model, state, sim, {.steps = 100});
   // example-end start
   auto const qpos = gsp_test::host(state.qpos);
   for (int w = 0; w < worlds; ++w) CHECK(std::abs(qpos(w, 2) - compiled.keyframes[0].qpos[2]) < 0.05);  // it still stands
+
+  // example-begin keyframe
+  gsp::set_keyframe(exec, model, compiled, "stand", state);
+  auto const places = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state.qpos);
+  for (int w = 0; w < worlds; ++w) places(w, 2) += 0.01f * float(w);  // dropped from different heights
+  Kokkos::deep_copy(state.qpos, places);
+  // example-end keyframe
+  gsp::step(exec, model, state, sim, {.steps = 1});
+  auto const dropped = gsp_test::host(state.qpos);
+  for (int w = 0; w < worlds; ++w) CHECK(std::abs(dropped(w, 2) - compiled.keyframes[0].qpos[2] - 0.01 * w) < 0.002);
 }
 
 TEST_CASE("names and indices") {
@@ -212,7 +206,7 @@ TEST_CASE("reset of single worlds") {
   auto const model = gsp::make_model<float>(exec, compiled);
   auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
-  set_keyframe(compiled, state, "stand");
+  gsp::set_keyframe(exec, model, compiled, "stand", state);
   auto const lifted = gsp_test::host(state.qpos);
   for (int w = 0; w < worlds; w += 3) lifted(w, 4) = 0.9f;  // some stand badly: turned about x
   Kokkos::deep_copy(state.qpos, lifted);
@@ -221,7 +215,7 @@ TEST_CASE("reset of single worlds") {
 
   // example-begin reset
   auto start = gsp::make_state(exec, model, {.worlds = 1});  // once: where an episode begins
-  set_keyframe(compiled, start, "stand");
+  gsp::set_keyframe(exec, model, compiled, "stand", start);
   Kokkos::View<bool*, Mem> const done("done", worlds);
 
   auto const qpos = state.qpos;
@@ -261,7 +255,7 @@ TEST_CASE("save and restore") {
   auto const model = gsp::make_model<float>(exec, compiled);
   auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
-  set_keyframe(compiled, state, "stand");
+  gsp::set_keyframe(exec, model, compiled, "stand", state);
   Kokkos::View<bool*, Mem> const done("done", worlds);
   auto const chosen = Kokkos::create_mirror_view(done);
   for (int w = 0; w < worlds; ++w) chosen(w) = w % 3 == 0;
@@ -546,8 +540,8 @@ TEST_CASE("a control step") {
   auto const chosen = Kokkos::create_mirror_view(done);
   for (int w = 0; w < worlds; ++w) chosen(w) = w % 2 == 1;
   Kokkos::deep_copy(done, chosen);
-  set_keyframe(compiled, start, "stand");
-  set_keyframe(compiled, state, "stand");
+  gsp::set_keyframe(exec, model, compiled, "stand", start);
+  gsp::set_keyframe(exec, model, compiled, "stand", state);
 
   // example-begin control_step
   for (int left = decimation; left > 0; left = gsp::settle(exec, sim))  // what did not fit is launched again
@@ -584,7 +578,7 @@ TEST_CASE("cameras on a robot") {
   auto const model = gsp::make_model<float>(exec, compiled);
   auto state = gsp::make_state(exec, model, {.worlds = worlds});
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
-  set_keyframe(compiled, state, "stand");
+  gsp::set_keyframe(exec, model, compiled, "stand", state);
   auto const qpos = gsp_test::host(state.qpos);
   qpos(1, 0) = 0.5f;  // the robot of world 1 stands half a metre nearer
   Kokkos::deep_copy(state.qpos, qpos);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/keyframe.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/runtime/renderer.hpp>
 #include <gsp/runtime/session.hpp>
@@ -147,6 +148,33 @@ TEST_CASE("a stepper says which worlds stopped, when and at which joint") {
     CHECK(stopped[3].steps == 1);
     CHECK(stopped[3].joint == 2);
     CHECK(stepper->stopped(2).size() == 2);
+  }
+}
+
+// --keyframe of the program sets float64 numbers of the host through the stepper.
+TEST_CASE("set_keyframe starts with the bits that a stepper starts with") {
+  using Exec = Kokkos::DefaultHostExecutionSpace;
+  Exec const exec;
+  auto scene = gsp::samples::quadruped_scene();
+  scene.keyframes.at(0).qpos[0] = 0.1;  // of a free body, and no float
+  scene.keyframes.at(0).qpos[8] = 0.1;  // of a hinge
+  auto const compiled = gsp::compile(scene);
+  auto const& key = compiled.keyframes.at(0);
+  auto const stepper = make_stepper(Device::cpu, compiled, {});
+  stepper->set(host_array(key.qpos.data(), {1, compiled.nq}), host_array(key.qvel.data(), {1, compiled.nv}),
+               host_array(key.ctrl.data(), {1, compiled.nu}));
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = 1});
+  gsp::set_keyframe(exec, model, compiled, 0, state);
+  CHECK(state.qpos_low(0, 0) != 0);
+  auto simulation = gsp::make_simulation(exec, model, compiled, {.worlds = 1});
+  for (int t = 0; t < 2; ++t) {
+    CHECK(gsp::detail::to_host(exec, state.qpos) == on_host<float>(stepper->state().qpos));
+    CHECK(gsp::detail::to_host(exec, state.qvel) == on_host<float>(stepper->state().qvel));
+    CHECK(gsp::detail::to_host(exec, state.ctrl) == on_host<float>(stepper->state().ctrl));
+    gsp::step(exec, model, state, simulation, {.steps = 5});
+    stepper->step(5, false);
+    CHECK(gsp::detail::to_host(exec, state.qpos_low) == on_host<float>(stepper->state().qpos_low));
   }
 }
 
