@@ -76,6 +76,28 @@ TEST_CASE("comparisons of duals look at values alone") {
 }
 
 // |x| by sqrt has its kink at 0; what a norm scales is 0 there, and its slope must stay finite.
+TEST_CASE("duals compare with plain numbers of any type, on either side") {
+  auto const check = [](auto three) {
+    using X = gsp::Dual<decltype(three), 2>;
+    X const x = X::variable(three, 0);
+    CHECK(gsp::all(x > 2));
+    CHECK(gsp::all(x >= 3));
+    CHECK(gsp::all(x < 3.5));
+    CHECK(gsp::all(x <= 3.5f));
+    CHECK(gsp::all(2 < x));
+    CHECK(gsp::all(3. <= x));
+    CHECK(gsp::all(4 > x));
+    CHECK(gsp::all(3 >= x));
+    CHECK(!gsp::any(x > 3));
+    auto const chosen = select(x > 2, x * x, X(three));
+    CHECK(gsp::all(chosen.slope[0] == three + three));
+  };
+  check(3.f);
+  check(3.);
+  check(gsp::Pack<float, gsp::native_width<float>>(3.f));
+  check(gsp::Pack<double, gsp::native_width<double>>(3.));
+}
+
 TEST_CASE("the slope of a root is 0 at 0") {
   D a = D::variable(0, 0);
   CHECK(gsp::sqrt(a * a).slope[0] == 0);

@@ -118,3 +118,21 @@ TEST_CASE_TEMPLATE("lanes do not see each other", Real, float, double) {
     }
   }
 }
+
+// A branch on lanes is refused where it is written, and whole numbers stand beside packs as beside numbers.
+TEST_CASE_TEMPLATE("a mask is no condition, and packs compare with whole numbers", Real, float, double) {
+  constexpr int W = gsp::native_width<Real>;
+  static_assert(!std::is_constructible_v<bool, gsp::Mask<Real, W>>);
+  gsp::Pack<Real, W> x;
+  for (int l = 0; l < W; ++l) x.set(l, Real(l));
+  for (int l = 0; l < W; ++l) {
+    CHECK((x < 2)[l] == (l < 2));
+    CHECK((x <= 2)[l] == (l <= 2));
+    CHECK((x > 2)[l] == (l > 2));
+    CHECK((x >= 2)[l] == (l >= 2));
+    CHECK((x == 2)[l] == (l == 2));
+    CHECK((x != 2)[l] == (l != 2));
+    CHECK((2 < x)[l] == (2 < l));
+    CHECK((2 >= x)[l] == (2 >= l));
+  }
+}

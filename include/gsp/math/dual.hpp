@@ -23,6 +23,31 @@ struct Dual {
   friend GSP_FUNCTION auto operator<=(Dual const& a, Dual const& b) { return a.value <= b.value; }
   friend GSP_FUNCTION auto operator>=(Dual const& a, Dual const& b) { return a.value >= b.value; }
   friend GSP_FUNCTION auto operator==(Dual const& a, Dual const& b) { return a.value == b.value; }
+  // beside numbers of any arithmetic type, as in the arithmetic below
+  template <class S>
+  requires std::is_arithmetic_v<S>
+  friend GSP_FUNCTION auto operator<(Dual const& a, S b) { return a.value < T(b); }
+  template <class S>
+  requires std::is_arithmetic_v<S>
+  friend GSP_FUNCTION auto operator<(S a, Dual const& b) { return T(a) < b.value; }
+  template <class S>
+  requires std::is_arithmetic_v<S>
+  friend GSP_FUNCTION auto operator>(Dual const& a, S b) { return a.value > T(b); }
+  template <class S>
+  requires std::is_arithmetic_v<S>
+  friend GSP_FUNCTION auto operator>(S a, Dual const& b) { return T(a) > b.value; }
+  template <class S>
+  requires std::is_arithmetic_v<S>
+  friend GSP_FUNCTION auto operator<=(Dual const& a, S b) { return a.value <= T(b); }
+  template <class S>
+  requires std::is_arithmetic_v<S>
+  friend GSP_FUNCTION auto operator<=(S a, Dual const& b) { return T(a) <= b.value; }
+  template <class S>
+  requires std::is_arithmetic_v<S>
+  friend GSP_FUNCTION auto operator>=(Dual const& a, S b) { return a.value >= T(b); }
+  template <class S>
+  requires std::is_arithmetic_v<S>
+  friend GSP_FUNCTION auto operator>=(S a, Dual const& b) { return T(a) >= b.value; }
 };
 
 namespace detail {

@@ -51,6 +51,8 @@ struct alignas(sizeof(Real) * W) Mask {
 #endif
   GSP_FUNCTION bool operator[](int i) const { return v[i] != 0; }
   GSP_FUNCTION void set(int i, bool b) { v[i] = b ? Int(-1) : Int(0); }
+  // Lanes go different ways. A compiler that refuses a branch prints the line below, so it says what to write.
+  explicit operator bool() const = delete;  // no `if`, `?:`, `&&` of numbers here: select(mask, a, b); any(mask), all(mask)
 };
 
 template <class Real, int W>
@@ -129,6 +131,16 @@ struct alignas(sizeof(Real) * W) Pack {
   GSP_FUNCTION Result<R, W> operator op(R a, Pack<R, W> b) { \
     return Pack<R, W>(a) op b;                               \
   }
+// whole numbers, as of a number on a GPU: `x > 0`; others are rounded to R by the one and not by the other, so they are said with R or T
+#define GSP_PACK_WHOLE(op)                                                                            \
+  template <class R, int W, class S>                                                                  \
+  requires std::is_integral_v<S> GSP_FUNCTION Mask<R, W> operator op(Pack<R, W> a, S b) {             \
+    return a op Pack<R, W>(R(b));                                                                     \
+  }                                                                                                   \
+  template <class R, int W, class S>                                                                  \
+  requires std::is_integral_v<S> GSP_FUNCTION Mask<R, W> operator op(S a, Pack<R, W> b) {             \
+    return Pack<R, W>(R(a)) op b;                                                                     \
+  }
 GSP_PACK_OP(+)
 GSP_PACK_OP(-)
 GSP_PACK_OP(*)
@@ -140,6 +152,8 @@ GSP_PACK_CMP(>=)
 GSP_PACK_CMP(==) GSP_PACK_CMP(!=) GSP_MASK_OP(&) GSP_MASK_OP(|) GSP_PACK_MIXED(+, Pack) GSP_PACK_MIXED(-, Pack) GSP_PACK_MIXED(*, Pack)
     GSP_PACK_MIXED(/, Pack) GSP_PACK_MIXED(<, Mask) GSP_PACK_MIXED(<=, Mask) GSP_PACK_MIXED(>, Mask) GSP_PACK_MIXED(>=, Mask)
         GSP_PACK_MIXED(==, Mask) GSP_PACK_MIXED(!=, Mask)
+GSP_PACK_WHOLE(<) GSP_PACK_WHOLE(<=) GSP_PACK_WHOLE(>) GSP_PACK_WHOLE(>=) GSP_PACK_WHOLE(==) GSP_PACK_WHOLE(!=)
+#undef GSP_PACK_WHOLE
 #undef GSP_PACK_OP
 #undef GSP_PACK_CMP
 #undef GSP_MASK_OP
