@@ -259,15 +259,15 @@ class KokkosStepper : public Stepper {
     exec_.fence("gsp::runtime::Stepper::restore: the copies may go");
     stale_ = split_ = true;
   }
-  void step(int steps, bool measure) override {
-    if (split_ && steps > 0) {
+  void step(StepOptions const& options) override {
+    if (split_ && options.steps > 0) {
       Kokkos::parallel_for("gsp::runtime::drop_low",
                            Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec_, 0, std::int64_t(state_.qpos.size())),
                            DropLow<R, Mem>{state_.qpos_low, is_place_});
       split_ = false;
     }
-    solver_.residual = newton_.residual = measure;
-    gsp::step(exec_, model_, state_, simulation_, {.steps = steps, .solver = solver_, .newton = newton_, .poses = false});
+    solver_.residual = newton_.residual = options.measure_residual;
+    gsp::step(exec_, model_, state_, simulation_, {.steps = options.steps, .solver = solver_, .newton = newton_, .poses = false});
     stale_ = true;  // poses of the end where somebody asks for them: a call of one step would pay for them each time
   }
 

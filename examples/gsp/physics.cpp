@@ -202,7 +202,7 @@ class Own {
       if (controls_.array) gsp::runtime::copy(row_of(controls_.array, k % noise_rows), stepper_->state().ctrl);
       bool const last = k + 1 == steps;  // whose residual is measured
       long long const at_once = last || controls_.array ? 1 : std::min(steps - 1 - k, 100000LL);
-      stepper_->step(static_cast<int>(at_once), last);
+      stepper_->step({.steps = static_cast<int>(at_once), .measure_residual = last});
       k += at_once;
     }
   }
@@ -258,7 +258,7 @@ class Beside {
     options.iterations = 1;
     auto const stepper = gsp::runtime::make_stepper(Device::cpu, m, options);
     stepper->set(host_array(qpos.data(), {options.worlds, m.nq}), host_array(qvel.data(), {options.worlds, m.nv}), {});
-    stepper->step(1, false);
+    stepper->step({.steps = 1});
     return penetration_json(*stepper);
   }
 

@@ -98,7 +98,7 @@ Timing run_steps(Stepper& stepper, RunOptions const& o, Progress& progress) {
     next = std::min(next, done + 100000);
     auto const start = clock::now();
     if (o.controls) gsp::runtime::copy(row_of(o.controls, done), stepper.state().ctrl);
-    stepper.step(static_cast<int>(next - done), next == o.steps);
+    stepper.step({.steps = static_cast<int>(next - done), .measure_residual = next == o.steps});
     double const seconds = std::chrono::duration<double>(clock::now() - start).count();
     at_once = seconds < 0.1 ? 2 * at_once : seconds > 0.4 ? std::max(1LL, at_once / 2) : at_once;
     if (done >= o.time_from) {

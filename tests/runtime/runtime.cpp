@@ -82,7 +82,7 @@ TEST_CASE("iterations and tolerance are those of the profile's solver") {
     auto const stepper = make_stepper(device, compiled, options);
     std::vector<double> qpos = compiled.keyframes.at(0).qpos;
     stepper->set(host_array(qpos.data(), {1, compiled.nq}), {}, {});
-    stepper->step(20, false);
+    stepper->step({.steps = 20});
     return stepper->counts().iterations;
   };
   for (Device const device : devices()) {
@@ -127,7 +127,7 @@ TEST_CASE("a stepper says which worlds stopped, when and at which joint") {
     qvel[3 * 4 + 2] = 9e9;  // world 4 goes on for one step
     qpos[3 * 4 + 2] = 9.99e9;
     stepper->set(host_array(qpos.data(), {5, 3}), host_array(qvel.data(), {5, 3}), {});
-    stepper->step(10, false);
+    stepper->step({.steps = 10});
     auto const stopped = stepper->stopped(9);
     CHECK(stepper->counts().failed_worlds == 4);
     REQUIRE(stopped.size() == 4);
@@ -173,7 +173,7 @@ TEST_CASE("set_keyframe starts with the bits that a stepper starts with") {
     CHECK(gsp::detail::to_host(exec, state.qvel) == on_host<float>(stepper->state().qvel));
     CHECK(gsp::detail::to_host(exec, state.ctrl) == on_host<float>(stepper->state().ctrl));
     gsp::step(exec, model, state, simulation, {.steps = 5});
-    stepper->step(5, false);
+    stepper->step({.steps = 5});
     CHECK(gsp::detail::to_host(exec, state.qpos_low) == on_host<float>(stepper->state().qpos_low));
   }
 }
@@ -206,7 +206,7 @@ TEST_CASE("a stepper is the library's step, and gives back every digit that it w
 
     auto const state = stepper->state();
     CHECK(std::isnan(stepper->residuals().rate.most));  // nothing has been solved
-    stepper->step(20, true);
+    stepper->step({.steps = 20, .measure_residual = true});
     CHECK(stepper->state().qpos.data == state.qpos.data);  // the arrays stay where they are
     CHECK(stepper->poses().xpos.data == poses.xpos.data);
     CHECK(on_host<std::int64_t>(state.steps) == std::vector<std::int64_t>{20, 20, 20});
@@ -243,7 +243,7 @@ TEST_CASE("a stepper is the library's step, and gives back every digit that it w
       CHECK(other->threads() == std::min(2, Kokkos::DefaultHostExecutionSpace().concurrency()));
       other->set(host_array(qpos.data(), {1, compiled.nq}), host_array(qvel.data(), {1, compiled.nv}),
                  ctrl.empty() ? Array{} : host_array(ctrl.data(), {1, compiled.nu}));
-      other->step(20, false);
+      other->step({.steps = 20});
       CHECK(on_host<float>(other->state().qpos) == on_host<float>(state.qpos));
       CHECK(on_host<float>(other->state().qvel) == on_host<float>(state.qvel));
       CHECK(std::isnan(other->counts().residual));  // not asked for
@@ -292,7 +292,7 @@ TEST_CASE("no digit of a free body's place is lost, and none of a hinge's start 
     std::vector<double> const start{1000.1, 0.1, 0.2, 1, 0, 0, 0, 1000.1};
     std::vector<double> const rates{0, 0, 0, 0, 0, 0, -1000};
     stepper->set(host_array(start.data(), {1, 8}), host_array(rates.data(), {1, 7}), {});
-    stepper->step(500, false);  // a second
+    stepper->step({.steps = 500});  // a second
     std::vector<double> q(8);
     stepper->get(host_array(q.data(), {1, 8}), {});
     CHECK(std::abs(q[0] - 1000.1) < 1e-11);
@@ -310,23 +310,23 @@ TEST_CASE("a stepper goes on from what another saved") {
       options.worlds = 2;
       options.precision = precision;
       auto const stepper = make_stepper(device, compiled, options);
-      stepper->step(40, false);
+      stepper->step({.steps = 40});
       auto const arrays = stepper->save();
       auto const fresh = make_stepper(device, compiled, options);
       fresh->restore(arrays);
-      stepper->step(40, false);
-      fresh->step(40, false);
+      stepper->step({.steps = 40});
+      fresh->step({.steps = 40});
       CHECK(on_host<double>(fresh->state().qpos) == on_host<double>(stepper->state().qpos));
       CHECK(on_host<double>(fresh->state().qvel) == on_host<double>(stepper->state().qvel));
       CHECK(on_host<std::int64_t>(fresh->state().steps) == std::vector<std::int64_t>{80, 80});
       options.worlds = 1;
       auto const one = make_stepper(device, compiled, options);
-      one->step(40, false);
+      one->step({.steps = 40});
       auto const of_one = one->save();
       fresh->restore(of_one);
       CHECK(on_host<double>(fresh->poses().xpos.rows(1, 1)) == on_host<double>(one->poses().xpos));  // brought up to date
-      one->step(40, false);
-      fresh->step(40, false);
+      one->step({.steps = 40});
+      fresh->step({.steps = 40});
       CHECK(on_host<double>(fresh->state().qvel.rows(1, 1)) == on_host<double>(one->state().qvel));
       CHECK_THROWS_WITH_AS(one->restore(arrays), doctest::Contains("there are 2 worlds, and here 1"), gsp::Error);
       options.precision = precision == Dtype::float32 ? Dtype::float64 : Dtype::float32;
@@ -348,7 +348,7 @@ TEST_CASE("pictures of the simulation's poses, where they lie") {
     StepperOptions options;
     options.worlds = 4;
     auto const stepper = make_stepper(device, compiled, options);
-    stepper->step(5, false);
+    stepper->step({.steps = 5});
     Scene scene;
     scene.add_surface(compiled);
     RendererOptions pictures;
@@ -370,7 +370,7 @@ TEST_CASE("pictures of the simulation's poses, where they lie") {
     CameraArrays const cameras{views.array, lenses.array, {}};
     renderer->render(stepper->poses(), cameras);  // buffers find their size
     auto const seen = watch([&] {
-      stepper->step(3, false);
+      stepper->step({.steps = 3});
       renderer->render(stepper->poses(), cameras);
     });
     check_no_allocation(seen);
@@ -415,11 +415,11 @@ TEST_CASE("stages of steps and their times") {
     StepperOptions options;
     options.worlds = 3;
     auto const stepper = make_stepper(device, compiled, options);
-    stepper->step(2, false);  // pools find their size
+    stepper->step({.steps = 2});  // pools find their size
     double whole = 0;
     auto const stages = gsp::runtime::stage_times(device, [&] {
       auto const start = std::chrono::steady_clock::now();
-      stepper->step(5, false);
+      stepper->step({.steps = 5});
       whole = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     });
     std::map<std::string, long> calls;
@@ -435,7 +435,7 @@ TEST_CASE("stages of steps and their times") {
     CHECK(sum <= whole);
     CHECK(sum > 0.5 * whole);  // what lies outside of all stages is a call a step
     CHECK(std::is_sorted(stages.begin(), stages.end(), [](auto const& a, auto const& b) { return a.seconds > b.seconds; }));
-    stepper->step(1, false);  // nobody listens any more
+    stepper->step({.steps = 1});  // nobody listens any more
   }
 }
 

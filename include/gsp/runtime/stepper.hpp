@@ -18,6 +18,12 @@ struct StepperOptions {
   int threads = 0;                   // of the CPU; 0: all, but no more than such worlds have work for
 };
 
+/// Of a call of `Stepper::step`.
+struct StepOptions {
+  int steps = 1;
+  bool measure_residual = false;  // counts().residual is that of the last step; else NaN
+};
+
 /// The state itself (model/state.hpp): what is written there is what the next step starts from.
 struct StateArrays {
   Array qpos;          // (worlds, nq)
@@ -118,11 +124,11 @@ class Stepper {
   /// same device, what follows is what would have followed, to the bit. Without those of "sleep." all worlds are awake. Allocates; waits.
   /// Errors: gsp::Error that names an array which is missing, or of other shape, kind or range than `save` gives.
   virtual void restore(std::vector<NamedArray> const& arrays) = 0;
-  /// Waits until the steps are done. measure: counts().residual is that of the last one.
-  virtual void step(int steps, bool measure) = 0;
+  /// Waits until the steps are done.
+  virtual void step(StepOptions const& options) = 0;
   virtual StepCounts counts() const = 0;
-  /// Of the last step, whatever `measure` was: computed here from what the solver has left, so steps cost the same without. RK4: of its
-  /// last evaluation. Allocates; waits.
+  /// Of the last step, whatever `measure_residual` was: computed here from what the solver has left, so steps cost the same without. RK4:
+  /// of its last evaluation. Allocates; waits.
   virtual StepResiduals residuals() const = 0;
   /// The first `most` of the worlds that stopped, after the steps of the last call of `step`. Allocates; waits.
   virtual std::vector<StoppedWorld> stopped(int most) const = 0;
