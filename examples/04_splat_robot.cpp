@@ -5,6 +5,7 @@
 #include <gsp/io/bitmap.hpp>
 #include <gsp/io/png.hpp>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/keyframe.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/splat/render.hpp>
 #include <gsp/splat/sample_room.hpp>
@@ -22,14 +23,9 @@ int main(int argc, char** argv) {
   auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
 
   // a stance for world 0, a deeper one for world 1
-  auto const& stand = compiled.keyframes.at(0);
-  auto const qpos = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.qpos),
-             ctrl = Kokkos::create_mirror_view(Kokkos::HostSpace{}, state.ctrl);
-  for (int w = 0; w < worlds; ++w) {
-    for (int i = 0; i < model.nq; ++i) qpos(w, i) = float(stand.qpos[i]);
-    for (int i = 0; i < model.nu; ++i) ctrl(w, i) = float(stand.ctrl[i]) * (i % 3 != 0 && w == 1 ? 1.4f : 1.f);
-  }
-  Kokkos::deep_copy(state.qpos, qpos);
+  gsp::set_keyframe(exec, model, compiled, 0, state);
+  auto const ctrl = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state.ctrl);
+  for (int i = 0; i < model.nu; ++i) ctrl(1, i) *= i % 3 != 0 ? 1.4f : 1.f;
   Kokkos::deep_copy(state.ctrl, ctrl);
   gsp::step(exec, model, state, sim, {.steps = 250});
 
