@@ -3,7 +3,7 @@
 #include <gsp/math/scalar.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
 
-/// Anderson's mixing of sweeps: a sweep takes the impulses p to g = p + f, and f vanishes at the solution. From the ninth sweep on, every
+/// Anderson's mixing of sweeps: a sweep takes the impulses p to g = p + f, and f vanishes at the solution. From the fifth sweep on, every
 /// second time, the two differences that the last three sweeps have made say where f would:
 ///   p <- g - sum gamma_k dg_k,   gamma the least of |f - sum gamma_k df_k|^2 + e |gamma|^2,   |f|^2 = sum f_r^2 (|Y_r|^2 + C_r)
 /// What it weighs by is what makes f a rate. e keeps differences that are nearly the same from large weights of opposite sign, so that
@@ -14,9 +14,8 @@ namespace gsp::detail {
 
 // Of the trace of the differences' products; by how much |f|^2 may grow in the sweep after.
 inline constexpr double mixing_softness = 1e-4, mixing_most_growth = 4;
-// Sweeps: the first one that is mixed, and from one to the next. What rests takes fewer than eight; mixed from the third one on, a shelf
-// that was at rest moved for 60 steps.
-inline constexpr int mixing_from = 8, mixing_every = 2;
+// Sweeps: the first one that is mixed, and from one to the next. What rests takes four and is left alone.
+inline constexpr int mixing_from = 4, mixing_every = 2;
 // Sweeps that must be left to settle what a mixture has thrown over bounds and friction.
 inline constexpr int mixing_least_left = 4;
 
