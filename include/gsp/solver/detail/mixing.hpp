@@ -34,24 +34,27 @@ KOKKOS_INLINE_FUNCTION constexpr bool begins_anew(int sweep, PgsOptions const& o
   return options.tolerance > 0 && (sweep == 16 || sweep == 40) && sweep + mixing_least_left < options.iterations;
 }
 
-/// Which sweeps a mixture knows of.
+/// What is known of the sweeps of a world or an island.
+template <class R>
 struct MixingMemory {
-  int known = 0;                                                         // sweeps in a row, with the last one
-  bool mixed = false;                                                    // the next sweep begins from a mixture
+  int known = 0;       // sweeps in a row, with the last one
+  bool mixed = false;  // the next sweep begins from a mixture
+  R least = Kokkos::Experimental::infinity_v<R>;  // |f|^2 of sweeps since the last leap
   KOKKOS_INLINE_FUNCTION bool knows_both() const { return known >= 3; }  // differences
   /// Whether a mixture follows on sweep number `sweep`; leapt: the impulses have gone elsewhere.
   KOKKOS_INLINE_FUNCTION bool after(int sweep, PgsOptions const& options, bool leapt) {
     ++known;
     if (leapt || begins_anew(sweep, options)) known = 0;
+    if (leapt) least = Kokkos::Experimental::infinity_v<R>;
     mixed = known >= 2 && mixes_after(sweep, options);
     return mixed;
   }
-  /// Whether the sweep that began from it missed by too much more: it is taken back. Mixtures follow on even sweeps, as leaps do, so that
-  /// no leap follows on what is taken back.
-  template <class R>
-  KOKKOS_INLINE_FUNCTION bool is_worse(R misses, R missed) {
-    bool const worse = mixed && misses > R(mixing_most_growth) * missed;
+  /// Whether the sweep that began from a mixture missed by too much more than the best: it is taken back. Mixtures follow on even sweeps, as
+  /// leaps do, so that no leap follows on what is taken back.
+  KOKKOS_INLINE_FUNCTION bool is_worse(R misses) {
+    bool const worse = mixed && misses > R(mixing_most_growth) * least;
     if (worse) known = -1;
+    least = misses < least ? misses : least;
     mixed = false;
     return worse;
   }

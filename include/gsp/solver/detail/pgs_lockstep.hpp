@@ -120,8 +120,7 @@ struct LockstepPack {
       if (worlds[l] >= 0) tolerance.set(l, R(options.tolerance) * rows.rate_scale(worlds[l]));
     }
     SweepWork<T> const none{zero, zero, zero};
-    MixingMemory memory[W];
-    T missed = zero;                     // |f|^2 of the sweep that was mixed
+    MixingMemory<R> memory[W];
     Mask<R, W> mixed = none_of_lanes();  // worlds whose sweep begins from a mixture
     bool more = false;
     for (int sweep = begin; sweep < options.iterations && any(active) && !more; ++sweep) {
@@ -136,11 +135,9 @@ struct LockstepPack {
           ++sweeps[l];
           if (options.tolerance > 0 && sweep + 1 >= options.least && !(change[l] > tolerance[l])) active.set(l, false);
         }
-      if (any(mixed)) {
-        Mask<R, W> worse;
-        for (int l = 0; l < W; ++l) worse.set(l, active[l] && memory[l].is_worse(misses[l], missed[l]));
-        if (any(worse)) take_back(blocks, z, z_before, worse);
-      }
+      Mask<R, W> worse;
+      for (int l = 0; l < W; ++l) worse.set(l, active[l] && memory[l].is_worse(misses[l]));
+      if (any(worse)) take_back(blocks, z, z_before, worse);
       if (leaps) {
         for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leaps_again(work.raised[l]));
         if (any(leaping)) leap(blocks, z, z_before, leaping, work);
@@ -150,7 +147,6 @@ struct LockstepPack {
         mixed.set(l, memory[l].after(sweep, options, leaps && leaping[l]) && active[l]);
         both.set(l, memory[l].knows_both());
       }
-      missed = misses;
       if (is_remembered(sweep, options)) remember(blocks, sweep % 2, mixed, both, z, z_before);
       more = begins_anew(sweep, options);
     }

@@ -349,8 +349,7 @@ struct SharedWorld {
     sum_elements(true);
     int sweeps = 0;
     bool again = count > 0, leaping = true;
-    MixingMemory memory;
-    R missed(0);  // |f|^2 of the sweep that was mixed
+    MixingMemory<R> memory;
     int const most_of_one = warp_max(of_one_row), most = warp_max(elements - of_one_row);
     for (int sweep = 0; __any_sync(0xffffffffu, again); ++sweep) {
       bool const leaps = leaps_after(sweep, options);
@@ -373,14 +372,12 @@ struct SharedWorld {
       if (again) ++sweeps;
       again = again && sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
       if (!__any_sync(0xffffffffu, again)) break;
-      R const misses = is_remembered(sweep, options) ? sum_misses() : R(0);
-      bool const worse = again && memory.is_worse(misses, missed);
+      bool const worse = is_remembered(sweep, options) && memory.is_worse(sum_misses()) && again;
       if (__any_sync(0xffffffffu, worse)) take_back(worse);
       if (leaps) {
         leaping = leaping && again && leaps_again(work.raised);
         if (__any_sync(0xffffffffu, leaping)) leap(leaping, work);
       }
-      missed = misses;
       bool const mixes = memory.after(sweep, options, leaps && leaping) && again;
       if (is_remembered(sweep, options)) remember(sweep % 2, mixes, memory.knows_both());
       bool const anew = mixes || (again && begins_anew(sweep, options));

@@ -154,8 +154,7 @@ struct PgsWorld {
     sum_island(world, e, z, p);
     int sweep = 0;
     bool leaping = true;
-    MixingMemory memory;
-    R missed(0);  // |f|^2 of the sweep that was mixed
+    MixingMemory<R> memory;
     for (bool again = e.elements > 0; again; ++sweep) {
       bool const leaps = leaping && leaps_after(sweep, options);
       keep(world, e, z, p, leaps);
@@ -173,7 +172,7 @@ struct PgsWorld {
       }
       again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
       if (!again) continue;
-      if (memory.is_worse(misses, missed)) {
+      if (memory.is_worse(misses)) {
         each_row(world, e, [&](int at) { p[at] = impulses.mixing[0](e.first_row + at); });
         world.sync();
         sum_island(world, e, z, p);
@@ -182,7 +181,6 @@ struct PgsWorld {
         leaping = leaps_again(work.raised);
         if (leaping) leap(world, e, z, p, work);
       }
-      missed = misses;
       Mixing<R> to{R(0), R(0)};
       bool const mixes = memory.after(sweep, options, leaps && leaping);
       bool const both = memory.knows_both();
