@@ -293,7 +293,7 @@ TEST_CASE_TEMPLATE("spins and rolls slow down as their closed forms say", Exec, 
   SUBCASE("box") {
     World<double, Exec> w({});
     w.step(150);
-    double const r = std::hypot(0.1, 0.1), inertia = (0.04 + 0.04) / 12, before = 20;  // of 1 kg
+    double const r = std::hypot(0.1, 0.1), inertia = (0.04 + 0.04) / 12, before = 20;  // a kg
     w.set({0, 0, 0}, {0, 0, before});
     w.step(50);
     CHECK((before - w.spin()[2]) / (0.1 * mu * g * r / inertia) == doctest::Approx(1).epsilon(0.03));
@@ -395,7 +395,7 @@ TEST_CASE_TEMPLATE("a round ellipsoid rolls straight on a box", Exec, GSP_TEST_E
 
 // Friction only takes energy, however strong: a cube that is thrown and tumbles has at most what it had.
 TEST_CASE_TEMPLATE("strong friction makes no energy", Exec, GSP_TEST_EXECS) {
-  double const g = 9.81, inertia = 0.04 / 6;  // of 1 kg
+  double const g = 9.81, inertia = 0.04 / 6;  // a kg
   for (double mu : {20., 300., 1000.}) {
     World<double, Exec> w({.size = {0.1, 0.1, 0.1}, .height = 0.4, .friction = {mu, 0.005, 0.0001}});
     w.set({0.7, -0.4, 0.2}, {3, -5, 2});
@@ -470,5 +470,47 @@ TEST_CASE_TEMPLATE("friction starts where it pointed", Exec, GSP_TEST_EXECS) {
     CHECK(norm(held) > 1e-4);
     CHECK(norm(friction(1) - held) < 3e-4 * norm(held));
     if (condim == 6) CHECK(norm(friction(4) - rolled) < 3e-4 * norm(rolled));
+  }
+}
+
+// What accelerates sweeps must not make energy where they end early: a cube that falls on a floor with a friction of 50 to 1,000, whose
+// steps take all 100 sweeps. What it gains in a step is what it is pushed out of the floor with, and plain sweeps give the same but for
+// what they leave unsolved (measured: 0.16 J/kg both; 7 J/kg where each mixture might miss more than the last).
+TEST_CASE_TEMPLATE("mixtures of sweeps make no energy", Exec, GSP_TEST_EXECS) {
+  constexpr int worlds = 64, steps = 300;
+  double const half = 0.1, inertia = 2. / 3 * half * half;  // a kg
+  for (double const mu : {50., 200., 1000.}) {
+    CAPTURE(mu);
+    auto const compiled = make({.size = {half, half, half}, .height = 0.3, .friction = {mu, 0.005, 0.0001}});
+    double gain[2] = {}, beyond[2] = {};
+    for (bool const accelerate : {false, true}) {
+      gsp_test::World<double, Exec> w(compiled, worlds, {.timestep = 0.005});
+      gsp_test::Random random;
+      auto const q = w.qpos(), v = w.qvel();
+      for (int k = 0; k < worlds; ++k) {
+        double turn[4], length = 0;
+        for (double& x : turn) x = random(), length += x * x;
+        for (int i = 0; i < 4; ++i) q(k, 3 + i) = turn[i] / std::sqrt(length);
+        for (int i = 0; i < 6; ++i) v(k, i) = 3 * random();
+      }
+      Kokkos::deep_copy(w.state.qpos, q), Kokkos::deep_copy(w.state.qvel, v);
+      std::vector<double> start(worlds), last(worlds);
+      for (int t = 0; t <= steps; ++t) {
+        if (t > 0) w.step(1, {.accelerate = accelerate});
+        auto const now = gsp_test::snapshot(w.state.qpos), rate = gsp_test::snapshot(w.state.qvel);
+        for (int k = 0; k < worlds; ++k) {
+          auto const u = std::size_t(k);
+          double e = 9.81 * now(k, 2);
+          for (int i = 0; i < 3; ++i) e += 0.5 * rate(k, i) * rate(k, i) + 0.5 * inertia * rate(k, 3 + i) * rate(k, 3 + i);
+          if (t == 0) start[u] = e;
+          if (t > 0) gain[accelerate] = std::fmax(gain[accelerate], e - last[u]);
+          beyond[accelerate] = std::fmax(beyond[accelerate], e / start[u] - 1);
+          last[u] = e;
+        }
+      }
+    }
+    CHECK(gain[0] > 0);
+    CHECK(gain[1] < 1.1 * gain[0]);
+    CHECK(beyond[1] < 1e-3);
   }
 }

@@ -10,8 +10,9 @@
 // distance of 0 laws of contacts jump, in both profiles: what comes near stops within the step at +0, and is braked over a time constant at
 // -0 (of a speed of 4 mm/s 3 mm/s are left after a step of 2 ms), so that the last bit of a place would decide. 50 steps later all lie in
 // their contacts. A step that takes all 100 sweeps is known to what it leaves unsolved, and mixtures of sweeps spread over that what
-// starts beside it: without impulses, or while the hand still closes, the grasp is such a scene. Where scenes go on to meet at 0, or have several answers, they say so (`chaotic`), and are compared
-// for as long as the shadow, whose error is larger than what a device rounds, stays with the state.
+// starts beside it: without impulses, or while the hand still closes, the grasp is such a scene. Where scenes go on to meet at 0, or have
+// several answers, they say so (`chaotic`), and are compared for as long as the shadow, whose error is larger than what a device rounds,
+// stays with the state.
 #include <doctest/doctest.h>
 
 #include <algorithm>

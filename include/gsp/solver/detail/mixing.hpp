@@ -37,9 +37,9 @@ KOKKOS_INLINE_FUNCTION constexpr bool begins_anew(int sweep, PgsOptions const& o
 /// What is known of the sweeps of a world or an island.
 template <class R>
 struct MixingMemory {
-  int known = 0;       // sweeps in a row, with the last one
-  bool mixed = false;  // the next sweep begins from a mixture
-  R least = Kokkos::Experimental::infinity_v<R>;  // |f|^2 of sweeps since the last leap
+  int known = 0;                                                         // sweeps in a row, with the last one
+  bool mixed = false;                                                    // the next sweep begins from a mixture
+  R least = Kokkos::Experimental::infinity_v<R>;                         // |f|^2 of sweeps since the last leap
   KOKKOS_INLINE_FUNCTION bool knows_both() const { return known >= 3; }  // differences
   /// Whether a mixture follows on sweep number `sweep`; leapt: the impulses have gone elsewhere.
   KOKKOS_INLINE_FUNCTION bool after(int sweep, PgsOptions const& options, bool leapt) {
@@ -49,8 +49,8 @@ struct MixingMemory {
     mixed = known >= 2 && mixes_after(sweep, options);
     return mixed;
   }
-  /// Whether the sweep that began from a mixture missed by too much more than the best: it is taken back. Mixtures follow on even sweeps, as
-  /// leaps do, so that no leap follows on what is taken back.
+  /// Whether the sweep that began from a mixture missed by too much more than the best: it is taken back. Mixtures follow on even sweeps,
+  /// as leaps do, so that no leap follows on what is taken back.
   KOKKOS_INLINE_FUNCTION bool is_worse(R misses) {
     bool const worse = mixed && misses > R(mixing_most_growth) * least;
     if (worse) known = -1;
