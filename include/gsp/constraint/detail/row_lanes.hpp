@@ -27,8 +27,8 @@ template <class R, class Mem>
 class ForceWriter {
  public:
   /// @param keeps  forces, or else all becomes entries
-  ForceWriter(Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Row<R> const& row, R* J, int world, RowForces<R, Mem>& forces,
-              bool keeps)
+  KOKKOS_INLINE_FUNCTION ForceWriter(Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Row<R> const& row, R* J, int world,
+                                     RowForces<R, Mem>& forces, bool keeps)
       : entries_{model, dynamics, row, J, world}, forces_(forces), keeps_(keeps) {
     forces_.count = 0;
     forces_.entries = false;
