@@ -8,6 +8,7 @@
 #include <string>
 
 #include "dynamics/random_tree.hpp"
+#include "support/disturb.hpp"
 #include "support/kernels.hpp"
 
 namespace {
@@ -40,17 +41,6 @@ TEST_CASE_TEMPLATE("worlds of the mask stand at the keyframe, as a reset leaves 
   auto const model = gsp::make_model<float>(exec, c);
   int const worlds = 5;
   auto state = gsp::make_state(exec, model, {.worlds = worlds});
-  auto const disturb = [&] {
-    Kokkos::deep_copy(state.qpos, 7.f);
-    Kokkos::deep_copy(state.qpos_low, 7.f);
-    Kokkos::deep_copy(state.qvel, 7.f);
-    Kokkos::deep_copy(state.ctrl, 7.f);
-    Kokkos::deep_copy(state.qfrc_applied, 7.f);
-    Kokkos::deep_copy(state.mocap_pos, 7.f);
-    Kokkos::deep_copy(state.mocap_quat, 7.f);
-    Kokkos::deep_copy(state.steps, 7);
-    Kokkos::deep_copy(state.status, 7u);
-  };
   auto const check = [&](int w, gsp::KeyframeDescription const* key) {
     CAPTURE(w);
     auto const q = gsp_test::host(state.qpos), low = gsp_test::host(state.qpos_low), v = gsp_test::host(state.qvel);
@@ -75,13 +65,13 @@ TEST_CASE_TEMPLATE("worlds of the mask stand at the keyframe, as a reset leaves 
   CHECK(c.keyframes[1].mquat == std::vector<double>{0, 0, 1, 0});
   CHECK(float(c.keyframes[1].qpos[0]) != c.keyframes[1].qpos[0]);
 
-  disturb();
+  gsp_test::disturb(state);
   auto const before = state.moment();
   gsp::set_keyframe(exec, model, c, 1, state);
   CHECK(state.moment() != before);  // what was computed of it is of the state before
   for (int w = 0; w < worlds; ++w) check(w, &c.keyframes[1]);
 
-  disturb();
+  gsp_test::disturb(state);
   Kokkos::View<bool*, Mem> const mask("mask", worlds);
   auto const chosen = Kokkos::create_mirror_view(mask);
   for (int w = 0; w < worlds; ++w) chosen(w) = w % 2 == 1;

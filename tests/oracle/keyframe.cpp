@@ -8,6 +8,7 @@
 
 #include "dynamics/random_tree.hpp"
 #include "oracle/load.hpp"
+#include "support/disturb.hpp"
 #include "support/kernels.hpp"
 
 TEST_CASE("a keyframe leaves the state that mj_resetDataKeyframe leaves") {
@@ -30,14 +31,7 @@ TEST_CASE("a keyframe leaves the state that mj_resetDataKeyframe leaves") {
   REQUIRE(m->nkey == 3);
   for (int key = 0; key < m->nkey; ++key) {
     CAPTURE(key);
-    Kokkos::deep_copy(state.qpos, 7.);
-    Kokkos::deep_copy(state.qvel, 7.);
-    Kokkos::deep_copy(state.act, 7.);
-    Kokkos::deep_copy(state.ctrl, 7.);
-    Kokkos::deep_copy(state.mocap_pos, 7.);
-    Kokkos::deep_copy(state.mocap_quat, 7.);
-    Kokkos::deep_copy(state.eq_active, 7);
-    Kokkos::deep_copy(state.qfrc_applied, 7.);
+    gsp_test::disturb(state);
     gsp::set_keyframe(exec, model, compiled, key, state);
     mj_resetDataKeyframe(m, d, key);
     auto const same = [&](char const* what, auto const& view, mjtNum const* wanted, int n) {
