@@ -293,7 +293,7 @@ TEST_CASE_TEMPLATE("spins and rolls slow down as their closed forms say", Exec, 
   SUBCASE("box") {
     World<double, Exec> w({});
     w.step(150);
-    double const r = std::hypot(0.1, 0.1), inertia = (0.04 + 0.04) / 12, before = 20;  // a kg
+    double const r = std::hypot(0.1, 0.1), inertia = (0.04 + 0.04) / 12, before = 20;  // of 1 kg
     w.set({0, 0, 0}, {0, 0, before});
     w.step(50);
     CHECK((before - w.spin()[2]) / (0.1 * mu * g * r / inertia) == doctest::Approx(1).epsilon(0.03));
@@ -395,7 +395,7 @@ TEST_CASE_TEMPLATE("a round ellipsoid rolls straight on a box", Exec, GSP_TEST_E
 
 // Friction only takes energy, however strong: a cube that is thrown and tumbles has at most what it had.
 TEST_CASE_TEMPLATE("strong friction makes no energy", Exec, GSP_TEST_EXECS) {
-  double const g = 9.81, inertia = 0.04 / 6;  // a kg
+  double const g = 9.81, inertia = 0.04 / 6;  // of 1 kg
   for (double mu : {20., 300., 1000.}) {
     World<double, Exec> w({.size = {0.1, 0.1, 0.1}, .height = 0.4, .friction = {mu, 0.005, 0.0001}});
     w.set({0.7, -0.4, 0.2}, {3, -5, 2});

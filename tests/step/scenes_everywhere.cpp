@@ -201,7 +201,7 @@ double apart(Shot const& a, Shot const& b, int w) {
 template <class Exec>
 void compare(Scene const& s) {
   INFO(s.name);
-  constexpr int few = 30;  // steps of the runs that are about bits alone
+  constexpr int few = 30;  // steps of the runs that are about bits alone: from no impulses, so that sweeps run out in some
   for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
     CAPTURE(int(profile));
 #if defined(KOKKOS_ENABLE_OPENMP)
@@ -214,12 +214,12 @@ void compare(Scene const& s) {
     before.start(s);
     before.step(s.settling);
     World<Host> brief(s, profile, worlds, one);
-    reference.go_on(before), other.go_on(before), shadow.go_on(before, 0, 1e-13), brief.go_on(before);
+    reference.go_on(before), other.go_on(before), shadow.go_on(before, 0, 1e-13), brief.start(before);
     brief.step(few);
     Shot const early(brief);
     for (int w = 0; w < worlds; ++w) CHECK(early.status[std::size_t(w)] == 0);
     World<Host> alone(s, profile, 1, one);
-    alone.go_on(before, 3);
+    alone.start(before, 3);
     alone.step(few);
     CHECK(same(Shot(alone), 0, early, 3));
 #if defined(KOKKOS_ENABLE_OPENMP)
@@ -227,7 +227,7 @@ void compare(Scene const& s) {
       CAPTURE(threads);
       if (threads > Kokkos::OpenMP().concurrency()) continue;  // Kokkos has room for no more: CTest runs this with 16
       World<Host> many(s, profile, worlds, Kokkos::OpenMP(threads));
-      many.go_on(before);
+      many.start(before);
       many.step(few);
       Shot const shot(many);
       for (int w = 0; w < worlds; ++w) CHECK(same(shot, w, early, w));

@@ -23,13 +23,14 @@ inline constexpr int mixing_least_left = 4;
 KOKKOS_INLINE_FUNCTION constexpr bool mixes_after(int sweep, PgsOptions const& options) {
   return options.accelerate && sweep >= mixing_from && sweep % mixing_every == 0 && sweep + mixing_least_left < options.iterations;
 }
-/// Whether a mixture after it asks what it did, or it begins from one.
+/// Whether a mixture after it asks what it did, or it begins from one: then impulses before it are kept, and what it missed is looked at.
+/// (Leaps ask for them too, and follow on such sweeps alone.)
 KOKKOS_INLINE_FUNCTION constexpr bool is_remembered(int sweep, PgsOptions const& options) {
   return options.accelerate && sweep + 2 >= mixing_from && sweep + mixing_least_left <= options.iterations;
 }
 
 /// Whether what is known is dropped after sweep number `sweep` (from 0), the 17th and the 41st, and z is summed anew, Y^T p: hosts pack the
-/// worlds that go on together then (pgs_lockstep.hpp), and all paths do the same.
+/// worlds that go on together then (pgs_lockstep.hpp), which start as if from new, and all paths do the same.
 KOKKOS_INLINE_FUNCTION constexpr bool begins_anew(int sweep, PgsOptions const& options) {
   return options.tolerance > 0 && (sweep == 16 || sweep == 40) && sweep + mixing_least_left < options.iterations;
 }
@@ -39,13 +40,15 @@ template <class R>
 struct MixingMemory {
   int known = 0;                                                         // sweeps in a row, with the last one
   bool mixed = false;                                                    // the next sweep begins from a mixture
-  R least = Kokkos::Experimental::infinity_v<R>;                         // |f|^2 of sweeps since the last leap
+  R least = Kokkos::Experimental::infinity_v<R>;                         // |f|^2 of the sweeps since a leap or a beginning
   KOKKOS_INLINE_FUNCTION bool knows_both() const { return known >= 3; }  // differences
   /// Whether a mixture follows on sweep number `sweep`; leapt: the impulses have gone elsewhere.
   KOKKOS_INLINE_FUNCTION bool after(int sweep, PgsOptions const& options, bool leapt) {
     ++known;
-    if (leapt || begins_anew(sweep, options)) known = 0;
-    if (leapt) least = Kokkos::Experimental::infinity_v<R>;
+    if (leapt || begins_anew(sweep, options)) {
+      known = 0;
+      least = Kokkos::Experimental::infinity_v<R>;
+    }
     mixed = known >= 2 && mixes_after(sweep, options);
     return mixed;
   }

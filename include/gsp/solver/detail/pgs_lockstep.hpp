@@ -136,7 +136,7 @@ struct LockstepPack {
           if (options.tolerance > 0 && sweep + 1 >= options.least && !(change[l] > tolerance[l])) active.set(l, false);
         }
       Mask<R, W> worse;
-      for (int l = 0; l < W; ++l) worse.set(l, active[l] && memory[l].is_worse(misses[l]));
+      for (int l = 0; l < W; ++l) worse.set(l, active[l] && is_remembered(sweep, options) && memory[l].is_worse(misses[l]));
       if (any(worse)) take_back(blocks, z, z_before, worse);
       if (leaps) {
         for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leaps_again(work.raised[l]));

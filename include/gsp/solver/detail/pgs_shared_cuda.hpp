@@ -353,7 +353,7 @@ struct SharedWorld {
     int const most_of_one = warp_max(of_one_row), most = warp_max(elements - of_one_row);
     for (int sweep = 0; __any_sync(0xffffffffu, again); ++sweep) {
       bool const leaps = leaps_after(sweep, options);
-      keep(leaps);
+      if (is_remembered(sweep, options)) keep(leaps);
       SweepWork<R> work{};
       R change(0);
       for (int e = 0; e < most_of_one || e < most; ++e) {  // elements of one row and of more in turn

@@ -157,7 +157,7 @@ struct PgsWorld {
     MixingMemory<R> memory;
     for (bool again = e.elements > 0; again; ++sweep) {
       bool const leaps = leaping && leaps_after(sweep, options);
-      keep(world, e, z, p, leaps);
+      if (is_remembered(sweep, options)) keep(world, e, z, p, leaps);
       SweepWork<R> work{};
       R change(0), misses(0);
       int r, n;
@@ -172,7 +172,7 @@ struct PgsWorld {
       }
       again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
       if (!again) continue;
-      if (memory.is_worse(misses)) {
+      if (is_remembered(sweep, options) && memory.is_worse(misses)) {
         each_row(world, e, [&](int at) { p[at] = impulses.mixing[0](e.first_row + at); });
         world.sync();
         sum_island(world, e, z, p);
