@@ -23,6 +23,8 @@ struct Solution {
   View<signed char*> goes_on;  // hosts, (worlds) whether it goes into another round of sweeps there
   View<int*> going_worlds;     // hosts, (worlds) those that do, and their number
   View<int> going;
+  View<int**> shared_worlds;  // GPUs, (sizes, worlds) those that are solved in shared memory, by the room that they need
+  View<int**> shared_counts;  // GPUs, (sizes, 3) how many stand at the front of them, at their end, and how many have been taken
   detail::SharedStamp<detail::SolutionStamp> stamp;  // host: of which state it is (dynamics/stamps.hpp)
 };
 
@@ -56,14 +58,17 @@ Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, Sol
   make(s.residual, "gsp::Solution::residual", s.worlds);
   Kokkos::parallel_for("gsp::solver::make_solution", Kokkos::RangePolicy<Exec>(exec, 0, s.worlds), detail::NotMeasured<R, Mem>{s.residual});
   make(s.iterations, "gsp::Solution::iterations", s.worlds);
-  if constexpr (!is_device<Exec>)
-    if (s.nv <= detail::lockstep_most_dofs) {
-      s.thread_stride = detail::lockstep_packs(s.nv) * native_width<R>;
-      make(s.thread_items, "gsp::Solution::thread_items", s.thread_stride * Kokkos::DefaultHostExecutionSpace().concurrency());
-      make(s.goes_on, "gsp::Solution::goes_on", s.worlds);
-      make(s.going_worlds, "gsp::Solution::going_worlds", s.worlds);
-      make(s.going, "gsp::Solution::going");
-    }
+  if (s.nv > detail::lockstep_most_dofs) return s;
+  if constexpr (is_device<Exec>) {
+    make(s.shared_worlds, "gsp::Solution::shared_worlds", detail::shared_sizes, s.worlds);
+    make(s.shared_counts, "gsp::Solution::shared_counts", detail::shared_sizes, 3);
+  } else {
+    s.thread_stride = detail::lockstep_packs(s.nv) * native_width<R>;
+    make(s.thread_items, "gsp::Solution::thread_items", s.thread_stride * Kokkos::DefaultHostExecutionSpace().concurrency());
+    make(s.goes_on, "gsp::Solution::goes_on", s.worlds);
+    make(s.going_worlds, "gsp::Solution::going_worlds", s.worlds);
+    make(s.going, "gsp::Solution::going");
+  }
   return s;
 }
 

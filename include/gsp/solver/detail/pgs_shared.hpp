@@ -8,20 +8,17 @@
 
 /// Projected Gauss-Seidel for small worlds on a GPU: eight threads a world, four worlds a warp, with rows, entries, impulses and z in
 /// shared memory from the first sweep to the last. What bounds a sweep is the chain from z to z of one element after the other; four worlds
-/// share the instructions of it. A world takes this path by its own rows alone, and eight threads sum its rows whatever its neighbours do.
+/// share the instructions of it. Eight threads whose world has ended take the next one, whatever their neighbours do. A world takes this
+/// path by its own rows alone, and nothing that it computes hangs on when, where or beside which others it is solved.
 namespace gsp::detail {
 
-// A world has so much shared memory at most, four of them what a block may have on all GPUs since Ampere (99 kB). Four are solved by a
-// launch whose blocks have what they need together: smaller ones leave room for more at a time.
-inline constexpr int shared_most_bytes = 24576, shared_sizes = 6;
+// A world has so much shared memory at most, four of them what a block may have on all GPUs since Ampere (99 kB). The worlds of a size are
+// solved by a launch whose blocks have room for four of them: smaller ones leave room for more at a time.
+inline constexpr int shared_most_bytes = 24576;
 inline constexpr int shared_rows = 3;  // of an element, at most
 KOKKOS_INLINE_FUNCTION constexpr int shared_size(int size_class) {
-  return size_class == 0   ? 7168
-         : size_class == 1 ? 10240
-         : size_class == 2 ? 14336
-         : size_class == 3 ? 20480
-         : size_class == 4 ? 40960
-                           : 4 * shared_most_bytes;
+  constexpr int size[shared_sizes] = {1792, 2560, 3584, 4352, 5120, 7168, 12288, shared_most_bytes};
+  return size[size_class];
 }
 
 /// What is known of a row but its entries and its numbers.
@@ -31,7 +28,7 @@ struct alignas(8) SharedRow {
   signed char friction_of;  // as in Row
   unsigned char rows;       // of the element that begins here
   bool with_next : 1, same_segments : 1;
-  bool contact : 1;  // of this row, which pushes, and two in its ellipse, all with the same segments
+  bool simple : 1;  // of this row, between bounds of its own, and none or two in its ellipse, all with the same segments
 };
 static_assert(sizeof(SharedRow) == 8);
 template <class R>
@@ -54,6 +51,12 @@ template <class R, class Mem>
 KOKKOS_INLINE_FUNCTION bool fits_shared(Rows<R, Mem> const& rows, int w) {
   return rows.nv <= lockstep_most_dofs && goes_in_lockstep(rows, w) && rows.largest_element(w) <= shared_rows &&
          shared_bytes(rows, w) <= shared_most_bytes;
+}
+/// The least size that has room for so many bytes.
+KOKKOS_INLINE_FUNCTION int shared_size_of(std::int64_t bytes) {
+  int c = 0;
+  while (shared_size(c) < bytes) ++c;
+  return c;
 }
 
 template <class R, class Mem>
