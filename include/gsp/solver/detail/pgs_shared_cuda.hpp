@@ -537,6 +537,7 @@ __global__ void __launch_bounds__(32) pgs_shared_kernel(PgsShared<R, Mem> const 
 
 template <class Exec, class R, class Mem>
 void launch_pgs_shared(Exec const& exec, PgsShared<R, Mem> const& solver) {
+  if (solver.rows.nv > lockstep_most_dofs) return;  // none fits, and there are no lists
   auto const& device = exec.cuda_device_prop();
   int const worlds = solver.rows.worlds;
   auto const at_a_time = [&](int bytes) {
