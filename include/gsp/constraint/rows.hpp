@@ -103,6 +103,7 @@ struct Rows {
   int worlds = 0, nv = 0;
   Profile profile = Profile::stable;         // of the model: whose problem they are
   int most_eliminated = 0;                   // rows that are eliminated in a world, at most; 0: none is
+  double friction_time = 0;                  // RowsOptions
   bool may_sleep = false;                    // some islands may sleep: the others are solved to the same bits whether they do or not
   View<int*> first, count;                   // (worlds) rows of a world
   View<int*> kept;                           // (worlds) after them, rows of islands that sleep: type, element and impulse alone
@@ -129,6 +130,9 @@ struct RowsOptions {
   int rows_per_world = 0, entries_per_world = 0;  // hints, 0: a guess from the model; the pools grow
   bool eliminate = true;                          // equality constraints inside of a tree, in profile stable (constraint/eliminate.hpp)
   bool impacts = false;                           // some rows may have a restitution, in profile stable (solver/impacts.hpp)
+  // Profile stable: friction of contacts holds as a spring on which a mass of 1 / |Y|^2 swings once in 2 pi times so long [s], without
+  // creep: crowded worlds take a half to a third of the sweeps with 1.5e-3 (docs/decisions/0025). 0: it sticks at once.
+  double friction_time = 0;
 };
 
 namespace detail {
@@ -158,6 +162,7 @@ template <class R, ExecutionSpace Exec, class Mem>
 Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_rows: the model is not accessible from this execution space");
   expects(options.worlds > 0, "gsp::make_rows: worlds must be positive and is " + std::to_string(options.worlds));
+  expects(options.friction_time >= 0, "gsp::make_rows: friction_time must be a number, 0 or more");
   Rows<R, Mem> r;
   int const n = options.worlds;
   auto const make = [&](auto& v, char const* label, int items) {
@@ -166,6 +171,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   r.worlds = n;
   r.nv = model.nv;
   r.profile = model.profile;
+  r.friction_time = options.friction_time;
   r.most_eliminated = options.eliminate ? model.closing_rows : 0;
   r.dof_lists = model.ints;
   r.islands = detail::make_islands(exec, model, n);

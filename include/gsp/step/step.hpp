@@ -63,6 +63,7 @@ struct SimulationOptions {
   std::optional<FrictionCone> cone = {};  // as the file says in profile mujoco, else elliptic
   std::optional<bool> sleep = {};         // islands that rest sleep (step/sleep.hpp); empty: as the file says (<flag sleep>), so not
   bool impacts = false;                   // rows of your own may have a restitution; whether contacts have, the model says
+  double friction_time = 0;               // of contacts, as a spring [s] (RowsOptions)
 };
 
 /// The contacts and rows that `make_simulation` makes, for loops of your own, which have the same bits then.
@@ -156,7 +157,9 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   sim.dynamics = make_dynamics(exec, model, {.worlds = n});
   sim.poses = make_poses(exec, model, {.worlds = n});
   sim.contacts = make_contacts(exec, sim.collision, contacts_options(model, n));
-  sim.rows = make_rows(exec, model, rows_options(model, sim.collision, n, options.impacts));
+  RowsOptions rows = rows_options(model, sim.collision, n, options.impacts);
+  rows.friction_time = options.friction_time;
+  sim.rows = make_rows(exec, model, rows);
   sim.impulses = make_impulses(exec, sim.rows);
   sim.solution = make_solution(exec, model, {.worlds = n});
   sim.progress = make_progress(exec);

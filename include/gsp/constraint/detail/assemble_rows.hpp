@@ -39,6 +39,11 @@ inline constexpr double jammed_rounding = 32;
 // in float; a door that a rigid connect holds on its own hinge). They are 0 then: of |Y|^2 less than the square of so many epsilon, for
 // joints that move the row by 1 a radian or metre.
 inline constexpr double no_softness = 2e-15;
+// Friction that holds as a spring does (RowsOptions::friction_time), C = s |Y|^2: s as far as a step can follow, the least for what is new.
+// What carries more than friction_load times the weight of a mass 1 / |Y|^2 yields as if it carried as much. Friction above strong_friction
+// does so in any case, with a time of at least strong_friction_time [s].
+inline constexpr double least_friction_yield = 5e-3, most_friction_yield = 0.1, friction_load = 3, strong_friction = 2,
+                        strong_friction_time = 1.5e-3;
 
 template <class R, class Mem, class Types>
 struct CountRows {
@@ -411,19 +416,21 @@ struct EmitRows {
     bool same = true;
     for (int b = 1; b < n; ++b) same = same && has_segments_of(row[b], row[0]);
     row->same_segments = same;
-    couple(rows, row, n, row->first_entry - couplings_of(n));
     int const now = impulses.parity();
     RowId const id = type.id(w, k);
     R start[most_element_rows];
     for (int r = 0; r < n; ++r) start[r] = R(0);
-    // What is squeezed carries zeta / C, and hardened for that it would carry more each step: the weight of all is the most that counts.
-    R const load = state.steps(w) > 0 ? min(find_start(type, k, place, id, w, n, start), rows.weight(w)) : R(0);
+    R const load = state.steps(w) > 0 ? find_start(type, k, place, id, w, n, start) : R(0);
     for (int r = 0; r < n; ++r) {
       impulses.id[now](first + r) = row_key(place, id);
-      R const p = row[r].inverse_diagonal > R(0) ? start[r] : R(0);
-      impulses.p[now](first + r) = p - p == R(0) ? p : R(0);
-      harden(row[r], load, most_yield(first + r));
+      R const p = row[r].inverse_diagonal > R(0) && start[r] - start[r] == R(0) ? start[r] : R(0);
+      impulses.p[now](first + r) = p;
+      if (row[r].friction_of >= 0 && model.profile == Profile::stable)
+        hold_elastically(row[r], row[row[r].friction_of], p, start[row[r].friction_of], load, rows.rate_scale(w));
+      else  // what is squeezed carries zeta / C, and hardened for that it would carry more each step: the weight of all is the most
+        harden(row[r], min(load, rows.weight(w)), most_yield(first + r));
     }
+    couple(rows, row, n, row->first_entry - couplings_of(n));
     mark_place(type, w, k, n, first);
   }
   /// Where an element acts and how its friction lies, for the next step.
@@ -528,6 +535,23 @@ struct EmitRows {
       }
     }
     return load;
+  }
+  /// Rigid friction yields to what it changes by,   w + C (p - p_last) = 0:   it creeps under no load, and since it took hold it has
+  /// slipped by -h C p, as on a spring 1 / (h^2 C). Without, friction of points that move alike is not unique, and where they move nearly
+  /// alike it takes impulses beyond all measure to stop what is rounding: sweeps stall, and what has a strong friction is thrown (decision
+  /// 25).
+  /// @param normal  row that it hangs on;   @param p_last, normal_last  impulses of the two in the last step
+  /// @param load  what the element carries, as for `harden`
+  KOKKOS_INLINE_FUNCTION void hold_elastically(Row<R>& row, Row<R> const& normal, R p_last, R normal_last, R load, R rate_scale) const {
+    bool const fresh = normal_last == R(0);
+    R const time(row.mu > R(strong_friction) ? max(rows.friction_time, strong_friction_time) : rows.friction_time);
+    if (time == R(0) || row.compliance != R(0) || row.inverse_diagonal == R(0)) return;
+    if (fresh && normal.compliance == R(0)) return;  // a blow: no later step would stop what is left
+    R const size = R(1) / row.inverse_diagonal, most = R(friction_load) * rate_scale, least(least_friction_yield);
+    R const share = fresh ? least : clamp(square(time / model.timestep), least, R(most_friction_yield));
+    row.compliance = share * (size * load > most ? most / load : size);
+    row.bias = fma(-row.compliance, p_last, row.bias);
+    row.inverse_diagonal = R(1) / (size + row.compliance);
   }
   /// A row that carries much yields C p <= most to it.
   KOKKOS_INLINE_FUNCTION static void harden(Row<R>& row, R p, R most) {
