@@ -68,7 +68,9 @@ inline bool is_worse(double a, double b) {
   return !std::isfinite(a) || std::abs(a) > std::abs(b);
 }
 
-inline SimulationOptions simulation_options(StepperOptions const& o) { return {.worlds = o.worlds, .cone = o.cone}; }
+inline SimulationOptions simulation_options(StepperOptions const& o) {
+  return {.worlds = o.worlds, .cone = o.cone, .friction_time = o.friction_time};
+}
 
 template <class R, class Exec>
 Model<R, typename Exec::memory_space> make_runtime_model(Exec const& exec, CompiledModel const& m, StepperOptions const& o) {

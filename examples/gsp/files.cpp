@@ -327,10 +327,11 @@ std::vector<double> options_in_numbers(gsp::CompiledModel const& model, gsp::run
           double(options.iterations),
           options.tolerance.value_or(-1),
           disabled(model),
-          number_of(model)};
+          number_of(model),
+          options.friction_time};
 }
 std::string other_options(States& states, std::vector<double> const& now) {
-  char const* const names[] = {"--timestep", "--profile", "--cone", "--iterations", "--tolerance", "--disable", "model"};
+  char const* const names[] = {"--timestep", "--profile", "--cone", "--iterations", "--tolerance", "--disable", "model", "--friction-time"};
   std::string others;
   for (std::size_t k = 0; k < now.size() && k < states.saved_with.size(); ++k)
     if (states.saved_with[k] != now[k]) others += (others.empty() ? "" : ", ") + std::string(names[k]);

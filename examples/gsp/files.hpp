@@ -63,7 +63,8 @@ States read_start(std::string const& path, gsp::CompiledModel const& model);
 void write_snapshot(std::string const& path, gsp::runtime::Stepper& stepper, double time, gsp::CompiledModel const& model,
                     gsp::runtime::StepperOptions const& options);
 /// What a simulation that goes on to the bit must have as it was: timestep [s], profile (1: mujoco), cone (-1: the model's), most
-/// iterations (0: the library's), tolerance (-1: the library's), bits of what is disabled, a number of the model.
+/// iterations (0: the library's), tolerance (-1: the library's), bits of what is disabled, a number of the model,
+/// friction time [s].
 std::vector<double> options_in_numbers(gsp::CompiledModel const& model, gsp::runtime::StepperOptions const& options);
 /// A sentence where what is gone on from was saved with others; or empty. Where the model or what is disabled is another, who slept is left
 /// out of the states, so that all are awake.

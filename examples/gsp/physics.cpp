@@ -82,8 +82,10 @@ Setup set_up(PhysicsScene const& scene, Device device, Arguments const& a) {
   s.options.worlds = static_cast<int>(a.integer("--worlds", scene.worlds * (many ? 8 : 1), 1, 1 << 24));
   s.options.threads = threads_of(a);
   s.options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
+  s.options.friction_time = a.real("--friction-time", 0, 0, 1);
   if (a.has("--tolerance")) s.options.tolerance = a.real_from("--tolerance", 0, 0, 1);
   s.options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco";
+  if (s.options.mujoco && s.options.friction_time > 0) a.fail("--friction-time is of profile stable; leave it out");
   if (a.choice("--precision", {"float", "double"}, "float") == "double") s.options.precision = gsp::runtime::Dtype::float64;
   auto const keyframe = scene.keyframe.empty() ? a.text("--keyframe") : std::optional(a.text("--keyframe").value_or(scene.keyframe));
   s.start = scattered(initial_state(s.model, scene.name, keyframe), s.model, s.options.worlds);
@@ -381,6 +383,7 @@ std::vector<Option> physics_options() {
           {"--repeats", "R", "with physics: windows, each from the same state; the median counts, 5"},
           {"--iterations", "I", "with physics: as of gsp sim"},
           {"--tolerance", "T", "with physics: as of gsp sim"},
+          {"--friction-time", "S", "with physics: as of gsp sim"},
           {"--profile", "mujoco|stable", "with physics: as of gsp sim"},
           {"--peers", "", "with physics: MuJoCo 4.0.1 in turn with gsp, on as many threads"},
           {"--peer-solver", "LIST", "of newton, cg (100 iterations), pgs (10), with commas; without it as suits the scene"},

@@ -28,10 +28,13 @@ int run(Arguments const& a) {
   options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
   if (a.has("--tolerance")) options.tolerance = a.real_from("--tolerance", 0, 0, 1);
   options.cone = cone_of(a);
+  options.friction_time = a.real("--friction-time", 0, 0, 1);
   options.threads = threads_of(a);
   options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco";
   if (options.mujoco && options.cone == gsp::FrictionCone::box)
     a.fail("--cone box is of profile stable; give pyramidal or elliptic, or leave it out");
+  if (options.mujoco && options.friction_time > 0)
+    a.fail("--friction-time is of profile stable; leave it out: friction of profile mujoco is soft as the file says");
   bool const in_double = a.choice("--precision", {"float", "double"}, "float") == "double";
   if (in_double) options.precision = gsp::runtime::Dtype::float64;
   long long steps = a.integer("--steps", 1000, 1, 1LL << 40), every = a.integer("--every", 1, 1, 1LL << 40),
@@ -211,6 +214,9 @@ Command sim_command() {
         "friction along the two tangents: each by itself, together in a disc, or MuJoCo's soft edges; without it as the file says in "
         "profile "
         "mujoco, else elliptic"},
+       {"--friction-time", "S",
+        "friction holds as a spring of so many seconds, without creep: 0.0015 hurries crowded worlds; 0 without the option: it sticks at "
+        "once (docs/constraint/contact_rows.md)"},
        {"--sleep", "", "islands that rest sleep until something wakes them; without it as the file says (<flag sleep>)"},
        {"--disable", "LIST", "of constraint, contact, limit, equality, friction (of joints and tendons), sleep, with commas: left out"},
        {"--profile", "mujoco|stable",

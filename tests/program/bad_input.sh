@@ -124,6 +124,7 @@ refused "no keyframe 'upright'" "tilted" -- sim cart.xml --keyframe upright
 refused "--tolerance is '-1'" "from 0 to 1" -- sim cart.xml --tolerance -1
 refused "no keyframe '1'" -- sim cart.xml --keyframe 1
 refused "--cone box is of profile stable" -- sim cart.xml --profile mujoco --cone box
+refused "--friction-time is of profile stable" -- sim cart.xml --profile mujoco --friction-time 0.001
 for command in sim info; do
   refused "lift_attribute.urdf:10: " "xzy" -- $command lift_attribute.urdf
   refused "lift_massless.urdf" "carriage" -- $command lift_massless.urdf

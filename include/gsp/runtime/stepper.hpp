@@ -15,6 +15,7 @@ struct StepperOptions {
   int iterations = 0;                // at most, of the profile's solver (PgsOptions, NewtonOptions); 0: the library's default
   std::optional<double> tolerance;   // of the same; empty: the library's default
   std::optional<FrictionCone> cone;  // SimulationOptions::cone
+  double friction_time = 0;          // SimulationOptions::friction_time [s]
   int threads = 0;                   // of the CPU; 0: all, but no more than such worlds have work for
 };
 
