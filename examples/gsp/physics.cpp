@@ -85,7 +85,6 @@ Setup set_up(PhysicsScene const& scene, Device device, Arguments const& a) {
   s.options.friction_time = a.real("--friction-time", 0, 0, 1);
   if (a.has("--tolerance")) s.options.tolerance = a.real_from("--tolerance", 0, 0, 1);
   s.options.mujoco = a.choice("--profile", {"mujoco", "stable"}, "stable") == "mujoco";
-  if (s.options.mujoco && s.options.friction_time > 0) a.fail("--friction-time is of profile stable; leave it out");
   if (a.choice("--precision", {"float", "double"}, "float") == "double") s.options.precision = gsp::runtime::Dtype::float64;
   auto const keyframe = scene.keyframe.empty() ? a.text("--keyframe") : std::optional(a.text("--keyframe").value_or(scene.keyframe));
   s.start = scattered(initial_state(s.model, scene.name, keyframe), s.model, s.options.worlds);

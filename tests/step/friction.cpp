@@ -480,7 +480,7 @@ TEST_CASE_TEMPLATE("friction starts where it pointed", Exec, GSP_TEST_EXECS) {
 TEST_CASE_TEMPLATE("mixtures of sweeps make no energy", Exec, GSP_TEST_EXECS) {
   constexpr int worlds = 512, steps = 300;
   double const half = 0.1, inertia = 2. / 3 * half * half;  // a kg
-  for (double const mu : {10., 50., 1000.}) {
+  for (double const mu : {10., 50., 200., 1000.}) {
     CAPTURE(mu);
     auto const compiled = make({.size = {half, half, half}, .height = 0.3, .friction = {mu, 0.005, 0.0001}});
     double gain[2] = {}, beyond[2] = {};
@@ -634,4 +634,18 @@ TEST_CASE_TEMPLATE("friction holds as a spring does, and does not creep", Exec, 
         CHECK(std::abs(back(0, c) - before(0, c)) < off);
       }
     }
+}
+
+TEST_CASE("a friction_time that is none is refused") {
+  using Exec = Kokkos::DefaultHostExecutionSpace;
+  Exec const exec;
+  auto const compiled = make({});
+  auto const made = [&](gsp::Profile profile, double time) {
+    auto const model = gsp::make_model<double>(exec, compiled, {.profile = profile});
+    return gsp::make_simulation(exec, model, compiled, {.friction_time = time}).rows.friction_time;
+  };
+  CHECK(made(gsp::Profile::stable, 1e-3) == 1e-3);
+  for (double const time : {-1e-3, std::nan("")})
+    CHECK_THROWS_WITH_AS(made(gsp::Profile::stable, time), doctest::Contains("must be a number, 0 or more"), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(made(gsp::Profile::mujoco, 1e-3), doctest::Contains("of profile stable"), std::invalid_argument);
 }

@@ -131,7 +131,7 @@ struct RowsOptions {
   bool eliminate = true;                          // equality constraints inside of a tree, in profile stable (constraint/eliminate.hpp)
   bool impacts = false;                           // some rows may have a restitution, in profile stable (solver/impacts.hpp)
   // Profile stable: friction of contacts holds as a spring on which a mass of 1 / |Y|^2 swings once in 2 pi times so long [s], without
-  // creep: crowded worlds take a half to a third of the sweeps with 1.5e-3 (docs/decisions/0025). 0: it sticks at once.
+  // creep: with 1.5e-3 crowded worlds take fewer sweeps (docs/decisions/0025). 0: it sticks at once.
   double friction_time = 0;
 };
 
@@ -163,6 +163,8 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_rows: the model is not accessible from this execution space");
   expects(options.worlds > 0, "gsp::make_rows: worlds must be positive and is " + std::to_string(options.worlds));
   expects(options.friction_time >= 0, "gsp::make_rows: friction_time must be a number, 0 or more");
+  expects(options.friction_time == 0 || model.profile == Profile::stable,
+          "gsp::make_rows: friction_time is of profile stable: leave it out, friction of profile mujoco is soft as the file says");
   Rows<R, Mem> r;
   int const n = options.worlds;
   auto const make = [&](auto& v, char const* label, int items) {

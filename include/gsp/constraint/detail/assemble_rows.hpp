@@ -423,14 +423,14 @@ struct EmitRows {
     R const load = state.steps(w) > 0 ? find_start(type, k, place, id, w, n, start) : R(0);
     for (int r = 0; r < n; ++r) {
       impulses.id[now](first + r) = row_key(place, id);
-      R const p = row[r].inverse_diagonal > R(0) && start[r] - start[r] == R(0) ? start[r] : R(0);
-      impulses.p[now](first + r) = p;
+      R const p = row[r].inverse_diagonal > R(0) ? start[r] : R(0);
+      impulses.p[now](first + r) = p - p == R(0) ? p : R(0);
       if (row[r].friction_of >= 0 && model.profile == Profile::stable)
-        hold_elastically(row[r], row[row[r].friction_of], p, start[row[r].friction_of], load, rows.rate_scale(w));
-      else  // what is squeezed carries zeta / C, and hardened for that it would carry more each step: the weight of all is the most
-        harden(row[r], min(load, rows.weight(w)), most_yield(first + r));
+        hold_elastically(row[r], row[row[r].friction_of], impulses.p[now](first + r), start[row[r].friction_of], load, rows.rate_scale(w));
     }
     couple(rows, row, n, row->first_entry - couplings_of(n));
+    // What is squeezed carries zeta / C, and hardened for that it would carry more each step: the weight of all is the most that counts.
+    for (int r = 0; r < n; ++r) harden(row[r], min(load, rows.weight(w)), most_yield(first + r));
     mark_place(type, w, k, n, first);
   }
   /// Where an element acts and how its friction lies, for the next step.
