@@ -82,10 +82,15 @@ KOKKOS_INLINE_FUNCTION bool contact_acts(CollisionModel<R, Mem> const& model, Co
 /// Its parameters as it acts.
 template <class R, class Mem>
 KOKKOS_INLINE_FUNCTION ContactParameters<R> acting_parameters(CollisionModel<R, Mem> const& model, Contacts<R, Mem> const& contacts,
-                                                              int world, int c) {
+                                                              int world, int c, bool acts) {
   auto p = model.parameters_of(world, contacts.pair(c));
-  if (!contact_acts(model, contacts, world, c)) p.condim = 1;
+  if (!acts) p.condim = 1;
   return p;
+}
+template <class R, class Mem>
+KOKKOS_INLINE_FUNCTION ContactParameters<R> acting_parameters(CollisionModel<R, Mem> const& model, Contacts<R, Mem> const& contacts,
+                                                              int world, int c) {
+  return acting_parameters(model, contacts, world, c, contact_acts(model, contacts, world, c));
 }
 
 /// Pools for the contacts of `worlds` worlds. Allocates.

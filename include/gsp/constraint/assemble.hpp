@@ -1,5 +1,6 @@
 #pragma once
-#include <gsp/constraint/detail/assemble_rows.hpp>
+#include <gsp/constraint/detail/count_rows.hpp>
+#include <gsp/constraint/detail/emit_rows.hpp>
 #include <gsp/constraint/eliminate.hpp>
 #include <gsp/core/region.hpp>
 
@@ -22,6 +23,8 @@ struct ConstraintList {
   KOKKOS_INLINE_FUNCTION void prepare(World const&) const {}
   template <class F>
   KOKKOS_INLINE_FUNCTION void visit(int, int, int, F const&) const {}
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void each(int, int, F const&) const {}
   template <class F>
   KOKKOS_INLINE_FUNCTION void visit_type(int, F const&) const {}
 };
@@ -81,6 +84,12 @@ struct ConstraintList<Head, Tail...> {
       f(head, place, e);
     else
       tail.visit(world, e - n, place + 1, f);
+  }
+  /// f(type, place of the type, element of the type) for all elements of the world, in order
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void each(int world, int place, F const& f) const {
+    for (int k = 0, n = own(world); k < n; ++k) f(head, place, k);
+    tail.each(world, place + 1, f);
   }
   /// f(type) for the type at `place`
   template <class F>

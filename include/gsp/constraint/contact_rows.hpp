@@ -18,7 +18,7 @@ namespace gsp {
 
 template <class R, class Mem>
 struct ContactRows {
-  static constexpr bool rests = true;
+  static constexpr bool rests = true, alike = true;
   typename Model<R, Mem>::template Array<int> body_last_dof;
   Field<R> body_invweight0;
   CollisionModel<R, Mem> collision;
@@ -41,62 +41,87 @@ struct ContactRows {
   KOKKOS_INLINE_FUNCTION int count(int world) const { return edges * contacts.count_of(world); }
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const { return contacts.status(world); }
   bool bounces() const { return collision.bounces && !soft.as_mujoco; }
-  KOKKOS_INLINE_FUNCTION int rows(int world, int k) const {
-    int const c = contact_of(world, k);
-    if (!contact_acts(collision, contacts, world, c) && adhesion_of(c) == R(0)) return 0;
-    // Equal last dofs, or none: the two do not move against each other (named pairs may be of such bodies), and J would be zero.
-    if (body_last_dof(contacts.body1(c)) == body_last_dof(contacts.body2(c))) return 0;
-    int const condim = parameters(world, c).condim;
-    return edges == 1 ? condim : k % edges < most(2 * (condim - 1), 1);
-  }
+  /// Contact c, or one edge of its pyramid, with what its rows are made of.
+  struct Element {
+    ContactRows const& type;
+    int world, k, c;
+    int count = 0;             // rows
+    ContactParameters<R> p{};  // where it has some
+    KOKKOS_INLINE_FUNCTION Element(ContactRows const& of, int w, int element)
+        : type(of), world(w), k(element), c(of.contact_of(w, element)) {
+      bool const acts = contact_acts(type.collision, type.contacts, world, c);
+      if (!acts && type.adhesion_of(c) == R(0)) return;
+      // Equal last dofs, or none: the two do not move against each other (named pairs may be of such bodies), and J would be zero.
+      if (type.body_last_dof(type.contacts.body1(c)) == type.body_last_dof(type.contacts.body2(c))) return;
+      p = acting_parameters(type.collision, type.contacts, world, c, acts);
+      count = type.edges == 1 ? p.condim : k % type.edges < most(2 * (p.condim - 1), 1);
+    }
+    KOKKOS_INLINE_FUNCTION int rows() const { return count; }
+    template <class Row>
+    KOKKOS_INLINE_FUNCTION R jacobian(int row, Row&& J) const {
+      if (type.edges == 1) {
+        type.add_axis(c, row, R(1), J);
+        return row == 0 ? type.contacts.dist(c) : R(0);
+      }
+      type.add_axis(c, 0, R(1), J);
+      if (p.condim > 1) {
+        int const edge = k % type.edges;
+        type.add_axis(c, 1 + edge / 2, edge % 2 ? -p.friction[edge / 2] : p.friction[edge / 2], J);
+      }
+      return type.contacts.dist(c);
+    }
+    KOKKOS_INLINE_FUNCTION RowLaw<R> law(int row, R gap, R u, R h, RowBounds<R>&) const {
+      R const surface = surface_rate(row), adhesion = type.adhesion_of(c);
+      RowLaw<R> law = law_at_rest(row, gap, u + surface, h);
+      law.zeta -= surface;
+      if (row == 0 && adhesion != R(0))
+        law.zeta += law.compliance * h * adhesion / R(type.edges > 1 && p.condim > 1 ? 2 * (p.condim - 1) : 1);
+      return law;
+    }
+    /// Of surfaces that neither move nor pull.
+    KOKKOS_INLINE_FUNCTION RowLaw<R> law_at_rest(int row, R dist, R u, R h) const {
+      auto const& soft = type.soft;
+      auto const& contacts = type.contacts;
+      if (row > 0 && !soft.as_mujoco) return {R(0), R(0)};
+      R const diag = type.body_invweight0(world, 2 * contacts.body1(c)) + type.body_invweight0(world, 2 * contacts.body2(c));
+      // dist has what rounding has taken from places; MuJoCo's has not, and that of an edge has its tangents' part too
+      R const gap = (soft.as_mujoco || type.edges > 1 ? contacts.dist(c) : dist) - contacts.includemargin(c);
+      R const spring = soft.as_mujoco ? gap : min(gap, R(0));
+      if (row > 0) return soft.tangent(p, row - 1, gap, u, h, diag);
+      bool const edge = type.edges > 1 && p.condim > 1;
+      if (p.hard && !soft.as_mujoco && !edge) return hard_law(gap, h, p.erp, p.restitution, diag);
+      RowLaw<R> law = edge ? soft.edge(p, spring, u, h, diag) : soft_law(type.softness(p), spring, u, h, diag);
+      if (soft.as_mujoco) return law;
+      if (gap > R(0)) law.zeta = min(-gap / h, law.zeta);  // no spring at a gap: it may close within the step
+      if (!edge) law.most_yield = law.compliance / diag * gravity_rate(type.gravity, world, h);
+      return law;
+    }
+    KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int row) const {
+      if (row == 0) return {R(0), Kokkos::Experimental::infinity_v<R>, -1, R(0), false, type.edges > 1 && p.condim > 1};
+      bool const first_of_two = row == 1 || row == 4;
+      return {R(0), R(0), 0, p.friction[row - 1], first_of_two && type.cone == FrictionCone::elliptic};
+    }
+    /// Rate of the surfaces along a row.
+    KOKKOS_INLINE_FUNCTION R surface_rate(int row) const {
+      if (!type.contacts.moving) return R(0);
+      if (type.edges == 1) return row >= 1 && row <= 3 ? type.contacts.surfacevel(c, row - 1) : R(0);
+      int const edge = k % type.edges;
+      if (p.condim == 1 || edge > 5) return R(0);
+      return (edge % 2 ? -p.friction[edge / 2] : p.friction[edge / 2]) * type.contacts.surfacevel(c, edge / 2);
+    }
+    KOKKOS_INLINE_FUNCTION static int most(int a, int b) { return a > b ? a : b; }
+  };
+  KOKKOS_INLINE_FUNCTION Element element(int world, int k) const { return {*this, world, k}; }
+  KOKKOS_INLINE_FUNCTION int rows(int world, int k) const { return element(world, k).rows(); }
   template <class Row>
   KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int row, Row&& J) const {
-    int const c = contact_of(world, k);
-    if (edges == 1) {
-      add_axis(c, row, R(1), J);
-      return row == 0 ? contacts.dist(c) : R(0);
-    }
-    add_axis(c, 0, R(1), J);
-    if (auto const p = parameters(world, c); p.condim > 1) {
-      int const edge = k % edges;
-      add_axis(c, 1 + edge / 2, edge % 2 ? -p.friction[edge / 2] : p.friction[edge / 2], J);
-    }
-    return contacts.dist(c);
+    return element(world, k).jacobian(row, J);
   }
   KOKKOS_INLINE_FUNCTION RowLaw<R> law(int world, int k, int row, R gap, R u, R h) const {
-    R const surface = surface_rate(world, k, row);
-    RowLaw<R> law = law_at_rest(world, k, row, gap, u + surface, h);
-    law.zeta -= surface;
-    if (int const c = contact_of(world, k); row == 0 && adhesion_of(c) != R(0)) {
-      int const condim = parameters(world, c).condim;
-      law.zeta += law.compliance * h * adhesion_of(c) / R(edges > 1 && condim > 1 ? 2 * (condim - 1) : 1);
-    }
-    return law;
+    RowBounds<R> limits{};
+    return element(world, k).law(row, gap, u, h, limits);
   }
-  /// Of surfaces that neither move nor pull.
-  KOKKOS_INLINE_FUNCTION RowLaw<R> law_at_rest(int world, int k, int row, R dist, R u, R h) const {
-    if (row > 0 && !soft.as_mujoco) return {R(0), R(0)};
-    int const c = contact_of(world, k);
-    auto const p = parameters(world, c);
-    R const diag = body_invweight0(world, 2 * contacts.body1(c)) + body_invweight0(world, 2 * contacts.body2(c));
-    // dist has what rounding has taken from places; MuJoCo's has not, and that of an edge has its tangents' part too
-    R const gap = (soft.as_mujoco || edges > 1 ? contacts.dist(c) : dist) - contacts.includemargin(c);
-    R const spring = soft.as_mujoco ? gap : min(gap, R(0));
-    if (row > 0) return soft.tangent(p, row - 1, gap, u, h, diag);
-    bool const edge = edges > 1 && p.condim > 1;
-    if (p.hard && !soft.as_mujoco && !edge) return hard_law(gap, h, p.erp, p.restitution, diag);
-    RowLaw<R> law = edge ? soft.edge(p, spring, u, h, diag) : soft_law(softness(p), spring, u, h, diag);
-    if (soft.as_mujoco) return law;
-    if (gap > R(0)) law.zeta = min(-gap / h, law.zeta);  // no spring at a gap: it may close within the step
-    if (!edge) law.most_yield = law.compliance / diag * gravity_rate(gravity, world, h);
-    return law;
-  }
-  KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const {
-    if (row == 0)
-      return {R(0), Kokkos::Experimental::infinity_v<R>, -1, R(0), false, edges > 1 && parameters(world, contact_of(world, k)).condim > 1};
-    bool const first_of_two = row == 1 || row == 4;
-    return {R(0), R(0), 0, parameters(world, contact_of(world, k)).friction[row - 1], first_of_two && cone == FrictionCone::elliptic};
-  }
+  KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const { return element(world, k).bounds(row); }
   KOKKOS_INLINE_FUNCTION RowId id(int world, int k) const {
     int const c = contact_of(world, k);
     return {std::uint32_t(contacts.pair(c)), std::uint32_t(edges * contacts.feature(c) + k % edges)};
@@ -124,7 +149,6 @@ struct ContactRows {
     if (!by_default && s.refsafe == Refsafe::two_steps) s.refsafe = Refsafe::keeps_rest;
     return s;
   }
-  KOKKOS_INLINE_FUNCTION static int most(int a, int b) { return a > b ? a : b; }
   /// J of axis `axis` of the contact: along the rows of its frame, then about them.
   template <class Row>
   KOKKOS_INLINE_FUNCTION void add_axis(int c, int axis, R scale, Row&& J) const {
@@ -140,19 +164,6 @@ struct ContactRows {
     }
   }
   KOKKOS_INLINE_FUNCTION R adhesion_of(int c) const { return contacts.adhesive ? contacts.adhesion(c) : R(0); }
-  /// Rate of the surfaces along a row.
-  KOKKOS_INLINE_FUNCTION R surface_rate(int world, int k, int row) const {
-    if (!contacts.moving) return R(0);
-    int const c = contact_of(world, k);
-    if (edges == 1) return row >= 1 && row <= 3 ? contacts.surfacevel(c, row - 1) : R(0);
-    auto const p = parameters(world, c);
-    int const edge = k % edges;
-    if (p.condim == 1 || edge > 5) return R(0);
-    return (edge % 2 ? -p.friction[edge / 2] : p.friction[edge / 2]) * contacts.surfacevel(c, edge / 2);
-  }
-  KOKKOS_INLINE_FUNCTION ContactParameters<R> parameters(int world, int c) const {
-    return acting_parameters(collision, contacts, world, c);
-  }
 };
 
 }  // namespace gsp

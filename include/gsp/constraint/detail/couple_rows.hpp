@@ -57,8 +57,21 @@ KOKKOS_INLINE_FUNCTION void step_together(Row<R>& first, Row<R>& second, R coupl
 template <class R, class Mem>
 KOKKOS_INLINE_FUNCTION void couple(Rows<R, Mem> const& rows, Row<R>* row, int n, std::int64_t couplings) {
   R* const coupling = rows.Y.data() + couplings;
-  for (int b = 1; b < n; ++b)
-    for (int a = 0; a < b; ++a) coupling[couplings_of(b) + a] = row_product(row[a], row[b], rows.Y.data(), rows.dof_lists.data());
+  if (n > 1 && n <= 3 && row->same_segments) {  // all at once: each product waits for its own last sum alone
+    int const entries = row->segment[0].count + row->segment[1].count;
+    R const *const y0 = rows.Y.data() + row[0].first_entry, *const y1 = rows.Y.data() + row[1].first_entry,
+                   *const y2 = rows.Y.data() + row[n - 1].first_entry;
+    R sum[3] = {R(0), R(0), R(0)};
+    for (int i = 0; i < entries; ++i) {
+      sum[0] = fma(y0[i], y1[i], sum[0]);
+      sum[1] = fma(y0[i], y2[i], sum[1]);
+      sum[2] = fma(y1[i], y2[i], sum[2]);
+    }
+    for (int k = 0; k < couplings_of(n); ++k) coupling[k] = sum[k];
+  } else {
+    for (int b = 1; b < n; ++b)
+      for (int a = 0; a < b; ++a) coupling[couplings_of(b) + a] = row_product(row[a], row[b], rows.Y.data(), rows.dof_lists.data());
+  }
   for (int r = 0; r + 1 < n; ++r)
     if (row[r].with_next) step_together(row[r], row[r + 1], coupling[couplings_of(r + 1) + r]);
 }

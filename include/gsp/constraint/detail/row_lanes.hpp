@@ -12,13 +12,18 @@ namespace gsp::detail {
 /// What a row's `jacobian` says, on a host.
 template <class R, class Mem>
 struct RowForces {
-  static constexpr int most = 4;  // a contact has two; what comes after goes to the row's entries
+  static constexpr int most = 4;  // a contact has two forces, a ball joint three dofs; what comes after goes to the row's entries
   struct Force {
     int dof;  // of the world: the last that moves the body; it acts on this one and all before
     Spatial<R> force;
   };
-  int count = 0;
+  struct Entry {
+    int dof;
+    R value;
+  };
+  int count = 0, set = 0;
   Force force[most];
+  Entry entry[most];
   bool entries = false;  // whether the row's entries in the pool hold a part of J
 };
 
@@ -30,10 +35,14 @@ class ForceWriter {
   KOKKOS_INLINE_FUNCTION ForceWriter(Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, Row<R> const& row, R* J, int world,
                                      RowForces<R, Mem>& forces, bool keeps)
       : entries_{model, dynamics, row, J, world}, forces_(forces), keeps_(keeps) {
-    forces_.count = 0;
+    forces_.count = forces_.set = 0;
     forces_.entries = false;
   }
   KOKKOS_INLINE_FUNCTION void set_dof(int dof, R value) const {
+    if (keeps_ && forces_.set < forces_.most) {
+      forces_.entry[forces_.set++] = {dof, value};
+      return;
+    }
     begin_entries();
     entries_.set_dof(dof, value);
   }
@@ -111,6 +120,11 @@ class RowLanes {
       }
     if (forces.entries)
       for (int i = 0; i < segment.count; ++i) J_[dof(segment, i)].set(lane, y_[lane][i]);
+    for (int k = 0; k < forces.set; ++k)
+      if (int const d = forces.entry[k].dof; model_.dof_tree(d) == tree) {
+        T& J = J_[d - segment.dof0];
+        J.set(lane, J[lane] + forces.entry[k].value);
+      }
   }
   /// What was taken in: entries are those of Y then, and sums are complete.
   KOKKOS_INLINE_FUNCTION void finish() {
@@ -128,6 +142,11 @@ class RowLanes {
   KOKKOS_INLINE_FUNCTION void begin(int tree) {
     tree_ = tree;
     archetype_ = &model_.archetypes(model_.tree_archetype(tree));
+    Archetype const& a = *archetype_;
+    int const* const ints = model_.ints.data();
+    int const joint = ints[a.dof_jnt];
+    floating_ = JointType(ints[a.jnt_type + joint]) == JointType::free ? 3 : 0;
+    root_ = ints[a.instance_qpos + model_.tree_instance(tree)] + ints[a.jnt_qposadr + joint];
   }
   KOKKOS_INLINE_FUNCTION void touch(int d) {
     if (touched_[d]) return;
@@ -141,14 +160,8 @@ class RowLanes {
   KOKKOS_INLINE_FUNCTION static void add_to(Vec3<T>& to, int lane, Vec3<R> const& v) {
     for (int c = 0; c < 3; ++c) to[c].set(lane, to[c][lane] + v[c]);
   }
-  /// Where among the qpos of the world the dof's coordinate lies whose low part counts, or -1: the first three of a free joint have one.
-  KOKKOS_INLINE_FUNCTION int low_place(int d) const {
-    Archetype const& a = *archetype_;
-    int const* const ints = model_.ints.data();
-    int const joint = ints[a.dof_jnt + d], i = d - ints[a.jnt_dofadr + joint];
-    if (JointType(ints[a.jnt_type + joint]) != JointType::free || i >= 3) return -1;
-    return ints[a.instance_qpos + model_.tree_instance(tree_)] + ints[a.jnt_qposadr + joint] + i;
-  }
+  /// Where among the qpos of the world the dof's coordinate lies whose low part counts, or -1: the first three of a tree that floats.
+  KOKKOS_INLINE_FUNCTION int low_place(int d) const { return d < floating_ ? root_ + d : -1; }
   KOKKOS_INLINE_FUNCTION void one(FactorItems<R> const& items, int k) const {
     R* const y = y_[k];
     Row<R>& to = *row_[k];
@@ -216,7 +229,7 @@ class RowLanes {
   State<R, Mem> const& state_;
   Dynamics<R, Mem> const& dynamics_;
   R* entries_;
-  int world_, count_ = 0, tree_ = -1;
+  int world_, count_ = 0, tree_ = -1, floating_, root_;
   Archetype const* archetype_ = nullptr;
   RowSegment segment_[W];
   R* y_[W];

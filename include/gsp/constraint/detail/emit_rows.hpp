@@ -1,0 +1,283 @@
+#pragma once
+#include <gsp/constraint/detail/count_rows.hpp>
+#include <gsp/constraint/detail/row_lanes.hpp>
+#include <gsp/constraint/detail/row_laws.hpp>
+#include <gsp/constraint/detail/start_impulses.hpp>
+
+/// The last kernel of `assemble`: entries, laws and first impulses of all rows, in the order of the types, then of the elements.
+namespace gsp::detail {
+
+// Friction that holds as a spring does (RowsOptions::friction_time), C = s |Y|^2: s as far as a step can follow, the least for what is new.
+// What carries more than friction_load times the weight of a mass 1 / |Y|^2 yields as if it carried as much. Friction above strong_friction
+// does so in any case, with a time of at least strong_friction_time [s].
+inline constexpr double least_friction_yield = 5e-3, most_friction_yield = 0.1, friction_load = 3, strong_friction = 2,
+                        strong_friction_time = 1.5e-3;
+
+template <class R, class Mem, class Types>
+struct EmitRows {
+  Model<R, Mem> model;
+  State<R, Mem> state;
+  Dynamics<R, Mem> dynamics;
+  Rows<R, Mem> rows;
+  Impulses<R, Mem> impulses;
+  Kokkos::View<int, Mem> halt;
+  Types types;
+  TypeNames names;
+  SleepingIslands<Mem> sleeping;
+  static constexpr int column_bytes = 160;  // a row's entries, or else they are worked on in the pool
+  template <class World>
+  KOKKOS_FUNCTION void operator()(World const& world) const {
+    int const w = world.rank;
+    if (halt()) return;
+    int const now = impulses.parity();
+    world.single([&] {
+      impulses.first[now](w) = rows.first(w);
+      impulses.count[now](w) = rows.count(w);
+      impulses.kept[now](w) = rows.kept(w);
+    });
+    if (w == 0) world.each(most_constraint_types + 1, [&](int t) { impulses.type_names(t, now) = t < names.count ? names.name[t] : 0; });
+    if (state.status(w) & status::row_refused) return;
+    if constexpr (is_device<typename Mem::execution_space>)
+      emit_by_row(world);
+    else
+      emit_together(w);
+    if (rows.kept(w) == 0) return;
+    world.template scan<int>(types.count(w), [&](int e, int& sum, bool last) {
+      types.visit(w, e, 0, [&](auto const& type, int place, int k) {
+        int const n = element_of(type, w, k).rows();
+        if (n == 0 || !lies_still(model, sleeping, type, w, k)) return;
+        if (last) keep(type, k, place, w, n, rows.count(w) + sum);
+        sum += n;
+      });
+    });
+  }
+
+ private:
+  /// What a row may yield to its load (RowLaw), until its element is finished: in room that nothing else needs before the solver.
+  KOKKOS_INLINE_FUNCTION R& most_yield(int row) const { return impulses.before(row); }
+  KOKKOS_INLINE_FUNCTION RowLaws<R, Mem> laws(R most_inverse_inertia) const { return {model, state, dynamics, rows, most_inverse_inertia}; }
+  KOKKOS_INLINE_FUNCTION StartImpulses<R, Mem> starts() const { return {impulses, names}; }
+  /// Who a row is and where it lies. Written as a whole: a single bit would wait for what lies beside it in memory.
+  KOKKOS_INLINE_FUNCTION static Row<R> laid_out(int place, int k, std::int64_t entry, RowStructure<R, Mem> const& structure) {
+    Row<R> row{};
+    row.type = static_cast<unsigned char>(place);
+    row.element = k;
+    row.first_entry = entry;
+    for (int s = 0; s < 2; ++s) row.segment[s] = s < structure.segments ? structure.segment(s) : RowSegment{-1, 0, -1};
+    return row;
+  }
+  KOKKOS_INLINE_FUNCTION static int entries_in(Row<R> const& row) { return row.segment[0].count + row.segment[1].count; }
+
+  /// All rows of a world, on a device: they are laid out, then made by a thread each.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void emit_by_row(World const& world) const {
+    int const w = world.rank, first = rows.first(w), count = rows.count(w);
+    world.template scan<std::int64_t>(types.count(w), [&](int e, std::int64_t& sum, bool last) {
+      types.visit(w, e, 0, [&](auto const& type, int place, int k) {
+        auto const element = element_of(type, w, k);
+        int const n = element.rows();
+        if (n > 0 && lies_still(model, sleeping, type, w, k)) return;
+        std::int64_t sizes = couplings_of(n);
+        for (int r = 0; r < n; ++r) {
+          RowStructure<R, Mem> structure{model};
+          element.jacobian(r, structure);
+          if (last) {
+            int const at = first + rows_of(sum) + r;
+            rows.row(at) = laid_out(place, k, rows.first_entry(w) + entries_of(sum + sizes), structure);
+            rows.element_rows(at) = static_cast<signed char>(r == 0 ? n : 0);
+          }
+          sizes += pack_sizes(1, structure.entries());
+        }
+        sum += sizes;
+      });
+    });
+    world.sync();
+    world.each(count, [&](int i) {
+      int r = 0;
+      while (rows.element_rows(first + i - r) == 0) ++r;
+      emit(world, w, r, first + i);
+    });
+    world.sync();
+    world.each(count, [&](int r) {
+      int const n = rows.element_rows(first + r);
+      if (n > 0) types.visit_type(rows.row(first + r).type, [&](auto const& type) { finish(type, w, n, first + r); });
+    });
+  }
+  /// Row r of an element, number `at` of the pool: whitened entries, law and bounds. What all types do stands between what each does by
+  /// itself: threads with rows of different types go through it together.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void emit(World const& world, int w, int r, int at) const {
+    Row<R> row = rows.row(at);
+    int const entries = entries_in(row);
+    R* const there = rows.Y.data() + row.first_entry;
+    auto const y = world.column(entries, there);
+    for (int i = 0; i < entries; ++i) y[i] = R(0);
+    R gap(0), rate(0), free_rate(0), diagonal(0);
+    types.visit_type(row.type, [&](auto const& type) {
+      gap = R(element_of(type, w, row.element).jacobian(r, RowWriter<R, Mem, std::decay_t<decltype(y)>>{model, dynamics, row, y, w}));
+    });
+    for (int s = 0, begin = 0; s < 2 && row.segment[s].count > 0; begin += row.segment[s++].count) {
+      auto const& segment = row.segment[s];
+      int const tree = model.dof_tree(segment.dof0);
+      TreeItems<R> const items = dynamics.tree(model, w, tree);
+      gap += low_part(w, tree, segment, y, begin);
+      for (int i = 0; i < segment.count; ++i) {
+        int const dof = segment.list < 0 ? i : model.ints(segment.list + i);
+        rate = fma(y[begin + i], items[items.at.qvel + dof], rate);
+        free_rate = fma(y[begin + i], items[items.at.velocity + dof], free_rate);
+      }
+      whiten(model, items, tree, segment, y, begin);
+      for (int i = 0; i < segment.count; ++i) {
+        diagonal = fma(y[begin + i], y[begin + i], diagonal);
+        there[begin + i] = y[begin + i];
+      }
+    }
+    types.visit_type(row.type, [&](auto const& type) {
+      most_yield(at) =
+          laws(Kokkos::Experimental::infinity_v<R>).set(element_of(type, w, row.element), w, r, at, gap, rate, free_rate, diagonal, row);
+    });
+    rows.row(at) = row;
+  }
+  /// All rows of a world, on a host, element by element: some rows are laid out, a pack at a time gets its entries (row_lanes.hpp), then
+  /// laws and impulses.
+  KOKKOS_INLINE_FUNCTION void emit_together(int w) const {
+    using Lanes = RowLanes<R, Mem>;
+    constexpr int most = 2 * Lanes::W > most_element_rows ? 2 * Lanes::W : most_element_rows;
+    Lanes lanes(model, state, dynamics, rows.Y.data(), w);
+    RowForces<R, Mem> forces[most];
+    R inverse_inertia(0);  // 1 / D of all dofs
+    for (int t = 0; t < model.ntree; ++t) {
+      TreeItems<R> const items = dynamics.tree(model, w, t);
+      for (int d = 0, n = model.archetypes(model.tree_archetype(t)).nv; d < n; ++d) inverse_inertia += items[items.at.inverse_diagonal + d];
+    }
+    int begin = rows.first(w), end = begin;
+    std::int64_t entry = rows.first_entry(w);
+    auto const finish_rows = [&] {
+      for (int s = 0; s < 2; ++s) {
+        for (int at = begin; at < end; ++at)
+          if (rows.row(at).segment[s].count > 0) lanes.add(rows.row(at), s, forces[at - begin]);
+        lanes.finish();
+      }
+      for (int n; begin < end; begin += n) {
+        n = rows.element_rows(begin);
+        types.visit_type(rows.row(begin).type, [&](auto const& type) {
+          auto const element = element_of(type, w, rows.row(begin).element);
+          for (int at = begin; at < begin + n; ++at) {
+            Row<R> row = rows.row(at);
+            most_yield(at) = laws(inverse_inertia).set(element, w, at - begin, at, row.bias, row.lower, row.upper, row.mu, row);
+            rows.row(at) = row;
+          }
+          finish(type, w, n, begin);
+        });
+      }
+    };
+    types.each(w, 0, [&](auto const& type, int place, int k) {
+      auto const element = element_of(type, w, k);
+      int const n = element.rows();
+      if (n == 0 || lies_still(model, sleeping, type, w, k)) return;
+      if (end + n > begin + most) finish_rows();
+      entry += couplings_of(n);
+      Row<R> row;
+      bool keeps = true;
+      for (int r = 0; r < n; ++r, ++end) {
+        if (r == 0 || !rows_are_alike<std::decay_t<decltype(type)>>()) {
+          RowStructure<R, Mem> structure{model};
+          element.jacobian(r, structure);
+          row = laid_out(place, k, entry, structure);
+          keeps = true;
+          for (int s = 0; s < structure.segments; ++s)
+            keeps = keeps && Lanes::takes(model.archetypes(model.tree_archetype(structure.tree[s])));
+        }
+        row.first_entry = entry;
+        row.bias = R(element.jacobian(r, ForceWriter<R, Mem>(model, dynamics, row, rows.Y.data() + entry, w, forces[end - begin], keeps)));
+        rows.row(end) = row;
+        rows.element_rows(end) = static_cast<signed char>(r == 0 ? n : 0);
+        entry += entries_in(row);
+      }
+    });
+    finish_rows();
+  }
+  /// J x of a segment, x what rounding has taken from the place of a body that floats (State::qpos_low). Poses are without it: a gap that
+  /// they give jumps by the last digit of a place, and what lies far from the origin would never rest in float.
+  template <class Entries>
+  KOKKOS_INLINE_FUNCTION R low_part(int w, int tree, RowSegment const& segment, Entries const& J, int begin) const {
+    Archetype const& a = model.archetypes(model.tree_archetype(tree));
+    int const* const ints = model.ints.data();
+    int const joint = ints[a.dof_jnt + (segment.list < 0 ? 0 : ints[segment.list])];  // a chain begins at its root
+    if (JointType(ints[a.jnt_type + joint]) != JointType::free) return R(0);
+    int const q = ints[a.instance_qpos + model.tree_instance(tree)] + ints[a.jnt_qposadr + joint];
+    R sum(0);
+    for (int i = 0; i < 3 && i < segment.count; ++i) sum = fma(J[begin + i], state.qpos_low(w, q + i), sum);
+    return sum;
+  }
+  /// Of an element whose island sleeps: who it is, and the impulses that it fell asleep with.
+  /// @param at  its first row, counted from the world's
+  template <class Type>
+  KOKKOS_INLINE_FUNCTION void keep(Type const& type, int k, int place, int w, int n, int at) const {
+    int const now = impulses.parity(), first = rows.first(w) + at;
+    RowId const id = type.id(w, k);
+    R start[most_element_rows];
+    for (int r = 0; r < n; ++r) start[r] = R(0);
+    starts().find(type, k, place, id, w, at, n, start);
+    for (int r = 0; r < n; ++r) {
+      Row<R>& row = rows.row(first + r);
+      row.type = static_cast<unsigned char>(place);
+      row.element = k;
+      rows.element_rows(first + r) = static_cast<signed char>(r == 0 ? n : 0);
+      impulses.id[now](first + r) = row_key(place, id);
+      impulses.p[now](first + r) = start[r];
+    }
+    starts().mark_place(type, w, k, n, first);
+  }
+  /// What belongs to an element as a whole: couplings, identity, and the impulses to start from.
+  template <class Type>
+  KOKKOS_INLINE_FUNCTION void finish(Type const& type, int w, int n, int first) const {
+    Row<R>* const row = &rows.row(first);
+    int const k = row->element, place = row->type;
+    bool same = true;
+    for (int b = 1; b < n; ++b) same = same && has_segments_of(row[b], row[0]);
+    row->same_segments = same;
+    int const now = impulses.parity();
+    RowId const id = type.id(w, k);
+    R start[most_element_rows];
+    for (int r = 0; r < n; ++r) start[r] = R(0);
+    R const load = state.steps(w) > 0 ? starts().find(type, k, place, id, w, first - rows.first(w), n, start) : R(0);
+    for (int r = 0; r < n; ++r) {
+      impulses.id[now](first + r) = row_key(place, id);
+      R const p = row[r].inverse_diagonal > R(0) ? start[r] : R(0);
+      impulses.p[now](first + r) = p - p == R(0) ? p : R(0);
+      if (row[r].friction_of >= 0 && model.profile == Profile::stable)
+        hold_elastically(row[r], row[row[r].friction_of], impulses.p[now](first + r), start[row[r].friction_of], load, rows.rate_scale(w));
+    }
+    couple(rows, row, n, row->first_entry - couplings_of(n));
+    // What is squeezed carries zeta / C, and hardened for that it would carry more each step: the weight of all is the most that counts.
+    for (int r = 0; r < n; ++r) harden(row[r], min(load, rows.weight(w)), most_yield(first + r));
+    starts().mark_place(type, w, k, n, first);
+  }
+  /// Rigid friction yields to what it changes by,   w + C (p - p_last) = 0:   it creeps under no load, and since it took hold it has
+  /// slipped by -h C p, as on a spring 1 / (h^2 C). Without, friction of points that move alike is not unique, and where they move nearly
+  /// alike it takes impulses beyond all measure to stop what is rounding: sweeps stall, and what has a strong friction is thrown (decision
+  /// 25).
+  /// @param normal  row that it hangs on;   @param p_last, normal_last  impulses of the two in the last step
+  /// @param load  what the element carries, as for `harden`
+  KOKKOS_INLINE_FUNCTION void hold_elastically(Row<R>& row, Row<R> const& normal, R p_last, R normal_last, R load, R rate_scale) const {
+    bool const fresh = normal_last == R(0);
+    R const time(row.mu > R(strong_friction) ? max(rows.friction_time, strong_friction_time) : rows.friction_time);
+    if (time == R(0) || row.compliance != R(0) || row.inverse_diagonal == R(0)) return;
+    if (fresh && normal.compliance == R(0)) return;  // a blow: no later step would stop what is left
+    R const size = R(1) / row.inverse_diagonal, most = R(friction_load) * rate_scale, least(least_friction_yield);
+    R const share = fresh ? least : clamp(square(time / model.timestep), least, R(most_friction_yield));
+    row.compliance = share * (size * load > most ? most / load : size);
+    row.bias = fma(-row.compliance, p_last, row.bias);
+    row.inverse_diagonal = R(1) / (size + row.compliance);
+  }
+  /// A row that carries much yields C p <= most to it.
+  KOKKOS_INLINE_FUNCTION static void harden(Row<R>& row, R p, R most) {
+    R const compliance = row.compliance;
+    if (!(compliance * abs(p) > most) || row.with_next) return;
+    row.compliance = most / abs(p);
+    row.inverse_diagonal = R(1) / (R(1) / row.inverse_diagonal + (row.compliance - compliance));
+  }
+};
+
+}  // namespace gsp::detail
