@@ -46,9 +46,16 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
   }
   // more threads or warps than worlds share the islands of each
   int const busy = is_device<Exec> ? 2048 : exec.concurrency(), parts = std::clamp(busy / rows.worlds, 1, std::max(1, rows.islands.ntree));
-  detail::PgsWorld<R, Mem> const solver{rows, impulses, solution, progress, options, elsewhere, parts};
+  detail::PgsWorld<R, Mem> solver{rows, impulses, solution, progress, options, elsewhere, parts};
   if (parts > 1) for_worlds("gsp::solver::find_islands", exec, rows.worlds, detail::FindIslands<R, Mem>{rows, solution, progress.halt});
-  for_worlds("gsp::solver::pgs", exec, rows.worlds * parts, solver);
+  if constexpr (is_device<Exec>) {
+    for_worlds("gsp::solver::pgs", exec, rows.worlds * parts, solver);
+  } else {
+    detail::grow_island_room(exec, solver, solution);
+    solver.solution = solution;
+    Kokkos::parallel_for("gsp::solver::pgs", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds * parts),
+                         detail::RoomyLoop<Exec, R, Mem>{solver});
+  }
   if (options.residual) for_worlds("gsp::solver::pgs_residual", exec, rows.worlds, detail::PgsResidual<R, Mem>{solver});
   restore_rows(exec, rows, progress, impulses, solution.z);
   set_solved(rows, impulses, solution);

@@ -2,11 +2,12 @@
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/parallel/for_worlds.hpp>
 #include <gsp/solver/detail/mixing.hpp>
+#include <gsp/solver/detail/pgs_grouped.hpp>
 #include <gsp/solver/detail/pgs_shared.hpp>
 #include <gsp/solver/detail/take_element.hpp>
 
-/// Projected Gauss-Seidel over sparse rows, island by island: a thread a world, or a warp whose threads share the entries of a row; worlds
-/// of several trees may be shared by several threads or warps.
+/// Projected Gauss-Seidel island by island: on a host a thread a world, over rows in groups of dofs (pgs_grouped.hpp); on a GPU a warp,
+/// whose threads share the entries of sparse rows. Worlds of several trees may be shared by several threads or warps.
 namespace gsp::detail {
 
 /// Worlds of one tree are one island, and so are those that a host can solve in lockstep, which stop as a whole there: the same answer on
@@ -32,6 +33,35 @@ struct FindIslands {
 
 /// Which worlds another kernel solves.
 enum class SmallWorlds : unsigned char { none, lockstep, shared };  // pgs_lockstep.hpp, pgs_shared.hpp
+
+/// Sweeps until no rate changes by more than the tolerance; their number.
+/// @param island  sweep, keep, take_back, leap, mixing_sums, remember and sum, as GroupedIsland has them
+/// @param any     whether there is any element
+template <class R, class Island>
+KOKKOS_INLINE_FUNCTION int sweep_until_rest(Island const& island, PgsOptions const& options, R tolerance, bool any) {
+  int sweep = 0;
+  bool leaping = true;
+  MixingMemory<R> memory;
+  for (bool again = any; again; ++sweep) {
+    bool const leaps = leaping && leaps_after(sweep, options);
+    if (is_remembered(sweep, options)) island.keep(leaps);
+    SweepOutcome<R> const done = island.sweep(leaps);
+    again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || done.change > tolerance);
+    if (!again) continue;
+    if (is_remembered(sweep, options) && memory.is_worse(done.misses)) island.take_back();
+    if (leaps) {
+      leaping = leaps_again(done.work.raised);
+      if (leaping) island.leap(done.work);
+    }
+    Mixing<R> to{R(0), R(0)};
+    bool const mixes = memory.after(sweep, options, leaps && leaping);
+    bool const both = memory.knows_both();
+    if (mixes) to = best_mixing<R>(island.mixing_sums(both));
+    if (is_remembered(sweep, options)) island.remember(sweep % 2, mixes, to, both);
+    if (mixes || begins_anew(sweep, options)) island.sum();
+  }
+  return sweep;
+}
 
 template <class R, class Mem>
 struct PgsWorld {
@@ -93,6 +123,8 @@ struct PgsWorld {
     return elsewhere == SmallWorlds::lockstep ? goes_in_lockstep(rows, w) : elsewhere == SmallWorlds::shared && fits_shared(rows, w);
   }
 
+  [[gnu::noinline]] void on_host(RoomyWorld const& world) const { (*this)(world); }  // one copy of the code for all host backends
+
  private:
   struct Island {
     int world, first_row;
@@ -146,49 +178,66 @@ struct PgsWorld {
     }
     return false;
   }
-  /// Sweeps until no rate changes by more than the tolerance; their number.
+  /// f(r, n) for the elements of a sweep, n rows from r on.
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void each_element(Island const& e, F const& f) const {
+    int r, n;
+    for (Turn turn = first_turn(e); next_element(e, turn, r, n);) f(r, n);
+  }
+  /// Their number of sweeps.
   template <class World>
   KOKKOS_INLINE_FUNCTION int solve(World const& world, Island const& e, R* z, R* p) const {
     R const tolerance = R(options.tolerance) * rows.rate_scale(e.world);
-    Turn const first = first_turn(e);
-    sum_island(world, e, z, p);
-    int sweep = 0;
-    bool leaping = true;
-    MixingMemory<R> memory;
-    for (bool again = e.elements > 0; again; ++sweep) {
-      bool const leaps = leaping && leaps_after(sweep, options);
-      if (is_remembered(sweep, options)) keep(world, e, z, p, leaps);
-      SweepWork<R> work{};
-      R change(0), misses(0);
-      int r, n;
-      for (Turn turn = first; next_element(e, turn, r, n);) {
-        Row<R> const* const row = &rows.row(e.first_row + r);
-        if (n == 1)
-          change = max(change, sweep_element<1>(world, row, 1, z, p + r, misses, work));
-        else if (n == 3 && row->same_segments)
-          change = max(change, sweep_element<3>(world, row, 3, z, p + r, misses, work));
-        else
-          change = max(change, sweep_element<N>(world, row, n, z, p + r, misses, work));
-      }
-      again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || change > tolerance);
-      if (!again) continue;
-      if (is_remembered(sweep, options) && memory.is_worse(misses)) {
-        each_row(world, e, [&](int at) { p[at] = impulses.mixing[0](e.first_row + at); });
-        world.sync();
-        sum_island(world, e, z, p);
-      }
-      if (leaps) {
-        leaping = leaps_again(work.raised);
-        if (leaping) leap(world, e, z, p, work);
-      }
-      Mixing<R> to{R(0), R(0)};
-      bool const mixes = memory.after(sweep, options, leaps && leaping);
-      bool const both = memory.knows_both();
-      if (mixes) to = best_mixing<R>(mixing_sums(world, e, p, both));
-      if (is_remembered(sweep, options)) remember(world, e, p, sweep % 2, mixes, to, both);
-      if (mixes || begins_anew(sweep, options)) sum_island(world, e, z, p);
+    if constexpr (std::is_same_v<World, RoomyWorld>) {
+      auto const dof = [&](int k) { return e.dof(k); };
+      int count = 0;
+      each_element(e, [&](int, int n) { count += n; });
+      GroupedIsland<R, Mem> island(rows, e.world, R(options.relaxation), world.room, p, count, e.dofs, dof,
+                                   [&](auto const& f) { each_element(e, f); });
+      int const sweeps = sweep_until_rest<R>(island, options, tolerance, e.elements > 0);
+      island.store(e.dofs, dof, z, p);
+      return sweeps;
+    } else {
+      sum_island(world, e, z, p);
+      return sweep_until_rest<R>(SparseIsland<World>{*this, world, e, first_turn(e), z, p}, options, tolerance, e.elements > 0);
     }
-    return sweep;
+  }
+  /// An island, for sweep_until_rest.
+  template <class World>
+  struct SparseIsland {
+    PgsWorld const& solver;
+    World const& world;
+    Island const& e;
+    Turn const first;
+    R *z, *p;
+    KOKKOS_INLINE_FUNCTION SweepOutcome<R> sweep(bool) const { return solver.sweep(world, e, first, z, p); }
+    KOKKOS_INLINE_FUNCTION void keep(bool leaps) const { solver.keep(world, e, z, p, leaps); }
+    KOKKOS_INLINE_FUNCTION void sum() const { solver.sum_island(world, e, z, p); }
+    KOKKOS_INLINE_FUNCTION void leap(SweepWork<R> const& work) const { solver.leap(world, e, z, p, work); }
+    KOKKOS_INLINE_FUNCTION MixingSums<R> mixing_sums(bool both) const { return solver.mixing_sums(world, e, p, both); }
+    KOKKOS_INLINE_FUNCTION void remember(int side, bool mixes, Mixing<R> const& to, bool both) const {
+      solver.remember(world, e, p, side, mixes, to, both);
+    }
+    KOKKOS_INLINE_FUNCTION void take_back() const {
+      solver.each_row(world, e, [&](int at) { p[at] = solver.impulses.mixing[0](e.first_row + at); });
+      world.sync();
+      sum();
+    }
+  };
+  template <class World>
+  KOKKOS_INLINE_FUNCTION SweepOutcome<R> sweep(World const& world, Island const& e, Turn turn, R* z, R* p) const {
+    SweepOutcome<R> to;
+    int r, n;
+    while (next_element(e, turn, r, n)) {
+      Row<R> const* const row = &rows.row(e.first_row + r);
+      if (n == 1)
+        to.change = max(to.change, sweep_element<1>(world, row, 1, z, p + r, to.misses, to.work));
+      else if (n == 3 && row->same_segments)
+        to.change = max(to.change, sweep_element<3>(world, row, 3, z, p + r, to.misses, to.work));
+      else
+        to.change = max(to.change, sweep_element<N>(world, row, n, z, p + r, to.misses, to.work));
+    }
+    return to;
   }
   /// Sum of f(r) over the rows of an island.
   template <class World, class F>
@@ -209,12 +258,9 @@ struct PgsWorld {
       return own;
     };
     MixingSums<R> s{};
-    if constexpr (std::is_same_v<World, SerialWorld>)
-      each_row(world, e, [&](int r) { s += of_row(r); });
-    else
-      for (R MixingSums<R>::*part :
-           {&MixingSums<R>::dd11, &MixingSums<R>::dd12, &MixingSums<R>::dd22, &MixingSums<R>::df1, &MixingSums<R>::df2})
-        s.*part = sum_of_rows(world, e, [&](int r) { return of_row(r).*part; });
+    for (R MixingSums<R>::*part :
+         {&MixingSums<R>::dd11, &MixingSums<R>::dd12, &MixingSums<R>::dd22, &MixingSums<R>::df1, &MixingSums<R>::df2})
+      s.*part = sum_of_rows(world, e, [&](int r) { return of_row(r).*part; });
     return s;
   }
   /// Keeps p and d of the last sweep; where it mixes, p goes on to the mixture.
@@ -326,6 +372,45 @@ struct PgsWorld {
     return change;
   }
 };
+
+/// Hosts: a thread's own room for each that needs it.
+template <class Exec, class R, class Mem>
+struct RoomyLoop {
+  PgsWorld<R, Mem> solver;
+  void operator()(int rank) const {
+    if (solver.progress.halt() || solver.is_solved_elsewhere(rank / solver.parts)) return solver.on_host({{rank}, nullptr});
+    Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
+    int const thread = token.acquire();
+    solver.on_host({{rank}, reinterpret_cast<char*>(solver.solution.island_items.data() + thread * solver.solution.island_stride)});
+    token.release(thread);
+  }
+};
+/// The largest room that a world needs which is not solved elsewhere.
+template <class R, class Mem>
+struct MostRoom {
+  PgsWorld<R, Mem> solver;
+  int most_tree_dofs;
+  void operator()(int w, std::int64_t& most) const {
+    if (!solver.progress.halt() && !solver.is_solved_elsewhere(w)) most = std::max(most, grouped_bytes(solver.rows, w, most_tree_dofs));
+  }
+};
+
+/// Enlarges the threads' room where the rows need more, and half as much again.
+template <class Exec, class R, class Mem>
+void grow_island_room(Exec const& exec, PgsWorld<R, Mem> const& solver, Solution<R, Mem>& solution) {
+  auto const& islands = solver.rows.islands;
+  int most_tree_dofs = 0;
+  for (int t = 0; t < islands.ntree; ++t) most_tree_dofs = std::max(most_tree_dofs, islands.tree_dofnum(t));
+  std::int64_t bytes = 0;
+  Kokkos::parallel_reduce("gsp::solver::pgs_room", Kokkos::RangePolicy<Exec>(exec, 0, solver.rows.worlds),
+                          MostRoom<R, Mem>{solver, most_tree_dofs}, Kokkos::Max<std::int64_t>(bytes));
+  std::int64_t const threads = Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global>().size();
+  std::int64_t& stride = solution.island_stride;
+  if (std::int64_t const least = bytes / std::int64_t(sizeof(R)); least > stride) stride = (least + least / 2 + 63) / 64 * 64;
+  if (std::int64_t(solution.island_items.extent(0)) >= stride * threads) return;
+  solution.island_items = {};
+  solution.island_items = allocate<decltype(solution.island_items)>("gsp::Solution::island_items", stride * threads);
+}
 
 /// solution.residual: the largest violation in each world.
 template <class R, class Mem>

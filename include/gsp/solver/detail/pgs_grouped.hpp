@@ -1,0 +1,312 @@
+#pragma once
+#include <algorithm>
+#include <gsp/constraint/rows.hpp>
+#include <gsp/math/pack.hpp>
+#include <gsp/parallel/for_worlds.hpp>
+#include <gsp/solver/detail/leap.hpp>
+#include <gsp/solver/detail/mixing.hpp>
+#include <gsp/solver/detail/row_vectors.hpp>
+#include <gsp/solver/project_element.hpp>
+
+/// Islands of large worlds on a CPU: before its sweeps an island is copied into a thread's own memory, its elements side by side in the
+/// order in which a sweep visits them. Dofs come by groups of as many as a pack has, each tree's from a whole group on, and an element has
+/// its entries in the groups that any of its rows touches, zeros between them: a product of rows and z is a fma a row and group and a sum
+/// over lanes, and nothing is gathered inside a sweep. What a sweep waits for is the way from one element's z to the next one's.
+namespace gsp::detail {
+
+/// Dofs of a group: a free body's are one, in float.
+template <class R>
+inline constexpr int group_dofs = native_width<R> < 8 ? native_width<R> : 8;
+
+/// Sum over the lanes, by halves.
+template <class R, int W>
+R sum_of_lanes(Pack<R, W> const& x) {
+  if constexpr (W == 1) {
+    return x[0];
+  } else {
+    Pack<R, W / 2> low, high;
+    __builtin_memcpy(&low, &x, sizeof low);
+    __builtin_memcpy(&high, reinterpret_cast<char const*>(&x) + sizeof low, sizeof high);
+    return sum_of_lanes(low + high);
+  }
+}
+
+/// A world on a host, and its thread's room.
+struct RoomyWorld : SerialWorld {
+  char* room;
+};
+
+/// An element of M rows; behind it lie the groups, and from the next whole pack on the entries, by group, then by row.
+template <class R, int M>
+struct alignas(Pack<R, group_dofs<R>>) GroupedElement {
+  using T = Pack<R, group_dofs<R>>;
+  int rows, groups;
+  ElementLaw<R, M> law;
+  R coupling[M > 1 ? M*(M - 1) / 2 : 1];                                       // Y_b . Y_a, a < b
+  int const* group() const { return reinterpret_cast<int const*>(this + 1); }  // places in z
+  T const* entries() const {
+    return reinterpret_cast<T const*>(this + 1) + (groups * int(sizeof(int)) + int(sizeof(T)) - 1) / int(sizeof(T));
+  }
+};
+
+/// What one sweep finds.
+template <class R>
+struct SweepOutcome {
+  R change = R(0), misses = R(0);  // largest change of a rate; sum d^2 (|Y|^2 + C)
+  SweepWork<R> work{};             // where a leap follows
+};
+
+/// Bytes that the largest island of a world may take.
+template <class R, class Mem>
+std::int64_t grouped_bytes(Rows<R, Mem> const& rows, int w, int most_tree_dofs) {
+  constexpr std::int64_t G = group_dofs<R>, pack = sizeof(Pack<R, G>), each = sizeof(GroupedElement<R, 1>) + pack;
+  std::int64_t const n = rows.count(w), ntree = rows.islands.ntree, dofs = rows.nv + (G - 1) * ntree;
+  std::int64_t const groups = std::min(rows.entries(w), 2 * n * ((most_tree_dofs + G - 1) / G));
+  return 2 * dofs * std::int64_t(sizeof(R)) + (rows.nv + dofs) * std::int64_t(sizeof(int)) + 10 * (n + G) * std::int64_t(sizeof(R)) +
+         n * (std::int64_t(sizeof(int)) + each) + groups * (std::int64_t(sizeof(int)) + rows.largest_element(w) * pack) + 16 * pack;
+}
+
+/// An island in a thread's own memory.
+template <class R, class Mem>
+class GroupedIsland {
+  static constexpr int G = group_dofs<R>;
+  using T = Pack<R, G>;
+
+ public:
+  /// @param room         grouped_bytes, from a whole pack on
+  /// @param row_count    rows of the island
+  /// @param dofs, dof    its dofs, and number k of them, trees one after the other
+  /// @param elements     elements(f): f(r, n) for each element in the order of a sweep, n rows from row r of the world on
+  template <class Dof, class Elements>
+  GroupedIsland(Rows<R, Mem> const& rows, int w, R relaxation, char* room, R const* p, int row_count, int dofs, Dof const& dof,
+                Elements const& elements)
+      : rows_(rows), relaxation_(relaxation), room_(room) {
+    place_ = take<int>(rows.nv);
+    each_dof(dofs, dof, [&](int i, int at) { place_[i] = at; });
+    packs_ = (dofs_ + G - 1) / G;
+    z_ = take<R>(packs_ * G);
+    z_before_ = take<R>(packs_ * G);
+    slot_ = take<int>(packs_);
+    std::fill(slot_, slot_ + packs_, -1);
+    std::fill(z_, z_ + packs_ * G, R(0));
+    row_packs_ = (row_count + G - 1) / G;
+    for (R** v : {&p_, &before_, &bias_, &compliance_, &inverse_, &diagonal_, &mixing_[0], &mixing_[1], &mixing_[2], &mixing_[3]}) {
+      *v = take<R>(row_packs_ * G);
+      if (row_packs_ > 0) std::fill(*v + (row_packs_ - 1) * G, *v + row_packs_ * G, R(0));  // beyond the last row
+    }
+    row_ = take<int>(row_count);
+    elements_ = room_;
+    int const first = rows.first(w);
+    elements([&](int r, int n) {
+      for (int b = 0; b < n; ++b, ++count_) {
+        Row<R> const& row = rows.row(first + r + b);
+        row_[count_] = r + b;
+        p_[count_] = p[r + b];
+        bias_[count_] = row.bias;
+        compliance_[count_] = row.compliance;
+        inverse_[count_] = row.inverse_diagonal;
+        diagonal_[count_] = row.inverse_diagonal > R(0) ? R(1) / row.inverse_diagonal : R(0);
+      }
+      of_rows(n, [&](auto m) { add_element<m>(&rows.row(first + r)); });
+    });
+    sum();
+  }
+  template <class Dof>
+  void store(int dofs, Dof const& dof, R* z, R* p) {
+    each_dof(dofs, dof, [&](int i, int at) { z[i] = z_[at]; });
+    for (int r = 0; r < count_; ++r) p[row_[r]] = p_[r];
+  }
+  SweepOutcome<R> sweep(bool leaps) const {
+    SweepOutcome<R> to;
+    each_element([&](auto const& e, int r) { leaps ? pass<true>(e, r, to) : pass<false>(e, r, to); });
+    return to;
+  }
+  void keep(bool leaps) const {
+    if (leaps) std::copy(z_, z_ + packs_ * G, z_before_);
+    std::copy(p_, p_ + row_packs_ * G, before_);
+  }
+  void take_back() const {
+    std::copy(mixing_[0], mixing_[0] + row_packs_ * G, p_);
+    sum();
+  }
+  /// z = Y^T p
+  void sum() const {
+    std::fill(z_, z_ + packs_ * G, R(0));
+    each_element([&](auto const& e, int r) { push(e, p_ + r); });
+  }
+  void leap(SweepWork<R> const& work) const {
+    LeapSums<T> s{};
+    for (int k = 0; k < packs_; ++k) s.add_dof(at(z_, k), at(z_, k) - at(z_before_, k));
+    for (int k = 0; k < row_packs_; ++k)
+      s.add_row(at(p_, k), at(p_, k) - at(before_, k), at(compliance_, k), at(bias_, k), at(inverse_, k));
+    Leap<R> const to =
+        best_leap<R>(LeapSums<R>{sum_of_lanes(s.pp), sum_of_lanes(s.pd), sum_of_lanes(s.dd), sum_of_lanes(s.bp), sum_of_lanes(s.yy)}, work);
+    for (int r = 0; r < count_; ++r) p_[r] += to.growth * p_[r] + to.sweeps * (p_[r] - before_[r]);
+    sum();
+  }
+  MixingSums<R> mixing_sums(bool both) const {
+    MixingSums<T> s{};
+    for (int k = 0; k < row_packs_; ++k)
+      s.add_row(at(diagonal_, k), at(p_, k) - at(before_, k), at(mixing_[3], k), at(mixing_[1], k), everywhere(both));
+    return {sum_of_lanes(s.dd11), sum_of_lanes(s.dd12), sum_of_lanes(s.dd22), sum_of_lanes(s.df1), sum_of_lanes(s.df2)};
+  }
+  void remember(int side, bool mixes, Mixing<R> const& to, bool both) const {
+    Mixing<T> const of_all{T(to.gamma1), T(to.gamma2)};
+    for (int k = 0; k < row_packs_; ++k) {
+      T const now = at(p_, k), d = now - at(before_, k);
+      if (mixes) at(p_, k) = now - of_all.of(now, at(mixing_[2], k), at(mixing_[0], k), everywhere(both));
+      at(mixing_[2 * side], k) = now;
+      at(mixing_[2 * side + 1], k) = d;
+    }
+  }
+
+ private:
+  template <class Item>
+  Item* take(std::int64_t n) {
+    Item* const items = reinterpret_cast<Item*>(room_);
+    room_ += (n * std::int64_t(sizeof(Item)) + std::int64_t(sizeof(T)) - 1) / std::int64_t(sizeof(T)) * std::int64_t(sizeof(T));
+    return items;
+  }
+  static Mask<R, G> everywhere(bool b) { return T(R(b)) > T(R(0)); }
+  static T& at(R* v, int k) { return reinterpret_cast<T*>(v)[k]; }
+  /// f(dof, its place here)
+  template <class Dof, class F>
+  void each_dof(int dofs, Dof const& dof, F const& f) {
+    dofs_ = 0;
+    for (int k = 0, tree = -1; k < dofs; ++k) {
+      int const i = dof(k);
+      if (int const own = rows_.islands.dof_tree(i); own != tree) {
+        tree = own;
+        dofs_ = (dofs_ + G - 1) / G * G;
+      }
+      f(i, dofs_++);
+    }
+  }
+  template <class F>
+  static void of_rows(int n, F const& f) {
+    static_assert(most_element_rows == 6);
+    switch (n) {
+      case 1:
+        return f(Index<1>{});
+      case 2:
+        return f(Index<2>{});
+      case 3:
+        return f(Index<3>{});
+      case 4:
+        return f(Index<4>{});
+      case 5:
+        return f(Index<5>{});
+      default:
+        return f(Index<6>{});
+    }
+  }
+  /// f(element, its first row here)
+  template <class F>
+  void each_element(F const& f) const {
+    char const* next = elements_;
+    for (int r = 0; r < count_;) {
+      int const n = *reinterpret_cast<int const*>(next);
+      of_rows(n, [&](auto m) {
+        auto const& e = *reinterpret_cast<GroupedElement<R, m> const*>(next);
+        f(e, r);
+        next = reinterpret_cast<char const*>(e.entries() + m * e.groups);
+      });
+      r += n;
+    }
+  }
+  template <int M>
+  void add_element(Row<R> const* row) {
+    auto& e = *reinterpret_cast<GroupedElement<R, M>*>(room_);
+    e.rows = M;
+    e.groups = 0;
+    R const* const Y = rows_.Y.data();
+    for (int c = 0; c < M * (M - 1) / 2; ++c) e.coupling[c] = Y[row->first_entry - M * (M - 1) / 2 + c];
+    int* const group = const_cast<int*>(e.group());
+    for (int b = 0; b < M; ++b) {
+      set_law(e.law, b, row[b]);
+      if (b > 0 && row->same_segments) continue;
+      each_entry(row[b], [&](int to, int) {
+        if (slot_[to / G] >= 0) return;
+        slot_[to / G] = e.groups;
+        group[e.groups++] = to / G * G;
+      });
+    }
+    R* const entries = reinterpret_cast<R*>(const_cast<T*>(e.entries()));
+    std::fill(entries, entries + M * G * e.groups, R(0));
+    for (int b = 0; b < M; ++b) {
+      R const* const y = Y + row[b].first_entry;
+      each_entry(row[b], [&](int to, int i) { entries[(slot_[to / G] * M + b) * G + to % G] += y[i]; });
+    }
+    for (int g = 0; g < e.groups; ++g) slot_[group[g] / G] = -1;
+    room_ = reinterpret_cast<char*>(entries + M * G * e.groups);
+  }
+  /// f(place of its dof, number of the entry) for the entries of a row.
+  template <class F>
+  void each_entry(Row<R> const& row, F const& f) const {
+    for (int s = 0, i = 0; s < 2; ++s) {
+      auto const& segment = row.segment[s];
+      if (segment.count == 0) return;
+      unsigned const first = unsigned(place_[segment.dof0]);
+      int const* const list = list_of(rows_, segment);
+      for (int k = 0; k < segment.count; ++k, ++i) f(first + unsigned(list ? list[k] : k), i);
+    }
+  }
+  /// z += Y^T d
+  template <int M>
+  void push(GroupedElement<R, M> const& e, R const* d) const {
+    T const* y = e.entries();
+    int const* const group = e.group();
+    T of_row[M];
+    unrolled<M>([&](auto b) { of_row[b] = T(d[b]); });
+    for (int g = 0; g < e.groups; ++g, y += M) {
+      T& z = *reinterpret_cast<T*>(z_ + group[g]);
+      T x = z;
+      unrolled<M>([&](auto b) { x = fma(y[b], of_row[b], x); });
+      z = x;
+    }
+  }
+  /// One pass over an element, from row r on: rates, projection, z.
+  template <bool leaps, int M>
+  void pass(GroupedElement<R, M> const& e, int r, SweepOutcome<R>& to) const {
+    R rate[M], before[M], now[M], d[M];
+    T sums[M];
+    unrolled<M>([&](auto b) { sums[b] = T(R(0)); });
+    T const* y = e.entries();
+    int const* const group = e.group();
+    for (int g = 0; g < e.groups; ++g, y += M) {
+      T const z = *reinterpret_cast<T const*>(z_ + group[g]);
+      unrolled<M>([&](auto b) { sums[b] = fma(y[b], z, sums[b]); });
+    }
+    unrolled<M>([&](auto b) {
+      now[b] = p_[r + b];
+      before[b] = rate[b] = fma(compliance_[r + b], now[b], bias_[r + b]) + sum_of_lanes(sums[b]);
+    });
+    auto const coupling = [&](int b, int a) { return e.coupling[b * (b - 1) / 2 + a]; };
+    project_element<M>(e.law, 0, coupling, relaxation_, rate, now, d);
+    bool any = false;
+    unrolled<M>([&](auto b) {
+      R const of_row = d[b] * diagonal_[r + b];
+      any = any || d[b] != R(0);
+      to.change = max(to.change, abs(of_row));
+      to.misses = fma(d[b], of_row, to.misses);
+      p_[r + b] = now[b];
+      if constexpr (leaps) {
+        unrolled<b>([&](auto a) { before[b] = fma(coupling(b, a), d[a], before[b]); });
+        R together(0);
+        if constexpr (b > 0) together = e.law.with_next[b - 1] * (coupling(b, b - 1) * d[b - 1]);
+        to.work.template add_row<R>(now[b], d[b], before[b], of_row, e.law.inverse_diagonal[b], together);
+      }
+    });
+    if (any) push(e, d);
+  }
+
+  Rows<R, Mem> const& rows_;
+  R relaxation_;
+  char* room_;
+  int dofs_ = 0, packs_ = 0, count_ = 0, row_packs_ = 0;  // places of dofs, rows
+  int *place_, *slot_, *row_;                             // of a tree's first dof; of a group in an element; row of the world
+  R *z_, *z_before_, *p_, *before_, *bias_, *compliance_, *inverse_, *diagonal_, *mixing_[4];
+  char const* elements_;
+};
+
+}  // namespace gsp::detail
