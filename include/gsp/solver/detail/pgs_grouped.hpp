@@ -105,10 +105,13 @@ class GroupedIsland {
         bias_[count_] = row.bias;
         compliance_[count_] = row.compliance;
         inverse_[count_] = row.inverse_diagonal;
-        diagonal_[count_] = row.inverse_diagonal > R(0) ? R(1) / row.inverse_diagonal : R(0);
       }
       of_rows(n, [&](auto m) { add_element<m>(&rows.row(first + r)); });
     });
+    for (int k = 0; k < row_packs_; ++k) {
+      auto const movable = at(inverse_, k) > T(R(0));
+      at(diagonal_, k) = select(movable, T(R(1)) / select(movable, at(inverse_, k), T(R(1))), T(R(0)));
+    }
     sum();
   }
   template <class Dof>
@@ -222,34 +225,45 @@ class GroupedIsland {
     R const* const Y = rows_.Y.data();
     for (int c = 0; c < M * (M - 1) / 2; ++c) e.coupling[c] = Y[row->first_entry - M * (M - 1) / 2 + c];
     int* const group = const_cast<int*>(e.group());
+    auto const add_group = [&](int g) {
+      if (slot_[g] >= 0) return;
+      slot_[g] = e.groups;
+      group[e.groups++] = g * G;
+    };
     for (int b = 0; b < M; ++b) {
       set_law(e.law, b, row[b]);
       if (b > 0 && row->same_segments) continue;
-      each_entry(row[b], [&](int to, int) {
-        if (slot_[to / G] >= 0) return;
-        slot_[to / G] = e.groups;
-        group[e.groups++] = to / G * G;
+      each_segment(row[b], [&](RowSegment const& s, int first, int const* list) {
+        if (list)
+          for (int i = 0; i < s.count; ++i) add_group(first + list[i] / G);
+        else
+          for (int i = 0; i < s.count; i += G) add_group(first + i / G);
       });
     }
-    R* const entries = reinterpret_cast<R*>(const_cast<T*>(e.entries()));
-    std::fill(entries, entries + M * G * e.groups, R(0));
+    T* const entries = const_cast<T*>(e.entries());
+    for (int k = 0; k < M * e.groups; ++k) entries[k] = T(R(0));
     for (int b = 0; b < M; ++b) {
-      R const* const y = Y + row[b].first_entry;
-      each_entry(row[b], [&](int to, int i) { entries[(slot_[to / G] * M + b) * G + to % G] += y[i]; });
+      R const* y = Y + row[b].first_entry;
+      each_segment(row[b], [&](RowSegment const& s, int first, int const* list) {
+        auto const of_group = [&](int g) { return reinterpret_cast<R*>(entries + slot_[g] * M + b); };
+        if (list)
+          for (int i = 0; i < s.count; ++i) of_group(first + list[i] / G)[list[i] % G] += y[i];
+        else
+          for (int i = 0; i < s.count; i += G) {
+            R* const to = of_group(first + i / G);
+            for (int l = 0; l < G && i + l < s.count; ++l) to[l] += y[i + l];
+          }
+        y += s.count;
+      });
     }
     for (int g = 0; g < e.groups; ++g) slot_[group[g] / G] = -1;
-    room_ = reinterpret_cast<char*>(entries + M * G * e.groups);
+    room_ = reinterpret_cast<char*>(entries + M * e.groups);
   }
-  /// f(place of its dof, number of the entry) for the entries of a row.
+  /// f(segment, group of its tree's first dof, list)
   template <class F>
-  void each_entry(Row<R> const& row, F const& f) const {
-    for (int s = 0, i = 0; s < 2; ++s) {
-      auto const& segment = row.segment[s];
-      if (segment.count == 0) return;
-      unsigned const first = unsigned(place_[segment.dof0]);
-      int const* const list = list_of(rows_, segment);
-      for (int k = 0; k < segment.count; ++k, ++i) f(first + unsigned(list ? list[k] : k), i);
-    }
+  void each_segment(Row<R> const& row, F const& f) const {
+    for (int s = 0; s < 2 && row.segment[s].count > 0; ++s)
+      f(row.segment[s], place_[row.segment[s].dof0] / G, list_of(rows_, row.segment[s]));
   }
   /// z += Y^T d
   template <int M>
@@ -284,11 +298,12 @@ class GroupedIsland {
     auto const coupling = [&](int b, int a) { return e.coupling[b * (b - 1) / 2 + a]; };
     project_element<M>(e.law, 0, coupling, relaxation_, rate, now, d);
     bool any = false;
+    R change(0), misses(0);  // of the element: what `to` has so far is waited for once
     unrolled<M>([&](auto b) {
       R const of_row = d[b] * diagonal_[r + b];
       any = any || d[b] != R(0);
-      to.change = max(to.change, abs(of_row));
-      to.misses = fma(d[b], of_row, to.misses);
+      change = max(change, abs(of_row));
+      misses = fma(d[b], of_row, misses);
       p_[r + b] = now[b];
       if constexpr (leaps) {
         unrolled<b>([&](auto a) { before[b] = fma(coupling(b, a), d[a], before[b]); });
@@ -297,6 +312,8 @@ class GroupedIsland {
         to.work.template add_row<R>(now[b], d[b], before[b], of_row, e.law.inverse_diagonal[b], together);
       }
     });
+    to.change = max(to.change, change);
+    to.misses += misses;
     if (any) push(e, d);
   }
 
