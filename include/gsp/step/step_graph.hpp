@@ -45,40 +45,41 @@ class StepStamps {
 /// A step that is launched with one call: on CUDA its twenty-odd kernels are recorded as a graph, which takes their launches, some
 /// microseconds each, from the host; elsewhere it is `launch_step`. The bits are those of `step`.
 /// The first step is launched as usual, the second is recorded, and so are those after anything that the graph was given has become
-/// another: a pool that has grown, a buffer that was replaced, a field that has values per world now, a number of the model. (Views and
-/// numbers are compared, some 20 kB, not what the views show, which kernels read as they run.) Types and laws of your own are kept as they
-/// are at the beginning.
+/// another: a pool that has grown, a buffer that was replaced, a field that has values per world now, a number of the model, an option.
+/// (Views and numbers are compared, some 20 kB, not what the views show, which kernels read as they run.) Types and laws of your own are
+/// kept as they are at the beginning.
 /// @param model, state, sim  kept by reference: they must live as long
 /// @param more  constraint types and actuator laws of your own, as for launch_step
 /// Nothing is recorded where a profiling tool listens, or where a kernel of yours reads the host's memory.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 class StepGraph {
  public:
-  StepGraph(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim, LaunchOptions const& options = {},
-            More const&... more)
-      : exec_(exec), model_(&model), state_(&state), sim_(&sim), options_(options), more_(more...) {}
+  LaunchOptions options;  // may change between steps
+
+  StepGraph(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim,
+            LaunchOptions const& launch_options = {}, More const&... more)
+      : options(launch_options), exec_(exec), model_(&model), state_(&state), sim_(&sim), more_(more...) {}
 
   /// Launches so many steps and does not wait; `settle` says how many of them have to be launched again.
   void launch(int steps = 1) {
     expects(steps >= 0, "gsp::StepGraph: steps must not be negative");
     for (; steps > 0; --steps) {
-      bool const same = is_as_before();
+      bool const same = is_as_before(), listened = Kokkos::Tools::profileLibraryLoaded();
       if (!same) {
         recording_.clear();
         may_record_ = true;
       }
-      if (recording_.exists()) {
+      if (recording_.exists() && !listened) {
         recording_.launch(exec_);
         stamps_.set(*sim_, *state_);
         continue;
       }
-      bool const records = same && may_record_ && recording_.record(exec_, [&] { launch_one(); });
-      if (records) {
+      if (same && may_record_ && !listened && recording_.record(exec_, [&] { launch_one(); })) {
         ++recorded_;
         recording_.launch(exec_);
         stamps_.take(*sim_);
       } else {
-        may_record_ = !same;  // where it could not be done, not again before something changes
+        if (same && !listened) may_record_ = false;  // it could not be done: not again before something changes
         launch_one();
       }
       keep();
@@ -99,7 +100,7 @@ class StepGraph {
 
  private:
   void launch_one() {
-    std::apply([&](auto const&... one) { launch_step(exec_, *model_, *state_, *sim_, options_, one...); }, more_);
+    std::apply([&](auto const&... one) { launch_step(exec_, *model_, *state_, *sim_, options, one...); }, more_);
   }
   /// f(bytes, count) for all that kernels are given.
   template <class F>
@@ -107,6 +108,7 @@ class StepGraph {
     f(static_cast<void const*>(model_), sizeof *model_);
     f(static_cast<void const*>(state_), sizeof *state_);
     f(static_cast<void const*>(sim_), sizeof *sim_);
+    f(static_cast<void const*>(&options), sizeof options);
   }
   void keep() {
     if constexpr (is_device<Exec>) {
@@ -132,7 +134,6 @@ class StepGraph {
   Model<R, Mem> const* model_;
   State<R, Mem>* state_;
   Simulation<R, Mem>* sim_;
-  LaunchOptions options_;
   std::tuple<More...> more_;
   Recording<Exec> recording_;
   detail::StepStamps<R, Mem> stamps_;
