@@ -19,10 +19,12 @@ namespace gsp {
 /// @param options    a world stops by itself: at a share of what gravity does in a step, after so many sweeps at least and at most
 /// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, a tolerance below 0 or NaN, a relaxation
 /// outside of 0 to 2, for rows that nobody has assembled, and for rows with room for a restitution without a call of impacts. On a CPU,
-/// worlds of at most 128 rows in models of at most 128 dofs go in lockstep, a pack at a time; on a GPU, where their elements have at most
-/// three rows, they stay in shared memory, where 24 kB hold one, eight threads each; larger ones, and those of several trees that may
-/// sleep, are swept over sparse rows, by a thread or a warp each, island by island. Cost 4 entries iterations flop a world. A world's
-/// result depends on nothing but its own rows and on whether trees may sleep. Does not allocate, does not fence.
+/// worlds of at most 128 rows in models of at most 128 dofs go in lockstep, a pack at a time; larger ones, and those of several trees that
+/// may sleep, are swept island by island, each in its thread's own memory. On a GPU small worlds, where their elements have at most three
+/// rows, stay in shared memory, where 24 kB hold one, eight threads each; the others are swept over sparse rows, by a warp each, island by
+/// island. Cost 4 entries iterations flop a world. A world's result depends on nothing but its own rows and on whether trees may sleep.
+/// Does not fence. Allocates on a CPU alone, where a world that does not go in lockstep has more rows than the threads have room for
+/// (solution.island_items).
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
          PgsOptions options = {}) {

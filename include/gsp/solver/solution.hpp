@@ -23,7 +23,7 @@ struct Solution {
   View<signed char*> goes_on;  // hosts, (worlds) whether it goes into another round of sweeps there
   View<int*> going_worlds;     // hosts, (worlds) those that do, and their number
   View<int> going;
-  View<R*> island_items;       // hosts: room for an island a thread (detail/pgs_grouped.hpp), which pgs enlarges
+  View<R*> island_items;  // hosts: room for an island a thread (detail/pgs_grouped.hpp), which pgs enlarges
   std::int64_t island_stride = 0;
   View<int**> shared_worlds;  // GPUs, (sizes, worlds) those that are solved in shared memory, by the room that they need
   View<int**> shared_counts;  // GPUs, (sizes, 3) how many stand at the front of them, at their end, and how many have been taken

@@ -180,8 +180,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 ///              actuator laws (dynamics/actuator_law.hpp)
 /// In profile stable what bounces is solved for first (solver/impacts.hpp). In profile mujoco rows are solved by Newton's method
 /// (solver/newton.hpp), and friction again by sim.noslip (solver/noslip.hpp), with RK4 four times a step, from nothing each time, so that a
-/// repeated step is the same. Does not allocate, does not fence. Errors: laws without actuators; options that the solvers refuse, those of
-/// the other profile too. Until `settle` nothing of the step is to be saved, and no force to be read.
+/// repeated step is the same. Does not fence, nor allocate (on a CPU pgs may, as rows grow). Errors: laws without actuators; options that
+/// the solvers refuse, those of the other profile too. Until `settle` nothing of the step is to be saved, and no force to be read.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim,
                  LaunchOptions const& options = {}, More const&... more) {
@@ -265,7 +265,8 @@ int settle(Exec const& exec, Simulation<R, Mem>& sim) {
 }
 
 /// Steps all worlds `options.steps` times and leaves the poses of the end in sim.poses. No result depends on a capacity: what did not fit
-/// is done again with larger pools. Fences once at its end, and where a pool grew; allocates only then.
+/// is done again with larger pools. Fences once at its end, and where a pool grew; allocates only then, and where pgs
+/// does.
 /// @param more  constraint types and actuator laws of your own, as for launch_step
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim, StepOptions options = {},

@@ -1,12 +1,10 @@
 #pragma once
 #include <algorithm>
 #include <gsp/constraint/rows.hpp>
-#include <gsp/math/pack.hpp>
 #include <gsp/parallel/for_worlds.hpp>
-#include <gsp/solver/detail/leap.hpp>
-#include <gsp/solver/detail/mixing.hpp>
+#include <gsp/solver/detail/grouped_element.hpp>
 #include <gsp/solver/detail/row_vectors.hpp>
-#include <gsp/solver/project_element.hpp>
+#include <gsp/solver/detail/sweep_until_rest.hpp>
 
 /// Islands of large worlds on a CPU: before its sweeps an island is copied into a thread's own memory, its elements side by side in the
 /// order in which a sweep visits them. Dofs come by groups of as many as a pack has, each tree's from a whole group on, and an element has
@@ -14,46 +12,9 @@
 /// over lanes, and nothing is gathered inside a sweep. What a sweep waits for is the way from one element's z to the next one's.
 namespace gsp::detail {
 
-/// Dofs of a group: a free body's are one, in float.
-template <class R>
-inline constexpr int group_dofs = native_width<R> < 8 ? native_width<R> : 8;
-
-/// Sum over the lanes, by halves.
-template <class R, int W>
-R sum_of_lanes(Pack<R, W> const& x) {
-  if constexpr (W == 1) {
-    return x[0];
-  } else {
-    Pack<R, W / 2> low, high;
-    __builtin_memcpy(&low, &x, sizeof low);
-    __builtin_memcpy(&high, reinterpret_cast<char const*>(&x) + sizeof low, sizeof high);
-    return sum_of_lanes(low + high);
-  }
-}
-
 /// A world on a host, and its thread's room.
 struct RoomyWorld : SerialWorld {
   char* room;
-};
-
-/// An element of M rows; behind it lie the groups, and from the next whole pack on the entries, by group, then by row.
-template <class R, int M>
-struct alignas(Pack<R, group_dofs<R>>) GroupedElement {
-  using T = Pack<R, group_dofs<R>>;
-  int rows, groups;
-  ElementLaw<R, M> law;
-  R coupling[M > 1 ? M*(M - 1) / 2 : 1];                                       // Y_b . Y_a, a < b
-  int const* group() const { return reinterpret_cast<int const*>(this + 1); }  // places in z
-  T const* entries() const {
-    return reinterpret_cast<T const*>(this + 1) + (groups * int(sizeof(int)) + int(sizeof(T)) - 1) / int(sizeof(T));
-  }
-};
-
-/// What one sweep finds.
-template <class R>
-struct SweepOutcome {
-  R change = R(0), misses = R(0);  // largest change of a rate; sum d^2 (|Y|^2 + C)
-  SweepWork<R> work{};             // where a leap follows
 };
 
 /// Bytes that the largest island of a world may take.
@@ -78,8 +39,8 @@ class GroupedIsland {
   /// @param dofs, dof    its dofs, and number k of them, trees one after the other
   /// @param elements     elements(f): f(r, n) for each element in the order of a sweep, n rows from row r of the world on
   template <class Dof, class Elements>
-  GroupedIsland(Rows<R, Mem> const& rows, int w, R relaxation, char* room, R const* p, int row_count, int dofs, Dof const& dof,
-                Elements const& elements)
+  KOKKOS_INLINE_FUNCTION GroupedIsland(Rows<R, Mem> const& rows, int w, R relaxation, char* room, R const* p, int row_count, int dofs,
+                                       Dof const& dof, Elements const& elements)
       : rows_(rows), relaxation_(relaxation), room_(room) {
     place_ = take<int>(rows.nv);
     each_dof(dofs, dof, [&](int i, int at) { place_[i] = at; });
@@ -87,12 +48,12 @@ class GroupedIsland {
     z_ = take<R>(packs_ * G);
     z_before_ = take<R>(packs_ * G);
     slot_ = take<int>(packs_);
-    std::fill(slot_, slot_ + packs_, -1);
-    std::fill(z_, z_ + packs_ * G, R(0));
+    for (int k = 0; k < packs_; ++k) slot_[k] = -1;
+    for (int k = 0; k < packs_; ++k) at(z_, k) = T(R(0));
     row_packs_ = (row_count + G - 1) / G;
     for (R** v : {&p_, &before_, &bias_, &compliance_, &inverse_, &diagonal_, &mixing_[0], &mixing_[1], &mixing_[2], &mixing_[3]}) {
       *v = take<R>(row_packs_ * G);
-      if (row_packs_ > 0) std::fill(*v + (row_packs_ - 1) * G, *v + row_packs_ * G, R(0));  // beyond the last row
+      if (row_packs_ > 0) at(*v, row_packs_ - 1) = T(R(0));  // beyond the last row
     }
     row_ = take<int>(row_count);
     elements_ = room_;
@@ -115,29 +76,29 @@ class GroupedIsland {
     sum();
   }
   template <class Dof>
-  void store(int dofs, Dof const& dof, R* z, R* p) {
+  KOKKOS_INLINE_FUNCTION void store(int dofs, Dof const& dof, R* z, R* p) {
     each_dof(dofs, dof, [&](int i, int at) { z[i] = z_[at]; });
     for (int r = 0; r < count_; ++r) p[row_[r]] = p_[r];
   }
-  SweepOutcome<R> sweep(bool leaps) const {
+  KOKKOS_INLINE_FUNCTION SweepOutcome<R> sweep(bool leaps) const {
     SweepOutcome<R> to;
     each_element([&](auto const& e, int r) { leaps ? pass<true>(e, r, to) : pass<false>(e, r, to); });
     return to;
   }
-  void keep(bool leaps) const {
-    if (leaps) std::copy(z_, z_ + packs_ * G, z_before_);
-    std::copy(p_, p_ + row_packs_ * G, before_);
+  KOKKOS_INLINE_FUNCTION void keep(bool leaps) const {
+    if (leaps) copy(z_, z_before_, packs_);
+    copy(p_, before_, row_packs_);
   }
-  void take_back() const {
-    std::copy(mixing_[0], mixing_[0] + row_packs_ * G, p_);
+  KOKKOS_INLINE_FUNCTION void take_back() const {
+    copy(mixing_[0], p_, row_packs_);
     sum();
   }
   /// z = Y^T p
-  void sum() const {
-    std::fill(z_, z_ + packs_ * G, R(0));
-    each_element([&](auto const& e, int r) { push(e, p_ + r); });
+  KOKKOS_INLINE_FUNCTION void sum() const {
+    for (int k = 0; k < packs_; ++k) at(z_, k) = T(R(0));
+    each_element([&](auto const& e, int r) { e.push(z_, p_ + r); });
   }
-  void leap(SweepWork<R> const& work) const {
+  KOKKOS_INLINE_FUNCTION void leap(SweepWork<R> const& work) const {
     LeapSums<T> s{};
     for (int k = 0; k < packs_; ++k) s.add_dof(at(z_, k), at(z_, k) - at(z_before_, k));
     for (int k = 0; k < row_packs_; ++k)
@@ -147,13 +108,13 @@ class GroupedIsland {
     for (int r = 0; r < count_; ++r) p_[r] += to.growth * p_[r] + to.sweeps * (p_[r] - before_[r]);
     sum();
   }
-  MixingSums<R> mixing_sums(bool both) const {
+  KOKKOS_INLINE_FUNCTION MixingSums<R> mixing_sums(bool both) const {
     MixingSums<T> s{};
     for (int k = 0; k < row_packs_; ++k)
       s.add_row(at(diagonal_, k), at(p_, k) - at(before_, k), at(mixing_[3], k), at(mixing_[1], k), everywhere(both));
     return {sum_of_lanes(s.dd11), sum_of_lanes(s.dd12), sum_of_lanes(s.dd22), sum_of_lanes(s.df1), sum_of_lanes(s.df2)};
   }
-  void remember(int side, bool mixes, Mixing<R> const& to, bool both) const {
+  KOKKOS_INLINE_FUNCTION void remember(int side, bool mixes, Mixing<R> const& to, bool both) const {
     Mixing<T> const of_all{T(to.gamma1), T(to.gamma2)};
     for (int k = 0; k < row_packs_; ++k) {
       T const now = at(p_, k), d = now - at(before_, k);
@@ -165,16 +126,19 @@ class GroupedIsland {
 
  private:
   template <class Item>
-  Item* take(std::int64_t n) {
+  KOKKOS_INLINE_FUNCTION Item* take(std::int64_t n) {
     Item* const items = reinterpret_cast<Item*>(room_);
     room_ += (n * std::int64_t(sizeof(Item)) + std::int64_t(sizeof(T)) - 1) / std::int64_t(sizeof(T)) * std::int64_t(sizeof(T));
     return items;
   }
-  static Mask<R, G> everywhere(bool b) { return T(R(b)) > T(R(0)); }
-  static T& at(R* v, int k) { return reinterpret_cast<T*>(v)[k]; }
+  KOKKOS_INLINE_FUNCTION static Mask<R, G> everywhere(bool b) { return T(R(b)) > T(R(0)); }
+  KOKKOS_INLINE_FUNCTION static void copy(R* from, R* to, int packs) {
+    for (int k = 0; k < packs; ++k) at(to, k) = at(from, k);
+  }
+  KOKKOS_INLINE_FUNCTION static T& at(R* v, int k) { return reinterpret_cast<T*>(v)[k]; }
   /// f(dof, its place here)
   template <class Dof, class F>
-  void each_dof(int dofs, Dof const& dof, F const& f) {
+  KOKKOS_INLINE_FUNCTION void each_dof(int dofs, Dof const& dof, F const& f) {
     dofs_ = 0;
     for (int k = 0, tree = -1; k < dofs; ++k) {
       int const i = dof(k);
@@ -185,50 +149,31 @@ class GroupedIsland {
       f(i, dofs_++);
     }
   }
-  template <class F>
-  static void of_rows(int n, F const& f) {
-    static_assert(most_element_rows == 6);
-    switch (n) {
-      case 1:
-        return f(Index<1>{});
-      case 2:
-        return f(Index<2>{});
-      case 3:
-        return f(Index<3>{});
-      case 4:
-        return f(Index<4>{});
-      case 5:
-        return f(Index<5>{});
-      default:
-        return f(Index<6>{});
-    }
-  }
   /// f(element, its first row here)
   template <class F>
-  void each_element(F const& f) const {
-    char const* next = elements_;
+  KOKKOS_INLINE_FUNCTION void each_element(F const& f) const {
+    char* next = elements_;
     for (int r = 0; r < count_;) {
       int const n = *reinterpret_cast<int const*>(next);
       of_rows(n, [&](auto m) {
-        auto const& e = *reinterpret_cast<GroupedElement<R, m> const*>(next);
+        auto& e = *reinterpret_cast<GroupedElement<R, m>*>(next);
         f(e, r);
-        next = reinterpret_cast<char const*>(e.entries() + m * e.groups);
+        next = reinterpret_cast<char*>(e.entries() + m * e.groups);
       });
       r += n;
     }
   }
   template <int M>
-  void add_element(Row<R> const* row) {
+  KOKKOS_INLINE_FUNCTION void add_element(Row<R> const* row) {
     auto& e = *reinterpret_cast<GroupedElement<R, M>*>(room_);
     e.rows = M;
     e.groups = 0;
     R const* const Y = rows_.Y.data();
     for (int c = 0; c < M * (M - 1) / 2; ++c) e.coupling[c] = Y[row->first_entry - M * (M - 1) / 2 + c];
-    int* const group = const_cast<int*>(e.group());
     auto const add_group = [&](int g) {
       if (slot_[g] >= 0) return;
       slot_[g] = e.groups;
-      group[e.groups++] = g * G;
+      e.group()[e.groups++] = g * G;
     };
     for (int b = 0; b < M; ++b) {
       set_law(e.law, b, row[b]);
@@ -240,7 +185,7 @@ class GroupedIsland {
           for (int i = 0; i < s.count; i += G) add_group(first + i / G);
       });
     }
-    T* const entries = const_cast<T*>(e.entries());
+    T* const entries = e.entries();
     for (int k = 0; k < M * e.groups; ++k) entries[k] = T(R(0));
     for (int b = 0; b < M; ++b) {
       R const* y = Y + row[b].first_entry;
@@ -256,44 +201,23 @@ class GroupedIsland {
         y += s.count;
       });
     }
-    for (int g = 0; g < e.groups; ++g) slot_[group[g] / G] = -1;
+    for (int g = 0; g < e.groups; ++g) slot_[e.group()[g] / G] = -1;
     room_ = reinterpret_cast<char*>(entries + M * e.groups);
   }
   /// f(segment, group of its tree's first dof, list)
   template <class F>
-  void each_segment(Row<R> const& row, F const& f) const {
+  KOKKOS_INLINE_FUNCTION void each_segment(Row<R> const& row, F const& f) const {
     for (int s = 0; s < 2 && row.segment[s].count > 0; ++s)
       f(row.segment[s], place_[row.segment[s].dof0] / G, list_of(rows_, row.segment[s]));
   }
-  /// z += Y^T d
-  template <int M>
-  void push(GroupedElement<R, M> const& e, R const* d) const {
-    T const* y = e.entries();
-    int const* const group = e.group();
-    T of_row[M];
-    unrolled<M>([&](auto b) { of_row[b] = T(d[b]); });
-    for (int g = 0; g < e.groups; ++g, y += M) {
-      T& z = *reinterpret_cast<T*>(z_ + group[g]);
-      T x = z;
-      unrolled<M>([&](auto b) { x = fma(y[b], of_row[b], x); });
-      z = x;
-    }
-  }
   /// One pass over an element, from row r on: rates, projection, z.
   template <bool leaps, int M>
-  void pass(GroupedElement<R, M> const& e, int r, SweepOutcome<R>& to) const {
+  KOKKOS_INLINE_FUNCTION void pass(GroupedElement<R, M> const& e, int r, SweepOutcome<R>& to) const {
     R rate[M], before[M], now[M], d[M];
-    T sums[M];
-    unrolled<M>([&](auto b) { sums[b] = T(R(0)); });
-    T const* y = e.entries();
-    int const* const group = e.group();
-    for (int g = 0; g < e.groups; ++g, y += M) {
-      T const z = *reinterpret_cast<T const*>(z_ + group[g]);
-      unrolled<M>([&](auto b) { sums[b] = fma(y[b], z, sums[b]); });
-    }
+    e.product(z_, rate);
     unrolled<M>([&](auto b) {
       now[b] = p_[r + b];
-      before[b] = rate[b] = fma(compliance_[r + b], now[b], bias_[r + b]) + sum_of_lanes(sums[b]);
+      before[b] = rate[b] = fma(compliance_[r + b], now[b], bias_[r + b]) + rate[b];
     });
     auto const coupling = [&](int b, int a) { return e.coupling[b * (b - 1) / 2 + a]; };
     project_element<M>(e.law, 0, coupling, relaxation_, rate, now, d);
@@ -314,7 +238,7 @@ class GroupedIsland {
     });
     to.change = max(to.change, change);
     to.misses += misses;
-    if (any) push(e, d);
+    if (any) e.push(z_, d);
   }
 
   Rows<R, Mem> const& rows_;
@@ -323,7 +247,7 @@ class GroupedIsland {
   int dofs_ = 0, packs_ = 0, count_ = 0, row_packs_ = 0;  // places of dofs, rows
   int *place_, *slot_, *row_;                             // of a tree's first dof; of a group in an element; row of the world
   R *z_, *z_before_, *p_, *before_, *bias_, *compliance_, *inverse_, *diagonal_, *mixing_[4];
-  char const* elements_;
+  char* elements_;
 };
 
 }  // namespace gsp::detail

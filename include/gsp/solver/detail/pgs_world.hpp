@@ -1,7 +1,6 @@
 #pragma once
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/parallel/for_worlds.hpp>
-#include <gsp/solver/detail/mixing.hpp>
 #include <gsp/solver/detail/pgs_grouped.hpp>
 #include <gsp/solver/detail/pgs_shared.hpp>
 #include <gsp/solver/detail/take_element.hpp>
@@ -33,35 +32,6 @@ struct FindIslands {
 
 /// Which worlds another kernel solves.
 enum class SmallWorlds : unsigned char { none, lockstep, shared };  // pgs_lockstep.hpp, pgs_shared.hpp
-
-/// Sweeps until no rate changes by more than the tolerance; their number.
-/// @param island  sweep, keep, take_back, leap, mixing_sums, remember and sum, as GroupedIsland has them
-/// @param any     whether there is any element
-template <class R, class Island>
-KOKKOS_INLINE_FUNCTION int sweep_until_rest(Island const& island, PgsOptions const& options, R tolerance, bool any) {
-  int sweep = 0;
-  bool leaping = true;
-  MixingMemory<R> memory;
-  for (bool again = any; again; ++sweep) {
-    bool const leaps = leaping && leaps_after(sweep, options);
-    if (is_remembered(sweep, options)) island.keep(leaps);
-    SweepOutcome<R> const done = island.sweep(leaps);
-    again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || done.change > tolerance);
-    if (!again) continue;
-    if (is_remembered(sweep, options) && memory.is_worse(done.misses)) island.take_back();
-    if (leaps) {
-      leaping = leaps_again(done.work.raised);
-      if (leaping) island.leap(done.work);
-    }
-    Mixing<R> to{R(0), R(0)};
-    bool const mixes = memory.after(sweep, options, leaps && leaping);
-    bool const both = memory.knows_both();
-    if (mixes) to = best_mixing<R>(island.mixing_sums(both));
-    if (is_remembered(sweep, options)) island.remember(sweep % 2, mixes, to, both);
-    if (mixes || begins_anew(sweep, options)) island.sum();
-  }
-  return sweep;
-}
 
 template <class R, class Mem>
 struct PgsWorld {
@@ -184,7 +154,7 @@ struct PgsWorld {
     int r, n;
     for (Turn turn = first_turn(e); next_element(e, turn, r, n);) f(r, n);
   }
-  /// Their number of sweeps.
+  /// Sweeps until it rests; their number.
   template <class World>
   KOKKOS_INLINE_FUNCTION int solve(World const& world, Island const& e, R* z, R* p) const {
     R const tolerance = R(options.tolerance) * rows.rate_scale(e.world);
@@ -385,25 +355,16 @@ struct RoomyLoop {
     token.release(thread);
   }
 };
-/// The largest room that a world needs which is not solved elsewhere.
-template <class R, class Mem>
-struct MostRoom {
-  PgsWorld<R, Mem> solver;
-  int most_tree_dofs;
-  void operator()(int w, std::int64_t& most) const {
-    if (!solver.progress.halt() && !solver.is_solved_elsewhere(w)) most = std::max(most, grouped_bytes(solver.rows, w, most_tree_dofs));
-  }
-};
-
-/// Enlarges the threads' room where the rows need more, and half as much again.
+/// Enlarges the threads' room where an island may need more, by half of that. On a host the kernels that have written `rows` have ended.
 template <class Exec, class R, class Mem>
-void grow_island_room(Exec const& exec, PgsWorld<R, Mem> const& solver, Solution<R, Mem>& solution) {
+void grow_island_room(Exec const&, PgsWorld<R, Mem> const& solver, Solution<R, Mem>& solution) {
+  if (solver.progress.halt()) return;
   auto const& islands = solver.rows.islands;
   int most_tree_dofs = 0;
   for (int t = 0; t < islands.ntree; ++t) most_tree_dofs = std::max(most_tree_dofs, islands.tree_dofnum(t));
   std::int64_t bytes = 0;
-  Kokkos::parallel_reduce("gsp::solver::pgs_room", Kokkos::RangePolicy<Exec>(exec, 0, solver.rows.worlds),
-                          MostRoom<R, Mem>{solver, most_tree_dofs}, Kokkos::Max<std::int64_t>(bytes));
+  for (int w = 0; w < solver.rows.worlds; ++w)
+    if (!solver.is_solved_elsewhere(w)) bytes = std::max(bytes, grouped_bytes(solver.rows, w, most_tree_dofs));
   std::int64_t const threads = Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global>().size();
   std::int64_t& stride = solution.island_stride;
   if (std::int64_t const least = bytes / std::int64_t(sizeof(R)); least > stride) stride = (least + least / 2 + 63) / 64 * 64;
