@@ -9,7 +9,6 @@
 #include <gsp/step/bytes_needed.hpp>
 #include <gsp/step/detail/sleep_kernels.hpp>
 #include <gsp/step/snapshot.hpp>
-#include <gsp/step/step_graph.hpp>
 #include <limits>
 #include <optional>
 
@@ -270,8 +269,7 @@ class KokkosStepper : public Stepper {
       split_ = false;
     }
     solver_.residual = newton_.residual = options.measure_residual;
-    graph_.options = {.solver = solver_, .newton = newton_};
-    graph_.step(options.steps, false);
+    gsp::step(exec_, model_, state_, simulation_, {.steps = options.steps, .solver = solver_, .newton = newton_, .poses = false});
     stale_ = true;  // poses of the end where somebody asks for them: a call of one step would pay for them each time
   }
 
@@ -420,7 +418,6 @@ class KokkosStepper : public Stepper {
   std::optional<Snapshot<R, Mem>> snapshot_;
   PgsOptions solver_;     // profile stable
   NewtonOptions newton_;  // profile mujoco
-  StepGraph<Exec, R, Mem> graph_{exec_, model_, state_, simulation_};
   Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> contact_force_;
   Kokkos::View<int*, Mem> is_place_;  // (nq) 1: of a free body
   std::vector<int> joint_of_dof_, joint_qpos_;

@@ -81,7 +81,6 @@
 #include <gsp/model/state.hpp>
 #include <gsp/model/world_values.hpp>
 #include <gsp/parallel/for_worlds.hpp>
-#include <gsp/parallel/recording.hpp>
 #include <gsp/parallel/scan.hpp>
 #include <gsp/parallel/sort_by_key.hpp>
 #include <gsp/sensor/cameras.hpp>
@@ -112,7 +111,6 @@
 #include <gsp/step/sleep.hpp>
 #include <gsp/step/snapshot.hpp>
 #include <gsp/step/step.hpp>
-#include <gsp/step/step_graph.hpp>
 
 #if defined(GSP_IO)
 #include <gsp/io/apng.hpp>

@@ -8,7 +8,7 @@
 #include <gsp/step/snapshot.hpp>
 #include <gsp_test_execs.hpp>
 
-#include "step/everything.hpp"
+#include "step/world.hpp"
 #include "support/kokkos_tools.hpp"
 
 namespace test_types {
@@ -31,9 +31,7 @@ struct Tether : gsp::OneFreeRow {
 namespace {
 
 using gsp_test::add_free;
-using gsp_test::everything;
 using gsp_test::geom;
-using gsp_test::start;
 
 template <class R, class Exec>
 struct World : gsp_test::World<R, Exec> {
@@ -70,6 +68,42 @@ struct World : gsp_test::World<R, Exec> {
     return out;
   }
 };
+
+/// A robot with servos that falls among boxes and balls, a servo with an activation, a ball on a weld, and a body that the user moves.
+gsp::CompiledModel everything() {
+  auto d = gsp::samples::quadruped_scene({.boxes = 3, .balls = 2});
+  d.keyframes.clear();
+  d.actuators[0].dynamics = gsp::ActuatorDynamics::filter;
+  d.actuators[0].dynprm[0] = 0.05;
+  add_free(d, {0, 0, 2}, geom(gsp::ShapeType::sphere, {0.1, 0, 0}, 1));
+  d.bodies.back().name = "hung";
+  d.equalities.push_back({.type = gsp::EqualityType::weld, .name1 = "hung", .data = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1}});
+  gsp::BodyDescription hand;
+  hand.parent = 0;
+  hand.name = "hand";
+  hand.pos = {3, 0, 1};
+  hand.mocap = true;
+  hand.geoms.push_back(geom(gsp::ShapeType::box, {0.2, 0.2, 0.1}));
+  d.bodies.push_back(hand);
+  add_free(d, {3, 0, 1.21}, geom(gsp::ShapeType::box, {0.1, 0.1, 0.1}, 1));
+  return gsp::compile(d);
+}
+/// Worlds that differ, in everything that a user may give.
+template <class W>
+void start(W& w) {
+  for (int i = 0; i < w.state.worlds; ++i) {
+    w.set(w.state.qpos, i, 2, 0.6);                                                                      // dropped
+    for (int k = 0; k < w.model.nv; ++k) w.set(w.state.qvel, i, k, 2 * std::sin(1. + 1.7 * k + 3 * i));  // what lies there tumbles
+    for (int k = 0; k < 12; ++k) w.set(w.state.ctrl, i, k, 0.3 * std::cos(2. * k + i));
+    w.set(w.state.qfrc_applied, i, 0, 5 + i);
+  }
+  auto const mocap = gsp_test::snapshot(w.state.mocap_pos);
+  mocap(0, 0, 0) += 0.05;
+  Kokkos::deep_copy(w.state.mocap_pos, mocap);
+  auto const active = gsp_test::snapshot(w.state.eq_active);
+  active(w.state.worlds - 1, 0) = 0;
+  Kokkos::deep_copy(w.state.eq_active, active);
+}
 
 template <class Exec>
 auto mask(std::vector<bool> const& worlds) {

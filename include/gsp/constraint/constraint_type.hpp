@@ -89,9 +89,6 @@ concept LikeConstraint =
 ///   place(world, k)                     where an element acts [m]: new ones start from what those near by had that are gone
 ///   tangent(world, k, i)                directions of rows 1 and 2 (i = 0, 1), and of rows 4 and 5 about them, orthogonal: what they start
 ///                                       from is turned as these have turned since the last step
-///   element(world, k)                   what all rows of an element need, read once: an object with rows(), jacobian(row, J), bounds(row)
-///                                       and law(row, x, u, h, limits), which say the same as the type (detail/element.hpp)
-///   alike                               static constexpr bool true: all rows of an element touch the same dofs
 ///   prepare(world)                      finds out once what all elements of a world need; its threads run it together before they are
 ///                                       counted (parallel/for_worlds.hpp says what a world is)
 ///   rests                               static constexpr bool true: rows and laws stay the same as long as the trees that they touch

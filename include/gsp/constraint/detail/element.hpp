@@ -1,7 +1,8 @@
 #pragma once
 #include <gsp/constraint/constraint_type.hpp>
 
-/// An element of a constraint type, as the kernels ask for it: types that read once what all of its rows need bring their own.
+/// An element of a constraint type, as the kernels ask for it. Types of the library whose rows are made of the same things read them once:
+/// they have an `element(world, k)` of their own, and `alike` where all rows of an element touch the same dofs, which is taken at its word.
 namespace gsp::detail {
 
 /// Element k of a world, by the members of its type.

@@ -51,7 +51,7 @@ struct RowLaws {
       law.zeta = rate;
     }
     R const rounding = square(R(jammed_rounding) * Kokkos::Experimental::epsilon_v<R>);
-    if (law.compliance <= R(no_softness) && bounds.friction_of < 0 && diagonal > R(0) && diagonal <= rounding * most_inverse_inertia &&
+    if (law.compliance <= R(no_softness) && bounds.friction_of < 0 && diagonal > R(0) && !(diagonal > rounding * most_inverse_inertia) &&
         diagonal <= rounding * inverse_inertia(w, row)) {
       for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) rows.Y(row.first_entry + i) = R(0);
       diagonal = R(0);
