@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/constraint/constraint_type.hpp>
 #include <gsp/constraint/impulses.hpp>
 
 /// What the impulses of an element begin from: those of the last step, by identity or by place.
