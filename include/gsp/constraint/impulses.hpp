@@ -25,8 +25,8 @@ struct Impulses {
   View<R*> p[2];                           // (capacity) [N s], beside Rows::row
   View<std::uint64_t*> id[2];              // (capacity) place of the type, identity of the element
   View<R*> before;                         // (capacity) scratch of assemble, impacts and solvers: impulses before the last sweep
-  View<R*> mixing[4];                      // (capacity) a solver's own (solver/detail/mixing.hpp): impulses after the last sweep that was
-                                           // mixed, and its changes; the same of the sweep after
+  View<R*> mixing[4];                      // GPUs, (capacity) a solver's own (solver/detail/mixing.hpp): impulses after the last sweep
+                                           // that was mixed, and its changes; the same of the sweep after
   View<R* [3]> place[2];                   // (capacity) where an element acts [m], at its first row, and its tangent, at its second; of
                                            // types that say so
   View<int*> first[2], count[2], kept[2];  // (worlds) where a world's lie; after them those of islands that sleep
@@ -41,7 +41,8 @@ namespace detail {
 template <class R, class Mem, class Exec>
 void allocate_impulses(Exec const& exec, Impulses<R, Mem>& i, std::int64_t rows) {
   enlarge(exec, i.before, "gsp::Impulses::before", rows);
-  for (auto& of_mixing : i.mixing) enlarge(exec, of_mixing, "gsp::Impulses::mixing", rows);
+  if constexpr (is_device<Exec>)  // hosts remember what they mix in their threads' room
+    for (auto& of_mixing : i.mixing) enlarge(exec, of_mixing, "gsp::Impulses::mixing", rows);
   for (int side = 0; side < 2; ++side) {
     enlarge(exec, i.p[side], "gsp::Impulses::p", rows);
     enlarge(exec, i.id[side], "gsp::Impulses::id", rows);

@@ -141,6 +141,7 @@ struct EmitRows {
   /// All rows of a world, on a host, element by element: some rows are laid out, a pack at a time gets its entries (row_lanes.hpp), then
   /// laws and impulses.
   KOKKOS_INLINE_FUNCTION void emit_together(int w) const {
+    if (rows.count(w) == 0) return;
     using Lanes = RowLanes<R, Mem>;
     constexpr int most = 2 * Lanes::W > most_element_rows ? 2 * Lanes::W : most_element_rows;
     Lanes lanes(model, state, dynamics, rows.Y.data(), w);
