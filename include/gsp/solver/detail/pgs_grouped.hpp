@@ -17,14 +17,16 @@ struct RoomyWorld : SerialWorld {
   char* room;
 };
 
-/// Bytes that the largest island of a world may take.
+/// Bytes that an island may take which has so many rows and entries of Y.
 template <class R, class Mem>
-std::int64_t grouped_bytes(Rows<R, Mem> const& rows, int w, int most_tree_dofs) {
+std::int64_t grouped_bytes(Rows<R, Mem> const& rows, std::int64_t row_count, std::int64_t entries, int largest_element,
+                           int most_tree_dofs) {
   constexpr std::int64_t G = group_dofs<R>, pack = sizeof(Pack<R, G>), each = sizeof(GroupedElement<R, 1>) + pack;
-  std::int64_t const n = rows.count(w), ntree = rows.islands.ntree, dofs = rows.nv + (G - 1) * ntree;
-  std::int64_t const groups = std::min(rows.entries(w), 2 * n * ((most_tree_dofs + G - 1) / G));
-  return 2 * dofs * std::int64_t(sizeof(R)) + (rows.nv + dofs) * std::int64_t(sizeof(int)) + 10 * (n + G) * std::int64_t(sizeof(R)) +
-         n * (std::int64_t(sizeof(int)) + each) + groups * (std::int64_t(sizeof(int)) + rows.largest_element(w) * pack) + 16 * pack;
+  std::int64_t const dofs = rows.nv + (G - 1) * rows.islands.ntree;
+  std::int64_t const groups = std::min(entries, 2 * row_count * ((most_tree_dofs + G - 1) / G));
+  return 2 * dofs * std::int64_t(sizeof(R)) + (rows.nv + dofs) * std::int64_t(sizeof(int)) +
+         10 * (row_count + G) * std::int64_t(sizeof(R)) + row_count * (std::int64_t(sizeof(int)) + each) +
+         groups * (std::int64_t(sizeof(int)) + largest_element * pack) + 16 * pack;
 }
 
 /// An island in a thread's own memory.

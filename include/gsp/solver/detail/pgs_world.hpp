@@ -355,20 +355,30 @@ struct RoomyLoop {
     token.release(thread);
   }
 };
-/// Enlarges the threads' room where an island may need more, by half of that. On a host the kernels that have written `rows` have ended.
+/// Enlarges the threads' room where an island may need more: for a world's share of the pools of rows, so that it grows as they do, or by
+/// half where a world has more than its share. On a host the kernels that have written `rows` have ended.
 template <class Exec, class R, class Mem>
 void grow_island_room(Exec const&, PgsWorld<R, Mem> const& solver, Solution<R, Mem>& solution) {
   if (solver.progress.halt()) return;
-  auto const& islands = solver.rows.islands;
-  int most_tree_dofs = 0;
-  for (int t = 0; t < islands.ntree; ++t) most_tree_dofs = std::max(most_tree_dofs, islands.tree_dofnum(t));
-  std::int64_t bytes = 0;
-  for (int w = 0; w < solver.rows.worlds; ++w)
-    if (!solver.is_solved_elsewhere(w)) bytes = std::max(bytes, grouped_bytes(solver.rows, w, most_tree_dofs));
-  std::int64_t const threads = Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global>().size();
+  auto const& rows = solver.rows;
+  int most_tree_dofs = 0, largest_element = 3;  // a contact's
+  for (int t = 0; t < rows.islands.ntree; ++t) most_tree_dofs = std::max(most_tree_dofs, rows.islands.tree_dofnum(t));
+  std::int64_t least = 0;
+  auto const reals_of = [&](std::int64_t row_count, std::int64_t entries) {
+    return (grouped_bytes(rows, row_count, entries, largest_element, most_tree_dofs) + std::int64_t(sizeof(R)) - 1) /
+           std::int64_t(sizeof(R));
+  };
+  for (int w = 0; w < rows.worlds; ++w) {
+    largest_element = std::max(largest_element, rows.largest_element(w));
+    if (!solver.is_solved_elsewhere(w)) least = std::max(least, reals_of(rows.count(w), rows.entries(w)));
+  }
+  int const rows_each = rows.capacity() / rows.worlds;
+  bool const may_grow_large = rows.nv > lockstep_most_dofs || rows_each > lockstep_most_rows;
+  std::int64_t const share = may_grow_large ? reals_of(rows_each, std::int64_t(rows.Y.extent(0)) / rows.worlds) : 0;
   std::int64_t& stride = solution.island_stride;
-  if (std::int64_t const least = bytes / std::int64_t(sizeof(R)); least > stride) stride = (least + least / 2 + 63) / 64 * 64;
-  if (std::int64_t(solution.island_items.extent(0)) >= stride * threads) return;
+  if (stride >= std::max(least, share)) return;
+  std::int64_t const threads = Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global>().size();
+  stride = (std::max(share, least > share ? least + least / 2 : 0) + 63) / 64 * 64;
   solution.island_items = {};
   solution.island_items = allocate<decltype(solution.island_items)>("gsp::Solution::island_items", stride * threads);
 }
