@@ -23,8 +23,8 @@ namespace gsp {
 /// may sleep, are swept island by island, each in its thread's own memory. On a GPU small worlds, where their elements have at most three
 /// rows, stay in shared memory, where 24 kB hold one, eight threads each; the others are swept over sparse rows, by a warp each, island by
 /// island. Cost 4 entries iterations flop a world. A world's result depends on nothing but its own rows and on whether trees may sleep.
-/// Does not fence. Allocates on a CPU alone, where a world that does not go in lockstep has more rows than the threads have room for
-/// (solution.island_items).
+/// Does not fence. Allocates on a CPU alone, room of a thread for large worlds (solution.island_items): at its first call for a world's
+/// share of the pools, again when these grow or a world has more.
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
          PgsOptions options = {}) {

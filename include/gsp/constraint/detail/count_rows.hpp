@@ -85,8 +85,8 @@ struct CountRows {
       world.add(rows.kept(w), n);
       return 0;
     }
-    std::int64_t own = couplings_of(n);
     std::uint32_t refused = n < 0 || n > most_element_rows ? status::refused_size : 0;
+    std::int64_t own = refused ? 0 : couplings_of(n);
     if (n > 0 && type.id(w, k).major >> 27 != 0) refused |= status::refused_identity;
     bool second = false;
     auto const refuse = [&](bool when, std::uint32_t cause) { refused |= when ? cause : 0u; };
@@ -117,7 +117,7 @@ struct CountRows {
       }
       own += pack_sizes(1, entries);
     }
-    if (n > 3) Kokkos::atomic_max(&rows.largest_element(w), n);
+    if (n > 3 && !refused) Kokkos::atomic_max(&rows.largest_element(w), n);
     if (refused) Kokkos::atomic_or(&state.status(w), status::row_refused | refused);
     return own;
   }

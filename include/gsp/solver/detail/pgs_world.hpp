@@ -375,12 +375,17 @@ void grow_island_room(Exec const&, PgsWorld<R, Mem> const& solver, Solution<R, M
   int const rows_each = rows.capacity() / rows.worlds;
   bool const may_grow_large = rows.nv > lockstep_most_dofs || rows_each > lockstep_most_rows;
   std::int64_t const share = may_grow_large ? reals_of(rows_each, std::int64_t(rows.Y.extent(0)) / rows.worlds) : 0;
-  std::int64_t& stride = solution.island_stride;
-  if (stride >= std::max(least, share)) return;
-  std::int64_t const threads = Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global>().size();
-  stride = (std::max(share, least > share ? least + least / 2 : 0) + 63) / 64 * 64;
+  // for all host backends: the next call may be of another
+  std::int64_t const threads =
+      std::max(std::int64_t(Kokkos::DefaultHostExecutionSpace().concurrency()),
+               std::int64_t(Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global>().size()));
+  std::int64_t const stride = (std::max({share, least > share ? least + least / 2 : 0, solution.island_stride}) + 63) / 64 * 64;
+  bool const fits = solution.island_stride >= std::max(least, share);
+  if (fits && std::int64_t(solution.island_items.extent(0)) >= solution.island_stride * threads) return;
+  solution.island_stride = 0;  // until there is room: allocating may throw
   solution.island_items = {};
   solution.island_items = allocate<decltype(solution.island_items)>("gsp::Solution::island_items", stride * threads);
+  solution.island_stride = stride;
 }
 
 /// solution.residual: the largest violation in each world.
