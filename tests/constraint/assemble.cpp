@@ -129,10 +129,11 @@ struct Prepared : gsp::OneFreeRow {
   }
 };
 /// In world 2 one element fewer than none, or one with fewer rows.
-struct Fewer : gsp::OneFreeRow {
-  bool of_rows;
-  KOKKOS_FUNCTION int count(int world) const { return world == 2 && !of_rows ? -1 : 1; }
-  KOKKOS_FUNCTION int rows(int world, int) const { return world == 2 && of_rows ? -1 : 1; }
+/// World 2 has so many elements, so many rows each.
+struct WrongSize : gsp::OneFreeRow {
+  int elements, rows_each;
+  KOKKOS_FUNCTION int count(int world) const { return world == 2 ? elements : 1; }
+  KOKKOS_FUNCTION int rows(int world, int) const { return world == 2 ? rows_each : 1; }
   KOKKOS_FUNCTION gsp::RowLaw<float> law(int, int, int, float, float, float) const { return {0.5f, 0.f}; }
   template <class Row>
   KOKKOS_FUNCTION float jacobian(int, int, int, Row&& J) const {
@@ -486,19 +487,22 @@ TEST_CASE_TEMPLATE("a row about a body or dof that is not there is refused, and 
   }
 }
 
-// What is counted below zero would take elements of another type away.
-TEST_CASE_TEMPLATE("fewer elements or rows than none are refused, and the world stays", Exec, GSP_TEST_EXECS) {
+// What is counted below zero would take elements of another type away, and room is made for the largest element that there is.
+TEST_CASE_TEMPLATE("fewer elements or rows than none, and too many rows, are refused, and the world stays", Exec, GSP_TEST_EXECS) {
   Kokkos::View<int*, typename Exec::memory_space> const found("found", 4);
-  for (bool of_rows : {false, true}) {
+  for (auto const& [elements, rows_each] : std::vector<std::pair<int, int>>{{-1, 1}, {1, -1}, {1, 7}, {1, 100000}}) {
+    CAPTURE(elements);
+    CAPTURE(rows_each);
     Loop<float, Exec> s(gsp::compile(sliders(3, 1)), 4);
     for (int w = 0; w < 4; ++w) s.set(w, {0, 0, 0}, {1, 2, 3});
-    s.step(2, test_types::Fewer{{}, of_rows}, test_types::Prepared<typename Exec::memory_space>{{}, found});
+    s.step(2, test_types::WrongSize{{}, elements, rows_each}, test_types::Prepared<typename Exec::memory_space>{{}, found});
     auto const status = gsp_test::host(s.state.status);
     auto const steps = gsp_test::host(s.state.steps);
     for (int w = 0; w < 4; ++w) {
       bool const refused = w == 2;
       CHECK(status(w) == (refused ? gsp::status::row_refused | gsp::status::refused_size : 0u));
       CHECK(steps(w) == (refused ? 0 : 2));
+      CHECK(gsp_test::host(s.rows.largest_element)(w) == 3);
     }
   }
 }

@@ -471,6 +471,27 @@ TEST_CASE_TEMPLATE("the largest of small worlds, and larger ones", Exec, GSP_TES
       CHECK(bits(*solved(w, 1, 30), 0) == expected);
       CHECK(bits(*solved(w, 2, 30), 0) == expected);
     }
+    // A solution that one host backend has made room in has room for the threads of another.
+    if constexpr (std::is_same_v<typename Exec::memory_space, Kokkos::HostSpace>) {
+      if (dofs <= 128) return;
+      Loop<R, Exec> s(compiled, worlds);
+      test_types::MostRows const type{dofs, 0};
+      auto const assemble = [&] {
+        s.assemble(type);
+        if (s.grow()) s.assemble(type);
+      };
+      gsp::PgsOptions const options{.iterations = 30, .tolerance = 0, .residual = true};
+      assemble();
+      gsp::pgs(Kokkos::DefaultHostExecutionSpace(), s.rows, s.impulses, s.solution, s.progress, options);
+      auto const all_threads = std::int64_t(s.solution.island_items.extent(0));
+      CHECK(all_threads >= s.solution.island_stride * Kokkos::DefaultHostExecutionSpace().concurrency());
+      s.solution.island_items = {};
+      assemble();
+      s.solve(options);  // room of Exec's threads alone
+      assemble();
+      gsp::pgs(Kokkos::DefaultHostExecutionSpace(), s.rows, s.impulses, s.solution, s.progress, options);
+      CHECK(std::int64_t(s.solution.island_items.extent(0)) == all_threads);
+    }
   };
   for (int const dofs : {128, 140}) {
     check(0.f, dofs);

@@ -53,7 +53,7 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
   if constexpr (is_device<Exec>) {
     for_worlds("gsp::solver::pgs", exec, rows.worlds * parts, solver);
   } else {
-    detail::grow_island_room(exec, solver, solution);
+    detail::grow_island_room<Exec>(solver, solution);
     solver.solution = solution;
     Kokkos::parallel_for("gsp::solver::pgs", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds * parts),
                          detail::RoomyLoop<Exec, R, Mem>{solver});

@@ -358,34 +358,28 @@ struct RoomyLoop {
 /// Enlarges the threads' room where an island may need more: for a world's share of the pools of rows, so that it grows as they do, or by
 /// half where a world has more than its share. On a host the kernels that have written `rows` have ended.
 template <class Exec, class R, class Mem>
-void grow_island_room(Exec const&, PgsWorld<R, Mem> const& solver, Solution<R, Mem>& solution) {
+void grow_island_room(PgsWorld<R, Mem> const& solver, Solution<R, Mem>& solution) {
   if (solver.progress.halt()) return;
   auto const& rows = solver.rows;
-  int most_tree_dofs = 0, largest_element = 3;  // a contact's
+  int most_tree_dofs = 0, largest_element = 0;
   for (int t = 0; t < rows.islands.ntree; ++t) most_tree_dofs = std::max(most_tree_dofs, rows.islands.tree_dofnum(t));
-  std::int64_t least = 0;
+  for (int w = 0; w < rows.worlds; ++w) largest_element = std::max(largest_element, rows.largest_element(w));
   auto const reals_of = [&](std::int64_t row_count, std::int64_t entries) {
-    return (grouped_bytes(rows, row_count, entries, largest_element, most_tree_dofs) + std::int64_t(sizeof(R)) - 1) /
-           std::int64_t(sizeof(R));
+    return grouped_bytes(rows, row_count, entries, largest_element, most_tree_dofs) / std::int64_t(sizeof(R));
   };
-  for (int w = 0; w < rows.worlds; ++w) {
-    largest_element = std::max(largest_element, rows.largest_element(w));
+  std::int64_t least = 0, share = 0;
+  for (int w = 0; w < rows.worlds; ++w)
     if (!solver.is_solved_elsewhere(w)) least = std::max(least, reals_of(rows.count(w), rows.entries(w)));
+  if (int const rows_each = rows.capacity() / rows.worlds; rows.nv > lockstep_most_dofs || rows_each > lockstep_most_rows)
+    share = reals_of(rows_each, std::int64_t(rows.Y.extent(0)) / rows.worlds);
+  std::int64_t const threads = Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global>().size();
+  std::int64_t stride = solution.island_stride;
+  if (std::max(least, share) > stride) stride = ((least > share ? least + least / 2 : share) + 63) / 64 * 64;
+  if (std::int64_t(solution.island_items.extent(0)) < stride * threads) {
+    solution.island_items = {};
+    solution.island_items = allocate<decltype(solution.island_items)>("gsp::Solution::island_items", stride * threads);
   }
-  int const rows_each = rows.capacity() / rows.worlds;
-  bool const may_grow_large = rows.nv > lockstep_most_dofs || rows_each > lockstep_most_rows;
-  std::int64_t const share = may_grow_large ? reals_of(rows_each, std::int64_t(rows.Y.extent(0)) / rows.worlds) : 0;
-  // for all host backends: the next call may be of another
-  std::int64_t const threads =
-      std::max(std::int64_t(Kokkos::DefaultHostExecutionSpace().concurrency()),
-               std::int64_t(Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global>().size()));
-  std::int64_t const stride = (std::max({share, least > share ? least + least / 2 : 0, solution.island_stride}) + 63) / 64 * 64;
-  bool const fits = solution.island_stride >= std::max(least, share);
-  if (fits && std::int64_t(solution.island_items.extent(0)) >= solution.island_stride * threads) return;
-  solution.island_stride = 0;  // until there is room: allocating may throw
-  solution.island_items = {};
-  solution.island_items = allocate<decltype(solution.island_items)>("gsp::Solution::island_items", stride * threads);
-  solution.island_stride = stride;
+  solution.island_stride = stride;  // now that there is room: allocating may throw
 }
 
 /// solution.residual: the largest violation in each world.
