@@ -72,6 +72,21 @@ std::vector<Scene> scenes_of_code() {
   all.push_back({"capsule in a V", gsp::compile(gsp_test::capsule_in_v(0.01))});
   all.push_back({"four-bar", gsp_test::four_bar(), gsp_test::four_bar_closed(), {3, 0, 0}});
   all.push_back({"tendons", tendons()});
+  // The quadruped among boxes and balls that are thrown: what lands on edges slides and rolls, and most steps take tens of sweeps, mixed
+  // and with leaps.
+  Scene s{"quadruped, objects thrown", gsp::compile(gsp::samples::quadruped_scene())};
+  auto const& m = s.model;
+  s.qpos = m.keyframes.at(0).qpos, s.ctrl = m.keyframes.at(0).ctrl, s.qvel.resize(std::size_t(m.nv));
+  for (std::size_t j = 1; j < m.jnt_type.size(); ++j) {  // joint 0 is the robot's own
+    if (m.jnt_type[j] != int(gsp::JointType::free)) continue;
+    double* const q = &s.qpos[std::size_t(m.jnt_qposadr[j])];
+    double* const v = &s.qvel[std::size_t(m.jnt_dofadr[j])];
+    q[2] += 0.02 * double(j % 5);
+    for (int k = 0; k < 2; ++k) v[k] = -q[k] + 0.3 * std::sin(double(3 * j) + k);
+    for (int k = 3; k < 6; ++k) v[k] = 2.5 * std::sin(double(7 * j) + 2. * k);
+  }
+  s.settling = 20;
+  all.push_back(s);
   return all;
 }
 

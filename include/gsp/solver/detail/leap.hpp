@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/core/exec.hpp>
 #include <gsp/math/scalar.hpp>
+#include <gsp/solver/detail/coarse.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
 
 /// What hurries sweeps that are slow, where loads go far: now and then, the best point of the plane through the impulses p, their own
@@ -99,8 +100,8 @@ KOKKOS_INLINE_FUNCTION Leap<T> least_in_plane(LeapSums<T> const& s, T const& p, 
   auto const wedged = s.yy > T(R(leap_most_stress)) * s.pp;
   growth = select(wedged, zero, growth);
   sweeps = select(wedged, zero, sweeps);
-  return {select(some, clamp(growth, T(R(-leap_most_shrinking)), T(R(leap_most_growth))), zero),
-          select(some, clamp(sweeps, zero, T(R(leap_most_sweeps))), zero)};
+  return {coarse<R>(select(some, clamp(growth, T(R(-leap_most_shrinking)), T(R(leap_most_growth))), zero)),
+          coarse<R>(select(some, clamp(sweeps, zero, T(R(leap_most_sweeps))), zero))};
 }
 /// The leap to the least E of that plane. Slopes:
 ///   grad E . p = pp + bp,   grad E . d = raised + dd / 2, since E(p) - E(p - d) = grad E . d - dd / 2

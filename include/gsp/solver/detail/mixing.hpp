@@ -1,19 +1,22 @@
 #pragma once
 #include <gsp/core/exec.hpp>
 #include <gsp/math/scalar.hpp>
+#include <gsp/solver/detail/coarse.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
 
 /// Anderson's mixing of sweeps: a sweep takes the impulses p to g = p + f, and f vanishes at the solution. From the fifth sweep on, every
 /// second time, the two differences that the last three sweeps have made say where f would:
 ///   p <- g - sum gamma_k dg_k,   gamma the least of |f - sum gamma_k df_k|^2 + e |gamma|^2,   |f|^2 = sum f_r^2 (|Y_r|^2 + C_r)
-/// What it weighs by is what makes f a rate. e keeps differences that are nearly the same from large weights of opposite sign, so that
-/// starts that differ by rounding stay together. Friction has several solutions, and a mixture may leave where sweeps would go: one whose
-/// sweep has a larger f is taken back. (Walker and Ni, Anderson acceleration for fixed-point iterations, 2011; every second time: Banerjee,
+/// What it weighs by is what makes f a rate. e keeps differences that are nearly the same from large weights of opposite sign. Friction has
+/// several solutions, and a mixture may leave where sweeps would go: one whose sweep has a larger f is taken back. So that starts that
+/// differ by rounding stay together, gamma lies on a grid (coarse.hpp), and what promises little is left: where f hardly changes, gamma is
+/// made of rounding. (Walker and Ni, Anderson acceleration for fixed-point iterations, 2011; every second time: Banerjee,
 /// Suryanarayana and Pask, periodic Pulay method, 2016)
 namespace gsp::detail {
 
-// Of the trace of the differences' products; by how much |f|^2 may grow in the sweep after.
-inline constexpr double mixing_softness = 1e-4, mixing_most_growth = 4;
+// Of the trace of the differences' products; by how much |f|^2 may grow in the sweep after; of |f|^2, what a mixture promises to take
+// away, or is left.
+inline constexpr double mixing_softness = 1e-4, mixing_most_growth = 4, mixing_least_gain = 0.05;
 // Sweeps: the first one that is mixed, and from one to the next. What rests takes four and is left alone.
 inline constexpr int mixing_from = 4, mixing_every = 2;
 // Sweeps that must be left to settle what a mixture has thrown over bounds and friction.
@@ -97,13 +100,17 @@ struct Mixing {
     return fma(gamma1, p - p1, gamma2 * select(both, p1 - p2, T(0.0f)));
   }
 };
+/// gamma, 0 where it promises too little:   |f|^2 shrinks by gamma . (df_1 . f, df_2 . f)
+/// @param misses  |f|^2 of the last sweep
 template <class R, class T>
-KOKKOS_INLINE_FUNCTION Mixing<T> best_mixing(MixingSums<T> const& s) {
+KOKKOS_INLINE_FUNCTION Mixing<T> best_mixing(MixingSums<T> const& s, T const& misses) {
   T const soft = T(R(mixing_softness)) * (s.dd11 + s.dd22), a = s.dd11 + soft, b = s.dd22 + soft, zero(R(0)), one(R(1));
   T const det = fma(a, b, -s.dd12 * s.dd12), least(R(8) * Kokkos::Experimental::norm_min_v<R>);
   auto const any = det > least;  // of what weighs little it vanishes among the least numbers
   T const inverse = one / select(any, det, one);
-  return {select(any, (b * s.df1 - s.dd12 * s.df2) * inverse, zero), select(any, (a * s.df2 - s.dd12 * s.df1) * inverse, zero)};
+  T const gamma1 = (b * s.df1 - s.dd12 * s.df2) * inverse, gamma2 = (a * s.df2 - s.dd12 * s.df1) * inverse;
+  auto const helps = any && fma(gamma1, s.df1, gamma2 * s.df2) > T(R(mixing_least_gain)) * misses;
+  return {select(helps, coarse<R>(gamma1), zero), select(helps, coarse<R>(gamma2), zero)};
 }
 
 }  // namespace gsp::detail

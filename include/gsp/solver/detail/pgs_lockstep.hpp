@@ -147,7 +147,7 @@ struct LockstepPack {
         mixed.set(l, memory[l].after(sweep, options, leaps && leaping[l]) && active[l]);
         both.set(l, memory[l].knows_both());
       }
-      if (is_remembered(sweep, options)) remember(blocks, sweep % 2, mixed, both, z, z_before);
+      if (is_remembered(sweep, options)) remember(blocks, sweep % 2, mixed, both, misses, z, z_before);
       more = begins_anew(sweep, options);
     }
     T worst = zero;
@@ -194,7 +194,8 @@ struct LockstepPack {
     sum_impulses(blocks, z, z_before, worlds);
   }
   /// Keeps p and d of the last sweep, and leaves p of some worlds where f would be least (mixing.hpp).
-  void remember(Blocks const& blocks, int side, Mask<R, W> const& worlds, Mask<R, W> const& both, T* z, T* z_before) const {
+  void remember(Blocks const& blocks, int side, Mask<R, W> const& worlds, Mask<R, W> const& both, T const& misses, T* z,
+                T* z_before) const {
     T const zero(R(0));
     Mixing<T> to{zero, zero};
     bool const mixes = any(worlds);
@@ -203,7 +204,7 @@ struct LockstepPack {
       blocks.each([&](auto kind, Block const& k) {
         for (int b = 0; b < rows_of(kind); ++b) sums.add_row(k.diagonal[b], k.d[b], k.d_before[1][b], k.d_before[0][b], both);
       });
-      to = best_mixing<R>(sums);
+      to = best_mixing<R>(sums, misses);
     }
     blocks.each([&](auto kind, Block& k) {
       for (int b = 0; b < rows_of(kind); ++b) {

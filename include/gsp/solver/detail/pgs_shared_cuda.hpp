@@ -386,7 +386,7 @@ struct SharedWorld {
   }
   /// Keeps p and d of the last sweep; of worlds that mix, p goes on to the mixture; and p, before the next. The former stay in the pool: a
   /// row's numbers are read once a sweep, by the thread that has written them.
-  __device__ void remember(bool active, bool mixes) const {
+  __device__ void remember(bool active, bool mixes, R misses) const {
     auto const& known = k.impulses.mixing;
     bool const both = mixing.knows_both();
     int const side = (sweeps - 1) % 2;
@@ -408,7 +408,7 @@ struct SharedWorld {
           if (int const r = begin + h * shared_lanes; r < count)
             own.add_row(number[r].diagonal, number[r].p - number[r].before, f1[h], f2[h], both);
       }
-      to = best_mixing<R>(MixingSums<R>{sum(own.dd11), sum(own.dd12), sum(own.dd22), sum(own.df1), sum(own.df2)});
+      to = best_mixing<R>(MixingSums<R>{sum(own.dd11), sum(own.dd12), sum(own.dd22), sum(own.df1), sum(own.df2)}, misses);
     }
 #pragma unroll 1
     for (int begin = active ? lane : count; begin < count; begin += held * shared_lanes) {
@@ -457,7 +457,7 @@ struct SharedWorld {
     bool const leapt = leaps && leaping;
     if (any(leapt)) leap(leapt, work);
     bool const mixes = again && mixing.after(before, options, leapt);
-    if (any(remembers)) remember(remembers, mixes);
+    if (any(remembers)) remember(remembers, mixes, misses);
     stale = again && (worse || leapt || mixes || begins_anew(before, options));
     return again;
   }
