@@ -298,6 +298,28 @@ TEST_CASE("patches by hand") {
   CHECK(std::abs(out.point[0].dist + 0.1) < 1e-6);
 }
 
+// A plane takes each vertex of a mesh once: rounding makes an area of a vertex and itself, which counted as a corner that spans more.
+TEST_CASE_TEMPLATE("a mesh lies on a plane on vertices that are its own", T, float, double) {
+  Random random(11);
+  for (int sides : {3, 4, 5}) {
+    auto const solid = prism(sides, 0.08, 0.05);
+    Hull<T> const hull(solid.points, solid.triangles);
+    for (double margin : {0., 0.002, 0.04})
+      for (int trial = 0; trial < 500; ++trial) {
+        auto mesh = cast<T>(
+            make_shape(Transform<double>{{0.4 * random(), 0.4 * random(), 0.05 * (1 + random())}, random.turn()}, {0.08, 0.08, 0.05}),
+            &hull.asset);
+        ContactPoints<T, 4> out;
+        plane_mesh(cast<T>(still({0, 0, 0}, {0, 0, 1})), mesh, T(margin), out);
+        int within = 0;
+        for (auto const& v : hull.vertices) within += (mesh.p + mesh.R * v).z <= margin ? 1 : 0;
+        CHECK(out.count >= (within < 3 ? within : 3));
+        for (int i = 0; i < out.count; ++i)
+          for (int j = 0; j < i; ++j) CHECK(norm(out.point[i].pos - out.point[j].pos) > T(0.04));
+      }
+  }
+}
+
 TEST_CASE("features stay while shapes rock a little") {
   auto const drum = prism(12, 0.3, 0.2);
   Hull<double> const hull(drum.points, drum.triangles);

@@ -184,6 +184,33 @@ TEST_CASE_TEMPLATE("a box stands on its corners", T, float, double) {
   for (int k = 0; k < 4; ++k) CHECK(point[k].feature % 2 == 1);
 }
 
+// Two equal boxes, one on the other with a gap or an overlap of rounding, tilted and shifted by a little: they meet in four points or more,
+// whichever axis rounding or the tilt prefers, each where the lower face of the upper one is, with the distance of the faces there.
+TEST_CASE_TEMPLATE("boxes that just touch lie on their faces", T, float, double) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  double const epsilon = Kokkos::Experimental::epsilon_v<T>;
+  for (double tilt : {10 * epsilon, 1e-6, 1e-5, 1e-4})
+    for (double shift : {0., 1e-4, 1e-2})
+      for (int trial = 0; trial < 200; ++trial) {
+        double const ax = tilt * uniform(random), ay = tilt * uniform(random), overlap = 4 * epsilon * uniform(random);
+        auto const a = shape<T>({T(0.3), T(-0.2), T(0.1)}, {T(0.1), T(0.1), T(0.1)});
+        auto const b = shape<T>({T(0.3 + shift * uniform(random)), T(-0.2 + shift * uniform(random)), T(0.3 - overlap)},
+                                {T(0.1), T(0.1), T(0.1)}, normalized(Quat<T>{T(1), T(ax / 2), T(ay / 2), T(tilt * uniform(random))}));
+        ContactPoints<T, 8> out;
+        box_box(a, b, T(1e-3), out);
+        CAPTURE(tilt);
+        CAPTURE(shift);
+        CAPTURE(trial);
+        CHECK(out.count >= 4);
+        for (int k = 0; k < out.count; ++k) {
+          auto const& p = out.point[k];
+          double const x = p.pos.x - b.p.x, y = p.pos.y - b.p.y;
+          CHECK(std::abs(p.dist - (-overlap + ax * y - ay * x)) < 20 * epsilon + 2 * tilt * tilt);
+        }
+      }
+}
+
 TEST_CASE("the nearest point of a segment beats a dense search") {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> uniform(-1, 1);

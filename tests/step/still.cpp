@@ -123,6 +123,25 @@ TEST_CASE_TEMPLATE("aligned cubes come to rest", Exec, GSP_TEST_EXECS) {
   }
 }
 
+// Rigid boxes on each other keep the points that they stand on, however rounding tilts them. Before, at a gap of rounding, two edges seemed
+// to part them better than their faces did, one point was left of four, and they were kicked by 0.27 rad/s every 41 steps of 10 ms. What is
+// left is what sweeps leave: 10 of their tolerances, 1e-4 |g| h, a cube.
+TEST_CASE_TEMPLATE("rigid cubes stand on each other", R, float, double) {
+  for (int count : {2, 3, 6}) {
+    CAPTURE(count);
+    auto d = tower(0.1, std::vector<double>(std::size_t(count), 8.), 0.01);
+    for (auto& b : d.bodies)
+      for (auto& g : b.geoms) g.hard = true;
+    World<R, Kokkos::DefaultHostExecutionSpace> w(d);
+    double most = 0;
+    for (int step = 0; step < 300; ++step) {
+      w.step(1);
+      most = std::fmax(most, w.speed());
+    }
+    CHECK(most < count * 10 * 1e-4 * 9.81 * 0.01);
+  }
+}
+
 // A ball on a floor 1,000 m up, where float knows places to 6e-5 m. Its gap is known closer (what rounding took is in State::qpos_low), so
 // that it comes to rest: its spring would be K h 6e-5 m = 3e-4 m/s to and fro otherwise. Tolerance: rounding of what gravity does in a
 // step.

@@ -22,12 +22,14 @@ KOKKOS_INLINE_FUNCTION void plane_mesh(Shape<T> const& a, Shape<T> const& b, T m
   if (!(height + dot(up, deepest) <= margin)) return;
   add(lowest);
   Vec3<T> corner[3] = {deepest, deepest, deepest};
+  int taken[4] = {lowest, lowest, lowest, lowest};
+  T const least = (sizeof(T) == 4 ? T(2e-6) : T(1e-12)) * dot(b.size, b.size);  // below, what they span is rounding
   for (int k = 1; k < 4; ++k) {
     int best = -1;
     T most(0);
     for (int i = 0; i < mesh.hull_count; ++i) {
       Vec3<T> const q = mesh.vertices[mesh.hull[i]];
-      if (!(height + dot(up, q) <= margin)) continue;
+      if (!(height + dot(up, q) <= margin) || i == taken[0] || i == taken[1] || i == taken[2]) continue;
       T score;
       if (k == 1) {
         Vec3<T> const d = cross(up, q - corner[0]);
@@ -45,9 +47,9 @@ KOKKOS_INLINE_FUNCTION void plane_mesh(Shape<T> const& a, Shape<T> const& b, T m
         best = i;
       }
     }
-    T const size2 = dot(b.size, b.size);
-    if (best < 0 || !(most > (sizeof(T) == 4 ? T(1e-9) : T(1e-16)) * size2)) return;  // nothing that rounding would not make
+    if (best < 0 || !(most > least)) return;
     add(best);
+    taken[k] = best;
     Vec3<T> const q = mesh.vertices[mesh.hull[best]];
     if (k < 3) corner[k] = q;
     if (k == 2 && dot(up, cross(corner[1] - corner[0], corner[2] - corner[0])) < T(0)) {
