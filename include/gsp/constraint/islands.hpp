@@ -5,8 +5,8 @@
 namespace gsp {
 
 /// The islands of each world: trees that rows couple, directly or through other trees. Nothing passes from one to another, so a solver
-/// takes them one by one, each for as long as it needs, or at the same time. Found anew each step by the solvers; the same in any order of
-/// threads.
+/// takes them one by one, each for as long as it needs, or at the same time. `assemble` says anew each step which trees are one, the
+/// solvers list what they have; the same in any order of threads.
 template <class Mem>
 struct Islands {
   int ntree = 0, nv = 0;
@@ -23,10 +23,11 @@ struct Islands {
   KOKKOS_INLINE_FUNCTION int& first_element(int w, int i) const { return lists(w, 1 + i); }
   /// And the dofs first_dof(w, i) ... of `dofs`; from that of island count(w) on they are those that no row moves.
   KOKKOS_INLINE_FUNCTION int& first_dof(int w, int i) const { return lists(w, 2 + ntree + i); }
-  /// Scratch.
+  /// Of each tree the first of its island; made by `assemble`.
   KOKKOS_INLINE_FUNCTION int* label(int w) const { return &lists(w, 4 + 2 * ntree); }  // (ntree)
-  KOKKOS_INLINE_FUNCTION int* number(int w) const { return label(w) + ntree; }         // (ntree)
-  KOKKOS_INLINE_FUNCTION int* next(int w) const { return label(w) + 2 * ntree; }       // (2 ntree + 1)
+  /// Scratch.
+  KOKKOS_INLINE_FUNCTION int* number(int w) const { return label(w) + ntree; }    // (ntree)
+  KOKKOS_INLINE_FUNCTION int* next(int w) const { return label(w) + 2 * ntree; }  // (2 ntree + 1)
 };
 
 /// The islands that sleep (step/sleep.hpp), for `assemble`: it wakes those that something awake touches, and leaves out the rows of the
@@ -66,47 +67,28 @@ KOKKOS_INLINE_FUNCTION int tree_of_row(Rows const& rows, Islands<Mem> const& s, 
   return t.count > 0 ? s.dof_tree(t.dof0) : -1;
 }
 
-/// s.label(w): every tree gets the first tree that it is coupled to, until nothing changes.
-/// @param rows  of `constraint/rows.hpp`: first, count, row, element_rows
-template <class World, class Rows, class Mem>
-KOKKOS_INLINE_FUNCTION void label_trees(World const& world, Rows const& rows, Islands<Mem> const& s, int w) {
-  int const first = rows.first(w), count = rows.count(w), ntree = s.ntree;
-  int* const label = s.label(w);
-  world.each(ntree, [&](int t) { label[t] = t; });
-  for (bool again = ntree > 1; again;) {
-    world.sync();
-    int const changes = world.template sum<int>(count, [&](int r) {
-      int const n = rows.element_rows(first + r);
-      int least = ntree, changed = 0;
-      auto const each_tree = [&](auto const& f) {
-        for (int i = 0; i < 2 * n; ++i)
-          if (int const t = tree_of_row(rows, s, w, r + i / 2, i % 2); t >= 0) f(t);
-      };
-      each_tree([&](int t) { least = label[t] < least ? label[t] : least; });
-      each_tree([&](int t) {
-        int const old = label[t];
-        if (old == least) return;
-        Kokkos::atomic_min(&label[old], least);
-        Kokkos::atomic_min(&label[t], least);
-        changed = 1;
-      });
-      return changed;
-    });
-    world.sync();
-    world.each(ntree, [&](int t) {
-      while (label[label[t]] != label[t]) label[t] = label[label[t]];
-    });
-    again = changes > 0;
+/// Trees that are coupled find each other by their first one (union-find without locks): label[t] <= t leads to it, in one or more steps.
+KOKKOS_INLINE_FUNCTION int first_of_island(int* label, int tree) {
+  for (int next; (next = Kokkos::atomic_load(&label[tree])) != tree; tree = next) {}
+  return tree;
+}
+/// Trees a and b are of one island from now on; threads may join others at the same time, and all orders end alike.
+KOKKOS_INLINE_FUNCTION void join_islands(int* label, int a, int b) {
+  for (;;) {
+    a = first_of_island(label, a);
+    b = first_of_island(label, b);
+    if (a == b) return;
+    int const later = a > b ? a : b, first = a > b ? b : a;
+    if (Kokkos::atomic_compare_exchange(&label[later], later, first) == later) return;
   }
-  world.sync();
 }
 
-/// The islands of one world: labels, then elements and dofs sorted by them (counting sort). Cost: a few passes over rows and trees.
+/// The islands of one world from the labels that `assemble` has made: elements and dofs sorted by them (counting sort). Cost: a few passes
+/// over rows and trees.
 template <IslandItems items = IslandItems::elements, class World, class Rows, class Mem>
 KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, Islands<Mem> const& s, int w) {
   int const first = rows.first(w), count = rows.count(w), ntree = s.ntree;
   int *const label = s.label(w), *const number = s.number(w), *const next = s.next(w), *const keys = s.keys.data() + first;
-  label_trees(world, rows, s, w);
   world.each(2 * ntree + 1, [&](int k) { next[k] = 0; });
   world.sync();
   world.each(count, [&](int r) {  // by island, then elements of one row before others; -1: no element, or one that nothing is solved for

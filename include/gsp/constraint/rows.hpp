@@ -101,20 +101,20 @@ struct Rows {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0, nv = 0;
-  Profile profile = Profile::stable;         // of the model: whose problem they are
-  int most_eliminated = 0;                   // rows that are eliminated in a world, at most; 0: none is
-  double friction_time = 0;                  // RowsOptions
-  bool may_sleep = false;                    // some islands may sleep: the others are solved to the same bits whether they do or not
-  View<int*> first, count;                   // (worlds) rows of a world
-  View<int*> kept;                           // (worlds) after them, rows of islands that sleep: type, element and impulse alone
-  View<int*> largest_element;                // (worlds) most rows of an element
-  View<int*> eliminated;                     // (worlds) rows that are eliminated
-  View<R*> rate_scale;                       // (worlds) what gravity does in a step, |g| h [m/s]; of standard gravity where there is none
-  View<R*> weight;                           // (worlds) and to all bodies together, m |g| h [N s]
-  View<std::int64_t*> first_entry, entries;  // (worlds) of Y
-  View<Row<R>*> row;                         // (capacity)
-  View<RowImpact<R>*> impact;                // (capacity) empty where no row has a restitution
-  View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
+  Profile profile = Profile::stable;  // of the model: whose problem they are
+  int most_eliminated = 0;            // rows that are eliminated in a world, at most; 0: none is
+  double friction_time = 0;           // RowsOptions
+  bool may_sleep = false;             // some islands may sleep: the others are solved to the same bits whether they do or not
+  View<int*> first, count;            // (worlds) rows of a world
+  View<int*> kept;                    // (worlds) after them, rows of islands that sleep: type, element and impulse alone
+  View<int*> largest_element;         // (worlds) most rows of an element
+  View<int*> eliminated;              // (worlds) rows that are eliminated
+  View<R*> rate_scale;                // (worlds) what gravity does in a step, |g| h [m/s]; of standard gravity where there is none
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> tree_mass;  // (worlds, ntree) of a tree; of the first of an island: of the island [kg]
+  View<std::int64_t*> first_entry, entries;               // (worlds) of Y
+  View<Row<R>*> row;                                      // (capacity)
+  View<RowImpact<R>*> impact;                             // (capacity) empty where no row has a restitution
+  View<signed char*> element_rows;                        // (capacity) rows of the element that begins here; 0 inside of one
   View<R*> Y;  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries; last
                // of a world what eliminated rows do to all, (most_eliminated, count)
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed, or one since they grew that needed more than there is
@@ -123,6 +123,10 @@ struct Rows {
   detail::SharedStamp<detail::RowsStamp> stamp;  // host: which call has written them (dynamics/stamps.hpp)
 
   KOKKOS_INLINE_FUNCTION int capacity() const { return int(row.extent(0)); }
+  /// What all bodies weigh that row r of the world w can touch, by other rows and trees [kg]; 0 where it has no dof.
+  KOKKOS_INLINE_FUNCTION R island_mass(int w, Row<R> const& r) const {
+    return r.segment[0].count > 0 ? tree_mass(w, islands.label(w)[islands.dof_tree(r.segment[0].dof0)]) : R(0);
+  }
 };
 
 struct RowsOptions {
@@ -184,7 +188,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   make(r.largest_element, "gsp::Rows::largest_element", n);
   make(r.eliminated, "gsp::Rows::eliminated", n);
   make(r.rate_scale, "gsp::Rows::rate_scale", n);
-  make(r.weight, "gsp::Rows::weight", n);
+  r.tree_mass = detail::allocate_zero<decltype(r.tree_mass)>(exec, "gsp::Rows::tree_mass", n, model.ntree);
   make(r.first_entry, "gsp::Rows::first_entry", n);
   make(r.entries, "gsp::Rows::entries", n);
   make(r.demand, "gsp::Rows::demand", 2);

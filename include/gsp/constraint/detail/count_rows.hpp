@@ -46,14 +46,14 @@ struct CountRows {
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
     std::uint32_t const status = types.status(w);
-    R const mass = world.template sum<R>(model.nbody - 1, [&](int b) { return model.body_mass(w, b + 1); });
+    int* const label = rows.islands.label(w);
+    world.each(model.ntree, [&](int t) { label[t] = t; });
     world.single([&] {
       state.status(w) =
           (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused | status::causes)) | status;
       rows.kept(w) = 0;
       rows.largest_element(w) = 3;  // what contacts have
       rows.rate_scale(w) = gravity_rate(model.gravity, w, model.timestep);
-      rows.weight(w) = mass * rows.rate_scale(w);
     });
     types.prepare(world);
     world.sync();
@@ -62,6 +62,7 @@ struct CountRows {
     });
     std::int64_t sizes = sum_elements(world, types, [&](auto const& type, int k) { return count_element(world, type, k); });
     world.sync();
+    weigh_islands(world);
     bool const refused = (state.status(w) & status::row_refused) != 0;
     if (refused) sizes = 0;
     sizes += std::int64_t(rows.most_eliminated) * rows_of(sizes);
@@ -74,6 +75,26 @@ struct CountRows {
   }
 
  private:
+  /// Labels lead to the first tree at once, and it knows what all trees of the island weigh, summed in their order.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION void weigh_islands(World const& world) const {
+    int const w = world.rank;
+    int* const label = rows.islands.label(w);
+    world.each(model.ntree, [&](int t) {
+      Archetype const& a = model.archetypes(model.tree_archetype(t));
+      int const body0 = model.ints(a.instance_body + model.tree_instance(t));
+      R mass(0);
+      for (int b = body0; b < body0 + a.nbody; ++b) mass += model.body_mass(w, b);
+      rows.tree_mass(w, t) = mass;
+      Kokkos::atomic_store(&label[t], first_of_island(label, t));
+    });
+    world.sync();
+    world.single([&] {
+      for (int t = 1; t < model.ntree; ++t)
+        if (label[t] != t) rows.tree_mass(w, label[t]) += rows.tree_mass(w, t);
+    });
+    world.sync();
+  }
   /// Rows and entries of element k where it is awake and well formed; else the world's status says why not.
   template <class World, class Type>
   KOKKOS_INLINE_FUNCTION std::int64_t count_element(World const& world, Type const& type, int k) const {
@@ -92,12 +113,17 @@ struct CountRows {
     auto const refuse = [&](bool when, std::uint32_t cause) { refused |= when ? cause : 0u; };
     unsigned alone = 0;  // normals that have friction which shares no ellipse
     int entries = 0;     // of a row
+    int tree = -1;       // that its rows couple to others
     for (int r = 0; r < n && !refused; ++r) {
       if (r == 0 || !rows_are_alike<Type>()) {
         RowStructure<R, Mem> structure{model};
         element.jacobian(r, structure);
         refuse(structure.refused, status::refused_place);
         entries = structure.entries();
+        for (int s = 0; s < structure.segments; ++s) {
+          if (tree < 0) tree = structure.tree[s];
+          if (structure.tree[s] != tree) join_islands(rows.islands.label(w), tree, structure.tree[s]);
+        }
       }
       auto const bounds = element.bounds(r);
       refuse(bounds.friction_of >= n || bounds.friction_of == r, status::refused_friction);

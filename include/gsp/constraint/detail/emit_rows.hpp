@@ -251,8 +251,9 @@ struct EmitRows {
         hold_elastically(row[r], row[row[r].friction_of], impulses.p[now](first + r), start[row[r].friction_of], load, rows.rate_scale(w));
     }
     couple(rows, row, n, row->first_entry - couplings_of(n));
-    // What is squeezed carries zeta / C, and hardened for that it would carry more each step: the weight of all is the most that counts.
-    for (int r = 0; r < n; ++r) harden(row[r], min(load, rows.weight(w)), most_yield(first + r));
+    // What is squeezed carries zeta / C, and hardened for that it would carry more each step: the weight of its island is the most that
+    // counts.
+    for (int r = 0; r < n; ++r) harden(row[r], min(load, rows.island_mass(w, row[r]) * rows.rate_scale(w)), most_yield(first + r));
     starts().mark_place(type, w, k, n, first);
   }
   /// Rigid friction yields to what it changes by,   w + C (p - p_last) = 0:   it creeps under no load, and since it took hold it has

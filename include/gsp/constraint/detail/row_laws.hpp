@@ -12,7 +12,7 @@ template <class R>
 KOKKOS_INLINE_FUNCTION bool is_finite(R const& x) {
   return x - x == R(0);
 }
-// A rigid row that pushes bears  p <= |u| / |Y|^2 + m (1e3 |g| h + |zeta|),  m the mass of all bodies: what is jammed asks for zeta /
+// A rigid row that pushes bears  p <= |u| / |Y|^2 + m (1e3 |g| h + |zeta|),  m the mass of its island: what is jammed asks for zeta /
 // |Y|^2, any number, or, between two that do not yield, for more with every sweep, and would be thrown by its overlap or by rounding of its
 // load.
 inline constexpr double most_weights = 1e3;
@@ -24,7 +24,7 @@ inline constexpr double jammed_rounding = 32;
 // joints that move the row by 1 a radian or metre.
 inline constexpr double no_softness = 2e-15;
 // A row that is hardened for its load p (RowLaw::most_yield) asks for no more than so many times p by its overlap alone, zeta / C: what is
-// squeezed by rows that do not give (boxes that overlap and are welded) would carry more each step, up to the weight of all bodies, so
+// squeezed by rows that do not give (boxes that overlap and are welded) would carry more each step, up to the weight of its island, so
 // stiff that sweeps do not end, and be thrown.
 inline constexpr double most_squeeze = 4;
 template <class R, class Mem>
@@ -68,7 +68,7 @@ struct RowLaws {
     row.inverse_diagonal = size > R(0) ? R(1) / size : R(0);
     row.friction_of = static_cast<signed char>(bounds.friction_of);
     row.lower = bounds.lower;
-    row.upper = min(bounds.upper, most_push(law, w, max(abs(rate), abs(free_rate)) * row.inverse_diagonal));
+    row.upper = min(bounds.upper, most_push(law, w, row, max(abs(rate), abs(free_rate)) * row.inverse_diagonal));
     row.mu = bounds.friction_of < 0 ? R(-1) : bounds.mu;
     row.with_next = bounds.with_next;
     row.dry = bounds.dry;
@@ -106,9 +106,9 @@ struct RowLaws {
     return sum;
   }
   /// What a rigid row that says what it moves may push (RowLaw::mass): what stops it, which makes no energy however little it moves; and
-  /// for the overlap and for others no more than all bodies ask for (most_weights).
-  KOKKOS_INLINE_FUNCTION R most_push(RowLaw<R> const& law, int w, R stops) const {
-    R const mass = max(law.mass, rows.weight(w) / rows.rate_scale(w));
+  /// for the overlap and for others no more than all bodies of its island ask for (most_weights).
+  KOKKOS_INLINE_FUNCTION R most_push(RowLaw<R> const& law, int w, Row<R> const& row, R stops) const {
+    R const mass = max(law.mass, rows.island_mass(w, row));
     return stops + mass * (R(most_weights) * rows.rate_scale(w) + abs(law.zeta));
   }
 };

@@ -139,7 +139,6 @@ struct FallAsleep {
     });
     world.sync();
     if (world.template sum<int>(ntree, [&](int t) { return int(sleep.state.calm(w, t) >= sleep.steps); }) > 0) {
-      label_trees(world, rows, rows.islands, w);
       int const* const label = rows.islands.label(w);
       world.each(ntree, [&](int t) { islands.wakes(w, t) = 0; });
       world.sync();
