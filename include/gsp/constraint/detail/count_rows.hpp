@@ -10,9 +10,11 @@
 /// The first two kernels of `assemble`, count -> scan -> emit: rows and entries of each world, and where they begin.
 namespace gsp::detail {
 
-KOKKOS_INLINE_FUNCTION std::int64_t pack_sizes(int rows, int entries) { return (std::int64_t(rows) << 40) + entries; }
-KOKKOS_INLINE_FUNCTION int rows_of(std::int64_t sizes) { return int(sizes >> 40); }
-KOKKOS_INLINE_FUNCTION std::int64_t entries_of(std::int64_t sizes) { return sizes & ((std::int64_t(1) << 40) - 1); }
+// Rows of a world above, entries below: 134 million of the one and 69 billion of the other, which no memory holds.
+inline constexpr int entry_bits = 36;
+KOKKOS_INLINE_FUNCTION std::int64_t pack_sizes(int rows, int entries) { return (std::int64_t(rows) << entry_bits) + entries; }
+KOKKOS_INLINE_FUNCTION int rows_of(std::int64_t sizes) { return int(sizes >> entry_bits); }
+KOKKOS_INLINE_FUNCTION std::int64_t entries_of(std::int64_t sizes) { return sizes & ((std::int64_t(1) << entry_bits) - 1); }
 /// None of them is NaN.
 template <class... R>
 KOKKOS_INLINE_FUNCTION bool are_numbers(R const&... x) {

@@ -1,4 +1,5 @@
 #pragma once
+#include <concepts>
 #include <gsp/constraint/constraint_type.hpp>
 
 /// An element of a constraint type, as the kernels ask for it. Types of the library whose rows are made of the same things read them once:
@@ -23,9 +24,15 @@ struct ElementByMembers {
     return row_law(type, world, k, row, x, u, h, limits);
   }
 };
+/// A type of the library's kind: members of these names that a user's type has for itself are not asked.
+template <class Type>
+concept MakesElements = requires(Type const& type) {
+  { type.element(0, 0).rows() } -> std::same_as<int>;
+  type.element(0, 0).bounds(0);
+};
 template <class Type>
 KOKKOS_INLINE_FUNCTION auto element_of(Type const& type, int world, int k) {
-  if constexpr (requires { type.element(world, k); })
+  if constexpr (MakesElements<Type>)
     return type.element(world, k);
   else
     return ElementByMembers<Type>{type, world, k};
@@ -33,7 +40,7 @@ KOKKOS_INLINE_FUNCTION auto element_of(Type const& type, int world, int k) {
 /// Whether all rows of an element touch the same dofs.
 template <class Type>
 KOKKOS_INLINE_FUNCTION constexpr bool rows_are_alike() {
-  if constexpr (requires { Type::alike; })
+  if constexpr (MakesElements<Type> && requires { Type::alike; })
     return Type::alike;
   else
     return false;

@@ -17,7 +17,13 @@ struct RoomyWorld : SerialWorld {
   char* room;
 };
 
-/// Bytes that an island may take which has so many rows and entries of Y.
+/// Bytes that an island may take which has so many rows and entries of Y, as the constructor takes them:
+///   z, before a leap        2 reals a dof, each tree's last group filled up
+///   places, groups' slots   an int a dof, and one a group (counted as one a dof)
+///   vectors of the rows     10 reals a row, up to a whole pack: p, before, bias, C, 1/diagonal, diagonal and 4 of mixtures
+///   rows, elements          an int a row and what an element of one row holds (its rows and theirs of others are no larger each)
+///   groups                  a number each, and a pack for each row of the element: a row's entries are 2 segments of a tree each at most
+///   alignment               16 packs: one for each array
 template <class R, class Mem>
 std::int64_t grouped_bytes(Rows<R, Mem> const& rows, std::int64_t row_count, std::int64_t entries, int largest_element,
                            int most_tree_dofs) {

@@ -172,7 +172,7 @@ struct PgsWorld {
       return sweep_until_rest<R>(SparseIsland<World>{*this, world, e, first_turn(e), z, p}, options, tolerance, e.elements > 0);
     }
   }
-  /// An island, for sweep_until_rest.
+  /// An island on a GPU, in the pools, for sweep_until_rest. (Hosts copy it to a thread's own memory: GroupedIsland.)
   template <class World>
   struct SparseIsland {
     PgsWorld const& solver;
