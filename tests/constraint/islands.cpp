@@ -19,6 +19,19 @@ struct Find {
   bool each_row;
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
+    int const w = world.rank, first = rows.first(w);
+    gsp::detail::part_islands(world, rows.islands, w);
+    world.each(rows.count(w), [&](int r) {  // as `assemble` does while it counts
+      int tree = -1;
+      for (int i = 0; i < 2 * rows.element_rows(first + r); ++i) {
+        auto const& segment = rows.row(first + r + i / 2).segment[i % 2];
+        if (segment.count == 0) continue;
+        int const other = rows.islands.dof_tree(segment.dof0);
+        if (tree < 0) tree = other;
+        gsp::detail::join_islands(rows.islands.label(w), tree, other);
+      }
+    });
+    gsp::detail::label_islands(world, rows.islands, w);
     if (each_row)
       gsp::detail::find_islands<gsp::detail::IslandItems::rows>(world, rows, rows.islands, world.rank);
     else

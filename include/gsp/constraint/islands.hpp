@@ -67,6 +67,13 @@ KOKKOS_INLINE_FUNCTION int tree_of_row(Rows const& rows, Islands<Mem> const& s, 
   return t.count > 0 ? s.dof_tree(t.dof0) : -1;
 }
 
+/// Each tree is an island of its own.
+template <class World, class Mem>
+KOKKOS_INLINE_FUNCTION void part_islands(World const& world, Islands<Mem> const& s, int w) {
+  int* const label = s.label(w);
+  world.each(s.ntree, [&](int t) { label[t] = t; });
+  world.sync();
+}
 /// Trees that are coupled find each other by their first one (union-find without locks): label[t] <= t leads to it, in one or more steps.
 KOKKOS_INLINE_FUNCTION int first_of_island(int* label, int tree) {
   for (int next; (next = Kokkos::atomic_load(&label[tree])) != tree; tree = next) {}
@@ -81,6 +88,15 @@ KOKKOS_INLINE_FUNCTION void join_islands(int* label, int a, int b) {
     int const later = a > b ? a : b, first = a > b ? b : a;
     if (Kokkos::atomic_compare_exchange(&label[later], later, first) == later) return;
   }
+}
+
+/// What label(w) says after that: each tree the first of its island at once.
+template <class World, class Mem>
+KOKKOS_INLINE_FUNCTION void label_islands(World const& world, Islands<Mem> const& s, int w) {
+  int* const label = s.label(w);
+  world.sync();
+  world.each(s.ntree, [&](int t) { Kokkos::atomic_store(&label[t], first_of_island(label, t)); });
+  world.sync();
 }
 
 /// The islands of one world from the labels that `assemble` has made: elements and dofs sorted by them (counting sort). Cost: a few passes

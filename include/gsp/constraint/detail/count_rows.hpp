@@ -48,8 +48,7 @@ struct CountRows {
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
     std::uint32_t const status = types.status(w);
-    int* const label = rows.islands.label(w);
-    world.each(model.ntree, [&](int t) { label[t] = t; });
+    part_islands(world, rows.islands, w);
     world.single([&] {
       state.status(w) =
           (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused | status::causes)) | status;
@@ -64,6 +63,7 @@ struct CountRows {
     });
     std::int64_t sizes = sum_elements(world, types, [&](auto const& type, int k) { return count_element(world, type, k); });
     world.sync();
+    label_islands(world, rows.islands, w);
     weigh_islands(world);
     bool const refused = (state.status(w) & status::row_refused) != 0;
     if (refused) sizes = 0;
@@ -77,18 +77,17 @@ struct CountRows {
   }
 
  private:
-  /// Labels lead to the first tree at once, and it knows what all trees of the island weigh, summed in their order.
+  /// The first tree of an island knows what all of its trees weigh, summed in their order.
   template <class World>
   KOKKOS_INLINE_FUNCTION void weigh_islands(World const& world) const {
     int const w = world.rank;
-    int* const label = rows.islands.label(w);
+    int const* const label = rows.islands.label(w);
     world.each(model.ntree, [&](int t) {
       Archetype const& a = model.archetypes(model.tree_archetype(t));
       int const body0 = model.ints(a.instance_body + model.tree_instance(t));
       R mass(0);
       for (int b = body0; b < body0 + a.nbody; ++b) mass += model.body_mass(w, b);
       rows.tree_mass(w, t) = mass;
-      Kokkos::atomic_store(&label[t], first_of_island(label, t));
     });
     world.sync();
     world.single([&] {
