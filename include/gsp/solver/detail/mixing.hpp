@@ -42,7 +42,7 @@ KOKKOS_INLINE_FUNCTION constexpr bool begins_anew(int sweep, PgsOptions const& o
 template <class R>
 struct MixingMemory {
   int known = 0;                                                         // sweeps in a row, with the last one
-  bool mixed = false;                                                    // the next sweep begins from a mixture
+  bool mixed = false;                                                    // the next sweep begins from a mixture, if that helps
   R least = Kokkos::Experimental::infinity_v<R>;                         // |f|^2 of the sweeps since a leap or a beginning
   KOKKOS_INLINE_FUNCTION bool knows_both() const { return known >= 3; }  // differences
   /// Whether a mixture follows on sweep number `sweep`; leapt: the impulses have gone elsewhere.
@@ -53,6 +53,11 @@ struct MixingMemory {
       least = Kokkos::Experimental::infinity_v<R>;
     }
     mixed = known >= 2 && mixes_after(sweep, options);
+    return mixed;
+  }
+  /// Whether it is made: none is where it promises too little.
+  KOKKOS_INLINE_FUNCTION bool takes(bool helps) {
+    mixed = mixed && helps;
     return mixed;
   }
   /// Whether the sweep that began from a mixture missed by too much more than the best: it is taken back. Mixtures follow on even sweeps,
@@ -94,6 +99,7 @@ struct MixingSums {
 template <class T>
 struct Mixing {
   T gamma1, gamma2;
+  KOKKOS_INLINE_FUNCTION auto helps() const { return abs(gamma1) + abs(gamma2) > T(0.0f); }
   /// What is taken from p, where p_1 and p_2 are of the sweeps before.
   template <class Condition>
   KOKKOS_INLINE_FUNCTION T of(T const& p, T const& p1, T const& p2, Condition const& both) const {

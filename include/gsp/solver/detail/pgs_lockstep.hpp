@@ -147,7 +147,8 @@ struct LockstepPack {
         mixed.set(l, memory[l].after(sweep, options, leaps && leaping[l]) && active[l]);
         both.set(l, memory[l].knows_both());
       }
-      if (is_remembered(sweep, options)) remember(blocks, sweep % 2, mixed, both, misses, z, z_before);
+      if (is_remembered(sweep, options)) mixed = remember(blocks, sweep % 2, mixed, both, misses, z, z_before);
+      for (int l = 0; l < W; ++l) memory[l].takes(mixed[l]);
       more = begins_anew(sweep, options);
     }
     T worst = zero;
@@ -193,19 +194,21 @@ struct LockstepPack {
     });
     sum_impulses(blocks, z, z_before, worlds);
   }
-  /// Keeps p and d of the last sweep, and leaves p of some worlds where f would be least (mixing.hpp).
-  void remember(Blocks const& blocks, int side, Mask<R, W> const& worlds, Mask<R, W> const& both, T const& misses, T* z,
+  /// Keeps p and d of the last sweep, and leaves p of some worlds where f would be least (mixing.hpp): of those among `worlds` that it helps,
+  /// which are returned.
+  Mask<R, W> remember(Blocks const& blocks, int side, Mask<R, W> worlds, Mask<R, W> const& both, T const& misses, T* z,
                 T* z_before) const {
     T const zero(R(0));
     Mixing<T> to{zero, zero};
-    bool const mixes = any(worlds);
-    if (mixes) {
+    if (any(worlds)) {
       MixingSums<T> sums{zero, zero, zero, zero, zero};
       blocks.each([&](auto kind, Block const& k) {
         for (int b = 0; b < rows_of(kind); ++b) sums.add_row(k.diagonal[b], k.d[b], k.d_before[1][b], k.d_before[0][b], both);
       });
       to = best_mixing<R>(sums, misses);
+      worlds = worlds && to.helps();
     }
+    bool const mixes = any(worlds);
     blocks.each([&](auto kind, Block& k) {
       for (int b = 0; b < rows_of(kind); ++b) {
         T const p = k.p[b];
@@ -215,6 +218,7 @@ struct LockstepPack {
       }
     });
     if (mixes) sum_impulses(blocks, z, z_before, worlds);
+    return worlds;
   }
   /// Leaves p of some worlds where it was before it was mixed.
   void take_back(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& worlds) const {

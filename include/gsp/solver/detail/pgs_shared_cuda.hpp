@@ -386,7 +386,7 @@ struct SharedWorld {
   }
   /// Keeps p and d of the last sweep; of worlds that mix, p goes on to the mixture; and p, before the next. The former stay in the pool: a
   /// row's numbers are read once a sweep, by the thread that has written them.
-  __device__ void remember(bool active, bool mixes, R misses) const {
+  __device__ bool remember(bool active, bool mixes, R misses) const {
     auto const& known = k.impulses.mixing;
     bool const both = mixing.knows_both();
     int const side = (sweeps - 1) % 2;
@@ -409,6 +409,7 @@ struct SharedWorld {
             own.add_row(number[r].diagonal, number[r].p - number[r].before, f1[h], f2[h], both);
       }
       to = best_mixing<R>(MixingSums<R>{sum(own.dd11), sum(own.dd12), sum(own.dd22), sum(own.df1), sum(own.df2)}, misses);
+      mixes = mixes && to.helps();
     }
 #pragma unroll 1
     for (int begin = active ? lane : count; begin < count; begin += held * shared_lanes) {
@@ -430,6 +431,7 @@ struct SharedWorld {
       }
     }
     __syncwarp();
+    return mixes;
   }
   /// One sweep of the worlds that a warp has, where there is one, and what follows on it. False: this one has ended.
   __device__ bool sweep(bool active) {
@@ -456,8 +458,9 @@ struct SharedWorld {
     if (leaps) leaping = again && leaps_again(work.raised);
     bool const leapt = leaps && leaping;
     if (any(leapt)) leap(leapt, work);
-    bool const mixes = again && mixing.after(before, options, leapt);
-    if (any(remembers)) remember(remembers, mixes, misses);
+    bool mixes = again && mixing.after(before, options, leapt);
+    if (any(remembers)) mixes = remember(remembers, mixes, misses);
+    mixes = mixing.takes(mixes);
     stale = again && (worse || leapt || mixes || begins_anew(before, options));
     return again;
   }

@@ -32,9 +32,9 @@ KOKKOS_INLINE_FUNCTION int sweep_until_rest(Island const& island, PgsOptions con
       if (leaping) island.leap(done.work);
     }
     Mixing<R> to{R(0), R(0)};
-    bool const mixes = memory.after(sweep, options, leaps && leaping);
-    bool const both = memory.knows_both();
-    if (mixes) to = best_mixing<R>(island.mixing_sums(both), done.misses);
+    bool const may_mix = memory.after(sweep, options, leaps && leaping), both = memory.knows_both();
+    if (may_mix) to = best_mixing<R>(island.mixing_sums(both), done.misses);
+    bool const mixes = memory.takes(to.helps());
     if (is_remembered(sweep, options)) island.remember(sweep % 2, mixes, to, both);
     if (mixes || begins_anew(sweep, options)) island.sum();
   }
