@@ -185,7 +185,7 @@ TEST_CASE_TEMPLATE("a box stands on its corners", T, float, double) {
 }
 
 // Two equal boxes, one on the other with a gap or an overlap of rounding, tilted and shifted by a little: they meet in four points or more,
-// whichever axis rounding or the tilt prefers, each where the lower face of the upper one is, with the distance of the faces there.
+// whichever axis rounding or the tilt prefers, over all of the common face, each midway between the faces with their distance there.
 TEST_CASE_TEMPLATE("boxes that just touch lie on their faces", T, float, double) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> uniform(-1, 1);
@@ -203,11 +203,18 @@ TEST_CASE_TEMPLATE("boxes that just touch lie on their faces", T, float, double)
         CAPTURE(shift);
         CAPTURE(trial);
         CHECK(out.count >= 4);
+        double reach[2][2] = {{0, 0}, {0, 0}};  // least and most x and y from the lower box's middle
         for (int k = 0; k < out.count; ++k) {
           auto const& p = out.point[k];
           double const x = p.pos.x - b.p.x, y = p.pos.y - b.p.y;
+          for (int i = 0; i < 2; ++i) {
+            reach[i][0] = std::fmin(reach[i][0], p.pos[i] - a.p[i]);
+            reach[i][1] = std::fmax(reach[i][1], p.pos[i] - a.p[i]);
+          }
+          CHECK(std::abs(p.pos.z - (0.2 + p.dist / 2)) < 20 * epsilon + 0.2 * tilt);
           CHECK(std::abs(p.dist - (-overlap + ax * y - ay * x)) < 20 * epsilon + 2 * tilt * tilt);
         }
+        for (auto const& r : reach) CHECK(std::fmin(-r[0], r[1]) > 0.1 - shift - 1e-3);
       }
 }
 

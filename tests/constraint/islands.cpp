@@ -4,12 +4,13 @@
 #include <algorithm>
 #include <cstdlib>
 #include <gsp/constraint/rows.hpp>
+#include <gsp/io/mjcf.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp_test_execs.hpp>
 #include <random>
 #include <set>
 
-#include "dynamics/random_tree.hpp"
+#include "step/world.hpp"
 
 namespace {
 
@@ -155,4 +156,30 @@ TEST_CASE_TEMPLATE("islands are what rows couple, each with its elements and dof
       CHECK(dof == compiled.nv);
     }
   }
+}
+
+// What `assemble` says of islands that are known: a stack of boxes, three trees that a weld and a connect hold together, apart from
+// it, and one body that nothing touches.
+TEST_CASE_TEMPLATE("assemble finds islands and what they weigh", Exec, GSP_TEST_EXECS) {
+  auto const text = R"(<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="9 9 1"/>
+    <body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/></body>
+    <body pos="5 0 3"><freejoint/><geom type="sphere" size=".1" mass="64"/></body>
+    <body name="a" pos="2 0 2"><freejoint/><geom type="sphere" size=".1" mass="2"/></body>
+    <body pos="0 0 .3"><freejoint/><geom type="box" size=".1 .1 .1" mass="4"/></body>
+    <body name="b" pos="3 0 2"><freejoint/><geom type="sphere" size=".1" mass="8"/></body>
+    <body name="c" pos="4 0 2"><freejoint/><geom type="sphere" size=".1" mass="16"/><body pos=".5 0 0"><joint/><geom type="sphere" size=".1" mass="32"/></body></body>
+    </worldbody><equality><weld body1="c" body2="b"/><connect body1="a" body2="c" anchor="1 0 0"/></equality></mujoco>)";
+  gsp_test::World<double, Exec> w(gsp::compile(gsp::io::parse_mjcf(text, "islands.xml")), 3);
+  w.step(2);
+  auto const lists = gsp_test::host(w.sim.rows.islands.lists);
+  auto const mass = gsp_test::host(w.sim.rows.tree_mass);
+  int const trees = w.model.ntree;
+  REQUIRE(trees == 6);
+  int const first[] = {0, 1, 2, 0, 2, 2};
+  double const weighs[] = {5, 64, 58};
+  for (int world = 0; world < 3; ++world)
+    for (int t = 0; t < trees; ++t) {
+      CHECK(lists(world, 4 + 2 * trees + t) == first[t]);
+      CHECK(mass(world, first[t]) == doctest::Approx(weighs[first[t]]).epsilon(1e-12));
+    }
 }

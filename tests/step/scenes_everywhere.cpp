@@ -6,13 +6,13 @@
 // of a few roundings each) and has to stay within 1e-9 of it, over as many steps as devices are compared for. Places to 1e-9 m and rad;
 // velocities to 1e-7: an error of v is one of h v in the place one step later, h = 10 ms.
 //
-// All go on from what one thread of the host makes of the scene in 50 steps, with its impulses. Geoms of files touch exactly, and at a
-// distance of 0 laws of contacts jump, in both profiles: what comes near stops within the step at +0, and is braked over a time constant at
-// -0 (of a speed of 4 mm/s 3 mm/s are left after a step of 2 ms), so that the last bit of a place would decide. 50 steps later all lie in
-// their contacts. A step that takes all 100 sweeps is known to what it leaves unsolved, and mixtures of sweeps spread over that what
-// starts beside it: without impulses, or while the hand still closes, the grasp is such a scene. Where scenes go on to meet at 0, or have
-// several answers, they say so (`chaotic`), and are compared for as long as the shadow, whose error is larger than what a device rounds,
-// stays with the state.
+// All go on from what one thread of the host makes of the scene in 50 steps (`settling`), with its impulses; what is thrown is in the air
+// then. Geoms of files touch exactly, and at a distance of 0 laws of contacts jump, in both profiles: what comes near stops within the step
+// at +0, and is braked over a time constant at -0 (of a speed of 4 mm/s 3 mm/s are left after a step of 2 ms), so that the last bit of a
+// place would decide. 50 steps later all lie in their contacts. A step that takes all 100 sweeps is known to what it leaves unsolved:
+// without impulses, or while the hand still closes, the grasp is such a scene. Where scenes go on to meet at 0, or have several answers,
+// they say so (`chaotic`), and are compared for as long as the shadow, whose error is larger than what a device rounds, stays with the
+// state.
 #include <doctest/doctest.h>
 
 #include <algorithm>

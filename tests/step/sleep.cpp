@@ -130,16 +130,14 @@ auto first_trees(W const& w, int nq, int nv) {
   take(w.state.qpos, nq), take(w.state.qpos_low, nq), take(w.state.qvel, nv);
   return out;
 }
-/// `boxes` in stacks of two on a table of their own 40 m off; `absent`: they cannot move, as the weight of all bodies is what a jammed
-/// contact bears.
+/// `boxes` in stacks of two on a table of their own 40 m off, or the table alone.
 void add_neighbours(gsp::Description& d, int boxes, Neighbours who) {
   auto table = geom(gsp::ShapeType::box, {3, 1, 0.1});
   table.pos = {42.5, 0, -0.1};
   d.bodies[0].geoms.push_back(table);
-  for (int i = 0; i < boxes; ++i) {
+  for (int i = 0; i < boxes && who != Neighbours::absent; ++i) {
     add_free(d, {40 + 0.25 * (i - i % 2), 0.01 * (i % 2), 0.1 + 0.2 * (i % 2)}, geom(gsp::ShapeType::box, {0.1, 0.1, 0.1}, 1));
     if (who == Neighbours::never_sleep) d.bodies.back().sleep = gsp::BodySleep::never;
-    if (who == Neighbours::absent) d.bodies.back().joints.clear();
   }
 }
 /// Steps worlds of `d` with each of several kinds of neighbours and compares the first trees of all, bit for bit. The neighbours of the

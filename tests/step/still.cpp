@@ -510,7 +510,7 @@ TEST_CASE("a loop of one's own has the bits of step") {
 
 // A box and a capsule that overlap by 1 mm and are welded rigidly, dropped by 0.35 m: what squeezes them has no end, and they were thrown
 // (254 m/s in float; NaN with a heavy body 900 m away, as the weight of all was what a contact is hardened for). They land at 8.8 rad/s, as
-// two that overlap no more, and come to rest; what lies far away does not change a bit.
+// two that overlap no more, and come to rest; the mass of what lies far away does not change a bit.
 TEST_CASE_TEMPLATE("what is welded and overlaps is not thrown", R, float, double) {
   auto const text = [](char const* far) {
     return std::string(R"(<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="50 50 .1"/>

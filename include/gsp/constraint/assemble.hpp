@@ -192,12 +192,13 @@ RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
 
 /// Fills `rows` with the active rows of all types of the list, in their order, whitened with the factored matrix, and `impulses` with a
 /// start: last step's impulses by identity (type, RowId), for new elements by place where the type has `place`, else 0, as in worlds that
-/// were reset. A type is known by its C++ type and by its place among those of the same type: the others may come, go and change places.
-/// After factor or smooth_dynamics (and collide). A world whose rows do not fit has status::row_overflow; then no world is stepped
-/// (progress.halt), the pools grow at the host's next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows
-/// of more than two trees, elements of more than six rows, friction of a row that the element does not have, laws that are not finite or of
-/// negative compliance at a finite state, a restitution outside of 0 to 1 or of rows that are soft, pull or have no room for it, bounds
-/// that are NaN or change places (lower > upper), and in profile mujoco what no cone is (docs/add_a_constraint.md): status::row_refused.
+/// were reset. Says which trees these rows make one and what an island weighs (`Rows::islands`, `Rows::tree_mass`). A type is known by its
+/// C++ type and by its place among those of the same type: the others may come, go and change places. After factor or smooth_dynamics (and
+/// collide). A world whose rows do not fit has status::row_overflow; then no world is stepped (progress.halt), the pools grow at the host's
+/// next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows of more than two trees, elements of more than
+/// six rows, friction of a row that the element does not have, laws that are not finite or of negative compliance at a finite state, a
+/// restitution outside of 0 to 1 or of rows that are soft, pull or have no room for it, bounds that are NaN or change places (lower >
+/// upper), and in profile mujoco what no cone is (docs/add_a_constraint.md): status::row_refused.
 /// @param sleeping  islands that sleep (step/sleep.hpp): those that something awake touches are woken, the others have no rows and keep
 ///                  their impulses
 /// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or

@@ -90,7 +90,7 @@ KOKKOS_INLINE_FUNCTION void join_islands(int* label, int a, int b) {
   }
 }
 
-/// What label(w) says after that: each tree the first of its island at once.
+/// Makes label[t] the first tree of t's island, after all are joined.
 template <class World, class Mem>
 KOKKOS_INLINE_FUNCTION void label_islands(World const& world, Islands<Mem> const& s, int w) {
   int* const label = s.label(w);

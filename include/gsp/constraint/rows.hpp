@@ -119,11 +119,11 @@ struct Rows {
                // of a world what eliminated rows do to all, (most_eliminated, count)
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed, or one since they grew that needed more than there is
   View<int const*> dof_lists;  // what the segments' lists lie in
-  Islands<Mem> islands;        // room for those of these rows, which solvers find
+  Islands<Mem> islands;        // which trees are one, and room to list what each island has, for solvers
   detail::SharedStamp<detail::RowsStamp> stamp;  // host: which call has written them (dynamics/stamps.hpp)
 
   KOKKOS_INLINE_FUNCTION int capacity() const { return int(row.extent(0)); }
-  /// What all bodies weigh that row r of the world w can touch, by other rows and trees [kg]; 0 where it has no dof.
+  /// Mass of the island that row r of world w belongs to [kg]; 0 where its first segment has no dof.
   KOKKOS_INLINE_FUNCTION R island_mass(int w, Row<R> const& r) const {
     return r.segment[0].count > 0 ? tree_mass(w, islands.label(w)[islands.dof_tree(r.segment[0].dof0)]) : R(0);
   }

@@ -50,12 +50,12 @@ KOKKOS_INLINE_FUNCTION void clip_polygon(ClipPolygon<T>& p, int axis, T sign, T 
 ///   the reference face and the incident one, dist along the reference normal: up to 8 points, `reduce_points` (manifold.hpp) takes 4 of
 ///   them;
 /// - edge: one point, midway between the closest points of the two edges, dist along the axis.
-/// A face is preferred to an edge axis within 8 degrees of it unless that is better by 5 % of the gap or, where that is more, 1e-5 of the
-/// sizes, so that resting boxes do not alternate (5 %: as MuJoCo): where equal boxes stand on each other with a tilt t and an offset d, an
-/// edge axis is better by d t, which hard boxes at a gap of rounding would lose three of their points for. The points of a face are where
-/// the boxes are, so nothing is lost by it. Features: face: axis and sign, incident face, and the two polygon edges that meet; edge: the
-/// two edges. Source: S. Gottschalk et al. 1996 (axes); Sutherland and Hodgman 1974 (clipping). Cost about 400 flops when apart, 1,000 with
-/// points.
+/// A face is preferred to an edge axis within 8 degrees of it unless that is better by 5 % of the gap (as MuJoCo does) or, where that is
+/// more, 2e-5 of the smaller box's half sizes, so that resting boxes do not alternate: where equal boxes stand on each other with a tilt t
+/// and an offset d, an edge axis is better by d t, and rigid ones at a gap of rounding would lose three of their points for it. The points
+/// of a face have the distances that the faces have there. Features: face: axis and sign, incident face, and the two polygon edges that
+/// meet; edge: the two edges. Source: S. Gottschalk et al. 1996 (axes); Sutherland and Hodgman 1974 (clipping). Cost about 400 flops when
+/// apart, 1,000 with points.
 template <class T, class Out>
 KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
   Mat3<T> C;  // b's axes in a's frame: column j
@@ -116,7 +116,7 @@ KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T marg
     if (dot(n, ab) < T(0)) n = -n;
     Vec3<T> const m = transpose_times(C, n);  // in b's frame
     T const along = abs(face_code < 3 ? n[face_code] : m[face_code - 3]);
-    if (along > T(0.99) && best < face_gap + max(T(0.05) * abs(face_gap), T(1e-5) * (A.x + A.y + A.z + B.x + B.y + B.z))) {
+    if (along > T(0.99) && best < face_gap + max(T(0.05) * abs(face_gap), T(2e-5) * min(A.x + A.y + A.z, B.x + B.y + B.z))) {
       code = face_code;
     } else {
       // The supporting edges: corners by the signs of n. A component near zero supports both, then the closer pair of edges counts.

@@ -4,8 +4,9 @@
 namespace gsp {
 
 /// Plane a, hull of mesh b: its lowest vertex, and up to three more within the margin that spread farthest: the one farthest from it along
-/// the plane, the one that spans the largest triangle with both, the one that adds most on the other side. Ties go to the first; feature =
-/// number in the hull's list. Cost: apart one search along the hull's edges, else three passes over its vertices.
+/// the plane, the one that spans the largest triangle with both, the one that adds most on the other side. Ties go to the first, and what
+/// adds no more than rounding is left; feature = number in the hull's list. Cost: apart one search along the hull's edges, else three
+/// passes over its vertices.
 template <class T, class Out>
 KOKKOS_INLINE_FUNCTION void plane_mesh(Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
   ShapeAsset<T> const& mesh = *b.asset;
@@ -22,7 +23,7 @@ KOKKOS_INLINE_FUNCTION void plane_mesh(Shape<T> const& a, Shape<T> const& b, T m
   if (!(height + dot(up, deepest) <= margin)) return;
   add(lowest);
   Vec3<T> corner[3] = {deepest, deepest, deepest};
-  int taken[4] = {lowest, lowest, lowest, lowest};
+  int taken[3] = {lowest, lowest, lowest};
   T const least = (sizeof(T) == 4 ? T(2e-6) : T(1e-12)) * dot(b.size, b.size);  // below, what they span is rounding
   for (int k = 1; k < 4; ++k) {
     int best = -1;
@@ -49,7 +50,7 @@ KOKKOS_INLINE_FUNCTION void plane_mesh(Shape<T> const& a, Shape<T> const& b, T m
     }
     if (best < 0 || !(most > least)) return;
     add(best);
-    taken[k] = best;
+    if (k < 3) taken[k] = best;
     Vec3<T> const q = mesh.vertices[mesh.hull[best]];
     if (k < 3) corner[k] = q;
     if (k == 2 && dot(up, cross(corner[1] - corner[0], corner[2] - corner[0])) < T(0)) {

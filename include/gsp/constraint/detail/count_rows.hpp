@@ -7,7 +7,7 @@
 #include <gsp/core/status.hpp>
 #include <gsp/parallel/for_worlds.hpp>
 
-/// The first two kernels of `assemble`, count -> scan -> emit: rows and entries of each world, and where they begin.
+/// The first two kernels of `assemble`, count -> scan -> emit: rows, entries and islands of each world, and where they begin.
 namespace gsp::detail {
 
 // Rows of a world above, entries below: 134 million of the one and 69 billion of the other, which no memory holds.

@@ -4,9 +4,10 @@
 
 namespace gsp::detail {
 
-/// x on a grid of 1/4096 to 1/256 of its size, from 1/65536 up. How far mixtures and leaps go comes from quotients of small differences,
-/// which enlarge what rounding has left of the state by as much as they hurry the sweeps: two runs that differ by it part, step by step.
-/// On a grid both go equally far, to the bit.
+/// The nearest multiple of 1/65536 or, from 1/16 on, of 1/4096 to 1/256 of its size (1 at most). How far mixtures and leaps go comes from
+/// quotients of small differences, which enlarge what rounding has left of the state by as much as they hurry the sweeps: two runs that
+/// differ by it part, step by step. On a grid both go equally far, to the bit, but for what rounding carries over an edge: in double one in
+/// a billion.
 template <class R, class T>
 KOKKOS_INLINE_FUNCTION T coarse(T const& x) {
   T const size = abs(x);

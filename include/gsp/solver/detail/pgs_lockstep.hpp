@@ -194,10 +194,9 @@ struct LockstepPack {
     });
     sum_impulses(blocks, z, z_before, worlds);
   }
-  /// Keeps p and d of the last sweep, and leaves p of some worlds where f would be least (mixing.hpp): of those among `worlds` that it helps,
-  /// which are returned.
-  Mask<R, W> remember(Blocks const& blocks, int side, Mask<R, W> worlds, Mask<R, W> const& both, T const& misses, T* z,
-                T* z_before) const {
+  /// Keeps p and d of the last sweep, and leaves p of some worlds where f would be least (mixing.hpp): of those among `worlds` that it
+  /// helps, which are returned.
+  Mask<R, W> remember(Blocks const& blocks, int side, Mask<R, W> worlds, Mask<R, W> const& both, T const& misses, T* z, T* z_before) const {
     T const zero(R(0));
     Mixing<T> to{zero, zero};
     if (any(worlds)) {
