@@ -122,7 +122,7 @@ struct Stages {
   }
   void smooth() { gsp::smooth_dynamics(exec, model, state, sim.poses, sim.dynamics); }
   void collide() { gsp::collide(exec, sim.collision, sim.poses, sim.contacts); }
-  void assemble() { assemble(gsp::ContactRows(model, sim.collision, sim.contacts)); }
+  void assemble() { assemble(gsp::ContactRows(model, state, sim.collision, sim.contacts)); }
   template <class Type>
   void assemble(Type const& type) {
     gsp::assemble(exec, model, state, sim.dynamics, gsp::constraints(type), sim.rows, sim.impulses, sim.progress);

@@ -533,6 +533,36 @@ TEST_CASE_TEMPLATE("what is welded and overlaps is not thrown", R, float, double
   }
   CHECK(most < 10);
   CHECK(last < 1e-3);
+
+  // and side by side, 10 mm in each other, the one 10,000 times as heavy (they gained 1e15 J)
+  World heavy(gsp::compile(gsp::io::parse_mjcf(R"(<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="20 20 .1"/>
+      <body name="a" pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/></body>
+      <body name="b" pos=".19 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="10000"/></body></worldbody>
+      <equality><weld body1="a" body2="b" hard="true"/></equality></mujoco>)",
+                                               "welded.xml")));
+  for (int step = 0; step < 1000; ++step) {
+    heavy.step(1);
+    auto const v = heavy.qvel();
+    for (int i = 0; i < 12; ++i) REQUIRE(std::abs(double(v(0, i))) < 0.02);
+  }
+}
+
+// What fingers hold yields by little, however much harder than its weight they press: two of 0.1 kg with 10 and 20 N on a ball of 10 g, at
+// 2 ms. The contacts are hardened for their load, up to the weight of the three (2 N), and as stiff from there on.
+TEST_CASE_TEMPLATE("what is gripped sinks in by less than a millimetre", R, float, double) {
+  for (char const* force : {"10", "20"}) {
+    auto const text = std::string(R"(<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="20 20 .1"/>
+      <body pos=".06 0 .3"><joint name="r" type="slide" axis="-1 0 0"/><geom type="box" size=".01 .02 .03" mass=".1"/></body>
+      <body pos="-.06 0 .3"><joint name="l" type="slide" axis="1 0 0"/><geom type="box" size=".01 .02 .03" mass=".1"/></body>
+      <body pos="0 0 .3"><freejoint/><geom type="sphere" size=".04" mass=".01"/></body></worldbody><actuator>
+      <motor joint="r" gear=")") +
+                      force + R"("/><motor joint="l" gear=")" + force + R"("/></actuator></mujoco>)";
+    gsp_test::World<R, Kokkos::DefaultHostExecutionSpace> w(gsp::compile(gsp::io::parse_mjcf(text, "grip.xml")));
+    Kokkos::deep_copy(w.state.ctrl, R(1));
+    w.step(1000);
+    auto const q = w.qpos();
+    for (int finger = 0; finger < 2; ++finger) CHECK(std::abs(double(q(0, finger)) - 0.0105) < 0.0005);
+  }
 }
 
 TEST_CASE("pyramids beside contacts that are hard are refused") {

@@ -22,7 +22,7 @@ struct RowId {
 template <class R>
 struct RowLaw {
   R compliance, zeta;
-  R most_yield = Kokkos::Experimental::infinity_v<R>;  // C p of its load at most [m/s], or zeta / 4 if more (assemble)
+  R most_yield = Kokkos::Experimental::infinity_v<R>;  // C p of its load at most [m/s]: C is less where it carries more (assemble)
   R restitution = R(0);  // 0 ... 1: share of the rate of an impact that comes back (solver/impacts.hpp); of rigid rows that push alone
   R mass = Kokkos::Experimental::infinity_v<R>;  // of rigid rows that push: about what they move [kg, kg m^2] (detail::most_weights)
 };

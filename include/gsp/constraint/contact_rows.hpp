@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/collision/contacts.hpp>
+#include <gsp/constraint/detail/rigid_joints.hpp>
 #include <gsp/constraint/soft_friction.hpp>
 
 /// Contacts as rows: a normal, soft as solref and solimp say or rigid (hard), then friction. By condim
@@ -11,6 +12,8 @@
 /// What pulls (adhesion a) pushes from there on, p >= 0 being what it pushes and h a together: zeta += C h a of the normal, while
 /// ContactAdhesion, which stands before, pulls with h a. Within the gap it is a normal alone. Where a surface moves at s relative to the
 /// other (surfacevel) the rate of friction is u + s.
+/// Bodies that a rigid weld holds together have none: nothing moves them against each other, and what overlaps would be squeezed without
+/// end. Those that a rigid connect holds are as soft as the file says, whatever they carry.
 /// In profile stable they are rows from before they touch on (act_early), give the less the more they carry
 /// (docs/constraint/contact_rows.md), and friction is rigid: it sticks exactly. In profile mujoco it is as soft as impratio says
 /// (constraint/soft_friction.hpp).
@@ -27,7 +30,8 @@ struct ContactRows {
   SoftFriction<R> soft;
   int edges;  // elements of a contact
   Field<R> gravity;
-  ContactRows(Model<R, Mem> const& m, CollisionModel<R, Mem> const& c, Contacts<R, Mem> const& found,
+  detail::RigidJoints<R, Mem> joints;
+  ContactRows(Model<R, Mem> const& m, State<R, Mem> const& s, CollisionModel<R, Mem> const& c, Contacts<R, Mem> const& found,
               FrictionCone friction_cone = FrictionCone::elliptic)
       : body_last_dof(m.body_last_dof),
         body_invweight0(m.body_invweight0),
@@ -36,7 +40,8 @@ struct ContactRows {
         cone(friction_cone),
         soft{m.profile == Profile::mujoco, m.impratio, m.refsafe ? Refsafe::two_steps : Refsafe::off},
         edges(friction_cone == FrictionCone::pyramidal ? c.most_edges : 1),
-        gravity(m.gravity) {}
+        gravity(m.gravity),
+        joints(m, s) {}
 
   KOKKOS_INLINE_FUNCTION int count(int world) const { return edges * contacts.count_of(world); }
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const { return contacts.status(world); }
@@ -45,14 +50,17 @@ struct ContactRows {
   struct Element {
     ContactRows const& type;
     int world, k, c;
-    int count = 0;             // rows
-    ContactParameters<R> p{};  // where it has some
+    int count = 0;                           // rows
+    detail::Hold hold = detail::Hold::none;  // of the two bodies by rigid equalities
+    ContactParameters<R> p{};                // where it has some
     KOKKOS_INLINE_FUNCTION Element(ContactRows const& of, int w, int element)
         : type(of), world(w), k(element), c(of.contact_of(w, element)) {
       bool const acts = contact_acts(type.collision, type.contacts, world, c);
       if (!acts && type.adhesion_of(c) == R(0)) return;
       // Equal last dofs, or none: the two do not move against each other (named pairs may be of such bodies), and J would be zero.
       if (type.body_last_dof(type.contacts.body1(c)) == type.body_last_dof(type.contacts.body2(c))) return;
+      hold = type.joints.between(world, type.contacts.body1(c), type.contacts.body2(c));
+      if (hold == detail::Hold::all) return;
       p = acting_parameters(type.collision, type.contacts, world, c, acts);
       count = type.edges == 1 ? p.condim : k % type.edges < most(2 * (p.condim - 1), 1);
     }
@@ -93,7 +101,7 @@ struct ContactRows {
       RowLaw<R> law = edge ? soft.edge(p, spring, u, h, diag) : soft_law(type.softness(p), spring, u, h, diag);
       if (soft.as_mujoco) return law;
       if (gap > R(0)) law.zeta = min(-gap / h, law.zeta);  // no spring at a gap: it may close within the step
-      if (!edge) law.most_yield = law.compliance / diag * gravity_rate(type.gravity, world, h);
+      if (!edge && hold == detail::Hold::none) law.most_yield = law.compliance / diag * gravity_rate(type.gravity, world, h);
       return law;
     }
     KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int row) const {

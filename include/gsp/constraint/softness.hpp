@@ -105,10 +105,15 @@ KOKKOS_INLINE_FUNCTION RowLaw<R> hard_law(R x, R h, R erp, R restitution, R diag
 }
 
 namespace detail {
-/// Whether limits may be rigid: some are, or become so in some worlds (jnt_rigid, tendon_rigid). Else nobody need look at each.
+/// Whether rows may be rigid: some are, or become so in some worlds (per-world values of jnt_rigid ...). Else nobody need look at each.
+template <class R>
+bool may_be_rigid(Profile profile, bool some_are, Field<R> const& rigid) {
+  return profile == Profile::stable && (some_are || rigid.stride > 0);
+}
+/// Of limits.
 template <class R, class Mem>
 bool may_be_rigid(Model<R, Mem> const& model, Field<R> const& rigid) {
-  return model.profile == Profile::stable && (model.rigid_limits || rigid.stride > 0);
+  return may_be_rigid(model.profile, model.rigid_limits, rigid);
 }
 /// hard, restitution, erp of item i of jnt_rigid, tendon_rigid or eq_rigid; soft where rows are never rigid.
 template <class R>

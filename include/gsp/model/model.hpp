@@ -65,6 +65,7 @@ struct Model {
   int closing_rows = 0;                               // rows of those in a world, at most
   R impratio = R(1);                                  // profile mujoco: how much stiffer friction of contacts is than their normals
   bool rigid_limits = false, limits_bounce = false;   // profile stable: some limits are rigid; some of these have a restitution
+  bool rigid_equalities = false;                      // and some equalities
   bool equalities = true, refsafe = true;             // equality constraints act; time constants are at least two timesteps
   bool poly_stiffness = false, poly_damping = false;  // any polynomial spring or damper, of joints or tendons
   R density = R(0), viscosity = R(0);                 // of the medium [kg/m^3, Pa s]

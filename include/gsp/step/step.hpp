@@ -51,7 +51,7 @@ auto model_constraints(Model<R, Mem> const& model, State<R, Mem> const& state, P
                        FrictionCone cone = FrictionCone::elliptic, More const&... more) {
   return constraints(Equalities(model, state, poses, dynamics), JointFriction(model), TendonFriction(model, dynamics),
                      JointLimits(model, state), TendonLimits(model, dynamics), ContactAdhesion(model, contacts, dynamics),
-                     ContactRows(model, collision, contacts, cone), StiffForces(model, state, dynamics), more...);
+                     ContactRows(model, state, collision, contacts, cone), StiffForces(model, state, dynamics), more...);
 }
 template <class R, class Mem>
 using ModelConstraints = decltype(model_constraints(std::declval<Model<R, Mem>&>(), std::declval<State<R, Mem>&>(),

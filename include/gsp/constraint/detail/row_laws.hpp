@@ -23,10 +23,6 @@ inline constexpr double jammed_rounding = 32;
 // in float; a door that a rigid connect holds on its own hinge). They are 0 then: of |Y|^2 less than the square of so many epsilon, for
 // joints that move the row by 1 a radian or metre.
 inline constexpr double no_softness = 2e-15;
-// A row that is hardened for its load p (RowLaw::most_yield) asks for no more than so many times p where nothing else moves it, zeta / C:
-// what is squeezed by rows that do not give (boxes that overlap and are welded) would carry more each step, up to the weight of its island,
-// so stiff that sweeps do not end, and be thrown.
-inline constexpr double most_squeeze = 4;
 template <class R, class Mem>
 struct RowLaws {
   Model<R, Mem> const& model;
@@ -83,7 +79,7 @@ struct RowLaws {
     }
     // What cannot sink in carries the same however hard it is, or more.
     if (!(diagonal > Kokkos::Experimental::epsilon_v<R> * law.compliance)) return Kokkos::Experimental::infinity_v<R>;
-    return max(law.most_yield, law.zeta / R(most_squeeze));
+    return law.most_yield;
   }
 
  private:

@@ -76,6 +76,7 @@ void fill_options(Model<R, Mem>& d, FieldSource const& source, ModelOptions cons
       d.rigid_limits = d.rigid_limits || counts;
       d.limits_bounce = d.limits_bounce || (counts && restitution > 0);
     }
+  for (auto const& rigid : m.eq_rigid) d.rigid_equalities = d.rigid_equalities || (rigid[0] != 0 && d.profile == Profile::stable);
   d.impratio = R(m.option.impratio);
 
   d.integrator = m.option.integrator;
