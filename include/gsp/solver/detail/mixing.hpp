@@ -15,8 +15,8 @@
 namespace gsp::detail {
 
 // Of the trace of the differences' products; by how much |f|^2 may grow in the sweep after; of |f|^2, what a mixture promises to take
-// away, or is left.
-inline constexpr double mixing_softness = 1e-4, mixing_most_growth = 4, mixing_least_gain = 0.05;
+// away, or is left; as many sweeps far it goes at most, or is left.
+inline constexpr double mixing_softness = 1e-4, mixing_most_growth = 4, mixing_least_gain = 0.05, mixing_most_weight = 100;
 // Sweeps: the first one that is mixed, and from one to the next. What rests takes four and is left alone.
 inline constexpr int mixing_from = 4, mixing_every = 2;
 // Sweeps that must be left to settle what a mixture has thrown over bounds and friction.
@@ -115,7 +115,8 @@ KOKKOS_INLINE_FUNCTION Mixing<T> best_mixing(MixingSums<T> const& s, T const& mi
   auto const any = det > least;  // of what weighs little it vanishes among the least numbers
   T const inverse = one / select(any, det, one);
   T const gamma1 = (b * s.df1 - s.dd12 * s.df2) * inverse, gamma2 = (a * s.df2 - s.dd12 * s.df1) * inverse;
-  auto const helps = any && fma(gamma1, s.df1, gamma2 * s.df2) > T(R(mixing_least_gain)) * misses;
+  auto const helps = any && fma(gamma1, s.df1, gamma2 * s.df2) > T(R(mixing_least_gain)) * misses &&
+                     abs(gamma1) + abs(gamma2) < T(R(mixing_most_weight));
   return {select(helps, coarse<R>(gamma1), zero), select(helps, coarse<R>(gamma2), zero)};
 }
 
