@@ -185,7 +185,7 @@ TEST_CASE_TEMPLATE("rows are not made of contacts of another moment", Exec, GSP_
   s.sim.contacts = gsp::make_contacts(s.exec, s.sim.collision,
                                       {.worlds = s.worlds, .candidates_per_world = 1, .points_per_world = 1, .contacts_per_world = 1});
   s.collide();
-  gsp::ContactRows const early(s.model, s.sim.collision, s.sim.contacts);
+  gsp::ContactRows const early(s.model, s.state, s.sim.collision, s.sim.contacts);
   gsp::ContactAdhesion const early_adhesion(s.model, s.sim.contacts, s.sim.dynamics);
   CHECK(gsp::grow(s.exec, s.sim.contacts));
   std::string const lost = "gsp::assemble: the contacts were lost when their pools grew: call collide again";
@@ -224,7 +224,7 @@ TEST_CASE_TEMPLATE("rows are not made of contacts of another moment", Exec, GSP_
   auto const too_few = gsp::make_poses(s.exec, s.model, {.worlds = 1});
   CHECK(with_poses(too_few).find("gsp::assemble: a constraint type's `poses` have 1" + worlds) == 0);
   CHECK(with_poses(decltype(too_few){}).find("gsp::assemble: a constraint type's `poses` have 0" + worlds) == 0);
-  gsp::ContactRows few(s.model, s.sim.collision, s.sim.contacts);
+  gsp::ContactRows few(s.model, s.state, s.sim.collision, s.sim.contacts);
   few.contacts.worlds = 1;
   CHECK(refusal([&] { s.assemble(few); }).find("gsp::assemble: a constraint type's `contacts` have 1" + worlds) == 0);
   auto const own = gsp::make_poses(s.exec, s.model, {.worlds = s.worlds});  // filled by hand
