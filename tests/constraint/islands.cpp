@@ -25,9 +25,8 @@ struct Find {
     world.each(rows.count(w), [&](int r) {  // as `assemble` does while it counts
       int tree = -1;
       for (int i = 0; i < 2 * rows.element_rows(first + r); ++i) {
-        auto const& segment = rows.row(first + r + i / 2).segment[i % 2];
-        if (segment.count == 0) continue;
-        int const other = rows.islands.dof_tree(segment.dof0);
+        int const other = gsp::detail::tree_of_row(rows, rows.islands, w, r + i / 2, i % 2);
+        if (other < 0) continue;
         if (tree < 0) tree = other;
         gsp::detail::join_islands(rows.islands.label(w), tree, other);
       }

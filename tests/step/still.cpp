@@ -543,7 +543,7 @@ TEST_CASE_TEMPLATE("what is welded and overlaps is not thrown", R, float, double
   for (int step = 0; step < 1000; ++step) {
     heavy.step(1);
     auto const v = heavy.qvel();
-    for (int i = 0; i < 12; ++i) REQUIRE(std::abs(double(v(0, i))) < 0.1);  // what 100 sweeps leave (MuJoCo: 0.15, by its springs)
+    for (int i = 0; i < 12; ++i) REQUIRE(std::abs(double(v(0, i))) < 0.02);
   }
 }
 

@@ -22,7 +22,6 @@ namespace gsp {
 template <class R, class Mem>
 struct ContactRows {
   static constexpr bool rests = true, alike = true;
-  typename Model<R, Mem>::template Array<int> body_last_dof;
   Field<R> body_invweight0;
   CollisionModel<R, Mem> collision;
   Contacts<R, Mem> contacts;
@@ -33,8 +32,7 @@ struct ContactRows {
   detail::RigidJoints<R, Mem> joints;
   ContactRows(Model<R, Mem> const& m, State<R, Mem> const& s, CollisionModel<R, Mem> const& c, Contacts<R, Mem> const& found,
               FrictionCone friction_cone = FrictionCone::elliptic)
-      : body_last_dof(m.body_last_dof),
-        body_invweight0(m.body_invweight0),
+      : body_invweight0(m.body_invweight0),
         collision(c),
         contacts(found),
         cone(friction_cone),
@@ -58,8 +56,9 @@ struct ContactRows {
       bool const acts = contact_acts(type.collision, type.contacts, world, c);
       if (!acts && type.adhesion_of(c) == R(0)) return;
       // Equal last dofs, or none: the two do not move against each other (named pairs may be of such bodies), and J would be zero.
-      if (type.body_last_dof(type.contacts.body1(c)) == type.body_last_dof(type.contacts.body2(c))) return;
-      hold = type.joints.between(world, type.contacts.body1(c), type.contacts.body2(c));
+      int const body1 = type.contacts.body1(c), body2 = type.contacts.body2(c);
+      if (type.joints.body_last_dof(body1) == type.joints.body_last_dof(body2)) return;
+      hold = type.joints.between(world, body1, body2);
       if (hold == detail::Hold::all) return;
       p = acting_parameters(type.collision, type.contacts, world, c, acts);
       count = type.edges == 1 ? p.condim : k % type.edges < most(2 * (p.condim - 1), 1);

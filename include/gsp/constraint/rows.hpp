@@ -101,20 +101,20 @@ struct Rows {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0, nv = 0;
-  Profile profile = Profile::stable;  // of the model: whose problem they are
-  int most_eliminated = 0;            // rows that are eliminated in a world, at most; 0: none is
-  double friction_time = 0;           // RowsOptions
-  bool may_sleep = false;             // some islands may sleep: the others are solved to the same bits whether they do or not
-  View<int*> first, count;            // (worlds) rows of a world
-  View<int*> kept;                    // (worlds) after them, rows of islands that sleep: type, element and impulse alone
-  View<int*> largest_element;         // (worlds) most rows of an element
-  View<int*> eliminated;              // (worlds) rows that are eliminated
-  View<R*> rate_scale;                // (worlds) what gravity does in a step, |g| h [m/s]; of standard gravity where there is none
-  Kokkos::View<R**, Kokkos::LayoutRight, Mem> tree_mass;  // (worlds, ntree) of a tree; of the first of an island: of the island [kg]
-  View<std::int64_t*> first_entry, entries;               // (worlds) of Y
-  View<Row<R>*> row;                                      // (capacity)
-  View<RowImpact<R>*> impact;                             // (capacity) empty where no row has a restitution
-  View<signed char*> element_rows;                        // (capacity) rows of the element that begins here; 0 inside of one
+  Profile profile = Profile::stable;         // of the model: whose problem they are
+  int most_eliminated = 0;                   // rows that are eliminated in a world, at most; 0: none is
+  double friction_time = 0;                  // RowsOptions
+  bool may_sleep = false;                    // some islands may sleep: the others are solved to the same bits whether they do or not
+  View<int*> first, count;                   // (worlds) rows of a world
+  View<int*> kept;                           // (worlds) after them, rows of islands that sleep: type, element and impulse alone
+  View<int*> largest_element;                // (worlds) most rows of an element
+  View<int*> eliminated;                     // (worlds) rows that are eliminated
+  View<R*> rate_scale;                       // (worlds) what gravity does in a step, |g| h [m/s]; of standard gravity where there is none
+  View<R**> tree_mass;                       // (worlds, ntree) mass of a tree, of the first of an island that of the island [kg]
+  View<std::int64_t*> first_entry, entries;  // (worlds) of Y
+  View<Row<R>*> row;                         // (capacity)
+  View<RowImpact<R>*> impact;                // (capacity) empty where no row has a restitution
+  View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
   View<R*> Y;  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries; last
                // of a world what eliminated rows do to all, (most_eliminated, count)
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed, or one since they grew that needed more than there is

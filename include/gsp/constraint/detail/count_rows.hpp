@@ -62,7 +62,6 @@ struct CountRows {
       if (!types.counts(w)) Kokkos::atomic_or(&state.status(w), status::row_refused | status::refused_size);
     });
     std::int64_t sizes = sum_elements(world, types, [&](auto const& type, int k) { return count_element(world, type, k); });
-    world.sync();
     label_islands(world, rows.islands, w);
     weigh_islands(world);
     bool const refused = (state.status(w) & status::row_refused) != 0;

@@ -9,14 +9,14 @@
 ///   p <- g - sum gamma_k dg_k,   gamma the least of |f - sum gamma_k df_k|^2 + e |gamma|^2,   |f|^2 = sum f_r^2 (|Y_r|^2 + C_r)
 /// What it weighs by is what makes f a rate. e keeps differences that are nearly the same from large weights of opposite sign. Friction has
 /// several solutions, and a mixture may leave where sweeps would go: one whose sweep has a larger f is taken back. So that starts that
-/// differ by rounding stay together, gamma lies on a grid (coarse.hpp), and what promises little is left: where f hardly changes, gamma is
-/// made of rounding. (Walker and Ni, Anderson acceleration for fixed-point iterations, 2011; every second time: Banerjee,
+/// differ by rounding stay together, gamma lies on a grid (coarse.hpp), and where f hardly changes, so that gamma is made of rounding, none
+/// is made. (Walker and Ni, Anderson acceleration for fixed-point iterations, 2011; every second time: Banerjee,
 /// Suryanarayana and Pask, periodic Pulay method, 2016)
 namespace gsp::detail {
 
-// Of the trace of the differences' products; by how much |f|^2 may grow in the sweep after; of |f|^2, what a mixture promises to take
-// away, or is left; as many sweeps far it goes at most, or is left.
-inline constexpr double mixing_softness = 1e-4, mixing_most_growth = 4, mixing_least_gain = 0.05, mixing_most_weight = 100;
+// Of the trace of the differences' products; by how much |f|^2 may grow in the sweep after; of |f|^2, what that of the
+// differences is at least, or no mixture is made; as many sweeps far it goes at most, or is not made.
+inline constexpr double mixing_softness = 1e-4, mixing_most_growth = 4, mixing_least_change = 2e-4, mixing_most_weight = 100;
 // Sweeps: the first one that is mixed, and from one to the next. What rests takes four and is left alone.
 inline constexpr int mixing_from = 4, mixing_every = 2;
 // Sweeps that must be left to settle what a mixture has thrown over bounds and friction.
@@ -55,7 +55,7 @@ struct MixingMemory {
     mixed = known >= 2 && mixes_after(sweep, options);
     return mixed;
   }
-  /// Whether it is made: none is where it promises too little.
+  /// Whether it is made: none is where f hardly changes.
   KOKKOS_INLINE_FUNCTION bool takes(bool helps) {
     mixed = mixed && helps;
     return mixed;
@@ -106,7 +106,7 @@ struct Mixing {
     return fma(gamma1, p - p1, gamma2 * select(both, p1 - p2, T(0.0f)));
   }
 };
-/// gamma, 0 where it promises too little:   |f|^2 shrinks by gamma . (df_1 . f, df_2 . f)
+/// gamma, 0 where f hardly changes or it would go too far.
 /// @param misses  |f|^2 of the last sweep
 template <class R, class T>
 KOKKOS_INLINE_FUNCTION Mixing<T> best_mixing(MixingSums<T> const& s, T const& misses) {
@@ -115,8 +115,7 @@ KOKKOS_INLINE_FUNCTION Mixing<T> best_mixing(MixingSums<T> const& s, T const& mi
   auto const any = det > least;  // of what weighs little it vanishes among the least numbers
   T const inverse = one / select(any, det, one);
   T const gamma1 = (b * s.df1 - s.dd12 * s.df2) * inverse, gamma2 = (a * s.df2 - s.dd12 * s.df1) * inverse;
-  auto const helps = any && fma(gamma1, s.df1, gamma2 * s.df2) > T(R(mixing_least_gain)) * misses &&
-                     abs(gamma1) + abs(gamma2) < T(R(mixing_most_weight));
+  auto const helps = any && s.dd11 + s.dd22 > T(R(mixing_least_change)) * misses && abs(gamma1) + abs(gamma2) < T(R(mixing_most_weight));
   return {select(helps, coarse<R>(gamma1), zero), select(helps, coarse<R>(gamma2), zero)};
 }
 
