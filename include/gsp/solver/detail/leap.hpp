@@ -13,6 +13,9 @@ namespace gsp::detail {
 // friction say is left to the next sweep. What is wedged presses against itself, and such a p does not leap: where sum |Y_r p_r|^2 is more
 // than 100,000 times |Y^T p|^2 (a weight of 10,000 on a light body: 20,000 times).
 inline constexpr double leap_most_sweeps = 10000, leap_most_growth = 1000, leap_most_shrinking = 0.5, leap_most_stress = 1e5;
+// Or it is none: it lowers E by more than so many times what the last sweep has. Leaps are for loads that sweeps do not carry on; where
+// sweeps get on, each only throws what they have settled over bounds and friction again.
+inline constexpr double leap_least_gain = 16;
 // What grows p by more than itself asks only the rows that no bound holds (best_leap).
 inline constexpr double leap_held_growth = 1;
 inline constexpr int leap_from = 8;        // sweeps before the first one; the next ones come after 16, 32, 64, ...
@@ -81,6 +84,7 @@ struct LeapSums {
 template <class T>
 struct Leap {
   T growth, sweeps;
+  KOKKOS_INLINE_FUNCTION auto goes() const { return abs(growth) + sweeps > T(0.0f); }
 };
 /// Where a function with the curvature of E and the slopes p, d is least in that plane:
 ///   pp growth + pd sweeps = -p,   pd growth + dd sweeps = -d
@@ -103,7 +107,7 @@ KOKKOS_INLINE_FUNCTION Leap<T> least_in_plane(LeapSums<T> const& s, T const& p, 
   return {coarse<R>(select(some, clamp(growth, T(R(-leap_most_shrinking)), T(R(leap_most_growth))), zero)),
           coarse<R>(select(some, clamp(sweeps, zero, T(R(leap_most_sweeps))), zero))};
 }
-/// The leap to the least E of that plane. Slopes:
+/// The leap to the least E of that plane, or none where that lowers E by little. Slopes:
 ///   grad E . p = pp + bp,   grad E . d = raised + dd / 2, since E(p) - E(p - d) = grad E . d - dd / 2
 /// pd + b.d is the latter in exact arithmetic, but near rest it is a difference of large numbers, and leaps along it, up to 10,000 times as
 /// far, throw what holds still off. z is found anew, Y^T p, as what rounding makes of d is enlarged.
@@ -117,7 +121,10 @@ KOKKOS_INLINE_FUNCTION Leap<T> best_leap(LeapSums<T> const& s, SweepWork<T> cons
   T const p = s.pp + s.bp, d = fma(T(R(0.5)), s.dd, work.raised);
   Leap<T> const all = least_in_plane<R>(s, p, d), unheld = least_in_plane<R>(s, p - work.held_p, d - work.held_d);
   auto const far = all.growth > max(T(R(leap_held_growth)), unheld.growth);
-  return {select(far, unheld.growth, all.growth), select(far, unheld.sweeps, all.sweeps)};
+  T const zero(R(0)), growth = select(far, unheld.growth, all.growth), sweeps = select(far, unheld.sweeps, all.sweeps);
+  T const lowers = T(R(-0.5)) * fma(growth, p - select(far, work.held_p, zero), sweeps * (d - select(far, work.held_d, zero)));
+  auto const worth = lowers > T(R(-leap_least_gain)) * work.raised;
+  return {select(worth, growth, zero), select(worth, sweeps, zero)};
 }
 
 }  // namespace gsp::detail

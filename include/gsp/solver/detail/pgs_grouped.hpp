@@ -106,15 +106,17 @@ class GroupedIsland {
     for (int k = 0; k < packs_; ++k) at(z_, k) = T(R(0));
     each_element([&](auto const& e, int r) { e.push(z_, p_ + r); });
   }
-  KOKKOS_INLINE_FUNCTION void leap(SweepWork<R> const& work) const {
+  KOKKOS_INLINE_FUNCTION bool leap(SweepWork<R> const& work) const {
     LeapSums<T> s{};
     for (int k = 0; k < packs_; ++k) s.add_dof(at(z_, k), at(z_, k) - at(z_before_, k));
     for (int k = 0; k < row_packs_; ++k)
       s.add_row(at(p_, k), at(p_, k) - at(before_, k), at(compliance_, k), at(bias_, k), at(inverse_, k));
     Leap<R> const to =
         best_leap<R>(LeapSums<R>{sum_of_lanes(s.pp), sum_of_lanes(s.pd), sum_of_lanes(s.dd), sum_of_lanes(s.bp), sum_of_lanes(s.yy)}, work);
+    if (!to.goes()) return false;
     for (int r = 0; r < count_; ++r) p_[r] += to.growth * p_[r] + to.sweeps * (p_[r] - before_[r]);
     sum();
+    return true;
   }
   KOKKOS_INLINE_FUNCTION MixingSums<R> mixing_sums(bool both) const {
     MixingSums<T> s{};

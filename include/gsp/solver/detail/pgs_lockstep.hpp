@@ -138,13 +138,14 @@ struct LockstepPack {
       Mask<R, W> worse;
       for (int l = 0; l < W; ++l) worse.set(l, active[l] && is_remembered(sweep, options) && memory[l].is_worse(misses[l]));
       if (any(worse)) take_back(blocks, z, z_before, worse);
+      Mask<R, W> leapt = none_of_lanes();
       if (leaps) {
         for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leaps_again(work.raised[l]));
-        if (any(leaping)) leap(blocks, z, z_before, leaping, work);
+        leapt = leap(blocks, z, z_before, leaping, work);
       }
       Mask<R, W> both;
       for (int l = 0; l < W; ++l) {
-        mixed.set(l, memory[l].after(sweep, options, leaps && leaping[l]) && active[l]);
+        mixed.set(l, memory[l].after(sweep, options, leapt[l]) && active[l]);
         both.set(l, memory[l].knows_both());
       }
       if (is_remembered(sweep, options)) mixed = remember(blocks, sweep % 2, mixed, both, misses, z, z_before);
@@ -183,9 +184,13 @@ struct LockstepPack {
     });
     return s;
   }
-  /// Leaves p and z of some worlds where the energy is least (leap.hpp). z_before is lost.
-  void leap(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& worlds, SweepWork<T> const& work) const {
+  /// Leaves p and z of some worlds where the energy is least (leap.hpp): of those among `worlds` where it is worth it, which are returned.
+  /// z_before is lost.
+  Mask<R, W> leap(Blocks const& blocks, T* z, T* z_before, Mask<R, W> worlds, SweepWork<T> const& work) const {
+    if (!any(worlds)) return worlds;
     Leap<T> const to = best_leap<R>(leap_sums(blocks, z, z_before), work);
+    worlds = worlds && to.goes();
+    if (!any(worlds)) return worlds;
     blocks.each([&](auto kind, Block& k) {
       for (int b = 0; b < rows_of(kind); ++b) {
         T& p = k.p[b];
@@ -193,6 +198,7 @@ struct LockstepPack {
       }
     });
     sum_impulses(blocks, z, z_before, worlds);
+    return worlds;
   }
   /// Keeps p and d of the last sweep, and leaves p of some worlds where f would be least (mixing.hpp): of those among `worlds` that it
   /// helps, which are returned.

@@ -367,9 +367,10 @@ struct SharedWorld {
     }
     return {sum(s.pp), sum(s.pd), sum(s.dd), sum(s.bp), sum(s.yy)};
   }
-  /// Leaves p where the energy is least (leap.hpp).
-  __device__ void leap(bool active, SweepWork<R> const& work) const {
+  /// Leaves p where the energy is least (leap.hpp), if that is worth it: whether it was.
+  __device__ bool leap(bool active, SweepWork<R> const& work) const {
     Leap<R> const to = best_leap<R>(leap_sums(), work);
+    active = active && to.goes();
     __syncwarp();
 #pragma unroll 1
     for (int r = active ? lane : count; r < count; r += shared_lanes) {
@@ -377,6 +378,7 @@ struct SharedWorld {
       p += to.growth * p + to.sweeps * (p - number[r].before);
     }
     __syncwarp();
+    return active;
   }
   /// p of worlds that missed by too much more as it was before it was mixed (mixing.hpp).
   __device__ void take_back(bool active) const {
@@ -456,8 +458,8 @@ struct SharedWorld {
     bool const worse = remembers && mixing.is_worse(misses) && again;
     if (any(worse)) take_back(worse);
     if (leaps) leaping = again && leaps_again(work.raised);
-    bool const leapt = leaps && leaping;
-    if (any(leapt)) leap(leapt, work);
+    bool leapt = leaps && leaping;
+    if (any(leapt)) leapt = leap(leapt, work);
     bool mixes = again && mixing.after(before, options, leapt);
     if (any(remembers)) mixes = remember(remembers, mixes, misses);
     mixes = mixing.takes(mixes);

@@ -183,7 +183,7 @@ struct PgsWorld {
     KOKKOS_INLINE_FUNCTION SweepOutcome<R> sweep(bool) const { return solver.sweep(world, e, first, z, p); }
     KOKKOS_INLINE_FUNCTION void keep(bool leaps) const { solver.keep(world, e, z, p, leaps); }
     KOKKOS_INLINE_FUNCTION void sum() const { solver.sum_island(world, e, z, p); }
-    KOKKOS_INLINE_FUNCTION void leap(SweepWork<R> const& work) const { solver.leap(world, e, z, p, work); }
+    KOKKOS_INLINE_FUNCTION bool leap(SweepWork<R> const& work) const { return solver.leap(world, e, z, p, work); }
     KOKKOS_INLINE_FUNCTION MixingSums<R> mixing_sums(bool both) const { return solver.mixing_sums(world, e, p, both); }
     KOKKOS_INLINE_FUNCTION void remember(int side, bool mixes, Mixing<R> const& to, bool both) const {
       solver.remember(world, e, p, side, mixes, to, both);
@@ -279,14 +279,16 @@ struct PgsWorld {
       });
     return s;
   }
-  /// Leaves p and z where the energy is least (leap.hpp).
+  /// Leaves p and z where the energy is least (leap.hpp), if that is worth it: whether it was.
   template <class World>
-  KOKKOS_INLINE_FUNCTION void leap(World const& world, Island const& e, R* z, R* p, SweepWork<R> const& work) const {
+  KOKKOS_INLINE_FUNCTION bool leap(World const& world, Island const& e, R* z, R* p, SweepWork<R> const& work) const {
     Leap<R> const to = best_leap<R>(leap_sums(world, e, z, p), work);
+    if (!to.goes()) return false;
     world.sync();  // all have read p and z
     each_row(world, e, [&](int r) { p[r] += to.growth * p[r] + to.sweeps * (p[r] - impulses.before(e.first_row + r)); });
     world.sync();
     sum_island(world, e, z, p);
+    return true;
   }
   /// One pass over an element; the largest change of a rate. M = 1 or 3: so many rows, which have the same segments; M = N: any.
   /// @param misses  grows by sum d^2 (|Y|^2 + C);   @param work  by what the pass does (leap.hpp)

@@ -27,12 +27,10 @@ KOKKOS_INLINE_FUNCTION int sweep_until_rest(Island const& island, PgsOptions con
     again = sweep + 1 < options.iterations && (options.tolerance == 0 || sweep + 1 < options.least || done.change > tolerance);
     if (!again) continue;
     if (is_remembered(sweep, options) && memory.is_worse(done.misses)) island.take_back();
-    if (leaps) {
-      leaping = leaps_again(done.work.raised);
-      if (leaping) island.leap(done.work);
-    }
+    if (leaps) leaping = leaps_again(done.work.raised);
+    bool const leapt = leaps && leaping && island.leap(done.work);
     Mixing<R> to{R(0), R(0)};
-    bool const may_mix = memory.after(sweep, options, leaps && leaping), both = memory.knows_both();
+    bool const may_mix = memory.after(sweep, options, leapt), both = memory.knows_both();
     if (may_mix) to = best_mixing<R>(island.mixing_sums(both), done.misses);
     bool const mixes = memory.takes(to.helps());
     if (is_remembered(sweep, options)) island.remember(sweep % 2, mixes, to, both);
