@@ -16,6 +16,8 @@ inline constexpr double leap_most_sweeps = 10000, leap_most_growth = 1000, leap_
 // Or it is none: it lowers E by more than so many times what the last sweep has. Leaps are for loads that sweeps do not carry on; where
 // sweeps get on, each only throws what they have settled over bounds and friction again.
 inline constexpr double leap_least_gain = 16;
+// By how much |f|^2 (mixing.hpp) may grow in the sweep after, or the leap is taken back: those that settle loads take 2,000 at most.
+inline constexpr double leap_most_misses = 1e4;
 // What grows p by more than itself asks only the rows that no bound holds (best_leap).
 inline constexpr double leap_held_growth = 1;
 inline constexpr int leap_from = 8;        // sweeps before the first one; the next ones come after 16, 32, 64, ...
@@ -85,6 +87,7 @@ template <class T>
 struct Leap {
   T growth, sweeps;
   KOKKOS_INLINE_FUNCTION auto goes() const { return abs(growth) + sweeps > T(0.0f); }
+  KOKKOS_INLINE_FUNCTION T of(T const& p, T const& d) const { return p + fma(growth, p, sweeps * d); }
 };
 /// Where a function with the curvature of E and the slopes p, d is least in that plane:
 ///   pp growth + pd sweeps = -p,   pd growth + dd sweeps = -d
@@ -104,8 +107,9 @@ KOKKOS_INLINE_FUNCTION Leap<T> least_in_plane(LeapSums<T> const& s, T const& p, 
   auto const wedged = s.yy > T(R(leap_most_stress)) * s.pp;
   growth = select(wedged, zero, growth);
   sweeps = select(wedged, zero, sweeps);
-  return {coarse<R>(select(some, clamp(growth, T(R(-leap_most_shrinking)), T(R(leap_most_growth))), zero)),
-          coarse<R>(select(some, clamp(sweeps, zero, T(R(leap_most_sweeps))), zero))};
+  T const share(R(1) / R(16));
+  return {coarse<R>(select(some, clamp(growth, T(R(-leap_most_shrinking)), T(R(leap_most_growth))), zero), share),
+          coarse<R>(select(some, clamp(sweeps, zero, T(R(leap_most_sweeps))), zero), share)};
 }
 /// The leap to the least E of that plane, or none where that lowers E by little. Slopes:
 ///   grad E . p = pp + bp,   grad E . d = raised + dd / 2, since E(p) - E(p - d) = grad E . d - dd / 2

@@ -2,6 +2,7 @@
 #include <gsp/core/exec.hpp>
 #include <gsp/math/scalar.hpp>
 #include <gsp/solver/detail/coarse.hpp>
+#include <gsp/solver/detail/leap.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
 
 /// Anderson's mixing of sweeps: a sweep takes the impulses p to g = p + f, and f vanishes at the solution. From the fifth sweep on, every
@@ -16,7 +17,8 @@ namespace gsp::detail {
 
 // Of the trace of the differences' products; by how much |f|^2 may grow in the sweep after; of |f|^2, what that of the
 // differences is at least, or no mixture is made; as many sweeps far it goes at most, or is not made.
-inline constexpr double mixing_softness = 1e-4, mixing_most_growth = 4, mixing_least_change = 2e-4, mixing_most_weight = 100;
+inline constexpr double mixing_softness = 1e-4, mixing_most_growth = 4, mixing_least_change = 2e-4, mixing_fine_change = 1,
+                        mixing_most_weight = 100;
 // Sweeps: the first one that is mixed, and from one to the next. What rests takes four and is left alone.
 inline constexpr int mixing_from = 4, mixing_every = 2;
 // Sweeps that must be left to settle what a mixture has thrown over bounds and friction.
@@ -32,41 +34,38 @@ KOKKOS_INLINE_FUNCTION constexpr bool is_remembered(int sweep, PgsOptions const&
   return options.accelerate && sweep + 2 >= mixing_from && sweep + mixing_least_left <= options.iterations;
 }
 
-/// Whether what is known is dropped after sweep number `sweep` (from 0), the 17th and the 41st, and z is summed anew, Y^T p: hosts pack the
+/// Whether what is known is dropped after sweep number `sweep` (from 0), the 16th and the 40th, and z is summed anew, Y^T p: hosts pack the
 /// worlds that go on together then (pgs_lockstep.hpp), which start as if from new, and all paths do the same.
 KOKKOS_INLINE_FUNCTION constexpr bool begins_anew(int sweep, PgsOptions const& options) {
-  return options.tolerance > 0 && (sweep == 16 || sweep == 40) && sweep + mixing_least_left < options.iterations;
+  return options.tolerance > 0 && (sweep == 15 || sweep == 39) && sweep + mixing_least_left < options.iterations;
 }
 
 /// What is known of the sweeps of a world or an island.
 template <class R>
 struct MixingMemory {
+  static constexpr R any = Kokkos::Experimental::infinity_v<R>;
   int known = 0;                                                         // sweeps in a row, with the last one
-  bool mixed = false;                                                    // the next sweep begins from a mixture, if that helps
-  R least = Kokkos::Experimental::infinity_v<R>;                         // |f|^2 of the sweeps since a leap or a beginning
+  R least = any;                                                         // |f|^2 of the sweeps since a leap or a beginning
+  R most = any;                                                          // of the next one, or what it begins from is taken back
   KOKKOS_INLINE_FUNCTION bool knows_both() const { return known >= 3; }  // differences
-  /// Whether a mixture follows on sweep number `sweep`; leapt: the impulses have gone elsewhere.
-  KOKKOS_INLINE_FUNCTION bool after(int sweep, PgsOptions const& options, bool leapt) {
+  /// Whether a mixture may follow on sweep number `sweep`, which misses by `misses`, |f|^2; leaps: a leap does.
+  KOKKOS_INLINE_FUNCTION bool after(int sweep, PgsOptions const& options, bool leaps, R misses) {
     ++known;
-    if (leapt || begins_anew(sweep, options)) {
+    if (leaps || begins_anew(sweep, options)) {
       known = 0;
-      least = Kokkos::Experimental::infinity_v<R>;
+      least = any;
     }
-    mixed = known >= 2 && mixes_after(sweep, options);
-    return mixed;
+    most = leaps ? R(leap_most_misses) * misses : any;
+    return known >= 2 && mixes_after(sweep, options);
   }
-  /// Whether it is made: none is where f hardly changes.
-  KOKKOS_INLINE_FUNCTION bool takes(bool helps) {
-    mixed = mixed && helps;
-    return mixed;
-  }
-  /// Whether the sweep that began from a mixture missed by too much more than the best: it is taken back. Mixtures follow on even sweeps,
-  /// as leaps do, so that no leap follows on what is taken back.
+  /// It is made.
+  KOKKOS_INLINE_FUNCTION void mixes() { most = R(mixing_most_growth) * least; }
+  /// Whether the sweep that began from a mixture or a leap missed by too much more than the best: it is taken back. Both follow on even
+  /// sweeps, so that none follows on what is taken back.
   KOKKOS_INLINE_FUNCTION bool is_worse(R misses) {
-    bool const worse = mixed && misses > R(mixing_most_growth) * least;
+    bool const worse = misses > most;
     if (worse) known = -1;
     least = misses < least ? misses : least;
-    mixed = false;
     return worse;
   }
 };
@@ -100,10 +99,10 @@ template <class T>
 struct Mixing {
   T gamma1, gamma2;
   KOKKOS_INLINE_FUNCTION auto helps() const { return abs(gamma1) + abs(gamma2) > T(0.0f); }
-  /// What is taken from p, where p_1 and p_2 are of the sweeps before.
+  /// The mixture of p, p_1 and p_2, the latter of the sweeps before.
   template <class Condition>
   KOKKOS_INLINE_FUNCTION T of(T const& p, T const& p1, T const& p2, Condition const& both) const {
-    return fma(gamma1, p - p1, gamma2 * select(both, p1 - p2, T(0.0f)));
+    return p - fma(gamma1, p - p1, gamma2 * select(both, p1 - p2, T(0.0f)));
   }
 };
 /// gamma, 0 where f hardly changes or it would go too far.
@@ -115,8 +114,11 @@ KOKKOS_INLINE_FUNCTION Mixing<T> best_mixing(MixingSums<T> const& s, T const& mi
   auto const any = det > least;  // of what weighs little it vanishes among the least numbers
   T const inverse = one / select(any, det, one);
   T const gamma1 = (b * s.df1 - s.dd12 * s.df2) * inverse, gamma2 = (a * s.df2 - s.dd12 * s.df1) * inverse;
-  auto const helps = any && s.dd11 + s.dd22 > T(R(mixing_least_change)) * misses && abs(gamma1) + abs(gamma2) < T(R(mixing_most_weight));
-  return {select(helps, coarse<R>(gamma1), zero), select(helps, coarse<R>(gamma2), zero)};
+  T const changes = s.dd11 + s.dd22;
+  auto const helps = any && changes > T(R(mixing_least_change)) * misses && abs(gamma1) + abs(gamma2) < T(R(mixing_most_weight));
+  // where f changes little, what rounding has made of the state is a larger share of gamma
+  T const share = select(changes > T(R(mixing_fine_change)) * misses, T(R(1) / R(256)), T(R(1) / R(16)));
+  return {select(helps, coarse<R>(gamma1, share), zero), select(helps, coarse<R>(gamma2, share), zero)};
 }
 
 }  // namespace gsp::detail

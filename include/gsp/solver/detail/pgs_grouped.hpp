@@ -106,17 +106,12 @@ class GroupedIsland {
     for (int k = 0; k < packs_; ++k) at(z_, k) = T(R(0));
     each_element([&](auto const& e, int r) { e.push(z_, p_ + r); });
   }
-  KOKKOS_INLINE_FUNCTION bool leap(SweepWork<R> const& work) const {
+  KOKKOS_INLINE_FUNCTION LeapSums<R> leap_sums() const {
     LeapSums<T> s{};
     for (int k = 0; k < packs_; ++k) s.add_dof(at(z_, k), at(z_, k) - at(z_before_, k));
     for (int k = 0; k < row_packs_; ++k)
       s.add_row(at(p_, k), at(p_, k) - at(before_, k), at(compliance_, k), at(bias_, k), at(inverse_, k));
-    Leap<R> const to =
-        best_leap<R>(LeapSums<R>{sum_of_lanes(s.pp), sum_of_lanes(s.pd), sum_of_lanes(s.dd), sum_of_lanes(s.bp), sum_of_lanes(s.yy)}, work);
-    if (!to.goes()) return false;
-    for (int r = 0; r < count_; ++r) p_[r] += to.growth * p_[r] + to.sweeps * (p_[r] - before_[r]);
-    sum();
-    return true;
+    return {sum_of_lanes(s.pp), sum_of_lanes(s.pd), sum_of_lanes(s.dd), sum_of_lanes(s.bp), sum_of_lanes(s.yy)};
   }
   KOKKOS_INLINE_FUNCTION MixingSums<R> mixing_sums(bool both) const {
     MixingSums<T> s{};
@@ -124,11 +119,14 @@ class GroupedIsland {
       s.add_row(at(diagonal_, k), at(p_, k) - at(before_, k), at(mixing_[3], k), at(mixing_[1], k), everywhere(both));
     return {sum_of_lanes(s.dd11), sum_of_lanes(s.dd12), sum_of_lanes(s.dd22), sum_of_lanes(s.df1), sum_of_lanes(s.df2)};
   }
-  KOKKOS_INLINE_FUNCTION void remember(int side, bool mixes, Mixing<R> const& to, bool both) const {
-    Mixing<T> const of_all{T(to.gamma1), T(to.gamma2)};
+  /// Keeps p and d of the last sweep; p goes on to where a leap or a mixture leads.
+  KOKKOS_INLINE_FUNCTION void go_on(int side, Leap<R> const& leap, Mixing<R> const& mixing, bool both) const {
+    Leap<T> const leap_of_all{T(leap.growth), T(leap.sweeps)};
+    Mixing<T> const of_all{T(mixing.gamma1), T(mixing.gamma2)};
     for (int k = 0; k < row_packs_; ++k) {
       T const now = at(p_, k), d = now - at(before_, k);
-      if (mixes) at(p_, k) = now - of_all.of(now, at(mixing_[2], k), at(mixing_[0], k), everywhere(both));
+      if (leap.goes()) at(p_, k) = leap_of_all.of(now, d);
+      if (mixing.helps()) at(p_, k) = of_all.of(now, at(mixing_[2], k), at(mixing_[0], k), everywhere(both));
       at(mixing_[2 * side], k) = now;
       at(mixing_[2 * side + 1], k) = d;
     }

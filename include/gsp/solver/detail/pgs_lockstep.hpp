@@ -121,7 +121,6 @@ struct LockstepPack {
     }
     SweepWork<T> const none{zero, zero, zero};
     MixingMemory<R> memory[W];
-    Mask<R, W> mixed = none_of_lanes();  // worlds whose sweep begins from a mixture
     bool more = false;
     for (int sweep = begin; sweep < options.iterations && any(active) && !more; ++sweep) {
       bool const leaps = leaps_after(sweep, options) && any(leaping);
@@ -138,18 +137,26 @@ struct LockstepPack {
       Mask<R, W> worse;
       for (int l = 0; l < W; ++l) worse.set(l, active[l] && is_remembered(sweep, options) && memory[l].is_worse(misses[l]));
       if (any(worse)) take_back(blocks, z, z_before, worse);
-      Mask<R, W> leapt = none_of_lanes();
+      Leap<T> leap{zero, zero};
       if (leaps) {
         for (int l = 0; l < W; ++l) leaping.set(l, leaping[l] && active[l] && leaps_again(work.raised[l]));
-        leapt = leap(blocks, z, z_before, leaping, work);
+        if (any(leaping)) leap = best_leap<R>(leap_sums(blocks, z, z_before), work);
       }
-      Mask<R, W> both;
+      Mask<R, W> const leapt = leaping && leap.goes();
+      Mask<R, W> mixed, both;
       for (int l = 0; l < W; ++l) {
-        mixed.set(l, memory[l].after(sweep, options, leapt[l]) && active[l]);
+        mixed.set(l, memory[l].after(sweep, options, leapt[l], misses[l]) && active[l]);
         both.set(l, memory[l].knows_both());
       }
-      if (is_remembered(sweep, options)) mixed = remember(blocks, sweep % 2, mixed, both, misses, z, z_before);
-      for (int l = 0; l < W; ++l) memory[l].takes(mixed[l]);
+      Mixing<T> mixing{zero, zero};
+      if (any(mixed)) {
+        mixing = best_mixing<R>(mixing_sums(blocks, both), misses);
+        mixed = mixed && mixing.helps();
+        for (int l = 0; l < W; ++l)
+          if (mixed[l]) memory[l].mixes();
+      }
+      if (is_remembered(sweep, options)) go_on(blocks, sweep % 2, leapt, leap, mixed, mixing, both);
+      if (any(leapt) || any(mixed)) sum_impulses(blocks, z, z_before, leapt || mixed);
       more = begins_anew(sweep, options);
     }
     T worst = zero;
@@ -174,7 +181,6 @@ struct LockstepPack {
   }
 
  private:
-  static Mask<R, W> none_of_lanes() { return T(R(0)) > T(R(0)); }
   LeapSums<T> leap_sums(Blocks const& blocks, T const* z, T const* z_before) const {
     T const zero(R(0));
     LeapSums<T> s{zero, zero, zero, zero, zero};
@@ -184,48 +190,29 @@ struct LockstepPack {
     });
     return s;
   }
-  /// Leaves p and z of some worlds where the energy is least (leap.hpp): of those among `worlds` where it is worth it, which are returned.
-  /// z_before is lost.
-  Mask<R, W> leap(Blocks const& blocks, T* z, T* z_before, Mask<R, W> worlds, SweepWork<T> const& work) const {
-    if (!any(worlds)) return worlds;
-    Leap<T> const to = best_leap<R>(leap_sums(blocks, z, z_before), work);
-    worlds = worlds && to.goes();
-    if (!any(worlds)) return worlds;
-    blocks.each([&](auto kind, Block& k) {
-      for (int b = 0; b < rows_of(kind); ++b) {
-        T& p = k.p[b];
-        p = select(worlds, p + fma(to.growth, p, to.sweeps * k.d[b]), p);
-      }
-    });
-    sum_impulses(blocks, z, z_before, worlds);
-    return worlds;
-  }
-  /// Keeps p and d of the last sweep, and leaves p of some worlds where f would be least (mixing.hpp): of those among `worlds` that it
-  /// helps, which are returned.
-  Mask<R, W> remember(Blocks const& blocks, int side, Mask<R, W> worlds, Mask<R, W> const& both, T const& misses, T* z, T* z_before) const {
+  MixingSums<T> mixing_sums(Blocks const& blocks, Mask<R, W> const& both) const {
     T const zero(R(0));
-    Mixing<T> to{zero, zero};
-    if (any(worlds)) {
-      MixingSums<T> sums{zero, zero, zero, zero, zero};
-      blocks.each([&](auto kind, Block const& k) {
-        for (int b = 0; b < rows_of(kind); ++b) sums.add_row(k.diagonal[b], k.d[b], k.d_before[1][b], k.d_before[0][b], both);
-      });
-      to = best_mixing<R>(sums, misses);
-      worlds = worlds && to.helps();
-    }
-    bool const mixes = any(worlds);
+    MixingSums<T> s{zero, zero, zero, zero, zero};
+    blocks.each([&](auto kind, Block const& k) {
+      for (int b = 0; b < rows_of(kind); ++b) s.add_row(k.diagonal[b], k.d[b], k.d_before[1][b], k.d_before[0][b], both);
+    });
+    return s;
+  }
+  /// Keeps p and d of the last sweep; p of some worlds goes on to where a leap or a mixture leads.
+  void go_on(Blocks const& blocks, int side, Mask<R, W> const& leapt, Leap<T> const& leap, Mask<R, W> const& mixed, Mixing<T> const& mixing,
+             Mask<R, W> const& both) const {
+    bool const leaps = any(leapt), mixes = any(mixed);
     blocks.each([&](auto kind, Block& k) {
       for (int b = 0; b < rows_of(kind); ++b) {
         T const p = k.p[b];
-        if (mixes) k.p[b] = select(worlds, p - to.of(p, k.before[1][b], k.before[0][b], both), p);
+        if (leaps) k.p[b] = select(leapt, leap.of(p, k.d[b]), p);
+        if (mixes) k.p[b] = select(mixed, mixing.of(p, k.before[1][b], k.before[0][b], both), k.p[b]);
         k.before[side][b] = p;
         k.d_before[side][b] = k.d[b];
       }
     });
-    if (mixes) sum_impulses(blocks, z, z_before, worlds);
-    return worlds;
   }
-  /// Leaves p of some worlds where it was before it was mixed.
+  /// Leaves p of some worlds where it was before it leapt or was mixed.
   void take_back(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& worlds) const {
     blocks.each([&](auto kind, Block& k) {
       for (int b = 0; b < rows_of(kind); ++b) k.p[b] = select(worlds, k.before[0][b], k.p[b]);

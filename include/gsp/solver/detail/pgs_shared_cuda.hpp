@@ -367,32 +367,19 @@ struct SharedWorld {
     }
     return {sum(s.pp), sum(s.pd), sum(s.dd), sum(s.bp), sum(s.yy)};
   }
-  /// Leaves p where the energy is least (leap.hpp), if that is worth it: whether it was.
-  __device__ bool leap(bool active, SweepWork<R> const& work) const {
-    Leap<R> const to = best_leap<R>(leap_sums(), work);
-    active = active && to.goes();
-    __syncwarp();
-#pragma unroll 1
-    for (int r = active ? lane : count; r < count; r += shared_lanes) {
-      R& p = number[r].p;
-      p += to.growth * p + to.sweeps * (p - number[r].before);
-    }
-    __syncwarp();
-    return active;
-  }
-  /// p of worlds that missed by too much more as it was before it was mixed (mixing.hpp).
+  /// p of worlds that missed by too much more as it was before it leapt or was mixed (mixing.hpp).
   __device__ void take_back(bool active) const {
 #pragma unroll 1
     for (int r = active ? lane : count; r < count; r += shared_lanes) number[r].p = k.impulses.mixing[0](first + r);
     __syncwarp();
   }
-  /// Keeps p and d of the last sweep; of worlds that mix, p goes on to the mixture; and p, before the next. The former stay in the pool: a
-  /// row's numbers are read once a sweep, by the thread that has written them.
-  __device__ bool remember(bool active, bool mixes, R misses) const {
+  /// Keeps p and d of the last sweep; of worlds that leap or mix, p goes on to where that leads; and p, before the next. The former stay in
+  /// the pool: a row's numbers are read once a sweep, by the thread that has written them. Whether it is mixed.
+  __device__ bool go_on(bool active, bool leaps, Leap<R> const& leap, bool mixes, R misses) const {
     auto const& known = k.impulses.mixing;
     bool const both = mixing.knows_both();
     int const side = (sweeps - 1) % 2;
-    Mixing<R> to{R(0), R(0)};
+    Mixing<R> mixture{R(0), R(0)};
     constexpr int held = 4;  // rows of a thread at a time: what comes from the pool comes together
     if (any(mixes)) {
       MixingSums<R> own{};
@@ -410,8 +397,8 @@ struct SharedWorld {
           if (int const r = begin + h * shared_lanes; r < count)
             own.add_row(number[r].diagonal, number[r].p - number[r].before, f1[h], f2[h], both);
       }
-      to = best_mixing<R>(MixingSums<R>{sum(own.dd11), sum(own.dd12), sum(own.dd22), sum(own.df1), sum(own.df2)}, misses);
-      mixes = mixes && to.helps();
+      mixture = best_mixing<R>(MixingSums<R>{sum(own.dd11), sum(own.dd12), sum(own.dd22), sum(own.df1), sum(own.df2)}, misses);
+      mixes = mixes && mixture.helps();
     }
 #pragma unroll 1
     for (int begin = active ? lane : count; begin < count; begin += held * shared_lanes) {
@@ -426,8 +413,8 @@ struct SharedWorld {
       for (int h = 0; h < held; ++h) {
         int const r = begin + h * shared_lanes;
         if (r >= count) continue;
-        R const now = number[r].p, d = now - number[r].before, next = mixes ? now - to.of(now, p1[h], p2[h], both) : now;
-        number[r].p = number[r].before = next;
+        R const now = number[r].p, d = now - number[r].before;
+        number[r].p = number[r].before = leaps ? leap.of(now, d) : mixes ? mixture.of(now, p1[h], p2[h], both) : now;
         known[2 * side](first + r) = now;
         known[2 * side + 1](first + r) = d;
       }
@@ -458,11 +445,12 @@ struct SharedWorld {
     bool const worse = remembers && mixing.is_worse(misses) && again;
     if (any(worse)) take_back(worse);
     if (leaps) leaping = again && leaps_again(work.raised);
-    bool leapt = leaps && leaping;
-    if (any(leapt)) leapt = leap(leapt, work);
-    bool mixes = again && mixing.after(before, options, leapt);
-    if (any(remembers)) mixes = remember(remembers, mixes, misses);
-    mixes = mixing.takes(mixes);
+    Leap<R> leap{R(0), R(0)};
+    if (any(leaps && leaping)) leap = best_leap<R>(leap_sums(), work);
+    bool const leapt = leaps && leaping && leap.goes();
+    bool mixes = again && mixing.after(before, options, leapt, misses);
+    if (any(remembers)) mixes = go_on(remembers, leapt, leap, mixes, misses);
+    if (mixes) mixing.mixes();
     stale = again && (worse || leapt || mixes || begins_anew(before, options));
     return again;
   }

@@ -183,10 +183,10 @@ struct PgsWorld {
     KOKKOS_INLINE_FUNCTION SweepOutcome<R> sweep(bool) const { return solver.sweep(world, e, first, z, p); }
     KOKKOS_INLINE_FUNCTION void keep(bool leaps) const { solver.keep(world, e, z, p, leaps); }
     KOKKOS_INLINE_FUNCTION void sum() const { solver.sum_island(world, e, z, p); }
-    KOKKOS_INLINE_FUNCTION bool leap(SweepWork<R> const& work) const { return solver.leap(world, e, z, p, work); }
+    KOKKOS_INLINE_FUNCTION LeapSums<R> leap_sums() const { return solver.leap_sums(world, e, z, p); }
     KOKKOS_INLINE_FUNCTION MixingSums<R> mixing_sums(bool both) const { return solver.mixing_sums(world, e, p, both); }
-    KOKKOS_INLINE_FUNCTION void remember(int side, bool mixes, Mixing<R> const& to, bool both) const {
-      solver.remember(world, e, p, side, mixes, to, both);
+    KOKKOS_INLINE_FUNCTION void go_on(int side, Leap<R> const& leap, Mixing<R> const& mixing, bool both) const {
+      solver.go_on(world, e, p, side, leap, mixing, both);
     }
     KOKKOS_INLINE_FUNCTION void take_back() const {
       solver.each_row(world, e, [&](int at) { p[at] = solver.impulses.mixing[0](e.first_row + at); });
@@ -235,13 +235,14 @@ struct PgsWorld {
   }
   /// Keeps p and d of the last sweep; where it mixes, p goes on to the mixture.
   template <class World>
-  KOKKOS_INLINE_FUNCTION void remember(World const& world, Island const& e, R* p, int side, bool mixes, Mixing<R> const& to,
-                                       bool both) const {
-    world.sync();
+  KOKKOS_INLINE_FUNCTION void go_on(World const& world, Island const& e, R* p, int side, Leap<R> const& leap, Mixing<R> const& mixing,
+                                    bool both) const {
+    world.sync();  // all have read p and z
     each_row(world, e, [&](int r) {
       int const at = e.first_row + r;
       R const now = p[r], d = now - impulses.before(at);
-      if (mixes) p[r] = now - to.of(now, impulses.mixing[2](at), impulses.mixing[0](at), both);
+      if (leap.goes()) p[r] = leap.of(now, d);
+      if (mixing.helps()) p[r] = mixing.of(now, impulses.mixing[2](at), impulses.mixing[0](at), both);
       impulses.mixing[2 * side](at) = now;
       impulses.mixing[2 * side + 1](at) = d;
     });
@@ -278,17 +279,6 @@ struct PgsWorld {
         return own.*part;
       });
     return s;
-  }
-  /// Leaves p and z where the energy is least (leap.hpp), if that is worth it: whether it was.
-  template <class World>
-  KOKKOS_INLINE_FUNCTION bool leap(World const& world, Island const& e, R* z, R* p, SweepWork<R> const& work) const {
-    Leap<R> const to = best_leap<R>(leap_sums(world, e, z, p), work);
-    if (!to.goes()) return false;
-    world.sync();  // all have read p and z
-    each_row(world, e, [&](int r) { p[r] += to.growth * p[r] + to.sweeps * (p[r] - impulses.before(e.first_row + r)); });
-    world.sync();
-    sum_island(world, e, z, p);
-    return true;
   }
   /// One pass over an element; the largest change of a rate. M = 1 or 3: so many rows, which have the same segments; M = N: any.
   /// @param misses  grows by sum d^2 (|Y|^2 + C);   @param work  by what the pass does (leap.hpp)

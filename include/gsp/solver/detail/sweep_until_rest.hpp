@@ -13,7 +13,7 @@ struct SweepOutcome {
 };
 
 /// Sweeps until no rate changes by more than the tolerance; their number.
-/// @param island  sweep, keep, take_back, leap, mixing_sums, remember and sum, as GroupedIsland has them
+/// @param island  sweep, keep, take_back, leap_sums, mixing_sums, go_on and sum, as GroupedIsland has them
 /// @param any     whether there is any element
 template <class R, class Island>
 KOKKOS_INLINE_FUNCTION int sweep_until_rest(Island const& island, PgsOptions const& options, R tolerance, bool any) {
@@ -28,13 +28,14 @@ KOKKOS_INLINE_FUNCTION int sweep_until_rest(Island const& island, PgsOptions con
     if (!again) continue;
     if (is_remembered(sweep, options) && memory.is_worse(done.misses)) island.take_back();
     if (leaps) leaping = leaps_again(done.work.raised);
-    bool const leapt = leaps && leaping && island.leap(done.work);
-    Mixing<R> to{R(0), R(0)};
-    bool const may_mix = memory.after(sweep, options, leapt), both = memory.knows_both();
-    if (may_mix) to = best_mixing<R>(island.mixing_sums(both), done.misses);
-    bool const mixes = memory.takes(to.helps());
-    if (is_remembered(sweep, options)) island.remember(sweep % 2, mixes, to, both);
-    if (mixes || begins_anew(sweep, options)) island.sum();
+    Leap<R> leap{R(0), R(0)};
+    if (leaps && leaping) leap = best_leap<R>(island.leap_sums(), done.work);
+    bool const may_mix = memory.after(sweep, options, leap.goes(), done.misses), both = memory.knows_both();
+    Mixing<R> mixing{R(0), R(0)};
+    if (may_mix) mixing = best_mixing<R>(island.mixing_sums(both), done.misses);
+    if (mixing.helps()) memory.mixes();
+    if (is_remembered(sweep, options)) island.go_on(sweep % 2, leap, mixing, both);
+    if (leap.goes() || mixing.helps() || begins_anew(sweep, options)) island.sum();
   }
   return sweep;
 }
