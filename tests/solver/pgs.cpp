@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <gsp/solver/detail/sweep_until_rest.hpp>
 #include <gsp_test_execs.hpp>
 #include <limits>
 #include <memory>
@@ -673,6 +674,33 @@ TEST_CASE_TEMPLATE("a world stops when it has converged", Exec, GSP_TEST_EXECS) 
 
 // Many worlds wait for room on a GPU, and are taken in any order; a few have a warp each. Both are the same to the bit, in a model that is
 // small enough for that and in one that is not.
+// An island whose sweeps are told: each changes a rate by 1 and lowers E by 1.5; a leap finds E least where p has grown by 10, and lower by
+// 50 there (leap.hpp: pp = 1, bp = -11). The sweep after the ninth, on which it follows, misses by `thrown` times as much as that.
+struct ToldIsland {
+  double thrown;
+  int* leaps;
+  int* taken_back;
+  mutable int sweeps = 0;
+  KOKKOS_INLINE_FUNCTION gsp::detail::SweepOutcome<double> sweep(bool) const { return {1, ++sweeps == 10 ? thrown : 1, {-1.5, 0, 0}}; }
+  KOKKOS_INLINE_FUNCTION void keep(bool) const {}
+  KOKKOS_INLINE_FUNCTION void sum() const {}
+  KOKKOS_INLINE_FUNCTION void take_back() const { ++*taken_back; }
+  KOKKOS_INLINE_FUNCTION gsp::detail::LeapSums<double> leap_sums() const { return {1, 0, 1, -11, 1}; }
+  KOKKOS_INLINE_FUNCTION gsp::detail::MixingSums<double> mixing_sums(bool) const { return {}; }
+  KOKKOS_INLINE_FUNCTION void go_on(int, gsp::detail::Leap<double> const& leap, gsp::detail::Mixing<double> const&, bool) const {
+    *leaps += leap.goes();
+  }
+};
+TEST_CASE("a leap that throws is taken back") {
+  for (bool const throws : {false, true}) {
+    int leaps = 0, taken_back = 0;
+    ToldIsland const island{throws ? 1.1e4 : 0.9e4, &leaps, &taken_back};
+    CHECK(gsp::detail::sweep_until_rest(island, gsp::PgsOptions{.iterations = 16}, 0.5, true) == 16);
+    CHECK(leaps == 1);
+    CHECK(taken_back == int(throws));
+  }
+}
+
 TEST_CASE_TEMPLATE("of many worlds each is solved as among few", Exec, GSP_TEST_EXECS) {
   constexpr int many = 4096, few = 8;
   gsp::CompiledModel const bodies = gsp::compile(gsp_test::random_model(std::vector<gsp::JointType>(23, gsp::JointType::free), 1));
