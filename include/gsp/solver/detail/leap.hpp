@@ -107,7 +107,7 @@ KOKKOS_INLINE_FUNCTION Leap<T> least_in_plane(LeapSums<T> const& s, T const& p, 
   auto const wedged = s.yy > T(R(leap_most_stress)) * s.pp;
   growth = select(wedged, zero, growth);
   sweeps = select(wedged, zero, sweeps);
-  T const share(R(1) / R(16));
+  T const share{R(coarse_share)};
   return {coarse<R>(select(some, clamp(growth, T(R(-leap_most_shrinking)), T(R(leap_most_growth))), zero), share),
           coarse<R>(select(some, clamp(sweeps, zero, T(R(leap_most_sweeps))), zero), share)};
 }

@@ -16,7 +16,8 @@
 namespace gsp::detail {
 
 // Of the trace of the differences' products; by how much |f|^2 may grow in the sweep after; of |f|^2, what that of the
-// differences is at least, or no mixture is made; as many sweeps far it goes at most, or is not made.
+// differences is at least, or no mixture is made; and from where on gamma lies on the fine grid; as many sweeps far it goes at most, or is
+// not made.
 inline constexpr double mixing_softness = 1e-4, mixing_most_growth = 4, mixing_least_change = 2e-4, mixing_fine_change = 1,
                         mixing_most_weight = 100;
 // Sweeps: the first one that is mixed, and from one to the next. What rests takes four and is left alone.
@@ -117,7 +118,7 @@ KOKKOS_INLINE_FUNCTION Mixing<T> best_mixing(MixingSums<T> const& s, T const& mi
   T const changes = s.dd11 + s.dd22;
   auto const helps = any && changes > T(R(mixing_least_change)) * misses && abs(gamma1) + abs(gamma2) < T(R(mixing_most_weight));
   // where f changes little, what rounding has made of the state is a larger share of gamma
-  T const share = select(changes > T(R(mixing_fine_change)) * misses, T(R(1) / R(256)), T(R(1) / R(16)));
+  T const share = select(changes > T(R(mixing_fine_change)) * misses, T(R(fine_share)), T(R(coarse_share)));
   return {select(helps, coarse<R>(gamma1, share), zero), select(helps, coarse<R>(gamma2, share), zero)};
 }
 

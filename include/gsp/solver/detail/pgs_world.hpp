@@ -233,7 +233,7 @@ struct PgsWorld {
       s.*part = sum_of_rows(world, e, [&](int r) { return of_row(r).*part; });
     return s;
   }
-  /// Keeps p and d of the last sweep; where it mixes, p goes on to the mixture.
+  /// Keeps p and d of the last sweep; p goes on to where a leap or a mixture leads.
   template <class World>
   KOKKOS_INLINE_FUNCTION void go_on(World const& world, Island const& e, R* p, int side, Leap<R> const& leap, Mixing<R> const& mixing,
                                     bool both) const {
