@@ -263,6 +263,55 @@ TEST_CASE_TEMPLATE("with four points a box pair the deepest stays, and every oth
   CHECK(reduced >= 3);
 }
 
+// A body of two boxes, tilted a little, with one on the floor and one on a step: each step's points rub in a plane of their own.
+TEST_CASE_TEMPLATE("points of a patch rub in one plane", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  Description d;
+  auto step = gsp_test::geom(ShapeType::box, {0.5, 0.5, 0.1}), foot = gsp_test::geom(ShapeType::box, {0.2, 0.2, 0.1});
+  step.pos = {0.7, 0, 0.1};
+  d.bodies[0].geoms = {gsp_test::geom(ShapeType::plane, {0, 0, 1}), step};
+  BodyDescription b;
+  b.parent = 0;
+  b.joints.emplace_back().type = JointType::free;
+  b.geoms = {foot, foot};
+  b.geoms[1].pos = {0.7, 0, 0.2};
+  d.bodies.push_back(b);
+  auto const m = compile(d);
+  auto const model = make_collision_model<double>(exec, m);
+  constexpr int worlds = 40;
+  std::vector<double> at(std::size_t(worlds) * m.nbody * 7, 0);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (int w = 0; w < worlds; ++w) {
+    double* const p = &at[std::size_t(w) * m.nbody * 7];
+    p[3] = p[7 + 3] = 1;
+    p[7 + 2] = 0.1 - 2e-3;
+    for (int c = 0; c < 3; ++c) p[7 + 4 + c] = 1e-3 * uniform(random);  // half the angle
+  }
+  auto const poses = gsp_test::upload_poses<double>(exec, m, at, 0, worlds);
+  auto contacts = make_contacts(exec, model, {.worlds = worlds, .steady = true});
+  do collide(exec, model, poses, contacts);
+  while (grow(exec, contacts));
+  auto const lift = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, contacts.lift);
+  auto const found = download(exec, contacts);
+  double moved = 0, deepest = 0;
+  int in_plane = 0;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    auto const& c = found[i];
+    moved = std::max(moved, std::abs(lift(i)));
+    deepest = std::min(deepest, c.dist);
+    if (i + 1 == found.size() || found[i + 1].world != c.world || found[i + 1].pair != c.pair) continue;
+    auto const& next = found[i + 1];
+    double between = 0;  // along the normal, from this point's plane to the next one's
+    for (int k = 0; k < 3; ++k) between += c.frame[k] * (next.pos[k] + lift(i + 1) * next.frame[k] - c.pos[k] - lift(i) * c.frame[k]);
+    CHECK(std::abs(between) < 1e-15);
+    ++in_plane;
+  }
+  CHECK(in_plane > 4 * worlds);
+  CHECK(moved > 1e-4);
+  CHECK(moved < -deepest);  // between surfaces; the steps are 0.2 m apart
+}
+
 TEST_CASE_TEMPLATE("NaN poses make no contacts and do not touch other worlds", Exec, GSP_TEST_EXECS) {
   Exec const exec;
   auto const m = gsp_test::heap(12);

@@ -351,6 +351,30 @@ TEST_CASE_TEMPLATE("positions of free bodies carry what rounding takes", Exec, G
   CHECK(std::abs((double(q(0, 0)) - 100 + low(0, 0)) / 2e-4 - 1) < 1e-4);
 }
 
+// A quaternion of float has 6e-8 rad: a step of 2e-9 rad would be lost, about any axis, in any orientation. It stays a unit one.
+TEST_CASE_TEMPLATE("orientations of free bodies carry what rounding takes", Exec, GSP_TEST_EXECS) {
+  for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+    Worlds<float, Exec> s(gsp::compile(lone(gsp::JointType::free)), 1, {.profile = profile, .timestep = 0.002});
+    float const start[4] = {0.1f, -0.7f, 0.5f, 0.5f};
+    s.set({0, 0, 0, start[0], start[1], start[2], start[3]}, {0, 0, 0, 1e-6f, -2e-6f, 0.5e-6f});
+    s.step(10000);
+    auto const q = gsp_test::host(s.state.qpos), low = gsp_test::host(s.state.qpos_low), v = gsp_test::host(s.state.qvel);
+    double now[4], norm = 0;
+    for (int c = 0; c < 4; ++c) now[c] = double(q(0, 3 + c)) + low(0, 3 + c), norm += now[c] * now[c];
+    CHECK(std::abs(norm - 1) < 1e-6);
+    // 2 Im(conj(start) now) of 20 s
+    float const* const a = start;
+    double const* const b = now;
+    double const turned[3] = {2 * (a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2]),
+                              2 * (a[0] * b[2] + a[1] * b[3] - a[2] * b[0] - a[3] * b[1]),
+                              2 * (a[0] * b[3] - a[1] * b[2] + a[2] * b[1] - a[3] * b[0])};
+    for (int c = 0; c < 3; ++c) {
+      CAPTURE(c);
+      CHECK(std::abs(turned[c] - 20 * v(0, 3 + c)) < 1e-4 * 20 * 2e-6 + 1.2e-7);  // a start that is a unit one to 6e-8
+    }
+  }
+}
+
 // A world that is not finite stays as it was, keeps its bit, and does not touch its neighbours: those have the bits of a batch without it.
 TEST_CASE_TEMPLATE("a world that is not finite stops alone", Exec, GSP_TEST_EXECS) {
   auto const c = gsp::compile(gsp_test::random_model({gsp::JointType::free, gsp::JointType::hinge}, 5));

@@ -496,9 +496,9 @@ TEST_CASE_TEMPLATE("worlds that sleep do not touch their neighbours", Exec, GSP_
     std::vector<World<float, Exec>> each;
     for (int i = 0; i < worlds; ++i) start(each.emplace_back(towers(height)), i);
     World<float, Exec> narrow(towers(height), worlds);
-    narrow.sim.contacts = gsp::make_contacts(
-        narrow.exec, narrow.sim.collision,
-        {.worlds = worlds, .candidates_per_world = 1, .points_per_world = 1, .contacts_per_world = 1, .points_per_box_pair = 4});
+    auto small = gsp::contacts_options(narrow.model, worlds);
+    small.candidates_per_world = small.points_per_world = small.contacts_per_world = 1;
+    narrow.sim.contacts = gsp::make_contacts(narrow.exec, narrow.sim.collision, small);
     narrow.sim.rows = gsp::make_rows(narrow.exec, narrow.model, {.worlds = worlds, .rows_per_world = 1, .entries_per_world = 1});
     narrow.sim.impulses = gsp::make_impulses(narrow.exec, narrow.sim.rows);
     start(narrow, 0);

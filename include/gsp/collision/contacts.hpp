@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/collision/broadphase.hpp>
 #include <gsp/collision/detail/contacts_kernels.hpp>
+#include <gsp/collision/detail/level_contacts.hpp>
 #include <gsp/core/region.hpp>
 #include <gsp/core/status.hpp>
 
@@ -19,7 +20,8 @@ struct ContactsOptions {
   int candidates_per_world = 0, points_per_world = 0, contacts_per_world = 0;
   int points_per_box_pair = 8;  // 8: all of them; 4: those that support best (manifold.hpp)
   // Points that move as the bodies do: nearly parallel capsules touch at two (narrowphase/capsule_capsule.hpp), not at one, and height
-  // fields push along normals of their surface alone (narrowphase/height_field.hpp), not out of inner sides of their prisms.
+  // fields push along normals of their surface alone (narrowphase/height_field.hpp), not out of inner sides of their prisms. And points of
+  // two bodies with one normal are a patch, which rubs in one plane (Contacts::lift).
   bool steady = false;
 };
 
@@ -47,6 +49,7 @@ struct Contacts {
   View<R* [3]> pos;              // midway between the surfaces [m]
   View<R* [9]> frame;            // rows normal (geom1 to geom2), t1, t2
   View<R*> dist, includemargin;  // [m]; acts as contact_acts says
+  View<R*> lift;                 // along the normal, from pos to the plane in which the points of its patch rub [m]; empty unless steady
   View<R*> adhesion;             // with which it may pull [N]; empty where no pair of the model has any
   View<R* [3]> surfacevel;  // velocity of the surface of geom2 less that of geom1: along t1, t2 [m/s], about the normal [rad/s]; or empty
   View<int*> feature;       // unique within (world, pair); survives steps
@@ -158,6 +161,10 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
                          detail::CollideCandidates<R, Mem, true>{model, s, contacts.points_per_box_pair == 4, contacts.steady, before});
   Kokkos::parallel_scan("gsp::collision::write_contacts", lightweight(Range(exec, 0, items)),
                         detail::WriteContacts<R, Mem>{model, contacts});
+  if (contacts.steady)
+    Kokkos::parallel_for("gsp::collision::level_contacts",
+                         lightweight(Range(exec, 0, is_device<Exec> ? contacts.capacity() : contacts.size())),
+                         detail::LevelContacts<Contacts<R, Mem>>{contacts});
 }
 
 }  // namespace gsp

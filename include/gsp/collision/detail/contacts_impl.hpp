@@ -28,6 +28,7 @@ void allocate_contacts(Contacts<R, Mem>& c, std::int64_t candidates, std::int64_
   make(c.dist, "gsp::Contacts::dist", contacts);
   make(c.includemargin, "gsp::Contacts::includemargin", contacts);
   make(c.feature, "gsp::Contacts::feature", contacts);
+  if (c.steady) make(c.lift, "gsp::Contacts::lift", contacts);
   if (c.adhesive) make(c.adhesion, "gsp::Contacts::adhesion", contacts);
   if (c.moving) make(c.surfacevel, "gsp::Contacts::surfacevel", contacts);
 }

@@ -198,17 +198,12 @@ struct EmitRows {
     });
     finish_rows();
   }
-  /// J x of a segment, x what rounding has taken from the place of a body that floats (State::qpos_low). Poses are without it: a gap that
-  /// they give jumps by the last digit of a place, and what lies far from the origin would never rest in float.
+  /// J x of a segment, x what rounding has taken from the pose of a body that floats.
   template <class Entries>
   KOKKOS_INLINE_FUNCTION R low_part(int w, int tree, RowSegment const& segment, Entries const& J, int begin) const {
-    Archetype const& a = model.archetypes(model.tree_archetype(tree));
-    int const* const ints = model.ints.data();
-    int const joint = ints[a.dof_jnt + (segment.list < 0 ? 0 : ints[segment.list])];  // a chain begins at its root
-    if (JointType(ints[a.jnt_type + joint]) != JointType::free) return R(0);
-    int const q = ints[a.instance_qpos + model.tree_instance(tree)] + ints[a.jnt_qposadr + joint];
+    LowPose<R> const low = low_pose(model, state, w, tree);
     R sum(0);
-    for (int i = 0; i < 3 && i < segment.count; ++i) sum = fma(J[begin + i], state.qpos_low(w, q + i), sum);
+    for (int i = 0; i < 6 && i < segment.count; ++i) sum = fma(J[begin + i], low.motion[i], sum);  // a chain begins at its root
     return sum;
   }
   /// Of an element whose island sleeps: who it is, and the impulses that it fell asleep with.

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/constraint/detail/low_pose.hpp>
 #include <gsp/constraint/detail/row_structure.hpp>
 #include <gsp/constraint/detail/whiten_rows.hpp>
 
@@ -79,9 +80,8 @@ class ForceWriter {
 };
 
 /// Segments of one tree, of up to as many rows as a pack has lanes. Until a row has its law, four of its fields hold sums over its entries:
-/// bias grows by J x, x what rounding has taken from the place of a body that floats (State::qpos_low; poses are without it: a gap that
-/// they give jumps by the last digit of a place, and what lies far from the origin would never rest in float), lower by J v, upper by J v
-/// of the free velocity, mu by |Y|^2.
+/// bias grows by J x, x what rounding has taken from the pose of a body that floats (low_pose.hpp), lower by J v, upper by J v of the free
+/// velocity, mu by |Y|^2.
 template <class R, class Mem>
 class RowLanes {
  public:
@@ -142,11 +142,7 @@ class RowLanes {
   KOKKOS_INLINE_FUNCTION void begin(int tree) {
     tree_ = tree;
     archetype_ = &model_.archetypes(model_.tree_archetype(tree));
-    Archetype const& a = *archetype_;
-    int const* const ints = model_.ints.data();
-    int const joint = ints[a.dof_jnt];
-    floating_ = JointType(ints[a.jnt_type + joint]) == JointType::free ? 3 : 0;
-    root_ = ints[a.instance_qpos + model_.tree_instance(tree)] + ints[a.jnt_qposadr + joint];
+    low_ = low_pose(model_, state_, world_, tree);
   }
   KOKKOS_INLINE_FUNCTION void touch(int d) {
     if (touched_[d]) return;
@@ -160,14 +156,13 @@ class RowLanes {
   KOKKOS_INLINE_FUNCTION static void add_to(Vec3<T>& to, int lane, Vec3<R> const& v) {
     for (int c = 0; c < 3; ++c) to[c].set(lane, to[c][lane] + v[c]);
   }
-  /// Where among the qpos of the world the dof's coordinate lies whose low part counts, or -1: the first three of a tree that floats.
-  KOKKOS_INLINE_FUNCTION int low_place(int d) const { return d < floating_ ? root_ + d : -1; }
+  KOKKOS_INLINE_FUNCTION bool has_low(int d) const { return low_.floats && d < 6; }
   KOKKOS_INLINE_FUNCTION void one(FactorItems<R> const& items, int k) const {
     R* const y = y_[k];
     Row<R>& to = *row_[k];
     for (int i = 0; i < segment_[k].count; ++i) {
-      int const d = dof(segment_[k], i), low = low_place(d);
-      if (low >= 0) to.bias = fma(y[i], state_.qpos_low(world_, low), to.bias);
+      int const d = dof(segment_[k], i);
+      if (has_low(d)) to.bias = fma(y[i], low_.motion[d], to.bias);
       to.lower = fma(y[i], items[items.at.qvel + d], to.lower);
       to.upper = fma(y[i], items[items.at.velocity + d], to.upper);
     }
@@ -187,7 +182,7 @@ class RowLanes {
     }
     for (int d = a.nv; d-- > 0;) {
       if (!touched_[d]) continue;  // and so are its ancestors, where it is
-      int const adr = ints[a.row_adr + d], n = ints[a.row_adr + d + 1] - adr - 1, low = low_place(d);
+      int const adr = ints[a.row_adr + d], n = ints[a.row_adr + d + 1] - adr - 1;
       T J = J_[d];
       if (forced_[d]) {
         forced_[d] = false;
@@ -199,7 +194,7 @@ class RowLanes {
                             fma(f.angular.z, T(items[c + 2]), fma(f.angular.y, T(items[c + 1]), f.angular.x * T(items[c]))))));
         if (n > 0) pass_on(f, ints[a.row_col + adr + n - 1]);
       }
-      if (low >= 0) gap = fma(J, T(state_.qpos_low(world_, low)), gap);
+      if (has_low(d)) gap = fma(J, T(low_.motion[d]), gap);
       rate = fma(J, T(items[items.at.qvel + d]), rate);
       free_rate = fma(J, T(items[items.at.velocity + d]), free_rate);
       T const value = y_of_[d] + J;
@@ -229,7 +224,8 @@ class RowLanes {
   State<R, Mem> const& state_;
   Dynamics<R, Mem> const& dynamics_;
   R* entries_;
-  int world_, count_ = 0, tree_ = -1, floating_, root_;
+  int world_, count_ = 0, tree_ = -1;
+  LowPose<R> low_;
   Archetype const* archetype_ = nullptr;
   RowSegment segment_[W];
   R* y_[W];

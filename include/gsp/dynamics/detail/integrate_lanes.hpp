@@ -181,8 +181,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_check_bounded(L const& l, State const& st
   }
 }
 
-/// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes (trees that are one rigid body: lanes_turn). Positions of free bodies
-/// carry what rounding took (two-sum), so that they do not creep.
+/// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes (trees that are one rigid body: lanes_turn). Places and orientations of
+/// free bodies carry what rounding took (two-sum), so that they do not creep, and what turns slowly turns.
 template <class L, class State>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
@@ -205,23 +205,35 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
       return;
     }
     int const quat = type == JointType::free ? q + 3 : q;
-    Quat<T> const now = normalized(Quat<T>{l.load(state.qpos, l.qpos0, quat), l.load(state.qpos, l.qpos0, quat + 1),
-                                           l.load(state.qpos, l.qpos0, quat + 2), l.load(state.qpos, l.qpos0, quat + 3)});
+    Quat<T> const stored{l.load(state.qpos, l.qpos0, quat), l.load(state.qpos, l.qpos0, quat + 1), l.load(state.qpos, l.qpos0, quat + 2),
+                         l.load(state.qpos, l.qpos0, quat + 3)};
+    Quat<T> const now = normalized(stored);
     Quat<T> const turn =
         carries_momentum(l) ? lanes_turn(l, now) : exp_rotation(h * s.vec3(type == JointType::free ? v + 3 : v));  // may change v
-    if (type == JointType::free) {
-      for (int c = 0; c < 3; ++c, ++q, ++v) {
-        T const high = l.load(state.qpos, l.qpos0, q), add = fma(h, s[v], l.load(state.qpos_low, l.qpos0, q));
-        T const sum = high + add, part = sum - high;
-        write(state.qpos, l.qpos0, q, sum);
-        write(state.qpos_low, l.qpos0, q, (high - (sum - part)) + (add - part));
-      }
+    if (type != JointType::free) {
+      Quat<T> const next = normalized(now * turn);
+      write(state.qpos, l.qpos0, quat, next.w);
+      write(state.qpos, l.qpos0, quat + 1, next.x);
+      write(state.qpos, l.qpos0, quat + 2, next.y);
+      write(state.qpos, l.qpos0, quat + 3, next.z);
+      return;
     }
-    Quat<T> const next = normalized(now * turn);
-    write(state.qpos, l.qpos0, q, next.w);
-    write(state.qpos, l.qpos0, q + 1, next.x);
-    write(state.qpos, l.qpos0, q + 2, next.y);
-    write(state.qpos, l.qpos0, q + 3, next.z);
+    auto const move = [&](int i, T const& high, T const& by) {  // two-sum
+      T const add = by + l.load(state.qpos_low, l.qpos0, i), sum = high + add, part = sum - high;
+      write(state.qpos, l.qpos0, i, sum);
+      write(state.qpos_low, l.qpos0, i, (high - (sum - part)) + (add - part));
+    };
+    for (int c = 0; c < 3; ++c) move(q + c, l.load(state.qpos, l.qpos0, q + c), h * s[v + c]);
+    // A quaternion that is a unit one but for rounding stays as it is: normalized anew at each step it would jump by its last digit.
+    T const excess = fma(stored.w, stored.w, fma(stored.x, stored.x, fma(stored.y, stored.y, fma(stored.z, stored.z, T(-1)))));
+    using R = typename L::R;
+    R const rounding(Scalar<R> ? 8 * Kokkos::Experimental::epsilon_v<real_t<R>> : -1);  // slopes of a dual are those of the normalized one
+    auto const unit = abs(excess) <= T(rounding);
+    Quat<T> const by = now * Quat<T>{turn.w - T(1), turn.x, turn.y, turn.z};
+    move(quat, select(unit, stored.w, now.w), by.w);
+    move(quat + 1, select(unit, stored.x, now.x), by.x);
+    move(quat + 2, select(unit, stored.y, now.y), by.y);
+    move(quat + 3, select(unit, stored.z, now.z), by.z);
   });
   if (!store_block(l, l.at.velocity, a.nv, state.qvel, l.dof0[0], moves))
     l.each(a.nv, [&](int i) { write(state.qvel, l.dof0, i, s[l.at.velocity + i]); });

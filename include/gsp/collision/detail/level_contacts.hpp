@@ -1,0 +1,39 @@
+#pragma once
+#include <gsp/collision/shapes.hpp>
+
+/// The plane of a patch. Points of two bodies with one normal lie midway between the surfaces, each at a height of its own: half of what it
+/// overlaps more than the others. Friction at these heights would stop turning about the tangents with a lever of that little length, by
+/// impulses beyond all measure, and sweeps would build them up without end (decision 27). In one plane it has no such lever.
+namespace gsp::detail {
+
+/// Contacts::lift of each contact: to the height of the deepest of its patch.
+template <class ContactsType>
+struct LevelContacts {
+  using R = typename ContactsType::real_type;
+  ContactsType contacts;
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
+    int const size = contacts.size(), c = int(item);
+    if (c >= size) return;
+    R deepest = contacts.dist(c), lift(0);
+    auto const look = [&](int o) {
+      R const dist = contacts.dist(o);
+      if (!(dist < deepest) || !(dot(normal(o), normal(c)) > R(1 - 1e-5))) return;
+      R const height = dot(pos(o) - pos(c), normal(c));             // of two flat sides half of the difference in dist
+      if (abs(height) > abs(dist) + abs(contacts.dist(c))) return;  // on another step of stairs
+      deepest = dist;
+      lift = height;
+    };
+    for (int o = c + 1; o < size && of_one_patch(o, c); ++o) look(o);
+    for (int o = c - 1; o >= 0 && of_one_patch(o, c); --o) look(o);
+    contacts.lift(c) = lift;
+  }
+
+ private:
+  KOKKOS_INLINE_FUNCTION bool of_one_patch(int a, int b) const {
+    return contacts.world(a) == contacts.world(b) && contacts.body1(a) == contacts.body1(b) && contacts.body2(a) == contacts.body2(b);
+  }
+  KOKKOS_INLINE_FUNCTION Vec3<R> pos(int c) const { return {contacts.pos(c, 0), contacts.pos(c, 1), contacts.pos(c, 2)}; }
+  KOKKOS_INLINE_FUNCTION Vec3<R> normal(int c) const { return {contacts.frame(c, 0), contacts.frame(c, 1), contacts.frame(c, 2)}; }
+};
+
+}  // namespace gsp::detail
