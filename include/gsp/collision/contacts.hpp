@@ -5,10 +5,10 @@
 #include <gsp/core/region.hpp>
 #include <gsp/core/status.hpp>
 
-/// Contacts of many worlds in one pool, in the order (world, pair, point). Five kernels (six with pairs of the convex routine), nothing
-/// waits for the host:
+/// Contacts of many worlds in one pool, in the order (world, pair, point). Five kernels (one more with pairs of the convex routine, and
+/// for patches), nothing waits for the host:
 ///   place colliders -> mask of near pairs a (chunk, world) -> scan + candidates, bucketed by (shape, shape) -> narrow phase -> scan +
-///   contacts by world.
+///   contacts by world -> planes of patches.
 /// Where pairs are too many to list (CompiledModel::pairs_searched) most are searched for in trees of boxes before the narrow phase.
 /// A world whose candidates or contacts do not fit has status::contact_overflow and no contacts: `grow` enlarges the pools, then the step
 /// is repeated. So neither a capacity nor the other worlds change a result.
