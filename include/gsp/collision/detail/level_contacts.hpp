@@ -6,6 +6,8 @@
 /// impulses beyond all measure, and sweeps would build them up without end (decision 27). In one plane it has no such lever.
 namespace gsp::detail {
 
+inline constexpr int most_patch_points = 64;  // either way in the list, so that the search stays linear
+
 /// Contacts::lift of each contact: to the height of the deepest of its patch.
 template <class ContactsType>
 struct LevelContacts {
@@ -23,8 +25,8 @@ struct LevelContacts {
       deepest = dist;
       lift = height;
     };
-    for (int o = c + 1; o < size && of_one_patch(o, c); ++o) look(o);
-    for (int o = c - 1; o >= 0 && of_one_patch(o, c); --o) look(o);
+    for (int o = c + 1; o < size && o <= c + most_patch_points && of_one_patch(o, c); ++o) look(o);
+    for (int o = c - 1; o >= 0 && o >= c - most_patch_points && of_one_patch(o, c); --o) look(o);
     contacts.lift(c) = lift;
   }
 
