@@ -65,6 +65,9 @@ struct Contacts {
   KOKKOS_INLINE_FUNCTION bool fits(int w) const { return (status(w) & status::contact_overflow) == 0; }
   KOKKOS_INLINE_FUNCTION int first_of(int w) const { return fits(w) ? first(w) : 0; }
   KOKKOS_INLINE_FUNCTION int count_of(int w) const { return fits(w) ? end(w) - first(w) : 0; }
+  /// pos of contact c, and row i of its frame: the normal, then the tangents.
+  KOKKOS_INLINE_FUNCTION Vec3<R> point(int c) const { return {pos(c, 0), pos(c, 1), pos(c, 2)}; }
+  KOKKOS_INLINE_FUNCTION Vec3<R> axis(int c, int i) const { return {frame(c, 3 * i), frame(c, 3 * i + 1), frame(c, 3 * i + 2)}; }
 
   /// What the last collide needed. Fences `exec`.
   template <class Exec>

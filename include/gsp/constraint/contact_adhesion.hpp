@@ -52,8 +52,7 @@ struct ContactAdhesion {
   template <class Row>
   KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int, Row&& J) const {
     int const c = contacts.first_of(world) + k;
-    Vec3<R> const normal{contacts.frame(c, 0), contacts.frame(c, 1), contacts.frame(c, 2)};
-    Vec3<R> const point{contacts.pos(c, 0), contacts.pos(c, 1), contacts.pos(c, 2)};
+    Vec3<R> const normal = contacts.axis(c, 0), point = contacts.point(c);
     J.add_point(contacts.body2(c), point, normal, R(1));
     J.add_point(contacts.body1(c), point, normal, R(-1));
     return R(0);

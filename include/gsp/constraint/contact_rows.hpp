@@ -134,12 +134,9 @@ struct ContactRows {
     return {std::uint32_t(contacts.pair(c)), std::uint32_t(edges * contacts.feature(c) + k % edges)};
   }
   /// Where it acts: a point that is new starts from the impulses of those near it that are gone.
-  KOKKOS_INLINE_FUNCTION Vec3<R> place(int world, int k) const { return pos(contact_of(world, k)); }
+  KOKKOS_INLINE_FUNCTION Vec3<R> place(int world, int k) const { return contacts.point(contact_of(world, k)); }
   /// Direction of row 1 + i, by which friction of the last step is turned into this one's frame.
-  KOKKOS_INLINE_FUNCTION Vec3<R> tangent(int world, int k, int i) const {
-    int const c = contact_of(world, k), at = 3 * (1 + i);
-    return {contacts.frame(c, at), contacts.frame(c, at + 1), contacts.frame(c, at + 2)};
-  }
+  KOKKOS_INLINE_FUNCTION Vec3<R> tangent(int world, int k, int i) const { return contacts.axis(contact_of(world, k), 1 + i); }
 
  private:
   KOKKOS_INLINE_FUNCTION int contact_of(int world, int k) const { return contacts.first_of(world) + k / edges; }
@@ -153,17 +150,13 @@ struct ContactRows {
     if (!by_default && s.refsafe == Refsafe::two_steps) s.refsafe = Refsafe::keeps_rest;
     return s;
   }
-  KOKKOS_INLINE_FUNCTION Vec3<R> pos(int c) const { return {contacts.pos(c, 0), contacts.pos(c, 1), contacts.pos(c, 2)}; }
-  KOKKOS_INLINE_FUNCTION Vec3<R> rubbing_point(int c) const {
-    return pos(c) + contacts.lift(c) * Vec3<R>{contacts.frame(c, 0), contacts.frame(c, 1), contacts.frame(c, 2)};
-  }
   /// J of axis `axis` of the contact: along the rows of its frame, then about them.
   template <class Row>
   KOKKOS_INLINE_FUNCTION void add_axis(int c, int axis, R scale, Row&& J) const {
-    int const at = 3 * (axis % 3);
-    Vec3<R> const direction{contacts.frame(c, at), contacts.frame(c, at + 1), contacts.frame(c, at + 2)};
+    Vec3<R> const direction = contacts.axis(c, axis % 3);
     if (axis < 3) {
-      Vec3<R> const point = axis > 0 && contacts.steady ? rubbing_point(c) : pos(c);
+      Vec3<R> point = contacts.point(c);
+      if (axis > 0 && contacts.steady) point = point + contacts.lift(c) * contacts.axis(c, 0);
       J.add_point(contacts.body2(c), point, direction, scale);
       J.add_point(contacts.body1(c), point, direction, -scale);
     } else {

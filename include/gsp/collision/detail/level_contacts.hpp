@@ -16,11 +16,12 @@ struct LevelContacts {
   KOKKOS_FUNCTION void operator()(std::int64_t item) const {
     int const size = contacts.size(), c = int(item);
     if (c >= size) return;
+    Vec3<R> const normal = contacts.axis(c, 0), point = contacts.point(c);
     R deepest = contacts.dist(c), lift(0);
     auto const look = [&](int o) {
       R const dist = contacts.dist(o);
-      if (!(dist < deepest) || !(dot(normal(o), normal(c)) > R(1 - 1e-5))) return;
-      R const height = dot(pos(o) - pos(c), normal(c));             // of two flat sides half of the difference in dist
+      if (!(dist < deepest) || !(dot(contacts.axis(o, 0), normal) > R(1 - 1e-5))) return;
+      R const height = dot(contacts.point(o) - point, normal);      // of two flat sides half of the difference in dist
       if (abs(height) > abs(dist) + abs(contacts.dist(c))) return;  // on another step of stairs
       deepest = dist;
       lift = height;
@@ -34,8 +35,6 @@ struct LevelContacts {
   KOKKOS_INLINE_FUNCTION bool of_one_patch(int a, int b) const {
     return contacts.world(a) == contacts.world(b) && contacts.body1(a) == contacts.body1(b) && contacts.body2(a) == contacts.body2(b);
   }
-  KOKKOS_INLINE_FUNCTION Vec3<R> pos(int c) const { return {contacts.pos(c, 0), contacts.pos(c, 1), contacts.pos(c, 2)}; }
-  KOKKOS_INLINE_FUNCTION Vec3<R> normal(int c) const { return {contacts.frame(c, 0), contacts.frame(c, 1), contacts.frame(c, 2)}; }
 };
 
 }  // namespace gsp::detail
