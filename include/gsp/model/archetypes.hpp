@@ -5,7 +5,8 @@
 /// Trees of equal topology, found automatically. Two trees are instances of one archetype when their parent arrays, joint types, tendons
 /// and actuators agree index by index: then one branch-free program serves both, and only numbers differ. Trees that a tendon or an
 /// actuator couples are taken as one (with all trees between them): a "tree" of the device model may have several roots, and its matrices
-/// keep the sparsity of the single trees. Host only; `make_model` uses it.
+/// keep the sparsity of the single trees. So are trees that a rigid equality joins, up to `most_joined_dofs`: its rows are eliminated then
+/// (constraint/eliminate.hpp). Host only; `make_model` uses it.
 namespace gsp {
 
 /// What moves a point that a tendon or an actuator is attached to: a body of the tree (its local index), or one of these.
@@ -32,6 +33,9 @@ enum class ActuatorKind : int {
   contacts
 };
 enum class TendonKind : int { fixed, sites, wrapped };  // sites: no geom on its path
+
+/// Degrees of freedom of what rigid equalities join to one tree: each row of it has as many entries.
+inline constexpr int most_joined_dofs = 64;
 
 /// Where several workers share a tree, it is cut into a trunk (part 0) and so many parts, each a set of subtrees that hang on the trunk (or
 /// on the world): limbs of about equal size, which know nothing of each other.
@@ -86,9 +90,9 @@ T item_or(V const& v, int i, T otherwise) {
 /// Which static body's mocap ancestor moves it (itself included): index among the mocap bodies, -1: none. Bodies of trees: -1.
 std::vector<int> mocap_roots(CompiledModel const& m);
 
-/// Trees that each tendon and actuator reaches.
+/// Trees that each tendon, actuator and rigid equality reaches.
 struct Couplings {
-  std::vector<std::vector<int>> tendon, actuator;
+  std::vector<std::vector<int>> tendon, actuator, rigid;
   bool on_mocap = false;  // one of them reaches a mocap body
 };
 Couplings find_couplings(CompiledModel const& m);

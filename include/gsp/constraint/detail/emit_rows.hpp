@@ -120,7 +120,7 @@ struct EmitRows {
       auto const& segment = row.segment[s];
       int const tree = model.dof_tree(segment.dof0);
       TreeItems<R> const items = dynamics.tree(model, w, tree);
-      gap += low_part(w, tree, segment, y, begin);
+      gap += low_part(model, state, w, tree, segment, y, begin);
       for (int i = 0; i < segment.count; ++i) {
         int const dof = segment.list < 0 ? i : model.ints(segment.list + i);
         rate = fma(y[begin + i], items[items.at.qvel + dof], rate);
@@ -197,14 +197,6 @@ struct EmitRows {
       }
     });
     finish_rows();
-  }
-  /// J x of a segment, x what rounding has taken from the pose of a body that floats.
-  template <class Entries>
-  KOKKOS_INLINE_FUNCTION R low_part(int w, int tree, RowSegment const& segment, Entries const& J, int begin) const {
-    LowPose<R> const low = low_pose(model, state, w, tree);
-    R sum(0);
-    for (int i = 0; i < 6 && i < segment.count; ++i) sum = fma(J[begin + i], low.motion[i], sum);  // a chain begins at its root
-    return sum;
   }
   /// Of an element whose island sleeps: who it is, and the impulses that it fell asleep with.
   /// @param at  its first row, counted from the world's

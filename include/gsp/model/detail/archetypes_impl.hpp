@@ -63,6 +63,19 @@ GSP_INLINE Couplings find_couplings(CompiledModel const& m) {
     }
     c.actuator.push_back(list);
   }
+  for (int k = 0; k < m.neq; ++k) {
+    if (item_or(m.eq_rigid, k, Double3{})[0] == 0) continue;
+    std::vector<int> list;
+    auto const type = EqualityType(m.eq_type[k]);
+    for (int const id : {m.eq_id1[k], m.eq_id2[k]}) {
+      if (id < 0) continue;
+      if (type == EqualityType::tendon)
+        list.insert(list.end(), c.tendon[id].begin(), c.tendon[id].end());
+      else if (int const tree = m.body_tree[type == EqualityType::joint ? m.jnt_body[id] : m.eq_sites[k] ? m.site_body[id] : id]; tree >= 0)
+        list.push_back(tree);
+    }
+    c.rigid.push_back(list);
+  }
   return c;
 }
 
@@ -81,6 +94,17 @@ GSP_INLINE std::vector<TreeGroup> group_trees(CompiledModel const& m, Couplings 
     for (int k = t; k <= end; ++k) end = std::max(end, last[k]);
     groups.push_back({t, end});
     t = end + 1;
+  }
+  for (auto const& list : c.rigid) {
+    if (list.empty()) continue;
+    auto const [lo, hi] = std::minmax_element(list.begin(), list.end());
+    auto const group_of = [&](int tree) {
+      return std::partition_point(groups.begin(), groups.end(), [&](TreeGroup const& g) { return g.last < tree; });
+    };
+    auto const one = group_of(*lo), two = group_of(*hi);
+    if (m.tree_dofadr[two->last] + m.tree_dofnum[two->last] - m.tree_dofadr[one->first] > most_joined_dofs) continue;
+    one->last = two->last;
+    groups.erase(one + 1, two + 1);
   }
   if (groups.empty() && m.nu > 0) groups.push_back({0, -1});
   return groups;
