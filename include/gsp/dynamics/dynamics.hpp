@@ -101,7 +101,7 @@ struct FactorLayout {
 /// results (vectors of dofs; force = passive - bias + actuator + applied; stiffness, damping: what the factored matrix takes implicitly),
 /// then what is needed within one stage only.
 struct DynamicsLayout : FactorLayout {
-  int spin, center, act_dot;                            // spin, center: of a tree that is one rigid body, see factor.hpp
+  int push, center, turning_inertia, act_dot;           // all but act_dot: of a tree that is one rigid body (detail/rigid_tree_lanes.hpp)
   int tendon_J, tendon_length, act_length, act_moment;  // tendon_J: of spatial tendons
   int act_share;                                        // of actuators on bodies: force on each contact (constraint/contact_adhesion.hpp)
   int act_row, tendon_row;  // what is left to rows (constraint/stiff_forces.hpp): (slope, intercept, lower, upper), (slope, intercept)
@@ -118,8 +118,10 @@ struct DynamicsLayout : FactorLayout {
       at = n;
       n += items;
     };
-    reserve(spin, 3);
-    reserve(center, 3);
+    bool const may_be_rigid = a.njnt == 1;
+    reserve(push, may_be_rigid ? 3 : 0);
+    reserve(center, may_be_rigid ? 3 : 0);
+    reserve(turning_inertia, may_be_rigid ? 6 : 0);
     reserve(act_dot, a.nstate);
     reserve(tendon_J, a.ntendonJ);
     reserve(tendon_length, a.ntendon);
@@ -141,7 +143,7 @@ struct DynamicsLayout : FactorLayout {
     reserve(acceleration, a.nv);
     reserve(impulse, a.nv);
     reserve(gravcomp, a.gravcomp ? a.nv : 0);
-    reserve(turning_bias, a.njnt == 1 ? a.nv : 0);
+    reserve(turning_bias, may_be_rigid ? a.nv : 0);
     reserve(tendon_velocity, a.ntendon);
     reserve(act_velocity, a.nact);
     if (!a.adhesion) reserve(act_force, a.nact);

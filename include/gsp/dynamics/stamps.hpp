@@ -20,7 +20,7 @@ enum class Quantity : int {
   act_length,       // lengths of actuators
   activation_rate,  // act_dot
   factor,           // factor, inverse_diagonal of the matrix that moves the robot
-  free_velocity,    // velocity, spin: without constraints; integrate makes the new velocity of it
+  free_velocity,    // velocity, push: without constraints; integrate makes the new velocity of it
   mass,             // M
   force,            // passive - bias + actuator + applied
   derivative,       // of the forces by velocity, for implicit integrators

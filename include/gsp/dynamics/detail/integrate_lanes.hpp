@@ -208,9 +208,11 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
     Quat<T> const stored{l.load(state.qpos, l.qpos0, quat), l.load(state.qpos, l.qpos0, quat + 1), l.load(state.qpos, l.qpos0, quat + 2),
                          l.load(state.qpos, l.qpos0, quat + 3)};
     Quat<T> const now = normalized(stored);
-    Quat<T> const turn =
-        carries_momentum(l) ? lanes_turn(l, now) : exp_rotation(h * s.vec3(type == JointType::free ? v + 3 : v));  // may change v
-    if (type != JointType::free) {
+    bool const is_free = type == JointType::free;
+    auto const [turn, shift] = carries_momentum(l)  // it may change v
+                                   ? lanes_turn(l, now)
+                                   : Displacement<T>{exp_rotation(h * s.vec3(is_free ? v + 3 : v)), is_free ? h * s.vec3(v) : Vec3<T>{}};
+    if (!is_free) {
       Quat<T> const next = normalized(now * turn);
       write(state.qpos, l.qpos0, quat, next.w);
       write(state.qpos, l.qpos0, quat + 1, next.x);
@@ -223,7 +225,9 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
       write(state.qpos, l.qpos0, i, sum);
       write(state.qpos_low, l.qpos0, i, (high - (sum - part)) + (add - part));
     };
-    for (int c = 0; c < 3; ++c) move(q + c, l.load(state.qpos, l.qpos0, q + c), h * s[v + c]);
+    move(q, l.load(state.qpos, l.qpos0, q), shift.x);
+    move(q + 1, l.load(state.qpos, l.qpos0, q + 1), shift.y);
+    move(q + 2, l.load(state.qpos, l.qpos0, q + 2), shift.z);
     // A quaternion that is a unit one but for rounding stays as it is: normalized anew at each step it would jump by its last digit.
     T const excess = fma(stored.w, stored.w, fma(stored.x, stored.x, fma(stored.y, stored.y, fma(stored.z, stored.z, T(-1)))));
     using R = typename L::R;

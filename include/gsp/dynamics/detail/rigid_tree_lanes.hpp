@@ -82,60 +82,100 @@ KOKKOS_INLINE_FUNCTION auto lanes_rigid_tree(L const& l) {
   return RigidTree<T>{identity_quat<T>(), sum};
 }
 
-/// Carries the angular momentum I w of a tree that is one rigid body through the step, about the centre of mass where it is free, about the
-/// anchor on a ball joint: it stays in the world while the frame turns, and a free centre of mass goes straight. By the midpoint rule,
-/// which also keeps the energy: the frame turns by exp(h x), where I x = exp(-h x / 2) I w, and the new velocity is w' = I^-1 exp(-h x) I w
-/// in the new body axes. x by Newton's method: with m = exp(-h x / 2) I w, (I - h/2 [m]x) dx = m - I x, whose matrix is never singular.
-/// velocity: of the start with all that forces add, in; w' in the axes of the start, u = exp(h x) w', out, since constraints push in those;
-/// spin = x - u and center stay for lanes_turn. Where rows hold the joint (`held`) w is that of the start alone: what forces add to it they
-/// take again, and a body that they hold would creep by what it would have turned.
-/// Source: the Lie-midpoint rule of Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), ch. VII.5.
-template <class L, class Held>
-KOKKOS_INLINE_FUNCTION void lanes_carry_momentum(L const& l, Held const& held) {
+/// Such a tree as its joint turns it, from the dof `first` on, and the axes that its inertia is in.
+template <class T>
+struct Turning {
+  bool is_free;
+  int first;
+  Quat<T> axes;
+};
+template <class L>
+KOKKOS_INLINE_FUNCTION auto lanes_turning(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
-  auto const& s = l.items;
-  T const h(l.model.timestep);
   bool const is_free = l.index(l.a.jnt_type, 0) == int(JointType::free);
-  int const first = is_free ? 3 : 0, turning = l.at.velocity + first;  // of the dofs that turn it
-  auto const tree = lanes_rigid_tree(l);
-  auto const& i = tree.inertia;
-  Vec3<T> const arm = is_free ? Vec3<T>{T(0), T(0), T(0)} : rotate_inverse(tree.axes, i.center - l.constant3(l.model.jnt_pos, l.jnt0, 0));
-  Vec3<T> const moment = i.mass * arm;
-  T const rotor = l.constant(l.model.dof_armature, l.dof0, first);
-  RotationalInertia<T> const inertia(i.xx + fma(moment.y, arm.y, fma(moment.z, arm.z, rotor)),
-                                     i.yy + fma(moment.x, arm.x, fma(moment.z, arm.z, rotor)),
-                                     i.zz + fma(moment.x, arm.x, fma(moment.y, arm.y, rotor)), fma(-moment.x, arm.y, i.xy),
-                                     fma(-moment.x, arm.z, i.xz), fma(-moment.y, arm.z, i.yz));
-  Vec3<T> const w = rotate_inverse(tree.axes, select(held, s.vec3(l.at.qvel + first), s.vec3(turning))), momentum = inertia.times(w);
+  return Turning<T>{is_free, is_free ? 3 : 0, l.a.nbody == 1 ? l.constant4(l.model.body_iquat, l.body0, 0) : identity_quat<T>()};
+}
+
+/// What a step makes of a rigid body that has the angular velocity w, forces and impulses included, in the axes of the start: the frame
+/// turns by exp(h x), x = w + more, and the velocity becomes w + gain in the new axes. By the midpoint rule, which keeps momentum and
+/// energy:
+///   I x = exp(-h x / 2) I w,   I (w + gain) = exp(-h x) I w.
+/// x by Newton's method: with m = exp(-h x / 2) I w, (I - h/2 [m]x) dx = m - I x, whose matrix is never singular.
+/// Source: the Lie-midpoint rule of Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), ch. VII.5.
+template <class T>
+struct FreeTurn {
+  Vec3<T> more;
+  Quat<T> turn;
+  Vec3<T> gain;
+};
+template <class T>
+KOKKOS_INLINE_FUNCTION FreeTurn<T> free_turn(RotationalInertia<T> const& inertia, Vec3<T> const& w, T const& h) {
+  Vec3<T> const momentum = inertia.times(w);
   Vec3<T> more{T(0), T(0), T(0)};            // x - w
   for (int round = 0; round < 4; ++round) {  // gains a factor of (h |w|)^2 / 8 a round
     Vec3<T> const change = rotation_change(exp_rotation(T(-0.5) * h * (w + more)), momentum);
     more = more + inertia.solve_with_skew(T(-0.5) * h * (momentum + change), change - inertia.times(more));
   }
   Quat<T> const turn = exp_rotation(h * (w + more));
-  Vec3<T> const gain = inertia.solve(rotation_change(conjugate(turn), momentum));  // w' - w
-  Vec3<T> const push = gain + rotation_change(turn, w + gain);                     // u - w
-  Vec3<T> const body_push = rotate(tree.axes, push);
-  if (is_free) s.put(l.at.velocity, s.vec3(l.at.velocity) - rotate(s.quat(l.at.xquat), cross(body_push, i.center)));
-  s.put(turning, s.vec3(turning) + body_push);
-  s.put(l.at.spin, rotate(tree.axes, more - push));
-  s.put(l.at.center, i.center);
+  return {more, turn, inertia.solve(rotation_change(conjugate(turn), momentum))};
 }
 
-/// The end of a step for such a tree: what the solver has added to u turns the frame too, by exp(h y), y = u + spin, and the velocity goes
-/// to the new axes: w = exp(-h y) u; the origin of a free body goes round its centre of mass c with the frame, v += u x (c - exp(h y) c).
-/// Returns exp(h y). `now`: the frame at the start.
+/// What constraints see of a tree that is one rigid body: x, the velocity of the middle of the step, by which the frame turns. It turns
+/// about the centre of mass where it is free, about the anchor on a ball joint. velocity: of the start with all that forces add, in; with x
+/// in place of w, out; push = x - w, inertia and center stay for lanes_turn. Where rows hold the joint (`held`) x - w is that of the start
+/// alone: what forces add to w they take again, and a body that they hold would creep by what it would have turned.
+template <class L, class Held>
+KOKKOS_INLINE_FUNCTION void lanes_carry_momentum(L const& l, Held const& held) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  auto const [is_free, first, axes] = lanes_turning(l);
+  int const turning = l.at.velocity + first;  // of the dofs that turn it
+  auto const tree = lanes_rigid_tree(l);
+  auto const& i = tree.inertia;
+  Vec3<T> const arm = is_free ? Vec3<T>{T(0), T(0), T(0)} : rotate_inverse(axes, i.center - l.constant3(l.model.jnt_pos, l.jnt0, 0));
+  Vec3<T> const moment = i.mass * arm;
+  T const rotor = l.constant(l.model.dof_armature, l.dof0, first);
+  RotationalInertia<T> const inertia(i.xx + fma(moment.y, arm.y, fma(moment.z, arm.z, rotor)),
+                                     i.yy + fma(moment.x, arm.x, fma(moment.z, arm.z, rotor)),
+                                     i.zz + fma(moment.x, arm.x, fma(moment.y, arm.y, rotor)), fma(-moment.x, arm.y, i.xy),
+                                     fma(-moment.x, arm.z, i.xz), fma(-moment.y, arm.z, i.yz));
+  Vec3<T> const w = rotate_inverse(axes, select(held, s.vec3(l.at.qvel + first), s.vec3(turning)));
+  Vec3<T> const push = rotate(axes, free_turn(inertia, w, T(l.model.timestep)).more);
+  if (is_free) s.put(l.at.velocity, s.vec3(l.at.velocity) - rotate(s.quat(l.at.xquat), cross(push, i.center)));
+  s.put(turning, s.vec3(turning) + push);
+  s.put(l.at.push, push);
+  s.put(l.at.center, i.center);
+  s.put(l.at.turning_inertia, Vec3<T>{inertia.xx, inertia.yy, inertia.zz});
+  s.put(l.at.turning_inertia + 3, Vec3<T>{inertia.xy, inertia.xz, inertia.yz});
+}
+
+/// The end of a step for such a tree. What the solver added acts at the start, where its Jacobians are: w = velocity - push, momentum I w
+/// has what impulses gave and no more, and the body turns as it does without constraints
+/// (docs/decisions/0029-constraints-see-the-middle-of-a-turn.md). The centre of mass c goes straight, and the origin of a free body round
+/// it: v += x x c - exp(h x) ((w + gain) x c). Returns exp(h x), and how far the origin goes. `now`: the frame at the start.
+template <class T>
+struct Displacement {
+  Quat<T> turn;
+  Vec3<T> shift;
+};
 template <class L, class T>
-KOKKOS_INLINE_FUNCTION Quat<T> lanes_turn(L const& l, Quat<T> const& now) {
+KOKKOS_INLINE_FUNCTION Displacement<T> lanes_turn(L const& l, Quat<T> const& now) {
   auto const& s = l.items;
   T const h(l.model.timestep);
-  bool const is_free = l.index(l.a.jnt_type, 0) == int(JointType::free);
-  int const turning = l.at.velocity + (is_free ? 3 : 0);
-  Vec3<T> const u = s.vec3(turning), center = s.vec3(l.at.center);
-  Quat<T> const turn = exp_rotation(h * (u + s.vec3(l.at.spin)));
-  if (is_free) s.put(l.at.velocity, s.vec3(l.at.velocity) - rotate(now, cross(u, rotation_change(turn, center))));
-  s.put(turning, u + rotation_change(conjugate(turn), u));
-  return turn;
+  auto const [is_free, first, axes] = lanes_turning(l);
+  int const turning = l.at.velocity + first;
+  Vec3<T> const diagonal = s.vec3(l.at.turning_inertia), product = s.vec3(l.at.turning_inertia + 3), center = s.vec3(l.at.center);
+  RotationalInertia<T> const inertia(diagonal.x, diagonal.y, diagonal.z, product.x, product.y, product.z);
+  Vec3<T> const u = s.vec3(turning), kicked = u - s.vec3(l.at.push), w = rotate_inverse(axes, kicked);
+  auto const [more, own_turn, own_gain] = free_turn(inertia, w, h);
+  Vec3<T> const axis = rotate(axes, Vec3<T>{own_turn.x, own_turn.y, own_turn.z}), gain = rotate(axes, own_gain), next = kicked + gain;
+  Quat<T> const turn{own_turn.w, axis.x, axis.y, axis.z};
+  s.put(turning, next);
+  if (!is_free) return {turn, {}};
+  Vec3<T> const v = s.vec3(l.at.velocity), flow = v + rotate(now, cross(u, center));  // flow: of the centre of mass
+  Vec3<T> const change = cross(gain - s.vec3(l.at.push), center) + rotation_change(turn, cross(next, center));
+  s.put(l.at.velocity, v - rotate(now, change));
+  return {turn, h * flow - rotate(now, rotation_change(turn, center))};
 }
 
 }  // namespace gsp::detail
