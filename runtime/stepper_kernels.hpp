@@ -281,8 +281,10 @@ class KokkosStepper : public Stepper {
     for (int const n : gsp::detail::to_host(exec_, simulation_.rows.count)) out.rows += n;
     for (int const n : gsp::detail::to_host(exec_, simulation_.rows.kept)) out.kept += n;
     for (int const n : gsp::detail::to_host(exec_, simulation_.sleep.asleep)) out.asleep += n;
+    int const most = model_.profile == Profile::mujoco ? newton_.iterations : solver_.iterations;
     for (int const n : gsp::detail::to_host(exec_, simulation_.solution.iterations)) {
       out.iterations = std::max(out.iterations, n);
+      out.unfinished_worlds += n >= most;
       out.mean_iterations += double(n) / state_.worlds;
     }
     out.residual = std::numeric_limits<double>::quiet_NaN();

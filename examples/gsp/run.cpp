@@ -142,6 +142,7 @@ nlohmann::ordered_json steps_json(Stepper const& stepper, Device device, int wor
           {"kept_rows", counts.kept},
           {"iterations", counts.iterations},
           {"mean_iterations", counts.mean_iterations},
+          {"unfinished_worlds", counts.unfinished_worlds},
           {"residual", counts.residual},
           {"residuals", residuals_json(stepper.residuals())},
           {"state_hash", hash_of({&qpos, &qvel})},

@@ -176,6 +176,10 @@ int run(Arguments const& a) {
                  double(timing.steps) * stepper->timestep() / timing.seconds);
     std::fprintf(say, "  last step: %lld contacts, %lld rows, %d iterations, residual %.3g\n", static_cast<long long>(counts.contacts),
                  static_cast<long long>(counts.rows), counts.iterations, counts.residual);
+    if (counts.unfinished_worlds > 0)
+      std::fprintf(
+          say, "  in %d of %d worlds the solver made all the iterations that it may: --iterations allows more, --friction-time softens\n",
+          counts.unfinished_worlds, options.worlds);
     std::fprintf(
         say, "  left unsolved, at most: equalities %.3g, bounded rows %.3g, friction %.3g m/s; outside of bounds %.3g, cones %.3g N s\n",
         left.equality.most, left.complementarity.most, left.friction.most, left.bounds.most, left.cone.most);

@@ -229,7 +229,11 @@ TEST_CASE_TEMPLATE("misuse is refused in one sentence", Exec, GSP_TEST_EXECS) {
                        doctest::Contains("for 4 worlds and not 5: give 4, or make the model anew"), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::set_constants(exec, model, dynamics), doctest::Contains("2 worlds and the model 4"), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, model, ModelField::body_mass, Values<Exec>("v", 4, 1)),
-                       doctest::Contains("must be (4, "), std::invalid_argument);
+                       doctest::Contains(("must be (4, " + std::to_string(compiled.nbody) + ", 1) and are (4, 1)").c_str()),
+                       std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, model, ModelField::body_mass, Values<Exec>("v", 4, compiled.nbody), gsp::AllWorlds{},
+                                             {.scale_inertia = true}),
+                       doctest::Contains("scale_inertia changes body_inertia, which is not per world"), std::invalid_argument);
   auto collision = gsp::make_collision_model<double>(exec, compiled);
   CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, collision, GeomField::size, Values<Exec>("v", 4, 3 * compiled.ngeom)),
                        doctest::Contains("geom size is not per world"), std::invalid_argument);

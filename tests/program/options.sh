@@ -85,6 +85,8 @@ XML
 run() { "$gsp" sim heavy.xml --precision double --steps 100 --json "$@"; }
 few=$(run --tolerance 0.1 | key mean_iterations) default=$(run | key mean_iterations) many=$(run --tolerance 1e-9 | key mean_iterations)
 python3 -c "assert $few <= $default < $many, ($few, $default, $many)" || fail "sweeps of --tolerance 0.1, the default and 1e-9: $few, $default, $many"
+[ "$(run --iterations 2 | key unfinished_worlds) $(run | key unfinished_worlds)" = "1 0" ] || fail "unfinished_worlds of 2 and of 100 sweeps"
+"$gsp" sim heavy.xml --steps 100 --iterations 2 | grep -q "in 1 of 1 worlds the solver made all" || fail "sim does not say that the solver ended early"
 [ "$(run --tolerance 1e-9 | key state_hash)" != "$(run | key state_hash)" ] || fail "--tolerance does not change the state"
 [ "$(run --tolerance 1e-4 | key state_hash)" = "$(run | key state_hash)" ] || fail "the default tolerance is not 1e-4"
 

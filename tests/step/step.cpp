@@ -249,6 +249,22 @@ TEST_CASE_TEMPLATE("launch and settle", Exec, GSP_TEST_EXECS) {
   CHECK(gsp_test::host(b.state.steps)(3) == 12);
 }
 
+// Whose cone of friction a loop of one's own has is said, where the file has one.
+TEST_CASE("a loop of one's own names the cone of profile mujoco") {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+    World<float, Kokkos::DefaultHostExecutionSpace> w(compiled, 1, {.profile = profile});
+    auto const types = [&](auto... cone) {
+      return gsp::model_constraints(w.model, w.state, w.sim.poses, w.sim.dynamics, w.sim.collision, w.sim.contacts, cone...);
+    };
+    if (profile == gsp::Profile::stable)
+      CHECK_NOTHROW((void)types());
+    else
+      CHECK_THROWS_WITH_AS((void)types(), doctest::Contains("give compiled.option.cone"), std::invalid_argument);
+    CHECK_NOTHROW((void)types(compiled.option.cone));
+  }
+}
+
 // Options that no solver can keep are refused also where the profile has the other solver.
 TEST_CASE_TEMPLATE("options of the solvers are checked in both profiles", Exec, GSP_TEST_EXECS) {
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());

@@ -10,7 +10,8 @@ namespace gsp {
 /// @param rows, impulses     after `pgs` (or `step`), before the next `assemble`
 /// @param force              out (contact, 6): along the normal and the two tangents [N], about them (torsion, rolling) [N m]; zero
 ///                           where the contact did not act, and along what nothing that it touches can move (where MuJoCo reports what its
-///                           regularisation gives). At least as many rows as contacts.dist
+///                           regularisation gives). At least as many rows as contacts.dist. Of a world that stopped (state.status) they
+///                           are what stopped it, NaN perhaps; of one that was reset, those of its last step
 /// Cost: a binary search a contact. Does not allocate, does not fence. Errors: std::invalid_argument where nothing has been solved since
 /// the rows were last assembled, where steps were launched and not settled, or the contacts are others than those that were assembled, or
 /// were found anew since, or are of another model (also of a collision model that was made anew).

@@ -107,11 +107,17 @@ void set_world_values(Exec const& exec, Model<R, Mem>& model, ModelField field, 
     fits = fits && int(values.extent(1)) * f.components == row && int(values.extent(2)) == f.components;
   else
     fits = fits && int(values.extent(1)) == row;
-  expects(fits, std::string("gsp::set_world_values: values of ") + f.name + " must be (" + std::to_string(worlds) + ", " +
-                    std::to_string(row / f.components) + ", " + std::to_string(f.components) + ")");
+  if (!fits) {
+    std::string given;
+    for (unsigned k = 0; k < Values::rank(); ++k) given += (k ? ", " : "") + std::to_string(values.extent(k));
+    expects(false, std::string("gsp::set_world_values: values of ") + f.name + " must be (" + std::to_string(worlds) + ", " +
+                       std::to_string(row / f.components) + ", " + std::to_string(f.components) + ") and are (" + given + ")");
+  }
   expects(!options.scale_inertia || field == ModelField::body_mass, "gsp::set_world_values: scale_inertia is for body_mass");
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   if (options.scale_inertia) {
+    expects(model.body_inertia.stride > 0,
+            "gsp::set_world_values: scale_inertia changes body_inertia, which is not per world; name it in make_per_world too");
     auto const inertia = world_values(model, ModelField::body_inertia);
     Kokkos::parallel_for("gsp::model::set_masses", Range(exec, 0, std::int64_t(worlds) * row),
                          detail::SetMasses<R, Values, Mask>{out.data(), inertia.data(), values, mask, row});

@@ -55,6 +55,7 @@ struct StepCounts {
   std::int64_t contacts = 0, rows = 0;  // of all worlds
   int iterations = 0;                   // most sweeps of any world
   double mean_iterations = 0;           // of all worlds
+  int unfinished_worlds = 0;            // worlds whose solver made all the iterations that it may, so may not be at rest
   double residual = 0;                  // greatest of any world [m/s, rad/s] where it was measured, else NaN
   std::int64_t asleep = 0, kept = 0;    // of all worlds: trees that sleep after it, their rows, which were not solved for
   int failed_worlds = 0;                // worlds that stopped (status::stopped): not finite, unbounded, or with a row that was refused

@@ -44,14 +44,18 @@ struct Simulation {
 
 /// The constraint types of MJCF, in the order of their rows, the springs and servos that are too stiff for a step, and yours: what `step`
 /// assembles.
-/// @param cone  of friction: elliptic in profile stable, as the file says (compiled.option.cone) in profile mujoco
+/// @param cone  of friction: elliptic where none is given, in profile stable; profile mujoco takes the file's, compiled.option.cone
+/// Errors: std::invalid_argument where none is given in profile mujoco.
 template <class R, class Mem, class... More>
 auto model_constraints(Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics,
-                       CollisionModel<R, Mem> const& collision, Contacts<R, Mem> const& contacts,
-                       FrictionCone cone = FrictionCone::elliptic, More const&... more) {
+                       CollisionModel<R, Mem> const& collision, Contacts<R, Mem> const& contacts, std::optional<FrictionCone> cone = {},
+                       More const&... more) {
+  expects(cone || model.profile == Profile::stable,
+          "gsp::model_constraints: profile mujoco has the file's cone of friction: give compiled.option.cone");
   return constraints(Equalities(model, state, poses, dynamics), JointFriction(model), TendonFriction(model, dynamics),
                      JointLimits(model, state), TendonLimits(model, dynamics), ContactAdhesion(model, contacts, dynamics),
-                     ContactRows(model, state, collision, contacts, cone), StiffForces(model, state, dynamics), more...);
+                     ContactRows(model, state, collision, contacts, cone.value_or(FrictionCone::elliptic)),
+                     StiffForces(model, state, dynamics), more...);
 }
 template <class R, class Mem>
 using ModelConstraints = decltype(model_constraints(std::declval<Model<R, Mem>&>(), std::declval<State<R, Mem>&>(),
