@@ -61,8 +61,8 @@ struct SetGeoms {
 }  // namespace detail
 
 /// Gives each of `worlds` worlds its own values of these fields of the geoms that collide, at first the shared ones. Parameters of contacts
-/// (friction, solref, solimp) are then mixed where a contact is met; models that share them keep the table, and where flag override says
-/// what they are they have no effect. The model keeps the memory.
+/// (friction, solref, solimp) are then mixed where a contact is met; models that share them keep the table. They have no effect
+/// on named pairs (<pair>), whose parameters are their own, nor where flag override says what they are. The model keeps the memory.
 /// Allocates; fences. Errors: std::invalid_argument where fields are per world already for another number of worlds.
 template <ExecutionSpace Exec, class R, class Mem>
 void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector<GeomField> const& fields, int worlds) {
@@ -119,13 +119,8 @@ void set_world_values(Exec const& exec, CollisionModel<R, Mem>& model, GeomField
   expects(own.stride > 0, std::string("gsp::set_world_values: geom ") + f.name + " is not per world; call make_per_world first");
   expects(detail::in_buffer(own, model.world_reals),
           std::string("gsp::set_world_values: geom ") + f.name + " points at an array of your own: write that");
-  bool fits = int(values.extent(0)) == model.value_worlds;
-  if constexpr (Values::rank() == 3)
-    fits = fits && int(values.extent(1)) == model.geoms && int(values.extent(2)) == f.components;
-  else
-    fits = fits && int(values.extent(1)) == model.geoms * f.components;
-  expects(fits, std::string("gsp::set_world_values: values of geom ") + f.name + " must be (" + std::to_string(model.value_worlds) + ", " +
-                    std::to_string(model.geoms) + ", " + std::to_string(f.components) + ")");
+  detail::expects_values("gsp::set_world_values: values of geom " + std::string(f.name), values, model.value_worlds, model.geoms,
+                         f.components);
   Kokkos::parallel_for(
       "gsp::collision::set_world_values",
       Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(model.value_worlds) * model.colliders),

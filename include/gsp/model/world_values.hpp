@@ -84,6 +84,23 @@ Kokkos::View<R**, Kokkos::LayoutRight, Mem, Kokkos::MemoryTraits<Kokkos::Unmanag
   return {const_cast<R*>(own.data), std::size_t(model.value_worlds), std::size_t(own.stride)};  // memory of Model::world_reals
 }
 
+namespace detail {
+/// (worlds, items, components) or (worlds, items * components).
+template <class Values>
+void expects_values(std::string const& what, Values const& values, int worlds, int items, int components) {
+  bool fits = int(values.extent(0)) == worlds;
+  if constexpr (Values::rank() == 3)
+    fits = fits && int(values.extent(1)) == items && int(values.extent(2)) == components;
+  else
+    fits = fits && int(values.extent(1)) == items * components;
+  if (fits) return;
+  std::string given;
+  for (unsigned k = 0; k < Values::rank(); ++k) given += (k ? ", " : "") + std::to_string(values.extent(k));
+  expects(false, what + " must be (" + std::to_string(worlds) + ", " + std::to_string(items) + ", " + std::to_string(components) +
+                     ") and are (" + given + ")");
+}
+}  // namespace detail
+
 struct WorldValuesOptions {
   bool scale_inertia = false;  // body_mass alone: body_inertia changes in proportion (a denser body), else it stays (a load at the centre)
 };
@@ -102,17 +119,7 @@ void set_world_values(Exec const& exec, Model<R, Mem>& model, ModelField field, 
   auto const& f = detail::field_row<Model<R, Mem>>(field);
   auto const out = world_values(model, field);
   int const row = int(out.extent(1)), worlds = model.value_worlds;
-  bool fits = int(values.extent(0)) == worlds;
-  if constexpr (Values::rank() == 3)
-    fits = fits && int(values.extent(1)) * f.components == row && int(values.extent(2)) == f.components;
-  else
-    fits = fits && int(values.extent(1)) == row;
-  if (!fits) {
-    std::string given;
-    for (unsigned k = 0; k < Values::rank(); ++k) given += (k ? ", " : "") + std::to_string(values.extent(k));
-    expects(false, std::string("gsp::set_world_values: values of ") + f.name + " must be (" + std::to_string(worlds) + ", " +
-                       std::to_string(row / f.components) + ", " + std::to_string(f.components) + ") and are (" + given + ")");
-  }
+  detail::expects_values("gsp::set_world_values: values of " + std::string(f.name), values, worlds, row / f.components, f.components);
   expects(!options.scale_inertia || field == ModelField::body_mass, "gsp::set_world_values: scale_inertia is for body_mass");
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   if (options.scale_inertia) {
