@@ -394,6 +394,101 @@ TEST_CASE("contact forces") {
   }
 }
 
+// Standing feet carry the robot: their mean normal forces sum to m g. The friction of four feet that press inwards changes no normal's
+// sum; what is left is that of the contact forces above, of a robot that still settles by less than 1e-3 of its weight.
+TEST_CASE("forces on feet over a control step") {
+  Exec const exec;
+  int const worlds = 3, decimation = 4;
+  auto robot = gsp::samples::quadruped();
+  robot.bodies[0].geoms.push_back(geom(gsp::ShapeType::plane, {5, 5, 1}));
+  auto const compiled = gsp::compile(robot);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  gsp::set_keyframe(exec, model, compiled, "stand", state);
+  gsp::step(exec, model, state, sim, {.steps = 1000});
+  Kokkos::View<float* [6], Kokkos::LayoutRight, Mem> force("force", sim.contacts.capacity());
+
+  // example-begin feet
+  char const* const feet[] = {"FL_foot", "FR_foot", "RL_foot", "RR_foot"};
+  Kokkos::View<int*, Mem> const foot_of("foot_of", model.ngeom);  // of a geom, -1: none
+  auto const of_geom = Kokkos::create_mirror_view(foot_of);
+  Kokkos::deep_copy(of_geom, -1);
+  for (int k = 0; k < 4; ++k) of_geom(gsp::geom_id(compiled, feet[k])) = k;
+  Kokkos::deep_copy(foot_of, of_geom);
+
+  Kokkos::View<float**, Kokkos::LayoutRight, Mem> const normal("normal", worlds, 4);  // [N], mean over the control step
+  Kokkos::View<bool**, Kokkos::LayoutRight, Mem> const touched("touched", worlds, 4);
+  for (int t = 0; t < decimation; ++t) {
+    gsp::step(exec, model, state, sim, {.poses = false});  // forces are read between steps: each is waited for
+    if (force.extent(0) < std::size_t(sim.contacts.capacity())) Kokkos::realloc(force, sim.contacts.capacity());
+    gsp::contact_forces(exec, model, sim.collision, sim.contacts, sim.rows, sim.impulses, force);
+    auto const contacts = sim.contacts;  // its pool may have grown
+    Kokkos::parallel_for(
+        "feet", Kokkos::RangePolicy<Exec>(exec, 0, worlds), KOKKOS_LAMBDA(int w) {
+          for (int c = contacts.first_of(w), end = c + contacts.count_of(w); c < end; ++c) {
+            int const a = foot_of(contacts.geom1(c)), b = foot_of(contacts.geom2(c)), foot = a > b ? a : b;
+            if (foot < 0 || !(force(c, 0) > 0)) continue;  // contacts within the margin that do not act are listed too
+            normal(w, foot) += force(c, 0) / decimation;
+            touched(w, foot) = true;
+          }
+        });
+  }
+  // example-end feet
+
+  double const weight = std::accumulate(compiled.body_mass.begin(), compiled.body_mass.end(), 0.) * 9.81;
+  auto const mean = gsp_test::host(normal);
+  auto const touch = gsp_test::host(touched);
+  for (int w = 0; w < worlds; ++w) {
+    double sum = 0;
+    for (int k = 0; k < 4; ++k) {
+      sum += mean(w, k);
+      CHECK(touch(w, k));
+    }
+    CHECK(std::abs(sum - weight) < 1e-3 * weight);
+  }
+}
+
+// The stages of profile mujoco in a loop of one's own: the same bits as step, where the loop starts from the impulses of before as it does.
+TEST_CASE("a loop of one's own in profile mujoco") {
+  Exec const exec;
+  int const worlds = 2, steps = 50;
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  auto const model = gsp::make_model<float>(exec, compiled, {.profile = gsp::Profile::mujoco});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds}), other = gsp::make_state(exec, model, {.worlds = worlds});
+  gsp::set_keyframe(exec, model, compiled, "stand", state), gsp::set_keyframe(exec, model, compiled, "stand", other);
+
+  // example-begin mujoco_loop
+  auto const collision = gsp::make_collision_model<float>(exec, compiled);
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto contacts = gsp::make_contacts(exec, collision, gsp::contacts_options(model, worlds));
+  auto rows = gsp::make_rows(exec, model, gsp::rows_options(model, collision, worlds));
+  auto impulses = gsp::make_impulses(exec, rows);
+  auto solution = gsp::make_solution(exec, model, {.worlds = worlds});
+  auto buffers = gsp::make_newton(exec, rows);
+  auto progress = gsp::make_progress(exec);
+  gsp::NoslipOptions const noslip = gsp::noslip_options(compiled);
+  for (int t = 0; t < steps;) {
+    gsp::smooth_dynamics(exec, model, state, poses, dynamics);
+    gsp::collide(exec, collision, poses, contacts);
+    auto const types = gsp::model_constraints(model, state, poses, dynamics, collision, contacts, compiled.option.cone);
+    gsp::assemble(exec, model, state, dynamics, types, rows, impulses, progress);
+    gsp::newton(exec, rows, impulses, solution, buffers, progress);
+    if (noslip.iterations > 0) gsp::noslip(exec, rows, impulses, solution, progress, noslip);
+    gsp::integrate(exec, model, state, dynamics, progress, solution);
+    bool const more_contacts = gsp::grow(exec, contacts), more_rows = gsp::grow(exec, rows, impulses, progress);
+    gsp::grow(exec, rows, buffers);
+    t += !more_contacts && !more_rows;  // else something did not fit, and nothing has moved
+  }
+  // example-end mujoco_loop
+
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  gsp::step(exec, model, other, sim, {.steps = steps});
+  auto const a = gsp_test::host(state.qpos), b = gsp_test::host(other.qpos);
+  for (int w = 0; w < worlds; ++w) CHECK(same_row(a, b, w));
+}
+
 // On a slope with tangent 0.25: sticks where mu > 0.25, else it slides with a = g (sin - mu cos). Starting from a fall of half a
 // millimetre costs at most a few steps of the 500.
 TEST_CASE("friction per world") {

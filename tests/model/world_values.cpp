@@ -5,6 +5,7 @@
 #include <gsp/dynamics/energy.hpp>
 #include <gsp/dynamics/object_poses.hpp>
 #include <gsp/dynamics/set_constants.hpp>
+#include <gsp/model/names.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/step/step.hpp>
 #include <gsp_test_execs.hpp>
@@ -351,4 +352,48 @@ TEST_CASE_TEMPLATE("a field stays at a user's own array", Exec, GSP_TEST_EXECS) 
   auto const M0 = read(exec, slider, ModelField::dof_M0);
   CHECK(M0[2] - M0[1] == doctest::Approx(M0[1] - M0[0]).epsilon(1e-12));  // I + m l^2
   CHECK(M0[1] > M0[0]);
+}
+
+// What is read back is what was set, of each geom that collides; one of them is changed, and no other.
+TEST_CASE_TEMPLATE("geoms' values are read back", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  int const worlds = 3;
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  auto collision = gsp::make_collision_model<double>(exec, compiled);
+  std::vector<bool> collides(std::size_t(compiled.ngeom), false);
+  auto const of_collider = gsp_test::host(collision.collider_geom);
+  for (int c = 0; c < collision.colliders; ++c) collides[std::size_t(of_collider(c))] = true;
+  struct Case {
+    GeomField field;
+    int components;
+  };
+  for (auto const& [field, components] : {Case{GeomField::pos, 3}, Case{GeomField::quat, 4}, Case{GeomField::size, 3},
+                                          Case{GeomField::friction, 3}, Case{GeomField::solref, 2}, Case{GeomField::solimp, 5}}) {
+    CAPTURE(int(field));
+    Kokkos::View<double***, Kokkos::LayoutRight, Memory<Exec>> values("values", worlds, compiled.ngeom, components);
+    if (field != GeomField::quat)  // which comes with pos
+      CHECK_THROWS_WITH_AS(gsp::copy_world_values(exec, collision, field, values), doctest::Contains("make_per_world first"),
+                           std::invalid_argument);
+    gsp::make_per_world(exec, collision, {field}, worlds);
+    gsp::copy_world_values(exec, collision, field, values);
+    exec.fence();
+    auto const first = gsp_test::host(values);
+    int const g = gsp::geom_id(compiled, "FL_foot"), w = 1;
+    REQUIRE(collides[std::size_t(g)]);
+    if (field == GeomField::friction)
+      for (int c = 0; c < 3; ++c) CHECK(first(w, g, c) == compiled.geom_friction[std::size_t(g)][c]);
+    auto const changed = gsp_test::host(values);
+    for (int c = 0; c < components; ++c) changed(w, g, c) = field == GeomField::quat ? 0.5 : 0.01 * (c + 1);
+    Kokkos::deep_copy(values, changed);
+    gsp::set_world_values(exec, collision, field, values);
+    Kokkos::deep_copy(values, -1.);
+    gsp::copy_world_values(exec, collision, field, values);
+    exec.fence();
+    auto const found = gsp_test::host(values);
+    for (int world = 0; world < worlds; ++world)
+      for (int geom = 0; geom < compiled.ngeom; ++geom)
+        for (int c = 0; c < components; ++c) CHECK(found(world, geom, c) == (collides[std::size_t(geom)] ? changed(world, geom, c) : -1.));
+    Kokkos::View<double**, Kokkos::LayoutRight, Memory<Exec>> few("few", worlds, 2);
+    CHECK_THROWS_WITH_AS(gsp::copy_world_values(exec, collision, field, few), doctest::Contains("must be (3, "), std::invalid_argument);
+  }
 }

@@ -33,7 +33,8 @@ struct Apart {
   double roundings = 1;  // as many times most_roundings
 };
 constexpr Apart apart[] = {
-    // of two convex shapes the points of a patch are not unique (tests/oracle/convex.cpp compares depths)
+    // of two convex shapes the points of a patch are not unique: tests/oracle/convex.cpp compares depths, and tests/oracle/rows.cpp steps
+    // these models, too, with the contacts that MuJoCo finds
     {"dm_control/kinova/jaco_arm.xml", 0},
     {"gym_robotics/hand/manipulate_pen.xml", 6},
     {"gym_robotics/hand/manipulate_pen_touch_sensors.xml", 6},

@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <gsp/collision/collision_model.hpp>
+#include <gsp/core/region.hpp>
 #include <gsp/geometry/shapes.hpp>
 #include <gsp/model/poses.hpp>
 
@@ -124,6 +125,7 @@ struct FindNearPairs {
 template <ExecutionSpace Exec, class R, class Mem>
 void place_colliders(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses, ColliderBounds<R, Mem>& bounds,
                      std::uint32_t* status = nullptr, std::uint8_t* lost = nullptr) {
+  Region const region("gsp::collision::place_colliders");
   static_assert(can_access<Exec, CollisionModel<R, Mem>>, "gsp::place_colliders: the model is not accessible from this execution space");
   std::int64_t const n = std::int64_t(bounds.pose.extent(0)) * model.groups;
   Kokkos::parallel_for("gsp::collision::place_colliders",
@@ -135,6 +137,7 @@ void place_colliders(Exec const& exec, CollisionModel<R, Mem> const& model, Pose
 template <ExecutionSpace Exec, class R, class Mem>
 void find_near_pairs(Exec const& exec, CollisionModel<R, Mem> const& model, ColliderBounds<R, Mem> const& bounds,
                      Kokkos::View<std::uint64_t*, Mem>& mask) {
+  Region const region("gsp::collision::find_near_pairs");
   static_assert(can_access<Exec, CollisionModel<R, Mem>>, "gsp::find_near_pairs: the model is not accessible from this execution space");
   int const worlds = int(bounds.pose.extent(0));
   expects(mask.extent(0) == std::size_t(model.chunks) * worlds, "gsp::find_near_pairs: the mask must hold chunks x worlds words");

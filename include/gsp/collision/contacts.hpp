@@ -115,16 +115,19 @@ bool grow(Exec const& exec, Contacts<R, Mem>& contacts);
 /// @param still     trees that have not moved since the last call: contacts between them are taken over from it (step/sleep.hpp)
 /// Neither allocates nor fences. Cost: 2 us for a humanoid on the floor on one core, 26 ns in a batch of 8,192 on an H200 (docs/collision).
 /// The result depends on nothing but the world's own poses. The contacts are of the state that the poses are of, and `assemble` refuses
-/// them beside one that has moved on.
+/// them beside one that has moved on. Errors: std::invalid_argument for poses of other numbers of worlds or bodies, and for contacts that
+/// were made for another model.
 template <ExecutionSpace Exec, class R, class Mem>
 void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses, Contacts<R, Mem>& contacts,
              StillTrees<R, Mem> const& still = {}) {
   Region const region("gsp::collision::collide");
   static_assert(can_access<Exec, Contacts<R, Mem>>, "gsp::collide: the contacts are not accessible from this execution space");
-  expects(int(poses.xpos.extent(0)) == contacts.worlds,
-          "gsp::collide: poses have " + std::to_string(poses.xpos.extent(0)) + " worlds and contacts " + std::to_string(contacts.worlds));
-  expects(int(poses.xpos.extent(1)) == model.bodies,
-          "gsp::collide: poses have " + std::to_string(poses.xpos.extent(1)) + " bodies and the model " + std::to_string(model.bodies));
+  if (int(poses.xpos.extent(0)) != contacts.worlds)
+    throw std::invalid_argument("gsp::collide: poses have " + std::to_string(poses.xpos.extent(0)) + " worlds and contacts " +
+                                std::to_string(contacts.worlds));
+  if (int(poses.xpos.extent(1)) != model.bodies)
+    throw std::invalid_argument("gsp::collide: poses have " + std::to_string(poses.xpos.extent(1)) + " bodies and the model " +
+                                std::to_string(model.bodies));
   detail::expects_values("gsp::collide", model, contacts.worlds);
   auto& s = contacts.scratch;
   expects(s.mask.extent(0) == std::size_t(model.chunks) * contacts.worlds &&

@@ -58,6 +58,37 @@ struct SetGeoms {
     }
   }
 };
+template <class R, class Mem, class Out>
+struct CopyGeoms {
+  typename CollisionModel<R, Mem>::template Array<int const*> collider_geom;
+  Field<R> field;
+  Out out;
+  int colliders, stride, first, components;
+  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
+    int const w = int(i / colliders), c = int(i % colliders), g = collider_geom(c);
+    for (int k = 0; k < components; ++k) {
+      R const value = field(w, c * stride + first + k);
+      if constexpr (Out::rank() == 3)
+        out(w, g, k) = value;
+      else
+        out(w, components * g + k) = value;
+    }
+  }
+};
+/// The row of a field that is per world and lies in the model's own memory.
+template <class R, class Mem, class Values>
+GeomFieldRow<CollisionModel<R, Mem>> const& own_geom_field(char const* where, CollisionModel<R, Mem> const& model, GeomField field,
+                                                           Values const& values) {
+  static_assert(Values::rank() == 2 || Values::rank() == 3, "values are (worlds, geoms, components) or (worlds, geoms * components)");
+  auto const& f = geom_field_row<CollisionModel<R, Mem>>(field);
+  auto const& own = model.*f.member;
+  if (own.stride == 0)
+    throw std::invalid_argument(std::string(where) + ": geom " + f.name + " is not per world; call make_per_world first");
+  if (!in_buffer(own, model.world_reals))
+    throw std::invalid_argument(std::string(where) + ": geom " + f.name + " points at an array of your own: read and write that");
+  expects_values(where, f.name, values, model.value_worlds, model.geoms, f.components);
+  return f;
+}
 }  // namespace detail
 
 /// Gives each of `worlds` worlds its own values of these fields of the geoms that collide, at first the shared ones. Parameters of contacts
@@ -110,22 +141,28 @@ void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector
 /// Errors: std::invalid_argument where the field is not per world, or for other extents.
 template <ExecutionSpace Exec, class R, class Mem, class Values, class Mask = AllWorlds>
 void set_world_values(Exec const& exec, CollisionModel<R, Mem>& model, GeomField field, Values const& values, Mask const& mask = {}) {
-  static_assert(Values::rank() == 2 || Values::rank() == 3,
-                "gsp::set_world_values: values are (worlds, geoms, components) or (worlds, geoms * components)");
   static_assert(can_access<Exec, Values>, "gsp::set_world_values: the values are not accessible from this execution space");
   if (model.colliders == 0) return;
-  auto const& f = detail::geom_field_row<CollisionModel<R, Mem>>(field);
+  auto const& f = detail::own_geom_field("gsp::set_world_values", model, field, values);
   auto const& own = model.*f.member;
-  expects(own.stride > 0, std::string("gsp::set_world_values: geom ") + f.name + " is not per world; call make_per_world first");
-  expects(detail::in_buffer(own, model.world_reals),
-          std::string("gsp::set_world_values: geom ") + f.name + " points at an array of your own: write that");
-  detail::expects_values("gsp::set_world_values: values of geom " + std::string(f.name), values, model.value_worlds, model.geoms,
-                         f.components);
   Kokkos::parallel_for(
       "gsp::collision::set_world_values",
       Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(model.value_worlds) * model.colliders),
       detail::SetGeoms<R, Mem, Values, Mask>{model.collider_geom, const_cast<R*>(own.data), values, mask, model.colliders, f.stride,
                                              f.first, f.components});
+}
+/// The present values of a field, to `out` (worlds, geoms, components) or (worlds, geoms * components): copy, change what is to change, and
+/// give it to set_world_values. Geoms that take part in no pair are passed over: they keep what `out` has. Does not allocate, does not
+/// fence. Errors: as of set_world_values.
+template <ExecutionSpace Exec, class R, class Mem, class Out>
+void copy_world_values(Exec const& exec, CollisionModel<R, Mem> const& model, GeomField field, Out& out) {
+  static_assert(can_access<Exec, Out>, "gsp::copy_world_values: the values are not accessible from this execution space");
+  if (model.colliders == 0) return;
+  auto const& f = detail::own_geom_field("gsp::copy_world_values", model, field, out);
+  Kokkos::parallel_for(
+      "gsp::collision::copy_world_values",
+      Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(model.value_worlds) * model.colliders),
+      detail::CopyGeoms<R, Mem, Out>{model.collider_geom, model.*f.member, out, model.colliders, f.stride, f.first, f.components});
 }
 
 namespace detail {

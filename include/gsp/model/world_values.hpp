@@ -86,8 +86,9 @@ Kokkos::View<R**, Kokkos::LayoutRight, Mem, Kokkos::MemoryTraits<Kokkos::Unmanag
 
 namespace detail {
 /// (worlds, items, components) or (worlds, items * components).
+/// @param field  whose values they are
 template <class Values>
-void expects_values(std::string const& what, Values const& values, int worlds, int items, int components) {
+void expects_values(char const* where, char const* field, Values const& values, int worlds, int items, int components) {
   bool fits = int(values.extent(0)) == worlds;
   if constexpr (Values::rank() == 3)
     fits = fits && int(values.extent(1)) == items && int(values.extent(2)) == components;
@@ -96,8 +97,8 @@ void expects_values(std::string const& what, Values const& values, int worlds, i
   if (fits) return;
   std::string given;
   for (unsigned k = 0; k < Values::rank(); ++k) given += (k ? ", " : "") + std::to_string(values.extent(k));
-  expects(false, what + " must be (" + std::to_string(worlds) + ", " + std::to_string(items) + ", " + std::to_string(components) +
-                     ") and are (" + given + ")");
+  throw std::invalid_argument(std::string(where) + ": values of " + field + " must be (" + std::to_string(worlds) + ", " +
+                              std::to_string(items) + ", " + std::to_string(components) + ") and are (" + given + ")");
 }
 }  // namespace detail
 
@@ -119,7 +120,7 @@ void set_world_values(Exec const& exec, Model<R, Mem>& model, ModelField field, 
   auto const& f = detail::field_row<Model<R, Mem>>(field);
   auto const out = world_values(model, field);
   int const row = int(out.extent(1)), worlds = model.value_worlds;
-  detail::expects_values("gsp::set_world_values: values of " + std::string(f.name), values, worlds, row / f.components, f.components);
+  detail::expects_values("gsp::set_world_values", f.name, values, worlds, row / f.components, f.components);
   expects(!options.scale_inertia || field == ModelField::body_mass, "gsp::set_world_values: scale_inertia is for body_mass");
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   if (options.scale_inertia) {

@@ -1,44 +1,13 @@
 #pragma once
+#include <gsp/collision/detail/clip_polygon.hpp>
 #include <gsp/collision/detail/support_face.hpp>
 
 /// The patch in which two shapes meet: the faces that they turn towards each other, seen along the normal, clipped by each other.
 namespace gsp::detail {
 
-/// A polygon seen along the normal: x, y across it, z along it. A corner carries the number of the edge that starts there, so that
-/// (edge before, edge after) names it for as long as it exists: 0 to 7 edges of its own, 8 to 15 those of the clipping face.
+/// A polygon seen along the normal: x, y across it, z along it. Edges 0 to 7 are its own, 8 to 15 those of the clipping face.
 template <class T>
-struct PatchPolygon {
-  static constexpr int most = 16;
-  T x[most], y[most], z[most];
-  std::uint8_t edge[most];
-  int count = 0;
-  KOKKOS_INLINE_FUNCTION void push(T px, T py, T pz, int e) {
-    if (count == most) return;
-    x[count] = px;
-    y[count] = py;
-    z[count] = pz;
-    edge[count] = std::uint8_t(e);
-    ++count;
-  }
-};
-
-/// What is left of `p` where  s cross(q - o, corner - o) >= 0  (Sutherland and Hodgman, 1974); `plane` is the number of the new edge.
-template <class T>
-KOKKOS_INLINE_FUNCTION void clip_patch(PatchPolygon<T>& p, T ox, T oy, T qx, T qy, T s, int plane) {
-  PatchPolygon<T> r;
-  auto const over = [&](int i) { return -s * ((qx - ox) * (p.y[i] - oy) - (qy - oy) * (p.x[i] - ox)); };
-  for (int i = 0; i < p.count; ++i) {
-    int const j = i + 1 == p.count ? 0 : i + 1;
-    T const a = over(i);
-    T const b = over(j);
-    if (a <= T(0)) r.push(p.x[i], p.y[i], p.z[i], a == T(0) && b > T(0) ? plane : p.edge[i]);
-    if ((a < T(0) && b > T(0)) || (a > T(0) && b < T(0))) {
-      T const t = a / (a - b);
-      r.push(p.x[i] + t * (p.x[j] - p.x[i]), p.y[i] + t * (p.y[j] - p.y[i]), p.z[i] + t * (p.z[j] - p.z[i]), a < T(0) ? plane : p.edge[i]);
-    }
-  }
-  p = r;
-}
+using PatchPolygon = ClipPolygon<T, 16>;
 
 /// A sink for the points of a patch: those within the margin, each place once.
 template <class T>
@@ -111,7 +80,9 @@ KOKKOS_INLINE_FUNCTION void meet_faces(SupportFace<T> const& a, SupportFace<T> c
   for (int i = 0; i < window.count; ++i) {
     Vec3<T> const c = window.corner[i] - o;
     Vec3<T> const e = window.corner[i + 1 == window.count ? 0 : i + 1] - o;
-    clip_patch(p, dot(c, u), dot(c, v), dot(e, u), dot(e, v), s, 8 + i);
+    T const cx = dot(c, u), cy = dot(c, v), ex = dot(e, u), ey = dot(e, v);
+    clip_polygon(
+        p, [&](int k) { return -s * ((ex - cx) * (p.y[k] - cy) - (ey - cy) * (p.x[k] - cx)); }, 8 + i);
   }
   T const fx = dot(window.normal, u), fy = dot(window.normal, v);
   for (int i = 0; i < p.count; ++i) {

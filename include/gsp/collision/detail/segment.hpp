@@ -112,9 +112,9 @@ KOKKOS_INLINE_FUNCTION T nearest_to_cylinder(Vec3<T> const& c, Vec3<T> const& u,
 }
 
 /// Adds the contact of the capsule's sphere at t, and those at the ends [t0, t1] of the stretch along which the capsule follows the solid,
-/// where they are at least a twentieth of the radius away. Features: 0 a point between, 1 the end t0, 2 the end t1.
-template <class T, class Out, class Add>
-KOKKOS_INLINE_FUNCTION void add_stretch(T t, T t0, T t1, T half, T r, Out&, Add const& add) {
+/// where they are at least a twentieth of the radius away: add(t, feature). Features: 0 a point between, 1 the end t0, 2 the end t1.
+template <class T, class Add>
+KOKKOS_INLINE_FUNCTION void add_stretch(T t, T t0, T t1, T half, T r, Add const& add) {
   T const gap = T(0.05) * r;
   if (!(t0 <= t1)) return add(t, 0);
   bool const at0 = !(abs(t - t0) * half > gap), at1 = !at0 && !(abs(t1 - t) * half > gap);

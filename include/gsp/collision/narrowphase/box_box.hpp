@@ -1,48 +1,8 @@
 #pragma once
+#include <gsp/collision/detail/clip_polygon.hpp>
 #include <gsp/collision/shapes.hpp>
 
 namespace gsp {
-
-namespace detail {
-/// Corners of a face clipped by up to four half planes. A vertex carries the number of the edge that starts at it (0-3: edges of the
-/// incident face, 4-7: side planes of the reference face), so that (edge before, edge after) names it for as long as it exists.
-template <class T>
-struct ClipPolygon {
-  T x[8], y[8], z[8];  // in the reference face: along it, and height above it
-  unsigned char edge[8];
-  int count;
-};
-
-/// Cuts `p` by  sign * (axis 0 ? x : y) <= limit  (Sutherland-Hodgman). A convex polygon gains at most one vertex a cut, 4 + 4 = 8.
-template <class T>
-KOKKOS_INLINE_FUNCTION void clip_polygon(ClipPolygon<T>& p, int axis, T sign, T limit, int plane) {
-  ClipPolygon<T> r;
-  r.count = 0;
-  auto const over = [&](int i) { return sign * (axis == 0 ? p.x[i] : p.y[i]) - limit; };
-  bool inside = true;
-  for (int i = 0; i < p.count; ++i) inside = inside && !(over(i) > T(0));
-  if (inside) return;
-  auto const push = [&](T x, T y, T z, int edge) {
-    if (r.count < 8) {
-      r.x[r.count] = x;
-      r.y[r.count] = y;
-      r.z[r.count] = z;
-      r.edge[r.count] = (unsigned char)(edge);
-      ++r.count;
-    }
-  };
-  for (int i = 0; i < p.count; ++i) {
-    int const j = i + 1 == p.count ? 0 : i + 1;
-    T const a = over(i), b = over(j);
-    if (a <= T(0)) push(p.x[i], p.y[i], p.z[i], a == T(0) && b > T(0) ? plane : p.edge[i]);
-    if ((a < T(0) && b > T(0)) || (a > T(0) && b < T(0))) {
-      T const t = a / (a - b);
-      push(p.x[i] + t * (p.x[j] - p.x[i]), p.y[i] + t * (p.y[j] - p.y[i]), p.z[i] + t * (p.z[j] - p.z[i]), a < T(0) ? plane : p.edge[i]);
-    }
-  }
-  p = r;
-}
-}  // namespace detail
 
 /// Boxes a and b: separating axes over 3 + 3 face normals and 9 edge cross products, then
 /// - face: the face of the other box that faces it most is clipped by the sides of the reference face; each vertex below the margin is a
@@ -175,19 +135,18 @@ KOKKOS_INLINE_FUNCTION void box_box(Shape<T> const& a, Shape<T> const& b, T marg
   auto const at = [&](int axis, T u, T v) {
     return centre[axis] + towards * O[g] * facing(axis, g) + u * O[gu] * facing(axis, gu) + v * O[gv] * facing(axis, gv);
   };
-  detail::ClipPolygon<T> polygon;
-  polygon.count = 4;
+  // In the reference face: along it, and height above it. Edges 0 to 3 are those of the incident face, 4 to 7 the sides of the reference.
+  detail::ClipPolygon<T, 8> polygon;
   for (int k = 0; k < 4; ++k) {
     T const u = k == 0 || k == 3 ? T(1) : T(-1), v = k < 2 ? T(1) : T(-1);
-    polygon.x[k] = at(x, u, v);
-    polygon.y[k] = at(y, u, v);
-    polygon.z[k] = up * at(f, u, v) - S[f];
-    polygon.edge[k] = (unsigned char)(k);
+    polygon.push(at(x, u, v), at(y, u, v), up * at(f, u, v) - S[f], k);
   }
-  detail::clip_polygon(polygon, 0, T(1), S[x], 4);
-  detail::clip_polygon(polygon, 0, T(-1), S[x], 5);
-  detail::clip_polygon(polygon, 1, T(1), S[y], 6);
-  detail::clip_polygon(polygon, 1, T(-1), S[y], 7);
+  for (int side = 0; side < 4; ++side) {
+    T const* const along = side < 2 ? polygon.x : polygon.y;
+    T const sign = side % 2 == 0 ? T(1) : T(-1), limit = S[side < 2 ? x : y];
+    detail::clip_polygon(
+        polygon, [&](int i) { return sign * along[i] - limit; }, 4 + side);
+  }
 
   Mat3<T> const& R = ref_a ? a.R : b.R;
   Vec3<T> const origin = ref_a ? a.p : b.p, n = (ref_a ? up : -up) * column(R, f);

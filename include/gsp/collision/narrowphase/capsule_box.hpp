@@ -25,7 +25,7 @@ KOKKOS_INLINE_FUNCTION void capsule_box(Shape<T> const& a, Shape<T> const& b, T 
         flat = true;
       }
     if (!flat) t1 = t0 - T(1);
-    detail::add_stretch(t, t0, t1, half, r, out, [&](T at, int feature) {
+    detail::add_stretch(t, t0, t1, half, r, [&](T at, int feature) {
       Vec3<T> const q = c + at * u;
       detail::add_sphere_contact(b, q, r, detail::box_distance(q, s), margin, feature, out);
     });
@@ -67,7 +67,7 @@ KOKKOS_INLINE_FUNCTION void capsule_box(Shape<T> const& a, Shape<T> const& b, T 
       if (i != face) detail::clip_slab(c[i], u[i], s[i], t0, t1);
     if (!(t0 <= t1)) t0 = t1 = t;
     T const deepest = up * u[face] > T(0) ? t0 : t1;
-    detail::add_stretch(deepest, t0, t1, half, r, out, [&](T at, int feature) {
+    detail::add_stretch(deepest, t0, t1, half, r, [&](T at, int feature) {
       Vec3<T> const q = c + at * u;
       detail::add_sphere_contact(b, q, r, {up * q[face] - s[face], n}, margin, feature, out);
     });
@@ -88,7 +88,7 @@ KOKKOS_INLINE_FUNCTION void capsule_box(Shape<T> const& a, Shape<T> const& b, T 
     for (int i = 0; i < 3; ++i)
       if (i != flat) detail::clip_slab(c[i], u[i], s[i], t0, t1);
   }
-  detail::add_stretch(at, t0, t1, half, r, out, [&](T where, int feature) {
+  detail::add_stretch(at, t0, t1, half, r, [&](T where, int feature) {
     Vec3<T> const q = c + where * u;
     T dist = -depth;  // beside the edge: along the way from the face
     if (where != at) dist = max(dist, (way[flat] < T(0) ? -q[flat] - s[flat] : q[flat] - s[flat]) / abs(way[flat]));

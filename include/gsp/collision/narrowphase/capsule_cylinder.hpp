@@ -23,7 +23,7 @@ KOKKOS_INLINE_FUNCTION void capsule_cylinder(Shape<T> const& a, Shape<T> const& 
       detail::clip_circle(c.x, c.y, u.x, u.y, R, t0, t1);
     else
       t1 = t0 - T(1);
-    detail::add_stretch(t, t0, t1, half, r, out, [&](T at, int feature) {
+    detail::add_stretch(t, t0, t1, half, r, [&](T at, int feature) {
       Vec3<T> const q = c + at * u;
       detail::add_sphere_contact(b, q, r, detail::cylinder_distance(q, R, H), margin, feature, out);
     });
@@ -50,7 +50,7 @@ KOKKOS_INLINE_FUNCTION void capsule_cylinder(Shape<T> const& a, Shape<T> const& 
         detail::clip_circle(c.x, c.y, u.x, u.y, R, t0, t1);
       else
         t1 = t0 - T(1);
-      detail::add_stretch(at, t0, t1, half, r, out, [&](T where, int feature) {
+      detail::add_stretch(at, t0, t1, half, r, [&](T where, int feature) {
         Vec3<T> const q = c + where * u;
         T dist = -rim.depth;  // beside the rim: along its normal from the cap or the side
         if (where != at && steep < T(0.1)) dist = max(dist, ((rim.n.x * q.x + rim.n.y * q.y) / radial - R) / radial);
@@ -78,7 +78,7 @@ KOKKOS_INLINE_FUNCTION void capsule_cylinder(Shape<T> const& a, Shape<T> const& 
     deepest = clamp(ts, t0, t1);
   }
   if (!(t0 <= t1)) t0 = t1 = deepest = t;
-  detail::add_stretch(deepest, t0, t1, half, r, out, [&](T at, int feature) {
+  detail::add_stretch(deepest, t0, t1, half, r, [&](T at, int feature) {
     Vec3<T> const q = c + at * u;
     detail::add_sphere_contact(b, q, r, {dot(n, q) - offset, n}, margin, feature, out);
   });
