@@ -451,6 +451,11 @@ TEST_CASE_TEMPLATE("readers of poses refuse those of another moment", Exec, GSP_
       std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::subtree_momentum(s.exec, s.model, other.poses, s.dynamics, subtrees), doctest::Contains("different states"),
                        std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::subtree_momentum(s.exec, s.model, s.poses, s.dynamics, subtrees), doctest::Contains("call subtree_com"),
+                       std::invalid_argument);
+  gsp::subtree_com(s.exec, s.model, other.poses, subtrees);
+  CHECK_THROWS_WITH_AS(gsp::subtree_momentum(s.exec, s.model, s.poses, s.dynamics, subtrees), doctest::Contains("call subtree_com"),
+                       std::invalid_argument);
   // joints' poses are written on request alone
   for (auto const& use : uses) {
     CAPTURE(use.name);

@@ -159,7 +159,7 @@ struct Reference {
 };
 
 template <class R>
-void compare(Side<R> const& s, mjModel const* m, std::vector<Reference> const& reference, Worst& worst, bool inside) {
+void compare(Side<R>& s, mjModel const* m, std::vector<Reference> const& reference, Worst& worst, bool inside) {
   int const worlds = int(reference.size());
   std::size_t const nv = m->nv;
   using View = Kokkos::View<R**, Kokkos::LayoutRight, Mem>;

@@ -127,7 +127,7 @@ TEST_CASE_TEMPLATE("sensors give what poses, Jacobians and forces give", Exec, G
                          .reference = s.reference,
                          .cutoff = s.cutoff});
   using Set = Worlds<Exec>;
-  Set const s(d);
+  Set s(d);
   auto const& c = s.compiled;
   int const n = Set::worlds;
   auto sensors = gsp::make_sensors(s.exec, s.model, c, {.worlds = n});

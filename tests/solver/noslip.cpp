@@ -235,6 +235,9 @@ TEST_CASE_TEMPLATE("noslip neither allocates nor waits, does nothing while halte
   do s.assemble(test_types::Grips<double>{15});
   while (s.grow());
   auto const call = [&] { gsp::noslip(s.exec, s.rows, s.impulses, s.solution, s.progress, {.iterations = 3}); };
+  CHECK_THROWS_WITH_AS(call(), doctest::Contains("have not been solved for"), std::invalid_argument);
+  auto buffers = gsp::make_newton(s.exec, s.rows);
+  gsp::newton(s.exec, s.rows, s.impulses, s.solution, buffers, s.progress);
   gsp_test::check_algorithm(s.exec, gsp_test::watch(call));
   auto const z = gsp_test::snapshot(s.solution.z);
   Kokkos::deep_copy(s.progress.halt, 1);

@@ -7,6 +7,8 @@
 #include <gsp_test_execs.hpp>
 #include <limits>
 #include <memory>
+#include <tuple>
+#include <vector>
 
 #include "constraint/loop.hpp"
 #include "support/kokkos_tools.hpp"
@@ -188,8 +190,8 @@ struct Dense {
   struct Next {
     double p[2], step[2];
   };
-  Next next(std::vector<double> const& x, int i) const {
-    if (!with_next[i]) return {{std::clamp(x[i] - w(x, i) / at(i, i), low(x, i), high(x, i)), 0}, {1 / at(i, i), 0}};
+  Next next(std::vector<double> const& x, int i, double relaxation = 1) const {
+    if (!with_next[i]) return {{std::clamp(x[i] - relaxation * w(x, i) / at(i, i), low(x, i), high(x, i)), 0}, {1 / at(i, i), 0}};
     double const m[2] = {mu[i], mu[i + 1]};
     double const a = m[0] * m[0] * at(i, i), b = m[1] * m[1] * at(i + 1, i + 1), c = m[0] * m[1] * (at(i, i + 1));
     double const largest = (a + b + std::sqrt((a - b) * (a - b) + 4 * c * c)) / 2;
@@ -197,7 +199,7 @@ struct Dense {
     double length = 0;
     for (int k = 0; k < 2; ++k) {
       out.step[k] = m[k] * m[k] / largest;
-      out.p[k] = x[i + k] - out.step[k] * w(x, i + k);
+      out.p[k] = x[i + k] - relaxation * out.step[k] * w(x, i + k);
       length = std::hypot(length, out.p[k] / m[k]);
     }
     double const scale = std::fmin(1, std::abs(x[friction_of[i]]) / length);
@@ -305,7 +307,7 @@ double violation(Dense const& d) {
 }
 
 /// Projected Gauss-Seidel row by row from zero; elements of one row and of more take turns.
-std::vector<double> gauss_seidel(Dense const& d, int sweeps) {
+std::vector<double> gauss_seidel(Dense const& d, int sweeps, double relaxation = 1) {
   std::vector<int> first[2], order;
   for (int i = 0; i < d.n; ++i)
     if (d.element_rows[i] > 0) first[d.element_rows[i] > 1].push_back(i);
@@ -317,7 +319,7 @@ std::vector<double> gauss_seidel(Dense const& d, int sweeps) {
   for (int sweep = 0; sweep < sweeps; ++sweep)
     for (int i : order) {
       if (i > 0 && d.with_next[i - 1]) continue;
-      auto const next = d.next(p, i);
+      auto const next = d.next(p, i, relaxation);
       p[i] = next.p[0];
       if (d.with_next[i]) p[i + 1] = next.p[1];
     }
@@ -532,22 +534,27 @@ TEST_CASE_TEMPLATE("a world of NaN leaves its neighbours alone", Exec, GSP_TEST_
 TEST_CASE_TEMPLATE("friction follows the row that it names", Exec, GSP_TEST_EXECS) {
   auto const c = two_trees();
   int friction = 0, ahead = 0, second = 0, held = 0;
-  for (auto [sweeps, most] : {std::array{6, 6}, std::array{6, 3}, std::array{200000, 6}, std::array{200000, 3}}) {
+  struct Case {
+    int sweeps, most;
+    float relaxation = 1;
+  };
+  for (auto [sweeps, most, relaxation] : {Case{6, 6}, Case{6, 3}, Case{6, 6, 0.7f}, Case{6, 3, 1.3f}, Case{200000, 6}, Case{200000, 3}}) {
     Loop<double, Exec> s(c, 6);
     gsp_test::randomise(c, s.state);
     test_types::MixedElements const type{most == 3 ? 12 : 7, sweeps > 6 ? 0 : most == 3 ? 90 : 53, 10, most};
     s.assemble(type);
     if (s.grow()) s.assemble(type);
-    s.solve({.iterations = sweeps, .tolerance = sweeps == 6 ? 0.f : 5e-11f, .residual = true});
+    s.solve({.iterations = sweeps, .tolerance = sweeps == 6 ? 0.f : 5e-11f, .relaxation = relaxation, .residual = true});
     auto const residual = gsp_test::host(s.solution.residual);
     for (int w = 0; w < 6; ++w) {
       auto const d = dense(s, w);
       REQUIRE(d.n >= (w % 2 && sweeps == 6 ? 190 : 20));
       if (sweeps == 6) {
-        auto const p = gauss_seidel(d, sweeps);
+        auto const p = gauss_seidel(d, sweeps, double(relaxation));
         double worst = 0;
         for (int i = 0; i < d.n; ++i) worst = std::fmax(worst, std::abs(p[i] - d.p[i]));
         CAPTURE(w);
+        CAPTURE(relaxation);
         CHECK(worst < 1e-10);
         CHECK(std::abs(residual(w) - violation(d)) < 1e-9);
         for (int i = 0; i < d.n; ++i) {
@@ -577,13 +584,14 @@ TEST_CASE_TEMPLATE("friction in an ellipse", Exec, GSP_TEST_EXECS) {
   auto const c = two_trees();
   int inside = 0, sliding = 0;
   for (bool mixed : {false, true})
-    for (auto [sweeps, elements] : {std::array{6, 7}, std::array{200000, 3}, std::array{200000, 1}}) {
+    for (auto [sweeps, elements, relaxation] :
+         {std::tuple{6, 7, 1.f}, std::tuple{6, 7, 0.7f}, std::tuple{6, 7, 1.3f}, std::tuple{200000, 3, 1.f}, std::tuple{200000, 1, 1.f}}) {
       Loop<double, Exec> s(c, 6);
       gsp_test::randomise(c, s.state);
       test_types::EllipseElements const type{elements, sweeps > 6 ? 0 : 50, 10, mixed};
       s.assemble(type);
       if (s.grow()) s.assemble(type);
-      s.solve({.iterations = sweeps, .tolerance = sweeps == 6 ? 0.f : 5e-11f, .residual = true});
+      s.solve({.iterations = sweeps, .tolerance = sweeps == 6 ? 0.f : 5e-11f, .relaxation = relaxation, .residual = true});
       auto const residual = gsp_test::host(s.solution.residual);
       for (int w = 0; w < 6; ++w) {
         auto const d = dense(s, w);
@@ -591,7 +599,7 @@ TEST_CASE_TEMPLATE("friction in an ellipse", Exec, GSP_TEST_EXECS) {
         CAPTURE(mixed);
         REQUIRE(d.n >= (w % 2 && sweeps == 6 ? 150 : 3 * elements));
         if (sweeps == 6) {
-          auto const p = gauss_seidel(d, sweeps);
+          auto const p = gauss_seidel(d, sweeps, double(relaxation));
           double worst = 0;
           for (int i = 0; i < d.n; ++i) worst = std::fmax(worst, std::abs(p[i] - d.p[i]));
           CHECK(worst < 1e-10);

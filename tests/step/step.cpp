@@ -399,6 +399,55 @@ TEST_CASE_TEMPLATE("a world that stops stays as it was before the step", Exec, G
     }
 }
 
+// What stops a world may lie in its last tree, after others are through.
+TEST_CASE_TEMPLATE("a world of several trees stops as a whole", Exec, GSP_TEST_EXECS) {
+  gsp::Description d;
+  for (int k = 0; k < 3; ++k) gsp_test::add_free(d, {2. * k, 0, 1}, gsp_test::geom(gsp::ShapeType::sphere, {0.1, 0, 0}, 1));
+  for (bool const constraint : {true, false})
+    for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco})
+      for (auto const integrator : {gsp::Integrator::euler, gsp::Integrator::implicitfast, gsp::Integrator::rk4}) {
+        d.option.integrator = integrator;
+        d.option.constraint = constraint;
+        World<double, Exec> w(gsp::compile(d), 3, {.profile = profile});
+        w.may_stop = true;
+        w.step(10);
+        auto const q = gsp_test::snapshot(w.state.qpos), v = gsp_test::snapshot(w.state.qvel);
+        std::vector<double> last(std::size_t(w.model.nv), 0.);
+        last.back() = NAN;
+        auto const force = gsp_test::host(w.state.qfrc_applied);
+        for (int i = 0; i < w.model.nv; ++i) force(1, i) = last[std::size_t(i)];
+        Kokkos::deep_copy(w.state.qfrc_applied, force);
+        w.step(2);
+        CAPTURE(constraint);
+        CAPTURE(int(profile));
+        CAPTURE(int(integrator));
+        CHECK(gsp_test::host(w.state.status)(1) == gsp::status::not_finite);
+        CHECK(gsp_test::host(w.state.steps)(2) == 12);
+        CHECK(same_bits(q, gsp_test::snapshot(w.state.qpos), 1, 1));
+        CHECK(same_bits(v, gsp_test::snapshot(w.state.qvel), 1, 1));
+      }
+}
+
+// Constraints of one's own come and go: without them nobody asks what their rows were.
+TEST_CASE_TEMPLATE("a step without constraints after one with them", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  auto d = one_body({joint(gsp::JointType::slide, {0, 0, 1})});
+  d.option.constraint = false;
+  World<double, Exec> w(gsp::compile(d), 2);
+  w.may_stop = true;
+  test_types::Tether<Mem> tether{{}, 500., 60., 0, w.state.qpos}, refused = tether;
+  refused.stiffness = NAN;
+  gsp::launch_step(w.exec, w.model, w.state, w.sim, {}, tether);
+  CHECK_THROWS_WITH_AS(gsp::launch_step(w.exec, w.model, w.state, w.sim), doctest::Contains("call settle(exec, sim) first"),
+                       std::invalid_argument);
+  CHECK(gsp::settle(w.exec, w.sim) == 0);
+  gsp::step(w.exec, w.model, w.state, w.sim, {}, refused);
+  CHECK(gsp_test::host(w.state.status)(0) == (gsp::status::row_refused | gsp::status::refused_law));
+  w.step(3);
+  CHECK(gsp_test::host(w.state.status)(0) == 0);
+  CHECK(gsp_test::host(w.state.steps)(0) == 4);
+}
+
 // NaN in any one number of qpos: a rotation is no exception.
 TEST_CASE_TEMPLATE("a place that is no number stops its world", Exec, GSP_TEST_EXECS) {
   for (auto type : {gsp::JointType::free, gsp::JointType::ball, gsp::JointType::hinge})

@@ -17,7 +17,7 @@ struct StiffForces;  // constraint/stiff_forces.hpp
 template <class... C>
 struct ConstraintList {
   KOKKOS_INLINE_FUNCTION int count(int) const { return 0; }
-  KOKKOS_INLINE_FUNCTION bool counts(int) const { return true; }
+  KOKKOS_INLINE_FUNCTION bool counts_are_valid(int) const { return true; }
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int) const { return 0; }
   template <class World>
   KOKKOS_INLINE_FUNCTION void prepare(World const&) const {}
@@ -62,11 +62,11 @@ struct ConstraintList<Head, Tail...> {
   }
   KOKKOS_INLINE_FUNCTION int count(int world) const { return own(world) + tail.count(world); }
   /// Whether no type has fewer elements than none.
-  KOKKOS_INLINE_FUNCTION bool counts(int world) const { return int(head.count(world)) >= 0 && tail.counts(world); }
-  /// Status bits of a world whose elements are incomplete (a pool that was too small): it is not stepped.
+  KOKKOS_INLINE_FUNCTION bool counts_are_valid(int world) const { return int(head.count(world)) >= 0 && tail.counts_are_valid(world); }
+  /// Status bits of the contacts that the types hold: where their pool was too small, elements are missing.
   KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const {
-    if constexpr (requires { head.status(world); })
-      return head.status(world) | tail.status(world);
+    if constexpr (requires { std::uint32_t(head.contacts.status(world)); })
+      return head.contacts.status(world) | tail.status(world);
     else
       return tail.status(world);
   }
@@ -209,13 +209,15 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
               ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress,
               SleepingIslands<Mem> const& sleeping = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::assemble: the rows are not accessible from this execution space");
-  expects(rows.worlds == state.worlds && dynamics.worlds == state.worlds && impulses.worlds == state.worlds,
-          "gsp::assemble: state, dynamics, rows and impulses have different numbers of worlds: make them with the same {.worlds = n}");
+  detail::expects_as_many("gsp::assemble", "worlds",
+                          {{"state", state.worlds}, {"dynamics", dynamics.worlds}, {"rows", rows.worlds}, {"impulses", impulses.worlds}},
+                          "make them with the same {.worlds = n}");
   expects(rows.nv == model.nv && rows.profile == model.profile,
           "gsp::assemble: the rows were made for another model: call make_rows(exec, model), or make_simulation with it");
   detail::expects_fit("gsp::assemble", model, state, dynamics);
   detail::expects_of("gsp::assemble", dynamics, state,
                      detail::set_of(Quantity::motion, Quantity::velocity, Quantity::factor, Quantity::free_velocity));
+  detail::expects_without_impulses("gsp::assemble", dynamics);
   detail::expects_inputs_of(types, state);
   expects(!detail::may_bounce(types) || rows.impact.data(),
           "gsp::assemble: some rows have a restitution, and there is no room for it: make_rows(exec, model, {.impacts = true}) "

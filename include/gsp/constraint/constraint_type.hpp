@@ -94,8 +94,8 @@ concept LikeConstraint =
 ///   rests                               static constexpr bool true: rows and laws stay the same as long as the trees that they touch
 ///                                       lie still and their controls are the same; else those trees do not sleep (step/sleep.hpp)
 ///   bounces()                           on the host: whether some law may have a restitution; rows without room for it are refused then
-///   status(world)                       status bits of a world whose elements are not complete: it is not stepped
-///   poses, contacts                     members that hold what the type reads: assemble refuses them of another moment than the state
+///   poses, contacts                     members that hold what the type reads: assemble refuses them of another moment than the state, and
+///                                       no world is stepped while the pool of these contacts is too small
 ///   reads() and stamps                  on the host: which quantities are read from the dynamics, and of which state those are
 /// Two types of the library are known by name: rows remember which ContactRows they are of, for contact_forces; and dynamics that left
 /// stiff forces to rows are refused without StiffForces.

@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/constraint/contact_rows.hpp>
 #include <gsp/constraint/detail/write_contact_forces.hpp>
+#include <gsp/core/region.hpp>
 
 namespace gsp {
 
@@ -18,14 +19,16 @@ namespace gsp {
 template <ExecutionSpace Exec, class R, class Mem>
 void contact_forces(Exec const& exec, Model<R, Mem> const& model, CollisionModel<R, Mem> const& collision, Contacts<R, Mem> const& contacts,
                     Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Kokkos::View<R* [6], Kokkos::LayoutRight, Mem>& force) {
+  Region const region("gsp::constraint::contact_forces");
   bool const found = contacts.stamp.data() && contacts.stamp().made;
   expects(contacts.worlds == rows.worlds && rows.nv == model.nv &&
               (!found || contacts.stamp().model == static_cast<void const*>(collision.collider_body.data())),
           "gsp::contact_forces: model, collision model, contacts and rows are of different models or numbers of worlds, or the collision "
           "model was made anew: give what collide and assemble had");
-  expects(force.extent(0) >= contacts.dist.extent(0),
-          "gsp::contact_forces: room for " + std::to_string(force.extent(0)) + " contacts is given, and there may be " +
-              std::to_string(contacts.dist.extent(0)) + ": give as many rows as contacts.dist has");
+  if (force.extent(0) < contacts.dist.extent(0))
+    throw std::invalid_argument("gsp::contact_forces: room for " + std::to_string(force.extent(0)) +
+                                " contacts is given, and there may be " + std::to_string(contacts.dist.extent(0)) +
+                                ": give as many rows as contacts.dist has");
   detail::expects_readable("gsp::contact_forces", rows, impulses);
   bool const known = rows.stamp.data() && contacts.stamp.data() && rows.stamp().contacts != 0;
   expects(

@@ -42,7 +42,6 @@ struct ContactRows {
         joints(m, s) {}
 
   KOKKOS_INLINE_FUNCTION int count(int world) const { return edges * contacts.count_of(world); }
-  KOKKOS_INLINE_FUNCTION std::uint32_t status(int world) const { return contacts.status(world); }
   bool bounces() const { return collision.bounces && !soft.as_mujoco; }
   /// Contact c, or one edge of its pyramid, with what its rows are made of.
   struct Element {
@@ -131,7 +130,7 @@ struct ContactRows {
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const { return element(world, k).bounds(row); }
   KOKKOS_INLINE_FUNCTION RowId id(int world, int k) const {
     int const c = contact_of(world, k);
-    return {std::uint32_t(contacts.pair(c)), std::uint32_t(edges * contacts.feature(c) + k % edges)};
+    return {std::uint32_t(contacts.pair(c)), std::uint32_t(edges) * std::uint32_t(contacts.feature(c)) + std::uint32_t(k % edges)};
   }
   /// Where it acts: a point that is new starts from the impulses of those near it that are gone.
   KOKKOS_INLINE_FUNCTION Vec3<R> place(int world, int k) const { return contacts.point(contact_of(world, k)); }

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/constraint/detail/eliminate_rows.hpp>
+#include <gsp/core/region.hpp>
 
 /// Rows without bounds (equality constraints, springs) inside of one tree are taken out of the problem before it is solved (the paper's
 /// Schur complement), one after the other. Such a row e has p_e = -(b_e + y_e z_c) / s, s = |y_e|^2 + C, z_c = sum of Y^T p of the others,
@@ -17,6 +18,7 @@ namespace gsp {
 template <ExecutionSpace Exec, class R, class Mem>
 void eliminate_rows(Exec const& exec, Model<R, Mem> const& model, Progress<Mem> const& progress, Rows<R, Mem>& rows,
                     Impulses<R, Mem>& impulses) {
+  Region const region("gsp::constraint::eliminate_rows");
   if (rows.most_eliminated == 0) return;
   for_worlds("gsp::constraint::eliminate_rows", exec, rows.worlds,
              detail::EliminateRows<R, Mem>{rows, impulses, progress.halt, model.tree_closed, model.dof_tree});
@@ -30,6 +32,7 @@ void eliminate_rows(Exec const& exec, Model<R, Mem> const& model, Progress<Mem> 
 template <ExecutionSpace Exec, class R, class Mem>
 void restore_rows(Exec const& exec, Rows<R, Mem> const& rows, Progress<Mem> const& progress, Impulses<R, Mem>& impulses,
                   Kokkos::View<R**, Kokkos::LayoutRight, Mem>& z) {
+  Region const region("gsp::constraint::restore_rows");
   if (rows.most_eliminated == 0) return;
   for_worlds("gsp::constraint::restore_rows", exec, rows.worlds, detail::RestoreRows<R, Mem>{rows, impulses, z, progress.halt});
 }

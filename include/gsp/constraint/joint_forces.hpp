@@ -2,6 +2,7 @@
 #include <gsp/constraint/detail/write_joint_forces.hpp>
 #include <gsp/constraint/joint_friction.hpp>
 #include <gsp/constraint/joint_limit.hpp>
+#include <gsp/core/region.hpp>
 
 namespace gsp {
 
@@ -16,8 +17,10 @@ namespace gsp {
 template <ExecutionSpace Exec, class R, class Mem>
 void joint_forces(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses,
                   Kokkos::View<R**, Kokkos::LayoutRight, Mem>& limit, Kokkos::View<R**, Kokkos::LayoutRight, Mem>& friction) {
-  expects(rows.nv == model.nv, "gsp::joint_forces: the rows have " + std::to_string(rows.nv) + " degrees of freedom and the model " +
-                                   std::to_string(model.nv) + ": give the model that they were assembled for");
+  Region const region("gsp::constraint::joint_forces");
+  if (rows.nv != model.nv)
+    throw std::invalid_argument("gsp::joint_forces: the rows have " + std::to_string(rows.nv) + " degrees of freedom and the model " +
+                                std::to_string(model.nv) + ": give the model that they were assembled for");
   auto const expects_size = [&](char const* name, auto const& view, char const* items, int count) {
     if (int(view.extent(0)) != rows.worlds || int(view.extent(1)) != count)
       throw std::invalid_argument("gsp::joint_forces: " + std::string(name) + " is (" + std::to_string(view.extent(0)) + ", " +

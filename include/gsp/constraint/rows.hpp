@@ -107,7 +107,7 @@ struct Rows {
   bool may_sleep = false;                    // some islands may sleep: the others are solved to the same bits whether they do or not
   View<int*> first, count;                   // (worlds) rows of a world
   View<int*> kept;                           // (worlds) after them, rows of islands that sleep: type, element and impulse alone
-  View<int*> largest_element;                // (worlds) most rows of an element
+  View<int*> largest_element;                // (worlds) most rows of an element, at least 3: what solvers make room for
   View<int*> eliminated;                     // (worlds) rows that are eliminated
   View<R*> rate_scale;                       // (worlds) what gravity does in a step, |g| h [m/s]; of standard gravity where there is none
   View<R**> tree_mass;                       // (worlds, ntree) mass of a tree, of the first of an island that of the island [kg]
@@ -161,7 +161,8 @@ void allocate_rows(Exec const& exec, Rows<R, Mem>& r, std::int64_t rows, std::in
 }
 }  // namespace detail
 
-/// Pools for the rows of `worlds` worlds. Allocates.
+/// Pools for the rows of `worlds` worlds. Allocates. Errors: std::invalid_argument for worlds < 1, a friction_time that is negative, NaN or
+/// of profile mujoco; gsp::Error for pools of 2^31 rows or more.
 template <class R, ExecutionSpace Exec, class Mem>
 Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_rows: the model is not accessible from this execution space");

@@ -2,6 +2,7 @@
 #include <gsp/constraint/constraint_type.hpp>
 #include <gsp/constraint/detail/subtract_stiff_forces.hpp>
 #include <gsp/constraint/detail/tree_reader.hpp>
+#include <gsp/core/region.hpp>
 
 /// Springs, dampers and servos that are too stiff for a step, as soft rows with their own laws, bounded by their ranges of force (the
 /// paper's form). Which they are, and when: docs/constraint/stiff_forces.md.
@@ -75,6 +76,7 @@ struct StiffForces {
 template <ExecutionSpace Exec, class R, class Mem>
 void subtract_stiff_forces(Exec const& exec, StiffForces<R, Mem> const& types, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses,
                            Progress<Mem> const& progress, Kokkos::View<R**, Kokkos::LayoutRight, Mem>& qfrc_constraint) {
+  Region const region("gsp::constraint::subtract_stiff_forces");
   expects(int(qfrc_constraint.extent(0)) == rows.worlds && int(qfrc_constraint.extent(1)) == rows.nv,
           "gsp::subtract_stiff_forces: qfrc_constraint must be (worlds, nv)");
   if (rows.nv == 0) return;

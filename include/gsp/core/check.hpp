@@ -1,4 +1,5 @@
 #pragma once
+#include <initializer_list>
 #include <stdexcept>
 #include <string>
 
@@ -20,5 +21,21 @@ inline void expects(bool condition, std::string const& message) {
 inline void expects(bool condition, char const* where, char const* message) {
   if (!condition) throw std::invalid_argument(std::string(where) + ": " + message);
 }
+
+namespace detail {
+/// How many worlds, degrees of freedom ... one of several arguments has.
+struct Count {
+  char const* argument;
+  int count;
+};
+/// All arguments have as many `things` as the first; else one sentence with the numbers of the two that differ.
+inline void expects_as_many(char const* where, char const* things, std::initializer_list<Count> counts, char const* remedy) {
+  Count const& first = *counts.begin();
+  for (Count const& c : counts)
+    if (c.count != first.count)
+      throw std::invalid_argument(std::string(where) + ": the " + first.argument + " have " + std::to_string(first.count) + " " + things +
+                                  ", the " + c.argument + " " + std::to_string(c.count) + ": " + remedy);
+}
+}  // namespace detail
 
 }  // namespace gsp

@@ -29,8 +29,9 @@ void bias_forces(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
 /// that has moved on since. Errors: std::invalid_argument where no stage has left it, and for other items.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void copy_dofs(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, detail::DofItems item, View& out) {
-  expects(int(out.extent(0)) == dynamics.worlds && int(out.extent(1)) == model.nv, "gsp::copy_dofs: out must be (worlds, nv)");
+  Region const region("gsp::dynamics::copy_dofs");
   detail::expects_fit("gsp::copy_dofs", model, dynamics);
+  detail::expects_rows("gsp::copy_dofs", "out", out, dynamics.worlds, model.nv);
   Quantity const quantity = detail::quantity_of(item);
   detail::expects_held("gsp::copy_dofs", dynamics, detail::set_of(quantity));
   if (quantity == Quantity::implicit && model.profile == Profile::stable && dynamics.stamps(int(quantity)).level != detail::implicit_stages)

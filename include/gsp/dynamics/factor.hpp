@@ -23,6 +23,7 @@ LeftForces left_forces(Dynamics<R, Mem> const& dynamics, State<R, Mem> const& st
 /// After mass_matrix, bias_forces, passive_forces, actuator_forces; all of it stays in dynamics.items.
 /// Of a tree that is one rigid body, profile `stable`, it is the new velocity in the axes of the start (docs/dynamics/factor.md).
 /// Cost 2 sum d^2 + 4 nM flop (d: ancestors of a dof), three times that where nothing damps a joint. Does not allocate, does not fence.
+/// Errors: std::invalid_argument where the stages before have not run for this state as it is now, each once.
 template <ExecutionSpace Exec, class R, class Mem>
 void factor(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem>& dynamics,
             FactorOptions options = {}) {

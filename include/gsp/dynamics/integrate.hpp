@@ -16,6 +16,24 @@ struct ConstraintOutcome {
   Kokkos::View<int const, Mem> halt = {};  // nothing happens while it holds non-zero, as the step has to be repeated; empty: never
 };
 
+namespace detail {
+/// Free velocities of this state as it is now, and sizes of what constraints leave.
+template <class R, class Mem>
+void expects_end(char const* where, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
+                 ConstraintOutcome<R, Mem> const& constraints) {
+  auto const& [z, qfrc_constraint, halt] = constraints;
+  expects_fit(where, model, state, dynamics);
+  if (z.data()) expects_rows(where, "z", z, state.worlds, model.nv);
+  if (qfrc_constraint.data()) expects_rows(where, "qfrc_constraint", qfrc_constraint, state.worlds, model.nv);
+  expects_of(where, dynamics, state, set_of(Quantity::velocity, Quantity::factor, Quantity::free_velocity, Quantity::activation_rate));
+  expects_without_impulses(where, dynamics);
+  if (!z.data() && leaves_stiff_forces(dynamics))
+    throw std::invalid_argument(std::string(where) +
+                                ": stiff springs and servos were left to rows (stiff_rows), and no rows have been solved: call assemble "
+                                "and pgs, or smooth_dynamics without stiff_rows");
+}
+}  // namespace detail
+
 /// Ends the step: state.qvel and state.qpos become those of the end, state.steps goes up by one. A world whose new velocity is not finite
 /// stays as it was, and says so in state.status (status::not_finite), and so does one with a velocity or position beyond state_bound
 /// (status::unbounded); clear the bit to try again.
@@ -27,16 +45,8 @@ void integrate(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& stat
                ConstraintOutcome<R, Mem> constraints = {}) {
   Region const region("gsp::dynamics::integrate");
   auto const& [z, qfrc_constraint, halt] = constraints;
-  detail::expects_fit("gsp::integrate", model, state, dynamics);
-  if (z.data()) detail::expects_rows("gsp::integrate", "z", z, state.worlds, model.nv);
-  if (qfrc_constraint.data()) detail::expects_rows("gsp::integrate", "qfrc_constraint", qfrc_constraint, state.worlds, model.nv);
+  detail::expects_end("gsp::integrate", model, state, dynamics, constraints);
   bool const again = detail::factors_again(model);
-  detail::expects_of("gsp::integrate", dynamics, state,
-                     detail::set_of(Quantity::velocity, Quantity::factor, Quantity::free_velocity, Quantity::activation_rate));
-  if (!z.data() && detail::leaves_stiff_forces(dynamics))
-    throw std::invalid_argument(
-        "gsp::integrate: stiff springs and servos were left to rows (stiff_rows), and no rows have been solved: call assemble and pgs, or "
-        "smooth_dynamics without stiff_rows");
   if (again) detail::expects_of("gsp::integrate", dynamics, state, detail::set_of(Quantity::mass, Quantity::force));
   if (again && detail::any_archetype(model, [](Archetype const& a) { return a.derivative > 0; }))
     detail::expects_complete("gsp::integrate", dynamics, state, Quantity::derivative, 3);
@@ -53,16 +63,17 @@ void integrate(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& stat
 }
 
 /// The first half of `integrate`: what the dynamics hold as velocity without constraints becomes the new velocity; the state stays. For
-/// integrators of your own (runge_kutta.hpp). Sets the status of worlds whose new velocity is not finite or not bounded.
+/// integrators of your own (runge_kutta.hpp). Sets the status of worlds whose new velocity is not finite or not bounded. Does not allocate,
+/// does not fence. Errors: those of integrate; profile mujoco's implicit integrators.
 template <ExecutionSpace Exec, class R, class Mem>
 void new_velocity(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem>& dynamics,
                   ConstraintOutcome<R, Mem> constraints) {
+  Region const region("gsp::dynamics::new_velocity");
   auto const& [z, qfrc_constraint, halt] = constraints;
-  detail::expects_fit("gsp::new_velocity", model, state, dynamics);
   expects(!detail::factors_again(model),
           "gsp::new_velocity: this integrator factors a matrix of its own: call integrate, or choose RK4 or profile stable");
-  detail::expects_of("gsp::new_velocity", dynamics, state,
-                     detail::set_of(Quantity::velocity, Quantity::factor, Quantity::free_velocity, Quantity::activation_rate));
+  detail::expects_end("gsp::new_velocity", model, state, dynamics, constraints);
+  detail::set_has_impulses(dynamics);
   for_lanes("gsp::dynamics::new_velocity", exec, model, dynamics, detail::NewVelocityStage<State<R, Mem>>{state, z, qfrc_constraint, halt});
 }
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/bias_forces.hpp>
 #include <gsp/dynamics/passive_forces.hpp>
 
@@ -31,15 +32,15 @@ struct InverseStage {
 }  // namespace detail
 
 /// qfrc = M qacc + bias - passive (world, nv) [N, N m]: what actuators and applied forces must sum to for the accelerations qacc
-/// (world, nv), without constraints. After smooth_dynamics with keep_all, or mass_matrix, bias_forces and passive_forces. Cost 4 flop an
-/// entry of M. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics do not hold these three of one state, or
-/// hold them of the state before its last step.
+/// (world, nv), without constraints. After smooth_dynamics with keep_all, or mass_matrix, bias_forces and passive_forces. Uses scratch of
+/// the dynamics. Cost 4 flop an entry of M. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics do not hold
+/// these three of one state, or hold them of the state before its last step.
 template <ExecutionSpace Exec, class R, class Mem, class In, class Out>
-void inverse_dynamics(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, In const& qacc, Out& qfrc) {
-  expects(int(qacc.extent(0)) == dynamics.worlds && int(qacc.extent(1)) == model.nv && int(qfrc.extent(0)) == dynamics.worlds &&
-              int(qfrc.extent(1)) == model.nv,
-          "gsp::inverse_dynamics: qacc and qfrc must be (worlds, nv)");
+void inverse_dynamics(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem>& dynamics, In const& qacc, Out& qfrc) {
+  Region const region("gsp::dynamics::inverse_dynamics");
   detail::expects_fit("gsp::inverse_dynamics", model, dynamics);
+  detail::expects_rows("gsp::inverse_dynamics", "qacc", qacc, dynamics.worlds, model.nv);
+  detail::expects_rows("gsp::inverse_dynamics", "qfrc", qfrc, dynamics.worlds, model.nv);
   detail::expects_together("gsp::inverse_dynamics", dynamics, detail::set_of(Quantity::mass, Quantity::bias, Quantity::passive));
   for_lanes("gsp::dynamics::inverse_dynamics", exec, model, dynamics, detail::InverseStage<In, Out>{qacc, qfrc});
 }

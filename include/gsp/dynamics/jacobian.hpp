@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/world_lanes.hpp>
 
 /// Jacobians of points of bodies: velocity of the point = J qvel (MuJoCo's mj_jac, mj_jacBodyCom, mj_jacSite).
@@ -46,11 +47,11 @@ struct PointJacobian {
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void jacobian(char const* where, Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics,
               int body, Vec3<R> const& point, Field<R> const& field, int item, View& J) {
-  expects(int(J.extent(0)) == dynamics.worlds && int(J.extent(1)) == 6 && int(J.extent(2)) == model.nv,
-          std::string(where) + ": J is (" + std::to_string(J.extent(0)) + ", " + std::to_string(J.extent(1)) + ", " +
-              std::to_string(J.extent(2)) + ") and must be (worlds, 6, nv), here (" + std::to_string(dynamics.worlds) + ", 6, " +
-              std::to_string(model.nv) + ")");
   expects_fit(where, model, dynamics, poses);
+  if (int(J.extent(0)) != dynamics.worlds || int(J.extent(1)) != 6 || int(J.extent(2)) != model.nv)
+    throw std::invalid_argument(std::string(where) + ": J is (" + std::to_string(J.extent(0)) + ", " + std::to_string(J.extent(1)) + ", " +
+                                std::to_string(J.extent(2)) + ") and must be (worlds, 6, nv), here (" + std::to_string(dynamics.worlds) +
+                                ", 6, " + std::to_string(model.nv) + ")");
   expects_together(where, dynamics, set_of(Quantity::motion));
   expects_poses_with(where, poses, dynamics);
   zero(exec, J);
@@ -66,6 +67,7 @@ void jacobian(char const* where, Exec const& exec, Model<R, Mem> const& model, P
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void body_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
                    std::type_identity_t<Vec3<R>> const& local, View& J) {
+  Region const region("gsp::dynamics::body_jacobian");
   detail::expects_index("gsp::body_jacobian", "body", body, model.nbody);
   detail::jacobian("gsp::body_jacobian", exec, model, poses, dynamics, body, local, Field<R>{}, 0, J);
 }
@@ -73,6 +75,7 @@ void body_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> c
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void com_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int body,
                   View& J) {
+  Region const region("gsp::dynamics::com_jacobian");
   detail::expects_index("gsp::com_jacobian", "body", body, model.nbody);
   detail::jacobian("gsp::com_jacobian", exec, model, poses, dynamics, body, {}, model.body_ipos, body, J);
 }
@@ -80,6 +83,7 @@ void com_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> co
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void site_jacobian(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics, int site,
                    View& J) {
+  Region const region("gsp::dynamics::site_jacobian");
   detail::expects_index("gsp::site_jacobian", "site", site, model.nsite);
   detail::jacobian("gsp::site_jacobian", exec, model, poses, dynamics, -1, {}, model.site_pos, site, J);
 }

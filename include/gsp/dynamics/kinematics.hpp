@@ -23,7 +23,8 @@ Poses<R, Mem> make_poses(Exec const& exec, Model<R, Mem> const& model, PosesOpti
 /// World poses of all bodies and joints from state.qpos (MuJoCo's mj_kinematics).
 /// @param dynamics  scratch
 /// @param poses     out: xpos, xquat (world, body, 3 | 4), xanchor, xaxis (world, joint, 3), in the world frame [m]
-/// Cost about 100 flop a body. Does not allocate, does not fence.
+/// Cost about 100 flop a body. Does not allocate, does not fence. Errors: std::invalid_argument where model, state, poses and dynamics do
+/// not fit together.
 template <ExecutionSpace Exec, class R, class Mem>
 void forward_kinematics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
                         Dynamics<R, Mem>& dynamics) {

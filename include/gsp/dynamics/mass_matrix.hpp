@@ -29,9 +29,9 @@ void mass_matrix(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> con
 /// computed for, also when it has moved on since. Errors: std::invalid_argument where no stage has left them.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void dense_mass_matrix(Exec const& exec, Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, View& M) {
-  expects(int(M.extent(0)) == dynamics.worlds && int(M.extent(1)) == model.nv && int(M.extent(2)) == model.nv,
-          "gsp::dense_mass_matrix: M must be (worlds, nv, nv)");
+  Region const region("gsp::dynamics::dense_mass_matrix");
   detail::expects_fit("gsp::dense_mass_matrix", model, dynamics);
+  detail::expects_rows("gsp::dense_mass_matrix", "M", M, dynamics.worlds, model.nv, model.nv);
   detail::expects_held("gsp::dense_mass_matrix", dynamics, detail::set_of(Quantity::mass));
   detail::zero(exec, M);
   for_lanes("gsp::dynamics::dense_mass_matrix", exec, model, dynamics, detail::DenseMassMatrixStage<View>{M});

@@ -76,35 +76,17 @@ struct RungeKuttaStage {
     using T = std::remove_cvref_t<decltype(l.items[0])>;
     auto const& a = l.a;
     auto const& s = l.items;
-    T const h(l.model.timestep), reach(stage == 2 ? R(1) : R(0.5)), before(stage == 3 ? R(1) : R(0.5));  // of the next point, of this one
-    T const weight(stage == 0 || stage == 3 ? R(1. / 6) : R(1. / 3));
-    int const u = l.at.impulse, x = l.at.acceleration;  // rates of the positions; how far they go
-    bool const last = stage == 3;
-    auto const each_state = [&](auto const& f) {  // f(actuator, its activations' places in state.act)
-      for (int k = 0; k < a.nact && a.nstate > 0; ++k) {
-        if (l.index(a.act_state, k) < 0) continue;
-        int item[L::W];
-        l.listed_items(a.instance_act, a.nact, k, item);
-        for (int i = 0; i < L::W; ++i) item[i] = l.model.act_state(item[i]);
-        f(k, item);
-      }
-    };
-    // A world that stops goes back to where the step began.
-    auto const write = [&](auto const& view, int const* first, int i, T const& value, T const& start) {
-      for (int k = 0; k < l.count; ++k) {
-        bool const stopped = (state.status(l.world[k]) & status::stopped) != 0;
-        if (!stopped || last) view(l.world[k], first[k] + i) = get_lane(stopped ? start : value, k);
-      }
-    };
+    T const h(l.model.timestep), before(last() ? R(1) : R(0.5));  // of this point
+    int const u = l.at.impulse, x = l.at.acceleration;            // rates of the positions; how far they go
     if (stage == 0) {
       for (int i = 0; i < a.nq; ++i) l.store(rk.qpos, l.qpos0, i, l.load(state.qpos, l.qpos0, i));
       for (int i = 0; i < a.nv; ++i) l.store(rk.qvel, l.dof0, i, l.load(state.qvel, l.dof0, i));
-      each_state([&](int, int const* item) { l.store(rk.act, item, 0, l.load(state.act, item, 0)); });
+      each_state(l, [&](int, int const* item) { l.store(rk.act, item, 0, l.load(state.act, item, 0)); });
     }
     if (halt.data() && halt()) {  // the step is to be repeated, from where it began
       for (int i = 0; i < a.nq; ++i) l.store(state.qpos, l.qpos0, i, l.load(rk.qpos, l.qpos0, i));
       for (int i = 0; i < a.nv; ++i) l.store(state.qvel, l.dof0, i, l.load(rk.qvel, l.dof0, i));
-      each_state([&](int, int const* item) { l.store(state.act, item, 0, l.load(rk.act, item, 0)); });
+      each_state(l, [&](int, int const* item) { l.store(state.act, item, 0, l.load(rk.act, item, 0)); });
       return;
     }
     for (int i = 0; i < a.nv; ++i) s[u + i] = s[l.at.qvel + i];
@@ -114,6 +96,7 @@ struct RungeKuttaStage {
       Vec3<T> const turned{k * l.load(rk.rate, l.dof0, i), k * l.load(rk.rate, l.dof0, i + 1), k * l.load(rk.rate, l.dof0, i + 2)};
       s.put(u + i, rotation_rate(turned, s.vec3(u + i)));
     });
+    T const weight(this->weight()), reach(this->reach());
     for (int i = 0; i < a.nv; ++i) {
       T const change = s[l.at.velocity + i] - s[l.at.qvel + i];  // h times the acceleration
       T const start = l.load(rk.qvel, l.dof0, i);
@@ -125,10 +108,27 @@ struct RungeKuttaStage {
       l.store(rk.rate, l.dof0, i, s[u + i]);
       l.store(rk.velocity, l.dof0, i, velocity);
       l.store(rk.change, l.dof0, i, sum);
-      s[x + i] = h * (last ? velocity : reach * s[u + i]);
-      s[l.at.velocity + i] = start + (last ? sum : reach * change);
+      s[x + i] = h * (last() ? velocity : reach * s[u + i]);
+      s[l.at.velocity + i] = start + (last() ? sum : reach * change);
     }
-    if (last) lanes_check_bounded(l, state);
+    if (last())
+      lanes_check_bounded(l, state);  // of all trees before any is written: RungeKuttaEnd
+    else
+      write(l);
+  }
+  /// The state becomes that of the next point. A world that stops stays where the step began.
+  template <class L>
+  KOKKOS_INLINE_FUNCTION void write(L const& l) const {
+    using T = std::remove_cvref_t<decltype(l.items[0])>;
+    auto const& a = l.a;
+    auto const& s = l.items;
+    int const x = l.at.acceleration;
+    auto const write = [&](auto const& view, int const* first, int i, T const& value, T const& start) {
+      for (int k = 0; k < l.count; ++k) {
+        bool const stopped = (state.status(l.world[k]) & status::stopped) != 0;
+        if (!stopped || last()) view(l.world[k], first[k] + i) = get_lane(stopped ? start : value, k);
+      }
+    };
     for (int i = 0; i < a.nv; ++i) write(state.qvel, l.dof0, i, s[l.at.velocity + i], l.load(rk.qvel, l.dof0, i));
     lanes_for_joint_parts(l, [&](int q, int i, int n, bool rotation) {
       auto const from = [&](int c) { return l.load(rk.qpos, l.qpos0, q + c); };
@@ -142,16 +142,43 @@ struct RungeKuttaStage {
       write(state.qpos, l.qpos0, q + 2, next.y, from(2));
       write(state.qpos, l.qpos0, q + 3, next.z, from(3));
     });
-    each_state([&](int k, int const* item) {
+    T const weight(this->weight()), step = T(l.model.timestep) * T(reach());
+    each_state(l, [&](int k, int const* item) {
       T const rate = s[l.at.act_dot + l.index(a.act_state, k)];
       T const start = l.load(rk.act, item, 0), sum = stage == 0 ? weight * rate : fma(weight, rate, l.load(rk.change_act, item, 0));
       l.store(rk.change_act, item, 0, sum);
-      T act = fma(h * reach, rate, start);
-      bool const ends = last && l.model.actuation;
+      T act = fma(step, rate, start);
+      bool const ends = last() && l.model.actuation;
       if (ends) act = lanes_next_activation(l, k, start, sum);
       if (ends && l.index(a.act_dyn, k) == int(ActuatorDynamics::integrator)) act = lanes_wrap_setpoint(l, k, act);
       write(state.act, item, 0, act, start);
     });
+  }
+
+ private:
+  KOKKOS_INLINE_FUNCTION bool last() const { return stage == 3; }
+  KOKKOS_INLINE_FUNCTION R weight() const { return stage == 0 || last() ? R(1. / 6) : R(1. / 3); }
+  KOKKOS_INLINE_FUNCTION R reach() const { return stage == 2 ? R(1) : R(0.5); }  // of the next point
+  /// f(actuator, its activations' places in state.act)
+  template <class L, class F>
+  KOKKOS_INLINE_FUNCTION static void each_state(L const& l, F const& f) {
+    auto const& a = l.a;
+    for (int k = 0; k < a.nact && a.nstate > 0; ++k) {
+      if (l.index(a.act_state, k) < 0) continue;
+      int item[L::W];
+      l.listed_items(a.instance_act, a.nact, k, item);
+      for (int i = 0; i < L::W; ++i) item[i] = l.model.act_state(item[i]);
+      f(k, item);
+    }
+  }
+};
+/// What the last stage has found becomes the state.
+template <class R, class Mem>
+struct RungeKuttaEnd {
+  RungeKuttaStage<R, Mem> stage;
+  template <class L>
+  KOKKOS_FUNCTION void operator()(L const& l) const {
+    if (!stage.halt.data() || !stage.halt()) stage.write(l);
   }
 };
 }  // namespace detail
@@ -159,6 +186,8 @@ struct RungeKuttaStage {
 /// One step of integrator RK4. `evaluate()` must leave the velocities of a step of the timestep from `state` in dynamics, as
 /// smooth_dynamics does (with constraints: new_velocity after the solver); by default smooth_dynamics. A world whose new velocity is
 /// not finite has status::not_finite, beyond state_bound status::unbounded. Four evaluations a step; does not allocate, does not fence.
+/// Errors: std::invalid_argument for buffers of another model or number of worlds, and where `evaluate` has not left the velocities of this
+/// state.
 /// @param halt  while it holds non-zero the state goes back to where the step began, which has to be repeated; empty: never
 template <ExecutionSpace Exec, class R, class Mem, class Evaluate>
 void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem>& dynamics, Evaluate const& evaluate,
@@ -175,6 +204,8 @@ void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
     for_lanes("gsp::dynamics::runge_kutta", exec, model, dynamics, detail::RungeKuttaStage<R, Mem>{state, rk, stage, halt});
     detail::moves_on(state);
   }
+  for_lanes("gsp::dynamics::runge_kutta_end", exec, model, dynamics,
+            detail::RungeKuttaEnd<R, Mem>{detail::RungeKuttaStage<R, Mem>{state, rk, 3, halt}});
   detail::loses(dynamics, detail::all_quantities);  // they would be those of the last evaluation
   Kokkos::parallel_for("gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
                        detail::CountStep<Mem>{state.steps, state.status, halt});

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/detail/set_constants_lanes.hpp>
 #include <gsp/dynamics/factor.hpp>
 #include <gsp/model/world_values.hpp>
@@ -14,10 +15,12 @@ namespace gsp {
 /// another number of worlds.
 template <ExecutionSpace Exec, class R, class Mem, class Mask = AllWorlds>
 void set_constants(Exec const& exec, Model<R, Mem>& model, Dynamics<R, Mem>& dynamics, Mask const& mask = {}) {
+  Region const region("gsp::dynamics::set_constants");
   expects(model.body_invweight0.stride > 0,
           "gsp::set_constants: no field that constants follow from is per world; call make_per_world, with body_mass for one");
-  expects(dynamics.worlds == model.value_worlds, "gsp::set_constants: dynamics have " + std::to_string(dynamics.worlds) +
-                                                     " worlds and the model " + std::to_string(model.value_worlds));
+  if (dynamics.worlds != model.value_worlds)
+    throw std::invalid_argument("gsp::set_constants: dynamics have " + std::to_string(dynamics.worlds) + " worlds and the model " +
+                                std::to_string(model.value_worlds));
   detail::loses(dynamics, detail::all_quantities);
   auto const out = [&](ModelField field, int items) {  // a tree without tendons has nothing to write
     return items > 0 ? world_values(model, field).data() : nullptr;

@@ -77,7 +77,7 @@ struct SmoothStepStage {
 
 /// forward_kinematics, mass_matrix, bias_forces, passive_forces, actuator_forces and factor, fused: the same numbers in one launch, with
 /// the block in cache. It leaves what constraints and integrate need (centre of mass, cdof, factor, velocities). Does not allocate, does
-/// not fence.
+/// not fence. Errors: std::invalid_argument where model, state, poses and dynamics do not fit together, for laws without actuators.
 /// @param laws  of actuators, of your own (actuator_law.hpp)
 template <ExecutionSpace Exec, class R, class Mem, class... Laws>
 void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
@@ -100,7 +100,7 @@ void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>
 
 /// smooth_dynamics and integrate without constraints, with the integrator Euler or an implicit one: the same state and poses of bodies.
 /// Where a world is one tree it is one launch that leaves nothing in `dynamics` (which it takes as scratch) and, where the integrator has a
-/// matrix of its own, factors that alone. Does not allocate, does not fence.
+/// matrix of its own, factors that alone. Does not allocate, does not fence. Errors: those of smooth_dynamics.
 /// @param laws  of actuators, of your own (actuator_law.hpp)
 template <ExecutionSpace Exec, class R, class Mem, class... Laws>
 void smooth_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Poses<R, Mem>& poses, Dynamics<R, Mem>& dynamics,

@@ -137,6 +137,19 @@ bool leaves_stiff_forces(Dynamics const& dynamics) {
   return dynamics.stamps(int(Quantity::free_velocity)).level == 1;
 }
 
+/// The free velocities have become those of the end (new_velocity): impulses would enter twice.
+template <class Dynamics>
+void set_has_impulses(Dynamics const& dynamics) {
+  dynamics.stamps(int(Quantity::free_velocity)).level = 2;
+}
+template <class Dynamics>
+void expects_without_impulses(char const* where, Dynamics const& dynamics) {
+  if (dynamics.stamps(int(Quantity::free_velocity)).level == 2)
+    throw std::invalid_argument(std::string(where) +
+                                ": new_velocity has made the velocities of the end of those without constraints: call smooth_dynamics (or "
+                                "factor) again");
+}
+
 [[noreturn]] inline void refuse_quantity(char const* where, Quantity what, std::string const& why) {
   QuantityInfo const& q = quantity_table[int(what)];
   throw std::invalid_argument(std::string(where) + ": " + q.name + " " + why + ": call smooth_dynamics" +

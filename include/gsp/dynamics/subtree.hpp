@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/world_lanes.hpp>
 
 /// Centre of mass, velocity and angular momentum of every body's subtree (MuJoCo's mj_comPos, mj_subtreeVel).
@@ -8,10 +9,11 @@ template <class R, class Mem>
 struct Subtrees {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
-  View<R**> mass;     // (world, body) [kg]; body 0: all
-  View<R***> com;     // (world, body, 3) [m]
-  View<R***> linvel;  // (world, body, 3) [m/s] of the centre of mass
-  View<R***> angmom;  // (world, body, 3) [kg m^2/s] about it
+  View<R**> mass;                                 // (world, body) [kg]; body 0: all
+  View<R***> com;                                 // (world, body, 3) [m]
+  View<R***> linvel;                              // (world, body, 3) [m/s] of the centre of mass
+  View<R***> angmom;                              // (world, body, 3) [kg m^2/s] about it
+  detail::SharedStamp<detail::Stamp> stamp = {};  // host: of which state mass and com are; empty, or not set: taken as they are
 };
 
 struct SubtreesOptions {
@@ -27,7 +29,8 @@ Subtrees<R, Mem> make_subtrees(Exec const& exec, Model<R, Mem> const& model, Sub
     return detail::allocate_zero<typename S::template View<R***>>(exec, label, options.worlds, model.nbody, 3);
   };
   return {detail::allocate_zero<typename S::template View<R**>>(exec, "gsp::Subtrees::mass", options.worlds, model.nbody),
-          view("gsp::Subtrees::com"), view("gsp::Subtrees::linvel"), view("gsp::Subtrees::angmom")};
+          view("gsp::Subtrees::com"), view("gsp::Subtrees::linvel"), view("gsp::Subtrees::angmom"),
+          detail::make_stamp<detail::Stamp>("gsp::Subtrees::stamp")};
 }
 
 namespace detail {
@@ -121,26 +124,33 @@ struct SubtreeMomentum {
 };
 }  // namespace detail
 
-/// Mass and centre of mass of every body's subtree (s.mass, s.com). After forward_kinematics. Cost about 50 flop a body. Does not allocate,
-/// does not fence.
+/// Mass and centre of mass of every body's subtree (s.mass, s.com), of these poses. After forward_kinematics. Cost about 50 flop a body.
+/// Does not allocate, does not fence. Errors: std::invalid_argument for poses and subtrees of other sizes.
 template <ExecutionSpace Exec, class R, class Mem>
 void subtree_com(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Subtrees<R, Mem>& s) {
-  detail::expects_fit("gsp::subtree_com", model, poses, int(s.com.extent(0)));
-  detail::expects_rows("gsp::subtree_com", "subtrees.com", s.com, int(s.com.extent(0)), model.nbody);
-  for_world_lanes<R>("gsp::dynamics::subtree_com", exec, int(s.com.extent(0)), 1, detail::SubtreeCom<R, Mem>{model, poses, s});
+  Region const region("gsp::dynamics::subtree_com");
+  int const worlds = int(s.com.extent(0));
+  detail::expects_fit("gsp::subtree_com", model, poses, worlds);
+  detail::expects_rows("gsp::subtree_com", "subtrees.com", s.com, worlds, model.nbody);
+  if (s.stamp.data()) s.stamp() = poses.stamp.data() ? poses.stamp().bodies : detail::Stamp{};
+  for_world_lanes<R>("gsp::dynamics::subtree_com", exec, worlds, 1, detail::SubtreeCom<R, Mem>{model, poses, s});
 }
 /// Velocity of the centre of mass and angular momentum about it, of every body's subtree (s.linvel, s.angmom). After subtree_com and
 /// smooth_dynamics (or mass_matrix and bias_forces). Cost about 150 flop a body. Does not allocate, does not fence. Errors:
 /// std::invalid_argument where the dynamics do not hold motions and velocities of one state, or those of the state before its last step, or
-/// the poses are of another moment.
+/// the poses or the centres of mass are of another moment.
 template <ExecutionSpace Exec, class R, class Mem>
 void subtree_momentum(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics,
                       Subtrees<R, Mem>& s) {
+  Region const region("gsp::dynamics::subtree_momentum");
   detail::expects_fit("gsp::subtree_momentum", model, dynamics, poses);
   detail::expects_together("gsp::subtree_momentum", dynamics, detail::set_of(Quantity::motion, Quantity::velocity));
   detail::expects_poses_with("gsp::subtree_momentum", poses, dynamics);
   detail::expects_rows("gsp::subtree_momentum", "subtrees.com", s.com, dynamics.worlds, model.nbody);
-  for_world_lanes<R>("gsp::dynamics::subtree_momentum", exec, int(s.com.extent(0)), 1,
+  if (detail::is_stamped(poses) && s.stamp.data() && !s.stamp().is_same(poses.stamp().bodies))
+    throw std::invalid_argument(
+        "gsp::subtree_momentum: the centres of mass have not been computed of these poses: call subtree_com with them first");
+  for_world_lanes<R>("gsp::dynamics::subtree_momentum", exec, dynamics.worlds, 1,
                      detail::SubtreeMomentum<R, Mem>{model, poses, dynamics, s});
 }
 

@@ -66,7 +66,7 @@ KOKKOS_INLINE_FUNCTION auto lanes_tendon_rate(L const& l, int k, int vector) {  
   return sum;
 }
 
-/// One spatial tendon. visit(piece) sees every straight piece between two sites: rate terms of tendons with armature.
+/// Length and moment arm of one spatial tendon, along straight pieces between sites and round the geoms that it wraps.
 template <class L, class State>
 KOKKOS_INLINE_FUNCTION void lanes_spatial_tendon(L const& l, State const& state, int k) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;

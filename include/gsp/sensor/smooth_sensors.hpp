@@ -347,14 +347,15 @@ struct SmoothSensors {
 /// as it is now (without keep_all: energies, velocities of tendons, velocities and forces of actuators), or the poses are of before.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
-                    Dynamics<R, Mem> const& dynamics, Sensors<R, Mem>& sensors, View& data) {
+                    Dynamics<R, Mem>& dynamics, Sensors<R, Mem>& sensors, View& data) {
   Region const region("gsp::sensor::smooth_sensors");
   expects(int(data.extent(0)) == sensors.worlds && int(data.extent(1)) == sensors.nsensordata,
           "gsp::smooth_sensors: data is (" + std::to_string(data.extent(0)) + ", " + std::to_string(data.extent(1)) +
               ") and must be (worlds, nsensordata), here (" + std::to_string(sensors.worlds) + ", " + std::to_string(sensors.nsensordata) +
               ")");
   expects(sensors.model == detail::sizes_of(model), "gsp::smooth_sensors: the sensors were made for another model: make_sensors with this");
-  expects(dynamics.worlds == sensors.worlds, "gsp::smooth_sensors: dynamics and sensors have different numbers of worlds");
+  detail::expects_as_many("gsp::smooth_sensors", "worlds", {{"dynamics", dynamics.worlds}, {"sensors", sensors.worlds}},
+                          "make both with the same {.worlds = n}");
   detail::expects_fit("gsp::smooth_sensors", model, state, dynamics, poses);
   detail::expects_of("gsp::smooth_sensors", dynamics, state, sensors.needs);
   detail::expects_poses_of("gsp::smooth_sensors", poses, state);

@@ -34,7 +34,7 @@ inline NoslipOptions noslip_options(CompiledModel const& m) {
 /// @param progress  nothing happens while progress.halt is set
 /// Cost a sweep: 8 flop an entry of friction. An island's result depends on nothing but its own rows. Does not allocate, does not fence.
 /// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 0, a least_gain that is NaN, for rows of
-/// profile stable.
+/// profile stable, and where the impulses are not the solution of these rows.
 template <ExecutionSpace Exec, class R, class Mem>
 void noslip(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution,
             Progress<Mem> const& progress, NoslipOptions options) {
@@ -42,10 +42,12 @@ void noslip(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::noslip: the rows are not accessible from this execution space");
   expects(options.iterations >= 0, "gsp::noslip: iterations must not be negative");
   expects(options.least_gain == options.least_gain, "gsp::noslip: least_gain is NaN: give a number (below 0: all sweeps are done)");
-  expects(impulses.worlds == rows.worlds && solution.worlds == rows.worlds && solution.nv == rows.nv,
-          "gsp::noslip: rows, impulses and solution have different numbers of worlds or degrees of freedom: make them for one model and "
-          "the same {.worlds = n}");
+  detail::expects_as_many("gsp::noslip", "worlds", {{"rows", rows.worlds}, {"impulses", impulses.worlds}, {"solution", solution.worlds}},
+                          "make them for one model and the same {.worlds = n}");
+  detail::expects_as_many("gsp::noslip", "degrees of freedom", {{"rows", rows.nv}, {"solution", solution.nv}},
+                          "make them for one model and the same {.worlds = n}");
   expects(rows.profile == Profile::mujoco, "gsp::noslip: the rows are of profile stable, whose friction does not slip: leave the call out");
+  detail::expects_solved("gsp::noslip", rows, impulses);
   for_worlds("gsp::solver::noslip", exec, rows.worlds,
              detail::NoslipWorld<R, Mem>{rows, impulses, solution, progress, options.iterations, R(options.least_gain)});
 }

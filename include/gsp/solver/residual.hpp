@@ -69,10 +69,11 @@ template <ExecutionSpace Exec, class R, class Mem>
 void residuals(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Progress<Mem> const& progress,
                Residuals<R, Mem>& residuals) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::residuals: the rows are not accessible from this execution space");
-  expects(
-      impulses.worlds == rows.worlds && residuals.worlds == rows.worlds && residuals.nv == rows.nv,
-      "gsp::residuals: rows, impulses and residuals have different numbers of worlds or degrees of freedom: make them for one model and "
-      "the same {.worlds = n}");
+  detail::expects_as_many("gsp::residuals", "worlds",
+                          {{"rows", rows.worlds}, {"impulses", impulses.worlds}, {"residuals", residuals.worlds}},
+                          "make them for one model and the same {.worlds = n}");
+  detail::expects_as_many("gsp::residuals", "degrees of freedom", {{"rows", rows.nv}, {"residuals", residuals.nv}},
+                          "make them for one model and the same {.worlds = n}");
   detail::expects_solved("gsp::residuals", rows, impulses);
   Region const region("gsp::solver::residuals");
   for_worlds(

@@ -42,7 +42,7 @@ struct NotMeasured {
 };
 }  // namespace detail
 
-/// Room for what is found in `worlds` worlds. Allocates.
+/// Room for what is found in `worlds` worlds. Allocates. Errors: std::invalid_argument for worlds < 1.
 template <class R, ExecutionSpace Exec, class Mem>
 Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, SolutionOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_solution: the model is not accessible from this execution space");

@@ -4,7 +4,8 @@
 namespace gsp {
 
 /// Bytes that make_state and make_simulation allocate for `options.worlds` worlds, to be compared with what a device has before it is asked
-/// for. All buffers grow by blocks of worlds, so the sizes of 64 and 128 worlds, which are made and let go, give those of any number.
+/// for. All buffers grow by blocks of worlds, so the sizes of 64 and 128 worlds, which are made and let go, give those of any larger
+/// number; up to 64 are made themselves.
 /// Not counted: what pools grow by beyond their first guess, which a step with many contacts may double.
 /// Errors: those of make_simulation.
 template <class R, ExecutionSpace Exec, class Mem>
@@ -20,8 +21,8 @@ std::int64_t bytes_needed(Exec const& exec, Model<R, Mem> const& model, Compiled
     return detail::allocated_bytes() - before;
   };
   constexpr int block = 64;  // a multiple of the worlds of any block of lanes
+  if (options.worlds <= block) return bytes_of(options.worlds);
   std::int64_t const one = bytes_of(block);
-  if (options.worlds <= block) return one;
   std::int64_t const more = bytes_of(2 * block) - one;
   std::int64_t const blocks = (std::int64_t(options.worlds) + block - 1) / block;
   return one + (blocks - 1) * more;

@@ -100,13 +100,15 @@ Sleep<R, Mem> make_sleep(Exec const& exec, Model<R, Mem> const& model, CompiledM
 /// positions were changed, or to which a velocity, a force or another free velocity was given (gravity, wind, masses); of trees with
 /// actuators where any control or activation of the world has changed, and of all trees where a magnet that no tree moves may have; and of
 /// trees that hang on a mocap body, or of all where a tendon or an actuator reaches one, where a mocap body of the world has moved. After
-/// smooth_dynamics, before collide and assemble, which wakes those that something touches. Does not allocate, does not fence.
+/// smooth_dynamics, before collide and assemble, which wakes those that something touches. Does not allocate, does not fence. Errors:
+/// std::invalid_argument for a sleep of another number of worlds.
 template <ExecutionSpace Exec, class R, class Mem>
 void wake_changed(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics,
                   Sleep<R, Mem>& sleep) {
   if (sleep.worlds == 0) return;
   Region const region("gsp::step::wake_changed");
-  expects(sleep.worlds == state.worlds, "gsp::wake_changed: sleep and state have different numbers of worlds");
+  detail::expects_as_many("gsp::wake_changed", "worlds", {{"sleep", sleep.worlds}, {"state", state.worlds}},
+                          "make both with the same {.worlds = n}");
   for_worlds("gsp::step::wake_changed", exec, state.worlds, detail::WakeChanged<Sleep<R, Mem>, R, Mem>{model, state, dynamics, sleep});
 }
 
@@ -142,14 +144,15 @@ StillTrees<R, Mem> still_trees(Model<R, Mem> const& model, Contacts<R, Mem> cons
 /// The second half, after integrate: what sleeps goes back to where it lay, and islands all of whose trees have rested for so many steps
 /// fall asleep: their velocities are zero from here on.
 /// @param qfrc_constraint  of the step; of what sleeps it is what it was at first
-/// Does not allocate, does not fence.
+/// Does not allocate, does not fence. Errors: std::invalid_argument for a sleep of another number of worlds.
 template <ExecutionSpace Exec, class R, class Mem>
 void fall_asleep(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows, Progress<Mem> const& progress,
                  State<R, Mem>& state, Dynamics<R, Mem>& dynamics, Kokkos::View<R**, Kokkos::LayoutRight, Mem>& qfrc_constraint,
                  Sleep<R, Mem>& sleep) {
   if (sleep.worlds == 0) return;
   Region const region("gsp::step::fall_asleep");
-  expects(sleep.worlds == state.worlds, "gsp::fall_asleep: sleep and state have different numbers of worlds");
+  detail::expects_as_many("gsp::fall_asleep", "worlds", {{"sleep", sleep.worlds}, {"state", state.worlds}},
+                          "make both with the same {.worlds = n}");
   for_worlds("gsp::step::fall_asleep", exec, state.worlds,
              detail::FallAsleep<Sleep<R, Mem>, R, Mem>{model, rows, progress.halt, state, dynamics, qfrc_constraint, sleep});
 }

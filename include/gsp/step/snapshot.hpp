@@ -38,9 +38,10 @@ void save(Exec const& exec, State<R, Mem> const& state, Simulation<R, Mem> const
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::save: the state is not accessible from this execution space");
   Region const region("gsp::step::save");
   detail::expects_fit("gsp::save", snapshot, state, sim);
-  expects(snapshot.state.worlds == state.worlds && (snapshot.sleep.calm.data() != nullptr) == (sim.sleep.worlds > 0),
-          "gsp::save: the snapshot is of another number of worlds, or one of the two has sleep and the other not: make_snapshot(exec, "
-          "state, sim)");
+  detail::expects_as_many("gsp::save", "worlds", {{"snapshot", snapshot.state.worlds}, {"state", state.worlds}},
+                          "make_snapshot(exec, state, sim)");
+  expects((snapshot.sleep.calm.data() != nullptr) == (sim.sleep.worlds > 0),
+          "gsp::save: one of snapshot and simulation has sleep, the other not: make_snapshot(exec, state, sim)");
   detail::moves_on(snapshot.state);
   detail::make_room(exec, sim.impulses.capacity(), snapshot.impulses);
   detail::copy_rows(exec, detail::pair_rows(state, snapshot.state, sim.sleep.state, snapshot.sleep), state.worlds, false,

@@ -201,7 +201,11 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   detail::leaves_no_rows(sim.rows, sim.impulses);  // assemble says otherwise where the step has some
   bool const runge_kutta_steps = detail::has_runge_kutta(model);
   bool const stiff = detail::any_archetype(model, [](Archetype const& a) { return a.stiff; });  // profile stable alone
-  if (!model.constraints && !own_types && !stiff)
+  if (!model.constraints && !own_types && !stiff) {
+    detail::expects_settled("gsp::step", sim.impulses);
+    if (sim.rows.stamp.data() && sim.rows.stamp().made)
+      Kokkos::parallel_for("gsp::step::forget_rows", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
+                           detail::ForgetRows<Mem>{state.status});
     return std::apply(
         [&](auto const&... law) {
           if (runge_kutta_steps)
@@ -210,6 +214,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
             smooth_step(exec, model, state, sim.poses, sim.dynamics, law...);
         },
         laws);
+  }
   auto const find_impulses = [&](bool warm, bool ends_step) {
     std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {.stiff_rows = stiff}, law...); },
                laws);
@@ -250,7 +255,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
 
 /// Waits for the steps that were launched, and enlarges the pools that were too small.
 /// @return  how many of the steps launched since the last call did nothing and have to be launched again
-/// Fences; allocates where a pool grows.
+/// Fences; allocates where a pool grows. Errors: gsp::Error where a step did not fit though nothing has to grow.
 template <ExecutionSpace Exec, class R, class Mem>
 int settle(Exec const& exec, Simulation<R, Mem>& sim) {
   Region const region("gsp::step::settle");

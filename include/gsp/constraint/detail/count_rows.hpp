@@ -36,6 +36,15 @@ KOKKOS_INLINE_FUNCTION std::int64_t sum_elements(World const& world, Types const
   }
 }
 
+// Bits that assembling sets, anew in each step.
+inline constexpr std::uint32_t status_of_rows = status::contact_overflow | status::row_overflow | status::row_refused | status::causes;
+/// What an earlier step's rows were refused for is no more, where a step has none.
+template <class Mem>
+struct ForgetRows {
+  Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status_bits;
+  KOKKOS_FUNCTION void operator()(int w) const { status_bits(w) &= ~status_of_rows; }
+};
+
 template <class R, class Mem, class Types>
 struct CountRows {
   Model<R, Mem> model;
@@ -50,16 +59,15 @@ struct CountRows {
     std::uint32_t const status = types.status(w);
     part_islands(world, rows.islands, w);
     world.single([&] {
-      state.status(w) =
-          (state.status(w) & ~(status::contact_overflow | status::row_overflow | status::row_refused | status::causes)) | status;
+      state.status(w) = (state.status(w) & ~status_of_rows) | status;
       rows.kept(w) = 0;
-      rows.largest_element(w) = 3;  // what contacts have
+      rows.largest_element(w) = 3;  // the room that solvers make at least
       rows.rate_scale(w) = gravity_rate(model.gravity, w, model.timestep);
     });
     types.prepare(world);
     world.sync();
     world.single([&] {
-      if (!types.counts(w)) Kokkos::atomic_or(&state.status(w), status::row_refused | status::refused_size);
+      if (!types.counts_are_valid(w)) Kokkos::atomic_or(&state.status(w), status::row_refused | status::refused_size);
     });
     std::int64_t sizes = sum_elements(world, types, [&](auto const& type, int k) { return count_element(world, type, k); });
     label_islands(world, rows.islands, w);

@@ -116,6 +116,16 @@ void expects_rows(char const* where, char const* what, View const& view, int wor
                               std::to_string(view.extent(1)) + ") and must be (" + std::to_string(worlds) + ", " + std::to_string(items) +
                               ")");
 }
+/// Buffers (world, items, components).
+template <class View>
+void expects_rows(char const* where, char const* what, View const& view, int worlds, int items, int components) {
+  if (int(view.extent(1)) == items && (items == 0 || (int(view.extent(0)) == worlds && int(view.extent(2)) == components))) return;
+  auto const text = [](std::size_t a, std::size_t b, std::size_t c) {
+    return "(" + std::to_string(a) + ", " + std::to_string(b) + ", " + std::to_string(c) + ")";
+  };
+  throw std::invalid_argument(std::string(where) + ": " + what + " is " + text(view.extent(0), view.extent(1), view.extent(2)) +
+                              " and must be " + text(worlds, items, components));
+}
 }  // namespace detail
 
 }  // namespace gsp

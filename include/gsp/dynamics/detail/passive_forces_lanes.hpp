@@ -78,7 +78,7 @@ KOKKOS_INLINE_FUNCTION auto lanes_tendon_slopes(L const& l, int k) {
   if (m.dampers) slopes.damping = max(lanes_tendon_damping(l, k, true), T(0));
   return slopes;
 }
-/// Displacement of joint j's spring, times(c, difference): one number for a hinge or slide, vectors else; visit(first dof, vector).
+/// Displacement of joint j's spring: one(dof, number) of a hinge or slide, three(first dof, vector) of places and of rotations.
 template <class L, class View, class One, class Three>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_joint_spring(L const& l, View const& qpos, int j, One const& one, Three const& three) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;

@@ -111,10 +111,16 @@ struct FreeTurn {
 template <class T>
 KOKKOS_INLINE_FUNCTION FreeTurn<T> free_turn(RotationalInertia<T> const& inertia, Vec3<T> const& w, T const& h) {
   Vec3<T> const momentum = inertia.times(w);
-  Vec3<T> more{T(0), T(0), T(0)};            // x - w
-  for (int round = 0; round < 4; ++round) {  // gains a factor of (h |w|)^2 / 8 a round
+  Vec3<T> more{T(0), T(0), T(0)};                                         // x - w
+  T const speed2 = dot(w, w), gain2 = square(T(0.125) * h * h * speed2);  // a round leaves (h |w|)^2 / 8 of what it mends
+  T const enough = square(T(0.25) * T(Kokkos::Experimental::epsilon_v<real_t<T>>)) * speed2;
+  auto settled = speed2 < T(0);  // nowhere; each lane by itself, whatever the others do
+  for (int round = 0; round < 4; ++round) {
     Vec3<T> const change = rotation_change(exp_rotation(T(-0.5) * h * (w + more)), momentum);
-    more = more + inertia.solve_with_skew(T(-0.5) * h * (momentum + change), change - inertia.times(more));
+    Vec3<T> const step = inertia.solve_with_skew(T(-0.5) * h * (momentum + change), change - inertia.times(more));
+    more = select(settled, more, more + step);
+    settled = settled || dot(step, step) * gain2 <= enough;
+    if (all(settled)) break;
   }
   Quat<T> const turn = exp_rotation(h * (w + more));
   return {more, turn, inertia.solve(rotation_change(conjugate(turn), momentum))};
