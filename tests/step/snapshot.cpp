@@ -384,13 +384,14 @@ TEST_CASE_TEMPLATE("a snapshot that does not fit is refused", Exec, GSP_TEST_EXE
                        std::invalid_argument);
   World<double, Exec> one(compiled, 1, false), sleeps(compiled, 3, true);
   auto single = one.saved();
-  CHECK_THROWS_WITH_AS(gsp::save(w.exec, w.state, w.sim, single), doctest::Contains("another number of worlds"), std::invalid_argument);
-  CHECK_THROWS_WITH_AS(gsp::save(sleeps.exec, sleeps.state, sleeps.sim, snapshot), doctest::Contains("has sleep and the other not"),
+  CHECK_THROWS_WITH_AS(gsp::save(w.exec, w.state, w.sim, single), doctest::Contains("the numbers of worlds differ: snapshot 1, state 3"),
                        std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::save(sleeps.exec, sleeps.state, sleeps.sim, snapshot),
+                       doctest::Contains("one of snapshot and simulation has sleep"), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::restore(w.exec, snapshot, w.state, w.sim, mask<Exec>({true, false})),
                        doctest::Contains("the mask has 2 worlds and the state 3"), std::invalid_argument);
-  CHECK_THROWS_WITH_AS(gsp::restore(w.exec, snapshot, w.state, two.sim), doctest::Contains("different numbers of worlds"),
-                       std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::restore(w.exec, snapshot, w.state, two.sim),
+                       doctest::Contains("the numbers of worlds differ: state 3, simulation 2"), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::make_snapshot(w.exec, w.state, other.sim),
                        doctest::Contains("of different models: the one has 18 degrees of freedom, the other 24"), std::invalid_argument);
   CHECK(w.all() == before);

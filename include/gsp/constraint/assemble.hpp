@@ -209,9 +209,9 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
               ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress,
               SleepingIslands<Mem> const& sleeping = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::assemble: the rows are not accessible from this execution space");
-  detail::expects_as_many("gsp::assemble", "worlds",
-                          {{"state", state.worlds}, {"dynamics", dynamics.worlds}, {"rows", rows.worlds}, {"impulses", impulses.worlds}},
-                          "make them with the same {.worlds = n}");
+  detail::expects_as_many("gsp::assemble", "worlds", "make them with the same {.worlds = n}", detail::Count{"state", state.worlds},
+                          detail::Count{"dynamics", dynamics.worlds}, detail::Count{"rows", rows.worlds},
+                          detail::Count{"impulses", impulses.worlds});
   expects(rows.nv == model.nv && rows.profile == model.profile,
           "gsp::assemble: the rows were made for another model: call make_rows(exec, model), or make_simulation with it");
   detail::expects_fit("gsp::assemble", model, state, dynamics);

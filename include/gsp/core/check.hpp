@@ -1,5 +1,4 @@
 #pragma once
-#include <initializer_list>
 #include <stdexcept>
 #include <string>
 
@@ -28,13 +27,15 @@ struct Count {
   char const* argument;
   int count;
 };
-/// All arguments have as many `things` as the first; else one sentence with the numbers of the two that differ.
-inline void expects_as_many(char const* where, char const* things, std::initializer_list<Count> counts, char const* remedy) {
-  Count const& first = *counts.begin();
-  for (Count const& c : counts)
+/// The others have as many `things` as the first; else one sentence with the numbers of the two that differ.
+template <class... Counts>
+void expects_as_many(char const* where, char const* things, char const* remedy, Count const& first, Counts const&... others) {
+  auto const check = [&](Count const& c) {
     if (c.count != first.count)
-      throw std::invalid_argument(std::string(where) + ": the " + first.argument + " have " + std::to_string(first.count) + " " + things +
-                                  ", the " + c.argument + " " + std::to_string(c.count) + ": " + remedy);
+      throw std::invalid_argument(std::string(where) + ": the numbers of " + things + " differ: " + first.argument + " " +
+                                  std::to_string(first.count) + ", " + c.argument + " " + std::to_string(c.count) + ": " + remedy);
+  };
+  (check(others), ...);
 }
 }  // namespace detail
 

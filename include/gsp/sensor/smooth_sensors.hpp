@@ -354,8 +354,8 @@ void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> 
               ") and must be (worlds, nsensordata), here (" + std::to_string(sensors.worlds) + ", " + std::to_string(sensors.nsensordata) +
               ")");
   expects(sensors.model == detail::sizes_of(model), "gsp::smooth_sensors: the sensors were made for another model: make_sensors with this");
-  detail::expects_as_many("gsp::smooth_sensors", "worlds", {{"dynamics", dynamics.worlds}, {"sensors", sensors.worlds}},
-                          "make both with the same {.worlds = n}");
+  detail::expects_as_many("gsp::smooth_sensors", "worlds", "make both with the same {.worlds = n}",
+                          detail::Count{"dynamics", dynamics.worlds}, detail::Count{"sensors", sensors.worlds});
   detail::expects_fit("gsp::smooth_sensors", model, state, dynamics, poses);
   detail::expects_of("gsp::smooth_sensors", dynamics, state, sensors.needs);
   detail::expects_poses_of("gsp::smooth_sensors", poses, state);

@@ -36,10 +36,11 @@ void impacts(Exec const& exec, Progress<Mem> const& progress, Rows<R, Mem>& rows
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::impacts: the rows are not accessible from this execution space");
   expects(options.rounds >= 0 && options.sweeps > 0 && options.tolerance >= 0,
           "gsp::impacts: rounds and tolerance must not be negative, and sweeps must be positive");
-  detail::expects_as_many("gsp::impacts", "worlds", {{"rows", rows.worlds}, {"impulses", impulses.worlds}, {"solution", solution.worlds}},
-                          "make them for one model and the same {.worlds = n}");
-  detail::expects_as_many("gsp::impacts", "degrees of freedom", {{"rows", rows.nv}, {"solution", solution.nv}},
-                          "make them for one model and the same {.worlds = n}");
+  detail::expects_as_many("gsp::impacts", "worlds", "make them for one model and the same {.worlds = n}",
+                          detail::Count{"rows", rows.worlds}, detail::Count{"impulses", impulses.worlds},
+                          detail::Count{"solution", solution.worlds});
+  detail::expects_as_many("gsp::impacts", "degrees of freedom", "make them for one model and the same {.worlds = n}",
+                          detail::Count{"rows", rows.nv}, detail::Count{"solution", solution.nv});
   if (!rows.impact.data()) return;
   detail::expects_assembled("gsp::impacts", rows);
   Region const region("gsp::solver::impacts");

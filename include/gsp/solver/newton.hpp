@@ -87,12 +87,11 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
   Region const region("gsp::solver::newton");
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::newton: the rows are not accessible from this execution space");
   detail::expects_options("gsp::newton", options);
-  detail::expects_as_many(
-      "gsp::newton", "worlds",
-      {{"rows", rows.worlds}, {"impulses", impulses.worlds}, {"solution", solution.worlds}, {"buffers", buffers.worlds}},
-      "make them for one model and the same {.worlds = n}");
-  detail::expects_as_many("gsp::newton", "degrees of freedom", {{"rows", rows.nv}, {"solution", solution.nv}, {"buffers", buffers.nv}},
-                          "make them for one model and the same {.worlds = n}");
+  detail::expects_as_many("gsp::newton", "worlds", "make them for one model and the same {.worlds = n}", detail::Count{"rows", rows.worlds},
+                          detail::Count{"impulses", impulses.worlds}, detail::Count{"solution", solution.worlds},
+                          detail::Count{"buffers", buffers.worlds});
+  detail::expects_as_many("gsp::newton", "degrees of freedom", "make them for one model and the same {.worlds = n}",
+                          detail::Count{"rows", rows.nv}, detail::Count{"solution", solution.nv}, detail::Count{"buffers", buffers.nv});
   detail::expects_assembled("gsp::newton", rows);
   expects(rows.profile == Profile::mujoco,
           "gsp::newton: the rows are of profile stable, and those need not be the convex problem that this solver solves: call pgs, or "

@@ -42,10 +42,10 @@ void noslip(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::noslip: the rows are not accessible from this execution space");
   expects(options.iterations >= 0, "gsp::noslip: iterations must not be negative");
   expects(options.least_gain == options.least_gain, "gsp::noslip: least_gain is NaN: give a number (below 0: all sweeps are done)");
-  detail::expects_as_many("gsp::noslip", "worlds", {{"rows", rows.worlds}, {"impulses", impulses.worlds}, {"solution", solution.worlds}},
-                          "make them for one model and the same {.worlds = n}");
-  detail::expects_as_many("gsp::noslip", "degrees of freedom", {{"rows", rows.nv}, {"solution", solution.nv}},
-                          "make them for one model and the same {.worlds = n}");
+  detail::expects_as_many("gsp::noslip", "worlds", "make them for one model and the same {.worlds = n}", detail::Count{"rows", rows.worlds},
+                          detail::Count{"impulses", impulses.worlds}, detail::Count{"solution", solution.worlds});
+  detail::expects_as_many("gsp::noslip", "degrees of freedom", "make them for one model and the same {.worlds = n}",
+                          detail::Count{"rows", rows.nv}, detail::Count{"solution", solution.nv});
   expects(rows.profile == Profile::mujoco, "gsp::noslip: the rows are of profile stable, whose friction does not slip: leave the call out");
   detail::expects_solved("gsp::noslip", rows, impulses);
   for_worlds("gsp::solver::noslip", exec, rows.worlds,

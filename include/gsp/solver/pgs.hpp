@@ -30,10 +30,10 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
          PgsOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::pgs: the rows are not accessible from this execution space");
   detail::expects_options("gsp::pgs", options);
-  detail::expects_as_many("gsp::pgs", "worlds", {{"rows", rows.worlds}, {"impulses", impulses.worlds}, {"solution", solution.worlds}},
-                          "make them for one model and the same {.worlds = n}");
-  detail::expects_as_many("gsp::pgs", "degrees of freedom", {{"rows", rows.nv}, {"solution", solution.nv}},
-                          "make them for one model and the same {.worlds = n}");
+  detail::expects_as_many("gsp::pgs", "worlds", "make them for one model and the same {.worlds = n}", detail::Count{"rows", rows.worlds},
+                          detail::Count{"impulses", impulses.worlds}, detail::Count{"solution", solution.worlds});
+  detail::expects_as_many("gsp::pgs", "degrees of freedom", "make them for one model and the same {.worlds = n}",
+                          detail::Count{"rows", rows.nv}, detail::Count{"solution", solution.nv});
   detail::expects_assembled("gsp::pgs", rows);
   expects(!rows.stamp.data() || !rows.stamp().impacts_left, "gsp::pgs: some rows may have a restitution: call impacts first");
   Region const region("gsp::solver::pgs");

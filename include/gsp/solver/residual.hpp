@@ -69,11 +69,11 @@ template <ExecutionSpace Exec, class R, class Mem>
 void residuals(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Progress<Mem> const& progress,
                Residuals<R, Mem>& residuals) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::residuals: the rows are not accessible from this execution space");
-  detail::expects_as_many("gsp::residuals", "worlds",
-                          {{"rows", rows.worlds}, {"impulses", impulses.worlds}, {"residuals", residuals.worlds}},
-                          "make them for one model and the same {.worlds = n}");
-  detail::expects_as_many("gsp::residuals", "degrees of freedom", {{"rows", rows.nv}, {"residuals", residuals.nv}},
-                          "make them for one model and the same {.worlds = n}");
+  detail::expects_as_many("gsp::residuals", "worlds", "make them for one model and the same {.worlds = n}",
+                          detail::Count{"rows", rows.worlds}, detail::Count{"impulses", impulses.worlds},
+                          detail::Count{"residuals", residuals.worlds});
+  detail::expects_as_many("gsp::residuals", "degrees of freedom", "make them for one model and the same {.worlds = n}",
+                          detail::Count{"rows", rows.nv}, detail::Count{"residuals", residuals.nv});
   detail::expects_solved("gsp::residuals", rows, impulses);
   Region const region("gsp::solver::residuals");
   for_worlds(

@@ -107,8 +107,8 @@ void wake_changed(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> co
                   Sleep<R, Mem>& sleep) {
   if (sleep.worlds == 0) return;
   Region const region("gsp::step::wake_changed");
-  detail::expects_as_many("gsp::wake_changed", "worlds", {{"sleep", sleep.worlds}, {"state", state.worlds}},
-                          "make both with the same {.worlds = n}");
+  detail::expects_as_many("gsp::wake_changed", "worlds", "make both with the same {.worlds = n}", detail::Count{"sleep", sleep.worlds},
+                          detail::Count{"state", state.worlds});
   for_worlds("gsp::step::wake_changed", exec, state.worlds, detail::WakeChanged<Sleep<R, Mem>, R, Mem>{model, state, dynamics, sleep});
 }
 
@@ -151,8 +151,8 @@ void fall_asleep(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> cons
                  Sleep<R, Mem>& sleep) {
   if (sleep.worlds == 0) return;
   Region const region("gsp::step::fall_asleep");
-  detail::expects_as_many("gsp::fall_asleep", "worlds", {{"sleep", sleep.worlds}, {"state", state.worlds}},
-                          "make both with the same {.worlds = n}");
+  detail::expects_as_many("gsp::fall_asleep", "worlds", "make both with the same {.worlds = n}", detail::Count{"sleep", sleep.worlds},
+                          detail::Count{"state", state.worlds});
   for_worlds("gsp::step::fall_asleep", exec, state.worlds,
              detail::FallAsleep<Sleep<R, Mem>, R, Mem>{model, rows, progress.halt, state, dynamics, qfrc_constraint, sleep});
 }

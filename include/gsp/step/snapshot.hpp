@@ -38,8 +38,8 @@ void save(Exec const& exec, State<R, Mem> const& state, Simulation<R, Mem> const
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::save: the state is not accessible from this execution space");
   Region const region("gsp::step::save");
   detail::expects_fit("gsp::save", snapshot, state, sim);
-  detail::expects_as_many("gsp::save", "worlds", {{"snapshot", snapshot.state.worlds}, {"state", state.worlds}},
-                          "make_snapshot(exec, state, sim)");
+  detail::expects_as_many("gsp::save", "worlds", "make_snapshot(exec, state, sim)", detail::Count{"snapshot", snapshot.state.worlds},
+                          detail::Count{"state", state.worlds});
   expects((snapshot.sleep.calm.data() != nullptr) == (sim.sleep.worlds > 0),
           "gsp::save: one of snapshot and simulation has sleep, the other not: make_snapshot(exec, state, sim)");
   detail::moves_on(snapshot.state);

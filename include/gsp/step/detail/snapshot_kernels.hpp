@@ -105,21 +105,20 @@ void make_room(Exec const& exec, std::int64_t rows, Impulses<R, Mem>& i) {
 /// Snapshot and state are of one model, the snapshot of as many worlds or of one.
 template <class R, class Mem>
 void expects_fit(char const* where, Snapshot<R, Mem> const& snapshot, State<R, Mem> const& state, Simulation<R, Mem> const& sim) {
-  std::string const begin = std::string(where) + ": ";
-  if (sim.rows.worlds != state.worlds)
-    throw std::invalid_argument(begin + "state and simulation have different numbers of worlds: make them with the same {.worlds = n}");
+  expects_as_many(where, "worlds", "make them with the same {.worlds = n}", Count{"state", state.worlds},
+                  Count{"simulation", sim.rows.worlds});
   if (sim.rows.nv != int(state.qvel.extent(1)))
-    throw std::invalid_argument(begin + "state and simulation are of different models: the one has " +
+    throw std::invalid_argument(std::string(where) + ": state and simulation are of different models: the one has " +
                                 std::to_string(state.qvel.extent(1)) + " degrees of freedom, the other " + std::to_string(sim.rows.nv));
   expects_settled(where, sim.impulses);
   int const worlds = snapshot.state.worlds;
   if (worlds != state.worlds && worlds != 1)
-    throw std::invalid_argument(begin + "the snapshot has " + std::to_string(worlds) + " worlds and the state " +
+    throw std::invalid_argument(std::string(where) + ": the snapshot has " + std::to_string(worlds) + " worlds and the state " +
                                 std::to_string(state.worlds) + ": give one of as many worlds, or of one, which is given to all");
   auto const fits = [&](char const* name, auto const& from, auto const& to) {
     if (items_of_row(from) != items_of_row(to))
-      throw std::invalid_argument(begin + "a world of the snapshot has " + std::to_string(items_of_row(from)) + " numbers in " + name +
-                                  " and one of the state " + std::to_string(items_of_row(to)) +
+      throw std::invalid_argument(std::string(where) + ": a world of the snapshot has " + std::to_string(items_of_row(from)) +
+                                  " numbers in " + name + " and one of the state " + std::to_string(items_of_row(to)) +
                                   ": the snapshot is of another model: make_snapshot(exec, state, sim)");
   };
   each_state_view(fits, snapshot.state, state);
