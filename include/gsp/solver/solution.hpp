@@ -25,8 +25,8 @@ struct Solution {
   View<int> going;
   View<R*> island_items;  // hosts: room for an island a thread (detail/pgs_grouped.hpp), which pgs enlarges
   std::int64_t island_stride = 0;
-  View<int**> shared_worlds;  // GPUs, (sizes, worlds) those that are solved in shared memory, by the room that they need
-  View<int**> shared_counts;  // GPUs, (sizes, 3) how many stand at the front of them, at their end, and how many have been taken
+  View<int**> listed_worlds;  // GPUs, (lists, worlds) small ones, by the room that they need
+  View<int**> list_counts;    // GPUs, (lists, 3) how many stand at the front of them, at their end, and how many have been taken
   detail::SharedStamp<detail::SolutionStamp> stamp;  // host: of which state it is (dynamics/stamps.hpp)
 };
 
@@ -62,8 +62,8 @@ Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, Sol
   make(s.iterations, "gsp::Solution::iterations", s.worlds);
   if (s.nv > detail::lockstep_most_dofs) return s;
   if constexpr (is_device<Exec>) {
-    make(s.shared_worlds, "gsp::Solution::shared_worlds", detail::shared_sizes, s.worlds);
-    make(s.shared_counts, "gsp::Solution::shared_counts", detail::shared_sizes, 3);
+    make(s.listed_worlds, "gsp::Solution::listed_worlds", detail::delassus_lists, s.worlds);
+    make(s.list_counts, "gsp::Solution::list_counts", detail::delassus_lists, 3);
   } else {
     s.thread_stride = detail::lockstep_packs(s.nv) * native_width<R>;
     make(s.thread_items, "gsp::Solution::thread_items", s.thread_stride * Kokkos::DefaultHostExecutionSpace().concurrency());

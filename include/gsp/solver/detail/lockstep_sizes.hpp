@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <gsp/constraint/rows.hpp>
 
-/// Which worlds are small, and go together through the sweeps (pgs_lockstep.hpp on hosts, pgs_shared.hpp on GPUs), and the room of a pack
+/// Which worlds are small, and go together through the sweeps (pgs_lockstep.hpp on hosts, pgs_delassus.hpp on GPUs), and the room of a pack
 /// of them.
 namespace gsp::detail {
 
@@ -19,8 +19,8 @@ KOKKOS_INLINE_FUNCTION constexpr int lockstep_most_block_rows(int of_element) {
 }
 // What is known of a block but its entries: 16 numbers a row and the products of its rows; all else takes 6 of the narrowest packs.
 KOKKOS_INLINE_FUNCTION constexpr int lockstep_block_packs(int rows) { return 16 * rows + rows * (rows - 1) / 2 + 6; }
-// GPUs sort worlds by the room that they need (pgs_shared.hpp).
-inline constexpr int shared_sizes = 8;
+// GPUs sort worlds by the room that they need (pgs_delassus.hpp).
+inline constexpr int delassus_lists = 10;
 /// A world takes this path by its own rows alone.
 template <class Rows>
 KOKKOS_INLINE_FUNCTION bool goes_in_lockstep(Rows const& rows, int world) {

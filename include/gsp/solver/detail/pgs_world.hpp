@@ -1,8 +1,8 @@
 #pragma once
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/parallel/for_worlds.hpp>
+#include <gsp/solver/detail/pgs_delassus.hpp>
 #include <gsp/solver/detail/pgs_grouped.hpp>
-#include <gsp/solver/detail/pgs_shared.hpp>
 #include <gsp/solver/detail/take_element.hpp>
 
 /// Projected Gauss-Seidel island by island: on a host a thread a world, over rows in groups of dofs (pgs_grouped.hpp); on a GPU a warp,
@@ -31,7 +31,7 @@ struct FindIslands {
 };
 
 /// Which worlds another kernel solves.
-enum class SmallWorlds : unsigned char { none, lockstep, shared };  // pgs_lockstep.hpp, pgs_shared.hpp
+enum class SmallWorlds : unsigned char { none, lockstep, delassus };  // pgs_lockstep.hpp, pgs_delassus.hpp
 
 template <class R, class Mem>
 struct PgsWorld {
@@ -90,7 +90,8 @@ struct PgsWorld {
     world.each(rows.nv - still, [&](int k) { z[islands.dofs(w, still + k)] = R(0); });
   }
   KOKKOS_INLINE_FUNCTION bool is_solved_elsewhere(int w) const {
-    return elsewhere == SmallWorlds::lockstep ? goes_in_lockstep(rows, w) : elsewhere == SmallWorlds::shared && fits_shared(rows, w);
+    return elsewhere == SmallWorlds::lockstep ? goes_in_lockstep(rows, w)
+                                              : elsewhere == SmallWorlds::delassus && delassus_list(rows, w) >= 0;
   }
 
   [[gnu::noinline]] void on_host(RoomyWorld const& world) const { (*this)(world); }  // one copy of the code for all host backends

@@ -16,7 +16,7 @@ struct SweepOutcome {
 /// @param island  sweep, keep, take_back, leap_sums, mixing_sums, go_on and sum, as GroupedIsland has them
 /// @param any     whether there is any element
 template <class R, class Island>
-KOKKOS_INLINE_FUNCTION int sweep_until_rest(Island const& island, PgsOptions const& options, R tolerance, bool any) {
+KOKKOS_INLINE_FUNCTION int sweep_until_rest(Island&& island, PgsOptions const& options, R tolerance, bool any) {
   int sweep = 0;
   bool leaping = true;
   MixingMemory<R> memory;
