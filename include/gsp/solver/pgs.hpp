@@ -20,12 +20,11 @@ namespace gsp {
 /// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, a tolerance below 0 or NaN, a relaxation
 /// outside of 0 to 2, for rows that nobody has assembled, and for rows with room for a restitution without a call of impacts. On a CPU,
 /// worlds of at most 128 rows in models of at most 128 dofs go in lockstep, a pack at a time; larger ones, and those of several trees that
-/// may sleep, are swept island by island, each in its thread's own memory. On a GPU these
-/// small worlds (of double: of up to 96 rows) stay in shared memory, a warp each over their Delassus matrix; the others are swept over
-/// sparse rows, by a warp each, island by island. Cost 4 entries iterations flop a world, on a GPU 2 rows^2 iterations of small ones. A
-/// world's result depends on nothing but its own rows and on whether trees may sleep. Does not fence. Allocates on a CPU alone, room of a
-/// thread for large worlds (solution.island_items): at its first call for a world's share of the pools, again when these grow or a world
-/// has more.
+/// may sleep, are swept island by island, each in its thread's own memory. On a GPU these small worlds (in double of up to 96 rows) stay in
+/// shared memory, a warp each, over their Delassus matrix; the others are swept over sparse rows, by a warp each, island by island. Cost 4
+/// entries iterations flop a world, of small ones on a GPU 2 rows^2 iterations. A world's result depends on nothing but its own rows and on
+/// whether trees may sleep. Does not fence. Allocates on a CPU alone, room of a thread for large worlds (solution.island_items): at its
+/// first call for a world's share of the pools, again when these grow or a world has more.
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
          PgsOptions options = {}) {
