@@ -169,6 +169,19 @@ struct OwnFriction {
   KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int, int) const { return {0, 0, world % 2 ? 0 : -1, 1.}; }
   KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
+/// Friction that is less than none in every second world.
+struct NegativeFriction : OwnFriction {
+  KOKKOS_FUNCTION int rows(int, int) const { return 2; }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int, int, int row, Row&& J) const {
+    J.set_dof(row, 1.);
+    return 0;
+  }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int world, int, int row) const {
+    if (row == 0) return {0., Kokkos::Experimental::infinity_v<double>};
+    return {0, 0, 0, world % 2 ? -0.5 : 0.5};
+  }
+};
 }  // namespace test_types
 
 namespace {
@@ -655,6 +668,13 @@ TEST_CASE_TEMPLATE("friction of a row that the element does not have is refused"
     CHECK(status(w) == (w % 2 ? gsp::status::row_refused | gsp::status::refused_friction : 0u));
     CHECK(steps(w) == (w % 2 ? 0 : 2));
   }
+}
+
+TEST_CASE_TEMPLATE("negative friction is refused", Exec, GSP_TEST_EXECS) {
+  Loop<double, Exec> s(gsp::compile(gsp_test::sliders(2, 2)), 4);
+  s.step(2, test_types::NegativeFriction{});
+  auto const status = gsp_test::host(s.state.status);
+  for (int w = 0; w < 4; ++w) CHECK(status(w) == (w % 2 ? gsp::status::row_refused | gsp::status::refused_bounds : 0u));
 }
 
 // The stop is each world's own, and a converged warm start needs one sweep.

@@ -198,7 +198,7 @@ RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
 /// next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows of more than two trees, elements of more than
 /// six rows, friction of a row that the element does not have, laws that are not finite or of negative compliance at a finite state, a
 /// restitution outside of 0 to 1 or of rows that are soft, pull or have no room for it, bounds that are NaN or change places (lower >
-/// upper), and in profile mujoco what no cone is (docs/add_a_constraint.md): status::row_refused.
+/// upper), a negative mu, and in profile mujoco what no cone is (docs/add_a_constraint.md): status::row_refused.
 /// @param sleeping  islands that sleep (step/sleep.hpp): those that something awake touches are woken, the others have no rows and keep
 ///                  their impulses
 /// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or
@@ -237,9 +237,13 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
   Kokkos::parallel_scan("gsp::constraint::scan_rows", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds)),
                         detail::ScanRows<R, Mem>{rows, state, progress.halt, impulses.parity, impulses.solved,
                                                  std::min(rows.capacity(), impulses.capacity())});
-  for_worlds(
-      "gsp::constraint::emit_rows", exec, rows.worlds,
-      detail::EmitRows<R, Mem, List>{model, state, dynamics, rows, impulses, progress.halt, types, detail::names_of(types), sleeping});
+  detail::EmitRows<R, Mem, List> const emit{model,   state, dynamics, rows, impulses, progress.halt, types, detail::names_of(types),
+                                            sleeping};
+  for_worlds("gsp::constraint::emit_rows", exec, rows.worlds, emit);
+  if constexpr (is_device<Exec>) {
+    detail::launch_threads("gsp::constraint::make_rows", exec, detail::MakeRows<R, Mem, List>{emit});
+    detail::launch_threads("gsp::constraint::finish_rows", exec, detail::FinishRows<R, Mem, List>{emit});
+  }
   eliminate_rows(exec, model, progress, rows, impulses);
   detail::RowsStamp stamp = detail::contacts_of<R, Mem>(types);
   stamp.state.set(state);

@@ -115,6 +115,7 @@ struct Rows {
   View<Row<R>*> row;                         // (capacity)
   View<RowImpact<R>*> impact;                // (capacity) empty where no row has a restitution
   View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
+  View<int*> world_of;         // GPUs, (capacity) the world of a row
   View<R*> Y;  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries; last
                // of a world what eliminated rows do to all, (most_eliminated, count)
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed, or one since they grew that needed more than there is
@@ -154,6 +155,7 @@ void allocate_rows(Exec const& exec, Rows<R, Mem>& r, std::int64_t rows, std::in
     throw Error("gsp::Rows: more than 2147483647 constraint rows are asked for: use fewer worlds a batch");
   enlarge(exec, r.row, "gsp::Rows::row", rows);
   enlarge(exec, r.element_rows, "gsp::Rows::element_rows", rows);
+  if (is_device<Exec>) enlarge(exec, r.world_of, "gsp::Rows::world_of", rows);
   if (r.impact.data()) enlarge(exec, r.impact, "gsp::Rows::impact", rows);
   enlarge(exec, r.islands.elements, "gsp::Islands::elements", rows);
   enlarge(exec, r.islands.keys, "gsp::Islands::keys", rows);

@@ -53,7 +53,8 @@ inline std::string text(std::uint32_t bits) {
       "a constraint row was refused: its bounds() name a row of friction that the element does not have, or itself, or share an ellipse "
       "with what is no friction of the same row (in profile mujoco also: friction of a row without the bounds 0 and infinity, or a second "
       "one that shares no ellipse): correct friction_of and with_next");
-  add(refused_bounds, "a constraint row was refused: its bounds() are NaN, or the lower one is above the upper one: correct them");
+  add(refused_bounds,
+      "a constraint row was refused: its bounds() are NaN, the lower one is above the upper one, or mu is negative: correct them");
   add(refused_law,
       "a constraint row was refused: its law() is infinite or NaN or has a negative compliance (a lambda() that grows with the gap or the "
       "rate), or a restitution that is not 0 to 1 of a rigid row that only pushes and has room for it (make_rows or make_simulation with "

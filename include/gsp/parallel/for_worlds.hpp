@@ -42,12 +42,6 @@ struct SerialWorld {
     for (int i = 0; i < n; ++i)
       if (int const k = key(i); k >= 0) put(i, next[k]++);
   }
-  /// Where this thread works on n numbers of its own before they go to `there`: in kernels that have column_bytes, those of a thread, in
-  /// memory near the threads of a device; else right there.
-  template <class T>
-  KOKKOS_INLINE_FUNCTION T* column(int, T* there) const {
-    return there;
-  }
 };
 template <class F>
 struct HostWorlds {
@@ -57,6 +51,9 @@ struct HostWorlds {
 /// f(world), a warp each, with what SerialWorld has (worlds_cuda.hpp).
 template <class Exec, class F>
 void launch_worlds(std::string const& label, Exec const& exec, int worlds, F const& f);
+/// f(thread, i) for i < f.count(), which the device says, a thread each on a device: `thread` has `column` (worlds_cuda.hpp).
+template <class Exec, class F>
+void launch_threads(std::string const& label, Exec const& exec, F const& f);
 }  // namespace detail
 
 /// Runs f(world) for world.rank = 0 ... worlds - 1. `f` has a template <class World> operator()(World const&) const and uses what

@@ -135,8 +135,8 @@ struct CountRows {
       }
       auto const bounds = element.bounds(r);
       refuse(bounds.friction_of >= n || bounds.friction_of == r, status::refused_friction);
-      refuse(bounds.lower > bounds.upper || !are_numbers(bounds.lower, bounds.upper, bounds.friction_of < 0 ? R(0) : R(bounds.mu)),
-             status::refused_bounds);
+      R const mu = bounds.friction_of < 0 ? R(0) : R(bounds.mu);
+      refuse(bounds.lower > bounds.upper || !are_numbers(bounds.lower, bounds.upper, mu) || mu < R(0), status::refused_bounds);
       if (!refused && bounds.friction_of >= 0 && model.profile == Profile::mujoco) {  // newton's cones: normals that push alone
         // Two that are bounded each by itself are a box, which is none.
         unsigned const one = bounds.with_next || second ? 0u : 1u << bounds.friction_of;

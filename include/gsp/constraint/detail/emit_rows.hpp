@@ -4,7 +4,8 @@
 #include <gsp/constraint/detail/row_laws.hpp>
 #include <gsp/constraint/detail/start_impulses.hpp>
 
-/// The last kernel of `assemble`: entries, laws and first impulses of all rows, in the order of the types, then of the elements.
+/// The last kernels of `assemble`: entries, laws and first impulses of all rows, in the order of the types, then of the elements. A host
+/// makes them world by world; a device lays them out so, then makes them by a thread each, all worlds' together, and finishes elements.
 namespace gsp::detail {
 
 // Friction that holds as a spring does (RowsOptions::friction_time), C = s |Y|^2: s as far as a step can follow, the least for what is new.
@@ -24,7 +25,6 @@ struct EmitRows {
   Types types;
   TypeNames names;
   SleepingIslands<Mem> sleeping;
-  static constexpr int column_bytes = 160;  // a row's entries, or else they are worked on in the pool
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
@@ -38,7 +38,7 @@ struct EmitRows {
     if (w == 0) world.each(most_constraint_types + 1, [&](int t) { impulses.type_names(t, now) = t < names.count ? names.name[t] : 0; });
     if (state.status(w) & status::row_refused) return;
     if constexpr (is_device<typename Mem::execution_space>)
-      emit_by_row(world);
+      lay_out(world);
     else
       emit_together(w);
     if (rows.kept(w) == 0) return;
@@ -52,7 +52,32 @@ struct EmitRows {
     });
   }
 
+  /// On a device: row `at` of the pool, which has been laid out. What all types do stands between what each does by itself: threads with
+  /// rows of different types go through it together.
+  template <class Thread>
+  KOKKOS_INLINE_FUNCTION void make(Thread const& thread, int at) const {
+    if (!is_laid_out(at)) return;
+    int r = 0;
+    while (rows.element_rows(at - r) == 0) ++r;
+    emit(thread, rows.world_of(at), r, at);
+  }
+  /// On a device: the element that begins at row `at`, whose rows have been made.
+  KOKKOS_INLINE_FUNCTION void finish(int at) const {
+    int const n = rows.element_rows(at);
+    if (n > 0 && is_laid_out(at)) types.visit_type(rows.row(at).type, [&](auto const& type) { finish(type, rows.world_of(at), n, at); });
+  }
+  /// Rows of the pool, with those that are kept.
+  KOKKOS_INLINE_FUNCTION int count() const {
+    int const last = rows.worlds - 1;
+    return halt() ? 0 : rows.first(last) + rows.count(last) + rows.kept(last);
+  }
+
  private:
+  /// Not one that is kept.
+  KOKKOS_INLINE_FUNCTION bool is_laid_out(int at) const {
+    int const w = rows.world_of(at);
+    return at < rows.first(w) + rows.count(w);
+  }
   /// What a row may yield to its load (RowLaw), until its element is finished: in room that nothing else needs before the solver.
   KOKKOS_INLINE_FUNCTION R& most_yield(int row) const { return impulses.before(row); }
   KOKKOS_INLINE_FUNCTION RowLaws<R, Mem> laws(R most_inverse_inertia) const { return {model, state, dynamics, rows, most_inverse_inertia}; }
@@ -68,10 +93,11 @@ struct EmitRows {
   }
   KOKKOS_INLINE_FUNCTION static int entries_in(Row<R> const& row) { return row.segment[0].count + row.segment[1].count; }
 
-  /// All rows of a world, on a device: they are laid out, then made by a thread each.
+  /// Where all rows of a world lie, on a device.
   template <class World>
-  KOKKOS_INLINE_FUNCTION void emit_by_row(World const& world) const {
-    int const w = world.rank, first = rows.first(w), count = rows.count(w);
+  KOKKOS_INLINE_FUNCTION void lay_out(World const& world) const {
+    int const w = world.rank, first = rows.first(w);
+    world.each(rows.count(w) + rows.kept(w), [&](int r) { rows.world_of(first + r) = w; });
     world.template scan<std::int64_t>(types.count(w), [&](int e, std::int64_t& sum, bool last) {
       types.visit(w, e, 0, [&](auto const& type, int place, int k) {
         auto const element = element_of(type, w, k);
@@ -91,26 +117,14 @@ struct EmitRows {
         sum += sizes;
       });
     });
-    world.sync();
-    world.each(count, [&](int i) {
-      int r = 0;
-      while (rows.element_rows(first + i - r) == 0) ++r;
-      emit(world, w, r, first + i);
-    });
-    world.sync();
-    world.each(count, [&](int r) {
-      int const n = rows.element_rows(first + r);
-      if (n > 0) types.visit_type(rows.row(first + r).type, [&](auto const& type) { finish(type, w, n, first + r); });
-    });
   }
-  /// Row r of an element, number `at` of the pool: whitened entries, law and bounds. What all types do stands between what each does by
-  /// itself: threads with rows of different types go through it together.
-  template <class World>
-  KOKKOS_INLINE_FUNCTION void emit(World const& world, int w, int r, int at) const {
+  /// Row r of an element, number `at` of the pool: whitened entries, law and bounds.
+  template <class Thread>
+  KOKKOS_INLINE_FUNCTION void emit(Thread const& thread, int w, int r, int at) const {
     Row<R> row = rows.row(at);
     int const entries = entries_in(row);
     R* const there = rows.Y.data() + row.first_entry;
-    auto const y = world.column(entries, there);
+    auto const y = thread.column(entries, there);
     for (int i = 0; i < entries; ++i) y[i] = R(0);
     R gap(0), rate(0), free_rate(0), diagonal(0);
     types.visit_type(row.type, [&](auto const& type) {
@@ -266,6 +280,28 @@ struct EmitRows {
     if (!(compliance * abs(p) > most) || row.with_next) return;
     row.compliance = most / abs(p);
     row.inverse_diagonal = R(1) / (R(1) / row.inverse_diagonal + (row.compliance - compliance));
+  }
+};
+
+/// EmitRows::make, of all rows.
+template <class R, class Mem, class Types>
+struct MakeRows {
+  EmitRows<R, Mem, Types> emit;
+  static constexpr int column_bytes = 160;  // a row's entries, or else they are worked on in the pool
+  KOKKOS_FUNCTION int count() const { return emit.count(); }
+  template <class Thread>
+  KOKKOS_FUNCTION void operator()(Thread const& thread, int at) const {
+    emit.make(thread, at);
+  }
+};
+/// EmitRows::finish, of all elements.
+template <class R, class Mem, class Types>
+struct FinishRows {
+  EmitRows<R, Mem, Types> emit;
+  KOKKOS_FUNCTION int count() const { return emit.count(); }
+  template <class Thread>
+  KOKKOS_FUNCTION void operator()(Thread const&, int at) const {
+    emit.finish(at);
   }
 };
 

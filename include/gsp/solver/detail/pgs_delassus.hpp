@@ -8,8 +8,8 @@
 /// Projected Gauss-Seidel for small worlds on a GPU: a warp each, over their Delassus matrix,
 ///   w = A p + b,   A = Y Y^T + C
 /// in shared memory from the first sweep to the last. What bounds a sweep is the chain from one element to the next; here it is shorter
-/// than over whitened rows (docs/decisions/0030). A world takes this path by its own rows alone, and nothing that it computes hangs on
-/// when, where or beside which others it is solved.
+/// than over whitened rows (docs/decisions/0030). A world takes this path by its own rows alone (and where no tree may sleep), and nothing
+/// that it computes hangs on when, where or beside which others it is solved.
 namespace gsp::detail {
 
 /// What is known of a row beside its numbers, in the order of the sweeps.
@@ -24,7 +24,7 @@ static_assert(sizeof(DelassusRow) == 4);
 template <class R>
 struct alignas(4 * sizeof(R)) DelassusLaw {
   R step;          // -relaxation / (|Y|^2 + C), or that of two rows together
-  R lower, upper;  // where friction_of >= 0: lower is mu
+  R lower, upper;  // of friction: mu in place of lower
   R p;             // impulse
 };
 
@@ -50,7 +50,7 @@ KOKKOS_INLINE_FUNCTION constexpr int delassus_rows(int list) {
   constexpr int most[delassus_lists] = {16, 24, 32, 40, 52, 64, 80, 96, 112, lockstep_most_rows};
   return most[list];
 }
-/// The list that a world belongs to; -1: it is solved by a whole warp in the pools (pgs_world.hpp).
+/// The list that a world belongs to; -1: it is swept over sparse rows (pgs_world.hpp).
 template <class R, class Mem>
 KOKKOS_INLINE_FUNCTION int delassus_list(Rows<R, Mem> const& rows, int w) {
   if (rows.nv > lockstep_most_dofs || !goes_in_lockstep(rows, w)) return -1;

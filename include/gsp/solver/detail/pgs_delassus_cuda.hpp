@@ -27,6 +27,7 @@ class DelassusWorld {
 #pragma unroll
     for (int s = 0; s < S; ++s) read_row(s);
     for (int i = lane_; i < count * stride_; i += 32) A_[i] = R(0);
+    __syncwarp();
     for (int dof = 0; dof < nv; dof += dofs_) {
       spread(dof);
       multiply(smaller(dofs_, nv - dof));
@@ -34,7 +35,6 @@ class DelassusWorld {
     add_compliance();
     sum();
   }
-  __device__ int rows() const { return count_; }
 
   /// w = A p + b
   __device__ void sum() {
@@ -190,7 +190,8 @@ class DelassusWorld {
       int const r = lane_ + 32 * s, own = before_several[s] + (rows_of[s] > 1);  // elements of more, up to this one
       place[s] = rows_of[s] == 1 ? before_single[s] + behind[smaller(before_single[s], severals)] : before_row[s] + smaller(own, singles);
       Row<R> const& from = rows.row(first_ + r);
-      row_[place[s]] = {static_cast<unsigned char>(r), static_cast<unsigned char>(rows_of[s]), from.friction_of, from.with_next, false};
+      bool const with_next = from.with_next && r + 1 < count && rows.element_rows(first_ + r + 1) == 0;
+      row_[place[s]] = {static_cast<unsigned char>(r), static_cast<unsigned char>(rows_of[s]), from.friction_of, with_next, false};
     }
     if (lane_ == 0) row_[count_] = {0, 1, -1, false, false};
     __syncwarp();
@@ -437,7 +438,7 @@ class DelassusWorld {
 /// Lists the worlds; those that took many sweeps in the last step stand in front, as they may again: what is long begins first.
 template <class R, class Mem>
 __global__ void list_delassus_kernel(PgsDelassus<R, Mem> const __grid_constant__ solver) {
-  constexpr int many = 33;
+  constexpr int many = 33;  // sweeps: about the mean of humanoids that lie
   if (solver.halt()) return;
   auto const& solution = solver.solution;
   int const w = blockIdx.x * blockDim.x + threadIdx.x, list = w < solver.rows.worlds ? delassus_list(solver.rows, w) : -1;
@@ -456,7 +457,7 @@ __global__ void __launch_bounds__(32) pgs_delassus_kernel(PgsDelassus<R, Mem> co
   auto const solve = [&](int w) {
     DelassusWorld<R, Mem, S> world(solver, w, shared_memory);
     R const tolerance = R(solver.options.tolerance) * solver.rows.rate_scale(w);
-    world.write(sweep_until_rest<R>(world, solver.options, tolerance, world.rows() > 0));
+    world.write(sweep_until_rest<R>(world, solver.options, tolerance, solver.rows.count(w) > 0));
   };
   if (list < 0) {
     int const own = delassus_list(solver.rows, blockIdx.x);
@@ -487,7 +488,8 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
     int const grid = list < 0 ? worlds : std::min(worlds, at_a_time(bytes));
     auto const one = [&](auto* kernel) {
       if (bytes > int(device.sharedMemPerBlock))
-        cuda_expects(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, bytes),
+        // a limit of the kernel, not of this launch: another thread's launch may need all
+        cuda_expects(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(delassus_most_bytes)),
                      "gsp::solver::pgs_delassus, shared memory");
       kernel<<<grid, 32, bytes, stream>>>(solver, list);
     };
