@@ -51,9 +51,6 @@ struct HostWorlds {
 /// f(world), a warp each, with what SerialWorld has (worlds_cuda.hpp).
 template <class Exec, class F>
 void launch_worlds(std::string const& label, Exec const& exec, int worlds, F const& f);
-/// f(thread, i) for i < f.count(), which the device says, a thread each on a device: `thread` has `column` (worlds_cuda.hpp).
-template <class Exec, class F>
-void launch_threads(std::string const& label, Exec const& exec, F const& f);
 }  // namespace detail
 
 /// Runs f(world) for world.rank = 0 ... worlds - 1. `f` has a template <class World> operator()(World const&) const and uses what

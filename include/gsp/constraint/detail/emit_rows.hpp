@@ -3,6 +3,7 @@
 #include <gsp/constraint/detail/row_lanes.hpp>
 #include <gsp/constraint/detail/row_laws.hpp>
 #include <gsp/constraint/detail/start_impulses.hpp>
+#include <gsp/parallel/detail/launch_threads.hpp>
 
 /// The last kernels of `assemble`: entries, laws and first impulses of all rows, in the order of the types, then of the elements. A host
 /// makes them world by world; a device lays them out so, then makes them by a thread each, all worlds' together, and finishes elements.
