@@ -8,9 +8,23 @@
 /// elements of one row and of more take turns.
 namespace gsp::detail {
 
+/// A is symmetric. Where worlds of many rows wait, twice as many as fit, they keep its lower triangle alone, line by line, and a line of
+/// zeros for threads without a row: nearly twice as many fit, which is worth the arithmetic that finds an entry. The numbers are the same.
+__device__ __host__ constexpr int triangle_line(int row) { return row * (row + 1) / 2; }
+/// Numbers of the matrix: whole groups of four.
+__device__ __host__ constexpr int delassus_matrix(int rows, bool triangle) {
+  return triangle ? (triangle_line(rows + 1) + 3) / 4 * 4 : delassus_stride(rows) * rows + delassus_beyond;
+}
+/// Shared memory of a world, no more than delassus_bytes.
+template <class R>
+constexpr int delassus_bytes_of(int rows, int nv, bool triangle) {
+  int const full = delassus_matrix(rows, false);
+  return int(delassus_bytes<R>(rows, nv)) - (triangle ? full - std::min(full, delassus_matrix(rows, true)) : 0) * int(sizeof(R));
+}
+
 /// A world, for sweep_until_rest. All threads of the warp call all members together.
-/// @tparam S  rows a thread
-template <class R, class Mem, int S>
+/// @tparam S  rows a thread;   @tparam triangle  whether A is its lower triangle
+template <class R, class Mem, int S, bool triangle>
 class DelassusWorld {
  public:
   /// Rows, entries and impulses, from the pools.
@@ -21,12 +35,15 @@ class DelassusWorld {
     dofs_ = delassus_dofs(count, nv);
     law_ = reinterpret_cast<DelassusLaw<R>*>(memory);
     A_ = reinterpret_cast<R*>(law_ + stride_);
-    Y_ = A_ + count * stride_ + delassus_beyond;
+    Y_ = A_ + delassus_matrix(count, triangle);
     row_ = reinterpret_cast<DelassusRow*>(Y_ + dofs_ * stride_);
     find_order(count);
 #pragma unroll
-    for (int s = 0; s < S; ++s) read_row(s);
-    for (int i = lane_; i < count * stride_; i += 32) A_[i] = R(0);
+    for (int s = 0; s < S; ++s) {
+      if constexpr (triangle) own_[s] = smaller(lane_ + 32 * s, count_);
+      read_row(s);
+    }
+    for (int i = lane_; i < delassus_matrix(count, triangle); i += 32) A_[i] = R(0);
     __syncwarp();
     for (int dof = 0; dof < nv; dof += dofs_) {
       spread(dof);
@@ -48,7 +65,7 @@ class DelassusWorld {
     for (int i = 0; i < count_; ++i) {
       R const p = law_[i].p;
 #pragma unroll
-      for (int s = 0; s < S; ++s) w_[s] = fma(A_[i * stride_ + lane_ + 32 * s], p, w_[s]);
+      for (int s = 0; s < S; ++s) w_[s] = fma(entry(s, i), p, w_[s]);
     }
     __syncwarp();
   }
@@ -108,6 +125,7 @@ class DelassusWorld {
     for (int s = 0; s < S; ++s)
       if (int const i = lane_ + 32 * s; i < count_) p[row_[i].pool] = p_[s];
     for (int begin = 0; begin < nv; begin += dofs_) {
+      __syncwarp();                   // all have read those before
       if (nv > dofs_) spread(begin);  // else it is there
       R own(0);
 #pragma unroll 4
@@ -143,6 +161,15 @@ class DelassusWorld {
 #pragma unroll
     for (int stride = 16; stride > 0; stride /= 2) x = max(x, __shfl_xor_sync(all, x, stride));
     return x;
+  }
+  /// Where A of rows i <= j stands.
+  __device__ int place(int i, int j) const { return triangle ? triangle_line(j) + i : i * stride_ + j; }
+  /// A of row i and the thread's row of place s; any number, of all but many rows, where it has none.
+  __device__ R entry(int s, int i) const {
+    if constexpr (!triangle)
+      return A_[i * stride_ + lane_ + 32 * s];
+    else
+      return A_[i <= own_[s] ? place(i, own_[s]) : place(own_[s], i)];
   }
   /// Rate of row i, which one thread has.
   __device__ R rate(int i) const {
@@ -193,7 +220,7 @@ class DelassusWorld {
       bool const with_next = from.with_next && r + 1 < count && rows.element_rows(first_ + r + 1) == 0;
       row_[place[s]] = {static_cast<unsigned char>(r), static_cast<unsigned char>(rows_of[s]), from.friction_of, with_next, false};
     }
-    if (lane_ == 0) row_[count_] = {0, 1, -1, false, false};
+    if (lane_ == 0) row_[count_] = {0, 0, -1, false, false};
     __syncwarp();
 #pragma unroll
     for (int s = 0; s < S; ++s)
@@ -276,6 +303,7 @@ class DelassusWorld {
         Four const other = *reinterpret_cast<Four const*>(Y_ + k * stride_ + column);
 #pragma unroll
         for (int s = 0; s < S; ++s) {
+          if (triangle && 32 * s + 31 < column) continue;  // of no row behind
           R const own = Y_[k * stride_ + smaller(lane_ + 32 * s, stride_ - 1)];
 #pragma unroll
           for (int c = 0; c < 4; ++c) sum[c][s] = fma(other.of[c], own, sum[c][s]);
@@ -285,7 +313,7 @@ class DelassusWorld {
       for (int c = 0; c < 4; ++c)
 #pragma unroll
         for (int s = 0; s < S; ++s)
-          if (int const i = lane_ + 32 * s; i < count_ && column + c < count_) A_[(column + c) * stride_ + i] += sum[c][s];
+          if (int const i = lane_ + 32 * s; i < count_ && column + c < (triangle ? i + 1 : count_)) A_[place(column + c, i)] += sum[c][s];
     }
     __syncwarp();
   }
@@ -293,25 +321,27 @@ class DelassusWorld {
   __device__ void add_compliance() const {
 #pragma unroll
     for (int s = 0; s < S; ++s)
-      if (int const i = lane_ + 32 * s; i < count_) A_[i * stride_ + i] += k_.rows.row(first_ + row_[i].pool).compliance;
+      if (int const i = lane_ + 32 * s; i < count_) A_[place(i, i)] += k_.rows.row(first_ + row_[i].pool).compliance;
     __syncwarp();
   }
 
   template <bool tells>
   __device__ SweepOutcome<R> pass() {
     SweepOutcome<R> to;
-    DelassusRow next = row_[0];
+    DelassusRow e = row_[0];
 #pragma unroll 1
-    for (int i = 0; i < count_;) {
-      DelassusRow const e = next;
-      next = row_[i + e.rows];
-      if (e.rows == 1)
+    for (int i = 0; e.rows > 0;) {  // one row, and the element that takes turns with it
+      if (e.rows == 1) {
         single<tells>(i, to.work);
-      else if (e.contact)
+        e = row_[++i];
+      }
+      if (e.contact) {
         contact<tells>(i, to.work);
-      else
+        e = row_[i += 3];
+      } else if (e.rows > 1) {
         element<tells>(i, e.rows, to.work);
-      i += e.rows;
+        e = row_[i += e.rows];
+      }
     }
     __syncwarp();
 #pragma unroll
@@ -339,7 +369,7 @@ class DelassusWorld {
     DelassusLaw<R> const law = law_[i];
     R column[S];
 #pragma unroll
-    for (int s = 0; s < S; ++s) column[s] = A_[i * stride_ + lane_ + 32 * s];
+    for (int s = 0; s < S; ++s) column[s] = entry(s, i);
     R const w = rate(i), p = clamp(fma(law.step, w, law.p), law.lower, law.upper), d = p - law.p;
     __syncwarp();  // all have read p
 #pragma unroll
@@ -350,14 +380,13 @@ class DelassusWorld {
   template <bool tells>
   __device__ void contact(int i, SweepWork<R>& work) {
     DelassusLaw<R> const n0 = law_[i], n1 = law_[i + 1], n2 = law_[i + 2];
-    R const* const at = A_ + i * stride_;
-    R const coupling10 = at[i + 1], coupling20 = at[i + 2], coupling21 = at[stride_ + i + 2];
+    R const coupling10 = A_[place(i, i + 1)], coupling20 = A_[place(i, i + 2)], coupling21 = A_[place(i + 1, i + 2)];
     R column0[S], column1[S], column2[S];
 #pragma unroll
     for (int s = 0; s < S; ++s) {
-      column0[s] = at[lane_ + 32 * s];
-      column1[s] = at[stride_ + lane_ + 32 * s];
-      column2[s] = at[2 * stride_ + lane_ + 32 * s];
+      column0[s] = entry(s, i);
+      column1[s] = entry(s, i + 1);
+      column2[s] = entry(s, i + 2);
     }
     R const w0 = rate(i);
     R w1 = rate(i + 1), w2 = rate(i + 2);
@@ -405,7 +434,7 @@ class DelassusWorld {
         p1 = scale * p1;
         p2 = scale * p2;
       }
-      R const together = A_[b * stride_ + b + 1] * (p1 - law.p);
+      R const together = A_[place(b, b + 1)] * (p1 - law.p);
       move<tells>(b, law, w, p1, R(0), work);
       ++b;
       move<tells>(b, second, rate(b), p2, together, work);
@@ -417,7 +446,7 @@ class DelassusWorld {
     R const d = p - law.p;
     __syncwarp();  // all have read p
 #pragma unroll
-    for (int s = 0; s < S; ++s) w_[s] = fma(A_[i * stride_ + lane_ + 32 * s], d, w_[s]);
+    for (int s = 0; s < S; ++s) w_[s] = fma(entry(s, i), d, w_[s]);
     if (lane_ == 0) law_[i].p = p;
     if constexpr (tells) tell(work, p, d, w, law.step, together);
   }
@@ -428,6 +457,7 @@ class DelassusWorld {
   DelassusLaw<R>* law_;            // whose p is that of p_ but for a sweep, and until `sum` has been called
   R *A_, *Y_;
   DelassusRow* row_;
+  int own_[triangle ? S : 1];  // the thread's rows, or the line of zeros
   DofRange range_[S];
   unsigned touching_[S];  // bits of the rows that have entries in the dofs of Y that are there
   R w_[S], bias_[S], p_[S], diagonal_[S];
@@ -449,13 +479,13 @@ __global__ void list_delassus_kernel(PgsDelassus<R, Mem> const __grid_constant__
 }
 
 /// @param list  of worlds; -1: a world a block, its number is the block's, where it has as many rows a thread
-template <class R, class Mem, int S>
+template <class R, class Mem, int S, bool triangle>
 __global__ void __launch_bounds__(32) pgs_delassus_kernel(PgsDelassus<R, Mem> const __grid_constant__ solver, int list) {
   extern __shared__ __align__(32) char shared_memory[];
   if (solver.halt()) return;
   auto const& solution = solver.solution;
   auto const solve = [&](int w) {
-    DelassusWorld<R, Mem, S> world(solver, w, shared_memory);
+    DelassusWorld<R, Mem, S, triangle> world(solver, w, shared_memory);
     R const tolerance = R(solver.options.tolerance) * solver.rows.rate_scale(w);
     world.write(sweep_until_rest<R>(world, solver.options, tolerance, solver.rows.count(w) > 0));
   };
@@ -483,9 +513,10 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
            std::clamp(int(device.sharedMemPerMultiprocessor) / (bytes + int(device.reservedSharedMemPerBlock)), 1, 32);
   };
   auto const launch = [&](cudaStream_t stream, int rows, int list) {
-    int const bytes = int(delassus_bytes<R>(rows, nv));
-    if (bytes > delassus_most_bytes) return;
-    int const grid = list < 0 ? worlds : std::min(worlds, at_a_time(bytes));
+    int const full = int(delassus_bytes<R>(rows, nv));
+    if (full > delassus_most_bytes) return;
+    bool const triangle = rows > 64 && worlds > 2 * at_a_time(full);
+    int const bytes = delassus_bytes_of<R>(rows, nv, triangle), grid = list < 0 ? worlds : std::min(worlds, at_a_time(bytes));
     auto const one = [&](auto* kernel) {
       if (bytes > int(device.sharedMemPerBlock))
         // a limit of the kernel, not of this launch: another thread's launch may need all
@@ -494,13 +525,13 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
       kernel<<<grid, 32, bytes, stream>>>(solver, list);
     };
     if (rows <= 32)
-      one(pgs_delassus_kernel<R, Mem, 1>);
+      one(pgs_delassus_kernel<R, Mem, 1, false>);
     else if (rows <= 64)
-      one(pgs_delassus_kernel<R, Mem, 2>);
+      one(pgs_delassus_kernel<R, Mem, 2, false>);
     else if (rows <= 96)
-      one(pgs_delassus_kernel<R, Mem, 3>);
+      one(triangle ? pgs_delassus_kernel<R, Mem, 3, true> : pgs_delassus_kernel<R, Mem, 3, false>);
     else
-      one(pgs_delassus_kernel<R, Mem, 4>);
+      one(triangle ? pgs_delassus_kernel<R, Mem, 4, true> : pgs_delassus_kernel<R, Mem, 4, false>);
   };
   if (worlds <= at_a_time(int(delassus_most_bytes))) {  // each has a warp of its own, and waits for no other
     constexpr int most[] = {32, 64, 96, lockstep_most_rows};
