@@ -170,6 +170,7 @@ TEST_CASE("values are checked") {
   refused(model("<geom type='mesh' mesh='x'/>"), "m.xml:3: ", "x");
   refused(model("<attach model='a' frame='b' prefix='c'/>"), "m.xml:3: ", "frame='b' is not supported yet");
   refused(model("", "<actuator><position joint='j' inheritrange='1'/></actuator>"), "m.xml:4: ", "inherits a range that 'j' does not have");
+  refused(model("<geom size='1' surfacevel='1e11 0 0'/>"), "m.xml:3: ", "surfacevel' is beyond 1e10");
   refused(model("", "<tendon><fixed><joint joint='x' coef='1'/></fixed></tendon>"), "m.xml:4: ", "names the joint 'x'");
   refused(model("", "<contact><exclude body1='b' body2='x'/></contact>"), "m.xml:4: ", "names the body 'x'");
   refused(model("", "<keyframe><key qpos='1 2'/></keyframe>"), "m.xml:4: ", "has 2 numbers in qpos, and the model needs 1");

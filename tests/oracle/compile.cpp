@@ -609,6 +609,13 @@ TEST_CASE("tendons and actuators") {
   compare(
       "<mujoco><default><position kp='20' kv='2'/></default>" + bodies +
       R"(<actuator><position joint="a"/><position joint="b" kp="5" inheritrange="1"/><position tendon="t" kp="5" inheritrange=".5" gear="3"/></actuator></mujoco>)");
+  // a class hands its inheritrange to what is no servo, and to a general that is one
+  compare("<mujoco><default><default class='A'><position inheritrange='1'/><general/><intvelocity kp='3'/></default></default>" + bodies +
+          "<actuator><motor joint='a' class='A'/><motor joint='b' class='A' ctrlrange='-2 2'/><velocity joint='a' class='A'/>"
+          "<position joint='b' class='A'/></actuator></mujoco>");
+  compare(
+      "<mujoco><default><position inheritrange='1'/></default>" + bodies +
+      "<actuator><general joint='b' ctrlrange='-.3 .3'/><position joint='b' ctrlrange='-.3 .3'/><motor joint='a'/></actuator></mujoco>");
   // actuators of all types share one default, and each element changes what stands
   compare(
       R"(<mujoco><default><general gainprm="9" biastype="affine" biasprm="1 -2 -3"/><default class="v"><velocity kv="4"/></default><default class="m"><motor gear="2"/></default>

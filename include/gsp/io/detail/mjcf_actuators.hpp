@@ -51,11 +51,17 @@ inline void read_actuators(Document& doc, Node const& node) {
       doc.refuse(child.place,
                  "<" + child.name + "> damping has coefficients of higher order, which are not supported yet; give one number");
     Law const law = changed_law(doc.class_of(child, "").laws, doc.session.files, child);
-    bool const range_given = a.own("ctrlrange") || a.own("actrange");
-    draft.inheritrange = range_given && !a.own("inheritrange") ? 0 : law.inheritrange;
+    // A class may hand it to what is no servo, where it does nothing. A range given here comes before that of the class, but not in
+    // general, which MuJoCo lets inherit all the same.
+    bool const range_given = a.own("ctrlrange") || a.own("actrange"), general = child.name == "general";
+    bool const servo = law.gaintype == "fixed" && law.biastype == "affine" && law.gain[0] == -law.bias[1];
+    draft.inheritrange = !servo || (range_given && !general && !a.own("inheritrange")) ? 0 : law.inheritrange;
     std::string const own_range = law.dyntype == "integrator" ? "actrange" : "ctrlrange";
-    if (draft.inheritrange > 0 && a.own(own_range)) a.fail("inheritrange", "stands beside " + own_range + "; keep one");
     bool const is_inherited = draft.inheritrange > 0;
+    if (is_inherited && a.own(own_range)) {
+      if (a.own("inheritrange")) a.fail("inheritrange", "stands beside " + own_range + "; keep one");
+      doc.note(Line::no_effect, child.place, own_range + " of <general>, whose class has inheritrange");
+    }
     auto const range = [&](char const* name, char const* flag, std::array<double, 2>& r) {
       if (is_inherited && own_range == name) return true;  // comes from the target
       a.numbers(name, r);

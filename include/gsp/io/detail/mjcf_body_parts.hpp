@@ -1,6 +1,7 @@
 #pragma once
 #include <array>
 #include <cmath>
+#include <gsp/core/status.hpp>
 #include <gsp/io/detail/mjcf_document.hpp>
 #include <gsp/io/detail/mjcf_quantities.hpp>
 #include <gsp/model/detail/principal_axes.hpp>
@@ -146,6 +147,8 @@ inline void read_geom(Document& doc, Node const& node, BodyDraft& to, Pose const
   a.number("gap", g.gap);
   a.number("density", g.density);
   a.numbers("surfacevel", g.surface_velocity, false);
+  for (double const v : g.surface_velocity)
+    if (std::abs(v) > gsp::state_bound) a.fail("surfacevel", "is beyond 1e10 m/s or rad/s, where worlds stop; give less");
   a.number("adhesion", g.adhesion);
   a.number("fitscale", g.fitscale);
   if (a.has("fluidshape")) g.fluid_ellipsoid = a.choice("fluidshape", {"none", "ellipsoid"}) == 1;

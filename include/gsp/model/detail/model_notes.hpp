@@ -91,9 +91,12 @@ class ModelNotes {
     auto const& place = d_.equalities[std::size_t(k)].place;
     std::string const what = equality_name(k) + " ";
     auto const contradicts = [&](int other) {
+      auto const rigid = [&](int e) { return !m_.eq_rigid.empty() && m_.eq_rigid[e][0] > 0; };
       note(place, Kind::approximated,
            what + "and " + (m_.eq_name[other].empty() ? equality_name(other) : "'" + m_.eq_name[other] + "'") +
-               " ask different things of the same two: neither holds, and where they meet depends on solref and solimp");
+               " ask different things of the same two: " +
+               (rigid(k) || rigid(other) ? "what is rigid holds, of two such the first"
+                                         : "neither holds, and where they meet depends on solref and solimp"));
     };
     if (type == EqualityType::joint || type == EqualityType::tendon) {
       for (int other = 0; other < k; ++other) {
