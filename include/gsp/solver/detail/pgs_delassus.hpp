@@ -39,10 +39,17 @@ KOKKOS_INLINE_FUNCTION constexpr int delassus_dofs(int rows, int nv) {
 }
 /// Numbers from one row of the matrix to the next.
 KOKKOS_INLINE_FUNCTION constexpr int delassus_stride(int rows) { return (rows + 3) / 4 * 4; }
+/// A is symmetric. Where worlds of many rows wait, twice as many as fit, they keep its lower triangle alone, line by line, and a line of
+/// zeros for threads without a row: nearly twice as many fit, which is worth the arithmetic that finds an entry. The numbers are the same.
+KOKKOS_INLINE_FUNCTION constexpr int triangle_line(int row) { return row * (row + 1) / 2; }
+/// Numbers of the matrix: whole groups of four.
+KOKKOS_INLINE_FUNCTION constexpr int delassus_matrix(int rows, bool triangle) {
+  return triangle ? (triangle_line(rows + 1) + 3) / 4 * 4 : delassus_stride(rows) * rows + delassus_beyond;
+}
 /// Shared memory of a world: laws, the matrix, Y of some dofs, DelassusRow and one beyond the last.
 template <class R>
-KOKKOS_INLINE_FUNCTION constexpr std::int64_t delassus_bytes(int rows, int nv) {
-  return (delassus_stride(rows) * std::int64_t(4 + rows + delassus_dofs(rows, nv)) + delassus_beyond) * std::int64_t(sizeof(R)) +
+KOKKOS_INLINE_FUNCTION constexpr std::int64_t delassus_bytes(int rows, int nv, bool triangle = false) {
+  return (delassus_stride(rows) * std::int64_t(4 + delassus_dofs(rows, nv)) + delassus_matrix(rows, triangle)) * std::int64_t(sizeof(R)) +
          (rows + 1) * std::int64_t(sizeof(DelassusRow));
 }
 /// Worlds of up to so many rows are a list of their own, solved by a launch whose blocks have room for them.

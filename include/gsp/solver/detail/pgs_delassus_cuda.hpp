@@ -8,20 +8,6 @@
 /// elements of one row and of more take turns.
 namespace gsp::detail {
 
-/// A is symmetric. Where worlds of many rows wait, twice as many as fit, they keep its lower triangle alone, line by line, and a line of
-/// zeros for threads without a row: nearly twice as many fit, which is worth the arithmetic that finds an entry. The numbers are the same.
-__device__ __host__ constexpr int triangle_line(int row) { return row * (row + 1) / 2; }
-/// Numbers of the matrix: whole groups of four.
-__device__ __host__ constexpr int delassus_matrix(int rows, bool triangle) {
-  return triangle ? (triangle_line(rows + 1) + 3) / 4 * 4 : delassus_stride(rows) * rows + delassus_beyond;
-}
-/// Shared memory of a world, no more than delassus_bytes.
-template <class R>
-constexpr int delassus_bytes_of(int rows, int nv, bool triangle) {
-  int const full = delassus_matrix(rows, false);
-  return int(delassus_bytes<R>(rows, nv)) - (triangle ? full - std::min(full, delassus_matrix(rows, true)) : 0) * int(sizeof(R));
-}
-
 /// A world, for sweep_until_rest. All threads of the warp call all members together.
 /// @tparam S  rows a thread;   @tparam triangle  whether A is its lower triangle
 template <class R, class Mem, int S, bool triangle>
@@ -516,7 +502,7 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
     int const full = int(delassus_bytes<R>(rows, nv));
     if (full > delassus_most_bytes) return;
     bool const triangle = rows > 64 && worlds > 2 * at_a_time(full);
-    int const bytes = delassus_bytes_of<R>(rows, nv, triangle), grid = list < 0 ? worlds : std::min(worlds, at_a_time(bytes));
+    int const bytes = int(delassus_bytes<R>(rows, nv, triangle)), grid = list < 0 ? worlds : std::min(worlds, at_a_time(bytes));
     auto const one = [&](auto* kernel) {
       if (bytes > int(device.sharedMemPerBlock))
         // a limit of the kernel, not of this launch: another thread's launch may need all
