@@ -71,10 +71,10 @@ inline void read_actuators(Document& doc, Node const& node) {
     act.force_limited = range("forcerange", "forcelimited", act.force_range);
     act.act_limited = range("actrange", "actlimited", act.act_range);
     act.has_length_range = a.numbers("lengthrange", act.length_range);
-    if (child.name == "general") a.boolean("actearly", act.act_early);  // no shortcut takes it over
+    if (general) a.boolean("actearly", act.act_early);  // no shortcut takes it over
     settle(law, a, act);
     int actdim = -1;
-    if (child.name == "general" && a.integer("actdim", actdim) && actdim >= 0 && actdim != act_size(act))
+    if (general && a.integer("actdim", actdim) && actdim >= 0 && actdim != act_size(act))
       a.fail("actdim", "is not the number of activations of this dyntype; remove it");
     if (law.ctrl_limited && (act.ctrl_range[0] < 0 || act.ctrl_range[1] < 0))
       a.fail("ctrlrange", "has a negative number; give zero or more");

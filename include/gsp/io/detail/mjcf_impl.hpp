@@ -86,11 +86,10 @@ class Finish {
     for (auto& child : b.children) add(child, index, moves);
   }
 
-  // The range of the control (of the activation, where that is integrated) = the target's range, scaled about its middle. For servos whose
-  // setpoint is a length of the target only.
+  // The range of the control (of the activation, where that is integrated) = the target's range, scaled about its middle. For servos
+  // whose setpoint is a length of the target only: others have no inheritrange by now.
   void inherit(ActuatorDraft& act) {
     auto& a = act.actuator;
-    if (a.gain_type != ActuatorGain::fixed || a.bias_type != ActuatorBias::affine || a.gainprm[0] != -a.biasprm[1]) return;
     bool const integrates = a.dynamics == ActuatorDynamics::integrator;
     if (!integrates && a.dynamics != ActuatorDynamics::none && a.dynamics != ActuatorDynamics::filter_exact)
       s_.files.fail(a.place, "actuator " + in_quotes(a.name) + " has inheritrange, which is for position and intvelocity; remove it");
