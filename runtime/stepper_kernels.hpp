@@ -29,24 +29,6 @@ struct SplitPositions {
     qpos_low[i] = R(q - double(qpos[i]));
   }
 };
-/// Steps carry qpos_low of free bodies' poses alone: elsewhere it would stay what it was at the start, wherever the joint goes.
-template <class R, class Mem>
-struct DropLow {
-  Kokkos::View<R**, Kokkos::LayoutRight, Mem> qpos_low;
-  Kokkos::View<int*, Mem> is_pose;
-  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
-    int const nq = int(is_pose.extent(0));
-    if (!is_pose(i % nq)) qpos_low(i / nq, i % nq) = R(0);
-  }
-};
-/// (nq) 1: a coordinate of a free body's pose.
-inline std::vector<int> poses_of_free_bodies(CompiledModel const& m) {
-  std::vector<int> is_pose(std::size_t(m.nq), 0);
-  for (std::size_t j = 0; j < std::size_t(m.njnt); ++j)
-    if (JointType(m.jnt_type[j]) == JointType::free) std::fill_n(is_pose.begin() + m.jnt_qposadr[j], 7, 1);
-  return is_pose;
-}
-
 /// The new velocities of the last step, of worlds that it left as they were too.
 template <class R, class Mem>
 struct NewVelocities {
@@ -152,7 +134,6 @@ class KokkosStepper : public Stepper {
         model_(make_runtime_model<R>(exec_, m, o)),
         state_(make_state(exec_, model_, {.worlds = o.worlds})),
         simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
-        is_pose_(gsp::detail::to_device<decltype(is_pose_)>(exec_, "gsp::runtime::Stepper::is_pose", poses_of_free_bodies(m))),
         joint_of_dof_(m.dof_jnt),
         joint_qpos_(m.jnt_qposadr),
         timestep_(o.timestep > 0 ? o.timestep : m.option.timestep) {
@@ -190,7 +171,6 @@ class KokkosStepper : public Stepper {
                            SplitPositions<R>{static_cast<double const*>(exact.array.data), state_.qpos.data(), state_.qpos_low.data(),
                                              std::max<std::int64_t>(1, qpos.size())});
       exec_.fence("gsp::runtime::Stepper::set: the positions are there");
-      split_ = true;
     }
     if (qvel) copy(qvel, array_of<Exec>(state_.qvel));
     if (ctrl) copy(ctrl, array_of<Exec>(state_.ctrl));
@@ -259,15 +239,9 @@ class KokkosStepper : public Stepper {
     gsp::detail::upload_bytes(exec_, s.impulses.type_names.data(), names.name, std::size_t(names.count) * sizeof names.name[0]);
     gsp::restore(exec_, s, state_, simulation_);
     exec_.fence("gsp::runtime::Stepper::restore: the copies may go");
-    stale_ = split_ = true;
+    stale_ = true;
   }
   void step(StepOptions const& options) override {
-    if (split_ && options.steps > 0) {
-      Kokkos::parallel_for("gsp::runtime::drop_low",
-                           Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec_, 0, std::int64_t(state_.qpos.size())),
-                           DropLow<R, Mem>{state_.qpos_low, is_pose_});
-      split_ = false;
-    }
     solver_.residual = newton_.residual = options.measure_residual;
     gsp::step(exec_, model_, state_, simulation_, {.steps = options.steps, .solver = solver_, .newton = newton_, .poses = false});
     stale_ = true;  // poses of the end where somebody asks for them: a call of one step would pay for them each time
@@ -421,11 +395,9 @@ class KokkosStepper : public Stepper {
   PgsOptions solver_;     // profile stable
   NewtonOptions newton_;  // profile mujoco
   Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> contact_force_;
-  Kokkos::View<int*, Mem> is_pose_;  // (nq) 1: of a free body
   std::vector<int> joint_of_dof_, joint_qpos_;
   double timestep_;
   bool stale_ = true;   // the poses are not those of the state
-  bool split_ = false;  // all of qpos_low was set, and no step done since
 };
 
 template <class R>

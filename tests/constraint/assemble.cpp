@@ -670,11 +670,11 @@ TEST_CASE_TEMPLATE("rows that are made together have the bits that they have alo
     }
     auto alone = together;
     auto of_alone = rows;
-    gsp::detail::RowLanes<R, Mem> lanes(model, state, dynamics, together.data(), w);
+    gsp::detail::RowLanes<R, Mem> lanes(model, dynamics, together.data(), w);
     for (std::size_t k = 0; k < rows.size(); ++k) lanes.add(rows[k], 0, forces[k]);
     lanes.finish();
     for (std::size_t k = 0; k < rows.size(); ++k) {
-      gsp::detail::RowLanes<R, Mem> one(model, state, dynamics, alone.data(), w);
+      gsp::detail::RowLanes<R, Mem> one(model, dynamics, alone.data(), w);
       one.add(of_alone[k], 0, forces[k]);
       one.finish();
     }

@@ -72,6 +72,6 @@ TEST_CASE("as many items as the contract says") {
   REQUIRE(a.nact == 0);
   REQUIRE(a.gyroscopic);                   // nothing damps it
   int const of_its_own = 3 * a.nroot + 2;  // centres of mass; energies. How a rigid body turns: of trees of one joint alone
-  CHECK(gsp::DynamicsLayout(a).size == (35 + 12) * a.nbody + (17 + 7) * a.nv + 6 * a.njnt + (2 + 4) * a.nM + of_its_own);
+  CHECK(gsp::DynamicsLayout(a).size == (35 + 12) * a.nbody + (18 + 7) * a.nv + 6 * a.njnt + (2 + 4) * a.nM + of_its_own);
   CHECK_THROWS_AS((void)gsp::make_dynamics(Exec(), model, {.worlds = 0}), std::invalid_argument);
 }

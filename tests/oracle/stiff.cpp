@@ -72,7 +72,7 @@ std::vector<double> rest(Case const& c, double h) {
   gsp::step(exec, model, state, sim, {.steps = int(std::lround(20 / h))});
   CHECK(state.status(0) == 0);
   std::vector<double> q;
-  for (int i = 0; i < model.nq; ++i) q.push_back(double(state.qpos(0, i)));
+  for (int i = 0; i < model.nq; ++i) q.push_back(double(state.qpos(0, i)) + double(state.qpos_low(0, i)));
   return q;
 }
 

@@ -156,7 +156,7 @@ TEST_CASE("set_keyframe starts with the bits that a stepper starts with") {
   using Exec = Kokkos::DefaultHostExecutionSpace;
   Exec const exec;
   auto scene = gsp::samples::quadruped_scene();
-  scene.keyframes.at(0).qpos[0] = 0.1;  // of a free body, and no float
+  scene.keyframes.at(0).qpos[0] = 0.1;  // no float
   scene.keyframes.at(0).qpos[8] = 0.1;  // of a hinge
   auto const compiled = gsp::compile(scene);
   auto const& key = compiled.keyframes.at(0);

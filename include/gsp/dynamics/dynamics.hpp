@@ -87,14 +87,16 @@ KOKKOS_INLINE_FUNCTION bool takes_bias_derivative(Archetype const& a) { return a
 
 /// What every constraint row needs of a tree, and where it lies: first.
 struct FactorLayout {
-  int com, cdof, factor, inverse_diagonal, qvel, velocity;  // com: of each root's bodies; velocity: free, then new
+  int com, cdof, factor, inverse_diagonal, qvel, low, velocity;  // com: of each root's bodies; low: State::qpos_low as a motion of the
+                                                                 // dofs; velocity: free, then new
   KOKKOS_INLINE_FUNCTION explicit FactorLayout(Archetype const& a)
       : com(0),
         cdof(3 * a.nroot),
         factor(cdof + 6 * a.nv),
         inverse_diagonal(factor + a.nM),
         qvel(inverse_diagonal + a.nv),
-        velocity(qvel + a.nv) {}
+        low(qvel + a.nv),
+        velocity(low + a.nv) {}
 };
 
 /// Where the dynamics of a tree keep their items: offsets for its archetype. First what the constraints and the integrator need, then other
@@ -219,7 +221,7 @@ struct DynamicsOptions {
   int worlds = 1;
 };
 
-/// Scratch for the dynamics of `worlds` worlds: 35 numbers a body, 17 a dof (18 in trees of one joint), 6 a joint and two mass matrices;
+/// Scratch for the dynamics of `worlds` worlds: 35 numbers a body, 18 a dof (19 in trees of one joint), 6 a joint and two mass matrices;
 /// 12, 7 and four more in trees with a joint that nothing damps; 7 an actuator and 2 a tendon where there may be stiff rows, and a mass
 /// matrix in a fluid (profile stable). Allocates; fences. Errors: std::invalid_argument for worlds < 1, and for more than the model has
 /// values for.

@@ -18,7 +18,7 @@ template <class L, class State, class Poses, class Laws>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, Poses const& poses, SmoothOptions options, Laws const& laws) {
   lanes_kinematics(l, state);
   lanes_store_poses(l, poses, options.joint_poses);
-  lanes_load_velocity(l, state.qvel);
+  lanes_load_velocity(l, state);
   lanes_inertia(l);
   lanes_tendons(l, state);
   lanes_bias_of_step(l, state, options.keep_all);

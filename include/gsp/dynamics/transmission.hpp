@@ -41,9 +41,9 @@ struct SliderCrank {
 template <class L, class State>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_joint_transmission(L const& l, State const& state, int k) {
   auto const g = l.listed(l.model.act_gear, l.a.instance_act, l.a.nact, k, 6, 0);
-  int const joint = l.index(l.a.act_id, k);
-  l.items[l.at.act_length + k] = g * l.load(state.qpos, l.qpos0, l.index(l.a.jnt_qposadr, joint));
-  l.items[l.at.act_velocity + k] = g * l.items[l.at.qvel + l.index(l.a.jnt_dofadr, joint)];
+  int const joint = l.index(l.a.act_id, k), dof = l.index(l.a.jnt_dofadr, joint);
+  l.items[l.at.act_length + k] = g * (l.load(state.qpos, l.qpos0, l.index(l.a.jnt_qposadr, joint)) + l.items[l.at.low + dof]);
+  l.items[l.at.act_velocity + k] = g * l.items[l.at.qvel + dof];
 }
 
 /// act_length, act_velocity, act_moment of the k-th actuator. After lanes_tendons.
@@ -58,7 +58,7 @@ KOKKOS_INLINE_FUNCTION void lanes_transmission(L const& l, State const& state, i
   if (kind == ActuatorKind::scalar_joint) return lanes_joint_transmission(l, state, k);
   if (kind == ActuatorKind::tendon) {
     T const g = gear(0);
-    s[l.at.act_length + k] = g * s[l.at.tendon_length + id];
+    s[l.at.act_length + k] = g * (s[l.at.tendon_length + id] + lanes_tendon_rate(l, id, l.at.low));
     s[l.at.act_velocity + k] = g * s[l.at.tendon_velocity + id];
     return;
   }
@@ -111,7 +111,11 @@ KOKKOS_INLINE_FUNCTION void lanes_transmission(L const& l, State const& state, i
     }
   }
   T velocity(0);
-  for (int e = 0; e < n; ++e) velocity = fma(s[M + e], s[l.at.qvel + l.index(a.act_mdof, l.index(a.act_madr, k) + e)], velocity);
+  for (int e = 0; e < n; ++e) {
+    int const dof = l.index(a.act_mdof, l.index(a.act_madr, k) + e);
+    velocity = fma(s[M + e], s[l.at.qvel + dof], velocity);
+    length = fma(s[M + e], s[l.at.low + dof], length);
+  }
   s[l.at.act_length + k] = length;
   s[l.at.act_velocity + k] = velocity;
 }

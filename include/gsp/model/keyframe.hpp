@@ -44,13 +44,7 @@ State<R, Mem> keyframe_state(Exec const& exec, Model<R, Mem> const& model, Compi
   bounded("act", k.act);
   auto state = make_state(exec, model, {.worlds = 1});
   std::vector<double> low(k.qpos.size());
-  for (int j = 0; j < compiled.njnt; ++j) {
-    if (JointType(compiled.jnt_type[j]) != JointType::free) continue;
-    for (int c = 0; c < 7; ++c) {
-      auto const i = std::size_t(compiled.jnt_qposadr[j] + c);
-      low[i] = k.qpos[i] - double(R(k.qpos[i]));
-    }
-  }
+  for (std::size_t i = 0; i < low.size(); ++i) low[i] = k.qpos[i] - double(R(k.qpos[i]));
   upload_numbers(exec, k.qpos, state.qpos);
   upload_numbers(exec, low, state.qpos_low);
   upload_numbers(exec, k.qvel, state.qvel);
@@ -64,8 +58,8 @@ State<R, Mem> keyframe_state(Exec const& exec, Model<R, Mem> const& model, Compi
 
 /// Worlds of the mask to a keyframe: its qpos, qvel, act, ctrl and mocap poses (what the file leaves out: the model's initial values), and
 /// all else as `reset` does: no forces, equalities as the model says, no status bits, time 0 (the key's own is
-/// compiled.keyframes[key].time), no impulses of the last step. Of poses of free bodies also what rounding takes from them (qpos_low), as
-/// the program's --keyframe. Allocates a state of one world, waits. Again and again: once into a state of one world, from which `reset`
+/// compiled.keyframes[key].time), no impulses of the last step. Also what rounding takes from the positions (qpos_low), as the program's
+/// --keyframe. Allocates a state of one world, waits. Again and again: once into a state of one world, from which `reset`
 /// starts without either.
 /// Errors: std::invalid_argument for an index that is not there and for those of reset; Error for a name that is not there, with the
 /// nearest ones, and for numbers beyond state_bound.

@@ -17,7 +17,7 @@ struct State {
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0;
   View<R**> qpos;               // (world, nq) [m, rad]; quaternions w x y z are normalised where they are read
-  View<R**> qpos_low;           // (world, nq) what rounding took from the poses of free bodies; the pose is qpos + qpos_low
+  View<R**> qpos_low;           // (world, nq) what rounding took from the positions, which are qpos + qpos_low
   View<R**> qvel;               // (world, nv) [m/s, rad/s]; free joint: velocity in world axes, then angular velocity in body axes
   View<R**> ctrl;               // (world, nu)
   View<R**> act;                // (world, na) activations of actuators with dynamics

@@ -28,7 +28,7 @@ struct StepOptions {
 /// The state itself (model/state.hpp): what is written there is what the next step starts from.
 struct StateArrays {
   Array qpos;          // (worlds, nq)
-  Array qpos_low;      // (worlds, nq) what rounding took from poses of free bodies; the pose is qpos + qpos_low
+  Array qpos_low;      // (worlds, nq) what rounding took from the positions, which are qpos + qpos_low
   Array qvel;          // (worlds, nv)
   Array ctrl;          // (worlds, nu)
   Array act;           // (worlds, na)

@@ -226,6 +226,7 @@ struct SmoothSensors {
       put(3, q.z);
     };
     auto const item = [&](int at) { return l.item(model, dynamics, e.tree, at); };
+    auto const position = [&](int i) { return l.load(state.qpos, i) + l.load(state.qpos_low, i); };
     auto const layout = [&](int tree) { return DynamicsLayout(model.archetypes(model.tree_archetype(tree))); };
     switch (e.type) {
       case S::clock: {
@@ -240,13 +241,12 @@ struct SmoothSensors {
       case S::kinetic_energy:
         return put(0, l.load(energy, e.type == S::kinetic_energy));
       case S::joint_pos:
-        return put(0, l.load(state.qpos, model.jnt_qposadr(e.object)));
+        return put(0, position(model.jnt_qposadr(e.object)));
       case S::joint_vel:
         return put(0, l.load(state.qvel, model.jnt_dofadr(e.object)));
       case S::ball_quat: {
         int const q = model.jnt_qposadr(e.object);
-        return put_quat(
-            normalized(Quat<T>{l.load(state.qpos, q), l.load(state.qpos, q + 1), l.load(state.qpos, q + 2), l.load(state.qpos, q + 3)}));
+        return put_quat(normalized(Quat<T>{position(q), position(q + 1), position(q + 2), position(q + 3)}));
       }
       case S::ball_angvel: {
         int const v = model.jnt_dofadr(e.object);

@@ -135,9 +135,9 @@ struct EmitRows {
       auto const& segment = row.segment[s];
       int const tree = model.dof_tree(segment.dof0);
       TreeItems<R> const items = dynamics.tree(model, w, tree);
-      gap += low_part(model, state, w, tree, segment, y, begin);
       for (int i = 0; i < segment.count; ++i) {
         int const dof = segment.list < 0 ? i : model.ints(segment.list + i);
+        gap = fma(y[begin + i], items[items.at.low + dof], gap);
         rate = fma(y[begin + i], items[items.at.qvel + dof], rate);
         free_rate = fma(y[begin + i], items[items.at.velocity + dof], free_rate);
       }
@@ -159,7 +159,7 @@ struct EmitRows {
     if (rows.count(w) == 0) return;
     using Lanes = RowLanes<R, Mem>;
     constexpr int most = 2 * Lanes::W > most_element_rows ? 2 * Lanes::W : most_element_rows;
-    Lanes lanes(model, state, dynamics, rows.Y.data(), w);
+    Lanes lanes(model, dynamics, rows.Y.data(), w);
     RowForces<R, Mem> forces[most];
     R inverse_inertia(0);  // 1 / D of all dofs
     for (int t = 0; t < model.ntree; ++t) {

@@ -1,5 +1,4 @@
 #pragma once
-#include <gsp/constraint/detail/low_pose.hpp>
 #include <gsp/constraint/detail/row_structure.hpp>
 #include <gsp/constraint/detail/whiten_rows.hpp>
 
@@ -80,8 +79,8 @@ class ForceWriter {
 };
 
 /// Segments of one tree, of up to as many rows as a pack has lanes. Until a row has its law, four of its fields hold sums over its entries:
-/// bias grows by J x, x what rounding has taken from the poses of bodies that float (low_pose.hpp), lower by J v, upper by J v of the free
-/// velocity, mu by |Y|^2.
+/// bias grows by J x, x what rounding has taken from the positions (FactorLayout::low), lower by J v, upper by J v of the free velocity, mu
+/// by |Y|^2.
 template <class R, class Mem>
 class RowLanes {
  public:
@@ -89,9 +88,8 @@ class RowLanes {
   using T = Pack<R, W>;
   static constexpr int most_dofs = 128;
 
-  KOKKOS_INLINE_FUNCTION RowLanes(Model<R, Mem> const& model, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics, R* entries,
-                                  int world)
-      : model_(model), state_(state), dynamics_(dynamics), entries_(entries), world_(world) {
+  KOKKOS_INLINE_FUNCTION RowLanes(Model<R, Mem> const& model, Dynamics<R, Mem> const& dynamics, R* entries, int world)
+      : model_(model), dynamics_(dynamics), entries_(entries), world_(world) {
     for (bool& t : touched_) t = false;
     for (bool& f : forced_) f = false;
   }
@@ -142,13 +140,6 @@ class RowLanes {
   KOKKOS_INLINE_FUNCTION void begin(int tree) {
     tree_ = tree;
     archetype_ = &model_.archetypes(model_.tree_archetype(tree));
-    if (tree == low_tree_ || !takes(*archetype_)) return;
-    low_tree_ = tree;
-    low_end_ = 0;
-    each_low_pose(model_, state_, world_, tree, [&](int dof, R const* motion) {
-      for (; low_end_ < dof; ++low_end_) low_[low_end_] = R(0);
-      for (int i = 0; i < 6; ++i) low_[low_end_++] = motion[i];
-    });
   }
   KOKKOS_INLINE_FUNCTION void touch(int d) {
     if (touched_[d]) return;
@@ -165,9 +156,9 @@ class RowLanes {
   KOKKOS_INLINE_FUNCTION void one(FactorItems<R> const& items, int k) const {
     R* const y = y_[k];
     Row<R>& to = *row_[k];
-    to.bias += low_part(model_, state_, world_, tree_, segment_[k], y, 0);
     for (int i = 0; i < segment_[k].count; ++i) {
       int const d = dof(segment_[k], i);
+      to.bias = fma(y[i], items[items.at.low + d], to.bias);
       to.lower = fma(y[i], items[items.at.qvel + d], to.lower);
       to.upper = fma(y[i], items[items.at.velocity + d], to.upper);
     }
@@ -199,7 +190,7 @@ class RowLanes {
                             fma(f.angular.z, T(items[c + 2]), fma(f.angular.y, T(items[c + 1]), f.angular.x * T(items[c]))))));
         if (n > 0) pass_on(f, ints[a.row_col + adr + n - 1]);
       }
-      if (d < low_end_) gap = fma(J, T(low_[d]), gap);
+      gap = fma(J, T(items[items.at.low + d]), gap);
       rate = fma(J, T(items[items.at.qvel + d]), rate);
       free_rate = fma(J, T(items[items.at.velocity + d]), free_rate);
       T const value = y_of_[d] + J;
@@ -226,17 +217,14 @@ class RowLanes {
   }
 
   Model<R, Mem> const& model_;
-  State<R, Mem> const& state_;
   Dynamics<R, Mem> const& dynamics_;
   R* entries_;
-  int world_, count_ = 0, tree_ = -1, low_tree_ = -1;
-  int low_end_ = 0;  // dofs from here on have nothing in low_
+  int world_, count_ = 0, tree_ = -1;
   Archetype const* archetype_ = nullptr;
   RowSegment segment_[W];
   R* y_[W];
   Row<R>* row_[W];
   bool touched_[most_dofs], forced_[most_dofs];  // by what was taken in: y_of_ and J_ are numbers; force_ is
-  R low_[most_dofs];
   T y_of_[most_dofs], J_[most_dofs];
   Spatial<T> force_[most_dofs];
 };

@@ -317,7 +317,7 @@ struct ActuatorStage {
   Laws laws;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
-    lanes_load_velocity(l, state.qvel);
+    lanes_load_velocity(l, state);
     if (l.a.nmoment > 0 || l.a.spatial) {
       lanes_load_poses(l, poses);
       lanes_inertia(l);

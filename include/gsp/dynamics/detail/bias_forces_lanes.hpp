@@ -86,7 +86,7 @@ struct BiasStage {
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
     lanes_load_poses(l, poses);
-    lanes_load_velocity(l, state.qvel);
+    lanes_load_velocity(l, state);
     lanes_inertia(l);
     if (l.a.tendon_armature) lanes_tendons(l, state);
     lanes_bias_of_step(l, state, true);

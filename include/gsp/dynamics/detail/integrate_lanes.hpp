@@ -181,8 +181,11 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_check_bounded(L const& l, State const& st
   }
 }
 
-/// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes (trees that are one rigid body: lanes_turn). Places and orientations of
-/// free bodies carry what rounding took (two-sum), so that they do not creep, and what turns slowly turns.
+/// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes (trees that are one rigid body: lanes_turn). qpos_low carries what
+/// rounding took (two-sum), so that nothing creeps, and what moves slowly moves. In profile stable a joint whose rates rest keeps its qpos
+/// to the bit while |qpos_low| is below pose_held: all that is computed of its poses stays as it is, and what they lack is in every gap and
+/// length (docs/decisions/0031-crowds-in-float-hum-by-rounding-of-poses.md). Not of duals: slopes of poses are those of qpos.
+inline constexpr int pose_held = 16;  // epsilon: of 1 for angles and quaternions, of the largest coordinate for places
 template <class L, class State>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
@@ -197,47 +200,51 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
     for (int k = 0; k < l.count; ++k)
       if (moves(l.world[k])) view(l.world[k], first[k] + i) = get_lane(x, k);
   };
+  using R = typename L::R;
+  R const epsilon(Scalar<R> ? Kokkos::Experimental::epsilon_v<real_t<R>> : 0);
+  bool const may_hold = Scalar<R> && l.model.profile == Profile::stable;
+  T const held(may_hold ? R(pose_held) * epsilon : R(0));
   l.each(a.njnt, [&](int j) {
-    int q = l.index(a.jnt_qposadr, j), v = l.at.velocity + l.index(a.jnt_dofadr, j);
+    int q = l.index(a.jnt_qposadr, j), dof = l.index(a.jnt_dofadr, j), v = l.at.velocity + dof;
     auto const type = JointType(l.index(a.jnt_type, j));
+    bool const is_free = type == JointType::free;
+    T change(0);  // of its rates, times h
+    for (int i = 0, n = is_free ? 6 : type == JointType::ball ? 3 : 1; may_hold && i < n; ++i)
+      change = max(change, abs(h * (s[v + i] - s[l.at.qvel + dof + i])));
+    T const rests = select(change < held, held, T(0));
+    auto const move = [&](int i, T const& high, T const& by, T const& keep) {
+      T const add = by + l.load(state.qpos_low, l.qpos0, i), sum = high + add, part = sum - high;
+      auto const stays = abs(add) < keep;
+      write(state.qpos, l.qpos0, i, select(stays, high, sum));
+      write(state.qpos_low, l.qpos0, i, select(stays, add, (high - (sum - part)) + (add - part)));
+    };
     if (type == JointType::hinge || type == JointType::slide) {
-      write(state.qpos, l.qpos0, q, fma(h, s[v], l.load(state.qpos, l.qpos0, q)));
-      return;
+      T const from = l.load(state.qpos, l.qpos0, q);
+      return move(q, from, h * s[v], type == JointType::hinge ? rests : rests * abs(from));
     }
-    int const quat = type == JointType::free ? q + 3 : q;
+    int const quat = is_free ? q + 3 : q;
     Quat<T> const stored{l.load(state.qpos, l.qpos0, quat), l.load(state.qpos, l.qpos0, quat + 1), l.load(state.qpos, l.qpos0, quat + 2),
                          l.load(state.qpos, l.qpos0, quat + 3)};
     Quat<T> const now = normalized(stored);
-    bool const is_free = type == JointType::free;
     auto const [turn, shift] = carries_momentum(l)  // it may change v
                                    ? lanes_turn(l, now)
                                    : Displacement<T>{exp_rotation(h * s.vec3(is_free ? v + 3 : v)), is_free ? h * s.vec3(v) : Vec3<T>{}};
-    if (!is_free) {
-      Quat<T> const next = normalized(now * turn);
-      write(state.qpos, l.qpos0, quat, next.w);
-      write(state.qpos, l.qpos0, quat + 1, next.x);
-      write(state.qpos, l.qpos0, quat + 2, next.y);
-      write(state.qpos, l.qpos0, quat + 3, next.z);
-      return;
+    if (is_free) {
+      Vec3<T> const place{l.load(state.qpos, l.qpos0, q), l.load(state.qpos, l.qpos0, q + 1), l.load(state.qpos, l.qpos0, q + 2)};
+      T const keep = rests * max(abs(place.x), max(abs(place.y), abs(place.z)));
+      for (int c = 0; c < 3; ++c) move(q + c, place[c], shift[c], keep);
     }
-    auto const move = [&](int i, T const& high, T const& by) {  // two-sum
-      T const add = by + l.load(state.qpos_low, l.qpos0, i), sum = high + add, part = sum - high;
-      write(state.qpos, l.qpos0, i, sum);
-      write(state.qpos_low, l.qpos0, i, (high - (sum - part)) + (add - part));
-    };
-    move(q, l.load(state.qpos, l.qpos0, q), shift.x);
-    move(q + 1, l.load(state.qpos, l.qpos0, q + 1), shift.y);
-    move(q + 2, l.load(state.qpos, l.qpos0, q + 2), shift.z);
-    // A quaternion that is a unit one but for rounding stays as it is: normalized anew at each step it would jump by its last digit.
+    // A quaternion that is a unit one but for rounding, and for what it lacks, stays as it is: normalized anew at each step it would jump
+    // by its last digit.
     T const excess = fma(stored.w, stored.w, fma(stored.x, stored.x, fma(stored.y, stored.y, fma(stored.z, stored.z, T(-1)))));
-    using R = typename L::R;
-    R const rounding(Scalar<R> ? 8 * Kokkos::Experimental::epsilon_v<real_t<R>> : -1);  // slopes of a dual are those of the normalized one
+    R const rounding =
+        Scalar<R> ? R(8 + (may_hold ? 4 * pose_held : 0)) * epsilon : R(-1);  // slopes of a dual are those of the normalized one
     auto const unit = abs(excess) <= T(rounding);
     Quat<T> const by = now * Quat<T>{turn.w - T(1), turn.x, turn.y, turn.z};
-    move(quat, select(unit, stored.w, now.w), by.w);
-    move(quat + 1, select(unit, stored.x, now.x), by.x);
-    move(quat + 2, select(unit, stored.y, now.y), by.y);
-    move(quat + 3, select(unit, stored.z, now.z), by.z);
+    move(quat, select(unit, stored.w, now.w), by.w, rests);
+    move(quat + 1, select(unit, stored.x, now.x), by.x, rests);
+    move(quat + 2, select(unit, stored.y, now.y), by.y, rests);
+    move(quat + 3, select(unit, stored.z, now.z), by.z, rests);
   });
   if (!store_block(l, l.at.velocity, a.nv, state.qvel, l.dof0[0], moves))
     l.each(a.nv, [&](int i) { write(state.qvel, l.dof0, i, s[l.at.velocity + i]); });

@@ -74,10 +74,31 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_kinematics(L const& l, State const& state
   });
 }
 
-template <class L, class View>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_load_velocity(L const& l, View const& qvel) {
+/// Velocities, and what rounding took from the positions (State::qpos_low) as a motion of the dofs: poses are of qpos alone, what a length
+/// or a gap lacks by it is J low. Of rotations about the body's axes: q_low = q x / 2.
+template <class L, class State>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_load_velocity(L const& l, State const& state) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
   l.each_batched(
-      l.a.nv, [&](int i) { return l.load(qvel, l.dof0, i); }, [&](int i, auto const& v) { l.items[l.at.qvel + i] = v; });
+      l.a.nv, [&](int i) { return l.load(state.qvel, l.dof0, i); }, [&](int i, auto const& v) { l.items[l.at.qvel + i] = v; });
+  l.each(l.a.njnt, [&](int j) {
+    int q = l.index(l.a.jnt_qposadr, j), low = l.at.low + l.index(l.a.jnt_dofadr, j);
+    auto const type = JointType(l.index(l.a.jnt_type, j));
+    if (type == JointType::hinge || type == JointType::slide) {
+      l.items[low] = l.load(state.qpos_low, l.qpos0, q);
+      return;
+    }
+    if (type == JointType::free) {
+      for (int c = 0; c < 3; ++c) l.items[low + c] = l.load(state.qpos_low, l.qpos0, q + c);
+      q += 3;
+      low += 3;
+    }
+    auto const quat = [&](auto const& view) {
+      return Quat<T>{l.load(view, l.qpos0, q), l.load(view, l.qpos0, q + 1), l.load(view, l.qpos0, q + 2), l.load(view, l.qpos0, q + 3)};
+    };
+    Quat<T> const turn = conjugate(quat(state.qpos)) * quat(state.qpos_low);
+    l.items.put(low, T(2) * Vec3<T>{turn.x, turn.y, turn.z});
+  });
 }
 
 template <class L, class Poses>

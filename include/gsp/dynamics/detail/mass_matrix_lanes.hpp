@@ -97,7 +97,7 @@ struct MassMatrixStage {
     lanes_inertia(l);
     lanes_mass_matrix(l);
     if (l.a.tendon_armature) {
-      lanes_load_velocity(l, state.qvel);
+      lanes_load_velocity(l, state);
       lanes_tendons(l, state);
       lanes_tendon_armature(l);
     }

@@ -37,7 +37,7 @@ template <class L>
 KOKKOS_INLINE_FUNCTION auto lanes_tendon_stretch(L const& l, int k) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const get = [&](int c) { return l.listed(l.model.tendon_lengthspring, l.a.instance_tendon, l.a.ntendon, k, 2, c); };
-  T const length = l.items[l.at.tendon_length + k];
+  T const length = l.items[l.at.tendon_length + k] + lanes_tendon_rate(l, k, l.at.low);
   return max(length - get(1), T(0)) + min(length - get(0), T(0));
 }
 /// Force of the k-th tendon's spring and damper.
@@ -86,7 +86,9 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_joint_spring(L const& l, View const& qpos
   auto const& m = l.model;
   int q = l.index(a.jnt_qposadr, j), i = l.index(a.jnt_dofadr, j);
   auto const type = JointType(l.index(a.jnt_type, j));
-  auto const difference = [&](int c) { return l.load(qpos, l.qpos0, q + c) - l.constant(m.qpos_spring, l.qpos0, q + c); };
+  auto const difference = [&](int c) {
+    return (l.load(qpos, l.qpos0, q + c) - l.constant(m.qpos_spring, l.qpos0, q + c)) + l.items[l.at.low + i + c];
+  };
   if (type == JointType::hinge || type == JointType::slide) return one(i, difference(0));
   if (type == JointType::free) {
     three(i, Vec3<T>{difference(0), difference(1), difference(2)});
@@ -96,7 +98,7 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_joint_spring(L const& l, View const& qpos
   auto const quat = [&](auto const& get) { return normalized(Quat<T>{get(q), get(q + 1), get(q + 2), get(q + 3)}); };
   Quat<T> const rest = quat([&](int e) { return l.constant(m.qpos_spring, l.qpos0, e); }),
                 now = quat([&](int e) { return l.load(qpos, l.qpos0, e); });
-  three(i, log_rotation(conjugate(rest) * now));
+  three(i, log_rotation(conjugate(rest) * now) + l.items.vec3(l.at.low + i));
 }
 
 /// The spatial velocity of every body.
@@ -204,7 +206,7 @@ struct PassiveStage {
   Poses poses;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
-    lanes_load_velocity(l, state.qvel);
+    lanes_load_velocity(l, state);
     if (l.a.fluid || l.a.gravcomp || l.a.spatial) {
       lanes_load_poses(l, poses);
       lanes_inertia(l);
