@@ -19,6 +19,10 @@
 /// (constraint/soft_friction.hpp).
 namespace gsp {
 
+// A contact is hardened for its load until its overlap pushes with so many times that: more is not what bears the load, and what is jammed
+// deeply would be pushed with thousands of times its weight, which sweeps do not solve, and be thrown.
+inline constexpr double most_lift = 20;
+
 template <class R, class Mem>
 struct ContactRows {
   static constexpr bool rests = true, alike = true;
@@ -99,7 +103,8 @@ struct ContactRows {
       RowLaw<R> law = edge ? soft.edge(p, spring, u, h, diag) : soft_law(type.softness(p), spring, u, h, diag);
       if (soft.as_mujoco) return law;
       if (gap > R(0)) law.zeta = min(-gap / h, law.zeta);  // no spring at a gap: it may close within the step
-      if (!edge && hold == detail::Hold::none) law.most_yield = law.compliance / diag * gravity_rate(type.gravity, world, h);
+      if (!edge && hold == detail::Hold::none)
+        law.most_yield = max(law.compliance / diag * gravity_rate(type.gravity, world, h), law.zeta / R(most_lift));
       return law;
     }
     KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int row) const {
