@@ -116,8 +116,8 @@ TEST_CASE_TEMPLATE("what sleeps stays where it is to the bit", Exec, GSP_TEST_EX
 }
 
 namespace {
-/// Who lies beside the trees that are watched, behind them in the file.
-enum class Neighbours { may_sleep, never_sleep, pushed, absent };
+/// Who lies beside the trees that are watched, behind them in the file. nothing_sleeps: sleep is off for all.
+enum class Neighbours { may_sleep, never_sleep, pushed, nothing_sleeps, absent };
 
 /// Numbers of the first trees, nq and nv of them.
 template <class W>
@@ -152,7 +152,7 @@ void compare_neighbours(gsp::Description d, int boxes, int steps, gsp::Profile p
   for (auto const who : kinds) {
     auto with = d;
     add_neighbours(with, boxes, who);
-    auto& w = worlds.emplace_back(with, 1, true, gsp::ModelOptions{.profile = profile});
+    auto& w = worlds.emplace_back(with, 1, who != Neighbours::nothing_sleeps, gsp::ModelOptions{.profile = profile});
     w.may_stop = true;  // some random scenes do
     nq = w.model.nq - (who == Neighbours::absent ? 0 : 7 * boxes), nv = w.model.nv - (who == Neighbours::absent ? 0 : 6 * boxes);
     for (std::size_t i = 0; i < qvel.size(); ++i) w.set(w.state.qvel, 0, int(i), qvel[i]);
@@ -170,7 +170,7 @@ void compare_neighbours(gsp::Description d, int boxes, int steps, gsp::Profile p
   }
   CHECK(worlds[0].asleep() == boxes);
   for (std::size_t i = 1; i < worlds.size(); ++i)
-    CHECK(worlds[i].asleep() == (kinds[i] == Neighbours::pushed ? std::max(boxes - 2, 0) : 0));
+    if (kinds[i] != Neighbours::nothing_sleeps) CHECK(worlds[i].asleep() == (kinds[i] == Neighbours::pushed ? std::max(boxes - 2, 0) : 0));
 }
 /// Two stacks with much on little, one of them shoved and the other hit by a ball; many sweeps, and leaps.
 gsp::Description restless() {
@@ -185,8 +185,8 @@ gsp::Description restless() {
 std::vector<double> const shoves = {1, 0.3, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.2, 0, 0, 0, 1, -6, 0.1, 0, 0, 5, 0};
 }  // namespace
 
-// The bits of a tree do not depend on who sleeps beside it: not in worlds that would go in lockstep if nothing slept (5 trees and 1), nor
-// in crowded ones (5 and 22).
+// The bits of a tree do not depend on who sleeps beside it, nor on whether anything may: not in small worlds (5 trees and 1), nor in
+// crowded ones (5 and 22).
 TEST_CASE_TEMPLATE("neighbours that sleep, wake or are not there change no bit", Exec, GSP_TEST_EXECS) {
   using enum Neighbours;
   for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco})
@@ -198,7 +198,7 @@ TEST_CASE_TEMPLATE("neighbours that sleep, wake or are not there change no bit",
         CAPTURE(noslip);
         auto d = restless();
         d.option.noslip_iterations = noslip;
-        std::vector kinds{may_sleep, never_sleep, pushed};
+        std::vector kinds{may_sleep, never_sleep, pushed, nothing_sleeps};
         if (noslip == 0) kinds.push_back(absent);  // noslip stops at a share of the mean inertia of all
         int const steps = boxes == 1 ? 150 : 400;
         compare_neighbours<float, Exec>(d, boxes, steps, profile, kinds, shoves);
@@ -216,8 +216,8 @@ TEST_CASE_TEMPLATE("neighbours that sleep change no bit of any scene", Exec, GSP
       auto d = gsp_test::random_scene(seed);
       if (d.option.integrator == gsp::Integrator::rk4) d.option.integrator = gsp::Integrator::implicitfast;
       if (seed % 2) d.option.noslip_iterations = 3;
-      compare_neighbours<float, Exec>(d, 1, 200, profile, {may_sleep, never_sleep});
-      compare_neighbours<double, Exec>(d, 1, 200, profile, {may_sleep, never_sleep});
+      compare_neighbours<float, Exec>(d, 1, 200, profile, {may_sleep, never_sleep, nothing_sleeps});
+      compare_neighbours<double, Exec>(d, 1, 200, profile, {may_sleep, never_sleep, nothing_sleeps});
     }
 }
 

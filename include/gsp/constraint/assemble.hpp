@@ -228,7 +228,6 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
         "StiffForces(model, state, dynamics)");
   Region const region("gsp::constraint::assemble");
   using List = ConstraintList<Types...>;
-  rows.may_sleep = sleeping.any();
   if (sleeping.any())
     for_worlds("gsp::constraint::wake_islands", exec, rows.worlds,
                detail::WakeIslands<R, Mem, List>{model, sleeping, types, (detail::rests<Types>() && ...)});

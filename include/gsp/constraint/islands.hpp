@@ -10,7 +10,7 @@ namespace gsp {
 template <class Mem>
 struct Islands {
   int ntree = 0, nv = 0;
-  Kokkos::View<int**, Kokkos::LayoutRight, Mem> lists;  // (worlds, 6 ntree + 5): count, first_element, first_dof, and room to find them
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> lists;  // (worlds, 8 ntree + 5): what follows, and room to find it
   Kokkos::View<int**, Kokkos::LayoutRight, Mem> dofs;   // (worlds, nv)
   Kokkos::View<int*, Kokkos::LayoutRight, Mem> elements,
       keys;                                             // (capacity of rows), a world's from Rows::first on; keys: of rows, to sort by
@@ -23,6 +23,10 @@ struct Islands {
   KOKKOS_INLINE_FUNCTION int& first_element(int w, int i) const { return lists(w, 1 + i); }
   /// And the dofs first_dof(w, i) ... of `dofs`; from that of island count(w) on they are those that no row moves.
   KOKKOS_INLINE_FUNCTION int& first_dof(int w, int i) const { return lists(w, 2 + ntree + i); }
+  /// Rows of island i.
+  KOKKOS_INLINE_FUNCTION int& row_count(int w, int i) const { return lists(w, 5 + 6 * ntree + i); }
+  /// Dof d of tree t is number d + shift(w, t) in the list of its island.
+  KOKKOS_INLINE_FUNCTION int& shift(int w, int t) const { return lists(w, 5 + 7 * ntree + t); }
   /// Of each tree the first of its island; made by `assemble`.
   KOKKOS_INLINE_FUNCTION int* label(int w) const { return &lists(w, 4 + 2 * ntree); }  // (ntree)
   /// Scratch.
@@ -55,7 +59,7 @@ Islands<Mem> make_islands(Exec const& exec, Model<R, Mem> const& model, int worl
   s.nv = model.nv;
   s.dof_tree = model.dof_tree;
   s.tree_dofnum = model.tree_dofnum;
-  s.lists = allocate_zero<decltype(s.lists)>(exec, "gsp::Islands::lists", worlds, 6 * s.ntree + 5);
+  s.lists = allocate_zero<decltype(s.lists)>(exec, "gsp::Islands::lists", worlds, 8 * s.ntree + 5);
   s.dofs = allocate_zero<decltype(s.dofs)>(exec, "gsp::Islands::dofs", worlds, s.nv);
   return s;
 }
@@ -105,7 +109,9 @@ template <IslandItems items = IslandItems::elements, class World, class Rows, cl
 KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, Islands<Mem> const& s, int w) {
   int const first = rows.first(w), count = rows.count(w), ntree = s.ntree;
   int *const label = s.label(w), *const number = s.number(w), *const next = s.next(w), *const keys = s.keys.data() + first;
+  int* const row_count = &s.shift(w, 0);  // of islands, at their first tree
   world.each(2 * ntree + 1, [&](int k) { next[k] = 0; });
+  world.each(ntree, [&](int t) { row_count[t] = 0; });
   world.sync();
   world.each(count, [&](int r) {  // by island, then elements of one row before others; -1: no element, or one that nothing is solved for
     int const n = rows.element_rows(first + r), listed = items == IslandItems::rows ? n : 1;
@@ -114,7 +120,9 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
       for (int i = 0; i < 2 * n && tree < 0; ++i) tree = tree_of_row(rows, s, w, r + i / 2, i % 2);
     int const key = tree < 0 ? -1 : 2 * label[tree] + (items == IslandItems::elements && n > 1);
     for (int b = 0; b < listed; ++b) keys[r + b] = key;
-    if (tree >= 0) world.add(next[key], listed);
+    if (tree < 0) return;
+    world.add(next[key], listed);
+    world.add(row_count[label[tree]], n);
   });
   world.sync();
   world.template scan<int>(2 * ntree + 1, [&](int k, int& running, bool last) {
@@ -127,7 +135,10 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
     int const begin = next[2 * t], has = next[2 * t + 2] > begin;
     if (last) {
       number[t] = has ? running : -1;
-      if (has) s.first_element(w, running) = begin;
+      if (has) {
+        s.first_element(w, running) = begin;
+        s.row_count(w, running) = row_count[t];
+      }
       if (t == ntree - 1) {
         s.count(w) = running + has;
         s.first_element(w, running + has) = next[2 * ntree];
@@ -153,8 +164,67 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
   });
   world.sync();
   world.place(
-      s.nv, [&](int i) { return island_of(s.dof_tree(i)); }, next, [&](int i, int at) { s.dofs(w, at) = i; });
+      s.nv, [&](int i) { return island_of(s.dof_tree(i)); }, next,
+      [&](int i, int at) {
+        int const tree = s.dof_tree(i);
+        s.dofs(w, at) = i;
+        if (i == 0 || s.dof_tree(i - 1) != tree) s.shift(w, tree) = at - s.first_dof(w, island_of(tree)) - i;
+      });
   world.sync();
+}
+
+/// The elements and dofs of an island, or of a world of one tree, which is one.
+struct Island {
+  int world, first_row;
+  int const* element;  // first rows, counted from first_row; null: all rows of the world, elements being found on the way
+  int elements;        // or rows
+  int const* list;     // of dofs; null: all
+  int dofs;
+  int rows;          // those that are eliminated too, where `element` is null
+  int const* shift;  // of trees: Islands::shift; null: 0
+  KOKKOS_INLINE_FUNCTION int dof(int k) const { return list ? list[k] : k; }
+  /// Of entry k of the list: first row, and the row after its last.
+  KOKKOS_INLINE_FUNCTION int begin(int k) const { return element ? element[k] : k; }
+  template <class Rows>
+  KOKKOS_INLINE_FUNCTION int end(Rows const& all, int k) const {
+    return element ? element[k] + all.element_rows(first_row + element[k]) : k + 1;
+  }
+  /// The rows of the element that entry k begins; 0: it begins none, or one that is eliminated.
+  template <class Rows>
+  KOKKOS_INLINE_FUNCTION int rows_of(Rows const& all, int k) const {
+    int const at = first_row + begin(k), n = all.element_rows(at);
+    return !element && n > 0 && all.most_eliminated > 0 && all.row(at).eliminated ? 0 : n;
+  }
+  /// What the first dof of a segment is among those of the island.
+  template <class Rows, class Segment>
+  KOKKOS_INLINE_FUNCTION int first_dof(Rows const& all, Segment const& s) const {
+    return shift ? s.dof0 + shift[all.islands.dof_tree(s.dof0)] : s.dof0;
+  }
+};
+/// Islands are numbered through all worlds: number u is island u % of_world of world u / of_world.
+template <class Rows>
+KOKKOS_INLINE_FUNCTION int islands_of_world(Rows const& rows) {  // that there may be
+  return rows.islands.ntree > 1 ? rows.islands.ntree : 1;
+}
+/// Whether there is one: after find_islands in worlds of several trees; a world of one tree is an island, with rows or without.
+template <class Rows>
+KOKKOS_INLINE_FUNCTION bool is_island(Rows const& rows, int w, int i) {
+  return rows.islands.ntree > 1 ? i < rows.islands.count(w) : i == 0;
+}
+template <class Rows>
+KOKKOS_INLINE_FUNCTION Island island_of(Rows const& rows, int w, int i) {
+  auto const& s = rows.islands;
+  int const first = rows.first(w);
+  if (s.ntree <= 1) return {w, first, nullptr, rows.count(w), nullptr, rows.nv, rows.count(w), nullptr};
+  int const element = s.first_element(w, i), dof = s.first_dof(w, i);
+  return {w,
+          first,
+          s.elements.data() + first + element,
+          s.first_element(w, i + 1) - element,
+          &s.dofs(w, 0) + dof,
+          s.first_dof(w, i + 1) - dof,
+          s.row_count(w, i),
+          &s.shift(w, 0)};
 }
 
 /// Rows and dofs of an island, each in their order, or of a whole world.

@@ -104,7 +104,6 @@ struct Rows {
   Profile profile = Profile::stable;         // of the model: whose problem they are
   int most_eliminated = 0;                   // rows that are eliminated in a world, at most; 0: none is
   double friction_time = 0;                  // RowsOptions
-  bool may_sleep = false;                    // some islands may sleep: the others are solved to the same bits whether they do or not
   View<int*> first, count;                   // (worlds) rows of a world
   View<int*> kept;                           // (worlds) after them, rows of islands that sleep: type, element and impulse alone
   View<int*> largest_element;                // (worlds) most rows of an element, at least 3: what solvers make room for

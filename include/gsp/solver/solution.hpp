@@ -18,15 +18,14 @@ struct Solution {
   View<R*> residual;          // (worlds) largest change of a rate that one more projection would make [m/s, rad/s]; NaN where the solver
                               // was not asked for it (PgsOptions::residual, NewtonOptions::residual)
   View<int*> iterations;      // (worlds) sweeps done; of newton its iterations
-  View<R*> thread_items;      // hosts: room for a pack of worlds a thread (detail/pgs_lockstep.hpp)
+  // Of islands, worlds * trees of them at most, numbered through all worlds (constraint/islands.hpp):
+  View<int**> listed;          // small ones, list by list; hosts: (2, islands) of a round of sweeps and of the next; GPUs: (1, islands)
+  View<int**> list_counts;     // (lists, 5) what stands in them (detail/list_islands.hpp)
+  View<signed char*> goes_on;  // hosts, (islands) whether it goes into another round; GPUs, (worlds) whether the last step's was long
+  View<R*> thread_items;       // hosts: room for a pack of islands a thread (detail/pgs_lockstep.hpp)
   std::int64_t thread_stride = 0;
-  View<signed char*> goes_on;  // hosts, (worlds) whether it goes into another round of sweeps there
-  View<int*> going_worlds;     // hosts, (worlds) those that do, and their number
-  View<int> going;
-  View<R*> island_items;  // hosts: room for an island a thread (detail/pgs_grouped.hpp), which pgs enlarges
+  View<R*> island_items;  // hosts: room for a large island a thread (detail/pgs_grouped.hpp), which pgs enlarges
   std::int64_t island_stride = 0;
-  View<int**> listed_worlds;  // GPUs, (lists, worlds) small ones, by the room that they need
-  View<int**> list_counts;    // GPUs, (lists, 3) how many stand at the front of them, at their end, and how many have been taken
   detail::SharedStamp<detail::SolutionStamp> stamp;  // host: of which state it is (dynamics/stamps.hpp)
 };
 
@@ -60,16 +59,13 @@ Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, Sol
   make(s.residual, "gsp::Solution::residual", s.worlds);
   Kokkos::parallel_for("gsp::solver::make_solution", Kokkos::RangePolicy<Exec>(exec, 0, s.worlds), detail::NotMeasured<R, Mem>{s.residual});
   make(s.iterations, "gsp::Solution::iterations", s.worlds);
-  if (s.nv > detail::lockstep_most_dofs) return s;
-  if constexpr (is_device<Exec>) {
-    make(s.listed_worlds, "gsp::Solution::listed_worlds", detail::delassus_lists, s.worlds);
-    make(s.list_counts, "gsp::Solution::list_counts", detail::delassus_lists, 3);
-  } else {
+  std::int64_t const islands = std::int64_t(s.worlds) * std::max(1, model.ntree);
+  make(s.listed, "gsp::Solution::listed", is_device<Exec> ? 1 : 2, islands);
+  make(s.list_counts, "gsp::Solution::list_counts", detail::island_lists, 5);
+  make(s.goes_on, "gsp::Solution::goes_on", is_device<Exec> ? s.worlds : islands);
+  if constexpr (!is_device<Exec>) {
     s.thread_stride = detail::lockstep_packs(s.nv) * native_width<R>;
     make(s.thread_items, "gsp::Solution::thread_items", s.thread_stride * Kokkos::DefaultHostExecutionSpace().concurrency());
-    make(s.goes_on, "gsp::Solution::goes_on", s.worlds);
-    make(s.going_worlds, "gsp::Solution::going_worlds", s.worlds);
-    make(s.going, "gsp::Solution::going");
   }
   return s;
 }

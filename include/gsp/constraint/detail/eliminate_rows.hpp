@@ -152,11 +152,11 @@ struct RestoreRows {
   }
 
  private:
-  /// coupling . p. Threads that share a sum take its items by their places, so where rows of other trees may be missing, as they sleep,
-  /// the rows that are coupled are listed first.
+  /// coupling . p. Threads that share a sum take its items by their places, so where rows of other trees may be missing, as they sleep or
+  /// are far away, the rows that are coupled are listed first.
   template <class World>
   KOKKOS_INLINE_FUNCTION R coupled(World const& world, R const* coupling, R const* p, int count, int* list) const {
-    if (!rows.may_sleep) return world.template sum<R>(count, [&](int q) { return coupling[q] * p[q]; });
+    if (rows.islands.ntree <= 1) return world.template sum<R>(count, [&](int q) { return coupling[q] * p[q]; });
     world.template scan<int>(count, [&](int q, int& running, bool last) {
       int const has = coupling[q] != R(0);
       if (last && has) list[running] = q;

@@ -1,26 +1,25 @@
 #pragma once
 #include <algorithm>
 #include <gsp/constraint/impulses.hpp>
+#include <gsp/constraint/islands.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
 #include <gsp/solver/detail/row_vectors.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// Projected Gauss-Seidel for small worlds on a GPU: a warp each, over their Delassus matrix,
+/// Projected Gauss-Seidel for small islands on a GPU: a warp each, over their Delassus matrix,
 ///   w = A p + b,   A = Y Y^T + C
 /// in shared memory from the first sweep to the last. What bounds a sweep is the chain from one element to the next; here it is shorter
-/// than over whitened rows (docs/decisions/0030). A world takes this path by its own rows alone (and where no tree may sleep), and nothing
-/// that it computes hangs on when, where or beside which others it is solved.
+/// than over whitened rows (docs/decisions/0030). An island takes this path by its own rows and dofs alone, and nothing that it computes
+/// hangs on when, where or beside which others it is solved.
 namespace gsp::detail {
 
 /// What is known of a row beside its numbers, in the order of the sweeps.
 struct DelassusRow {
-  unsigned char pool;       // its number in the world, counted from Rows::first
   unsigned char rows;       // of the element that begins here
   signed char friction_of;  // as in Row
   bool with_next : 1;
   bool contact : 1;  // of this row, which pushes, and two that lie in its ellipse
 };
-static_assert(sizeof(DelassusRow) == 4);
 template <class R>
 struct alignas(4 * sizeof(R)) DelassusLaw {
   R step;          // -relaxation / (|Y|^2 + C), or that of two rows together
@@ -32,38 +31,34 @@ inline constexpr int delassus_beyond = lockstep_most_rows;  // numbers behind th
 // What a block may have on all GPUs since Ampere: 128 rows of float, 96 of double.
 inline constexpr std::int64_t delassus_most_bytes = 99 * 1024;
 
-/// Dofs of Y that are there at a time: worlds of many rows leave room for the matrices of others.
+/// Dofs of Y that are there at a time: islands of many rows leave room for the matrices of others.
 KOKKOS_INLINE_FUNCTION constexpr int delassus_dofs(int rows, int nv) {
   int const most = rows > 64 ? 8 : 32;
   return nv < most ? nv : most;
 }
 /// Numbers from one row of the matrix to the next.
 KOKKOS_INLINE_FUNCTION constexpr int delassus_stride(int rows) { return (rows + 3) / 4 * 4; }
-/// A is symmetric. Where worlds of many rows wait, twice as many as fit, they keep its lower triangle alone, line by line, and a line of
+/// A is symmetric. Where islands of many rows wait, twice as many as fit, they keep its lower triangle alone, line by line, and a line of
 /// zeros for threads without a row: nearly twice as many fit, which is worth the arithmetic that finds an entry. The numbers are the same.
 KOKKOS_INLINE_FUNCTION constexpr int triangle_line(int row) { return row * (row + 1) / 2; }
 /// Numbers of the matrix: whole groups of four.
 KOKKOS_INLINE_FUNCTION constexpr int delassus_matrix(int rows, bool triangle) {
   return triangle ? (triangle_line(rows + 1) + 3) / 4 * 4 : delassus_stride(rows) * rows + delassus_beyond;
 }
-/// Shared memory of a world: laws, the matrix, Y of some dofs, DelassusRow and one beyond the last.
+/// Shared memory of an island: laws, the matrix, Y of some dofs, DelassusRow and one beyond the last.
 template <class R>
 KOKKOS_INLINE_FUNCTION constexpr std::int64_t delassus_bytes(int rows, int nv, bool triangle = false) {
   return (delassus_stride(rows) * std::int64_t(4 + delassus_dofs(rows, nv)) + delassus_matrix(rows, triangle)) * std::int64_t(sizeof(R)) +
          (rows + 1) * std::int64_t(sizeof(DelassusRow));
 }
-/// Worlds of up to so many rows are a list of their own, solved by a launch whose blocks have room for them.
-KOKKOS_INLINE_FUNCTION constexpr int delassus_rows(int list) {
-  constexpr int most[delassus_lists] = {16, 24, 32, 40, 52, 64, 80, 96, 112, lockstep_most_rows};
-  return most[list];
+/// Of a list: blocks have room for its largest (lockstep_sizes.hpp).
+template <class R>
+KOKKOS_INLINE_FUNCTION constexpr std::int64_t delassus_bytes_of_list(int list, int nv, bool triangle = false) {
+  return delassus_bytes<R>(rows_of_list(list), nv < lockstep_most_dofs ? nv : lockstep_most_dofs, triangle);
 }
-/// The list that a world belongs to; -1: it is swept over sparse rows (pgs_world.hpp).
 template <class R, class Mem>
-KOKKOS_INLINE_FUNCTION int delassus_list(Rows<R, Mem> const& rows, int w) {
-  if (rows.nv > lockstep_most_dofs || !goes_in_lockstep(rows, w)) return -1;
-  int list = 0;
-  while (delassus_rows(list) < rows.count(w)) ++list;
-  return delassus_bytes<R>(delassus_rows(list), rows.nv) <= delassus_most_bytes ? list : -1;
+KOKKOS_INLINE_FUNCTION bool delassus_takes(Rows<R, Mem> const& rows, Island const& island) {
+  return is_small(island.rows, island.dofs) && delassus_bytes_of_list<R>(list_of_rows(island.rows), rows.nv) <= delassus_most_bytes;
 }
 
 template <class R, class Mem>
@@ -75,7 +70,7 @@ struct PgsDelassus {
   Kokkos::View<int, Mem> halt;
 };
 
-/// All worlds that belong to a list.
+/// All islands that it takes.
 template <class Exec, class R, class Mem>
 void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver);
 

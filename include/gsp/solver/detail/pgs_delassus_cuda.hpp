@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/parallel/detail/launch_cuda.hpp>
+#include <gsp/solver/detail/list_islands.hpp>
 #include <gsp/solver/detail/pgs_delassus.hpp>
 #include <gsp/solver/detail/sweep_until_rest.hpp>
 
@@ -8,22 +9,22 @@
 /// elements of one row and of more take turns.
 namespace gsp::detail {
 
-/// A world, for sweep_until_rest. All threads of the warp call all members together.
+/// An island, for sweep_until_rest. All threads of the warp call all members together.
 /// @tparam S  rows a thread;   @tparam triangle  whether A is its lower triangle
 template <class R, class Mem, int S, bool triangle>
-class DelassusWorld {
+class DelassusIsland {
  public:
   /// Rows, entries and impulses, from the pools.
-  __device__ DelassusWorld(PgsDelassus<R, Mem> const& solver, int w, char* memory)
-      : k_(solver), world_(w), first_(solver.rows.first(w)), lane_(threadIdx.x) {
-    int const count = k_.rows.count(w), nv = k_.rows.nv;
+  __device__ DelassusIsland(PgsDelassus<R, Mem> const& solver, Island const& island, char* memory)
+      : k_(solver), island_(island), first_(island.first_row), lane_(threadIdx.x) {
+    int const count = island.rows, nv = island.dofs;
     stride_ = delassus_stride(count);
     dofs_ = delassus_dofs(count, nv);
     law_ = reinterpret_cast<DelassusLaw<R>*>(memory);
     A_ = reinterpret_cast<R*>(law_ + stride_);
     Y_ = A_ + delassus_matrix(count, triangle);
     row_ = reinterpret_cast<DelassusRow*>(Y_ + dofs_ * stride_);
-    find_order(count);
+    find_order();
 #pragma unroll
     for (int s = 0; s < S; ++s) {
       if constexpr (triangle) own_[s] = smaller(lane_ + 32 * s, count_);
@@ -105,11 +106,11 @@ class DelassusWorld {
   /// p, and z = Y^T p, to the pools.
   __device__ void write(int sweeps) {
     R* const p = k_.impulses.p[k_.impulses.parity()].data() + first_;
-    int const nv = k_.rows.nv;
-    R* const z = k_.solution.z.data() + std::int64_t(world_) * nv;
+    int const nv = island_.dofs;
+    R* const z = k_.solution.z.data() + std::int64_t(island_.world) * k_.rows.nv;
 #pragma unroll
     for (int s = 0; s < S; ++s)
-      if (int const i = lane_ + 32 * s; i < count_) p[row_[i].pool] = p_[s];
+      if (lane_ + 32 * s < count_) p[pool_[s]] = p_[s];
     for (int begin = 0; begin < nv; begin += dofs_) {
       __syncwarp();                   // all have read those before
       if (nv > dofs_) spread(begin);  // else it is there
@@ -123,12 +124,9 @@ class DelassusWorld {
         part = sum_of(part);
         if (lane_ == k) own = part;
       }
-      if (lane_ < dofs_ && begin + lane_ < nv) z[begin + lane_] = own;
+      if (lane_ < dofs_ && begin + lane_ < nv) z[island_.dof(begin + lane_)] = own;
     }
-    if (lane_ == 0) {
-      k_.solution.iterations(world_) = sweeps;
-      k_.solution.residual(world_) = Kokkos::Experimental::quiet_NaN_v<R>;  // PgsResidual finds it
-    }
+    if (lane_ == 0) tell_sweeps(k_.rows, k_.solution, island_.world, sweeps);
     __syncwarp();
   }
 
@@ -165,55 +163,67 @@ class DelassusWorld {
     return __shfl_sync(all, own, i % 32);
   }
 
-  /// Where the rows of the pool stand in a sweep; eliminated ones are left out. The k-th element of one row stands behind as many of more.
-  __device__ void find_order(int count) {
+  /// Where rows stand in a sweep: the k-th element of one row behind as many of more, and so the other way round.
+  __device__ void find_order() {
     auto const& rows = k_.rows;
-    unsigned single[S], several[S], of_several[S];
     unsigned const below = (1u << lane_) - 1u;
-    int rows_of[S];
-#pragma unroll
-    for (int s = 0; s < S; ++s) {
-      int const r = lane_ + 32 * s;
-      bool const is = r < count && !rows.row(first_ + r).eliminated;
-      rows_of[s] = is ? rows.element_rows(first_ + r) : -1;
-      single[s] = __ballot_sync(all, rows_of[s] == 1);
-      several[s] = __ballot_sync(all, rows_of[s] > 1);
-      of_several[s] = __ballot_sync(all, rows_of[s] > 1 || rows_of[s] == 0);
-    }
     auto* const behind = reinterpret_cast<unsigned char*>(A_);  // rows of the first k elements of more than one
+    auto* const pool = reinterpret_cast<int*>(Y_);              // by place
+    int begins[S], rows_of[S], before_single[S], before_several[S], before_row[S];
     int singles = 0, severals = 0, rows_of_several = 0;
-    int before_single[S], before_several[S], before_row[S];
 #pragma unroll
     for (int s = 0; s < S; ++s) {
-      before_single[s] = singles + __popc(single[s] & below);
-      before_several[s] = severals + __popc(several[s] & below);
-      before_row[s] = rows_of_several + __popc(of_several[s] & below);
-      if (rows_of[s] > 1) behind[before_several[s]] = static_cast<unsigned char>(before_row[s]);
-      singles += __popc(single[s]);
-      severals += __popc(several[s]);
-      rows_of_several += __popc(of_several[s]);
+      int const entry = lane_ + 32 * s;
+      begins[s] = entry < island_.elements ? island_.begin(entry) : 0;
+      rows_of[s] = entry < island_.elements ? island_.rows_of(rows, entry) : 0;
+      unsigned const single = __ballot_sync(all, rows_of[s] == 1), several = __ballot_sync(all, rows_of[s] > 1);
+      int const own = rows_of[s] > 1 ? rows_of[s] : 0;
+      int sum = own;
+#pragma unroll
+      for (int stride = 1; stride < 32; stride *= 2) {
+        int const other = __shfl_up_sync(all, sum, stride);
+        sum += lane_ < stride ? 0 : other;
+      }
+      before_single[s] = singles + __popc(single & below);
+      before_several[s] = severals + __popc(several & below);
+      before_row[s] = rows_of_several + sum - own;
+      if (own > 0) behind[before_several[s]] = static_cast<unsigned char>(before_row[s]);
+      singles += __popc(single);
+      severals += __popc(several);
+      rows_of_several += __shfl_sync(all, sum, 31);
     }
     if (lane_ == 0) behind[severals] = static_cast<unsigned char>(rows_of_several);
     __syncwarp();
     count_ = singles + rows_of_several;
-    int place[S];
 #pragma unroll
     for (int s = 0; s < S; ++s) {
-      if (rows_of[s] < 0) continue;
-      int const r = lane_ + 32 * s, own = before_several[s] + (rows_of[s] > 1);  // elements of more, up to this one
-      place[s] = rows_of[s] == 1 ? before_single[s] + behind[smaller(before_single[s], severals)] : before_row[s] + smaller(own, singles);
-      Row<R> const& from = rows.row(first_ + r);
-      bool const with_next = from.with_next && r + 1 < count && rows.element_rows(first_ + r + 1) == 0;
-      row_[place[s]] = {static_cast<unsigned char>(r), static_cast<unsigned char>(rows_of[s]), from.friction_of, with_next, false};
+      int const place = rows_of[s] == 1 ? before_single[s] + behind[smaller(before_single[s], severals)]
+                                        : before_row[s] + smaller(before_several[s] + 1, singles);
+      for (int b = 0; b < rows_of[s]; ++b) {
+        pool[place + b] = begins[s] + b;
+        row_[place + b].rows = static_cast<unsigned char>(b == 0 ? rows_of[s] : 0);
+      }
     }
-    if (lane_ == 0) row_[count_] = {0, 0, -1, false, false};
+    if (lane_ == 0) row_[count_] = {0, -1, false, false};
     __syncwarp();
 #pragma unroll
-    for (int s = 0; s < S; ++s)
-      if (rows_of[s] == 3) {
-        DelassusRow* const own = row_ + place[s];
-        own->contact = own[0].friction_of < 0 && own[1].friction_of == 0 && own[1].with_next && own[2].friction_of == 0;
-      }
+    for (int s = 0; s < S; ++s) {
+      int const i = lane_ + 32 * s;
+      pool_[s] = i < count_ ? pool[i] : 0;
+      if (i >= count_) continue;
+      Row<R> const& from = rows.row(first_ + pool_[s]);
+      row_[i].friction_of = from.friction_of;
+      row_[i].with_next = from.with_next && i + 1 < count_ && row_[i + 1].rows == 0;
+      row_[i].contact = false;
+    }
+    __syncwarp();
+#pragma unroll
+    for (int s = 0; s < S; ++s) {
+      int const i = lane_ + 32 * s;
+      if (i >= count_ || row_[i].rows != 3) continue;
+      DelassusRow* const own = row_ + i;
+      own->contact = own[0].friction_of < 0 && own[1].friction_of == 0 && own[1].with_next && own[2].friction_of == 0;
+    }
     __syncwarp();
   }
   /// Numbers of the thread's row of place s, and which dofs its segments are of.
@@ -222,7 +232,7 @@ class DelassusWorld {
     range_[s] = {};
     int const i = lane_ + 32 * s;
     if (i >= count_) return;
-    int const of_pool = first_ + row_[i].pool;
+    int const of_pool = first_ + pool_[s];
     Row<R> const from = k_.rows.row(of_pool);
     R const inverse = from.inverse_diagonal;
     diagonal_[s] = inverse > R(0) ? R(1) / inverse : R(0);
@@ -234,14 +244,15 @@ class DelassusWorld {
       RowSegment const segment = from.segment[t];
       if (segment.count == 0) continue;
       int const* const list = list_of(k_.rows, segment);
-      range_[s].first[t] = static_cast<unsigned char>(segment.dof0);
-      range_[s].end[t] = static_cast<unsigned char>(segment.dof0 + (list ? list[segment.count - 1] + 1 : segment.count));
+      int const first = island_.first_dof(k_.rows, segment);
+      range_[s].first[t] = static_cast<unsigned char>(first);
+      range_[s].end[t] = static_cast<unsigned char>(first + (list ? list[segment.count - 1] + 1 : segment.count));
     }
   }
-  /// Y of the next dofs from `begin` on, dof by dof, from the pool, and which rows have any.
+  /// Y of the next dofs of the island from `begin` on, dof by dof, from the pool, and which rows have any.
   __device__ void spread(int begin) {
     auto const& rows = k_.rows;
-    int const dofs = smaller(dofs_, rows.nv - begin), end = begin + dofs;
+    int const dofs = smaller(dofs_, island_.dofs - begin), end = begin + dofs;
     for (int i = lane_; i < dofs * stride_; i += 32) Y_[i] = R(0);
     __syncwarp();
 #pragma unroll
@@ -251,13 +262,13 @@ class DelassusWorld {
       bool const first = range.first[0] < end && range.end[0] > begin, second = range.first[1] < end && range.end[1] > begin;
       touching_[s] = __ballot_sync(all, first || second);
       if (!first && !second) continue;
-      Row<R> const& row = rows.row(first_ + row_[i].pool);
+      Row<R> const& row = rows.row(first_ + pool_[s]);
       R const* y = rows.Y.data() + row.first_entry;
 #pragma unroll
       for (int t = 0; t < 2; ++t) {
         RowSegment const segment = row.segment[t];
         int const* const list = list_of(rows, segment);
-        int const count = (t == 0 ? first : second) ? segment.count : 0, from = segment.dof0 - begin;
+        int const count = (t == 0 ? first : second) ? segment.count : 0, from = range.first[t] - begin;
 #pragma unroll 4
         for (int e = 0; e < count; ++e) {
           int const k = from + (list ? list[e] : e);
@@ -307,7 +318,7 @@ class DelassusWorld {
   __device__ void add_compliance() const {
 #pragma unroll
     for (int s = 0; s < S; ++s)
-      if (int const i = lane_ + 32 * s; i < count_) A_[place(i, i)] += k_.rows.row(first_ + row_[i].pool).compliance;
+      if (int const i = lane_ + 32 * s; i < count_) A_[place(i, i)] += k_.rows.row(first_ + pool_[s]).compliance;
     __syncwarp();
   }
 
@@ -438,12 +449,14 @@ class DelassusWorld {
   }
 
   PgsDelassus<R, Mem> const& k_;
-  int const world_, first_, lane_;
+  Island const& island_;
+  int const first_, lane_;
   int count_ = 0, stride_, dofs_;  // rows that are swept; numbers from one row of A, or dof of Y, to the next; dofs of Y at a time
   DelassusLaw<R>* law_;            // whose p is that of p_ but for a sweep, and until `sum` has been called
   R *A_, *Y_;
   DelassusRow* row_;
   int own_[triangle ? S : 1];  // the thread's rows, or the line of zeros
+  int pool_[S];                // their numbers in the world, counted from Rows::first
   DofRange range_[S];
   unsigned touching_[S];  // bits of the rows that have entries in the dofs of Y that are there
   R w_[S], bias_[S], p_[S], diagonal_[S];
@@ -451,60 +464,83 @@ class DelassusWorld {
   R p1_[S] = {}, d1_[S] = {}, p2_[S] = {}, d2_[S] = {};  // p after the last sweep that was remembered and the one before, and their d
 };
 
-/// Lists the worlds; those that took many sweeps in the last step stand in front, as they may again: what is long begins first.
+/// Islands of list k stand in Solution::listed behind those of the lists before, which have more rows: first those of worlds whose last
+/// step took many sweeps, as they may again: what is long begins first. Solution::list_counts(k): how many of either kind there are, how
+/// many have been listed, and how many have been taken.
+enum DelassusCount { many_sweeps, few_sweeps, many_listed, few_listed, taken };
+
+/// Where a list begins.
 template <class R, class Mem>
-__global__ void list_delassus_kernel(PgsDelassus<R, Mem> const __grid_constant__ solver) {
-  constexpr int many = 33;  // sweeps: about the mean of humanoids that lie
-  if (solver.halt()) return;
-  auto const& solution = solver.solution;
-  int const w = blockIdx.x * blockDim.x + threadIdx.x, list = w < solver.rows.worlds ? delassus_list(solver.rows, w) : -1;
-  if (list < 0) return;
-  bool const few = solution.iterations(w) < many;
-  int const at = atomicAdd(&solution.list_counts(list, int(few)), 1);
-  solution.listed_worlds(list, few ? solver.rows.worlds - 1 - at : at) = w;
+__device__ int delassus_begin(Solution<R, Mem> const& solution, int list) {
+  int begin = 0;
+  for (int k = list + 1; k < island_lists; ++k) begin += solution.list_counts(k, many_sweeps) + solution.list_counts(k, few_sweeps);
+  return begin;
 }
 
-/// @param list  of worlds; -1: a world a block, its number is the block's, where it has as many rows a thread
+template <class R, class Mem>
+__global__ void list_delassus_kernel(PgsDelassus<R, Mem> const __grid_constant__ solver, bool place) {
+  if (solver.halt()) return;
+  auto const& rows = solver.rows;
+  auto const& solution = solver.solution;
+  auto const& counts = solution.list_counts;
+  int const of_world = islands_of_world(rows), number = blockIdx.x * blockDim.x + threadIdx.x, w = number / of_world;
+  if (w >= rows.worlds || !is_island(rows, w, number % of_world)) return;
+  Island const island = island_of(rows, w, number % of_world);
+  if (!delassus_takes(rows, island)) return;
+  int const list = list_of_rows(island.rows);
+  bool const few = !(of_world > 1 ? solution.goes_on(w) : solution.iterations(w) >= long_solve);
+  int const at = atomicAdd(&counts(list, place ? (few ? few_listed : many_listed) : (few ? few_sweeps : many_sweeps)), 1);
+  if (place) solution.listed(0, delassus_begin(solution, list) + (few ? counts(list, many_sweeps) : 0) + at) = number;
+}
+/// @param list  of islands; -1: an island a block, its number is the block's, where it has as many rows a thread
 template <class R, class Mem, int S, bool triangle>
 __global__ void __launch_bounds__(32) pgs_delassus_kernel(PgsDelassus<R, Mem> const __grid_constant__ solver, int list) {
   extern __shared__ __align__(32) char shared_memory[];
   if (solver.halt()) return;
+  auto const& rows = solver.rows;
   auto const& solution = solver.solution;
-  auto const solve = [&](int w) {
-    DelassusWorld<R, Mem, S, triangle> world(solver, w, shared_memory);
-    R const tolerance = R(solver.options.tolerance) * solver.rows.rate_scale(w);
-    world.write(sweep_until_rest<R>(world, solver.options, tolerance, solver.rows.count(w) > 0));
+  int const of_world = islands_of_world(rows);
+  auto const solve = [&](Island const& own) {
+    DelassusIsland<R, Mem, S, triangle> island(solver, own, shared_memory);
+    R const tolerance = R(solver.options.tolerance) * rows.rate_scale(own.world);
+    island.write(sweep_until_rest<R>(island, solver.options, tolerance, own.rows > 0));
   };
   if (list < 0) {
-    int const own = delassus_list(solver.rows, blockIdx.x);
-    if (own >= 0 && (delassus_rows(own) + 31) / 32 == S) solve(blockIdx.x);
+    int const w = blockIdx.x / of_world, i = blockIdx.x % of_world;
+    if (!is_island(rows, w, i)) return;
+    Island const own = island_of(rows, w, i);
+    if (delassus_takes(rows, own) && (rows_of_list(list_of_rows(own.rows)) + 31) / 32 == S) solve(own);
     return;
   }
-  int const front = solution.list_counts(list, 0), worlds = front + solution.list_counts(list, 1);
+  int const begin = delassus_begin(solution, list),
+            count = solution.list_counts(list, many_sweeps) + solution.list_counts(list, few_sweeps);
   for (;;) {
-    int at = threadIdx.x == 0 ? atomicAdd(&solution.list_counts(list, 2), 1) : 0;
+    int at = threadIdx.x == 0 ? atomicAdd(&solution.list_counts(list, taken), 1) : 0;
     at = __shfl_sync(0xffffffffu, at, 0);
-    if (at >= worlds) return;
-    solve(solution.listed_worlds(list, at < front ? at : solver.rows.worlds - 1 - (at - front)));
+    if (at >= count) return;
+    int const number = solution.listed(0, begin + at);
+    solve(island_of(rows, number / of_world, number % of_world));
   }
 }
 
 template <class Exec, class R, class Mem>
 void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
-  int const nv = solver.rows.nv, worlds = solver.rows.worlds;
-  if (nv > lockstep_most_dofs) return;  // no world belongs to a list, and there are none
+  int const nv = solver.rows.nv;
+  std::int64_t const islands = std::int64_t(solver.rows.worlds) * islands_of_world(solver.rows);
   auto const& device = exec.cuda_device_prop();
-  auto const at_a_time = [&](int bytes) {
+  auto const at_a_time = [&](std::int64_t bytes) {
     return device.multiProcessorCount *
-           std::clamp(int(device.sharedMemPerMultiprocessor) / (bytes + int(device.reservedSharedMemPerBlock)), 1, 32);
+           std::clamp(int(device.sharedMemPerMultiprocessor) / int(bytes + device.reservedSharedMemPerBlock), 1, 32);
   };
-  auto const launch = [&](cudaStream_t stream, int rows, int list) {
-    int const full = int(delassus_bytes<R>(rows, nv));
+  auto const launch = [&](cudaStream_t stream, int size, int list) {
+    std::int64_t const full = delassus_bytes_of_list<R>(size, nv);
     if (full > delassus_most_bytes) return;
-    bool const triangle = rows > 64 && worlds > 2 * at_a_time(full);
-    int const bytes = int(delassus_bytes<R>(rows, nv, triangle)), grid = list < 0 ? worlds : std::min(worlds, at_a_time(bytes));
+    int const rows = rows_of_list(size);
+    bool const triangle = rows > 64 && islands > 2 * at_a_time(full);
+    auto const bytes = std::size_t(delassus_bytes_of_list<R>(size, nv, triangle));
+    int const grid = int(list < 0 ? islands : std::min<std::int64_t>(islands, at_a_time(std::int64_t(bytes))));
     auto const one = [&](auto* kernel) {
-      if (bytes > int(device.sharedMemPerBlock))
+      if (bytes > device.sharedMemPerBlock)
         // a limit of the kernel, not of this launch: another thread's launch may need all
         cuda_expects(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(delassus_most_bytes)),
                      "gsp::solver::pgs_delassus, shared memory");
@@ -519,18 +555,20 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
     else
       one(triangle ? pgs_delassus_kernel<R, Mem, 4, true> : pgs_delassus_kernel<R, Mem, 4, false>);
   };
-  if (worlds <= at_a_time(int(delassus_most_bytes))) {  // each has a warp of its own, and waits for no other
-    constexpr int most[] = {32, 64, 96, lockstep_most_rows};
-    return launch_side_by_side("gsp::solver::pgs_delassus", exec, 4, [&](int i, cudaStream_t stream) { launch(stream, most[i], -1); });
+  if (islands <= at_a_time(delassus_most_bytes)) {  // each has a warp of its own, and waits for no other
+    constexpr int largest[] = {list_of_rows(32), list_of_rows(64), list_of_rows(96), list_of_rows(lockstep_most_rows)};
+    return launch_side_by_side("gsp::solver::pgs_delassus", exec, 4, [&](int i, cudaStream_t stream) { launch(stream, largest[i], -1); });
   }
   launch_on_cuda("gsp::solver::list_delassus", exec, [&](cudaStream_t stream) {
     auto const& counts = solver.solution.list_counts;
     cuda_expects(cudaMemsetAsync(counts.data(), 0, counts.span() * sizeof(int), stream), "gsp::solver::list_delassus");
-    list_delassus_kernel<<<(worlds + 255) / 256, 256, 0, stream>>>(solver);
+    unsigned const blocks = unsigned((islands + 255) / 256);
+    list_delassus_kernel<<<blocks, 256, 0, stream>>>(solver, false);
+    list_delassus_kernel<<<blocks, 256, 0, stream>>>(solver, true);
   });
-  launch_side_by_side("gsp::solver::pgs_delassus", exec, delassus_lists, [&](int i, cudaStream_t stream) {
-    int const list = delassus_lists - 1 - i;  // what is long begins first
-    launch(stream, delassus_rows(list), list);
+  launch_side_by_side("gsp::solver::pgs_delassus", exec, island_lists, [&](int i, cudaStream_t stream) {
+    int const list = island_lists - 1 - i;  // what is long begins first
+    launch(stream, list, list);
   });
 }
 

@@ -5,23 +5,24 @@
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/math/detail/transpose.hpp>
 #include <gsp/solver/detail/leap.hpp>
+#include <gsp/solver/detail/list_islands.hpp>
 #include <gsp/solver/detail/mixing.hpp>
 #include <gsp/solver/detail/pgs_options.hpp>
 #include <gsp/solver/detail/row_vectors.hpp>
 #include <gsp/solver/project_element.hpp>
 #include <gsp/solver/solution.hpp>
 
-/// Projected Gauss-Seidel for small worlds on a CPU: a pack of worlds in lockstep, and two elements at a time: one of one row and one of
-/// more, which take turns in a sweep, then what is left of either kind. The dot products of a block read z once, and so does z += sum Y^T
-/// d; what its rows do to each other in between goes through their products:
+/// Projected Gauss-Seidel for small islands on a CPU: a pack of them in lockstep, of one world or of several, and two elements at a time:
+/// one of one row and one of more, which take turns in a sweep, then what is left of either kind. The dot products of a block read z once,
+/// and so does z += sum Y^T d; what its rows do to each other in between goes through their products:
 ///   w_b = Y_b z + sum_{a < b} (Y_b . Y_a) d_a + C p_b + bias_b     (z as before the block: row by row but for rounding)
-/// A block's entries are widened to the dofs that any of its rows has in any of the worlds, so that nothing is gathered inside a sweep.
-/// What bounds a sweep is loading Y, twice a block. A world takes this path by its own rows alone (goes_in_lockstep), which of them share a
-/// block is a matter of its own elements, and a lane of finite numbers never sees another lane. Most packs have no element of more than
-/// three rows, and blocks without room for more; it changes no bit either.
+/// A block's entries are widened to the dofs that any of its rows has in any of the islands, each by its own count, so that nothing is
+/// gathered inside a sweep. What bounds a sweep is loading Y, twice a block. An island takes this path by its own rows and dofs alone
+/// (is_small), which of them share a block is a matter of its own elements, and a lane of finite numbers never sees another lane. Most
+/// packs have no element of more than three rows, and blocks without room for more; it changes no bit either.
 namespace gsp::detail {
 
-/// What Solution::goes_on says of a world after a round of sweeps.
+/// What Solution::goes_on says of an island after a round of sweeps.
 enum GoesOn : signed char { is_done, only_sweeps, still_leaps };
 /// @tparam N  rows of an element, at most
 template <class R, class Mem, int N>
@@ -34,11 +35,11 @@ struct LockstepPack {
   Solution<R, Mem> solution;
   PgsOptions options;
 
-  /// A world's elements: those of one row that have one of more rows to take turns with; those of more; those of one row that are left.
+  /// An island's elements: those of one row that have one of more rows to take turns with; those of more; those of one row that are left.
   enum List { turn, several, rest };
   static constexpr int places_of(int list) { return list == several ? N : 1; }
-  /// Kinds of blocks, in the order of the sweeps: an element of one row and one of more; one of more; four of one row. Which of a world's
-  /// elements share a block hangs on the world alone; whether an empty place stands beside one of more rows, on the pack: it changes no
+  /// Kinds of blocks, in the order of the sweeps: an element of one row and one of more; one of more; four of one row. Which of an island's
+  /// elements share a block hangs on it alone; whether an empty place stands beside one of more rows, on the pack: it changes no
   /// bit.
   enum Kind { in_turn, alone, by_fours };
   static constexpr int elements_of(int kind) { return kind == in_turn ? 2 : kind == alone ? 1 : 4; }
@@ -61,6 +62,7 @@ struct LockstepPack {
   struct Blocks {
     Block* first;
     int count[3];  // of a kind
+    int dofs;      // of the largest island
     /// f(kind, block) of all of them in the order of the sweeps, the kind known to the compiler.
     template <class F>
     void each(F const& f) const {
@@ -70,13 +72,13 @@ struct LockstepPack {
       for (int q = 0; q < count[by_fours]; ++q) f(Index<by_fours>{}, *k++);
     }
   };
-  /// The elements of a world, list by list.
+  /// The elements of an island, list by list.
   struct Element {
     int row, rows;  // the first, counted from Rows::first, and their number; 0: none
   };
   struct Elements {
     int count[3] = {};
-    short single[lockstep_most_rows], first[lockstep_most_rows / 2];  // those of one row, and the first rows of the others
+    int single[lockstep_most_rows], first[lockstep_most_rows / 2];  // those of one row, and the first rows of the others
     signed char rows[lockstep_most_rows / 2];
     Element operator()(int list, int at) const {
       if (at >= count[list]) return {-1, 0};
@@ -84,15 +86,18 @@ struct LockstepPack {
     }
   };
 
-  /// @param worlds  of the lanes, -1: none
-  /// @param begin   sweeps that they have behind them
-  [[gnu::noinline]] void operator()(int const (&worlds)[W], int begin, int thread) const {
-    int const nv = rows.nv, parity = impulses.parity();
-    int count[W], most[3] = {};
+  /// @param numbers  of the islands of the lanes, -1: none
+  /// @param begin    sweeps that they have behind them
+  [[gnu::noinline]] void operator()(int const (&numbers)[W], int begin, int thread) const {
+    int const parity = impulses.parity(), of_world = islands_of_world(rows);
+    int nv = 0, most[3] = {};
+    Island islands[W];
     Elements elements[W];
     for (int l = 0; l < W; ++l) {
-      count[l] = worlds[l] < 0 ? 0 : rows.count(worlds[l]);
-      find_elements(elements[l], worlds[l], count[l], most);
+      islands[l] = numbers[l] < 0 ? Island{-1, 0, nullptr, 0, nullptr, 0, 0, nullptr}
+                                  : detail::island_of(rows, numbers[l] / of_world, numbers[l] % of_world);
+      nv = std::max(nv, islands[l].dofs);
+      find_elements(elements[l], islands[l], most);
     }
     T* const z = reinterpret_cast<T*>(solution.thread_items.data() + std::int64_t(thread) * solution.thread_stride);
     T* const z_before = z + (nv + 3) / 4 * 4;
@@ -100,11 +105,11 @@ struct LockstepPack {
     for (T* q = z; q != behind; ++q) *q = T(R(0));
     constexpr int block_packs = lockstep_block_packs(most_rows);
     static_assert(sizeof(Block) <= block_packs * sizeof(T));
-    Blocks const blocks{reinterpret_cast<Block*>(behind), {most[turn], most[several] - most[turn], (most[rest] + 3) / 4}};
+    Blocks const blocks{reinterpret_cast<Block*>(behind), {most[turn], most[several] - most[turn], (most[rest] + 3) / 4}, nv};
     T* Y = behind + lockstep_most_blocks * block_packs;
     int taken[3] = {};
     blocks.each([&](auto kind, Block& k) {
-      widen<kind>(k, Y, taken, worlds, elements, parity);
+      widen<kind>(k, Y, taken, islands, elements, parity);
       for (int e = 0; e < elements_of(kind); ++e) ++taken[list_at(kind, e)];
       push<kind>(k, z, k.p);
     });
@@ -115,9 +120,9 @@ struct LockstepPack {
     Mask<R, W> active, leaping;
     for (int l = 0; l < W; ++l) {
       sweeps[l] = begin;
-      active.set(l, count[l] > 0);
-      leaping.set(l, count[l] > 0 && (begin == 0 || solution.goes_on(worlds[l]) == still_leaps));
-      if (worlds[l] >= 0) tolerance.set(l, R(options.tolerance) * rows.rate_scale(worlds[l]));
+      active.set(l, islands[l].rows > 0);
+      leaping.set(l, islands[l].rows > 0 && (begin == 0 || solution.goes_on(numbers[l]) == still_leaps));
+      if (numbers[l] >= 0) tolerance.set(l, R(options.tolerance) * rows.rate_scale(islands[l].world));
     }
     SweepWork<T> const none{zero, zero, zero};
     MixingMemory<R> memory[W];
@@ -159,14 +164,12 @@ struct LockstepPack {
       if (any(leapt) || any(mixed)) sum_impulses(blocks, z, z_before, leapt || mixed);
       more = begins_anew(sweep, options);
     }
-    T worst = zero;
-    if (options.residual) blocks.each([&](auto kind, Block const& k) { worst = max_or_nan(worst, residual<kind>(k, z)); });
     for (int l = 0; l < W; ++l) {
-      if (worlds[l] < 0) continue;
-      int const w = worlds[l];
-      R* const out = solution.z.data() + std::int64_t(w) * nv;
-      for (int i = 0; i < nv; ++i) out[i] = z[i][l];
-      R* const p = impulses.p[parity].data() + rows.first(w);
+      if (numbers[l] < 0) continue;
+      int const w = islands[l].world;
+      R* const out = solution.z.data() + std::int64_t(w) * rows.nv;
+      for (int i = 0; i < islands[l].dofs; ++i) out[islands[l].dof(i)] = z[i][l];
+      R* const p = impulses.p[parity].data() + islands[l].first_row;
       int written[3] = {};
       blocks.each([&](auto kind, Block const& k) {
         for (int e = 0; e < elements_of(kind); ++e) {
@@ -174,9 +177,8 @@ struct LockstepPack {
           for (int b = 0; b < of.rows; ++b) p[of.row + b] = k.p[e + b][l];
         }
       });
-      solution.iterations(w) = sweeps[l];
-      solution.residual(w) = options.residual ? worst[l] : Kokkos::Experimental::quiet_NaN_v<R>;
-      solution.goes_on(w) = !(more && active[l]) ? is_done : leaping[l] ? still_leaps : only_sweeps;
+      tell_sweeps(rows, solution, w, sweeps[l]);
+      solution.goes_on(numbers[l]) = !(more && active[l]) ? is_done : leaping[l] ? still_leaps : only_sweeps;
     }
   }
 
@@ -184,7 +186,7 @@ struct LockstepPack {
   LeapSums<T> leap_sums(Blocks const& blocks, T const* z, T const* z_before) const {
     T const zero(R(0));
     LeapSums<T> s{zero, zero, zero, zero, zero};
-    for (int i = 0; i < rows.nv; ++i) s.add_dof(z[i], z[i] - z_before[i]);
+    for (int i = 0; i < blocks.dofs; ++i) s.add_dof(z[i], z[i] - z_before[i]);
     blocks.each([&](auto kind, Block const& k) {
       for (int b = 0; b < rows_of(kind); ++b) s.add_row(k.p[b], k.d[b], k.compliance[b], k.bias[b], k.law.inverse_diagonal[b]);
     });
@@ -198,7 +200,7 @@ struct LockstepPack {
     });
     return s;
   }
-  /// Keeps p and d of the last sweep; p of some worlds goes on to where a leap or a mixture leads.
+  /// Keeps p and d of the last sweep; p of some islands goes on to where a leap or a mixture leads.
   void go_on(Blocks const& blocks, int side, Mask<R, W> const& leapt, Leap<T> const& leap, Mask<R, W> const& mixed, Mixing<T> const& mixing,
              Mask<R, W> const& both) const {
     bool const leaps = any(leapt), mixes = any(mixed);
@@ -212,30 +214,29 @@ struct LockstepPack {
       }
     });
   }
-  /// Leaves p of some worlds where it was before it leapt or was mixed.
-  void take_back(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& worlds) const {
+  /// Leaves p of some islands where it was before it leapt or was mixed.
+  void take_back(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& some) const {
     blocks.each([&](auto kind, Block& k) {
-      for (int b = 0; b < rows_of(kind); ++b) k.p[b] = select(worlds, k.before[0][b], k.p[b]);
+      for (int b = 0; b < rows_of(kind); ++b) k.p[b] = select(some, k.before[0][b], k.p[b]);
     });
-    sum_impulses(blocks, z, z_before, worlds);
+    sum_impulses(blocks, z, z_before, some);
   }
-  /// z = Y^T p of some worlds. z_before is lost.
-  void sum_impulses(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& worlds) const {
-    for (int i = 0; i < (rows.nv + 3) / 4 * 4; ++i) z_before[i] = T(R(0));
+  /// z = Y^T p of some islands. z_before is lost.
+  void sum_impulses(Blocks const& blocks, T* z, T* z_before, Mask<R, W> const& some) const {
+    for (int i = 0; i < (blocks.dofs + 3) / 4 * 4; ++i) z_before[i] = T(R(0));
     blocks.each([&](auto kind, Block const& k) { push<kind>(k, z_before, k.p); });
-    for (int i = 0; i < rows.nv; ++i) z[i] = select(worlds, z_before[i], z[i]);
+    for (int i = 0; i < blocks.dofs; ++i) z[i] = select(some, z_before[i], z[i]);
   }
 
-  void find_elements(Elements& found, int w, int count, int (&most)[3]) const {
-    signed char const* const element_rows = rows.element_rows.data() + (count > 0 ? rows.first(w) : 0);
+  void find_elements(Elements& found, Island const& island, int (&most)[3]) const {
     int singles = 0, others = 0;
-    for (int r = 0; r < count; ++r) {
-      int const n = element_rows[r];
-      if (n == 0 || (rows.most_eliminated > 0 && rows.row(rows.first(w) + r).eliminated)) continue;
+    for (int k = 0; k < island.elements; ++k) {
+      int const n = island.rows_of(rows, k), r = island.begin(k);
+      if (n == 0) continue;
       if (n == 1) {
-        found.single[singles++] = short(r);
+        found.single[singles++] = r;
       } else {
-        found.first[others] = short(r);
+        found.first[others] = r;
         found.rows[others++] = static_cast<signed char>(n);
       }
     }
@@ -245,15 +246,15 @@ struct LockstepPack {
     for (int list : {turn, several, rest}) most[list] = std::max(most[list], found.count[list]);
   }
 
-  /// Takes the next elements of all worlds into `k`, after those that are `taken`; their entries go to Y, which moves on. Entries come by
-  /// whole groups of four dofs, so that the order in which a world's are summed does not depend on what the other worlds have.
+  /// Takes the next elements of all islands into `k`, after those that are `taken`; their entries go to Y, which moves on. Entries come by
+  /// whole groups of four dofs, so that the order in which an island's are summed does not depend on what the others have.
   template <int kind>
-  void widen(Block& k, T*& Y, int const (&taken)[3], int const (&worlds)[W], Elements const (&elements)[W], int parity) const {
+  void widen(Block& k, T*& Y, int const (&taken)[3], Island const (&islands)[W], Elements const (&elements)[W], int parity) const {
     constexpr int B = rows_of(kind), E = elements_of(kind), each = kind == by_fours ? E : 1;
     int row_of[W][B];  // in the pool, -1: none
     std::uint32_t used = 0;
     for (int l = 0; l < W; ++l) {
-      int const start = worlds[l] < 0 ? 0 : rows.first(worlds[l]);
+      int const start = islands[l].first_row;
       unrolled<E>([&](auto e) {
         constexpr int list = list_at(kind, e), places = places_of(list);
         int const at = taken[list] + (kind == by_fours ? int(e) : 0);
@@ -265,7 +266,7 @@ struct LockstepPack {
           Row<R> const& row = rows.row(start + own.row + b);
           int entries = 0;
           for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
-            used |= groups_of(row.segment[s]);
+            used |= groups_of(row.segment[s], islands[l].first_dof(rows, row.segment[s]));
             entries += row.segment[s].count;
           }
           prefetch(rows.Y.data() + row.first_entry, entries * sizeof(R));
@@ -285,12 +286,12 @@ struct LockstepPack {
     for (int b = 0; b < B; ++b)
       for (int l = 0; l < W; ++l) {
         if constexpr (W % 4 == 0)
-          if (l % 4 == 0 && alike(row_of, l, b)) {
-            place_entries<4>(row_of, l, b, used, Y);
+          if (l % 4 == 0 && alike(islands, row_of, l, b)) {
+            place_entries<4>(islands, row_of, l, b, used, Y);
             l += 3;
             continue;
           }
-        if (row_of[l][b] >= 0) place_entries<1>(row_of, l, b, used, Y);
+        if (row_of[l][b] >= 0) place_entries<1>(islands, row_of, l, b, used, Y);
       }
     for (int b = 0, at = 0; b < B; ++b)
       for (int a = 0; a < b; ++a) {
@@ -300,21 +301,26 @@ struct LockstepPack {
       }
     Y = end;
   }
-  /// Whether rows b of four worlds, from number l of the pack on, have the same dofs.
+  /// Whether rows b of four islands, from number l of the pack on, have the same dofs.
   template <int B>
-  bool alike(int const (&row_of)[W][B], int l, int b) const {
+  bool alike(Island const (&islands)[W], int const (&row_of)[W][B], int l, int b) const {
     for (int i = 0; i < 4; ++i)
       if (row_of[l + i][b] < 0) return false;
     auto const& segment = rows.row(row_of[l][b]).segment;
-    for (int i = 1; i < 4; ++i)
-      if (std::memcmp(rows.row(row_of[l + i][b]).segment, segment, sizeof segment) != 0) return false;
+    for (int i = 1; i < 4; ++i) {
+      auto const& other = rows.row(row_of[l + i][b]).segment;
+      for (int s = 0; s < 2; ++s) {
+        if (other[s].count != segment[s].count || other[s].list != segment[s].list) return false;
+        if (segment[s].count > 0 && islands[l + i].first_dof(rows, other[s]) != islands[l].first_dof(rows, segment[s])) return false;
+      }
+    }
     return true;
   }
-  /// Entries of rows b of one world, or of four that are alike.
-  template <int worlds, int B>
-  void place_entries(int const (&row_of)[W][B], int l, int b, std::uint32_t used, T* Y) const {
-    R const* y[worlds];
-    for (int k = 0; k < worlds; ++k) y[k] = rows.Y.data() + rows.row(row_of[l + k][b]).first_entry;
+  /// Entries of rows b of one island, or of four that are alike.
+  template <int count, int B>
+  void place_entries(Island const (&islands)[W], int const (&row_of)[W][B], int l, int b, std::uint32_t used, T* Y) const {
+    R const* y[count];
+    for (int k = 0; k < count; ++k) y[k] = rows.Y.data() + rows.row(row_of[l + k][b]).first_entry;
     R* const entries = reinterpret_cast<R*>(Y + b) + l;
     auto const place_of = [&](int dof) {  // after the groups before
       return entries + B * W * (4 * Kokkos::popcount(used & ((std::uint32_t(1) << (dof >> 2)) - 1)) + (dof & 3));
@@ -323,27 +329,28 @@ struct LockstepPack {
     for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
       RowSegment const& segment = row.segment[s];
       int const* const list = list_of(rows, segment);
+      int const first = islands[l].first_dof(rows, segment);
       if (list)
-        each_entry<worlds>(segment.count, y, [&](int i) { return place_of(segment.dof0 + list[i]); });
+        each_entry<count>(segment.count, y, [&](int i) { return place_of(first + list[i]); });
       else  // consecutive dofs: all of their groups are there
-        each_entry<worlds>(segment.count, y, [to = place_of(segment.dof0)](int i) { return to + B * W * i; });
+        each_entry<count>(segment.count, y, [to = place_of(first)](int i) { return to + B * W * i; });
     }
   }
-  /// The next n entries of each world to place_of(0), place_of(1), ...
-  template <int worlds, class F>
-  static void each_entry(int n, R const* (&y)[worlds], F const& place_of) {
+  /// The next n entries of each island to place_of(0), place_of(1), ...
+  template <int count, class F>
+  static void each_entry(int n, R const* (&y)[count], F const& place_of) {
     int i = 0;
-    if constexpr (worlds == 4)
+    if constexpr (count == 4)
       for (; i + 4 <= n; i += 4) {
         transpose4(y, {place_of(i), place_of(i + 1), place_of(i + 2), place_of(i + 3)});
         for (R const*& from : y) from += 4;
       }
     for (; i < n; ++i) {
       R* const to = place_of(i);
-      for (int k = 0; k < worlds; ++k) to[k] = *y[k]++;
+      for (int k = 0; k < count; ++k) to[k] = *y[k]++;
     }
   }
-  /// What is known of row b of all worlds, but its entries. The numbers of a row lie side by side: they come at once, and are transposed.
+  /// What is known of row b of all islands, but its entries. The numbers of a row lie side by side: they come at once, and are transposed.
   void take_law(Block& k, int b, int const (&row_of)[W], int parity) const {
     constexpr int has = 8;  // six numbers of the row, its impulse, and the row that its friction names
     alignas(T) R numbers[W][has];
@@ -412,15 +419,6 @@ struct LockstepPack {
     });
     push<kind>(k, z, d);
   }
-  /// The largest violation of a block's rows. Places without a row are at rest.
-  template <int kind>
-  static T residual(Block const& k, T const* z) {
-    T w[most_rows], worst(R(0));
-    rates<kind>(k, z, w);
-    unrolled<elements_of(kind)>(
-        [&](auto e) { worst = max_or_nan(worst, element_residual<places_of(list_at(kind, e))>(k.law, e, w, k.p)); });
-    return worst;
-  }
   /// w = Y z + C p + b
   template <int kind>
   static void rates(Block const& k, T const* z, T* w) {
@@ -477,20 +475,20 @@ struct LockstepPack {
         z[k.dof[g] + i] = x;
       }
   }
-  /// Bits of the groups of four dofs that a segment has entries in.
-  std::uint32_t groups_of(RowSegment const& s) const {
+  /// Bits of the groups of four dofs that a segment has entries in, whose first dof is number `first`.
+  std::uint32_t groups_of(RowSegment const& s, int first) const {
     std::uint32_t bits = 0;
     if (int const* const list = list_of(rows, s)) {
-      for (int i = 0; i < s.count; ++i) bits |= std::uint32_t(1) << ((s.dof0 + list[i]) >> 2);
+      for (int i = 0; i < s.count; ++i) bits |= std::uint32_t(1) << ((first + list[i]) >> 2);
     } else if (s.count > 0) {
-      int const low = s.dof0 >> 2, high = (s.dof0 + s.count - 1) >> 2;
+      int const low = first >> 2, high = (first + s.count - 1) >> 2;
       bits = std::uint32_t(((std::uint64_t(1) << (high - low + 1)) - 1) << low);
     }
     return bits;
   }
 };
 
-/// Worlds that several rounds of sweeps take, in packs: of all that go in lockstep, then of those that go on.
+/// Islands that several rounds of sweeps take, in packs: those that are listed for a round.
 template <class R, class Mem>
 struct PgsLockstep {
   static constexpr int W = native_width<R>;
@@ -499,50 +497,25 @@ struct PgsLockstep {
   Impulses<R, Mem> impulses;
   Solution<R, Mem> solution;
   PgsOptions options;
-  int begin;  // sweeps of the rounds before
+  int begin, side, count;  // sweeps of the rounds before; which list, and how many stand there
   void operator()(int pack, int thread) const {
-    int const first = pack * W, end = begin == 0 ? rows.worlds : solution.going();
-    int worlds[W], most = 0, count = 0;
+    int numbers[W], most = 0;
     for (int l = 0; l < W; ++l) {
-      worlds[l] = first + l < end ? (begin == 0 ? first + l : solution.going_worlds(first + l)) : -1;
-      if (worlds[l] >= 0 && !goes_in_lockstep(rows, worlds[l])) {
-        solution.goes_on(worlds[l]) = is_done;  // here: it goes alone
-        worlds[l] = -1;
-      }
-      if (worlds[l] < 0) continue;
-      most = std::max(most, rows.largest_element(worlds[l]));
-      ++count;
+      int const at = pack * W + l;
+      numbers[l] = at < count ? solution.listed(side, at) : -1;
+      if (numbers[l] >= 0) most = std::max(most, rows.largest_element(numbers[l] / islands_of_world(rows)));
     }
-    if (count == 0) return;
     if (most <= lockstep_few_rows)
-      LockstepPack<R, Mem, lockstep_few_rows>{rows, impulses, solution, options}(worlds, begin, thread);
+      LockstepPack<R, Mem, lockstep_few_rows>{rows, impulses, solution, options}(numbers, begin, thread);
     else
-      LockstepPack<R, Mem, lockstep_rows>{rows, impulses, solution, options}(worlds, begin, thread);
-  }
-};
-
-/// The worlds of the next round, in their order.
-template <class R, class Mem>
-struct ListGoing {
-  using value_type = int;
-  Solution<R, Mem> solution;
-  Kokkos::View<int const, Mem> halt;
-  void operator()(int w, int& sum, bool last) const {
-    if (halt()) return;
-    if (solution.goes_on(w) != is_done) {
-      if (last) solution.going_worlds(sum) = w;
-      ++sum;
-    }
-    if (last && w + 1 == solution.worlds) solution.going() = sum;
+      LockstepPack<R, Mem, lockstep_rows>{rows, impulses, solution, options}(numbers, begin, thread);
   }
 };
 
 template <class Exec, class Solver>
 struct LockstepLoop {
   Solver solver;
-  Kokkos::View<int const, typename Solver::memory_space> halt;
   void operator()(int pack) const {
-    if (halt()) return;
     Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
     int const thread = token.acquire();
     solver(pack, thread);
@@ -550,21 +523,23 @@ struct LockstepLoop {
   }
 };
 
-/// Sweeps all worlds that go in lockstep. A pack goes on until the slowest of its worlds rests, so after a round those that still move are
-/// packed together, and taken from the pool anew: what that costs is as much as ten sweeps. A world's z is summed anew then, Y^T p,
+/// Sweeps all islands that go in lockstep. A pack goes on until the slowest of its islands rests, so after a round those that still move
+/// are packed together, and taken from the pool anew: what that costs is as much as ten sweeps. An island's z is summed anew then, Y^T p,
 /// whatever its neighbours do.
 template <class Exec, class R, class Mem>
 void launch_lockstep(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Solution<R, Mem> const& solution,
-                     PgsOptions const& options, Kokkos::View<int, Mem> const& halt) {
+                     PgsOptions const& options) {
   using Solver = PgsLockstep<R, Mem>;
-  int const packs = (rows.worlds + Solver::W - 1) / Solver::W;
-  for (int begin = 0, sweep = 0; sweep < options.iterations; ++sweep) {
+  int side = 0, count = list_small_islands(exec, rows, solution);
+  for (int begin = 0, sweep = 0; sweep < options.iterations && count > 0; ++sweep) {
     bool const last = sweep + 1 == options.iterations;
     if (!last && !begins_anew(sweep, options)) continue;
-    if (begin > 0)
-      Kokkos::parallel_scan("gsp::solver::list_going", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds), ListGoing<R, Mem>{solution, halt});
-    Kokkos::parallel_for("gsp::solver::pgs_lockstep", Kokkos::RangePolicy<Exec>(exec, 0, packs),
-                         LockstepLoop<Exec, Solver>{{rows, impulses, solution, options, begin}, halt});
+    if (begin > 0) {
+      count = list_going(exec, solution, side, count);
+      side = 1 - side;
+    }
+    Kokkos::parallel_for("gsp::solver::pgs_lockstep", Kokkos::RangePolicy<Exec>(exec, 0, (count + Solver::W - 1) / Solver::W),
+                         LockstepLoop<Exec, Solver>{{rows, impulses, solution, options, begin, side, count}});
     begin = sweep + 1;
   }
 }

@@ -1,37 +1,14 @@
 #pragma once
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/parallel/for_worlds.hpp>
+#include <gsp/solver/detail/list_islands.hpp>
 #include <gsp/solver/detail/pgs_delassus.hpp>
 #include <gsp/solver/detail/pgs_grouped.hpp>
 #include <gsp/solver/detail/take_element.hpp>
 
-/// Projected Gauss-Seidel island by island: on a host a thread a world, over rows in groups of dofs (pgs_grouped.hpp); on a GPU a warp,
-/// whose threads share the entries of sparse rows. Worlds of several trees may be shared by several threads or warps.
+/// Projected Gauss-Seidel over large islands: on a host a thread each, over rows in groups of dofs (pgs_grouped.hpp); on a GPU a warp,
+/// whose threads share the entries of sparse rows. Threads or warps share the islands of a world where there are enough.
 namespace gsp::detail {
-
-/// Worlds of one tree are one island, and so are those that a host can solve in lockstep, which stop as a whole there: the same answer on
-/// all backends.
-template <class R, class Mem>
-KOKKOS_INLINE_FUNCTION bool is_one_island(Rows<R, Mem> const& rows, int w) {
-  return rows.islands.ntree <= 1 || (rows.nv <= lockstep_most_dofs && goes_as_a_whole(rows) && goes_in_lockstep(rows, w));
-}
-
-/// For worlds that several threads or warps share: the islands, and a number of sweeps to begin from.
-template <class R, class Mem>
-struct FindIslands {
-  Rows<R, Mem> rows;
-  Solution<R, Mem> solution;
-  Kokkos::View<int, Mem> halt;
-  template <class World>
-  KOKKOS_FUNCTION void operator()(World const& world) const {
-    if (halt() || is_one_island(rows, world.rank)) return;
-    find_islands(world, rows, rows.islands, world.rank);
-    world.single([&] { solution.iterations(world.rank) = 0; });
-  }
-};
-
-/// Which worlds another kernel solves.
-enum class SmallWorlds : unsigned char { none, lockstep, delassus };  // pgs_lockstep.hpp, pgs_delassus.hpp
 
 template <class R, class Mem>
 struct PgsWorld {
@@ -41,8 +18,7 @@ struct PgsWorld {
   Solution<R, Mem> solution;
   Progress<Mem> progress;
   PgsOptions options;
-  SmallWorlds elsewhere = SmallWorlds::none;
-  int parts = 1;  // threads or warps that share a world's islands, which have been found where they are several
+  int parts = 1;  // threads or warps that share a world's islands
 
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
@@ -52,64 +28,34 @@ struct PgsWorld {
       return;
     }
     if (world.rank == 0) world.single([&] { impulses.solved() = 1; });
-    if (is_solved_elsewhere(w)) return;
-    auto const& islands = rows.islands;
+    if (part == 0) world.single([&] { solution.residual(w) = Kokkos::Experimental::quiet_NaN_v<R>; });  // PgsResidual finds it
     R* const z = solution.z.data() + std::int64_t(w) * rows.nv;
     R* const p = impulses.p[impulses.parity()].data() + rows.first(w);
-    if (is_one_island(rows, w)) {
-      if (part > 0) return;
-      int const sweeps = solve(world, Island{w, rows.first(w), nullptr, rows.count(w), nullptr, rows.nv}, z, p);
-      world.single([&] {
-        solution.iterations(w) = sweeps;
-        solution.residual(w) = Kokkos::Experimental::quiet_NaN_v<R>;
-      });
-      return;
+    for (int i = part; is_island(rows, w, i); i += parts) {
+      if (!takes(w, i)) continue;
+      int const sweeps = solve(world, detail::island_of(rows, w, i), z, p);
+      world.single([&] { tell_sweeps(rows, solution, w, sweeps); });
     }
-    if (parts == 1) find_islands(world, rows, islands, w);
-    int const count = islands.count(w);
-    int most = 0;
-    for (int i = part; i < count; i += parts) {
-      Island const e{w,
-                     rows.first(w),
-                     islands.elements.data() + rows.first(w) + islands.first_element(w, i),
-                     islands.first_element(w, i + 1) - islands.first_element(w, i),
-                     &islands.dofs(w, 0) + islands.first_dof(w, i),
-                     islands.first_dof(w, i + 1) - islands.first_dof(w, i)};
-      int const sweeps = solve(world, e, z, p);
-      most = sweeps > most ? sweeps : most;
-    }
-    world.single([&] {
-      if (parts == 1)
-        solution.iterations(w) = most;
-      else
-        Kokkos::atomic_max(&solution.iterations(w), most);
-    });
-    if (part > 0) return;
-    world.single([&] { solution.residual(w) = Kokkos::Experimental::quiet_NaN_v<R>; });  // PgsResidual finds it
-    int const still = islands.first_dof(w, count);
-    world.each(rows.nv - still, [&](int k) { z[islands.dofs(w, still + k)] = R(0); });
   }
-  KOKKOS_INLINE_FUNCTION bool is_solved_elsewhere(int w) const {
-    return elsewhere == SmallWorlds::lockstep ? goes_in_lockstep(rows, w)
-                                              : elsewhere == SmallWorlds::delassus && delassus_list(rows, w) >= 0;
+  KOKKOS_INLINE_FUNCTION bool takes(int w, int i) const {
+    Island const island = detail::island_of(rows, w, i);
+    if (!is_small(island.rows, island.dofs)) return true;
+#ifdef __CUDA_ARCH__
+    return !delassus_takes(rows, island);
+#else
+    return false;
+#endif
+  }
+  /// Whether any island of a world is left to this kernel.
+  KOKKOS_INLINE_FUNCTION bool takes_any(int w) const {
+    for (int i = 0; is_island(rows, w, i); ++i)
+      if (takes(w, i)) return true;
+    return false;
   }
 
   [[gnu::noinline]] void on_host(RoomyWorld const& world) const { (*this)(world); }  // one copy of the code for all host backends
 
  private:
-  struct Island {
-    int world, first_row;
-    int const* element;  // first rows, counted from first_row; null: all rows of the world, the order being found on the way
-    int elements;        // or rows
-    int const* list;     // null: all dofs
-    int dofs;
-    KOKKOS_INLINE_FUNCTION int dof(int k) const { return list ? list[k] : k; }
-    /// Of entry k of the list: first row, and the row after its last.
-    KOKKOS_INLINE_FUNCTION int begin(int k) const { return element ? element[k] : k; }
-    KOKKOS_INLINE_FUNCTION int end(Rows<R, Mem> const& rows, int k) const {
-      return element ? element[k] + rows.element_rows(first_row + element[k]) : k + 1;
-    }
-  };
   /// f(r) for the rows of an island, shared by the world's threads.
   template <class World, class F>
   KOKKOS_INLINE_FUNCTION void each_row(World const& world, Island const& e, F const& f) const {
@@ -341,7 +287,7 @@ template <class Exec, class R, class Mem>
 struct RoomyLoop {
   PgsWorld<R, Mem> solver;
   void operator()(int rank) const {
-    if (solver.progress.halt() || solver.is_solved_elsewhere(rank / solver.parts)) return solver.on_host({{rank}, nullptr});
+    if (solver.progress.halt() || !solver.takes_any(rank / solver.parts)) return solver.on_host({{rank}, nullptr});
     Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
     int const thread = token.acquire();
     solver.on_host({{rank}, reinterpret_cast<char*>(solver.solution.island_items.data() + thread * solver.solution.island_stride)});
@@ -362,7 +308,7 @@ void grow_island_room(PgsWorld<R, Mem> const& solver, Solution<R, Mem>& solution
   };
   std::int64_t least = 0, share = 0;
   for (int w = 0; w < rows.worlds; ++w)
-    if (!solver.is_solved_elsewhere(w)) least = std::max(least, reals_of(rows.count(w), rows.entries(w)));
+    if (solver.takes_any(w)) least = std::max(least, reals_of(rows.count(w), rows.entries(w)));
   if (int const rows_each = rows.capacity() / rows.worlds; rows.nv > lockstep_most_dofs || rows_each > lockstep_most_rows)
     share = reals_of(rows_each, std::int64_t(rows.Y.extent(0)) / rows.worlds);
   std::int64_t const threads = Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global>().size();
@@ -384,7 +330,7 @@ struct PgsResidual {
     constexpr int N = PgsWorld<R, Mem>::N;
     auto const& rows = solver.rows;
     int const w = world.rank, first = rows.first(w), count = rows.count(w);
-    if (solver.progress.halt() || (solver.elsewhere == SmallWorlds::lockstep && goes_in_lockstep(rows, w))) return;
+    if (solver.progress.halt()) return;
     R const* const z = solver.solution.z.data() + std::int64_t(w) * rows.nv;
     R const* const p = solver.impulses.p[solver.impulses.parity()].data() + first;
     R worst(0);
