@@ -110,12 +110,15 @@ KOKKOS_INLINE_FUNCTION void lanes_transmission(L const& l, State const& state, i
       }
     }
   }
-  T velocity(0);
+  T velocity(0), low(0);
   for (int e = 0; e < n; ++e) {
     int const dof = l.index(a.act_mdof, l.index(a.act_madr, k) + e);
     velocity = fma(s[M + e], s[l.at.qvel + dof], velocity);
-    length = fma(s[M + e], s[l.at.low + dof], length);
+    low = fma(s[M + e], s[l.at.low + dof], low);
   }
+  bool const has_length = kind == ActuatorKind::ball || kind == ActuatorKind::ball_in_parent || kind == ActuatorKind::site_in_reference ||
+                          kind == ActuatorKind::slider_crank;
+  if (has_length) length = length + low;
   s[l.at.act_length + k] = length;
   s[l.at.act_velocity + k] = velocity;
 }

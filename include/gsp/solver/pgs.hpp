@@ -16,10 +16,10 @@ namespace gsp {
 /// @param impulses   in: start (warm: those of the last step); out: the solution [N s, N m s]
 /// @param solution   z (world, nv), residual, iterations (world): out
 /// @param progress   nothing happens while progress.halt is set
-/// @param options    a world stops by itself: at a share of what gravity does in a step, after so many sweeps at least and at most
+/// @param options    an island stops by itself: at a share of what gravity does in a step, after so many sweeps at least and at most
 /// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, a tolerance below 0 or NaN, a relaxation
 /// outside of 0 to 2, for rows that nobody has assembled, and for rows with room for a restitution without a call of impacts. Each island
-/// (constraint/islands.hpp) is solved by itself, for as long as it needs, to the same bits whatever lies beside it. On a CPU, islands of at
+/// (constraint/islands.hpp) is solved by itself, for as long as it needs, to the same bits whatever else is in its world and batch. On a CPU, islands of at
 /// most 128 rows and 128 dofs go in lockstep, a pack at a time, and larger ones in their thread's own memory. On a GPU these small islands
 /// (in double of up to 96 rows) stay in shared memory, a warp each, over their Delassus matrix; larger ones are swept over sparse rows, by
 /// a warp each. Cost 4 entries iterations flop an island, of small ones on a GPU 2 rows^2 iterations. Does not fence. Allocates on a CPU

@@ -538,7 +538,9 @@ void launch_lockstep(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem
       count = list_going(exec, solution, side, count);
       side = 1 - side;
     }
-    Kokkos::parallel_for("gsp::solver::pgs_lockstep", Kokkos::RangePolicy<Exec>(exec, 0, (count + Solver::W - 1) / Solver::W),
+    // Packs of few rows come last: who has done with one takes the next.
+    using Packs = Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>;
+    Kokkos::parallel_for("gsp::solver::pgs_lockstep", Packs(exec, 0, (count + Solver::W - 1) / Solver::W, Kokkos::ChunkSize(1)),
                          LockstepLoop<Exec, Solver>{{rows, impulses, solution, options, begin, side, count}});
     begin = sweep + 1;
   }
