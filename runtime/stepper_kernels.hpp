@@ -59,14 +59,15 @@ Model<R, typename Exec::memory_space> make_runtime_model(Exec const& exec, Compi
   return make_model<R>(exec, m, {.profile = o.mujoco ? Profile::mujoco : Profile::stable, .timestep = o.timestep});
 }
 
-/// Threads that find work: small worlds are stepped and solved a pack at a time, with Newton's method (profile mujoco) one at a time. One
-/// more finds none, and waking it for each kernel costs more than the kernels of few worlds.
+/// Threads that find work: small worlds are stepped a pack at a time and their islands solved so, with Newton's method (profile mujoco) one
+/// at a time. One more finds none, and waking it for each kernel costs more than the kernels of few worlds.
 template <class R>
 int useful_threads(CompiledModel const& m, StepperOptions const& o) {
   if (o.threads > 0) return o.threads;
   if (o.mujoco) return o.worlds;
   constexpr int width = native_width<R>;
-  return m.nv <= gsp::detail::lockstep_most_dofs ? (o.worlds + width - 1) / width : most_threads;
+  std::int64_t const islands = std::int64_t(o.worlds) * std::max(1, m.ntree);
+  return m.nv <= gsp::detail::lockstep_most_dofs ? int(std::min<std::int64_t>((islands + width - 1) / width, most_threads)) : most_threads;
 }
 template <class R, class Exec>
 Exec stepping_exec([[maybe_unused]] CompiledModel const& m, [[maybe_unused]] StepperOptions const& o) {
@@ -397,7 +398,7 @@ class KokkosStepper : public Stepper {
   Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> contact_force_;
   std::vector<int> joint_of_dof_, joint_qpos_;
   double timestep_;
-  bool stale_ = true;   // the poses are not those of the state
+  bool stale_ = true;  // the poses are not those of the state
 };
 
 template <class R>

@@ -153,6 +153,16 @@ TEST_CASE_TEMPLATE("islands are what rows couple, each with its elements and dof
           for (int e : expected[i]) CHECK(order(first(w) + place++) == e);
       }
       CHECK(dof == compiled.nv);
+      for (int i = 0; i < islands; ++i) {
+        int rows_of = 0;
+        for (auto const& e : elements[w])
+          if (!e.eliminated && !e.trees.empty() && label[*e.trees.begin()] == moved[i]) rows_of += e.rows;
+        CHECK(at(5 + 6 * trees + i) == rows_of);
+        for (int k = at(2 + trees + i); k < at(3 + trees + i); ++k) {  // shift: the number of a dof in its island
+          int const d = dofs(w, k), t = tree_of[d];
+          CHECK(d + at(5 + 7 * trees + t) == k - at(2 + trees + i));
+        }
+      }
     }
   }
 }

@@ -37,6 +37,21 @@ TEST_CASE_TEMPLATE("pack functions equal the scalar ones", Real, float, double) 
   }
 }
 
+// A sum of floats and what rounding takes from it are exact in double; numbers that are far apart, near, and that cancel.
+TEST_CASE("two numbers hold the sum of two") {
+  using P = gsp::Pack<float, gsp::native_width<float>>;
+  for (int i = 0; i < 4000; ++i) {
+    float const a = float(std::sin(0.37 * i) * std::exp(0.002 * i)),
+                b = i % 3 == 0 ? -a * (1 + 1e-6f * float(i)) : float(std::cos(0.11 * i) * 1e-4);
+    auto const sum = gsp::two_sum(a, b);
+    CHECK(sum.high == a + b);
+    CHECK(double(sum.high) + double(sum.low) == double(a) + double(b));
+    auto const sums = gsp::two_sum(P(a), P(b));
+    CHECK(sums.high[0] == sum.high);
+    CHECK(sums.low[0] == sum.low);
+  }
+}
+
 TEST_CASE_TEMPLATE("rotation of packs: exp and log invert, rotate equals the matrix", Real, float, double) {
   constexpr int W = gsp::native_width<Real>;
   using P = gsp::Pack<Real, W>;

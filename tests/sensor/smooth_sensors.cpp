@@ -93,8 +93,13 @@ struct Worlds {
     gsp_test::randomise(compiled, state);
     auto const ctrl = gsp_test::host(state.ctrl);
     auto const steps = gsp_test::host(state.steps);
-    for (int w = 0; w < worlds; ++w) ctrl(w, 0) = std::sin(w), steps(w) = 3 * w;
-    Kokkos::deep_copy(state.ctrl, ctrl), Kokkos::deep_copy(state.steps, steps);
+    auto const low = gsp_test::host(state.qpos_low);  // which lengths have, too
+    for (int w = 0; w < worlds; ++w) {
+      ctrl(w, 0) = std::sin(w), steps(w) = 3 * w;
+      for (int j = 0; j < compiled.njnt; ++j)
+        if (compiled.jnt_type[j] >= int(gsp::JointType::slide)) low(w, compiled.jnt_qposadr[j]) = 1e-3 * std::cos(w + j);
+    }
+    Kokkos::deep_copy(state.ctrl, ctrl), Kokkos::deep_copy(state.steps, steps), Kokkos::deep_copy(state.qpos_low, low);
     gsp::smooth_dynamics(exec, model, state, poses, dynamics, {.keep_all = true});
   }
   int site(std::string const& name) const {
@@ -160,7 +165,8 @@ TEST_CASE_TEMPLATE("sensors give what poses, Jacobians and forces give", Exec, G
   auto const found = gsp_test::host(data), energies = gsp_test::host(energy), force = gsp_test::host(actuator);
   auto const xs = gsp_test::host(x), qs = gsp_test::host(q), cams = gsp_test::host(cam), mats = gsp_test::host(mat), Ms = gsp_test::host(M);
   auto const com = gsp_test::host(subtrees.com), linvel = gsp_test::host(subtrees.linvel), angmom = gsp_test::host(subtrees.angmom);
-  auto const qpos = gsp_test::host(s.state.qpos), qvel = gsp_test::host(s.state.qvel), ctrl = gsp_test::host(s.state.ctrl);
+  auto const qpos = gsp_test::host(s.state.qpos), low = gsp_test::host(s.state.qpos_low), qvel = gsp_test::host(s.state.qvel),
+             ctrl = gsp_test::host(s.state.ctrl);
   auto const joint = [&](char const* name) { return int(std::find(c.jnt_name.begin(), c.jnt_name.end(), name) - c.jnt_name.begin()); };
   int const h0 = joint("t1b0j0"), h1 = joint("t1b1j0"), ball = joint("t1b6j0"), dof = c.jnt_dofadr[h1];
   double worst = 0;
@@ -172,6 +178,7 @@ TEST_CASE_TEMPLATE("sensors give what poses, Jacobians and forces give", Exec, G
       for (int k = 0; k < 9; ++k) r.m[k] = mats(w, i, k);
       return r;
     };
+    auto const angle = [&](int j) { return qpos(w, c.jnt_qposadr[j]) + low(w, c.jnt_qposadr[j]); };
     double kinetic = 0;
     for (int i = 0; i < c.nv; ++i)
       for (int j = 0; j < c.nv; ++j) kinetic += 0.5 * qvel(w, i) * Ms(w, i, j) * qvel(w, j);
@@ -185,11 +192,11 @@ TEST_CASE_TEMPLATE("sensors give what poses, Jacobians and forces give", Exec, G
     auto const add3 = [&](V const& v) { add(v.x), add(v.y), add(v.z); };
     auto const clamped = [](double v) { return std::fmin(std::fmax(v, -0.25), 0.25); };
     add(3 * w * c.option.timestep), add(energies(w, 0)), add(kinetic), add(77);
-    add(qpos(w, c.jnt_qposadr[h1])), add(qvel(w, dof));
+    add(angle(h1)), add(qvel(w, dof));
     for (int k = 0; k < 4; ++k) add(qpos(w, c.jnt_qposadr[ball] + k));
     for (int k = 0; k < 3; ++k) add(qvel(w, c.jnt_dofadr[ball] + k));
-    add(0.7 * qpos(w, c.jnt_qposadr[h0]) - 1.3 * qpos(w, c.jnt_qposadr[h1])), add(0.7 * qvel(w, c.jnt_dofadr[h0]) - 1.3 * qvel(w, dof));
-    add(2 * qpos(w, c.jnt_qposadr[h1])), add(2 * qvel(w, dof)), add(ctrl(w, 0)), add(force(w, dof)), add(0);
+    add(0.7 * angle(h0) - 1.3 * angle(h1)), add(0.7 * qvel(w, c.jnt_dofadr[h0]) - 1.3 * qvel(w, dof));
+    add(2 * angle(h1)), add(2 * qvel(w, dof)), add(ctrl(w, 0)), add(force(w, dof)), add(0);
     add3(gsp::transpose_times(Rb, xa - xb)), add3(gsp::transpose_times(turned(1), xa - row3(cams, 1)));
     auto const qa = turn(a), qb = turn(b);  // R_b^T R_a: its quaternion from products of the two
     add(qb.w * qa.w + qb.x * qa.x + qb.y * qa.y + qb.z * qa.z), add(qb.w * qa.x - qb.x * qa.w - qb.y * qa.z + qb.z * qa.y);

@@ -139,6 +139,63 @@ struct MostRows {
   }
   KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
+/// Contacts of four islands of free bodies, those that `present` has a bit of: of 150 rows, of 39, of 120 and one that no other body is in.
+struct ContactsOfIslands {
+  static constexpr int islands = 4;
+  unsigned present;
+  KOKKOS_FUNCTION static int contacts(int island) {
+    constexpr int number[islands] = {50, 13, 40, 1};
+    return number[island];
+  }
+  /// Of its first body, and how many there are. Body 5 is in none.
+  KOKKOS_FUNCTION static int dof(int island) { return 6 * (island == 3 ? 4 : island); }
+  KOKKOS_FUNCTION static int dofs(int island) { return island == 2 ? 12 : 6; }
+  struct Place {
+    int island, contact;
+  };
+  KOKKOS_FUNCTION Place place(int k) const {
+    int island = 0;
+    for (;; ++island) {
+      int const n = present >> island & 1u ? contacts(island) : 0;
+      if (k < n) return {island, k};
+      k -= n;
+    }
+  }
+  KOKKOS_FUNCTION int count(int) const {
+    int sum = 0;
+    for (int island = 0; island < islands; ++island) sum += present >> island & 1u ? contacts(island) : 0;
+    return sum;
+  }
+  KOKKOS_FUNCTION int rows(int, int) const { return 3; }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int, int k, int row, Row&& J) const {
+    auto const [island, contact] = place(k);
+    for (int i = 0; i < dofs(island); ++i) J.set_dof(dof(island) + i, gsp_test::hashed(island, contact, row, i));
+    return 0;
+  }
+  template <class R>
+  KOKKOS_FUNCTION gsp::RowLaw<R> law(int, int k, int row, R, R, R) const {
+    auto const [island, contact] = place(k);
+    return {R(0.1), row == 0 ? R(1 + gsp_test::hashed(island, contact, 8, 0)) : R(0)};
+  }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int, int, int row) const {
+    if (row == 0) return {0, 1e300};
+    return {0, 0, 0, 0.7, row == 1};
+  }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(100 * place(k).island + place(k).contact), 0}; }
+};
+/// Two rows together that push on no dof.
+struct NothingToMove {
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  KOKKOS_FUNCTION int rows(int, int) const { return 2; }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int, int, int, Row&&) const {
+    return -1;
+  }
+  KOKKOS_FUNCTION gsp::RowLaw<double> law(int, int, int, double, double, double) const { return {1., 1.}; }
+  KOKKOS_FUNCTION gsp::RowBounds<double> bounds(int, int, int) const { return {-1, 1}; }
+  KOKKOS_FUNCTION gsp::RowId id(int, int) const { return {999, 0}; }
+};
 /// Two rows of friction together that are none: the last of an element, of different normals, three in a row, one the other's normal.
 struct WrongEllipse {
   KOKKOS_FUNCTION int count(int) const { return 1; }
@@ -512,6 +569,73 @@ TEST_CASE_TEMPLATE("the largest of small worlds, and larger ones", Exec, GSP_TES
   for (int const dofs : {128, 140}) {
     check(0.f, dofs);
     check(0., dofs);
+  }
+}
+
+// A large island, two small ones and a single contact of one world: each has the bits that it has in a world alone, and six sweeps are
+// those over the dense problem of all (to 6 x 312 impulses, sums of as many terms).
+TEST_CASE_TEMPLATE("an island has the same bits beside others and alone", Exec, GSP_TEST_EXECS) {
+  using test_types::ContactsOfIslands;
+  auto const bodies = gsp::compile(gsp_test::random_model(std::vector<gsp::JointType>(6, gsp::JointType::free), 1));
+  auto const solved = [&](unsigned present, int worlds, gsp::PgsOptions const& options) {
+    auto s = std::make_unique<Loop<double, Exec>>(bodies, worlds);
+    ContactsOfIslands const type{present};
+    s->assemble(type);
+    if (s->grow()) s->assemble(type);
+    s->solve(options);
+    return s;
+  };
+  for (gsp::PgsOptions const options : {gsp::PgsOptions{.iterations = 60}, gsp::PgsOptions{.iterations = 6, .tolerance = 0}}) {
+    auto const all = solved(15, 3, options);
+    if (options.iterations == 6) {
+      auto const problem = dense(*all, 1);
+      auto const p = gauss_seidel(problem, 6);
+      double worst = 0, largest = 0;
+      for (int i = 0; i < problem.n; ++i) {
+        worst = std::fmax(worst, std::abs(p[i] - problem.p[i]));
+        largest = std::fmax(largest, std::abs(p[i]));
+      }
+      CHECK(problem.n == 312);
+      CHECK(largest > 0.1);
+      CHECK(worst <= 6 * 312 * 312 * std::numeric_limits<double>::epsilon() * largest);
+    }
+    auto const z = gsp_test::host(all->solution.z);
+    auto const sweeps = gsp_test::host(all->solution.iterations);
+    int most = 0;
+    for (int island = 0; island < ContactsOfIslands::islands; ++island) {
+      CAPTURE(island);
+      auto const alone = solved(1u << island, island == 1 ? 2048 : 1, options);  // 2,048: GPUs list the small ones
+      auto const own = gsp_test::host(alone->solution.z);
+      most = std::max(most, gsp_test::host(alone->solution.iterations)(0));
+      for (int i = 0; i < all->model.nv; ++i) {
+        bool const moves = i >= ContactsOfIslands::dof(island) && i < ContactsOfIslands::dof(island) + ContactsOfIslands::dofs(island);
+        CHECK(own(0, i) == (moves ? z(2, i) : 0));
+        if (moves) CHECK(z(2, i) != 0);
+      }
+    }
+    for (int w = 0; w < 3; ++w) CHECK(sweeps(w) == most);
+  }
+}
+
+// Rows that push on nothing are in no island, have no impulse, and leave the others alone.
+TEST_CASE_TEMPLATE("rows that move nothing have no impulse", Exec, GSP_TEST_EXECS) {
+  test_types::RandomRows const contacts{5, true, 6, 0.5, 0};
+  for (bool const several : {false, true}) {
+    auto const c = gsp::compile(gsp_test::random_model(std::vector<gsp::JointType>(several ? 2 : 1, gsp::JointType::free), 1));
+    Loop<double, Exec> with(c, 2), without(c, 2);
+    with.solver = without.solver = {.iterations = 50, .residual = true};
+    with.step(3, contacts, test_types::NothingToMove{}), without.step(3, contacts);
+    auto const z = gsp_test::host(with.solution.z), expected = gsp_test::host(without.solution.z);
+    auto const p = gsp_test::host(with.impulses.p[gsp_test::host(with.impulses.parity)()]);
+    auto const residual = gsp_test::host(with.solution.residual), without_them = gsp_test::host(without.solution.residual);
+    for (int w = 0; w < 2; ++w) {
+      int const end = gsp_test::host(with.rows.first)(w) + gsp_test::host(with.rows.count)(w);
+      REQUIRE(gsp_test::host(with.rows.count)(w) == 17);
+      CHECK(p(end - 2) == 0);
+      CHECK(p(end - 1) == 0);
+      CHECK(residual(w) == without_them(w));
+      for (int i = 0; i < c.nv; ++i) CHECK(z(w, i) == expected(w, i));
+    }
   }
 }
 

@@ -73,26 +73,20 @@ struct World : gsp_test::World<R, Exec> {
 }  // namespace
 
 // Until something sleeps the motion is that of a simulation in which nothing may, to the bit; then no bit changes in 1,000 steps, and no
-// row is solved for. Crowded worlds have the same bits without sleep, too. Small ones, which then go in lockstep, stop in other sweeps:
-// rates are apart by what these leave, 1e-4 |g| h a row and step, which a tower's contacts take back as they take back its own motion. What
-// is left of it after n steps is 1e-4 |g| h times those for which a tower remembers, less than 10 (it comes to rest in them), and positions
-// are apart by that over the time.
+// row is solved for.
 TEST_CASE_TEMPLATE("what sleeps stays where it is to the bit", Exec, GSP_TEST_EXECS) {
-  for (int const height : {2, 11}) {  // in lockstep on a host, where nothing may sleep, and island by island
+  for (int const height : {2, 11}) {
     CAPTURE(height);
     auto description = towers(height);
-    description.bodies.back().geoms[0].condim = height == 2 ? 3 : 6;  // elements of six rows do not go in lockstep
+    description.bodies.back().geoms[0].condim = height == 2 ? 3 : 6;
     World<float, Exec> w(description), awake(description), never(description, 1, false);
     awake.sim.sleep.tolerance = 0;
     int const trees = 2 * height + 1;
-    double const rate = 10 * 1e-4 * 9.81 * 0.004;
     int before = 0;
     for (; w.asleep() == 0 && before < 2000; ++before) {
-      auto const last = never.all(0), now = w.all(0);
+      auto const now = w.all(0);
       CHECK(now == awake.all(0));
-      if (height == 11) CHECK(now == last);
-      for (int t = 0; t < trees; ++t)
-        for (int k = 0; k < 3; ++k) CHECK(std::abs(now[7 * t + k] - last[7 * t + k]) < rate * 0.004 * (before + 1));
+      CHECK(now == never.all(0));
       w.step(1);
       awake.step(1);
       never.step(1);
@@ -185,8 +179,8 @@ gsp::Description restless() {
 std::vector<double> const shoves = {1, 0.3, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.2, 0, 0, 0, 1, -6, 0.1, 0, 0, 5, 0};
 }  // namespace
 
-// The bits of a tree do not depend on who sleeps beside it, nor on whether anything may: not in small worlds (5 trees and 1), nor in
-// crowded ones (5 and 22).
+// The bits of a tree do not depend on who sleeps beside it, nor on whether anything may: not among 5 trees and 1, nor among
+// 5 and 22.
 TEST_CASE_TEMPLATE("neighbours that sleep, wake or are not there change no bit", Exec, GSP_TEST_EXECS) {
   using enum Neighbours;
   for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco})

@@ -19,9 +19,11 @@
 /// (constraint/soft_friction.hpp).
 namespace gsp {
 
-// A contact is hardened for its load until its overlap pushes with so many times that: more is not what bears the load, and what is jammed
-// deeply would be pushed with thousands of times its weight, which sweeps do not solve, and be thrown.
+namespace detail {
+/// A contact is hardened for its load until its overlap pushes with so many times that: more is not what bears the load, and what is jammed
+/// deeply would be pushed with thousands of times its weight, which sweeps do not solve, and be thrown.
 inline constexpr double most_lift = 20;
+}  // namespace detail
 
 template <class R, class Mem>
 struct ContactRows {
@@ -104,7 +106,7 @@ struct ContactRows {
       if (soft.as_mujoco) return law;
       if (gap > R(0)) law.zeta = min(-gap / h, law.zeta);  // no spring at a gap: it may close within the step
       if (!edge && hold == detail::Hold::none)
-        law.most_yield = max(law.compliance / diag * gravity_rate(type.gravity, world, h), law.zeta / R(most_lift));
+        law.most_yield = max(law.compliance / diag * gravity_rate(type.gravity, world, h), law.zeta / R(detail::most_lift));
       return law;
     }
     KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int row) const {

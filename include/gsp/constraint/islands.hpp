@@ -151,11 +151,11 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
       count, [&](int r) { return keys[r]; }, next, [&](int r, int at) { s.elements(first + at) = r; });
 
   int const islands = s.count(w);
-  auto const island_of = [&](int tree) { return number[label[tree]] < 0 ? islands : number[label[tree]]; };
+  auto const number_of = [&](int tree) { return number[label[tree]] < 0 ? islands : number[label[tree]]; };
   world.sync();
   world.each(ntree + 1, [&](int k) { next[k] = 0; });
   world.sync();
-  world.each(ntree, [&](int t) { world.add(next[island_of(t)], s.tree_dofnum(t)); });
+  world.each(ntree, [&](int t) { world.add(next[number_of(t)], s.tree_dofnum(t)); });
   world.sync();
   world.template scan<int>(ntree + 1, [&](int k, int& running, bool last) {
     int const n = next[k];
@@ -164,11 +164,11 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
   });
   world.sync();
   world.place(
-      s.nv, [&](int i) { return island_of(s.dof_tree(i)); }, next,
+      s.nv, [&](int i) { return number_of(s.dof_tree(i)); }, next,
       [&](int i, int at) {
         int const tree = s.dof_tree(i);
         s.dofs(w, at) = i;
-        if (i == 0 || s.dof_tree(i - 1) != tree) s.shift(w, tree) = at - s.first_dof(w, island_of(tree)) - i;
+        if (i == 0 || s.dof_tree(i - 1) != tree) s.shift(w, tree) = at - s.first_dof(w, number_of(tree)) - i;
       });
   world.sync();
 }
@@ -238,7 +238,7 @@ struct IslandRows {
 };
 
 /// f(island) for the islands of a world, one after the other. What an island is to f hangs on its own rows and dofs alone: the k-th row of
-/// it, the k-th dof. Islands::keys and number are free for f.
+/// it, the k-th dof. Islands::keys are free for f.
 template <class World, class Rows, class F>
 KOKKOS_INLINE_FUNCTION void each_island(World const& world, Rows const& rows, int w, F const& f) {
   auto const& islands = rows.islands;

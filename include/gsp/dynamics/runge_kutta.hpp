@@ -132,21 +132,22 @@ struct RungeKuttaStage {
     for (int i = 0; i < a.nv; ++i) write(state.qvel, l.dof0, i, s[l.at.velocity + i], l.load(rk.qvel, l.dof0, i));
     lanes_for_joint_parts(l, [&](int q, int i, int n, bool rotation) {
       auto const from = [&](int c) { return l.load(rk.qpos, l.qpos0, q + c); };
-      auto const move = [&](int c, T const& high, T const& by) {  // at the end with what rounding takes: two-sum
-        T const low = l.load(state.qpos_low, l.qpos0, q + c), add = last() ? by + low : by, sum = high + add, part = sum - high;
-        write(state.qpos, l.qpos0, q + c, sum, from(c));
-        if (last()) write(state.qpos_low, l.qpos0, q + c, (high - (sum - part)) + (add - part), low);
+      auto const move = [&](int c, T const& high, T const& by) {  // at the end with what rounding takes, as `integrate` does
+        T const low = l.load(state.qpos_low, l.qpos0, q + c);
+        auto const moved = two_sum(high, last() ? by + low : by);
+        write(state.qpos, l.qpos0, q + c, moved.high, from(c));
+        if (last()) write(state.qpos_low, l.qpos0, q + c, moved.low, low);
       };
       if (!rotation) {
         for (int c = 0; c < n; ++c) move(c, from(c), s[x + i + c]);
         return;
       }
-      Quat<T> const now = normalized(Quat<T>{from(0), from(1), from(2), from(3)}), turn = exp_rotation(s.vec3(x + i));
-      Quat<T> const by = now * Quat<T>{turn.w - T(1), turn.x, turn.y, turn.z};
-      move(0, now.w, by.w);
-      move(1, now.x, by.x);
-      move(2, now.y, by.y);
-      move(3, now.z, by.z);
+      Quat<T> const stored{from(0), from(1), from(2), from(3)}, now = normalized(stored), turn = exp_rotation(s.vec3(x + i));
+      Quat<T> const start = nearly_unit<R>(stored, now, l.model.profile), by = now * Quat<T>{turn.w - T(1), turn.x, turn.y, turn.z};
+      move(0, start.w, by.w);
+      move(1, start.x, by.x);
+      move(2, start.y, by.y);
+      move(3, start.z, by.z);
     });
     T const weight(this->weight()), step = T(l.model.timestep) * T(reach());
     each_state(l, [&](int k, int const* item) {

@@ -106,4 +106,15 @@ GSP_FUNCTION T square(T x) {
   return x * x;
 }
 
+/// high + low = a + b to the last bit, high the rounded sum (Knuth 1969, two-sum; where nothing overflows).
+template <class T>
+struct TwoSum {
+  T high, low;
+};
+template <class T>
+GSP_FUNCTION TwoSum<T> two_sum(T const& a, T const& b) {
+  T const sum = a + b, part = sum - a;
+  return {sum, (a - (sum - part)) + (b - part)};
+}
+
 }  // namespace gsp

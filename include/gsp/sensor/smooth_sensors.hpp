@@ -52,7 +52,7 @@ inline Quantities needs_of(SensorInfo const& info) {
     case SensorStage::actuation:
       return set_of(Quantity::actuator);
     case SensorStage::velocity:
-      if (info.type == SensorType::tendon_pos) return set_of(Quantity::tendon_length);
+      if (info.type == SensorType::tendon_pos) return set_of(Quantity::tendon_length, Quantity::velocity);
       if (info.type == SensorType::tendon_vel) return set_of(Quantity::tendon_velocity);
       if (info.type == SensorType::actuator_pos) return set_of(Quantity::act_length);
       if (info.type == SensorType::actuator_vel) return set_of(Quantity::actuator);
@@ -252,8 +252,18 @@ struct SmoothSensors {
         int const v = model.jnt_dofadr(e.object);
         return put3({l.load(state.qvel, v), l.load(state.qvel, v + 1), l.load(state.qvel, v + 2)});
       }
-      case S::tendon_pos:
-        return put(0, item(layout(e.tree).tendon_length + e.local));
+      case S::tendon_pos: {  // that of qpos, and J q_low
+        Archetype const& a = model.archetypes(model.tree_archetype(e.tree));
+        DynamicsLayout const at(a);
+        T length = item(at.tendon_length + e.local);
+        int const terms = a.instance_term + model.tree_instance(e.tree) * a.nterm;
+        for (int k = model.ints(a.tendon_termadr + e.local), end = model.ints(a.tendon_termadr + e.local + 1); k < end; ++k)
+          length = fma(l.constant(model.term_coef, model.ints(terms + k)),
+                       item(at.low + model.ints(a.jnt_dofadr + model.ints(a.term_jnt + k))), length);
+        for (int k = model.ints(a.tendon_jadr + e.local), end = model.ints(a.tendon_jadr + e.local + 1); k < end; ++k)
+          length = fma(item(at.tendon_J + k), item(at.low + model.ints(a.tendon_jdof + k)), length);
+        return put(0, length);
+      }
       case S::tendon_vel:
         return put(0, item(layout(e.tree).tendon_velocity + e.local));
       case S::actuator_pos:

@@ -1,8 +1,8 @@
 #pragma once
 #include <gsp/constraint/eliminate.hpp>
 #include <gsp/core/region.hpp>
+#include <gsp/solver/detail/pgs_islands.hpp>
 #include <gsp/solver/detail/pgs_lockstep.hpp>
-#include <gsp/solver/detail/pgs_world.hpp>
 
 namespace gsp {
 
@@ -19,12 +19,12 @@ namespace gsp {
 /// @param options    an island stops by itself: at a share of what gravity does in a step, after so many sweeps at least and at most
 /// Errors: std::invalid_argument for sizes of different models or worlds, for iterations < 1, a tolerance below 0 or NaN, a relaxation
 /// outside of 0 to 2, for rows that nobody has assembled, and for rows with room for a restitution without a call of impacts. Each island
-/// (constraint/islands.hpp) is solved by itself, for as long as it needs, to the same bits whatever else is in its world and batch. On a CPU, islands of at
-/// most 128 rows and 128 dofs go in lockstep, a pack at a time, and larger ones in their thread's own memory. On a GPU these small islands
-/// (in double of up to 96 rows) stay in shared memory, a warp each, over their Delassus matrix; larger ones are swept over sparse rows, by
-/// a warp each. Cost 4 entries iterations flop an island, of small ones on a GPU 2 rows^2 iterations. Does not fence. Allocates on a CPU
-/// alone, room of a thread for large islands (solution.island_items): at its first call for a world's share of the pools, again when these
-/// grow or a world has more.
+/// (constraint/islands.hpp) is solved by itself, for as long as it needs, to the same bits whatever else is in its batch, or in its world
+/// of several trees. On a CPU, islands of at most 128 rows and 128 dofs go in lockstep, a pack at a time, and larger ones in their thread's
+/// own memory. On a GPU these small islands (in double of up to 96 rows) stay in shared memory, a warp each, over their Delassus matrix;
+/// larger ones are swept over sparse rows, by a warp each. Cost 4 entries iterations flop an island, of small ones on a GPU 2 rows^2
+/// iterations. Does not fence. Allocates on a CPU alone, room of a thread for large islands (solution.island_items): at its first call for
+/// a world's share of the pools, again when these grow or a world has more.
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
          PgsOptions options = {}) {
@@ -42,12 +42,16 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
     for_worlds("gsp::solver::find_islands", exec, rows.worlds, detail::FindIslands<R, Mem>{rows, solution, progress.halt, is_device<Exec>});
   // more threads or warps than worlds share the islands of each
   int const busy = is_device<Exec> ? 2048 : exec.concurrency(), parts = std::clamp(busy / rows.worlds, 1, std::max(1, rows.islands.ntree));
-  detail::PgsWorld<R, Mem> solver{rows, impulses, solution, progress, options, parts};
+  detail::PgsIslands<R, Mem> solver{rows, impulses, solution, progress, options, parts};
   if constexpr (is_device<Exec>) {
     detail::launch_pgs_delassus(exec, detail::PgsDelassus<R, Mem>{rows, impulses, solution, options, progress.halt});
     for_worlds("gsp::solver::pgs", exec, rows.worlds * parts, solver);
   } else {
-    if (!progress.halt()) detail::launch_lockstep(exec, rows, impulses, solution, options);
+    if (!progress.halt()) {
+      auto const found = detail::list_islands(exec, rows, solution);
+      solver.any = found.large > 0;
+      detail::launch_lockstep(exec, rows, impulses, solution, options, found.small);
+    }
     detail::grow_island_room<Exec>(solver, solution);
     solver.solution = solution;
     Kokkos::parallel_for("gsp::solver::pgs", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds * parts),

@@ -9,7 +9,7 @@ namespace gsp {
 /// In which lanes something holds.
 enum class InLanes : unsigned char { none, some, all };
 
-/// The laws of up to N rows, as numbers of type T: a plain one, or a pack with a world a lane.
+/// The laws of up to N rows, as numbers of type T: a plain one, or a pack with an island a lane.
 template <class T, int N>
 struct ElementLaw {
   T inverse_diagonal[N];  // 1 / (|Y|^2 + C), or the step of two rows together; 0: the row cannot move (profile stable: its bounds are 0)

@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/constraint/rows.hpp>
 #include <gsp/solver/detail/lockstep_sizes.hpp>
+#include <limits>
 
 namespace gsp {
 
@@ -19,10 +20,11 @@ struct Solution {
                               // was not asked for it (PgsOptions::residual, NewtonOptions::residual)
   View<int*> iterations;      // (worlds) sweeps done; of newton its iterations
   // Of islands, worlds * trees of them at most, numbered through all worlds (constraint/islands.hpp):
-  View<int**> listed;          // small ones, list by list; hosts: (2, islands) of a round of sweeps and of the next; GPUs: (1, islands)
-  View<int**> list_counts;     // (lists, 5) what stands in them (detail/list_islands.hpp)
-  View<signed char*> goes_on;  // hosts, (islands) whether it goes into another round; GPUs, (worlds) whether the last step's was long
-  View<R*> thread_items;       // hosts: room for a pack of islands a thread (detail/pgs_lockstep.hpp)
+  View<int**> listed;           // small ones, list by list; hosts: (2, islands) of a round of sweeps and of the next; GPUs: (1, islands)
+  View<int**> list_counts;      // (lists, 5) what stands in them (detail/list_islands.hpp)
+  View<signed char*> goes_on;   // hosts, (islands): into another round of sweeps
+  View<signed char*> was_long;  // GPUs, (worlds of several trees): the last step took many sweeps
+  View<R*> thread_items;        // hosts: room for a pack of islands a thread (detail/pgs_lockstep.hpp)
   std::int64_t thread_stride = 0;
   View<R*> island_items;  // hosts: room for a large island a thread (detail/pgs_grouped.hpp), which pgs enlarges
   std::int64_t island_stride = 0;
@@ -46,6 +48,10 @@ template <class R, ExecutionSpace Exec, class Mem>
 Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, SolutionOptions options = {}) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::make_solution: the model is not accessible from this execution space");
   expects(options.worlds > 0, "gsp::make_solution: worlds must be positive and is " + std::to_string(options.worlds));
+  std::int64_t const islands = std::int64_t(options.worlds) * std::max(1, model.ntree);
+  expects(islands <= std::numeric_limits<int>::max(), "gsp::make_solution: " + std::to_string(options.worlds) + " worlds of " +
+                                                          std::to_string(model.ntree) +
+                                                          " trees are more islands than an int counts; take fewer worlds a batch");
   Solution<R, Mem> s;
   auto const make = [&](auto& v, char const* label, auto... items) {
     v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, items...);
@@ -59,11 +65,13 @@ Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, Sol
   make(s.residual, "gsp::Solution::residual", s.worlds);
   Kokkos::parallel_for("gsp::solver::make_solution", Kokkos::RangePolicy<Exec>(exec, 0, s.worlds), detail::NotMeasured<R, Mem>{s.residual});
   make(s.iterations, "gsp::Solution::iterations", s.worlds);
-  std::int64_t const islands = std::int64_t(s.worlds) * std::max(1, model.ntree);
-  make(s.listed, "gsp::Solution::listed", is_device<Exec> ? 1 : 2, islands);
   make(s.list_counts, "gsp::Solution::list_counts", detail::island_lists, 5);
-  make(s.goes_on, "gsp::Solution::goes_on", is_device<Exec> ? s.worlds : islands);
-  if constexpr (!is_device<Exec>) {
+  if (!detail::any_small(model.ntree, model.nv)) return s;
+  make(s.listed, "gsp::Solution::listed", is_device<Exec> ? 1 : 2, islands);
+  if constexpr (is_device<Exec>) {
+    if (model.ntree > 1) make(s.was_long, "gsp::Solution::was_long", s.worlds);
+  } else {
+    make(s.goes_on, "gsp::Solution::goes_on", islands);
     s.thread_stride = detail::lockstep_packs(s.nv) * native_width<R>;
     make(s.thread_items, "gsp::Solution::thread_items", s.thread_stride * Kokkos::DefaultHostExecutionSpace().concurrency());
   }

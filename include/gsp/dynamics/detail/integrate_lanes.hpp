@@ -186,6 +186,24 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_check_bounded(L const& l, State const& st
 /// to the bit while |qpos_low| is below pose_held: all that is computed of its poses stays as it is, and what they lack is in every gap and
 /// length (docs/decisions/0031-crowds-in-float-hum-by-rounding-of-poses.md). Not of duals: slopes of poses are those of qpos.
 inline constexpr int pose_held = 16;  // epsilon: of 1 for angles and quaternions, of the largest coordinate for places
+template <class R>
+KOKKOS_INLINE_FUNCTION bool may_hold_poses(Profile profile) {
+  return Scalar<R> && profile == Profile::stable;
+}
+/// The quaternion that a step turns. One that is a unit one but for rounding, and for what it lacks, stays as it is: normalized anew at
+/// each step it would jump by its last digit. (Slopes of a dual are those of the normalized one.)
+template <class R, class T>
+KOKKOS_INLINE_FUNCTION Quat<T> nearly_unit(Quat<T> const& stored, Quat<T> const& normalized, Profile profile) {
+  if constexpr (!Scalar<R>) {
+    return normalized;
+  } else {
+    T const excess = fma(stored.w, stored.w, fma(stored.x, stored.x, fma(stored.y, stored.y, fma(stored.z, stored.z, T(-1)))));
+    R const rounding = R(8 + (may_hold_poses<R>(profile) ? 4 * pose_held : 0)) * Kokkos::Experimental::epsilon_v<real_t<R>>;
+    auto const unit = abs(excess) <= T(rounding);
+    return {select(unit, stored.w, normalized.w), select(unit, stored.x, normalized.x), select(unit, stored.y, normalized.y),
+            select(unit, stored.z, normalized.z)};
+  }
+}
 template <class L, class State>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State const& state) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
@@ -201,9 +219,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
       if (moves(l.world[k])) view(l.world[k], first[k] + i) = get_lane(x, k);
   };
   using R = typename L::R;
-  R const epsilon(Scalar<R> ? Kokkos::Experimental::epsilon_v<real_t<R>> : 0);
-  bool const may_hold = Scalar<R> && l.model.profile == Profile::stable;
-  T const held(may_hold ? R(pose_held) * epsilon : R(0));
+  bool const may_hold = may_hold_poses<R>(l.model.profile);
+  T const held(may_hold ? R(pose_held) * R(Kokkos::Experimental::epsilon_v<real_t<R>>) : R(0));
   l.each(a.njnt, [&](int j) {
     int q = l.index(a.jnt_qposadr, j), dof = l.index(a.jnt_dofadr, j), v = l.at.velocity + dof;
     auto const type = JointType(l.index(a.jnt_type, j));
@@ -213,10 +230,11 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
       change = max(change, abs(h * (s[v + i] - s[l.at.qvel + dof + i])));
     T const rests = select(change < held, held, T(0));
     auto const move = [&](int i, T const& high, T const& by, T const& keep) {
-      T const add = by + l.load(state.qpos_low, l.qpos0, i), sum = high + add, part = sum - high;
+      T const add = by + l.load(state.qpos_low, l.qpos0, i);
+      auto const moved = two_sum(high, add);
       auto const stays = abs(add) < keep;
-      write(state.qpos, l.qpos0, i, select(stays, high, sum));
-      write(state.qpos_low, l.qpos0, i, select(stays, add, (high - (sum - part)) + (add - part)));
+      write(state.qpos, l.qpos0, i, select(stays, high, moved.high));
+      write(state.qpos_low, l.qpos0, i, select(stays, add, moved.low));
     };
     if (type == JointType::hinge || type == JointType::slide) {
       T const from = l.load(state.qpos, l.qpos0, q);
@@ -234,17 +252,11 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
       T const keep = rests * max(abs(place.x), max(abs(place.y), abs(place.z)));
       for (int c = 0; c < 3; ++c) move(q + c, place[c], shift[c], keep);
     }
-    // A quaternion that is a unit one but for rounding, and for what it lacks, stays as it is: normalized anew at each step it would jump
-    // by its last digit.
-    T const excess = fma(stored.w, stored.w, fma(stored.x, stored.x, fma(stored.y, stored.y, fma(stored.z, stored.z, T(-1)))));
-    R const rounding =
-        Scalar<R> ? R(8 + (may_hold ? 4 * pose_held : 0)) * epsilon : R(-1);  // slopes of a dual are those of the normalized one
-    auto const unit = abs(excess) <= T(rounding);
-    Quat<T> const by = now * Quat<T>{turn.w - T(1), turn.x, turn.y, turn.z};
-    move(quat, select(unit, stored.w, now.w), by.w, rests);
-    move(quat + 1, select(unit, stored.x, now.x), by.x, rests);
-    move(quat + 2, select(unit, stored.y, now.y), by.y, rests);
-    move(quat + 3, select(unit, stored.z, now.z), by.z, rests);
+    Quat<T> const from = nearly_unit<R>(stored, now, l.model.profile), by = now * Quat<T>{turn.w - T(1), turn.x, turn.y, turn.z};
+    move(quat, from.w, by.w, rests);
+    move(quat + 1, from.x, by.x, rests);
+    move(quat + 2, from.y, by.y, rests);
+    move(quat + 3, from.z, by.z, rests);
   });
   if (!store_block(l, l.at.velocity, a.nv, state.qvel, l.dof0[0], moves))
     l.each(a.nv, [&](int i) { write(state.qvel, l.dof0, i, s[l.at.velocity + i]); });

@@ -28,7 +28,7 @@ KOKKOS_INLINE_FUNCTION constexpr bool leaps_after(int sweep, PgsOptions const& o
   return options.accelerate && sweep >= leap_from && (sweep & (sweep - 1)) == 0 && sweep + leap_least_left < options.iterations;
 }
 
-/// Sweeps lower E, except where friction, which is no minimum of an energy, follows a normal: a world whose last sweep has raised E leaps
+/// Sweeps lower E, except where friction, which is no minimum of an energy, follows a normal: an island whose last sweep has raised E leaps
 /// no more in this step, as the least E lies far off.
 /// @param raised  by how much the sweep has raised E (SweepWork)
 template <class R>
@@ -61,7 +61,7 @@ struct SweepWork {
   }
 };
 
-/// Sums over dofs and rows of a world.
+/// Sums over dofs and rows of an island.
 ///   energy  E(p) = 1/2 (z.z + p.Cp) + b.p,   z = Y^T p
 ///   pp = z.z + p.Cp,   pd, dd: the same of p and d, and of d alone,   bp = b.p,   yy = sum p_r^2 (|Y_r|^2 + C_r)
 template <class T>

@@ -25,7 +25,7 @@ struct FindIslands {
     int const still = s.first_dof(w, s.count(w));
     world.each(rows.nv - still, [&](int k) { solution.z(w, s.dofs(w, still + k)) = R(0); });
     world.single([&] {
-      if (device) solution.goes_on(w) = solution.iterations(w) >= long_solve;
+      if (device) solution.was_long(w) = solution.iterations(w) >= long_solve;
       solution.iterations(w) = 0;
     });
   }
@@ -39,53 +39,71 @@ KOKKOS_INLINE_FUNCTION void tell_sweeps(Rows<R, Mem> const& rows, Solution<R, Me
     solution.iterations(w) = sweeps;
 }
 
-/// The list that an island belongs to; -1: there is none of that number, or it is not small.
+inline constexpr int no_island = -1, large_island = island_lists;
+/// The list that island `number` belongs to, or large_island, or no_island: there is none of that number.
 template <class R, class Mem>
 KOKKOS_INLINE_FUNCTION int list_of_island(Rows<R, Mem> const& rows, int number) {
   int const w = number / islands_of_world(rows), i = number % islands_of_world(rows);
-  if (!is_island(rows, w, i)) return -1;
+  if (!is_island(rows, w, i)) return no_island;
   Island const island = island_of(rows, w, i);
-  return is_small(island.rows, island.dofs) ? list_of_rows(island.rows) : -1;
+  return is_small(island.rows, island.dofs) ? list_of_rows(island.rows) : large_island;
 }
 
-/// Hosts: how many islands are in each list, to Solution::list_counts(list, 0); then where they stand, list by list.
+/// Hosts: how many islands are in each list, and how many are large.
 struct ListSizes {
-  int of[island_lists] = {};
+  int of[island_lists + 1] = {};
   KOKKOS_INLINE_FUNCTION ListSizes& operator+=(ListSizes const& other) {
-    for (int k = 0; k < island_lists; ++k) of[k] += other.of[k];
+    for (int k = 0; k <= island_lists; ++k) of[k] += other.of[k];
     return *this;
   }
 };
+/// Their numbers, to Solution::list_counts(list, 0) and of large ones to list_counts(0, 1).
 template <class R, class Mem>
-struct ListSmallIslands {
+struct CountIslands {
+  using value_type = ListSizes;
+  Rows<R, Mem> rows;
+  Solution<R, Mem> solution;
+  int numbers;
+  void operator()(int number, ListSizes& sum, bool last) const {
+    int list = list_of_island(rows, number);
+    if (list != no_island) ++sum.of[list_on_host(rows, list)];
+    if (!last || number + 1 < numbers) return;
+    for (int k = 0; k < island_lists; ++k) solution.list_counts(k, 0) = sum.of[k];
+    solution.list_counts(0, 1) = sum.of[large_island];
+  }
+  /// Worlds of one tree are alike as they are, and neighbours lie side by side in memory.
+  static int list_on_host(Rows<R, Mem> const& rows, int list) { return rows.islands.ntree <= 1 && list != large_island ? 0 : list; }
+};
+/// Then where they stand, list by list.
+template <class R, class Mem>
+struct PlaceIslands {
   using value_type = ListSizes;
   Rows<R, Mem> rows;
   Solution<R, Mem> solution;
   ListSizes begin;
-  bool place;
-  int count;  // of all numbers
   void operator()(int number, ListSizes& sum, bool last) const {
     int list = list_of_island(rows, number);
-    // Worlds of one tree are alike as they are, and neighbours lie side by side in memory.
-    if (list >= 0 && rows.islands.ntree <= 1) list = 0;
-    if (list >= 0) {
-      if (last && place) solution.listed(0, begin.of[list] + sum.of[list]) = number;
-      ++sum.of[list];
-    }
-    for (int k = 0; last && !place && number + 1 == count && k < island_lists; ++k) solution.list_counts(k, 0) = sum.of[k];
+    if (list == no_island || list == large_island) return;
+    list = CountIslands<R, Mem>::list_on_host(rows, list);
+    if (last) solution.listed(0, begin.of[list] + sum.of[list]) = number;
+    ++sum.of[list];
   }
 };
-/// Those of many rows first. Their number.
+struct IslandCounts {
+  int small, large;
+};
+/// Small ones of many rows first.
 template <class Exec, class R, class Mem>
-int list_small_islands(Exec const& exec, Rows<R, Mem> const& rows, Solution<R, Mem> const& solution) {
+IslandCounts list_islands(Exec const& exec, Rows<R, Mem> const& rows, Solution<R, Mem> const& solution) {
   int const numbers = rows.worlds * islands_of_world(rows);
+  if (!any_small(rows.islands.ntree, rows.nv)) return {0, numbers};
   Kokkos::RangePolicy<Exec> const all(exec, 0, numbers);
-  Kokkos::parallel_scan("gsp::solver::count_islands", all, ListSmallIslands<R, Mem>{rows, solution, {}, false, numbers});
+  Kokkos::parallel_scan("gsp::solver::count_islands", all, CountIslands<R, Mem>{rows, solution, numbers});
   ListSizes begin;
-  int count = 0;
-  for (int list = island_lists; list-- > 0; count += solution.list_counts(list, 0)) begin.of[list] = count;
-  Kokkos::parallel_scan("gsp::solver::list_islands", all, ListSmallIslands<R, Mem>{rows, solution, begin, true, numbers});
-  return count;
+  int small = 0;
+  for (int list = island_lists; list-- > 0; small += solution.list_counts(list, 0)) begin.of[list] = small;
+  if (small > 0) Kokkos::parallel_scan("gsp::solver::place_islands", all, PlaceIslands<R, Mem>{rows, solution, begin});
+  return {small, solution.list_counts(0, 1)};
 }
 /// Those of a list that go on, in its order, to the other list. Their number.
 template <class R, class Mem>

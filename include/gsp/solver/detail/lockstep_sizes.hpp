@@ -32,6 +32,8 @@ KOKKOS_INLINE_FUNCTION constexpr int list_of_rows(int rows) {
 }
 /// An island takes this path by what it is alone.
 KOKKOS_INLINE_FUNCTION bool is_small(int rows, int dofs) { return rows <= lockstep_most_rows && dofs <= lockstep_most_dofs; }
+/// Whether a world of so many trees and dofs may have any: a world of one tree is one island.
+KOKKOS_INLINE_FUNCTION constexpr bool any_small(int ntree, int nv) { return ntree > 1 || nv <= lockstep_most_dofs; }
 /// Packs that such islands need in a model of nv dofs: z, twice, and the entries by whole groups of four dofs, and the blocks.
 inline std::int64_t lockstep_packs(int nv) {
   nv = nv < lockstep_most_dofs ? nv : lockstep_most_dofs;

@@ -36,12 +36,12 @@ KOKKOS_INLINE_FUNCTION constexpr bool is_remembered(int sweep, PgsOptions const&
 }
 
 /// Whether what is known is dropped after sweep number `sweep` (from 0), the 16th and the 40th, and z is summed anew, Y^T p: hosts pack the
-/// worlds that go on together then (pgs_lockstep.hpp), which start as if from new, and all paths do the same.
+/// islands that go on together then (pgs_lockstep.hpp), which start as if from new, and all paths do the same.
 KOKKOS_INLINE_FUNCTION constexpr bool begins_anew(int sweep, PgsOptions const& options) {
   return options.tolerance > 0 && (sweep == 15 || sweep == 39) && sweep + mixing_least_left < options.iterations;
 }
 
-/// What is known of the sweeps of a world or an island.
+/// What is known of the sweeps of an island.
 template <class R>
 struct MixingMemory {
   static constexpr R any = Kokkos::Experimental::infinity_v<R>;

@@ -80,7 +80,7 @@ struct NewtonWorld {
     each_island(world, rows, id, [&](IslandRows const& island) {
       Lists l = all;
       l.island = island;
-      if (island.list) l.shift = rows.islands.number(id);
+      if (island.list) l.shift = &rows.islands.shift(id, 0);
       int const iteration = descend(world, l, z, w, p, change, H, d);
       most = iteration > most ? iteration : most;
     });
@@ -94,7 +94,7 @@ struct NewtonWorld {
     R* least;
     int first;
     IslandRows island;
-    int* shift = nullptr;  // of a tree: dof less its place in the island's H; null: the same
+    int const* shift = nullptr;  // of a tree: place in the island's H less dof (Islands::shift); null: the same
   };
   /// Of the dofs of a row's two segments. Two numbers: an array that is indexed is memory to a GPU.
   struct Shifts {
@@ -112,11 +112,6 @@ struct NewtonWorld {
     auto const& e = l.island;
     int const n = e.dofs;
     R* const place = d + rows.nv;  // room
-    if (l.shift)
-      world.each(n, [&](int k) {
-        int const tree = rows.islands.dof_tree(e.dof(k));
-        if (k == 0 || rows.islands.dof_tree(e.dof(k - 1)) != tree) l.shift[tree] = e.dof(k) - k;
-      });
     start(world, l, z, w, p);
     int iteration = 0, stalls = 0;
     R best = Kokkos::Experimental::infinity_v<R>;
@@ -476,7 +471,7 @@ struct NewtonWorld {
   }
   /// Where that is in H.
   KOKKOS_INLINE_FUNCTION int place_of(Row<R> const& row, int i, Shifts const& shifts) const {
-    return dof_of(row, i) - (i < row.segment[0].count ? shifts.first : shifts.second);
+    return dof_of(row, i) + (i < row.segment[0].count ? shifts.first : shifts.second);
   }
 };
 

@@ -14,7 +14,7 @@
 namespace gsp::detail {
 
 /// What is known of a row beside its numbers, in the order of the sweeps.
-struct DelassusRow {
+struct alignas(4) DelassusRow {
   unsigned char rows;       // of the element that begins here
   signed char friction_of;  // as in Row
   bool with_next : 1;

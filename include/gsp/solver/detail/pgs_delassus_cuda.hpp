@@ -488,7 +488,7 @@ __global__ void list_delassus_kernel(PgsDelassus<R, Mem> const __grid_constant__
   Island const island = island_of(rows, w, number % of_world);
   if (!delassus_takes(rows, island)) return;
   int const list = list_of_rows(island.rows);
-  bool const few = !(of_world > 1 ? solution.goes_on(w) : solution.iterations(w) >= long_solve);
+  bool const few = !(of_world > 1 ? solution.was_long(w) : solution.iterations(w) >= long_solve);
   int const at = atomicAdd(&counts(list, place ? (few ? few_listed : many_listed) : (few ? few_sweeps : many_sweeps)), 1);
   if (place) solution.listed(0, delassus_begin(solution, list) + (few ? counts(list, many_sweeps) : 0) + at) = number;
 }
@@ -525,6 +525,7 @@ __global__ void __launch_bounds__(32) pgs_delassus_kernel(PgsDelassus<R, Mem> co
 
 template <class Exec, class R, class Mem>
 void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
+  if (!any_small(solver.rows.islands.ntree, solver.rows.nv)) return;
   int const nv = solver.rows.nv;
   std::int64_t const islands = std::int64_t(solver.rows.worlds) * islands_of_world(solver.rows);
   auto const& device = exec.cuda_device_prop();

@@ -6,7 +6,7 @@
 #include <gsp/solver/detail/row_vectors.hpp>
 #include <gsp/solver/detail/sweep_until_rest.hpp>
 
-/// Islands of large worlds on a CPU: before its sweeps an island is copied into a thread's own memory, its elements side by side in the
+/// Large islands on a CPU: before its sweeps an island is copied into a thread's own memory, its elements side by side in the
 /// order in which a sweep visits them. Dofs come by groups of as many as a pack has, each tree's from a whole group on, and an element has
 /// its entries in the groups that any of its rows touches, zeros between them: a product of rows and z is a fma a row and group and a sum
 /// over lanes, and nothing is gathered inside a sweep. What a sweep waits for is the way from one element's z to the next one's.

@@ -523,14 +523,14 @@ struct LockstepLoop {
   }
 };
 
-/// Sweeps all islands that go in lockstep. A pack goes on until the slowest of its islands rests, so after a round those that still move
+/// Sweeps islands that are listed. A pack goes on until the slowest of its islands rests, so after a round those that still move
 /// are packed together, and taken from the pool anew: what that costs is as much as ten sweeps. An island's z is summed anew then, Y^T p,
 /// whatever its neighbours do.
 template <class Exec, class R, class Mem>
 void launch_lockstep(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Solution<R, Mem> const& solution,
-                     PgsOptions const& options) {
+                     PgsOptions const& options, int count) {
   using Solver = PgsLockstep<R, Mem>;
-  int side = 0, count = list_small_islands(exec, rows, solution);
+  int side = 0;
   for (int begin = 0, sweep = 0; sweep < options.iterations && count > 0; ++sweep) {
     bool const last = sweep + 1 == options.iterations;
     if (!last && !begins_anew(sweep, options)) continue;

@@ -7,8 +7,8 @@ namespace gsp {
 struct PgsOptions {
   int iterations = 100;  // sweeps at most
   int least = 4;         // and at least: an island that stopped before it swept would keep a velocity below the tolerance for ever
-  // An island stops when no row changed its rate in a sweep by more than this times what gravity does in a step (Rows::rate_scale); 0: after
-  // all sweeps.
+  // An island stops when no row changed its rate in a sweep by more than this times what gravity does in a step (Rows::rate_scale); 0:
+  // after all sweeps.
   float tolerance = 1e-4f;
   float relaxation = 1;
   bool accelerate = true;  // leaps and mixtures (docs/solver/pgs.md); false: sweeps alone

@@ -11,14 +11,15 @@
 namespace gsp::detail {
 
 template <class R, class Mem>
-struct PgsWorld {
+struct PgsIslands {
   static constexpr int N = most_element_rows;
   Rows<R, Mem> rows;
   Impulses<R, Mem> impulses;
   Solution<R, Mem> solution;
   Progress<Mem> progress;
   PgsOptions options;
-  int parts = 1;  // threads or warps that share a world's islands
+  int parts = 1;    // threads or warps that share a world's islands
+  bool any = true;  // whether there are large ones; hosts know
 
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
@@ -31,7 +32,7 @@ struct PgsWorld {
     if (part == 0) world.single([&] { solution.residual(w) = Kokkos::Experimental::quiet_NaN_v<R>; });  // PgsResidual finds it
     R* const z = solution.z.data() + std::int64_t(w) * rows.nv;
     R* const p = impulses.p[impulses.parity()].data() + rows.first(w);
-    for (int i = part; is_island(rows, w, i); i += parts) {
+    for (int i = part; any && is_island(rows, w, i); i += parts) {
       if (!takes(w, i)) continue;
       int const sweeps = solve(world, detail::island_of(rows, w, i), z, p);
       world.single([&] { tell_sweeps(rows, solution, w, sweeps); });
@@ -122,7 +123,7 @@ struct PgsWorld {
   /// An island on a GPU, in the pools, for sweep_until_rest. (Hosts copy it to a thread's own memory: GroupedIsland.)
   template <class World>
   struct SparseIsland {
-    PgsWorld const& solver;
+    PgsIslands const& solver;
     World const& world;
     Island const& e;
     Turn const first;
@@ -285,9 +286,9 @@ struct PgsWorld {
 /// Hosts: a thread's own room for each that needs it.
 template <class Exec, class R, class Mem>
 struct RoomyLoop {
-  PgsWorld<R, Mem> solver;
+  PgsIslands<R, Mem> solver;
   void operator()(int rank) const {
-    if (solver.progress.halt() || !solver.takes_any(rank / solver.parts)) return solver.on_host({{rank}, nullptr});
+    if (solver.progress.halt() || !solver.any || !solver.takes_any(rank / solver.parts)) return solver.on_host({{rank}, nullptr});
     Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
     int const thread = token.acquire();
     solver.on_host({{rank}, reinterpret_cast<char*>(solver.solution.island_items.data() + thread * solver.solution.island_stride)});
@@ -297,8 +298,8 @@ struct RoomyLoop {
 /// Enlarges the threads' room where an island may need more: for a world's share of the pools of rows, so that it grows as they do, or by
 /// half where a world has more than its share. On a host the kernels that have written `rows` have ended.
 template <class Exec, class R, class Mem>
-void grow_island_room(PgsWorld<R, Mem> const& solver, Solution<R, Mem>& solution) {
-  if (solver.progress.halt()) return;
+void grow_island_room(PgsIslands<R, Mem> const& solver, Solution<R, Mem>& solution) {
+  if (solver.progress.halt() || !solver.any) return;
   auto const& rows = solver.rows;
   int most_tree_dofs = 0, largest_element = 0;
   for (int t = 0; t < rows.islands.ntree; ++t) most_tree_dofs = std::max(most_tree_dofs, rows.islands.tree_dofnum(t));
@@ -324,10 +325,10 @@ void grow_island_room(PgsWorld<R, Mem> const& solver, Solution<R, Mem>& solution
 /// solution.residual: the largest violation in each world.
 template <class R, class Mem>
 struct PgsResidual {
-  PgsWorld<R, Mem> solver;
+  PgsIslands<R, Mem> solver;
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
-    constexpr int N = PgsWorld<R, Mem>::N;
+    constexpr int N = PgsIslands<R, Mem>::N;
     auto const& rows = solver.rows;
     int const w = world.rank, first = rows.first(w), count = rows.count(w);
     if (solver.progress.halt()) return;
