@@ -5,6 +5,7 @@
 #include <gsp/model/compile.hpp>
 #include <gsp/model/keyframe.hpp>
 #include <gsp/model/samples.hpp>
+#include <gsp/step/sleep.hpp>
 #include <gsp/step/step.hpp>
 
 int main(int argc, char** argv) {
@@ -23,6 +24,7 @@ int main(int argc, char** argv) {
   auto impulses = gsp::make_impulses(exec, rows);
   auto solution = gsp::make_solution(exec, model, {.worlds = worlds});
   auto progress = gsp::make_progress(exec);
+  auto sleep = gsp::make_sleep(exec, model, compiled, {.worlds = worlds});  // what rests; without it leave out its four lines below
 
   auto const start = [&] {
     auto state = gsp::make_state(exec, model, {.worlds = worlds});
@@ -42,14 +44,16 @@ int main(int argc, char** argv) {
     gsp::passive_forces(exec, model, state, poses, dynamics);
     gsp::actuator_forces(exec, model, state, poses, dynamics);
     gsp::factor(exec, model, state, dynamics, {.stiff_rows = true});
-    gsp::collide(exec, collision, poses, contacts);
+    gsp::wake_changed(exec, model, state, dynamics, sleep);
+    gsp::collide(exec, collision, poses, contacts, gsp::still_trees(model, contacts, sleep));
     auto const types = gsp::model_constraints(model, state, poses, dynamics, collision, contacts);
-    gsp::assemble(exec, model, state, dynamics, types, rows, impulses, progress);
+    gsp::assemble(exec, model, state, dynamics, types, rows, impulses, progress, sleep.islands);
     gsp::impacts(exec, progress, rows, impulses, solution);  // of geoms with a restitution
     gsp::pgs(exec, rows, impulses, solution, progress, {.iterations = 100});
     gsp::integrate(exec, model, state, dynamics, progress, solution);
     // solution.qfrc_constraint: without stiff springs and servos, where a model has some
     gsp::subtract_stiff_forces(exec, gsp::StiffForces(model, state, dynamics), rows, impulses, progress, solution.qfrc_constraint);
+    gsp::fall_asleep(exec, model, rows, progress, state, dynamics, solution.qfrc_constraint, sleep);
     // this loop asks after every step
     bool const more_contacts = gsp::grow(exec, contacts), more_rows = gsp::grow(exec, rows, impulses, progress);
     if (more_contacts || more_rows)
@@ -59,7 +63,7 @@ int main(int argc, char** argv) {
   }
 
   auto other = start();
-  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds, .sleep = true});
   gsp::step(exec, model, other, sim, {.steps = steps});
 
   auto const a = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state.qpos),

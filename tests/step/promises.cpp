@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <gsp/collision/geom_values.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/names.hpp>
 #include <gsp/model/samples.hpp>
@@ -55,6 +56,17 @@ struct Nothing : gsp::OneFreeRow {
     if (k == 1) J.add_point(0, {1., 0., 0.}, {0., 0., 1.});
     if (k == 2) J.set_dof(0, 0.);
     return 0.1;
+  }
+};
+/// A row whose Jacobian is no number in worlds 1 and 2, and moves nothing in the others.
+struct NoJacobian : gsp::OneFreeRow {
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  KOKKOS_FUNCTION gsp::RowLaw<float> law(int, int, int, float, float, float) const { return {0.f, 0.f}; }
+  template <class Row>
+  KOKKOS_FUNCTION float jacobian(int world, int, int, Row&& J) const {
+    float const inf = Kokkos::Experimental::infinity_v<float>;
+    if (world == 1 || world == 2) J.set_dof(2, world == 1 ? inf : inf - inf);
+    return 0.f;
   }
 };
 }  // namespace test_types
@@ -253,3 +265,84 @@ TEST_CASE("Serial and OpenMP step to the same bits") {
   }
 }
 #endif
+
+// A body on a floor whose constraint has a Jacobian that is no number stays where it is: it neither moves on nor falls through the floor,
+// which the same solver holds.
+TEST_CASE_TEMPLATE("a Jacobian that is no number stops its world alone", Exec, GSP_TEST_EXECS) {
+  gsp::Description d;
+  gsp::GeomDescription floor, box;
+  floor.type = gsp::ShapeType::plane, floor.size = {1, 1, 1};
+  box.size = {0.1, 0.1, 0.1}, box.type = gsp::ShapeType::box;
+  d.bodies[0].geoms = {floor};
+  gsp::BodyDescription body;
+  body.parent = 0, body.pos = {0, 0, 0.1}, body.geoms = {box}, body.joints.emplace_back().type = gsp::JointType::free;
+  d.bodies.push_back(body);
+  auto const compiled = gsp::compile(d);
+  for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco})
+    for (auto const cone : {gsp::FrictionCone::elliptic, gsp::FrictionCone::pyramidal}) {
+      CAPTURE(int(profile));
+      CAPTURE(int(cone));
+      Exec const exec;
+      auto const model = gsp::make_model<float>(exec, compiled, {.profile = profile});
+      auto state = gsp::make_state(exec, model, {.worlds = 4});
+      auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = 4, .cone = cone});
+      gsp::step(exec, model, state, sim, {.steps = 50}, test_types::NoJacobian{});
+      auto const q = gsp_test::host(state.qpos);
+      auto const status = gsp_test::host(state.status);
+      for (int w = 0; w < 4; ++w) {
+        bool const stops = w == 1 || w == 2;
+        CHECK(bool(status(w) & gsp::status::not_finite) == stops);
+        CHECK(std::abs(q(w, 2) - 0.1f) < 1e-3f);
+        if (stops) CHECK(q(w, 2) == 0.1f);
+        CHECK((w == 0 || stops || same(q, q, w)));
+      }
+      CHECK(q(0, 2) == q(3, 2));
+    }
+}
+
+// Sizes, poses and friction of geoms that are no numbers: the world stops, where its contacts were lost in silence. With all pairs listed,
+// and where they are searched for.
+TEST_CASE_TEMPLATE("geoms that are no geoms stop their world alone", Exec, GSP_TEST_EXECS) {
+  float const inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
+  for (int const bodies : {1, 400})
+    for (auto const field : {gsp::GeomField::size, gsp::GeomField::pos, gsp::GeomField::friction})
+      for (float const wrong : {nan, inf}) {
+        if (field == gsp::GeomField::friction && wrong != inf) continue;  // NaN acts as 1e-5, as in MuJoCo
+        CAPTURE(bodies);
+        CAPTURE(int(field));
+        CAPTURE(wrong);
+        gsp::Description d;
+        gsp::GeomDescription floor, box;
+        floor.type = gsp::ShapeType::plane, floor.size = {1, 1, 1};
+        box.size = {0.1, 0.1, 0.1}, box.type = gsp::ShapeType::box;
+        d.bodies[0].geoms = {floor};
+        for (int b = 0; b < bodies; ++b) {
+          gsp::BodyDescription body;
+          body.parent = 0, body.pos = {0.3 * b, 0, 0.1}, body.geoms = {box}, body.joints.emplace_back().type = gsp::JointType::free;
+          d.bodies.push_back(body);
+        }
+        Exec const exec;
+        auto const compiled = gsp::compile(d);
+        auto const model = gsp::make_model<float>(exec, compiled);
+        auto state = gsp::make_state(exec, model, {.worlds = 2});
+        auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = 2});
+        gsp::make_per_world(exec, sim.collision, {field}, 2);
+        using Values = Kokkos::View<float**, Kokkos::LayoutRight, typename Exec::memory_space>;
+        Values values("values", 2, 3 * compiled.ngeom);
+        gsp::copy_world_values(exec, sim.collision, field, values);
+        auto const numbers = gsp_test::host(values);
+        numbers(1, 3 * (compiled.ngeom - 1)) = wrong;
+        Kokkos::deep_copy(values, numbers);
+        gsp::set_world_values(exec, sim.collision, field, values);
+        gsp::step(exec, model, state, sim, {.steps = 30});
+        auto const q = gsp_test::host(state.qpos);
+        auto const status = gsp_test::host(state.status);
+        CHECK(status(0) == 0);
+        CHECK(std::abs(q(0, 7 * bodies - 5) - 0.1f) < 1e-3f);
+        CHECK((status(1) & gsp::status::stopped) != 0);
+        CHECK(q(1, 7 * bodies - 5) == 0.1f);
+        Kokkos::View<bool*, typename Exec::memory_space> const mask("mask", 3);
+        CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, sim.collision, field, values, mask),
+                             doctest::Contains("the mask has 3 worlds, and the values are of 2"), std::invalid_argument);
+      }
+}

@@ -703,3 +703,27 @@ TEST_CASE_TEMPLATE("a world whose values were changed is woken by hand", Exec, G
   Kokkos::View<bool*, Mem> const three("mask", 3);
   CHECK_THROWS_WITH_AS(gsp::wake(w.exec, w.sim.sleep, three), doctest::Contains("the mask has 3 worlds"), std::invalid_argument);
 }
+
+// A loop of one's own that leaves a stage out is told, where it would have put what sleeps anywhere.
+TEST_CASE_TEMPLATE("sleep in a loop of one's own asks for its stages", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  World<float, Exec> w(towers(2));
+  auto& s = w.sim;
+  auto const stages = [&](bool wakes, bool tells, bool integrates) {
+    gsp::smooth_dynamics(w.exec, w.model, w.state, s.poses, s.dynamics);
+    if (wakes) gsp::wake_changed(w.exec, w.model, w.state, s.dynamics, s.sleep);
+    gsp::collide(w.exec, s.collision, s.poses, s.contacts);
+    auto const types = gsp::model_constraints(w.model, w.state, s.poses, s.dynamics, s.collision, s.contacts);
+    gsp::assemble(w.exec, w.model, w.state, s.dynamics, types, s.rows, s.impulses, s.progress,
+                  tells ? s.sleep.islands : gsp::SleepingIslands<Mem>{});
+    gsp::impacts(w.exec, s.progress, s.rows, s.impulses, s.solution);
+    gsp::pgs(w.exec, s.rows, s.impulses, s.solution, s.progress);
+    if (integrates) gsp::integrate(w.exec, w.model, w.state, s.dynamics, s.progress, s.solution);
+    gsp::fall_asleep(w.exec, w.model, s.rows, s.progress, w.state, s.dynamics, s.solution.qfrc_constraint, s.sleep);
+  };
+  CHECK_THROWS_WITH_AS(stages(false, true, true), doctest::Contains("call wake_changed after smooth_dynamics"), std::invalid_argument);
+  stages(true, true, true);
+  CHECK_THROWS_WITH_AS(stages(false, true, true), doctest::Contains("another moment than that of the rows"), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(stages(true, false, true), doctest::Contains("give it sleep.islands"), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(stages(true, true, false), doctest::Contains("call integrate first"), std::invalid_argument);
+}

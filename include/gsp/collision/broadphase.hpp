@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <gsp/collision/collision_model.hpp>
 #include <gsp/core/region.hpp>
+#include <gsp/core/status.hpp>
 #include <gsp/geometry/shapes.hpp>
 #include <gsp/model/poses.hpp>
 
@@ -40,6 +41,7 @@ struct PlaceColliders {
   }
   KOKKOS_FORCEINLINE_FUNCTION void place(int w, int g) const {
     Vec3<R> lo{}, hi{};
+    R broken(0);  // NaN where a number is not finite: min and max would lose it
     for (int c = model.group_first(g); c < model.group_first(g + 1); ++c) {
       int const b = model.collider_body(c);
       Transform<R> const body{{poses.xpos(w, b, 0), poses.xpos(w, b, 1), poses.xpos(w, b, 2)},
@@ -58,6 +60,7 @@ struct PlaceColliders {
         e[i] = e[i] + R(8) * Kokkos::Experimental::epsilon_v<R> * (abs(t.p[i]) + e[i]);  // rounding must not lose a touch
         bounds.box(w, c, i) = t.p[i];
         bounds.box(w, c, 3 + i) = e[i];
+        broken = broken + ((t.p[i] - t.p[i]) + (e[i] - e[i]));
         bool const first = c == model.group_first(g);
         lo[i] = first ? t.p[i] - e[i] : min(lo[i], t.p[i] - e[i]);
         hi[i] = first ? t.p[i] + e[i] : max(hi[i], t.p[i] + e[i]);
@@ -65,13 +68,14 @@ struct PlaceColliders {
     }
     for (int i = 0; i < 3; ++i) {
       R const centre = R(0.5) * (lo[i] + hi[i]);
-      bounds.group(w, g, i) = centre;
+      bounds.group(w, g, i) = centre + broken;
       bounds.group(w, g, 3 + i) = max(hi[i] - centre, centre - lo[i]) + R(2) * Kokkos::Experimental::epsilon_v<R> * abs(centre);
     }
   }
 };
 
-/// Two boxes (centre, half extents) are within `reach` of each other. False for NaN: a broken world makes no contacts.
+/// Two boxes (centre, half extents) are within `reach` of each other. False for NaN: a broken world makes no contacts, and has
+/// status::not_finite.
 template <class R>
 KOKKOS_INLINE_FUNCTION bool boxes_near(R const* a, R const* b, R reach) {
   return abs(a[0] - b[0]) <= a[3] + b[3] + reach && abs(a[1] - b[1]) <= a[4] + b[4] + reach && abs(a[2] - b[2]) <= a[5] + b[5] + reach;
@@ -92,6 +96,7 @@ struct FindNearPairs {
   ColliderBounds<R, Mem> bounds;
   Kokkos::View<std::uint64_t*, Mem> mask;
   int worlds;
+  std::uint32_t* status;  // (worlds) or null
   KOKKOS_FUNCTION void operator()(std::int64_t item) const {
     // A device's threads read one chunk of neighbouring worlds; a host's thread all chunks of a world, whose boxes stay in its cache.
     constexpr bool by_world = !is_device<typename Mem::execution_space>;
@@ -103,9 +108,11 @@ struct FindNearPairs {
     R const* const boxes = &bounds.box(w, 0, 0);
     R const* const groups = &bounds.group(w, 0, 0);
     std::uint64_t bits = 0;
+    R broken(0);
     for (int r = chunk.run_first; r < chunk.run_end; ++r) {
       CollisionRun<R> const& run = model.runs(r);
       R const reach = run.reach + early;
+      broken = broken + (groups[6 * run.a] + groups[6 * run.b]);
       if (plane ? !plane_near(poses + 7 * model.group_first(run.a), groups + 6 * run.b, reach)
                 : run.a != run.b && !boxes_near(groups + 6 * run.a, groups + 6 * run.b, reach))
         continue;
@@ -115,6 +122,7 @@ struct FindNearPairs {
         bits |= std::uint64_t(near) << (p - chunk.first);
       }
     }
+    if (status != nullptr && !(broken - broken == R(0))) Kokkos::atomic_or(&status[w], gsp::status::not_finite);
     mask(std::int64_t(c) * worlds + w) = bits;
   }
 };
@@ -134,16 +142,17 @@ void place_colliders(Exec const& exec, CollisionModel<R, Mem> const& model, Pose
 }
 
 /// Finds the near pairs: one work item a (chunk, world), mask (chunks * worlds) as 64 bits a chunk.
+/// @param status  (worlds) or null: gets status::not_finite where a pose or size is not
 template <ExecutionSpace Exec, class R, class Mem>
 void find_near_pairs(Exec const& exec, CollisionModel<R, Mem> const& model, ColliderBounds<R, Mem> const& bounds,
-                     Kokkos::View<std::uint64_t*, Mem>& mask) {
+                     Kokkos::View<std::uint64_t*, Mem>& mask, std::uint32_t* status = nullptr) {
   Region const region("gsp::collision::find_near_pairs");
   static_assert(can_access<Exec, CollisionModel<R, Mem>>, "gsp::find_near_pairs: the model is not accessible from this execution space");
   int const worlds = int(bounds.pose.extent(0));
   expects(mask.extent(0) == std::size_t(model.chunks) * worlds, "gsp::find_near_pairs: the mask must hold chunks x worlds words");
   Kokkos::parallel_for("gsp::collision::find_near_pairs",
                        lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(mask.extent(0)))),
-                       detail::FindNearPairs<R, Mem>{model, bounds, mask, worlds});
+                       detail::FindNearPairs<R, Mem>{model, bounds, mask, worlds, status});
 }
 
 }  // namespace gsp

@@ -146,7 +146,7 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
     place_colliders(exec, model, poses, s.bounds, contacts.status.data(), s.lost.data());
   else
     detail::search_pairs(exec, model, poses, s.bounds, contacts.search, contacts.status.data(), s.lost.data());
-  find_near_pairs(exec, model, s.bounds, s.mask);
+  find_near_pairs(exec, model, s.bounds, s.mask, contacts.status.data());
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   std::int64_t const masks = std::int64_t(s.mask.extent(0)), movers = std::int64_t(contacts.worlds) * model.movers, items = masks + movers;
   Kokkos::parallel_scan("gsp::collision::write_candidates", lightweight(Range(exec, 0, items)),

@@ -144,6 +144,7 @@ void set_world_values(Exec const& exec, CollisionModel<R, Mem>& model, GeomField
   static_assert(can_access<Exec, Values>, "gsp::set_world_values: the values are not accessible from this execution space");
   if (model.colliders == 0) return;
   auto const& f = detail::own_geom_field("gsp::set_world_values", model, field, values);
+  detail::expects_mask("gsp::set_world_values", mask, model.value_worlds);
   auto const& own = model.*f.member;
   Kokkos::parallel_for(
       "gsp::collision::set_world_values",

@@ -246,6 +246,7 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
   eliminate_rows(exec, model, progress, rows, impulses);
   detail::RowsStamp stamp = detail::contacts_of<R, Mem>(types);
   stamp.state.set(state);
+  stamp.sleeps = sleeping.any();
   stamp.types = detail::names_of(types);
   detail::leaves_rows(rows, impulses, stamp);
 }

@@ -88,6 +88,7 @@ struct RowsStamp {
   std::uint64_t contacts = 0;  // and which contacts it has read (ContactsStamp::made); 0: none that gsp has found
   int contact_edges = 1;       // elements of each of them (ContactRows::edges)
   bool impacts_left = false;   // rows may bounce, and `impacts` has not been called
+  bool sleeps = false;         // those of islands that sleep are left out
   Stamp state = {};            // of which state they are
   TypeNames types = {};        // of the list
 };

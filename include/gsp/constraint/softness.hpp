@@ -39,8 +39,9 @@ KOKKOS_INLINE_FUNCTION R impedance_of(Softness<R> const& s, R x) {
   R const r = abs(x) / width;
   if (r >= R(1)) return dw;
   if (power == R(1)) return d0 + r * (dw - d0);
-  // r^power / mid^(power - 1), whose parts may both underflow
-  R const y = r <= mid ? mid * Kokkos::pow(r / mid, power) : R(1) - (R(1) - mid) * Kokkos::pow((R(1) - r) / (R(1) - mid), power);
+  // r^power / mid^(power - 1), whose parts may both underflow; the default power is 2
+  auto const raised = [&](R const& x) { return power == R(2) ? square(x) : Kokkos::pow(x, power); };
+  R const y = r <= mid ? mid * raised(r / mid) : R(1) - (R(1) - mid) * raised((R(1) - r) / (R(1) - mid));
   return d0 + y * (dw - d0);
 }
 

@@ -37,10 +37,11 @@ inline std::string text(std::uint32_t bits) {
   add(not_finite,
       "the new velocity is NaN or infinite, and the world stays as it was before: look for numbers that are not finite in qpos, qvel, "
       "ctrl and qfrc_applied, in the model's values per world, and in what constraints and actuators of your own give, or take a smaller "
-      "timestep or a softer model, then clear the bit");
+      "timestep or a softer model, then reset the world or clear the bit (state.status(w))");
   add(unbounded,
       "a position or a new velocity is beyond 1e10, where MuJoCo warns, and the world stays as it was before: start from smaller "
-      "numbers, give smaller ctrl and qfrc_applied, or take a smaller timestep or a softer model, then clear the bit");
+      "numbers, give smaller ctrl and qfrc_applied, or take a smaller timestep or a softer model, then reset the world or clear the bit "
+      "(state.status(w))");
   if (!(bits & row_refused)) bits &= ~causes;
   add(bits & causes ? 0 : row_refused, "a constraint row was refused");
   add(refused_place,
@@ -54,7 +55,8 @@ inline std::string text(std::uint32_t bits) {
       "with what is no friction of the same row (in profile mujoco also: friction of a row without the bounds 0 and infinity, or a second "
       "one that shares no ellipse): correct friction_of and with_next");
   add(refused_bounds,
-      "a constraint row was refused: its bounds() are NaN, the lower one is above the upper one, or mu is negative: correct them");
+      "a constraint row was refused: its bounds() are NaN, the lower one is above the upper one, or mu is negative or beyond 1e15 (geoms: "
+      "friction): correct them");
   add(refused_law,
       "a constraint row was refused: its law() is infinite or NaN or has a negative compliance (a lambda() that grows with the gap or the "
       "rate), or a restitution that is not 0 to 1 of a rigid row that only pushes and has room for it (make_rows or make_simulation with "

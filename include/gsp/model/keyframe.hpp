@@ -44,7 +44,7 @@ State<R, Mem> keyframe_state(Exec const& exec, Model<R, Mem> const& model, Compi
   bounded("act", k.act);
   auto state = make_state(exec, model, {.worlds = 1});
   std::vector<double> low(k.qpos.size());
-  for (std::size_t i = 0; i < low.size(); ++i) low[i] = k.qpos[i] - double(R(k.qpos[i]));
+  for (std::size_t i = 0; i < low.size(); ++i) low[i] = k.qpos[i] - double(real_t<R>(k.qpos[i]));
   upload_numbers(exec, k.qpos, state.qpos);
   upload_numbers(exec, low, state.qpos_low);
   upload_numbers(exec, k.qvel, state.qvel);

@@ -36,7 +36,8 @@ struct StateOptions {
 
 /// Worlds of the mask to the model's initial positions, at rest, without activation, forces or status bits, time 0; or, where `from` is
 /// given, to its values (a world of its own each, or one for all), time 0. One launch. A world that is reset starts its next step without
-/// the impulses of the last one. Does not allocate, does not fence.
+/// the impulses of the last one. After launch_step call settle first: steps that did not fit would be repeated from here. Does not
+/// allocate, does not fence.
 /// Errors: std::invalid_argument for a state of another model, or of more worlds than the model has values for, and a mask or states to
 /// start from of another size.
 /// @param mask  callable with a world, such as a View<bool*> on the device; the other worlds keep all they have

@@ -121,6 +121,7 @@ void set_world_values(Exec const& exec, Model<R, Mem>& model, ModelField field, 
   auto const out = world_values(model, field);
   int const row = int(out.extent(1)), worlds = model.value_worlds;
   detail::expects_values("gsp::set_world_values", f.name, values, worlds, row / f.components, f.components);
+  detail::expects_mask("gsp::set_world_values", mask, worlds);
   expects(!options.scale_inertia || field == ModelField::body_mass, "gsp::set_world_values: scale_inertia is for body_mass");
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   if (options.scale_inertia) {

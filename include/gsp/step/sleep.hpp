@@ -36,6 +36,12 @@ struct SleepState {
   KOKKOS_INLINE_FUNCTION void lay_down(int w, int tree, int island) const { calm(w, tree) = -1 - island; }
 };
 
+namespace detail {
+struct SleepStamp {
+  Stamp woken = {};  // wake_changed has looked at this state
+};
+}  // namespace detail
+
 template <class R, class Mem>
 struct Sleep {
   template <class D>
@@ -52,6 +58,7 @@ struct Sleep {
   Kokkos::View<R*, Mem> dof_length;                                // (nv) what a rotation moves, per radian [m]; of a translation 1
   View<int*> asleep;                                               // (worlds) trees that sleep
   Kokkos::View<std::uint64_t, Kokkos::HostSpace> contacts_before;  // host: ContactsStamp::made of the last step
+  detail::SharedStamp<detail::SleepStamp> stamp;                   // host
 };
 
 /// Room for the sleep of `options.worlds` worlds: all are awake. Allocates.
@@ -89,6 +96,7 @@ Sleep<R, Mem> make_sleep(Exec const& exec, Model<R, Mem> const& model, CompiledM
   make(s.qpos_low_before, "gsp::Sleep::qpos_low_before", model.nq);
   make(s.still, "gsp::Sleep::still", model.ntree);
   s.contacts_before = decltype(s.contacts_before)(Kokkos::view_alloc("gsp::Sleep::contacts_before", Kokkos::SequentialHostInit));
+  s.stamp = detail::make_stamp<detail::SleepStamp>("gsp::Sleep::stamp");
   s.asleep = detail::allocate_zero<decltype(s.asleep)>(exec, "gsp::Sleep::asleep", n);
   s.policy = detail::to_device<decltype(s.policy)>(exec, "gsp::Sleep::policy", detail::sleep_policies(compiled));
   s.hangs = detail::to_device<decltype(s.hangs)>(exec, "gsp::Sleep::hangs", detail::hang_on_mocap(compiled));
@@ -110,6 +118,7 @@ void wake_changed(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> co
   detail::expects_as_many("gsp::wake_changed", "worlds", "make both with the same {.worlds = n}", detail::Count{"sleep", sleep.worlds},
                           detail::Count{"state", state.worlds});
   for_worlds("gsp::step::wake_changed", exec, state.worlds, detail::WakeChanged<Sleep<R, Mem>, R, Mem>{model, state, dynamics, sleep});
+  sleep.stamp().woken.set(state);
 }
 
 /// Wakes what sleeps in the worlds of the mask, from the next step on: for changes that no tree can feel, such as other friction, poses or
@@ -144,7 +153,8 @@ StillTrees<R, Mem> still_trees(Model<R, Mem> const& model, Contacts<R, Mem> cons
 /// The second half, after integrate: what sleeps goes back to where it lay, and islands all of whose trees have rested for so many steps
 /// fall asleep: their velocities are zero from here on.
 /// @param qfrc_constraint  of the step; of what sleeps it is what it was at first
-/// Does not allocate, does not fence. Errors: std::invalid_argument for a sleep of another number of worlds.
+/// Does not allocate, does not fence. Errors: std::invalid_argument for a sleep of another number of worlds, and where wake_changed,
+/// assemble with `sleep.islands` or integrate is missing in this step.
 template <ExecutionSpace Exec, class R, class Mem>
 void fall_asleep(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> const& rows, Progress<Mem> const& progress,
                  State<R, Mem>& state, Dynamics<R, Mem>& dynamics, Kokkos::View<R**, Kokkos::LayoutRight, Mem>& qfrc_constraint,
@@ -153,6 +163,16 @@ void fall_asleep(Exec const& exec, Model<R, Mem> const& model, Rows<R, Mem> cons
   Region const region("gsp::step::fall_asleep");
   detail::expects_as_many("gsp::fall_asleep", "worlds", "make both with the same {.worlds = n}", detail::Count{"sleep", sleep.worlds},
                           detail::Count{"state", state.worlds});
+  auto const& woken = sleep.stamp().woken;
+  expects(woken.qpos == state.qpos.data(),
+          "gsp::fall_asleep: nobody has looked who sleeps in this state: call wake_changed after smooth_dynamics, in each step");
+  expects(!woken.is_of(state), "gsp::fall_asleep: the state has not moved on since wake_changed: call integrate first");
+  if (rows.stamp.data()) {
+    expects(woken.is_same(rows.stamp().state),
+            "gsp::fall_asleep: wake_changed has looked at another moment than that of the rows: call it in each step, before assemble");
+    expects(rows.stamp().sleeps, "gsp::fall_asleep: assemble was not told who sleeps: give it sleep.islands as its last argument");
+    sleep.contacts_before() = rows.stamp().contacts;
+  }
   for_worlds("gsp::step::fall_asleep", exec, state.worlds,
              detail::FallAsleep<Sleep<R, Mem>, R, Mem>{model, rows, progress.halt, state, dynamics, qfrc_constraint, sleep});
 }

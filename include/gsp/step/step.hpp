@@ -147,6 +147,8 @@ void solve(Exec const& exec, Model<R, Mem> const& model, Simulation<R, Mem>& sim
 template <class R, ExecutionSpace Exec, class Mem>
 Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
                                    SimulationOptions options = {}) {
+  static_assert(Scalar<R>,
+                "gsp::make_simulation: contacts have no slopes: of duals call smooth_dynamics and integrate (docs/math/dual.md)");
   detail::expects_made_of("gsp::make_simulation", model, compiled);
   auto const refusals = model_refusals(compiled);
   if (!refusals.empty()) throw Error(refusals.front());
@@ -185,7 +187,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 /// In profile stable what bounces is solved for first (solver/impacts.hpp). In profile mujoco rows are solved by Newton's method
 /// (solver/newton.hpp), and friction again by sim.noslip (solver/noslip.hpp), with RK4 four times a step, from nothing each time, so that a
 /// repeated step is the same. Does not fence, nor allocate (on a CPU pgs may, as rows grow). Errors: laws without actuators; options that
-/// the solvers refuse, those of the other profile too. Until `settle` nothing of the step is to be saved, and no force to be read.
+/// the solvers refuse, those of the other profile too. Until `settle` nothing of the step is to be saved, no force to be read, and nothing
+/// to be written or reset: steps that did not fit are repeated.
 template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim,
                  LaunchOptions const& options = {}, More const&... more) {
@@ -221,7 +224,6 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
     wake_changed(exec, model, state, sim.dynamics, sim.sleep);
     act_early(model, sim.collision);
     collide(exec, sim.collision, sim.poses, sim.contacts, still_trees(model, sim.contacts, sim.sleep));
-    if (sim.sleep.worlds > 0 && sim.contacts.stamp.data()) sim.sleep.contacts_before() = sim.contacts.stamp().made;
     auto const list = std::apply(
         [&](auto const&... type) {
           return model_constraints(model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.cone, type...);

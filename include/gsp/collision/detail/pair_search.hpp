@@ -44,6 +44,9 @@ struct PlaceGroups {
       moved[w] = 0;
     }
     if (first == 0 || moved[w] != 0) all.place(w, g);
+    // What stands still is looked at once its numbers have changed; movers: CountNearPairs, after status is cleared.
+    if (R const x = all.bounds.group(w, g, 0); first > 0 && moved[w] != 0 && !(x - x == R(0)))
+      Kokkos::atomic_or(&all.status[w], gsp::status::not_finite);
   }
 };
 
@@ -198,8 +201,12 @@ struct NearPairs {
 template <class R, class Mem>
 struct CountNearPairs {
   NearPairs<R, Mem> near;
+  std::uint32_t* status;  // (worlds): not_finite where the box of a mover is not
   KOKKOS_FUNCTION void operator()(std::int64_t item) const {
     int const w = int(item / near.model.movers), m = int(item % near.model.movers);
+    R sum(0);
+    for (int i = 0; i < 6; ++i) sum = sum + near.bounds.box(w, m, i);
+    if (!(sum - sum == R(0))) Kokkos::atomic_or(&status[w], gsp::status::not_finite);
     int pairs = 0, points = 0;
     near.each(w, m, [&](int other) {
       if (pairs < PairSearch<R, Mem>::kept) near.search.other(item, pairs) = other;
@@ -266,7 +273,7 @@ void search_pairs(auto const& exec, CollisionModel<R, Mem> const& model, Poses<R
   run("gsp::collision::key_movers", items, KeyMovers<R, Mem>{model, bounds, s});
   sort_by_key(exec, s.keys, s.order, s.sort, s.items, {.bits = 30 + int(std::bit_width(std::uint64_t(worlds - 1)))});
   build(model.moving_tree, s.moving_tree.data(), s.order.data(), model.movers, nullptr);
-  run("gsp::collision::count_near_pairs", items, CountNearPairs<R, Mem>{{model, bounds, s}});
+  run("gsp::collision::count_near_pairs", items, CountNearPairs<R, Mem>{{model, bounds, s}, status});
 }
 
 }  // namespace gsp::detail

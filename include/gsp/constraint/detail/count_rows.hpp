@@ -15,6 +15,8 @@ inline constexpr int entry_bits = 36;
 KOKKOS_INLINE_FUNCTION std::int64_t pack_sizes(int rows, int entries) { return (std::int64_t(rows) << entry_bits) + entries; }
 KOKKOS_INLINE_FUNCTION int rows_of(std::int64_t sizes) { return int(sizes >> entry_bits); }
 KOKKOS_INLINE_FUNCTION std::int64_t entries_of(std::int64_t sizes) { return sizes & ((std::int64_t(1) << entry_bits) - 1); }
+/// Friction beyond it is none that arithmetic bears: its square is still a number of float.
+inline constexpr double most_friction = 1e15;
 /// None of them is NaN.
 template <class... R>
 KOKKOS_INLINE_FUNCTION bool are_numbers(R const&... x) {
@@ -56,10 +58,10 @@ struct CountRows {
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
-    std::uint32_t const status = types.status(w);
+    std::uint32_t const found = types.status(w);
     part_islands(world, rows.islands, w);
     world.single([&] {
-      state.status(w) = (state.status(w) & ~status_of_rows) | status;
+      state.status(w) = (state.status(w) & ~status_of_rows) | found;
       rows.kept(w) = 0;
       rows.largest_element(w) = 3;  // the room that solvers make at least
       rows.rate_scale(w) = gravity_rate(model.gravity, w, model.timestep);
@@ -76,7 +78,7 @@ struct CountRows {
     if (refused) sizes = 0;
     sizes += std::int64_t(rows.most_eliminated) * rows_of(sizes);
     world.single([&] {
-      if (status) halt() = 1;  // the same from every world that finds it
+      if (found & status::contact_overflow) halt() = 1;  // the same from every world that finds it
       if (refused) rows.kept(w) = 0;
       rows.count(w) = rows_of(sizes);
       rows.entries(w) = entries_of(sizes);
@@ -136,7 +138,8 @@ struct CountRows {
       auto const bounds = element.bounds(r);
       refuse(bounds.friction_of >= n || bounds.friction_of == r, status::refused_friction);
       R const mu = bounds.friction_of < 0 ? R(0) : R(bounds.mu);
-      refuse(bounds.lower > bounds.upper || !are_numbers(bounds.lower, bounds.upper, mu) || mu < R(0), status::refused_bounds);
+      refuse(bounds.lower > bounds.upper || !are_numbers(bounds.lower, bounds.upper) || !(mu >= R(0) && mu <= R(most_friction)),
+             status::refused_bounds);
       if (!refused && bounds.friction_of >= 0 && model.profile == Profile::mujoco) {  // newton's cones: normals that push alone
         // Two that are bounded each by itself are a box, which is none.
         unsigned const one = bounds.with_next || second ? 0u : 1u << bounds.friction_of;

@@ -45,6 +45,8 @@ struct RowLaws {
       law.zeta = free_rate;
       law.restitution = R(0);
     }
+    // J of such a state, or of a type that gives such: nothing can be said of the row, and the world stays as it is.
+    if (!is_finite(diagonal)) Kokkos::atomic_or(&state.status(w), status::not_finite);
     // Between bounds that meet the impulse is known, whatever the rate. (A cone of profile mujoco goes by its law, not by bounds.)
     if (bounds.lower == bounds.upper && bounds.friction_of < 0 && (model.profile == Profile::stable || !bears_friction(element, r))) {
       law.compliance = R(0);

@@ -128,16 +128,16 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_new_velocity(L const& l, View const& z, V
       a.nv, [&](int i) { return s[l.at.velocity + i] + s[l.at.qvel + i]; }, [&](int i, T const& v) { s[l.at.velocity + i] = v; });
 }
 
-/// Sets the status bits of the block's k-th world for a velocity or a rate of an activation that is NaN or infinite (x - x is 0 for finite
-/// x alone), and for a velocity or a position beyond state_bound: of the numbers `first`, `first + stride`, ...
+/// Sets the status bits of the block's k-th world for a velocity, a rate of an activation or a qpos_low that is NaN or infinite (x - x is 0
+/// for finite x alone), and for a velocity or a position beyond state_bound: of the numbers `first`, `first + stride`, ...
 template <class L, class State>
 KOKKOS_INLINE_FUNCTION void lanes_set_status(L const& l, State const& state, int k, int first, int stride) {
   using R = typename L::R;
   R const bound(state_bound), *const qpos = state.qpos.data() + std::int64_t(l.world[k]) * state.qpos.extent(1) + l.qpos0[k];
   int finite = 1, near = 1;
   for (int i = first; i < l.a.nv; i += stride) {
-    R const v = get_lane(l.items[l.at.velocity + i], k);
-    int const sound = v - v == R(0);
+    R const v = get_lane(l.items[l.at.velocity + i], k), low = get_lane(l.items[l.at.low + i], k);
+    int const sound = v - v == R(0) && low - low == R(0);
     finite &= sound;
     near &= !sound | (v <= bound && v >= -bound);
   }
@@ -160,8 +160,8 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_check_bounded(L const& l, State const& st
     T const bound(R{state_bound});
     T sum(0), most(0);
     for (int i = 0; i < l.a.nv; ++i) {
-      T const v = l.items[l.at.velocity + i];
-      sum = sum + (v - v);
+      T const v = l.items[l.at.velocity + i], low = l.items[l.at.low + i];
+      sum = sum + ((v - v) + (low - low));
       most = max(most, abs(v));
     }
     for (int i = 0; i < l.a.nstate; ++i) sum = sum + (l.items[l.at.act_dot + i] - l.items[l.at.act_dot + i]);
