@@ -594,6 +594,12 @@ TEST_CASE("activations of a model that has no joints") {
     <actuator><general site="s" dyntype="integrator"/><general site="s" dyntype="filter" dynprm=".1"/><motor site="s"/><general tendon="t" dyntype="filterexact" dynprm=".1" actrange="0 .005"/>
       <intvelocity site="s" refsite="o" kp="3" gear="0 0 0 1 0 0" actrange="-9 9"/><general site="s" dyntype="integrator" actearly="true" actrange="0 1"/></actuator>)");
 }
+// The filter of a servo follows the control that is nearest to its activation, modulo a full turn, here 1.26.
+TEST_CASE("filters of servos of a rotation take the nearest turn") {
+  check_activations("", R"(<worldbody><site name="w"/><body><joint name="j" type="ball"/><geom size=".1" pos=".1 0 0"/><site name="s"/></body></worldbody>
+    <actuator><position joint="j" gear=".2 0 0" kp=".01" timeconst=".1"/><general joint="j" gear="0 .2 0" dyntype="filter" dynprm=".1" gainprm=".01" biastype="affine" biasprm="0 -.01 0"/>
+      <general joint="j" gear="0 0 .2" dyntype="filter" dynprm=".1" gainprm=".01" biastype="affine" biasprm="0 -.02 0"/><general site="s" refsite="w" gear="0 0 0 .2 0 0" dyntype="filterexact" dynprm=".1" gainprm=".01" biastype="affine" biasprm="0 -.01 0"/></actuator>)");
+}
 TEST_CASE("activations where actuators are disabled: they stay, within their ranges or not") {
   std::string const rest = R"(<worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody>
     <actuator><general joint="j" dyntype="integrator" actrange="0 1"/><general joint="j" dyntype="filterexact" dynprm=".1" actrange="0 .5"/><general joint="j" dyntype="filter" dynprm=".1"/><intvelocity joint="j" actrange="0 .1" kp="3"/></actuator>)";

@@ -623,7 +623,8 @@ TEST_CASE_TEMPLATE("rows that move nothing have no impulse", Exec, GSP_TEST_EXEC
   for (bool const several : {false, true}) {
     auto const c = gsp::compile(gsp_test::random_model(std::vector<gsp::JointType>(several ? 2 : 1, gsp::JointType::free), 1));
     Loop<double, Exec> with(c, 2), without(c, 2);
-    with.solver = without.solver = {.iterations = 50, .residual = true};
+    gsp::PgsOptions const options{.iterations = 50, .residual = true};
+    with.solver = options, without.solver = options;
     with.step(3, contacts, test_types::NothingToMove{}), without.step(3, contacts);
     auto const z = gsp_test::host(with.solution.z), expected = gsp_test::host(without.solution.z);
     auto const p = gsp_test::host(with.impulses.p[gsp_test::host(with.impulses.parity)()]);

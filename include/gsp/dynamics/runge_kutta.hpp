@@ -156,8 +156,7 @@ struct RungeKuttaStage {
       l.store(rk.change_act, item, 0, sum);
       T act = fma(step, rate, start);
       bool const ends = last() && l.model.actuation;
-      if (ends) act = lanes_next_activation(l, k, start, sum);
-      if (ends && l.index(a.act_dyn, k) == int(ActuatorDynamics::integrator)) act = lanes_wrap_setpoint(l, k, act);
+      if (ends) act = lanes_wrap_setpoint(l, k, lanes_next_activation(l, k, start, sum));
       write(state.act, item, 0, act, start);
     });
   }

@@ -78,15 +78,20 @@ KOKKOS_INLINE_FUNCTION T nearest(T const& x) {
   T const magic(sizeof(real_t<T>) == 4 ? 12582912. : 6755399441055744.);
   return (x + magic) - magic;
 }
-/// Setpoints of servos of a rotation are taken modulo a full turn, the one nearest to the length.
+/// Setpoints of servos of a rotation are taken modulo a full turn, the one nearest to x: to the length, or, of a control that a filter
+/// follows, to the activation.
 template <class L, class T>
-KOKKOS_INLINE_FUNCTION T lanes_wrap_setpoint(L const& l, int k, T const& u) {
+KOKKOS_INLINE_FUNCTION T lanes_wrap_setpoint(L const& l, int k, T const& u, T const& x) {
   int const wrap = l.index(l.a.act_wrap, k);
   if (wrap == 0) return u;
   auto const gear = [&](int c) { return l.listed(l.model.act_gear, l.a.instance_act, l.a.nact, k, 6, c); };
   int const c = wrap == 1 ? 0 : 3;
   T const period = T(6.28318530717958647693) * norm(Vec3<T>{gear(c), gear(c + 1), gear(c + 2)});
-  return u - period * nearest((u - l.items[l.at.act_length + k]) / max(period, T(1e-15)));
+  return u - period * nearest((u - x) / max(period, T(1e-15)));
+}
+template <class L, class T>
+KOKKOS_INLINE_FUNCTION T lanes_wrap_setpoint(L const& l, int k, T const& u) {
+  return lanes_wrap_setpoint(l, k, u, T(l.items[l.at.act_length + k]));
 }
 
 /// The k-th actuator's force before clamping, and the rate of its activation (act_dot). After lanes_transmission. `plain`: without
@@ -109,7 +114,7 @@ KOKKOS_FORCEINLINE_FUNCTION auto lanes_actuator(L const& l, State const& state, 
     T const act = l.load(state.act, where, 0);
     T rate = u;  // integrator
     if (dyn == ActuatorDynamics::filter || dyn == ActuatorDynamics::filter_exact)
-      rate = (u - act) / max(T(1e-15), get(m.act_dyn, 10, 0));
+      rate = (lanes_wrap_setpoint(l, k, u, act) - act) / max(T(1e-15), get(m.act_dyn, 10, 0));
     else if (dyn == ActuatorDynamics::muscle)
       rate = muscle_rate(u, act, get(m.act_dyn, 10, 0), get(m.act_dyn, 10, 1), get(m.act_dyn, 10, 2));
     if (l.index(a.act_disabled, k)) rate = T(0);

@@ -41,8 +41,7 @@ KOKKOS_INLINE_FUNCTION void lanes_advance_activations(L const& l, State const& s
     int item[L::W];
     l.listed_items(a.instance_act, a.nact, k, item);
     for (int i = 0; i < L::W; ++i) item[i] = l.model.act_state(item[i]);
-    T act = lanes_next_activation(l, k, l.load(state.act, item, 0), l.items[l.at.act_dot + own]);
-    if (l.index(a.act_dyn, k) == int(ActuatorDynamics::integrator)) act = lanes_wrap_setpoint(l, k, act);
+    T const act = lanes_wrap_setpoint(l, k, lanes_next_activation(l, k, l.load(state.act, item, 0), l.items[l.at.act_dot + own]));
     for (int i = 0; i < l.count; ++i)
       if (!(state.status(l.world[i]) & status::stopped)) state.act(l.world[i], item[i]) = get_lane(act, i);
   }

@@ -306,7 +306,8 @@ struct ArchetypeBuilder {
     auto const bias = ActuatorBias(item_or(m.act_biastype, k, int(ActuatorBias::affine)));
     // servos of a rotation take the setpoint nearest to the angle (MuJoCo 3.11)
     bool const servo = gain == ActuatorGain::fixed && bias == ActuatorBias::affine && m.act_gainprm[k][0] == -m.act_biasprm[k][1] &&
-                       (dyn == ActuatorDynamics::none || dyn == ActuatorDynamics::integrator);
+                       (dyn == ActuatorDynamics::none || dyn == ActuatorDynamics::integrator || dyn == ActuatorDynamics::filter ||
+                        dyn == ActuatorDynamics::filter_exact);
     auto const& gear = m.act_gear[k];
     int wrap = 0;
     if (servo && (kind == ActuatorKind::ball || kind == ActuatorKind::ball_in_parent)) wrap = 1;

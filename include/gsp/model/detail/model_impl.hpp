@@ -136,22 +136,20 @@ std::vector<int> closed_trees(CompiledModel const& m, TreeLists const& trees, M&
   }
   return closed;
 }
-/// True where joints move one another in the tree and nothing damps one of them: no damping, no servo, no dry friction. Explicit bias
-/// forces make energy at the rate h w^2, which nothing would take there. A question of what is zero, so that worlds with values of their
-/// own get what a model with these values gets.
+/// True where joints move one another in the tree and nothing damps one of them: no damping, no servo. (Dry friction takes no more
+/// the faster it is.) Explicit bias forces make energy at the rate h w^2, which nothing would take there. A question of what is zero, so
+/// that worlds with values of their own get what a model with these values gets.
 inline bool moves_undamped(FieldSource const& source, ArchetypeDescription const& t) {
   CompiledModel const& m = source.m;
   bool turns = false;
   for (int type : t.jnt_type) turns |= type != int(JointType::slide);
   if (t.njnt() < 2 || !turns) return false;
-  bool const dampers = m.option.passive_damper, servos = m.option.actuation && !m.act_biasprm.empty(),
-             friction = m.option.frictionloss && m.option.constraint;
+  bool const dampers = m.option.passive_damper, servos = m.option.actuation && !m.act_biasprm.empty();
   for (auto const& s : t.instances) {
     std::vector<bool> damped(std::size_t(t.nv()), false);
     for (int i = 0; i < t.nv(); ++i)
       damped[std::size_t(i)] = t.jnt_type[std::size_t(t.dof_jnt[std::size_t(i)])] == int(JointType::free) ||
-                               (dampers && source.dof_damping[std::size_t(s.dofadr + i)] > 0) ||
-                               (friction && item_or(m.dof_frictionloss, s.dofadr + i, 0.) > 0);
+                               (dampers && source.dof_damping[std::size_t(s.dofadr + i)] > 0);
     for (std::size_t k = 0; k < s.act.size() && servos; ++k)
       if (t.act_kind[k] == int(ActuatorKind::scalar_joint) && m.act_biasprm[std::size_t(s.act[k])][2] < 0)
         damped[std::size_t(t.jnt_dofadr[std::size_t(t.act_id[k])])] = true;

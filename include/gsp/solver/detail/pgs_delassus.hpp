@@ -61,6 +61,12 @@ KOKKOS_INLINE_FUNCTION bool delassus_takes(Rows<R, Mem> const& rows, Island cons
   return is_small(island.rows, island.dofs) && delassus_bytes_of_list<R>(list_of_rows(island.rows), rows.nv) <= delassus_most_bytes;
 }
 
+/// Islands of list k stand in Solution::listed behind those of the lists before, which have more rows: first those of worlds whose last
+/// step took many sweeps, as they may again: what is long begins first. Solution::list_counts(k): how many of either kind there are, how
+/// many have been listed, and how many have been taken. Behind the lists of small ones, that of all others, and another for what is taken
+/// of it by blocks that take the larger ones (pgs_sparse_cuda.hpp).
+enum DelassusCount { many_sweeps, few_sweeps, many_listed, few_listed, taken };
+
 template <class R, class Mem>
 struct PgsDelassus {
   Rows<R, Mem> rows;
@@ -70,7 +76,7 @@ struct PgsDelassus {
   Kokkos::View<int, Mem> halt;
 };
 
-/// All islands that it takes.
+/// All islands that it takes, and those that pgs_sparse_cuda.hpp takes. Solution::left says which are left.
 template <class Exec, class R, class Mem>
 void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver);
 

@@ -2,6 +2,7 @@
 #include <gsp/parallel/detail/launch_cuda.hpp>
 #include <gsp/solver/detail/list_islands.hpp>
 #include <gsp/solver/detail/pgs_delassus.hpp>
+#include <gsp/solver/detail/pgs_sparse_cuda.hpp>
 #include <gsp/solver/detail/sweep_until_rest.hpp>
 
 /// The kernel of pgs_delassus.hpp. The rates w of all rows stay in registers, rows i, i + 32, ... in thread i. An element reads its own,
@@ -464,16 +465,11 @@ class DelassusIsland {
   R p1_[S] = {}, d1_[S] = {}, p2_[S] = {}, d2_[S] = {};  // p after the last sweep that was remembered and the one before, and their d
 };
 
-/// Islands of list k stand in Solution::listed behind those of the lists before, which have more rows: first those of worlds whose last
-/// step took many sweeps, as they may again: what is long begins first. Solution::list_counts(k): how many of either kind there are, how
-/// many have been listed, and how many have been taken.
-enum DelassusCount { many_sweeps, few_sweeps, many_listed, few_listed, taken };
-
 /// Where a list begins.
 template <class R, class Mem>
 __device__ int delassus_begin(Solution<R, Mem> const& solution, int list) {
   int begin = 0;
-  for (int k = list + 1; k < island_lists; ++k) begin += solution.list_counts(k, many_sweeps) + solution.list_counts(k, few_sweeps);
+  for (int k = list + 1; k <= large_island; ++k) begin += solution.list_counts(k, many_sweeps) + solution.list_counts(k, few_sweeps);
   return begin;
 }
 
@@ -486,8 +482,7 @@ __global__ void list_delassus_kernel(PgsDelassus<R, Mem> const __grid_constant__
   int const of_world = islands_of_world(rows), number = blockIdx.x * blockDim.x + threadIdx.x, w = number / of_world;
   if (w >= rows.worlds || !is_island(rows, w, number % of_world)) return;
   Island const island = island_of(rows, w, number % of_world);
-  if (!delassus_takes(rows, island)) return;
-  int const list = list_of_rows(island.rows);
+  int const list = delassus_takes(rows, island) ? list_of_rows(island.rows) : large_island;
   bool const few = !(of_world > 1 ? solution.was_long(w) : solution.iterations(w) >= long_solve);
   int const at = atomicAdd(&counts(list, place ? (few ? few_listed : many_listed) : (few ? few_sweeps : many_sweeps)), 1);
   if (place) solution.listed(0, delassus_begin(solution, list) + (few ? counts(list, many_sweeps) : 0) + at) = number;
@@ -525,7 +520,6 @@ __global__ void __launch_bounds__(32) pgs_delassus_kernel(PgsDelassus<R, Mem> co
 
 template <class Exec, class R, class Mem>
 void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
-  if (!any_small(solver.rows.islands.ntree, solver.rows.nv)) return;
   int const nv = solver.rows.nv;
   std::int64_t const islands = std::int64_t(solver.rows.worlds) * islands_of_world(solver.rows);
   auto const& device = exec.cuda_device_prop();
@@ -533,6 +527,21 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
     return device.multiProcessorCount *
            std::clamp(int(device.sharedMemPerMultiprocessor) / int(bytes + device.reservedSharedMemPerBlock), 1, 32);
   };
+  auto const allow = [&](auto* kernel, std::size_t bytes) {
+    if (bytes > device.sharedMemPerBlock)
+      // a limit of the kernel, not of this launch: another thread's launch may need all
+      cuda_expects(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(delassus_most_bytes)),
+                   "gsp::solver::pgs, shared memory");
+  };
+  auto const launch_sparse = [&](cudaStream_t stream, int list, std::int64_t least, std::int64_t most) {
+    int const grid =
+        int(list < 0 ? std::min<std::int64_t>(islands, 8 * at_a_time(most)) : std::min<std::int64_t>(islands, at_a_time(most)));
+    auto* const kernel = pgs_sparse_kernel<R, Mem>;
+    allow(kernel, std::size_t(most));
+    kernel<<<grid, 32, std::size_t(most), stream>>>(solver, list, least, most);
+  };
+  if (!any_small(solver.rows.islands.ntree, nv))
+    return launch_on_cuda("gsp::solver::pgs_sparse", exec, [&](cudaStream_t stream) { launch_sparse(stream, -1, 0, delassus_most_bytes); });
   auto const launch = [&](cudaStream_t stream, int size, int list) {
     std::int64_t const full = delassus_bytes_of_list<R>(size, nv);
     if (full > delassus_most_bytes) return;
@@ -541,10 +550,7 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
     auto const bytes = std::size_t(delassus_bytes_of_list<R>(size, nv, triangle));
     int const grid = int(list < 0 ? islands : std::min<std::int64_t>(islands, at_a_time(std::int64_t(bytes))));
     auto const one = [&](auto* kernel) {
-      if (bytes > device.sharedMemPerBlock)
-        // a limit of the kernel, not of this launch: another thread's launch may need all
-        cuda_expects(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(delassus_most_bytes)),
-                     "gsp::solver::pgs_delassus, shared memory");
+      allow(kernel, bytes);
       kernel<<<grid, 32, bytes, stream>>>(solver, list);
     };
     if (rows <= 32)
@@ -558,7 +564,12 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
   };
   if (islands <= at_a_time(delassus_most_bytes)) {  // each has a warp of its own, and waits for no other
     constexpr int largest[] = {list_of_rows(32), list_of_rows(64), list_of_rows(96), list_of_rows(lockstep_most_rows)};
-    return launch_side_by_side("gsp::solver::pgs_delassus", exec, 4, [&](int i, cudaStream_t stream) { launch(stream, largest[i], -1); });
+    return launch_side_by_side("gsp::solver::pgs_delassus", exec, 5, [&](int i, cudaStream_t stream) {
+      if (i == 0)
+        launch_sparse(stream, -1, 0, delassus_most_bytes);
+      else
+        launch(stream, largest[i - 1], -1);
+    });
   }
   launch_on_cuda("gsp::solver::list_delassus", exec, [&](cudaStream_t stream) {
     auto const& counts = solver.solution.list_counts;
@@ -567,8 +578,10 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
     list_delassus_kernel<<<blocks, 256, 0, stream>>>(solver, false);
     list_delassus_kernel<<<blocks, 256, 0, stream>>>(solver, true);
   });
-  launch_side_by_side("gsp::solver::pgs_delassus", exec, island_lists, [&](int i, cudaStream_t stream) {
-    int const list = island_lists - 1 - i;  // what is long begins first
+  launch_side_by_side("gsp::solver::pgs_delassus", exec, 2 + island_lists, [&](int i, cudaStream_t stream) {
+    if (i == 0) return launch_sparse(stream, large_island + 1, sparse_few_bytes, delassus_most_bytes);
+    if (i == 1) return launch_sparse(stream, large_island, 0, sparse_few_bytes);
+    int const list = island_lists + 1 - i;  // what is long begins first
     launch(stream, list, list);
   });
 }

@@ -6,8 +6,9 @@
 #include <gsp/solver/detail/pgs_grouped.hpp>
 #include <gsp/solver/detail/take_element.hpp>
 
-/// Projected Gauss-Seidel over large islands: on a host a thread each, over rows in groups of dofs (pgs_grouped.hpp); on a GPU a warp,
-/// whose threads share the entries of sparse rows. Threads or warps share the islands of a world where there are enough.
+/// Projected Gauss-Seidel over large islands: on a host a thread each, over rows in groups of dofs (pgs_grouped.hpp); on a GPU a warp for
+/// what no shared memory holds (pgs_sparse_cuda.hpp), whose threads share the entries of sparse rows. Threads or warps share the islands of
+/// a world where there are enough.
 namespace gsp::detail {
 
 template <class R, class Mem>
@@ -40,11 +41,10 @@ struct PgsIslands {
   }
   KOKKOS_INLINE_FUNCTION bool takes(int w, int i) const {
     Island const island = detail::island_of(rows, w, i);
-    if (!is_small(island.rows, island.dofs)) return true;
 #ifdef __CUDA_ARCH__
-    return !delassus_takes(rows, island);
+    return !delassus_takes(rows, island) && solution.left(w * islands_of_world(rows) + i) != 0;
 #else
-    return false;
+    return !is_small(island.rows, island.dofs);
 #endif
   }
   /// Whether any island of a world is left to this kernel.
