@@ -73,11 +73,23 @@ class SharedIsland {
     __syncwarp();
     for (int k = lane_; k < island_.dofs; k += 32) z_[k] = R(0);
     __syncwarp();
-    for (int i = 0; i < count_; ++i) {
-      R const p = law_[i].p;
-      if (p == R(0)) continue;
-      push(place_[i], p);
-      __syncwarp();
+    for (int i = 0; i < count_;) {
+      DelassusRow const row = row_[i];
+      if (row.contact) {
+        SparseRow const place = place_[i];
+        R const p0 = law_[i].p, p1 = law_[i + 1].p, p2 = law_[i + 2].p, *const y = Y_ + place.entry;
+        for (int e = lane_; e < place.count; e += 32) {
+          R& z = z_[dof_[place.list + e]];
+          z = fma(y[2 * place.count + e], p2, fma(y[place.count + e], p1, fma(y[e], p0, z)));
+        }
+        __syncwarp();
+      } else {
+        for (int b = i; b < i + row.rows; ++b) {
+          push(place_[b], law_[b].p);
+          __syncwarp();
+        }
+      }
+      i += row.rows;
     }
   }
   /// p as it was before it leapt or was mixed.
@@ -248,20 +260,63 @@ class SharedIsland {
     for (int e = lane_; e < place.count; e += 32) w = fma(Y_[place.entry + e], z_[dof_[place.list + e]], w);
     return fma(compliance_[i], p, bias_[i]) + sum_of(w);
   }
+  /// What is known of a contact before those before it have moved z: it is read while they do.
+  struct Contact {
+    DelassusLaw<R> n0, n1, n2;
+    R b0, b1, b2;  // C p + b
+    R coupling10, coupling20, coupling21;
+    R const* y;
+    unsigned short const* list;
+    int count, dof[held];
+    R y0[held], y1[held], y2[held];
+  };
+  __device__ void read_contact(int i, Contact& k) const {
+    SparseRow const place = place_[i];
+    k.n0 = law_[i];
+    k.n1 = law_[i + 1];
+    k.n2 = law_[i + 2];
+    k.y = Y_ + place.entry;
+    k.list = dof_ + place.list;
+    k.count = place.count;
+#pragma unroll
+    for (int h = 0; h < held; ++h) {
+      int const e = lane_ + 32 * h;
+      bool const has = e < k.count;
+      k.dof[h] = has ? k.list[e] : 0;
+      k.y0[h] = has ? k.y[e] : R(0);
+      k.y1[h] = has ? k.y[k.count + e] : R(0);
+      k.y2[h] = has ? k.y[2 * k.count + e] : R(0);
+    }
+    k.coupling10 = k.y[-3];
+    k.coupling20 = k.y[-2];
+    k.coupling21 = k.y[-1];
+    k.b0 = fma(compliance_[i], k.n0.p, bias_[i]);
+    k.b1 = fma(compliance_[i + 1], k.n1.p, bias_[i + 1]);
+    k.b2 = fma(compliance_[i + 2], k.n2.p, bias_[i + 2]);
+  }
   template <bool tells>
   __device__ SweepOutcome<R> pass() {
     SweepOutcome<R> to;
-    DelassusRow e = row_[0];
     __syncwarp();
-#pragma unroll 1
-    for (int i = 0; e.rows > 0; e = row_[i]) {
-      if (e.contact) {
-        contact<tells>(i, to.work);
-        i += 3;
-      } else {
+    DelassusRow e = row_[0];
+    int i = 0;
+    Contact even, odd;  // the one at hand and the next take turns
+    if (e.contact) read_contact(0, even);
+    auto const one = [&](Contact const& own, Contact& next) {
+      int const after = i + e.rows;
+      DelassusRow const then = row_[after];
+      if (then.contact) read_contact(after, next);
+      if (e.contact)
+        contact<tells>(i, own, to.work);
+      else
         element<tells>(i, e.rows, to.work);
-        i += e.rows;
-      }
+      i = after;
+      e = then;
+    };
+#pragma unroll 1
+    while (e.rows > 0) {
+      one(even, odd);
+      if (e.rows > 0) one(odd, even);
     }
     for (int i = lane_; i < count_; i += 32) {
       R const p = law_[i].p, d = p - before_[i], c = d * diagonal_[i];
@@ -280,34 +335,22 @@ class SharedIsland {
     work.template add_row<R>(p, d, rate, d * diagonal, inverse(law), together);
   }
   template <bool tells>
-  __device__ void contact(int i, SweepWork<R>& work) {
-    DelassusLaw<R> const n0 = law_[i], n1 = law_[i + 1], n2 = law_[i + 2];
-    SparseRow const place = place_[i];
-    int const count = place.count;
-    R const* const y = Y_ + place.entry;
-    unsigned short const* const list = dof_ + place.list;
-    R x[held], y0[held], y1[held], y2[held], w0(0), w1(0), w2(0);
+  __device__ void contact(int i, Contact const& k, SweepWork<R>& work) {
+    DelassusLaw<R> const &n0 = k.n0, &n1 = k.n1, &n2 = k.n2;
+    R x[held], w0(0), w1(0), w2(0);
 #pragma unroll
     for (int h = 0; h < held; ++h) {
-      int const e = lane_ + 32 * h;
-      if (e >= count) continue;
-      x[h] = z_[list[e]];
-      y0[h] = y[e];
-      y1[h] = y[count + e];
-      y2[h] = y[2 * count + e];
-      w0 = fma(y0[h], x[h], w0);
-      w1 = fma(y1[h], x[h], w1);
-      w2 = fma(y2[h], x[h], w2);
+      x[h] = z_[k.dof[h]];
+      w0 = fma(k.y0[h], x[h], w0);
+      w1 = fma(k.y1[h], x[h], w1);
+      w2 = fma(k.y2[h], x[h], w2);
     }
-    for (int e = lane_ + 32 * held; e < count; e += 32) {
-      R const more = z_[list[e]];
-      w0 = fma(y[e], more, w0);
-      w1 = fma(y[count + e], more, w1);
-      w2 = fma(y[2 * count + e], more, w2);
+    for (int e = lane_ + 32 * held; e < k.count; e += 32) {
+      R const more = z_[k.list[e]];
+      w0 = fma(k.y[e], more, w0);
+      w1 = fma(k.y[k.count + e], more, w1);
+      w2 = fma(k.y[2 * k.count + e], more, w2);
     }
-    R const coupling10 = y[-3], coupling20 = y[-2], coupling21 = y[-1];
-    R const b0 = fma(compliance_[i], n0.p, bias_[i]), b1 = fma(compliance_[i + 1], n1.p, bias_[i + 1]),
-            b2 = fma(compliance_[i + 2], n2.p, bias_[i + 2]);
 #pragma unroll
     for (int stride = 16; stride > 0; stride /= 2) {  // three at a time: each waits for itself alone
       R const s0 = __shfl_xor_sync(all, w0, stride), s1 = __shfl_xor_sync(all, w1, stride), s2 = __shfl_xor_sync(all, w2, stride);
@@ -315,13 +358,13 @@ class SharedIsland {
       w1 += s1;
       w2 += s2;
     }
-    w0 += b0;
-    w1 += b1;
-    w2 += b2;
+    w0 += k.b0;
+    w1 += k.b1;
+    w2 += k.b2;
     __syncwarp();  // all have read p and z
     R const p0 = clamp(fma(n0.step, w0, n0.p), n0.lower, n0.upper), d0 = p0 - n0.p;
-    w1 = fma(coupling10, d0, w1);
-    w2 = fma(coupling20, d0, w2);
+    w1 = fma(k.coupling10, d0, w1);
+    w2 = fma(k.coupling20, d0, w2);
     R p1 = fma(n1.step, w1, n1.p), p2 = fma(n2.step, w2, n2.p);
     R const mu1 = n1.lower, mu2 = n2.lower, q1 = p1 * mu2, q2 = p2 * mu1, r2 = fma(q1, q1, q2 * q2), radius = mu1 * mu2 * abs(p0);
     if (r2 > radius * radius) {
@@ -333,14 +376,14 @@ class SharedIsland {
     if constexpr (tells) {  // of rates after the rows before have moved
       tell(work, n0, p0, d0, w0, diagonal_[i], R(0));
       tell(work, n1, p1, d1, w1, diagonal_[i + 1], R(0));
-      tell(work, n2, p2, d2, fma(coupling21, d1, w2), diagonal_[i + 2], coupling21 * d1);
+      tell(work, n2, p2, d2, fma(k.coupling21, d1, w2), diagonal_[i + 2], k.coupling21 * d1);
     }
     if (lane_ < 3) law_[i + lane_].p = lane_ == 0 ? p0 : lane_ == 1 ? p1 : p2;
 #pragma unroll
     for (int h = 0; h < held; ++h)
-      if (int const e = lane_ + 32 * h; e < count) z_[list[e]] = fma(y2[h], d2, fma(y1[h], d1, fma(y0[h], d0, x[h])));
-    for (int e = lane_ + 32 * held; e < count; e += 32)
-      z_[list[e]] = fma(y[2 * count + e], d2, fma(y[count + e], d1, fma(y[e], d0, z_[list[e]])));
+      if (lane_ + 32 * h < k.count) z_[k.dof[h]] = fma(k.y2[h], d2, fma(k.y1[h], d1, fma(k.y0[h], d0, x[h])));
+    for (int e = lane_ + 32 * held; e < k.count; e += 32)
+      z_[k.list[e]] = fma(k.y[2 * k.count + e], d2, fma(k.y[k.count + e], d1, fma(k.y[e], d0, z_[k.list[e]])));
     __syncwarp();
   }
   /// Any other element, as project_element does it: row by row, or two together.
