@@ -228,7 +228,8 @@ TEST_CASE_TEMPLATE("misuse is refused in one sentence", Exec, GSP_TEST_EXECS) {
   gsp::make_per_world(exec, model, {ModelField::body_mass}, 4);
   CHECK_THROWS_WITH_AS(gsp::make_per_world(exec, model, {ModelField::gravity}, 5),
                        doctest::Contains("for 4 worlds and not 5: give 4, or make the model anew"), std::invalid_argument);
-  CHECK_THROWS_WITH_AS(gsp::set_constants(exec, model, dynamics), doctest::Contains("2 worlds and the model's values 4: make both"), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::set_constants(exec, model, dynamics), doctest::Contains("2 worlds and the model's values 4: make both"),
+                       std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, model, ModelField::body_mass, Values<Exec>("v", 4, 1)),
                        doctest::Contains(("must be (4, " + std::to_string(compiled.nbody) + ", 1) and are (4, 1)").c_str()),
                        std::invalid_argument);

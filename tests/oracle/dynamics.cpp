@@ -596,7 +596,8 @@ TEST_CASE("activations of a model that has no joints") {
 }
 // The filter of a servo follows the control that is nearest to its activation, modulo a full turn, here 1.26.
 TEST_CASE("filters of servos of a rotation take the nearest turn") {
-  check_activations("", R"(<worldbody><site name="w"/><body><joint name="j" type="ball"/><geom size=".1" pos=".1 0 0"/><site name="s"/></body></worldbody>
+  check_activations(
+      "", R"(<worldbody><site name="w"/><body><joint name="j" type="ball"/><geom size=".1" pos=".1 0 0"/><site name="s"/></body></worldbody>
     <actuator><position joint="j" gear=".2 0 0" kp=".01" timeconst=".1"/><general joint="j" gear="0 .2 0" dyntype="filter" dynprm=".1" gainprm=".01" biastype="affine" biasprm="0 -.01 0"/>
       <general joint="j" gear="0 0 .2" dyntype="filter" dynprm=".1" gainprm=".01" biastype="affine" biasprm="0 -.02 0"/><general site="s" refsite="w" gear="0 0 0 .2 0 0" dyntype="filterexact" dynprm=".1" gainprm=".01" biastype="affine" biasprm="0 -.01 0"/></actuator>)");
 }
