@@ -45,8 +45,8 @@ struct PlaceGroups {
     }
     if (first == 0 || moved[w] != 0) all.place(w, g);
     // What stands still is looked at once its numbers have changed; movers: CountNearPairs, after status is cleared.
-    if (R const x = all.bounds.group(w, g, 0); first > 0 && moved[w] != 0 && !(x - x == R(0)))
-      Kokkos::atomic_or(&all.status[w], gsp::status::not_finite);
+    if (first == 0 || moved[w] == 0) return;
+    if (R const x = all.bounds.group(w, g, 0); !(x - x == R(0))) Kokkos::atomic_or(&all.status[w], gsp::status::not_finite);
   }
 };
 

@@ -27,6 +27,17 @@ struct alignas(4 * sizeof(R)) DelassusLaw {
   R p;             // impulse
 };
 
+/// Two impulses of friction back into their ellipse, as project_ellipse takes them.
+/// @param normal  absolute impulse of the row that they hang on
+template <class R>
+KOKKOS_FORCEINLINE_FUNCTION void into_ellipse(R mu1, R mu2, R normal, R& p1, R& p2) {
+  R const q1 = p1 * mu2, q2 = p2 * mu1, r2 = fma(q1, q1, q2 * q2), radius = mu1 * mu2 * normal;
+  if (!(r2 > radius * radius)) return;
+  R const scale = radius * Kokkos::rsqrt(r2);
+  p1 = scale * p1;
+  p2 = scale * p2;
+}
+
 inline constexpr int delassus_beyond = lockstep_most_rows;  // numbers behind the matrix that threads without a row read
 // What a block may have on all GPUs since Ampere: 128 rows of float, 96 of double.
 inline constexpr std::int64_t delassus_most_bytes = 99 * 1024;

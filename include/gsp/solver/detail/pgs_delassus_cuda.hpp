@@ -393,12 +393,7 @@ class DelassusIsland {
     w1 = fma(coupling10, d0, w1);
     w2 = fma(coupling20, d0, w2);
     R p1 = fma(n1.step, w1, n1.p), p2 = fma(n2.step, w2, n2.p);
-    R const mu1 = n1.lower, mu2 = n2.lower, q1 = p1 * mu2, q2 = p2 * mu1, r2 = fma(q1, q1, q2 * q2), radius = mu1 * mu2 * abs(p0);
-    if (r2 > radius * radius) {
-      R const scale = radius * Kokkos::rsqrt(r2);
-      p1 = scale * p1;
-      p2 = scale * p2;
-    }
+    into_ellipse(n1.lower, n2.lower, abs(p0), p1, p2);
     R const d1 = p1 - n1.p, d2 = p2 - n2.p;
 #pragma unroll
     for (int s = 0; s < S; ++s) w_[s] = fma(column2[s], d2, fma(column1[s], d1, fma(column0[s], d0, w_[s])));
@@ -426,12 +421,7 @@ class DelassusIsland {
       }
       DelassusLaw<R> const second = law_[b + 1];
       R p1 = fma(law.step, w, law.p), p2 = fma(second.step, rate(b + 1), second.p);
-      R const q1 = p1 * second.lower, q2 = p2 * law.lower, r2 = fma(q1, q1, q2 * q2), radius = law.lower * second.lower * normal;
-      if (r2 > radius * radius) {
-        R const scale = radius * Kokkos::rsqrt(r2);
-        p1 = scale * p1;
-        p2 = scale * p2;
-      }
+      into_ellipse(law.lower, second.lower, normal, p1, p2);
       R const together = A_[place(b, b + 1)] * (p1 - law.p);
       move<tells>(b, law, w, p1, R(0), work);
       ++b;

@@ -24,7 +24,7 @@ struct SparseRow {
 template <class R, class Mem>
 class SharedIsland {
  public:
-  /// Sizes alone. `fits` says whether the island can be taken.
+  /// Sizes alone; `take`, where there is room for `bytes`.
   __device__ SharedIsland(PgsDelassus<R, Mem> const& solver, Island const& island)
       : k_(solver), island_(island), first_(island.first_row), lane_(threadIdx.x) {
     int entries = 0, lists = 0, count = 0;
@@ -366,12 +366,7 @@ class SharedIsland {
     w1 = fma(k.coupling10, d0, w1);
     w2 = fma(k.coupling20, d0, w2);
     R p1 = fma(n1.step, w1, n1.p), p2 = fma(n2.step, w2, n2.p);
-    R const mu1 = n1.lower, mu2 = n2.lower, q1 = p1 * mu2, q2 = p2 * mu1, r2 = fma(q1, q1, q2 * q2), radius = mu1 * mu2 * abs(p0);
-    if (r2 > radius * radius) {
-      R const scale = radius * Kokkos::rsqrt(r2);
-      p1 = scale * p1;
-      p2 = scale * p2;
-    }
+    into_ellipse(n1.lower, n2.lower, abs(p0), p1, p2);
     R const d1 = p1 - n1.p, d2 = p2 - n2.p;
     if constexpr (tells) {  // of rates after the rows before have moved
       tell(work, n0, p0, d0, w0, diagonal_[i], R(0));
@@ -403,12 +398,7 @@ class SharedIsland {
       DelassusLaw<R> const second = law_[b + 1];
       R const w2 = rate(b + 1, second.p);
       R p1 = fma(law.step, w, law.p), p2 = fma(second.step, w2, second.p);
-      R const q1 = p1 * second.lower, q2 = p2 * law.lower, r2 = fma(q1, q1, q2 * q2), radius = law.lower * second.lower * normal;
-      if (r2 > radius * radius) {
-        R const scale = radius * Kokkos::rsqrt(r2);
-        p1 = scale * p1;
-        p2 = scale * p2;
-      }
+      into_ellipse(law.lower, second.lower, normal, p1, p2);
       move<tells>(b, law, w, p1, R(0), work);
       ++b;
       R const after = tells ? rate(b, second.p) : w2;
