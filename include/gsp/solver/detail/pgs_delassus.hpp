@@ -18,22 +18,34 @@ struct alignas(4) DelassusRow {
   unsigned char rows;       // of the element that begins here
   signed char friction_of;  // as in Row
   bool with_next : 1;
-  bool contact : 1;  // of this row, which pushes, and two that lie in its ellipse
+  bool contact : 1;  // of this row, which pushes without a bound, and two that lie in its ellipse
 };
 template <class R>
 struct alignas(4 * sizeof(R)) DelassusLaw {
   R step;          // -relaxation / (|Y|^2 + C), or that of two rows together
-  R lower, upper;  // of friction: mu in place of lower
+  R lower, upper;  // of friction: mu in place of lower; of a contact's rows: upper is what they do to each other
   R p;             // impulse
 };
 
+/// 1 / sqrt(x) of x > 0; of less than the least normal number, as of that: it is spared what CUDA does to be right there.
+template <class R>
+KOKKOS_FORCEINLINE_FUNCTION R inverse_root(R x) {
+#ifdef __CUDA_ARCH__
+  if constexpr (std::is_same_v<R, float>) {
+    float root;
+    asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(root) : "f"(fmaxf(x, Kokkos::Experimental::norm_min_v<float>)));
+    return root;
+  }
+#endif
+  return Kokkos::rsqrt(x);
+}
 /// Two impulses of friction back into their ellipse, as project_ellipse takes them.
 /// @param normal  absolute impulse of the row that they hang on
 template <class R>
 KOKKOS_FORCEINLINE_FUNCTION void into_ellipse(R mu1, R mu2, R normal, R& p1, R& p2) {
   R const q1 = p1 * mu2, q2 = p2 * mu1, r2 = fma(q1, q1, q2 * q2), radius = mu1 * mu2 * normal;
   if (!(r2 > radius * radius)) return;
-  R const scale = radius * Kokkos::rsqrt(r2);
+  R const scale = radius * inverse_root(r2);
   p1 = scale * p1;
   p2 = scale * p2;
 }

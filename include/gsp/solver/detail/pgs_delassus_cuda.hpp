@@ -38,17 +38,16 @@ class DelassusIsland {
       multiply(smaller(dofs_, nv - dof));
     }
     add_compliance();
+    couple_contacts();
     sum();
   }
 
+  static constexpr bool keeps_rates = true;  // w is mixed as p is
   /// w = A p + b
   __device__ void sum() {
+    lay_impulses();
 #pragma unroll
-    for (int s = 0; s < S; ++s) {
-      if (int const i = lane_ + 32 * s; i < count_) law_[i].p = p_[s];
-      w_[s] = bias_[s];
-    }
-    __syncwarp();
+    for (int s = 0; s < S; ++s) w_[s] = bias_[s];
 #pragma unroll 4
     for (int i = 0; i < count_; ++i) {
       R const p = law_[i].p;
@@ -66,8 +65,11 @@ class DelassusIsland {
   /// p as it was before it leapt or was mixed.
   __device__ void take_back() {
 #pragma unroll
-    for (int s = 0; s < S; ++s) p_[s] = p1_[s];
-    sum();
+    for (int s = 0; s < S; ++s) {
+      p_[s] = p1_[s];
+      w_[s] = w1_[s];
+    }
+    lay_impulses();
   }
   /// With Y^T p as a sum over rows:   p.Ap = sum p (w - b)
   __device__ LeapSums<R> leap_sums() const {
@@ -91,18 +93,27 @@ class DelassusIsland {
       if (lane_ + 32 * s < count_) own.add_row(diagonal_[s], d_[s], d1_[s], d2_[s], both);
     return {sum_of(own.dd11), sum_of(own.dd12), sum_of(own.dd22), sum_of(own.df1), sum_of(own.df2)};
   }
-  /// Keeps p and d of the last sweep, and of the one before; p goes on to where a leap or a mixture leads.
+  /// Keeps p, w and d of the last sweep, and of the one before; p, and w = A p + b with it, go on to where a leap or a mixture leads.
   __device__ void go_on(int, Leap<R> const& leap, Mixing<R> const& mixing, bool both) {
 #pragma unroll
     for (int s = 0; s < S; ++s) {
-      R const now = p_[s];
-      if (leap.goes()) p_[s] = leap.of(now, d_[s]);
-      if (mixing.helps()) p_[s] = mixing.of(now, p1_[s], p2_[s], both);
+      R const now = p_[s], rate = w_[s];
+      if (leap.goes()) {
+        p_[s] = leap.of(now, d_[s]);
+        w_[s] = rate + fma(leap.growth, rate - bias_[s], leap.sweeps * (rate - w_before_[s]));
+      }
+      if (mixing.helps()) {
+        p_[s] = mixing.of(now, p1_[s], p2_[s], both);
+        w_[s] = mixing.of(rate, w1_[s], w2_[s], both);
+      }
       p2_[s] = p1_[s];
+      w2_[s] = w1_[s];
       d2_[s] = d1_[s];
       p1_[s] = now;
+      w1_[s] = rate;
       d1_[s] = d_[s];
     }
+    if (leap.goes() || mixing.helps()) lay_impulses();
   }
   /// p, and z = Y^T p, to the pools.
   __device__ void write(int sweeps) {
@@ -142,10 +153,21 @@ class DelassusIsland {
     for (int stride = 16; stride > 0; stride /= 2) x += __shfl_xor_sync(all, x, stride);
     return x;
   }
+  /// x >= 0
   static __device__ R most_of(R x) {
+#if __CUDA_ARCH__ >= 800
+    if constexpr (std::is_same_v<R, float>) return __uint_as_float(__reduce_max_sync(all, __float_as_uint(x)));  // of such the order is one
+#endif
 #pragma unroll
     for (int stride = 16; stride > 0; stride /= 2) x = max(x, __shfl_xor_sync(all, x, stride));
     return x;
+  }
+  /// p to where sweeps read it.
+  __device__ void lay_impulses() const {
+#pragma unroll
+    for (int s = 0; s < S; ++s)
+      if (int const i = lane_ + 32 * s; i < count_) law_[i].p = p_[s];
+    __syncwarp();
   }
   /// Where A of rows i <= j stands.
   __device__ int place(int i, int j) const { return triangle ? triangle_line(j) + i : i * stride_ + j; }
@@ -156,12 +178,18 @@ class DelassusIsland {
     else
       return A_[i <= own_[s] ? place(i, own_[s]) : place(own_[s], i)];
   }
-  /// Rate of row i, which one thread has.
+  /// A of row i and the thread's rows.
+  __device__ void take_column(int i, R (&column)[S]) const {
+    R const* const line = A_ + (i * stride_ + lane_);
+#pragma unroll
+    for (int s = 0; s < S; ++s) column[s] = triangle ? entry(s, i) : line[32 * s];
+  }
+  /// Rate of row i, which one thread has: number i, and the warp counts its threads modulo 32.
   __device__ R rate(int i) const {
     R own = w_[0];
 #pragma unroll
     for (int s = 1; s < S; ++s) own = i < 32 * s ? own : w_[s];
-    return __shfl_sync(all, own, i % 32);
+    return __shfl_sync(all, own, i);
   }
 
   /// Where rows stand in a sweep: the k-th element of one row behind as many of more, and so the other way round.
@@ -171,7 +199,7 @@ class DelassusIsland {
     auto* const behind = reinterpret_cast<unsigned char*>(A_);  // rows of the first k elements of more than one
     auto* const pool = reinterpret_cast<int*>(Y_);              // by place
     int begins[S], rows_of[S], before_single[S], before_several[S], before_row[S];
-    int singles = 0, severals = 0, rows_of_several = 0;
+    int rows_of_several = 0;
 #pragma unroll
     for (int s = 0; s < S; ++s) {
       int const entry = lane_ + 32 * s;
@@ -185,21 +213,21 @@ class DelassusIsland {
         int const other = __shfl_up_sync(all, sum, stride);
         sum += lane_ < stride ? 0 : other;
       }
-      before_single[s] = singles + __popc(single & below);
-      before_several[s] = severals + __popc(several & below);
+      before_single[s] = singles_ + __popc(single & below);
+      before_several[s] = severals_ + __popc(several & below);
       before_row[s] = rows_of_several + sum - own;
       if (own > 0) behind[before_several[s]] = static_cast<unsigned char>(before_row[s]);
-      singles += __popc(single);
-      severals += __popc(several);
+      singles_ += __popc(single);
+      severals_ += __popc(several);
       rows_of_several += __shfl_sync(all, sum, 31);
     }
-    if (lane_ == 0) behind[severals] = static_cast<unsigned char>(rows_of_several);
+    if (lane_ == 0) behind[severals_] = static_cast<unsigned char>(rows_of_several);
     __syncwarp();
-    count_ = singles + rows_of_several;
+    count_ = singles_ + rows_of_several;
 #pragma unroll
     for (int s = 0; s < S; ++s) {
-      int const place = rows_of[s] == 1 ? before_single[s] + behind[smaller(before_single[s], severals)]
-                                        : before_row[s] + smaller(before_several[s] + 1, singles);
+      int const place = rows_of[s] == 1 ? before_single[s] + behind[smaller(before_single[s], severals_)]
+                                        : before_row[s] + smaller(before_several[s] + 1, singles_);
       for (int b = 0; b < rows_of[s]; ++b) {
         pool[place + b] = begins[s] + b;
         row_[place + b].rows = static_cast<unsigned char>(b == 0 ? rows_of[s] : 0);
@@ -215,16 +243,19 @@ class DelassusIsland {
       Row<R> const& from = rows.row(first_ + pool_[s]);
       row_[i].friction_of = from.friction_of;
       row_[i].with_next = from.with_next && i + 1 < count_ && row_[i + 1].rows == 0;
-      row_[i].contact = false;
+      row_[i].contact = RowBounds<R>{from.lower, from.upper, from.friction_of}.pushes_alone();
     }
     __syncwarp();
+    bool others = false;
 #pragma unroll
     for (int s = 0; s < S; ++s) {
       int const i = lane_ + 32 * s;
-      if (i >= count_ || row_[i].rows != 3) continue;
+      if (i >= count_) continue;
       DelassusRow* const own = row_ + i;
-      own->contact = own[0].friction_of < 0 && own[1].friction_of == 0 && own[1].with_next && own[2].friction_of == 0;
+      own->contact = own->contact && own->rows == 3 && own[1].friction_of == 0 && own[1].with_next && own[2].friction_of == 0;
+      others = others || (own->rows > 1 && !own->contact);
     }
+    contacts_alone_ = !__any_sync(all, others);
     __syncwarp();
   }
   /// Numbers of the thread's row of place s, and which dofs its segments are of.
@@ -323,22 +354,33 @@ class DelassusIsland {
     __syncwarp();
   }
 
+  /// What the rows of a contact do to each other, where they have no bound to keep:   upper of the normal: A between its tangents, of
+  /// either tangent: between it and the normal.
+  __device__ void couple_contacts() const {
+#pragma unroll
+    for (int s = 0; s < S; ++s) {
+      int const i = lane_ + 32 * s;
+      if (i >= count_ || !row_[i].contact) continue;
+      law_[i].upper = A_[place(i + 1, i + 2)];
+      for (int b = 1; b < 3; ++b) law_[i + b].upper = A_[place(i, i + b)];
+    }
+    __syncwarp();
+  }
+
   template <bool tells>
   __device__ SweepOutcome<R> pass() {
     SweepOutcome<R> to;
-    DelassusRow e = row_[0];
 #pragma unroll 1
-    for (int i = 0; e.rows > 0;) {  // one row, and the element that takes turns with it
-      if (e.rows == 1) {
-        single<tells>(i, to.work);
-        e = row_[++i];
-      }
-      if (e.contact) {
+    for (int i = 0, k = 0; i < count_; ++k) {  // an element of one row, and the one of more that takes turns with it
+      if (k < singles_) single<tells>(i++, to.work);
+      if (k >= severals_) continue;
+      if (contacts_alone_ || row_[i].contact) {
         contact<tells>(i, to.work);
-        e = row_[i += 3];
-      } else if (e.rows > 1) {
-        element<tells>(i, e.rows, to.work);
-        e = row_[i += e.rows];
+        i += 3;
+      } else {
+        int const rows = row_[i].rows;
+        element<tells>(i, rows, to.work);
+        i += rows;
       }
     }
     __syncwarp();
@@ -366,8 +408,7 @@ class DelassusIsland {
   __device__ void single(int i, SweepWork<R>& work) {
     DelassusLaw<R> const law = law_[i];
     R column[S];
-#pragma unroll
-    for (int s = 0; s < S; ++s) column[s] = entry(s, i);
+    take_column(i, column);
     R const w = rate(i), p = clamp(fma(law.step, w, law.p), law.lower, law.upper), d = p - law.p;
     __syncwarp();  // all have read p
 #pragma unroll
@@ -378,18 +419,15 @@ class DelassusIsland {
   template <bool tells>
   __device__ void contact(int i, SweepWork<R>& work) {
     DelassusLaw<R> const n0 = law_[i], n1 = law_[i + 1], n2 = law_[i + 2];
-    R const coupling10 = A_[place(i, i + 1)], coupling20 = A_[place(i, i + 2)], coupling21 = A_[place(i + 1, i + 2)];
+    R const coupling10 = n1.upper, coupling20 = n2.upper, coupling21 = n0.upper;  // couple_contacts
     R column0[S], column1[S], column2[S];
-#pragma unroll
-    for (int s = 0; s < S; ++s) {
-      column0[s] = entry(s, i);
-      column1[s] = entry(s, i + 1);
-      column2[s] = entry(s, i + 2);
-    }
+    take_column(i, column0);
+    take_column(i + 1, column1);
+    take_column(i + 2, column2);
     R const w0 = rate(i);
     R w1 = rate(i + 1), w2 = rate(i + 2);
     __syncwarp();  // all have read p
-    R const p0 = clamp(fma(n0.step, w0, n0.p), n0.lower, n0.upper), d0 = p0 - n0.p;
+    R const pushed = fma(n0.step, w0, n0.p), p0 = pushed < R(0) ? R(0) : pushed, d0 = p0 - n0.p;
     w1 = fma(coupling10, d0, w1);
     w2 = fma(coupling20, d0, w2);
     R p1 = fma(n1.step, w1, n1.p), p2 = fma(n2.step, w2, n2.p);
@@ -397,7 +435,11 @@ class DelassusIsland {
     R const d1 = p1 - n1.p, d2 = p2 - n2.p;
 #pragma unroll
     for (int s = 0; s < S; ++s) w_[s] = fma(column2[s], d2, fma(column1[s], d1, fma(column0[s], d0, w_[s])));
-    if (lane_ < 3) law_[i + lane_].p = lane_ == 0 ? p0 : lane_ == 1 ? p1 : p2;
+    if (lane_ == 0) {
+      law_[i].p = p0;
+      law_[i + 1].p = p1;
+      law_[i + 2].p = p2;
+    }
     if constexpr (tells) {  // of rates after the rows before have moved
       tell(work, p0, d0, w0, n0.step, R(0));
       tell(work, p1, d1, w1, n1.step, R(0));
@@ -442,8 +484,10 @@ class DelassusIsland {
   PgsDelassus<R, Mem> const& k_;
   Island const& island_;
   int const first_, lane_;
-  int count_ = 0, stride_, dofs_;  // rows that are swept; numbers from one row of A, or dof of Y, to the next; dofs of Y at a time
-  DelassusLaw<R>* law_;            // whose p is that of p_ but for a sweep, and until `sum` has been called
+  int count_ = 0, stride_, dofs_;   // rows that are swept; numbers from one row of A, or dof of Y, to the next; dofs of Y at a time
+  int singles_ = 0, severals_ = 0;  // elements of one row, and of more
+  bool contacts_alone_ = false;     // whether all of more are contacts (DelassusRow)
+  DelassusLaw<R>* law_;             // whose p is that of p_ but for a sweep, and until `sum` has been called
   R *A_, *Y_;
   DelassusRow* row_;
   int own_[triangle ? S : 1];  // the thread's rows, or the line of zeros
@@ -451,8 +495,9 @@ class DelassusIsland {
   DofRange range_[S];
   unsigned touching_[S];  // bits of the rows that have entries in the dofs of Y that are there
   R w_[S], bias_[S], p_[S], diagonal_[S];
-  R d_[S], w_before_[S] = {};                            // of the last sweep
-  R p1_[S] = {}, d1_[S] = {}, p2_[S] = {}, d2_[S] = {};  // p after the last sweep that was remembered and the one before, and their d
+  R d_[S], w_before_[S] = {};  // of the last sweep
+  // After the last sweep that was remembered, and the one before:
+  R p1_[S] = {}, w1_[S] = {}, d1_[S] = {}, p2_[S] = {}, w2_[S] = {}, d2_[S] = {};
 };
 
 /// Where a list begins.
