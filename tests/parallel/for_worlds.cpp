@@ -18,10 +18,8 @@ struct Sums {
     world.each(n, [&](int i) { self.item(w, i) = i + w; });
     world.sync();
     long const sum = world.template sum<long>(n, [&](int i) { return self.item(w, i); });
-    world.template scan<long>(n, [&](int i, long& running, bool last) {
-      if (last) self.before(w, i) = running;
-      running += self.item(w, i);
-    });
+    world.template scan<long>(
+        n, [&](int i) { return self.item(w, i); }, [&](int i, long before) { self.before(w, i) = before; });
     world.single([&] { self.total(w) = sum, self.ones(w) += 1; });
     world.sync();
     long const later = world.template sum<long>(n, [&](int i) { return self.before(w, i); });

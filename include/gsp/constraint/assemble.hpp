@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/constraint/detail/count_rows.hpp>
 #include <gsp/constraint/detail/emit_rows.hpp>
+#include <gsp/constraint/detail/keep_rows.hpp>
 #include <gsp/constraint/eliminate.hpp>
 #include <gsp/core/region.hpp>
 
@@ -78,7 +79,7 @@ struct ConstraintList<Head, Tail...> {
   }
   /// f(type, place of the type, element of the type) for element `e` of the world
   template <class F>
-  KOKKOS_INLINE_FUNCTION void visit(int world, int e, int place, F const& f) const {
+  KOKKOS_FORCEINLINE_FUNCTION void visit(int world, int e, int place, F const& f) const {
     int const n = own(world);
     if (e < n)
       f(head, place, e);
@@ -93,7 +94,7 @@ struct ConstraintList<Head, Tail...> {
   }
   /// f(type) for the type at `place`
   template <class F>
-  KOKKOS_INLINE_FUNCTION void visit_type(int place, F const& f) const {
+  KOKKOS_FORCEINLINE_FUNCTION void visit_type(int place, F const& f) const {
     if (place == 0)
       f(head);
     else
@@ -243,6 +244,9 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
     detail::launch_threads("gsp::constraint::make_rows", exec, detail::MakeRows<R, Mem, List>{emit});
     detail::launch_threads("gsp::constraint::finish_rows", exec, detail::FinishRows<R, Mem, List>{emit});
   }
+  if (sleeping.any())
+    for_worlds("gsp::constraint::keep_rows", exec, rows.worlds,
+               detail::KeepRows<R, Mem, List>{model, state, rows, impulses, progress.halt, types, emit.names, sleeping});
   eliminate_rows(exec, model, progress, rows, impulses);
   detail::RowsStamp stamp = detail::contacts_of<R, Mem>(types);
   stamp.state.set(state);

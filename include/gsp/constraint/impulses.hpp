@@ -24,7 +24,7 @@ struct Impulses {
   int worlds = 0;
   View<R*> p[2];                           // (capacity) [N s], beside Rows::row
   View<std::uint64_t*> id[2];              // (capacity) place of the type, identity of the element
-  View<R*> before;                         // (capacity) scratch of assemble, impacts and solvers: impulses before the last sweep
+  View<R*> before;                         // (capacity) scratch of impacts and solvers: impulses before the last sweep
   View<R*> mixing[4];                      // GPUs, (capacity) a solver's own (solver/detail/mixing.hpp): impulses after the last sweep
                                            // that was mixed, and its changes; the same of the sweep after
   View<R* [3]> place[2];                   // (capacity) where an element acts [m], at its first row, and its tangent, at its second; of

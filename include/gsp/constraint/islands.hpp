@@ -125,26 +125,20 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
     world.add(row_count[label[tree]], n);
   });
   world.sync();
-  world.template scan<int>(2 * ntree + 1, [&](int k, int& running, bool last) {
-    int const n = next[k];
-    if (last) next[k] = running;
-    running += n;
-  });
+  world.template scan<int>(
+      2 * ntree + 1, [&](int k) { return next[k]; }, [&](int k, int before) { next[k] = before; });
   world.sync();
-  world.template scan<int>(ntree, [&](int t, int& running, bool last) {
-    int const begin = next[2 * t], has = next[2 * t + 2] > begin;
-    if (last) {
-      number[t] = has ? running : -1;
-      if (has) {
-        s.first_element(w, running) = begin;
-        s.row_count(w, running) = row_count[t];
-      }
-      if (t == ntree - 1) {
-        s.count(w) = running + has;
-        s.first_element(w, running + has) = next[2 * ntree];
-      }
+  auto const has = [&](int t) { return int(next[2 * t + 2] > next[2 * t]); };
+  world.template scan<int>(ntree, has, [&](int t, int before) {
+    number[t] = has(t) ? before : -1;
+    if (has(t)) {
+      s.first_element(w, before) = next[2 * t];
+      s.row_count(w, before) = row_count[t];
     }
-    running += has;
+    if (t == ntree - 1) {
+      s.count(w) = before + has(t);
+      s.first_element(w, before + has(t)) = next[2 * ntree];
+    }
   });
   world.sync();
   world.place(
@@ -157,11 +151,8 @@ KOKKOS_INLINE_FUNCTION void find_islands(World const& world, Rows const& rows, I
   world.sync();
   world.each(ntree, [&](int t) { world.add(next[number_of(t)], s.tree_dofnum(t)); });
   world.sync();
-  world.template scan<int>(ntree + 1, [&](int k, int& running, bool last) {
-    int const n = next[k];
-    if (last) next[k] = s.first_dof(w, k) = running;
-    running += n;
-  });
+  world.template scan<int>(
+      ntree + 1, [&](int k) { return next[k]; }, [&](int k, int before) { next[k] = s.first_dof(w, k) = before; });
   world.sync();
   world.place(
       s.nv, [&](int i) { return number_of(s.dof_tree(i)); }, next,

@@ -116,6 +116,7 @@ struct Rows {
   View<RowImpact<R>*> impact;                // (capacity) empty where no row has a restitution
   View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
   View<int*> world_of;                       // GPUs, (capacity) the world of a row
+  Kokkos::View<int, Mem> laid_out;           // GPUs: elements that Islands::elements lists while rows are made
   View<R*> Y;  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries; last
                // of a world what eliminated rows do to all, (most_eliminated, count)
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed, or one since they grew that needed more than there is
@@ -195,6 +196,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   make(r.first_entry, "gsp::Rows::first_entry", n);
   make(r.entries, "gsp::Rows::entries", n);
   make(r.demand, "gsp::Rows::demand", 2);
+  if (is_device<Exec>) r.laid_out = detail::allocate_zero<decltype(r.laid_out)>(exec, "gsp::Rows::laid_out");
   if (options.impacts && model.profile == Profile::stable) make(r.impact, "gsp::Rows::impact", 1);
   bool const stiff = detail::any_archetype(model, [](Archetype const& a) { return a.stiff; });
   std::int64_t const rows =

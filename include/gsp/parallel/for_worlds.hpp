@@ -25,11 +25,15 @@ struct SerialWorld {
     for (int i = 0; i < n; ++i) total += f(i);
     return total;
   }
-  /// f(i, running, last): adds its part to `running`; in the last pass `running` holds what came before.
-  template <class T, class F>
-  KOKKOS_INLINE_FUNCTION void scan(int n, F const& f) const {
-    T running(0);
-    for (int i = 0; i < n; ++i) f(i, running, true);
+  /// put(i, sum of own(j) of all j < i); a thread calls own(i), then put(i), before it comes to the next i.
+  template <class T, class Own, class Put>
+  KOKKOS_INLINE_FUNCTION void scan(int n, Own const& own, Put const& put) const {
+    T before(0);
+    for (int i = 0; i < n; ++i) {
+      T const part = own(i);
+      put(i, before);
+      before += part;
+    }
   }
   /// to += x, from several threads.
   template <class T>

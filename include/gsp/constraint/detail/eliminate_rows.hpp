@@ -157,12 +157,11 @@ struct RestoreRows {
   template <class World>
   KOKKOS_INLINE_FUNCTION R coupled(World const& world, R const* coupling, R const* p, int count, int* list) const {
     if (rows.islands.ntree <= 1) return world.template sum<R>(count, [&](int q) { return coupling[q] * p[q]; });
-    world.template scan<int>(count, [&](int q, int& running, bool last) {
-      int const has = coupling[q] != R(0);
-      if (last && has) list[running] = q;
-      running += has;
+    auto const has = [&](int q) { return int(coupling[q] != R(0)); };
+    world.template scan<int>(count, has, [&](int q, int at) {
+      if (has(q)) list[at] = q;
     });
-    int const own = world.template sum<int>(count, [&](int q) { return int(coupling[q] != R(0)); });
+    int const own = world.template sum<int>(count, has);
     world.sync();
     return world.template sum<R>(own, [&](int i) { return coupling[list[i]] * p[list[i]]; });
   }

@@ -27,7 +27,7 @@ struct EmitRows {
   TypeNames names;
   SleepingIslands<Mem> sleeping;
   template <class World>
-  KOKKOS_FUNCTION void operator()(World const& world) const {
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(World const& world) const {
     int const w = world.rank;
     if (halt()) return;
     int const now = impulses.parity();
@@ -42,45 +42,39 @@ struct EmitRows {
       lay_out(world);
     else
       emit_together(w);
-    if (rows.kept(w) == 0) return;
-    world.template scan<int>(types.count(w), [&](int e, int& sum, bool last) {
-      types.visit(w, e, 0, [&](auto const& type, int place, int k) {
-        int const n = element_of(type, w, k).rows();
-        if (n == 0 || !lies_still(model, sleeping, type, w, k)) return;
-        if (last) keep(type, k, place, w, n, rows.count(w) + sum);
-        sum += n;
-      });
-    });
   }
 
-  /// On a device: row `at` of the pool, which has been laid out. What all types do stands between what each does by itself: threads with
-  /// rows of different types go through it together.
+  /// On a device: entries of row `at` of the pool, which has been laid out, and sums over them. What all types do stands after what each
+  /// does by itself: threads with rows of different types go through it together.
   template <class Thread>
-  KOKKOS_INLINE_FUNCTION void make(Thread const& thread, int at) const {
-    if (!is_laid_out(at)) return;
+  KOKKOS_FORCEINLINE_FUNCTION void make(Thread const& thread, int at) const {
+    int const w = rows.world_of(at);
+    if (at >= rows.first(w) + rows.count(w)) return;  // one that is kept
     int r = 0;
     while (rows.element_rows(at - r) == 0) ++r;
-    emit(thread, rows.world_of(at), r, at);
+    Row<R> const row = rows.row(at);
+    R* const there = rows.Y.data() + row.first_entry;
+    auto const near = thread.template near<R>();
+    bool const fits = entries_in(row) <= Thread::template room<R>;
+    write_jacobian(fits ? Strided<R>{near.at, near.stride} : Strided<R>{there, 1}, row, w, r, at);
+    if (fits)
+      whiten_row(near, row, w, at);
+    else
+      whiten_row(there, row, w, at);
   }
-  /// On a device: the element that begins at row `at`, whose rows have been made.
-  KOKKOS_INLINE_FUNCTION void finish(int at) const {
-    int const n = rows.element_rows(at);
-    if (n > 0 && is_laid_out(at)) types.visit_type(rows.row(at).type, [&](auto const& type) { finish(type, rows.world_of(at), n, at); });
+  /// On a device: what hangs on the entries of the element that was listed as number `number`.
+  KOKKOS_FORCEINLINE_FUNCTION void finish(int number) const {
+    int const first = rows.islands.elements(number);
+    finish(laws(Kokkos::Experimental::infinity_v<R>), rows.world_of(first), rows.element_rows(first), first);
   }
-  /// Rows of the pool, with those that are kept.
-  KOKKOS_INLINE_FUNCTION int count() const {
+  /// Rows of the pool, with those that are kept; elements that are listed.
+  KOKKOS_INLINE_FUNCTION int row_count() const {
     int const last = rows.worlds - 1;
     return halt() ? 0 : rows.first(last) + rows.count(last) + rows.kept(last);
   }
+  KOKKOS_INLINE_FUNCTION int element_count() const { return halt() ? 0 : rows.laid_out(); }
 
  private:
-  /// Not one that is kept.
-  KOKKOS_INLINE_FUNCTION bool is_laid_out(int at) const {
-    int const w = rows.world_of(at);
-    return at < rows.first(w) + rows.count(w);
-  }
-  /// What a row may yield to its load (RowLaw), until its element is finished: in room that nothing else needs before the solver.
-  KOKKOS_INLINE_FUNCTION R& most_yield(int row) const { return impulses.before(row); }
   KOKKOS_INLINE_FUNCTION RowLaws<R, Mem> laws(R most_inverse_inertia) const { return {model, state, dynamics, rows, most_inverse_inertia}; }
   KOKKOS_INLINE_FUNCTION StartImpulses<R, Mem> starts() const { return {impulses, names}; }
   /// Who a row is and where it lies. Written as a whole: a single bit would wait for what lies beside it in memory.
@@ -94,64 +88,121 @@ struct EmitRows {
   }
   KOKKOS_INLINE_FUNCTION static int entries_in(Row<R> const& row) { return row.segment[0].count + row.segment[1].count; }
 
-  /// Where all rows of a world lie, on a device.
-  template <class World>
-  KOKKOS_INLINE_FUNCTION void lay_out(World const& world) const {
-    int const w = world.rank, first = rows.first(w);
-    world.each(rows.count(w) + rows.kept(w), [&](int r) { rows.world_of(first + r) = w; });
-    world.template scan<std::int64_t>(types.count(w), [&](int e, std::int64_t& sum, bool last) {
-      types.visit(w, e, 0, [&](auto const& type, int place, int k) {
+  /// What a thread of a device keeps of an element until it knows where it begins.
+  struct Measured {
+    Row<R> row;          // its first one
+    int n = 0;           // its rows
+    bool alike = false;  // whether the others have the segments of the first
+  };
+  /// Rows and entries of element e. (No lambda: what is not inlined into a kernel has its loads by generic addresses, two instructions more
+  /// each.)
+  struct Measure {
+    EmitRows const& emit;
+    int w;
+    Measured& own;
+    KOKKOS_FORCEINLINE_FUNCTION std::int64_t operator()(int e) const {
+      own.n = 0;
+      std::int64_t sizes = 0;
+      emit.types.visit(w, e, 0, [&](auto const& type, int place, int k) {
         auto const element = element_of(type, w, k);
         int const n = element.rows();
-        if (n > 0 && lies_still(model, sleeping, type, w, k)) return;
-        std::int64_t sizes = couplings_of(n);
-        for (int r = 0; r < n; ++r) {
-          RowStructure<R, Mem> structure{model};
+        if (n == 0 || lies_still(emit.model, emit.sleeping, type, w, k)) return;
+        own.n = n;
+        own.alike = n == 1 || rows_are_alike<std::decay_t<decltype(type)>>();
+        sizes = couplings_of(n);
+        for (int r = 0; r < (own.alike ? 1 : n); ++r) {
+          RowStructure<R, Mem> structure{emit.model};
           element.jacobian(r, structure);
-          if (last) {
-            int const at = first + rows_of(sum) + r;
-            rows.row(at) = laid_out(place, k, rows.first_entry(w) + entries_of(sum + sizes), structure);
-            rows.element_rows(at) = static_cast<signed char>(r == 0 ? n : 0);
-          }
+          if (r == 0) own.row = laid_out(place, k, 0, structure);
           sizes += pack_sizes(1, structure.entries());
         }
-        sum += sizes;
+        if (own.alike) sizes += (n - 1) * pack_sizes(1, entries_in(own.row));
       });
+      return sizes;
+    }
+  };
+  /// Where all rows of a world lie, on a device.
+  template <class World>
+  KOKKOS_FORCEINLINE_FUNCTION void lay_out(World const& world) const {
+    int const w = world.rank, first = rows.first(w);
+    world.each(rows.count(w) + rows.kept(w), [&](int r) { rows.world_of(first + r) = w; });
+    Measured own;
+    world.template scan<std::int64_t>(types.count(w), Measure{*this, w, own}, [&](int, std::int64_t before) {
+      if (own.n == 0) return;
+      int const at = first + rows_of(before);
+      std::int64_t entry = rows.first_entry(w) + entries_of(before) + couplings_of(own.n);
+      for (int r = 0; r < own.n; ++r) {
+        Row<R> row = own.row;
+        if (r > 0 && !own.alike)
+          types.visit_type(row.type, [&](auto const& type) {
+            RowStructure<R, Mem> structure{model};
+            element_of(type, w, row.element).jacobian(r, structure);
+            row = laid_out(row.type, row.element, 0, structure);
+          });
+        row.first_entry = entry;
+        rows.row(at + r) = row;
+        rows.element_rows(at + r) = static_cast<signed char>(r == 0 ? own.n : 0);
+        entry += entries_in(row);
+      }
+      rows.islands.elements(Kokkos::atomic_fetch_add(&rows.laid_out(), 1)) = at;  // in any order
     });
   }
-  /// Row r of an element, number `at` of the pool: whitened entries, law and bounds.
-  template <class Thread>
-  KOKKOS_INLINE_FUNCTION void emit(Thread const& thread, int w, int r, int at) const {
-    Row<R> row = rows.row(at);
-    int const entries = entries_in(row);
-    R* const there = rows.Y.data() + row.first_entry;
-    auto const y = thread.column(entries, there);
-    for (int i = 0; i < entries; ++i) y[i] = R(0);
-    R gap(0), rate(0), free_rate(0), diagonal(0);
+  /// J of row r of an element, number `at` of the pool, to y, and its gap to its bias.
+  KOKKOS_FORCEINLINE_FUNCTION void write_jacobian(Strided<R> const& y, Row<R> const& row, int w, int r, int at) const {
+    for (int i = 0; i < entries_in(row); ++i) y[i] = R(0);
     types.visit_type(row.type, [&](auto const& type) {
-      gap = R(element_of(type, w, row.element).jacobian(r, RowWriter<R, Mem, std::decay_t<decltype(y)>>{model, dynamics, row, y, w}));
+      rows.row(at).bias = R(element_of(type, w, row.element).jacobian(r, RowWriter<R, Mem, Strided<R>>{model, dynamics, row, y, w}));
     });
+  }
+  /// Y of the row, in y and in the pool, and what its law asks for (row_lanes.hpp).
+  template <class Entries>
+  KOKKOS_FORCEINLINE_FUNCTION void whiten_row(Entries const y, Row<R> const& row, int w, int at) const {
+    Row<R>& to = rows.row(at);
+    RowSums<R> sums{.gap = to.bias};
     for (int s = 0, begin = 0; s < 2 && row.segment[s].count > 0; begin += row.segment[s++].count) {
-      auto const& segment = row.segment[s];
-      int const tree = model.dof_tree(segment.dof0);
-      TreeItems<R> const items = dynamics.tree(model, w, tree);
-      for (int i = 0; i < segment.count; ++i) {
-        int const dof = segment.list < 0 ? i : model.ints(segment.list + i);
-        gap = fma(y[begin + i], items[items.at.low + dof], gap);
-        rate = fma(y[begin + i], items[items.at.qvel + dof], rate);
-        free_rate = fma(y[begin + i], items[items.at.velocity + dof], free_rate);
-      }
-      whiten(model, items, tree, segment, y, begin);
-      for (int i = 0; i < segment.count; ++i) {
-        diagonal = fma(y[begin + i], y[begin + i], diagonal);
-        there[begin + i] = y[begin + i];
-      }
+      int const tree = model.dof_tree(row.segment[s].dof0);
+      whiten(model, dynamics.factored(model, w, tree), tree, row.segment[s], y, begin, sums);
     }
-    types.visit_type(row.type, [&](auto const& type) {
-      most_yield(at) =
-          laws(Kokkos::Experimental::infinity_v<R>).set(element_of(type, w, row.element), w, r, at, gap, rate, free_rate, diagonal, row);
+    to.bias = sums.gap;
+    to.lower = sums.rate;
+    to.upper = sums.free_rate;
+    to.mu = sums.diagonal;
+    if constexpr (!std::is_pointer_v<Entries>)
+      for (int i = 0; i < entries_in(row); ++i) rows.Y(row.first_entry + i) = y[i];
+  }
+  /// Laws of the rows of an element, whose entries and sums (row_lanes.hpp) are known, couplings, identity, and the impulses to start from.
+  KOKKOS_FORCEINLINE_FUNCTION void finish(RowLaws<R, Mem> const& laws, int w, int n, int first) const {
+    Row<R>* const row = &rows.row(first);
+    int const k = row->element, place = row->type, now = impulses.parity();
+    typename RowLaws<R, Mem>::Asked asked[most_element_rows];
+    R start[most_element_rows], most_yield[most_element_rows], load(0);
+    for (int r = 0; r < n; ++r) start[r] = R(0);
+    types.visit_type(place, [&](auto const& type) {  // what it does by itself: threads with elements of different types part here alone
+      auto const element = element_of(type, w, k);
+      for (int r = 0; r < n; ++r) asked[r] = laws.ask(element, r, row[r].bias, row[r].lower);
+      RowId const id = type.id(w, k);
+      for (int r = 0; r < n; ++r) impulses.id[now](first + r) = row_key(place, id);
+      if (state.steps(w) > 0) load = starts().find(type, k, place, id, w, first - rows.first(w), n, start);
+      starts().mark_place(type, w, k, n, first);
     });
-    rows.row(at) = row;
+    bool same = true;
+    for (int r = 0; r < n; ++r) {
+      Row<R> own = row[r];
+      most_yield[r] = laws.set(asked[r], w, first + r, own.bias, own.lower, own.upper, own.mu, own);
+      row[r] = own;
+      same = same && has_segments_of(row[r], row[0]);
+    }
+    row->same_segments = same;
+    for (int r = 0; r < n; ++r) {
+      R const p = row[r].inverse_diagonal > R(0) ? start[r] : R(0);
+      impulses.p[now](first + r) = p - p == R(0) ? p : R(0);
+      if (row[r].friction_of >= 0 && model.profile == Profile::stable)
+        hold_elastically(row[r], row[row[r].friction_of], impulses.p[now](first + r), start[row[r].friction_of], load, rows.rate_scale(w));
+    }
+    couple(rows, row, n, row->first_entry - couplings_of(n));
+    // What is squeezed carries zeta / C, and hardened for that it would carry more each step: the weight of its island is the most that
+    // counts.
+    for (int r = 0; r < n; ++r) harden(row[r], min(load, rows.island_mass(w, row[r]) * rows.rate_scale(w)), most_yield[r]);
   }
   /// All rows of a world, on a host, element by element: some rows are laid out, a pack at a time gets its entries (row_lanes.hpp), then
   /// laws and impulses.
@@ -176,15 +227,7 @@ struct EmitRows {
       }
       for (int n; begin < end; begin += n) {
         n = rows.element_rows(begin);
-        types.visit_type(rows.row(begin).type, [&](auto const& type) {
-          auto const element = element_of(type, w, rows.row(begin).element);
-          for (int at = begin; at < begin + n; ++at) {
-            Row<R> row = rows.row(at);
-            most_yield(at) = laws(inverse_inertia).set(element, w, at - begin, at, row.bias, row.lower, row.upper, row.mu, row);
-            rows.row(at) = row;
-          }
-          finish(type, w, n, begin);
-        });
+        finish(laws(inverse_inertia), w, n, begin);
       }
     };
     types.each(w, 0, [&](auto const& type, int place, int k) {
@@ -212,51 +255,6 @@ struct EmitRows {
       }
     });
     finish_rows();
-  }
-  /// Of an element whose island sleeps: who it is, and the impulses that it fell asleep with.
-  /// @param at  its first row, counted from the world's
-  template <class Type>
-  KOKKOS_INLINE_FUNCTION void keep(Type const& type, int k, int place, int w, int n, int at) const {
-    int const now = impulses.parity(), first = rows.first(w) + at;
-    RowId const id = type.id(w, k);
-    R start[most_element_rows];
-    for (int r = 0; r < n; ++r) start[r] = R(0);
-    starts().find(type, k, place, id, w, at, n, start);
-    for (int r = 0; r < n; ++r) {
-      Row<R>& row = rows.row(first + r);
-      row.type = static_cast<unsigned char>(place);
-      row.element = k;
-      rows.element_rows(first + r) = static_cast<signed char>(r == 0 ? n : 0);
-      impulses.id[now](first + r) = row_key(place, id);
-      impulses.p[now](first + r) = start[r];
-    }
-    starts().mark_place(type, w, k, n, first);
-  }
-  /// What belongs to an element as a whole: couplings, identity, and the impulses to start from.
-  template <class Type>
-  KOKKOS_INLINE_FUNCTION void finish(Type const& type, int w, int n, int first) const {
-    Row<R>* const row = &rows.row(first);
-    int const k = row->element, place = row->type;
-    bool same = true;
-    for (int b = 1; b < n; ++b) same = same && has_segments_of(row[b], row[0]);
-    row->same_segments = same;
-    int const now = impulses.parity();
-    RowId const id = type.id(w, k);
-    R start[most_element_rows];
-    for (int r = 0; r < n; ++r) start[r] = R(0);
-    R const load = state.steps(w) > 0 ? starts().find(type, k, place, id, w, first - rows.first(w), n, start) : R(0);
-    for (int r = 0; r < n; ++r) {
-      impulses.id[now](first + r) = row_key(place, id);
-      R const p = row[r].inverse_diagonal > R(0) ? start[r] : R(0);
-      impulses.p[now](first + r) = p - p == R(0) ? p : R(0);
-      if (row[r].friction_of >= 0 && model.profile == Profile::stable)
-        hold_elastically(row[r], row[row[r].friction_of], impulses.p[now](first + r), start[row[r].friction_of], load, rows.rate_scale(w));
-    }
-    couple(rows, row, n, row->first_entry - couplings_of(n));
-    // What is squeezed carries zeta / C, and hardened for that it would carry more each step: the weight of its island is the most that
-    // counts.
-    for (int r = 0; r < n; ++r) harden(row[r], min(load, rows.island_mass(w, row[r]) * rows.rate_scale(w)), most_yield(first + r));
-    starts().mark_place(type, w, k, n, first);
   }
   /// Rigid friction yields to what it changes by,   w + C (p - p_last) = 0:   it creeps under no load, and since it took hold it has
   /// slipped by -h C p, as on a spring 1 / (h^2 C). Without, friction of points that move alike is not unique, and where they move nearly
@@ -288,10 +286,10 @@ struct EmitRows {
 template <class R, class Mem, class Types>
 struct MakeRows {
   EmitRows<R, Mem, Types> emit;
-  static constexpr int column_bytes = 160;  // a row's entries, or else they are worked on in the pool
-  KOKKOS_FUNCTION int count() const { return emit.count(); }
+  static constexpr int near_bytes = 160;  // a row's entries, or else they are worked on in the pool
+  KOKKOS_FUNCTION int count() const { return emit.row_count(); }
   template <class Thread>
-  KOKKOS_FUNCTION void operator()(Thread const& thread, int at) const {
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(Thread const& thread, int at) const {
     emit.make(thread, at);
   }
 };
@@ -299,10 +297,10 @@ struct MakeRows {
 template <class R, class Mem, class Types>
 struct FinishRows {
   EmitRows<R, Mem, Types> emit;
-  KOKKOS_FUNCTION int count() const { return emit.count(); }
+  KOKKOS_FUNCTION int count() const { return emit.element_count(); }
   template <class Thread>
-  KOKKOS_FUNCTION void operator()(Thread const&, int at) const {
-    emit.finish(at);
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(Thread const&, int number) const {
+    emit.finish(number);
   }
 };
 

@@ -154,16 +154,13 @@ class RowLanes {
     for (int c = 0; c < 3; ++c) to[c].set(lane, to[c][lane] + v[c]);
   }
   KOKKOS_INLINE_FUNCTION void one(FactorItems<R> const& items, int k) const {
-    R* const y = y_[k];
     Row<R>& to = *row_[k];
-    for (int i = 0; i < segment_[k].count; ++i) {
-      int const d = dof(segment_[k], i);
-      to.bias = fma(y[i], items[items.at.low + d], to.bias);
-      to.lower = fma(y[i], items[items.at.qvel + d], to.lower);
-      to.upper = fma(y[i], items[items.at.velocity + d], to.upper);
-    }
-    whiten(model_, items, tree_, segment_[k], y, 0);
-    for (int i = 0; i < segment_[k].count; ++i) to.mu = fma(y[i], y[i], to.mu);
+    RowSums<R> sums{to.bias, to.lower, to.upper, to.mu};
+    whiten(model_, items, tree_, segment_[k], y_[k], 0, sums);
+    to.bias = sums.gap;
+    to.lower = sums.rate;
+    to.upper = sums.free_rate;
+    to.mu = sums.diagonal;
   }
   /// y <- (J + y) L^-1 D^-1/2, each dof leaving its share to its ancestors, as in whiten.
   KOKKOS_INLINE_FUNCTION void together(FactorItems<R> const& items) {

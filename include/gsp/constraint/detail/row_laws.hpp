@@ -30,12 +30,26 @@ struct RowLaws {
   Dynamics<R, Mem> const& dynamics;
   Rows<R, Mem> const& rows;
   R most_inverse_inertia;  // inverse_inertia of any row of the world is no more: rows that move enough are not asked for theirs
-  /// Law and bounds of row r of an element, number `at` of the pool. Returns what it may yield to its load (RowLaw).
+
+  /// What an element asks for one of its rows.
+  struct Asked {
+    RowLaw<R> law;
+    RowBounds<R> bounds;
+    bool known;  // its impulse, whatever the rate: bounds that meet (a cone of profile mujoco goes by its law, not by bounds)
+  };
   template <class Element>
-  KOKKOS_INLINE_FUNCTION R set(Element const& element, int w, int r, int at, R gap, R rate, R free_rate, R diagonal, Row<R>& row) const {
+  KOKKOS_INLINE_FUNCTION Asked ask(Element const& element, int r, R gap, R rate) const {
     auto const of_type = element.bounds(r);
     RowBounds<R> bounds{R(of_type.lower), R(of_type.upper), of_type.friction_of, R(of_type.mu), of_type.with_next, of_type.dry};
-    RowLaw<R> law = element.law(r, gap, rate, model.timestep, bounds);
+    RowLaw<R> const law = element.law(r, gap, rate, model.timestep, bounds);
+    bool const known =
+        bounds.lower == bounds.upper && bounds.friction_of < 0 && (model.profile == Profile::stable || !bears_friction(element, r));
+    return {law, bounds, known};
+  }
+  /// Law and bounds of a row, number `at` of the pool. Returns what it may yield to its load (RowLaw).
+  KOKKOS_INLINE_FUNCTION R set(Asked const& asked, int w, int at, R gap, R rate, R free_rate, R diagonal, Row<R>& row) const {
+    RowLaw<R> law = asked.law;
+    RowBounds<R> const& bounds = asked.bounds;
     bool const bounces =
         law.restitution > R(0) && law.restitution <= R(1) && law.compliance == R(0) && bounds.pushes_alone() && rows.impact.data();
     bool const is_law = is_finite(law.zeta) && is_finite(law.compliance) && law.compliance >= R(0) && (bounces || law.restitution == R(0));
@@ -47,8 +61,7 @@ struct RowLaws {
     }
     // J of such a state, or of a type that gives such: nothing can be said of the row, and the world stays as it is.
     if (!is_finite(diagonal)) Kokkos::atomic_or(&state.status(w), status::not_finite);
-    // Between bounds that meet the impulse is known, whatever the rate. (A cone of profile mujoco goes by its law, not by bounds.)
-    if (bounds.lower == bounds.upper && bounds.friction_of < 0 && (model.profile == Profile::stable || !bears_friction(element, r))) {
+    if (asked.known) {
       law.compliance = R(0);
       law.zeta = rate;
     }

@@ -65,6 +65,15 @@ struct RowStructure {
   KOKKOS_INLINE_FUNCTION void add_rotation(int body, Vec3<R> const& direction, R = R(1)) { add_point(body, direction, direction); }
 };
 
+/// Numbers that stand apart.
+template <class R>
+struct Strided {
+  R* at;
+  int stride;
+  KOKKOS_INLINE_FUNCTION R& operator[](int i) const { return at[i * stride]; }
+  KOKKOS_INLINE_FUNCTION Strided operator+(int i) const { return {at + i * stride, stride}; }
+};
+
 /// Writes the entries of J where RowStructure has made room.
 template <class R, class Mem, class Entries>
 struct RowWriter {

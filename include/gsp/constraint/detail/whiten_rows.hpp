@@ -5,30 +5,79 @@
 /// Y = J L^-1 D^-1/2 where M = L^T D L (dynamics/factor.hpp), of one row. Hosts make a row a lane (row_lanes.hpp).
 namespace gsp::detail {
 
+/// x, which nothing writes while the kernel runs: a load that need not wait for the stores before it.
+template <class T>
+KOKKOS_FORCEINLINE_FUNCTION T read_only(T const& x) {
+#ifdef __CUDA_ARCH__
+  return __ldg(&x);
+#else
+  return x;
+#endif
+}
+
+/// What is summed over the entries of a row.
+template <class R>
+struct RowSums {
+  R gap = R(0);                     // J x, x what rounding has taken from the positions (FactorLayout::low)
+  R rate = R(0), free_rate = R(0);  // J v, v the velocity; the free velocity
+  R diagonal = R(0);                // |Y|^2
+};
+
 /// y <- y L^-1 D^-1/2 on one segment, of tree `tree`, entries from `begin` on: from the leaves, each leaves its share to its ancestors.
-/// @param s  TreeItems or FactorItems of it
+/// @param s     TreeItems or FactorItems of the tree
+/// @param y     J, and Y then
+/// @param sums  grow by what is on the segment
 template <class R, class Mem, class Items, class Entries>
-KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, Items const& s, int tree, RowSegment const& segment, Entries const& y,
-                                   int begin) {
+KOKKOS_INLINE_FUNCTION void whiten(Model<R, Mem> const& model, Items const& s, int tree, RowSegment const& segment, Entries const y,
+                                   int begin, RowSums<R>& sums) {
   Archetype const& a = model.archetypes(model.tree_archetype(tree));
   int const* const ints = model.ints.data();
-  constexpr int batch = 4;  // loads after a store to y would wait for it, as they might be of the same place: so many at a time
+  auto const number = [&](int i) { return segment.list < 0 ? i : read_only(ints[segment.list + i]); };
+  for (int i = 0; i < segment.count; ++i) {
+    int const dof = number(i);
+    R const J = y[begin + i];
+    sums.gap = fma(J, read_only(s[s.at.low + dof]), sums.gap);
+    sums.rate = fma(J, read_only(s[s.at.qvel + dof]), sums.rate);
+    sums.free_rate = fma(J, read_only(s[s.at.velocity + dof]), sums.free_rate);
+  }
+  // What loads wait for is loaded a turn before, and four at a time: a load after a store to y would wait for it, as they might be of the
+  // same place.
+  struct Dof {
+    int number, adr, n;  // where its row of L begins, its ancestors there
+  };
+  auto const dof_at = [&](int i) {
+    int const dof = number(i), adr = read_only(ints[a.row_adr + dof]);
+    return Dof{dof, adr, read_only(ints[a.row_adr + dof + 1]) - adr - 1};
+  };
+  constexpr int batch = 4;
+  Dof next = dof_at(segment.count - 1);
   for (int i = segment.count - 1; i >= 0; --i) {
-    int const dof = segment.list < 0 ? i : ints[segment.list + i], adr = ints[a.row_adr + dof], n = ints[a.row_adr + dof + 1] - adr;
-    R const value = y[begin + i], scale = sqrt(s[s.at.inverse_diagonal + dof]);
-    auto const place = [&](int p) {  // in a chain the ancestors are the entries before
-      return begin + (segment.list < 0 ? ints[a.row_col + adr + p] : p);
+    Dof const dof = next;
+    R const value = y[begin + i], scale = sqrt(read_only(s[s.at.inverse_diagonal + dof.number]));
+    if (i > 0) next = dof_at(i - 1);
+    auto const leave = [&](auto const& place) {
+      R coming[batch], factor[batch], left[batch];
+      auto const take = [&](int p) {
+        for (int k = 0; k < batch; ++k)
+          if (p + k < dof.n) coming[k] = read_only(s[s.at.factor + dof.adr + p + k]);
+      };
+      take(0);
+      for (int p = 0; p < dof.n; p += batch) {
+        for (int k = 0; k < batch; ++k) factor[k] = -coming[k];
+        take(p + batch);
+        for (int k = 0; k < batch; ++k)
+          if (p + k < dof.n) left[k] = fma(factor[k], value, y[place(p + k)]);
+        for (int k = 0; k < batch; ++k)
+          if (p + k < dof.n) y[place(p + k)] = left[k];
+      }
     };
-    int p = 0;
-    for (; p + batch < n; p += batch) {
-      int at[batch];
-      R next[batch];
-      for (int k = 0; k < batch; ++k) at[k] = place(p + k);
-      for (int k = 0; k < batch; ++k) next[k] = fma(-s[s.at.factor + adr + p + k], value, y[at[k]]);
-      for (int k = 0; k < batch; ++k) y[at[k]] = next[k];
-    }
-    for (; p < n - 1; ++p) y[place(p)] = fma(-s[s.at.factor + adr + p], value, y[place(p)]);
-    y[begin + i] = value * scale;
+    if (dof.n == i)  // a chain: its ancestors are the entries before
+      leave([&](int p) { return begin + p; });
+    else
+      leave([&](int p) { return begin + read_only(ints[a.row_col + dof.adr + p]); });
+    R const whitened = value * scale;
+    y[begin + i] = whitened;
+    sums.diagonal = fma(whitened, whitened, sums.diagonal);
   }
 }
 

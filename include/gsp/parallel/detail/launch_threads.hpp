@@ -5,7 +5,7 @@
 /// As many threads of a device as what an earlier kernel has counted there.
 namespace gsp::detail {
 
-/// f(thread, i) for i < f.count(), which the device calls; `thread` has `column` (threads_cuda.hpp).
+/// f(thread, i) for i < f.count(), which the device calls; `thread` has `near` (threads_cuda.hpp).
 template <class Exec, class F>
 void launch_threads(std::string const& label, Exec const& exec, F const& f);
 

@@ -5,39 +5,40 @@
 /// launch_threads on a CUDA GPU.
 namespace gsp::detail {
 
-/// Numbers of a thread among those of the other threads of its warp.
+/// Numbers of a thread near it, among those of the other threads of its warp.
 template <class T>
-struct Column {
+struct Near {
+  static constexpr int stride = 32;
   T* at;
-  int stride;
   __device__ T& operator[](int i) const { return at[i * stride]; }
 };
 
 /// Memory near the threads that a kernel asks for [bytes a thread].
 template <class F>
-inline constexpr int column_bytes_of = 0;
+inline constexpr int near_bytes_of = 0;
 template <class F>
-requires(F::column_bytes > 0) inline constexpr int column_bytes_of<F> = F::column_bytes;
+requires(F::near_bytes > 0) inline constexpr int near_bytes_of<F> = F::near_bytes;
 
 /// A thread by itself.
-template <int column_bytes>
+template <int bytes>
 struct OwnThread {
-  char* columns;  // of its warp
-  /// Where it works on n numbers of its own before they go to `there`: near it, in kernels that have column_bytes, those of a thread.
+  char* memory;  // of its warp
+  /// How many numbers it has room for near it, and where.
   template <class T>
-  __device__ Column<T> column(int n, T* there) const {
-    if (n * int(sizeof(T)) <= column_bytes) return {reinterpret_cast<T*>(columns) + threadIdx.x % 32, 32};
-    return {there, 1};
+  static constexpr int room = bytes / int(sizeof(T));
+  template <class T>
+  __device__ Near<T> near() const {
+    return {reinterpret_cast<T*>(memory) + threadIdx.x % 32};
   }
 };
 
-// Kernels that work in columns wait for memory most of the time: three blocks of 256 threads at a time, with 80 registers a thread, are
-// faster than two with all that they want (four: about the same, docs/decisions/0017).
+// Kernels that work near their threads wait for memory most of the time: three blocks of 256 threads at a time, with 80 registers a thread,
+// are faster than two with all that they want (four: about the same, docs/decisions/0017).
 inline constexpr int threads_of_block = 256, blocks_at_a_time = 3;
-template <class F, int bytes = column_bytes_of<F>>
+template <class F, int bytes = near_bytes_of<F>>
 __global__ void __launch_bounds__(threads_of_block, blocks_at_a_time) threads_kernel(F const __grid_constant__ f) {
-  __shared__ alignas(8) char columns[bytes > 0 ? threads_of_block * bytes : 1];
-  OwnThread<bytes> const thread{columns + int(threadIdx.x) / 32 * 32 * bytes};
+  __shared__ alignas(8) char memory[bytes > 0 ? threads_of_block * bytes : 1];
+  OwnThread<bytes> const thread{memory + int(threadIdx.x) / 32 * 32 * bytes};
   int const n = f.count();
   for (int i = int(blockIdx.x * blockDim.x + threadIdx.x); i < n; i += int(gridDim.x * blockDim.x)) f(thread, i);
 }

@@ -11,49 +11,47 @@ struct WarpWorld {
   static __device__ int lane() { return int(threadIdx.x); }
   __device__ void sync() const { __syncwarp(); }
   template <class F>
-  __device__ void single(F const& f) const {
+  __device__ __forceinline__ void single(F const& f) const {
     if (lane() == 0) f();
     __syncwarp();
   }
   template <class F>
-  __device__ void each(int n, F const& f) const {
+  __device__ __forceinline__ void each(int n, F const& f) const {
     for (int i = lane(); i < n; i += 32) f(i);
     __syncwarp();
   }
   /// The same sum in all threads.
   template <class T, class F>
-  __device__ T sum(int n, F const& f) const {
+  __device__ __forceinline__ T sum(int n, F const& f) const {
     T total(0);
     for (int i = lane(); i < n; i += 32) total += f(i);
 #pragma unroll
     for (int stride = 16; stride > 0; stride /= 2) total += __shfl_xor_sync(0xffffffffu, total, stride);
     return total;
   }
-  template <class T, class F>
-  __device__ void scan(int n, F const& f) const {
+  template <class T, class Own, class Put>
+  __device__ __forceinline__ void scan(int n, Own const& own, Put const& put) const {
     T before(0);
     for (int begin = 0; begin < n; begin += 32) {
       int const i = begin + lane();
-      T own(0);
-      if (i < n) f(i, own, false);
+      T const part = i < n ? own(i) : T(0);
       __syncwarp();
-      T sum = own;
+      T sum = part;
 #pragma unroll
       for (int stride = 1; stride < 32; stride *= 2) {
         T const below = __shfl_up_sync(0xffffffffu, sum, stride);
         if (lane() >= stride) sum += below;
       }
-      T running = before + (sum - own);
-      if (i < n) f(i, running, true);
+      if (i < n) put(i, before + (sum - part));
       before += __shfl_sync(0xffffffffu, sum, 31);
     }
   }
   template <class T>
-  __device__ void add(T& to, T x) const {
+  __device__ __forceinline__ void add(T& to, T x) const {
     Kokkos::atomic_add(&to, x);
   }
   template <class Key, class Put>
-  __device__ void place(int n, Key const& key, int* next, Put const& put) const {
+  __device__ __forceinline__ void place(int n, Key const& key, int* next, Put const& put) const {
     for (int begin = 0; begin < n; begin += 32) {
       int const i = begin + lane(), k = i < n ? key(i) : -1;
       unsigned const equal = __match_any_sync(0xffffffffu, k), before = equal & ((1u << lane()) - 1u);

@@ -113,14 +113,12 @@ struct ImpactsWorld {
     };
     int const count = q.island.count, hit = world.template sum<int>(count, [&](int k) { return int(leads(q.island.row(k))); });
     if (hit == 0) return 0;
-    world.template scan<int>(count, [&](int k, int& running, bool last) {
-      int const r = q.island.row(k);
-      int const chosen = leads(r) || joins(r);
-      if (last && chosen) q.list[running] = r;
-      running += chosen;
+    auto const chosen = [&](int k) { return int(leads(q.island.row(k)) || joins(q.island.row(k))); };
+    world.template scan<int>(count, chosen, [&](int k, int at) {
+      if (chosen(k)) q.list[at] = q.island.row(k);
     });
     world.sync();
-    return world.template sum<int>(count, [&](int k) { return int(leads(q.island.row(k)) || joins(q.island.row(k))); });
+    return world.template sum<int>(count, chosen);
   }
   /// q.p: what brings the rows of the list to no approach. Whether sweeps have come to rest.
   template <class World>
