@@ -174,24 +174,31 @@ struct EmitRows {
   KOKKOS_FORCEINLINE_FUNCTION void finish(RowLaws<R, Mem> const& laws, int w, int n, int first) const {
     Row<R>* const row = &rows.row(first);
     int const k = row->element, place = row->type, now = impulses.parity();
-    typename RowLaws<R, Mem>::Asked asked[most_element_rows];
+    constexpr bool apart = is_device<typename Mem::execution_space>;  // threads with elements of different types part in `visit_type` alone
+    typename RowLaws<R, Mem>::Asked asked[apart ? most_element_rows : 1];
     R start[most_element_rows], most_yield[most_element_rows], load(0);
     for (int r = 0; r < n; ++r) start[r] = R(0);
-    types.visit_type(place, [&](auto const& type) {  // what it does by itself: threads with elements of different types part here alone
+    auto const set = [&](int r, auto const& what) {
+      Row<R> own = row[r];
+      most_yield[r] = laws.set(what, w, first + r, own.bias, own.lower, own.upper, own.mu, own);
+      row[r] = own;
+    };
+    types.visit_type(place, [&](auto const& type) {
       auto const element = element_of(type, w, k);
-      for (int r = 0; r < n; ++r) asked[r] = laws.ask(element, r, row[r].bias, row[r].lower);
+      for (int r = 0; r < n; ++r)
+        if constexpr (apart)
+          asked[r] = laws.ask(element, r, row[r].bias, row[r].lower);
+        else
+          set(r, laws.ask(element, r, row[r].bias, row[r].lower));
       RowId const id = type.id(w, k);
       for (int r = 0; r < n; ++r) impulses.id[now](first + r) = row_key(place, id);
       if (state.steps(w) > 0) load = starts().find(type, k, place, id, w, first - rows.first(w), n, start);
       starts().mark_place(type, w, k, n, first);
     });
+    if constexpr (apart)
+      for (int r = 0; r < n; ++r) set(r, asked[r]);
     bool same = true;
-    for (int r = 0; r < n; ++r) {
-      Row<R> own = row[r];
-      most_yield[r] = laws.set(asked[r], w, first + r, own.bias, own.lower, own.upper, own.mu, own);
-      row[r] = own;
-      same = same && has_segments_of(row[r], row[0]);
-    }
+    for (int r = 1; r < n; ++r) same = same && has_segments_of(row[r], row[0]);
     row->same_segments = same;
     for (int r = 0; r < n; ++r) {
       R const p = row[r].inverse_diagonal > R(0) ? start[r] : R(0);
