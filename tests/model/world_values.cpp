@@ -239,6 +239,16 @@ TEST_CASE_TEMPLATE("misuse is refused in one sentence", Exec, GSP_TEST_EXECS) {
   auto collision = gsp::make_collision_model<double>(exec, compiled);
   CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, collision, GeomField::size, Values<Exec>("v", 4, 3 * compiled.ngeom)),
                        doctest::Contains("geom size is not per world"), std::invalid_argument);
+  gsp::make_per_world(exec, collision, {GeomField::size}, 4);
+  Kokkos::View<bool*, typename Exec::memory_space> const mask("mask", 3);
+  char const* const refused = "the mask has 3 worlds and the values 4: make them equal";
+  CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, collision, GeomField::size, Values<Exec>("v", 4, 3 * compiled.ngeom), mask),
+                       doctest::Contains(refused), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, model, ModelField::body_mass, Values<Exec>("v", 4, compiled.nbody), mask),
+                       doctest::Contains(refused), std::invalid_argument);
+  auto four = gsp::make_dynamics(exec, model, {.worlds = 4});
+  CHECK_THROWS_WITH_AS(gsp::set_constants(exec, model, four, mask), doctest::Contains("the mask has 3 worlds and the dynamics 4"),
+                       std::invalid_argument);
 }
 
 TEST_CASE_TEMPLATE("what does not fit together is refused where it meets", Exec, GSP_TEST_EXECS) {

@@ -300,15 +300,19 @@ TEST_CASE_TEMPLATE("a Jacobian that is no number stops its world alone", Exec, G
     }
 }
 
-// Sizes, poses and friction of geoms that are no numbers: the world stops, where its contacts were lost in silence. With all pairs listed,
-// and where they are searched for.
+// Sizes, poses and friction of geoms that are no numbers, of the last box and, as a plane has no size, of the floor: the world stops, where
+// its contacts were lost in silence. With all pairs listed, and where they are searched for.
 TEST_CASE_TEMPLATE("geoms that are no geoms stop their world alone", Exec, GSP_TEST_EXECS) {
   float const inf = std::numeric_limits<float>::infinity(), nan = std::numeric_limits<float>::quiet_NaN();
   for (int const bodies : {1, 400})
-    for (auto const field : {gsp::GeomField::size, gsp::GeomField::pos, gsp::GeomField::friction})
+    for (auto const& [field, of_floor] :
+         {std::pair{gsp::GeomField::size, false}, std::pair{gsp::GeomField::pos, false}, std::pair{gsp::GeomField::pos, true},
+          std::pair{gsp::GeomField::quat, false}, std::pair{gsp::GeomField::quat, true}, std::pair{gsp::GeomField::friction, false}})
       for (float const wrong : {nan, inf}) {
-        if (field == gsp::GeomField::friction && wrong != inf) continue;  // NaN acts as 1e-5, as in MuJoCo
+        bool const stops = field != gsp::GeomField::friction || wrong == inf;  // NaN acts as 1e-5, as in MuJoCo
+        int const components = field == gsp::GeomField::quat ? 4 : 3;
         CAPTURE(bodies);
+        CAPTURE(of_floor);
         CAPTURE(int(field));
         CAPTURE(wrong);
         gsp::Description d;
@@ -328,10 +332,10 @@ TEST_CASE_TEMPLATE("geoms that are no geoms stop their world alone", Exec, GSP_T
         auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = 2});
         gsp::make_per_world(exec, sim.collision, {field}, 2);
         using Values = Kokkos::View<float**, Kokkos::LayoutRight, typename Exec::memory_space>;
-        Values values("values", 2, 3 * compiled.ngeom);
+        Values values("values", 2, components * compiled.ngeom);
         gsp::copy_world_values(exec, sim.collision, field, values);
         auto const numbers = gsp_test::host(values);
-        numbers(1, 3 * (compiled.ngeom - 1)) = wrong;
+        numbers(1, of_floor ? 0 : components * (compiled.ngeom - 1)) = wrong;
         Kokkos::deep_copy(values, numbers);
         gsp::set_world_values(exec, sim.collision, field, values);
         gsp::step(exec, model, state, sim, {.steps = 30});
@@ -339,10 +343,45 @@ TEST_CASE_TEMPLATE("geoms that are no geoms stop their world alone", Exec, GSP_T
         auto const status = gsp_test::host(state.status);
         CHECK(status(0) == 0);
         CHECK(std::abs(q(0, 7 * bodies - 5) - 0.1f) < 1e-3f);
-        CHECK((status(1) & gsp::status::stopped) != 0);
-        CHECK(q(1, 7 * bodies - 5) == 0.1f);
-        Kokkos::View<bool*, typename Exec::memory_space> const mask("mask", 3);
-        CHECK_THROWS_WITH_AS(gsp::set_world_values(exec, sim.collision, field, values, mask),
-                             doctest::Contains("the mask has 3 worlds, and the values are of 2"), std::invalid_argument);
+        CHECK(((status(1) & gsp::status::stopped) != 0) == stops);
+        if (stops)
+          CHECK(q(1, 7 * bodies - 5) == 0.1f);
+        else
+          CHECK(std::abs(q(1, 7 * bodies - 5) - 0.1f) < 1e-3f);
       }
+}
+
+// A limit whose range or margin is NaN was no limit, in silence.
+TEST_CASE_TEMPLATE("limits that are no limits stop their world alone", Exec, GSP_TEST_EXECS) {
+  for (auto const field : {gsp::ModelField::jnt_range, gsp::ModelField::jnt_margin}) {
+    CAPTURE(int(field));
+    gsp::Description d;
+    gsp::BodyDescription body;
+    gsp::GeomDescription ball;
+    ball.size = {0.1, 0, 0};
+    body.parent = 0, body.geoms = {ball};
+    auto& joint = body.joints.emplace_back();
+    joint.type = gsp::JointType::slide, joint.axis = {0, 0, 1}, joint.limited = true, joint.range = {-0.01, 1};
+    d.bodies.push_back(body);
+    Exec const exec;
+    auto const compiled = gsp::compile(d);
+    auto model = gsp::make_model<float>(exec, compiled);
+    auto state = gsp::make_state(exec, model, {.worlds = 2});
+    auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = 2});
+    gsp::make_per_world(exec, model, {field}, 2);
+    Kokkos::View<float**, Kokkos::LayoutRight, typename Exec::memory_space> values("values", 2,
+                                                                                   field == gsp::ModelField::jnt_range ? 2 : 1);
+    gsp::copy_world_values(exec, model, field, values);
+    auto const numbers = gsp_test::host(values);
+    numbers(1, 0) = std::numeric_limits<float>::quiet_NaN();
+    Kokkos::deep_copy(values, numbers);
+    gsp::set_world_values(exec, model, field, values);
+    gsp::step(exec, model, state, sim, {.steps = 200});
+    auto const q = gsp_test::host(state.qpos);
+    auto const status = gsp_test::host(state.status);
+    CHECK(status(0) == 0);
+    CHECK(std::abs(q(0, 0) + 0.01f) < 1e-2f);
+    CHECK((status(1) & gsp::status::not_finite) != 0);
+    CHECK(q(1, 0) == 0);
+  }
 }

@@ -41,7 +41,7 @@ struct PlaceColliders {
   }
   KOKKOS_FORCEINLINE_FUNCTION void place(int w, int g) const {
     Vec3<R> lo{}, hi{};
-    R broken(0);  // NaN where a number is not finite: min and max would lose it
+    R broken(0);  // NaN where a number is not finite: min and max would lose it, and a plane's box has no orientation in it
     for (int c = model.group_first(g); c < model.group_first(g + 1); ++c) {
       int const b = model.collider_body(c);
       Transform<R> const body{{poses.xpos(w, b, 0), poses.xpos(w, b, 1), poses.xpos(w, b, 2)},
@@ -55,6 +55,7 @@ struct PlaceColliders {
       p[4] = t.q.x;
       p[5] = t.q.y;
       p[6] = t.q.z;
+      for (int i = 3; i < 7; ++i) broken = broken + (p[i] - p[i]);
       Vec3<R> e = half_extents(ShapeType(model.collider_type(c)), model.data_of(w, c), to_matrix(t.q));
       for (int i = 0; i < 3; ++i) {
         e[i] = e[i] + R(8) * Kokkos::Experimental::epsilon_v<R> * (abs(t.p[i]) + e[i]);  // rounding must not lose a touch

@@ -42,7 +42,7 @@ struct Contacts {
   int points_per_box_pair = 8;
   bool steady = false;
   View<int*> first, end;        // (worlds) the contacts of a world; use first_of and count_of, which know about overflow
-  View<std::uint32_t*> status;  // (worlds) status::contact_overflow
+  View<std::uint32_t*> status;  // (worlds) status::contact_overflow, status::not_finite (of sizes and poses)
   // (capacity), filled up to size()
   View<int*> world, pair;  // pair: its number, CollisionModel::colliders_of
   View<int*> geom1, geom2, body1, body2;

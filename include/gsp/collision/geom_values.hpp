@@ -54,7 +54,7 @@ struct SetGeoms {
     }
     if (stride == 7 && first == 3) {  // quaternions of any length
       R const n = Kokkos::sqrt(to[0] * to[0] + to[1] * to[1] + to[2] * to[2] + to[3] * to[3]);
-      for (int k = 0; k < 4; ++k) to[k] = n > R(0) ? to[k] / n : R(k == 0);
+      for (int k = 0; k < 4; ++k) to[k] = n == R(0) ? R(k == 0) : to[k] / n;
     }
   }
 };
@@ -138,13 +138,14 @@ void make_per_world(Exec const& exec, CollisionModel<R, Mem>& model, std::vector
 
 /// Sets a field of the geoms for the worlds of the mask, from `values` (worlds, geoms, components) or (worlds, geoms * components); geoms
 /// that take part in no pair are passed over. Sizes must be those of the geom's shape. Does not allocate, does not fence.
-/// Errors: std::invalid_argument where the field is not per world, or for other extents.
+/// @param mask  (worlds) callable with a world, such as a View<bool*>; the others keep what they have
+/// Errors: std::invalid_argument where the field is not per world, or for other extents, of the mask too.
 template <ExecutionSpace Exec, class R, class Mem, class Values, class Mask = AllWorlds>
 void set_world_values(Exec const& exec, CollisionModel<R, Mem>& model, GeomField field, Values const& values, Mask const& mask = {}) {
   static_assert(can_access<Exec, Values>, "gsp::set_world_values: the values are not accessible from this execution space");
   if (model.colliders == 0) return;
   auto const& f = detail::own_geom_field("gsp::set_world_values", model, field, values);
-  detail::expects_mask("gsp::set_world_values", mask, model.value_worlds);
+  detail::expects_mask("gsp::set_world_values", mask, "values", model.value_worlds);
   auto const& own = model.*f.member;
   Kokkos::parallel_for(
       "gsp::collision::set_world_values",

@@ -46,7 +46,7 @@ struct JointLimits {
       for (int c = 0, dof = jnt_dofadr(j); c < (ball ? 3 : 1); ++c) rate2 += square(qvel(world, dof + c));
       early = timestep * (sqrt(rate2) + gravity_rate(gravity, world, timestep));
     }
-    return gap(world, k) < jnt_margin(world, j) + early;
+    return !(gap(world, k) >= jnt_margin(world, j) + early);  // also of a range that is none: its row stops the world
   }
   template <class Row>
   KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int, Row&& J) const {

@@ -116,7 +116,7 @@ struct Rows {
   View<RowImpact<R>*> impact;                // (capacity) empty where no row has a restitution
   View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
   View<int*> world_of;                       // GPUs, (capacity) the world of a row
-  Kokkos::View<int, Mem> laid_out;           // GPUs: elements that Islands::elements lists while rows are made
+  Kokkos::View<int, Mem> laid_out;           // GPUs: how many elements Islands::elements lists while rows are made
   View<R*> Y;  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries; last
                // of a world what eliminated rows do to all, (most_eliminated, count)
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed, or one since they grew that needed more than there is

@@ -44,7 +44,7 @@ struct TendonLimits {
     R early(0);
     if (rigid(world, t).hard)
       early = timestep * (abs(trees.tendon_rate(world, tendon_tree(t), tendon_place(t))) + gravity_rate(gravity, world, timestep));
-    return gap(world, k) < tendon_margin(world, t) + early;
+    return !(gap(world, k) >= tendon_margin(world, t) + early);  // also of a range that is none: its row stops the world
   }
   template <class Row>
   KOKKOS_INLINE_FUNCTION R jacobian(int world, int k, int, Row&& J) const {

@@ -38,12 +38,13 @@ void expects_as_many(char const* where, char const* things, char const* remedy, 
   (check(others), ...);
 }
 /// A mask that has a size has that of the worlds. (Others are functors.)
+/// @param what  it is a mask of: "state"
 template <class Mask>
-void expects_mask(char const* where, Mask const& mask, int worlds) {
+void expects_mask(char const* where, Mask const& mask, char const* what, int worlds) {
   if constexpr (requires { mask.extent(0); })
     if (int(mask.extent(0)) != worlds)
-      throw std::invalid_argument(std::string(where) + ": the mask has " + std::to_string(mask.extent(0)) +
-                                  " worlds, and the values are of " + std::to_string(worlds) + ": make them equal");
+      throw std::invalid_argument(std::string(where) + ": the mask has " + std::to_string(mask.extent(0)) + " worlds and the " + what +
+                                  " " + std::to_string(worlds) + ": make them equal");
 }
 }  // namespace detail
 

@@ -35,7 +35,8 @@ inline std::string text(std::uint32_t bits) {
       "the constraint rows of this world did not fit: call settle(exec, simulation) and repeat the step (a loop of one's own: grow "
       "contacts, rows and impulses)");
   add(not_finite,
-      "the new velocity is NaN or infinite, and the world stays as it was before: look for numbers that are not finite in qpos, qvel, "
+      "the new velocity, or what the step reads of a row or a geom, is NaN or infinite, and the world stays as it was before: look for "
+      "numbers that are not finite in qpos, qvel, "
       "ctrl and qfrc_applied, in the model's values per world, and in what constraints and actuators of your own give, or take a smaller "
       "timestep or a softer model, then reset the world or clear the bit (state.status(w))");
   add(unbounded,

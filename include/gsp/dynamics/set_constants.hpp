@@ -12,10 +12,9 @@ namespace gsp {
 /// force gives, which scales muscles). After set_world_values, with the same mask: without one all worlds get constants of the model's
 /// precision, which differ by rounding from those of the compiled model. It takes `dynamics` as scratch, whose results are lost. Cost of
 /// one world: the mass matrix and its factor, and for each body six solves with its ancestors. Does not allocate, does not fence. Errors:
-/// std::invalid_argument where the model has no per-world masses (make_per_world with body_mass or the like), or where `dynamics` is of
-/// another number of worlds,
-/// or a mask.
-/// @param mask  callable with a world, such as a View<bool*>; the others keep every bit
+/// std::invalid_argument where the model has no per-world masses (make_per_world with body_mass or the like), or where `dynamics` or
+/// the mask is of another number of worlds.
+/// @param mask  (worlds) callable with a world, such as a View<bool*>; the others keep every bit
 template <ExecutionSpace Exec, class R, class Mem, class Mask = AllWorlds>
 void set_constants(Exec const& exec, Model<R, Mem>& model, Dynamics<R, Mem>& dynamics, Mask const& mask = {}) {
   Region const region("gsp::dynamics::set_constants");
@@ -24,7 +23,7 @@ void set_constants(Exec const& exec, Model<R, Mem>& model, Dynamics<R, Mem>& dyn
   if (dynamics.worlds != model.value_worlds)
     throw std::invalid_argument("gsp::set_constants: dynamics have " + std::to_string(dynamics.worlds) + " worlds and the model's values " +
                                 std::to_string(model.value_worlds) + ": make both with the same number");
-  detail::expects_mask("gsp::set_constants", mask, dynamics.worlds);
+  detail::expects_mask("gsp::set_constants", mask, "dynamics", dynamics.worlds);
   detail::loses(dynamics, detail::all_quantities);
   auto const out = [&](ModelField field, int items) {  // a tree without tendons has nothing to write
     return items > 0 ? world_values(model, field).data() : nullptr;

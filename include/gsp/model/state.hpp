@@ -49,9 +49,7 @@ void reset(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, M
   expects(from.worlds == 0 || from.worlds == 1 || from.worlds == state.worlds,
           "gsp::reset: the states to start from have " + std::to_string(from.worlds) + " worlds: give one, or one for each of the " +
               std::to_string(state.worlds));
-  if constexpr (requires { mask.extent(0); })
-    expects(int(mask.extent(0)) == state.worlds, "gsp::reset: the mask has " + std::to_string(mask.extent(0)) + " worlds and the state " +
-                                                     std::to_string(state.worlds) + ": make them equal");
+  detail::expects_mask("gsp::reset", mask, "state", state.worlds);
   detail::moves_on(state);
   int const items = std::max({model.nq, model.nv, model.na, model.nu, model.nmocap, model.neq, 1});
   Kokkos::parallel_for("gsp::model::reset",

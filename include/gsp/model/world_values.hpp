@@ -107,10 +107,11 @@ struct WorldValuesOptions {
 };
 
 /// Sets a field for the worlds of the mask, from `values` (worlds, items, components) or (worlds, items * components).
-/// @param mask  callable with a world, such as a View<bool*>; the others keep what they have
+/// @param mask  (worlds) callable with a world, such as a View<bool*>; the others keep what they have
 /// Ends of ranges that do not limit (act_ctrlrange, act_forcerange, jnt_actfrcrange of what is not limited) stay as they are; whether a
 /// joint or tendon has a limit is not per world. dof_armature and dof_damping hold what actuators add. After fields that masses or geometry
-/// enter, call set_constants once. Does not allocate, does not fence. Errors: std::invalid_argument for other extents.
+/// enter, call set_constants once. Does not allocate, does not fence. Errors: std::invalid_argument for other extents, of the mask
+/// too.
 template <ExecutionSpace Exec, class R, class Mem, class Values, class Mask = AllWorlds>
 void set_world_values(Exec const& exec, Model<R, Mem>& model, ModelField field, Values const& values, Mask const& mask = {},
                       WorldValuesOptions options = {}) {
@@ -121,7 +122,7 @@ void set_world_values(Exec const& exec, Model<R, Mem>& model, ModelField field, 
   auto const out = world_values(model, field);
   int const row = int(out.extent(1)), worlds = model.value_worlds;
   detail::expects_values("gsp::set_world_values", f.name, values, worlds, row / f.components, f.components);
-  detail::expects_mask("gsp::set_world_values", mask, worlds);
+  detail::expects_mask("gsp::set_world_values", mask, "values", worlds);
   expects(!options.scale_inertia || field == ModelField::body_mass, "gsp::set_world_values: scale_inertia is for body_mass");
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   if (options.scale_inertia) {

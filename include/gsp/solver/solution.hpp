@@ -24,7 +24,7 @@ struct Solution {
   View<int**> list_counts;      // (lists + 2, 5) what stands in them (detail/list_islands.hpp)
   View<signed char*> goes_on;   // hosts, (islands): into another round of sweeps
   View<signed char*> was_long;  // GPUs, (worlds of several trees): the last step took many sweeps
-  View<signed char*> left;      // GPUs, (islands): too large for shared memory; of those that are not small
+  View<signed char*> left;      // GPUs, (islands): too large for shared memory; of those that pgs_delassus_kernel does not take
   View<R*> thread_items;        // hosts: room for a pack of islands a thread (detail/pgs_lockstep.hpp)
   std::int64_t thread_stride = 0;
   View<R*> island_items;  // hosts: room for a large island a thread (detail/pgs_grouped.hpp), which pgs enlarges

@@ -130,9 +130,7 @@ template <ExecutionSpace Exec, class R, class Mem, class Mask>
 requires requires(Mask const& mask) { bool(mask(0)); }
 void wake(Exec const& exec, Sleep<R, Mem>& sleep, Mask const& mask) {
   if (sleep.worlds == 0) return;
-  if constexpr (requires { mask.extent(0); })
-    expects(int(mask.extent(0)) == sleep.worlds, "gsp::wake: the mask has " + std::to_string(mask.extent(0)) + " worlds and the sleep " +
-                                                     std::to_string(sleep.worlds) + ": make them equal");
+  detail::expects_mask("gsp::wake", mask, "sleep", sleep.worlds);
   Kokkos::parallel_for("gsp::step::wake", Kokkos::RangePolicy<Exec>(exec, 0, sleep.worlds),
                        detail::WakeWorlds<Mem, Mask>{sleep.state.calm, sleep.asleep, mask});
 }

@@ -76,9 +76,7 @@ void restore(Exec const& exec, Snapshot<R, Mem> const& snapshot, State<R, Mem>& 
   detail::expects_fit("gsp::restore", snapshot, state, sim);
   expects(snapshot.sleep.calm.data() == nullptr || sim.sleep.worlds > 0,
           "gsp::restore: in the snapshot islands may sleep, and the simulation has no room for that: make_simulation with {.sleep = true}");
-  if constexpr (requires { mask.extent(0); })
-    expects(int(mask.extent(0)) == state.worlds, "gsp::restore: the mask has " + std::to_string(mask.extent(0)) + " worlds and the state " +
-                                                     std::to_string(state.worlds) + ": make them equal");
+  detail::expects_mask("gsp::restore", mask, "state", state.worlds);
   bool const one = snapshot.state.worlds == 1, sleeps = snapshot.sleep.calm.data() != nullptr;
   auto const impulses = [&] { return detail::RestoredImpulses<R, Mem, Mask>{snapshot.impulses, sim.impulses, mask, one}; };
   std::int64_t rows = 0;

@@ -154,23 +154,20 @@ struct EmitRows {
       rows.row(at).bias = R(element_of(type, w, row.element).jacobian(r, RowWriter<R, Mem, Strided<R>>{model, dynamics, row, y, w}));
     });
   }
-  /// Y of the row, in y and in the pool, and what its law asks for (row_lanes.hpp).
+  /// Y of the row, in y and in the pool, and its RowSums.
   template <class Entries>
   KOKKOS_FORCEINLINE_FUNCTION void whiten_row(Entries const y, Row<R> const& row, int w, int at) const {
     Row<R>& to = rows.row(at);
-    RowSums<R> sums{.gap = to.bias};
+    RowSums<R> sums{to.bias};
     for (int s = 0, begin = 0; s < 2 && row.segment[s].count > 0; begin += row.segment[s++].count) {
       int const tree = model.dof_tree(row.segment[s].dof0);
       whiten(model, dynamics.factored(model, w, tree), tree, row.segment[s], y, begin, sums);
     }
-    to.bias = sums.gap;
-    to.lower = sums.rate;
-    to.upper = sums.free_rate;
-    to.mu = sums.diagonal;
+    sums.leave_in(to);
     if constexpr (!std::is_pointer_v<Entries>)
       for (int i = 0; i < entries_in(row); ++i) rows.Y(row.first_entry + i) = y[i];
   }
-  /// Laws of the rows of an element, whose entries and sums (row_lanes.hpp) are known, couplings, identity, and the impulses to start from.
+  /// Laws of the rows of an element, whose entries and RowSums are known, couplings, identity, and the impulses to start from.
   KOKKOS_FORCEINLINE_FUNCTION void finish(RowLaws<R, Mem> const& laws, int w, int n, int first) const {
     Row<R>* const row = &rows.row(first);
     int const k = row->element, place = row->type, now = impulses.parity();
@@ -180,7 +177,7 @@ struct EmitRows {
     for (int r = 0; r < n; ++r) start[r] = R(0);
     auto const set = [&](int r, auto const& what) {
       Row<R> own = row[r];
-      most_yield[r] = laws.set(what, w, first + r, own.bias, own.lower, own.upper, own.mu, own);
+      most_yield[r] = laws.set(what, w, first + r, RowSums<R>::of(own), own);
       row[r] = own;
     };
     types.visit_type(place, [&](auto const& type) {

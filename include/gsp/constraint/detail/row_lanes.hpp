@@ -78,9 +78,7 @@ class ForceWriter {
   bool keeps_;
 };
 
-/// Segments of one tree, of up to as many rows as a pack has lanes. Until a row has its law, four of its fields hold sums over its entries:
-/// bias grows by J x, x what rounding has taken from the positions (FactorLayout::low), lower by J v, upper by J v of the free velocity, mu
-/// by |Y|^2.
+/// Segments of one tree, of up to as many rows as a pack has lanes. Rows get their entries and RowSums.
 template <class R, class Mem>
 class RowLanes {
  public:
@@ -155,12 +153,9 @@ class RowLanes {
   }
   KOKKOS_INLINE_FUNCTION void one(FactorItems<R> const& items, int k) const {
     Row<R>& to = *row_[k];
-    RowSums<R> sums{to.bias, to.lower, to.upper, to.mu};
+    RowSums<R> sums = RowSums<R>::of(to);
     whiten(model_, items, tree_, segment_[k], y_[k], 0, sums);
-    to.bias = sums.gap;
-    to.lower = sums.rate;
-    to.upper = sums.free_rate;
-    to.mu = sums.diagonal;
+    sums.leave_in(to);
   }
   /// y <- (J + y) L^-1 D^-1/2, each dof leaving its share to its ancestors, as in whiten.
   KOKKOS_INLINE_FUNCTION void together(FactorItems<R> const& items) {
@@ -168,10 +163,11 @@ class RowLanes {
     int const* const ints = model_.ints.data();
     T gap(R(0)), rate(R(0)), free_rate(R(0)), diagonal(R(0));
     for (int k = 0; k < count_; ++k) {
-      gap.set(k, row_[k]->bias);
-      rate.set(k, row_[k]->lower);
-      free_rate.set(k, row_[k]->upper);
-      diagonal.set(k, row_[k]->mu);
+      RowSums<R> const sums = RowSums<R>::of(*row_[k]);
+      gap.set(k, sums.gap);
+      rate.set(k, sums.rate);
+      free_rate.set(k, sums.free_rate);
+      diagonal.set(k, sums.diagonal);
     }
     for (int d = a.nv; d-- > 0;) {
       if (!touched_[d]) continue;  // and so are its ancestors, where it is
@@ -202,10 +198,7 @@ class RowLanes {
     }
     for (int k = 0; k < count_; ++k) {
       for (int i = 0; i < segment_[k].count; ++i) y_[k][i] = y_of_[dof(segment_[k], i)][k];
-      row_[k]->bias = gap[k];
-      row_[k]->lower = rate[k];
-      row_[k]->upper = free_rate[k];
-      row_[k]->mu = diagonal[k];
+      RowSums<R>{gap[k], rate[k], free_rate[k], diagonal[k]}.leave_in(*row_[k]);
     }
   }
   KOKKOS_INLINE_FUNCTION void pass_on(Spatial<T> const& f, int parent) {

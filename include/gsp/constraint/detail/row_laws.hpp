@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/constraint/constraint_type.hpp>
+#include <gsp/constraint/detail/whiten_rows.hpp>
 #include <gsp/constraint/softness.hpp>
 #include <gsp/core/status.hpp>
 #include <gsp/dynamics/dynamics.hpp>
@@ -47,13 +48,15 @@ struct RowLaws {
     return {law, bounds, known};
   }
   /// Law and bounds of a row, number `at` of the pool. Returns what it may yield to its load (RowLaw).
-  KOKKOS_INLINE_FUNCTION R set(Asked const& asked, int w, int at, R gap, R rate, R free_rate, R diagonal, Row<R>& row) const {
+  KOKKOS_INLINE_FUNCTION R set(Asked const& asked, int w, int at, RowSums<R> const& sums, Row<R>& row) const {
+    R const rate = sums.rate, free_rate = sums.free_rate;
+    R diagonal = sums.diagonal;
     RowLaw<R> law = asked.law;
     RowBounds<R> const& bounds = asked.bounds;
     bool const bounces =
         law.restitution > R(0) && law.restitution <= R(1) && law.compliance == R(0) && bounds.pushes_alone() && rows.impact.data();
     bool const is_law = is_finite(law.zeta) && is_finite(law.compliance) && law.compliance >= R(0) && (bounces || law.restitution == R(0));
-    if (!is_law && is_finite(gap) && is_finite(rate)) {  // of a state that is none it need not be one
+    if (!is_law && is_finite(sums.gap) && is_finite(rate)) {  // of a state that is none it need not be one
       Kokkos::atomic_or(&state.status(w), status::row_refused | status::refused_law);
       law.compliance = R(0);
       law.zeta = free_rate;

@@ -15,12 +15,19 @@ KOKKOS_FORCEINLINE_FUNCTION T read_only(T const& x) {
 #endif
 }
 
-/// What is summed over the entries of a row.
+/// What is summed over the entries of a row. Until it has its law, four of its fields hold them.
 template <class R>
 struct RowSums {
-  R gap = R(0);                     // J x, x what rounding has taken from the positions (FactorLayout::low)
+  R gap = R(0);                     // its gap + J x, x what rounding has taken from the positions (FactorLayout::low)
   R rate = R(0), free_rate = R(0);  // J v, v the velocity; the free velocity
   R diagonal = R(0);                // |Y|^2
+  KOKKOS_INLINE_FUNCTION static RowSums of(Row<R> const& row) { return {row.bias, row.lower, row.upper, row.mu}; }
+  KOKKOS_INLINE_FUNCTION void leave_in(Row<R>& row) const {
+    row.bias = gap;
+    row.lower = rate;
+    row.upper = free_rate;
+    row.mu = diagonal;
+  }
 };
 
 /// y <- y L^-1 D^-1/2 on one segment, of tree `tree`, entries from `begin` on: from the leaves, each leaves its share to its ancestors.

@@ -18,12 +18,12 @@ struct alignas(4) DelassusRow {
   unsigned char rows;       // of the element that begins here
   signed char friction_of;  // as in Row
   bool with_next : 1;
-  bool contact : 1;  // of this row, which pushes without a bound, and two that lie in its ellipse
+  bool contact : 1;  // of this row, which pushes, and two in its ellipse: what has a function of its own
 };
 template <class R>
 struct alignas(4 * sizeof(R)) DelassusLaw {
   R step;          // -relaxation / (|Y|^2 + C), or that of two rows together
-  R lower, upper;  // of friction: mu in place of lower; of a contact's rows: upper is what they do to each other
+  R lower, upper;  // of friction: mu in place of lower
   R p;             // impulse
 };
 

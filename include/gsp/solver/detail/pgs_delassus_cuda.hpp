@@ -4,6 +4,7 @@
 #include <gsp/solver/detail/pgs_delassus.hpp>
 #include <gsp/solver/detail/pgs_sparse_cuda.hpp>
 #include <gsp/solver/detail/sweep_until_rest.hpp>
+#include <gsp/solver/project_element.hpp>
 
 /// The kernel of pgs_delassus.hpp. The rates w of all rows stay in registers, rows i, i + 32, ... in thread i. An element reads its own,
 /// all threads project it alike, and each adds to its rows' rates what that does, columns of A. Rows stand in the order of the sweeps:
@@ -42,12 +43,14 @@ class DelassusIsland {
     sum();
   }
 
-  static constexpr bool keeps_rates = true;  // w is mixed as p is
   /// w = A p + b
   __device__ void sum() {
-    lay_impulses();
 #pragma unroll
-    for (int s = 0; s < S; ++s) w_[s] = bias_[s];
+    for (int s = 0; s < S; ++s) {
+      if (int const i = lane_ + 32 * s; i < count_) law_[i].p = p_[s];
+      w_[s] = bias_[s];
+    }
+    __syncwarp();
 #pragma unroll 4
     for (int i = 0; i < count_; ++i) {
       R const p = law_[i].p;
@@ -65,11 +68,8 @@ class DelassusIsland {
   /// p as it was before it leapt or was mixed.
   __device__ void take_back() {
 #pragma unroll
-    for (int s = 0; s < S; ++s) {
-      p_[s] = p1_[s];
-      w_[s] = w1_[s];
-    }
-    lay_impulses();
+    for (int s = 0; s < S; ++s) p_[s] = p1_[s];
+    sum();
   }
   /// With Y^T p as a sum over rows:   p.Ap = sum p (w - b)
   __device__ LeapSums<R> leap_sums() const {
@@ -93,27 +93,18 @@ class DelassusIsland {
       if (lane_ + 32 * s < count_) own.add_row(diagonal_[s], d_[s], d1_[s], d2_[s], both);
     return {sum_of(own.dd11), sum_of(own.dd12), sum_of(own.dd22), sum_of(own.df1), sum_of(own.df2)};
   }
-  /// Keeps p, w and d of the last sweep, and of the one before; p, and w = A p + b with it, go on to where a leap or a mixture leads.
+  /// Keeps p and d of the last sweep, and of the one before; p goes on to where a leap or a mixture leads.
   __device__ void go_on(int, Leap<R> const& leap, Mixing<R> const& mixing, bool both) {
 #pragma unroll
     for (int s = 0; s < S; ++s) {
-      R const now = p_[s], rate = w_[s];
-      if (leap.goes()) {
-        p_[s] = leap.of(now, d_[s]);
-        w_[s] = rate + fma(leap.growth, rate - bias_[s], leap.sweeps * (rate - w_before_[s]));
-      }
-      if (mixing.helps()) {
-        p_[s] = mixing.of(now, p1_[s], p2_[s], both);
-        w_[s] = mixing.of(rate, w1_[s], w2_[s], both);
-      }
+      R const now = p_[s];
+      if (leap.goes()) p_[s] = leap.of(now, d_[s]);
+      if (mixing.helps()) p_[s] = mixing.of(now, p1_[s], p2_[s], both);
       p2_[s] = p1_[s];
-      w2_[s] = w1_[s];
       d2_[s] = d1_[s];
       p1_[s] = now;
-      w1_[s] = rate;
       d1_[s] = d_[s];
     }
-    if (leap.goes() || mixing.helps()) lay_impulses();
   }
   /// p, and z = Y^T p, to the pools.
   __device__ void write(int sweeps) {
@@ -147,6 +138,7 @@ class DelassusIsland {
     unsigned char first[2] = {}, end[2] = {};  // of its segments; empty: first = end
   };
   static constexpr unsigned all = 0xffffffffu;
+  static constexpr int any_place = -1;
   static __device__ int smaller(int a, int b) { return a < b ? a : b; }
   static __device__ R sum_of(R x) {
 #pragma unroll
@@ -155,19 +147,10 @@ class DelassusIsland {
   }
   /// x >= 0
   static __device__ R most_of(R x) {
-#if __CUDA_ARCH__ >= 800
     if constexpr (std::is_same_v<R, float>) return __uint_as_float(__reduce_max_sync(all, __float_as_uint(x)));  // of such the order is one
-#endif
 #pragma unroll
     for (int stride = 16; stride > 0; stride /= 2) x = max(x, __shfl_xor_sync(all, x, stride));
     return x;
-  }
-  /// p to where sweeps read it.
-  __device__ void lay_impulses() const {
-#pragma unroll
-    for (int s = 0; s < S; ++s)
-      if (int const i = lane_ + 32 * s; i < count_) law_[i].p = p_[s];
-    __syncwarp();
   }
   /// Where A of rows i <= j stands.
   __device__ int place(int i, int j) const { return triangle ? triangle_line(j) + i : i * stride_ + j; }
@@ -185,10 +168,13 @@ class DelassusIsland {
     for (int s = 0; s < S; ++s) column[s] = triangle ? entry(s, i) : line[32 * s];
   }
   /// Rate of row i, which one thread has: number i, and the warp counts its threads modulo 32.
+  /// @tparam at  its place there, or `any_place`
+  template <int at = any_place>
   __device__ R rate(int i) const {
-    R own = w_[0];
+    R own = w_[at == any_place ? 0 : at];
+    if constexpr (at == any_place)
 #pragma unroll
-    for (int s = 1; s < S; ++s) own = i < 32 * s ? own : w_[s];
+      for (int s = 1; s < S; ++s) own = i < 32 * s ? own : w_[s];
     return __shfl_sync(all, own, i);
   }
 
@@ -354,8 +340,8 @@ class DelassusIsland {
     __syncwarp();
   }
 
-  /// What the rows of a contact do to each other, where they have no bound to keep:   upper of the normal: A between its tangents, of
-  /// either tangent: between it and the normal.
+  /// What the rows of a contact do to each other stands here, and here alone, in place of DelassusLaw::upper, which its rows do not ask for
+  /// (find_order: the normal has none): of the normal A between its tangents, of either tangent between it and the normal.
   __device__ void couple_contacts() const {
 #pragma unroll
     for (int s = 0; s < S; ++s) {
@@ -370,11 +356,13 @@ class DelassusIsland {
   template <bool tells>
   __device__ SweepOutcome<R> pass() {
     SweepOutcome<R> to;
+    int i = 0, k = 0;
+    if (!tells && contacts_alone_) turns_of_contacts(i, k);
 #pragma unroll 1
-    for (int i = 0, k = 0; i < count_; ++k) {  // an element of one row, and the one of more that takes turns with it
+    for (; i < count_; ++k) {  // an element of one row, and the one of more that takes turns with it
       if (k < singles_) single<tells>(i++, to.work);
       if (k >= severals_) continue;
-      if (contacts_alone_ || row_[i].contact) {
+      if (row_[i].contact) {
         contact<tells>(i, to.work);
         i += 3;
       } else {
@@ -399,24 +387,56 @@ class DelassusIsland {
     to.misses = sum_of(to.misses);
     return to;
   }
+  /// The same where all elements of more than one row are contacts, without a question: four rows a turn, then three, or one. Where rows
+  /// have few places, what is done for each knows it.
+  /// @param i, k  row and turn, 0 before; all of them after
+  __device__ void turns_of_contacts(int& i, int& k) {
+    constexpr int places = S <= 2 ? S : 1;
+    SweepWork<R> none;  // which no one asks for
+    int const turns = smaller(singles_, severals_);
+    unrolled<places>([&](auto place) {
+      constexpr int at = S == places ? int(place) : any_place;
+      int const end = S == places ? 32 * (at + 1) : count_;
+#pragma unroll 1
+      for (; k < turns && i < end; ++k, i += 4) {
+        single<false, at>(i, none);
+        contact<false, at>(i + 1, none);
+      }
+    });
+    unrolled<places>([&](auto place) {
+      constexpr int at = S == places ? int(place) : any_place;
+      int const end = S == places ? 32 * (at + 1) : count_;
+#pragma unroll 1
+      for (; k < severals_ && i + 2 < end; ++k, i += 3) contact<false, at>(i, none);
+      if (S != places || at + 1 == places || k == severals_ || i >= end) return;
+      contact<false, any_place>(i, none);  // of two places
+      ++k, i += 3;
+    });
+    unrolled<places>([&](auto place) {
+      constexpr int at = S == places ? int(place) : any_place;
+      int const end = S == places && at + 1 < places ? 32 * (at + 1) : count_;
+#pragma unroll 1
+      for (; i < count_ && i < end; ++i) single<false, at>(i, none);
+    });
+  }
   /// What SweepWork asks of a row.
   __device__ void tell(SweepWork<R>& work, R p, R d, R rate, R step, R together) const {
     R const inverse = step / -R(k_.options.relaxation);
     work.template add_row<R>(p, d, rate, inverse > R(0) ? d / inverse : R(0), inverse, together);
   }
-  template <bool tells>
+  template <bool tells, int at = any_place>
   __device__ void single(int i, SweepWork<R>& work) {
     DelassusLaw<R> const law = law_[i];
     R column[S];
     take_column(i, column);
-    R const w = rate(i), p = clamp(fma(law.step, w, law.p), law.lower, law.upper), d = p - law.p;
+    R const w = rate<at>(i), p = clamp(fma(law.step, w, law.p), law.lower, law.upper), d = p - law.p;
     __syncwarp();  // all have read p
 #pragma unroll
     for (int s = 0; s < S; ++s) w_[s] = fma(column[s], d, w_[s]);
     if (lane_ == 0) law_[i].p = p;
     if constexpr (tells) tell(work, p, d, w, law.step, R(0));
   }
-  template <bool tells>
+  template <bool tells, int at = any_place>
   __device__ void contact(int i, SweepWork<R>& work) {
     DelassusLaw<R> const n0 = law_[i], n1 = law_[i + 1], n2 = law_[i + 2];
     R const coupling10 = n1.upper, coupling20 = n2.upper, coupling21 = n0.upper;  // couple_contacts
@@ -424,8 +444,8 @@ class DelassusIsland {
     take_column(i, column0);
     take_column(i + 1, column1);
     take_column(i + 2, column2);
-    R const w0 = rate(i);
-    R w1 = rate(i + 1), w2 = rate(i + 2);
+    R const w0 = rate<at>(i);
+    R w1 = rate<at>(i + 1), w2 = rate<at>(i + 2);
     __syncwarp();  // all have read p
     R const pushed = fma(n0.step, w0, n0.p), p0 = pushed < R(0) ? R(0) : pushed, d0 = p0 - n0.p;
     w1 = fma(coupling10, d0, w1);
@@ -495,9 +515,8 @@ class DelassusIsland {
   DofRange range_[S];
   unsigned touching_[S];  // bits of the rows that have entries in the dofs of Y that are there
   R w_[S], bias_[S], p_[S], diagonal_[S];
-  R d_[S], w_before_[S] = {};  // of the last sweep
-  // After the last sweep that was remembered, and the one before:
-  R p1_[S] = {}, w1_[S] = {}, d1_[S] = {}, p2_[S] = {}, w2_[S] = {}, d2_[S] = {};
+  R d_[S], w_before_[S] = {};                            // of the last sweep
+  R p1_[S] = {}, d1_[S] = {}, p2_[S] = {}, d2_[S] = {};  // p after the last sweep that was remembered and the one before, and their d
 };
 
 /// Where a list begins.

@@ -13,12 +13,10 @@ struct SweepOutcome {
 };
 
 /// Sweeps until no rate changes by more than the tolerance; their number.
-/// @param island  sweep, keep, take_back, leap_sums, mixing_sums, go_on and sum, as GroupedIsland has them, which is
-///                called where go_on has moved p, but for one that says keeps_rates: its go_on moves the rates with p
+/// @param island  sweep, keep, take_back, leap_sums, mixing_sums, go_on and sum, as GroupedIsland has them
 /// @param any     whether there is any element
 template <class R, class Island>
 KOKKOS_INLINE_FUNCTION int sweep_until_rest(Island&& island, PgsOptions const& options, R tolerance, bool any) {
-  constexpr bool keeps_rates = requires { std::decay_t<Island>::keeps_rates; };
   int sweep = 0;
   bool leaping = true;
   MixingMemory<R> memory;
@@ -37,7 +35,7 @@ KOKKOS_INLINE_FUNCTION int sweep_until_rest(Island&& island, PgsOptions const& o
     if (may_mix) mixing = best_mixing<R>(island.mixing_sums(both), done.misses);
     if (mixing.helps()) memory.mixes();
     if (is_remembered(sweep, options)) island.go_on(sweep % 2, leap, mixing, both);
-    if (begins_anew(sweep, options) || (!keeps_rates && (leap.goes() || mixing.helps()))) island.sum();
+    if (leap.goes() || mixing.helps() || begins_anew(sweep, options)) island.sum();
   }
   return sweep;
 }
