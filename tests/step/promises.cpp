@@ -369,10 +369,10 @@ TEST_CASE_TEMPLATE("limits that are no limits stop their world alone", Exec, GSP
     auto state = gsp::make_state(exec, model, {.worlds = 2});
     auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = 2});
     gsp::make_per_world(exec, model, {field}, 2);
-    Kokkos::View<float**, Kokkos::LayoutRight, typename Exec::memory_space> values("values", 2,
-                                                                                   field == gsp::ModelField::jnt_range ? 2 : 1);
-    gsp::copy_world_values(exec, model, field, values);
-    auto const numbers = gsp_test::host(values);
+    bool const range = field == gsp::ModelField::jnt_range;
+    Kokkos::View<float**, Kokkos::LayoutRight, typename Exec::memory_space> values("values", 2, range ? 2 : 1);
+    auto const numbers = Kokkos::create_mirror_view(values);
+    for (int w = 0; w < 2 && range; ++w) numbers(w, 0) = -0.01f, numbers(w, 1) = 1;
     numbers(1, 0) = std::numeric_limits<float>::quiet_NaN();
     Kokkos::deep_copy(values, numbers);
     gsp::set_world_values(exec, model, field, values);
