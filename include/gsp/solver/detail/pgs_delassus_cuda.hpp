@@ -410,7 +410,8 @@ class DelassusIsland {
       for (; k < severals_ && i + 2 < end; ++k, i += 3) contact<false, at>(i, none);
       if (S != places || at + 1 == places || k == severals_ || i >= end) return;
       contact<false, any_place>(i, none);  // of two places
-      ++k, i += 3;
+      ++k;
+      i += 3;
     });
     unrolled<places>([&](auto place) {
       constexpr int at = S == places ? int(place) : any_place;
