@@ -232,16 +232,18 @@ class DelassusIsland {
       row_[i].contact = RowBounds<R>{from.lower, from.upper, from.friction_of}.pushes_alone();
     }
     __syncwarp();
-    bool others = false;
+    bool contact[S], others = false;
 #pragma unroll
     for (int s = 0; s < S; ++s) {
-      int const i = lane_ + 32 * s;
-      if (i >= count_) continue;
-      DelassusRow* const own = row_ + i;
-      own->contact = own->contact && own->rows == 3 && own[1].friction_of == 0 && own[1].with_next && own[2].friction_of == 0;
-      others = others || (own->rows > 1 && !own->contact);
+      DelassusRow const* const own = row_ + smaller(lane_ + 32 * s, count_);  // the last has no rows
+      contact[s] = own->rows == 3 && own->contact && own[1].friction_of == 0 && own[1].with_next && own[2].friction_of == 0;
+      others = others || (own->rows > 1 && !contact[s]);
     }
     contacts_alone_ = !__any_sync(all, others);
+    __syncwarp();  // all have read the bits of the rows beside
+#pragma unroll
+    for (int s = 0; s < S; ++s)
+      if (int const i = lane_ + 32 * s; i < count_) row_[i].contact = contact[s];
     __syncwarp();
   }
   /// Numbers of the thread's row of place s, and which dofs its segments are of.
