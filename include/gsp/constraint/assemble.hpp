@@ -244,9 +244,7 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
     detail::launch_threads("gsp::constraint::make_rows", exec, detail::MakeRows<R, Mem, List>{emit});
     detail::launch_threads("gsp::constraint::finish_rows", exec, detail::FinishRows<R, Mem, List>{emit});
   }
-  if (sleeping.any())
-    for_worlds("gsp::constraint::keep_rows", exec, rows.worlds,
-               detail::KeepRows<R, Mem, List>{model, state, rows, impulses, progress.halt, types, emit.names, sleeping});
+  if (sleeping.any()) for_worlds("gsp::constraint::keep_rows", exec, rows.worlds, detail::KeepRows<R, Mem, List>{emit});
   eliminate_rows(exec, model, progress, rows, impulses);
   detail::RowsStamp stamp = detail::contacts_of<R, Mem>(types);
   stamp.state.set(state);

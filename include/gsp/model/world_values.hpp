@@ -110,8 +110,7 @@ struct WorldValuesOptions {
 /// @param mask  (worlds) callable with a world, such as a View<bool*>; the others keep what they have
 /// Ends of ranges that do not limit (act_ctrlrange, act_forcerange, jnt_actfrcrange of what is not limited) stay as they are; whether a
 /// joint or tendon has a limit is not per world. dof_armature and dof_damping hold what actuators add. After fields that masses or geometry
-/// enter, call set_constants once. Does not allocate, does not fence. Errors: std::invalid_argument for other extents, of the mask
-/// too.
+/// enter, call set_constants once. Does not allocate, does not fence. Errors: std::invalid_argument for other extents, of the mask too.
 template <ExecutionSpace Exec, class R, class Mem, class Values, class Mask = AllWorlds>
 void set_world_values(Exec const& exec, Model<R, Mem>& model, ModelField field, Values const& values, Mask const& mask = {},
                       WorldValuesOptions options = {}) {

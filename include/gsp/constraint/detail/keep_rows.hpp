@@ -1,9 +1,5 @@
 #pragma once
-#include <gsp/constraint/detail/element.hpp>
-#include <gsp/constraint/detail/start_impulses.hpp>
-#include <gsp/constraint/detail/wake_islands.hpp>
-#include <gsp/core/status.hpp>
-#include <gsp/parallel/for_worlds.hpp>
+#include <gsp/constraint/detail/emit_rows.hpp>
 
 /// A kernel of `assemble` where islands sleep: they have no rows, but behind those of their world (Rows::kept) stand who their elements are
 /// and the impulses that they fell asleep with.
@@ -11,21 +7,16 @@ namespace gsp::detail {
 
 template <class R, class Mem, class Types>
 struct KeepRows {
-  Model<R, Mem> model;
-  State<R, Mem> state;
-  Rows<R, Mem> rows;
-  Impulses<R, Mem> impulses;
-  Kokkos::View<int, Mem> halt;
-  Types types;
-  TypeNames names;
-  SleepingIslands<Mem> sleeping;
+  EmitRows<R, Mem, Types> emit;
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
+    auto const& rows = emit.rows;
+    auto const& types = emit.types;
     int const w = world.rank;
-    if (halt() || rows.kept(w) == 0 || (state.status(w) & status::row_refused)) return;
+    if (emit.halt() || rows.kept(w) == 0 || (emit.state.status(w) & status::row_refused)) return;
     auto const kept = [&](auto const& type, int k) {  // rows of an element
       int const n = element_of(type, w, k).rows();
-      return n > 0 && lies_still(model, sleeping, type, w, k) ? n : 0;
+      return n > 0 && lies_still(emit.model, emit.sleeping, type, w, k) ? n : 0;
     };
     int n = 0;
     world.template scan<int>(
@@ -44,11 +35,13 @@ struct KeepRows {
   /// @param at  its first row, counted from the world's
   template <class Type>
   KOKKOS_INLINE_FUNCTION void keep(Type const& type, int k, int place, int w, int n, int at) const {
+    auto const& rows = emit.rows;
+    auto const& impulses = emit.impulses;
     int const now = impulses.parity(), first = rows.first(w) + at;
     RowId const id = type.id(w, k);
     R start[most_element_rows];
     for (int r = 0; r < n; ++r) start[r] = R(0);
-    StartImpulses<R, Mem> const starts{impulses, names};
+    StartImpulses<R, Mem> const starts{impulses, emit.names};
     starts.find(type, k, place, id, w, at, n, start);
     for (int r = 0; r < n; ++r) {
       Row<R>& row = rows.row(first + r);

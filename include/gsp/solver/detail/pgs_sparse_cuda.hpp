@@ -12,8 +12,8 @@
 /// makes it short. Islands that do not fit are left to pgs_islands.hpp.
 namespace gsp::detail {
 
-inline constexpr std::int64_t sparse_few_bytes =
-    48 * 1024;  // of a block: four fit in a multiprocessor of an H100, two in one of a smaller Ampere
+// Of a block: four fit in a multiprocessor of an H100, two in one of a smaller Ampere.
+inline constexpr std::int64_t sparse_few_bytes = 48 * 1024;
 
 /// Where the entries of a row stand, in the order of the sweeps.
 struct SparseRow {
