@@ -21,7 +21,7 @@ struct Solution {
   View<int*> iterations;      // (worlds) sweeps done; of newton its iterations
   // Of islands, worlds * trees of them at most, numbered through all worlds (constraint/islands.hpp):
   View<int**> listed;           // small ones, list by list; hosts: (2, islands) of a round of sweeps and of the next; GPUs: (1, islands)
-  View<int**> list_counts;      // (lists + 2, 5) what stands in them (detail/list_islands.hpp)
+  View<int**> list_counts;      // (lists + 3, 5) what stands in them (detail/list_islands.hpp)
   View<signed char*> goes_on;   // hosts, (islands): into another round of sweeps
   View<signed char*> was_long;  // GPUs, (worlds of several trees): the last step took many sweeps
   View<signed char*> left;      // GPUs, (islands): too large for shared memory; of those that pgs_delassus_kernel does not take
@@ -66,7 +66,7 @@ Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, Sol
   make(s.residual, "gsp::Solution::residual", s.worlds);
   Kokkos::parallel_for("gsp::solver::make_solution", Kokkos::RangePolicy<Exec>(exec, 0, s.worlds), detail::NotMeasured<R, Mem>{s.residual});
   make(s.iterations, "gsp::Solution::iterations", s.worlds);
-  make(s.list_counts, "gsp::Solution::list_counts", detail::island_lists + 2, 5);
+  make(s.list_counts, "gsp::Solution::list_counts", detail::island_lists + 3, 5);
   if constexpr (is_device<Exec>) make(s.left, "gsp::Solution::left", islands);
   if (!detail::any_small(model.ntree, model.nv)) return s;
   make(s.listed, "gsp::Solution::listed", is_device<Exec> ? 1 : 2, islands);

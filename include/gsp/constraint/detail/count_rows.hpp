@@ -49,6 +49,7 @@ struct ForgetRows {
 
 template <class R, class Mem, class Types>
 struct CountRows {
+  static constexpr bool wide = true;  // for_worlds: sums are of whole numbers
   Model<R, Mem> model;
   State<R, Mem> state;
   Rows<R, Mem> rows;

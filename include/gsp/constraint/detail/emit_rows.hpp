@@ -17,6 +17,7 @@ inline constexpr double least_friction_yield = 5e-3, most_friction_yield = 0.1, 
 
 template <class R, class Mem, class Types>
 struct EmitRows {
+  static constexpr bool wide = true;  // for_worlds: sums are of whole numbers
   Model<R, Mem> model;
   State<R, Mem> state;
   Dynamics<R, Mem> dynamics;

@@ -12,6 +12,7 @@ inline constexpr int long_solve = 33;  // sweeps: about the mean of humanoids th
 /// Worlds of several trees: their islands, and what `solution` says where nothing is solved.
 template <class R, class Mem>
 struct FindIslands {
+  static constexpr bool wide = true;  // for_worlds: sums are of whole numbers
   Rows<R, Mem> rows;
   Solution<R, Mem> solution;
   Kokkos::View<int const, Mem> halt;

@@ -86,8 +86,8 @@ KOKKOS_INLINE_FUNCTION bool delassus_takes(Rows<R, Mem> const& rows, Island cons
 
 /// Islands of list k stand in Solution::listed behind those of the lists before, which have more rows: first those of worlds whose last
 /// step took many sweeps, as they may again: what is long begins first. Solution::list_counts(k): how many of either kind there are, how
-/// many have been listed, and how many have been taken. Behind the lists of small ones, that of all others, and another for what is taken
-/// of it by blocks that take the larger ones (pgs_sparse_cuda.hpp).
+/// many have been listed, and how many have been taken. Behind the lists of small ones, that of all others, and two more for what is
+/// taken of it by blocks that take larger ones (pgs_sparse_cuda.hpp).
 enum DelassusCount { many_sweeps, few_sweeps, many_listed, few_listed, taken };
 
 template <class R, class Mem>

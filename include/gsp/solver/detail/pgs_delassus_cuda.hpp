@@ -68,21 +68,31 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
     return device.multiProcessorCount *
            std::clamp(int(device.sharedMemPerMultiprocessor) / int(bytes + device.reservedSharedMemPerBlock), 1, 32);
   };
-  auto const allow = [&](auto* kernel, std::size_t bytes) {
-    if (bytes > device.sharedMemPerBlock)
+  std::int64_t const fit = std::max<std::int64_t>(std::int64_t(device.sharedMemPerBlockOptin) - 64, sparse_some_bytes);
+  auto const allow = [&](auto* kernel, std::int64_t bytes, std::int64_t most) {
+    if (bytes > std::int64_t(device.sharedMemPerBlock))
       // a limit of the kernel, not of this launch: another thread's launch may need all
-      cuda_expects(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(delassus_most_bytes)),
+      cuda_expects(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(most)),
                    "gsp::solver::pgs, shared memory");
   };
-  auto const launch_sparse = [&](cudaStream_t stream, int list, std::int64_t least, std::int64_t most) {
-    int const grid =
-        int(list < 0 ? std::min<std::int64_t>(islands, 8 * at_a_time(most)) : std::min<std::int64_t>(islands, at_a_time(most)));
-    auto* const kernel = pgs_sparse_kernel<R, Mem>;
-    allow(kernel, std::size_t(most));
-    kernel<<<grid, 32, std::size_t(most), stream>>>(solver, list, least, most);
+  // Islands that are not small, in three sizes: a block of each has what it needs, so that as many fit as can.
+  constexpr int sparse_sizes = 3;
+  auto const launch_sparse = [&](cudaStream_t stream, int size, bool listed) {
+    std::int64_t const sizes[] = {0, sparse_few_bytes, sparse_some_bytes, fit}, least = sizes[size], most = sizes[size + 1];
+    if (least == most) return;
+    int const grid = int(std::min<std::int64_t>(islands, (listed ? 1 : 8) * at_a_time(most))), list = listed ? large_island + size : -1;
+    auto const one = [&](auto* kernel, int warps) {
+      allow(kernel, most, fit);
+      kernel<<<grid, 32 * warps, std::size_t(most), stream>>>(solver, list, least, most, fit);
+    };
+    if (most <= sparse_some_bytes)
+      one(pgs_sparse_kernel<R, Mem, sparse_few_warps>, sparse_few_warps);
+    else
+      one(pgs_sparse_kernel<R, Mem, sparse_many_warps>, sparse_many_warps);
   };
   if (!any_small(solver.rows.islands.ntree, nv))
-    return launch_on_cuda("gsp::solver::pgs_sparse", exec, [&](cudaStream_t stream) { launch_sparse(stream, -1, 0, delassus_most_bytes); });
+    return launch_side_by_side("gsp::solver::pgs_sparse", exec, sparse_sizes,
+                               [&](int i, cudaStream_t stream) { launch_sparse(stream, sparse_sizes - 1 - i, false); });
   auto const launch = [&](cudaStream_t stream, int size, int list) {
     std::int64_t const full = delassus_bytes_of_list<R>(size, nv);
     if (full > delassus_most_bytes) return;
@@ -91,7 +101,7 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
     auto const bytes = std::size_t(delassus_bytes_of_list<R>(size, nv, triangle));
     int const grid = int(list < 0 ? islands : std::min<std::int64_t>(islands, at_a_time(std::int64_t(bytes))));
     auto const one = [&](auto* kernel) {
-      allow(kernel, bytes);
+      allow(kernel, std::int64_t(bytes), delassus_most_bytes);
       kernel<<<grid, 32, bytes, stream>>>(solver, list);
     };
     if (rows <= 32)
@@ -105,11 +115,11 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
   };
   if (islands <= at_a_time(delassus_most_bytes)) {  // each has a warp of its own, and waits for no other
     constexpr int largest[] = {list_of_rows(32), list_of_rows(64), list_of_rows(96), list_of_rows(lockstep_most_rows)};
-    return launch_side_by_side("gsp::solver::pgs_delassus", exec, 5, [&](int i, cudaStream_t stream) {
-      if (i == 0)
-        launch_sparse(stream, -1, 0, delassus_most_bytes);
+    return launch_side_by_side("gsp::solver::pgs_delassus", exec, sparse_sizes + 4, [&](int i, cudaStream_t stream) {
+      if (i < sparse_sizes)
+        launch_sparse(stream, sparse_sizes - 1 - i, false);
       else
-        launch(stream, largest[i - 1], -1);
+        launch(stream, largest[i - sparse_sizes], -1);
     });
   }
   launch_on_cuda("gsp::solver::list_delassus", exec, [&](cudaStream_t stream) {
@@ -119,10 +129,9 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
     list_delassus_kernel<<<blocks, 256, 0, stream>>>(solver, false);
     list_delassus_kernel<<<blocks, 256, 0, stream>>>(solver, true);
   });
-  launch_side_by_side("gsp::solver::pgs_delassus", exec, 2 + island_lists, [&](int i, cudaStream_t stream) {
-    if (i == 0) return launch_sparse(stream, large_island + 1, sparse_few_bytes, delassus_most_bytes);
-    if (i == 1) return launch_sparse(stream, large_island, 0, sparse_few_bytes);
-    int const list = island_lists + 1 - i;  // what is long begins first
+  launch_side_by_side("gsp::solver::pgs_delassus", exec, sparse_sizes + island_lists, [&](int i, cudaStream_t stream) {
+    if (i < sparse_sizes) return launch_sparse(stream, sparse_sizes - 1 - i, true);
+    int const list = island_lists + sparse_sizes - 1 - i;  // what is long begins first
     launch(stream, list, list);
   });
 }
