@@ -12,8 +12,8 @@
 ///   w_b = Y_b z + sum_{a < b} (Y_b . Y_a) d_a + C p_b + bias_b     (z as before the run: row by row but for rounding)
 /// Units that share no tree go at the same time. A sweep takes them level by level,
 ///   level(u) = 1 + the highest level of the units before u that touch a tree of u,
-/// which is the sweep in its order. Heaps of humanoids have a tenth as many levels as elements (docs/decisions/0034). What a sweep waits
-/// for is the way through a level: memory that is near makes it short. Islands that do not fit are left to pgs_islands.hpp.
+/// which is the sweep in its order. Heaps of humanoids have a third to an eighth as many levels as elements (docs/decisions/0034). What a
+/// sweep waits for is the way through a level: memory that is near makes it short. Islands that do not fit are left to pgs_islands.hpp.
 namespace gsp::detail {
 
 // Islands of so many bytes have blocks of four warps, four or two of them in a multiprocessor of an H100; larger ones of sixteen, alone.
@@ -172,7 +172,8 @@ class SharedIsland {
   static constexpr unsigned all = 0xffffffffu;
   static constexpr int threads = 32 * W;
   static constexpr int most_run = 8, most_run_dofs = 32;  // rows of a run; dofs of its tree, one a thread
-  static constexpr int most_sums = 5, sums_bytes = (most_sums * W * int(sizeof(R)) + 31) / 32 * 32;
+  static constexpr int most_sums = 5,
+                       sums_bytes = most_sums * sparse_many_warps * int(sizeof(R));  // for any W: by `bytes` one kernel takes it
   struct Sizes {
     int entries, lists;  // the former with products of rows; of a row of a run the most that it may have a part in
   };
