@@ -22,7 +22,7 @@ namespace gsp {
 /// (constraint/islands.hpp) is solved by itself, for as long as it needs, to the same bits whatever else is in its batch, or in its world
 /// of several trees. On a CPU, islands of at most 128 rows and 128 dofs go in lockstep, a pack at a time, and larger ones in their thread's
 /// own memory. On a GPU these small islands (in double of up to 96 rows) stay in shared memory, a warp each, over their Delassus matrix;
-/// larger ones of up to 99 kB over their sparse rows there; what no block has room for is swept in the pools, by a warp each. Cost 4
+/// larger ones over their rows there, a block each; what no block has room for is swept in the pools, by a warp each. Cost 4
 /// entries iterations flop an island, of small ones on a GPU 2 rows^2 iterations. Does not fence. Allocates on a CPU alone, room of a
 /// thread for large islands (solution.island_items): at its first call for a world's share of the pools, again when these grow or a world
 /// has more.

@@ -175,7 +175,7 @@ template <class Exec, class F>
 void launch_worlds(std::string const& label, Exec const& exec, int worlds, F const& f) {
   if (worlds == 0) return;
   launch_on_cuda(label, exec, [&](cudaStream_t stream) {
-    if constexpr (requires { F::wide; })
+    if constexpr (requires { requires F::wide; })
       if (worlds <= exec.cuda_device_prop().multiProcessorCount) return wide_worlds_kernel<<<worlds, BlockWorld::threads, 0, stream>>>(f);
     worlds_kernel<<<(worlds + warps_of_block - 1) / warps_of_block, dim3(32, warps_of_block), 0, stream>>>(f, worlds);
   });

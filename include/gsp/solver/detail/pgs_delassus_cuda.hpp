@@ -68,7 +68,7 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
     return device.multiProcessorCount *
            std::clamp(int(device.sharedMemPerMultiprocessor) / int(bytes + device.reservedSharedMemPerBlock), 1, 32);
   };
-  std::int64_t const fit = std::max<std::int64_t>(std::int64_t(device.sharedMemPerBlockOptin) - 64, sparse_some_bytes);
+  std::int64_t const fit = std::max<std::int64_t>(std::int64_t(device.sharedMemPerBlockOptin), sparse_some_bytes);
   auto const allow = [&](auto* kernel, std::int64_t bytes, std::int64_t most) {
     if (bytes > std::int64_t(device.sharedMemPerBlock))
       // a limit of the kernel, not of this launch: another thread's launch may need all

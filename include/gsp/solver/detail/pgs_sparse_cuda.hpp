@@ -12,11 +12,11 @@
 ///   w_b = Y_b z + sum_{a < b} (Y_b . Y_a) d_a + C p_b + bias_b     (z as before the run: row by row but for rounding)
 /// Units that share no tree go at the same time. A sweep takes them level by level,
 ///   level(u) = 1 + the highest level of the units before u that touch a tree of u,
-/// which is the sweep in its order. Heaps of humanoids have a third to an eighth as many levels as elements (docs/decisions/0034). What a
+/// which is the sweep in its order. Heaps of humanoids have a third to a tenth as many levels as elements (docs/decisions/0034). What a
 /// sweep waits for is the way through a level: memory that is near makes it short. Islands that do not fit are left to pgs_islands.hpp.
 namespace gsp::detail {
 
-// Islands of so many bytes have blocks of four warps, four or two of them in a multiprocessor of an H100; larger ones of sixteen, alone.
+// Islands of so many bytes have blocks of four warps, three or two of them in a multiprocessor of an H100; larger ones of sixteen, alone.
 inline constexpr std::int64_t sparse_few_bytes = 48 * 1024, sparse_some_bytes = delassus_most_bytes;
 inline constexpr int sparse_few_warps = 4, sparse_many_warps = 16;
 
@@ -60,7 +60,7 @@ class SharedIsland {
   __device__ std::int64_t bytes() const {
     return sums_bytes + std::int64_t(count_) * (sizeof(DelassusLaw<R>) + 3 * sizeof(R) + sizeof(SparseRow) + sizeof(DelassusRow)) +
            std::int64_t(island_.dofs) * sizeof(R) + room_of_Y() + std::int64_t(elements_) * (sizeof(SparseUnit) + sizeof(short)) +
-           std::int64_t(lists_) * sizeof(short) + 64;
+           lists_ * std::int64_t(sizeof(short)) + 64;
   }
   /// Rows, entries and impulses, from the pools.
   __device__ void take() {
@@ -173,7 +173,7 @@ class SharedIsland {
   static constexpr int threads = 32 * W;
   static constexpr int most_run = 8, most_run_dofs = 32;  // rows of a run; dofs of its tree, one a thread
   static constexpr int most_sums = 5,
-                       sums_bytes = most_sums * sparse_many_warps * int(sizeof(R));  // for any W: by `bytes` one kernel takes it
+                       sums_bytes = most_sums * sparse_many_warps * int(sizeof(double));  // for any W: by `bytes` one kernel takes it
   struct Sizes {
     int entries, lists;  // the former with products of rows; of a row of a run the most that it may have a part in
   };
@@ -197,14 +197,14 @@ class SharedIsland {
   };
   static __device__ int smaller(int a, int b) { return a < b ? a : b; }
   __device__ std::int64_t room_of_Y() const {
-    std::int64_t const entries = std::int64_t(entries_) * sizeof(R),
+    std::int64_t const entries = entries_ * std::int64_t(sizeof(R)),
                        drafts = island_.elements * std::int64_t(sizeof(Begin)) + elements_ * std::int64_t(sizeof(Turn) + sizeof(Draft)) + 8;
     return ((entries > drafts ? entries : drafts) + 7) / 8 * 8;
   }
   /// x of all warps, once they have found theirs.
   template <class T, int N, class Add>
   __device__ void join_warps(T (&x)[N], Add const& add) const {
-    static_assert(N <= most_sums && sizeof(T) <= sizeof(R));
+    static_assert(N <= most_sums && sizeof(T) <= sizeof(double));
     T* const of_warp = reinterpret_cast<T*>(memory_);
     __syncthreads();  // what was there before is read
 #pragma unroll
@@ -249,7 +249,7 @@ class SharedIsland {
     return {n * (n - 1) / 2 + sum, row[0].same_segments ? one : sum};
   }
   __device__ void measure() {
-    int sizes[4] = {0, 0, 0, 0};
+    std::int64_t sizes[4] = {0, 0, 0, 0};
     for (int k = thread_; k < island_.elements; k += threads) {
       int const n = island_.rows_of(k_.rows, k);
       if (n == 0) continue;
@@ -260,10 +260,10 @@ class SharedIsland {
       sizes[3] += 1;
     }
     sum_all(sizes);
-    count_ = sizes[0];
+    count_ = int(sizes[0]);
     entries_ = sizes[1];
     lists_ = sizes[2];
-    elements_ = sizes[3];
+    elements_ = int(sizes[3]);
   }
   /// First warp: sum of x over the threads before this one; `total` grows by that of all.
   __device__ int before_me(int x, int& total) const {
@@ -777,11 +777,12 @@ class SharedIsland {
   char* const memory_;  // of the block: at its begin what sums of all threads take
   int const first_, thread_, lane_, warp_;
   bool runs_ = true;
-  int count_, entries_, lists_, elements_, levels_ = 0;  // rows that are swept, numbers in Y, in dof
-  R* remembered_[4];                                     // pools: p and d of the last sweep of either side (mixing.hpp)
-  SparseUnit* unit_;                                     // level by level
-  DelassusLaw<R>* law_;                                  // with the impulses
-  R *bias_, *compliance_, *d_;                           // of rows: d_: what the last sweep has changed p by
+  int count_, elements_, levels_ = 0;  // rows that are swept
+  std::int64_t entries_, lists_;       // numbers in Y, in dof
+  R* remembered_[4];                   // pools: p and d of the last sweep of either side (mixing.hpp)
+  SparseUnit* unit_;                   // level by level
+  DelassusLaw<R>* law_;                // with the impulses
+  R *bias_, *compliance_, *d_;         // of rows: d_: what the last sweep has changed p by
   R *z_, *Y_;
   SparseRow* place_;
   DelassusRow* row_;
@@ -797,7 +798,7 @@ __global__ void __launch_bounds__(32 * W, W == sparse_few_warps ? 3 : 1)
     pgs_sparse_kernel(PgsDelassus<R, Mem> const __grid_constant__ solver, int list, std::int64_t least, std::int64_t most,
                       std::int64_t fit) {
   extern __shared__ __align__(32) char shared_memory[];
-  __shared__ int next;
+  int& next = *reinterpret_cast<int*>(shared_memory);  // no memory beside it: a block may have all that there is
   if (solver.halt()) return;
   auto const& rows = solver.rows;
   auto const& solution = solver.solution;
