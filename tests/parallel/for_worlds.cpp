@@ -26,6 +26,39 @@ struct Sums {
     world.single([&] { self.after(w) = later; });
   }
 };
+/// What a team has to offer, in a world of so many items as `items` says; on a GPU by a warp or, where it is wide, by a block.
+template <class Mem, bool by_block>
+struct Team {
+  static constexpr bool wide = by_block;
+  static constexpr int most = 2000, keys = 5;
+  KOKKOS_FUNCTION static int items(int world) {
+    constexpr int table[] = {0, 1, 33, 511, 512, 513, most};
+    return table[world];
+  }
+  Kokkos::View<float**, Kokkos::LayoutRight, Mem> before;  // running sums; behind them the sum
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> at, next,
+      long_before;  // where an item is placed, of its key; running sums of whole numbers
+  template <class World>
+  KOKKOS_FUNCTION void operator()(World const& world) const {
+    int const w = world.rank, n = items(w);
+    auto const self = *this;  // nested lambdas copy it
+    world.single([&] { self.next(w, keys) = 7; });
+    world.each(n, [&](int i) { world.add(self.next(w, keys), i); });
+    world.sync();
+    auto const part = [](int i) { return 1.f / float(3 * i + 1); };
+    world.template scan<float>(n, part, [&](int i, float sum) { self.before(w, i) = sum; });
+    world.template scan<int>(
+        n, [](int i) { return i % 3; }, [&](int i, int sum) { self.long_before(w, i) = sum; });
+    world.place(
+        n, [](int i) { return i * 7 % (keys + 1) - 1; }, &self.next(w, 0), [&](int i, int place) { self.at(w, i) = place; });
+    float const total = world.template sum<float>(n, part);
+    int const whole = world.template sum<int>(n, [](int i) { return i % 3; });
+    world.single([&] {
+      self.before(w, most) = total;
+      self.long_before(w, most) = whole;
+    });
+  }
+};
 }  // namespace test_types
 
 // Worlds of 0 to 120 items, fewer and more than a warp. Closed forms: sum = n (n - 1) / 2 + n w, running sum likewise.
@@ -54,5 +87,51 @@ TEST_CASE_TEMPLATE("each world loops, sums and scans by itself", Exec, GSP_TEST_
       sum += i * (i - 1) / 2 + i * w;
     }
     CHECK(after(w) == sum);
+  }
+}
+
+// Worlds of fewer and of more items than a warp and a block have threads. Whole numbers against plain loops; sums of others, which have an
+// order, to the same bits whether a block or a warp has found them.
+TEST_CASE_TEMPLATE("a block a world finds what a warp does", Exec, GSP_TEST_ALL_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Exec const exec{};
+  int const worlds = 7;
+  auto const run = [&](auto team) {
+    using Type = decltype(team);
+    team.before = decltype(team.before)("before", worlds, Type::most + 1);
+    team.at = decltype(team.at)("at", worlds, Type::most);
+    team.next = decltype(team.next)("next", worlds, Type::keys + 1);
+    team.long_before = decltype(team.long_before)("long_before", worlds, Type::most + 1);
+    exec.fence();
+    gsp::for_worlds("gsp::test::team", exec, worlds, team);
+    exec.fence();
+    return team;
+  };
+  auto const narrow = run(test_types::Team<Mem, false>{});
+  auto const wide = run(test_types::Team<Mem, true>{});
+  auto const host = [](auto const& view) { return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, view); };
+  auto const before = host(narrow.before), wide_before = host(wide.before);
+  for (auto const& team : {host(narrow.next), host(wide.next)})
+    for (int w = 0; w < worlds; ++w) {
+      int const n = test_types::Team<Mem, true>::items(w);
+      CHECK(team(w, test_types::Team<Mem, true>::keys) == 7 + n * (n - 1) / 2);
+    }
+  auto const at = host(narrow.at), wide_at = host(wide.at), sums = host(narrow.long_before), wide_sums = host(wide.long_before);
+  for (int w = 0; w < worlds; ++w) {
+    CAPTURE(w);
+    int const n = test_types::Team<Mem, true>::items(w), most = test_types::Team<Mem, true>::most;
+    int next[6] = {}, sum = 0, wrong = 0;
+    for (int i = 0; i < n; ++i) {
+      int const key = i * 7 % 6 - 1, place = key >= 0 ? next[key]++ : 0;
+      wrong += at(w, i) != place || wide_at(w, i) != place;
+      wrong += sums(w, i) != sum || wide_sums(w, i) != sum;
+      wrong += before(w, i) != wide_before(w, i);
+      sum += i % 3;
+    }
+    CHECK(wrong == 0);
+    CHECK(sums(w, most) == sum);
+    CHECK(wide_sums(w, most) == sum);
+    CHECK(before(w, most) == wide_before(w, most));
+    if (n > 0) CHECK(before(w, most) >= 1.f);
   }
 }
