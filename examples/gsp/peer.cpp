@@ -134,9 +134,9 @@ class MujocoPeer : public Peer {
       mujoco_.get_state(model_, d, state(w), state_integration);
     }
   }
-  void step(long long steps, std::vector<double> const& ctrl, long long rows) override {
+  void step(long long steps, std::vector<double> const& ctrl, long long period) override {
     auto const work = [&](std::size_t thread) {
-      for (std::size_t w = thread; w < worlds_; w += data_.size()) step_world(data_[thread], w, steps, ctrl, rows);
+      for (std::size_t w = thread; w < worlds_; w += data_.size()) step_world(data_[thread], w, steps, ctrl, period);
     };
     std::vector<std::thread> others;
     for (std::size_t t = 1; t < data_.size(); ++t) others.emplace_back(work, t);
@@ -165,11 +165,11 @@ class MujocoPeer : public Peer {
  private:
   std::size_t size_of(int what) const { return static_cast<std::size_t>(mujoco_.state_size(model_, what)); }
   double* state(std::size_t world) { return &states_[world * size_]; }
-  void step_world(mjData* d, std::size_t w, long long steps, std::vector<double> const& ctrl, long long rows) {
+  void step_world(mjData* d, std::size_t w, long long steps, std::vector<double> const& ctrl, long long period) {
     std::size_t const nu = size_of(state_ctrl);
     mujoco_.set_state(model_, d, state(w), state_integration);
     for (long long k = 0; k < steps; ++k) {
-      if (!ctrl.empty()) mujoco_.set_state(model_, d, &ctrl[(static_cast<std::size_t>(k % rows) * worlds_ + w) * nu], state_ctrl);
+      if (!ctrl.empty()) mujoco_.set_state(model_, d, &ctrl[(w + static_cast<std::size_t>(k % period)) * nu], state_ctrl);
       mujoco_.step(model_, d);
     }
     mujoco_.get_state(model_, d, state(w), state_integration);

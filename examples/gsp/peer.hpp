@@ -21,8 +21,9 @@ class Peer {
   virtual ~Peer() = default;
   /// All worlds at their start, as given.
   virtual void start(States const& states) = 0;
-  /// Steps all worlds, each all of its steps before the next one. ctrl: (rows, worlds, nu), row k at step k mod rows; or empty.
-  virtual void step(long long steps, std::vector<double> const& ctrl, long long rows) = 0;
+  /// Steps all worlds, each all of its steps before the next one. ctrl: (worlds + period - 1, nu), of world w at step k row w + k mod
+  /// period; or empty.
+  virtual void step(long long steps, std::vector<double> const& ctrl, long long period) = 0;
   /// What the next step starts from, kept and gone back to.
   virtual void save() = 0;
   virtual void restore() = 0;

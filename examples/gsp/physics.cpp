@@ -20,8 +20,8 @@ using gsp::runtime::Buffer;
 using gsp::runtime::host_array;
 using nlohmann::ordered_json;
 
-constexpr double start_noise = 0.05;  // of hinges and slides where there are several worlds [rad, m]
-constexpr long long noise_rows = 64;  // of controls, then they come again
+constexpr double start_noise = 0.05;   // of hinges and slides where there are several worlds [rad, m]
+constexpr long long noise_steps = 64;  // then it comes again
 
 struct Setup {
   PhysicsScene scene;
@@ -30,7 +30,7 @@ struct Setup {
   gsp::Description description;
   gsp::CompiledModel model;
   States start;
-  std::vector<double> ctrl;  // (noise_rows, worlds, nu), or empty
+  std::vector<double> ctrl;  // (worlds + noise_steps - 1, nu), world w at step k has row w + k % noise_steps; or empty
   int repeats = 5;
 };
 
@@ -57,14 +57,14 @@ States scattered(States const& one, gsp::CompiledModel const& model, int worlds)
   return out;
 }
 
-/// The controls of the start with noise of this standard deviation.
+/// The controls of the start with noise of this standard deviation: a world has what the one before it has a step later.
 std::vector<double> noisy_controls(States const& start, gsp::CompiledModel const& model, double deviation) {
   if (deviation == 0 || model.nu == 0) return {};
-  std::size_t const row = std::size_t(start.worlds) * std::size_t(model.nu);
-  std::vector<double> out(std::size_t(noise_rows) * row);
+  std::size_t const nu = std::size_t(model.nu);
+  std::vector<double> out((std::size_t(start.worlds) + noise_steps - 1) * nu);
   Uniform uniform;
   for (std::size_t i = 0; i < out.size(); ++i)
-    out[i] = (start.ctrl.empty() ? 0 : start.ctrl[i % row]) + std::sqrt(3.) * deviation * uniform();
+    out[i] = (start.ctrl.empty() ? 0 : start.ctrl[i % nu]) + std::sqrt(3.) * deviation * uniform();
   return out;
 }
 
@@ -150,8 +150,9 @@ class Own {
   explicit Own(Setup const& s) : setup_(&s), stepper_(gsp::runtime::make_stepper(s.device, s.model, s.options)) {
     set_states(*stepper_, s.start, s.model);
     if (s.ctrl.empty()) return;
-    controls_ = gsp::runtime::make_buffer(s.device, s.options.precision, {noise_rows, s.options.worlds, s.model.nu});
-    gsp::runtime::copy(host_array(s.ctrl.data(), {noise_rows, s.options.worlds, s.model.nu}), controls_.array);
+    std::int64_t const rows = s.options.worlds + noise_steps - 1;
+    controls_ = gsp::runtime::make_buffer(s.device, s.options.precision, {rows, s.model.nu});
+    gsp::runtime::copy(host_array(s.ctrl.data(), {rows, s.model.nu}), controls_.array);
   }
   void begin_window() {
     step(setup_->scene.from);
@@ -200,7 +201,7 @@ class Own {
  private:
   void step(long long steps) {
     for (long long k = 0; k < steps;) {
-      if (controls_.array) gsp::runtime::copy(row_of(controls_.array, k % noise_rows), stepper_->state().ctrl);
+      if (controls_.array) gsp::runtime::copy(controls_.array.rows(k % noise_steps, setup_->options.worlds), stepper_->state().ctrl);
       bool const last = k + 1 == steps;  // whose residual is measured
       long long const at_once = last || controls_.array ? 1 : std::min(steps - 1 - k, 100000LL);
       stepper_->step({.steps = static_cast<int>(at_once), .measure_residual = last});
@@ -224,14 +225,14 @@ class Beside {
     peer_->start(s.start);
   }
   void begin_window() {
-    peer_->step(setup_->scene.from, setup_->ctrl, noise_rows);
+    peer_->step(setup_->scene.from, setup_->ctrl, noise_steps);
     peer_->save();
     std::vector<double> qvel;
     peer_->get(first_, qvel);
   }
   void run_window() {
     peer_->restore();
-    seconds_.push_back(seconds_of([&] { peer_->step(setup_->scene.steps, setup_->ctrl, noise_rows); }));
+    seconds_.push_back(seconds_of([&] { peer_->step(setup_->scene.steps, setup_->ctrl, noise_steps); }));
   }
   /// ours: windows of gsp, each timed just before the one of MuJoCo.
   ordered_json json(std::vector<double> const& ours) const {

@@ -53,21 +53,21 @@ struct ContactRows {
   struct Element {
     ContactRows const& type;
     int world, k, c;
-    int count = 0;                           // rows
-    detail::Hold hold = detail::Hold::none;  // of the two bodies by rigid equalities
-    ContactParameters<R> p{};                // where it has some
+    bool acts;               // below its margin
+    detail::Hold hold;       // of the two bodies by rigid equalities; all: it has no rows
+    ContactParameters<R> p;  // where it has some
+    int count;               // rows
     KOKKOS_INLINE_FUNCTION Element(ContactRows const& of, int w, int element)
-        : type(of), world(w), k(element), c(of.contact_of(w, element)) {
-      bool const acts = contact_acts(type.collision, type.contacts, world, c);
-      if (!acts && type.adhesion_of(c) == R(0)) return;
-      // Equal last dofs, or none: the two do not move against each other (named pairs may be of such bodies), and J would be zero.
-      int const body1 = type.contacts.body1(c), body2 = type.contacts.body2(c);
-      if (type.joints.body_last_dof(body1) == type.joints.body_last_dof(body2)) return;
-      hold = type.joints.between(world, body1, body2);
-      if (hold == detail::Hold::all) return;
-      p = acting_parameters(type.collision, type.contacts, world, c, acts);
-      count = type.edges == 1 ? p.condim : k % type.edges < most(2 * (p.condim - 1), 1);
-    }
+        : type(of),
+          world(w),
+          k(element),
+          c(of.contact_of(w, element)),
+          acts(contact_acts(of.collision, of.contacts, w, c)),
+          hold(hold_of_bodies()),
+          p(hold == detail::Hold::all ? ContactParameters<R>{} : acting_parameters(of.collision, of.contacts, w, c, acts)),
+          count(hold == detail::Hold::all ? 0
+                : type.edges == 1         ? p.condim
+                                          : k % type.edges < most(2 * (p.condim - 1), 1)) {}
     KOKKOS_INLINE_FUNCTION int rows() const { return count; }
     template <class Row>
     KOKKOS_INLINE_FUNCTION R jacobian(int row, Row&& J) const {
@@ -123,6 +123,14 @@ struct ContactRows {
       return (edge % 2 ? -p.friction[edge / 2] : p.friction[edge / 2]) * type.contacts.surfacevel(c, edge / 2);
     }
     KOKKOS_INLINE_FUNCTION static int most(int a, int b) { return a > b ? a : b; }
+    /// All where nothing moves the two against each other, or pushes or pulls.
+    KOKKOS_INLINE_FUNCTION detail::Hold hold_of_bodies() const {
+      if (!acts && type.adhesion_of(c) == R(0)) return detail::Hold::all;
+      // Equal last dofs, or none: the two do not move against each other (named pairs may be of such bodies), and J would be zero.
+      int const body1 = type.contacts.body1(c), body2 = type.contacts.body2(c);
+      if (type.joints.body_last_dof(body1) == type.joints.body_last_dof(body2)) return detail::Hold::all;
+      return type.joints.between(world, body1, body2);
+    }
   };
   KOKKOS_INLINE_FUNCTION Element element(int world, int k) const { return {*this, world, k}; }
   KOKKOS_INLINE_FUNCTION int rows(int world, int k) const { return element(world, k).rows(); }

@@ -22,9 +22,7 @@ struct WorldLane {
       return at[first * stride];
     } else {
       if (count == W) return detail::gather_consecutive<T>(at + first * stride, stride);
-      T x(R(0));
-      for (int k = 0; k < W; ++k) x.set(k, at[world(k) * stride]);
-      return x;
+      return T::of([&](int k) { return at[world(k) * stride]; });
     }
   }
   template <class View>
@@ -63,9 +61,7 @@ struct WorldLane {
       return f(first, at);
     } else {
       if (f.stride == 0) return T(f.data[at]);
-      T x(R(0));
-      for (int k = 0; k < W; ++k) x.set(k, f(world(k), at));
-      return x;
+      return T::of([&](int k) { return f(world(k), at); });
     }
   }
   KOKKOS_INLINE_FUNCTION Vec3<T> constant3(Field<R> const& f, int i) const {
@@ -80,9 +76,7 @@ struct WorldLane {
     if constexpr (W == 1) {
       return d.tree(m, first, t)[at];
     } else {
-      T x(R(0));
-      for (int k = 0; k < W; ++k) x.set(k, d.item(m, world(k), t, at));
-      return x;
+      return T::of([&](int k) { return d.item(m, world(k), t, at); });
     }
   }
 };

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <gsp/math/scalar.hpp>
 #include <initializer_list>
+#include <utility>
 
 /// `Pack<Real, W>`: W numbers that go through a kernel together on a CPU, one lane per world or instance (GPU: a lane is a thread, and T =
 /// Real). It brings its own sin, cos, exp and sqrt, so that no compiler flag beyond the target's instruction set is needed, and W is fixed
@@ -78,6 +79,23 @@ struct alignas(sizeof(Real) * W) Pack {
   requires(std::is_arithmetic_v<S> && !std::is_same_v<S, Real>) GSP_FUNCTION Pack(S x) : Pack(Real(x)) {}
   GSP_FUNCTION Real operator[](int i) const { return v[i]; }
   GSP_FUNCTION void set(int i, Real x) { v[i] = x; }
+  /// Lane i is f(i). Put together in registers: a pack that is loaded right after its lanes were stored waits until they are in the cache.
+  template <class F>
+  GSP_FUNCTION static Pack of(F const& f) {
+    return of(f, std::make_integer_sequence<int, W>{});
+  }
+
+ private:
+  template <class F, int... i>
+  GSP_FUNCTION static Pack of(F const& f, std::integer_sequence<int, i...>) {
+    Pack p;
+#ifdef __CUDA_ARCH__
+    ((p.v[i] = f(i)), ...);
+#else
+    p.v = vec{Real(f(i))...};
+#endif
+    return p;
+  }
 };
 
 // One macro a kind of operator, undefined below: on the host the compiler's vector types do the work.

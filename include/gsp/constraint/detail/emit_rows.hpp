@@ -78,13 +78,17 @@ struct EmitRows {
  private:
   KOKKOS_INLINE_FUNCTION RowLaws<R, Mem> laws(R most_inverse_inertia) const { return {model, state, dynamics, rows, most_inverse_inertia}; }
   KOKKOS_INLINE_FUNCTION StartImpulses<R, Mem> starts() const { return {impulses, names}; }
-  /// Who a row is and where it lies. Written as a whole: a single bit would wait for what lies beside it in memory.
-  KOKKOS_INLINE_FUNCTION static Row<R> laid_out(int place, int k, std::int64_t entry, RowStructure<R, Mem> const& structure) {
-    Row<R> row{};
+  /// Who a row is and where it lies.
+  KOKKOS_INLINE_FUNCTION static void lay_out(Row<R>& row, int place, int k, std::int64_t entry, RowSegment const (&segment)[2]) {
     row.type = static_cast<unsigned char>(place);
     row.element = k;
     row.first_entry = entry;
-    for (int s = 0; s < 2; ++s) row.segment[s] = s < structure.segments ? structure.segment(s) : RowSegment{-1, 0, -1};
+    for (int s = 0; s < 2; ++s) row.segment[s] = segment[s];
+  }
+  /// The same as a whole, on a device: a single bit would wait for what lies beside it in memory.
+  KOKKOS_INLINE_FUNCTION static Row<R> laid_out(int place, int k, std::int64_t entry, RowStructure<R, Mem> const& structure) {
+    Row<R> row{};
+    lay_out(row, place, k, entry, {structure.segment_or_none(0), structure.segment_or_none(1)});
     return row;
   }
   KOKKOS_INLINE_FUNCTION static int entries_in(Row<R> const& row) { return row.segment[0].count + row.segment[1].count; }
@@ -173,21 +177,26 @@ struct EmitRows {
     Row<R>* const row = &rows.row(first);
     int const k = row->element, place = row->type, now = impulses.parity();
     constexpr bool apart = is_device<typename Mem::execution_space>;  // threads with elements of different types part in `visit_type` alone
-    typename RowLaws<R, Mem>::Asked asked[apart ? most_element_rows : 1];
+    using Asked = typename RowLaws<R, Mem>::Asked;
+    Asked asked[apart ? most_element_rows : 1];
     R start[most_element_rows], most_yield[most_element_rows], load(0);
     for (int r = 0; r < n; ++r) start[r] = R(0);
     auto const set = [&](int r, auto const& what) {
-      Row<R> own = row[r];
-      most_yield[r] = laws.set(what, w, first + r, RowSums<R>::of(own), own);
-      row[r] = own;
+      if constexpr (apart) {  // read and written as a whole
+        Row<R> own = row[r];
+        most_yield[r] = laws.set(what, w, first + r, RowSums<R>::of(own), own);
+        row[r] = own;
+      } else {
+        most_yield[r] = laws.set(what, w, first + r, RowSums<R>::of(row[r]), row[r]);
+      }
     };
     types.visit_type(place, [&](auto const& type) {
       auto const element = element_of(type, w, k);
       for (int r = 0; r < n; ++r)
         if constexpr (apart)
-          asked[r] = laws.ask(element, r, row[r].bias, row[r].lower);
+          asked[r] = {laws, element, r, row[r].bias, row[r].lower};
         else
-          set(r, laws.ask(element, r, row[r].bias, row[r].lower));
+          set(r, Asked{laws, element, r, row[r].bias, row[r].lower});
       RowId const id = type.id(w, k);
       for (int r = 0; r < n; ++r) impulses.id[now](first + r) = row_key(place, id);
       if (state.steps(w) > 0) load = starts().find(type, k, place, id, w, first - rows.first(w), n, start);
@@ -241,20 +250,21 @@ struct EmitRows {
       if (n == 0 || lies_still(model, sleeping, type, w, k)) return;
       if (end + n > begin + most) finish_rows();
       entry += couplings_of(n);
-      Row<R> row;
+      RowSegment segment[2];
       bool keeps = true;
       for (int r = 0; r < n; ++r, ++end) {
         if (r == 0 || !rows_are_alike<std::decay_t<decltype(type)>>()) {
           RowStructure<R, Mem> structure{model};
           element.jacobian(r, structure);
-          row = laid_out(place, k, entry, structure);
           keeps = true;
+          for (int s = 0; s < 2; ++s) segment[s] = structure.segment_or_none(s);
           for (int s = 0; s < structure.segments; ++s)
             keeps = keeps && Lanes::takes(model.archetypes(model.tree_archetype(structure.tree[s])));
         }
-        row.first_entry = entry;
+        Row<R>& row = rows.row(end);  // written where it stands, number by number: a copy would wait for what it copies (Asked)
+        row = {};
+        lay_out(row, place, k, entry, segment);
         row.bias = R(element.jacobian(r, ForceWriter<R, Mem>(model, dynamics, row, rows.Y.data() + entry, w, forces[end - begin], keeps)));
-        rows.row(end) = row;
         rows.element_rows(end) = static_cast<signed char>(r == 0 ? n : 0);
         entry += entries_in(row);
       }

@@ -32,21 +32,24 @@ struct RowLaws {
   Rows<R, Mem> const& rows;
   R most_inverse_inertia;  // inverse_inertia of any row of the world is no more: rows that move enough are not asked for theirs
 
-  /// What an element asks for one of its rows.
+  /// What an element asks for row r, of this gap and rate. Members are made in their places: what is copied right after it was written
+  /// number by number waits until those are in the cache.
   struct Asked {
-    RowLaw<R> law;
-    RowBounds<R> bounds;
-    bool known;  // its impulse, whatever the rate: bounds that meet (a cone of profile mujoco goes by its law, not by bounds)
+    RowBounds<R> bounds{};
+    RowLaw<R> law{};
+    bool known = false;  // its impulse, whatever the rate: bounds that meet (a cone of profile mujoco goes by its law, not by bounds)
+    Asked() = default;
+    template <class Element>
+    KOKKOS_INLINE_FUNCTION Asked(RowLaws const& laws, Element const& element, int r, R gap, R rate)
+        : bounds(in_precision(element.bounds(r))), law(element.law(r, gap, rate, laws.model.timestep, bounds)) {
+      known =
+          bounds.lower == bounds.upper && bounds.friction_of < 0 && (laws.model.profile == Profile::stable || !bears_friction(element, r));
+    }
+    template <class Bounds>
+    KOKKOS_INLINE_FUNCTION static RowBounds<R> in_precision(Bounds const& b) {
+      return {R(b.lower), R(b.upper), b.friction_of, R(b.mu), b.with_next, b.dry};
+    }
   };
-  template <class Element>
-  KOKKOS_INLINE_FUNCTION Asked ask(Element const& element, int r, R gap, R rate) const {
-    auto const of_type = element.bounds(r);
-    RowBounds<R> bounds{R(of_type.lower), R(of_type.upper), of_type.friction_of, R(of_type.mu), of_type.with_next, of_type.dry};
-    RowLaw<R> const law = element.law(r, gap, rate, model.timestep, bounds);
-    bool const known =
-        bounds.lower == bounds.upper && bounds.friction_of < 0 && (model.profile == Profile::stable || !bears_friction(element, r));
-    return {law, bounds, known};
-  }
   /// Law and bounds of a row, number `at` of the pool. Returns what it may yield to its load (RowLaw).
   KOKKOS_INLINE_FUNCTION R set(Asked const& asked, int w, int at, RowSums<R> const& sums, Row<R>& row) const {
     R const rate = sums.rate, free_rate = sums.free_rate;

@@ -42,6 +42,7 @@ struct RowStructure {
     int const adr = ints[a.row_adr + last[s]], n = ints[a.row_adr + last[s] + 1] - adr;
     return {n == a.nv ? -1 : a.row_col + adr, n, model.tree_dof(tree[s])};  // a chain of all dofs lists them in order
   }
+  KOKKOS_INLINE_FUNCTION RowSegment segment_or_none(int s) const { return s < segments ? segment(s) : RowSegment{-1, 0, -1}; }
   KOKKOS_INLINE_FUNCTION int entries() const {
     int n = 0;
     for (int s = 0; s < segments; ++s) n += segment(s).count;

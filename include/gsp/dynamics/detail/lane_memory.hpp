@@ -18,9 +18,7 @@ KOKKOS_INLINE_FUNCTION R get_lane(Pack<R, W> const& x, int i) {
 template <class T>
 [[gnu::noinline]] KOKKOS_FUNCTION T gather(real_t<T> const* data, std::int64_t stride, int const* world, int const* first, int components,
                                            int offset) {
-  alignas(T) real_t<T> x[T::width];
-  for (int i = 0; i < T::width; ++i) x[i] = data[world[i] * stride + first[i] * components + offset];
-  return *reinterpret_cast<T const*>(x);
+  return T::of([&](int i) { return data[world[i] * stride + first[i] * components + offset]; });
 }
 template <class T>
 [[gnu::noinline]] KOKKOS_FUNCTION void scatter(real_t<T>* data, std::int64_t stride, int const* world, int const* first, int components,
@@ -30,9 +28,7 @@ template <class T>
 // Lane i at data[i * stride], where a block is one instance in consecutive worlds:
 template <class T>
 [[gnu::noinline]] KOKKOS_FUNCTION T gather_consecutive(real_t<T> const* data, std::int64_t stride) {
-  alignas(T) real_t<T> x[T::width];
-  for (int i = 0; i < T::width; ++i, data += stride) x[i] = *data;
-  return *reinterpret_cast<T const*>(x);
+  return T::of([&](int i) { return data[i * stride]; });
 }
 template <class T>
 [[gnu::noinline]] KOKKOS_FUNCTION void scatter_consecutive(real_t<T>* data, std::int64_t stride, T const& x) {
