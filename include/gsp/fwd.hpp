@@ -30,6 +30,12 @@ struct CollisionModel;  // collision/collision_model.hpp
 template <class R, class Mem>
 struct Contacts;  // collision/contacts.hpp
 template <class R, class Mem>
+struct RayScene;  // ray/ray_scene.hpp
+template <class R, class Mem>
+struct Rays;  // ray/cast_rays.hpp
+template <class R, class Mem>
+struct RayHits;  // ray/cast_rays.hpp
+template <class R, class Mem>
 struct Rows;  // constraint/rows.hpp
 template <class Mem>
 struct Islands;  // constraint/islands.hpp

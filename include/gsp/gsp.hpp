@@ -83,6 +83,13 @@
 #include <gsp/parallel/for_worlds.hpp>
 #include <gsp/parallel/scan.hpp>
 #include <gsp/parallel/sort_by_key.hpp>
+#include <gsp/ray/cast_rays.hpp>
+#include <gsp/ray/mesh_tree.hpp>
+#include <gsp/ray/ray_height_field.hpp>
+#include <gsp/ray/ray_mount.hpp>
+#include <gsp/ray/ray_pattern.hpp>
+#include <gsp/ray/ray_scene.hpp>
+#include <gsp/ray/ray_shapes.hpp>
 #include <gsp/sensor/cameras.hpp>
 #include <gsp/sensor/sense.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>

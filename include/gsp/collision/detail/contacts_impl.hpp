@@ -64,15 +64,15 @@ Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& m
   make(c.scratch.total, "gsp::Contacts::total", 3);
   make(c.scratch.most, "gsp::Contacts::most", 3);
   c.search = detail::make_pair_search(exec, model, worlds);
-  // Guess: a collider is near one other, a quarter of a candidate's room is used: pools that are too small grow, those that are too large
-  // stay. Where pairs are searched for, a mover is near eight, which give four points.
-  std::int64_t const listed = std::min<std::int64_t>(model.pairs, (model.movers > 0 ? model.movers : model.colliders) + 8);
+  // Guess: a collider is near two others, half of a candidate's room is used. Where pairs are searched for, a mover is near eight, which
+  // give four points.
+  std::int64_t const listed = std::min<std::int64_t>(model.pairs, 2 * (model.movers > 0 ? model.movers : model.colliders) + 8);
   std::int64_t const near = listed + 8 * model.movers;
   std::int64_t const room = (model.pairs > 0 ? (listed * model.slots + model.pairs - 1) / model.pairs : 0) + 32 * model.movers;
   std::int64_t const w = worlds;
   std::int64_t const candidates = w * (options.candidates_per_world > 0 ? options.candidates_per_world : near);
   std::int64_t const points = w * (options.points_per_world > 0 ? options.points_per_world : room);
-  detail::allocate_contacts(c, candidates, points, w * (options.contacts_per_world > 0 ? options.contacts_per_world : (room + 3) / 4));
+  detail::allocate_contacts(c, candidates, points, w * (options.contacts_per_world > 0 ? options.contacts_per_world : (room + 1) / 2));
   return c;
 }
 

@@ -169,6 +169,7 @@ inline void read_geom(Document& doc, Node const& node, BodyDraft& to, Pose const
     if (found == doc.materials.end())
       a.fail("material", "is " + in_quotes(a.text("material")) + ", which does not exist; correct the name");
     if (!colour) g.rgba = found->second;
+    g.material_alpha = found->second[3];
   }
   g.mesh = a.text("mesh");
   g.hfield = a.text("hfield");

@@ -1,0 +1,122 @@
+#pragma once
+#include <gsp/model/names.hpp>
+#include <gsp/ray/cast_rays.hpp>
+#include <gsp/ray/ray_pattern.hpp>
+
+/// Rays of a unit on a body, in all worlds: they follow from poses, on the device.
+namespace gsp {
+
+/// How a unit turns with its body.
+enum class RayAlignment : unsigned char {
+  body,   // as its body does
+  yaw,    // about the vertical alone, as the body's x axis does: height scans
+  world,  // not at all
+};
+struct RayMountOptions {
+  std::string body = "";  // a body of this name ("world": what does not move); or
+  int body_id = -1;       // by index
+  Double3 pos{0, 0, 0};   // of the unit in the body's frame, as it is aligned [m]
+  Double4 quat{1, 0, 0, 0};
+  RayAlignment alignment = RayAlignment::body;
+};
+
+/// A unit on the device. `make_ray_mount` makes it.
+template <class R, class Mem>
+struct RayMount {
+  using memory_space = Mem;
+  int body = 0;
+  RayAlignment alignment = RayAlignment::body;
+  Vec3<R> pos;
+  Quat<R> quat;
+  Kokkos::View<Vec3<R>*, Mem> direction, origin;  // of the pattern; origin is empty where all begin at the unit
+  int count() const { return int(direction.extent(0)); }
+};
+
+/// A unit with the rays of a pattern. Allocates; fences. Errors: gsp::Error for a name that is not there; std::invalid_argument for a mount
+/// that names no body or two, a rotation of 0, numbers that are not finite, and a pattern without rays, or with another number of origins.
+template <class R, ExecutionSpace Exec>
+RayMount<R, typename Exec::memory_space> make_ray_mount(Exec const& exec, CompiledModel const& compiled, RayPattern const& pattern,
+                                                        RayMountOptions const& options) {
+  expects(options.body.empty() != (options.body_id < 0), "gsp::make_ray_mount: name one body, by name or by index");
+  expects(!pattern.direction.empty() && (pattern.origin.empty() || pattern.origin.size() == pattern.direction.size()),
+          "gsp::make_ray_mount: the pattern needs a direction for each ray, and an origin for each or none");
+  RayMount<R, typename Exec::memory_space> mount;
+  mount.body = options.body.empty() ? options.body_id : options.body == "world" ? 0 : body_id(compiled, options.body);
+  expects(mount.body < compiled.nbody, "gsp::make_ray_mount: the model has " + std::to_string(compiled.nbody) +
+                                           " bodies, not one of index " + std::to_string(mount.body));
+  auto const& q = options.quat;
+  double const length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  double const sum = length + options.pos[0] + options.pos[1] + options.pos[2];
+  expects(std::isfinite(sum) && length > 0, "gsp::make_ray_mount: pos and quat must be finite, and the rotation not 0");
+  mount.alignment = options.alignment;
+  mount.pos = {R(options.pos[0]), R(options.pos[1]), R(options.pos[2])};
+  mount.quat = {R(q[0] / length), R(q[1] / length), R(q[2] / length), R(q[3] / length)};
+  auto const upload = [&](char const* label, std::vector<Double3> const& from) {
+    std::vector<Vec3<R>> to;
+    for (auto const& v : from) to.push_back({R(v[0]), R(v[1]), R(v[2])});
+    return detail::to_device<Kokkos::View<Vec3<R>*, typename Exec::memory_space>>(exec, label, to);
+  };
+  mount.direction = upload("gsp::RayMount::direction", pattern.direction);
+  if (!pattern.origin.empty()) mount.origin = upload("gsp::RayMount::origin", pattern.origin);
+  return mount;
+}
+
+namespace detail {
+template <class R, class Mem>
+struct MountRays {
+  Poses<R, Mem> poses;
+  RayMount<R, Mem> mount;
+  Rays<R, Mem> rays;
+  int first, count;
+  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
+    int const w = int(i / count), k = int(i % count), b = mount.body;
+    R const *const x = &poses.xpos(w, b, 0), *const q = &poses.xquat(w, b, 0);
+    Transform<R> const body{{x[0], x[1], x[2]}, aligned({q[0], q[1], q[2], q[3]})};
+    Transform<R> const unit = body * Transform<R>{mount.pos, mount.quat};
+    Vec3<R> const from = mount.origin.extent(0) > 0 ? unit * mount.origin(k) : unit.p, along = rotate(unit.q, mount.direction(k));
+    for (int c = 0; c < 3; ++c) {
+      rays.origin(w, first + k, c) = from[c];
+      rays.direction(w, first + k, c) = along[c];
+    }
+  }
+
+ private:
+  KOKKOS_INLINE_FUNCTION Quat<R> aligned(Quat<R> const& q) const {
+    if (mount.alignment == RayAlignment::body) return q;
+    if (mount.alignment == RayAlignment::world) return identity_quat<R>();
+    Vec3<R> const ahead = rotate(q, Vec3<R>{R(1), R(0), R(0)});
+    R const length = sqrt(fma(ahead.x, ahead.x, ahead.y * ahead.y));
+    if (!(length > R(0))) return identity_quat<R>();  // it looks straight up or down
+    // cos and sin of half of the angle whose cos and sin are x and y, from the larger of the two
+    R const x = ahead.x / length, y = ahead.y / length;
+    if (x >= R(0)) {
+      R const c = sqrt(R(0.5) * (R(1) + x));
+      return {c, R(0), R(0), R(0.5) * y / c};
+    }
+    R const s = sqrt(R(0.5) * (R(1) - x));
+    return {R(0.5) * y / s, R(0), R(0), s};
+  }
+};
+}  // namespace detail
+
+/// The rays of a unit where its body is in these poses, of all worlds, to rays first ... first + mount.count() - 1 of each world.
+/// @param poses  of the model that the mount was made for, after forward_kinematics or a step
+/// Does not allocate, does not fence. About 100 flop a ray. Errors: std::invalid_argument for poses without that body or of another number
+/// of worlds, and where there is no room for the rays.
+template <ExecutionSpace Exec, class R, class Mem>
+void mount_rays(Exec const& exec, Poses<R, Mem> const& poses, RayMount<R, Mem> const& mount, Rays<R, Mem>& rays, int first = 0) {
+  Region const region("gsp::ray::mount_rays");
+  static_assert(can_access<Exec, Mem>, "gsp::mount_rays: the rays are not accessible from this execution space");
+  int const worlds = int(rays.origin.extent(0)), room = int(rays.origin.extent(1));
+  expects(int(poses.xpos.extent(0)) == worlds && int(poses.xpos.extent(1)) > mount.body,
+          "gsp::mount_rays: the rays are of " + std::to_string(worlds) + " worlds and a unit on body " + std::to_string(mount.body) +
+              ", the poses of " + std::to_string(poses.xpos.extent(0)) + " worlds of " + std::to_string(poses.xpos.extent(1)) + " bodies");
+  expects(first >= 0 && first + mount.count() <= room, "gsp::mount_rays: rays " + std::to_string(first) + " to " +
+                                                           std::to_string(first + mount.count() - 1) + " are asked for, and there are " +
+                                                           std::to_string(room));
+  using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
+  Kokkos::parallel_for("gsp::ray::mount_rays", lightweight(Range(exec, 0, std::int64_t(worlds) * mount.count())),
+                       detail::MountRays<R, Mem>{poses, mount, rays, first, mount.count()});
+}
+
+}  // namespace gsp

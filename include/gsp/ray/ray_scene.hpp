@@ -1,0 +1,180 @@
+#pragma once
+#include <algorithm>
+#include <cmath>
+#include <gsp/collision/shape_assets.hpp>
+#include <gsp/core/region.hpp>
+#include <gsp/model/detail/sizes.hpp>
+#include <gsp/model/model.hpp>
+#include <gsp/model/poses.hpp>
+#include <gsp/ray/mesh_tree.hpp>
+#include <gsp/ray/ray_height_field.hpp>
+#include <map>
+#include <string>
+#include <vector>
+
+/// What rays may meet: the geoms of a model, also those that touch nothing, in all worlds. Meshes are their triangles, not their hulls.
+namespace gsp {
+
+struct RaySceneOptions {
+  int worlds = 1;
+  std::uint32_t groups = 0x3f;  // bit g: geoms of group g, 0 to 5
+  bool statics = true;          // geoms that are fixed to the world
+};
+
+/// A geom of the scene. Those that are transparent (alpha 0 of the material, or of the geom where it has none) are not in it.
+template <class R>
+struct RayGeom {
+  ShapeType type;
+  int geom, body;
+  Vec3<R> size;
+  R radius;                      // of a ball about its frame that it lies in [m]; infinite: a plane
+  RayNode const* nodes;          // mesh
+  RayTriangle const* triangles;  // mesh
+  ShapeAsset<R> const* height_field;
+};
+/// Where it is in a world.
+template <class R>
+struct RayPlace {
+  Mat3<R> r;
+  Vec3<R> p;
+};
+
+/// `make_ray_scene` makes it, `place_ray_geoms` says where its geoms are.
+template <class R, class Mem>
+struct RayScene {
+  using real_type = R;
+  using memory_space = Mem;
+  int worlds = 0;
+  detail::ModelSizes model{};  // host: of which model
+  Kokkos::View<RayGeom<R>*, Mem> geoms;
+  Kokkos::View<RayPlace<R>**, Kokkos::LayoutRight, Mem> places;  // (worlds, geoms)
+  Kokkos::View<RayNode*, Mem> nodes;                             // of all meshes
+  Kokkos::View<RayTriangle*, Mem> triangles;
+  ShapeAssets<R, Mem> height_fields;
+  int count() const { return int(geoms.extent(0)); }
+};
+
+/// The geoms of the model that was made from `compiled`, with their sizes there: what a collision model has of its own by world is not
+/// seen. Allocates; fences. Cost: n log n of the triangles of meshes. Errors: std::invalid_argument for worlds < 1, another compiled model.
+template <class R, ExecutionSpace Exec, class Mem>
+RayScene<R, Mem> make_ray_scene(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled, RaySceneOptions options = {}) {
+  expects(options.worlds > 0, "gsp::make_ray_scene: worlds must be positive and is " + std::to_string(options.worlds));
+  static_assert(std::is_same_v<Mem, typename Exec::memory_space>,
+                "gsp::make_ray_scene: the model lies in another memory space than exec's");
+  expects(compiled.nbody == model.nbody && int(compiled.geom_type.size()) == model.ngeom,
+          "gsp::make_ray_scene: the model was made from another compiled model: give that one");
+  RayScene<R, Mem> scene;
+  scene.worlds = options.worlds;
+  scene.model = detail::sizes_of(model);
+  std::vector<int> shown, fields;
+  for (int g = 0; g < int(compiled.geom_type.size()); ++g) {
+    std::size_t const i = std::size_t(g);
+    int const group = std::clamp(compiled.geom_group[i], 0, 5);
+    float const of_material = compiled.geom_material_alpha.empty() ? -1 : compiled.geom_material_alpha[i];
+    if ((of_material < 0 ? compiled.geom_rgba[i][3] : of_material) == 0 || (options.groups >> group & 1u) == 0) continue;
+    if (!options.statics && compiled.body_weld[std::size_t(compiled.geom_body[i])] == 0) continue;
+    shown.push_back(g);
+    if (ShapeType(compiled.geom_type[i]) == ShapeType::hfield) fields.push_back(g);
+  }
+  std::vector<int> index;
+  scene.height_fields = make_shape_assets<R>(exec, compiled, fields, index);
+  struct Begin {
+    std::size_t nodes, triangles;
+  };
+  std::vector<RayNode> nodes;
+  std::vector<RayTriangle> triangles;
+  std::map<int, Begin> meshes;
+  for (int const g : shown) {
+    std::size_t const i = std::size_t(g), mesh = std::size_t(compiled.geom_data[i]);
+    if (ShapeType(compiled.geom_type[i]) != ShapeType::mesh || meshes.count(int(mesh)) > 0) continue;
+    meshes[int(mesh)] = {nodes.size(), triangles.size()};
+    auto const tree = make_mesh_tree(compiled.mesh_vertices[mesh], compiled.mesh_faces[mesh]);
+    nodes.insert(nodes.end(), tree.nodes.begin(), tree.nodes.end());
+    triangles.insert(triangles.end(), tree.triangles.begin(), tree.triangles.end());
+  }
+  scene.nodes = detail::to_device<decltype(scene.nodes)>(exec, "gsp::RayScene::nodes", nodes);
+  scene.triangles = detail::to_device<decltype(scene.triangles)>(exec, "gsp::RayScene::triangles", triangles);
+  std::vector<RayGeom<R>> geoms;
+  std::size_t field = 0;
+  for (int const g : shown) {
+    std::size_t const i = std::size_t(g);
+    auto const& s = compiled.geom_size[i];
+    RayGeom<R> geom{
+        ShapeType(compiled.geom_type[i]), g, compiled.geom_body[i], {R(s[0]), R(s[1]), R(s[2])}, R(0), nullptr, nullptr, nullptr};
+    double radius = 0;
+    switch (geom.type) {
+      case ShapeType::plane:
+        radius = std::numeric_limits<double>::infinity();
+        break;
+      case ShapeType::sphere:
+        radius = s[0];
+        break;
+      case ShapeType::capsule:
+        radius = s[0] + s[1];
+        break;
+      case ShapeType::ellipsoid:
+        radius = std::max({s[0], s[1], s[2]});
+        break;
+      case ShapeType::cylinder:
+        radius = std::hypot(s[0], s[1]);
+        break;
+      case ShapeType::box:
+        radius = std::hypot(s[0], s[1], s[2]);
+        break;
+      case ShapeType::mesh: {
+        std::size_t const mesh = std::size_t(compiled.geom_data[i]);
+        for (auto const& v : compiled.mesh_vertices[mesh]) radius = std::max(radius, std::hypot(double(v[0]), double(v[1]), double(v[2])));
+        geom.nodes = scene.nodes.data() + meshes.at(int(mesh)).nodes;
+        geom.triangles = scene.triangles.data() + meshes.at(int(mesh)).triangles;
+        break;
+      }
+      case ShapeType::hfield: {
+        auto const& e = compiled.hfields[std::size_t(compiled.geom_data[i])].size;
+        radius = std::hypot(e[0], e[1], std::max(e[2], e[3]));
+        geom.height_field = scene.height_fields.at(index[field++]);
+        break;
+      }
+    }
+    geom.radius = R(radius * (1 + 1e-6));
+    geoms.push_back(geom);
+  }
+  scene.geoms = detail::to_device<decltype(scene.geoms)>(exec, "gsp::RayScene::geoms", geoms);
+  scene.places = detail::allocate_zero<decltype(scene.places)>(exec, "gsp::RayScene::places", options.worlds, int(geoms.size()));
+  return scene;
+}
+
+namespace detail {
+template <class R, class Mem>
+struct PlaceRayGeoms {
+  Poses<R, Mem> poses;
+  Field<R> pos, quat;
+  RayScene<R, Mem> scene;
+  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
+    int const n = int(scene.geoms.extent(0)), w = int(i / n), g = int(i % n);
+    RayGeom<R> const& geom = scene.geoms(g);
+    auto const vec = [](R const* v) { return Vec3<R>{v[0], v[1], v[2]}; };
+    auto const turn = [](R const* q) { return Quat<R>{q[0], q[1], q[2], q[3]}; };
+    Transform<R> const body{vec(&poses.xpos(w, geom.body, 0)), turn(&poses.xquat(w, geom.body, 0))};
+    Transform<R> const place = body * Transform<R>{vec(pos.row(w) + 3 * geom.geom), turn(quat.row(w) + 4 * geom.geom)};
+    scene.places(w, g) = {to_matrix(place.q), place.p};
+  }
+};
+}  // namespace detail
+
+/// Where the scene's geoms are in these poses, in all worlds. Does not allocate, does not fence. Cost about 120 flop a geom. Errors:
+/// std::invalid_argument for a scene or poses of another model or another number of worlds.
+template <ExecutionSpace Exec, class R, class Mem>
+void place_ray_geoms(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, RayScene<R, Mem>& scene) {
+  Region const region("gsp::ray::place_ray_geoms");
+  static_assert(can_access<Exec, Mem>, "gsp::place_ray_geoms: the scene is not accessible from this execution space");
+  expects(scene.model == detail::sizes_of(model), "gsp::place_ray_geoms: the scene was made for another model: make_ray_scene with this");
+  expects(int(poses.xpos.extent(0)) == scene.worlds && int(poses.xpos.extent(1)) == model.nbody,
+          "gsp::place_ray_geoms: the scene has " + std::to_string(scene.worlds) + " worlds of " + std::to_string(model.nbody) +
+              " bodies, the poses " + std::to_string(poses.xpos.extent(0)) + " of " + std::to_string(poses.xpos.extent(1)));
+  detail::expects_values("gsp::place_ray_geoms", model, scene.worlds);
+  using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
+  Kokkos::parallel_for("gsp::ray::place_ray_geoms", lightweight(Range(exec, 0, std::int64_t(scene.worlds) * scene.count())),
+                       detail::PlaceRayGeoms<R, Mem>{poses, model.geom_pos, model.geom_quat, scene});
+}
+
+}  // namespace gsp
