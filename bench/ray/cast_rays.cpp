@@ -1,5 +1,5 @@
 // Rays of a rotating unit of 64 rings by 1,719 columns, float, beside MuJoCo's mj_multiRay with the same rays in the same program, one
-// thread, in turn: three shapes on a floor; 43 shapes; the robots with their visual meshes. On a GPU 256 worlds, without MuJoCo.
+// thread, in turn: three shapes on a floor; 43 shapes; a ring of triangles; a humanoid. On a GPU 256 worlds, without MuJoCo.
 //   bench_ray_cast_rays
 #include <cmath>
 #include <cstdio>
@@ -28,6 +28,23 @@ std::string shapes(int count) {
             std::to_string(away * std::sin(angle)) + " .5' euler='" + std::to_string(20 * k) + " 10 0'/>";
   }
   return text + "</worldbody></mujoco>";
+}
+
+/// A ring of 6,400 triangles around the unit.
+std::string ring() {
+  std::string vertices, faces;
+  int const around = 80, across = 40;
+  for (int i = 0; i < around; ++i)
+    for (int j = 0; j < across; ++j) {
+      double const a = 2 * M_PI * i / around, b = 2 * M_PI * j / across, r = 3 + 0.6 * std::cos(b);
+      vertices +=
+          std::to_string(r * std::cos(a)) + " " + std::to_string(r * std::sin(a)) + " " + std::to_string(1 + 0.6 * std::sin(b)) + " ";
+      int const n = i * across + j, up = i * across + (j + 1) % across, next = (i + 1) % around * across + j,
+                both = (i + 1) % around * across + (j + 1) % across;
+      for (int const v : {n, next, up, next, both, up}) faces += std::to_string(v) + " ";
+    }
+  return "<mujoco><asset><mesh name='ring' vertex='" + vertices + "' face='" + faces +
+         "'/></asset><worldbody><geom type='plane' size='0 0 1'/><geom type='mesh' mesh='ring'/></worldbody></mujoco>";
 }
 
 template <class Exec>
@@ -99,12 +116,11 @@ template <class Exec>
 void run_all(int worlds) {
   run<Exec>("3 shapes", shapes(3), "", worlds);
   run<Exec>("43 shapes", shapes(43), "", worlds);
-  for (char const* const robot : {"mujoco/humanoid/humanoid.xml", "mujoco_warp/unitree_g1/scene_flat.xml"}) {
-    std::string const path = gsp_bench::model_folder() + robot;
-    if (std::FILE* const file = std::fopen(path.c_str(), "r")) {
-      std::fclose(file);
-      run<Exec>(robot, "", path, worlds);
-    }
+  run<Exec>("ring of 6,400 triangles", ring(), "", worlds);
+  std::string const humanoid = gsp_bench::model_folder() + "mujoco/humanoid/humanoid.xml";
+  if (std::FILE* const file = std::fopen(humanoid.c_str(), "r")) {
+    std::fclose(file);
+    run<Exec>("humanoid", "", humanoid, worlds);
   }
 }
 

@@ -41,13 +41,16 @@ GSP_FUNCTION bool is_ray(Ray<T> const& ray) {
 template <class T>
 struct ScaledRay {
   Ray<T> ray;
-  int exponent = 0;
+  T scale;
   GSP_FUNCTION explicit ScaledRay(Ray<T> const& from) : ray(from) {
+    constexpr int most = std::numeric_limits<T>::max_exponent - 2;  // of numbers below the least normal one there is no such power
+    int exponent = 0;
     std::frexp(largest(from.direction), &exponent);
-    for (int k = 0; k < 3; ++k) ray.direction[k] = std::ldexp(ray.direction[k], -exponent);
+    scale = std::ldexp(T(1), exponent < -most ? most : -exponent);
+    ray.direction = scale * ray.direction;
   }
   /// x in lengths of the direction that was given.
-  GSP_FUNCTION T back(T x) const { return std::ldexp(x, -exponent); }
+  GSP_FUNCTION T back(T x) const { return scale * x; }
 };
 
 /// The part of a line that is inside of a convex shape: from x = in to out, none where in > out.
