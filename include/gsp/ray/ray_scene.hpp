@@ -3,6 +3,7 @@
 #include <cmath>
 #include <gsp/collision/shape_assets.hpp>
 #include <gsp/core/region.hpp>
+#include <gsp/geometry/shapes.hpp>
 #include <gsp/model/detail/sizes.hpp>
 #include <gsp/model/model.hpp>
 #include <gsp/model/poses.hpp>
@@ -102,38 +103,19 @@ RayScene<R, Mem> make_ray_scene(Exec const& exec, Model<R, Mem> const& model, Co
     RayGeom<R> geom{
         ShapeType(compiled.geom_type[i]), g, compiled.geom_body[i], {R(s[0]), R(s[1]), R(s[2])}, R(0), nullptr, nullptr, nullptr};
     double radius = 0;
-    switch (geom.type) {
-      case ShapeType::plane:
-        radius = std::numeric_limits<double>::infinity();
-        break;
-      case ShapeType::sphere:
-        radius = s[0];
-        break;
-      case ShapeType::capsule:
-        radius = s[0] + s[1];
-        break;
-      case ShapeType::ellipsoid:
-        radius = std::max({s[0], s[1], s[2]});
-        break;
-      case ShapeType::cylinder:
-        radius = std::hypot(s[0], s[1]);
-        break;
-      case ShapeType::box:
-        radius = std::hypot(s[0], s[1], s[2]);
-        break;
-      case ShapeType::mesh: {
-        std::size_t const mesh = std::size_t(compiled.geom_data[i]);
-        for (auto const& v : compiled.mesh_vertices[mesh]) radius = std::max(radius, std::hypot(double(v[0]), double(v[1]), double(v[2])));
-        geom.nodes = scene.nodes.data() + meshes.at(int(mesh)).nodes;
-        geom.triangles = scene.triangles.data() + meshes.at(int(mesh)).triangles;
-        break;
-      }
-      case ShapeType::hfield: {
-        auto const& e = compiled.hfields[std::size_t(compiled.geom_data[i])].size;
-        radius = std::hypot(e[0], e[1], std::max(e[2], e[3]));
-        geom.height_field = scene.height_fields.at(index[field++]);
-        break;
-      }
+    if (geom.type == ShapeType::plane) {
+      radius = detail::no_hit<double>();
+    } else if (geom.type == ShapeType::mesh) {
+      std::size_t const mesh = std::size_t(compiled.geom_data[i]);
+      for (auto const& v : compiled.mesh_vertices[mesh]) radius = std::max(radius, std::hypot(double(v[0]), double(v[1]), double(v[2])));
+      geom.nodes = scene.nodes.data() + meshes.at(int(mesh)).nodes;
+      geom.triangles = scene.triangles.data() + meshes.at(int(mesh)).triangles;
+    } else if (geom.type == ShapeType::hfield) {
+      auto const& e = compiled.hfields[std::size_t(compiled.geom_data[i])].size;
+      radius = std::hypot(e[0], e[1], std::max(e[2], e[3]));
+      geom.height_field = scene.height_fields.at(index[field++]);
+    } else {
+      radius = bounding_radius(geom.type, s);
     }
     geom.radius = R(radius * (1 + 1e-6));
     geoms.push_back(geom);
