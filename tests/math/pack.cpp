@@ -5,6 +5,7 @@
 #include <gsp/math/pack.hpp>
 #include <gsp/math/quat.hpp>
 #include <limits>
+#include <random>
 #include <vector>
 
 #if defined(KOKKOS_MACROS_HPP) && !defined(__CUDACC__)
@@ -150,4 +151,24 @@ TEST_CASE_TEMPLATE("a mask is no condition, and packs compare with whole numbers
     CHECK((2 < x)[l] == (2 < l));
     CHECK((2 >= x)[l] == (2 >= l));
   }
+}
+// Bit i of lane_bits is lane i, of every width that is used; any and all follow from them.
+TEST_CASE_TEMPLATE("the bits of a mask are its lanes", T, gsp::Pack<float, 4>, gsp::Pack<float, 8>, gsp::Pack<float, 16>,
+                   gsp::Pack<double, 2>, gsp::Pack<double, 4>, gsp::Pack<double, 8>) {
+  typename T::mask_type m = T(1) < T(0);
+  CHECK(gsp::lane_bits(m) == 0u);
+  CHECK(!gsp::any(m));
+  std::uint32_t bits = 0;
+  std::mt19937 random(1);
+  for (int k = 0; k < 200; ++k) {
+    int const l = int(random() % T::width);
+    bool const on = random() % 2 != 0;
+    m.set(l, on);
+    bits = (bits & ~(1u << l)) | std::uint32_t(on) << l;
+    CHECK(gsp::lane_bits(m) == bits);
+    CHECK(gsp::any(m) == (bits != 0));
+    CHECK(gsp::all(m) == (bits == (1u << T::width) - 1));
+  }
+  for (int l = 0; l < T::width; ++l) m.set(l, true);
+  CHECK(gsp::all(m));
 }

@@ -1,22 +1,26 @@
 #pragma once
 #include <cstdint>
+#include <cstring>
 #include <gsp/collision/collision_model.hpp>
 #include <gsp/core/region.hpp>
 #include <gsp/core/status.hpp>
 #include <gsp/geometry/shapes.hpp>
+#include <gsp/math/pack.hpp>
 #include <gsp/model/poses.hpp>
 
 /// Where the colliders are, and which of the listed pairs are near. Pairs that are not listed are searched for (detail/pair_search.hpp).
 namespace gsp {
 
-/// World poses and axis-aligned boxes of colliders and groups. A plane's box is as good as infinite: its pose serves.
+/// World poses and axis-aligned boxes of colliders and groups. A plane's box is as good as infinite: its pose serves. Each number of boxes
+/// lies beside the same of the next one's, and a host has room beyond the last for a whole span.
 template <class R, class Mem>
 struct ColliderBounds {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
-  View<R** [7]> pose;   // (world, collider, 7) position [m], quaternion w x y z
-  View<R** [6]> box;    // (world, collider, 6) centre, half extents [m]
-  View<R** [6]> group;  // (world, group, 6)
+  View<R** [7]> pose;  // (world, collider, 7) position [m], quaternion w x y z
+  View<R***> box;      // (world, 6, colliders + box_room) centre, half extents [m]
+  View<R***> group;    // (world, 6, groups + box_room)
+  static constexpr int box_room = is_device<typename Mem::execution_space> ? 0 : CollisionSpan<R>::most - 1;
 };
 
 namespace detail {
@@ -41,6 +45,7 @@ struct PlaceColliders {
   }
   KOKKOS_FORCEINLINE_FUNCTION void place(int w, int g) const {
     Vec3<R> lo{}, hi{};
+    std::size_t const stride = bounds.box.extent(2);
     R broken(0);  // NaN where a number is not finite: min and max would lose it, and a plane's box has no orientation in it
     for (int c = model.group_first(g); c < model.group_first(g + 1); ++c) {
       int const b = model.collider_body(c);
@@ -57,10 +62,11 @@ struct PlaceColliders {
       p[6] = t.q.z;
       for (int i = 3; i < 7; ++i) broken = broken + (p[i] - p[i]);
       Vec3<R> e = half_extents(ShapeType(model.collider_type(c)), model.data_of(w, c), to_matrix(t.q));
+      R* const box = &bounds.box(w, 0, c);
       for (int i = 0; i < 3; ++i) {
         e[i] = e[i] + R(8) * Kokkos::Experimental::epsilon_v<R> * (abs(t.p[i]) + e[i]);  // rounding must not lose a touch
-        bounds.box(w, c, i) = t.p[i];
-        bounds.box(w, c, 3 + i) = e[i];
+        box[i * stride] = t.p[i];
+        box[(3 + i) * stride] = e[i];
         broken = broken + ((t.p[i] - t.p[i]) + (e[i] - e[i]));
         bool const first = c == model.group_first(g);
         lo[i] = first ? t.p[i] - e[i] : min(lo[i], t.p[i] - e[i]);
@@ -69,28 +75,17 @@ struct PlaceColliders {
     }
     for (int i = 0; i < 3; ++i) {
       R const centre = R(0.5) * (lo[i] + hi[i]);
-      bounds.group(w, g, i) = centre + broken;
-      bounds.group(w, g, 3 + i) = max(hi[i] - centre, centre - lo[i]) + R(2) * Kokkos::Experimental::epsilon_v<R> * abs(centre);
+      bounds.group(w, i, g) = centre + broken;
+      bounds.group(w, 3 + i, g) = max(hi[i] - centre, centre - lo[i]) + R(2) * Kokkos::Experimental::epsilon_v<R> * abs(centre);
     }
   }
 };
 
-/// Two boxes (centre, half extents) are within `reach` of each other. False for NaN: a broken world makes no contacts, and has
-/// status::not_finite.
-template <class R>
-KOKKOS_INLINE_FUNCTION bool boxes_near(R const* a, R const* b, R reach) {
-  return abs(a[0] - b[0]) <= a[3] + b[3] + reach && abs(a[1] - b[1]) <= a[4] + b[4] + reach && abs(a[2] - b[2]) <= a[5] + b[5] + reach;
-}
-/// A box is within `reach` of the half space below a plane.
-template <class R>
-KOKKOS_INLINE_FUNCTION bool plane_near(R const* plane, R const* box, R reach) {
-  Transform<R> const t = load_pose(plane);
-  Vec3<R> const n = rotate(t.q, Vec3<R>{R(0), R(0), R(1)});
-  return dot(n, Vec3<R>{box[0], box[1], box[2]} - t.p) - (abs(n.x) * box[3] + abs(n.y) * box[4] + abs(n.z) * box[5]) <= reach;
-}
-
-/// mask(chunk * worlds + world): bit i set where pair first + i of the chunk is near. Groups first, then the pairs of the groups that are
-/// near.
+/// mask(chunk * worlds + world): bit i set where pair first + i of the chunk is near. Groups first, then the colliders of the groups that
+/// are near; a host looks at as many at once as a vector holds.
+///   boxes     |c_a - c_b| <= e_a + e_b + reach along each axis
+///   a plane   n . (c - p) - |n| . e <= reach: the box is within reach of the half space below
+/// False for NaN: a broken world makes no contacts, and has status::not_finite.
 template <class R, class Mem>
 struct FindNearPairs {
   CollisionModel<R, Mem> model;
@@ -100,31 +95,82 @@ struct FindNearPairs {
   std::uint32_t* status;  // (worlds) or null
   KOKKOS_FUNCTION void operator()(std::int64_t item) const {
     // A device's threads read one chunk of neighbouring worlds; a host's thread all chunks of a world, whose boxes stay in its cache.
-    constexpr bool by_world = !is_device<typename Mem::execution_space>;
-    int const c = int(by_world ? item % model.chunks : item / worlds), w = int(by_world ? item / model.chunks : item % worlds);
+    int const c = int(on_host ? item % model.chunks : item / worlds), w = int(on_host ? item / model.chunks : item % worlds);
     CollisionChunk const chunk = model.chunk(c);
     bool const plane = is_among(plane_kinds, PairKind(chunk.kind));
     R const early = model.early(w);
-    R const* const poses = &bounds.pose(w, 0, 0);  // rows of one world lie one after another
-    R const* const boxes = &bounds.box(w, 0, 0);
-    R const* const groups = &bounds.group(w, 0, 0);
+    Boxes const groups{&bounds.group(w, 0, 0), bounds.group.extent(2)}, boxes{&bounds.box(w, 0, 0), bounds.box.extent(2)};
     std::uint64_t bits = 0;
-    R broken(0);
-    for (int r = chunk.run_first; r < chunk.run_end; ++r) {
-      CollisionRun<R> const& run = model.runs(r);
-      R const reach = run.reach + early;
-      broken = broken + (groups[6 * run.a] + groups[6 * run.b]);
-      if (plane ? !plane_near(poses + 7 * model.group_first(run.a), groups + 6 * run.b, reach)
-                : run.a != run.b && !boxes_near(groups + 6 * run.a, groups + 6 * run.b, reach))
-        continue;
-      for (int p = run.first; p < run.end; ++p) {
-        int const a = model.pair_collider(p, 0), b = model.pair_collider(p, 1);
-        bool const near = plane ? plane_near(poses + 7 * a, boxes + 6 * b, reach) : boxes_near(boxes + 6 * a, boxes + 6 * b, reach);
-        bits |= std::uint64_t(near) << (p - chunk.first);
-      }
+    auto const look_at = [&](CollisionSpan<R> const& span) {
+      for_near(span, plane ? near_plane(w, span.fixed, span, boxes, early) : near_boxes(span, boxes, early),
+               [&](int pair) { bits |= std::uint64_t(1) << pair; });
+    };
+    for (int s = chunk.single_first; s < chunk.single_end; ++s) look_at(model.single_spans(s));
+    for (int g = chunk.group_first; g < chunk.group_end; ++g) {
+      CollisionSpan<R> const of_groups = model.group_spans(g);
+      for_near(of_groups,
+               plane ? near_plane(w, model.group_first(of_groups.fixed), of_groups, groups, early) : near_boxes(of_groups, groups, early),
+               [&](int r) {
+                 CollisionRun const run = model.runs(r);
+                 for (int s = run.first; s < run.end; ++s) look_at(model.spans(s));
+               });
     }
-    if (status != nullptr && !(broken - broken == R(0))) Kokkos::atomic_or(&status[w], gsp::status::not_finite);
     mask(std::int64_t(c) * worlds + w) = bits;
+    if (status == nullptr) return;
+    R broken(0);  // each chunk looks at some of the groups
+    for (int g = c; g < model.groups; g += model.chunks) broken = broken + groups(0, g);
+    if (!(broken - broken == R(0))) Kokkos::atomic_or(&status[w], gsp::status::not_finite);
+  }
+
+ private:
+  static constexpr bool on_host = !is_device<typename Mem::execution_space>;
+  struct Boxes {
+    R const* at;
+    std::size_t stride;
+    KOKKOS_INLINE_FUNCTION R const& operator()(int i, int k) const { return at[i * stride + k]; }
+  };
+  /// f(number) of each bit of `near`.
+  template <class F>
+  KOKKOS_INLINE_FUNCTION static void for_near(CollisionSpan<R> const& span, std::uint32_t near, F const& f) {
+    for (; near != 0; near &= near - 1) f(span.at + Kokkos::popcount(span.others & ((near & (0 - near)) - 1)));
+  }
+  KOKKOS_INLINE_FUNCTION static std::uint32_t near_boxes(CollisionSpan<R> const& span, Boxes const& boxes, R early) {
+    R own[6];
+    for (int i = 0; i < 6; ++i) own[i] = boxes(i, span.fixed) + (i < 3 ? R(0) : span.reach + early);
+    return near_of(span, boxes, [&](auto const& other) {
+      return abs(other[0] - own[0]) <= other[3] + own[3] && abs(other[1] - own[1]) <= other[4] + own[4] &&
+             abs(other[2] - own[2]) <= other[5] + own[5];
+    });
+  }
+  KOKKOS_INLINE_FUNCTION std::uint32_t near_plane(int w, int plane, CollisionSpan<R> const& span, Boxes const& boxes, R early) const {
+    Transform<R> const t = load_pose(&bounds.pose(w, plane, 0));
+    Vec3<R> const n = rotate(t.q, Vec3<R>{R(0), R(0), R(1)}), size{abs(n.x), abs(n.y), abs(n.z)};
+    return near_of(span, boxes, [&](auto const& other) {
+      auto const height = n.x * (other[0] - t.p.x) + n.y * (other[1] - t.p.y) + n.z * (other[2] - t.p.z);
+      return height - (size.x * other[3] + size.y * other[4] + size.z * other[5]) <= span.reach + early;
+    });
+  }
+  /// The bits of span.others where near(box) holds.
+  template <class Near>
+  KOKKOS_INLINE_FUNCTION static std::uint32_t near_of(CollisionSpan<R> const& span, Boxes const& boxes, Near const& near) {
+    std::uint32_t bits = 0;
+    if constexpr (on_host)
+      if (Kokkos::popcount(span.others) > 2) {
+        using T = Pack<R, native_width<R>>;
+        for (int k = 0; k < CollisionSpan<R>::most && span.others >> k != 0; k += T::width) {
+          T box[6];
+          for (int i = 0; i < 6; ++i) std::memcpy(&box[i], &boxes(i, span.first + k), sizeof(T));
+          bits |= lane_bits(near(box)) << k;
+        }
+        return bits & span.others;
+      }
+    for (std::uint32_t left = span.others; left != 0; left &= left - 1) {
+      int const k = Kokkos::countr_zero(left);
+      R box[6];
+      for (int i = 0; i < 6; ++i) box[i] = boxes(i, span.first + k);
+      bits |= std::uint32_t(near(box)) << k;
+    }
+    return bits;
   }
 };
 

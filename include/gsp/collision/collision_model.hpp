@@ -52,15 +52,23 @@ inline ContactParameters<double> mix_contact_parameters(CompiledModel const& m, 
 /// and friction are the option's (o_margin ...). Friction is at least 1e-5 in all cases, as in MuJoCo. Host.
 inline ContactParameters<double> contact_parameters(CompiledModel const& m, int pair);
 
-/// Pairs first ... end - 1 whose geoms are in groups a and b (a: the plane's, where one of the two is a plane).
+/// What is looked at at once: `fixed` (the plane, where it is one) beside first + k, for each bit k of `others`: of colliders a pair each,
+/// from pair `at` of the chunk on; of groups a run each, from run `at` on.
 template <class R>
-struct CollisionRun {
-  int a, b, first, end;
+struct CollisionSpan {
+  static constexpr int most = 32;
+  int fixed, first;
+  std::uint32_t others;
+  int at;
   R reach;  // largest margin + gap among them
 };
-/// At most 64 pairs of one kind, and the runs that they consist of.
+/// Pairs of the colliders of two groups: spans first ... end - 1.
+struct CollisionRun {
+  int first, end;
+};
+/// At most 64 pairs of one kind: spans of those of groups with one collider each, and spans of the groups of the others.
 struct CollisionChunk {
-  int kind, first, end, run_first, run_end;
+  int kind, first, end, single_first, single_end, group_first, group_end;
   int points;  // the most that a pair gives
 };
 
@@ -109,7 +117,8 @@ struct CollisionModel {
   Array<int const* [2]> pair_collider;                           // (pairs, 2) colliders, type of the first <= type of the second
   Array<int const*> pair_parameters;                             // (pairs) index into parameters
   Kokkos::View<ContactParameters<R>*, Mem> parameters;           // the different ones
-  Kokkos::View<CollisionRun<R>*, Mem> runs;
+  Kokkos::View<CollisionSpan<R>*, Mem> group_spans, single_spans, spans;  // of groups, and of colliders
+  Kokkos::View<CollisionRun*, Mem> runs;
   Kokkos::View<CollisionChunk*, Mem> chunk;           // (chunks)
   Field<R> gravity;                                   // Model::gravity and the timestep, as act_early has set them: contacts are there
   R early_step = R(0);                                // early(world) before margin (+ gap) says; 0: not early

@@ -3,6 +3,7 @@
 #include <immintrin.h>
 #endif
 #include <cmath>
+#include <cstdint>
 #include <gsp/math/scalar.hpp>
 #include <initializer_list>
 #include <utility>
@@ -225,17 +226,29 @@ template <class R, int W>
 GSP_FUNCTION Pack<R, W> select(Mask<R, W> m, Pack<R, W> a, R b) {
   return select(m, a, Pack<R, W>(b));
 }
+/// Bit i: whether lane i holds.
+template <class R, int W>
+GSP_FUNCTION std::uint32_t lane_bits(Mask<R, W> m) {
+#if !defined(__CUDA_ARCH__) && defined(__AVX512DQ__)
+  using V = typename Mask<R, W>::vec;
+  if constexpr (sizeof(V) == 64 && sizeof(R) == 4) return _mm512_movepi32_mask((__m512i)m.v);
+  if constexpr (sizeof(V) == 64 && sizeof(R) == 8) return _mm512_movepi64_mask((__m512i)m.v);
+#elif !defined(__CUDA_ARCH__) && defined(__AVX2__)
+  using V = typename Mask<R, W>::vec;
+  if constexpr (sizeof(V) == 32 && sizeof(R) == 4) return std::uint32_t(_mm256_movemask_ps((__m256)m.v));
+  if constexpr (sizeof(V) == 32 && sizeof(R) == 8) return std::uint32_t(_mm256_movemask_pd((__m256d)m.v));
+#endif
+  std::uint32_t bits = 0;
+  for (int i = 0; i < W; ++i) bits |= std::uint32_t(m[i]) << i;
+  return bits;
+}
 template <class R, int W>
 GSP_FUNCTION bool any(Mask<R, W> m) {
-  bool r = false;
-  for (int i = 0; i < W; ++i) r |= m[i];
-  return r;
+  return lane_bits(m) != 0;
 }
 template <class R, int W>
 GSP_FUNCTION bool all(Mask<R, W> m) {
-  bool r = true;
-  for (int i = 0; i < W; ++i) r &= m[i];
-  return r;
+  return lane_bits(m) == std::uint32_t((std::uint64_t(1) << W) - 1);
 }
 template <class R, int W>
 GSP_FUNCTION Pack<R, W> min(Pack<R, W> a, Pack<R, W> b) {

@@ -97,6 +97,19 @@ ContactParameters<R> in_precision(ContactParameters<double> const& p) {
   for (int i = 0; i < 2; ++i) r.solreffriction[i] = R(p.solreffriction[i]);
   return r;
 }
+/// Adds number `at`, which is `fixed` beside `other`, to the last of the spans, where it belongs there, or to a new one.
+/// @param apart  the last is another's
+/// @param next   or else it is in the last already
+template <class R>
+void add_to_spans(std::vector<CollisionSpan<R>>& spans, bool apart, int fixed, int other, int at, bool next, R reach) {
+  bool const fits = !apart && spans.back().fixed == fixed && other >= spans.back().first &&
+                    other - spans.back().first < CollisionSpan<R>::most &&
+                    (!next || spans.back().others >> (other - spans.back().first) == 0);
+  if (!fits) spans.push_back({fixed, other, 0, at, reach});
+  auto& span = spans.back();
+  span.others |= std::uint32_t(1) << (other - span.first);
+  span.reach = std::max(span.reach, reach);
+}
 }  // namespace detail
 
 inline ContactParameters<double> contact_parameters(CompiledModel const& m, int pair) {
@@ -161,18 +174,23 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   c.groups = int(group_first.size()) - 1;
   c.pairs = npair;
 
-  // pairs by (kind, groups); the groups of a pair in ascending order, except that a plane stays first
+  // pairs by (kind, groups, colliders); the groups of a pair in ascending order and then the colliders, except that a plane stays first
   struct Key {
-    int kind, a, b, source;
-    bool operator<(Key const& o) const { return std::tie(kind, a, b, source) < std::tie(o.kind, o.a, o.b, o.source); }
+    int kind, a, b, fixed, other, source;
+    auto operator<=>(Key const&) const = default;
   };
   std::vector<Key> keys(npair);
   for (int k = 0; k < npair; ++k) {
     auto const [g1, g2] = m.pair_geoms(k);
     bool const plane = m.geom_type[g1] == int(ShapeType::plane);
-    int const a = group[g1], b = group[g2];
-    keys[k] = {int(pair_kind(ShapeType(m.geom_type[g1]), ShapeType(m.geom_type[g2]))), plane ? a : std::min(a, b),
-               plane ? b : std::max(a, b), k};
+    bool const swapped = !plane && std::pair(group[g1], collider[g1]) > std::pair(group[g2], collider[g2]);
+    int const first = swapped ? g2 : g1, second = swapped ? g1 : g2;
+    keys[k] = {int(pair_kind(ShapeType(m.geom_type[g1]), ShapeType(m.geom_type[g2]))),
+               group[first],
+               group[second],
+               collider[first],
+               collider[second],
+               k};
   }
   std::sort(keys.begin(), keys.end());
 
@@ -205,7 +223,11 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   std::vector<int> asset;
   c.assets = make_shape_assets<R>(exec, m, order, asset);
   std::vector<ContactParameters<R>> distinct;
-  std::vector<CollisionRun<R>> runs;
+  std::vector<CollisionRun> runs;
+  std::vector<CollisionSpan<R>> group_spans, single_spans, spans;
+  int run_a = -1, run_b = -1;  // the groups of the last run
+  bool among_singles = false;  // the last pair is of groups with one collider each
+  auto const single = [&](int g) { return group_first[g + 1] - group_first[g] == 1; };
   std::vector<CollisionChunk> chunks;
   // pairs of geoms with equal parameters share them: mixing depends on each geom's own set only
   std::map<std::array<double, 19>, int> geom_sets;
@@ -262,14 +284,33 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
     c.has_convex_pairs |= is_among(detail::convex_kinds, PairKind(key.kind));
 
     bool const new_chunk = chunks.empty() || chunks.back().kind != key.kind || chunks.back().end - chunks.back().first == 64;
-    if (new_chunk) chunks.push_back({key.kind, k, k, int(runs.size()), int(runs.size()), max_points(PairKind(key.kind))});
-    if (new_chunk || runs.back().a != key.a || runs.back().b != key.b) runs.push_back({key.a, key.b, k, k, R(0)});
     auto const& own = distinct[parameters.back()];
+    R const reach = own.margin + own.gap;
+    if (new_chunk) {
+      int const singles = int(single_spans.size()), group_pairs = int(group_spans.size());
+      chunks.push_back({key.kind, k, k, singles, singles, group_pairs, group_pairs, max_points(PairKind(key.kind))});
+      run_a = run_b = -1;
+      among_singles = false;
+    }
+    int const at = k - chunks.back().first;
+    if (key.a != key.b && single(key.a) && single(key.b)) {
+      detail::add_to_spans(single_spans, !among_singles, key.fixed, key.other, at, true, reach);
+      among_singles = true;
+    } else {
+      bool const first = int(group_spans.size()) == chunks.back().group_first, new_run = key.a != run_a || key.b != run_b;
+      among_singles = false;
+      if (new_run) runs.push_back({int(spans.size()), int(spans.size())});
+      run_a = key.a;
+      run_b = key.b;
+      detail::add_to_spans(group_spans, first, key.a, key.b, int(runs.size()) - 1, new_run, reach);
+      detail::add_to_spans(spans, new_run, key.fixed, key.other, at, true, reach);
+      runs.back().end = int(spans.size());
+    }
     c.most_edges = std::max(c.most_edges, 2 * (own.condim - 1));
     c.adhesive |= own.adhesion != R(0);
-    runs.back().end = chunks.back().end = k + 1;
-    chunks.back().run_end = int(runs.size());
-    runs.back().reach = std::max(runs.back().reach, own.margin + own.gap);
+    chunks.back().end = k + 1;
+    chunks.back().single_end = int(single_spans.size());
+    chunks.back().group_end = int(group_spans.size());
   }
   c.chunks = int(chunks.size());
 
@@ -289,6 +330,9 @@ CollisionModel<R, typename Exec::memory_space> make_collision_model(Exec const& 
   c.parameters = detail::to_device<decltype(c.parameters)>(exec, "gsp::CollisionModel::parameters", distinct);
   c.collider_contact = detail::to_device<decltype(c.collider_contact)>(exec, "gsp::CollisionModel::collider_contact", contact);
   c.runs = detail::to_device<decltype(c.runs)>(exec, "gsp::CollisionModel::runs", runs);
+  c.group_spans = detail::to_device<decltype(c.group_spans)>(exec, "gsp::CollisionModel::group_spans", group_spans);
+  c.single_spans = detail::to_device<decltype(c.single_spans)>(exec, "gsp::CollisionModel::single_spans", single_spans);
+  c.spans = detail::to_device<decltype(c.spans)>(exec, "gsp::CollisionModel::spans", spans);
   c.chunk = detail::to_device<decltype(c.chunk)>(exec, "gsp::CollisionModel::chunk", chunks);
   c.pair_source =
       detail::to_device<decltype(c.pair_source)>(Kokkos::DefaultHostExecutionSpace{}, "gsp::CollisionModel::pair_source", source);

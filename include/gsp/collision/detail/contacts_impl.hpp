@@ -48,15 +48,16 @@ Contacts<R, Mem> make_contacts(Exec const& exec, CollisionModel<R, Mem> const& m
   auto const make = [&](auto& v, std::string const& label, std::size_t n) {
     v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, n);
   };
-  auto const make2 = [&](auto& v, std::string const& label, int n) {
-    v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, worlds, n);
-  };
   make(c.first, "gsp::Contacts::first", worlds);
   make(c.end, "gsp::Contacts::end", worlds);
   make(c.status, "gsp::Contacts::status", worlds);
-  make2(c.scratch.bounds.pose, "gsp::Contacts::collider_pose", model.colliders);
-  make2(c.scratch.bounds.box, "gsp::Contacts::collider_box", model.colliders);
-  make2(c.scratch.bounds.group, "gsp::Contacts::group_box", model.groups);
+  auto& bounds = c.scratch.bounds;
+  auto const make_bounds = [&](auto& v, std::string const& label, auto... extents) {
+    v = detail::allocate_zero<std::decay_t<decltype(v)>>(exec, label, worlds, extents...);
+  };
+  make_bounds(bounds.pose, "gsp::Contacts::collider_pose", model.colliders);
+  make_bounds(bounds.box, "gsp::Contacts::collider_box", 6, model.colliders + bounds.box_room);
+  make_bounds(bounds.group, "gsp::Contacts::group_box", 6, model.groups + bounds.box_room);
   std::size_t const items = std::size_t(model.chunks) * worlds;
   make(c.scratch.mask, "gsp::Contacts::mask", items);
   make(c.scratch.first, "gsp::Contacts::item_first", items + std::size_t(model.movers) * worlds);

@@ -46,7 +46,7 @@ struct PlaceGroups {
     if (first == 0 || moved[w] != 0) all.place(w, g);
     // What stands still is looked at once its numbers have changed; movers: CountNearPairs, after status is cleared.
     if (first == 0 || moved[w] == 0) return;
-    if (R const x = all.bounds.group(w, g, 0); !(x - x == R(0))) Kokkos::atomic_or(&all.status[w], gsp::status::not_finite);
+    if (R const x = all.bounds.group(w, 0, g); !(x - x == R(0))) Kokkos::atomic_or(&all.status[w], gsp::status::not_finite);
   }
 };
 
@@ -98,12 +98,11 @@ struct FillLeaves {
   /// Rounding must not make it smaller.
   KOKKOS_INLINE_FUNCTION static void reached_box(CollisionModel<R, Mem> const& model, ColliderBounds<R, Mem> const& bounds, int w,
                                                  int collider, R more, R* low, R* high) {
-    R const* const box = &bounds.box(w, collider, 0);
     for (int i = 0; i < 3; ++i) {
-      R const reach = box[3 + i] + model.collider_reach(collider) + more;
-      R const e = reach + R(4) * Kokkos::Experimental::epsilon_v<R> * (abs(box[i]) + abs(reach));
-      low[i] = box[i] - e;
-      high[i] = box[i] + e;
+      R const centre = bounds.box(w, i, collider), reach = bounds.box(w, 3 + i, collider) + model.collider_reach(collider) + more;
+      R const e = reach + R(4) * Kokkos::Experimental::epsilon_v<R> * (abs(centre) + abs(reach));
+      low[i] = centre - e;
+      high[i] = centre + e;
     }
   }
 };
@@ -141,7 +140,7 @@ struct BoundMovers {
     }
     for (int m = part; m < model.movers; m += parts)
       for (int i = 0; i < 3; ++i) {
-        R const x = bounds.box(w, m, i);
+        R const x = bounds.box(w, i, m);
         range[i] = x < range[i] ? x : range[i];
         range[3 + i] = x > range[3 + i] ? x : range[3 + i];
       }
@@ -164,7 +163,8 @@ struct KeyMovers {
       }
       size = max(size, high - low[i]);
     }
-    search.keys(item) = std::uint64_t(w) << 30 | place_on_curve(&bounds.box(w, m, 0), low, size > R(0) ? R(1024) / size : R(0));
+    R const centre[3] = {bounds.box(w, 0, m), bounds.box(w, 1, m), bounds.box(w, 2, m)};
+    search.keys(item) = std::uint64_t(w) << 30 | place_on_curve(centre, low, size > R(0) ? R(1024) / size : R(0));
     search.order(item) = m;
   }
 };
@@ -205,7 +205,7 @@ struct CountNearPairs {
   KOKKOS_FUNCTION void operator()(std::int64_t item) const {
     int const w = int(item / near.model.movers), m = int(item % near.model.movers);
     R sum(0);
-    for (int i = 0; i < 6; ++i) sum = sum + near.bounds.box(w, m, i);
+    for (int i = 0; i < 6; ++i) sum = sum + near.bounds.box(w, i, m);
     if (!(sum - sum == R(0))) Kokkos::atomic_or(&status[w], gsp::status::not_finite);
     int pairs = 0, points = 0;
     near.each(w, m, [&](int other) {
