@@ -67,11 +67,10 @@ Compared compare(gsp::CompiledModel const& compiled, mjModel const* m, mjData* d
   std::vector<double> apart(std::size_t(m->ngeom));
   for (int i = 0; i < scene.count(); ++i) {
     int const g = scene.geoms(i).geom;
-    auto const& place = scene.places(0, i);
     double turn = 0;
-    for (int c = 0; c < 9; ++c) turn += std::fabs(double(place.r.m[c]) - d->geom_xmat[9 * g + c]);
+    for (int c = 0; c < 9; ++c) turn += std::fabs(double(scene.turn(0, i).m[c]) - d->geom_xmat[9 * g + c]);
     apart[std::size_t(g)] = turn * m->geom_rbound[g];
-    for (int c = 0; c < 3; ++c) apart[std::size_t(g)] += std::fabs(double(place.p[c]) - d->geom_xpos[3 * g + c]);
+    for (int c = 0; c < 3; ++c) apart[std::size_t(g)] += std::fabs(double(scene.place(0, c, i)) - d->geom_xpos[3 * g + c]);
   }
   std::vector<bool> doubled(std::size_t(m->nmesh));
   for (int k = 0; k < m->nmesh; ++k)

@@ -135,6 +135,51 @@ TEST_CASE_TEMPLATE("a world's rays meet what they meet alone, with the same bits
   }
 }
 
+// A CPU takes rays by packs: in another order, from one point or from many, and beside some that are none, each meets the same to the bit.
+TEST_CASE_TEMPLATE("a ray meets what it does, whatever stands beside it", Exec, GSP_TEST_EXECS) {
+  int const count = 129;
+  for (bool const from_one_point : {false, true}) {
+    Cast<float, Exec> cast(1, count);
+    auto const origin = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, cast.rays.origin),
+               direction = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, cast.rays.direction);
+    auto const run = [&] {
+      Kokkos::deep_copy(cast.rays.origin, origin);
+      Kokkos::deep_copy(cast.rays.direction, direction);
+      gsp::cast_rays(cast.exec, cast.scene, cast.rays, cast.hits);
+      cast.read();
+    };
+    for (int k = 0; k < count; ++k)
+      for (int c = 0; c < 3; ++c) {
+        if (!from_one_point) continue;
+        origin(0, k, c) = c == 2 ? 0.8f : 0.1f;  // a fan of narrow bundles
+        direction(0, k, c) = c == 0 ? std::cos(0.05f * float(k)) : c == 1 ? std::sin(0.05f * float(k)) : -0.3f + 0.1f * float(k % 5);
+      }
+    run();
+    auto const distance = cast.distance, normal = cast.normal;
+    auto const geom = cast.geom;
+    int met = 0;
+    for (int const g : geom) met += g >= 0;
+    CHECK(met > 40);
+    // ray k goes to place 37 k mod 129; some become none
+    std::vector<float> const o(origin.data(), origin.data() + 3 * count), d(direction.data(), direction.data() + 3 * count);
+    for (int k = 0; k < count; ++k)
+      for (int c = 0; c < 3; ++c) {
+        int const to = 37 * k % count;
+        origin(0, to, c) = o[std::size_t(3 * k + c)];
+        direction(0, to, c) = k % 7 == 3 ? (k % 2 ? 0 : NAN) : d[std::size_t(3 * k + c)];
+      }
+    run();
+    for (int k = 0; k < count; ++k) {
+      std::size_t const to = std::size_t(37 * k % count), from = std::size_t(k);
+      CAPTURE(k);
+      CHECK(cast.geom[to] == (k % 7 == 3 ? -1 : geom[from]));
+      if (k % 7 == 3) continue;
+      CHECK(std::memcmp(&cast.distance[to], &distance[from], sizeof(float)) == 0);
+      CHECK(std::memcmp(&cast.normal[3 * to], &normal[3 * from], 3 * sizeof(float)) == 0);
+    }
+  }
+}
+
 // 6e-8 of numbers of the scene's size, and what leverage makes of it where a ray grazes.
 TEST_CASE_TEMPLATE("float meets what double does", Exec, GSP_TEST_EXECS) {
   Cast<float, Exec> const single(20, 200);

@@ -1,4 +1,5 @@
 #pragma once
+#include <cstring>
 #include <gsp/ray/ray_scene.hpp>
 
 /// Rays of all worlds against the geoms of their world: how far, which geom, and its normal there (MuJoCo's mj_ray).
@@ -52,77 +53,180 @@ struct CastRaysOptions {
 };
 
 namespace detail {
+/// A host's item is as many rays of a world, one after the other, as a pack has lanes; a device's one ray.
 template <class R, class Mem>
 struct CastRays {
+  using T = std::conditional_t<is_device<typename Mem::execution_space>, R, Pack<R, native_width<R>>>;
+  static constexpr int width = is_device<typename Mem::execution_space> ? 1 : native_width<R>;
   RayScene<R, Mem> scene;
   Rays<R, Mem> rays;
   RayHits<R, Mem> hits;
   int body_exclude;
 
+  int items_of_world() const { return (int(rays.origin.extent(1)) + width - 1) / width; }
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
-    int const n = int(rays.origin.extent(1)), w = int(i / n), k = int(i % n), geoms = int(scene.geoms.extent(0));
-    auto const read = [&](auto const& v) { return Vec3<R>{v(w, k, 0), v(w, k, 1), v(w, k, 2)}; };
-    Ray<R> const ray{read(rays.origin), read(rays.direction)};
-    Best best;
-    ScaledRay<R> const scaled(ray);
-    if (is_ray(ray)) {
-      R const length = norm(scaled.ray.direction);
-      for (int g = 0; g < geoms; ++g)
-        if (scene.geoms(g).body != body_exclude) meet(scaled.ray, length, w, g, best);
+    int const n = int(rays.origin.extent(1)), items = (n + width - 1) / width, w = int(i / items), first = int(i % items) * width;
+    int const count = n - first < width ? n - first : width, geoms = int(scene.geoms.extent(0));
+    Ray<T> const given{read(rays.origin, w, first, count), read(rays.direction, w, first, count)};
+    auto const rays_there = is_ray(given);
+    // what is no ray meets nothing: it goes along as one that has met something before all
+    T const zero(R(0)), one(R(1));
+    Ray<T> const ray{select(rays_there, given.origin, Vec3<T>{zero, zero, zero}),
+                     select(rays_there, given.direction, Vec3<T>{one, zero, zero})};
+    ScaledRay<T> const scaled(ray);
+    Best best{select(rays_there, no_hit<T>(), T(R(-1)))};
+    if (any(rays_there)) {
+      T const inverse_length = one / norm(scaled.ray.direction);
+      if constexpr (width == 1) {
+        for (int g = 0; g < geoms; ++g) meet(scaled.ray, inverse_length, w, g, best);
+      } else {
+        Cone const cone(scaled.ray, inverse_length, rays_there);
+        for (int g = 0; g < geoms; g += width)
+          for (std::uint32_t near = cone.meets(scene, w, g); near != 0; near &= near - 1)
+            meet(scaled.ray, inverse_length, w, g + Kokkos::countr_zero(near), best);
+      }
     }
-    hits.distance(w, k) = best.geom < 0 ? R(-1) : scaled.back(best.x);
-    hits.geom(w, k) = best.geom < 0 ? -1 : scene.geoms(best.geom).geom;
-    if (hits.normal.data()) {
-      Vec3<R> const normal = best.geom < 0 ? Vec3<R>{R(0), R(0), R(0)} : normal_of(scaled.ray, w, best);
+    T const distance = select(best.geom.is_there(), scaled.back(best.x), T(R(-1)));
+    for (int l = 0; l < count; ++l) {
+      int const k = first + l, g = best.geom[l];
+      hits.distance(w, k) = lane(distance, l);
+      hits.geom(w, k) = g < 0 ? -1 : scene.geoms(g).geom;
+      if (!hits.normal.data()) continue;
+      Vec3<R> const normal = g < 0 ? Vec3<R>{R(0), R(0), R(0)} : normal_of(scaled.ray, w, best, l);
       for (int c = 0; c < 3; ++c) hits.normal(w, k, c) = normal[c];
     }
   }
 
  private:
-  struct Best {
-    R x = no_hit<R>();
-    int geom = -1;      // of the scene
-    int triangle = -1;  // of a mesh
-    Vec3<R> normal{};   // of a height field, in its frame
+  /// What all rays of a pack lie in: a cone about the ray in the middle, and a ball about its origin that theirs lie in. A ball of radius r
+  /// about c, v = c - origin, u = v . axis, is clear of it where   |v - u axis| cos - u sin > r.
+  struct Cone {
+    Vec3<R> origin, axis;
+    R cosine = R(1), sine, reach = R(0);
+    Cone(Ray<T> const& ray, T const& inverse_length, typename T::mask_type there) {
+      int middle = width / 2;
+      while (!there[middle]) middle = middle + 1 < width ? middle + 1 : 0;
+      Vec3<T> const d = inverse_length * ray.direction;
+      axis = lane(d, middle);
+      origin = lane(ray.origin, middle);
+      T const along = select(there, dot(d, broadcast(axis)), T(R(1)));
+      Vec3<T> const apart = ray.origin - broadcast(origin);
+      T const away = select(there, dot(apart, apart), T(R(0)));
+      for (int l = 0; l < width; ++l) {
+        cosine = min(cosine, along[l]);
+        reach = max(reach, away[l]);
+      }
+      cosine = cosine - roundings<R>(16);
+      sine = sqrt(max(R(1) - cosine * cosine, R(0)));
+      reach = sqrt(reach);
+    }
+    /// Bit k: geom first + k may be met; those that are not there are.
+    std::uint32_t meets(RayScene<R, Mem> const& scene, int w, int first) const {
+      int const count = scene.count() - first;
+      std::uint32_t const there = count >= width ? std::uint32_t((std::uint64_t(1) << width) - 1) : (std::uint32_t(1) << count) - 1;
+      if (!(cosine > R(0))) return there;
+      auto const load = [](R const* from) {
+        T x;
+        std::memcpy(&x, from, sizeof x);
+        return x;
+      };
+      Vec3<T> const p{load(&scene.place(w, 0, first)), load(&scene.place(w, 1, first)), load(&scene.place(w, 2, first))};
+      Vec3<T> const v = p - broadcast(origin);
+      T const u = dot(v, broadcast(axis));
+      Vec3<T> const across = fma(-u, broadcast(axis), v);
+      T const rounding = roundings<R>(16) * (largest(v) + largest(origin));
+      T const clear = norm(across) * T(cosine) - u * T(sine) - (load(&scene.radius(first)) + T(reach) + rounding);
+      return there & ~lane_bits(clear > T(R(0)));
+    }
   };
+  struct Best {
+    T x;
+    LaneIndex<T> geom{}, triangle{};  // of the scene; of a mesh
+    Vec3<T> normal{};                 // of a height field, in its frame
+  };
+  KOKKOS_INLINE_FUNCTION static R lane(T const& x, int l) {
+    if constexpr (width == 1)
+      return x;
+    else
+      return x[l];
+  }
+  KOKKOS_INLINE_FUNCTION static Vec3<R> lane(Vec3<T> const& v, int l) { return {lane(v.x, l), lane(v.y, l), lane(v.z, l)}; }
+  KOKKOS_INLINE_FUNCTION static Ray<R> lane(Ray<T> const& ray, int l) { return {lane(ray.origin, l), lane(ray.direction, l)}; }
+  KOKKOS_INLINE_FUNCTION static void set_lane(T& x, int l, R value) {
+    if constexpr (width == 1)
+      x = value;
+    else
+      x.set(l, value);
+  }
+  /// Vectors first ... first + count - 1 of a world; lanes beyond have the last.
+  KOKKOS_INLINE_FUNCTION static Vec3<T> read(typename Rays<R, Mem>::template View<R***> const& v, int w, int first, int count) {
+    R const* const from = &v(w, first, 0);
+    if constexpr (width == 1) {
+      return {from[0], from[1], from[2]};
+    } else {
+      auto const component = [&](int c) { return T::of([&](int l) { return from[3 * (l < count ? l : count - 1) + c]; }); };
+      auto const component_of_all = [&](int c) { return T::of([&](int l) { return from[3 * l + c]; }); };
+      if (count == width) return {component_of_all(0), component_of_all(1), component_of_all(2)};
+      return {component(0), component(1), component(2)};
+    }
+  }
+  KOKKOS_INLINE_FUNCTION static Vec3<T> broadcast(Vec3<R> const& v) { return {T(v.x), T(v.y), T(v.z)}; }
   /// From the world to the geom's frame. The difference of places comes first: what is far from the world's origin and near to the ray
   /// costs no digits.
-  KOKKOS_INLINE_FUNCTION Ray<R> to_frame(Ray<R> const& ray, RayPlace<R> const& place) const {
-    return {transpose_times(place.r, ray.origin - place.p), transpose_times(place.r, ray.direction)};
+  KOKKOS_INLINE_FUNCTION Ray<T> to_frame(Ray<T> const& ray, int w, int g) const {
+    Mat3<R> const& turn = scene.turn(w, g);
+    Mat3<T> r;
+    for (int k = 0; k < 9; ++k) r.m[k] = T(turn.m[k]);
+    return {transpose_times(r, ray.origin - broadcast(place_of(w, g))), transpose_times(r, ray.direction)};
   }
+  KOKKOS_INLINE_FUNCTION Vec3<R> place_of(int w, int g) const { return {scene.place(w, 0, g), scene.place(w, 1, g), scene.place(w, 2, g)}; }
   /// Whether the ray comes into the geom's ball before it has met anything.
-  KOKKOS_INLINE_FUNCTION static bool comes_near(Ray<R> const& ray, R length, Vec3<R> const& centre, R radius, R most) {
-    Vec3<R> const c = centre - ray.origin;
-    R const along = dot(c, ray.direction) / length;  // [m]
-    Vec3<R> const across = fma(-along / length, ray.direction, c);
-    R const room = radius + roundings<R>(8) * (abs(along) + largest(ray.origin));  // with what rounding takes
-    return dot(across, across) <= room * room && along >= -room && along - room <= most * length;
+  KOKKOS_INLINE_FUNCTION static auto comes_near(Ray<T> const& ray, T const& inverse_length, Vec3<R> const& centre, R radius,
+                                                T const& most) {
+    Vec3<T> const c = broadcast(centre) - ray.origin;
+    T const along = dot(c, ray.direction) * inverse_length;  // [m]
+    Vec3<T> const across = fma(-along * inverse_length, ray.direction, c);
+    T const room = radius + roundings<T>(8) * (abs(along) + largest(ray.origin));  // with what rounding takes
+    return dot(across, across) <= room * room && along >= -room && (along - room) * inverse_length <= most;
   }
-  KOKKOS_INLINE_FUNCTION void meet(Ray<R> const& ray, R length, int w, int g, Best& best) const {
+  KOKKOS_INLINE_FUNCTION void meet(Ray<T> const& ray, T const& inverse_length, int w, int g, Best& best) const {
     RayGeom<R> const& geom = scene.geoms(g);
-    RayPlace<R> const& place = scene.places(w, g);
-    if (geom.type != ShapeType::plane && !comes_near(ray, length, place.p, geom.radius, best.x)) return;
-    Ray<R> const own = to_frame(ray, place);
+    if (geom.body == body_exclude) return;
+    if (geom.type != ShapeType::plane && !any(comes_near(ray, inverse_length, place_of(w, g), scene.radius(g), best.x))) return;
+    Ray<T> const own = to_frame(ray, w, g);
     if (geom.type == ShapeType::mesh) {
-      MeshHit<R> const hit = meet_mesh(geom.nodes, geom.triangles, own, best.x);
-      if (hit.x < best.x) best = {hit.x, g, hit.triangle, {}};
+      TrianglesMet<T> const met = meet_triangles(geom.nodes, geom.triangles, own, best.x);
+      auto const nearer = met.x < best.x;
+      best.x = select(nearer, met.x, best.x);
+      best.geom.set(nearer, g);
+      best.triangle.take(nearer, met.triangle);
     } else if (geom.type == ShapeType::hfield) {
-      ShapeHit<R> const hit = HeightFieldRay<R>(*geom.height_field, own, best.x).first();
-      if (hit.x < best.x) best = {hit.x, g, -1, hit.normal};
+      for (int l = 0; l < width; ++l) {
+        R const most = lane(best.x, l);
+        if (!(most > R(0))) continue;
+        ShapeHit<R> const hit = HeightFieldRay<R>(*geom.height_field, lane(own, l), most).first();
+        if (!(hit.x < most)) continue;
+        set_lane(best.x, l, hit.x);
+        best.geom.set_lane(l, g);
+        for (int c = 0; c < 3; ++c) set_lane(best.normal[c], l, hit.normal[c]);
+      }
     } else {
-      R const x = meet_shape(geom.type, geom.size, own);
-      if (x < best.x) best = {x, g, -1, {}};
+      T const x = meet_shape(geom.type, broadcast(geom.size), own);
+      auto const nearer = x < best.x;
+      best.x = select(nearer, x, best.x);
+      best.geom.set(nearer, g);
     }
   }
-  KOKKOS_INLINE_FUNCTION Vec3<R> normal_of(Ray<R> const& ray, int w, Best const& best) const {
-    RayGeom<R> const& geom = scene.geoms(best.geom);
-    RayPlace<R> const& place = scene.places(w, best.geom);
-    if (geom.type == ShapeType::hfield) return place.r * best.normal;
+  KOKKOS_INLINE_FUNCTION Vec3<R> normal_of(Ray<T> const& ray, int w, Best const& best, int l) const {
+    int const g = best.geom[l];
+    RayGeom<R> const& geom = scene.geoms(g);
+    Mat3<R> const& turn = scene.turn(w, g);
+    if (geom.type == ShapeType::hfield) return turn * lane(best.normal, l);
     if (geom.type == ShapeType::mesh) {
-      RayTriangle const& t = geom.triangles[best.triangle];
-      return place.r * triangle_normal<R>(t.a, t.b, t.c);
+      RayTriangle const& t = geom.triangles[best.triangle[l]];
+      return turn * triangle_normal<R>(t.a, t.b, t.c);
     }
-    return place.r * normal_where_met(geom.type, geom.size, to_frame(ray, place), best.x);
+    return turn * normal_where_met(geom.type, geom.size, lane(to_frame(ray, w, g), l), lane(best.x, l));
   }
 };
 }  // namespace detail
@@ -146,8 +250,8 @@ void cast_rays(Exec const& exec, RayScene<R, Mem> const& scene, Rays<R, Mem> con
       fits3(rays.origin) && fits3(rays.direction) && fits(hits.distance) && fits(hits.geom) && (!hits.normal.data() || fits3(hits.normal)),
       "gsp::cast_rays: origins, directions and hits are of other numbers of worlds or rays: make them with the same options");
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
-  Kokkos::parallel_for("gsp::ray::cast_rays", lightweight(Range(exec, 0, std::int64_t(worlds) * count)),
-                       detail::CastRays<R, Mem>{scene, rays, hits, options.body_exclude});
+  detail::CastRays<R, Mem> const cast{scene, rays, hits, options.body_exclude};
+  Kokkos::parallel_for("gsp::ray::cast_rays", lightweight(Range(exec, 0, std::int64_t(worlds) * cast.items_of_world())), cast);
 }
 
 }  // namespace gsp

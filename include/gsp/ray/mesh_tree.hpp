@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <gsp/core/check.hpp>
+#include <gsp/ray/detail/lane_index.hpp>
 #include <gsp/ray/detail/ray_triangle.hpp>
 #include <string>
 #include <utility>
@@ -187,47 +188,62 @@ struct MeshHit {
 };
 
 namespace detail {
-/// ray_mesh of a ray that is scaled, with x < most.
+/// Which triangles rays meet, in the order of a tree's leaves: T is one ray's number or those of a pack of rays, which go through the tree
+/// together.
 template <class T>
-GSP_FUNCTION MeshHit<T> meet_mesh(RayNode const* nodes, RayTriangle const* triangles, Ray<T> const& ray, T most) {
-  constexpr T none = no_hit<T>(), slack = roundings<T>(16);
+struct TrianglesMet {
+  T x;
+  LaneIndex<T> face{}, triangle{};  // -1: none
+};
+/// ray_mesh of rays that are scaled, with x < most.
+template <class T>
+GSP_FUNCTION TrianglesMet<T> meet_triangles(RayNode const* nodes, RayTriangle const* triangles, Ray<T> const& ray, T const& most) {
+  T const none = no_hit<T>(), slack = roundings<T>(16);
   Vec3<T> const &o = ray.origin, &d = ray.direction;
   TriangleRay<T> const through(ray);
   // A box is looked at as if it were wider by what rounding may take from a triangle's place beside the ray. Along an axis on which the ray
   // does not move it is in the box all along or not at all: 1 / 0 times 0 would be NaN.
   Vec3<T> inverse, upper, lower;
-  bool moves[3];
+  decltype(none < none) moves[3];
+  bool all_move = true;
   for (int k = 0; k < 3; ++k) {
     moves[k] = abs(d[k]) > T(1e-30);
-    inverse[k] = moves[k] ? T(1) / d[k] : T(0);
+    all_move = all_move && all(moves[k]);
+    inverse[k] = select(moves[k], T(1) / d[k], T(0));
     T const wider = T(0.25) * slack * abs(o[k]);
     upper[k] = o[k] + wider;
     lower[k] = o[k] - wider;
   }
-  MeshHit<T> best;
-  best.x = most;
+  TrianglesMet<T> best{most};
   auto const take_leaf = [&](int leaf) {
     int const first = ~leaf / 8, end = first + ~leaf % 8;
     for (int t = first; t < end; ++t) {
       RayTriangle const& triangle = triangles[t];
       T const x = through.hit(triangle.a, triangle.b, triangle.c);
-      if (x < best.x || (x == best.x && best.face >= 0 && triangle.face < best.face)) best = {x, triangle.face, t};
+      auto const nearer = x < best.x || (x == best.x && best.face.is_above(triangle.face));
+      if (!any(nearer)) continue;
+      best.x = select(nearer, x, best.x);
+      best.face.set(nearer, triangle.face);
+      best.triangle.set(nearer, t);
     }
   };
   // Where it comes in, less what rounding may have added to that and to a triangle's x; infinity: never.
   auto const entry = [&](RayNode const& n, int side) {
     T near = T(0), far = none;
+    auto never = none < T(0);
     for (int k = 0; k < 3; ++k) {
       T const lo = T(n.lo[side][k]) - upper[k], hi = T(n.hi[side][k]) - lower[k];
-      if (!moves[k]) {
-        if (!(lo <= T(0) && hi >= T(0))) return none;
-        continue;
-      }
       T const a = lo * inverse[k], b = hi * inverse[k];
-      near = max(near, min(a, b));
-      far = min(far, max(a, b) * (T(1) + slack));
+      if (all_move) {
+        near = max(near, min(a, b));
+        far = min(far, max(a, b) * (T(1) + slack));
+      } else {
+        never = never || (!moves[k] && !(lo <= T(0) && hi >= T(0)));
+        near = select(moves[k], max(near, min(a, b)), near);
+        far = select(moves[k], min(far, max(a, b) * (T(1) + slack)), far);
+      }
     }
-    return near <= far ? near - slack * min(far, T(1e30)) : none;
+    return select(near <= far && !never, near - slack * min(far, T(1e30)), none);
   };
   struct Waiting {
     int node;
@@ -238,10 +254,11 @@ GSP_FUNCTION MeshHit<T> meet_mesh(RayNode const* nodes, RayTriangle const* trian
   for (int node = 0; node >= 0;) {
     RayNode const& n = nodes[node];
     T const in[2] = {entry(n, 0), entry(n, 1)};
+    int const nearer = mostly(in[1] < in[0]) ? 1 : 0;
     node = -1;
     for (int i = 0; i < 2; ++i) {
-      int const side = (in[1] < in[0]) != (i == 1);  // the nearer first
-      if (!(in[side] < none && in[side] <= best.x)) continue;
+      int const side = i == 0 ? nearer : 1 - nearer;
+      if (!any(in[side] < none && in[side] <= best.x)) continue;
       if (n.child[side] < 0)
         take_leaf(n.child[side]);
       else if (node < 0)
@@ -251,10 +268,10 @@ GSP_FUNCTION MeshHit<T> meet_mesh(RayNode const* nodes, RayTriangle const* trian
     }
     while (node < 0 && waiting > 0) {
       Waiting const& next = stack[--waiting];
-      if (next.in <= best.x) node = next.node;
+      if (any(next.in <= best.x)) node = next.node;
     }
   }
-  return best.face < 0 ? MeshHit<T>{} : best;
+  return best;
 }
 }  // namespace detail
 
@@ -264,9 +281,8 @@ template <class T>
 GSP_FUNCTION MeshHit<T> ray_mesh(RayNode const* nodes, RayTriangle const* triangles, Ray<T> const& ray) {
   if (!detail::is_ray(ray)) return {};
   detail::ScaledRay<T> const scaled(ray);
-  MeshHit<T> hit = detail::meet_mesh(nodes, triangles, scaled.ray, detail::no_hit<T>());
-  hit.x = scaled.back(hit.x);
-  return hit;
+  auto const met = detail::meet_triangles(nodes, triangles, scaled.ray, detail::no_hit<T>());
+  return {scaled.back(met.x), met.face[0], met.triangle[0]};
 }
 
 }  // namespace gsp

@@ -28,18 +28,10 @@ struct RayGeom {
   ShapeType type;
   int geom, body;
   Vec3<R> size;
-  R radius;                      // of a ball about its frame that it lies in [m]; infinite: a plane
   RayNode const* nodes;          // mesh
   RayTriangle const* triangles;  // mesh
   ShapeAsset<R> const* height_field;
 };
-/// Where it is in a world.
-template <class R>
-struct RayPlace {
-  Mat3<R> r;
-  Vec3<R> p;
-};
-
 /// `make_ray_scene` makes it, `place_ray_geoms` says where its geoms are.
 template <class R, class Mem>
 struct RayScene {
@@ -48,8 +40,11 @@ struct RayScene {
   int worlds = 0;
   detail::ModelSizes model{};  // host: of which model
   Kokkos::View<RayGeom<R>*, Mem> geoms;
-  Kokkos::View<RayPlace<R>**, Kokkos::LayoutRight, Mem> places;  // (worlds, geoms)
-  Kokkos::View<RayNode*, Mem> nodes;                             // of all meshes
+  Kokkos::View<R*, Mem> radius;  // (geoms + room) of a ball about its frame that it lies in [m]; infinite: a plane
+  Kokkos::View<Mat3<R>**, Kokkos::LayoutRight, Mem> turn;  // (worlds, geoms) from its frame to the world's
+  Kokkos::View<R***, Kokkos::LayoutRight, Mem> place;      // (worlds, 3, geoms + room) origin of its frame [m]
+  static constexpr int room = is_device<typename Mem::execution_space> ? 0 : native_width<R> - 1;  // hosts look at a vector of them
+  Kokkos::View<RayNode*, Mem> nodes;                                                               // of all meshes
   Kokkos::View<RayTriangle*, Mem> triangles;
   ShapeAssets<R, Mem> height_fields;
   int count() const { return int(geoms.extent(0)); }
@@ -96,12 +91,12 @@ RayScene<R, Mem> make_ray_scene(Exec const& exec, Model<R, Mem> const& model, Co
   scene.nodes = detail::to_device<decltype(scene.nodes)>(exec, "gsp::RayScene::nodes", nodes);
   scene.triangles = detail::to_device<decltype(scene.triangles)>(exec, "gsp::RayScene::triangles", triangles);
   std::vector<RayGeom<R>> geoms;
+  std::vector<R> radii;
   std::size_t field = 0;
   for (int const g : shown) {
     std::size_t const i = std::size_t(g);
     auto const& s = compiled.geom_size[i];
-    RayGeom<R> geom{
-        ShapeType(compiled.geom_type[i]), g, compiled.geom_body[i], {R(s[0]), R(s[1]), R(s[2])}, R(0), nullptr, nullptr, nullptr};
+    RayGeom<R> geom{ShapeType(compiled.geom_type[i]), g, compiled.geom_body[i], {R(s[0]), R(s[1]), R(s[2])}, nullptr, nullptr, nullptr};
     double radius = 0;
     if (geom.type == ShapeType::plane) {
       radius = detail::no_hit<double>();
@@ -117,11 +112,14 @@ RayScene<R, Mem> make_ray_scene(Exec const& exec, Model<R, Mem> const& model, Co
     } else {
       radius = bounding_radius(geom.type, s);
     }
-    geom.radius = R(radius * (1 + 1e-6));
+    radii.push_back(R(radius * (1 + 1e-6)));
     geoms.push_back(geom);
   }
+  radii.resize(geoms.size() + scene.room);
   scene.geoms = detail::to_device<decltype(scene.geoms)>(exec, "gsp::RayScene::geoms", geoms);
-  scene.places = detail::allocate_zero<decltype(scene.places)>(exec, "gsp::RayScene::places", options.worlds, int(geoms.size()));
+  scene.radius = detail::to_device<decltype(scene.radius)>(exec, "gsp::RayScene::radius", radii);
+  scene.turn = detail::allocate_zero<decltype(scene.turn)>(exec, "gsp::RayScene::turn", options.worlds, int(geoms.size()));
+  scene.place = detail::allocate_zero<decltype(scene.place)>(exec, "gsp::RayScene::place", options.worlds, 3, int(radii.size()));
   return scene;
 }
 
@@ -138,7 +136,8 @@ struct PlaceRayGeoms {
     auto const turn = [](R const* q) { return Quat<R>{q[0], q[1], q[2], q[3]}; };
     Transform<R> const body{vec(&poses.xpos(w, geom.body, 0)), turn(&poses.xquat(w, geom.body, 0))};
     Transform<R> const place = body * Transform<R>{vec(pos.row(w) + 3 * geom.geom), turn(quat.row(w) + 4 * geom.geom)};
-    scene.places(w, g) = {to_matrix(place.q), place.p};
+    scene.turn(w, g) = to_matrix(place.q);
+    for (int c = 0; c < 3; ++c) scene.place(w, c, g) = place.p[c];
   }
 };
 }  // namespace detail

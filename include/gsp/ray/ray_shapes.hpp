@@ -1,10 +1,13 @@
 #pragma once
 #include <cmath>
+#include <cstring>
 #include <gsp/geometry/shape.hpp>
+#include <gsp/math/pack.hpp>
 #include <limits>
 
 /// Rays against the shapes that have a closed form, in the frame of the shape: sphere, capsule, ellipsoid, cylinder, box and plane. A ray
-/// is o + x d, x >= 0; d need not be a unit vector, x counts in its lengths, as in MuJoCo's mj_ray. No Kokkos.
+/// is o + x d, x >= 0; d need not be a unit vector, x counts in its lengths, as in MuJoCo's mj_ray. `detail` takes packs of rays, too.
+/// No Kokkos.
 namespace gsp {
 
 template <class T>
@@ -16,14 +19,14 @@ struct Ray {
 namespace detail {
 template <class T>
 GSP_FUNCTION constexpr T no_hit() {
-  constexpr T infinity = std::numeric_limits<T>::infinity();
+  constexpr real_t<T> infinity = std::numeric_limits<real_t<T>>::infinity();
   return infinity;
 }
 /// So many roundings of 1.
 template <class T>
 GSP_FUNCTION constexpr T roundings(int count) {
-  constexpr T epsilon = std::numeric_limits<T>::epsilon();
-  return T(count) * epsilon;
+  constexpr real_t<T> epsilon = std::numeric_limits<real_t<T>>::epsilon();
+  return real_t<T>(count) * epsilon;
 }
 template <class T>
 GSP_FUNCTION T largest(Vec3<T> const& v) {
@@ -31,10 +34,32 @@ GSP_FUNCTION T largest(Vec3<T> const& v) {
 }
 /// Whether all numbers are finite, and the direction is not 0.
 template <class T>
-GSP_FUNCTION bool is_ray(Ray<T> const& ray) {
+GSP_FUNCTION auto is_ray(Ray<T> const& ray) {
   Vec3<T> const &o = ray.origin, &d = ray.direction;
   T const none = (o.x - o.x) + (o.y - o.y) + (o.z - o.z) + (d.x - d.x) + (d.y - d.y) + (d.z - d.z);
   return none == T(0) && largest(d) > T(0);
+}
+/// The power of two that takes x > 0 to 1/2 to 1; where there is none, near the ends of what numbers there are, as near to it as they go.
+template <class T>
+GSP_FUNCTION T power_that_scales(T x) {
+  constexpr int most = std::numeric_limits<real_t<T>>::max_exponent - 2;
+  if constexpr (Scalar<T>) {
+    int exponent = 0;
+    std::frexp(x, &exponent);
+    return std::ldexp(T(1), exponent < -most ? most : exponent > most ? -most : -exponent);
+  } else {  // the same by the bits of the exponent, lane by lane
+    using Real = real_t<T>;
+    using Int = std::conditional_t<sizeof(Real) == 4, std::int32_t, std::int64_t>;
+    constexpr int digits = std::numeric_limits<Real>::digits - 1;
+    Int bits[T::width];
+    std::memcpy(bits, &x, sizeof x);
+    for (Int& b : bits) {
+      Int const power = 2 * (most + 1) - 1 - (b >> digits);
+      b = (power < 1 ? Int(1) : power) << digits;
+    }
+    std::memcpy(&x, bits, sizeof x);
+    return x;
+  }
 }
 /// A ray's direction times a power of two, so that its largest component lies in 1/2 to 1: squares and inverses stay numbers, and what is
 /// small is small beside 1. All functions of `detail` take such rays.
@@ -42,11 +67,7 @@ template <class T>
 struct ScaledRay {
   Ray<T> ray;
   T scale;
-  GSP_FUNCTION explicit ScaledRay(Ray<T> const& from) : ray(from) {
-    constexpr int most = std::numeric_limits<T>::max_exponent - 2;  // of numbers below the least normal one there is no such power
-    int exponent = 0;
-    std::frexp(largest(from.direction), &exponent);
-    scale = std::ldexp(T(1), exponent < -most ? most : -exponent);
+  GSP_FUNCTION explicit ScaledRay(Ray<T> const& from) : ray(from), scale(power_that_scales(largest(from.direction))) {
     ray.direction = scale * ray.direction;
   }
   /// x in lengths of the direction that was given.
@@ -58,26 +79,29 @@ template <class T>
 struct RayInterval {
   T in = no_hit<T>(), out = -no_hit<T>();
   GSP_FUNCTION static RayInterval all() { return {-no_hit<T>(), no_hit<T>()}; }
-  GSP_FUNCTION bool any() const { return in <= out; }
+  GSP_FUNCTION auto any() const { return in <= out; }
   /// Where a ray first meets the surface: going in, or going out of what it began in.
   GSP_FUNCTION T first() const {
-    if (!(in <= out)) return no_hit<T>();
-    return in >= T(0) ? in : out >= T(0) ? out : no_hit<T>();
+    T const none = no_hit<T>();
+    return select(any(), select(in >= T(0), in, select(out >= T(0), out, none)), none);
+  }
+  GSP_FUNCTION friend RayInterval select(auto mask, RayInterval const& a, RayInterval const& b) {
+    return {gsp::select(mask, a.in, b.in), gsp::select(mask, a.out, b.out)};
   }
   GSP_FUNCTION RayInterval intersection(RayInterval const& o) const { return {max(in, o.in), min(out, o.out)}; }
   /// The least interval that holds both: of a convex shape of two parts.
   GSP_FUNCTION RayInterval hull(RayInterval const& o) const {
-    if (!o.any()) return *this;
-    if (!any()) return o;
-    return {min(in, o.in), max(out, o.out)};
+    auto const own = any(), other = o.any();
+    return {select(other, select(own, min(in, o.in), o.in), in), select(other, select(own, max(out, o.out), o.out), out)};
   }
 };
 /// abs(o + x d) <= h along one axis.
 template <class T>
 GSP_FUNCTION RayInterval<T> ray_slab(T o, T d, T h) {
-  if (d == T(0)) return abs(o) <= h ? RayInterval<T>::all() : RayInterval<T>{};
   T const a = (-h - o) / d, b = (h - o) / d;
-  return a < b ? RayInterval<T>{a, b} : RayInterval<T>{b, a};
+  auto const still = d == T(0);
+  RayInterval<T> const slab = select(a < b, RayInterval<T>{a, b}, RayInterval<T>{b, a});
+  return any(still) ? select(still, select(abs(o) <= h, RayInterval<T>::all(), RayInterval<T>{}), slab) : slab;
 }
 /// Of a ball of radius r about the origin. The line is looked at from its point nearest to the centre, m = o + t d, |m|^2 + s^2 |d|^2 =
 /// r^2: of a ball far away b^2 - 4 a c of the usual form would be a difference of large numbers (5 cm off at 100 m in float). t twice: what
@@ -87,15 +111,17 @@ GSP_FUNCTION RayInterval<T> ray_ball(Vec3<T> const& o, Vec3<T> const& d, T r) {
   T const dd = dot(d, d), about = -dot(o, d) / dd, t = about - dot(fma(about, d, o), d) / dd;
   Vec3<T> const m = fma(t, d, o);
   T const rest = fma(r, r, -dot(m, m));
-  if (!(rest >= T(0))) return {};
+  auto const meets = rest >= T(0);
+  if (!any(meets)) return {};
   T const s = sqrt(rest / dd);
-  return {t - s, t + s};
+  return select(meets, RayInterval<T>{t - s, t + s}, RayInterval<T>{});
 }
 /// Of an endless cylinder about z. Along its axis: 1e-11 m off at 10 km.
 template <class T>
 GSP_FUNCTION RayInterval<T> ray_tube(Vec3<T> const& o, Vec3<T> const& d, T r) {
-  if (!(max(abs(d.x), abs(d.y)) > T(1e-15))) return fma(o.x, o.x, o.y * o.y) <= r * r ? RayInterval<T>::all() : RayInterval<T>{};
-  return ray_ball(Vec3<T>{o.x, o.y, T(0)}, Vec3<T>{d.x, d.y, T(0)}, r);
+  auto const across = max(abs(d.x), abs(d.y)) > T(1e-15);
+  RayInterval<T> const tube = ray_ball(Vec3<T>{o.x, o.y, T(0)}, Vec3<T>{d.x, d.y, T(0)}, r);
+  return all(across) ? tube : select(across, tube, select(fma(o.x, o.x, o.y * o.y) <= r * r, RayInterval<T>::all(), RayInterval<T>{}));
 }
 
 /// ray_shape of a ray that is scaled.
@@ -104,11 +130,10 @@ GSP_FUNCTION T meet_shape(ShapeType type, Vec3<T> const& size, Ray<T> const& ray
   Vec3<T> const &o = ray.origin, &d = ray.direction;
   switch (type) {
     case ShapeType::plane: {
-      if (!(d.z < T(0))) return no_hit<T>();
       T const x = -o.z / d.z;
       Vec3<T> const p = ray.at(x);
-      bool const on = (size.x <= T(0) || abs(p.x) <= size.x) && (size.y <= T(0) || abs(p.y) <= size.y);
-      return x >= T(0) && on ? x : no_hit<T>();
+      auto const on = (size.x <= T(0) || abs(p.x) <= size.x) && (size.y <= T(0) || abs(p.y) <= size.y);
+      return select(d.z < T(0) && x >= T(0) && on, x, no_hit<T>());
     }
     case ShapeType::sphere:
       return ray_ball(o, d, size.x).first();

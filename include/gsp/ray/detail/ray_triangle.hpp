@@ -30,17 +30,18 @@ GSP_FUNCTION Vec3<T> triangle_normal(Vec3<V> const& a, Vec3<V> const& b, Vec3<V>
 /// What all triangles of a mesh need of a scaled ray: axes such that the direction is the third, sheared to (0, 0, 1).
 template <class T>
 struct TriangleRay {
+  using Mask = decltype(T(0) < T(0));
   Vec3<T> origin;
-  int kx, ky, kz;
+  Mask by_x, by_y;  // the third axis is x, or y
   T sx, sy, sz;
   GSP_FUNCTION explicit TriangleRay(Ray<T> const& ray) : origin(ray.origin) {
-    Vec3<T> const& d = ray.direction;
-    kz = abs(d.x) > abs(d.y) ? (abs(d.x) > abs(d.z) ? 0 : 2) : (abs(d.y) > abs(d.z) ? 1 : 2);
-    kx = kz == 2 ? 0 : kz + 1;
-    ky = kx == 2 ? 0 : kx + 1;
-    sz = T(1) / d[kz];
-    sx = d[kx] * sz;
-    sy = d[ky] * sz;
+    T const x = abs(ray.direction.x), y = abs(ray.direction.y), z = abs(ray.direction.z);
+    by_x = x > y && x > z;
+    by_y = !(x > y) && y > z;
+    Vec3<T> const d = turned(ray.direction);
+    sz = T(1) / d.z;
+    sx = d.x * sz;
+    sy = d.y * sz;
   }
   /// x of the hit, infinity where there is none. Both sides count, and so do edges.
   template <class V>
@@ -48,18 +49,24 @@ struct TriangleRay {
     Vec3<T> const A = sheared(a), B = sheared(b), C = sheared(c);
     T const u = difference_of_products(C.x, B.y, C.y, B.x), v = difference_of_products(A.x, C.y, A.y, C.x),
             w = difference_of_products(B.x, A.y, B.y, A.x);
-    bool const inside = (u >= T(0) && v >= T(0) && w >= T(0)) || (u <= T(0) && v <= T(0) && w <= T(0));
+    auto const inside = (u >= T(0) && v >= T(0) && w >= T(0)) || (u <= T(0) && v <= T(0) && w <= T(0));
     T const det = u + v + w;
-    if (!inside || !(det != T(0))) return no_hit<T>();
+    auto const met = inside && det != T(0);
+    if (!any(met)) return no_hit<T>();
     T const x = fma(u, A.z, fma(v, B.z, w * C.z)) / det;
-    return x >= T(0) ? x : no_hit<T>();
+    return select(met && x >= T(0), x, no_hit<T>());
   }
 
  private:
   template <class V>
   GSP_FUNCTION Vec3<T> sheared(Vec3<V> const& p) const {
-    Vec3<T> const r = Vec3<T>{T(p.x), T(p.y), T(p.z)} - origin;
-    return {fma(-sx, r[kz], r[kx]), fma(-sy, r[kz], r[ky]), sz * r[kz]};
+    Vec3<T> const r = turned(Vec3<T>{T(p.x), T(p.y), T(p.z)} - origin);
+    return {fma(-sx, r.z, r.x), fma(-sy, r.z, r.y), sz * r.z};
+  }
+  /// Axes in turn, so that the third is the ray's.
+  GSP_FUNCTION Vec3<T> turned(Vec3<T> const& r) const {
+    return {select(by_x, r.y, select(by_y, r.z, r.x)), select(by_x, r.z, select(by_y, r.x, r.y)),
+            select(by_x, r.x, select(by_y, r.y, r.z))};
   }
 };
 

@@ -1,0 +1,60 @@
+#pragma once
+#include <gsp/math/pack.hpp>
+
+/// A whole number a lane of T: which geom a ray has met, which triangle. Of a T that is a number, an int. No Kokkos.
+namespace gsp::detail {
+
+template <class T>
+struct LaneIndex {
+  int value = -1;
+  GSP_FUNCTION int operator[](int) const { return value; }
+  GSP_FUNCTION void set(bool where, int to) { value = where ? to : value; }
+  GSP_FUNCTION void set_lane(int, int to) { value = to; }
+  GSP_FUNCTION void take(bool where, LaneIndex const& from) { set(where, from.value); }
+  GSP_FUNCTION bool is_above(int other) const { return value > other; }
+  GSP_FUNCTION bool is_there() const { return value >= 0; }
+};
+template <class R, int W>
+struct LaneIndex<Pack<R, W>> {
+  using Mask = gsp::Mask<R, W>;
+  Mask value;  // a number a lane, as wide as the lane's number is
+  GSP_FUNCTION LaneIndex() {
+    for (int l = 0; l < W; ++l) value.v[l] = -1;
+  }
+  GSP_FUNCTION int operator[](int lane) const { return int(value.v[lane]); }
+  GSP_FUNCTION void set_lane(int lane, int to) { value.v[lane] = to; }
+  GSP_FUNCTION void take(Mask where, LaneIndex const& from) {
+    for (int l = 0; l < W; ++l) value.v[l] = where[l] ? from.value.v[l] : value.v[l];
+  }
+#ifdef __CUDA_ARCH__
+  GSP_FUNCTION void set(Mask where, int to) {
+    for (int l = 0; l < W; ++l) value.v[l] = where[l] ? to : value.v[l];
+  }
+  GSP_FUNCTION Mask is_above(int other) const {
+    Mask m;
+    for (int l = 0; l < W; ++l) m.set(l, value.v[l] > other);
+    return m;
+  }
+#else
+  GSP_FUNCTION void set(Mask where, int to) { value.v = where.v ? to - typename Mask::vec{} : value.v; }
+  GSP_FUNCTION Mask is_above(int other) const {
+    Mask m;
+    m.v = value.v > other - typename Mask::vec{};
+    return m;
+  }
+#endif
+  GSP_FUNCTION Mask is_there() const { return is_above(-1); }
+};
+
+/// Whether it holds in most lanes.
+GSP_FUNCTION bool mostly(bool mask) { return mask; }
+template <class R, int W>
+GSP_FUNCTION bool mostly(Mask<R, W> mask) {
+#ifdef __CUDA_ARCH__
+  return any(mask);  // device code never runs packs
+#else
+  return 2 * __builtin_popcount(lane_bits(mask)) > W;
+#endif
+}
+
+}  // namespace gsp::detail
