@@ -4,6 +4,7 @@
 #include <gsp/collision/detail/level_contacts.hpp>
 #include <gsp/core/region.hpp>
 #include <gsp/core/status.hpp>
+#include <gsp/parallel/scan.hpp>
 
 /// Contacts of many worlds in one pool, in the order (world, pair, point). Five kernels (one more with pairs of the convex routine, and
 /// for patches), nothing waits for the host:
@@ -149,8 +150,8 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
   find_near_pairs(exec, model, s.bounds, s.mask, contacts.status.data());
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   std::int64_t const masks = std::int64_t(s.mask.extent(0)), movers = std::int64_t(contacts.worlds) * model.movers, items = masks + movers;
-  Kokkos::parallel_scan("gsp::collision::write_candidates", lightweight(Range(exec, 0, items)),
-                        detail::WriteCandidates<R, Mem>{model, s, contacts.search, contacts.worlds, masks, items});
+  detail::scan_items("gsp::collision::write_candidates", exec, items,
+                     detail::WriteCandidates<R, Mem>{model, s, contacts.search, contacts.worlds, masks, items});
   if (movers > 0)
     Kokkos::parallel_for("gsp::collision::write_near_pairs", lightweight(Range(exec, 0, movers)),
                          detail::WriteNearPairs<R, Mem>{{model, s.bounds, contacts.search}, s, masks});
@@ -165,8 +166,7 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
   if (model.has_convex_pairs)
     Kokkos::parallel_for("gsp::collision::convex_narrowphase", lightweight(Range(exec, 0, candidates)),
                          detail::CollideCandidates<R, Mem, true>{model, s, contacts.points_per_box_pair == 4, contacts.steady, before});
-  Kokkos::parallel_scan("gsp::collision::write_contacts", lightweight(Range(exec, 0, items)),
-                        detail::WriteContacts<R, Mem>{model, contacts});
+  detail::scan_items("gsp::collision::write_contacts", exec, items, detail::WriteContacts<R, Mem>{model, contacts});
   if (contacts.steady)
     Kokkos::parallel_for("gsp::collision::level_contacts",
                          lightweight(Range(exec, 0, is_device<Exec> ? contacts.capacity() : contacts.size())),

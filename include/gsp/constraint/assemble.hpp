@@ -4,6 +4,7 @@
 #include <gsp/constraint/detail/keep_rows.hpp>
 #include <gsp/constraint/eliminate.hpp>
 #include <gsp/core/region.hpp>
+#include <gsp/parallel/scan.hpp>
 
 /// All constraint types to one list of rows a world: count -> scan -> emit, in the order of the types, then of the elements. Nothing waits
 /// for the host.
@@ -234,9 +235,9 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
                detail::WakeIslands<R, Mem, List>{model, sleeping, types, (detail::rests<Types>() && ...)});
   for_worlds("gsp::constraint::count_rows", exec, rows.worlds,
              detail::CountRows<R, Mem, List>{model, state, rows, progress.halt, types, sleeping});
-  Kokkos::parallel_scan("gsp::constraint::scan_rows", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds)),
-                        detail::ScanRows<R, Mem>{rows, state, progress.halt, impulses.parity, impulses.solved,
-                                                 std::min(rows.capacity(), impulses.capacity())});
+  detail::scan_items("gsp::constraint::scan_rows", exec, rows.worlds,
+                     detail::ScanRows<R, Mem>{rows, state, progress.halt, impulses.parity, impulses.solved,
+                                              std::min(rows.capacity(), impulses.capacity())});
   detail::EmitRows<R, Mem, List> const emit{model,   state, dynamics, rows, impulses, progress.halt, types, detail::names_of(types),
                                             sleeping};
   for_worlds("gsp::constraint::emit_rows", exec, rows.worlds, emit);

@@ -17,6 +17,24 @@ struct ExclusiveScan {
     if (i < n) sum += static_cast<value_type>(in(i));
   }
 };
+template <class Functor>
+struct ScanInTurn {
+  Functor functor;
+  std::int64_t n;
+  void operator()(int) const {
+    typename Functor::value_type sum{};
+    for (std::int64_t i = 0; i < n; ++i) functor(i, sum, true);
+  }
+};
+/// Kokkos::parallel_scan of items 0 ... n - 1, whose sums begin at value_type{}: functor(item, sum, last). On a host with one thread,
+/// where Kokkos' goes through them twice, once, with last = true.
+template <ExecutionSpace Exec, class Functor>
+void scan_items(char const* label, Exec const& exec, std::int64_t n, Functor const& functor) {
+  using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
+  if constexpr (!is_device<Exec>)
+    if (exec.concurrency() == 1) return Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, 1), ScanInTurn<Functor>{functor, n});
+  Kokkos::parallel_scan(label, lightweight(Range(exec, 0, n)), functor);
+}
 }  // namespace detail
 
 /// Exclusive prefix sum: out(i) = in(0) + ... + in(i-1); out(n) is the total. Sums are taken in 64 bits.
@@ -30,9 +48,7 @@ void exclusive_scan(Exec const& exec, In const& in, Out& out) {
   static_assert(std::is_integral_v<typename Out::value_type>, "gsp::exclusive_scan: `out` must hold whole numbers");
   std::int64_t const n = static_cast<std::int64_t>(in.extent(0));
   expects(static_cast<std::int64_t>(out.extent(0)) == n + 1, "gsp::exclusive_scan: `out` must be one longer than `in`, for the total");
-  Kokkos::parallel_scan("gsp::parallel::exclusive_scan",
-                        lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n + 1)),
-                        detail::ExclusiveScan<In, Out>{in, out, n});
+  detail::scan_items("gsp::parallel::exclusive_scan", exec, n + 1, detail::ExclusiveScan<In, Out>{in, out, n});
 }
 
 }  // namespace gsp

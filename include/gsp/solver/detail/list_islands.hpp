@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/constraint/islands.hpp>
+#include <gsp/parallel/scan.hpp>
 #include <gsp/solver/solution.hpp>
 
 /// Islands are what `pgs` solves: each by itself, on a path that its own rows and dofs choose, for as long as it needs. Here they are
@@ -98,12 +99,11 @@ template <class Exec, class R, class Mem>
 IslandCounts list_islands(Exec const& exec, Rows<R, Mem> const& rows, Solution<R, Mem> const& solution) {
   int const numbers = rows.worlds * islands_of_world(rows);
   if (!any_small(rows.islands.ntree, rows.nv)) return {0, numbers};
-  Kokkos::RangePolicy<Exec> const all(exec, 0, numbers);
-  Kokkos::parallel_scan("gsp::solver::count_islands", all, CountIslands<R, Mem>{rows, solution, numbers});
+  scan_items("gsp::solver::count_islands", exec, numbers, CountIslands<R, Mem>{rows, solution, numbers});
   ListSizes begin;
   int small = 0;
   for (int list = island_lists; list-- > 0; small += solution.list_counts(list, 0)) begin.of[list] = small;
-  if (small > 0) Kokkos::parallel_scan("gsp::solver::place_islands", all, PlaceIslands<R, Mem>{rows, solution, begin});
+  if (small > 0) scan_items("gsp::solver::place_islands", exec, numbers, PlaceIslands<R, Mem>{rows, solution, begin});
   return {small, solution.list_counts(0, 1)};
 }
 /// Those of a list that go on, in its order, to the other list. Their number.
@@ -123,7 +123,7 @@ struct ListGoing {
 };
 template <class Exec, class R, class Mem>
 int list_going(Exec const& exec, Solution<R, Mem> const& solution, int side, int count) {
-  Kokkos::parallel_scan("gsp::solver::list_going", Kokkos::RangePolicy<Exec>(exec, 0, count), ListGoing<R, Mem>{solution, side, count});
+  scan_items("gsp::solver::list_going", exec, count, ListGoing<R, Mem>{solution, side, count});
   return solution.list_counts(0, 0);
 }
 
