@@ -60,6 +60,7 @@
 #include <gsp/geometry/shapes.hpp>
 #include <gsp/math/dual.hpp>
 #include <gsp/math/pack.hpp>
+#include <gsp/math/philox.hpp>
 #include <gsp/math/quat.hpp>
 #include <gsp/math/scalar.hpp>
 #include <gsp/math/spatial.hpp>
