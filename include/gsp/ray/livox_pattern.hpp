@@ -4,7 +4,7 @@
 #include <gsp/ray/ray_pattern.hpp>
 
 /// Livox units, whose patterns do not repeat from scan to scan: windows of their sequences of rays. Mid-40 and Mid-70 are two wedge prisms
-/// that turn against each other, exactly; Avia and Mid-360 are approximations. Host.
+/// that turn against each other, exactly; Avia and Mid-360 are approximations. Tables of these and others: io/ray_table.hpp. Host.
 namespace gsp {
 
 namespace detail {
