@@ -36,6 +36,8 @@ struct Rays;  // ray/cast_rays.hpp
 template <class R, class Mem>
 struct RayHits;  // ray/cast_rays.hpp
 template <class R, class Mem>
+struct RayScan;  // ray/ray_scan.hpp
+template <class R, class Mem>
 struct Rows;  // constraint/rows.hpp
 template <class Mem>
 struct Islands;  // constraint/islands.hpp

@@ -87,9 +87,12 @@
 #include <gsp/ray/cast_rays.hpp>
 #include <gsp/ray/livox_pattern.hpp>
 #include <gsp/ray/mesh_tree.hpp>
+#include <gsp/ray/ray_clock.hpp>
 #include <gsp/ray/ray_height_field.hpp>
 #include <gsp/ray/ray_mount.hpp>
+#include <gsp/ray/ray_noise.hpp>
 #include <gsp/ray/ray_pattern.hpp>
+#include <gsp/ray/ray_scan.hpp>
 #include <gsp/ray/ray_scene.hpp>
 #include <gsp/ray/ray_shapes.hpp>
 #include <gsp/sensor/cameras.hpp>

@@ -49,51 +49,104 @@ RayHits<R, typename Exec::memory_space> make_ray_hits(Exec const& exec, RaysOpti
 }
 
 struct CastRaysOptions {
-  int body_exclude = -1;  // geoms of this body alone are not met; of its children they are
+  int body_exclude = -1;  // geoms of this body are not met; of its children they are, but
+  int bodies = 1;         // of so many bodies from body_exclude on none are: hide_self gives both
 };
+/// What a unit on a body does not see of its own robot.
+enum class SelfFilter : unsigned char {
+  none,     // it sees everything
+  body,     // not its body's geoms, as MuJoCo's rangefinders
+  subtree,  // not those of its body and of all that hangs on it
+};
+/// The options by which cast_rays hides these: of the world nothing, which is no robot. Errors: std::invalid_argument for a body that the
+/// model does not have.
+inline CastRaysOptions hide_self(CompiledModel const& compiled, int body, SelfFilter filter) {
+  expects(body >= 0 && body < compiled.nbody,
+          "gsp::hide_self: the model has " + std::to_string(compiled.nbody) + " bodies, not one of index " + std::to_string(body));
+  if (filter == SelfFilter::none || body == 0) return {};
+  int end = body + 1;  // bodies are listed depth first, so a subtree is without gaps
+  while (filter == SelfFilter::subtree && end < compiled.nbody && compiled.body_parent[std::size_t(end)] >= body) ++end;
+  return {.body_exclude = body, .bodies = end - body};
+}
 
 namespace detail {
-/// A host's item is as many rays of a world, one after the other, as a pack has lanes; a device's one ray.
+/// What rays of a world meet first: one on a device, as many as a pack has lanes on a host.
 template <class R, class Mem>
-struct CastRays {
+struct RayCaster {
   using T = std::conditional_t<is_device<typename Mem::execution_space>, R, Pack<R, native_width<R>>>;
   static constexpr int width = is_device<typename Mem::execution_space> ? 1 : native_width<R>;
   RayScene<R, Mem> scene;
-  Rays<R, Mem> rays;
-  RayHits<R, Mem> hits;
-  int body_exclude;
+  CastRaysOptions options;
 
-  int items_of_world() const { return (int(rays.origin.extent(1)) + width - 1) / width; }
-  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
-    int const n = int(rays.origin.extent(1)), items = (n + width - 1) / width, w = int(i / items), first = int(i % items) * width;
-    int const count = n - first < width ? n - first : width, geoms = int(scene.geoms.extent(0));
-    Ray<T> const given{read(rays.origin, w, first, count), read(rays.direction, w, first, count)};
-    auto const rays_there = is_ray(given);
-    // what is no ray meets nothing: it goes along as one that has met something before all
+  /// So many kernel items have `rays` rays of a world.
+  KOKKOS_INLINE_FUNCTION static int items_of(int rays) { return (rays + width - 1) / width; }
+  struct Met {
+    ScaledRay<T> scaled;
+    T x;                              // in lengths of the scaled ray
+    LaneIndex<T> geom{}, triangle{};  // of the scene; of a mesh; -1: none
+    Vec3<T> normal{};                 // of a height field, in its frame
+  };
+  /// What is no ray meets nothing: it goes along as one that has met something before all.
+  KOKKOS_INLINE_FUNCTION Met first(Ray<T> const& given, int w) const {
+    auto const there = is_ray(given);
     T const zero(R(0)), one(R(1));
-    Ray<T> const ray{select(rays_there, given.origin, Vec3<T>{zero, zero, zero}),
-                     select(rays_there, given.direction, Vec3<T>{one, zero, zero})};
-    ScaledRay<T> const scaled(ray);
-    Best best{select(rays_there, no_hit<T>(), T(R(-1)))};
-    if (any(rays_there)) {
-      T const inverse_length = one / norm(scaled.ray.direction);
-      if constexpr (width == 1) {
-        for (int g = 0; g < geoms; ++g) meet(scaled.ray, inverse_length, w, g, best);
-      } else {
-        Cone const cone(scaled.ray, inverse_length, rays_there);
-        for (int g = 0; g < geoms; g += width)
-          for (std::uint32_t near = cone.meets(scene, w, g); near != 0; near &= near - 1)
-            meet(scaled.ray, inverse_length, w, g + Kokkos::countr_zero(near), best);
-      }
+    Ray<T> const ray{select(there, given.origin, Vec3<T>{zero, zero, zero}), select(there, given.direction, Vec3<T>{one, zero, zero})};
+    Met best{ScaledRay<T>(ray), select(there, no_hit<T>(), T(R(-1)))};
+    if (!any(there)) return best;
+    T const inverse_length = one / norm(best.scaled.ray.direction);
+    int const geoms = int(scene.geoms.extent(0));
+    if constexpr (width == 1) {
+      for (int g = 0; g < geoms; ++g) meet(best.scaled.ray, inverse_length, w, g, best);
+    } else {
+      Cone const cone(best.scaled.ray, inverse_length, there);
+      for (int g = 0; g < geoms; g += width)
+        for (std::uint32_t near = cone.meets(scene, w, g); near != 0; near &= near - 1)
+          meet(best.scaled.ray, inverse_length, w, g + Kokkos::countr_zero(near), best);
     }
-    T const distance = select(best.geom.is_there(), scaled.back(best.x), T(R(-1)));
-    for (int l = 0; l < count; ++l) {
-      int const k = first + l, g = best.geom[l];
-      hits.distance(w, k) = lane(distance, l);
-      hits.geom(w, k) = g < 0 ? -1 : scene.geoms(g).geom;
-      if (!hits.normal.data()) continue;
-      Vec3<R> const normal = g < 0 ? Vec3<R>{R(0), R(0), R(0)} : normal_of(scaled.ray, w, best, l);
-      for (int c = 0; c < 3; ++c) hits.normal(w, k, c) = normal[c];
+    return best;
+  }
+  /// Number in the model of what lane l has met, -1: nothing; where, in lengths of the ray that was given; and its normal.
+  KOKKOS_INLINE_FUNCTION int geom_of(Met const& met, int l) const {
+    int const g = met.geom[l];
+    return g < 0 ? -1 : scene.geoms(g).geom;
+  }
+  KOKKOS_INLINE_FUNCTION static R distance_of(Met const& met, int l) { return lane(met.scaled.back(met.x), l); }
+  KOKKOS_INLINE_FUNCTION Vec3<R> normal_of(int w, Met const& met, int l) const {
+    int const g = met.geom[l];
+    if (g < 0) return {R(0), R(0), R(0)};
+    RayGeom<R> const& geom = scene.geoms(g);
+    Mat3<R> const& turn = scene.turn(w, g);
+    if (geom.type == ShapeType::hfield) return turn * lane(met.normal, l);
+    if (geom.type == ShapeType::mesh) {
+      RayTriangle const& t = geom.triangles[met.triangle[l]];
+      return turn * triangle_normal<R>(t.a, t.b, t.c);
+    }
+    return turn * normal_where_met(geom.type, geom.size, lane(to_frame(met.scaled.ray, w, g), l), lane(met.x, l));
+  }
+
+  KOKKOS_INLINE_FUNCTION static R lane(T const& x, int l) {
+    if constexpr (width == 1)
+      return x;
+    else
+      return x[l];
+  }
+  KOKKOS_INLINE_FUNCTION static Vec3<R> lane(Vec3<T> const& v, int l) { return {lane(v.x, l), lane(v.y, l), lane(v.z, l)}; }
+  KOKKOS_INLINE_FUNCTION static Ray<R> lane(Ray<T> const& ray, int l) { return {lane(ray.origin, l), lane(ray.direction, l)}; }
+  KOKKOS_INLINE_FUNCTION static void set_lane(T& x, int l, R value) {
+    if constexpr (width == 1)
+      x = value;
+    else
+      x.set(l, value);
+  }
+  /// Vectors from[0] ... from[count - 1]; lanes beyond have the last.
+  KOKKOS_INLINE_FUNCTION static Vec3<T> read(R const* from, int count) {
+    if constexpr (width == 1) {
+      return {from[0], from[1], from[2]};
+    } else {
+      auto const component = [&](int c) { return T::of([&](int l) { return from[3 * (l < count ? l : count - 1) + c]; }); };
+      auto const component_of_all = [&](int c) { return T::of([&](int l) { return from[3 * l + c]; }); };
+      if (count == width) return {component_of_all(0), component_of_all(1), component_of_all(2)};
+      return {component(0), component(1), component(2)};
     }
   }
 
@@ -139,37 +192,6 @@ struct CastRays {
       return there & ~lane_bits(clear > T(R(0)));
     }
   };
-  struct Best {
-    T x;
-    LaneIndex<T> geom{}, triangle{};  // of the scene; of a mesh
-    Vec3<T> normal{};                 // of a height field, in its frame
-  };
-  KOKKOS_INLINE_FUNCTION static R lane(T const& x, int l) {
-    if constexpr (width == 1)
-      return x;
-    else
-      return x[l];
-  }
-  KOKKOS_INLINE_FUNCTION static Vec3<R> lane(Vec3<T> const& v, int l) { return {lane(v.x, l), lane(v.y, l), lane(v.z, l)}; }
-  KOKKOS_INLINE_FUNCTION static Ray<R> lane(Ray<T> const& ray, int l) { return {lane(ray.origin, l), lane(ray.direction, l)}; }
-  KOKKOS_INLINE_FUNCTION static void set_lane(T& x, int l, R value) {
-    if constexpr (width == 1)
-      x = value;
-    else
-      x.set(l, value);
-  }
-  /// Vectors first ... first + count - 1 of a world; lanes beyond have the last.
-  KOKKOS_INLINE_FUNCTION static Vec3<T> read(typename Rays<R, Mem>::template View<R***> const& v, int w, int first, int count) {
-    R const* const from = &v(w, first, 0);
-    if constexpr (width == 1) {
-      return {from[0], from[1], from[2]};
-    } else {
-      auto const component = [&](int c) { return T::of([&](int l) { return from[3 * (l < count ? l : count - 1) + c]; }); };
-      auto const component_of_all = [&](int c) { return T::of([&](int l) { return from[3 * l + c]; }); };
-      if (count == width) return {component_of_all(0), component_of_all(1), component_of_all(2)};
-      return {component(0), component(1), component(2)};
-    }
-  }
   KOKKOS_INLINE_FUNCTION static Vec3<T> broadcast(Vec3<R> const& v) { return {T(v.x), T(v.y), T(v.z)}; }
   /// From the world to the geom's frame. The difference of places comes first: what is far from the world's origin and near to the ray
   /// costs no digits.
@@ -189,9 +211,9 @@ struct CastRays {
     T const room = radius + roundings<T>(8) * (abs(along) + largest(ray.origin));  // with what rounding takes
     return dot(across, across) <= room * room && along >= -room && (along - room) * inverse_length <= most;
   }
-  KOKKOS_INLINE_FUNCTION void meet(Ray<T> const& ray, T const& inverse_length, int w, int g, Best& best) const {
+  KOKKOS_INLINE_FUNCTION void meet(Ray<T> const& ray, T const& inverse_length, int w, int g, Met& best) const {
     RayGeom<R> const& geom = scene.geoms(g);
-    if (geom.body == body_exclude) return;
+    if (unsigned(geom.body - options.body_exclude) < unsigned(options.bodies)) return;
     if (geom.type != ShapeType::plane && !any(comes_near(ray, inverse_length, place_of(w, g), scene.radius(g), best.x))) return;
     Ray<T> const own = to_frame(ray, w, g);
     if (geom.type == ShapeType::mesh) {
@@ -217,16 +239,25 @@ struct CastRays {
       best.geom.set(nearer, g);
     }
   }
-  KOKKOS_INLINE_FUNCTION Vec3<R> normal_of(Ray<T> const& ray, int w, Best const& best, int l) const {
-    int const g = best.geom[l];
-    RayGeom<R> const& geom = scene.geoms(g);
-    Mat3<R> const& turn = scene.turn(w, g);
-    if (geom.type == ShapeType::hfield) return turn * lane(best.normal, l);
-    if (geom.type == ShapeType::mesh) {
-      RayTriangle const& t = geom.triangles[best.triangle[l]];
-      return turn * triangle_normal<R>(t.a, t.b, t.c);
+};
+
+template <class R, class Mem>
+struct CastRays {
+  RayCaster<R, Mem> caster;
+  Rays<R, Mem> rays;
+  RayHits<R, Mem> hits;
+  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
+    int const n = int(rays.origin.extent(1)), items = caster.items_of(n), w = int(i / items), first = int(i % items) * caster.width;
+    int const count = n - first < caster.width ? n - first : caster.width;
+    auto const met = caster.first({caster.read(&rays.origin(w, first, 0), count), caster.read(&rays.direction(w, first, 0), count)}, w);
+    for (int l = 0; l < count; ++l) {
+      int const k = first + l, g = caster.geom_of(met, l);
+      hits.distance(w, k) = g < 0 ? R(-1) : caster.distance_of(met, l);
+      hits.geom(w, k) = g;
+      if (!hits.normal.data()) continue;
+      Vec3<R> const normal = caster.normal_of(w, met, l);
+      for (int c = 0; c < 3; ++c) hits.normal(w, k, c) = normal[c];
     }
-    return turn * normal_where_met(geom.type, geom.size, lane(to_frame(ray, w, g), l), lane(best.x, l));
   }
 };
 }  // namespace detail
@@ -235,7 +266,7 @@ struct CastRays {
 /// inside (a height field also at z = 0, where its base begins); planes from their front; meshes from both sides. Of geoms at one distance
 /// the first. A direction of 0, one that is not finite, and NaN meet nothing. Does not allocate, does not fence. Cost: about 20 flop a geom
 /// that is not near, 50 a shape, 1,000 a mesh that is near. Errors: std::invalid_argument where rays, hits and scene are of other numbers
-/// of worlds or rays.
+/// of worlds or rays, and for bodies without body_exclude.
 template <ExecutionSpace Exec, class R, class Mem>
 void cast_rays(Exec const& exec, RayScene<R, Mem> const& scene, Rays<R, Mem> const& rays, RayHits<R, Mem>& hits,
                CastRaysOptions options = {}) {
@@ -249,9 +280,12 @@ void cast_rays(Exec const& exec, RayScene<R, Mem> const& scene, Rays<R, Mem> con
   expects(
       fits3(rays.origin) && fits3(rays.direction) && fits(hits.distance) && fits(hits.geom) && (!hits.normal.data() || fits3(hits.normal)),
       "gsp::cast_rays: origins, directions and hits are of other numbers of worlds or rays: make them with the same options");
+  expects(options.bodies == 1 || (options.bodies > 0 && options.body_exclude >= 0),
+          "gsp::cast_rays: bodies counts from body_exclude on: take both from hide_self");
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
-  detail::CastRays<R, Mem> const cast{scene, rays, hits, options.body_exclude};
-  Kokkos::parallel_for("gsp::ray::cast_rays", lightweight(Range(exec, 0, std::int64_t(worlds) * cast.items_of_world())), cast);
+  detail::RayCaster<R, Mem> const caster{scene, options};
+  Kokkos::parallel_for("gsp::ray::cast_rays", lightweight(Range(exec, 0, std::int64_t(worlds) * caster.items_of(count))),
+                       detail::CastRays<R, Mem>{caster, rays, hits});
 }
 
 }  // namespace gsp

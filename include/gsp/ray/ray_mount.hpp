@@ -62,6 +62,35 @@ RayMount<R, typename Exec::memory_space> make_ray_mount(Exec const& exec, Compil
 }
 
 namespace detail {
+/// Where the body of a unit is, turned as the unit is aligned.
+template <class R, class Mem>
+KOKKOS_INLINE_FUNCTION Transform<R> aligned_body(Poses<R, Mem> const& poses, int w, int body, RayAlignment alignment) {
+  R const *const x = &poses.xpos(w, body, 0), *const p = &poses.xquat(w, body, 0);
+  Quat<R> const q{p[0], p[1], p[2], p[3]};
+  Transform<R> place{{x[0], x[1], x[2]}, identity_quat<R>()};
+  if (alignment == RayAlignment::body) place.q = q;
+  if (alignment != RayAlignment::yaw) return place;
+  Vec3<R> const ahead = rotate(q, Vec3<R>{R(1), R(0), R(0)});
+  R const length = sqrt(fma(ahead.x, ahead.x, ahead.y * ahead.y));
+  if (!(length > R(0))) return place;  // it looks straight up or down
+  // cos and sin of half of the angle whose cos and sin are c and s, from the larger of the two
+  R const c = ahead.x / length, s = ahead.y / length;
+  if (c >= R(0)) {
+    R const half = sqrt(R(0.5) * (R(1) + c));
+    place.q = {half, R(0), R(0), R(0.5) * s / half};
+  } else {
+    R const half = sqrt(R(0.5) * (R(1) - c));
+    place.q = {R(0.5) * s / half, R(0), R(0), half};
+  }
+  return place;
+}
+/// The ray of a unit whose body is there.
+template <class R, class Mem>
+KOKKOS_INLINE_FUNCTION Ray<R> ray_of_unit(RayMount<R, Mem> const& mount, Transform<R> const& body, int k) {
+  Transform<R> const unit = body * Transform<R>{mount.pos, mount.quat};
+  return {mount.origin.extent(0) > 0 ? unit * mount.origin(k) : unit.p, rotate(unit.q, mount.direction(k))};
+}
+
 template <class R, class Mem>
 struct MountRays {
   Poses<R, Mem> poses;
@@ -69,32 +98,12 @@ struct MountRays {
   Rays<R, Mem> rays;
   int first, count;
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
-    int const w = int(i / count), k = int(i % count), b = mount.body;
-    R const *const x = &poses.xpos(w, b, 0), *const q = &poses.xquat(w, b, 0);
-    Transform<R> const body{{x[0], x[1], x[2]}, aligned({q[0], q[1], q[2], q[3]})};
-    Transform<R> const unit = body * Transform<R>{mount.pos, mount.quat};
-    Vec3<R> const from = mount.origin.extent(0) > 0 ? unit * mount.origin(k) : unit.p, along = rotate(unit.q, mount.direction(k));
+    int const w = int(i / count), k = int(i % count);
+    Ray<R> const ray = ray_of_unit(mount, aligned_body(poses, w, mount.body, mount.alignment), k);
     for (int c = 0; c < 3; ++c) {
-      rays.origin(w, first + k, c) = from[c];
-      rays.direction(w, first + k, c) = along[c];
+      rays.origin(w, first + k, c) = ray.origin[c];
+      rays.direction(w, first + k, c) = ray.direction[c];
     }
-  }
-
- private:
-  KOKKOS_INLINE_FUNCTION Quat<R> aligned(Quat<R> const& q) const {
-    if (mount.alignment == RayAlignment::body) return q;
-    if (mount.alignment == RayAlignment::world) return identity_quat<R>();
-    Vec3<R> const ahead = rotate(q, Vec3<R>{R(1), R(0), R(0)});
-    R const length = sqrt(fma(ahead.x, ahead.x, ahead.y * ahead.y));
-    if (!(length > R(0))) return identity_quat<R>();  // it looks straight up or down
-    // cos and sin of half of the angle whose cos and sin are x and y, from the larger of the two
-    R const x = ahead.x / length, y = ahead.y / length;
-    if (x >= R(0)) {
-      R const c = sqrt(R(0.5) * (R(1) + x));
-      return {c, R(0), R(0), R(0.5) * y / c};
-    }
-    R const s = sqrt(R(0.5) * (R(1) - x));
-    return {R(0.5) * y / s, R(0), R(0), s};
   }
 };
 }  // namespace detail

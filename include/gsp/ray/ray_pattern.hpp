@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-/// Which rays a unit sends, in its own frame: x ahead, y left, z up, and when. Host. `mount_rays` (ray/ray_mount.hpp) takes them to a body,
-/// all at once.
+/// Which rays a unit sends, in its own frame: x ahead, y left, z up, and when. Host. `mount_rays` (ray/ray_mount.hpp) takes them to a body
+/// all at once, `scan_rays` (ray/ray_scan.hpp) as they leave.
 namespace gsp {
 
 struct RayPattern {

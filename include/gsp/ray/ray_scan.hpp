@@ -1,0 +1,267 @@
+#pragma once
+#include <cmath>
+#include <gsp/model/world_values.hpp>
+#include <gsp/ray/ray_clock.hpp>
+#include <gsp/ray/ray_mount.hpp>
+#include <gsp/ray/ray_noise.hpp>
+#include <limits>
+
+/// A LiDAR unit: its rays leave one after the other while it moves, and what they meet is gathered over steps, with the unit's errors.
+namespace gsp {
+
+struct RayScanOptions {
+  int worlds = 1;
+  double timestep = 0.002;  // [s] from one scan_rays to the next
+  int rays = 0;             // that are kept, the latest of each world; 0: as many as the pattern has
+  double min_range = 0;     // [m] what is nearer or farther, as the unit measures it, is a miss
+  double max_range = std::numeric_limits<double>::infinity();
+  double miss = -1;  // range of a ray that meets nothing, or does not come back
+  SelfFilter self = SelfFilter::body;
+  RayNoise noise{};
+  int first_world = 0;               // number of world 0, of a batch that is split: noise follows it
+  bool geoms = true, points = true;  // of RayScan
+};
+
+/// Ray n (ray/ray_clock.hpp) is in place n % rays, until ray n + rays comes.
+template <class R, class Mem>
+struct RayScan {
+  using memory_space = Mem;
+  template <class D>
+  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
+  View<R**> range;     // (worlds, rays) [m]; options.miss: nothing
+  View<int**> geom;    // (worlds, rays) number in the model; -1: nothing. Empty: not asked for
+  View<R***> point;    // (worlds, rays, 3) [m] in the world, along the ray as the unit takes it to be; 0: nothing. Empty: not asked for
+  View<double*> time;  // (rays) [s] from the beginning of step 0, when each left; -1: none has yet
+
+  RayMount<R, Mem> mount;
+  RayClock clock;  // host
+  RayScanOptions options;
+  CastRaysOptions hidden;
+  Kokkos::View<std::int64_t*, Mem> tick;    // of clock
+  Kokkos::View<Transform<R>*, Mem> before;  // (worlds) where the body was when rays were last scanned, as the unit is aligned
+};
+
+/// A unit with the rays of a pattern on a body. Allocates; fences. All is a miss, and its body at the world's origin: begin_ray_scan comes
+/// next. Errors: as make_ray_mount and make_ray_clock; std::invalid_argument for worlds < 1, rays that are negative or more than most_rays,
+/// ranges that are not 0 <= min_range < max_range, a negative first_world, and noise that is negative, not finite, of a probability above 1
+/// or of a unit beyond 2^24.
+template <class R, ExecutionSpace Exec>
+RayScan<R, typename Exec::memory_space> make_ray_scan(Exec const& exec, CompiledModel const& compiled, RayPattern const& pattern,
+                                                      RayMountOptions const& mount, RayScanOptions const& options = {}) {
+  expects(options.worlds > 0, "gsp::make_ray_scan: worlds must be positive");
+  expects(options.rays >= 0 && options.rays <= most_rays, "gsp::make_ray_scan: rays must lie in 0 to 16,777,216");
+  expects(options.min_range >= 0 && options.min_range < options.max_range,
+          "gsp::make_ray_scan: min_range must not be negative, and below max_range");
+  expects(options.first_world >= 0, "gsp::make_ray_scan: first_world must not be negative");
+  RayNoise const& noise = options.noise;
+  for (double const x : {noise.range_sigma, noise.relative_sigma, noise.angle_sigma, noise.dropout, noise.range_step})
+    expects(std::isfinite(x) && x >= 0, "gsp::make_ray_scan: noise must be finite and not negative");
+  expects(noise.dropout <= 1, "gsp::make_ray_scan: dropout is a probability, 0 to 1");
+  expects(noise.unit < 1u << 24, "gsp::make_ray_scan: the noise's unit must be below 2^24");
+  using Result = RayScan<R, typename Exec::memory_space>;
+  Result scan;
+  scan.clock = make_ray_clock(pattern, options.timestep);
+  scan.mount = make_ray_mount<R>(exec, compiled, pattern, mount);
+  scan.hidden = hide_self(compiled, scan.mount.body, options.self);
+  scan.options = options;
+  int const rays = options.rays > 0 ? options.rays : scan.clock.rays;
+  scan.options.rays = rays;
+  scan.tick = detail::to_device<decltype(scan.tick)>(exec, "gsp::RayScan::tick", scan.clock.tick);
+  scan.range = detail::allocate_zero<decltype(scan.range)>(exec, "gsp::RayScan::range", options.worlds, rays);
+  if (options.geoms) scan.geom = detail::allocate_zero<decltype(scan.geom)>(exec, "gsp::RayScan::geom", options.worlds, rays);
+  if (options.points) scan.point = detail::allocate_zero<decltype(scan.point)>(exec, "gsp::RayScan::point", options.worlds, rays, 3);
+  scan.time = detail::allocate_zero<decltype(scan.time)>(exec, "gsp::RayScan::time", rays);
+  scan.before = detail::allocate_zero<decltype(scan.before)>(exec, "gsp::RayScan::before", options.worlds);
+  Kokkos::deep_copy(exec, scan.range, R(options.miss));
+  if (options.geoms) Kokkos::deep_copy(exec, scan.geom, -1);
+  Kokkos::deep_copy(exec, scan.time, -1.);
+  Kokkos::deep_copy(exec, scan.before, Transform<R>{{R(0), R(0), R(0)}, identity_quat<R>()});
+  return scan;
+}
+
+namespace detail {
+/// t = 0: a, t = 1: b, and evenly between them: along a line, about one axis.
+template <class T>
+GSP_FUNCTION Transform<T> between(Transform<T> const& a, Transform<T> const& b, T t) {
+  return {fma(t, b.p - a.p, a.p), a.q * exp_rotation(t * log_rotation(conjugate(a.q) * b.q))};
+}
+
+/// Where the unit is when a step begins.
+template <class R, class Mem>
+struct NoteUnit {
+  Poses<R, Mem> poses;
+  Kokkos::View<Transform<R>*, Mem> before;
+  int body;
+  RayAlignment alignment;
+  KOKKOS_FUNCTION void operator()(int w) const { before(w) = aligned_body(poses, w, body, alignment); }
+};
+template <class R, class Mem, class Mask>
+struct BeginRayScan {
+  NoteUnit<R, Mem> note;
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> range;
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> geom;
+  Kokkos::View<R***, Kokkos::LayoutRight, Mem> point;
+  R miss;
+  Mask mask;
+  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
+    int const rays = int(range.extent(1)), w = int(i / rays), k = int(i % rays);
+    if (!mask(w)) return;
+    if (k == 0) note(w);
+    range(w, k) = miss;
+    if (geom.data()) geom(w, k) = -1;
+    if (point.data())
+      for (int c = 0; c < 3; ++c) point(w, k, c) = R(0);
+  }
+};
+
+template <class R, class Mem>
+struct ScanRays {
+  RayCaster<R, Mem> caster;
+  Poses<R, Mem> poses;
+  RayMount<R, Mem> mount;
+  Kokkos::View<std::int64_t*, Mem> tick;
+  Kokkos::View<Transform<R>*, Mem> before;
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> range;
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> geom;
+  Kokkos::View<R***, Kokkos::LayoutRight, Mem> point;
+  Kokkos::View<double*, Kokkos::LayoutRight, Mem> time;
+  RayNoise noise;
+  R min_range, max_range, miss;
+  std::uint32_t first_world;
+  int count, first_ray, first_place;  // of this step: ray first_ray of the pattern comes first, and to that place
+  std::int64_t first;                 // its number
+  std::int64_t scan_begin, period;    // [ns] of its scan
+  std::int64_t begin, length;         // [ns] of the step
+  bool at_end;                        // all leave at the step's end
+
+  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
+    using Caster = RayCaster<R, Mem>;
+    int const items = caster.items_of(count), w = int(i / items), begin_of_item = int(i % items) * Caster::width;
+    int const n = count - begin_of_item < Caster::width ? count - begin_of_item : Caster::width;
+    Transform<R> const body = aligned_body(poses, w, mount.body, mount.alignment);
+    Ray<R> ray[Caster::width];
+    Ray<typename Caster::T> cast;
+    for (int l = 0; l < Caster::width; ++l) {
+      int const j = begin_of_item + (l < n ? l : n - 1), k = ray_of(j);
+      ray[l] = ray_of_unit(mount, at_end ? body : between(before(w), body, R(left_at(j) - begin) / R(length)), k);
+      Vec3<R> const along = noisy_direction(noise, number_of(w, j), ray[l].direction);
+      for (int c = 0; c < 3; ++c) {
+        Caster::set_lane(cast.origin[c], l, ray[l].origin[c]);
+        Caster::set_lane(cast.direction[c], l, along[c]);
+      }
+    }
+    auto const met = caster.first(cast, w);
+    for (int l = 0; l < n; ++l) {
+      int const j = begin_of_item + l, g = caster.geom_of(met, l);
+      R const range_there = g < 0 ? no_hit<R>() : caster.distance_of(met, l);
+      write(w, j, ray[l], noisy_range(noise, number_of(w, j), range_there), g);
+    }
+  }
+
+ private:
+  /// Of the j-th ray of this step: which it is of the pattern, its number, and when it has left [ns].
+  KOKKOS_INLINE_FUNCTION int ray_of(int j) const { return (first_ray + j) % mount.count(); }
+  KOKKOS_INLINE_FUNCTION RayNumber number_of(int w, int j) const { return {std::uint64_t(first + j), first_world + std::uint32_t(w)}; }
+  KOKKOS_INLINE_FUNCTION std::int64_t left_at(int j) const {
+    return scan_begin + period * ((first_ray + j) / mount.count()) + (tick.extent(0) > 0 ? tick(ray_of(j)) : 0);
+  }
+  KOKKOS_INLINE_FUNCTION void write(int w, int j, Ray<R> const& ray, R measured, int g) const {
+    int const place = (first_place + j) % int(range.extent(1));
+    bool const hit = g >= 0 && measured >= min_range && measured <= max_range && measured < no_hit<R>();
+    range(w, place) = hit ? measured : miss;
+    if (geom.data()) geom(w, place) = hit ? g : -1;
+    if (point.data()) {
+      Vec3<R> const p = hit ? ray.at(measured) : Vec3<R>{R(0), R(0), R(0)};
+      for (int c = 0; c < 3; ++c) point(w, place, c) = p[c];
+    }
+    if (w == 0) time(place) = 1e-9 * double(at_end ? begin + length : left_at(j));
+  }
+};
+template <class R, class Mem>
+void expects_poses_of(char const* where, Poses<R, Mem> const& poses, RayScan<R, Mem> const& scan) {
+  expects(int(poses.xpos.extent(0)) == scan.options.worlds && int(poses.xpos.extent(1)) > scan.mount.body,
+          std::string(where) + ": the scan is of " + std::to_string(scan.options.worlds) + " worlds and a unit on body " +
+              std::to_string(scan.mount.body) + ", the poses of " + std::to_string(poses.xpos.extent(0)) + " worlds of " +
+              std::to_string(poses.xpos.extent(1)) + " bodies");
+}
+}  // namespace detail
+
+/// The unit is where its body is in these poses, in the worlds of the mask, and has seen nothing: before the first scan_rays, and in worlds
+/// that were reset, whose unit has jumped. Times stay, they are those of all worlds. Does not allocate, does not fence. Errors:
+/// std::invalid_argument for poses or a mask of another number of worlds, and poses without that body.
+/// @param mask  callable with a world, such as a View<bool*> on the device
+template <ExecutionSpace Exec, class R, class Mem, class Mask>
+requires requires(Mask const& mask) { bool(mask(0)); }
+void begin_ray_scan(Exec const& exec, Poses<R, Mem> const& poses, RayScan<R, Mem>& scan, Mask const& mask) {
+  Region const region("gsp::ray::begin_ray_scan");
+  static_assert(can_access<Exec, Mem>, "gsp::begin_ray_scan: the scan is not accessible from this execution space");
+  detail::expects_poses_of("gsp::begin_ray_scan", poses, scan);
+  detail::expects_mask("gsp::begin_ray_scan", mask, "scan", scan.options.worlds);
+  using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
+  Kokkos::parallel_for(
+      "gsp::ray::begin_ray_scan", lightweight(Range(exec, 0, std::int64_t(scan.range.size()))),
+      detail::BeginRayScan<R, Mem, Mask>{
+          {poses, scan.before, scan.mount.body, scan.mount.alignment}, scan.range, scan.geom, scan.point, R(scan.options.miss), mask});
+}
+/// In all worlds.
+template <ExecutionSpace Exec, class R, class Mem>
+void begin_ray_scan(Exec const& exec, Poses<R, Mem> const& poses, RayScan<R, Mem>& scan) {
+  begin_ray_scan(exec, poses, scan, AllWorlds{});
+}
+
+/// The rays that leave in step `step`, from step * timestep on until before (step + 1) * timestep, in all worlds: each from where the unit
+/// is at its time, at even speed from the pose of the last call to that in `poses`, against the geoms where place_ray_geoms has put them.
+/// What they measure goes to their places in range, geom, point and time; all others stay. Of rays more than the scan keeps the last are
+/// cast. Geoms stand still within the step, where they are at its end, those of the unit's own robot too.
+/// @param poses  at the end of the step, after forward_kinematics or a step
+/// Does not allocate, does not fence. Two launches. Cost: cast_rays of the rays that leave, and about 200 flop each. Errors:
+/// std::invalid_argument for a scene or poses of another number of worlds, poses without that body, steps that are not within 0 to 104
+/// days.
+template <ExecutionSpace Exec, class R, class Mem>
+void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> const& poses, RayScan<R, Mem>& scan, std::int64_t step) {
+  Region const region("gsp::ray::scan_rays");
+  static_assert(can_access<Exec, Mem>, "gsp::scan_rays: the scan is not accessible from this execution space");
+  int const worlds = scan.options.worlds, places = scan.options.rays;
+  expects(worlds == scene.worlds, "gsp::scan_rays: the scene has " + std::to_string(scene.worlds) + " worlds, the scan has " +
+                                      std::to_string(worlds) + ": make both with the same {.worlds = n}");
+  detail::expects_poses_of("gsp::scan_rays", poses, scan);
+  RayClock const& clock = scan.clock;
+  RayPhase phase = rays_of_step(clock, step);
+  std::int64_t const more = phase.count > places ? phase.count - places : 0;
+  phase.first += more;
+  phase.count -= more;
+  using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
+  if (phase.count > 0) {
+    std::int64_t const begin = tick_of_step(clock, step), end = tick_of_step(clock, step + 1), turn = phase.first / clock.rays;
+    auto const& o = scan.options;
+    detail::ScanRays<R, Mem> const cast{{scene, scan.hidden},
+                                        poses,
+                                        scan.mount,
+                                        scan.tick,
+                                        scan.before,
+                                        scan.range,
+                                        scan.geom,
+                                        scan.point,
+                                        scan.time,
+                                        o.noise,
+                                        R(o.min_range),
+                                        R(o.max_range),
+                                        R(o.miss),
+                                        std::uint32_t(o.first_world),
+                                        int(phase.count),
+                                        int(phase.first % clock.rays),
+                                        int(phase.first % places),
+                                        phase.first,
+                                        turn * clock.period,
+                                        clock.period,
+                                        begin,
+                                        end - begin,
+                                        clock.period == 0};
+    Kokkos::parallel_for("gsp::ray::scan_rays", lightweight(Range(exec, 0, std::int64_t(worlds) * cast.caster.items_of(int(phase.count)))),
+                         cast);
+  }
+  Kokkos::parallel_for("gsp::ray::scan_rays, pose", Kokkos::RangePolicy<Exec>(exec, 0, worlds),
+                       detail::NoteUnit<R, Mem>{poses, scan.before, scan.mount.body, scan.mount.alignment});
+}
+
+}  // namespace gsp
