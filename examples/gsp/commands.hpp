@@ -8,6 +8,7 @@ inline constexpr int bad_input = 2;  // exit code; 0 is success, 1 a fault of th
 Command info_command();
 Command sim_command();
 Command render_command();
+Command scan_command();
 Command bench_command();
 Command quickstart_command();
 

@@ -91,6 +91,8 @@ void json(std::string const& path, gsp::CompiledModel const& m, Verdict const& v
                              {"nmesh", m.nmesh}, {"nhfield", m.nhfield}, {"nmocap", m.nmocap},   {"njnt", m.njnt},
                              {"nsite", m.nsite}, {"ncam", m.ncam},       {"ntree", m.ntree},     {"npair", m.named_pairs.size()}};
   out["geoms"] = m.geom_name;
+  out["bodies"] = m.body_name;
+  out["sites"] = m.site_name;
   out["report"] = report_json(m.report);
   out["taken"] = verdict.taken;
   out["flags"] = verdict.flags;

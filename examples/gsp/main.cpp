@@ -16,7 +16,9 @@ namespace {
 
 using namespace gsp_cli;
 
-std::vector<Command> commands() { return {info_command(), sim_command(), render_command(), bench_command(), quickstart_command()}; }
+std::vector<Command> commands() {
+  return {info_command(), sim_command(), scan_command(), render_command(), bench_command(), quickstart_command()};
+}
 
 int print_help() {
   std::puts("gsp: Gaussian splats and physics, many worlds at once, on CPU and GPU\n");

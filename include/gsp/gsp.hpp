@@ -95,6 +95,7 @@
 #include <gsp/ray/ray_scan.hpp>
 #include <gsp/ray/ray_scene.hpp>
 #include <gsp/ray/ray_shapes.hpp>
+#include <gsp/ray/ray_unit.hpp>
 #include <gsp/sensor/cameras.hpp>
 #include <gsp/sensor/sense.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>

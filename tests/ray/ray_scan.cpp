@@ -408,6 +408,28 @@ TEST_CASE_TEMPLATE("a frame that rolls through a sequence, and worlds that begin
   few.read();
   for (std::size_t k = 0; k < 100; ++k) CHECK(few.time[k] == doctest::Approx(1e-5 * double(k < 30 ? 3300 + k : 3200 + k)));
   CHECK(few.point.empty());
+  // what is not asked for is not there
+  Unit<double, Exec> bare(room(false), pattern, {.body = "base"}, {.timestep = 0.0333, .geoms = false, .points = false});
+  bare.run(1, [](int, double) { return Pose{{0, 0, 0}, {1, 0, 0, 0}}; });
+  CHECK(bare.geom.empty());
+  CHECK(bare.range[7] == doctest::Approx(to_wall({0, 0, 0}, {pattern.direction[7][0], pattern.direction[7][1], pattern.direction[7][2]})));
+}
+
+TEST_CASE_TEMPLATE("a world whose pose is no number sees nothing, and the others do not notice", Exec, GSP_TEST_EXECS) {
+  Unit<float, Exec> unit(room(), gsp::vlp16_pattern(36), {.body = "base", .pos = {0, 0, 0.3}},
+                         {.worlds = 2, .timestep = 0.1, .noise = {.range_sigma = 0.01, .angle_sigma = 0.01}});
+  unit.place([](int) { return Pose{{0, 0, 0}, {1, 0, 0, 0}}; });
+  gsp::begin_ray_scan(unit.exec, unit.poses, unit.scan);
+  unit.place([](int w) { return Pose{{w == 0 ? double(NAN) : 0.1, 0, 0}, {1, 0, 0, 0}}; });
+  gsp::scan_rays(unit.exec, unit.scene, unit.poses, unit.scan, 0);
+  unit.read();
+  int const n = 16 * 36;
+  for (int k = 0; k < n; ++k) {
+    CHECK(unit.geom[std::size_t(n + k)] >= 0);
+    CHECK(unit.geom[std::size_t(k)] == -1);
+    CHECK(unit.range[std::size_t(k)] == -1);
+    CHECK(unit.point[std::size_t(3 * k)] == 0);
+  }
 }
 
 TEST_CASE_TEMPLATE("scans that cannot be", Exec, GSP_TEST_EXECS) {

@@ -1,6 +1,7 @@
 #pragma once
 #include <cstring>
 #include <gsp/ray/ray_scene.hpp>
+#include <gsp/ray/ray_unit.hpp>
 
 /// Rays of all worlds against the geoms of their world: how far, which geom, and its normal there (MuJoCo's mj_ray).
 namespace gsp {
@@ -51,12 +52,6 @@ RayHits<R, typename Exec::memory_space> make_ray_hits(Exec const& exec, RaysOpti
 struct CastRaysOptions {
   int body_exclude = -1;  // geoms of this body are not met; of its children they are, but
   int bodies = 1;         // of so many bodies from body_exclude on none are: hide_self gives both
-};
-/// What a unit on a body does not see of its own robot.
-enum class SelfFilter : unsigned char {
-  none,     // it sees everything
-  body,     // not its body's geoms, as MuJoCo's rangefinders
-  subtree,  // not those of its body and of all that hangs on it
 };
 /// The options by which cast_rays hides these: of the world nothing, which is no robot. Errors: std::invalid_argument for a body that the
 /// model does not have.

@@ -2,23 +2,10 @@
 #include <gsp/model/names.hpp>
 #include <gsp/ray/cast_rays.hpp>
 #include <gsp/ray/ray_pattern.hpp>
+#include <gsp/ray/ray_unit.hpp>
 
 /// Rays of a unit on a body, in all worlds: they follow from poses, on the device.
 namespace gsp {
-
-/// How a unit turns with its body.
-enum class RayAlignment : unsigned char {
-  body,   // as its body does
-  yaw,    // about the vertical alone, as the body's x axis does: height scans
-  world,  // not at all
-};
-struct RayMountOptions {
-  std::string body = "";  // a body of this name ("world": what does not move); or
-  int body_id = -1;       // by index
-  Double3 pos{0, 0, 0};   // of the unit in the body's frame, as it is aligned [m]
-  Double4 quat{1, 0, 0, 0};
-  RayAlignment alignment = RayAlignment::body;
-};
 
 /// A unit on the device. `make_ray_mount` makes it.
 template <class R, class Mem>
@@ -29,7 +16,7 @@ struct RayMount {
   Vec3<R> pos;
   Quat<R> quat;
   Kokkos::View<Vec3<R>*, Mem> direction, origin;  // of the pattern; origin is empty where all begin at the unit
-  int count() const { return int(direction.extent(0)); }
+  KOKKOS_INLINE_FUNCTION int count() const { return int(direction.extent(0)); }
 };
 
 /// A unit with the rays of a pattern. Allocates; fences. Errors: gsp::Error for a name that is not there; std::invalid_argument for a mount

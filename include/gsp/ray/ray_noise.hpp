@@ -1,8 +1,7 @@
 #pragma once
 #include <cmath>
 #include <gsp/math/philox.hpp>
-#include <gsp/math/vec3.hpp>
-#include <limits>
+#include <gsp/ray/ray_shapes.hpp>
 
 /// What a LiDAR unit errs by: angles, ranges, rays that do not come back. Numbers follow from the seed, the unit, the world and the number
 /// of the ray (gsp/math/philox.hpp), and from nothing else. No Kokkos.
@@ -48,7 +47,7 @@ GSP_FUNCTION Vec3<R> noisy_direction(RayNoise const& noise, RayNumber const& num
 /// What the unit says of a range [m]: with noise and rounded, infinity where the ray does not come back. Of infinity: infinity.
 template <class R>
 GSP_FUNCTION R noisy_range(RayNoise const& noise, RayNumber const& number, R range) {
-  constexpr R none = std::numeric_limits<R>::infinity();
+  R const none = detail::no_hit<R>();
   if (!(range < none)) return none;
   R const sigma = R(noise.range_sigma), relative = R(noise.relative_sigma) * range;
   if (noise.range_sigma > 0 || noise.relative_sigma > 0 || noise.dropout > 0) {

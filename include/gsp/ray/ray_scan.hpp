@@ -9,19 +9,6 @@
 /// A LiDAR unit: its rays leave one after the other while it moves, and what they meet is gathered over steps, with the unit's errors.
 namespace gsp {
 
-struct RayScanOptions {
-  int worlds = 1;
-  double timestep = 0.002;  // [s] from one scan_rays to the next
-  int rays = 0;             // that are kept, the latest of each world; 0: as many as the pattern has
-  double min_range = 0;     // [m] what is nearer or farther, as the unit measures it, is a miss
-  double max_range = std::numeric_limits<double>::infinity();
-  double miss = -1;  // range of a ray that meets nothing, or does not come back
-  SelfFilter self = SelfFilter::body;
-  RayNoise noise{};
-  int first_world = 0;               // number of world 0, of a batch that is split: noise follows it
-  bool geoms = true, points = true;  // of RayScan
-};
-
 /// Ray n (ray/ray_clock.hpp) is in place n % rays, until ray n + rays comes.
 template <class R, class Mem>
 struct RayScan {

@@ -85,7 +85,8 @@ struct RayInterval {
     T const none = no_hit<T>();
     return select(any(), select(in >= T(0), in, select(out >= T(0), out, none)), none);
   }
-  GSP_FUNCTION friend RayInterval select(auto mask, RayInterval const& a, RayInterval const& b) {
+  template <class Mask>
+  GSP_FUNCTION friend RayInterval select(Mask mask, RayInterval const& a, RayInterval const& b) {
     return {gsp::select(mask, a.in, b.in), gsp::select(mask, a.out, b.out)};
   }
   GSP_FUNCTION RayInterval intersection(RayInterval const& o) const { return {max(in, o.in), min(out, o.out)}; }

@@ -1,0 +1,32 @@
+#pragma once
+#include <gsp/ray/ray_pattern.hpp>
+#include <gsp/ray/ray_unit.hpp>
+#include <gsp/runtime/stepper.hpp>
+
+namespace gsp::runtime {
+
+/// What a LiDAR unit has measured, on the scanner's device (ray/ray_scan.hpp).
+struct ScanArrays {
+  Array range;  // (worlds, rays) float64 [m]; RayScanOptions::miss: nothing
+  Array geom;   // (worlds, rays) int32, number in the model; -1: nothing
+  Array point;  // (worlds, rays, 3) float64 [m] in the world; 0: nothing
+  Array time;   // (rays) float64 [s] when each left; -1: none has yet
+};
+
+/// A LiDAR unit on a model, in many worlds.
+class Scanner {
+ public:
+  virtual ~Scanner() = default;
+  /// The unit has seen nothing, and is where its body is in these poses: float64 arrays on the scanner's device, such as Kinematics gives.
+  virtual void begin(PoseArrays const& poses) = 0;
+  /// The rays of step `step`, of worlds whose bodies stand at its end as `poses` says. On return they are done.
+  virtual void scan(PoseArrays const& poses, std::int64_t step) = 0;
+  /// They stay where they are.
+  virtual ScanArrays arrays() const = 0;
+};
+
+/// Errors: those of make_ray_scene and make_ray_scan.
+std::unique_ptr<Scanner> make_scanner(Device device, CompiledModel const& model, RayPattern const& pattern, RayMountOptions const& mount,
+                                      RayScanOptions const& options);
+
+}  // namespace gsp::runtime

@@ -1,0 +1,123 @@
+#!/usr/bin/env bash
+# What gsp scan measures: a room by the closed form, along a trace each ray once, a file of rays as the pattern that it holds; and bad input.
+#   scan.sh GSP
+set -eu
+gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
+if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
+  echo "skipped: a program for CUDA, and no GPU on this machine"
+  exit 77
+fi
+work="$(mktemp -d)"
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+fail() { echo "failed: $*" >&2; exit 1; }
+cat > arrays.py <<'PY'
+import ast, struct, zipfile
+def array(file, name):
+    """Shape and numbers of an array of an npz file."""
+    b = zipfile.ZipFile(file).read(name + ".npy")
+    n = struct.unpack("<H", b[8:10])[0]
+    head = ast.literal_eval(b[10:10 + n].decode())
+    kind = {"<f4": "f", "<f8": "d", "<i4": "i"}[head["descr"]]
+    data = b[10 + n:]
+    return head["shape"], struct.unpack("<%d%s" % (len(data) // struct.calcsize(kind), kind), data)
+PY
+# A room of 4 x 6 x 3 m (walls as planes that look inward), a ball that falls along its middle, and a cart on which a unit rides.
+cat > room.xml <<'XML'
+<mujoco><option timestep=".01" gravity="0 0 0"/><worldbody>
+  <geom name="floor" type="plane" size="0 0 1"/><geom name="ceiling" type="plane" size="0 0 1" pos="0 0 3" euler="180 0 0"/>
+  <geom name="east" type="plane" size="0 0 1" pos="2 0 0" euler="0 -90 0"/><geom name="west" type="plane" size="0 0 1" pos="-2 0 0" euler="0 90 0"/>
+  <geom name="north" type="plane" size="0 0 1" pos="0 3 0" euler="90 0 0"/><geom name="south" type="plane" size="0 0 1" pos="0 -3 0" euler="-90 0 0"/>
+  <body name="cart" pos="0 0 1"><freejoint/><geom name="cart" size=".1" mass="1"/><site name="unit" pos="0 0 .2"/></body>
+</worldbody><keyframe><key name="rides" qpos="0 0 1 1 0 0 0" qvel="1 0 0 0 0 0"/></keyframe></mujoco>
+XML
+# All round from the room's middle: to the nearest of the planes that a ray goes towards. float32 in the file.
+"$gsp" scan room.xml --pattern sphere --mount unit --npz still.npz --ply still.ply --png still.png > /dev/null
+python3 - <<'PY' || fail "a room by the closed form"
+from arrays import array
+(t, n, r), range_ = array("still.npz", "range")
+_, point = array("still.npz", "point")
+_, geom = array("still.npz", "geom")
+assert (t, n, r) == (1, 1, 720 * 360)
+eye, half = (0, 0, 1.2), ((-2, 2), (-3, 3), (0, 3))
+own = worst = 0
+for k in range(r):
+    assert range_[k] > 0, k
+    if geom[k] == 6: own += 1
+    p = point[3 * k:3 * k + 3]
+    d = [(a - b) / range_[k] for a, b in zip(p, eye)]
+    wall = min((h[1 if x > 0 else 0] - e) / x for x, e, h in zip(d, eye, half) if abs(x) > 1e-6)
+    worst = max(worst, abs(wall - range_[k]))
+# the direction is taken from the point, so an error of 1e-7 of it counts as often as the wall is slanted
+assert own == 0 and worst < 1e-4, (own, worst)
+PY
+[ "$(head -c 3 still.ply)" = ply ] && grep -aq "^element vertex $((720 * 360))$" still.ply || fail "the cloud's points"
+"$gsp" info still.png > /dev/null || fail "the picture"
+# With its own body: the cart's ball is 0.1 m below and fills 30 degrees about straight down, 60 rows of half a degree.
+"$gsp" scan room.xml --pattern sphere --mount unit --self-filter none --npz own.npz > /dev/null
+python3 -c '
+from arrays import array
+_, geom = array("own.npz", "geom"); _, r = array("own.npz", "range")
+own = [x for x, g in zip(r, geom) if g == 6]
+assert len(own) == 720 * 60 and abs(min(own) - .1) < 1e-3, (len(own), min(own))' || fail "the unit's own body"
+
+# Along a trace: 1 m/s to +x, 100 entries of 10 ms, a unit of 10 turns a second. A ray that leaves at t begins at x = t, and meets the east
+# or west wall as far ahead as that says; each of the last 10 entries holds a whole turn of 28,800 rays, a tenth of which is new.
+"$gsp" sim room.xml --keyframe rides --steps 100 --every 1 --precision double --trace rides.npz > /dev/null
+"$gsp" scan room.xml --pattern vlp16 --mount unit --trace rides.npz --hz 10 --npz moving.npz > /dev/null
+python3 - <<'PY' || fail "rays of a unit that rides"
+from arrays import array
+(t, n, r), range_ = array("moving.npz", "range")
+_, point = array("moving.npz", "point")
+_, geom = array("moving.npz", "geom")
+_, left = array("moving.npz", "ray_time")
+assert (t, n, r) == (100, 1, 28800), (t, n, r)
+last = (t - 1) * r
+for e in range(15, t):  # times of an entry: all different columns of one turn, the latest in the last 10 ms
+    now = left[e * r:(e + 1) * r]
+    assert .01 * (e + 1) - .1 - 1e-9 <= min(now) and max(now) < .01 * (e + 1), (e, min(now), max(now))
+    assert sum(x >= .01 * e - 1e-9 for x in now) in (2864, 2880, 2896), e
+worst = 0
+for k in range(r):
+    if geom[last + k] not in (2, 3): continue
+    x = left[last + k]
+    p = point[3 * (last + k):3 * (last + k) + 3]
+    away = ((p[0] - x) ** 2 + p[1] ** 2 + (p[2] - 1.2) ** 2) ** .5
+    worst = max(worst, abs(away - range_[last + k]), abs(abs(p[0]) - 2))
+assert worst < 1e-5, worst
+PY
+# Noise: the same twice, another with another seed.
+for seed in 1 1 2; do "$gsp" scan room.xml --pattern grid --mount unit --range-noise .02 --dropout .1 --seed $seed --npz noise.npz > /dev/null; sha256sum < noise.npz >> hashes; done
+[ "$(sort -u hashes | wc -l)" = 2 ] && [ "$(sed -n 1p hashes)" = "$(sed -n 2p hashes)" ] || fail "noise by its seed"
+# A table of rays: ahead, left, up.
+printf 'time,azimuth,zenith\n0,0,90\n0.001,90,90\n0.002,0,0\n' > rays.csv
+"$gsp" scan room.xml --pattern rays.csv --mount unit --npz table.npz > /dev/null
+python3 -c '
+from arrays import array
+_, r = array("table.npz", "range"); assert max(abs(a - b) for a, b in zip(r, (2, 3, 1.8))) < 1e-6, r' || fail "a table of rays"
+
+# Bad input: one sentence, exit code 2, no file.
+bad() {
+  local want="$1"
+  shift
+  local code=0
+  "$gsp" scan "$@" --npz bad.npz > out.txt 2>&1 || code=$?
+  [ $code = 2 ] || fail "$*: exit code $code"
+  grep -q -- "$want" out.txt || fail "$*: $(cat out.txt)"
+  [ "$(wc -l < out.txt)" = 1 ] || fail "$*: more than a line: $(cat out.txt)"
+  [ ! -e bad.npz ] || fail "$*: leaves a file"
+}
+bad "needs --pattern" room.xml --mount unit
+bad "needs --mount" room.xml --pattern vlp16
+bad "did you mean vlp16" room.xml --pattern vlp61 --mount unit
+bad "no site or body 'unit2'" room.xml --pattern vlp16 --mount unit2
+bad "no body 'crat'" room.xml --pattern vlp16 --mount "crat 0 0 0 1 0 0 0"
+bad "'one' is no number" room.xml --pattern vlp16 --mount "one 0 0 1 0 0 0"
+bad "the quaternion is 0" room.xml --pattern vlp16 --mount "0 0 0 0 0 0 0"
+bad "needs --trace" room.xml --pattern vlp16 --mount unit --hz 10
+bad "there are 1 worlds" room.xml --pattern vlp16 --mount unit --world 1
+bad "must be below" room.xml --pattern vlp16 --mount unit --min-range 2 --max-range 1
+bad "no such file" room.xml --pattern none.csv --mount unit
+printf 'time,azimuth,zenith\n0,0,nan\n' > nan.csv
+bad "nan.csv" room.xml --pattern nan.csv --mount unit
+echo "scan: all as it should be"
