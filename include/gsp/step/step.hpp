@@ -139,6 +139,53 @@ void solve(Exec const& exec, Model<R, Mem> const& model, Simulation<R, Mem>& sim
   newton(exec, sim.rows, sim.impulses, sim.solution, sim.newton, sim.progress, own);
   if (sim.noslip.iterations > 0) noslip(exec, sim.rows, sim.impulses, sim.solution, sim.progress, sim.noslip);
 }
+template <class R, class Mem>
+bool has_stiff_rows(Model<R, Mem> const& model) {
+  return any_archetype(model, [](Archetype const& a) { return a.stiff; });  // profile stable alone
+}
+/// Of a step without rows: those of an earlier one are not its own.
+template <class Exec, class R, class Mem>
+void forget_rows(char const* where, Exec const& exec, State<R, Mem> const& state, Simulation<R, Mem> const& sim) {
+  expects_settled(where, sim.impulses);
+  if (sim.rows.stamp.data() && sim.rows.stamp().made)
+    Kokkos::parallel_for("gsp::step::forget_rows", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds), ForgetRows<Mem>{state.status});
+}
+/// Smooth dynamics, contacts, rows, solver.
+/// @param laws, types  tuples of what a user gives besides
+template <class Exec, class R, class Mem, class Laws, class... Types>
+void find_impulses(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim,
+                   LaunchOptions const& options, Laws const& laws, std::tuple<Types...> const& types, bool warm, bool ends_step,
+                   bool keep_all) {
+  SmoothOptions const smooth{.keep_all = keep_all, .stiff_rows = has_stiff_rows(model)};
+  std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, smooth, law...); }, laws);
+  wake_changed(exec, model, state, sim.dynamics, sim.sleep);
+  act_early(model, sim.collision);
+  collide(exec, sim.collision, sim.poses, sim.contacts, still_trees(model, sim.contacts, sim.sleep));
+  auto const list = std::apply(
+      [&](auto const&... type) {
+        return model_constraints(model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.cone, type...);
+      },
+      types);
+  static_assert(sizeof...(Types) > 0 || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>,
+                "gsp::kernels holds assemble for these types");
+  assemble(exec, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress, sim.sleep.islands);
+  solve(exec, model, sim, options, warm, ends_step);
+}
+/// The state moves on by what find_impulses has found.
+template <class Exec, class R, class Mem>
+void end_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim) {
+  integrate(exec, model, state, sim.dynamics, sim.progress, sim.solution);
+  if (has_stiff_rows(model))
+    subtract_stiff_forces(exec, StiffForces(model, state, sim.dynamics), sim.rows, sim.impulses, sim.progress,
+                          sim.solution.qfrc_constraint);
+  fall_asleep(exec, model, sim.rows, sim.progress, state, sim.dynamics, sim.solution.qfrc_constraint, sim.sleep);
+}
+template <class R, class Mem>
+void expects_worlds(char const* where, State<R, Mem> const& state, Simulation<R, Mem> const& sim) {
+  if (sim.rows.worlds != state.worlds)
+    throw std::invalid_argument(std::string(where) + ": the state has " + std::to_string(state.worlds) + " worlds, the simulation " +
+                                std::to_string(sim.rows.worlds) + ": make them with the same {.worlds = n}");
+}
 }  // namespace detail
 
 /// Buffers for stepping `worlds` worlds of `model`, which was made from `compiled`. Allocates.
@@ -193,9 +240,7 @@ template <ExecutionSpace Exec, class R, class Mem, class... More>
 void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim,
                  LaunchOptions const& options = {}, More const&... more) {
   Region const region("gsp::step::launch_step");
-  if (sim.rows.worlds != state.worlds)
-    throw std::invalid_argument("gsp::step: the state has " + std::to_string(state.worlds) + " worlds, the simulation " +
-                                std::to_string(sim.rows.worlds) + ": make them with the same {.worlds = n}");
+  detail::expects_worlds("gsp::step", state, sim);
   detail::expects_options("gsp::step: solver (PgsOptions)", options.solver);  // of both, whichever solver this model has
   detail::expects_options("gsp::step: newton (NewtonOptions)", options.newton);
   auto const laws = detail::all_of_laws<true>(more...);
@@ -203,12 +248,8 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   constexpr bool own_types = (!ActuatorLaw<More> || ...);
   detail::leaves_no_rows(sim.rows, sim.impulses);  // assemble says otherwise where the step has some
   bool const runge_kutta_steps = detail::has_runge_kutta(model);
-  bool const stiff = detail::any_archetype(model, [](Archetype const& a) { return a.stiff; });  // profile stable alone
-  if (!model.constraints && !own_types && !stiff) {
-    detail::expects_settled("gsp::step", sim.impulses);
-    if (sim.rows.stamp.data() && sim.rows.stamp().made)
-      Kokkos::parallel_for("gsp::step::forget_rows", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
-                           detail::ForgetRows<Mem>{state.status});
+  if (!model.constraints && !own_types && !detail::has_stiff_rows(model)) {
+    detail::forget_rows("gsp::step", exec, state, sim);
     return std::apply(
         [&](auto const&... law) {
           if (runge_kutta_steps)
@@ -218,29 +259,9 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
         },
         laws);
   }
-  auto const find_impulses = [&](bool warm, bool ends_step) {
-    std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {.stiff_rows = stiff}, law...); },
-               laws);
-    wake_changed(exec, model, state, sim.dynamics, sim.sleep);
-    act_early(model, sim.collision);
-    collide(exec, sim.collision, sim.poses, sim.contacts, still_trees(model, sim.contacts, sim.sleep));
-    auto const list = std::apply(
-        [&](auto const&... type) {
-          return model_constraints(model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.cone, type...);
-        },
-        types);
-    static_assert(own_types || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>,
-                  "gsp::kernels holds assemble for these types");
-    assemble(exec, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress, sim.sleep.islands);
-    detail::solve(exec, model, sim, options, warm, ends_step);
-  };
   if (!runge_kutta_steps) {
-    find_impulses(true, true);
-    integrate(exec, model, state, sim.dynamics, sim.progress, sim.solution);
-    if (stiff)
-      subtract_stiff_forces(exec, StiffForces(model, state, sim.dynamics), sim.rows, sim.impulses, sim.progress,
-                            sim.solution.qfrc_constraint);
-    fall_asleep(exec, model, sim.rows, sim.progress, state, sim.dynamics, sim.solution.qfrc_constraint, sim.sleep);
+    detail::find_impulses(exec, model, state, sim, options, laws, types, true, true, false);
+    detail::end_step(exec, model, state, sim);
     detail::leaves_launched(sim);
     return;
   }
@@ -248,7 +269,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   runge_kutta(
       exec, model, state, sim.dynamics,
       [&] {
-        find_impulses(false, ++evaluation == 4);
+        detail::find_impulses(exec, model, state, sim, options, laws, types, false, ++evaluation == 4, false);
         new_velocity(exec, model, state, sim.dynamics, {sim.solution.z, sim.solution.qfrc_constraint, sim.progress.halt});
       },
       sim.runge_kutta, Kokkos::View<int const, Mem>(sim.progress.halt));
@@ -288,6 +309,49 @@ void step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Si
     for (int i = 0; i < left; ++i) launch_step(exec, model, state, sim, {.solver = options.solver, .newton = options.newton}, more...);
     if (options.poses) forward_kinematics(exec, model, state, sim.poses, sim.dynamics);
   }
+}
+
+/// All that a step finds out before it moves anything, of the state as it is: poses, smooth dynamics with keep_all, contacts, rows and
+/// their impulses (MuJoCo's mj_forward). After it forces are read (contact_forces, joint_forces), accelerations, and sensors of every
+/// stage. `advance` makes a step of it; `step` begins anew, from the impulses found here, so that it is the same step within the solver's
+/// tolerance. With RK4 it is the first of the four evaluations.
+/// @param more  constraint types and actuator laws of your own, as for launch_step
+/// Fences once at its end, and where a pool grew; allocates only then, and where pgs does. Errors: those of launch_step; steps that were
+/// launched and not settled.
+template <ExecutionSpace Exec, class R, class Mem, class... More>
+void forward(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim, LaunchOptions const& options = {},
+             More const&... more) {
+  Region const region("gsp::step::forward");
+  detail::expects_worlds("gsp::forward", state, sim);
+  detail::expects_options("gsp::forward: solver (PgsOptions)", options.solver);
+  detail::expects_options("gsp::forward: newton (NewtonOptions)", options.newton);
+  detail::expects_settled("gsp::forward", sim.impulses);
+  auto const laws = detail::all_of_laws<true>(more...);
+  auto const types = detail::all_of_laws<false>(more...);
+  constexpr bool own_types = (!ActuatorLaw<More> || ...);
+  detail::leaves_no_rows(sim.rows, sim.impulses);
+  if (!model.constraints && !own_types && !detail::has_stiff_rows(model)) {
+    detail::forget_rows("gsp::forward", exec, state, sim);
+    std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, {.keep_all = true}, law...); }, laws);
+    return;
+  }
+  do {
+    detail::find_impulses(exec, model, state, sim, options, laws, types, !detail::has_runge_kutta(model), true, true);
+    detail::leaves_launched(sim);
+  } while (settle(exec, sim) > 0);
+}
+
+/// Ends the step that `forward` has begun: the two together are launch_step, with the same bits, and between them is where MuJoCo's mj_step
+/// reads its sensors: at the start of the step. Poses stay those of the start. Does not fence, does not allocate. Errors:
+/// std::invalid_argument where forward was not called with this state as it is now; the integrator RK4, which evaluates more than once.
+template <ExecutionSpace Exec, class R, class Mem>
+void advance(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Simulation<R, Mem>& sim) {
+  Region const region("gsp::step::advance");
+  detail::expects_worlds("gsp::advance", state, sim);
+  expects(!detail::has_runge_kutta(model), "gsp::advance: RK4 evaluates a step four times, and forward has done so once: call step");
+  bool const rows = sim.rows.stamp.data() && sim.rows.stamp().made && sim.impulses.stamp().solved;
+  if (!rows) return integrate(exec, model, state, sim.dynamics);
+  detail::end_step(exec, model, state, sim);
 }
 
 }  // namespace gsp

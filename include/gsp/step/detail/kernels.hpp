@@ -42,6 +42,8 @@
   word void launch_step(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Simulation<R, Mem>&, LaunchOptions const&); \
   word int settle(Exec const&, Simulation<R, Mem>&); \
   word void step(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Simulation<R, Mem>&, StepOptions); \
+  word void forward(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Simulation<R, Mem>&, LaunchOptions const&); \
+  word void advance(Exec const&, Model<R, Mem> const&, State<R, Mem>&, Simulation<R, Mem>&); \
   }
 // clang-format on
 
