@@ -69,6 +69,7 @@
 #include <gsp/model/attach.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/compiled.hpp>
+#include <gsp/model/contact_sensor.hpp>
 #include <gsp/model/description.hpp>
 #include <gsp/model/field.hpp>
 #include <gsp/model/fields.hpp>
@@ -96,8 +97,13 @@
 #include <gsp/ray/ray_scene.hpp>
 #include <gsp/ray/ray_shapes.hpp>
 #include <gsp/ray/ray_unit.hpp>
+#include <gsp/sensor/acceleration_sensors.hpp>
+#include <gsp/sensor/accelerations.hpp>
 #include <gsp/sensor/cameras.hpp>
+#include <gsp/sensor/constraint_sensors.hpp>
+#include <gsp/sensor/read_sensors.hpp>
 #include <gsp/sensor/sense.hpp>
+#include <gsp/sensor/sensor_table.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>
 #include <gsp/solver/impacts.hpp>
 #include <gsp/solver/newton.hpp>

@@ -42,7 +42,7 @@ TEST_CASE("no attribute stands in two lists of an element, and groups exist") {
   CHECK(listed("b @turn a") == "a, axisangle, b, euler, quat, xyaxes, zaxis");
 }
 
-// By what fills sensordata: `Sensors::left_out` goes by the same stage (tests/sensor/smooth_sensors.cpp).
+// By what fills sensordata: `Sensors::left_out` goes by the same stage (tests/sensor/constraint_sensors.cpp).
 TEST_CASE("the page does not call a sensor honoured that nothing computes") {
   std::string const page = gsp::io::detail::mjcf::schema_page();
   auto const kept = page.find("## Sensors that are read and not computed");
@@ -51,7 +51,7 @@ TEST_CASE("the page does not call a sensor honoured that nothing computes") {
     CAPTURE(info.name);
     auto const row = page.find("\n| sensor/" + std::string(info.name) + " |");
     REQUIRE(row != page.npos);
-    CHECK((row > kept) == !gsp::detail::is_smooth(info.stage));
+    CHECK((row > kept) == !gsp::detail::is_evaluated(info.stage));
   }
 }
 

@@ -619,6 +619,40 @@ TEST_CASE("sensors") {
     }
 }
 
+// At rest after two seconds: the feet carry the robot, the imu feels gravity, within what float and the solver leave.
+TEST_CASE("all sensors") {
+  Exec const exec;
+  int const worlds = 2;
+  auto robot = gsp::samples::quadruped_scene({.boxes = 0, .balls = 0});
+  robot.sensors.push_back({.name = "felt", .type = "accelerometer", .object_type = "site", .object = "imu"});
+  robot.sensors.push_back({.name = "ground",
+                           .type = "contact",
+                           .object_type = "body",
+                           .object = "world",
+                           .reference_type = "subtree",
+                           .reference = "trunk",
+                           .settings = {{"data", "found force"}, {"reduce", "netforce"}}});
+  auto const compiled = gsp::compile(robot);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  auto sensors = gsp::make_sensors(exec, model, compiled, {.worlds = worlds});
+  Kokkos::View<float**, Kokkos::LayoutRight, Mem> const data("data", worlds, compiled.nsensordata);
+  // example-begin all_sensors
+  gsp::step(exec, model, state, sim, {.steps = 1000, .poses = false});
+  gsp::forward(exec, model, state, sim);  // contacts and forces of the state as it is now
+  gsp::read_sensors(exec, model, state, sim, sensors, data);
+  // example-end all_sensors
+  auto const found = gsp_test::host(data);
+  int const felt = compiled.sensor_adr[gsp::sensor_id(compiled, "felt")], ground = compiled.sensor_adr[gsp::sensor_id(compiled, "ground")];
+  double mass = 0;
+  for (double const m : compiled.body_mass) mass += m;
+  double const acceleration = std::hypot(found(1, felt), found(1, felt + 1), found(1, felt + 2));
+  CHECK(acceleration == doctest::Approx(9.81).epsilon(0.01));
+  CHECK(found(1, ground) >= 3);
+  CHECK(found(1, ground + 3) == doctest::Approx(9.81 * mass).epsilon(0.01));
+}
+
 // After it worlds that are done stand where an episode begins, at time 0, the others have gone on by the steps asked for; sensors and
 // poses are of what the state is now.
 TEST_CASE("a control step") {

@@ -250,6 +250,8 @@ void compare(CompiledModel const& g, mjModel const* m) {
     if (m->geom_matid[i] < 0)
       for (int k = 0; k < 4; ++k) c.number("geom_rgba", i, g.geom_rgba[i][k], m->geom_rgba[4 * i + k], 1e-7);
 
+  CHECK(std::equal(g.site_type.begin(), g.site_type.end(), m->site_type));
+  c.array("site_size", g.site_size, m->site_size);
   c.array("site_body", g.site_body, m->site_bodyid), c.array("site_pos", g.site_pos, m->site_pos),
       c.quats("site_quat", g.site_quat, m->site_quat);
   c.array("geom_surfacevel", g.geom_surfacevel, m->geom_surfacevel), c.array("geom_adhesion", g.geom_adhesion, m->geom_adhesion);

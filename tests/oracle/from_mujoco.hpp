@@ -112,6 +112,7 @@ inline gsp::CompiledModel from_mujoco(mjModel const* m) {
   c.geom_fluidcoef = rows<5>(m->geom_fluid + 1, ngeom, mjNFLUID);
   for (int g = 0; g < ngeom; ++g) c.geom_fluid.push_back(m->geom_fluid[mjNFLUID * g] > 0);
 
+  c.site_type = ints(m->site_type, nsite), c.site_size = rows<3>(m->site_size, nsite);
   c.site_body = ints(m->site_bodyid, nsite), c.site_pos = rows<3>(m->site_pos, nsite), c.site_quat = rows<4>(m->site_quat, nsite);
   c.site_name = names(m, m->name_siteadr, nsite);
   c.cam_body = ints(m->cam_bodyid, ncam), c.cam_pos = rows<3>(m->cam_pos, ncam), c.cam_quat = rows<4>(m->cam_quat, ncam);

@@ -20,24 +20,13 @@ template <ExecutionSpace Exec, class R, class Mem>
 void contact_forces(Exec const& exec, Model<R, Mem> const& model, CollisionModel<R, Mem> const& collision, Contacts<R, Mem> const& contacts,
                     Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Kokkos::View<R* [6], Kokkos::LayoutRight, Mem>& force) {
   Region const region("gsp::constraint::contact_forces");
-  bool const found = contacts.stamp.data() && contacts.stamp().made;
-  expects(contacts.worlds == rows.worlds && rows.nv == model.nv &&
-              (!found || contacts.stamp().model == static_cast<void const*>(collision.collider_body.data())),
-          "gsp::contact_forces: model, collision model, contacts and rows are of different models or numbers of worlds, or the collision "
-          "model was made anew: give what collide and assemble had");
   if (force.extent(0) < contacts.dist.extent(0))
     throw std::invalid_argument("gsp::contact_forces: room for " + std::to_string(force.extent(0)) +
                                 " contacts is given, and there may be " + std::to_string(contacts.dist.extent(0)) +
                                 ": give as many rows as contacts.dist has");
-  detail::expects_readable("gsp::contact_forces", rows, impulses);
-  bool const known = rows.stamp.data() && contacts.stamp.data() && rows.stamp().contacts != 0;
-  expects(
-      !known || rows.stamp().contacts == contacts.stamp().made,
-      "gsp::contact_forces: the contacts are not those that were assembled, or collide has written them again since: step first (or call "
-      "assemble and pgs with them)");
+  detail::expects_contact_forces("gsp::contact_forces", model, collision, contacts, rows, impulses);
   for_worlds("gsp::constraint::contact_forces", exec, rows.worlds,
-             detail::WriteContactForces<R, Mem>{collision, contacts, impulses_of<ContactRows<R, Mem>>(rows, impulses), force,
-                                                R(1) / model.timestep, rows.stamp.data() ? rows.stamp().contact_edges : 1});
+             detail::WriteContactForces<R, Mem>{detail::contact_force_of(model, collision, contacts, rows, impulses), force});
 }
 
 }  // namespace gsp

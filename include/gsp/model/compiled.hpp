@@ -103,7 +103,8 @@ struct CompiledModel {
   }
 
   // sites (nsite), cameras (ncam)
-  std::vector<int> site_body, cam_body;
+  std::vector<int> site_body, site_type, cam_body;  // site_type: ShapeType
+  std::vector<Double3> site_size;                   // [m] as a geom's
   std::vector<Double3> site_pos, cam_pos;
   std::vector<Double4> site_quat, cam_quat;
   std::vector<double> cam_fovy;                                       // [rad]

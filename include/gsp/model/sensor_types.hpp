@@ -127,7 +127,7 @@ inline constexpr SensorInfo sensor_types[] = {
     {SensorType::subtree_com, "subtreecom", 3, SensorStage::subtree, SensorCutoff::both_sides, SensorObject::body},
     {SensorType::subtree_linvel, "subtreelinvel", 3, SensorStage::momentum, SensorCutoff::both_sides, SensorObject::body},
     {SensorType::subtree_angmom, "subtreeangmom", 3, SensorStage::momentum, SensorCutoff::both_sides, SensorObject::body},
-    {SensorType::inside_site, "insidesite", 1, SensorStage::shape, SensorCutoff::above, SensorObject::pair},
+    {SensorType::inside_site, "insidesite", 1, SensorStage::subtree, SensorCutoff::above, SensorObject::pair},
     {SensorType::distance, "distance", 1, SensorStage::shape, SensorCutoff::both_sides, SensorObject::pair},
     {SensorType::normal, "normal", 3, SensorStage::shape, SensorCutoff::ignored, SensorObject::pair},
     {SensorType::from_to, "fromto", 6, SensorStage::shape, SensorCutoff::ignored, SensorObject::pair},
@@ -167,6 +167,10 @@ constexpr bool is_smooth(SensorStage stage) {
       return false;
   }
   return false;
+}
+/// Whether the library evaluates it: rays and distances between shapes are yours to cast, and what is outside to compute.
+constexpr bool is_evaluated(SensorStage stage) {
+  return is_smooth(stage) || stage == SensorStage::constraint || stage == SensorStage::acceleration;
 }
 constexpr bool sensor_types_in_order() {
   int at = 0;

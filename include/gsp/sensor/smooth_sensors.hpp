@@ -1,161 +1,31 @@
 #pragma once
 #include <gsp/core/region.hpp>
-#include <gsp/dynamics/energy.hpp>
-#include <gsp/dynamics/object_poses.hpp>
-#include <gsp/dynamics/subtree.hpp>
-#include <gsp/model/archetypes.hpp>
-#include <gsp/model/detail/sizes.hpp>
-#include <gsp/model/sensor_types.hpp>
+#include <gsp/sensor/detail/sensor_frames.hpp>
 #include <gsp/sensor/sense.hpp>
+#include <gsp/sensor/sensor_table.hpp>
 
 /// MJCF's sensors that are functions of positions, velocities and actuator forces (MuJoCo's mj_sensorPos, mj_sensorVel and part of
 /// mj_sensorAcc).
 namespace gsp {
 
-/// One sensor. `object`: a world index of what its type is about; of a frame: an item of `kind`. tree, local: of a tendon or actuator.
-template <class R>
-struct SensorEntry {
-  enum Kind : int { none, inertial, body, geom, site, camera };
-  SensorType type;
-  int adr;
-  int object = 0, kind = none, reference = 0, reference_kind = none;
-  int tree = 0, local = 0;
-  R cutoff = R(0);  // 0: no limit
-};
-
-/// The sensors of a model that are evaluated here, and buffers. `make_sensors` allocates it.
-template <class R, class Mem>
-struct Sensors {
-  int worlds = 0, nsensordata = 0;
-  detail::ModelSizes model{};  // host: of which model
-  Kokkos::View<SensorEntry<R>*, Mem> entries;
-  Vec3<R> magnetic;           // flux, in the world frame
-  Subtrees<R, Mem> subtrees;  // empty where no sensor asks for them
-  bool momenta = false;       // any asks for more than centres of mass
-  Kokkos::View<R**, Kokkos::LayoutRight, Mem> energy;
-  detail::Quantities needs;   // host: what the dynamics must hold
-  std::vector<int> left_out;  // host: indices of the model's sensors that are not: contacts, rays, accelerations, constraints
-};
-
-struct SensorsOptions {
-  int worlds = 1;
-};
-
-namespace detail {
-/// What a sensor reads of the dynamics.
-inline Quantities needs_of(SensorInfo const& info) {
-  switch (info.stage) {
-    case SensorStage::energy:
-      return set_of(Quantity::mass, Quantity::velocity, Quantity::tendon_length);
-    case SensorStage::momentum:
-      return set_of(Quantity::motion, Quantity::velocity);
-    case SensorStage::actuation:
-      return set_of(Quantity::actuator);
-    case SensorStage::velocity:
-      if (info.type == SensorType::tendon_pos) return set_of(Quantity::tendon_length, Quantity::velocity);
-      if (info.type == SensorType::tendon_vel) return set_of(Quantity::tendon_velocity);
-      if (info.type == SensorType::actuator_pos) return set_of(Quantity::act_length);
-      if (info.type == SensorType::actuator_vel) return set_of(Quantity::actuator);
-      return set_of(Quantity::motion, Quantity::velocity);
-    default:
-      return {};  // of the state and the poses
-  }
-}
-/// What a frame stands on, by MJCF's word: SensorEntry::Kind.
-template <class R>
-int frame_kind(std::string_view word) {
-  using Entry = SensorEntry<R>;
-  if (word == "body") return Entry::inertial;
-  if (word == "xbody") return Entry::body;
-  if (word == "geom") return Entry::geom;
-  if (word == "site") return Entry::site;
-  if (word == "camera") return Entry::camera;
-  return Entry::none;
-}
-}  // namespace detail
-
-/// The sensors of `compiled`, of which `model` was made, for `worlds` worlds. Allocates.
-template <class R, ExecutionSpace Exec, class Mem>
-Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled, SensorsOptions options = {}) {
-  expects(options.worlds > 0, "gsp::make_sensors: worlds must be positive and is " + std::to_string(options.worlds));
-  detail::expects_made_of("gsp::make_sensors", model, compiled);
-  using Entry = SensorEntry<R>;
-  Sensors<R, Mem> s;
-  s.worlds = options.worlds;
-  s.model = detail::sizes_of(model);
-  s.nsensordata = compiled.nsensordata;
-  auto const& flux = compiled.option.magnetic;
-  s.magnetic = {R(flux[0]), R(flux[1]), R(flux[2])};
-  auto const trees = find_archetypes(compiled);
-  auto const locate = [&](int id, auto const list, Entry& e) {  // the tree that holds a tendon or an actuator, and its place there
-    for (auto const& t : trees)
-      for (auto const& instance : t.instances)
-        for (int k = 0; k < int((instance.*list).size()); ++k)
-          if ((instance.*list)[k] == id) {
-            e.tree = instance.tree;
-            e.local = k;
-            return true;
-          }
-    return false;
-  };
-  auto const by_com = [&](int kind, int i) {  // a camera whose frame follows from a subtree's centre of mass
-    if (kind != Entry::camera) return false;
-    auto const mode = CameraMode(compiled.cam_mode[i]);
-    return mode == CameraMode::track_com || mode == CameraMode::target_body_com;
-  };
-  bool subtrees = false, energy = false;
-  std::vector<Entry> entries;
-  for (int i = 0; i < compiled.nsensor; ++i) {
-    auto const& d = compiled.sensors[i];
-    SensorInfo const* const info = find_sensor_type(d.type);
-    if (!info || !detail::is_smooth(info->stage)) {
-      s.left_out.push_back(i);
-      continue;
-    }
-    Entry e{};
-    e.type = info->type;
-    e.adr = compiled.sensor_adr[i];
-    e.object = compiled.sensor_id[i];
-    e.reference = compiled.sensor_refid[i];
-    e.cutoff = info->cutoff == SensorCutoff::both_sides ? R(d.cutoff) : R(0);
-    bool known = true;
-    if (info->about == SensorObject::site || info->about == SensorObject::frame || info->about == SensorObject::projection) {
-      e.kind = detail::frame_kind<R>(d.object_type);
-      if (e.reference >= 0) e.reference_kind = detail::frame_kind<R>(d.reference_type);
-      known = e.kind != Entry::none && (e.reference < 0 || e.reference_kind != Entry::none);
-    }
-    if (info->about == SensorObject::tendon) known = locate(e.object, &ArchetypeDescription::Instance::tendon, e);
-    if (info->about == SensorObject::actuator) known = locate(e.object, &ArchetypeDescription::Instance::act, e);
-    if (!known) {
-      s.left_out.push_back(i);
-      continue;
-    }
-    s.momenta |= info->stage == SensorStage::momentum;
-    subtrees |= info->stage == SensorStage::subtree || info->stage == SensorStage::momentum;
-    subtrees |= by_com(e.kind, e.object) || by_com(e.reference_kind, e.reference);
-    energy |= info->stage == SensorStage::energy;
-    s.needs = s.needs | detail::needs_of(*info);
-    entries.push_back(e);
-  }
-  s.entries = detail::to_device<Kokkos::View<Entry*, Mem>>(exec, "gsp::Sensors::entries", entries);
-  if (subtrees) s.subtrees = make_subtrees(exec, model, {.worlds = options.worlds});
-  if (energy)
-    s.energy = detail::allocate_zero<Kokkos::View<R**, Kokkos::LayoutRight, Mem>>(exec, "gsp::Sensors::energy", options.worlds, 2);
-  return s;
-}
-
 namespace detail {
 /// MJCF's smooth sensors as a SensorKind.
 template <class R, class Mem>
-struct SmoothSensors {
-  Model<R, Mem> model;
+struct SmoothSensors : SensorFrames<R, Mem> {
+  using Frames = SensorFrames<R, Mem>;
+  using Frames::body_of;
+  using Frames::frame;
+  using Frames::model;
+  using Frames::pose;
+  using Frames::poses;
+  using Frames::subtrees;
   State<R, Mem> state;
-  Poses<R, Mem> poses;
   Dynamics<R, Mem> dynamics;
   Kokkos::View<SensorEntry<R>*, Mem> entries;
   Vec3<R> magnetic;
-  Subtrees<R, Mem> subtrees;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> energy;
+  Kokkos::View<int*, Mem> site_type;
+  Kokkos::View<R*, Mem> site_size;
   int nsensordata;
 
   using Entry = SensorEntry<R>;
@@ -165,33 +35,7 @@ struct SmoothSensors {
   int columns() const { return nsensordata; }
   template <class T>
   KOKKOS_INLINE_FUNCTION T limit(int i, T const& x) const {
-    R const cutoff = entries(i).cutoff;
-    return cutoff > R(0) ? clamp(x, T(-cutoff), T(cutoff)) : x;
-  }
-
-  KOKKOS_INLINE_FUNCTION int body_of(int kind, int i) const {
-    return kind == Entry::geom     ? model.geom_body(i)
-           : kind == Entry::site   ? model.site_body(i)
-           : kind == Entry::camera ? model.cam_body(i)
-                                   : i;
-  }
-  /// Pose of what is fixed to its body; a camera's as if it were.
-  template <class T>
-  KOKKOS_INLINE_FUNCTION Transform<T> pose(WorldLane<T> const& l, int kind, int i) const {
-    if (kind == Entry::none) return {{T(0), T(0), T(0)}, identity_quat<T>()};
-    int const b = body_of(kind, i);
-    Transform<T> const body{l.load3(poses.xpos, b), l.load4(poses.xquat, b)};
-    if (kind == Entry::inertial) return body * Transform<T>{l.constant3(model.body_ipos, b), l.constant4(model.body_iquat, b)};
-    if (kind == Entry::geom) return body * Transform<T>{l.constant3(model.geom_pos, i), l.constant4(model.geom_quat, i)};
-    if (kind == Entry::site) return body * Transform<T>{l.constant3(model.site_pos, i), l.constant4(model.site_quat, i)};
-    if (kind == Entry::camera) return body * Transform<T>{l.constant3(model.cam_pos, i), l.constant4(model.cam_quat, i)};
-    return body;
-  }
-  template <class T>
-  KOKKOS_INLINE_FUNCTION Frame<T> frame(WorldLane<T> const& l, int kind, int i) const {
-    if (kind == Entry::camera) return camera_frame(l, model, poses, subtrees.com, i);
-    Transform<T> const x = pose(l, kind, i);
-    return {x.p, to_matrix(x.q)};
+    return cut(entries(i), x);
   }
   /// Velocity of the point x of body b, in world axes.
   template <class T>
@@ -284,6 +128,8 @@ struct SmoothSensors {
             sum = sum + item(layout(e.tree).act_force + k);
         return put(0, sum);
       }
+      case S::inside_site:
+        return put(0, inside_site(l, e));
       case S::subtree_com:
         return put3(l.load3(subtrees.com, e.object));
       case S::subtree_linvel:
@@ -295,6 +141,18 @@ struct SmoothSensors {
     }
   }
 
+  /// 1 where the object lies in the site's volume, else 0. Of a body without mass on which others hang it is their centre of mass (MuJoCo).
+  template <class T>
+  KOKKOS_INLINE_FUNCTION T inside_site(WorldLane<T> const& l, Entry const& e) const {
+    Transform<T> const site = pose(l, Entry::site, e.reference);
+    Vec3<T> p = frame(l, e.kind, e.object).p;
+    if (e.kind == Entry::inertial) {
+      auto const empty = l.constant(model.body_mass, e.object) < T(1e-15) && !(l.load(subtrees.mass, e.object) < T(1e-15));
+      p = select(empty, l.load3(subtrees.com, e.object), p);
+    }
+    Vec3<T> const size{T(site_size(3 * e.reference)), T(site_size(3 * e.reference + 1)), T(site_size(3 * e.reference + 2))};
+    return select(inside_volume(ShapeType(site_type(e.reference)), size, rotate_inverse(site.q, p - site.p)), T(1), T(0));
+  }
   /// Those that are about one frame, or two.
   template <class T, class Put, class Put3, class PutQuat>
   KOKKOS_INLINE_FUNCTION void frame_sensor(WorldLane<T> const& l, Entry const& e, Put const& put, Put3 const& put3,
@@ -359,11 +217,7 @@ template <ExecutionSpace Exec, class R, class Mem, class View>
 void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                     Dynamics<R, Mem>& dynamics, Sensors<R, Mem>& sensors, View& data) {
   Region const region("gsp::sensor::smooth_sensors");
-  expects(int(data.extent(0)) == sensors.worlds && int(data.extent(1)) == sensors.nsensordata,
-          "gsp::smooth_sensors: data is (" + std::to_string(data.extent(0)) + ", " + std::to_string(data.extent(1)) +
-              ") and must be (worlds, nsensordata), here (" + std::to_string(sensors.worlds) + ", " + std::to_string(sensors.nsensordata) +
-              ")");
-  expects(sensors.model == detail::sizes_of(model), "gsp::smooth_sensors: the sensors were made for another model: make_sensors with this");
+  detail::expects_sensors("gsp::smooth_sensors", model, sensors, data);
   detail::expects_as_many("gsp::smooth_sensors", "worlds", "make both with the same {.worlds = n}",
                           detail::Count{"dynamics", dynamics.worlds}, detail::Count{"sensors", sensors.worlds});
   detail::expects_fit("gsp::smooth_sensors", model, state, dynamics, poses);
@@ -373,7 +227,14 @@ void smooth_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> 
   if (sensors.momenta) subtree_momentum(exec, model, poses, dynamics, sensors.subtrees);
   if (sensors.energy.data()) energies(exec, model, state, poses, dynamics, sensors.energy);
   sense(exec,
-        detail::SmoothSensors<R, Mem>{model, state, poses, dynamics, sensors.entries, sensors.magnetic, sensors.subtrees, sensors.energy,
+        detail::SmoothSensors<R, Mem>{{model, poses, sensors.subtrees},
+                                      state,
+                                      dynamics,
+                                      sensors.entries,
+                                      sensors.magnetic,
+                                      sensors.energy,
+                                      sensors.site_type,
+                                      sensors.site_size,
                                       sensors.nsensordata},
         data, {.label = "gsp::sensor::smooth_sensors"});
 }

@@ -14,13 +14,18 @@ KOKKOS_INLINE_FUNCTION bool carries_momentum(L const& l) {
   return type == JointType::free || type == JointType::ball;
 }
 
-/// v_b = v_parent + cdof qdot;  a_b = a_parent + (v x cdof) qdot;  f_b = I a_b + v_b x* I v_b, summed towards the root;  bias_i = cdof_i .
-/// f. Needs the bodies' own inertias: call it before lanes_mass_matrix, which makes them composite.
-template <class L>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = false) {
+/// Where no joint accelerates.
+struct NoAcceleration {};
+/// v_b = v_parent + cdof qdot;  a_b = a_parent + (v x cdof) qdot + cdof qacc;  f_b = I a_b + v_b x* I v_b - external_b, summed towards the
+/// root: what a body's parent exerts on it. Needs the bodies' own inertias: call it before lanes_mass_matrix, which makes them composite.
+/// @param qacc      qacc(i) of the tree's dofs, or NoAcceleration
+/// @param external  external(b, f): f less what acts on a body from outside
+template <class L, class Acceleration, class External>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_newton_euler(L const& l, bool gravity_only, Acceleration const& qacc, External const& external) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
+  constexpr bool accelerates = !std::is_same_v<Acceleration, NoAcceleration>;
   Vec3<T> const zero{T(0), T(0), T(0)};
   Vec3<T> const g = l.gravity();
   l.down([&](int b) {
@@ -33,19 +38,23 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = fals
       int i = l.index(a.jnt_dofadr, j);
       auto const type = JointType(l.index(a.jnt_type, j));
       if (type == JointType::free)
-        for (int c = 0; c < 3; ++c, ++i) v = fma(s[l.at.qvel + i], s.spatial(l.at.cdof + 6 * i), v);  // world axes do not turn
+        for (int c = 0; c < 3; ++c, ++i) {  // world axes do not turn
+          v = fma(s[l.at.qvel + i], s.spatial(l.at.cdof + 6 * i), v);
+          if constexpr (accelerates) acc = fma(qacc(i), s.spatial(l.at.cdof + 6 * i), acc);
+        }
       Spatial<T> const before = v;  // the three axes of a ball turn with the frame before it moves
       for (int c = 0, n = type == JointType::free || type == JointType::ball ? 3 : 1; c < n; ++c, ++i) {
         Spatial<T> const dof = s.spatial(l.at.cdof + 6 * i);
         T const qdot = s[l.at.qvel + i];
         acc = fma(qdot, cross_motion(before, dof), acc);
+        if constexpr (accelerates) acc = fma(qacc(i), dof, acc);
         v = fma(qdot, dof, v);
       }
     }
     SpatialInertia<T> const inertia = s.inertia(l.at.cinert + 10 * b);
     s.put(l.at.cvel + 6 * b, v);
     s.put(l.at.cacc + 6 * b, acc);
-    s.put(l.at.cfrc + 6 * b, inertia * acc + cross_force(v, inertia * v));
+    s.put(l.at.cfrc + 6 * b, external(b, inertia * acc + cross_force(v, inertia * v)));
   });
   l.up([&](int b) {
     if (l.index(a.body_child, b) < 0) return;
@@ -53,6 +62,14 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = fals
     l.children(b, [&](int c) { f = f + s.spatial(l.at.cfrc + 6 * c); });
     s.put(l.at.cfrc + 6 * b, f);
   });
+}
+/// bias_i = cdof_i . f_b at zero acceleration.
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_bias(L const& l, bool gravity_only = false) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  auto const& s = l.items;
+  lanes_newton_euler(l, gravity_only, NoAcceleration{}, [](int, Spatial<T> const& f) { return f; });
   l.each_batched(
       a.nv, [&](int i) { return dot(s.spatial(l.at.cdof + 6 * i), s.spatial(l.at.cfrc + 6 * l.index(a.dof_body, i))); },
       [&](int i, T const& x) { s[l.at.bias + i] = x; });

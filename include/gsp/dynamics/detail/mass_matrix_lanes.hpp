@@ -4,36 +4,49 @@
 /// Kernels of gsp/dynamics/mass_matrix.hpp, where the contract stands.
 namespace gsp::detail {
 
+/// Centres of mass of the bodies, kept in cinert until those of the roots are known.
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_centers(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  l.each(l.a.nbody, [&](int b) {
+    if (l.index(l.a.body_parent, b) == parent_of::none) return;
+    Vec3<T> const center = s.vec3(l.at.xpos + 3 * b) + rotate(s.quat(l.at.xquat + 4 * b), l.constant3(l.model.body_ipos, l.body0, b));
+    s.put(l.at.cinert + 10 * b + 6, center);
+  });
+}
+/// Spatial inertias of the bodies about the centres of mass of their roots, after lanes_centers.
+template <class L>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_body_inertias(L const& l) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& s = l.items;
+  l.each(l.a.nbody, [&](int b) {
+    if (l.index(l.a.body_parent, b) == parent_of::none) return;
+    Vec3<T> const center = s.vec3(l.at.cinert + 10 * b + 6) - l.com_of_body(b);
+    Quat<T> const q = s.quat(l.at.xquat + 4 * b) * l.constant4(l.model.body_iquat, l.body0, b);
+    s.put(l.at.cinert + 10 * b,
+          spatial_inertia(l.constant(l.model.body_mass, l.body0, b), l.constant3(l.model.body_inertia, l.body0, b), q, center));
+  });
+}
 /// Centres of mass (one a root), spatial inertias of the bodies about them, and cdof.
 template <class L>
 KOKKOS_FORCEINLINE_FUNCTION void lanes_inertia(L const& l) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
   auto const& s = l.items;
-  auto const skipped = [&](int b) { return l.index(a.body_parent, b) == parent_of::none; };
-  l.each(a.nbody, [&](int b) {
-    if (skipped(b)) return;
-    Vec3<T> const center = s.vec3(l.at.xpos + 3 * b) + rotate(s.quat(l.at.xquat + 4 * b), l.constant3(l.model.body_ipos, l.body0, b));
-    s.put(l.at.cinert + 10 * b + 6, center);  // kept until com is known
-  });
+  lanes_centers(l);
   l.each(a.nroot, [&](int root) {
     Vec3<T> com{T(0), T(0), T(0)};
     T total(0);
     for (int b = 0; b < a.nbody; ++b) {
-      if (skipped(b) || l.index(a.body_root, b) != root) continue;
+      if (l.index(a.body_parent, b) == parent_of::none || l.index(a.body_root, b) != root) continue;
       T const mass = l.constant(l.model.body_mass, l.body0, b);
       com = fma(mass, s.vec3(l.at.cinert + 10 * b + 6), com);
       total = total + mass;
     }
     s.put(l.at.com + 3 * root, (T(1) / max(total, T(1e-15))) * com);
   });
-  l.each(a.nbody, [&](int b) {
-    if (skipped(b)) return;
-    Vec3<T> const center = s.vec3(l.at.cinert + 10 * b + 6) - l.com_of_body(b);
-    Quat<T> const q = s.quat(l.at.xquat + 4 * b) * l.constant4(l.model.body_iquat, l.body0, b);
-    s.put(l.at.cinert + 10 * b,
-          spatial_inertia(l.constant(l.model.body_mass, l.body0, b), l.constant3(l.model.body_inertia, l.body0, b), q, center));
-  });
+  lanes_body_inertias(l);
   Vec3<T> const zero{T(0), T(0), T(0)};
   l.each(a.njnt, [&](int j) {
     int i = l.index(a.jnt_dofadr, j);

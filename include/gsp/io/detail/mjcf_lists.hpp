@@ -166,11 +166,11 @@ inline void read_sensors(Document& doc, Node const& node) {
     doc.count(1, child.place);
     doc.draft.lists.sensors.push_back(read_sensor(doc.attributes(child), child.name));
     if (SensorInfo const* const info = find_sensor_type(child.name);
-        info && info->stage != SensorStage::outside && !gsp::detail::is_smooth(info->stage))
+        info && info->stage != SensorStage::outside && !gsp::detail::is_evaluated(info->stage))
       doc.note(Line::no_effect, child.place,
                child.name +
-                   ": what follows from accelerations, contacts, constraints or rays is not computed, and its columns of "
-                   "sensordata stay as they are (Sensors::left_out)");
+                   ": what asks for rays or distances between shapes is not computed, and its columns of sensordata stay as they are "
+                   "(Sensors::left_out, Sensors::why)");
   }
 }
 

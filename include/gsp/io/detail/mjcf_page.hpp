@@ -37,7 +37,7 @@ inline bool is_kept_alone(std::string_view element) {
   constexpr std::string_view place = "sensor/";
   if (!element.starts_with(place)) return false;
   auto const* const info = find_sensor_type(element.substr(place.size()));
-  return info && !gsp::detail::is_smooth(info->stage);
+  return info && !gsp::detail::is_evaluated(info->stage);
 }
 
 /// The page "What of MJCF works", in Markdown, from the table that the reader itself obeys. `gsp info --schema` prints it.
@@ -69,7 +69,7 @@ inline std::string schema_page() {
   }
   page +=
       "\n## Sensors that are read and not computed\n\n"
-      "What follows from accelerations, contacts, limits, rays and distances is not computed yet: these are read, checked, kept and "
+      "What asks for rays or for distances between shapes is not computed (cast rays with `cast_rays`): these are read, checked, kept and "
       "written, "
       "with their\n"
       "place in sensordata, whose numbers stay as they are (`Sensors::left_out`); a line of the load report names each type. Those of "

@@ -39,7 +39,7 @@ inline SensorDescription read_sensor(Attributes const& a, std::string const& typ
   if (a.own("refname")) put(s.reference_type, s.reference, a.text("reftype"), a.text("refname"));
   for (auto const& t : sensor_targets) {
     if (!a.own(t.attribute)) continue;
-    bool const second = t.second || !s.object.empty();
+    bool const second = t.second || (!s.object.empty() && type != "contact");  // whose sides say which is which
     if (second ? !s.reference.empty() : !s.object.empty()) a.fail(t.attribute, "names one object too many; keep what the sensor is about");
     if (second)
       put(s.reference_type, s.reference, t.type, a.text(t.attribute));

@@ -89,8 +89,10 @@ class BodyCompiler : public CompilerBase {
       }
       for (auto const& s : body.sites) {
         enter(Kind::site, s.name, m_.nsite, s.place);
-        require_finite(finite(s.pos) && finite(s.quat), s.place, "site", s.name);
+        require_finite(finite(s.pos) && finite(s.quat) && finite(s.size), s.place, "site", s.name);
         m_.site_body.push_back(b);
+        m_.site_type.push_back(int(s.type));
+        m_.site_size.push_back(s.size);
         m_.site_pos.push_back(s.pos);
         m_.site_quat.push_back(unit(s.quat));
         m_.site_name.push_back(s.name);

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/model/contact_sensor.hpp>
 #include <gsp/model/detail/compile_bodies.hpp>
 #include <gsp/model/sensor_types.hpp>
 #include <optional>
@@ -308,17 +309,9 @@ class ForceCompiler : public BodyCompiler {
       return all;
     };
     if (type == SensorType::contact) {
-      std::string const data = setting("data");
-      return number("num", 1) * (data.empty() ? 1
-                                              : sum(data, {{"found", 1},
-                                                           {"force", 3},
-                                                           {"torque", 3},
-                                                           {"dist", 1},
-                                                           {"pos", 3},
-                                                           {"normal", 3},
-                                                           {"tangent", 3},
-                                                           {"linvel", 3},
-                                                           {"angvel", 3}}));
+      ContactSensorSettings const settings = contact_settings(s);
+      if (!settings.fault.empty()) fail(s.place, "sensor", s.name, "of type 'contact' " + settings.fault);
+      return settings.slots * settings.size();
     }
     if (type == SensorType::rangefinder) {
       if (s.object_type == "camera") return -1;  // a number for each of its pixels

@@ -1,0 +1,255 @@
+#pragma once
+#include <gsp/dynamics/energy.hpp>
+#include <gsp/dynamics/object_poses.hpp>
+#include <gsp/dynamics/subtree.hpp>
+#include <gsp/model/archetypes.hpp>
+#include <gsp/model/contact_sensor.hpp>
+#include <gsp/model/detail/sizes.hpp>
+#include <gsp/model/sensor_types.hpp>
+#include <gsp/sensor/accelerations.hpp>
+
+/// The sensors of a model, sorted by the stage that they need: what smooth_sensors, constraint_sensors and acceleration_sensors evaluate.
+namespace gsp {
+
+/// One sensor. `object`: a world index of what its type is about; of a frame: an item of `kind`; of limits: the place in the model's list
+/// of limited joints or tendons, -1: its limits do not act. tree, local: of a tendon or actuator.
+template <class R>
+struct SensorEntry {
+  enum Kind : int { none, inertial, body, geom, site, camera };
+  SensorType type;
+  int adr;
+  int object = 0, kind = none, reference = 0, reference_kind = none;
+  int tree = 0, local = 0;
+  R cutoff = R(0);     // 0: no limit
+  bool above = false;  // it cuts what lies above alone
+};
+
+/// A <contact> sensor: which contacts it takes, on either side, and what it says of them.
+struct ContactSensorEntry {
+  enum Side : int { any, geom, body, subtree, site };  // site: a volume that the contact's point lies in
+  int adr = 0;
+  int side[2] = {any, any}, id[2] = {-1, -1};
+  int slots = 1, size = 1;  // size: numbers of a slot
+  ContactReduce reduce = ContactReduce::none;
+  unsigned fields = 1;
+  KOKKOS_INLINE_FUNCTION bool has(ContactField field) const { return (fields >> int(field)) & 1u; }
+};
+
+/// The sensors of a model that are evaluated here, and buffers. `make_sensors` allocates it.
+template <class R, class Mem>
+struct Sensors {
+  int worlds = 0, nsensordata = 0;
+  detail::ModelSizes model{};                  // host: of which model
+  Kokkos::View<SensorEntry<R>*, Mem> entries;  // of the smooth state
+  Kokkos::View<SensorEntry<R>*, Mem> touches;  // of the forces of contacts
+  Kokkos::View<ContactSensorEntry*, Mem> contacts;
+  Kokkos::View<SensorEntry<R>*, Mem> limits;       // of joints and tendons
+  Kokkos::View<SensorEntry<R>*, Mem> accelerated;  // of accelerations, and of forces between bodies
+  Kokkos::View<SensorEntry<R>*, Mem> users;        // `user`: adr + local numbers, which are yours to write
+  Kokkos::View<int*, Mem> site_type;               // (nsite) ShapeType of their volumes
+  Kokkos::View<R*, Mem> site_size;                 // (3 nsite) [m]
+  Vec3<R> magnetic;                                // flux, in the world frame
+  Subtrees<R, Mem> subtrees;                       // empty where no sensor asks for them
+  bool momenta = false;                            // any asks for more than centres of mass
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> energy;
+  Accelerations<R, Mem> accelerations;  // empty where no sensor asks for them
+  detail::Quantities needs;             // host: what the dynamics must hold for those of the smooth state
+  std::vector<int> left_out;            // host: indices of the model's sensors that nobody here evaluates: rays, distances, user
+  std::vector<std::string> why;         // host: a sentence for each of them
+};
+
+struct SensorsOptions {
+  int worlds = 1;
+};
+
+namespace detail {
+/// What a sensor reads of the dynamics.
+inline Quantities needs_of(SensorInfo const& info) {
+  switch (info.stage) {
+    case SensorStage::energy:
+      return set_of(Quantity::mass, Quantity::velocity, Quantity::tendon_length);
+    case SensorStage::momentum:
+      return set_of(Quantity::motion, Quantity::velocity);
+    case SensorStage::actuation:
+      return set_of(Quantity::actuator);
+    case SensorStage::velocity:
+      if (info.type == SensorType::tendon_pos) return set_of(Quantity::tendon_length, Quantity::velocity);
+      if (info.type == SensorType::tendon_vel) return set_of(Quantity::tendon_velocity);
+      if (info.type == SensorType::actuator_pos) return set_of(Quantity::act_length);
+      if (info.type == SensorType::actuator_vel) return set_of(Quantity::actuator);
+      return set_of(Quantity::motion, Quantity::velocity);
+    default:
+      return {};  // of the state and the poses
+  }
+}
+/// What a frame stands on, by MJCF's word: SensorEntry::Kind.
+template <class R>
+int frame_kind(std::string_view word) {
+  using Entry = SensorEntry<R>;
+  if (word == "body") return Entry::inertial;
+  if (word == "xbody") return Entry::body;
+  if (word == "geom") return Entry::geom;
+  if (word == "site") return Entry::site;
+  if (word == "camera") return Entry::camera;
+  return Entry::none;
+}
+inline ContactSensorEntry contact_entry(SensorDescription const& d, int id1, int id2) {
+  ContactSensorSettings const settings = contact_settings(d);
+  ContactSensorEntry e;
+  auto const side = [](std::string const& word) {
+    using S = ContactSensorEntry;
+    return word == "geom" ? S::geom : word == "subtree" ? S::subtree : word == "site" ? S::site : S::body;
+  };
+  if (id1 >= 0) e.side[0] = side(d.object_type);
+  if (id2 >= 0) e.side[1] = side(d.reference_type);
+  e.id[0] = id1;
+  e.id[1] = id2;
+  e.slots = settings.slots;
+  e.size = settings.size();
+  e.reduce = settings.reduce;
+  e.fields = settings.fields;
+  return e;
+}
+/// Where an item stands in the list of those with limits, as make_model has it; -1: limits are switched off.
+inline int place_among_limited(CompiledModel const& m, std::vector<int> const& limited, int id) {
+  if (!m.option.limit || !m.option.constraint) return -1;
+  return int(std::count_if(limited.begin(), limited.begin() + id, [](int l) { return l != 0; }));
+}
+/// Why the library leaves a sensor to others.
+inline std::string why_left_out(SensorDescription const& d, SensorInfo const* info, int index) {
+  std::string const name = "sensor " + std::to_string(index) + " '" + d.name + "' (" + d.type + ") ";
+  if (info && info->stage == SensorStage::outside)
+    return name + "is yours to compute: write its numbers with gsp::sense, then call limit_user_sensors for its cutoff";
+  if (info && info->type == SensorType::rangefinder) return name + "is not evaluated: cast rays from the site with gsp::cast_rays";
+  if (info && info->type == SensorType::tactile)
+    return name + "is not evaluated: it needs signed distances of shapes, which there are none of";
+  if (info && info->stage == SensorStage::shape) return name + "is not evaluated: there is no function for distances between shapes yet";
+  return name + "is not evaluated: what it names is of a kind that has no frame here";
+}
+}  // namespace detail
+
+/// The sensors of `compiled`, of which `model` was made, for `worlds` worlds. Allocates.
+template <class R, ExecutionSpace Exec, class Mem>
+Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled, SensorsOptions options = {}) {
+  expects(options.worlds > 0, "gsp::make_sensors: worlds must be positive and is " + std::to_string(options.worlds));
+  detail::expects_made_of("gsp::make_sensors", model, compiled);
+  using Entry = SensorEntry<R>;
+  Sensors<R, Mem> s;
+  s.worlds = options.worlds;
+  s.model = detail::sizes_of(model);
+  s.nsensordata = compiled.nsensordata;
+  auto const& flux = compiled.option.magnetic;
+  s.magnetic = {R(flux[0]), R(flux[1]), R(flux[2])};
+  auto const trees = find_archetypes(compiled);
+  auto const locate = [&](int id, auto const list, Entry& e) {  // the tree that holds a tendon or an actuator, and its place there
+    for (auto const& t : trees)
+      for (auto const& instance : t.instances)
+        for (int k = 0; k < int((instance.*list).size()); ++k)
+          if ((instance.*list)[k] == id) {
+            e.tree = instance.tree;
+            e.local = k;
+            return true;
+          }
+    return false;
+  };
+  auto const by_com = [&](int kind, int i) {  // a camera whose frame follows from a subtree's centre of mass
+    if (kind != Entry::camera) return false;
+    auto const mode = CameraMode(compiled.cam_mode[i]);
+    return mode == CameraMode::track_com || mode == CameraMode::target_body_com;
+  };
+  bool subtrees = false, energy = false, volumes = false;
+  std::vector<Entry> entries, touches, limits, accelerated, users;
+  std::vector<ContactSensorEntry> contacts;
+  for (int i = 0; i < compiled.nsensor; ++i) {
+    auto const& d = compiled.sensors[i];
+    SensorInfo const* const info = find_sensor_type(d.type);
+    auto const leave_out = [&] {
+      s.left_out.push_back(i);
+      s.why.push_back(detail::why_left_out(d, info, i));
+    };
+    Entry e{};
+    e.adr = compiled.sensor_adr[i];
+    e.object = compiled.sensor_id[i];
+    e.reference = compiled.sensor_refid[i];
+    if (info) {
+      e.type = info->type;
+      e.above = info->cutoff == SensorCutoff::above;
+      e.cutoff = info->cutoff == SensorCutoff::both_sides || e.above ? R(d.cutoff) : R(0);
+    }
+    if (info && info->stage == SensorStage::outside) {
+      for (auto const& [key, value] : d.settings)
+        if (key == "datatype") e.above = value == "positive";
+      e.local = compiled.sensor_dim[i];
+      if (e.local > 0 && e.cutoff > R(0)) users.push_back(e);
+    }
+    if (!info || !detail::is_evaluated(info->stage)) {
+      leave_out();
+      continue;
+    }
+    if (info->type == SensorType::contact) {
+      ContactSensorEntry c = detail::contact_entry(d, e.object, e.reference);
+      c.adr = e.adr;
+      volumes |= c.side[0] == ContactSensorEntry::site;
+      contacts.push_back(c);
+      continue;
+    }
+    bool known = true;
+    if (info->about == SensorObject::site || info->about == SensorObject::frame || info->about == SensorObject::projection ||
+        info->type == SensorType::inside_site) {
+      e.kind = detail::frame_kind<R>(d.object_type);
+      if (e.reference >= 0) e.reference_kind = detail::frame_kind<R>(d.reference_type);
+      known = e.kind != Entry::none && (e.reference < 0 || e.reference_kind != Entry::none);
+    }
+    if (info->type == SensorType::inside_site) known = known && e.reference_kind == Entry::site;
+    bool const of_limits = info->stage == SensorStage::constraint && info->type != SensorType::touch;
+    if (of_limits) {
+      bool const joint = info->about == SensorObject::joint;
+      e.object = detail::place_among_limited(compiled, joint ? compiled.jnt_limited : compiled.tendon_limited, e.object);
+    } else if (info->about == SensorObject::tendon) {
+      known = locate(e.object, &ArchetypeDescription::Instance::tendon, e);
+    }
+    if (info->about == SensorObject::actuator) known = locate(e.object, &ArchetypeDescription::Instance::act, e);
+    if (!known) {
+      leave_out();
+      continue;
+    }
+    subtrees |= by_com(e.kind, e.object) || by_com(e.reference_kind, e.reference);
+    volumes |= info->type == SensorType::touch || info->type == SensorType::inside_site;
+    if (info->stage == SensorStage::acceleration) {
+      accelerated.push_back(e);
+    } else if (info->stage == SensorStage::constraint) {
+      (of_limits ? limits : touches).push_back(e);
+    } else {
+      s.momenta |= info->stage == SensorStage::momentum;
+      subtrees |= info->stage == SensorStage::subtree || info->stage == SensorStage::momentum;
+      energy |= info->stage == SensorStage::energy;
+      s.needs = s.needs | detail::needs_of(*info);
+      entries.push_back(e);
+    }
+  }
+  auto const upload = [&](auto& view, char const* label, auto const& list) {
+    view = detail::to_device<std::decay_t<decltype(view)>>(exec, label, list);
+  };
+  upload(s.entries, "gsp::Sensors::entries", entries);
+  upload(s.touches, "gsp::Sensors::touches", touches);
+  upload(s.contacts, "gsp::Sensors::contacts", contacts);
+  upload(s.limits, "gsp::Sensors::limits", limits);
+  upload(s.accelerated, "gsp::Sensors::accelerated", accelerated);
+  upload(s.users, "gsp::Sensors::users", users);
+  if (volumes) {
+    expects(int(compiled.site_type.size()) == compiled.nsite && int(compiled.site_size.size()) == compiled.nsite,
+            "gsp::make_sensors: the compiled model has no volumes of sites (site_type, site_size): compile a description");
+    upload(s.site_type, "gsp::Sensors::site_type", compiled.site_type);
+    std::vector<R> sizes;
+    for (auto const& size : compiled.site_size)
+      for (double const x : size) sizes.push_back(R(x));
+    upload(s.site_size, "gsp::Sensors::site_size", sizes);
+  }
+  if (subtrees) s.subtrees = make_subtrees(exec, model, {.worlds = options.worlds});
+  if (energy)
+    s.energy = detail::allocate_zero<Kokkos::View<R**, Kokkos::LayoutRight, Mem>>(exec, "gsp::Sensors::energy", options.worlds, 2);
+  if (!accelerated.empty()) s.accelerations = make_accelerations(exec, model, {.worlds = options.worlds});
+  return s;
+}
+
+}  // namespace gsp

@@ -1,0 +1,182 @@
+// Accelerometers, force and torque sensors, and accelerations, in closed form. (Against MuJoCo: tests/oracle/constraint_sensors.cpp.)
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <gsp/sensor/acceleration_sensors.hpp>
+#include <gsp/sensor/accelerations.hpp>
+#include <gsp_test_execs.hpp>
+
+#include "sensor/sensor_scene.hpp"
+#include "support/kokkos_tools.hpp"
+
+namespace {
+using gsp_test::away;
+using gsp_test::SensedWorld;
+constexpr gsp::Profile profiles[] = {gsp::Profile::stable, gsp::Profile::mujoco};
+constexpr double g = 9.81;
+}  // namespace
+
+// Ten roundings of numbers below 20.
+TEST_CASE_TEMPLATE("an accelerometer on an arm that turns feels w^2 r inward, and gravity", Exec, GSP_TEST_EXECS) {
+  for (auto const profile : profiles) {
+    SensedWorld<Exec> s(R"(<mujoco><worldbody><body><joint name="j" axis="0 0 1"/><geom type="box" size=".3 .1 .05" mass="2" pos=".3 0 0"/>
+      <site name="a" pos=".5 0 0"/><site name="turned" pos=".5 0 0" euler="0 0 90"/></body></worldbody>
+      <sensor><accelerometer name="a" site="a"/><accelerometer name="turned" site="turned"/><framelinacc name="world" objtype="site" objname="a"/>
+        <frameangacc name="turns" objtype="site" objname="a"/><accelerometer name="cut" site="a" cutoff="5"/></sensor></mujoco>)",
+                        profile, 3);
+    auto const qvel = s.qvel(), qpos = s.qpos();
+    for (int w = 0; w < 3; ++w) qvel(w, 0) = 1.5 + w, qpos(w, 0) = 0.7 * w;
+    Kokkos::deep_copy(s.state.qvel, qvel), Kokkos::deep_copy(s.state.qpos, qpos);
+    s.read();
+    for (int w = 0; w < 3; ++w) {
+      double const in = (1.5 + w) * (1.5 + w) * 0.5, angle = 0.7 * w;
+      CHECK(away(s("a", w), {-in, 0, g}) < 4e-14);
+      CHECK(away(s("turned", w), {0, in, g}) < 4e-14);
+      CHECK(away(s("world", w), {-in * std::cos(angle), -in * std::sin(angle), g}) < 4e-14);
+      CHECK(away(s("turns", w), {0, 0, 0}) < 4e-14);
+      CHECK(away(s("cut", w), {-std::fmin(in, 5), 0, 5}) < 4e-14);
+    }
+  }
+}
+
+// A ball turns at a constant rate: what a point of it feels is w x (w x r). Rounding: 10 times 2e-16 times |w|^2 r + g.
+TEST_CASE_TEMPLATE("what falls feels how it turns, and nothing else", Exec, GSP_TEST_EXECS) {
+  for (auto const profile : profiles) {
+    SensedWorld<Exec> s(
+        R"(<mujoco><worldbody><body pos="0 0 5"><freejoint/><geom size=".2" mass="2"/><site name="c"/><site name="p" pos=".1 .2 -.05"/></body></worldbody>
+      <sensor><accelerometer name="c" site="c"/><accelerometer name="p" site="p"/><force name="f" site="p"/><torque name="t" site="p"/></sensor></mujoco>)",
+        profile);
+    auto const qvel = s.qvel();
+    double const v[] = {1, 2, 3, 2, -1, 4};
+    for (int i = 0; i < 6; ++i) qvel(0, i) = v[i];
+    Kokkos::deep_copy(s.state.qvel, qvel);
+    s.read();
+    using V = gsp::Vec3<double>;
+    V const w{2, -1, 4}, a = gsp::cross(w, gsp::cross(w, V{.1, .2, -.05}));
+    CHECK(away(s("c"), {0, 0, 0}) < 1e-13);
+    CHECK(away(s("p"), {a.x, a.y, a.z}) < 1e-13);
+    CHECK(away(s("f"), {0, 0, 0}) < 1e-12);
+    CHECK(away(s("t"), {0, 0, 0}) < 1e-12);
+  }
+}
+
+// Hanging straight down at rest: nothing moves, joints carry what hangs on them, bodies that are fixed to others too. Numbers below 100:
+// ten roundings.
+TEST_CASE_TEMPLATE("force sensors of a chain say the weight of the rest", Exec, GSP_TEST_EXECS) {
+  for (auto const profile : profiles) {
+    SensedWorld<Exec> s(
+        R"(<mujoco><option><flag contact="disable"/></option><worldbody><site name="world" pos="1 0 0"/><body name="post" pos="0 0 3"><geom type="box" size=".1 .1 .1" mass="4"/><site name="post" pos=".2 0 0"/>
+      <body><joint axis="0 1 0" damping="2"/><geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03" mass="1"/><site name="one" euler="90 0 0"/>
+        <body pos="0 0 -.4"><joint axis="1 0 0"/><geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03" mass="2"/><site name="two"/>
+          <body pos="0 0 -.4"><geom size=".1" mass="3"/><site name="fixed"/><site name="aside" pos=".5 0 0"/></body></body></body></body>
+      <body name="mover" mocap="true" pos="5 0 0"><geom size=".1" mass="7" contype="0" conaffinity="0"/><site name="mover"/></body></worldbody>
+      <sensor><force name="one" site="one"/><force name="two" site="two"/><torque name="t2" site="two"/><force name="fixed" site="fixed"/><torque name="aside" site="aside"/>
+        <force name="post" site="post"/><torque name="tpost" site="post"/><force name="world" site="world"/><torque name="tworld" site="world"/><force name="mover" site="mover"/><accelerometer name="still" site="post"/></sensor></mujoco>)",
+        profile);
+    s.read();
+    CHECK(away(s("one"), {0, 6 * g, 0}) < 1e-12);
+    CHECK(away(s("two"), {0, 0, 5 * g}) < 1e-12);
+    CHECK(away(s("t2"), {0, 0, 0}) < 1e-12);
+    CHECK(away(s("fixed"), {0, 0, 3 * g}) < 1e-12);
+    CHECK(away(s("aside"), {0, 3 * g * 0.5, 0}) < 1e-12);  // -(0.5, 0, 0) x (0, 0, 3 g)
+    CHECK(away(s("post"), {0, 0, 10 * g}) < 1e-12);
+    CHECK(away(s("tpost"), {0, 10 * g * 0.2, 0}) < 1e-12);
+    CHECK(away(s("world"), {0, 0, 17 * g}) < 1e-12);
+    CHECK(away(s("tworld"), {0, 10 * g * 1 - 7 * g * 4, 0}) < 1e-12);  // about the site, which MuJoCo's is not
+    CHECK(away(s("mover"), {0, 0, 7 * g}) < 1e-12);
+    CHECK(away(s("still"), {0, 0, g}) < 1e-14);
+  }
+}
+
+// Nothing holds a free body but what touches it: what is left between world and root is rounding of forces that reach 1e3 N, a hundred
+// times, whatever acts inside, in each of the steps of a fall and of rest. In profile stable joints that nothing damps have Coriolis forces
+// of the middle of the step (docs/decisions/0012): these are damped.
+TEST_CASE_TEMPLATE("momentum: contacts and equalities are all that acts on free robots", Exec, GSP_TEST_EXECS) {
+  std::string const text = R"(<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="3 3 1"/>
+    <body name="a" pos="0 0 .3" euler="20 10 0"><freejoint/><geom type="box" size=".2 .1 .05" mass="2"/>
+      <body name="b" pos=".2 0 0"><joint axis="0 1 0" damping=".5" stiffness="3" range="-20 20"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".04" mass=".5"/></body></body>
+    <body name="brick" pos=".1 .5 .4" euler="30 0 70"><freejoint/><geom type="box" size=".1 .05 .15" mass="1" friction=".4 .02 .01" condim="6"/></body></worldbody>
+    <equality><connect body1="b" body2="brick" anchor=".3 0 0"/></equality></mujoco>)";
+  for (auto const profile : profiles) {
+    SensedWorld<Exec> s(text, profile);
+    auto a = gsp::make_accelerations(s.exec, s.model);
+    double worst = 0, largest = 0;
+    auto const qvel = s.qvel();
+    for (int i = 0; i < s.model.nv; ++i) qvel(0, i) = std::sin(i + 1.);
+    Kokkos::deep_copy(s.state.qvel, qvel);
+    for (int step = 0; step < 400; ++step) {
+      gsp::forward(s.exec, s.model, s.state, s.sim, s.strict());
+      auto const run = [&] {
+        gsp::accelerations(s.exec, s.model, s.state, s.sim.poses, s.sim.dynamics, s.sim.collision, s.sim.contacts, s.sim.rows,
+                           s.sim.impulses, s.sim.solution, a);
+      };
+      if (step == 0)
+        gsp_test::check_algorithm(s.exec, gsp_test::watch(run));
+      else
+        run();
+      auto const inside = gsp_test::host(a.inside), outside = gsp_test::host(a.outside);
+      for (int b : {1, 3})
+        for (int c = 0; c < 6; ++c) {
+          worst = std::fmax(worst, std::isfinite(inside(0, b, c)) ? std::abs(inside(0, b, c)) : INFINITY);
+          largest = std::fmax(largest, std::abs(outside(0, b, c)));
+        }
+      gsp::advance(s.exec, s.model, s.state, s.sim);
+    }
+    CHECK(largest > 10);
+    CHECK(worst < 2e-14 * largest * 10);
+  }
+}
+
+// qacc of profile stable is what the step makes of the rates: of joints to rounding of v / h, 1e3 times 2e-16 of them.
+TEST_CASE_TEMPLATE("in profile stable accelerations are those of the step, with its implicit springs and servos", Exec, GSP_TEST_EXECS) {
+  SensedWorld<Exec> s(
+      R"(<mujoco><option timestep="0.005"/><worldbody><body><joint axis="0 1 0" damping="1" stiffness="2000" springref="40"/><geom type="capsule" fromto="0 0 0 .4 0 0" size=".03" mass="1"/>
+    <body pos=".4 0 0"><joint name="h" axis="0 1 0" damping=".1" range="-10 10"/><geom type="capsule" fromto="0 0 0 .4 0 0" size=".03" mass="1"/></body></body></worldbody>
+    <actuator><position joint="h" kp="5000" kv="20"/></actuator></mujoco>)",
+      gsp::Profile::stable);
+  auto a = gsp::make_accelerations(s.exec, s.model);
+  for (int step = 0; step < 50; ++step) {
+    double const before[] = {s.qvel()(0, 0), s.qvel()(0, 1)};
+    gsp::forward(s.exec, s.model, s.state, s.sim);
+    gsp::accelerations(s.exec, s.model, s.state, s.sim.poses, s.sim.dynamics, s.sim.collision, s.sim.contacts, s.sim.rows, s.sim.impulses,
+                       s.sim.solution, a);
+    gsp::advance(s.exec, s.model, s.state, s.sim);
+    auto const after = s.qvel(), qacc = gsp_test::host(a.qacc);
+    for (int i = 0; i < 2; ++i)
+      CHECK(std::abs(qacc(0, i) - (after(0, i) - before[i]) / 0.005) < 1e-12 * (std::abs(qacc(0, i)) + std::abs(after(0, i)) / 0.005 + 1));
+  }
+}
+
+TEST_CASE_TEMPLATE("accelerations of another moment, model or number of worlds are refused", Exec, GSP_TEST_EXECS) {
+  std::string const text =
+      R"(<mujoco><worldbody><body><freejoint/><geom size=".1"/><site name="s"/></body></worldbody><sensor><accelerometer site="s"/></sensor></mujoco>)";
+  SensedWorld<Exec> s(text, gsp::Profile::stable, 2);
+  auto const refuses = [&](auto const& f, char const* part) { CHECK_THROWS_WITH_AS(f(), doctest::Contains(part), std::invalid_argument); };
+  auto& of = s.sensors.accelerations;
+  auto const find = [&] {
+    gsp::accelerations(s.exec, s.model, s.state, s.sim.poses, s.sim.dynamics, s.sim.collision, s.sim.contacts, s.sim.rows, s.sim.impulses,
+                       s.sim.solution, of);
+  };
+  auto const read = [&] { gsp::acceleration_sensors(s.exec, s.model, s.state, s.sim.poses, s.sensors, s.data); };
+  refuses(find, "gsp::accelerations: ");
+  gsp::forward(s.exec, s.model, s.state, s.sim);
+  refuses(read, "gsp::acceleration_sensors: the accelerations have not been written: call accelerations(");
+  find();
+  gsp_test::check_algorithm(s.exec, gsp_test::watch(read));
+  gsp::advance(s.exec, s.model, s.state, s.sim);
+  refuses(read, "the accelerations are of the state before its last step or reset: call accelerations(");
+  refuses(find, "are of the state before its last step or reset");
+  gsp::step(s.exec, s.model, s.state, s.sim);
+  refuses(find, "gsp::accelerations: ");
+  gsp::smooth_dynamics(s.exec, s.model, s.state, s.sim.poses, s.sim.dynamics, {.keep_all = true});
+  refuses(find, "the forces of the constraints are of the state before its last step or reset: call forward first");
+  auto three = gsp::make_accelerations(s.exec, s.model, {.worlds = 3});
+  gsp::forward(s.exec, s.model, s.state, s.sim);
+  refuses(
+      [&] {
+        gsp::accelerations(s.exec, s.model, s.state, s.sim.poses, s.sim.dynamics, s.sim.collision, s.sim.contacts, s.sim.rows,
+                           s.sim.impulses, s.sim.solution, three);
+      },
+      "worlds");
+  refuses([&] { gsp::make_accelerations(s.exec, s.model, {.worlds = 0}); }, "worlds must be positive and is 0");
+}
