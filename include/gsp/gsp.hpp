@@ -99,6 +99,7 @@
 #include <gsp/ray/ray_unit.hpp>
 #include <gsp/sensor/acceleration_sensors.hpp>
 #include <gsp/sensor/accelerations.hpp>
+#include <gsp/sensor/body_contacts.hpp>
 #include <gsp/sensor/cameras.hpp>
 #include <gsp/sensor/constraint_sensors.hpp>
 #include <gsp/sensor/read_sensors.hpp>
