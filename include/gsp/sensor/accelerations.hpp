@@ -80,14 +80,15 @@ void expects_forces_of(char const* where, State<R, Mem> const& state, Rows<R, Me
 /// over the bodies that are fixed or jointed to it, without what touches it.
 /// @param state, poses, dynamics, collision, contacts, rows, impulses, solution  after `forward` (or smooth_dynamics with keep_all,
 ///        collide, assemble and the solver), before the state moves on; scratch of the dynamics is used
-/// @param out  all of it
+/// @param out       all of it
+/// @param sleeping  islands that sleep (step/sleep.hpp): nothing of them accelerates, their contacts push as when they fell asleep
 /// Three launches; cost about 300 flop a body and a binary search a contact. Does not allocate, does not fence. Errors:
 /// std::invalid_argument where dynamics, poses, rows or contacts are of another moment or not there.
 template <ExecutionSpace Exec, class R, class Mem>
 void accelerations(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                    Dynamics<R, Mem>& dynamics, CollisionModel<R, Mem> const& collision, Contacts<R, Mem> const& contacts,
-                   Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Solution<R, Mem> const& solution,
-                   Accelerations<R, Mem>& out) {
+                   Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Solution<R, Mem> const& solution, Accelerations<R, Mem>& out,
+                   SleepingIslands<Mem> const& sleeping = {}) {
   Region const region("gsp::sensor::accelerations");
   constexpr char const* where = "gsp::accelerations";
   detail::expects_fit(where, model, state, dynamics, poses);
@@ -109,7 +110,7 @@ void accelerations(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> c
   typename Solution<R, Mem>::template View<R**> const none;
   for_lanes("gsp::sensor::accelerations", exec, model, dynamics,
             detail::AccelerationStage<R, Mem>{poses.xpos, poses.xquat, solved ? solution.z : none, out.qacc, out.velocity, out.acceleration,
-                                              out.outside, out.inside});
+                                              out.outside, out.inside, sleeping.island});
   for_world_lanes<R>("gsp::sensor::forces_of_what_stands", exec, state.worlds, 1,
                      detail::StandingForces<R, Mem>{model, poses, out.velocity, out.acceleration, out.outside, out.inside});
 }

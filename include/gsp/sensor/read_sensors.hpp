@@ -19,7 +19,7 @@ void read_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> co
   constraint_sensors(exec, model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.rows, sim.impulses, sensors, data);
   if (sensors.accelerated.extent(0) == 0) return;
   accelerations(exec, model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.rows, sim.impulses, sim.solution,
-                sensors.accelerations);
+                sensors.accelerations, sim.sleep.islands);
   acceleration_sensors(exec, model, state, sim.poses, sensors, data);
 }
 

@@ -79,7 +79,22 @@ struct AccelerationStage {
   View3 xpos, xquat;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> z, qacc;
   View3 velocity, acceleration, outside, inside;
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> island;  // SleepingIslands; empty: nothing sleeps
 
+  /// 0 where the lane's tree sleeps, else 1.
+  template <class L>
+  KOKKOS_INLINE_FUNCTION auto awake(L const& l) const {
+    using T = std::remove_cvref_t<decltype(l.items[0])>;
+    T out(1);
+    for (int k = 0; k < L::W && island.data(); ++k) {
+      if (island(l.world[k], l.model.body_tree(l.body0[k])) < 0) continue;
+      if constexpr (L::W == 1)
+        out = T(0);
+      else
+        out.set(k, 0);
+    }
+    return out;
+  }
   template <class L>
   KOKKOS_INLINE_FUNCTION auto load3(L const& l, View3 const& view, int b, int components, int first) const {
     using T = std::remove_cvref_t<decltype(l.items[0])>;
@@ -108,7 +123,11 @@ struct AccelerationStage {
       lanes_solve(l, turning);
       for (int i = 0; i < nv; ++i) s[x + i] = s[x + i] - s[turning + i];
     }
-    for (int i = 0; i < nv; ++i) l.store(qacc, l.dof0, i, s[x + i]);
+    T const moves = awake(l);
+    for (int i = 0; i < nv; ++i) {
+      s[x + i] = select(moves > T(0), s[x + i], T(0));
+      l.store(qacc, l.dof0, i, s[x + i]);
+    }
   }
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
