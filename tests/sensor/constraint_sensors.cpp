@@ -111,6 +111,45 @@ TEST_CASE_TEMPLATE("limits carry what leans on them", Exec, GSP_TEST_EXECS) {
   }
 }
 
+// The same bits: no tolerance.
+TEST_CASE_TEMPLATE("a world's numbers are its own, whatever stands beside it", Exec, GSP_TEST_EXECS) {
+  std::string const text = R"(<mujoco><worldbody><geom type="plane" size="2 2 1"/>
+    <body name="a" pos="0 0 .1"><freejoint/><geom type="box" size=".2 .1 .1"/><site name="s" size=".2"/><body name="b" pos=".3 0 0"><joint name="h" axis="0 1 0" range="-5 5"/><geom name="g" size=".1"/><site name="t"/></body></body></worldbody>
+    <sensor><touch site="s"/><contact num="4" reduce="maxforce" data="found force torque dist pos normal tangent linvel angvel"/><contact subtree1="a" reduce="netforce" data="force torque pos"/><jointlimitfrc joint="h"/>
+      <accelerometer site="t"/><force site="t"/><torque site="t"/><frameangacc objtype="geom" objname="g"/><insidesite site="s" objtype="body" objname="b"/></sensor></mujoco>)";
+  for (auto const profile : profiles) {
+    int const worlds = 7;
+    SensedWorld<Exec> all(text, profile, worlds);
+    auto const begin = [](auto& s, int first) {
+      auto const qpos = s.qpos(), qvel = s.qvel();
+      for (int w = 0; w < s.state.worlds; ++w)
+        for (int i = 0; i < s.model.nv; ++i) {
+          qvel(w, i) = std::sin(3. * (w + first) + i);
+          qpos(w, 2) = 0.1 + 0.01 * (w + first);
+        }
+      Kokkos::deep_copy(s.state.qpos, qpos);
+      Kokkos::deep_copy(s.state.qvel, qvel);
+      gsp::step(s.exec, s.model, s.state, s.sim, {.steps = 60});
+      s.read();
+    };
+    begin(all, 0);
+    auto const found = gsp_test::host(all.data);
+    for (int w : {0, 3, 6}) {
+      SensedWorld<Exec> one(text, profile);
+      begin(one, w);
+      auto const own = gsp_test::host(one.data);
+      int different = 0;
+      double largest = 0;
+      for (int c = 0; c < all.compiled.nsensordata; ++c) {
+        different += own(0, c) != found(w, c);
+        largest = std::fmax(largest, std::abs(own(0, c)));
+      }
+      CHECK(different == 0);
+      CHECK(largest > 1);
+    }
+  }
+}
+
 TEST_CASE_TEMPLATE("sensors of a stage that has not run are an error, not a zero", Exec, GSP_TEST_EXECS) {
   SensedWorld<Exec> s(
       R"(<mujoco><worldbody><geom type="plane" size="1 1 1"/><body pos="0 0 .1"><freejoint/><geom size=".1"/><site name="s" size=".2"/></body></worldbody>

@@ -32,7 +32,11 @@ struct SensedWorld : World<R, Exec> {
   }
   /// What a solver leaves is below a rounding of what gravity does.
   static gsp::LaunchOptions strict() { return {.solver = {.iterations = 20000, .tolerance = R(1e-13)}}; }
-  void settle(int steps) { gsp::step(this->exec, this->model, this->state, this->sim, {.steps = steps, .solver = strict().solver}); }
+  /// Comes to rest, at last as far as the solver goes.
+  void settle(int steps) {
+    gsp::step(this->exec, this->model, this->state, this->sim, {.steps = steps - 100, .solver = {.tolerance = R(1e-6)}});
+    gsp::step(this->exec, this->model, this->state, this->sim, {.steps = 100, .solver = strict().solver});
+  }
   std::vector<double> operator()(char const* name, int w = 0) const {
     int const id = gsp::sensor_id(this->compiled, name), adr = this->compiled.sensor_adr[id];
     auto const numbers = host(data);
