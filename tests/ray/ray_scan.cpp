@@ -339,6 +339,18 @@ TEST_CASE_TEMPLATE("noise of ranges and angles, misses and limits", Exec, GSP_TE
     }
     CHECK(std::fabs(lost - 0.5 * n) < 5 * std::sqrt(0.25 * n));  // the half that is measured too far
   }
+  {
+    // ray k of world 9 has the noise that noisy_direction and noisy_range give it, but for the rounding of a pack's cosines
+    gsp::RayNoise const noise{.range_sigma = 0.02, .relative_sigma = 0.001, .angle_sigma = 0.01, .seed = 4, .unit = 3};
+    auto const unit = scan({.noise = noise, .first_world = 9});
+    double off = 0;
+    for (std::size_t k = 0; k < n; ++k) {
+      gsp::RayNumber const number{k, 9};
+      double const there = 5 / gsp::noisy_direction(noise, number, gsp::Vec3<double>{1, 0, 0}).x;
+      off = std::max(off, std::fabs(unit.range[k] - gsp::noisy_range(noise, number, there)));
+    }
+    CHECK(off < 1e-12);
+  }
   CHECK(scan({.max_range = 4.99}).geom[0] == -1);
   CHECK(scan({.max_range = 5.01}).geom[0] == 0);
   CHECK(scan({.min_range = 5.01}).geom[0] == -1);

@@ -37,10 +37,12 @@ GSP_FUNCTION T uniform_of(std::uint32_t word) {
 template <class T>
 struct Spread {
   T r, angle;
-  GSP_FUNCTION static Spread of(std::uint32_t word, std::uint32_t other) {
-    constexpr T turn = T(6.28318530717958647693);
-    return {sqrt(T(-2) * log(uniform_of<T>(word))), turn * uniform_of<T>(other)};
+  /// Of two uniform numbers.
+  GSP_FUNCTION static Spread of_uniform(T const& a, T const& b) {
+    constexpr real_t<T> turn = real_t<T>(6.28318530717958647693);
+    return {sqrt(T(-2) * log(a)), T(turn) * b};
   }
+  GSP_FUNCTION static Spread of(std::uint32_t word, std::uint32_t other) { return of_uniform(uniform_of<T>(word), uniform_of<T>(other)); }
   /// A normal number.
   GSP_FUNCTION T normal() const { return r * cos(angle); }
 };

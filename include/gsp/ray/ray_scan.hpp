@@ -67,12 +67,6 @@ RayScan<R, typename Exec::memory_space> make_ray_scan(Exec const& exec, Compiled
 }
 
 namespace detail {
-/// t = 0: a, t = 1: b, and evenly between them: along a line, about one axis.
-template <class T>
-GSP_FUNCTION Transform<T> between(Transform<T> const& a, Transform<T> const& b, T t) {
-  return {fma(t, b.p - a.p, a.p), a.q * exp_rotation(t * log_rotation(conjugate(a.q) * b.q))};
-}
-
 /// Where the unit is when a step begins.
 template <class R, class Mem>
 struct NoteUnit {
@@ -121,37 +115,77 @@ struct ScanRays {
   std::int64_t begin, length;         // [ns] of the step
   bool at_end;                        // all leave at the step's end
 
+  using Caster = RayCaster<R, Mem>;
+  using T = typename Caster::T;
+  static constexpr int width = Caster::width;
+
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
-    using Caster = RayCaster<R, Mem>;
-    int const items = caster.items_of(count), w = int(i / items), begin_of_item = int(i % items) * Caster::width;
-    int const n = count - begin_of_item < Caster::width ? count - begin_of_item : Caster::width;
+    int const items = Caster::items_of(count), w = int(i / items), j = int(i % items) * width, n = count - j < width ? count - j : width;
     Transform<R> const body = aligned_body(poses, w, mount.body, mount.alignment);
-    Ray<R> ray[Caster::width];
-    Ray<typename Caster::T> cast;
-    for (int l = 0; l < Caster::width; ++l) {
-      int const j = begin_of_item + (l < n ? l : n - 1), k = ray_of(j);
-      ray[l] = ray_of_unit(mount, at_end ? body : between(before(w), body, R(left_at(j) - begin) / R(length)), k);
-      Vec3<R> const along = noisy_direction(noise, number_of(w, j), ray[l].direction);
-      for (int c = 0; c < 3; ++c) {
-        Caster::set_lane(cast.origin[c], l, ray[l].origin[c]);
-        Caster::set_lane(cast.direction[c], l, along[c]);
-      }
+    Ray<T> const meant = rays_of(at_end ? all_of(body) : moving(w, body, j, n), j, n);
+    Ray<T> const sent{meant.origin, noise.angle_sigma > 0 ? bent(noise, spread(words(w, j, n, 0)), meant.direction) : meant.direction};
+    auto const met = caster.first(sent, w);
+    T measured = select(met.geom.is_there(), met.scaled.back(met.x), no_hit<T>());
+    if (has_range_noise(noise)) {
+      Words const drawn = words(w, j, n, 1);
+      measured = with_noise(noise, spread(drawn), drawn.uniform[2], measured);
     }
-    auto const met = caster.first(cast, w);
-    for (int l = 0; l < n; ++l) {
-      int const j = begin_of_item + l, g = caster.geom_of(met, l);
-      R const range_there = g < 0 ? no_hit<R>() : caster.distance_of(met, l);
-      write(w, j, ray[l], noisy_range(noise, number_of(w, j), range_there), g);
-    }
+    for (int l = 0; l < n; ++l) write(w, j + l, Caster::lane(meant, l), in_steps(noise, Caster::lane(measured, l)), caster.geom_of(met, l));
   }
 
  private:
-  /// Of the j-th ray of this step: which it is of the pattern, its number, and when it has left [ns].
+  struct Words {
+    T uniform[3];
+  };
+  /// f(l) in lane l; lanes from n on have the last one's.
+  template <class F>
+  KOKKOS_INLINE_FUNCTION static T lanes(int n, F const& f) {
+    T x;
+    for (int l = 0; l < width; ++l) Caster::set_lane(x, l, f(l < n ? l : n - 1));
+    return x;
+  }
+  KOKKOS_INLINE_FUNCTION static Vec3<T> all_of(Vec3<R> const& v) { return {T(v.x), T(v.y), T(v.z)}; }
+  KOKKOS_INLINE_FUNCTION static Quat<T> all_of(Quat<R> const& q) { return {T(q.w), T(q.x), T(q.y), T(q.z)}; }
+  KOKKOS_INLINE_FUNCTION static Transform<T> all_of(Transform<R> const& t) { return {all_of(t.p), all_of(t.q)}; }
+  KOKKOS_INLINE_FUNCTION static Vec3<T> gather(Kokkos::View<Vec3<R>*, Mem> const& from, int const (&k)[width]) {
+    Vec3<T> v;
+    for (int l = 0; l < width; ++l) {
+      Vec3<R> const one = from(k[l]);
+      Caster::set_lane(v.x, l, one.x);
+      Caster::set_lane(v.y, l, one.y);
+      Caster::set_lane(v.z, l, one.z);
+    }
+    return v;
+  }
+  /// Of the j-th ray of this step: which it is of the pattern, and when it has left [ns].
   KOKKOS_INLINE_FUNCTION int ray_of(int j) const { return (first_ray + j) % mount.count(); }
-  KOKKOS_INLINE_FUNCTION RayNumber number_of(int w, int j) const { return {std::uint64_t(first + j), first_world + std::uint32_t(w)}; }
   KOKKOS_INLINE_FUNCTION std::int64_t left_at(int j) const {
     return scan_begin + period * ((first_ray + j) / mount.count()) + (tick.extent(0) > 0 ? tick(ray_of(j)) : 0);
   }
+  /// Where the body is when rays j ... j + n - 1 leave: from where it was, along a line and about one axis at even speed.
+  KOKKOS_INLINE_FUNCTION Transform<T> moving(int w, Transform<R> const& now, int j, int n) const {
+    Transform<R> const then = before(w);
+    T const t = lanes(n, [&](int l) { return R(left_at(j + l) - begin) / R(length); });
+    Vec3<T> const turn = all_of(log_rotation(conjugate(then.q) * now.q));
+    return {fma(t, all_of(now.p - then.p), all_of(then.p)), all_of(then.q) * exp_rotation(t * turn)};
+  }
+  KOKKOS_INLINE_FUNCTION Ray<T> rays_of(Transform<T> const& body, int j, int n) const {
+    Transform<T> const unit = body * Transform<T>{all_of(mount.pos), all_of(mount.quat)};
+    int k[width];
+    for (int l = 0; l < width; ++l) k[l] = ray_of(j + (l < n ? l : n - 1));
+    return {mount.origin.extent(0) > 0 ? unit * gather(mount.origin, k) : unit.p, rotate(unit.q, gather(mount.direction, k))};
+  }
+  /// Uniform numbers of rays j ... j + n - 1.
+  KOKKOS_INLINE_FUNCTION Words words(int w, int j, int n, std::uint32_t stream) const {
+    Words drawn;
+    for (int l = 0; l < width; ++l) {
+      RayNumber const number{std::uint64_t(first + j + (l < n ? l : n - 1)), first_world + std::uint32_t(w)};
+      Philox const four = noise_words(noise, number, stream);
+      for (int c = 0; c < 3; ++c) Caster::set_lane(drawn.uniform[c], l, uniform_of<R>(four.word[c]));
+    }
+    return drawn;
+  }
+  KOKKOS_INLINE_FUNCTION static Spread<T> spread(Words const& drawn) { return Spread<T>::of_uniform(drawn.uniform[0], drawn.uniform[1]); }
   KOKKOS_INLINE_FUNCTION void write(int w, int j, Ray<R> const& ray, R measured, int g) const {
     int const place = (first_place + j) % int(range.extent(1));
     bool const hit = g >= 0 && measured >= min_range && measured <= max_range && measured < no_hit<R>();
