@@ -5,6 +5,7 @@
 #include <gsp/constraint/contact_forces.hpp>
 #include <gsp/runtime/session.hpp>
 #include <gsp/runtime/stepper.hpp>
+#include <gsp/sensor/read_sensors.hpp>
 #include <gsp/solver/residual.hpp>
 #include <gsp/step/bytes_needed.hpp>
 #include <gsp/step/detail/sleep_kernels.hpp>
@@ -135,6 +136,7 @@ class KokkosStepper : public Stepper {
         model_(make_runtime_model<R>(exec_, m, o)),
         state_(make_state(exec_, model_, {.worlds = o.worlds})),
         simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
+        compiled_(m),
         joint_of_dof_(m.dof_jnt),
         joint_qpos_(m.jnt_qposadr),
         timestep_(o.timestep > 0 ? o.timestep : m.option.timestep) {
@@ -344,8 +346,33 @@ class KokkosStepper : public Stepper {
     return {found(c.world), found(c.geom1), found(c.geom2), found(c.dist), found(c.pos), found(c.frame), found(contact_force_)};
   }
   Array qfrc_constraint() const override { return array_of<Exec>(simulation_.solution.qfrc_constraint); }
+  Array sensors() override {
+    make_sensors_once();
+    Kokkos::deep_copy(exec_, sensordata_, std::numeric_limits<R>::quiet_NaN());
+    // forward starts and leaves impulses, and wakes who sleeps: the next step begins from those of the last one
+    if (before_sensors_)
+      gsp::save(exec_, state_, simulation_, *before_sensors_);
+    else
+      before_sensors_ = make_snapshot(exec_, state_, simulation_);
+    gsp::forward(exec_, model_, state_, simulation_, {.solver = solver_, .newton = newton_});
+    read_sensors(exec_, model_, state_, simulation_, *sensors_, sensordata_);
+    gsp::restore(exec_, *before_sensors_, state_, simulation_);
+    exec_.fence("gsp::runtime::Stepper::sensors: the numbers are there");
+    stale_ = true;
+    return array_of<Exec>(sensordata_);
+  }
+  std::vector<std::string> sensors_left_out() override {
+    make_sensors_once();
+    return sensors_->why;
+  }
 
  private:
+  void make_sensors_once() {
+    if (sensors_) return;
+    sensors_ = make_sensors(exec_, model_, compiled_, {.worlds = state_.worlds});
+    sensordata_ =
+        gsp::detail::allocate_zero<decltype(sensordata_)>(exec_, "gsp::runtime::Stepper::sensordata", state_.worlds, sensors_->nsensordata);
+  }
   /// What kernels take for places: impulses one world after the other, and islands that there are.
   void expect_in_range(Snapshot<R, Mem> const& s, std::int64_t rows) const {
     auto const first = gsp::detail::to_host(exec_, s.impulses.first), count = gsp::detail::to_host(exec_, s.impulses.count),
@@ -392,7 +419,10 @@ class KokkosStepper : public Stepper {
   Model<R, Mem> model_;
   State<R, Mem> state_;
   Simulation<R, Mem> simulation_;
-  std::optional<Snapshot<R, Mem>> snapshot_;
+  std::optional<Snapshot<R, Mem>> snapshot_, before_sensors_;
+  CompiledModel compiled_;
+  std::optional<Sensors<R, Mem>> sensors_;
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> sensordata_;
   PgsOptions solver_;     // profile stable
   NewtonOptions newton_;  // profile mujoco
   Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> contact_force_;

@@ -421,6 +421,19 @@ void write_trace(std::string const& path, Trace const& t, gsp::CompiledModel con
   gsp::io::write_npz(path, entries);
 }
 
+void write_sensors(std::string const& path, std::vector<double> const& time, std::vector<double> const& sensordata, int worlds,
+                   gsp::CompiledModel const& m) {
+  std::string names;
+  for (auto const& sensor : m.sensors) names += sensor.name + "\n";
+  std::vector<std::uint8_t> const letters(names.begin(), names.end());
+  std::size_t const sensors = m.sensors.size();
+  gsp::io::write_npz(path, {{"time", {{time.size()}, time}},
+                            {"sensordata", {{time.size(), std::size_t(worlds), std::size_t(m.nsensordata)}, sensordata}},
+                            {"adr", {{sensors}, m.sensor_adr}},
+                            {"dim", {{sensors}, m.sensor_dim}},
+                            {"names", {{letters.size()}, letters}}});
+}
+
 namespace {
 template <class T>
 std::vector<T> on_host(gsp::runtime::Array const& from) {

@@ -83,6 +83,9 @@ struct Trace {
 };
 Trace read_trace(std::string const& path, gsp::CompiledModel const& model);
 void write_trace(std::string const& path, Trace const& trace, gsp::CompiledModel const& model);
+/// What sensors said at each entry: sensordata (entries, worlds, nsensordata), and which numbers are whose.
+void write_sensors(std::string const& path, std::vector<double> const& time, std::vector<double> const& sensordata, int worlds,
+                   gsp::CompiledModel const& model);
 
 /// Controls (K, nu) or (K, N, nu).
 struct Controls {

@@ -19,10 +19,12 @@ std::optional<gsp::FrictionCone> cone_of(Arguments const& a) {
 int run(Arguments const& a) {
   std::string const path = a.operands().front();
   a.exclusive("--keyframe", "--start", "both say where the worlds start");
-  a.needs("--every", "--trace", "it says how often a trace takes the state");
+  if (a.has("--every") && !a.has("--trace") && !a.has("--sensors"))
+    a.fail("--every needs --trace or --sensors: it says how often they take the state");
   StepperOptions options;
   auto const start_file = a.text("--start"), ctrl_file = a.text("--ctrl"), trace_file = a.text("--trace"),
-             contacts_file = a.text("--contacts"), forces_file = a.text("--forces"), save_file = a.text("--save");
+             contacts_file = a.text("--contacts"), forces_file = a.text("--forces"), save_file = a.text("--save"),
+             sensors_file = a.text("--sensors");
   options.worlds = static_cast<int>(a.integer("--worlds", 1, 1, 1 << 24));
   options.timestep = a.real("--timestep", 0, 0, 10);
   options.iterations = static_cast<int>(a.integer("--iterations", 0, 1, 1000000));
@@ -44,8 +46,11 @@ int run(Arguments const& a) {
   if (start_file) inputs.push_back({"--start", *start_file});
   if (ctrl_file) inputs.push_back({"--ctrl", *ctrl_file});
   std::optional<std::string> written;  // one of them may be stdout
-  for (auto const& [file, option] :
-       {std::pair{trace_file, "--trace"}, {contacts_file, "--contacts"}, {forces_file, "--forces"}, {save_file, "--save"}}) {
+  for (auto const& [file, option] : {std::pair{trace_file, "--trace"},
+                                     {contacts_file, "--contacts"},
+                                     {forces_file, "--forces"},
+                                     {save_file, "--save"},
+                                     {sensors_file, "--sensors"}}) {
     if (!file) continue;
     expect_writable(*file, option);
     outputs.push_back({option, *file});
@@ -83,6 +88,10 @@ int run(Arguments const& a) {
     throw Error(*trace_file +
                 ": the trace would pass 4 GiB, the limit of npz files here; give a larger --every, fewer --steps or fewer --worlds");
 
+  if (sensors_file && model.sensors.empty()) throw Error(path + ": the model has no sensors, which --sensors would write; leave it out");
+  if (sensors_file && (static_cast<double>(records(steps, every)) + 1) * double(worlds) * model.nsensordata * 8 > 4e9)
+    throw Error(*sensors_file +
+                ": what sensors say would pass 4 GiB, the limit of npz files here; give a larger --every, fewer --steps or fewer --worlds");
   gsp::runtime::Session const session(options.threads);
   std::uint64_t bytes = 0;
   try {
@@ -118,6 +127,21 @@ int run(Arguments const& a) {
     trace.act.insert(trace.act.end(), act.begin(), act.end());
     ++trace.entries;
   };
+  std::vector<double> sensor_time, sensordata;
+  auto const sense = [&](long long done) {
+    auto const now = stepper->sensors();
+    std::size_t const at = sensordata.size();
+    sensordata.resize(at + static_cast<std::size_t>(now.size()));
+    gsp::runtime::copy(now, gsp::runtime::host_array(sensordata.data() + at, {now.extents[0], now.extents[1]}));
+    sensor_time.push_back(start.time + double(done) * stepper->timestep());
+  };
+  if (sensors_file) {
+    for (auto const& why : stepper->sensors_left_out()) {
+      notes.push_back(path + ": " + why + "; --sensors has NaN there");
+      if (!quiet(a)) std::fprintf(stderr, "%s\n", notes.back().c_str());
+    }
+    sense(0);
+  }
   trace.worlds = worlds;
   if (trace_file) {  // the start as it was given, not as the precision has it
     start = spread(start, options.worlds);
@@ -138,7 +162,11 @@ int run(Arguments const& a) {
   run_options.controls = there.array;
   run_options.every = every;
   run_options.record_last = true;
-  if (trace_file) run_options.record = record;
+  if (trace_file || sensors_file)
+    run_options.record = [&](long long done) {
+      if (trace_file) record(done);
+      if (sensors_file && done < steps) sense(done);  // of the last state at the end: counts and contacts are of the last step until then
+    };
   Progress progress("stepping", quiet(a));
   auto const timing = run_steps(*stepper, run_options, progress);
   progress.finish();
@@ -152,6 +180,11 @@ int run(Arguments const& a) {
   std::FILE* const say = text_beside(written);
   double const rate = double(worlds) * double(timing.steps) / timing.seconds;
   say_stopped("sim", *stepper, model, options.worlds, "give a smaller --timestep, or more --iterations");
+  auto const write_last = [&] {
+    if (!sensors_file) return;
+    sense(steps);
+    write_sensors(*sensors_file, sensor_time, sensordata, options.worlds, model);
+  };
   if (a.has("--json")) {
     std::vector<gsp::ReportLine> lines;
     for (auto const& line : model.report)
@@ -189,6 +222,7 @@ int run(Arguments const& a) {
     std::fprintf(say, "  %.2f s to start, %.4g MB, state %s\n", startup, megabytes, hash_of({&qpos, &qvel}).c_str());
     if (trace_file) std::fprintf(say, "  %s: %zu states of %zu worlds\n", trace_file->c_str(), trace.entries, trace.worlds);
   }
+  write_last();
   return 0;
 }
 
@@ -229,7 +263,11 @@ Command sim_command() {
        device_option(),
        threads_option(),
        {"--trace", "OUT.npz", "write time, qpos, qvel (and act), float64, the start first, the last step last"},
-       {"--every", "E", "steps between two entries of the trace, 1"},
+       {"--sensors", "OUT.npz",
+        "write what the model's sensors say, float64: time (T), sensordata (T,N,nsensordata) in MuJoCo's layout, of the states of the "
+        "trace; "
+        "adr, dim and names of the sensors"},
+       {"--every", "E", "steps between two entries of the trace and of --sensors, 1"},
        {"--save", "OUT.npz", "write the last state whole, impulses and who sleeps with it, for --start"},
        {"--contacts", "OUT.npz",
         "write the contacts of the last step: status of each world; world, geom1, geom2, dist, pos, frame, force (in the frame, on geom2)"},

@@ -140,6 +140,12 @@ class Stepper {
   virtual ContactArrays contacts() = 0;
   /// (worlds, nv) what all constraints together did to the degrees of freedom in the last step [N, N m]; where it stays.
   virtual Array qfrc_constraint() const = 0;
+  /// (worlds, nsensordata) all sensors of the model, of the state as it is (sensor/read_sensors.hpp), evaluated here: steps cost the same
+  /// without, and what follows is to the bit what would have followed; counts, contacts and forces of the last step are lost. NaN where
+  /// nobody evaluates a sensor. Where it stays; allocates at first; waits.
+  virtual Array sensors() = 0;
+  /// A sentence for each sensor that nobody evaluates.
+  virtual std::vector<std::string> sensors_left_out() = 0;
 };
 
 /// Errors: those of make_model and make_simulation.

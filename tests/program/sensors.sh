@@ -1,0 +1,80 @@
+#!/usr/bin/env bash
+# gsp sim --sensors: of the states of the trace, and steps are what they are without it; weights at rest by the closed form; bad input.
+#   sensors.sh GSP
+set -eu
+gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
+if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
+  echo "skipped: a program for CUDA, and no GPU on this machine"
+  exit 77
+fi
+work="$(mktemp -d)"
+trap 'rm -rf "$work"' EXIT
+cd "$work"
+fail() { echo "failed: $*" >&2; exit 1; }
+cat > arrays.py <<'PY'
+import ast, struct, zipfile
+def array(file, name):
+    """Shape and numbers of an array of an npz file."""
+    b = zipfile.ZipFile(file).read(name + ".npy")
+    n = struct.unpack("<H", b[8:10])[0]
+    head = ast.literal_eval(b[10:10 + n].decode())
+    kind = {"<f4": "f", "<f8": "d", "<i4": "i", "|u1": "B"}[head["descr"]]
+    data = b[10 + n:]
+    return head["shape"], struct.unpack("<%d%s" % (len(data) // struct.calcsize(kind), kind), data)
+PY
+# A box of 2 kg that falls onto the floor, and a rod on a hinge that swings; a rangefinder, which the program does not cast.
+cat > model.xml <<'XML'
+<mujoco><option timestep=".002"/><worldbody><geom type="plane" size="5 5 1"/>
+  <body name="box" pos="0 0 .11"><freejoint/><geom type="box" size=".1 .1 .1" mass="2"/><site name="box" type="box" size=".12 .12 .12"/></body>
+  <body name="rod" pos="3 0 2"><joint name="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .5 0 0" size=".02" mass="1"/><site name="tip" pos=".5 0 0"/></body>
+</worldbody>
+<sensor>
+  <touch name="weight" site="box"/><jointpos name="angle" joint="hinge"/><jointvel name="rate" joint="hinge"/>
+  <rangefinder name="range" site="tip"/><accelerometer name="acc" site="box"/><contact name="found" body1="box" num="1" data="found"/>
+</sensor>
+</mujoco>
+XML
+for profile in stable mujoco; do
+  "$gsp" sim model.xml --profile $profile --precision double --steps 1001 --every 100 --trace with.npz --sensors s.npz --json > with.json
+  "$gsp" sim model.xml --profile $profile --precision double --steps 1001 --every 100 --trace without.npz --json > without.json 2> /dev/null
+  cmp with.npz without.npz || fail "the steps, profile $profile"
+  python3 - <<'PY' || fail "contacts and counts of the last step, profile $profile"
+import json
+a, b = (json.load(open(f)) for f in ("with.json", "without.json"))
+assert all(a[k] == b[k] for k in ("state_hash", "contacts", "rows", "iterations")), (a, b)
+PY
+  grep -q "range.*has NaN there" with.json || fail "nothing is said of the rangefinder: $(cat with.json)"
+  python3 - <<'PY' || fail "what sensors say, profile $profile"
+from arrays import array
+(t, n, k), s = array("s.npz", "sensordata")
+_, time = array("s.npz", "time")
+_, when = array("with.npz", "time")
+_, qpos = array("with.npz", "qpos")
+_, qvel = array("with.npz", "qvel")
+_, adr = array("s.npz", "adr")
+_, dim = array("s.npz", "dim")
+names = bytes(array("s.npz", "names")[1]).decode().split("\n")[:-1]
+assert names == ["weight", "angle", "rate", "range", "acc", "found"] and (t, n, k) == (12, 1, 8) and time == when
+assert adr == (0, 1, 2, 3, 4, 7) and dim == (1, 1, 1, 1, 3, 1)
+row = lambda e: s[8 * e:8 * e + 8]
+for e in range(t):  # of the very states of the trace
+    assert row(e)[1] == qpos[8 * e + 7] and row(e)[2] == qvel[7 * e + 6], e
+    assert row(e)[3] != row(e)[3]  # NaN: nobody evaluates it
+rest = row(t - 1)
+# 2 kg at rest: its weight within a thousandth, an accelerometer that feels it, four corners that touch
+assert abs(rest[0] - 2 * 9.81) < .02 and abs(rest[6] - 9.81) < .01 and rest[7] == 4, rest
+assert row(0)[0] == 0 and abs(row(0)[6]) < 1e-9 and row(0)[7] == 0, row(0)  # it falls freely
+PY
+done
+bad() {
+  local want="$1" code=0
+  shift
+  "$gsp" sim "$@" > out.txt 2>&1 || code=$?
+  [ $code = 2 ] && grep -q -- "$want" out.txt || fail "$*: exit code $code, $(cat out.txt)"
+}
+sed '/<sensor>/,/<\/sensor>/d' model.xml > none.xml
+bad "has no sensors" none.xml --steps 2 --sensors s2.npz
+[ ! -e s2.npz ] || fail "a file for no sensors"
+bad "needs --trace or --sensors" model.xml --steps 2 --every 2
+bad "does not exist" model.xml --steps 2 --sensors nowhere/s.npz
+echo "sensors: all as it should be"
