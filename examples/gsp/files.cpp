@@ -424,7 +424,7 @@ void write_trace(std::string const& path, Trace const& t, gsp::CompiledModel con
 void write_sensors(std::string const& path, std::vector<double> const& time, std::vector<double> const& sensordata, int worlds,
                    gsp::CompiledModel const& m) {
   std::string names;
-  for (auto const& sensor : m.sensors) names += sensor.name + "\n";
+  for (auto const& sensor : m.sensors) names += (&sensor == &m.sensors.front() ? "" : "\n") + sensor.name;
   std::vector<std::uint8_t> const letters(names.begin(), names.end());
   std::size_t const sensors = m.sensors.size();
   gsp::io::write_npz(path, {{"time", {{time.size()}, time}},

@@ -71,16 +71,22 @@ gsp::RayMountOptions mount_of(Arguments const& a, gsp::CompiledModel const& m, s
     auto const [end, error] = std::from_chars(words[k].data(), words[k].data() + words[k].size(), x);
     if (error != std::errc() || end != words[k].data() + words[k].size() || !std::isfinite(x))
       a.fail("--mount " + in_quotes(text) + ": " + in_quotes(words[k]) + " is no number; give \"x y z qw qx qy qz\"");
+    if (std::abs(x) > 1e10) a.fail("--mount " + in_quotes(text) + ": " + words[k] + " is beyond 1e10; give smaller numbers");
     numbers.push_back(x);
   }
   gsp::RayMountOptions mount;
+  if (numbers.empty() && words.size() != 1)
+    a.fail("--mount " + in_quotes(text) + " has " + std::to_string(words.size()) +
+           " words; give a site, a body, or \"x y z qw qx qy qz\", with a body's name before it or none");
   if (!numbers.empty()) {
     if (numbers.size() != 7)
       a.fail("--mount " + in_quotes(text) + " has " + std::to_string(words.size()) +
              " words; give \"x y z qw qx qy qz\", with a body's name before it or none");
     mount.pos = {numbers[0], numbers[1], numbers[2]};
     mount.quat = {numbers[3], numbers[4], numbers[5], numbers[6]};
-    if (mount.quat == gsp::Double4{}) a.fail("--mount " + in_quotes(text) + ": the quaternion is 0; give 1 0 0 0 for no rotation");
+    double length = 0;
+    for (double const x : mount.quat) length = std::hypot(length, x);
+    if (!(length > 1e-10)) a.fail("--mount " + in_quotes(text) + ": the quaternion is 0; give 1 0 0 0 for no rotation");
   }
   std::string const name = numbers.empty() ? text : named > 0 ? words[0] : "world";
   if (name == "world") {
@@ -218,7 +224,9 @@ int run(Arguments const& a) {
   gsp::RayScanOptions options;
   options.min_range = a.real_from("--min-range", 0, 0, 1e9);
   options.max_range = a.real("--max-range", std::numeric_limits<double>::infinity(), 0, 1e9);
-  if (!(options.min_range < options.max_range)) a.fail("--min-range must be below --max-range");
+  if (!(options.min_range < options.max_range))
+    a.fail("--min-range " + a.text("--min-range").value_or("0") + " is not below --max-range " + *a.text("--max-range") +
+           "; give a smaller one");
   auto const self = a.choice("--self-filter", {"none", "body", "subtree"}, "body");
   options.self = self == "none" ? gsp::SelfFilter::none : self == "body" ? gsp::SelfFilter::body : gsp::SelfFilter::subtree;
   options.noise.range_sigma = a.real_from("--range-noise", 0, 0, 1e3);
@@ -229,6 +237,10 @@ int run(Arguments const& a) {
   Device const device = choose_device(a);
   std::vector<NamedFile> inputs{{"MODEL", path}}, outputs;
   if (trace_file) inputs.push_back({"--trace", *trace_file});
+  bool const table = a.text("--pattern")->ends_with(".csv") || a.text("--pattern")->ends_with(".npy");
+  if (table) inputs.push_back({"--pattern", *a.text("--pattern")});
+  if (a.has("--table-rate") && !a.text("--pattern")->ends_with(".npy"))
+    a.fail("--table-rate is of a .npy file, which has no times; leave it out");
   for (auto const& [file, option] : {std::pair{npz, "--npz"}, {ply, "--ply"}, {png, "--png"}})
     if (file) {
       expect_writable(*file, option);
@@ -240,6 +252,10 @@ int run(Arguments const& a) {
   Trace trace;
   if (trace_file) {
     trace = read_trace(*trace_file, model);
+    for (std::size_t i = 0; i < trace.qpos.size(); ++i)
+      if (!(std::abs(trace.qpos[i]) <= 1e10))
+        throw Error(*trace_file + ": array 'qpos': value " + std::to_string(i) + " is " + std::to_string(trace.qpos[i]) +
+                    ", and bodies stand within 1e10; correct it");
   } else {
     auto const s = initial_state(model, path, a.text("--keyframe"));
     trace.entries = trace.worlds = 1;
@@ -252,7 +268,7 @@ int run(Arguments const& a) {
   auto const mount = mount_of(a, model, path);
   std::size_t const worlds = trace.worlds;
   if (static_cast<std::size_t>(a.integer("--world", 0, 0, 1 << 24)) >= worlds)
-    a.fail("--world " + *a.text("--world") + ": there are " + std::to_string(worlds) + " worlds, numbered from 0");
+    a.fail("--world " + *a.text("--world") + ": there are " + std::to_string(worlds) + " worlds; give 0 to " + std::to_string(worlds - 1));
   auto const world = static_cast<std::size_t>(a.integer("--world", 0, 0, 1 << 24));
   options.worlds = static_cast<int>(worlds);
   std::size_t rays = pattern.direction.size();
@@ -267,6 +283,9 @@ int run(Arguments const& a) {
                     "--steps is a multiple of");
     options.timestep = step;
     if (pattern.period == 0) pattern.period = 1 / hz;
+    if (double(rays) / (hz * pattern.period) > double(rays) * (1 + 1e-9))
+      a.fail("--hz " + *a.text("--hz") + " asks for more rays a scan than the pattern has, which repeats every " +
+             std::to_string(pattern.period) + " s; give at least " + std::to_string(1 / pattern.period));
     rays = static_cast<std::size_t>(std::clamp(std::llround(double(rays) / (hz * pattern.period)), 1LL, static_cast<long long>(rays)));
     options.rays = static_cast<int>(rays);
   } else {
@@ -286,6 +305,12 @@ int run(Arguments const& a) {
   Scans scans;
   scans.worlds = worlds;
   scans.rays = rays;
+  if (npz) {
+    scans.range.reserve(all);
+    scans.point.reserve(3 * all);
+    scans.geom.reserve(all);
+    scans.time.reserve(trace.entries * rays);
+  }
   std::vector<double> range(worlds * rays), point(3 * worlds * rays), left(rays), xpos, xquat;
   std::vector<int> geom(worlds * rays);
   Progress progress("scanning", quiet(a));

@@ -116,7 +116,7 @@ bad "'one' is no number" room.xml --pattern vlp16 --mount "one 0 0 1 0 0 0"
 bad "the quaternion is 0" room.xml --pattern vlp16 --mount "0 0 0 0 0 0 0"
 bad "needs --trace" room.xml --pattern vlp16 --mount unit --hz 10
 bad "there are 1 worlds" room.xml --pattern vlp16 --mount unit --world 1
-bad "must be below" room.xml --pattern vlp16 --mount unit --min-range 2 --max-range 1
+bad "is not below" room.xml --pattern vlp16 --mount unit --min-range 2 --max-range 1
 bad "no such file" room.xml --pattern none.csv --mount unit
 printf 'time,azimuth,zenith\n0,0,nan\n' > nan.csv
 bad "nan.csv" room.xml --pattern nan.csv --mount unit

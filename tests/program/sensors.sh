@@ -22,7 +22,7 @@ def array(file, name):
     data = b[10 + n:]
     return head["shape"], struct.unpack("<%d%s" % (len(data) // struct.calcsize(kind), kind), data)
 PY
-# A box of 2 kg that falls onto the floor, and a rod on a hinge that swings; a rangefinder, which the program does not cast.
+# A box of 2 kg that falls onto the floor, and a rod on a hinge that swings; a distance of two bodies, which nobody computes.
 cat > model.xml <<'XML'
 <mujoco><option timestep=".002"/><worldbody><geom type="plane" size="5 5 1"/>
   <body name="box" pos="0 0 .11"><freejoint/><geom type="box" size=".1 .1 .1" mass="2"/><site name="box" type="box" size=".12 .12 .12"/></body>
@@ -30,7 +30,7 @@ cat > model.xml <<'XML'
 </worldbody>
 <sensor>
   <touch name="weight" site="box"/><jointpos name="angle" joint="hinge"/><jointvel name="rate" joint="hinge"/>
-  <rangefinder name="range" site="tip"/><accelerometer name="acc" site="box"/><contact name="found" body1="box" num="1" data="found"/>
+  <distance name="range" body1="box" body2="rod" cutoff="9"/><accelerometer name="acc" site="box"/><contact name="found" body1="box" num="1" data="found"/>
 </sensor>
 </mujoco>
 XML
@@ -43,7 +43,7 @@ import json
 a, b = (json.load(open(f)) for f in ("with.json", "without.json"))
 assert all(a[k] == b[k] for k in ("state_hash", "contacts", "rows", "iterations")), (a, b)
 PY
-  grep -q "range.*has NaN there" with.json || fail "nothing is said of the rangefinder: $(cat with.json)"
+  grep -q "range.*has NaN there" with.json || fail "nothing is said of the distance: $(cat with.json)"
   python3 - <<'PY' || fail "what sensors say, profile $profile"
 from arrays import array
 (t, n, k), s = array("s.npz", "sensordata")
@@ -53,7 +53,7 @@ _, qpos = array("with.npz", "qpos")
 _, qvel = array("with.npz", "qvel")
 _, adr = array("s.npz", "adr")
 _, dim = array("s.npz", "dim")
-names = bytes(array("s.npz", "names")[1]).decode().split("\n")[:-1]
+names = bytes(array("s.npz", "names")[1]).decode().split("\n")
 assert names == ["weight", "angle", "rate", "range", "acc", "found"] and (t, n, k) == (12, 1, 8) and time == when
 assert adr == (0, 1, 2, 3, 4, 7) and dim == (1, 1, 1, 1, 3, 1)
 row = lambda e: s[8 * e:8 * e + 8]
