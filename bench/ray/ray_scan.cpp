@@ -8,7 +8,6 @@
 #include <gsp/model/attach.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>
-#include <gsp/ray/livox_pattern.hpp>
 #include <gsp/ray/ray_scan.hpp>
 
 #include "support/bench.hpp"
@@ -110,9 +109,7 @@ void run_environments(int worlds) {
   gsp::forward_kinematics(exec, model, state, poses, dynamics);
   dynamics = {};
   auto scene = gsp::make_ray_scene<float>(exec, model, compiled, {.worlds = worlds});
-  auto pattern = gsp::mid360_pattern(0, 20000);
-  pattern.time.clear();  // all from one pose
-  pattern.period = 0;
+  auto const pattern = gsp::spherical_pattern(200, 100);  // all at once, half of them down
   auto unit = gsp::make_ray_scan<float>(exec, compiled, pattern, {.body = "trunk", .pos = {0.25, 0, 0.1}},
                                         {.worlds = worlds, .geoms = false, .points = false});
   gsp::begin_ray_scan(exec, poses, unit);
