@@ -102,6 +102,7 @@
 #include <gsp/sensor/body_contacts.hpp>
 #include <gsp/sensor/cameras.hpp>
 #include <gsp/sensor/constraint_sensors.hpp>
+#include <gsp/sensor/range_sensors.hpp>
 #include <gsp/sensor/read_sensors.hpp>
 #include <gsp/sensor/sense.hpp>
 #include <gsp/sensor/sensor_table.hpp>

@@ -295,15 +295,15 @@ TEST_CASE("a skin is seen only: one line, whatever it holds, also where its file
 
 // A sensor that is read and never computed is not silent; a user's is the user's.
 TEST_CASE("sensors that are not computed are told") {
-  auto const d =
-      parse_mjcf(model("<site name='s'/>",
-                       "<sensor><gyro site='s'/><rangefinder site='s'/><touch site='s'/><distance body1='world' body2='world'/>\n"
-                       "<rangefinder site='s'/><accelerometer site='s'/><user dim='1'/></sensor>"),
-                 "m.xml");
+  auto const d = parse_mjcf(model("<site name='s'/>",
+                                  "<sensor><gyro site='s'/><normal body1='world' body2='world'/><rangefinder site='s'/><touch "
+                                  "site='s'/><distance body1='world' body2='world'/>\n"
+                                  "<normal body1='world' body2='world'/><accelerometer site='s'/><user dim='1'/></sensor>"),
+                            "m.xml");
   REQUIRE(d.report.size() == 2);
   for (int k = 0; k < 2; ++k) {
     CHECK(d.report[k].kind == ReportLine::Kind::no_effect);
-    CHECK(d.report[k].text.find(k == 0 ? "rangefinder: " : "distance: ") == 0);
+    CHECK(d.report[k].text.find(k == 0 ? "normal: " : "distance: ") == 0);
     CHECK(d.report[k].count == 2 - k);
   }
 }

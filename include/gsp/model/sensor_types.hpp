@@ -68,7 +68,8 @@ enum class SensorStage : int {
   momentum,      // subtree_com, subtree_momentum
   constraint,    // forces of contacts and limits
   acceleration,  // accelerations of bodies and what acts between them, with the forces of constraints
-  shape,         // rays, distances between shapes
+  ray,           // rays against shapes
+  shape,         // distances between shapes
   outside        // a function of the user's own
 };
 
@@ -96,7 +97,7 @@ inline constexpr SensorInfo sensor_types[] = {
     {SensorType::force, "force", 3, SensorStage::acceleration, SensorCutoff::both_sides, SensorObject::site},
     {SensorType::torque, "torque", 3, SensorStage::acceleration, SensorCutoff::both_sides, SensorObject::site},
     {SensorType::magnetometer, "magnetometer", 3, SensorStage::pose, SensorCutoff::both_sides, SensorObject::site},
-    {SensorType::rangefinder, "rangefinder", 0, SensorStage::shape, SensorCutoff::both_sides, SensorObject::any},
+    {SensorType::rangefinder, "rangefinder", 0, SensorStage::ray, SensorCutoff::both_sides, SensorObject::any},
     {SensorType::cam_projection, "camprojection", 2, SensorStage::pose, SensorCutoff::both_sides, SensorObject::projection},
     {SensorType::joint_pos, "jointpos", 1, SensorStage::state, SensorCutoff::both_sides, SensorObject::joint},
     {SensorType::joint_vel, "jointvel", 1, SensorStage::state, SensorCutoff::both_sides, SensorObject::joint},
@@ -162,15 +163,17 @@ constexpr bool is_smooth(SensorStage stage) {
       return true;
     case SensorStage::constraint:
     case SensorStage::acceleration:
+    case SensorStage::ray:
     case SensorStage::shape:
     case SensorStage::outside:
       return false;
   }
   return false;
 }
-/// Whether the library evaluates it: rays and distances between shapes are yours to cast, and what is outside to compute.
+/// Whether the library evaluates it: distances between shapes it does not, and what is outside is yours to compute. (Of rays: those of
+/// sites, not of cameras.)
 constexpr bool is_evaluated(SensorStage stage) {
-  return is_smooth(stage) || stage == SensorStage::constraint || stage == SensorStage::acceleration;
+  return is_smooth(stage) || stage == SensorStage::constraint || stage == SensorStage::acceleration || stage == SensorStage::ray;
 }
 constexpr bool sensor_types_in_order() {
   int at = 0;

@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/sensor/acceleration_sensors.hpp>
 #include <gsp/sensor/constraint_sensors.hpp>
+#include <gsp/sensor/range_sensors.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>
 #include <gsp/step/step.hpp>
 
@@ -17,6 +18,7 @@ void read_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> co
   Region const region("gsp::sensor::read_sensors");
   smooth_sensors(exec, model, state, sim.poses, sim.dynamics, sensors, data);
   constraint_sensors(exec, model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.rows, sim.impulses, sensors, data);
+  range_sensors(exec, model, state, sim.poses, sensors, data);
   if (sensors.accelerated.extent(0) == 0) return;
   accelerations(exec, model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.rows, sim.impulses, sim.solution,
                 sensors.accelerations, sim.sleep.islands);

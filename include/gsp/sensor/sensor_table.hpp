@@ -6,6 +6,7 @@
 #include <gsp/model/contact_sensor.hpp>
 #include <gsp/model/detail/sizes.hpp>
 #include <gsp/model/sensor_types.hpp>
+#include <gsp/ray/ray_scene.hpp>
 #include <gsp/sensor/accelerations.hpp>
 
 /// The sensors of a model, sorted by the stage that they need: what smooth_sensors, constraint_sensors and acceleration_sensors evaluate.
@@ -35,6 +36,16 @@ struct ContactSensorEntry {
   KOKKOS_INLINE_FUNCTION bool has(ContactField field) const { return (fields >> int(field)) & 1u; }
 };
 
+enum class RangeField : int { dist, dir, origin, point, normal, depth };
+/// A rangefinder of a site, and which of a ray's numbers it says.
+template <class R>
+struct RangeSensorEntry {
+  int adr = 0, site = 0;
+  unsigned fields = 1;
+  R cutoff = R(0);  // 0: no limit
+  KOKKOS_INLINE_FUNCTION bool has(RangeField field) const { return (fields >> int(field)) & 1u; }
+};
+
 /// The sensors of a model that are evaluated here, and buffers. `make_sensors` allocates it.
 template <class R, class Mem>
 struct Sensors {
@@ -45,6 +56,8 @@ struct Sensors {
   Kokkos::View<ContactSensorEntry*, Mem> contacts;
   Kokkos::View<SensorEntry<R>*, Mem> limits;       // of joints and tendons
   Kokkos::View<SensorEntry<R>*, Mem> accelerated;  // of accelerations, and of forces between bodies
+  Kokkos::View<RangeSensorEntry<R>*, Mem> ranges;  // rays from sites
+  RayScene<R, Mem> scene;                          // what they may meet; empty where there are none
   Kokkos::View<SensorEntry<R>*, Mem> users;        // `user`: adr + local numbers, which are yours to write
   Kokkos::View<int*, Mem> site_type;               // (nsite) ShapeType of their volumes
   Kokkos::View<R*, Mem> site_size;                 // (3 nsite) [m]
@@ -54,7 +67,7 @@ struct Sensors {
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> energy;
   Accelerations<R, Mem> accelerations;  // empty where no sensor asks for them
   detail::Quantities needs;             // host: what the dynamics must hold for those of the smooth state
-  std::vector<int> left_out;            // host: indices of the model's sensors that nobody here evaluates: rays, distances, user
+  std::vector<int> left_out;            // host: indices of the model's sensors that nobody here evaluates: distances, user
   std::vector<std::string> why;         // host: a sentence for each of them
 };
 
@@ -115,12 +128,37 @@ inline int place_among_limited(CompiledModel const& m, std::vector<int> const& l
   if (!m.option.limit || !m.option.constraint) return -1;
   return int(std::count_if(limited.begin(), limited.begin() + id, [](int l) { return l != 0; }));
 }
+template <class R>
+RangeSensorEntry<R> range_entry(SensorDescription const& d, int adr, int site) {
+  char const* const words[] = {"dist", "dir", "origin", "point", "normal", "depth"};
+  RangeSensorEntry<R> e{adr, site, 1u, R(d.cutoff)};
+  for (auto const& [key, value] : d.settings) {
+    if (key != "data") continue;
+    e.fields = 0;
+    std::string const list = " " + value + " ";
+    for (int k = 0; k < 6; ++k) e.fields |= unsigned(list.find(" " + std::string(words[k]) + " ") != std::string::npos) << k;
+  }
+  return e;
+}
+/// Why a sensor that is evaluated in other models is not in this one; or empty.
+inline std::string not_in_this_model(CompiledModel const& m, SensorType type, int object) {
+  auto const on_body = [&](int a) { return Transmission(m.act_target[a]) == Transmission::body; };
+  bool spatial = false, adhesive = false;
+  for (int const n : m.tendon_wrapnum) spatial = spatial || n > 0;
+  for (int a = 0; a < int(m.act_target.size()); ++a) adhesive = adhesive || on_body(a);
+  if ((type == SensorType::force || type == SensorType::torque) && spatial)
+    return "what spatial tendons pull at bodies is not taken apart by body yet";
+  if (type == SensorType::actuator_vel && on_body(object)) return "an adhesion actuator has no velocity here";
+  if (type == SensorType::joint_actuator_force && adhesive) return "what adhesion actuators press with does not reach joints here";
+  return "";
+}
 /// Why the library leaves a sensor to others.
 inline std::string why_left_out(SensorDescription const& d, SensorInfo const* info, int index) {
   std::string const name = "sensor " + std::to_string(index) + " '" + d.name + "' (" + d.type + ") ";
   if (info && info->stage == SensorStage::outside)
     return name + "is yours to compute: write its numbers with gsp::sense, then call limit_user_sensors for its cutoff";
-  if (info && info->type == SensorType::rangefinder) return name + "is not evaluated: cast rays from the site with gsp::cast_rays";
+  if (info && info->type == SensorType::rangefinder)
+    return name + "is not evaluated: of a camera, cast a ray for each of its pixels with gsp::cast_rays";
   if (info && info->type == SensorType::tactile)
     return name + "is not evaluated: it needs signed distances of shapes, which there are none of";
   if (info && info->stage == SensorStage::shape) return name + "is not evaluated: there is no function for distances between shapes yet";
@@ -160,6 +198,7 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
   bool subtrees = false, energy = false, volumes = false;
   std::vector<Entry> entries, touches, limits, accelerated, users;
   std::vector<ContactSensorEntry> contacts;
+  std::vector<RangeSensorEntry<R>> ranges;
   for (int i = 0; i < compiled.nsensor; ++i) {
     auto const& d = compiled.sensors[i];
     SensorInfo const* const info = find_sensor_type(d.type);
@@ -182,8 +221,18 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
       e.local = compiled.sensor_dim[i];
       if (e.local > 0 && e.cutoff > R(0)) users.push_back(e);
     }
-    if (!info || !detail::is_evaluated(info->stage)) {
+    bool const of_pixels = info && info->type == SensorType::rangefinder && d.object_type == "camera";
+    if (!info || !detail::is_evaluated(info->stage) || of_pixels) {
       leave_out();
+      continue;
+    }
+    if (auto const fault = detail::not_in_this_model(compiled, info->type, e.object); !fault.empty()) {
+      s.left_out.push_back(i);
+      s.why.push_back("sensor " + std::to_string(i) + " '" + d.name + "' (" + d.type + ") is not evaluated: " + fault);
+      continue;
+    }
+    if (info->type == SensorType::rangefinder) {
+      ranges.push_back(detail::range_entry<R>(d, e.adr, e.object));
       continue;
     }
     if (info->type == SensorType::contact) {
@@ -236,6 +285,8 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
   upload(s.limits, "gsp::Sensors::limits", limits);
   upload(s.accelerated, "gsp::Sensors::accelerated", accelerated);
   upload(s.users, "gsp::Sensors::users", users);
+  upload(s.ranges, "gsp::Sensors::ranges", ranges);
+  if (!ranges.empty()) s.scene = make_ray_scene<R>(exec, model, compiled, {.worlds = options.worlds});
   if (volumes) {
     expects(int(compiled.site_type.size()) == compiled.nsite && int(compiled.site_size.size()) == compiled.nsite,
             "gsp::make_sensors: the compiled model has no volumes of sites (site_type, site_size): compile a description");

@@ -166,10 +166,13 @@ inline void read_sensors(Document& doc, Node const& node) {
     doc.count(1, child.place);
     doc.draft.lists.sensors.push_back(read_sensor(doc.attributes(child), child.name));
     if (SensorInfo const* const info = find_sensor_type(child.name);
-        info && info->stage != SensorStage::outside && !gsp::detail::is_evaluated(info->stage))
+        info && info->stage != SensorStage::outside &&
+        (!gsp::detail::is_evaluated(info->stage) ||
+         (info->stage == SensorStage::ray && doc.draft.lists.sensors.back().object_type == "camera")))
       doc.note(Line::no_effect, child.place,
                child.name +
-                   ": what asks for rays or distances between shapes is not computed, and its columns of sensordata stay as they are "
+                   ": what asks for distances between shapes, or for rays of a camera's pixels, is not computed, and its columns of "
+                   "sensordata stay as they are "
                    "(Sensors::left_out, Sensors::why)");
   }
 }

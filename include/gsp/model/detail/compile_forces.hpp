@@ -214,7 +214,9 @@ class ForceCompiler : public BodyCompiler {
                       : info.about == O::site || info.about == O::projection ? "site"
                                                                              : "";
     if (*word) require(object >= 0 && kind_of(s.object_type) == kind_of(word), std::string("is about a ") + word + ": name one");
-    if (info.about == O::joint) require(JointType(m_.jnt_type[object]) >= JointType::slide, "is about a hinge or slide joint: name one");
+    bool const of_limit = info.stage == SensorStage::constraint;  // balls have limits too
+    if (info.about == O::joint && !(of_limit && JointType(m_.jnt_type[object]) == JointType::ball))
+      require(JointType(m_.jnt_type[object]) >= JointType::slide, "is about a hinge or slide joint: name one");
     if (info.about == O::ball) require(JointType(m_.jnt_type[object]) == JointType::ball, "is about a ball joint: name one");
     bool const limit = info.stage == SensorStage::constraint;
     if (limit && info.about == O::joint) require(m_.jnt_limited[object], "is about the limits of a joint that has none: give it a range");
