@@ -136,7 +136,7 @@ class KokkosStepper : public Stepper {
         model_(make_runtime_model<R>(exec_, m, o)),
         state_(make_state(exec_, model_, {.worlds = o.worlds})),
         simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
-        compiled_(m),
+        compiled_(m.sensors.empty() ? CompiledModel{} : m),  // for sensors alone: with its meshes it may be large
         joint_of_dof_(m.dof_jnt),
         joint_qpos_(m.jnt_qposadr),
         timestep_(o.timestep > 0 ? o.timestep : m.option.timestep) {
@@ -347,6 +347,7 @@ class KokkosStepper : public Stepper {
   }
   Array qfrc_constraint() const override { return array_of<Exec>(simulation_.solution.qfrc_constraint); }
   Array sensors() override {
+    if (compiled_.sensors.empty()) return make_array(nullptr, dtype_of<R>(), device_of<Exec>(), {state_.worlds, 0});
     make_sensors_once();
     Kokkos::deep_copy(exec_, sensordata_, std::numeric_limits<R>::quiet_NaN());
     // forward starts and leaves impulses, and wakes who sleeps: the next step begins from those of the last one
@@ -362,6 +363,7 @@ class KokkosStepper : public Stepper {
     return array_of<Exec>(sensordata_);
   }
   std::vector<std::string> sensors_left_out() override {
+    if (compiled_.sensors.empty()) return {};
     make_sensors_once();
     return sensors_->why;
   }

@@ -7,21 +7,11 @@ if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcu
   echo "skipped: a program for CUDA, and no GPU on this machine"
   exit 77
 fi
+export PYTHONPATH="$(cd "$(dirname "$0")" && pwd)" PYTHONDONTWRITEBYTECODE=1
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
 cd "$work"
 fail() { echo "failed: $*" >&2; exit 1; }
-cat > arrays.py <<'PY'
-import ast, struct, zipfile
-def array(file, name):
-    """Shape and numbers of an array of an npz file."""
-    b = zipfile.ZipFile(file).read(name + ".npy")
-    n = struct.unpack("<H", b[8:10])[0]
-    head = ast.literal_eval(b[10:10 + n].decode())
-    kind = {"<f4": "f", "<f8": "d", "<i4": "i"}[head["descr"]]
-    data = b[10 + n:]
-    return head["shape"], struct.unpack("<%d%s" % (len(data) // struct.calcsize(kind), kind), data)
-PY
 # A room of 4 x 6 x 3 m (walls as planes that look inward), a ball that falls along its middle, and a cart on which a unit rides.
 cat > room.xml <<'XML'
 <mujoco><option timestep=".01" gravity="0 0 0"/><worldbody>

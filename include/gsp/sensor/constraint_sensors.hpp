@@ -39,11 +39,8 @@ void constraint_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, M
   detail::expects_contact_forces(where, model, collision, contacts, rows, impulses);
   detail::expects_forces_of(where, state, rows, impulses);
   detail::ContactSensorBase<R, Mem> const base{detail::contact_force_of(model, collision, contacts, rows, impulses),
-                                               poses,
+                                               {model, poses},
                                                model.body_parent,
-                                               model.site_body,
-                                               model.site_pos,
-                                               model.site_quat,
                                                sensors.site_type,
                                                sensors.site_size,
                                                detail::has_solution(rows, impulses)};

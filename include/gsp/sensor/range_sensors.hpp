@@ -13,9 +13,7 @@ namespace detail {
 template <class R, class Mem>
 struct RangeSensors {
   RayScene<R, Mem> scene;
-  Poses<R, Mem> poses;
-  Kokkos::View<int const*, Mem> site_body;
-  Field<R> site_pos, site_quat;
+  SitePoses<R, Mem> sites;
   Kokkos::View<RangeSensorEntry<R>*, Mem> entries;
   int nsensordata;
   int count() const { return int(entries.extent(0)); }
@@ -29,13 +27,9 @@ struct RangeSensors {
   template <class Put>
   KOKKOS_FUNCTION void operator()(int w, int i, Put const& put) const {
     RangeSensorEntry<R> const& e = entries(i);
-    int const b = site_body(e.site);
-    R const *const x = &poses.xpos(w, b, 0), *const q = &poses.xquat(w, b, 0), *const p = site_pos.row(w) + 3 * e.site,
-                   *const s = site_quat.row(w) + 4 * e.site;
-    Transform<R> const site =
-        Transform<R>{{x[0], x[1], x[2]}, {q[0], q[1], q[2], q[3]}} * Transform<R>{{p[0], p[1], p[2]}, {s[0], s[1], s[2], s[3]}};
+    Transform<R> const site = sites(w, e.site);
     Vec3<R> const from = site.p, along = rotate(site.q, Vec3<R>{R(0), R(0), R(1)}), zero{R(0), R(0), R(0)};
-    RayCaster<R, Mem> const caster{scene, {.body_exclude = b}};
+    RayCaster<R, Mem> const caster{scene, {.body_exclude = sites.site_body(e.site)}};
     R const origin[3] = {from.x, from.y, from.z}, direction[3] = {along.x, along.y, along.z};
     auto const met = caster.first({caster.read(origin, 1), caster.read(direction, 1)}, w);
     bool const hit = caster.geom_of(met, 0) >= 0;
@@ -70,10 +64,8 @@ void range_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> c
   if (sensors.ranges.extent(0) == 0) return;
   detail::expects_poses_of(where, poses, state);
   place_ray_geoms(exec, model, poses, sensors.scene);
-  sense(exec,
-        detail::RangeSensors<R, Mem>{sensors.scene, poses, model.site_body, model.site_pos, model.site_quat, sensors.ranges,
-                                     sensors.nsensordata},
-        data, {.label = "gsp::sensor::range_sensors"});
+  sense(exec, detail::RangeSensors<R, Mem>{sensors.scene, {model, poses}, sensors.ranges, sensors.nsensordata}, data,
+        {.label = "gsp::sensor::range_sensors"});
 }
 
 }  // namespace gsp

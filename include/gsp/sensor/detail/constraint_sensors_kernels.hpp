@@ -12,20 +12,12 @@ namespace gsp::detail {
 template <class R, class Mem>
 struct ContactSensorBase {
   ContactForce<R, Mem> force_of;
-  Poses<R, Mem> poses;
-  typename Model<R, Mem>::template Array<int> body_parent, site_body;
-  Field<R> site_pos, site_quat;
+  SitePoses<R, Mem> site;  // site(w, s)
+  typename Model<R, Mem>::template Array<int> body_parent;
   Kokkos::View<int*, Mem> site_type;
   Kokkos::View<R*, Mem> site_size;
   bool solved;
 
-  KOKKOS_INLINE_FUNCTION Transform<R> site(int w, int s) const {
-    int const b = site_body(s);
-    Transform<R> const body{{poses.xpos(w, b, 0), poses.xpos(w, b, 1), poses.xpos(w, b, 2)},
-                            {poses.xquat(w, b, 0), poses.xquat(w, b, 1), poses.xquat(w, b, 2), poses.xquat(w, b, 3)}};
-    return body * Transform<R>{{site_pos(w, 3 * s), site_pos(w, 3 * s + 1), site_pos(w, 3 * s + 2)},
-                               {site_quat(w, 4 * s), site_quat(w, 4 * s + 1), site_quat(w, 4 * s + 2), site_quat(w, 4 * s + 3)}};
-  }
   KOKKOS_INLINE_FUNCTION ShapeType volume(int s) const { return ShapeType(site_type(s)); }
   KOKKOS_INLINE_FUNCTION Vec3<R> size_of(int s) const { return {site_size(3 * s), site_size(3 * s + 1), site_size(3 * s + 2)}; }
   KOKKOS_INLINE_FUNCTION bool force(int w, int k, R (&f)[6]) const {
@@ -46,7 +38,7 @@ struct TouchSensors {
   KOKKOS_INLINE_FUNCTION R limit(int i, R x) const { return cut(entries(i), x); }
   template <class Put>
   KOKKOS_FUNCTION void operator()(int w, int i, Put const& put) const {
-    int const s = entries(i).object, body = base.site_body(s);
+    int const s = entries(i).object, body = base.site.site_body(s);
     auto const& contacts = base.force_of.contacts;
     Transform<R> const site = base.site(w, s);
     R sum(0);

@@ -38,6 +38,23 @@ struct SensorFrames {
   }
 };
 
+/// Where sites are, one world at a time.
+template <class R, class Mem>
+struct SitePoses {
+  Poses<R, Mem> poses;
+  typename Model<R, Mem>::template Array<int> site_body;
+  Field<R> site_pos, site_quat;
+  SitePoses(Model<R, Mem> const& model, Poses<R, Mem> const& of)
+      : poses(of), site_body(model.site_body), site_pos(model.site_pos), site_quat(model.site_quat) {}
+  KOKKOS_INLINE_FUNCTION Transform<R> operator()(int w, int s) const {
+    int const b = site_body(s);
+    Transform<R> const body{{poses.xpos(w, b, 0), poses.xpos(w, b, 1), poses.xpos(w, b, 2)},
+                            {poses.xquat(w, b, 0), poses.xquat(w, b, 1), poses.xquat(w, b, 2), poses.xquat(w, b, 3)}};
+    return body * Transform<R>{{site_pos(w, 3 * s), site_pos(w, 3 * s + 1), site_pos(w, 3 * s + 2)},
+                               {site_quat(w, 4 * s), site_quat(w, 4 * s + 1), site_quat(w, 4 * s + 2), site_quat(w, 4 * s + 3)}};
+  }
+};
+
 /// Sensors of this model, and room for their numbers.
 template <class R, class Mem, class View>
 void expects_sensors(char const* where, Model<R, Mem> const& model, Sensors<R, Mem> const& sensors, View const& data) {
