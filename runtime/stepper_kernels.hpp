@@ -93,24 +93,27 @@ template <class... Types>
 constexpr int types_in(std::type_identity<ConstraintList<Types...>>) {
   return sizeof...(Types);
 }
-/// The arrays of a snapshot, of so many impulses; unsigned numbers as those with a sign. Names of constraint types are left out: they hang
+/// A view of any rank; unsigned numbers as those with a sign.
+template <class Exec, class View>
+Array array_of_any(View const& view) {
+  using Item = typename View::value_type;
+  using Signed = std::conditional_t<std::is_same_v<Item, std::uint64_t>, std::int64_t,
+                                    std::conditional_t<std::is_same_v<Item, std::uint32_t>, int, Item>>;
+  Array a = make_array(view.data(), dtype_of<Signed>(), device_of<Exec>(), {});
+  std::int64_t step = 1;
+  a.rank = static_cast<int>(view.rank());
+  for (int k = a.rank; k-- > 0; step *= a.extents[k]) {
+    a.extents[k] = static_cast<std::int64_t>(view.extent(k));
+    a.strides[k] = step;
+  }
+  return a;
+}
+/// The arrays of a snapshot, of so many impulses. Names of constraint types are left out: they hang
 /// on the compiler.
 template <class Exec, class R, class Mem>
 std::vector<NamedArray> arrays_of(Snapshot<R, Mem> const& s, std::int64_t rows) {
   std::vector<NamedArray> out;
-  auto const add = [&](std::string const& name, auto const& view) {
-    using Item = typename std::decay_t<decltype(view)>::value_type;
-    using Signed = std::conditional_t<std::is_same_v<Item, std::uint64_t>, std::int64_t,
-                                      std::conditional_t<std::is_same_v<Item, std::uint32_t>, int, Item>>;
-    Array a = make_array(view.data(), dtype_of<Signed>(), device_of<Exec>(), {});
-    std::int64_t step = 1;
-    a.rank = static_cast<int>(view.rank());
-    for (int k = a.rank; k-- > 0; step *= a.extents[k]) {
-      a.extents[k] = static_cast<std::int64_t>(view.extent(k));
-      a.strides[k] = step;
-    }
-    out.push_back({name, a});
-  };
+  auto const add = [&](std::string const& name, auto const& view) { out.push_back({name, array_of_any<Exec>(view)}); };
   gsp::detail::each_state_view([&](char const* name, auto const& view) { add(std::string("state.") + name, view); }, s.state);
   if (s.sleep.calm.data())
     gsp::detail::each_sleep_view([&](char const* name, auto const& view) { add(std::string("sleep.") + name, view); }, s.sleep);
@@ -123,6 +126,18 @@ std::vector<NamedArray> arrays_of(Snapshot<R, Mem> const& s, std::int64_t rows) 
   add("impulses.id", i.id);
   add("impulses.place", i.place);
   for (std::size_t k = pool; k < out.size(); ++k) out[k].array = out[k].array.rows(0, rows);
+  return out;
+}
+/// Those of late sensors.
+template <class Exec, class R, class Mem>
+std::vector<NamedArray> arrays_of(SensorHistory<R, Mem> const& h) {
+  std::vector<NamedArray> out;
+  if (h.count() > 0)
+    gsp::detail::each_history_view(
+        [&](char const* name, auto const& view) {
+          out.push_back({std::string("sensors.") + name, array_of_any<Exec>(view)});
+        },
+        h);
   return out;
 }
 
@@ -204,7 +219,12 @@ class KokkosStepper : public Stepper {
     auto const& i = snapshot_->impulses;
     auto const first = gsp::detail::to_host(exec_, i.first), count = gsp::detail::to_host(exec_, i.count),
                kept = gsp::detail::to_host(exec_, i.kept);
-    return arrays_of<Exec>(*snapshot_, first.back() + count.back() + kept.back());
+    auto out = arrays_of<Exec>(*snapshot_, first.back() + count.back() + kept.back());
+    if (sensors_) {
+      auto const late = arrays_of<Exec>(sensors_->history);
+      out.insert(out.end(), late.begin(), late.end());
+    }
+    return out;
   }
   void restore(std::vector<NamedArray> const& arrays) override {
     auto const find = [&](std::string const& name) {
@@ -234,6 +254,7 @@ class KokkosStepper : public Stepper {
     }
     expect_in_range(s, rows);
     expect_numbers(s);
+    auto const late = late_of(arrays, static_cast<int>(worlds));
     auto const list = model_constraints(model_, state_, simulation_.poses, simulation_.dynamics, simulation_.collision,
                                         simulation_.contacts, simulation_.cone);
     auto const names = gsp::detail::names_of(list);
@@ -241,12 +262,19 @@ class KokkosStepper : public Stepper {
                   "step has other constraint types: raise snapshot_version, and this number");
     gsp::detail::upload_bytes(exec_, s.impulses.type_names.data(), names.name, std::size_t(names.count) * sizeof names.name[0]);
     gsp::restore(exec_, s, state_, simulation_);
+    if (late)
+      copy_sensor_history(exec_, *late, sensors_->history, gsp::detail::AllWorlds{});
+    else if (sensors_)
+      reset_sensor_history(exec_, sensors_->history, gsp::detail::AllWorlds{});
     exec_.fence("gsp::runtime::Stepper::restore: the copies may go");
     stale_ = true;
   }
   void step(StepOptions const& options) override {
     solver_.residual = newton_.residual = options.measure_residual;
-    gsp::step(exec_, model_, state_, simulation_, {.steps = options.steps, .solver = solver_, .newton = newton_, .poses = false});
+    bool const late = sensors_ && sensors_->history.count() > 0;
+    for (int k = 0; k < options.steps && late; ++k) step_late();
+    if (!late)
+      gsp::step(exec_, model_, state_, simulation_, {.steps = options.steps, .solver = solver_, .newton = newton_, .poses = false});
     stale_ = true;  // poses of the end where somebody asks for them: a call of one step would pay for them each time
   }
 
@@ -349,15 +377,7 @@ class KokkosStepper : public Stepper {
   Array sensors() override {
     if (compiled_.sensors.empty()) return make_array(nullptr, dtype_of<R>(), device_of<Exec>(), {state_.worlds, 0});
     make_sensors_once();
-    Kokkos::deep_copy(exec_, sensordata_, std::numeric_limits<R>::quiet_NaN());
-    // forward starts and leaves impulses, and wakes who sleeps: the next step begins from those of the last one
-    if (before_sensors_)
-      gsp::save(exec_, state_, simulation_, *before_sensors_);
-    else
-      before_sensors_ = make_snapshot(exec_, state_, simulation_);
-    gsp::forward(exec_, model_, state_, simulation_, {.solver = solver_, .newton = newton_});
-    read_sensors(exec_, model_, state_, simulation_, *sensors_, sensordata_);
-    gsp::restore(exec_, *before_sensors_, state_, simulation_);
+    evaluate([&] { read_all(); });
     exec_.fence("gsp::runtime::Stepper::sensors: the numbers are there");
     stale_ = true;
     return array_of<Exec>(sensordata_);
@@ -369,9 +389,64 @@ class KokkosStepper : public Stepper {
   }
 
  private:
+  /// forward, `then`, and back: forward starts and leaves impulses, and wakes who sleeps; the next step begins from those of the last one.
+  template <class F>
+  void evaluate(F const& then) {
+    if (before_sensors_)
+      gsp::save(exec_, state_, simulation_, *before_sensors_);
+    else
+      before_sensors_ = make_snapshot(exec_, state_, simulation_);
+    gsp::forward(exec_, model_, state_, simulation_, {.solver = solver_, .newton = newton_});
+    then();
+    gsp::restore(exec_, *before_sensors_, state_, simulation_);
+  }
+  void read_all() {
+    Kokkos::deep_copy(exec_, sensordata_, std::numeric_limits<R>::quiet_NaN());
+    read_sensors(exec_, model_, state_, simulation_, *sensors_, sensordata_);
+  }
+  /// A step at whose start late sensors measure.
+  void step_late() {
+    auto const measure = [&] {
+      read_all();
+      record_sensors(exec_, state_, sensors_->history);
+    };
+    if (gsp::detail::has_runge_kutta(model_)) {
+      evaluate(measure);
+      gsp::step(exec_, model_, state_, simulation_, {.solver = solver_, .newton = newton_, .poses = false});
+      return;
+    }
+    gsp::forward(exec_, model_, state_, simulation_, {.solver = solver_, .newton = newton_});
+    measure();
+    gsp::advance(exec_, model_, state_, simulation_);
+  }
+  /// What late sensors remember, of such arrays; nothing where there are none.
+  std::optional<SensorHistory<R, Mem>> late_of(std::vector<NamedArray> const& arrays, int worlds) {
+    if (std::none_of(arrays.begin(), arrays.end(), [](NamedArray const& a) { return a.name.starts_with("sensors."); })) return {};
+    if (!compiled_.sensors.empty()) make_sensors_once();
+    if (!sensors_ || sensors_->history.count() == 0)
+      throw Error("sensors keep samples there, and here none does: restore it with the model that it was saved with");
+    auto late = make_sensor_history<R>(exec_, compiled_, {.worlds = worlds, .timestep = timestep_, .left_out = sensors_->left_out});
+    for (auto const& [name, to] : arrays_of<Exec>(late)) {
+      auto const from = std::find_if(arrays.begin(), arrays.end(), [&](NamedArray const& a) { return a.name == name; });
+      bool same = from != arrays.end() && from->array.rank == to.rank && from->array.dtype == to.dtype;
+      for (int k = 0; k < to.rank && same; ++k) same = from->array.extents[k] == to.extents[k];
+      if (!same) throw Error("array '" + name + "' is not there, or not " + shape_of(to) + ": give what Stepper::save gave");
+      copy(from->array, to);
+    }
+    for (auto const& view :
+         {gsp::detail::to_host(exec_, late.time), gsp::detail::to_host(exec_, late.due), gsp::detail::to_host(exec_, late.clock)})
+      for (double const t : view)
+        if (!std::isfinite(t)) throw Error("an array of 'sensors.' holds a time that is not finite: give what Stepper::save gave");
+    auto const entries = gsp::detail::to_host(exec_, late.entries);
+    auto const cursors = gsp::detail::to_host(exec_, late.cursor);
+    for (std::size_t i = 0; i < cursors.size(); ++i)
+      if (cursors[i] < 0 || cursors[i] >= entries[i % entries.size()].samples)
+        throw Error("array 'sensors.cursor' holds " + std::to_string(cursors[i]) + ", which is no sample: give what Stepper::save gave");
+    return late;
+  }
   void make_sensors_once() {
     if (sensors_) return;
-    sensors_ = make_sensors(exec_, model_, compiled_, {.worlds = state_.worlds});
+    sensors_ = make_sensors(exec_, model_, compiled_, {.worlds = state_.worlds, .timestep = timestep_});
     sensordata_ =
         gsp::detail::allocate_zero<decltype(sensordata_)>(exec_, "gsp::runtime::Stepper::sensordata", state_.worlds, sensors_->nsensordata);
   }

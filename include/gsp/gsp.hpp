@@ -79,6 +79,7 @@
 #include <gsp/model/names.hpp>
 #include <gsp/model/poses.hpp>
 #include <gsp/model/samples.hpp>
+#include <gsp/model/sensor_history.hpp>
 #include <gsp/model/sensor_types.hpp>
 #include <gsp/model/state.hpp>
 #include <gsp/model/world_values.hpp>
@@ -105,6 +106,7 @@
 #include <gsp/sensor/range_sensors.hpp>
 #include <gsp/sensor/read_sensors.hpp>
 #include <gsp/sensor/sense.hpp>
+#include <gsp/sensor/sensor_history.hpp>
 #include <gsp/sensor/sensor_table.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>
 #include <gsp/solver/impacts.hpp>

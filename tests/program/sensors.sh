@@ -56,6 +56,21 @@ assert abs(rest[0] - 2 * 9.81) < .02 and abs(rest[6] - 9.81) < .01 and rest[7] =
 assert row(0)[0] == 0 and abs(row(0)[6]) < 1e-9 and row(0)[7] == 0, row(0)  # it falls freely
 PY
 done
+# Sensors that speak late, in steps of 10 ms; a file of --save has what they have measured.
+cat > late.xml <<'XML'
+<mujoco><option timestep=".01"/><worldbody><body><joint axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body></worldbody>
+<sensor><clock delay=".02" nsample="4"/><clock delay=".015" nsample="4" interp="linear"/><clock interval=".03 -.01" nsample="2"/></sensor></mujoco>
+XML
+"$gsp" sim late.xml --precision double --steps 9 --sensors all.npz > /dev/null
+"$gsp" sim late.xml --precision double --steps 4 --sensors first.npz --save save.npz > /dev/null
+"$gsp" sim late.xml --precision double --steps 5 --start save.npz --sensors second.npz > /dev/null
+python3 - <<'PY' || fail "what late sensors say"
+from arrays import array
+s, first, second = (array(f, "sensordata")[1] for f in ("all.npz", "first.npz", "second.npz"))
+want = (0, 0, 0, 0, 0, 0, 0, .005, .02, .01, .015, .02, .02, .025, .02, .03, .035, .05)
+assert all(abs(a - b) < 1e-15 for a, b in zip(s, want)), s
+assert s[:15] == first and s[12:] == second, (first, second)
+PY
 bad() {
   local want="$1" code=0
   shift

@@ -123,7 +123,8 @@ class Stepper {
   /// first, and where there may be more impulses than before.
   virtual std::vector<NamedArray> save() = 0;
   /// Goes on from such arrays, on any device, of as many worlds or of one, which is given to all: with the same model and options, on the
-  /// same device, what follows is what would have followed, to the bit. Without those of "sleep." all worlds are awake. Allocates; waits.
+  /// same device, what follows is what would have followed, to the bit. Without those of "sleep." all worlds are awake, without those of
+  /// "sensors." sensors that keep samples have measured nothing. Allocates; waits.
   /// Errors: gsp::Error that names an array which is missing, or of other shape, kind or range than `save` gives.
   virtual void restore(std::vector<NamedArray> const& arrays) = 0;
   /// Waits until the steps are done.
@@ -143,6 +144,8 @@ class Stepper {
   /// (worlds, nsensordata) all sensors of the model, of the state as it is (sensor/read_sensors.hpp), evaluated here: steps cost the same
   /// without, and what follows is to the bit what would have followed; counts, contacts and forces of the last step are lost. NaN where
   /// nobody evaluates a sensor. Where it stays; allocates at first; waits.
+  /// Sensors with a delay or an interval (sensor/sensor_history.hpp) measure at each step from the first call of this on, and a step then
+  /// costs their evaluation too: call it before the first step.
   virtual Array sensors() = 0;
   /// A sentence for each sensor that nobody evaluates.
   virtual std::vector<std::string> sensors_left_out() = 0;

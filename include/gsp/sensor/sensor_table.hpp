@@ -8,6 +8,7 @@
 #include <gsp/model/sensor_types.hpp>
 #include <gsp/ray/ray_scene.hpp>
 #include <gsp/sensor/accelerations.hpp>
+#include <gsp/sensor/sensor_history.hpp>
 
 /// The sensors of a model, sorted by the stage that they need: what smooth_sensors, constraint_sensors and acceleration_sensors evaluate.
 namespace gsp {
@@ -66,6 +67,7 @@ struct Sensors {
   bool momenta = false;                            // any asks for more than centres of mass
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> energy;
   Accelerations<R, Mem> accelerations;  // empty where no sensor asks for them
+  SensorHistory<R, Mem> history;        // of those that speak late; empty where none does
   detail::Quantities needs;             // host: what the dynamics must hold for those of the smooth state
   std::vector<int> left_out;            // host: indices of the model's sensors that nobody here evaluates: distances, user
   std::vector<std::string> why;         // host: a sentence for each of them
@@ -73,6 +75,7 @@ struct Sensors {
 
 struct SensorsOptions {
   int worlds = 1;
+  double timestep = 0;  // [s] of the steps, for sensors that keep samples; 0: the model's, as far as its precision has it
 };
 
 namespace detail {
@@ -300,6 +303,11 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
   if (energy)
     s.energy = detail::allocate_zero<Kokkos::View<R**, Kokkos::LayoutRight, Mem>>(exec, "gsp::Sensors::energy", options.worlds, 2);
   if (!accelerated.empty()) s.accelerations = make_accelerations(exec, model, {.worlds = options.worlds});
+  if (!(options.timestep > 0)) {
+    double const own = compiled.option.timestep;
+    options.timestep = R(own) == model.timestep ? own : double(model.timestep);
+  }
+  s.history = make_sensor_history<R>(exec, compiled, {.worlds = options.worlds, .timestep = options.timestep, .left_out = s.left_out});
   return s;
 }
 

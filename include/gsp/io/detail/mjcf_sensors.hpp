@@ -1,6 +1,6 @@
 #pragma once
 #include <gsp/io/detail/mjcf_values.hpp>
-#include <gsp/model/description.hpp>
+#include <gsp/model/sensor_history.hpp>
 #include <string>
 #include <string_view>
 
@@ -18,7 +18,7 @@ inline constexpr SensorTarget sensor_targets[] = {
     {"mesh", "mesh", false}, {"camera", "camera", false},   {"body2", "body", true},     {"geom2", "geom", true},
     {"geom", "geom", true},  {"subtree2", "subtree", true},
 };
-inline constexpr std::string_view sensor_settings = "data num reduce enclosed datatype dim needstage";
+inline constexpr std::string_view sensor_settings = "data num reduce enclosed datatype dim needstage delay interval nsample interp";
 
 /// A <sensor>'s child as a description. Where a site or camera stands beside another object, the second is what it is relative to
 /// (camprojection: the camera; insidesite: the site).
@@ -48,6 +48,13 @@ inline SensorDescription read_sensor(Attributes const& a, std::string const& typ
   }
   bool const alone = type == "clock" || type == "e_potential" || type == "e_kinetic" || type == "contact" || type == "user";
   if (s.object.empty() && !alone) a.fail("", "does not say what it measures; name the object");
+  double delay = 0;
+  std::array<double, 2> interval{};
+  int samples = 0;
+  a.number("delay", delay);
+  a.numbers("interval", interval, false);
+  a.integer("nsample", samples);
+  if (a.own("interp")) a.choice("interp", {interpolation_names.begin(), interpolation_names.end()});
   for (auto word : words(sensor_settings))
     if (a.own(word)) s.settings.push_back({std::string(word), a.text(word)});
   return s;

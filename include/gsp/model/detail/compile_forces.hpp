@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/model/contact_sensor.hpp>
 #include <gsp/model/detail/compile_bodies.hpp>
+#include <gsp/model/sensor_history.hpp>
 #include <gsp/model/sensor_types.hpp>
 #include <optional>
 #include <string>
@@ -207,6 +208,8 @@ class ForceCompiler : public BodyCompiler {
     };
     require(s.cutoff >= 0 && s.noise >= 0, "has a negative cutoff or noise: give 0 or more");
     require(s.cutoff == 0 || info.cutoff != SensorCutoff::refused, "gives a direction or a rotation, which has no cutoff: leave it out");
+    auto const history = history_settings(s);
+    require(history.fault.empty(), history.fault);
     auto const word = info.about == O::joint || info.about == O::ball        ? "joint"
                       : info.about == O::tendon                              ? "tendon"
                       : info.about == O::actuator                            ? "actuator"

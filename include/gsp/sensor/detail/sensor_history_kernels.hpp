@@ -1,0 +1,120 @@
+#pragma once
+#include <cstdint>
+#include <gsp/sensor/detail/sample_ring.hpp>
+
+/// Kernels of sensor/sensor_history.hpp, where the contract stands.
+namespace gsp::detail {
+
+template <class History>
+struct HistoryBase {
+  History of;
+  KOKKOS_INLINE_FUNCTION auto ring(int w, int i) const {
+    auto const& e = of.entries(i);
+    using R = typename decltype(of.value)::value_type;
+    return SampleRing<R>{&of.time(w, e.time), &of.value(w, e.value), &of.cursor(w, i), e.samples, e.size};
+  }
+  KOKKOS_INLINE_FUNCTION bool is_due(int w, int i) const { return of.due(w, i) + of.entries(i).period <= of.clock(w); }
+};
+
+/// The clock as MuJoCo has it: a timestep is added at each step.
+template <class History, class Steps>
+struct TellTime {
+  History of;
+  Steps steps;
+  static constexpr std::int64_t most = 1 << 20;  // additions
+  KOKKOS_FUNCTION void operator()(int w) const {
+    std::int64_t const now = steps(w);
+    std::int64_t seen = of.seen(w);
+    double t = of.clock(w);
+    if (now < seen) {
+      seen = 0;
+      t = 0;
+    }
+    if (now - seen > most) {
+      t = double(now) * of.timestep;
+      seen = now;
+    }
+    for (; seen < now; ++seen) t += of.timestep;
+    of.seen(w) = now;
+    of.clock(w) = t;
+  }
+};
+
+/// What is true now is kept, and what the sensor says takes its place.
+template <class History, class Data>
+struct SayLate : HistoryBase<History> {
+  Data data;
+  using HistoryBase<History>::of;
+  SayLate(History const& history, Data const& numbers) : HistoryBase<History>{history}, data(numbers) {}
+  KOKKOS_FUNCTION void operator()(int item) const {
+    int const n = int(of.entries.extent(0)), w = item / n, i = item % n;
+    auto const& e = of.entries(i);
+    for (int c = 0; c < e.size; ++c) of.now(w, e.now + c) = data(w, e.adr + c);
+    if (!(e.delay > 0) && (!(e.period > 0) || this->is_due(w, i))) return;
+    this->ring(w, i).read(of.clock(w) - e.delay, e.interpolation, [&](int c, auto x) { data(w, e.adr + c) = x; });
+  }
+};
+
+template <class History>
+struct RecordSensors : HistoryBase<History> {
+  using HistoryBase<History>::of;
+  explicit RecordSensors(History const& history) : HistoryBase<History>{history} {}
+  KOKKOS_FUNCTION void operator()(int item) const {
+    int const n = int(of.entries.extent(0)), w = item / n, i = item % n;
+    auto const& e = of.entries(i);
+    if (e.period > 0) {
+      if (!this->is_due(w, i)) return;
+      of.due(w, i) += e.period;
+    }
+    auto* const to = this->ring(w, i).insert(of.clock(w));
+    for (int c = 0; c < e.size; ++c) to[c] = of.now(w, e.now + c);
+  }
+};
+
+/// The times of the start, and zeros.
+template <class History, class Mask>
+struct ResetHistory {
+  History of;
+  Mask mask;
+  KOKKOS_FUNCTION void operator()(int item) const {
+    int const n = int(of.entries.extent(0)), w = item / n, i = item % n;
+    if (!mask(w)) return;
+    auto const& e = of.entries(i);
+    for (int j = 0; j < e.samples; ++j) of.time(w, e.time + j) = of.start(e.time + j);
+    for (int j = 0; j < e.samples * e.size; ++j) of.value(w, e.value + j) = 0;
+    for (int c = 0; c < e.size; ++c) of.now(w, e.now + c) = 0;
+    of.cursor(w, i) = e.samples - 1;
+    of.due(w, i) = e.phase == 0 ? -e.period : e.phase;
+    if (i > 0) return;
+    of.seen(w) = 0;
+    of.clock(w) = 0;
+  }
+};
+
+/// f(name, the view of each of these) for all that sensors remember of a world: rows are worlds.
+template <class F, class... Histories>
+void each_history_view(F const& f, Histories&... h) {
+  f("seen", h.seen...);
+  f("clock", h.clock...);
+  f("due", h.due...);
+  f("cursor", h.cursor...);
+  f("time", h.time...);
+  f("value", h.value...);
+  f("now", h.now...);
+}
+template <class View, class Mask>
+struct CopyHistory {
+  View from, to;
+  Mask mask;
+  bool one;  // from: of one world, for all
+  KOKKOS_FUNCTION void operator()(int w) const {
+    if (!mask(w)) return;
+    int const source = one ? 0 : w;
+    if constexpr (View::rank() == 1)
+      to(w) = from(source);
+    else
+      for (int j = 0; j < int(to.extent(1)); ++j) to(w, j) = from(source, j);
+  }
+};
+
+}  // namespace gsp::detail
