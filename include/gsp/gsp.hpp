@@ -103,10 +103,14 @@
 #include <gsp/sensor/body_contacts.hpp>
 #include <gsp/sensor/cameras.hpp>
 #include <gsp/sensor/constraint_sensors.hpp>
+#include <gsp/sensor/encoders.hpp>
+#include <gsp/sensor/imu_noise.hpp>
 #include <gsp/sensor/range_sensors.hpp>
 #include <gsp/sensor/read_sensors.hpp>
 #include <gsp/sensor/sense.hpp>
+#include <gsp/sensor/sensor_delay.hpp>
 #include <gsp/sensor/sensor_history.hpp>
+#include <gsp/sensor/sensor_noise.hpp>
 #include <gsp/sensor/sensor_table.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>
 #include <gsp/solver/impacts.hpp>

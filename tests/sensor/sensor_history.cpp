@@ -2,6 +2,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <gsp/sensor/sensor_delay.hpp>
 #include <gsp/sensor/sensor_history.hpp>
 #include <gsp/step/snapshot.hpp>
 #include <gsp_test_execs.hpp>
@@ -80,6 +81,108 @@ TEST_CASE_TEMPLATE("late clocks; any batch, worlds that are reset, copies", Exec
   auto broken = s.compiled;
   broken.sensors[0].settings = {{"delay", ".02"}};
   CHECK_THROWS_AS(gsp::make_sensor_history<float>(s.exec, broken), gsp::Error);
+}
+
+namespace {
+/// A ramp of slope 1, 2, 3 ... in worlds 0, 1, 2 ...; column 1 has its negative.
+template <class Exec>
+struct Ramp {
+  using Mem = typename Exec::memory_space;
+  using View = Kokkos::View<double**, Kokkos::LayoutRight, Mem>;
+  Exec exec;
+  View x, y;
+  double t = 0;
+  int first;
+  explicit Ramp(int worlds, int first_world = 0) : x("x", worlds, 2), y("y", worlds, 2), first(first_world) {}
+  template <class Delay>
+  std::vector<double> read(Delay& delay, double dt) {
+    auto const host = Kokkos::create_mirror_view(x);
+    for (int w = 0; w < int(x.extent(0)); ++w) {
+      host(w, 0) = (w + first + 1) * t;
+      host(w, 1) = -host(w, 0);
+    }
+    Kokkos::deep_copy(x, host);
+    gsp::delay_sensor(exec, delay, dt, x, y);
+    exec.fence();
+    t += dt;
+    auto const said = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace(), y);
+    std::vector<double> out;
+    for (int w = 0; w < int(y.extent(0)); ++w) {
+      CHECK(said(w, 1) == -said(w, 0));
+      out.push_back(said(w, 0) / (w + first + 1));
+    }
+    return out;
+  }
+};
+}  // namespace
+
+// A line is interpolated without error but for rounding, 1e-13.
+TEST_CASE_TEMPLATE("latency of a ramp: held, on a line, of worlds' own, with jitter, reset; any batch", Exec, GSP_TEST_EXECS) {
+  double const dt = 0.01;
+  Exec const exec;
+  Ramp<Exec> held(2), line(2), own(3), shaken(4), part(2, 2);
+  auto hold = gsp::make_sensor_delay<double>(exec, {.worlds = 2, .numbers = 2, .latency = .034, .samples = 5});
+  auto straight = gsp::make_sensor_delay<double>(
+      exec, {.worlds = 2, .numbers = 2, .latency = .034, .samples = 5, .interpolation = gsp::Interpolation::linear});
+  auto each = gsp::make_sensor_delay<double>(
+      exec, {.worlds = 3, .numbers = 2, .samples = 9, .interpolation = gsp::Interpolation::linear, .per_world = true});
+  auto const latencies = Kokkos::create_mirror_view(each.latency);
+  for (int w = 0; w < 3; ++w) latencies(w, 0) = .013 * w;
+  Kokkos::deep_copy(each.latency, latencies);
+  gsp::SensorDelayOptions jitter{.worlds = 4,
+                                 .numbers = 2,
+                                 .latency = .02,
+                                 .jitter = .03,
+                                 .samples = 6,
+                                 .interpolation = gsp::Interpolation::linear,
+                                 .seed = 5,
+                                 .sensor = 7};
+  auto shake = gsp::make_sensor_delay<double>(exec, jitter);
+  jitter.worlds = 2;
+  jitter.first_world = 2;
+  auto rest = gsp::make_sensor_delay<double>(exec, jitter);
+  std::vector<double> last(4, 0);
+  double least = 1, most = 0;
+  for (int k = 0; k < 200; ++k) {
+    double const t = k * dt;
+    for (double const x : held.read(hold, dt)) CHECK(std::abs(x - std::fmax(0, (k - 4) * dt)) < 1e-13);
+    for (double const x : line.read(straight, dt)) CHECK(std::abs(x - std::fmax(0, t - .034)) < 1e-13);
+    auto const said = own.read(each, dt);
+    for (int w = 0; w < 3; ++w) CHECK(std::abs(said[w] - std::fmax(0, t - .013 * w)) < 1e-13);
+    auto const late = shaken.read(shake, dt), same = part.read(rest, dt);
+    CHECK(same == std::vector<double>{late[2], late[3]});
+    for (int w = 0; w < 4; ++w) {
+      CHECK(late[w] >= last[w]);
+      last[w] = late[w];
+      if (k < 10) continue;
+      least = std::fmin(least, t - late[w]);
+      most = std::fmax(most, t - late[w]);
+    }
+    CHECK((k < 10 || late[0] != late[1]));
+  }
+  // 800 uniform numbers in 30 ms, at the longer end cut by what was read before: both ends within 1 ms and 5 ms
+  CHECK(least >= .02 - 1e-13);
+  CHECK(least < .021);
+  CHECK(most <= .05 + 1e-13);
+  CHECK(most > .045);
+
+  Kokkos::View<bool*, typename Exec::memory_space> const mask("mask", 2);
+  Kokkos::deep_copy(Kokkos::subview(mask, 1), true);
+  gsp_test::check_algorithm(exec, gsp_test::watch([&] {
+                              gsp::reset_sensor_delay(exec, hold, mask);
+                              gsp::delay_sensor(exec, hold, dt, held.x, held.y);
+                            }));
+  auto const after = held.read(hold, dt);
+  CHECK(std::abs(after[0] - (held.t - dt - .04)) < .0101);  // the last sample came twice
+  CHECK(std::abs(after[1] - 199 * dt) < 1e-13);             // its first sample
+
+  CHECK_THROWS_WITH_AS(gsp::delay_sensor(exec, hold, .005, held.x, held.y),
+                       "gsp::delay_sensor: 5 samples are kept, and latency and jitter need 8: make_sensor_delay with {.samples = ...}",
+                       std::invalid_argument);
+  CHECK_THROWS_AS(gsp::delay_sensor(exec, hold, 0, held.x, held.y), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::delay_sensor(exec, hold, dt, own.x, own.y), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.latency = -1}), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.numbers = 2, .columns = {1}}), std::invalid_argument);
 }
 
 TEST_CASE("settings of late sensors, as a description has them") {

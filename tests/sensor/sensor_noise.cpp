@@ -1,0 +1,292 @@
+// Noise of sensors: Allan deviations beside closed forms, what is added, rounded and cut by hand, batches, starts, encoders.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <gsp/model/compile.hpp>
+#include <gsp/model/samples.hpp>
+#include <gsp/sensor/encoders.hpp>
+#include <gsp/sensor/imu_noise.hpp>
+#include <gsp/sensor/sensor_noise.hpp>
+#include <gsp_test_execs.hpp>
+
+#include "support/kokkos_tools.hpp"
+
+namespace {
+template <class Exec, class R = double>
+using Rows = Kokkos::View<R**, Kokkos::LayoutRight, typename Exec::memory_space>;
+
+/// Allan variance of a series that comes number by number: half the mean square of the difference of neighbouring means of m.
+struct Allan {
+  int m;
+  double sum = 0, last = 0, total = 0;
+  long long count = 0, clusters = 0;
+  void operator()(double x) {
+    sum += x;
+    if (++count % m != 0) return;
+    double const mean = sum / m;
+    if (clusters++ > 0) total += (mean - last) * (mean - last);
+    last = mean;
+    sum = 0;
+  }
+};
+template <class View>
+std::vector<double> numbers(View const& v) {
+  auto const host = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace(), v);
+  std::vector<double> out;
+  for (int w = 0; w < int(host.extent(0)); ++w)
+    for (int c = 0; c < int(host.extent(1)); ++c) out.push_back(double(host(w, c)));
+  return out;
+}
+}  // namespace
+
+// 8 worlds of 2^20 samples. Of M clusters a variance is found within sqrt(3 / M), its root within half of that: 0.7 % at the longest, so
+// that 3 % are more than four deviations.
+TEST_CASE("Allan deviations of white noise, a bias that walks and a bounded one are the closed forms") {
+  using Exec = Kokkos::DefaultHostExecutionSpace;
+  Exec const exec;
+  double const dt = .005, N = .02, K = .3, s = .5, T = .5;
+  int const worlds = 8;
+  gsp::ChannelNoise white{.density = N}, walking{.walk = K}, bounded{.bias = s, .bias_time = T};
+  auto noise = gsp::make_sensor_noise<double>(exec, {.channels = {white, walking, bounded}, .worlds = worlds, .seed = 1});
+  Rows<Exec> const zero("zero", worlds, 3), y("y", worlds, 3);
+  std::vector<int> const lengths{1, 4, 16, 64, 256};
+  std::vector<Allan> all;
+  for (int k = 0; k < worlds * 3; ++k)
+    for (int const m : lengths) all.push_back({m});
+  double mean = 0, square = 0;
+  int const samples = 1 << 20;
+  for (int k = 0; k < samples; ++k) {
+    gsp::add_sensor_noise(exec, noise, dt, zero, y);
+    exec.fence();
+    for (int i = 0; i < worlds * 3; ++i) {
+      double const x = y(i / 3, i % 3);
+      for (int j = 0; j < 5; ++j) all[std::size_t(5 * i + j)](x);
+    }
+    for (int w = 0; w < worlds; ++w) {
+      mean += y(w, 0);
+      square += y(w, 2) * y(w, 2);
+    }
+  }
+  // white: mean 0 within 4 deviations of the mean; bounded: its deviation, of samples that are independent over 2 T
+  CHECK(std::abs(mean / (double(samples) * worlds)) < 4 * N / std::sqrt(dt) / std::sqrt(double(samples) * worlds));
+  CHECK(std::abs(std::sqrt(square / (double(samples) * worlds)) / s - 1) < 0.02);
+  for (int j = 0; j < 5; ++j) {
+    int const m = lengths[std::size_t(j)];
+    double const tau = m * dt, e = std::exp(-dt / T);
+    // bounded: variance minus covariance of neighbouring means, of the covariance s^2 e^|k|
+    double difference = 0;
+    for (int k = -m + 1; k < 2 * m; ++k) {
+      double const variance = std::fmax(0, m - std::abs(k)), covariance = std::fmax(0, m - std::abs(k - m));
+      difference += (variance - covariance) * std::pow(e, std::abs(k));
+    }
+    double const expected[3] = {N * N / tau, K * K * tau / 3 * (1 + .5 / (double(m) * m)), s * s * difference / (double(m) * m)};
+    if (m >= 16) {  // what the page says of means that are not sums
+      double const x = tau / T, said = 2 * s * s / x * (1 - (3 - 4 * std::exp(-x) + std::exp(-2 * x)) / (2 * x));
+      CHECK(std::abs(said / expected[2] - 1) < 0.02);
+    }
+    for (int c = 0; c < 3; ++c) {
+      double total = 0, count = 0;
+      for (int w = 0; w < worlds; ++w) {
+        auto const& a = all[std::size_t(5 * (3 * w + c) + j)];
+        total += a.total / 2;
+        count += double(a.clusters - 1);
+      }
+      double const ratio = std::sqrt(total / count / expected[c]);
+      CHECK_MESSAGE(std::abs(ratio - 1) < 0.03, "channel " << c << " at " << tau << " s: " << ratio);
+    }
+  }
+  CHECK(std::abs(gsp::bias_of_instability(std::sqrt(2 / 1.8926 * (1 - (3 - 4 * std::exp(-1.8926) + std::exp(-3.7852)) / 3.7852))) - 1) <
+        1e-6);
+}
+
+TEST_CASE_TEMPLATE("what is coupled, rounded and cut; parameters of worlds' own; columns", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  gsp::ImuNoise imu{.accelerometer = {.step = .25, .limit = 2}, .gyro = {}};
+  imu.accelerometer_matrix = {.1, 0, 0, .01, 0, 0, 0, 0, 0};
+  imu.gyro_matrix = {0, .02, 0, 0, 0, 0, 0, 0, -.5};
+  imu.g_sensitivity = {0, 0, .001, 0, 0, 0, 0, 0, 0};
+  gsp::SensorNoiseOptions options{.worlds = 2, .per_world = true};
+  options.columns = {1, 2, 3, 4, 5, 6};
+  auto noise = gsp::make_sensor_noise<double>(exec, gsp::imu_noise(imu, options));
+  Kokkos::deep_copy(Kokkos::subview(noise.coupling, 1, Kokkos::ALL, Kokkos::ALL), 0.);
+  Kokkos::deep_copy(Kokkos::subview(noise.step, 1, Kokkos::ALL), 0.);
+  Rows<Exec> const x("x", 2, 7), y("y", 2, 7);
+  auto const host = Kokkos::create_mirror_view(x);
+  double const given[7] = {9, 1, -.12, 7, 1, 2, 4};
+  for (int c = 0; c < 7; ++c) host(0, c) = host(1, c) = given[c];
+  Kokkos::deep_copy(x, host);
+  gsp_test::check_algorithm(exec, gsp_test::watch([&] { gsp::add_sensor_noise(exec, noise, .01, x, y); }));
+  exec.fence();
+  // by hand: 1.1, -0.11 and 7 to quarters, within 2; then 1 + .02 * 2 + .001 * 7, 2, 4 - .5 * 4. World 1: neither rounded nor coupled
+  std::vector<double> const expected{0, 1, 0, 2, 1.047, 2, 2, 0, 1, -.12, 2, 1, 2, 4};
+  auto const said = numbers(y);
+  for (std::size_t k = 0; k < expected.size(); ++k) CHECK_MESSAGE(std::abs(said[k] - expected[k]) < 1e-15, k << ": " << said[k]);
+
+  CHECK_THROWS_AS(gsp::add_sensor_noise(exec, noise, .01, x, x), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::add_sensor_noise(exec, noise, 0, x, y), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::add_sensor_noise(exec, noise, .01, Rows<Exec>("z", 1, 7), y), std::invalid_argument);
+  auto const refused = [&](gsp::SensorNoiseOptions const& bad) {
+    CHECK_THROWS_AS((void)gsp::make_sensor_noise<double>(exec, bad), std::invalid_argument);
+  };
+  refused({});
+  refused({.channels = {{.density = -1}}});
+  refused({.channels = {{.step = NAN}}});
+  refused({.channels = {{.bias = 1}}});
+  refused({.channels = {{}}, .columns = {0, 1}});
+  refused({.channels = {{}}, .coupling = {1, 2}});
+  refused({.channels = {{}}, .worlds = 0});
+}
+
+TEST_CASE_TEMPLATE("a world's noise is its own: any batch, other worlds, sensors and seeds; starts by a mask", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  gsp::ChannelNoise const all{.density = .1, .walk = .2, .bias = 1, .bias_time = 3, .turn_on = 2};
+  int const worlds = 300, samples = 100;
+  auto const series = [&](gsp::SensorNoiseOptions options) {
+    options.channels = {all, all};
+    auto noise = gsp::make_sensor_noise<float>(exec, options);
+    Rows<Exec, float> const zero("zero", options.worlds, 2), y("y", options.worlds, 2);
+    std::vector<std::vector<double>> out;
+    for (int k = 0; k < samples; ++k) {
+      gsp::add_sensor_noise(exec, noise, .01, zero, y);
+      exec.fence();
+      out.push_back(numbers(y));
+    }
+    return out;
+  };
+  auto const whole = series({.worlds = worlds, .seed = 3}), part = series({.worlds = 7, .seed = 3, .first_world = 40}),
+             sensor = series({.worlds = worlds, .seed = 3, .sensor = 1}), seed = series({.worlds = worlds, .seed = 4});
+  for (int k = 0; k < samples; ++k) CHECK(part[k] == std::vector<double>(whole[k].begin() + 80, whole[k].begin() + 94));
+  // differences of samples next to each other are white but for 1e-2: of pairs that should be independent, the correlation is below four
+  // of its deviations, 4 / sqrt(pairs), and neighbours in the list are neither
+  auto const rate = [&](auto const& of, int k, std::size_t i) { return of[k][i] - of[k - 1][i]; };
+  auto const correlation = [&](auto const& pair) {
+    double ab = 0, aa = 0, bb = 0;
+    int count = 0;
+    for (int k = 1; k < samples; k += 2)
+      for (std::size_t i = 0; i + 2 < std::size_t(2 * worlds); i += 2) {
+        auto const [a, b] = pair(k, i);
+        ab += a * b;
+        aa += a * a;
+        bb += b * b;
+        ++count;
+      }
+    return std::abs(ab) / std::sqrt(aa * bb) * std::sqrt(double(count));
+  };
+  CHECK(correlation([&](int k, std::size_t i) { return std::pair(rate(whole, k, i), rate(whole, k, i + 1)); }) < 4);  // channels
+  CHECK(correlation([&](int k, std::size_t i) { return std::pair(rate(whole, k, i), rate(whole, k, i + 2)); }) < 4);  // worlds
+  CHECK(correlation([&](int k, std::size_t i) { return std::pair(rate(whole, k, i), rate(sensor, k, i)); }) < 4);
+  CHECK(correlation([&](int k, std::size_t i) { return std::pair(rate(whole, k, i), rate(seed, k, i)); }) < 4);
+  // a twentieth of it shows
+  CHECK(correlation([&](int k, std::size_t i) { return std::pair(rate(whole, k, i), rate(sensor, k, i) + .05 * rate(whole, k, i)); }) > 4);
+
+  // starts: of 2,000 biases the deviation is found within 4 / sqrt(2 * 2000) of itself
+  auto noise = gsp::make_sensor_noise<double>(exec, {.channels = {all}, .worlds = 2000, .seed = 9});
+  auto const biases = [&] {
+    auto const host = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace(), noise.drift);
+    std::vector<std::vector<double>> out(3);
+    for (int w = 0; w < 2000; ++w)
+      for (int k = 0; k < 3; ++k) out[std::size_t(k)].push_back(host(w, 0, k));
+    return out;
+  };
+  auto const deviation = [](std::vector<double> const& v) {
+    double sum = 0;
+    for (double const x : v) sum += x * x;
+    return std::sqrt(sum / double(v.size()));
+  };
+  auto const before = biases();
+  CHECK(std::abs(deviation(before[0]) / 2 - 1) < 0.064);
+  CHECK(deviation(before[1]) == 0);
+  CHECK(std::abs(deviation(before[2]) - 1) < 0.064);
+  Rows<Exec> const y("y", 2000, 1);
+  for (int k = 0; k < 50; ++k) gsp::add_sensor_noise(exec, noise, .01, y, y);
+  auto const during = biases();
+  CHECK(during[0] == before[0]);
+  CHECK(std::abs(deviation(during[1]) / (.2 * std::sqrt(.5)) - 1) < 0.064);
+  Kokkos::View<bool*, typename Exec::memory_space> const mask("mask", 2000);
+  Kokkos::deep_copy(Kokkos::subview(mask, std::pair(0, 1000)), true);
+  gsp_test::check_algorithm(exec, gsp_test::watch([&] { gsp::reset_sensor_noise(exec, noise, mask); }));
+  exec.fence();
+  auto const after = biases();
+  for (std::size_t w = 0; w < 2000; ++w)
+    for (std::size_t k = 0; k < 3; ++k) CHECK((after[k][w] == during[k][w]) == (w >= 1000));
+  for (std::size_t w = 0; w < 1000; ++w) CHECK(after[0][w] != before[0][w]);  // each start has its own
+  CHECK(std::abs(deviation({after[0].begin(), after[0].begin() + 1000}) / 2 - 1) < 0.09);
+}
+
+TEST_CASE("the noise that MJCF's sensors have, where it is asked for") {
+  using Exec = Kokkos::DefaultHostExecutionSpace;
+  Exec const exec;
+  auto robot = gsp::samples::quadruped_scene();
+  robot.sensors.push_back({.name = "still", .type = "gyro", .object_type = "site", .object = "imu"});
+  robot.sensors.push_back({.name = "turn", .type = "framequat", .object_type = "site", .object = "imu", .noise = .01});
+  robot.sensors.push_back({.name = "acc", .type = "accelerometer", .object_type = "site", .object = "imu", .noise = .5});
+  auto const compiled = gsp::compile(robot);
+  int const adr = compiled.sensor_adr[std::size_t(compiled.nsensor - 3)], worlds = 4000;
+  auto noise = gsp::make_sensor_noise<double>(exec, gsp::mjcf_noise(compiled, {.worlds = worlds}));
+  Rows<Exec> const data("data", worlds, compiled.nsensordata);
+  for (int w = 0; w < worlds; ++w) data(w, adr + 3) = 1;  // no turn
+  gsp::add_sensor_noise(exec, noise, .01, data, data);
+  exec.fence();
+  double turn = 0, acc = 0;
+  for (int w = 0; w < worlds; ++w) {
+    for (int c = 0; c < 3; ++c) CHECK(data(w, adr + c) == 0);
+    double unit = 0;
+    for (int c = 0; c < 4; ++c) unit += data(w, adr + 3 + c) * data(w, adr + 3 + c);
+    CHECK(std::abs(unit - 1) < 1e-14);
+    for (int c = 0; c < 3; ++c) {
+      turn += data(w, adr + 4 + c) * data(w, adr + 4 + c) / (3. * worlds);
+      acc += data(w, adr + 7 + c) * data(w, adr + 7 + c) / (3. * worlds);
+    }
+  }
+  // of 12,000 numbers: within four of 1 / sqrt(24000)
+  CHECK(std::abs(std::sqrt(turn) / .01 - 1) < 0.026);
+  CHECK(std::abs(std::sqrt(acc) / .5 - 1) < 0.026);
+  CHECK(gsp::mjcf_noise(gsp::compile(gsp::samples::quadruped_scene())).channels.empty());
+}
+
+TEST_CASE_TEMPLATE("encoders: whole counts, velocities over a span, starts, NaN", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  double const step = .25, dt = .01, rate = 3.7;
+  gsp::EncodersOptions options{.worlds = 3, .columns = {1}, .resolution = step, .span = 10, .seed = 2};
+  auto encoders = gsp::make_encoders<double>(exec, options);
+  options.worlds = 1;
+  options.first_world = 2;
+  auto alone = gsp::make_encoders<double>(exec, options);
+  Rows<Exec> const q("q", 3, 2), one("one", 1, 2);
+  auto const offset = numbers(encoders.offset);
+  CHECK(offset[2] == numbers(alone.offset)[0]);
+  CHECK(offset[0] != offset[1]);
+  auto const count = [&](double x, int w) { return std::floor(x / step + offset[std::size_t(w)]); };
+  for (int k = 0; k < 60; ++k) {
+    double const x = -1 + rate * k * dt;
+    Kokkos::deep_copy(q, x);
+    Kokkos::deep_copy(one, x);
+    gsp_test::check_algorithm(exec, gsp_test::watch([&] { gsp::read_encoders(exec, encoders, dt, q); }));
+    gsp::read_encoders(exec, alone, dt, one);
+    exec.fence();
+    auto const position = numbers(encoders.position), velocity = numbers(encoders.velocity);
+    CHECK(numbers(alone.velocity)[0] == velocity[2]);
+    for (int w = 0; w < 3; ++w) {
+      double const before = -1 + rate * std::max(k - 10, 0) * dt;
+      CHECK(position[std::size_t(w)] == step * count(x, w));
+      CHECK(std::abs(velocity[std::size_t(w)] - step * (count(x, w) - count(before, w)) / (10 * dt)) < 1e-12);
+      if (k >= 10) CHECK(std::abs(velocity[std::size_t(w)] - rate) <= step / (10 * dt));
+    }
+  }
+  Kokkos::View<bool*, typename Exec::memory_space> const mask("mask", 3);
+  Kokkos::deep_copy(Kokkos::subview(mask, 1), true);
+  gsp::reset_encoders(exec, encoders, mask);
+  Kokkos::deep_copy(q, 40.);
+  gsp::read_encoders(exec, encoders, dt, q);
+  exec.fence();
+  CHECK(numbers(encoders.velocity)[1] == 0);
+  CHECK(numbers(encoders.velocity)[0] > 100);
+  Kokkos::deep_copy(q, NAN);
+  gsp::read_encoders(exec, encoders, dt, q);
+  exec.fence();
+  CHECK(std::isnan(numbers(encoders.position)[0]));
+  CHECK(std::isnan(numbers(encoders.velocity)[2]));
+  CHECK_THROWS_AS(gsp::make_encoders<double>(exec, {.resolution = 0}), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::make_encoders<double>(exec, {.resolution = 1, .span = 0}), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::read_encoders(exec, encoders, 0, q), std::invalid_argument);
+}
