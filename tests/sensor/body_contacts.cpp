@@ -88,7 +88,8 @@ TEST_CASE_TEMPLATE("times of flight and of contact, of worlds that are reset and
   SensedWorld<Exec> s(
       R"(<mujoco><option timestep="0.01"/><worldbody><geom type="plane" size="2 2 1"/><body name="ball" pos="0 0 .6"><freejoint/><geom size=".1" mass="1" solref="-8000 -2"/></body></worldbody></mujoco>)",
       gsp::Profile::mujoco, 3);
-  auto of = gsp::make_body_contacts(s.exec, s.model, {.worlds = 3});
+  auto of = gsp::make_body_contacts(s.exec, s.model, {.worlds = 3, .history = 3});
+  std::vector<double> pushed(3, 0);  // of world 1, the newest first
   auto all = [&] {
     gsp::step(s.exec, s.model, s.state, s.sim);
     sum(s, of);
@@ -118,6 +119,9 @@ TEST_CASE_TEMPLATE("times of flight and of contact, of worlds that are reset and
       air += 0.01, contact = 0;
       CHECK(starts(1, 0, 1) == (air < 0.015));
     }
+    pushed.insert(pushed.begin(), gsp_test::host(of.force)(1, 0, 2));
+    auto const history = gsp_test::host(of.force_history);
+    for (int h = 0; h < 3; ++h) CHECK(history(1, h, 0, 2) == pushed[std::size_t(h)]);
     CHECK(std::abs(a(1, 0) - air) < 1e-12);
     CHECK(std::abs(c(1, 0) - contact) < 1e-12);
     CHECK(std::abs(la(1, 0) - last_air) < 1e-12);
@@ -129,7 +133,13 @@ TEST_CASE_TEMPLATE("times of flight and of contact, of worlds that are reset and
   auto const wanted = Kokkos::create_mirror_view(mask);
   wanted(0) = wanted(1) = false, wanted(2) = true;
   Kokkos::deep_copy(mask, wanted);
+  Kokkos::deep_copy(of.force_history, 7);
   gsp::reset_body_contacts(s.exec, of, mask);
+  s.exec.fence();
+  for (int h = 0; h < 3; ++h) {
+    CHECK(gsp_test::host(of.force_history)(2, h, 0, 2) == 0);
+    CHECK(gsp_test::host(of.force_history)(1, h, 0, 2) == 7);
+  }
   auto const qpos = s.qpos();
   qpos(0, 2) = NAN;
   Kokkos::deep_copy(s.state.qpos, qpos);
@@ -142,6 +152,8 @@ TEST_CASE_TEMPLATE("times of flight and of contact, of worlds that are reset and
   CHECK(la(2, 0) == 0);
   CHECK(la(1, 0) > 0);
   CHECK_THROWS_WITH_AS(gsp::make_body_contacts(s.exec, s.model, {.bodies = {2}}), doctest::Contains("there is no body 2: the model has 2"),
+                       std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::make_body_contacts(s.exec, s.model, {.history = -1}), doctest::Contains("history must be"),
                        std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::update_contact_times(s.exec, s.state, -1, of), doctest::Contains("dt must not be negative"),
                        std::invalid_argument);

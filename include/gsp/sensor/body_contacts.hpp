@@ -17,6 +17,7 @@ struct BodyContactsOptions {
   int worlds = 1;
   std::vector<int> bodies = {};    // whose contacts; empty: of all bodies but the world
   std::vector<int> partners = {};  // bodies of force_matrix; empty: none
+  int history = 0;                 // forces of so many updates are kept
   double threshold = 0;            // [N] a body touches while the sum of its contacts' forces by absolute value is above it
 };
 
@@ -31,6 +32,7 @@ struct BodyContacts {
   View<int*> bodies, partners;                 // (B), (P) body indices
   View<R***> force, friction;                  // (world, B, 3) sum over the body's contacts [N]; friction: what is along their planes
   View<R****> force_matrix;                    // (world, B, P, 3) of those with a partner [N]
+  View<R****> force_history;                   // (world, history, B, 3) force at the last updates, 0: the newest [N]
   View<R***> position;                         // (world, B, 3) centre of the contacts' points, weighted by their forces [m]; 0: none pushes
   View<int**> found;                           // (world, B) contacts, also those in the gap, which do not push
   View<R**> air_time, contact_time;            // (world, B) [s] since it has touched last, and since when it touches; one of them is 0
@@ -39,11 +41,13 @@ struct BodyContacts {
   int count() const { return int(bodies.extent(0)); }
 };
 
-/// Allocates. Errors: std::invalid_argument for worlds < 1, bodies that the model does not have, and a threshold below 0.
+/// Allocates. Errors: std::invalid_argument for worlds < 1, bodies that the model does not have, and a threshold or
+/// history below 0.
 template <class R, ExecutionSpace Exec, class Mem>
 BodyContacts<R, Mem> make_body_contacts(Exec const& exec, Model<R, Mem> const& model, BodyContactsOptions options = {}) {
   expects(options.worlds > 0, "gsp::make_body_contacts: worlds must be positive and is " + std::to_string(options.worlds));
   expects(options.threshold >= 0, "gsp::make_body_contacts: threshold must be a number, 0 or more");
+  expects(options.history >= 0, "gsp::make_body_contacts: history must be 0 or more");
   if (options.bodies.empty())
     for (int b = 1; b < model.nbody; ++b) options.bodies.push_back(b);
   for (auto const* list : {&options.bodies, &options.partners})
@@ -63,6 +67,8 @@ BodyContacts<R, Mem> make_body_contacts(Exec const& exec, Model<R, Mem> const& m
   make(c.force, "gsp::BodyContacts::force", 3);
   make(c.friction, "gsp::BodyContacts::friction", 3);
   make(c.force_matrix, "gsp::BodyContacts::force_matrix", partners, 3);
+  c.force_history =
+      detail::allocate_zero<decltype(c.force_history)>(exec, "gsp::BodyContacts::force_history", n, options.history, bodies, 3);
   make(c.position, "gsp::BodyContacts::position", 3);
   make(c.found, "gsp::BodyContacts::found");
   make(c.air_time, "gsp::BodyContacts::air_time");
@@ -93,8 +99,8 @@ void body_contacts(Exec const& exec, Model<R, Mem> const& model, CollisionModel<
                            detail::contact_force_of(model, collision, contacts, rows, impulses), of, detail::has_solution(rows, impulses)});
 }
 
-/// Times of contact and of flight go on by dt [s]: a body touches while its load is above the threshold. After body_contacts, once for each
-/// dt of the worlds' time. In a world that has stopped (status) they stay.
+/// Times of contact and of flight go on by dt [s]: a body touches while its load is above the threshold; and force becomes the newest of
+/// force_history. After body_contacts, once for each dt of the worlds' time. In a world that has stopped (status) they stay.
 /// One launch; does not allocate, does not fence. Errors: std::invalid_argument for a negative dt, a state of another number of worlds.
 template <ExecutionSpace Exec, class R, class Mem>
 void update_contact_times(Exec const& exec, State<R, Mem> const& state, double dt, BodyContacts<R, Mem>& of) {
@@ -106,7 +112,7 @@ void update_contact_times(Exec const& exec, State<R, Mem> const& state, double d
                        detail::CountContactTimes<R, Mem, BodyContacts<R, Mem>>{state.status, of, R(dt)});
 }
 
-/// All of the worlds of the mask to zero, the times too: with `reset` of the state.
+/// All of the worlds of the mask to zero, times and history too: with `reset` of the state.
 /// @param mask  callable with a world, such as a View<bool*> on the device
 /// One launch; does not allocate, does not fence. Errors: std::invalid_argument for a mask of another size.
 template <ExecutionSpace Exec, class R, class Mem, class Mask>

@@ -64,6 +64,8 @@ struct CountContactTimes {
     if (ended > R(0)) last = ended;
     ended = R(0);
     begun += dt;
+    for (int h = int(of.force_history.extent(1)); h-- > 0;)
+      for (int k = 0; k < 3; ++k) of.force_history(w, h, i, k) = h > 0 ? of.force_history(w, h - 1, i, k) : of.force(w, i, k);
   }
 };
 
@@ -79,6 +81,7 @@ struct ResetBodyContacts {
       of.friction(w, i, k) = 0;
       of.position(w, i, k) = 0;
       for (int p = 0; p < int(of.partners.extent(0)); ++p) of.force_matrix(w, i, p, k) = 0;
+      for (int h = 0; h < int(of.force_history.extent(1)); ++h) of.force_history(w, h, i, k) = 0;
     }
     of.found(w, i) = 0;
     of.load(w, i) = 0;
