@@ -81,7 +81,9 @@ TEST_CASE("unknown and unsupported words name file, line and remedy") {
   refused(model("", "<actuator><muscle joint='j'/></actuator>"), "m.xml:4: ", "needs the range of its length");
   refused(model("", "<actuator><muscle site='s' lengthrange='0 1'/></actuator>"), "m.xml:4: ", "unknown attribute 'site' of <muscle>");
   refused(model("", "<sensor><plugin/></sensor>"), "m.xml:4: ", "<sensor> <plugin>: plug-ins are not supported");
-  refused(model("", "<sensor><gyro site='s' nsample='4'/></sensor>"), "m.xml:4: ", "nsample='4'");
+  refused(model("", "<sensor><clock delay='.1'/></sensor>"), "m.xml:4: ", "keeps no samples");
+  refused(model("", "<sensor><clock nsample='4' interp='spline'/></sensor>"), "m.xml:4: ", "zoh, linear, cubic");
+  refused(model("", "<sensor><user dim='1' nsample='4'/></sensor>"), "m.xml:4: ", "nsample");
   refused(model("", "<option integrator='discrete'/>"), "m.xml:4: ", "use implicitfast");
   refused(model("", "<option><flag diagexact='enable'/></option>"), "m.xml:4: ", "diagexact='enable'");
   refused("<robot/>", "m.xml:1: ", "an MJCF model is <mujoco>");

@@ -6,6 +6,7 @@
 #include <gsp/model/samples.hpp>
 #include <gsp/sensor/encoders.hpp>
 #include <gsp/sensor/imu_noise.hpp>
+#include <gsp/sensor/sensor_delay.hpp>
 #include <gsp/sensor/sensor_noise.hpp>
 #include <gsp_test_execs.hpp>
 
@@ -211,6 +212,41 @@ TEST_CASE_TEMPLATE("a world's noise is its own: any batch, other worlds, sensors
     for (std::size_t k = 0; k < 3; ++k) CHECK((after[k][w] == during[k][w]) == (w >= 1000));
   for (std::size_t w = 0; w < 1000; ++w) CHECK(after[0][w] != before[0][w]);  // each start has its own
   CHECK(std::abs(deviation({after[0].begin(), after[0].begin() + 1000}) / 2 - 1) < 0.09);
+}
+
+TEST_CASE_TEMPLATE("an IMU of a data sheet, whose numbers come late", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  int const worlds = 100;
+  double const dt = .002;
+  Rows<Exec, float> const data("data", worlds, 9), measured("measured", worlds, 9);
+  Kokkos::View<bool*, typename Exec::memory_space> const done("done", worlds);
+  Kokkos::deep_copy(data, 1.F);
+  // example-begin imu
+  gsp::ImuNoise const imu{.accelerometer = {.density = 1.4e-3, .walk = 8e-5, .turn_on = .05, .limit = 156},
+                          .gyro = {.density = 8.7e-5, .bias = gsp::bias_of_instability(5e-5), .bias_time = 300, .step = 1.3e-4}};
+  std::vector<int> const columns{0, 1, 2, 6, 7, 8};  // of the accelerometer and the gyro: sensor_adr ...
+  auto noise = gsp::make_sensor_noise<float>(exec, gsp::imu_noise(imu, {.columns = columns, .worlds = worlds, .seed = 1}));
+  auto delay = gsp::make_sensor_delay<float>(
+      exec, {.worlds = worlds, .numbers = 6, .columns = columns, .latency = .004, .jitter = .002, .samples = 4, .seed = 1});
+
+  gsp::add_sensor_noise(exec, noise, dt, data, measured);  // each dt seconds, after read_sensors
+  gsp::delay_sensor(exec, delay, dt, measured, measured);
+  gsp::reset_sensor_noise(exec, noise, done);  // with reset(exec, model, state, done)
+  gsp::reset_sensor_delay(exec, delay, done);
+  // example-end imu
+  exec.fence();
+  auto const said = numbers(measured);
+  double square = 0;
+  for (std::size_t k = 0; k < said.size(); ++k) {
+    int const c = int(k % 9);
+    if (c >= 3 && c < 6)
+      CHECK(said[k] == 0);
+    else
+      CHECK(std::abs(said[k] - 1) < (c < 3 ? .5 : .02));
+    if (c < 3) square += (said[k] - 1) * (said[k] - 1) / (3. * worlds);
+  }
+  // 300 numbers: within four of 1 / sqrt(600)
+  CHECK(std::abs(std::sqrt(square / (.05 * .05 + 1.4e-3 * 1.4e-3 / dt)) - 1) < .17);
 }
 
 TEST_CASE("the noise that MJCF's sensors have, where it is asked for") {

@@ -1,5 +1,6 @@
 #pragma once
 #include <cmath>
+#include <gsp/core/detail/views.hpp>
 #include <gsp/core/exec.hpp>
 #include <gsp/core/region.hpp>
 #include <gsp/model/state.hpp>
