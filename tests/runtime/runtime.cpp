@@ -341,6 +341,50 @@ TEST_CASE("a stepper goes on from what another saved") {
   }
 }
 
+// A clock that is 2 steps late: its number is known; steps are those of a stepper that nobody asks for sensors, to the bit, with RK4 too.
+TEST_CASE("late sensors measure at each step, and go on from what was saved") {
+  auto compiled_of = [](gsp::Integrator integrator) {
+    auto robot = gsp::samples::quadruped_scene();
+    robot.option.integrator = integrator;
+    double const h = robot.option.timestep;
+    robot.sensors = {{.name = "late", .type = "clock", .settings = {{"delay", std::to_string(2 * h)}, {"nsample", "4"}}}};
+    return gsp::compile(robot);
+  };
+  for (Device const device : devices())
+    for (auto const integrator : {gsp::Integrator::euler, gsp::Integrator::rk4}) {
+      auto const compiled = compiled_of(integrator);
+      double const h = compiled.option.timestep;
+      StepperOptions options;
+      options.precision = Dtype::float64;
+      auto const stepper = make_stepper(device, compiled, options), plain = make_stepper(device, compiled, options);
+      auto const late = [](Stepper& s) { return on_host<double>(s.sensors())[0]; };
+      CHECK(late(*stepper) == 0);
+      stepper->step({.steps = 7});
+      plain->step({.steps = 7});
+      CHECK(std::abs(late(*stepper) - 5 * h) < 1e-15);
+      CHECK(on_host<double>(stepper->state().qpos) == on_host<double>(plain->state().qpos));
+      CHECK(on_host<double>(stepper->state().qvel) == on_host<double>(plain->state().qvel));
+      auto arrays = stepper->save();
+      options.worlds = 2;
+      auto const fresh = make_stepper(device, compiled, options);
+      fresh->restore(arrays);
+      stepper->step({.steps = 1});
+      fresh->step({.steps = 1});
+      CHECK(std::abs(late(*stepper) - 6 * h) < 1e-15);
+      CHECK(on_host<double>(fresh->sensors()) == std::vector<double>(2, late(*stepper)));
+      auto without = gsp::samples::quadruped_scene();
+      without.option.integrator = integrator;
+      options.worlds = 1;
+      CHECK_THROWS_WITH_AS(make_stepper(device, gsp::compile(without), options)->restore(arrays),
+                           doctest::Contains("sensors keep samples there, and here none does"), gsp::Error);
+      std::erase_if(arrays, [](auto const& a) { return a.name == "sensors.time"; });
+      CHECK_THROWS_WITH_AS(stepper->restore(arrays), doctest::Contains("array 'sensors.time' is not there"), gsp::Error);
+      std::erase_if(arrays, [](auto const& a) { return a.name.starts_with("sensors."); });
+      stepper->restore(arrays);  // it has measured nothing
+      CHECK(late(*stepper) == 0);
+    }
+}
+
 TEST_CASE("pictures of the simulation's poses, where they lie") {
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   std::vector<float> viewmats{1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 2, 0, 0, 0, 1};  // from -y, 2 m away

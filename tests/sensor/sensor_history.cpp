@@ -181,6 +181,7 @@ TEST_CASE_TEMPLATE("latency of a ramp: held, on a line, of worlds' own, with jit
                        std::invalid_argument);
   CHECK_THROWS_AS(gsp::delay_sensor(exec, hold, 0, held.x, held.y), std::invalid_argument);
   CHECK_THROWS_AS(gsp::delay_sensor(exec, hold, dt, own.x, own.y), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::delay_sensor(exec, hold, dt, held.x, typename Ramp<Exec>::View("z", 2, 1)), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.latency = -1}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.numbers = 2, .columns = {1}}), std::invalid_argument);
 }

@@ -126,6 +126,9 @@ TEST_CASE_TEMPLATE("what is coupled, rounded and cut; parameters of worlds' own;
   CHECK_THROWS_AS(gsp::add_sensor_noise(exec, noise, .01, x, x), std::invalid_argument);
   CHECK_THROWS_AS(gsp::add_sensor_noise(exec, noise, 0, x, y), std::invalid_argument);
   CHECK_THROWS_AS(gsp::add_sensor_noise(exec, noise, .01, Rows<Exec>("z", 1, 7), y), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::add_sensor_noise(exec, noise, .01, x, Rows<Exec>("z", 2, 6)),
+                       "gsp::add_sensor_noise: y has 6 columns, and 7 are read: give the view that the columns were chosen for",
+                       std::invalid_argument);
   auto const refused = [&](gsp::SensorNoiseOptions const& bad) {
     CHECK_THROWS_AS((void)gsp::make_sensor_noise<double>(exec, bad), std::invalid_argument);
   };
@@ -135,6 +138,7 @@ TEST_CASE_TEMPLATE("what is coupled, rounded and cut; parameters of worlds' own;
   refused({.channels = {{.bias = 1}}});
   refused({.channels = {{}}, .columns = {0, 1}});
   refused({.channels = {{}}, .coupling = {1, 2}});
+  refused({.channels = {{}}, .columns = {-1}});
   refused({.channels = {{}}, .worlds = 0});
 }
 
@@ -325,4 +329,5 @@ TEST_CASE_TEMPLATE("encoders: whole counts, velocities over a span, starts, NaN"
   CHECK_THROWS_AS(gsp::make_encoders<double>(exec, {.resolution = 0}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_encoders<double>(exec, {.resolution = 1, .span = 0}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::read_encoders(exec, encoders, 0, q), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::read_encoders(exec, encoders, dt, Rows<Exec>("z", 3, 1)), std::invalid_argument);
 }

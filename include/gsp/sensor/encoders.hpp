@@ -35,6 +35,7 @@ struct Encoders {
   View<std::int64_t***> count;   // (worlds, encoders, span) of the last readings
   View<int**> begun;             // (worlds, encoders) 0: nothing has been read yet
   View<R**> position, velocity;  // (worlds, encoders) [rad, m], [rad/s, m/s]
+  int columns = 0;               // host: that views have at least
   std::int64_t tick = 0;         // host: readings made
   int encoders() const { return int(column.extent(0)); }
   int span() const { return int(count.extent(2)); }
@@ -95,6 +96,7 @@ Encoders<R, typename Exec::memory_space> make_encoders(Exec const& exec, Encoder
   Encoders<R, typename Exec::memory_space> e;
   int const n = options.worlds, encoders = int(options.columns.size());
   e.worlds = n;
+  e.columns = detail::columns_of(where, options.columns);
   e.column = detail::to_device<decltype(e.column)>(exec, "gsp::Encoders::column", options.columns);
   auto const make = [&](auto& view, char const* label, auto... extents) {
     view = detail::allocate_zero<std::decay_t<decltype(view)>>(exec, label, extents...);
@@ -116,7 +118,7 @@ Encoders<R, typename Exec::memory_space> make_encoders(Exec const& exec, Encoder
 ///   count = floor(q / resolution + offset),   position = resolution count,   velocity = resolution (count - count of span readings ago) /
 ///   (span dt)
 /// A world's first reading has velocity 0. One launch; does not allocate, does not fence. NaN stays NaN. Errors: std::invalid_argument for
-/// a view of another number of worlds, and a dt that is not positive.
+/// a view of another number of worlds or too few columns, and a dt that is not positive.
 template <ExecutionSpace Exec, class R, class Mem, class From>
 void read_encoders(Exec const& exec, Encoders<R, Mem>& of, double dt, From const& q) {
   Region const region("gsp::sensor::read_encoders");
@@ -124,6 +126,7 @@ void read_encoders(Exec const& exec, Encoders<R, Mem>& of, double dt, From const
   expects(dt > 0 && std::isfinite(dt), where, "dt must be positive");
   detail::expects_as_many(where, "worlds", "make both with the same {.worlds = n}", detail::Count{"encoders", of.worlds},
                           detail::Count{"q", int(q.extent(0))});
+  detail::expects_columns(where, "q", q, of.columns);
   Kokkos::parallel_for("gsp::sensor::read_encoders", Kokkos::RangePolicy<Exec>(exec, 0, of.worlds * of.encoders()),
                        detail::ReadEncoders<Encoders<R, Mem>, From>{of, q, dt, int(of.tick % of.span())});
   ++of.tick;

@@ -42,6 +42,7 @@ struct SensorDelay {
   View<int*> cursor;       // (worlds) the newest sample; -1: none yet
   View<double*> said;      // (worlds) [s] the time of what was read last
   detail::NoiseSource source{};
+  int columns = 0;        // host: that views have at least
   double longest = 0;     // host: [s] latency + jitter of the options
   double now = 0;         // host: [s] sum of all dt
   std::int64_t tick = 0;  // host: readings made
@@ -64,6 +65,7 @@ SensorDelay<R, typename Exec::memory_space> make_sensor_delay(Exec const& exec, 
   SensorDelay<R, typename Exec::memory_space> d;
   int const n = options.worlds, rows = options.per_world ? n : 1;
   d.worlds = n;
+  d.columns = detail::columns_of(where, options.columns);
   d.interpolation = options.interpolation;
   d.source = {options.seed, options.sensor, options.first_world};
   d.longest = options.latency + options.jitter;
@@ -131,7 +133,7 @@ struct ResetDelay {
 /// interpolated. It never goes back behind what was read before. A world's first sample counts as what was there all the time. Noise that
 /// was added to x is the sample's and is read with it. x and y may be the same view. One launch, a thread a world; does not allocate, does
 /// not fence. The same bits for any batch. Latencies of worlds' own that are longer than what the samples span are as long as these.
-/// Errors: std::invalid_argument for views of another number of worlds, a dt that is not positive, and too few samples.
+/// Errors: std::invalid_argument for views of another number of worlds or too few columns, a dt that is not positive, and too few samples.
 template <ExecutionSpace Exec, class R, class Mem, class From, class To>
 void delay_sensor(Exec const& exec, SensorDelay<R, Mem>& of, double dt, From const& x, To const& y) {
   Region const region("gsp::sensor::delay_sensor");
@@ -140,6 +142,8 @@ void delay_sensor(Exec const& exec, SensorDelay<R, Mem>& of, double dt, From con
   expects(dt > 0 && std::isfinite(dt), where, "dt must be positive");
   detail::expects_as_many(where, "worlds", "make all with the same {.worlds = n}", detail::Count{"delay", of.worlds},
                           detail::Count{"x", int(x.extent(0))}, detail::Count{"y", int(y.extent(0))});
+  detail::expects_columns(where, "x", x, of.columns);
+  detail::expects_columns(where, "y", y, of.columns);
   double const needed = std::ceil(of.longest / dt - 1e-9) + (of.interpolation == Interpolation::cubic ? 2 : 1);
   if (of.latency.extent(0) == 1 && of.samples() < needed)
     throw std::invalid_argument(std::string(where) + ": " + std::to_string(of.samples()) +

@@ -1,4 +1,6 @@
 #pragma once
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <gsp/core/detail/views.hpp>
 #include <gsp/core/exec.hpp>
@@ -50,6 +52,7 @@ struct SensorNoise {
   View<int* [2]> units;                                                       // first column, how many
   View<R***> drift;                                                           // (worlds, channels, 3) turn-on, walking, bounded [unit]
   detail::NoiseSource source{};
+  int columns = 0;        // host: that views have at least
   std::int64_t tick = 0;  // host: samples made; goes on when worlds start anew, so that each start has noise of its own
   int channels() const { return int(column.extent(0)); }
 };
@@ -83,6 +86,8 @@ SensorNoise<R, typename Exec::memory_space> make_sensor_noise(Exec const& exec, 
           "the coupling has a row of all channels for each of them");
   Noise s;
   s.worlds = options.worlds;
+  s.columns = detail::columns_of(where, options.columns);
+  for (auto const& [first, size] : options.units) s.columns = std::max(s.columns, first + size);
   s.source = {options.seed, options.sensor, options.first_world};
   s.column = detail::to_device<decltype(s.column)>(exec, "gsp::SensorNoise::column", options.columns);
   auto const upload = [&](auto& view, std::vector<R> const& numbers) {
@@ -135,8 +140,8 @@ SensorNoise<R, typename Exec::memory_space> make_sensor_noise(Exec const& exec, 
 /// Columns that are no channel's stay as they are in y. x and y may be the same view where there is no coupling. One launch (two with
 /// units); does not allocate, does not fence; about 150 operations a number that has noise. The same bits for any batch, split or number of
 /// threads; between backends numbers differ by what log, sin and cos round. NaN stays NaN.
-/// Errors: std::invalid_argument for views of another number of worlds, or too few columns are an access out of bounds that debug builds
-/// name, for a dt that is not positive, and for x and y in one place with coupling.
+/// Errors: std::invalid_argument for views of another number of worlds or too few columns, for a dt that is not positive, and for x and y
+/// in one place with coupling.
 template <ExecutionSpace Exec, class R, class Mem, class From, class To>
 void add_sensor_noise(Exec const& exec, SensorNoise<R, Mem>& of, double dt, From const& x, To const& y) {
   Region const region("gsp::sensor::add_sensor_noise");
@@ -145,6 +150,8 @@ void add_sensor_noise(Exec const& exec, SensorNoise<R, Mem>& of, double dt, From
   expects(dt > 0 && std::isfinite(dt), where, "dt must be positive");
   detail::expects_as_many(where, "worlds", "make all with the same {.worlds = n}", detail::Count{"noise", of.worlds},
                           detail::Count{"x", int(x.extent(0))}, detail::Count{"y", int(y.extent(0))});
+  detail::expects_columns(where, "x", x, of.columns);
+  detail::expects_columns(where, "y", y, of.columns);
   expects(of.coupling.extent(0) == 0 || static_cast<void const*>(x.data()) != static_cast<void const*>(y.data()), where,
           "with coupling each number is made of all: give y a view of its own");
   Kokkos::parallel_for("gsp::sensor::add_sensor_noise", Kokkos::RangePolicy<Exec>(exec, 0, of.worlds * of.channels()),
