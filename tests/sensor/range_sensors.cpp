@@ -1,4 +1,4 @@
-// Rangefinders of sites in closed form, world by world. (Beside MuJoCo: tests/oracle/range_sensors.cpp.)
+// Rangefinders of sites in closed form, world by world. (Beside MuJoCo: tests/oracle/read_sensors.cpp.)
 #include <doctest/doctest.h>
 
 #include <cmath>
