@@ -138,10 +138,10 @@ SensorNoise<R, typename Exec::memory_space> make_sensor_noise(Exec const& exec, 
 /// y: what the sensors say of x, the next sample of each world, dt [s] after the one before:
 ///   y = limit(step round((x + coupling x + turn-on + walking + bounded + n) / step)),   n of deviation sqrt(density^2 / dt + deviation^2)
 /// Columns that are no channel's stay as they are in y. x and y may be the same view where there is no coupling. One launch (two with
-/// units); does not allocate, does not fence; about 150 operations a number that has noise. The same bits for any batch, split or number of
-/// threads; between backends numbers differ by what log, sin and cos round. NaN stays NaN.
-/// Errors: std::invalid_argument for views of another number of worlds or too few columns, for a dt that is not positive, and for x and y
-/// in one place with coupling.
+/// units); does not allocate, does not fence; on a CPU 470 instructions a number with white noise, 710 with all. The same bits for any
+/// batch, split or number of threads; between backends numbers differ by what log, sin and cos round. NaN stays NaN. Errors:
+/// std::invalid_argument for views of another number of worlds or too few columns, for a dt that is not positive, and for x and y in one
+/// place with coupling.
 template <ExecutionSpace Exec, class R, class Mem, class From, class To>
 void add_sensor_noise(Exec const& exec, SensorNoise<R, Mem>& of, double dt, From const& x, To const& y) {
   Region const region("gsp::sensor::add_sensor_noise");
