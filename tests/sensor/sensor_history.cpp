@@ -7,6 +7,8 @@
 #include <gsp/sensor/sensor_history.hpp>
 #include <gsp/step/snapshot.hpp>
 #include <gsp_test_execs.hpp>
+#include <iterator>
+#include <map>
 
 #include "step/world.hpp"
 #include "support/kernels.hpp"
@@ -211,6 +213,36 @@ TEST_CASE_TEMPLATE("latency of a ramp: held, on a line, of worlds' own, with jit
   CHECK_THROWS_AS(gsp::delay_sensor(exec, hold, dt, held.x, typename Ramp<Exec>::View("z", 2, 1)), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.latency = -1}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.numbers = 2, .columns = {1}}), std::invalid_argument);
+}
+
+// Beside a sorted list: a sample of a time that is there takes its place, any other that of the oldest.
+TEST_CASE("samples in any order of their times") {
+  gsp_test::Random r{11};
+  constexpr int n = 7;
+  double time[n], value[n];
+  int cursor = n - 1;
+  std::map<double, double> list;
+  for (int i = 0; i < n; ++i) {
+    time[i] = i - n;
+    value[i] = r();
+    list[time[i]] = value[i];
+  }
+  gsp::detail::SampleRing<double> const ring{time, value, &cursor, n, 1};
+  for (int k = 0; k < 3000; ++k) {
+    double const newest = list.rbegin()->first, t = k % 3 == 0 ? newest + std::abs(r()) : std::floor(8 * (newest + 4 * r())) / 8, x = r();
+    if (list.find(t) == list.end()) list.erase(list.begin());
+    list[t] = *ring.insert(t) = x;
+    double const at = newest + 5 * r();
+    auto const after = list.lower_bound(at);
+    double line = after == list.end() ? list.rbegin()->second : after->second, held = line;
+    if (after != list.end() && after != list.begin() && after->first != at) {
+      auto const before = std::prev(after);
+      held = before->second;
+      line = held + (after->second - held) * (at - before->first) / (after->first - before->first);
+    }
+    ring.read(at, gsp::Interpolation::hold, [&](int, double said) { CHECK(said == held); });
+    ring.read(at, gsp::Interpolation::linear, [&](int, double said) { CHECK(std::abs(said - line) < 1e-13); });
+  }
 }
 
 TEST_CASE("settings of late sensors, as a description has them") {
