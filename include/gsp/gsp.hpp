@@ -8,6 +8,7 @@
 #include <gsp/collision/manifold.hpp>
 #include <gsp/collision/narrowphase.hpp>
 #include <gsp/collision/shape_assets.hpp>
+#include <gsp/collision/shape_distance.hpp>
 #include <gsp/collision/shapes.hpp>
 #include <gsp/constraint/assemble.hpp>
 #include <gsp/constraint/constraint_type.hpp>

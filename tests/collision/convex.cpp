@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <gsp/collision/shape_distance.hpp>
 #include <set>
 
 #include "convex_shapes.hpp"
@@ -321,6 +322,65 @@ TEST_CASE_TEMPLATE("a mesh lies on a plane on distinct vertices", T, float, doub
           for (int j = 0; j < i; ++j) CHECK(norm(out.point[i].pos - out.point[j].pos) > T(0.04));
       }
   }
+}
+
+// Closed forms, in both orders; curved pairs to the root of the tolerance (collision/shape_distance.hpp). All pairs at random places:
+// tests/oracle/convex.cpp.
+TEST_CASE_TEMPLATE("distances of shapes, and their points, in closed form", T, float, double) {
+  using S = ShapeType;
+  using V = Vec3<T>;
+  double const tight = sizeof(T) == 4 ? 3e-6 : 1e-12, loose = sizeof(T) == 4 ? 3e-3 : 3e-6;
+  Quat<T> const none = identity_quat<T>(), along_x = axis_angle(V{T(0), T(1), T(0)}, T(1.5707963267948966));
+  auto const put = [](V p, V size, Quat<T> q) { return make_shape(Transform<T>{p, q}, size); };
+  auto const check = [&](S ta, Shape<T> const& a, S tb, Shape<T> const& b, double dist, V from, V to, double rough) {
+    auto const d = shape_distance(ta, a, tb, b, T(10)), turned = shape_distance(tb, b, ta, a, T(10));
+    CHECK(d.near);
+    CHECK(std::abs(double(d.dist) - dist) < tight);
+    CHECK(double(norm(d.from - from) + norm(d.to - to)) < rough);
+    CHECK(std::abs(double(turned.dist) - dist) < tight);
+    CHECK(double(norm(turned.to - from) + norm(turned.from - to)) < rough);
+    CHECK(shape_distance(ta, a, tb, b, T(dist + 1e-4)).near);
+    auto const far = shape_distance(ta, a, tb, b, T(dist - 1e-4));
+    CHECK(!far.near);
+    CHECK(far.dist == T(dist - 1e-4));
+    CHECK(double(norm(far.from) + norm(far.to)) == 0);
+  };
+  V const origin{};
+  auto const box = put(origin, {T(1), T(1), T(1)}, none);
+  check(S::box, box, S::box, put({T(3), T(3), T(3)}, {T(1), T(1), T(1)}, none), std::sqrt(3.), {T(1), T(1), T(1)}, {T(2), T(2), T(2)},
+        tight);
+  // two cylinders across each other; an ellipsoid's tip, and beside its middle
+  check(S::cylinder, put(origin, {T(0.3), T(1), T(0)}, none), S::cylinder, put({T(0), T(1), T(0)}, {T(0.3), T(1), T(0)}, along_x), 0.4,
+        {T(0), T(0.3), T(0)}, {T(0), T(0.7), T(0)}, loose);
+  check(S::sphere, put({T(0), T(0), T(2)}, {T(0.5), T(0), T(0)}, none), S::ellipsoid, put(origin, {T(1), T(0.5), T(0.75)}, none), 0.75,
+        {T(0), T(0), T(1.5)}, {T(0), T(0), T(0.75)}, loose);
+  // a capsule that pierces a box leaves it through the nearest face; planes; a box that stands has one of its corners
+  auto const capsule = put({T(0), T(0), T(0.3)}, {T(0.1), T(2), T(0)}, along_x);
+  auto const pierced = shape_distance(S::capsule, capsule, S::box, box, T(0));
+  CHECK(std::abs(double(pierced.dist) + 0.8) < tight);
+  CHECK(std::abs(double(pierced.to.z) - 1) < tight);
+  CHECK(std::abs(double(pierced.from.z) - 0.2) < tight);
+  auto const plane = put({T(0), T(0), T(-3)}, origin, none);
+  check(S::plane, plane, S::box, box, 2, {T(-1), T(-1), T(-3)}, {T(-1), T(-1), T(-1)}, tight);
+  check(S::plane, plane, S::capsule, capsule, 3.2, {T(2), T(0), T(-3)}, {T(2), T(0), T(0.2)}, 9);  // either end
+  // what has no distance, and what is nowhere
+  CHECK(!shape_distance(S::plane, plane, S::plane, plane, T(1)).near);
+  CHECK(!shape_distance(S::hfield, box, S::box, box, T(1)).near);
+  for (S const other : {S::plane, S::sphere, S::capsule, S::ellipsoid, S::cylinder, S::box})
+    CHECK(!shape_distance(S::box, put({T(NAN), T(0), T(0)}, {T(1), T(1), T(1)}, none), other, box, T(1)).near);
+}
+
+TEST_CASE("the distance of two shapes, as docs/collision/shape_distance.md has it") {
+  // example-begin shape_distance
+  gsp::Shape<double> const ball = gsp::make_shape(gsp::Transform<double>{{0, 0, 1}, {1, 0, 0, 0}}, gsp::Vec3<double>{0.25, 0, 0});
+  gsp::Shape<double> const box = gsp::make_shape(gsp::Transform<double>{{0, 0, 0}, {1, 0, 0, 0}}, gsp::Vec3<double>{0.5, 0.5, 0.5});
+  auto const d = gsp::shape_distance(gsp::ShapeType::sphere, ball, gsp::ShapeType::box, box, 2.);  // 2 m: what is farther is not seen
+  // d.dist is 0.25, d.from (0, 0, 0.75) on the ball, d.to (0, 0, 0.5) on the box
+  // example-end shape_distance
+  CHECK(d.near);
+  CHECK(d.dist == 0.25);
+  CHECK(d.from.z == 0.75);
+  CHECK(d.to.z == 0.5);
 }
 
 TEST_CASE("features stay while shapes rock a little") {

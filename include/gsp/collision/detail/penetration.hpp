@@ -234,11 +234,12 @@ KOKKOS_INLINE_FUNCTION void polish(ConvexShape<T>& a, ConvexShape<T>& b, CorePen
 /// The unit vector n with the least h(n), to within `tolerance`: the faces' distances bound the depth from below and every h(n) from above,
 /// and the face nearest to the origin is pushed outward until the two meet. Whatever ends the search, the answer is an n whose h(n) was
 /// computed. The origin may lie a little outside of D. Curved cores take many faces: there the bounds need meet only within 4e-7 of the
-/// size, and Newton's method finds the depth to `tolerance` between them.
+/// size, and Newton's method finds the depth to `tolerance` between them, where D is smooth; with `fine` they meet within `tolerance`, too.
 template <class T>
-KOKKOS_INLINE_FUNCTION CorePenetration<T> penetration(ConvexShape<T>& a, ConvexShape<T>& b, T size, T tolerance, int steps) {
+KOKKOS_INLINE_FUNCTION CorePenetration<T> penetration(ConvexShape<T>& a, ConvexShape<T>& b, T size, T tolerance, int steps,
+                                                      bool fine = false) {
   bool const is_curved = is_curved_core(a.type) || is_curved_core(b.type);
-  T const vague = is_curved ? max(tolerance, T(4e-7) * size) : tolerance;
+  T const vague = is_curved && !fine ? max(tolerance, T(4e-7) * size) : tolerance;
   T polish_below = is_curved ? Kokkos::Experimental::finite_max_v<T> : -Kokkos::Experimental::finite_max_v<T>;
   using P = Polytope<T>;
   P polytope;
