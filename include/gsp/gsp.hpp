@@ -104,6 +104,7 @@
 #include <gsp/sensor/body_contacts.hpp>
 #include <gsp/sensor/cameras.hpp>
 #include <gsp/sensor/constraint_sensors.hpp>
+#include <gsp/sensor/distance_sensors.hpp>
 #include <gsp/sensor/encoders.hpp>
 #include <gsp/sensor/imu_noise.hpp>
 #include <gsp/sensor/range_sensors.hpp>

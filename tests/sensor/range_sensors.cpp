@@ -1,7 +1,8 @@
-// Rangefinders of sites in closed form, world by world. (Beside MuJoCo: tests/oracle/read_sensors.cpp.)
+// Rangefinders and sensors of distances in closed form, world by world. (Beside MuJoCo: tests/oracle/read_sensors.cpp.)
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <gsp/sensor/distance_sensors.hpp>
 #include <gsp/sensor/range_sensors.hpp>
 #include <gsp_test_execs.hpp>
 
@@ -44,4 +45,68 @@ TEST_CASE_TEMPLATE("a rangefinder says how far the floor is, and all of its fiel
   }
   gsp::step(s.exec, s.model, s.state, s.sim, {.poses = false});
   CHECK_THROWS_AS(gsp::range_sensors(s.exec, s.model, s.state, s.sim.poses, s.sensors, s.data), std::invalid_argument);
+}
+
+// A camera looks down from z, at another height in each world: all of its pixels are as deep, whatever the ray's length. A ball above the
+// floor and beside a box, which hangs on a body of two geoms: the nearest is measured. Within 1e-12 of numbers of the size of 1.
+TEST_CASE_TEMPLATE("pixels of a camera, and distances between bodies", Exec, GSP_TEST_EXECS) {
+  int const worlds = 19;
+  SensedWorld<Exec> s(
+      R"(<mujoco><worldbody><geom name="floor" type="plane" size="0 0 1"/><body name="ball" pos="0 0 1.5"><joint type="slide" axis="0 0 1"/><geom name="g" size=".25" contype="0" conaffinity="0"/>
+    <camera name="c" pos="0 0 1" resolution="5 3" fovy="20"/></body><body name="other" pos="1.25 0 0"><geom type="box" size=".5 1 1" contype="0" conaffinity="0"/><geom size=".25" pos="5 0 0" contype="0" conaffinity="0"/></body>
+    </worldbody><sensor><rangefinder name="depth" camera="c" data="dist depth"/><rangefinder name="cut" camera="c" data="depth" cutoff="2"/>
+    <distance name="above" geom1="floor" geom2="g" cutoff="9"/><fromto name="way" geom1="floor" geom2="g" cutoff="9"/><normal name="up" geom1="floor" geom2="g" cutoff="9"/>
+    <distance name="deep" geom1="floor" geom2="g"/><fromto name="beside" body1="ball" body2="other" cutoff="9"/><distance name="far" body1="other" body2="ball" cutoff=".3"/></sensor></mujoco>)",
+      gsp::Profile::stable, worlds);
+  CHECK(s.sensors.left_out.empty());
+  auto const qpos = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, s.state.qpos);
+  for (int w = 0; w < worlds; ++w) qpos(w, 0) = 0.1 * w - 1.4;
+  Kokkos::deep_copy(s.state.qpos, qpos);
+  gsp::forward(s.exec, s.model, s.state, s.sim);
+  gsp_test::check_algorithm(s.exec, gsp_test::watch([&] {
+                              gsp::range_sensors(s.exec, s.model, s.state, s.sim.poses, s.sensors, s.data);
+                              gsp::distance_sensors(s.exec, s.model, s.state, s.sim.poses, s.sensors, s.data);
+                            }));
+  auto const near = [](double x, double y) { return std::abs(x - y) < 1e-12; };
+  for (int w = 0; w < worlds; ++w) {
+    CAPTURE(w);
+    double const z = 0.1 * w + 0.1, dist = z - 0.25, focal = 1.5 / std::tan(M_PI / 18);
+    auto const depth = s("depth", w), cut = s("cut", w);
+    REQUIRE(depth.size() == 30);
+    for (int k = 0; k < 15; ++k) {
+      double const x = (k % 5 - 2) / focal, y = (k / 5 - 1) / focal;
+      CHECK(near(depth[std::size_t(2 * k)], (z + 1) * std::sqrt(1 + x * x + y * y)));
+      CHECK(near(depth[std::size_t(2 * k + 1)], z + 1));
+      CHECK(near(cut[std::size_t(k)], std::fmin(z + 1, 2)));
+    }
+    CHECK(near(s("above", w)[0], dist));
+    CHECK(near(s("deep", w)[0], std::fmin(dist, 0)));
+    CHECK(gsp_test::away(s("way", w), {0, 0, 0, 0, 0, dist}) < 1e-12);
+    CHECK(gsp_test::away(s("up", w), {0, 0, dist < 0 ? -1. : 1.}) < 1e-12);
+    double const above = std::fmax(z - 1, 0), apart = std::hypot(0.75, above);  // of the ball's middle from the box, whose side is at .75
+    CHECK(gsp_test::away(s("beside", w), {0.25 * 0.75 / apart, 0, z - 0.25 * above / apart, 0.75, 0, std::fmin(z, 1)}) < 1e-12);
+    CHECK(near(s("far", w)[0], 0.3));
+  }
+  gsp::step(s.exec, s.model, s.state, s.sim, {.poses = false});
+  CHECK_THROWS_AS(gsp::distance_sensors(s.exec, s.model, s.state, s.sim.poses, s.sensors, s.data), std::invalid_argument);
+}
+
+TEST_CASE("sensors of distances that mean nothing are refused, or left out") {
+  auto const text = [](std::string const& sensor) {
+    return R"(<mujoco><asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1" elevation="0 1 0 0"/></asset><worldbody><geom name="ground" type="hfield" hfield="h"/>
+    <body name="b" pos="0 0 3"><freejoint/><geom name="g" size=".1"/><site name="s"/><camera name="c" resolution="50000 50000"/></body></worldbody><sensor>)" +
+           sensor + "</sensor></mujoco>";
+  };
+  auto const refuses = [&](std::string const& sensor, char const* part) {
+    CHECK_THROWS_WITH_AS(gsp::compile(gsp::io::parse_mjcf(text(sensor), "scene.xml")), doctest::Contains(part), gsp::Error);
+  };
+  refuses("<distance geom1='ground' geom2='g'/>", "names the height field 'ground', which has no distance: name another geom");
+  refuses("<fromto geom1='g' geom2='g'/>", "names 'g' twice");
+  refuses("<normal body1='b' body2='b'/>", "names 'b' twice");
+  refuses("<distance geom1='g'/>", "needs two objects");
+  refuses("<distance site='s' geom2='g'/>", "site");
+  refuses("<rangefinder camera='c'/>", "has 1e9 numbers or more: lower the resolution of its camera");
+  SensedWorld<Kokkos::DefaultHostExecutionSpace> s(text("<distance body1='world' body2='b' cutoff='1'/>"), gsp::Profile::stable);
+  CHECK(s.sensors.left_out == std::vector<int>{0});
+  CHECK(s.sensors.why[0].find("one of its bodies has a height field") != std::string::npos);
 }

@@ -70,6 +70,7 @@ enum class SensorStage : int {
   acceleration,  // accelerations of bodies and what acts between them, with the forces of constraints
   ray,           // rays against shapes
   shape,         // distances between shapes
+  field,         // signed distance fields of shapes
   outside        // a function of the user's own
 };
 
@@ -136,7 +137,7 @@ inline constexpr SensorInfo sensor_types[] = {
     {SensorType::potential_energy, "e_potential", 1, SensorStage::energy, SensorCutoff::both_sides, SensorObject::nothing},
     {SensorType::kinetic_energy, "e_kinetic", 1, SensorStage::energy, SensorCutoff::both_sides, SensorObject::nothing},
     {SensorType::clock, "clock", 1, SensorStage::state, SensorCutoff::both_sides, SensorObject::nothing},
-    {SensorType::tactile, "tactile", 0, SensorStage::shape, SensorCutoff::above, SensorObject::any},
+    {SensorType::tactile, "tactile", 0, SensorStage::field, SensorCutoff::above, SensorObject::any},
     {SensorType::user, "user", 0, SensorStage::outside, SensorCutoff::both_sides, SensorObject::any},
 };
 
@@ -165,16 +166,14 @@ constexpr bool is_smooth(SensorStage stage) {
     case SensorStage::acceleration:
     case SensorStage::ray:
     case SensorStage::shape:
+    case SensorStage::field:
     case SensorStage::outside:
       return false;
   }
   return false;
 }
-/// Whether the library evaluates it: distances between shapes it does not, and what is outside is yours to compute. (Of rays: those of
-/// sites, not of cameras.)
-constexpr bool is_evaluated(SensorStage stage) {
-  return is_smooth(stage) || stage == SensorStage::constraint || stage == SensorStage::acceleration || stage == SensorStage::ray;
-}
+/// Whether the library evaluates it: signed distance fields there are none of, and what is outside is yours to compute.
+constexpr bool is_evaluated(SensorStage stage) { return stage != SensorStage::field && stage != SensorStage::outside; }
 constexpr bool sensor_types_in_order() {
   int at = 0;
   for (auto const& info : sensor_types)

@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/sensor/acceleration_sensors.hpp>
 #include <gsp/sensor/constraint_sensors.hpp>
+#include <gsp/sensor/distance_sensors.hpp>
 #include <gsp/sensor/range_sensors.hpp>
 #include <gsp/sensor/smooth_sensors.hpp>
 #include <gsp/step/step.hpp>
@@ -9,8 +10,8 @@
 namespace gsp {
 
 /// data (world, nsensordata): the numbers of all sensors of the table, of the state as it is: smooth_sensors, constraint_sensors,
-/// accelerations and acceleration_sensors, of those that the model has; sensors with a delay or an interval say what they have measured
-/// (sensor/sensor_history.hpp). What sensors.left_out names stays as it is.
+/// range_sensors, distance_sensors, accelerations and acceleration_sensors, of those that the model has; sensors with a delay or an interval
+/// say what they have measured (sensor/sensor_history.hpp). What sensors.left_out names stays as it is.
 /// @param sim  after forward(exec, model, state, sim)
 /// Does not allocate, does not fence. Errors: std::invalid_argument where forward has not been called with this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class View>
@@ -20,6 +21,7 @@ void read_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> co
   smooth_sensors(exec, model, state, sim.poses, sim.dynamics, sensors, data);
   constraint_sensors(exec, model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.rows, sim.impulses, sensors, data);
   range_sensors(exec, model, state, sim.poses, sensors, data);
+  distance_sensors(exec, model, state, sim.poses, sensors, data);
   if (sensors.accelerated.extent(0) > 0) {
     accelerations(exec, model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.rows, sim.impulses, sim.solution,
                   sensors.accelerations, sim.sleep.islands);

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/collision/shape_assets.hpp>
 #include <gsp/dynamics/energy.hpp>
 #include <gsp/dynamics/object_poses.hpp>
 #include <gsp/dynamics/subtree.hpp>
@@ -38,13 +39,35 @@ struct ContactSensorEntry {
 };
 
 enum class RangeField : int { dist, dir, origin, point, normal, depth };
-/// A rangefinder of a site, and which of a ray's numbers it says.
+/// A rangefinder of a site or of a camera's pixels, and which of a ray's numbers it says.
 template <class R>
 struct RangeSensorEntry {
   int adr = 0, site = 0;
   unsigned fields = 1;
   R cutoff = R(0);  // 0: no limit
+  int size = 1;     // numbers of a ray
+  // of a camera
+  int camera = -1, width = 1, height = 1;  // [pixel]
+  R cx = R(0), cy = R(0);                  // where its axis meets the picture, from the top left [pixel]
+  bool by_com = false;                     // its frame follows from a subtree's centre of mass
   KOKKOS_INLINE_FUNCTION bool has(RangeField field) const { return (fields >> int(field)) & 1u; }
+};
+
+/// A sensor of the distance between two bodies or geoms: of all pairs of the geoms first[0] ... end[0] - 1 with first[1] ... end[1] - 1 of
+/// Sensors::distance_geoms.
+template <class R>
+struct DistanceSensorEntry {
+  SensorType type;
+  int adr = 0;
+  int first[2] = {0, 0}, end[2] = {0, 0};
+  R cutoff = R(0);  // what is farther is not seen; 0: overlaps alone
+};
+template <class R>
+struct DistanceGeom {
+  ShapeType type;
+  int geom, body;
+  Vec3<R> size;  // [m]
+  ShapeAsset<R> const* asset;
 };
 
 /// The sensors of a model that are evaluated here, and buffers. `make_sensors` allocates it.
@@ -58,18 +81,22 @@ struct Sensors {
   Kokkos::View<SensorEntry<R>*, Mem> limits;       // of joints and tendons
   Kokkos::View<SensorEntry<R>*, Mem> accelerated;  // of accelerations, and of forces between bodies
   Kokkos::View<RangeSensorEntry<R>*, Mem> ranges;  // rays from sites
+  std::vector<RangeSensorEntry<R>> range_cameras;  // host: rays through cameras' pixels
   RayScene<R, Mem> scene;                          // what they may meet; empty where there are none
-  Kokkos::View<SensorEntry<R>*, Mem> users;        // `user`: adr + local numbers, which are yours to write
-  Kokkos::View<int*, Mem> site_type;               // (nsite) ShapeType of their volumes
-  Kokkos::View<R*, Mem> site_size;                 // (3 nsite) [m]
-  Vec3<R> magnetic;                                // flux, in the world frame
-  Subtrees<R, Mem> subtrees;                       // empty where no sensor asks for them
-  bool momenta = false;                            // any asks for more than centres of mass
+  Kokkos::View<DistanceSensorEntry<R>*, Mem> distances;
+  Kokkos::View<DistanceGeom<R>*, Mem> distance_geoms;
+  ShapeAssets<R, Mem> distance_assets;       // hulls of their meshes
+  Kokkos::View<SensorEntry<R>*, Mem> users;  // `user`: adr + local numbers, which are yours to write
+  Kokkos::View<int*, Mem> site_type;         // (nsite) ShapeType of their volumes
+  Kokkos::View<R*, Mem> site_size;           // (3 nsite) [m]
+  Vec3<R> magnetic;                          // flux, in the world frame
+  Subtrees<R, Mem> subtrees;                 // empty where no sensor asks for them
+  bool momenta = false;                      // any asks for more than centres of mass
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> energy;
   Accelerations<R, Mem> accelerations;  // empty where no sensor asks for them
   SensorHistory<R, Mem> history;        // of those that speak late; empty where none does
   detail::Quantities needs;             // host: what the dynamics must hold for those of the smooth state
-  std::vector<int> left_out;            // host: indices of the model's sensors that nobody here evaluates: distances, user
+  std::vector<int> left_out;            // host: indices of the model's sensors that nobody here evaluates: tactile, user
   std::vector<std::string> why;         // host: a sentence for each of them
 };
 
@@ -132,15 +159,30 @@ inline int place_among_limited(CompiledModel const& m, std::vector<int> const& l
   return int(std::count_if(limited.begin(), limited.begin() + id, [](int l) { return l != 0; }));
 }
 template <class R>
-RangeSensorEntry<R> range_entry(SensorDescription const& d, int adr, int site) {
+RangeSensorEntry<R> range_entry(CompiledModel const& m, SensorDescription const& d, int adr, int object) {
   char const* const words[] = {"dist", "dir", "origin", "point", "normal", "depth"};
-  RangeSensorEntry<R> e{adr, site, 1u, R(d.cutoff)};
+  RangeSensorEntry<R> e{adr, object, 1u, R(d.cutoff)};
   for (auto const& [key, value] : d.settings) {
     if (key != "data") continue;
     e.fields = 0;
     std::string const list = " " + value + " ";
     for (int k = 0; k < 6; ++k) e.fields |= unsigned(list.find(" " + std::string(words[k]) + " ") != std::string::npos) << k;
   }
+  e.size = 0;
+  for (int k = 0; k < 6; ++k) e.size += e.has(RangeField(k)) ? (k == 0 || k == 5 ? 1 : 3) : 0;
+  if (d.object_type != "camera") return e;
+  e.camera = object;
+  auto const &picture = m.cam_resolution[object], &size = m.cam_sensor_size[object], &principal = m.cam_principal[object];
+  e.width = int(picture[0]);
+  e.height = int(picture[1]);
+  bool const sized = size[0] > 0 && size[1] > 0;  // MuJoCo counts the principal point from the corner here, from the middle in pictures
+  auto const centre = [&](int k) {
+    return sized ? float(principal[k]) / float(size[k]) * float(picture[k]) : picture[k] / 2;
+  };  // (in float)
+  e.cx = R(centre(0));
+  e.cy = R(centre(1));
+  auto const mode = CameraMode(m.cam_mode[object]);
+  e.by_com = mode == CameraMode::track_com || mode == CameraMode::target_body_com;
   return e;
 }
 /// Why a sensor that is evaluated in other models is not in this one; or empty.
@@ -160,11 +202,10 @@ inline std::string why_left_out(SensorDescription const& d, SensorInfo const* in
   std::string const name = "sensor " + std::to_string(index) + " '" + d.name + "' (" + d.type + ") ";
   if (info && info->stage == SensorStage::outside)
     return name + "is yours to compute: write its numbers with gsp::sense, then call limit_user_sensors for its cutoff";
-  if (info && info->type == SensorType::rangefinder)
-    return name + "is not evaluated: of a camera, cast a ray for each of its pixels with gsp::cast_rays";
-  if (info && info->type == SensorType::tactile)
-    return name + "is not evaluated: it needs signed distances of shapes, which there are none of";
-  if (info && info->stage == SensorStage::shape) return name + "is not evaluated: there is no function for distances between shapes yet";
+  if (info && info->stage == SensorStage::field)
+    return name + "is not evaluated: it needs signed distance fields of shapes, which there are none of";
+  if (info && info->stage == SensorStage::shape)
+    return name + "is not evaluated: one of its bodies has a height field, which has no distance: name geoms";
   return name + "is not evaluated: what it names is of a kind that has no frame here";
 }
 }  // namespace detail
@@ -202,6 +243,8 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
   std::vector<Entry> entries, touches, limits, accelerated, users;
   std::vector<ContactSensorEntry> contacts;
   std::vector<RangeSensorEntry<R>> ranges;
+  std::vector<DistanceSensorEntry<R>> distances;
+  std::vector<int> distance_geoms;
   for (int i = 0; i < compiled.nsensor; ++i) {
     auto const& d = compiled.sensors[i];
     SensorInfo const* const info = find_sensor_type(d.type);
@@ -224,8 +267,7 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
       e.local = compiled.sensor_dim[i];
       if (e.local > 0 && e.cutoff > R(0)) users.push_back(e);
     }
-    bool const of_pixels = info && info->type == SensorType::rangefinder && d.object_type == "camera";
-    if (!info || !detail::is_evaluated(info->stage) || of_pixels) {
+    if (!info || !detail::is_evaluated(info->stage)) {
       leave_out();
       continue;
     }
@@ -235,7 +277,30 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
       continue;
     }
     if (info->type == SensorType::rangefinder) {
-      ranges.push_back(detail::range_entry<R>(d, e.adr, e.object));
+      auto const range = detail::range_entry<R>(compiled, d, e.adr, e.object);
+      (range.camera >= 0 ? s.range_cameras : ranges).push_back(range);
+      subtrees |= range.by_com;
+      continue;
+    }
+    if (info->stage == SensorStage::shape) {
+      DistanceSensorEntry<R> distance{info->type, e.adr};
+      distance.cutoff = R(d.cutoff);
+      bool has_field = false;
+      for (int side = 0; side < 2; ++side) {
+        int const id = side == 0 ? e.object : e.reference;
+        bool const of_body = (side == 0 ? d.object_type : d.reference_type) != "geom";
+        int const first = of_body ? compiled.body_geomadr[id] : id, count = of_body ? compiled.body_geomnum[id] : 1;
+        distance.first[side] = int(distance_geoms.size());
+        for (int g = first; g < first + count; ++g) {
+          distance_geoms.push_back(g);
+          has_field |= ShapeType(compiled.geom_type[g]) == ShapeType::hfield;
+        }
+        distance.end[side] = int(distance_geoms.size());
+      }
+      if (has_field)
+        leave_out();
+      else
+        distances.push_back(distance);
       continue;
     }
     if (info->type == SensorType::contact) {
@@ -289,7 +354,23 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
   upload(s.accelerated, "gsp::Sensors::accelerated", accelerated);
   upload(s.users, "gsp::Sensors::users", users);
   upload(s.ranges, "gsp::Sensors::ranges", ranges);
-  if (!ranges.empty()) s.scene = make_ray_scene<R>(exec, model, compiled, {.worlds = options.worlds});
+  upload(s.distances, "gsp::Sensors::distances", distances);
+  if (!distances.empty()) {
+    std::vector<int> index;
+    s.distance_assets = make_shape_assets<R>(exec, compiled, distance_geoms, index);
+    std::vector<DistanceGeom<R>> geoms;
+    for (std::size_t k = 0; k < distance_geoms.size(); ++k) {
+      int const g = distance_geoms[k];
+      auto const& size = compiled.geom_size[g];
+      geoms.push_back({ShapeType(compiled.geom_type[g]),
+                       g,
+                       compiled.geom_body[g],
+                       {R(size[0]), R(size[1]), R(size[2])},
+                       s.distance_assets.at(index[k])});
+    }
+    upload(s.distance_geoms, "gsp::Sensors::distance_geoms", geoms);
+  }
+  if (!ranges.empty() || !s.range_cameras.empty()) s.scene = make_ray_scene<R>(exec, model, compiled, {.worlds = options.worlds});
   if (volumes) {
     expects(int(compiled.site_type.size()) == compiled.nsite && int(compiled.site_size.size()) == compiled.nsite,
             "gsp::make_sensors: the compiled model has no volumes of sites (site_type, site_size): compile a description");

@@ -168,13 +168,10 @@ inline void read_sensors(Document& doc, Node const& node) {
     if (child.find("interval") && !child.find("nsample"))
       doc.note(Line::no_effect, child.place, child.name + ": interval acts where samples are kept alone; give nsample, or remove it");
     if (SensorInfo const* const info = find_sensor_type(child.name);
-        info && info->stage != SensorStage::outside &&
-        (!gsp::detail::is_evaluated(info->stage) ||
-         (info->stage == SensorStage::ray && doc.draft.lists.sensors.back().object_type == "camera")))
+        info && info->stage != SensorStage::outside && !gsp::detail::is_evaluated(info->stage))
       doc.note(Line::no_effect, child.place,
                child.name +
-                   ": what asks for distances between shapes, or for rays of a camera's pixels, is not computed, and its columns of "
-                   "sensordata stay as they are "
+                   ": what asks for signed distance fields is not computed, and its columns of sensordata stay as they are "
                    "(Sensors::left_out, Sensors::why)");
   }
 }

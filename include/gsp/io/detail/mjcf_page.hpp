@@ -69,9 +69,7 @@ inline std::string schema_page() {
   }
   page +=
       "\n## Sensors that are read and not computed\n\n"
-      "What asks for distances between shapes is not computed, nor are rangefinders of cameras: these are read, checked, kept and "
-      "written, "
-      "with their\n"
+      "What asks for signed distance fields is not computed: these are read, checked, kept and written, with their\n"
       "place in sensordata, whose numbers stay as they are (`Sensors::left_out`); a line of the load report names each type. Those of "
       "`user` "
       "are yours to\n"

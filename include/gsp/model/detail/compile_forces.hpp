@@ -235,6 +235,16 @@ class ForceCompiler : public BodyCompiler {
       require(reference < 0 || framed(s.reference_type), "is seen from a body, geom, site or camera: name one, or none");
     }
     if (info.about == O::pair) require(object >= 0 && reference >= 0, "needs two objects: name both");
+    if (info.stage == SensorStage::shape) {
+      Kind const kinds[2] = {kind_of(s.object_type), kind_of(s.reference_type)};
+      int const ids[2] = {object, reference};
+      for (int k = 0; k < 2; ++k) {
+        require(kinds[k] == Kind::geom || kinds[k] == Kind::body, "is about geoms or bodies: name two of them");
+        require(kinds[k] != Kind::geom || ShapeType(m_.geom_type[ids[k]]) != ShapeType::hfield,
+                "names the height field '" + (k == 0 ? s.object : s.reference) + "', which has no distance: name another geom");
+      }
+      require(kinds[0] != kinds[1] || object != reference, "names '" + s.object + "' twice: name two different ones");
+    }
   }
   // A spatial tendon's path: geoms between two sites, branches that begin with a pulley.
   void path(TendonDescription const& t, std::vector<int>& bodies) {
@@ -319,9 +329,13 @@ class ForceCompiler : public BodyCompiler {
       return settings.slots * settings.size();
     }
     if (type == SensorType::rangefinder) {
-      if (s.object_type == "camera") return -1;  // a number for each of its pixels
       std::string const data = setting("data");
-      return data.empty() ? 1 : sum(data, {{"dist", 1}, {"dir", 3}, {"origin", 3}, {"point", 3}, {"normal", 3}, {"depth", 1}});
+      int const size = data.empty() ? 1 : sum(data, {{"dist", 1}, {"dir", 3}, {"origin", 3}, {"point", 3}, {"normal", 3}, {"depth", 1}});
+      if (s.object_type != "camera") return size;
+      auto const& picture = m_.cam_resolution[m_.sensor_id.back()];
+      if (!(size * picture[0] * picture[1] < 1e9))
+        fail(s.place, "sensor", s.name, "of type 'rangefinder' has 1e9 numbers or more: lower the resolution of its camera");
+      return size * int(picture[0]) * int(picture[1]);
     }
     if (type == SensorType::tactile) return 3 * int(m_.mesh_vertices[m_.sensor_id.back()].size());
     return number("dim", -1);

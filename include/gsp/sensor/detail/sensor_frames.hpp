@@ -38,6 +38,16 @@ struct SensorFrames {
   }
 };
 
+/// Where geom or site i of a body is, with fields of its pose there, one world at a time.
+template <class R, class Mem>
+KOKKOS_INLINE_FUNCTION Transform<R> pose_on_body(Poses<R, Mem> const& poses, Field<R> const& pos, Field<R> const& quat, int w, int b,
+                                                 int i) {
+  Transform<R> const body{{poses.xpos(w, b, 0), poses.xpos(w, b, 1), poses.xpos(w, b, 2)},
+                          {poses.xquat(w, b, 0), poses.xquat(w, b, 1), poses.xquat(w, b, 2), poses.xquat(w, b, 3)}};
+  return body * Transform<R>{{pos(w, 3 * i), pos(w, 3 * i + 1), pos(w, 3 * i + 2)},
+                             {quat(w, 4 * i), quat(w, 4 * i + 1), quat(w, 4 * i + 2), quat(w, 4 * i + 3)}};
+}
+
 /// Where sites are, one world at a time.
 template <class R, class Mem>
 struct SitePoses {
@@ -47,11 +57,7 @@ struct SitePoses {
   SitePoses(Model<R, Mem> const& model, Poses<R, Mem> const& of)
       : poses(of), site_body(model.site_body), site_pos(model.site_pos), site_quat(model.site_quat) {}
   KOKKOS_INLINE_FUNCTION Transform<R> operator()(int w, int s) const {
-    int const b = site_body(s);
-    Transform<R> const body{{poses.xpos(w, b, 0), poses.xpos(w, b, 1), poses.xpos(w, b, 2)},
-                            {poses.xquat(w, b, 0), poses.xquat(w, b, 1), poses.xquat(w, b, 2), poses.xquat(w, b, 3)}};
-    return body * Transform<R>{{site_pos(w, 3 * s), site_pos(w, 3 * s + 1), site_pos(w, 3 * s + 2)},
-                               {site_quat(w, 4 * s), site_quat(w, 4 * s + 1), site_quat(w, 4 * s + 2), site_quat(w, 4 * s + 3)}};
+    return pose_on_body(poses, site_pos, site_quat, w, site_body(s), s);
   }
 };
 
