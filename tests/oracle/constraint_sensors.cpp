@@ -250,6 +250,46 @@ TEST_CASE("equalities push from outside: connects and welds, of bodies and of si
   }
 }
 
+// What pushes or pulls a spatial tendon (spring, damper, actuators within their range, limit, friction, equality) is a force on the bodies
+// along its path: sites, both sides of what it wraps, pulleys; a fixed tendon's acts inside.
+TEST_CASE("spatial tendons pull from outside") {
+  std::string const
+      before =
+          R"(<mujoco><option timestep="0.004"/><worldbody><site name="w" pos="0 0 1"/><geom name="wc" type="cylinder" size=".1 .3" pos=".1 0 .6" euler="90 0 0" contype="0" conaffinity="0"/>
+    <body name="st" pos="-.2 0 .8"><geom size=".05" mass="1" contype="0" conaffinity="0"/><site name="ss" pos="0 .05 0"/></body>
+    <body name="a" pos=".2 0 .3"><joint type="ball" damping=".1"/><geom name="ga" size=".12" mass="1" contype="0" conaffinity="0"/><site name="sa" pos=".02 .05 .2"/><site name="side" pos=".2 0 0"/>
+      <body name="a2" pos=".3 0 0"><joint name="j" axis="0 1 0" damping=".1"/><geom size=".05" mass=".3" contype="0" conaffinity="0"/><site name="s2" pos=".1 0 .1" euler="10 20 30"/></body></body>
+    <body name="b" pos=".5 .1 .1"><freejoint/><geom size=".1" mass="2" contype="0" conaffinity="0"/><site name="sb" pos="-.02 .05 .1" euler="0 50 0"/></body></worldbody><tendon><spatial name="t" )",
+      path =
+          R"(><site site="w"/><geom geom="wc"/><site site="sa"/><geom geom="ga" sidesite="side"/><site site="s2"/><pulley divisor="2"/><site site="ss"/><site site="sb"/></spatial>
+    <fixed name="f" stiffness="3"><joint joint="j" coef="2"/></fixed></tendon>)",
+      after =
+          R"(<sensor><force site="sa"/><torque site="sa"/><force site="s2"/><torque site="s2"/><force site="sb"/><torque site="sb"/><force site="w"/><accelerometer site="s2"/></sensor></mujoco>)";
+  for (auto const& [tendon, rest] :
+       {std::pair{"stiffness=\"10\" springlength=\".1\"", ""},
+        {"damping=\"3\" frictionloss=\".2\"", "<actuator><motor tendon=\"t\" gear=\"-2\"/></actuator>"},
+        {"stiffness=\"10\" range=\"0 1.3\"", ""},
+        {"actuatorfrcrange=\"-.5 .5\"",
+         "<actuator><motor tendon=\"t\" gear=\"2\"/><position tendon=\"t\" kp=\"3\" forcerange=\"-1 1\"/></actuator>"},
+        {"", "<equality><tendon tendon1=\"t\"/></equality>"},
+        {"stiffness=\"2\"", "<equality><tendon tendon1=\"f\" tendon2=\"t\" polycoef=\".1 .5 .2 0 0\"/></equality>"}}) {
+    CAPTURE(std::string(tendon));
+    auto const tally = compare_text(before + tendon + path + rest + after, 20, 7);
+    CHECK(tally.same == 20);
+    CHECK(tally.compared == 20 * 7);  // not that of the world, on which a body hangs that no joint moves
+  }
+}
+
+TEST_CASE("adhesion actuators move as their contacts do") {
+  std::string text = scene("timestep=\"0.004\">", "", "margin=\".03\" gap=\".02\"");
+  auto const add = [&](char const* before, char const* what) { text.insert(text.find(before), what); };
+  add("</actuator>", "<adhesion name=\"k\" body=\"a\" ctrlrange=\"0 1\" gain=\"3\"/><adhesion name=\"l\" body=\"c\" ctrlrange=\"0 1\"/>");
+  add("</sensor>", "<actuatorvel actuator=\"k\"/><actuatorvel actuator=\"l\" cutoff=\".1\"/><actuatorfrc actuator=\"k\"/>");
+  auto const tally = compare_text(text, 30, 7);
+  CHECK(tally.same >= 25);
+  CHECK(tally.worst.count("actuatorvel") == 1);
+}
+
 TEST_CASE("what is disabled is not felt, gravity too") {
   for (char const* flag : {"constraint", "contact", "limit", "gravity"}) {
     CAPTURE(std::string(flag));

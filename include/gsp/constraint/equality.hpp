@@ -227,6 +227,8 @@ struct Equalities {
   KOKKOS_INLINE_FUNCTION void add(int world, int k, int id, R scale, Row&& J) const {
     if (type_of(k) == EqualityType::joint)
       J.set_dof(jnt_dofadr(id), scale);
+    else if constexpr (requires { J.add_tendon(id, scale); })  // whoever takes it as a whole
+      J.add_tendon(id, scale);
     else if (tendon_tree(id) >= 0)
       trees.add_tendon(world, tendon_tree(id), tendon_place(id), scale, J);
   }

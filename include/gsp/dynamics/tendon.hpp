@@ -66,19 +66,14 @@ KOKKOS_INLINE_FUNCTION auto lanes_tendon_rate(L const& l, int k, int vector) {  
   return sum;
 }
 
-/// Length and moment arm of one spatial tendon, along straight pieces between sites and round the geoms that it wraps.
-template <class L, class State>
-KOKKOS_INLINE_FUNCTION void lanes_spatial_tendon(L const& l, State const& state, int k) {
+/// Length of one spatial tendon, along straight pieces between sites and round the geoms that it wraps; pull(j, point, force) for what it
+/// would do to what item j of the path is on if it pushed with 1 N.
+template <class L, class State, class Pull>
+KOKKOS_INLINE_FUNCTION auto lanes_tendon_path(L const& l, State const& state, int k, Pull const& pull) {
   using T = std::remove_cvref_t<decltype(l.items[0])>;
   auto const& a = l.a;
-  auto const& s = l.items;
-  int const J = l.at.tendon_J + l.index(a.tendon_jadr, k), end = l.index(a.tendon_pathadr, k + 1);
-  for (int e = l.index(a.tendon_jadr, k); e < l.index(a.tendon_jadr, k + 1); ++e) s[l.at.tendon_J + e] = T(0);
+  int const end = l.index(a.tendon_pathadr, k + 1);
   auto const site = [&](int j) { return lanes_site_pose(l, state, l.index(a.path_ref, j), a.instance_path, a.npath, j, true).p; };
-  auto const pull = [&](int j, Vec3<T> const& point, Vec3<T> const& force) {
-    int const ref = l.index(a.path_ref, j);
-    if (ref >= 0) lanes_add_to_row(l, J, l.index(a.path_last, j), l.index(a.path_chain, j), lanes_wrench(l, ref, point, force));
-  };
   T length(0), share(1);
   for (int j = l.index(a.tendon_pathadr, k); j < end - 1;) {
     auto const type = WrapType(l.index(a.path_type, j)), next = WrapType(l.index(a.path_type, j + 1));
@@ -120,7 +115,20 @@ KOKKOS_INLINE_FUNCTION void lanes_spatial_tendon(L const& l, State const& state,
     }
     j = other;
   }
-  s[l.at.tendon_length + k] = length;
+  return length;
+}
+
+/// Length and moment arm of one spatial tendon.
+template <class L, class State>
+KOKKOS_INLINE_FUNCTION void lanes_spatial_tendon(L const& l, State const& state, int k) {
+  using T = std::remove_cvref_t<decltype(l.items[0])>;
+  auto const& a = l.a;
+  int const J = l.at.tendon_J + l.index(a.tendon_jadr, k);
+  for (int e = l.index(a.tendon_jadr, k); e < l.index(a.tendon_jadr, k + 1); ++e) l.items[l.at.tendon_J + e] = T(0);
+  l.items[l.at.tendon_length + k] = lanes_tendon_path(l, state, k, [&](int j, Vec3<T> const& point, Vec3<T> const& force) {
+    int const ref = l.index(a.path_ref, j);
+    if (ref >= 0) lanes_add_to_row(l, J, l.index(a.path_last, j), l.index(a.path_chain, j), lanes_wrench(l, ref, point, force));
+  });
 }
 
 /// tendon_length, tendon_J, tendon_velocity of all tendons of the tree. After lanes_inertia (and lanes_load_velocity).

@@ -23,14 +23,24 @@ struct Accelerations {
   View<R**> qacc;              // (world, nv) [m/s^2, rad/s^2]
   View<R***> velocity;         // (world, body, 6) [m/s, rad/s]
   View<R***> acceleration;     // (world, body, 6) less gravity, what an accelerometer feels: 0 in free fall [m/s^2, rad/s^2]
-  View<R***> outside;          // (world, body, 6) what contacts, connects and welds exert on the body [N, N m]
-  View<R***> inside;           // (world, body, 6) what its parent exerts on the body, through joints or as it is fixed to it [N, N m]
+  View<R***> outside;  // (world, body, 6) what contacts, connects, welds and, in profile mujoco, spatial tendons exert on it [N, N m]
+  View<R***> inside;   // (world, body, 6) what its parent exerts on the body, through joints or as it is fixed to it [N, N m]
+  View<R**> push;      // (world, tendon) of constraints on tendons [N]; empty: no spatial tendons, or profile stable
   detail::SharedStamp<detail::Stamp> stamp;  // host: of which state (dynamics/stamps.hpp)
 };
 
 struct AccelerationsOptions {
   int worlds = 1;
 };
+
+namespace detail {
+template <class R, class Mem>
+bool has_spatial_tendons(Model<R, Mem> const& model) {
+  bool any = false;
+  for (int k = 0; k < int(model.host_archetypes.extent(0)); ++k) any = any || model.host_archetypes(k).spatial;
+  return any;
+}
+}  // namespace detail
 
 /// Allocates. Errors: std::invalid_argument for worlds < 1.
 template <class R, ExecutionSpace Exec, class Mem>
@@ -47,6 +57,8 @@ Accelerations<R, Mem> make_accelerations(Exec const& exec, Model<R, Mem> const& 
   a.acceleration = of_bodies("gsp::Accelerations::acceleration");
   a.outside = of_bodies("gsp::Accelerations::outside");
   a.inside = of_bodies("gsp::Accelerations::inside");
+  if (model.profile == Profile::mujoco && detail::has_spatial_tendons(model))
+    a.push = detail::allocate_zero<decltype(a.push)>(exec, "gsp::Accelerations::push", options.worlds, model.ntendon);
   a.stamp = detail::make_stamp<detail::Stamp>("gsp::Accelerations::stamp");
   return a;
 }
@@ -96,8 +108,9 @@ void accelerations(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> c
   detail::expects_as_many(where, "worlds", "make all with the same {.worlds = n}", detail::Count{"state", state.worlds},
                           detail::Count{"rows", rows.worlds}, detail::Count{"solution", solution.worlds},
                           detail::Count{"accelerations", out.worlds});
-  detail::expects_of(where, dynamics, state,
-                     detail::set_of(Quantity::motion, Quantity::velocity, Quantity::factor, Quantity::acceleration, Quantity::bias));
+  auto const needs = detail::set_of(Quantity::motion, Quantity::velocity, Quantity::factor, Quantity::acceleration, Quantity::bias);
+  auto const of_tendons = detail::set_of(Quantity::tendon_length, Quantity::tendon_velocity, Quantity::actuator);
+  detail::expects_of(where, dynamics, state, out.push.data() ? needs | of_tendons : needs);
   detail::expects_poses_of(where, poses, state);
   detail::expects_contact_forces(where, model, collision, contacts, rows, impulses);
   detail::expects_forces_of(where, state, rows, impulses);
@@ -105,12 +118,15 @@ void accelerations(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> c
   if (out.stamp.data()) out.stamp().set(state);
   Kokkos::parallel_for(
       "gsp::sensor::outside_forces", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
-      detail::OutsideForces<R, Mem>{Equalities<R, Mem>(model, state, poses, dynamics), impulses_of<Equalities<R, Mem>>(rows, impulses),
-                                    detail::contact_force_of(model, collision, contacts, rows, impulses), poses.xpos, out.outside, solved});
+      detail::OutsideForces<R, Mem>{Equalities<R, Mem>(model, state, poses, dynamics), TendonLimits<R, Mem>(model, dynamics),
+                                    TendonFriction<R, Mem>(model, dynamics), impulses_of<Equalities<R, Mem>>(rows, impulses),
+                                    impulses_of<TendonLimits<R, Mem>>(rows, impulses), impulses_of<TendonFriction<R, Mem>>(rows, impulses),
+                                    detail::contact_force_of(model, collision, contacts, rows, impulses), poses.xpos, out.outside, out.push,
+                                    solved});
   typename Solution<R, Mem>::template View<R**> const none;
   for_lanes("gsp::sensor::accelerations", exec, model, dynamics,
-            detail::AccelerationStage<R, Mem>{poses.xpos, poses.xquat, solved ? solution.z : none, out.qacc, out.velocity, out.acceleration,
-                                              out.outside, out.inside, sleeping.island});
+            detail::AccelerationStage<R, Mem>{state, poses.xpos, poses.xquat, solved ? solution.z : none, out.qacc, out.velocity,
+                                              out.acceleration, out.outside, out.inside, sleeping.island, out.push});
   for_world_lanes<R>("gsp::sensor::forces_of_what_stands", exec, state.worlds, 1,
                      detail::StandingForces<R, Mem>{model, poses, out.velocity, out.acceleration, out.outside, out.inside});
 }

@@ -8,7 +8,8 @@
 #include <gsp/sensor/sense.hpp>
 #include <gsp/sensor/sensor_table.hpp>
 
-/// MJCF's sensors of what constraints do: touch, contact, jointlimitpos, jointlimitvel, jointlimitfrc and those of tendons.
+/// MJCF's sensors of what constraints do: touch, contact, jointlimitpos, jointlimitvel, jointlimitfrc and those of tendons; actuatorvel of
+/// adhesion actuators.
 namespace gsp {
 
 /// data (world, nsensordata): their numbers, at sensor_adr; what others have there stays as it is.
@@ -18,6 +19,7 @@ namespace gsp {
 ///            normal and tangent in the world; turned round where it is the other way about. linvel and angvel: of side 2 relative to side
 ///            1 at pos, in the contact's frame. netforce: the force and torque, in world axes, that do at pos, their centre, what all do
 ///            together
+///   actuatorvel of adhesion  with which the contacts of the actuator's body close, their mean along their normals [m/s]; 0: it has none
 ///   limits   of the first of the joint's (or tendon's) ends that acts: its gap less the margin, its rate, its force >= 0; 0: none acts
 /// @param state, poses, dynamics, collision, contacts, rows, impulses  after `forward` (or smooth_dynamics, collide, assemble and the
 ///        solver), before the state moves on
@@ -46,6 +48,11 @@ void constraint_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, M
                                                detail::has_solution(rows, impulses)};
   if (sensors.touches.extent(0) > 0)
     sense(exec, detail::TouchSensors<R, Mem>{base, sensors.touches, sensors.nsensordata}, data, {.label = "gsp::sensor::touch_sensors"});
+  if (sensors.adhesions.extent(0) > 0)
+    sense(exec,
+          detail::AdhesionVelocities<R, Mem>{base, detail::TreeReader<R, Mem>(model, dynamics), sensors.adhesions, sensors.nsensordata,
+                                             model.actuation},
+          data, {.label = "gsp::sensor::adhesion_velocities"});
   if (sensors.contacts.extent(0) > 0)
     sense(exec, detail::ContactSensors<R, Mem>{base, detail::TreeReader<R, Mem>(model, dynamics), sensors.contacts, sensors.nsensordata},
           data, {.label = "gsp::sensor::contact_sensors"});

@@ -78,6 +78,7 @@ struct Sensors {
   Kokkos::View<SensorEntry<R>*, Mem> entries;  // of the smooth state
   Kokkos::View<SensorEntry<R>*, Mem> touches;  // of the forces of contacts
   Kokkos::View<ContactSensorEntry*, Mem> contacts;
+  Kokkos::View<SensorEntry<R>*, Mem> adhesions;    // velocities of adhesion actuators: object is their body
   Kokkos::View<SensorEntry<R>*, Mem> limits;       // of joints and tendons
   Kokkos::View<SensorEntry<R>*, Mem> accelerated;  // of accelerations, and of forces between bodies
   Kokkos::View<RangeSensorEntry<R>*, Mem> ranges;  // rays from sites
@@ -186,14 +187,25 @@ RangeSensorEntry<R> range_entry(CompiledModel const& m, SensorDescription const&
   return e;
 }
 /// Why a sensor that is evaluated in other models is not in this one; or empty.
-inline std::string not_in_this_model(CompiledModel const& m, SensorType type, int object) {
-  auto const on_body = [&](int a) { return Transmission(m.act_target[a]) == Transmission::body; };
-  bool spatial = false, adhesive = false;
-  for (int const n : m.tendon_wrapnum) spatial = spatial || n > 0;
-  for (int a = 0; a < int(m.act_target.size()); ++a) adhesive = adhesive || on_body(a);
-  if ((type == SensorType::force || type == SensorType::torque) && spatial)
-    return "what spatial tendons pull at bodies is not taken apart by body yet";
-  if (type == SensorType::actuator_vel && on_body(object)) return "an adhesion actuator has no velocity here";
+inline std::string not_in_this_model(CompiledModel const& m, Profile profile, SensorType type, int object) {
+  bool spatial = false, heavy = false, adhesive = false, stands = false;
+  for (std::size_t t = 0; t < m.tendon_wrapnum.size(); ++t) {
+    if (m.tendon_wrapnum[t] == 0) continue;
+    spatial = true;
+    heavy = heavy || m.tendon_armature[t] > 0;
+    for (int k = m.tendon_wrapadr[t]; k < m.tendon_wrapadr[t] + m.tendon_wrapnum[t]; ++k) {
+      bool const site = WrapType(m.wrap_type[k]) == WrapType::site;
+      int const body = m.wrap_id[k] < 0 ? 0 : site ? m.site_body[m.wrap_id[k]] : m.geom_body[m.wrap_id[k]];
+      stands = stands || (body > 0 && m.body_tree[body] < 0);
+    }
+  }
+  for (int a = 0; a < int(m.act_target.size()); ++a) adhesive = adhesive || Transmission(m.act_target[a]) == Transmission::body;
+  if ((type == SensorType::force || type == SensorType::torque) && spatial) {
+    if (profile == Profile::stable) return "what spatial tendons pull at bodies within a step is not known in profile stable";
+    if (heavy) return "what spatial tendons with armature pull at bodies is not known here";
+    if (stands && m.body_tree[m.site_body[object]] < 0)
+      return "what spatial tendons pull at bodies that no joint moves is not counted here";
+  }
   if (type == SensorType::joint_actuator_force && adhesive) return "what adhesion actuators press with does not reach joints here";
   return "";
 }
@@ -240,7 +252,7 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
     return mode == CameraMode::track_com || mode == CameraMode::target_body_com;
   };
   bool subtrees = false, energy = false, volumes = false;
-  std::vector<Entry> entries, touches, limits, accelerated, users;
+  std::vector<Entry> entries, touches, adhesions, limits, accelerated, users;
   std::vector<ContactSensorEntry> contacts;
   std::vector<RangeSensorEntry<R>> ranges;
   std::vector<DistanceSensorEntry<R>> distances;
@@ -271,7 +283,7 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
       leave_out();
       continue;
     }
-    if (auto const fault = detail::not_in_this_model(compiled, info->type, e.object); !fault.empty()) {
+    if (auto const fault = detail::not_in_this_model(compiled, model.profile, info->type, e.object); !fault.empty()) {
       s.left_out.push_back(i);
       s.why.push_back("sensor " + std::to_string(i) + " '" + d.name + "' (" + d.type + ") is not evaluated: " + fault);
       continue;
@@ -280,6 +292,11 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
       auto const range = detail::range_entry<R>(compiled, d, e.adr, e.object);
       (range.camera >= 0 ? s.range_cameras : ranges).push_back(range);
       subtrees |= range.by_com;
+      continue;
+    }
+    if (info->type == SensorType::actuator_vel && Transmission(compiled.act_target[e.object]) == Transmission::body) {
+      e.object = compiled.act_id[e.object];
+      adhesions.push_back(e);
       continue;
     }
     if (info->stage == SensorStage::shape) {
@@ -349,6 +366,7 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
   };
   upload(s.entries, "gsp::Sensors::entries", entries);
   upload(s.touches, "gsp::Sensors::touches", touches);
+  upload(s.adhesions, "gsp::Sensors::adhesions", adhesions);
   upload(s.contacts, "gsp::Sensors::contacts", contacts);
   upload(s.limits, "gsp::Sensors::limits", limits);
   upload(s.accelerated, "gsp::Sensors::accelerated", accelerated);

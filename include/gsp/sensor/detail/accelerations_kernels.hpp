@@ -1,18 +1,22 @@
 #pragma once
 #include <gsp/constraint/detail/write_contact_forces.hpp>
 #include <gsp/constraint/equality.hpp>
+#include <gsp/constraint/tendon.hpp>
 #include <gsp/dynamics/detail/bias_forces_lanes.hpp>
 #include <gsp/dynamics/detail/factor_lanes.hpp>
+#include <gsp/dynamics/detail/passive_forces_lanes.hpp>
 #include <gsp/dynamics/world_lanes.hpp>
 
 /// Kernels of gsp/sensor/accelerations.hpp, where the contract stands.
 namespace gsp::detail {
 
-/// In place of a row: what force along it does to bodies, about the origins of their frames. What acts on dofs acts inside.
+/// In place of a row: what force along it does to bodies, about the origins of their frames. What acts on dofs acts inside. What acts on
+/// tendons is put down as with how much they push, where that is asked for.
 template <class R, class Mem>
 struct ForceOnBodies {
   using View3 = Kokkos::View<R***, Kokkos::LayoutRight, Mem>;
   View3 xpos, outside;
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> push;
   int world;
   R force;
   KOKKOS_INLINE_FUNCTION void add(int body, Vec3<R> const& f, Vec3<R> const& torque) const {
@@ -29,19 +33,30 @@ struct ForceOnBodies {
     add(body, {R(0), R(0), R(0)}, (scale * force) * direction);
   }
   KOKKOS_INLINE_FUNCTION void set_dof(int, R) const {}
+  KOKKOS_INLINE_FUNCTION void add_tendon(int tendon, R scale) const {
+    if (push.data()) push(world, tendon) += scale * force;
+  }
 };
 
-/// What contacts, connects and welds exert on bodies, one world at a time, in the order of their lists.
+/// What contacts, connects and welds exert on bodies, and constraints on tendons, one world at a time, in the order of their lists.
 template <class R, class Mem>
 struct OutsideForces {
   Equalities<R, Mem> equalities;
-  ElementImpulses<R, Mem> held;
+  TendonLimits<R, Mem> limits;
+  TendonFriction<R, Mem> friction;
+  ElementImpulses<R, Mem> held, limited, rubbed;
   ContactForce<R, Mem> contact_force;
   typename ForceOnBodies<R, Mem>::View3 xpos, outside;
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> push;  // (world, tendon) out; empty: not asked for
   bool solved;
+  KOKKOS_INLINE_FUNCTION R force_of(ElementImpulses<R, Mem> const& of, int w, int k) const {
+    int const first = of.first_row(w, k);
+    return first < 0 ? R(0) : of.impulses.p[of.impulses.parity()](first) * contact_force.inverse_timestep;
+  }
   KOKKOS_FUNCTION void operator()(int w) const {
     for (int b = 0; b < int(outside.extent(1)); ++b)
       for (int c = 0; c < 6; ++c) outside(w, b, c) = R(0);
+    for (int t = 0; t < int(push.extent(1)); ++t) push(w, t) = R(0);
     if (!solved) return;
     auto const& contacts = contact_force.contacts;
     int const begin = contacts.first_of(w);
@@ -53,7 +68,7 @@ struct OutsideForces {
         Vec3<R> const axis = contacts.axis(c, r % 3);
         Vec3<R> point = contacts.point(c);
         if (contacts.steady && r > 0) point = point + contacts.lift(c) * contacts.axis(c, 0);  // where friction acts
-        ForceOnBodies<R, Mem> const on{xpos, outside, w, force[r]};
+        ForceOnBodies<R, Mem> const on{xpos, outside, push, w, force[r]};
         for (int end = 0; end < 2; ++end) {
           R const side(end == 0 ? -1 : 1);
           if (r < 3)
@@ -68,18 +83,24 @@ struct OutsideForces {
       if (first < 0) continue;
       R const* const p = held.impulses.p[held.impulses.parity()].data() + first;
       for (int r = 0; r < held.rows.element_rows(first); ++r)
-        equalities.jacobian(w, k, r, ForceOnBodies<R, Mem>{xpos, outside, w, p[r] * contact_force.inverse_timestep});
+        equalities.jacobian(w, k, r, ForceOnBodies<R, Mem>{xpos, outside, push, w, p[r] * contact_force.inverse_timestep});
     }
+    if (!push.data()) return;
+    for (int k = 0; k < limits.count(w); ++k)
+      push(w, limits.limited_tendons(k / 2)) += (k % 2 == 0 ? R(1) : R(-1)) * force_of(limited, w, k);
+    for (int k = 0; k < friction.count(w); ++k) push(w, friction.friction_tendons(k)) += force_of(rubbed, w, k);
   }
 };
 
 template <class R, class Mem>
 struct AccelerationStage {
   using View3 = Kokkos::View<R***, Kokkos::LayoutRight, Mem>;
+  State<R, Mem> state;
   View3 xpos, xquat;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> z, qacc;
   View3 velocity, acceleration, outside, inside;
   Kokkos::View<int**, Kokkos::LayoutRight, Mem> island;  // SleepingIslands; empty: nothing sleeps
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> push;      // (world, tendon) of constraints on tendons; empty: tendons act inside
 
   /// 0 where the lane's tree sleeps, else 1.
   template <class L>
@@ -129,6 +150,27 @@ struct AccelerationStage {
       l.store(qacc, l.dof0, i, s[x + i]);
     }
   }
+  /// outside += what spatial tendons do to the bodies of the tree: springs and dampers, actuators and constraints, along the path.
+  template <class L>
+  KOKKOS_INLINE_FUNCTION void tendon_forces(L const& l) const {
+    using T = std::remove_cvref_t<decltype(l.items[0])>;
+    auto const& a = l.a;
+    for (int k = 0; k < a.ntendon; ++k) {
+      if (l.index(a.tendon_kind, k) == int(TendonKind::fixed)) continue;
+      int item[L::W];
+      l.listed_items(a.instance_tendon, a.ntendon, k, item);
+      T force = l.load(push, item, 0) + lanes_tendon_force(l, k);
+      for (int i = 0; i < a.nact; ++i)
+        if (l.index(a.act_kind, i) == int(ActuatorKind::tendon) && l.index(a.act_id, i) == k)
+          force = fma(l.listed(l.model.act_gear, a.instance_act, a.nact, i, 6, 0), l.items[l.at.act_force + i], force);
+      lanes_tendon_path(l, state, k, [&](int j, Vec3<T> const& point, Vec3<T> const& unit) {
+        int const b = l.index(a.path_ref, j);
+        if (b < 0) return;
+        Vec3<T> const f = force * unit, torque = cross(point - l.items.vec3(l.at.xpos + 3 * b), f);
+        store6(l, outside, b, load3(l, outside, b, 6, 0) + f, load3(l, outside, b, 6, 3) + torque);
+      });
+    }
+  }
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
     using T = std::remove_cvref_t<decltype(l.items[0])>;
@@ -144,6 +186,7 @@ struct AccelerationStage {
     }
     lanes_centers(l);
     lanes_body_inertias(l);
+    if (push.data()) tendon_forces(l);
     auto const arm = [&](int b) { return s.vec3(l.at.xpos + 3 * b) - l.com_of_body(b); };
     lanes_newton_euler(
         l, false, [&](int i) { return s[l.at.impulse + i]; },

@@ -56,6 +56,45 @@ struct TouchSensors {
   }
 };
 
+/// Velocity of a body's point in world axes.
+template <class R, class Mem>
+KOKKOS_INLINE_FUNCTION Spatial<R> point_velocity(TreeReader<R, Mem> const& trees, int w, int body, Vec3<R> const& point) {
+  auto const m = trees.motion(w, body);
+  Spatial<R> v = m.velocity;
+  v.linear = v.linear + cross(v.angular, point - m.center);
+  return v;
+}
+
+/// What MuJoCo takes for the velocity of an adhesion actuator: that with which its body's contacts close, on average.
+template <class R, class Mem>
+struct AdhesionVelocities {
+  ContactSensorBase<R, Mem> base;
+  TreeReader<R, Mem> trees;
+  Kokkos::View<SensorEntry<R>*, Mem> entries;
+  int nsensordata;
+  bool actuation;
+  int count() const { return int(entries.extent(0)); }
+  KOKKOS_INLINE_FUNCTION int size() const { return 1; }
+  KOKKOS_INLINE_FUNCTION int adr(int i) const { return entries(i).adr; }
+  int columns() const { return nsensordata; }
+  KOKKOS_INLINE_FUNCTION R limit(int i, R x) const { return cut(entries(i), x); }
+  template <class Put>
+  KOKKOS_FUNCTION void operator()(int w, int i, Put const& put) const {
+    int const body = entries(i).object;
+    auto const& contacts = base.force_of.contacts;
+    R sum(0);
+    int touching = 0;
+    for (int c = contacts.first_of(w); actuation && c < contacts.first_of(w) + contacts.count_of(w); ++c) {
+      int const first = contacts.body1(c), second = contacts.body2(c);
+      if (first != body && second != body) continue;
+      Vec3<R> const point = contacts.point(c);
+      sum += dot(contacts.axis(c, 0), point_velocity(trees, w, first, point).linear - point_velocity(trees, w, second, point).linear);
+      ++touching;
+    }
+    put(0, touching > 0 ? sum / R(touching) : R(0));
+  }
+};
+
 template <class R, class Mem>
 struct ContactSensors {
   ContactSensorBase<R, Mem> base;
@@ -138,13 +177,7 @@ struct ContactSensors {
     s.force[2] *= sign;
     s.force[5] *= sign;
     if (!e.has(ContactField::linvel) && !e.has(ContactField::angvel)) return s;
-    auto const of = [&](int body) {
-      auto const m = trees.motion(w, body);
-      Spatial<R> v = m.velocity;
-      v.linear = v.linear + cross(v.angular, s.pos - m.center);
-      return v;
-    };
-    Spatial<R> const v1 = of(contacts.body1(c)), v2 = of(contacts.body2(c));
+    Spatial<R> const v1 = point_velocity(trees, w, contacts.body1(c), s.pos), v2 = point_velocity(trees, w, contacts.body2(c), s.pos);
     for (int r = 0; r < 3; ++r) {
       R const side = r == 2 ? sign : R(1);
       s.linvel[r] = side * dot(contacts.axis(c, r), v2.linear - v1.linear);
