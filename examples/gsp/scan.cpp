@@ -2,7 +2,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <gsp/io/colormap.hpp>
+#include <gsp/io/draw_points.hpp>
 #include <gsp/io/npz.hpp>
 #include <gsp/io/png.hpp>
 #include <gsp/io/ray_table.hpp>
@@ -137,18 +137,6 @@ Cloud last_cloud(Scans const& s, std::size_t world) {
   }
   return cloud;
 }
-/// Near red, far blue, evenly in the logarithm of ranges from the nearest to the farthest.
-std::vector<std::array<std::uint8_t, 3>> colours_of(Cloud const& cloud) {
-  std::vector<std::array<std::uint8_t, 3>> out;
-  if (cloud.range.empty()) return out;
-  auto const [least, most] = std::minmax_element(cloud.range.begin(), cloud.range.end());
-  float const near = std::log(std::max(*least, 1e-3f)), far = std::log(std::max(*most, 1e-3f));
-  for (float const r : cloud.range) {
-    auto const c = gsp::io::rainbow(far > near ? (far - std::log(std::max(r, 1e-3f))) / (far - near) : 0.5f);
-    out.push_back({std::uint8_t(255 * c[0] + 0.5f), std::uint8_t(255 * c[1] + 0.5f), std::uint8_t(255 * c[2] + 0.5f)});
-  }
-  return out;
-}
 void write_cloud(std::string const& path, Cloud const& cloud) {
   std::string text = "ply\nformat binary_little_endian 1.0\ncomment points that rays met, in the world [m]\nelement vertex " +
                      std::to_string(cloud.point.size()) +
@@ -160,7 +148,7 @@ void write_cloud(std::string const& path, Cloud const& cloud) {
     bytes.insert(bytes.end(), b, b + n);
   };
   put(text.data(), text.size());
-  auto const colours = colours_of(cloud);
+  auto const colours = gsp::io::range_colors(cloud.range);
   for (std::size_t k = 0; k < cloud.point.size(); ++k) {
     put(cloud.point[k].data(), 12);
     put(colours[k].data(), 3);
@@ -168,49 +156,6 @@ void write_cloud(std::string const& path, Cloud const& cloud) {
     put(&cloud.geom[k], 4);
   }
   gsp::io::write_file(path, bytes);
-}
-
-/// Two pictures side by side: from above, with x to the right and y up, out to where nine of ten points lie; and around the unit, its
-/// front in the middle, from the lowest to the highest point.
-gsp::io::Bitmap8 picture_of(Cloud const& cloud, gsp::Transform<double> const& unit) {
-  int const size = 600, gap = 8;
-  auto out = gsp::io::make_bitmap<std::uint8_t>(2 * size + gap, size, 3, std::uint8_t(20));
-  for (int row = 0; row < size; ++row)
-    for (int c = 0; c < 3 * gap; ++c) out.pixels[std::size_t(3 * (row * out.width + size) + c)] = 255;
-  std::size_t const n = cloud.point.size();
-  if (n == 0) return out;
-  auto const colours = colours_of(cloud);
-  std::vector<double> away(n), turn(n), up(n);
-  for (std::size_t k = 0; k < n; ++k) {
-    auto const& p = cloud.point[k];
-    gsp::Vec3<double> const v = gsp::Vec3<double>{p[0], p[1], p[2]} - unit.p, u = rotate_inverse(unit.q, v);
-    away[k] = std::hypot(v.x, v.y);
-    turn[k] = std::atan2(u.y, u.x);
-    up[k] = std::atan2(u.z, std::hypot(u.x, u.y));
-  }
-  auto sorted = away;
-  std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(9 * (n - 1) / 10), sorted.end());
-  double const far = std::max(1.05 * sorted[9 * (n - 1) / 10], 1e-3);
-  auto const [lowest, highest] = std::minmax_element(up.begin(), up.end());
-  double const low = *lowest - 0.02, high = *highest + 0.02;
-  auto const dot = [&](double x, double y, int left, std::array<std::uint8_t, 3> const& colour) {
-    for (int i = 0; i < 2; ++i)
-      for (int j = 0; j < 2; ++j) {
-        double const column = std::floor(x) + j, row = std::floor(y) + i;
-        if (!(column >= 0 && column < size && row >= 0 && row < size)) continue;
-        for (std::size_t c = 0; c < 3; ++c) out.pixels[3 * (std::size_t(row) * out.width + left + std::size_t(column)) + c] = colour[c];
-      }
-  };
-  // what is drawn last stands before: what is higher, what is nearer
-  std::vector<std::size_t> order(n);
-  for (std::size_t k = 0; k < n; ++k) order[k] = k;
-  std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return cloud.point[a][2] < cloud.point[b][2]; });
-  for (auto const k : order)
-    dot(size / 2. * (1 + (cloud.point[k][0] - unit.p.x) / far), size / 2. * (1 - (cloud.point[k][1] - unit.p.y) / far), 0, colours[k]);
-  std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return cloud.range[a] > cloud.range[b]; });
-  for (auto const k : order)
-    dot(size * (0.5 - turn[k] / (2 * std::numbers::pi)), size * (high - up[k]) / (high - low), size + gap, colours[k]);
-  return out;
 }
 
 int run(Arguments const& a) {
@@ -359,9 +304,8 @@ int run(Arguments const& a) {
     auto const& p = mount.pos;
     auto const& turn = mount.quat;
     double const length = std::sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2] + turn[3] * turn[3]);
-    gsp::io::write_png(
-        *png, picture_of(cloud, on * gsp::Transform<double>{{p[0], p[1], p[2]},
-                                                            {turn[0] / length, turn[1] / length, turn[2] / length, turn[3] / length}}));
+    gsp::Transform<double> const in{{p[0], p[1], p[2]}, {turn[0] / length, turn[1] / length, turn[2] / length, turn[3] / length}};
+    gsp::io::write_png(*png, gsp::io::draw_points(cloud.point, cloud.range, on * in));
   }
   progress.finish();
   auto const share = double(cloud.point.size()) / double(rays);

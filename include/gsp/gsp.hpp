@@ -146,6 +146,7 @@
 #include <gsp/io/bitmap.hpp>
 #include <gsp/io/colormap.hpp>
 #include <gsp/io/convex_parts.hpp>
+#include <gsp/io/draw_points.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/gaussians.hpp>
 #include <gsp/io/hfield.hpp>

@@ -1,6 +1,6 @@
 #include <doctest/doctest.h>
 
-#include <gsp/io/colormap.hpp>
+#include <gsp/io/draw_points.hpp>
 
 using namespace gsp::io;
 
@@ -37,4 +37,37 @@ TEST_CASE("depth in colour: near red, far blue, nothing black") {
   auto const middle = rainbow(0.5f);
   CHECK(b.pixels[13] == to_byte(middle[1]));
   CHECK(depth_to_color(depth, 5, 1, {.near = 1, .far = 3}).pixels == b.pixels);
+}
+
+// Four points a metre and two from a unit at (1, 0, 0) that looks along y: pixels by hand, the colours by range_colors.
+TEST_CASE("points from above and around their unit") {
+  std::vector<std::array<float, 3>> const point{{1, 1, 0}, {2, 0, 0}, {1, -1, 0}, {-1, 0, 2}};
+  std::vector<float> const range{1, 1, 1, 2};
+  double const half = std::sqrt(0.5);
+  int const size = 100;
+  auto const b = draw_points(point, range, {{1, 0, 0}, {half, 0, 0, half}}, size);
+  REQUIRE(b.width == 2 * size + 8);
+  REQUIRE(b.height == size);
+  auto const colours = range_colors(range);
+  CHECK(colours[0] == colours[2]);
+  CHECK(colours[0][0] > colours[0][2]);  // near: red
+  CHECK(colours[3][2] > colours[3][0]);  // far: blue
+  auto const at = [&](int row, int column) {
+    std::size_t const i = std::size_t(3 * (row * b.width + column));
+    return std::array<std::uint8_t, 3>{b.pixels[i], b.pixels[i + 1], b.pixels[i + 2]};
+  };
+  // from above: nine of ten of four points are the nearest three, 1 m away; the last, 2 m away, is outside
+  int const reach = int(50 / 1.05);
+  CHECK(at(50 - reach - 1, 50) == colours[0]);
+  CHECK(at(50, 50 + reach) == colours[1]);
+  CHECK(at(50 + reach, 50) == colours[2]);
+  // around: ahead in the middle, its right a quarter to the right, what is behind at the border; heights 0 to 45 degrees
+  CHECK(at(97, size + 8 + 50) == colours[0]);
+  CHECK(at(97, size + 8 + 75) == colours[1]);
+  CHECK(at(2, size + 8 + 25) == colours[3]);
+  CHECK(at(50, size + 8 + 50) == std::array<std::uint8_t, 3>{20, 20, 20});
+  CHECK(at(50, size) == std::array<std::uint8_t, 3>{255, 255, 255});
+  CHECK(draw_points({}, {}, {{0, 0, 0}, {1, 0, 0, 0}}, 10).pixels.size() == 840);
+  CHECK_THROWS_WITH_AS(draw_points(point, {1}, {{0, 0, 0}, {1, 0, 0, 0}}), doctest::Contains("give a range for each point"),
+                       std::invalid_argument);
 }
