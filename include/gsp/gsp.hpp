@@ -102,6 +102,7 @@
 #include <gsp/sensor/acceleration_sensors.hpp>
 #include <gsp/sensor/accelerations.hpp>
 #include <gsp/sensor/body_contacts.hpp>
+#include <gsp/sensor/camera_sensor.hpp>
 #include <gsp/sensor/cameras.hpp>
 #include <gsp/sensor/constraint_sensors.hpp>
 #include <gsp/sensor/distance_sensors.hpp>
@@ -128,6 +129,7 @@
 #include <gsp/splat/channels.hpp>
 #include <gsp/splat/frames.hpp>
 #include <gsp/splat/gaussians.hpp>
+#include <gsp/splat/id_channel.hpp>
 #include <gsp/splat/look_at.hpp>
 #include <gsp/splat/place_gaussians.hpp>
 #include <gsp/splat/project.hpp>

@@ -1,4 +1,5 @@
-// Cameras of a model, in all modes, against MuJoCo: places and axes (cam_xpos, cam_xmat), and what a picture shows (mjv_cameraFrustum).
+// Cameras of a model, in all modes, against MuJoCo: places and axes (cam_xpos, cam_xmat), what a picture shows (mjv_cameraFrustum), and
+// where in pictures things are (camprojection).
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -6,7 +7,7 @@
 #include <gsp/io/mjcf.hpp>
 #include <gsp/io/write_mjcf.hpp>
 #include <gsp/model/compile.hpp>
-#include <gsp/sensor/cameras.hpp>
+#include <gsp/sensor/camera_sensor.hpp>
 #include <limits>
 
 #include "dynamics/random_tree.hpp"
@@ -101,4 +102,102 @@ TEST_CASE("cameras in all modes, in 20 worlds") {
       }
     }
   }
+}
+
+// A red, a green and a blue ball of 2 mm stand on three sites, one on each link and one in the world: in pictures of cameras in all modes
+// the centre of each colour's light is where MuJoCo's camprojection has the site (which leaves the principal point out: K has it). A ball
+// is 0.55 pixels wide by the blur of projection and less than two by its own size; its centre of light is off by the square of its
+// half angle of view, 1e-5, and by tails cut at 1/255 of unequal pixels: 0.02 pixels.
+TEST_CASE("sites are in pictures where camprojection has them, in 20 worlds") {
+  std::string model_text = text, sensors = "<sensor>";
+  auto const put = [&](std::string const& behind, std::string const& what) {
+    auto const at = model_text.find(behind);
+    REQUIRE(at != std::string::npos);
+    model_text.insert(at + behind.size(), what);
+  };
+  put("<worldbody>", "<site name='red' pos='.3 -.2 .6'/>");
+  put("<freejoint/>", "<site name='green' pos='.1 .3 .15'/>");
+  put("<joint axis=\"0 1 0\"/>", "<site name='blue' pos='.1 -.2 .2'/>");
+  auto const without = gsp::io::parse_mjcf(text, "cameras.xml");
+  std::vector<std::string> names;
+  for (auto const& body : without.bodies)
+    for (auto const& camera : body.cameras) names.push_back(camera.name);
+  char const* const sites[] = {"red", "green", "blue"};
+  for (auto const& name : names)
+    for (char const* const site : sites) sensors += "<camprojection site='" + std::string(site) + "' camera='" + name + "'/>";
+  for (auto at = model_text.find("mode="); at != std::string::npos; at = model_text.find("mode=", at + 40))
+    model_text.insert(at, "resolution=\"320 240\" ");
+  model_text.replace(model_text.find("</mujoco>"), 9, sensors + "</sensor></mujoco>");
+  auto const compiled = gsp::compile(gsp::io::parse_mjcf(model_text, "cameras.xml"));
+  auto const oracle = gsp_test::load_oracle("cameras.xml", model_text);
+  mjModel* const m = oracle.m();
+  mjData* const d = oracle.d();
+  Exec const exec;
+  int const worlds = 20;
+  auto const model = gsp::make_model<double>(exec, compiled, {.profile = gsp::Profile::mujoco});
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  gsp_test::Random r;
+  std::vector<double> expected, places;
+  for (int w = 0; w < worlds; ++w) {
+    mj_resetData(m, d);
+    std::vector<double> move(std::size_t(m->nv));
+    for (auto& x : move) x = r();
+    mj_integratePos(m, d->qpos, move.data(), 0.5);
+    for (int i = 0; i < m->nq; ++i) state.qpos(w, i) = d->qpos[i];
+    mj_forward(m, d);
+    expected.insert(expected.end(), d->sensordata, d->sensordata + m->nsensordata);
+    for (char const* const site : sites) {
+      double const* const x = d->site_xpos + 3 * mj_name2id(m, mjOBJ_SITE, site);
+      places.insert(places.end(), x, x + 3);
+    }
+  }
+  gsp::forward_kinematics(exec, model, state, poses, dynamics);
+  gsp::GaussianSet set;
+  for (int i = 0; i < 3; ++i) {
+    int const s = mj_name2id(m, mjOBJ_SITE, sites[i]);
+    for (int c = 0; c < 3; ++c) {
+      set.positions.push_back(float(m->site_pos[3 * s + c]));
+      set.scales.push_back(0.002f);
+      set.sh.push_back(c == i ? 1.7f : -1.8f);
+    }
+    set.body.push_back(m->site_bodyid[s]);
+    for (float const q : {1.f, 0.f, 0.f, 0.f}) set.quats.push_back(q);
+    set.opacities.push_back(0.99f);
+  }
+  auto const cloud = gsp::make_gaussians(exec, set);
+  int compared = 0;
+  double worst = 0;
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    CAPTURE(names[k]);
+    auto eye = gsp::make_camera_sensor(exec, model, compiled, cloud, {{.camera = names[k]}}, {.worlds = worlds});
+    auto const& f = eye.frames;
+    REQUIRE(f.width == m->cam_resolution[2 * k]);
+    REQUIRE(f.height == m->cam_resolution[2 * k + 1]);
+    gsp::see(exec, model, poses, cloud, eye);
+    int here = 0;
+    for (int w = 0; w < worlds; ++w)
+      for (int i = 0; i < 3; ++i) {
+        double const* const pixel = &expected[std::size_t(w * m->nsensordata + int(6 * k) + 2 * i)];
+        double const u = pixel[0] + eye.cameras.Ks(w, 0, 2) - 0.5 * f.width, v = pixel[1] + eye.cameras.Ks(w, 1, 2) - 0.5 * f.height;
+        double z = eye.cameras.viewmats(w, 2, 3), light = 0, row = 0, column = 0;
+        for (int c = 0; c < 3; ++c) z += eye.cameras.viewmats(w, 2, c) * places[std::size_t(9 * w + 3 * i + c)];
+        if (z < 0.1 || !(u > 8 && u < f.width - 8 && v > 8 && v < f.height - 8)) continue;
+        for (int y = 0; y < f.height; ++y)
+          for (int x = 0; x < f.width; ++x) {
+            double const a = f.rgb(w, y, x, i);
+            light += a;
+            row += a * (y + 0.5);
+            column += a * (x + 0.5);
+          }
+        CHECK(light > 0);
+        ++here;
+        worst = std::fmax(worst, std::fmax(std::abs(column / light - u), std::abs(row / light - v)));
+      }
+    CHECK(here > 5);
+    compared += here;
+  }
+  MESSAGE(compared << " sites, " << worst << " pixels");
+  CHECK(worst < 0.02);
 }

@@ -6,7 +6,7 @@
 #include <gsp/model/attach.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>
-#include <gsp/sensor/cameras.hpp>
+#include <gsp/sensor/camera_sensor.hpp>
 #include <gsp/splat/render.hpp>
 #include <gsp_test_execs.hpp>
 #include <numbers>
@@ -150,4 +150,113 @@ TEST_CASE_TEMPLATE("cameras of a model and on its links, in all worlds", Exec, G
                        doctest::Contains("sites and 0 cameras, the compiled model"), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::cameras_of(exec, model, fewer, mounts, cameras), doctest::Contains("mounts are for 5 worlds"),
                        std::invalid_argument);
+}
+
+// A sensor beside pictures by hand: cameras from look_at and pinhole in the mast's closed form, drawn by render alone. Both round views to
+// float, 6e-8 of 3 m at 50 pixels a metre: 1e-5 pixels, over an edge of half a pixel, of colours and metres.
+TEST_CASE_TEMPLATE("what the cameras of a model see, in all worlds", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  int const worlds = 3, width = 60, height = 40;
+  auto d = mast();
+  d.bodies[1].cameras[0].resolution = {width, height};
+  auto second = d.bodies[1].cameras[0];
+  second.name = "back";
+  second.pos = {-0.5, 0, 0};
+  second.quat = {0.5, 0.5, 0.5, 0.5};  // it looks along -x
+  d.bodies[1].cameras.push_back(second);
+  auto const compiled = gsp::compile(d);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto const qpos = Kokkos::create_mirror_view(state.qpos);
+  for (int w = 0; w < worlds; ++w) qpos(w, 0) = 0.2f * float(w);
+  Kokkos::deep_copy(state.qpos, qpos);
+  gsp::forward_kinematics(exec, model, state, poses, dynamics);
+
+  // a ball before each camera on the mast, and one that stands still behind the first
+  gsp::GaussianSet set;
+  float const place[3][3] = {{2, 0.1f, 0}, {-1.5f, 0, 0.1f}, {4, 0.5f, 1}};
+  for (int i = 0; i < 3; ++i) {
+    set.positions.insert(set.positions.end(), place[i], place[i] + 3);
+    set.body.push_back(i < 2 ? 1 : 0);
+    for (float const q : {1.f, 0.f, 0.f, 0.f}) set.quats.push_back(q);
+    for (int c = 0; c < 3; ++c) set.scales.push_back(i < 2 ? 0.1f : 0.5f);
+    set.opacities.push_back(0.95f);
+    for (int c = 0; c < 3; ++c) set.sh.push_back(c == i ? 1.7f : 0.f);
+  }
+  auto const cloud = gsp::make_gaussians(exec, set);
+  // example-begin camera_sensor
+  auto sensor = gsp::make_camera_sensor(exec, model, compiled, cloud, {}, {.worlds = worlds, .alpha = true, .id = true});
+  gsp::see(exec, model, poses, cloud, sensor);  // sensor.frames.rgb, .depth, .alpha, sensor.id: image world * sensor.count() + camera
+  // example-end camera_sensor
+  REQUIRE(sensor.count() == 2);
+  REQUIRE(sensor.frames.width == width);
+  REQUIRE(sensor.frames.height == height);
+
+  std::vector<float> viewmats, Ks;
+  auto const K = gsp::pinhole(width, height, {.fovy = 1});
+  for (int w = 0; w < worlds; ++w)
+    for (double const ahead : {1., -1.}) {
+      double const c = ahead * std::cos(0.2 * w), s = ahead * std::sin(0.2 * w);
+      auto const view = gsp::look_at<double>({0.5 * c, 0.5 * s, 1}, {2 * c, 2 * s, 1}).matrix();
+      viewmats.insert(viewmats.end(), view.begin(), view.end());
+      Ks.insert(Ks.end(), K.begin(), K.end());
+    }
+  std::vector<int> world;
+  for (int image = 0; image < 2 * worlds; ++image) world.push_back(image / 2);
+  auto const cameras = gsp::make_cameras(exec, viewmats, Ks, world);
+  auto frames = gsp::make_frames(exec, cloud, {.images = 2 * worlds, .width = width, .height = height});
+  gsp::render(exec, cloud, poses, cameras, frames);
+  auto const host = [](auto const& v) { return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, v); };
+  auto const rgb = host(frames.rgb), seen_rgb = host(sensor.frames.rgb);
+  auto const depth = host(frames.depth), seen_depth = host(sensor.frames.depth), alpha = host(frames.alpha);
+  auto id = host(sensor.id);
+  int shown[3] = {0, 0, 0};  // nothing, the world, the mast
+  for (int image = 0; image < 2 * worlds; ++image)
+    for (int r = 0; r < height; ++r)
+      for (int c = 0; c < width; ++c) {
+        float worst = 0;
+        for (int k = 0; k < 3; ++k) worst = std::max(worst, std::abs(rgb(image, r, c, k) - seen_rgb(image, r, c, k)));
+        if (worst > 1e-4f || !(std::abs(depth(image, r, c) - seen_depth(image, r, c)) <= 1e-4f * 4)) FAIL_CHECK("image " << image);
+        // what lets less than half of the light through is seen; of two that do so together, the second
+        if (std::abs(alpha(image, r, c) - 0.5f) > 1e-4f) CHECK((id(image, r, c) >= 0) == (alpha(image, r, c) > 0.5f));
+        if (id(image, r, c) == 0 && image % 2 == 1) FAIL_CHECK("the still ball is before the mast's other side");
+        ++shown[id(image, r, c) + 1];
+      }
+  for (int const n : shown) CHECK(n > 100);
+  CHECK(id(0, height / 2, width / 2 - 3) == 1);  // a tenth of a metre to the left
+  CHECK(std::abs(seen_depth(1, height / 2, width / 2) - 1) < 1e-3f);
+
+  // labels in place of bodies; the first ball is before the third
+  auto const label = Kokkos::create_mirror_view(Kokkos::HostSpace{}, Kokkos::View<int*, typename Exec::memory_space>("label", 3));
+  for (int i = 0; i < 3; ++i) label(i) = 1000 * i + 7;
+  sensor.label = Kokkos::create_mirror_view_and_copy(typename Exec::memory_space{}, label);
+  gsp::see(exec, model, poses, cloud, sensor);
+  auto const named = host(sensor.id);
+  CHECK(named(0, height / 2, width / 2 - 3) == 7);
+  CHECK(named(1, height / 2, width / 2) == 1007);
+  int others = 0;
+  for (int r = 0; r < height; ++r)
+    for (int c = 0; c < width; ++c) others += named(0, r, c) == 2007;
+  CHECK(others > 20);
+  sensor.label = Kokkos::View<int*, typename Exec::memory_space>("label", 2);
+  CHECK_THROWS_WITH_AS(gsp::see(exec, model, poses, cloud, sensor), doctest::Contains("2 labels for 3 Gaussians"), std::invalid_argument);
+
+  auto const refuses = [&](std::vector<gsp::CameraMount> const& mounts, gsp::CameraSensorOptions const& options, char const* part) {
+    try {
+      gsp::make_camera_sensor(exec, model, compiled, cloud, mounts, options);
+      CHECK_MESSAGE(false, "accepted, expected: ", part);
+    } catch (std::exception const& e) { CHECK_MESSAGE(std::string(e.what()).find(part) != std::string::npos, e.what()); }
+  };
+  refuses({}, {.width = 10}, "give width and height of the pictures, or neither");
+  refuses({{.camera = "eye"}, {.body = "mast"}}, {}, "mount 1 is no camera of the model and has no resolution");
+  refuses({{.camera = "ear"}}, {}, "no camera 'ear'");
+  d.bodies[1].cameras[1].resolution = {width, 50};
+  auto const uneven = gsp::compile(d);
+  CHECK_THROWS_WITH_AS(gsp::make_camera_sensor(exec, model, uneven, cloud), doctest::Contains("60 x 50 pixels, those before it 60 x 40"),
+                       gsp::Error);
+  d.bodies[1].cameras[0].resolution = {1, 1};
+  CHECK_THROWS_WITH_AS(gsp::make_camera_sensor(exec, model, gsp::compile(d), cloud),
+                       doctest::Contains("mount 0: its camera has no resolution"), gsp::Error);
 }
