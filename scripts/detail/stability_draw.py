@@ -1,9 +1,10 @@
-"""Line charts as SVG and Gaussians on surfaces as PLY, for scripts/stability."""
+"""Line charts as SVG and Gaussians on surfaces as PLY, for scripts/stability and scripts/coverage."""
 import math
 
 import numpy as np
 
-INK = {"gsp": "#2b7de9", "MuJoCo": "#e8710a", "MotrixSim": "#1f9d55", "warm": "#2b7de9", "cold": "#c0399f"}
+INK = {"gsp": "#2b7de9", "MuJoCo": "#e8710a", "MotrixSim": "#1f9d55", "warm": "#2b7de9", "cold": "#c0399f",
+       "Mid-40": "#2b7de9", "Mid-70": "#c0399f", "Mid-360": "#1f9d55", "VLP-32C": "#e8710a"}
 GREY = "#7d8590"  # text and axes: readable on white and on black
 
 

@@ -2,6 +2,7 @@
 // tests/oracle/rays.cpp.)
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <gsp/dynamics/kinematics.hpp>
@@ -245,4 +246,169 @@ TEST_CASE_TEMPLATE("what is not a ray meets nothing, and what does not fit is re
   gsp::cast_rays(c.exec, nothing, c.rays, bare);
   auto const d = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, bare.distance);
   CHECK(d(2, 3) == -1);
+}
+
+// A million rays of every bad sort, against a room with needles, flat and doubled triangles, a vertex of NaN and a mesh without faces, in
+// worlds whose bodies stand anywhere, or nowhere: each meets something at a finite distance with a unit normal, or nothing. That it ends at
+// all is a part of it.
+TEST_CASE_TEMPLATE("a million rays of any sort end: at a finite distance, or nowhere", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  int const worlds = 100, count = 10000, sorts = 20;
+  auto description = room(0);
+  for (char const* const name : {"shards", "nothing"}) {
+    auto mesh = description.meshes[0];
+    mesh.name = name;
+    description.meshes.push_back(mesh);
+    description.bodies[0].geoms.push_back({.name = name, .type = gsp::ShapeType::mesh, .pos = {0, -1, 0.5}, .mesh = name});
+  }
+  auto compiled = gsp::compile(description);
+  gsp_test::Random r{99};
+  std::size_t const shards = std::size_t(compiled.geom_data[3]), nothing = std::size_t(compiled.geom_data[4]),
+                    bowl = std::size_t(compiled.geom_data[2]);
+  REQUIRE(compiled.mesh_faces.size() == 3);
+  compiled.mesh_faces[nothing].clear();
+  auto& vertices = compiled.mesh_vertices[shards];
+  auto& faces = compiled.mesh_faces[shards];
+  vertices.push_back({NAN, 0, 0});
+  vertices.push_back({1e30f, 0, 0});
+  int const n = int(vertices.size());
+  for (int k = 0; k < 300; ++k) {
+    int const a = int(std::uint32_t(k) * 7919u % std::uint32_t(n)), b = int(std::uint32_t(k) * 104729u % std::uint32_t(n));
+    faces.push_back({a, b, k % 3 == 0 ? a : k % 3 == 1 ? b : (a + b) / 2});  // lines, points, needles
+    faces.push_back(faces[std::size_t(k)]);                                  // once more
+  }
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  auto const xpos = Kokkos::create_mirror_view(poses.xpos), xquat = Kokkos::create_mirror_view(poses.xquat);
+  auto rays = gsp::make_rays<float>(exec, {.worlds = worlds, .count = count});
+  auto hits = gsp::make_ray_hits<float>(exec, {.worlds = worlds, .count = count});
+  auto const origin = Kokkos::create_mirror_view(rays.origin), direction = Kokkos::create_mirror_view(rays.direction);
+  float const inf = INFINITY, odd[] = {0, inf, -inf, NAN, 1e38f, -1e38f, 1e-44f, 1e-30f};
+  for (int w = 0; w < worlds; ++w) {
+    for (int b = 0; b < 3; ++b) {
+      float q[4] = {1, 0, 0, 0}, length = 0;
+      for (float& x : q) {
+        if (b > 0) x = float(r());
+        length = std::hypot(length, x);
+      }
+      for (int c = 0; c < 4; ++c) xquat(w, b, c) = q[c] / length;
+      for (int c = 0; c < 3; ++c) xpos(w, b, c) = b == 0 ? 0 : float(r());
+      if (w % 10 == 9 && b == 1) xpos(w, b, w / 10 % 3) = odd[w / 10 % 8];
+      if (w % 10 == 8 && b == 2) xquat(w, b, w / 10 % 4) = odd[1 + w / 10 % 3];  // a rotation is of unit length, or none
+    }
+    for (int k = 0; k < count; ++k) {
+      float o[3], d[3];
+      for (int c = 0; c < 3; ++c) {
+        o[c] = float(2 * r());
+        d[c] = float(r());
+      }
+      auto const vertex = [&](std::size_t mesh, int c) {
+        auto const& v = compiled.mesh_vertices[mesh];
+        return v[std::size_t(k) % v.size()][std::size_t(c)] + float(compiled.geom_pos[mesh == bowl ? 2 : 3][c]);
+      };
+      int const body = 1 + k % 2, axis = k / 7 % 3;
+      for (int c = 0; c < 3; ++c) switch (k % sorts) {
+          case 0:
+            d[c] = odd[(k / sorts + c) % 8];
+            break;
+          case 1:
+            d[c] = c == axis ? odd[k / sorts % 8] : d[c];
+            break;
+          case 2:
+            o[c] = odd[(k / sorts + c) % 8];
+            break;
+          case 3:
+            o[c] = c == axis ? odd[k / sorts % 8] : o[c];
+            break;
+          case 4:
+            d[c] = c == axis ? d[c] : 0;
+            break;  // along an axis
+          case 5:
+            d[c] = c == axis ? 0 : d[c];
+            break;  // in its plane
+          case 6:
+            o[c] = xpos(w, body, c);
+            break;  // from within
+          case 7:
+            o[c] = xpos(w, body, c) + (c == 0 ? 0.2f : 0);
+            break;  // from on the ball
+          case 8:
+            o[c] = vertex(bowl, c);
+            break;  // from a corner
+          case 9:
+            d[c] = vertex(bowl, c) - o[c];
+            break;  // to one
+          case 10:
+            o[c] = vertex(shards, c), d[c] = vertex(bowl, c) - o[c];
+            break;
+          case 11:
+            d[c] *= 1e-40f;
+            break;
+          case 12:
+            d[c] *= 1e38f;
+            break;
+          case 13:
+            o[c] *= 1e6f, d[c] = -o[c] + d[c];
+            break;  // from far
+          case 14:
+            o[c] *= 1e30f, d[c] = -o[c];
+            break;
+          case 15:
+            o[c] = c == 2 ? 0.f : o[c];
+            break;  // from on the floor
+          case 16:
+            o[c] = c == 2 ? 1.f : c == 0 ? 0.75f + 0.25f * float(k / sorts % 3) : 0.5f, d[c] = c == 2 ? -1.f : 0.f;
+            break;  // the hill's grid lines
+          case 17:
+            o[c] = c == 2 ? 0.2f : o[c], d[c] = c == 2 ? 0 : d[c];
+            break;  // along the hill's base
+          case 18:
+            o[c] = c == 0 ? 0.5f : o[c], d[c] = c == 0 ? 0 : d[c];
+            break;  // along its wall
+          default:
+            break;
+        }
+      for (int c = 0; c < 3; ++c) {
+        origin(w, k, c) = o[c];
+        direction(w, k, c) = d[c];
+      }
+    }
+  }
+  Kokkos::deep_copy(poses.xpos, xpos);
+  Kokkos::deep_copy(poses.xquat, xquat);
+  Kokkos::deep_copy(rays.origin, origin);
+  Kokkos::deep_copy(rays.direction, direction);
+  auto scene = gsp::make_ray_scene<float>(exec, model, compiled, {.worlds = worlds});
+  REQUIRE(scene.count() == 7);
+  gsp::place_ray_geoms(exec, model, poses, scene);
+  gsp::cast_rays(exec, scene, rays, hits);
+  auto const host = [](auto const& v) { return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, v); };
+  auto const distance = host(hits.distance);
+  auto const normal = host(hits.normal);
+  auto const geom = host(hits.geom);
+  std::vector<int> met(8);
+  int wrong = 0;
+  for (int w = 0; w < worlds; ++w)
+    for (int k = 0; k < count; ++k) {
+      int const g = geom(w, k);
+      float const x = distance(w, k), length = std::hypot(normal(w, k, 0), normal(w, k, 1), normal(w, k, 2));
+      float most = 0;
+      bool is_ray = true;
+      for (int c = 0; c < 3; ++c) {
+        most = std::max(most, std::abs(direction(w, k, c)));
+        is_ray = is_ray && std::isfinite(direction(w, k, c)) && std::isfinite(origin(w, k, c));
+      }
+      is_ray = is_ray && most > 0;
+      ++met[std::size_t(std::clamp(g, -1, 6) + 1)];
+      bool const nothing_met = g == -1 && x == -1 && length == 0;
+      bool const something = is_ray && g >= 0 && g < 7 && x >= 0 && std::isfinite(x) && std::abs(length - 1) < 1e-5f;
+      if (!nothing_met && !something && ++wrong < 10)
+        MESSAGE("sort " << k % sorts << ", world " << w << ", ray " << k << ": geom " << g << " at " << x << ", normal " << normal(w, k, 0)
+                        << " " << normal(w, k, 1) << " " << normal(w, k, 2) << "; from " << origin(w, k, 0) << " " << origin(w, k, 1) << " "
+                        << origin(w, k, 2) << " along " << direction(w, k, 0) << " " << direction(w, k, 1) << " " << direction(w, k, 2));
+    }
+  CHECK(wrong == 0);
+  for (int g = -1; g < 7; ++g)
+    if (g != 4) CHECK(met[std::size_t(g + 1)] > 1000);
+  CHECK(met[5] == 0);  // the mesh without faces
 }

@@ -100,10 +100,11 @@ struct RayCaster {
     }
     return best;
   }
-  /// Number in the model of what lane l has met, -1: nothing; where, in lengths of the ray that was given; and its normal.
+  /// Number in the model of what lane l has met, -1: nothing, or at a distance that no R holds; where, in lengths of the ray that was
+  /// given; and its normal.
   KOKKOS_INLINE_FUNCTION int geom_of(Met const& met, int l) const {
     int const g = met.geom[l];
-    return g < 0 ? -1 : scene.geoms(g).geom;
+    return g >= 0 && distance_of(met, l) < no_hit<R>() ? scene.geoms(g).geom : -1;
   }
   KOKKOS_INLINE_FUNCTION static R distance_of(Met const& met, int l) { return lane(met.scaled.back(met.x), l); }
   KOKKOS_INLINE_FUNCTION Vec3<R> normal_of(int w, Met const& met, int l) const {
@@ -250,7 +251,7 @@ struct CastRays {
       hits.distance(w, k) = g < 0 ? R(-1) : caster.distance_of(met, l);
       hits.geom(w, k) = g;
       if (!hits.normal.data()) continue;
-      Vec3<R> const normal = caster.normal_of(w, met, l);
+      Vec3<R> const normal = g < 0 ? Vec3<R>{R(0), R(0), R(0)} : caster.normal_of(w, met, l);
       for (int c = 0; c < 3; ++c) hits.normal(w, k, c) = normal[c];
     }
   }
@@ -259,9 +260,9 @@ struct CastRays {
 
 /// What each ray meets first, of the geoms where place_ray_geoms has put them: shapes from outside and, where a ray begins in one, from
 /// inside (a height field also at z = 0, where its base begins); planes from their front; meshes from both sides. Of geoms at one distance
-/// the first. A direction of 0, one that is not finite, and NaN meet nothing. Does not allocate, does not fence. Cost: about 20 flop a geom
-/// that is not near, 50 a shape, 1,000 a mesh that is near. Errors: std::invalid_argument where rays, hits and scene are of other numbers
-/// of worlds or rays, and for bodies without body_exclude.
+/// the first. A direction of 0, one that is not finite, and NaN meet nothing, nor does a ray whose distance no R holds. Does not allocate,
+/// does not fence. Cost: about 20 flop a geom that is not near, 50 a shape, 1,000 a mesh that is near. Errors: std::invalid_argument where
+/// rays, hits and scene are of other numbers of worlds or rays, and for bodies without body_exclude.
 template <ExecutionSpace Exec, class R, class Mem>
 void cast_rays(Exec const& exec, RayScene<R, Mem> const& scene, Rays<R, Mem> const& rays, RayHits<R, Mem>& hits,
                CastRaysOptions options = {}) {
