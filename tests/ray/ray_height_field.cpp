@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <cstring>
 #include <gsp/ray/ray_height_field.hpp>
 #include <vector>
 
@@ -100,4 +101,48 @@ TEST_CASE("walls, base, and what is none") {
   CHECK(std::isinf(cast({0, 0, 2}, {0, 0, 0}).x));
   CHECK(std::isinf(cast({0, NAN, 2}, {0, 0, -1}).x));
   CHECK(std::isinf(cast({0, 0, 2}, {0, INFINITY, -1}).x));
+}
+
+// Straight down and up: the cell by its number, beside the walk from cell to cell, to the bit: from above, from within, from the base and
+// from below, on grid points, grid lines and diagonals, an ulp beside them, along the border and beyond it. (1e-45 beside a line at 0 the
+// walk takes for on it, as products underflow: the same distance, perhaps the other triangle's normal.)
+TEST_CASE_TEMPLATE("rays straight up and down meet what others do, to the bit", T, double, float) {
+  gsp_test::Random r{77};
+  int hits = 0, others = 0, rays = 0, on_a_line = 0;
+  for (int const rows : {2, 3, 8, 26}) {
+    Field<T> const f(rows, rows + 3, T(1.5), T(1), T(0.4), T(0.2), unsigned(rows));
+    std::vector<T> level(f.heights.size());
+    for (std::size_t i = 0; i < level.size(); ++i) level[i] = i % 3 ? T(0) : f.heights[i];  // z = 0: the base box's face too
+    for (int k = 0; k < 30000; ++k) {
+      gsp::ShapeAsset<T> asset = f.asset;
+      if (k % 2) asset.elevation = level.data();
+      int const row = int(std::uint32_t(k) * 7919u % std::uint32_t(rows)),
+                column = int(std::uint32_t(k) * 104729u % std::uint32_t(rows + 3));
+      auto const p = gsp::HfieldShape::point(asset, row, column);
+      gsp::Vec3<T> o{T(1.55 * r()), T(1.03 * r()), T(0.1 + 0.6 * r())};
+      if (k % 5 == 1) o.z = T(0);
+      if (k % 5 == 2) o.z = p.z;
+      if (k % 7 > 2) o.x = p.x;
+      if (k % 7 > 4 || k % 7 == 1) o.y = p.y;
+      if (k % 7 == 0 && row + 1 < rows && column + 4 < rows + 3) {  // on a diagonal
+        auto const q = gsp::HfieldShape::point(asset, row + 1, column + 1);
+        T const way = T(0.5 + 0.5 * r());
+        o.x = p.x + way * (q.x - p.x);
+        o.y = p.y + way * (q.y - p.y);
+      }
+      if (k % 11 == 3 && o.x != 0) o.x = std::nextafter(o.x, T(k % 2 ? 9 : -9));
+      if (k % 11 == 4 && o.y != 0) o.y = std::nextafter(o.y, T(k % 2 ? 9 : -9));
+      gsp::Ray<T> const ray{o, {T(0), T(0), T(k % 3 == 0 ? 0.7 : -0.7)}};
+      T const most = k % 13 == 0 ? T(0.3) : gsp::detail::no_hit<T>();
+      auto const straight = gsp::detail::UprightRay<T>(asset, ray, most).first(),
+                 slanted = gsp::detail::HeightFieldRay<T>(asset, ray, most).first();
+      ++rays;
+      hits += slanted.x < most;
+      on_a_line += o.x == p.x;
+      others += std::memcmp(&straight, &slanted, sizeof straight) != 0;
+    }
+  }
+  CHECK(hits > rays / 3);
+  CHECK(on_a_line > rays / 3);
+  CHECK(others == 0);
 }

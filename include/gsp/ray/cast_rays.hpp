@@ -222,7 +222,7 @@ struct RayCaster {
       for (int l = 0; l < width; ++l) {
         R const most = lane(best.x, l);
         if (!(most > R(0))) continue;
-        ShapeHit<R> const hit = HeightFieldRay<R>(*geom.height_field, lane(own, l), most).first();
+        ShapeHit<R> const hit = meet_height_field(*geom.height_field, lane(own, l), most);
         if (!(hit.x < most)) continue;
         set_lane(best.x, l, hit.x);
         best.geom.set_lane(l, g);
