@@ -248,6 +248,49 @@ TEST_CASE_TEMPLATE("what is not a ray meets nothing, and what does not fit is re
   CHECK(d(2, 3) == -1);
 }
 
+// A height scan of a hill, packs of rays straight down, beside each ray alone (ray_height_field): the same bits, also where some rays of a
+// pack pass the hill by, lie on its grid lines or are none.
+TEST_CASE_TEMPLATE("height scans meet what each ray meets alone", Exec, GSP_TEST_EXECS) {
+  int const count = 1000;
+  Cast<float, Exec> cast(1, count);
+  auto const& field = cast.compiled.hfields[0];
+  gsp::ShapeAsset<float> hill;
+  hill.elevation = field.elevation.data();
+  hill.rows = field.rows;
+  hill.columns = field.columns;
+  for (int c = 0; c < 4; ++c) hill.extent[c] = float(field.size[std::size_t(c)]);
+  auto const origin = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, cast.rays.origin),
+             direction = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, cast.rays.direction);
+  gsp_test::Random r{5};
+  for (int k = 0; k < count; ++k) {
+    origin(0, k, 0) = k % 3 == 0 ? 0.5f + 0.25f * float(k % 5) : float(1 + 0.6 * r());
+    origin(0, k, 1) = float(0.5 + 0.5 * r());
+    origin(0, k, 2) = k % 10 == 9 ? 0.15f : 0.8f;
+    for (int c = 0; c < 3; ++c) direction(0, k, c) = c == 2 ? (k % 10 == 9 ? 1 : -1) : 0;
+    if (k % 50 == 17) direction(0, k, 2) = NAN;
+    if (k >= 800 && k % 8 == 3) direction(0, k, 0) = 0.01f;  // then the pack goes ray by ray
+  }
+  Kokkos::deep_copy(cast.rays.origin, origin);
+  Kokkos::deep_copy(cast.rays.direction, direction);
+  gsp::cast_rays(cast.exec, cast.scene, cast.rays, cast.hits);
+  cast.read();
+  int compared = 0;
+  for (int k = 0; k < count; ++k) {
+    gsp::Vec3<float> const d{direction(0, k, 0), direction(0, k, 1), direction(0, k, 2)};
+    gsp::Ray<float> const ray{{origin(0, k, 0) - 1, origin(0, k, 1) - 0.5f, origin(0, k, 2) - 0.2f}, d};
+    auto const hit = gsp::ray_height_field(hill, ray);
+    CAPTURE(k);
+    int const g = cast.geom[std::size_t(k)];
+    if (g > 1) continue;  // the ball or the box is above it
+    CHECK((g == 1) == (hit.x < INFINITY));
+    if (g != 1) continue;
+    ++compared;
+    CHECK(cast.distance[std::size_t(k)] == hit.x);
+    for (int c = 0; c < 3; ++c) CHECK(cast.normal[std::size_t(3 * k + c)] == hit.normal[c]);
+  }
+  CHECK(compared > 500);
+}
+
 // A million rays of every bad sort, against a room with needles, flat and doubled triangles, a vertex of NaN and a mesh without faces, in
 // worlds whose bodies stand anywhere, or nowhere: each meets something at a finite distance with a unit normal, or nothing. That it ends at
 // all is a part of it.

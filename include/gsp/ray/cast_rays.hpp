@@ -219,6 +219,15 @@ struct RayCaster {
       best.geom.set(nearer, g);
       best.triangle.take(nearer, met.triangle);
     } else if (geom.type == ShapeType::hfield) {
+      auto const alive = best.x > T(R(0));
+      if (!any(alive && !is_upright(own))) {  // a height scan
+        ShapeHit<T> const hit = UprightRay<T>(*geom.height_field, own, best.x).first();
+        auto const nearer = alive && hit.x < best.x;
+        best.x = select(nearer, hit.x, best.x);
+        best.geom.set(nearer, g);
+        best.normal = select(nearer, hit.normal, best.normal);
+        return;
+      }
       for (int l = 0; l < width; ++l) {
         R const most = lane(best.x, l);
         if (!(most > R(0))) continue;

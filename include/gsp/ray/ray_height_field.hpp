@@ -8,28 +8,52 @@
 namespace gsp {
 
 namespace detail {
-/// Place of grid line `number` of an axis: 0 is x, across columns.
+/// Lane l of x; of a number itself. And f(l) in each lane.
 template <class T>
-GSP_FUNCTION T grid_line(ShapeAsset<T> const& field, int axis, int number) {
-  Vec3<T> const p = axis == 0 ? HfieldShape::point(field, 0, number) : HfieldShape::point(field, number, 0);
-  return p[axis];
+GSP_FUNCTION real_t<T> lane_of(T const& x, int l) {
+  if constexpr (Scalar<T>)
+    return x;
+  else
+    return x[l];
+}
+template <class T, class F>
+GSP_FUNCTION T of_lanes(F const& f) {
+  if constexpr (Scalar<T>)
+    return f(0);
+  else
+    return T::of(f);
+}
+/// Place of grid line `number` of an axis: 0 is x, across columns. As HfieldShape::point has it.
+template <class T, class R = real_t<T>>
+GSP_FUNCTION T grid_line(ShapeAsset<R> const& field, int axis, T const& number) {
+  int const cells = (axis == 0 ? field.columns : field.rows) - 1;
+  return field.extent[axis] * (T(R(2)) * number / T(R(cells)) - T(R(1)));
 }
 /// A cell's number along an axis, and its two grid lines.
 template <class T>
 struct GridCell {
-  int number;
-  T low, high;
+  T number, low, high;
 };
 /// The cell that v lies in: in [low, high), of what is beyond the border the last one.
-template <class T>
-GSP_FUNCTION GridCell<T> cell_about(ShapeAsset<T> const& field, int axis, T v) {
+template <class T, class R = real_t<T>>
+GSP_FUNCTION GridCell<T> cell_about(ShapeAsset<R> const& field, int axis, T const& v) {
   int const cells = (axis == 0 ? field.columns : field.rows) - 1;
-  T const about = (v + field.extent[axis]) / (T(2) * field.extent[axis]) * T(cells);
-  int const first = about > T(0) ? (about < T(cells - 1) ? int(about) : cells - 1) : 0;
-  GridCell<T> at{first, grid_line(field, axis, first), grid_line(field, axis, first + 1)};
-  while (at.number > 0 && v < at.low) at = {at.number - 1, grid_line(field, axis, at.number - 1), at.low};
-  while (at.number + 1 < cells && v >= at.high) at = {at.number + 1, at.high, grid_line(field, axis, at.number + 2)};
-  return at;
+  T const one(R(1)), last(R(cells - 1)), zero(R(0));
+  T const about = (v + field.extent[axis]) / (T(R(2)) * field.extent[axis]) * T(R(cells));
+  T const within = select(about > zero, select(about < last, about, last), zero);
+  T number = of_lanes<T>([&](int l) { return R(int(lane_of(within, l))); });
+  T low = grid_line(field, axis, number), high = grid_line(field, axis, number + one);
+  for (auto off = number > zero && v<low; any(off); off = number> zero && v < low) {
+    number = select(off, number - one, number);
+    low = grid_line(field, axis, number);
+    high = grid_line(field, axis, number + one);
+  }
+  for (auto off = number < last && v >= high; any(off); off = number < last && v >= high) {
+    number = select(off, number + one, number);
+    low = grid_line(field, axis, number);
+    high = grid_line(field, axis, number + one);
+  }
+  return {number, low, high};
 }
 
 /// The way of a scaled ray over the cells, from wall to wall (Amanatides and Woo, A fast voxel traversal algorithm, 1987). Where it meets
@@ -70,8 +94,8 @@ class HeightFieldRay {
     T const x = meet_shape(ShapeType::box, size, from);
     if (x < best_.x) best_ = {x, normal_where_met(ShapeType::box, size, from, x)};
   }
-  GSP_FUNCTION T line(int axis, int number) const { return grid_line(f_, axis, number); }
-  GSP_FUNCTION int cell_of(int axis, T v) const { return cell_about(f_, axis, v).number; }
+  GSP_FUNCTION T line(int axis, int number) const { return grid_line(f_, axis, T(number)); }
+  GSP_FUNCTION int cell_of(int axis, T v) const { return int(cell_about(f_, axis, v).number); }
   /// Along the border, from z = 0 up to the heights.
   GSP_FUNCTION void walls() {
     for (int axis = 0; axis < 2; ++axis) {
@@ -155,70 +179,90 @@ class HeightFieldRay {
   bool met_ = false;   // if any was
 };
 
-/// A ray straight up or down: by the cell that it stands over, without a walk, to the bit what HeightFieldRay finds. Height scans.
+/// Rays straight up or down: by the cell that each stands over, without a walk, to the bit what HeightFieldRay finds. T is one ray's number
+/// or those of a pack of rays. Height scans.
 template <class T>
 class UprightRay {
- public:
-  GSP_FUNCTION UprightRay(ShapeAsset<T> const& field, Ray<T> const& ray, T most)
-      : f_(field), o_(ray.origin), along_(ray.direction.z), inverse_(T(1) / ray.direction.z), most_(most) {}
+  using R = real_t<T>;
+  using Mask = decltype(T(0) < T(0));
 
+ public:
+  GSP_FUNCTION UprightRay(ShapeAsset<R> const& field, Ray<T> const& ray, T const& most)
+      : f_(field), o_(ray.origin), along_(ray.direction.z), inverse_(T(R(1)) / ray.direction.z), x_(most) {}
+
+  /// The nearest hit before `most`; x = infinity: none.
   GSP_FUNCTION ShapeHit<T> first() {
-    if (!(abs(o_.x) <= f_.extent[0] && abs(o_.y) <= f_.extent[1])) return {};
-    T const half = T(0.5) * f_.extent[3], box = ray_slab(o_.z + half, along_, half).first();
-    x_ = box < most_ ? box : most_;
+    T const most = x_, zero(R(0));
+    Mask const over = abs(o_.x) <= T(f_.extent[0]) && abs(o_.y) <= T(f_.extent[1]);
+    T const half(R(0.5) * f_.extent[3]);
+    RayInterval<T> const slab = ray_slab(o_.z + half, along_, half);
+    T const box = slab.first();
+    x_ = select(over && box < most, box, most);
     GridCell<T> const column = cell_about(f_, 0, o_.x), row = cell_about(f_, 1, o_.y);
-    int const left = column.number > 0 && o_.x == column.low, below = row.number > 0 && o_.y == row.low;  // on a grid line: in both cells
-    if (left || below)
-      for (int r = row.number - below; r <= row.number; ++r)
-        for (int c = column.number - left; c <= column.number; ++c)
-          if (r != row.number || c != column.number) neighbor(r, c);
-    T const* const z = f_.elevation + row.number * f_.columns + column.number;
-    cell({column.low, row.low, f_.extent[2] * z[0]}, {column.high, row.low, f_.extent[2] * z[1]},
-         {column.low, row.high, f_.extent[2] * z[f_.columns]}, {column.high, row.high, f_.extent[2] * z[f_.columns + 1]});
-    if (!(x_ < most_)) return {};
-    if (met_) return {x_, triangle_normal<T>(corner_[0], corner_[1], corner_[2])};
-    Vec3<T> const size{f_.extent[0], f_.extent[1], half};
-    return {x_, normal_where_met(ShapeType::box, size, Ray<T>{o_ + Vec3<T>{T(0), T(0), half}, {T(0), T(0), along_}}, x_)};
+    // on a grid line: in the cells on both sides
+    Mask const left = over && column.number > zero && o_.x == column.low, below = over && row.number > zero && o_.y == row.low;
+    if (any(left || below)) {
+      T const one(R(1));
+      GridCell<T> const before{column.number - one, grid_line(f_, 0, column.number - one), column.low},
+          under{row.number - one, grid_line(f_, 1, row.number - one), row.low};
+      cell(left && below, under, before);
+      cell(below, under, column);
+      cell(left, row, before);
+    }
+    cell(over, row, column);
+    Vec3<T> const of_cell = triangle_normal<T>(corner_[0], corner_[1], corner_[2]);
+    Mask const goes_in = abs(slab.in - x_) <= abs(slab.out - x_), up = along_ > zero;
+    T const of_box = select((goes_in && up) || (!goes_in && !up), T(R(-1)), T(R(1)));
+    Mask const found = over && x_ < most;
+    return {select(found, x_, no_hit<T>()), select(found, select(met_, of_cell, Vec3<T>{zero, zero, of_box}), Vec3<T>{zero, zero, zero})};
   }
 
  private:
-  GSP_FUNCTION void neighbor(int row, int column) {
-    cell(HfieldShape::point(f_, row, column), HfieldShape::point(f_, row, column + 1), HfieldShape::point(f_, row + 1, column),
-         HfieldShape::point(f_, row + 1, column + 1));
+  GSP_FUNCTION T height(GridCell<T> const& row, GridCell<T> const& column, int up, int right) const {
+    return f_.extent[2] * of_lanes<T>([&](int l) {
+             return f_.elevation[(int(lane_of(row.number, l)) + up) * f_.columns + int(lane_of(column.number, l)) + right];
+           });
   }
   /// Its two triangles, or that one alone on whose side of the line from a to e the ray is: as the triangles' own tests have it.
-  GSP_FUNCTION void cell(Vec3<T> const& a, Vec3<T> const& b, Vec3<T> const& c, Vec3<T> const& e) {
+  GSP_FUNCTION void cell(Mask here, GridCell<T> const& row, GridCell<T> const& column) {
+    Vec3<T> const a{column.low, row.low, height(row, column, 0, 0)}, b{column.high, row.low, height(row, column, 0, 1)},
+        c{column.low, row.high, height(row, column, 1, 0)}, e{column.high, row.high, height(row, column, 1, 1)};
     T const side = difference_of_products(e.x - o_.x, a.y - o_.y, e.y - o_.y, a.x - o_.x);
-    if (side <= T(0)) triangle(a, e, c);
-    if (side >= T(0)) triangle(a, b, e);
+    Mask const first = here && side <= T(R(0)), second = here && side >= T(R(0));
+    if (any(first)) triangle(first, a, e, c);
+    if (any(second)) triangle(second, a, b, e);
   }
-  /// TriangleRay::hit of a ray along z.
-  GSP_FUNCTION void triangle(Vec3<T> const& a, Vec3<T> const& b, Vec3<T> const& c) {
+  /// TriangleRay::hit of rays along z.
+  GSP_FUNCTION void triangle(Mask here, Vec3<T> const& a, Vec3<T> const& b, Vec3<T> const& c) {
+    T const zero(R(0));
     Vec3<T> const A = a - o_, B = b - o_, C = c - o_;
     T const u = difference_of_products(C.x, B.y, C.y, B.x), v = difference_of_products(A.x, C.y, A.y, C.x),
             w = difference_of_products(B.x, A.y, B.y, A.x), det = u + v + w;
-    bool const inside = (u >= T(0) && v >= T(0) && w >= T(0)) || (u <= T(0) && v <= T(0) && w <= T(0));
-    if (!inside || det == T(0)) return;
+    Mask const inside = (u >= zero && v >= zero && w >= zero) || (u <= zero && v <= zero && w <= zero);
     T const x = fma(u, inverse_ * A.z, fma(v, inverse_ * B.z, w * (inverse_ * C.z))) / det;
-    if (!(x >= T(0) && x < x_)) return;
-    x_ = x;
-    corner_[0] = a;
-    corner_[1] = b;
-    corner_[2] = c;
-    met_ = true;
+    Mask const nearer = here && inside && det != zero && x >= zero && x < x_;
+    x_ = select(nearer, x, x_);
+    corner_[0] = select(nearer, a, corner_[0]);
+    corner_[1] = select(nearer, b, corner_[1]);
+    corner_[2] = select(nearer, c, corner_[2]);
+    met_ = met_ || nearer;
   }
 
-  ShapeAsset<T> const& f_;
+  ShapeAsset<R> const& f_;
   Vec3<T> o_;
-  T along_, inverse_, most_, x_ = T(0);
-  Vec3<T> corner_[3];
-  bool met_ = false;
+  T along_, inverse_, x_;
+  Vec3<T> corner_[3]{};
+  Mask met_ = T(R(0)) < T(R(0));
 };
+template <class T>
+GSP_FUNCTION auto is_upright(Ray<T> const& ray) {
+  return ray.direction.x == T(0) && ray.direction.y == T(0);
+}
 
 /// The nearest hit of a scaled ray before `most`.
 template <class T>
 GSP_FUNCTION ShapeHit<T> meet_height_field(ShapeAsset<T> const& field, Ray<T> const& ray, T most) {
-  if (ray.direction.x == T(0) && ray.direction.y == T(0)) return UprightRay<T>(field, ray, most).first();
+  if (is_upright(ray)) return UprightRay<T>(field, ray, most).first();
   return HeightFieldRay<T>(field, ray, most).first();
 }
 }  // namespace detail

@@ -20,11 +20,11 @@ GSP_FUNCTION Vec3<T> triangle_normal(Vec3<V> const& a, Vec3<V> const& b, Vec3<V>
   auto const edge = [&](Vec3<V> const& to) { return Vec3<T>{T(to.x) - T(a.x), T(to.y) - T(a.y), T(to.z) - T(a.z)}; };
   auto const scaled = [](Vec3<T> const& v) {
     T const most = largest(v);
-    return most > T(0) ? (T(1) / most) * v : v;
+    return select(most > T(0), (T(1) / most) * v, v);
   };
   Vec3<T> const n = scaled(cross(scaled(edge(b)), scaled(edge(c))));
   T const length = norm(n);
-  return length > T(0) ? (T(1) / length) * n : n;
+  return select(length > T(0), (T(1) / length) * n, n);
 }
 
 /// What all triangles of a mesh need of a scaled ray: axes such that the direction is the third, sheared to (0, 0, 1).
