@@ -71,25 +71,26 @@ KOKKOS_INLINE_FUNCTION Transform<R> aligned_body(Poses<R, Mem> const& poses, int
   }
   return place;
 }
-/// The ray of a unit whose body is there.
-template <class R, class Mem>
-KOKKOS_INLINE_FUNCTION Ray<R> ray_of_unit(RayMount<R, Mem> const& mount, Transform<R> const& body, int k) {
-  Transform<R> const unit = body * Transform<R>{mount.pos, mount.quat};
-  return {mount.origin.extent(0) > 0 ? unit * mount.origin(k) : unit.p, rotate(unit.q, mount.direction(k))};
-}
-
+/// Some of the rays of a unit in one world: one on a device, on a host as many as share the way from the body's pose to the unit's.
 template <class R, class Mem>
 struct MountRays {
+  static constexpr int rays_an_item = is_device<typename Mem::execution_space> ? 1 : 32;
   Poses<R, Mem> poses;
   RayMount<R, Mem> mount;
   Rays<R, Mem> rays;
   int first, count;
+  KOKKOS_INLINE_FUNCTION static int items_of(int count) { return (count + rays_an_item - 1) / rays_an_item; }
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
-    int const w = int(i / count), k = int(i % count);
-    Ray<R> const ray = ray_of_unit(mount, aligned_body(poses, w, mount.body, mount.alignment), k);
-    for (int c = 0; c < 3; ++c) {
-      rays.origin(w, first + k, c) = ray.origin[c];
-      rays.direction(w, first + k, c) = ray.direction[c];
+    int const items = items_of(count), w = int(i / items), begin = int(i % items) * rays_an_item;
+    int const end = begin + rays_an_item < count ? begin + rays_an_item : count;
+    Transform<R> const unit = aligned_body(poses, w, mount.body, mount.alignment) * Transform<R>{mount.pos, mount.quat};
+    bool const from_one = mount.origin.extent(0) == 0;
+    for (int k = begin; k < end; ++k) {
+      Vec3<R> const origin = from_one ? unit.p : unit * mount.origin(k), direction = rotate(unit.q, mount.direction(k));
+      for (int c = 0; c < 3; ++c) {
+        rays.origin(w, first + k, c) = origin[c];
+        rays.direction(w, first + k, c) = direction[c];
+      }
     }
   }
 };
@@ -97,7 +98,7 @@ struct MountRays {
 
 /// The rays of a unit where its body is in these poses, of all worlds, to rays first ... first + mount.count() - 1 of each world.
 /// @param poses  of the model that the mount was made for, after forward_kinematics or a step
-/// Does not allocate, does not fence. About 100 flop a ray. Errors: std::invalid_argument for poses without that body or of another number
+/// Does not allocate, does not fence. About 40 flop a ray. Errors: std::invalid_argument for poses without that body or of another number
 /// of worlds, and where there is no room for the rays.
 template <ExecutionSpace Exec, class R, class Mem>
 void mount_rays(Exec const& exec, Poses<R, Mem> const& poses, RayMount<R, Mem> const& mount, Rays<R, Mem>& rays, int first = 0) {
@@ -111,7 +112,8 @@ void mount_rays(Exec const& exec, Poses<R, Mem> const& poses, RayMount<R, Mem> c
                                                            std::to_string(first + mount.count() - 1) + " are asked for, and there are " +
                                                            std::to_string(room));
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
-  Kokkos::parallel_for("gsp::ray::mount_rays", lightweight(Range(exec, 0, std::int64_t(worlds) * mount.count())),
+  Kokkos::parallel_for("gsp::ray::mount_rays",
+                       lightweight(Range(exec, 0, std::int64_t(worlds) * detail::MountRays<R, Mem>::items_of(mount.count()))),
                        detail::MountRays<R, Mem>{poses, mount, rays, first, mount.count()});
 }
 
