@@ -126,6 +126,7 @@
 #include <gsp/solver/solution.hpp>
 #include <gsp/splat/bin_tiles.hpp>
 #include <gsp/splat/cameras.hpp>
+#include <gsp/splat/cast_splats.hpp>
 #include <gsp/splat/channels.hpp>
 #include <gsp/splat/frames.hpp>
 #include <gsp/splat/gaussians.hpp>
@@ -138,6 +139,7 @@
 #include <gsp/splat/sample_room.hpp>
 #include <gsp/splat/sample_surface.hpp>
 #include <gsp/splat/splat.hpp>
+#include <gsp/splat/splat_tree.hpp>
 #include <gsp/step/bytes_needed.hpp>
 #include <gsp/step/sleep.hpp>
 #include <gsp/step/snapshot.hpp>

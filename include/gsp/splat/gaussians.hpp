@@ -65,8 +65,8 @@ inline std::uint64_t spread_bits(std::uint64_t x) {  // 21 bits, two zeros after
   return (x | x << 2) & 0x1249249249249249ull;
 }
 
-inline void check_gaussian_set(GaussianSet const& s, std::size_t which) {
-  std::string const name = "gsp::make_gaussians: set " + std::to_string(which);
+inline void check_gaussian_set(std::string const& function, GaussianSet const& s, std::size_t which) {
+  std::string const name = function + ": set " + std::to_string(which);
   std::size_t const n = s.size();
   expects(s.sh_degree >= 0 && s.sh_degree <= 3, name + " has SH degree " + std::to_string(s.sh_degree) + "; it must be 0, 1, 2 or 3");
   std::size_t const terms = static_cast<std::size_t>((s.sh_degree + 1) * (s.sh_degree + 1));
@@ -89,6 +89,11 @@ inline void check_gaussian_set(GaussianSet const& s, std::size_t which) {
   for (std::size_t i = 0; i < n; ++i)
     expects(s.opacities[i] >= 0 && s.opacities[i] <= 1,
             name + ": Gaussian " + std::to_string(i) + " has an opacity outside 0..1; repair it");
+  for (std::size_t i = 0; i < n; ++i) {
+    float const* const q = &s.quats[4 * i];
+    expects(q[0] != 0 || q[1] != 0 || q[2] != 0 || q[3] != 0,
+            name + ": the rotation of Gaussian " + std::to_string(i) + " has length 0; set it to 1 0 0 0");
+  }
 }
 
 }  // namespace detail
@@ -104,7 +109,7 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
   std::size_t total = 0;
   G g;
   for (std::size_t s = 0; s < sets.size(); ++s) {
-    detail::check_gaussian_set(sets[s], s);
+    detail::check_gaussian_set("gsp::make_gaussians", sets[s], s);
     total += sets[s].size();
     g.sh_degree = std::max(g.sh_degree, sets[s].sh_degree);
     for (int b : sets[s].body) g.bodies = std::max(g.bodies, b + 1);
@@ -158,8 +163,6 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
     std::size_t const j = static_cast<std::size_t>(k.local), old = static_cast<std::size_t>((s.sh_degree + 1) * (s.sh_degree + 1));
     float const* q = &s.quats[4 * j];
     double const norm = std::sqrt(double(q[0]) * q[0] + double(q[1]) * q[1] + double(q[2]) * q[2] + double(q[3]) * q[3]);
-    expects(norm > 0, "gsp::make_gaussians: set " + std::to_string(k.set) + ": the rotation of Gaussian " + std::to_string(j) +
-                          " has length 0; set it to 1 0 0 0");
     for (int c = 0; c < 3; ++c) {
       positions(c, i) = s.positions[3 * j + c];
       scales(c, i) = s.scales[3 * j + c];
