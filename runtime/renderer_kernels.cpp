@@ -5,12 +5,10 @@
 #include <gsp/splat/sample_surface.hpp>
 
 #include "device.hpp"
+#include "scene_sets.hpp"
 
 namespace gsp::runtime {
 
-struct Scene::Sets {
-  std::vector<GaussianSet> list;
-};
 namespace {
 void add(Scene& scene, GaussianSet set) {
   auto next = std::make_shared<Scene::Sets>();  // scenes that share the old list keep it
@@ -43,8 +41,7 @@ class KokkosRenderer : public Renderer {
   using Mem = typename Exec::memory_space;
 
  public:
-  KokkosRenderer(Scene const& scene, RendererOptions const& options)
-      : options_(options), cloud_(make_gaussians(exec_, scene.sets ? scene.sets->list : std::vector<GaussianSet>{})) {
+  KokkosRenderer(Scene const& scene, RendererOptions const& options) : options_(options), cloud_(make_gaussians(exec_, sets_of(scene))) {
     render_.alpha_max = options.alpha_max;
   }
 

@@ -112,11 +112,11 @@ gsp::RayMountOptions mount_of(Arguments const& a, gsp::CompiledModel const& m, s
   return mount;
 }
 
-/// Ranges, points and geoms of all entries.
+/// Ranges, points, geoms and Gaussians of all entries.
 struct Scans {
   std::size_t entries = 0, worlds = 0, rays = 0;
   std::vector<float> range, point;  // (T, N, R), (T, N, R, 3)
-  std::vector<int> geom;            // (T, N, R)
+  std::vector<int> geom, splat;     // (T, N, R); splat: or empty
   std::vector<double> time;         // (T, R)
 };
 
@@ -124,13 +124,13 @@ struct Scans {
 struct Cloud {
   std::vector<std::array<float, 3>> point;
   std::vector<float> range;
-  std::vector<int> geom;
+  std::vector<int> geom;  // -1: a Gaussian
 };
 Cloud last_cloud(Scans const& s, std::size_t world) {
   Cloud cloud;
   std::size_t const begin = ((s.entries - 1) * s.worlds + world) * s.rays;
   for (std::size_t k = begin; k < begin + s.rays; ++k) {
-    if (s.geom[k] < 0) continue;
+    if (s.geom[k] < 0 && (s.splat.empty() || s.splat[k] < 0)) continue;
     cloud.point.push_back({s.point[3 * k], s.point[3 * k + 1], s.point[3 * k + 2]});
     cloud.range.push_back(s.range[k]);
     cloud.geom.push_back(s.geom[k]);
@@ -164,6 +164,10 @@ int run(Arguments const& a) {
   if (!a.has("--mount")) a.fail("needs --mount SITE|BODY|\"x y z qw qx qy qz\": where the unit stands");
   a.exclusive("--keyframe", "--trace", "both say where the model stands");
   a.needs("--hz", "--trace", "rays leave one after the other while the model moves");
+  auto const splats = a.all("--splat"), splat_poses = a.all("--splat-pose");
+  if (splat_poses.size() > splats.size())
+    a.fail("--splat-pose is given " + std::to_string(splat_poses.size()) + " times for " + std::to_string(splats.size()) +
+           " --splat; the k-th pose belongs to the k-th file, leave the others out");
   auto const npz = a.text("--npz"), ply = a.text("--ply"), png = a.text("--png"), trace_file = a.text("--trace");
   double const hz = a.real("--hz", 0, 0, 1e6);
   gsp::RayScanOptions options;
@@ -182,6 +186,7 @@ int run(Arguments const& a) {
   Device const device = choose_device(a);
   std::vector<NamedFile> inputs{{"MODEL", path}}, outputs;
   if (trace_file) inputs.push_back({"--trace", *trace_file});
+  for (auto const& file : splats) inputs.push_back({"--splat", file});
   bool const table = a.text("--pattern")->ends_with(".csv") || a.text("--pattern")->ends_with(".npy");
   if (table) inputs.push_back({"--pattern", *a.text("--pattern")});
   if (a.has("--table-rate") && !a.text("--pattern")->ends_with(".npy"))
@@ -242,9 +247,15 @@ int run(Arguments const& a) {
     throw Error(*npz + ": " + std::to_string(all) + " points pass 4 GiB, the limit of npz files here; scan fewer entries or worlds");
 
   gsp::runtime::Session const session(threads);
-  expect_memory(std::to_string(worlds) + " worlds of " + std::to_string(rays) + " rays", device, std::uint64_t(worlds) * rays * 44,
-                std::uint64_t(npz ? all : worlds * rays) * 20 + std::uint64_t(worlds) * rays * 36, "fewer worlds or entries");
-  auto const scanner = gsp::runtime::make_scanner(device, model, pattern, mount, options);
+  gsp::runtime::Scene scene;
+  for (std::size_t i = 0; i < splats.size(); ++i)
+    scene.add_set(load_splats(splats[i], i < splat_poses.size() ? gsp::io::parse_splat_pose(splat_poses[i]) : gsp::io::SplatPose{}),
+                  splats[i], model);
+  options.splats = !splats.empty();
+  expect_memory(std::to_string(worlds) + " worlds of " + std::to_string(rays) + " rays", device,
+                std::uint64_t(worlds) * rays * 48 + std::uint64_t(scene.count()) * 96,
+                std::uint64_t(npz ? all : worlds * rays) * 24 + std::uint64_t(worlds) * rays * 40, "fewer worlds or entries");
+  auto const scanner = gsp::runtime::make_scanner(device, model, pattern, mount, options, scene);
   auto const kinematics = gsp::runtime::make_kinematics(device, model);
   double const startup = seconds_since_start();
   Scans scans;
@@ -254,10 +265,11 @@ int run(Arguments const& a) {
     scans.range.reserve(all);
     scans.point.reserve(3 * all);
     scans.geom.reserve(all);
+    if (options.splats) scans.splat.reserve(all);
     scans.time.reserve(trace.entries * rays);
   }
   std::vector<double> range(worlds * rays), point(3 * worlds * rays), left(rays), xpos, xquat;
-  std::vector<int> geom(worlds * rays);
+  std::vector<int> geom(worlds * rays), splat(options.splats ? worlds * rays : 0);
   Progress progress("scanning", quiet(a));
   double seconds = 0;
   std::vector<double> time;
@@ -279,23 +291,28 @@ int run(Arguments const& a) {
     gsp::runtime::copy(arrays.range, gsp::runtime::host_array(range.data(), {n, r}));
     gsp::runtime::copy(arrays.geom, gsp::runtime::host_array(geom.data(), {n, r}));
     gsp::runtime::copy(arrays.point, gsp::runtime::host_array(point.data(), {n, r, 3}));
+    if (options.splats) gsp::runtime::copy(arrays.splat, gsp::runtime::host_array(splat.data(), {n, r}));
     gsp::runtime::copy(arrays.time, gsp::runtime::host_array(left.data(), {r}));
-    if (!npz) scans = {0, worlds, rays, {}, {}, {}, {}};  // the last alone
+    if (!npz) scans = {0, worlds, rays, {}, {}, {}, {}, {}};  // the last alone
     scans.range.insert(scans.range.end(), range.begin(), range.end());
     scans.point.insert(scans.point.end(), point.begin(), point.end());
     scans.geom.insert(scans.geom.end(), geom.begin(), geom.end());
+    scans.splat.insert(scans.splat.end(), splat.begin(), splat.end());
     for (double const x : left) scans.time.push_back(x < 0 ? x : hz > 0 ? trace.time.front() + x : trace.time[t]);
     time.push_back(trace.time[t]);
     ++scans.entries;
     progress.show(double(t + 1) / double(trace.entries));
   }
   Cloud const cloud = last_cloud(scans, world);
-  if (npz)
-    gsp::io::write_npz(*npz, {{"time", {{scans.entries}, time}},
-                              {"range", {{scans.entries, worlds, rays}, scans.range}},
-                              {"point", {{scans.entries, worlds, rays, 3}, scans.point}},
-                              {"geom", {{scans.entries, worlds, rays}, scans.geom}},
-                              {"ray_time", {{scans.entries, rays}, scans.time}}});
+  if (npz) {
+    std::vector<gsp::io::NpzEntry> entries{{"time", {{scans.entries}, time}},
+                                           {"range", {{scans.entries, worlds, rays}, scans.range}},
+                                           {"point", {{scans.entries, worlds, rays, 3}, scans.point}},
+                                           {"geom", {{scans.entries, worlds, rays}, scans.geom}},
+                                           {"ray_time", {{scans.entries, rays}, scans.time}}};
+    if (options.splats) entries.push_back({"splat", {{scans.entries, worlds, rays}, scans.splat}});
+    gsp::io::write_npz(*npz, entries);
+  }
   if (ply) write_cloud(*ply, cloud);
   if (png) {
     std::size_t const body = world * std::size_t(model.nbody) + std::size_t(mount.body_id);
@@ -320,6 +337,7 @@ int run(Arguments const& a) {
                                 {"worlds", worlds},
                                 {"rays", rays},
                                 {"hits", share},
+                                {"gaussians", scene.count()},
                                 {"device", device_name(device)}};
     std::fprintf(say, "%s\n", json.dump().c_str());
   } else {
@@ -346,6 +364,12 @@ Command scan_command() {
         "degrees) or .npy file (N,2: azimuth, elevation in radians)"},
        {"--mount", "SITE|BODY|\"x y z qw qx qy qz\"",
         "where the unit stands, its x axis ahead and z up: a site, a body, or a pose in the world; after a body's name, in its frame"},
+       {"--splat", "FILE",
+        "Gaussians: .ply (3DGS, SuperSplat), .splat, .spz; a ray returns from where half of it is taken, or from a geom that is nearer; "
+        "may "
+        "come several times",
+        true},
+       {"--splat-pose", "\"x y z qw qx qy qz scale\"", "where the scene of the k-th --splat stands in the world", true},
        skip_visuals_option(),
        decompose_option(),
        floating_base_option(),
@@ -367,7 +391,9 @@ Command scan_command() {
        device_option(),
        threads_option(),
        quiet_option(),
-       {"--npz", "F", "write time (T), range (T,N,R), -1 where nothing is met, point (T,N,R,3) in the world, geom (T,N,R), ray_time (T,R)"},
+       {"--npz", "F",
+        "write time (T), range (T,N,R), -1 where nothing is met, point (T,N,R,3) in the world, geom (T,N,R), ray_time (T,R); with "
+        "--splat also splat (T,N,R), the Gaussian, -1 of a geom"},
        {"--ply", "F", "write the last scan as points, in colours of their range"},
        {"--png", "F",
         "draw the last scan: from above, out to where nine of ten points lie, and around the unit, its front in the middle; near red, far "

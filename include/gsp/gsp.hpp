@@ -139,6 +139,7 @@
 #include <gsp/splat/sample_room.hpp>
 #include <gsp/splat/sample_surface.hpp>
 #include <gsp/splat/splat.hpp>
+#include <gsp/splat/splat_target.hpp>
 #include <gsp/splat/splat_tree.hpp>
 #include <gsp/step/bytes_needed.hpp>
 #include <gsp/step/sleep.hpp>

@@ -86,6 +86,39 @@ python3 -c '
 from arrays import array
 _, r = array("table.npz", "range"); assert max(abs(a - b) for a, b in zip(r, (2, 3, 1.8))) < 1e-6, r' || fail "a table of rays"
 
+# Gaussians: a screen of thin discs 1.5 m ahead of the unit, half a metre before the east wall, which --splat-pose puts at its height, and a
+# disc 1 m to the left that the cart carries, which its own unit does not see unless it is told to. Ranges to a disc's thickness, 1 mm.
+python3 - <<'PY'
+import json, struct
+def disc(x, y, z, sx, sy, sz):
+    return struct.pack("<6f8B", x, y, z, sx, sy, sz, 200, 100, 50, 255, 255, 128, 128, 128)
+with open("screen.splat", "wb") as f:
+    for i in range(-10, 11):
+        for j in range(-10, 11):
+            f.write(disc(1.5, .02 * i, .02 * j, .001, .02, .02))
+with open("carried.splat", "wb") as f:
+    f.write(disc(0, 1, .2, .05, .001, .05))
+json.dump({"links": [{"name": "cart", "first": 0, "count": 1}]}, open("carried.links.json", "w"))
+PY
+splats=(--splat screen.splat --splat-pose "0 0 1.2 1 0 0 0 1" --splat carried.splat)
+"$gsp" scan room.xml --pattern rays.csv --mount unit "${splats[@]}" --npz hidden.npz > /dev/null
+"$gsp" scan room.xml --pattern rays.csv --mount unit "${splats[@]}" --self-filter none --npz seen.npz --ply seen.ply > /dev/null
+"$gsp" scan room.xml --pattern rays.csv --mount unit "${splats[@]}" --self-filter none --trace rides.npz --npz carried.npz > /dev/null
+python3 - <<'PY' || fail "Gaussians"
+from arrays import array
+for name, wanted, splat in (("hidden", (1.5, 3, 1.8), -1), ("seen", (1.5, 1, 1.8), 441)):
+    _, r = array(name + ".npz", "range")
+    _, s = array(name + ".npz", "splat")
+    _, g = array(name + ".npz", "geom")
+    assert max(abs(a - b) for a, b in zip(r, wanted)) < 1e-3, (name, r)
+    assert 0 <= s[0] < 441 and s[1:] == (splat, -1) and all((a < 0) == (b >= 0) for a, b in zip(g, s)), (name, s, g)
+(t, n, r), _ = array("carried.npz", "range")
+_, p = array("carried.npz", "point")
+left = p[3 * (3 * (t - 1) + 1):][:3]
+assert abs(left[0] - .01 * (t - 1)) < 1e-3 and abs(left[1] - 1) < 1e-3, left
+PY
+grep -aq "^element vertex 3$" seen.ply || fail "points on Gaussians in the cloud"
+
 # Bad input: one sentence, exit code 2, no file.
 bad() {
   local want="$1"
@@ -108,6 +141,8 @@ bad "needs --trace" room.xml --pattern vlp16 --mount unit --hz 10
 bad "there are 1 worlds" room.xml --pattern vlp16 --mount unit --world 1
 bad "is not below" room.xml --pattern vlp16 --mount unit --min-range 2 --max-range 1
 bad "no such file" room.xml --pattern none.csv --mount unit
+bad "no such file" room.xml --pattern grid --mount unit --splat none.ply
+bad "--splat-pose is given 1 times" room.xml --pattern grid --mount unit --splat-pose "0 0 0 1 0 0 0 1"
 printf 'time,azimuth,zenith\n0,0,nan\n' > nan.csv
 bad "nan.csv" room.xml --pattern nan.csv --mount unit
 echo "scan: all as it should be"

@@ -5,8 +5,11 @@
 #include <cstring>
 #include <gsp/io/gaussians.hpp>
 #include <gsp/io/splats.hpp>
+#include <gsp/model/attach.hpp>
+#include <gsp/model/compile.hpp>
 #include <gsp/splat/cast_splats.hpp>
 #include <gsp/splat/render.hpp>
+#include <gsp/splat/splat_target.hpp>
 #include <gsp_test_execs.hpp>
 #include <splat/scenes.hpp>
 #include <support/data.hpp>
@@ -485,6 +488,68 @@ TEST_CASE_TEMPLATE("a world's rays return what they return alone and in any orde
   broken.quats[4] = 0;
   CHECK_THROWS_WITH_AS(gsp::make_splat_tree(exec, broken), doctest::Contains("gsp::make_splat_tree: set 0: the rotation of Gaussian 1"),
                        std::invalid_argument);
+}
+
+TEST_CASE_TEMPLATE("a unit scans Gaussians and geoms, the nearer wins, and does not see its own body", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  gsp::Description d;
+  d.bodies[0].geoms.push_back({.name = "wall", .type = gsp::ShapeType::box, .size = {0.5, 9, 9}, .pos = {4.5, 0, 0}});
+  int const base = gsp::add_body(d, 0, "base", {0, 0, 0});
+  d.bodies[base].geoms.push_back({.name = "base", .size = {0.1, 0, 0}});
+  auto const compiled = gsp::compile(d);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  int const worlds = 2;
+  auto const poses = gsp::make_poses<float>(exec, worlds, 2, 0);  // in world 1 the unit is 1 m to the left
+  auto const x = on_host(poses.xpos);
+  x(1, 1, 1) = 1;
+  Kokkos::deep_copy(poses.xpos, x);
+  gsp::GaussianSet set;  // discs across x: before the wall, behind the wall, thin, and two on the unit's body
+  double const wide = 0.05;
+  for (gsp::Vec3<double> const& at : {gsp::Vec3<double>{2, 0, 0}, {5, 1, 0}, {2, 1, 0}, {1, 0, 1}, {0, 0, -1}})
+    add(set, at, facing({1, 0, 0}), {wide, wide, 0.001}, at.y == 1 && at.x == 2 ? 0.4 : 0.99);
+  set.body[3] = set.body[4] = 1;
+  auto const tree = gsp::make_splat_tree(exec, set);
+  auto scene = gsp::make_ray_scene<float>(exec, model, compiled, {.worlds = worlds});
+  gsp::place_ray_geoms(exec, model, poses, scene);
+  gsp::RayPattern pattern;
+  double const s = std::sqrt(0.5);
+  pattern.direction = {{1, 0, 0}, {s, 0, s}, {-1, 0, 0}};
+  for (auto const self : {gsp::SelfFilter::body, gsp::SelfFilter::none}) {
+    auto unit = gsp::make_ray_scan<float>(exec, compiled, pattern, {.body = "base"},
+                                          {.worlds = worlds, .min_range = 0.2, .max_range = 10, .self = self, .splats = true});
+    gsp::begin_ray_scan(exec, poses, unit);
+    auto const target = gsp::splat_target(tree, poses);
+    gsp_test::check_algorithm(exec, gsp_test::watch([&] { gsp::scan_rays(exec, scene, poses, unit, 0, target); }));
+    auto const range = on_host(unit.range);
+    auto const geom = on_host(unit.geom), splat = on_host(unit.splat);
+    auto const point = on_host(unit.point);
+    // a ray that sees the unit's own ball of 0.1 m is nearer than min_range: a miss
+    bool const own = self == gsp::SelfFilter::none;
+    double const wanted[2][3] = {{2, 4 / s, -1}, {4, 4 / s, -1}};
+    for (int w = 0; w < worlds; ++w)
+      for (int k = 0; k < 3; ++k) {
+        double const want = own ? -1 : wanted[w][k];
+        CHECK(double(range(w, k)) == doctest::Approx(want).epsilon(1e-5));
+        bool const is_splat = !own && w == 0 && k == 0;
+        CHECK(splat(w, k) == (is_splat ? 0 : -1));
+        CHECK(geom(w, k) == (want < 0 || is_splat ? -1 : 0));
+        CHECK(double(point(w, k, 0)) == doctest::Approx(want < 0 ? 0 : want * pattern.direction[std::size_t(k)][0]).epsilon(1e-5));
+      }
+    gsp::begin_ray_scan(exec, poses, unit);
+    CHECK(on_host(unit.splat)(0, 0) == -1);
+    CHECK(on_host(unit.range)(0, 0) == -1);
+  }
+  // Without a geom of its own in the way the unit sees the disc on its body.
+  auto bare = gsp::make_ray_scene<float>(exec, model, compiled, {.worlds = worlds, .groups = 0});
+  auto unit = gsp::make_ray_scan<float>(exec, compiled, pattern, {.body = "base"}, {.worlds = worlds, .self = gsp::SelfFilter::none});
+  gsp::begin_ray_scan(exec, poses, unit);
+  gsp::scan_rays(exec, bare, poses, unit, 0, gsp::splat_target(tree, poses));
+  auto const range = on_host(unit.range);
+  CHECK(double(range(1, 1)) == doctest::Approx(std::sqrt(2.)).epsilon(1e-5));
+  CHECK(double(range(1, 0)) == doctest::Approx(5).epsilon(1e-5));  // through the thin one
+  auto const other = gsp::make_poses<float>(exec, 1, 2, 0);
+  CHECK_THROWS_WITH_AS(gsp::scan_rays(exec, bare, poses, unit, 0, gsp::splat_target(tree, other)),
+                       doctest::Contains("of 2 worlds, the poses of 1"), std::invalid_argument);
 }
 
 // Pictures order Gaussians by the depth of their middles and take that for their depth; a ray takes the place where they respond most. On

@@ -9,6 +9,19 @@
 /// A LiDAR unit: its rays leave one after the other while it moves, and what they meet is gathered over steps, with the unit's errors.
 namespace gsp {
 
+/// What a ray meets that is no geom: how far, and which.
+template <class R>
+struct RayReturn {
+  R distance;  // in lengths of the direction
+  int number;  // -1: nothing
+};
+/// What rays meet beside geoms: nothing. What else there is, such as Gaussians (splat/splat_target.hpp), is copied to the device and has
+///   bind(worlds, CastRaysOptions hidden) const        on the host: itself, without hidden bodies; throws where it has other worlds
+///   RayReturn<R> first(Ray<R> ray, int w, R most) const   what a ray of world w meets before `most`, in lengths of its direction
+struct NothingElse {
+  NothingElse bind(int, CastRaysOptions const&) const { return {}; }
+};
+
 /// Ray n (ray/ray_clock.hpp) is in place n % rays, until ray n + rays comes.
 template <class R, class Mem>
 struct RayScan {
@@ -17,6 +30,7 @@ struct RayScan {
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   View<R**> range;     // (worlds, rays) [m]; options.miss: nothing
   View<int**> geom;    // (worlds, rays) number in the model; -1: nothing. Empty: not asked for
+  View<int**> splat;   // (worlds, rays) index of the Gaussian that returned the ray (geom is -1); -1: none. Empty: not asked for
   View<R***> point;    // (worlds, rays, 3) [m] in the world, along the ray as the unit takes it to be; 0: nothing. Empty: not asked for
   View<double*> time;  // (rays) [s] from the beginning of step 0, when each left; -1: none has yet
 
@@ -56,11 +70,13 @@ RayScan<R, typename Exec::memory_space> make_ray_scan(Exec const& exec, Compiled
   scan.tick = detail::to_device<decltype(scan.tick)>(exec, "gsp::RayScan::tick", scan.clock.tick);
   scan.range = detail::allocate_zero<decltype(scan.range)>(exec, "gsp::RayScan::range", options.worlds, rays);
   if (options.geoms) scan.geom = detail::allocate_zero<decltype(scan.geom)>(exec, "gsp::RayScan::geom", options.worlds, rays);
+  if (options.splats) scan.splat = detail::allocate_zero<decltype(scan.splat)>(exec, "gsp::RayScan::splat", options.worlds, rays);
   if (options.points) scan.point = detail::allocate_zero<decltype(scan.point)>(exec, "gsp::RayScan::point", options.worlds, rays, 3);
   scan.time = detail::allocate_zero<decltype(scan.time)>(exec, "gsp::RayScan::time", rays);
   scan.before = detail::allocate_zero<decltype(scan.before)>(exec, "gsp::RayScan::before", options.worlds);
   Kokkos::deep_copy(exec, scan.range, R(options.miss));
   if (options.geoms) Kokkos::deep_copy(exec, scan.geom, -1);
+  if (options.splats) Kokkos::deep_copy(exec, scan.splat, -1);
   Kokkos::deep_copy(exec, scan.time, -1.);
   Kokkos::deep_copy(exec, scan.before, Transform<R>{{R(0), R(0), R(0)}, identity_quat<R>()});
   return scan;
@@ -80,7 +96,7 @@ template <class R, class Mem, class Mask>
 struct BeginRayScan {
   NoteUnit<R, Mem> note;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> range;
-  Kokkos::View<int**, Kokkos::LayoutRight, Mem> geom;
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> geom, splat;
   Kokkos::View<R***, Kokkos::LayoutRight, Mem> point;
   R miss;
   Mask mask;
@@ -90,20 +106,22 @@ struct BeginRayScan {
     if (k == 0) note(w);
     range(w, k) = miss;
     if (geom.data()) geom(w, k) = -1;
+    if (splat.data()) splat(w, k) = -1;
     if (point.data())
       for (int c = 0; c < 3; ++c) point(w, k, c) = R(0);
   }
 };
 
-template <class R, class Mem>
+template <class R, class Mem, class Also>
 struct ScanRays {
   RayCaster<R, Mem> caster;
+  Also also;
   Poses<R, Mem> poses;
   RayMount<R, Mem> mount;
   Kokkos::View<std::int64_t*, Mem> tick;
   Kokkos::View<Transform<R>*, Mem> before;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> range;
-  Kokkos::View<int**, Kokkos::LayoutRight, Mem> geom;
+  Kokkos::View<int**, Kokkos::LayoutRight, Mem> geom, splat;
   Kokkos::View<R***, Kokkos::LayoutRight, Mem> point;
   Kokkos::View<double*, Kokkos::LayoutRight, Mem> time;
   RayNoise noise;
@@ -126,11 +144,20 @@ struct ScanRays {
     Ray<T> const sent{meant.origin, noise.angle_sigma > 0 ? bent(noise, spread(words(w, j, n, 0)), meant.direction) : meant.direction};
     auto const met = caster.first(sent, w);
     T measured = select(met.geom.is_there(), met.scaled.back(met.x), no_hit<T>());
+    LaneIndex<T> other{};
+    if constexpr (!std::is_same_v<Also, NothingElse>)
+      for (int l = 0; l < n; ++l) {
+        RayReturn<R> const nearer = also.first(Caster::lane(sent, l), w, Caster::lane(measured, l));
+        other.set_lane(l, nearer.number);
+        if (nearer.number >= 0) Caster::set_lane(measured, l, nearer.distance);
+      }
     if (has_range_noise(noise)) {
       Words const drawn = words(w, j, n, 1);
       measured = with_noise(noise, spread(drawn), drawn.uniform[2], measured);
     }
-    for (int l = 0; l < n; ++l) write(w, j + l, Caster::lane(meant, l), in_steps(noise, Caster::lane(measured, l)), caster.geom_of(met, l));
+    for (int l = 0; l < n; ++l)
+      write(w, j + l, Caster::lane(meant, l), in_steps(noise, Caster::lane(measured, l)), other[l] < 0 ? caster.geom_of(met, l) : -1,
+            other[l]);
   }
 
  private:
@@ -186,11 +213,12 @@ struct ScanRays {
     return drawn;
   }
   KOKKOS_INLINE_FUNCTION static Spread<T> spread(Words const& drawn) { return Spread<T>::of_uniform(drawn.uniform[0], drawn.uniform[1]); }
-  KOKKOS_INLINE_FUNCTION void write(int w, int j, Ray<R> const& ray, R measured, int g) const {
+  KOKKOS_INLINE_FUNCTION void write(int w, int j, Ray<R> const& ray, R measured, int g, int s) const {
     int const place = (first_place + j) % int(range.extent(1));
-    bool const hit = g >= 0 && measured >= min_range && measured <= max_range && measured < no_hit<R>();
+    bool const hit = (g >= 0 || s >= 0) && measured >= min_range && measured <= max_range && measured < no_hit<R>();
     range(w, place) = hit ? measured : miss;
     if (geom.data()) geom(w, place) = hit ? g : -1;
+    if (splat.data()) splat(w, place) = hit ? s : -1;
     if (point.data()) {
       Vec3<R> const p = hit ? ray.at(measured) : Vec3<R>{R(0), R(0), R(0)};
       for (int c = 0; c < 3; ++c) point(w, place, c) = p[c];
@@ -219,10 +247,14 @@ void begin_ray_scan(Exec const& exec, Poses<R, Mem> const& poses, RayScan<R, Mem
   detail::expects_poses_of("gsp::begin_ray_scan", poses, scan);
   detail::expects_mask("gsp::begin_ray_scan", mask, "scan", scan.options.worlds);
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
-  Kokkos::parallel_for(
-      "gsp::ray::begin_ray_scan", lightweight(Range(exec, 0, std::int64_t(scan.range.size()))),
-      detail::BeginRayScan<R, Mem, Mask>{
-          {poses, scan.before, scan.mount.body, scan.mount.alignment}, scan.range, scan.geom, scan.point, R(scan.options.miss), mask});
+  Kokkos::parallel_for("gsp::ray::begin_ray_scan", lightweight(Range(exec, 0, std::int64_t(scan.range.size()))),
+                       detail::BeginRayScan<R, Mem, Mask>{{poses, scan.before, scan.mount.body, scan.mount.alignment},
+                                                          scan.range,
+                                                          scan.geom,
+                                                          scan.splat,
+                                                          scan.point,
+                                                          R(scan.options.miss),
+                                                          mask});
 }
 /// In all worlds.
 template <ExecutionSpace Exec, class R, class Mem>
@@ -235,11 +267,13 @@ void begin_ray_scan(Exec const& exec, Poses<R, Mem> const& poses, RayScan<R, Mem
 /// What they measure goes to their places in range, geom, point and time; all others stay. Of rays more than the scan keeps the last are
 /// cast. Geoms stand still within the step, where they are at its end, those of the unit's own robot too.
 /// @param poses  at the end of the step, after forward_kinematics or a step
+/// @param also   what rays meet beside the geoms, such as splat_target(tree, poses): the nearer wins (NothingElse says what it has)
 /// Does not allocate, does not fence. Two launches. Cost: cast_rays of the rays that leave, and about 200 flop each. Errors:
 /// std::invalid_argument for a scene or poses of another number of worlds, poses without that body, steps that are not within 0 to 104
 /// days.
-template <ExecutionSpace Exec, class R, class Mem>
-void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> const& poses, RayScan<R, Mem>& scan, std::int64_t step) {
+template <ExecutionSpace Exec, class R, class Mem, class Also = NothingElse>
+void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> const& poses, RayScan<R, Mem>& scan, std::int64_t step,
+               Also const& also = {}) {
   Region const region("gsp::ray::scan_rays");
   static_assert(can_access<Exec, Mem>, "gsp::scan_rays: the scan is not accessible from this execution space");
   int const worlds = scan.options.worlds, places = scan.options.rays;
@@ -255,29 +289,31 @@ void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> co
   if (phase.count > 0) {
     std::int64_t const begin = tick_of_step(clock, step), end = tick_of_step(clock, step + 1), turn = phase.first / clock.rays;
     auto const& o = scan.options;
-    detail::ScanRays<R, Mem> const cast{{scene, scan.hidden},
-                                        poses,
-                                        scan.mount,
-                                        scan.tick,
-                                        scan.before,
-                                        scan.range,
-                                        scan.geom,
-                                        scan.point,
-                                        scan.time,
-                                        o.noise,
-                                        R(o.min_range),
-                                        R(o.max_range),
-                                        R(o.miss),
-                                        std::uint32_t(o.first_world),
-                                        int(phase.count),
-                                        int(phase.first % clock.rays),
-                                        int(phase.first % places),
-                                        phase.first,
-                                        turn * clock.period,
-                                        clock.period,
-                                        begin,
-                                        end - begin,
-                                        clock.period == 0};
+    detail::ScanRays<R, Mem, Also> const cast{{scene, scan.hidden},
+                                              also.bind(worlds, scan.hidden),
+                                              poses,
+                                              scan.mount,
+                                              scan.tick,
+                                              scan.before,
+                                              scan.range,
+                                              scan.geom,
+                                              scan.splat,
+                                              scan.point,
+                                              scan.time,
+                                              o.noise,
+                                              R(o.min_range),
+                                              R(o.max_range),
+                                              R(o.miss),
+                                              std::uint32_t(o.first_world),
+                                              int(phase.count),
+                                              int(phase.first % clock.rays),
+                                              int(phase.first % places),
+                                              phase.first,
+                                              turn * clock.period,
+                                              clock.period,
+                                              begin,
+                                              end - begin,
+                                              clock.period == 0};
     Kokkos::parallel_for("gsp::ray::scan_rays", lightweight(Range(exec, 0, std::int64_t(worlds) * cast.caster.items_of(int(phase.count)))),
                          cast);
   }

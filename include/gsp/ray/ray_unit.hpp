@@ -38,6 +38,7 @@ struct RayScanOptions {
   RayNoise noise{};
   int first_world = 0;               // number of world 0, of a batch that is split: noise follows it
   bool geoms = true, points = true;  // of RayScan
+  bool splats = false;               // of RayScan: where scan_rays is given Gaussians
 };
 
 }  // namespace gsp

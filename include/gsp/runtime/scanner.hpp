@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/ray/ray_pattern.hpp>
 #include <gsp/ray/ray_unit.hpp>
+#include <gsp/runtime/renderer.hpp>
 #include <gsp/runtime/stepper.hpp>
 
 namespace gsp::runtime {
@@ -11,6 +12,8 @@ struct ScanArrays {
   Array geom;   // (worlds, rays) int32, number in the model; -1: nothing
   Array point;  // (worlds, rays, 3) float64 [m] in the world; 0: nothing
   Array time;   // (rays) float64 [s] when each left; -1: none has yet
+  Array
+      splat;  // (worlds, rays) int32, index of the Gaussian, of the scene's sets one after the other; -1: none. With RayScanOptions::splats
 };
 
 /// A LiDAR unit on a model, in many worlds.
@@ -25,8 +28,9 @@ class Scanner {
   virtual ScanArrays arrays() const = 0;
 };
 
-/// Errors: those of make_ray_scene and make_ray_scan.
+/// @param splats  Gaussians that rays meet beside the model's geoms (splat/cast_splats.hpp), bound to links of this model
+/// Errors: those of make_ray_scene, make_ray_scan and make_splat_tree.
 std::unique_ptr<Scanner> make_scanner(Device device, CompiledModel const& model, RayPattern const& pattern, RayMountOptions const& mount,
-                                      RayScanOptions const& options);
+                                      RayScanOptions const& options, Scene const& splats = {});
 
 }  // namespace gsp::runtime
