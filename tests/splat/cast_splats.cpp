@@ -259,24 +259,19 @@ TEST_CASE("however little room there is, what a ray returns is the same to the b
     void look_at(int) const {}
   };
   gsp_test::Random random(1);
-  long few = 0, some = 0, many = 0;
+  long few = 0, many = 0;
   for (int k = 0; k < 500; ++k) {
     gsp::Ray<float> ray{{-2, 0, 0}, {1, float(random.uniform(-.1, .1)), float(random.uniform(-.1, .1))}};
     if (k % 5 == 0) ray = {{1.2f, 0, 0}, {2, 0, 0}};
     float const left = k % 3 == 0 ? 0.5f : k % 3 == 1 ? 0.05f : 0.2f;
-    auto const a = caster(std::integral_constant<int, 1>(), left).first(ray, 0, INFINITY, Count{&few});
-    auto const b = caster(std::integral_constant<int, 5>(), left).first(ray, 0, INFINITY, Count{&some});
-    auto const c = caster(std::integral_constant<int, 1000>(), left).first(ray, 0, INFINITY, Count{&many});
-    REQUIRE(a.gaussian == c.gaussian);
-    REQUIRE(b.gaussian == c.gaussian);
+    auto const a = caster(std::integral_constant<int, 1>(), left).first(ray, 0, float(INFINITY), Count{&few});
+    auto const c = caster(std::integral_constant<int, 1000>(), left).first(ray, 0, float(INFINITY), Count{&many});
+    REQUIRE(a.gaussian[0] == c.gaussian[0]);
     REQUIRE(std::memcmp(&a.distance, &c.distance, 4) == 0);
-    REQUIRE(std::memcmp(&b.distance, &c.distance, 4) == 0);
     REQUIRE(std::memcmp(&a.left, &c.left, 4) == 0);
-    REQUIRE(std::memcmp(&b.left, &c.left, 4) == 0);
   }
   CHECK(many == 500);  // passes
-  CHECK(some > 10 * many);
-  CHECK(few > 4 * some);
+  CHECK(few > 40 * many);
   // In closed form: along the middle of the haze alone. (1 - 0.006)^n <= 1/2 for n = 116 of 400; the 116th in the order of place and index
   // is the second of the 58th place.
   gsp::GaussianSet haze;
@@ -288,8 +283,8 @@ TEST_CASE("however little room there is, what a ray returns is the same to the b
     if ((k * 7 % 400) / 2 == 57) at.push_back(k);
   REQUIRE(at.size() == 2);
   auto const haze_tree = gsp::make_splat_tree(exec, haze);
-  auto const met = gsp::detail::SplatCaster<float, Mem>{haze_tree, poses, {}}.first({{1, 0, 0}, {0.5f, 0, 0}}, 0, INFINITY);
-  CHECK(met.gaussian == at[1]);
+  auto const met = gsp::detail::SplatCaster<float, Mem>{haze_tree, poses, {}}.first(gsp::Ray<float>{{1, 0, 0}, {0.5f, 0, 0}}, 0, INFINITY);
+  CHECK(met.gaussian[0] == at[1]);
   CHECK(met.distance == doctest::Approx(2 * (1 + 0.57)).epsilon(1e-6));
   CHECK(before == 300);
 }
@@ -587,16 +582,16 @@ TEST_CASE("rays in the kitchen" * doctest::test_suite("data")) {
     auto const wide = [](gsp::Vec3<float> const& v) { return gsp::Vec3<double>{v.x, v.y, v.z}; };
     gsp::Ray<double> const same{wide(ray.origin), wide(ray.direction)};
     auto const want = reference.first(world, same);
-    auto const a = in_double.first(same, 0, INFINITY);
-    auto const b = in_float.first(ray, 0, INFINITY);
+    auto const a = in_double.first(same, 0, double(INFINITY));
+    auto const b = in_float.first(ray, 0, float(INFINITY));
     met += want.gaussian >= 0;
     // records are rounded to float: 1e-6 of alphas
     if (want.margin > 1e-5) {
-      CHECK(a.gaussian == want.gaussian);
+      CHECK(a.gaussian[0] == want.gaussian);
       if (want.gaussian >= 0) CHECK(a.distance == doctest::Approx(want.distance).epsilon(1e-6));
     }
     if (want.margin > 1e-4) {
-      CHECK((b.gaussian >= 0) == (want.gaussian >= 0));
+      CHECK((b.gaussian[0] >= 0) == (want.gaussian >= 0));
       if (want.gaussian >= 0) CHECK(double(b.distance) == doctest::Approx(want.distance).epsilon(1e-5));
     }
   }

@@ -9,15 +9,15 @@
 /// A LiDAR unit: its rays leave one after the other while it moves, and what they meet is gathered over steps, with the unit's errors.
 namespace gsp {
 
-/// What a ray meets that is no geom: how far, and which.
-template <class R>
+/// What rays meet that is no geom: how far, and which. T is one ray's number (on a device) or those of a pack of rays.
+template <class T>
 struct RayReturn {
-  R distance;  // in lengths of the direction
-  int number;  // -1: nothing
+  T distance;                   // in lengths of the direction
+  detail::LaneIndex<T> number;  // -1: nothing
 };
 /// What rays meet beside geoms: nothing. What else there is, such as Gaussians (splat/splat_target.hpp), is copied to the device and has
-///   bind(worlds, CastRaysOptions hidden) const        on the host: itself, without hidden bodies; throws where it has other worlds
-///   RayReturn<R> first(Ray<R> ray, int w, R most) const   what a ray of world w meets before `most`, in lengths of its direction
+///   bind(worlds, CastRaysOptions hidden) const    on the host: itself, without hidden bodies; throws where it has other worlds
+///   first(Ray<T> ray, int w, T most) const        a RayReturn<T>: what rays of world w meet before `most`, in lengths of their directions
 struct NothingElse {
   NothingElse bind(int, CastRaysOptions const&) const { return {}; }
 };
@@ -145,12 +145,11 @@ struct ScanRays {
     auto const met = caster.first(sent, w);
     T measured = select(met.geom.is_there(), met.scaled.back(met.x), no_hit<T>());
     LaneIndex<T> other{};
-    if constexpr (!std::is_same_v<Also, NothingElse>)
-      for (int l = 0; l < n; ++l) {
-        RayReturn<R> const nearer = also.first(Caster::lane(sent, l), w, Caster::lane(measured, l));
-        other.set_lane(l, nearer.number);
-        if (nearer.number >= 0) Caster::set_lane(measured, l, nearer.distance);
-      }
+    if constexpr (!std::is_same_v<Also, NothingElse>) {
+      auto const nearer = also.first(sent, w, measured);
+      measured = select(nearer.number.is_there(), nearer.distance, measured);
+      other = nearer.number;
+    }
     if (has_range_noise(noise)) {
       Words const drawn = words(w, j, n, 1);
       measured = with_noise(noise, spread(drawn), drawn.uniform[2], measured);

@@ -46,7 +46,14 @@ namespace detail {
 template <class R, int room>
 class SplatsMet {
  public:
-  GSP_FUNCTION SplatsMet(R coming, R stop, R most) : coming_(coming), stop_(stop), most_(most) {}
+  /// Begins, with so much of the ray.
+  GSP_FUNCTION void begin(R coming, R stop, R most) {
+    coming_ = coming;
+    stop_ = stop;
+    most_ = most;
+    most_source_ = -1;
+    count_ = 0;
+  }
   /// What is not before this place counts no more.
   GSP_FUNCTION R most() const { return most_; }
   GSP_FUNCTION void add(R x, int source, R through) {
@@ -66,6 +73,7 @@ class SplatsMet {
       most_source_ = met_[count_ - 1].source;
     }
   }
+  GSP_FUNCTION bool empty() const { return count_ == 0; }
   GSP_FUNCTION bool full() const { return count_ == room; }
   GSP_FUNCTION R left() const { return count_ > 0 ? met_[count_ - 1].left : coming_; }
   GSP_FUNCTION R last() const { return met_[count_ - 1].x; }
@@ -78,7 +86,7 @@ class SplatsMet {
   };
   Met met_[room];
   R coming_, stop_, most_;
-  int most_source_ = -1, count_ = 0;
+  int most_source_, count_;
 };
 
 /// Who counts what a ray costs: nobody.
@@ -86,77 +94,118 @@ struct UncountedRays {
   GSP_FUNCTION void pass() const {}
   GSP_FUNCTION void look_at(int) const {}
 };
-/// What a ray of a world returns from, of the Gaussians of all bodies where they are in these poses.
+/// What rays return from; T is one ray's number or those of a pack of rays of a world, which go through the trees together.
+template <class T>
+struct SplatReturns {
+  T distance;             // in lengths of the direction; infinity: none
+  T left;                 // of the ray
+  LaneIndex<T> gaussian;  // -1: none
+};
+/// What rays of a world return from, of the Gaussians of all bodies where they are in these poses.
 template <class R, class Mem, int room = 24>
 struct SplatCaster {
   SplatTree<Mem> tree;
   Poses<R, Mem> poses;
   CastSplatsOptions options;
 
-  struct Return {
-    R distance;    // in lengths of the direction; infinity: none
-    R left;        // of the ray
-    int gaussian;  // -1: none
-  };
-  /// Of the places before `most`.
-  template <class Count = UncountedRays>
-  KOKKOS_FUNCTION Return first(Ray<R> const& given, int w, R most, Count const& count = {}) const {
-    if (!is_ray(given)) return {no_hit<R>(), R(1), -1};
-    ScaledRay<R> const scaled(given);
-    R const end = most / scaled.scale;
-    R left = R(1), from = R(0);
-    int from_source = std::numeric_limits<int>::max();  // what it meets at 0 is behind it
-    for (;;) {
-      count.pass();
-      SplatsMet<R, room> met(left, R(options.left), end);
-      for (int b = 0; b < int(tree.bodies.extent(0)); ++b) pass(tree.bodies(b), scaled.ray, w, from, from_source, met, count);
-      left = met.left();
-      if (left <= R(options.left)) return {scaled.back(met.last()), left, met.last_source()};
-      if (!met.full()) return {no_hit<R>(), left, -1};
-      from = met.last();
-      from_source = met.last_source();
+  /// Of the places before `most`. Where it is negative or NaN, and of what is no ray: nothing.
+  template <class T, class Count = UncountedRays>
+  KOKKOS_FUNCTION SplatReturns<T> first(Ray<T> const& given, int w, T const& most, Count const& count = {}) const {
+    constexpr int lanes = lanes_of<T>;
+    R const stop = R(options.left);
+    T const zero(R(0)), one(R(1));
+    auto const there = is_ray(given);
+    Ray<T> const ray{select(there, given.origin, Vec3<T>{zero, zero, zero}), select(there, given.direction, Vec3<T>{one, zero, zero})};
+    ScaledRay<T> const scaled(ray);
+    T const end = select(there && most >= zero, most / scaled.scale, T(R(-1)));
+    Pass<T> pass;
+    pass.limit = end;
+    pass.from = zero;
+    for (int l = 0; l < lanes; ++l) {
+      pass.met[l].begin(R(1), stop, lane_of(end, l));
+      pass.from_source[l] = std::numeric_limits<int>::max();  // what it meets at 0 is behind it
     }
+    SplatReturns<T> result{no_hit<T>(), one, {}};
+    bool again = any(end >= zero);
+    while (again) {
+      count.pass();
+      for (int b = 0; b < int(tree.bodies.extent(0)); ++b) go_through(tree.bodies(b), scaled.ray, w, pass, count);
+      again = false;
+      for (int l = 0; l < lanes; ++l) {
+        auto& met = pass.met[l];
+        if (met.empty()) continue;  // it has met all, in this pass or in one before
+        R const left = met.left();
+        set_lane_of(result.left, l, left);
+        R next = R(-1);
+        if (left <= stop) {
+          set_lane_of(result.distance, l, met.last() * lane_of(scaled.scale, l));
+          result.gaussian.set_lane(l, met.last_source());
+        } else if (met.full()) {
+          next = lane_of(end, l);
+          set_lane_of(pass.from, l, met.last());
+          pass.from_source[l] = met.last_source();
+          again = true;
+        }
+        set_lane_of(pass.limit, l, next);
+        met.begin(left, stop, next);
+      }
+    }
+    return result;
   }
 
  private:
-  template <class Count>
-  KOKKOS_FUNCTION void pass(SplatTreeBody const& body, Ray<R> const& ray, int w, R from, int from_source, SplatsMet<R, room>& met,
-                            Count const& count) const {
+  /// Rays on their way once through all trees.
+  template <class T>
+  struct Pass {
+    T from, limit;  // what is not between them counts no more
+    int from_source[lanes_of<T>];
+    SplatsMet<R, room> met[lanes_of<T>];
+  };
+  template <class T, class Count>
+  KOKKOS_FUNCTION void go_through(SplatTreeBody const& body, Ray<T> const& ray, int w, Pass<T>& pass, Count const& count) const {
     if (unsigned(body.body - options.body_exclude) < unsigned(options.bodies)) return;
     R const *const p = &poses.xpos(w, body.body, 0), *const q = &poses.xquat(w, body.body, 0);
-    Vec3<R> const o = ray.origin - Vec3<R>{p[0], p[1], p[2]};
-    if (!comes_near(o, ray, R(body.radius), met.most())) return;
+    Vec3<T> const o = ray.origin - Vec3<T>{T(p[0]), T(p[1]), T(p[2])};
+    if (!any(comes_near(o, ray, T(R(body.radius)), pass.limit))) return;
     Mat3<R> const turn = to_matrix(Quat<R>{q[0], q[1], q[2], q[3]});
-    Ray<R> const own{transpose_times(turn, o), transpose_times(turn, ray.direction)};
+    Mat3<T> r;
+    for (int k = 0; k < 9; ++k) r.m[k] = T(turn.m[k]);
+    Ray<T> const own{transpose_times(r, o), transpose_times(r, ray.direction)};
     RaySplat const* const splats = tree.splats.data() + body.splat;
-    R const least = R(-splat_log2_255), alpha_max = R(options.alpha_max);
+    R const alpha_max = R(options.alpha_max);
     auto const take = [&](int begin, int end) {
       count.look_at(end - begin);
       for (int i = begin; i < end; ++i) {
         RaySplat const& s = splats[i];
-        Vec3<R> const v = own.origin - Vec3<R>{R(s.centre.x), R(s.centre.y), R(s.centre.z)};
-        auto const whitened = [&](Vec3<R> const& a) {
-          return Vec3<R>{fma(R(s.axes[0]), a.x, fma(R(s.axes[1]), a.y, R(s.axes[2]) * a.z)),
-                         fma(R(s.axes[3]), a.x, fma(R(s.axes[4]), a.y, R(s.axes[5]) * a.z)),
-                         fma(R(s.axes[6]), a.x, fma(R(s.axes[7]), a.y, R(s.axes[8]) * a.z))};
+        Vec3<T> const v = own.origin - Vec3<T>{T(s.centre.x), T(s.centre.y), T(s.centre.z)};
+        auto const whitened = [&](Vec3<T> const& a) {
+          return Vec3<T>{fma(T(s.axes[0]), a.x, fma(T(s.axes[1]), a.y, T(s.axes[2]) * a.z)),
+                         fma(T(s.axes[3]), a.x, fma(T(s.axes[4]), a.y, T(s.axes[5]) * a.z)),
+                         fma(T(s.axes[6]), a.x, fma(T(s.axes[7]), a.y, T(s.axes[8]) * a.z))};
         };
-        Vec3<R> const u = whitened(v), d = whitened(own.direction), across = cross(u, d);
-        R const inverse = R(1) / dot(d, d), exponent = fma(-R(s.sharpness) * inverse, dot(across, across), R(s.power));
-        if (!(exponent >= least)) continue;
-        R const x = -dot(u, d) * inverse;
-        if (!(x > from || (x == from && s.source > from_source))) continue;
-        met.add(x, s.source, R(1) - min(Kokkos::exp2(exponent), alpha_max));
+        Vec3<T> const u = whitened(v), d = whitened(own.direction), across = cross(u, d);
+        T const inverse = T(R(1)) / dot(d, d), exponent = fma(T(-s.sharpness) * inverse, dot(across, across), T(s.power));
+        T const x = -dot(u, d) * inverse;
+        std::uint32_t responds = bits_of(exponent >= T(-splat_log2_255) && x >= pass.from && x <= pass.limit);
+        for (; responds != 0; responds &= responds - 1) {
+          int const l = lanes_of<T> == 1 ? 0 : Kokkos::countr_zero(responds);
+          R const at = lane_of(x, l);
+          if (at == lane_of(pass.from, l) && s.source <= pass.from_source[l]) continue;
+          pass.met[l].add(at, s.source, R(1) - min(Kokkos::exp2(lane_of(exponent, l)), alpha_max));
+          set_lane_of(pass.limit, l, pass.met[l].most());
+        }
       }
     };
     visit_leaves(
-        tree.nodes.data() + body.node, BoxRay<R>(own, from), [&] { return met.most(); }, take);
+        tree.nodes.data() + body.node, BoxRay<T>(own, pass.from), [&] { return pass.limit; }, take);
   }
   /// Whether the ray, which begins at o from the body's frame, comes into its ball before it has come to `most`.
-  KOKKOS_INLINE_FUNCTION static bool comes_near(Vec3<R> const& o, Ray<R> const& ray, R radius, R most) {
-    R const inverse_length = R(1) / norm(ray.direction), along = -dot(o, ray.direction) * inverse_length;
-    Vec3<R> const across = fma(along * inverse_length, ray.direction, o);
-    R const room_ = radius + roundings<R>(8) * (abs(along) + largest(ray.origin));
-    return dot(across, across) <= room_ * room_ && along >= -room_ && (along - room_) * inverse_length <= most;
+  template <class T>
+  KOKKOS_INLINE_FUNCTION static auto comes_near(Vec3<T> const& o, Ray<T> const& ray, T const& radius, T const& most) {
+    T const inverse_length = T(R(1)) / norm(ray.direction), along = -dot(o, ray.direction) * inverse_length;
+    Vec3<T> const across = fma(along * inverse_length, ray.direction, o);
+    T const wide = radius + roundings<T>(8) * (abs(along) + largest(ray.origin));
+    return dot(across, across) <= wide * wide && along >= -wide && (along - wide) * inverse_length <= most;
   }
 };
 
@@ -180,14 +229,23 @@ struct CastSplats {
   Rays<R, Mem> rays;
   Kokkos::View<R const**, Kokkos::LayoutRight, Mem> before;
   SplatHits<R, Mem> hits;
+  using Pack = RayCaster<R, Mem>;  // one ray on a device, as many as a pack has lanes on a host
+  using T = typename Pack::T;
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
-    int const n = int(rays.origin.extent(1)), w = int(i / n), k = int(i % n);
-    R const *const o = &rays.origin(w, k, 0), *const d = &rays.direction(w, k, 0);
-    R const nearer = before.data() ? before(w, k) : R(-1);
-    auto const met = caster.first({{o[0], o[1], o[2]}, {d[0], d[1], d[2]}}, w, nearer >= R(0) ? nearer : no_hit<R>());
-    hits.distance(w, k) = met.gaussian >= 0 ? met.distance : nearer;
-    hits.gaussian(w, k) = met.gaussian;
-    if (hits.opacity.data()) hits.opacity(w, k) = R(1) - met.left;
+    int const n = int(rays.origin.extent(1)), items = Pack::items_of(n), w = int(i / items), first = int(i % items) * Pack::width;
+    int const count = n - first < Pack::width ? n - first : Pack::width;
+    T most = no_hit<T>();
+    for (int l = 0; l < count && before.data(); ++l)
+      if (before(w, first + l) >= R(0)) set_lane_of(most, l, before(w, first + l));
+    auto const met =
+        caster.first(Ray<T>{Pack::read(&rays.origin(w, first, 0), count), Pack::read(&rays.direction(w, first, 0), count)}, w, most);
+    for (int l = 0; l < count; ++l) {
+      int const k = first + l;
+      R const nearer = before.data() ? before(w, k) : R(-1);
+      hits.distance(w, k) = met.gaussian[l] >= 0 ? lane_of(met.distance, l) : nearer;
+      hits.gaussian(w, k) = met.gaussian[l];
+      if (hits.opacity.data()) hits.opacity(w, k) = R(1) - lane_of(met.left, l);
+    }
   }
 };
 }  // namespace detail
@@ -200,7 +258,7 @@ struct CastSplats {
 /// @param hits    out; distance: of the Gaussian, or `before` where gaussian is -1
 /// A direction of 0, one that is not finite, and NaN meet nothing. However many Gaussians lie on a ray, none is lost: it is gone through
 /// again from the last one that there was room for. The same bits for any batch, order of rays, and number of threads. Does not allocate,
-/// does not fence. Cost: on a captured room about 60 nodes of the tree and 40 Gaussians a ray. Errors: std::invalid_argument where rays,
+/// does not fence. Cost: on a captured room about 100 nodes of the tree and 90 Gaussians a ray. Errors: std::invalid_argument where rays,
 /// hits, before and poses are of other numbers of worlds or rays, for poses of fewer bodies than the sets name, for bodies without
 /// body_exclude, and for left or alpha_max that are not within 0 to 1.
 template <ExecutionSpace Exec, class R, class Mem>
@@ -218,7 +276,8 @@ void cast_splats(Exec const& exec, SplatTree<Mem> const& tree, Poses<R, Mem> con
           "gsp::cast_splats: origins, directions, distances and hits are of other numbers of worlds or rays: make them with the same "
           "options");
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
-  Kokkos::parallel_for("gsp::splat::cast_splats", lightweight(Range(exec, 0, std::int64_t(worlds) * count)),
+  Kokkos::parallel_for("gsp::splat::cast_splats",
+                       lightweight(Range(exec, 0, std::int64_t(worlds) * detail::RayCaster<R, Mem>::items_of(count))),
                        detail::CastSplats<R, Mem>{{tree, poses, options}, rays, before, hits});
 }
 /// Of rays that have met nothing yet.

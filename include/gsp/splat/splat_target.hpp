@@ -19,7 +19,8 @@ struct SplatTarget {
     detail::check_splats_for_rays("gsp::scan_rays", bound.caster.tree, bound.caster.poses, worlds, bound.caster.options);
     return bound;
   }
-  KOKKOS_FUNCTION RayReturn<R> first(Ray<R> const& ray, int w, R most) const {
+  template <class T>
+  KOKKOS_FUNCTION RayReturn<T> first(Ray<T> const& ray, int w, T const& most) const {
     auto const met = caster.first(ray, w, most);
     return {met.distance, met.gaussian};
   }

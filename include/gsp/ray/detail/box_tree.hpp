@@ -198,7 +198,7 @@ struct BoxRay {
 /// Calls take(first, end) for leaves that the ray comes into before most(), which may become less meanwhile: nearer ones first, as far as
 /// boxes tell.
 template <class T, class Most, class Take>
-GSP_FUNCTION void visit_leaves(RayNode const* nodes, BoxRay<T> const& ray, Most const& most, Take const& take) {
+GSP_FORCEINLINE_FUNCTION void visit_leaves(RayNode const* nodes, BoxRay<T> const& ray, Most const& most, Take const& take) {
   struct Waiting {
     int node;
     T in;

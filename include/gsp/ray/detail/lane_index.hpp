@@ -46,6 +46,33 @@ struct LaneIndex<Pack<R, W>> {
   GSP_FUNCTION Mask is_there() const { return is_above(-1); }
 };
 
+/// How many rays a T holds, and the number of one of them.
+template <class T>
+inline constexpr int lanes_of = 1;
+template <class R, int W>
+inline constexpr int lanes_of<Pack<R, W>> = W;
+template <Scalar T>
+GSP_FUNCTION T lane_of(T x, int) {
+  return x;
+}
+template <class R, int W>
+GSP_FUNCTION R lane_of(Pack<R, W> const& x, int lane) {
+  return x[lane];
+}
+template <Scalar T>
+GSP_FUNCTION void set_lane_of(T& x, int, T value) {
+  x = value;
+}
+template <class R, int W>
+GSP_FUNCTION void set_lane_of(Pack<R, W>& x, int lane, R value) {
+  x.set(lane, value);
+}
+GSP_FUNCTION std::uint32_t bits_of(bool mask) { return mask; }
+template <class R, int W>
+GSP_FUNCTION std::uint32_t bits_of(Mask<R, W> mask) {
+  return lane_bits(mask);
+}
+
 /// Whether it holds in most lanes.
 GSP_FUNCTION bool mostly(bool mask) { return mask; }
 template <class R, int W>
