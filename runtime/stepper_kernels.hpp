@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <gsp/constraint/contact_forces.hpp>
+#include <gsp/model/keyframe.hpp>
 #include <gsp/runtime/session.hpp>
 #include <gsp/runtime/stepper.hpp>
 #include <gsp/sensor/read_sensors.hpp>
@@ -151,7 +152,7 @@ class KokkosStepper : public Stepper {
         model_(make_runtime_model<R>(exec_, m, o)),
         state_(make_state(exec_, model_, {.worlds = o.worlds})),
         simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
-        compiled_(m.sensors.empty() ? CompiledModel{} : m),  // for sensors alone: with its meshes it may be large
+        compiled_(m.sensors.empty() && m.keyframes.empty() ? CompiledModel{} : m),  // for these alone: with its meshes it may be large
         joint_of_dof_(m.dof_jnt),
         joint_qpos_(m.jnt_qposadr),
         timestep_(o.timestep > 0 ? o.timestep : m.option.timestep) {
@@ -210,6 +211,25 @@ class KokkosStepper : public Stepper {
   void forward() override {
     forward_kinematics(exec_, model_, state_, simulation_.poses, simulation_.dynamics);
     stale_ = false;
+  }
+  void reset(Array const& mask, int keyframe) override {
+    expects(!mask || (mask.rank == 1 && mask.extents[0] == state_.worlds && mask.dtype == Dtype::int32),
+            "gsp::runtime::Stepper::reset: the mask must be (worlds) int32");
+    auto const to_start = [&](auto const& of) {
+      if (keyframe >= 0)
+        set_keyframe(exec_, model_, compiled_, keyframe, state_, of);
+      else
+        gsp::reset(exec_, model_, state_, of);
+    };
+    if (mask) {
+      Kokkos::View<int*, Mem> const chosen = gsp::detail::allocate<Kokkos::View<int*, Mem>>("gsp::runtime::Stepper::mask", state_.worlds);
+      copy(mask, array_of<Exec>(chosen));
+      to_start(chosen);
+    } else {
+      to_start(gsp::detail::AllWorlds{});
+    }
+    exec_.fence("gsp::runtime::Stepper::reset: the mask may go");
+    stale_ = true;
   }
   std::vector<NamedArray> save() override {
     if (snapshot_)

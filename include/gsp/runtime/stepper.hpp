@@ -119,6 +119,10 @@ class Stepper {
   /// Positions (qpos + qpos_low) and velocities into float64 arrays of the host, (worlds, n).
   virtual void get(Array qpos, Array qvel) const = 0;
   virtual void forward() = 0;
+  /// Worlds of the mask, (worlds) int32 on any device, not 0: to the model's initial positions, or those of a keyframe (index; -1: none):
+  /// at rest, time 0, status cleared, no impulses of the last step (model/keyframe.hpp). Without data: all worlds. Allocates; waits. Errors:
+  /// std::invalid_argument for a mask of another shape or kind, and a keyframe that is not there.
+  virtual void reset(Array const& mask, int keyframe) = 0;
   /// Copies all that the next step starts from: state, impulses, who sleeps. The arrays hold until the next call. Waits; allocates at
   /// first, and where there may be more impulses than before.
   virtual std::vector<NamedArray> save() = 0;

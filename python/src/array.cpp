@@ -1,0 +1,270 @@
+#include "array.hpp"
+
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <atomic>
+#include <gsp/core/check.hpp>
+
+namespace gsp::python {
+namespace {
+
+using runtime::Device;
+using runtime::Dtype;
+
+char const* name_of(Dtype dtype) {
+  switch (dtype) {
+    case Dtype::float32:
+      return "float32";
+    case Dtype::float64:
+      return "float64";
+    case Dtype::int32:
+      return "int32";
+    case Dtype::int64:
+      return "int64";
+    default:
+      return "uint32";
+  }
+}
+/// Kind of number as the buffer protocol's descendants write it: "<f4".
+std::string typestr_of(Dtype dtype) {
+  char const kind = dtype == Dtype::float32 || dtype == Dtype::float64 ? 'f' : dtype == Dtype::uint32 ? 'u' : 'i';
+  return std::string("<") + kind + std::to_string(runtime::bytes_of(dtype));
+}
+nb::tuple shape_of(runtime::Array const& a) {
+  nb::list out;
+  for (int k = 0; k < a.rank; ++k) out.append(a.extents[k]);
+  return nb::tuple(out);
+}
+std::string text_of_shape(std::int64_t const* extents, std::size_t rank) {
+  std::string text = "(";
+  for (std::size_t k = 0; k < rank; ++k) text += (k == 0 ? "" : ", ") + (extents[k] < 0 ? std::string("any") : std::to_string(extents[k]));
+  return text + ")";
+}
+/// NumPy's array interface, version 3; CUDA's has the same words.
+nb::dict interface_of(Array const& self) {
+  nb::dict out;
+  runtime::Array const& a = self.array;
+  nb::list strides;
+  for (int k = 0; k < a.rank; ++k) strides.append(a.strides[k] * runtime::bytes_of(a.dtype));
+  out["shape"] = shape_of(a);
+  out["typestr"] = typestr_of(a.dtype);
+  out["data"] = nb::make_tuple(reinterpret_cast<std::uintptr_t>(a.data), a.read_only);
+  out["strides"] = nb::tuple(strides);
+  out["version"] = 3;
+  return out;
+}
+
+// DLPack (https://dmlc.github.io/dlpack/latest): the structures that its capsules hold.
+struct DLDevice {
+  std::int32_t type, id;
+};
+struct DLDataType {
+  std::uint8_t code, bits;
+  std::uint16_t lanes;
+};
+struct DLTensor {
+  void* data;
+  DLDevice device;
+  std::int32_t ndim;
+  DLDataType dtype;
+  std::int64_t *shape, *strides;
+  std::uint64_t byte_offset;
+};
+struct DLManagedTensor {
+  DLTensor tensor;
+  void* context;
+  void (*deleter)(DLManagedTensor*);
+};
+struct DLManagedTensorVersioned {
+  std::uint32_t major, minor;
+  void* context;
+  void (*deleter)(DLManagedTensorVersioned*);
+  std::uint64_t flags;  // 1: read-only
+  DLTensor tensor;
+};
+constexpr int dl_cpu = 1, dl_cuda = 2;
+
+/// One exported array: the capsule's structure and what it points to.
+template <class Managed>
+struct Export {
+  Managed managed;
+  Array held;
+  static void free(Managed* m) { delete static_cast<Export*>(m->context); }
+};
+template <class Managed>
+constexpr char const* capsule_name = std::is_same_v<Managed, DLManagedTensor> ? "dltensor" : "dltensor_versioned";
+
+template <class Managed>
+nb::object export_capsule(Array const& self) {
+  auto* const e = new Export<Managed>{{}, self};
+  runtime::Array& a = e->held.array;
+  Managed& m = e->managed;
+  bool const is_float = a.dtype == Dtype::float32 || a.dtype == Dtype::float64;
+  m.tensor = {a.data,
+              {a.device == Device::cuda ? dl_cuda : dl_cpu, 0},
+              a.rank,
+              {static_cast<std::uint8_t>(is_float                   ? 2
+                                         : a.dtype == Dtype::uint32 ? 1
+                                                                    : 0),
+               static_cast<std::uint8_t>(8 * runtime::bytes_of(a.dtype)), 1},
+              a.extents.data(),
+              a.strides.data(),
+              0};
+  m.context = e;
+  m.deleter = &Export<Managed>::free;
+  if constexpr (std::is_same_v<Managed, DLManagedTensorVersioned>) {
+    m.major = 1;
+    m.minor = 0;
+    m.flags = a.read_only ? 1 : 0;
+  }
+  PyObject* const capsule = PyCapsule_New(&m, capsule_name<Managed>, [](PyObject* own) {
+    if (!PyCapsule_IsValid(own, capsule_name<Managed>)) return;  // somebody has taken it
+    auto* const mine = static_cast<Managed*>(PyCapsule_GetPointer(own, capsule_name<Managed>));
+    mine->deleter(mine);
+  });
+  if (!capsule) {
+    delete e;
+    nb::raise_python_error();
+  }
+  return nb::steal(capsule);
+}
+
+nb::object dlpack(Array const& self, nb::object const&, nb::object const& max_version, nb::object const& dl_device,
+                  nb::object const& copy) {
+  if (!copy.is_none() && nb::cast<bool>(copy)) throw nb::buffer_error("gsp.Array.__dlpack__ copies nothing: give copy=None or False");
+  if (!dl_device.is_none()) {
+    auto const wanted = nb::cast<std::pair<int, int>>(nb::make_tuple(dl_device[0], dl_device[1]));
+    if (wanted.first != (self.array.device == Device::cuda ? dl_cuda : dl_cpu))
+      throw nb::buffer_error("gsp.Array.__dlpack__: the array lies on another device, and nothing is copied: ask for its own");
+  }
+  if (self.array.device == Device::cuda) runtime::wait(Device::cuda);  // what was launched before has written it
+  bool const versioned = !max_version.is_none() && nb::cast<int>(max_version[0]) >= 1;
+  if (versioned) return export_capsule<DLManagedTensorVersioned>(self);
+  if (self.array.read_only)
+    throw nb::buffer_error("gsp.Array.__dlpack__: the array is read-only, which the consumer's DLPack has no word for");
+  return export_capsule<DLManagedTensor>(self);
+}
+
+nb::object as_numpy(nb::handle self) {
+  if (nb::cast<Array const&>(self).array.device != Device::cpu)
+    throw gsp::Error("gsp.Array: the array lies on the GPU, and NumPy reads the host's memory: use torch.from_dlpack, or array.copy()");
+  return nb::module_::import_("numpy").attr("asarray")(self);
+}
+
+/// Never destroyed: at the end of the process Kokkos' own statics may be gone.
+std::shared_ptr<runtime::Session>& the_session = *new std::shared_ptr<runtime::Session>;
+
+}  // namespace
+
+std::shared_ptr<runtime::Session> session() {
+  if (!the_session) the_session = std::make_shared<runtime::Session>();
+  return the_session;
+}
+
+Device device_of(std::string const& name) {
+  if (name == "cpu") return Device::cpu;
+  if (name != "cuda" && name != "cuda:0") throw gsp::Error("device '" + name + "' is not known: give 'cpu' or 'cuda'");
+  if (!runtime::has_cuda()) throw gsp::Error("device '" + name + "': this build of gsp has no CUDA: give 'cpu', or build it with nvcc");
+  if (runtime::gpu_count() == 0) throw gsp::Error("device '" + name + "': there is no GPU that answers: give 'cpu'");
+  return Device::cuda;
+}
+
+runtime::Array taken(nb::handle object, char const* what, std::initializer_list<std::int64_t> extents, nb::object& keeps) {
+  if (object.is_none()) return {};
+  if (nb::isinstance<Array>(object)) {
+    keeps = nb::borrow(object);
+    runtime::Array const a = nb::cast<Array const&>(object).array;
+    bool same = a.rank == static_cast<int>(extents.size());
+    for (int k = 0; same && k < a.rank; ++k) same = extents.begin()[k] < 0 || a.extents[k] == extents.begin()[k];
+    if (!same)
+      throw gsp::Error(std::string(what) + " has shape " + text_of_shape(a.extents.data(), std::size_t(a.rank)) + " and must have " +
+                       text_of_shape(extents.begin(), extents.size()));
+    return a;
+  }
+  // What lies on a GPU says so by CUDA's array interface; all else NumPy sees where it is, or makes an array of (lists, numbers).
+  bool const on_gpu = nb::hasattr(object, "__cuda_array_interface__");
+  nb::object given = on_gpu ? nb::borrow(object) : nb::module_::import_("numpy").attr("asarray")(object);
+  if (!on_gpu && nb::cast<std::string>(given.attr("dtype").attr("kind")) == "b") given = given.attr("astype")("int32");
+  nb::dict const interface = given.attr(on_gpu ? "__cuda_array_interface__" : "__array_interface__");
+  keeps = given;
+  runtime::Array a;
+  std::string const type = nb::cast<std::string>(interface["typestr"]);
+  bool known = false;
+  for (Dtype const dtype : {Dtype::float32, Dtype::float64, Dtype::int32, Dtype::int64, Dtype::uint32}) {
+    if (type != typestr_of(dtype)) continue;
+    a.dtype = dtype;
+    known = true;
+  }
+  if (!known)
+    throw gsp::Error(std::string(what) + " holds " + (on_gpu ? type : nb::cast<std::string>(given.attr("dtype").attr("name"))) +
+                     ": give float32, float64, int32 or int64");
+  auto const shape = nb::cast<std::vector<std::int64_t>>(interface["shape"]);
+  bool same = shape.size() == extents.size();
+  for (std::size_t k = 0; same && k < shape.size(); ++k) same = extents.begin()[k] < 0 || shape[k] == extents.begin()[k];
+  if (!same)
+    throw gsp::Error(std::string(what) + " has shape " + text_of_shape(shape.data(), shape.size()) + " and must have " +
+                     text_of_shape(extents.begin(), extents.size()));
+  a.data = reinterpret_cast<void*>(nb::cast<std::uintptr_t>(interface["data"][0]));
+  a.device = on_gpu ? Device::cuda : Device::cpu;
+  a.read_only = true;
+  a.rank = static_cast<int>(shape.size());
+  std::int64_t step = 1;
+  for (int k = a.rank; k-- > 0; step *= a.extents[std::size_t(k)]) {
+    a.extents[std::size_t(k)] = shape[std::size_t(k)];
+    a.strides[std::size_t(k)] = step;
+  }
+  if (interface.contains("strides") && !interface["strides"].is_none()) {
+    auto const strides = nb::cast<std::vector<std::int64_t>>(interface["strides"]);
+    for (int k = 0; k < a.rank; ++k) a.strides[std::size_t(k)] = strides[std::size_t(k)] / runtime::bytes_of(a.dtype);
+  }
+  return a;
+}
+
+void bind_array(nb::module_& m) {
+  nb::class_<Array>(
+      m, "Array",
+      "Numbers that the library works on, where they lie: no copy is made. NumPy, torch, jax and cupy read and write them through\n"
+      "`numpy.asarray(a)`, `torch.from_dlpack(a)` and their like, and keep the memory for as long as they need it.\n"
+      "`a[...]` and `a[...] = x` are NumPy's, of arrays on the CPU.")
+      .def_prop_ro("shape", [](Array const& a) { return shape_of(a.array); })
+      .def_prop_ro("ndim", [](Array const& a) { return a.array.rank; })
+      .def_prop_ro(
+          "dtype", [](Array const& a) { return name_of(a.array.dtype); }, "'float32', 'float64', 'int32', 'int64' or 'uint32'")
+      .def_prop_ro("device", [](Array const& a) { return a.array.device == Device::cuda ? "cuda:0" : "cpu"; })
+      .def_prop_ro("read_only", [](Array const& a) { return a.array.read_only; })
+      .def_prop_ro(
+          "pointer", [](Array const& a) { return reinterpret_cast<std::uintptr_t>(a.array.data); }, "Address of the first number.")
+      .def(
+          "numpy", [](nb::handle self) { return as_numpy(self); }, "The same memory as numpy.ndarray. Error: an array on a GPU.")
+      .def("__getitem__", [](nb::handle self, nb::handle key) { return nb::object(as_numpy(self)[key]); })
+      .def("__setitem__", [](nb::handle self, nb::handle key, nb::handle value) { as_numpy(self)[key] = value; })
+      .def("__len__", [](Array const& a) { return a.array.rank > 0 ? a.array.extents[0] : 0; })
+      .def("__repr__",
+           [](nb::handle self) {
+             Array const& a = nb::cast<Array const&>(self);
+             std::string const head = std::string("gsp.Array(shape=") + text_of_shape(a.array.extents.data(), std::size_t(a.array.rank)) +
+                                      ", dtype=" + name_of(a.array.dtype) +
+                                      ", device=" + (a.array.device == Device::cuda ? "cuda:0" : "cpu") + ")";
+             return a.array.device == Device::cpu ? head + "\n" + nb::cast<std::string>(nb::str(as_numpy(self))) : head;
+           })
+      .def("__dlpack__", &dlpack, nb::kw_only(), nb::arg("stream") = nb::none(), nb::arg("max_version") = nb::none(),
+           nb::arg("dl_device") = nb::none(), nb::arg("copy") = nb::none())
+      .def("__dlpack_device__", [](Array const& a) { return nb::make_tuple(a.array.device == Device::cuda ? dl_cuda : dl_cpu, 0); })
+      .def_prop_ro("__array_interface__",
+                   [](Array const& a) {
+                     if (a.array.device != Device::cpu) throw nb::attribute_error("gsp.Array: the array lies on the GPU");
+                     return interface_of(a);
+                   })
+      .def_prop_ro("__cuda_array_interface__", [](Array const& a) {
+        if (a.array.device != Device::cuda) throw nb::attribute_error("gsp.Array: the array lies on the CPU");
+        runtime::wait(Device::cuda);
+        return interface_of(a);
+      });
+  m.def("_end", [] {
+    // Kokkos ends with the last who holds it. Where arrays live on past the interpreter it does not end: the process does.
+    if (the_session && the_session.use_count() == 1) the_session.reset();
+  });
+}
+
+}  // namespace gsp::python

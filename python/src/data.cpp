@@ -1,0 +1,307 @@
+#include "data.hpp"
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+#include <chrono>
+#include <gsp/core/status.hpp>
+
+#include "array.hpp"
+
+namespace gsp::python {
+namespace {
+
+/// What keeps a stepper's arrays: the stepper, and behind it Kokkos.
+struct Keeper {
+  std::shared_ptr<runtime::Session> session;
+  std::shared_ptr<runtime::Stepper> stepper;
+};
+Array held(Data const& d, runtime::Array const& a) { return {a, std::make_shared<Keeper>(Keeper{d.session, d.stepper})}; }
+/// A copy of what lies in a pool that may grow: it is Python's own.
+Array copied(Data const& d, runtime::Array const& a) {
+  auto buffer = runtime::make_buffer(a.device, a.dtype, {a.extents[0], a.rank > 1 ? a.extents[1] : 1});
+  buffer.array.rank = a.rank;
+  if (a.size() > 0) runtime::copy(a, buffer.array);
+  struct Own {
+    std::shared_ptr<runtime::Session> session;
+    std::shared_ptr<void> memory;
+  };
+  return {buffer.array, std::make_shared<Own>(Own{d.session, buffer.owner})};
+}
+
+Data* make_data(Model const& model, int worlds, std::string const& device, std::string const& profile, std::string const& precision,
+                double timestep, int iterations, std::optional<double> tolerance, int threads) {
+  if (worlds < 1) throw Error("gsp.Data: worlds must be positive and is " + std::to_string(worlds));
+  if (profile != "stable" && profile != "mujoco")
+    throw Error("gsp.Data: profile '" + profile + "' is not known: give 'stable' or 'mujoco'");
+  if (precision != "float32" && precision != "float64")
+    throw Error("gsp.Data: precision '" + precision + "' is not known: give 'float32' or 'float64'");
+  auto* const d = new Data{session(), model, device_of(device), worlds, nullptr};
+  try {
+    d->stepper = runtime::make_stepper(d->device, *model.compiled,
+                                       {.worlds = worlds,
+                                        .precision = precision == "float64" ? runtime::Dtype::float64 : runtime::Dtype::float32,
+                                        .timestep = timestep,
+                                        .mujoco = profile == "mujoco",
+                                        .iterations = iterations,
+                                        .tolerance = tolerance,
+                                        .threads = threads});
+  } catch (...) {
+    delete d;
+    throw;
+  }
+  return d;
+}
+
+/// Steps in parts, between which Ctrl-C is heard.
+void step(Data const& d, int n) {
+  if (n < 0) throw Error("gsp.step: n must be 0 or more and is " + std::to_string(n));
+  using Clock = std::chrono::steady_clock;
+  int part = 1;
+  while (n > 0) {
+    int const now = std::min(part, n);
+    auto const begin = Clock::now();
+    {
+      nb::gil_scoped_release const others_run;
+      d.stepper->step({.steps = now});
+    }
+    n -= now;
+    double const seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+    if (seconds < 0.05) part *= 2;
+    if (seconds > 0.2) part = std::max(1, part / 2);
+    if (PyErr_CheckSignals() != 0) nb::raise_python_error();
+  }
+}
+
+void reset(Data const& d, nb::handle mask, nb::handle keyframe) {
+  nb::object keeps;
+  nb::object whole = nb::borrow(mask);
+  if (!mask.is_none() && !nb::hasattr(mask, "__cuda_array_interface__")) {
+    whole = nb::module_::import_("numpy").attr("asarray")(mask);
+    std::string const kind = nb::cast<std::string>(whole.attr("dtype").attr("kind"));
+    if (kind != "b" && kind != "i" && kind != "u") throw Error("gsp.reset: the mask must hold bool or whole numbers, one for each world");
+    whole = whole.attr("astype")("int32", nb::arg("copy") = false);
+  }
+  runtime::Array const given = taken(whole, "gsp.reset: mask", {d.worlds}, keeps);
+  if (given && given.dtype != runtime::Dtype::int32) throw Error("gsp.reset: a mask on a GPU must hold int32, one for each world");
+  int key = -1;
+  if (!keyframe.is_none()) {
+    auto const& keys = d.model.compiled->keyframes;
+    if (nb::isinstance<nb::str>(keyframe)) {
+      std::string const name = nb::cast<std::string>(keyframe);
+      std::string known;
+      for (std::size_t k = 0; k < keys.size(); ++k) {
+        if (keys[k].name == name) key = static_cast<int>(k);
+        known += (known.empty() ? "" : ", ") + keys[k].name;
+      }
+      if (key < 0) throw Error("gsp.reset: the model has no keyframe '" + name + "'" + (known.empty() ? "" : ": it has " + known));
+    } else {
+      key = nb::cast<int>(keyframe);
+      if (key < 0 || key >= static_cast<int>(keys.size()))
+        throw Error("gsp.reset: keyframe " + std::to_string(key) + " is asked for, and the model has " + std::to_string(keys.size()));
+    }
+  }
+  nb::gil_scoped_release const others_run;
+  d.stepper->reset(given, key);
+}
+
+/// Numbers of Python's into an array of the state.
+void assign(Data const& d, runtime::Array const& to, char const* what, nb::handle value) {
+  nb::object keeps;
+  nb::object given = nb::borrow(value);
+  if (!nb::hasattr(given, "ndim")) given = nb::module_::import_("numpy").attr("asarray")(given);
+  int const rank = nb::hasattr(given, "ndim") ? nb::cast<int>(given.attr("ndim")) : to.rank;
+  runtime::Array from;
+  if (rank == to.rank) {
+    from = taken(given, what, {-1, to.rank > 1 ? to.extents[1] : -1, to.rank > 2 ? to.extents[2] : -1}, keeps);
+  } else {
+    from = taken(given, what, {to.rank > 1 ? to.extents[1] : -1}, keeps);
+    for (int k = from.rank; k-- > 0;) {
+      from.extents[std::size_t(k) + 1] = from.extents[std::size_t(k)];
+      from.strides[std::size_t(k) + 1] = from.strides[std::size_t(k)];
+    }
+    from.extents[0] = 1;
+    from.strides[0] = 0;
+    ++from.rank;
+  }
+  (void)d;
+  runtime::copy(from, to);
+}
+
+}  // namespace
+
+void bind_data(nb::module_& m) {
+  nb::class_<runtime::StepCounts>(m, "StepCounts", "What the last step met.")
+      .def_ro("contacts", &runtime::StepCounts::contacts, "Of all worlds.")
+      .def_ro("rows", &runtime::StepCounts::rows, "Constraint rows of all worlds.")
+      .def_ro("iterations", &runtime::StepCounts::iterations, "Most of any world.")
+      .def_ro("mean_iterations", &runtime::StepCounts::mean_iterations)
+      .def_ro("unfinished_worlds", &runtime::StepCounts::unfinished_worlds, "Whose solver made all the iterations that it may.")
+      .def_ro("failed_worlds", &runtime::StepCounts::failed_worlds, "That stopped; data.status says why.");
+  struct Contacts {
+    Array world, geom1, geom2, dist, pos, frame, force;
+  };
+  nb::class_<Contacts>(m, "Contacts", "Contacts of the last step, those of world 0 first; copies that stay as they are.")
+      .def_ro("world", &Contacts::world, "(n) int32")
+      .def_ro("geom1", &Contacts::geom1, "(n) int32")
+      .def_ro("geom2", &Contacts::geom2, "(n) int32")
+      .def_ro("dist", &Contacts::dist, "(n) [m], negative inside")
+      .def_ro("pos", &Contacts::pos, "(n, 3) [m]")
+      .def_ro("frame", &Contacts::frame, "(n, 9) rows normal (geom1 to geom2), two tangents")
+      .def_ro("force", &Contacts::force, "(n, 6) on geom2 along the frame's rows [N], about them [N m]")
+      .def("__len__", [](Contacts const& c) { return c.world.array.extents[0]; });
+
+  auto c = nb::class_<Data>(m, "Data", "Worlds of a model: every array is the memory that the kernels work on, its first index the world.");
+  c.def(
+      "__init__",
+      [](Data* self, Model const& model, int worlds, std::string const& device, std::string const& profile, std::string const& precision,
+         double timestep, int iterations, std::optional<double> tolerance, int threads) {
+        std::unique_ptr<Data> const made(make_data(model, worlds, device, profile, precision, timestep, iterations, tolerance, threads));
+        new (self) Data(std::move(*made));
+      },
+      nb::arg("model"), nb::arg("worlds") = 1, nb::arg("device") = "cpu", nb::kw_only(), nb::arg("profile") = "stable",
+      nb::arg("precision") = "float32", nb::arg("timestep") = 0., nb::arg("iterations") = 0, nb::arg("tolerance") = nb::none(),
+      nb::arg("threads") = 0,
+      "profile: 'stable', which holds still, or 'mujoco', MuJoCo's numbers. timestep [s], iterations, tolerance of the solver, threads of\n"
+      "the CPU: 0 or None is the model's or the library's own.");
+  c.def_ro("worlds", &Data::worlds);
+  c.def_prop_ro("model", [](Data const& d) { return d.model; });
+  c.def_prop_ro(
+      "timestep", [](Data const& d) { return d.stepper->timestep(); }, "[s]");
+  c.def_prop_ro(
+      "threads", [](Data const& d) { return d.stepper->threads(); }, "Of the CPU that step; 0: a GPU does.");
+  auto const of_state = [&](char const* name, runtime::Array runtime::StateArrays::*member, char const* what) {
+    c.def_prop_rw(
+        name, [member](Data const& d) { return held(d, d.stepper->state().*member); },
+        [member, name](Data const& d, nb::handle value) {
+          assign(d, d.stepper->state().*member, name, value);
+          d.stepper->forward();
+        },
+        nb::for_getter(what));
+  };
+  using S = runtime::StateArrays;
+  c.def_prop_rw(
+      "qpos", [](Data const& d) { return held(d, d.stepper->state().qpos); },
+      [](Data const& d, nb::handle value) {
+        nb::object keeps;
+        auto const to = d.stepper->state().qpos;
+        nb::object given = nb::borrow(value);
+        if (!nb::hasattr(given, "ndim")) given = nb::module_::import_("numpy").attr("asarray")(given);
+        if (nb::cast<int>(given.attr("ndim")) == 1) given = given.attr("reshape")(1, -1);
+        auto const from = taken(given, "qpos", {-1, to.extents[1]}, keeps);
+        if (from.extents[0] != 1 && from.extents[0] != d.worlds)
+          throw Error("qpos has " + std::to_string(from.extents[0]) + " rows and must have one, or one for each of the " +
+                      std::to_string(d.worlds) + " worlds");
+        d.stepper->set(from, {}, {});
+      },
+      nb::for_getter(
+          "(worlds, nq) positions; quaternions w x y z. `data.qpos = x` takes float64 to its last digit (qpos_low); whoever writes\n"
+          "into the array itself calls gsp.forward."));
+  of_state("qpos_low", &S::qpos_low, "(worlds, nq) what rounding took from the positions, which are qpos + qpos_low.");
+  of_state("qvel", &S::qvel, "(worlds, nv) velocities.");
+  of_state("ctrl", &S::ctrl, "(worlds, nu) what the actuators are told.");
+  of_state("act", &S::act, "(worlds, na) activations.");
+  of_state("mocap_pos", &S::mocap_pos, "(worlds, nmocap, 3) [m]");
+  of_state("mocap_quat", &S::mocap_quat, "(worlds, nmocap, 4)");
+  of_state("qfrc_applied", &S::qfrc_applied, "(worlds, nv) forces of yours on the degrees of freedom [N, N m].");
+  c.def_prop_ro(
+      "steps", [](Data const& d) { return held(d, d.stepper->state().steps); }, "(worlds) int64, steps done: time is steps * timestep.");
+  c.def_prop_ro(
+      "status", [](Data const& d) { return held(d, d.stepper->state().status); },
+      "(worlds) uint32, 0: all is well. A world that stopped stays as it was: gsp.status_text says why, gsp.reset starts it again.");
+  auto const of_poses = [&](char const* name, runtime::Array runtime::PoseArrays::*member, char const* what) {
+    c.def_prop_ro(
+        name, [member](Data const& d) { return held(d, d.stepper->poses().*member); }, what);
+  };
+  using P = runtime::PoseArrays;
+  of_poses("xpos", &P::xpos, "(worlds, nbody, 3) where bodies are [m]; brought up to date when it is asked for.");
+  of_poses("xquat", &P::xquat, "(worlds, nbody, 4)");
+  of_poses("xanchor", &P::xanchor, "(worlds, njnt, 3) [m]");
+  of_poses("xaxis", &P::xaxis, "(worlds, njnt, 3)");
+  c.def_prop_ro(
+      "qfrc_constraint", [](Data const& d) { return held(d, d.stepper->qfrc_constraint()); },
+      "(worlds, nv) what all constraints did in the last step [N, N m].");
+  c.def_prop_ro(
+      "sensordata", [](Data const& d) { return held(d, d.stepper->sensors()); },
+      "(worlds, nsensordata) in MuJoCo's layout, of the state as it is, evaluated when it is asked for. NaN where nobody evaluates a\n"
+      "sensor: data.sensors_left_out says which.");
+  c.def_prop_ro("sensors_left_out", [](Data const& d) { return d.stepper->sensors_left_out(); });
+  c.def_prop_ro(
+      "contacts",
+      [](Data const& d) {
+        auto const a = d.stepper->contacts();
+        return Contacts{copied(d, a.world), copied(d, a.geom1), copied(d, a.geom2), copied(d, a.dist),
+                        copied(d, a.pos),   copied(d, a.frame), copied(d, a.force)};
+      },
+      "Of the last step.");
+  c.def_prop_ro("counts", [](Data const& d) { return d.stepper->counts(); });
+  c.def(
+      "save",
+      [](Data const& d) {
+        nb::dict out;
+        nb::object const numpy = nb::module_::import_("numpy");
+        for (auto const& [name, array] : d.stepper->save()) {
+          runtime::Array a = array;
+          nb::object const copy = numpy.attr("empty")(nb::cast(std::vector<std::int64_t>(a.extents.begin(), a.extents.begin() + a.rank)),
+                                                      nb::arg("dtype") = a.dtype == runtime::Dtype::float32   ? "float32"
+                                                                         : a.dtype == runtime::Dtype::float64 ? "float64"
+                                                                         : a.dtype == runtime::Dtype::int32   ? "int32"
+                                                                                                              : "int64");
+          runtime::Array to = a;
+          to.device = runtime::Device::cpu;
+          to.read_only = false;
+          to.data = reinterpret_cast<void*>(nb::cast<std::uintptr_t>(copy.attr("ctypes").attr("data")));
+          if (a.size() > 0) runtime::copy(a, to);
+          out[name.c_str()] = copy;
+        }
+        return out;
+      },
+      "All that the next step starts from, as a dict of NumPy arrays.");
+  c.def(
+      "restore",
+      [](Data const& d, nb::dict const& arrays) {
+        std::vector<runtime::NamedArray> list;
+        std::vector<nb::object> keeps;
+        nb::object const numpy = nb::module_::import_("numpy");
+        for (auto const& [name, value] : arrays) {
+          keeps.push_back(numpy.attr("ascontiguousarray")(value));
+          nb::object own;
+          std::vector<std::int64_t> const shape = nb::cast<std::vector<std::int64_t>>(keeps.back().attr("shape"));
+          runtime::Array a;
+          if (shape.size() == 1)
+            a = taken(keeps.back(), nb::cast<std::string>(name).c_str(), {-1}, own);
+          else if (shape.size() == 2)
+            a = taken(keeps.back(), nb::cast<std::string>(name).c_str(), {-1, -1}, own);
+          else
+            a = taken(keeps.back(), nb::cast<std::string>(name).c_str(), {-1, -1, -1}, own);
+          list.push_back({nb::cast<std::string>(name), a});
+        }
+        d.stepper->restore(list);
+      },
+      nb::arg("arrays"), "Goes on from what `save` gave: what follows is what would have followed, to the bit.");
+  c.def("__repr__", [](Data const& d) {
+    return "gsp.Data(worlds=" + std::to_string(d.worlds) + ", device=" + (d.device == runtime::Device::cuda ? "cuda:0" : "cpu") + ")";
+  });
+
+  m.def(
+      "step", [](Model const&, Data const& d, int n) { step(d, n); }, nb::arg("model"), nb::arg("data"), nb::arg("n") = 1,
+      "n steps of all worlds. Other threads of Python run meanwhile; Ctrl-C ends it between two steps.");
+  m.def(
+      "forward",
+      [](Model const&, Data const& d) {
+        nb::gil_scoped_release const others_run;
+        d.stepper->forward();
+      },
+      nb::arg("model"), nb::arg("data"), "Poses of the state as it is, where its arrays were written.");
+  m.def(
+      "reset", [](Model const&, Data const& d, nb::handle mask, nb::handle keyframe) { reset(d, mask, keyframe); }, nb::arg("model"),
+      nb::arg("data"), nb::arg("mask") = nb::none(), nb::arg("keyframe") = nb::none(),
+      "Worlds of the mask (worlds; None: all) to the model's initial positions, or a keyframe's, by name or number: at rest, time 0, the\n"
+      "status cleared.");
+  m.def(
+      "status_text", [](std::uint32_t bits) { return status::text(bits); }, nb::arg("bits"), "What bits of data.status mean.");
+}
+
+}  // namespace gsp::python

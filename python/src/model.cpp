@@ -1,0 +1,151 @@
+#include "model.hpp"
+
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <gsp/io/mjcf.hpp>
+#include <gsp/io/urdf.hpp>
+#include <gsp/model/compile.hpp>
+
+#include "array.hpp"
+
+namespace gsp::python {
+namespace {
+
+Model model_of(Description const& description, std::string const& file) {
+  return {std::make_shared<CompiledModel const>(compile(description)), file};
+}
+
+/// Names of all objects of a kind, in their order.
+std::vector<std::string> names_of(CompiledModel const& m, std::string const& kind) {
+  auto const of = [](auto const& described) {
+    std::vector<std::string> out;
+    for (auto const& one : described) out.push_back(one.name);
+    return out;
+  };
+  if (kind == "body") return m.body_name;
+  if (kind == "joint") return m.jnt_name;
+  if (kind == "geom") return m.geom_name;
+  if (kind == "site") return m.site_name;
+  if (kind == "camera") return m.cam_name;
+  if (kind == "actuator") return m.act_name;
+  if (kind == "tendon") return m.tendon_name;
+  if (kind == "equality") return m.eq_name;
+  if (kind == "mesh") return m.mesh_name;
+  if (kind == "sensor") return of(m.sensors);
+  if (kind == "keyframe") return of(m.keyframes);
+  throw Error("there is no kind of object '" + kind +
+              "': give 'body', 'joint', 'geom', 'site', 'camera', 'actuator', 'tendon', 'equality', 'mesh', 'sensor' or 'keyframe'");
+}
+int id_of(CompiledModel const& m, std::string const& kind, std::string const& name) {
+  auto const names = names_of(m, kind);
+  std::string known;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (names[i] == name) return static_cast<int>(i);
+    if (!names[i].empty() && known.size() < 200) known += (known.empty() ? "" : ", ") + names[i];
+  }
+  throw Error("the model has no " + kind + " '" + name + "'" + (known.empty() ? "; none of them has a name" : ": it has " + known));
+}
+
+/// A copy of numbers of the model as a read-only array of NumPy.
+template <class Item, std::size_t n = 1>
+nb::object numbers(std::vector<Item> const& from) {
+  using R = std::conditional_t<std::is_same_v<Item, int>, int, double>;
+  std::vector<R> flat;
+  for (auto const& item : from)
+    if constexpr (n == 1)
+      flat.push_back(item);
+    else
+      for (auto const x : item) flat.push_back(x);
+  nb::object const numpy = nb::module_::import_("numpy");
+  nb::object a = numpy.attr("array")(flat, nb::arg("dtype") = std::is_same_v<R, int> ? "int32" : "float64");
+  if constexpr (n > 1) a = a.attr("reshape")(-1, n);
+  a.attr("flags").attr("writeable") = false;
+  return a;
+}
+
+}  // namespace
+
+void bind_model(nb::module_& m) {
+  nb::class_<ReportLine>(m, "ReportLine", "What the reader left out, approximated or found without effect.")
+      .def_prop_ro("kind", [](ReportLine const& l) { return text(l.kind); })
+      .def_ro("file", &ReportLine::file)
+      .def_ro("line", &ReportLine::line)
+      .def_ro("text", &ReportLine::text)
+      .def_ro("count", &ReportLine::count, "How often.")
+      .def("__repr__", [](ReportLine const& l) {
+        return l.file + ":" + std::to_string(l.line) + ": " + text(l.kind) + ": " + l.text +
+               (l.count > 1 ? " (" + std::to_string(l.count) + " times)" : "");
+      });
+  auto c = nb::class_<Model>(m, "Model", "A robot or a scene, compiled by MuJoCo's rules. Sizes and arrays have MuJoCo's names and order.");
+  c.def_static(
+      "from_xml",
+      [](std::filesystem::path const& path, bool skip_visuals, bool convex_decomposition) {
+        return model_of(io::read_mjcf(path, {.skip_visuals = skip_visuals, .convex_decomposition = convex_decomposition}), path.string());
+      },
+      nb::arg("path"), nb::kw_only(), nb::arg("skip_visuals") = false, nb::arg("convex_decomposition") = false,
+      "Reads an MJCF file.\n\nskip_visuals: leave out visual geoms whose mesh is missing; convex_decomposition: meshes that are not "
+      "convex\n"
+      "touch as their convex parts, not as their hull. Error: gsp.Error \"FILE:LINE: what is wrong; remedy\".");
+  c.def_static(
+      "from_string", [](std::string const& xml, std::string const& name) { return model_of(io::parse_mjcf(xml, name), name); },
+      nb::arg("xml"), nb::arg("name") = "model.xml", "The same of MJCF text; files that it names are looked for in the folder of `name`.");
+  c.def_static(
+      "from_urdf", [](std::filesystem::path const& path) { return model_of(io::read_urdf(path), path.string()); }, nb::arg("path"),
+      "Reads a URDF file.");
+  auto const size = [&](char const* name, int CompiledModel::*member) {
+    c.def_prop_ro(name, [member](Model const& model) { return (*model.compiled).*member; });
+  };
+  size("nq", &CompiledModel::nq);
+  size("nv", &CompiledModel::nv);
+  size("nu", &CompiledModel::nu);
+  size("na", &CompiledModel::na);
+  size("nbody", &CompiledModel::nbody);
+  size("njnt", &CompiledModel::njnt);
+  size("ngeom", &CompiledModel::ngeom);
+  size("nsite", &CompiledModel::nsite);
+  size("ncam", &CompiledModel::ncam);
+  size("ntendon", &CompiledModel::ntendon);
+  size("neq", &CompiledModel::neq);
+  size("nmocap", &CompiledModel::nmocap);
+  size("nsensor", &CompiledModel::nsensor);
+  size("nsensordata", &CompiledModel::nsensordata);
+  c.def_prop_ro("nkey", [](Model const& model) { return model.compiled->keyframes.size(); });
+  c.def_prop_ro(
+      "timestep", [](Model const& model) { return model.compiled->option.timestep; }, "[s]");
+  c.def_prop_ro(
+      "gravity", [](Model const& model) { return model.compiled->option.gravity; }, "[m/s^2]");
+  c.def_prop_ro(
+      "report", [](Model const& model) { return model.compiled->report; }, "What the reader has to say: list of ReportLine.");
+  c.def(
+      "names", [](Model const& model, std::string const& kind) { return names_of(*model.compiled, kind); }, nb::arg("kind"),
+      "Names of all objects of a kind, in their order: 'body', 'joint', 'geom', 'site', 'camera', 'actuator', 'tendon', 'equality',\n"
+      "'mesh', 'sensor' or 'keyframe'.");
+  c.def(
+      "id", [](Model const& model, std::string const& kind, std::string const& name) { return id_of(*model.compiled, kind, name); },
+      nb::arg("kind"), nb::arg("name"), "Number of an object of this kind and name. Error: gsp.Error with the names that there are.");
+  c.def_prop_ro(
+      "qpos0", [](Model const& model) { return numbers(model.compiled->qpos0); }, "(nq) initial positions.");
+  c.def_prop_ro("body_parentid", [](Model const& model) { return numbers(model.compiled->body_parent); });
+  c.def_prop_ro(
+      "body_mass", [](Model const& model) { return numbers(model.compiled->body_mass); }, "(nbody) [kg]");
+  c.def_prop_ro("jnt_qposadr", [](Model const& model) { return numbers(model.compiled->jnt_qposadr); });
+  c.def_prop_ro("jnt_dofadr", [](Model const& model) { return numbers(model.compiled->jnt_dofadr); });
+  c.def_prop_ro(
+      "jnt_range", [](Model const& model) { return numbers<std::array<double, 2>, 2>(model.compiled->jnt_range); }, "(njnt, 2) [m, rad]");
+  c.def_prop_ro("geom_bodyid", [](Model const& model) { return numbers(model.compiled->geom_body); });
+  c.def_prop_ro(
+      "actuator_ctrlrange", [](Model const& model) { return numbers<std::array<double, 2>, 2>(model.compiled->act_ctrlrange); }, "(nu, 2)");
+  c.def_prop_ro(
+      "sensor_adr", [](Model const& model) { return numbers(model.compiled->sensor_adr); }, "(nsensor) first number in sensordata.");
+  c.def_prop_ro("sensor_dim", [](Model const& model) { return numbers(model.compiled->sensor_dim); });
+  c.def("__repr__", [](Model const& model) {
+    CompiledModel const& a = *model.compiled;
+    return "gsp.Model('" + model.file + "', nq=" + std::to_string(a.nq) + ", nv=" + std::to_string(a.nv) + ", nu=" + std::to_string(a.nu) +
+           ", nbody=" + std::to_string(a.nbody) + ")";
+  });
+}
+
+}  // namespace gsp::python

@@ -1,0 +1,117 @@
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/string.h>
+
+#include <gsp/io/splats.hpp>
+#include <gsp/runtime/renderer.hpp>
+
+#include "array.hpp"
+#include "data.hpp"
+
+namespace gsp::python {
+namespace {
+
+struct Scene {
+  Model model;
+  runtime::Scene sets;
+};
+
+/// Pictures of one scene. Where another number of them is asked for, a renderer of its own makes them: arrays that Python has of the one
+/// before stay what they are.
+struct Renderer {
+  std::shared_ptr<runtime::Session> session;
+  runtime::Device device;
+  runtime::Scene scene;
+  runtime::RendererOptions options;
+  std::int64_t images = -1;
+  std::shared_ptr<runtime::Renderer> own;
+};
+struct Keeper {
+  std::shared_ptr<runtime::Session> session;
+  std::shared_ptr<runtime::Renderer> renderer;
+};
+struct Frames {
+  Array rgb, depth, alpha;
+};
+
+Frames render(Renderer& self, Data const& data, nb::handle viewmats, nb::handle Ks, nb::handle world) {
+  if (data.device != self.device) throw Error("gsp.Renderer.render: the data and the renderer are on different devices: make both on one");
+  nb::object keeps[3];
+  nb::object const numpy = nb::module_::import_("numpy");
+  auto const floats = [&](nb::handle x) -> nb::object {
+    if (nb::isinstance<Array>(x) || nb::hasattr(x, "__cuda_array_interface__")) return nb::borrow(x);
+    return numpy.attr("ascontiguousarray")(x, nb::arg("dtype") = "float32");
+  };
+  runtime::CameraArrays cameras;
+  nb::object const v = floats(viewmats), k = floats(Ks);
+  cameras.viewmats = taken(v, "gsp.Renderer.render: viewmats", {-1, 4, 4}, keeps[0]);
+  std::int64_t const n = cameras.viewmats.extents[0];
+  cameras.Ks = taken(k, "gsp.Renderer.render: Ks", {n, 3, 3}, keeps[1]);
+  if (!world.is_none())
+    cameras.world = taken(
+        nb::isinstance<Array>(world) ? nb::borrow(world) : nb::object(numpy.attr("ascontiguousarray")(world, nb::arg("dtype") = "int32")),
+        "gsp.Renderer.render: world", {n}, keeps[2]);
+  if (!self.own || self.images != n) {
+    self.own = runtime::make_renderer(self.device, self.scene, self.options);
+    self.images = n;
+  }
+  {
+    nb::gil_scoped_release const others_run;
+    self.own->render(data.stepper->poses(), cameras);
+  }
+  auto const f = self.own->frames();
+  auto const owner = std::make_shared<Keeper>(Keeper{self.session, self.own});
+  return {{f.rgb, owner}, {f.depth, owner}, {f.alpha, owner}};
+}
+
+}  // namespace
+
+void bind_renderer(nb::module_& m) {
+  nb::class_<Scene>(m, "Scene", "Sets of Gaussians that are drawn together: rooms that stand, and what moves with the links of a model.")
+      .def(
+          "__init__",
+          [](Scene* self, Model const& model) {
+            new (self) Scene{model, {}};
+          },
+          nb::arg("model"))
+      .def(
+          "add_splats",
+          [](Scene& s, std::filesystem::path const& path) {
+            s.sets.add_set(io::read_splats(path), path.string(), *s.model.compiled);
+            return &s;
+          },
+          nb::arg("path"), nb::rv_policy::reference_internal, "Gaussians of a PLY or SPZ file; its links are those of the model.")
+      .def(
+          "add_room",
+          [](Scene& s) {
+            s.sets.add_room();
+            return &s;
+          },
+          nb::rv_policy::reference_internal, "The furnished room that the library makes.")
+      .def(
+          "add_surface",
+          [](Scene& s) {
+            s.sets.add_surface(*s.model.compiled);
+            return &s;
+          },
+          nb::rv_policy::reference_internal, "Gaussians on the geoms of the model's moving bodies.")
+      .def("__len__", [](Scene const& s) { return s.sets.count(); });
+  nb::class_<Frames>(m, "Frames", "Pictures, float32; they hold until the next `render`, which writes into the same memory.")
+      .def_ro("rgb", &Frames::rgb, "(C, H, W, 3), 0 to 1")
+      .def_ro("depth", &Frames::depth, "(C, H, W) expected depth [m]")
+      .def_ro("alpha", &Frames::alpha, "(C, H, W)");
+  nb::class_<Renderer>(m, "Renderer", "Pictures of a scene of Gaussians, one a camera, of all worlds in one call.")
+      .def(
+          "__init__",
+          [](Renderer* self, Scene const& scene, int width, int height, std::string const& device, bool rgb, bool depth, bool alpha) {
+            new (self) Renderer{
+                session(), device_of(device), scene.sets, {.width = width, .height = height, .rgb = rgb, .depth = depth, .alpha = alpha}};
+          },
+          nb::arg("scene"), nb::arg("width") = 640, nb::arg("height") = 480, nb::arg("device") = "cpu", nb::kw_only(),
+          nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true)
+      .def("render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world") = nb::none(),
+           "viewmats: (C, 4, 4) world to camera, x right, y down, z ahead; Ks: (C, 3, 3) [pixel]; world: (C) int32, or None: camera c "
+           "shows\n"
+           "world c % worlds.");
+}
+
+}  // namespace gsp::python

@@ -1,0 +1,257 @@
+"""The Python package beside MuJoCo's own, and what it promises of memory. `pytest python/tests`."""
+
+import gc
+import os
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+import gsp
+
+ARM = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 0.1"/>
+    <body name="base" pos="0 0 0.4">
+      <freejoint/>
+      <geom name="trunk" type="box" size="0.2 0.1 0.05" mass="5"/>
+      <site name="imu" pos="0.05 0 0.02"/>
+      <body name="link" pos="0.2 0 0">
+        <joint name="hip" type="hinge" axis="0 1 0" damping="0.5" range="-1 1" limited="true"/>
+        <geom type="capsule" size="0.03 0.1" pos="0 0 -0.1" mass="1"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor name="hip" joint="hip" gear="2"/></actuator>
+  <sensor>
+    <accelerometer name="acc" site="imu"/>
+    <gyro name="gyro" site="imu"/>
+    <jointpos name="angle" joint="hip"/>
+    <framepos name="where" objtype="body" objname="link"/>
+  </sensor>
+  <keyframe><key name="high" qpos="0 0 1.5 1 0 0 0 0.3" ctrl="0.5"/></keyframe>
+</mujoco>
+"""
+
+
+@pytest.fixture
+def model():
+    return gsp.Model.from_string(ARM)
+
+
+def test_sizes_and_names(model):
+    assert (model.nq, model.nv, model.nu, model.nbody, model.nsensordata) == (8, 7, 1, 3, 10)
+    assert model.names("body") == ["world", "base", "link"]
+    assert model.id("joint", "hip") == 1
+    assert model.body_mass[1] == 5
+    with pytest.raises(gsp.Error, match="no joint 'hop'.*hip"):
+        model.id("joint", "hop")
+    with pytest.raises(gsp.Error, match="kind of object"):
+        model.names("bone")
+
+
+def test_errors_name_the_place(tmp_path):
+    bad = tmp_path / "bad.xml"
+    bad.write_text("<mujoco>\n<worldbody>\n<geom type='ball'/>\n</worldbody>\n</mujoco>")
+    with pytest.raises(gsp.Error, match="bad.xml:3"):
+        gsp.Model.from_xml(bad)
+    with pytest.raises(ValueError):  # gsp.Error is one
+        gsp.Model.from_xml(tmp_path / "none.xml")
+
+
+def test_arrays_are_the_memory_of_the_kernels(model):
+    data = gsp.Data(model, worlds=3)
+    a = np.asarray(data.qpos)
+    assert a.shape == (3, 8) and a.dtype == np.float32
+    assert a.__array_interface__["data"][0] == data.qpos.pointer == data.qpos.pointer
+    b = np.from_dlpack(data.qvel)
+    b[1, 0] = 2
+    assert data.qvel[1, 0] == 2
+    before = a.copy()
+    gsp.step(model, data)
+    assert a[1, 0] == pytest.approx(before[1, 0] + 0.004, rel=1e-5)  # 2 m/s for 2 ms, seen without a call
+    data.ctrl[:] = [[1], [2], [3]]
+    assert data.ctrl.numpy()[2, 0] == 3
+
+
+def test_arrays_outlive_what_made_them(model):
+    data = gsp.Data(model, worlds=4)
+    q, x = np.asarray(data.qpos), np.from_dlpack(data.xpos)
+    expected = q.copy()
+    del data
+    gc.collect()
+    q += 1
+    assert np.array_equal(q, expected + 1) and x.shape == (4, 3, 3)
+
+
+def test_beside_mujoco(model):
+    mujoco = pytest.importorskip("mujoco")
+    m = mujoco.MjModel.from_xml_string(ARM)
+    d = mujoco.MjData(m)
+    data = gsp.Data(model, worlds=2, profile="mujoco", precision="float64")
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        d.qpos[:] = m.qpos0
+        d.qpos[:3] = rng.normal(size=3) + [0, 0, 3]
+        q = rng.normal(size=4)
+        d.qpos[3:7] = q / np.linalg.norm(q)
+        d.qpos[7] = rng.uniform(-0.9, 0.9)
+        d.qvel[:] = rng.normal(size=m.nv)
+        d.ctrl[:] = rng.normal(size=m.nu)
+        d.time = 0
+        data.qpos = d.qpos
+        data.qvel = d.qvel
+        data.ctrl = d.ctrl
+        mujoco.mj_forward(m, d)
+        # all in float64, by the same formulas: rounding alone
+        assert np.allclose(data.xpos[1], d.xpos, rtol=0, atol=1e-12)
+        assert np.allclose(data.xquat[1], d.xquat, rtol=0, atol=1e-12)
+        assert np.allclose(data.sensordata[1], d.sensordata, rtol=1e-10, atol=1e-10)
+        mujoco.mj_step(m, d)
+        gsp.step(model, data)
+        assert np.allclose(data.qpos[1], d.qpos, rtol=0, atol=1e-11)
+        assert np.allclose(data.qvel[1], d.qvel, rtol=0, atol=1e-9)
+
+
+def test_reset_by_mask_and_keyframe(model):
+    data = gsp.Data(model, worlds=4)
+    gsp.step(model, data, n=20)
+    mask = np.array([True, False, True, False])
+    moved = data.qpos.numpy().copy()
+    gsp.reset(model, data, mask=mask)
+    assert np.array_equal(data.qpos[0], model.qpos0.astype(np.float32))
+    assert np.array_equal(data.qpos[1], moved[1])
+    assert list(data.steps) == [0, 20, 0, 20]
+    gsp.reset(model, data, mask=[0, 1, 0, 0], keyframe="high")
+    assert data.qpos[1, 2] == 1.5 and data.ctrl[1, 0] == 0.5 and data.qpos[3, 2] == moved[3, 2]
+    gsp.reset(model, data)
+    assert np.all(data.steps.numpy() == 0)
+    with pytest.raises(gsp.Error, match="shape"):
+        gsp.reset(model, data, mask=[True])
+    with pytest.raises(gsp.Error, match="keyframe"):
+        gsp.reset(model, data, keyframe="low")
+
+
+def test_contacts_and_saved_states(model):
+    data = gsp.Data(model, worlds=2)
+    with pytest.raises(ValueError, match="step"):
+        data.contacts
+    gsp.step(model, data, n=600)
+    c = data.contacts
+    assert len(c) == data.counts.contacts > 0
+    floor = model.id("geom", "floor")
+    mine = np.asarray(c.world) == 0
+    weight = -np.asarray(c.force)[mine, 0] @ np.ones(mine.sum())
+    assert abs(abs(weight) - 6 * 9.81) < 0.05 * 6 * 9.81  # it lies still: the floor bears what it weighs
+    assert np.all(np.asarray(c.geom1)[mine] == floor)
+    saved = data.save()
+    gsp.step(model, data, n=50)
+    once = data.qpos.numpy().copy()
+    data.restore(saved)
+    gsp.step(model, data, n=50)
+    assert np.array_equal(data.qpos, once)
+    before = np.asarray(c.force).copy()
+    gsp.step(model, data, n=10)
+    assert np.array_equal(before, c.force)  # copies
+
+
+def test_wrong_arguments_are_one_sentence(model):
+    data = gsp.Data(model, worlds=2)
+    with pytest.raises(gsp.Error, match="profile 'fast'"):
+        gsp.Data(model, profile="fast")
+    with pytest.raises(gsp.Error, match="device 'tpu'"):
+        gsp.Data(model, device="tpu")
+    with pytest.raises(gsp.Error, match="worlds must be positive"):
+        gsp.Data(model, worlds=0)
+    with pytest.raises(gsp.Error, match=r"qpos has shape \(2, 7\) and must have \(any, 8\)"):
+        data.qpos = np.zeros((2, 7))
+    with pytest.raises(gsp.Error, match="complex128"):
+        data.qpos = np.zeros((2, 8), dtype=complex)
+    with pytest.raises(ValueError):
+        data.qvel = np.zeros((3, 7))
+
+
+def test_other_threads_run_and_ctrl_c_is_heard(model):
+    data = gsp.Data(model, worlds=64)
+    ticks = []
+    stop = threading.Event()
+
+    def tick():
+        while not stop.wait(0.001):
+            ticks.append(1)
+
+    t = threading.Thread(target=tick)
+    t.start()
+    gsp.step(model, data, n=2000)
+    stop.set()
+    t.join()
+    assert len(ticks) > 10
+    code = f"""
+import os, signal, threading, time, gsp
+model = gsp.Model.from_string('''{ARM}''')
+data = gsp.Data(model, worlds=256)
+begin = []
+def stop():
+    begin.append(time.time())
+    os.kill(os.getpid(), signal.SIGINT)
+threading.Timer(0.5, stop).start()
+try:
+    gsp.step(model, data, n=10**9)
+except KeyboardInterrupt:
+    print("heard", time.time() - begin[0])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    word, seconds = done.stdout.split()
+    assert word == "heard" and float(seconds) < 1
+
+
+@pytest.mark.parametrize("order", ["data", "array", "renderer", "none", "exception"])
+def test_ends_in_any_order(order):
+    code = f"""
+import numpy as np, gsp
+model = gsp.Model.from_string('''{ARM}''')
+data = gsp.Data(model)
+a = np.from_dlpack(data.qpos)
+scene = gsp.Scene(model).add_surface()
+renderer = gsp.Renderer(scene, 32, 24)
+frames = renderer.render(data, gsp.look_at([[2, 0, 1]], [0, 0, 0.4]), [gsp.pinhole(32, 24, 45)])
+rgb = np.asarray(frames.rgb)
+order = "{order}"
+if order == "data": del data
+if order == "array": del a, rgb, frames
+if order == "renderer": del renderer, scene
+if order == "exception": raise SystemExit(0)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert "Kokkos" not in done.stderr
+
+
+def test_pictures(model):
+    data = gsp.Data(model, worlds=2)
+    scene = gsp.Scene(model).add_room().add_surface()
+    renderer = gsp.Renderer(scene, width=64, height=48)
+    views = gsp.look_at([[1.5, 0, 0.8]] * 2, [0, 0, 0.4])
+    frames = renderer.render(data, views, [gsp.pinhole(64, 48, 60)] * 2)
+    rgb = np.asarray(frames.rgb)
+    assert rgb.shape == (2, 48, 64, 3) and rgb.max() > 0.1 and np.array_equal(rgb[0], rgb[1])
+    address = frames.rgb.pointer
+    data.qpos[1, 2] += 0.5
+    gsp.forward(model, data)
+    again = renderer.render(data, views, [gsp.pinhole(64, 48, 60)] * 2)
+    assert again.rgb.pointer == address and not np.array_equal(rgb[0], rgb[1])  # the same memory
+    with pytest.raises(gsp.Error, match="Ks has shape"):
+        renderer.render(data, views, [gsp.pinhole(64, 48, 60)])
+    with pytest.raises(gsp.Error, match="fovy"):
+        gsp.pinhole(64, 48, 0)
+
+
+def test_import_is_quick():
+    code = "import time; t = time.perf_counter(); import gsp; print(time.perf_counter() - t)"
+    best = min(float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout) for _ in range(3))
+    assert best < 0.3
