@@ -220,6 +220,7 @@ class KokkosStepper : public Stepper {
         set_keyframe(exec_, model_, compiled_, keyframe, state_, of);
       else
         gsp::reset(exec_, model_, state_, of);
+      if (sensors_ && sensors_->history.count() > 0) reset_sensor_history(exec_, sensors_->history, of);
     };
     if (mask) {
       Kokkos::View<int*, Mem> const chosen = gsp::detail::allocate<Kokkos::View<int*, Mem>>("gsp::runtime::Stepper::mask", state_.worlds);

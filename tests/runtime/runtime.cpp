@@ -385,6 +385,41 @@ TEST_CASE("late sensors measure at each step, and go on from what was saved") {
     }
 }
 
+// Worlds that were reset go on as a new stepper does, to the bit; the others as if nothing had been.
+TEST_CASE("a stepper resets some worlds, to a keyframe too, and what their late sensors remember") {
+  auto robot = gsp::samples::quadruped_scene();
+  double const h = robot.option.timestep;
+  robot.sensors = {{.name = "late", .type = "clock", .settings = {{"delay", std::to_string(2 * h)}, {"nsample", "4"}}}};
+  auto const compiled = gsp::compile(robot);
+  for (Device const device : devices()) {
+    auto const make = [&](int worlds) {
+      auto s = make_stepper(device, compiled, {.worlds = worlds});
+      s->reset({}, 0);
+      s->sensors();
+      return s;
+    };
+    auto const some = make(3), none = make(3), fresh = make(1), first = make_stepper(device, compiled, {});
+    some->step({.steps = 9});
+    none->step({.steps = 9});
+    std::vector<int> const mask = {0, 1, 0};
+    some->reset(host_array(mask.data(), {3}), 0);
+    auto const qpos = [](Stepper& s, int w) { return on_host<float>(s.state().qpos.rows(w, 1)); };
+    CHECK(on_host<std::int64_t>(some->state().steps) == std::vector<std::int64_t>{9, 0, 9});
+    for (Stepper* const s : {some.get(), none.get(), fresh.get()}) s->step({.steps = 4});
+    CHECK(qpos(*some, 0) == qpos(*none, 0));
+    CHECK(qpos(*some, 1) == qpos(*fresh, 0));
+    CHECK(qpos(*some, 2) == qpos(*none, 2));
+    auto const late = on_host<float>(some->sensors());
+    CHECK(late[1] == doctest::Approx(2 * h));
+    CHECK(late[2] == doctest::Approx(11 * h));
+    some->reset({}, -1);
+    CHECK(qpos(*some, 2) == qpos(*first, 0));  // the model's own start
+    CHECK_THROWS_WITH_AS(some->reset(host_array(mask.data(), {1, 3}), 0), doctest::Contains("must be (worlds) int32"),
+                         std::invalid_argument);
+    CHECK_THROWS_WITH_AS(some->reset({}, 7), doctest::Contains("number 7 is asked for"), std::invalid_argument);
+  }
+}
+
 TEST_CASE("pictures of the simulation's poses, where they lie") {
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   std::vector<float> viewmats{1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 2, 0, 0, 0, 1};  // from -y, 2 m away
