@@ -1,6 +1,5 @@
-// A LiDAR on the back of a four-legged robot that trots among rolling balls: the unit turns while its robot walks, its ranges have noise,
-// and each world has a stride of its own. What it has seen in its last turn is drawn as a cloud in colours of range, from above and around
-// it.
+// A LiDAR on a four-legged robot that trots among rolling balls, in four worlds with strides of their own. The unit turns while its robot
+// walks, and its ranges have noise. Its last turn is drawn as a cloud in colours of range, from above and around the unit.
 //   example_05_lidar [SCENE.xml]    a scene of MJCF with a floor, a robot of four legs and twelve position servos, and a keyframe
 #include <cmath>
 #include <cstdio>
@@ -39,7 +38,7 @@ gsp::Description scene_of(gsp::Description robot) {
   return robot;
 }
 
-/// Balls round the ring, at 0.6 turns of a radian a second. All free bodies but the first, which is the robot.
+/// Balls go round the ring at 0.6 rad/s: all free bodies but the first, which is the robot.
 template <class Views>
 void push_balls(gsp::CompiledModel const& compiled, Views& state) {
   auto const qpos = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state.qpos);
