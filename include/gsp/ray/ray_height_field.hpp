@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/geometry/shapes/hfield.hpp>
+#include <gsp/ray/detail/lane_index.hpp>
 #include <gsp/ray/detail/ray_triangle.hpp>
 
 /// Rays against height fields, in the field's frame: two triangles a cell, parted from (row, column) to (row + 1, column + 1), walls down
@@ -8,21 +9,6 @@
 namespace gsp {
 
 namespace detail {
-/// Lane l of x; of a number itself. And f(l) in each lane.
-template <class T>
-GSP_FUNCTION real_t<T> lane_of(T const& x, int l) {
-  if constexpr (Scalar<T>)
-    return x;
-  else
-    return x[l];
-}
-template <class T, class F>
-GSP_FUNCTION T of_lanes(F const& f) {
-  if constexpr (Scalar<T>)
-    return f(0);
-  else
-    return T::of(f);
-}
 /// Place of grid line `number` of an axis: 0 is x, across columns. As HfieldShape::point has it.
 template <class T, class R = real_t<T>>
 GSP_FUNCTION T grid_line(ShapeAsset<R> const& field, int axis, T const& number) {

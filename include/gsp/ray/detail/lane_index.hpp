@@ -59,6 +59,14 @@ template <class R, int W>
 GSP_FUNCTION R lane_of(Pack<R, W> const& x, int lane) {
   return x[lane];
 }
+/// f(lane) in each lane.
+template <class T, class F>
+GSP_FUNCTION T of_lanes(F const& f) {
+  if constexpr (Scalar<T>)
+    return f(0);
+  else
+    return T::of(f);
+}
 template <Scalar T>
 GSP_FUNCTION void set_lane_of(T& x, int, T value) {
   x = value;
