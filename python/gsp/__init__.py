@@ -49,6 +49,7 @@ __all__ = [
 ]
 
 _atexit.register(_end)
+Error.__doc__ = "What is wrong with what you gave, where, and what to do about it. A ValueError."
 
 
 def look_at(eye, target, up=(0.0, 0.0, 1.0)):

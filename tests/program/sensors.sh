@@ -12,15 +12,17 @@ work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
 cd "$work"
 fail() { echo "failed: $*" >&2; exit 1; }
-# A box of 2 kg that falls onto the floor, and a rod on a hinge that swings; a distance of two bodies, which nobody computes.
+# A box of 2 kg that falls onto the floor, and a rod on a hinge that swings; a distance of a body with a height
+# field, which nobody computes.
 cat > model.xml <<'XML'
-<mujoco><option timestep=".002"/><worldbody><geom type="plane" size="5 5 1"/>
+<mujoco><option timestep=".002"/><asset><hfield name="hills" nrow="2" ncol="2" size="1 1 1 1" elevation="0 1 0 0"/></asset><worldbody><geom type="plane" size="5 5 1"/>
   <body name="box" pos="0 0 .11"><freejoint/><geom type="box" size=".1 .1 .1" mass="2"/><site name="box" type="box" size=".12 .12 .12"/></body>
+  <body name="ground" pos="20 0 -5"><geom type="hfield" hfield="hills"/></body>
   <body name="rod" pos="3 0 2"><joint name="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .5 0 0" size=".02" mass="1"/><site name="tip" pos=".5 0 0"/></body>
 </worldbody>
 <sensor>
   <touch name="weight" site="box"/><jointpos name="angle" joint="hinge"/><jointvel name="rate" joint="hinge"/>
-  <distance name="range" body1="box" body2="rod" cutoff="9"/><accelerometer name="acc" site="box"/><contact name="found" body1="box" num="1" data="found"/>
+  <distance name="range" body1="box" body2="ground" cutoff="9"/><accelerometer name="acc" site="box"/><contact name="found" body1="box" num="1" data="found"/>
 </sensor>
 </mujoco>
 XML
