@@ -215,6 +215,39 @@ TEST_CASE_TEMPLATE("latency of a ramp: held, on a line, of worlds' own, with jit
   CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.numbers = 2, .columns = {1}}), std::invalid_argument);
 }
 
+namespace {
+/// World w is late by w readings; how often it said another reading than that.
+template <class Exec>
+int readings_missed(double dt, double latency, int worlds, int readings) {
+  using Mem = typename Exec::memory_space;
+  using View = Kokkos::View<double**, Kokkos::LayoutRight, Mem>;
+  Exec const exec;
+  View const x("x", worlds, 1), y("y", worlds, 1);
+  Kokkos::View<int*, Mem> const missed("missed", worlds);
+  auto delay = gsp::make_sensor_delay<double>(exec, {.worlds = worlds, .samples = worlds + 8, .per_world = true});
+  auto const latencies = Kokkos::create_mirror_view(delay.latency);
+  for (int w = 0; w < worlds; ++w) latencies(w, 0) = w * latency;
+  Kokkos::deep_copy(delay.latency, latencies);
+  for (int k = 0; k < readings; ++k) {
+    Kokkos::deep_copy(exec, x, double(k));
+    gsp::delay_sensor(exec, delay, dt, x, y);
+    Kokkos::parallel_for(
+        "count", Kokkos::RangePolicy<Exec>(exec, 0, worlds), KOKKOS_LAMBDA(int w) { missed(w) += y(w, 0) != (k > w ? k - w : 0); });
+  }
+  exec.fence();
+  int sum = 0;
+  auto const host = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace(), missed);
+  for (int w = 0; w < worlds; ++w) sum += host(w);
+  return sum;
+}
+}  // namespace
+
+// Whole readings: which one it is leaves no error. The last: a step of a float, whose latency is the decimal's.
+TEST_CASE_TEMPLATE("a latency of w readings is that of w readings, whatever its multiple of dt rounds", Exec, GSP_TEST_EXECS) {
+  for (double const dt : {.001, .002, .01, 1. / 60}) CHECK_MESSAGE(readings_missed<Exec>(dt, dt, 24, 100000) == 0, "dt " << dt);
+  CHECK(readings_missed<Exec>(double(.01F), .01, 24, 100000) == 0);
+}
+
 // Beside a sorted list: a sample of a time that is there takes its place, any other that of the oldest.
 TEST_CASE("samples in any order of their times") {
   gsp_test::Random r{11};
@@ -227,7 +260,7 @@ TEST_CASE("samples in any order of their times") {
     value[i] = r();
     list[time[i]] = value[i];
   }
-  gsp::detail::SampleRing<double> const ring{time, value, &cursor, n, 1};
+  gsp::detail::SampleRing<double> const ring{time, value, &cursor, n, 1, 1e-15};
   for (int k = 0; k < 3000; ++k) {
     double const newest = list.rbegin()->first, t = k % 3 == 0 ? newest + std::abs(r()) : std::floor(8 * (newest + 4 * r())) / 8, x = r();
     if (list.find(t) == list.end()) list.erase(list.begin());

@@ -5,15 +5,14 @@
 /// Samples by their times, kept in a ring: what sensors that are read late are read from.
 namespace gsp::detail {
 
-inline constexpr double same_time = 1e-15;  // [s] times that differ by less are one (MuJoCo's mjMINVAL)
-
-/// The last n samples of `size` numbers each, in the order of their times. MuJoCo's mju_historyInsert and mju_historyRead.
+/// The last n samples of `size` numbers by their times, of which those within `same` [s] are one. MuJoCo's mju_historyInsert and -Read.
 template <class R>
 struct SampleRing {
   double* time;  // (n) [s], which rise from the one after the cursor on, round to the cursor's
   R* value;      // (n, size)
   int* cursor;   // the newest
   int n, size;
+  double same;
   KOKKOS_INLINE_FUNCTION int slot(int i) const { return (*cursor + 1 + i) % n; }  // of the i-th, 0: the oldest
   /// The first that is not before t; n: all are.
   KOKKOS_FUNCTION int find(double t) const {
@@ -29,7 +28,7 @@ struct SampleRing {
   /// Where the numbers of a sample of time t go. It takes the place of one of that time, else of the oldest.
   KOKKOS_FUNCTION R* insert(double t) const {
     int const i = find(t);
-    if (i < n && Kokkos::abs(t - time[slot(i)]) < same_time) return value + slot(i) * size;
+    if (i < n && Kokkos::abs(t - time[slot(i)]) < same) return value + slot(i) * size;
     int to = slot(0);
     if (i == n) {  // newer than all
       *cursor = to;
@@ -46,9 +45,9 @@ struct SampleRing {
   /// put(c, number c at time t). Before the oldest and after the newest: theirs.
   template <class Put>
   KOKKOS_FUNCTION void read(double t, Interpolation how, Put const& put) const {
-    int const i = t <= time[slot(0)] + same_time ? 0 : t >= time[slot(n - 1)] - same_time ? n - 1 : find(t);
+    int const i = t <= time[slot(0)] + same ? 0 : t >= time[slot(n - 1)] - same ? n - 1 : find(t);
     double const next = time[slot(i)];
-    bool const met = i == 0 || t >= next - same_time;
+    bool const met = i == 0 || t >= next - same;
     R const* const y1 = value + slot(i) * size;
     R const* const y0 = met ? y1 : value + slot(i - 1) * size;
     if (met || how == Interpolation::hold) {

@@ -5,13 +5,15 @@
 /// Kernels of sensor/sensor_history.hpp, where the contract stands.
 namespace gsp::detail {
 
+inline constexpr double mujoco_same_time = 1e-15;  // [s] MuJoCo's mjMINVAL: due times and samples are compared as there
+
 template <class History>
 struct HistoryBase {
   History of;
   KOKKOS_INLINE_FUNCTION auto ring(int w, int i) const {
     auto const& e = of.entries(i);
     using R = typename decltype(of.value)::value_type;
-    return SampleRing<R>{&of.time(w, e.time), &of.value(w, e.value), &of.cursor(w, i), e.samples, e.size};
+    return SampleRing<R>{&of.time(w, e.time), &of.value(w, e.value), &of.cursor(w, i), e.samples, e.size, mujoco_same_time};
   }
   KOKKOS_INLINE_FUNCTION bool is_due(int w, int i) const { return of.due(w, i) + of.entries(i).period <= of.clock(w); }
 };
