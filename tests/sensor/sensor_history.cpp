@@ -112,6 +112,24 @@ TEST_CASE_TEMPLATE("late clocks; any batch, worlds that are reset, copies", Exec
   CHECK_THROWS_AS(gsp::make_sensor_history<float>(s.exec, broken), gsp::Error);
 }
 
+// Beside a loop of sums, whose bits they are: timesteps of decimals, of a float, of a power of two, and some whose sums are ties.
+TEST_CASE_TEMPLATE("the clock of late sensors is the sum of all timesteps, however many came since it was read", Exec, GSP_TEST_EXECS) {
+  for (double const h : {.01, .002, double(.002F), 1. / 64, 3. / 7, 1 + std::ldexp(1., -52), 1 + 3 * std::ldexp(1., -52)}) {
+    Late<Exec> s(2);
+    s.history.timestep = h;
+    double clock = 0;
+    std::int64_t steps = 0;
+    for (std::int64_t const now : {std::int64_t(5), std::int64_t(1) << 20, (std::int64_t(1) << 21) + 7, (std::int64_t(1) << 24) + 3}) {
+      for (; steps < now; ++steps) clock += h;
+      Kokkos::deep_copy(Kokkos::subview(s.state.steps, 1), now);
+      gsp::say_late(s.exec, s.state, s.history, s.data);
+      s.exec.fence();
+      CHECK_MESSAGE(gsp_test::host(s.history.clock)(1) == clock, "timestep " << h << ", step " << now);
+      CHECK(gsp_test::host(s.history.clock)(0) == 0);
+    }
+  }
+}
+
 namespace {
 /// A ramp of slope 1, 2, 3 ... in worlds 0, 1, 2 ...; column 1 has its negative.
 template <class Exec>

@@ -18,12 +18,32 @@ struct HistoryBase {
   KOKKOS_INLINE_FUNCTION bool is_due(int w, int i) const { return of.due(w, i) + of.entries(i).period <= of.clock(w); }
 };
 
+/// t + h + h ... of n additions, h > 0 and t >= 0, each rounded as it is. Between two powers of two sums are whole multiples of one unit in
+/// the last place, and so is what an addition adds: the same each time (where h falls in the middle of two of them, from the second on,
+/// since the first one is then even). So they go at once up to the next power: a few additions for each.
+KOKKOS_INLINE_FUNCTION double add_often(double t, double h, std::int64_t n) {
+  while (n > 2) {
+    double const once = t + h;
+    t = once + h;
+    n -= 2;
+    double const more = (t + h) - t;
+    double const top = Kokkos::bit_cast<double>((Kokkos::bit_cast<std::uint64_t>(t) | 0xfffffffffffff) + 1);  // the next power of two
+    if (once < top / 2) continue;
+    if (!(more > 0)) return t;  // too small to change it
+    std::int64_t const left = std::int64_t((top - t) / more) - 2, k = left < n ? left : n;
+    if (k < 1) continue;
+    t += double(k) * more;
+    n -= k;
+  }
+  for (; n > 0; --n) t += h;
+  return t;
+}
+
 /// The clock as MuJoCo has it: a timestep is added at each step.
 template <class History, class Steps>
 struct TellTime {
   History of;
   Steps steps;
-  static constexpr std::int64_t most = 1 << 20;  // additions
   KOKKOS_FUNCTION void operator()(int w) const {
     std::int64_t const now = steps(w);
     std::int64_t seen = of.seen(w);
@@ -32,13 +52,8 @@ struct TellTime {
       seen = 0;
       t = 0;
     }
-    if (now - seen > most) {
-      t = double(now) * of.timestep;
-      seen = now;
-    }
-    for (; seen < now; ++seen) t += of.timestep;
     of.seen(w) = now;
-    of.clock(w) = t;
+    of.clock(w) = add_often(t, of.timestep, now - seen);
   }
 };
 
