@@ -107,6 +107,14 @@ TEST_CASE_TEMPLATE("late clocks; any batch, worlds that are reset, copies", Exec
       std::invalid_argument);
   CHECK_THROWS_AS(gsp::copy_sensor_history(s.exec, alone.history, s.history, Kokkos::View<bool*, Mem>("m", 2)), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_sensor_history<float>(s.exec, s.compiled, {.worlds = 0}), std::invalid_argument);
+  Kokkos::View<float**, Kokkos::LayoutRight, Mem> narrow("narrow", 3, 3);
+  CHECK_THROWS_WITH_AS(gsp::say_late(s.exec, s.state, s.history, narrow),
+                       "gsp::say_late: data has 3 columns, and 4 are read: give the view that the columns were chosen for",
+                       std::invalid_argument);
+  auto many = s.compiled;  // refused before anything is allocated
+  many.sensor_dim[0] = 128;
+  many.sensors[0].settings = {{"nsample", "16777216"}};
+  CHECK_THROWS_AS(gsp::make_sensor_history<float>(s.exec, many), gsp::Error);
   auto broken = s.compiled;
   broken.sensors[0].settings = {{"delay", ".02"}};
   CHECK_THROWS_AS(gsp::make_sensor_history<float>(s.exec, broken), gsp::Error);
@@ -231,6 +239,8 @@ TEST_CASE_TEMPLATE("latency of a ramp: held, on a line, of worlds' own, with jit
   CHECK_THROWS_AS(gsp::delay_sensor(exec, hold, dt, held.x, typename Ramp<Exec>::View("z", 2, 1)), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.latency = -1}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.numbers = 2, .columns = {1}}), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.numbers = 2, .columns = {1, 1}}), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.numbers = 1 << 16, .samples = 1 << 15}), std::invalid_argument);
 }
 
 namespace {

@@ -2,6 +2,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <gsp/core/detail/items.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/sensor/encoders.hpp>
@@ -282,6 +283,18 @@ TEST_CASE("the noise that MJCF's sensors have, where it is asked for") {
   CHECK(std::abs(std::sqrt(turn) / .01 - 1) < 0.026);
   CHECK(std::abs(std::sqrt(acc) / .5 - 1) < 0.026);
   CHECK(gsp::mjcf_noise(gsp::compile(gsp::samples::quadruped_scene())).channels.empty());
+}
+
+// Beside 64-bit division; the largest number of items is worlds x channels, of ints.
+TEST_CASE("rows and columns of items beyond 32 bits") {
+  for (std::int64_t const n : {1, 3, 7, 1 << 20, 2147483647})
+    for (std::int64_t const row : {std::int64_t(0), std::int64_t(5), std::int64_t(4294967296) / n, std::int64_t(2147483646)})
+      for (std::int64_t const column : {std::int64_t(0), n / 2, n - 1}) {
+        if (row > 2147483647) continue;
+        auto const found = gsp::detail::row_column(row * n + column, int(n));
+        CHECK(found.row == row);
+        CHECK(found.column == column);
+      }
 }
 
 TEST_CASE_TEMPLATE("encoders: whole counts, velocities over a span, starts, NaN", Exec, GSP_TEST_EXECS) {

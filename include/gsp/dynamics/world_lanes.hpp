@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/detail/items.hpp>
 #include <gsp/dynamics/lanes.hpp>
 
 /// Lanes of worlds, for kernels that go through a whole world or through independent items of it: poses of geoms, sums over trees, sensors.
@@ -86,10 +87,11 @@ template <class T, class F>
 struct WorldKernel {
   F f;
   int worlds, items;
-  KOKKOS_INLINE_FUNCTION void operator()(int i) const {
+  KOKKOS_INLINE_FUNCTION void operator()(std::int64_t i) const {
     constexpr int W = width_of<T>::value;
-    int const blocks = (worlds + W - 1) / W, block = i % blocks, first = block * W;
-    f(WorldLane<T>{first, worlds - first < W ? worlds - first : W}, i / blocks);
+    RowColumn const at = row_column(i, (worlds + W - 1) / W);
+    int const first = at.column * W;
+    f(WorldLane<T>{first, worlds - first < W ? worlds - first : W}, at.row);
   }
 };
 }  // namespace detail
@@ -102,7 +104,7 @@ template <class R, ExecutionSpace Exec, class F>
 void for_world_lanes(char const* label, Exec const& exec, int worlds, int items, F const& f) {
   using T = lane_number<Exec, R>;
   int const blocks = (worlds + detail::width_of<T>::value - 1) / detail::width_of<T>::value;
-  Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, blocks * items), detail::WorldKernel<T, F>{f, worlds, items});
+  Kokkos::parallel_for(label, detail::long_range(exec, items, blocks), detail::WorldKernel<T, F>{f, worlds, items});
 }
 
 }  // namespace gsp

@@ -4,6 +4,7 @@
 #include <gsp/core/exec.hpp>
 #include <gsp/core/region.hpp>
 #include <gsp/model/state.hpp>
+#include <gsp/sensor/detail/columns.hpp>
 #include <gsp/sensor/detail/sensor_noise_kernels.hpp>
 #include <string>
 #include <vector>

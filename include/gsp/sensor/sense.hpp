@@ -121,11 +121,11 @@ void sense(Exec const& exec, S const& sensor, Data& data, SenseOptions options =
   if constexpr (requires { sensor.adr(0); }) {
     static_assert(
         requires { sensor.columns(); }, "gsp::sense: a sensor with adr(i) also has `int columns() const`: the end of the last");
-    expects(options.adr + sensor.columns() <= int(data.extent(1)), "gsp::sense: the sensors write to column " +
-                                                                       std::to_string(options.adr + sensor.columns() - 1) +
-                                                                       ", and data has " + std::to_string(data.extent(1)) + " columns");
+    expects(std::int64_t(options.adr) + sensor.columns() <= std::int64_t(data.extent(1)),
+            "gsp::sense: the sensors write to column " + std::to_string(std::int64_t(options.adr) + sensor.columns() - 1) +
+                ", and data has " + std::to_string(data.extent(1)) + " columns");
   } else
-    expects(options.adr + sensor.count() * sensor.size() <= int(data.extent(1)),
+    expects(options.adr + std::int64_t(sensor.count()) * sensor.size() <= std::int64_t(data.extent(1)),
             "gsp::sense: " + std::to_string(sensor.count()) + " sensors of " + std::to_string(sensor.size()) + " numbers from column " +
                 std::to_string(options.adr) + " on do not fit into data with " + std::to_string(data.extent(1)) + " columns");
   for_world_lanes<R>(options.label, exec, int(data.extent(0)), sensor.count(), detail::Sense<S, Data>{sensor, data, options.adr});

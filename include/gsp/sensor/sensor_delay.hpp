@@ -4,6 +4,7 @@
 #include <gsp/core/exec.hpp>
 #include <gsp/core/region.hpp>
 #include <gsp/model/state.hpp>
+#include <gsp/sensor/detail/columns.hpp>
 #include <gsp/sensor/detail/sample_ring.hpp>
 #include <gsp/sensor/detail/sensor_noise_kernels.hpp>
 #include <string>
@@ -50,8 +51,8 @@ struct SensorDelay {
   int samples() const { return int(time.extent(1)); }
 };
 
-/// Allocates. Errors: std::invalid_argument for worlds, numbers or samples below 1, times that are negative or not finite, and another
-/// number of columns.
+/// Allocates. Errors: std::invalid_argument for worlds, numbers or samples below 1, times that are negative or not finite, another number
+/// of columns or one that is named twice, and 2^31 kept numbers of a world or more.
 template <class R, ExecutionSpace Exec>
 SensorDelay<R, typename Exec::memory_space> make_sensor_delay(Exec const& exec, SensorDelayOptions options) {
   constexpr char const* where = "gsp::make_sensor_delay";
@@ -62,10 +63,12 @@ SensorDelay<R, typename Exec::memory_space> make_sensor_delay(Exec const& exec, 
   if (options.columns.empty())
     for (int c = 0; c < options.numbers; ++c) options.columns.push_back(c);
   expects(int(options.columns.size()) == options.numbers, where, "give as many columns as numbers, or none");
+  expects(std::int64_t(options.samples) * options.numbers < std::int64_t(1) << 31, where,
+          "samples of all numbers are 2^31 or more of each world: keep fewer");
   SensorDelay<R, typename Exec::memory_space> d;
   int const n = options.worlds, rows = options.per_world ? n : 1;
   d.worlds = n;
-  d.columns = detail::columns_of(where, options.columns);
+  d.columns = detail::own_columns_of(where, options.columns);
   d.interpolation = options.interpolation;
   d.source = {options.seed, options.sensor, options.first_world};
   d.longest = options.latency + options.jitter;

@@ -28,6 +28,7 @@ struct SensorHistory {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0;
+  int columns = 0;      // host: that data has at least
   double timestep = 0;  // [s]
   View<SensorHistoryEntry*> entries;
   View<double*> start;                       // (samples) [s] their times at the start
@@ -57,7 +58,7 @@ void reset_sensor_history(Exec const& exec, SensorHistory<R, Mem>& of, Mask cons
   Region const region("gsp::sensor::reset_sensor_history");
   detail::expects_mask("gsp::reset_sensor_history", mask, "history of sensors", of.worlds);
   if (of.asked.data()) of.asked() = {};
-  Kokkos::parallel_for("gsp::sensor::reset_sensor_history", Kokkos::RangePolicy<Exec>(exec, 0, of.worlds * of.count()),
+  Kokkos::parallel_for("gsp::sensor::reset_sensor_history", detail::long_range(exec, of.worlds, of.count()),
                        detail::ResetHistory<SensorHistory<R, Mem>, Mask>{of, mask});
 }
 
@@ -74,7 +75,7 @@ inline std::vector<double> start_times(SensorHistorySettings const& s, double ti
 }  // namespace detail
 
 /// The samples of `compiled`'s sensors with nsample > 0, as at the start. Allocates. Errors: std::invalid_argument for worlds < 1, and a
-/// timestep that is not positive; gsp::Error for settings that MJCF does not allow.
+/// timestep that is not positive; gsp::Error for settings that MJCF does not allow, and 2^31 numbers of a world or more.
 template <class R, ExecutionSpace Exec>
 SensorHistory<R, typename Exec::memory_space> make_sensor_history(Exec const& exec, CompiledModel const& compiled,
                                                                   SensorHistoryOptions const& options = {}) {
@@ -83,8 +84,10 @@ SensorHistory<R, typename Exec::memory_space> make_sensor_history(Exec const& ex
   h.worlds = options.worlds;
   h.timestep = options.timestep > 0 ? options.timestep : compiled.option.timestep;
   std::vector<SensorHistoryEntry> entries;
+  std::vector<SensorHistorySettings> late;
   std::vector<double> start;
-  int values = 0, numbers = 0;
+  std::int64_t values = 0, times = 0;  // of a world
+  int numbers = 0;
   for (int i = 0; i < compiled.nsensor; ++i) {
     auto const settings = history_settings(compiled.sensors[i]);
     if (!settings.fault.empty())
@@ -93,15 +96,22 @@ SensorHistory<R, typename Exec::memory_space> make_sensor_history(Exec const& ex
     for (int const other : options.left_out) left_out = left_out || other == i;
     if (left_out) continue;
     int const size = compiled.sensor_dim[i], n = settings.samples;
-    entries.push_back({compiled.sensor_adr[i], size, n, settings.interpolation, settings.delay, settings.period, settings.phase,
-                       int(start.size()), values, numbers});
-    for (double const t : detail::start_times(settings, h.timestep)) start.push_back(t);
-    values += n * size;
+    entries.push_back({compiled.sensor_adr[i], size, n, settings.interpolation, settings.delay, settings.period, settings.phase, int(times),
+                       int(values), numbers});
+    values += std::int64_t(n) * size;
+    times += n;
     numbers += size;
+    h.columns = compiled.sensor_adr[i] + size > h.columns ? compiled.sensor_adr[i] + size : h.columns;
+    if (values >= std::int64_t(1) << 31)
+      throw Error("gsp::make_sensor_history: sensors up to " + std::to_string(i) + " '" + compiled.sensors[i].name +
+                  "' keep 2^31 numbers of each world or more: lower nsample");
+    late.push_back(settings);
   }
   expects(entries.empty() || h.timestep > 0, "gsp::make_sensor_history: the timestep must be positive: sensors keep samples of steps");
   h.entries = detail::to_device<decltype(h.entries)>(exec, "gsp::SensorHistory::entries", entries);
   if (entries.empty()) return h;
+  for (auto const& settings : late)
+    for (double const t : detail::start_times(settings, h.timestep)) start.push_back(t);
   auto const make = [&](auto& view, char const* label, auto... items) {
     view = detail::allocate_zero<std::decay_t<decltype(view)>>(exec, label, h.worlds, items...);
   };
@@ -130,9 +140,10 @@ void say_late(Exec const& exec, State<R, Mem> const& state, SensorHistory<R, Mem
   Region const region("gsp::sensor::say_late");
   detail::expects_as_many("gsp::say_late", "worlds", "make all with the same {.worlds = n}", detail::Count{"history", of.worlds},
                           detail::Count{"state", state.worlds}, detail::Count{"data", int(data.extent(0))});
+  detail::expects_columns("gsp::say_late", "data", data, of.columns);
   Kokkos::parallel_for("gsp::sensor::tell_time", Kokkos::RangePolicy<Exec>(exec, 0, of.worlds),
                        detail::TellTime<SensorHistory<R, Mem>, decltype(state.steps)>{of, state.steps});
-  Kokkos::parallel_for("gsp::sensor::say_late", Kokkos::RangePolicy<Exec>(exec, 0, of.worlds * of.count()),
+  Kokkos::parallel_for("gsp::sensor::say_late", detail::long_range(exec, of.worlds, of.count()),
                        detail::SayLate<SensorHistory<R, Mem>, Data>(of, data));
   if (of.asked.data()) of.asked().set(state);
 }
@@ -147,7 +158,7 @@ void record_sensors(Exec const& exec, State<R, Mem> const& state, SensorHistory<
   if (of.asked.data() && !of.asked().is_of(state))
     throw std::invalid_argument(std::string("gsp::record_sensors: the sensors' numbers ") + of.asked().fault(state.qpos.data()) +
                                 ": call read_sensors before it");
-  Kokkos::parallel_for("gsp::sensor::record_sensors", Kokkos::RangePolicy<Exec>(exec, 0, of.worlds * of.count()),
+  Kokkos::parallel_for("gsp::sensor::record_sensors", detail::long_range(exec, of.worlds, of.count()),
                        detail::RecordSensors<SensorHistory<R, Mem>>(of));
 }
 

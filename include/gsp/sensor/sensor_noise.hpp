@@ -8,6 +8,7 @@
 #include <gsp/model/compiled.hpp>
 #include <gsp/model/sensor_types.hpp>
 #include <gsp/model/state.hpp>
+#include <gsp/sensor/detail/columns.hpp>
 #include <gsp/sensor/detail/sensor_noise_kernels.hpp>
 #include <string>
 #include <vector>

@@ -1,5 +1,7 @@
 #pragma once
 #include <cstdint>
+#include <gsp/core/detail/items.hpp>
+#include <gsp/sensor/detail/columns.hpp>
 #include <gsp/sensor/detail/sample_ring.hpp>
 
 /// Kernels of sensor/sensor_history.hpp, where the contract stands.
@@ -63,8 +65,9 @@ struct SayLate : HistoryBase<History> {
   Data data;
   using HistoryBase<History>::of;
   SayLate(History const& history, Data const& numbers) : HistoryBase<History>{history}, data(numbers) {}
-  KOKKOS_FUNCTION void operator()(int item) const {
-    int const n = int(of.entries.extent(0)), w = item / n, i = item % n;
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
+    RowColumn const at = row_column(item, int(of.entries.extent(0)));
+    int const w = at.row, i = at.column;
     auto const& e = of.entries(i);
     for (int c = 0; c < e.size; ++c) of.now(w, e.now + c) = data(w, e.adr + c);
     if (!(e.delay > 0) && (!(e.period > 0) || this->is_due(w, i))) return;
@@ -76,8 +79,9 @@ template <class History>
 struct RecordSensors : HistoryBase<History> {
   using HistoryBase<History>::of;
   explicit RecordSensors(History const& history) : HistoryBase<History>{history} {}
-  KOKKOS_FUNCTION void operator()(int item) const {
-    int const n = int(of.entries.extent(0)), w = item / n, i = item % n;
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
+    RowColumn const at = row_column(item, int(of.entries.extent(0)));
+    int const w = at.row, i = at.column;
     auto const& e = of.entries(i);
     if (e.period > 0) {
       if (!this->is_due(w, i)) return;
@@ -93,8 +97,9 @@ template <class History, class Mask>
 struct ResetHistory {
   History of;
   Mask mask;
-  KOKKOS_FUNCTION void operator()(int item) const {
-    int const n = int(of.entries.extent(0)), w = item / n, i = item % n;
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
+    RowColumn const at = row_column(item, int(of.entries.extent(0)));
+    int const w = at.row, i = at.column;
     if (!mask(w)) return;
     auto const& e = of.entries(i);
     for (int j = 0; j < e.samples; ++j) of.time(w, e.time + j) = of.start(e.time + j);

@@ -1,10 +1,8 @@
 #pragma once
 #include <Kokkos_Core.hpp>
 #include <cstdint>
-#include <gsp/core/check.hpp>
+#include <gsp/core/detail/items.hpp>
 #include <gsp/math/philox.hpp>
-#include <string>
-#include <vector>
 
 /// Kernels of sensor/sensor_noise.hpp, sensor/sensor_delay.hpp and sensor/encoders.hpp, where the contracts stand.
 namespace gsp::detail {
@@ -12,6 +10,7 @@ namespace gsp::detail {
 /// Whose random numbers they are. Rays take streams 0 and 1 (ray/ray_noise.hpp).
 struct NoiseSource {
   enum Stream : std::uint32_t { sample = 2, start = 3, latency = 4, encoder = 5 };
+  static constexpr std::size_t most_channels = 1 << 24;  // of a sensor: words has 24 bits for them
   std::uint64_t seed;
   std::uint32_t sensor, first_world;
   KOKKOS_INLINE_FUNCTION Philox words(int world, int channel, std::int64_t tick, Stream stream) const {
@@ -19,22 +18,6 @@ struct NoiseSource {
                           first_world + std::uint32_t(world), sensor << 8 | stream}});
   }
 };
-
-/// Columns that views must have, so that these are among them.
-inline int columns_of(char const* where, std::vector<int> const& list) {
-  int most = 0;
-  for (int const c : list) {
-    expects(c >= 0, where, "columns must not be negative");
-    most = c + 1 > most ? c + 1 : most;
-  }
-  return most;
-}
-template <class View>
-void expects_columns(char const* where, char const* what, View const& view, int columns) {
-  if (int(view.extent(1)) < columns)
-    throw std::invalid_argument(std::string(where) + ": " + what + " has " + std::to_string(view.extent(1)) + " columns, and " +
-                                std::to_string(columns) + " are read: give the view that the columns were chosen for");
-}
 
 /// Row w of (worlds | 1, items).
 template <class View>
