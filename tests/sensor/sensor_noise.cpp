@@ -141,6 +141,8 @@ TEST_CASE_TEMPLATE("what is coupled, rounded and cut; parameters of worlds' own;
   refused({.channels = {{}}, .coupling = {1, 2}});
   refused({.channels = {{}}, .columns = {-1}});
   refused({.channels = {{}}, .worlds = 0});
+  CHECK_THROWS_AS((void)gsp::make_encoders<double>(exec, {.columns = std::vector<int>((1 << 24) + 1), .resolution = 1}),
+                  std::invalid_argument);
 }
 
 TEST_CASE_TEMPLATE("a world's noise is its own: any batch, other worlds, sensors and seeds; starts by a mask", Exec, GSP_TEST_EXECS) {
@@ -339,6 +341,40 @@ TEST_CASE_TEMPLATE("encoders: whole counts, velocities over a span, starts, NaN"
   exec.fence();
   CHECK(std::isnan(numbers(encoders.position)[0]));
   CHECK(std::isnan(numbers(encoders.velocity)[2]));
+  // what comes after NaN has nothing before it: a first reading, and then a span that begins there
+  for (int k = 0; k < 12; ++k) {
+    double const x = 7 + k * step;
+    Kokkos::deep_copy(q, x);
+    gsp::read_encoders(exec, encoders, dt, q);
+    exec.fence();
+    for (int w = 0; w < 3; ++w) {
+      CHECK(numbers(encoders.position)[std::size_t(w)] == step * count(x, w));
+      CHECK(std::abs(numbers(encoders.velocity)[std::size_t(w)] - step * std::min(k, 10) / (10 * dt)) < 1e-12);
+    }
+  }
+  // save, and go on from there: the same again
+  options.worlds = 3;
+  options.first_world = 0;
+  auto saved = gsp::make_encoders<double>(exec, options);
+  gsp::copy_encoders(exec, encoders, saved);
+  auto const later = [&] {
+    std::vector<std::vector<double>> out;
+    for (int k = 0; k < 13; ++k) {
+      Kokkos::deep_copy(q, .1 * k * k);
+      gsp::read_encoders(exec, encoders, dt, q);
+      exec.fence();
+      out.push_back(numbers(encoders.velocity));
+    }
+    return out;
+  };
+  auto const first = later();
+  gsp::copy_encoders(exec, saved, encoders);
+  CHECK(later() == first);
+  CHECK_THROWS_AS(gsp::copy_encoders(exec, alone, encoders), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::read_encoders(exec, encoders, 2 * dt, q),
+                       "gsp::read_encoders: velocities are over readings of one dt, and this is another: call it at one rate, or make the "
+                       "encoders anew",
+                       std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_encoders<double>(exec, {.resolution = 0}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_encoders<double>(exec, {.resolution = 1, .span = 0}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::read_encoders(exec, encoders, 0, q), std::invalid_argument);

@@ -38,6 +38,7 @@ struct Encoders {
   View<R**> position, velocity;  // (worlds, encoders) [rad, m], [rad/s, m/s]
   int columns = 0;               // host: that views have at least
   std::int64_t tick = 0;         // host: readings made
+  double dt = 0;                 // host: [s] between them
   int encoders() const { return int(column.extent(0)); }
   int span() const { return int(count.extent(2)); }
 };
@@ -47,8 +48,9 @@ template <class Of>
 struct PlaceOffsets {
   Of of;
   NoiseSource source;
-  KOKKOS_FUNCTION void operator()(int item) const {
-    int const n = int(of.column.extent(0)), w = item / n, i = item % n;
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
+    RowColumn const at = row_column(item, int(of.column.extent(0)));
+    int const w = at.row, i = at.column;
     of.offset(w, i) = uniform_of<typename Of::real_type>(source.words(w, i, 0, NoiseSource::encoder).word[0]);
   }
 };
@@ -58,12 +60,15 @@ struct ReadEncoders {
   From q;
   double dt;
   int slot;
-  KOKKOS_FUNCTION void operator()(int item) const {
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
     using R = typename Of::real_type;
-    int const n = int(of.column.extent(0)), w = item / n, i = item % n, span = int(of.count.extent(2));
+    RowColumn const at = row_column(item, int(of.column.extent(0)));
+    int const w = at.row, i = at.column;
+    int const span = int(of.count.extent(2));
     double const step = double(value_of(of.resolution, w, i));
     double const counts = Kokkos::floor(double(q(w, of.column(i))) / step + double(of.offset(w, i)));
-    if (!(Kokkos::abs(counts) < 9e15)) {  // not a number of counts: nor is what it says
+    if (!(Kokkos::abs(counts) < 9e15)) {  // not a number of counts: nor is what it says, and the next good one is a first
+      of.begun(w, i) = 0;
       of.position(w, i) = of.velocity(w, i) = R(Kokkos::Experimental::quiet_NaN<double>::value);
       return;
     }
@@ -79,19 +84,21 @@ template <class Of, class Mask>
 struct ResetEncoders {
   Of of;
   Mask mask;
-  KOKKOS_FUNCTION void operator()(int item) const {
-    int const n = int(of.column.extent(0)), w = item / n;
-    if (mask(w)) of.begun(w, item % n) = 0;
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
+    RowColumn const at = row_column(item, int(of.column.extent(0)));
+    int const w = at.row, i = at.column;
+    if (mask(w)) of.begun(w, i) = 0;
   }
 };
 }  // namespace detail
 
-/// Allocates; offsets are uniform, each world and encoder its own. Errors: std::invalid_argument for worlds or span below 1, no columns,
-/// and a resolution that is not positive.
+/// Allocates; offsets are uniform, each world and encoder its own. Errors: std::invalid_argument for worlds or span below 1, no columns
+/// or more than 2^24, and a resolution that is not positive.
 template <class R, ExecutionSpace Exec>
 Encoders<R, typename Exec::memory_space> make_encoders(Exec const& exec, EncodersOptions const& options) {
   constexpr char const* where = "gsp::make_encoders";
   expects(options.worlds > 0 && options.span > 0 && !options.columns.empty(), where, "worlds, span and columns must be positive");
+  expects(options.columns.size() <= detail::NoiseSource::most_channels, where, "there are more than 2^24 encoders: make several");
   expects(options.resolution > 0 && std::isfinite(options.resolution), where, "the resolution of a count must be positive");
   expects(options.sensor < (1u << 24), where, "the sensor's number must be below 2^24");
   Encoders<R, typename Exec::memory_space> e;
@@ -110,7 +117,7 @@ Encoders<R, typename Exec::memory_space> make_encoders(Exec const& exec, Encoder
   make(e.velocity, "gsp::Encoders::velocity", n, encoders);
   Kokkos::deep_copy(exec, e.resolution, R(options.resolution));
   using Of = decltype(e);
-  Kokkos::parallel_for("gsp::sensor::make_encoders", Kokkos::RangePolicy<Exec>(exec, 0, n * encoders),
+  Kokkos::parallel_for("gsp::sensor::make_encoders", detail::long_range(exec, n, encoders),
                        detail::PlaceOffsets<Of>{e, {options.seed, options.sensor, options.first_world}});
   return e;
 }
@@ -118,8 +125,9 @@ Encoders<R, typename Exec::memory_space> make_encoders(Exec const& exec, Encoder
 /// position and velocity: what encoders say of the positions q (worlds, numbers), dt [s] after the last reading:
 ///   count = floor(q / resolution + offset),   position = resolution count,   velocity = resolution (count - count of span readings ago) /
 ///   (span dt)
-/// A world's first reading has velocity 0. One launch; does not allocate, does not fence. NaN stays NaN. Errors: std::invalid_argument for
-/// a view of another number of worlds or too few columns, and a dt that is not positive.
+/// A world's first reading has velocity 0. NaN stays NaN, and the reading after it is a first one. One launch; does not allocate, does not
+/// fence. Errors: std::invalid_argument for a view of another number of worlds or too few columns, a dt that is not positive, and one that
+/// differs from the first reading's where the span is more than one.
 template <ExecutionSpace Exec, class R, class Mem, class From>
 void read_encoders(Exec const& exec, Encoders<R, Mem>& of, double dt, From const& q) {
   Region const region("gsp::sensor::read_encoders");
@@ -128,7 +136,10 @@ void read_encoders(Exec const& exec, Encoders<R, Mem>& of, double dt, From const
   detail::expects_as_many(where, "worlds", "make both with the same {.worlds = n}", detail::Count{"encoders", of.worlds},
                           detail::Count{"q", int(q.extent(0))});
   detail::expects_columns(where, "q", q, of.columns);
-  Kokkos::parallel_for("gsp::sensor::read_encoders", Kokkos::RangePolicy<Exec>(exec, 0, of.worlds * of.encoders()),
+  if (of.tick == 0) of.dt = dt;
+  expects(of.span() == 1 || std::abs(dt - of.dt) <= 1e-6 * of.dt, where,
+          "velocities are over readings of one dt, and this is another: call it at one rate, or make the encoders anew");
+  Kokkos::parallel_for("gsp::sensor::read_encoders", detail::long_range(exec, of.worlds, of.encoders()),
                        detail::ReadEncoders<Encoders<R, Mem>, From>{of, q, dt, int(of.tick % of.span())});
   ++of.tick;
 }
@@ -141,8 +152,24 @@ requires requires(Mask const& mask) { bool(mask(0)); }
 void reset_encoders(Exec const& exec, Encoders<R, Mem>& of, Mask const& mask) {
   Region const region("gsp::sensor::reset_encoders");
   detail::expects_mask("gsp::reset_encoders", mask, "encoders", of.worlds);
-  Kokkos::parallel_for("gsp::sensor::reset_encoders", Kokkos::RangePolicy<Exec>(exec, 0, of.worlds * of.encoders()),
+  Kokkos::parallel_for("gsp::sensor::reset_encoders", detail::long_range(exec, of.worlds, of.encoders()),
                        detail::ResetEncoders<Encoders<R, Mem>, Mask>{of, mask});
+}
+
+/// `to` goes on as `from` would have, to the bit: counts and the number of the reading of all worlds. Resolutions and offsets stay. Beside
+/// `save` and `restore` of a simulation. Does not allocate, does not fence a device. Errors: std::invalid_argument for encoders of other
+/// sizes.
+template <ExecutionSpace Exec, class R, class Mem>
+void copy_encoders(Exec const& exec, Encoders<R, Mem> const& from, Encoders<R, Mem>& to) {
+  Region const region("gsp::sensor::copy_encoders");
+  expects(from.worlds == to.worlds && from.encoders() == to.encoders() && from.span() == to.span(), "gsp::copy_encoders",
+          "the two differ in worlds, encoders or span: make both with the same options");
+  detail::copy_bytes(exec, to.count.data(), from.count.data(), detail::bytes_of(from.count));
+  detail::copy_bytes(exec, to.begun.data(), from.begun.data(), detail::bytes_of(from.begun));
+  detail::copy_bytes(exec, to.position.data(), from.position.data(), detail::bytes_of(from.position));
+  detail::copy_bytes(exec, to.velocity.data(), from.velocity.data(), detail::bytes_of(from.velocity));
+  to.tick = from.tick;
+  to.dt = from.dt;
 }
 
 }  // namespace gsp
