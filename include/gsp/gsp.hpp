@@ -79,6 +79,7 @@
 #include <gsp/model/model_refusals.hpp>
 #include <gsp/model/names.hpp>
 #include <gsp/model/poses.hpp>
+#include <gsp/model/range_sensor.hpp>
 #include <gsp/model/samples.hpp>
 #include <gsp/model/sensor_history.hpp>
 #include <gsp/model/sensor_types.hpp>

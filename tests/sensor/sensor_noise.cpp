@@ -1,6 +1,7 @@
 // Noise of sensors: Allan deviations beside closed forms, what is added, rounded and cut by hand, batches, starts, encoders.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <gsp/core/detail/items.hpp>
 #include <gsp/model/compile.hpp>
@@ -141,6 +142,19 @@ TEST_CASE_TEMPLATE("what is coupled, rounded and cut; parameters of worlds' own;
   refused({.channels = {{}}, .coupling = {1, 2}});
   refused({.channels = {{}}, .columns = {-1}});
   refused({.channels = {{}}, .worlds = 0});
+  refused({.channels = {{}, {}}, .columns = {1, 1}});
+  refused({.channels = {{}}, .blanks = {{.numbers = {1, 1}}}});
+  refused({.channels = {{}}, .blanks = {{.signs = {-1, 1}}}});
+  refused({.channels = {{}}, .blanks = {{.signs = {0, 0}}}});
+  auto const unit = [&](std::vector<std::array<int, 2>> units, char const* why) {
+    CHECK_THROWS_WITH_AS((void)gsp::make_sensor_noise<double>(exec, {.channels = {{}, {}, {}}, .columns = {2, 3, 5}, .units = units}),
+                         (std::string("gsp::make_sensor_noise: a unit ") + why).c_str(), std::invalid_argument);
+  };
+  unit({{-1, 2}}, "has a first column below 0 or no columns: give its first column and how many");
+  unit({{2, 0}}, "has a first column below 0 or no columns: give its first column and how many");
+  unit({{2, 3}}, "has column 4, which is no channel's: name it in columns");
+  unit({{5, 2147483647}}, "has column 6, which is no channel's: name it in columns");
+  unit({{2, 2}, {3, 1}}, "shares column 3 with another: keep them apart");
   CHECK_THROWS_AS((void)gsp::make_encoders<double>(exec, {.columns = std::vector<int>((1 << 24) + 1), .resolution = 1}),
                   std::invalid_argument);
 }
@@ -219,6 +233,22 @@ TEST_CASE_TEMPLATE("a world's noise is its own: any batch, other worlds, sensors
     for (std::size_t k = 0; k < 3; ++k) CHECK((after[k][w] == during[k][w]) == (w >= 1000));
   for (std::size_t w = 0; w < 1000; ++w) CHECK(after[0][w] != before[0][w]);  // each start has its own
   CHECK(std::abs(deviation({after[0].begin(), after[0].begin() + 1000}) / 2 - 1) < 0.09);
+
+  // save, and go on from there: the same again
+  auto saved = gsp::make_sensor_noise<double>(exec, {.channels = {all}, .worlds = 2000, .seed = 9});
+  gsp::copy_sensor_noise(exec, noise, saved);
+  auto const later = [&] {
+    Kokkos::deep_copy(y, 0.);
+    for (int k = 0; k < 5; ++k) gsp::add_sensor_noise(exec, noise, .01, y, y);
+    exec.fence();
+    return numbers(y);
+  };
+  auto const first = later();
+  gsp::copy_sensor_noise(exec, saved, noise);
+  CHECK(later() == first);
+  CHECK(later() != first);
+  auto other = gsp::make_sensor_noise<double>(exec, {.channels = {all}});
+  CHECK_THROWS_AS(gsp::copy_sensor_noise(exec, noise, other), std::invalid_argument);
 }
 
 TEST_CASE_TEMPLATE("an IMU of a data sheet, whose numbers come late", Exec, GSP_TEST_EXECS) {
@@ -285,6 +315,97 @@ TEST_CASE("the noise that MJCF's sensors have, where it is asked for") {
   CHECK(std::abs(std::sqrt(turn) / .01 - 1) < 0.026);
   CHECK(std::abs(std::sqrt(acc) / .5 - 1) < 0.026);
   CHECK(gsp::mjcf_noise(gsp::compile(gsp::samples::quadruped_scene())).channels.empty());
+}
+
+// Of each sensor two rows of numbers: one that is measured, one where nothing is met. Noise of 0.1, in 500 worlds of each.
+TEST_CASE_TEMPLATE("MJCF's noise of rays, contacts and distances: unit vectors, nothing where nothing is met", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  struct Case {
+    gsp::SensorDescription sensor;
+    int size;
+    std::vector<double> met, nothing;
+    std::vector<int> units;  // first of three
+    std::vector<int> still;  // numbers without noise
+  };
+  auto const sensor = [](std::string type, std::string data, double cutoff = 0) {
+    gsp::SensorDescription s{.type = std::move(type), .noise = .1};
+    if (!data.empty()) s.settings = {{s.type == "user" ? "datatype" : "data", data}};
+    s.cutoff = cutoff;
+    return s;
+  };
+  std::vector<Case> const cases{
+      {sensor("normal", ""), 3, {0, .6, .8}, {0, 0, 0}, {0}, {}},
+      {sensor("fromto", ""), 6, {1, 2, 3, 4, 5, 6}, {0, 0, 0, 0, 0, 0}, {}, {}},
+      {sensor("distance", "", .3), 1, {.2}, {.3}, {}, {}},
+      {sensor("distance", ""), 1, {-.2}, {0}, {}, {}},
+      {sensor("rangefinder", ""), 1, {1e-3}, {-1}, {}, {}},
+      {sensor("rangefinder", "", .3), 1, {1e-3}, {-.3}, {}, {}},
+      {sensor("rangefinder", "dist dir origin normal depth"),
+       11,
+       {2, 0, 0, 1, 5, 5, 5, 0, 1, 0, 2},
+       {-1, 0, 0, 0, 5, 5, 5, 0, 0, 0, -1},
+       {1, 7},
+       {}},
+      {sensor("rangefinder", "point normal"), 6, {0, 0, 0, 1, 0, 0}, {0, 0, 0, 0, 0, 0}, {3}, {}},
+      {sensor("rangefinder", "origin"), 3, {1, 1, 1}, {}, {}, {}},
+      {sensor("contact", "found force normal tangent"), 10, {2, 0, 0, 9, 0, 0, 1, 0, 1, 0}, std::vector<double>(10, 0), {4, 7}, {0}},
+      {sensor("contact", "dist pos"), 4, {-.1, 1, 1, 1}, {0, 0, 0, 0}, {}, {}},
+      {sensor("touch", ""), 1, {1e-3}, {0}, {}, {}},
+      {sensor("framexaxis", ""), 3, {1, 0, 0}, {}, {0}, {}},
+      {sensor("user", "axis"), 3, {0, 1, 0}, {}, {0}, {}},
+      {sensor("user", "positive"), 2, {1, 1e-3}, {0, 0}, {}, {}},
+      {sensor("user", ""), 2, {0, 1}, {}, {}, {}},
+  };
+  for (auto const& c : cases) {
+    CAPTURE(c.sensor.type);
+    CAPTURE(c.size);
+    gsp::CompiledModel compiled;
+    compiled.nsensor = 1;
+    compiled.nsensordata = 3 * c.size;
+    compiled.sensors = {c.sensor};
+    if (c.sensor.type == "contact") compiled.sensors[0].settings.push_back({"num", "3"});
+    bool const groups = c.sensor.type == "contact" || c.sensor.type == "rangefinder";  // slots, pixels
+    compiled.sensor_adr = {0};
+    compiled.sensor_dim = {groups ? 3 * c.size : c.size};
+    int const worlds = 1000, width = 3 * c.size;
+    Rows<Exec> const data("data", worlds, width), said("said", worlds, width);
+    auto const host = Kokkos::create_mirror_view(data);
+    for (int w = 0; w < worlds; ++w)
+      for (int k = 0; k < width; ++k) {  // met, nothing, met; every other world the other way round
+        bool const nothing = !c.nothing.empty() && (k / c.size + w) % 2 == 1;
+        host(w, k) = (nothing ? c.nothing : c.met)[std::size_t(k % c.size)];
+      }
+    Kokkos::deep_copy(data, host);
+    auto const given = numbers(data);
+    auto const options = gsp::mjcf_noise(compiled, {.worlds = worlds, .seed = 4});
+    auto noise = gsp::make_sensor_noise<double>(exec, options), same = gsp::make_sensor_noise<double>(exec, options);
+    gsp_test::check_algorithm(exec, gsp_test::watch([&] { gsp::add_sensor_noise(exec, noise, .01, data, said); }));
+    gsp::add_sensor_noise(exec, same, .01, data, data);  // in place
+    exec.fence();
+    auto const y = numbers(said), in_place = numbers(data);
+    int const written = groups ? width : c.size;
+    bool const positive = c.sensor.type == "touch" || c.sensor.type == "rangefinder" || c.size == 2;
+    int moved = 0, still = 0, lengths = 0, negative = 0, differ = 0;
+    for (int w = 0; w < worlds; ++w)
+      for (int k = 0; k < written; ++k) {
+        bool const nothing = !c.nothing.empty() && (k / c.size + w) % 2 == 1;
+        std::size_t const at = std::size_t(w) * std::size_t(width) + std::size_t(k);
+        differ += y[at] != in_place[at];
+        bool const exact = std::find(c.still.begin(), c.still.end(), k % c.size) != c.still.end();
+        (nothing || exact ? still : moved) += y[at] != given[at];
+        if (positive && !nothing && c.size < 3) negative += y[at] < 0;
+        if (nothing || std::find(c.units.begin(), c.units.end(), k % c.size) == c.units.end()) continue;
+        lengths += std::abs(y[at] * y[at] + y[at + 1] * y[at + 1] + y[at + 2] * y[at + 2] - 1) < 1e-14;
+      }
+    CHECK(differ == 0);
+    CHECK(still == 0);
+    if (c.sensor.type != "user" || c.sensor.settings.size() > 0) CHECK(negative == 0);
+    int const share = c.nothing.empty() ? worlds : worlds / 2, rows = written / c.size;
+    CHECK(moved == share * rows * (c.size - int(c.still.size())));
+    CHECK(lengths == share * rows * int(c.units.size()));
+  }
+  CHECK(gsp::range_fields(sensor("rangefinder", "dist depth")) == 0b100001);
+  CHECK(gsp::range_fields(sensor("rangefinder", "")) == 1);
 }
 
 // Beside 64-bit division; the largest number of items is worlds x channels, of ints.

@@ -6,6 +6,7 @@
 #include <gsp/model/archetypes.hpp>
 #include <gsp/model/contact_sensor.hpp>
 #include <gsp/model/detail/sizes.hpp>
+#include <gsp/model/range_sensor.hpp>
 #include <gsp/model/sensor_types.hpp>
 #include <gsp/ray/ray_scene.hpp>
 #include <gsp/sensor/accelerations.hpp>
@@ -38,7 +39,6 @@ struct ContactSensorEntry {
   KOKKOS_INLINE_FUNCTION bool has(ContactField field) const { return (fields >> int(field)) & 1u; }
 };
 
-enum class RangeField : int { dist, dir, origin, point, normal, depth };
 /// A rangefinder of a site or of a camera's pixels, and which of a ray's numbers it says.
 template <class R>
 struct RangeSensorEntry {
@@ -161,16 +161,9 @@ inline int place_among_limited(CompiledModel const& m, std::vector<int> const& l
 }
 template <class R>
 RangeSensorEntry<R> range_entry(CompiledModel const& m, SensorDescription const& d, int adr, int object) {
-  char const* const words[] = {"dist", "dir", "origin", "point", "normal", "depth"};
-  RangeSensorEntry<R> e{adr, object, 1u, R(d.cutoff)};
-  for (auto const& [key, value] : d.settings) {
-    if (key != "data") continue;
-    e.fields = 0;
-    std::string const list = " " + value + " ";
-    for (int k = 0; k < 6; ++k) e.fields |= unsigned(list.find(" " + std::string(words[k]) + " ") != std::string::npos) << k;
-  }
+  RangeSensorEntry<R> e{adr, object, range_fields(d), R(d.cutoff)};
   e.size = 0;
-  for (int k = 0; k < 6; ++k) e.size += e.has(RangeField(k)) ? (k == 0 || k == 5 ? 1 : 3) : 0;
+  for (int k = 0; k < 6; ++k) e.size += e.has(RangeField(k)) ? range_sensor_fields[k].size : 0;
   if (d.object_type != "camera") return e;
   e.camera = object;
   auto const &picture = m.cam_resolution[object], &size = m.cam_sensor_size[object], &principal = m.cam_principal[object];

@@ -25,6 +25,25 @@ KOKKOS_INLINE_FUNCTION auto value_of(View const& v, int w, int i) {
   return v(v.extent(0) == 1 ? 0 : w, i);
 }
 
+/// SensorBlank: columns first to first + count - 1 are value.
+struct BlankSigns {
+  int first, count;
+  float value;
+};
+/// Which sensors say that there is nothing: before any number changes, since x may be y.
+template <class Noise, class From>
+struct FindBlanks {
+  Noise of;
+  From x;
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
+    RowColumn const at = row_column(item, int(of.blanks.extent(0)));
+    BlankSigns const blank = of.blanks(at.column);
+    bool all = true;
+    for (int c = blank.first; c < blank.first + blank.count; ++c) all = all && float(x(at.row, c)) == blank.value;
+    of.is_blank(at.row, at.column) = all;
+  }
+};
+
 template <class Noise, class From, class To>
 struct AddSensorNoise {
   Noise of;
@@ -33,10 +52,13 @@ struct AddSensorNoise {
   double dt;
   std::int64_t tick;
   NoiseSource source;
-  KOKKOS_FUNCTION void operator()(int item) const {
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
     using R = typename Noise::real_type;
-    int const n = int(of.column.extent(0)), w = item / n, c = item % n, at = of.column(c);
-    R y_c = R(x(w, at));
+    int const n = int(of.column.extent(0));
+    RowColumn const place = row_column(item, n);
+    int const w = place.row, c = place.column, at = of.column(c);
+    R const true_c = R(x(w, at));
+    R y_c = true_c;
     int const rows = int(of.coupling.extent(0));
     for (int j = 0; j < n && rows > 0; ++j) y_c += of.coupling(rows == 1 ? 0 : w, c, j) * R(x(w, of.column(j)));
     R const density = value_of(of.density, w, c), deviation = value_of(of.deviation, w, c), walk = value_of(of.walk, w, c),
@@ -57,6 +79,8 @@ struct AddSensorNoise {
     y_c += of.drift(w, c, 0) + of.drift(w, c, 1) + of.drift(w, c, 2);
     if (step > R(0)) y_c = step * Kokkos::floor(y_c / step + R(0.5));
     if (limit > R(0)) y_c = y_c > limit ? limit : y_c < -limit ? -limit : y_c;
+    if (of.positive(c)) y_c = y_c < R(0) ? R(0) : y_c;
+    if (of.blanks.extent(0) > 0 && of.blank(c) >= 0 && of.is_blank(w, of.blank(c))) y_c = true_c;
     y(w, at) = y_c;
   }
 };
@@ -68,9 +92,10 @@ struct StartNoise {
   Mask mask;
   std::int64_t tick;
   NoiseSource source;
-  KOKKOS_FUNCTION void operator()(int item) const {
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
     using R = typename Noise::real_type;
-    int const n = int(of.column.extent(0)), w = item / n, c = item % n;
+    RowColumn const at = row_column(item, int(of.column.extent(0)));
+    int const w = at.row, c = at.column;
     if (!mask(w)) return;
     Philox const words = source.words(w, c, tick, NoiseSource::start);
     of.drift(w, c, 0) = value_of(of.turn_on, w, c) * Spread<R>::of(words.word[0], words.word[1]).normal();
@@ -84,9 +109,10 @@ template <class Units, class To>
 struct NormaliseUnits {
   Units units;
   To y;
-  KOKKOS_FUNCTION void operator()(int item) const {
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
     using R = typename To::non_const_value_type;
-    int const n = int(units.extent(0)), w = item / n, i = item % n, first = units(i, 0), end = first + units(i, 1);
+    RowColumn const at = row_column(item, int(units.extent(0)));
+    int const w = at.row, i = at.column, first = units(i, 0), end = first + units(i, 1);
     R sum = R(0);
     for (int c = first; c < end; ++c) sum += y(w, c) * y(w, c);
     R const scale = sum > R(0) ? R(1) / sqrt(sum) : R(1);
