@@ -241,6 +241,20 @@ TEST_CASE_TEMPLATE("latency of a ramp: held, on a line, of worlds' own, with jit
   CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.numbers = 2, .columns = {1}}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.numbers = 2, .columns = {1, 1}}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_sensor_delay<double>(exec, {.numbers = 1 << 16, .samples = 1 << 15}), std::invalid_argument);
+
+  // save, and go on from there: the same again
+  jitter.worlds = 4;
+  jitter.first_world = 0;
+  auto saved = gsp::make_sensor_delay<double>(exec, jitter);
+  gsp::copy_sensor_delay(exec, shake, saved);
+  double const t = shaken.t;
+  std::vector<std::vector<double>> first, again;
+  for (int k = 0; k < 20; ++k) first.push_back(shaken.read(shake, dt));
+  gsp::copy_sensor_delay(exec, saved, shake);
+  shaken.t = t;
+  for (int k = 0; k < 20; ++k) again.push_back(shaken.read(shake, dt));
+  CHECK(first == again);
+  CHECK_THROWS_AS(gsp::copy_sensor_delay(exec, hold, shake), std::invalid_argument);
 }
 
 namespace {

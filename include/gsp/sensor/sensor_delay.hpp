@@ -176,4 +176,20 @@ void reset_sensor_delay(Exec const& exec, SensorDelay<R, Mem>& of, Mask const& m
                        detail::ResetDelay<SensorDelay<R, Mem>, Mask>{of, mask});
 }
 
+/// `to` goes on as `from` would have, to the bit: samples, clock and the number of the reading of all worlds. Latencies and jitters stay.
+/// Beside `save` and `restore` of a simulation. Does not allocate, does not fence a device. Errors: std::invalid_argument for delays of
+/// other sizes.
+template <ExecutionSpace Exec, class R, class Mem>
+void copy_sensor_delay(Exec const& exec, SensorDelay<R, Mem> const& from, SensorDelay<R, Mem>& to) {
+  Region const region("gsp::sensor::copy_sensor_delay");
+  expects(from.worlds == to.worlds && from.samples() == to.samples() && from.numbers() == to.numbers(), "gsp::copy_sensor_delay",
+          "the two differ in worlds, samples or numbers: make both with the same options");
+  detail::copy_bytes(exec, to.time.data(), from.time.data(), detail::bytes_of(from.time));
+  detail::copy_bytes(exec, to.value.data(), from.value.data(), detail::bytes_of(from.value));
+  detail::copy_bytes(exec, to.cursor.data(), from.cursor.data(), detail::bytes_of(from.cursor));
+  detail::copy_bytes(exec, to.said.data(), from.said.data(), detail::bytes_of(from.said));
+  to.now = from.now;
+  to.tick = from.tick;
+}
+
 }  // namespace gsp
