@@ -21,7 +21,7 @@ struct Accelerations {
   int worlds = 0;
   detail::ModelSizes model{};  // host: of which model
   View<R**> qacc;              // (world, nv) [m/s^2, rad/s^2]
-  View<R***> velocity;         // (world, body, 6) [m/s, rad/s]
+  View<R***> velocity;         // (world, body, 6) [m/s, rad/s]; this and what follows empty without bodies
   View<R***> acceleration;     // (world, body, 6) less gravity, what an accelerometer feels: 0 in free fall [m/s^2, rad/s^2]
   View<R***> outside;  // (world, body, 6) what contacts, connects, welds and, in profile mujoco, spatial tendons exert on it [N, N m]
   View<R***> inside;   // (world, body, 6) what its parent exerts on the body, through joints or as it is fixed to it [N, N m]
@@ -31,6 +31,7 @@ struct Accelerations {
 
 struct AccelerationsOptions {
   int worlds = 1;
+  bool bodies = true;  // what bodies do and what acts on them, beside qacc
 };
 
 namespace detail {
@@ -53,13 +54,14 @@ Accelerations<R, Mem> make_accelerations(Exec const& exec, Model<R, Mem> const& 
     return detail::allocate_zero<typename Accelerations<R, Mem>::template View<R***>>(exec, label, options.worlds, model.nbody, 6);
   };
   a.qacc = detail::allocate_zero<decltype(a.qacc)>(exec, "gsp::Accelerations::qacc", options.worlds, model.nv);
+  a.stamp = detail::make_stamp<detail::Stamp>("gsp::Accelerations::stamp");
+  if (!options.bodies) return a;
   a.velocity = of_bodies("gsp::Accelerations::velocity");
   a.acceleration = of_bodies("gsp::Accelerations::acceleration");
   a.outside = of_bodies("gsp::Accelerations::outside");
   a.inside = of_bodies("gsp::Accelerations::inside");
   if (model.profile == Profile::mujoco && detail::has_spatial_tendons(model))
     a.push = detail::allocate_zero<decltype(a.push)>(exec, "gsp::Accelerations::push", options.worlds, model.ntendon);
-  a.stamp = detail::make_stamp<detail::Stamp>("gsp::Accelerations::stamp");
   return a;
 }
 
@@ -92,10 +94,10 @@ void expects_forces_of(char const* where, State<R, Mem> const& state, Rows<R, Me
 /// over the bodies that are fixed or jointed to it, without what touches it.
 /// @param state, poses, dynamics, collision, contacts, rows, impulses, solution  after `forward` (or smooth_dynamics with keep_all,
 ///        collide, assemble and the solver), before the state moves on; scratch of the dynamics is used
-/// @param out       all of it
+/// @param out       all of it, or qacc alone, as it was made
 /// @param sleeping  islands that sleep (step/sleep.hpp): nothing of them accelerates, their contacts push as when they fell asleep
-/// Three launches; cost about 300 flop a body and a binary search a contact. Does not allocate, does not fence. Errors:
-/// std::invalid_argument where dynamics, poses, rows or contacts are of another moment or not there.
+/// Three launches; cost about 300 flop a body and a binary search a contact. qacc alone: one, of a triangular solve. Does not allocate,
+/// does not fence. Errors: std::invalid_argument where dynamics, poses, rows or contacts are of another moment or not there.
 template <ExecutionSpace Exec, class R, class Mem>
 void accelerations(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
                    Dynamics<R, Mem>& dynamics, CollisionModel<R, Mem> const& collision, Contacts<R, Mem> const& contacts,
@@ -116,6 +118,10 @@ void accelerations(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> c
   detail::expects_forces_of(where, state, rows, impulses);
   bool const solved = detail::has_solution(rows, impulses);
   if (out.stamp.data()) out.stamp().set(state);
+  typename Solution<R, Mem>::template View<R**> const z = solved ? solution.z : typename Solution<R, Mem>::template View<R**>{};
+  if (!out.velocity.data())
+    return for_lanes("gsp::sensor::joint_accelerations", exec, model, dynamics,
+                     detail::JointAccelerationStage<R, Mem>{z, out.qacc, sleeping.island});
   Kokkos::parallel_for(
       "gsp::sensor::outside_forces", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
       detail::OutsideForces<R, Mem>{Equalities<R, Mem>(model, state, poses, dynamics), TendonLimits<R, Mem>(model, dynamics),
@@ -123,10 +129,16 @@ void accelerations(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> c
                                     impulses_of<TendonLimits<R, Mem>>(rows, impulses), impulses_of<TendonFriction<R, Mem>>(rows, impulses),
                                     detail::contact_force_of(model, collision, contacts, rows, impulses), poses.xpos, out.outside, out.push,
                                     solved});
-  typename Solution<R, Mem>::template View<R**> const none;
   for_lanes("gsp::sensor::accelerations", exec, model, dynamics,
-            detail::AccelerationStage<R, Mem>{state, poses.xpos, poses.xquat, solved ? solution.z : none, out.qacc, out.velocity,
-                                              out.acceleration, out.outside, out.inside, sleeping.island, out.push});
+            detail::AccelerationStage<R, Mem>{{z, out.qacc, sleeping.island},
+                                              state,
+                                              poses.xpos,
+                                              poses.xquat,
+                                              out.velocity,
+                                              out.acceleration,
+                                              out.outside,
+                                              out.inside,
+                                              out.push});
   for_world_lanes<R>("gsp::sensor::forces_of_what_stands", exec, state.worlds, 1,
                      detail::StandingForces<R, Mem>{model, poses, out.velocity, out.acceleration, out.outside, out.inside});
 }

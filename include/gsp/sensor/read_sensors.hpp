@@ -25,7 +25,7 @@ void read_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> co
   if (sensors.accelerated.extent(0) > 0) {
     accelerations(exec, model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.rows, sim.impulses, sim.solution,
                   sensors.accelerations, sim.sleep.islands);
-    acceleration_sensors(exec, model, state, sim.poses, sensors, data);
+    acceleration_sensors(exec, model, state, sim.poses, sim.dynamics, sensors, data);
   }
   say_late(exec, state, sensors.history, data);
 }

@@ -94,7 +94,7 @@ struct Sensors {
   Subtrees<R, Mem> subtrees;                 // empty where no sensor asks for them
   bool momenta = false;                      // any asks for more than centres of mass
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> energy;
-  Accelerations<R, Mem> accelerations;  // empty where no sensor asks for them
+  Accelerations<R, Mem> accelerations;  // empty where no sensor asks for them; of bodies where one asks for forces
   SensorHistory<R, Mem> history;        // of those that speak late; empty where none does
   detail::Quantities needs;             // host: what the dynamics must hold for those of the smooth state
   std::vector<int> left_out;            // host: indices of the model's sensors that nobody here evaluates: tactile, user
@@ -394,7 +394,11 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
   if (subtrees) s.subtrees = make_subtrees(exec, model, {.worlds = options.worlds});
   if (energy)
     s.energy = detail::allocate_zero<Kokkos::View<R**, Kokkos::LayoutRight, Mem>>(exec, "gsp::Sensors::energy", options.worlds, 2);
-  if (!accelerated.empty()) s.accelerations = make_accelerations(exec, model, {.worlds = options.worlds});
+  if (!accelerated.empty()) {
+    bool const forces = std::any_of(accelerated.begin(), accelerated.end(),
+                                    [](Entry const& e) { return e.type == SensorType::force || e.type == SensorType::torque; });
+    s.accelerations = make_accelerations(exec, model, {.worlds = options.worlds, .bodies = forces});
+  }
   if (!(options.timestep > 0)) {
     double const own = compiled.option.timestep;
     options.timestep = R(own) == model.timestep ? own : double(model.timestep);

@@ -92,15 +92,11 @@ struct OutsideForces {
   }
 };
 
+/// Accelerations of dofs.
 template <class R, class Mem>
-struct AccelerationStage {
-  using View3 = Kokkos::View<R***, Kokkos::LayoutRight, Mem>;
-  State<R, Mem> state;
-  View3 xpos, xquat;
+struct JointAccelerationStage {
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> z, qacc;
-  View3 velocity, acceleration, outside, inside;
   Kokkos::View<int**, Kokkos::LayoutRight, Mem> island;  // SleepingIslands; empty: nothing sleeps
-  Kokkos::View<R**, Kokkos::LayoutRight, Mem> push;      // (world, tendon) of constraints on tendons; empty: tendons act inside
 
   /// 0 where the lane's tree sleeps, else 1.
   template <class L>
@@ -115,19 +111,6 @@ struct AccelerationStage {
         out.set(k, 0);
     }
     return out;
-  }
-  template <class L>
-  KOKKOS_INLINE_FUNCTION auto load3(L const& l, View3 const& view, int b, int components, int first) const {
-    using T = std::remove_cvref_t<decltype(l.items[0])>;
-    return Vec3<T>{l.load(view, l.body0, b, components, first), l.load(view, l.body0, b, components, first + 1),
-                   l.load(view, l.body0, b, components, first + 2)};
-  }
-  template <class L, class T>
-  KOKKOS_INLINE_FUNCTION void store6(L const& l, View3 const& view, int b, Vec3<T> const& linear, Vec3<T> const& angular) const {
-    for (int c = 0; c < 3; ++c) {
-      l.store(view, l.body0, b, linear[c], 6, c);
-      l.store(view, l.body0, b, angular[c], 6, 3 + c);
-    }
   }
   /// impulse <- qacc
   template <class L>
@@ -148,6 +131,34 @@ struct AccelerationStage {
     for (int i = 0; i < nv; ++i) {
       s[x + i] = select(moves > T(0), s[x + i], T(0));
       l.store(qacc, l.dof0, i, s[x + i]);
+    }
+  }
+  template <class L>
+  KOKKOS_FUNCTION void operator()(L const& l) const {
+    joint_accelerations(l);
+  }
+};
+
+/// Those, and what bodies do and what acts on them.
+template <class R, class Mem>
+struct AccelerationStage : JointAccelerationStage<R, Mem> {
+  using View3 = Kokkos::View<R***, Kokkos::LayoutRight, Mem>;
+  State<R, Mem> state;
+  View3 xpos, xquat;
+  View3 velocity, acceleration, outside, inside;
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> push;  // (world, tendon) of constraints on tendons; empty: tendons act inside
+
+  template <class L>
+  KOKKOS_INLINE_FUNCTION auto load3(L const& l, View3 const& view, int b, int components, int first) const {
+    using T = std::remove_cvref_t<decltype(l.items[0])>;
+    return Vec3<T>{l.load(view, l.body0, b, components, first), l.load(view, l.body0, b, components, first + 1),
+                   l.load(view, l.body0, b, components, first + 2)};
+  }
+  template <class L, class T>
+  KOKKOS_INLINE_FUNCTION void store6(L const& l, View3 const& view, int b, Vec3<T> const& linear, Vec3<T> const& angular) const {
+    for (int c = 0; c < 3; ++c) {
+      l.store(view, l.body0, b, linear[c], 6, c);
+      l.store(view, l.body0, b, angular[c], 6, 3 + c);
     }
   }
   /// outside += what spatial tendons do to the bodies of the tree: springs and dampers, actuators and constraints, along the path.
@@ -177,7 +188,7 @@ struct AccelerationStage {
     auto const& a = l.a;
     auto const& s = l.items;
     auto const skipped = [&](int b) { return l.index(a.body_parent, b) == parent_of::none; };
-    joint_accelerations(l);
+    this->joint_accelerations(l);
     for (int b = 0; b < a.nbody; ++b) {
       if (skipped(b)) continue;
       s.put(l.at.xpos + 3 * b, load3(l, xpos, b, 3, 0));
