@@ -13,7 +13,9 @@
 #include <string>
 #include <vector>
 
-/// What rays may meet: the geoms of a model, also those that touch nothing, in all worlds. Meshes are their triangles, not their hulls.
+/// What rays may meet: the geoms of a model, also those that touch nothing, in all worlds. Meshes are their triangles, not their hulls, and
+/// turned as in their file: what was drawn along axes, as floors and walls are, has small boxes there, which it has not along its principal
+/// axes of inertia.
 namespace gsp {
 
 struct RaySceneOptions {
@@ -31,6 +33,7 @@ struct RayGeom {
   RayNode const* nodes;          // mesh
   RayTriangle const* triangles;  // mesh
   ShapeAsset<R> const* height_field;
+  Quat<R> turn;  // from the frame here to the model's frame of the geom, about one origin
 };
 /// `make_ray_scene` makes it, `place_ray_geoms` says where its geoms are.
 template <class R, class Mem>
@@ -84,7 +87,13 @@ RayScene<R, Mem> make_ray_scene(Exec const& exec, Model<R, Mem> const& model, Co
     std::size_t const i = std::size_t(g), mesh = std::size_t(compiled.geom_data[i]);
     if (ShapeType(compiled.geom_type[i]) != ShapeType::mesh || meshes.count(int(mesh)) > 0) continue;
     meshes[int(mesh)] = {nodes.size(), triangles.size()};
-    auto const tree = make_mesh_tree(compiled.mesh_vertices[mesh], compiled.mesh_faces[mesh]);
+    auto vertices = compiled.mesh_vertices[mesh];
+    auto const& q = compiled.mesh_quat[mesh];
+    for (auto& v : vertices) {
+      auto const turned = rotate(Quat<double>{q[0], q[1], q[2], q[3]}, Vec3<double>{v[0], v[1], v[2]});
+      for (int k = 0; k < 3; ++k) v[std::size_t(k)] = float(turned[k]);
+    }
+    auto const tree = make_mesh_tree(vertices, compiled.mesh_faces[mesh]);
     nodes.insert(nodes.end(), tree.nodes.begin(), tree.nodes.end());
     triangles.insert(triangles.end(), tree.triangles.begin(), tree.triangles.end());
   }
@@ -96,13 +105,22 @@ RayScene<R, Mem> make_ray_scene(Exec const& exec, Model<R, Mem> const& model, Co
   for (int const g : shown) {
     std::size_t const i = std::size_t(g);
     auto const& s = compiled.geom_size[i];
-    RayGeom<R> geom{ShapeType(compiled.geom_type[i]), g, compiled.geom_body[i], {R(s[0]), R(s[1]), R(s[2])}, nullptr, nullptr, nullptr};
+    RayGeom<R> geom{ShapeType(compiled.geom_type[i]),
+                    g,
+                    compiled.geom_body[i],
+                    {R(s[0]), R(s[1]), R(s[2])},
+                    nullptr,
+                    nullptr,
+                    nullptr,
+                    identity_quat<R>()};
     double radius = 0;
     if (geom.type == ShapeType::plane) {
       radius = detail::no_hit<double>();
     } else if (geom.type == ShapeType::mesh) {
       std::size_t const mesh = std::size_t(compiled.geom_data[i]);
       for (auto const& v : compiled.mesh_vertices[mesh]) radius = std::max(radius, std::hypot(double(v[0]), double(v[1]), double(v[2])));
+      auto const& q = compiled.mesh_quat[mesh];
+      geom.turn = {R(q[0]), R(-q[1]), R(-q[2]), R(-q[3])};
       geom.nodes = scene.nodes.data() + meshes.at(int(mesh)).nodes;
       geom.triangles = scene.triangles.data() + meshes.at(int(mesh)).triangles;
     } else if (geom.type == ShapeType::hfield) {
@@ -136,7 +154,7 @@ struct PlaceRayGeoms {
     auto const turn = [](R const* q) { return Quat<R>{q[0], q[1], q[2], q[3]}; };
     Transform<R> const body{vec(&poses.xpos(w, geom.body, 0)), turn(&poses.xquat(w, geom.body, 0))};
     Transform<R> const place = body * Transform<R>{vec(pos.row(w) + 3 * geom.geom), turn(quat.row(w) + 4 * geom.geom)};
-    scene.turn(w, g) = to_matrix(place.q);
+    scene.turn(w, g) = to_matrix(place.q * geom.turn);
     for (int c = 0; c < 3; ++c) scene.place(w, c, g) = place.p[c];
   }
 };

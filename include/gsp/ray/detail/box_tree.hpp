@@ -196,7 +196,8 @@ struct BoxRay {
 };
 
 /// Calls take(first, end) for leaves that the ray comes into before most(), which may become less meanwhile: nearer ones first, as far as
-/// boxes tell.
+/// boxes tell. A leaf is taken when it is next, as a node would be: threads of a GPU that go on in step then look at leaves together, and
+/// at nodes together (Aila and Laine, Understanding the efficiency of ray traversal on GPUs, HPG 2009).
 template <class T, class Most, class Take>
 GSP_FORCEINLINE_FUNCTION void visit_leaves(RayNode const* nodes, BoxRay<T> const& ray, Most const& most, Take const& take) {
   struct Waiting {
@@ -204,26 +205,33 @@ GSP_FORCEINLINE_FUNCTION void visit_leaves(RayNode const* nodes, BoxRay<T> const
     T in;
   };
   Waiting stack[ray_tree_depth];
-  int waiting = 0;
-  for (int node = 0; node >= 0;) {
-    RayNode const& n = nodes[node];
-    T const in[2] = {ray.entry(n, 0), ray.entry(n, 1)};
-    int const nearer = mostly(in[1] < in[0]) ? 1 : 0;
-    node = -1;
-    for (int i = 0; i < 2; ++i) {
-      int const side = i == 0 ? nearer : 1 - nearer;
-      if (!any(in[side] < no_hit<T>() && in[side] <= most())) continue;
-      int const child = n.child[side];
-      if (child < 0)
-        take(~child / 8, ~child / 8 + ~child % 8);
-      else if (node < 0)
-        node = child;
-      else
-        stack[waiting++] = {child, in[side]};
+  int waiting = 0, node = 0;
+  constexpr int none = ~(1 << 30);  // a leaf of no items behind others: there is no such
+  auto const next = [&] {
+    while (waiting > 0) {
+      Waiting const& top = stack[--waiting];
+      if (any(top.in <= most())) return top.node;
     }
-    while (node < 0 && waiting > 0) {
-      Waiting const& next = stack[--waiting];
-      if (any(next.in <= most())) node = next.node;
+    return none;
+  };
+  while (node != none) {
+    while (node >= 0) {
+      RayNode const n = nodes[node];
+      T const in[2] = {ray.entry(n, 0), ray.entry(n, 1)};
+      auto const comes_into = [&](T const& x) { return any(x < no_hit<T>() && x <= most()); };
+      bool const here[2] = {comes_into(in[0]), comes_into(in[1])};
+      if (here[0] && here[1]) {
+        bool const second = mostly(in[1] < in[0]);
+        node = second ? n.child[1] : n.child[0];
+        stack[waiting++] = second ? Waiting{n.child[0], in[0]} : Waiting{n.child[1], in[1]};
+      } else {
+        node = here[0] ? n.child[0] : here[1] ? n.child[1] : next();
+      }
+    }
+    while (node < 0 && node != none) {
+      int const first = ~node / 8;
+      take(first, first + ~node % 8);
+      node = next();
     }
   }
 }
