@@ -5,6 +5,7 @@
 #include <gsp/collision/detail/segment.hpp>
 #include <gsp/collision/manifold.hpp>
 #include <gsp/collision/narrowphase.hpp>
+#include <limits>
 #include <random>
 #include <set>
 #include <vector>
@@ -137,6 +138,57 @@ TEST_CASE("boxes and cylinders by hand") {
   capsule_cylinder(shape<double>({0.65, 0, 0}, {0.2, 0.5, 0}), shape<double>({0, 0, 0}, {0.5, 1, 0}), 0., out);
   REQUIRE(out.count == 2);
   for (int i = 0; i < 2; ++i) check_point(out.point[i], {0.475, 0, out.point[i].pos.z}, -0.05, {-1, 0, 0});
+}
+
+// Where axes meet the least way out is across both, r_a + r_b long; rounding leaves a way of any direction between the nearest points. Here
+// places are 4 m at most, so b stands within 4 roundings of where it should, and columns of rotations are at right angles to 8; of axes
+// that cross at 0.3 rad or more the cross product is known to 2 roundings / sin(0.3).
+TEST_CASE_TEMPLATE("spheres and capsules whose axes meet part across them", T, float, double) {
+  using V = Vec3<T>;
+  double const tight = 32 * double(std::numeric_limits<T>::epsilon()), ra = 0.25, rb = 0.125, ha = 1, hb = 0.5;
+  std::mt19937 random(11);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  auto const check = [&](auto const& out, std::initializer_list<V> axes) {
+    REQUIRE(out.count > 0);
+    for (int i = 0; i < out.count; ++i) {
+      auto const& c = out.point[i];
+      CHECK(std::abs(double(c.dist) + ra + rb) < tight);
+      CHECK(std::abs(double(norm(c.normal)) - 1) < tight);
+      for (V const& axis : axes) CHECK(std::abs(double(dot(c.normal, axis))) < tight);
+    }
+  };
+  for (int k = 0; k < 300; ++k) {
+    V const on[] = {{T(1), T(0), T(0)}, {T(0), T(1), T(0)}, {T(1), T(1), T(0)}, {T(0), T(0), T(1)}};
+    Quat<T> const q =
+        k < 4 ? turn(on[k], k == 3 ? 0 : pi / 2) : turn(V{T(uniform(random)), T(uniform(random)), T(uniform(random))}, 3 * uniform(random));
+    V const place = k < 4 ? V{T(0), T(0), T(0)} : V{T(2 * uniform(random)), T(2 * uniform(random)), T(2 * uniform(random))};
+    auto const a = shape<T>(place, {T(ra), T(ha), T(0)}, q);
+    V const axis = column(a.R, 2);
+    Quat<T> const half_turn = turn(V{T(1), T(0), T(0)}, pi);
+    for (T const along : {T(0), T(0.25), T(-0.5), T(uniform(random))})
+      for (bool const lies : {false, true})
+        for (Quat<T> const& r : {q, q * half_turn}) {
+          ContactPoints<T, 8> out;
+          capsule_capsule(a, shape<T>(place + along * axis, {T(rb), T(hb), T(0)}, r), T(0), out, lies);
+          check(out, {axis});
+        }
+    // across each other where both go through
+    T const on_a = T(0.9 * uniform(random)), on_b = T(0.4 * uniform(random));
+    auto const turned = make_shape(Transform<T>{{T(0), T(0), T(0)}, q * turn(V{T(1), T(uniform(random)), T(0)}, 0.3 + 2.5 * (k % 10) / 9.)},
+                                   V{T(rb), T(hb), T(0)});
+    V const other = column(turned.R, 2);
+    auto b = turned;
+    b.p = place + on_a * axis - on_b * other;
+    ContactPoints<T, 8> out;
+    capsule_capsule(a, b, T(0), out);
+    check(out, {axis, other});
+    out = {};
+    sphere_capsule(shape<T>(place + on_a * axis, {T(rb), T(0), T(0)}), a, T(0), out);
+    check(out, {axis});
+    out = {};  // a capsule without length
+    capsule_capsule(a, shape<T>(place + on_a * axis, {T(rb), T(0), T(0)}), T(0), out);
+    check(out, {axis});
+  }
 }
 
 // Eight equal points of a rim 1.6 m from the origin, off by what rounding makes of a can's pose (depths are of numbers of its size, 0.1 m):

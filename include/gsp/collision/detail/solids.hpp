@@ -44,16 +44,23 @@ KOKKOS_INLINE_FUNCTION void add_sphere_contact(Shape<T> const& b, Vec3<T> const&
   out.add(b.p + b.R * (q - T(0.5) * (r + s.dist) * s.n), s.dist - r, -(b.R * s.n), feature);
 }
 
-/// Contact of two spheres; `fallback` is the normal where the centres coincide.
+/// Contact of two spheres, of which the second's centre is `d` from the first's; `fallback` is the normal where the centres coincide.
 template <class T, class Out>
-KOKKOS_INLINE_FUNCTION bool add_sphere_sphere(Vec3<T> const& p1, T r1, Vec3<T> const& p2, T r2, Vec3<T> const& fallback, T margin,
+KOKKOS_INLINE_FUNCTION bool add_sphere_sphere(Vec3<T> const& p1, T r1, Vec3<T> const& d, T r2, Vec3<T> const& fallback, T margin,
                                               int feature, Out& out) {
-  Vec3<T> const d = p2 - p1;
   T const length = norm(d), dist = length - r1 - r2;
   if (!(dist <= margin)) return false;
   Vec3<T> const n = length > T(1e-15) ? (T(1) / length) * d : normalized(fallback);
   out.add(p1 + (r1 + T(0.5) * dist) * n, dist, n, feature);
   return true;
+}
+
+/// Of the way between the nearest points of axes that meet rounding leaves a direction of its own: so short a way counts across the axes
+/// alone, along the unit vectors e0 and e1. `size`: of what the way is a difference of.
+template <class T>
+KOKKOS_INLINE_FUNCTION Vec3<T> across_axes(Vec3<T> const& way, Vec3<T> const& e0, Vec3<T> const& e1, T size) {
+  T const root_of_rounding = sizeof(T) == 4 ? T(3e-4) : T(1e-8);
+  return norm(way) < root_of_rounding * size ? dot(way, e0) * e0 + dot(way, e1) * e1 : way;
 }
 
 /// Narrows [t0, t1] to where |c + t u| <= s.

@@ -8,7 +8,8 @@ namespace gsp {
 ///   [ d_a.d_a  -d_a.d_b ] [x]   [ -d_a.(p_a - p_b) ]
 ///   [ -d_a.d_b  d_b.d_b ] [y] = [  d_b.(p_a - p_b) ]
 /// with clamps. Parallel axes (det below rounding): two points, at the ends of the stretch that they have in common (features 1 to 4: which
-/// end of which), or one where they stand end to end.
+/// end of which), or one where they stand end to end. Axes that meet part across both: where they are parallel along the x axis of a, or
+/// whichever rounding leaves at right angles to them. (MuJoCo parts them along the world's x axis, or the cross product of their x axes.)
 /// @param lies  axes within 6 degrees of each other (sin^2 < 0.01) touch at two points, too: at either side of the closest ones, as far
 ///              from them along a as it takes to be 1e-4 of the radii less deep, or at the ends. Both move as the capsules do. A capsule
 ///              that lies on another one keeps both while it rocks; with one at a time, now at this end and now at that, it rocks for ever.
@@ -21,16 +22,24 @@ KOKKOS_INLINE_FUNCTION void capsule_capsule(Shape<T> const& a, Shape<T> const& b
   Vec3<T> const c = cross(da, db);
   T const det = dot(c, c);
   T const tiny = T(1e-30), inv_aa = aa > tiny ? T(1) / aa : T(0), inv_bb = bb > tiny ? T(1) / bb : T(0);
-  Vec3<T> const fallback = cross(axis_a, axis_b);
   T const one(1);
+  bool const crossed = det > (sizeof(T) == 4 ? T(1e-7) : T(1e-15)) * aa * bb && det > tiny;
+  // across the axes, of which one may be a point
+  Mat3<T> const& frame = aa > tiny ? a.R : b.R;
+  Vec3<T> const e0 = crossed ? (one / sqrt(det)) * c : column(frame, 0), e1 = crossed ? Vec3<T>{T(0), T(0), T(0)} : column(frame, 1);
   // The stretch [lo, hi] of a beside which b runs; b's ends y = 1 and y = -1 are at x1 and x2.
   T const x1 = (u - ab) * inv_aa, x2 = (u + ab) * inv_aa;
   T const lo = max(-one, min(x1, x2)), hi = min(one, max(x1, x2));
   auto const beside = [&](T x) { return clamp((v - x * ab) * inv_bb, -one, one); };
-  auto const add = [&](T x, T y, int feature) {
-    detail::add_sphere_sphere(a.p + x * da, a.size.x, b.p + y * db, b.size.x, fallback, margin, feature, out);
+  // inside: at no end of either, so that the way is across both
+  auto const way = [&](T x, T y, bool inside) {
+    Vec3<T> const from_a = y * db - x * da - d;
+    return inside ? detail::across_axes(from_a, e0, e1, norm(d) + a.size.y + b.size.y) : from_a;
   };
-  if (det > (sizeof(T) == 4 ? T(1e-7) : T(1e-15)) * aa * bb && det > tiny) {
+  auto const add = [&](T x, T y, int feature, bool inside) {
+    detail::add_sphere_sphere(a.p + x * da, a.size.x, way(x, y, inside), b.size.x, e0, margin, feature, out);
+  };
+  if (crossed) {
     T x = (bb * u - ab * v) / det, y = (aa * v - ab * u) / det;
     if (x > one) {
       x = one;
@@ -46,24 +55,25 @@ KOKKOS_INLINE_FUNCTION void capsule_capsule(Shape<T> const& a, Shape<T> const& b
       y = -one;
       x = clamp((u + ab) * inv_aa, -one, one);
     }
-    if (!lies || !(det < T(0.01) * aa * bb) || !(hi > lo)) return add(x, y, 0);
+    bool const inside = abs(x) < one && abs(y) < one;
+    if (!lies || !(det < T(0.01) * aa * bb) || !(hi > lo)) return add(x, y, 0, inside);
     // Beside the closest points, which are D apart, the axes part by (s sin)^2 / (2 D), sin as seen along the line between those.
-    Vec3<T> const apart = b.p + y * db - a.p - x * da;
+    Vec3<T> const apart = way(x, y, inside);
     T const D = norm(apart), part = T(1e-4) * (a.size.x + b.size.x), seen = dot(c, apart);
     T const s = sqrt(T(2) * D * D * D * part * bb) / max(abs(seen), tiny);
     T const first = min(hi, x + s), second = max(lo, x - s);
-    add(first, beside(first), 1);
-    return add(second, beside(second), 2);
+    add(first, beside(first), 1, inside);
+    return add(second, beside(second), 2, inside);
   }
   if (aa <= tiny || bb <= tiny) {  // one of them is a sphere
-    T const x = clamp(u * inv_aa, -one, one);
-    return add(x, beside(x), 1);
+    T const x = clamp(u * inv_aa, -one, one), y = beside(x);
+    return add(x, y, 1, abs(x) < one && abs(y) < one);
   }
   for (int end = 0; end < 2; ++end) {
     T const x = clamp(end == 0 ? hi : lo, -one, one);
     bool const of_a = lies || (end == 0 ? x >= one : x <= -one);
     int const of_b = (end == 0) == (x1 > x2) ? 3 : 4;
-    add(x, beside(x), of_a ? 1 + end : of_b);
+    add(x, beside(x), of_a ? 1 + end : of_b, hi > lo);
     if (!(hi > lo)) return;  // end to end
   }
 }

@@ -7,7 +7,7 @@ namespace gsp {
 /// axis.
 template <class T, class Out>
 KOKKOS_INLINE_FUNCTION void sphere_sphere(Shape<T> const& a, Shape<T> const& b, T margin, Out& out) {
-  detail::add_sphere_sphere(a.p, a.size.x, b.p, b.size.x, cross(column(a.R, 0), column(b.R, 0)), margin, 0, out);
+  detail::add_sphere_sphere(a.p, a.size.x, b.p - a.p, b.size.x, cross(column(a.R, 0), column(b.R, 0)), margin, 0, out);
 }
 
 }  // namespace gsp
