@@ -230,15 +230,16 @@ TEST_CASE_TEMPLATE("what the cameras of a model see, in all worlds", Exec, GSP_T
 
   // labels in place of bodies; the first ball is before the third
   auto const label = Kokkos::create_mirror_view(Kokkos::HostSpace{}, Kokkos::View<int*, typename Exec::memory_space>("label", 3));
-  for (int i = 0; i < 3; ++i) label(i) = 1000 * i + 7;
+  int const labels[] = {(1 << 24) + 1, 2147483647, -7};  // more than a float's digits hold, the largest int, and less than none
+  for (int i = 0; i < 3; ++i) label(i) = labels[i];
   sensor.label = Kokkos::create_mirror_view_and_copy(typename Exec::memory_space{}, label);
   gsp::see(exec, model, poses, cloud, sensor);
   auto const named = host(sensor.id);
-  CHECK(named(0, height / 2, width / 2 - 3) == 7);
-  CHECK(named(1, height / 2, width / 2) == 1007);
+  CHECK(named(0, height / 2, width / 2 - 3) == labels[0]);
+  CHECK(named(1, height / 2, width / 2) == labels[1]);
   int others = 0;
   for (int r = 0; r < height; ++r)
-    for (int c = 0; c < width; ++c) others += named(0, r, c) == 2007;
+    for (int c = 0; c < width; ++c) others += named(0, r, c) == labels[2];
   CHECK(others > 20);
   sensor.label = Kokkos::View<int*, typename Exec::memory_space>("label", 2);
   CHECK_THROWS_WITH_AS(gsp::see(exec, model, poses, cloud, sensor), doctest::Contains("2 labels for 3 Gaussians"), std::invalid_argument);
