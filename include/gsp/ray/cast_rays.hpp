@@ -152,7 +152,7 @@ struct RayCaster {
   struct Cone {
     Vec3<R> origin, axis;
     R cosine = R(1), sine, reach = R(0);
-    Cone(Ray<T> const& ray, T const& inverse_length, typename T::mask_type there) {
+    KOKKOS_INLINE_FUNCTION Cone(Ray<T> const& ray, T const& inverse_length, typename T::mask_type there) {
       int middle = width / 2;
       while (!there[middle]) middle = middle + 1 < width ? middle + 1 : 0;
       Vec3<T> const d = inverse_length * ray.direction;
@@ -170,7 +170,7 @@ struct RayCaster {
       reach = sqrt(reach);
     }
     /// Bit k: geom first + k may be met; those that are not there are.
-    std::uint32_t meets(RayScene<R, Mem> const& scene, int w, int first) const {
+    KOKKOS_INLINE_FUNCTION std::uint32_t meets(RayScene<R, Mem> const& scene, int w, int first) const {
       int const count = scene.count() - first;
       std::uint32_t const there = count >= width ? std::uint32_t((std::uint64_t(1) << width) - 1) : (std::uint32_t(1) << count) - 1;
       if (!(cosine > R(0))) return there;

@@ -50,7 +50,7 @@ struct RayScene {
   Kokkos::View<RayNode*, Mem> nodes;                                                               // of all meshes
   Kokkos::View<RayTriangle*, Mem> triangles;
   ShapeAssets<R, Mem> height_fields;
-  int count() const { return int(geoms.extent(0)); }
+  KOKKOS_INLINE_FUNCTION int count() const { return int(geoms.extent(0)); }
 };
 
 /// The geoms of the model that was made from `compiled`, with their sizes there: what a collision model has of its own by world is not

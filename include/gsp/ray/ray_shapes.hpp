@@ -17,16 +17,19 @@ struct Ray {
 };
 
 namespace detail {
+// As constants of the host: device code may not call what numeric_limits has.
+template <class R>
+inline constexpr R infinity_of = std::numeric_limits<R>::infinity();
+template <class R>
+inline constexpr R epsilon_of = std::numeric_limits<R>::epsilon();
 template <class T>
 GSP_FUNCTION constexpr T no_hit() {
-  constexpr real_t<T> infinity = std::numeric_limits<real_t<T>>::infinity();
-  return infinity;
+  return infinity_of<real_t<T>>;
 }
 /// So many roundings of 1.
 template <class T>
 GSP_FUNCTION constexpr T roundings(int count) {
-  constexpr real_t<T> epsilon = std::numeric_limits<real_t<T>>::epsilon();
-  return real_t<T>(count) * epsilon;
+  return real_t<T>(count) * epsilon_of<real_t<T>>;
 }
 template <class T>
 GSP_FUNCTION T largest(Vec3<T> const& v) {

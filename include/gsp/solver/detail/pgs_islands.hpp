@@ -176,8 +176,7 @@ struct PgsIslands {
       return own;
     };
     MixingSums<R> s{};
-    for (R MixingSums<R>::*part :
-         {&MixingSums<R>::dd11, &MixingSums<R>::dd12, &MixingSums<R>::dd22, &MixingSums<R>::df1, &MixingSums<R>::df2})
+    for (auto const part : {&MixingSums<R>::dd11, &MixingSums<R>::dd12, &MixingSums<R>::dd22, &MixingSums<R>::df1, &MixingSums<R>::df2})
       s.*part = sum_of_rows(world, e, [&](int r) { return of_row(r).*part; });
     return s;
   }
@@ -213,7 +212,7 @@ struct PgsIslands {
   template <class World>
   KOKKOS_INLINE_FUNCTION LeapSums<R> leap_sums(World const& world, Island const& e, R const* z, R const* p) const {
     LeapSums<R> s;
-    for (R LeapSums<R>::*part : {&LeapSums<R>::pp, &LeapSums<R>::pd, &LeapSums<R>::dd, &LeapSums<R>::bp, &LeapSums<R>::yy})
+    for (auto const part : {&LeapSums<R>::pp, &LeapSums<R>::pd, &LeapSums<R>::dd, &LeapSums<R>::bp, &LeapSums<R>::yy})
       s.*part = world.template sum<R>(e.dofs, [&](int k) {
         LeapSums<R> own{};
         own.add_dof(z[e.dof(k)], z[e.dof(k)] - solution.z_before(e.world, e.dof(k)));

@@ -21,7 +21,7 @@ inline constexpr std::int64_t sparse_few_bytes = 48 * 1024, sparse_some_bytes = 
 inline constexpr int sparse_few_warps = 4, sparse_many_warps = 16;
 
 /// Where the entries of a row stand, in the order of the sweeps.
-struct SparseRow {
+struct SparsePlace {
   int pool, entry;             // its number in the world, counted from Rows::first; of Y
   unsigned short list, count;  // of the numbers of its dofs, and how many
 };
@@ -58,7 +58,7 @@ class SharedIsland {
   }
   /// Shared memory that it takes.
   __device__ std::int64_t bytes() const {
-    return sums_bytes + std::int64_t(count_) * (sizeof(DelassusLaw<R>) + 3 * sizeof(R) + sizeof(SparseRow) + sizeof(DelassusRow)) +
+    return sums_bytes + std::int64_t(count_) * (sizeof(DelassusLaw<R>) + 3 * sizeof(R) + sizeof(SparsePlace) + sizeof(DelassusRow)) +
            std::int64_t(island_.dofs) * sizeof(R) + room_of_Y() + std::int64_t(elements_) * (sizeof(SparseUnit) + sizeof(short)) +
            lists_ * std::int64_t(sizeof(short)) + 64;
   }
@@ -482,12 +482,12 @@ class SharedIsland {
       return;
     }
     int const n = unit.rows, couplings = n * (n - 1) / 2;
-    SparseRow const last = place_[unit.row + n - 1];
+    SparsePlace const last = place_[unit.row + n - 1];
     R const* const from = &rows.Y(pool(0).first_entry) - couplings;
     R* const to = Y_ + unit.entry - couplings;
     for (int e = lane_; e < couplings + last.entry + last.count - unit.entry; e += 32) __pipeline_memcpy_async(to + e, from + e, sizeof(R));
     for (int b = 0, lists = pool(0).same_segments ? 1 : n; b < lists; ++b) {
-      SparseRow const own = place_[unit.row + b];
+      SparsePlace const own = place_[unit.row + b];
       Row<R> const& row = pool(b);
       unsigned short* numbers = dof_ + own.list;
       for (int s = 0; s < 2 && row.segment[s].count > 0; ++s) {
@@ -514,7 +514,7 @@ class SharedIsland {
   }
 
   /// z += Y^T d of a row.
-  __device__ void push(SparseRow const& place, R d) {
+  __device__ void push(SparsePlace const& place, R d) {
     for (int e = lane_; e < place.count; e += 32) {
       R& z = z_[dof_[place.list + e]];
       z = fma(Y_[place.entry + e], d, z);
@@ -522,7 +522,7 @@ class SharedIsland {
   }
   /// w = Y z + C p + b of the row at place i.
   __device__ R rate(int i, R p) const {
-    SparseRow const place = place_[i];
+    SparsePlace const place = place_[i];
     R w(0);
     for (int e = lane_; e < place.count; e += 32) w = fma(Y_[place.entry + e], z_[dof_[place.list + e]], w);
 #pragma unroll
@@ -784,7 +784,7 @@ class SharedIsland {
   DelassusLaw<R>* law_;                // with the impulses
   R *bias_, *compliance_, *d_;         // of rows: d_: what the last sweep has changed p by
   R *z_, *Y_;
-  SparseRow* place_;
+  SparsePlace* place_;
   DelassusRow* row_;
   unsigned short* level_;  // where it begins among the units
   unsigned short* dof_;    // numbers of dofs in the island
