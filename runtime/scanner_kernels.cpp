@@ -26,7 +26,7 @@ class KokkosScanner : public Scanner {
     auto const poses = poses_of(arrays);
     place_ray_geoms(exec_, model_, poses, scene_);
     if (splats_)
-      scan_rays(exec_, scene_, poses, scan_, step, splat_target(*splats_, poses));
+      scan_rays(exec_, scene_, poses, scan_, step, splat_target(*splats_));
     else
       scan_rays(exec_, scene_, poses, scan_, step);
     exec_.fence("gsp::runtime::Scanner::scan: done");

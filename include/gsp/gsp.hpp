@@ -89,6 +89,7 @@
 #include <gsp/parallel/scan.hpp>
 #include <gsp/parallel/sort_by_key.hpp>
 #include <gsp/ray/cast_rays.hpp>
+#include <gsp/ray/lane_index.hpp>
 #include <gsp/ray/livox_pattern.hpp>
 #include <gsp/ray/mesh_tree.hpp>
 #include <gsp/ray/ray_clock.hpp>

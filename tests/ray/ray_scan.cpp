@@ -117,7 +117,50 @@ struct Unit {
     read();
   }
 };
+
+/// A mirror across x, alone in its worlds but the first, which does not follow poses.
+template <class R>
+struct Mirror {
+  R x;
+  int hidden = -1;
+  template <class Poses>
+  Mirror bind(Poses const& poses, gsp::CastRaysOptions const& options) const {
+    CHECK(poses.xpos.extent(0) == 3);
+    return {x, options.body_exclude};
+  }
+  template <class T>
+  KOKKOS_FUNCTION gsp::RayReturn<T> first(gsp::Ray<T> const& ray, int w, T const& most) const {
+    T const at = (T(x) - ray.origin.x) / ray.direction.x;
+    gsp::RayReturn<T> met{at, {}};
+    for (int l = 0; l < gsp::lanes_of<T>; ++l) {
+      R const one = gsp::lane_of(at, l);
+      if (w > 0 && one > R(0) && one < gsp::lane_of(most, l)) met.number.set_lane(l, 10 * w + hidden);
+    }
+    return met;
+  }
+};
 }  // namespace
+
+// Rays to all sides of a room from its middle: those ahead meet the mirror at x = 2 first where its world has one.
+TEST_CASE_TEMPLATE("a target of one's own beside the geoms", Exec, GSP_TEST_EXECS) {
+  Unit<double, Exec> unit(room(false), gsp::rotating_pattern({0}, 37, {.rate = 0}), {.body = "base"}, {.worlds = 3, .splats = true});
+  gsp::begin_ray_scan(unit.exec, unit.poses, unit.scan);
+  gsp::scan_rays(unit.exec, unit.scene, unit.poses, unit.scan, 0, Mirror<double>{2});
+  unit.read();
+  auto const number = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, unit.scan.splat);
+  int mirrored = 0;
+  for (int w = 0; w < 3; ++w)
+    for (int k = 0; k < 37; ++k) {
+      double const turn = 2 * 3.14159265358979323846 * k / 37;
+      double const wall = to_wall({0, 0, 0}, {std::cos(turn), std::sin(turn), 0}), mirror = 2 / std::cos(turn);
+      bool const nearer = w > 0 && mirror > 0 && mirror < wall;
+      mirrored += nearer;
+      CHECK(unit.range[std::size_t(37 * w + k)] == doctest::Approx(nearer ? mirror : wall).epsilon(1e-12));
+      CHECK(number(w, k) == (nearer ? 10 * w + 1 : -1));
+      CHECK(unit.geom[std::size_t(37 * w + k)] == (nearer ? -1 : 0));
+    }
+  CHECK(mirrored > 20);
+}
 
 // A unit that flies through a room while it turns sees skewed walls: each range is that from where the unit is at the ray's time, a point
 // lies on the wall. By hand in double; in double the scan may differ by rounding of poses and sincos (1e-13 of 10 m), in float by 10

@@ -1,7 +1,7 @@
 #pragma once
 #include <gsp/geometry/shapes/hfield.hpp>
-#include <gsp/ray/detail/lane_index.hpp>
 #include <gsp/ray/detail/ray_triangle.hpp>
+#include <gsp/ray/lane_index.hpp>
 
 /// Rays against height fields, in the field's frame: two triangles a cell, parted from (row, column) to (row + 1, column + 1), walls down
 /// to z = 0 along the border, and a box from z = 0 down to its base, as MuJoCo's mj_rayHfield has them: a ray that begins inside meets the
@@ -165,8 +165,9 @@ class HeightFieldRay {
   bool met_ = false;   // if any was
 };
 
-/// Rays straight up or down: by the cell that each stands over, without a walk, to the bit what HeightFieldRay finds. T is one ray's number
-/// or those of a pack of rays. Height scans.
+/// Rays straight up or down: by the cell that each stands over, without a walk, to the bit what HeightFieldRay finds; but where products
+/// of how far a ray is beside a grid line underflow (1e-45 beside one at 0) the walk takes it for on the line: the same distance, perhaps
+/// the other triangle's normal. T is one ray's number or those of a pack of rays. Height scans.
 template <class T>
 class UprightRay {
   using R = real_t<T>;

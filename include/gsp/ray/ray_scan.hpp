@@ -9,17 +9,22 @@
 /// A LiDAR unit: its rays leave one after the other while it moves, and what they meet is gathered over steps, with the unit's errors.
 namespace gsp {
 
-/// What rays meet that is no geom: how far, and which. T is one ray's number (on a device) or those of a pack of rays.
+/// What rays meet that is no geom: how far, and which. T is one ray's number (on a device) or those of a pack of rays (ray/lane_index.hpp).
 template <class T>
 struct RayReturn {
-  T distance;                   // in lengths of the direction
-  detail::LaneIndex<T> number;  // -1: nothing
+  T distance;           // in lengths of the direction
+  LaneIndex<T> number;  // -1: nothing
 };
-/// What rays meet beside geoms: nothing. What else there is, such as Gaussians (splat/splat_target.hpp), is copied to the device and has
-///   bind(worlds, CastRaysOptions hidden) const    on the host: itself, without hidden bodies; throws where it has other worlds
-///   first(Ray<T> ray, int w, T most) const        a RayReturn<T>: what rays of world w meet before `most`, in lengths of their directions
+/// What rays meet beside geoms: nothing. What else there is, such as Gaussians (splat/splat_target.hpp), has
+///   bind(Poses<R, Mem> poses, CastRaysOptions hidden) const   on the host, in each call: what is copied to the device, in these poses and
+///                                                             without hidden bodies; throws where they do not fit
+/// and what bind returns has, for T = R on a device and a pack of R on a host,
+///   first(Ray<T> ray, int w, T most) const   a RayReturn<T>: what rays of world w meet before `most`, in lengths of their directions
 struct NothingElse {
-  NothingElse bind(int, CastRaysOptions const&) const { return {}; }
+  template <class P>
+  NothingElse bind(P const&, CastRaysOptions const&) const {
+    return {};
+  }
 };
 
 /// Ray n (ray/ray_clock.hpp) is in place n % rays, until ray n + rays comes.
@@ -29,7 +34,7 @@ struct RayScan {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   View<R**> range;     // (worlds, rays) [m]; options.miss: nothing
-  View<int**> geom;    // (worlds, rays) number in the model; -1: nothing. Empty: not asked for
+  View<int**> geom;    // (worlds, rays) number in the model; -1: nothing, or no geom. Empty: not asked for
   View<int**> splat;   // (worlds, rays) index of the Gaussian that returned the ray (geom is -1); -1: none. Empty: not asked for
   View<R***> point;    // (worlds, rays, 3) [m] in the world, along the ray as the unit takes it to be; 0: nothing. Empty: not asked for
   View<double*> time;  // (rays) [s] from the beginning of step 0, when each left; -1: none has yet
@@ -266,7 +271,7 @@ void begin_ray_scan(Exec const& exec, Poses<R, Mem> const& poses, RayScan<R, Mem
 /// What they measure goes to their places in range, geom, point and time; all others stay. Of rays more than the scan keeps the last are
 /// cast. Geoms stand still within the step, where they are at its end, those of the unit's own robot too.
 /// @param poses  at the end of the step, after forward_kinematics or a step
-/// @param also   what rays meet beside the geoms, such as splat_target(tree, poses): the nearer wins (NothingElse says what it has)
+/// @param also   what rays meet beside the geoms, such as splat_target(tree): the nearer wins (NothingElse says what it has)
 /// Does not allocate, does not fence. Two launches. Cost: cast_rays of the rays that leave, and about 200 flop each. Errors:
 /// std::invalid_argument for a scene or poses of another number of worlds, poses without that body, steps that are not within 0 to 104
 /// days.
@@ -288,31 +293,32 @@ void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> co
   if (phase.count > 0) {
     std::int64_t const begin = tick_of_step(clock, step), end = tick_of_step(clock, step + 1), turn = phase.first / clock.rays;
     auto const& o = scan.options;
-    detail::ScanRays<R, Mem, Also> const cast{{scene, scan.hidden},
-                                              also.bind(worlds, scan.hidden),
-                                              poses,
-                                              scan.mount,
-                                              scan.tick,
-                                              scan.before,
-                                              scan.range,
-                                              scan.geom,
-                                              scan.splat,
-                                              scan.point,
-                                              scan.time,
-                                              o.noise,
-                                              R(o.min_range),
-                                              R(o.max_range),
-                                              R(o.miss),
-                                              std::uint32_t(o.first_world),
-                                              int(phase.count),
-                                              int(phase.first % clock.rays),
-                                              int(phase.first % places),
-                                              phase.first,
-                                              turn * clock.period,
-                                              clock.period,
-                                              begin,
-                                              end - begin,
-                                              clock.period == 0};
+    auto const bound = also.bind(poses, scan.hidden);
+    detail::ScanRays<R, Mem, std::decay_t<decltype(bound)>> const cast{{scene, scan.hidden},
+                                                                       bound,
+                                                                       poses,
+                                                                       scan.mount,
+                                                                       scan.tick,
+                                                                       scan.before,
+                                                                       scan.range,
+                                                                       scan.geom,
+                                                                       scan.splat,
+                                                                       scan.point,
+                                                                       scan.time,
+                                                                       o.noise,
+                                                                       R(o.min_range),
+                                                                       R(o.max_range),
+                                                                       R(o.miss),
+                                                                       std::uint32_t(o.first_world),
+                                                                       int(phase.count),
+                                                                       int(phase.first % clock.rays),
+                                                                       int(phase.first % places),
+                                                                       phase.first,
+                                                                       turn * clock.period,
+                                                                       clock.period,
+                                                                       begin,
+                                                                       end - begin,
+                                                                       clock.period == 0};
     Kokkos::parallel_for("gsp::ray::scan_rays", lightweight(Range(exec, 0, std::int64_t(worlds) * cast.caster.items_of(int(phase.count)))),
                          cast);
   }

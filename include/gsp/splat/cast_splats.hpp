@@ -24,8 +24,7 @@ struct SplatHits {
 struct CastSplatsOptions {
   float left = 0.5f;         // a ray returns where no more than this is left of it
   float alpha_max = 0.999f;  // of one Gaussian, as in pictures
-  int body_exclude = -1;     // Gaussians of this body are not met; of its children they are, but
-  int bodies = 1;            // of so many bodies from body_exclude on none are: hide_self gives both
+  CastRaysOptions hidden{};  // bodies whose Gaussians are not met: hide_self gives it
 };
 
 /// Allocates, zeros. Errors: std::invalid_argument for worlds or count < 1.
@@ -123,7 +122,7 @@ struct SplatCaster {
     pass.from = zero;
     for (int l = 0; l < lanes; ++l) {
       pass.met[l].begin(R(1), stop, lane_of(end, l));
-      pass.from_source[l] = std::numeric_limits<int>::max();  // what it meets at 0 is behind it
+      pass.from_source[l] = Kokkos::Experimental::finite_max_v<int>;  // what it meets at 0 is behind it
     }
     SplatReturns<T> result{no_hit<T>(), one, {}};
     bool again = any(end >= zero);
@@ -138,8 +137,9 @@ struct SplatCaster {
         set_lane_of(result.left, l, left);
         R next = R(-1);
         if (left <= stop) {
-          set_lane_of(result.distance, l, met.last() * lane_of(scaled.scale, l));
-          result.gaussian.set_lane(l, met.last_source());
+          R const distance = met.last() * lane_of(scaled.scale, l);
+          set_lane_of(result.distance, l, distance);
+          if (distance < no_hit<R>()) result.gaussian.set_lane(l, met.last_source());
         } else if (met.full()) {
           next = lane_of(end, l);
           set_lane_of(pass.from, l, met.last());
@@ -163,7 +163,7 @@ struct SplatCaster {
   };
   template <class T, class Count>
   KOKKOS_FUNCTION void go_through(SplatTreeBody const& body, Ray<T> const& ray, int w, Pass<T>& pass, Count const& count) const {
-    if (unsigned(body.body - options.body_exclude) < unsigned(options.bodies)) return;
+    if (unsigned(body.body - options.hidden.body_exclude) < unsigned(options.hidden.bodies)) return;
     R const *const p = &poses.xpos(w, body.body, 0), *const q = &poses.xquat(w, body.body, 0);
     Vec3<T> const o = ray.origin - Vec3<T>{T(p[0]), T(p[1]), T(p[2])};
     if (!any(comes_near(o, ray, T(R(body.radius)), pass.limit))) return;
@@ -217,7 +217,7 @@ void check_splats_for_rays(std::string const& function, SplatTree<Mem> const& tr
                              ": make both with the same {.worlds = n}");
   expects(bodies >= tree.named, function + ": the Gaussians name " + std::to_string(tree.named) + " bodies but the poses have " +
                                     std::to_string(bodies) + ": give poses of the model that the Gaussians were bound to");
-  expects(options.bodies == 1 || (options.bodies > 0 && options.body_exclude >= 0),
+  expects(options.hidden.bodies == 1 || (options.hidden.bodies > 0 && options.hidden.body_exclude >= 0),
           function + ": bodies counts from body_exclude on: take both from hide_self");
   expects(options.left >= 0 && options.left <= 1 && options.alpha_max >= 0 && options.alpha_max <= 1,
           function + ": left and alpha_max must lie in 0 to 1");
@@ -256,11 +256,11 @@ struct CastSplats {
 /// @param before  (worlds, rays) in lengths of the direction, -1: nothing, such as RayHits::distance; it may be hits.distance. Empty: no
 ///                ray has met anything
 /// @param hits    out; distance: of the Gaussian, or `before` where gaussian is -1
-/// A direction of 0, one that is not finite, and NaN meet nothing. However many Gaussians lie on a ray, none is lost: it is gone through
-/// again from the last one that there was room for. The same bits for any batch, order of rays, and number of threads. Does not allocate,
-/// does not fence. Cost: on a captured room about 100 nodes of the tree and 90 Gaussians a ray. Errors: std::invalid_argument where rays,
-/// hits, before and poses are of other numbers of worlds or rays, for poses of fewer bodies than the sets name, for bodies without
-/// body_exclude, and for left or alpha_max that are not within 0 to 1.
+/// A direction of 0, one that is not finite, and NaN meet nothing, nor does a ray whose distance no R holds. However many Gaussians lie on
+/// a ray, none is lost: it is gone through again from the last one that there was room for. The same bits for any batch, order of rays, and
+/// number of threads. Does not allocate, does not fence. Cost: on a captured room about 100 nodes of the tree and 90 Gaussians a ray.
+/// Errors: std::invalid_argument where rays, hits, before and poses are of other numbers of worlds or rays, for poses of fewer bodies than
+/// the sets name, for bodies without body_exclude, and for left or alpha_max that are not within 0 to 1.
 template <ExecutionSpace Exec, class R, class Mem>
 void cast_splats(Exec const& exec, SplatTree<Mem> const& tree, Poses<R, Mem> const& poses, Rays<R, Mem> const& rays,
                  std::type_identity_t<Kokkos::View<R const**, Kokkos::LayoutRight, Mem>> const& before, SplatHits<R, Mem>& hits,

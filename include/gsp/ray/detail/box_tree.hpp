@@ -1,7 +1,7 @@
 #pragma once
 #include <algorithm>
 #include <cmath>
-#include <gsp/ray/detail/lane_index.hpp>
+#include <gsp/ray/lane_index.hpp>
 #include <gsp/ray/ray_shapes.hpp>
 #include <utility>
 #include <vector>

@@ -1,9 +1,11 @@
 #pragma once
 #include <gsp/math/pack.hpp>
 
-/// A whole number a lane of T: which geom a ray has met, which triangle. Of a T that is a number, an int. No Kokkos.
-namespace gsp::detail {
+/// Rays go alone on a device, and in packs on a host: T is one ray's number, or a pack with a ray a lane. What code for both needs of
+/// lanes. No Kokkos.
+namespace gsp {
 
+/// A whole number a ray of T, -1 at first: which geom it has met, which triangle.
 template <class T>
 struct LaneIndex {
   int value = -1;
@@ -46,7 +48,7 @@ struct LaneIndex<Pack<R, W>> {
   GSP_FUNCTION Mask is_there() const { return is_above(-1); }
 };
 
-/// How many rays a T holds, and the number of one of them.
+/// How many rays a T holds, and the number of one of them: read, written, or all by f(lane).
 template <class T>
 inline constexpr int lanes_of = 1;
 template <class R, int W>
@@ -59,7 +61,6 @@ template <class R, int W>
 GSP_FUNCTION R lane_of(Pack<R, W> const& x, int lane) {
   return x[lane];
 }
-/// f(lane) in each lane.
 template <class T, class F>
 GSP_FUNCTION T of_lanes(F const& f) {
   if constexpr (Scalar<T>)
@@ -75,6 +76,9 @@ template <class R, int W>
 GSP_FUNCTION void set_lane_of(Pack<R, W>& x, int lane, R value) {
   x.set(lane, value);
 }
+
+namespace detail {
+/// Bit l: it holds in lane l.
 GSP_FUNCTION std::uint32_t bits_of(bool mask) { return mask; }
 template <class R, int W>
 GSP_FUNCTION std::uint32_t bits_of(Mask<R, W> mask) {
@@ -92,4 +96,6 @@ GSP_FUNCTION bool mostly(Mask<R, W> mask) {
 #endif
 }
 
-}  // namespace gsp::detail
+}  // namespace detail
+
+}  // namespace gsp
