@@ -53,16 +53,16 @@ void push_balls(gsp::CompiledModel const& compiled, Views& state) {
   }
   Kokkos::deep_copy(state.qvel, qvel);
 }
-}  // namespace
 
-int main(int argc, char** argv) {
-  Kokkos::ScopeGuard const kokkos(argc, argv);
+int run(char const* file) {
   Exec const exec;
   int const worlds = 4;
   double const seconds = 0.9;
 
-  auto const robot =
-      argc > 1 ? gsp::io::read_mjcf(argv[1], {.skip_visuals = true}) : gsp::samples::quadruped_scene({.boxes = 0, .balls = 0});
+  auto const robot = file ? gsp::io::read_mjcf(file, {.skip_visuals = true}) : gsp::samples::quadruped_scene({.boxes = 0, .balls = 0});
+  gsp::expects(robot.actuators.size() == 12 && !robot.keyframes.empty(),
+               "the scene has " + std::to_string(robot.actuators.size()) + " actuators and " + std::to_string(robot.keyframes.size()) +
+                   " keyframes: give one with a robot of four legs, twelve position servos and a keyframe in which it stands");
   auto const compiled = gsp::compile(scene_of(robot));
   auto const model = gsp::make_model<float>(exec, compiled);
   auto state = gsp::make_state(exec, model, {.worlds = worlds});
@@ -133,11 +133,26 @@ int main(int argc, char** argv) {
     gsp::Transform<double> const unit = trunk * gsp::Transform<double>{{0, 0, 0.15}, {1, 0, 0, 0}};
     clouds.push_back(gsp::io::draw_points(points, ranges, unit, 400));
     floor_height /= std::fmax(1, on_floor);
-    std::printf("world %d: %.2f m ahead after %.1f s; %d of %d rays came back, %d of them from what moves; the floor lies at %.2f mm\n", w,
-                trunk.p.x, seconds, int(points.size()), lidar.options.rays, on_things, 1000 * floor_height);
+    std::printf(
+        "world %d: after %.1f s the robot is at x = %.2f m; of %d rays %d came back, %d of them from other bodies; the floor's points are "
+        "at a mean height of %.2f mm\n",
+        w, seconds, trunk.p.x, lidar.options.rays, int(points.size()), on_things, 1000 * floor_height);
     // with 1 cm of noise the mean of tens of thousands of points is within 1 mm, where each came from its own moment's pose
     right = right && on_floor > 10000 && on_things > 500 && std::fabs(floor_height) < 1e-3;
   }
   gsp::io::write_png("05_lidar.png", gsp::io::contact_sheet(clouds, 2, 8));
+  std::printf("05_lidar.png: each world's last turn from above, and around its unit\n");
+  if (!right) std::fprintf(stderr, "example_05_lidar: the floor or the balls were hardly seen, or the floor is not at height 0\n");
   return right ? 0 : 1;
+}
+}  // namespace
+
+int main(int argc, char** argv) {
+  Kokkos::ScopeGuard const kokkos(argc, argv);
+  try {
+    return run(argc > 1 ? argv[1] : nullptr);
+  } catch (std::exception const& e) {
+    std::fprintf(stderr, "example_05_lidar: %s\n", e.what());
+    return 2;
+  }
 }
