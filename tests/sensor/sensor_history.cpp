@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <gsp/io/mjcf.hpp>
+#include <gsp/sensor/read_sensors.hpp>
 #include <gsp/sensor/sensor_delay.hpp>
 #include <gsp/sensor/sensor_history.hpp>
 #include <gsp/step/snapshot.hpp>
@@ -339,4 +340,27 @@ TEST_CASE("settings of late sensors, as a description has them") {
                                                                  {"nsample", "nan"},
                                                                  {"interp", "spline"}})
     CHECK_MESSAGE(!settings({bad}).fault.empty(), bad[0] << ' ' << bad[1]);
+}
+
+// A clock that is two steps late.
+TEST_CASE("late sensors, as docs/sensor/sensor_history.md has them") {
+  Kokkos::DefaultExecutionSpace const exec;
+  gsp::Description robot;
+  robot.option.timestep = 0.01;
+  robot.sensors.push_back({.name = "late", .type = "clock", .settings = {{"delay", "0.02"}, {"nsample", "4"}}});
+  auto const compiled = gsp::compile(robot);
+  auto const model = gsp::make_model<double>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = 1});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = 1});
+  auto sensors = gsp::make_sensors(exec, model, compiled, {.worlds = 1});
+  Kokkos::View<double**, Kokkos::LayoutRight, Kokkos::DefaultExecutionSpace::memory_space> data("data", 1, compiled.nsensordata);
+  for (int k = 0; k < 6; ++k) {
+    // example-begin sensor_history
+    gsp::forward(exec, model, state, sim);
+    gsp::read_sensors(exec, model, state, sim, sensors, data);  // late sensors say what they have measured
+    gsp::record_sensors(exec, state, sensors.history);          // they measure what is true now, once a step
+    gsp::advance(exec, model, state, sim);
+    // example-end sensor_history
+    CHECK(std::abs(gsp_test::host(data)(0, 0) - (k < 2 ? 0 : 0.01 * (k - 2))) < 1e-12);
+  }
 }

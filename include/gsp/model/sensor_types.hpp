@@ -74,7 +74,8 @@ enum class SensorStage : int {
   outside        // a function of the user's own
 };
 
-/// What a positive cutoff does: numbers stay within +-cutoff; stay below it; it is refused (directions, rotations); or nothing.
+/// What a positive cutoff does to a sensor's numbers: they stay within +-cutoff; stay below it; it is refused (directions, rotations); or
+/// they are not cut. Of `distance`, `normal` and `fromto` it is, besides, how far they look.
 enum class SensorCutoff : int { both_sides, above, refused, ignored };
 
 /// What a sensor is about. frame: a body, geom, site or camera, seen from another one where a reference is given; pair: two objects;

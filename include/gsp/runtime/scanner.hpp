@@ -9,7 +9,7 @@ namespace gsp::runtime {
 /// What a LiDAR unit has measured, on the scanner's device (ray/ray_scan.hpp).
 struct ScanArrays {
   Array range;  // (worlds, rays) float64 [m]; RayScanOptions::miss: nothing
-  Array geom;   // (worlds, rays) int32, number in the model; -1: nothing
+  Array geom;   // (worlds, rays) int32, number in the model; -1: nothing, or a Gaussian
   Array point;  // (worlds, rays, 3) float64 [m] in the world; 0: nothing
   Array time;   // (rays) float64 [s] when each left; -1: none has yet
   Array

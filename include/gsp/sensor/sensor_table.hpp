@@ -12,7 +12,8 @@
 #include <gsp/sensor/accelerations.hpp>
 #include <gsp/sensor/sensor_history.hpp>
 
-/// The sensors of a model, sorted by the stage that they need: what smooth_sensors, constraint_sensors and acceleration_sensors evaluate.
+/// The sensors of a model, sorted by the stage that they need: what smooth_sensors, constraint_sensors, range_sensors, distance_sensors and
+/// acceleration_sensors evaluate.
 namespace gsp {
 
 /// One sensor. `object`: a world index of what its type is about; of a frame: an item of `kind`; of limits: the place in the model's list
@@ -97,7 +98,7 @@ struct Sensors {
   Accelerations<R, Mem> accelerations;  // empty where no sensor asks for them; of bodies where one asks for forces
   SensorHistory<R, Mem> history;        // of those that speak late; empty where none does
   detail::Quantities needs;             // host: what the dynamics must hold for those of the smooth state
-  std::vector<int> left_out;            // host: indices of the model's sensors that nobody here evaluates: tactile, user
+  std::vector<int> left_out;            // host: indices of the model's sensors that are not evaluated: tactile, user, or not in this model
   std::vector<std::string> why;         // host: a sentence for each of them
 };
 
