@@ -2,7 +2,11 @@
 // The Stepper over Kokkos; stepper_float_kernels.cpp and stepper_double_kernels.cpp instantiate it.
 #include <algorithm>
 #include <cmath>
+#include <gsp/collision/geom_values.hpp>
 #include <gsp/constraint/contact_forces.hpp>
+#include <gsp/dynamics/inverse.hpp>
+#include <gsp/dynamics/jacobian.hpp>
+#include <gsp/dynamics/set_constants.hpp>
 #include <gsp/model/keyframe.hpp>
 #include <gsp/runtime/session.hpp>
 #include <gsp/runtime/stepper.hpp>
@@ -56,9 +60,31 @@ inline SimulationOptions simulation_options(StepperOptions const& o) {
   return {.worlds = o.worlds, .cone = o.cone, .friction_time = o.friction_time};
 }
 
+/// What a name of `world_fields` stands for: a field of the model, of geoms as collisions have them, or both.
+struct WorldField {
+  std::optional<ModelField> of_model;
+  std::optional<GeomField> of_geoms;
+};
+inline std::string_view geom_prefix() { return "geom_"; }
+inline WorldField world_field(std::string const& name) {
+  WorldField field;
+  for (auto const& row : gsp::detail::geom_field_table<CollisionModel<float, Kokkos::HostSpace>>())
+    if (name == std::string(geom_prefix()) + row.name) field.of_geoms = row.field;
+  for (ModelField const f : model_fields())
+    if (name == info(f).name && info(f).use.per_world && !info(f).use.follows) field.of_model = f;
+  if (!field.of_model && !field.of_geoms)
+    throw Error("no field '" + name + "' may differ from world to world: world_fields names those that may");
+  return field;
+}
+
 template <class R, class Exec>
 Model<R, typename Exec::memory_space> make_runtime_model(Exec const& exec, CompiledModel const& m, StepperOptions const& o) {
-  return make_model<R>(exec, m, {.profile = o.mujoco ? Profile::mujoco : Profile::stable, .timestep = o.timestep});
+  auto model = make_model<R>(exec, m, {.profile = o.mujoco ? Profile::mujoco : Profile::stable, .timestep = o.timestep});
+  std::vector<ModelField> fields;
+  for (auto const& name : o.per_world)
+    if (auto const field = world_field(name); field.of_model) fields.push_back(*field.of_model);
+  if (!fields.empty()) make_per_world(exec, model, fields, o.worlds);
+  return model;
 }
 
 /// Threads that find work: small worlds are stepped a pack at a time and their islands solved so, with Newton's method (profile mujoco) one
@@ -153,6 +179,7 @@ class KokkosStepper : public Stepper {
         state_(make_state(exec_, model_, {.worlds = o.worlds})),
         simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
         compiled_(m.sensors.empty() && m.keyframes.empty() ? CompiledModel{} : m),  // for these alone: with its meshes it may be large
+        per_world_(o.per_world),
         joint_of_dof_(m.dof_jnt),
         joint_qpos_(m.jnt_qposadr),
         timestep_(o.timestep > 0 ? o.timestep : m.option.timestep) {
@@ -164,6 +191,10 @@ class KokkosStepper : public Stepper {
       set(newton_);
     else
       set(solver_);
+    std::vector<GeomField> fields;
+    for (auto const& name : per_world_)
+      if (auto const field = world_field(name); field.of_geoms) fields.push_back(*field.of_geoms);
+    if (!fields.empty()) make_per_world(exec_, simulation_.collision, fields, o.worlds);
   }
 
   double timestep() const override { return timestep_; }
@@ -213,8 +244,7 @@ class KokkosStepper : public Stepper {
     stale_ = false;
   }
   void reset(Array const& mask, int keyframe) override {
-    expects(!mask || (mask.rank == 1 && mask.extents[0] == state_.worlds && mask.dtype == Dtype::int32),
-            "gsp::runtime::Stepper::reset: the mask must be (worlds) int32");
+    expects_mask("reset", mask);
     auto const to_start = [&](auto const& of) {
       if (keyframe >= 0)
         set_keyframe(exec_, model_, compiled_, keyframe, state_, of);
@@ -222,15 +252,91 @@ class KokkosStepper : public Stepper {
         gsp::reset(exec_, model_, state_, of);
       if (sensors_ && sensors_->history.count() > 0) reset_sensor_history(exec_, sensors_->history, of);
     };
-    if (mask) {
-      Kokkos::View<int*, Mem> const chosen = gsp::detail::allocate<Kokkos::View<int*, Mem>>("gsp::runtime::Stepper::mask", state_.worlds);
-      copy(mask, array_of<Exec>(chosen));
-      to_start(chosen);
-    } else {
-      to_start(gsp::detail::AllWorlds{});
-    }
+    with_mask(mask, to_start);
     exec_.fence("gsp::runtime::Stepper::reset: the mask may go");
     stale_ = true;
+  }
+  Array world_values(std::string const& name) override {
+    auto const field = per_world_field(name);
+    auto const [items, components] = shape_of_field(field);
+    values_ = gsp::detail::allocate<decltype(values_)>("gsp::runtime::Stepper::values", state_.worlds, items, components);
+    if (field.of_model) {
+      gsp::detail::copy_bytes(exec_, values_.data(), gsp::world_values(model_, *field.of_model).data(), gsp::detail::bytes_of(values_));
+    } else {
+      Kokkos::deep_copy(exec_, values_, std::numeric_limits<R>::quiet_NaN());
+      copy_world_values(exec_, simulation_.collision, *field.of_geoms, values_);
+    }
+    exec_.fence("gsp::runtime::Stepper::world_values: the numbers are there");
+    return array_of_any<Exec>(values_);
+  }
+  void set_world_values(std::string const& name, Array const& values, Array const& mask, bool scale_inertia) override {
+    auto const field = per_world_field(name);
+    auto const [items, components] = shape_of_field(field);
+    expects_mask("set_world_values", mask);
+    bool const flat = values.rank == 2 && components == 1;
+    bool fits = (values.rank == 3 || flat) && (values.extents[0] == 1 || values.extents[0] == state_.worlds) &&
+                values.extents[1] == items && (flat || values.extents[2] == components);
+    if (!fits)
+      throw Error("values of '" + name + "' are " + shape_of(values) + " and must be (" + std::to_string(state_.worlds) + ", " +
+                  std::to_string(items) + ", " + std::to_string(components) + "), or one row for all worlds");
+    values_ = gsp::detail::allocate<decltype(values_)>("gsp::runtime::Stepper::values", state_.worlds, items, components);
+    Array to = array_of_any<Exec>(values_);
+    if (flat) to.rank = 2;
+    if (to.size() > 0) copy(values, to);
+    with_mask(mask, [&](auto const& of) {
+      if (field.of_model)
+        gsp::set_world_values(exec_, model_, *field.of_model, values_, of, {.scale_inertia = scale_inertia});
+      else
+        expects(!scale_inertia, "gsp::runtime::Stepper::set_world_values: scale_inertia is for body_mass");
+      if (field.of_geoms) gsp::set_world_values(exec_, simulation_.collision, *field.of_geoms, values_, of);
+      if (field.of_model && info(*field.of_model).use.decides) set_constants(exec_, model_, simulation_.dynamics, of);
+      wake(exec_, simulation_.sleep, of);
+    });
+    exec_.fence("gsp::runtime::Stepper::set_world_values: values and mask may go");
+    stale_ = true;
+  }
+  Array mass_matrix() override {
+    smooth();
+    if (!mass_matrix_.data())
+      mass_matrix_ = gsp::detail::allocate_zero<decltype(mass_matrix_)>(exec_, "gsp::runtime::Stepper::mass_matrix", state_.worlds,
+                                                                        model_.nv, model_.nv);
+    dense_mass_matrix(exec_, model_, simulation_.dynamics, mass_matrix_);
+    exec_.fence("gsp::runtime::Stepper::mass_matrix: it is there");
+    return array_of_any<Exec>(mass_matrix_);
+  }
+  Array smooth_forces(SmoothForces which) override {
+    smooth();
+    auto& out = smooth_[int(which)];
+    if (!out.data())
+      out = gsp::detail::allocate_zero<std::decay_t<decltype(out)>>(exec_, "gsp::runtime::Stepper::smooth", state_.worlds, model_.nv);
+    using Items = gsp::detail::DofItems;
+    Items const item = which == SmoothForces::passive    ? Items(&DynamicsLayout::passive)
+                       : which == SmoothForces::actuator ? Items(&DynamicsLayout::actuator)
+                       : which == SmoothForces::bias     ? Items(&DynamicsLayout::bias)
+                                                         : Items(&DynamicsLayout::acceleration);
+    copy_dofs(exec_, model_, simulation_.dynamics, item, out);
+    exec_.fence("gsp::runtime::Stepper::smooth_forces: they are there");
+    return array_of_any<Exec>(out);
+  }
+  Array body_jacobian(int body, std::array<double, 3> const& point) override {
+    return jacobian([&] {
+      gsp::body_jacobian(exec_, model_, simulation_.poses, simulation_.dynamics, body, {R(point[0]), R(point[1]), R(point[2])}, jacobian_);
+    });
+  }
+  Array site_jacobian(int site) override {
+    return jacobian([&] { gsp::site_jacobian(exec_, model_, simulation_.poses, simulation_.dynamics, site, jacobian_); });
+  }
+  Array inverse_dynamics(Array const& qacc) override {
+    expects(qacc.rank == 2 && (qacc.extents[0] == 1 || qacc.extents[0] == state_.worlds) && qacc.extents[1] == model_.nv,
+            "gsp::runtime::Stepper::inverse_dynamics: qacc must be (worlds, nv), or one row for all");
+    smooth();
+    for (auto* const v : {&qacc_, &qfrc_})
+      if (!v->data())
+        *v = gsp::detail::allocate_zero<std::decay_t<decltype(*v)>>(exec_, "gsp::runtime::Stepper::qacc", state_.worlds, model_.nv);
+    if (model_.nv > 0) copy(qacc, array_of_any<Exec>(qacc_));
+    gsp::inverse_dynamics(exec_, model_, simulation_.dynamics, qacc_, qfrc_);
+    exec_.fence("gsp::runtime::Stepper::inverse_dynamics: it is there");
+    return array_of_any<Exec>(qfrc_);
   }
   std::vector<NamedArray> save() override {
     if (snapshot_)
@@ -410,6 +516,43 @@ class KokkosStepper : public Stepper {
   }
 
  private:
+  void expects_mask(char const* call, Array const& mask) const {
+    expects(!mask || (mask.rank == 1 && mask.extents[0] == state_.worlds && mask.dtype == Dtype::int32),
+            std::string("gsp::runtime::Stepper::") + call + ": the mask must be (worlds) int32");
+  }
+  /// f(worlds of the mask), which is read until the device has done what f launches.
+  template <class F>
+  void with_mask(Array const& mask, F const& f) {
+    if (!mask) return f(gsp::detail::AllWorlds{});
+    Kokkos::View<int*, Mem> const chosen = gsp::detail::allocate<Kokkos::View<int*, Mem>>("gsp::runtime::Stepper::mask", state_.worlds);
+    copy(mask, array_of<Exec>(chosen));
+    f(chosen);
+    exec_.fence("gsp::runtime::Stepper: the mask may go");
+  }
+  WorldField per_world_field(std::string const& name) const {
+    auto const field = world_field(name);
+    if (std::find(per_world_.begin(), per_world_.end(), name) == per_world_.end())
+      throw Error("field '" + name + "' is the same for all worlds: name it in per_world when you make them");
+    return field;
+  }
+  std::pair<int, int> shape_of_field(WorldField const& field) const {
+    if (field.of_model) {
+      auto const what = info(*field.of_model);
+      return {gsp::detail::count(model_, what.item), what.components};
+    }
+    return {model_.ngeom, gsp::detail::geom_field_row<CollisionModel<R, Mem>>(*field.of_geoms).components};
+  }
+  /// The smooth dynamics of the state as it is, all of them kept.
+  void smooth() { smooth_dynamics(exec_, model_, state_, simulation_.poses, simulation_.dynamics, {.keep_all = true}); }
+  template <class F>
+  Array jacobian(F const& write) {
+    smooth();
+    if (!jacobian_.data())
+      jacobian_ = gsp::detail::allocate_zero<decltype(jacobian_)>(exec_, "gsp::runtime::Stepper::jacobian", state_.worlds, 6, model_.nv);
+    write();
+    exec_.fence("gsp::runtime::Stepper::jacobian: it is there");
+    return array_of_any<Exec>(jacobian_);
+  }
   /// forward, `then`, and back: forward starts and leaves impulses, and wakes who sleeps; the next step begins from those of the last one.
   template <class F>
   void evaluate(F const& then) {
@@ -524,6 +667,9 @@ class KokkosStepper : public Stepper {
   PgsOptions solver_;     // profile stable
   NewtonOptions newton_;  // profile mujoco
   Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> contact_force_;
+  std::vector<std::string> per_world_;
+  Kokkos::View<R***, Kokkos::LayoutRight, Mem> values_, mass_matrix_, jacobian_;
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> smooth_[4], qacc_, qfrc_;
   std::vector<int> joint_of_dof_, joint_qpos_;
   double timestep_;
   bool stale_ = true;  // the poses are not those of the state
@@ -541,7 +687,7 @@ std::int64_t bytes_needed_of(Device device, CompiledModel const& m, StepperOptio
   std::int64_t bytes = 0;
   on_device(device, [&](auto const& exec) {
     auto const model = make_runtime_model<R>(exec, m, options);
-    bytes = gsp::bytes_needed(exec, model, m, simulation_options(options));
+    bytes = gsp::bytes_needed(exec, model, m, simulation_options(options)) + std::int64_t(model.world_reals.size() * sizeof(R));
   });
   return bytes;
 }

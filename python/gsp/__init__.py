@@ -25,6 +25,7 @@ from ._gsp import (
     reset,
     status_text,
     step,
+    world_fields,
 )
 from ._gsp import _end
 
@@ -46,6 +47,7 @@ __all__ = [
     "reset",
     "status_text",
     "step",
+    "world_fields",
 ]
 
 _atexit.register(_end)

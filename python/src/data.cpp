@@ -1,5 +1,6 @@
 #include "data.hpp"
 
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -21,7 +22,7 @@ struct Keeper {
 Array held(Data const& d, runtime::Array const& a) { return {a, std::make_shared<Keeper>(Keeper{d.session, d.stepper})}; }
 /// A copy of what lies in a pool that may grow: it is Python's own.
 Array copied(Data const& d, runtime::Array const& a) {
-  auto buffer = runtime::make_buffer(a.device, a.dtype, {a.extents[0], a.rank > 1 ? a.extents[1] : 1});
+  auto buffer = runtime::make_buffer(a.device, a.dtype, {a.extents[0], a.rank > 1 ? a.extents[1] : 1, a.rank > 2 ? a.extents[2] : 1});
   buffer.array.rank = a.rank;
   if (a.size() > 0) runtime::copy(a, buffer.array);
   struct Own {
@@ -32,7 +33,7 @@ Array copied(Data const& d, runtime::Array const& a) {
 }
 
 Data* make_data(Model const& model, int worlds, std::string const& device, std::string const& profile, std::string const& precision,
-                double timestep, int iterations, std::optional<double> tolerance, int threads) {
+                double timestep, int iterations, std::optional<double> tolerance, int threads, std::vector<std::string> const& per_world) {
   if (worlds < 1) throw Error("gsp.Data: worlds must be positive and is " + std::to_string(worlds));
   if (profile != "stable" && profile != "mujoco")
     throw Error("gsp.Data: profile '" + profile + "' is not known: give 'stable' or 'mujoco'");
@@ -47,7 +48,8 @@ Data* make_data(Model const& model, int worlds, std::string const& device, std::
                                         .mujoco = profile == "mujoco",
                                         .iterations = iterations,
                                         .tolerance = tolerance,
-                                        .threads = threads});
+                                        .threads = threads,
+                                        .per_world = per_world});
   } catch (...) {
     delete d;
     throw;
@@ -75,17 +77,23 @@ void step(Data const& d, int n) {
   }
 }
 
-void reset(Data const& d, nb::handle mask, nb::handle keyframe) {
-  nb::object keeps;
+/// Worlds of a mask of bool or whole numbers, or none: all.
+runtime::Array mask_of(Data const& d, nb::handle mask, std::string const& where, nb::object& keeps) {
   nb::object whole = nb::borrow(mask);
   if (!mask.is_none() && !nb::hasattr(mask, "__cuda_array_interface__")) {
     whole = nb::module_::import_("numpy").attr("asarray")(mask);
     std::string const kind = nb::cast<std::string>(whole.attr("dtype").attr("kind"));
-    if (kind != "b" && kind != "i" && kind != "u") throw Error("gsp.reset: the mask must hold bool or whole numbers, one for each world");
+    if (kind != "b" && kind != "i" && kind != "u") throw Error(where + ": the mask must hold bool or whole numbers, one for each world");
     whole = whole.attr("astype")("int32", nb::arg("copy") = false);
   }
-  runtime::Array const given = taken(whole, "gsp.reset: mask", {d.worlds}, keeps);
-  if (given && given.dtype != runtime::Dtype::int32) throw Error("gsp.reset: a mask on a GPU must hold int32, one for each world");
+  runtime::Array const given = taken(whole, (where + ": mask").c_str(), {d.worlds}, keeps);
+  if (given && given.dtype != runtime::Dtype::int32) throw Error(where + ": a mask on a GPU must hold int32, one for each world");
+  return given;
+}
+
+void reset(Data const& d, nb::handle mask, nb::handle keyframe) {
+  nb::object keeps;
+  runtime::Array const given = mask_of(d, mask, "gsp.reset", keeps);
   int key = -1;
   if (!keyframe.is_none()) {
     auto const& keys = d.model.compiled->keyframes;
@@ -105,6 +113,20 @@ void reset(Data const& d, nb::handle mask, nb::handle keyframe) {
   }
   nb::gil_scoped_release const others_run;
   d.stepper->reset(given, key);
+}
+
+void set(Data const& d, std::string const& field, nb::handle values, nb::handle mask, bool scale_inertia) {
+  nb::object keeps_values, keeps_mask;
+  nb::object given = nb::borrow(values);
+  if (!nb::hasattr(given, "ndim")) given = nb::module_::import_("numpy").attr("asarray")(given, nb::arg("dtype") = "float64");
+  int const rank = nb::cast<int>(given.attr("ndim"));
+  if (rank != 2 && rank != 3)
+    throw Error("gsp.Data.set: values of '" + field + "' have " + std::to_string(rank) +
+                " dimensions and must be (worlds, items, components), or (worlds, items) of one component");
+  runtime::Array const from = rank == 2 ? taken(given, field.c_str(), {-1, -1}, keeps_values) : taken(given, field.c_str(), {-1, -1, -1}, keeps_values);
+  runtime::Array const worlds = mask_of(d, mask, "gsp.Data.set", keeps_mask);
+  nb::gil_scoped_release const others_run;
+  d.stepper->set_world_values(field, from, worlds, scale_inertia);
 }
 
 /// Numbers of Python's into an array of the state.
@@ -157,15 +179,18 @@ void bind_data(nb::module_& m) {
   c.def(
       "__init__",
       [](Data* self, Model const& model, int worlds, std::string const& device, std::string const& profile, std::string const& precision,
-         double timestep, int iterations, std::optional<double> tolerance, int threads) {
-        std::unique_ptr<Data> const made(make_data(model, worlds, device, profile, precision, timestep, iterations, tolerance, threads));
+         double timestep, int iterations, std::optional<double> tolerance, int threads, std::vector<std::string> const& per_world) {
+        std::unique_ptr<Data> const made(
+            make_data(model, worlds, device, profile, precision, timestep, iterations, tolerance, threads, per_world));
         new (self) Data(std::move(*made));
       },
       nb::arg("model"), nb::arg("worlds") = 1, nb::arg("device") = "cpu", nb::kw_only(), nb::arg("profile") = "stable",
       nb::arg("precision") = "float32", nb::arg("timestep") = 0., nb::arg("iterations") = 0, nb::arg("tolerance") = nb::none(),
-      nb::arg("threads") = 0,
+      nb::arg("threads") = 0, nb::arg("per_world") = std::vector<std::string>{},
       "profile: 'stable', which holds still, or 'mujoco', MuJoCo's numbers. timestep [s], iterations, tolerance of the solver, threads of\n"
-      "the CPU: 0 or None is the model's or the library's own.");
+      "the CPU: 0 or None is the model's or the library's own. per_world: names of gsp.world_fields() whose values may differ from world "
+      "to\n"
+      "world, at first the model's: `set` changes them.");
   c.def_ro("worlds", &Data::worlds);
   c.def_prop_ro("model", [](Data const& d) { return d.model; });
   c.def_prop_ro(
@@ -236,6 +261,54 @@ void bind_data(nb::module_& m) {
                         copied(d, a.pos),   copied(d, a.frame), copied(d, a.force)};
       },
       "Of the last step.");
+  c.def(
+      "values", [](Data const& d, std::string const& field) { return copied(d, d.stepper->world_values(field)); }, nb::arg("field"),
+      "(worlds, items, components) a copy of the values of a field of per_world. Friction and softness of geoms that touch nothing: NaN.");
+  c.def(
+      "set",
+      [](Data const& d, std::string const& field, nb::handle values, nb::handle mask, bool scale_inertia) {
+        set(d, field, values, mask, scale_inertia);
+      },
+      nb::arg("field"), nb::arg("values"), nb::arg("mask") = nb::none(), nb::kw_only(), nb::arg("scale_inertia") = false,
+      "Values of a field of per_world, (worlds or 1, items, components), or (worlds or 1, items) of one component, in the worlds of the "
+      "mask\n"
+      "(None: all), and what follows from masses and geometry. scale_inertia: body_mass alone, whose body_inertia, per world too, changes\n"
+      "in proportion. Pictures and rays keep the sizes of the model.");
+  auto const of_dynamics = [&](char const* name, runtime::SmoothForces which, char const* what) {
+    c.def_prop_ro(
+        name, [which](Data const& d) { return copied(d, d.stepper->smooth_forces(which)); }, what);
+  };
+  using F = runtime::SmoothForces;
+  of_dynamics("qfrc_passive", F::passive,
+              "(worlds, nv) springs, dampers, fluids, gravity compensation, of the state as it is [N, N m]; a copy.");
+  of_dynamics("qfrc_actuator", F::actuator, "(worlds, nv) what the actuators do, of the state and controls as they are [N, N m]; a copy.");
+  of_dynamics("qfrc_bias", F::bias, "(worlds, nv) Coriolis, centrifugal and gravity forces, of the state as it is [N, N m]; a copy.");
+  of_dynamics("qacc_smooth", F::acceleration,
+              "(worlds, nv) acceleration without constraints; profile 'stable': of the implicit step [m/s^2, rad/s^2]; a copy.");
+  c.def(
+      "mass_matrix", [](Data const& d) { return copied(d, d.stepper->mass_matrix()); }, "(worlds, nv, nv) of the state as it is; a copy.");
+  c.def(
+      "jacobian",
+      [](Data const& d, std::optional<int> body, std::optional<int> site, std::array<double, 3> const& point) {
+        if (body.has_value() == site.has_value()) throw Error("gsp.Data.jacobian: give a body or a site, by number (model.id finds it)");
+        if (site && point != std::array<double, 3>{}) throw Error("gsp.Data.jacobian: a point is of a body; a site is one already");
+        return copied(d, body ? d.stepper->body_jacobian(*body, point) : d.stepper->site_jacobian(*site));
+      },
+      nb::kw_only(), nb::arg("body") = nb::none(), nb::arg("site") = nb::none(), nb::arg("point") = std::array<double, 3>{},
+      "(worlds, 6, nv) of a point of a body, in its frame, or of a site: rows 0-2 velocity of the point, 3-5 angular, in world axes; a "
+      "copy.");
+  c.def(
+      "inverse",
+      [](Data const& d, nb::handle qacc) {
+        nb::object keeps;
+        nb::object given = nb::borrow(qacc);
+        if (!nb::hasattr(given, "ndim")) given = nb::module_::import_("numpy").attr("asarray")(given, nb::arg("dtype") = "float64");
+        if (nb::cast<int>(given.attr("ndim")) == 1) given = given.attr("reshape")(1, -1);
+        return copied(d, d.stepper->inverse_dynamics(taken(given, "gsp.Data.inverse: qacc", {-1, d.model.compiled->nv}, keeps)));
+      },
+      nb::arg("qacc"),
+      "(worlds, nv) what actuators and applied forces must sum to for the accelerations qacc (worlds or 1, nv) without constraints:\n"
+      "M qacc + qfrc_bias - qfrc_passive [N, N m]; a copy.");
   c.def_prop_ro("counts", [](Data const& d) { return d.stepper->counts(); });
   c.def(
       "save",
@@ -300,6 +373,7 @@ void bind_data(nb::module_& m) {
       nb::arg("data"), nb::arg("mask") = nb::none(), nb::arg("keyframe") = nb::none(),
       "Worlds of the mask (worlds; None: all) to the model's initial positions, or a keyframe's, by name or number: at rest, time 0, the\n"
       "status cleared.");
+  m.def("world_fields", &runtime::world_fields, "Names of the fields that Data(..., per_world=[...]) takes.");
   m.def(
       "status_text", [](std::uint32_t bits) { return status::text(bits); }, nb::arg("bits"), "What bits of data.status mean.");
 }

@@ -15,8 +15,9 @@ def test_page(tmp_path, capsys):
     path.write_text(ARM)
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), flags=re.S)
     assert blocks
+    names = {"path": path}  # blocks go on from each other
     for block in blocks:
-        exec(compile(block, str(PAGE), "exec"), {"path": path})
+        exec(compile(block, str(PAGE), "exec"), names)
     assert "[" in capsys.readouterr().out
 
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <gsp/model/compiled.hpp>
 #include <gsp/runtime/array.hpp>
 #include <optional>
@@ -9,15 +10,20 @@ namespace gsp::runtime {
 
 struct StepperOptions {
   int worlds = 1;
-  Dtype precision = Dtype::float32;  // or float64
-  double timestep = 0;               // [s]; 0: the model's own
-  bool mujoco = false;               // profile mujoco instead of stable
-  int iterations = 0;                // at most, of the profile's solver (PgsOptions, NewtonOptions); 0: the library's default
-  std::optional<double> tolerance;   // of the same; empty: the library's default
-  std::optional<FrictionCone> cone;  // SimulationOptions::cone
-  double friction_time = 0;          // SimulationOptions::friction_time [s]
-  int threads = 0;                   // of the CPU; 0: all, but no more than such worlds have work for
+  Dtype precision = Dtype::float32;    // or float64
+  double timestep = 0;                 // [s]; 0: the model's own
+  bool mujoco = false;                 // profile mujoco instead of stable
+  int iterations = 0;                  // at most, of the profile's solver (PgsOptions, NewtonOptions); 0: the library's default
+  std::optional<double> tolerance;     // of the same; empty: the library's default
+  std::optional<FrictionCone> cone;    // SimulationOptions::cone
+  double friction_time = 0;            // SimulationOptions::friction_time [s]
+  int threads = 0;                     // of the CPU; 0: all, but no more than such worlds have work for
+  std::vector<std::string> per_world;  // fields whose values differ from world to world, of `world_fields`
 };
+
+/// The names of all fields that may differ from world to world: the model's (model/fields.hpp), and "geom_pos", "geom_quat", "geom_size",
+/// "geom_friction", "geom_solref", "geom_solimp" (collision/geom_values.hpp).
+std::vector<std::string> world_fields();
 
 /// Of a call of `Stepper::step`.
 struct StepOptions {
@@ -102,6 +108,9 @@ struct NamedArray {
 /// it.
 inline constexpr int snapshot_version = 1;
 
+/// Of the smooth dynamics: M qacc_smooth = passive - bias + actuator + applied.
+enum class SmoothForces { passive, actuator, bias, acceleration };
+
 /// Many worlds of one model on a device.
 class Stepper {
  public:
@@ -120,8 +129,8 @@ class Stepper {
   virtual void get(Array qpos, Array qvel) const = 0;
   virtual void forward() = 0;
   /// Worlds of the mask, (worlds) int32 on any device, not 0: to the model's initial positions, or those of a keyframe (index; -1: none):
-  /// at rest, time 0, status cleared, no impulses of the last step (model/keyframe.hpp). Without data: all worlds. Allocates; waits. Errors:
-  /// std::invalid_argument for a mask of another shape or kind, and a keyframe that is not there.
+  /// at rest, time 0, status cleared, no impulses of the last step (model/keyframe.hpp). Without data: all worlds. Allocates; waits.
+  /// Errors: std::invalid_argument for a mask of another shape or kind, and a keyframe that is not there.
   virtual void reset(Array const& mask, int keyframe) = 0;
   /// Copies all that the next step starts from: state, impulses, who sleeps. The arrays hold until the next call. Waits; allocates at
   /// first, and where there may be more impulses than before.
@@ -131,6 +140,25 @@ class Stepper {
   /// "sensors." sensors that keep samples have measured nothing. Allocates; waits.
   /// Errors: gsp::Error that names an array which is missing, or of other shape, kind or range than `save` gives.
   virtual void restore(std::vector<NamedArray> const& arrays) = 0;
+  /// (worlds, items, components) a copy of the values of a field of StepperOptions::per_world, which holds until the next call of this.
+  /// Friction and softness of geoms that take part in no pair are NaN. Allocates; waits. Errors: gsp::Error for a field that is the same
+  /// for all worlds.
+  virtual Array world_values(std::string const& field) = 0;
+  /// Sets them in the worlds of the mask, as `reset` takes it, from (worlds | 1, items, components) or, of one component, (worlds | 1,
+  /// items), on any device in any precision, and then what follows from masses and geometry (dynamics/set_constants.hpp): of several fields
+  /// each time, so it belongs to resets. Who sleeps is woken. Pictures and rays keep the sizes of the compiled model.
+  /// @param scale_inertia  body_mass alone: inertia changes in proportion (then body_inertia is per world too), else it stays
+  /// Allocates; waits. Errors: gsp::Error for another shape, and for a field that is the same for all worlds.
+  virtual void set_world_values(std::string const& field, Array const& values, Array const& mask, bool scale_inertia) = 0;
+  /// Of the state as it is, each in an array of its own that holds until the next call of the same: M (worlds, nv, nv); the forces and the
+  /// acceleration without constraints (dynamics/smooth.hpp, copy_dofs), (worlds, nv); the Jacobian (worlds, 6, nv) of a point of a body, or
+  /// of a site (point of {0, 0, 0}), rows 0-2 of its velocity, 3-5 angular, in world axes; qfrc = M qacc + bias - passive of qacc (worlds,
+  /// nv) on any device. Residuals of the last step are lost. Allocates at first; waits.
+  virtual Array mass_matrix() = 0;
+  virtual Array smooth_forces(SmoothForces which) = 0;
+  virtual Array body_jacobian(int body, std::array<double, 3> const& point) = 0;
+  virtual Array site_jacobian(int site) = 0;
+  virtual Array inverse_dynamics(Array const& qacc) = 0;
   /// Waits until the steps are done.
   virtual void step(StepOptions const& options) = 0;
   virtual StepCounts counts() const = 0;
