@@ -252,6 +252,8 @@ int run(Arguments const& a) {
     scene.add_set(load_splats(splats[i], i < splat_poses.size() ? gsp::io::parse_splat_pose(splat_poses[i]) : gsp::io::SplatPose{}),
                   splats[i], model);
   options.splats = !splats.empty();
+  for (std::size_t i = splat_poses.size(); i < splats.size(); ++i)
+    std::fprintf(stderr, "gsp scan: %s stands as its file has it, often on its side: --splat-pose turns it\n", splats[i].c_str());
   expect_memory(std::to_string(worlds) + " worlds of " + std::to_string(rays) + " rays", device,
                 std::uint64_t(worlds) * rays * 48 + std::uint64_t(scene.count()) * 96,
                 std::uint64_t(npz ? all : worlds * rays) * 24 + std::uint64_t(worlds) * rays * 40, "fewer worlds or entries");

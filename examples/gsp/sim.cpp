@@ -221,6 +221,8 @@ int run(Arguments const& a) {
                    static_cast<long long>(options.worlds) * model.ntree, static_cast<long long>(counts.kept));
     std::fprintf(say, "  %.2f s to start, %.4g MB, state %s\n", startup, megabytes, hash_of({&qpos, &qvel}).c_str());
     if (trace_file) std::fprintf(say, "  %s: %zu states of %zu worlds\n", trace_file->c_str(), trace.entries, trace.worlds);
+    if (sensors_file)
+      std::fprintf(say, "  %s: sensordata of %zu states of %zu worlds\n", sensors_file->c_str(), trace.entries, trace.worlds);
   }
   write_last();
   return 0;

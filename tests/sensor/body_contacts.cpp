@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <gsp/sensor/body_contacts.hpp>
+#include <gsp/step/snapshot.hpp>
 #include <gsp_test_execs.hpp>
 
 #include "sensor/sensor_scene.hpp"
@@ -129,6 +130,24 @@ TEST_CASE_TEMPLATE("times of flight and of contact, of worlds that are reset and
   }
   CHECK(touches >= 2);
   CHECK(last_air > 0.1);
+  // what is saved goes on as it would have
+  auto const snapshot = gsp::make_snapshot(s.exec, s.state, s.sim);
+  auto kept = gsp::make_body_contacts(s.exec, s.model, {.worlds = 3, .history = 3});
+  gsp::copy_body_contacts(s.exec, of, kept);
+  for (int i = 0; i < 30; ++i) all();
+  auto const air_then = gsp_test::host(of.air_time), contact_then = gsp_test::host(of.contact_time);
+  auto const history_then = gsp_test::host(of.force_history);
+  gsp::restore(s.exec, snapshot, s.state, s.sim);
+  gsp::copy_body_contacts(s.exec, kept, of);
+  for (int i = 0; i < 30; ++i) all();
+  for (int w = 0; w < 3; ++w) {
+    CHECK(gsp_test::host(of.air_time)(w, 0) == air_then(w, 0));
+    CHECK(gsp_test::host(of.contact_time)(w, 0) == contact_then(w, 0));
+    for (int h = 0; h < 3; ++h) CHECK(gsp_test::host(of.force_history)(w, h, 0, 2) == history_then(w, h, 0, 2));
+  }
+  auto other = gsp::make_body_contacts(s.exec, s.model, {.worlds = 3, .history = 2});
+  CHECK_THROWS_WITH_AS(gsp::copy_body_contacts(s.exec, of, other), doctest::Contains("make both with the same options"),
+                       std::invalid_argument);
   Kokkos::View<bool*, typename Exec::memory_space> mask("mask", 3);
   auto const wanted = Kokkos::create_mirror_view(mask);
   wanted(0) = wanted(1) = false, wanted(2) = true;
@@ -159,4 +178,13 @@ TEST_CASE_TEMPLATE("times of flight and of contact, of worlds that are reset and
                        std::invalid_argument);
   auto fewer = gsp::make_body_contacts(s.exec, s.model, {.worlds = 2});
   CHECK_THROWS_WITH_AS(sum(s, fewer), doctest::Contains("gsp::body_contacts"), std::invalid_argument);
+}
+
+TEST_CASE_TEMPLATE("a body without a geom, which nothing touches, is refused by its number", Exec, GSP_TEST_EXECS) {
+  SensedWorld<Exec> s(
+      R"(<mujoco><worldbody><body name="shank"><freejoint/><geom size=".1"/><body name="foot" pos="0 0 -.1"><site name="s"/></body></body></worldbody></mujoco>)",
+      gsp::Profile::stable);
+  CHECK_THROWS_WITH_AS(gsp::make_body_contacts(s.exec, s.model, {.bodies = {1, 2}}),
+                       doctest::Contains("body 2 has no geom, so that nothing ever touches it: name the body"), std::invalid_argument);
+  CHECK(gsp::make_body_contacts(s.exec, s.model).count() == 2);  // of all
 }

@@ -420,6 +420,26 @@ TEST_CASE("rows and columns of items beyond 32 bits") {
       }
 }
 
+// A joint that turns by 1 rad/s: 4 readings span 40 ms, and an encoder of 4,096 counts a turn sees that rate to a count over the span.
+TEST_CASE_TEMPLATE("encoders of positions as a page has them", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  int const worlds = 2;
+  double const dt = .01, turn = 6.283185307179586;
+  Rows<Exec> const qpos("qpos", worlds, 3);
+  Kokkos::View<bool*, typename Exec::memory_space> const done("done", worlds);
+  std::vector<int> const columns{2};
+  // example-begin encoders
+  // columns: of qpos, compiled.jnt_qposadr has them; or of sensordata, sensor_adr
+  auto encoders = gsp::make_encoders<double>(exec, {.worlds = worlds, .columns = columns, .resolution = turn / 4096, .span = 4, .seed = 3});
+  for (int k = 0; k < 10; ++k) {
+    Kokkos::deep_copy(qpos, k * dt);
+    gsp::read_encoders(exec, encoders, dt, qpos);  // each dt seconds: encoders.position, encoders.velocity (worlds, encoders)
+  }
+  gsp::reset_encoders(exec, encoders, done);  // with reset(exec, model, state, done)
+  // example-end encoders
+  for (double const v : numbers(encoders.velocity)) CHECK(std::abs(v - 1) <= turn / 4096 / (4 * dt));
+}
+
 TEST_CASE_TEMPLATE("encoders: whole counts, velocities over a span, starts, NaN", Exec, GSP_TEST_EXECS) {
   Exec const exec;
   double const step = .25, dt = .01, rate = 3.7;

@@ -271,7 +271,7 @@ struct CastRays {
 /// inside (a height field also at z = 0, where its base begins); planes from their front; meshes from both sides. Of geoms at one distance
 /// the first. A direction of 0, one that is not finite, and NaN meet nothing, nor does a ray whose distance no R holds. Does not allocate,
 /// does not fence. Cost: about 20 flop a geom that is not near, 50 a shape, 1,000 a mesh that is near. Errors: std::invalid_argument where
-/// rays, hits and scene are of other numbers of worlds or rays, and for bodies without body_exclude.
+/// rays, hits and scene are of other numbers of worlds or rays, for geoms that have not been placed, and for bodies without body_exclude.
 template <ExecutionSpace Exec, class R, class Mem>
 void cast_rays(Exec const& exec, RayScene<R, Mem> const& scene, Rays<R, Mem> const& rays, RayHits<R, Mem>& hits,
                CastRaysOptions options = {}) {
@@ -287,6 +287,7 @@ void cast_rays(Exec const& exec, RayScene<R, Mem> const& scene, Rays<R, Mem> con
       "gsp::cast_rays: origins, directions and hits are of other numbers of worlds or rays: make them with the same options");
   expects(options.bodies == 1 || (options.bodies > 0 && options.body_exclude >= 0),
           "gsp::cast_rays: bodies counts from body_exclude on: take both from hide_self");
+  detail::expects_placed("gsp::cast_rays", scene);
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   detail::RayCaster<R, Mem> const caster{scene, options};
   Kokkos::parallel_for("gsp::ray::cast_rays", lightweight(Range(exec, 0, std::int64_t(worlds) * caster.items_of(count))),

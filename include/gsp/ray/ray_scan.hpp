@@ -39,6 +39,9 @@ struct RayScan {
   View<R***> point;    // (worlds, rays, 3) [m] in the world, along the ray as the unit takes it to be; 0: nothing. Empty: not asked for
   View<double*> time;  // (rays) [s] from the beginning of step 0, when each left; -1: none has yet
 
+  bool begun = false;     // host: begin_ray_scan has said where the unit is
+  std::int64_t next = 0;  // host: the step that scan_rays takes next; -1: any, all worlds have just begun
+
   RayMount<R, Mem> mount;
   RayClock clock;  // host
   RayScanOptions options;
@@ -250,6 +253,8 @@ void begin_ray_scan(Exec const& exec, Poses<R, Mem> const& poses, RayScan<R, Mem
   static_assert(can_access<Exec, Mem>, "gsp::begin_ray_scan: the scan is not accessible from this execution space");
   detail::expects_poses_of("gsp::begin_ray_scan", poses, scan);
   detail::expects_mask("gsp::begin_ray_scan", mask, "scan", scan.options.worlds);
+  if (std::is_same_v<Mask, AllWorlds> || !scan.begun) scan.next = -1;
+  scan.begun = true;
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   Kokkos::parallel_for("gsp::ray::begin_ray_scan", lightweight(Range(exec, 0, std::int64_t(scan.range.size()))),
                        detail::BeginRayScan<R, Mem, Mask>{{poses, scan.before, scan.mount.body, scan.mount.alignment},
@@ -273,8 +278,9 @@ void begin_ray_scan(Exec const& exec, Poses<R, Mem> const& poses, RayScan<R, Mem
 /// @param poses  at the end of the step, after forward_kinematics or a step
 /// @param also   what rays meet beside the geoms, such as splat_target(tree): the nearer wins (NothingElse says what it has)
 /// Does not allocate, does not fence. Two launches. Cost: cast_rays of the rays that leave, and about 200 flop each. Errors:
-/// std::invalid_argument for a scene or poses of another number of worlds, poses without that body, steps that are not within 0 to 104
-/// days.
+/// std::invalid_argument before begin_ray_scan, for a scene or poses of another number of worlds, a scene whose geoms have not been placed,
+/// poses without that body, steps that are not within 0 to 104 days, and one that is more than one ahead of the last but where all worlds
+/// have begun anew.
 template <ExecutionSpace Exec, class R, class Mem, class Also = NothingElse>
 void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> const& poses, RayScan<R, Mem>& scan, std::int64_t step,
                Also const& also = {}) {
@@ -284,6 +290,13 @@ void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> co
   expects(worlds == scene.worlds, "gsp::scan_rays: the scene has " + std::to_string(scene.worlds) + " worlds, the scan has " +
                                       std::to_string(worlds) + ": make both with the same {.worlds = n}");
   detail::expects_poses_of("gsp::scan_rays", poses, scan);
+  detail::expects_placed("gsp::scan_rays", scene);
+  expects(scan.begun,
+          "gsp::scan_rays: where the unit was before is not known: call begin_ray_scan(exec, poses, scan) before the first step");
+  expects(scan.next < 0 || step <= scan.next, "gsp::scan_rays: step " + std::to_string(step) + " comes after step " +
+                                                  std::to_string(scan.next - 1) +
+                                                  ", and rays between them would be lost: call it for each step, or begin_ray_scan first");
+  scan.next = step + 1;
   RayClock const& clock = scan.clock;
   RayPhase phase = rays_of_step(clock, step);
   std::int64_t const more = phase.count > places ? phase.count - places : 0;

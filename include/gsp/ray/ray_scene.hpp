@@ -5,6 +5,7 @@
 #include <gsp/core/region.hpp>
 #include <gsp/geometry/shapes.hpp>
 #include <gsp/model/detail/sizes.hpp>
+#include <gsp/model/detail/stamp.hpp>
 #include <gsp/model/model.hpp>
 #include <gsp/model/poses.hpp>
 #include <gsp/ray/mesh_tree.hpp>
@@ -50,6 +51,7 @@ struct RayScene {
   Kokkos::View<RayNode*, Mem> nodes;                                                               // of all meshes
   Kokkos::View<RayTriangle*, Mem> triangles;
   ShapeAssets<R, Mem> height_fields;
+  detail::SharedStamp<bool> placed;  // host: place_ray_geoms has been called
   KOKKOS_INLINE_FUNCTION int count() const { return int(geoms.extent(0)); }
 };
 
@@ -138,10 +140,16 @@ RayScene<R, Mem> make_ray_scene(Exec const& exec, Model<R, Mem> const& model, Co
   scene.radius = detail::to_device<decltype(scene.radius)>(exec, "gsp::RayScene::radius", radii);
   scene.turn = detail::allocate_zero<decltype(scene.turn)>(exec, "gsp::RayScene::turn", options.worlds, int(geoms.size()));
   scene.place = detail::allocate_zero<decltype(scene.place)>(exec, "gsp::RayScene::place", options.worlds, 3, int(radii.size()));
+  scene.placed = detail::make_stamp<bool>("gsp::RayScene::placed");
   return scene;
 }
 
 namespace detail {
+template <class R, class Mem>
+void expects_placed(char const* where, RayScene<R, Mem> const& scene) {
+  expects(!scene.placed.data() || scene.placed(),
+          std::string(where) + ": where the scene's geoms are is not known: call place_ray_geoms(exec, model, poses, scene) first");
+}
 template <class R, class Mem>
 struct PlaceRayGeoms {
   Poses<R, Mem> poses;
@@ -171,6 +179,7 @@ void place_ray_geoms(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem>
           "gsp::place_ray_geoms: the scene has " + std::to_string(scene.worlds) + " worlds of " + std::to_string(model.nbody) +
               " bodies, the poses " + std::to_string(poses.xpos.extent(0)) + " of " + std::to_string(poses.xpos.extent(1)));
   detail::expects_values("gsp::place_ray_geoms", model, scene.worlds);
+  if (scene.placed.data()) scene.placed() = true;
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   Kokkos::parallel_for("gsp::ray::place_ray_geoms", lightweight(Range(exec, 0, std::int64_t(scene.worlds) * scene.count())),
                        detail::PlaceRayGeoms<R, Mem>{poses, model.geom_pos, model.geom_quat, scene});

@@ -41,19 +41,27 @@ struct BodyContacts {
   int count() const { return int(bodies.extent(0)); }
 };
 
-/// Allocates. Errors: std::invalid_argument for worlds < 1, bodies that the model does not have, and a threshold or
-/// history below 0.
+/// Allocates; fences. Errors: std::invalid_argument for worlds < 1, bodies that the model does not have or that have no geom, and a
+/// threshold or history below 0.
 template <class R, ExecutionSpace Exec, class Mem>
 BodyContacts<R, Mem> make_body_contacts(Exec const& exec, Model<R, Mem> const& model, BodyContactsOptions options = {}) {
   expects(options.worlds > 0, "gsp::make_body_contacts: worlds must be positive and is " + std::to_string(options.worlds));
   expects(options.threshold >= 0, "gsp::make_body_contacts: threshold must be a number, 0 or more");
   expects(options.history >= 0, "gsp::make_body_contacts: history must be 0 or more");
-  if (options.bodies.empty())
+  bool const chosen = !options.bodies.empty();
+  if (!chosen)
     for (int b = 1; b < model.nbody; ++b) options.bodies.push_back(b);
   for (auto const* list : {&options.bodies, &options.partners})
     for (int b : *list)
       expects(b >= 0 && b < model.nbody, "gsp::make_body_contacts: there is no body " + std::to_string(b) + ": the model has " +
                                              std::to_string(model.nbody) + ", numbered from 0; body_id(compiled, name) finds one");
+  if (chosen) {
+    std::vector<bool> has_geom(std::size_t(model.nbody), false);
+    for (int const b : detail::to_host(exec, model.geom_body)) has_geom[std::size_t(b)] = true;
+    for (int const b : options.bodies)
+      expects(has_geom[std::size_t(b)], "gsp::make_body_contacts: body " + std::to_string(b) +
+                                            " has no geom, so that nothing ever touches it: name the body that its geoms are of");
+  }
   BodyContacts<R, Mem> c;
   int const n = options.worlds, bodies = int(options.bodies.size()), partners = int(options.partners.size());
   c.worlds = n;
@@ -122,6 +130,30 @@ void reset_body_contacts(Exec const& exec, BodyContacts<R, Mem>& of, Mask const&
   detail::expects_mask("gsp::reset_body_contacts", mask, "contacts of bodies", of.worlds);
   Kokkos::parallel_for("gsp::sensor::reset_body_contacts", Kokkos::RangePolicy<Exec>(exec, 0, of.worlds * of.count()),
                        detail::ResetBodyContacts<BodyContacts<R, Mem>, Mask>{of, mask});
+}
+
+/// `to` goes on as `from` would have, to the bit: all that is read and remembered, of all worlds. Beside `save` and `restore` of a
+/// simulation. Does not allocate, does not fence a device. Errors: std::invalid_argument for another number of worlds, bodies, partners or
+/// updates that are kept.
+template <ExecutionSpace Exec, class R, class Mem>
+void copy_body_contacts(Exec const& exec, BodyContacts<R, Mem> const& from, BodyContacts<R, Mem>& to) {
+  Region const region("gsp::sensor::copy_body_contacts");
+  auto const copy = [&](auto const& a, auto const& b) {
+    expects(a.size() == b.size(), "gsp::copy_body_contacts",
+            "the two differ in worlds, bodies, partners or history: make both with the same options");
+    detail::copy_bytes(exec, b.data(), a.data(), detail::bytes_of(a));
+  };
+  copy(from.force, to.force);
+  copy(from.friction, to.friction);
+  copy(from.force_matrix, to.force_matrix);
+  copy(from.force_history, to.force_history);
+  copy(from.position, to.position);
+  copy(from.found, to.found);
+  copy(from.air_time, to.air_time);
+  copy(from.contact_time, to.contact_time);
+  copy(from.last_air_time, to.last_air_time);
+  copy(from.last_contact_time, to.last_contact_time);
+  copy(from.load, to.load);
 }
 
 /// Whether a body's touch (or flight) has begun within the last dt seconds: of contact_time(w, i), or air_time(w, i). For kernels of yours:

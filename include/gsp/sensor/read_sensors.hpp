@@ -9,15 +9,26 @@
 /// All sensors of a model at once, from a simulation.
 namespace gsp {
 
+namespace detail {
+template <class R, class Mem>
+void expects_forward(char const* where, State<R, Mem> const& state, Dynamics<R, Mem> const& dynamics) {
+  if (!dynamics.stamps(int(Quantity::motion)).is_of(state))
+    throw std::invalid_argument(std::string(where) +
+                                ": the simulation holds nothing of this state as it is now: call forward(exec, model, "
+                                "state, sim) first");
+}
+}  // namespace detail
+
 /// data (world, nsensordata): the numbers of all sensors of the table, of the state as it is: smooth_sensors, constraint_sensors,
-/// range_sensors, distance_sensors, accelerations and acceleration_sensors, of those that the model has; sensors with a delay or an interval
-/// say what they have measured (sensor/sensor_history.hpp). What sensors.left_out names stays as it is.
+/// range_sensors, distance_sensors, accelerations and acceleration_sensors, of those that the model has; sensors with a delay or an
+/// interval say what they have measured (sensor/sensor_history.hpp). What sensors.left_out names stays as it is.
 /// @param sim  after forward(exec, model, state, sim)
 /// Does not allocate, does not fence. Errors: std::invalid_argument where forward has not been called with this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void read_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Simulation<R, Mem>& sim,
                   Sensors<R, Mem>& sensors, View& data) {
   Region const region("gsp::sensor::read_sensors");
+  detail::expects_forward("gsp::read_sensors", state, sim.dynamics);
   smooth_sensors(exec, model, state, sim.poses, sim.dynamics, sensors, data);
   constraint_sensors(exec, model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.rows, sim.impulses, sensors, data);
   range_sensors(exec, model, state, sim.poses, sensors, data);

@@ -121,7 +121,10 @@ SensorNoise<R, typename Exec::memory_space> make_sensor_noise(Exec const& exec, 
   expects(options.sensor < (1u << 24), where, "the sensor's number must be below 2^24");
   if (options.columns.empty())
     for (int c = 0; c < n; ++c) options.columns.push_back(c);
-  expects(int(options.columns.size()) == n, where, "give as many columns as channels, or none");
+  if (int(options.columns.size()) != n)
+    throw std::invalid_argument(std::string(where) + ": there are " + std::to_string(n) + " channels and " +
+                                std::to_string(options.columns.size()) +
+                                " columns: give one for each, or none (imu_noise: three of the accelerometer, then three of the gyro)");
   expects(options.coupling.empty() || options.coupling.size() == std::size_t(n) * std::size_t(n), where,
           "the coupling has a row of all channels for each of them");
   Noise s;
