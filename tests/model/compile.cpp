@@ -611,3 +611,29 @@ TEST_CASE("a sensor of a type that MJCF does not have is refused") {
   d.sensors.push_back({.name = "s", .type = "jointpose", .object_type = "joint", .object = "elbow"});
   check_message(d, "has the type 'jointpose', which is not one of MJCF's");
 }
+
+// What MuJoCo refuses too, but for dims of datatypes that it refuses at another place.
+TEST_CASE("settings of sensors are whole numbers and words in their order") {
+  auto const with = [](char const* type, std::vector<std::pair<std::string, std::string>> settings, bool site = false) {
+    auto d = double_pendulum();
+    d.bodies[1].sites.emplace_back().name = "s";
+    SensorDescription sensor{.name = "x", .type = type};
+    if (site) sensor.object_type = "site", sensor.object = "s";
+    sensor.settings = std::move(settings);
+    d.sensors.push_back(sensor);
+    return d;
+  };
+  check_message(with("user", {{"dim", "-1"}}), "has dim '-1', which must be a whole number, 0 or more");
+  check_message(with("user", {{"dim", "2.5"}}), "has dim '2.5'");
+  check_message(with("user", {{"dim", "6"}, {"datatype", "axis"}}), "an axis has 3 numbers, a quaternion 4");
+  check_message(with("user", {{"dim", "3"}, {"datatype", "quaternion"}}), "an axis has 3 numbers, a quaternion 4");
+  check_message(with("user", {{"dim", "2000000000"}}), "makes 1e9 numbers or more of all sensors: lower its dim");
+  check_message(with("contact", {{"num", "2.5"}}), "has num '2.5', which must be a whole number, 1 or more");
+  check_message(with("contact", {{"num", "2000000000"}, {"data", "force"}}), "ask for fewer slots");
+  for (char const* const data : {"foo", "dist dist", "dir dist"})
+    check_message(with("rangefinder", {{"data", data}}, true), "name each once, in the order dist dir origin point normal depth");
+  CHECK(compile(with("user", {{"dim", "0"}})).nsensordata == 0);
+  CHECK(compile(with("rangefinder", {{"data", ""}}, true)).nsensordata == 1);
+  CHECK(compile(with("rangefinder", {{"data", " dist\n\tdir "}}, true)).nsensordata == 4);
+  CHECK(compile(with("contact", {{"data", "found\nforce"}, {"num", " 2 "}})).nsensordata == 8);
+}

@@ -404,8 +404,8 @@ TEST_CASE_TEMPLATE("MJCF's noise of rays, contacts and distances: unit vectors, 
     CHECK(moved == share * rows * (c.size - int(c.still.size())));
     CHECK(lengths == share * rows * int(c.units.size()));
   }
-  CHECK(gsp::range_fields(sensor("rangefinder", "dist depth")) == 0b100001);
-  CHECK(gsp::range_fields(sensor("rangefinder", "")) == 1);
+  CHECK(gsp::range_settings(sensor("rangefinder", "dist depth")).fields == 0b100001);
+  CHECK(gsp::range_settings(sensor("rangefinder", "")).fields == 1);
 }
 
 // Beside 64-bit division; the largest number of items is worlds x channels, of ints.

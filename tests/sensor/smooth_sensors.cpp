@@ -10,6 +10,7 @@
 #include <gsp_test_execs.hpp>
 
 #include "dynamics/random_tree.hpp"
+#include "sensor/sensor_scene.hpp"
 #include "support/kernels.hpp"
 
 namespace {
@@ -213,4 +214,19 @@ TEST_CASE_TEMPLATE("sensors give what poses, Jacobians and forces give", Exec, G
     for (int i = 0; i < c.nsensordata; ++i) worst = std::fmax(worst, std::abs(found(w, i) - want[i]) / std::fmax(1, std::abs(want[i])));
   }
   CHECK(worst < 1e-11);
+}
+
+// MuJoCo's 1e-15 m in place of a depth of 0, away from the camera's back: pixel = 3/2 - f x / 1e-15, f = 2 / (2 tan(fovy / 2)) pixels of a
+// picture of 2 rows.
+TEST_CASE_TEMPLATE("a site in the plane of the camera is far out in the picture, and a number", Exec, GSP_TEST_EXECS) {
+  gsp_test::SensedWorld<Exec> s(
+      R"(<mujoco><worldbody><camera name="c" pos="0 0 1" resolution="3 2"/><site name="s" pos=".05 0 1"/><site name="same" pos="0 0 1"/><body pos="0 0 3"><joint/><geom size=".1"/></body></worldbody>
+      <sensor><camprojection name="beside" site="s" camera="c"/><camprojection name="same" site="same" camera="c"/><camprojection name="cut" site="s" camera="c" cutoff="10"/></sensor></mujoco>)",
+      gsp::Profile::stable);
+  s.read();
+  double const focal = 1 / std::tan(22.5 * 3.14159265358979323846 / 180);
+  CHECK(std::abs(s("beside")[0] / (-focal * .05 / 1e-15) - 1) < 1e-12);
+  CHECK(s("beside")[1] == 1);
+  CHECK(gsp_test::away(s("same"), {1.5, 1}) == 0);
+  CHECK(gsp_test::away(s("cut"), {-10, 1}) == 0);
 }

@@ -83,8 +83,8 @@ KOKKOS_INLINE_FUNCTION void find_nearest(ShapeType type_a, Shape<T> const& a, Sh
 /// anything, and what has a pose or size that is not finite.
 /// Exact to rounding between planes and anything, spheres, capsules and boxes (but two that are boxes, and where the segment of a capsule
 /// enters a box: 1e-7 of the size, 2e-6 in float); the others by `convex_distance` (narrowphase/convex.hpp), fine. Where many points are as
-/// near, as between parallel faces, one of them. Does not allocate; 7 kB of stack in float, 13 kB in double. Cost: that of the pair in the
-/// narrow phase (docs/collision/narrowphase.md, convex.md).
+/// near, as between parallel faces, one of them. Round shapes that overlap about one middle or axis: up to 1 % too deep. Does not allocate;
+/// 7 kB of stack in float, 13 kB in double. Cost: that of the pair in the narrow phase (docs/collision/narrowphase.md, convex.md).
 template <class T>
 KOKKOS_FUNCTION ShapeDistance<T> shape_distance(ShapeType type_a, Shape<T> const& a, ShapeType type_b, Shape<T> const& b, T cutoff) {
   bool const turned = type_a > type_b;

@@ -1,7 +1,6 @@
 #pragma once
 #include <algorithm>
 #include <array>
-#include <cstdlib>
 #include <gsp/model/description.hpp>
 #include <optional>
 #include <sstream>
@@ -24,6 +23,40 @@ enum class ContactField : int { found, force, torque, dist, pos, normal, tangent
 /// do together.
 enum class ContactReduce : int { none, mindist, maxforce, netforce };
 
+namespace detail {
+/// Bit k: the k-th of a list of fields, by the words of an attribute that names each once, in their order; or nothing.
+template <class Fields>
+std::optional<unsigned> read_fields(Fields const& fields, std::string const& text) {
+  unsigned found = 0;
+  int const count = int(std::size(fields));
+  int last = -1;
+  std::istringstream words(text);
+  for (std::string word; words >> word;) {
+    int k = 0;
+    while (k < count && fields[k].name != word) ++k;
+    if (k == count || k <= last) return {};
+    last = k;
+    found |= 1u << k;
+  }
+  return found;
+}
+/// Numbers that the chosen ones have together.
+template <class Fields>
+int size_of_fields(Fields const& fields, unsigned chosen) {
+  int sum = 0;
+  for (int k = 0; k < int(std::size(fields)); ++k)
+    if ((chosen >> k) & 1u) sum += fields[k].size;
+  return sum;
+}
+/// A whole number, and nothing else; or nothing.
+inline std::optional<int> read_whole(std::string const& text) {
+  int number = 0;
+  std::istringstream in(text);
+  if (!(in >> number) || !(in >> std::ws).eof()) return {};
+  return number;
+}
+}  // namespace detail
+
 struct ContactSensorSettings {
   int slots = 1;
   ContactReduce reduce = ContactReduce::none;
@@ -32,12 +65,7 @@ struct ContactSensorSettings {
 
   bool has(ContactField field) const { return (fields >> int(field)) & 1u; }
   /// Numbers of a slot.
-  int size() const {
-    int sum = 0;
-    for (int k = 0; k < int(std::size(contact_sensor_fields)); ++k)
-      if ((fields >> k) & 1u) sum += contact_sensor_fields[k].size;
-    return sum;
-  }
+  int size() const { return detail::size_of_fields(contact_sensor_fields, fields); }
 };
 
 /// The settings (attributes num, reduce and data) of a sensor of type "contact".
@@ -46,8 +74,8 @@ inline ContactSensorSettings contact_settings(SensorDescription const& s) {
   constexpr std::array<std::string_view, 4> reduces{"none", "mindist", "maxforce", "netforce"};
   for (auto const& [key, value] : s.settings) {
     if (key == "num") {
-      out.slots = std::atoi(value.c_str());
-      if (out.slots < 1) out.fault = "has no slots: num must be 1 or more";
+      out.slots = detail::read_whole(value).value_or(0);
+      if (out.slots < 1) out.fault = "has num '" + value + "', which must be a whole number, 1 or more";
     }
     if (key == "reduce") {
       auto const at = std::find(reduces.begin(), reduces.end(), value);
@@ -57,19 +85,11 @@ inline ContactSensorSettings contact_settings(SensorDescription const& s) {
         out.reduce = ContactReduce(at - reduces.begin());
     }
     if (key == "data") {
-      out.fields = 0;
-      std::istringstream words(value);
-      int last = -1;
-      for (std::string word; words >> word;) {
-        int k = 0;
-        while (k < int(std::size(contact_sensor_fields)) && contact_sensor_fields[k].name != word) ++k;
-        if (k == int(std::size(contact_sensor_fields)) || k <= last) {
-          out.fault = "has data '" + value + "': name each once, in the order found force torque dist pos normal tangent linvel angvel";
-          break;
-        }
-        last = k;
-        out.fields |= 1u << k;
-      }
+      auto const fields = detail::read_fields(contact_sensor_fields, value);
+      if (!fields)
+        out.fault = "has data '" + value + "': name each once, in the order found force torque dist pos normal tangent linvel angvel";
+      else
+        out.fields = *fields;
     }
   }
   if (out.fault.empty() && out.fields == 0) out.fault = "has empty data: name at least one of found force torque dist pos ...";

@@ -1,7 +1,5 @@
 #pragma once
-#include <gsp/model/description.hpp>
-#include <string>
-#include <string_view>
+#include <gsp/model/contact_sensor.hpp>
 
 /// What MJCF's rangefinders say of a ray, read from their settings.
 namespace gsp {
@@ -15,17 +13,26 @@ inline constexpr RangeSensorField range_sensor_fields[] = {{"dist", 1},  {"dir",
                                                            {"point", 3}, {"normal", 3}, {"depth", 1}};
 enum class RangeField : int { dist, dir, origin, point, normal, depth };
 
-/// Bit k: the k-th of range_sensor_fields, of a sensor of type "rangefinder"; dist where the attribute data is not given.
-inline unsigned range_fields(SensorDescription const& s) {
-  unsigned fields = 1u << int(RangeField::dist);
+struct RangeSensorSettings {
+  unsigned fields = 1u << int(RangeField::dist);  // bit k: the k-th of range_sensor_fields
+  std::string fault;                              // what is wrong with them; empty: nothing
+
+  /// Numbers of a ray.
+  int size() const { return detail::size_of_fields(range_sensor_fields, fields); }
+};
+
+/// The settings (attribute data) of a sensor of type "rangefinder": dist where data is not given, or empty (MuJoCo).
+inline RangeSensorSettings range_settings(SensorDescription const& s) {
+  RangeSensorSettings out;
   for (auto const& [key, value] : s.settings) {
     if (key != "data") continue;
-    fields = 0;
-    std::string const list = " " + value + " ";
-    for (int k = 0; k < 6; ++k)
-      fields |= unsigned(list.find(" " + std::string(range_sensor_fields[k].name) + " ") != std::string::npos) << k;
+    auto const fields = detail::read_fields(range_sensor_fields, value);
+    if (!fields)
+      out.fault = "has data '" + value + "': name each once, in the order dist dir origin point normal depth";
+    else if (*fields != 0)
+      out.fields = *fields;
   }
-  return fields;
+  return out;
 }
 
 }  // namespace gsp

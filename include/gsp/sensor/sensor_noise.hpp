@@ -274,7 +274,7 @@ inline void add_range_noise(MjcfNoise const& to, SensorDescription const& sensor
   using K = MjcfNoise;
   K::Kind const kinds[] = {K::positive, K::unit, K::any, K::any, K::unit, K::positive};
   double const miss = sensor.cutoff > 0 ? std::max(-1., -sensor.cutoff) : -1;
-  unsigned const fields = range_fields(sensor);
+  unsigned const fields = range_settings(sensor).fields;
   std::vector<K::Part> parts;
   std::array<int, 2> signs{0, 0};
   RangeField of = RangeField::origin;

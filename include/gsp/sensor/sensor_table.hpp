@@ -162,7 +162,7 @@ inline int place_among_limited(CompiledModel const& m, std::vector<int> const& l
 }
 template <class R>
 RangeSensorEntry<R> range_entry(CompiledModel const& m, SensorDescription const& d, int adr, int object) {
-  RangeSensorEntry<R> e{adr, object, range_fields(d), R(d.cutoff)};
+  RangeSensorEntry<R> e{adr, object, range_settings(d).fields, R(d.cutoff)};
   e.size = 0;
   for (int k = 0; k < 6; ++k) e.size += e.has(RangeField(k)) ? range_sensor_fields[k].size : 0;
   if (d.object_type != "camera") return e;

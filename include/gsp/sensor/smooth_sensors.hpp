@@ -195,7 +195,7 @@ struct SmoothSensors : SensorFrames<R, Mem> {
         return put3(transpose_times(own.r, Vec3<T>{T(magnetic.x), T(magnetic.y), T(magnetic.z)}));
       case S::cam_projection: {  // pixel = c -+ f (x, y) / z of the site in the camera's frame: x right, y down from the top left
         Vec3<T> const x = seen(own.p - reference.p);
-        T const z = select(abs(x.z) < T(1e-15), clamp(x.z, T(-1e-15), T(1e-15)), x.z);
+        T const z = select(abs(x.z) < T(1e-15), select(x.z < T(0), T(-1e-15), T(1e-15)), x.z);  // beside the camera: far, and finite
         auto const half = [&](int c) { return T(0.5) * l.constant(model.cam_resolution, e.reference, 2, c); };
         auto const focal = [&](int c) { return l.constant(model.cam_focal, e.reference, 2, c); };
         put(0, half(0) - focal(0) * x.x / z);

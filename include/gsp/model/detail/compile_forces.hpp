@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/model/contact_sensor.hpp>
 #include <gsp/model/detail/compile_bodies.hpp>
+#include <gsp/model/range_sensor.hpp>
 #include <gsp/model/sensor_history.hpp>
 #include <gsp/model/sensor_types.hpp>
 #include <optional>
@@ -208,6 +209,7 @@ class ForceCompiler : public BodyCompiler {
     };
     require(s.cutoff >= 0 && s.noise >= 0, "has a negative cutoff or noise: give 0 or more");
     require(s.cutoff == 0 || info.cutoff != SensorCutoff::refused, "gives a direction or a rotation, which has no cutoff: leave it out");
+    require(info.type != SensorType::rangefinder || reference < 0, "is about a site or a camera, not both: name one");
     auto const history = history_settings(s);
     require(history.fault.empty(), history.fault);
     auto const word = info.about == O::joint || info.about == O::ball        ? "joint"
@@ -312,33 +314,31 @@ class ForceCompiler : public BodyCompiler {
         if (key == name) return value;
       return "";
     };
-    auto const number = [&](std::string_view name, int otherwise) {
-      std::string const text = setting(name);
-      return text.empty() ? otherwise : std::atoi(text.c_str());
-    };
-    auto const sum = [&](std::string const& data, std::initializer_list<std::pair<std::string_view, int>> sizes) {
-      int all = 0;
-      for (auto const& [word, size] : sizes)
-        for (std::size_t at = data.find(word); at != std::string::npos; at = data.find(word, at + 1))
-          if ((at == 0 || data[at - 1] == ' ') && (at + word.size() == data.size() || data[at + word.size()] == ' ')) all += size;
-      return all;
-    };
     if (type == SensorType::contact) {
       ContactSensorSettings const settings = contact_settings(s);
       if (!settings.fault.empty()) fail(s.place, "sensor", s.name, "of type 'contact' " + settings.fault);
-      return settings.slots * settings.size();
+      return no_more_than_there_may_be(s, double(settings.slots) * settings.size(), "ask for fewer slots");
     }
     if (type == SensorType::rangefinder) {
-      std::string const data = setting("data");
-      int const size = data.empty() ? 1 : sum(data, {{"dist", 1}, {"dir", 3}, {"origin", 3}, {"point", 3}, {"normal", 3}, {"depth", 1}});
-      if (s.object_type != "camera") return size;
+      RangeSensorSettings const settings = range_settings(s);
+      if (!settings.fault.empty()) fail(s.place, "sensor", s.name, "of type 'rangefinder' " + settings.fault);
+      if (s.object_type != "camera") return settings.size();
       auto const& picture = m_.cam_resolution[m_.sensor_id.back()];
-      if (!(size * picture[0] * picture[1] < 1e9))
-        fail(s.place, "sensor", s.name, "of type 'rangefinder' has 1e9 numbers or more: lower the resolution of its camera");
-      return size * int(picture[0]) * int(picture[1]);
+      return no_more_than_there_may_be(s, settings.size() * picture[0] * picture[1], "lower the resolution of its camera");
     }
     if (type == SensorType::tactile) return 3 * int(m_.mesh_vertices[m_.sensor_id.back()].size());
-    return number("dim", -1);
+    std::string const text = setting("dim"), datatype = setting("datatype");
+    if (text.empty()) return -1;
+    int const dim = read_whole(text).value_or(-1);
+    if (dim < 0) fail(s.place, "sensor", s.name, "has dim '" + text + "', which must be a whole number, 0 or more");
+    if ((datatype == "axis" && dim != 3) || (datatype == "quaternion" && dim != 4))
+      fail(s.place, "sensor", s.name, "of datatype '" + datatype + "' has dim " + text + ": an axis has 3 numbers, a quaternion 4");
+    return no_more_than_there_may_be(s, dim, "lower its dim");
+  }
+  int no_more_than_there_may_be(SensorDescription const& s, double numbers, char const* remedy) const {
+    if (!(m_.nsensordata + numbers < 1e9))
+      fail(s.place, "sensor", s.name, "makes 1e9 numbers or more of all sensors: " + std::string(remedy));
+    return int(numbers);
   }
 };
 
