@@ -215,8 +215,8 @@ TEST_CASE_TEMPLATE("accelerations at sensors are those of the arrays of bodies; 
       s->read();
     }
     auto const& of = all.sensors.accelerations;
-    auto const qacc = gsp_test::host(of.qacc), qacc_alone = gsp_test::host(alone.sensors.accelerations.qacc),
-               xquat = gsp_test::host(all.sim.poses.xquat);
+    auto const qacc = gsp_test::host(of.qacc), qacc_alone = gsp_test::host(alone.sensors.accelerations.qacc);
+    auto const xquat = gsp_test::host(all.sim.poses.xquat);
     auto const velocity = gsp_test::host(of.velocity), acceleration = gsp_test::host(of.acceleration);
     for (int w = 0; w < 9; ++w) {
       for (int i = 0; i < int(qacc.extent(1)); ++i) CHECK(qacc(w, i) == qacc_alone(w, i));
