@@ -614,7 +614,7 @@ TEST_CASE("a sensor of a type that MJCF does not have is refused") {
 
 // What MuJoCo refuses too, but for dims of datatypes that it refuses at another place.
 TEST_CASE("settings of sensors are whole numbers and words in their order") {
-  auto const with = [](char const* type, std::vector<std::pair<std::string, std::string>> settings, bool site = false) {
+  auto const with = [](char const* type, std::vector<std::array<std::string, 2>> settings, bool site = false) {
     auto d = double_pendulum();
     d.bodies[1].sites.emplace_back().name = "s";
     SensorDescription sensor{.name = "x", .type = type};
