@@ -41,6 +41,7 @@ __all__ = [
     "ReportLine",
     "Scene",
     "StepCounts",
+    "Task",
     "forward",
     "look_at",
     "pinhole",
@@ -52,6 +53,14 @@ __all__ = [
 
 _atexit.register(_end)
 Error.__doc__ = "What is wrong with what you gave, where, and what to do about it. A ValueError."
+
+
+def __getattr__(name):
+    if name == "Task":  # brings NumPy, which `import gsp` does without
+        from .task import Task
+
+        return Task
+    raise AttributeError(f"module 'gsp' has no attribute '{name}'")
 
 
 def look_at(eye, target, up=(0.0, 0.0, 1.0)):

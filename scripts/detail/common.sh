@@ -74,12 +74,12 @@ find_nvcc() {
 # Python of an environment in the cache in which the Python package is built and tested; empty, with the reason on stderr, where it cannot be
 # had.
 python_env() {
-  local place="$CACHE/python-env-1"
+  local place="$CACHE/python-env-2"
   if [ ! -e "$place/installed" ]; then
     echo "== making the environment for the Python package's tests in $place" >&2
     rm -rf "$place"
     if ! python3 -m venv "$place" >&2 || ! "$place/bin/python" -m pip install --quiet --disable-pip-version-check --only-binary :all: \
-        "nanobind==3.1.0" "nanobind-backend==1.0.0" "numpy>=1.24" "pytest>=7" "mujoco-core==4.0.1" >&2; then
+        "nanobind==3.1.0" "nanobind-backend==1.0.0" "numpy>=1.24" "pytest>=7" "mujoco-core==4.0.1" "gymnasium==1.4.0" >&2; then
       echo "== the Python package is not tested: its environment could not be made (python3-venv, nanobind from PyPI)" >&2
       return
     fi

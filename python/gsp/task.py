@@ -1,0 +1,273 @@
+"""A task for learning: what a policy does, sees and is rewarded for, as batched code on the arrays of many worlds.
+
+gsp.gymnasium and gsp.rsl_rl make environments of it.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from . import _gsp
+from ._gsp import Array, Error, Model
+
+_HOOKS = ("act", "observe", "reward", "terminated", "randomise", "info")
+_LOW = 0xFFFFFFFF
+
+
+def philox(key, counter):
+    """Four arrays of 32-bit numbers (int64) of a key (int64) and a counter of four: Philox4x32-10, as gsp/math/philox.hpp has it."""
+    c0, c1, c2, c3 = counter
+    k0, k1 = key & _LOW, (key >> 32) & _LOW
+    for _ in range(10):
+        a, b = c0 * 0xD2511F53, c2 * 0xCD9E8D57  # wrap round 64 bits, all of which are used
+        c0, c1, c2, c3 = ((b >> 32) & _LOW) ^ c1 ^ k0, b & _LOW, ((a >> 32) & _LOW) ^ c3 ^ k1, a & _LOW
+        k0, k1 = (k0 + 0x9E3779B9) & _LOW, (k1 + 0xBB67AE85) & _LOW
+    return c0, c1, c2, c3
+
+
+class _Arrays:
+    """A gsp.Data whose arrays are NumPy's or torch's, of the same memory."""
+
+    def __init__(self, data, convert):
+        object.__setattr__(self, "_of", (data, convert))
+
+    def __getattr__(self, name):
+        data, convert = self._of
+        value = getattr(data, name)
+        return convert(value) if isinstance(value, Array) else value
+
+    def __setattr__(self, name, value):
+        setattr(self._of[0], name, value)
+
+
+class Task:
+    """Many worlds of a model, in which one policy learns.
+
+    Derive from it, say `model`, and write `observe`, `reward`, and where they are needed `terminated`, `randomise`, `act` and `info`: each
+    works on all worlds at once. `data` has the arrays of gsp.Data as NumPy's, or torch's, without a copy: data.qpos is (worlds, nq).
+
+        class Balance(gsp.Task):
+            model = "cartpole.xml"
+            def observe(self, data): return np.concatenate([data.qpos, data.qvel], axis=1)
+            def reward(self, data): return np.cos(data.qpos[:, 1])
+            def terminated(self, data): return abs(data.qpos[:, 0]) > 2
+            def randomise(self, data, mask): data.qpos[mask] += self.uniform(-0.1, 0.1, 2, mask)
+
+    An episode that has taken `seconds` is truncated, not terminated: what follows it still has a value. So is one whose physics stopped
+    (data.status), which `stops` counts.
+    """
+
+    model = None
+    """gsp.Model, or the path of an MJCF or URDF file."""
+    keyframe = None
+    """Name or number of the keyframe that episodes begin with; None: the model's initial positions."""
+    substeps = 1
+    """Steps of physics in one of control."""
+    seconds = 10.0
+    """Longest episode [s]."""
+    action_size = None
+    """Numbers of an action; None: the model's nu."""
+
+    def __init__(self, worlds=1, device="cpu", *, seed=0, array=None, **options):
+        """array: "numpy" or "torch", what `data` and all results are; None: NumPy's on the CPU, torch's on a GPU. options: gsp.Data's."""
+        if self.model is None:
+            raise Error(f"{type(self).__name__} has no model: write `model = ...`, a gsp.Model or the path of an MJCF or URDF file")
+        if not isinstance(self.model, Model):
+            path = Path(self.model)
+            self.model = Model.from_urdf(path) if path.suffix == ".urdf" else Model.from_xml(path)
+        array = array or ("numpy" if device == "cpu" else "torch")
+        if array not in ("numpy", "torch"):
+            raise Error(f"{type(self).__name__}: array '{array}' is not known: give 'numpy' or 'torch'")
+        if array == "numpy" and device != "cpu":
+            raise Error(f"{type(self).__name__}: NumPy reads the host's memory, and the worlds lie on '{device}': give array='torch'")
+        self._data = _gsp.Data(self.model, worlds=worlds, device=device, **options)
+        if array == "torch":
+            import torch
+
+            self.xp, self._on = torch, {"device": device}
+            self.data = _Arrays(self._data, torch.from_dlpack)
+        else:
+            self.xp, self._on = np, {}
+            self.data = _Arrays(self._data, np.asarray)
+        self.worlds = worlds
+        self.device = device
+        self.dt = self._data.timestep * self.substeps
+        self.episode_steps = round(self.seconds / self.dt)
+        if self.episode_steps < 1:
+            raise Error(f"{type(self).__name__}: an episode of {self.seconds} s is shorter than a step of control, {self.dt} s")
+        if self.action_size is None:
+            self.action_size = self.model.nu
+        low, high = np.asarray(self.model.actuator_ctrlrange, dtype=np.float32).reshape(-1, 2).T
+        unbounded = low >= high
+        self._middle = self._floats(np.where(unbounded, 0, (low + high) / 2))
+        self._half = self._floats(np.where(unbounded, 1, (high - low) / 2))
+        self.age = self._zeros("int64")
+        """(worlds) steps of control since the episode began."""
+        self.stops = self._zeros("int64")
+        """(worlds) how often a world was reset whose physics had stopped."""
+        self.action = self._zeros("float32", self.action_size)
+        """(worlds, action_size) of the last step, 0 after a reset."""
+        self.last_action = self._zeros("float32", self.action_size)
+        """(worlds, action_size) of the step before."""
+        self._everywhere = self._zeros("bool") == 0
+        self._key, self._world, self._episode = (self._zeros("int64") for _ in range(3))
+        self._hook = self._draw = 0
+        self.seed = seed
+        self._seed(seed, self._everywhere)
+
+    # What a task says.
+
+    def act(self, data, action):
+        """Writes controls. By default actions from -1 to 1 are those from end to end of an actuator's ctrlrange; where there is none, 1 is 1."""
+        data.ctrl[:] = self._middle + self._half * action
+
+    def observe(self, data):
+        """(worlds, n), or several by name: {"actor": (worlds, n), "critic": (worlds, m)}. Called once or twice a step: it changes nothing."""
+        raise NotImplementedError(f"{type(self).__name__} has no observe(self, data): write it")
+
+    def reward(self, data):
+        """(worlds)"""
+        raise NotImplementedError(f"{type(self).__name__} has no reward(self, data): write it")
+
+    def terminated(self, data):
+        """(worlds) bool, what ends an episode for good."""
+        return ~self._everywhere
+
+    def randomise(self, data, mask):
+        """Changes how episodes begin, and what a task remembers, in worlds of the mask (worlds) bool, just reset."""
+
+    def info(self, data):
+        """Arrays (worlds, ...) by name for infos of Gymnasium; their means go to rsl_rl's log."""
+        return {}
+
+    # Random numbers.
+
+    def uniform(self, low, high, size, mask=None):
+        """(worlds, size) float32 from low to high (numbers, or size of them); of the mask's worlds alone where there is one.
+
+        The numbers follow from the seed, the world, its episode, its step, the method that draws and which draw of it that is: a world
+        has the same ones whatever the number of worlds, and whatever becomes of the others.
+        """
+        u = self._uniform(size, mask)
+        low, high = self._floats(low), self._floats(high)
+        return low + (high - low) * u
+
+    def normal(self, deviation, size, mask=None):
+        """(worlds, size) float32 of mean 0; see `uniform`."""
+        u = self._uniform(2 * size, mask)
+        return self._floats(deviation) * self.xp.sqrt(-2 * self.xp.log(u[:, :size])) * self.xp.cos(2 * np.pi * u[:, size:])
+
+    # What environments call.
+
+    def reset(self, mask=None, seed=None):
+        """Begins new episodes, in worlds of the mask (worlds) bool. seed: a number, from which each world has a stream of its own, or one for
+        each world; None: streams go on."""
+        mask = self._everywhere if mask is None else self._bools(mask, "the mask of reset")
+        if seed is not None:
+            self._seed(seed, mask)
+        self.stops += self._stopped() & mask
+        self._episode[mask] += 1
+        self.age[mask] = 0
+        self.action[mask] = 0
+        self.last_action[mask] = 0
+        self._wait()
+        _gsp.reset(self.model, self._data, mask=mask.astype("int32") if self.xp is np else mask.int(), keyframe=self.keyframe)
+        self._call("randomise", mask)
+        self._wait()
+        _gsp.forward(self.model, self._data)
+
+    def step(self, action):
+        """One step of control of all worlds: rewards, and who is terminated and who truncated, each (worlds). Resets nothing."""
+        action = self._floats(action)
+        if tuple(action.shape) != (self.worlds, self.action_size):
+            raise Error(f"{type(self).__name__}: actions have shape {tuple(action.shape)} and must have {(self.worlds, self.action_size)}")
+        self.action, self.last_action = self.last_action, self.action
+        self.action[:] = action
+        self._call("act", self.action)
+        self._wait()
+        _gsp.step(self.model, self._data, self.substeps)
+        self.age += 1
+        reward = self._floats(self._call("reward"))
+        if tuple(reward.shape) != (self.worlds,):
+            raise Error(f"{type(self).__name__}.reward gives shape {tuple(reward.shape)} and must give {(self.worlds,)}")
+        terminated = self._bools(self._call("terminated"), f"what {type(self).__name__}.terminated gives")
+        return reward, terminated, (self.age >= self.episode_steps) | self._stopped()
+
+    def observations(self):
+        """What `observe` gives, float32, copied."""
+        seen = self._call("observe")
+        if isinstance(seen, dict):
+            return {name: self._checked(value, f"['{name}']") for name, value in seen.items()}
+        return self._checked(seen, "")
+
+    def infos(self):
+        """What `info` gives, copied."""
+        out = {name: self._copy(value) for name, value in self._call("info").items()}
+        for name, value in out.items():
+            if value.ndim < 1 or value.shape[0] != self.worlds:
+                raise Error(f"{type(self).__name__}.info['{name}'] has shape {tuple(value.shape)} and must have ({self.worlds}, ...)")
+        return out
+
+    def _call(self, hook, *arguments):
+        self._hook, self._draw = 1 + _HOOKS.index(hook), 0
+        out = getattr(self, hook)(self.data, *arguments)
+        self._hook, self._draw = 0, 0
+        return out
+
+    def _stopped(self):
+        status = self.data.status
+        return (status if self.xp is np else status.view(self.xp.int32)) != 0
+
+    def _wait(self):
+        """The library's kernels come after torch's, whose stream is another."""
+        if self.device != "cpu":
+            self.xp.cuda.current_stream().synchronize()
+
+    def _zeros(self, dtype, *size):
+        return self.xp.zeros((self.worlds, *size), dtype=getattr(self.xp, dtype), **self._on)
+
+    def _floats(self, value):
+        if self.xp is np:
+            return np.asarray(value, dtype=np.float32)
+        return self.xp.as_tensor(value, dtype=self.xp.float32, **self._on)
+
+    def _copy(self, value):
+        return np.array(value) if self.xp is np else self.xp.as_tensor(value, **self._on).clone()
+
+    def _bools(self, value, what):
+        value = np.asarray(value) if self.xp is np else self.xp.as_tensor(value, **self._on)
+        if value.dtype != self.xp.bool or tuple(value.shape) != (self.worlds,):
+            raise Error(f"{type(self).__name__}: {what} must be {(self.worlds,)} of bool and is {tuple(value.shape)} of {value.dtype}")
+        return value
+
+    def _checked(self, value, name):
+        value = self._copy(self._floats(value))
+        if value.ndim < 2 or value.shape[0] != self.worlds:
+            raise Error(f"{type(self).__name__}.observe{name} gives shape {tuple(value.shape)} and must give ({self.worlds}, n)")
+        return value
+
+    def _seed(self, seed, mask):
+        whole = np.asarray(seed)
+        if whole.dtype.kind not in "iuO" or (whole.ndim and whole.shape != (self.worlds,)):
+            raise Error(f"{type(self).__name__}: a seed is a whole number, or one for each of the {self.worlds} worlds, and is {seed!r}")
+        folded = [int(s) ^ (int(s) >> 64) for s in whole.reshape(-1)]  # Gymnasium makes seeds of 128 bits
+        keys = np.array([s & 0xFFFFFFFFFFFFFFFF for s in folded], dtype=np.uint64).view(np.int64)
+        keys = np.broadcast_to(keys, self.worlds)
+        worlds = np.zeros(self.worlds, dtype=np.int64) if whole.ndim else np.arange(self.worlds)
+        if self.xp is not np:
+            keys, worlds = (self.xp.as_tensor(np.array(a), **self._on) for a in (keys, worlds))
+        self._key[mask] = keys[mask]
+        self._world[mask] = worlds[mask]
+        self._episode[mask] = -1
+
+    def _uniform(self, size, mask):
+        """In (0, 1), by the 23 upper bits."""
+        if self._draw > 255:
+            raise Error(f"{type(self).__name__} draws more than 256 times in one method: draw more numbers at once")
+        blocks = -(-size // 4)
+        what = (self._hook << 24 | self._draw << 16) + self.xp.arange(blocks, **self._on)
+        self._draw += 1
+        rows = (self._key, self._world, self._episode, self.age)
+        key, *counter = ((a if mask is None else a[mask])[:, None] for a in rows)
+        words = self.xp.stack(philox(key, (*counter, what[None])), -1).reshape(-1, 4 * blocks)[:, :size]
+        return self._floats((words >> 9)) * 2.0**-23 + 2.0**-24

@@ -1,0 +1,473 @@
+"""Tasks and their environments: beside hand-written tables, Gymnasium's own SyncVectorEnv, and themselves in other batches."""
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import gsp
+from gsp.task import philox
+from gsp.tasks import CartPole, Stand
+
+gymnasium = pytest.importorskip("gymnasium", "1.0")
+
+import gsp.gymnasium  # noqa: E402
+from gymnasium.utils.env_checker import check_env, data_equivalence  # noqa: E402
+from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
+
+SLIDER = gsp.Model.from_string("""
+<mujoco>
+  <option timestep="0.01" gravity="0 0 0"/>
+  <worldbody><body><joint name="slide" type="slide"/><geom size="0.1" mass="1"/></body></worldbody>
+  <actuator><motor joint="slide" ctrlrange="-3 1" ctrllimited="true"/></actuator>
+</mujoco>
+""")
+
+
+class Counting(gsp.Task):
+    """Sees how old its episode is, is rewarded with its action, and ends when `ends` says."""
+
+    model = SLIDER
+    ends = (2, 3, 3)
+
+    def observe(self, data):
+        return self.age[:, None]
+
+    def reward(self, data):
+        return self.action[:, 0]
+
+    def terminated(self, data):
+        return self.age == np.array(self.ends)
+
+
+class Short(CartPole):
+    """Episodes of 0.3 s that mostly end before, with noise in all that is seen."""
+
+    seconds = 0.3
+
+    def observe(self, data):
+        return super().observe(data) + self.normal(0.01, 4)
+
+    def terminated(self, data):
+        return abs(data.qpos[:, 1]) > 0.15
+
+    def info(self, data):
+        return {"angle": data.qpos[:, 1], "twice": self.uniform(0, 1, 2)}
+
+
+def counting(mode):
+    envs = gsp.gymnasium.VectorEnv(Counting(worlds=3), mode)
+    assert envs.metadata["autoreset_mode"] == AutoresetMode(mode)
+    return envs
+
+
+def follow(envs, table):
+    """The rows of Gymnasium's tests/vector/test_autoreset_mode.py: actions are 1, 2, 3 each step."""
+    for seen, rewards, terminated, infos in table:
+        got = envs.step(np.array([[1], [2], [3]]))
+        assert np.array_equal(got[0][:, 0], seen)
+        assert np.array_equal(got[1], rewards)
+        assert np.array_equal(got[2], terminated)
+        assert not got[3].any()
+        assert data_equivalence(got[4], infos)
+
+
+def test_next_step_as_gymnasium_has_it():
+    envs = counting("NextStep")
+    seen, infos = envs.reset()
+    assert not seen.any() and infos == {}
+    follow(
+        envs,
+        [
+            ([1, 1, 1], [1, 2, 3], [False, False, False], {}),
+            ([2, 2, 2], [1, 2, 3], [True, False, False], {}),
+            ([0, 3, 3], [0, 2, 3], [False, True, True], {}),
+            ([1, 0, 0], [1, 0, 0], [False, False, False], {}),
+        ],
+    )
+
+
+def test_same_step_as_gymnasium_has_it():
+    envs = gsp.gymnasium.VectorEnv(Counting(worlds=3))
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    envs.reset()
+
+    def final(*last):
+        objects = np.full(3, None, dtype=object)
+        for k, value in enumerate(last):
+            objects[k] = None if value is None else np.array([value], dtype=np.float32)
+        ended = np.array([value is not None for value in last])
+        return {"final_obs": objects, "final_info": {}, "_final_obs": ended, "_final_info": ended.copy()}
+
+    follow(
+        envs,
+        [
+            ([1, 1, 1], [1, 2, 3], [False, False, False], {}),
+            ([0, 2, 2], [1, 2, 3], [True, False, False], final(2, None, None)),
+            ([1, 0, 0], [1, 2, 3], [False, True, True], final(None, 3, 3)),
+            ([0, 1, 1], [1, 2, 3], [True, False, False], final(2, None, None)),
+        ],
+    )
+
+
+def test_disabled_as_gymnasium_has_it():
+    envs = counting("Disabled")
+    envs.reset()
+    follow(envs, [([1, 1, 1], [1, 2, 3], [False, False, False], {}), ([2, 2, 2], [1, 2, 3], [True, False, False], {})])
+    with pytest.raises(gsp.Error, match="world 0 has ended.*reset_mask"):
+        envs.step(np.zeros((3, 1)))
+    seen, infos = envs.reset(options={"reset_mask": np.array([True, False, False])})
+    assert np.array_equal(seen[:, 0], [0, 2, 2]) and infos == {}
+    follow(envs, [([1, 3, 3], [1, 2, 3], [False, True, True], {})])
+    seen, _ = envs.reset(options={"reset_mask": np.array([False, True, True])})
+    assert np.array_equal(seen[:, 0], [1, 0, 0])
+    follow(envs, [([2, 1, 1], [1, 2, 3], [True, False, False], {})])
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_beside_sync_vector_env(mode):
+    """A batch and as many single worlds in Gymnasium's own vectors give the same bits, infos and final_info included."""
+    ours = gsp.gymnasium.VectorEnv(Short(worlds=5), mode)
+    theirs = SyncVectorEnv([lambda: gsp.gymnasium.Env(Short())] * 5, autoreset_mode=mode)
+    assert ours.observation_space == theirs.observation_space and ours.action_space == theirs.action_space
+    a, b = ours.reset(seed=[7, 8, 9, 10, 11]), theirs.reset(seed=[7, 8, 9, 10, 11])
+    assert data_equivalence(a[0], b[0], exact=True) and data_equivalence(a[1], b[1], exact=True)
+    rng = np.random.default_rng(0)
+    kinds = np.zeros(2, dtype=int)
+    for _ in range(60):
+        action = rng.uniform(-1, 1, (5, 1)).astype(np.float32)
+        a, b = ours.step(action), theirs.step(action)
+        assert np.array_equal(a[0], b[0])
+        assert np.array_equal(a[1], b[1].astype(np.float32))
+        assert np.array_equal(a[2], b[2]) and np.array_equal(a[3], b[3])
+        assert a[4].keys() == b[4].keys() and all(data_equivalence(a[4][k], b[4][k], exact=True) for k in a[4])
+        assert a[0] in ours.observation_space
+        kinds += [a[2].sum(), a[3].sum()]
+        if mode is AutoresetMode.DISABLED and (a[2] | a[3]).any():
+            mask = a[2] | a[3]
+            a, b = ours.reset(options={"reset_mask": mask}), theirs.reset(options={"reset_mask": mask.copy()})
+            assert np.array_equal(a[0], b[0]) and a[1].keys() == b[1].keys()
+            assert all(np.array_equal(a[1][k], b[1][k]) for k in a[1])
+    assert kinds.min() > 3  # of both ends there were some
+
+
+def test_final_obs_is_what_was_before_the_reset():
+    task = Short(worlds=4)
+    envs = gsp.gymnasium.VectorEnv(task)
+    envs.reset(seed=3)
+    ends = 0
+    for _ in range(40):
+        alone = Short(worlds=4)  # goes through the same step without a reset
+        alone._data.restore(task._data.save())
+        for name in ("_key", "_world", "_episode", "age"):
+            getattr(alone, name)[:] = getattr(task, name)
+        action = np.full((4, 1), 0.3, dtype=np.float32)
+        seen, rewards, terminated, truncated, infos = envs.step(action)
+        alone_rewards, *_ = alone.step(action)
+        assert np.array_equal(rewards, alone_rewards)
+        before, ended = alone.observations(), terminated | truncated
+        assert np.array_equal(seen[~ended], before[~ended])
+        assert ended.any() == ("final_obs" in infos)
+        for k in np.flatnonzero(ended):
+            assert np.array_equal(infos["final_obs"][k], before[k]) and not np.array_equal(seen[k], before[k])
+            assert infos["final_info"]["angle"][k] == alone.data.qpos[k, 1]
+            ends += 1
+    assert ends > 3
+
+
+def run(worlds, seed=5, steps=40):
+    envs = gsp.gymnasium.VectorEnv(Short(worlds=worlds))
+    out = [envs.reset(seed=seed)[0]]
+    for k in range(steps):
+        action = np.sin(0.7 * k + np.arange(worlds, dtype=np.float32))[:, None]
+        seen, rewards, terminated, *_ = envs.step(action)
+        out.append(np.concatenate([seen, rewards[:, None], terminated[:, None]], axis=1))
+    return out
+
+
+def test_seeds_and_batches():
+    three, again, eight, other = run(3), run(3), run(8), run(3, seed=6)
+    for a, b, c in zip(three, again, eight):
+        assert np.array_equal(a, b) and np.array_equal(a, c[:3])
+    assert not np.array_equal(three[0], other[0])
+    assert len(np.unique(eight[0], axis=0)) == 8
+    envs = gsp.gymnasium.VectorEnv(Short(worlds=3))
+    first, second, third = envs.reset(seed=5)[0], envs.reset()[0], envs.reset(seed=5)[0]
+    assert np.array_equal(first, third) and not np.array_equal(first, second) and np.array_equal(first, three[0])
+    assert np.array_equal(envs.reset(seed=2**100)[0], envs.reset(seed=2**100)[0])
+    fresh = gsp.gymnasium.VectorEnv(Short(worlds=3, seed=5))
+    assert np.array_equal(fresh.reset()[0], first)  # the task's seed, where none is given
+
+
+def test_what_one_world_draws_knows_nothing_of_others():
+    """World 1 sees the same noise whether or not world 0 is reset beside it."""
+    seen = []
+    for mask in ([False, False], [True, False]):
+        task = Short(worlds=2, seed=4)
+        task.reset()
+        task.step(np.zeros((2, 1)))
+        task.reset(np.array(mask))
+        task.step(np.zeros((2, 1)))
+        seen.append(task.observations()[1])
+    assert np.array_equal(*seen)
+
+
+def test_random_numbers():
+    # Random123's known answers (kat_vectors, philox4x32 10)
+    for counter, key, words in (
+        ([0, 0, 0, 0], [0, 0], [0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8]),
+        ([0xFFFFFFFF] * 4, [0xFFFFFFFF] * 2, [0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD]),
+        (
+            [0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344],
+            [0xA4093822, 0x299F31D0],
+            [0xD16CFE09, 0x94FDCCEB, 0x5001E420, 0x24126EA1],
+        ),
+    ):
+        whole = np.array([key[1] << 32 | key[0]], dtype=np.uint64).view(np.int64)
+        assert [int(w[0]) for w in philox(whole, [np.array([c]) for c in counter])] == words
+    many = CartPole(worlds=2000)
+    u, n = many.uniform(-1, [1, 3, 1, 1, 1], 5), many.normal(2, 5)
+    assert u.dtype == n.dtype == np.float32 and u.shape == n.shape == (2000, 5)
+    assert u.min() > -1 and u[:, 0].max() < 1 and 2.9 < u[:, 1].max() < 3
+    # of 2,000 numbers: means within five of their own deviations
+    assert np.all(abs(u.mean(axis=0) - [0, 1, 0, 0, 0]) < 5 * np.array([2, 4, 2, 2, 2]) / np.sqrt(12 * 2000))
+    assert np.all(abs(n.mean(axis=0)) < 5 * 2 / np.sqrt(2000)) and np.all(abs(n.std(axis=0) - 2) < 5 * 2 / np.sqrt(2 * 2000))
+    assert not np.array_equal(u[:, 2], u[:, 3])
+    mask = np.arange(2000) % 3 == 0
+    twin = CartPole(worlds=2000)
+    assert np.array_equal(twin.uniform(-1, 1, 5)[mask], CartPole(worlds=2000).uniform(-1, 1, 5, mask))
+
+
+def test_actions_reach_from_end_to_end():
+    task = Counting(worlds=3)
+    task.reset()
+    task.step(np.array([[-1], [0], [1]]))
+    assert np.array_equal(task.data.ctrl[:, 0], [-3, -1, 1])
+    task.step(np.array([[1], [1], [1]]))
+    assert np.array_equal(task.last_action[:, 0], [-1, 0, 1])
+    task.reset(np.array([True, False, False]))
+    assert np.array_equal(task.last_action[:, 0], [0, 0, 1]) and np.array_equal(task.action[:, 0], [0, 1, 1])
+
+
+def test_time_is_truncation_and_so_is_physics_that_stopped():
+    class Slow(Counting):
+        seconds = 0.04
+
+        def terminated(self, data):
+            return np.zeros(self.worlds, dtype=bool)
+
+    task = Slow(worlds=3)
+    task.reset()
+    for k in range(4):
+        _, terminated, truncated = task.step(np.zeros((3, 1)))
+        assert not terminated.any() and truncated.all() == (k == 3)
+    task.reset()
+    task.data.qvel[1] = np.nan
+    _, terminated, truncated = task.step(np.zeros((3, 1)))
+    assert not terminated.any() and list(truncated) == [False, True, False]
+    task.reset(truncated)
+    assert list(task.stops) == [0, 1, 0]
+    _, terminated, truncated = task.step(np.zeros((3, 1)))
+    assert not truncated.any() and np.isfinite(task.data.qpos).all()
+
+
+def test_poses_follow_what_randomise_wrote():
+    class Reads(CartPole):
+        def randomise(self, data, mask):
+            assert np.array_equal(data.xpos[mask, 1, 0], data.qpos[mask, 0])  # brings the poses up to date before it writes
+            super().randomise(data, mask)
+
+    task = Reads(worlds=4)
+    task.reset()
+    assert len(np.unique(task.data.qpos[:, 0])) == 4 and np.array_equal(task.data.xpos[:, 1, 0], task.data.qpos[:, 0])
+
+
+@pytest.mark.parametrize("name", ["CartPole", "Stand"])
+def test_gymnasium_finds_no_fault(name):
+    env = gymnasium.make(f"gsp/{name}-v0")
+    check_env(env.unwrapped)
+    assert env.spec.id == f"gsp/{name}-v0"
+    envs = gymnasium.make_vec(f"gsp/{name}-v0", num_envs=3)
+    assert envs.num_envs == 3 and envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    seen, _ = envs.reset(seed=1)
+    assert seen in envs.observation_space
+    envs = gymnasium.make_vec(f"gsp/{name}-v0", num_envs=2, autoreset_mode="NextStep", profile="mujoco")
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    envs.close()
+
+
+def test_gymnasium_wrappers():
+    envs = gymnasium.wrappers.vector.RecordEpisodeStatistics(gsp.gymnasium.VectorEnv(Counting(worlds=3)))
+    envs.reset()
+    lengths = []
+    for _ in range(6):
+        *_, infos = envs.step(np.ones((3, 1)))
+        if "episode" in infos:
+            lengths += list(infos["episode"]["l"][infos["_episode"]])
+    assert sorted(lengths) == [2, 2, 2, 3, 3, 3, 3]
+
+
+def test_partial_reset_as_gymnasium_has_it():
+    envs = gsp.gymnasium.VectorEnv(CartPole(worlds=3), AutoresetMode.DISABLED)
+    first, _ = envs.reset(seed=[0, 1, 2])
+    for _ in range(3):
+        seen, *_ = envs.step(np.zeros((3, 1)))
+    again, _ = envs.reset(seed=[0, 1, 0], options={"reset_mask": np.array([True, True, False])})
+    assert np.array_equal(again[:2], first[:2]) and np.array_equal(again[2], seen[2])
+    for mask, kind, sentence in (
+        (np.array([True]), ValueError, "must have shape `(3,)`, got (1,)"),
+        (np.array([[True] * 3]), ValueError, "must have shape `(3,)`, got (1, 3)"),
+        (np.array([False] * 3), ValueError, "at least one True value, got reset_mask=[False False False]"),
+        (np.array([1, 1, 0]), TypeError, "must have `dtype=np.bool_`, got int64"),
+        ([True] * 3, TypeError, "must be a numpy array"),
+    ):
+        with pytest.raises(kind, match=re.escape(sentence)):
+            envs.reset(options={"reset_mask": mask})
+    for action in (np.zeros((2, 1)), np.zeros((4, 1)), 0.0):
+        with pytest.raises(ValueError, match="actions have shape"):
+            envs.step(action)
+
+
+def test_observations_by_name():
+    class Two(Counting):
+        def observe(self, data):
+            return {"actor": data.qpos, "critic": np.concatenate([data.qpos, data.qvel], axis=1)}
+
+    envs = gsp.gymnasium.VectorEnv(Two(worlds=3))
+    seen, _ = envs.reset()
+    assert seen in envs.observation_space and seen["critic"].shape == (3, 2)
+    for _ in range(2):
+        *_, infos = envs.step(np.ones((3, 1)))
+    assert infos["final_obs"][0] in envs.single_observation_space
+    check_env(gsp.gymnasium.Env(type("One", (Two,), {"ends": (50,)})()))
+
+
+def test_wrong_tasks_are_one_sentence():
+    with pytest.raises(gsp.Error, match="Task has no model"):
+        gsp.Task()
+    with pytest.raises(NotImplementedError, match="no observe"):
+        type("Blind", (gsp.Task,), {"model": SLIDER})().observations()
+    with pytest.raises(gsp.Error, match="array 'jax'"):
+        CartPole(array="jax")
+    with pytest.raises(gsp.Error, match="array='torch'"):
+        CartPole(device="cuda", array="numpy")
+    with pytest.raises(gsp.Error, match="a seed is a whole number.*0.5"):
+        CartPole(seed=0.5)
+    with pytest.raises(gsp.Error, match="shorter than a step"):
+        type("Brief", (CartPole,), {"seconds": 0.001})()
+    with pytest.raises(gsp.Error, match="one world, and the task has 2"):
+        gsp.gymnasium.Env(CartPole(2))
+    for name, wrong, sentence in (
+        ("reward", lambda self, data: data.qpos, r"reward gives shape \(2, 1\)"),
+        ("terminated", lambda self, data: data.qpos[:, 0], "terminated gives must be .* bool .* float32"),
+        ("observe", lambda self, data: data.qpos[0], r"observe gives shape \(1,\)"),
+        ("info", lambda self, data: {"mean": data.qpos.mean()}, r"info\['mean'\] has shape \(\)"),
+    ):
+        task = type("Wrong", (Counting,), {"ends": (2, 3), name: wrong})(worlds=2)
+        with pytest.raises(gsp.Error, match=sentence):
+            task.reset()
+            task.step(np.zeros((2, 1)))
+            task.observations()
+            task.infos()
+    envs = gsp.gymnasium.VectorEnv(CartPole(2))
+    with pytest.raises(gsp.Error, match="reset comes before"):
+        envs.step(np.zeros((2, 1)))
+
+
+@pytest.mark.parametrize(
+    "module, missing, sentence",
+    [("gymnasium", "gymnasium", "pip install gymnasium"), ("rsl_rl", "torch", "pip install rsl-rl-lib")],
+)
+def test_missing_packages_are_one_sentence(module, missing, sentence):
+    code = f"import sys; sys.modules['{missing}'] = None; import gsp; import gsp.{module}"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert sentence in done.stderr.splitlines()[-1]
+
+
+def test_the_quadruped_rises_from_its_crouch():
+    """With servos that hold the home pose it stands at its height; at action 0 it goes on crouching."""
+    task = Stand(worlds=8)
+    home = np.tile([0, 0.75, -1.5], 4)
+    for action, height in ((0 * home, 0.148), ((home - task.crouch) / 0.5, 0.3)):
+        task.reset(seed=1)
+        for k in range(150):  # in the first second the target rises
+            _, terminated, _ = task.step(np.tile(min(1, (k + 1) / 50) * action, (8, 1)))
+            assert not terminated.any()
+        # servos give under the weight: a knee bears 3 kg at a lever of 0.14 m with 80 N m/rad, 0.05 rad, which is 1 cm of height
+        assert np.all(abs(task.data.qpos[:, 2] - height) < 0.03) and np.all(task.up(task.data)[:, 2] > 0.98)
+
+
+def test_torch():
+    torch = pytest.importorskip("torch")
+
+    class Twin(Short):
+        def observe(self, data):
+            return torch.cat([data.qpos, data.qvel], dim=1) + self.normal(0.01, 4)
+
+        def reward(self, data):
+            return torch.cos(data.qpos[:, 1]) - 0.05 * data.qpos[:, 0] ** 2
+
+    a, b = gsp.gymnasium.VectorEnv(Short(worlds=4)), gsp.gymnasium.VectorEnv(Twin(worlds=4, array="torch"))
+    assert np.allclose(a.reset(seed=1)[0], b.reset(seed=1)[0], rtol=0, atol=1e-6)
+    ends = 0
+    for _ in range(20):
+        x, y = a.step(np.full((4, 1), 0.2, dtype=np.float32)), b.step(torch.full((4, 1), 0.2))
+        assert torch.is_tensor(y[0]) and torch.is_tensor(y[1]) and y[2].dtype == torch.bool
+        # the same steps; log and cos of two libraries differ in the last digit of the noise
+        assert np.allclose(x[0], y[0], rtol=0, atol=1e-5) and np.allclose(x[1], y[1], rtol=0, atol=1e-5)
+        assert np.array_equal(x[2], y[2]) and np.array_equal(x[3], y[3])
+        ends += x[2].sum() + x[3].sum()
+    assert ends > 0
+
+
+@pytest.mark.parametrize("array", ["numpy", "torch"])
+def test_rsl_rl(array):
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    import gsp.rsl_rl
+    from rsl_rl.runners import OnPolicyRunner
+
+    class Any(Short):
+        def observe(self, data):
+            return self.xp.concatenate([data.qpos, data.qvel], axis=1)
+
+        def reward(self, data):
+            return self.xp.cos(data.qpos[:, 1])
+
+    env = gsp.rsl_rl.VecEnv(Any(worlds=6, array=array))
+    assert env.get_observations()["policy"].shape == (6, 4)
+    before = env.get_observations()
+    time_outs = dones = 0
+    for _ in range(20):
+        seen, rewards, done, extras = env.step(torch.zeros(6, 1))
+        assert rewards.shape == done.shape == extras["time_outs"].shape == (6,)
+        assert not (extras["time_outs"] & ~done).any()
+        time_outs, dones = time_outs + int(extras["time_outs"].sum()), dones + int(done.sum())
+        assert not torch.equal(seen["policy"], before["policy"])
+    assert 0 < time_outs < dones
+    assert torch.equal(env.episode_length_buf, torch.as_tensor(env.task.age))
+    env.episode_length_buf = torch.full_like(env.episode_length_buf, 7)
+    assert (env.task.age == 7).all()
+    cfg = {
+        "num_steps_per_env": 8,
+        "save_interval": 10,
+        "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
+        "actor": {"class_name": "MLPModel", "hidden_dims": [8], "distribution_cfg": {"class_name": "GaussianDistribution"}},
+        "critic": {"class_name": "MLPModel", "hidden_dims": [8]},
+        "algorithm": {"class_name": "PPO", "rnd_cfg": None, "symmetry_cfg": None},
+    }
+    OnPolicyRunner(env, cfg, log_dir=None, device="cpu").learn(2, init_at_random_ep_len=True)
+
+
+def test_stable_baselines3():
+    pytest.importorskip("stable_baselines3")
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.env_checker import check_env as check
+
+    env = gsp.gymnasium.Env(CartPole())
+    check(env)
+    model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, n_epochs=1, device="cpu").learn(128)
+    action, _ = model.predict(env.reset(seed=0)[0], deterministic=True)
+    assert action in env.action_space
