@@ -260,6 +260,7 @@ class KokkosStepper : public Stepper {
     auto const field = per_world_field(name);
     auto const [items, components] = shape_of_field(field);
     values_ = gsp::detail::allocate<decltype(values_)>("gsp::runtime::Stepper::values", state_.worlds, items, components);
+    if (values_.size() == 0) return array_of_any<Exec>(values_);
     if (field.of_model) {
       gsp::detail::copy_bytes(exec_, values_.data(), gsp::world_values(model_, *field.of_model).data(), gsp::detail::bytes_of(values_));
     } else {
@@ -282,7 +283,8 @@ class KokkosStepper : public Stepper {
     values_ = gsp::detail::allocate<decltype(values_)>("gsp::runtime::Stepper::values", state_.worlds, items, components);
     Array to = array_of_any<Exec>(values_);
     if (flat) to.rank = 2;
-    if (to.size() > 0) copy(values, to);
+    if (to.size() == 0) return;
+    copy(values, to);
     with_mask(mask, [&](auto const& of) {
       if (field.of_model)
         gsp::set_world_values(exec_, model_, *field.of_model, values_, of, {.scale_inertia = scale_inertia});

@@ -123,23 +123,27 @@ void set(Data const& d, std::string const& field, nb::handle values, nb::handle 
   if (rank != 2 && rank != 3)
     throw Error("gsp.Data.set: values of '" + field + "' have " + std::to_string(rank) +
                 " dimensions and must be (worlds, items, components), or (worlds, items) of one component");
-  runtime::Array const from = rank == 2 ? taken(given, field.c_str(), {-1, -1}, keeps_values) : taken(given, field.c_str(), {-1, -1, -1}, keeps_values);
+  runtime::Array const from =
+      rank == 2 ? taken(given, field.c_str(), {-1, -1}, keeps_values) : taken(given, field.c_str(), {-1, -1, -1}, keeps_values);
   runtime::Array const worlds = mask_of(d, mask, "gsp.Data.set", keeps_mask);
   nb::gil_scoped_release const others_run;
   d.stepper->set_world_values(field, from, worlds, scale_inertia);
 }
 
 /// Numbers of Python's into an array of the state.
-void assign(Data const& d, runtime::Array const& to, char const* what, nb::handle value) {
+void assign(runtime::Array const& to, char const* what, nb::handle value) {
   nb::object keeps;
   nb::object given = nb::borrow(value);
   if (!nb::hasattr(given, "ndim")) given = nb::module_::import_("numpy").attr("asarray")(given);
   int const rank = nb::hasattr(given, "ndim") ? nb::cast<int>(given.attr("ndim")) : to.rank;
   runtime::Array from;
   if (rank == to.rank) {
-    from = taken(given, what, {-1, to.rank > 1 ? to.extents[1] : -1, to.rank > 2 ? to.extents[2] : -1}, keeps);
+    from = to.rank == 1   ? taken(given, what, {-1}, keeps)
+           : to.rank == 2 ? taken(given, what, {-1, to.extents[1]}, keeps)
+                          : taken(given, what, {-1, to.extents[1], to.extents[2]}, keeps);
   } else {
-    from = taken(given, what, {to.rank > 1 ? to.extents[1] : -1}, keeps);
+    from = to.rank == 3 ? taken(given, what, {to.extents[1], to.extents[2]}, keeps)
+                        : taken(given, what, {to.rank > 1 ? to.extents[1] : -1}, keeps);  // one row, for all worlds
     for (int k = from.rank; k-- > 0;) {
       from.extents[std::size_t(k) + 1] = from.extents[std::size_t(k)];
       from.strides[std::size_t(k) + 1] = from.strides[std::size_t(k)];
@@ -148,7 +152,6 @@ void assign(Data const& d, runtime::Array const& to, char const* what, nb::handl
     from.strides[0] = 0;
     ++from.rank;
   }
-  (void)d;
   runtime::copy(from, to);
 }
 
@@ -201,7 +204,7 @@ void bind_data(nb::module_& m) {
     c.def_prop_rw(
         name, [member](Data const& d) { return held(d, d.stepper->state().*member); },
         [member, name](Data const& d, nb::handle value) {
-          assign(d, d.stepper->state().*member, name, value);
+          assign(d.stepper->state().*member, name, value);
           d.stepper->forward();
         },
         nb::for_getter(what));

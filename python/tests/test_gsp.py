@@ -255,3 +255,19 @@ def test_import_is_quick():
     code = "import time; t = time.perf_counter(); import gsp; print(time.perf_counter() - t)"
     best = min(float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout) for _ in range(3))
     assert best < 0.3
+
+
+def test_rows_of_all_worlds_of_one_and_of_one_for_all():
+    text = ARM.replace("<worldbody>", '<worldbody><body name="hand" mocap="true" pos="1 0 0"><geom size="0.01" contype="0" conaffinity="0"/></body>')
+    data = gsp.Data(gsp.Model.from_string(text), worlds=3)
+    data.qvel = np.arange(21.0).reshape(3, 7)
+    assert np.array_equal(data.qvel.numpy(), np.arange(21).reshape(3, 7))
+    for given in (np.arange(7.0), np.arange(7.0).reshape(1, 7)):
+        data.qvel = given
+        assert np.array_equal(data.qvel.numpy(), np.tile(np.arange(7), (3, 1)))
+    data.mocap_pos = np.arange(9.0).reshape(3, 1, 3)
+    assert data.mocap_pos.numpy()[2, 0, 1] == 7
+    data.mocap_pos = [[0.5, 0.25, 0.125]]
+    assert np.array_equal(data.mocap_pos.numpy(), np.tile([[[0.5, 0.25, 0.125]]], (3, 1, 1)))
+    with pytest.raises(gsp.Error, match=r"qvel has shape \(3, 6\)"):
+        data.qvel = np.zeros((3, 6))
