@@ -280,17 +280,17 @@ class KokkosStepper : public Stepper {
     if (!fits)
       throw Error("values of '" + name + "' are " + shape_of(values) + " and must be (" + std::to_string(state_.worlds) + ", " +
                   std::to_string(items) + ", " + std::to_string(components) + "), or one row for all worlds");
-    values_ = gsp::detail::allocate<decltype(values_)>("gsp::runtime::Stepper::values", state_.worlds, items, components);
-    Array to = array_of_any<Exec>(values_);
+    auto const own = gsp::detail::allocate<decltype(values_)>("gsp::runtime::Stepper::new_values", state_.worlds, items, components);
+    Array to = array_of_any<Exec>(own);
     if (flat) to.rank = 2;
     if (to.size() == 0) return;
     copy(values, to);
     with_mask(mask, [&](auto const& of) {
       if (field.of_model)
-        gsp::set_world_values(exec_, model_, *field.of_model, values_, of, {.scale_inertia = scale_inertia});
+        gsp::set_world_values(exec_, model_, *field.of_model, own, of, {.scale_inertia = scale_inertia});
       else
         expects(!scale_inertia, "gsp::runtime::Stepper::set_world_values: scale_inertia is for body_mass");
-      if (field.of_geoms) gsp::set_world_values(exec_, simulation_.collision, *field.of_geoms, values_, of);
+      if (field.of_geoms) gsp::set_world_values(exec_, simulation_.collision, *field.of_geoms, own, of);
       if (field.of_model && info(*field.of_model).use.decides) set_constants(exec_, model_, simulation_.dynamics, of);
       wake(exec_, simulation_.sleep, of);
     });

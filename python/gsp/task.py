@@ -210,9 +210,10 @@ class Task:
 
     def _call(self, hook, *arguments):
         self._hook, self._draw = 1 + _HOOKS.index(hook), 0
-        out = getattr(self, hook)(self.data, *arguments)
-        self._hook, self._draw = 0, 0
-        return out
+        try:
+            return getattr(self, hook)(self.data, *arguments)
+        finally:
+            self._hook, self._draw = 0, 0
 
     def _stopped(self):
         status = self.data.status
@@ -250,6 +251,8 @@ class Task:
         whole = np.asarray(seed)
         if whole.dtype.kind not in "iuO" or (whole.ndim and whole.shape != (self.worlds,)):
             raise Error(f"{type(self).__name__}: a seed is a whole number, or one for each of the {self.worlds} worlds, and is {seed!r}")
+        if any(s is None or s < 0 for s in whole.reshape(-1)):
+            raise Error(f"{type(self).__name__}: seeds are 0 or more, one for each world, and are {seed!r}")
         folded = [int(s) ^ (int(s) >> 64) for s in whole.reshape(-1)]  # Gymnasium makes seeds of 128 bits
         keys = np.array([s & 0xFFFFFFFFFFFFFFFF for s in folded], dtype=np.uint64).view(np.int64)
         keys = np.broadcast_to(keys, self.worlds)
@@ -265,6 +268,8 @@ class Task:
         if self._draw > 255:
             raise Error(f"{type(self).__name__} draws more than 256 times in one method: draw more numbers at once")
         blocks = -(-size // 4)
+        if blocks > 1 << 16:
+            raise Error(f"{type(self).__name__} draws {size} numbers a world at once: draw 262,144 or fewer, several times")
         what = (self._hook << 24 | self._draw << 16) + self.xp.arange(blocks, **self._on)
         self._draw += 1
         rows = (self._key, self._world, self._episode, self.age)

@@ -276,7 +276,7 @@ void bind_data(nb::module_& m) {
       "Values of a field of per_world, (worlds or 1, items, components), or (worlds or 1, items) of one component, in the worlds of the "
       "mask\n"
       "(None: all), and what follows from masses and geometry. scale_inertia: body_mass alone, whose body_inertia, per world too, changes\n"
-      "in proportion. Pictures and rays keep the sizes of the model.");
+      "in proportion. Pictures keep sizes and poses of the model, rangefinders its sizes.");
   auto const of_dynamics = [&](char const* name, runtime::SmoothForces which, char const* what) {
     c.def_prop_ro(
         name, [which](Data const& d) { return copied(d, d.stepper->smooth_forces(which)); }, what);

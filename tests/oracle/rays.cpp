@@ -1,7 +1,8 @@
 // Rays against MuJoCo's mj_ray: all shapes, in turned frames, from outside and inside, with its filters; and the models of the zoo with
 // their visual geoms, meshes and height fields, 10,000 rays each. Distances in double within 1e-9 of what the ray has gone and the scene
-// measures, and normals; in float within 1e-4 m, or 1e-4 of the scene. Where a ray grazes it may meet something else: one in ten thousand
-// in both, and these are listed. GSP_ZOO_FULL=1: as many in float, where there are 1,000 else; GSP_ZOO_ONLY=part of a name: these models.
+// measures (of meshes 1e-7 of their size, as corners are turned into the file's axes and rounded), and normals; in float within 1e-4 m, or
+// 1e-4 of the scene. Where a ray grazes it may meet something else: one in ten thousand in both, and these are listed. GSP_ZOO_FULL=1: as
+// many in float, where there are 1,000 else; GSP_ZOO_ONLY=part of a name: these models.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -69,8 +70,15 @@ Compared compare(gsp::CompiledModel const& compiled, mjModel const* m, mjData* d
   for (int i = 0; i < scene.count(); ++i) {
     int const g = scene.geoms(i).geom;
     double turn = 0;
-    for (int c = 0; c < 9; ++c) turn += std::fabs(double(scene.turn(0, i).m[c]) - d->geom_xmat[9 * g + c]);
-    apart[std::size_t(g)] = turn * m->geom_rbound[g];
+    gsp::Mat3<double> own;
+    for (int c = 0; c < 9; ++c) own.m[c] = double(scene.turn(0, i).m[c]);
+    bool const mesh = m->geom_type[g] == mjGEOM_MESH;
+    if (mesh) {  // which is turned as in its file
+      auto const& q = compiled.mesh_quat[std::size_t(m->geom_dataid[g])];
+      own = own * gsp::to_matrix(gsp::Quat<double>{q[0], q[1], q[2], q[3]});
+    }
+    for (int c = 0; c < 9; ++c) turn += std::fabs(own.m[c] - d->geom_xmat[9 * g + c]);
+    apart[std::size_t(g)] = (turn + (mesh ? 1.1e-7 : 0)) * m->geom_rbound[g];  // three numbers of its corners are rounded to float again
     for (int c = 0; c < 3; ++c) apart[std::size_t(g)] += std::fabs(double(scene.place(0, c, i)) - d->geom_xpos[3 * g + c]);
   }
   std::vector<bool> doubled(std::size_t(m->nmesh));

@@ -242,7 +242,10 @@ TEST_CASE_TEMPLATE("what is not a ray meets nothing, and what does not fit is re
   auto bare = gsp::make_ray_hits<float>(c.exec, {.worlds = 3, .count = 4, .normals = false});
   gsp::cast_rays(c.exec, c.scene, c.rays, bare);
   auto nothing = gsp::make_ray_scene<float>(c.exec, c.model, c.compiled, {.worlds = 3, .groups = 0});
-  CHECK(nothing.count() == 0);
+  CHECK(nothing.count() == 0);  // and so nothing to place
+  auto unplaced = gsp::make_ray_scene<float>(c.exec, c.model, c.compiled, {.worlds = 3});
+  CHECK_THROWS_WITH_AS(gsp::cast_rays(c.exec, unplaced, c.rays, bare),
+                       doctest::Contains("call place_ray_geoms(exec, model, poses, scene) first"), std::invalid_argument);
   gsp::cast_rays(c.exec, nothing, c.rays, bare);
   auto const d = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, bare.distance);
   CHECK(d(2, 3) == -1);

@@ -199,7 +199,7 @@ TEST_CASE("settings of contact sensors that mean nothing are refused") {
   refuses("data=\"force found\"", "in the order found force torque dist pos normal tangent linvel angvel");
   refuses("data=\"found found\"", "name each once");
   refuses("data=\"weight\"", "has data 'weight'");
-  refuses("num=\"0\"", "num must be 1 or more");
+  refuses("num=\"0\"", "which must be a whole number, 1 or more");
   refuses("reduce=\"best\"", "reduce");
   refuses("reduce=\"netforce\" data=\"force linvel\"", "asks for velocities of a net force");
   refuses("geom1=\"g\" body1=\"b\"", "one object too many");

@@ -105,7 +105,7 @@ TEST_CASE("sensors of distances that mean nothing are refused, or left out") {
   refuses("<normal body1='b' body2='b'/>", "names 'b' twice");
   refuses("<distance geom1='g'/>", "needs two objects");
   refuses("<distance site='s' geom2='g'/>", "site");
-  refuses("<rangefinder camera='c'/>", "has 1e9 numbers or more: lower the resolution of its camera");
+  refuses("<rangefinder camera='c'/>", "makes 1e9 numbers or more of all sensors: lower the resolution of its camera");
   SensedWorld<Kokkos::DefaultHostExecutionSpace> s(text("<distance body1='world' body2='b' cutoff='1'/>"), gsp::Profile::stable);
   CHECK(s.sensors.left_out == std::vector<int>{0});
   CHECK(s.sensors.why[0].find("one of its bodies has a height field") != std::string::npos);

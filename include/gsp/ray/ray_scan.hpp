@@ -39,7 +39,7 @@ struct RayScan {
   View<R***> point;    // (worlds, rays, 3) [m] in the world, along the ray as the unit takes it to be; 0: nothing. Empty: not asked for
   View<double*> time;  // (rays) [s] from the beginning of step 0, when each left; -1: none has yet
 
-  bool begun = false;     // host: begin_ray_scan has said where the unit is
+  bool begun = false;     // host: begin_ray_scan has said where the unit is, in all worlds
   std::int64_t next = 0;  // host: the step that scan_rays takes next; -1: any, all worlds have just begun
 
   RayMount<R, Mem> mount;
@@ -242,9 +242,9 @@ void expects_poses_of(char const* where, Poses<R, Mem> const& poses, RayScan<R, 
 }
 }  // namespace detail
 
-/// The unit is where its body is in these poses, in the worlds of the mask, and has seen nothing: before the first scan_rays, and in worlds
-/// that were reset, whose unit has jumped. Times stay, they are those of all worlds. Does not allocate, does not fence. Errors:
-/// std::invalid_argument for poses or a mask of another number of worlds, and poses without that body.
+/// The unit is where its body is in these poses, in the worlds of the mask, and has seen nothing: in all worlds before the first scan_rays,
+/// and in those that were reset, whose unit has jumped. Times stay, they are those of all worlds. Does not allocate, does not fence.
+/// Errors: std::invalid_argument for poses or a mask of another number of worlds, and poses without that body.
 /// @param mask  callable with a world, such as a View<bool*> on the device
 template <ExecutionSpace Exec, class R, class Mem, class Mask>
 requires requires(Mask const& mask) { bool(mask(0)); }
@@ -253,8 +253,10 @@ void begin_ray_scan(Exec const& exec, Poses<R, Mem> const& poses, RayScan<R, Mem
   static_assert(can_access<Exec, Mem>, "gsp::begin_ray_scan: the scan is not accessible from this execution space");
   detail::expects_poses_of("gsp::begin_ray_scan", poses, scan);
   detail::expects_mask("gsp::begin_ray_scan", mask, "scan", scan.options.worlds);
-  if (std::is_same_v<Mask, AllWorlds> || !scan.begun) scan.next = -1;
-  scan.begun = true;
+  if (std::is_same_v<Mask, AllWorlds>) {
+    scan.begun = true;
+    scan.next = -1;
+  }
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   Kokkos::parallel_for("gsp::ray::begin_ray_scan", lightweight(Range(exec, 0, std::int64_t(scan.range.size()))),
                        detail::BeginRayScan<R, Mem, Mask>{{poses, scan.before, scan.mount.body, scan.mount.alignment},
@@ -296,7 +298,6 @@ void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> co
   expects(scan.next < 0 || step <= scan.next, "gsp::scan_rays: step " + std::to_string(step) + " comes after step " +
                                                   std::to_string(scan.next - 1) +
                                                   ", and rays between them would be lost: call it for each step, or begin_ray_scan first");
-  scan.next = step + 1;
   RayClock const& clock = scan.clock;
   RayPhase phase = rays_of_step(clock, step);
   std::int64_t const more = phase.count > places ? phase.count - places : 0;
@@ -337,6 +338,7 @@ void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> co
   }
   Kokkos::parallel_for("gsp::ray::scan_rays, pose", Kokkos::RangePolicy<Exec>(exec, 0, worlds),
                        detail::NoteUnit<R, Mem>{poses, scan.before, scan.mount.body, scan.mount.alignment});
+  scan.next = step + 1;
 }
 
 }  // namespace gsp

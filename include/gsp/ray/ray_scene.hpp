@@ -147,7 +147,7 @@ RayScene<R, Mem> make_ray_scene(Exec const& exec, Model<R, Mem> const& model, Co
 namespace detail {
 template <class R, class Mem>
 void expects_placed(char const* where, RayScene<R, Mem> const& scene) {
-  expects(!scene.placed.data() || scene.placed(),
+  expects(scene.count() == 0 || !scene.placed.data() || scene.placed(),
           std::string(where) + ": where the scene's geoms are is not known: call place_ray_geoms(exec, model, poses, scene) first");
 }
 template <class R, class Mem>

@@ -108,7 +108,8 @@ struct NamedArray {
 /// it.
 inline constexpr int snapshot_version = 1;
 
-/// Of the smooth dynamics: M qacc_smooth = passive - bias + actuator + applied.
+/// Of the smooth dynamics. In profile mujoco M acceleration = passive - bias + actuator + applied; in profile stable the acceleration is
+/// that of the implicit step.
 enum class SmoothForces { passive, actuator, bias, acceleration };
 
 /// Many worlds of one model on a device.
@@ -146,7 +147,8 @@ class Stepper {
   virtual Array world_values(std::string const& field) = 0;
   /// Sets them in the worlds of the mask, as `reset` takes it, from (worlds | 1, items, components) or, of one component, (worlds | 1,
   /// items), on any device in any precision, and then what follows from masses and geometry (dynamics/set_constants.hpp): of several fields
-  /// each time, so it belongs to resets. Who sleeps is woken. Pictures and rays keep the sizes of the compiled model.
+  /// each time, so it belongs to resets. Who sleeps is woken. Pictures, and rays of a Scanner, keep sizes and
+  /// poses of the compiled model; rangefinders its sizes.
   /// @param scale_inertia  body_mass alone: inertia changes in proportion (then body_inertia is per world too), else it stays
   /// Allocates; waits. Errors: gsp::Error for another shape, and for a field that is the same for all worlds.
   virtual void set_world_values(std::string const& field, Array const& values, Array const& mask, bool scale_inertia) = 0;

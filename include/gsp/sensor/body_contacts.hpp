@@ -138,11 +138,10 @@ void reset_body_contacts(Exec const& exec, BodyContacts<R, Mem>& of, Mask const&
 template <ExecutionSpace Exec, class R, class Mem>
 void copy_body_contacts(Exec const& exec, BodyContacts<R, Mem> const& from, BodyContacts<R, Mem>& to) {
   Region const region("gsp::sensor::copy_body_contacts");
-  auto const copy = [&](auto const& a, auto const& b) {
-    expects(a.size() == b.size(), "gsp::copy_body_contacts",
-            "the two differ in worlds, bodies, partners or history: make both with the same options");
-    detail::copy_bytes(exec, b.data(), a.data(), detail::bytes_of(a));
-  };
+  expects(from.worlds == to.worlds && from.count() == to.count() && from.partners.extent(0) == to.partners.extent(0) &&
+              from.force_history.extent(1) == to.force_history.extent(1),
+          "gsp::copy_body_contacts", "the two differ in worlds, bodies, partners or history: make both with the same options");
+  auto const copy = [&](auto const& a, auto const& b) { detail::copy_bytes(exec, b.data(), a.data(), detail::bytes_of(a)); };
   copy(from.force, to.force);
   copy(from.friction, to.friction);
   copy(from.force_matrix, to.force_matrix);

@@ -33,7 +33,7 @@ KOKKOS_INLINE_FUNCTION void capsule_capsule(Shape<T> const& a, Shape<T> const& b
   auto const beside = [&](T x) { return clamp((v - x * ab) * inv_bb, -one, one); };
   // inside: at no end of either, so that the way is across both
   auto const way = [&](T x, T y, bool inside) {
-    Vec3<T> const from_a = y * db - x * da - d;
+    Vec3<T> const from_a = b.p + y * db - (a.p + x * da);
     return inside ? detail::across_axes(from_a, e0, e1, norm(d) + a.size.y + b.size.y) : from_a;
   };
   auto const add = [&](T x, T y, int feature, bool inside) {
@@ -58,7 +58,7 @@ KOKKOS_INLINE_FUNCTION void capsule_capsule(Shape<T> const& a, Shape<T> const& b
     bool const inside = abs(x) < one && abs(y) < one;
     if (!lies || !(det < T(0.01) * aa * bb) || !(hi > lo)) return add(x, y, 0, inside);
     // Beside the closest points, which are D apart, the axes part by (s sin)^2 / (2 D), sin as seen along the line between those.
-    Vec3<T> const apart = way(x, y, inside);
+    Vec3<T> const apart = b.p + y * db - a.p - x * da;
     T const D = norm(apart), part = T(1e-4) * (a.size.x + b.size.x), seen = dot(c, apart);
     T const s = sqrt(T(2) * D * D * D * part * bb) / max(abs(seen), tiny);
     T const first = min(hi, x + s), second = max(lo, x - s);
