@@ -20,7 +20,7 @@ TEST_CASE("indices by name, and what is near where there is none") {
   CHECK_THROWS_WITH_AS(body_id(m, "trank"), doctest::Contains("gsp::body_id: the model has no body 'trank'; nearest: 'trunk', "), Error);
   CHECK_THROWS_WITH_AS(sensor_id(m, "tme"), "gsp::sensor_id: the model has no sensor 'tme'; nearest: 'time', 'base_link_clock'", Error);
   CHECK_THROWS_WITH_AS(sensor_id(m, "base"), doctest::Contains("nearest: 'base_link_clock', 'time'"), Error);  // what it is a part of
-  CHECK_THROWS_WITH_AS(sensor_id(m, ""), doctest::Contains("no sensor ''"), Error);  // an empty name is nobody's
+  CHECK_THROWS_WITH_AS(sensor_id(m, ""), doctest::Contains("no sensor ''"), Error);                            // an empty name is nobody's
   CHECK_THROWS_WITH_AS(tendon_id(m, "front"), "gsp::tendon_id: the model has no tendon 'front': none of its 0 has a name; give an index",
                        Error);
 }
