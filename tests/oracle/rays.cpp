@@ -75,7 +75,11 @@ Compared compare(gsp::CompiledModel const& compiled, mjModel const* m, mjData* d
     bool const mesh = m->geom_type[g] == mjGEOM_MESH;
     if (mesh) {  // which is turned as in its file
       auto const& q = compiled.mesh_quat[std::size_t(m->geom_dataid[g])];
-      own = own * gsp::to_matrix(gsp::Quat<double>{q[0], q[1], q[2], q[3]});
+      auto const to_file = gsp::to_matrix(gsp::Quat<double>{q[0], q[1], q[2], q[3]});
+      gsp::Mat3<double> turned{};
+      for (int c = 0; c < 9; ++c)
+        for (int k = 0; k < 3; ++k) turned.m[c] += own.m[c / 3 * 3 + k] * to_file.m[3 * k + c % 3];
+      own = turned;
     }
     for (int c = 0; c < 9; ++c) turn += std::fabs(own.m[c] - d->geom_xmat[9 * g + c]);
     apart[std::size_t(g)] = (turn + (mesh ? 1.1e-7 : 0)) * m->geom_rbound[g];  // three numbers of its corners are rounded to float again
