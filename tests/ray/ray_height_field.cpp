@@ -8,15 +8,17 @@
 #include <vector>
 
 #include "dynamics/random_tree.hpp"
+#include "guarded.hpp"
 
 namespace {
 template <class T>
 struct Field {
-  std::vector<T> heights;
+  gsp_test::Guarded<T> heights;
   gsp::ShapeAsset<T> asset;
-  Field(int rows, int columns, T x, T y, T top, T base, unsigned seed) {
+  Field(int rows, int columns, T x, T y, T top, T base, unsigned seed, bool guard_after = false)
+      : heights(std::size_t(rows * columns), guard_after) {
     gsp_test::Random r{seed};
-    for (int i = 0; i < rows * columns; ++i) heights.push_back(seed == 0 ? T(0.5) : T(0.5 + 0.5 * r()));
+    for (int i = 0; i < rows * columns; ++i) heights[std::size_t(i)] = seed == 0 ? T(0.5) : T(0.5 + 0.5 * r());
     asset.elevation = heights.data();
     asset.rows = rows;
     asset.columns = columns;
@@ -111,11 +113,11 @@ TEST_CASE_TEMPLATE("rays straight up and down meet what others do, to the bit", 
   int hits = 0, others = 0, rays = 0, on_a_line = 0;
   for (int const rows : {2, 3, 8, 26}) {
     Field<T> const f(rows, rows + 3, T(1.5), T(1), T(0.4), T(0.2), unsigned(rows));
-    std::vector<T> level(f.heights.size());
-    for (std::size_t i = 0; i < level.size(); ++i) level[i] = i % 3 ? T(0) : f.heights[i];  // z = 0: the base box's face too
+    Field<T> level(rows, rows + 3, T(1.5), T(1), T(0.4), T(0.2), unsigned(rows), true);
+    for (int i = 0; i < rows * (rows + 3); ++i)
+      if (i % 3) level.heights[std::size_t(i)] = T(0);  // z = 0: the base box's face too
     for (int k = 0; k < 30000; ++k) {
-      gsp::ShapeAsset<T> asset = f.asset;
-      if (k % 2) asset.elevation = level.data();
+      gsp::ShapeAsset<T> const& asset = k % 2 ? level.asset : f.asset;
       int const row = int(std::uint32_t(k) * 7919u % std::uint32_t(rows)),
                 column = int(std::uint32_t(k) * 104729u % std::uint32_t(rows + 3));
       auto const p = gsp::HfieldShape::point(asset, row, column);

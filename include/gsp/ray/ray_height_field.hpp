@@ -189,9 +189,10 @@ class UprightRay {
     // on a grid line: in the cells on both sides
     Mask const left = over && column.number > zero && o_.x == column.low, below = over && row.number > zero && o_.y == row.low;
     if (any(left || below)) {
-      T const one(R(1));
-      GridCell<T> const before{column.number - one, grid_line(f_, 0, column.number - one), column.low},
-          under{row.number - one, grid_line(f_, 1, row.number - one), row.low};
+      T const one(R(1)), previous_column = max(column.number - one, zero), previous_row = max(row.number - one, zero);
+      // where there is none, the cell itself, which `left` and `below` leave out: its heights are read in any case
+      GridCell<T> const before{previous_column, grid_line(f_, 0, previous_column), column.low},
+          under{previous_row, grid_line(f_, 1, previous_row), row.low};
       cell(left && below, under, before);
       cell(below, under, column);
       cell(left, row, before);
