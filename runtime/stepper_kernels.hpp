@@ -253,7 +253,6 @@ class KokkosStepper : public Stepper {
       if (sensors_ && sensors_->history.count() > 0) reset_sensor_history(exec_, sensors_->history, of);
     };
     with_mask(mask, to_start);
-    exec_.fence("gsp::runtime::Stepper::reset: the mask may go");
     stale_ = true;
   }
   Array world_values(std::string const& name) override {
@@ -275,8 +274,8 @@ class KokkosStepper : public Stepper {
     auto const [items, components] = shape_of_field(field);
     expects_mask("set_world_values", mask);
     bool const flat = values.rank == 2 && components == 1;
-    bool fits = (values.rank == 3 || flat) && (values.extents[0] == 1 || values.extents[0] == state_.worlds) &&
-                values.extents[1] == items && (flat || values.extents[2] == components);
+    bool const fits = (values.rank == 3 || flat) && (values.extents[0] == 1 || values.extents[0] == state_.worlds) &&
+                      values.extents[1] == items && (flat || values.extents[2] == components);
     if (!fits)
       throw Error("values of '" + name + "' are " + shape_of(values) + " and must be (" + std::to_string(state_.worlds) + ", " +
                   std::to_string(items) + ", " + std::to_string(components) + "), or one row for all worlds");
@@ -294,7 +293,6 @@ class KokkosStepper : public Stepper {
       if (field.of_model && info(*field.of_model).use.decides) set_constants(exec_, model_, simulation_.dynamics, of);
       wake(exec_, simulation_.sleep, of);
     });
-    exec_.fence("gsp::runtime::Stepper::set_world_values: values and mask may go");
     stale_ = true;
   }
   Array mass_matrix() override {
@@ -522,13 +520,17 @@ class KokkosStepper : public Stepper {
     expects(!mask || (mask.rank == 1 && mask.extents[0] == state_.worlds && mask.dtype == Dtype::int32),
             std::string("gsp::runtime::Stepper::") + call + ": the mask must be (worlds) int32");
   }
-  /// f(worlds of the mask), which is read until the device has done what f launches.
+  /// f(worlds of the mask), and waits until the device has done what it launches: then the mask may go.
   template <class F>
   void with_mask(Array const& mask, F const& f) {
-    if (!mask) return f(gsp::detail::AllWorlds{});
-    Kokkos::View<int*, Mem> const chosen = gsp::detail::allocate<Kokkos::View<int*, Mem>>("gsp::runtime::Stepper::mask", state_.worlds);
-    copy(mask, array_of<Exec>(chosen));
-    f(chosen);
+    Kokkos::View<int*, Mem> chosen;
+    if (mask) {
+      chosen = gsp::detail::allocate<decltype(chosen)>("gsp::runtime::Stepper::mask", state_.worlds);
+      copy(mask, array_of<Exec>(chosen));
+      f(chosen);
+    } else {
+      f(gsp::AllWorlds{});
+    }
     exec_.fence("gsp::runtime::Stepper: the mask may go");
   }
   WorldField per_world_field(std::string const& name) const {

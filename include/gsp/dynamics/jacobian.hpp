@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/core/region.hpp>
+#include <gsp/dynamics/detail/dofs_above.hpp>
 #include <gsp/dynamics/world_lanes.hpp>
 
 /// Jacobians of points of bodies: velocity of the point = J qvel (MuJoCo's mj_jac, mj_jacBodyCom, mj_jacSite).
@@ -23,25 +24,19 @@ struct PointJacobian {
   View J;
   template <class T>
   KOKKOS_FUNCTION void operator()(WorldLane<T> const& l, int) const {
-    int const body = this->body < 0 ? model.site_body(item) : this->body, last = model.body_last_dof(body);
-    if (last < 0) return;
-    int const t = model.dof_tree(last), dof0 = model.tree_dof(t);
-    Archetype const& a = model.archetypes(model.tree_archetype(t));
-    DynamicsLayout const at(a);
-    auto const get = [&](int i) { return l.item(model, dynamics, t, i); };
-    auto const get3 = [&](int i) { return Vec3<T>{get(i), get(i + 1), get(i + 2)}; };
+    int const body = this->body < 0 ? model.site_body(item) : this->body;
+    DofsAbove<T, R, Mem> const dofs(l, model, dynamics, body);
+    if (dofs.none()) return;
     Vec3<T> const local = field.data ? l.constant3(field, item) : Vec3<T>{T(point.x), T(point.y), T(point.z)};
-    Vec3<T> const arm = l.load3(poses.xpos, body) + rotate(l.load4(poses.xquat, body), local) - get3(at.com + 3 * model.body_root(body));
-    int const adr = model.ints(a.row_adr + last - dof0), end = model.ints(a.row_adr + last - dof0 + 1);
-    for (int e = adr; e < end; ++e) {
-      int const dof = model.ints(a.row_col + e);
-      Vec3<T> const w = get3(at.cdof + 6 * dof), v = get3(at.cdof + 6 * dof + 3) + cross(w, arm);
+    Vec3<T> const arm = l.load3(poses.xpos, body) + rotate(l.load4(poses.xquat, body), local) - dofs.center();
+    dofs.each([&](int i, Spatial<T> const& motion) {
+      Vec3<T> const w = motion.angular, v = motion.linear + cross(w, arm);
       for (int c = 0; c < 3; ++c)
         for (int k = 0; k < l.count; ++k) {
-          J(l.world(k), c, dof0 + dof) = get_lane(v[c], k);
-          J(l.world(k), 3 + c, dof0 + dof) = get_lane(w[c], k);
+          J(l.world(k), c, dofs.in_world(i)) = get_lane(v[c], k);
+          J(l.world(k), 3 + c, dofs.in_world(i)) = get_lane(w[c], k);
         }
-    }
+    });
   }
 };
 template <ExecutionSpace Exec, class R, class Mem, class View>

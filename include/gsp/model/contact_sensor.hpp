@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <gsp/model/description.hpp>
+#include <locale>
 #include <optional>
 #include <sstream>
 #include <string>
@@ -52,6 +53,7 @@ int size_of_fields(Fields const& fields, unsigned chosen) {
 inline std::optional<int> read_whole(std::string const& text) {
   int number = 0;
   std::istringstream in(text);
+  in.imbue(std::locale::classic());
   if (!(in >> number) || !(in >> std::ws).eof()) return {};
   return number;
 }

@@ -31,20 +31,25 @@ inline int edits(std::string_view a, std::string_view b) {
 /// name_of(i) of the n things of a kind; what: "body".
 template <class NameOf>
 int id_by_name(char const* what, int n, NameOf const& name_of, std::string_view name) {
-  std::vector<std::pair<int, std::string>> near;  // first those of which the one is a part of the other, then by edits
+  struct Near {
+    bool apart;  // neither is a part of the other
+    int edits;
+    std::string name;
+  };
+  std::vector<Near> near;
   for (int i = 0; i < n; ++i) {
     std::string const& other = name_of(i);
     if (other == name && !name.empty()) return i;
     if (other.empty()) continue;
     bool const part = !name.empty() && (other.find(name) != other.npos || name.find(other) != name.npos);
-    near.emplace_back(edits(name, other) + (part ? 0 : 1000), other);
+    near.push_back({!part, edits(name, other), other});
   }
   std::string text = "gsp::" + std::string(what) + "_id: the model has no " + what + " '" + std::string(name) + "'";
   if (near.empty()) throw Error(text + ": none of its " + std::to_string(n) + " has a name; give an index");
   std::size_t const count = std::min<std::size_t>(3, near.size());
-  std::stable_sort(near.begin(), near.end(), [](auto const& a, auto const& b) { return a.first < b.first; });
+  std::stable_sort(near.begin(), near.end(), [](Near const& a, Near const& b) { return a.apart != b.apart ? b.apart : a.edits < b.edits; });
   text += "; nearest:";
-  for (std::size_t k = 0; k < count; ++k) text += (k ? ", '" : " '") + near[k].second + "'";
+  for (std::size_t k = 0; k < count; ++k) text += (k ? ", '" : " '") + near[k].name + "'";
   throw Error(text);
 }
 template <class Names>

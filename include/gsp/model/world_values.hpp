@@ -3,6 +3,7 @@
 #include <functional>
 #include <gsp/model/detail/world_values_kernels.hpp>
 #include <gsp/model/model.hpp>
+#include <gsp/model/state.hpp>
 #include <string>
 #include <vector>
 
@@ -11,9 +12,7 @@
 namespace gsp {
 
 /// The mask of all worlds.
-struct AllWorlds {
-  KOKKOS_INLINE_FUNCTION bool operator()(int) const { return true; }
-};
+using AllWorlds = detail::AllWorlds;
 
 /// Gives each of `worlds` worlds its own values of these fields, at first the shared ones. Fields that masses and geometry decide
 /// (body_invweight0, dof_invweight0, dof_M0, tendon_invweight0, tendon_length0, act_acc0) come along with what they follow from.

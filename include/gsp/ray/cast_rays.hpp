@@ -52,6 +52,7 @@ RayHits<R, typename Exec::memory_space> make_ray_hits(Exec const& exec, RaysOpti
 struct CastRaysOptions {
   int body_exclude = -1;  // geoms of this body are not met; of its children they are, but
   int bodies = 1;         // of so many bodies from body_exclude on none are: hide_self gives both
+  KOKKOS_INLINE_FUNCTION bool hides(int body) const { return unsigned(body - body_exclude) < unsigned(bodies); }
 };
 /// The options by which cast_rays hides these: of the world nothing, which is no robot. Errors: std::invalid_argument for a body that the
 /// model does not have.
@@ -65,6 +66,10 @@ inline CastRaysOptions hide_self(CompiledModel const& compiled, int body, SelfFi
 }
 
 namespace detail {
+inline void expects_hidden(std::string const& where, CastRaysOptions const& options) {
+  expects(options.bodies == 1 || (options.bodies > 0 && options.body_exclude >= 0),
+          where + ": bodies counts from body_exclude on: take both from hide_self");
+}
 /// What rays of a world meet first: one on a device, as many as a pack has lanes on a host.
 template <class R, class Mem>
 struct RayCaster {
@@ -209,7 +214,7 @@ struct RayCaster {
   }
   KOKKOS_INLINE_FUNCTION void meet(Ray<T> const& ray, T const& inverse_length, int w, int g, Met& best) const {
     RayGeom<R> const& geom = scene.geoms(g);
-    if (unsigned(geom.body - options.body_exclude) < unsigned(options.bodies)) return;
+    if (options.hides(geom.body)) return;
     if (geom.type != ShapeType::plane && !any(comes_near(ray, inverse_length, place_of(w, g), scene.radius(g), best.x))) return;
     Ray<T> const own = to_frame(ray, w, g);
     if (geom.type == ShapeType::mesh) {
@@ -285,8 +290,7 @@ void cast_rays(Exec const& exec, RayScene<R, Mem> const& scene, Rays<R, Mem> con
   expects(
       fits3(rays.origin) && fits3(rays.direction) && fits(hits.distance) && fits(hits.geom) && (!hits.normal.data() || fits3(hits.normal)),
       "gsp::cast_rays: origins, directions and hits are of other numbers of worlds or rays: make them with the same options");
-  expects(options.bodies == 1 || (options.bodies > 0 && options.body_exclude >= 0),
-          "gsp::cast_rays: bodies counts from body_exclude on: take both from hide_self");
+  detail::expects_hidden("gsp::cast_rays", options);
   detail::expects_placed("gsp::cast_rays", scene);
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   detail::RayCaster<R, Mem> const caster{scene, options};

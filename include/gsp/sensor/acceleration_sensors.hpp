@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/core/region.hpp>
+#include <gsp/dynamics/detail/dofs_above.hpp>
 #include <gsp/sensor/detail/sensor_frames.hpp>
 #include <gsp/sensor/sense.hpp>
 #include <gsp/sensor/sensor_table.hpp>
@@ -35,24 +36,19 @@ struct AccelerationSensors : SensorFrames<R, Mem> {
   KOKKOS_INLINE_FUNCTION Spatial<T> acceleration(WorldLane<T> const& l, int b, Vec3<T> const& x) const {
     Vec3<T> const zero{T(0), T(0), T(0)};
     Spatial<T> v{zero, zero}, before = v, acc{zero, T(-1) * l.constant3(model.gravity, 0)};
-    int const last = model.body_last_dof(b);
-    if (last < 0) return acc;
-    int const t = model.dof_tree(last), dof0 = model.tree_dof(t);
-    Archetype const& a = model.archetypes(model.tree_archetype(t));
-    DynamicsLayout const at(a);
-    auto const get = [&](int i) { return l.item(model, dynamics, t, i); };
-    auto const get3 = [&](int i) { return Vec3<T>{get(i), get(i + 1), get(i + 2)}; };
-    for (int e = model.ints(a.row_adr + last - dof0), end = model.ints(a.row_adr + last - dof0 + 1); e < end; ++e) {
-      int const i = model.ints(a.row_col + e), j = model.ints(a.dof_jnt + i), place = i - model.ints(a.jnt_dofadr + j);
+    DofsAbove<T, R, Mem> const dofs(l, model, dynamics, b);
+    if (dofs.none()) return acc;
+    Archetype const& a = dofs.archetype();
+    dofs.each([&](int i, Spatial<T> const& motion) {
+      int const j = model.ints(a.dof_jnt + i), place = i - model.ints(a.jnt_dofadr + j);
       bool const free = JointType(model.ints(a.jnt_type + j)) == JointType::free;
-      Spatial<T> const dof{get3(at.cdof + 6 * i), get3(at.cdof + 6 * i + 3)};
-      T const rate = get(at.qvel + i);
-      if (place == (free ? 3 : 0)) before = v;                                   // the three axes of a ball turn with the frame before it
-      if (!free || place >= 3) acc = fma(rate, cross_motion(before, dof), acc);  // world axes do not turn
-      acc = fma(l.load(of.qacc, dof0 + i), dof, acc);
-      v = fma(rate, dof, v);
-    }
-    Vec3<T> const r = x - get3(at.com + 3 * model.body_root(b));
+      T const rate = dofs.rate(i);
+      if (place == (free ? 3 : 0)) before = v;  // the three axes of a ball turn with the frame before it
+      if (!free || place >= 3) acc = fma(rate, cross_motion(before, motion), acc);  // world axes do not turn
+      acc = fma(l.load(of.qacc, dofs.in_world(i)), motion, acc);
+      v = fma(rate, motion, v);
+    });
+    Vec3<T> const r = x - dofs.center();
     acc.linear = acc.linear + cross(acc.angular, r) + cross(v.angular, v.linear + cross(v.angular, r));
     return acc;
   }

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/core/region.hpp>
+#include <gsp/dynamics/detail/dofs_above.hpp>
 #include <gsp/sensor/detail/sensor_frames.hpp>
 #include <gsp/sensor/sense.hpp>
 #include <gsp/sensor/sensor_table.hpp>
@@ -42,18 +43,10 @@ struct SmoothSensors : SensorFrames<R, Mem> {
   KOKKOS_INLINE_FUNCTION Spatial<T> velocity(WorldLane<T> const& l, int b, Vec3<T> const& x) const {
     Vec3<T> const zero{T(0), T(0), T(0)};
     Spatial<T> v{zero, zero};
-    int const last = model.body_last_dof(b);
-    if (last < 0) return v;
-    int const t = model.dof_tree(last), dof0 = model.tree_dof(t);
-    Archetype const& a = model.archetypes(model.tree_archetype(t));
-    DynamicsLayout const at(a);
-    auto const get = [&](int i) { return l.item(model, dynamics, t, i); };
-    auto const get3 = [&](int i) { return Vec3<T>{get(i), get(i + 1), get(i + 2)}; };
-    for (int e = model.ints(a.row_adr + last - dof0), end = model.ints(a.row_adr + last - dof0 + 1); e < end; ++e) {
-      int const dof = model.ints(a.row_col + e);
-      v = fma(get(at.qvel + dof), Spatial<T>{get3(at.cdof + 6 * dof), get3(at.cdof + 6 * dof + 3)}, v);
-    }
-    v.linear = v.linear + cross(v.angular, x - get3(at.com + 3 * model.body_root(b)));
+    DofsAbove<T, R, Mem> const dofs(l, model, dynamics, b);
+    if (dofs.none()) return v;
+    dofs.each([&](int i, Spatial<T> const& motion) { v = fma(dofs.rate(i), motion, v); });
+    v.linear = v.linear + cross(v.angular, x - dofs.center());
     return v;
   }
   template <class T, class Put>

@@ -163,7 +163,7 @@ struct SplatCaster {
   };
   template <class T, class Count>
   KOKKOS_FUNCTION void go_through(SplatTreeBody const& body, Ray<T> const& ray, int w, Pass<T>& pass, Count const& count) const {
-    if (unsigned(body.body - options.hidden.body_exclude) < unsigned(options.hidden.bodies)) return;
+    if (options.hidden.hides(body.body)) return;
     R const *const p = &poses.xpos(w, body.body, 0), *const q = &poses.xquat(w, body.body, 0);
     Vec3<T> const o = ray.origin - Vec3<T>{T(p[0]), T(p[1]), T(p[2])};
     if (!any(comes_near(o, ray, T(R(body.radius)), pass.limit))) return;
@@ -217,8 +217,7 @@ void check_splats_for_rays(std::string const& function, SplatTree<Mem> const& tr
                              ": make both with the same {.worlds = n}");
   expects(bodies >= tree.named, function + ": the Gaussians name " + std::to_string(tree.named) + " bodies but the poses have " +
                                     std::to_string(bodies) + ": give poses of the model that the Gaussians were bound to");
-  expects(options.hidden.bodies == 1 || (options.hidden.bodies > 0 && options.hidden.body_exclude >= 0),
-          function + ": bodies counts from body_exclude on: take both from hide_self");
+  expects_hidden(function, options.hidden);
   expects(options.left >= 0 && options.left <= 1 && options.alpha_max >= 0 && options.alpha_max <= 1,
           function + ": left and alpha_max must lie in 0 to 1");
 }
