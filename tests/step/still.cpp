@@ -300,7 +300,17 @@ TEST_CASE_TEMPLATE("a capsule in a V lies still", R, float, double) {
   struct Start {
     double timestep, tilt, yaw, seconds;
   };
-  for (Start const start : {Start{0.002, 0, 0, 60}, {0.01, 0, 0, 60}, {0.01, 0.02, 0, 9}, {0.002, 0, 0.02, 9}, {0.01, 0.05, 0.05, 9}}) {
+  for (Start const start : {Start{0.002, 0, 0, 60},
+                            {0.01, 0, 0, 60},
+                            {0.01, 0.02, 0, 9},
+                            {0.002, 0, 0.02, 9},
+                            {0.01, 0.01, 0.05, 9},
+                            {0.01, 0.02, 0.05, 9},
+                            {0.01, 0.03, 0.05, 9},
+                            {0.01, 0.04, 0.05, 9},
+                            {0.01, 0.05, 0.05, 9},
+                            {0.01, 0.06, 0.05, 9},
+                            {0.005, 0.05, 0.05, 9}}) {
     World<R, Kokkos::DefaultHostExecutionSpace> w(gsp_test::capsule_in_v(start.timestep, start.tilt));
     w.state.qpos(0, 4) = R(start.tilt / 2), w.state.qpos(0, 6) = R(start.yaw / 2);
     bool const askew = start.tilt != 0 || start.yaw != 0;

@@ -183,7 +183,9 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_check_bounded(L const& l, State const& st
 /// q <- q + h v; rotations: quat <- quat exp(h w), w in body axes (trees that are one rigid body: lanes_turn). qpos_low carries what
 /// rounding took (two-sum), so that nothing creeps, and what moves slowly moves. In profile stable a joint whose rates rest keeps its qpos
 /// to the bit while |qpos_low| is below pose_held: all that is computed of its poses stays as it is, and what they lack is in every gap and
-/// length (docs/decisions/0031-crowds-in-float-hum-by-rounding-of-poses.md). Not of duals: slopes of poses are those of qpos.
+/// length; a tree of one body keeps all of it or none, from where steps_held steps take it less far than that
+/// (docs/decisions/0031-crowds-in-float-hum-by-rounding-of-poses.md). Not of duals: slopes of poses are those of qpos.
+inline constexpr int steps_held = 5;
 inline constexpr int pose_held = 16;  // epsilon: of 1 for angles and quaternions, of the largest coordinate for places
 template <class R>
 KOKKOS_INLINE_FUNCTION bool may_hold_poses(Profile profile) {
@@ -219,15 +221,18 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
   };
   using R = typename L::R;
   bool const may_hold = may_hold_poses<R>(l.model.profile);
-  T const held(may_hold ? R(pose_held) * R(Kokkos::Experimental::epsilon_v<real_t<R>>) : R(0));
+  R const epsilon = R(Kokkos::Experimental::epsilon_v<real_t<R>>);
+  T const held(may_hold ? R(pose_held) * epsilon : R(0));
   l.each(a.njnt, [&](int j) {
     int q = l.index(a.jnt_qposadr, j), dof = l.index(a.jnt_dofadr, j), v = l.at.velocity + dof;
     auto const type = JointType(l.index(a.jnt_type, j));
     bool const is_free = type == JointType::free;
-    T change(0);  // of its rates, times h
-    for (int i = 0, n = is_free ? 6 : type == JointType::ball ? 3 : 1; may_hold && i < n; ++i)
+    T change(0), goes(0);  // of its rates, and by them, times h
+    for (int i = 0, n = is_free ? 6 : type == JointType::ball ? 3 : 1; may_hold && i < n; ++i) {
       change = max(change, abs(h * (s[v + i] - s[l.at.qvel + dof + i])));
-    T const rests = select(change < held, held, T(0));
+      goes = max(goes, abs(h * s[v + i]));
+    }
+    T rests = select(change < held, held, T(0));
     auto const move = [&](int i, T const& high, T const& by, T const& keep) {
       T const add = by + l.load(state.qpos_low, l.qpos0, i);
       auto const moved = two_sum(high, add);
@@ -246,12 +251,24 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_integrate_positions(L const& l, State con
     auto const [turn, shift] = carries_momentum(l)  // it may change v
                                    ? lanes_turn(l, now)
                                    : Displacement<T>{exp_rotation(h * s.vec3(is_free ? v + 3 : v)), is_free ? h * s.vec3(v) : Vec3<T>{}};
-    if (is_free) {
-      Vec3<T> const place{l.load(state.qpos, l.qpos0, q), l.load(state.qpos, l.qpos0, q + 1), l.load(state.qpos, l.qpos0, q + 2)};
-      T const keep = rests * max(abs(place.x), max(abs(place.y), abs(place.z)));
-      for (int c = 0; c < 3; ++c) move(q + c, place[c], shift[c], keep);
-    }
     Quat<T> const from = nearly_unit<R>(stored, now, l.model.profile), by = now * Quat<T>{turn.w - T(1), turn.x, turn.y, turn.z};
+    Vec3<T> place{};
+    T size(0);
+    if (is_free) {
+      place = {l.load(state.qpos, l.qpos0, q), l.load(state.qpos, l.qpos0, q + 1), l.load(state.qpos, l.qpos0, q + 2)};
+      size = max(abs(place.x), max(abs(place.y), abs(place.z)));
+    }
+    if (may_hold && carries_momentum(l)) {  // a body by itself: all seven or none
+      T const way[7] = {shift.x, shift.y, shift.z, by.w, by.x, by.y, by.z};
+      auto stays = T(R(steps_held)) * goes < held;
+      for (int c = is_free ? 0 : 3; c < 7; ++c)  // held already: no rounding lacks so much
+        stays = stays || abs(l.load(state.qpos_low, l.qpos0, quat - 3 + c)) > T(epsilon) * (c < 3 ? size : T(1));
+      for (int c = is_free ? 0 : 3; c < 7; ++c)
+        stays = stays && abs(way[c] + l.load(state.qpos_low, l.qpos0, quat - 3 + c)) < held * (c < 3 ? size : T(1));
+      rests = select(stays, rests, T(0));
+    }
+    if (is_free)
+      for (int c = 0; c < 3; ++c) move(q + c, place[c], shift[c], rests * size);
     move(quat, from.w, by.w, rests);
     move(quat + 1, from.x, by.x, rests);
     move(quat + 2, from.y, by.y, rests);
