@@ -43,6 +43,24 @@ void expect_threads(int& threads) {
 #endif
 }
 
+#ifdef KOKKOS_ENABLE_CUDA
+/// `then` goes on where `first` has come to by now.
+void follows(cudaStream_t then, cudaStream_t first) {
+  auto const expect = [](cudaError_t error) {
+    if (error != cudaSuccess) throw Error(std::string("CUDA does not know this stream: ") + cudaGetErrorString(error));
+  };
+  cudaEvent_t event;
+  expect(cudaEventCreateWithFlags(&event, cudaEventDisableTiming));
+  cudaError_t const recorded = cudaEventRecord(event, first),
+                    waits = recorded == cudaSuccess ? cudaStreamWaitEvent(then, event, 0) : recorded;
+  cudaEventDestroy(event);  // once it has happened
+  expect(waits);
+}
+cudaStream_t stream_of(std::uintptr_t number) {
+  return number == 1 ? cudaStreamLegacy : number == 2 ? cudaStreamPerThread : reinterpret_cast<cudaStream_t>(number);
+}
+#endif
+
 }  // namespace
 
 Session::Session(int threads) {
@@ -84,6 +102,17 @@ std::string device_name(Device device, int threads) {
 
 void wait(Device device) {
   on_device(device, [](auto const& exec) { exec.fence("gsp::runtime::wait"); });
+}
+
+void wait_for_stream([[maybe_unused]] Device device, [[maybe_unused]] std::uintptr_t stream) {
+#ifdef KOKKOS_ENABLE_CUDA
+  if (device == Device::cuda) follows(Kokkos::Cuda().cuda_stream(), stream_of(stream));
+#endif
+}
+void let_stream_wait([[maybe_unused]] Device device, [[maybe_unused]] std::uintptr_t stream) {
+#ifdef KOKKOS_ENABLE_CUDA
+  if (device == Device::cuda) follows(stream_of(stream), Kokkos::Cuda().cuda_stream());
+#endif
 }
 
 std::uint64_t peak_bytes(Device device) { return device == Device::cuda ? device_peak.load() : peak_host_bytes(); }

@@ -394,6 +394,8 @@ class KokkosStepper : public Stepper {
     else if (sensors_)
       reset_sensor_history(exec_, sensors_->history, gsp::detail::AllWorlds{});
     exec_.fence("gsp::runtime::Stepper::restore: the copies may go");
+    kept_contacts_.reset();
+    has_stepped_ = false;
     stale_ = true;
   }
   void step(StepOptions const& options) override {
@@ -402,6 +404,8 @@ class KokkosStepper : public Stepper {
     for (int k = 0; k < options.steps && late; ++k) step_late();
     if (!late)
       gsp::step(exec_, model_, state_, simulation_, {.steps = options.steps, .solver = solver_, .newton = newton_, .poses = false});
+    kept_contacts_.reset();
+    has_stepped_ = has_stepped_ || options.steps > 0;
     stale_ = true;  // poses of the end where somebody asks for them: a call of one step would pay for them each time
   }
 
@@ -490,20 +494,12 @@ class KokkosStepper : public Stepper {
     }
     return out;
   }
-  ContactArrays contacts() override {
-    auto const& c = simulation_.contacts;
-    std::int64_t const count = c.demand(exec_).contacts;
-    if (contact_force_.extent(0) < c.dist.extent(0))
-      contact_force_ = gsp::detail::allocate<decltype(contact_force_)>("gsp::runtime::Stepper::contact_force", c.dist.extent(0));
-    contact_forces(exec_, model_, simulation_.collision, c, simulation_.rows, simulation_.impulses, contact_force_);
-    exec_.fence("gsp::runtime::Stepper::contacts: the forces are there");
-    auto const found = [&](auto const& view) { return array_of<Exec>(view).rows(0, count); };
-    return {found(c.world), found(c.geom1), found(c.geom2), found(c.dist), found(c.pos), found(c.frame), found(contact_force_)};
-  }
+  ContactArrays contacts() override { return kept_contacts_ ? *kept_contacts_ : contacts_of_step(); }
   Array qfrc_constraint() const override { return array_of<Exec>(simulation_.solution.qfrc_constraint); }
   Array sensors() override {
     if (compiled_.sensors.empty()) return make_array(nullptr, dtype_of<R>(), device_of<Exec>(), {state_.worlds, 0});
     make_sensors_once();
+    keep_contacts();
     evaluate([&] { read_all(); });
     exec_.fence("gsp::runtime::Stepper::sensors: the numbers are there");
     stale_ = true;
@@ -516,6 +512,36 @@ class KokkosStepper : public Stepper {
   }
 
  private:
+  ContactArrays contacts_of_step() {
+    auto const& c = simulation_.contacts;
+    std::int64_t const count = c.demand(exec_).contacts;
+    if (contact_force_.extent(0) < c.dist.extent(0))
+      contact_force_ = gsp::detail::allocate<decltype(contact_force_)>("gsp::runtime::Stepper::contact_force", c.dist.extent(0));
+    contact_forces(exec_, model_, simulation_.collision, c, simulation_.rows, simulation_.impulses, contact_force_);
+    exec_.fence("gsp::runtime::Stepper::contacts: the forces are there");
+    auto const found = [&](auto const& view) { return array_of<Exec>(view).rows(0, count); };
+    return {found(c.world), found(c.geom1), found(c.geom2), found(c.dist), found(c.pos), found(c.frame), found(contact_force_)};
+  }
+  /// Contacts of the last step are put aside before those of the state take their place.
+  void keep_contacts() {
+    if (!has_stepped_ || kept_contacts_) return;
+    ContactArrays const now = contacts_of_step();
+    ContactArrays kept;
+    constexpr Array ContactArrays::*arrays[] = {&ContactArrays::world, &ContactArrays::geom1, &ContactArrays::geom2, &ContactArrays::dist,
+                                                &ContactArrays::pos,   &ContactArrays::frame, &ContactArrays::force};
+    for (std::size_t k = 0; k < std::size(arrays); ++k) {
+      Array const from = now.*arrays[k];
+      Buffer& own = contact_buffers_[k];
+      if (!own.owner || own.array.extents[0] < from.extents[0]) {
+        std::int64_t const room = std::int64_t(simulation_.contacts.dist.extent(0));
+        own = from.rank == 1 ? make_buffer(device_of<Exec>(), from.dtype, {room})
+                             : make_buffer(device_of<Exec>(), from.dtype, {room, from.extents[1]});
+      }
+      kept.*arrays[k] = own.array.rows(0, from.extents[0]);
+      if (from.size() > 0) copy(from, kept.*arrays[k]);
+    }
+    kept_contacts_ = kept;
+  }
   void expects_mask(char const* call, Array const& mask) const {
     expects(!mask || (mask.rank == 1 && mask.extents[0] == state_.worlds && mask.dtype == Dtype::int32),
             std::string("gsp::runtime::Stepper::") + call + ": the mask must be (worlds) int32");
@@ -671,6 +697,9 @@ class KokkosStepper : public Stepper {
   PgsOptions solver_;     // profile stable
   NewtonOptions newton_;  // profile mujoco
   Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> contact_force_;
+  std::optional<ContactArrays> kept_contacts_;  // in contact_buffers_
+  Buffer contact_buffers_[7];
+  bool has_stepped_ = false;
   std::vector<std::string> per_world_;
   Kokkos::View<R***, Kokkos::LayoutRight, Mem> values_, mass_matrix_, jacobian_;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> smooth_[4], qacc_, qfrc_;

@@ -8,8 +8,20 @@
     print(data.qpos.numpy()[0], data.xpos[0, 1])
 """
 
-import atexit as _atexit
+from __future__ import annotations
 
+import atexit as _atexit
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import os
+
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    from .task import Task as Task
+
+from . import _library
 from ._gsp import (
     Array,
     Contacts,
@@ -22,12 +34,14 @@ from ._gsp import (
     Scene,
     StepCounts,
     forward,
+    let_stream_wait,
     reset,
     status_text,
     step,
+    wait_for_stream,
     world_fields,
 )
-from ._gsp import _end
+from ._gsp import _end, _write_png  # type: ignore[attr-defined]
 
 __version__ = "0.1.0"
 __all__ = [
@@ -43,19 +57,22 @@ __all__ = [
     "StepCounts",
     "Task",
     "forward",
+    "let_stream_wait",
     "look_at",
     "pinhole",
     "reset",
     "status_text",
     "step",
+    "wait_for_stream",
     "world_fields",
+    "write_png",
 ]
 
 _atexit.register(_end)
 Error.__doc__ = "What is wrong with what you gave, where, and what to do about it. A ValueError."
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> Any:
     if name == "Task":  # brings NumPy, which `import gsp` does without
         from .task import Task
 
@@ -63,7 +80,7 @@ def __getattr__(name):
     raise AttributeError(f"module 'gsp' has no attribute '{name}'")
 
 
-def look_at(eye, target, up=(0.0, 0.0, 1.0)):
+def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> NDArray[np.float32]:
     """World to camera, (..., 4, 4) float32, of a camera at `eye` that looks at `target`: x right, y down, z ahead."""
     import numpy as np
 
@@ -88,7 +105,7 @@ def look_at(eye, target, up=(0.0, 0.0, 1.0)):
     return out
 
 
-def pinhole(width, height, fovy):
+def pinhole(width: int, height: int, fovy: float) -> NDArray[np.float32]:
     """(3, 3) float32 intrinsics [pixel] of a camera that sees `fovy` degrees from top to bottom."""
     import numpy as np
 
@@ -96,3 +113,19 @@ def pinhole(width, height, fovy):
         raise Error(f"gsp.pinhole: fovy must be between 0 and 180 degrees and is {fovy}")
     f = 0.5 * height / np.tan(np.radians(0.5 * fovy))
     return np.array([[f, 0, 0.5 * width], [0, f, 0.5 * height], [0, 0, 1]], dtype=np.float32)
+
+
+def write_png(path: str | os.PathLike[str], image: ArrayLike) -> None:
+    """Writes a picture, (H, W), (H, W, 1), (H, W, 3) or (H, W, 4): numbers of 0 to 1, or uint8. All or nothing."""
+    import os
+
+    import numpy as np
+
+    image = np.asarray(image)
+    if image.ndim == 2:
+        image = image[..., None]
+    if image.ndim != 3 or image.shape[2] not in (1, 3, 4) or image.size == 0:
+        raise Error(f"gsp.write_png: the picture has shape {image.shape} and must have (height, width) or (height, width, 1, 3 or 4)")
+    if image.dtype != np.uint8:
+        image = (np.clip(np.nan_to_num(image.astype(np.float32), nan=0.0), 0, 1) * 255 + 0.5).astype(np.uint8)
+    _write_png(os.fspath(path), np.ascontiguousarray(image).tobytes(), image.shape[1], image.shape[0], image.shape[2])

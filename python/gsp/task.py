@@ -3,18 +3,24 @@
 gsp.gymnasium and gsp.rsl_rl make environments of it.
 """
 
+from __future__ import annotations
+
+import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from . import _gsp
 from ._gsp import Array, Error, Model
 
+Numbers = Any  # an array of NumPy or of torch
+
 _HOOKS = ("act", "observe", "reward", "terminated", "randomise", "info")
 _LOW = 0xFFFFFFFF
 
 
-def philox(key, counter):
+def philox(key: Numbers, counter: tuple[Numbers, ...]) -> tuple[Numbers, Numbers, Numbers, Numbers]:
     """Four arrays of 32-bit numbers (int64) of a key (int64) and a counter of four: Philox4x32-10, as gsp/math/philox.hpp has it."""
     c0, c1, c2, c3 = counter
     k0, k1 = key & _LOW, (key >> 32) & _LOW
@@ -28,15 +34,15 @@ def philox(key, counter):
 class _Arrays:
     """A gsp.Data whose arrays are NumPy's or torch's, of the same memory."""
 
-    def __init__(self, data, convert):
+    def __init__(self, data: Any, convert: Any) -> None:
         object.__setattr__(self, "_of", (data, convert))
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         data, convert = self._of
         value = getattr(data, name)
         return convert(value) if isinstance(value, Array) else value
 
-    def __setattr__(self, name, value):
+    def __setattr__(self, name: str, value: Any) -> None:
         setattr(self._of[0], name, value)
 
 
@@ -57,18 +63,18 @@ class Task:
     (data.status), which `stops` counts.
     """
 
-    model = None
+    model: Model | str | os.PathLike[str] | None = None
     """gsp.Model, or the path of an MJCF or URDF file."""
-    keyframe = None
+    keyframe: str | int | None = None
     """Name or number of the keyframe that episodes begin with; None: the model's initial positions."""
-    substeps = 1
+    substeps: int = 1
     """Steps of physics in one of control."""
-    seconds = 10.0
+    seconds: float = 10.0
     """Longest episode [s]."""
-    action_size = None
+    action_size: int | None = None
     """Numbers of an action; None: the model's nu."""
 
-    def __init__(self, worlds=1, device="cpu", *, seed=0, array=None, **options):
+    def __init__(self, worlds: int = 1, device: str = "cpu", *, seed: Any = 0, array: str | None = None, **options: Any) -> None:
         """array: "numpy" or "torch", what `data` and all results are; None: NumPy's on the CPU, torch's on a GPU. options: gsp.Data's."""
         if self.model is None:
             raise Error(f"{type(self).__name__} has no model: write `model = ...`, a gsp.Model or the path of an MJCF or URDF file")
@@ -84,8 +90,9 @@ class Task:
         if array == "torch":
             import torch
 
-            self.xp, self._on = torch, {"device": device}
-            self.data = _Arrays(self._data, torch.from_dlpack)
+            self.xp: Any = torch
+            self._on: dict[str, Any] = {"device": device}
+            self.data: Any = _Arrays(self._data, torch.from_dlpack)
         else:
             self.xp, self._on = np, {}
             self.data = _Arrays(self._data, np.asarray)
@@ -110,39 +117,41 @@ class Task:
         self.last_action = self._zeros("float32", self.action_size)
         """(worlds, action_size) of the step before."""
         self._everywhere = self._zeros("bool") == 0
-        self._key, self._world, self._episode = (self._zeros("int64") for _ in range(3))
+        self._key: Numbers = self._zeros("int64")
+        self._world: Numbers = self._zeros("int64")
+        self._episode: Numbers = self._zeros("int64")
         self._hook = self._draw = 0
         self.seed = seed
         self._seed(seed, self._everywhere)
 
     # What a task says.
 
-    def act(self, data, action):
+    def act(self, data: Any, action: Numbers) -> None:
         """Writes controls. By default actions from -1 to 1 are those from end to end of an actuator's ctrlrange; where there is none, 1 is 1."""
         data.ctrl[:] = self._middle + self._half * action
 
-    def observe(self, data):
+    def observe(self, data: Any) -> Any:
         """(worlds, n), or several by name: {"actor": (worlds, n), "critic": (worlds, m)}. Called once or twice a step: it changes nothing."""
         raise NotImplementedError(f"{type(self).__name__} has no observe(self, data): write it")
 
-    def reward(self, data):
+    def reward(self, data: Any) -> Numbers:
         """(worlds)"""
         raise NotImplementedError(f"{type(self).__name__} has no reward(self, data): write it")
 
-    def terminated(self, data):
+    def terminated(self, data: Any) -> Numbers:
         """(worlds) bool, what ends an episode for good."""
         return ~self._everywhere
 
-    def randomise(self, data, mask):
+    def randomise(self, data: Any, mask: Numbers) -> None:
         """Changes how episodes begin, and what a task remembers, in worlds of the mask (worlds) bool, just reset."""
 
-    def info(self, data):
+    def info(self, data: Any) -> dict[str, Numbers]:
         """Arrays (worlds, ...) by name for infos of Gymnasium; their means go to rsl_rl's log."""
         return {}
 
     # Random numbers.
 
-    def uniform(self, low, high, size, mask=None):
+    def uniform(self, low: Numbers, high: Numbers, size: int, mask: Numbers = None) -> Numbers:
         """(worlds, size) float32 from low to high (numbers, or size of them); of the mask's worlds alone where there is one.
 
         The numbers follow from the seed, the world, its episode, its step, the method that draws and which draw of it that is: a world
@@ -152,14 +161,14 @@ class Task:
         low, high = self._floats(low), self._floats(high)
         return low + (high - low) * u
 
-    def normal(self, deviation, size, mask=None):
+    def normal(self, deviation: Numbers, size: int, mask: Numbers = None) -> Numbers:
         """(worlds, size) float32 of mean 0; see `uniform`."""
         u = self._uniform(2 * size, mask)
         return self._floats(deviation) * self.xp.sqrt(-2 * self.xp.log(u[:, :size])) * self.xp.cos(2 * np.pi * u[:, size:])
 
     # What environments call.
 
-    def reset(self, mask=None, seed=None):
+    def reset(self, mask: Numbers = None, seed: Any = None) -> None:
         """Begins new episodes, in worlds of the mask (worlds) bool. seed: a number, from which each world has a stream of its own, or one for
         each world; None: streams go on."""
         mask = self._everywhere if mask is None else self._bools(mask, "the mask of reset")
@@ -170,13 +179,15 @@ class Task:
         self.age[mask] = 0
         self.action[mask] = 0
         self.last_action[mask] = 0
-        self._wait()
-        _gsp.reset(self.model, self._data, mask=mask.astype("int32") if self.xp is np else mask.int(), keyframe=self.keyframe)
+        self._to_library()
+        _gsp.reset(self._data.model, self._data, mask=mask.astype("int32") if self.xp is np else mask.int(), keyframe=self.keyframe)
+        self._from_library()
         self._call("randomise", mask)
-        self._wait()
-        _gsp.forward(self.model, self._data)
+        self._to_library()
+        _gsp.forward(self._data.model, self._data)
+        self._from_library()
 
-    def step(self, action):
+    def step(self, action: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         """One step of control of all worlds: rewards, and who is terminated and who truncated, each (worlds). Resets nothing."""
         action = self._floats(action)
         if tuple(action.shape) != (self.worlds, self.action_size):
@@ -184,8 +195,9 @@ class Task:
         self.action, self.last_action = self.last_action, self.action
         self.action[:] = action
         self._call("act", self.action)
-        self._wait()
-        _gsp.step(self.model, self._data, self.substeps)
+        self._to_library()
+        _gsp.step(self._data.model, self._data, self.substeps)
+        self._from_library()
         self.age += 1
         reward = self._floats(self._call("reward"))
         if tuple(reward.shape) != (self.worlds,):
@@ -193,14 +205,14 @@ class Task:
         terminated = self._bools(self._call("terminated"), f"what {type(self).__name__}.terminated gives")
         return reward, terminated, (self.age >= self.episode_steps) | self._stopped()
 
-    def observations(self):
+    def observations(self) -> Any:
         """What `observe` gives, float32, copied."""
         seen = self._call("observe")
         if isinstance(seen, dict):
             return {name: self._checked(value, f"['{name}']") for name, value in seen.items()}
         return self._checked(seen, "")
 
-    def infos(self):
+    def infos(self) -> dict[str, Numbers]:
         """What `info` gives, copied."""
         out = {name: self._copy(value) for name, value in self._call("info").items()}
         for name, value in out.items():
@@ -208,46 +220,50 @@ class Task:
                 raise Error(f"{type(self).__name__}.info['{name}'] has shape {tuple(value.shape)} and must have ({self.worlds}, ...)")
         return out
 
-    def _call(self, hook, *arguments):
+    def _call(self, hook: str, *arguments: Any) -> Any:
         self._hook, self._draw = 1 + _HOOKS.index(hook), 0
         try:
             return getattr(self, hook)(self.data, *arguments)
         finally:
             self._hook, self._draw = 0, 0
 
-    def _stopped(self):
+    def _stopped(self) -> Numbers:
         status = self.data.status
         return (status if self.xp is np else status.view(self.xp.int32)) != 0
 
-    def _wait(self):
-        """The library's kernels come after torch's, whose stream is another."""
+    def _to_library(self) -> None:
+        """The library's kernels come after torch's, whose stream may be another; `_from_library`: torch's after the library's."""
         if self.device != "cpu":
-            self.xp.cuda.current_stream().synchronize()
+            _gsp.wait_for_stream(self.xp.cuda.current_stream())
 
-    def _zeros(self, dtype, *size):
+    def _from_library(self) -> None:
+        if self.device != "cpu":
+            _gsp.let_stream_wait(self.xp.cuda.current_stream())
+
+    def _zeros(self, dtype: str, *size: int) -> Numbers:
         return self.xp.zeros((self.worlds, *size), dtype=getattr(self.xp, dtype), **self._on)
 
-    def _floats(self, value):
+    def _floats(self, value: Any) -> Numbers:
         if self.xp is np:
             return np.asarray(value, dtype=np.float32)
         return self.xp.as_tensor(value, dtype=self.xp.float32, **self._on)
 
-    def _copy(self, value):
+    def _copy(self, value: Any) -> Numbers:
         return np.array(value) if self.xp is np else self.xp.as_tensor(value, **self._on).clone()
 
-    def _bools(self, value, what):
+    def _bools(self, value: Any, what: str) -> Numbers:
         value = np.asarray(value) if self.xp is np else self.xp.as_tensor(value, **self._on)
         if value.dtype != self.xp.bool or tuple(value.shape) != (self.worlds,):
             raise Error(f"{type(self).__name__}: {what} must be {(self.worlds,)} of bool and is {tuple(value.shape)} of {value.dtype}")
         return value
 
-    def _checked(self, value, name):
+    def _checked(self, value: Any, name: str) -> Numbers:
         value = self._copy(self._floats(value))
         if value.ndim < 2 or value.shape[0] != self.worlds:
             raise Error(f"{type(self).__name__}.observe{name} gives shape {tuple(value.shape)} and must give ({self.worlds}, n)")
         return value
 
-    def _seed(self, seed, mask):
+    def _seed(self, seed: Any, mask: Numbers) -> None:
         whole = np.asarray(seed)
         if whole.dtype.kind not in "iuO" or (whole.ndim and whole.shape != (self.worlds,)):
             raise Error(f"{type(self).__name__}: a seed is a whole number, or one for each of the {self.worlds} worlds, and is {seed!r}")
@@ -263,7 +279,7 @@ class Task:
         self._world[mask] = worlds[mask]
         self._episode[mask] = -1
 
-    def _uniform(self, size, mask):
+    def _uniform(self, size: int, mask: Numbers) -> Numbers:
         """In (0, 1), by the 23 upper bits."""
         if self._draw > 255:
             raise Error(f"{type(self).__name__} draws more than 256 times in one method: draw more numbers at once")

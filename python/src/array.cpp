@@ -1,5 +1,7 @@
 #include "array.hpp"
 
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -31,10 +33,10 @@ std::string typestr_of(Dtype dtype) {
   char const kind = dtype == Dtype::float32 || dtype == Dtype::float64 ? 'f' : dtype == Dtype::uint32 ? 'u' : 'i';
   return std::string("<") + kind + std::to_string(runtime::bytes_of(dtype));
 }
-nb::tuple shape_of(runtime::Array const& a) {
+Shape shape_of(runtime::Array const& a) {
   nb::list out;
   for (int k = 0; k < a.rank; ++k) out.append(a.extents[k]);
-  return nb::tuple(out);
+  return nb::borrow<Shape>(nb::tuple(out));
 }
 std::string text_of_shape(std::int64_t const* extents, std::size_t rank) {
   std::string text = "(";
@@ -42,7 +44,7 @@ std::string text_of_shape(std::int64_t const* extents, std::size_t rank) {
   return text + ")";
 }
 /// NumPy's array interface, version 3; CUDA's has the same words.
-nb::dict interface_of(Array const& self) {
+Words interface_of(Array const& self) {
   nb::dict out;
   runtime::Array const& a = self.array;
   nb::list strides;
@@ -52,7 +54,7 @@ nb::dict interface_of(Array const& self) {
   out["data"] = nb::make_tuple(reinterpret_cast<std::uintptr_t>(a.data), a.read_only);
   out["strides"] = nb::tuple(strides);
   out["version"] = 3;
-  return out;
+  return nb::borrow<Words>(out);
 }
 
 // DLPack (https://dmlc.github.io/dlpack/latest): the structures that its capsules hold.
@@ -130,7 +132,7 @@ nb::object export_capsule(Array const& self) {
   return nb::steal(capsule);
 }
 
-nb::object dlpack(Array const& self, nb::object const&, nb::object const& max_version, nb::object const& dl_device,
+nb::object dlpack(Array const& self, std::optional<std::intptr_t> stream, nb::object const& max_version, nb::object const& dl_device,
                   nb::object const& copy) {
   if (!copy.is_none() && nb::cast<bool>(copy)) throw nb::buffer_error("gsp.Array.__dlpack__ copies nothing: give copy=None or False");
   if (!dl_device.is_none()) {
@@ -138,7 +140,10 @@ nb::object dlpack(Array const& self, nb::object const&, nb::object const& max_ve
     if (wanted.first != (self.array.device == Device::cuda ? dl_cuda : dl_cpu))
       throw nb::buffer_error("gsp.Array.__dlpack__: the array lies on another device, and nothing is copied: ask for its own");
   }
-  if (self.array.device == Device::cuda) runtime::wait(Device::cuda);  // what was launched before has written it
+  // Whoever reads on `stream` reads what was launched before: None is the legacy default one, -1 asks for no order.
+  if (stream.value_or(1) == 0)
+    throw nb::value_error("gsp.Array.__dlpack__: stream 0 is ambiguous, says DLPack: give 1, 2 or a stream's own");
+  if (stream.value_or(1) != -1) runtime::let_stream_wait(self.array.device, std::uintptr_t(stream.value_or(1)));
   bool const versioned = !max_version.is_none() && nb::cast<int>(max_version[0]) >= 1;
   if (versioned) return export_capsule<DLManagedTensorVersioned>(self);
   if (self.array.read_only)
@@ -146,10 +151,10 @@ nb::object dlpack(Array const& self, nb::object const&, nb::object const& max_ve
   return export_capsule<DLManagedTensor>(self);
 }
 
-nb::object as_numpy(nb::handle self) {
+NumpyArray as_numpy(nb::handle self) {
   if (nb::cast<Array const&>(self).array.device != Device::cpu)
     throw gsp::Error("gsp.Array: the array lies on the GPU, and NumPy reads the host's memory: use torch.from_dlpack, or array.copy()");
-  return nb::module_::import_("numpy").attr("asarray")(self);
+  return nb::borrow<NumpyArray>(nb::module_::import_("numpy").attr("asarray")(self));
 }
 
 /// Never destroyed: at the end of the process Kokkos' own statics may be gone.
@@ -168,6 +173,20 @@ Device device_of(std::string const& name) {
   if (!runtime::has_cuda()) throw gsp::Error("device '" + name + "': this build of gsp has no CUDA: give 'cpu', or build it with nvcc");
   if (runtime::gpu_count() == 0) throw gsp::Error("device '" + name + "': there is no GPU that answers: give 'cpu'");
   return Device::cuda;
+}
+
+NumpyArray numpy_copy(runtime::Array const& from) {
+  auto const numpy = nb::module_::import_("numpy");
+  auto const own = nb::borrow<NumpyArray>(numpy.attr("empty")(shape_of(from), nb::arg("dtype") = name_of(from.dtype)));
+  if (from.size() == 0) return own;
+  runtime::Array to = from;
+  to.device = Device::cpu;
+  to.read_only = false;
+  to.data = reinterpret_cast<void*>(nb::cast<std::uintptr_t>(own.attr("ctypes").attr("data")));
+  std::int64_t step = 1;
+  for (int k = to.rank; k-- > 0; step *= to.extents[std::size_t(k)]) to.strides[std::size_t(k)] = step;
+  runtime::copy(from, to);
+  return own;
 }
 
 runtime::Array taken(nb::handle object, char const* what, std::initializer_list<std::int64_t> extents, nb::object& keeps) {
@@ -207,6 +226,8 @@ runtime::Array taken(nb::handle object, char const* what, std::initializer_list<
                      text_of_shape(extents.begin(), extents.size()));
   a.data = reinterpret_cast<void*>(nb::cast<std::uintptr_t>(interface["data"][0]));
   a.device = on_gpu ? Device::cuda : Device::cpu;
+  if (on_gpu && interface.contains("stream") && !interface["stream"].is_none())
+    runtime::wait_for_stream(a.device, nb::cast<std::uintptr_t>(interface["stream"]));
   a.read_only = true;
   a.rank = static_cast<int>(shape.size());
   std::int64_t step = 1;
@@ -220,6 +241,18 @@ runtime::Array taken(nb::handle object, char const* what, std::initializer_list<
   }
   return a;
 }
+
+namespace {
+/// Number of a stream of CUDA's: of torch's, cupy's, or itself.
+std::uintptr_t stream_of(nb::handle stream) {
+  for (char const* const name : {"cuda_stream", "ptr"})
+    if (nb::hasattr(stream, name)) return nb::cast<std::uintptr_t>(stream.attr(name));
+  if (!nb::isinstance<nb::int_>(stream)) throw gsp::Error("a stream is torch's, cupy's, or its number (1: the legacy default one)");
+  return nb::cast<std::uintptr_t>(stream);
+}
+/// Where streams are: nowhere before Kokkos runs, or without CUDA.
+Device gpu() { return the_session && runtime::has_cuda() ? Device::cuda : Device::cpu; }
+}  // namespace
 
 void bind_array(nb::module_& m) {
   nb::class_<Array>(
@@ -237,8 +270,17 @@ void bind_array(nb::module_& m) {
           "pointer", [](Array const& a) { return reinterpret_cast<std::uintptr_t>(a.array.data); }, "Address of the first number.")
       .def(
           "numpy", [](nb::handle self) { return as_numpy(self); }, "The same memory as numpy.ndarray. Error: an array on a GPU.")
-      .def("__getitem__", [](nb::handle self, nb::handle key) { return nb::object(as_numpy(self)[key]); })
-      .def("__setitem__", [](nb::handle self, nb::handle key, nb::handle value) { as_numpy(self)[key] = value; })
+      .def(
+          "copy", [](Array const& a) { return numpy_copy(a.array); }, "A copy as numpy.ndarray, from the CPU or a GPU.")
+      .def(
+          "__array__",
+          [](nb::handle self, nb::object const& dtype, nb::object const& copy) {
+            nb::object const same = as_numpy(self);
+            return nb::borrow<NumpyArray>(nb::module_::import_("numpy").attr("array")(same, dtype, nb::arg("copy") = copy));
+          },
+          nb::arg("dtype") = nb::none(), nb::arg("copy") = nb::none())
+      .def("__getitem__", [](nb::handle self, Anything const& key) { return nb::borrow<Anything>(as_numpy(self)[key]); })
+      .def("__setitem__", [](nb::handle self, Anything const& key, ArrayLike const& value) { as_numpy(self)[key] = value; })
       .def("__len__", [](Array const& a) { return a.array.rank > 0 ? a.array.extents[0] : 0; })
       .def("__repr__",
            [](nb::handle self) {
@@ -250,7 +292,7 @@ void bind_array(nb::module_& m) {
            })
       .def("__dlpack__", &dlpack, nb::kw_only(), nb::arg("stream") = nb::none(), nb::arg("max_version") = nb::none(),
            nb::arg("dl_device") = nb::none(), nb::arg("copy") = nb::none())
-      .def("__dlpack_device__", [](Array const& a) { return nb::make_tuple(a.array.device == Device::cuda ? dl_cuda : dl_cpu, 0); })
+      .def("__dlpack_device__", [](Array const& a) { return std::pair<int, int>(a.array.device == Device::cuda ? dl_cuda : dl_cpu, 0); })
       .def_prop_ro("__array_interface__",
                    [](Array const& a) {
                      if (a.array.device != Device::cpu) throw nb::attribute_error("gsp.Array: the array lies on the GPU");
@@ -258,9 +300,17 @@ void bind_array(nb::module_& m) {
                    })
       .def_prop_ro("__cuda_array_interface__", [](Array const& a) {
         if (a.array.device != Device::cuda) throw nb::attribute_error("gsp.Array: the array lies on the CPU");
-        runtime::wait(Device::cuda);
+        runtime::wait(Device::cuda);  // it names no stream
         return interface_of(a);
       });
+  m.def(
+      "wait_for_stream", [](Anything const& stream) { runtime::wait_for_stream(gpu(), stream_of(stream)); }, nb::arg("stream"),
+      "What the library does on the GPU from now on comes after what is on this stream by now: torch's, cupy's, or its number. The host "
+      "does\n"
+      "not wait. The legacy default stream, torch's unless you take another, needs it not. Nothing without a GPU.");
+  m.def(
+      "let_stream_wait", [](Anything const& stream) { runtime::let_stream_wait(gpu(), stream_of(stream)); }, nb::arg("stream"),
+      "The other way round: what comes on this stream from now on reads what the library was told to do on the GPU before.");
   m.def("_end", [] {
     // Kokkos ends with the last who holds it. Where arrays live on past the interpreter it does not end: the process does.
     if (the_session && the_session.use_count() == 1) the_session.reset();

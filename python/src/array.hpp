@@ -10,6 +10,21 @@ namespace gsp::python {
 
 namespace nb = nanobind;
 
+/// What Python gives and gets, by the names that its type checkers know (stubs.txt).
+constexpr bool any_object(PyObject*) { return true; }  // it is looked at where it is used
+#define GSP_PYTHON_TYPE(Type, text, is)   \
+  class Type : public nb::object {        \
+    NB_OBJECT(Type, nb::object, text, is) \
+  }
+GSP_PYTHON_TYPE(ArrayLike, "ArrayLike", any_object);             // what numpy.asarray takes
+GSP_PYTHON_TYPE(NumpyArray, "NDArray[typing.Any]", any_object);  // numpy.ndarray
+GSP_PYTHON_TYPE(NumpyArrays, "dict[str, NDArray[typing.Any]]", PyDict_Check);
+GSP_PYTHON_TYPE(Words, "dict[str, typing.Any]", PyDict_Check);
+GSP_PYTHON_TYPE(Shape, "tuple[int, ...]", PyTuple_Check);
+GSP_PYTHON_TYPE(NameOrNumber, "str | int", any_object);
+GSP_PYTHON_TYPE(Anything, "typing.Any", any_object);
+#undef GSP_PYTHON_TYPE
+
 /// Kokkos, from the first object that needs it on: whoever holds memory of the library holds it.
 std::shared_ptr<runtime::Session> session();
 /// "cpu", "cuda", "cuda:0". Errors: gsp::Error for another, and where there is no GPU or the library was built without CUDA.
@@ -24,6 +39,9 @@ struct Array {
 /// What Python gave, read where it lies; `what` names it in messages. None: an array without data.
 /// @param extents  that it must have; -1: any
 runtime::Array taken(nb::handle object, char const* what, std::initializer_list<std::int64_t> extents, nb::object& keeps);
+
+/// A copy in NumPy's own memory, from the CPU or a GPU.
+NumpyArray numpy_copy(runtime::Array const& from);
 
 void bind_array(nb::module_& m);
 void bind_model(nb::module_& m);

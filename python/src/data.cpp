@@ -77,6 +77,18 @@ void step(Data const& d, int n) {
   }
 }
 
+/// What Python gave, as something with a shape: NumPy's array of float64 where it has none.
+nb::object shaped(nb::handle value) {
+  nb::object given = nb::borrow(value);
+  return nb::hasattr(given, "ndim") ? given : nb::module_::import_("numpy").attr("asarray")(given, nb::arg("dtype") = "float64");
+}
+int rank_of(nb::object const& given) { return nb::cast<int>(given.attr("ndim")); }
+/// The same, of one row for all worlds.
+nb::object rows(nb::handle value) {
+  nb::object const given = shaped(value);
+  return rank_of(given) == 1 ? given.attr("reshape")(1, -1) : given;
+}
+
 /// Worlds of a mask of bool or whole numbers, or none: all.
 runtime::Array mask_of(Data const& d, nb::handle mask, std::string const& where, nb::object& keeps) {
   nb::object whole = nb::borrow(mask);
@@ -117,9 +129,8 @@ void reset(Data const& d, nb::handle mask, nb::handle keyframe) {
 
 void set(Data const& d, std::string const& field, nb::handle values, nb::handle mask, bool scale_inertia) {
   nb::object keeps_values, keeps_mask;
-  nb::object given = nb::borrow(values);
-  if (!nb::hasattr(given, "ndim")) given = nb::module_::import_("numpy").attr("asarray")(given, nb::arg("dtype") = "float64");
-  int const rank = nb::cast<int>(given.attr("ndim"));
+  nb::object const given = shaped(values);
+  int const rank = rank_of(given);
   if (rank != 2 && rank != 3)
     throw Error("gsp.Data.set: values of '" + field + "' have " + std::to_string(rank) +
                 " dimensions and must be (worlds, items, components), or (worlds, items) of one component");
@@ -133,11 +144,9 @@ void set(Data const& d, std::string const& field, nb::handle values, nb::handle 
 /// Numbers of Python's into an array of the state.
 void assign(runtime::Array const& to, char const* what, nb::handle value) {
   nb::object keeps;
-  nb::object given = nb::borrow(value);
-  if (!nb::hasattr(given, "ndim")) given = nb::module_::import_("numpy").attr("asarray")(given);
-  int const rank = nb::hasattr(given, "ndim") ? nb::cast<int>(given.attr("ndim")) : to.rank;
+  nb::object const given = shaped(value);
   runtime::Array from;
-  if (rank == to.rank) {
+  if (rank_of(given) == to.rank) {
     from = to.rank == 1   ? taken(given, what, {-1}, keeps)
            : to.rank == 2 ? taken(given, what, {-1, to.extents[1]}, keeps)
                           : taken(given, what, {-1, to.extents[1], to.extents[2]}, keeps);
@@ -203,7 +212,7 @@ void bind_data(nb::module_& m) {
   auto const of_state = [&](char const* name, runtime::Array runtime::StateArrays::*member, char const* what) {
     c.def_prop_rw(
         name, [member](Data const& d) { return held(d, d.stepper->state().*member); },
-        [member, name](Data const& d, nb::handle value) {
+        [member, name](Data const& d, ArrayLike const& value) {
           assign(d.stepper->state().*member, name, value);
           d.stepper->forward();
         },
@@ -212,13 +221,10 @@ void bind_data(nb::module_& m) {
   using S = runtime::StateArrays;
   c.def_prop_rw(
       "qpos", [](Data const& d) { return held(d, d.stepper->state().qpos); },
-      [](Data const& d, nb::handle value) {
+      [](Data const& d, ArrayLike const& value) {
         nb::object keeps;
         auto const to = d.stepper->state().qpos;
-        nb::object given = nb::borrow(value);
-        if (!nb::hasattr(given, "ndim")) given = nb::module_::import_("numpy").attr("asarray")(given);
-        if (nb::cast<int>(given.attr("ndim")) == 1) given = given.attr("reshape")(1, -1);
-        auto const from = taken(given, "qpos", {-1, to.extents[1]}, keeps);
+        auto const from = taken(rows(value), "qpos", {-1, to.extents[1]}, keeps);
         if (from.extents[0] != 1 && from.extents[0] != d.worlds)
           throw Error("qpos has " + std::to_string(from.extents[0]) + " rows and must have one, or one for each of the " +
                       std::to_string(d.worlds) + " worlds");
@@ -269,10 +275,10 @@ void bind_data(nb::module_& m) {
       "(worlds, items, components) a copy of the values of a field of per_world. Friction and softness of geoms that touch nothing: NaN.");
   c.def(
       "set",
-      [](Data const& d, std::string const& field, nb::handle values, nb::handle mask, bool scale_inertia) {
+      [](Data const& d, std::string const& field, ArrayLike const& values, ArrayLike const& mask, bool scale_inertia) {
         set(d, field, values, mask, scale_inertia);
       },
-      nb::arg("field"), nb::arg("values"), nb::arg("mask") = nb::none(), nb::kw_only(), nb::arg("scale_inertia") = false,
+      nb::arg("field"), nb::arg("values"), nb::arg("mask").none() = nb::none(), nb::kw_only(), nb::arg("scale_inertia") = false,
       "Values of a field of per_world, (worlds or 1, items, components), or (worlds or 1, items) of one component, in the worlds of the "
       "mask\n"
       "(None: all), and what follows from masses and geometry. scale_inertia: body_mass alone, whose body_inertia, per world too, changes\n"
@@ -302,12 +308,9 @@ void bind_data(nb::module_& m) {
       "copy.");
   c.def(
       "inverse",
-      [](Data const& d, nb::handle qacc) {
+      [](Data const& d, ArrayLike const& qacc) {
         nb::object keeps;
-        nb::object given = nb::borrow(qacc);
-        if (!nb::hasattr(given, "ndim")) given = nb::module_::import_("numpy").attr("asarray")(given, nb::arg("dtype") = "float64");
-        if (nb::cast<int>(given.attr("ndim")) == 1) given = given.attr("reshape")(1, -1);
-        return copied(d, d.stepper->inverse_dynamics(taken(given, "gsp.Data.inverse: qacc", {-1, d.model.compiled->nv}, keeps)));
+        return copied(d, d.stepper->inverse_dynamics(taken(rows(qacc), "gsp.Data.inverse: qacc", {-1, d.model.compiled->nv}, keeps)));
       },
       nb::arg("qacc"),
       "(worlds, nv) what actuators and applied forces must sum to for the accelerations qacc (worlds or 1, nv) without constraints:\n"
@@ -317,31 +320,17 @@ void bind_data(nb::module_& m) {
       "save",
       [](Data const& d) {
         nb::dict out;
-        nb::object const numpy = nb::module_::import_("numpy");
-        for (auto const& [name, array] : d.stepper->save()) {
-          runtime::Array a = array;
-          nb::object const copy = numpy.attr("empty")(nb::cast(std::vector<std::int64_t>(a.extents.begin(), a.extents.begin() + a.rank)),
-                                                      nb::arg("dtype") = a.dtype == runtime::Dtype::float32   ? "float32"
-                                                                         : a.dtype == runtime::Dtype::float64 ? "float64"
-                                                                         : a.dtype == runtime::Dtype::int32   ? "int32"
-                                                                                                              : "int64");
-          runtime::Array to = a;
-          to.device = runtime::Device::cpu;
-          to.read_only = false;
-          to.data = reinterpret_cast<void*>(nb::cast<std::uintptr_t>(copy.attr("ctypes").attr("data")));
-          if (a.size() > 0) runtime::copy(a, to);
-          out[name.c_str()] = copy;
-        }
-        return out;
+        for (auto const& [name, array] : d.stepper->save()) out[name.c_str()] = numpy_copy(array);
+        return nb::borrow<NumpyArrays>(out);
       },
       "All that the next step starts from, as a dict of NumPy arrays.");
   c.def(
       "restore",
-      [](Data const& d, nb::dict const& arrays) {
+      [](Data const& d, NumpyArrays const& arrays) {
         std::vector<runtime::NamedArray> list;
         std::vector<nb::object> keeps;
         nb::object const numpy = nb::module_::import_("numpy");
-        for (auto const& [name, value] : arrays) {
+        for (auto const& [name, value] : nb::borrow<nb::dict>(arrays)) {
           keeps.push_back(numpy.attr("ascontiguousarray")(value));
           nb::object own;
           std::vector<std::int64_t> const shape = nb::cast<std::vector<std::int64_t>>(keeps.back().attr("shape"));
@@ -372,8 +361,8 @@ void bind_data(nb::module_& m) {
       },
       nb::arg("model"), nb::arg("data"), "Poses of the state as it is, where its arrays were written.");
   m.def(
-      "reset", [](Model const&, Data const& d, nb::handle mask, nb::handle keyframe) { reset(d, mask, keyframe); }, nb::arg("model"),
-      nb::arg("data"), nb::arg("mask") = nb::none(), nb::arg("keyframe") = nb::none(),
+      "reset", [](Model const&, Data const& d, ArrayLike const& mask, NameOrNumber const& keyframe) { reset(d, mask, keyframe); },
+      nb::arg("model"), nb::arg("data"), nb::arg("mask").none() = nb::none(), nb::arg("keyframe").none() = nb::none(),
       "Worlds of the mask (worlds; None: all) to the model's initial positions, or a keyframe's, by name or number: at rest, time 0, the\n"
       "status cleared.");
   m.def("world_fields", &runtime::world_fields, "Names of the fields that Data(..., per_world=[...]) takes.");

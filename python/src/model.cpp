@@ -51,7 +51,7 @@ int id_of(CompiledModel const& m, std::string const& kind, std::string const& na
 
 /// A copy of numbers of the model as a read-only array of NumPy.
 template <class Item, std::size_t n = 1>
-nb::object numbers(std::vector<Item> const& from) {
+NumpyArray numbers(std::vector<Item> const& from) {
   using R = std::conditional_t<std::is_same_v<Item, int>, int, double>;
   std::vector<R> flat;
   for (auto const& item : from)
@@ -63,7 +63,7 @@ nb::object numbers(std::vector<Item> const& from) {
   nb::object a = numpy.attr("array")(flat, nb::arg("dtype") = std::is_same_v<R, int> ? "int32" : "float64");
   if constexpr (n > 1) a = a.attr("reshape")(-1, n);
   a.attr("flags").attr("writeable") = false;
-  return a;
+  return nb::borrow<NumpyArray>(a);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/string.h>
 
+#include <gsp/io/png.hpp>
 #include <gsp/io/splats.hpp>
 #include <gsp/runtime/renderer.hpp>
 
@@ -33,7 +34,7 @@ struct Frames {
   Array rgb, depth, alpha;
 };
 
-Frames render(Renderer& self, Data const& data, nb::handle viewmats, nb::handle Ks, nb::handle world) {
+Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world) {
   if (data.device != self.device) throw Error("gsp.Renderer.render: the data and the renderer are on different devices: make both on one");
   nb::object keeps[3];
   nb::object const numpy = nb::module_::import_("numpy");
@@ -108,10 +109,14 @@ void bind_renderer(nb::module_& m) {
           },
           nb::arg("scene"), nb::arg("width") = 640, nb::arg("height") = 480, nb::arg("device") = "cpu", nb::kw_only(),
           nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true)
-      .def("render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world") = nb::none(),
+      .def("render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
            "viewmats: (C, 4, 4) world to camera, x right, y down, z ahead; Ks: (C, 3, 3) [pixel]; world: (C) int32, or None: camera c "
            "shows\n"
            "world c % worlds.");
+  m.def("_write_png", [](std::string const& path, nb::bytes const& pixels, int width, int height, int channels) {
+    auto const* const first = reinterpret_cast<std::uint8_t const*>(pixels.c_str());
+    io::write_png(path, io::Bitmap8{width, height, channels, {first, first + pixels.size()}});
+  });
 }
 
 }  // namespace gsp::python

@@ -136,6 +136,23 @@ def test_reset_by_mask_and_keyframe(model):
         gsp.reset(model, data, keyframe="low")
 
 
+def test_contacts_are_of_the_step_whatever_was_read_since(model):
+    data = gsp.Data(model, worlds=2)
+    data.sensordata
+    with pytest.raises(ValueError, match="step first"):
+        data.contacts
+    gsp.step(model, data, n=400)
+    before = data.contacts
+    assert len(before) > 0 and before.force.copy()[:, 0].max() > 1
+    data.qpos[:, 2] += 1  # sensors see the state as it is: nothing touches there
+    data.sensordata
+    after = data.contacts
+    for name in ("world", "geom1", "geom2", "dist", "pos", "frame", "force"):
+        assert np.array_equal(getattr(before, name).copy(), getattr(after, name).copy()), name
+    gsp.step(model, data)
+    assert len(data.contacts) == 0
+
+
 def test_contacts_and_saved_states(model):
     data = gsp.Data(model, worlds=2)
     with pytest.raises(ValueError, match="step"):
@@ -251,6 +268,42 @@ def test_pictures(model):
         gsp.pinhole(64, 48, 0)
 
 
+# Through Kokkos' own tools interface: what a loop of steps, sensors and pictures allocates and copies once buffers have their size.
+def test_a_loop_allocates_and_copies_nothing():
+    tool = os.environ.get("GSP_KOKKOS_COUNTS")
+    if not tool:
+        pytest.skip("GSP_KOKKOS_COUNTS names no library (python/tests/kokkos_counts.cpp); ctest does")
+    code = f"""
+import ctypes, os, numpy as np, gsp
+count = ctypes.CDLL(os.environ["KOKKOS_TOOLS_LIBS"]).gsp_count
+device = os.environ.get("GSP_TEST_DEVICE", "cpu")
+model = gsp.Model.from_string('''{ARM}''')
+data = gsp.Data(model, worlds=4, device=device)
+renderer = gsp.Renderer(gsp.Scene(model).add_room().add_surface(), 64, 48, device=device)
+views, Ks = gsp.look_at([[1.5, 0, 0.8]] * 4, [0, 0, 0.4]), np.stack([gsp.pinhole(64, 48, 60)] * 4)
+if device != "cpu":
+    import torch
+    views, Ks = torch.as_tensor(views, device=device), torch.as_tensor(Ks, device=device)
+def loop():
+    gsp.step(model, data, 5)
+    data.sensordata
+    renderer.render(data, views, Ks)
+for _ in range(20):
+    loop()
+before = [count(k) for k in range(3)]
+assert before[0] > 0
+for _ in range(20):
+    loop()
+print([count(k) - b for k, b in zip(range(3), before)])
+copy = data.contacts.pos
+assert count(0) > before[0]  # contacts are copies: that it counts
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env={**os.environ, "KOKKOS_TOOLS_LIBS": tool})
+    assert done.returncode == 0, done.stderr
+    allocations, _, between_spaces = eval(done.stdout)
+    assert allocations == 0 and between_spaces == 0, done.stdout
+
+
 def test_import_is_quick():
     code = "import time; t = time.perf_counter(); import gsp; print(time.perf_counter() - t)"
     best = min(float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout) for _ in range(3))
@@ -267,6 +320,8 @@ def test_rows_of_all_worlds_of_one_and_of_one_for_all():
         assert np.array_equal(data.qvel.numpy(), np.tile(np.arange(7), (3, 1)))
     data.mocap_pos = np.arange(9.0).reshape(3, 1, 3)
     assert data.mocap_pos.numpy()[2, 0, 1] == 7
+    data.qvel = [1, 2, 3, 4, 5, 6, 7]  # whole numbers too
+    assert data.qvel[2, 6] == 7
     data.mocap_pos = [[0.5, 0.25, 0.125]]
     assert np.array_equal(data.mocap_pos.numpy(), np.tile([[[0.5, 0.25, 0.125]]], (3, 1, 1)))
     with pytest.raises(gsp.Error, match=r"qvel has shape \(3, 6\)"):

@@ -26,6 +26,11 @@ int gpu_count();
 std::string device_name(Device device, int threads = 0);
 /// Waits until all that was launched is done.
 void wait(Device device);
+/// What the library launches on a GPU from now on comes after what is on this stream of CUDA's by now, and the other way round, without the
+/// host's waiting. A stream by its number in CUDA's array interface: 1 the legacy default one, 2 that of the thread, else a cudaStream_t's.
+/// Nothing of the CPU.
+void wait_for_stream(Device device, std::uintptr_t stream);
+void let_stream_wait(Device device, std::uintptr_t stream);
 /// Peak memory so far: CUDA: greatest sum of all allocations on the GPU; CPU: greatest resident size of the process.
 std::uint64_t peak_bytes(Device device);
 /// Memory that can still be had: CUDA: of the GPU; CPU: what the system says is available, within the limits of the process and of the

@@ -170,8 +170,8 @@ class Stepper {
   /// The first `most` of the worlds that stopped, after the steps of the last call of `step`. Allocates; waits.
   virtual std::vector<StoppedWorld> stopped(int most) const = 0;
   /// The contacts of the last step, found at its start (RK4: of its last evaluation), where they lie. The arrays hold until the next call
-  /// of `step` or `contacts`. The forces are computed here, so steps cost the same without. Allocates where there may be more contacts than
-  /// before; waits. Error: std::invalid_argument before the first step.
+  /// of `step`, `sensors` or `contacts`. The forces are computed here, so steps cost the same without. Allocates where there may be more
+  /// contacts than before; waits. Error: std::invalid_argument before the first step.
   virtual ContactArrays contacts() = 0;
   /// (worlds, nv) what all constraints together did to the degrees of freedom in the last step [N, N m]; where it stays.
   virtual Array qfrc_constraint() const = 0;

@@ -1,0 +1,167 @@
+"""On a GPU: the CPU's numbers, memory shared with torch, jax and cupy, and the order of streams. Skipped where none answers."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import gsp
+from gsp.tasks import MODELS
+
+torch = pytest.importorskip("torch")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def gpu():
+    try:
+        gsp.Data(gsp.Model.from_xml(MODELS / "cartpole.xml"), device="cuda")
+    except gsp.Error as e:
+        pytest.skip(str(e))
+
+
+def quadruped(worlds, device, **options):
+    model = gsp.Model.from_xml(MODELS / "quadruped.xml")
+    data = gsp.Data(model, worlds=worlds, device=device, **options)
+    gsp.reset(model, data, keyframe="home")
+    return model, data
+
+
+# The same source on both: float64 differs by how sums are rounded, which contacts of a standing robot do not enlarge.
+def test_numbers_are_the_cpus():
+    seen = {}
+    for device in ("cpu", "cuda"):
+        model, data = quadruped(8, device, precision="float64")
+        data.qvel = 0.1 * np.random.default_rng(1).normal(size=(8, model.nv))
+        gsp.step(model, data, n=100)
+        seen[device] = [a.copy() for a in (data.qpos, data.qvel, data.xpos, data.sensordata, data.mass_matrix(), data.jacobian(body=3))]
+        assert len(data.contacts) >= 8 and np.all(data.status.copy() == 0)
+    for a, b in zip(*seen.values()):
+        np.testing.assert_allclose(b, a, rtol=0, atol=1e-9 * max(1, np.abs(a).max()))
+
+
+def test_torch_jax_and_cupy_see_the_memory():
+    model, data = quadruped(4, "cuda:0")
+    t = torch.from_dlpack(data.qvel)
+    assert t.data_ptr() == data.qvel.pointer and t.is_cuda and t.dtype == torch.float32 and tuple(t.shape) == (4, model.nv)
+    t[2, 3] = 5
+    assert data.qvel.copy()[2, 3] == 5
+    assert torch.as_tensor(data.qvel, device="cuda").data_ptr() == data.qvel.pointer  # __cuda_array_interface__
+    data.ctrl = torch.full((4, model.nu), 0.25, device="cuda")
+    assert np.all(data.ctrl.copy() == 0.25)
+    assert torch.from_dlpack(data.steps).dtype == torch.int64
+    with pytest.raises(gsp.Error, match="lies on the GPU"):
+        data.qpos.numpy()
+    with pytest.raises(BufferError, match="another device"):
+        data.qpos.__dlpack__(dl_device=(1, 0))
+    with pytest.raises(ValueError, match="ambiguous"):
+        data.qpos.__dlpack__(stream=0)
+    try:
+        import cupy
+    except ImportError:
+        pass
+    else:
+        c = cupy.asarray(data.qvel)
+        assert c.data.ptr == data.qvel.pointer and float(c[2, 3]) == 5
+        assert cupy.from_dlpack(data.qvel).data.ptr == data.qvel.pointer
+    try:
+        import jax
+    except ImportError:
+        pass
+    else:
+        j = jax.dlpack.from_dlpack(data.qvel)
+        assert j.shape == (4, model.nv) and float(j[2, 3]) == 5
+
+
+def test_arrays_outlive_what_made_them():
+    _, data = quadruped(4, "cuda")
+    t = torch.from_dlpack(data.qpos)
+    before = t.cpu()
+    del data
+    assert torch.equal(t.cpu(), before)
+
+
+# forward is launched and not waited for; it takes longer than it takes to come here. Whoever reads on a stream of his own, which CUDA keeps
+# in no order with ours, by DLPack reads what it wrote, a thousand times.
+def test_who_reads_on_another_stream_reads_what_was_written():
+    worlds = 16384
+    model, data = quadruped(worlds, "cuda")
+    r = np.random.default_rng(3)
+    starts = [torch.as_tensor(data.qpos.copy() + 0.1 * np.tile(r.normal(size=(1, model.nq)), (worlds, 1)), dtype=torch.float32, device="cuda") for _ in range(2)]
+    expected = []
+    for start in starts:
+        data.qpos = start
+        gsp.forward(model, data)
+        expected.append(torch.as_tensor(data.xpos.copy()).cuda())
+    assert not torch.equal(*expected)
+    alias = torch.from_dlpack(data.xpos)
+    torch.cuda.synchronize()
+    stream = torch.cuda.Stream()  # not kept in order with the legacy default one
+    wrong = unordered = 0
+    for i in range(1000):
+        data.qpos = starts[i % 2]
+        gsp.forward(model, data)
+        with torch.cuda.stream(stream):
+            if i % 10 == 9:  # nobody says in which order
+                early = alias.clone()
+            read = torch.from_dlpack(data.xpos).clone()
+        stream.synchronize()
+        wrong += not torch.equal(read, expected[i % 2])
+        unordered += i % 10 == 9 and not torch.equal(early, expected[i % 2])
+    print(f"{unordered} of 100 were wrong where nobody said in which order")
+    assert wrong == 0
+
+
+def test_the_library_reads_what_was_written_on_another_stream():
+    worlds = 1024
+    model, data = quadruped(worlds, "cuda")
+    velocity, stream = torch.from_dlpack(data.qvel), torch.cuda.Stream()
+    heavy = torch.rand(4096, 4096, device="cuda")
+    torch.cuda.synchronize()
+    for i in range(100):
+        with torch.cuda.stream(stream):
+            for _ in range(3):
+                heavy = torch.nn.functional.normalize(heavy @ heavy)
+            velocity.fill_(float(i))
+        gsp.wait_for_stream(stream)
+        copy = data.qvel.copy()
+        assert np.all(copy == i), i
+
+
+# A loop of control allocates nothing on the GPU and copies nothing to the host: Kokkos' tools tell (test_gsp.py).
+def test_a_loop_stays_on_the_gpu():
+    if not os.environ.get("GSP_KOKKOS_COUNTS"):
+        pytest.skip("GSP_KOKKOS_COUNTS names no library (python/tests/kokkos_counts.cpp)")
+    here = os.path.dirname(__file__)
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"{here}/test_gsp.py", "-k", "allocates_and_copies_nothing"],
+        capture_output=True, text=True, env={**os.environ, "GSP_TEST_DEVICE": "cuda"},
+    )
+    assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout
+
+
+def test_tasks_learn_on_the_gpu():
+    from gsp.tasks import CartPole
+
+    class OnTorch(CartPole):
+        def observe(self, data):
+            return torch.cat([data.qpos, data.qvel], dim=1)
+
+        def reward(self, data):
+            return torch.cos(data.qpos[:, 1])
+
+        def terminated(self, data):
+            return data.qpos[:, 1].abs() > 0.5
+
+    both = [CartPole(worlds=16, seed=4), OnTorch(worlds=16, device="cuda", seed=4)]
+    for task in both:
+        task.reset()
+    starts = [task.observations() for task in both]
+    np.testing.assert_allclose(starts[1].cpu().numpy(), starts[0], rtol=0, atol=1e-6)
+    with torch.cuda.stream(torch.cuda.Stream()):
+        for k in range(50):
+            action = np.full((16, 1), np.sin(0.3 * k), dtype=np.float32)
+            given = [both[0].step(action), both[1].step(torch.as_tensor(action, device="cuda"))]
+    np.testing.assert_allclose(given[1][0].cpu().numpy(), given[0][0], rtol=0, atol=1e-3)
+    assert np.array_equal(given[1][1].cpu().numpy(), given[0][1])
