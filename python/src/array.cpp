@@ -312,8 +312,9 @@ void bind_array(nb::module_& m) {
       "let_stream_wait", [](Anything const& stream) { runtime::let_stream_wait(gpu(), stream_of(stream)); }, nb::arg("stream"),
       "The other way round: what comes on this stream from now on reads what the library was told to do on the GPU before.");
   m.def("_end", [] {
-    // Kokkos ends with the last who holds it. Where arrays live on past the interpreter it does not end: the process does.
-    if (the_session && the_session.use_count() == 1) the_session.reset();
+    // Kokkos ends with the last who holds it, as a rule while the interpreter ends. Where arrays live on past it Kokkos does not end: the
+    // process does.
+    the_session.reset();
   });
 }
 

@@ -141,6 +141,19 @@ def test_a_loop_stays_on_the_gpu():
     assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout
 
 
+def test_ends_without_a_word():
+    code = f"""
+import gsp, torch
+from gsp.tasks import MODELS
+model = gsp.Model.from_xml({str(MODELS / "quadruped.xml")!r})
+data = gsp.Data(model, device="cuda")
+gsp.step(model, data)
+t = torch.from_dlpack(data.qpos)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0 and "Kokkos" not in done.stderr, done.stderr
+
+
 def test_tasks_learn_on_the_gpu():
     from gsp.tasks import CartPole
 
@@ -149,7 +162,7 @@ def test_tasks_learn_on_the_gpu():
             return torch.cat([data.qpos, data.qvel], dim=1)
 
         def reward(self, data):
-            return torch.cos(data.qpos[:, 1])
+            return torch.cos(data.qpos[:, 1]) - 0.05 * data.qpos[:, 0] ** 2
 
         def terminated(self, data):
             return data.qpos[:, 1].abs() > 0.5
