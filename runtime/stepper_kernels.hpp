@@ -494,7 +494,12 @@ class KokkosStepper : public Stepper {
     }
     return out;
   }
-  ContactArrays contacts() override { return kept_contacts_ ? *kept_contacts_ : contacts_of_step(); }
+  ContactArrays contacts() override {
+    if (kept_contacts_) return *kept_contacts_;
+    ContactArrays const found = contacts_of_step();
+    exec_.fence("gsp::runtime::Stepper::contacts: the forces are there");
+    return found;
+  }
   Array qfrc_constraint() const override { return array_of<Exec>(simulation_.solution.qfrc_constraint); }
   Array sensors() override {
     if (compiled_.sensors.empty()) return make_array(nullptr, dtype_of<R>(), device_of<Exec>(), {state_.worlds, 0});
@@ -518,7 +523,6 @@ class KokkosStepper : public Stepper {
     if (contact_force_.extent(0) < c.dist.extent(0))
       contact_force_ = gsp::detail::allocate<decltype(contact_force_)>("gsp::runtime::Stepper::contact_force", c.dist.extent(0));
     contact_forces(exec_, model_, simulation_.collision, c, simulation_.rows, simulation_.impulses, contact_force_);
-    exec_.fence("gsp::runtime::Stepper::contacts: the forces are there");
     auto const found = [&](auto const& view) { return array_of<Exec>(view).rows(0, count); };
     return {found(c.world), found(c.geom1), found(c.geom2), found(c.dist), found(c.pos), found(c.frame), found(contact_force_)};
   }

@@ -1,4 +1,4 @@
-"""A pendulum of one's own: period and energy of 64 amplitudes at once, beside the closed form.
+"""A pendulum of one's own: the periods of 64 amplitudes at once, beside the closed form.
 
     python examples/python/pendulum.py
 """
@@ -28,10 +28,10 @@ for _ in range(4000):
 angle = np.array(angles)
 
 # Half a period lies between two moments at which the angle crosses 0, found between the steps that it changes sign in.
-before = (angle[:-1] > 0) != (angle[1:] > 0)
+crosses = (angle[:-1] > 0) != (angle[1:] > 0)
 periods = []
 for w in range(data.worlds):
-    k = np.flatnonzero(before[:, w])[:2]
+    k = np.flatnonzero(crosses[:, w])[:2]
     at = k + angle[k, w] / (angle[k, w] - angle[k + 1, w])
     periods.append(2 * model.timestep * (at[1] - at[0]))
 

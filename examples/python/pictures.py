@@ -1,4 +1,4 @@
-"""Pictures of a robot in a furnished room: one camera that circles, and what the robot's worlds look like beside each other.
+"""Pictures of a robot in a furnished room: one of each world, by cameras in a circle around it, beside each other.
 
     python examples/python/pictures.py --out out
     python examples/python/pictures.py --model robot.xml --splats room.ply
@@ -24,7 +24,7 @@ model = gsp.Model.from_xml(arguments.model)
 data = gsp.Data(model, worlds=arguments.worlds, device=arguments.device)
 if model.nkey > 0:
     gsp.reset(model, data, keyframe=0)
-data.ctrl[:] += np.random.default_rng(1).uniform(-0.3, 0.3, size=(data.worlds, model.nu))
+data.ctrl = data.ctrl.copy() + np.random.default_rng(1).uniform(-0.3, 0.3, size=(data.worlds, model.nu))
 gsp.step(model, data, n=int(0.5 / model.timestep))
 
 scene = gsp.Scene(model)

@@ -1,4 +1,4 @@
-"""Worlds that differ: a cart-pole of another mass, gain and damping in each, and what that makes of one and the same push.
+"""Worlds that differ: a cart-pole of other masses and damping in each, and what that makes of one and the same push.
 
     python examples/python/randomise.py --worlds 1024
 """

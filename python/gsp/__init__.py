@@ -127,5 +127,5 @@ def write_png(path: str | os.PathLike[str], image: ArrayLike) -> None:
     if image.ndim != 3 or image.shape[2] not in (1, 3, 4) or image.size == 0:
         raise Error(f"gsp.write_png: the picture has shape {image.shape} and must have (height, width) or (height, width, 1, 3 or 4)")
     if image.dtype != np.uint8:
-        image = (np.clip(np.nan_to_num(image.astype(np.float32), nan=0.0), 0, 1) * 255 + 0.5).astype(np.uint8)
+        image = image.astype(np.float32)
     _write_png(os.fspath(path), np.ascontiguousarray(image).tobytes(), image.shape[1], image.shape[0], image.shape[2])

@@ -113,9 +113,12 @@ void bind_renderer(nb::module_& m) {
            "viewmats: (C, 4, 4) world to camera, x right, y down, z ahead; Ks: (C, 3, 3) [pixel]; world: (C) int32, or None: camera c "
            "shows\n"
            "world c % worlds.");
+  // (height, width, channels) of uint8, or of float32, four times as many bytes
   m.def("_write_png", [](std::string const& path, nb::bytes const& pixels, int width, int height, int channels) {
     auto const* const first = reinterpret_cast<std::uint8_t const*>(pixels.c_str());
-    io::write_png(path, io::Bitmap8{width, height, channels, {first, first + pixels.size()}});
+    std::size_t const count = std::size_t(width) * std::size_t(height) * std::size_t(channels);
+    if (pixels.size() == count) return io::write_png(path, io::Bitmap8{width, height, channels, {first, first + count}});
+    io::write_png(path, io::to_bitmap8(reinterpret_cast<float const*>(first), width, height, channels));
   });
 }
 
