@@ -14,7 +14,18 @@
 namespace gsp::python {
 namespace {
 
-Model model_of(Description const& description, std::string const& file) {
+Model model_of(Description description, std::string const& file, std::vector<std::string> const& disable = {}) {
+  for (auto const& flag : disable) {
+    bool known = false;
+    std::string names;
+    for (auto const& [name, on] : option_flags) {
+      names += (names.empty() ? "" : ", ") + std::string(name);
+      if (flag != name) continue;
+      known = true;
+      description.option.*on = false;
+    }
+    if (!known) throw Error("there is no flag '" + flag + "' to disable: give " + names);
+  }
   return {std::make_shared<CompiledModel const>(compile(description)), file};
 }
 
@@ -82,19 +93,28 @@ void bind_model(nb::module_& m) {
   auto c = nb::class_<Model>(m, "Model", "A robot or a scene, compiled by MuJoCo's rules. Sizes and arrays have MuJoCo's names and order.");
   c.def_static(
       "from_xml",
-      [](std::filesystem::path const& path, bool skip_visuals, bool convex_decomposition) {
-        return model_of(io::read_mjcf(path, {.skip_visuals = skip_visuals, .convex_decomposition = convex_decomposition}), path.string());
+      [](std::filesystem::path const& path, std::vector<std::string> const& disable, bool skip_visuals, bool convex_decomposition) {
+        io::MjcfOptions const options{.skip_visuals = skip_visuals, .convex_decomposition = convex_decomposition};
+        return model_of(io::read_mjcf(path, options), path.string(), disable);
       },
-      nb::arg("path"), nb::kw_only(), nb::arg("skip_visuals") = false, nb::arg("convex_decomposition") = false,
-      "Reads an MJCF file.\n\nskip_visuals: leave out visual geoms whose mesh is missing; convex_decomposition: meshes that are not "
-      "convex\n"
-      "touch as their convex parts, not as their hull. Error: gsp.Error \"FILE:LINE: what is wrong; remedy\".");
+      nb::arg("path"), nb::kw_only(), nb::arg("disable") = std::vector<std::string>{}, nb::arg("skip_visuals") = false,
+      nb::arg("convex_decomposition") = false,
+      "Reads an MJCF file.\n\ndisable: names of MJCF's <flag> that are switched off whatever the file says, such as ['contact'];\n"
+      "skip_visuals: leave out visual geoms whose mesh is missing; convex_decomposition: meshes that are not convex touch as their\n"
+      "convex parts, not as their hull. Error: gsp.Error \"FILE:LINE: what is wrong; remedy\".");
   c.def_static(
-      "from_string", [](std::string const& xml, std::string const& name) { return model_of(io::parse_mjcf(xml, name), name); },
-      nb::arg("xml"), nb::arg("name") = "model.xml", "The same of MJCF text; files that it names are looked for in the folder of `name`.");
+      "from_string",
+      [](std::string const& xml, std::string const& name, std::vector<std::string> const& disable) {
+        return model_of(io::parse_mjcf(xml, name), name, disable);
+      },
+      nb::arg("xml"), nb::arg("name") = "model.xml", nb::kw_only(), nb::arg("disable") = std::vector<std::string>{},
+      "The same of MJCF text; files that it names are looked for in the folder of `name`.");
   c.def_static(
-      "from_urdf", [](std::filesystem::path const& path) { return model_of(io::read_urdf(path), path.string()); }, nb::arg("path"),
-      "Reads a URDF file.");
+      "from_urdf",
+      [](std::filesystem::path const& path, std::vector<std::string> const& disable) {
+        return model_of(io::read_urdf(path), path.string(), disable);
+      },
+      nb::arg("path"), nb::kw_only(), nb::arg("disable") = std::vector<std::string>{}, "Reads a URDF file; disable: as of from_xml.");
   auto const size = [&](char const* name, int CompiledModel::*member) {
     c.def_prop_ro(name, [member](Model const& model) { return (*model.compiled).*member; });
   };

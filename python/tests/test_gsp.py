@@ -117,6 +117,40 @@ def test_beside_mujoco(model):
         assert np.allclose(data.qvel[1], d.qvel, rtol=0, atol=1e-9)
 
 
+def test_flags_can_be_switched_off(tmp_path):
+    mujoco = pytest.importorskip("mujoco")
+    path = tmp_path / "arm.xml"
+    path.write_text(ARM)
+    flags = {
+        "gravity": mujoco.mjtDisableBit.mjDSBL_GRAVITY,
+        "actuation": mujoco.mjtDisableBit.mjDSBL_ACTUATION,
+        "damper": mujoco.mjtDisableBit.mjDSBL_DAMPER,
+        "limit": mujoco.mjtDisableBit.mjDSBL_LIMIT,
+    }
+    for off in [[], *([name] for name in flags), ["gravity", "damper"]]:
+        m = mujoco.MjModel.from_xml_string(ARM)
+        for name in off:
+            m.opt.disableflags |= flags[name]
+        d = mujoco.MjData(m)
+        d.qpos[2], d.qpos[7], d.qvel[6], d.ctrl[0] = 3, 1.1, 1, 0.7
+        for model in (gsp.Model.from_xml(path, disable=off), gsp.Model.from_string(ARM, disable=tuple(off))):
+            data = gsp.Data(model, profile="mujoco", precision="float64")
+            data.qpos, data.qvel, data.ctrl = d.qpos, d.qvel, d.ctrl
+            gsp.step(model, data)
+            stepped = mujoco.MjData(m)
+            stepped.qpos[:], stepped.qvel[:], stepped.ctrl[:] = d.qpos, d.qvel, d.ctrl
+            mujoco.mj_step(m, stepped)
+            assert np.allclose(data.qvel[0], stepped.qvel, rtol=0, atol=1e-9), off
+    falls = gsp.Model.from_string(ARM, disable=["contact"])
+    data = gsp.Data(falls)
+    gsp.step(falls, data, n=500)
+    assert data.qpos[0, 2] < -3  # through the floor: 0.4 - 9.81 / 2
+    with pytest.raises(gsp.Error, match="no flag 'contacts'.*contact, damper"):
+        gsp.Model.from_string(ARM, disable=["contacts"])
+    with pytest.raises(TypeError):
+        gsp.Model.from_string(ARM, disable="contact")
+
+
 def test_reset_by_mask_and_keyframe(model):
     data = gsp.Data(model, worlds=4)
     gsp.step(model, data, n=20)

@@ -293,6 +293,28 @@ struct OptionDescription {
        passive_damper = true, gravity_on = true, actuation = true, clampctrl = true, filterparent = true, refsafe = true, warmstart = true;
 };
 
+/// The switches of OptionDescription by the names that MJCF's <flag> gives them.
+struct OptionFlag {
+  char const* name;
+  bool OptionDescription::*on;
+};
+inline constexpr OptionFlag option_flags[] = {{"actuation", &OptionDescription::actuation},
+                                              {"clampctrl", &OptionDescription::clampctrl},
+                                              {"constraint", &OptionDescription::constraint},
+                                              {"contact", &OptionDescription::contact},
+                                              {"damper", &OptionDescription::passive_damper},
+                                              {"equality", &OptionDescription::equality},
+                                              {"eulerdamp", &OptionDescription::eulerdamp},
+                                              {"filterparent", &OptionDescription::filterparent},
+                                              {"frictionloss", &OptionDescription::frictionloss},
+                                              {"gravity", &OptionDescription::gravity_on},
+                                              {"limit", &OptionDescription::limit},
+                                              {"override", &OptionDescription::override_contacts},
+                                              {"refsafe", &OptionDescription::refsafe},
+                                              {"sleep", &OptionDescription::sleep},
+                                              {"spring", &OptionDescription::passive_spring},
+                                              {"warmstart", &OptionDescription::warmstart}};
+
 enum class LengthRangeMode : int { none = 0, muscle = 1, muscle_user = 2, all = 3 };
 
 /// How the range of an actuator's length becomes known: given, the limits of what it drives, or by pulling it to both ends in a simulation

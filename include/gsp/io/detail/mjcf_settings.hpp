@@ -99,13 +99,8 @@ inline void read_option(Document& doc, Node const& node) {
     auto const f = doc.attributes(flag);
     for (auto const& one : flag.attributes) {
       bool const on = f.choice(one.name, {"disable", "enable"}) == 1;
-      std::pair<char const*, bool*> const flags[] = {
-          {"actuation", &o.actuation},       {"clampctrl", &o.clampctrl}, {"constraint", &o.constraint}, {"contact", &o.contact},
-          {"damper", &o.passive_damper},     {"equality", &o.equality},   {"eulerdamp", &o.eulerdamp},   {"filterparent", &o.filterparent},
-          {"frictionloss", &o.frictionloss}, {"gravity", &o.gravity_on},  {"limit", &o.limit},           {"override", &o.override_contacts},
-          {"refsafe", &o.refsafe},           {"sleep", &o.sleep},         {"spring", &o.passive_spring}, {"warmstart", &o.warmstart}};
-      for (auto const& [name, value] : flags)
-        if (one.name == name) *value = on;
+      for (auto const& [name, value] : option_flags)
+        if (one.name == name) o.*value = on;
     }
   }
 }

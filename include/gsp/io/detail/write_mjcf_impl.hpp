@@ -156,19 +156,12 @@ class Writer {
     number("noslip_iterations", o.noslip_iterations, standard.noslip_iterations);
     if (o.integrator != Integrator::euler) word("integrator", integrators[int(o.integrator)]);
     if (o.cone == FrictionCone::elliptic) word("cone", "elliptic");
-    std::pair<char const*, bool> const flags[] = {
-        {"actuation", o.actuation},       {"clampctrl", o.clampctrl}, {"constraint", o.constraint}, {"contact", o.contact},
-        {"damper", o.passive_damper},     {"equality", o.equality},   {"eulerdamp", o.eulerdamp},   {"filterparent", o.filterparent},
-        {"frictionloss", o.frictionloss}, {"gravity", o.gravity_on},  {"limit", o.limit},           {"refsafe", o.refsafe},
-        {"spring", o.passive_spring},     {"warmstart", o.warmstart}};
-    if (std::all_of(std::begin(flags), std::end(flags), [](auto const& f) { return f.second; }) && !o.override_contacts && !o.sleep)
-      return close();
+    auto const differs = [&](OptionFlag const& f) { return o.*f.on != standard.*f.on; };
+    if (std::none_of(std::begin(option_flags), std::end(option_flags), differs)) return close();
     into();
     open("flag");
-    for (auto const& [name, on] : flags)
-      if (!on) word(name, "disable");
-    if (o.override_contacts) word("override", "enable");
-    if (o.sleep) word("sleep", "enable");
+    for (auto const& f : option_flags)
+      if (differs(f)) word(f.name, o.*f.on ? "enable" : "disable");
     close();
     leave("option");
   }
