@@ -15,7 +15,7 @@ TEST_CASE_TEMPLATE("an exclusive scan is the running sum, with the total behind 
     auto const host = Kokkos::create_mirror_view(in);
     for (int i = 0; i < n; ++i) host(i) = static_cast<int>(random() % 2000000000u);  // the sum passes 2^31: it must be taken in 64 bits
     Kokkos::deep_copy(in, host);
-    gsp::exclusive_scan(exec, in, out);
+    gsp::exclusive_scan(exec, in, out, gsp::make_scan_scratch(exec, n));
     exec.fence();
     auto const result = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, out);
     std::int64_t sum = 0;
@@ -31,8 +31,10 @@ TEST_CASE_TEMPLATE("exclusive_scan keeps an algorithm's promises and refuses a s
   Exec const exec = gsp_test::other_instance(Exec{});
   Kokkos::View<int*, Mem> const in("in", 5000);
   Kokkos::View<std::int64_t*, Mem> const out("out", 5001), small("small", 5000);
-  gsp::exclusive_scan(exec, in, out);
+  auto const scratch = gsp::make_scan_scratch(exec, 5000);
+  gsp::exclusive_scan(exec, in, out, scratch);
   exec.fence();
-  gsp_test::check_algorithm(exec, gsp_test::watch([&] { gsp::exclusive_scan(exec, in, out); }));
-  CHECK_THROWS_AS(gsp::exclusive_scan(exec, in, small), std::invalid_argument);
+  gsp_test::check_algorithm(exec, gsp_test::watch([&] { gsp::exclusive_scan(exec, in, out, scratch); }));
+  CHECK_THROWS_AS(gsp::exclusive_scan(exec, in, small, scratch), std::invalid_argument);
+  if constexpr (gsp::is_device<Exec>) CHECK_THROWS_AS(gsp::exclusive_scan(exec, in, out, gsp::ScanScratch<Mem>{}), std::invalid_argument);
 }

@@ -5,6 +5,7 @@
 #include <gsp_test_execs.hpp>
 #include <set>
 #include <splat/scenes.hpp>
+#include <tuple>
 
 namespace test_types {
 struct TileRows {  // first and last tile of each row of tiles
@@ -16,11 +17,11 @@ struct TileRows {  // first and last tile of each row of tiles
 namespace {
 /// f(tile_x, tile_y) for the tiles that the splat touches.
 template <class F>
-void for_tiles(gsp::Splat const& splat, int width, int height, F const& f) {
+void for_tiles(gsp::Splat const& splat, gsp::detail::TileGrid const& grid, F const& f) {
   int first[10], last[10];
   std::fill_n(first, 10, 0), std::fill_n(last, 10, -1);
-  REQUIRE(height <= 160);
-  gsp::detail::for_tile_rows(splat, width, height, test_types::TileRows{first, last});
+  REQUIRE(grid.rows() <= 10);
+  gsp::detail::for_tile_rows(splat, grid, test_types::TileRows{first, last});
   for (int ty = 0; ty < 10; ++ty)
     for (int tx = first[ty]; tx <= last[ty]; ++tx) f(tx, ty);
 }
@@ -68,8 +69,9 @@ TEST_CASE("tiles of an ellipse: none missed, none too many, against all tiles an
   for (int k = 0; k < 4000; ++k) {
     gsp::Splat const s = random_splat(random, width, height, k);
     std::set<int> tiles;
-    for_tiles(s, width, height, [&](int tx, int ty) { tiles.insert(ty * 13 + tx); });
-    CHECK(gsp::detail::count_tiles(s, width, height) == int(tiles.size()));
+    gsp::detail::TileGrid const grid{width, height};
+    for_tiles(s, grid, [&](int tx, int ty) { tiles.insert(ty * 13 + tx); });
+    CHECK(gsp::detail::count_tiles(s, grid) == int(tiles.size()));
     listed += int(tiles.size());
     double const reach = double(s.power) + std::log2(255.);
     for (int ty = 0; ty < 10; ++ty)
@@ -110,27 +112,31 @@ TEST_CASE_TEMPLATE("lists of the tiles hold each splat that touches them once, f
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
   auto poses = gsp::make_poses<float>(exec, 1, 1, 0);
   auto frames = gsp::make_frames(exec, cloud, {.images = images, .width = width, .height = height, .batch = images});
-  gsp::render(exec, cloud, poses, cameras, frames);
+  for (int k = 0; k < 2; ++k) gsp::render(exec, cloud, poses, cameras, frames);  // the first may make its buffers anew at its end
   auto const& wave = frames.wave;
   REQUIRE(wave.images == images);
   Kokkos::HostSpace const host;
   auto const splats = Kokkos::create_mirror_view_and_copy(host, wave.splats);
   auto const order = Kokkos::create_mirror_view_and_copy(host, wave.order);
-  auto const keys = Kokkos::create_mirror_view_and_copy(host, wave.order_keys);
+  auto const origins = Kokkos::create_mirror_view_and_copy(host, wave.origins);
   auto const begins = Kokkos::create_mirror_view_and_copy(host, wave.tile_begin);
   auto const list = Kokkos::create_mirror_view_and_copy(host, wave.tile_splats);
   auto const visible = Kokkos::create_mirror_view_and_copy(host, wave.visible),
              pairs = Kokkos::create_mirror_view_and_copy(host, wave.pairs);
   REQUIRE(visible() > 0);
-  std::vector<std::uint64_t> key_of(splats.extent(0));
   std::vector<std::vector<int>> expected(images * wave.tiles());
-  int ties = 0;
+  int ties = 0, tiles = 0;
   for (std::int64_t i = 0; i < visible(); ++i) {
-    if (i > 0) CHECK(keys(i - 1) < keys(i));  // image, depth, source: strictly rising
-    ties += i > 0 && keys(i - 1) >> wave.index_bits == keys(i) >> wave.index_bits;
-    int const image = static_cast<int>(keys(i) >> (32 + wave.index_bits));
-    for_tiles(splats(order(i)), width, height,
-              [&](int tx, int ty) { expected[image * wave.tiles() + ty * wave.tiles_x + tx].push_back(order(i)); });
+    gsp::SplatOrigin const own = origins(order(i));
+    CHECK(own.depth == splats(order(i)).depth);
+    if (i > 0) {
+      gsp::SplatOrigin const before = origins(order(i - 1));
+      CHECK(std::tuple(before.depth, before.image, before.source) < std::tuple(own.depth, own.image, own.source));  // strictly rising
+      ties += before.depth == own.depth;
+    }
+    tiles += own.tiles;
+    for_tiles(splats(order(i)), wave.grid,
+              [&](int tx, int ty) { expected[own.image * wave.tiles() + ty * wave.grid.columns() + tx].push_back(order(i)); });
   }
   CHECK(ties > n / 10);
   std::int64_t wrong = 0;
@@ -140,4 +146,5 @@ TEST_CASE_TEMPLATE("lists of the tiles hold each splat that touches them once, f
   }
   CHECK(wrong == 0);
   CHECK(begins(expected.size()) == pairs());
+  CHECK(tiles == pairs());
 }

@@ -22,10 +22,10 @@ std::map<int, gsp::Splat> project_all(Exec const& exec, gsp::GaussianSet const& 
   auto const& wave = frames.wave;
   Kokkos::HostSpace const host;
   auto const splats = Kokkos::create_mirror_view_and_copy(host, wave.splats);
-  auto const keys = Kokkos::create_mirror_view_and_copy(host, wave.order_keys);
+  auto const origins = Kokkos::create_mirror_view_and_copy(host, wave.origins);
   auto const visible = Kokkos::create_mirror_view_and_copy(host, wave.visible);
   std::map<int, gsp::Splat> out;
-  for (std::int64_t i = 0; i < visible(); ++i) out[static_cast<int>(keys(i) & ((1ull << wave.index_bits) - 1))] = splats(i);
+  for (std::int64_t i = 0; i < visible(); ++i) out[origins(i).source] = splats(i);
   return out;
 }
 

@@ -1,9 +1,20 @@
 #pragma once
 #include <cstdint>
 #include <gsp/core/check.hpp>
+#include <gsp/core/detail/views.hpp>
 #include <gsp/core/exec.hpp>
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+#include <gsp/parallel/detail/scan_cuda.hpp>
+#endif
 
 namespace gsp {
+
+/// Memory of exclusive_scan on a device, reused from call to call.
+template <class Mem>
+struct ScanScratch {
+  using memory_space = Mem;
+  Kokkos::View<char*, Mem> temporary;  // device only
+};
 
 namespace detail {
 template <class In, class Out>
@@ -37,18 +48,41 @@ void scan_items(char const* label, Exec const& exec, std::int64_t n, Functor con
 }
 }  // namespace detail
 
+/// Scratch for sums over up to n numbers on `exec`.
+template <ExecutionSpace Exec>
+ScanScratch<typename Exec::memory_space> make_scan_scratch(Exec const&, std::int64_t n) {
+  ScanScratch<typename Exec::memory_space> s;
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+  if constexpr (is_device<Exec>)
+    s.temporary =
+        detail::allocate<Kokkos::View<char*, typename Exec::memory_space>>("gsp::ScanScratch::temporary", detail::cuda_scan_bytes(n));
+#else
+  static_cast<void>(n);
+#endif
+  return s;
+}
+
 /// Exclusive prefix sum: out(i) = in(0) + ... + in(i-1); out(n) is the total. Sums are taken in 64 bits.
-/// @param in   (n) whole numbers: a View, or anything with in(i) and in.extent(0)
+/// @param in   (n) whole numbers: a View, or anything with in(i) and in.extent(0); fewer than 2^31 on a device
 /// @param out  (n+1), may not overlap `in`; choose 64-bit values where the total can pass 2^31
-/// Neither allocates nor fences; the total stays on the device. Cost: reads `in` twice. Integers, so the order of summation does not
-/// matter.
-template <ExecutionSpace Exec, class In, class Out>
-void exclusive_scan(Exec const& exec, In const& in, Out& out) {
+/// @param scratch  of make_scan_scratch(exec, >= n)
+/// Host: Kokkos' scan. CUDA: CUB's DeviceScan on the instance's stream. Neither allocates nor fences; the total stays on the device.
+/// Integers, so the order of summation does not matter.
+template <ExecutionSpace Exec, class In, class Out, class Mem>
+void exclusive_scan(Exec const& exec, In const& in, Out& out, [[maybe_unused]] ScanScratch<Mem> const& scratch) {
   static_assert(can_access<Exec, Out>, "gsp::exclusive_scan: `out` is not accessible from this execution space");
   static_assert(std::is_integral_v<typename Out::value_type>, "gsp::exclusive_scan: `out` must hold whole numbers");
   std::int64_t const n = static_cast<std::int64_t>(in.extent(0));
   expects(static_cast<std::int64_t>(out.extent(0)) == n + 1, "gsp::exclusive_scan: `out` must be one longer than `in`, for the total");
-  detail::scan_items("gsp::parallel::exclusive_scan", exec, n + 1, detail::ExclusiveScan<In, Out>{in, out, n});
+  if constexpr (is_device<Exec>) {
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+    detail::cuda_scan(exec, in, n, out, scratch.temporary);
+#else
+    static_assert(!is_device<Exec>, "gsp::exclusive_scan: this device has no scan here; compile with nvcc for CUDA");
+#endif
+  } else {
+    detail::scan_items("gsp::parallel::exclusive_scan", exec, n + 1, detail::ExclusiveScan<In, Out>{in, out, n});
+  }
 }
 
 }  // namespace gsp

@@ -1,10 +1,27 @@
 #pragma once
+#include <gsp/parallel/scan.hpp>
 #include <gsp/parallel/sort_by_key.hpp>
+#include <gsp/splat/detail/ellipse.hpp>
 #include <gsp/splat/detail/link_view.hpp>
 #include <gsp/splat/gaussians.hpp>
 #include <gsp/splat/splat.hpp>
 
 namespace gsp {
+
+namespace detail {
+/// A CPU's tile is a row of packs; a GPU's has an 8 x 8 block for each bit of a word.
+template <class Exec>
+TileGrid tile_grid(int width, int height) {
+  return is_device<Exec> ? TileGrid{width, height, 6, 5} : TileGrid{width, height, 4, 4};
+}
+}  // namespace detail
+
+/// Where a splat comes from, and what its order and its tiles follow from.
+struct alignas(16) SplatOrigin {
+  int image, source;  // in the wave; of the Gaussian in the input
+  float depth;        // as the splat's
+  int tiles;          // that it touches
+};
 
 /// Buffers of one wave: a batch of images that go through the stages together. Their size is bounded by the batch, not by the number of
 /// images.
@@ -15,31 +32,34 @@ struct SplatWave {
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int batch = 0;              // images a wave can hold
   int first = 0, images = 0;  // the images that it holds now
-  int tiles_x = 0, tiles_y = 0, index_bits = 0;
+  detail::TileGrid grid{};    // 16 x 16 pixels a tile on a CPU, 64 x 32 on a GPU
+  int words = 0;              // of 32 Gaussians each, in `seen`
   std::int64_t visible_capacity = 0, pair_capacity = 0;
   int values_a_splat = 0;  // numbers that channels keep of a Gaussian beside its splat
 
   View<detail::ImageView*> image_views;  // (batch)
   View<detail::LinkView**> link_views;   // (batch, body)
-  View<int*> cluster_visible;            // (batch x clusters) Gaussians whose ellipse's box meets the picture
-  View<std::int64_t*> cluster_offset;    // (batch x clusters + 1)
+  View<bool**> cluster_seen;             // (batch, cluster) whether a Gaussian of it may be; a device's
+  View<std::uint32_t**> seen;            // (batch, word) bit `source` says whether the image has a splat of that Gaussian
+  View<int*> seen_before;                // (batch x words + 1) how many splats there are of the words before, image after image
   View<std::int64_t> visible, pairs;     // how many there are; 0 where they did not fit
   View<std::int64_t[3]> needed;          // greatest number of visible and of pairs of any wave since `render` began, and of a camera
                                          // that has no focal length (its image + 1)
 
-  View<Splat*> splats;                           // (visible)
+  View<Splat*> splats;                           // (visible) in no order
+  View<SplatOrigin*> origins;                    // (visible)
   View<float*> values;                           // (visible x values_a_splat)
-  View<int*> splat_tiles;                        // (visible) tiles that each touches
-  Kokkos::View<std::uint64_t*, Mem> order_keys;  // (visible) image | depth bits | source index
-  Kokkos::View<int*, Mem> order;                 // (visible) splat indices, front to back within each image once sorted
+  Kokkos::View<std::uint32_t*, Mem> depth_keys;  // (visible) bits of the depth
+  Kokkos::View<int*, Mem> order;                 // (visible) splat indices, by depth, of one depth by image and source
   View<std::int64_t*> pair_offset;               // (visible + 1)
   Kokkos::View<std::uint32_t*, Mem> tile_keys;   // (pairs) image x tiles + tile
   Kokkos::View<int*, Mem> tile_splats;           // (pairs) splat indices, by tile, front to back
   View<std::int64_t*> tile_begin;                // (batch x tiles + 1)
-  SortScratch<std::uint64_t, Mem> order_scratch;
-  SortScratch<std::uint32_t, Mem> tile_scratch;
+  View<std::uint32_t**> block_masks;  // a device's: of 32 splats of a list, which touch each 8 x 8 pixels (detail/tile_masks_cuda.hpp)
+  SortScratch<std::uint32_t, Mem> order_scratch, tile_scratch;
+  ScanScratch<Mem> scan_scratch;
 
-  KOKKOS_FUNCTION int tiles() const { return tiles_x * tiles_y; }
+  KOKKOS_FUNCTION int tiles() const { return grid.columns() * grid.rows(); }
 };
 
 /// What `status(c)` of an image says: the wave's buffers were too small, nothing was written to this image. `render` grows and repeats.

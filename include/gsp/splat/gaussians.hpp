@@ -41,7 +41,8 @@ struct Gaussians {
   using memory_space = Mem;
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
-  static constexpr int padding = 16;  // a CPU loads a pack at a time
+  static constexpr int padding = 16;        // a CPU loads a pack at a time
+  static constexpr int cluster_size = 256;  // at most
   int count = 0, sh_degree = 0;
   int bodies = 1;  // one more than the greatest body index
   // component first, so that neighbours stand together; rows are longer than n = count by `padding` (power -infinity: never seen)
@@ -105,7 +106,6 @@ template <ExecutionSpace Exec>
 Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vector<GaussianSet> const& sets) {
   using Mem = typename Exec::memory_space;
   using G = Gaussians<Mem>;
-  constexpr int cluster_size = 256;
   std::size_t total = 0;
   G g;
   for (std::size_t s = 0; s < sets.size(); ++s) {
@@ -171,7 +171,7 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
     power(i) = static_cast<float>(std::log2(double(s.opacities[j])));
     for (int t = 0; t < 3 * terms; ++t) sh(t, i) = t < int(3 * old) ? s.sh[3 * old * j + t] : 0.f;
     source(i) = k.source;
-    if (clusters.empty() || clusters.back().body != k.body || clusters.back().end - clusters.back().begin == cluster_size)
+    if (clusters.empty() || clusters.back().body != k.body || clusters.back().end - clusters.back().begin == G::cluster_size)
       clusters.push_back({i, i, k.body, 0, 0, 0, 0, 0});
     clusters.back().end = i + 1;
   }

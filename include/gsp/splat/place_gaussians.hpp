@@ -83,9 +83,8 @@ void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, Pos
               std::to_string(poses.xpos.extent(1)) +
               ": give poses of the model that the Gaussians were bound to, or bind them to the model of these poses (sample_surface, "
               "io::to_gaussian_set)");
-  expects(static_cast<int>(wave.link_views.extent(1)) >= cloud.bodies &&
-              wave.cluster_visible.extent(0) >= cloud.clusters.extent(0) * static_cast<std::size_t>(wave.batch) &&
-              cloud.count <= (std::int64_t(1) << wave.index_bits),
+  expects(static_cast<int>(wave.link_views.extent(1)) >= cloud.bodies && wave.cluster_seen.extent(1) >= cloud.clusters.extent(0) &&
+              cloud.count <= std::int64_t(32) * wave.words,
           "gsp::place_gaussians: the frames were made for fewer Gaussians or bodies; make_frames again with these");
   wave.first = first;
   wave.images = std::min(wave.batch, frames.images - first);

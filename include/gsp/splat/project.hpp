@@ -12,12 +12,11 @@ struct RenderOptions {
   float stop = 1e-4f;               // a pixel is done before the Gaussian that would leave no more light than this
 };
 
-/// Second stage: the Gaussians that the wave's cameras see, as splats. Culls clusters against the picture, then projects, twice: once to
-/// count, once to write, so that places in the pool follow from a sum and not from who came first.
+/// Second stage: the Gaussians that the wave's cameras see, as splats. Culls clusters against the picture, then projects. Who comes first
+/// has the first place in the pool, which nothing hangs on: bits of `seen`, one a Gaussian, say which rank each has by its source.
 /// @param channels  further picture channels, the same as `rasterize` is given: what they keep of a Gaussian goes to wave.values
-/// @param frames  in: place_gaussians' views.   out: wave.splats, splat_tiles, order, order_keys (image, depth, source), visible;
-///                status(c) = frame_overflow where the buffers are too small (then the wave is empty)
-/// Neither allocates nor fences.
+/// @param frames  in: place_gaussians' views.   out: wave.splats, origins, seen, visible; status(c) = frame_overflow where the buffers are
+/// too small (then the wave is empty) Neither allocates nor fences.
 template <ExecutionSpace Exec, class Mem, class... Channels>
 void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem>& frames, RenderOptions options = {}, Channels const&... channels);
 

@@ -1,8 +1,10 @@
 #pragma once
 #include <gsp/core/region.hpp>
-#include <gsp/splat/detail/rasterize_pixels.hpp>
 #include <gsp/splat/detail/rasterize_rows.hpp>
 #include <gsp/splat/project.hpp>
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+#include <gsp/splat/detail/rasterize_cuda.hpp>
+#endif
 
 namespace gsp {
 
@@ -10,8 +12,8 @@ namespace gsp {
 ///   alpha_i = min(alpha_max, 2^(power - (l11 dx + l21 dy)^2 - (l22 dy)^2)), left out below 1/255;   T_0 = 1, T_{i+1} = T_i (1 - alpha_i);
 ///   ends before the Gaussian for which T_{i+1} <= stop;   rgb = sum w_i c_i, w_i = alpha_i T_i;   alpha = 1 - T;   depth = sum w_i z_i /
 ///   max(alpha, 1e-10)
-/// CPU: a tile a task, a row of 16 pixels a pack. GPU: a tile a team of 256, splats in batches of 256 through shared memory, and each warp
-/// looks only at those that touch its own 8 x 4 pixels.
+/// CPU: a tile a task, a row of 16 pixels a pack. GPU: a warp blends 8 x 8 pixels by itself, two a lane, from those splats of its tile that
+/// touch them.
 /// @param channels  further picture channels (channels.hpp), the same as `project` was given
 /// @param frames  in: bin_tiles' lists.   out: rgb, depth, alpha of the images of the wave whose status is 0
 /// Errors: std::invalid_argument for a channel whose own `image` is not of the frames' size, and without room for what channels keep.
@@ -24,16 +26,20 @@ void rasterize(Exec const& exec, Frames<Mem>& frames, RenderOptions options = {}
   using List = std::remove_const_t<decltype(list)>;
   detail::check_values<List>("gsp::rasterize", frames);
   (detail::check_image("gsp::rasterize", frames, channels), ...);
-  int const tiles = frames.wave.images * frames.wave.tiles();
+  auto const& grid = frames.wave.grid;
+  detail::TileGrid const own = detail::tile_grid<Exec>(frames.width, frames.height);
+  expects(grid.x_bits == own.x_bits && grid.y_bits == own.y_bits,
+          "gsp::rasterize: the frames were made for another backend, whose tiles are of another size: make_frames with this one");
   if constexpr (is_device<Exec>) {
-    using Functor = detail::RasterizePixels<Mem, List>;
-    Kokkos::parallel_for(
-        "gsp::splat::rasterize",
-        lightweight(Kokkos::TeamPolicy<Exec>(exec, tiles, Functor::threads).set_scratch_size(0, Kokkos::PerTeam(Functor::scratch_bytes()))),
-        Functor{frames, list, options.alpha_max, options.stop});
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+    detail::rasterize_on_cuda(exec, detail::RasterizeBlocks<Mem, List>{frames, list, options.alpha_max, options.stop});
+#else
+    static_assert(!is_device<Exec>, "gsp::rasterize: pictures are drawn on CPUs and on CUDA GPUs; compile with nvcc for CUDA");
+#endif
   } else {
     Kokkos::parallel_for("gsp::splat::rasterize",
-                         Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, tiles, Kokkos::ChunkSize(4)),
+                         Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, frames.wave.images * frames.wave.tiles(),
+                                                                                      Kokkos::ChunkSize(4)),
                          detail::RasterizeRows<Mem, List>{frames, list, options.alpha_max, options.stop});
   }
 }

@@ -46,6 +46,7 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
     bin_tiles(exec, frames);
     rasterize(exec, frames, options, channels...);
   };
+  auto const room = [](std::int64_t n) { return n + n / 8; };
   // Room for the greatest wave so far; true if there was too little.
   auto const grow = [&] {
     auto const needed = detail::to_host(exec, frames.wave.needed);
@@ -54,18 +55,26 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
                                      ? " has no focal length: write its viewmat and K, or call cameras_of"
                                      : " is of a world that the poses do not have (they have " + std::to_string(poses.xpos.extent(0)) +
                                            "): write its world, or make poses and mounts with the same {.worlds = n}"));
-    auto const room = [](std::int64_t n) { return n + n / 8; };
     bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
     if (small)
       reserve(exec, needed[0] > frames.wave.visible_capacity ? room(needed[0]) : 0,
               needed[1] > frames.wave.pair_capacity ? room(needed[1]) : 0, frames.wave);
     return small;
   };
+  // A device sorts and sums whole buffers, so those that the first guess made far too large are made anew.
+  auto const trim = [&] {
+    auto const needed = detail::to_host(exec, frames.wave.needed);
+    auto const too_large = [&](std::int64_t capacity, std::int64_t n) { return capacity > room(room(std::max<std::int64_t>(n, 1))); };
+    if (too_large(frames.wave.visible_capacity, needed[0])) frames.wave.visible_capacity = 0;
+    if (too_large(frames.wave.pair_capacity, needed[1])) frames.wave.pair_capacity = 0;
+    reserve(exec, room(std::max<std::int64_t>(needed[0], 1)), room(std::max<std::int64_t>(needed[1], 1)), frames.wave);
+  };
   Kokkos::parallel_for("gsp::splat::render_reset", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::ResetNeeded<Mem>{frames.wave.needed});
   int first = 0;
   if (!frames.sized) {
     do wave(0);
     while (grow());
+    if (is_device<Exec>) trim();
     frames.sized = true;
     first = frames.wave.batch;
   }

@@ -3,7 +3,6 @@
 
 namespace gsp {
 
-inline constexpr int splat_tile = 16;                 // pixels a side of a tile
 inline constexpr float splat_log2_255 = 7.99435344f;  // log2(255): alpha below 1/255 is left out
 
 /// A Gaussian as one image sees it (48 bytes). Its alpha at the pixel centre (x, y), with dx = x - u and dy = y - v, is

@@ -1,20 +1,38 @@
 #pragma once
 #include <gsp/parallel/scan.hpp>
 #include <gsp/parallel/sort_by_key.hpp>
-#include <gsp/splat/detail/ellipse.hpp>
 #include <gsp/splat/frames.hpp>
 
 /// Kernels of gsp/splat/bin_tiles.hpp, where the contract stands.
 namespace gsp::detail {
 
-/// Keys behind all others, where a device sorts the whole capacity.
-template <class Key, class Mem>
-struct PadKeys {
-  Kokkos::View<Key*, Mem> keys;
-  Kokkos::View<std::int64_t, Kokkos::LayoutRight, Mem> count;
-  Key pad;
+/// How many splats there are of a word's 32 Gaussians.
+template <class Mem>
+struct SeenOfWord {
+  SplatWave<Mem> wave;
+  KOKKOS_FUNCTION int operator()(std::int64_t i) const {
+    return wave.visible() == 0 ? 0 : Kokkos::popcount(wave.seen(i / wave.words, i % wave.words));
+  }
+  KOKKOS_FUNCTION std::int64_t extent(int) const { return std::int64_t(wave.images) * wave.words; }
+};
+
+/// Splats by (image, source), with the bits of their depth, which are as the depths themselves: these are positive. Behind them, where a
+/// device sorts the whole capacity, keys that nothing passes.
+template <class Mem>
+struct RankSplats {
+  SplatWave<Mem> wave;
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
-    if (i >= count()) keys(i) = pad;
+    if (i >= wave.visible()) {
+      wave.depth_keys(i) = ~std::uint32_t(0);
+      return;
+    }
+    SplatOrigin const o = wave.origins(i);
+    int const word = o.source / 32;
+    std::uint32_t const below = (std::uint32_t(1) << o.source % 32) - 1;
+    std::int64_t const rank =
+        wave.seen_before(std::int64_t(o.image) * wave.words + word) + Kokkos::popcount(wave.seen(o.image, word) & below);
+    wave.depth_keys(rank) = Kokkos::bit_cast<std::uint32_t>(o.depth);
+    wave.order(rank) = static_cast<int>(i);
   }
 };
 
@@ -22,7 +40,7 @@ struct PadKeys {
 template <class Mem>
 struct OrderedTiles {
   SplatWave<Mem> wave;
-  KOKKOS_FUNCTION int operator()(std::int64_t i) const { return i < wave.visible() ? wave.splat_tiles(wave.order(i)) : 0; }
+  KOKKOS_FUNCTION int operator()(std::int64_t i) const { return i < wave.visible() ? wave.origins(wave.order(i)).tiles : 0; }
   KOKKOS_FUNCTION std::int64_t extent(int) const { return wave.visible_capacity; }
 };
 
@@ -41,16 +59,16 @@ struct SettlePairs {
   }
 };
 
+/// The pairs of the i-th splat, front to back.
 template <class Mem>
 struct EmitPairs {
   SplatWave<Mem> wave;
-  int width, height;
-  std::uint32_t pad;
+  std::uint32_t pad;  // behind all keys
+  KOKKOS_FUNCTION std::uint32_t first_key(int image) const { return std::uint32_t(image) * std::uint32_t(wave.tiles()); }
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
     if (i >= wave.visible() || wave.pairs() == 0) return;
-    int const index = wave.order(i);
-    std::uint32_t const image = static_cast<std::uint32_t>(wave.order_keys(i) >> (32 + wave.index_bits)),
-                        base = image * static_cast<std::uint32_t>(wave.tiles());
+    int const index = wave.order(i), columns = wave.grid.columns();
+    std::uint32_t const base = first_key(wave.origins(index).image);
     std::int64_t to = wave.pair_offset(i);
     std::int64_t const end = wave.pair_offset(i + 1);
     auto const put = [&](std::uint32_t key) {
@@ -58,10 +76,20 @@ struct EmitPairs {
       wave.tile_keys(to) = key;
       wave.tile_splats(to++) = index;
     };
-    for_tile_rows(wave.splats(index), width, height, [&](int ty, int first, int last) {
-      for (int tx = first; tx <= last; ++tx) put(base + static_cast<std::uint32_t>(ty * wave.tiles_x + tx));
+    for_tile_rows(wave.splats(index), wave.grid, [&](int ty, int first, int last) {
+      for (int tx = first; tx <= last; ++tx) put(base + static_cast<std::uint32_t>(ty * columns + tx));
     });
     while (to < end) put(pad);
+  }
+};
+
+/// Keys behind all others, where a device sorts the whole capacity.
+template <class Mem>
+struct PadPairs {
+  SplatWave<Mem> wave;
+  std::uint32_t pad;
+  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
+    if (i >= wave.pairs()) wave.tile_keys(i) = pad;
   }
 };
 

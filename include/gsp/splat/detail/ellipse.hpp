@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/math/scalar.hpp>
+#include <gsp/splat/detail/lanes.hpp>
 #include <gsp/splat/splat.hpp>
 
 /// Which tiles an ellipse touches, exactly: slab by slab, from its extreme points (the SnugBox/AccuTile idea of Speedy-Splat, arXiv
@@ -26,10 +27,10 @@ struct Ellipse {
   float u, v, slope, inverse_l11, l22, reach, xe, ye, y_right, pad;
 
   KOKKOS_INLINE_FUNCTION explicit Ellipse(Splat const& s) : u(s.u), v(s.v), l22(s.l22), xe(s.xe), ye(s.ye) {
-    inverse_l11 = 1.f / s.l11;
+    inverse_l11 = reciprocal(s.l11);
     slope = s.l21 * inverse_l11;
     reach = (s.power + splat_log2_255) * 1.00001f;
-    y_right = -(s.l11 * s.l21) * xe / fma(s.l21, s.l21, s.l22 * s.l22);
+    y_right = -(s.l11 * s.l21) * xe * reciprocal(fma(s.l21, s.l21, s.l22 * s.l22));
     pad = fma(1e-6f, Kokkos::fabs(u) + Kokkos::fabs(v) + xe + ye, 1e-3f);
   }
 
@@ -42,28 +43,44 @@ struct Ellipse {
                 high = min(static_cast<float>(last_row) + 0.5f - v + pad, ye);
     float const right_y = clamp(y_right, low, high), left_y = clamp(-y_right, low, high);
     float const wr = l22 * right_y, wl = l22 * left_y;
-    float const right = fma(-slope, right_y, Kokkos::sqrt(max(0.f, fma(-wr, wr, reach))) * inverse_l11);
-    float const left = fma(-slope, left_y, -(Kokkos::sqrt(max(0.f, fma(-wl, wl, reach))) * inverse_l11));
+    float const right = fma(-slope, right_y, near_sqrt(max(0.f, fma(-wr, wr, reach))) * inverse_l11);
+    float const left = fma(-slope, left_y, -(near_sqrt(max(0.f, fma(-wl, wl, reach))) * inverse_l11));
     return pixels_within(u + (left - pad), u + (right + pad), first, last);
+  }
+};
+
+/// A picture [pixel], and its tiles of 2^x_bits by 2^y_bits pixels.
+struct TileGrid {
+  int width, height, x_bits = 4, y_bits = 4;
+  KOKKOS_INLINE_FUNCTION int columns() const { return (width - 1 >> x_bits) + 1; }
+  KOKKOS_INLINE_FUNCTION int rows() const { return (height - 1 >> y_bits) + 1; }
+
+  /// Rows of tiles that the ellipse may touch, of those rows of pixels.
+  KOKKOS_INLINE_FUNCTION PixelRange rows_of(PixelRange const& rows) const { return {rows.first >> y_bits, rows.last >> y_bits}; }
+  /// The tiles of row `ty` that the ellipse touches, of its rows of pixels `rows`; empty where last < first.
+  KOKKOS_INLINE_FUNCTION PixelRange touched(Ellipse const& e, PixelRange const& rows, int ty) const {
+    int const top = ty << y_bits, bottom = top + (1 << y_bits) - 1;
+    PixelRange const pixels = e.columns(rows.first > top ? rows.first : top, rows.last < bottom ? rows.last : bottom, 0, width - 1);
+    return pixels.first <= pixels.last ? PixelRange{pixels.first >> x_bits, pixels.last >> x_bits} : PixelRange{0, -1};
   }
 };
 
 /// Calls f(tile_y, first tile_x, last tile_x) for each row of tiles with at least one tile that the splat touches, top to bottom.
 template <class F>
-KOKKOS_INLINE_FUNCTION void for_tile_rows(Splat const& splat, int width, int height, F const& f) {
+KOKKOS_INLINE_FUNCTION void for_tile_rows(Splat const& splat, TileGrid const& grid, F const& f) {
   Ellipse const e(splat);
-  PixelRange const rows = e.rows(0, height - 1);
-  if (rows.last < rows.first) return;
-  for (int ty = rows.first / splat_tile; ty <= rows.last / splat_tile; ++ty) {
-    int const top = ty * splat_tile, bottom = top + splat_tile - 1;
-    PixelRange const columns = e.columns(rows.first > top ? rows.first : top, rows.last < bottom ? rows.last : bottom, 0, width - 1);
-    if (columns.first <= columns.last) f(ty, columns.first / splat_tile, columns.last / splat_tile);
+  PixelRange const pixels = e.rows(0, grid.height - 1);
+  if (pixels.last < pixels.first) return;
+  PixelRange const rows = grid.rows_of(pixels);
+  for (int ty = rows.first; ty <= rows.last; ++ty) {
+    PixelRange const tiles = grid.touched(e, pixels, ty);
+    if (tiles.first <= tiles.last) f(ty, tiles.first, tiles.last);
   }
 }
 
-KOKKOS_INLINE_FUNCTION int count_tiles(Splat const& splat, int width, int height) {
+KOKKOS_INLINE_FUNCTION int count_tiles(Splat const& splat, TileGrid const& grid) {
   int count = 0;
-  for_tile_rows(splat, width, height, [&](int, int first, int last) { count += last - first + 1; });
+  for_tile_rows(splat, grid, [&](int, int first, int last) { count += last - first + 1; });
   return count;
 }
 

@@ -1,12 +1,17 @@
 #pragma once
 #include <algorithm>
-#include <bit>
+#include <cmath>
 #include <gsp/core/detail/views.hpp>
 #include <gsp/splat/frames.hpp>
 #include <string>
 
 /// Buffers of gsp/splat/frames.hpp, where the contract stands.
 namespace gsp {
+
+namespace detail {
+/// Rows of block_masks: a list that begins at pair b, of tile t, has those from b / 32 + t on, one for every 32 of its splats.
+inline std::int64_t mask_rows(std::int64_t pairs, std::int64_t tiles) { return pairs / 32 + tiles + 1; }
+}  // namespace detail
 
 template <ExecutionSpace Exec, class Mem>
 void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWave<Mem>& w) {
@@ -19,17 +24,19 @@ void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWa
     // let go of the old buffers first: the peak is the new size, not the sum
     w.values = {};
     w.splats = {};
-    w.splat_tiles = {};
-    w.order_keys = {};
+    w.origins = {};
+    w.depth_keys = {};
     w.order = {};
     w.pair_offset = {};
     w.order_scratch = {};
+    w.scan_scratch = {};
     w.splats = detail::allocate<typename Wave::template View<Splat*>>("gsp::SplatWave::splats", visible);
-    w.splat_tiles = detail::allocate<typename Wave::template View<int*>>("gsp::SplatWave::splat_tiles", visible);
-    w.order_keys = detail::allocate<Kokkos::View<std::uint64_t*, Mem>>("gsp::SplatWave::order_keys", visible);
+    w.origins = detail::allocate<typename Wave::template View<SplatOrigin*>>("gsp::SplatWave::origins", visible);
+    w.depth_keys = detail::allocate<Kokkos::View<std::uint32_t*, Mem>>("gsp::SplatWave::depth_keys", visible);
     w.order = detail::allocate<Kokkos::View<int*, Mem>>("gsp::SplatWave::order", visible);
     w.pair_offset = detail::allocate<typename Wave::template View<std::int64_t*>>("gsp::SplatWave::pair_offset", visible + 1);
-    w.order_scratch = make_sort_scratch<std::uint64_t>(exec, visible);
+    w.order_scratch = make_sort_scratch<std::uint32_t>(exec, visible);
+    w.scan_scratch = make_scan_scratch(exec, std::max<std::int64_t>(visible, std::int64_t(w.seen_before.extent(0))));
     w.visible_capacity = visible;
   }
   std::size_t const values = static_cast<std::size_t>(w.visible_capacity) * static_cast<std::size_t>(w.values_a_splat);
@@ -41,9 +48,13 @@ void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWa
     w.tile_keys = {};
     w.tile_splats = {};
     w.tile_scratch = {};
+    w.block_masks = {};
     w.tile_keys = detail::allocate<Kokkos::View<std::uint32_t*, Mem>>("gsp::SplatWave::tile_keys", pairs);
     w.tile_splats = detail::allocate<Kokkos::View<int*, Mem>>("gsp::SplatWave::tile_splats", pairs);
     w.tile_scratch = make_sort_scratch<std::uint32_t>(exec, pairs);
+    if (is_device<Exec>)
+      w.block_masks = detail::allocate<typename Wave::template View<std::uint32_t**>>(
+          "gsp::SplatWave::block_masks", detail::mask_rows(pairs, std::int64_t(w.batch) * w.tiles()), 32);
     w.pair_capacity = pairs;
   }
 }
@@ -51,8 +62,10 @@ void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWa
 namespace detail {
 /// What make_frames makes for these options.
 struct FrameSizes {
-  int tiles_x, tiles_y, index_bits;
-  std::int64_t batch, visible, pairs;  // images, Gaussians and (Gaussian, tile) pairs of a wave
+  TileGrid grid;
+  std::int64_t batch, visible, pairs;      // images, Gaussians and (Gaussian, tile) pairs of a wave
+  std::int64_t words;                      // of 32 Gaussians
+  std::int64_t an_image, a_splat, a_pair;  // bytes
 };
 
 template <class Exec, class Mem>
@@ -63,21 +76,35 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
   expects(options.width <= 65536 && options.height <= 65536, "gsp::make_frames: width and height are at most 65536");
   expects(options.batch >= 0 && options.visible >= 0 && options.pairs >= 0 && options.values >= 0,
           "gsp::make_frames: batch, values and hints must not be negative");
+  std::int64_t constexpr most = (std::int64_t(1) << 31) - 2, wave_bytes = std::int64_t(7) << 28;
   FrameSizes s{};
-  s.tiles_x = (options.width + splat_tile - 1) / splat_tile;
-  s.tiles_y = (options.height + splat_tile - 1) / splat_tile;
-  s.index_bits = std::max(1, int(std::bit_width(static_cast<unsigned>(std::max(cloud.count, 1) - 1))));
-  double const vga = 307200. / (double(options.width) * options.height);
-  s.batch =
-      options.batch > 0 ? options.batch : std::int64_t(std::clamp((is_device<Exec> ? 32 : 2) * vga, 1., is_device<Exec> ? 512. : 64.));
-  s.batch = std::min<std::int64_t>({s.batch, options.images, (std::int64_t(1) << (32 - s.index_bits)) - 1,
-                                    ((std::int64_t(1) << 32) - 1) / (std::int64_t(s.tiles_x) * s.tiles_y)});
-  expects(s.batch > 0, "gsp::make_frames: images of this size with this many Gaussians do not fit into sort keys; make them smaller");
-  std::int64_t const clusters = static_cast<std::int64_t>(cloud.clusters.extent(0));
-  s.batch = std::max<std::int64_t>(1, std::min(s.batch, ((std::int64_t(1) << 31) - 2) / std::max<std::int64_t>(1, clusters)));
-  std::int64_t const visible = options.visible > 0 ? options.visible : std::min(cloud.count, cloud.count / 5 + 1024);
-  std::int64_t const pairs = options.pairs > 0 ? options.pairs : 7 * visible;
-  std::int64_t constexpr most = (std::int64_t(1) << 31) - 2;
+  s.grid = tile_grid<Exec>(options.width, options.height);
+  std::int64_t const tiles = std::int64_t(s.grid.columns()) * s.grid.rows(), clusters = std::int64_t(cloud.clusters.extent(0));
+  s.words = (cloud.count + 31) / 32;
+  s.an_image = sizeof(ImageView) + cloud.bodies * std::int64_t(sizeof(LinkView)) + clusters + 8 * s.words + 8 * tiles +
+               (is_device<Exec> ? 128 * tiles : 0);
+  s.a_splat = sizeof(Splat) + sizeof(SplatOrigin) + 4 * options.values + 2 * (4 + 4) + 8;  // keys and indices twice: sorting
+  s.a_pair = 2 * (4 + 4) + (is_device<Exec> ? 4 : 0);
+  // an eighth of a captured room is seen by a camera in it; a splat touches more tiles the larger the picture
+  double const pixels = double(options.width) * options.height;
+  std::int64_t const visible =
+      options.visible > 0 ? options.visible : std::min(cloud.count, cloud.count / (is_device<Exec> ? 8 : 5) + 1024);
+  std::int64_t const pairs = options.pairs > 0 ? options.pairs
+                             : is_device<Exec> ? static_cast<std::int64_t>(double(visible) * (1 + std::sqrt(pixels) / 300))
+                                               : 7 * visible;
+  if (options.batch > 0) {
+    s.batch = options.batch;
+  } else if (is_device<Exec>) {  // as many pixels as 128 of 640 x 480: fewer leave the GPU idle at the ends of kernels
+    s.batch = static_cast<std::int64_t>(std::clamp(128 * 307200. / pixels, 1., 512.));
+    s.batch = std::min(s.batch, std::max<std::int64_t>(1, wave_bytes / (s.an_image + visible * s.a_splat + pairs * s.a_pair)));
+  } else {
+    s.batch = static_cast<std::int64_t>(std::clamp(2 * 307200. / pixels, 1., 64.));
+  }
+  s.batch = std::min<std::int64_t>({s.batch, options.images, ((std::int64_t(1) << 32) - 1) / tiles,
+                                    most / std::max<std::int64_t>(1, clusters), most / std::max<std::int64_t>(1, s.words)});
+  // waves of one size: a short one at the end costs nearly as much as a full one
+  auto const parts = [](std::int64_t n, std::int64_t size) { return (n + size - 1) / size; };
+  if (options.batch == 0) s.batch = parts(options.images, parts(options.images, s.batch));
   s.visible = std::min(most, std::max<std::int64_t>(1, s.batch * visible));
   s.pairs = std::min(most, std::max<std::int64_t>(1, s.batch * pairs));
   return s;
@@ -89,12 +116,7 @@ std::int64_t bytes_needed(Exec const&, Gaussians<Mem> const& cloud, FrameOptions
   auto const s = detail::frame_sizes<Exec>(cloud, options);
   std::int64_t const channels = (options.rgb ? 3 : 0) + (options.depth ? 1 : 0) + (options.alpha ? 1 : 0);
   std::int64_t const pixels = std::int64_t(options.images) * options.width * options.height;
-  std::int64_t const clusters = static_cast<std::int64_t>(cloud.clusters.extent(0));
-  std::int64_t const an_image = sizeof(detail::ImageView) + cloud.bodies * std::int64_t(sizeof(detail::LinkView)) + 12 * clusters +
-                                8 * std::int64_t(s.tiles_x) * s.tiles_y;
-  std::int64_t const a_splat =
-      sizeof(Splat) + 4 * options.values + 4 + 2 * (8 + 4) + 8;  // its channels, tiles, key and index (twice: sorting), offset of its pairs
-  return 4 * channels * pixels + s.batch * an_image + s.visible * a_splat + s.pairs * 2 * (4 + 4);
+  return 4 * channels * pixels + s.batch * s.an_image + s.visible * s.a_splat + s.pairs * s.a_pair;
 }
 
 template <ExecutionSpace Exec, class Mem>
@@ -117,17 +139,16 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
 
   Wave& wave = f.wave;
   wave.values_a_splat = options.values;
-  wave.tiles_x = sizes.tiles_x;
-  wave.tiles_y = sizes.tiles_y;
-  wave.index_bits = sizes.index_bits;
+  wave.grid = sizes.grid;
+  wave.words = static_cast<int>(sizes.words);
   wave.batch = static_cast<int>(sizes.batch);
   std::int64_t const batch = sizes.batch;
-  std::int64_t const clusters = static_cast<std::int64_t>(cloud.clusters.extent(0));
   wave.image_views = detail::allocate<typename Wave::template View<detail::ImageView*>>("gsp::SplatWave::image_views", batch);
   wave.link_views = detail::allocate<typename Wave::template View<detail::LinkView**>>("gsp::SplatWave::link_views", batch, cloud.bodies);
-  wave.cluster_visible = detail::allocate<typename Wave::template View<int*>>("gsp::SplatWave::cluster_visible", batch * clusters);
-  wave.cluster_offset =
-      detail::allocate<typename Wave::template View<std::int64_t*>>("gsp::SplatWave::cluster_offset", batch * clusters + 1);
+  wave.cluster_seen =
+      detail::allocate<typename Wave::template View<bool**>>("gsp::SplatWave::cluster_seen", batch, cloud.clusters.extent(0));
+  wave.seen = detail::allocate<typename Wave::template View<std::uint32_t**>>("gsp::SplatWave::seen", batch, wave.words);
+  wave.seen_before = detail::allocate<typename Wave::template View<int*>>("gsp::SplatWave::seen_before", batch * wave.words + 1);
   wave.visible = detail::allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::visible");
   wave.pairs = detail::allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::pairs");
   wave.needed = detail::allocate_zero<typename Wave::template View<std::int64_t[3]>>(exec, "gsp::SplatWave::needed");

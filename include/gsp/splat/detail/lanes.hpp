@@ -64,6 +64,52 @@ KOKKOS_INLINE_FUNCTION Pack<float, W> narrow(Pack<double, W> const& x) {
   return r;
 }
 
+/// 1 / sqrt(x), sqrt(x) and 1 / x to 2 ulp or better: what a GPU has instructions for, where exact ones are functions of 10 to 50.
+KOKKOS_INLINE_FUNCTION float inverse_sqrt(float x) {
+#ifdef __CUDA_ARCH__
+  return rsqrtf(x);
+#else
+  return 1.f / Kokkos::sqrt(x);
+#endif
+}
+KOKKOS_INLINE_FUNCTION float near_sqrt(float x) {
+#ifdef __CUDA_ARCH__
+  float root;
+  asm("sqrt.approx.ftz.f32 %0, %1;" : "=f"(root) : "f"(x));
+  return root;
+#else
+  return Kokkos::sqrt(x);
+#endif
+}
+KOKKOS_INLINE_FUNCTION float reciprocal(float x) {
+#ifdef __CUDA_ARCH__
+  return __fdividef(1.f, x);
+#else
+  return 1.f / x;
+#endif
+}
+/// Of a number that float holds: two steps of Newton from float's reciprocal (1e-7) square its error twice.
+KOKKOS_INLINE_FUNCTION double reciprocal(double x) {
+#ifdef __CUDA_ARCH__
+  double const rough = double(__fdividef(1.f, static_cast<float>(x))), better = fma(rough, fma(-x, rough, 1.), rough);
+  return fma(better, fma(-x, better, 1.), better);
+#else
+  return 1. / x;
+#endif
+}
+template <class T, int W>
+KOKKOS_INLINE_FUNCTION Pack<T, W> reciprocal(Pack<T, W> const& x) {
+  return Pack<T, W>(T(1)) / x;
+}
+template <int W>
+KOKKOS_INLINE_FUNCTION Pack<float, W> inverse_sqrt(Pack<float, W> const& x) {
+  return Pack<float, W>(1.f) / sqrt(x);
+}
+template <int W>
+KOKKOS_INLINE_FUNCTION Pack<float, W> near_sqrt(Pack<float, W> const& x) {
+  return sqrt(x);
+}
+
 /// True if a lane of the mask is set.
 template <int W>
 KOKKOS_INLINE_FUNCTION bool any_lane(Mask<float, W> const& m) {

@@ -11,9 +11,9 @@ struct RasterizeRows {
   List channels;
   float alpha_max, stop;
 
-  static constexpr int W = native_width<float>, packs = splat_tile / W;
+  static constexpr int side = 16, W = native_width<float>, packs = side / W;
   using P = Pack<float, W>;
-  static_assert(splat_tile % W == 0);
+  static_assert(side % W == 0);
 
   struct Pixels {  // of one pack
     P numbers[List::size], T;
@@ -22,11 +22,11 @@ struct RasterizeRows {
 
   void operator()(int index) const {
     auto const& wave = frames.wave;
-    int const tiles = wave.tiles(), image = wave.first + index / tiles, tile = index % tiles;
+    int const tiles = wave.tiles(), columns_of_tiles = wave.grid.columns(), image = wave.first + index / tiles, tile = index % tiles;
     if (frames.status(image) != 0) return;
-    int const x0 = tile % wave.tiles_x * splat_tile, y0 = tile / wave.tiles_x * splat_tile;
-    Pixels pixels[splat_tile][packs];
-    int done[splat_tile] = {}, rows_done = 0, const_rows = frames.height - y0 < splat_tile ? frames.height - y0 : splat_tile;
+    int const x0 = tile % columns_of_tiles * side, y0 = tile / columns_of_tiles * side;
+    Pixels pixels[side][packs];
+    int done[side] = {}, rows_done = 0, const_rows = frames.height - y0 < side ? frames.height - y0 : side;
     P centre[packs];  // of the pixels, from the left edge of the tile
     constexpr float infinity = std::numeric_limits<float>::infinity();
     for (int k = 0; k < packs; ++k)
@@ -79,7 +79,7 @@ struct RasterizeRows {
       }
     }
 
-    int const columns = frames.width - x0 < splat_tile ? frames.width - x0 : splat_tile;
+    int const columns = frames.width - x0 < side ? frames.width - x0 : side;
     for (int row = 0; row < const_rows; ++row)
       for (int k = 0; k < packs; ++k) {
         Pixels& p = pixels[row][k];

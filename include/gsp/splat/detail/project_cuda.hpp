@@ -1,0 +1,64 @@
+#pragma once
+#include <gsp/parallel/detail/launch_cuda.hpp>
+#include <gsp/splat/detail/projector.hpp>
+
+namespace gsp::detail {
+
+/// The splats of a cluster, a Gaussian a thread: those that are seen take neighbouring places in the pool, which the block asks for once.
+template <class Mem, class List>
+struct ProjectClusters {
+  Projector<Mem> p;
+  int clusters;
+  List channels;
+
+  static constexpr int threads = Gaussians<Mem>::cluster_size, warps = threads / 32;
+  struct Places {
+    int of_warp[warps];
+    std::int64_t first;
+  };
+
+  __device__ void operator()(Places& places) const {
+    auto const& wave = p.wave;
+    int const image = int(blockIdx.x) / clusters, k = int(blockIdx.x) % clusters;
+    if (!wave.cluster_seen(image, k)) return;
+    GaussianCluster const& cluster = p.cloud.clusters(k);
+    LinkView const& link = wave.link_views(image, cluster.body);
+    int const warp = int(threadIdx.x) / 32, lane = int(threadIdx.x) % 32, i = cluster.begin + int(threadIdx.x);
+    SplatOf<float> s;
+    bool const seen = i < cluster.end && p.geometry(i, link, wave.image_views(image), s);
+    unsigned const word = __ballot_sync(0xffffffffu, seen);
+    if (lane == 0) places.of_warp[warp] = __popc(word);
+    __syncthreads();
+    if (threadIdx.x == 0) {
+      int sum = 0;
+      for (int& n : places.of_warp) {
+        int const own = n;
+        n = sum;
+        sum += own;
+      }
+      if (sum > 0)
+        places.first =
+            std::int64_t(atomicAdd(reinterpret_cast<unsigned long long*>(&wave.visible()), static_cast<unsigned long long>(sum)));
+    }
+    __syncthreads();
+    std::int64_t const to = places.first + places.of_warp[warp] + __popc(word & ((1u << lane) - 1u));
+    if (!seen || to >= wave.visible_capacity) return;
+    p.colour(i, link, s);
+    p.put(to, image, i, {s.u, s.v, s.l11, s.l21, s.l22, s.power, s.xe, s.ye, s.r, s.g, s.b, s.depth});
+    p.put_values(channels, to, image, cluster.body, i, link);
+  }
+};
+
+template <class Clusters>
+__global__ void __launch_bounds__(Clusters::threads) project_clusters_kernel(Clusters const __grid_constant__ clusters) {
+  __shared__ typename Clusters::Places places;
+  clusters(places);
+}
+template <class Clusters>
+void project_on_cuda(Kokkos::Cuda const& exec, int cells, Clusters const& clusters) {
+  if (cells == 0) return;
+  launch_on_cuda("gsp::splat::project", exec,
+                 [&](cudaStream_t stream) { project_clusters_kernel<<<unsigned(cells), Clusters::threads, 0, stream>>>(clusters); });
+}
+
+}  // namespace gsp::detail

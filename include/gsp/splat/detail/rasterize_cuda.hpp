@@ -1,0 +1,146 @@
+#pragma once
+#include <gsp/parallel/detail/launch_cuda.hpp>
+#include <gsp/splat/channels.hpp>
+#include <gsp/splat/detail/tile_masks_cuda.hpp>
+
+namespace gsp::detail {
+
+/// Pictures on a GPU: a warp blends 8 x 8 pixels by itself, two neighbours of a row a lane. It asks the masks of its tile (TileMasks) which
+/// splats touch the block, 1,024 at a time, fetches those 32 at a time into shared memory, and goes through them without a branch; the next
+/// 32 are on their way meanwhile. What bounds it is the instructions that are issued for each splat and block, so what depends on the block
+/// alone is paid when a splat is put down:
+///   l11 (x - u) + l21 (y - v) = l11 i + l21 j + across,  l22 (y - v) = l22 j + down,  for column i and row j of the block.
+template <class Mem, class List>
+struct RasterizeBlocks {
+  Frames<Mem> frames;
+  List channels;
+  float alpha_max, stop;
+
+  using Masks = TileMasks<Mem>;
+  static constexpr int side = Masks::side, warps = 4, threads = 32 * warps, blocks_of_tile = Masks::across * Masks::down, entries = 1024;
+  static constexpr unsigned all = 0xffffffffu;
+
+  struct alignas(16) Queued {
+    float across, down, l11, l21;
+    float l22, power;
+    int id;
+    int : 32;
+    Splat splat;
+  };
+  struct Queue {  // of a warp
+    Queued splats[32];
+    unsigned short touching[entries];  // places in the list, from where the 1,024 begin
+  };
+  struct Pixel {
+    float numbers[List::size] = {};
+    float left = 1;  // of the light; negative: the pixel is done
+  };
+
+  __device__ void operator()(Queue* queues) const {
+    auto const& wave = frames.wave;
+    int const warp = int(threadIdx.x) / 32, lane = int(threadIdx.x) % 32;
+    int const index = int(blockIdx.x) / (blocks_of_tile / warps), part = int(blockIdx.x) % (blocks_of_tile / warps);
+    int const tiles = wave.tiles(), image = wave.first + index / tiles, tile = index % tiles, columns = wave.grid.columns();
+    // four warps side by side, two and two
+    int const across = part % (Masks::across / 2) * 2 + warp % 2, down = part / (Masks::across / 2) * 2 + warp / 2;
+    int const x0 = (tile % columns * Masks::across + across) * side, y0 = (tile / columns * Masks::down + down) * side;
+    if (x0 >= frames.width || y0 >= frames.height || frames.status(image) != 0) return;
+    Queue& queue = queues[warp];
+    int const column = lane % 4 * 2, row = lane / 4, x = x0 + column, y = y0 + row;
+    float const i = float(column), j = float(row);
+    Pixel first, second;
+    if (x >= frames.width || y >= frames.height) first.left = -1;
+    if (x + 1 >= frames.width || y >= frames.height) second.left = -1;
+
+    int const begin = int(wave.tile_begin(index)), end = int(wave.tile_begin(index + 1));  // shorter than 2^31 (reserve)
+    std::uint32_t const* const masks = &wave.block_masks(begin / 32 + index, down * Masks::across + across);
+    for (int group = begin; group < end; group += entries) {
+      int const found = find(queue, masks + (group - begin + 32 * lane), group + 32 * lane < end, lane);
+      // ids are fetched two rounds ahead, splats one
+      auto const id_at = [&](int at) { return wave.tile_splats(group + queue.touching[at < found ? at : found - 1]); };
+      if (found == 0) continue;
+      int id = id_at(lane), next_id = id_at(32 + lane);
+      Splat next = wave.splats(id);
+      for (int base = 0; base < found; base += 32) {
+        put(queue.splats[lane], next, id, float(x0) + 0.5f, float(y0) + 0.5f);
+        id = next_id;
+        next = wave.splats(id);
+        next_id = id_at(base + 64 + lane);
+        __syncwarp();
+        Queued const* at = queue.splats;
+        Queued const* const behind = at + (found - base < 32 ? found - base : 32);
+#pragma unroll 2
+        for (; at != behind; ++at) {
+          float const wy = fmaf(at->l22, j, at->down), most = fmaf(-wy, wy, at->power), wx = fmaf(at->l11, i, fmaf(at->l21, j, at->across)),
+                      right = wx + at->l11;
+          float const* const values = List::stored > 0 ? wave.values.data() + std::int64_t(at->id) * List::stored : nullptr;
+          blend(first, fmaf(-wx, wx, most), at->splat, values);
+          blend(second, fmaf(-right, right, most), at->splat, values);
+        }
+        if (__all_sync(all, first.left < 0 && second.left < 0)) break;
+        __syncwarp();
+      }
+      if (__all_sync(all, first.left < 0 && second.left < 0)) break;
+    }
+    store(first, image, x, y);
+    store(second, image, x + 1, y);
+  }
+
+ private:
+  /// Lists which of the next 1,024 splats touch the block: 32 of them a lane, whose word stands at `mask`. Returns how many.
+  __device__ static int find(Queue& queue, std::uint32_t const* mask, bool there, int lane) {
+    unsigned word = there ? *mask : 0;
+    int const own = __popc(word);
+    int upto = own;
+    for (int step = 1; step < 32; step *= 2) {
+      int const other = __shfl_up_sync(all, upto, step);
+      if (lane >= step) upto += other;
+    }
+    __syncwarp();
+    for (int to = upto - own; word != 0; word &= word - 1)
+      queue.touching[to++] = static_cast<unsigned short>(32 * lane + __ffs(int(word)) - 1);
+    __syncwarp();
+    return __shfl_sync(all, upto, 31);
+  }
+  __device__ static void put(Queued& to, Splat const& s, int id, float x, float y) {
+    float const du = s.u - x, dv = s.v - y;
+    to.across = -fmaf(s.l11, du, s.l21 * dv);
+    to.down = -(s.l22 * dv);
+    to.l11 = s.l11;
+    to.l21 = s.l21;
+    to.l22 = s.l22;
+    to.power = s.power;
+    to.id = id;
+    to.splat = s;
+  }
+  __device__ void blend(Pixel& pixel, float exponent, Splat const& s, float const* values) const {
+    float power;
+    asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(power) : "f"(exponent));
+    float const alpha = fminf(power, alpha_max), before = pixel.left, left = fmaf(-alpha, before, before);
+    bool const counts = exponent >= -splat_log2_255, adds = counts && left > stop;
+    Blend<float> const b{adds ? alpha * before : 0.f, fabsf(before), adds ? left : fabsf(before)};
+    channels.blend(pixel.numbers, s, values, b);
+    pixel.left = adds ? left : counts ? -fabsf(before) : before;
+  }
+  __device__ void store(Pixel& pixel, int image, int x, int y) const {
+    if (x >= frames.width || y >= frames.height) return;
+    channels.finish(pixel.numbers, 1.f - fabsf(pixel.left));
+    channels.store(image, y, x, pixel.numbers);
+  }
+};
+
+template <class Blocks>
+__global__ void __launch_bounds__(Blocks::threads) rasterize_blocks_kernel(Blocks const __grid_constant__ blocks) {
+  __shared__ typename Blocks::Queue queues[Blocks::warps];
+  blocks(queues);
+}
+template <class Mem, class List>
+void rasterize_on_cuda(Kokkos::Cuda const& exec, RasterizeBlocks<Mem, List> const& blocks) {
+  using Blocks = RasterizeBlocks<Mem, List>;
+  auto const& wave = blocks.frames.wave;
+  unsigned const grid = unsigned(wave.images * wave.tiles()) * (Blocks::blocks_of_tile / Blocks::warps);
+  launch_on_cuda("gsp::splat::rasterize", exec,
+                 [&](cudaStream_t stream) { rasterize_blocks_kernel<<<grid, Blocks::threads, 0, stream>>>(blocks); });
+}
+
+}  // namespace gsp::detail
