@@ -91,6 +91,8 @@ int gpu_count() {
   return count;
 }
 
+int cpu_threads() { return Kokkos::DefaultHostExecutionSpace().concurrency(); }
+
 std::string device_name(Device device, int threads) {
 #ifdef KOKKOS_ENABLE_CUDA
   if (device == Device::cuda) return Kokkos::Cuda().cuda_device_prop().name;

@@ -10,6 +10,7 @@
 #include <gsp/model/keyframe.hpp>
 #include <gsp/runtime/session.hpp>
 #include <gsp/runtime/stepper.hpp>
+#include <gsp/sensor/cameras.hpp>
 #include <gsp/sensor/read_sensors.hpp>
 #include <gsp/solver/residual.hpp>
 #include <gsp/step/bytes_needed.hpp>
@@ -178,7 +179,7 @@ class KokkosStepper : public Stepper {
         model_(make_runtime_model<R>(exec_, m, o)),
         state_(make_state(exec_, model_, {.worlds = o.worlds})),
         simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
-        compiled_(m.sensors.empty() && m.keyframes.empty() ? CompiledModel{} : m),  // for these alone: with its meshes it may be large
+        compiled_(m),
         per_world_(o.per_world),
         joint_of_dof_(m.dof_jnt),
         joint_qpos_(m.jnt_qposadr),
@@ -496,6 +497,7 @@ class KokkosStepper : public Stepper {
   }
   ContactArrays contacts() override {
     if (kept_contacts_) return *kept_contacts_;
+    if (!has_stepped_) return no_contacts();
     ContactArrays const found = contacts_of_step();
     exec_.fence("gsp::runtime::Stepper::contacts: the forces are there");
     return found;
@@ -510,6 +512,21 @@ class KokkosStepper : public Stepper {
     stale_ = true;
     return array_of<Exec>(sensordata_);
   }
+  CameraArrays cameras(std::vector<CameraSpec> const& specs, int width, int height) override {
+    bool const same = mounts_ && mounts_->width == width && mounts_->height == height && specs == camera_specs_;
+    if (!same) {
+      std::vector<CameraMount> mounts;
+      for (CameraSpec const& s : specs)
+        mounts.push_back({.camera = s.camera, .body = s.body, .pos = s.pos, .quat = s.quat, .fovy = s.fovy});
+      mounts_ = make_camera_mounts(exec_, model_, compiled_, mounts, {.worlds = state_.worlds, .width = width, .height = height});
+      cameras_ = make_cameras(exec_, mounts_->images());
+      camera_specs_ = specs;
+    }
+    static_cast<void>(poses());
+    cameras_of(exec_, model_, simulation_.poses, *mounts_, cameras_);
+    exec_.fence("gsp::runtime::Stepper::cameras: they are there");
+    return {array_of<Exec>(cameras_.viewmats), array_of<Exec>(cameras_.Ks), array_of<Exec>(cameras_.world)};
+  }
   std::vector<std::string> sensors_left_out() override {
     if (compiled_.sensors.empty()) return {};
     make_sensors_once();
@@ -517,6 +534,14 @@ class KokkosStepper : public Stepper {
   }
 
  private:
+  ContactArrays no_contacts() const {
+    auto const none = [](Dtype dtype, std::int64_t components) {
+      return components == 1 ? make_array(nullptr, dtype, device_of<Exec>(), {0})
+                             : make_array(nullptr, dtype, device_of<Exec>(), {0, components});
+    };
+    Dtype const real = dtype_of<R>(), whole = Dtype::int32;
+    return {none(whole, 1), none(whole, 1), none(whole, 1), none(real, 1), none(real, 3), none(real, 9), none(real, 6)};
+  }
   ContactArrays contacts_of_step() {
     auto const& c = simulation_.contacts;
     std::int64_t const count = c.demand(exec_).contacts;
@@ -696,6 +721,9 @@ class KokkosStepper : public Stepper {
   Simulation<R, Mem> simulation_;
   std::optional<Snapshot<R, Mem>> snapshot_, before_sensors_;
   CompiledModel compiled_;
+  std::vector<CameraSpec> camera_specs_;
+  std::optional<CameraMounts<R, Mem>> mounts_;
+  Cameras<Mem> cameras_;
   std::optional<Sensors<R, Mem>> sensors_;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> sensordata_;
   PgsOptions solver_;     // profile stable

@@ -41,7 +41,7 @@ from ._gsp import (
     wait_for_stream,
     world_fields,
 )
-from ._gsp import _end, _write_png  # type: ignore[attr-defined]
+from ._gsp import _depth_to_rgb, _end, _write_png  # type: ignore[attr-defined]
 
 __version__ = "0.1.0"
 __all__ = [
@@ -56,6 +56,7 @@ __all__ = [
     "Scene",
     "StepCounts",
     "Task",
+    "depth_to_rgb",
     "forward",
     "let_stream_wait",
     "look_at",
@@ -78,6 +79,10 @@ def __getattr__(name: str) -> Any:
 
         return Task
     raise AttributeError(f"module 'gsp' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted(set(globals()) | set(__all__))
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> NDArray[np.float32]:
@@ -115,8 +120,20 @@ def pinhole(width: int, height: int, fovy: float) -> NDArray[np.float32]:
     return np.array([[f, 0, 0.5 * width], [0, f, 0.5 * height], [0, 0, 1]], dtype=np.float32)
 
 
+def depth_to_rgb(depth: ArrayLike, near: float = 0.0, far: float = 0.0) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 of a depth picture (H, W) [m]: near red, far blue, black where nothing is. near, far: of the colours; equal: of the
+    picture."""
+    import numpy as np
+
+    depth = np.ascontiguousarray(depth, dtype=np.float32)
+    if depth.ndim != 2 or depth.size == 0:
+        raise Error(f"gsp.depth_to_rgb: the depth has shape {depth.shape} and must have (height, width): give one picture")
+    height, width = depth.shape
+    return np.frombuffer(_depth_to_rgb(depth.tobytes(), width, height, near, far), dtype=np.uint8).reshape(height, width, 3)
+
+
 def write_png(path: str | os.PathLike[str], image: ArrayLike) -> None:
-    """Writes a picture, (H, W), (H, W, 1), (H, W, 3) or (H, W, 4): numbers of 0 to 1, or uint8. All or nothing."""
+    """Writes a picture, (H, W), (H, W, 1), (H, W, 3) or (H, W, 4): numbers of 0 to 1, NaN black, or uint8. All or nothing."""
     import os
 
     import numpy as np
@@ -126,6 +143,8 @@ def write_png(path: str | os.PathLike[str], image: ArrayLike) -> None:
         image = image[..., None]
     if image.ndim != 3 or image.shape[2] not in (1, 3, 4) or image.size == 0:
         raise Error(f"gsp.write_png: the picture has shape {image.shape} and must have (height, width) or (height, width, 1, 3 or 4)")
+    if image.dtype.kind not in "fb" and image.dtype != np.uint8:
+        raise Error(f"gsp.write_png: the picture holds {image.dtype} and must hold real numbers of 0 to 1, or uint8 of 0 to 255")
     if image.dtype != np.uint8:
         image = image.astype(np.float32)
     _write_png(os.fspath(path), np.ascontiguousarray(image).tobytes(), image.shape[1], image.shape[0], image.shape[2])

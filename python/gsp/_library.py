@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.machinery
 import importlib.util
+import os
 import pathlib
 import sys
 
@@ -52,6 +53,9 @@ def choose(package: pathlib.Path, flags: set[str], gpu: pathlib.Path | None = No
 
 
 def load() -> None:
+    # Threads that have nothing to do sleep, as in the program gsp: on a machine that others use too they spin the time of all away.
+    # OpenMP reads it once, when the module brings it in.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     found = importlib.util.find_spec("gsp_cuda13")
     gpu = pathlib.Path(found.submodule_search_locations[0]) if found and found.submodule_search_locations else None
     path = choose(pathlib.Path(__file__).parent, cpu_flags(), gpu if gpu and gpu_answers() else None)

@@ -4,8 +4,8 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
+#include <pthread.h>
 
-#include <atomic>
 #include <gsp/core/check.hpp>
 
 namespace gsp::python {
@@ -159,11 +159,23 @@ NumpyArray as_numpy(nb::handle self) {
 
 /// Never destroyed: at the end of the process Kokkos' own statics may be gone.
 std::shared_ptr<runtime::Session>& the_session = *new std::shared_ptr<runtime::Session>;
+bool forked = false;
 
 }  // namespace
 
+void expect_threads() {
+  if (forked)
+    throw gsp::Error(
+        "this process was forked after the library had started its threads, which stayed behind: start processes by 'spawn' "
+        "(multiprocessing.get_context('spawn'), AsyncVectorEnv(..., context='spawn')), or before the first gsp.Data");
+}
 std::shared_ptr<runtime::Session> session() {
-  if (!the_session) the_session = std::make_shared<runtime::Session>();
+  expect_threads();
+  if (!the_session) {
+    the_session = std::make_shared<runtime::Session>();
+    static bool const told = pthread_atfork(nullptr, nullptr, [] { forked = the_session != nullptr && runtime::cpu_threads() > 1; }) == 0;
+    static_cast<void>(told);
+  }
   return the_session;
 }
 
@@ -204,7 +216,12 @@ runtime::Array taken(nb::handle object, char const* what, std::initializer_list<
   // What lies on a GPU says so by CUDA's array interface; all else NumPy sees where it is, or makes an array of (lists, numbers).
   bool const on_gpu = nb::hasattr(object, "__cuda_array_interface__");
   nb::object given = on_gpu ? nb::borrow(object) : nb::module_::import_("numpy").attr("asarray")(object);
-  if (!on_gpu && nb::cast<std::string>(given.attr("dtype").attr("kind")) == "b") given = given.attr("astype")("int32");
+  if (!on_gpu) {  // numbers of other widths become those of 32 or 64 bits that hold them
+    auto const kind = nb::cast<std::string>(given.attr("dtype").attr("kind"));
+    int const bytes = nb::cast<int>(given.attr("dtype").attr("itemsize"));
+    if (kind == "b" || ((kind == "i" || kind == "u") && bytes < 4)) given = given.attr("astype")("int32");
+    if (kind == "f" && bytes < 4) given = given.attr("astype")("float32");
+  }
   nb::dict const interface = given.attr(on_gpu ? "__cuda_array_interface__" : "__array_interface__");
   keeps = given;
   runtime::Array a;
@@ -217,7 +234,7 @@ runtime::Array taken(nb::handle object, char const* what, std::initializer_list<
   }
   if (!known)
     throw gsp::Error(std::string(what) + " holds " + (on_gpu ? type : nb::cast<std::string>(given.attr("dtype").attr("name"))) +
-                     ": give float32, float64, int32 or int64");
+                     ": give real numbers of 64 bits or less");
   auto const shape = nb::cast<std::vector<std::int64_t>>(interface["shape"]);
   bool same = shape.size() == extents.size();
   for (std::size_t k = 0; same && k < shape.size(); ++k) same = extents.begin()[k] < 0 || shape[k] == extents.begin()[k];
@@ -243,6 +260,9 @@ runtime::Array taken(nb::handle object, char const* what, std::initializer_list<
 }
 
 namespace {
+/// What NumPy's operators take of the other side, and what they give: also NotImplemented.
+nb::object numpys(nb::handle other) { return nb::isinstance<Array>(other) ? nb::object(as_numpy(other)) : nb::borrow(other); }
+NumpyArray of_numpy(nb::object const& result) { return nb::borrow<NumpyArray>(result); }
 /// Number of a stream of CUDA's: of torch's, cupy's, or itself.
 std::uintptr_t stream_of(nb::handle stream) {
   for (char const* const name : {"cuda_stream", "ptr"})
@@ -255,15 +275,17 @@ Device gpu() { return the_session && runtime::has_cuda() ? Device::cuda : Device
 }  // namespace
 
 void bind_array(nb::module_& m) {
-  nb::class_<Array>(
-      m, "Array",
-      "Numbers that the library works on, where they lie: no copy is made. NumPy, torch, jax and cupy read and write them through\n"
-      "`numpy.asarray(a)`, `torch.from_dlpack(a)` and their like, and keep the memory for as long as they need it.\n"
-      "`a[...]` and `a[...] = x` are NumPy's, of arrays on the CPU.")
-      .def_prop_ro("shape", [](Array const& a) { return shape_of(a.array); })
+  nb::class_<Array> c(m, "Array",
+                      "Numbers that the library works on, where they lie: no copy is made. NumPy, torch, jax and cupy read and write them "
+                      "through\n"
+                      "`numpy.asarray(a)`, `torch.from_dlpack(a)` and their like, and keep the memory for as long as they need it.\n"
+                      "`a[...]`, `a[...] = x`, operators and sums are NumPy's, of arrays on the CPU.");
+  c.def_prop_ro("shape", [](Array const& a) { return shape_of(a.array); })
       .def_prop_ro("ndim", [](Array const& a) { return a.array.rank; })
       .def_prop_ro(
-          "dtype", [](Array const& a) { return name_of(a.array.dtype); }, "'float32', 'float64', 'int32', 'int64' or 'uint32'")
+          "dtype",
+          [](Array const& a) { return nb::borrow<NumpyDtype>(nb::module_::import_("numpy").attr("dtype")(name_of(a.array.dtype))); },
+          "float32, float64, int32, int64 or uint32, as NumPy's")
       .def_prop_ro("device", [](Array const& a) { return a.array.device == Device::cuda ? "cuda:0" : "cpu"; })
       .def_prop_ro("read_only", [](Array const& a) { return a.array.read_only; })
       .def_prop_ro(
@@ -303,6 +325,30 @@ void bind_array(nb::module_& m) {
         runtime::wait(Device::cuda);  // it names no stream
         return interface_of(a);
       });
+  for (char const* const name : {"__eq__", "__ne__", "__lt__", "__le__", "__gt__", "__ge__"})
+    c.def(name, [name](nb::handle self, Anything const& other) { return of_numpy(as_numpy(self).attr(name)(numpys(other))); });
+  for (char const* const name :
+       {"__add__", "__radd__", "__sub__",      "__rsub__",      "__mul__", "__rmul__", "__truediv__", "__rtruediv__",
+        "__mod__", "__rmod__", "__floordiv__", "__rfloordiv__", "__pow__", "__rpow__", "__matmul__",  "__rmatmul__",
+        "__and__", "__rand__", "__or__",       "__ror__",       "__xor__", "__rxor__"})
+    c.def(name, [name](nb::handle self, Anything const& other) { return of_numpy(as_numpy(self).attr(name)(numpys(other))); });
+  for (char const* const name : {"__iadd__", "__isub__", "__imul__", "__itruediv__", "__imod__", "__ifloordiv__", "__iand__", "__ior__"})
+    c.def(name, [name](nb::handle self, Anything const& other) {  // in place: the memory stays whose it is
+      static_cast<void>(as_numpy(self).attr(name)(numpys(other)));
+      return nb::borrow<Anything>(self);
+    });
+  for (char const* const name : {"__neg__", "__pos__", "__abs__", "__invert__"})
+    c.def(name, [name](nb::handle self) { return of_numpy(as_numpy(self).attr(name)()); });
+  for (char const* const name : {"__bool__", "__int__", "__float__", "__index__"})  // of one number; else NumPy says what it misses
+    c.def(name, [name](nb::handle self) { return nb::borrow<Anything>(as_numpy(self).attr(name)()); });
+  for (char const* const name :
+       {"sum", "mean", "std", "min", "max", "any", "all", "argmin", "argmax", "reshape", "astype", "tolist", "item"})
+    c.def(name, [name](nb::handle self, nb::args const& a, nb::kwargs const& k) {
+      return nb::borrow<Anything>(as_numpy(self).attr(name)(*a, **k));
+    });
+  c.def_prop_ro("T", [](nb::handle self) { return of_numpy(as_numpy(self).attr("T")); });
+  c.def_prop_ro("size", [](Array const& a) { return a.array.size(); });
+  c.attr("__hash__") = nb::none();
   m.def(
       "wait_for_stream", [](Anything const& stream) { runtime::wait_for_stream(gpu(), stream_of(stream)); }, nb::arg("stream"),
       "What the library does on the GPU from now on comes after what is on this stream by now: torch's, cupy's, or its number. The host "

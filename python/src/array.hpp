@@ -16,8 +16,9 @@ constexpr bool any_object(PyObject*) { return true; }  // it is looked at where 
   class Type : public nb::object {        \
     NB_OBJECT(Type, nb::object, text, is) \
   }
-GSP_PYTHON_TYPE(ArrayLike, "ArrayLike", any_object);             // what numpy.asarray takes
-GSP_PYTHON_TYPE(NumpyArray, "NDArray[typing.Any]", any_object);  // numpy.ndarray
+GSP_PYTHON_TYPE(ArrayLike, "ArrayLike", any_object);                 // what numpy.asarray takes
+GSP_PYTHON_TYPE(NumpyArray, "NDArray[typing.Any]", any_object);      // numpy.ndarray
+GSP_PYTHON_TYPE(NumpyDtype, "numpy.dtype[typing.Any]", any_object);  // numpy.dtype
 GSP_PYTHON_TYPE(NumpyArrays, "dict[str, NDArray[typing.Any]]", PyDict_Check);
 GSP_PYTHON_TYPE(Words, "dict[str, typing.Any]", PyDict_Check);
 GSP_PYTHON_TYPE(Shape, "tuple[int, ...]", PyTuple_Check);
@@ -29,6 +30,9 @@ GSP_PYTHON_TYPE(Anything, "typing.Any", any_object);
 std::shared_ptr<runtime::Session> session();
 /// "cpu", "cuda", "cuda:0". Errors: gsp::Error for another, and where there is no GPU or the library was built without CUDA.
 runtime::Device device_of(std::string const& name);
+
+/// Error where this process was forked from one in which the library had started threads: they stayed behind, and it would wait for them.
+void expect_threads();
 
 /// Memory of the library as Python has it: the array, and what keeps it.
 struct Array {

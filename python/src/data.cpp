@@ -3,6 +3,7 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
@@ -12,6 +13,14 @@
 #include "array.hpp"
 
 namespace gsp::python {
+
+runtime::Stepper& stepper_of(Data const& data) {
+  expect_threads();
+  if (*data.busy) throw Error("another thread of Python steps or draws these data: wait for it, or give each thread a gsp.Data of its own");
+  return *data.stepper;
+}
+Use::Use(Data const& data) : stepper_(stepper_of(data)), busy_(*data.busy) { busy_ = true; }
+
 namespace {
 
 /// What keeps a stepper's arrays: the stepper, and behind it Kokkos.
@@ -35,6 +44,8 @@ Array copied(Data const& d, runtime::Array const& a) {
 Data* make_data(Model const& model, int worlds, std::string const& device, std::string const& profile, std::string const& precision,
                 double timestep, int iterations, std::optional<double> tolerance, int threads, std::vector<std::string> const& per_world) {
   if (worlds < 1) throw Error("gsp.Data: worlds must be positive and is " + std::to_string(worlds));
+  if (threads < 0 || iterations < 0)
+    throw Error("gsp.Data: threads and iterations are 0 (the library's own) or more, not " + std::to_string(std::min(threads, iterations)));
   if (profile != "stable" && profile != "mujoco")
     throw Error("gsp.Data: profile '" + profile + "' is not known: give 'stable' or 'mujoco'");
   if (precision != "float32" && precision != "float64")
@@ -57,6 +68,34 @@ Data* make_data(Model const& model, int worlds, std::string const& device, std::
   return d;
 }
 
+/// A camera as Python says it: a name, or a dict of what CameraSpec has, fovy in degrees.
+runtime::CameraSpec spec_of(nb::handle mount) {
+  if (nb::isinstance<nb::str>(mount)) return {.camera = nb::cast<std::string>(mount)};
+  if (!nb::isinstance<nb::dict>(mount))
+    throw Error("gsp.Data.cameras: a mount is the name of a camera of the model, or dict(body=..., pos=..., quat=..., fovy=...)");
+  runtime::CameraSpec spec;
+  for (auto const& [key, value] : nb::borrow<nb::dict>(mount)) {
+    std::string const name = nb::cast<std::string>(key);
+    if (name == "body")
+      spec.body = nb::cast<std::string>(value);
+    else if (name == "pos")
+      spec.pos = nb::cast<std::array<double, 3>>(nb::list(value));
+    else if (name == "quat")
+      spec.quat = nb::cast<std::array<double, 4>>(nb::list(value));
+    else if (name == "fovy")
+      spec.fovy = nb::cast<double>(value) * 0.017453292519943295;
+    else
+      throw Error("gsp.Data.cameras: a mount has body, pos, quat and fovy, and no '" + name + "'");
+  }
+  if (spec.body.empty()) throw Error("gsp.Data.cameras: a mount has no body: say which, 'world' for what does not move");
+  return spec;
+}
+
+void expect_model(Model const& model, Data const& d, char const* call) {
+  if (model.compiled != d.model.compiled)
+    throw Error(std::string(call) + ": the data are of another model: give the one that they were made of, data.model");
+}
+
 /// Steps in parts, between which Ctrl-C is heard.
 void step(Data const& d, int n) {
   if (n < 0) throw Error("gsp.step: n must be 0 or more and is " + std::to_string(n));
@@ -65,10 +104,7 @@ void step(Data const& d, int n) {
   while (n > 0) {
     int const now = std::min(part, n);
     auto const begin = Clock::now();
-    {
-      nb::gil_scoped_release const others_run;
-      d.stepper->step({.steps = now});
-    }
+    Use(d)->step({.steps = now});
     n -= now;
     double const seconds = std::chrono::duration<double>(Clock::now() - begin).count();
     if (seconds < 0.05) part *= 2;
@@ -77,10 +113,15 @@ void step(Data const& d, int n) {
   }
 }
 
-/// What Python gave, as something with a shape: NumPy's array of float64 where it has none.
+/// What Python gave, as something with a shape: as it is, and NumPy's array of float64 where it has none, or holds whole numbers.
 nb::object shaped(nb::handle value) {
   nb::object given = nb::borrow(value);
-  return nb::hasattr(given, "ndim") ? given : nb::module_::import_("numpy").attr("asarray")(given, nb::arg("dtype") = "float64");
+  if (nb::isinstance<Array>(given) || nb::hasattr(given, "__cuda_array_interface__")) return given;
+  nb::object const numpy = nb::module_::import_("numpy");
+  if (!nb::hasattr(given, "ndim")) return numpy.attr("asarray")(given, nb::arg("dtype") = "float64");
+  given = numpy.attr("asarray")(given);
+  std::string const kind = nb::cast<std::string>(given.attr("dtype").attr("kind"));
+  return kind == "i" || kind == "u" || kind == "b" ? nb::object(given.attr("astype")("float64")) : given;
 }
 int rank_of(nb::object const& given) { return nb::cast<int>(given.attr("ndim")); }
 /// The same, of one row for all worlds.
@@ -96,6 +137,9 @@ runtime::Array mask_of(Data const& d, nb::handle mask, std::string const& where,
     whole = nb::module_::import_("numpy").attr("asarray")(mask);
     std::string const kind = nb::cast<std::string>(whole.attr("dtype").attr("kind"));
     if (kind != "b" && kind != "i" && kind != "u") throw Error(where + ": the mask must hold bool or whole numbers, one for each world");
+    nb::object const other = whole.attr("astype")("bool").attr("__ne__")(whole);  // a number that is neither 0 nor 1
+    if (PyObject_IsTrue(other.attr("any")().ptr()) == 1)
+      throw Error(where + ": the mask holds other numbers than 0 and 1: it says yes or no of each world, and names none by its number");
     whole = whole.attr("astype")("int32", nb::arg("copy") = false);
   }
   runtime::Array const given = taken(whole, (where + ": mask").c_str(), {d.worlds}, keeps);
@@ -123,8 +167,7 @@ void reset(Data const& d, nb::handle mask, nb::handle keyframe) {
         throw Error("gsp.reset: keyframe " + std::to_string(key) + " is asked for, and the model has " + std::to_string(keys.size()));
     }
   }
-  nb::gil_scoped_release const others_run;
-  d.stepper->reset(given, key);
+  Use(d)->reset(given, key);
 }
 
 void set(Data const& d, std::string const& field, nb::handle values, nb::handle mask, bool scale_inertia) {
@@ -137,8 +180,7 @@ void set(Data const& d, std::string const& field, nb::handle values, nb::handle 
   runtime::Array const from =
       rank == 2 ? taken(given, field.c_str(), {-1, -1}, keeps_values) : taken(given, field.c_str(), {-1, -1, -1}, keeps_values);
   runtime::Array const worlds = mask_of(d, mask, "gsp.Data.set", keeps_mask);
-  nb::gil_scoped_release const others_run;
-  d.stepper->set_world_values(field, from, worlds, scale_inertia);
+  Use(d)->set_world_values(field, from, worlds, scale_inertia);
 }
 
 /// Numbers of Python's into an array of the state.
@@ -161,7 +203,7 @@ void assign(runtime::Array const& to, char const* what, nb::handle value) {
     from.strides[0] = 0;
     ++from.rank;
   }
-  runtime::copy(from, to);
+  if (from.data != to.data) runtime::copy(from, to);  // data.qvel += x has written already
 }
 
 }  // namespace
@@ -214,7 +256,7 @@ void bind_data(nb::module_& m) {
         name, [member](Data const& d) { return held(d, d.stepper->state().*member); },
         [member, name](Data const& d, ArrayLike const& value) {
           assign(d.stepper->state().*member, name, value);
-          d.stepper->forward();
+          stepper_of(d).forward();
         },
         nb::for_getter(what));
   };
@@ -228,7 +270,10 @@ void bind_data(nb::module_& m) {
         if (from.extents[0] != 1 && from.extents[0] != d.worlds)
           throw Error("qpos has " + std::to_string(from.extents[0]) + " rows and must have one, or one for each of the " +
                       std::to_string(d.worlds) + " worlds");
-        d.stepper->set(from, {}, {});
+        if (from.data == to.data)
+          stepper_of(d).forward();  // data.qpos += x has written already
+        else
+          stepper_of(d).set(from, {}, {});
       },
       nb::for_getter(
           "(worlds, nq) positions; quaternions w x y z. `data.qpos = x` takes float64 to its last digit (qpos_low); whoever writes\n"
@@ -247,7 +292,7 @@ void bind_data(nb::module_& m) {
       "(worlds) uint32, 0: all is well. A world that stopped stays as it was: gsp.status_text says why, gsp.reset starts it again.");
   auto const of_poses = [&](char const* name, runtime::Array runtime::PoseArrays::*member, char const* what) {
     c.def_prop_ro(
-        name, [member](Data const& d) { return held(d, d.stepper->poses().*member); }, what);
+        name, [member](Data const& d) { return held(d, stepper_of(d).poses().*member); }, what);
   };
   using P = runtime::PoseArrays;
   of_poses("xpos", &P::xpos, "(worlds, nbody, 3) where bodies are [m]; brought up to date when it is asked for.");
@@ -258,21 +303,33 @@ void bind_data(nb::module_& m) {
       "qfrc_constraint", [](Data const& d) { return held(d, d.stepper->qfrc_constraint()); },
       "(worlds, nv) what all constraints did in the last step [N, N m].");
   c.def_prop_ro(
-      "sensordata", [](Data const& d) { return held(d, d.stepper->sensors()); },
+      "sensordata", [](Data const& d) { return held(d, stepper_of(d).sensors()); },
       "(worlds, nsensordata) in MuJoCo's layout, of the state as it is, evaluated when it is asked for. NaN where nobody evaluates a\n"
       "sensor: data.sensors_left_out says which.");
-  c.def_prop_ro("sensors_left_out", [](Data const& d) { return d.stepper->sensors_left_out(); });
+  c.def_prop_ro("sensors_left_out", [](Data const& d) { return stepper_of(d).sensors_left_out(); });
   c.def_prop_ro(
       "contacts",
       [](Data const& d) {
-        auto const a = d.stepper->contacts();
+        auto const a = stepper_of(d).contacts();
         return Contacts{copied(d, a.world), copied(d, a.geom1), copied(d, a.geom2), copied(d, a.dist),
                         copied(d, a.pos),   copied(d, a.frame), copied(d, a.force)};
       },
-      "Of the last step.");
+      "Of the last step, at its start; none before the first step, and after `restore`. Worlds that were reset since have those of "
+      "before.");
+  c.def_prop_ro(
+      "time",
+      [](Data const& d) { return nb::borrow<NumpyArray>(numpy_copy(d.stepper->state().steps) * nb::float_(d.stepper->timestep())); },
+      "(worlds) [s], steps * timestep; NumPy's own.");
   c.def(
-      "values", [](Data const& d, std::string const& field) { return copied(d, d.stepper->world_values(field)); }, nb::arg("field"),
-      "(worlds, items, components) a copy of the values of a field of per_world. Friction and softness of geoms that touch nothing: NaN.");
+      "values",
+      [](Data const& d, std::string const& field) {
+        Array a = copied(d, stepper_of(d).world_values(field));
+        a.array.read_only = true;  // `set` changes them
+        return a;
+      },
+      nb::arg("field"),
+      "(worlds, items, components) a copy, for reading, of the values of a field of per_world. Friction and softness of geoms that touch "
+      "nothing: NaN.");
   c.def(
       "set",
       [](Data const& d, std::string const& field, ArrayLike const& values, ArrayLike const& mask, bool scale_inertia) {
@@ -285,7 +342,7 @@ void bind_data(nb::module_& m) {
       "in proportion. Pictures keep sizes and poses of the model, rangefinders its sizes.");
   auto const of_dynamics = [&](char const* name, runtime::SmoothForces which, char const* what) {
     c.def_prop_ro(
-        name, [which](Data const& d) { return copied(d, d.stepper->smooth_forces(which)); }, what);
+        name, [which](Data const& d) { return copied(d, stepper_of(d).smooth_forces(which)); }, what);
   };
   using F = runtime::SmoothForces;
   of_dynamics("qfrc_passive", F::passive,
@@ -295,42 +352,65 @@ void bind_data(nb::module_& m) {
   of_dynamics("qacc_smooth", F::acceleration,
               "(worlds, nv) acceleration without constraints; profile 'stable': of the implicit step [m/s^2, rad/s^2]; a copy.");
   c.def(
-      "mass_matrix", [](Data const& d) { return copied(d, d.stepper->mass_matrix()); }, "(worlds, nv, nv) of the state as it is; a copy.");
+      "mass_matrix", [](Data const& d) { return copied(d, stepper_of(d).mass_matrix()); },
+      "(worlds, nv, nv) of the state as it is; a copy.");
   c.def(
       "jacobian",
-      [](Data const& d, std::optional<int> body, std::optional<int> site, std::array<double, 3> const& point) {
-        if (body.has_value() == site.has_value()) throw Error("gsp.Data.jacobian: give a body or a site, by number (model.id finds it)");
-        if (site && point != std::array<double, 3>{}) throw Error("gsp.Data.jacobian: a point is of a body; a site is one already");
-        return copied(d, body ? d.stepper->body_jacobian(*body, point) : d.stepper->site_jacobian(*site));
+      [](Data const& d, NameOrNumber const& body, NameOrNumber const& site, std::array<double, 3> const& point) {
+        if (body.is_none() == site.is_none()) throw Error("gsp.Data.jacobian: give a body or a site, by name or number");
+        if (!site.is_none() && point != std::array<double, 3>{})
+          throw Error("gsp.Data.jacobian: a point is of a body; a site is one already");
+        bool const of_body = site.is_none();
+        nb::handle const which = of_body ? body : site;
+        int const id =
+            nb::isinstance<nb::str>(which) ? id_of(d.model, of_body ? "body" : "site", nb::cast<std::string>(which)) : nb::cast<int>(which);
+        return copied(d, of_body ? stepper_of(d).body_jacobian(id, point) : stepper_of(d).site_jacobian(id));
       },
-      nb::kw_only(), nb::arg("body") = nb::none(), nb::arg("site") = nb::none(), nb::arg("point") = std::array<double, 3>{},
+      nb::kw_only(), nb::arg("body").none() = nb::none(), nb::arg("site").none() = nb::none(), nb::arg("point") = std::array<double, 3>{},
       "(worlds, 6, nv) of a point of a body, in its frame, or of a site: rows 0-2 velocity of the point, 3-5 angular, in world axes; a "
       "copy.");
   c.def(
       "inverse",
       [](Data const& d, ArrayLike const& qacc) {
         nb::object keeps;
-        return copied(d, d.stepper->inverse_dynamics(taken(rows(qacc), "gsp.Data.inverse: qacc", {-1, d.model.compiled->nv}, keeps)));
+        return copied(d, stepper_of(d).inverse_dynamics(taken(rows(qacc), "gsp.Data.inverse: qacc", {-1, d.model.compiled->nv}, keeps)));
       },
       nb::arg("qacc"),
       "(worlds, nv) what actuators and applied forces must sum to for the accelerations qacc (worlds or 1, nv) without constraints:\n"
       "M qacc + qfrc_bias - qfrc_passive [N, N m]; a copy.");
-  c.def_prop_ro("counts", [](Data const& d) { return d.stepper->counts(); });
+  c.def(
+      "cameras",
+      [](Data const& d, nb::sequence const& mounts, int width, int height) {
+        std::vector<runtime::CameraSpec> specs;
+        for (nb::handle const mount : mounts) specs.push_back(spec_of(mount));
+        if (width < 1 || height < 1) throw Error("gsp.Data.cameras: width and height must be positive");
+        auto const a = stepper_of(d).cameras(specs, width, height);
+        return std::tuple(held(d, a.viewmats), held(d, a.Ks), held(d, a.world));
+      },
+      nb::arg("mounts"), nb::arg("width") = 640, nb::arg("height") = 480,
+      "What Renderer.render takes, (viewmats, Ks, world), for cameras of the model by name, or on bodies: dict(body='head', pos=(0.1, 0, "
+      "0),\n"
+      "quat=(1, 0, 0, 0), fovy=60), as MJCF has them: looking along -z, y up, fovy in degrees. All worlds, in their poses as they are, on\n"
+      "the data's device: image world * len(mounts) + k is of mount k. They hold until the next call.");
+  c.def_prop_ro("counts", [](Data const& d) { return stepper_of(d).counts(); });
   c.def(
       "save",
       [](Data const& d) {
         nb::dict out;
-        for (auto const& [name, array] : d.stepper->save()) out[name.c_str()] = numpy_copy(array);
+        for (auto const& [name, array] : stepper_of(d).save()) out[name.c_str()] = numpy_copy(array);
         return nb::borrow<NumpyArrays>(out);
       },
-      "All that the next step starts from, as a dict of NumPy arrays.");
+      "All that the next step starts from, as a dict of NumPy arrays: state.qpos and its like, impulses, who sleeps, samples of late "
+      "sensors.\n"
+      "Not the values of per_world: `values` gives those.");
   c.def(
       "restore",
-      [](Data const& d, NumpyArrays const& arrays) {
+      [](Data const& d, Anything const& arrays) {
         std::vector<runtime::NamedArray> list;
+        nb::object const list_of = nb::module_::import_("builtins").attr("dict")(arrays);
         std::vector<nb::object> keeps;
         nb::object const numpy = nb::module_::import_("numpy");
-        for (auto const& [name, value] : nb::borrow<nb::dict>(arrays)) {
+        for (auto const& [name, value] : nb::borrow<nb::dict>(list_of)) {
           keeps.push_back(numpy.attr("ascontiguousarray")(value));
           nb::object own;
           std::vector<std::int64_t> const shape = nb::cast<std::vector<std::int64_t>>(keeps.back().attr("shape"));
@@ -343,25 +423,37 @@ void bind_data(nb::module_& m) {
             a = taken(keeps.back(), nb::cast<std::string>(name).c_str(), {-1, -1, -1}, own);
           list.push_back({nb::cast<std::string>(name), a});
         }
-        d.stepper->restore(list);
+        stepper_of(d).restore(list);
       },
-      nb::arg("arrays"), "Goes on from what `save` gave: what follows is what would have followed, to the bit.");
+      nb::arg("arrays"),
+      "Goes on from what `save` gave, a dict or what numpy.load reads of a file: what follows is what would have followed, to the bit, "
+      "where\n"
+      "values of per_world are the same, which it leaves alone.");
   c.def("__repr__", [](Data const& d) {
     return "gsp.Data(worlds=" + std::to_string(d.worlds) + ", device=" + (d.device == runtime::Device::cuda ? "cuda:0" : "cpu") + ")";
   });
 
   m.def(
-      "step", [](Model const&, Data const& d, int n) { step(d, n); }, nb::arg("model"), nb::arg("data"), nb::arg("n") = 1,
+      "step",
+      [](Model const& model, Data const& d, int n) {
+        expect_model(model, d, "gsp.step");
+        step(d, n);
+      },
+      nb::arg("model"), nb::arg("data"), nb::arg("n") = 1,
       "n steps of all worlds. Other threads of Python run meanwhile; Ctrl-C ends it between two steps.");
   m.def(
       "forward",
-      [](Model const&, Data const& d) {
-        nb::gil_scoped_release const others_run;
-        d.stepper->forward();
+      [](Model const& model, Data const& d) {
+        expect_model(model, d, "gsp.forward");
+        Use(d)->forward();
       },
       nb::arg("model"), nb::arg("data"), "Poses of the state as it is, where its arrays were written.");
   m.def(
-      "reset", [](Model const&, Data const& d, ArrayLike const& mask, NameOrNumber const& keyframe) { reset(d, mask, keyframe); },
+      "reset",
+      [](Model const& model, Data const& d, ArrayLike const& mask, NameOrNumber const& keyframe) {
+        expect_model(model, d, "gsp.reset");
+        reset(d, mask, keyframe);
+      },
       nb::arg("model"), nb::arg("data"), nb::arg("mask").none() = nb::none(), nb::arg("keyframe").none() = nb::none(),
       "Worlds of the mask (worlds; None: all) to the model's initial positions, or a keyframe's, by name or number: at rest, time 0, the\n"
       "status cleared.");

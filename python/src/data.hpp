@@ -1,4 +1,7 @@
 #pragma once
+#include <nanobind/nanobind.h>
+
+#include <atomic>
 #include <gsp/runtime/stepper.hpp>
 #include <memory>
 #include <string>
@@ -18,6 +21,24 @@ struct Data {
   runtime::Device device;
   int worlds;
   std::shared_ptr<runtime::Stepper> stepper;
+  std::shared_ptr<std::atomic<bool>> busy = std::make_shared<std::atomic<bool>>(false);  // somebody steps, and has let go of the GIL
+};
+
+/// The stepper, for calls that run kernels. Error where another thread of Python is at it, and in a process that was forked.
+runtime::Stepper& stepper_of(Data const& data);
+/// The same, for as long as this lives, and other threads of Python run meanwhile.
+class Use {
+ public:
+  explicit Use(Data const& data);
+  ~Use() { busy_ = false; }
+  Use(Use const&) = delete;
+  Use& operator=(Use const&) = delete;
+  runtime::Stepper* operator->() const { return &stepper_; }
+
+ private:
+  runtime::Stepper& stepper_;
+  std::atomic<bool>& busy_;
+  nanobind::gil_scoped_release const others_run_;
 };
 
 }  // namespace gsp::python

@@ -79,6 +79,8 @@ NumpyArray numbers(std::vector<Item> const& from) {
 
 }  // namespace
 
+int id_of(Model const& model, std::string const& kind, std::string const& name) { return id_of(*model.compiled, kind, name); }
+
 void bind_model(nb::module_& m) {
   nb::class_<ReportLine>(m, "ReportLine", "What the reader left out, approximated or found without effect.")
       .def_prop_ro("kind", [](ReportLine const& l) { return text(l.kind); })
@@ -94,6 +96,8 @@ void bind_model(nb::module_& m) {
   c.def_static(
       "from_xml",
       [](std::filesystem::path const& path, std::vector<std::string> const& disable, bool skip_visuals, bool convex_decomposition) {
+        if (path.string().starts_with('<'))
+          throw Error("gsp.Model.from_xml takes the path of a file: give XML text to gsp.Model.from_string");
         io::MjcfOptions const options{.skip_visuals = skip_visuals, .convex_decomposition = convex_decomposition};
         return model_of(io::read_mjcf(path, options), path.string(), disable);
       },
@@ -104,17 +108,23 @@ void bind_model(nb::module_& m) {
       "convex parts, not as their hull. Error: gsp.Error \"FILE:LINE: what is wrong; remedy\".");
   c.def_static(
       "from_string",
-      [](std::string const& xml, std::string const& name, std::vector<std::string> const& disable) {
-        return model_of(io::parse_mjcf(xml, name), name, disable);
+      [](std::string const& xml, std::string const& name, std::vector<std::string> const& disable, bool skip_visuals,
+         bool convex_decomposition) {
+        io::MjcfOptions const options{.skip_visuals = skip_visuals, .convex_decomposition = convex_decomposition};
+        return model_of(io::parse_mjcf(xml, name, options), name, disable);
       },
       nb::arg("xml"), nb::arg("name") = "model.xml", nb::kw_only(), nb::arg("disable") = std::vector<std::string>{},
+      nb::arg("skip_visuals") = false, nb::arg("convex_decomposition") = false,
       "The same of MJCF text; files that it names are looked for in the folder of `name`.");
   c.def_static(
       "from_urdf",
-      [](std::filesystem::path const& path, std::vector<std::string> const& disable) {
-        return model_of(io::read_urdf(path), path.string(), disable);
+      [](std::filesystem::path const& path, std::vector<std::string> const& disable, bool floating_base, bool skip_visuals) {
+        return model_of(io::read_urdf(path, {.floating_base = floating_base, .skip_visuals = skip_visuals}), path.string(), disable);
       },
-      nb::arg("path"), nb::kw_only(), nb::arg("disable") = std::vector<std::string>{}, "Reads a URDF file; disable: as of from_xml.");
+      nb::arg("path"), nb::kw_only(), nb::arg("disable") = std::vector<std::string>{}, nb::arg("floating_base") = false,
+      nb::arg("skip_visuals") = false,
+      "Reads a URDF file, which has no actuators: data.qfrc_applied drives its joints. floating_base: the root link is free;\n"
+      "disable, skip_visuals: as of from_xml.");
   auto const size = [&](char const* name, int CompiledModel::*member) {
     c.def_prop_ro(name, [member](Model const& model) { return (*model.compiled).*member; });
   };
@@ -144,8 +154,8 @@ void bind_model(nb::module_& m) {
       "Names of all objects of a kind, in their order: 'body', 'joint', 'geom', 'site', 'camera', 'actuator', 'tendon', 'equality',\n"
       "'mesh', 'sensor' or 'keyframe'.");
   c.def(
-      "id", [](Model const& model, std::string const& kind, std::string const& name) { return id_of(*model.compiled, kind, name); },
-      nb::arg("kind"), nb::arg("name"), "Number of an object of this kind and name. Error: gsp.Error with the names that there are.");
+      "id", [](Model const& model, std::string const& kind, std::string const& name) { return id_of(model, kind, name); }, nb::arg("kind"),
+      nb::arg("name"), "Number of an object of this kind and name. Error: gsp.Error with the names that there are.");
   c.def_prop_ro(
       "qpos0", [](Model const& model) { return numbers(model.compiled->qpos0); }, "(nq) initial positions.");
   c.def_prop_ro("body_parentid", [](Model const& model) { return numbers(model.compiled->body_parent); });

@@ -11,4 +11,7 @@ struct Model {
   std::string file;
 };
 
+/// Number of an object of this kind and name. Error with the names that there are.
+int id_of(Model const& model, std::string const& kind, std::string const& name);
+
 }  // namespace gsp::python

@@ -1,10 +1,18 @@
 #include <gsp/core/check.hpp>
+#include <stdexcept>
 
 #include "array.hpp"
 
 /// What `import gsp` finds compiled (python/gsp/__init__.py).
 NB_MODULE(_gsp, m) {
-  nanobind::exception<gsp::Error>(m, "Error", PyExc_ValueError);
+  nanobind::exception<gsp::Error> const error(m, "Error", PyExc_ValueError);
+  nanobind::register_exception_translator(  // what functions expect of their caller: one kind of error for Python
+      [](std::exception_ptr const& thrown, void* type) {
+        try {
+          std::rethrow_exception(thrown);
+        } catch (std::invalid_argument const& e) { PyErr_SetString(static_cast<PyObject*>(type), e.what()); }
+      },
+      error.ptr());
   gsp::python::bind_array(m);
   gsp::python::bind_model(m);
   gsp::python::bind_data(m);

@@ -1,7 +1,10 @@
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/string.h>
 
+#include <gsp/io/colormap.hpp>
 #include <gsp/io/png.hpp>
+#include <gsp/io/splat_transform.hpp>
 #include <gsp/io/splats.hpp>
 #include <gsp/runtime/renderer.hpp>
 
@@ -20,6 +23,7 @@ struct Scene {
 /// before stay what they are.
 struct Renderer {
   std::shared_ptr<runtime::Session> session;
+  std::shared_ptr<CompiledModel const> model;  // the scene's
   runtime::Device device;
   runtime::Scene scene;
   runtime::RendererOptions options;
@@ -35,6 +39,8 @@ struct Frames {
 };
 
 Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world) {
+  if (data.model.compiled != self.model)
+    throw Error("gsp.Renderer.render: the data are of another model than the scene: make both of one gsp.Model");
   if (data.device != self.device) throw Error("gsp.Renderer.render: the data and the renderer are on different devices: make both on one");
   nb::object keeps[3];
   nb::object const numpy = nb::module_::import_("numpy");
@@ -43,7 +49,15 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
     return numpy.attr("ascontiguousarray")(x, nb::arg("dtype") = "float32");
   };
   runtime::CameraArrays cameras;
-  nb::object const v = floats(viewmats), k = floats(Ks);
+  nb::object v = floats(viewmats), k = floats(Ks);
+  auto const is_one = [](nb::object const& x) { return !nb::isinstance<Array>(x) && nb::cast<int>(x.attr("ndim")) == 2; };
+  if (is_one(v)) v = v.attr("reshape")(1, 4, 4);
+  if (is_one(k)) {  // one lens for all
+    nb::object const n = v.attr("shape")[0];
+    k = nb::hasattr(k, "__cuda_array_interface__")
+            ? k.attr("expand")(n, 3, 3).attr("contiguous")()
+            : numpy.attr("ascontiguousarray")(numpy.attr("broadcast_to")(k, nb::make_tuple(n, 3, 3)));
+  }
   cameras.viewmats = taken(v, "gsp.Renderer.render: viewmats", {-1, 4, 4}, keeps[0]);
   std::int64_t const n = cameras.viewmats.extents[0];
   cameras.Ks = taken(k, "gsp.Renderer.render: Ks", {n, 3, 3}, keeps[1]);
@@ -55,13 +69,19 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
     self.own = runtime::make_renderer(self.device, self.scene, self.options);
     self.images = n;
   }
+  auto const poses = stepper_of(data).poses();
   {
-    nb::gil_scoped_release const others_run;
-    self.own->render(data.stepper->poses(), cameras);
+    Use const use(data);
+    self.own->render(poses, cameras);
   }
   auto const f = self.own->frames();
   auto const owner = std::make_shared<Keeper>(Keeper{self.session, self.own});
   return {{f.rgb, owner}, {f.depth, owner}, {f.alpha, owner}};
+}
+
+Array asked_for(Array const& channel, std::string const& name) {
+  if (!channel.array) throw Error("the pictures have no " + name + ": ask for it, gsp.Renderer(..., " + name + "=True)");
+  return channel;
 }
 
 }  // namespace
@@ -76,11 +96,19 @@ void bind_renderer(nb::module_& m) {
           nb::arg("model"))
       .def(
           "add_splats",
-          [](Scene& s, std::filesystem::path const& path) {
-            s.sets.add_set(io::read_splats(path), path.string(), *s.model.compiled);
+          [](Scene& s, std::filesystem::path const& path, std::array<double, 3> const& pos, std::array<double, 4> const& quat,
+             double scale) {
+            auto set = io::read_splats(path);
+            io::SplatPose const pose{pos, quat, scale};
+            if (pos != std::array<double, 3>{} || quat != std::array<double, 4>{1, 0, 0, 0} || scale != 1) io::transform(set, pose);
+            s.sets.add_set(set, path.string(), *s.model.compiled);
             return &s;
           },
-          nb::arg("path"), nb::rv_policy::reference_internal, "Gaussians of a PLY or SPZ file; its links are those of the model.")
+          nb::arg("path"), nb::kw_only(), nb::arg("pos") = std::array<double, 3>{0, 0, 0},
+          nb::arg("quat") = std::array<double, 4>{1, 0, 0, 0}, nb::arg("scale") = 1., nb::rv_policy::reference_internal,
+          "Gaussians of a PLY or SPZ file; its links are those of the model. What is bound to none stands at x -> scale R x + pos, R of "
+          "the\n"
+          "quaternion w x y z: captures have y down as a rule, which quat=(0.5**0.5, -0.5**0.5, 0, 0) turns to z up.")
       .def(
           "add_room",
           [](Scene& s) {
@@ -97,22 +125,36 @@ void bind_renderer(nb::module_& m) {
           nb::rv_policy::reference_internal, "Gaussians on the geoms of the model's moving bodies.")
       .def("__len__", [](Scene const& s) { return s.sets.count(); });
   nb::class_<Frames>(m, "Frames", "Pictures, float32; they hold until the next `render`, which writes into the same memory.")
-      .def_ro("rgb", &Frames::rgb, "(C, H, W, 3), 0 to 1")
-      .def_ro("depth", &Frames::depth, "(C, H, W) expected depth [m]")
-      .def_ro("alpha", &Frames::alpha, "(C, H, W)");
+      .def_prop_ro(
+          "rgb", [](Frames const& f) { return asked_for(f.rgb, "rgb"); }, "(C, H, W, 3), 0 to 1")
+      .def_prop_ro(
+          "depth", [](Frames const& f) { return asked_for(f.depth, "depth"); }, "(C, H, W) expected depth [m]")
+      .def_prop_ro(
+          "alpha", [](Frames const& f) { return asked_for(f.alpha, "alpha"); }, "(C, H, W)");
   nb::class_<Renderer>(m, "Renderer", "Pictures of a scene of Gaussians, one a camera, of all worlds in one call.")
       .def(
           "__init__",
           [](Renderer* self, Scene const& scene, int width, int height, std::string const& device, bool rgb, bool depth, bool alpha) {
-            new (self) Renderer{
-                session(), device_of(device), scene.sets, {.width = width, .height = height, .rgb = rgb, .depth = depth, .alpha = alpha}};
+            if (width < 1 || height < 1)
+              throw Error("gsp.Renderer: width and height must be positive, not " + std::to_string(width) + " and " +
+                          std::to_string(height));
+            new (self) Renderer{session(),
+                                scene.model.compiled,
+                                device_of(device),
+                                scene.sets,
+                                {.width = width, .height = height, .rgb = rgb, .depth = depth, .alpha = alpha}};
           },
           nb::arg("scene"), nb::arg("width") = 640, nb::arg("height") = 480, nb::arg("device") = "cpu", nb::kw_only(),
           nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true)
       .def("render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
-           "viewmats: (C, 4, 4) world to camera, x right, y down, z ahead; Ks: (C, 3, 3) [pixel]; world: (C) int32, or None: camera c "
+           "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) for all [pixel]; world: "
+           "(C) int32, or None: camera c "
            "shows\n"
            "world c % worlds.");
+  m.def("_depth_to_rgb", [](nb::bytes const& depth, int width, int height, float near, float far) {
+    auto const bitmap = io::depth_to_color(reinterpret_cast<float const*>(depth.c_str()), width, height, {.near = near, .far = far});
+    return nb::bytes(reinterpret_cast<char const*>(bitmap.pixels.data()), bitmap.pixels.size());
+  });
   // (height, width, channels) of uint8, or of float32, four times as many bytes
   m.def("_write_png", [](std::string const& path, nb::bytes const& pixels, int width, int height, int channels) {
     auto const* const first = reinterpret_cast<std::uint8_t const*>(pixels.c_str());

@@ -17,13 +17,15 @@ def blocks_of(page):
     return [compile(block, page, "exec") for block in blocks]
 
 
-def test_page(tmp_path, capsys):
+def test_page(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     path = tmp_path / "arm.xml"
     path.write_text(ARM)
     names = {"path": path}  # blocks go on from each other
     for block in blocks_of("python.md"):
         exec(block, names)
     assert "[" in capsys.readouterr().out
+    assert (tmp_path / "head.png").exists()
 
 
 def test_page_of_tasks(capsys):

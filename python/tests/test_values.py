@@ -101,7 +101,7 @@ def test_a_world_with_values_of_its_own_is_a_model_that_has_them():
     push[0, :2] = 1.0, 0.5
     for d in (data, plain, own):
         d.qvel = push
-        gsp.step(model, d, n=300)
+        gsp.step(d.model, d, n=300)
     qpos = data.qpos.numpy()
     np.testing.assert_allclose(qpos[1], own.qpos.numpy()[0], rtol=0, atol=1e-10)
     np.testing.assert_allclose(qpos[0], plain.qpos.numpy()[0], rtol=0, atol=1e-10)

@@ -24,6 +24,8 @@ int gpu_count();
 
 /// "CPU, 2 threads" or the GPU's name. threads: of the CPU, 0: all of the Session.
 std::string device_name(Device device, int threads = 0);
+/// Of the CPU, of the Session that is there.
+int cpu_threads();
 /// Waits until all that was launched is done.
 void wait(Device device);
 /// What the library launches on a GPU from now on comes after what is on this stream of CUDA's by now, and the other way round, without the

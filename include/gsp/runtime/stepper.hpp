@@ -112,6 +112,22 @@ inline constexpr int snapshot_version = 1;
 /// that of the implicit step.
 enum class SmoothForces { passive, actuator, bias, acceleration };
 
+/// float32, on any device; on a renderer's own they are read where they are.
+struct CameraArrays {
+  Array viewmats;  // (C, 4, 4) world to camera
+  Array Ks;        // (C, 3, 3)
+  Array world;     // (C) int32, or empty: camera c shows world c % worlds
+};
+/// A camera of the model by name, or one on a body ("world": what does not move), as MJCF has them: sensor/cameras.hpp.
+struct CameraSpec {
+  std::string camera = "";  // or
+  std::string body = "";    // with all below
+  std::array<double, 3> pos{0, 0, 0};
+  std::array<double, 4> quat{1, 0, 0, 0};  // looks along -z, y up, x right
+  double fovy = 0.7853981633974483;        // [rad] from the picture's top to its bottom
+  bool operator==(CameraSpec const&) const = default;
+};
+
 /// Many worlds of one model on a device.
 class Stepper {
  public:
@@ -170,8 +186,8 @@ class Stepper {
   /// The first `most` of the worlds that stopped, after the steps of the last call of `step`. Allocates; waits.
   virtual std::vector<StoppedWorld> stopped(int most) const = 0;
   /// The contacts of the last step, found at its start (RK4: of its last evaluation), where they lie. The arrays hold until the next call
-  /// of `step`, `sensors` or `contacts`. The forces are computed here, so steps cost the same without. Allocates where there may be more
-  /// contacts than before; waits. Error: std::invalid_argument before the first step.
+  /// of `step`, `sensors` or `contacts`. The forces are computed here, so steps cost the same without. None before the first step, and
+  /// after `restore`. Allocates where there may be more contacts than before; waits.
   virtual ContactArrays contacts() = 0;
   /// (worlds, nv) what all constraints together did to the degrees of freedom in the last step [N, N m]; where it stays.
   virtual Array qfrc_constraint() const = 0;
@@ -183,19 +199,16 @@ class Stepper {
   virtual Array sensors() = 0;
   /// A sentence for each sensor that nobody evaluates.
   virtual std::vector<std::string> sensors_left_out() = 0;
+  /// What these cameras see in the state as it is, for pictures of one size: image world x specs.size() + k is of spec k of that world. On
+  /// the stepper's device, as a renderer reads them, and there until the next call of this. Allocates where the cameras are others than
+  /// those of the last call; waits. Errors: those of make_camera_mounts.
+  virtual CameraArrays cameras(std::vector<CameraSpec> const& specs, int width, int height) = 0;
 };
 
 /// Errors: those of make_model and make_simulation.
 std::unique_ptr<Stepper> make_stepper(Device device, CompiledModel const& model, StepperOptions const& options);
 /// Bytes that make_stepper will allocate on the device (step/bytes_needed.hpp).
 std::int64_t bytes_needed(Device device, CompiledModel const& model, StepperOptions const& options);
-
-/// float32, on any device; on a renderer's own they are read where they are.
-struct CameraArrays {
-  Array viewmats;  // (C, 4, 4) world to camera
-  Array Ks;        // (C, 3, 3)
-  Array world;     // (C) int32, or empty: camera c shows world c % worlds
-};
 
 /// Poses for positions that come from elsewhere (a file): kinematics alone, in float64.
 class Kinematics {
