@@ -1,5 +1,6 @@
 #include <gsp/io/gaussians.hpp>
 #include <gsp/runtime/renderer.hpp>
+#include <gsp/splat/median_depth.hpp>
 #include <gsp/splat/render.hpp>
 #include <gsp/splat/sample_room.hpp>
 #include <gsp/splat/sample_surface.hpp>
@@ -44,6 +45,10 @@ class KokkosRenderer : public Renderer {
   KokkosRenderer(Scene const& scene, RendererOptions const& options) : options_(options), cloud_(make_gaussians(exec_, sets_of(scene))) {
     render_.alpha_max = options.alpha_max;
   }
+  KokkosRenderer(RendererOptions const& options, RenderOptions const& render, Gaussians<Mem> const& cloud)
+      : options_(options), render_(render), cloud_(cloud) {}
+
+  std::unique_ptr<Renderer> another() const override { return std::make_unique<KokkosRenderer>(options_, render_, cloud_); }
 
   void render(PoseArrays const& poses, CameraArrays const& arrays) override {
     auto const cameras = cameras_of(arrays);
@@ -51,6 +56,9 @@ class KokkosRenderer : public Renderer {
     if (frames_.images != images) {
       frames_ = {};  // the old buffers go before the new ones come
       frames_ = make_frames(exec_, cloud_, frame_options(images));
+      if (options_.median_depth)
+        median_.image =
+            gsp::detail::allocate<decltype(median_.image)>("gsp::runtime::Renderer::median_depth", images, options_.height, options_.width);
     }
     if (!poses.xpos)
       draw(make_poses<float>(exec_, 1, std::max(1, cloud_.bodies), 0), cameras);
@@ -66,14 +74,21 @@ class KokkosRenderer : public Renderer {
     if (options_.rgb) out.rgb = array_of<Exec>(frames_.rgb);
     if (options_.depth) out.depth = array_of<Exec>(frames_.depth);
     if (options_.alpha) out.alpha = array_of<Exec>(frames_.alpha);
+    if (options_.median_depth) out.median_depth = array_of<Exec>(median_.image);
     return out;
   }
-  std::int64_t bytes_needed(int images) const override { return gsp::bytes_needed(exec_, cloud_, frame_options(images)); }
+  std::int64_t bytes_needed(int images) const override {
+    std::int64_t const median = options_.median_depth ? std::int64_t(4) * images * options_.width * options_.height : 0;
+    return gsp::bytes_needed(exec_, cloud_, frame_options(images)) + median;
+  }
 
  private:
   template <class R>
   void draw(Poses<R, Mem> const& poses, Cameras<Mem> const& cameras) {
-    gsp::render(exec_, cloud_, poses, cameras, frames_, render_);
+    if (options_.median_depth)
+      gsp::render(exec_, cloud_, poses, cameras, frames_, render_, median_);
+    else
+      gsp::render(exec_, cloud_, poses, cameras, frames_, render_);
   }
 
   FrameOptions frame_options(int images) const {
@@ -85,6 +100,7 @@ class KokkosRenderer : public Renderer {
     o.depth = options_.depth;
     o.alpha = options_.alpha;
     o.batch = options_.batch;
+    o.values = options_.median_depth ? MedianDepthChannel<Mem>::size : 0;
     return o;
   }
 
@@ -133,6 +149,7 @@ class KokkosRenderer : public Renderer {
   RenderOptions render_;
   Gaussians<Mem> cloud_;
   Frames<Mem> frames_;
+  MedianDepthChannel<Mem> median_;
   Buffer viewmats_, Ks_, world_;
 };
 

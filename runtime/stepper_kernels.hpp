@@ -17,6 +17,7 @@
 #include <gsp/step/detail/sleep_kernels.hpp>
 #include <gsp/step/snapshot.hpp>
 #include <limits>
+#include <list>
 #include <optional>
 
 #include "device.hpp"
@@ -196,6 +197,12 @@ class KokkosStepper : public Stepper {
     for (auto const& name : per_world_)
       if (auto const field = world_field(name); field.of_geoms) fields.push_back(*field.of_geoms);
     if (!fields.empty()) make_per_world(exec_, simulation_.collision, fields, o.worlds);
+    // Late sensors measure at each step, asked or not: what they say must not hang on when somebody asks.
+    auto const is_late = [](SensorDescription const& sensor) {
+      return std::any_of(sensor.settings.begin(), sensor.settings.end(),
+                         [](auto const& one) { return one[0] == "delay" || one[0] == "interval" || one[0] == "nsample"; });
+    };
+    if (std::any_of(m.sensors.begin(), m.sensors.end(), is_late)) make_sensors_once();
   }
 
   double timestep() const override { return timestep_; }
@@ -513,19 +520,22 @@ class KokkosStepper : public Stepper {
     return array_of<Exec>(sensordata_);
   }
   CameraArrays cameras(std::vector<CameraSpec> const& specs, int width, int height) override {
-    bool const same = mounts_ && mounts_->width == width && mounts_->height == height && specs == camera_specs_;
-    if (!same) {
+    auto found = std::find_if(cameras_.begin(), cameras_.end(), [&](CameraSet const& set) {
+      return set.mounts.width == width && set.mounts.height == height && set.specs == specs;
+    });
+    if (found == cameras_.end()) {
       std::vector<CameraMount> mounts;
       for (CameraSpec const& s : specs)
         mounts.push_back({.camera = s.camera, .body = s.body, .pos = s.pos, .quat = s.quat, .fovy = s.fovy});
-      mounts_ = make_camera_mounts(exec_, model_, compiled_, mounts, {.worlds = state_.worlds, .width = width, .height = height});
-      cameras_ = make_cameras(exec_, mounts_->images());
-      camera_specs_ = specs;
+      CameraSet set{
+          specs, make_camera_mounts(exec_, model_, compiled_, mounts, {.worlds = state_.worlds, .width = width, .height = height}), {}};
+      set.cameras = make_cameras(exec_, set.mounts.images());
+      found = cameras_.insert(cameras_.end(), std::move(set));
     }
     static_cast<void>(poses());
-    cameras_of(exec_, model_, simulation_.poses, *mounts_, cameras_);
+    cameras_of(exec_, model_, simulation_.poses, found->mounts, found->cameras);
     exec_.fence("gsp::runtime::Stepper::cameras: they are there");
-    return {array_of<Exec>(cameras_.viewmats), array_of<Exec>(cameras_.Ks), array_of<Exec>(cameras_.world)};
+    return {array_of<Exec>(found->cameras.viewmats), array_of<Exec>(found->cameras.Ks), array_of<Exec>(found->cameras.world)};
   }
   std::vector<std::string> sensors_left_out() override {
     if (compiled_.sensors.empty()) return {};
@@ -721,9 +731,12 @@ class KokkosStepper : public Stepper {
   Simulation<R, Mem> simulation_;
   std::optional<Snapshot<R, Mem>> snapshot_, before_sensors_;
   CompiledModel compiled_;
-  std::vector<CameraSpec> camera_specs_;
-  std::optional<CameraMounts<R, Mem>> mounts_;
-  Cameras<Mem> cameras_;
+  struct CameraSet {
+    std::vector<CameraSpec> specs;
+    CameraMounts<R, Mem> mounts;
+    Cameras<Mem> cameras;
+  };
+  std::list<CameraSet> cameras_;  // all that were asked for: their arrays stay
   std::optional<Sensors<R, Mem>> sensors_;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> sensordata_;
   PgsOptions solver_;     // profile stable

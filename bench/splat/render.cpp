@@ -1,9 +1,11 @@
 // Frames per second of whole pictures: kitchen.spz (GSP_DATA_DIR/splats), 640 x 480, RGB + expected depth + alpha, every camera different.
-//   bench_splat_render [--images N] [--batch B] [--scene FILE] [--width W --height H] [--png FOLDER]
+//   bench_splat_render [--images N] [--batch B] [--scene FILE] [--width W --height H] [--cameras F.npz] [--npz F.npz] [--png FOLDER]
+// --cameras: viewmats and Ks, of which the first N are taken; --npz: the pictures, for bench/peers/compare_with_gsplat.py.
 // Each backend that was compiled in runs; on a device as many images as fit its memory well.
 #include <filesystem>
 #include <gsp/io/colormap.hpp>
 #include <gsp/io/gaussians.hpp>
+#include <gsp/io/npz.hpp>
 #include <gsp/io/png.hpp>
 #include <gsp/splat/render.hpp>
 #include <random>
@@ -13,7 +15,7 @@ namespace {
 
 struct Arguments {
   int images = 0, batch = 0, width = 640, height = 480;
-  std::string scene, png;
+  std::string scene, png, cameras, npz;
 };
 
 // Random places in a box of a y-down room, looking around, a little down: as a robot's cameras in the kitchen.
@@ -37,7 +39,15 @@ template <class Exec>
 void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
   int const images = a.images > 0 ? a.images : gsp::is_device<Exec> ? 256 : 8;
   std::vector<float> viewmats, Ks;
-  room_cameras(images, a.width, a.height, viewmats, Ks);
+  if (a.cameras.empty()) {
+    room_cameras(images, a.width, a.height, viewmats, Ks);
+  } else {
+    auto const file = gsp::io::read_npz(a.cameras);
+    viewmats = file.at("viewmats").as<float>();
+    Ks = file.at("Ks").as<float>();
+    viewmats.resize(std::size_t(images) * 16);
+    Ks.resize(std::size_t(images) * 9);
+  }
   auto const cloud = gsp::make_gaussians(exec, scene);
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
   auto poses = gsp::make_poses<float>(exec, 1, cloud.bodies, 0);
@@ -78,6 +88,16 @@ void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
       .add_hash(frames.rgb)
       .print();
 
+  if (!a.npz.empty()) {
+    std::size_t const n = std::size_t(images), h = std::size_t(a.height), w = std::size_t(a.width);
+    auto const host = [](auto const& view) {
+      auto const copy = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, view);
+      return std::vector<float>(copy.data(), copy.data() + copy.size());
+    };
+    gsp::io::write_npz(a.npz, {{"rgb", {{n, h, w, 3}, host(frames.rgb)}},
+                               {"depth", {{n, h, w}, host(frames.depth)}},
+                               {"alpha", {{n, h, w}, host(frames.alpha)}}});
+  }
   if (a.png.empty()) return;
   auto const rgb = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, frames.rgb);
   auto const depth = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, frames.depth);
@@ -104,6 +124,8 @@ int main(int argc, char** argv) {
     if (key == "--height") a.height = std::atoi(value.c_str());
     if (key == "--scene") a.scene = value;
     if (key == "--png") a.png = value;
+    if (key == "--cameras") a.cameras = value;
+    if (key == "--npz") a.npz = value;
   }
   if (!std::filesystem::exists(a.scene)) {
     std::printf("skipped: %s is missing; set GSP_DATA_DIR\n", a.scene.c_str());

@@ -130,10 +130,13 @@
 #include <gsp/splat/cameras.hpp>
 #include <gsp/splat/cast_splats.hpp>
 #include <gsp/splat/channels.hpp>
+#include <gsp/splat/develop.hpp>
 #include <gsp/splat/frames.hpp>
 #include <gsp/splat/gaussians.hpp>
 #include <gsp/splat/id_channel.hpp>
 #include <gsp/splat/look_at.hpp>
+#include <gsp/splat/median_depth.hpp>
+#include <gsp/splat/normals.hpp>
 #include <gsp/splat/place_gaussians.hpp>
 #include <gsp/splat/project.hpp>
 #include <gsp/splat/rasterize.hpp>

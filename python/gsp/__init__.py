@@ -92,6 +92,8 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) 
     eye, target, up = (np.asarray(v, dtype=float) for v in (eye, target, up))
     eye, target, up = np.broadcast_arrays(eye, target, up)
     ahead = target - eye
+    if not np.all(np.isfinite(eye) & np.isfinite(target) & np.isfinite(up)):
+        raise Error("gsp.look_at: eye, target and up must be finite numbers")
     length = np.linalg.norm(ahead, axis=-1, keepdims=True)
     if not np.all(length > 0):
         raise Error("gsp.look_at: eye and target are one point: move one of them")
@@ -114,6 +116,8 @@ def pinhole(width: int, height: int, fovy: float) -> NDArray[np.float32]:
     """(3, 3) float32 intrinsics [pixel] of a camera that sees `fovy` degrees from top to bottom."""
     import numpy as np
 
+    if not (width > 0 and height > 0):
+        raise Error(f"gsp.pinhole: width and height must be positive and are {width} and {height}")
     if not 0 < fovy < 180:
         raise Error(f"gsp.pinhole: fovy must be between 0 and 180 degrees and is {fovy}")
     f = 0.5 * height / np.tan(np.radians(0.5 * fovy))

@@ -9,10 +9,8 @@ import pathlib
 import sys
 
 # Widest first: a folder of the package, and the flags of /proc/cpuinfo that its module was compiled for.
-LEVELS = {
-    "x86_64_v4": {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl", "avx2", "bmi2", "fma"},
-    "x86_64_v3": {"avx2", "bmi2", "fma"},
-}
+V3 = {"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe"}
+LEVELS = {"x86_64_v4": V3 | {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}, "x86_64_v3": V3}
 
 
 def cpu_flags(cpuinfo: str | pathlib.Path = "/proc/cpuinfo") -> set[str]:
@@ -23,16 +21,9 @@ def cpu_flags(cpuinfo: str | pathlib.Path = "/proc/cpuinfo") -> set[str]:
         return set()
 
 
-def gpu_answers() -> bool:
-    """Whether NVIDIA's driver is there, and a GPU behind it."""
-    import ctypes
-
-    try:
-        driver = ctypes.CDLL("libcuda.so.1")
-    except OSError:
-        return False
-    count = ctypes.c_int(0)
-    return driver.cuInit(0) == 0 and driver.cuDeviceGetCount(ctypes.byref(count)) == 0 and count.value > 0
+def gpu_is_there(devices: str | pathlib.Path = "/dev") -> bool:
+    """Whether NVIDIA's driver shows a GPU. The driver itself is not asked: a process that has begun with CUDA cannot be forked."""
+    return any(pathlib.Path(devices).glob("nvidia[0-9]*")) or (pathlib.Path(devices) / "dxg").exists()
 
 
 def module_in(folder: pathlib.Path) -> pathlib.Path | None:
@@ -52,13 +43,27 @@ def choose(package: pathlib.Path, flags: set[str], gpu: pathlib.Path | None = No
     raise ImportError(f"{package} holds no compiled module _gsp: install the package, `pip install .` in a clone")
 
 
+def fits(distribution: str) -> bool:
+    """Whether a wheel beside this one is of the same version; says so where it is not, and the CPU's module is taken."""
+    import importlib.metadata
+    import warnings
+
+    try:
+        own, other = importlib.metadata.version("gsp"), importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return True  # not installed as wheels
+    if own != other:
+        warnings.warn(f"{distribution} {other} is for another version of gsp than {own}, and is left out: install both of one", stacklevel=2)
+    return own == other
+
+
 def load() -> None:
     # Threads that have nothing to do sleep, as in the program gsp: on a machine that others use too they spin the time of all away.
     # OpenMP reads it once, when the module brings it in.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     found = importlib.util.find_spec("gsp_cuda13")
     gpu = pathlib.Path(found.submodule_search_locations[0]) if found and found.submodule_search_locations else None
-    path = choose(pathlib.Path(__file__).parent, cpu_flags(), gpu if gpu and gpu_answers() else None)
+    path = choose(pathlib.Path(__file__).parent, cpu_flags(), gpu if gpu and gpu_is_there() and fits("gsp-cuda13") else None)
     name = "gsp._gsp"
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec and spec.loader

@@ -98,6 +98,8 @@ class Task:
             self.data = _Arrays(self._data, np.asarray)
         self.worlds = worlds
         self.device = device
+        if self.substeps < 1 or not 0 < self.seconds < 1e9:
+            raise Error(f"{type(self).__name__}: substeps is {self.substeps} and seconds {self.seconds}: both must be positive and finite")
         self.dt = self._data.timestep * self.substeps
         self.episode_steps = round(self.seconds / self.dt)
         if self.episode_steps < 1:
@@ -199,7 +201,7 @@ class Task:
         _gsp.step(self._data.model, self._data, self.substeps)
         self._from_library()
         self.age += 1
-        reward = self._floats(self._call("reward"))
+        reward = self._copy(self._floats(self._call("reward")))  # it may be a part of the state, which a reset writes
         if tuple(reward.shape) != (self.worlds,):
             raise Error(f"{type(self).__name__}.reward gives shape {tuple(reward.shape)} and must give {(self.worlds,)}")
         terminated = self._bools(self._call("terminated"), f"what {type(self).__name__}.terminated gives")

@@ -137,7 +137,7 @@ nb::object dlpack(Array const& self, std::optional<std::intptr_t> stream, nb::ob
   if (!copy.is_none() && nb::cast<bool>(copy)) throw nb::buffer_error("gsp.Array.__dlpack__ copies nothing: give copy=None or False");
   if (!dl_device.is_none()) {
     auto const wanted = nb::cast<std::pair<int, int>>(nb::make_tuple(dl_device[0], dl_device[1]));
-    if (wanted.first != (self.array.device == Device::cuda ? dl_cuda : dl_cpu))
+    if (wanted != std::pair(self.array.device == Device::cuda ? dl_cuda : dl_cpu, 0))
       throw nb::buffer_error("gsp.Array.__dlpack__: the array lies on another device, and nothing is copied: ask for its own");
   }
   // Whoever reads on `stream` reads what was launched before: None is the legacy default one, -1 asks for no order.
@@ -159,7 +159,7 @@ NumpyArray as_numpy(nb::handle self) {
 
 /// Never destroyed: at the end of the process Kokkos' own statics may be gone.
 std::shared_ptr<runtime::Session>& the_session = *new std::shared_ptr<runtime::Session>;
-bool forked = false;
+bool forked = false, ended = false;
 
 }  // namespace
 
@@ -171,9 +171,13 @@ void expect_threads() {
 }
 std::shared_ptr<runtime::Session> session() {
   expect_threads();
+  if (ended) throw gsp::Error("the interpreter ends, and the library has ended before: make gsp.Data earlier");
   if (!the_session) {
     the_session = std::make_shared<runtime::Session>();
-    static bool const told = pthread_atfork(nullptr, nullptr, [] { forked = the_session != nullptr && runtime::cpu_threads() > 1; }) == 0;
+    static bool const told =
+        pthread_atfork(nullptr, nullptr, [] {
+          forked = the_session != nullptr && (runtime::cpu_threads() > 1 || (runtime::has_cuda() && runtime::gpu_count() > 0));
+        }) == 0;
     static_cast<void>(told);
   }
   return the_session;
@@ -188,6 +192,7 @@ Device device_of(std::string const& name) {
 }
 
 NumpyArray numpy_copy(runtime::Array const& from) {
+  expect_threads();
   auto const numpy = nb::module_::import_("numpy");
   auto const own = nb::borrow<NumpyArray>(numpy.attr("empty")(shape_of(from), nb::arg("dtype") = name_of(from.dtype)));
   if (from.size() == 0) return own;
@@ -221,6 +226,11 @@ runtime::Array taken(nb::handle object, char const* what, std::initializer_list<
     int const bytes = nb::cast<int>(given.attr("dtype").attr("itemsize"));
     if (kind == "b" || ((kind == "i" || kind == "u") && bytes < 4)) given = given.attr("astype")("int32");
     if (kind == "f" && bytes < 4) given = given.attr("astype")("float32");
+    if (!nb::cast<bool>(given.attr("dtype").attr("isnative"))) given = given.attr("astype")(given.attr("dtype").attr("newbyteorder")("="));
+    bool whole = nb::cast<bool>(given.attr("flags").attr("aligned"));  // steps of whole numbers
+    for (nb::handle const stride : given.attr("strides"))
+      whole &= nb::cast<std::int64_t>(stride) % nb::cast<int>(given.attr("itemsize")) == 0;
+    if (!whole) given = nb::module_::import_("numpy").attr("ascontiguousarray")(given);
   }
   nb::dict const interface = given.attr(on_gpu ? "__cuda_array_interface__" : "__array_interface__");
   keeps = given;
@@ -326,15 +336,24 @@ void bind_array(nb::module_& m) {
         return interface_of(a);
       });
   for (char const* const name : {"__eq__", "__ne__", "__lt__", "__le__", "__gt__", "__ge__"})
-    c.def(name, [name](nb::handle self, Anything const& other) { return of_numpy(as_numpy(self).attr(name)(numpys(other))); });
+    c.def(
+        name, [name](nb::handle self, Anything const& other) { return of_numpy(as_numpy(self).attr(name)(numpys(other))); },
+        nb::arg("other").none());
   for (char const* const name :
        {"__add__", "__radd__", "__sub__",      "__rsub__",      "__mul__", "__rmul__", "__truediv__", "__rtruediv__",
         "__mod__", "__rmod__", "__floordiv__", "__rfloordiv__", "__pow__", "__rpow__", "__matmul__",  "__rmatmul__",
         "__and__", "__rand__", "__or__",       "__ror__",       "__xor__", "__rxor__"})
-    c.def(name, [name](nb::handle self, Anything const& other) { return of_numpy(as_numpy(self).attr(name)(numpys(other))); });
-  for (char const* const name : {"__iadd__", "__isub__", "__imul__", "__itruediv__", "__imod__", "__ifloordiv__", "__iand__", "__ior__"})
-    c.def(name, [name](nb::handle self, Anything const& other) {  // in place: the memory stays whose it is
-      static_cast<void>(as_numpy(self).attr(name)(numpys(other)));
+    c.def(
+        name, [name](nb::handle self, Anything const& other) { return of_numpy(as_numpy(self).attr(name)(numpys(other))); },
+        nb::arg("other").none());
+  std::pair<char const*, char const*> const in_place[] = {
+      {"__iadd__", "add"},       {"__isub__", "subtract"},          {"__imul__", "multiply"}, {"__itruediv__", "true_divide"},
+      {"__imod__", "remainder"}, {"__ifloordiv__", "floor_divide"}, {"__ipow__", "power"},    {"__iand__", "bitwise_and"},
+      {"__ior__", "bitwise_or"}, {"__ixor__", "bitwise_xor"}};
+  for (auto const& [name, ufunc] : in_place)
+    c.def(name, [ufunc = ufunc](nb::handle self, Anything const& other) {  // into the memory, of whatever kind `other` is
+      nb::object const own = as_numpy(self);
+      nb::module_::import_("numpy").attr(ufunc)(own, numpys(other), nb::arg("out") = own);
       return nb::borrow<Anything>(self);
     });
   for (char const* const name : {"__neg__", "__pos__", "__abs__", "__invert__"})
@@ -360,6 +379,8 @@ void bind_array(nb::module_& m) {
   m.def("_end", [] {
     // Kokkos ends with the last who holds it, as a rule while the interpreter ends. Where arrays live on past it Kokkos does not end: the
     // process does.
+    if (forked) return;  // its threads are elsewhere, and would be waited for
+    ended = true;
     the_session.reset();
   });
 }

@@ -14,12 +14,22 @@
 
 namespace gsp::python {
 
+namespace {
+[[noreturn]] void refuse_second(char const* what) {
+  throw Error(std::string("another thread of Python, or the call that a signal came into, is at ") + what +
+              ": wait for it, or give each thread its own");
+}
+}  // namespace
 runtime::Stepper& stepper_of(Data const& data) {
   expect_threads();
-  if (*data.busy) throw Error("another thread of Python steps or draws these data: wait for it, or give each thread a gsp.Data of its own");
+  if (*data.busy) refuse_second("these data");
   return *data.stepper;
 }
-Use::Use(Data const& data) : stepper_(stepper_of(data)), busy_(*data.busy) { busy_ = true; }
+Use::Use(std::shared_ptr<std::atomic<bool>> busy, char const* what) : busy_(std::move(busy)) {
+  expect_threads();
+  if (busy_->exchange(true)) refuse_second(what);
+}
+Use::Use(Data const& data) : Use(data.busy, "these data") {}
 
 namespace {
 
@@ -44,6 +54,8 @@ Array copied(Data const& d, runtime::Array const& a) {
 Data* make_data(Model const& model, int worlds, std::string const& device, std::string const& profile, std::string const& precision,
                 double timestep, int iterations, std::optional<double> tolerance, int threads, std::vector<std::string> const& per_world) {
   if (worlds < 1) throw Error("gsp.Data: worlds must be positive and is " + std::to_string(worlds));
+  if (!(timestep >= 0 && timestep < 1e6))
+    throw Error("gsp.Data: timestep is " + std::to_string(timestep) + " and must be seconds, or 0 for the model's");
   if (threads < 0 || iterations < 0)
     throw Error("gsp.Data: threads and iterations are 0 (the library's own) or more, not " + std::to_string(std::min(threads, iterations)));
   if (profile != "stable" && profile != "mujoco")
@@ -87,6 +99,8 @@ runtime::CameraSpec spec_of(nb::handle mount) {
     else
       throw Error("gsp.Data.cameras: a mount has body, pos, quat and fovy, and no '" + name + "'");
   }
+  if (!(spec.fovy > 0 && spec.fovy < 3.14159))
+    throw Error("gsp.Data.cameras: fovy must lie between 0 and 180 degrees and is " + std::to_string(spec.fovy / 0.017453292519943295));
   if (spec.body.empty()) throw Error("gsp.Data.cameras: a mount has no body: say which, 'world' for what does not move");
   return spec;
 }
@@ -100,11 +114,15 @@ void expect_model(Model const& model, Data const& d, char const* call) {
 void step(Data const& d, int n) {
   if (n < 0) throw Error("gsp.step: n must be 0 or more and is " + std::to_string(n));
   using Clock = std::chrono::steady_clock;
+  Use const use(d);
   int part = 1;
   while (n > 0) {
     int const now = std::min(part, n);
     auto const begin = Clock::now();
-    Use(d)->step({.steps = now});
+    {
+      nb::gil_scoped_release const others_run;
+      d.stepper->step({.steps = now});
+    }
     n -= now;
     double const seconds = std::chrono::duration<double>(Clock::now() - begin).count();
     if (seconds < 0.05) part *= 2;
@@ -113,27 +131,70 @@ void step(Data const& d, int n) {
   }
 }
 
-/// What Python gave, as something with a shape: as it is, and NumPy's array of float64 where it has none, or holds whole numbers.
+std::string text_of(nb::handle object) { return nb::cast<std::string>(nb::steal(PyObject_Str(object.ptr()))); }
+/// What Python gave, in the shape of `to`: NumPy's rules of broadcasting, but for what lies on a GPU, which has it already or is one row
+/// of it.
+runtime::Array shaped_as(runtime::Array const& to, char const* what, nb::handle value, nb::object& keeps) {
+  if (nb::isinstance<Array>(value) || nb::hasattr(value, "__cuda_array_interface__")) {
+    bool const all = nb::cast<int>(value.attr("ndim")) == to.rank;
+    runtime::Array from = to.rank == 1          ? taken(value, what, {-1}, keeps)
+                          : all && to.rank == 2 ? taken(value, what, {-1, to.extents[1]}, keeps)
+                          : all                 ? taken(value, what, {-1, to.extents[1], to.extents[2]}, keeps)
+                          : to.rank == 2        ? taken(value, what, {to.extents[1]}, keeps)
+                                                : taken(value, what, {to.extents[1], to.extents[2]}, keeps);
+    if (from.rank < to.rank) {
+      for (int k = from.rank; k-- > 0;) {
+        from.extents[std::size_t(k) + 1] = from.extents[std::size_t(k)];
+        from.strides[std::size_t(k) + 1] = from.strides[std::size_t(k)];
+      }
+      from.extents[0] = 1;
+      from.strides[0] = 0;
+      ++from.rank;
+    }
+    if (from.extents[0] != 1 && from.extents[0] != to.extents[0])
+      throw Error(std::string(what) + " has " + std::to_string(from.extents[0]) + " rows and must have one, or one for each of the " +
+                  std::to_string(to.extents[0]) + " worlds");
+    return from;
+  }
+  nb::object const numpy = nb::module_::import_("numpy");
+  nb::object given = numpy.attr("asarray")(value);
+  std::string const kind = nb::cast<std::string>(given.attr("dtype").attr("kind"));
+  if (kind != "f" || nb::cast<int>(given.attr("dtype").attr("itemsize")) != 4) {
+    if (std::string("fiub").find(kind) == std::string::npos)
+      throw Error(std::string(what) + " holds " + text_of(nb::object(given.attr("dtype"))) + ": give real numbers");
+    given = given.attr("astype")("float64", nb::arg("copy") = false);
+  }
+  nb::list shape;
+  for (int k = 0; k < to.rank; ++k) shape.append(to.extents[std::size_t(k)]);
+  try {
+    keeps = numpy.attr("broadcast_to")(given, nb::tuple(shape));
+  } catch (nb::python_error const&) {
+    throw Error(std::string(what) + " has shape " + text_of(nb::object(given.attr("shape"))) + " and must have " +
+                text_of(nb::tuple(shape)) + ", or one that NumPy makes it of");
+  }
+  nb::object own;
+  runtime::Array const from = to.rank == 1   ? taken(keeps, what, {-1}, own)
+                              : to.rank == 2 ? taken(keeps, what, {-1, -1}, own)
+                                             : taken(keeps, what, {-1, -1, -1}, own);
+  keeps = nb::make_tuple(keeps, own);
+  return from;
+}
+/// Of some numbers of Python's, an array of NumPy's or on a GPU.
 nb::object shaped(nb::handle value) {
   nb::object given = nb::borrow(value);
-  if (nb::isinstance<Array>(given) || nb::hasattr(given, "__cuda_array_interface__")) return given;
-  nb::object const numpy = nb::module_::import_("numpy");
-  if (!nb::hasattr(given, "ndim")) return numpy.attr("asarray")(given, nb::arg("dtype") = "float64");
-  given = numpy.attr("asarray")(given);
-  std::string const kind = nb::cast<std::string>(given.attr("dtype").attr("kind"));
-  return kind == "i" || kind == "u" || kind == "b" ? nb::object(given.attr("astype")("float64")) : given;
+  return nb::hasattr(given, "ndim") ? given : nb::module_::import_("numpy").attr("asarray")(given, nb::arg("dtype") = "float64");
 }
 int rank_of(nb::object const& given) { return nb::cast<int>(given.attr("ndim")); }
-/// The same, of one row for all worlds.
-nb::object rows(nb::handle value) {
-  nb::object const given = shaped(value);
-  return rank_of(given) == 1 ? given.attr("reshape")(1, -1) : given;
-}
 
 /// Worlds of a mask of bool or whole numbers, or none: all.
 runtime::Array mask_of(Data const& d, nb::handle mask, std::string const& where, nb::object& keeps) {
   nb::object whole = nb::borrow(mask);
-  if (!mask.is_none() && !nb::hasattr(mask, "__cuda_array_interface__")) {
+  if (nb::isinstance<Array>(mask)) {
+    if (nb::cast<Array const&>(mask).array.dtype != runtime::Dtype::int32)
+      throw Error(where + ": a mask that is a gsp.Array must hold int32");
+  } else if (!mask.is_none() && nb::hasattr(mask, "__cuda_array_interface__")) {
+    whole = nb::hasattr(mask, "int") ? mask.attr("int")() : mask.attr("astype")("int32");  // torch's, cupy's
+  } else if (!mask.is_none()) {
     whole = nb::module_::import_("numpy").attr("asarray")(mask);
     std::string const kind = nb::cast<std::string>(whole.attr("dtype").attr("kind"));
     if (kind != "b" && kind != "i" && kind != "u") throw Error(where + ": the mask must hold bool or whole numbers, one for each world");
@@ -167,7 +228,9 @@ void reset(Data const& d, nb::handle mask, nb::handle keyframe) {
         throw Error("gsp.reset: keyframe " + std::to_string(key) + " is asked for, and the model has " + std::to_string(keys.size()));
     }
   }
-  Use(d)->reset(given, key);
+  Use const use(d);
+  nb::gil_scoped_release const others_run;
+  d.stepper->reset(given, key);
 }
 
 void set(Data const& d, std::string const& field, nb::handle values, nb::handle mask, bool scale_inertia) {
@@ -180,30 +243,40 @@ void set(Data const& d, std::string const& field, nb::handle values, nb::handle 
   runtime::Array const from =
       rank == 2 ? taken(given, field.c_str(), {-1, -1}, keeps_values) : taken(given, field.c_str(), {-1, -1, -1}, keeps_values);
   runtime::Array const worlds = mask_of(d, mask, "gsp.Data.set", keeps_mask);
-  Use(d)->set_world_values(field, from, worlds, scale_inertia);
+  Use const use(d);
+  nb::gil_scoped_release const others_run;
+  d.stepper->set_world_values(field, from, worlds, scale_inertia);
 }
 
-/// Numbers of Python's into an array of the state.
-void assign(runtime::Array const& to, char const* what, nb::handle value) {
-  nb::object keeps;
-  nb::object const given = shaped(value);
-  runtime::Array from;
-  if (rank_of(given) == to.rank) {
-    from = to.rank == 1   ? taken(given, what, {-1}, keeps)
-           : to.rank == 2 ? taken(given, what, {-1, to.extents[1]}, keeps)
-                          : taken(given, what, {-1, to.extents[1], to.extents[2]}, keeps);
-  } else {
-    from = to.rank == 3 ? taken(given, what, {to.extents[1], to.extents[2]}, keeps)
-                        : taken(given, what, {to.rank > 1 ? to.extents[1] : -1}, keeps);  // one row, for all worlds
-    for (int k = from.rank; k-- > 0;) {
-      from.extents[std::size_t(k) + 1] = from.extents[std::size_t(k)];
-      from.strides[std::size_t(k) + 1] = from.strides[std::size_t(k)];
-    }
-    from.extents[0] = 1;
-    from.strides[0] = 0;
-    ++from.rank;
-  }
-  if (from.data != to.data) runtime::copy(from, to);  // data.qvel += x has written already
+/// First byte, and the one behind the last, of what the array may read.
+std::pair<std::uintptr_t, std::uintptr_t> bytes_of(runtime::Array const& a) {
+  std::int64_t first = 0, last = 0;
+  for (int k = 0; k < a.rank; ++k)
+    (a.strides[std::size_t(k)] < 0 ? first : last) += (a.extents[std::size_t(k)] - 1) * a.strides[std::size_t(k)];
+  auto const at = reinterpret_cast<std::uintptr_t>(a.data);
+  std::int64_t const size = runtime::bytes_of(a.dtype);
+  return {at + std::uintptr_t(first * size), at + std::uintptr_t((last + 1) * size)};
+}
+bool share_memory(runtime::Array const& a, runtime::Array const& b) {
+  auto const p = bytes_of(a), q = bytes_of(b);
+  return a.device == b.device && a.size() > 0 && b.size() > 0 && p.first < q.second && q.first < p.second;
+}
+bool are_one(runtime::Array const& a, runtime::Array const& b) {
+  return a.data == b.data && a.device == b.device && a.dtype == b.dtype && a.rank == b.rank && a.extents == b.extents &&
+         a.strides == b.strides;
+}
+/// f(numbers that `to` may take): of those that lie in its own memory a copy, and nothing if they are `to` itself, as after
+/// `data.qvel += x`, which has written already.
+template <class F>
+void assign(runtime::Array const& to, runtime::Array const& from, F const& f) {
+  if (to.size() == 0 || are_one(to, from)) return;
+  if (!share_memory(to, from)) return f(from);
+  auto const between = runtime::make_buffer(from.device, from.dtype,
+                                            {from.extents[0], from.rank > 1 ? from.extents[1] : 1, from.rank > 2 ? from.extents[2] : 1});
+  runtime::Array own = between.array;
+  own.rank = from.rank;
+  runtime::copy(from, own);
+  f(own);
 }
 
 }  // namespace
@@ -242,7 +315,8 @@ void bind_data(nb::module_& m) {
       nb::arg("precision") = "float32", nb::arg("timestep") = 0., nb::arg("iterations") = 0, nb::arg("tolerance") = nb::none(),
       nb::arg("threads") = 0, nb::arg("per_world") = std::vector<std::string>{},
       "profile: 'stable', which holds still, or 'mujoco', MuJoCo's numbers. timestep [s], iterations, tolerance of the solver, threads of\n"
-      "the CPU: 0 or None is the model's or the library's own. per_world: names of gsp.world_fields() whose values may differ from world "
+      "the CPU: 0 (tolerance: None) is the model's or the library's own. per_world: names of gsp.world_fields() whose values may differ "
+      "from world "
       "to\n"
       "world, at first the model's: `set` changes them.");
   c.def_ro("worlds", &Data::worlds);
@@ -255,8 +329,11 @@ void bind_data(nb::module_& m) {
     c.def_prop_rw(
         name, [member](Data const& d) { return held(d, d.stepper->state().*member); },
         [member, name](Data const& d, ArrayLike const& value) {
-          assign(d.stepper->state().*member, name, value);
-          stepper_of(d).forward();
+          runtime::Stepper& stepper = stepper_of(d);
+          nb::object keeps;
+          runtime::Array const to = stepper.state().*member;
+          assign(to, shaped_as(to, name, value, keeps), [&](runtime::Array const& from) { runtime::copy(from, to); });
+          stepper.set({}, {}, {});  // poses are brought up to date when they are asked for
         },
         nb::for_getter(what));
   };
@@ -264,20 +341,15 @@ void bind_data(nb::module_& m) {
   c.def_prop_rw(
       "qpos", [](Data const& d) { return held(d, d.stepper->state().qpos); },
       [](Data const& d, ArrayLike const& value) {
+        runtime::Stepper& stepper = stepper_of(d);
         nb::object keeps;
-        auto const to = d.stepper->state().qpos;
-        auto const from = taken(rows(value), "qpos", {-1, to.extents[1]}, keeps);
-        if (from.extents[0] != 1 && from.extents[0] != d.worlds)
-          throw Error("qpos has " + std::to_string(from.extents[0]) + " rows and must have one, or one for each of the " +
-                      std::to_string(d.worlds) + " worlds");
-        if (from.data == to.data)
-          stepper_of(d).forward();  // data.qpos += x has written already
-        else
-          stepper_of(d).set(from, {}, {});
+        runtime::Array const to = stepper.state().qpos, from = shaped_as(to, "qpos", value, keeps);
+        assign(to, from, [&](runtime::Array const& other) { stepper.set(other, {}, {}); });
+        stepper.set({}, {}, {});
       },
       nb::for_getter(
           "(worlds, nq) positions; quaternions w x y z. `data.qpos = x` takes float64 to its last digit (qpos_low); whoever writes\n"
-          "into the array itself calls gsp.forward."));
+          "into the array itself calls gsp.forward, and qpos_low stays what it was: positions are qpos + qpos_low."));
   of_state("qpos_low", &S::qpos_low, "(worlds, nq) what rounding took from the positions, which are qpos + qpos_low.");
   of_state("qvel", &S::qvel, "(worlds, nv) velocities.");
   of_state("ctrl", &S::ctrl, "(worlds, nu) what the actuators are told.");
@@ -373,7 +445,8 @@ void bind_data(nb::module_& m) {
       "inverse",
       [](Data const& d, ArrayLike const& qacc) {
         nb::object keeps;
-        return copied(d, stepper_of(d).inverse_dynamics(taken(rows(qacc), "gsp.Data.inverse: qacc", {-1, d.model.compiled->nv}, keeps)));
+        runtime::Array to = d.stepper->state().qvel;
+        return copied(d, stepper_of(d).inverse_dynamics(shaped_as(to, "gsp.Data.inverse: qacc", qacc, keeps)));
       },
       nb::arg("qacc"),
       "(worlds, nv) what actuators and applied forces must sum to for the accelerations qacc (worlds or 1, nv) without constraints:\n"
@@ -381,6 +454,7 @@ void bind_data(nb::module_& m) {
   c.def(
       "cameras",
       [](Data const& d, nb::sequence const& mounts, int width, int height) {
+        if (nb::isinstance<nb::str>(mounts)) throw Error("gsp.Data.cameras: the mounts are a list: give ['name']");
         std::vector<runtime::CameraSpec> specs;
         for (nb::handle const mount : mounts) specs.push_back(spec_of(mount));
         if (width < 1 || height < 1) throw Error("gsp.Data.cameras: width and height must be positive");
@@ -398,6 +472,7 @@ void bind_data(nb::module_& m) {
       [](Data const& d) {
         nb::dict out;
         for (auto const& [name, array] : stepper_of(d).save()) out[name.c_str()] = numpy_copy(array);
+        out["version"] = nb::module_::import_("numpy").attr("asarray")(runtime::snapshot_version);
         return nb::borrow<NumpyArrays>(out);
       },
       "All that the next step starts from, as a dict of NumPy arrays: state.qpos and its like, impulses, who sleeps, samples of late "
@@ -411,6 +486,12 @@ void bind_data(nb::module_& m) {
         std::vector<nb::object> keeps;
         nb::object const numpy = nb::module_::import_("numpy");
         for (auto const& [name, value] : nb::borrow<nb::dict>(list_of)) {
+          if (!nb::isinstance<nb::str>(name)) throw Error("gsp.Data.restore: the names are those that save gave, and one is no text");
+          if (nb::cast<std::string>(name) == "version") {
+            if (nb::cast<int>(nb::int_(value)) != runtime::snapshot_version)
+              throw Error("gsp.Data.restore: another version of the library has saved this, with other constraints: save it anew");
+            continue;
+          }
           keeps.push_back(numpy.attr("ascontiguousarray")(value));
           nb::object own;
           std::vector<std::int64_t> const shape = nb::cast<std::vector<std::int64_t>>(keeps.back().attr("shape"));
@@ -445,7 +526,9 @@ void bind_data(nb::module_& m) {
       "forward",
       [](Model const& model, Data const& d) {
         expect_model(model, d, "gsp.forward");
-        Use(d)->forward();
+        Use const use(d);
+        nb::gil_scoped_release const others_run;
+        d.stepper->forward();
       },
       nb::arg("model"), nb::arg("data"), "Poses of the state as it is, where its arrays were written.");
   m.def(

@@ -26,19 +26,17 @@ struct Data {
 
 /// The stepper, for calls that run kernels. Error where another thread of Python is at it, and in a process that was forked.
 runtime::Stepper& stepper_of(Data const& data);
-/// The same, for as long as this lives, and other threads of Python run meanwhile.
+/// Nobody else for as long as this lives: `what`, say "these data", is in use. Made while the GIL is held, which may then be let go of.
 class Use {
  public:
+  Use(std::shared_ptr<std::atomic<bool>> busy, char const* what);
   explicit Use(Data const& data);
-  ~Use() { busy_ = false; }
+  ~Use() { *busy_ = false; }
   Use(Use const&) = delete;
   Use& operator=(Use const&) = delete;
-  runtime::Stepper* operator->() const { return &stepper_; }
 
  private:
-  runtime::Stepper& stepper_;
-  std::atomic<bool>& busy_;
-  nanobind::gil_scoped_release const others_run_;
+  std::shared_ptr<std::atomic<bool>> const busy_;
 };
 
 }  // namespace gsp::python

@@ -96,7 +96,9 @@ void bind_model(nb::module_& m) {
   c.def_static(
       "from_xml",
       [](std::filesystem::path const& path, std::vector<std::string> const& disable, bool skip_visuals, bool convex_decomposition) {
-        if (path.string().starts_with('<'))
+        std::string const text = path.string();
+        auto const begin = text.find_first_not_of(" \t\r\n");
+        if (begin != std::string::npos && text[begin] == '<')
           throw Error("gsp.Model.from_xml takes the path of a file: give XML text to gsp.Model.from_string");
         io::MjcfOptions const options{.skip_visuals = skip_visuals, .convex_decomposition = convex_decomposition};
         return model_of(io::read_mjcf(path, options), path.string(), disable);
@@ -146,7 +148,15 @@ void bind_model(nb::module_& m) {
   c.def_prop_ro(
       "timestep", [](Model const& model) { return model.compiled->option.timestep; }, "[s]");
   c.def_prop_ro(
-      "gravity", [](Model const& model) { return model.compiled->option.gravity; }, "[m/s^2]");
+      "gravity",
+      [](Model const& model) {
+        auto const& g = model.compiled->option.gravity;
+        return numbers(std::vector<double>(g.begin(), g.end()));
+      },
+      "(3) [m/s^2]");
+  c.def_prop_ro(
+      "jnt_type", [](Model const& model) { return numbers(model.compiled->jnt_type); },
+      "(njnt) 0 free, 1 ball, 2 slide, 3 hinge: MuJoCo's.");
   c.def_prop_ro(
       "report", [](Model const& model) { return model.compiled->report; }, "What the reader has to say: list of ReportLine.");
   c.def(

@@ -10,7 +10,9 @@ NB_MODULE(_gsp, m) {
       [](std::exception_ptr const& thrown, void* type) {
         try {
           std::rethrow_exception(thrown);
-        } catch (std::invalid_argument const& e) { PyErr_SetString(static_cast<PyObject*>(type), e.what()); }
+        } catch (std::invalid_argument const& e) { PyErr_SetString(static_cast<PyObject*>(type), e.what()); } catch (std::bad_cast const&) {
+          PyErr_SetString(PyExc_TypeError, "an argument, or what it holds, is of another kind than the function takes: see its help()");
+        }
       },
       error.ptr());
   gsp::python::bind_array(m);

@@ -28,14 +28,15 @@ struct Renderer {
   runtime::Scene scene;
   runtime::RendererOptions options;
   std::int64_t images = -1;
-  std::shared_ptr<runtime::Renderer> own;
+  std::shared_ptr<runtime::Renderer> own{};
+  std::shared_ptr<std::atomic<bool>> busy = std::make_shared<std::atomic<bool>>(false);
 };
 struct Keeper {
   std::shared_ptr<runtime::Session> session;
   std::shared_ptr<runtime::Renderer> renderer;
 };
 struct Frames {
-  Array rgb, depth, alpha;
+  Array rgb, depth, alpha, median_depth;
 };
 
 Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world) {
@@ -49,34 +50,40 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
     return numpy.attr("ascontiguousarray")(x, nb::arg("dtype") = "float32");
   };
   runtime::CameraArrays cameras;
-  nb::object v = floats(viewmats), k = floats(Ks);
-  auto const is_one = [](nb::object const& x) { return !nb::isinstance<Array>(x) && nb::cast<int>(x.attr("ndim")) == 2; };
-  if (is_one(v)) v = v.attr("reshape")(1, 4, 4);
-  if (is_one(k)) {  // one lens for all
-    nb::object const n = v.attr("shape")[0];
-    k = nb::hasattr(k, "__cuda_array_interface__")
-            ? k.attr("expand")(n, 3, 3).attr("contiguous")()
-            : numpy.attr("ascontiguousarray")(numpy.attr("broadcast_to")(k, nb::make_tuple(n, 3, 3)));
-  }
-  cameras.viewmats = taken(v, "gsp.Renderer.render: viewmats", {-1, 4, 4}, keeps[0]);
+  nb::object const v = floats(viewmats), k = floats(Ks);
+  auto const one = [](nb::object const& x) { return nb::cast<int>(x.attr("ndim")) == 2; };
+  auto const all_of = [](runtime::Array a, std::int64_t count) {  // one for all
+    for (int d = 2; d > 0; --d) {
+      a.extents[std::size_t(d)] = a.extents[std::size_t(d - 1)];
+      a.strides[std::size_t(d)] = a.strides[std::size_t(d - 1)];
+    }
+    a.rank = 3;
+    a.extents[0] = count;
+    a.strides[0] = 0;
+    return a;
+  };
+  cameras.viewmats = one(v) ? all_of(taken(v, "gsp.Renderer.render: viewmats", {4, 4}, keeps[0]), 1)
+                            : taken(v, "gsp.Renderer.render: viewmats", {-1, 4, 4}, keeps[0]);
   std::int64_t const n = cameras.viewmats.extents[0];
-  cameras.Ks = taken(k, "gsp.Renderer.render: Ks", {n, 3, 3}, keeps[1]);
-  if (!world.is_none())
-    cameras.world = taken(
-        nb::isinstance<Array>(world) ? nb::borrow(world) : nb::object(numpy.attr("ascontiguousarray")(world, nb::arg("dtype") = "int32")),
-        "gsp.Renderer.render: world", {n}, keeps[2]);
+  cameras.Ks =
+      one(k) ? all_of(taken(k, "gsp.Renderer.render: Ks", {3, 3}, keeps[1]), n) : taken(k, "gsp.Renderer.render: Ks", {n, 3, 3}, keeps[1]);
+  if (!world.is_none()) {
+    bool const there = nb::isinstance<Array>(world) || nb::hasattr(world, "__cuda_array_interface__");
+    cameras.world = taken(there ? nb::borrow(world) : nb::object(numpy.attr("ascontiguousarray")(world, nb::arg("dtype") = "int32")),
+                          "gsp.Renderer.render: world", {n}, keeps[2]);
+  }
+  Use const use(data), use_renderer(self.busy, "this renderer");
   if (!self.own || self.images != n) {
-    self.own = runtime::make_renderer(self.device, self.scene, self.options);
+    self.own = self.own ? self.own->another() : runtime::make_renderer(self.device, self.scene, self.options);
     self.images = n;
   }
-  auto const poses = stepper_of(data).poses();
   {
-    Use const use(data);
-    self.own->render(poses, cameras);
+    nb::gil_scoped_release const others_run;
+    self.own->render(data.stepper->poses(), cameras);
   }
   auto const f = self.own->frames();
   auto const owner = std::make_shared<Keeper>(Keeper{self.session, self.own});
-  return {{f.rgb, owner}, {f.depth, owner}, {f.alpha, owner}};
+  return {{f.rgb, owner}, {f.depth, owner}, {f.alpha, owner}, {f.median_depth, owner}};
 }
 
 Array asked_for(Array const& channel, std::string const& name) {
@@ -130,22 +137,27 @@ void bind_renderer(nb::module_& m) {
       .def_prop_ro(
           "depth", [](Frames const& f) { return asked_for(f.depth, "depth"); }, "(C, H, W) expected depth [m]")
       .def_prop_ro(
+          "median_depth", [](Frames const& f) { return asked_for(f.median_depth, "median_depth"); },
+          "(C, H, W) depth at which half of a pixel's light is taken, as a LiDAR returns; 0: more comes through [m]")
+      .def_prop_ro(
           "alpha", [](Frames const& f) { return asked_for(f.alpha, "alpha"); }, "(C, H, W)");
   nb::class_<Renderer>(m, "Renderer", "Pictures of a scene of Gaussians, one a camera, of all worlds in one call.")
       .def(
           "__init__",
-          [](Renderer* self, Scene const& scene, int width, int height, std::string const& device, bool rgb, bool depth, bool alpha) {
+          [](Renderer* self, Scene const& scene, int width, int height, std::string const& device, bool rgb, bool depth, bool alpha,
+             bool median_depth) {
             if (width < 1 || height < 1)
               throw Error("gsp.Renderer: width and height must be positive, not " + std::to_string(width) + " and " +
                           std::to_string(height));
-            new (self) Renderer{session(),
-                                scene.model.compiled,
-                                device_of(device),
-                                scene.sets,
-                                {.width = width, .height = height, .rgb = rgb, .depth = depth, .alpha = alpha}};
+            new (self)
+                Renderer{session(),
+                         scene.model.compiled,
+                         device_of(device),
+                         scene.sets,
+                         {.width = width, .height = height, .rgb = rgb, .depth = depth, .alpha = alpha, .median_depth = median_depth}};
           },
           nb::arg("scene"), nb::arg("width") = 640, nb::arg("height") = 480, nb::arg("device") = "cpu", nb::kw_only(),
-          nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true)
+          nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true, nb::arg("median_depth") = false)
       .def("render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
            "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) for all [pixel]; world: "
            "(C) int32, or None: camera c "

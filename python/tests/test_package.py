@@ -13,7 +13,7 @@ from gsp import _library
 from gsp.tasks import MODELS
 
 EXAMPLES = pathlib.Path(__file__).parent.parent.parent / "examples" / "python"
-V3 = {"avx2", "bmi2", "fma", "sse2"}
+V3 = {"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe", "sse2"}
 V4 = V3 | {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}
 
 

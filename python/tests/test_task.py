@@ -9,7 +9,7 @@ import pytest
 
 import gsp
 from gsp.task import philox
-from gsp.tasks import CartPole, Stand
+from gsp.tasks import MODELS, CartPole, Stand
 
 gymnasium = pytest.importorskip("gymnasium", "1.0")
 
@@ -471,3 +471,31 @@ def test_stable_baselines3():
     model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, n_epochs=1, device="cpu").learn(128)
     action, _ = model.predict(env.reset(seed=0)[0], deterministic=True)
     assert action in env.action_space
+
+
+def test_rewards_are_those_of_the_step_whatever_is_reset():
+    class Far(gsp.Task):
+        model = MODELS / "cartpole.xml"
+
+        def observe(self, data):
+            return data.qpos
+
+        def reward(self, data):
+            return data.qpos[:, 0]  # a view of the state
+
+    task = Far(worlds=2)
+    task.reset()
+    task.data.qpos[:, 0] = 1
+    reward, _, _ = task.step(np.zeros((2, 1)))
+    was = np.array(reward)
+    task.reset(np.array([True, True]))
+    assert np.array_equal(reward, was) and np.all(reward > 0.9)
+
+
+def test_episodes_have_steps():
+    class None_(gsp.Task):
+        model = MODELS / "cartpole.xml"
+        substeps = 0
+
+    with pytest.raises(gsp.Error, match="substeps is 0"):
+        None_()

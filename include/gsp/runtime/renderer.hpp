@@ -24,7 +24,7 @@ io::SplatSet room_set();
 
 struct RendererOptions {
   int width = 640, height = 480;
-  bool rgb = true, depth = true, alpha = true;
+  bool rgb = true, depth = true, alpha = true, median_depth = false;
   int batch = 0;  // images a wave; 0: chosen
   float alpha_max = 0.999f;
 };
@@ -33,6 +33,7 @@ struct RendererOptions {
 struct FrameArrays {
   Array rgb;           // (C, H, W, 3)
   Array depth, alpha;  // (C, H, W)
+  Array median_depth;  // (C, H, W) as splat/median_depth.hpp has it
 };
 
 class Renderer {
@@ -42,6 +43,8 @@ class Renderer {
   /// empty ones: nothing moves. On return the pictures are done.
   virtual void render(PoseArrays const& poses, CameraArrays const& cameras) = 0;
   virtual FrameArrays frames() const = 0;
+  /// A renderer of the same Gaussians, which it shares, with pictures of its own.
+  virtual std::unique_ptr<Renderer> another() const = 0;
   /// Bytes that `images` pictures need on the device.
   virtual std::int64_t bytes_needed(int images) const = 0;
 };

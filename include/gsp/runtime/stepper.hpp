@@ -194,14 +194,13 @@ class Stepper {
   /// (worlds, nsensordata) all sensors of the model, of the state as it is (sensor/read_sensors.hpp), evaluated here: steps cost the same
   /// without, and what follows is to the bit what would have followed; counts, contacts and forces of the last step are lost. NaN where
   /// nobody evaluates a sensor. Where it stays; allocates at first; waits.
-  /// Sensors with a delay or an interval (sensor/sensor_history.hpp) measure at each step from the first call of this on, and a step then
-  /// costs their evaluation too: call it before the first step.
+  /// Sensors with a delay or an interval (sensor/sensor_history.hpp) measure at each step, and a step then costs their evaluation too.
   virtual Array sensors() = 0;
   /// A sentence for each sensor that nobody evaluates.
   virtual std::vector<std::string> sensors_left_out() = 0;
   /// What these cameras see in the state as it is, for pictures of one size: image world x specs.size() + k is of spec k of that world. On
-  /// the stepper's device, as a renderer reads them, and there until the next call of this. Allocates where the cameras are others than
-  /// those of the last call; waits. Errors: those of make_camera_mounts.
+  /// the stepper's device, as a renderer reads them; each list of specs of one size has arrays of its own, which stay as long as the stepper
+  /// lives and which the next call for the same writes. Allocates for a new list; waits. Errors: those of make_camera_mounts.
   virtual CameraArrays cameras(std::vector<CameraSpec> const& specs, int width, int height) = 0;
 };
 

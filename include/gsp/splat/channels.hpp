@@ -16,6 +16,7 @@ struct SeenGaussian {
   Splat const& splat;  // centre, depth, colour, opacity in the picture
   int place;           // in the cloud
   int image, body;
+  detail::ImageView const& view;
 
   /// Index in the sets that `make_gaussians` was given, one set after the other.
   KOKKOS_INLINE_FUNCTION int index() const { return cloud.source(place); }
@@ -69,6 +70,10 @@ concept ChannelSize = requires {
 ///   store(image, row, column, float const* pixel) const   takes a pixel's numbers: into a view of any type; one that is called `image`,
 ///                                     of three dimensions or more, must be (images, height, width, ...) as the frames are
 /// and, if they are wanted,
+///   draw(exec, Frames<Mem> const& frames, RenderOptions const& options, int first, int of) const   a pass of its own behind the others,
+///   over
+///                                     the lists of bin_tiles; the numbers kept of splat s are frames.wave.values(s x of + first ...).
+///                                     MedianDepthChannel (median_depth.hpp) is one
 ///   blend(P* pixel, float const* value, Blend<P> const& b) const   one Gaussian; else pixel += weight value. Pixels begin with 0.
 ///                                     P is float or a pack: select(mask, a, b) in place of a branch
 ///   finish(P* pixel, P const& alpha) const   once, behind the last Gaussian
@@ -196,6 +201,16 @@ struct ChannelList<C, Rest...> {
     rest.store(image, row, column, pixel + C::size);
   }
 };
+
+/// The passes of channels that have one of their own.
+template <class Exec, class Mem, class Options>
+void draw_passes(Exec const&, Frames<Mem> const&, Options const&, int, int, ChannelList<> const&) {}
+template <class Exec, class Mem, class Options, class C, class... Rest>
+void draw_passes(Exec const& exec, Frames<Mem> const& frames, Options const& options, int first, int of,
+                 ChannelList<C, Rest...> const& list) {
+  if constexpr (requires { list.channel.draw(exec, frames, options, first, of); }) list.channel.draw(exec, frames, options, first, of);
+  draw_passes(exec, frames, options, first + ChannelList<C, Rest...>::own, of, list.rest);
+}
 
 inline auto channel_list() { return ChannelList<>{}; }
 template <class C, class... Rest>

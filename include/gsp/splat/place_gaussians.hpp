@@ -9,8 +9,9 @@ namespace gsp {
 
 namespace detail {
 
-/// Why a camera cannot be drawn; wave.needed(2) = 2 (image + 1) + fault, of the last such image.
-enum class CameraFault : int { no_focal_length, no_such_world };
+/// Why a camera cannot be drawn; wave.needed(2) = camera_faults (image + 1) + fault, of the last such image.
+enum class CameraFault : int { no_focal_length, no_such_world, no_place };
+inline constexpr int camera_faults = 3;
 
 /// camera <- link = (camera <- world) (world <- link), in double: the order of Gaussians and the place of their centres hang on it.
 template <class Poses, class Mem>
@@ -46,9 +47,13 @@ struct PlaceLinks {
     v.fx = cameras.Ks(image, 0, 0);
     v.fy = cameras.Ks(image, 1, 1);
     auto const is_length = [](double f) { return f < 0 || f > 0; };  // neither 0, as nobody has written it, nor NaN
-    auto const refuse = [&](CameraFault why) { Kokkos::atomic_max(&wave.needed(2), (std::int64_t(image) + 1) * 2 + int(why)); };
+    auto const refuse = [&](CameraFault why) { Kokkos::atomic_max(&wave.needed(2), (std::int64_t(image) + 1) * camera_faults + int(why)); };
     if (!is_length(v.fx) || !is_length(v.fy)) refuse(CameraFault::no_focal_length);
     if (world != named) refuse(CameraFault::no_such_world);
+    double turn = 0, place = 0;  // 3, of a rotation; 0 times the numbers, which is NaN where one is not finite
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 4; ++c) c < 3 ? turn += view[4 * r + c] * view[4 * r + c] : place += 0 * view[4 * r + c];
+    if (!(turn > 0 && turn + place < 1e30)) refuse(CameraFault::no_place);
     v.cx = cameras.Ks(image, 0, 2);
     v.cy = cameras.Ks(image, 1, 2);
     double const mx = 0.15 * width / v.fx, my = 0.15 * height / v.fy;

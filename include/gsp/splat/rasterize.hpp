@@ -42,6 +42,7 @@ void rasterize(Exec const& exec, Frames<Mem>& frames, RenderOptions options = {}
                                                                                       Kokkos::ChunkSize(4)),
                          detail::RasterizeRows<Mem, List>{frames, list, options.alpha_max, options.stop});
   }
+  detail::draw_passes(exec, frames, options, 0, List::stored, list);
 }
 
 }  // namespace gsp

@@ -50,11 +50,14 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
   // Room for the greatest wave so far; true if there was too little.
   auto const grow = [&] {
     auto const needed = detail::to_host(exec, frames.wave.needed);
-    expects(needed[2] == 0, "gsp::render: camera " + std::to_string(needed[2] / 2 - 1) +
-                                (needed[2] % 2 == int(detail::CameraFault::no_focal_length)
-                                     ? " has no focal length: write its viewmat and K, or call cameras_of"
-                                     : " is of a world that the poses do not have (they have " + std::to_string(poses.xpos.extent(0)) +
-                                           "): write its world, or make poses and mounts with the same {.worlds = n}"));
+    auto const fault = detail::CameraFault(needed[2] % detail::camera_faults);
+    expects(needed[2] == 0,
+            "gsp::render: camera " + std::to_string(needed[2] / detail::camera_faults - 1) +
+                (fault == detail::CameraFault::no_focal_length ? " has no focal length: write its viewmat and K, or call cameras_of"
+                 : fault == detail::CameraFault::no_place
+                     ? " has a viewmat of zeros, or with a number that is not finite: write world to camera, or call cameras_of"
+                     : " is of a world that the poses do not have (they have " + std::to_string(poses.xpos.extent(0)) +
+                           "): write its world, or make poses and mounts with the same {.worlds = n}"));
     bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
     if (small)
       reserve(exec, needed[0] > frames.wave.visible_capacity ? room(needed[0]) : 0,

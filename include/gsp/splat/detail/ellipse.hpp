@@ -52,8 +52,8 @@ struct Ellipse {
 /// A picture [pixel], and its tiles of 2^x_bits by 2^y_bits pixels.
 struct TileGrid {
   int width, height, x_bits = 4, y_bits = 4;
-  KOKKOS_INLINE_FUNCTION int columns() const { return (width - 1 >> x_bits) + 1; }
-  KOKKOS_INLINE_FUNCTION int rows() const { return (height - 1 >> y_bits) + 1; }
+  KOKKOS_INLINE_FUNCTION int columns() const { return ((width - 1) >> x_bits) + 1; }
+  KOKKOS_INLINE_FUNCTION int rows() const { return ((height - 1) >> y_bits) + 1; }
 
   /// Rows of tiles that the ellipse may touch, of those rows of pixels.
   KOKKOS_INLINE_FUNCTION PixelRange rows_of(PixelRange const& rows) const { return {rows.first >> y_bits, rows.last >> y_bits}; }

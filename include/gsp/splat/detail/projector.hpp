@@ -117,7 +117,7 @@ struct Projector {
   KOKKOS_FUNCTION void put_values(List const& channels, std::int64_t to, int image, int body, int i, LinkView const& link) const {
     if constexpr (List::stored > 0) {
       float values[List::stored];
-      channels.values(SeenGaussian<Mem>{cloud, link, wave.splats(to), i, wave.first + image, body}, values);
+      channels.values(SeenGaussian<Mem>{cloud, link, wave.splats(to), i, wave.first + image, body, wave.image_views(image)}, values);
       for (int k = 0; k < List::stored; ++k) wave.values(to * List::stored + k) = values[k];
     }
   }
