@@ -55,10 +55,11 @@ class KokkosRenderer : public Renderer {
     int const images = cameras.images();
     if (frames_.images != images) {
       frames_ = {};  // the old buffers go before the new ones come
-      frames_ = make_frames(exec_, cloud_, frame_options(images));
+      median_ = {};
       if (options_.median_depth)
         median_.image =
             gsp::detail::allocate<decltype(median_.image)>("gsp::runtime::Renderer::median_depth", images, options_.height, options_.width);
+      frames_ = make_frames(exec_, cloud_, frame_options(images));  // last: it says for how many there is room
     }
     if (!poses.xpos)
       draw(make_poses<float>(exec_, 1, std::max(1, cloud_.bodies), 0), cameras);

@@ -67,7 +67,7 @@ void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
   std::int64_t needed[3];
   Kokkos::deep_copy(Kokkos::View<std::int64_t[3], Kokkos::HostSpace, Kokkos::MemoryUnmanaged>(needed), wave.needed);
 
-  double const per_visible = sizeof(gsp::Splat) + 4 + 2 * 12 + 8, per_pair = 2 * 8;
+  double const per_visible = sizeof(gsp::Splat) + sizeof(gsp::SplatOrigin) + 2 * 8 + 8, per_pair = gsp::is_device<Exec> ? 20 : 16;
   gsp_bench::Line("splat/render", exec)
       .add("scene", std::filesystem::path(a.scene).filename().string())
       .add("gaussians", cloud.count)

@@ -77,9 +77,11 @@ inline Picture rasterize(gsp::GaussianSet const& set, std::vector<gsp::Transform
         gsp::normalized(gsp::Quat<double>{set.quats[4 * i], set.quats[4 * i + 1], set.quats[4 * i + 2], set.quats[4 * i + 3]}));
     V3 axis[3];
     for (int k = 0; k < 3; ++k) axis[k] = double(set.scales[3 * i + k]) * (V * gsp::rotate(body.q, gsp::column(R, k)));
-    double const mx = 0.3 * 0.5 * width / fx, my = 0.3 * 0.5 * height / fy;
-    double const sx = std::clamp(x / z, -(cx / fx + mx), (width - cx) / fx + mx),
-                 sy = std::clamp(y / z, -(cy / fy + my), (height - cy) / fy + my);
+    double const mx = 0.3 * 0.5 * width / std::abs(fx), my = 0.3 * 0.5 * height / std::abs(fy);
+    auto const within = [](double s, double a, double b, double beyond) {  // a > b of a mirror
+      return std::clamp(s, std::min(a, b) - beyond, std::max(a, b) + beyond);
+    };
+    double const sx = within(x / z, -cx / fx, (width - cx) / fx, mx), sy = within(y / z, -cy / fy, (height - cy) / fy, my);
     double xx = 0, xy = 0, yy = 0;
     for (auto const& a : axis) {
       double const jx = fx / z * (a.x - sx * a.z), jy = fy / z * (a.y - sy * a.z);

@@ -89,23 +89,32 @@ TEST_CASE_TEMPLATE("each image has its own exposure, contrast, brightness and no
   // exposure: 0.5 x 2^e, as the plain reference has it
   auto const exposed = drawn({.exposure = 0.5f, .seed = 3, .step = (std::int64_t(1) << 40) + 7});
   for (int c = 0; c < images; c += 17) {
-    auto const word = gsp::philox(3, {{0, std::uint32_t(c), 7, 256u << 1}}).word[0];
+    auto const word = gsp::philox(3, {{0, std::uint32_t(c), 7, 256u << 8 | 16u}}).word[0];
     double const e = 0.5 * (2 * (double(word >> 9) + 0.5) / 8388608 - 1);
     CHECK(exposed(c, 3, 4, 1) == doctest::Approx(clamped(0.5 * std::exp2(e))).epsilon(1e-6));
   }
-  // contrast leaves the middle
+  // contrast leaves the middle, and takes 0.4 to 0.5 - 0.1 (1 + k), the second number of the same four
   auto const middle = drawn({.contrast = 1, .seed = 9});
   CHECK(middle(7, 1, 1, 1) == 0.5f);
+  Kokkos::deep_copy(frames.rgb, 0.4f);
+  auto const flatter = drawn({.contrast = 0.8f, .seed = 9, .step = 5});
+  for (int c = 0; c < images; c += 13) {
+    auto const word = gsp::philox(9, {{0, std::uint32_t(c), 5, 16u}}).word[1];
+    double const k = 0.8 * (2 * (double(word >> 9) + 0.5) / 8388608 - 1);
+    CHECK(flatter(c, 5, 6, 2) == doctest::Approx(0.5 - 0.1 * (1 + k)).epsilon(1e-6));
+  }
+  Kokkos::deep_copy(frames.rgb, 0.5f);
   // noise: independent normal numbers
   gsp::DevelopOptions const noisy{.noise = 0.05f, .seed = 5, .step = 2};
   auto const noise = drawn(noisy);
-  double sum = 0, squares = 0, beside = 0, colours = 0, fourth = 0;
+  double sum = 0, squares = 0, beside = 0, colours = 0, fourth = 0, third = 0;
   std::int64_t n = 0;
   for (int c = 0; c < images; ++c)
     for (int y = 0; y < height; ++y)
       for (int x = 0; x + 1 < width; ++x, ++n) {
         double const a = (noise(c, y, x, 0) - 0.5) / 0.05, b = (noise(c, y, x + 1, 0) - 0.5) / 0.05, g = (noise(c, y, x, 1) - 0.5) / 0.05;
-        sum += a, squares += a * a, fourth += a * a * a * a, beside += a * b, colours += a * g;
+        double const blue = (noise(c, y, x, 2) - 0.5) / 0.05;
+        third += blue * blue, sum += a, squares += a * a, fourth += a * a * a * a, beside += a * b, colours += a * g;
       }
   double const root = std::sqrt(double(n));
   CHECK(std::abs(sum / n) < 5 / root);
@@ -113,12 +122,15 @@ TEST_CASE_TEMPLATE("each image has its own exposure, contrast, brightness and no
   CHECK(std::abs(fourth / n - 3) < 5 * std::sqrt(96.) / root);
   CHECK(std::abs(beside / n) < 5 / root);
   CHECK(std::abs(colours / n) < 5 / root);
+  CHECK(std::abs(third / n - 1) < 5 * std::sqrt(2.) / root);
   gsp::develop(exec, frames, again, noisy);
   CHECK(std::memcmp(on_host(again).data(), noise.data(), noise.span() * sizeof(float)) == 0);
   gsp::DevelopOptions next = noisy;
   next.step = 3;
   gsp::develop(exec, frames, again, next);
   CHECK(on_host(again)(0, 0, 0, 0) != noise(0, 0, 0, 0));
+  gsp::develop(exec, frames, frames.rgb, noisy);  // in place
+  CHECK(std::memcmp(on_host(frames.rgb).data(), noise.data(), noise.span() * sizeof(float)) == 0);
 }
 
 TEST_CASE("what does not fit is refused") {
@@ -130,6 +142,7 @@ TEST_CASE("what does not fit is refused") {
   CHECK_THROWS_AS(gsp::develop(exec, frames, out, {.noise = -1}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::develop(exec, frames, out, {.contrast = 2}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::develop(exec, frames, out, {.exposure = NAN}), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::develop(exec, frames, out, {.step = -1}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::develop(exec, frames, out, {}, small), std::invalid_argument);
   frames.alpha = {};
   CHECK_THROWS_AS(gsp::develop(exec, frames, out, {.background = {0, 0, 1}}), std::invalid_argument);

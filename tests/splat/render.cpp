@@ -2,6 +2,8 @@
 
 #include <cstring>
 #include <gsp/io/gaussians.hpp>
+#include <gsp/splat/id_channel.hpp>
+#include <gsp/splat/median_depth.hpp>
 #include <gsp/splat/render.hpp>
 #include <gsp_test_execs.hpp>
 #include <splat/scenes.hpp>
@@ -204,6 +206,71 @@ TEST_CASE_TEMPLATE("after its first call render allocates nothing; its stages ne
                             }));
 }
 
+// x -> width - x of every number that is drawn: the same to the rounding of centres, 1e-5 pixels.
+TEST_CASE_TEMPLATE("a mirrored camera draws the mirrored picture", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  int const width = 61, height = 47;
+  auto const cloud = gsp::make_gaussians(exec, gsp_test::random_gaussians(3000, 0, 1, 11));
+  std::vector<float> viewmats, Ks;
+  gsp_test::random_cameras(1, width, height, 1.2, 4, viewmats, Ks);
+  auto const poses = gsp::make_poses<float>(exec, 1, 1, 0);
+  auto const drawn = [&] {
+    auto frames = gsp::make_frames(exec, cloud, {.images = 1, .width = width, .height = height});
+    gsp::render(exec, cloud, poses, gsp::make_cameras(exec, viewmats, Ks), frames);
+    return Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, frames.rgb);
+  };
+  auto const plain = drawn();
+  Ks[0] = -Ks[0], Ks[2] = float(width) - Ks[2];
+  auto const mirrored = drawn();
+  double sum = 0, light = 0;
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      for (int k = 0; k < 3; ++k) {
+        sum += std::abs(double(plain(0, y, x, k)) - double(mirrored(0, y, width - 1 - x, k)));
+        light += double(plain(0, y, x, k));
+      }
+  CHECK(light > 0.1 * width * height);
+  CHECK(sum / (3 * width * height) < 1e-5);
+}
+
+// A camera that sees nothing, whose buffers a device makes small, then one that looks into the scene; frames used with several channels.
+TEST_CASE_TEMPLATE("pictures do not hang on what was drawn before", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Exec const exec;
+  int const images = 5, width = 70, height = 41;
+  auto const cloud = gsp::make_gaussians(exec, gsp_test::random_gaussians(4000, 0, 1, 12));
+  std::vector<float> viewmats, Ks;
+  gsp_test::random_cameras(images, width, height, 1.2, 4, viewmats, Ks);
+  auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
+  auto away = viewmats;
+  for (int c = 0; c < images; ++c) {
+    for (int k = 0; k < 16; ++k) away[std::size_t(16 * c + k)] = k % 5 == 0;
+    away[std::size_t(16 * c + 11)] = -100;  // all is behind it
+  }
+  auto const poses = gsp::make_poses<float>(exec, 1, 1, 0);
+  gsp::FrameOptions const options{.images = images, .width = width, .height = height, .batch = 2};
+  auto fresh = gsp::make_frames(exec, cloud, options), used = gsp::make_frames(exec, cloud, options);
+  gsp::render(exec, cloud, poses, cameras, fresh);
+  gsp::render(exec, cloud, poses, gsp::make_cameras(exec, away, Ks), used);
+  CHECK(to_host(used).alpha(0, 0, 0) == 0);
+  gsp::render(exec, cloud, poses, cameras, used);
+  CHECK(same_bits(to_host(used), to_host(fresh)));
+  gsp::IdChannel<Mem> const id{{}, Kokkos::View<int***, Kokkos::LayoutRight, Mem>("id", images, height, width)};
+  gsp::MedianDepthChannel<Mem> const median{Kokkos::View<float***, Kokkos::LayoutRight, Mem>("median", images, height, width)},
+      again{Kokkos::View<float***, Kokkos::LayoutRight, Mem>("median", images, height, width)};
+  gsp::render(exec, cloud, poses, cameras, used, {}, median);
+  gsp::render(exec, cloud, poses, cameras, used, {}, id, again);  // behind one that keeps a number
+  auto const a = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, median.image),
+             b = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, again.image);
+  CHECK(std::memcmp(a.data(), b.data(), a.span() * sizeof(float)) == 0);
+  CHECK(same_bits(to_host(used), to_host(fresh)));
+  auto thin = gsp::make_frames(exec, cloud, {.images = 1, .width = 1, .height = 300});
+  gsp::render(exec, cloud, poses,
+              gsp::make_cameras(exec, std::vector<float>(viewmats.begin(), viewmats.begin() + 16), {60, 0, 0.5f, 0, 60, 150, 0, 0, 1}),
+              thin, {.blur = 0, .stop = 0});
+  CHECK(to_host(thin).alpha(0, 150, 0) >= 0);
+}
+
 TEST_CASE("input that cannot be is refused in a sentence") {
   Kokkos::Serial const exec;
   auto set = gsp_test::random_gaussians(20, 0, 2, 2);
@@ -227,6 +294,10 @@ TEST_CASE("input that cannot be is refused in a sentence") {
                                                   : "camera 1 has no focal length"),
                          std::invalid_argument);
     for (int i = 0; i < 3; ++i) unwritten.Ks(1, i, i) = 30;
+    if (!second)
+      CHECK_THROWS_WITH_AS(gsp::render(exec, cloud, poses, unwritten, frames), doctest::Contains("camera 1 has a viewmat of zeros"),
+                           std::invalid_argument);
+    for (int i = 0; i < 16; ++i) unwritten.viewmats(1, i / 4, i % 4) = cameras.viewmats(1, i / 4, i % 4);
   }
   auto elsewhere = cameras;
   elsewhere.world = decltype(elsewhere.world)("world", 2);

@@ -50,14 +50,12 @@ void scan_items(char const* label, Exec const& exec, std::int64_t n, Functor con
 
 /// Scratch for sums over up to n numbers on `exec`.
 template <ExecutionSpace Exec>
-ScanScratch<typename Exec::memory_space> make_scan_scratch(Exec const&, std::int64_t n) {
+ScanScratch<typename Exec::memory_space> make_scan_scratch([[maybe_unused]] Exec const& exec, [[maybe_unused]] std::int64_t n) {
   ScanScratch<typename Exec::memory_space> s;
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
   if constexpr (is_device<Exec>)
     s.temporary =
-        detail::allocate<Kokkos::View<char*, typename Exec::memory_space>>("gsp::ScanScratch::temporary", detail::cuda_scan_bytes(n));
-#else
-  static_cast<void>(n);
+        detail::allocate<Kokkos::View<char*, typename Exec::memory_space>>("gsp::ScanScratch::temporary", detail::cuda_scan_bytes(exec, n));
 #endif
   return s;
 }

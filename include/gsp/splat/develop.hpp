@@ -16,10 +16,11 @@ struct DevelopOptions {
   float noise = 0;                              // deviation of normal noise
   std::array<float, 3> background = {0, 0, 0};  // shows where light comes through
   std::uint64_t seed = 0;
-  std::int64_t step = 0;
+  std::int64_t step = 0;  // to 2^56
 };
 
 namespace detail {
+inline constexpr std::uint32_t picture_stream = 16;
 /// 0 to 1 as the numbers of a picture: whole ones of 8 bits to the nearest of 255 steps.
 template <class T>
 KOKKOS_INLINE_FUNCTION T developed_as(float c) {
@@ -39,8 +40,9 @@ struct Develop {
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
     int const x = int(i % frames.width), y = int(i / frames.width % frames.height), image = int(i / frames.width / frames.height);
     auto const words = [&](std::uint32_t pixel, std::uint32_t stream) {
+      // 24 bits of the upper half of the step, and a stream that no noise of rays or sensors has
       return philox(options.seed, {{pixel, std::uint32_t(image), std::uint32_t(options.step),
-                                    std::uint32_t(std::uint64_t(options.step) >> 32) << 1 | stream}});
+                                    std::uint32_t(std::uint64_t(options.step) >> 32) << 8 | (picture_stream + stream)}});
     };
     // of the image: an exact 0 where nothing is drawn
     float gain = 1, contrast = 1, brightness = 0;
@@ -79,8 +81,8 @@ struct Develop {
 /// @param out         out: (C, H, W, 3) of float, Kokkos::Experimental::half_t or std::uint8_t; may be frames.rgb
 /// @param background  (1 or C, H, W, 3) in place of options.background; empty: that
 /// Neither allocates nor fences. Cost: reads and writes the pictures once, and about 150 operations a pixel for noise.
-/// Errors: std::invalid_argument without rgb, for a background without alpha, for other sizes, and for options that are negative or not
-/// finite, or a contrast over 1.
+/// Errors: std::invalid_argument without rgb, for a background without alpha, for other sizes, for options that are not from 0 to 1e6, a
+/// contrast over 1, and a step that is negative or over 2^56.
 template <ExecutionSpace Exec, class Mem, class Out>
 void develop(Exec const& exec, Frames<Mem> const& frames, Out const& out, DevelopOptions const& options = {},
              std::type_identity_t<Kokkos::View<float const****, Kokkos::LayoutRight, Mem>> const& background = {}) {
@@ -96,10 +98,14 @@ void develop(Exec const& exec, Frames<Mem> const& frames, Out const& out, Develo
   };
   expects(fits(out, false), "gsp::develop: `out` must be (images, height, width, 3) as the frames are");
   expects(!background.data() || fits(background, true), "gsp::develop: the background must be (1 or images, height, width, 3)");
-  bool good = options.contrast <= 1;
+  using T = std::remove_const_t<typename Out::value_type>;
+  static_assert(std::is_same_v<T, float> || std::is_same_v<T, Kokkos::Experimental::half_t> || std::is_same_v<T, std::uint8_t>,
+                "gsp::develop: `out` holds float, Kokkos::Experimental::half_t or std::uint8_t");
+  bool good = options.contrast <= 1 && options.step >= 0 && options.step >> 56 == 0;
   for (float const x : {options.exposure, options.contrast, options.brightness, options.noise}) good = good && x >= 0 && x < 1e6f;
   for (float const x : options.background) good = good && x >= 0 && x < 1e6f;
-  expects(good, "gsp::develop: exposure, contrast (at most 1), brightness, noise and background must be finite and not negative");
+  expects(good,
+          "gsp::develop: exposure, contrast (at most 1), brightness, noise and background must be from 0 to 1e6, the step from 0 to 2^56");
   Kokkos::parallel_for("gsp::splat::develop",
                        lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(
                            exec, 0, std::int64_t(frames.images) * frames.height * frames.width)),

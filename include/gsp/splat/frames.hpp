@@ -35,11 +35,12 @@ struct SplatWave {
   detail::TileGrid grid{};    // 16 x 16 pixels a tile on a CPU, 64 x 32 on a GPU
   int words = 0;              // of 32 Gaussians each, in `seen`
   std::int64_t visible_capacity = 0, pair_capacity = 0;
-  int values_a_splat = 0;  // numbers that channels keep of a Gaussian beside its splat
+  std::int64_t visible_least = 1, pair_least = 1;  // what a user's hints ask for: `render` makes them no smaller
+  int values_a_splat = 0;                          // numbers that channels keep of a Gaussian beside its splat
 
   View<detail::ImageView*> image_views;  // (batch)
   View<detail::LinkView**> link_views;   // (batch, body)
-  View<bool**> cluster_seen;             // (batch, cluster) whether a Gaussian of it may be; a device's
+  View<bool**> cluster_seen;             // (batch, cluster) whether a Gaussian of it may be; read on a device
   View<std::uint32_t**> seen;            // (batch, word) bit `source` says whether the image has a splat of that Gaussian
   View<int*> seen_before;                // (batch x words + 1) how many splats there are of the words before, image after image
   View<std::int64_t> visible, pairs;     // how many there are; 0 where they did not fit

@@ -82,6 +82,9 @@ inline void check_gaussian_set(std::string const& function, GaussianSet const& s
   finite(s.positions, "position");
   finite(s.quats, "rotation");
   finite(s.scales, "scale");
+  auto const negative = std::find_if(s.scales.begin(), s.scales.end(), [](float x) { return x < 0; });
+  expects(negative == s.scales.end(),
+          name + ": Gaussian " + std::to_string((negative - s.scales.begin()) / 3) + " has a negative scale; a deviation is 0 or more");
   finite(s.opacities, "opacity");
   finite(s.sh, "colour");
   for (std::size_t i = 0; i < n; ++i)

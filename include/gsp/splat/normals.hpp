@@ -24,10 +24,11 @@ struct NormalsOfDepth {
     bool whole = x > 0 && y > 0 && x + 1 < width && y + 1 < height && depth(c, y, x) > 0;
     for (int k = -1; k <= 1 && whole; k += 2) whole = depth(c, y, x + k) > 0 && depth(c, y + k, x) > 0;
     if (whole) {
-      Vec3<float> const n = cross(at(x, y + 1) - at(x, y - 1), at(x + 1, y) - at(x - 1, y));  // towards the camera
-      float const length = norm(n);
+      Vec3<float> const n = cross(at(x, y + 1) - at(x, y - 1), at(x + 1, y) - at(x - 1, y));
+      bool const mirrored = (cameras.Ks(c, 0, 0) < 0) != (cameras.Ks(c, 1, 1) < 0);
+      float const length = mirrored ? -norm(n) : norm(n);  // towards the camera
       auto const& v = cameras.viewmats;
-      if (length > 0)
+      if (length != 0)
         for (int k = 0; k < 3; ++k) normal[k] = (v(c, 0, k) * n.x + v(c, 1, k) * n.y + v(c, 2, k) * n.z) / length;
     }
     for (int k = 0; k < 3; ++k) normals(c, y, x, k) = normal[k];

@@ -10,7 +10,7 @@ namespace gsp {
 namespace detail {
 
 /// Why a camera cannot be drawn; wave.needed(2) = camera_faults (image + 1) + fault, of the last such image.
-enum class CameraFault : int { no_focal_length, no_such_world, no_place };
+enum class CameraFault : int { no_place, no_such_world, no_focal_length };
 inline constexpr int camera_faults = 3;
 
 /// camera <- link = (camera <- world) (world <- link), in double: the order of Gaussians and the place of their centres hang on it.
@@ -46,21 +46,23 @@ struct PlaceLinks {
     ImageView v;
     v.fx = cameras.Ks(image, 0, 0);
     v.fy = cameras.Ks(image, 1, 1);
+    v.cx = cameras.Ks(image, 0, 2);
+    v.cy = cameras.Ks(image, 1, 2);
     auto const is_length = [](double f) { return f < 0 || f > 0; };  // neither 0, as nobody has written it, nor NaN
     auto const refuse = [&](CameraFault why) { Kokkos::atomic_max(&wave.needed(2), (std::int64_t(image) + 1) * camera_faults + int(why)); };
     if (!is_length(v.fx) || !is_length(v.fy)) refuse(CameraFault::no_focal_length);
     if (world != named) refuse(CameraFault::no_such_world);
-    double turn = 0, place = 0;  // 3, of a rotation; 0 times the numbers, which is NaN where one is not finite
+    double turn = 0, place = 0 * (v.fx + v.fy + v.cx + v.cy);  // 3, of a rotation; 0, and NaN where a number is not finite
     for (int r = 0; r < 3; ++r)
       for (int c = 0; c < 4; ++c) c < 3 ? turn += view[4 * r + c] * view[4 * r + c] : place += 0 * view[4 * r + c];
     if (!(turn > 0 && turn + place < 1e30)) refuse(CameraFault::no_place);
-    v.cx = cameras.Ks(image, 0, 2);
-    v.cy = cameras.Ks(image, 1, 2);
-    double const mx = 0.15 * width / v.fx, my = 0.15 * height / v.fy;
-    v.x_low = static_cast<float>(-(v.cx / v.fx + mx));
-    v.x_high = static_cast<float>((width - v.cx) / v.fx + mx);
-    v.y_low = static_cast<float>(-(v.cy / v.fy + my));
-    v.y_high = static_cast<float>((height - v.cy) / v.fy + my);
+    auto const limits = [](double f, double middle, int size, float& low, float& high) {  // a mirror's picture begins at the other end
+      double const beyond = 0.15 * size / Kokkos::fabs(f), a = -middle / f, b = (size - middle) / f;
+      low = static_cast<float>(Kokkos::fmin(a, b) - beyond);
+      high = static_cast<float>(Kokkos::fmax(a, b) + beyond);
+    };
+    limits(v.fx, v.cx, width, v.x_low, v.x_high);
+    limits(v.fy, v.cy, height, v.y_low, v.y_high);
     wave.image_views(local) = v;
   }
 };
@@ -91,6 +93,9 @@ void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, Pos
   expects(static_cast<int>(wave.link_views.extent(1)) >= cloud.bodies && wave.cluster_seen.extent(1) >= cloud.clusters.extent(0) &&
               cloud.count <= std::int64_t(32) * wave.words,
           "gsp::place_gaussians: the frames were made for fewer Gaussians or bodies; make_frames again with these");
+  detail::TileGrid const own = detail::tile_grid<Exec>(frames.width, frames.height);
+  expects(wave.grid.x_bits == own.x_bits && wave.grid.y_bits == own.y_bits,
+          "gsp::place_gaussians: the frames were made for another backend, whose tiles are of another size: make_frames with this one");
   wave.first = first;
   wave.images = std::min(wave.batch, frames.images - first);
   Kokkos::parallel_for("gsp::splat::place_gaussians", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, wave.images * cloud.bodies)),

@@ -26,10 +26,6 @@ void rasterize(Exec const& exec, Frames<Mem>& frames, RenderOptions options = {}
   using List = std::remove_const_t<decltype(list)>;
   detail::check_values<List>("gsp::rasterize", frames);
   (detail::check_image("gsp::rasterize", frames, channels), ...);
-  auto const& grid = frames.wave.grid;
-  detail::TileGrid const own = detail::tile_grid<Exec>(frames.width, frames.height);
-  expects(grid.x_bits == own.x_bits && grid.y_bits == own.y_bits,
-          "gsp::rasterize: the frames were made for another backend, whose tiles are of another size: make_frames with this one");
   if constexpr (is_device<Exec>) {
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
     detail::rasterize_on_cuda(exec, detail::RasterizeBlocks<Mem, List>{frames, list, options.alpha_max, options.stop});

@@ -22,10 +22,10 @@ struct ResetNeeded {
 /// @param frames   out: rgb, depth, alpha
 /// @param channels further picture channels (channels.hpp); each stores its own picture, of the size of the frames' (checked where it is
 ///                 the channel's member `image`)
-/// Waits for the device once, at its end (and once after the very first wave), to learn whether every wave fitted its buffers; those that
-/// did not are repeated with larger ones, so that nothing is ever dropped. Allocates only then. Errors: std::invalid_argument also where a
-/// camera has no focal length (none has written it), or is of a world that the poses do not have. An image depends on nothing but its own
-/// input: the same bits for any batch, any number of threads and any other images.
+/// Waits for the device once, at its end (the first call of frames a few times more), to learn whether every wave fitted its buffers; those
+/// that did not are repeated with larger ones, so that nothing is ever dropped. Allocates only then. Errors: std::invalid_argument also
+/// where a camera has no focal length (none has written it), or is of a world that the poses do not have. An image depends on nothing but
+/// its own input: the same bits for any batch, any number of threads and any other images.
 template <ExecutionSpace Exec, class R, class PosesMem, class Mem, class... Channels>
 void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras,
             Frames<Mem>& frames, RenderOptions options = {}, Channels const&... channels) {
@@ -46,7 +46,7 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
     bin_tiles(exec, frames);
     rasterize(exec, frames, options, channels...);
   };
-  auto const room = [](std::int64_t n) { return n + n / 8; };
+  auto const room = [](std::int64_t n) { return std::min(n + n / 8, std::max(n, detail::most_of_wave)); };
   // Room for the greatest wave so far; true if there was too little.
   auto const grow = [&] {
     auto const needed = detail::to_host(exec, frames.wave.needed);
@@ -55,7 +55,7 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
             "gsp::render: camera " + std::to_string(needed[2] / detail::camera_faults - 1) +
                 (fault == detail::CameraFault::no_focal_length ? " has no focal length: write its viewmat and K, or call cameras_of"
                  : fault == detail::CameraFault::no_place
-                     ? " has a viewmat of zeros, or with a number that is not finite: write world to camera, or call cameras_of"
+                     ? " has a viewmat of zeros, or a number in it or in K that is not finite: write world to camera, or call cameras_of"
                      : " is of a world that the poses do not have (they have " + std::to_string(poses.xpos.extent(0)) +
                            "): write its world, or make poses and mounts with the same {.worlds = n}"));
     bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
@@ -64,16 +64,19 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
               needed[1] > frames.wave.pair_capacity ? room(needed[1]) : 0, frames.wave);
     return small;
   };
-  // A device sorts and sums whole buffers, so those that the first guess made far too large are made anew.
+  // A device sorts and sums whole buffers, so those that a guess made far too large are made anew; what they hold is drawn by then.
   auto const trim = [&] {
-    auto const needed = detail::to_host(exec, frames.wave.needed);
-    auto const too_large = [&](std::int64_t capacity, std::int64_t n) { return capacity > room(room(std::max<std::int64_t>(n, 1))); };
-    if (too_large(frames.wave.visible_capacity, needed[0])) frames.wave.visible_capacity = 0;
-    if (too_large(frames.wave.pair_capacity, needed[1])) frames.wave.pair_capacity = 0;
-    reserve(exec, room(std::max<std::int64_t>(needed[0], 1)), room(std::max<std::int64_t>(needed[1], 1)), frames.wave);
+    auto& w = frames.wave;
+    auto const needed = detail::to_host(exec, w.needed);
+    std::int64_t const visible = std::max(room(needed[0]), w.visible_least), pairs = std::max(room(needed[1]), w.pair_least);
+    bool const too_many = w.visible_capacity > room(visible), too_far = w.pair_capacity > room(pairs);
+    if (too_many) w.visible_capacity = 0;
+    if (too_far) w.pair_capacity = 0;
+    reserve(exec, too_many ? visible : 0, too_far ? pairs : 0, w);
   };
   Kokkos::parallel_for("gsp::splat::render_reset", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::ResetNeeded<Mem>{frames.wave.needed});
   int first = 0;
+  if (frames.wave.visible_capacity == 0 || frames.wave.pair_capacity == 0) reserve(exec, 1, 1, frames.wave);  // there was no room for more
   if (!frames.sized) {
     do wave(0);
     while (grow());

@@ -9,6 +9,8 @@
 namespace gsp {
 
 namespace detail {
+/// Of splats or pairs: places and the next 1,024 behind them are whole numbers of 32 bits.
+inline constexpr std::int64_t most_of_wave = (std::int64_t(1) << 31) - 4096;
 /// Rows of block_masks: a list that begins at pair b, of tile t, has those from b / 32 + t on, one for every 32 of its splats.
 inline std::int64_t mask_rows(std::int64_t pairs, std::int64_t tiles) { return pairs / 32 + tiles + 1; }
 }  // namespace detail
@@ -16,12 +18,13 @@ inline std::int64_t mask_rows(std::int64_t pairs, std::int64_t tiles) { return p
 template <ExecutionSpace Exec, class Mem>
 void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWave<Mem>& w) {
   using Wave = SplatWave<Mem>;
-  constexpr std::int64_t most = (std::int64_t(1) << 31) - 2;
+  constexpr std::int64_t most = detail::most_of_wave;
   if (visible > most || pairs > most)
     throw Error("gsp::reserve: a wave of " + std::to_string(w.batch) + " images needs " + std::to_string(visible) + " splats and " +
                 std::to_string(pairs) + " tile pairs, over 2^31; make the frames with a smaller batch");
   if (visible > w.visible_capacity) {
-    // let go of the old buffers first: the peak is the new size, not the sum
+    // let go of the old buffers first: the peak is the new size, not the sum; should there be no room, there is none at all
+    w.visible_capacity = 0;
     w.values = {};
     w.splats = {};
     w.origins = {};
@@ -44,7 +47,13 @@ void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWa
     w.values = {};
     w.values = detail::allocate<typename Wave::template View<float*>>("gsp::SplatWave::values", std::int64_t(values));
   }
+  if (visible > 0 || pairs > 0) {  // the lists of the last wave are gone
+    Kokkos::deep_copy(exec, w.visible, 0);
+    Kokkos::deep_copy(exec, w.pairs, 0);
+    Kokkos::deep_copy(exec, w.tile_begin, 0);
+  }
   if (pairs > w.pair_capacity) {
+    w.pair_capacity = 0;
     w.tile_keys = {};
     w.tile_splats = {};
     w.tile_scratch = {};
@@ -76,7 +85,7 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
   expects(options.width <= 65536 && options.height <= 65536, "gsp::make_frames: width and height are at most 65536");
   expects(options.batch >= 0 && options.visible >= 0 && options.pairs >= 0 && options.values >= 0,
           "gsp::make_frames: batch, values and hints must not be negative");
-  std::int64_t constexpr most = (std::int64_t(1) << 31) - 2, wave_bytes = std::int64_t(7) << 28;
+  std::int64_t constexpr most = most_of_wave, wave_bytes = std::int64_t(7) << 28;
   FrameSizes s{};
   s.grid = tile_grid<Exec>(options.width, options.height);
   std::int64_t const tiles = std::int64_t(s.grid.columns()) * s.grid.rows(), clusters = std::int64_t(cloud.clusters.extent(0));
@@ -100,8 +109,9 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
   } else {
     s.batch = static_cast<std::int64_t>(std::clamp(2 * 307200. / pixels, 1., 64.));
   }
-  s.batch = std::min<std::int64_t>({s.batch, options.images, ((std::int64_t(1) << 32) - 1) / tiles,
-                                    most / std::max<std::int64_t>(1, clusters), most / std::max<std::int64_t>(1, s.words)});
+  s.batch = std::min<std::int64_t>(
+      {s.batch, options.images, most / 16 / tiles, most / std::max<std::int64_t>(1, clusters), most / std::max<std::int64_t>(1, s.words)});
+  expects(s.batch > 0, "gsp::make_frames: pictures of this size have more tiles than a launch has blocks; make them smaller");
   // waves of one size: a short one at the end costs nearly as much as a full one
   auto const parts = [](std::int64_t n, std::int64_t size) { return (n + size - 1) / size; };
   if (options.batch == 0) s.batch = parts(options.images, parts(options.images, s.batch));
@@ -154,6 +164,8 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
   wave.needed = detail::allocate_zero<typename Wave::template View<std::int64_t[3]>>(exec, "gsp::SplatWave::needed");
   wave.tile_begin = detail::allocate<typename Wave::template View<std::int64_t*>>("gsp::SplatWave::tile_begin", batch * wave.tiles() + 1);
   reserve(exec, sizes.visible, sizes.pairs, wave);
+  if (options.visible > 0) wave.visible_least = sizes.visible;
+  if (options.pairs > 0) wave.pair_least = sizes.pairs;
   return f;
 }
 

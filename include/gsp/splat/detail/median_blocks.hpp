@@ -17,7 +17,10 @@ struct RayDepth {
   template <class Seen>
   KOKKOS_INLINE_FUNCTION static void of(Seen const& g, float* out) {
     Mat3<float> const turn = g.to_camera(), own = to_matrix(g.quat());
-    Vec3<float> const s = g.scale(), p = g.position();
+    Vec3<float> s = g.scale();
+    Vec3<float> const p = g.position();
+    float const most = max(s.x, max(s.y, s.z));
+    for (int k = 0; k < 3; ++k) s[k] = max(s[k], 1e-6f * most);  // a disc without thickness, as in splat_tree.hpp
     float const least = min(s.x, min(s.y, s.z));
     Mat3<float> inverse;  // S^-1
     for (int k = 0; k < 9; ++k) inverse.m[k] = 0;
@@ -184,7 +187,7 @@ __global__ void __launch_bounds__(Blocks::threads) median_blocks_kernel(Blocks c
 
 template <class Exec, class Mem>
 void draw_medians(Exec const& exec, MedianPass<Mem> const& pass) {
-  int const tiles = pass.frames.wave.images * pass.frames.wave.tiles();
+  int const tiles = pass.frames.wave.images * pass.frames.wave.tiles();  // frame_sizes bounds it
   if constexpr (is_device<Exec>) {
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
     using Blocks = MedianBlocks<Mem>;

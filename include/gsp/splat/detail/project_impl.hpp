@@ -67,18 +67,21 @@ struct ProjectPacks {
 
 /// Do they fit? If not, the wave is left out: its images are marked, later stages find nothing to do.
 template <class Mem>
-struct SettleVisible {
+struct MarkImages {
   SplatWave<Mem> wave;
   Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status;
+  KOKKOS_FUNCTION void operator()(int k) const {
+    std::uint32_t const old = status(wave.first + k);
+    status(wave.first + k) = wave.visible() <= wave.visible_capacity ? old & ~frame_overflow : old | frame_overflow;
+  }
+};
+template <class Mem>
+struct SettleVisible {
+  SplatWave<Mem> wave;
   KOKKOS_FUNCTION void operator()(int) const {
     std::int64_t const visible = wave.visible();
-    bool const fits = visible <= wave.visible_capacity;
-    wave.visible() = fits ? visible : 0;
+    wave.visible() = visible <= wave.visible_capacity ? visible : 0;
     wave.needed(0) = visible > wave.needed(0) ? visible : wave.needed(0);
-    for (int k = 0; k < wave.images; ++k) {
-      std::uint32_t const old = status(wave.first + k);
-      status(wave.first + k) = fits ? old & ~frame_overflow : old | frame_overflow;
-    }
   }
 };
 
@@ -111,8 +114,9 @@ void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem>& frames,
                          Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, cells, Kokkos::ChunkSize(8)),
                          detail::ProjectPacks<Mem, List>{projector, clusters, list});
   }
-  Kokkos::parallel_for("gsp::splat::project_settle", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, 1)),
-                       detail::SettleVisible<Mem>{wave, frames.status});
+  Kokkos::parallel_for("gsp::splat::project_mark", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, wave.images)),
+                       detail::MarkImages<Mem>{wave, frames.status});
+  Kokkos::parallel_for("gsp::splat::project_settle", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, 1)), detail::SettleVisible<Mem>{wave});
 }
 
 }  // namespace gsp
