@@ -18,7 +18,8 @@ template <class Exec>
 auto some_frames(Exec const& exec, int images, int width, int height) {
   auto const cloud = gsp::make_gaussians(exec, gsp::GaussianSet{});
   auto frames = gsp::make_frames(exec, cloud, {.images = images, .width = width, .height = height});
-  auto const rgb = on_host(frames.rgb), alpha = on_host(frames.alpha);
+  auto const rgb = on_host(frames.rgb);
+  auto const alpha = on_host(frames.alpha);
   std::mt19937 random(4);
   for (std::size_t k = 0; k < rgb.size(); ++k) rgb.data()[k] = float(random() % 1401) / 1000;
   for (std::size_t k = 0; k < alpha.size(); ++k) alpha.data()[k] = float(random() % 1001) / 1000;
@@ -45,7 +46,8 @@ TEST_CASE_TEMPLATE("pictures over a background, in float, half and eight bits", 
   gsp_test::check_algorithm(exec, gsp_test::watch([&] { gsp::develop(exec, frames, out, options); }));
   gsp::develop(exec, frames, halves, options);
   gsp::develop(exec, frames, bytes, options);
-  auto const rgb = on_host(frames.rgb), is = on_host(out);
+  auto const rgb = on_host(frames.rgb);
+  auto const is = on_host(out);
   auto const alpha = on_host(frames.alpha);
   auto const half_is = on_host(halves);
   auto const byte_is = on_host(bytes);
@@ -53,7 +55,7 @@ TEST_CASE_TEMPLATE("pictures over a background, in float, half and eight bits", 
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x)
         for (int k = 0; k < 3; ++k) {
-          double const want = clamped(double(rgb(c, y, x, k)) + (1 - double(alpha(c, y, x))) * double(options.background[std::size_t(k)]));
+          double const want = clamped(double(rgb(c, y, x, k)) + (1 - double(alpha(c, y, x))) * double(options.background[k]));
           REQUIRE(std::abs(is(c, y, x, k) - want) < 5e-7);                               // four roundings of numbers up to 1.4
           REQUIRE(std::abs(double(float(half_is(c, y, x, k))) - want) < 2.5e-4 + 5e-7);  // half a unit of half's last place below 1
           REQUIRE(std::abs(byte_is(c, y, x, k) - 255 * want) <= 0.5 + 2e-4);

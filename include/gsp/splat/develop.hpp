@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/core/region.hpp>
 #include <gsp/math/philox.hpp>
+#include <gsp/math/vec3.hpp>
 #include <gsp/splat/frames.hpp>
 
 namespace gsp {
@@ -10,11 +11,11 @@ namespace gsp {
 /// Each image draws an exposure, a contrast and a brightness of its own, uniformly from -x to x of the numbers here, and each number a
 /// noise: of the seed, the step and the image (gsp/math/philox.hpp), so the same comes in any batch and on any backend to rounding.
 struct DevelopOptions {
-  float exposure = 0;                           // in powers of two
-  float contrast = 0;                           // a share, at most 1
-  float brightness = 0;                         // added
-  float noise = 0;                              // deviation of normal noise
-  std::array<float, 3> background = {0, 0, 0};  // shows where light comes through
+  float exposure = 0;               // in powers of two
+  float contrast = 0;               // a share, at most 1
+  float brightness = 0;             // added
+  float noise = 0;                  // deviation of normal noise
+  Vec3<float> background{0, 0, 0};  // shows where light comes through
   std::uint64_t seed = 0;
   std::int64_t step = 0;  // to 2^56
 };
@@ -67,7 +68,7 @@ struct Develop {
     float const through = frames.alpha.data() ? 1.f - frames.alpha(image, y, x) : 0.f;
     int const behind = background.extent(0) == 1 ? 0 : image;
     for (int k = 0; k < 3; ++k) {
-      float const shows = background.data() ? background(behind, y, x, k) : options.background[std::size_t(k)];
+      float const shows = background.data() ? background(behind, y, x, k) : options.background[k];
       float const light = gain * fma(through, shows, frames.rgb(image, y, x, k));
       float const c = fma(light - 0.5f, contrast, 0.5f + brightness + noise[k]);
       out(image, y, x, k) = developed_as<typename Out::value_type>(c > 0.f ? (c < 1.f ? c : 1.f) : 0.f);
@@ -103,7 +104,7 @@ void develop(Exec const& exec, Frames<Mem> const& frames, Out const& out, Develo
                 "gsp::develop: `out` holds float, Kokkos::Experimental::half_t or std::uint8_t");
   bool good = options.contrast <= 1 && options.step >= 0 && options.step >> 56 == 0;
   for (float const x : {options.exposure, options.contrast, options.brightness, options.noise}) good = good && x >= 0 && x < 1e6f;
-  for (float const x : options.background) good = good && x >= 0 && x < 1e6f;
+  for (float const x : {options.background.x, options.background.y, options.background.z}) good = good && x >= 0 && x < 1e6f;
   expects(good,
           "gsp::develop: exposure, contrast (at most 1), brightness, noise and background must be from 0 to 1e6, the step from 0 to 2^56");
   Kokkos::parallel_for("gsp::splat::develop",
