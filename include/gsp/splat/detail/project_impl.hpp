@@ -1,6 +1,7 @@
 #pragma once
 #include <gsp/core/region.hpp>
 #include <gsp/splat/detail/projector.hpp>
+#include <gsp/splat/project.hpp>
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
 #include <gsp/splat/detail/project_cuda.hpp>
 #endif

@@ -3,8 +3,8 @@
 #include <gsp/splat/channels.hpp>
 #include <gsp/splat/detail/ellipse.hpp>
 #include <gsp/splat/detail/lanes.hpp>
+#include <gsp/splat/detail/render_options.hpp>
 #include <gsp/splat/detail/spherical_harmonics.hpp>
-#include <gsp/splat/project.hpp>
 
 /// What `project` does with a Gaussian, on every backend.
 namespace gsp::detail {
