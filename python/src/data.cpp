@@ -465,7 +465,8 @@ void bind_data(nb::module_& m) {
       "What Renderer.render takes, (viewmats, Ks, world), for cameras of the model by name, or on bodies: dict(body='head', pos=(0.1, 0, "
       "0),\n"
       "quat=(1, 0, 0, 0), fovy=60), as MJCF has them: looking along -z, y up, fovy in degrees. All worlds, in their poses as they are, on\n"
-      "the data's device: image world * len(mounts) + k is of mount k. They hold until the next call.");
+      "the data's device: image world * len(mounts) + k is of mount k. Each list of mounts of one size has arrays of its\n"
+      "own, as long as the data live; the next call for the same writes them.");
   c.def_prop_ro("counts", [](Data const& d) { return stepper_of(d).counts(); });
   c.def(
       "save",
