@@ -29,6 +29,8 @@ endif()
 target_compile_definitions(gsp_kernels INTERFACE GSP_KERNELS=${_bytes} PRIVATE GSP_KERNELS_HERE=${_bytes})
 if(TARGET gsp_develop)
   target_link_libraries(gsp_kernels PRIVATE "$<BUILD_INTERFACE:gsp_develop>")
+elseif(GSP_NATIVE)  # in a project of somebody else, whose own targets say -march themselves
+  target_compile_options(gsp_kernels PRIVATE "$<$<COMPILE_LANGUAGE:CXX>:-march=native>" "$<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=-march=native>")
 endif()
 unset(_sources)
 unset(_flags)
