@@ -75,7 +75,7 @@ int run(char const* file) {
   gsp::RayMountOptions const mount{.body_id = 1, .pos = {0, 0, 0.15}};
   auto lidar = gsp::make_ray_scan<float>(exec, compiled, gsp::ouster_pattern(64, 1024, std::numbers::pi / 2), mount,
                                          {.worlds = worlds,
-                                          .timestep = model.timestep,
+                                          .timestep = compiled.option.timestep,
                                           .min_range = 0.2,
                                           .max_range = 30,
                                           .self = gsp::SelfFilter::subtree,
@@ -88,9 +88,9 @@ int run(char const* file) {
   auto const stand = Kokkos::create_mirror(Exec::memory_space{}, state.ctrl);  // of the keyframe
   Kokkos::deep_copy(stand, state.ctrl);
   auto const ctrl = state.ctrl;
-  int const steps = int(seconds / model.timestep + 0.5);
+  int const steps = int(seconds / compiled.option.timestep + 0.5);
   for (int k = 0; k < steps; ++k) {
-    float const beat = 2 * std::numbers::pi_v<float> * 3 * float(k * model.timestep);
+    float const beat = 2 * std::numbers::pi_v<float> * 3 * float(k * compiled.option.timestep);
     Kokkos::parallel_for(
         "trot", Kokkos::RangePolicy<Exec>(exec, 0, 4 * worlds), KOKKOS_LAMBDA(int i) {
           int const w = i / 4, leg = i % 4;  // legs in front, then behind: those across from each other swing together

@@ -63,6 +63,29 @@ TEST_CASE("steps that are whole shares of a scan have their columns, from the fi
   CHECK(gsp::rays_of_step(day, 24 * 3600 * 240).first == 86400 * 100000ll);
 }
 
+TEST_CASE("a timestep that went through a float is what it was") {
+  float const step = 0.002f;
+  CHECK(double(step) > 0.002);
+  CHECK(gsp::unrounded_timestep(step, 0.002) == 0.002);
+  CHECK(gsp::unrounded_timestep(10 * step, 0.002) == 10 * 0.002);
+  CHECK(gsp::unrounded_timestep(float(1. / 240), 1. / 240) == 1. / 240);
+  for (double const own : {0.001, 0.005, 0.0123, 0.015625})
+    for (double const other : {0.002, 0.002 + 1e-10, double(0.0003f), double(0.0021f)}) {
+      double const ratio = other / own;
+      if (std::fabs(ratio - std::round(ratio)) > 1e-6) CHECK(gsp::unrounded_timestep(other, own) == other);
+    }
+  CHECK(gsp::unrounded_timestep(0.002 + 1e-10, 0.002) == 0.002 + 1e-10);  // never was a float
+  CHECK(gsp::unrounded_timestep(0.25, 0.25) == 0.25);
+  // after 100 ms the turn is complete, and nothing of the next has left
+  auto const pattern = gsp::vlp16_pattern(1800, 10);
+  auto const left = [&](double timestep) {
+    auto const last = gsp::rays_of_step(gsp::make_ray_clock(pattern, timestep), 49);
+    return last.first + last.count;
+  };
+  CHECK(left(step) > 28800);
+  CHECK(left(gsp::unrounded_timestep(step, 0.002)) == 28800);
+}
+
 TEST_CASE("rays that leave all at once: at the start of each scan, or in each step") {
   auto grid = gsp::grid_pattern(4, 3, 1, 1);
   auto const each = gsp::make_ray_clock(grid, 0.002);

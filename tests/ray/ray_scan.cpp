@@ -509,6 +509,13 @@ TEST_CASE_TEMPLATE("scans that cannot be", Exec, GSP_TEST_EXECS) {
   bad({.noise = {.unit = 1u << 24}}, "below 2^24");
   bad({.first_world = -1}, "first_world");
   CHECK_THROWS_AS(gsp::make_ray_scan<double>(exec, compiled, one, {.body = "bass"}), gsp::Error);
+  // the timestep of a float model is that of its file
+  double const own = compiled.option.timestep;
+  auto const single = gsp::make_model<float>(exec, compiled);
+  CHECK(double(single.timestep) != own);
+  auto const steps = gsp::make_ray_scan<float>(exec, compiled, one, {.body = "base"}, {.timestep = single.timestep});
+  CHECK(steps.clock.timestep == own);
+  CHECK(steps.options.timestep == own);
 
   Unit<double, Exec> two(room(), one, {.body = "base"}, {.worlds = 2}), three(room(), one, {.body = "base"}, {.worlds = 3});
   auto const refused = [](auto const& call, char const* part) {

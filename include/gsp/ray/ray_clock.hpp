@@ -48,6 +48,14 @@ inline RayClock make_ray_clock(RayPattern const& pattern, double timestep) {
   return clock;
 }
 
+/// What a timestep [s] that went through a float was before: a model's own one, or a whole multiple of it. Any other stays. 50 steps of
+/// 0.002f are 100 ms and 5 ns, in which a column of the next turn leaves.
+inline double unrounded_timestep(double timestep, double own) {
+  double const times = std::round(timestep / own), exact = times * own;
+  bool const was_float = timestep == double(float(timestep)), near = std::abs(timestep - exact) <= 1.2e-7 * timestep;
+  return was_float && near && times >= 1 ? exact : timestep;
+}
+
 /// [ns] at which a step begins, from step 0. Errors: std::invalid_argument for a negative step, and beyond 9e15 ns (104 days), where a
 /// double counts no nanoseconds.
 inline std::int64_t tick_of_step(RayClock const& clock, std::int64_t step) {

@@ -51,9 +51,10 @@ struct RayScan {
 };
 
 /// A unit with the rays of a pattern on a body. Allocates; fences. All is a miss, and its body at the world's origin: begin_ray_scan comes
-/// next. Errors: as make_ray_mount and make_ray_clock; std::invalid_argument for worlds < 1, rays that are negative or more than most_rays,
-/// ranges that are not 0 <= min_range < max_range, a negative first_world, and noise that is negative, not finite, of a probability above 1
-/// or of a unit beyond 2^24.
+/// next. A timestep that is the model's, or whole steps of it, rounded to a float is taken for what it was (unrounded_timestep). Errors: as
+/// make_ray_mount and make_ray_clock; std::invalid_argument for worlds < 1, rays that are negative or more than most_rays, ranges that are
+/// not 0 <= min_range < max_range, a negative first_world, and noise that is negative, not finite, of a probability above 1 or of a unit
+/// beyond 2^24.
 template <class R, ExecutionSpace Exec>
 RayScan<R, typename Exec::memory_space> make_ray_scan(Exec const& exec, CompiledModel const& compiled, RayPattern const& pattern,
                                                       RayMountOptions const& mount, RayScanOptions const& options = {}) {
@@ -69,10 +70,12 @@ RayScan<R, typename Exec::memory_space> make_ray_scan(Exec const& exec, Compiled
   expects(noise.unit < 1u << 24, "gsp::make_ray_scan: the noise's unit must be below 2^24");
   using Result = RayScan<R, typename Exec::memory_space>;
   Result scan;
-  scan.clock = make_ray_clock(pattern, options.timestep);
+  double const timestep = unrounded_timestep(options.timestep, compiled.option.timestep);
+  scan.clock = make_ray_clock(pattern, timestep);
   scan.mount = make_ray_mount<R>(exec, compiled, pattern, mount);
   scan.hidden = hide_self(compiled, scan.mount.body, options.self);
   scan.options = options;
+  scan.options.timestep = timestep;
   int const rays = options.rays > 0 ? options.rays : scan.clock.rays;
   scan.options.rays = rays;
   scan.tick = detail::to_device<decltype(scan.tick)>(exec, "gsp::RayScan::tick", scan.clock.tick);
