@@ -19,6 +19,7 @@ gsp::Description hall() {
   d.bodies[0].geoms.push_back({.name = "wall", .type = gsp::ShapeType::box, .size = {0.5, 50, 50}, .pos = {3.5, 0, 0}});
   d.bodies[0].geoms.push_back({.name = "step", .type = gsp::ShapeType::box, .size = {1, 50, 0.25}, .pos = {1.5, 0, 0}});
   int const b = gsp::add_body(d, 0, "robot", {0, 0, 1});
+  d.bodies[b].sites.push_back({.name = "unit", .pos = {0.2, 0, 0.1}, .quat = {0.5, 0.5, 0.5, 0.5}});  // its x is the body's y, its y the z
   d.bodies[b].joints.push_back({.type = gsp::JointType::free});
   d.bodies[b].geoms.push_back({.name = "body", .size = {0.1, 0, 0}});
   return d;
@@ -77,6 +78,17 @@ TEST_CASE_TEMPLATE("rays follow their body", Exec, GSP_TEST_EXECS) {
     check(o, w, 4, x0 - 0.8, y0 - 0.5, z0 + 10);
     check(d, w, 4 + 186, 0, 0, -1);
   }
+  // on a site: in its frame, which has the body's x, y, z as its z, x, y
+  auto const on_site = gsp::make_ray_mount<R>(exec, compiled, ahead, {.site = "unit", .pos = {0.01, 0.02, 0.3}});
+  CHECK(on_site.body == 1);
+  for (auto const& [is, should] : {std::pair{on_site.pos.x, 0.5},
+                                   {on_site.pos.y, 0.01},
+                                   {on_site.pos.z, 0.12},
+                                   {on_site.quat.w, 0.5},
+                                   {on_site.quat.x, 0.5},
+                                   {on_site.quat.y, 0.5},
+                                   {on_site.quat.z, 0.5}})
+    CHECK(std::fabs(is - should) < 1e-15);
   auto scene = gsp::make_ray_scene<R>(exec, model, compiled, {.worlds = worlds});
   auto hits = gsp::make_ray_hits<R>(exec, {.worlds = worlds, .count = 2 + 2 + 187});
   gsp::place_ray_geoms(exec, model, poses, scene);
@@ -108,6 +120,8 @@ TEST_CASE_TEMPLATE("rays follow their body", Exec, GSP_TEST_EXECS) {
   bad(ahead, {.body = "robots"}, "nearest: 'robot'");
   bad(ahead, {}, "name one body");
   bad(ahead, {.body = "robot", .body_id = 1}, "name one body");
+  bad(ahead, {.body = "robot", .site = "unit"}, "or one site");
+  bad(ahead, {.site = "units"}, "nearest: 'unit'");
   bad(ahead, {.body_id = 2}, "has 2 bodies, not one of index 2");
   bad(ahead, {.body = "robot", .quat = {0, 0, 0, 0}}, "the rotation not 0");
   bad(ahead, {.body = "robot", .pos = {NAN, 0, 0}}, "must be finite");

@@ -20,15 +20,21 @@ struct RayMount {
 };
 
 /// A unit with the rays of a pattern. Allocates; fences. Errors: gsp::Error for a name that is not there; std::invalid_argument for a mount
-/// that names no body or two, a rotation of 0, numbers that are not finite, and a pattern without rays, or with another number of origins.
+/// that names no body or site, or two, a rotation of 0, numbers that are not finite, and a pattern without rays, or with another number of
+/// origins.
 template <class R, ExecutionSpace Exec>
 RayMount<R, typename Exec::memory_space> make_ray_mount(Exec const& exec, CompiledModel const& compiled, RayPattern const& pattern,
                                                         RayMountOptions const& options) {
-  expects(options.body.empty() != (options.body_id < 0), "gsp::make_ray_mount: name one body, by name or by index");
+  expects(int(!options.body.empty()) + int(options.body_id >= 0) + int(!options.site.empty()) == 1,
+          "gsp::make_ray_mount: name one body, by name or by index, or one site");
   expects(!pattern.direction.empty() && (pattern.origin.empty() || pattern.origin.size() == pattern.direction.size()),
           "gsp::make_ray_mount: the pattern needs a direction for each ray, and an origin for each or none");
   RayMount<R, typename Exec::memory_space> mount;
-  mount.body = options.body.empty() ? options.body_id : options.body == "world" ? 0 : body_id(compiled, options.body);
+  int const site = options.site.empty() ? -1 : site_id(compiled, options.site);
+  mount.body = site >= 0                 ? compiled.site_body[std::size_t(site)]
+               : options.body.empty()    ? options.body_id
+               : options.body == "world" ? 0
+                                         : body_id(compiled, options.body);
   expects(mount.body < compiled.nbody, "gsp::make_ray_mount: the model has " + std::to_string(compiled.nbody) +
                                            " bodies, not one of index " + std::to_string(mount.body));
   auto const& q = options.quat;
@@ -36,8 +42,14 @@ RayMount<R, typename Exec::memory_space> make_ray_mount(Exec const& exec, Compil
   double const sum = length + options.pos[0] + options.pos[1] + options.pos[2];
   expects(std::isfinite(sum) && length > 0, "gsp::make_ray_mount: pos and quat must be finite, and the rotation not 0");
   mount.alignment = options.alignment;
-  mount.pos = {R(options.pos[0]), R(options.pos[1]), R(options.pos[2])};
-  mount.quat = {R(q[0] / length), R(q[1] / length), R(q[2] / length), R(q[3] / length)};
+  Transform<double> place{{options.pos[0], options.pos[1], options.pos[2]}, {q[0] / length, q[1] / length, q[2] / length, q[3] / length}};
+  if (site >= 0) {
+    auto const& p = compiled.site_pos[std::size_t(site)];
+    auto const& turn = compiled.site_quat[std::size_t(site)];
+    place = Transform<double>{{p[0], p[1], p[2]}, {turn[0], turn[1], turn[2], turn[3]}} * place;
+  }
+  mount.pos = {R(place.p.x), R(place.p.y), R(place.p.z)};
+  mount.quat = {R(place.q.w), R(place.q.x), R(place.q.y), R(place.q.z)};
   auto const upload = [&](char const* label, std::vector<Double3> const& from) {
     std::vector<Vec3<R>> to;
     for (auto const& v : from) to.push_back({R(v[0]), R(v[1]), R(v[2])});

@@ -15,7 +15,8 @@ enum class RayAlignment : unsigned char {
 };
 struct RayMountOptions {
   std::string body = "";  // a body of this name ("world": what does not move); or
-  int body_id = -1;       // by index
+  int body_id = -1;       // by index; or
+  std::string site = "";  // a site of this name, on its body: pos and quat are in the site's frame
   Double3 pos{0, 0, 0};   // of the unit in the body's frame, as it is aligned [m]
   Double4 quat{1, 0, 0, 0};
   RayAlignment alignment = RayAlignment::body;
