@@ -90,7 +90,8 @@ namespace detail {
 /// Errors: columns that are no channel's, and groups that overlap.
 inline std::vector<int> groups_of(std::string const& what, std::vector<int> const& columns, std::vector<std::array<int, 2>> const& groups) {
   std::string const where = "gsp::make_sensor_noise: ";
-  std::vector<int> channel(std::size_t(*std::max_element(columns.begin(), columns.end())) + 1, -1), of(columns.size(), -1);
+  int const most = columns.empty() ? -1 : *std::max_element(columns.begin(), columns.end());
+  std::vector<int> channel(std::size_t(most + 1), -1), of(columns.size(), -1);
   for (std::size_t c = 0; c < columns.size(); ++c) channel[std::size_t(columns[c])] = int(c);
   for (std::size_t k = 0; k < groups.size(); ++k) {
     auto const [first, size] = groups[k];
@@ -107,16 +108,15 @@ inline std::vector<int> groups_of(std::string const& what, std::vector<int> cons
 }
 }  // namespace detail
 
-/// Noise of these channels, as at a start. Allocates. Errors: std::invalid_argument for worlds < 1, no channels or more than 2^24, numbers
-/// that are negative or not finite, a bias without a time, lists of other sizes than the channels', a column that is named twice, and units
-/// or blanks whose columns are no channel's or overlap.
+/// Noise of these channels, as at a start; of no channels (mjcf_noise of a model without noise) it adds none. Allocates. Errors:
+/// std::invalid_argument for worlds < 1, more than 2^24 channels, numbers that are negative or not finite, a bias without a time, lists of
+/// other sizes than the channels', a column that is named twice, and units or blanks whose columns are no channel's or overlap.
 template <class R, ExecutionSpace Exec>
 SensorNoise<R, typename Exec::memory_space> make_sensor_noise(Exec const& exec, SensorNoiseOptions options) {
   constexpr char const* where = "gsp::make_sensor_noise";
   using Noise = SensorNoise<R, typename Exec::memory_space>;
   int const n = int(options.channels.size()), rows = options.per_world ? options.worlds : 1;
   expects(options.worlds > 0, where, "worlds must be positive");
-  expects(n > 0, where, "there are no channels: give what each number errs by");
   expects(options.channels.size() <= detail::NoiseSource::most_channels, where, "there are more than 2^24 channels: make several");
   expects(options.sensor < (1u << 24), where, "the sensor's number must be below 2^24");
   if (options.columns.empty())
@@ -309,7 +309,7 @@ inline void add_contact_noise(MjcfNoise const& to, SensorDescription const& sens
 /// make_sensor_noise, on a view of sensordata. What MuJoCo calls axes and quaternions, and directions and normals of rangefinders, contacts
 /// and distances, are made unit again; what it calls positive, and distances of rangefinders, do not fall below 0. Without noise: rays that
 /// meet nothing, slots of contacts that are empty, `found`, positive numbers that are 0, and distances that see nothing. No channels: no
-/// sensor has noise.
+/// sensor has noise, and make_sensor_noise takes that too.
 inline SensorNoiseOptions mjcf_noise(CompiledModel const& compiled, SensorNoiseOptions options = {}) {
   using K = detail::MjcfNoise;
   options.channels.clear();
