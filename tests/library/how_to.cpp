@@ -653,6 +653,102 @@ TEST_CASE("all sensors") {
   CHECK(found(1, ground + 3) == doctest::Approx(9.81 * mass).epsilon(0.01));
 }
 
+// A turn of 50 steps from a robot that stands: the floor's points lie at 0, within 5 deviations of the noise along rays that go down.
+TEST_CASE("a LiDAR unit") {
+  Exec const exec;
+  int const worlds = 2;
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  gsp::set_keyframe(exec, model, compiled, "stand", state);
+  int const steps = 50;
+  // example-begin lidar
+  auto lidar = gsp::make_ray_scan<float>(exec, compiled, gsp::ouster_pattern(32, 512, 0.8),  // or vlp16_pattern(), mid360_pattern() ...
+                                         {.body = "trunk", .pos = {0, 0, 0.15}},             // or {.site = "imu"}
+                                         {.worlds = worlds,
+                                          .timestep = compiled.option.timestep,
+                                          .min_range = 0.2,
+                                          .max_range = 30,
+                                          .self = gsp::SelfFilter::subtree,
+                                          .noise = {.range_sigma = 0.01, .dropout = 0.01}});
+  auto scene = gsp::make_ray_scene<float>(exec, model, compiled, {.worlds = worlds});
+  gsp::forward_kinematics(exec, model, state, sim.poses, sim.dynamics);
+  gsp::begin_ray_scan(exec, sim.poses, lidar);
+  for (int k = 0; k < steps; ++k) {
+    gsp::step(exec, model, state, sim);
+    gsp::place_ray_geoms(exec, model, sim.poses, scene);
+    gsp::scan_rays(exec, scene, sim.poses, lidar, k);  // the rays that leave in this step, each from where the unit is then
+  }
+  // example-end lidar
+  auto const range = gsp_test::host(lidar.range);
+  auto const point = gsp_test::host(lidar.point);
+  auto const geom = gsp_test::host(lidar.geom);
+  REQUIRE(lidar.options.rays == 32 * 512);
+  int floor = 0, back = 0;
+  for (int w = 0; w < worlds; ++w)
+    for (int k = 0; k < lidar.options.rays; ++k) {
+      if (geom(w, k) < 0) continue;
+      ++back;
+      CHECK(range(w, k) >= 0.2f);
+      if (gsp::ShapeType(compiled.geom_type[std::size_t(geom(w, k))]) != gsp::ShapeType::plane) continue;
+      ++floor;
+      CHECK(std::abs(point(w, k, 2)) < 0.06);
+    }
+  CHECK(floor > worlds * 1000);
+  CHECK(back >= floor);
+}
+
+// A step of 0.25 m before a robot that stands on the floor; where a scan reaches beyond the ground, -1 is lower than any of it.
+TEST_CASE("a height scan") {
+  Exec const exec;
+  int const worlds = 2;
+  auto description = gsp::samples::quadruped_scene({.boxes = 0, .balls = 0});
+  auto step = geom(gsp::ShapeType::box, {1, 5, 0.25});
+  step.pos = {1.35, 0, 0};
+  description.bodies[0].geoms.push_back(step);
+  auto const compiled = gsp::compile(description);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  gsp::set_keyframe(exec, model, compiled, "stand", state);
+  // example-begin height_scan
+  auto const unit = gsp::make_ray_mount<float>(exec, compiled, gsp::height_scan_pattern(1.6, 1.0, 0.1),
+                                               {.body = "trunk", .pos = {0, 0, 1}, .alignment = gsp::RayAlignment::yaw});
+  auto scene = gsp::make_ray_scene<float>(exec, model, compiled, {.worlds = worlds});
+  int const points = unit.count();  // 17 along x, fastest, by 11 along y
+  auto rays = gsp::make_rays<float>(exec, {.worlds = worlds, .count = points});
+  auto hits = gsp::make_ray_hits<float>(exec, {.worlds = worlds, .count = points});
+  Kokkos::View<float**, Kokkos::LayoutRight, Mem> const heights("heights", worlds, points);  // [m] in the world
+
+  gsp::step(exec, model, state, sim);
+  gsp::mount_rays(exec, sim.poses, unit, rays);
+  gsp::place_ray_geoms(exec, model, sim.poses, scene);
+  gsp::cast_rays(exec, scene, rays, hits, gsp::hide_self(compiled, gsp::body_id(compiled, "trunk"), gsp::SelfFilter::subtree));
+  // example-end height_scan
+  // example-begin heights
+  auto const origin = rays.origin;
+  auto const distance = hits.distance;
+  Kokkos::parallel_for(
+      "heights", Kokkos::RangePolicy<Exec>(exec, 0, worlds * points), KOKKOS_LAMBDA(int i) {
+        int const w = i / points, k = i % points;
+        float const d = distance(w, k);  // -1: nothing is below
+        heights(w, k) = d < 0 ? -1.f : origin(w, k, 2) - d;
+      });
+  // example-end heights
+  auto const found = gsp_test::host(heights);
+  auto const from = gsp_test::host(rays.origin);
+  auto const place = gsp_test::host(sim.poses.xpos);
+  REQUIRE(points == 187);
+  for (int w = 0; w < worlds; ++w)
+    for (int k = 0; k < points; ++k) {
+      CHECK(std::abs(from(w, k, 2) - place(w, gsp::body_id(compiled, "trunk"), 2) - 1) < 1e-6);  // level, however the trunk is tilted
+      float const x = from(w, k, 0);
+      if (std::abs(x - 0.35f) < 1e-3f) continue;  // the step's edge
+      CHECK(std::abs(found(w, k) - (x > 0.35f ? 0.25f : 0.f)) < 1e-5);
+    }
+}
+
 // After it worlds that are done stand where an episode begins, at time 0, the others have gone on by the steps asked for; sensors and
 // poses are of what the state is now.
 TEST_CASE("a control step") {

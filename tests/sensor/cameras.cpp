@@ -187,6 +187,7 @@ TEST_CASE_TEMPLATE("what the cameras of a model see, in all worlds", Exec, GSP_T
   }
   auto const cloud = gsp::make_gaussians(exec, set);
   // example-begin camera_sensor
+  // cameras whose file has a resolution; of others add .width = 128, .height = 96
   auto sensor = gsp::make_camera_sensor(exec, model, compiled, cloud, {}, {.worlds = worlds, .alpha = true, .id = true});
   gsp::see(exec, model, poses, cloud, sensor);  // sensor.frames.rgb, .depth, .alpha, sensor.id: image world * sensor.count() + camera
   // example-end camera_sensor
