@@ -137,27 +137,6 @@ Cloud last_cloud(Scans const& s, std::size_t world) {
   }
   return cloud;
 }
-void write_cloud(std::string const& path, Cloud const& cloud) {
-  std::string text = "ply\nformat binary_little_endian 1.0\ncomment points that rays met, in the world [m]\nelement vertex " +
-                     std::to_string(cloud.point.size()) +
-                     "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar "
-                     "blue\nproperty float range\nproperty int geom\nend_header\n";
-  std::vector<std::byte> bytes;
-  auto const put = [&](void const* from, std::size_t n) {
-    auto const* const b = static_cast<std::byte const*>(from);
-    bytes.insert(bytes.end(), b, b + n);
-  };
-  put(text.data(), text.size());
-  auto const colours = gsp::io::range_colors(cloud.range);
-  for (std::size_t k = 0; k < cloud.point.size(); ++k) {
-    put(cloud.point[k].data(), 12);
-    put(colours[k].data(), 3);
-    put(&cloud.range[k], 4);
-    put(&cloud.geom[k], 4);
-  }
-  gsp::io::write_file(path, bytes);
-}
-
 int run(Arguments const& a) {
   std::string const path = a.operands().front();
   if (!a.has("--pattern")) a.fail("needs --pattern NAME|FILE: which rays the unit sends");
@@ -315,7 +294,7 @@ int run(Arguments const& a) {
     if (options.splats) entries.push_back({"splat", {{scans.entries, worlds, rays}, scans.splat}});
     gsp::io::write_npz(*npz, entries);
   }
-  if (ply) write_cloud(*ply, cloud);
+  if (ply) gsp::io::write_points(*ply, cloud.point, cloud.range, cloud.geom);
   if (png) {
     std::size_t const body = world * std::size_t(model.nbody) + std::size_t(mount.body_id);
     double const *const x = &xpos[3 * body], *const q = &xquat[4 * body];

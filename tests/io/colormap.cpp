@@ -1,5 +1,8 @@
 #include <doctest/doctest.h>
+#include <unistd.h>
 
+#include <filesystem>
+#include <gsp/io/detail/ply_table.hpp>
 #include <gsp/io/draw_points.hpp>
 
 using namespace gsp::io;
@@ -57,6 +60,15 @@ TEST_CASE("points from above and around their unit") {
     return std::array<std::uint8_t, 3>{b.pixels[i], b.pixels[i + 1], b.pixels[i + 2]};
   };
   // from above: nine of ten of four points are the nearest three, 1 m away; the last, 2 m away, is outside
+  // one point of a hundred that is far takes no colours from the others
+  std::vector<float> many(100);
+  for (std::size_t k = 0; k < 100; ++k) many[k] = 1 + 0.01f * float(k);
+  many[99] = 2 * many[95];
+  auto const near_by = range_colors(many);
+  many[99] = 1000;
+  auto const one_far = range_colors(many);
+  for (std::size_t k = 0; k < 100; ++k) CHECK(one_far[k] == near_by[k]);
+  CHECK(range_colors({3}).size() == 1);
   int const reach = int(50 / 1.05);
   CHECK(at(50 - reach - 1, 50) == colours[0]);
   CHECK(at(50, 50 + reach) == colours[1]);
@@ -70,4 +82,32 @@ TEST_CASE("points from above and around their unit") {
   CHECK(draw_points({}, {}, {{0, 0, 0}, {1, 0, 0, 0}}, 10).pixels.size() == 840);
   CHECK_THROWS_WITH_AS(draw_points(point, {1}, {{0, 0, 0}, {1, 0, 0, 0}}), doctest::Contains("give a range for each point"),
                        std::invalid_argument);
+}
+
+TEST_CASE("a cloud of points as a PLY: each number where its header says") {
+  std::vector<std::array<float, 3>> const point{{1, 2, 3}, {-4, 5.5f, 6}};
+  std::vector<float> const range{1.5f, 2.5f};
+  auto const path = std::filesystem::temp_directory_path() / ("gsp_points_" + std::to_string(getpid()) + ".ply");
+  for (bool const geoms : {true, false}) {
+    write_points(path, point, range, geoms ? std::vector<int>{7, -1} : std::vector<int>{});
+    auto const bytes = read_file(path);
+    auto const table = detail::parse_ply_table(bytes, "points.ply");
+    auto const& vertex = *table.find("vertex");
+    REQUIRE(vertex.count == 2);
+    auto const of = [&](char const* property, std::size_t k) { return table.column(vertex, property, "cloud")(k); };
+    auto const colours = range_colors(range);
+    for (std::size_t k = 0; k < 2; ++k) {
+      CHECK(of("x", k) == point[k][0]);
+      CHECK(of("y", k) == point[k][1]);
+      CHECK(of("z", k) == point[k][2]);
+      CHECK(of("red", k) == colours[k][0]);
+      CHECK(of("blue", k) == colours[k][2]);
+      CHECK(of("range", k) == range[k]);
+      CHECK(of("geom", k) == (geoms && k == 0 ? 7 : -1));
+    }
+  }
+  std::filesystem::remove(path);
+  CHECK_THROWS_WITH_AS(write_points(path, point, {1}), doctest::Contains("a range for each point"), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(write_points(path, point, range, {1}), doctest::Contains("a geom for each or none"), std::invalid_argument);
+  CHECK(!std::filesystem::exists(path));
 }

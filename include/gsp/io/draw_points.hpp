@@ -2,25 +2,61 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
+#include <filesystem>
 #include <gsp/io/colormap.hpp>
+#include <gsp/io/file.hpp>
 #include <gsp/math/quat.hpp>
 #include <numbers>
+#include <string>
 #include <vector>
 
-/// Pictures of points that rays have met. Host.
+/// Pictures and files of points that rays have met. Host.
 namespace gsp::io {
 
-/// Colours of ranges [m]: near red, far blue, evenly in the logarithm from the nearest to the farthest (from 1 mm on).
+/// Colours of ranges [m]: near red, far blue, evenly in the logarithm from the nearest (from 1 mm on) to the farthest, at most twice as far
+/// as 95 of 100 lie; what is farther has the last colour, so that a few far points take nothing from the others.
 inline std::vector<std::array<std::uint8_t, 3>> range_colors(std::vector<float> const& range) {
   std::vector<std::array<std::uint8_t, 3>> out;
   if (range.empty()) return out;
+  auto sorted = range;
+  auto const p95 = sorted.begin() + std::ptrdiff_t((95 * (range.size() - 1) + 99) / 100);
+  std::nth_element(sorted.begin(), p95, sorted.end());
   auto const [least, most] = std::minmax_element(range.begin(), range.end());
-  float const near = std::log(std::max(*least, 1e-3f)), far = std::log(std::max(*most, 1e-3f));
+  float const near = std::log(std::max(*least, 1e-3f)), far = std::log(std::max(std::min(*most, 2 * *p95), 1e-3f));
   for (float const r : range) {
     auto const c = rainbow(far > near ? (far - std::log(std::max(r, 1e-3f))) / (far - near) : 0.5f);
     out.push_back({to_byte(c[0]), to_byte(c[1]), to_byte(c[2])});
   }
   return out;
+}
+
+/// A cloud of points as a binary PLY, all or nothing: x y z, red green blue by range, range and geom, as `gsp scan --ply` writes it.
+/// @param point  in the world [m], as RayScan::point has them, without the misses
+/// @param range  [m] of each
+/// @param geom   of each, -1: none; empty: of none
+/// Errors: gsp::Error where the file cannot be written; std::invalid_argument for ranges or geoms of another number.
+inline void write_points(std::filesystem::path const& path, std::vector<std::array<float, 3>> const& point, std::vector<float> const& range,
+                         std::vector<int> const& geom = {}) {
+  expects(point.size() == range.size() && (geom.empty() || geom.size() == point.size()),
+          "gsp::io::write_points: give a range for each point, and a geom for each or none");
+  std::string const text = "ply\nformat binary_little_endian 1.0\ncomment points that rays met, in the world [m]\nelement vertex " +
+                           std::to_string(point.size()) +
+                           "\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty "
+                           "uchar blue\nproperty float range\nproperty int geom\nend_header\n";
+  auto const colours = range_colors(range);
+  constexpr std::size_t row = 23;
+  std::vector<std::byte> bytes(text.size() + row * point.size());
+  std::memcpy(bytes.data(), text.data(), text.size());
+  for (std::size_t k = 0; k < point.size(); ++k) {
+    std::byte* const to = bytes.data() + text.size() + row * k;
+    int const g = geom.empty() ? -1 : geom[k];
+    std::memcpy(to, point[k].data(), 12);
+    std::memcpy(to + 12, colours[k].data(), 3);
+    std::memcpy(to + 15, &range[k], 4);
+    std::memcpy(to + 19, &g, 4);
+  }
+  write_file(path, bytes);
 }
 
 /// Two pictures side by side, each `size` pixels square: from above about the unit, the world's x to the right and its y up, out to where
