@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <gsp/geometry/shapes.hpp>
 #include <gsp/io/detail/mjcf_page.hpp>
+#include <gsp/io/detail/ply_table.hpp>
 #include <gsp/io/npz.hpp>
 #include <gsp/io/png.hpp>
 #include <gsp/io/splats.hpp>
@@ -91,6 +92,7 @@ void json(std::string const& path, gsp::CompiledModel const& m, Verdict const& v
                              {"nmesh", m.nmesh}, {"nhfield", m.nhfield}, {"nmocap", m.nmocap},   {"njnt", m.njnt},
                              {"nsite", m.nsite}, {"ncam", m.ncam},       {"ntree", m.ntree},     {"npair", m.named_pairs.size()}};
   out["geoms"] = m.geom_name;
+  out["geom_bodies"] = m.geom_body;
   out["bodies"] = m.body_name;
   out["sites"] = m.site_name;
   out["report"] = report_json(m.report);
@@ -141,6 +143,37 @@ void model(std::string const& path, Arguments const& arguments) {
                     (o.cone == gsp::FrictionCone::elliptic ? "elliptic" : "pyramidal") + ", iterations " + std::to_string(o.iterations));
   report(m.report);
   row("verdict", text_of(verdict));
+}
+
+/// A PLY of points that are no Gaussians, such as `gsp scan --ply` writes.
+bool is_cloud(gsp::io::Bytes bytes, std::string const& path) {
+  if (!gsp::io::detail::as_text(bytes).starts_with("ply")) return false;
+  gsp::io::detail::PlyTable header{.name = path};
+  gsp::io::detail::parse_ply_header(bytes, header);
+  auto const* const vertex = header.find("vertex");
+  auto const has = [&](char const* property) { return vertex && header.find(*vertex, property); };
+  return has("x") && has("y") && has("z") && !has("opacity") && !has("scale_0") && !has("rot_0") && !has("f_dc_0");
+}
+void cloud(gsp::io::Bytes bytes, std::string const& path) {
+  auto const table = gsp::io::detail::parse_ply_table(bytes, path);
+  auto const& vertex = *table.find("vertex");
+  std::string properties, box;
+  for (auto const& p : vertex.properties) properties += (properties.empty() ? "" : " ") + p.name;
+  auto const ends = [&](char const* property) {
+    auto const column = table.column(vertex, property, "PLY of points");
+    double low = INFINITY, high = -INFINITY;
+    for (std::size_t i = 0; i < vertex.count; ++i) {
+      low = std::min(low, column(i));
+      high = std::max(high, column(i));
+    }
+    return number(low) + " .. " + number(high);
+  };
+  std::printf("%s: a cloud of %zu points, no Gaussians\n", path.c_str(), static_cast<std::size_t>(vertex.count));
+  row("properties", properties);
+  if (vertex.count == 0) return;
+  for (char const* const axis : {"x", "y", "z"}) box += (box.empty() ? "" : ", ") + std::string(axis) + " " + ends(axis);
+  row("box", box);
+  if (table.find(vertex, "range")) row("range", ends("range"));
 }
 
 void splats(std::string const& path) {
@@ -205,6 +238,8 @@ int run(Arguments const& arguments) {
       int depth = 0;
       auto const picture = gsp::io::parse_png16(bytes, path, &depth);
       std::printf("%s: PNG, %d x %d, %d channels of %d bits\n", path.c_str(), picture.width, picture.height, picture.channels, depth);
+    } else if (is_cloud(bytes, path)) {
+      cloud(bytes, path);
     } else {
       splats(path);
     }
@@ -216,21 +251,21 @@ int run(Arguments const& arguments) {
 }  // namespace
 
 Command info_command() {
-  return {
-      "info",
-      "FILE...",
-      "says what a file holds (MJCF, URDF, Gaussians, npz, npy, PNG) and lists what of a model is refused, approximated or without effect, "
-      "with file and line, and says whether gsp sim takes it and with which flags",
-      0,
-      -1,
-      {skip_visuals_option(),
-       decompose_option(),
-       floating_base_option(),
-       package_option(),
-       {"--json", "", "of a model: one JSON object with its sizes, the report and the verdict"},
-       {"--schema", "", "no file: what of MJCF works, as a page in Markdown"},
-       approximate_option()},
-      run};
+  return {"info",
+          "FILE...",
+          "says what a file holds (MJCF, URDF, Gaussians, clouds of points, npz, npy, PNG) and lists what of a model is refused, "
+          "approximated or without effect, "
+          "with file and line, and says whether gsp sim takes it and with which flags",
+          0,
+          -1,
+          {skip_visuals_option(),
+           decompose_option(),
+           floating_base_option(),
+           package_option(),
+           {"--json", "", "of a model: one JSON object with its sizes, the report and the verdict"},
+           {"--schema", "", "no file: what of MJCF works, as a page in Markdown"},
+           approximate_option()},
+          run};
 }
 
 }  // namespace gsp_cli

@@ -43,6 +43,7 @@ std::vector<NamedPattern> const patterns{
     {"mid360", [](double) { return gsp::mid360_pattern(); }},
     {"grid", [](double) { return gsp::grid_pattern(160, 120, 60 * radian, 45 * radian); }},
     {"sphere", [](double) { return gsp::spherical_pattern(720, 360); }},
+    {"height", [](double) { return gsp::height_scan_pattern(1.6, 1, 0.1); }},
 };
 gsp::RayPattern pattern_of(Arguments const& a, double rate) {
   std::string const text = *a.text("--pattern");
@@ -194,7 +195,8 @@ int run(Arguments const& a) {
   if (auto const s = summary(model); !s.empty() && !quiet(a))
     std::fprintf(stderr, "%s: %s ('gsp info' lists them)\n", path.c_str(), s.c_str());
   auto pattern = pattern_of(a, hz);
-  auto const mount = mount_of(a, model, path);
+  auto mount = mount_of(a, model, path);
+  if (*a.text("--pattern") == "height") mount.alignment = gsp::RayAlignment::yaw;  // straight down, whatever the body does
   std::size_t const worlds = trace.worlds;
   if (static_cast<std::size_t>(a.integer("--world", 0, 0, 1 << 24)) >= worlds)
     a.fail("--world " + *a.text("--world") + ": there are " + std::to_string(worlds) + " worlds; give 0 to " + std::to_string(worlds - 1));
@@ -341,7 +343,8 @@ Command scan_command() {
       1,
       1,
       {{"--pattern", "NAME|FILE",
-        "vlp16, vlp32c, hdl64e, xt32, os0, os1, os2, mid40, mid70, avia, mid360, grid, sphere; or rays of a .csv (time, azimuth, zenith in "
+        "vlp16, vlp32c, hdl64e, xt32, os0, os1, os2, mid40, mid70, avia, mid360, grid, sphere, height; or rays of a .csv (time, azimuth, "
+        "zenith in "
         "degrees) or .npy file (N,2: azimuth, elevation in radians)"},
        {"--mount", "SITE|BODY|\"x y z qw qx qy qz\"",
         "where the unit stands, its x axis ahead and z up: a site, a body, or a pose in the world; after a body's name, in its frame"},

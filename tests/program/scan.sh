@@ -19,7 +19,7 @@ cat > room.xml <<'XML'
   <geom name="east" type="plane" size="0 0 1" pos="2 0 0" euler="0 -90 0"/><geom name="west" type="plane" size="0 0 1" pos="-2 0 0" euler="0 90 0"/>
   <geom name="north" type="plane" size="0 0 1" pos="0 3 0" euler="90 0 0"/><geom name="south" type="plane" size="0 0 1" pos="0 -3 0" euler="-90 0 0"/>
   <body name="cart" pos="0 0 1"><freejoint/><geom name="cart" size=".1" mass="1"/><site name="unit" pos="0 0 .2"/></body>
-</worldbody><keyframe><key name="rides" qpos="0 0 1 1 0 0 0" qvel="1 0 0 0 0 0"/></keyframe></mujoco>
+</worldbody><keyframe><key name="rides" qpos="0 0 1 1 0 0 0" qvel="1 0 0 0 0 0"/><key name="leans" qpos="0 0 1 .9659258 0 .2588190 0"/></keyframe></mujoco>
 XML
 # All round from the room's middle: to the nearest of the planes that a ray goes towards. float32 in the file.
 "$gsp" scan room.xml --pattern sphere --mount unit --npz still.npz --ply still.ply --png still.png > /dev/null
@@ -43,6 +43,19 @@ assert own == 0 and worst < 1e-4, (own, worst)
 PY
 [ "$(head -c 3 still.ply)" = ply ] && grep -aq "^element vertex $((720 * 360))$" still.ply || fail "the cloud's points"
 "$gsp" info still.png > /dev/null || fail "the picture"
+"$gsp" info still.ply > said || fail "the cloud"
+grep -q "a cloud of $((720 * 360)) points, no Gaussians" said && grep -q "properties *x y z red green blue range geom" said &&
+  grep -q "box *x -2 .. 2, y -3 .. 3, z [-0-9.e]* .. 3$" said && grep -q "range *1.2 .. " said || fail "what the cloud holds: $(cat said)"
+"$gsp" info room.xml --json | python3 -c '
+import json, sys
+m = json.load(sys.stdin)
+assert dict(zip(m["geoms"], (m["bodies"][b] for b in m["geom_bodies"])))["cart"] == "cart" and m["geom_bodies"][:6] == [0] * 6' || fail "bodies of geoms"
+# Heights: 2 m below a unit 1 m above the cart, straight down although the cart leans by 30 degrees.
+"$gsp" scan room.xml --keyframe leans --pattern height --mount "cart 0 0 1 1 0 0 0" --npz height.npz > /dev/null
+python3 -c '
+from arrays import array
+(t, n, r), d = array("height.npz", "range"); assert r == 187 and max(abs(x - 2) for x in d) < 1e-6, d
+_, p = array("height.npz", "point"); assert abs(p[0] + .8) < 1e-6 and abs(p[1] + .5) < 1e-6, p[:3]' || fail "heights"
 # With its own body: the cart's ball is 0.1 m below and fills 30 degrees about straight down, 60 rows of half a degree.
 "$gsp" scan room.xml --pattern sphere --mount unit --self-filter none --npz own.npz > /dev/null
 python3 -c '
@@ -63,6 +76,7 @@ _, geom = array("moving.npz", "geom")
 _, left = array("moving.npz", "ray_time")
 assert (t, n, r) == (100, 1, 28800), (t, n, r)
 last = (t - 1) * r
+assert sum(x < 0 for x in left[:r]) == r - 2880 and max(range_[2880:r]) == -1, "nothing has left yet"
 for e in range(15, t):  # times of an entry: all different columns of one turn, the latest in the last 10 ms
     now = left[e * r:(e + 1) * r]
     assert .01 * (e + 1) - .1 - 1e-9 <= min(now) and max(now) < .01 * (e + 1), (e, min(now), max(now))
@@ -117,6 +131,11 @@ _, p = array("carried.npz", "point")
 left = p[3 * (3 * (t - 1) + 1):][:3]
 assert abs(left[0] - .01 * (t - 1)) < 1e-3 and abs(left[1] - 1) < 1e-3, left
 PY
+echo "<mujoco/>" > empty.xml  # a scene of Gaussians alone
+"$gsp" scan empty.xml --pattern rays.csv --mount "0 0 1.2 1 0 0 0" "${splats[@]:0:4}" --npz alone.npz > /dev/null
+python3 -c '
+from arrays import array
+_, r = array("alone.npz", "range"); assert abs(r[0] - 1.5) < 1e-3 and r[1:] == (-1, -1), r' || fail "Gaussians alone"
 grep -aq "^element vertex 3$" seen.ply || fail "points on Gaussians in the cloud"
 
 # Bad input: one sentence, exit code 2, no file.
