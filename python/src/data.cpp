@@ -378,7 +378,14 @@ void bind_data(nb::module_& m) {
       "sensordata", [](Data const& d) { return held(d, stepper_of(d).sensors()); },
       "(worlds, nsensordata) in MuJoCo's layout, of the state as it is, evaluated when it is asked for. NaN where nobody evaluates a\n"
       "sensor: data.sensors_left_out says which.");
-  c.def_prop_ro("sensors_left_out", [](Data const& d) { return stepper_of(d).sensors_left_out(); });
+  c.def_prop_ro(
+      "sensors_left_out",
+      [](Data const& d) {
+        std::vector<std::string> out;
+        for (auto& sentence : stepper_of(d).sensors_left_out()) out.push_back(in_python(std::move(sentence)));
+        return out;
+      },
+      "A sentence for each sensor that nobody evaluates, which says why; its numbers in sensordata are NaN.");
   c.def_prop_ro(
       "contacts",
       [](Data const& d) {

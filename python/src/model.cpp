@@ -5,9 +5,12 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <array>
 #include <gsp/io/mjcf.hpp>
 #include <gsp/io/urdf.hpp>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/names.hpp>
+#include <string_view>
 
 #include "array.hpp"
 
@@ -51,13 +54,12 @@ std::vector<std::string> names_of(CompiledModel const& m, std::string const& kin
               "': give 'body', 'joint', 'geom', 'site', 'camera', 'actuator', 'tendon', 'equality', 'mesh', 'sensor' or 'keyframe'");
 }
 int id_of(CompiledModel const& m, std::string const& kind, std::string const& name) {
-  auto const names = names_of(m, kind);
-  std::string known;
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    if (names[i] == name) return static_cast<int>(i);
-    if (!names[i].empty() && known.size() < 200) known += (known.empty() ? "" : ", ") + names[i];
+  try {
+    return detail::id_in(kind.c_str(), names_of(m, kind), name);
+  } catch (Error const& e) {
+    std::string const text = e.what(), function = "gsp::" + kind + "_id: ";
+    throw Error(text.rfind(function, 0) == 0 ? text.substr(function.size()) : text);
   }
-  throw Error("the model has no " + kind + " '" + name + "'" + (known.empty() ? "; none of them has a name" : ": it has " + known));
 }
 
 /// A copy of numbers of the model as a read-only array of NumPy.
@@ -81,15 +83,25 @@ NumpyArray numbers(std::vector<Item> const& from) {
 
 int id_of(Model const& model, std::string const& kind, std::string const& name) { return id_of(*model.compiled, kind, name); }
 
+std::string in_python(std::string sentence) {
+  constexpr std::array<std::array<std::string_view, 2>, 3> words{
+      {{"MjcfOptions::skip_visuals (--skip-visuals)", "skip_visuals=True"},
+       {"MjcfOptions::skip_visuals, --skip-visuals", "skip_visuals=True"},
+       {"write its numbers with gsp::sense, then call limit_user_sensors for its cutoff", "data.sensordata has NaN in its place"}}};
+  for (auto const& [from, to] : words)
+    if (auto const at = sentence.find(from); at != sentence.npos) sentence.replace(at, from.size(), to);
+  return sentence;
+}
+
 void bind_model(nb::module_& m) {
   nb::class_<ReportLine>(m, "ReportLine", "What the reader left out, approximated or found without effect.")
       .def_prop_ro("kind", [](ReportLine const& l) { return text(l.kind); })
       .def_ro("file", &ReportLine::file)
       .def_ro("line", &ReportLine::line)
-      .def_ro("text", &ReportLine::text)
+      .def_prop_ro("text", [](ReportLine const& l) { return in_python(l.text); })
       .def_ro("count", &ReportLine::count, "How often.")
       .def("__repr__", [](ReportLine const& l) {
-        return l.file + ":" + std::to_string(l.line) + ": " + text(l.kind) + ": " + l.text +
+        return l.file + ":" + std::to_string(l.line) + ": " + text(l.kind) + ": " + in_python(l.text) +
                (l.count > 1 ? " (" + std::to_string(l.count) + " times)" : "");
       });
   auto c = nb::class_<Model>(m, "Model", "A robot or a scene, compiled by MuJoCo's rules. Sizes and arrays have MuJoCo's names and order.");
@@ -165,7 +177,7 @@ void bind_model(nb::module_& m) {
       "'mesh', 'sensor' or 'keyframe'.");
   c.def(
       "id", [](Model const& model, std::string const& kind, std::string const& name) { return id_of(model, kind, name); }, nb::arg("kind"),
-      nb::arg("name"), "Number of an object of this kind and name. Error: gsp.Error with the names that there are.");
+      nb::arg("name"), "Number of an object of this kind and name. Error: gsp.Error with the nearest names.");
   c.def_prop_ro(
       "qpos0", [](Model const& model) { return numbers(model.compiled->qpos0); }, "(nq) initial positions.");
   c.def_prop_ro("body_parentid", [](Model const& model) { return numbers(model.compiled->body_parent); });

@@ -11,7 +11,10 @@ struct Model {
   std::string file;
 };
 
-/// Number of an object of this kind and name. Error with the names that there are.
+/// Number of an object of this kind and name. Error with the nearest names.
 int id_of(Model const& model, std::string const& kind, std::string const& name);
+
+/// A sentence of the library whose remedy is C++, in Python's words.
+std::string in_python(std::string sentence);
 
 }  // namespace gsp::python

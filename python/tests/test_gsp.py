@@ -47,6 +47,24 @@ def model():
     return gsp.Model.from_string(ARM)
 
 
+# What the library says of C++ is said of Python here.
+def test_remedies_are_python(tmp_path):
+    seen = ARM.replace("<worldbody>", '<asset><mesh name="shell" file="shell.stl"/></asset><worldbody>').replace(
+        '<site name="imu"', '<geom type="mesh" mesh="shell" contype="0" conaffinity="0" group="2" mass="0"/><site name="imu"'
+    )
+    name = str(tmp_path / "model.xml")
+    with pytest.raises(gsp.Error, match=r"skip_visuals=True") as said:
+        gsp.Model.from_string(seen, name)
+    assert "Options" not in str(said.value) and "--" not in str(said.value)
+    model = gsp.Model.from_string(seen, name, skip_visuals=True)
+    assert any("skip_visuals=True" in line.text and "skip_visuals=True" in repr(line) for line in model.report)
+    model = gsp.Model.from_string(ARM.replace("<sensor>", '<sensor><user name="mine" dim="2"/>'))
+    data = gsp.Data(model)
+    (sentence,) = data.sensors_left_out
+    assert "'mine' (user) is yours to compute: data.sensordata has NaN in its place" in sentence and "gsp::" not in sentence
+    assert np.isnan(data.sensordata.numpy()[0, :2]).all() and np.isfinite(data.sensordata.numpy()[0, 2:]).all()
+
+
 def test_sizes_and_names(model):
     assert (model.nq, model.nv, model.nu, model.nbody, model.nsensordata) == (8, 7, 1, 3, 10)
     assert model.names("body") == ["world", "base", "link"]
@@ -54,6 +72,8 @@ def test_sizes_and_names(model):
     assert model.body_mass[1] == 5
     with pytest.raises(gsp.Error, match="no joint 'hop'.*hip"):
         model.id("joint", "hop")
+    with pytest.raises(gsp.Error, match=r"^the model has no body 'lin'; nearest: 'link', 'base', 'world'$"):
+        model.id("body", "lin")
     with pytest.raises(gsp.Error, match="kind of object"):
         model.names("bone")
 
@@ -615,7 +635,7 @@ def test_what_the_library_refuses_is_one_kind_of_error(model):
     data = gsp.Data(model)
     with pytest.raises(gsp.Error, match="body"):
         data.jacobian(body=99)
-    with pytest.raises(gsp.Error, match="it has.*link"):
+    with pytest.raises(gsp.Error, match="nearest: .link."):
         data.jacobian(body="lnk")
     assert np.array_equal(data.jacobian(body="link"), data.jacobian(body=2))
     with pytest.raises(gsp.Error, match="threads"):
