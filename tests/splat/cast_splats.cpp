@@ -551,7 +551,7 @@ TEST_CASE_TEMPLATE("a unit scans Gaussians and geoms, the nearer wins, and does 
   CHECK_THROWS_WITH_AS(gsp::scan_rays(exec, bare, poses, filtered, 0, gsp::splat_target(tree, {.hidden = {.body_exclude = 0}})),
                        doctest::Contains("both splat_target's options and the scan's self filter hide bodies"), std::invalid_argument);
   set.body[4] = 2;
-  CHECK_THROWS_WITH_AS(gsp::scan_rays(exec, bare, poses, unit, 0, gsp::splat_target(gsp::make_splat_tree(exec, set))),
+  CHECK_THROWS_WITH_AS(gsp::scan_rays(exec, bare, poses, unit, 1, gsp::splat_target(gsp::make_splat_tree(exec, set))),
                        doctest::Contains("gsp::scan_rays: the Gaussians name 3 bodies but the poses have 2"), std::invalid_argument);
 }
 

@@ -281,8 +281,8 @@ void begin_ray_scan(Exec const& exec, Poses<R, Mem> const& poses, RayScan<R, Mem
 /// @param also   what rays meet beside the geoms, such as splat_target(tree): the nearer wins (NothingElse says what it has)
 /// Does not allocate, does not fence. Two launches. Cost: cast_rays of the rays that leave, and about 200 flop each. Errors:
 /// std::invalid_argument before begin_ray_scan, for a scene or poses of another number of worlds, a scene whose geoms have not been placed,
-/// poses without that body, steps that are not within 0 to 104 days, and one that is more than one ahead of the last but where all worlds
-/// have begun anew.
+/// poses without that body, steps that are not within 0 to 104 days, and one that does not follow the last but where all worlds have begun
+/// anew.
 template <ExecutionSpace Exec, class R, class Mem, class Also = NothingElse>
 void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> const& poses, RayScan<R, Mem>& scan, std::int64_t step,
                Also const& also = {}) {
@@ -295,9 +295,12 @@ void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> co
   detail::expects_placed("gsp::scan_rays", scene);
   expects(scan.begun,
           "gsp::scan_rays: where the unit was before is not known: call begin_ray_scan(exec, poses, scan) before the first step");
-  expects(scan.next < 0 || step <= scan.next, "gsp::scan_rays: step " + std::to_string(step) + " comes after step " +
-                                                  std::to_string(scan.next - 1) +
-                                                  ", and rays between them would be lost: call it for each step, or begin_ray_scan first");
+  if (scan.next >= 0 && step != scan.next)
+    throw std::invalid_argument("gsp::scan_rays: step " + std::to_string(step) + " comes after step " + std::to_string(scan.next - 1) +
+                                (step > scan.next
+                                     ? ", and rays between them would be lost: call it for each step, or "
+                                     : ", and rays would leave on the way back: copy_ray_scan a copy of before that step, or ") +
+                                "begin_ray_scan of all worlds first");
   RayClock const& clock = scan.clock;
   RayPhase phase = rays_of_step(clock, step);
   std::int64_t const more = phase.count > places ? phase.count - places : 0;
@@ -339,6 +342,29 @@ void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> co
   Kokkos::parallel_for("gsp::ray::scan_rays, pose", Kokkos::RangePolicy<Exec>(exec, 0, worlds),
                        detail::NoteUnit<R, Mem>{poses, scan.before, scan.mount.body, scan.mount.alignment});
   scan.next = step + 1;
+}
+
+/// `to` goes on as `from` would have, to the bit: what has been measured, where the unit was, which step comes next, of all worlds. Beside
+/// `save` and `restore` of a simulation. Does not allocate, does not fence a device. Errors: std::invalid_argument for scans of other
+/// sizes, or of which one has no geoms, splats or points.
+template <ExecutionSpace Exec, class R, class Mem>
+void copy_ray_scan(Exec const& exec, RayScan<R, Mem> const& from, RayScan<R, Mem>& to) {
+  Region const region("gsp::ray::copy_ray_scan");
+  static_assert(can_access<Exec, Mem>, "gsp::copy_ray_scan: the scans are not accessible from this execution space");
+  expects(from.range.extent(0) == to.range.extent(0) && from.range.extent(1) == to.range.extent(1) && from.geom.size() == to.geom.size() &&
+              from.splat.size() == to.splat.size() && from.point.size() == to.point.size(),
+          "gsp::copy_ray_scan: the two differ in worlds, rays, geoms, splats or points: make both with the same options");
+  auto const copy = [&](auto const& source, auto const& target) {
+    detail::copy_bytes(exec, target.data(), source.data(), detail::bytes_of(source));
+  };
+  copy(from.range, to.range);
+  copy(from.geom, to.geom);
+  copy(from.splat, to.splat);
+  copy(from.point, to.point);
+  copy(from.time, to.time);
+  copy(from.before, to.before);
+  to.begun = from.begun;
+  to.next = from.next;
 }
 
 }  // namespace gsp
