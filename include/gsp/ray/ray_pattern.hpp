@@ -11,7 +11,7 @@
 namespace gsp {
 
 struct RayPattern {
-  std::vector<Double3> direction;  // unit
+  std::vector<Double3> direction;  // of any length > 0: make_ray_mount makes them unit
   std::vector<Double3> origin{};   // [m]; empty: all begin at the unit's origin
   std::vector<double> time{};      // [s] when each leaves, from the start of a scan, rising; empty: all at its start
   double period = 0;               // [s] of a scan, after which the next begins; 0: all leave whenever they are asked for
