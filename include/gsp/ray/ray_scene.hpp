@@ -62,8 +62,7 @@ RayScene<R, Mem> make_ray_scene(Exec const& exec, Model<R, Mem> const& model, Co
   expects(options.worlds > 0, "gsp::make_ray_scene: worlds must be positive and is " + std::to_string(options.worlds));
   static_assert(std::is_same_v<Mem, typename Exec::memory_space>,
                 "gsp::make_ray_scene: the model lies in another memory space than exec's");
-  expects(compiled.nbody == model.nbody && int(compiled.geom_type.size()) == model.ngeom,
-          "gsp::make_ray_scene: the model was made from another compiled model: give that one");
+  detail::expects_made_of("gsp::make_ray_scene", model, compiled);
   RayScene<R, Mem> scene;
   scene.worlds = options.worlds;
   scene.model = detail::sizes_of(model);
