@@ -573,8 +573,26 @@ TEST_CASE_TEMPLATE("scans that cannot be", Exec, GSP_TEST_EXECS) {
             "comes after step 8, and rays would leave on the way back: copy_ray_scan");
   auto nowhere = gsp::make_ray_scene<double>(exec, three.model, compiled, {.worlds = 3});
   refused([&] { gsp::scan_rays(exec, nowhere, three.poses, fresh, 9); }, "call place_ray_geoms(exec, model, poses, scene) first");
+  // geoms where they were before the state moved on; those that are fixed to the world stay where they are
+  auto const move_on = [&] {
+    gsp::reset(exec, three.model, three.state);
+    gsp::forward_kinematics(exec, three.model, three.state, three.poses, three.dynamics);
+  };
+  move_on();
+  refused([&] { gsp::scan_rays(exec, three.scene, three.poses, fresh, 9); }, "call place_ray_geoms(exec, model, poses, scene) with these");
+  gsp::place_ray_geoms(exec, three.model, three.poses, three.scene);
+  gsp::scan_rays(exec, three.scene, three.poses, fresh, 9);
+  auto fixed = compiled;  // what is fixed to the world is of group 0
+  for (std::size_t g = 0; g < fixed.geom_group.size(); ++g) fixed.geom_group[g] = fixed.geom_body[g] == 0 ? 0 : 1;
+  auto walls = gsp::make_ray_scene<double>(exec, three.model, fixed, {.worlds = 3, .groups = 1});
+  gsp::place_ray_geoms(exec, three.model, three.poses, walls);
+  move_on();
+  gsp::scan_rays(exec, walls, three.poses, fresh, 10);
+  gsp::place_ray_geoms(exec, three.model, three.poses, three.scene);
+  refused([&] { gsp::scan_rays(exec, three.scene, three.poses, fresh, 12); }, "comes after step 10");
+  gsp::scan_rays(exec, three.scene, three.poses, fresh, 11);  // what was refused does not count
+  gsp::begin_ray_scan(exec, three.poses, fresh);
   refused([&] { gsp::scan_rays(exec, three.scene, three.poses, fresh, -1); }, "0 to 104 days");
-  gsp::scan_rays(exec, three.scene, three.poses, fresh, 9);  // what was refused does not count
   refused([&] { gsp::begin_ray_scan(exec, two.poses, three.scan); }, "the scan is of 3 worlds");
   Kokkos::View<bool*, typename Exec::memory_space> const mask("mask", 2);
   refused([&] { gsp::begin_ray_scan(exec, three.poses, three.scan, mask); }, "the mask has 2 worlds and the scan 3");

@@ -281,8 +281,8 @@ void begin_ray_scan(Exec const& exec, Poses<R, Mem> const& poses, RayScan<R, Mem
 /// @param also   what rays meet beside the geoms, such as splat_target(tree): the nearer wins (NothingElse says what it has)
 /// Does not allocate, does not fence. Two launches. Cost: cast_rays of the rays that leave, and about 200 flop each. Errors:
 /// std::invalid_argument before begin_ray_scan, for a scene or poses of another number of worlds, a scene whose geoms have not been placed,
-/// poses without that body, steps that are not within 0 to 104 days, and one that does not follow the last but where all worlds have begun
-/// anew.
+/// or by poses of another moment, poses without that body, steps that are not within 0 to 104 days, and one that does not follow the last
+/// but where all worlds have begun anew.
 template <ExecutionSpace Exec, class R, class Mem, class Also = NothingElse>
 void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> const& poses, RayScan<R, Mem>& scan, std::int64_t step,
                Also const& also = {}) {
@@ -292,7 +292,7 @@ void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> co
   expects(worlds == scene.worlds, "gsp::scan_rays: the scene has " + std::to_string(scene.worlds) + " worlds, the scan has " +
                                       std::to_string(worlds) + ": make both with the same {.worlds = n}");
   detail::expects_poses_of("gsp::scan_rays", poses, scan);
-  detail::expects_placed("gsp::scan_rays", scene);
+  detail::expects_placed_with("gsp::scan_rays", scene, poses);
   expects(scan.begun,
           "gsp::scan_rays: where the unit was before is not known: call begin_ray_scan(exec, poses, scan) before the first step");
   if (scan.next >= 0 && step != scan.next)
