@@ -86,12 +86,13 @@ struct RayCaster {
     LaneIndex<T> geom{}, triangle{};  // of the scene; of a mesh; -1: none
     Vec3<T> normal{};                 // of a height field, in its frame
   };
-  /// What is no ray meets nothing: it goes along as one that has met something before all.
-  KOKKOS_INLINE_FUNCTION Met first(Ray<T> const& given, int w) const {
+  /// Of lanes 0 ... count - 1. What is no ray meets nothing: it goes along as one that has met something before all, as other lanes do.
+  KOKKOS_INLINE_FUNCTION Met first(Ray<T> const& given, int w, int count) const {
     auto const there = is_ray(given);
     T const zero(R(0)), one(R(1));
     Ray<T> const ray{select(there, given.origin, Vec3<T>{zero, zero, zero}), select(there, given.direction, Vec3<T>{one, zero, zero})};
     Met best{ScaledRay<T>(ray), select(there, no_hit<T>(), T(R(-1)))};
+    for (int l = count; l < width; ++l) set_lane(best.x, l, R(-1));
     if (!any(there)) return best;
     T const inverse_length = one / norm(best.scaled.ray.direction);
     int const geoms = int(scene.geoms.extent(0));
@@ -259,7 +260,8 @@ struct CastRays {
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
     int const n = int(rays.origin.extent(1)), items = caster.items_of(n), w = int(i / items), first = int(i % items) * caster.width;
     int const count = n - first < caster.width ? n - first : caster.width;
-    auto const met = caster.first({caster.read(&rays.origin(w, first, 0), count), caster.read(&rays.direction(w, first, 0), count)}, w);
+    auto const met =
+        caster.first({caster.read(&rays.origin(w, first, 0), count), caster.read(&rays.direction(w, first, 0), count)}, w, count);
     for (int l = 0; l < count; ++l) {
       int const k = first + l, g = caster.geom_of(met, l);
       hits.distance(w, k) = g < 0 ? R(-1) : caster.distance_of(met, l);

@@ -19,7 +19,8 @@ struct RayReturn {
 ///   bind(Poses<R, Mem> poses, CastRaysOptions hidden) const   on the host, in each call: what is copied to the device, in these poses and
 ///                                                             without hidden bodies; throws where they do not fit
 /// and what bind returns has, for T = R on a device and a pack of R on a host,
-///   first(Ray<T> ray, int w, T most) const   a RayReturn<T>: what rays of world w meet before `most`, in lengths of their directions
+///   first(Ray<T> ray, int w, T most) const   a RayReturn<T>: what rays of world w meet before `most`, in lengths of their directions;
+///                                            where it is negative nothing is asked for
 struct NothingElse {
   template <class P>
   NothingElse bind(P const&, CastRaysOptions const&) const {
@@ -150,10 +151,11 @@ struct ScanRays {
     Transform<R> const body = aligned_body(poses, w, mount.body, mount.alignment);
     Ray<T> const meant = rays_of(at_end ? all_of(body) : moving(w, body, j, n), j, n);
     Ray<T> const sent{meant.origin, noise.angle_sigma > 0 ? bent(noise, spread(words(w, j, n, 0)), meant.direction) : meant.direction};
-    auto const met = caster.first(sent, w);
+    auto const met = caster.first(sent, w, n);
     T measured = select(met.geom.is_there(), met.scaled.back(met.x), no_hit<T>());
     LaneIndex<T> other{};
     if constexpr (!std::is_same_v<Also, NothingElse>) {
+      for (int l = n; l < width; ++l) Caster::set_lane(measured, l, R(-1));
       auto const nearer = also.first(sent, w, measured);
       measured = select(nearer.number.is_there(), nearer.distance, measured);
       other = nearer.number;

@@ -52,7 +52,7 @@ struct RangeSensors {
     Vec3<R> const from = site.p, along = rotate(site.q, Vec3<R>{R(0), R(0), R(1)});
     RayCaster<R, Mem> const caster{scene, {.body_exclude = sites.site_body(e.site)}};
     R const origin[3] = {from.x, from.y, from.z}, direction[3] = {along.x, along.y, along.z};
-    auto const met = caster.first({caster.read(origin, 1), caster.read(direction, 1)}, w);
+    auto const met = caster.first({caster.read(origin, 1), caster.read(direction, 1)}, w, 1);
     put_ray(e, caster, met, 0, w, from, along, R(1), 0, put);
   }
 };
@@ -89,7 +89,7 @@ struct CameraRangeSensors {
       }
     }
     RayCaster<R, Mem> const caster{scene, {.body_exclude = frames.model.cam_body(e.camera)}};
-    auto const met = caster.first({caster.read(origin, rays), caster.read(direction, rays)}, w);
+    auto const met = caster.first({caster.read(origin, rays), caster.read(direction, rays)}, w, rays);
     for (int l = 0; l < rays; ++l) {
       Vec3<R> const along{direction[3 * l], direction[3 * l + 1], direction[3 * l + 2]};
       put_ray(e, caster, met, l, w, camera.p, along, depth[l], l * e.size, put);
