@@ -155,7 +155,7 @@ struct ScanRays {
     T measured = select(met.geom.is_there(), met.scaled.back(met.x), no_hit<T>());
     LaneIndex<T> other{};
     if constexpr (!std::is_same_v<Also, NothingElse>) {
-      for (int l = n; l < width; ++l) Caster::set_lane(measured, l, R(-1));
+      for (int l = n; l < width; ++l) set_lane_of(measured, l, R(-1));
       auto const nearer = also.first(sent, w, measured);
       measured = select(nearer.number.is_there(), nearer.distance, measured);
       other = nearer.number;
@@ -165,8 +165,7 @@ struct ScanRays {
       measured = with_noise(noise, spread(drawn), drawn.uniform[2], measured);
     }
     for (int l = 0; l < n; ++l)
-      write(w, j + l, Caster::lane(meant, l), in_steps(noise, Caster::lane(measured, l)), other[l] < 0 ? caster.geom_of(met, l) : -1,
-            other[l]);
+      write(w, j + l, lane_of(meant, l), in_steps(noise, lane_of(measured, l)), other[l] < 0 ? caster.geom_of(met, l) : -1, other[l]);
   }
 
  private:
@@ -176,9 +175,7 @@ struct ScanRays {
   /// f(l) in lane l; lanes from n on have the last one's.
   template <class F>
   KOKKOS_INLINE_FUNCTION static T lanes(int n, F const& f) {
-    T x;
-    for (int l = 0; l < width; ++l) Caster::set_lane(x, l, f(l < n ? l : n - 1));
-    return x;
+    return of_lanes<T>([&](int l) { return f(l < n ? l : n - 1); });
   }
   KOKKOS_INLINE_FUNCTION static Vec3<T> all_of(Vec3<R> const& v) { return {T(v.x), T(v.y), T(v.z)}; }
   KOKKOS_INLINE_FUNCTION static Quat<T> all_of(Quat<R> const& q) { return {T(q.w), T(q.x), T(q.y), T(q.z)}; }
@@ -187,9 +184,9 @@ struct ScanRays {
     Vec3<T> v;
     for (int l = 0; l < width; ++l) {
       Vec3<R> const one = from(k[l]);
-      Caster::set_lane(v.x, l, one.x);
-      Caster::set_lane(v.y, l, one.y);
-      Caster::set_lane(v.z, l, one.z);
+      set_lane_of(v.x, l, one.x);
+      set_lane_of(v.y, l, one.y);
+      set_lane_of(v.z, l, one.z);
     }
     return v;
   }
@@ -217,7 +214,7 @@ struct ScanRays {
     for (int l = 0; l < width; ++l) {
       RayNumber const number{std::uint64_t(first + j + (l < n ? l : n - 1)), first_world + std::uint32_t(w)};
       Philox const four = noise_words(noise, number, stream);
-      for (int c = 0; c < 3; ++c) Caster::set_lane(drawn.uniform[c], l, uniform_of<R>(four.word[c]));
+      for (int c = 0; c < 3; ++c) set_lane_of(drawn.uniform[c], l, uniform_of<R>(four.word[c]));
     }
     return drawn;
   }
