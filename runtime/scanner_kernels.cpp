@@ -2,6 +2,7 @@
 #include <gsp/runtime/scanner.hpp>
 #include <gsp/splat/splat_target.hpp>
 #include <optional>
+#include <string>
 
 #include "device.hpp"
 #include "scene_sets.hpp"
@@ -17,13 +18,18 @@ class KokkosScanner : public Scanner {
                 Scene const& splats)
       : model_(make_model<double>(exec_, m)),
         scene_(make_ray_scene<double>(exec_, model_, m, {.worlds = options.worlds})),
-        scan_(make_ray_scan<double>(exec_, m, pattern, mount, options)) {
+        scan_(make_ray_scan<double>(exec_, m, pattern, mount, options)),
+        worlds_(options.worlds),
+        bodies_(m.nbody) {
     if (splats.count() > 0) splats_ = make_splat_tree(exec_, sets_of(splats));
   }
 
-  void begin(PoseArrays const& arrays) override { begin_ray_scan(exec_, poses_of(arrays), scan_); }
+  void begin(PoseArrays const& arrays) override {
+    begin_ray_scan(exec_, poses_of("begin", arrays), scan_);
+    exec_.fence("gsp::runtime::Scanner::begin: done");
+  }
   void scan(PoseArrays const& arrays, std::int64_t step) override {
-    auto const poses = poses_of(arrays);
+    auto const poses = poses_of("scan", arrays);
     place_ray_geoms(exec_, model_, poses, scene_);
     if (splats_)
       scan_rays(exec_, scene_, poses, scan_, step, splat_target(*splats_));
@@ -38,14 +44,19 @@ class KokkosScanner : public Scanner {
   }
 
  private:
-  Poses<double, Mem> poses_of(PoseArrays const& p) const {
-    for (auto const* const a : {&p.xpos, &p.xquat})
-      expects(a->device == device_of<Exec>() && a->dtype == Dtype::float64 && a->rank == 3 && a->contiguous(),
-              "gsp::runtime::Scanner::scan: poses must lie on the scanner's device, float64 (worlds, bodies, 3 | 4) one after the other");
+  Poses<double, Mem> poses_of(std::string const& function, PoseArrays const& p) const {
+    auto const fits = [&](Array const& a, int components) {
+      return a.device == device_of<Exec>() && a.dtype == Dtype::float64 && a.rank == 3 && a.contiguous() && a.extents[0] == worlds_ &&
+             a.extents[1] == bodies_ && a.extents[2] == components;
+    };
+    expects(fits(p.xpos, 3) && fits(p.xquat, 4),
+            "gsp::runtime::Scanner::" + function + ": poses must lie on the scanner's device, float64, one after the other: xpos (" +
+                std::to_string(worlds_) + ", " + std::to_string(bodies_) + ", 3) and xquat (" + std::to_string(worlds_) + ", " +
+                std::to_string(bodies_) + ", 4), such as Kinematics gives for as many worlds");
     using View = typename Poses<double, Mem>::template View<double***>;
     Poses<double, Mem> poses;
-    poses.xpos = View(static_cast<double*>(p.xpos.data), p.xpos.extents[0], p.xpos.extents[1], 3);
-    poses.xquat = View(static_cast<double*>(p.xquat.data), p.xquat.extents[0], p.xquat.extents[1], 4);
+    poses.xpos = View(static_cast<double*>(p.xpos.data), worlds_, bodies_, 3);
+    poses.xquat = View(static_cast<double*>(p.xquat.data), worlds_, bodies_, 4);
     return poses;
   }
 
@@ -53,6 +64,7 @@ class KokkosScanner : public Scanner {
   Model<double, Mem> model_;
   RayScene<double, Mem> scene_;
   RayScan<double, Mem> scan_;
+  int worlds_, bodies_;
   std::optional<SplatTree<Mem>> splats_;
 };
 

@@ -8,6 +8,7 @@
 #include <gsp/io/ray_table.hpp>
 #include <gsp/model/names.hpp>
 #include <gsp/ray/livox_pattern.hpp>
+#include <gsp/ray/ray_clock.hpp>
 #include <gsp/runtime/scanner.hpp>
 #include <gsp/runtime/session.hpp>
 #include <nlohmann/json.hpp>
@@ -254,7 +255,8 @@ int run(Arguments const& a) {
   std::vector<double> range(worlds * rays), point(3 * worlds * rays), left(rays), xpos, xquat;
   std::vector<int> geom(worlds * rays), splat(options.splats ? worlds * rays : 0);
   Progress progress("scanning", quiet(a));
-  double seconds = 0;
+  double seconds = 0, cast = 0;  // cast: rays of all worlds
+  auto const clock = gsp::make_ray_clock(pattern, options.timestep);
   std::vector<double> time;
   auto const n = static_cast<std::int64_t>(worlds), r = static_cast<std::int64_t>(rays);
   for (std::size_t t = 0; t < trace.entries; ++t) {
@@ -268,8 +270,10 @@ int run(Arguments const& a) {
     if (t == 0) scanner->begin(poses);
     if (t == 0 && hz > 0) continue;  // step t - 1 ends at entry t
     auto const start = std::chrono::steady_clock::now();
-    scanner->scan(poses, static_cast<std::int64_t>(hz > 0 ? t - 1 : t));
+    auto const step = static_cast<std::int64_t>(hz > 0 ? t - 1 : t);
+    scanner->scan(poses, step);
     seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    cast += double(worlds) * double(std::min(gsp::rays_of_step(clock, step).count, r));
     auto const arrays = scanner->arrays();
     gsp::runtime::copy(arrays.range, gsp::runtime::host_array(range.data(), {n, r}));
     gsp::runtime::copy(arrays.geom, gsp::runtime::host_array(geom.data(), {n, r}));
@@ -309,7 +313,7 @@ int run(Arguments const& a) {
   }
   progress.finish();
   auto const share = double(cloud.point.size()) / double(rays);
-  double const rate = double(time.size()) * double(worlds) * double(rays) / seconds;
+  double const rate = cast / seconds;
   std::FILE* const say = text_beside(npz);
   if (a.has("--json")) {
     nlohmann::ordered_json json{{"seconds", seconds},

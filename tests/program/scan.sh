@@ -67,8 +67,9 @@ assert len(own) == 720 * 60 and abs(min(own) - .1) < 1e-3, (len(own), min(own))'
 # Along a trace: 1 m/s to +x, 100 entries of 10 ms, a unit of 10 turns a second. A ray that leaves at t begins at x = t, and meets the east
 # or west wall as far ahead as that says; each of the last 10 entries holds a whole turn of 28,800 rays, a tenth of which is new.
 "$gsp" sim room.xml --keyframe rides --steps 100 --every 1 --precision double --trace rides.npz > /dev/null
-"$gsp" scan room.xml --pattern vlp16 --mount unit --trace rides.npz --hz 10 --npz moving.npz > /dev/null
+"$gsp" scan room.xml --pattern vlp16 --mount unit --trace rides.npz --hz 10 --npz moving.npz --json > said.json
 python3 - <<'PY' || fail "rays of a unit that rides"
+import json
 from arrays import array
 (t, n, r), range_ = array("moving.npz", "range")
 _, point = array("moving.npz", "point")
@@ -81,6 +82,8 @@ for e in range(15, t):  # times of an entry: all different columns of one turn, 
     now = left[e * r:(e + 1) * r]
     assert .01 * (e + 1) - .1 - 1e-9 <= min(now) and max(now) < .01 * (e + 1), (e, min(now), max(now))
     assert sum(x >= .01 * e - 1e-9 for x in now) in (2864, 2880, 2896), e
+said = json.load(open("said.json"))  # a tenth of a turn at each entry was cast, no whole one
+assert abs(said["rays_per_second"] * said["seconds"] / (t * 2880) - 1) < 1e-3, said
 worst = 0
 for k in range(r):
     if geom[last + k] not in (2, 3): continue

@@ -237,6 +237,10 @@ TEST_CASE_TEMPLATE("what is not a ray meets nothing, and what does not fit is re
                        doctest::Contains("the scene has 3 worlds of 3 bodies, the poses 2 of 3"), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_ray_scene<float>(c.exec, c.model, c.compiled, {.worlds = 0}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::make_rays<float>(c.exec, {.worlds = 1, .count = 0}), std::invalid_argument);
+  auto another = c.compiled;  // as many bodies and geoms
+  ++another.nv;
+  CHECK_THROWS_WITH_AS(gsp::make_ray_scene<float>(c.exec, c.model, another), doctest::Contains("give the one that the model was made from"),
+                       std::invalid_argument);
 
   // without normals; and a scene of nothing
   auto bare = gsp::make_ray_hits<float>(c.exec, {.worlds = 3, .count = 4, .normals = false});

@@ -170,3 +170,30 @@ TEST_CASE_TEMPLATE("rays along the faces of a cube, in their planes and through 
         }
   CHECK(met == 300);
 }
+
+// Two walls, a leaf each: the one ray that meets the first needs no second, and the others, which look away, meet none.
+TEST_CASE_TEMPLATE("a pack does not look behind what it meets for rays that meet nothing", R, double, float) {
+  using T = gsp::Pack<R, gsp::native_width<R>>;
+  Vertices v;
+  Faces f;
+  for (float const x : {1.f, 3.f})
+    for (int k = 0; k < 4; ++k) {
+      float const y = float(k) - 2;
+      for (auto const& p : {std::array{x, y, -1.f}, std::array{x, y + 1, -1.f}, std::array{x, y, 2.f}}) v.push_back(p);
+      int const n = int(v.size());
+      f.push_back({n - 3, n - 2, n - 1});
+    }
+  auto const tree = gsp::make_mesh_tree(v, f);
+  T const ahead = T::of([](int l) { return R(l == 0 ? 1 : -1); }), zero(R(0));
+  gsp::Ray<T> const ray{{zero, T(R(0.1)), zero}, {ahead, zero, zero}};
+  T most = gsp::detail::no_hit<T>();
+  int leaves = 0;
+  auto const take = [&](int first, int end) {
+    ++leaves;
+    for (int t = first; t < end; ++t) CHECK(tree.triangles[std::size_t(t)].a.x == 1);
+    most.set(0, R(1));
+  };
+  gsp::detail::visit_leaves(
+      tree.nodes.data(), gsp::detail::BoxRay<T>(ray), [&] { return most; }, take);
+  CHECK(leaves == 1);
+}

@@ -127,4 +127,12 @@ TEST_CASE_TEMPLATE("rays follow their body", Exec, GSP_TEST_EXECS) {
   bad(ahead, {.body = "robot", .pos = {NAN, 0, 0}}, "must be finite");
   bad({}, {.body = "robot"}, "a direction for each ray");
   bad({{{1, 0, 0}}, {{0, 0, 0}, {1, 0, 0}}}, {.body = "robot"}, "an origin for each or none");
+  bad({{{1, 0, 0}, {0, 0, 0}}, {}}, {.body = "robot"}, "the direction of ray 1 is not finite, or has no length");
+  bad({{{1, 0, NAN}}, {}}, {.body = "robot"}, "the direction of ray 0");
+  bad({{{1, 0, 0}, {1, 0, 0}}, {{0, 0, 0}, {0, INFINITY, 0}}}, {.body = "robot"}, "the origin of ray 1 is not finite");
+  // metres, whatever the length of what was given
+  auto const longer = gsp::make_ray_mount<R>(exec, compiled, {{{0, 3, -4}, {1e-200, 0, 0}}, {}}, {.body = "robot"});
+  auto const unit = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, longer.direction);
+  CHECK(gsp::norm(unit(0) - gsp::Vec3<R>{0, 0.6, -0.8}) < 1e-15);
+  CHECK(gsp::norm(unit(1) - gsp::Vec3<R>{1, 0, 0}) == 0);
 }

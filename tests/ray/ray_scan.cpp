@@ -470,6 +470,48 @@ TEST_CASE_TEMPLATE("a frame that rolls through a sequence, and worlds that begin
   CHECK(bare.range[7] == doctest::Approx(to_wall({0, 0, 0}, {pattern.direction[7][0], pattern.direction[7][1], pattern.direction[7][2]})));
 }
 
+// Back to a copy of before: all that a scan remembers is that of the first time, to the bit, in a scan that was elsewhere meanwhile too.
+TEST_CASE_TEMPLATE("a scan goes on from a copy", Exec, GSP_TEST_EXECS) {
+  auto const pattern = gsp::rotating_pattern({0.1, -0.2}, 90, {.rate = 10});
+  gsp::RayScanOptions const options{.worlds = 3, .timestep = 0.01, .noise = {.range_sigma = 0.02, .dropout = 0.1}, .splats = true};
+  Motion const motion{{0, 0, 0}, {1, 2, 0.5}, {0, 0.6, 0.8}, 5};
+  Unit<float, Exec> unit(room(false), pattern, {.body = "base"}, options);
+  auto const go = [&](auto& scan, int from, int to) {
+    for (int step = from; step < to; ++step) {
+      unit.place([&](int w) { return motion.at((step + 1) * 0.01 + w); });
+      gsp::scan_rays(unit.exec, unit.scene, unit.poses, scan, step, Mirror<float>{2});
+    }
+  };
+  auto const all = [&](auto const& scan) {
+    std::vector<std::vector<double>> out;
+    auto const add = [&](auto const& v) {
+      auto const copy = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, v);
+      out.emplace_back(copy.data(), copy.data() + copy.size());
+    };
+    add(scan.range), add(scan.geom), add(scan.splat), add(scan.point), add(scan.time);
+    return out;
+  };
+  unit.run(0, [&](int w, double) { return motion.at(w); });
+  auto kept = gsp::make_ray_scan<float>(unit.exec, unit.compiled, pattern, {.body = "base"}, options);
+  gsp::copy_ray_scan(unit.exec, unit.scan, kept);  // nothing yet, and any step may come
+  CHECK((kept.begun && kept.next == -1));
+  go(unit.scan, 0, 4);
+  gsp::copy_ray_scan(unit.exec, unit.scan, kept);
+  auto const at_four = all(unit.scan);
+  go(unit.scan, 4, 7);
+  auto const at_seven = all(unit.scan);
+  CHECK(at_seven != at_four);
+  gsp::copy_ray_scan(unit.exec, kept, unit.scan);
+  CHECK(all(unit.scan) == at_four);
+  go(unit.scan, 4, 7);
+  CHECK(all(unit.scan) == at_seven);
+  go(kept, 4, 7);
+  CHECK(all(kept) == at_seven);
+  auto bare = gsp::make_ray_scan<float>(unit.exec, unit.compiled, pattern, {.body = "base"}, {.worlds = 3, .timestep = 0.01});
+  CHECK_THROWS_WITH_AS(gsp::copy_ray_scan(unit.exec, unit.scan, bare), doctest::Contains("differ in worlds, rays, geoms, splats or points"),
+                       std::invalid_argument);
+}
+
 TEST_CASE_TEMPLATE("a world whose pose is no number sees nothing, and the others do not notice", Exec, GSP_TEST_EXECS) {
   Unit<float, Exec> unit(room(), gsp::vlp16_pattern(36), {.body = "base", .pos = {0, 0, 0.3}},
                          {.worlds = 2, .timestep = 0.1, .noise = {.range_sigma = 0.01, .angle_sigma = 0.01}});
@@ -531,13 +573,33 @@ TEST_CASE_TEMPLATE("scans that cannot be", Exec, GSP_TEST_EXECS) {
   gsp::begin_ray_scan(exec, three.poses, fresh);
   gsp::scan_rays(exec, three.scene, three.poses, fresh, 7);
   gsp::scan_rays(exec, three.scene, three.poses, fresh, 8);
-  gsp::scan_rays(exec, three.scene, three.poses, fresh, 8);  // once more, or after a restored state
   refused([&] { gsp::scan_rays(exec, three.scene, three.poses, fresh, 10); },
           "step 10 comes after step 8, and rays between them would be lost");
+  for (int const step : {8, 7})  // from where the unit is now, not from where it was then
+    refused([&] { gsp::scan_rays(exec, three.scene, three.poses, fresh, step); },
+            "comes after step 8, and rays would leave on the way back: copy_ray_scan");
   auto nowhere = gsp::make_ray_scene<double>(exec, three.model, compiled, {.worlds = 3});
   refused([&] { gsp::scan_rays(exec, nowhere, three.poses, fresh, 9); }, "call place_ray_geoms(exec, model, poses, scene) first");
+  // geoms where they were before the state moved on; those that are fixed to the world stay where they are
+  auto const move_on = [&] {
+    gsp::reset(exec, three.model, three.state);
+    gsp::forward_kinematics(exec, three.model, three.state, three.poses, three.dynamics);
+  };
+  move_on();
+  refused([&] { gsp::scan_rays(exec, three.scene, three.poses, fresh, 9); }, "call place_ray_geoms(exec, model, poses, scene) with these");
+  gsp::place_ray_geoms(exec, three.model, three.poses, three.scene);
+  gsp::scan_rays(exec, three.scene, three.poses, fresh, 9);
+  auto fixed = compiled;  // what is fixed to the world is of group 0
+  for (std::size_t g = 0; g < fixed.geom_group.size(); ++g) fixed.geom_group[g] = fixed.geom_body[g] == 0 ? 0 : 1;
+  auto walls = gsp::make_ray_scene<double>(exec, three.model, fixed, {.worlds = 3, .groups = 1});
+  gsp::place_ray_geoms(exec, three.model, three.poses, walls);
+  move_on();
+  gsp::scan_rays(exec, walls, three.poses, fresh, 10);
+  gsp::place_ray_geoms(exec, three.model, three.poses, three.scene);
+  refused([&] { gsp::scan_rays(exec, three.scene, three.poses, fresh, 12); }, "comes after step 10");
+  gsp::scan_rays(exec, three.scene, three.poses, fresh, 11);  // what was refused does not count
+  gsp::begin_ray_scan(exec, three.poses, fresh);
   refused([&] { gsp::scan_rays(exec, three.scene, three.poses, fresh, -1); }, "0 to 104 days");
-  gsp::scan_rays(exec, three.scene, three.poses, fresh, 9);  // what was refused does not count
   refused([&] { gsp::begin_ray_scan(exec, two.poses, three.scan); }, "the scan is of 3 worlds");
   Kokkos::View<bool*, typename Exec::memory_space> const mask("mask", 2);
   refused([&] { gsp::begin_ray_scan(exec, three.poses, three.scan, mask); }, "the mask has 2 worlds and the scan 3");

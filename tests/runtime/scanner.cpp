@@ -76,6 +76,25 @@ TEST_CASE("a scanner refuses poses of other worlds, and of another precision") {
   narrow.xpos = host_array(places.data(), {2, 2, 3});
   narrow.xquat = host_array(places.data(), {2, 2, 4});
   CHECK_THROWS_WITH_AS(scanner->scan(narrow, 0), doctest::Contains("float64"), std::invalid_argument);
+  // each extent of both, too few and too many
+  std::vector<double> const numbers(3 * 3 * 5);
+  auto const of = [&](std::int64_t const(&pos)[3], std::int64_t const(&quat)[3]) {
+    PoseArrays p;
+    p.xpos = host_array(numbers.data(), {pos[0], pos[1], pos[2]});
+    p.xquat = host_array(numbers.data(), {quat[0], quat[1], quat[2]});
+    return p;
+  };
+  std::int64_t pos[] = {2, 2, 3}, quat[] = {2, 2, 4};
+  scanner->begin(of(pos, quat));
+  for (auto* const extents : {pos, quat})
+    for (int k = 0; k < 3; ++k)
+      for (int const by : {-1, 1}) {
+        extents[k] += by;
+        CHECK_THROWS_WITH_AS(scanner->begin(of(pos, quat)), doctest::Contains("Scanner::begin: poses must lie"), std::invalid_argument);
+        CHECK_THROWS_WITH_AS(scanner->scan(of(pos, quat), 0), doctest::Contains("xpos (2, 2, 3) and xquat (2, 2, 4)"),
+                             std::invalid_argument);
+        extents[k] -= by;
+      }
   CHECK_THROWS_AS(make_scanner(Device::cpu, model, {}, {.body_id = 0}, {}), std::invalid_argument);
   CHECK_THROWS_AS(make_scanner(Device::cpu, model, pattern, {.body_id = 7}, {}), std::invalid_argument);
 }

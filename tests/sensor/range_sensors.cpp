@@ -1,6 +1,7 @@
 // Rangefinders and sensors of distances in closed form, world by world. (Beside MuJoCo: tests/oracle/read_sensors.cpp.)
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <gsp/sensor/distance_sensors.hpp>
 #include <gsp/sensor/range_sensors.hpp>
@@ -89,6 +90,33 @@ TEST_CASE_TEMPLATE("pixels of a camera, and distances between bodies", Exec, GSP
   }
   gsp::step(s.exec, s.model, s.state, s.sim, {.poses = false});
   CHECK_THROWS_AS(gsp::distance_sensors(s.exec, s.model, s.state, s.sim.poses, s.sensors, s.data), std::invalid_argument);
+}
+
+// A camera that tracks a subtree's centre of mass measures how far it sees and how it is accelerated: one sum over the trees does for all
+// that is read at once, and what is read part by part is the same.
+TEST_CASE_TEMPLATE("centres of mass are summed once for all sensors", Exec, GSP_TEST_EXECS) {
+  SensedWorld<Exec> s(
+      R"(<mujoco><worldbody><geom type="plane" size="0 0 1"/><body name="a" pos="0 0 2"><joint type="hinge" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/>
+    <camera name="c" mode="trackcom" pos="0 0 1" resolution="4 2"/></body></worldbody>
+    <sensor><rangefinder name="depth" camera="c"/><framelinacc name="acc" objtype="camera" objname="c"/><subtreecom name="com" body="a"/></sensor></mujoco>)",
+      gsp::Profile::stable, 3);
+  CHECK(s.sensors.left_out.empty());
+  auto const qpos = s.qpos();
+  for (int w = 0; w < 3; ++w) qpos(w, 0) = 0.3 * w;
+  Kokkos::deep_copy(s.state.qpos, qpos);
+  gsp::forward(s.exec, s.model, s.state, s.sim);
+  auto const seen = gsp_test::watch([&] { gsp::read_sensors(s.exec, s.model, s.state, s.sim, s.sensors, s.data); });
+  int sums = 0;
+  for (auto const& kernel : seen.kernels) sums += kernel.label == "gsp::dynamics::subtree_com";
+  CHECK(sums == 1);
+  auto const depth = s("depth", 2), acc = s("acc", 2);
+  Kokkos::deep_copy(s.data, 0.), Kokkos::deep_copy(s.sensors.subtrees.com, 0.);
+  gsp::range_sensors(s.exec, s.model, s.state, s.sim.poses, s.sensors, s.data);
+  Kokkos::deep_copy(s.sensors.subtrees.com, 0.);
+  gsp::acceleration_sensors(s.exec, s.model, s.state, s.sim.poses, s.sim.dynamics, s.sensors, s.data);
+  CHECK(s("depth", 2) == depth);
+  CHECK(s("acc", 2) == acc);
+  CHECK(*std::max_element(depth.begin(), depth.end()) > 2);
 }
 
 TEST_CASE("sensors of distances that mean nothing are refused, or left out") {

@@ -232,6 +232,8 @@ TEST_CASE_TEMPLATE("a world's noise is its own: any batch, other worlds, sensors
   for (std::size_t w = 0; w < 2000; ++w)
     for (std::size_t k = 0; k < 3; ++k) CHECK((after[k][w] == during[k][w]) == (w >= 1000));
   for (std::size_t w = 0; w < 1000; ++w) CHECK(after[0][w] != before[0][w]);  // each start has its own
+  gsp::reset_sensor_noise(exec, noise, mask);                                 // before a sample it is the same start
+  CHECK(biases() == after);
   CHECK(std::abs(deviation({after[0].begin(), after[0].begin() + 1000}) / 2 - 1) < 0.09);
 
   // save, and go on from there: the same again
@@ -284,6 +286,26 @@ TEST_CASE_TEMPLATE("an IMU of a data sheet, whose numbers come late", Exec, GSP_
   }
   // 300 numbers: within four of 1 / sqrt(600)
   CHECK(std::abs(std::sqrt(square / (.05 * .05 + 1.4e-3 * 1.4e-3 / dt)) - 1) < .17);
+
+  // a ramp of 2 a sample, from the 1 of the first on: 4 to 6 ms late are two samples and a part, so the third before is held; what comes
+  // after a reset counts as what was there all the time
+  for (int k = 1; k < 15; ++k) {
+    Kokkos::deep_copy(data, float(1 + 2 * k));
+    if (k == 10) {
+      Kokkos::deep_copy(Kokkos::subview(done, std::pair(0, 40)), true);
+      gsp::reset_sensor_noise(exec, noise, done);
+      gsp::reset_sensor_delay(exec, delay, done);
+    }
+    gsp::add_sensor_noise(exec, noise, dt, data, measured);
+    gsp::delay_sensor(exec, delay, dt, measured, measured);
+    exec.fence();
+    auto const late = numbers(measured);
+    for (int w = 0; w < worlds; ++w)
+      for (int const c : columns) {
+        int const start = k >= 10 && w < 40 ? 10 : 0, sample = std::max(start, k - 3);
+        CHECK(std::abs(late[std::size_t(9 * w + c)] - (1 + 2 * sample)) < (c < 3 ? .5 : .02));
+      }
+  }
 }
 
 TEST_CASE("the noise that MJCF's sensors have, where it is asked for") {

@@ -216,6 +216,35 @@ TEST_CASE_TEMPLATE("sensors give what poses, Jacobians and forces give", Exec, G
   CHECK(worst < 1e-11);
 }
 
+// Columns of wider rows, and worlds that run fastest: the same bits, and what lies beside them stays.
+TEST_CASE_TEMPLATE("numbers go to views of any layout", Exec, GSP_TEST_EXECS) {
+  auto d = description();
+  d.sensors = {{.type = "gyro", .object_type = "site", .object = "t1b2"}, {.type = "jointpos", .object_type = "joint", .object = "t1b1j0"}};
+  using Set = Worlds<Exec>;
+  Set s(d);
+  int const n = Set::worlds, columns = s.compiled.nsensordata;
+  REQUIRE(columns == 4);
+  auto sensors = gsp::make_sensors(s.exec, s.model, s.compiled, {.worlds = n});
+  auto const read = [&](auto const& data) { gsp::smooth_sensors(s.exec, s.model, s.state, s.poses, s.dynamics, sensors, data); };
+  typename Set::template View<double**> const plain("plain", n, columns), wide("wide", n, columns + 5);
+  Kokkos::View<double**, Kokkos::LayoutLeft, typename Set::Mem> const left("left", n, columns), wide_left("wide_left", n + 2, columns + 5);
+  Kokkos::deep_copy(wide, 77.), Kokkos::deep_copy(wide_left, 77.);
+  read(plain), read(left);
+  read(Kokkos::subview(wide, Kokkos::ALL, std::pair(2, 2 + columns)));
+  read(Kokkos::subview(wide_left, std::pair(1, 1 + n), std::pair(2, 2 + columns)));
+  auto const want = gsp_test::host(plain), found = gsp_test::host(wide);
+  auto const of_left = gsp_test::host(left), of_wide = gsp_test::host(wide_left);
+  for (int w = 0; w < n; ++w) {
+    for (int c = 0; c < columns; ++c) {
+      CHECK(of_left(w, c) == want(w, c));
+      CHECK(found(w, 2 + c) == want(w, c));
+      CHECK(of_wide(1 + w, 2 + c) == want(w, c));
+    }
+    for (int const c : {0, 1, columns + 2, columns + 4}) CHECK((found(w, c) == 77 && of_wide(1 + w, c) == 77));
+  }
+  for (int c = 0; c < columns + 5; ++c) CHECK((of_wide(0, c) == 77 && of_wide(n + 1, c) == 77));
+}
+
 // MuJoCo's 1e-15 m in place of a depth of 0, away from the camera's back: pixel = 3/2 - f x / 1e-15, f = 2 / (2 tan(fovy / 2)) pixels of a
 // picture of 2 rows.
 TEST_CASE_TEMPLATE("a site in the plane of the camera is far out in the picture, and a number", Exec, GSP_TEST_EXECS) {

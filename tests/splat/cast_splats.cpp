@@ -275,6 +275,43 @@ TEST_CASE("however little room there is, what a ray returns is the same to the b
   CHECK(met.distance == doctest::Approx(2 * (1 + 0.57)).epsilon(1e-6));
 }
 
+// One ray of a pack goes through haze again and again; the others pass it by, within its boxes and beyond where it responds: they are
+// through after one pass, so the pack looks at no more than both alone.
+TEST_CASE("rays of a pack that meet nothing are not asked again") {
+  using Exec = Kokkos::DefaultHostExecutionSpace;
+  using Mem = Kokkos::HostSpace;
+  using T = gsp::Pack<float, gsp::native_width<float>>;
+  Exec const exec;
+  gsp::GaussianSet haze;
+  for (int k = 0; k < 400; ++k) add(haze, {2 + 0.01 * k, 0, 0}, {1, 0, 0, 0}, {0.3, 0.3, 0.3}, 0.006);
+  auto const tree = gsp::make_splat_tree(exec, haze);
+  auto const poses = gsp::make_poses<float>(exec, 1, 1, 0);
+  struct Count {
+    long *passes, *looks;
+    KOKKOS_FUNCTION void pass() const { ++*passes; }
+    KOKKOS_FUNCTION void look_at(int n) const { *looks += n; }
+  };
+  struct Cost {
+    long passes = 0, looks = 0;
+  };
+  auto const cost = [&](auto const& aside) {  // of lane l from the middle [m]
+    T off;
+    for (int l = 0; l < T::width; ++l) off.set(l, aside(l));
+    Cost c;
+    auto const met = gsp::detail::SplatCaster<float, Mem, 2>{tree, poses, {}}.first(
+        gsp::Ray<T>{{T(0.f), off, off}, {T(1.f), T(0.f), T(0.f)}}, 0, gsp::detail::no_hit<T>(), Count{&c.passes, &c.looks});
+    for (int l = 0; l < T::width; ++l) CHECK((met.gaussian[l] >= 0) == (aside(l) == 0));
+    return c;
+  };
+  auto const through = cost([](int) { return 0.f; }), by = cost([](int) { return 0.25f; }),
+             both = cost([](int l) { return l == 0 ? 0.f : 0.25f; });
+  CHECK(by.passes == 1);
+  CHECK(by.looks > 100);
+  CHECK(through.passes > 50);
+  CHECK(both.passes == through.passes);
+  CHECK(both.looks <= through.looks + by.looks);
+}
+
 // A disc is as wide as discs lie apart, so that about ten are met at any place: what is met first lies within its thickness, and what a
 // ball of radius 1 falls away beside a disc's middle, 3 sigma^2 / 2.
 TEST_CASE_TEMPLATE("what is opaque is met on its surface", Exec, GSP_TEST_EXECS) {
@@ -373,10 +410,23 @@ TEST_CASE_TEMPLATE("Gaussians move with their link, the nearer of Gaussians and 
     CHECK((geom ? om(0, k) < 0.5 : om(0, k) == oa(0, k)));
   }
   gsp::cast_splats(exec, on_link, poses, rays, b, {.hidden = {.body_exclude = 1, .bodies = 2}});
-  CHECK(on_host(b.gaussian)(0, 0) == -1);
-  CHECK(on_host(b.opacity)(0, 0) == 0);
-  gsp::cast_splats(exec, on_link, poses, rays, b, {.hidden = {.body_exclude = 1}});
+  auto const x_hidden = on_host(b.distance), o_hidden = on_host(b.opacity);
+  auto const g_hidden = on_host(b.gaussian);
+  for (int k = 0; k < count; ++k)
+    CHECK((x_hidden(0, k) == -1 && g_hidden(0, k) == -1 && o_hidden(0, k) == 0));    // which 100 and more had met
+  gsp::cast_splats(exec, on_link, poses, rays, b, {.hidden = {.body_exclude = 1}});  // another body's
   CHECK(same_bits(on_host(b.distance), xa));
+  // of every other one on the link the rest is left, as if the link's were not there
+  auto rest = both;
+  for (std::size_t i = 1; i < both.size(); i += 2) both.body[i] = 2, rest.opacities[i] = 0;
+  gsp::cast_splats(exec, gsp::make_splat_tree(exec, rest), poses, rays, a);
+  auto const tree = gsp::make_splat_tree(exec, both);
+  gsp::cast_splats(exec, tree, poses, rays, b);
+  CHECK(!same_bits(on_host(b.gaussian), on_host(a.gaussian)));
+  gsp::cast_splats(exec, tree, poses, rays, b, {.hidden = {.body_exclude = 2}});
+  CHECK(same_bits(on_host(b.distance), on_host(a.distance)));
+  CHECK(same_bits(on_host(b.gaussian), on_host(a.gaussian)));
+  CHECK(same_bits(on_host(b.opacity), on_host(a.opacity)));
 }
 
 TEST_CASE_TEMPLATE("a world's rays return what they return alone and in any order; what is no ray, and no Gaussians", Exec,
@@ -551,7 +601,7 @@ TEST_CASE_TEMPLATE("a unit scans Gaussians and geoms, the nearer wins, and does 
   CHECK_THROWS_WITH_AS(gsp::scan_rays(exec, bare, poses, filtered, 0, gsp::splat_target(tree, {.hidden = {.body_exclude = 0}})),
                        doctest::Contains("both splat_target's options and the scan's self filter hide bodies"), std::invalid_argument);
   set.body[4] = 2;
-  CHECK_THROWS_WITH_AS(gsp::scan_rays(exec, bare, poses, unit, 0, gsp::splat_target(gsp::make_splat_tree(exec, set))),
+  CHECK_THROWS_WITH_AS(gsp::scan_rays(exec, bare, poses, unit, 1, gsp::splat_target(gsp::make_splat_tree(exec, set))),
                        doctest::Contains("gsp::scan_rays: the Gaussians name 3 bodies but the poses have 2"), std::invalid_argument);
 }
 

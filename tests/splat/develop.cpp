@@ -131,6 +131,16 @@ TEST_CASE_TEMPLATE("each image has its own exposure, contrast, brightness and no
   next.step = 3;
   gsp::develop(exec, frames, again, next);
   CHECK(on_host(again)(0, 0, 0, 0) != noise(0, 0, 0, 0));
+  // images 120 to 122 by themselves, as they are in the batch
+  gsp::DevelopOptions part{.exposure = 0.5f, .contrast = 0.3f, .brightness = 0.1f, .noise = 0.05f, .seed = 5, .step = 2};
+  gsp::develop(exec, frames, again, part);
+  auto const whole = on_host(again);
+  auto const three = some_frames(exec, 3, width, height);
+  Kokkos::deep_copy(three.rgb, 0.5f);
+  Kokkos::View<float****, Kokkos::LayoutRight, Mem> const of_three("of_three", 3, height, width, 3);
+  part.first_image = 120;
+  gsp::develop(exec, three, of_three, part);
+  CHECK(std::memcmp(on_host(of_three).data(), &whole(120, 0, 0, 0), of_three.span() * sizeof(float)) == 0);
   gsp::develop(exec, frames, frames.rgb, noisy);  // in place
   CHECK(std::memcmp(on_host(frames.rgb).data(), noise.data(), noise.span() * sizeof(float)) == 0);
 }
@@ -145,6 +155,11 @@ TEST_CASE("what does not fit is refused") {
   CHECK_THROWS_AS(gsp::develop(exec, frames, out, {.contrast = 2}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::develop(exec, frames, out, {.exposure = NAN}), std::invalid_argument);
   CHECK_THROWS_AS(gsp::develop(exec, frames, out, {.step = -1}), std::invalid_argument);
+  std::int64_t const steps = std::int64_t(1) << 56, images = std::int64_t(1) << 32;
+  gsp::develop(exec, frames, out, {.noise = 0.1f, .step = steps - 1, .first_image = images - 2});
+  CHECK_THROWS_WITH_AS(gsp::develop(exec, frames, out, {.step = steps}), doctest::Contains("from 0 to 2^56 - 1"), std::invalid_argument);
+  for (std::int64_t const first : {std::int64_t(-1), images - 1})
+    CHECK_THROWS_WITH_AS(gsp::develop(exec, frames, out, {.first_image = first}), doctest::Contains("first_image"), std::invalid_argument);
   CHECK_THROWS_AS(gsp::develop(exec, frames, out, {}, small), std::invalid_argument);
   frames.alpha = {};
   CHECK_THROWS_AS(gsp::develop(exec, frames, out, {.background = {0, 0, 1}}), std::invalid_argument);

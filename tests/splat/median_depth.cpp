@@ -161,6 +161,11 @@ TEST_CASE_TEMPLATE("however many a ray meets, none is lost, and ties go by sourc
   disc.opacities = {0.9f};
   gsp::render(exec, gsp::make_gaussians(exec, disc), poses, cameras, frames, {}, median);
   CHECK(on_host(median.image)(0, 8, 8) == doctest::Approx(2).epsilon(1e-6));
+  for (float const size : {0.f, 1e-40f}) {  // a point, which pictures blur
+    disc.scales = {size, 0, size};
+    gsp::render(exec, gsp::make_gaussians(exec, disc), poses, cameras, frames, {}, median);
+    CHECK(on_host(median.image)(0, 8, 8) == doctest::Approx(2).epsilon(1e-6));
+  }
   gsp::MedianDepthChannel<Mem> const small{Kokkos::View<float***, Kokkos::LayoutRight, Mem>("median", 1, 17, 16)};
   CHECK_THROWS_AS(gsp::render(exec, thin, poses, cameras, frames, {}, small), std::invalid_argument);
 }

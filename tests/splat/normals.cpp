@@ -20,7 +20,10 @@ TEST_CASE_TEMPLATE("normals of planes are theirs, and 0 where nothing shows", Ex
   int const images = 6, width = 33, height = 27;
   std::vector<float> viewmats, Ks;
   gsp_test::random_cameras(images, width, height, 3, 8, viewmats, Ks);
-  auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
+  Ks[9 * 1] *= -1;  // image 1 is mirrored, 2 upside down, 3 both
+  Ks[9 * 2 + 4] *= -1;
+  Ks[9 * 3] *= -1, Ks[9 * 3 + 4] *= -1;
+  auto cameras = gsp::make_cameras(exec, viewmats, Ks);
   Kokkos::View<float***, Kokkos::LayoutRight, Mem> const depth("depth", images, height, width);
   Kokkos::View<float****, Kokkos::LayoutRight, Mem> const normals("normals", images, height, width, 3),
       few("few", images, height, width, 2);
@@ -60,5 +63,10 @@ TEST_CASE_TEMPLATE("normals of planes are theirs, and 0 where nothing shows", Ex
       }
   CHECK(shown > images * width * height / 2);
   CHECK_THROWS_AS(gsp::normals_of_depth(exec, depth, cameras, few), std::invalid_argument);
+  cameras.width = width, cameras.height = height;
+  gsp::normals_of_depth(exec, depth, cameras, normals);
+  cameras.height = height + 1;
+  CHECK_THROWS_WITH_AS(gsp::normals_of_depth(exec, depth, cameras, normals),
+                       doctest::Contains("33 x 27 pixels, the cameras are for 33 x 28"), std::invalid_argument);
   CHECK_THROWS_AS(gsp::normals_of_depth(exec, depth, gsp::make_cameras(exec, images + 1), normals), std::invalid_argument);
 }

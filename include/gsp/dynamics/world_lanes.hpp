@@ -28,14 +28,12 @@ struct WorldLane {
   }
   template <class View>
   KOKKOS_INLINE_FUNCTION void store(View const& v, int i, T const& x, int components = 1, int component = 0) const {
-    std::int64_t const stride = std::int64_t(v.extent(1)) * components;
-    auto* const at = v.data() + std::int64_t(i) * components + component;
-    if constexpr (W == 1)
-      at[first * stride] = x;
-    else if (count == W)
-      detail::scatter_consecutive<T>(at + first * stride, stride, x);
-    else
-      for (int k = 0; k < count; ++k) at[world(k) * stride] = x[k];
+    store_at(v.data() + std::int64_t(i) * components + component, std::int64_t(v.extent(1)) * components, x);
+  }
+  /// Number c of a view (world, c) of any layout, such as some columns of another.
+  template <class View>
+  KOKKOS_INLINE_FUNCTION void store_column(View const& v, int c, T const& x) const {
+    store_at(v.data() + std::int64_t(c) * std::int64_t(v.stride(1)), std::int64_t(v.stride(0)), x);
   }
   template <class View>
   KOKKOS_INLINE_FUNCTION Vec3<T> load3(View const& v, int i) const {
@@ -79,6 +77,17 @@ struct WorldLane {
     } else {
       return T::of([&](int k) { return d.item(m, world(k), t, at); });
     }
+  }
+
+ private:
+  /// at: where world 0 has it; stride: from world to world.
+  KOKKOS_INLINE_FUNCTION void store_at(R* at, std::int64_t stride, T const& x) const {
+    if constexpr (W == 1)
+      at[first * stride] = x;
+    else if (count == W)
+      detail::scatter_consecutive<T>(at + first * stride, stride, x);
+    else
+      for (int k = 0; k < count; ++k) at[world(k) * stride] = x[k];
   }
 };
 

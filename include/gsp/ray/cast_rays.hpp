@@ -86,12 +86,13 @@ struct RayCaster {
     LaneIndex<T> geom{}, triangle{};  // of the scene; of a mesh; -1: none
     Vec3<T> normal{};                 // of a height field, in its frame
   };
-  /// What is no ray meets nothing: it goes along as one that has met something before all.
-  KOKKOS_INLINE_FUNCTION Met first(Ray<T> const& given, int w) const {
+  /// Of lanes 0 ... count - 1. What is no ray meets nothing: it goes along as one that has met something before all, as other lanes do.
+  KOKKOS_INLINE_FUNCTION Met first(Ray<T> const& given, int w, int count) const {
     auto const there = is_ray(given);
     T const zero(R(0)), one(R(1));
     Ray<T> const ray{select(there, given.origin, Vec3<T>{zero, zero, zero}), select(there, given.direction, Vec3<T>{one, zero, zero})};
     Met best{ScaledRay<T>(ray), select(there, no_hit<T>(), T(R(-1)))};
+    for (int l = count; l < width; ++l) set_lane_of(best.x, l, R(-1));
     if (!any(there)) return best;
     T const inverse_length = one / norm(best.scaled.ray.direction);
     int const geoms = int(scene.geoms.extent(0));
@@ -111,34 +112,20 @@ struct RayCaster {
     int const g = met.geom[l];
     return g >= 0 && distance_of(met, l) < no_hit<R>() ? scene.geoms(g).geom : -1;
   }
-  KOKKOS_INLINE_FUNCTION static R distance_of(Met const& met, int l) { return lane(met.scaled.back(met.x), l); }
+  KOKKOS_INLINE_FUNCTION static R distance_of(Met const& met, int l) { return lane_of(met.scaled.back(met.x), l); }
   KOKKOS_INLINE_FUNCTION Vec3<R> normal_of(int w, Met const& met, int l) const {
     int const g = met.geom[l];
     if (g < 0) return {R(0), R(0), R(0)};
     RayGeom<R> const& geom = scene.geoms(g);
     Mat3<R> const& turn = scene.turn(w, g);
-    if (geom.type == ShapeType::hfield) return turn * lane(met.normal, l);
+    if (geom.type == ShapeType::hfield) return turn * lane_of(met.normal, l);
     if (geom.type == ShapeType::mesh) {
       RayTriangle const& t = geom.triangles[met.triangle[l]];
       return turn * triangle_normal<R>(t.a, t.b, t.c);
     }
-    return turn * normal_where_met(geom.type, geom.size, lane(to_frame(met.scaled.ray, w, g), l), lane(met.x, l));
+    return turn * normal_where_met(geom.type, geom.size, lane_of(to_frame(met.scaled.ray, w, g), l), lane_of(met.x, l));
   }
 
-  KOKKOS_INLINE_FUNCTION static R lane(T const& x, int l) {
-    if constexpr (width == 1)
-      return x;
-    else
-      return x[l];
-  }
-  KOKKOS_INLINE_FUNCTION static Vec3<R> lane(Vec3<T> const& v, int l) { return {lane(v.x, l), lane(v.y, l), lane(v.z, l)}; }
-  KOKKOS_INLINE_FUNCTION static Ray<R> lane(Ray<T> const& ray, int l) { return {lane(ray.origin, l), lane(ray.direction, l)}; }
-  KOKKOS_INLINE_FUNCTION static void set_lane(T& x, int l, R value) {
-    if constexpr (width == 1)
-      x = value;
-    else
-      x.set(l, value);
-  }
   /// Vectors from[0] ... from[count - 1]; lanes beyond have the last.
   KOKKOS_INLINE_FUNCTION static Vec3<T> read(R const* from, int count) {
     if constexpr (width == 1) {
@@ -161,8 +148,8 @@ struct RayCaster {
       int middle = width / 2;
       while (!there[middle]) middle = middle + 1 < width ? middle + 1 : 0;
       Vec3<T> const d = inverse_length * ray.direction;
-      axis = lane(d, middle);
-      origin = lane(ray.origin, middle);
+      axis = lane_of(d, middle);
+      origin = lane_of(ray.origin, middle);
       T const along = select(there, dot(d, broadcast(axis)), T(R(1)));
       Vec3<T> const apart = ray.origin - broadcast(origin);
       T const away = select(there, dot(apart, apart), T(R(0)));
@@ -234,13 +221,13 @@ struct RayCaster {
         return;
       }
       for (int l = 0; l < width; ++l) {
-        R const most = lane(best.x, l);
+        R const most = lane_of(best.x, l);
         if (!(most > R(0))) continue;
-        ShapeHit<R> const hit = meet_height_field(*geom.height_field, lane(own, l), most);
+        ShapeHit<R> const hit = meet_height_field(*geom.height_field, lane_of(own, l), most);
         if (!(hit.x < most)) continue;
-        set_lane(best.x, l, hit.x);
+        set_lane_of(best.x, l, hit.x);
         best.geom.set_lane(l, g);
-        for (int c = 0; c < 3; ++c) set_lane(best.normal[c], l, hit.normal[c]);
+        for (int c = 0; c < 3; ++c) set_lane_of(best.normal[c], l, hit.normal[c]);
       }
     } else {
       T const x = meet_shape(geom.type, broadcast(geom.size), own);
@@ -259,7 +246,8 @@ struct CastRays {
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
     int const n = int(rays.origin.extent(1)), items = caster.items_of(n), w = int(i / items), first = int(i % items) * caster.width;
     int const count = n - first < caster.width ? n - first : caster.width;
-    auto const met = caster.first({caster.read(&rays.origin(w, first, 0), count), caster.read(&rays.direction(w, first, 0), count)}, w);
+    auto const met =
+        caster.first({caster.read(&rays.origin(w, first, 0), count), caster.read(&rays.direction(w, first, 0), count)}, w, count);
     for (int l = 0; l < count; ++l) {
       int const k = first + l, g = caster.geom_of(met, l);
       hits.distance(w, k) = g < 0 ? R(-1) : caster.distance_of(met, l);

@@ -1,5 +1,5 @@
 #pragma once
-#include <gsp/math/pack.hpp>
+#include <gsp/ray/ray_shapes.hpp>
 
 /// Rays go alone on a device, and in packs on a host: T is one ray's number, or a pack with a ray a lane. What code for both needs of
 /// lanes. No Kokkos.
@@ -60,6 +60,22 @@ GSP_FUNCTION T lane_of(T x, int) {
 template <class R, int W>
 GSP_FUNCTION R lane_of(Pack<R, W> const& x, int lane) {
   return x[lane];
+}
+template <Scalar T>
+GSP_FUNCTION Vec3<T> lane_of(Vec3<T> const& v, int) {
+  return v;
+}
+template <class R, int W>
+GSP_FUNCTION Vec3<R> lane_of(Vec3<Pack<R, W>> const& v, int lane) {
+  return {v.x[lane], v.y[lane], v.z[lane]};
+}
+template <Scalar T>
+GSP_FUNCTION Ray<T> lane_of(Ray<T> const& ray, int) {
+  return ray;
+}
+template <class R, int W>
+GSP_FUNCTION Ray<R> lane_of(Ray<Pack<R, W>> const& ray, int lane) {
+  return {lane_of(ray.origin, lane), lane_of(ray.direction, lane)};
 }
 template <class T, class F>
 GSP_FUNCTION T of_lanes(F const& f) {

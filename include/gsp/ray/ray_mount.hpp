@@ -19,9 +19,9 @@ struct RayMount {
   KOKKOS_INLINE_FUNCTION int count() const { return int(direction.extent(0)); }
 };
 
-/// A unit with the rays of a pattern. Allocates; fences. Errors: gsp::Error for a name that is not there; std::invalid_argument for a mount
-/// that names no body or site, or two, a rotation of 0, numbers that are not finite, and a pattern without rays, or with another number of
-/// origins.
+/// A unit with the rays of a pattern, whose directions are made unit: distances are metres. Allocates; fences. Errors: gsp::Error for a
+/// name that is not there; std::invalid_argument for a mount that names no body or site, or two, a rotation of 0, numbers that are not
+/// finite, and a pattern without rays, with another number of origins, a direction of 0 or numbers that are not finite.
 template <class R, ExecutionSpace Exec>
 RayMount<R, typename Exec::memory_space> make_ray_mount(Exec const& exec, CompiledModel const& compiled, RayPattern const& pattern,
                                                         RayMountOptions const& options) {
@@ -50,13 +50,20 @@ RayMount<R, typename Exec::memory_space> make_ray_mount(Exec const& exec, Compil
   }
   mount.pos = {R(place.p.x), R(place.p.y), R(place.p.z)};
   mount.quat = {R(place.q.w), R(place.q.x), R(place.q.y), R(place.q.z)};
-  auto const upload = [&](char const* label, std::vector<Double3> const& from) {
+  auto const upload = [&](char const* label, std::vector<Double3> const& from, bool unit) {
     std::vector<Vec3<R>> to;
-    for (auto const& v : from) to.push_back({R(v[0]), R(v[1]), R(v[2])});
+    for (auto const& v : from) {
+      double const norm = std::hypot(v[0], v[1], v[2]), by = unit ? norm : 1;
+      if (!std::isfinite(norm) || by == 0)
+        throw std::invalid_argument("gsp::make_ray_mount: the " + std::string(unit ? "direction" : "origin") + " of ray " +
+                                    std::to_string(to.size()) + " is not finite" + (unit ? ", or has no length" : "") +
+                                    ": leave that ray out of the pattern");
+      to.push_back({R(v[0] / by), R(v[1] / by), R(v[2] / by)});
+    }
     return detail::to_device<Kokkos::View<Vec3<R>*, typename Exec::memory_space>>(exec, label, to);
   };
-  mount.direction = upload("gsp::RayMount::direction", pattern.direction);
-  if (!pattern.origin.empty()) mount.origin = upload("gsp::RayMount::origin", pattern.origin);
+  mount.direction = upload("gsp::RayMount::direction", pattern.direction, true);
+  if (!pattern.origin.empty()) mount.origin = upload("gsp::RayMount::origin", pattern.origin, false);
   return mount;
 }
 

@@ -11,7 +11,7 @@
 namespace gsp {
 
 struct RayPattern {
-  std::vector<Double3> direction;  // unit
+  std::vector<Double3> direction;  // of any length > 0: make_ray_mount makes them unit
   std::vector<Double3> origin{};   // [m]; empty: all begin at the unit's origin
   std::vector<double> time{};      // [s] when each leaves, from the start of a scan, rising; empty: all at its start
   double period = 0;               // [s] of a scan, after which the next begins; 0: all leave whenever they are asked for
@@ -58,17 +58,17 @@ inline RayPattern rotating_pattern(std::vector<double> const& elevations, int co
   pattern.period = options.rate > 0 ? 1 / options.rate : 0;
   return pattern;
 }
-/// Velodyne VLP-16: 16 rings from -15 to 15 degrees, in the order in which they fire.
+/// Velodyne VLP-16: 16 rings from -15 to 15 degrees, in the order in which they fire; clockwise.
 inline RayPattern vlp16_pattern(int columns = 1800, double rate = 10) {
   std::vector<double> elevations;
   for (int const degrees : {-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15}) elevations.push_back(degrees * detail::radians);
-  return rotating_pattern(elevations, columns, {.rate = rate});
+  return rotating_pattern(elevations, columns, {.rate = rate, .clockwise = true});
 }
-/// Velodyne HDL-64E: 64 rings from -24.8 to 2 degrees, here evenly; 1,719 columns at 10 turns and 1.1 million rays a second.
+/// Velodyne HDL-64E: 64 rings from -24.8 to 2 degrees, here evenly; 1,719 columns at 10 turns and 1.1 million rays a second; clockwise.
 inline RayPattern hdl64e_pattern(int columns = 1719, double rate = 10) {
   std::vector<double> elevations;
   for (int e = 0; e < 64; ++e) elevations.push_back((-24.8 + 26.8 * e / 63) * detail::radians);
-  return rotating_pattern(elevations, columns, {.rate = rate});
+  return rotating_pattern(elevations, columns, {.rate = rate, .clockwise = true});
 }
 /// Velodyne VLP-32C (Ultra Puck), turning clockwise: 32 rings from -25 to 15 degrees, close to each other about the horizon, each 1.4
 /// or 4.2 degrees ahead of its column or behind it; the unit's own order (its manual's table of lasers).

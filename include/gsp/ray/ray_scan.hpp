@@ -19,7 +19,8 @@ struct RayReturn {
 ///   bind(Poses<R, Mem> poses, CastRaysOptions hidden) const   on the host, in each call: what is copied to the device, in these poses and
 ///                                                             without hidden bodies; throws where they do not fit
 /// and what bind returns has, for T = R on a device and a pack of R on a host,
-///   first(Ray<T> ray, int w, T most) const   a RayReturn<T>: what rays of world w meet before `most`, in lengths of their directions
+///   first(Ray<T> ray, int w, T most) const   a RayReturn<T>: what rays of world w meet before `most`, in lengths of their directions;
+///                                            where it is negative nothing is asked for
 struct NothingElse {
   template <class P>
   NothingElse bind(P const&, CastRaysOptions const&) const {
@@ -153,10 +154,11 @@ struct ScanRays {
     Transform<R> const body = aligned_body(poses, w, mount.body, mount.alignment);
     Ray<T> const meant = rays_of(at_end ? all_of(body) : moving(w, body, j, n), j, n);
     Ray<T> const sent{meant.origin, noise.angle_sigma > 0 ? bent(noise, spread(words(w, j, n, 0)), meant.direction) : meant.direction};
-    auto const met = caster.first(sent, w);
+    auto const met = caster.first(sent, w, n);
     T measured = select(met.geom.is_there(), met.scaled.back(met.x), no_hit<T>());
     LaneIndex<T> other{};
     if constexpr (!std::is_same_v<Also, NothingElse>) {
+      for (int l = n; l < width; ++l) set_lane_of(measured, l, R(-1));
       auto const nearer = also.first(sent, w, measured);
       measured = select(nearer.number.is_there(), nearer.distance, measured);
       other = nearer.number;
@@ -166,8 +168,7 @@ struct ScanRays {
       measured = with_noise(noise, spread(drawn), drawn.uniform[2], measured);
     }
     for (int l = 0; l < n; ++l)
-      write(w, j + l, Caster::lane(meant, l), in_steps(noise, Caster::lane(measured, l)), other[l] < 0 ? caster.geom_of(met, l) : -1,
-            other[l]);
+      write(w, j + l, lane_of(meant, l), in_steps(noise, lane_of(measured, l)), other[l] < 0 ? caster.geom_of(met, l) : -1, other[l]);
   }
 
  private:
@@ -177,9 +178,7 @@ struct ScanRays {
   /// f(l) in lane l; lanes from n on have the last one's.
   template <class F>
   KOKKOS_INLINE_FUNCTION static T lanes(int n, F const& f) {
-    T x;
-    for (int l = 0; l < width; ++l) Caster::set_lane(x, l, f(l < n ? l : n - 1));
-    return x;
+    return of_lanes<T>([&](int l) { return f(l < n ? l : n - 1); });
   }
   KOKKOS_INLINE_FUNCTION static Vec3<T> all_of(Vec3<R> const& v) { return {T(v.x), T(v.y), T(v.z)}; }
   KOKKOS_INLINE_FUNCTION static Quat<T> all_of(Quat<R> const& q) { return {T(q.w), T(q.x), T(q.y), T(q.z)}; }
@@ -188,9 +187,9 @@ struct ScanRays {
     Vec3<T> v;
     for (int l = 0; l < width; ++l) {
       Vec3<R> const one = from(k[l]);
-      Caster::set_lane(v.x, l, one.x);
-      Caster::set_lane(v.y, l, one.y);
-      Caster::set_lane(v.z, l, one.z);
+      set_lane_of(v.x, l, one.x);
+      set_lane_of(v.y, l, one.y);
+      set_lane_of(v.z, l, one.z);
     }
     return v;
   }
@@ -218,7 +217,7 @@ struct ScanRays {
     for (int l = 0; l < width; ++l) {
       RayNumber const number{std::uint64_t(first + j + (l < n ? l : n - 1)), first_world + std::uint32_t(w)};
       Philox const four = noise_words(noise, number, stream);
-      for (int c = 0; c < 3; ++c) Caster::set_lane(drawn.uniform[c], l, uniform_of<R>(four.word[c]));
+      for (int c = 0; c < 3; ++c) set_lane_of(drawn.uniform[c], l, uniform_of<R>(four.word[c]));
     }
     return drawn;
   }
@@ -284,8 +283,8 @@ void begin_ray_scan(Exec const& exec, Poses<R, Mem> const& poses, RayScan<R, Mem
 /// @param also   what rays meet beside the geoms, such as splat_target(tree): the nearer wins (NothingElse says what it has)
 /// Does not allocate, does not fence. Two launches. Cost: cast_rays of the rays that leave, and about 200 flop each. Errors:
 /// std::invalid_argument before begin_ray_scan, for a scene or poses of another number of worlds, a scene whose geoms have not been placed,
-/// poses without that body, steps that are not within 0 to 104 days, and one that is more than one ahead of the last but where all worlds
-/// have begun anew.
+/// or by poses of another moment, poses without that body, steps that are not within 0 to 104 days, and one that does not follow the last
+/// but where all worlds have begun anew.
 template <ExecutionSpace Exec, class R, class Mem, class Also = NothingElse>
 void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> const& poses, RayScan<R, Mem>& scan, std::int64_t step,
                Also const& also = {}) {
@@ -295,12 +294,15 @@ void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> co
   expects(worlds == scene.worlds, "gsp::scan_rays: the scene has " + std::to_string(scene.worlds) + " worlds, the scan has " +
                                       std::to_string(worlds) + ": make both with the same {.worlds = n}");
   detail::expects_poses_of("gsp::scan_rays", poses, scan);
-  detail::expects_placed("gsp::scan_rays", scene);
+  detail::expects_placed_with("gsp::scan_rays", scene, poses);
   expects(scan.begun,
           "gsp::scan_rays: where the unit was before is not known: call begin_ray_scan(exec, poses, scan) before the first step");
-  expects(scan.next < 0 || step <= scan.next, "gsp::scan_rays: step " + std::to_string(step) + " comes after step " +
-                                                  std::to_string(scan.next - 1) +
-                                                  ", and rays between them would be lost: call it for each step, or begin_ray_scan first");
+  if (scan.next >= 0 && step != scan.next)
+    throw std::invalid_argument("gsp::scan_rays: step " + std::to_string(step) + " comes after step " + std::to_string(scan.next - 1) +
+                                (step > scan.next
+                                     ? ", and rays between them would be lost: call it for each step, or "
+                                     : ", and rays would leave on the way back: copy_ray_scan a copy of before that step, or ") +
+                                "begin_ray_scan of all worlds first");
   RayClock const& clock = scan.clock;
   RayPhase phase = rays_of_step(clock, step);
   std::int64_t const more = phase.count > places ? phase.count - places : 0;
@@ -342,6 +344,29 @@ void scan_rays(Exec const& exec, RayScene<R, Mem> const& scene, Poses<R, Mem> co
   Kokkos::parallel_for("gsp::ray::scan_rays, pose", Kokkos::RangePolicy<Exec>(exec, 0, worlds),
                        detail::NoteUnit<R, Mem>{poses, scan.before, scan.mount.body, scan.mount.alignment});
   scan.next = step + 1;
+}
+
+/// `to` goes on as `from` would have, to the bit: what has been measured, where the unit was, which step comes next, of all worlds. Beside
+/// `save` and `restore` of a simulation. Does not allocate, does not fence a device. Errors: std::invalid_argument for scans of other
+/// sizes, or of which one has no geoms, splats or points.
+template <ExecutionSpace Exec, class R, class Mem>
+void copy_ray_scan(Exec const& exec, RayScan<R, Mem> const& from, RayScan<R, Mem>& to) {
+  Region const region("gsp::ray::copy_ray_scan");
+  static_assert(can_access<Exec, Mem>, "gsp::copy_ray_scan: the scans are not accessible from this execution space");
+  expects(from.range.extent(0) == to.range.extent(0) && from.range.extent(1) == to.range.extent(1) && from.geom.size() == to.geom.size() &&
+              from.splat.size() == to.splat.size() && from.point.size() == to.point.size(),
+          "gsp::copy_ray_scan: the two differ in worlds, rays, geoms, splats or points: make both with the same options");
+  auto const copy = [&](auto const& source, auto const& target) {
+    detail::copy_bytes(exec, target.data(), source.data(), detail::bytes_of(source));
+  };
+  copy(from.range, to.range);
+  copy(from.geom, to.geom);
+  copy(from.splat, to.splat);
+  copy(from.point, to.point);
+  copy(from.time, to.time);
+  copy(from.before, to.before);
+  to.begun = from.begun;
+  to.next = from.next;
 }
 
 }  // namespace gsp

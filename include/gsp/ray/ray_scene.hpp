@@ -36,6 +36,13 @@ struct RayGeom {
   ShapeAsset<R> const* height_field;
   Quat<R> turn;  // from the frame here to the model's frame of the geom, about one origin
 };
+namespace detail {
+struct PlacedStamp {
+  bool placed = false;  // place_ray_geoms has been called
+  Stamp poses;          // with these
+};
+}  // namespace detail
+
 /// `make_ray_scene` makes it, `place_ray_geoms` says where its geoms are.
 template <class R, class Mem>
 struct RayScene {
@@ -51,7 +58,8 @@ struct RayScene {
   Kokkos::View<RayNode*, Mem> nodes;                                                               // of all meshes
   Kokkos::View<RayTriangle*, Mem> triangles;
   ShapeAssets<R, Mem> height_fields;
-  detail::SharedStamp<bool> placed;  // host: place_ray_geoms has been called
+  bool moves = false;                               // host: one of its geoms is on a body that is not fixed to the world
+  detail::SharedStamp<detail::PlacedStamp> placed;  // host: of which poses places are (dynamics/stamps.hpp)
   KOKKOS_INLINE_FUNCTION int count() const { return int(geoms.extent(0)); }
 };
 
@@ -62,8 +70,7 @@ RayScene<R, Mem> make_ray_scene(Exec const& exec, Model<R, Mem> const& model, Co
   expects(options.worlds > 0, "gsp::make_ray_scene: worlds must be positive and is " + std::to_string(options.worlds));
   static_assert(std::is_same_v<Mem, typename Exec::memory_space>,
                 "gsp::make_ray_scene: the model lies in another memory space than exec's");
-  expects(compiled.nbody == model.nbody && int(compiled.geom_type.size()) == model.ngeom,
-          "gsp::make_ray_scene: the model was made from another compiled model: give that one");
+  detail::expects_made_of("gsp::make_ray_scene", model, compiled);
   RayScene<R, Mem> scene;
   scene.worlds = options.worlds;
   scene.model = detail::sizes_of(model);
@@ -75,6 +82,7 @@ RayScene<R, Mem> make_ray_scene(Exec const& exec, Model<R, Mem> const& model, Co
     if ((of_material < 0 ? compiled.geom_rgba[i][3] : of_material) == 0 || (options.groups >> group & 1u) == 0) continue;
     if (!options.statics && compiled.body_weld[std::size_t(compiled.geom_body[i])] == 0) continue;
     shown.push_back(g);
+    scene.moves = scene.moves || compiled.body_weld[std::size_t(compiled.geom_body[i])] != 0;
     if (ShapeType(compiled.geom_type[i]) == ShapeType::hfield) fields.push_back(g);
   }
   std::vector<int> index;
@@ -140,15 +148,26 @@ RayScene<R, Mem> make_ray_scene(Exec const& exec, Model<R, Mem> const& model, Co
   scene.radius = detail::to_device<decltype(scene.radius)>(exec, "gsp::RayScene::radius", radii);
   scene.turn = detail::allocate_zero<decltype(scene.turn)>(exec, "gsp::RayScene::turn", options.worlds, int(geoms.size()));
   scene.place = detail::allocate_zero<decltype(scene.place)>(exec, "gsp::RayScene::place", options.worlds, 3, int(radii.size()));
-  scene.placed = detail::make_stamp<bool>("gsp::RayScene::placed");
+  scene.placed = detail::make_stamp<detail::PlacedStamp>("gsp::RayScene::placed");
   return scene;
 }
 
 namespace detail {
 template <class R, class Mem>
 void expects_placed(char const* where, RayScene<R, Mem> const& scene) {
-  expects(scene.count() == 0 || !scene.placed.data() || scene.placed(),
+  expects(scene.count() == 0 || !scene.placed.data() || scene.placed().placed,
           std::string(where) + ": where the scene's geoms are is not known: call place_ray_geoms(exec, model, poses, scene) first");
+}
+/// Geoms stand as these poses say. Poses that gsp has not written, and geoms that do not move, are taken as they are.
+template <class R, class Mem>
+void expects_placed_with(char const* where, RayScene<R, Mem> const& scene, Poses<R, Mem> const& poses) {
+  expects_placed(where, scene);
+  if (!scene.moves || !scene.placed.data() || !poses.stamp.data()) return;
+  Stamp const &then = scene.placed().poses, &now = poses.stamp().bodies;
+  expects(!then.qpos || !now.qpos || then.is_same(now),
+          std::string(where) +
+              ": the scene's geoms stand as poses of another state, or of another moment, say: call "
+              "place_ray_geoms(exec, model, poses, scene) with these poses first");
 }
 template <class R, class Mem>
 struct PlaceRayGeoms {
@@ -179,7 +198,10 @@ void place_ray_geoms(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem>
           "gsp::place_ray_geoms: the scene has " + std::to_string(scene.worlds) + " worlds of " + std::to_string(model.nbody) +
               " bodies, the poses " + std::to_string(poses.xpos.extent(0)) + " of " + std::to_string(poses.xpos.extent(1)));
   detail::expects_values("gsp::place_ray_geoms", model, scene.worlds);
-  if (scene.placed.data()) scene.placed() = true;
+  if (scene.placed.data()) {
+    scene.placed().placed = true;
+    scene.placed().poses = poses.stamp.data() ? poses.stamp().bodies : detail::Stamp{};
+  }
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   Kokkos::parallel_for("gsp::ray::place_ray_geoms", lightweight(Range(exec, 0, std::int64_t(scene.worlds) * scene.count())),
                        detail::PlaceRayGeoms<R, Mem>{poses, model.geom_pos, model.geom_quat, scene});

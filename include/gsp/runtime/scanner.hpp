@@ -21,8 +21,10 @@ class Scanner {
  public:
   virtual ~Scanner() = default;
   /// The unit has seen nothing, and is where its body is in these poses: float64 arrays on the scanner's device, such as Kinematics gives.
+  /// On return it is done. Errors, in scan too: std::invalid_argument for poses of other worlds, bodies, numbers or places.
   virtual void begin(PoseArrays const& poses) = 0;
-  /// The rays of step `step`, of worlds whose bodies stand at its end as `poses` says. On return they are done.
+  /// The rays of step `step`, one more than the last or, after `begin`, any, of worlds whose bodies stand at its end as `poses` says. On
+  /// return they are done.
   virtual void scan(PoseArrays const& poses, std::int64_t step) = 0;
   /// They stay where they are.
   virtual ScanArrays arrays() const = 0;

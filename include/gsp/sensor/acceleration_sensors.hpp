@@ -80,11 +80,12 @@ struct AccelerationSensors : SensorFrames<R, Mem> {
 /// torque are what the parent of the site's body exerts on it, at the site, in its axes.
 /// @param dynamics  as `accelerations` was given them
 /// @param sensors   sensors.accelerations as `accelerations` has left it, of this state as it is
+/// @param has_com   smooth_sensors has just been called with these poses: sensors.subtrees are theirs, and are not computed again
 /// Cost 60 flop a dof above a frame. Does not allocate, does not fence; one launch. Errors: std::invalid_argument where the accelerations,
 /// the dynamics or the poses are not of this state as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void acceleration_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
-                          Dynamics<R, Mem> const& dynamics, Sensors<R, Mem>& sensors, View& data) {
+                          Dynamics<R, Mem> const& dynamics, Sensors<R, Mem>& sensors, View& data, bool has_com = false) {
   Region const region("gsp::sensor::acceleration_sensors");
   constexpr char const* where = "gsp::acceleration_sensors";
   detail::expects_sensors(where, model, sensors, data);
@@ -96,7 +97,7 @@ void acceleration_sensors(Exec const& exec, Model<R, Mem> const& model, State<R,
   detail::expects_fit(where, model, state, dynamics, poses);
   detail::expects_of(where, dynamics, state, detail::set_of(Quantity::motion, Quantity::velocity));
   detail::expects_poses_of(where, poses, state);
-  if (sensors.subtrees.com.data()) subtree_com(exec, model, poses, sensors.subtrees);
+  if (sensors.subtrees.com.data() && !has_com) subtree_com(exec, model, poses, sensors.subtrees);
   sense(exec, detail::AccelerationSensors<R, Mem>{{model, poses, sensors.subtrees}, dynamics, of, sensors.accelerated, sensors.nsensordata},
         data, {.label = "gsp::sensor::acceleration_sensors"});
 }

@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/region.hpp>
 #include <gsp/dynamics/subtree.hpp>
 #include <gsp/model/detail/sizes.hpp>
 #include <gsp/model/model.hpp>
@@ -57,6 +58,7 @@ CameraMounts<R, Mem> make_camera_mounts(Exec const& exec, Model<R, Mem> const& m
 template <ExecutionSpace Exec, class R, class Mem>
 void cameras_of(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, CameraMounts<R, Mem>& mounts,
                 Cameras<Mem>& cameras) {
+  Region const region("gsp::sensor::cameras_of");
   static_assert(can_access<Exec, Cameras<Mem>>, "gsp::cameras_of: the cameras are not accessible from this execution space");
   expects(mounts.model == detail::sizes_of(model), "gsp::cameras_of: the mounts were made for another model: make_camera_mounts with this");
   expects(int(poses.xpos.extent(0)) == mounts.worlds && int(poses.xpos.extent(1)) == model.nbody,

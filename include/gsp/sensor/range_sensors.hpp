@@ -52,7 +52,7 @@ struct RangeSensors {
     Vec3<R> const from = site.p, along = rotate(site.q, Vec3<R>{R(0), R(0), R(1)});
     RayCaster<R, Mem> const caster{scene, {.body_exclude = sites.site_body(e.site)}};
     R const origin[3] = {from.x, from.y, from.z}, direction[3] = {along.x, along.y, along.z};
-    auto const met = caster.first({caster.read(origin, 1), caster.read(direction, 1)}, w);
+    auto const met = caster.first({caster.read(origin, 1), caster.read(direction, 1)}, w, 1);
     put_ray(e, caster, met, 0, w, from, along, R(1), 0, put);
   }
 };
@@ -89,7 +89,7 @@ struct CameraRangeSensors {
       }
     }
     RayCaster<R, Mem> const caster{scene, {.body_exclude = frames.model.cam_body(e.camera)}};
-    auto const met = caster.first({caster.read(origin, rays), caster.read(direction, rays)}, w);
+    auto const met = caster.first({caster.read(origin, rays), caster.read(direction, rays)}, w, rays);
     for (int l = 0; l < rays; ++l) {
       Vec3<R> const along{direction[3 * l], direction[3 * l + 1], direction[3 * l + 2]};
       put_ray(e, caster, met, l, w, camera.p, along, depth[l], l * e.size, put);
@@ -102,14 +102,15 @@ struct CameraRangeSensors {
 /// [m], -1 where nothing is met; dir, the ray's direction, 0 where nothing is met; origin; point; normal; depth, of a site dist, of a
 /// camera its part along the axis. All in the world; of a camera for each of its pixels, row by row from the top. Its cutoff bounds each
 /// number, on both sides (MuJoCo).
-/// @param poses  of this state as it is
+/// @param poses    of this state as it is
+/// @param has_com  smooth_sensors has just been called with these poses: sensors.subtrees are theirs, and are not computed again
 /// Geoms of all groups are met, also those that are only seen, but for the site's or camera's own body's and transparent ones. Does not
 /// allocate, does not fence; one launch, one for all sites and one for each camera. Cost: a ray each (ray/cast_rays.hpp); a host's pack has
 /// one alone of a site, of a camera as many pixels as it has numbers. Errors: std::invalid_argument where the poses are not of this state
 /// as it is now.
 template <ExecutionSpace Exec, class R, class Mem, class View>
 void range_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses,
-                   Sensors<R, Mem>& sensors, View& data) {
+                   Sensors<R, Mem>& sensors, View& data, bool has_com = false) {
   Region const region("gsp::sensor::range_sensors");
   constexpr char const* where = "gsp::range_sensors";
   detail::expects_sensors(where, model, sensors, data);
@@ -121,7 +122,7 @@ void range_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> c
           {.label = "gsp::sensor::range_sensors"});
   bool by_com = false;
   for (auto const& e : sensors.range_cameras) by_com = by_com || e.by_com;
-  if (by_com) subtree_com(exec, model, poses, sensors.subtrees);
+  if (by_com && !has_com) subtree_com(exec, model, poses, sensors.subtrees);
   for (auto const& e : sensors.range_cameras)
     sense(exec, detail::CameraRangeSensors<R, Mem>{sensors.scene, {model, poses, sensors.subtrees}, e, sensors.nsensordata}, data,
           {.label = "gsp::sensor::camera_range_sensors"});

@@ -31,12 +31,12 @@ void read_sensors(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> co
   detail::expects_forward("gsp::read_sensors", state, sim.dynamics);
   smooth_sensors(exec, model, state, sim.poses, sim.dynamics, sensors, data);
   constraint_sensors(exec, model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.rows, sim.impulses, sensors, data);
-  range_sensors(exec, model, state, sim.poses, sensors, data);
+  range_sensors(exec, model, state, sim.poses, sensors, data, true);
   distance_sensors(exec, model, state, sim.poses, sensors, data);
   if (sensors.accelerated.extent(0) > 0) {
     accelerations(exec, model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.rows, sim.impulses, sim.solution,
                   sensors.accelerations, sim.sleep.islands);
-    acceleration_sensors(exec, model, state, sim.poses, sim.dynamics, sensors, data);
+    acceleration_sensors(exec, model, state, sim.poses, sim.dynamics, sensors, data, true);
   }
   say_late(exec, state, sensors.history, data);
 }

@@ -64,7 +64,7 @@ struct Sense {
     else
       first += i * sensor.size();
     if constexpr (SensorOfLanes<S>) {
-      sensor(lane, i, [&](int c, T const& x) { lane.store(data, first + c, limited(i, x)); });
+      sensor(lane, i, [&](int c, T const& x) { lane.store_column(data, first + c, limited(i, x)); });
     } else {
       using R = typename WorldLane<T>::R;
       for (int k = 0; k < lane.count; ++k) {
@@ -103,6 +103,7 @@ void expects_worlds_of(S const& sensor, int rows) {
 /// Errors: std::invalid_argument for columns that data does not have, and where data's rows are not the worlds of the sensor's members
 /// `state`, `poses`, `dynamics`, `contacts`; views of other names are taken as they are.
 /// @param sensor  a SensorKind; its views hold the worlds of `data`
+/// @param data    of any layout: columns of a wider view, too
 template <ExecutionSpace Exec, class S, class Data>
 void sense(Exec const& exec, S const& sensor, Data& data, SenseOptions options = {}) {
   Region const region("gsp::sensor::sense");

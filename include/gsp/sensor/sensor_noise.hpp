@@ -69,11 +69,12 @@ struct SensorNoise {
   View<R***> drift;       // (worlds, channels, 3) turn-on, walking, bounded [unit]
   detail::NoiseSource source{};
   int columns = 0;        // host: that views have at least
-  std::int64_t tick = 0;  // host: samples made; goes on when worlds start anew, so that each start has noise of its own
+  std::int64_t tick = 0;  // host: samples made; goes on when worlds start anew, so that each start that a sample follows has its own noise
   int channels() const { return int(column.extent(0)); }
 };
 
-/// Biases of the worlds of the mask as at a start: a new turn-on bias, no walk, a bounded one of its deviation. One launch; does not
+/// Biases of the worlds of the mask as at a start: a new turn-on bias, no walk, a bounded one of its deviation. Drawn by the number of the
+/// sample that comes next, whatever other worlds do: twice before a sample is one start, with the same biases. One launch; does not
 /// allocate, does not fence. Errors: std::invalid_argument for a mask of another size.
 /// @param mask  callable with a world, such as a View<bool*> on the device
 template <ExecutionSpace Exec, class R, class Mem, class Mask>

@@ -84,7 +84,10 @@ struct SplatCaster {
       again = false;
       for (int l = 0; l < lanes; ++l) {
         auto& met = pass.met[l];
-        if (met.empty()) continue;  // it has met all, in this pass or in one before
+        if (met.empty()) {  // it has met all, in this pass or in one before
+          set_lane_of(pass.limit, l, R(-1));
+          continue;
+        }
         R const left = met.left();
         set_lane_of(result.left, l, left);
         R next = R(-1);
@@ -188,6 +191,7 @@ struct CastSplats {
     T most = no_hit<T>();
     for (int l = 0; l < count && before.data(); ++l)
       if (before(w, first + l) >= R(0)) set_lane_of(most, l, before(w, first + l));
+    for (int l = count; l < Pack::width; ++l) set_lane_of(most, l, R(-1));
     auto const met =
         caster.first(Ray<T>{Pack::read(&rays.origin(w, first, 0), count), Pack::read(&rays.direction(w, first, 0), count)}, w, most);
     for (int l = 0; l < count; ++l) {

@@ -9,7 +9,8 @@ namespace gsp {
 /// What becomes of a picture's light c >= 0 (0 to 1 is what a screen shows), number by number:
 ///   c += (1 - alpha) background;   c *= 2^exposure;   c = (c - 1/2)(1 + contrast) + 1/2 + brightness + noise;   c = min(max(c, 0), 1)
 /// Each image draws an exposure, a contrast and a brightness of its own, uniformly from -x to x of the numbers here, and each number a
-/// noise: of the seed, the step and the image (gsp/math/philox.hpp), so the same comes in any batch and on any backend to rounding.
+/// noise: of the seed, the step and the image's number (gsp/math/philox.hpp), so the same comes in any batch (first_image) and on any
+/// backend to rounding.
 struct DevelopOptions {
   float exposure = 0;               // in powers of two
   float contrast = 0;               // a share, at most 1
@@ -17,7 +18,8 @@ struct DevelopOptions {
   float noise = 0;                  // deviation of normal noise
   Vec3<float> background{0, 0, 0};  // shows where light comes through
   std::uint64_t seed = 0;
-  std::int64_t step = 0;  // to 2^56
+  std::int64_t step = 0;         // 0 to 2^56 - 1
+  std::int64_t first_image = 0;  // number of the batch's first image among all of a larger one, 0 to 2^32 - images
 };
 
 namespace detail {
@@ -42,7 +44,7 @@ struct Develop {
     int const x = int(i % frames.width), y = int(i / frames.width % frames.height), image = int(i / frames.width / frames.height);
     auto const words = [&](std::uint32_t pixel, std::uint32_t stream) {
       // 24 bits of the upper half of the step, and a stream that no noise of rays or sensors has
-      return philox(options.seed, {{pixel, std::uint32_t(image), std::uint32_t(options.step),
+      return philox(options.seed, {{pixel, std::uint32_t(options.first_image + image), std::uint32_t(options.step),
                                     std::uint32_t(std::uint64_t(options.step) >> 32) << 8 | (picture_stream + stream)}});
     };
     // of the image: an exact 0 where nothing is drawn
@@ -83,7 +85,7 @@ struct Develop {
 /// @param background  (1 or C, H, W, 3) in place of options.background; empty: that
 /// Neither allocates nor fences. Cost: reads and writes the pictures once, and about 150 operations a pixel for noise.
 /// Errors: std::invalid_argument without rgb, for a background without alpha, for other sizes, for options that are not from 0 to 1e6, a
-/// contrast over 1, and a step that is negative or over 2^56.
+/// contrast over 1, a step that is negative or not below 2^56, and images whose numbers are not within 0 to 2^32 - 1.
 template <ExecutionSpace Exec, class Mem, class Out>
 void develop(Exec const& exec, Frames<Mem> const& frames, Out const& out, DevelopOptions const& options = {},
              std::type_identity_t<Kokkos::View<float const****, Kokkos::LayoutRight, Mem>> const& background = {}) {
@@ -105,8 +107,11 @@ void develop(Exec const& exec, Frames<Mem> const& frames, Out const& out, Develo
   bool good = options.contrast <= 1 && options.step >= 0 && options.step >> 56 == 0;
   for (float const x : {options.exposure, options.contrast, options.brightness, options.noise}) good = good && x >= 0 && x < 1e6f;
   for (float const x : {options.background.x, options.background.y, options.background.z}) good = good && x >= 0 && x < 1e6f;
-  expects(good,
-          "gsp::develop: exposure, contrast (at most 1), brightness, noise and background must be from 0 to 1e6, the step from 0 to 2^56");
+  expects(
+      good,
+      "gsp::develop: exposure, contrast (at most 1), brightness, noise and background must be from 0 to 1e6, the step from 0 to 2^56 - 1");
+  expects(options.first_image >= 0 && options.first_image <= (std::int64_t(1) << 32) - frames.images,
+          "gsp::develop: images are numbered from 0 to 2^32 - 1: first_image must not be negative, nor lead beyond");
   Kokkos::parallel_for("gsp::splat::develop",
                        lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(
                            exec, 0, std::int64_t(frames.images) * frames.height * frames.width)),

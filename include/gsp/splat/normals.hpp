@@ -51,6 +51,11 @@ void normals_of_depth(Exec const& exec, std::type_identity_t<Kokkos::View<float 
   expects(int(depth.extent(0)) == cameras.images(), "gsp::normals_of_depth: there are " + std::to_string(depth.extent(0)) +
                                                         " pictures of " + std::to_string(cameras.images()) +
                                                         " cameras: give those that drew them");
+  auto const is_for = [](int pixels, std::size_t has) { return pixels == 0 || std::size_t(pixels) == has; };
+  expects(is_for(cameras.width, depth.extent(2)) && is_for(cameras.height, depth.extent(1)),
+          "gsp::normals_of_depth: the depth is of " + std::to_string(depth.extent(2)) + " x " + std::to_string(depth.extent(1)) +
+              " pixels, the cameras are for " + std::to_string(cameras.width) + " x " + std::to_string(cameras.height) +
+              ": give those that drew it");
   expects(normals.extent(0) == depth.extent(0) && normals.extent(1) == depth.extent(1) && normals.extent(2) == depth.extent(2) &&
               normals.extent(3) == 3,
           "gsp::normals_of_depth: `normals` must be (images, height, width, 3) as the depth is");

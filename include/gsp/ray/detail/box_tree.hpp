@@ -210,7 +210,7 @@ GSP_FORCEINLINE_FUNCTION void visit_leaves(RayNode const* nodes, BoxRay<T> const
   auto const next = [&] {
     while (waiting > 0) {
       Waiting const& top = stack[--waiting];
-      if (any(top.in <= most())) return top.node;
+      if (any(top.in < no_hit<T>() && top.in <= most())) return top.node;  // where nothing is met, most is infinite
     }
     return none;
   };

@@ -20,7 +20,8 @@ struct RayDepth {
     Vec3<float> s = g.scale();
     Vec3<float> const p = g.position();
     float const most = max(s.x, max(s.y, s.z));
-    for (int k = 0; k < 3; ++k) s[k] = max(s[k], 1e-6f * most);  // a disc without thickness, as in splat_tree.hpp
+    // a disc without thickness, as in splat_tree.hpp; a point, which pictures blur and rays do not meet: a ball
+    for (int k = 0; k < 3; ++k) s[k] = most >= 1e-15f ? max(s[k], 1e-6f * most) : 1.f;
     float const least = min(s.x, min(s.y, s.z));
     Mat3<float> inverse;  // S^-1
     for (int k = 0; k < 9; ++k) inverse.m[k] = 0;
