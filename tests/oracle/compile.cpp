@@ -856,6 +856,35 @@ TEST_CASE("replicating and attaching copy whatever names what is copied") {
                        "<keyframe><key name='k' act='3' ctrl='1 2' mpos='3 2 1' mquat='0 1 0 0'/></keyframe></mujoco>"}});
 }
 
+TEST_CASE("what names the world beside what is replicated or attached stays") {
+  std::string const lists =
+      R"(<contact><exclude body1="r" body2="world"/><exclude body1="r" body2="o"/></contact>
+     <equality><connect body1="r" anchor="0 0 0"/><connect body1="r" body2="world" anchor="0 0 0"/><weld body1="world" body2="r"/><weld body1="r" body2="o"/><connect body1="o" body2="world" anchor="0 0 0"/></equality>
+     <sensor><framepos objtype="body" objname="r" reftype="body" refname="world"/><framepos objtype="body" objname="world" reftype="body" refname="r"/><contact body1="r" body2="world"/><insidesite site="s" objtype="body" objname="world"/><framepos objtype="body" objname="r" reftype="body" refname="o"/></sensor>)";
+  std::string const r = R"(<body name="r" pos="0 0 .3"><freejoint/><geom name="g" size=".1"/><site name="s"/></body>)";
+  std::string const o = R"(<body name="o" pos="2 0 0"><geom name="go" size=".1"/></body>)";
+  auto const replicated = [&](std::string const& in, std::string const& beside) {
+    return "<mujoco><worldbody>" + beside + "<replicate count='2' offset='1 0 0'>" + in + "</replicate></worldbody>" + lists + "</mujoco>";
+  };
+  compare_twice(replicated(r, o));
+  compare_twice(replicated(r + o, ""));
+  for (std::string const what : {"body='r' ", ""}) {
+    Texts const attached{
+        {"main.xml",
+         "<mujoco><asset><model name='c' file='child.xml'/></asset><worldbody><geom type='plane' size='1 1 1'/><frame pos='1 0 "
+         "0'><attach model='c' " +
+             what + "prefix='p_'/></frame></worldbody></mujoco>"},
+        {"child.xml", "<mujoco><worldbody>" + o + r + "</worldbody>" + lists +
+                          "<sensor><framepos objtype='body' objname='world'/><framepos objtype='body' objname='r'/></sensor></mujoco>"}};
+    compare_twice(attached);
+    int dropped = 0;
+    for (auto const& line : description(attached).report)
+      if (line.kind == ReportLine::Kind::left_out && line.text == "entries that name what is not attached, as MuJoCo does")
+        dropped += line.count;
+    CHECK(dropped == (what.empty() ? 1 : 5));
+  }
+}
+
 TEST_CASE("models of the collection written and loaded by MuJoCo have the same numbers" * doctest::test_suite("data")) {
   for (char const* name :
        {"dm_control/suite/quadruped.xml", "dm_control/kinova/jaco_arm.xml", "mujoco/adhesion/active_adhesion.xml",
