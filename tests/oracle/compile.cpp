@@ -942,6 +942,49 @@ TEST_CASE("what was read is written so that MuJoCo loads the same") {
   compare(compile(d), second.get());
 }
 
+TEST_CASE("rays see through the same geoms once they are written, by the alpha of materials too") {
+  std::string geoms, sites, sensors;
+  char const* const looks[] = {"material='glass'",
+                               "material='glass' rgba='1 1 1 1'",
+                               "material='solid' rgba='1 1 1 0'",
+                               "material='half' rgba='1 0 0 0'",
+                               "material='solid'",
+                               "rgba='1 0 0 0'",
+                               "",
+                               "material='half' rgba='.5 .5 .5 1'",
+                               "material='glass' rgba='.5 .5 .5 1'"};
+  for (std::string const look : looks) {
+    std::string const x = std::to_string(sensors.size());
+    geoms += "<geom size='.1' pos='" + x + " 0 .5' " + look + "/>";
+    sites += "<site name='s" + x + "' pos='" + x + " 0 2' euler='180 0 0'/>";
+    sensors += "<rangefinder site='s" + x + "'/>";
+  }
+  Texts const texts{{"main.xml",
+                     "<mujoco><asset><material name='glass' rgba='1 1 1 0'/><material name='solid' rgba='1 0 0 1'/><material name='half' "
+                     "rgba='1 0 0 .5'/></asset>"
+                     "<worldbody><geom type='plane' size='0 0 1'/><body>" +
+                         geoms + "</body>" + sites + "</worldbody><sensor>" + sensors + "</sensor></mujoco>"}};
+  compare_twice(texts);
+  auto const ranges = [](Texts const& of) {
+    auto const m = oracle(of);
+    std::shared_ptr<mjData> const d(mj_makeData(m.get()), mj_deleteData);
+    mj_forward(m.get(), d.get());
+    return std::vector<double>(d->sensordata, d->sensordata + m->nsensordata);
+  };
+  auto const read = description(texts);
+  Texts const written{{"main.xml", io::format_mjcf(read)}};
+  auto const first = ranges(texts);
+  CHECK(*std::min_element(first.begin(), first.end()) == -1);
+  CHECK(std::abs(*std::max_element(first.begin(), first.end()) - 1.4) < 1e-12);
+  CHECK(ranges(written) == first);
+  auto const again = description(written);
+  for (std::size_t g = 0; g < std::size(looks); ++g) {
+    auto const &a = read.bodies[1].geoms[g], &b = again.bodies[1].geoms[g];
+    CHECK(a.rgba == b.rgba);
+    CHECK(((a.material_alpha < 0 ? a.rgba[3] : a.material_alpha) == 0) == ((b.material_alpha < 0 ? b.rgba[3] : b.material_alpha) == 0));
+  }
+}
+
 TEST_CASE("the sample quadruped stands in MuJoCo") {
   auto const m = oracle({{"main.xml", io::format_mjcf(samples::quadruped_scene())}});
   std::shared_ptr<mjData> const d(mj_makeData(m.get()), mj_deleteData);
