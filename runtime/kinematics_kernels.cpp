@@ -15,8 +15,10 @@ class KokkosKinematics : public Kinematics {
   explicit KokkosKinematics(CompiledModel const& m) : compiled_(m), bodies_(std::max(1, m.nbody)) {
     if (m.nv > 0)
       model_ = make_model<double>(exec_, m);
-    else if (m.nbody > 0)
-      fixed_ = static_poses(m);
+    else if (m.nbody > 0) {
+      compiled_.body_mocap.clear();  // nobody moves them here: they stand where the model has them
+      fixed_ = static_poses(compiled_);
+    }
   }
 
   PoseArrays poses(Array const& qpos) override {

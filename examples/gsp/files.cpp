@@ -9,6 +9,7 @@
 #include <gsp/io/splats.hpp>
 #include <gsp/io/urdf.hpp>
 #include <gsp/model/compile.hpp>
+#include <gsp/model/detail/host_math.hpp>
 #include <map>
 
 namespace gsp_cli {
@@ -192,7 +193,19 @@ States initial_state(gsp::CompiledModel const& model, std::string const& file, s
   expect_bounded(s.qpos, model.nq, name + "qpos");
   expect_bounded(s.qvel, model.nv, name + "qvel");
   expect_bounded(s.act, model.na, name + "act");
+  expect_bounded(s.mocap_pos, 3 * model.nmocap, name + "mpos");
   return s;
+}
+
+void place_mocap(gsp::CompiledModel& model, States const& s) {
+  for (std::size_t b = 0; b < model.body_mocap.size(); ++b) {
+    int const i = model.body_mocap[b];
+    if (i < 0) continue;
+    if (!s.mocap_pos.empty()) std::copy_n(&s.mocap_pos[3 * std::size_t(i)], 3, model.body_pos[b].begin());
+    if (s.mocap_quat.empty()) continue;
+    std::copy_n(&s.mocap_quat[4 * std::size_t(i)], 4, model.body_quat[b].begin());
+    model.body_quat[b] = gsp::detail::normalized(model.body_quat[b]);
+  }
 }
 
 namespace {

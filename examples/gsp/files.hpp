@@ -56,6 +56,8 @@ void hold(gsp::CompiledModel const& model, int servos, States& states);
 int named_or_index(std::string const& file, std::string const& what, std::vector<std::string> const& names, std::string const& text);
 /// The initial state of the file, or of a keyframe given by name or index; one world. Numbers beyond gsp::state_bound are refused.
 States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe);
+/// The model with its mocap bodies where the state has them: poses of qpos alone are of the model's.
+void place_mocap(gsp::CompiledModel& model, States const& states);
 /// The last entry of a trace or start file: qpos (T,N,nq), qvel (T,N,nv), time (T), and act (T,N,na) where it is there; and what
 /// write_snapshot put beside them. Numbers beyond gsp::state_bound are refused.
 States read_start(std::string const& path, gsp::CompiledModel const& model);

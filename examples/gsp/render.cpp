@@ -116,6 +116,7 @@ int run(Arguments const& a) {
       trace.entries = 1;
       trace.worlds = 1;
       trace.qpos = s.qpos;
+      place_mocap(model, s);
     }
     if (auto const s = summary(model); !s.empty() && !quiet(a))
       std::fprintf(stderr, "%s: %s ('gsp info' lists them)\n", path->c_str(), s.c_str());

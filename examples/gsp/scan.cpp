@@ -25,6 +25,12 @@ namespace {
 
 constexpr double radian = std::numbers::pi / 180;
 
+std::string short_number(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", x);
+  return text;
+}
+
 /// Units by name; `rate`: turns a second of those that turn.
 struct NamedPattern {
   std::string name;
@@ -67,8 +73,10 @@ gsp::RayMountOptions mount_of(Arguments const& a, gsp::CompiledModel const& m, s
   std::vector<std::string> words;
   for (std::string word; in >> word;) words.push_back(word);
   std::vector<double> numbers;
-  std::size_t const named = words.size() == 8 ? 1 : 0;
-  for (std::size_t k = named; words.size() >= 7 && k < words.size(); ++k) {
+  auto const is_in = [&](std::vector<std::string> const& names) { return std::find(names.begin(), names.end(), text) != names.end(); };
+  bool const whole = is_in(m.site_name) || is_in(m.body_name);  // names may hold spaces
+  std::size_t const named = words.size() >= 8 ? words.size() - 7 : 0;
+  for (std::size_t k = named; !whole && words.size() >= 7 && k < words.size(); ++k) {
     double x = 0;
     auto const [end, error] = std::from_chars(words[k].data(), words[k].data() + words[k].size(), x);
     if (error != std::errc() || end != words[k].data() + words[k].size() || !std::isfinite(x))
@@ -77,20 +85,18 @@ gsp::RayMountOptions mount_of(Arguments const& a, gsp::CompiledModel const& m, s
     numbers.push_back(x);
   }
   gsp::RayMountOptions mount;
-  if (numbers.empty() && words.size() != 1)
+  if (numbers.empty() && !whole && words.size() != 1)
     a.fail("--mount " + in_quotes(text) + " has " + std::to_string(words.size()) +
            " words; give a site, a body, or \"x y z qw qx qy qz\", with a body's name before it or none");
   if (!numbers.empty()) {
-    if (numbers.size() != 7)
-      a.fail("--mount " + in_quotes(text) + " has " + std::to_string(words.size()) +
-             " words; give \"x y z qw qx qy qz\", with a body's name before it or none");
     mount.pos = {numbers[0], numbers[1], numbers[2]};
     mount.quat = {numbers[3], numbers[4], numbers[5], numbers[6]};
     double length = 0;
     for (double const x : mount.quat) length = std::hypot(length, x);
     if (!(length > 1e-10)) a.fail("--mount " + in_quotes(text) + ": the quaternion is 0; give 1 0 0 0 for no rotation");
   }
-  std::string const name = numbers.empty() ? text : named > 0 ? words[0] : "world";
+  std::string name = numbers.empty() ? text : named > 0 ? words[0] : "world";
+  for (std::size_t k = 1; !numbers.empty() && k < named; ++k) name += " " + words[k];
   if (name == "world") {
     mount.body_id = 0;
     return mount;
@@ -179,7 +185,7 @@ int run(Arguments const& a) {
     }
   expect_apart(inputs, outputs);
 
-  auto const model = load_model(path, a);
+  auto model = load_model(path, a);
   Trace trace;
   if (trace_file) {
     trace = read_trace(*trace_file, model);
@@ -192,6 +198,7 @@ int run(Arguments const& a) {
     trace.entries = trace.worlds = 1;
     trace.qpos = s.qpos;
     trace.time = {s.time};
+    place_mocap(model, s);
   }
   if (auto const s = summary(model); !s.empty() && !quiet(a))
     std::fprintf(stderr, "%s: %s ('gsp info' lists them)\n", path.c_str(), s.c_str());
@@ -213,11 +220,16 @@ int run(Arguments const& a) {
         throw Error(*trace_file + ": entry " + std::to_string(k) +
                     " does not follow the one before it by as much as others do, and --hz needs even steps; take it with an --every that "
                     "--steps is a multiple of");
+    if (!(step >= 1e-9 && step <= 1e6))
+      throw Error(*trace_file + ": its entries are " + short_number(step) + " s apart, and --hz takes 1e-9 to 1e6; correct its times");
     options.timestep = step;
+    if (table && pattern.period != 0 && !(pattern.period >= 1e-6 && pattern.period <= 1e6))
+      throw Error(*a.text("--pattern") + ": its rays repeat every " + short_number(pattern.period) +
+                  " s, and --hz takes tables of 1e-6 to 1e6 s; are its times in seconds?");
     if (pattern.period == 0) pattern.period = 1 / hz;
     if (double(rays) / (hz * pattern.period) > double(rays) * (1 + 1e-9))
       a.fail("--hz " + *a.text("--hz") + " asks for more rays a scan than the pattern has, which repeats every " +
-             std::to_string(pattern.period) + " s; give at least " + std::to_string(1 / pattern.period));
+             short_number(pattern.period) + " s; give at least " + short_number(1 / pattern.period));
     rays = static_cast<std::size_t>(std::clamp(std::llround(double(rays) / (hz * pattern.period)), 1LL, static_cast<long long>(rays)));
     options.rays = static_cast<int>(rays);
   } else {
@@ -234,7 +246,7 @@ int run(Arguments const& a) {
     scene.add_set(load_splats(splats[i], i < splat_poses.size() ? gsp::io::parse_splat_pose(splat_poses[i]) : gsp::io::SplatPose{}),
                   splats[i], model);
   options.splats = !splats.empty();
-  for (std::size_t i = splat_poses.size(); i < splats.size(); ++i)
+  for (std::size_t i = splat_poses.size(); i < splats.size() && !quiet(a); ++i)
     std::fprintf(stderr, "gsp scan: %s stands as its file has it, often on its side: --splat-pose turns it\n", splats[i].c_str());
   expect_memory(std::to_string(worlds) + " worlds of " + std::to_string(rays) + " rays", device,
                 std::uint64_t(worlds) * rays * 48 + std::uint64_t(scene.count()) * 96,

@@ -1,5 +1,7 @@
 // gsp sim: steps many worlds of a model and says how fast that was.
+#include <algorithm>
 #include <cstdio>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "commands.hpp"
@@ -128,11 +130,22 @@ int run(Arguments const& a) {
     ++trace.entries;
   };
   std::vector<double> sensor_time, sensordata;
+  std::vector<std::int64_t> steps_before(worlds);  // that the stepper's clock counts from
+  gsp::runtime::copy(stepper->state().steps, gsp::runtime::host_array(steps_before.data(), {options.worlds}));
+  double const clock_from = start.time - double(steps_before[0]) * stepper->timestep();
   auto const sense = [&](long long done) {
     auto const now = stepper->sensors();
-    std::size_t const at = sensordata.size();
+    std::size_t const at = sensordata.size(), columns = static_cast<std::size_t>(now.extents[1]);
     sensordata.resize(at + static_cast<std::size_t>(now.size()));
     gsp::runtime::copy(now, gsp::runtime::host_array(sensordata.data() + at, {now.extents[0], now.extents[1]}));
+    for (std::size_t i = 0; clock_from != 0 && i < model.sensors.size(); ++i) {
+      if (model.sensors[i].type != "clock") continue;
+      double const most = model.sensors[i].cutoff > 0 ? model.sensors[i].cutoff : std::numeric_limits<double>::infinity();
+      for (std::size_t w = 0; w < worlds; ++w) {
+        double& x = sensordata[at + w * columns + static_cast<std::size_t>(model.sensor_adr[i])];
+        x = std::clamp(x + clock_from, -most, most);
+      }
+    }
     sensor_time.push_back(start.time + double(done) * stepper->timestep());
   };
   if (sensors_file) {
@@ -222,7 +235,7 @@ int run(Arguments const& a) {
     std::fprintf(say, "  %.2f s to start, %.4g MB, state %s\n", startup, megabytes, hash_of({&qpos, &qvel}).c_str());
     if (trace_file) std::fprintf(say, "  %s: %zu states of %zu worlds\n", trace_file->c_str(), trace.entries, trace.worlds);
     if (sensors_file)
-      std::fprintf(say, "  %s: sensordata of %zu states of %zu worlds\n", sensors_file->c_str(), trace.entries, trace.worlds);
+      std::fprintf(say, "  %s: sensordata of %zu states of %zu worlds\n", sensors_file->c_str(), sensor_time.size() + 1, worlds);
   }
   write_last();
   return 0;

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <chrono>
 #include <gsp/core/status.hpp>
+#include <gsp/model/sensor_types.hpp>
 
 #include "array.hpp"
 
@@ -76,6 +77,20 @@ Data* make_data(Model const& model, int worlds, std::string const& device, std::
   } catch (...) {
     delete d;
     throw;
+  }
+  bool const sized = std::find(per_world.begin(), per_world.end(), "geom_size") != per_world.end();
+  auto const by_model = [](SensorDescription const& s) {
+    SensorInfo const* const info = find_sensor_type(s.type);
+    return info && (info->stage == SensorStage::ray || info->stage == SensorStage::shape);
+  };
+  auto const& sensors = model.compiled->sensors;
+  if (sized && std::any_of(sensors.begin(), sensors.end(), by_model) &&
+      PyErr_WarnEx(PyExc_UserWarning,
+                   "gsp.Data: rangefinders and sensors of distances keep the model's sizes of geoms: geom_size of per_world is what "
+                   "contacts see; leave these sensors out where it matters",
+                   1) != 0) {
+    delete d;
+    throw nb::python_error();
   }
   return d;
 }

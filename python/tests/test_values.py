@@ -1,5 +1,7 @@
 """Values that differ from world to world, and the smooth dynamics beside MuJoCo's own Python."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -127,6 +129,23 @@ def test_values_say_what_is_wrong():
     data.set("gravity", [[[0, 0, -9.81]], [[0, 0, 0]]])  # world 1 falls nowhere
     gsp.step(model, data, n=10)
     assert data.qvel[0, 2] < -0.1 and data.qvel[1, 2] == 0
+
+
+def test_sizes_that_rays_do_not_see_are_told():
+    xml = ARM.replace("<worldbody>", '<worldbody><site name="eye"/>', 1)
+    sensors = {"<rangefinder site='eye'/>": True, "<distance body1='world' body2='arm' cutoff='9'/>": True, "<clock/>": False}
+    body = gsp.Model.from_string(ARM).names("body")[1]
+    for sensor, warns in sensors.items():
+        sensor = sensor.replace("arm", body)
+        model = gsp.Model.from_string(xml.replace("</mujoco>", f"<sensor>{sensor}</sensor></mujoco>"))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            gsp.Data(model, per_world=["geom_pos"])
+            if not warns:
+                gsp.Data(model, per_world=["geom_size"])
+        if warns:
+            with pytest.warns(UserWarning, match="keep the model's sizes"):
+                gsp.Data(model, per_world=["geom_size"])
 
 
 def test_every_field_can_be_set_to_what_it_is():

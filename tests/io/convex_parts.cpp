@@ -9,6 +9,8 @@
 #include <gsp/io/mesh_hull.hpp>
 #include <gsp/io/mjcf.hpp>
 #include <gsp/model/compile.hpp>
+#include <gsp/ray/ray_scene.hpp>
+#include <gsp/sensor/read_sensors.hpp>
 #include <io/mesh_fixtures.hpp>
 #include <support/skip.hpp>
 
@@ -180,6 +182,45 @@ TEST_CASE("masses and inertia stay those of the mesh; named pairs are of the par
   CHECK(read.geom_name == m.geom_name);
   CHECK(read.geom_pos == m.geom_pos);
   CHECK(std::filesystem::exists(folder.path / "convex_parts"));
+}
+
+TEST_CASE("rays meet the mesh, and contact sensors that name its geom feel its parts" * doctest::test_suite("data")) {
+  Folder const folder;
+  if (!has_coacd(folder)) return;
+  auto text = text_of(
+      u_mesh(),
+      std::string(
+          R"(<geom name="other" type="box" size="0.01 0.01 0.01" pos="5 5 5"/><site name="over" pos="0.13 0.01 0.9" euler="180 0 0"/>)") +
+          ball);
+  text.insert(text.find("</mujoco>"),
+              R"(<sensor><contact geom1="u" reduce="netforce" data="found force"/><contact geom2="u" reduce="netforce" data="found force"/>
+    <contact geom1="other" data="found"/><rangefinder site="over"/></sensor>)");
+  text.insert(text.find("<asset>"), R"(<compiler discardvisual="true"/>)");  // the mesh is no visual one
+  auto d = io::parse_mjcf(text, "u.xml");
+  io::split_into_convex_parts(d, {.cache = folder.path});
+  io::add_hulls(d);
+  auto const m = compile(d);
+  Kokkos::DefaultHostExecutionSpace const exec;
+  auto const model = make_model<double>(exec, m);
+  auto const scene = make_ray_scene<double>(exec, model, m);
+  std::vector<std::string> seen;
+  for (int i = 0; i < scene.count(); ++i) seen.push_back(m.geom_name[std::size_t(scene.geoms(i).geom)]);
+  CHECK(seen == std::vector<std::string>{"other", "u", ""});
+  auto state = make_state(exec, model, {.worlds = 1});
+  auto sim = make_simulation<double>(exec, model, m, {.worlds = 1});
+  auto sensors = make_sensors(exec, model, m);
+  Kokkos::View<double**, Kokkos::LayoutRight, Kokkos::HostSpace> data("data", 1, m.nsensordata);
+  step(exec, model, state, sim, {.steps = 1000});
+  forward(exec, model, state, sim);
+  read_sensors(exec, model, state, sim, sensors, data);
+  double const weight = 9.81 * m.body_mass[1];
+  for (int const at : {0, 4}) {
+    CHECK(data(0, at) >= 1);
+    // the ball rests: on u the force is its weight, downwards and on geom 2 upwards
+    CHECK(std::abs(std::hypot(data(0, at + 1), data(0, at + 2), data(0, at + 3)) - weight) < 1e-2 * weight);
+  }
+  CHECK(data(0, 8) == 0);
+  CHECK(std::abs(data(0, 9) - (0.9 - 0.14 - std::sqrt(0.04 * 0.04 - 0.02 * 0.02 - 0.01 * 0.01))) < 0.003);  // the ball, in the notch
 }
 
 TEST_CASE("parts come from the cache; what is broken there is found again; who lacks CoACD is told what to install" *

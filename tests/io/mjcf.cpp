@@ -164,6 +164,7 @@ TEST_CASE("values are checked") {
   refused(model(parts, "<sensor><framepos objtype='site' objname='s' refname='c'/></sensor>"), "m.xml:4: ", "'reftype' go together");
   refused(model(parts, "<sensor><framequat objtype='site' objname='s' cutoff='1'/></sensor>"), "m.xml:4: ", "has no cutoff");
   refused(model("<camera fovy='40' sensorsize='1 1' resolution='2 2'/>"), "m.xml:3: ", "stands beside sensorsize");
+  refused(model("<camera sensorsize='1 1' resolution='2 2'/>"), "m.xml:3: ", "attribute 'sensorsize' needs a focal length above 0");
   refused(model("", "<contact><pair geom1='g'/></contact>"), "m.xml:4: ", "needs geom1 and geom2");
   refused(model("<camera target='x'/>"), "m.xml:3: ", "names the body 'x', which does not exist");
   refused(model("<body mocap='true'/>"), "m.xml:3: ", "fixed child of the world");
@@ -306,6 +307,20 @@ TEST_CASE("sensors that are not computed are told") {
   CHECK(d.report[0].kind == ReportLine::Kind::no_effect);
   CHECK(d.report[0].text.find("tactile: ") == 0);
   CHECK(d.report[0].count == 2);
+}
+
+TEST_CASE("settings of sensors that do nothing, and distances to height fields, are told; empty data is none") {
+  auto const d = parse_mjcf(model("<body name='hills'><geom type='hfield' hfield='h'/></body>",
+                                  "<asset><hfield name='h' nrow='2' ncol='2' size='1 1 1 1'/></asset><sensor><clock interp='cubic'/><clock "
+                                  "interp='cubic' nsample='4'/>"
+                                  "<contact geom1='g' data=''/><distance name='far' geom1='g' body2='hills'/></sensor>"),
+                            "m.xml");
+  CHECK(lines(d, ReportLine::Kind::no_effect, "clock: interp acts where samples are kept alone; give nsample") == 1);
+  auto const m = compile(d);
+  CHECK(m.sensor_dim == std::vector<int>{1, 1, 1, 1});
+  REQUIRE(m.report.size() == 2);
+  CHECK(m.report[1].text ==
+        "sensor 'far' of type 'distance': body 'hills' has a height field, which has no distance, and nothing is computed; name geoms");
 }
 
 TEST_CASE("every pair of shapes and every condim is taken") {

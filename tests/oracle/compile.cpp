@@ -856,6 +856,35 @@ TEST_CASE("replicating and attaching copy whatever names what is copied") {
                        "<keyframe><key name='k' act='3' ctrl='1 2' mpos='3 2 1' mquat='0 1 0 0'/></keyframe></mujoco>"}});
 }
 
+TEST_CASE("what names the world beside what is replicated or attached stays") {
+  std::string const lists =
+      R"(<contact><exclude body1="r" body2="world"/><exclude body1="r" body2="o"/></contact>
+     <equality><connect body1="r" anchor="0 0 0"/><connect body1="r" body2="world" anchor="0 0 0"/><weld body1="world" body2="r"/><weld body1="r" body2="o"/><connect body1="o" body2="world" anchor="0 0 0"/></equality>
+     <sensor><framepos objtype="body" objname="r" reftype="body" refname="world"/><framepos objtype="body" objname="world" reftype="body" refname="r"/><contact body1="r" body2="world"/><insidesite site="s" objtype="body" objname="world"/><framepos objtype="body" objname="r" reftype="body" refname="o"/></sensor>)";
+  std::string const r = R"(<body name="r" pos="0 0 .3"><freejoint/><geom name="g" size=".1"/><site name="s"/></body>)";
+  std::string const o = R"(<body name="o" pos="2 0 0"><geom name="go" size=".1"/></body>)";
+  auto const replicated = [&](std::string const& in, std::string const& beside) {
+    return "<mujoco><worldbody>" + beside + "<replicate count='2' offset='1 0 0'>" + in + "</replicate></worldbody>" + lists + "</mujoco>";
+  };
+  compare_twice(replicated(r, o));
+  compare_twice(replicated(r + o, ""));
+  for (std::string const what : {"body='r' ", ""}) {
+    Texts const attached{
+        {"main.xml",
+         "<mujoco><asset><model name='c' file='child.xml'/></asset><worldbody><geom type='plane' size='1 1 1'/><frame pos='1 0 "
+         "0'><attach model='c' " +
+             what + "prefix='p_'/></frame></worldbody></mujoco>"},
+        {"child.xml", "<mujoco><worldbody>" + o + r + "</worldbody>" + lists +
+                          "<sensor><framepos objtype='body' objname='world'/><framepos objtype='body' objname='r'/></sensor></mujoco>"}};
+    compare_twice(attached);
+    int dropped = 0;
+    for (auto const& line : description(attached).report)
+      if (line.kind == ReportLine::Kind::left_out && line.text == "entries that name what is not attached, as MuJoCo does")
+        dropped += line.count;
+    CHECK(dropped == (what.empty() ? 1 : 5));
+  }
+}
+
 TEST_CASE("models of the collection written and loaded by MuJoCo have the same numbers" * doctest::test_suite("data")) {
   for (char const* name :
        {"dm_control/suite/quadruped.xml", "dm_control/kinova/jaco_arm.xml", "mujoco/adhesion/active_adhesion.xml",
@@ -911,6 +940,49 @@ TEST_CASE("what was read is written so that MuJoCo loads the same") {
   compare(compile(d), first.get());
   auto const second = oracle({{"main.xml", io::format_mjcf(d)}});
   compare(compile(d), second.get());
+}
+
+TEST_CASE("rays see through the same geoms once they are written, by the alpha of materials too") {
+  std::string geoms, sites, sensors;
+  char const* const looks[] = {"material='glass'",
+                               "material='glass' rgba='1 1 1 1'",
+                               "material='solid' rgba='1 1 1 0'",
+                               "material='half' rgba='1 0 0 0'",
+                               "material='solid'",
+                               "rgba='1 0 0 0'",
+                               "",
+                               "material='half' rgba='.5 .5 .5 1'",
+                               "material='glass' rgba='.5 .5 .5 1'"};
+  for (std::string const look : looks) {
+    std::string const x = std::to_string(sensors.size());
+    geoms += "<geom size='.1' pos='" + x + " 0 .5' " + look + "/>";
+    sites += "<site name='s" + x + "' pos='" + x + " 0 2' euler='180 0 0'/>";
+    sensors += "<rangefinder site='s" + x + "'/>";
+  }
+  Texts const texts{{"main.xml",
+                     "<mujoco><asset><material name='glass' rgba='1 1 1 0'/><material name='solid' rgba='1 0 0 1'/><material name='half' "
+                     "rgba='1 0 0 .5'/></asset>"
+                     "<worldbody><geom type='plane' size='0 0 1'/><body>" +
+                         geoms + "</body>" + sites + "</worldbody><sensor>" + sensors + "</sensor></mujoco>"}};
+  compare_twice(texts);
+  auto const ranges = [](Texts const& of) {
+    auto const m = oracle(of);
+    std::shared_ptr<mjData> const d(mj_makeData(m.get()), mj_deleteData);
+    mj_forward(m.get(), d.get());
+    return std::vector<double>(d->sensordata, d->sensordata + m->nsensordata);
+  };
+  auto const read = description(texts);
+  Texts const written{{"main.xml", io::format_mjcf(read)}};
+  auto const first = ranges(texts);
+  CHECK(*std::min_element(first.begin(), first.end()) == -1);
+  CHECK(std::abs(*std::max_element(first.begin(), first.end()) - 1.4) < 1e-12);
+  CHECK(ranges(written) == first);
+  auto const again = description(written);
+  for (std::size_t g = 0; g < std::size(looks); ++g) {
+    auto const &a = read.bodies[1].geoms[g], &b = again.bodies[1].geoms[g];
+    CHECK(a.rgba == b.rgba);
+    CHECK(((a.material_alpha < 0 ? a.rgba[3] : a.material_alpha) == 0) == ((b.material_alpha < 0 ? b.rgba[3] : b.material_alpha) == 0));
+  }
 }
 
 TEST_CASE("the sample quadruped stands in MuJoCo") {

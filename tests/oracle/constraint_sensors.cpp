@@ -208,7 +208,8 @@ char const* const others =
   <force site="st"/><torque site="st"/><force site="sv"/><torque site="sv"/><force site="mc"/><torque site="mc"/><force site="md"/><torque site="md"/>
   <framelinacc objtype="body" objname="d"/><framelinacc objtype="xbody" objname="d"/><framelinacc objtype="geom" objname="gd"/><framelinacc objtype="camera" objname="cam"/><framelinacc objtype="site" objname="sb"/>
   <frameangacc objtype="body" objname="b"/><frameangacc objtype="xbody" objname="c" cutoff="2"/><framelinacc objtype="body" objname="stand"/><framelinacc objtype="body" objname="world"/>
-  <insidesite site="za" objtype="body" objname="b"/><insidesite site="zb" objtype="site" objname="sb"/><insidesite site="big" objtype="body" objname="a"/><insidesite site="big" objtype="geom" objname="gc"/><insidesite site="big" objtype="body" objname="hollow"/><insidesite site="big" objtype="xbody" objname="hollow"/>)";
+  <insidesite site="za" objtype="body" objname="b"/><insidesite site="zb" objtype="site" objname="sb"/><insidesite site="big" objtype="body" objname="a"/><insidesite site="big" objtype="geom" objname="gc"/><insidesite site="big" objtype="body" objname="hollow"/><insidesite site="big" objtype="xbody" objname="hollow"/>
+  <insidesite site="big" objtype="body" objname="world"/>)";
 char const* const surroundings =
     R"(<site name="wt" pos="1 0 0"/><site name="big" type="ellipsoid" size=".4 .3 .2"/><geom name="floor" type="plane" size="2 2 1"/>
   <body name="stand" pos="0 .8 .3"><geom name="gs" type="box" size=".1 .1 .3" mass="3"/><site name="st" pos=".1 .2 .3" euler="0 20 40"/><body name="shelf" pos="0 0 .4"><geom type="box" size=".1 .1 .02" mass="1"/>

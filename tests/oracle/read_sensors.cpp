@@ -289,8 +289,9 @@ TEST_CASE("late sensors say what MuJoCo's do, and so after worlds are reset by a
 
 TEST_CASE("settings that MuJoCo refuses are refused with a sentence") {
   auto const with = [](std::string const& attributes) {
-    return "<mujoco><worldbody><body><joint name='h'/><geom size='.1'/><site name='s'/></body></worldbody><sensor>" + attributes +
-           "</sensor></mujoco>";
+    return "<mujoco><worldbody><body><joint name='h'/><geom name='g' size='.1'/><geom name='f' size='.1'/><site "
+           "name='s'/></body></worldbody><sensor>" +
+           attributes + "</sensor></mujoco>";
   };
   auto const refused = [&](std::string const& attributes, std::string const& words) {
     CAPTURE(attributes);
@@ -313,4 +314,10 @@ TEST_CASE("settings that MuJoCo refuses are refused with a sentence") {
   refused("<user dim='1' nsample='2'/>", "nsample");
   refused("<framexaxis objtype='site' objname='s' cutoff='1'/>", "no cutoff");
   refused("<clock noise='-1'/>", "negative cutoff or noise");
+  refused("<user/>", "'dim' is missing; give how many numbers");
+  refused("<user dim='1' needstage='foo'/>", "give one of: pos, vel, acc");
+  refused("<user dim='1' datatype='foo'/>", "give one of: real, positive, axis, quaternion");
+  refused("<insidesite site='s' objtype='joint' objname='h'/>", "is about a body, geom, site or camera");
+  refused("<framepos objtype='subtree' objname='world'/>", "is about a body, geom, site or camera");
+  refused("<distance body1='world' geom1='g' geom2='f'/>", "attribute 'geom1' names one object too many");
 }

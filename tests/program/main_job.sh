@@ -232,6 +232,16 @@ PY
 "$gsp" render --splat disc.ply --model eye.xml --camera side --width 64 --height 48 --channels depth --npz side.npz > /dev/null
 "$gsp" render --splat disc.ply --model eye.xml --cameras side_camera.npz --width 64 --height 48 --channels depth --npz file.npz > /dev/null
 "$gsp" render --splat disc.ply --model eye.xml --camera 1 --width 64 --height 48 --channels depth --npz on.npz > /dev/null
+# a keyframe places mocap bodies too: as where the model has them there
+cat > mocap.xml <<'XML'
+<mujoco><worldbody><camera name="c" pos="0 -3 1" xyaxes="1 0 0 0 0 1"/><body name="mc" mocap="true" pos=".2 0 1"><geom size=".3" rgba="1 0 0 1"/></body>
+  <body><joint/><geom size=".01" pos="9 9 9"/></body></worldbody><keyframe><key mpos=".8 0 1"/></keyframe></mujoco>
+XML
+sed 's/pos=".2 0 1"/pos=".8 0 1"/' mocap.xml > mocap_there.xml
+"$gsp" render --splat disc.ply --model mocap.xml --camera c --width 64 --height 48 --channels depth --npz mocap_here.npz > /dev/null
+"$gsp" render --splat disc.ply --model mocap.xml --camera c --keyframe 0 --width 64 --height 48 --channels depth --npz mocap_key.npz > /dev/null
+"$gsp" render --splat disc.ply --model mocap_there.xml --camera c --width 64 --height 48 --channels depth --npz mocap_there.npz > /dev/null
+cmp -s mocap_key.npz mocap_there.npz && ! cmp -s mocap_key.npz mocap_here.npz || fail "the mocap body of a keyframe in a picture"
 "$gsp" render --splat disc.ply --model eye.xml --camera side --trace moved.npz --width 64 --height 48 --channels depth --npz side_trace.npz > /dev/null
 "$gsp" render --splat disc.ply --model eye.xml --camera on --trace moved.npz --width 64 --height 48 --channels depth --npz on_trace.npz > /dev/null
 python3 - <<'PY'

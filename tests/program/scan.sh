@@ -103,6 +103,22 @@ python3 -c '
 from arrays import array
 _, r = array("table.npz", "range"); assert max(abs(a - b) for a, b in zip(r, (2, 3, 1.8))) < 1e-6, r' || fail "a table of rays"
 
+# A keyframe places mocap bodies too; names may hold spaces.
+cat > mocap.xml <<'XML'
+<mujoco><worldbody><body name="my cart" pos="0 0 1"><joint type="slide" axis="1 0 0"/><geom size=".1" mass="1"/><site name="my unit"/></body>
+<body name="mc" mocap="true" pos="1 0 1"><geom type="box" size=".1 .2 .3"/></body></worldbody>
+<keyframe><key name="far" mpos="1.5 0 1"/><key name="turned" mpos="1.5 0 1" mquat="2 0 0 2"/></keyframe></mujoco>
+XML
+sed 's/<joint[^>]*>//' mocap.xml > fixed.xml
+for scene in mocap fixed; do
+  "$gsp" scan $scene.xml --pattern rays.csv --mount "my unit" --npz near.npz > /dev/null
+  "$gsp" scan $scene.xml --pattern rays.csv --mount "my cart" --keyframe far --npz far.npz > /dev/null
+  "$gsp" scan $scene.xml --pattern rays.csv --mount "my cart 0 0 0 1 0 0 0" --keyframe turned --npz turned.npz > /dev/null
+  python3 -c '
+from arrays import array
+for file, want in (("near", .9), ("far", 1.4), ("turned", 1.3)):
+    _, r = array(file + ".npz", "range"); assert abs(r[0] - want) < 1e-6, (file, r)' || fail "mocap bodies of $scene.xml"
+done
 # Gaussians: a screen of thin discs 1.5 m ahead of the unit, half a metre before the east wall, which --splat-pose puts at its height, and a
 # disc 1 m to the left that the cart carries, which its own unit does not see unless it is told to. Ranges to a disc's thickness, 1 mm.
 python3 - <<'PY'
@@ -117,6 +133,7 @@ with open("carried.splat", "wb") as f:
     f.write(disc(0, 1, .2, .05, .001, .05))
 json.dump({"links": [{"name": "cart", "first": 0, "count": 1}]}, open("carried.links.json", "w"))
 PY
+[ -z "$("$gsp" scan room.xml --pattern rays.csv --mount unit --splat screen.splat --quiet --npz quiet.npz 2>&1 > /dev/null)" ] || fail "--quiet says something"
 splats=(--splat screen.splat --splat-pose "0 0 1.2 1 0 0 0 1" --splat carried.splat)
 "$gsp" scan room.xml --pattern rays.csv --mount unit "${splats[@]}" --npz hidden.npz > /dev/null
 "$gsp" scan room.xml --pattern rays.csv --mount unit "${splats[@]}" --self-filter none --npz seen.npz --ply seen.ply > /dev/null
@@ -165,6 +182,13 @@ bad "is not below" room.xml --pattern vlp16 --mount unit --min-range 2 --max-ran
 bad "no such file" room.xml --pattern none.csv --mount unit
 bad "no such file" room.xml --pattern grid --mount unit --splat none.ply
 bad "--splat-pose is given 1 times" room.xml --pattern grid --mount unit --splat-pose "0 0 0 1 0 0 0 1"
+bad "no body 'my crat'" room.xml --pattern vlp16 --mount "my crat 0 0 0 1 0 0 0"
+printf 'time,azimuth,zenith\n0,0,90\n0.0000000000001,90,90\n' > close.csv
+printf 'time,azimuth,zenith\n0,0,90\n900000,90,90\n' > long.csv
+printf 'time,azimuth,zenith\n0,0,90\n0.001,90,90\n' > short.csv
+bad "close.csv: its rays repeat every .e-13 s, and --hz takes tables of 1e-6 to 1e6 s" room.xml --pattern close.csv --mount unit --trace rides.npz --hz 10
+bad "long.csv: its rays repeat every 1.8e+06 s, and --hz takes tables of 1e-6 to 1e6 s" room.xml --pattern long.csv --mount unit --trace rides.npz --hz 10
+bad "repeats every 0.002 s; give at least 500" room.xml --pattern short.csv --mount unit --trace rides.npz --hz 10
 printf 'time,azimuth,zenith\n0,0,nan\n' > nan.csv
 bad "nan.csv" room.xml --pattern nan.csv --mount unit
 echo "scan: all as it should be"

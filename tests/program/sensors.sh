@@ -73,6 +73,28 @@ want = (0, 0, 0, 0, 0, 0, 0, .005, .02, .01, .015, .02, .02, .025, .02, .03, .03
 assert all(abs(a - b) < 1e-15 for a, b in zip(s, want)), s
 assert s[:15] == first and s[12:] == second, (first, second)
 PY
+# The clock is the state's time: of a keyframe, of the entry of a trace, and of a file of --save.
+cat > clock.xml <<'XML'
+<mujoco><option timestep=".01"/><worldbody><body pos="0 0 1"><freejoint/><geom size=".1"/></body></worldbody>
+<sensor><clock/><clock cutoff="2.015"/><clock delay=".01" nsample="3"/></sensor><keyframe><key name="k" time="2"/></keyframe></mujoco>
+XML
+"$gsp" sim clock.xml --precision double --worlds 2 --keyframe k --steps 3 --trace t.npz --sensors key.npz --save k.npz > said.txt
+grep -q "sensordata of 4 states of 2 worlds" said.txt || fail "the states of --sensors: $(cat said.txt)"
+"$gsp" sim clock.xml --precision double --start t.npz --steps 2 --sensors on.npz > said.txt
+grep -q "sensordata of 3 states of 2 worlds" said.txt || fail "the states of --sensors without a trace: $(cat said.txt)"
+"$gsp" sim clock.xml --precision double --start k.npz --steps 2 --sensors saved.npz > /dev/null
+python3 - <<'PY' || fail "clocks"
+from arrays import array
+for file, first in (("key.npz", 2), ("on.npz", 2.03), ("saved.npz", 2.03)):
+    (t, n, k), s = array(file, "sensordata")
+    _, time = array(file, "time")
+    assert abs(time[0] - first) < 1e-14, time
+    for e in range(t):
+        for w in range(n):
+            clock, cut, late = s[(e * n + w) * k:(e * n + w + 1) * k]
+            assert abs(clock - time[e]) < 1e-14 and abs(cut - min(time[e], 2.015)) < 1e-14, (file, e, clock, cut)
+            assert e == 0 or abs(late - time[e] + .01) < 1e-14, (file, e, late)
+PY
 bad() {
   local want="$1" code=0
   shift

@@ -61,6 +61,18 @@ TEST_CASE("a scanner measures, in every world, how far the surfaces are") {
   }
 }
 
+TEST_CASE("mocap bodies of a model without joints stand where it has them") {
+  gsp::Description d;
+  gsp::add_body(d, 0, "fixed", {1, 2, 3});
+  int const mocap = gsp::add_body(d, 0, "mocap", {4, 5, 6});
+  d.bodies[std::size_t(mocap)].mocap = true;
+  gsp::add_body(d, mocap, "on it", {0, 0, 1});
+  auto const model = gsp::compile(d);
+  auto const kinematics = make_kinematics(Device::cpu, model);
+  CHECK(on_host<double>(kinematics->poses(host_array(model.qpos0.data(), {1, 0})).xpos) ==
+        std::vector<double>{0, 0, 0, 1, 2, 3, 4, 5, 6, 4, 5, 7});
+}
+
 TEST_CASE("a scanner refuses poses of other worlds, and of another precision") {
   auto const model = ball_and_box();
   gsp::RayPattern pattern;

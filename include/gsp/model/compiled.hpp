@@ -58,6 +58,7 @@ struct CompiledModel {
   std::vector<std::array<double, 5>> geom_solimp;
   std::vector<std::array<float, 4>> geom_rgba;
   std::vector<float> geom_material_alpha;  // -1: no material
+  std::vector<int> geom_parts;             // so many geoms behind it touch in its place
   std::vector<std::string> geom_name;
   std::vector<std::array<double, 6>> geom_surfacevel;  // of its surface in its own frame: linear, angular
   std::vector<double> geom_adhesion;                   // with which each contact may pull [N]

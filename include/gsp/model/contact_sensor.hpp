@@ -90,11 +90,10 @@ inline ContactSensorSettings contact_settings(SensorDescription const& s) {
       auto const fields = detail::read_fields(contact_sensor_fields, value);
       if (!fields)
         out.fault = "has data '" + value + "': name each once, in the order found force torque dist pos normal tangent linvel angvel";
-      else
+      else if (*fields != 0)
         out.fields = *fields;
     }
   }
-  if (out.fault.empty() && out.fields == 0) out.fault = "has empty data: name at least one of found force torque dist pos ...";
   if (out.fault.empty() && out.reduce == ContactReduce::netforce && (out.has(ContactField::linvel) || out.has(ContactField::angvel)))
     out.fault = "asks for velocities of a net force, which has none: leave linvel and angvel out, or take another reduce";
   return out;

@@ -100,6 +100,7 @@ struct GeomDescription {
   std::array<double, 5> fluid_coef{0.5, 0.25, 1.5, 1, 1};  // blunt drag, slender drag, angular drag, Kutta lift, Magnus lift
   std::array<float, 4> rgba{0.5f, 0.5f, 0.5f, 1};
   float material_alpha = -1;  // of its material, -1: it has none. Rays see through 0, of the material or else of rgba (MuJoCo's mj_ray)
+  int parts = 0;              // of a mesh that was taken apart: so many geoms behind it in its body touch in its place
   Place place{};
   bool visual() const { return contype == 0 && conaffinity == 0; }
 };

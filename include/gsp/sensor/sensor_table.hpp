@@ -34,6 +34,7 @@ struct ContactSensorEntry {
   enum Side : int { any, geom, body, subtree, site };  // site: a volume that the contact's point lies in
   int adr = 0;
   int side[2] = {any, any}, id[2] = {-1, -1};
+  int end[2] = {0, 0};      // geom: behind it and its convex parts
   int slots = 1, size = 1;  // size: numbers of a slot
   ContactReduce reduce = ContactReduce::none;
   unsigned fields = 1;
@@ -138,7 +139,7 @@ int frame_kind(std::string_view word) {
   if (word == "camera") return Entry::camera;
   return Entry::none;
 }
-inline ContactSensorEntry contact_entry(SensorDescription const& d, int id1, int id2) {
+inline ContactSensorEntry contact_entry(CompiledModel const& m, SensorDescription const& d, int id1, int id2) {
   ContactSensorSettings const settings = contact_settings(d);
   ContactSensorEntry e;
   auto const side = [](std::string const& word) {
@@ -149,6 +150,8 @@ inline ContactSensorEntry contact_entry(SensorDescription const& d, int id1, int
   if (id2 >= 0) e.side[1] = side(d.reference_type);
   e.id[0] = id1;
   e.id[1] = id2;
+  for (int k = 0; k < 2; ++k)
+    if (e.side[k] == ContactSensorEntry::geom) e.end[k] = e.id[k] + 1 + (m.geom_parts.empty() ? 0 : m.geom_parts[std::size_t(e.id[k])]);
   e.slots = settings.slots;
   e.size = settings.size();
   e.reduce = settings.reduce;
@@ -315,7 +318,7 @@ Sensors<R, Mem> make_sensors(Exec const& exec, Model<R, Mem> const& model, Compi
       continue;
     }
     if (info->type == SensorType::contact) {
-      ContactSensorEntry c = detail::contact_entry(d, e.object, e.reference);
+      ContactSensorEntry c = detail::contact_entry(compiled, d, e.object, e.reference);
       c.adr = e.adr;
       volumes |= c.side[0] == ContactSensorEntry::site;
       contacts.push_back(c);

@@ -134,12 +134,13 @@ struct SmoothSensors : SensorFrames<R, Mem> {
     }
   }
 
-  /// 1 where the object lies in the site's volume, else 0. Of a body without mass on which others hang it is their centre of mass (MuJoCo).
+  /// 1 where the object lies in the site's volume, else 0. Of a body without mass on which others hang, but the world, it is their centre
+  /// of mass (MuJoCo).
   template <class T>
   KOKKOS_INLINE_FUNCTION T inside_site(WorldLane<T> const& l, Entry const& e) const {
     Transform<T> const site = pose(l, Entry::site, e.reference);
     Vec3<T> p = frame(l, e.kind, e.object).p;
-    if (e.kind == Entry::inertial) {
+    if (e.kind == Entry::inertial && e.object > 0) {
       auto const empty = l.constant(model.body_mass, e.object) < T(1e-15) && !(l.load(subtrees.mass, e.object) < T(1e-15));
       p = select(empty, l.load3(subtrees.com, e.object), p);
     }

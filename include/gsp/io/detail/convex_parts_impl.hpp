@@ -285,6 +285,7 @@ GSP_INLINE void split_into_convex_parts(Description& description, ConvexPartsOpt
                        "is taken apart, and a geom is called '" + part.name + "' already; rename that one");
         part.mesh = parts[i];
         part.group = 3;
+        part.material_alpha = 0;  // rays see through it: they meet the mesh
         part.has_mass = true;
         part.mass = 0;
         part.fluid_ellipsoid = false;
@@ -294,6 +295,7 @@ GSP_INLINE void split_into_convex_parts(Description& description, ConvexPartsOpt
       if (!own.empty()) {
         g.contype = 0;
         g.conaffinity = 0;
+        g.parts = int(own.size());
       }
       geoms.push_back(std::move(g));
       geoms.insert(geoms.end(), own.begin(), own.end());

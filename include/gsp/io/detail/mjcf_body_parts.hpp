@@ -237,6 +237,7 @@ inline void read_camera(Document& doc, Node const& node, BodyDraft& to, Pose con
       c.focal[k] = focal_pixel[k] != 0 ? float(focal_pixel[k]) / density : float(focal[k]);
       c.principal[k] = principal_pixel[k] != 0 ? float(principal_pixel[k]) / density : float(principal[k]);
     }
+    if (!(c.focal[1] > 0)) a.fail("sensorsize", "needs a focal length above 0; give focal or focalpixel");
     c.fovy = std::atan2(float(c.sensor_size[1]) / 2, float(c.focal[1])) * 2;
   }
   if (a.has("projection") && a.choice("projection", {"perspective", "orthographic"}) == 1)

@@ -19,8 +19,8 @@ inline void renumber(Session& session, BodyDraft& b) {
 }
 
 /// Entries of the lists that name something of `names` are taken out, to be put back once for each copy. They count among the names then.
-/// As in MuJoCo, actuators and equality constraints that name something else, too, are lost, and tendons whose geom and sidesite do not
-/// stand on the same side.
+/// As in MuJoCo, actuators and equality constraints that name something else than the world, too, are lost, and tendons whose geom and
+/// sidesite do not stand on the same side.
 inline Lists split_lists(Document& doc, Names& names) {
   Lists taken;
   Names lost;
@@ -34,7 +34,7 @@ inline Lists split_lists(Document& doc, Names& names) {
       for_each_reference(d, [&](Kind kind, std::string const& name) {
         bool const in = names.has(kind, name);
         any = any || in;
-        only = only && in;
+        only = only && (in || is_world(kind, name));
         broken = broken || lost.has(kind, name);
       });
       if constexpr (std::same_as<D, TendonDescription>)
@@ -128,7 +128,7 @@ inline void prefix_assets(BodyDraft& b, Rename const& rename) {
   for (auto& child : b.children) prefix_assets(child, rename);
 }
 
-/// A body of another model, or all of its world, with what refers to nothing else of it. `a`: of <attach>.
+/// A body of another model, or all of its world, with what refers to nothing else of it than the world's frame. `a`: of <attach>.
 inline void attach(Document& doc, Attributes const& a, ModelDraft child, BodyDraft& to, Pose const& frame) {
   std::string const root = a.text("body");
   Rename const rename{a.text("prefix"), ""};
@@ -162,14 +162,24 @@ inline void attach(Document& doc, Attributes const& a, ModelDraft child, BodyDra
   Lists::for_each([&](auto list) {
     for (auto& entry : child.lists.*list) {
       auto& d = description_of(entry);
-      bool all = true;
-      for_each_reference(d, [&](Kind kind, std::string const& name) { all = all && names.has(kind, name); });
-      if (!all) continue;
+      bool none = true, any = false, outside = false;
+      for_each_reference(d, [&](Kind kind, std::string const& name) {
+        bool const in = names.has(kind, name);
+        none = false;
+        any = any || in;
+        outside = outside || (!in && !is_world(kind, name));
+      });
+      if (outside || !(any || none)) {
+        doc.note(Line::left_out, d.place, "entries that name what is not attached, as MuJoCo does");
+        continue;
+      }
       if (auto* name = own_name(d)) {
         names.add(own_kind(d), *name);
         rename(*name);
       }
-      for_each_reference(d, [&](Kind, std::string& name) { rename(name); });
+      for_each_reference(d, [&](Kind kind, std::string& name) {
+        if (!is_world(kind, name)) rename(name);
+      });
       (doc.draft.lists.*list).push_back(std::move(entry));
     }
   });

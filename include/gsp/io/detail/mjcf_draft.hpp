@@ -12,6 +12,7 @@
 namespace gsp::io::detail::mjcf {
 
 using gsp::detail::for_each_reference;
+using gsp::detail::is_world;
 using gsp::detail::Kind;
 using gsp::detail::normalized;
 using gsp::detail::own_kind;

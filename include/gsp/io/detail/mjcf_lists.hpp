@@ -165,8 +165,9 @@ inline void read_sensors(Document& doc, Node const& node) {
     if (!doc.check(child, "sensor/" + child.name)) continue;
     doc.count(1, child.place);
     doc.draft.lists.sensors.push_back(read_sensor(doc.attributes(child), child.name));
-    if (child.find("interval") && !child.find("nsample"))
-      doc.note(Line::no_effect, child.place, child.name + ": interval acts where samples are kept alone; give nsample, or remove it");
+    for (char const* const name : {"interval", "interp"})
+      if (child.find(name) && !child.find("nsample"))
+        doc.note(Line::no_effect, child.place, child.name + ": " + name + " acts where samples are kept alone; give nsample, or remove it");
     if (SensorInfo const* const info = find_sensor_type(child.name);
         info && info->stage != SensorStage::outside && !gsp::detail::is_evaluated(info->stage))
       doc.note(Line::no_effect, child.place,

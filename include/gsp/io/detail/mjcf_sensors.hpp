@@ -39,7 +39,8 @@ inline SensorDescription read_sensor(Attributes const& a, std::string const& typ
   if (a.own("refname")) put(s.reference_type, s.reference, a.text("reftype"), a.text("refname"));
   for (auto const& t : sensor_targets) {
     if (!a.own(t.attribute)) continue;
-    bool const second = t.second || (!s.object.empty() && type != "contact");  // whose sides say which is which
+    bool const first = type == "contact" || t.attribute.ends_with('1');  // sides say which is which
+    bool const second = t.second || (!s.object.empty() && !first);
     if (second ? !s.reference.empty() : !s.object.empty()) a.fail(t.attribute, "names one object too many; keep what the sensor is about");
     if (second)
       put(s.reference_type, s.reference, t.type, a.text(t.attribute));
@@ -48,6 +49,9 @@ inline SensorDescription read_sensor(Attributes const& a, std::string const& typ
   }
   bool const alone = type == "clock" || type == "e_potential" || type == "e_kinetic" || type == "contact" || type == "user";
   if (s.object.empty() && !alone) a.fail("", "does not say what it measures; name the object");
+  if (type == "user" && !a.own("dim")) a.fail("dim", "is missing; give how many numbers the sensor has");
+  if (a.own("datatype")) a.choice("datatype", {"real", "positive", "axis", "quaternion"});
+  if (a.own("needstage")) a.choice("needstage", {"pos", "vel", "acc"});
   double delay = 0;
   std::array<double, 2> interval{};
   int samples = 0;

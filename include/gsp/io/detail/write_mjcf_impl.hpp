@@ -9,6 +9,7 @@
 #include <gsp/io/write_mjcf.hpp>
 #include <gsp/model/description.hpp>
 #include <gsp/model/detail/principal_axes.hpp>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -247,7 +248,10 @@ class Writer {
         number("mass", g.mass, -1);
       else
         number("density", g.density, 1000);
-      list("rgba", g.rgba, {0.5f, 0.5f, 0.5f, 1}).close();
+      if (auto const material = material_of(g); !material.empty())
+        text("material", material).list("rgba", g.rgba, {}).close();
+      else
+        list("rgba", g.rgba, {0.5f, 0.5f, 0.5f, 1}).close();
     }
     for (auto const& s : body.sites)
       open("site")
@@ -275,11 +279,23 @@ class Writer {
     return list(name, std::array{first, higher[0], higher[1]}, {});
   }
 
+  /// Rays go by the alpha of the material: one is written where they would not see the same by the geom's own. Empty: none is needed.
+  static std::string material_of(GeomDescription const& g) {
+    bool const differs = g.material_alpha >= 0 && (g.material_alpha == 0) != (g.rgba[3] == 0);
+    return differs ? "alpha_" + digits(g.material_alpha) : "";
+  }
+
   // Meshes and height fields stand in the text: no file is written or needed.
   void assets(Description const& d) {
-    if (d.meshes.empty() && d.hfields.empty()) return;
+    std::map<std::string, float> materials;
+    for (auto const& body : d.bodies)
+      for (auto const& g : body.geoms)
+        if (auto const material = material_of(g); !material.empty()) materials[material] = g.material_alpha;
+    if (d.meshes.empty() && d.hfields.empty() && materials.empty()) return;
     char const* const inertias[] = {"legacy", "exact", "convex", "shell"};
     open("asset").into();
+    for (auto const& [name, alpha] : materials)
+      open("material").text("name", name).list("rgba", std::array{1.f, 1.f, 1.f, alpha}, {}).close();
     for (auto const& m : d.meshes) {
       open("mesh").text("name", m.name).list("scale", m.scale, {1, 1, 1}).list("refpos", m.refpos, {0, 0, 0});
       list("refquat", m.refquat, {1, 0, 0, 0}).number("maxhullvert", m.max_hull_vertices, -1);

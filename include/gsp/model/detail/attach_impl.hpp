@@ -150,7 +150,7 @@ GSP_INLINE void attach(Description& to, Description const& piece, AttachOptions 
       if (entry.place.file >= 0) entry.place.file += files;
       if (auto* name = detail::own_name(entry)) prefixed(*name);
       detail::for_each_reference(entry, [&](detail::Kind kind, std::string& name) {
-        if (kind != detail::Kind::body || name != "world") prefixed(name);
+        if (!detail::is_world(kind, name)) prefixed(name);
       });
       into.push_back(std::move(entry));
     }

@@ -282,6 +282,7 @@ class BodyCompiler : public CompilerBase {
     m_.geom_solimp.push_back(g.softness.solimp);
     m_.geom_rgba.push_back(g.rgba);
     m_.geom_material_alpha.push_back(g.material_alpha);
+    m_.geom_parts.push_back(g.parts);
     m_.geom_rbound.push_back(shape.rbound);
     m_.geom_data.push_back(shape.data);
     m_.geom_fluid.push_back(g.fluid_ellipsoid);

@@ -202,7 +202,7 @@ class ForceCompiler : public BodyCompiler {
 
  private:
   // What a sensor's type can be about.
-  void check_sensor(SensorDescription const& s, SensorInfo const& info, int object, int reference) const {
+  void check_sensor(SensorDescription const& s, SensorInfo const& info, int object, int reference) {
     using O = SensorObject;
     auto const require = [&](bool good, std::string const& sentence) {
       if (!good) fail(s.place, "sensor", s.name, "of type '" + s.type + "' " + sentence);
@@ -229,7 +229,7 @@ class ForceCompiler : public BodyCompiler {
       require(m_.tendon_limited[object], "is about the limits of a tendon that has none: give it a range");
     if (info.about == O::projection) require(reference >= 0 && kind_of(s.reference_type) == Kind::camera, "needs a camera: name one");
     auto const framed = [](std::string const& type) {
-      Kind const kind = kind_of(type);
+      Kind const kind = type == "subtree" ? Kind::none : kind_of(type);
       return kind == Kind::body || kind == Kind::geom || kind == Kind::site || kind == Kind::camera;
     };
     if (info.about == O::frame) {
@@ -237,6 +237,8 @@ class ForceCompiler : public BodyCompiler {
       require(reference < 0 || framed(s.reference_type), "is seen from a body, geom, site or camera: name one, or none");
     }
     if (info.about == O::pair) require(object >= 0 && reference >= 0, "needs two objects: name both");
+    if (info.type == SensorType::inside_site)
+      require(framed(s.object_type) && s.reference_type == "site", "is about a body, geom, site or camera, and a site: name them");
     if (info.stage == SensorStage::shape) {
       Kind const kinds[2] = {kind_of(s.object_type), kind_of(s.reference_type)};
       int const ids[2] = {object, reference};
@@ -244,6 +246,15 @@ class ForceCompiler : public BodyCompiler {
         require(kinds[k] == Kind::geom || kinds[k] == Kind::body, "is about geoms or bodies: name two of them");
         require(kinds[k] != Kind::geom || ShapeType(m_.geom_type[ids[k]]) != ShapeType::hfield,
                 "names the height field '" + (k == 0 ? s.object : s.reference) + "', which has no distance: name another geom");
+      }
+      for (int k = 0; k < 2; ++k) {
+        bool has_field = false;
+        for (int g = 0; kinds[k] == Kind::body && g < m_.body_geomnum[ids[k]]; ++g)
+          has_field = has_field || ShapeType(m_.geom_type[m_.body_geomadr[ids[k]] + g]) == ShapeType::hfield;
+        if (has_field)
+          note(s.place, ReportLine::Kind::no_effect,
+               "sensor '" + s.name + "' of type '" + s.type + "': body '" + (k == 0 ? s.object : s.reference) +
+                   "' has a height field, which has no distance, and nothing is computed; name geoms");
       }
       require(kinds[0] != kinds[1] || object != reference, "names '" + s.object + "' twice: name two different ones");
     }

@@ -43,7 +43,7 @@ inline Description without_visuals(Description d, CompiledModel const& m) {
     auto& body = d.bodies[b];
     bool weighs = false;
     std::erase_if(body.geoms, [&](GeomDescription const& g) {
-      if (!g.visual() || g.fluid_ellipsoid || names.has(Kind::geom, g.name)) return false;
+      if (!g.visual() || g.parts > 0 || g.fluid_ellipsoid || names.has(Kind::geom, g.name)) return false;
       bool const counts =
           (g.has_mass ? g.mass > 0 : g.density > 0) && g.group >= c.inertia_group_range[0] && g.group <= c.inertia_group_range[1];
       weighs = weighs || counts;

@@ -25,6 +25,9 @@ inline Kind kind_of(std::string_view word) {
   return Kind::none;
 }
 
+/// The world's name is one in all models: copies and attached models keep it.
+inline bool is_world(Kind kind, std::string_view name) { return kind == Kind::body && name == "world"; }
+
 /// Calls f(kind, name) for every name that the entry holds (not its own); T may be const. Empty names are left out.
 template <class T, class F>
 requires std::same_as<std::remove_const_t<T>, TendonDescription>

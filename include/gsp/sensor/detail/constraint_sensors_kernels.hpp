@@ -108,9 +108,13 @@ struct ContactSensors {
   int columns() const { return nsensordata; }
 
   /// Whether end `end` of contact c is what a side names.
-  KOKKOS_INLINE_FUNCTION bool is(int c, int end, int side, int id) const {
+  KOKKOS_INLINE_FUNCTION bool is(int c, int end, Entry const& e, int k) const {
     auto const& contacts = base.force_of.contacts;
-    if (side == Entry::geom) return (end == 0 ? contacts.geom1(c) : contacts.geom2(c)) == id;
+    int const side = e.side[k], id = e.id[k];
+    if (side == Entry::geom) {
+      int const geom = end == 0 ? contacts.geom1(c) : contacts.geom2(c);
+      return geom >= id && geom < e.end[k];
+    }
     int body = end == 0 ? contacts.body1(c) : contacts.body2(c);
     if (side == Entry::subtree)
       while (body > id) body = base.body_parent(body);
@@ -125,9 +129,9 @@ struct ContactSensors {
       if (!inside_volume(base.volume(id[0]), base.size_of(id[0]), rotate_inverse(site.q, base.force_of.contacts.point(c) - site.p)))
         return 0;
     }
-    bool const forth = (!one || is(c, 0, side[0], id[0])) && (!two || is(c, 1, side[1], id[1]));
+    bool const forth = (!one || is(c, 0, e, 0)) && (!two || is(c, 1, e, 1));
     if (forth) return 1;
-    bool const back = (!one || is(c, 1, side[0], id[0])) && (!two || is(c, 0, side[1], id[1]));
+    bool const back = (!one || is(c, 1, e, 0)) && (!two || is(c, 0, e, 1));
     return back ? -1 : 0;
   }
   /// By which contacts are sorted, the smallest first.
