@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <gsp/splat/render.hpp>
 #include <gsp_test_execs.hpp>
+#include <numeric>
 #include <set>
 #include <splat/scenes.hpp>
 #include <tuple>
@@ -103,51 +104,98 @@ TEST_CASE("tiles of an ellipse: none missed, none too many, against all tiles an
   }
 }
 
-TEST_CASE_TEMPLATE("lists of the tiles hold each splat that touches them once, front to back, ties by source", Exec, GSP_TEST_EXECS) {
-  Exec const exec;
-  int const images = 3, width = 203, height = 149, n = 2000;
-  auto set = gsp_test::random_gaussians(n, 0, 1, 3);
-  for (int i = n / 2; i < n; ++i)  // pairs of equal depth: the same place, other colours
-    for (int k = 0; k < 3; ++k) set.positions[3 * i + k] = set.positions[3 * (i - n / 2) + k];
-  std::vector<float> viewmats, Ks;
-  gsp_test::random_cameras(images, width, height, 2, 4, viewmats, Ks);
+namespace {
+struct Listed {
+  int ties, longest;  // pairs of equal depth among neighbours of the whole order; the longest list
+};
+/// Draws, and holds the lists of the last wave beside all splats in order; and the masks of a GPU's beside every pixel.
+template <class Exec>
+Listed check_lists(Exec const& exec, gsp::GaussianSet const& set, int width, int height, std::vector<float> const& viewmats,
+                   std::vector<float> const& Ks) {
+  int const images = int(viewmats.size() / 16);
   auto const cloud = gsp::make_gaussians(exec, set);
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
   auto poses = gsp::make_poses<float>(exec, 1, 1, 0);
   auto frames = gsp::make_frames(exec, cloud, {.images = images, .width = width, .height = height, .batch = images});
-  for (int k = 0; k < 2; ++k) gsp::render(exec, cloud, poses, cameras, frames);  // the first may make its buffers anew at its end
+  gsp::render(exec, cloud, poses, cameras, frames);
   auto const& wave = frames.wave;
   REQUIRE(wave.images == images);
   Kokkos::HostSpace const host;
   auto const splats = Kokkos::create_mirror_view_and_copy(host, wave.splats);
-  auto const order = Kokkos::create_mirror_view_and_copy(host, wave.order);
   auto const origins = Kokkos::create_mirror_view_and_copy(host, wave.origins);
   auto const begins = Kokkos::create_mirror_view_and_copy(host, wave.tile_begin);
   auto const list = Kokkos::create_mirror_view_and_copy(host, wave.tile_splats);
+  auto const masks = Kokkos::create_mirror_view_and_copy(host, wave.block_masks);
   auto const visible = Kokkos::create_mirror_view_and_copy(host, wave.visible),
              pairs = Kokkos::create_mirror_view_and_copy(host, wave.pairs);
   REQUIRE(visible() > 0);
+  std::vector<int> order(static_cast<std::size_t>(visible()));
+  std::iota(order.begin(), order.end(), 0);
+  auto const key = [&](int i) { return std::tuple(origins(i).depth, origins(i).image, origins(i).source); };
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return key(a) < key(b); });
   std::vector<std::vector<int>> expected(images * wave.tiles());
-  int ties = 0, tiles = 0;
-  for (std::int64_t i = 0; i < visible(); ++i) {
-    gsp::SplatOrigin const own = origins(order(i));
-    CHECK(own.depth == splats(order(i)).depth);
-    if (i > 0) {
-      gsp::SplatOrigin const before = origins(order(i - 1));
-      CHECK(std::tuple(before.depth, before.image, before.source) < std::tuple(own.depth, own.image, own.source));  // strictly rising
-      ties += before.depth == own.depth;
-    }
+  Listed found{0, 0};
+  int tiles = 0;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    gsp::SplatOrigin const own = origins(order[i]);
+    CHECK(own.depth == splats(order[i]).depth);
+    found.ties += i > 0 && origins(order[i - 1]).depth == own.depth;
     tiles += own.tiles;
-    for_tiles(splats(order(i)), wave.grid,
-              [&](int tx, int ty) { expected[own.image * wave.tiles() + ty * wave.grid.columns() + tx].push_back(order(i)); });
+    for_tiles(splats(order[i]), wave.grid,
+              [&](int tx, int ty) { expected[own.image * wave.tiles() + ty * wave.grid.columns() + tx].push_back(order[i]); });
   }
-  CHECK(ties > n / 10);
-  std::int64_t wrong = 0;
+  std::int64_t wrong = 0, missed = 0;
   for (std::size_t t = 0; t < expected.size(); ++t) {
     std::vector<int> const got(list.data() + begins(t), list.data() + begins(t + 1));
     wrong += got != expected[t];
+    found.longest = std::max(found.longest, int(got.size()));
+    if (masks.extent(0) == 0) continue;
+    int const x0 = int(t) % wave.tiles() % wave.grid.columns() * 64, y0 = int(t) % wave.tiles() / wave.grid.columns() * 32;
+    for (std::size_t k = 0; k < got.size(); ++k)
+      for (int y = y0; y < std::min(height, y0 + 32); ++y)
+        for (int x = x0; x < std::min(width, x0 + 64); ++x) {
+          gsp::Splat const& s = splats(got[k]);
+          float const dx = float(x) + 0.5f - s.u, dy = float(y) + 0.5f - s.v, wx = gsp::fma(s.l11, dx, s.l21 * dy), wy = s.l22 * dy;
+          bool const shown = gsp::fma(-wx, wx, gsp::fma(-wy, wy, s.power)) >= -gsp::splat_log2_255;
+          int const block = (y - y0) / 8 * 8 + (x - x0) / 8;
+          missed += shown && !(masks(begins(t) / 32 + std::int64_t(t) + std::int64_t(k) / 32, block) >> k % 32 & 1u);
+        }
   }
   CHECK(wrong == 0);
+  CHECK(missed == 0);
   CHECK(begins(expected.size()) == pairs());
   CHECK(tiles == pairs());
+  return found;
+}
+}  // namespace
+
+TEST_CASE_TEMPLATE("lists of the tiles hold each splat that touches them once, front to back, ties by source", Exec, GSP_TEST_EXECS) {
+  int const width = 203, height = 149, n = 2000;
+  auto set = gsp_test::random_gaussians(n, 0, 1, 3);
+  for (int i = n / 2; i < n; ++i)  // pairs of equal depth: the same place, other colours
+    for (int k = 0; k < 3; ++k) set.positions[3 * i + k] = set.positions[3 * (i - n / 2) + k];
+  std::vector<float> viewmats, Ks;
+  gsp_test::random_cameras(3, width, height, 2, 4, viewmats, Ks);
+  CHECK(check_lists(Exec(), set, width, height, viewmats, Ks).ties > n / 10);
+}
+
+TEST_CASE_TEMPLATE("long lists, and walls that face the camera, are in order", Exec, GSP_TEST_EXECS) {
+  int const width = 61, height = 30;  // one tile of a GPU
+  std::vector<float> viewmats, Ks;
+  for (double z : {3., 3.25}) {
+    for (double x : {1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., z, 0., 0., 0., 1.}) viewmats.push_back(float(x));
+    for (double x : {40., 0., 30., 0., 40., 15., 0., 0., 1.}) Ks.push_back(float(x));
+  }
+  for (int n : {300, 3000, 12000})
+    for (int wall : {0, 40, n / 2, n}) {
+      CAPTURE(n);
+      CAPTURE(wall);
+      auto set = gsp_test::random_gaussians(n, 0, 1, 7);
+      for (int i = 0; i < wall; ++i) set.positions[3 * (n - 1 - i) + 2] = 0;
+      for (float& x : set.opacities) x = std::max(x, 0.1f);  // all are seen
+      for (int i = 0; i < n; ++i) set.positions[3 * i] *= 0.6f, set.positions[3 * i + 1] *= 0.3f;
+      auto const found = check_lists(Exec(), set, width, height, viewmats, Ks);
+      CHECK(found.ties >= 2 * (wall > 0 ? wall - 1 : 0));
+      if (gsp::is_device<Exec>) CHECK(found.longest > n / 2);
+    }
 }

@@ -1,5 +1,4 @@
 #pragma once
-#include <gsp/parallel/scan.hpp>
 #include <gsp/parallel/sort_by_key.hpp>
 #include <gsp/splat/detail/ellipse.hpp>
 #include <gsp/splat/detail/link_view.hpp>
@@ -9,6 +8,17 @@
 namespace gsp {
 
 namespace detail {
+/// A pair as it is found: the place in its tile's list is still without order.
+struct alignas(16) PooledPair {
+  std::uint32_t tile;  // image x tiles + tile
+  int place, splat;
+  std::uint32_t depth;  // bits of the splat's, which are as the depths themselves: these are positive
+};
+struct alignas(8) TilePair {
+  std::uint32_t depth;
+  int splat;
+};
+
 /// A CPU's tile is a row of packs; a GPU's has an 8 x 8 block for each bit of a word.
 template <class Exec>
 TileGrid tile_grid(int width, int height) {
@@ -35,30 +45,36 @@ struct SplatWave {
   detail::TileGrid grid{};    // 16 x 16 pixels a tile on a CPU, 64 x 32 on a GPU
   int words = 0;              // of 32 Gaussians each, in `seen`
   std::int64_t visible_capacity = 0, pair_capacity = 0;
-  std::int64_t visible_least = 1, pair_least = 1;  // what a user's hints ask for: `render` makes them no smaller
-  int values_a_splat = 0;                          // numbers that channels keep of a Gaussian beside its splat
+  int values_a_splat = 0;  // numbers that channels keep of a Gaussian beside its splat
 
   View<detail::ImageView*> image_views;  // (batch)
   View<detail::LinkView**> link_views;   // (batch, body)
   View<bool**> cluster_seen;             // (batch, cluster) whether a Gaussian of it may be; read on a device
-  View<std::uint32_t**> seen;            // (batch, word) bit `source` says whether the image has a splat of that Gaussian
-  View<int*> seen_before;                // (batch x words + 1) how many splats there are of the words before, image after image
   View<std::int64_t> visible, pairs;     // how many there are; 0 where they did not fit
   View<std::int64_t[3]> needed;          // greatest number of visible and of pairs of any wave since `render` began, and of a camera
                                          // that has no focal length (its image + 1)
 
-  View<Splat*> splats;                           // (visible) in no order
-  View<SplatOrigin*> origins;                    // (visible)
-  View<float*> values;                           // (visible x values_a_splat)
+  View<Splat*> splats;                  // (visible) in no order
+  View<SplatOrigin*> origins;           // (visible)
+  View<float*> values;                  // (visible x values_a_splat)
+  Kokkos::View<int*, Mem> tile_splats;  // (pairs) splat indices, by tile, front to back
+  View<std::int64_t*> tile_begin;       // (batch x tiles + 1)
+
+  // a CPU's
+  View<std::uint32_t**> seen;                    // (batch, word) bit `source` says whether the image has a splat of that Gaussian
+  View<int*> seen_before;                        // (batch x words + 1) how many splats there are of the words before, image after image
   Kokkos::View<std::uint32_t*, Mem> depth_keys;  // (visible) bits of the depth
   Kokkos::View<int*, Mem> order;                 // (visible) splat indices, by depth, of one depth by image and source
   View<std::int64_t*> pair_offset;               // (visible + 1)
   Kokkos::View<std::uint32_t*, Mem> tile_keys;   // (pairs) image x tiles + tile
-  Kokkos::View<int*, Mem> tile_splats;           // (pairs) splat indices, by tile, front to back
-  View<std::int64_t*> tile_begin;                // (batch x tiles + 1)
-  View<std::uint32_t**> block_masks;  // a device's: of 32 splats of a list, which touch each 8 x 8 pixels (detail/tile_masks_cuda.hpp)
   SortScratch<std::uint32_t, Mem> order_scratch, tile_scratch;
-  ScanScratch<Mem> scan_scratch;
+
+  // a GPU's
+  View<int*> tile_count;                // (batch x tiles) pairs of each
+  View<detail::PooledPair*> pair_pool;  // (pairs) in no order
+  View<detail::TilePair*> pair_list;    // (pairs) by tile
+  View<std::uint32_t**> block_masks;    // a list that begins at pair b, of tile t, has for each 32 of its splats a row from b / 32 + t on:
+                                        // word k says which of them touch the tile's k-th 8 x 8 pixels (detail/block_masks.hpp)
 
   KOKKOS_FUNCTION int tiles() const { return grid.columns() * grid.rows(); }
 };

@@ -64,23 +64,12 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
               needed[1] > frames.wave.pair_capacity ? room(needed[1]) : 0, frames.wave);
     return small;
   };
-  // A device sorts and sums whole buffers, so those that a guess made far too large are made anew; what they hold is drawn by then.
-  auto const trim = [&] {
-    auto& w = frames.wave;
-    auto const needed = detail::to_host(exec, w.needed);
-    std::int64_t const visible = std::max(room(needed[0]), w.visible_least), pairs = std::max(room(needed[1]), w.pair_least);
-    bool const too_many = w.visible_capacity > room(visible), too_far = w.pair_capacity > room(pairs);
-    if (too_many) w.visible_capacity = 0;
-    if (too_far) w.pair_capacity = 0;
-    reserve(exec, too_many ? visible : 0, too_far ? pairs : 0, w);
-  };
   Kokkos::parallel_for("gsp::splat::render_reset", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::ResetNeeded<Mem>{frames.wave.needed});
   int first = 0;
   if (frames.wave.visible_capacity == 0 || frames.wave.pair_capacity == 0) reserve(exec, 1, 1, frames.wave);  // there was no room for more
   if (!frames.sized) {
     do wave(0);
     while (grow());
-    if (is_device<Exec>) trim();
     frames.sized = true;
     first = frames.wave.batch;
   }

@@ -3,7 +3,7 @@
 #include <gsp/parallel/sort_by_key.hpp>
 #include <gsp/splat/frames.hpp>
 
-/// Kernels of gsp/splat/bin_tiles.hpp, where the contract stands.
+/// Kernels of gsp/splat/bin_tiles.hpp on a CPU, where the contract stands.
 namespace gsp::detail {
 
 /// How many splats there are of a word's 32 Gaussians.
@@ -16,16 +16,12 @@ struct SeenOfWord {
   KOKKOS_FUNCTION std::int64_t extent(int) const { return std::int64_t(wave.images) * wave.words; }
 };
 
-/// Splats by (image, source), with the bits of their depth, which are as the depths themselves: these are positive. Behind them, where a
-/// device sorts the whole capacity, keys that nothing passes.
+/// Splats by (image, source), with the bits of their depth, which are as the depths themselves: these are positive.
 template <class Mem>
 struct RankSplats {
   SplatWave<Mem> wave;
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
-    if (i >= wave.visible()) {
-      wave.depth_keys(i) = ~std::uint32_t(0);
-      return;
-    }
+    if (i >= wave.visible()) return;
     SplatOrigin const o = wave.origins(i);
     int const word = o.source / 32;
     std::uint32_t const below = (std::uint32_t(1) << o.source % 32) - 1;
@@ -80,16 +76,6 @@ struct EmitPairs {
       for (int tx = first; tx <= last; ++tx) put(base + static_cast<std::uint32_t>(ty * columns + tx));
     });
     while (to < end) put(pad);
-  }
-};
-
-/// Keys behind all others, where a device sorts the whole capacity.
-template <class Mem>
-struct PadPairs {
-  SplatWave<Mem> wave;
-  std::uint32_t pad;
-  KOKKOS_FUNCTION void operator()(std::int64_t i) const {
-    if (i >= wave.pairs()) wave.tile_keys(i) = pad;
   }
 };
 

@@ -32,14 +32,14 @@ void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWa
     w.order = {};
     w.pair_offset = {};
     w.order_scratch = {};
-    w.scan_scratch = {};
     w.splats = detail::allocate<typename Wave::template View<Splat*>>("gsp::SplatWave::splats", visible);
     w.origins = detail::allocate<typename Wave::template View<SplatOrigin*>>("gsp::SplatWave::origins", visible);
-    w.depth_keys = detail::allocate<Kokkos::View<std::uint32_t*, Mem>>("gsp::SplatWave::depth_keys", visible);
-    w.order = detail::allocate<Kokkos::View<int*, Mem>>("gsp::SplatWave::order", visible);
-    w.pair_offset = detail::allocate<typename Wave::template View<std::int64_t*>>("gsp::SplatWave::pair_offset", visible + 1);
-    w.order_scratch = make_sort_scratch<std::uint32_t>(exec, visible);
-    w.scan_scratch = make_scan_scratch(exec, std::max<std::int64_t>(visible, std::int64_t(w.seen_before.extent(0))));
+    if constexpr (!is_device<Exec>) {
+      w.depth_keys = detail::allocate<Kokkos::View<std::uint32_t*, Mem>>("gsp::SplatWave::depth_keys", visible);
+      w.order = detail::allocate<Kokkos::View<int*, Mem>>("gsp::SplatWave::order", visible);
+      w.pair_offset = detail::allocate<typename Wave::template View<std::int64_t*>>("gsp::SplatWave::pair_offset", visible + 1);
+      w.order_scratch = make_sort_scratch<std::uint32_t>(exec, visible);
+    }
     w.visible_capacity = visible;
   }
   std::size_t const values = static_cast<std::size_t>(w.visible_capacity) * static_cast<std::size_t>(w.values_a_splat);
@@ -54,16 +54,22 @@ void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWa
   }
   if (pairs > w.pair_capacity) {
     w.pair_capacity = 0;
-    w.tile_keys = {};
     w.tile_splats = {};
+    w.tile_keys = {};
     w.tile_scratch = {};
+    w.pair_pool = {};
+    w.pair_list = {};
     w.block_masks = {};
-    w.tile_keys = detail::allocate<Kokkos::View<std::uint32_t*, Mem>>("gsp::SplatWave::tile_keys", pairs);
     w.tile_splats = detail::allocate<Kokkos::View<int*, Mem>>("gsp::SplatWave::tile_splats", pairs);
-    w.tile_scratch = make_sort_scratch<std::uint32_t>(exec, pairs);
-    if (is_device<Exec>)
+    if constexpr (is_device<Exec>) {
+      w.pair_pool = detail::allocate<typename Wave::template View<detail::PooledPair*>>("gsp::SplatWave::pair_pool", pairs);
+      w.pair_list = detail::allocate<typename Wave::template View<detail::TilePair*>>("gsp::SplatWave::pair_list", pairs);
       w.block_masks = detail::allocate<typename Wave::template View<std::uint32_t**>>(
           "gsp::SplatWave::block_masks", detail::mask_rows(pairs, std::int64_t(w.batch) * w.tiles()), 32);
+    } else {
+      w.tile_keys = detail::allocate<Kokkos::View<std::uint32_t*, Mem>>("gsp::SplatWave::tile_keys", pairs);
+      w.tile_scratch = make_sort_scratch<std::uint32_t>(exec, pairs);
+    }
     w.pair_capacity = pairs;
   }
 }
@@ -90,10 +96,10 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
   s.grid = tile_grid<Exec>(options.width, options.height);
   std::int64_t const tiles = std::int64_t(s.grid.columns()) * s.grid.rows(), clusters = std::int64_t(cloud.clusters.extent(0));
   s.words = (cloud.count + 31) / 32;
-  s.an_image = sizeof(ImageView) + cloud.bodies * std::int64_t(sizeof(LinkView)) + clusters + 8 * s.words + 8 * tiles +
-               (is_device<Exec> ? 128 * tiles : 0);
-  s.a_splat = sizeof(Splat) + sizeof(SplatOrigin) + 4 * options.values + 2 * (4 + 4) + 8;  // keys and indices twice: sorting
-  s.a_pair = 2 * (4 + 4) + (is_device<Exec> ? 4 : 0);
+  s.an_image = sizeof(ImageView) + cloud.bodies * std::int64_t(sizeof(LinkView)) + clusters + 8 * tiles +
+               (is_device<Exec> ? (128 + 4) * tiles : 8 * s.words);
+  s.a_splat = sizeof(Splat) + sizeof(SplatOrigin) + 4 * options.values + (is_device<Exec> ? 0 : 2 * (4 + 4) + 8);  // a sort's, twice
+  s.a_pair = is_device<Exec> ? sizeof(PooledPair) + sizeof(TilePair) + 4 + 4 : 2 * (4 + 4);
   // an eighth of a captured room is seen by a camera in it; a splat touches more tiles the larger the picture
   double const pixels = double(options.width) * options.height;
   std::int64_t const visible =
@@ -157,15 +163,17 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
   wave.link_views = detail::allocate<typename Wave::template View<detail::LinkView**>>("gsp::SplatWave::link_views", batch, cloud.bodies);
   wave.cluster_seen =
       detail::allocate<typename Wave::template View<bool**>>("gsp::SplatWave::cluster_seen", batch, cloud.clusters.extent(0));
-  wave.seen = detail::allocate<typename Wave::template View<std::uint32_t**>>("gsp::SplatWave::seen", batch, wave.words);
-  wave.seen_before = detail::allocate<typename Wave::template View<int*>>("gsp::SplatWave::seen_before", batch * wave.words + 1);
+  if constexpr (is_device<Exec>) {
+    wave.tile_count = detail::allocate<typename Wave::template View<int*>>("gsp::SplatWave::tile_count", batch * wave.tiles());
+  } else {
+    wave.seen = detail::allocate<typename Wave::template View<std::uint32_t**>>("gsp::SplatWave::seen", batch, wave.words);
+    wave.seen_before = detail::allocate<typename Wave::template View<int*>>("gsp::SplatWave::seen_before", batch * wave.words + 1);
+  }
   wave.visible = detail::allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::visible");
   wave.pairs = detail::allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::pairs");
   wave.needed = detail::allocate_zero<typename Wave::template View<std::int64_t[3]>>(exec, "gsp::SplatWave::needed");
   wave.tile_begin = detail::allocate<typename Wave::template View<std::int64_t*>>("gsp::SplatWave::tile_begin", batch * wave.tiles() + 1);
   reserve(exec, sizes.visible, sizes.pairs, wave);
-  if (options.visible > 0) wave.visible_least = sizes.visible;
-  if (options.pairs > 0) wave.pair_least = sizes.pairs;
   return f;
 }
 

@@ -4,7 +4,7 @@
 #include <gsp/splat/detail/splats_met.hpp>
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
 #include <gsp/parallel/detail/launch_cuda.hpp>
-#include <gsp/splat/detail/tile_masks_cuda.hpp>
+#include <gsp/splat/detail/block_masks.hpp>
 #endif
 
 /// Kernels of gsp/splat/median_depth.hpp, where the contract stands.
@@ -146,7 +146,7 @@ struct MedianRows {
 template <class Mem>
 struct MedianBlocks {
   MedianPass<Mem> pass;
-  using Masks = TileMasks<Mem>;
+  using Masks = BlockMasks;
   static constexpr int threads = 128, side = Masks::side, blocks_of_tile = Masks::across * Masks::down;
   static constexpr int grid_of_tile = 2 * blocks_of_tile / (threads / 32);
 

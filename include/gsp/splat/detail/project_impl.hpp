@@ -11,19 +11,24 @@ namespace gsp {
 
 namespace detail {
 
-/// Before: nobody has been seen; and, on a GPU, which clusters an image may see.
+/// Before: nothing has been seen; and, on a GPU, which clusters an image may see.
 template <class Mem, bool device>
 struct BeginProjection {
   Projector<Mem> p;
   int clusters;
+  Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status;
   KOKKOS_FUNCTION void operator()(int index) const {
     auto const& wave = p.wave;
     if (index == 0) wave.visible() = 0;
-    if (index < wave.images * wave.words) wave.seen(index / wave.words, index % wave.words) = 0;
-    if (!device || index >= wave.images * clusters) return;
-    int const image = index / clusters, k = index % clusters;
-    GaussianCluster const& cluster = p.cloud.clusters(k);
-    wave.cluster_seen(image, k) = p.may_see(cluster, wave.link_views(image, cluster.body), wave.image_views(image));
+    if (index < wave.images) status(wave.first + index) &= ~frame_overflow;
+    if constexpr (device) {
+      if (index >= wave.images * clusters) return;
+      int const image = index / clusters, k = index % clusters;
+      GaussianCluster const& cluster = p.cloud.clusters(k);
+      wave.cluster_seen(image, k) = p.may_see(cluster, wave.link_views(image, cluster.body), wave.image_views(image));
+    } else if (index < wave.images * wave.words) {
+      wave.seen(index / wave.words, index % wave.words) = 0;
+    }
   }
 };
 
@@ -61,6 +66,8 @@ struct ProjectPacks {
     std::int64_t const to = Kokkos::atomic_fetch_add(&wave.visible(), std::int64_t(found));
     for (int k = 0; k < found && to + k < wave.visible_capacity; ++k) {
       p.put(to + k, image, places[k], splats[k]);
+      int const source = wave.origins(to + k).source;
+      Kokkos::atomic_or(&wave.seen(image, source / 32), std::uint32_t(1) << source % 32);
       p.put_values(channels, to + k, image, cluster.body, places[k], link);
     }
   }
@@ -68,21 +75,16 @@ struct ProjectPacks {
 
 /// Do they fit? If not, the wave is left out: its images are marked, later stages find nothing to do.
 template <class Mem>
-struct MarkImages {
-  SplatWave<Mem> wave;
-  Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status;
-  KOKKOS_FUNCTION void operator()(int k) const {
-    std::uint32_t const old = status(wave.first + k);
-    status(wave.first + k) = wave.visible() <= wave.visible_capacity ? old & ~frame_overflow : old | frame_overflow;
-  }
-};
-template <class Mem>
 struct SettleVisible {
   SplatWave<Mem> wave;
+  Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status;
   KOKKOS_FUNCTION void operator()(int) const {
     std::int64_t const visible = wave.visible();
-    wave.visible() = visible <= wave.visible_capacity ? visible : 0;
+    bool const fits = visible <= wave.visible_capacity;
+    wave.visible() = fits ? visible : 0;
     wave.needed(0) = visible > wave.needed(0) ? visible : wave.needed(0);
+    if (!fits)
+      for (int k = 0; k < wave.images; ++k) status(wave.first + k) |= frame_overflow;
   }
 };
 
@@ -99,11 +101,11 @@ void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem>& frames,
   using List = std::remove_const_t<decltype(list)>;
   detail::check_values<List>("gsp::project", frames);
   auto const& wave = frames.wave;
-  int const clusters = static_cast<int>(cloud.clusters.extent(0)), cells = wave.images * clusters, words = wave.images * wave.words;
+  int const clusters = static_cast<int>(cloud.clusters.extent(0)), cells = wave.images * clusters,
+            beginnings = std::max(wave.images, is_device<Exec> ? cells : wave.images * wave.words);
   detail::Projector<Mem> const projector{cloud, wave, options, frames.width, frames.height};
-  Kokkos::parallel_for("gsp::splat::project_begin",
-                       lightweight(Kokkos::RangePolicy<Exec>(exec, 0, std::max({1, words, is_device<Exec> ? cells : 0}))),
-                       detail::BeginProjection<Mem, is_device<Exec>>{projector, clusters});
+  Kokkos::parallel_for("gsp::splat::project_begin", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, beginnings)),
+                       detail::BeginProjection<Mem, is_device<Exec>>{projector, clusters, frames.status});
   if constexpr (is_device<Exec>) {
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
     detail::project_on_cuda(exec, cells, detail::ProjectClusters<Mem, List>{projector, clusters, list});
@@ -115,9 +117,8 @@ void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem>& frames,
                          Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, cells, Kokkos::ChunkSize(8)),
                          detail::ProjectPacks<Mem, List>{projector, clusters, list});
   }
-  Kokkos::parallel_for("gsp::splat::project_mark", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, wave.images)),
-                       detail::MarkImages<Mem>{wave, frames.status});
-  Kokkos::parallel_for("gsp::splat::project_settle", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, 1)), detail::SettleVisible<Mem>{wave});
+  Kokkos::parallel_for("gsp::splat::project_settle", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, 1)),
+                       detail::SettleVisible<Mem>{wave, frames.status});
 }
 
 }  // namespace gsp

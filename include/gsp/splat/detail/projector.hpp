@@ -107,10 +107,8 @@ struct Projector {
 
   /// Puts a splat into the pool.
   KOKKOS_FUNCTION void put(std::int64_t to, int image, int i, Splat const& s) const {
-    int const source = cloud.source(i);
     wave.splats(to) = s;
-    wave.origins(to) = {image, source, s.depth, count_tiles(s, wave.grid)};
-    Kokkos::atomic_or(&wave.seen(image, source / 32), std::uint32_t(1) << source % 32);
+    wave.origins(to) = {image, cloud.source(i), s.depth, count_tiles(s, wave.grid)};
   }
   /// What channels keep of it.
   template <class List>

@@ -1,14 +1,15 @@
 #pragma once
 #include <gsp/parallel/detail/launch_cuda.hpp>
 #include <gsp/splat/channels.hpp>
-#include <gsp/splat/detail/tile_masks_cuda.hpp>
+#include <gsp/splat/detail/block_masks.hpp>
+#include <gsp/splat/frames.hpp>
 
 namespace gsp::detail {
 
-/// Pictures on a GPU: a warp blends 8 x 8 pixels by itself, two neighbours of a row a lane. It asks the masks of its tile (TileMasks) which
-/// splats touch the block, 1,024 at a time, fetches those 32 at a time into shared memory, and goes through them without a branch; the next
-/// 32 are on their way meanwhile. What bounds it is the instructions that are issued for each splat and block, so what depends on the block
-/// alone is paid when a splat is put down:
+/// Pictures on a GPU: a warp blends 8 x 8 pixels by itself, two neighbours of a row a lane. It asks the masks of its tile (BlockMasks)
+/// which splats touch the block, 1,024 at a time, fetches those 32 at a time into shared memory, and goes through them without a branch;
+/// the next 32 are on their way meanwhile. What bounds it is the instructions that are issued for each splat and block, so what depends on
+/// the block alone is paid when a splat is put down:
 ///   l11 (x - u) + l21 (y - v) = l11 i + l21 j + across,  l22 (y - v) = l22 j + down,  for column i and row j of the block.
 template <class Mem, class List>
 struct RasterizeBlocks {
@@ -16,7 +17,7 @@ struct RasterizeBlocks {
   List channels;
   float alpha_max, stop;
 
-  using Masks = TileMasks<Mem>;
+  using Masks = BlockMasks;
   static constexpr int side = Masks::side, warps = 4, threads = 32 * warps, blocks_of_tile = Masks::across * Masks::down, entries = 1024;
   static constexpr unsigned all = 0xffffffffu;
 

@@ -1,0 +1,187 @@
+#pragma once
+#include <gsp/parallel/detail/launch_cuda.hpp>
+#include <gsp/splat/frames.hpp>
+
+/// Pairs of splats and tiles on a GPU. Which comes first hangs on the order of threads, and nothing hangs on it: SortTiles puts each list
+/// in order.
+namespace gsp::detail {
+
+/// Nothing has been listed.
+template <class Mem>
+struct BeginLists {
+  SplatWave<Mem> wave;
+  KOKKOS_FUNCTION void operator()(int tile) const {
+    if (tile == 0) wave.pairs() = 0;
+    wave.tile_count(tile) = 0;
+  }
+};
+
+/// The tiles of a splat, a splat a thread; those of more than a few tiles by all lanes of the warp together, a row of tiles each. A block
+/// asks once for neighbouring places in the pool, and lanes that meet one tile ask once for neighbouring places in its list.
+template <class Mem>
+struct ListPairs {
+  SplatWave<Mem> wave;
+  static constexpr int threads = 128, warps = threads / 32, few = 8;
+  static constexpr unsigned all = 0xffffffffu;
+  struct Places {
+    int of_warp[warps];
+    std::int64_t first;
+  };
+
+  __device__ void operator()(Places& places) const {
+    std::int64_t const i = std::int64_t(blockIdx.x) * threads + threadIdx.x, count = wave.visible();
+    if (i - threadIdx.x >= count) return;
+    int const warp = int(threadIdx.x) / 32, lane = int(threadIdx.x) % 32;
+    SplatOrigin const o = i < count ? wave.origins(i) : SplatOrigin{};
+    Splat const splat = wave.splats(i < count ? i : 0);  // on its way while the block asks for places
+    int const upto = sum_upto(o.tiles, lane);
+    if (lane == 31) places.of_warp[warp] = upto;
+    __syncthreads();
+    if (threadIdx.x == 0) {
+      int sum = 0;
+      for (int& n : places.of_warp) {
+        int const own = n;
+        n = sum;
+        sum += own;
+      }
+      places.first = std::int64_t(atomicAdd(reinterpret_cast<unsigned long long*>(&wave.pairs()), static_cast<unsigned long long>(sum)));
+    }
+    __syncthreads();
+    std::int64_t const own = places.first + places.of_warp[warp] + upto - o.tiles, end = own + o.tiles;
+    bool const fits = end <= wave.pair_capacity;  // else the wave is left out (BeginTiles)
+    one_by_one(i, o, splat, fits && o.tiles <= few ? o.tiles : 0, own, lane);
+    for (unsigned word = __ballot_sync(all, fits && o.tiles > few); word != 0; word &= word - 1) {
+      int const from = __ffs(int(word)) - 1;
+      together(i - lane + from, __shfl_sync(all, o.image, from), __shfl_sync(all, own, from), __shfl_sync(all, end, from), lane);
+    }
+  }
+
+  /// Of own and the lanes before.
+  __device__ static int sum_upto(int own, int lane) {
+    for (int step = 1; step < 32; step *= 2) {
+      int const other = __shfl_up_sync(all, own, step);
+      if (lane >= step) own += other;
+    }
+    return own;
+  }
+
+ private:
+  __device__ void one_by_one(std::int64_t i, SplatOrigin const& o, Splat const& splat, int left, std::int64_t to, int lane) const {
+    Ellipse const e(splat);
+    PixelRange const pixels = e.rows(0, wave.grid.height - 1);
+    int const columns = wave.grid.columns(), below = wave.grid.rows_of(pixels).last;
+    int ty = wave.grid.rows_of(pixels).first;
+    PixelRange tiles{0, -1};
+    for (; __any_sync(all, left > 0); --left, ++to) {
+      std::uint32_t tile = no_tile;
+      if (left > 0) {
+        while (tiles.first > tiles.last && ty <= below) tiles = wave.grid.touched(e, pixels, ty++);
+        // the other case cannot be while counting and listing round alike
+        if (tiles.first <= tiles.last) tile = first_tile(o.image) + std::uint32_t((ty - 1) * columns + tiles.first++);
+      }
+      unsigned const same = __match_any_sync(all, tile);
+      int const leader = __ffs(int(same)) - 1;
+      int place = 0;
+      if (lane == leader && tile != no_tile) place = atomicAdd(&wave.tile_count(tile), __popc(same));
+      place = __shfl_sync(all, place, leader) + __popc(same & ((1u << lane) - 1u));
+      if (left > 0) wave.pair_pool(to) = {tile, place, int(i), __float_as_uint(o.depth)};
+    }
+  }
+  __device__ void together(std::int64_t i, int image, std::int64_t to, std::int64_t end, int lane) const {
+    Splat const& s = wave.splats(i);
+    Ellipse const e(s);
+    PixelRange const pixels = e.rows(0, wave.grid.height - 1), rows = wave.grid.rows_of(pixels);
+    int const columns = wave.grid.columns();
+    for (int top = rows.first; top <= rows.last; top += 32) {
+      int const ty = top + lane;
+      PixelRange const tiles = ty <= rows.last ? wave.grid.touched(e, pixels, ty) : PixelRange{0, -1};
+      int const own = tiles.first <= tiles.last ? tiles.last - tiles.first + 1 : 0, upto = sum_upto(own, lane);
+      for (int k = 0; k < own && to + upto - own + k < end; ++k) {
+        std::uint32_t const tile = first_tile(image) + std::uint32_t(ty * columns + tiles.first + k);
+        wave.pair_pool(to + upto - own + k) = {tile, atomicAdd(&wave.tile_count(tile), 1), int(i), __float_as_uint(s.depth)};
+      }
+      to += __shfl_sync(all, upto, 31);
+    }
+    for (to += lane; to < end; to += 32) wave.pair_pool(to).tile = no_tile;  // cannot be while counting and listing round alike
+  }
+  __device__ std::uint32_t first_tile(int image) const { return std::uint32_t(image) * std::uint32_t(wave.tiles()); }
+  static constexpr std::uint32_t no_tile = ~0u;
+
+ public:
+  /// Puts a pair from the pool into its tile's list.
+  __device__ void place(std::int64_t i) const {
+    if (i >= wave.pairs()) return;
+    PooledPair const p = wave.pair_pool(i);
+    if (p.tile != no_tile) wave.pair_list(wave.tile_begin(p.tile) + p.place) = {p.depth, p.splat};
+  }
+};
+
+/// Where the lists begin, by one block: there are few tiles, and this is soon done. Do the pairs fit? As for the splats, a wave that does
+/// not is left out and marked.
+template <class Mem>
+struct BeginTiles {
+  SplatWave<Mem> wave;
+  Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status;
+  static constexpr int threads = 1024;
+
+  __device__ void operator()(int* sums) const {
+    std::int64_t const pairs = wave.pairs();
+    bool const fits = pairs <= wave.pair_capacity;
+    int const tiles = wave.images * wave.tiles(), each = (tiles + threads - 1) / threads, warp = int(threadIdx.x) / 32,
+              lane = int(threadIdx.x) % 32, first = int(threadIdx.x) * each, last = first + each < tiles ? first + each : tiles;
+    int own = 0;
+    for (int tile = first; fits && tile < last; ++tile) own += wave.tile_count(tile);
+    int const upto = ListPairs<Mem>::sum_upto(own, lane);
+    if (lane == 31) sums[warp] = upto;
+    __syncthreads();
+    int begin = upto - own;
+    for (int w = 0; w < warp; ++w) begin += sums[w];
+    for (int tile = first; tile < last; ++tile) {
+      wave.tile_begin(tile) = begin;
+      if (fits) begin += wave.tile_count(tile);
+    }
+    if (threadIdx.x == 0) {
+      wave.tile_begin(tiles) = fits ? pairs : 0;
+      wave.pairs() = fits ? pairs : 0;
+      wave.needed(1) = pairs > wave.needed(1) ? pairs : wave.needed(1);
+    }
+    for (int k = int(threadIdx.x); !fits && k < wave.images; k += threads) status(wave.first + k) |= frame_overflow;
+  }
+};
+
+template <class Pairs>
+__global__ void __launch_bounds__(Pairs::threads, 12) list_pairs_kernel(Pairs const __grid_constant__ pairs) {
+  __shared__ typename Pairs::Places places;
+  pairs(places);
+}
+template <class Tiles>
+__global__ void __launch_bounds__(Tiles::threads) begin_tiles_kernel(Tiles const __grid_constant__ tiles) {
+  __shared__ int sums[Tiles::threads / 32];
+  tiles(sums);
+}
+template <class Pairs>
+__global__ void __launch_bounds__(256) place_pairs_kernel(Pairs const __grid_constant__ pairs) {
+  pairs.place(std::int64_t(blockIdx.x) * 256 + threadIdx.x);
+}
+template <class Mem>
+void list_pairs_on_cuda(Kokkos::Cuda const& exec, SplatWave<Mem> const& wave) {
+  using Pairs = ListPairs<Mem>;
+  launch_on_cuda("gsp::splat::bin_tiles_list", exec, [&](cudaStream_t stream) {
+    list_pairs_kernel<<<unsigned((wave.visible_capacity + Pairs::threads - 1) / Pairs::threads), Pairs::threads, 0, stream>>>(Pairs{wave});
+  });
+}
+template <class Mem, class Status>
+void begin_tiles_on_cuda(Kokkos::Cuda const& exec, SplatWave<Mem> const& wave, Status const& status) {
+  using Tiles = BeginTiles<Mem>;
+  launch_on_cuda("gsp::splat::bin_tiles_begins", exec, [&](cudaStream_t stream) {
+    begin_tiles_kernel<<<1, Tiles::threads, 0, stream>>>(Tiles{wave, status});
+  });
+}
+template <class Mem>
+void place_pairs_on_cuda(Kokkos::Cuda const& exec, SplatWave<Mem> const& wave) {
+  launch_on_cuda("gsp::splat::bin_tiles_place", exec, [&](cudaStream_t stream) {
+    place_pairs_kernel<<<unsigned((wave.pair_capacity + 255) / 256), 256, 0, stream>>>(ListPairs<Mem>{wave});
+  });
+}
+
+}  // namespace gsp::detail
