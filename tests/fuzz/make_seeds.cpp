@@ -31,6 +31,7 @@ int main(int argc, char** argv) {
       seed("spz", "data" + std::to_string(version) + d, spz_data(2, version, degree)),
           seed("spz", "gzip" + std::to_string(version) + d, gzip(spz_data(2, version, degree)));
   }
+  for (int degree = 0; degree <= 3; ++degree) seed("spz", "streams" + std::to_string(degree), spz4(spz_data(2, 4, degree)));
   seed("ply", "old", compressed_ply(2, 12, 0));
   std::string text = "ply\nformat ascii 1.0\nelement vertex 1\n";
   for (auto p :

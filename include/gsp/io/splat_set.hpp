@@ -23,6 +23,7 @@ struct SplatSet {
   std::vector<float> sh;         // (n, K, 3)  term-major, then r g b; term 0 is DC
   std::vector<int> link;         // (n)     -1: static (world); else an index into link_names, and the Gaussian stands in that link's frame
   std::vector<std::string> link_names;
+  bool antialiased = false;  // trained with a filter of a pixel's size (Mip-Splatting): kept for files that say so, drawn as others are
   std::vector<std::string> notes;  // what the reader left out or ignored, one sentence each (the load report)
 
   std::size_t size() const { return opacities.size(); }
