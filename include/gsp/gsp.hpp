@@ -171,6 +171,7 @@
 #include <gsp/io/ray_table.hpp>
 #include <gsp/io/splat_file.hpp>
 #include <gsp/io/splat_links.hpp>
+#include <gsp/io/splat_order.hpp>
 #include <gsp/io/splat_set.hpp>
 #include <gsp/io/splat_transform.hpp>
 #include <gsp/io/splats.hpp>

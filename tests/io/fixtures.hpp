@@ -83,6 +83,32 @@ inline SplatSet random_set(std::size_t n, int degree, unsigned seed = 1) {
   return set;
 }
 
+/// How far two sets are apart, at most: lengths and numbers as they are, scales by their logarithm, rotations as quaternions of one sign.
+struct Apart {
+  double position = 0, log_scale = 0, rotation = 0, opacity = 0, dc = 0, sh = 0;
+};
+inline Apart apart(SplatSet const& a, SplatSet const& b) {
+  if (a.size() != b.size() || a.sh_degree != b.sh_degree) throw std::logic_error("apart: sets of different sizes");
+  Apart m;
+  auto const worst = [](double& most, double x) { most = std::max(most, std::abs(x)); };
+  std::size_t const width = 3 * a.sh_terms();
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    double plus = 0, minus = 0;
+    for (std::size_t k = 0; k < 4; ++k) {
+      plus += std::pow(double(a.quats[4 * i + k]) - b.quats[4 * i + k], 2);
+      minus += std::pow(double(a.quats[4 * i + k]) + b.quats[4 * i + k], 2);
+    }
+    worst(m.rotation, std::sqrt(std::min(plus, minus)));
+    worst(m.opacity, double(a.opacities[i]) - b.opacities[i]);
+    for (std::size_t k = 0; k < 3; ++k) {
+      worst(m.position, double(a.positions[3 * i + k]) - b.positions[3 * i + k]);
+      worst(m.log_scale, std::log(double(a.scales[3 * i + k])) - std::log(double(b.scales[3 * i + k])));
+    }
+    for (std::size_t k = 0; k < width; ++k) worst(k < 3 ? m.dc : m.sh, double(a.sh[width * i + k]) - b.sh[width * i + k]);
+  }
+  return m;
+}
+
 /// .spz of random bytes, unpacked: version 1-4, SH degree 0-3. Version 1 gets finite half floats.
 inline std::vector<std::byte> spz_data(std::uint32_t n, int version, int degree, unsigned seed = 1, int flags = 0) {
   std::mt19937 random(seed);
