@@ -159,6 +159,7 @@
 #include <gsp/io/draw_points.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/gaussians.hpp>
+#include <gsp/io/gltf.hpp>
 #include <gsp/io/hfield.hpp>
 #include <gsp/io/mesh.hpp>
 #include <gsp/io/mesh_builtin.hpp>

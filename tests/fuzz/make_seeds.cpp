@@ -1,5 +1,6 @@
 // Writes a few small valid files per reader under FOLDER/<reader>/, where the fuzzer starts from: make_seeds FOLDER
 #include <cstdio>
+#include <gsp/io/gltf.hpp>
 #include <gsp/io/npz.hpp>
 #include <gsp/io/ply.hpp>
 #include <gsp/io/png.hpp>
@@ -23,6 +24,8 @@ int main(int argc, char** argv) {
     std::string const d = std::to_string(degree);
     SplatSet set = random_set(2, degree);
     seed("ply", "plain" + d, format_ply(set));
+    seed("gltf", "binary" + d, format_glb(random_set(1, degree)));
+    seed("gltf", "text" + d, bytes_of(format_gltf(random_set(1, degree))));
     set.link_names = {"foot", "arm"};
     set.link = {1, -1};
     seed("ply", "linked" + d, format_ply(set));

@@ -99,6 +99,13 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
   CHECK(again.size() == 300);
   CHECK(std::count(again.link.begin(), again.link.end(), 1) == 10);
 
+  for (char const* file : {"f.glb", "f.gltf"}) {
+    CHECK(write_splats(folder.path / file, set).size() == 1);  // the flag
+    again = read_splats(folder.path / file);
+    CHECK(again.positions == set.positions);
+    CHECK(again.link[10] == 0);
+  }
+
   // a sidecar that would bind others
   CHECK(says(error_of([&] { write_splats(folder.path / "b.ply", plain(set)); }), "b.links.json: would bind the Gaussians of"));
   CHECK(says(error_of([&] { write_splats(folder.path / "b.spz", plain(set)); }), "b.links.json: would bind"));

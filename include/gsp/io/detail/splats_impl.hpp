@@ -3,6 +3,7 @@
 #include <gsp/core/detail/compiled.hpp>
 #include <gsp/io/compressed_ply.hpp>
 #include <gsp/io/file.hpp>
+#include <gsp/io/gltf.hpp>
 #include <gsp/io/ply.hpp>
 #include <gsp/io/splat_file.hpp>
 #include <gsp/io/splat_links.hpp>
@@ -18,12 +19,12 @@ namespace gsp::io {
 namespace detail {
 
 /// Endings, longer ones first where one ends in another.
-enum class SplatFormat { compressed_ply, ply, splat, spz };
+enum class SplatFormat { compressed_ply, ply, splat, spz, gltf };
 
 inline std::pair<char const*, SplatFormat> const* splat_format_of(std::string const& name) {
   using enum SplatFormat;
-  static constexpr std::array<std::pair<char const*, SplatFormat>, 4> formats{
-      {{".compressed.ply", compressed_ply}, {".ply", ply}, {".splat", splat}, {".spz", spz}}};
+  static constexpr std::array<std::pair<char const*, SplatFormat>, 6> formats{
+      {{".compressed.ply", compressed_ply}, {".ply", ply}, {".splat", splat}, {".spz", spz}, {".glb", gltf}, {".gltf", gltf}}};
   for (auto const& format : formats)
     if (name.ends_with(format.first)) return &format;
   return nullptr;
@@ -34,17 +35,19 @@ inline std::filesystem::path links_beside(std::filesystem::path path) { return p
 
 }  // namespace detail
 
-GSP_INLINE SplatSet parse_splats(Bytes bytes, std::string const& name) {
+GSP_INLINE SplatSet parse_splats(Bytes bytes, std::string const& name, std::filesystem::path const& folder) {
+  using detail::starts_with;
   if (bytes.empty()) detail::fail(name, "", "the file is empty; fetch it again");
   if (name.ends_with(".splat")) return parse_splat(bytes, name);
-  if (detail::starts_with(bytes, "ply")) return parse_ply(bytes, name);
-  if (detail::starts_with(bytes, "\x1f\x8b") || detail::starts_with(bytes, "NGSP")) return parse_spz(bytes, name);
+  if (starts_with(bytes, "ply")) return parse_ply(bytes, name);
+  if (starts_with(bytes, "\x1f\x8b") || starts_with(bytes, "NGSP")) return parse_spz(bytes, name);
+  if (starts_with(bytes, "glTF") || starts_with(bytes, "{")) return parse_gltf(bytes, name, folder);
   detail::fail(name, detail::at_byte(0),
-               "is no file of Gaussians that is known here; convert it to .ply (3DGS or SuperSplat compressed), .splat or .spz");
+               "is no file of Gaussians that is known here; convert it to .ply (3DGS or SuperSplat compressed), .splat, .spz or .glb");
 }
 
 GSP_INLINE SplatSet read_splats(std::filesystem::path const& path) {
-  SplatSet set = parse_splats(read_file(path), path.string());
+  SplatSet set = parse_splats(read_file(path), path.string(), path.has_parent_path() ? path.parent_path() : ".");
   auto const sidecar = detail::links_beside(path);
   std::error_code error;
   if (std::filesystem::exists(sidecar, error)) bind_links(set, read_links(sidecar), sidecar.string());
@@ -53,8 +56,9 @@ GSP_INLINE SplatSet read_splats(std::filesystem::path const& path) {
 
 GSP_INLINE void expect_splats_writable(std::filesystem::path const& path) {
   if (!detail::splat_format_of(path.string()))
-    detail::fail(path.string(), "",
-                 "its ending names no format of Gaussians that is written here; end it in .ply, .compressed.ply, .splat or .spz");
+    detail::fail(
+        path.string(), "",
+        "its ending names no format of Gaussians that is written here; end it in .ply, .compressed.ply, .splat, .spz, .glb or .gltf");
   expect_writable(path);
 }
 
@@ -79,20 +83,11 @@ GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& pa
     detail::fail(
         sidecar.string(), "",
         "would bind the Gaussians of " + detail::in_quotes(name) + " to other links than they have; remove it or choose another name");
-  switch (format) {
-    case ply:
-      write_ply(path, set);
-      break;
-    case compressed_ply:
-      write_compressed_ply(path, set);
-      break;
-    case splat:
-      write_splat(path, set);
-      break;
-    case spz:
-      write_spz(path, set, options.spz);
-      break;
-  }
+  if (format == ply) write_ply(path, set);
+  if (format == compressed_ply) write_compressed_ply(path, set);
+  if (format == splat) write_splat(path, set);
+  if (format == spz) write_spz(path, set, options.spz);
+  if (format == gltf) write_gltf(path, set);
   if (!text.empty()) write_file(sidecar, detail::as_bytes(text));
   return notes;
 }
