@@ -1,6 +1,7 @@
 #include <gsp/io/detail/compressed_ply_impl.hpp>
 #include <gsp/io/detail/gltf_impl.hpp>
 #include <gsp/io/detail/ply_impl.hpp>
+#include <gsp/io/detail/sog_impl.hpp>
 #include <gsp/io/detail/splat_file_impl.hpp>
 #include <gsp/io/detail/splat_links_impl.hpp>
 #include <gsp/io/detail/splat_order_impl.hpp>

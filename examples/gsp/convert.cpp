@@ -53,7 +53,8 @@ int run(Arguments const& arguments) {
 Command convert_command() {
   return {"convert",
           "FROM TO",
-          "writes Gaussians of a file in the format that the ending of TO names (.ply, .compressed.ply, .splat, .spz, .glb, .gltf), and "
+          "writes Gaussians of a file in the format that the ending of TO names (.ply, .compressed.ply, .splat, .spz, .glb, .gltf, .sog, "
+          "meta.json), and "
           "says what that "
           "format has no place "
           "for; links stand in a PLY itself, else in TO.links.json",

@@ -170,6 +170,7 @@
 #include <gsp/io/ply.hpp>
 #include <gsp/io/png.hpp>
 #include <gsp/io/ray_table.hpp>
+#include <gsp/io/sog.hpp>
 #include <gsp/io/splat_file.hpp>
 #include <gsp/io/splat_links.hpp>
 #include <gsp/io/splat_order.hpp>

@@ -4,6 +4,7 @@
 #include <gsp/io/npz.hpp>
 #include <gsp/io/ply.hpp>
 #include <gsp/io/png.hpp>
+#include <gsp/io/sog.hpp>
 #include <io/fixtures.hpp>
 #include <io/mesh_fixtures.hpp>
 
@@ -24,6 +25,8 @@ int main(int argc, char** argv) {
     std::string const d = std::to_string(degree);
     SplatSet set = random_set(2, degree);
     seed("ply", "plain" + d, format_ply(set));
+    seed("sog", "bundle" + d, format_sog(random_set(2, degree)));
+    for (auto const& [file, bytes] : detail::sog_files(random_set(2, degree)).files) seed("sog", file + d, bytes);
     seed("gltf", "binary" + d, format_glb(random_set(1, degree)));
     seed("gltf", "text" + d, bytes_of(format_gltf(random_set(1, degree))));
     set.link_names = {"foot", "arm"};

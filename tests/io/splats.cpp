@@ -106,6 +106,17 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
     CHECK(again.link[10] == 0);
   }
 
+#if defined(GSP_WITH_WEBP)
+  CHECK(write_splats(folder.path / "g.sog", set).empty());
+  again = read_splats(folder.path / "g.sog");
+  CHECK(again.antialiased);
+  CHECK(std::count(again.link.begin(), again.link.end(), 0) == 10);
+  CHECK(std::count(again.link.begin(), again.link.end(), 1) == 10);
+  std::filesystem::create_directory(folder.path / "sog");
+  CHECK(write_splats(folder.path / "sog" / "meta.json", set).empty());
+  CHECK(read_splats(folder.path / "sog" / "meta.json").positions == again.positions);
+#endif
+
   // a sidecar that would bind others
   CHECK(says(error_of([&] { write_splats(folder.path / "b.ply", plain(set)); }), "b.links.json: would bind the Gaussians of"));
   CHECK(says(error_of([&] { write_splats(folder.path / "b.spz", plain(set)); }), "b.links.json: would bind"));

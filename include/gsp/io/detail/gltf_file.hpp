@@ -2,44 +2,13 @@
 #include <algorithm>
 #include <filesystem>
 #include <gsp/io/detail/base64.hpp>
+#include <gsp/io/detail/file_beside.hpp>
+#include <gsp/io/detail/json_text.hpp>
 #include <gsp/io/file.hpp>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <vector>
 
 namespace gsp::io::detail {
-
-using Json = nlohmann::json;
-
-/// The JSON of `text`, or Error with the line.
-inline Json parse_json(std::string_view text, std::string const& name) {
-  try {
-    return Json::parse(text.begin(), text.end());
-  } catch (Json::parse_error const& error) {
-    auto const line = 1 + std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(std::min(error.byte, text.size())), '\n');
-    fail(name, at_line(static_cast<std::size_t>(line)), "is not valid JSON here; repair it");
-  } catch (Json::exception const&) { fail(name, "", "has a number that no double can hold; repair it"); }
-}
-
-/// A file that `name` refers to by `uri`, beside it: a plain path below its folder.
-inline std::filesystem::path file_beside(std::filesystem::path const& folder, std::string const& uri, std::string const& name,
-                                         std::string const& place) {
-  std::string text;
-  auto const hex = [](char c) {
-    return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
-  };
-  for (std::size_t i = 0; i < uri.size(); ++i) {
-    bool const escaped = uri[i] == '%' && i + 2 < uri.size() && hex(uri[i + 1]) >= 0 && hex(uri[i + 2]) >= 0;
-    text += escaped ? static_cast<char>(16 * hex(uri[i + 1]) + hex(uri[i + 2])) : uri[i];
-    if (escaped) i += 2;
-  }
-  std::filesystem::path const path = text;
-  bool plain = !text.empty() && !path.is_absolute() && text.find(':') == text.npos && text.find('\0') == text.npos;
-  for (auto const& part : path) plain = plain && part != "..";
-  if (!plain) fail(name, place, in_quotes(uri) + " is no path below the file's own folder; put the data there");
-  if (folder.empty()) fail(name, place, "names the file " + in_quotes(uri) + ", and only one file was given; use a .glb, or give its path");
-  return folder / path;
-}
 
 /// A glTF file: its JSON and buffers, with every number held against what is there.
 class GltfFile {
@@ -201,7 +170,7 @@ class GltfFile {
 struct GltfNumbers {
   Bytes bytes;
   std::uint64_t count = 0, size = 0, stride = 0;  // bytes of an element, and to the next
-  int type = 0;  // glTF's: 5120 signed byte, 5121 byte, 5122 signed short, 5123 short, 5126 float
+  int type = 0;                                   // glTF's: 5120 signed byte, 5121 byte, 5122 signed short, 5123 short, 5126 float
   bool normalized = false;
   std::uint64_t packed() const { return count * size; }
 

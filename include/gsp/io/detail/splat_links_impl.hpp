@@ -1,25 +1,16 @@
 #pragma once
 #include <gsp/core/detail/compiled.hpp>
+#include <gsp/io/detail/json_text.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/splat_links.hpp>
 #include <gsp/io/splat_set.hpp>
-#include <nlohmann/json.hpp>
 
 namespace gsp::io {
 
 GSP_INLINE std::vector<LinkRange> parse_links(Bytes bytes, std::string const& name) {
   using detail::fail;
-  using Json = nlohmann::json;
-  auto const text = detail::as_text(bytes);
-  Json root;
-  try {
-    root = Json::parse(text.begin(), text.end());
-  } catch (Json::parse_error const& error) {
-    auto const line = 1 + std::count(text.begin(), text.begin() + std::min(error.byte, text.size()), '\n');
-    fail(name, detail::at_line(line), "is not valid JSON here; repair it");
-  } catch (Json::exception const&) {  // the parser's other refusal
-    fail(name, "", "has a number that no double can hold; repair it");
-  }
+  using detail::Json;
+  Json const root = detail::parse_json(detail::as_text(bytes), name);
   if (!root.is_object() || root.size() != 1 || !root.contains("links") || !root["links"].is_array())
     fail(name, "", R"(must be {"links": [{"name": "...", "first": 0, "count": 1}, ...]}; write it so)");
   std::vector<LinkRange> ranges;

@@ -5,6 +5,7 @@
 #include <gsp/io/file.hpp>
 #include <gsp/io/gltf.hpp>
 #include <gsp/io/ply.hpp>
+#include <gsp/io/sog.hpp>
 #include <gsp/io/splat_file.hpp>
 #include <gsp/io/splat_links.hpp>
 #include <gsp/io/splat_order.hpp>
@@ -19,12 +20,18 @@ namespace gsp::io {
 namespace detail {
 
 /// Endings, longer ones first where one ends in another.
-enum class SplatFormat { compressed_ply, ply, splat, spz, gltf };
+enum class SplatFormat { compressed_ply, ply, splat, spz, gltf, sog };
 
 inline std::pair<char const*, SplatFormat> const* splat_format_of(std::string const& name) {
   using enum SplatFormat;
-  static constexpr std::array<std::pair<char const*, SplatFormat>, 6> formats{
-      {{".compressed.ply", compressed_ply}, {".ply", ply}, {".splat", splat}, {".spz", spz}, {".glb", gltf}, {".gltf", gltf}}};
+  static constexpr std::array<std::pair<char const*, SplatFormat>, 8> formats{{{".compressed.ply", compressed_ply},
+                                                                               {".ply", ply},
+                                                                               {".splat", splat},
+                                                                               {".spz", spz},
+                                                                               {".glb", gltf},
+                                                                               {".gltf", gltf},
+                                                                               {".sog", sog},
+                                                                               {"meta.json", sog}}};
   for (auto const& format : formats)
     if (name.ends_with(format.first)) return &format;
   return nullptr;
@@ -41,9 +48,11 @@ GSP_INLINE SplatSet parse_splats(Bytes bytes, std::string const& name, std::file
   if (name.ends_with(".splat")) return parse_splat(bytes, name);
   if (starts_with(bytes, "ply")) return parse_ply(bytes, name);
   if (starts_with(bytes, "\x1f\x8b") || starts_with(bytes, "NGSP")) return parse_spz(bytes, name);
+  if (starts_with(bytes, "PK") || detail::is_sog_meta(bytes)) return parse_sog(bytes, name, folder);
   if (starts_with(bytes, "glTF") || starts_with(bytes, "{")) return parse_gltf(bytes, name, folder);
-  detail::fail(name, detail::at_byte(0),
-               "is no file of Gaussians that is known here; convert it to .ply (3DGS or SuperSplat compressed), .splat, .spz or .glb");
+  detail::fail(
+      name, detail::at_byte(0),
+      "is no file of Gaussians that is known here; convert it to .ply (3DGS or SuperSplat compressed), .splat, .spz, .sog or .glb");
 }
 
 GSP_INLINE SplatSet read_splats(std::filesystem::path const& path) {
@@ -58,7 +67,7 @@ GSP_INLINE void expect_splats_writable(std::filesystem::path const& path) {
   if (!detail::splat_format_of(path.string()))
     detail::fail(
         path.string(), "",
-        "its ending names no format of Gaussians that is written here; end it in .ply, .compressed.ply, .splat, .spz, .glb or .gltf");
+        "its ending names no format of Gaussians that is written here; end it in .ply, .compressed.ply, .splat, .spz, .glb, .gltf or .sog");
   expect_writable(path);
 }
 
@@ -71,9 +80,10 @@ GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& pa
   bool const is_ply = format == ply || format == compressed_ply;
   std::vector<std::string> notes;
   auto const note = [&](std::string const& text) { notes.push_back(name + ": " + text); };
-  if (set.antialiased && !is_ply && format != spz) note("the flag 'antialiased' is left out; the format has no place for it");
+  if (set.antialiased && !is_ply && format != spz && format != sog)
+    note("the flag 'antialiased' is left out; the format has no place for it");
   if (format == splat && set.sh_degree > 0) note("SH terms above degree 0 are left out; the format has no place for them");
-  if (format == compressed_ply) sort_splats(set);
+  if (format == compressed_ply || format == sog) sort_splats(set);
 
   auto const ranges = is_ply ? std::vector<LinkRange>{} : link_ranges(set);
   std::string const text = ranges.empty() ? "" : format_links(ranges);
@@ -88,6 +98,7 @@ GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& pa
   if (format == splat) write_splat(path, set);
   if (format == spz) write_spz(path, set, options.spz);
   if (format == gltf) write_gltf(path, set);
+  if (format == sog) write_sog(path, set);
   if (!text.empty()) write_file(sidecar, detail::as_bytes(text));
   return notes;
 }
