@@ -8,3 +8,4 @@
 #include <gsp/io/detail/splat_transform_impl.hpp>
 #include <gsp/io/detail/splats_impl.hpp>
 #include <gsp/io/detail/spz_impl.hpp>
+#include <gsp/io/detail/usda_impl.hpp>

@@ -54,7 +54,7 @@ Command convert_command() {
   return {"convert",
           "FROM TO",
           "writes Gaussians of a file in the format that the ending of TO names (.ply, .compressed.ply, .splat, .spz, .glb, .gltf, .sog, "
-          "meta.json), and "
+          "meta.json, .usda), and "
           "says what that "
           "format has no place "
           "for; links stand in a PLY itself, else in TO.links.json",

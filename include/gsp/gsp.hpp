@@ -179,5 +179,6 @@
 #include <gsp/io/splats.hpp>
 #include <gsp/io/spz.hpp>
 #include <gsp/io/urdf.hpp>
+#include <gsp/io/usda.hpp>
 #include <gsp/io/write_mjcf.hpp>
 #endif

@@ -99,7 +99,7 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
   CHECK(again.size() == 300);
   CHECK(std::count(again.link.begin(), again.link.end(), 1) == 10);
 
-  for (char const* file : {"f.glb", "f.gltf"}) {
+  for (char const* file : {"f.glb", "f.gltf", "f.usda"}) {
     CHECK(write_splats(folder.path / file, set).size() == 1);  // the flag
     again = read_splats(folder.path / file);
     CHECK(again.positions == set.positions);

@@ -13,6 +13,7 @@
 #include <gsp/io/splat_transform.hpp>
 #include <gsp/io/splats.hpp>
 #include <gsp/io/spz.hpp>
+#include <gsp/io/usda.hpp>
 #include <utility>
 
 namespace gsp::io {
@@ -20,18 +21,19 @@ namespace gsp::io {
 namespace detail {
 
 /// Endings, longer ones first where one ends in another.
-enum class SplatFormat { compressed_ply, ply, splat, spz, gltf, sog };
+enum class SplatFormat { compressed_ply, ply, splat, spz, gltf, sog, usda };
 
 inline std::pair<char const*, SplatFormat> const* splat_format_of(std::string const& name) {
   using enum SplatFormat;
-  static constexpr std::array<std::pair<char const*, SplatFormat>, 8> formats{{{".compressed.ply", compressed_ply},
+  static constexpr std::array<std::pair<char const*, SplatFormat>, 9> formats{{{".compressed.ply", compressed_ply},
                                                                                {".ply", ply},
                                                                                {".splat", splat},
                                                                                {".spz", spz},
                                                                                {".glb", gltf},
                                                                                {".gltf", gltf},
                                                                                {".sog", sog},
-                                                                               {"meta.json", sog}}};
+                                                                               {"meta.json", sog},
+                                                                               {".usda", usda}}};
   for (auto const& format : formats)
     if (name.ends_with(format.first)) return &format;
   return nullptr;
@@ -49,10 +51,13 @@ GSP_INLINE SplatSet parse_splats(Bytes bytes, std::string const& name, std::file
   if (starts_with(bytes, "ply")) return parse_ply(bytes, name);
   if (starts_with(bytes, "\x1f\x8b") || starts_with(bytes, "NGSP")) return parse_spz(bytes, name);
   if (starts_with(bytes, "PK") || detail::is_sog_meta(bytes)) return parse_sog(bytes, name, folder);
+  if (starts_with(bytes, "#usda")) return parse_usda(bytes, name);
+  if (starts_with(bytes, "PXR-USDC"))
+    detail::fail(name, detail::at_byte(0), "is binary USD, which is not read; save it as text (usdcat FILE -o FILE.usda)");
   if (starts_with(bytes, "glTF") || starts_with(bytes, "{")) return parse_gltf(bytes, name, folder);
   detail::fail(
       name, detail::at_byte(0),
-      "is no file of Gaussians that is known here; convert it to .ply (3DGS or SuperSplat compressed), .splat, .spz, .sog or .glb");
+      "is no file of Gaussians that is known here; convert it to .ply (3DGS or SuperSplat compressed), .splat, .spz, .sog, .usda or .glb");
 }
 
 GSP_INLINE SplatSet read_splats(std::filesystem::path const& path) {
@@ -65,9 +70,9 @@ GSP_INLINE SplatSet read_splats(std::filesystem::path const& path) {
 
 GSP_INLINE void expect_splats_writable(std::filesystem::path const& path) {
   if (!detail::splat_format_of(path.string()))
-    detail::fail(
-        path.string(), "",
-        "its ending names no format of Gaussians that is written here; end it in .ply, .compressed.ply, .splat, .spz, .glb, .gltf or .sog");
+    detail::fail(path.string(), "",
+                 "its ending names no format of Gaussians that is written here; end it in .ply, .compressed.ply, .splat, .spz, .glb, "
+                 ".gltf, .sog or .usda");
   expect_writable(path);
 }
 
@@ -99,6 +104,7 @@ GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& pa
   if (format == spz) write_spz(path, set, options.spz);
   if (format == gltf) write_gltf(path, set);
   if (format == sog) write_sog(path, set);
+  if (format == usda) write_usda(path, set);
   if (!text.empty()) write_file(sidecar, detail::as_bytes(text));
   return notes;
 }
