@@ -1,4 +1,5 @@
 // glTF, .glb and .gltf.
+// max_len: 8192
 #include <gsp/io/gltf.hpp>
 
 #include "splat_targets.hpp"

@@ -1,4 +1,5 @@
 // SOG: a bundle as it is; then the bytes as the meta.json, and as each picture, of a sound bundle, where no checksum stands before them.
+// max_len: 20000
 #include <gsp/io/sog.hpp>
 #include <io/fixtures.hpp>
 

@@ -216,7 +216,7 @@ TEST_CASE("SOG: bad input") {
   };
   CHECK(refusal([](Made&) {}).empty());
   CHECK(accepted_truncations(good.bundle(), [](Bytes b) { parse_sog(b, "cut.sog"); }) == 0);
-  CHECK(says(refusal([](Made& m) { m.meta["version"] = 3; }), "version: is '3', and 1 (without the key) and 2 are read"));
+  CHECK(says(refusal([](Made& m) { m.meta["version"] = 3; }), "meta.json: is SOG version 3, and 1 (without the key"));
   CHECK(says(refusal([](Made& m) { m.meta["count"] = 2000000; }), "which no real ones fit in"));
   CHECK(says(refusal([](Made& m) { m.meta["count"] = 100; }), "too small for 100 Gaussians"));
   CHECK(says(refusal([](Made& m) { m.meta["count"] = 0; }), "holds no Gaussians"));

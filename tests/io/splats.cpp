@@ -129,6 +129,16 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
   CHECK(says(error_of([&] { write_splats(folder.path / "e.splat", set); }), "is not UTF-8"));
 }
 
+TEST_CASE("sets are antialiased together where both are") {
+  auto one = random_set(2, 0), other = random_set(2, 0);
+  one.antialiased = true;
+  CHECK(!merge(one, other).antialiased);
+  CHECK(!merge(other, one).antialiased);
+  other.antialiased = true;
+  CHECK(merge(one, other).antialiased);
+  CHECK(merge(SplatSet{}, one).antialiased);
+}
+
 TEST_CASE("ranges of a set, written and read") {
   auto set = random_set(9, 0);
   set.link_names = {"a", "b \"c\""};

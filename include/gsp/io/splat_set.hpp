@@ -91,7 +91,8 @@ inline void validate(SplatSet const& set, std::string const& name) {
   }
 }
 
-/// Adds the Gaussians of `from` at the end of `to`: the higher SH degree wins (missing terms are 0), links are joined by name.
+/// Adds the Gaussians of `from` at the end of `to`: the higher SH degree wins (missing terms are 0), links are joined by name;
+/// antialiased are they together where both are.
 inline void append(SplatSet& to, SplatSet const& from) {
   if (&to == &from) return append(to, SplatSet(from));
   int const degree = std::max(to.sh_degree, from.sh_degree);
@@ -102,6 +103,7 @@ inline void append(SplatSet& to, SplatSet const& from) {
     return sh;
   };
   if (to.sh_degree != degree) to.sh = widened(to);
+  to.antialiased = from.antialiased && (to.antialiased || to.size() == 0);
   auto join = [](auto& a, auto const& b) { a.insert(a.end(), b.begin(), b.end()); };
   if (from.sh_degree == degree)
     join(to.sh, from.sh);

@@ -157,10 +157,9 @@ GSP_INLINE SplatSet parse_sog(Bytes bytes, std::string const& name, std::filesys
   SogFile file(bytes, name, folder);
   Json const& root = file.root();
   bool const first_version = !root.contains("version");
-  if (!first_version && (!root["version"].is_number_unsigned() || root["version"] != 2))
-    fail(name, "version",
-         "is " + in_quotes(root["version"].dump(-1, ' ', true, Json::error_handler_t::replace)) +
-             ", and 1 (without the key) and 2 are read; write it as version 2");
+  if (auto const version = first_version ? 1 : file.count(root, "meta.json", "version"); !first_version && version != 2)
+    fail(name, "meta.json",
+         "is SOG version " + std::to_string(version) + ", and 1 (without the key \"version\") and 2 are read; write it as version 2");
   std::uint64_t n = 0;
   if (first_version) {
     auto const shape = file.numbers("means", "shape", 1, 4);
