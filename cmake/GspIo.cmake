@@ -22,12 +22,31 @@ if(_missing)
   message(FATAL_ERROR "gsp: gsp::io lacks libraries; on Debian and Ubuntu: apt-get install ${_missing} (scripts/test and scripts/quickstart do that), elsewhere install them and add their place to CMAKE_PREFIX_PATH, or pass -DGSP_ENABLE_IO=OFF to use gsp::gsp alone.")
 endif()
 
+# Codecs of single formats, left out where they are missing: a file that needs one is refused then, with a sentence that says so.
+find_package(GspZstd QUIET)
+find_package(GspWebp QUIET)
+foreach(_codec IN ITEMS "zstd;.spz version 4;libzstd-dev" "webp;SOG;libwebp-dev")
+  list(GET _codec 0 _name)
+  list(GET _codec 1 _files)
+  list(GET _codec 2 _package)
+  if(TARGET gsp::${_name})
+    list(APPEND GSP_IO_CODECS ${_name})
+  else()
+    message(STATUS "gsp: no ${_files} (${_package} is missing)")
+  endif()
+endforeach()
+
 # gsp::io_headers: header-only. gsp::io: the same, with what needs no template parameter (readers, writers, gsp::compile) compiled once, in a static library.
 add_library(gsp_io_headers INTERFACE)
 add_library(gsp::io_headers ALIAS gsp_io_headers)
 set_target_properties(gsp_io_headers PROPERTIES EXPORT_NAME io_headers)
 target_compile_definitions(gsp_io_headers INTERFACE GSP_IO)  # gsp.hpp: with readers and writers
 target_link_libraries(gsp_io_headers INTERFACE gsp_gsp pugixml::pugixml ZLIB::ZLIB Qhull::qhull_r nlohmann_json::nlohmann_json Eigen3::Eigen gsp::stb ${CMAKE_DL_LIBS})
+foreach(_name IN LISTS GSP_IO_CODECS)
+  string(TOUPPER ${_name} _define)
+  target_link_libraries(gsp_io_headers INTERFACE gsp::${_name})
+  target_compile_definitions(gsp_io_headers INTERFACE GSP_WITH_${_define})
+endforeach()
 
 file(GLOB _sources CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/src/*.cpp")
 add_library(gsp_io STATIC ${_sources})

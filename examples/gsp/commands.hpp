@@ -11,5 +11,6 @@ Command render_command();
 Command scan_command();
 Command bench_command();
 Command quickstart_command();
+Command convert_command();
 
 }  // namespace gsp_cli

@@ -226,7 +226,7 @@ int run(Arguments const& arguments) {
     if (path.ends_with(".xml") || path.ends_with(".mjcf") || path.ends_with(".urdf") ||
         head.substr(0, head.find_first_not_of(" \t\r\n") + 1).ends_with('<')) {
       model(path, arguments);
-    } else if (head.starts_with("PK")) {
+    } else if (head.starts_with("PK") && !path.ends_with(".sog")) {
       auto const npz = gsp::io::parse_npz(bytes, path);
       std::printf("%s: %zu arrays\n", path.c_str(), npz.arrays.size());
       for (auto const& [name, array] : npz.arrays) array_line(name, array);

@@ -159,6 +159,7 @@
 #include <gsp/io/draw_points.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/gaussians.hpp>
+#include <gsp/io/gltf.hpp>
 #include <gsp/io/hfield.hpp>
 #include <gsp/io/mesh.hpp>
 #include <gsp/io/mesh_builtin.hpp>
@@ -169,12 +170,15 @@
 #include <gsp/io/ply.hpp>
 #include <gsp/io/png.hpp>
 #include <gsp/io/ray_table.hpp>
+#include <gsp/io/sog.hpp>
 #include <gsp/io/splat_file.hpp>
 #include <gsp/io/splat_links.hpp>
+#include <gsp/io/splat_order.hpp>
 #include <gsp/io/splat_set.hpp>
 #include <gsp/io/splat_transform.hpp>
 #include <gsp/io/splats.hpp>
 #include <gsp/io/spz.hpp>
 #include <gsp/io/urdf.hpp>
+#include <gsp/io/usda.hpp>
 #include <gsp/io/write_mjcf.hpp>
 #endif

@@ -10,7 +10,7 @@ fail() { printf '\n%s: %s\n' "$(basename "$0")" "$*" >&2; exit 1; }
 
 # What the build, the tests and the program need, as Debian 12 and Ubuntu 24.04 name it.
 PACKAGES=(g++ cmake ninja-build ccache python3 ca-certificates
-          libeigen3-dev libpugixml-dev libqhull-dev libstb-dev zlib1g-dev nlohmann-json3-dev doctest-dev)
+          libeigen3-dev libpugixml-dev libqhull-dev libstb-dev zlib1g-dev nlohmann-json3-dev libwebp-dev libzstd-dev doctest-dev)
 
 # Installs the packages that are missing, with apt-get as root or through sudo; says which.
 need_packages() {

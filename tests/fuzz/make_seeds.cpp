@@ -1,8 +1,11 @@
 // Writes a few small valid files per reader under FOLDER/<reader>/, where the fuzzer starts from: make_seeds FOLDER
 #include <cstdio>
+#include <gsp/io/gltf.hpp>
 #include <gsp/io/npz.hpp>
 #include <gsp/io/ply.hpp>
 #include <gsp/io/png.hpp>
+#include <gsp/io/sog.hpp>
+#include <gsp/io/usda.hpp>
 #include <io/fixtures.hpp>
 #include <io/mesh_fixtures.hpp>
 
@@ -23,6 +26,11 @@ int main(int argc, char** argv) {
     std::string const d = std::to_string(degree);
     SplatSet set = random_set(2, degree);
     seed("ply", "plain" + d, format_ply(set));
+    seed("sog", "bundle" + d, format_sog(random_set(2, degree)));
+    for (auto const& [file, bytes] : detail::sog_files(random_set(2, degree)).files) seed("sog", file + d, bytes);
+    seed("usda", "plain" + d, bytes_of(format_usda(random_set(1, degree))));
+    seed("gltf", "binary" + d, format_glb(random_set(1, degree)));
+    seed("gltf", "text" + d, bytes_of(format_gltf(random_set(1, degree))));
     set.link_names = {"foot", "arm"};
     set.link = {1, -1};
     seed("ply", "linked" + d, format_ply(set));
@@ -31,6 +39,13 @@ int main(int argc, char** argv) {
       seed("spz", "data" + std::to_string(version) + d, spz_data(2, version, degree)),
           seed("spz", "gzip" + std::to_string(version) + d, gzip(spz_data(2, version, degree)));
   }
+  for (int degree = 0; degree <= 3; ++degree) seed("spz", "streams" + std::to_string(degree), spz4(spz_data(2, 4, degree)));
+  seed("usda", "moved",
+       bytes_of("#usda 1.0\n(\n doc = \"\"\"a\nb\"\"\"\n upAxis = \"Z\"\n metersPerUnit = 0.01\n)\ndef Xform \"a\" (active = true) {\n"
+                "  double3 xformOp:translate = (1, 2, 3)\n  float3 xformOp:rotateXYZ = (10, 20, 30)\n  matrix4d xformOp:transform = "
+                "((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (4, 5, 6, 1))\n  uniform token[] xformOpOrder = [\"xformOp:translate\", "
+                "\"xformOp:rotateXYZ\", \"xformOp:transform\"]\n  rel x = </a/b>\n  def ParticleField3DGaussianSplat \"b\" {\n"
+                "    point3h[] positionsh = [(1, 2, 3)]\n    quath[] orientationsh = [(1, 0, 0, 0)]\n  }\n}\n"));
   seed("ply", "old", compressed_ply(2, 12, 0));
   std::string text = "ply\nformat ascii 1.0\nelement vertex 1\n";
   for (auto p :

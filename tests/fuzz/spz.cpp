@@ -1,4 +1,5 @@
-// .spz as it stands in a file, then the same bytes as unpacked data behind an intact gzip layer, which mutations would rarely leave whole.
+// .spz as it stands in a file (gzip and version 4), then the same bytes as unpacked data behind an intact gzip layer, which mutations would
+// rarely leave whole.
 #include <gsp/io/spz.hpp>
 
 #include "splat_targets.hpp"

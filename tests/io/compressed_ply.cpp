@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <gsp/io/compressed_ply.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/ply.hpp>
 #include <io/fixtures.hpp>
@@ -117,4 +118,41 @@ TEST_CASE("compressed PLY: every cut and wrong counts are refused") {
   float const nan = NAN;
   bad.replace(bad.find("end_header\n") + 11 + 8, 4, reinterpret_cast<char const*>(&nan), 4);
   CHECK(says(error_of([&] { parse_ply(bytes_of(bad), "bad.ply"); }), "chunk 0: the bounds of 'z' are not finite"));
+}
+
+// Half a step of each field, as format_compressed_ply says, of the range of all Gaussians, which bounds that of any chunk; 1e-5 for floats.
+TEST_CASE("compressed PLY: what is written comes back within its steps") {
+  for (int degree = 0; degree <= 3; ++degree) {
+    auto set = random_set(600, degree, 11);
+    for (float& v : set.sh) v = std::clamp(v, -3.9f, 3.9f);
+    set.antialiased = degree == 1;
+    if (degree == 2) {
+      set.link_names = {"arm", "foot"};
+      for (std::size_t i = 0; i < 600; ++i) set.link[i] = int(i % 3) - 1;
+    }
+    auto const bytes = format_compressed_ply(set);
+    auto const again = parse_ply(bytes, "again.ply");
+    check(compare(degree == 2 ? format_compressed_ply([&] {
+                    auto s = set;
+                    s.link_names.clear(), s.link.assign(600, -1);
+                    return s;
+                  }())
+                              : bytes,
+                  again, 18, degree));
+    auto const a = apart(again, set);
+    auto const range = [](auto const& v, auto const& f) {
+      auto const [low, high] = std::minmax_element(v.begin(), v.end());
+      return double(f(*high)) - f(*low);
+    };
+    CHECK(a.position <= range(set.positions, [](float x) { return x; }) / 2046 + 1e-5);
+    CHECK(a.log_scale <= range(set.scales, [](float x) { return std::log(x); }) / 2046 + 1e-5);
+    CHECK(a.dc <= range(set.sh, [](float x) { return x; }) / 510 + 1e-5);
+    CHECK(a.opacity <= 1. / 510 + 1e-5);
+    CHECK(a.sh <= 1. / 64 + 1e-5);
+    // e = sqrt 2 / 2046 in three components, the largest by at most sqrt 3 of their length
+    CHECK(a.rotation <= 2 * std::sqrt(3.0) * std::sqrt(2.0) / 2046 + 1e-5);
+    CHECK(again.antialiased == set.antialiased);
+    CHECK(again.link == set.link);
+    CHECK(again.link_names == set.link_names);
+  }
 }

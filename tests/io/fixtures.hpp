@@ -6,8 +6,10 @@
 #include <cstdlib>
 #include <filesystem>
 #include <gsp/io/detail/deflate.hpp>
+#include <gsp/io/detail/zstd.hpp>
 #include <gsp/io/splat_set.hpp>
 #include <random>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -81,7 +83,33 @@ inline SplatSet random_set(std::size_t n, int degree, unsigned seed = 1) {
   return set;
 }
 
-/// .spz of random bytes, unpacked: version 1-3, SH degree 0-3. Version 1 gets finite half floats.
+/// How far two sets are apart, at most: lengths and numbers as they are, scales by their logarithm, rotations as quaternions of one sign.
+struct Apart {
+  double position = 0, log_scale = 0, rotation = 0, opacity = 0, dc = 0, sh = 0;
+};
+inline Apart apart(SplatSet const& a, SplatSet const& b) {
+  if (a.size() != b.size() || a.sh_degree != b.sh_degree) throw std::logic_error("apart: sets of different sizes");
+  Apart m;
+  auto const worst = [](double& most, double x) { most = std::max(most, std::abs(x)); };
+  std::size_t const width = 3 * a.sh_terms();
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    double plus = 0, minus = 0;
+    for (std::size_t k = 0; k < 4; ++k) {
+      plus += std::pow(double(a.quats[4 * i + k]) - b.quats[4 * i + k], 2);
+      minus += std::pow(double(a.quats[4 * i + k]) + b.quats[4 * i + k], 2);
+    }
+    worst(m.rotation, std::sqrt(std::min(plus, minus)));
+    worst(m.opacity, double(a.opacities[i]) - b.opacities[i]);
+    for (std::size_t k = 0; k < 3; ++k) {
+      worst(m.position, double(a.positions[3 * i + k]) - b.positions[3 * i + k]);
+      worst(m.log_scale, std::log(double(a.scales[3 * i + k])) - std::log(double(b.scales[3 * i + k])));
+    }
+    for (std::size_t k = 0; k < width; ++k) worst(k < 3 ? m.dc : m.sh, double(a.sh[width * i + k]) - b.sh[width * i + k]);
+  }
+  return m;
+}
+
+/// .spz of random bytes, unpacked: version 1-4, SH degree 0-3. Version 1 gets finite half floats.
 inline std::vector<std::byte> spz_data(std::uint32_t n, int version, int degree, unsigned seed = 1, int flags = 0) {
   std::mt19937 random(seed);
   std::vector<std::byte> out;
@@ -93,12 +121,91 @@ inline std::vector<std::byte> spz_data(std::uint32_t n, int version, int degree,
     else
       for (int k = 0; k < 3; ++k) put(out, std::uint8_t(random()));
   }
-  std::size_t const rest = n * (1 + 3 + 3 + (version == 3 ? 4 : 3) + 3 * ((degree + 1) * (degree + 1) - 1));
+  std::size_t const rest = n * (1 + 3 + 3 + (version >= 3 ? 4 : 3) + 3 * ((degree + 1) * (degree + 1) - 1));
   for (std::size_t i = 0; i < rest; ++i) put(out, std::uint8_t(random()));
   return out;
 }
 inline std::vector<std::byte> gzip(std::vector<std::byte> const& bytes) {
   return gsp::io::detail::deflate(bytes, gsp::io::detail::Wrapper::gzip);
+}
+
+/// The container of version 4 round such data: header, `records` of vendors, table, a zstd stream for each array.
+inline std::vector<std::byte> spz4(std::vector<std::byte> const& data, std::vector<std::byte> const& records = {}) {
+  std::uint32_t n;
+  std::memcpy(&n, &data[8], 4);
+  int const degree = int(data[12]);
+  std::vector<std::size_t> sizes{9u * n, n, 3u * n, 3u * n, 4u * n};
+  if (degree) sizes.push_back(3u * n * std::size_t((degree + 1) * (degree + 1) - 1));
+  std::vector<std::byte> out(data.begin(), data.begin() + 15), streams;
+  put(out, std::uint8_t(sizes.size())), put(out, std::uint32_t(32 + records.size()));
+  out.resize(32);
+  out.insert(out.end(), records.begin(), records.end());
+  std::size_t at = 16;
+  for (auto size : sizes) {
+    auto const packed = gsp::io::detail::zstd_pack(Bytes(data).subspan(at, size), 3, "spz4");
+    put(out, std::uint64_t(packed.size())), put(out, std::uint64_t(size));
+    streams.insert(streams.end(), packed.begin(), packed.end());
+    at += size;
+  }
+  out.insert(out.end(), streams.begin(), streams.end());
+  return out;
+}
+
+/// Calls `f` with `runs` copies of `seeds` in which bytes are changed, swapped, left out or doubled; the same for the same `seed`.
+template <class F>
+void each_mutation(std::vector<std::vector<std::byte>> const& seeds, int runs, unsigned seed, F const& f) {
+  std::mt19937 random(seed);
+  auto const below = [&](std::size_t n) { return static_cast<std::ptrdiff_t>(random() % n); };
+  for (int run = 0; run < runs; ++run) {
+    auto bytes = seeds[static_cast<std::size_t>(run) % seeds.size()];
+    for (auto edits = 1 + below(4); edits > 0 && !bytes.empty(); --edits) {
+      auto const at = bytes.begin() + below(bytes.size());
+      auto const end = at + 1 + below(std::min<std::size_t>(16, static_cast<std::size_t>(bytes.end() - at)));
+      switch (below(7)) {
+        case 0:
+          *at ^= std::byte(1 << below(8));
+          break;
+        case 1:
+          *at = std::byte(random());
+          break;
+        case 2:
+          std::fill(at, end, std::byte(below(2) ? 0 : 255));
+          break;
+        case 3:
+          bytes.erase(at, end);
+          break;
+        case 4: {
+          std::vector<std::byte> const piece(at, end);
+          bytes.insert(bytes.begin() + below(bytes.size()), piece.begin(), piece.end());
+          break;
+        }
+        case 5:
+          std::iter_swap(at, bytes.begin() + below(bytes.size()));
+          break;
+        default:
+          bytes.resize(static_cast<std::size_t>(at - bytes.begin()));
+          break;
+      }
+    }
+    f(Bytes(bytes));
+  }
+}
+
+/// What a mutated file may do: be refused by one line, or be a valid set.
+template <class Parse>
+void check_mutations(std::vector<std::vector<std::byte>> const& seeds, int runs, Parse const& parse) {
+  int wrong = 0, read = 0;
+  each_mutation(seeds, runs, 1, [&](Bytes bytes) {
+    try {
+      gsp::io::validate(parse(bytes), "mutated");
+      ++read;
+    } catch (gsp::Error const& error) {
+      std::string const text = error.what();
+      wrong += text.find('\n') != text.npos || text.size() < 10 || text.starts_with("mutated");
+    }
+  });
+  if (wrong > 0 || read == runs)
+    throw std::logic_error("check_mutations: " + std::to_string(wrong) + " wrong refusals, " + std::to_string(read) + " read");
 }
 
 /// SuperSplat compressed PLY of random packed values; `bounds` 12 or 18 floats a chunk, `degree` > 0 adds the element sh.

@@ -39,3 +39,22 @@ TEST_CASE(".splat: bad input") {
   CHECK(says(bad({1, 2, 3, 1, -1, 1}, {0, 0, 0, 0, 255, 0, 0, 0}), "negative"));
   CHECK(says(bad({1, 2, 3, 1, 1, 1}, {0, 0, 0, 0, 128, 128, 128, 128}), "rotation has length 0"));
 }
+
+// Positions and scales are floats on both sides; colours and opacities are off by half of 1/255, rotations by half of 1/128 in each of four
+// components, and by as much again where they are normalised.
+TEST_CASE(".splat: what is written comes back within its steps") {
+  auto set = random_set(400, 0, 9);
+  for (float& v : set.sh) v = std::clamp(v, -1.7f, 1.7f);  // colours 0.02 .. 0.98
+  auto const a = apart(parse_splat(format_splat(set), "again.splat"), set);
+  CHECK(a.position == 0);
+  CHECK(a.log_scale == 0);
+  CHECK(a.opacity <= 1. / 510 + 1e-6);
+  CHECK(a.dc <= 1 / (510 * sh_c0) + 1e-6);
+  CHECK(a.rotation <= 2 * 2 / 256. + 1e-6);
+  auto one_turn = random_set(1, 0);
+  one_turn.quats = {1, 0, 0, 0};
+  CHECK(parse_splat(format_splat(one_turn), "again.splat").quats == std::vector<float>{-1, 0, 0, 0});  // to the bit
+  Folder folder;
+  write_splat(folder.path / "a.splat", set);
+  CHECK(apart(read_splat(folder.path / "a.splat"), set).position == 0);
+}

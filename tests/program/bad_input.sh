@@ -26,7 +26,7 @@ refused() {
   [ "$(wc -l <err.txt)" = 1 ] || problem="$problem; $(wc -l <err.txt) lines on stderr instead of one"
   [ ! -s out.txt ] || problem="$problem; it wrote to stdout"
   for part in "${parts[@]}"; do grep -qF -- "$part" err.txt || problem="$problem; the sentence lacks '$part'"; done
-  for left in result.npz pictures *.partial-*; do [ ! -e "$left" ] || problem="$problem; it left $left"; done
+  for left in result.npz result.ply result.spz result.xyz pictures *.partial-*; do [ ! -e "$left" ] || problem="$problem; it left $left"; done
   if [ -n "$problem" ]; then
     failures=$((failures + 1))
     printf 'gsp %s: %s\n  %s\n' "$*" "${problem#; }" "$(head -c 600 err.txt)"
@@ -77,6 +77,15 @@ refused "names rgb twice" -- render --splat disc.ply --cameras cameras.npz --cha
 refused "--alpha-max is '2'" -- render --splat disc.ply --cameras cameras.npz --alpha-max 2
 refused "eight numbers" -- render --splat disc.ply --splat-pose "0 0 0" --cameras cameras.npz
 refused "no bench 'fast'" "quadruped" -- bench fast
+refused "needs FROM TO" -- convert disc.ply
+refused "'extra' is one word too many" -- convert disc.ply result.ply extra
+refused "its ending names no format" "end it in .ply" -- convert disc.ply result.xyz
+refused "TO would replace what FROM names" -- convert disc.ply disc.ply
+refused "missing.ply" "no such file" -- convert missing.ply result.ply
+refused "cut.spz" -- convert cut.spz result.ply
+refused "--spz-version is for .spz files" -- convert disc.ply result.ply --spz-version 3
+refused "--spz-version is '1'" -- convert disc.ply result.spz --spz-version 1
+refused "--sh-degree is '4'" -- convert disc.ply result.ply --sh-degree 4
 refused "--splat needs --model" -- quickstart --splat disc.ply --out pictures
 refused "--model needs --splat" -- quickstart --model cart.xml --out pictures
 if ! ldd "$gsp" | grep -q libcuda; then

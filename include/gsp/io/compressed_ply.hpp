@@ -1,5 +1,7 @@
 #pragma once
+#include <filesystem>
 #include <gsp/io/detail/ply_links.hpp>
+#include <vector>
 
 namespace gsp::io {
 namespace detail {
@@ -87,10 +89,24 @@ inline SplatSet parse_compressed_ply(PlyTable const& table) {
     }
   }
   read_ply_links(table, vertex, set);
+  read_ply_mode(table, set);
   note_unused(table, vertex, set, [](std::string_view p) { return p.starts_with("packed_") || p == "link"; });
   finish(set, name);
   return set;
 }
 
 }  // namespace detail
+
+/// Bytes of such a file, with bounds of colours: 256 Gaussians in a row share a chunk, so neighbours should be near each other
+/// (`sort_splats`). What comes back is off by at most half a step: positions and log-scales 1/2047 (y: 1/1023) of the chunk's range,
+/// colours 1/255 of it, opacity 1/255, rotation sqrt 2 / 1023 a component, SH above DC 1/32, which ends at +-4. Scales below exp(-20)
+/// become that. With the property `link` where the set has links.
+std::vector<std::byte> format_compressed_ply(SplatSet const& set);
+
+void write_compressed_ply(std::filesystem::path const& path, SplatSet const& set);
+
 }  // namespace gsp::io
+
+#if !defined(GSP_COMPILED)
+#include <gsp/io/detail/compressed_ply_impl.hpp>
+#endif

@@ -3,6 +3,7 @@
 #include <gsp/io/detail/bytes.hpp>
 #include <gsp/io/splat_set.hpp>
 #include <string>
+#include <vector>
 
 namespace gsp::io {
 
@@ -13,6 +14,12 @@ namespace gsp::io {
 SplatSet parse_splat(Bytes bytes, std::string const& name);
 
 SplatSet read_splat(std::filesystem::path const& path);
+
+/// Bytes of a `.splat` file: position and scale to the bit; colour and opacity within 1/510 (colours beyond 0..1 become these), rotation
+/// within 1/256 a component before it is normalised. SH terms above degree 0 and links are left out.
+std::vector<std::byte> format_splat(SplatSet const& set);
+
+void write_splat(std::filesystem::path const& path, SplatSet const& set);
 
 }  // namespace gsp::io
 

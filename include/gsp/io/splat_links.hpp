@@ -19,6 +19,12 @@ std::vector<LinkRange> parse_links(Bytes bytes, std::string const& name);
 
 std::vector<LinkRange> read_links(std::filesystem::path const& path);
 
+/// The ranges of a set: as many as there are runs of Gaussians of one link.
+std::vector<LinkRange> link_ranges(SplatSet const& set);
+
+/// The text of a sidecar with these ranges.
+std::string format_links(std::vector<LinkRange> const& ranges);
+
 /// Binds the ranges to their links; Gaussians in no range become static. Replaces what the set had. Throws Error where a range leaves the
 /// set or two overlap; `name` is where the ranges come from.
 void bind_links(SplatSet& set, std::vector<LinkRange> const& ranges, std::string const& name);

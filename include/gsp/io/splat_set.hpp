@@ -23,6 +23,7 @@ struct SplatSet {
   std::vector<float> sh;         // (n, K, 3)  term-major, then r g b; term 0 is DC
   std::vector<int> link;         // (n)     -1: static (world); else an index into link_names, and the Gaussian stands in that link's frame
   std::vector<std::string> link_names;
+  bool antialiased = false;  // trained with a filter of a pixel's size (Mip-Splatting): kept for files that say so, drawn as others are
   std::vector<std::string> notes;  // what the reader left out or ignored, one sentence each (the load report)
 
   std::size_t size() const { return opacities.size(); }
@@ -90,7 +91,8 @@ inline void validate(SplatSet const& set, std::string const& name) {
   }
 }
 
-/// Adds the Gaussians of `from` at the end of `to`: the higher SH degree wins (missing terms are 0), links are joined by name.
+/// Adds the Gaussians of `from` at the end of `to`: the higher SH degree wins (missing terms are 0), links are joined by name;
+/// antialiased are they together where both are.
 inline void append(SplatSet& to, SplatSet const& from) {
   if (&to == &from) return append(to, SplatSet(from));
   int const degree = std::max(to.sh_degree, from.sh_degree);
@@ -101,6 +103,7 @@ inline void append(SplatSet& to, SplatSet const& from) {
     return sh;
   };
   if (to.sh_degree != degree) to.sh = widened(to);
+  to.antialiased = from.antialiased && (to.antialiased || to.size() == 0);
   auto join = [](auto& a, auto const& b) { a.insert(a.end(), b.begin(), b.end()); };
   if (from.sh_degree == degree)
     join(to.sh, from.sh);

@@ -1,23 +1,45 @@
 #pragma once
 #include <filesystem>
+#include <gsp/io/compressed_ply.hpp>
 #include <gsp/io/detail/bytes.hpp>
+#include <gsp/io/gltf.hpp>
 #include <gsp/io/ply.hpp>
+#include <gsp/io/sog.hpp>
 #include <gsp/io/splat_file.hpp>
 #include <gsp/io/splat_links.hpp>
+#include <gsp/io/splat_order.hpp>
 #include <gsp/io/splat_set.hpp>
 #include <gsp/io/splat_transform.hpp>
 #include <gsp/io/spz.hpp>
+#include <gsp/io/usda.hpp>
 #include <string>
+#include <vector>
 
 namespace gsp::io {
 
-/// Gaussians from the bytes of any file that we read: told by its first bytes (PLY, .spz), or, since it has no mark, by the ending `.splat`
-/// of `name`.
-SplatSet parse_splats(Bytes bytes, std::string const& name);
+/// Gaussians from the bytes of any file that we read: told by its first bytes (PLY, .spz, glTF, SOG, USD), or, since it has no mark, by the
+/// ending
+/// `.splat` of `name`. `folder`: where the files lie that this one names; empty: they are refused.
+SplatSet parse_splats(Bytes bytes, std::string const& name, std::filesystem::path const& folder = {});
 
-/// Gaussians of a file (.ply, .compressed.ply, .splat, .spz). Where a file of the same name ending in `.links.json` stands beside it
-/// (scene.ply -> scene.links.json), its ranges bind Gaussians to links and replace a PLY's own. Throws Error with file, place and remedy.
+/// Gaussians of a file: .ply (3DGS or SuperSplat's compressed one), .splat, .spz, .glb, .gltf, .sog or SOG's meta.json, .usda. Where a file
+/// of the same name ending in `.links.json` stands beside it (scene.ply -> scene.links.json), its ranges bind Gaussians to links and
+/// replace a PLY's own. Throws Error with file, place and remedy.
 SplatSet read_splats(std::filesystem::path const& path);
+
+struct WriteSplatsOptions {
+  SpzOptions spz;  // of .spz files
+};
+
+/// Writes a set in the format that the ending of `path` names: .ply (3DGS), .compressed.ply, .splat, .spz, .glb, .gltf, .sog, meta.json
+/// (SOG, with pictures beside it) or .usda. Links stand in PLY files themselves, else in a sidecar NAME.links.json beside the file.
+/// Compressed PLY and SOG order the Gaussians by `sort_splats`. Returns what the format has no place for, one sentence each. Throws Error
+/// for another ending, where a sidecar that is there would bind the Gaussians of the new file to other links than they have, and as the
+/// format's own function does. Nothing that was there is replaced before the new file is complete.
+std::vector<std::string> write_splats(std::filesystem::path const& path, SplatSet set, WriteSplatsOptions const& options = {});
+
+/// Throws Error where write_splats would because of the path: for a program to ask before long work.
+void expect_splats_writable(std::filesystem::path const& path);
 
 }  // namespace gsp::io
 

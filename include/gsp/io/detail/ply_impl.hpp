@@ -44,6 +44,7 @@ inline SplatSet parse_gaussian_ply(PlyTable const& table) {
     for (std::size_t k = 0; k < rest; ++k) set.sh[(i * terms + 1 + k % (terms - 1)) * 3 + k / (terms - 1)] = row[14 + k];
   }
   read_ply_links(table, vertex, set);
+  read_ply_mode(table, set);
   note_unused(table, vertex, set, [&](std::string_view p) {
     return p == "link" || p == "nx" || p == "ny" || p == "nz" || std::find(labels.begin(), labels.end(), p) != labels.end();
   });
@@ -66,9 +67,7 @@ GSP_INLINE std::vector<std::byte> format_ply(SplatSet const& set) {
   validate(set, "gsp::io::format_ply");
   std::size_t const n = set.size(), terms = set.sh_terms(), rest = 3 * (terms - 1);
   bool const links = !set.link_names.empty();
-  std::string header = "ply\nformat binary_little_endian 1.0\n";
-  for (std::size_t l = 0; l < set.link_names.size(); ++l)
-    if (!set.link_names[l].empty()) header += "comment link " + std::to_string(l) + " " + set.link_names[l] + "\n";
+  std::string header = "ply\nformat binary_little_endian 1.0\n" + detail::ply_comments(set);
   header += "element vertex " + std::to_string(n) + "\n";
   auto property = [&](std::string const& label) { header += "property float " + label + "\n"; };
   for (char const* label : {"x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"}) property(label);

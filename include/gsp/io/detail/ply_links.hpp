@@ -36,6 +36,25 @@ inline void read_ply_links(PlyTable const& table, PlyElement const& vertex, Spla
   }
 }
 
+/// Header lines by which files say that they were trained antialiased: `comment SplatRenderMode: mip` (Brush), `comment antialiased 1`
+/// (Postshot). The last one counts.
+inline void read_ply_mode(PlyTable const& table, SplatSet& set) {
+  for (auto const& [text, line] : table.comments) {
+    auto const w = words(text);
+    if (w.size() != 2) continue;
+    if (w[0] == "SplatRenderMode:") set.antialiased = w[1] == "mip";
+    if (w[0] == "antialiased" && (w[1] == "0" || w[1] == "1")) set.antialiased = w[1] == "1";
+  }
+}
+
+/// The header lines for what these two read.
+inline std::string ply_comments(SplatSet const& set) {
+  std::string lines = set.antialiased ? "comment SplatRenderMode: mip\n" : "";
+  for (std::size_t l = 0; l < set.link_names.size(); ++l)
+    if (!set.link_names[l].empty()) lines += "comment link " + std::to_string(l) + " " + set.link_names[l] + "\n";
+  return lines;
+}
+
 /// Number of f_rest_* properties -> SH degree.
 inline int sh_degree_of(std::size_t rest, std::string const& name, std::size_t line) {
   for (int degree = 0; degree <= 3; ++degree)

@@ -27,4 +27,25 @@ GSP_INLINE SplatSet parse_splat(Bytes bytes, std::string const& name) {
 
 GSP_INLINE SplatSet read_splat(std::filesystem::path const& path) { return parse_splat(read_file(path), path.string()); }
 
+GSP_INLINE std::vector<std::byte> format_splat(SplatSet const& set) {
+  validate(set, "gsp::io::format_splat");
+  std::size_t const terms = set.sh_terms();
+  std::vector<std::byte> bytes(32 * set.size());
+  auto const rounded = [](double value) { return static_cast<std::byte>(std::clamp(std::round(value), 0.0, 255.0)); };
+  for (std::size_t i = 0; i < set.size(); ++i) {
+    std::byte* const to = bytes.data() + 32 * i;
+    std::memcpy(to, &set.positions[3 * i], 12);
+    std::memcpy(to + 12, &set.scales[3 * i], 12);
+    for (std::size_t k = 0; k < 3; ++k) to[24 + k] = rounded(255 * (sh_c0 * set.sh[3 * terms * i + k] + 0.5));
+    to[27] = rounded(255.0 * set.opacities[i]);
+    float const* const q = &set.quats[4 * i];
+    auto const largest = std::max_element(q, q + 4, [](float a, float b) { return std::abs(a) < std::abs(b); });
+    double const sign = *largest < 0 ? 1 : -1;  // of q and -q the one without a component near 1, which 255 falls short of
+    for (std::size_t k = 0; k < 4; ++k) to[28 + k] = rounded(128 + 128 * sign * q[k]);
+  }
+  return bytes;
+}
+
+GSP_INLINE void write_splat(std::filesystem::path const& path, SplatSet const& set) { write_file(path, format_splat(set)); }
+
 }  // namespace gsp::io

@@ -1,25 +1,16 @@
 #pragma once
 #include <gsp/core/detail/compiled.hpp>
+#include <gsp/io/detail/json_text.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/splat_links.hpp>
 #include <gsp/io/splat_set.hpp>
-#include <nlohmann/json.hpp>
 
 namespace gsp::io {
 
 GSP_INLINE std::vector<LinkRange> parse_links(Bytes bytes, std::string const& name) {
   using detail::fail;
-  using Json = nlohmann::json;
-  auto const text = detail::as_text(bytes);
-  Json root;
-  try {
-    root = Json::parse(text.begin(), text.end());
-  } catch (Json::parse_error const& error) {
-    auto const line = 1 + std::count(text.begin(), text.begin() + std::min(error.byte, text.size()), '\n');
-    fail(name, detail::at_line(line), "is not valid JSON here; repair it");
-  } catch (Json::exception const&) {  // the parser's other refusal
-    fail(name, "", "has a number that no double can hold; repair it");
-  }
+  using detail::Json;
+  Json const root = detail::parse_json(detail::as_text(bytes), name);
   if (!root.is_object() || root.size() != 1 || !root.contains("links") || !root["links"].is_array())
     fail(name, "", R"(must be {"links": [{"name": "...", "first": 0, "count": 1}, ...]}; write it so)");
   std::vector<LinkRange> ranges;
@@ -38,6 +29,28 @@ GSP_INLINE std::vector<LinkRange> parse_links(Bytes bytes, std::string const& na
 }
 
 GSP_INLINE std::vector<LinkRange> read_links(std::filesystem::path const& path) { return parse_links(read_file(path), path.string()); }
+
+GSP_INLINE std::vector<LinkRange> link_ranges(SplatSet const& set) {
+  std::vector<LinkRange> ranges;
+  for (std::size_t i = 0; i < set.size(); ++i) {
+    if (set.link[i] < 0) continue;
+    if (i > 0 && set.link[i - 1] == set.link[i])
+      ++ranges.back().count;
+    else
+      ranges.push_back({set.link_names.at(static_cast<std::size_t>(set.link[i])), i, 1});
+  }
+  return ranges;
+}
+
+GSP_INLINE std::string format_links(std::vector<LinkRange> const& ranges) {
+  auto list = nlohmann::ordered_json::array();
+  for (auto const& r : ranges) list.push_back({{"name", r.name}, {"first", r.first}, {"count", r.count}});
+  try {
+    return nlohmann::ordered_json{{"links", list}}.dump() + "\n";
+  } catch (nlohmann::json::type_error const&) {
+    throw Error("gsp::io::format_links: a link's name is not UTF-8, as JSON must be; rename it");
+  }
+}
 
 GSP_INLINE void bind_links(SplatSet& set, std::vector<LinkRange> const& ranges, std::string const& name) {
   std::vector<int> link(set.size(), -1);

@@ -1,32 +1,112 @@
 #pragma once
+#include <array>
 #include <gsp/core/detail/compiled.hpp>
+#include <gsp/io/compressed_ply.hpp>
+#include <gsp/io/file.hpp>
+#include <gsp/io/gltf.hpp>
 #include <gsp/io/ply.hpp>
+#include <gsp/io/sog.hpp>
 #include <gsp/io/splat_file.hpp>
 #include <gsp/io/splat_links.hpp>
+#include <gsp/io/splat_order.hpp>
 #include <gsp/io/splat_set.hpp>
 #include <gsp/io/splat_transform.hpp>
 #include <gsp/io/splats.hpp>
 #include <gsp/io/spz.hpp>
+#include <gsp/io/usda.hpp>
+#include <utility>
 
 namespace gsp::io {
 
-GSP_INLINE SplatSet parse_splats(Bytes bytes, std::string const& name) {
+namespace detail {
+
+/// Endings, longer ones first where one ends in another.
+enum class SplatFormat { compressed_ply, ply, splat, spz, gltf, sog, usda };
+
+inline std::pair<char const*, SplatFormat> const* splat_format_of(std::string const& name) {
+  using enum SplatFormat;
+  static constexpr std::array<std::pair<char const*, SplatFormat>, 9> formats{{{".compressed.ply", compressed_ply},
+                                                                               {".ply", ply},
+                                                                               {".splat", splat},
+                                                                               {".spz", spz},
+                                                                               {".glb", gltf},
+                                                                               {".gltf", gltf},
+                                                                               {".sog", sog},
+                                                                               {"meta.json", sog},
+                                                                               {".usda", usda}}};
+  for (auto const& format : formats)
+    if (name.ends_with(format.first)) return &format;
+  return nullptr;
+}
+
+/// NAME.links.json beside NAME.ext, as read_splats looks for it.
+inline std::filesystem::path links_beside(std::filesystem::path path) { return path.replace_extension(".links.json"); }
+
+}  // namespace detail
+
+GSP_INLINE SplatSet parse_splats(Bytes bytes, std::string const& name, std::filesystem::path const& folder) {
+  using detail::starts_with;
   if (bytes.empty()) detail::fail(name, "", "the file is empty; fetch it again");
   if (name.ends_with(".splat")) return parse_splat(bytes, name);
-  if (detail::starts_with(bytes, "ply")) return parse_ply(bytes, name);
-  if (detail::starts_with(bytes, "\x1f\x8b") || detail::starts_with(bytes, "NGSP")) return parse_spz(bytes, name);
+  if (starts_with(bytes, "ply")) return parse_ply(bytes, name);
+  if (starts_with(bytes, "\x1f\x8b") || starts_with(bytes, "NGSP")) return parse_spz(bytes, name);
+  if (starts_with(bytes, "PK") || detail::is_sog_meta(bytes)) return parse_sog(bytes, name, folder);
+  if (starts_with(bytes, "#usda")) return parse_usda(bytes, name);
+  if (starts_with(bytes, "PXR-USDC"))
+    detail::fail(name, detail::at_byte(0), "is binary USD, which is not read; save it as text (usdcat FILE -o FILE.usda)");
+  if (starts_with(bytes, "glTF") || starts_with(bytes, "{")) return parse_gltf(bytes, name, folder);
   detail::fail(
       name, detail::at_byte(0),
-      "is no file of Gaussians that is known here; convert it to .ply (3DGS or SuperSplat compressed), .splat or .spz (version 2 or 3)");
+      "is no file of Gaussians that is known here; convert it to .ply (3DGS or SuperSplat compressed), .splat, .spz, .sog, .usda or .glb");
 }
 
 GSP_INLINE SplatSet read_splats(std::filesystem::path const& path) {
-  SplatSet set = parse_splats(read_file(path), path.string());
-  auto sidecar = path;
-  sidecar.replace_extension(".links.json");
+  SplatSet set = parse_splats(read_file(path), path.string(), path.has_parent_path() ? path.parent_path() : ".");
+  auto const sidecar = detail::links_beside(path);
   std::error_code error;
   if (std::filesystem::exists(sidecar, error)) bind_links(set, read_links(sidecar), sidecar.string());
   return set;
+}
+
+GSP_INLINE void expect_splats_writable(std::filesystem::path const& path) {
+  if (!detail::splat_format_of(path.string()))
+    detail::fail(path.string(), "",
+                 "its ending names no format of Gaussians that is written here; end it in .ply, .compressed.ply, .splat, .spz, .glb, "
+                 ".gltf, .sog or .usda");
+  expect_writable(path);
+}
+
+GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& path, SplatSet set, WriteSplatsOptions const& options) {
+  using enum detail::SplatFormat;
+  std::string const name = path.string();
+  validate(set, name);
+  expect_splats_writable(path);
+  auto const format = detail::splat_format_of(name)->second;
+  bool const is_ply = format == ply || format == compressed_ply;
+  std::vector<std::string> notes;
+  auto const note = [&](std::string const& text) { notes.push_back(name + ": " + text); };
+  if (set.antialiased && !is_ply && format != spz && format != sog)
+    note("the flag 'antialiased' is left out; the format has no place for it");
+  if (format == splat && set.sh_degree > 0) note("SH terms above degree 0 are left out; the format has no place for them");
+  if (format == compressed_ply || format == sog) sort_splats(set);
+
+  auto const ranges = is_ply ? std::vector<LinkRange>{} : link_ranges(set);
+  std::string const text = ranges.empty() ? "" : format_links(ranges);
+  auto const sidecar = detail::links_beside(path);
+  std::error_code error;
+  if (std::filesystem::exists(sidecar, error) && (text.empty() || detail::as_text(read_file(sidecar)) != text))
+    detail::fail(
+        sidecar.string(), "",
+        "would bind the Gaussians of " + detail::in_quotes(name) + " to other links than they have; remove it or choose another name");
+  if (format == ply) write_ply(path, set);
+  if (format == compressed_ply) write_compressed_ply(path, set);
+  if (format == splat) write_splat(path, set);
+  if (format == spz) write_spz(path, set, options.spz);
+  if (format == gltf) write_gltf(path, set);
+  if (format == sog) write_sog(path, set);
+  if (format == usda) write_usda(path, set);
+  if (!text.empty()) write_file(sidecar, detail::as_bytes(text));
+  return notes;
 }
 
 }  // namespace gsp::io

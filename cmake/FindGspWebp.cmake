@@ -1,0 +1,10 @@
+# libwebp, as Debian ships it (libwebp-dev), or wherever else its header and library lie. Makes the target gsp::webp.
+find_path(GSP_WEBP_INCLUDE_DIR webp/decode.h)
+find_library(GSP_WEBP_LIBRARY webp)
+mark_as_advanced(GSP_WEBP_INCLUDE_DIR GSP_WEBP_LIBRARY)
+include(FindPackageHandleStandardArgs)
+find_package_handle_standard_args(GspWebp REQUIRED_VARS GSP_WEBP_LIBRARY GSP_WEBP_INCLUDE_DIR)
+if(GspWebp_FOUND AND NOT TARGET gsp::webp)
+  add_library(gsp::webp UNKNOWN IMPORTED)
+  set_target_properties(gsp::webp PROPERTIES IMPORTED_LOCATION "${GSP_WEBP_LIBRARY}" INTERFACE_INCLUDE_DIRECTORIES "${GSP_WEBP_INCLUDE_DIR}")
+endif()

@@ -1,0 +1,10 @@
+# zstd, as Debian ships it (libzstd-dev), or wherever else its header and library lie. Makes the target gsp::zstd.
+find_path(GSP_ZSTD_INCLUDE_DIR zstd.h)
+find_library(GSP_ZSTD_LIBRARY zstd)
+mark_as_advanced(GSP_ZSTD_INCLUDE_DIR GSP_ZSTD_LIBRARY)
+include(FindPackageHandleStandardArgs)
+find_package_handle_standard_args(GspZstd REQUIRED_VARS GSP_ZSTD_LIBRARY GSP_ZSTD_INCLUDE_DIR)
+if(GspZstd_FOUND AND NOT TARGET gsp::zstd)
+  add_library(gsp::zstd UNKNOWN IMPORTED)
+  set_target_properties(gsp::zstd PROPERTIES IMPORTED_LOCATION "${GSP_ZSTD_LIBRARY}" INTERFACE_INCLUDE_DIRECTORIES "${GSP_ZSTD_INCLUDE_DIR}")
+endif()

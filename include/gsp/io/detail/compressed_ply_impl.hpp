@@ -1,0 +1,93 @@
+#pragma once
+#include <array>
+#include <gsp/core/detail/compiled.hpp>
+#include <gsp/io/compressed_ply.hpp>
+#include <gsp/io/file.hpp>
+#include <utility>
+
+namespace gsp::io {
+
+namespace detail {
+
+/// Which of w x y z is largest, and 10 bits of (v / sqrt 2 + 1/2) of each of the others.
+inline std::uint32_t pack_ply_rotation(float const* q) {
+  std::size_t largest = 0;
+  for (std::size_t k = 1; k < 4; ++k)
+    if (std::abs(q[k]) > std::abs(q[largest])) largest = k;
+  double const sign = q[largest] < 0 ? -1 : 1;
+  auto packed = static_cast<std::uint32_t>(largest);
+  for (std::size_t k = 0; k < 4; ++k)
+    if (k != largest) packed = packed << 10 | static_cast<std::uint32_t>(std::round((sign * q[k] / std::sqrt(2.0) + 0.5) * 1023));
+  return packed;
+}
+
+}  // namespace detail
+
+GSP_INLINE std::vector<std::byte> format_compressed_ply(SplatSet const& set) {
+  validate(set, "gsp::io::format_compressed_ply");
+  std::size_t const n = set.size(), chunks = (n + 255) / 256, terms = set.sh_terms(), rest = 3 * (terms - 1);
+  bool const links = !set.link_names.empty();
+  std::string header =
+      "ply\nformat binary_little_endian 1.0\n" + detail::ply_comments(set) + "element chunk " + std::to_string(chunks) + "\n";
+  using Axes = std::array<char const*, 3>;
+  for (Axes const& axes : {Axes{"x", "y", "z"}, Axes{"scale_x", "scale_y", "scale_z"}, Axes{"r", "g", "b"}})
+    for (char const* side : {"min_", "max_"})
+      for (char const* axis : axes) header += std::string("property float ") + side + axis + "\n";
+  header += "element vertex " + std::to_string(n) + "\n";
+  for (char const* label : {"packed_position", "packed_rotation", "packed_scale", "packed_color"})
+    header += std::string("property uint ") + label + "\n";
+  if (links) header += "property int link\n";
+  if (rest > 0) header += "element sh " + std::to_string(n) + "\n";
+  for (std::size_t k = 0; k < rest; ++k) header += "property uchar f_rest_" + std::to_string(k) + "\n";
+  header += "end_header\n";
+
+  std::vector<std::byte> bytes(header.size() + 72 * chunks + n * (16 + (links ? 4 : 0) + rest));
+  std::byte* out = bytes.data();
+  auto const put = [&](void const* from, std::size_t size) { std::memcpy(std::exchange(out, out + size), from, size); };
+  put(header.data(), header.size());
+
+  // x y z, log-scales, r g b of a Gaussian, and the bounds of its chunk as the reader will have them
+  auto const value = [&](std::size_t i, std::size_t k) -> float {
+    if (k < 3) return set.positions[3 * i + k];
+    if (k < 6) return static_cast<float>(std::log(std::max(double(set.scales[3 * i + k - 3]), std::exp(-20.0))));
+    return static_cast<float>(0.5 + sh_c0 * set.sh[3 * terms * i + k - 6]);
+  };
+  std::vector<std::array<float, 9>> low(chunks), high(chunks);
+  for (std::size_t c = 0; c < chunks; ++c) {
+    for (std::size_t k = 0; k < 9; ++k) {
+      low[c][k] = high[c][k] = value(256 * c, k);
+      for (std::size_t i = 256 * c; i < std::min(n, 256 * c + 256); ++i) {
+        low[c][k] = std::min(low[c][k], value(i, k));
+        high[c][k] = std::max(high[c][k], value(i, k));
+      }
+    }
+    for (std::size_t group = 0; group < 9; group += 3) {
+      put(&low[c][group], 12);
+      put(&high[c][group], 12);
+    }
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    auto const packed = [&](std::size_t k, int bits) {
+      double const lo = low[i / 256][k], range = high[i / 256][k] - lo, most = (1 << bits) - 1;
+      return static_cast<std::uint32_t>(range > 0 ? std::clamp(std::round((value(i, k) - lo) / range * most), 0.0, most) : 0);
+    };
+    std::array<std::uint32_t, 4> const words{
+        packed(0, 11) << 21 | packed(1, 10) << 11 | packed(2, 11), detail::pack_ply_rotation(&set.quats[4 * i]),
+        packed(3, 11) << 21 | packed(4, 10) << 11 | packed(5, 11),
+        packed(6, 8) << 24 | packed(7, 8) << 16 | packed(8, 8) << 8 | static_cast<std::uint32_t>(std::lround(255.0 * set.opacities[i]))};
+    put(words.data(), 16);
+    if (links) put(&set.link[i], 4);
+  }
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t k = 0; k < rest; ++k) {
+      double const v = set.sh[(i * terms + 1 + k % (terms - 1)) * 3 + k / (terms - 1)];
+      *out++ = static_cast<std::byte>(std::clamp(std::round((v / 8 + 0.5) * 256), 0.0, 255.0));
+    }
+  return bytes;
+}
+
+GSP_INLINE void write_compressed_ply(std::filesystem::path const& path, SplatSet const& set) {
+  write_file(path, format_compressed_ply(set));
+}
+
+}  // namespace gsp::io

@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# gsp convert: from a PLY to each format and back, links with it, and what a format has no place for is said.
+#   convert.sh GSP
+set -eu
+gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
+here="$(cd "$(dirname "$0")" && pwd)"
+if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
+  echo "skipped: a program for CUDA, and no GPU on this machine"
+  exit 77
+fi
+work="$(mktemp -d)"
+trap 'rm -rf "$work"' EXIT
+python3 "$here/make_inputs.py" "$work"
+cd "$work"
+fail() { echo "failed: $*" >&2; exit 1; }
+
+count="$("$gsp" info disc.ply | sed -n '1s/.*: \([0-9]*\) Gaussians.*/\1/p')"
+mkdir out out/pictures
+for name in a.ply a2.compressed.ply a3.splat a4.spz a5.glb a6.gltf a7.sog pictures/meta.json a8.usda; do
+  if ! "$gsp" convert link.ply "out/$name" > said.txt 2> err.txt; then
+    grep -q 'compiled without' err.txt || fail "link.ply -> $name: $(cat err.txt)"
+    echo "left out: $(cat err.txt)"
+    continue
+  fi
+  grep -q "$count Gaussians" said.txt || fail "$name: $(cat said.txt)"
+  "$gsp" info "out/$name" > info.txt || fail "gsp info $name"
+  grep -q "$count Gaussians" info.txt || fail "gsp info $name: $(cat info.txt)"
+  grep -q '10 Gaussians on 1 links (wheel)' info.txt || fail "the links of $name: $(cat info.txt)"
+  "$gsp" convert "out/$name" "out/back_$(basename "$name").ply" --quiet > said.txt || fail "$name -> back"
+  [ ! -s said.txt ] || fail "--quiet speaks"
+done
+[ -f out/a5.links.json ] || fail "no sidecar beside a5.glb"
+[ ! -e out/a.links.json ] || fail "a sidecar beside a.ply"
+# A sidecar that would bind others: nothing is written.
+if "$gsp" convert disc.ply out/a5.splat > said.txt 2> err.txt; then fail "a5.links.json was passed over"; fi
+grep -q 'would bind the Gaussians' err.txt || fail "$(cat err.txt)"
+[ ! -e out/a5.splat ] || fail "a5.splat was written"
+# A format with no place for it
+python3 - <<'P'
+import struct
+names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2"] + ["f_rest_%d" % k for k in range(9)] + ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+head = "ply\nformat binary_little_endian 1.0\ncomment SplatRenderMode: mip\nelement vertex 1\n" + "".join("property float %s\n" % n for n in names) + "end_header\n"
+open("sh.ply", "wb").write(head.encode() + struct.pack("<23f", *([1.0] * 23)))
+P
+"$gsp" convert sh.ply out/sh.splat > said.txt
+grep -q "flag 'antialiased' is left out" said.txt || fail "$(cat said.txt)"
+grep -q 'SH terms above degree 0 are left out' said.txt || fail "$(cat said.txt)"
+"$gsp" convert sh.ply out/sh.glb --sh-degree 0 | grep -q 'SH degree 0' || fail "--sh-degree"
+"$gsp" convert sh.ply out/sh3.spz --spz-version 3 > /dev/null
+[ "$(head -c 2 out/sh3.spz | od -An -tx1 | tr -d ' ')" = 1f8b ] || fail "--spz-version 3 is no gzip"
+ls out | grep -q partial && fail "parts of files are left"
+echo "gsp convert: all formats there and back"
