@@ -81,14 +81,9 @@ TEST_CASE_TEMPLATE("rays follow their body", Exec, GSP_TEST_EXECS) {
   // on a site: in its frame, which has the body's x, y, z as its z, x, y
   auto const on_site = gsp::make_ray_mount<R>(exec, compiled, ahead, {.site = "unit", .pos = {0.01, 0.02, 0.3}});
   CHECK(on_site.body == 1);
-  for (auto const& [is, should] : {std::pair{on_site.pos.x, 0.5},
-                                   {on_site.pos.y, 0.01},
-                                   {on_site.pos.z, 0.12},
-                                   {on_site.quat.w, 0.5},
-                                   {on_site.quat.x, 0.5},
-                                   {on_site.quat.y, 0.5},
-                                   {on_site.quat.z, 0.5}})
-    CHECK(std::fabs(is - should) < 1e-15);
+  auto const& q = on_site.quat;
+  double const is[] = {on_site.pos.x, on_site.pos.y, on_site.pos.z, q.w, q.x, q.y, q.z}, should[] = {0.5, 0.01, 0.12, 0.5, 0.5, 0.5, 0.5};
+  for (int k = 0; k < 7; ++k) CHECK(std::fabs(is[k] - should[k]) < 1e-15);
   auto scene = gsp::make_ray_scene<R>(exec, model, compiled, {.worlds = worlds});
   auto hits = gsp::make_ray_hits<R>(exec, {.worlds = worlds, .count = 2 + 2 + 187});
   gsp::place_ray_geoms(exec, model, poses, scene);
