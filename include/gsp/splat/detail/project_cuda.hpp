@@ -8,7 +8,7 @@ namespace gsp::detail {
 template <class Mem, class List>
 struct ProjectClusters {
   Projector<Mem> p;
-  int clusters;
+  int clusters, cells;  // of an image; of the wave
   List channels;
 
   static constexpr int threads = Gaussians<Mem>::cluster_size, warps = threads / 32;
@@ -17,15 +17,24 @@ struct ProjectClusters {
     std::int64_t first;
   };
 
+  /// Most clusters are not seen, so a block takes one after the other: blocks that end at once would cost as much as they do.
+  static constexpr int most_blocks = 1 << 15;
   __device__ void operator()(Places& places) const {
+    for (int cell = int(blockIdx.x); cell < cells; cell += int(gridDim.x))
+      if (p.wave.cluster_seen(cell / clusters, cell % clusters)) {
+        cluster(places, cell / clusters, cell % clusters);
+        __syncthreads();
+      }
+  }
+
+ private:
+  __device__ void cluster(Places& places, int image, int k) const {
     auto const& wave = p.wave;
-    int const image = int(blockIdx.x) / clusters, k = int(blockIdx.x) % clusters;
-    if (!wave.cluster_seen(image, k)) return;
-    GaussianCluster const& cluster = p.cloud.clusters(k);
-    LinkView const& link = wave.link_views(image, cluster.body);
-    int const warp = int(threadIdx.x) / 32, lane = int(threadIdx.x) % 32, i = cluster.begin + int(threadIdx.x);
+    GaussianCluster const& of = p.cloud.clusters(k);
+    LinkView const& link = wave.link_views(image, of.body);
+    int const warp = int(threadIdx.x) / 32, lane = int(threadIdx.x) % 32, i = of.begin + int(threadIdx.x);
     SplatOf<float> s;
-    bool const seen = i < cluster.end && p.geometry(i, link, wave.image_views(image), s);
+    bool const seen = i < of.end && p.geometry(i, link, wave.image_views(image), s);
     unsigned const word = __ballot_sync(0xffffffffu, seen);
     if (lane == 0) places.of_warp[warp] = __popc(word);
     __syncthreads();
@@ -45,7 +54,7 @@ struct ProjectClusters {
     if (!seen || to >= wave.visible_capacity) return;
     p.colour(i, link, s);
     p.put(to, image, i, {s.u, s.v, s.l11, s.l21, s.l22, s.power, s.xe, s.ye, s.r, s.g, s.b, s.depth});
-    p.put_values(channels, to, image, cluster.body, i, link);
+    p.put_values(channels, to, image, of.body, i, link);
   }
 };
 
@@ -55,10 +64,11 @@ __global__ void __launch_bounds__(Clusters::threads) project_clusters_kernel(Clu
   clusters(places);
 }
 template <class Clusters>
-void project_on_cuda(Kokkos::Cuda const& exec, int cells, Clusters const& clusters) {
-  if (cells == 0) return;
+void project_on_cuda(Kokkos::Cuda const& exec, Clusters const& clusters) {
+  if (clusters.cells == 0) return;
+  unsigned const blocks = unsigned(clusters.cells < Clusters::most_blocks ? clusters.cells : Clusters::most_blocks);
   launch_on_cuda("gsp::splat::project", exec,
-                 [&](cudaStream_t stream) { project_clusters_kernel<<<unsigned(cells), Clusters::threads, 0, stream>>>(clusters); });
+                 [&](cudaStream_t stream) { project_clusters_kernel<<<blocks, Clusters::threads, 0, stream>>>(clusters); });
 }
 
 }  // namespace gsp::detail

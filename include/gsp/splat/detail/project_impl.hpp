@@ -108,7 +108,7 @@ void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem>& frames,
                        detail::BeginProjection<Mem, is_device<Exec>>{projector, clusters, frames.status});
   if constexpr (is_device<Exec>) {
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
-    detail::project_on_cuda(exec, cells, detail::ProjectClusters<Mem, List>{projector, clusters, list});
+    detail::project_on_cuda(exec, detail::ProjectClusters<Mem, List>{projector, clusters, cells, list});
 #else
     static_assert(!is_device<Exec>, "gsp::project: pictures are drawn on CPUs and on CUDA GPUs; compile with nvcc for CUDA");
 #endif

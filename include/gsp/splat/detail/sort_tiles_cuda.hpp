@@ -170,7 +170,8 @@ struct SortTiles {
       place = counts[digit];
       counts[digit] = place + __popc(same);
     }
-    return __shfl_sync(all, place, leader) + __popc(same & ((1u << lane) - 1u));  // a barrier of the warp as well
+    __syncwarp();  // what one lane has counted, another may read in the next round
+    return __shfl_sync(all, place, leader) + __popc(same & ((1u << lane) - 1u));
   }
   /// From how many there are to where they go.
   __device__ static void places(Shared& shared) {
