@@ -138,7 +138,10 @@ struct SortTiles {
   }
   /// From the least and greatest depths of each thread: what a key of so many bits is made of.
   __device__ static void range(Shared& shared, std::uint32_t least, std::uint32_t greatest, int most_bits) {
-    if (threadIdx.x == 0) shared.least = ~0u, shared.greatest = 0;
+    if (threadIdx.x == 0) {
+      shared.least = ~0u;
+      shared.greatest = 0;
+    }
     for (int step = 16; step > 0; step /= 2) {
       std::uint32_t const a = __shfl_xor_sync(all, least, step), b = __shfl_xor_sync(all, greatest, step);
       least = a < least ? a : least;
