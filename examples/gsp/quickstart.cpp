@@ -8,6 +8,7 @@
 #include <gsp/io/npy.hpp>
 #include <gsp/io/ply.hpp>
 #include <gsp/io/png.hpp>
+#include <gsp/io/video.hpp>
 #include <gsp/io/write_mjcf.hpp>
 #include <gsp/model/detail/host_math.hpp>
 #include <gsp/model/samples.hpp>
@@ -295,9 +296,25 @@ int run(Arguments const& a) {
   double const loop_frames_per_second = worlds / loop_seconds;
   double const share_of_slower = std::max(drawing, timing.seconds / double(timing.steps)) / loop_seconds;
 
-  // The animation: one world, a camera that stands still.
+  // The animation: one world, a camera that stands still; as an mp4 too, where there is ffmpeg.
+  make_folder(out, "--out");
+  auto const file = [&](char const* name) { return (std::filesystem::path(out) / name).string(); };
   Progress film_bar("animation", quiet(a));
-  gsp::io::ApngWriter animation({.frames_per_second = 25});
+  double const rate = 1 / (double(every) * stepper->timestep());  // as fast as it is
+  std::optional<gsp::io::VideoWriter> video;
+  std::string no_video = "no animation.mp4, since there is no ffmpeg in PATH: install it (Debian, Ubuntu: apt-get install ffmpeg)";
+  auto const to_video = [&](auto const& f) {  // without it all else is done
+    try {
+      f();
+    } catch (Error const& error) {
+      video.reset();
+      no_video = error.what();
+    }
+  };
+  to_video([&] {
+    if (!gsp::io::find_ffmpeg().empty()) video.emplace(file("animation.mp4"), gsp::io::VideoOptions{.frames_per_second = rate});
+  });
+  gsp::io::ApngWriter animation({.frames_per_second = rate});
   std::int64_t const together = std::min<std::int64_t>(frames, gpu ? 64 : 8);
   CameraFile still;
   for (int k = 0; k < together; ++k) add_camera(still, eye_of(0, subject, clear), subject.center, 0.9, width, height);
@@ -307,15 +324,21 @@ int run(Arguments const& a) {
     renderer->render({film_xpos.array.rows(first, n), film_xquat.array.rows(first, n), {}, {}},
                      still.arrays(0, static_cast<std::size_t>(n)));
     gsp::runtime::copy(renderer->frames().rgb, gsp::runtime::host_array(film.data(), {n, height, width, 3}));
-    for (std::int64_t k = 0; k < n; ++k)
-      animation.add(gsp::io::to_bitmap8(&film[3 * pixels * static_cast<std::size_t>(k)], width, height, 3));
+    for (std::int64_t k = 0; k < n; ++k) {
+      auto const frame = gsp::io::to_bitmap8(&film[3 * pixels * static_cast<std::size_t>(k)], width, height, 3);
+      animation.add(frame);
+      to_video([&] {
+        if (video) video->write(frame);
+      });
+    }
     film_bar.show(double(first + n) / double(frames));
   }
+  to_video([&] {
+    if (video) video->finish();
+  });
   film_bar.finish(text("%lld frames", static_cast<long long>(frames)));
 
   // Files, once all is done.
-  make_folder(out, "--out");
-  auto const file = [&](char const* name) { return (std::filesystem::path(out) / name).string(); };
   std::vector<gsp::io::Bitmap8> rgb, color;
   std::vector<gsp::io::Bitmap16> depth;
   float near = INFINITY, far = 0;
@@ -341,7 +364,8 @@ int run(Arguments const& a) {
                  {"loop_share_of_slower", share_of_slower},
                  {"steps", steps},
                  {"gaussians", scene.count()},
-                 {"device", device_name(device)}});
+                 {"device", device_name(device)},
+                 {"video", video ? nlohmann::json(file("animation.mp4")) : nlohmann::json()}});
     std::puts(json.dump().c_str());
   } else {
     std::puts("");
@@ -360,6 +384,10 @@ int run(Arguments const& a) {
         "first world, %.2f s\n",
         file("worlds.png").c_str(), shown, file("depth_color.png").c_str(), near, far, file("depth_mm.png").c_str(),
         file("animation.png").c_str(), double(steps) * stepper->timestep());
+    if (video)
+      std::printf("  %s  the same\n", file("animation.mp4").c_str());
+    else
+      std::printf("  %s\n", no_video.c_str());
   }
   say_stopped("quickstart", *stepper, model, worlds, "'gsp sim --timestep' takes smaller steps");
   return 0;
@@ -371,7 +399,7 @@ Command quickstart_command() {
   return {"quickstart",
           "",
           "robot and Gaussian scene to pictures: steps many worlds, draws each from its own camera, writes a contact sheet, depth and an "
-          "animation",
+          "animation, as an mp4 too where there is ffmpeg",
           0,
           0,
           {{"--out", "DIR", "where the pictures go: out"},

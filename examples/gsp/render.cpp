@@ -1,10 +1,11 @@
-// gsp render: pictures of Gaussians, of a model's links in any pose, from cameras of a file.
+// gsp render: pictures and videos of Gaussians, of a model's links in any pose, from cameras of a file.
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <gsp/io/colormap.hpp>
 #include <gsp/io/npz.hpp>
 #include <gsp/io/png.hpp>
+#include <gsp/io/video.hpp>
 #include <gsp/model/names.hpp>
 #include <nlohmann/json.hpp>
 
@@ -15,6 +16,8 @@
 
 namespace gsp_cli {
 namespace {
+
+constexpr int tile_padding = 2;  // between pictures of one frame
 
 /// Pictures on the host; empty where a channel was not asked for.
 struct Pictures {
@@ -68,6 +71,60 @@ CameraFile same_camera(CameraFile const& one, std::size_t n) {
   return out;
 }
 
+/// Cameras first, first + step, first + 2 step ...
+CameraFile every_camera(CameraFile const& all, std::size_t first, std::size_t step) {
+  CameraFile out;
+  for (std::size_t i = first; i < all.count; i += step, ++out.count) {
+    auto const part = [i](std::vector<float>& to, std::vector<float> const& from, std::size_t n) {
+      to.insert(to.end(), from.begin() + static_cast<std::ptrdiff_t>(i * n), from.begin() + static_cast<std::ptrdiff_t>((i + 1) * n));
+    };
+    part(out.viewmats, all.viewmats, 16);
+    part(out.Ks, all.Ks, 9);
+  }
+  return out;
+}
+
+/// Entries of a trace a second: by the median of the times between them, since the last of them may be shorter than the others.
+double frames_per_second(Trace const& trace, std::string const& path) {
+  std::vector<double> steps;
+  for (std::size_t t = 1; t < trace.entries; ++t) steps.push_back(trace.time[t] - trace.time[t - 1]);
+  if (steps.empty()) return 25;
+  auto const middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  char seconds[32];
+  std::snprintf(seconds, sizeof seconds, "%.4g", *middle);
+  if (!(*middle >= 0.999e-3 && *middle <= 1000))
+    throw Error(path + "[time]: entries are " + seconds +
+                " s apart, of which no video of 0.001 to 1000 frames a second comes; give --fps, or take a trace with another --every");
+  return std::round(1e6 * std::min(1000., 1 / *middle)) / 1e6;  // times are rounded
+}
+
+/// World `world` of a trace, alone.
+Trace of_world(Trace const& all, std::size_t world, std::size_t nq) {
+  Trace one;
+  one.entries = all.entries;
+  one.worlds = 1;
+  one.time = all.time;
+  for (std::size_t t = 0; t < all.entries; ++t) {
+    auto const start = all.qpos.begin() + static_cast<std::ptrdiff_t>((t * all.worlds + world) * nq);
+    one.qpos.insert(one.qpos.end(), start, start + static_cast<std::ptrdiff_t>(nq));
+  }
+  return one;
+}
+
+/// Writes the pictures of `some` as frames, each of as many side by side as there are worlds; `tiles` keeps those of an entry that has not
+/// come as a whole yet.
+void write_frames(gsp::io::VideoWriter& video, std::vector<gsp::io::Bitmap8>& tiles, std::vector<float> const& rgb, std::size_t worlds,
+                  int columns, int width, int height) {
+  std::size_t const numbers = 3 * static_cast<std::size_t>(width) * height;
+  for (std::size_t i = 0; i < rgb.size() / numbers; ++i) {
+    tiles.push_back(gsp::io::to_bitmap8(&rgb[numbers * i], width, height, 3));
+    if (tiles.size() < worlds) continue;
+    video.write(worlds == 1 ? tiles.front() : gsp::io::contact_sheet(tiles, columns, tile_padding));
+    tiles.clear();
+  }
+}
+
 int run(Arguments const& a) {
   if (!a.has("--splat")) a.fail("needs --splat FILE: the Gaussians to draw (.ply, .splat or .spz)");
   if (!a.has("--cameras") && !a.has("--camera"))
@@ -78,6 +135,8 @@ int run(Arguments const& a) {
   a.needs("--keyframe", "--model", "a keyframe belongs to a model");
   a.needs("--trace", "--model", "a trace belongs to a model");
   a.needs("--skip-visuals", "--model", "it is about a model's geoms");
+  a.needs("--world", "--trace", "it is one of the trace's worlds");
+  a.needs("--fps", "--video", "it is about its frames");
   auto const files = a.all("--splat"), poses = a.all("--splat-pose");
   if (poses.size() > files.size())
     a.fail("--splat-pose is given " + std::to_string(poses.size()) + " times for " + std::to_string(files.size()) +
@@ -87,21 +146,33 @@ int run(Arguments const& a) {
   options.height = static_cast<int>(a.integer("--height", 480, 1, 16384));
   options.batch = static_cast<int>(a.integer("--batch", 0, 1, 65536));
   options.alpha_max = static_cast<float>(a.real("--alpha-max", 0.999, 0, 1));
-  auto const channels = a.list("--channels", {"rgb", "depth", "alpha"}, {"rgb", "depth"});
+  bool const video_alone = a.has("--video") && !a.has("--out") && !a.has("--npz");
+  auto const channels = a.list("--channels", {"rgb", "depth", "alpha"},
+                               video_alone ? std::vector<std::string>{"rgb"} : std::vector<std::string>{"rgb", "depth"});
   auto const wanted = [&](char const* c) { return std::find(channels.begin(), channels.end(), c) != channels.end(); };
   options.rgb = wanted("rgb");
   options.depth = wanted("depth");
   options.alpha = wanted("alpha");
+  if (a.has("--video") && !options.rgb) a.fail("--video shows rgb, and --channels is without; add rgb to it");
+  double const fps = a.real_from("--fps", 0, 0.001, 1000);
   int const repeat = static_cast<int>(a.integer("--repeat", 1, 1, 1000000));
   int const threads = threads_of(a);
-  auto const out = a.text("--out"), npz = a.text("--npz");
+  auto const out = a.text("--out"), npz = a.text("--npz"), video = a.text("--video");
   Device const device = choose_device(a);
-  if (npz) {
-    expect_writable(*npz, "--npz");
-    std::vector<NamedFile> inputs;
+  if (npz || video) {
+    std::vector<NamedFile> inputs, outputs;
+    if (npz) {
+      expect_writable(*npz, "--npz");
+      outputs.push_back({"--npz", *npz});
+    }
+    if (video) {
+      auto const written = gsp::io::video_path(*video).string();
+      expect_writable(written, "--video");
+      outputs.push_back({"--video", written});
+    }
     for (char const* option : {"--splat", "--cameras", "--model", "--trace"})
       for (auto const& file : a.all(option)) inputs.push_back({option, file});
-    expect_apart(inputs, {{"--npz", *npz}});
+    expect_apart(inputs, outputs);
   }
 
   // All input is read before anything is written.
@@ -125,7 +196,15 @@ int run(Arguments const& a) {
   }
   auto const of_model = a.text("--camera");
   int const camera = of_model ? named_or_index(*a.text("--model"), "camera", model.cam_name, *of_model) : -1;
-  CameraFile const cameras = of_model ? CameraFile{} : read_cameras(*a.text("--cameras"));
+  CameraFile cameras = of_model ? CameraFile{} : read_cameras(*a.text("--cameras"));
+  if (a.has("--world")) {
+    auto const world = static_cast<std::size_t>(a.integer("--world", 0, 0, 1 << 24));
+    if (world >= trace.worlds)
+      a.fail("--world " + *a.text("--world") + ": there are " + std::to_string(trace.worlds) + " worlds; give 0 to " +
+             std::to_string(trace.worlds - 1));
+    if (cameras.count == trace.entries * trace.worlds) cameras = every_camera(cameras, world, trace.worlds);
+    trace = of_world(trace, world, static_cast<std::size_t>(model.nq));
+  }
   std::size_t const states = trace.entries * trace.worlds;
   if (!of_model && a.has("--trace") && cameras.count != states && cameras.count != 1)
     throw Error(*a.text("--cameras") + ": holds " + std::to_string(cameras.count) + " cameras, but the trace has " +
@@ -138,6 +217,19 @@ int run(Arguments const& a) {
     throw Error(*npz + ": " + std::to_string(count) + " pictures of " + std::to_string(options.width) + " x " +
                 std::to_string(options.height) + " pass 4 GiB, the limit of npz files here; render fewer at a time or use --out");
 
+  std::size_t const tiles = a.has("--trace") ? trace.worlds : 1;  // of a frame
+  int const columns = gsp::io::sheet_columns(static_cast<int>(tiles), options.width, options.height);
+  double rate = fps;
+  if (video) {
+    if (rate == 0) rate = a.has("--trace") ? frames_per_second(trace, *a.text("--trace")) : 25;
+    int const most = 16384;  // H.264's
+    int const rows = (static_cast<int>(tiles) + columns - 1) / columns;
+    if (columns * (options.width + tile_padding) > most || rows * (options.height + tile_padding) > most)
+      throw Error(*video + ": " + std::to_string(tiles) + " worlds of " + std::to_string(options.width) + " x " +
+                  std::to_string(options.height) + " side by side pass " + std::to_string(most) +
+                  " pixels, the most that a video has; give --world W, or a smaller --width and --height");
+  }
+
   gsp::runtime::Session const session(threads);
   gsp::runtime::Scene scene;
   bool carried = false;
@@ -149,14 +241,19 @@ int run(Arguments const& a) {
   auto const kinematics = gsp::runtime::make_kinematics(device, model);
 
   // Pictures go through in portions, so that memory does not grow with their number.
-  std::size_t const budget = device == Device::cuda ? std::size_t(16) << 30 : std::size_t(1) << 30;
+  // A video alone takes small ones: the first is drawn twice, and ffmpeg works while the next is drawn.
+  std::size_t const budget = (device == Device::cuda ? std::size_t(16) << 30 : std::size_t(1) << 30) / (video_alone ? 16 : 1);
   std::size_t const portion = std::clamp<std::size_t>(budget / bytes_each, 1, count);
   expect_memory(std::to_string(portion) + (portion == count ? "" : " of " + std::to_string(count)) + " pictures of " +
                     std::to_string(options.width) + " x " + std::to_string(options.height),
                 device, static_cast<std::uint64_t>(renderer->bytes_needed(static_cast<int>(portion))),
-                (out || npz ? portion : 0) * bytes_each + (npz ? count * bytes_each : 0),
+                (out || npz || video ? portion : 0) * bytes_each + (npz ? count * bytes_each : 0) +
+                    (video ? tiles * 6 * static_cast<std::size_t>(options.width) * options.height : 0),
                 "smaller ones, fewer cameras or --out in place of --npz");
   if (out) make_folder(*out, "--out");
+  std::optional<gsp::io::VideoWriter> film;
+  std::vector<gsp::io::Bitmap8> frame_tiles;
+  if (video) film.emplace(*video, gsp::io::VideoOptions{.frames_per_second = rate});
   double const startup = seconds_since_start();
   Pictures all;
   double seconds = 0;
@@ -174,13 +271,15 @@ int run(Arguments const& a) {
     auto const start = std::chrono::steady_clock::now();
     for (int r = 0; r < repeat; ++r) {
       renderer->render(poses, arrays);
-      progress.show((double(first) + double(n) * double(r + 1) / repeat * (out ? 0.1 : 1)) / double(count));
+      progress.show((double(first) + double(n) * double(r + 1) / repeat * (out || video ? 0.1 : 1)) / double(count));
     }
     seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    if (!out && !npz) continue;
+    if (!out && !npz && !video) continue;
     auto const frames = renderer->frames();
     Pictures const some{fetch(frames.rgb), fetch(frames.depth), fetch(frames.alpha)};
     if (out) write_pngs(*out, some, first, count, options.width, options.height, progress);
+    if (film) write_frames(*film, frame_tiles, some.rgb, tiles, columns, options.width, options.height);
+    progress.show(double(first + n) / double(count));
     if (npz) {
       auto const join = [](std::vector<float>& to, std::vector<float> const& from) { to.insert(to.end(), from.begin(), from.end()); };
       join(all.rgb, some.rgb);
@@ -196,7 +295,9 @@ int run(Arguments const& a) {
     if (options.alpha) entries.push_back({"alpha", {{count, h, w}, all.alpha}});
     gsp::io::write_npz(*npz, entries);
   }
+  if (film) film->finish();
   progress.finish();
+  if (film && !film->note().empty()) std::fprintf(stderr, "%s\n", film->note().c_str());  // with --quiet too: no mp4 is there
   std::FILE* const say = text_beside(npz);
   double const frames = double(count) * repeat;
   if (a.has("--json")) {
@@ -209,11 +310,15 @@ int run(Arguments const& a) {
                                 {"height", options.height},
                                 {"gaussians", scene.count()},
                                 {"device", device_name(device)}};
+    if (film) json.update({{"video", film->path().string()}, {"video_frames", count / tiles}, {"video_frames_per_second", rate}});
     std::fprintf(say, "%s\n", json.dump().c_str());
   } else {
     std::fprintf(say, "%zu pictures of %d x %d, %zu Gaussians, on %s: %.4g s, %.4g frames/s; %.2f s to start; %.3g MB\n", count,
                  options.width, options.height, scene.count(), device_name(device).c_str(), seconds, frames / seconds, startup,
                  1e-6 * double(peak_bytes(device)));
+    if (film)
+      std::fprintf(say, "%s: %zu frames, %.6g a second%s\n", film->path().string().c_str(), count / tiles, rate,
+                   tiles > 1 ? (", of " + std::to_string(tiles) + " worlds each").c_str() : "");
   }
   return 0;
 }
@@ -223,7 +328,7 @@ int run(Arguments const& a) {
 Command render_command() {
   return {"render",
           "",
-          "draws Gaussians and the links of a model, as RGB, expected depth and alpha",
+          "draws Gaussians and the links of a model, as RGB, expected depth and alpha, and videos of them",
           0,
           0,
           {{"--splat", "FILE", "Gaussians: .ply (3DGS, SuperSplat), .splat, .spz; may come several times", true},
@@ -237,12 +342,13 @@ Command render_command() {
            package_option(),
            {"--keyframe", "NAME|INDEX", "where the model stands; without it (and --trace) its initial pose"},
            {"--trace", "F.npz", "a trace of gsp sim: picture t*N+w shows world w at entry t"},
+           {"--world", "W", "this world of the trace alone: picture t shows entry t"},
            {"--camera", "NAME|INDEX",
             "in place of --cameras: the model's camera of this name or index, with its mode and intrinsics, in every world and entry"},
            {"--cameras", "C.npz", "viewmats (C,4,4) world-to-camera, x right, y down, z forward; Ks (C,3,3) in pixels"},
            {"--width", "W", "of the pictures, 640"},
            {"--height", "H", "of the pictures, 480"},
-           {"--channels", "rgb,depth,alpha", "which of them to make; rgb,depth"},
+           {"--channels", "rgb,depth,alpha", "which of them to make; rgb,depth, and of --video alone rgb"},
            {"--alpha-max", "A", "greatest alpha of a Gaussian, .999"},
            {"--batch", "B", "pictures that go through the stages together; changes memory and speed, never the pictures"},
            {"--repeat", "R", "draw everything R times (after once untimed) and time that"},
@@ -251,6 +357,10 @@ Command render_command() {
            quiet_option(),
            {"--out", "DIR", "write PNGs: rgb, depth in 16-bit millimetres, depth in colour, alpha"},
            {"--npz", "F", "write arrays rgb (C,H,W,3), depth (C,H,W), alpha (C,H,W), float32, unclamped, on black"},
+           {"--video", "F.mp4",
+            "write rgb as an mp4 by ffmpeg, a frame for each entry of the trace (its worlds side by side), else for each camera; without "
+            "ffmpeg in PATH, or where F ends in .apng or .png, as an animated PNG"},
+           {"--fps", "R", "frames of --video a second; those of the trace's times, else 25"},
            {"--json", "", "print one JSON object: seconds, frames_per_second, startup_seconds, peak_bytes, ..."}},
           run};
 }

@@ -180,5 +180,6 @@
 #include <gsp/io/spz.hpp>
 #include <gsp/io/urdf.hpp>
 #include <gsp/io/usda.hpp>
+#include <gsp/io/video.hpp>
 #include <gsp/io/write_mjcf.hpp>
 #endif

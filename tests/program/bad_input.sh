@@ -26,7 +26,7 @@ refused() {
   [ "$(wc -l <err.txt)" = 1 ] || problem="$problem; $(wc -l <err.txt) lines on stderr instead of one"
   [ ! -s out.txt ] || problem="$problem; it wrote to stdout"
   for part in "${parts[@]}"; do grep -qF -- "$part" err.txt || problem="$problem; the sentence lacks '$part'"; done
-  for left in result.npz result.ply result.spz result.xyz pictures *.partial-*; do [ ! -e "$left" ] || problem="$problem; it left $left"; done
+  for left in result.npz result.mp4 result.apng result.ply result.spz result.xyz pictures *.partial-*; do [ ! -e "$left" ] || problem="$problem; it left $left"; done
   if [ -n "$problem" ]; then
     failures=$((failures + 1))
     printf 'gsp %s: %s\n  %s\n' "$*" "${problem#; }" "$(head -c 600 err.txt)"
@@ -242,6 +242,15 @@ render "cameras.npz" "holds 2 cameras" "3 worlds" -- render --splat disc.ply --c
 render "attribute.xml:8" -- render --splat disc.ply --cameras cameras.npz --model attribute.xml
 refused "nowhere/result.npz" "create it first" -- render --splat disc.ply --cameras cameras.npz --npz nowhere/result.npz
 : > file
+refused "result.avi: is a video by no ending" "let it end in .mp4" -- render --splat disc.ply --cameras cameras.npz --video result.avi
+refused "nowhere" "create it first" -- render --splat disc.ply --cameras cameras.npz --video nowhere/result.mp4
+refused "--video shows rgb" "add rgb" -- render --splat disc.ply --cameras cameras.npz --video result.mp4 --channels depth
+refused "--fps needs --video" -- render --splat disc.ply --cameras cameras.npz --fps 30
+refused "--fps is '0'" -- render --splat disc.ply --cameras cameras.npz --video result.mp4 --fps 0
+refused "--world needs --trace" -- render --splat disc.ply --cameras cameras.npz --world 0
+refused "--world 3: there are 3 worlds" -- render --splat disc.ply --cameras camera.npz --model cart.xml --trace start3.npz --world 3
+refused "missing.ply" -- render --splat missing.ply --cameras cameras.npz --video result.mp4
+refused "3 worlds of 16000 x 12000 side by side pass 16384 pixels" "--world" -- render --splat disc.ply --cameras camera.npz --model cart.xml --trace start3.npz --width 16000 --height 12000 --video result.mp4
 refused "file/pictures" "cannot be made" -- render --splat disc.ply --cameras cameras.npz --out file/pictures
 
 echo "$cases cases, $failures failures"

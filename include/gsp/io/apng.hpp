@@ -1,21 +1,24 @@
 #pragma once
+#include <gsp/io/detail/frame_rate.hpp>
 #include <gsp/io/detail/png_chunks.hpp>
 #include <gsp/io/file.hpp>
+#include <utility>
 
 namespace gsp::io {
 
 struct ApngOptions {
-  int frames_per_second = 25;
-  int loops = 0;  // 0: for ever
-  int level = 6;  // zlib's, 0..9
+  double frames_per_second = 25;  // 0.001 .. 1000; the nearest fraction of 16-bit numbers is what is shown
+  int loops = 0;                  // 0: for ever
+  int level = 6;                  // zlib's, 0..9
 };
 
 /// An animation as APNG: a PNG whose further frames viewers without animation skip. Each frame stores only the rectangle that differs from
-/// the one before, so a still background costs nothing. Frames are packed as they come; `finish` gives the file.
+/// the one before, so a still background costs nothing. Frames are packed as they come; `finish` gives the file. One that is too long to
+/// keep is written in parts: `head`, after each `add` what `take` gives, `tail`, and at last `head` again over the first, with their
+/// number.
 class ApngWriter {
  public:
-  explicit ApngWriter(ApngOptions options = {}) : options_(options) {
-    expects(options.frames_per_second > 0 && options.frames_per_second <= 1000, "gsp::io::ApngWriter: frames_per_second must be 1..1000");
+  explicit ApngWriter(ApngOptions options = {}) : options_(options), rate_(detail::frame_rate(options.frames_per_second)) {
     expects(options.loops >= 0 && options.level >= 0 && options.level <= 9, "gsp::io::ApngWriter: loops must not be negative, level 0..9");
   }
 
@@ -54,8 +57,8 @@ class ApngWriter {
 
     std::vector<std::byte> control;
     for (int v : {sequence_++, x1 - x0, y1 - y0, x0, y0}) detail::put_be(control, static_cast<std::uint32_t>(v));
-    detail::put_be(control, 1, 2);
-    detail::put_be(control, static_cast<std::uint32_t>(options_.frames_per_second), 2);
+    detail::put_be(control, static_cast<std::uint32_t>(rate_.seconds), 2);
+    detail::put_be(control, static_cast<std::uint32_t>(rate_.frames), 2);
     detail::put_be(control, 0, 2);  // leave the frame when it is over; write over what was there
     detail::put_chunk(body_, "fcTL", control);
     if (count_ == 0) {
@@ -71,23 +74,44 @@ class ApngWriter {
   }
 
   std::vector<std::byte> finish() const {
-    expects(count_ > 0, "gsp::io::ApngWriter::finish: there are no frames; add one");
+    expects(!taken_, "gsp::io::ApngWriter::finish: frames were taken; write head, what take gave, and tail");
+    auto out = head();
+    auto const end = tail();
+    out.insert(out.end(), body_.begin(), body_.end());
+    out.insert(out.end(), end.begin(), end.end());
+    return out;
+  }
+
+  /// The start of the file, of the same length for any number of frames.
+  std::vector<std::byte> head() const {
+    expects(count_ > 0, "gsp::io::ApngWriter: there are no frames; add one");
     std::vector<std::byte> out, control;
     for (char c : detail::png_signature) out.push_back(static_cast<std::byte>(c));
     detail::put_chunk(out, "IHDR", detail::png_header(last_.width, last_.height, last_.channels, 8));
     detail::put_be(control, static_cast<std::uint32_t>(count_));
     detail::put_be(control, static_cast<std::uint32_t>(options_.loops));
     detail::put_chunk(out, "acTL", control);
-    out.insert(out.end(), body_.begin(), body_.end());
+    return out;
+  }
+  /// The frames that were added and not taken yet, as they stand in the file.
+  std::vector<std::byte> take() {
+    taken_ = true;
+    return std::exchange(body_, {});
+  }
+  /// The end of the file.
+  static std::vector<std::byte> tail() {
+    std::vector<std::byte> out;
     detail::put_chunk(out, "IEND", {});
     return out;
   }
 
  private:
   ApngOptions options_;
+  detail::FrameRate rate_;
   Bitmap8 last_;
   std::vector<std::byte> body_;
   int count_ = 0, sequence_ = 0;
+  bool taken_ = false;
 };
 
 /// Writes an animated PNG, all or nothing.

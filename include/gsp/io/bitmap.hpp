@@ -59,8 +59,13 @@ inline Bitmap16 depth_to_bitmap16(float const* depth, int width, int height, flo
   return out;
 }
 
-/// Pictures of one size in a grid, row by row, `padding` pixels of `background` between and around them. `columns` = 0 makes the sheet as
-/// square as it goes.
+/// Columns in which `n` pictures of one size make a sheet as square as it goes.
+///   columns * width = rows * height,   rows = n / columns
+inline int sheet_columns(int n, int width, int height) {
+  return std::clamp(static_cast<int>(std::lround(std::sqrt(double(n) * height / width))), 1, n);
+}
+
+/// Pictures of one size in a grid, row by row, `padding` pixels of `background` between and around them. `columns` = 0: sheet_columns.
 template <class T>
 Bitmap<T> contact_sheet(std::vector<Bitmap<T>> const& tiles, int columns = 0, int padding = 2, std::type_identity_t<T> background = 0) {
   expects(!tiles.empty(), "gsp::io::contact_sheet: there are no pictures");
@@ -72,8 +77,7 @@ Bitmap<T> contact_sheet(std::vector<Bitmap<T>> const& tiles, int columns = 0, in
             "gsp::io::contact_sheet: the pictures differ in size or channels");
   }
   int const n = static_cast<int>(tiles.size());
-  // square: columns * width = rows * height with rows = n / columns
-  if (columns == 0) columns = std::clamp(static_cast<int>(std::lround(std::sqrt(double(n) * first.height / first.width))), 1, n);
+  if (columns == 0) columns = sheet_columns(n, first.width, first.height);
   int const rows = (n + columns - 1) / columns;
   auto sheet =
       make_bitmap<T>(columns * (first.width + padding) + padding, rows * (first.height + padding) + padding, first.channels, background);

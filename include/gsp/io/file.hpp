@@ -1,5 +1,7 @@
 #pragma once
 #include <fcntl.h>
+#include <signal.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -38,7 +40,8 @@ namespace detail {
 struct UnfinishedFiles {
   std::mutex mutex;
   std::set<std::filesystem::path> paths;
-  unsigned count = 0;  // of all so far: no two have one name
+  std::set<::pid_t> programs;  // that write some of them, and were not waited for yet
+  unsigned count = 0;          // of all so far: no two have one name
 };
 inline UnfinishedFiles& unfinished_files() {
   static auto* const files = new UnfinishedFiles;
@@ -85,10 +88,15 @@ inline OutputTarget output_target(std::filesystem::path const& path) {
 inline void expect_writable(std::filesystem::path const& path) { (void)detail::output_target(path); }
 
 /// Removes what unfinished files have written, and lets no file of this process be finished any more: for a program that is about to end
-/// because a signal says so. From any thread, but not from a signal handler.
+/// because a signal says so. Programs that write such files (VideoWriter) are killed first. From any thread, but not from a signal handler.
 inline void discard_unfinished_files() {
   auto& files = detail::unfinished_files();
   files.mutex.lock();  // for good
+  for (::pid_t const program : files.programs) {
+    ::kill(program, SIGKILL);
+    ::siginfo_t end{};
+    ::waitid(P_PID, static_cast<::id_t>(program), &end, WEXITED | WNOWAIT);  // a dead program makes no file anew
+  }
   std::error_code error;
   for (auto const& path : files.paths) std::filesystem::remove(path, error);
 }
@@ -134,6 +142,15 @@ class AtomicFile {
       detail::fail(path_.string(), "", "cannot be written further; is the disk full?");
   }
   void write(std::string_view text) { write(detail::as_bytes(text)); }
+
+  /// Writes over what stands at the start. Not for pipes and devices.
+  void write_at_start(Bytes bytes) {
+    if (std::fseek(out_.get(), 0, SEEK_SET) != 0) detail::fail(path_.string(), "", "cannot be written from its start; name a file");
+    write(bytes);
+  }
+
+  /// The temporary file, for another program to write until `commit`; empty for a pipe or a device.
+  std::filesystem::path const& temporary() const { return temporary_; }
 
   void commit() {
     if (std::fclose(out_.release()) != 0) detail::fail(path_.string(), "", "cannot be written to its end; is the disk full?");
