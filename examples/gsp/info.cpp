@@ -148,7 +148,8 @@ void model(std::string const& path, Arguments const& arguments) {
 /// A PLY of points that are no Gaussians, such as `gsp scan --ply` writes.
 bool is_cloud(gsp::io::Bytes bytes, std::string const& path) {
   if (!gsp::io::detail::as_text(bytes).starts_with("ply")) return false;
-  gsp::io::detail::PlyTable header{.name = path};
+  gsp::io::detail::PlyTable header{};
+  header.name = path;
   gsp::io::detail::parse_ply_header(bytes, header);
   auto const* const vertex = header.find("vertex");
   auto const has = [&](char const* property) { return vertex && header.find(*vertex, property); };
