@@ -331,7 +331,7 @@ Command render_command() {
           "draws Gaussians and the links of a model, as RGB, expected depth and alpha, and videos of them",
           0,
           0,
-          {{"--splat", "FILE", "Gaussians: .ply (3DGS, SuperSplat), .splat, .spz; may come several times", true},
+          {{"--splat", "FILE", "Gaussians: .ply (3DGS, SuperSplat), .splat, .spz, .sog, glTF, .usda; may come several times", true},
            {"--splat-pose", "\"x y z qw qx qy qz scale\"", "where the scene of the k-th --splat stands in the world", true},
            {"--model", "M.xml",
             "a MJCF model; its links carry the Gaussians that are bound to them, or, where none are, Gaussians on its geoms"},

@@ -365,7 +365,8 @@ Command scan_command() {
        {"--mount", "SITE|BODY|\"x y z qw qx qy qz\"",
         "where the unit stands, its x axis ahead and z up: a site, a body, or a pose in the world; after a body's name, in its frame"},
        {"--splat", "FILE",
-        "Gaussians: .ply (3DGS, SuperSplat), .splat, .spz; a ray returns from where half of it is taken, or from a geom that is nearer; "
+        "Gaussians: .ply (3DGS, SuperSplat), .splat, .spz, .sog, glTF, .usda; a ray returns from where half of it is taken, or from a geom "
+        "that is nearer; "
         "may "
         "come several times",
         true},
