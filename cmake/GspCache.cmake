@@ -1,13 +1,13 @@
 # One folder outside of the build tree keeps what was fetched or built once: GSP_CACHE_DIR, by default $XDG_CACHE_HOME/gsp or ~/.cache/gsp.
-if(NOT GSP_CACHE_DIR)
-  if(DEFINED ENV{GSP_CACHE_DIR})
+if(NOT GSP_CACHE_DIR)  # also where it is empty
+  if(NOT "$ENV{GSP_CACHE_DIR}" STREQUAL "")
     set(_cache "$ENV{GSP_CACHE_DIR}")
-  elseif(DEFINED ENV{XDG_CACHE_HOME})
+  elseif(NOT "$ENV{XDG_CACHE_HOME}" STREQUAL "")
     set(_cache "$ENV{XDG_CACHE_HOME}/gsp")
   else()
     set(_cache "$ENV{HOME}/.cache/gsp")
   endif()
-  set(GSP_CACHE_DIR "${_cache}" CACHE PATH "Where fetched and once-built dependencies are kept")
+  set(GSP_CACHE_DIR "${_cache}" CACHE PATH "Where fetched and once-built dependencies are kept" FORCE)
   unset(_cache)
 endif()
 
