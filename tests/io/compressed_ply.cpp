@@ -120,6 +120,16 @@ TEST_CASE("compressed PLY: every cut and wrong counts are refused") {
   CHECK(says(error_of([&] { parse_ply(bytes_of(bad), "bad.ply"); }), "chunk 0: the bounds of 'z' are not finite"));
 }
 
+TEST_CASE("compressed PLY: rotations that are a little too long stay in their bits") {
+  for (float const sign : {1.f, -1.f}) {
+    SplatSet set = make_splat_set(1, 0);
+    set.scales = {1, 1, 1};
+    set.quats = {0.7078f, 0.7078f * sign, 0, 0};  // of length 1.001, as `validate` takes it: 1023.5 or -0.5 of 1023 steps
+    auto const q = parse_ply(format_compressed_ply(set), "long.ply").quats;
+    CHECK(q[0] * std::sqrt(0.5) + q[1] * sign * std::sqrt(0.5) > 0.9999);
+  }
+}
+
 // Half a step of each field, as format_compressed_ply says, of the range of all Gaussians, which bounds that of any chunk; 1e-5 for floats.
 TEST_CASE("compressed PLY: what is written comes back within its steps") {
   for (int degree = 0; degree <= 3; ++degree) {

@@ -251,6 +251,9 @@ TEST_CASE("SOG: bad input") {
   CHECK(says(error_of([&] { parse_sog(bytes_of(outside.dump()), "meta.json", folder.path); }), "is no path below the file's own folder"));
   CHECK(says(error_of([&] { parse_sog(zip({{"a", {}}}), "bad.sog"); }), "holds no meta.json"));
   CHECK(says(error_of([&] { parse_sog(zip({{"meta.json", bytes_of("{")}}), "bad.sog"); }), "bad.sog: line 1: is not valid JSON"));
+  auto const text = bytes_of("{}");
+  CHECK(says(error_of([&] { parse_sog(zip({{"a/meta.json", text}, {"b/meta.json", text}}), "bad.sog"); }), "is a second meta.json"));
+  CHECK(says(error_of([&] { write_sog(folder.path / "small_meta.json", make_splat_set(1, 0)); }), "must be called meta.json"));
 }
 
 TEST_CASE("SOG: mutated files") {

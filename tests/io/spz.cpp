@@ -167,6 +167,15 @@ TEST_CASE(".spz version 4: bad input") {
   auto old = spz_data(3, 3, 1, 1, 2);
   old.insert(old.end(), records.begin(), records.end());
   CHECK(says(refusal(gzip(old)), "its axes have number 7"));
+  // axes behind a long record of somebody else
+  for (std::uint32_t const size : {70000u, 1u << 20}) {
+    auto hidden = spz_data(3, 3, 1, 1, 2);
+    put(hidden, 0x12345678u);
+    put(hidden, size);
+    hidden.resize(hidden.size() + size);
+    hidden.insert(hidden.end(), records.begin(), records.end());
+    CHECK(says(refusal(gzip(hidden)), size == 70000 ? "its axes have number 7" : "extensions: are more than 1 MiB"));
+  }
 }
 #else
 TEST_CASE(".spz version 4 without zstd is refused by a sentence") {

@@ -93,7 +93,7 @@ inline void discard_unfinished_files() {
   auto& files = detail::unfinished_files();
   files.mutex.lock();  // for good
   for (::pid_t const program : files.programs) {
-    ::kill(program, SIGKILL);
+    ::kill(-program, SIGKILL);  // its group (Program)
     ::siginfo_t end{};
     ::waitid(P_PID, static_cast<::id_t>(program), &end, WEXITED | WNOWAIT);  // a dead program makes no file anew
   }

@@ -1,5 +1,7 @@
 #pragma once
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <gsp/core/detail/compiled.hpp>
 #include <gsp/io/compressed_ply.hpp>
 #include <gsp/io/file.hpp>
@@ -17,7 +19,8 @@ inline std::uint32_t pack_ply_rotation(float const* q) {
   double const sign = q[largest] < 0 ? -1 : 1;
   auto packed = static_cast<std::uint32_t>(largest);
   for (std::size_t k = 0; k < 4; ++k)
-    if (k != largest) packed = packed << 10 | static_cast<std::uint32_t>(std::round((sign * q[k] / std::sqrt(2.0) + 0.5) * 1023));
+    if (k != largest)  // lengths differ from 1 by rounding
+      packed = packed << 10 | static_cast<std::uint32_t>(std::clamp(std::round((sign * q[k] / std::sqrt(2.0) + 0.5) * 1023), 0., 1023.));
   return packed;
 }
 

@@ -107,7 +107,7 @@ class Program {
   Program& operator=(Program const&) = delete;
   ~Program() {
     if (process_ < 0) return;
-    ::kill(process_, SIGKILL);
+    ::kill(-process_, SIGKILL);  // its group: the program may be a script that has started another
     (void)finish();
   }
 

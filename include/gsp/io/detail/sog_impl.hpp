@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <deque>
 #include <functional>
 #include <gsp/core/detail/compiled.hpp>
 #include <gsp/io/detail/file_beside.hpp>
@@ -31,8 +32,11 @@ class SogFile {
       std::string const label = "meta.json";
       for (auto& entry : zip_entries(bytes, name_, "a .sog file", "write it stored or deflated"))
         if (!entries_.emplace(entry.label, entry).second) fail(entry.place, "", "appears twice; write the file again");
-      for (auto const& [path, entry] : entries_)
-        if (path == label || path.ends_with("/" + label)) meta_ = &entry;
+      for (auto const& [path, entry] : entries_) {
+        if (path != label && !path.ends_with("/" + label)) continue;
+        if (meta_) fail(entry.place, "", "is a second meta.json beside " + in_quotes(meta_->label) + "; take them apart into two files");
+        meta_ = &entry;
+      }
       if (!meta_) fail(name_, "", "holds no meta.json; this is no .sog file");
       inside_ = meta_->label.substr(0, meta_->label.size() - label.size());
       bytes = zip_content(*meta_, storage);
@@ -199,17 +203,18 @@ GSP_INLINE SplatSet parse_sog(Bytes bytes, std::string const& name, std::filesys
     labels = file.pixels("shN", 1, n);
   }
   std::size_t const coefficients = static_cast<std::size_t>((degree + 1) * (degree + 1) - 1);
+  auto const low = file.numbers("means", "mins", 3, 3), high = file.numbers("means", "maxs", 3, 3);
+  Pixels lower = file.pixels("means", 0, n), upper = file.pixels("means", 1, n);  // a count that these hold may have its memory
   SplatSet set = make_splat_set(n, degree);
   std::size_t const terms = set.sh_terms();
 
   {
-    auto const low = file.numbers("means", "mins", 3, 3), high = file.numbers("means", "maxs", 3, 3);
-    Pixels const lower = file.pixels("means", 0, n), upper = file.pixels("means", 1, n);
     for (std::size_t i = 0; i < n; ++i)
       for (std::size_t k = 0; k < 3; ++k) {
         double const t = (lower.rgba[4 * i + k] + 256 * upper.rgba[4 * i + k]) / 65535.0, v = low[k] + (high[k] - low[k]) * t;
         set.positions[3 * i + k] = static_cast<float>(std::copysign(std::expm1(std::abs(v)), v));
       }
+    lower = upper = {};
   }
   {
     Pixels const quats = file.pixels("quats", 0, n);
@@ -417,9 +422,11 @@ GSP_INLINE std::vector<std::byte> format_sog(SplatSet const& set) {
 GSP_INLINE void write_sog(std::filesystem::path const& path, SplatSet const& set) {
   if (path.extension() != ".json") return write_file(path, format_sog(set));
   auto const parts = detail::sog_files(set);
-  for (auto const& [file, bytes] : parts.files)
-    if (&bytes != &parts.files.back().second) write_file(path.parent_path() / file, bytes);
-  write_file(path, parts.files.back().second);
+  if (path.filename() != "meta.json")  // the pictures have fixed names
+    detail::fail(path.string(), "", "must be called meta.json: two others in a folder would share their pictures");
+  std::deque<AtomicFile> files;  // all are written before one gets its name; meta.json is the last
+  for (auto const& [file, bytes] : parts.files) files.emplace_back(path.parent_path() / file).write(bytes);
+  for (auto& file : files) file.commit();
 }
 
 }  // namespace gsp::io

@@ -14,6 +14,7 @@
 #include <gsp/io/splats.hpp>
 #include <gsp/io/spz.hpp>
 #include <gsp/io/usda.hpp>
+#include <optional>
 #include <utility>
 
 namespace gsp::io {
@@ -35,7 +36,7 @@ inline std::pair<char const*, SplatFormat> const* splat_format_of(std::string co
                                                                                {"meta.json", sog},
                                                                                {".usda", usda}}};
   for (auto const& format : formats)
-    if (name.ends_with(format.first)) return &format;
+    if (name.ends_with(format.first) && (format.first[0] == '.' || std::filesystem::path(name).filename() == format.first)) return &format;
   return nullptr;
 }
 
@@ -94,10 +95,13 @@ GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& pa
   std::string const text = ranges.empty() ? "" : format_links(ranges);
   auto const sidecar = detail::links_beside(path);
   std::error_code error;
-  if (std::filesystem::exists(sidecar, error) && (text.empty() || detail::as_text(read_file(sidecar)) != text))
+  bool const is_there = std::filesystem::exists(sidecar, error);
+  if (is_there && (text.empty() || detail::as_text(read_file(sidecar)) != text))
     detail::fail(
         sidecar.string(), "",
         "would bind the Gaussians of " + detail::in_quotes(name) + " to other links than they have; remove it or choose another name");
+  std::optional<AtomicFile> links;  // written before the Gaussians, named after them
+  if (!text.empty() && !is_there) links.emplace(sidecar).write(text);
   if (format == ply) write_ply(path, set);
   if (format == compressed_ply) write_compressed_ply(path, set);
   if (format == splat) write_splat(path, set);
@@ -105,7 +109,7 @@ GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& pa
   if (format == gltf) write_gltf(path, set);
   if (format == sog) write_sog(path, set);
   if (format == usda) write_usda(path, set);
-  if (!text.empty()) write_file(sidecar, detail::as_bytes(text));
+  if (links) links->commit();
   return notes;
 }
 

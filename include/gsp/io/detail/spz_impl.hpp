@@ -194,10 +194,12 @@ GSP_INLINE SplatSet parse_spz(Bytes bytes, std::string const& name) {
   if (rest.size() < h.total() - 16) short_by(16 + rest.size());
   data.insert(data.end(), rest.begin(), rest.end());
   if (h.extended()) {
-    auto const records = inflater.read_up_to(65536);
+    constexpr std::size_t most = std::size_t(1) << 20;
+    auto const records = inflater.read_up_to(most);
     data.insert(data.end(), records.begin(), records.end());
-    std::array<std::byte, 4096> skipped;
-    while (inflater.read(skipped) > 0) {}
+    std::array<std::byte, 1> more;
+    if (records.size() == most && inflater.read(more) > 0)
+      fail(name, "extensions", "are more than 1 MiB, in which one that names other axes could hide; save it without them");
   }
   if (!inflater.at_end())
     fail(name, "unpacked byte " + std::to_string(h.total()),

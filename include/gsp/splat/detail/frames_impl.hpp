@@ -44,8 +44,11 @@ void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWa
   }
   std::size_t const values = static_cast<std::size_t>(w.visible_capacity) * static_cast<std::size_t>(w.values_a_splat);
   if (values > w.values.extent(0)) {
+    std::int64_t const capacity = w.visible_capacity;
+    w.visible_capacity = 0;  // as above
     w.values = {};
     w.values = detail::allocate<typename Wave::template View<float*>>("gsp::SplatWave::values", std::int64_t(values));
+    w.visible_capacity = capacity;
   }
   if (visible > 0 || pairs > 0) {  // the lists of the last wave are gone
     Kokkos::deep_copy(exec, w.visible, 0);

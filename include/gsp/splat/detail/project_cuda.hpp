@@ -20,11 +20,12 @@ struct ProjectClusters {
   /// Most clusters are not seen, so a block takes one after the other: blocks that end at once would cost as much as they do.
   static constexpr int most_blocks = 1 << 15;
   __device__ void operator()(Places& places) const {
-    for (int cell = int(blockIdx.x); cell < cells; cell += int(gridDim.x))
-      if (p.wave.cluster_seen(cell / clusters, cell % clusters)) {
-        cluster(places, cell / clusters, cell % clusters);
-        __syncthreads();
-      }
+    for (std::int64_t cell = blockIdx.x; cell < cells; cell += gridDim.x) {
+      int const image = int(cell) / clusters, k = int(cell) % clusters;
+      if (!p.wave.cluster_seen(image, k)) continue;
+      cluster(places, image, k);
+      __syncthreads();
+    }
   }
 
  private:
