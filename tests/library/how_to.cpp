@@ -1045,7 +1045,7 @@ TEST_CASE("files of one's own") {
     std::printf("%s:%d: %s: %s\n", line.file.c_str(), line.line, gsp::text(line.kind), line.text.c_str());
   auto const compiled = gsp::compile(description);
 
-  auto scene = gsp::io::read_splats(scene_file);                                                // .ply, .compressed.ply, .splat, .spz
+  auto scene = gsp::io::read_splats(scene_file);                                                // .ply, .splat, .spz, .sog, .glb, .usda
   gsp::io::transform(scene, {.position = {0, 0, 1.2}, .quat = {0.7071068, -0.7071068, 0, 0}});  // a capture has y down: z is up now
   auto const cloud = gsp::make_gaussians(exec, {gsp::io::to_gaussian_set(scene, compiled, scene_file),  // bound to links by their names
                                                 gsp::sample_surface(compiled, {.world = false})});      // and a skin for the robot

@@ -74,7 +74,7 @@ struct SplatWave {
   View<detail::PooledPair*> pair_pool;  // (pairs) in no order
   View<detail::TilePair*> pair_list;    // (pairs) by tile
   View<std::uint32_t**> block_masks;    // a list that begins at pair b, of tile t, has for each 32 of its splats a row from b / 32 + t on:
-                                        // word k says which of them touch the tile's k-th 8 x 8 pixels (detail/block_masks.hpp)
+                                        // word k says which of them touch the tile's k-th 8 x 8 pixels (detail/block_masks_cuda.hpp)
 
   KOKKOS_FUNCTION int tiles() const { return grid.columns() * grid.rows(); }
 };

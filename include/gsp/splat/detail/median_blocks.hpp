@@ -4,7 +4,7 @@
 #include <gsp/splat/detail/splats_met.hpp>
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
 #include <gsp/parallel/detail/launch_cuda.hpp>
-#include <gsp/splat/detail/block_masks.hpp>
+#include <gsp/splat/detail/block_masks_cuda.hpp>
 #endif
 
 /// Kernels of gsp/splat/median_depth.hpp, where the contract stands.

@@ -1,7 +1,7 @@
 #pragma once
 #include <gsp/parallel/detail/launch_cuda.hpp>
 #include <gsp/splat/channels.hpp>
-#include <gsp/splat/detail/block_masks.hpp>
+#include <gsp/splat/detail/block_masks_cuda.hpp>
 #include <gsp/splat/frames.hpp>
 
 namespace gsp::detail {
