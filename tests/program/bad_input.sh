@@ -2,16 +2,8 @@
 # Every bad input: exit code 2, one sentence on stderr that names file, place and remedy, nothing on stdout, nothing under the name of an output.
 #   bad_input.sh GSP
 set -u
-gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
-here="$(cd "$(dirname "$0")" && pwd)"
-if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
-  echo "skipped: a program for CUDA, and no GPU on this machine"
-  exit 77
-fi
-work="$(mktemp -d)"
-trap 'rm -rf "$work"' EXIT
-python3 "$here/make_inputs.py" "$work" || exit 1
-cd "$work" || exit 1
+source "$(dirname "$0")/common.bash" "$1"
+python3 "$here/make_inputs.py" . || exit 1
 failures=0 cases=0
 
 # refused "part" ["part" ...] -- words of the command

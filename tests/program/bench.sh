@@ -3,16 +3,8 @@
 # its library is there.
 #   bench.sh GSP
 set -eu
-gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
-if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
-  echo "skipped: a program for CUDA, and no GPU on this machine"
-  exit 77
-fi
-work="$(mktemp -d)"
-trap 'rm -rf "$work"' EXIT
-cd "$work"
+source "$(dirname "$0")/common.bash" "$1"
 unset GSP_DATA_DIR GSP_MUJOCO
-fail() { echo "failed: $*" >&2; exit 1; }
 # refused WORDS... -- ARGUMENTS...: exit code 2 and one line on stderr that holds the words.
 refused() {
   local words=() code=0

@@ -2,17 +2,8 @@
 # gsp convert: from a PLY to each format and back, links with it, and what a format has no place for is said.
 #   convert.sh GSP
 set -eu
-gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
-here="$(cd "$(dirname "$0")" && pwd)"
-if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
-  echo "skipped: a program for CUDA, and no GPU on this machine"
-  exit 77
-fi
-work="$(mktemp -d)"
-trap 'rm -rf "$work"' EXIT
-python3 "$here/make_inputs.py" "$work"
-cd "$work"
-fail() { echo "failed: $*" >&2; exit 1; }
+source "$(dirname "$0")/common.bash" "$1"
+python3 "$here/make_inputs.py" .
 
 count="$("$gsp" info disc.ply | sed -n '1s/.*: \([0-9]*\) Gaussians.*/\1/p')"
 mkdir out out/pictures

@@ -2,17 +2,8 @@
 # What the program writes, and what it leaves alone: pipes, devices and symbolic links stay what they are; a program that is stopped says so and leaves no part of a file; ps calls it gsp.
 #   files.sh GSP
 set -eu
-gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
-here="$(cd "$(dirname "$0")" && pwd)"
-if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
-  echo "skipped: a program for CUDA, and no GPU on this machine"
-  exit 77
-fi
-work="$(mktemp -d)"
-trap 'rm -rf "$work"' EXIT
-python3 "$here/make_inputs.py" "$work"
-cd "$work"
-fail() { echo "failed: $*" >&2; exit 1; }
+source "$(dirname "$0")/common.bash" "$1"
+python3 "$here/make_inputs.py" .
 
 "$gsp" sim cart.xml --steps 10 --trace plain.npz > /dev/null
 # stdout as the output: the same bytes as a file, and the text goes to stderr

@@ -2,19 +2,8 @@
 # The program does what its page says: traces, starts, controls, pictures, JSON; the same bits for any number of threads, any split and any batch.
 #   main_job.sh GSP
 set -eu
-gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
-here="$(cd "$(dirname "$0")" && pwd)"
-if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
-  echo "skipped: a program for CUDA, and no GPU on this machine"
-  exit 77
-fi
-work="$(mktemp -d)"
-trap 'rm -rf "$work"' EXIT
-python3 "$here/make_inputs.py" "$work"
-cd "$work"
-fail() { echo "failed: $*" >&2; exit 1; }
-key() { python3 -c 'import json, sys; print(json.loads(sys.stdin.read())[sys.argv[1]])' "$1"; }
-same() { [ "$1" = "$2" ] || fail "$3: $1 and $2"; }
+source "$(dirname "$0")/common.bash" "$1"
+python3 "$here/make_inputs.py" .
 
 # every name that scripts lean on
 "$gsp" sim cart.xml --worlds 3 --steps 200 --keyframe tilted --json > one.json

@@ -2,16 +2,7 @@
 # What --cone, --tolerance and --disable make of a state, and where the bodies go that a keyframe places (mpos, mquat).
 #   options.sh GSP
 set -eu
-gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
-if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
-  echo "skipped: a program for CUDA, and no GPU on this machine"
-  exit 77
-fi
-work="$(mktemp -d)"
-trap 'rm -rf "$work"' EXIT
-cd "$work"
-fail() { echo "failed: $*" >&2; exit 1; }
-key() { python3 -c 'import json, sys; print(json.loads(sys.stdin.read())[sys.argv[1]])' "$1"; }
+source "$(dirname "$0")/common.bash" "$1"
 cat > last.py <<'PY'
 import struct, zipfile
 def last(name, n):

@@ -2,16 +2,7 @@
 # What gsp scan measures: a room by the closed form, along a trace each ray once, a file of rays as the pattern that it holds; and bad input.
 #   scan.sh GSP
 set -eu
-gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
-if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
-  echo "skipped: a program for CUDA, and no GPU on this machine"
-  exit 77
-fi
-export PYTHONPATH="$(cd "$(dirname "$0")" && pwd)" PYTHONDONTWRITEBYTECODE=1
-work="$(mktemp -d)"
-trap 'rm -rf "$work"' EXIT
-cd "$work"
-fail() { echo "failed: $*" >&2; exit 1; }
+source "$(dirname "$0")/common.bash" "$1"
 # A room of 4 x 6 x 3 m (walls as planes that look inward), a ball that falls along its middle, and a cart on which a unit rides.
 cat > room.xml <<'XML'
 <mujoco><option timestep=".01" gravity="0 0 0"/><worldbody>

@@ -2,16 +2,7 @@
 # gsp sim --sensors: of the states of the trace, and steps are what they are without it; weights at rest by the closed form; bad input.
 #   sensors.sh GSP
 set -eu
-gsp="$(cd "$(dirname "$1")" && pwd)/$(basename "$1")"
-if ldd "$gsp" | grep -q 'libcuda\.so.*not found' || { ldd "$gsp" | grep -q libcuda && ! nvidia-smi -L >/dev/null 2>&1; }; then
-  echo "skipped: a program for CUDA, and no GPU on this machine"
-  exit 77
-fi
-export PYTHONPATH="$(cd "$(dirname "$0")" && pwd)" PYTHONDONTWRITEBYTECODE=1
-work="$(mktemp -d)"
-trap 'rm -rf "$work"' EXIT
-cd "$work"
-fail() { echo "failed: $*" >&2; exit 1; }
+source "$(dirname "$0")/common.bash" "$1"
 # A box of 2 kg that falls onto the floor, and a rod on a hinge that swings; a distance of a body with a height
 # field, which nobody computes.
 cat > model.xml <<'XML'

@@ -356,9 +356,7 @@ void copy_ray_scan(Exec const& exec, RayScan<R, Mem> const& from, RayScan<R, Mem
   expects(from.range.extent(0) == to.range.extent(0) && from.range.extent(1) == to.range.extent(1) && from.geom.size() == to.geom.size() &&
               from.splat.size() == to.splat.size() && from.point.size() == to.point.size(),
           "gsp::copy_ray_scan: the two differ in worlds, rays, geoms, splats or points: make both with the same options");
-  auto const copy = [&](auto const& source, auto const& target) {
-    detail::copy_bytes(exec, target.data(), source.data(), detail::bytes_of(source));
-  };
+  auto const copy = [&](auto const& a, auto const& b) { detail::copy_view(exec, a, b); };
   copy(from.range, to.range);
   copy(from.geom, to.geom);
   copy(from.splat, to.splat);

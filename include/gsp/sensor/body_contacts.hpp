@@ -141,7 +141,7 @@ void copy_body_contacts(Exec const& exec, BodyContacts<R, Mem> const& from, Body
   expects(from.worlds == to.worlds && from.count() == to.count() && from.partners.extent(0) == to.partners.extent(0) &&
               from.force_history.extent(1) == to.force_history.extent(1),
           "gsp::copy_body_contacts", "the two differ in worlds, bodies, partners or history: make both with the same options");
-  auto const copy = [&](auto const& a, auto const& b) { detail::copy_bytes(exec, b.data(), a.data(), detail::bytes_of(a)); };
+  auto const copy = [&](auto const& a, auto const& b) { detail::copy_view(exec, a, b); };
   copy(from.force, to.force);
   copy(from.friction, to.friction);
   copy(from.force_matrix, to.force_matrix);

@@ -164,10 +164,10 @@ void copy_encoders(Exec const& exec, Encoders<R, Mem> const& from, Encoders<R, M
   Region const region("gsp::sensor::copy_encoders");
   expects(from.worlds == to.worlds && from.encoders() == to.encoders() && from.span() == to.span(), "gsp::copy_encoders",
           "the two differ in worlds, encoders or span: make both with the same options");
-  detail::copy_bytes(exec, to.count.data(), from.count.data(), detail::bytes_of(from.count));
-  detail::copy_bytes(exec, to.begun.data(), from.begun.data(), detail::bytes_of(from.begun));
-  detail::copy_bytes(exec, to.position.data(), from.position.data(), detail::bytes_of(from.position));
-  detail::copy_bytes(exec, to.velocity.data(), from.velocity.data(), detail::bytes_of(from.velocity));
+  detail::copy_view(exec, from.count, to.count);
+  detail::copy_view(exec, from.begun, to.begun);
+  detail::copy_view(exec, from.position, to.position);
+  detail::copy_view(exec, from.velocity, to.velocity);
   to.tick = from.tick;
   to.dt = from.dt;
 }

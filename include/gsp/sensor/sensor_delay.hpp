@@ -184,10 +184,10 @@ void copy_sensor_delay(Exec const& exec, SensorDelay<R, Mem> const& from, Sensor
   Region const region("gsp::sensor::copy_sensor_delay");
   expects(from.worlds == to.worlds && from.samples() == to.samples() && from.numbers() == to.numbers(), "gsp::copy_sensor_delay",
           "the two differ in worlds, samples or numbers: make both with the same options");
-  detail::copy_bytes(exec, to.time.data(), from.time.data(), detail::bytes_of(from.time));
-  detail::copy_bytes(exec, to.value.data(), from.value.data(), detail::bytes_of(from.value));
-  detail::copy_bytes(exec, to.cursor.data(), from.cursor.data(), detail::bytes_of(from.cursor));
-  detail::copy_bytes(exec, to.said.data(), from.said.data(), detail::bytes_of(from.said));
+  detail::copy_view(exec, from.time, to.time);
+  detail::copy_view(exec, from.value, to.value);
+  detail::copy_view(exec, from.cursor, to.cursor);
+  detail::copy_view(exec, from.said, to.said);
   to.now = from.now;
   to.tick = from.tick;
 }

@@ -235,7 +235,7 @@ void copy_sensor_noise(Exec const& exec, SensorNoise<R, Mem> const& from, Sensor
   Region const region("gsp::sensor::copy_sensor_noise");
   expects(from.worlds == to.worlds && from.channels() == to.channels(), "gsp::copy_sensor_noise",
           "the two differ in worlds or channels: make both with the same options");
-  detail::copy_bytes(exec, to.drift.data(), from.drift.data(), detail::bytes_of(from.drift));
+  detail::copy_view(exec, from.drift, to.drift);
   to.tick = from.tick;
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <gsp/core/check.hpp>
+#include <gsp/core/detail/spread_bits.hpp>
 #include <gsp/core/detail/views.hpp>
 #include <limits>
 #include <numeric>
@@ -56,15 +57,6 @@ struct Gaussians {
 };
 
 namespace detail {
-
-inline std::uint64_t spread_bits(std::uint64_t x) {  // 21 bits, two zeros after each
-  x &= 0x1fffff;
-  x = (x | x << 32) & 0x1f00000000ffffull;
-  x = (x | x << 16) & 0x1f0000ff0000ffull;
-  x = (x | x << 8) & 0x100f00f00f00f00full;
-  x = (x | x << 4) & 0x10c30c30c30c30c3ull;
-  return (x | x << 2) & 0x1249249249249249ull;
-}
 
 inline void check_gaussian_set(std::string const& function, GaussianSet const& s, std::size_t which) {
   std::string const name = function + ": set " + std::to_string(which);

@@ -71,6 +71,11 @@ template <class View>
 std::size_t bytes_of(View const& v) {
   return v.span() * sizeof(typename View::value_type);
 }
+/// All of `from`, within the memory of `exec`, to a view of the same layout.
+template <class Exec, class From, class To>
+void copy_view(Exec const& exec, From const& from, To const& to) {
+  copy_bytes(exec, to.data(), from.data(), bytes_of(from));
+}
 template <class Exec, class View>
 void zero(Exec const& exec, View const& v) {
   zero_bytes(exec, v.data(), std::int64_t(bytes_of(v)));

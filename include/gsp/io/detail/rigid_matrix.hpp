@@ -3,6 +3,7 @@
 #include <cmath>
 #include <gsp/io/detail/splat_rotation.hpp>
 #include <gsp/io/splat_transform.hpp>
+#include <gsp/model/detail/host_math.hpp>
 #include <optional>
 
 namespace gsp::io::detail {
@@ -49,18 +50,8 @@ inline std::optional<SplatPose> rigid(AffineMap const& map) {
       if (!(std::abs(dot(a, b) - (a == b ? square : 0)) <= 2e-4 * square)) return std::nullopt;
   for (double v : map.t)
     if (!std::isfinite(v)) return std::nullopt;
-  // The largest of 4 w^2, 4 x^2, 4 y^2, 4 z^2 says from which row of differences to divide.
-  std::array<double, 9> r = m;
-  for (double& v : r) v /= scale;
-  std::array<double, 4> const squares{1 + r[0] + r[4] + r[8], 1 + r[0] - r[4] - r[8], 1 - r[0] + r[4] - r[8], 1 - r[0] - r[4] + r[8]};
-  std::array<std::array<double, 4>, 4> const rows{{{squares[0], r[7] - r[5], r[2] - r[6], r[3] - r[1]},
-                                                   {r[7] - r[5], squares[1], r[3] + r[1], r[2] + r[6]},
-                                                   {r[2] - r[6], r[3] + r[1], squares[2], r[7] + r[5]},
-                                                   {r[3] - r[1], r[2] + r[6], r[7] + r[5], squares[3]}}};
-  std::size_t largest = 0;
-  for (std::size_t k = 1; k < 4; ++k)
-    if (squares[k] > squares[largest]) largest = k;
-  return SplatPose{map.t, rows[largest], scale};
+  auto const axis = [&](int a) { return Double3{m[a] / scale, m[3 + a] / scale, m[6 + a] / scale}; };
+  return SplatPose{map.t, gsp::detail::quat_of_axes(axis(0), axis(1), axis(2)), scale};
 }
 
 }  // namespace gsp::io::detail

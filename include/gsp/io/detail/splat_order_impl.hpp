@@ -1,24 +1,11 @@
 #pragma once
 #include <array>
 #include <gsp/core/detail/compiled.hpp>
+#include <gsp/core/detail/spread_bits.hpp>
 #include <gsp/io/splat_order.hpp>
 #include <utility>
 
 namespace gsp::io {
-
-namespace detail {
-
-/// The low 21 bits of x, each three apart.
-inline std::uint64_t spread_bits(std::uint64_t x) {
-  x &= 0x1fffff;
-  x = (x | x << 32) & 0x1f00000000ffff;
-  x = (x | x << 16) & 0x1f0000ff0000ff;
-  x = (x | x << 8) & 0x100f00f00f00f00f;
-  x = (x | x << 4) & 0x10c30c30c30c30c3;
-  return (x | x << 2) & 0x1249249249249249;
-}
-
-}  // namespace detail
 
 GSP_INLINE void sort_splats(SplatSet& set) {
   validate(set, "gsp::io::sort_splats");
@@ -35,7 +22,7 @@ GSP_INLINE void sort_splats(SplatSet& set) {
     std::uint64_t code = 0;
     for (std::size_t k = 0; k < 3; ++k) {
       double const t = high[k] > low[k] ? (set.positions[3 * i + k] - low[k]) / (high[k] - low[k]) : 0;
-      code |= detail::spread_bits(static_cast<std::uint64_t>(t * 0x1fffff)) << k;
+      code |= gsp::detail::spread_bits(static_cast<std::uint64_t>(t * 0x1fffff)) << k;
     }
     order[i] = {code, i};
   }

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/parallel/detail/launch_cuda.hpp>
+#include <gsp/parallel/detail/warp_cuda.hpp>
 #include <gsp/splat/frames.hpp>
 
 /// Pairs of splats and tiles on a GPU. Which comes first hangs on the order of threads, and nothing hangs on it: SortTiles puts each list
@@ -34,7 +35,7 @@ struct ListPairs {
     int const warp = int(threadIdx.x) / 32, lane = int(threadIdx.x) % 32;
     SplatOrigin const o = i < count ? wave.origins(i) : SplatOrigin{};
     Splat const splat = wave.splats(i < count ? i : 0);  // on its way while the block asks for places
-    int const upto = sum_upto(o.tiles, lane);
+    int const upto = sum_upto_lane(o.tiles);
     if (lane == 31) places.of_warp[warp] = upto;
     __syncthreads();
     if (threadIdx.x == 0) {
@@ -54,15 +55,6 @@ struct ListPairs {
       int const from = __ffs(int(word)) - 1;
       together(i - lane + from, __shfl_sync(all, o.image, from), __shfl_sync(all, own, from), __shfl_sync(all, end, from), lane);
     }
-  }
-
-  /// Of own and the lanes before.
-  __device__ static int sum_upto(int own, int lane) {
-    for (int step = 1; step < 32; step *= 2) {
-      int const other = __shfl_up_sync(all, own, step);
-      if (lane >= step) own += other;
-    }
-    return own;
   }
 
  private:
@@ -95,7 +87,7 @@ struct ListPairs {
     for (int top = rows.first; top <= rows.last; top += 32) {
       int const ty = top + lane;
       PixelRange const tiles = ty <= rows.last ? wave.grid.touched(e, pixels, ty) : PixelRange{0, -1};
-      int const own = tiles.first <= tiles.last ? tiles.last - tiles.first + 1 : 0, upto = sum_upto(own, lane);
+      int const own = tiles.first <= tiles.last ? tiles.last - tiles.first + 1 : 0, upto = sum_upto_lane(own);
       for (int k = 0; k < own && to + upto - own + k < end; ++k) {
         std::uint32_t const tile = first_tile(image) + std::uint32_t(ty * columns + tiles.first + k);
         wave.pair_pool(to + upto - own + k) = {tile, atomicAdd(&wave.tile_count(tile), 1), int(i), __float_as_uint(s.depth)};
@@ -131,7 +123,7 @@ struct BeginTiles {
               lane = int(threadIdx.x) % 32, first = int(threadIdx.x) * each, last = first + each < tiles ? first + each : tiles;
     int own = 0;
     for (int tile = first; fits && tile < last; ++tile) own += wave.tile_count(tile);
-    int const upto = ListPairs<Mem>::sum_upto(own, lane);
+    int const upto = sum_upto_lane(own);
     if (lane == 31) sums[warp] = upto;
     __syncthreads();
     int begin = upto - own;

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/parallel/detail/launch_cuda.hpp>
+#include <gsp/parallel/detail/warp_cuda.hpp>
 #include <gsp/splat/channels.hpp>
 #include <gsp/splat/detail/block_masks_cuda.hpp>
 #include <gsp/splat/frames.hpp>
@@ -92,11 +93,7 @@ struct RasterizeBlocks {
   __device__ static int find(Queue& queue, std::uint32_t const* mask, bool there, int lane) {
     unsigned word = there ? *mask : 0;
     int const own = __popc(word);
-    int upto = own;
-    for (int step = 1; step < 32; step *= 2) {
-      int const other = __shfl_up_sync(all, upto, step);
-      if (lane >= step) upto += other;
-    }
+    int const upto = sum_upto_lane(own);
     __syncwarp();
     for (int to = upto - own; word != 0; word &= word - 1)
       queue.touching[to++] = static_cast<unsigned short>(32 * lane + __ffs(int(word)) - 1);

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/parallel/detail/launch_cuda.hpp>
+#include <gsp/parallel/detail/warp_cuda.hpp>
 #include <gsp/splat/detail/block_masks_cuda.hpp>
 #include <gsp/splat/frames.hpp>
 
@@ -185,11 +186,7 @@ struct SortTiles {
     for (int w = 0; w < warps; ++w) own[w] = is_one ? shared.counts[w][digit] : 0;
 #pragma unroll
     for (int w = 0; w < warps; ++w) sum += own[w];
-    int upto = sum;
-    for (int step = 1; step < 32; step *= 2) {
-      int const other = __shfl_up_sync(all, upto, step);
-      if (lane >= step) upto += other;
-    }
+    int const upto = sum_upto_lane(sum);
     if (lane == 31) shared.sums[warp] = upto;
     __syncthreads();
     int before = upto - sum;
