@@ -4,6 +4,7 @@
 #include <gsp/splat/detail/link_view.hpp>
 #include <gsp/splat/gaussians.hpp>
 #include <gsp/splat/splat.hpp>
+#include <memory>
 
 namespace gsp {
 
@@ -71,6 +72,7 @@ struct SplatWave {
 
   // a GPU's
   View<int*> tile_count;                // (batch x tiles) pairs of each
+  View<int*> tile_order;                // (batch x tiles) tiles, those with the longest lists first
   View<detail::PooledPair*> pair_pool;  // (pairs) in no order
   View<detail::TilePair*> pair_list;    // (pairs) by tile
   View<std::uint32_t**> block_masks;    // a list that begins at pair b, of tile t, has for each 32 of its splats a row from b / 32 + t on:
@@ -81,6 +83,11 @@ struct SplatWave {
 
 /// What `status(c)` of an image says: the wave's buffers were too small, nothing was written to this image. `render` grows and repeats.
 inline constexpr std::uint32_t frame_overflow = 1u;
+
+namespace detail {
+template <class Mem>
+class WavesBeside;  // waves_cuda.hpp
+}
 
 /// Images, and the buffers that make them.
 template <class Mem>
@@ -94,13 +101,15 @@ struct Frames {
   View<float***> alpha;         // (C, H, W)
   View<std::uint32_t*> status;  // (C) 0, or frame_overflow
   SplatWave<Mem> wave;
-  bool sized = false;  // the wave's buffers have held a wave before
+  bool sized = false;                                // the wave's buffers have held a wave before
+  std::shared_ptr<detail::WavesBeside<Mem>> beside;  // on a GPU: further waves, that `render` sends at the same time
 };
 
 struct FrameOptions {
   int images = 1, width = 640, height = 480;
   bool rgb = true, depth = true, alpha = true;  // which pictures to make
   int batch = 0;                                // images a wave; 0: chosen by size and backend. Results do not depend on it
+  int waves = 0;  // of that many images that `render` sends at the same time, each with buffers of its own, on a GPU; 0: chosen. As above
   std::int64_t visible = 0,
                pairs = 0;  // first guess per image of Gaussians seen and of (Gaussian, tile) pairs; 0: by the number of Gaussians
   int values = 0;          // numbers that further channels keep of a Gaussian; `render` sees to it by itself

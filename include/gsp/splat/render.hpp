@@ -4,6 +4,9 @@
 #include <gsp/splat/place_gaussians.hpp>
 #include <gsp/splat/project.hpp>
 #include <gsp/splat/rasterize.hpp>
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+#include <gsp/splat/detail/waves_cuda.hpp>
+#endif
 
 namespace gsp {
 
@@ -15,7 +18,8 @@ struct ResetNeeded {
 };
 }  // namespace detail
 
-/// Pictures of Gaussians: the four stages, wave by wave. What a loop of one's own would do.
+/// Pictures of Gaussians: the four stages, wave by wave, on a GPU `FrameOptions::waves` of them at the same time. What a loop of one's own
+/// would do.
 /// @param cloud    Gaussians of the scene and of the robot (make_gaussians)
 /// @param poses    world poses of the bodies; image c shows world c % worlds, or cameras.world(c)
 /// @param cameras  as many as frames.images
@@ -40,11 +44,23 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
     frames.wave.values_a_splat = values;
     reserve(exec, 0, 0, frames.wave);
   }
-  auto const wave = [&](int first) {
-    place_gaussians(exec, cloud, poses, cameras, first, frames);
-    project(exec, cloud, frames, options, channels...);
-    bin_tiles(exec, frames);
-    rasterize(exec, frames, options, channels...);
+  auto const draw = [&](Exec const& instance, Frames<Mem>& f, int first) {
+    place_gaussians(instance, cloud, poses, cameras, first, f);
+    project(instance, cloud, f, options, channels...);
+    bin_tiles(instance, f);
+    rasterize(instance, f, options, channels...);
+  };
+  auto const wave = [&](int first) { draw(exec, frames, first); };
+  // From `first` on, all waves: on a GPU several at a time, each in an instance and in buffers of its own.
+  auto const all_waves = [&](int first) {
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+    if constexpr (is_device<Exec>)
+      if (frames.beside != nullptr && first + frames.wave.batch < frames.images) {
+        detail::reserve_beside(exec, frames);
+        return detail::side_by_side(exec, frames, first, draw);
+      }
+#endif
+    for (int begin = first; begin < frames.images; begin += frames.wave.batch) wave(begin);
   };
   auto const room = [](std::int64_t n) { return std::min(n + n / 8, std::max(n, detail::most_of_wave)); };
   // Room for the greatest wave so far; true if there was too little.
@@ -73,7 +89,7 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
     frames.sized = true;
     first = frames.wave.batch;
   }
-  for (int begin = first; begin < frames.images; begin += frames.wave.batch) wave(begin);
+  all_waves(first);
   while (first < frames.images && grow()) {  // repeat the waves that did not fit: few, and rarely, so their status is read on the host
     auto const status = detail::to_host(exec, frames.status);
     for (int begin = first; begin < frames.images; begin += frames.wave.batch)

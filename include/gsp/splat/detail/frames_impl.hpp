@@ -4,6 +4,9 @@
 #include <gsp/core/detail/views.hpp>
 #include <gsp/splat/frames.hpp>
 #include <string>
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+#include <gsp/splat/detail/waves_cuda.hpp>
+#endif
 
 /// Buffers of gsp/splat/frames.hpp, where the contract stands.
 namespace gsp {
@@ -78,9 +81,12 @@ void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWa
 }
 
 namespace detail {
+/// Of fewer images one wave takes less time than several at the same time (GPU; measured with 128 x 128 and 640 x 480 pixels).
+inline constexpr int few_images = 96;
 /// What make_frames makes for these options.
 struct FrameSizes {
   TileGrid grid;
+  std::int64_t waves;                      // at the same time
   std::int64_t batch, visible, pairs;      // images, Gaussians and (Gaussian, tile) pairs of a wave
   std::int64_t words;                      // of 32 Gaussians
   std::int64_t an_image, a_splat, a_pair;  // bytes
@@ -92,15 +98,15 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
           "gsp::make_frames: images, width and height must be positive, not " + std::to_string(options.images) + ", " +
               std::to_string(options.width) + ", " + std::to_string(options.height));
   expects(options.width <= 65536 && options.height <= 65536, "gsp::make_frames: width and height are at most 65536");
-  expects(options.batch >= 0 && options.visible >= 0 && options.pairs >= 0 && options.values >= 0,
-          "gsp::make_frames: batch, values and hints must not be negative");
-  std::int64_t constexpr most = most_of_wave, wave_bytes = std::int64_t(7) << 28;
+  expects(options.batch >= 0 && options.waves >= 0 && options.visible >= 0 && options.pairs >= 0 && options.values >= 0,
+          "gsp::make_frames: batch, waves, values and hints must not be negative");
+  std::int64_t constexpr most = most_of_wave, all_waves_bytes = std::int64_t(5) << 28;
   FrameSizes s{};
   s.grid = tile_grid<Exec>(options.width, options.height);
   std::int64_t const tiles = std::int64_t(s.grid.columns()) * s.grid.rows(), clusters = std::int64_t(cloud.clusters.extent(0));
   s.words = (cloud.count + 31) / 32;
   s.an_image = sizeof(ImageView) + cloud.bodies * std::int64_t(sizeof(LinkView)) + clusters + 8 * tiles +
-               (is_device<Exec> ? (128 + 4) * tiles : 8 * s.words);
+               (is_device<Exec> ? (128 + 4 + 4) * tiles : 8 * s.words);
   s.a_splat = sizeof(Splat) + sizeof(SplatOrigin) + 4 * options.values + (is_device<Exec> ? 0 : 2 * (4 + 4) + 8);  // a sort's, twice
   s.a_pair = is_device<Exec> ? sizeof(PooledPair) + sizeof(TilePair) + 4 + 4 : 2 * (4 + 4);
   // an eighth of a captured room is seen by a camera in it; a splat touches more tiles the larger the picture
@@ -110,11 +116,13 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
   std::int64_t const pairs = options.pairs > 0 ? options.pairs
                              : is_device<Exec> ? static_cast<std::int64_t>(double(visible) * (1 + std::sqrt(pixels) / 300))
                                                : 7 * visible;
+  s.waves = !is_device<Exec> ? 1 : options.waves > 0 ? options.waves : options.images < few_images ? 1 : 3;
   if (options.batch > 0) {
     s.batch = options.batch;
-  } else if (is_device<Exec>) {  // as many pixels as 128 of 640 x 480: fewer leave the GPU idle at the ends of kernels
-    s.batch = static_cast<std::int64_t>(std::clamp(128 * 307200. / pixels, 1., 512.));
-    s.batch = std::min(s.batch, std::max<std::int64_t>(1, wave_bytes / (s.an_image + visible * s.a_splat + pairs * s.a_pair)));
+  } else if (is_device<Exec>) {  // together as many pixels as 256 of 640 x 480: fewer leave the GPU idle at the ends of kernels
+    double const together = std::clamp(258 * 307200. / pixels, 1., 1024.);
+    std::int64_t const bytes = s.an_image + visible * s.a_splat + pairs * s.a_pair;
+    s.batch = std::max<std::int64_t>(1, std::min(std::int64_t(together), all_waves_bytes / bytes) / s.waves);
   } else {
     s.batch = static_cast<std::int64_t>(std::clamp(2 * 307200. / pixels, 1., 64.));
   }
@@ -123,10 +131,38 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
   expects(s.batch > 0, "gsp::make_frames: pictures of this size have more tiles than a launch has blocks; make them smaller");
   // waves of one size: a short one at the end costs nearly as much as a full one
   auto const parts = [](std::int64_t n, std::int64_t size) { return (n + size - 1) / size; };
-  if (options.batch == 0) s.batch = parts(options.images, parts(options.images, s.batch));
+  if (options.batch == 0) s.batch = parts(options.images, s.waves * parts(options.images, s.waves * s.batch));
+  s.waves = std::min(s.waves, parts(options.images, s.batch));
   s.visible = std::min(most, std::max<std::int64_t>(1, s.batch * visible));
   s.pairs = std::min(most, std::max<std::int64_t>(1, s.batch * pairs));
   return s;
+}
+
+template <class Exec, class Mem>
+SplatWave<Mem> make_wave(Exec const& exec, Gaussians<Mem> const& cloud, FrameSizes const& sizes, int values) {
+  using Wave = SplatWave<Mem>;
+  Wave wave;
+  wave.values_a_splat = values;
+  wave.grid = sizes.grid;
+  wave.words = static_cast<int>(sizes.words);
+  wave.batch = static_cast<int>(sizes.batch);
+  std::int64_t const batch = sizes.batch;
+  wave.image_views = allocate<typename Wave::template View<ImageView*>>("gsp::SplatWave::image_views", batch);
+  wave.link_views = allocate<typename Wave::template View<LinkView**>>("gsp::SplatWave::link_views", batch, cloud.bodies);
+  wave.cluster_seen = allocate<typename Wave::template View<bool**>>("gsp::SplatWave::cluster_seen", batch, cloud.clusters.extent(0));
+  if constexpr (is_device<Exec>) {
+    wave.tile_count = allocate<typename Wave::template View<int*>>("gsp::SplatWave::tile_count", batch * wave.tiles());
+    wave.tile_order = allocate_zero<typename Wave::template View<int*>>(exec, "gsp::SplatWave::tile_order", batch * wave.tiles());
+  } else {
+    wave.seen = allocate<typename Wave::template View<std::uint32_t**>>("gsp::SplatWave::seen", batch, wave.words);
+    wave.seen_before = allocate<typename Wave::template View<int*>>("gsp::SplatWave::seen_before", batch * wave.words + 1);
+  }
+  wave.visible = allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::visible");
+  wave.pairs = allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::pairs");
+  wave.needed = allocate_zero<typename Wave::template View<std::int64_t[3]>>(exec, "gsp::SplatWave::needed");
+  wave.tile_begin = allocate<typename Wave::template View<std::int64_t*>>("gsp::SplatWave::tile_begin", batch * wave.tiles() + 1);
+  reserve(exec, sizes.visible, sizes.pairs, wave);
+  return wave;
 }
 }  // namespace detail
 
@@ -135,14 +171,13 @@ std::int64_t bytes_needed(Exec const&, Gaussians<Mem> const& cloud, FrameOptions
   auto const s = detail::frame_sizes<Exec>(cloud, options);
   std::int64_t const channels = (options.rgb ? 3 : 0) + (options.depth ? 1 : 0) + (options.alpha ? 1 : 0);
   std::int64_t const pixels = std::int64_t(options.images) * options.width * options.height;
-  return 4 * channels * pixels + s.batch * s.an_image + s.visible * s.a_splat + s.pairs * s.a_pair;
+  return 4 * channels * pixels + s.waves * (s.batch * s.an_image + s.visible * s.a_splat + s.pairs * s.a_pair);
 }
 
 template <ExecutionSpace Exec, class Mem>
 Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOptions options) {
   static_assert(can_access<Exec, Gaussians<Mem>>, "gsp::make_frames: the Gaussians are not accessible from this execution space");
   using F = Frames<Mem>;
-  using Wave = SplatWave<Mem>;
   auto const sizes = detail::frame_sizes<Exec>(cloud, options);
   F f;
   f.images = options.images;
@@ -156,27 +191,14 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
   if (options.alpha) f.alpha = detail::allocate<typename F::template View<float***>>("gsp::Frames::alpha", c, h, w);
   f.status = detail::allocate_zero<typename F::template View<std::uint32_t*>>(exec, "gsp::Frames::status", c);
 
-  Wave& wave = f.wave;
-  wave.values_a_splat = options.values;
-  wave.grid = sizes.grid;
-  wave.words = static_cast<int>(sizes.words);
-  wave.batch = static_cast<int>(sizes.batch);
-  std::int64_t const batch = sizes.batch;
-  wave.image_views = detail::allocate<typename Wave::template View<detail::ImageView*>>("gsp::SplatWave::image_views", batch);
-  wave.link_views = detail::allocate<typename Wave::template View<detail::LinkView**>>("gsp::SplatWave::link_views", batch, cloud.bodies);
-  wave.cluster_seen =
-      detail::allocate<typename Wave::template View<bool**>>("gsp::SplatWave::cluster_seen", batch, cloud.clusters.extent(0));
-  if constexpr (is_device<Exec>) {
-    wave.tile_count = detail::allocate<typename Wave::template View<int*>>("gsp::SplatWave::tile_count", batch * wave.tiles());
-  } else {
-    wave.seen = detail::allocate<typename Wave::template View<std::uint32_t**>>("gsp::SplatWave::seen", batch, wave.words);
-    wave.seen_before = detail::allocate<typename Wave::template View<int*>>("gsp::SplatWave::seen_before", batch * wave.words + 1);
-  }
-  wave.visible = detail::allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::visible");
-  wave.pairs = detail::allocate_zero<typename Wave::template View<std::int64_t>>(exec, "gsp::SplatWave::pairs");
-  wave.needed = detail::allocate_zero<typename Wave::template View<std::int64_t[3]>>(exec, "gsp::SplatWave::needed");
-  wave.tile_begin = detail::allocate<typename Wave::template View<std::int64_t*>>("gsp::SplatWave::tile_begin", batch * wave.tiles() + 1);
-  reserve(exec, sizes.visible, sizes.pairs, wave);
+  f.wave = detail::make_wave(exec, cloud, sizes, options.values);
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+  if constexpr (is_device<Exec>)
+    if (sizes.waves > 1) {
+      f.beside = std::make_shared<detail::WavesBeside<Mem>>(exec, static_cast<int>(sizes.waves - 1));
+      for (auto& wave : f.beside->waves) wave = detail::make_wave(exec, cloud, sizes, options.values);
+    }
+#endif
   return f;
 }
 

@@ -109,28 +109,51 @@ struct ListPairs {
 };
 
 /// Where the lists begin, by one block: there are few tiles, and this is soon done. Do the pairs fit? As for the splats, a wave that does
-/// not is left out and marked.
+/// not is left out and marked. And which tiles go first: what is begun last ends last, so those with long lists come before the others, by
+/// the two leading bits of their lengths.
 template <class Mem>
 struct BeginTiles {
   SplatWave<Mem> wave;
   Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status;
-  static constexpr int threads = 1024;
+  static constexpr int threads = 1024, lengths = 64;
+  static constexpr unsigned all = 0xffffffffu;
+  struct Shared {
+    int sums[threads / 32];
+    int places[lengths];  // how many tiles have lists of about that length, the longest first; then where the next goes
+  };
 
-  __device__ void operator()(int* sums) const {
+  __device__ void operator()(Shared& shared) const {
     std::int64_t const pairs = wave.pairs();
     bool const fits = pairs <= wave.pair_capacity;
     int const tiles = wave.images * wave.tiles(), each = (tiles + threads - 1) / threads, warp = int(threadIdx.x) / 32,
-              lane = int(threadIdx.x) % 32, first = int(threadIdx.x) * each, last = first + each < tiles ? first + each : tiles;
+              lane = int(threadIdx.x) % 32, first = int(threadIdx.x) * each;
+    auto const count = [&](int k) { return fits && first + k < tiles ? wave.tile_count(first + k) : 0; };
+    if (threadIdx.x < lengths) shared.places[threadIdx.x] = 0;
+    __syncthreads();
     int own = 0;
-    for (int tile = first; fits && tile < last; ++tile) own += wave.tile_count(tile);
+    for (int k = 0; k < each; ++k) {
+      own += count(k);
+      take(shared, first + k < tiles ? length(count(k)) : -1, lane);
+    }
     int const upto = sum_upto_lane(own);
-    if (lane == 31) sums[warp] = upto;
+    if (lane == 31) shared.sums[warp] = upto;
     __syncthreads();
     int begin = upto - own;
-    for (int w = 0; w < warp; ++w) begin += sums[w];
-    for (int tile = first; tile < last; ++tile) {
-      wave.tile_begin(tile) = begin;
-      if (fits) begin += wave.tile_count(tile);
+    for (int w = 0; w < warp; ++w) begin += shared.sums[w];
+    if (warp == 0) {
+      int const even = shared.places[2 * lane], odd = shared.places[2 * lane + 1], before = sum_upto_lane(even + odd) - even - odd;
+      shared.places[2 * lane] = before;
+      shared.places[2 * lane + 1] = before + even;
+    }
+    __syncthreads();
+    for (int k = 0; k < each; ++k) {
+      bool const is_one = first + k < tiles;
+      int const place = take(shared, is_one ? length(count(k)) : -1, lane);
+      if (is_one) {
+        wave.tile_order(place) = first + k;
+        wave.tile_begin(first + k) = begin;
+      }
+      begin += count(k);
     }
     if (threadIdx.x == 0) {
       wave.tile_begin(tiles) = fits ? pairs : 0;
@@ -138,6 +161,20 @@ struct BeginTiles {
       wave.needed(1) = pairs > wave.needed(1) ? pairs : wave.needed(1);
     }
     for (int k = int(threadIdx.x); !fits && k < wave.images; k += threads) status(wave.first + k) |= frame_overflow;
+  }
+
+ private:
+  __device__ static int length(int pairs) {
+    int const bits = 32 - __clz(pairs), half = bits > 1 ? pairs >> (bits - 2) & 1 : 0;
+    return lengths - 1 - (2 * bits + half);  // pairs < 2^31
+  }
+  /// The lanes' next places among tiles of a length (-1: none), which count on.
+  __device__ static int take(Shared& shared, int length, int lane) {
+    unsigned const same = __match_any_sync(all, length);
+    int const leader = __ffs(int(same)) - 1;
+    int place = 0;
+    if (lane == leader && length >= 0) place = atomicAdd(&shared.places[length], __popc(same));
+    return __shfl_sync(all, place, leader) + __popc(same & ((1u << lane) - 1u));
   }
 };
 
@@ -148,8 +185,8 @@ __global__ void __launch_bounds__(Pairs::threads, 12) list_pairs_kernel(Pairs co
 }
 template <class Tiles>
 __global__ void __launch_bounds__(Tiles::threads) begin_tiles_kernel(Tiles const __grid_constant__ tiles) {
-  __shared__ int sums[Tiles::threads / 32];
-  tiles(sums);
+  __shared__ typename Tiles::Shared shared;
+  tiles(shared);
 }
 template <class Pairs>
 __global__ void __launch_bounds__(256) place_pairs_kernel(Pairs const __grid_constant__ pairs) {

@@ -153,7 +153,8 @@ struct MedianBlocks {
   __device__ void operator()() const {
     auto const& frames = pass.frames;
     auto const& wave = frames.wave;
-    int const index = int(blockIdx.x) / grid_of_tile, part = int(blockIdx.x) % grid_of_tile * (threads / 32) + int(threadIdx.x) / 32;
+    int const index = wave.tile_order(blockIdx.x / grid_of_tile),
+              part = int(blockIdx.x) % grid_of_tile * (threads / 32) + int(threadIdx.x) / 32;
     int const block = part / 2, half = part % 2, lane = int(threadIdx.x) % 32;
     int const tiles = wave.tiles(), image = wave.first + index / tiles, tile = index % tiles, columns = wave.grid.columns();
     int const x = (tile % columns * Masks::across + block % Masks::across) * side + lane % 8;

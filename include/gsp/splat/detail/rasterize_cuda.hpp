@@ -41,7 +41,7 @@ struct RasterizeBlocks {
   __device__ void operator()(Queue* queues) const {
     auto const& wave = frames.wave;
     int const warp = int(threadIdx.x) / 32, lane = int(threadIdx.x) % 32;
-    int const index = int(blockIdx.x) / (blocks_of_tile / warps), part = int(blockIdx.x) % (blocks_of_tile / warps);
+    int const index = wave.tile_order(blockIdx.x / (blocks_of_tile / warps)), part = int(blockIdx.x) % (blocks_of_tile / warps);
     int const tiles = wave.tiles(), image = wave.first + index / tiles, tile = index % tiles, columns = wave.grid.columns();
     // four warps side by side, two and two
     int const across = part % (Masks::across / 2) * 2 + warp % 2, down = part / (Masks::across / 2) * 2 + warp / 2;

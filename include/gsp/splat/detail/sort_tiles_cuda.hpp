@@ -30,7 +30,7 @@ struct SortTiles {
   };
 
   __device__ void operator()(Shared& shared) const {
-    int const index = int(blockIdx.x);
+    int const index = wave.tile_order(blockIdx.x);
     std::int64_t const begin = wave.tile_begin(index);
     int const n = int(wave.tile_begin(index + 1) - begin);
     if (n < least || (n > most && !takes_longer)) return;
