@@ -1,0 +1,149 @@
+// Frames per second of many worlds, each with a robot of its own pose in one captured scene that all share: kitchen.spz
+// (GSP_DATA_DIR/splats), RGB + expected depth + alpha, one image a world, every camera different and every robot before its camera.
+//   bench_splat_robots [--worlds N] [--dynamic GAUSSIANS] [--width W --height H] [--batch B] [--scene FILE]
+// Robots take four poses in turn, another each call. peak_minus_outputs: the most bytes that were allocated at once on the device
+// (Gaussians, poses, cameras, buffers of waves; not CUDA's own), without the pictures themselves. Each backend that was compiled in runs;
+// on a device as many worlds as fit its memory well.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <gsp/dynamics/kinematics.hpp>
+#include <gsp/io/gaussians.hpp>
+#include <gsp/model/compile.hpp>
+#include <gsp/model/samples.hpp>
+#include <gsp/splat/render.hpp>
+#include <gsp/splat/sample_surface.hpp>
+#include <numbers>
+#include <random>
+#include <support/bench.hpp>
+#include <support/peak_bytes.hpp>
+
+namespace {
+
+struct Arguments {
+  int worlds = 0, dynamic = 5000, width = 640, height = 480, batch = 0;
+  std::string scene;
+};
+
+struct Random {
+  std::mt19937 generator;
+  double uniform(double a, double b) { return a + (b - a) * (generator() / 4294967296.); }
+};
+
+/// Random places in a box of a y-down room, looking around, a little down: as a robot's cameras in the kitchen.
+std::vector<gsp::CameraPose<double>> room_cameras(int count) {
+  Random random{std::mt19937(7)};
+  std::vector<gsp::CameraPose<double>> out;
+  for (int c = 0; c < count; ++c) {
+    gsp::Vec3<double> const eye{random.uniform(-1, 1), random.uniform(-1.7, -1), random.uniform(-.5, .5)};
+    double const yaw = random.uniform(0, 2 * std::numbers::pi), pitch = random.uniform(-.1, .5);
+    gsp::Vec3<double> const ahead{std::cos(yaw) * std::cos(pitch), std::sin(pitch), std::sin(yaw) * std::cos(pitch)};
+    out.push_back(gsp::look_at<double>(eye, eye + ahead, {0, -1, 0}));
+  }
+  return out;
+}
+
+/// Poses of a robot a world: joints about its stance, the trunk turned at random, 0.8 to 1.6 m before the world's camera.
+template <class Exec, class Model, class State, class Dynamics>
+auto robot_poses(Exec const& exec, Model const& model, std::vector<double> const& stance, State& state, Dynamics& dynamics,
+                 std::vector<gsp::CameraPose<double>> const& cameras, int seed) {
+  int const worlds = int(state.qpos.extent(0));
+  auto poses = gsp::make_poses(exec, model, {.worlds = worlds});
+  exec.fence();
+  auto const qpos = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, state.qpos);
+  Random random{std::mt19937(unsigned(seed))};
+  for (int w = 0; w < worlds; ++w) {
+    auto const& camera = cameras[std::size_t(w) % cameras.size()];
+    double const z = random.uniform(.8, 1.6);
+    gsp::Vec3<double> const before{random.uniform(-.3, .3) * z, random.uniform(-.2, .2) * z, z};
+    gsp::Vec3<double> const place = gsp::transpose_times(camera.r, before - camera.t);
+    gsp::Quat<double> const turn =
+        gsp::normalized(gsp::Quat<double>{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)});
+    double const base[7] = {place.x, place.y, place.z, turn.w, turn.x, turn.y, turn.z};
+    for (int i = 0; i < model.nq; ++i) qpos(w, i) = float(i < 7 ? base[i] : stance[std::size_t(i)] + random.uniform(-.3, .3));
+  }
+  Kokkos::deep_copy(exec, state.qpos, qpos);
+  gsp::forward_kinematics(exec, model, state, poses, dynamics);
+  exec.fence();
+  return poses;
+}
+
+template <class Exec>
+void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
+  using Mem = typename Exec::memory_space;
+  int const worlds = a.worlds > 0 ? a.worlds : gsp::is_device<Exec> ? 2048 : 8;
+  gsp_bench::PeakBytes<Mem> peak;
+  auto const compiled = gsp::compile(gsp::samples::quadruped());
+  auto const robot = gsp::sample_surface(compiled, {.count = a.dynamic, .world = false});
+  auto const cloud = gsp::make_gaussians(exec, {scene, robot});
+  auto const places = room_cameras(worlds);
+  std::vector<float> viewmats, Ks;
+  auto const K = gsp::pinhole(a.width, a.height, {.fovy = std::numbers::pi / 3});
+  for (auto const& place : places) {
+    auto const view = place.matrix();
+    viewmats.insert(viewmats.end(), view.begin(), view.end());
+    Ks.insert(Ks.end(), K.begin(), K.end());
+  }
+  auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
+  auto const model = gsp::make_model<float>(exec, compiled);
+  std::vector<gsp::Poses<float, Mem>> poses;
+  {
+    auto state = gsp::make_state(exec, model, {.worlds = worlds});
+    auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
+    for (int k = 0; k < 4; ++k) poses.push_back(robot_poses(exec, model, compiled.keyframes.at(0).qpos, state, dynamics, places, 11 + k));
+  }
+  auto frames = gsp::make_frames(exec, cloud, {.images = worlds, .width = a.width, .height = a.height, .batch = a.batch});
+  std::size_t turn = 0;
+  auto const draw = [&] { gsp::render(exec, cloud, poses[turn++ % poses.size()], cameras, frames); };
+  for (std::size_t k = 0; k < poses.size(); ++k) draw();
+  std::int64_t const bytes = peak.stop(), outputs = 4 * std::int64_t(frames.rgb.span() + frames.depth.span() + frames.alpha.span());
+  auto const time = gsp_bench::measure(exec, draw, {.seconds = 0.5});
+  turn = 0;
+  draw();  // the hash is of the first poses, and of 64 worlds at most
+  auto const first = Kokkos::subview(frames.rgb, Kokkos::make_pair(0, std::min(worlds, 64)), Kokkos::ALL, Kokkos::ALL, Kokkos::ALL);
+  gsp_bench::Line("splat/robots", exec)
+      .add("scene", std::filesystem::path(a.scene).filename().string())
+      .add("static_gaussians", scene.size())
+      .add("dynamic_gaussians", robot.size())
+      .add("worlds", worlds)
+      .add("cameras", "moving")
+      .add("batch", frames.wave.batch)
+      .add("width", a.width)
+      .add("height", a.height)
+      .add("precision", "float")
+      .add(time)
+      .add("frames_per_second", worlds / time.median)
+      .add("output_bytes", outputs)
+      .add("peak_minus_outputs", bytes - outputs)
+      .add_hash(first)
+      .print();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Kokkos::ScopeGuard kokkos(argc, argv);
+  Arguments a;
+  char const* const folder = std::getenv("GSP_DATA_DIR");
+  a.scene = std::string(folder ? folder : GSP_DATA_DIR) + "/splats/kitchen.spz";
+  for (int i = 1; i + 1 < argc; i += 2) {
+    std::string const key = argv[i], value = argv[i + 1];
+    if (key == "--worlds") a.worlds = std::atoi(value.c_str());
+    if (key == "--dynamic") a.dynamic = std::atoi(value.c_str());
+    if (key == "--width") a.width = std::atoi(value.c_str());
+    if (key == "--height") a.height = std::atoi(value.c_str());
+    if (key == "--batch") a.batch = std::atoi(value.c_str());
+    if (key == "--scene") a.scene = value;
+  }
+  if (!std::filesystem::exists(a.scene)) {
+    std::printf("skipped: %s is missing; set GSP_DATA_DIR\n", a.scene.c_str());
+    return 0;
+  }
+  auto const scene = gsp::io::to_gaussian_set(gsp::io::read_splats(a.scene), a.scene);
+#if defined(KOKKOS_ENABLE_CUDA)
+  run(Kokkos::Cuda{}, a, scene);
+  if (a.worlds > 16) return 0;  // that many are meant for the device
+#endif
+  run(Kokkos::OpenMP{}, a, scene);
+}
