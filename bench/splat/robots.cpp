@@ -1,6 +1,7 @@
 // Frames per second of many worlds, each with a robot of its own pose in one captured scene that all share: kitchen.spz
 // (GSP_DATA_DIR/splats), RGB + expected depth + alpha, one image a world, every camera different and every robot before its camera.
-//   bench_splat_robots [--worlds N] [--dynamic GAUSSIANS] [--width W --height H] [--batch B] [--scene FILE]
+//   bench_splat_robots [--worlds N] [--dynamic GAUSSIANS] [--width W --height H] [--batch B] [--scene FILE] [--scenes N]
+// --scenes: so many copies of the scene in one cloud, of which world w shows the (w % N)-th: what show_sets costs.
 // Robots take four poses in turn, another each call. peak_minus_outputs: the most bytes that were allocated at once on the device
 // (Gaussians, poses, cameras, buffers of waves; not CUDA's own), without the pictures themselves. Each backend that was compiled in runs;
 // on a device as many worlds as fit its memory well.
@@ -14,6 +15,7 @@
 #include <gsp/model/samples.hpp>
 #include <gsp/splat/render.hpp>
 #include <gsp/splat/sample_surface.hpp>
+#include <gsp/splat/show_sets.hpp>
 #include <numbers>
 #include <random>
 #include <support/bench.hpp>
@@ -22,7 +24,7 @@
 namespace {
 
 struct Arguments {
-  int worlds = 0, dynamic = 5000, width = 640, height = 480, batch = 0;
+  int worlds = 0, dynamic = 5000, width = 640, height = 480, batch = 0, scenes = 1;
   std::string scene;
 };
 
@@ -70,13 +72,24 @@ auto robot_poses(Exec const& exec, Model const& model, std::vector<double> const
 }
 
 template <class Exec>
+auto scenes_and_robot(Exec const& exec, gsp::GaussianSet const& scene, gsp::GaussianSet const& robot, int scenes, int worlds) {
+  std::vector<gsp::GaussianSet> sets(std::size_t(scenes), scene);
+  sets.push_back(robot);
+  auto const all = gsp::make_gaussians(exec, sets);
+  if (scenes == 1) return all;
+  std::vector<std::vector<int>> table;
+  for (int w = 0; w < worlds; ++w) table.push_back({w % scenes, scenes});
+  return gsp::show_sets(exec, all, table);
+}
+
+template <class Exec>
 void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
   using Mem = typename Exec::memory_space;
   int const worlds = a.worlds > 0 ? a.worlds : gsp::is_device<Exec> ? 2048 : 8;
   gsp_bench::PeakBytes<Mem> peak;
   auto const compiled = gsp::compile(gsp::samples::quadruped());
   auto const robot = gsp::sample_surface(compiled, {.count = a.dynamic, .world = false});
-  auto const cloud = gsp::make_gaussians(exec, {scene, robot});
+  auto const cloud = scenes_and_robot(exec, scene, robot, a.scenes, worlds);
   auto const places = room_cameras(worlds);
   std::vector<float> viewmats, Ks;
   auto const K = gsp::pinhole(a.width, a.height, {.fovy = std::numbers::pi / 3});
@@ -104,6 +117,7 @@ void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
   auto const first = Kokkos::subview(frames.rgb, Kokkos::make_pair(0, std::min(worlds, 64)), Kokkos::ALL, Kokkos::ALL, Kokkos::ALL);
   gsp_bench::Line("splat/robots", exec)
       .add("scene", std::filesystem::path(a.scene).filename().string())
+      .add("scenes", a.scenes)
       .add("static_gaussians", scene.size())
       .add("dynamic_gaussians", robot.size())
       .add("worlds", worlds)
@@ -133,6 +147,7 @@ int main(int argc, char** argv) {
     if (key == "--dynamic") a.dynamic = std::atoi(value.c_str());
     if (key == "--width") a.width = std::atoi(value.c_str());
     if (key == "--height") a.height = std::atoi(value.c_str());
+    if (key == "--scenes") a.scenes = std::atoi(value.c_str());
     if (key == "--batch") a.batch = std::atoi(value.c_str());
     if (key == "--scene") a.scene = value;
   }

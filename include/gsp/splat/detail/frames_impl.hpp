@@ -97,7 +97,7 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
   std::int64_t constexpr most = most_of_wave, wave_bytes = std::int64_t(7) << 28;
   FrameSizes s{};
   s.grid = tile_grid<Exec>(options.width, options.height);
-  std::int64_t const tiles = std::int64_t(s.grid.columns()) * s.grid.rows(), clusters = std::int64_t(cloud.clusters.extent(0));
+  std::int64_t const tiles = std::int64_t(s.grid.columns()) * s.grid.rows(), clusters = cloud.most_clusters;
   s.words = (cloud.count + 31) / 32;
   s.an_image = sizeof(ImageView) + cloud.bodies * std::int64_t(sizeof(LinkView)) + clusters + 8 * tiles +
                (is_device<Exec> ? (128 + 4) * tiles : 8 * s.words);
@@ -106,7 +106,7 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
   // an eighth of a captured room is seen by a camera in it; a splat touches more tiles the larger the picture
   double const pixels = double(options.width) * options.height;
   std::int64_t const visible =
-      options.visible > 0 ? options.visible : std::min(cloud.count, cloud.count / (is_device<Exec> ? 8 : 5) + 1024);
+      options.visible > 0 ? options.visible : std::min(cloud.most_count, cloud.most_count / (is_device<Exec> ? 8 : 5) + 1024);
   std::int64_t const pairs = options.pairs > 0 ? options.pairs
                              : is_device<Exec> ? static_cast<std::int64_t>(double(visible) * (1 + std::sqrt(pixels) / 300))
                                                : 7 * visible;
@@ -164,8 +164,7 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
   std::int64_t const batch = sizes.batch;
   wave.image_views = detail::allocate<typename Wave::template View<detail::ImageView*>>("gsp::SplatWave::image_views", batch);
   wave.link_views = detail::allocate<typename Wave::template View<detail::LinkView**>>("gsp::SplatWave::link_views", batch, cloud.bodies);
-  wave.cluster_seen =
-      detail::allocate<typename Wave::template View<bool**>>("gsp::SplatWave::cluster_seen", batch, cloud.clusters.extent(0));
+  wave.cluster_seen = detail::allocate<typename Wave::template View<bool**>>("gsp::SplatWave::cluster_seen", batch, cloud.most_clusters);
   if constexpr (is_device<Exec>) {
     wave.tile_count = detail::allocate<typename Wave::template View<int*>>("gsp::SplatWave::tile_count", batch * wave.tiles());
   } else {
