@@ -1,11 +1,13 @@
 // Frames per second of many worlds, each with a robot of its own pose in one captured scene that all share: kitchen.spz
 // (GSP_DATA_DIR/splats), RGB + expected depth + alpha, one image a world, every camera different and every robot before its camera.
-//   bench_splat_robots [--worlds N] [--dynamic GAUSSIANS] [--width W --height H] [--batch B] [--scene FILE] [--scenes N]
+//   bench_splat_robots [--worlds N] [--dynamic GAUSSIANS] [--width W --height H] [--batch B] [--scene FILE] [--scenes N] [--fixed VIEWS]
 // --scenes: so many copies of the scene in one cloud, of which world w shows the (w % N)-th: what show_sets costs.
+// --fixed: cameras that stand still, at so many places in turn, drawn by render_fixed; peak_minus_outputs has what they keep in it.
 // Robots take four poses in turn, another each call. peak_minus_outputs: the most bytes that were allocated at once on the device
 // (Gaussians, poses, cameras, buffers of waves; not CUDA's own), without the pictures themselves. Each backend that was compiled in runs;
 // on a device as many worlds as fit its memory well.
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -13,7 +15,7 @@
 #include <gsp/io/gaussians.hpp>
 #include <gsp/model/compile.hpp>
 #include <gsp/model/samples.hpp>
-#include <gsp/splat/render.hpp>
+#include <gsp/splat/fixed_frames.hpp>
 #include <gsp/splat/sample_surface.hpp>
 #include <gsp/splat/show_sets.hpp>
 #include <numbers>
@@ -24,7 +26,7 @@
 namespace {
 
 struct Arguments {
-  int worlds = 0, dynamic = 5000, width = 640, height = 480, batch = 0, scenes = 1;
+  int worlds = 0, dynamic = 5000, width = 640, height = 480, batch = 0, scenes = 1, fixed = 0;
   std::string scene;
 };
 
@@ -82,6 +84,17 @@ auto scenes_and_robot(Exec const& exec, gsp::GaussianSet const& scene, gsp::Gaus
   return gsp::show_sets(exec, all, table);
 }
 
+/// Which share of the 8 x 8 blocks (of a CPU: of the tiles) shows what moves.
+template <class Mem, class View>
+double share_of_blocks(gsp::Frames<Mem> const& frames, View const& drawn) {
+  auto const host = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, drawn);
+  bool const by_block = frames.wave.block_masks.extent(0) > 0;
+  double count = 0;
+  for (std::size_t i = 0; i < host.span(); ++i) count += by_block ? std::popcount(host.data()[i]) : int(host.data()[i] != 0);
+  int const side = by_block ? 8 : 16, columns = (frames.width + side - 1) / side, rows = (frames.height + side - 1) / side;
+  return count / (double(columns) * rows * frames.images);
+}
+
 template <class Exec>
 void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
   using Mem = typename Exec::memory_space;
@@ -90,7 +103,8 @@ void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
   auto const compiled = gsp::compile(gsp::samples::quadruped());
   auto const robot = gsp::sample_surface(compiled, {.count = a.dynamic, .world = false});
   auto const cloud = scenes_and_robot(exec, scene, robot, a.scenes, worlds);
-  auto const places = room_cameras(worlds);
+  auto places = room_cameras(a.fixed > 0 ? std::min(a.fixed, worlds) : worlds);
+  for (std::size_t w = places.size(); w < std::size_t(worlds); ++w) places.push_back(places[w - std::size_t(a.fixed)]);
   std::vector<float> viewmats, Ks;
   auto const K = gsp::pinhole(a.width, a.height, {.fovy = std::numbers::pi / 3});
   for (auto const& place : places) {
@@ -106,9 +120,21 @@ void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
     auto dynamics = gsp::make_dynamics(exec, model, {.worlds = worlds});
     for (int k = 0; k < 4; ++k) poses.push_back(robot_poses(exec, model, compiled.keyframes.at(0).qpos, state, dynamics, places, 11 + k));
   }
-  auto frames = gsp::make_frames(exec, cloud, {.images = worlds, .width = a.width, .height = a.height, .batch = a.batch});
+  gsp::FrameOptions const options{.images = worlds, .width = a.width, .height = a.height, .batch = a.batch};
+  gsp::FixedFrames<Mem> fixed;
+  if (a.fixed > 0)
+    fixed = gsp::make_fixed_frames(exec, cloud, poses[0], cameras, options);
+  else
+    fixed.frames = gsp::make_frames(exec, cloud, options);
+  auto& frames = fixed.frames;
   std::size_t turn = 0;
-  auto const draw = [&] { gsp::render(exec, cloud, poses[turn++ % poses.size()], cameras, frames); };
+  auto const draw = [&] {
+    auto const& now = poses[turn++ % poses.size()];
+    if (a.fixed > 0)
+      gsp::render_fixed(exec, now, fixed);
+    else
+      gsp::render(exec, cloud, now, cameras, frames);
+  };
   for (std::size_t k = 0; k < poses.size(); ++k) draw();
   std::int64_t const bytes = peak.stop(), outputs = 4 * std::int64_t(frames.rgb.span() + frames.depth.span() + frames.alpha.span());
   auto const time = gsp_bench::measure(exec, draw, {.seconds = 0.5});
@@ -121,7 +147,9 @@ void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
       .add("static_gaussians", scene.size())
       .add("dynamic_gaussians", robot.size())
       .add("worlds", worlds)
-      .add("cameras", "moving")
+      .add("cameras", a.fixed > 0 ? "fixed" : "moving")
+      .add("views", a.fixed > 0 ? fixed.still.images : worlds)
+      .add("blocks_drawn", a.fixed > 0 ? share_of_blocks(frames, fixed.drawn) : 1.)
       .add("batch", frames.wave.batch)
       .add("width", a.width)
       .add("height", a.height)
@@ -148,6 +176,7 @@ int main(int argc, char** argv) {
     if (key == "--width") a.width = std::atoi(value.c_str());
     if (key == "--height") a.height = std::atoi(value.c_str());
     if (key == "--scenes") a.scenes = std::atoi(value.c_str());
+    if (key == "--fixed") a.fixed = std::atoi(value.c_str());
     if (key == "--batch") a.batch = std::atoi(value.c_str());
     if (key == "--scene") a.scene = value;
   }

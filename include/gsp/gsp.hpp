@@ -131,6 +131,7 @@
 #include <gsp/splat/cast_splats.hpp>
 #include <gsp/splat/channels.hpp>
 #include <gsp/splat/develop.hpp>
+#include <gsp/splat/fixed_frames.hpp>
 #include <gsp/splat/frames.hpp>
 #include <gsp/splat/gaussians.hpp>
 #include <gsp/splat/id_channel.hpp>

@@ -4,6 +4,18 @@
 
 namespace gsp {
 
+namespace detail {
+/// No world that names so many sets shows more clusters, whichever they are.
+inline int most_clusters(std::vector<GaussianSetRange> const& sets, std::size_t slots) {
+  std::vector<int> clusters;
+  for (auto const& s : sets) clusters.push_back(s.cluster_end - s.cluster_begin);
+  std::sort(clusters.rbegin(), clusters.rend());
+  int most = 0;
+  for (std::size_t k = 0; k < std::min(slots, clusters.size()); ++k) most += clusters[k];
+  return most;
+}
+}  // namespace detail
+
 /// Many scenes in one batch: the same Gaussians, and a table of which of make_gaussians' sets each world shows. What a world does not show
 /// is left out before anything is asked of it, so a picture costs what its own sets cost, and it has the bits that it would have of a cloud
 /// of those sets alone.
@@ -42,12 +54,7 @@ Gaussians<Mem> show_sets(Exec const& exec, Gaussians<Mem> const& cloud, std::vec
     }
     most_count = std::max(most_count, count);
   }
-  // whatever a kernel writes there: those that have most
-  std::vector<int> clusters;
-  for (auto const& s : sets) clusters.push_back(s.cluster_end - s.cluster_begin);
-  std::sort(clusters.rbegin(), clusters.rend());
-  out.most_clusters = 0;
-  for (std::size_t k = 0; k < std::min(slots, clusters.size()); ++k) out.most_clusters += clusters[k];
+  out.most_clusters = detail::most_clusters(sets, slots);  // whatever a kernel writes there
   out.most_count = static_cast<int>(most_count);
   out.shown = detail::allocate<View>("gsp::Gaussians::shown", worlds, slots);
   detail::upload_bytes(exec, out.shown.data(), table.data(), detail::bytes_of(out.shown));
