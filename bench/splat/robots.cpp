@@ -48,7 +48,7 @@ std::vector<gsp::CameraPose<double>> room_cameras(int count) {
   return out;
 }
 
-/// Poses of a robot a world: joints about its stance, the trunk turned at random, 0.8 to 1.6 m before the world's camera.
+/// Poses of a robot a world: joints about its stance, the trunk turned at random, 0.5 to 1 m before the world's camera.
 template <class Exec, class Model, class State, class Dynamics>
 auto robot_poses(Exec const& exec, Model const& model, std::vector<double> const& stance, State& state, Dynamics& dynamics,
                  std::vector<gsp::CameraPose<double>> const& cameras, int seed) {
@@ -59,7 +59,7 @@ auto robot_poses(Exec const& exec, Model const& model, std::vector<double> const
   Random random{std::mt19937(unsigned(seed))};
   for (int w = 0; w < worlds; ++w) {
     auto const& camera = cameras[std::size_t(w) % cameras.size()];
-    double const z = random.uniform(.8, 1.6);
+    double const z = random.uniform(.5, 1);
     gsp::Vec3<double> const before{random.uniform(-.3, .3) * z, random.uniform(-.2, .2) * z, z};
     gsp::Vec3<double> const place = gsp::transpose_times(camera.r, before - camera.t);
     gsp::Quat<double> const turn =

@@ -201,11 +201,9 @@ TEST_CASE_TEMPLATE("a robot before a camera on the wall", Exec, GSP_TEST_EXECS) 
   auto const cloud = gsp::make_gaussians(exec, {room, arm});
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);  // camera w shows world w; they stand where they are
   auto fixed = gsp::make_fixed_frames(exec, cloud, start, cameras, {.width = 64, .height = 48});
-  for (auto const& poses : steps) {
-    gsp::render_fixed(exec, poses, fixed);  // fixed.frames.rgb, depth and alpha are what render would have drawn
-    // example-end fixed_frames
-    for (float const x : Pictures(fixed.frames).rgb) light += x;
-  }
+  for (auto const& poses : steps) gsp::render_fixed(exec, poses, fixed);  // fixed.frames.rgb, depth, alpha: what render would have drawn
+  // example-end fixed_frames
+  for (float const x : Pictures(fixed.frames).rgb) light += x;
   CHECK(light > 0);
   CHECK(fixed.still.images == 1);
 }
