@@ -4,6 +4,7 @@
 #include <gsp/splat/render.hpp>
 #include <gsp/splat/sample_room.hpp>
 #include <gsp/splat/sample_surface.hpp>
+#include <gsp/splat/show_sets.hpp>
 
 #include "device.hpp"
 #include "scene_sets.hpp"
@@ -53,7 +54,7 @@ class KokkosRenderer : public Renderer {
   void render(PoseArrays const& poses, CameraArrays const& arrays) override {
     auto const cameras = cameras_of(arrays);
     int const images = cameras.images();
-    if (frames_.images != images) {
+    if (frames_.images != images || int(frames_.wave.cluster_seen.extent(1)) < cloud_.most_clusters) {
       frames_ = {};  // the old buffers go before the new ones come
       median_ = {};
       if (options_.median_depth)
@@ -69,6 +70,8 @@ class KokkosRenderer : public Renderer {
       draw(poses_of<float>(poses), cameras);
     exec_.fence("gsp::runtime::Renderer::render: done");
   }
+
+  void show_sets(std::vector<std::vector<int>> const& sets_of_world) override { cloud_ = gsp::show_sets(exec_, cloud_, sets_of_world); }
 
   FrameArrays frames() const override {
     FrameArrays out;

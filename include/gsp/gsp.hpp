@@ -131,6 +131,7 @@
 #include <gsp/splat/cast_splats.hpp>
 #include <gsp/splat/channels.hpp>
 #include <gsp/splat/develop.hpp>
+#include <gsp/splat/fixed_frames.hpp>
 #include <gsp/splat/frames.hpp>
 #include <gsp/splat/gaussians.hpp>
 #include <gsp/splat/id_channel.hpp>
@@ -143,6 +144,7 @@
 #include <gsp/splat/render.hpp>
 #include <gsp/splat/sample_room.hpp>
 #include <gsp/splat/sample_surface.hpp>
+#include <gsp/splat/show_sets.hpp>
 #include <gsp/splat/splat.hpp>
 #include <gsp/splat/splat_target.hpp>
 #include <gsp/splat/splat_tree.hpp>

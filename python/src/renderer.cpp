@@ -1,6 +1,7 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
 
 #include <gsp/io/colormap.hpp>
 #include <gsp/io/png.hpp>
@@ -39,6 +40,11 @@ struct Frames {
   Array rgb, depth, alpha, median_depth;
 };
 
+/// One whose pictures are not those that Python has.
+std::unique_ptr<runtime::Renderer> another(Renderer const& self) {
+  return self.own ? self.own->another() : runtime::make_renderer(self.device, self.scene, self.options);
+}
+
 Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world) {
   if (data.model.compiled != self.model)
     throw Error("gsp.Renderer.render: the data are of another model than the scene: make both of one gsp.Model");
@@ -74,7 +80,7 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   }
   Use const use(data), use_renderer(self.busy, "this renderer");
   if (!self.own || self.images != n) {
-    self.own = self.own ? self.own->another() : runtime::make_renderer(self.device, self.scene, self.options);
+    self.own = another(self);
     self.images = n;
   }
   {
@@ -158,6 +164,19 @@ void bind_renderer(nb::module_& m) {
           },
           nb::arg("scene"), nb::arg("width") = 640, nb::arg("height") = 480, nb::arg("device") = "cpu", nb::kw_only(),
           nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true, nb::arg("median_depth") = false)
+      .def(
+          "show",
+          [](Renderer& self, std::vector<std::vector<int>> const& sets) {
+            Use const use_renderer(self.busy, "this renderer");
+            auto own = another(self);
+            own->show_sets(sets);
+            self.own = std::move(own);
+            self.images = -1;
+          },
+          nb::arg("sets"),
+          "Which sets of the scene each world shows from the next `render` on: a list of numbers for each world, 0 for what was added to "
+          "the\n"
+          "scene first. They are stored once, however many worlds show them. [] shows all of them everywhere, as at first.")
       .def("render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
            "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) for all [pixel]; world: "
            "(C) int32, or None: camera c "

@@ -501,6 +501,25 @@ def test_one_camera_and_channels_that_were_not_asked_for(model):
         gsp.Renderer(scene, 0, 24)
 
 
+def test_each_world_shows_its_own_sets(model):
+    data = gsp.Data(model, worlds=3)
+    room, robot = gsp.Scene(model).add_room(), gsp.Scene(model).add_surface()
+    view, K = gsp.look_at([1, -1, 1], [0, 0, 0.3]), gsp.pinhole(32, 24, 60)
+    views = np.stack([view] * 3)
+    both = gsp.Renderer(gsp.Scene(model).add_room().add_surface(), 32, 24)
+    everything = both.render(data, views, K)
+    both.show([[0], [1], [1, 0]])
+    shown = both.render(data, views, K)
+    assert np.array_equal(shown.rgb[2], everything.rgb[0])  # what was drawn before stays what it is
+    assert np.array_equal(shown.rgb[0], gsp.Renderer(room, 32, 24).render(data, view, K).rgb[0])
+    assert np.array_equal(shown.rgb[1], gsp.Renderer(robot, 32, 24).render(data, view, K).rgb[0])
+    assert not np.array_equal(shown.rgb[0], shown.rgb[1])
+    both.show([])
+    assert np.array_equal(both.render(data, views, K).rgb[0], everything.rgb[0])
+    with pytest.raises(ValueError, match="names set 2; make_gaussians was given 2"):
+        both.show([[0], [2], [1]])
+
+
 def test_splats_are_put_where_they_are_said_to_stand(model, tmp_path):
     path = DATA / "splats" / "biker.compressed.ply"
     if not path.exists():

@@ -473,6 +473,15 @@ TEST_CASE("pictures of the simulation's poses, where they lie") {
       CHECK(std::memcmp(by_hand.rgb.data(), frames.rgb.data, by_hand.rgb.span() * sizeof(float)) == 0);
       CHECK(std::memcmp(by_hand.depth.data(), frames.depth.data, by_hand.depth.span() * sizeof(float)) == 0);
     }
+    renderer->show_sets({{0}, {}, {0}, {}});
+    renderer->render(stepper->poses(), cameras);
+    auto const shown = on_host<float>(renderer->frames().rgb);
+    std::size_t const each = rgb.size() / 4;
+    CHECK(std::memcmp(shown.data(), rgb.data(), each * sizeof(float)) == 0);
+    CHECK(std::all_of(shown.begin() + std::ptrdiff_t(each), shown.begin() + std::ptrdiff_t(2 * each), [](float x) { return x == 0; }));
+    renderer->show_sets({});
+    renderer->render(stepper->poses(), cameras);
+    CHECK(on_host<float>(renderer->frames().rgb) == rgb);
     // Kinematics of the same positions in float64 give the same pictures but for rounding.
     auto const kinematics = make_kinematics(device, compiled);
     std::vector<double> q(std::size_t(4 * compiled.nq));

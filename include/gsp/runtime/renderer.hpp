@@ -4,7 +4,7 @@
 
 namespace gsp::runtime {
 
-/// Sets of Gaussians that are drawn together; a value, cheap to copy.
+/// Sets of Gaussians, numbered in the order in which they are added; a value, cheap to copy.
 class Scene {
  public:
   /// Gaussians of a file; its links are those of `model`. Returns true if it binds any to a link. `name` is what messages call it.
@@ -42,6 +42,9 @@ class Renderer {
   /// One picture a camera, of worlds whose bodies stand as `poses` says: arrays on the renderer's device, such as Stepper::poses(), or
   /// empty ones: nothing moves. On return the pictures are done.
   virtual void render(PoseArrays const& poses, CameraArrays const& cameras) = 0;
+  /// Which of the scene's sets each world shows (splat/show_sets.hpp), in the order in which they were added; empty: all of them, as at
+  /// first. For the next `render` on.
+  virtual void show_sets(std::vector<std::vector<int>> const& sets_of_world) = 0;
   virtual FrameArrays frames() const = 0;
   /// A renderer of the same Gaussians, which it shares, with pictures of its own.
   virtual std::unique_ptr<Renderer> another() const = 0;

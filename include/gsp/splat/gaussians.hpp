@@ -10,6 +10,7 @@
 #include <limits>
 #include <numeric>
 #include <string>
+#include <tuple>
 #include <vector>
 
 namespace gsp {
@@ -27,16 +28,22 @@ struct GaussianSet {
   std::size_t size() const { return opacities.size(); }
 };
 
-/// Up to 256 neighbouring Gaussians of one body: what is culled together. Bounds stand in the body's frame.
+/// Up to 256 neighbouring Gaussians of one set and body: what is culled together. Bounds stand in the body's frame.
 struct GaussianCluster {
   int begin, end, body;
   float x, y, z, radius;  // ball around the centres
   float scale;            // greatest standard deviation
 };
 
+/// What one of the sets of make_gaussians became.
+struct GaussianSetRange {
+  int cluster_begin, cluster_end;
+  int count;  // of Gaussians
+};
+
 /// Gaussians on a device: one copy for all worlds. Those of body 0 are static, the others move with their link, also in one copy: nothing
-/// is stored per world. Stored by body, along a Z-order curve, in clusters; `source` names the index that each had in the input, which
-/// decides ties of depth. Made by `make_gaussians`.
+/// is stored per world but, if it is wanted, which sets it shows (show_sets.hpp). Stored by set and body, along a Z-order curve, in
+/// clusters; `source` names the index that each had in the input, which decides ties of depth. Made by `make_gaussians`.
 template <class Mem>
 struct Gaussians {
   using memory_space = Mem;
@@ -54,6 +61,24 @@ struct Gaussians {
   View<float**> sh;         // (3 K, n + padding): row 3 k + channel
   View<int*> source;        // (n)
   View<GaussianCluster*> clusters;
+  View<GaussianSetRange*> sets;
+  View<int**> shown;      // (world, slot) the sets that a world shows, ascending, each once; -1: none. (0, 0): every world shows all
+  int most_clusters = 0;  // no world shows more, whatever the table holds
+  int most_count = 0;     // Gaussians that a world shows, at most, when the table was made: a hint
+
+  /// The k-th cluster that a world shows, for k < most_clusters; -1 where it has fewer.
+  KOKKOS_INLINE_FUNCTION int cluster_of(int world, int k) const {
+    if (shown.extent(0) == 0) return k;
+    for (int slot = 0; slot < int(shown.extent(1)); ++slot) {
+      int const s = shown(world, slot);
+      if (s < 0 || s >= int(sets.extent(0))) continue;
+      GaussianSetRange const range = sets(s);
+      int const own = range.cluster_end - range.cluster_begin;
+      if (k < own) return range.cluster_begin + k;
+      k -= own;
+    }
+    return -1;
+  }
 };
 
 namespace detail {
@@ -94,7 +119,7 @@ inline void check_gaussian_set(std::string const& function, GaussianSet const& s
 
 }  // namespace detail
 
-/// Takes sets of Gaussians to the device as one: a scene, a robot, objects. The higher SH degree wins (missing terms are 0).
+/// Takes sets of Gaussians to the device as one: scenes, robots, objects. The higher SH degree wins (missing terms are 0).
 /// Throws std::invalid_argument where arrays disagree, a value is not finite, or a body is negative. Host cost: a sort, about 0.1 s per
 /// million.
 template <ExecutionSpace Exec>
@@ -112,7 +137,7 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
   expects(total < (std::size_t(1) << 30), "gsp::make_gaussians: at most 2^30 Gaussians are supported, not " + std::to_string(total));
   int const n = g.count = static_cast<int>(total), terms = (g.sh_degree + 1) * (g.sh_degree + 1);
 
-  // order: body, then along the curve, then as given
+  // order: set, body, then along the curve, then as given
   struct Item {
     std::uint64_t curve;
     int body, set, local, source;
@@ -123,20 +148,26 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
     for (std::size_t i = 0; i < sets[s].size(); ++i) items.push_back({0, sets[s].body[i], int(s), int(i), int(items.size())});
   auto const at = [&](Item const& k) { return &sets[k.set].positions[3 * std::size_t(k.local)]; };
   constexpr float infinity = std::numeric_limits<float>::infinity();
-  std::vector<std::array<float, 6>> box(g.bodies, {infinity, infinity, infinity, -infinity, -infinity, -infinity});
-  for (auto const& k : items)
+  std::vector<std::array<float, 6>> boxes(sets.size() * std::size_t(g.bodies),
+                                          {infinity, infinity, infinity, -infinity, -infinity, -infinity});
+  auto const box_of = [&](Item const& k) -> std::array<float, 6>& {
+    return boxes[std::size_t(k.set) * std::size_t(g.bodies) + std::size_t(k.body)];
+  };
+  for (auto const& k : items) {
+    auto& b = box_of(k);
     for (int c = 0; c < 3; ++c) {
-      box[k.body][c] = std::min(box[k.body][c], at(k)[c]);
-      box[k.body][3 + c] = std::max(box[k.body][3 + c], at(k)[c]);
+      b[c] = std::min(b[c], at(k)[c]);
+      b[3 + c] = std::max(b[3 + c], at(k)[c]);
     }
+  }
   for (auto& k : items) {
-    auto const& b = box[k.body];
+    auto const& b = box_of(k);
     double const side = std::max({double(b[3]) - b[0], double(b[4]) - b[1], double(b[5]) - b[2], 1e-30});
     for (int c = 0; c < 3; ++c)
       k.curve |= detail::spread_bits(static_cast<std::uint64_t>((double(at(k)[c]) - b[c]) / side * 0x1fffff)) << c;
   }
   std::sort(items.begin(), items.end(), [](Item const& a, Item const& b) {
-    return a.body != b.body ? a.body < b.body : a.curve != b.curve ? a.curve < b.curve : a.source < b.source;
+    return std::tie(a.set, a.body, a.curve, a.source) < std::tie(b.set, b.body, b.curve, b.source);
   });
 
   auto const fresh = [](std::string const& label) { return Kokkos::view_alloc(Kokkos::WithoutInitializing, label); };
@@ -152,6 +183,7 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
   auto const power = Kokkos::create_mirror_view(host, g.power);
   auto const source = Kokkos::create_mirror_view(host, g.source);
   std::vector<GaussianCluster> clusters;
+  std::vector<GaussianSetRange> ranges(sets.size());
   for (int i = 0; i < n; ++i) {
     auto const& k = items[i];
     auto const& s = sets[k.set];
@@ -166,9 +198,12 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
     power(i) = static_cast<float>(std::log2(double(s.opacities[j])));
     for (int t = 0; t < 3 * terms; ++t) sh(t, i) = t < int(3 * old) ? s.sh[3 * old * j + t] : 0.f;
     source(i) = k.source;
-    if (clusters.empty() || clusters.back().body != k.body || clusters.back().end - clusters.back().begin == G::cluster_size)
+    auto& range = ranges[k.set];
+    if (range.count++ == 0) range.cluster_begin = int(clusters.size());
+    if (range.count == 1 || clusters.back().body != k.body || clusters.back().end - clusters.back().begin == G::cluster_size)
       clusters.push_back({i, i, k.body, 0, 0, 0, 0, 0});
     clusters.back().end = i + 1;
+    range.cluster_end = int(clusters.size());
   }
   for (int i = n; i < n + G::padding; ++i) {
     for (int c = 0; c < 3; ++c) {
@@ -198,6 +233,9 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
     c.radius = std::nextafter(static_cast<float>(radius), infinity);
   }
   g.clusters = typename G::template View<GaussianCluster*>(fresh("gsp::Gaussians::clusters"), clusters.size());
+  g.sets = typename G::template View<GaussianSetRange*>(fresh("gsp::Gaussians::sets"), ranges.size());
+  g.most_clusters = int(clusters.size());
+  g.most_count = n;
   auto const upload = [&](auto const& to, auto const* from) { detail::upload_bytes(exec, to.data(), from, detail::bytes_of(to)); };
   upload(g.positions, positions.data());
   upload(g.quats, quats.data());
@@ -206,6 +244,7 @@ Gaussians<typename Exec::memory_space> make_gaussians(Exec const& exec, std::vec
   upload(g.sh, sh.data());
   upload(g.source, source.data());
   upload(g.clusters, clusters.data());
+  upload(g.sets, ranges.data());
   exec.fence("gsp::make_gaussians: the host arrays go away");
   return g;
 }

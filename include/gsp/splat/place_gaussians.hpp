@@ -44,6 +44,7 @@ struct PlaceLinks {
 
     // limits of x/z and y/z where the projection is linearised: 30 % of half the field of view beyond the picture (as gsplat)
     ImageView v;
+    v.world = world;
     v.fx = cameras.Ks(image, 0, 0);
     v.fy = cameras.Ks(image, 1, 1);
     v.cx = cameras.Ks(image, 0, 2);
@@ -90,9 +91,12 @@ void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, Pos
               std::to_string(poses.xpos.extent(1)) +
               ": give poses of the model that the Gaussians were bound to, or bind them to the model of these poses (sample_surface, "
               "io::to_gaussian_set)");
-  expects(static_cast<int>(wave.link_views.extent(1)) >= cloud.bodies && wave.cluster_seen.extent(1) >= cloud.clusters.extent(0) &&
-              cloud.count <= std::int64_t(32) * wave.words,
+  expects(static_cast<int>(wave.link_views.extent(1)) >= cloud.bodies &&
+              static_cast<int>(wave.cluster_seen.extent(1)) >= cloud.most_clusters && cloud.count <= std::int64_t(32) * wave.words,
           "gsp::place_gaussians: the frames were made for fewer Gaussians or bodies; make_frames again with these");
+  expects(cloud.shown.extent(0) == 0 || cloud.shown.extent(0) >= poses.xpos.extent(0),
+          "gsp::place_gaussians: the table of shown sets has " + std::to_string(cloud.shown.extent(0)) + " worlds, the poses have " +
+              std::to_string(poses.xpos.extent(0)) + ": name the sets of every world in show_sets");
   detail::TileGrid const own = detail::tile_grid<Exec>(frames.width, frames.height);
   expects(wave.grid.x_bits == own.x_bits && wave.grid.y_bits == own.y_bits,
           "gsp::place_gaussians: the frames were made for another backend, whose tiles are of another size: make_frames with this one");

@@ -1,22 +1,12 @@
 #pragma once
 #include <gsp/core/region.hpp>
 #include <gsp/splat/bin_tiles.hpp>
+#include <gsp/splat/detail/draw_waves.hpp>
 #include <gsp/splat/place_gaussians.hpp>
 #include <gsp/splat/project.hpp>
 #include <gsp/splat/rasterize.hpp>
-#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
-#include <gsp/splat/detail/waves_cuda.hpp>
-#endif
 
 namespace gsp {
-
-namespace detail {
-template <class Mem>
-struct ResetNeeded {
-  Kokkos::View<std::int64_t[3], Kokkos::LayoutRight, Mem> needed;
-  KOKKOS_FUNCTION void operator()(int) const { needed(0) = needed(1) = needed(2) = 0; }
-};
-}  // namespace detail
 
 /// Pictures of Gaussians: the four stages, wave by wave, on a GPU `FrameOptions::waves` of them at the same time. What a loop of one's own
 /// would do.
@@ -44,57 +34,12 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
     frames.wave.values_a_splat = values;
     reserve(exec, 0, 0, frames.wave);
   }
-  auto const draw = [&](Exec const& instance, Frames<Mem>& f, int first) {
-    place_gaussians(instance, cloud, poses, cameras, first, f);
-    project(instance, cloud, f, options, channels...);
-    bin_tiles(instance, f);
-    rasterize(instance, f, options, channels...);
-  };
-  auto const wave = [&](int first) { draw(exec, frames, first); };
-  // From `first` on, all waves: on a GPU several at a time, each in an instance and in buffers of its own.
-  auto const all_waves = [&](int first) {
-#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
-    if constexpr (is_device<Exec>)
-      if (frames.beside != nullptr && first + frames.wave.batch < frames.images) {
-        detail::reserve_beside(exec, frames);
-        return detail::side_by_side(exec, frames, first, draw);
-      }
-#endif
-    for (int begin = first; begin < frames.images; begin += frames.wave.batch) wave(begin);
-  };
-  auto const room = [](std::int64_t n) { return std::min(n + n / 8, std::max(n, detail::most_of_wave)); };
-  // Room for the greatest wave so far; true if there was too little.
-  auto const grow = [&] {
-    auto const needed = detail::to_host(exec, frames.wave.needed);
-    auto const fault = detail::CameraFault(needed[2] % detail::camera_faults);
-    expects(needed[2] == 0,
-            "gsp::render: camera " + std::to_string(needed[2] / detail::camera_faults - 1) +
-                (fault == detail::CameraFault::no_focal_length ? " has no focal length: write its viewmat and K, or call cameras_of"
-                 : fault == detail::CameraFault::no_place
-                     ? " has a viewmat of zeros, or a number in it or in K that is not finite: write world to camera, or call cameras_of"
-                     : " is of a world that the poses do not have (they have " + std::to_string(poses.xpos.extent(0)) +
-                           "): write its world, or make poses and mounts with the same {.worlds = n}"));
-    bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
-    if (small)
-      reserve(exec, needed[0] > frames.wave.visible_capacity ? room(needed[0]) : 0,
-              needed[1] > frames.wave.pair_capacity ? room(needed[1]) : 0, frames.wave);
-    return small;
-  };
-  Kokkos::parallel_for("gsp::splat::render_reset", Kokkos::RangePolicy<Exec>(exec, 0, 1), detail::ResetNeeded<Mem>{frames.wave.needed});
-  int first = 0;
-  if (frames.wave.visible_capacity == 0 || frames.wave.pair_capacity == 0) reserve(exec, 1, 1, frames.wave);  // there was no room for more
-  if (!frames.sized) {
-    do wave(0);
-    while (grow());
-    frames.sized = true;
-    first = frames.wave.batch;
-  }
-  all_waves(first);
-  while (first < frames.images && grow()) {  // repeat the waves that did not fit: few, and rarely, so their status is read on the host
-    auto const status = detail::to_host(exec, frames.status);
-    for (int begin = first; begin < frames.images; begin += frames.wave.batch)
-      if (status[begin] & frame_overflow) wave(begin);
-  }
+  detail::draw_waves("gsp::render", exec, frames, poses.xpos.extent(0), [&](Exec const& instance, Frames<Mem>& of_wave, int first) {
+    place_gaussians(instance, cloud, poses, cameras, first, of_wave);
+    project(instance, cloud, of_wave, options, channels...);
+    bin_tiles(instance, of_wave);
+    rasterize(instance, of_wave, options, channels...);
+  });
 }
 
 }  // namespace gsp

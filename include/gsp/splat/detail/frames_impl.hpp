@@ -103,7 +103,7 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
   std::int64_t constexpr most = most_of_wave, all_waves_bytes = std::int64_t(5) << 28;
   FrameSizes s{};
   s.grid = tile_grid<Exec>(options.width, options.height);
-  std::int64_t const tiles = std::int64_t(s.grid.columns()) * s.grid.rows(), clusters = std::int64_t(cloud.clusters.extent(0));
+  std::int64_t const tiles = std::int64_t(s.grid.columns()) * s.grid.rows(), clusters = cloud.most_clusters;
   s.words = (cloud.count + 31) / 32;
   s.an_image = sizeof(ImageView) + cloud.bodies * std::int64_t(sizeof(LinkView)) + clusters + 8 * tiles +
                (is_device<Exec> ? (128 + 4 + 4) * tiles : 8 * s.words);
@@ -112,7 +112,7 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
   // an eighth of a captured room is seen by a camera in it; a splat touches more tiles the larger the picture
   double const pixels = double(options.width) * options.height;
   std::int64_t const visible =
-      options.visible > 0 ? options.visible : std::min(cloud.count, cloud.count / (is_device<Exec> ? 8 : 5) + 1024);
+      options.visible > 0 ? options.visible : std::min(cloud.most_count, cloud.most_count / (is_device<Exec> ? 8 : 5) + 1024);
   std::int64_t const pairs = options.pairs > 0 ? options.pairs
                              : is_device<Exec> ? static_cast<std::int64_t>(double(visible) * (1 + std::sqrt(pixels) / 300))
                                                : 7 * visible;
@@ -149,7 +149,7 @@ SplatWave<Mem> make_wave(Exec const& exec, Gaussians<Mem> const& cloud, FrameSiz
   std::int64_t const batch = sizes.batch;
   wave.image_views = allocate<typename Wave::template View<ImageView*>>("gsp::SplatWave::image_views", batch);
   wave.link_views = allocate<typename Wave::template View<LinkView**>>("gsp::SplatWave::link_views", batch, cloud.bodies);
-  wave.cluster_seen = allocate<typename Wave::template View<bool**>>("gsp::SplatWave::cluster_seen", batch, cloud.clusters.extent(0));
+  wave.cluster_seen = allocate<typename Wave::template View<bool**>>("gsp::SplatWave::cluster_seen", batch, cloud.most_clusters);
   if constexpr (is_device<Exec>) {
     wave.tile_count = allocate<typename Wave::template View<int*>>("gsp::SplatWave::tile_count", batch * wave.tiles());
     wave.tile_order = allocate_zero<typename Wave::template View<int*>>(exec, "gsp::SplatWave::tile_order", batch * wave.tiles());

@@ -7,6 +7,7 @@ namespace gsp::detail {
 struct ImageView {
   double fx, fy, cx, cy;
   float x_low, x_high, y_low, y_high;  // limits of x/z and y/z in the derivative of the projection
+  int world;                           // that it shows
 };
 /// A link as a camera sees it: camera <- link (rows of rotation | translation), and the eye in the link's frame.
 struct LinkView {

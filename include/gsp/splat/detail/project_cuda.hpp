@@ -8,7 +8,7 @@ namespace gsp::detail {
 template <class Mem, class List>
 struct ProjectClusters {
   Projector<Mem> p;
-  int clusters, cells;  // of an image; of the wave
+  int clusters, cells;  // that an image shows at most; of the wave
   List channels;
 
   static constexpr int threads = Gaussians<Mem>::cluster_size, warps = threads / 32;
@@ -23,7 +23,7 @@ struct ProjectClusters {
     for (std::int64_t cell = blockIdx.x; cell < cells; cell += gridDim.x) {
       int const image = int(cell) / clusters, k = int(cell) % clusters;
       if (!p.wave.cluster_seen(image, k)) continue;
-      cluster(places, image, k);
+      cluster(places, image, p.cloud.cluster_of(p.wave.image_views(image).world, k));
       __syncthreads();
     }
   }

@@ -23,9 +23,13 @@ struct BeginProjection {
     if (index < wave.images) status(wave.first + index) &= ~frame_overflow;
     if constexpr (device) {
       if (index >= wave.images * clusters) return;
-      int const image = index / clusters, k = index % clusters;
-      GaussianCluster const& cluster = p.cloud.clusters(k);
-      wave.cluster_seen(image, k) = p.may_see(cluster, wave.link_views(image, cluster.body), wave.image_views(image));
+      int const image = index / clusters, k = index % clusters, at = p.cloud.cluster_of(wave.image_views(image).world, k);
+      bool seen = at >= 0;
+      if (seen) {
+        GaussianCluster const& cluster = p.cloud.clusters(at);
+        seen = p.may_see(cluster, wave.link_views(image, cluster.body), wave.image_views(image));
+      }
+      wave.cluster_seen(image, k) = seen;
     } else if (index < wave.images * wave.words) {
       wave.seen(index / wave.words, index % wave.words) = 0;
     }
@@ -44,9 +48,11 @@ struct ProjectPacks {
   void operator()(int index) const {
     auto const& wave = p.wave;
     int const image = index / clusters;
-    GaussianCluster const& cluster = p.cloud.clusters(index % clusters);
-    LinkView const& link = wave.link_views(image, cluster.body);
     ImageView const& view = wave.image_views(image);
+    int const at = p.cloud.cluster_of(view.world, index % clusters);
+    if (at < 0) return;
+    GaussianCluster const& cluster = p.cloud.clusters(at);
+    LinkView const& link = wave.link_views(image, cluster.body);
     if (!p.may_see(cluster, link, view)) return;
     Splat splats[most];
     int places[most], found = 0;
@@ -101,7 +107,7 @@ void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem>& frames,
   using List = std::remove_const_t<decltype(list)>;
   detail::check_values<List>("gsp::project", frames);
   auto const& wave = frames.wave;
-  int const clusters = static_cast<int>(cloud.clusters.extent(0)), cells = wave.images * clusters,
+  int const clusters = cloud.most_clusters, cells = wave.images * clusters,
             beginnings = std::max(wave.images, is_device<Exec> ? cells : wave.images * wave.words);
   detail::Projector<Mem> const projector{cloud, wave, options, frames.width, frames.height};
   Kokkos::parallel_for("gsp::splat::project_begin", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, beginnings)),

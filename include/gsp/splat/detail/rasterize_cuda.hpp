@@ -7,20 +7,14 @@
 
 namespace gsp::detail {
 
-/// Pictures on a GPU: a warp blends 8 x 8 pixels by itself, two neighbours of a row a lane. It asks the masks of its tile (BlockMasks)
-/// which splats touch the block, 1,024 at a time, fetches those 32 at a time into shared memory, and goes through them without a branch;
-/// the next 32 are on their way meanwhile. What bounds it is the instructions that are issued for each splat and block, so what depends on
-/// the block alone is paid when a splat is put down:
+/// What a warp does with 8 x 8 pixels, two neighbours of a row a lane: splats lie in shared memory, and it goes through them without a
+/// branch. What bounds it is the instructions that are issued for each splat and block, so what depends on the block alone is paid when a
+/// splat is put down:
 ///   l11 (x - u) + l21 (y - v) = l11 i + l21 j + across,  l22 (y - v) = l22 j + down,  for column i and row j of the block.
-template <class Mem, class List>
-struct RasterizeBlocks {
-  Frames<Mem> frames;
+template <class List>
+struct BlendBlocks {
   List channels;
   float alpha_max, stop;
-
-  using Masks = BlockMasks;
-  static constexpr int side = Masks::side, warps = 4, threads = 32 * warps, blocks_of_tile = Masks::across * Masks::down, entries = 1024;
-  static constexpr unsigned all = 0xffffffffu;
 
   struct alignas(16) Queued {
     float across, down, l11, l21;
@@ -29,13 +23,79 @@ struct RasterizeBlocks {
     int : 32;
     Splat splat;
   };
-  struct Queue {  // of a warp
-    Queued splats[32];
-    unsigned short touching[entries];  // places in the list, from where the 1,024 begin
-  };
   struct Pixel {
     float numbers[List::size] = {};
     float left = 1;  // of the light; negative: the pixel is done
+  };
+
+  __device__ static void put(Queued& to, Splat const& s, int id, float x, float y) {
+    float const du = s.u - x, dv = s.v - y;
+    to.across = -fmaf(s.l11, du, s.l21 * dv);
+    to.down = -(s.l22 * dv);
+    to.l11 = s.l11;
+    to.l21 = s.l21;
+    to.l22 = s.l22;
+    to.power = s.power;
+    to.id = id;
+    to.splat = s;
+  }
+  /// Of the next `count` splats, at column i of row j and at its right neighbour. `kept`: what channels keep of splats, by id.
+  __device__ __forceinline__ void through(Queued const* at, int count, float i, float j, float const* kept, Pixel& first,
+                                          Pixel& second) const {
+    Queued const* const behind = at + count;
+#pragma unroll 2
+    for (; at != behind; ++at) {
+      float const wy = fmaf(at->l22, j, at->down), most = fmaf(-wy, wy, at->power), wx = fmaf(at->l11, i, fmaf(at->l21, j, at->across)),
+                  right = wx + at->l11;
+      float const* const values = List::stored > 0 ? kept + std::int64_t(at->id) * List::stored : nullptr;
+      blend(first, fmaf(-wx, wx, most), at->splat, values);
+      blend(second, fmaf(-right, right, most), at->splat, values);
+    }
+  }
+  __device__ void store(Pixel& pixel, int image, int x, int y, int width, int height) const {
+    if (x >= width || y >= height) return;
+    channels.finish(pixel.numbers, 1.f - fabsf(pixel.left));
+    channels.store(image, y, x, pixel.numbers);
+  }
+
+ private:
+  __device__ void blend(Pixel& pixel, float exponent, Splat const& s, float const* values) const {
+    float power;
+    asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(power) : "f"(exponent));
+    float const alpha = fminf(power, alpha_max), before = pixel.left, left = fmaf(-alpha, before, before);
+    bool const counts = exponent >= -splat_log2_255, adds = counts && left > stop;
+    Blend<float> const b{adds ? alpha * before : 0.f, fabsf(before), adds ? left : fabsf(before)};
+    channels.blend(pixel.numbers, s, values, b);
+    pixel.left = adds ? left : counts ? -fabsf(before) : before;
+  }
+};
+
+/// Lists which of the next 1,024 splats of a list touch a block: 32 of them a lane, whose word stands at `mask`. Returns how many.
+__device__ inline int find_touching(unsigned short* touching, std::uint32_t const* mask, bool there, int lane) {
+  unsigned word = there ? *mask : 0;
+  int const own = __popc(word);
+  int const upto = sum_upto_lane(own);
+  __syncwarp();
+  for (int to = upto - own; word != 0; word &= word - 1) touching[to++] = static_cast<unsigned short>(32 * lane + __ffs(int(word)) - 1);
+  __syncwarp();
+  return __shfl_sync(0xffffffffu, upto, 31);
+}
+
+/// Pictures on a GPU: a warp blends 8 x 8 pixels by itself. It asks the masks of its tile (BlockMasks) which splats touch the block, 1,024
+/// at a time, fetches those 32 at a time into shared memory, and goes through them (BlendBlocks); the next 32 are on their way meanwhile.
+template <class Mem, class List>
+struct RasterizeBlocks {
+  Frames<Mem> frames;
+  BlendBlocks<List> blend;
+
+  using Masks = BlockMasks;
+  using Queued = typename BlendBlocks<List>::Queued;
+  static constexpr int side = Masks::side, warps = 4, threads = 32 * warps, blocks_of_tile = Masks::across * Masks::down, entries = 1024;
+  static constexpr unsigned all = 0xffffffffu;
+
+  struct Queue {  // of a warp
+    Queued splats[32];
+    unsigned short touching[entries];  // places in the list, from where the 1,024 begin
   };
 
   __device__ void operator()(Queue* queues) const {
@@ -50,80 +110,33 @@ struct RasterizeBlocks {
     Queue& queue = queues[warp];
     int const column = lane % 4 * 2, row = lane / 4, x = x0 + column, y = y0 + row;
     float const i = float(column), j = float(row);
-    Pixel first, second;
+    typename BlendBlocks<List>::Pixel first, second;
     if (x >= frames.width || y >= frames.height) first.left = -1;
     if (x + 1 >= frames.width || y >= frames.height) second.left = -1;
 
     int const begin = int(wave.tile_begin(index)), end = int(wave.tile_begin(index + 1));  // shorter than 2^31 (reserve)
     std::uint32_t const* const masks = &wave.block_masks(begin / 32 + index, down * Masks::across + across);
     for (int group = begin; group < end; group += entries) {
-      int const found = find(queue, masks + (group - begin + 32 * lane), group + 32 * lane < end, lane);
+      int const found = find_touching(queue.touching, masks + (group - begin + 32 * lane), group + 32 * lane < end, lane);
       // ids are fetched two rounds ahead, splats one
       auto const id_at = [&](int at) { return wave.tile_splats(group + queue.touching[at < found ? at : found - 1]); };
       if (found == 0) continue;
       int id = id_at(lane), next_id = id_at(32 + lane);
       Splat next = wave.splats(id);
       for (int base = 0; base < found; base += 32) {
-        put(queue.splats[lane], next, id, float(x0) + 0.5f, float(y0) + 0.5f);
+        blend.put(queue.splats[lane], next, id, float(x0) + 0.5f, float(y0) + 0.5f);
         id = next_id;
         next = wave.splats(id);
         next_id = id_at(base + 64 + lane);
         __syncwarp();
-        Queued const* at = queue.splats;
-        Queued const* const behind = at + (found - base < 32 ? found - base : 32);
-#pragma unroll 2
-        for (; at != behind; ++at) {
-          float const wy = fmaf(at->l22, j, at->down), most = fmaf(-wy, wy, at->power), wx = fmaf(at->l11, i, fmaf(at->l21, j, at->across)),
-                      right = wx + at->l11;
-          float const* const values = List::stored > 0 ? wave.values.data() + std::int64_t(at->id) * List::stored : nullptr;
-          blend(first, fmaf(-wx, wx, most), at->splat, values);
-          blend(second, fmaf(-right, right, most), at->splat, values);
-        }
+        blend.through(queue.splats, found - base < 32 ? found - base : 32, i, j, wave.values.data(), first, second);
         if (__all_sync(all, first.left < 0 && second.left < 0)) break;
         __syncwarp();
       }
       if (__all_sync(all, first.left < 0 && second.left < 0)) break;
     }
-    store(first, image, x, y);
-    store(second, image, x + 1, y);
-  }
-
- private:
-  /// Lists which of the next 1,024 splats touch the block: 32 of them a lane, whose word stands at `mask`. Returns how many.
-  __device__ static int find(Queue& queue, std::uint32_t const* mask, bool there, int lane) {
-    unsigned word = there ? *mask : 0;
-    int const own = __popc(word);
-    int const upto = sum_upto_lane(own);
-    __syncwarp();
-    for (int to = upto - own; word != 0; word &= word - 1)
-      queue.touching[to++] = static_cast<unsigned short>(32 * lane + __ffs(int(word)) - 1);
-    __syncwarp();
-    return __shfl_sync(all, upto, 31);
-  }
-  __device__ static void put(Queued& to, Splat const& s, int id, float x, float y) {
-    float const du = s.u - x, dv = s.v - y;
-    to.across = -fmaf(s.l11, du, s.l21 * dv);
-    to.down = -(s.l22 * dv);
-    to.l11 = s.l11;
-    to.l21 = s.l21;
-    to.l22 = s.l22;
-    to.power = s.power;
-    to.id = id;
-    to.splat = s;
-  }
-  __device__ void blend(Pixel& pixel, float exponent, Splat const& s, float const* values) const {
-    float power;
-    asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(power) : "f"(exponent));
-    float const alpha = fminf(power, alpha_max), before = pixel.left, left = fmaf(-alpha, before, before);
-    bool const counts = exponent >= -splat_log2_255, adds = counts && left > stop;
-    Blend<float> const b{adds ? alpha * before : 0.f, fabsf(before), adds ? left : fabsf(before)};
-    channels.blend(pixel.numbers, s, values, b);
-    pixel.left = adds ? left : counts ? -fabsf(before) : before;
-  }
-  __device__ void store(Pixel& pixel, int image, int x, int y) const {
-    if (x >= frames.width || y >= frames.height) return;
-    channels.finish(pixel.numbers, 1.f - fabsf(pixel.left));
-    channels.store(image, y, x, pixel.numbers);
+    blend.store(first, image, x, y, frames.width, frames.height);
+    blend.store(second, image, x + 1, y, frames.width, frames.height);
   }
 };
 

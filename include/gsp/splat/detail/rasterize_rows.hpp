@@ -4,6 +4,21 @@
 
 namespace gsp::detail {
 
+/// A tile's list of a wave, front to back.
+template <class Mem>
+struct TileList {
+  SplatWave<Mem> const& wave;
+  std::int64_t at, end;
+  int stored;  // numbers that channels keep of a splat
+  bool next(Splat const*& splat, float const*& values) {
+    if (at == end) return false;
+    int const id = wave.tile_splats(at++);
+    splat = &wave.splats(id);
+    values = wave.values.data() + std::int64_t(id) * stored;
+    return true;
+  }
+};
+
 /// A tile on a CPU: 16 rows of 16 pixels, a row is one pack (or two, or four, where packs are narrower).
 template <class Mem, class List>
 struct RasterizeRows {
@@ -22,8 +37,15 @@ struct RasterizeRows {
 
   void operator()(int index) const {
     auto const& wave = frames.wave;
-    int const tiles = wave.tiles(), columns_of_tiles = wave.grid.columns(), image = wave.first + index / tiles, tile = index % tiles;
-    if (frames.status(image) != 0) return;
+    int const tiles = wave.tiles(), image = wave.first + index / tiles;
+    if (frames.status(image) == 0)
+      tile(image, index % tiles, TileList<Mem>{wave, wave.tile_begin(index), wave.tile_begin(index + 1), List::stored});
+  }
+
+  /// Of the splats that `list` gives one after the other, front to back.
+  template <class Splats>
+  void tile(int image, int tile, Splats list) const {
+    int const columns_of_tiles = frames.wave.grid.columns();
     int const x0 = tile % columns_of_tiles * side, y0 = tile / columns_of_tiles * side;
     Pixels pixels[side][packs];
     int done[side] = {}, rows_done = 0, const_rows = frames.height - y0 < side ? frames.height - y0 : side;
@@ -39,11 +61,10 @@ struct RasterizeRows {
         row[k].least = select(centre[k] < P(static_cast<float>(frames.width - x0)), row[k].least, P(infinity));
       }
 
-    std::int64_t const end = wave.tile_begin(index + 1);
-    for (std::int64_t e = wave.tile_begin(index); e < end && rows_done < const_rows; ++e) {
-      int const id = wave.tile_splats(e);
-      Splat const& s = wave.splats(id);
-      float const* const values = wave.values.data() + std::int64_t(id) * List::stored;
+    Splat const* splat = nullptr;
+    float const* values = nullptr;
+    while (rows_done < const_rows && list.next(splat, values)) {
+      Splat const& s = *splat;
       // rows with a centre in [v - ye, v + ye], a little more for rounding
       float const middle = s.v - static_cast<float>(y0) - 0.5f, reach = s.ye + 0.01f;
       int const top = middle - reach > 0.f ? static_cast<int>(min(middle - reach, 16.f)) : 0;

@@ -76,6 +76,7 @@ void reserve_beside(Kokkos::Cuda const& exec, Frames<Mem>& frames) {
 /// draw(instance, frames, first) for the waves from `first` on, wave k in the buffers and the instance of k modulo how many there are.
 template <class Mem, class Draw>
 void side_by_side(Kokkos::Cuda const& exec, Frames<Mem>& frames, int first, Draw const& draw) {
+  reserve_beside(exec, frames);
   auto& beside = *frames.beside;
   std::vector<Frames<Mem>> all{frames};
   for (auto const& wave : beside.waves) {

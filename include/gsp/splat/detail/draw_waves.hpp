@@ -1,0 +1,64 @@
+#pragma once
+#include <gsp/core/detail/views.hpp>
+#include <gsp/splat/place_gaussians.hpp>
+#include <string>
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+#include <gsp/splat/detail/waves_cuda.hpp>
+#endif
+
+namespace gsp::detail {
+
+template <class Mem>
+struct ResetNeeded {
+  Kokkos::View<std::int64_t[3], Kokkos::LayoutRight, Mem> needed;
+  KOKKOS_FUNCTION void operator()(int) const { needed(0) = needed(1) = needed(2) = 0; }
+};
+
+/// draw(instance, frames, first) for the waves of all images, on a GPU several at the same time; again, with larger buffers, for those that
+/// did not fit. Waits once at its end (the first time a few times more). `worlds`: of the poses.
+template <class Exec, class Mem, class Draw>
+void draw_waves(std::string const& function, Exec const& exec, Frames<Mem>& frames, std::size_t worlds, Draw const& draw) {
+  auto const wave = [&](int first) { draw(exec, frames, first); };
+  auto const room = [](std::int64_t n) { return std::min(n + n / 8, std::max(n, most_of_wave)); };
+  // Room for the greatest wave so far; true if there was too little.
+  auto const grow = [&] {
+    auto const needed = to_host(exec, frames.wave.needed);
+    auto const fault = CameraFault(needed[2] % camera_faults);
+    expects(needed[2] == 0,
+            function + ": camera " + std::to_string(needed[2] / camera_faults - 1) +
+                (fault == CameraFault::no_focal_length ? " has no focal length: write its viewmat and K, or call cameras_of"
+                 : fault == CameraFault::no_place
+                     ? " has a viewmat of zeros, or a number in it or in K that is not finite: write world to camera, or call cameras_of"
+                     : " is of a world that the poses do not have (they have " + std::to_string(worlds) +
+                           "): write its world, or make poses and mounts with the same {.worlds = n}"));
+    bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
+    if (small)
+      reserve(exec, needed[0] > frames.wave.visible_capacity ? room(needed[0]) : 0,
+              needed[1] > frames.wave.pair_capacity ? room(needed[1]) : 0, frames.wave);
+    return small;
+  };
+  auto const all_waves = [&](int from) {
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+    if constexpr (is_device<Exec>)
+      if (frames.beside != nullptr && from + frames.wave.batch < frames.images) return side_by_side(exec, frames, from, draw);
+#endif
+    for (int begin = from; begin < frames.images; begin += frames.wave.batch) wave(begin);
+  };
+  Kokkos::parallel_for("gsp::splat::render_reset", Kokkos::RangePolicy<Exec>(exec, 0, 1), ResetNeeded<Mem>{frames.wave.needed});
+  int first = 0;
+  if (frames.wave.visible_capacity == 0 || frames.wave.pair_capacity == 0) reserve(exec, 1, 1, frames.wave);  // there was no room for more
+  if (!frames.sized) {
+    do wave(0);
+    while (grow());
+    frames.sized = true;
+    first = frames.wave.batch;
+  }
+  all_waves(first);
+  while (first < frames.images && grow()) {  // repeat the waves that did not fit: few, and rarely, so their status is read on the host
+    auto const status = to_host(exec, frames.status);
+    for (int begin = first; begin < frames.images; begin += frames.wave.batch)
+      if (status[begin] & frame_overflow) wave(begin);
+  }
+}
+
+}  // namespace gsp::detail
