@@ -24,8 +24,9 @@ struct ResetNeeded {
 ///                 the channel's member `image`)
 /// Waits for the device once, at its end (the first call of frames a few times more), to learn whether every wave fitted its buffers; those
 /// that did not are repeated with larger ones, so that nothing is ever dropped. Allocates only then. Errors: std::invalid_argument also
-/// where a camera has no focal length (none has written it), or is of a world that the poses do not have. An image depends on nothing but
-/// its own input: the same bits for any batch, any number of threads and any other images.
+/// where a camera has no focal length (none has written it), is of a world that the poses do not have, or has a lens whose disc ends within
+/// a quarter of the picture's shorter side from its middle. An image depends on nothing but its own input: the same bits for any batch, any
+/// number of threads and any other images.
 template <ExecutionSpace Exec, class R, class PosesMem, class Mem, class... Channels>
 void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras,
             Frames<Mem>& frames, RenderOptions options = {}, Channels const&... channels) {
@@ -56,6 +57,8 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
                 (fault == detail::CameraFault::no_focal_length ? " has no focal length: write its viewmat and K, or call cameras_of"
                  : fault == detail::CameraFault::no_place
                      ? " has a viewmat of zeros, or a number in it or in K that is not finite: write world to camera, or call cameras_of"
+                 : fault == detail::CameraFault::lens_folds
+                     ? " has a lens that leads back in the middle of the picture: give the coefficients of these pixels' calibration"
                      : " is of a world that the poses do not have (they have " + std::to_string(poses.xpos.extent(0)) +
                            "): write its world, or make poses and mounts with the same {.worlds = n}"));
     bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
