@@ -1,3 +1,4 @@
+#include <cstring>
 #include <gsp/io/gaussians.hpp>
 #include <gsp/runtime/renderer.hpp>
 #include <gsp/splat/median_depth.hpp>
@@ -144,6 +145,18 @@ class KokkosRenderer : public Renderer {
     Out cameras;
     cameras.viewmats = typename Out::template View<float***>(static_cast<float*>(here(c.viewmats, viewmats_, Dtype::float32)), n, 4, 4);
     cameras.Ks = typename Out::template View<float***>(static_cast<float*>(here(c.Ks, Ks_, Dtype::float32)), n, 3, 3);
+    expects(c.lenses.size() <= 1 || std::int64_t(c.lenses.size()) == n,
+            "gsp::runtime::Renderer::render: there are " + std::to_string(c.lenses.size()) + " lenses for " + std::to_string(n) +
+                " cameras: give one a camera, one for all, or none");
+    auto const same_bytes = [&] { return std::memcmp(c.lenses.data(), lenses_.data(), lenses_.size() * sizeof(Lens)) == 0; };
+    bool const stay = c.lenses.size() == lenses_.size() && (lenses_.empty() || same_bytes());
+    if (!stay || (!c.lenses.empty() && std::int64_t(lens_views_.extent(0)) != n)) {
+      lenses_ = c.lenses;
+      lens_views_ = {};
+      std::vector<Lens> const each = lenses_.size() == 1 ? std::vector<Lens>(std::size_t(n), lenses_.front()) : lenses_;
+      if (!each.empty()) lens_views_ = gsp::detail::to_device<decltype(lens_views_)>(exec_, "gsp::runtime::Renderer::lenses", each);
+    }
+    cameras.lenses = lens_views_;
     if (c.world) cameras.world = typename Out::template View<int*>(static_cast<int*>(here(c.world, world_, Dtype::int32)), n);
     return cameras;
   }
@@ -155,6 +168,8 @@ class KokkosRenderer : public Renderer {
   Frames<Mem> frames_;
   MedianDepthChannel<Mem> median_;
   Buffer viewmats_, Ks_, world_;
+  std::vector<Lens> lenses_;  // as they were given last, and on the device, one an image
+  typename Cameras<Mem>::template View<Lens*> lens_views_;
 };
 
 std::unique_ptr<Renderer> make_renderer(Device device, Scene const& scene, RendererOptions const& options) {

@@ -514,6 +514,32 @@ Controls read_controls(std::string const& path, gsp::CompiledModel const& model,
   return c;
 }
 
+namespace {
+/// OpenCV's coefficients of a camera file, (C, n), or (n) for all.
+std::vector<gsp::Lens> read_lenses(gsp::io::NpyArray const& array, std::string const& name, std::size_t count, bool fisheye) {
+  bool const one = array.shape.size() == 1;
+  if (!one) gsp::io::expect_shape(array, {static_cast<long long>(count), -1}, name);
+  gsp::io::expect_finite(array, name);
+  auto const numbers = array.as<double>(name);
+  std::size_t const each = array.shape.back();
+  std::vector<gsp::Lens> lenses;
+  auto const row = [&](std::size_t i) {
+    auto const from = numbers.begin() + static_cast<std::ptrdiff_t>(i * each);
+    return std::vector<double>(from, from + static_cast<std::ptrdiff_t>(each));
+  };
+  for (std::size_t i = 0; i < (one ? 1 : count); ++i) {
+    if (i > 0 && row(i) == row(i - 1)) {
+      lenses.push_back(lenses.back());
+      continue;
+    }
+    try {
+      lenses.push_back(fisheye ? gsp::fisheye_lens(row(i)) : gsp::opencv_lens(row(i)));
+    } catch (std::invalid_argument const& e) { fail(name, "", e.what()); }
+  }
+  return lenses;
+}
+}  // namespace
+
 CameraFile read_cameras(std::string const& path) {
   auto const npz = gsp::io::read_npz(path);
   auto const &views = npz.at("viewmats"), &intrinsics = npz.at("Ks");
@@ -523,7 +549,11 @@ CameraFile read_cameras(std::string const& path) {
   if (views.shape[0] == 0) fail(key("viewmats"), "", "holds no cameras; write at least one");
   gsp::io::expect_finite(views, key("viewmats"));
   gsp::io::expect_finite(intrinsics, key("Ks"));
-  CameraFile c{views.shape[0], views.as<float>(), intrinsics.as<float>()};
+  CameraFile c{views.shape[0], views.as<float>(), intrinsics.as<float>(), {}};
+  if (npz.contains("distortion") && npz.contains("fisheye"))
+    fail(path, "", "has both distortion and fisheye, of which a lens is one; leave one out");
+  for (char const* name : {"distortion", "fisheye"})
+    if (npz.contains(name)) c.lenses = read_lenses(npz.at(name), key(name), c.count, name[0] == 'f');
   for (std::size_t i = 0; i < c.count; ++i) {
     float const *v = &c.viewmats[16 * i], *k = &c.Ks[9 * i];
     double worst = 0;  // R R^T = 1

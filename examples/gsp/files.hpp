@@ -96,14 +96,19 @@ struct Controls {
 };
 Controls read_controls(std::string const& path, gsp::CompiledModel const& model, int worlds);
 
-/// viewmats (C, 4, 4) and Ks (C, 3, 3), as float32.
+/// viewmats (C, 4, 4) and Ks (C, 3, 3), as float32; lenses (C), one for all, or none.
 struct CameraFile {
   std::size_t count = 0;
   std::vector<float> viewmats, Ks;
+  std::vector<gsp::Lens> lenses;
   /// Cameras first ... first + n - 1.
   gsp::runtime::CameraArrays arrays(std::size_t first, std::size_t n) const {
     std::int64_t const c = static_cast<std::int64_t>(n);
-    return {gsp::runtime::host_array(&viewmats[16 * first], {c, 4, 4}), gsp::runtime::host_array(&Ks[9 * first], {c, 3, 3}), {}};
+    auto const from = lenses.begin() + static_cast<std::ptrdiff_t>(lenses.size() > 1 ? first : 0);
+    return {gsp::runtime::host_array(&viewmats[16 * first], {c, 4, 4}),
+            gsp::runtime::host_array(&Ks[9 * first], {c, 3, 3}),
+            {},
+            {from, lenses.size() > 1 ? from + static_cast<std::ptrdiff_t>(n) : lenses.end()}};
   }
 };
 CameraFile read_cameras(std::string const& path);

@@ -68,6 +68,7 @@ CameraFile same_camera(CameraFile const& one, std::size_t n) {
     out.viewmats.insert(out.viewmats.end(), one.viewmats.begin(), one.viewmats.end());
     out.Ks.insert(out.Ks.end(), one.Ks.begin(), one.Ks.end());
   }
+  out.lenses = one.lenses;
   return out;
 }
 
@@ -80,7 +81,9 @@ CameraFile every_camera(CameraFile const& all, std::size_t first, std::size_t st
     };
     part(out.viewmats, all.viewmats, 16);
     part(out.Ks, all.Ks, 9);
+    if (all.lenses.size() > 1) out.lenses.push_back(all.lenses[i]);
   }
+  if (all.lenses.size() == 1) out.lenses = all.lenses;
   return out;
 }
 
@@ -345,7 +348,9 @@ Command render_command() {
            {"--world", "W", "this world of the trace alone: picture t shows entry t"},
            {"--camera", "NAME|INDEX",
             "in place of --cameras: the model's camera of this name or index, with its mode and intrinsics, in every world and entry"},
-           {"--cameras", "C.npz", "viewmats (C,4,4) world-to-camera, x right, y down, z forward; Ks (C,3,3) in pixels"},
+           {"--cameras", "C.npz",
+            "viewmats (C,4,4) world-to-camera, x right, y down, z forward; Ks (C,3,3) in pixels; and, of lenses, OpenCV's coefficients: "
+            "distortion (C,4|5|8) or fisheye (C,4), or one row for all"},
            {"--width", "W", "of the pictures, 640"},
            {"--height", "H", "of the pictures, 480"},
            {"--channels", "rgb,depth,alpha", "which of them to make; rgb,depth, and of --video alone rgb"},

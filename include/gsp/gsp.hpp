@@ -135,6 +135,8 @@
 #include <gsp/splat/frames.hpp>
 #include <gsp/splat/gaussians.hpp>
 #include <gsp/splat/id_channel.hpp>
+#include <gsp/splat/jitter_cameras.hpp>
+#include <gsp/splat/lens.hpp>
 #include <gsp/splat/look_at.hpp>
 #include <gsp/splat/median_depth.hpp>
 #include <gsp/splat/normals.hpp>

@@ -45,7 +45,25 @@ std::unique_ptr<runtime::Renderer> another(Renderer const& self) {
   return self.own ? self.own->another() : runtime::make_renderer(self.device, self.scene, self.options);
 }
 
-Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world) {
+/// OpenCV's coefficients, (C, n), or (n) for all.
+std::vector<Lens> lenses_of(nb::object const& distortion, bool fisheye, std::int64_t cameras) {
+  nb::object const rows = nb::module_::import_("numpy").attr("array")(distortion, nb::arg("dtype") = "float64", nb::arg("ndmin") = 2);
+  auto const lists = nb::cast<std::vector<std::vector<double>>>(rows.attr("tolist")());
+  bool const one = nb::cast<int>(nb::module_::import_("numpy").attr("ndim")(distortion)) == 1;
+  if (!one && std::int64_t(lists.size()) != cameras)
+    throw Error("gsp.Renderer.render: distortion has " + std::to_string(lists.size()) + " rows for " + std::to_string(cameras) +
+                " cameras: give one a camera, or one list for all");
+  std::vector<Lens> lenses;
+  for (std::size_t i = 0; i < lists.size(); ++i)
+    if (i > 0 && lists[i] == lists[i - 1])
+      lenses.push_back(lenses.back());
+    else
+      lenses.push_back(fisheye ? fisheye_lens(lists[i]) : opencv_lens(lists[i]));
+  return lenses;
+}
+
+Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world,
+              ArrayLike const& distortion, bool fisheye) {
   if (data.model.compiled != self.model)
     throw Error("gsp.Renderer.render: the data are of another model than the scene: make both of one gsp.Model");
   if (data.device != self.device) throw Error("gsp.Renderer.render: the data and the renderer are on different devices: make both on one");
@@ -78,6 +96,7 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
     cameras.world = taken(there ? nb::borrow(world) : nb::object(numpy.attr("ascontiguousarray")(world, nb::arg("dtype") = "int32")),
                           "gsp.Renderer.render: world", {n}, keeps[2]);
   }
+  if (!distortion.is_none()) cameras.lenses = lenses_of(nb::borrow(distortion), fisheye, n);
   Use const use(data), use_renderer(self.busy, "this renderer");
   if (!self.own || self.images != n) {
     self.own = another(self);
@@ -178,10 +197,13 @@ void bind_renderer(nb::module_& m) {
           "the\n"
           "scene first. They are stored once, however many worlds show them. [] shows all of them everywhere, as at first.")
       .def("render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
+           nb::arg("distortion").none() = nb::none(), nb::arg("fisheye") = false,
            "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) for all [pixel]; world: "
            "(C) int32, or None: camera c "
            "shows\n"
-           "world c % worlds.");
+           "world c % worlds; distortion: OpenCV's coefficients, (C, n), or (n) for all, n = 4, 5 or 8: k1 k2 p1 p2 k3 k4 k5 k6, or None: "
+           "pinholes;\n"
+           "fisheye: they are k1 k2 k3 k4 of OpenCV's fisheye.");
   m.def("_depth_to_rgb", [](nb::bytes const& depth, int width, int height, float near, float far) {
     auto const bitmap = io::depth_to_color(reinterpret_cast<float const*>(depth.c_str()), width, height, {.near = near, .far = far});
     return nb::bytes(reinterpret_cast<char const*>(bitmap.pixels.data()), bitmap.pixels.size());

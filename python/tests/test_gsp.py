@@ -317,6 +317,15 @@ def test_pictures(model):
     gsp.forward(model, data)
     again = renderer.render(data, views, [gsp.pinhole(64, 48, 60)] * 2)
     assert again.rgb.pointer == address and not np.array_equal(rgb[0], rgb[1])  # the same memory
+    K = [gsp.pinhole(64, 48, 60)] * 2
+    straight = np.array(renderer.render(data, views, K).rgb)
+    assert np.array_equal(straight, np.array(renderer.render(data, views, K, distortion=[0, 0, 0, 0]).rgb))
+    bent = np.array(renderer.render(data, views, K, distortion=[[0, 0, 0, 0], [-0.2, 0.02, 0, 0]]).rgb)
+    assert np.array_equal(bent[0], straight[0]) and not np.array_equal(bent[1], straight[1])
+    assert not np.array_equal(straight, np.array(renderer.render(data, views, K, distortion=[0, 0, 0, 0], fisheye=True).rgb))
+    for bad, match in (([0.1], "give 4, 5 or 8"), ([0, 0, 0, np.nan], "not finite"), ([[0, 0, 0, 0]] * 3, "3 rows for 2 cameras")):
+        with pytest.raises((ValueError, gsp.Error), match=match):
+            renderer.render(data, views, K, distortion=bad)
     with pytest.raises(gsp.Error, match="Ks has shape"):
         renderer.render(data, views, [gsp.pinhole(64, 48, 60)])
     with pytest.raises(gsp.Error, match="fovy"):

@@ -204,6 +204,10 @@ for name in rgb_0000 rgb_0001 depth_0000 depth_color_0001 alpha_0000; do [ -s pn
 "$gsp" info pngs/depth_0000.png | grep -qF '64 x 48, 1 channels of 16 bits' || fail "depth is not 16 bits"
 "$gsp" render --splat disc.ply --cameras cameras.npz --width 64 --height 48 --channels rgb,depth,alpha --npz p1.npz --batch 1 --threads 1 > /dev/null
 cmp p.npz p1.npz || fail "a batch of one gives other pictures"
+# lenses: of zeros none, else other pictures; a row for all or one a camera
+for lens in plain lens fisheye; do "$gsp" render --splat disc.ply --cameras cameras_$lens.npz --width 64 --height 48 --channels rgb,depth,alpha --npz p_$lens.npz > /dev/null; done
+cmp p.npz p_plain.npz || fail "a lens of zeros gives other pictures"
+if cmp -s p.npz p_lens.npz || cmp -s p.npz p_fisheye.npz; then fail "a lens gives a pinhole's pictures"; fi
 "$gsp" render --splat disc.ply --cameras camera.npz --model cart.xml --trace a.npz --width 64 --height 48 --channels depth --npz d.npz > /dev/null
 "$gsp" info d.npz | grep -qF 'depth         float32 (22, 48, 64)' || fail "a trace of 11 entries of 2 worlds gives 22 pictures"
 python3 - <<'PY'

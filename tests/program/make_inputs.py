@@ -126,6 +126,13 @@ write("cut.spz", b"\x1f\x8b\x08\x00\x00\x00")
 view = [1, 0, 0, 0, 0, 0, -1, 0.5, 0, 1, 0, 3, 0, 0, 0, 1]
 eye = [60, 0, 32, 0, 60, 24, 0, 0, 1]
 npz("cameras.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2))
+npz("cameras_plain.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), distortion=npy((4,), [0] * 4))
+npz("cameras_lens.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), distortion=npy((2, 5), [0] * 5 + [-0.3, 0.1, 0, 0, 0]))
+npz("cameras_fisheye.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), fisheye=npy((4,), [0] * 4))
+npz("cameras_two_lenses.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), fisheye=npy((4,), [0] * 4), distortion=npy((4,), [0] * 4))
+npz("cameras_prism.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), distortion=npy((12,), [0] * 12))
+npz("cameras_folds.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), distortion=npy((4,), [-100, 0, 0, 0]))
+npz("cameras_few_lenses.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), distortion=npy((1, 4), [0] * 4))
 npz("camera.npz", viewmats=npy((1, 4, 4), view, "f"), Ks=npy((1, 3, 3), eye, "f"))
 moved = [v for t in range(11) for w in range(2) for v in (0.03 * t, 0.3 + 0.05 * t, 1, 0, 0.5 - 0.02 * t, 1, 0, 0, 0)]  # the cart goes along x
 npz("moved.npz", time=npy((11,), [0.02 * t for t in range(11)]), qpos=npy((11, 2, 9), moved), qvel=npy((11, 2, 8), [0] * 176))

@@ -472,6 +472,17 @@ TEST_CASE("pictures of the simulation's poses, where they lie") {
       gsp::render(exec, cloud, mine, gsp::make_cameras(exec, four_views, four_Ks), by_hand);
       CHECK(std::memcmp(by_hand.rgb.data(), frames.rgb.data, by_hand.rgb.span() * sizeof(float)) == 0);
       CHECK(std::memcmp(by_hand.depth.data(), frames.depth.data, by_hand.depth.span() * sizeof(float)) == 0);
+      auto bent = cameras;
+      bent.lenses = {gsp::opencv_lens({-0.2, 0.02, 0, 0})};
+      renderer->render(poses, bent);
+      check_no_allocation(watch([&] { renderer->render(poses, bent); }));
+      gsp::render(exec, cloud, mine, gsp::make_cameras(exec, four_views, four_Ks, {}, bent.lenses), by_hand);
+      CHECK(std::memcmp(by_hand.rgb.data(), renderer->frames().rgb.data, by_hand.rgb.span() * sizeof(float)) == 0);
+      CHECK(on_host<float>(renderer->frames().rgb) != rgb);
+      bent.lenses.resize(3);
+      CHECK_THROWS_WITH_AS(renderer->render(poses, bent), doctest::Contains("3 lenses for 4 cameras"), std::invalid_argument);
+      renderer->render(poses, cameras);
+      CHECK(on_host<float>(renderer->frames().rgb) == rgb);
     }
     renderer->show_sets({{0}, {}, {0}, {}});
     renderer->render(stepper->poses(), cameras);

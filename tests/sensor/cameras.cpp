@@ -229,6 +229,26 @@ TEST_CASE_TEMPLATE("what the cameras of a model see, in all worlds", Exec, GSP_T
   CHECK(id(0, height / 2, width / 2 - 3) == 1);  // a tenth of a metre to the left
   CHECK(std::abs(seen_depth(1, height / 2, width / 2) - 1) < 1e-3f);
 
+  // a lens before the first camera, none before the second
+  auto const barrel = gsp::opencv_lens({-0.3, 0.05, 0.002, 0});
+  auto const none = gsp::opencv_lens({0, 0, 0, 0});
+  auto behind =
+      gsp::make_camera_sensor(exec, model, compiled, cloud, {{.camera = "eye", .lens = barrel}, {.camera = "back"}}, {.worlds = worlds});
+  gsp::see(exec, model, poses, cloud, behind);
+  std::vector<gsp::Lens> lenses;
+  for (int w = 0; w < worlds; ++w) lenses.insert(lenses.end(), {barrel, none});
+  gsp::render(exec, cloud, poses, gsp::make_cameras(exec, viewmats, Ks, world, lenses), frames);
+  auto const bent = host(frames.rgb), seen_bent = host(behind.frames.rgb);
+  float worst = 0, moved = 0;
+  for (std::size_t i = 0; i < bent.size(); ++i) {
+    worst = std::max(worst, std::abs(bent.data()[i] - seen_bent.data()[i]));
+    moved = std::max(moved, std::abs(bent.data()[i] - seen_rgb.data()[i]));
+  }
+  CHECK(worst < 1e-4f);
+  CHECK(moved > 0.05f);
+  gsp::cameras_of(exec, model, poses, sensor.mounts, behind.cameras);  // of mounts without lenses
+  CHECK(behind.cameras.lenses.extent(0) == 0);
+
   // labels in place of bodies; the first ball is before the third
   auto const label = Kokkos::create_mirror_view(Kokkos::HostSpace{}, Kokkos::View<int*, typename Exec::memory_space>("label", 3));
   int const labels[] = {(1 << 24) + 1, 2147483647, -7};  // more than a float's digits hold, the largest int, and less than none

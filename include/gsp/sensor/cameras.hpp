@@ -23,6 +23,7 @@ struct CameraMount {
   Double4 quat{1, 0, 0, 0};             // axes as of a camera of MJCF: looks along -z, y up, x right
   std::optional<Double3> look_at = {};  // in place of quat: a point of the body's frame that it looks at, the body's z up
   double fovy = 0.7853981633974483;     // [rad] from the picture's top to its bottom, square pixels
+  std::optional<Lens> lens = {};        // opencv_lens, fisheye_lens; else a pinhole
 };
 
 struct CameraMountsOptions {
@@ -37,7 +38,8 @@ struct CameraMounts {
   int width = 0, height = 0;   // of the pictures [pixel]
   detail::ModelSizes model{};  // host: of which model
   Kokkos::View<detail::MountEntry<R>*, Mem> entries;
-  Subtrees<R, Mem> subtrees;  // empty where no camera follows a centre of mass
+  Subtrees<R, Mem> subtrees;                             // empty where no camera follows a centre of mass
+  Kokkos::View<Lens*, Kokkos::LayoutRight, Mem> lenses;  // (images()), or empty: pinholes
   int count() const { return int(entries.extent(0)); }
   int images() const { return worlds * count(); }
 };
@@ -53,7 +55,9 @@ CameraMounts<R, Mem> make_camera_mounts(Exec const& exec, Model<R, Mem> const& m
 
 /// The cameras of all worlds in their present poses: image world x mounts.count() + k is what mount k of that world sees.
 /// @param poses    of `mounts.worlds` worlds, after forward_kinematics or a step
-/// @param cameras  out: viewmats, Ks, world, width, height (render refuses frames of another size); of make_cameras(exec, mounts.images())
+/// @param cameras  out: viewmats, Ks, world, width, height (render refuses frames of another size), and lenses, which are the mounts' own;
+/// of
+///                 make_cameras(exec, mounts.images())
 /// One launch (two where a camera follows a centre of mass). Does not allocate, does not fence. About 100 flop an image.
 template <ExecutionSpace Exec, class R, class Mem>
 void cameras_of(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> const& poses, CameraMounts<R, Mem>& mounts,
@@ -70,6 +74,7 @@ void cameras_of(Exec const& exec, Model<R, Mem> const& model, Poses<R, Mem> cons
               std::to_string(mounts.images()) + ": make_cameras(exec, mounts.images())");
   cameras.width = mounts.width;
   cameras.height = mounts.height;
+  cameras.lenses = mounts.lenses;
   if (mounts.subtrees.com.data()) subtree_com(exec, model, poses, mounts.subtrees);
   Kokkos::parallel_for("gsp::sensor::cameras_of", Kokkos::RangePolicy<Exec>(exec, 0, mounts.images()),
                        detail::CamerasOf<R, Mem>{model, poses, mounts.entries, mounts.subtrees.com, cameras, mounts.count()});

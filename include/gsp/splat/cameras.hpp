@@ -1,13 +1,14 @@
 #pragma once
 #include <gsp/core/check.hpp>
 #include <gsp/core/detail/views.hpp>
+#include <gsp/splat/lens.hpp>
 #include <gsp/splat/look_at.hpp>
 #include <string>
 #include <vector>
 
 namespace gsp {
 
-/// Pinhole cameras, one an image. Image c shows world `world(c)`, or c % worlds where `world` is empty.
+/// Cameras, one an image: pinholes, or behind lenses. Image c shows world `world(c)`, or c % worlds where `world` is empty.
 template <class Mem>
 struct Cameras {
   using memory_space = Mem;
@@ -16,6 +17,7 @@ struct Cameras {
   View<float***> viewmats;    // (C, 4, 4) world to camera, rigid; camera axes: x right, y down, z forward
   View<float***> Ks;          // (C, 3, 3) fx 0 cx, 0 fy cy, 0 0 1 [pixel]; the centre of pixel (row i, column j) is (j + 0.5, i + 0.5)
   View<int*> world;           // (C) or (0)
+  View<Lens*> lenses;         // (C) or (0): pinholes
   int width = 0, height = 0;  // of the pictures that they are for [pixel]; 0: of any
   int images() const { return static_cast<int>(viewmats.extent(0)); }
 };
@@ -32,15 +34,16 @@ Cameras<typename Exec::memory_space> make_cameras(Exec const& exec, int images) 
   return cameras;
 }
 
-/// Cameras from host arrays: viewmats (C, 4, 4) and Ks (C, 3, 3), row-major; `world` (C), or empty.
+/// Cameras from host arrays: viewmats (C, 4, 4) and Ks (C, 3, 3), row-major; `world` (C), or empty; `lenses` (C), one for all, or empty.
 template <ExecutionSpace Exec>
 Cameras<typename Exec::memory_space> make_cameras(Exec const& exec, std::vector<float> const& viewmats, std::vector<float> const& Ks,
-                                                  std::vector<int> const& world = {}) {
+                                                  std::vector<int> const& world = {}, std::vector<Lens> const& lenses = {}) {
   using Cam = Cameras<typename Exec::memory_space>;
   std::size_t const n = viewmats.size() / 16;
   expects(viewmats.size() == 16 * n && Ks.size() == 9 * n, "gsp::make_cameras: viewmats must hold C x 16 numbers and Ks C x 9, not " +
                                                                std::to_string(viewmats.size()) + " and " + std::to_string(Ks.size()));
   expects(world.empty() || world.size() == n, "gsp::make_cameras: `world` must name one world a camera, or be empty");
+  expects(lenses.size() <= 1 || lenses.size() == n, "gsp::make_cameras: `lenses` must hold one lens a camera, one for all, or be empty");
   auto const fresh = [](std::string const& label) { return Kokkos::view_alloc(Kokkos::WithoutInitializing, label); };
   Cam cameras;
   cameras.viewmats = typename Cam::template View<float***>(fresh("gsp::Cameras::viewmats"), n, 4, 4);
@@ -50,6 +53,10 @@ Cameras<typename Exec::memory_space> make_cameras(Exec const& exec, std::vector<
   upload(cameras.viewmats, viewmats);
   upload(cameras.Ks, Ks);
   upload(cameras.world, world);
+  if (!lenses.empty()) {
+    std::vector<Lens> const each = lenses.size() == n ? lenses : std::vector<Lens>(n, lenses.front());
+    cameras.lenses = detail::to_device<typename Cam::template View<Lens*>>(exec, "gsp::Cameras::lenses", each);
+  }
   exec.fence("gsp::make_cameras: the host arrays may go away");
   return cameras;
 }

@@ -17,6 +17,7 @@ struct SeenGaussian {
   int place;           // in the cloud
   int image, body;
   detail::ImageView const& view;
+  static constexpr bool lensed = false;  // a pinhole sees it, in all pictures of the wave
 
   /// Index in the sets that `make_gaussians` was given, one set after the other.
   KOKKOS_INLINE_FUNCTION int index() const { return cloud.source(place); }
@@ -45,6 +46,12 @@ struct Blend {
 };
 
 namespace detail {
+/// Behind a lens: what follows from the rays of pixels is another matter.
+template <class Mem>
+struct LensedGaussian : SeenGaussian<Mem> {
+  static constexpr bool lensed = true;
+};
+
 template <class C>
 concept ChannelOfSplat = requires(C const c, Splat const s, float* out) {
   c.value(s, out);

@@ -20,8 +20,8 @@ struct FixedFrames {
   RenderOptions options;
 };
 
-/// Pictures for these cameras and Gaussians, and what each of them sees of the Gaussians of body 0. Cameras of equal viewmats and Ks whose
-/// worlds show the same sets share that.
+/// Pictures for these cameras and Gaussians, and what each of them sees of the Gaussians of body 0. Cameras of equal viewmats, Ks and
+/// lenses whose worlds show the same sets share that.
 /// @param poses    of as many worlds as there will be; of body 0 alone, which stays where it is
 /// @param cameras  copied
 /// @param options  images is set to the number of cameras; batch, visible and pairs are of what moves

@@ -54,6 +54,7 @@ struct SplatWave {
   View<std::int64_t> visible, pairs;     // how many there are; 0 where they did not fit
   View<std::int64_t[3]> needed;          // greatest number of visible and of pairs of any wave since `render` began, and of a camera
                                          // that has no focal length (its image + 1)
+  View<Lens*> lenses;                    // (C) the cameras' own, or (0)
 
   View<Splat*> splats;                  // (visible) in no order
   View<SplatOrigin*> origins;           // (visible)

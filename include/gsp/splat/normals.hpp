@@ -17,6 +17,12 @@ struct NormalsOfDepth {
     int const x = int(i % width), y = int(i / width % height), c = int(i / width / height);
     auto const at = [&](int column, int row) {  // where the pixel's ray is so deep
       float const z = depth(c, row, column);
+      if (cameras.lenses.extent(0) > 0) {
+        LensPoint<double> ray;
+        undistorted(cameras.lenses(c), (column + 0.5 - double(cameras.Ks(c, 0, 2))) / double(cameras.Ks(c, 0, 0)),
+                    (row + 0.5 - double(cameras.Ks(c, 1, 2))) / double(cameras.Ks(c, 1, 1)), ray);
+        return Vec3<float>{static_cast<float>(z * ray.x), static_cast<float>(z * ray.y), z};
+      }
       return Vec3<float>{z * (float(column) + 0.5f - cameras.Ks(c, 0, 2)) / cameras.Ks(c, 0, 0),
                          z * (float(row) + 0.5f - cameras.Ks(c, 1, 2)) / cameras.Ks(c, 1, 1), z};
     };
@@ -38,11 +44,13 @@ struct NormalsOfDepth {
 
 /// Normals of what a depth picture shows, in world axes, towards the camera: of the plane through the pixel's four neighbours,
 ///   n ~ (p(x, y + 1) - p(x, y - 1)) x (p(x + 1, y) - p(x - 1, y)),   p(x, y) = z ((x + 1/2 - cx) / fx, (y + 1/2 - cy) / fy, 1)
+/// and behind a lens (x/z, y/z) of the ray that comes to the pixel (`undistorted`).
 /// 0 at the picture's edge and where it, or a neighbour, shows nothing (a depth that is not positive).
 /// @param depth    (C, H, W) camera z [m]: Frames::depth, or MedianDepthChannel's, which mixes nothing that lies behind
 /// @param cameras  of these pictures
 /// @param normals  out: (C, H, W, 3)
-/// Neither allocates nor fences. Cost: reads five depths and writes three numbers a pixel. Errors: std::invalid_argument for other sizes.
+/// Neither allocates nor fences. Cost: reads five depths and writes three numbers a pixel; behind lenses four rays a pixel beside. Errors:
+/// std::invalid_argument for other sizes, lenses among them.
 template <ExecutionSpace Exec, class Mem>
 void normals_of_depth(Exec const& exec, std::type_identity_t<Kokkos::View<float const***, Kokkos::LayoutRight, Mem>> const& depth,
                       Cameras<Mem> const& cameras, Kokkos::View<float****, Kokkos::LayoutRight, Mem> const& normals) {
@@ -56,6 +64,9 @@ void normals_of_depth(Exec const& exec, std::type_identity_t<Kokkos::View<float 
           "gsp::normals_of_depth: the depth is of " + std::to_string(depth.extent(2)) + " x " + std::to_string(depth.extent(1)) +
               " pixels, the cameras are for " + std::to_string(cameras.width) + " x " + std::to_string(cameras.height) +
               ": give those that drew it");
+  expects(cameras.lenses.extent(0) == 0 || int(cameras.lenses.extent(0)) == cameras.images(),
+          "gsp::normals_of_depth: there are " + std::to_string(cameras.lenses.extent(0)) + " lenses for " +
+              std::to_string(cameras.images()) + " cameras: give one a camera, or none");
   expects(normals.extent(0) == depth.extent(0) && normals.extent(1) == depth.extent(1) && normals.extent(2) == depth.extent(2) &&
               normals.extent(3) == 3,
           "gsp::normals_of_depth: `normals` must be (images, height, width, 3) as the depth is");

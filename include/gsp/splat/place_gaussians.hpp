@@ -3,6 +3,7 @@
 #include <gsp/math/quat.hpp>
 #include <gsp/model/poses.hpp>
 #include <gsp/splat/cameras.hpp>
+#include <gsp/splat/detail/lens_view.hpp>
 #include <gsp/splat/frames.hpp>
 
 namespace gsp {
@@ -10,8 +11,8 @@ namespace gsp {
 namespace detail {
 
 /// Why a camera cannot be drawn; wave.needed(2) = camera_faults (image + 1) + fault, of the last such image.
-enum class CameraFault : int { no_place, no_such_world, no_focal_length };
-inline constexpr int camera_faults = 3;
+enum class CameraFault : int { no_place, no_such_world, lens_folds, no_focal_length };
+inline constexpr int camera_faults = 4;
 
 /// camera <- link = (camera <- world) (world <- link), in double: the order of Gaussians and the place of their centres hang on it.
 template <class Poses, class Mem>
@@ -64,6 +65,8 @@ struct PlaceLinks {
     };
     limits(v.fx, v.cx, width, v.x_low, v.x_high);
     limits(v.fy, v.cy, height, v.y_low, v.y_high);
+    v.lens = nullptr;
+    if (wave.lenses.extent(0) > 0 && !look_through(wave.lenses(image), width, height, v)) refuse(CameraFault::lens_folds);
     wave.image_views(local) = v;
   }
 };
@@ -74,7 +77,7 @@ struct PlaceLinks {
 /// stay in their link's frame, and `project` goes from there to the picture.
 /// @param poses    (worlds, >= cloud.bodies), world poses of the bodies; body 0 is the world, where the static scene stands
 /// @param cameras  as many as frames.images
-/// @param frames   out: wave.first, wave.images, wave.image_views, wave.link_views
+/// @param frames   out: wave.first, wave.images, wave.lenses, wave.image_views, wave.link_views
 template <ExecutionSpace Exec, class R, class PosesMem, class Mem>
 void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras, int first,
                      Frames<Mem>& frames) {
@@ -85,6 +88,9 @@ void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, Pos
   expects(cameras.images() == frames.images,
           "gsp::place_gaussians: there are " + std::to_string(cameras.images()) + " cameras for " + std::to_string(frames.images) +
               " images: make_frames with {.images = " + std::to_string(cameras.images()) + "}, or as many cameras as images");
+  expects(cameras.lenses.extent(0) == 0 || int(cameras.lenses.extent(0)) == frames.images,
+          "gsp::place_gaussians: there are " + std::to_string(cameras.lenses.extent(0)) + " lenses for " + std::to_string(frames.images) +
+              " cameras: give one a camera, or none");
   expects(first >= 0 && first < frames.images, "gsp::place_gaussians: the first image is outside the frames");
   expects(static_cast<int>(poses.xpos.extent(1)) >= cloud.bodies && poses.xpos.extent(0) > 0,
           "gsp::place_gaussians: the Gaussians name " + std::to_string(cloud.bodies) + " bodies but the poses have " +
@@ -101,6 +107,7 @@ void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, Pos
   expects(wave.grid.x_bits == own.x_bits && wave.grid.y_bits == own.y_bits,
           "gsp::place_gaussians: the frames were made for another backend, whose tiles are of another size: make_frames with this one");
   wave.first = first;
+  wave.lenses = cameras.lenses;
   wave.images = std::min(wave.batch, frames.images - first);
   Kokkos::parallel_for("gsp::splat::place_gaussians", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, wave.images * cloud.bodies)),
                        detail::PlaceLinks<Poses<R, PosesMem>, Mem>{cameras, poses, wave, frames.width, frames.height, cloud.bodies,

@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <cmath>
 #include <gsp/core/detail/views.hpp>
 #include <gsp/model/names.hpp>
@@ -77,6 +78,14 @@ CameraMounts<R, Mem> make_camera_mounts(Exec const& exec, Model<R, Mem> const& m
     entries.push_back(e);
   }
   m.entries = detail::to_device<Kokkos::View<detail::MountEntry<R>*, Mem>>(exec, "gsp::CameraMounts::entries", entries);
+  bool const lensed = std::any_of(mounts.begin(), mounts.end(), [](CameraMount const& mount) { return mount.lens.has_value(); });
+  if (lensed) {
+    Lens const none = opencv_lens({0, 0, 0, 0});
+    std::vector<Lens> lenses;
+    for (int w = 0; w < options.worlds; ++w)
+      for (auto const& mount : mounts) lenses.push_back(mount.lens.value_or(none));
+    m.lenses = detail::to_device<decltype(m.lenses)>(exec, "gsp::CameraMounts::lenses", lenses);
+  }
   if (by_com) m.subtrees = make_subtrees(exec, model, {.worlds = options.worlds});
   return m;
 }

@@ -29,6 +29,8 @@ void draw_waves(std::string const& function, Exec const& exec, Frames<Mem>& fram
                 (fault == CameraFault::no_focal_length ? " has no focal length: write its viewmat and K, or call cameras_of"
                  : fault == CameraFault::no_place
                      ? " has a viewmat of zeros, or a number in it or in K that is not finite: write world to camera, or call cameras_of"
+                 : fault == CameraFault::lens_folds
+                     ? " has a lens that leads back in the middle of the picture: give the coefficients of these pixels' calibration"
                      : " is of a world that the poses do not have (they have " + std::to_string(worlds) +
                            "): write its world, or make poses and mounts with the same {.worlds = n}"));
     bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;

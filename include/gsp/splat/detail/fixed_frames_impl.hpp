@@ -49,6 +49,7 @@ struct FixedViews {
 template <class Exec, class R, class PosesMem, class Mem>
 FixedViews fixed_views(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras) {
   auto const viewmats = to_host(exec, cameras.viewmats), Ks = to_host(exec, cameras.Ks);
+  auto const lenses = to_host(exec, cameras.lenses);
   auto const world = to_host(exec, cameras.world), shown = to_host(exec, cloud.shown);
   auto const xpos = to_host(exec, poses.xpos), xquat = to_host(exec, poses.xquat);
   std::size_t const worlds = poses.xpos.extent(0), bodies = poses.xpos.extent(1), slots = cloud.shown.extent(1);
@@ -62,6 +63,7 @@ FixedViews fixed_views(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, P
     };
     add(viewmats, 16 * std::size_t(c), 16);
     add(Ks, 9 * std::size_t(c), 9);
+    add(lenses, std::size_t(c), 1);
     add(xpos, 3 * bodies * w, 3);
     add(xquat, 4 * bodies * w, 4);
     add(shown, slots * w, slots);
@@ -195,16 +197,20 @@ FixedFrames<Mem> make_fixed_frames(Exec const& exec, Gaussians<Mem> const& cloud
   };
   own(fixed.cameras.viewmats);
   own(fixed.cameras.Ks);
+  own(fixed.cameras.lenses);
 
   auto const views = detail::fixed_views(exec, cloud, poses, cameras);
   int const count = static_cast<int>(views.camera_of.size());
   auto const viewmats = detail::to_host(exec, cameras.viewmats), Ks = detail::to_host(exec, cameras.Ks);
+  auto const lenses = detail::to_host(exec, cameras.lenses);
   auto const world = detail::to_host(exec, cameras.world);
+  std::vector<Lens> of_lenses;
   std::vector<float> of_viewmats, of_Ks;
   std::vector<int> of_world;
   for (int const c : views.camera_of) {
     of_viewmats.insert(of_viewmats.end(), viewmats.begin() + 16 * c, viewmats.begin() + 16 * c + 16);
     of_Ks.insert(of_Ks.end(), Ks.begin() + 9 * c, Ks.begin() + 9 * c + 9);
+    if (!lenses.empty()) of_lenses.push_back(lenses[std::size_t(c)]);
     of_world.push_back(world.empty() ? c % worlds : world[std::size_t(c)]);
   }
   if (!world.empty()) fixed.cameras.world = detail::to_device<decltype(fixed.cameras.world)>(exec, "gsp::Cameras::world", world);
@@ -217,7 +223,7 @@ FixedFrames<Mem> make_fixed_frames(Exec const& exec, Gaussians<Mem> const& cloud
   fixed.still = make_frames(exec, standing, of_views);
   expects(fixed.still.wave.batch == count, "gsp::make_fixed_frames: " + std::to_string(count) + " different views are more than the " +
                                                std::to_string(fixed.still.wave.batch) + " that a wave can hold: make several");
-  auto const still_cameras = make_cameras(exec, of_viewmats, of_Ks, of_world);
+  auto const still_cameras = make_cameras(exec, of_viewmats, of_Ks, of_world, of_lenses);
   render(exec, standing, poses, still_cameras, fixed.still, render_options);
   detail::keep_lists_alone(fixed.still.wave);
 

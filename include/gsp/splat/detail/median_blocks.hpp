@@ -11,7 +11,9 @@
 namespace gsp::detail {
 
 /// Where rays meet a Gaussian: z = numerator / denominator, a linear and a quadratic function of the pixel, written about the splat's
-/// centre so that neither cancels. S^-1 is scaled by the least variance, which z does not see.
+/// centre so that neither cancels. S^-1 is scaled by the least variance, which z does not see. Behind a lens they are functions of the
+/// ray's place in the plane z = 1: since S^-1 mu = mu_z S^-1 d of the centre's ray d, six numbers say both, and the centre takes the
+/// others.
 struct RayDepth {
   static constexpr int size = 9;
   template <class Seen>
@@ -36,6 +38,11 @@ struct RayDepth {
     for (int r = 0; r < 3; ++r)
       mu[r] = static_cast<float>(m[4 * r] * double(p.x) + m[4 * r + 1] * double(p.y) + m[4 * r + 2] * double(p.z) + m[4 * r + 3]);
     Vec3<float> const d = (1.f / mu.z) * mu, up = inverse * mu, down = inverse * d;
+    if constexpr (Seen::lensed) {
+      float const kept[size] = {dot(down, d), down.x, down.y, inverse(0, 0), 2.f * inverse(0, 1), inverse(1, 1), d.x, d.y, mu.z};
+      for (int k = 0; k < size; ++k) out[k] = kept[k];
+      return;
+    }
     float const fx = static_cast<float>(1. / g.view.fx), fy = static_cast<float>(1. / g.view.fy);
     out[0] = dot(up, d);
     out[1] = up.x * fx;
@@ -53,6 +60,24 @@ struct RayDepth {
     P const numerator = fma(P(v[1]), dx, fma(P(v[2]), dy, P(v[0])));
     P const denominator = fma(dx, fma(P(v[6]), dx, fma(P(v[7]), dy, P(v[4]))), fma(dy, fma(P(v[8]), dy, P(v[5])), P(v[3])));
     return numerator / denominator;
+  }
+  /// Of a ray (or a pack of them) through that place, behind a lens.
+  template <class P>
+  KOKKOS_INLINE_FUNCTION static P along(float const* v, P const& x, P const& y) {
+    P const dx = x - P(v[6]), dy = y - P(v[7]), half = fma(P(v[1]), dx, fma(P(v[2]), dy, P(v[0])));
+    P const rest = fma(dx, fma(P(v[3]), dx, fma(P(v[4]), dy, P(v[1]))), dy * fma(P(v[5]), dy, P(v[2])));
+    return P(v[8]) * half / (half + rest);
+  }
+};
+
+/// The ray of a pixel behind a lens; not there where none comes to it.
+struct PixelRay {
+  float x = 0, y = 0;
+  bool there = true;
+  KOKKOS_INLINE_FUNCTION static PixelRay of(ImageView const& view, int column, int row) {
+    LensPoint<double> ray;
+    bool const there = undistorted(*view.lens, (column + 0.5 - view.cx) / view.fx, (row + 0.5 - view.cy) / view.fy, ray);
+    return {static_cast<float>(ray.x), static_cast<float>(ray.y), there};
   }
 };
 
@@ -92,7 +117,7 @@ struct MedianPass {
 };
 
 /// A CPU's: a tile a task, a row of 16 pixels at a time.
-template <class Mem>
+template <class Mem, bool lensed>
 struct MedianRows {
   MedianPass<Mem> pass;
   static constexpr int side = 16, W = native_width<float>, packs = side / W;
@@ -117,6 +142,14 @@ struct MedianRows {
     int const count = pass.frames.width - x < W ? pass.frames.width - x : W;
     for (int i = 0; i < count; ++i) pixels[i].begin();
     std::uint32_t open = count < 32 ? (std::uint32_t(1) << count) - 1 : ~std::uint32_t(0);
+    P ray_x(0.f), ray_y(0.f);
+    if constexpr (lensed)
+      for (int i = 0; i < count; ++i) {
+        PixelRay const ray = PixelRay::of(wave.image_views(image - wave.first), x + i, y);
+        ray_x.set(i, ray.x);
+        ray_y.set(i, ray.y);
+        if (!ray.there) open &= ~(std::uint32_t(1) << i);
+      }
     while (open != 0) {
       for (std::int64_t e = wave.tile_begin(index); e < wave.tile_begin(index + 1); ++e) {
         int const id = wave.tile_splats(e);
@@ -125,7 +158,8 @@ struct MedianRows {
         P const dx = centre - P(s.u), wx = fma(P(s.l11), dx, P(s.l21 * dy)), exponent = fma(-wx, wx, P(fma(-wy, wy, s.power)));
         std::uint32_t touched = lane_bits(exponent >= P(-splat_log2_255)) & open;
         if (touched == 0) continue;
-        P const z = RayDepth::at(pass.kept(id), dx, P(dy)), through = P(1.f) - min(exp2(exponent), P(pass.alpha_max));
+        P const z = lensed ? RayDepth::along(pass.kept(id), ray_x, ray_y) : RayDepth::at(pass.kept(id), dx, P(dy)),
+                through = P(1.f) - min(exp2(exponent), P(pass.alpha_max));
         for (; touched != 0; touched &= touched - 1) {
           int const i = Kokkos::countr_zero(touched);
           pixels[i].add(z[i], wave.origins(id).source, through[i]);
@@ -143,7 +177,7 @@ struct MedianRows {
 
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
 /// A GPU's: a warp 8 x 4 pixels of a block, one a lane, of those splats whose masks say that they touch the block.
-template <class Mem>
+template <class Mem, bool lensed>
 struct MedianBlocks {
   MedianPass<Mem> pass;
   using Masks = BlockMasks;
@@ -161,10 +195,12 @@ struct MedianBlocks {
     int const y = (tile / columns * Masks::down + block / Masks::across) * side + 4 * half + lane / 8;
     if (frames.status(image) != 0) return;
     bool const inside = x < frames.width && y < frames.height;
+    PixelRay ray;
+    if constexpr (lensed) ray = PixelRay::of(wave.image_views(image - wave.first), x, y);
     float const px = float(x) + 0.5f, py = float(y) + 0.5f;
     MedianPixel pixel;
     pixel.begin();
-    pixel.done = !inside;
+    pixel.done = !inside || !ray.there;
     std::int64_t const begin = wave.tile_begin(index), end = wave.tile_begin(index + 1);
     while (__any_sync(0xffffffffu, !pixel.done)) {
       for (std::int64_t chunk = 0; begin + 32 * chunk < end; ++chunk)
@@ -174,7 +210,8 @@ struct MedianBlocks {
           float const dx = px - s.u, dy = py - s.v, wx = fmaf(s.l11, dx, s.l21 * dy), wy = s.l22 * dy;
           float const exponent = fmaf(-wx, wx, fmaf(-wy, wy, s.power));
           if (pixel.done || !(exponent >= -splat_log2_255)) continue;
-          pixel.add(RayDepth::at(pass.kept(id), dx, dy), wave.origins(id).source, 1.f - fminf(exp2f(exponent), pass.alpha_max));
+          float const z = lensed ? RayDepth::along(pass.kept(id), ray.x, ray.y) : RayDepth::at(pass.kept(id), dx, dy);
+          pixel.add(z, wave.origins(id).source, 1.f - fminf(exp2f(exponent), pass.alpha_max));
         }
       if (!pixel.done) pixel.end();
     }
@@ -187,12 +224,12 @@ __global__ void __launch_bounds__(Blocks::threads) median_blocks_kernel(Blocks c
 }
 #endif
 
-template <class Exec, class Mem>
-void draw_medians(Exec const& exec, MedianPass<Mem> const& pass) {
+template <bool lensed, class Exec, class Mem>
+void launch_medians(Exec const& exec, MedianPass<Mem> const& pass) {
   int const tiles = pass.frames.wave.images * pass.frames.wave.tiles();  // frame_sizes bounds it
   if constexpr (is_device<Exec>) {
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
-    using Blocks = MedianBlocks<Mem>;
+    using Blocks = MedianBlocks<Mem, lensed>;
     launch_on_cuda("gsp::splat::median_depth", exec, [&](cudaStream_t stream) {
       median_blocks_kernel<<<unsigned(tiles) * Blocks::grid_of_tile, Blocks::threads, 0, stream>>>(Blocks{pass});
     });
@@ -200,8 +237,15 @@ void draw_medians(Exec const& exec, MedianPass<Mem> const& pass) {
   } else {
     Kokkos::parallel_for("gsp::splat::median_depth",
                          Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, tiles, Kokkos::ChunkSize(4)),
-                         MedianRows<Mem>{pass});
+                         MedianRows<Mem, lensed>{pass});
   }
+}
+template <class Exec, class Mem>
+void draw_medians(Exec const& exec, MedianPass<Mem> const& pass) {
+  if (pass.frames.wave.lenses.extent(0) > 0)
+    launch_medians<true>(exec, pass);
+  else
+    launch_medians<false>(exec, pass);
 }
 
 }  // namespace gsp::detail

@@ -5,9 +5,9 @@
 namespace gsp::detail {
 
 /// The splats of a cluster, a Gaussian a thread: those that are seen take neighbouring places in the pool, which the block asks for once.
-template <class Mem, class List>
+template <class Mem, class List, bool lensed>
 struct ProjectClusters {
-  Projector<Mem> p;
+  Projector<Mem, lensed> p;
   int clusters, cells;  // that an image shows at most; of the wave
   List channels;
 

@@ -12,9 +12,9 @@ namespace gsp {
 namespace detail {
 
 /// Before: nothing has been seen; and, on a GPU, which clusters an image may see.
-template <class Mem, bool device>
+template <class Mem, bool device, bool lensed>
 struct BeginProjection {
-  Projector<Mem> p;
+  Projector<Mem, lensed> p;
   int clusters;
   Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status;
   KOKKOS_FUNCTION void operator()(int index) const {
@@ -37,9 +37,9 @@ struct BeginProjection {
 };
 
 /// The splats of a cluster, a pack of Gaussians at a time (CPU).
-template <class Mem, class List>
+template <class Mem, class List, bool lensed>
 struct ProjectPacks {
-  Projector<Mem> p;
+  Projector<Mem, lensed> p;
   int clusters;
   List channels;
   static constexpr int W = native_width<float>, most = Gaussians<Mem>::cluster_size;
@@ -94,6 +94,28 @@ struct SettleVisible {
   }
 };
 
+/// The launches, for a wave with lenses and one without.
+template <bool lensed, class Exec, class Mem, class List>
+void launch_projection(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem> const& frames, RenderOptions const& options, int cells,
+                       List const& list) {
+  auto const& wave = frames.wave;
+  int const clusters = cloud.most_clusters, beginnings = std::max(wave.images, is_device<Exec> ? cells : wave.images * wave.words);
+  Projector<Mem, lensed> const projector{cloud, wave, options, frames.width, frames.height};
+  Kokkos::parallel_for("gsp::splat::project_begin", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, beginnings)),
+                       BeginProjection<Mem, is_device<Exec>, lensed>{projector, clusters, frames.status});
+  if constexpr (is_device<Exec>) {
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+    project_on_cuda(exec, ProjectClusters<Mem, List, lensed>{projector, clusters, cells, list});
+#else
+    static_assert(!is_device<Exec>, "gsp::project: pictures are drawn on CPUs and on CUDA GPUs; compile with nvcc for CUDA");
+#endif
+  } else {
+    Kokkos::parallel_for("gsp::splat::project",
+                         Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, cells, Kokkos::ChunkSize(8)),
+                         ProjectPacks<Mem, List, lensed>{projector, clusters, list});
+  }
+}
+
 }  // namespace detail
 
 template <ExecutionSpace Exec, class Mem, class... Channels>
@@ -107,22 +129,11 @@ void project(Exec const& exec, Gaussians<Mem> const& cloud, Frames<Mem>& frames,
   using List = std::remove_const_t<decltype(list)>;
   detail::check_values<List>("gsp::project", frames);
   auto const& wave = frames.wave;
-  int const clusters = cloud.most_clusters, cells = wave.images * clusters,
-            beginnings = std::max(wave.images, is_device<Exec> ? cells : wave.images * wave.words);
-  detail::Projector<Mem> const projector{cloud, wave, options, frames.width, frames.height};
-  Kokkos::parallel_for("gsp::splat::project_begin", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, beginnings)),
-                       detail::BeginProjection<Mem, is_device<Exec>>{projector, clusters, frames.status});
-  if constexpr (is_device<Exec>) {
-#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
-    detail::project_on_cuda(exec, detail::ProjectClusters<Mem, List>{projector, clusters, cells, list});
-#else
-    static_assert(!is_device<Exec>, "gsp::project: pictures are drawn on CPUs and on CUDA GPUs; compile with nvcc for CUDA");
-#endif
-  } else {
-    Kokkos::parallel_for("gsp::splat::project",
-                         Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>(exec, 0, cells, Kokkos::ChunkSize(8)),
-                         detail::ProjectPacks<Mem, List>{projector, clusters, list});
-  }
+  int const cells = wave.images * cloud.most_clusters;
+  if (wave.lenses.extent(0) > 0)
+    detail::launch_projection<true>(exec, cloud, frames, options, cells, list);
+  else
+    detail::launch_projection<false>(exec, cloud, frames, options, cells, list);
   Kokkos::parallel_for("gsp::splat::project_settle", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, 1)),
                        detail::SettleVisible<Mem>{wave, frames.status});
 }

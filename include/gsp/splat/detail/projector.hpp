@@ -3,6 +3,7 @@
 #include <gsp/splat/channels.hpp>
 #include <gsp/splat/detail/ellipse.hpp>
 #include <gsp/splat/detail/lanes.hpp>
+#include <gsp/splat/detail/lens_view.hpp>
 #include <gsp/splat/detail/render_options.hpp>
 #include <gsp/splat/detail/spherical_harmonics.hpp>
 
@@ -18,7 +19,9 @@ struct SplatOf {
 /// there,
 ///   M = J R R_q S (2 x 3),   covariance = M M^T + blur I,   det = |m1 x m2|^2 + blur (|m1|^2 + |m2|^2) + blur^2   (Cauchy-Binet: no
 ///   cancellation).
-template <class Mem>
+/// Behind a lens, where x/z, y/z come to x_d, y_d in the plane z = 1, J is the derivative of both: (fx 0; 0 fy) (dx_d/d(x/z, y/z)) (1 0
+/// -x/z; 0 1 -y/z) / z; and what is outside of the lens's disc is not seen.
+template <class Mem, bool lensed = false>
 struct Projector {
   Gaussians<Mem> cloud;
   SplatWave<Mem> wave;
@@ -34,6 +37,7 @@ struct Projector {
     double const z = link.m[8] * c.x + link.m[9] * c.y + link.m[10] * c.z + link.m[11];
     double const radius = 1.001 * c.radius + 1e-6;
     if (!(z + radius >= options.near) || !(z - radius <= options.far)) return false;
+    if constexpr (lensed) return may_see_through(c, view, options, width, height, x, y, z, radius);
     double const margin = 3.34 * Kokkos::sqrt(double(options.blur)) + 0.01;
     auto const outside = [&](double f, double across, double before, float low, float high) {
       double const limit = Kokkos::fmax(Kokkos::fabs(double(low)), Kokkos::fabs(double(high)));
@@ -62,10 +66,24 @@ struct Projector {
     Wide const x = px * link.m[0] + (py * link.m[1] + (pz * link.m[2] + link.m[3]));
     Wide const y = px * link.m[4] + (py * link.m[5] + (pz * link.m[6] + link.m[7]));
     Wide const inverse = reciprocal(z), xz = x * inverse, yz = y * inverse;
-    s.u = narrow(xz * view.fx + view.cx);
-    s.v = narrow(yz * view.fy + view.cy);
+    LensPoint<Wide> at{xz, yz};
+    if constexpr (lensed) {
+      seen = seen && narrow(xz * xz + yz * yz) <= T(static_cast<float>(view.lens->valid * view.lens->valid));
+      if (!any_lane(seen)) return seen;
+      at = distorted(*view.lens, xz, yz);
+    }
+    s.u = narrow(at.x * view.fx + view.cx);
+    s.v = narrow(at.y * view.fy + view.cy);
 
-    T const sx = clamp(narrow(xz), T(view.x_low), T(view.x_high)), sy = clamp(narrow(yz), T(view.y_low), T(view.y_high));
+    T sx = clamp(narrow(xz), T(view.x_low), T(view.x_high)), sy = clamp(narrow(yz), T(view.y_low), T(view.y_high));
+    LensSlope<T> bent{T(1.f), T(0.f), T(1.f)};
+    if constexpr (lensed) {  // the limits' corners may be outside of the disc
+      T const valid(static_cast<float>(view.lens->valid)), far = near_sqrt(fma(sx, sx, sy * sy)),
+                                                           inward = select(far > valid, valid / far, T(1.f));
+      sx = sx * inward;
+      sy = sy * inward;
+      bent = distortion_slope(*view.lens, sx, sy);
+    }
     T const fx = narrow(inverse * view.fx), fy = narrow(inverse * view.fy);
     Mat3<T> const R =
         to_matrix(Quat<T>{L::load(cloud.quats, 0, i), L::load(cloud.quats, 1, i), L::load(cloud.quats, 2, i), L::load(cloud.quats, 3, i)});
@@ -76,7 +94,16 @@ struct Projector {
       Vec3<T> const m = transpose_times(R, Vec3<T>{f * fma(-slope, z0, x0), f * fma(-slope, z1, x1), f * fma(-slope, z2, x2)});
       return Vec3<T>{m.x * S.x, m.y * S.y, m.z * S.z};
     };
-    Vec3<T> const a = row(fx, sx, 0), b = row(fy, sy, 4), n = cross(a, b);
+    Vec3<T> a = row(fx, sx, 0), b = row(fy, sy, 4);
+    if constexpr (lensed) {
+      T const across = bent.xy * T(static_cast<float>(view.fx / view.fy)), down = bent.xy * T(static_cast<float>(view.fy / view.fx));
+      Vec3<T> const x_row = a, y_row = b;
+      for (int k = 0; k < 3; ++k) {
+        a[k] = fma(across, y_row[k], bent.xx * x_row[k]);
+        b[k] = fma(down, x_row[k], bent.yy * y_row[k]);
+      }
+    }
+    Vec3<T> const n = cross(a, b);
     T const aa = dot(a, a), bb = dot(b, b), xy = dot(a, b), blur(options.blur);
     T const xx = aa + blur, yy = bb + blur, det = fma(blur, xx + bb, dot(n, n));
 
@@ -115,7 +142,11 @@ struct Projector {
   KOKKOS_FUNCTION void put_values(List const& channels, std::int64_t to, int image, int body, int i, LinkView const& link) const {
     if constexpr (List::stored > 0) {
       float values[List::stored];
-      channels.values(SeenGaussian<Mem>{cloud, link, wave.splats(to), i, wave.first + image, body, wave.image_views(image)}, values);
+      SeenGaussian<Mem> const seen{cloud, link, wave.splats(to), i, wave.first + image, body, wave.image_views(image)};
+      if constexpr (lensed)
+        channels.values(LensedGaussian<Mem>{seen}, values);
+      else
+        channels.values(seen, values);
       for (int k = 0; k < List::stored; ++k) wave.values(to * List::stored + k) = values[k];
     }
   }

@@ -1,0 +1,93 @@
+#pragma once
+#include <gsp/core/region.hpp>
+#include <gsp/math/philox.hpp>
+#include <gsp/math/quat.hpp>
+#include <gsp/splat/cameras.hpp>
+
+namespace gsp {
+
+/// How far cameras differ from what they are said to be: numbers, each drawn uniformly from -x to x, of an image.
+struct JitterCamerasOptions {
+  float position = 0;   // along each of the camera's axes [m]
+  float rotation = 0;   // of a rotation vector, along each of its axes [rad]
+  float focal = 0;      // a share of fx and fy, of both the same
+  float principal = 0;  // of cx and of cy [pixel]
+  std::uint64_t seed = 0;
+  std::int64_t step = 0;         // 0 to 2^56 - 1: of an episode where cameras keep what they have, or of a picture where they shake
+  std::int64_t first_image = 0;  // number of the first camera among all of a larger batch, 0 to 2^32 - images
+};
+
+namespace detail {
+inline constexpr std::uint32_t camera_stream = 18;  // and the next two; develop's are the two before
+
+template <class Mem>
+struct JitterCameras {
+  Cameras<Mem> from, to;
+  JitterCamerasOptions options;
+
+  KOKKOS_FUNCTION void operator()(int image) const {
+    auto const within = [&](std::uint32_t stream, int k, float most) {
+      Philox const drawn = philox(options.seed, {{0, std::uint32_t(options.first_image + image), std::uint32_t(options.step),
+                                                  std::uint32_t(std::uint64_t(options.step) >> 32) << 8 | (camera_stream + stream)}});
+      return double(most) * (2 * uniform_of<double>(drawn.word[k]) - 1);
+    };
+    double view[3][4];
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 4; ++c) view[r][c] = from.viewmats(image, r, c);
+    if (options.position > 0)
+      for (int r = 0; r < 3; ++r) view[r][3] -= within(0, r, options.position);
+    if (options.rotation > 0) {
+      Vec3<double> const turn{within(1, 0, options.rotation), within(1, 1, options.rotation), within(1, 2, options.rotation)};
+      Mat3<double> const R = to_matrix(exp_rotation(turn));
+      for (int c = 0; c < 4; ++c) {
+        Vec3<double> const column = transpose_times(R, Vec3<double>{view[0][c], view[1][c], view[2][c]});
+        for (int r = 0; r < 3; ++r) view[r][c] = column[r];
+      }
+    }
+    for (int r = 0; r < 4; ++r)
+      for (int c = 0; c < 4; ++c) to.viewmats(image, r, c) = r < 3 ? static_cast<float>(view[r][c]) : from.viewmats(image, r, c);
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 3; ++c) to.Ks(image, r, c) = from.Ks(image, r, c);
+    if (options.focal > 0)
+      for (int k = 0; k < 2; ++k) to.Ks(image, k, k) = static_cast<float>(to.Ks(image, k, k) * (1 + within(2, 0, options.focal)));
+    if (options.principal > 0)
+      for (int k = 0; k < 2; ++k) to.Ks(image, k, 2) = static_cast<float>(to.Ks(image, k, 2) + within(2, 1 + k, options.principal));
+  }
+};
+}  // namespace detail
+
+/// Cameras that are not quite where, and as, they are said to be: of each image its own place, direction, focal length and principal point.
+///   x_camera' = R^T (x_camera - d),   f' = f (1 + a),   c' = c + b,   R = exp [w]:  d, w along the camera's axes
+/// Of the seed, the step and the image's number (gsp/math/philox.hpp), so the same come in any batch (first_image) and on any backend to
+/// rounding; what an option of 0 leaves alone keeps its bits.
+/// @param cameras   as they are meant
+/// @param jittered  out: viewmats, Ks of as many cameras; world, lenses, width, height become those of `cameras`, whose views they share.
+/// May
+///                  be `cameras` itself: then calls add up
+/// One launch. Neither allocates nor fences. Errors: std::invalid_argument for another number of cameras, for options that are not from 0
+/// to 1e6, a rotation over pi, a share that is not below 1, a step that is negative or not below 2^56, and images whose numbers are not
+/// within 0 to 2^32 - 1.
+template <ExecutionSpace Exec, class Mem>
+void jitter_cameras(Exec const& exec, Cameras<Mem> const& cameras, Cameras<Mem>& jittered, JitterCamerasOptions const& options) {
+  Region const region("gsp::splat::jitter_cameras");
+  static_assert(can_access<Exec, Cameras<Mem>>, "gsp::jitter_cameras: the cameras are not accessible from this execution space");
+  int const images = cameras.images();
+  expects(jittered.images() == images && int(jittered.Ks.extent(0)) == images,
+          "gsp::jitter_cameras: there is room for " + std::to_string(jittered.images()) + " cameras, and there are " +
+              std::to_string(images) + ": make_cameras(exec, " + std::to_string(images) + ")");
+  bool good = options.step >= 0 && options.step >> 56 == 0 && options.rotation <= 3.14159274f && options.focal < 1;
+  for (float const x : {options.position, options.rotation, options.focal, options.principal}) good = good && x >= 0 && x < 1e6f;
+  expects(good,
+          "gsp::jitter_cameras: position, rotation (at most pi), focal (below 1) and principal must be from 0 to 1e6, the step from 0 to "
+          "2^56 - 1");
+  expects(options.first_image >= 0 && options.first_image <= (std::int64_t(1) << 32) - images,
+          "gsp::jitter_cameras: images are numbered from 0 to 2^32 - 1: first_image must not be negative, nor lead beyond");
+  jittered.world = cameras.world;
+  jittered.lenses = cameras.lenses;
+  jittered.width = cameras.width;
+  jittered.height = cameras.height;
+  Kokkos::parallel_for("gsp::splat::jitter_cameras", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, images)),
+                       detail::JitterCameras<Mem>{cameras, jittered, options});
+}
+
+}  // namespace gsp
