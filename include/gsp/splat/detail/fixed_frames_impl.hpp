@@ -191,7 +191,12 @@ FixedFrames<Mem> make_fixed_frames(Exec const& exec, Gaussians<Mem> const& cloud
   fixed.options = render_options;
   fixed.cameras = cameras;
   auto const own = [&](auto& view) {
-    auto const copy = detail::allocate<std::remove_cvref_t<decltype(view)>>(view.label(), view.extent(0), view.extent(1), view.extent(2));
+    using View = std::remove_cvref_t<decltype(view)>;
+    View copy;
+    if constexpr (View::rank() == 1)
+      copy = detail::allocate<View>(view.label(), view.extent(0));
+    else
+      copy = detail::allocate<View>(view.label(), view.extent(0), view.extent(1), view.extent(2));
     detail::copy_view(exec, view, copy);
     view = copy;
   };
