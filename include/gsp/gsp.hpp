@@ -169,6 +169,7 @@
 #include <gsp/io/mjcf.hpp>
 #include <gsp/io/npy.hpp>
 #include <gsp/io/npz.hpp>
+#include <gsp/io/picture_error.hpp>
 #include <gsp/io/ply.hpp>
 #include <gsp/io/png.hpp>
 #include <gsp/io/ray_table.hpp>
