@@ -146,8 +146,8 @@
 #include <gsp/splat/render.hpp>
 #include <gsp/splat/sample_room.hpp>
 #include <gsp/splat/sample_surface.hpp>
-#include <gsp/splat/show_sets.hpp>
 #include <gsp/splat/score_gaussians.hpp>
+#include <gsp/splat/show_sets.hpp>
 #include <gsp/splat/splat.hpp>
 #include <gsp/splat/splat_target.hpp>
 #include <gsp/splat/splat_tree.hpp>
