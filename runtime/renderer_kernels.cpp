@@ -7,7 +7,7 @@
 #include <gsp/splat/sample_surface.hpp>
 #include <gsp/splat/show_sets.hpp>
 
-#include "device.hpp"
+#include "poses_of.hpp"
 #include "scene_sets.hpp"
 
 namespace gsp::runtime {
@@ -66,9 +66,9 @@ class KokkosRenderer : public Renderer {
     if (!poses.xpos)
       draw(make_poses<float>(exec_, 1, std::max(1, cloud_.bodies), 0), cameras);
     else if (poses.xpos.dtype == Dtype::float64)
-      draw(poses_of<double>(poses), cameras);
+      draw(poses_of<double, Exec>("gsp::runtime::Renderer::render", poses), cameras);
     else
-      draw(poses_of<float>(poses), cameras);
+      draw(poses_of<float, Exec>("gsp::runtime::Renderer::render", poses), cameras);
     exec_.fence("gsp::runtime::Renderer::render: done");
   }
 
@@ -107,19 +107,6 @@ class KokkosRenderer : public Renderer {
     o.batch = options_.batch;
     o.values = options_.median_depth ? MedianDepthChannel<Mem>::size : 0;
     return o;
-  }
-
-  /// The poses where they are.
-  template <class R>
-  Poses<R, Mem> poses_of(PoseArrays const& p) const {
-    for (auto const* const a : {&p.xpos, &p.xquat})
-      expects(a->device == device_of<Exec>() && a->dtype == dtype_of<R>() && a->rank == 3 && a->contiguous(),
-              "gsp::runtime::Renderer::render: poses must lie on the renderer's device, (worlds, bodies, 3 | 4) one after the other");
-    using View = typename Poses<R, Mem>::template View<R***>;
-    Poses<R, Mem> poses;
-    poses.xpos = View(static_cast<R*>(p.xpos.data), p.xpos.extents[0], p.xpos.extents[1], 3);
-    poses.xquat = View(static_cast<R*>(p.xquat.data), p.xquat.extents[0], p.xquat.extents[1], 4);
-    return poses;
   }
 
   /// Cameras where they are, or copies of those that lie elsewhere; two cameras of one renderer share the place of the copies.

@@ -12,5 +12,6 @@ Command scan_command();
 Command bench_command();
 Command quickstart_command();
 Command convert_command();
+Command prune_command();
 
 }  // namespace gsp_cli

@@ -17,7 +17,8 @@ namespace {
 using namespace gsp_cli;
 
 std::vector<Command> commands() {
-  return {info_command(), sim_command(), scan_command(), render_command(), convert_command(), bench_command(), quickstart_command()};
+  return {info_command(),    sim_command(),   scan_command(),  render_command(),
+          convert_command(), prune_command(), bench_command(), quickstart_command()};
 }
 
 int print_help() {

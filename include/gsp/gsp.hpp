@@ -142,14 +142,18 @@
 #include <gsp/splat/normals.hpp>
 #include <gsp/splat/place_gaussians.hpp>
 #include <gsp/splat/project.hpp>
+#include <gsp/splat/prune_gaussians.hpp>
 #include <gsp/splat/rasterize.hpp>
+#include <gsp/splat/refit_gaussians.hpp>
 #include <gsp/splat/render.hpp>
 #include <gsp/splat/sample_room.hpp>
 #include <gsp/splat/sample_surface.hpp>
+#include <gsp/splat/score_gaussians.hpp>
 #include <gsp/splat/show_sets.hpp>
 #include <gsp/splat/splat.hpp>
 #include <gsp/splat/splat_target.hpp>
 #include <gsp/splat/splat_tree.hpp>
+#include <gsp/splat/wanted_pictures.hpp>
 #include <gsp/step/bytes_needed.hpp>
 #include <gsp/step/sleep.hpp>
 #include <gsp/step/snapshot.hpp>
@@ -171,6 +175,7 @@
 #include <gsp/io/mjcf.hpp>
 #include <gsp/io/npy.hpp>
 #include <gsp/io/npz.hpp>
+#include <gsp/io/picture_error.hpp>
 #include <gsp/io/ply.hpp>
 #include <gsp/io/png.hpp>
 #include <gsp/io/ray_table.hpp>

@@ -78,6 +78,22 @@ refused "cut.spz" -- convert cut.spz result.ply
 refused "--spz-version is for .spz files" -- convert disc.ply result.ply --spz-version 3
 refused "--spz-version is '1'" -- convert disc.ply result.spz --spz-version 1
 refused "--sh-degree is '4'" -- convert disc.ply result.ply --sh-degree 4
+refused "needs SPLAT" -- prune --out result.ply
+refused "needs --out P" -- prune disc.ply
+refused "--keep is '0'" "above 0 and up to 1" -- prune disc.ply --out result.ply --keep 0
+refused "--keep is '1.5'" -- prune disc.ply --out result.ply --keep 1.5
+refused "its ending names no format" -- prune disc.ply --out result.xyz
+refused "--out would replace what SPLAT names" -- prune disc.ply --out disc.ply
+refused "missing.ply" "no such file" -- prune missing.ply --out result.ply
+refused "--trace needs --model" -- prune disc.ply --out result.ply --trace start.npz
+refused "--cameras and --camera contradict" -- prune disc.ply --out result.ply --model eye.xml --camera side --cameras cameras.npz
+refused "cart.xml: has no camera" "--cameras" -- prune disc.ply --out result.ply --model cart.xml
+refused "eye.xml: has no camera 'sid'" -- prune disc.ply --out result.ply --model eye.xml --camera sid
+refused "link.ply: has Gaussians on links" "give --model" -- prune link.ply --out result.ply
+refused "link 'wheel'" "no body of that name" -- prune link.ply --out result.ply --model eye.xml --views 2 --held-out 1
+refused "holds 2 cameras, but the trace has 11 entries of 2 worlds" -- prune disc.ply --out result.ply --model cart.xml --trace moved.npz --cameras cameras.npz
+refused "--jitter is 'much'" "metres" -- prune disc.ply --out result.ply --jitter much
+refused "no camera sees any Gaussian" -- prune disc.ply --out result.ply --cameras away.npz --views 2 --held-out 1
 refused "--splat needs --model" -- quickstart --splat disc.ply --out pictures
 refused "--model needs --splat" -- quickstart --model cart.xml --out pictures
 if ! ldd "$gsp" | grep -q libcuda; then

@@ -124,7 +124,7 @@ KOKKOS_INLINE_FUNCTION bool any_lane(Mask<float, W> const& m) {
 /// 2^x for the blend loops of a CPU, 1.5 ulp, for -120 < x < 120: x = k + f, |f| <= 1/2; polynomial of degree 6 through the Chebyshev nodes
 /// for 2^f (3e-9); k goes into the exponent bits.
 template <int W>
-inline Pack<float, W> exp2(Pack<float, W> x) {
+KOKKOS_INLINE_FUNCTION Pack<float, W> exp2(Pack<float, W> x) {
   using P = Pack<float, W>;
   P const magic(12582912.f);  // 1.5 * 2^23: adding it rounds to the nearest integer, which then stands in the low bits
   P const shifted = x + magic, f = x - (shifted - magic);

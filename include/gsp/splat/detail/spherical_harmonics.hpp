@@ -4,16 +4,10 @@
 
 namespace gsp::detail {
 
-/// max(0, 1/2 + sum_k c_k Y_k(d)) of one Gaussian (or a pack of neighbours, from i on); d unit, in the frame that the coefficients stand
-/// in. `sh` is (3 K, n): row 3 k + channel. Basis and signs are those of 3DGS files (real spherical harmonics of degree 0-3).
-template <class T, class View>
-KOKKOS_INLINE_FUNCTION Vec3<T> sh_colour(View const& sh, int degree, int i, Vec3<T> const& d) {
-  Vec3<T> c{T(0.5f), T(0.5f), T(0.5f)};
-  auto const add = [&](int k, T const& y) {
-    c.x = fma(y, Lanes<T>::load(sh, 3 * k, i), c.x);
-    c.y = fma(y, Lanes<T>::load(sh, 3 * k + 1, i), c.y);
-    c.z = fma(y, Lanes<T>::load(sh, 3 * k + 2, i), c.z);
-  };
+/// add(k, Y_k(d)) for each of the (degree + 1)^2 terms; d unit (of degree 0 any). Basis and signs are those of 3DGS files (real spherical
+/// harmonics of degree 0-3).
+template <class T, class Add>
+KOKKOS_INLINE_FUNCTION void each_sh_term(int degree, Vec3<T> const& d, Add const& add) {
   add(0, T(0.28209479177387814f));
   if (degree > 0) {
     T const x = d.x, y = d.y, z = d.z;
@@ -38,6 +32,18 @@ KOKKOS_INLINE_FUNCTION Vec3<T> sh_colour(View const& sh, int degree, int i, Vec3
       }
     }
   }
+}
+
+/// max(0, 1/2 + sum_k c_k Y_k(d)) of one Gaussian (or a pack of neighbours, from i on); d unit, in the frame that the coefficients stand
+/// in. `sh` is (3 K, n): row 3 k + channel.
+template <class T, class View>
+KOKKOS_INLINE_FUNCTION Vec3<T> sh_colour(View const& sh, int degree, int i, Vec3<T> const& d) {
+  Vec3<T> c{T(0.5f), T(0.5f), T(0.5f)};
+  each_sh_term(degree, d, [&](int k, T const& y) {
+    c.x = fma(y, Lanes<T>::load(sh, 3 * k, i), c.x);
+    c.y = fma(y, Lanes<T>::load(sh, 3 * k + 1, i), c.y);
+    c.z = fma(y, Lanes<T>::load(sh, 3 * k + 2, i), c.z);
+  });
   T const zero(0.f);
   return {max(c.x, zero), max(c.y, zero), max(c.z, zero)};
 }
