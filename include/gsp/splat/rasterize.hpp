@@ -28,7 +28,7 @@ void rasterize(Exec const& exec, Frames<Mem>& frames, RenderOptions options = {}
   (detail::check_image("gsp::rasterize", frames, channels), ...);
   if constexpr (is_device<Exec>) {
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
-    detail::rasterize_on_cuda(exec, detail::RasterizeBlocks<Mem, List>{frames, {list, options.alpha_max, options.stop}});
+    detail::rasterize_on_cuda(exec, frames, detail::BlendBlocks<List>{list, options.alpha_max, options.stop});
 #else
     static_assert(!is_device<Exec>, "gsp::rasterize: pictures are drawn on CPUs and on CUDA GPUs; compile with nvcc for CUDA");
 #endif

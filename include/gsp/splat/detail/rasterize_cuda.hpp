@@ -39,17 +39,36 @@ struct BlendBlocks {
     to.id = id;
     to.splat = s;
   }
-  /// Of the next `count` splats, at column i of row j and at its right neighbour. `kept`: what channels keep of splats, by id.
+  /// Of the next `count` splats, at column i of row j and at its right neighbour, so many at a time. `kept`: what channels keep of splats,
+  /// by id.
+  template <int together>
   __device__ __forceinline__ void through(Queued const* at, int count, float i, float j, float const* kept, Pixel& first,
                                           Pixel& second) const {
     Queued const* const behind = at + count;
+    auto const exponents = [&](Queued const& q, float& left, float& right) {
+      float const wy = fmaf(q.l22, j, q.down), most = fmaf(-wy, wy, q.power), wx = fmaf(q.l11, i, fmaf(q.l21, j, q.across)),
+                  next = wx + q.l11;
+      left = fmaf(-wx, wx, most);
+      right = fmaf(-next, next, most);
+    };
+    auto const both = [&](Queued const& q, float left, float right) {
+      float const* const values = List::stored > 0 ? kept + std::int64_t(q.id) * List::stored : nullptr;
+      blend(first, left, q.splat, values);
+      blend(second, right, q.splat, values);
+    };
+    if constexpr (together > 2)
+      for (; behind - at >= together; at += together) {
+        float left[together], right[together];
+#pragma unroll
+        for (int k = 0; k < together; ++k) exponents(at[k], left[k], right[k]);
+#pragma unroll
+        for (int k = 0; k < together; ++k) both(at[k], left[k], right[k]);
+      }
 #pragma unroll 2
     for (; at != behind; ++at) {
-      float const wy = fmaf(at->l22, j, at->down), most = fmaf(-wy, wy, at->power), wx = fmaf(at->l11, i, fmaf(at->l21, j, at->across)),
-                  right = wx + at->l11;
-      float const* const values = List::stored > 0 ? kept + std::int64_t(at->id) * List::stored : nullptr;
-      blend(first, fmaf(-wx, wx, most), at->splat, values);
-      blend(second, fmaf(-right, right, most), at->splat, values);
+      float left, right;
+      exponents(*at, left, right);
+      both(*at, left, right);
     }
   }
   __device__ void store(Pixel& pixel, int image, int x, int y, int width, int height) const {
@@ -83,14 +102,14 @@ __device__ inline int find_touching(unsigned short* touching, std::uint32_t cons
 
 /// Pictures on a GPU: a warp blends 8 x 8 pixels by itself. It asks the masks of its tile (BlockMasks) which splats touch the block, 1,024
 /// at a time, fetches those 32 at a time into shared memory, and goes through them (BlendBlocks); the next 32 are on their way meanwhile.
-template <class Mem, class List>
+template <class Mem, class List, int warps, int together>
 struct RasterizeBlocks {
   Frames<Mem> frames;
   BlendBlocks<List> blend;
 
   using Masks = BlockMasks;
   using Queued = typename BlendBlocks<List>::Queued;
-  static constexpr int side = Masks::side, warps = 4, threads = 32 * warps, blocks_of_tile = Masks::across * Masks::down, entries = 1024;
+  static constexpr int side = Masks::side, threads = 32 * warps, grid_of_tile = Masks::across * Masks::down / warps, entries = 1024;
   static constexpr unsigned all = 0xffffffffu;
 
   struct Queue {  // of a warp
@@ -101,10 +120,10 @@ struct RasterizeBlocks {
   __device__ void operator()(Queue* queues) const {
     auto const& wave = frames.wave;
     int const warp = int(threadIdx.x) / 32, lane = int(threadIdx.x) % 32;
-    int const index = wave.tile_order(blockIdx.x / (blocks_of_tile / warps)), part = int(blockIdx.x) % (blocks_of_tile / warps);
+    int const index = wave.tile_order(blockIdx.x / grid_of_tile), block = int(blockIdx.x) % grid_of_tile * warps + warp;
     int const tiles = wave.tiles(), image = wave.first + index / tiles, tile = index % tiles, columns = wave.grid.columns();
-    // four warps side by side, two and two
-    int const across = part % (Masks::across / 2) * 2 + warp % 2, down = part / (Masks::across / 2) * 2 + warp / 2;
+    // four one after the other lie two and two
+    int const across = block / 4 % (Masks::across / 2) * 2 + block % 2, down = block / (2 * Masks::across) * 2 + block / 2 % 2;
     int const x0 = (tile % columns * Masks::across + across) * side, y0 = (tile / columns * Masks::down + down) * side;
     if (x0 >= frames.width || y0 >= frames.height || frames.status(image) != 0) return;
     Queue& queue = queues[warp];
@@ -129,7 +148,7 @@ struct RasterizeBlocks {
         next = wave.splats(id);
         next_id = id_at(base + 64 + lane);
         __syncwarp();
-        blend.through(queue.splats, found - base < 32 ? found - base : 32, i, j, wave.values.data(), first, second);
+        blend.template through<together>(queue.splats, found - base < 32 ? found - base : 32, i, j, wave.values.data(), first, second);
         if (__all_sync(all, first.left < 0 && second.left < 0)) break;
         __syncwarp();
       }
@@ -142,16 +161,16 @@ struct RasterizeBlocks {
 
 template <class Blocks>
 __global__ void __launch_bounds__(Blocks::threads) rasterize_blocks_kernel(Blocks const __grid_constant__ blocks) {
-  __shared__ typename Blocks::Queue queues[Blocks::warps];
+  __shared__ typename Blocks::Queue queues[Blocks::threads / 32];
   blocks(queues);
 }
 template <class Mem, class List>
-void rasterize_on_cuda(Kokkos::Cuda const& exec, RasterizeBlocks<Mem, List> const& blocks) {
-  using Blocks = RasterizeBlocks<Mem, List>;
-  auto const& wave = blocks.frames.wave;
-  unsigned const grid = unsigned(wave.images * wave.tiles()) * (Blocks::blocks_of_tile / Blocks::warps);
-  launch_on_cuda("gsp::splat::rasterize", exec,
-                 [&](cudaStream_t stream) { rasterize_blocks_kernel<<<grid, Blocks::threads, 0, stream>>>(blocks); });
+void rasterize_on_cuda(Kokkos::Cuda const& exec, Frames<Mem> const& frames, BlendBlocks<List> const& blend) {
+  unsigned const tiles = unsigned(frames.wave.images * frames.wave.tiles());
+  launch_on_cuda("gsp::splat::rasterize", exec, [&](cudaStream_t stream) {
+    using Blocks = RasterizeBlocks<Mem, List, 4, 2>;
+    rasterize_blocks_kernel<<<tiles * Blocks::grid_of_tile, Blocks::threads, 0, stream>>>(Blocks{frames, blend});
+  });
 }
 
 }  // namespace gsp::detail

@@ -138,7 +138,7 @@ struct RasterizeFixedBlocks {
       standing.key(b, lane);
       Blend::put(queue.splats[lane], splat, id, float(x0) + 0.5f, float(y0) + 0.5f);
       __syncwarp();
-      blend.through(queue.splats, count, float(column), float(row), nullptr, first, second);
+      blend.template through<2>(queue.splats, count, float(column), float(row), nullptr, first, second);
       if (__all_sync(all, first.left < 0 && second.left < 0)) break;
       __syncwarp();
     }
