@@ -65,6 +65,29 @@ def test_page_of_tasks(tmp_path, capsys, monkeypatch):
         assert names["seen"] in names["envs"].observation_space
 
 
+def test_recipes():
+    names = run_page("how_to.md")
+    model, weight = names["model"], names["model"].body_mass.sum() * 9.81
+    assert np.allclose(names["normal"].sum(axis=1), weight, rtol=0.02)  # it stands still: feet bear what it weighs
+    assert np.allclose(names["data"].values("geom_friction")[:, model.id("geom", "floor"), 0], np.linspace(0.1, 1.6, 16))
+    assert np.abs(names["arm"].xpos[:, names["knee"]] - names["goal"]).max() < 2e-3 and not names["arm"].status.numpy().any()
+
+
+def test_forces_on_bodies_are_mujocos():
+    mujoco = pytest.importorskip("mujoco")
+    m, model = mujoco.MjModel.from_xml_string(ARM), gsp.Model.from_string(ARM)
+    d, data = mujoco.MjData(m), gsp.Data(model, profile="mujoco", precision="float64")
+    d.qpos[2] = 3
+    data.qpos = d.qpos
+    link, wrench = model.id("body", "link"), np.array([[2.0, -1, 5, 0.1, 0.2, -0.3]])
+    d.xfrc_applied[link] = wrench
+    for _ in range(20):
+        data.qfrc_applied = np.einsum("wij,wi->wj", data.jacobian(body=link, point=model.body_ipos[link]), wrench)
+        gsp.step(model, data)
+        mujoco.mj_step(m, d)
+    assert np.allclose(data.qpos[0], d.qpos, rtol=0, atol=1e-10) and abs(d.qvel[3:6]).max() > 0.1
+
+
 def table_after(page, head):
     """Rows below the line that begins with `head`: lists of cells."""
     lines = (DOCS / page).read_text().splitlines()
