@@ -374,6 +374,8 @@ void expect_values(Data const& d, std::string const& field, runtime::Array const
 void set(Data const& d, std::string const& field, nb::handle values, nb::handle mask, bool scale_inertia) {
   nb::object keeps_values, keeps_mask;
   nb::object given = shaped(values);
+  if (field == "gravity" && rank_of(given) < 3 && rank_of(given) > 0 && nb::cast<std::int64_t>(given.attr("shape")[-1]) == 3)
+    given = given.attr("reshape")(-1, 1, 3);  // the world's own: there is one of it
   int const rank = rank_of(given);
   if (rank != 2 && rank != 3)
     throw Error("gsp.Data.set: values of '" + field + "' have " + std::to_string(rank) +

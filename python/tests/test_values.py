@@ -168,7 +168,10 @@ def test_rows_of_the_worlds_of_a_mask():
     data.set("body_mass", [[0, 2, 3], [0, 4, 5]], mask)  # two rows, two worlds
     mass[1, :, 0], mass[3, :, 0] = [0, 2, 3], [0, 4, 5]
     assert np.array_equal(data.values("body_mass"), mass)
-    data.set("gravity", np.full((1, 1, 3), -1.0), mask)
+    for value in ([-1.0] * 3, [[-1.0] * 3] * 2, np.full((4, 3), -1.0), np.full((1, 1, 3), -1.0)):
+        data.set("gravity", [0, 0, 0])
+        data.set("gravity", value, mask)
+        assert np.array_equal(data.values("gravity")[:, 0], -1.0 * np.outer(mask, [1, 1, 1]))
     assert list(data.values("gravity")[:, 0, 0]) == [0, -1, 0, -1]
     gsp.reset(model, data)
     assert np.array_equal(data.values("body_mass"), mass)  # a reset leaves them
