@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstring>
 #include <gsp/io/gaussians.hpp>
 #include <gsp/runtime/renderer.hpp>
@@ -37,6 +38,26 @@ std::size_t Scene::count() const {
   if (sets)
     for (auto const& s : sets->list) n += s.size();
   return n;
+}
+Scene::Bounds Scene::bounds(double share) const {
+  expects(share > 0 && share <= 1, "gsp::runtime::Scene::bounds: the share must be above 0 and at most 1");
+  std::vector<float> along[3];
+  if (sets)
+    for (auto const& s : sets->list)
+      for (std::size_t i = 0; i < s.size(); ++i)
+        for (std::size_t k = 0; k < 3 && s.body[i] == 0; ++k) along[k].push_back(s.positions[3 * i + k]);
+  Bounds out{.count = along[0].size()};
+  if (out.count == 0) return out;
+  std::size_t const cut = std::min(static_cast<std::size_t>(double(out.count) * (1 - share) / 2), (out.count - 1) / 2);
+  for (std::size_t k = 0; k < 3; ++k) {
+    auto const nth = [&](std::size_t n) {
+      std::nth_element(along[k].begin(), along[k].begin() + std::ptrdiff_t(n), along[k].end());
+      return double(along[k][n]);
+    };
+    out.low[k] = nth(cut);
+    out.high[k] = nth(out.count - 1 - cut);
+  }
+  return out;
 }
 
 template <class Exec>

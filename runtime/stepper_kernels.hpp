@@ -209,8 +209,9 @@ class KokkosStepper : public Stepper {
   int threads() const override { return gsp::is_device<Exec> ? 0 : exec_.concurrency(); }
   StateArrays state() const override {
     auto const array = [](auto const& view) { return array_of<Exec>(view); };
-    return {array(state_.qpos),      array(state_.qpos_low),   array(state_.qvel),         array(state_.ctrl),  array(state_.act),
-            array(state_.mocap_pos), array(state_.mocap_quat), array(state_.qfrc_applied), array(state_.steps), array(state_.status)};
+    return {array(state_.qpos),  array(state_.qpos_low),  array(state_.qvel),       array(state_.ctrl),
+            array(state_.act),   array(state_.mocap_pos), array(state_.mocap_quat), array(state_.qfrc_applied),
+            array(state_.steps), array(state_.status),    array(state_.eq_active)};
   }
   PoseArrays poses() override {
     if (stale_) forward();
@@ -361,7 +362,8 @@ class KokkosStepper : public Stepper {
     }
     return out;
   }
-  void restore(std::vector<NamedArray> const& arrays) override {
+  void restore(std::vector<NamedArray> const& arrays, Array const& mask) override {
+    expects_mask("restore", mask);
     auto const find = [&](std::string const& name) {
       for (auto const& a : arrays)
         if (a.name == name && a.array.rank > 0) return a.array;
@@ -396,12 +398,13 @@ class KokkosStepper : public Stepper {
     static_assert(types_in(std::type_identity<std::remove_const_t<decltype(list)>>()) == 8,
                   "step has other constraint types: raise snapshot_version, and this number");
     gsp::detail::upload_bytes(exec_, s.impulses.type_names.data(), names.name, std::size_t(names.count) * sizeof names.name[0]);
-    gsp::restore(exec_, s, state_, simulation_);
-    if (late)
-      copy_sensor_history(exec_, *late, sensors_->history, gsp::detail::AllWorlds{});
-    else if (sensors_)
-      reset_sensor_history(exec_, sensors_->history, gsp::detail::AllWorlds{});
-    exec_.fence("gsp::runtime::Stepper::restore: the copies may go");
+    with_mask(mask, [&](auto const& of) {
+      gsp::restore(exec_, s, state_, simulation_, of);
+      if (late)
+        copy_sensor_history(exec_, *late, sensors_->history, of);
+      else if (sensors_)
+        reset_sensor_history(exec_, sensors_->history, of);
+    });
     kept_contacts_.reset();
     has_stepped_ = false;
     stale_ = true;

@@ -1,7 +1,10 @@
 """Pictures of a robot in a furnished room: one of each world, by cameras in a circle around it, beside each other.
 
     python examples/python/pictures.py --out out
-    python examples/python/pictures.py --model robot.xml --splats room.ply
+    python examples/python/pictures.py --model robot.xml --splats room.ply --quat 0.7071 -0.7071 0 0
+
+Captured rooms have y down as a rule, which this quaternion (w x y z) turns to z up; the example says where the room is then, and --pos and
+--scale put its floor at z = 0, in metres.
 """
 
 import argparse
@@ -15,6 +18,10 @@ from gsp.tasks import MODELS
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("--model", default=MODELS / "quadruped.xml", help="MJCF")
 parser.add_argument("--splats", help="a room of Gaussians, PLY or SPZ; without it one that the library makes")
+parser.add_argument("--pos", type=float, nargs=3, default=(0, 0, 0), help="where the room's origin is put [m]")
+parser.add_argument("--quat", type=float, nargs=4, default=(1, 0, 0, 0), help="how the room is turned: w x y z")
+parser.add_argument("--scale", type=float, default=1, help="metres of one unit of the room")
+parser.add_argument("--distance", type=float, default=1.4, help="of the cameras from the robot [m]")
 parser.add_argument("--worlds", type=int, default=4)
 parser.add_argument("--device", default="cpu")
 parser.add_argument("--out", default="out", help="folder")
@@ -28,12 +35,16 @@ data.ctrl = data.ctrl.copy() + np.random.default_rng(1).uniform(-0.3, 0.3, size=
 gsp.step(model, data, n=int(0.5 / model.timestep))
 
 scene = gsp.Scene(model)
-scene = scene.add_splats(arguments.splats) if arguments.splats else scene.add_room()
+if arguments.splats:
+    scene.add_splats(arguments.splats, pos=arguments.pos, quat=arguments.quat, scale=arguments.scale)
+else:
+    scene.add_room()
+print(scene)
 scene.add_surface()  # Gaussians on the robot's geoms, which move with its links
 
 width, height = 320, 240
 angle = np.linspace(0, 2 * np.pi, data.worlds, endpoint=False)
-eye = np.stack([1.4 * np.cos(angle), 1.4 * np.sin(angle), np.full_like(angle, 0.8)], axis=1)
+eye = np.stack([arguments.distance * np.cos(angle), arguments.distance * np.sin(angle), np.full_like(angle, 0.8)], axis=1)
 viewmats = gsp.look_at(eye, [0.0, 0.0, 0.25])
 Ks = np.broadcast_to(gsp.pinhole(width, height, fovy=55), (data.worlds, 3, 3))
 

@@ -16,6 +16,7 @@ except ImportError as e:
 import numpy as np
 
 from ._gsp import Error
+from .task import expect_task
 
 __all__ = ["Env", "VectorEnv", "register"]
 
@@ -47,7 +48,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
     """
 
     def __init__(self, task, autoreset_mode=AutoresetMode.SAME_STEP):
-        self.task = task
+        self.task = expect_task(task, "gsp.gymnasium.VectorEnv")
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = _metadata(task, autoreset_mode=self.autoreset_mode)
         self.num_envs = task.worlds
@@ -129,7 +130,7 @@ class Env(gymnasium.Env):
     """A task of one world, for what knows no vectors: checkers, Stable-Baselines3."""
 
     def __init__(self, task):
-        if task.worlds != 1:
+        if expect_task(task, "gsp.gymnasium.Env").worlds != 1:
             raise Error(f"gsp.gymnasium.Env is one world, and the task has {task.worlds}: make it with worlds=1, or take VectorEnv")
         self.task = task
         self.metadata = _metadata(task)

@@ -10,6 +10,8 @@ try:
 except ImportError as e:
     raise ImportError("gsp.rsl_rl needs rsl_rl 5 with torch and tensordict: pip install rsl-rl-lib") from e
 
+from .task import expect_task
+
 __all__ = ["VecEnv"]
 
 
@@ -21,7 +23,7 @@ class VecEnv(_VecEnv):
     """
 
     def __init__(self, task, cfg=None):
-        self.task = task
+        self.task = expect_task(task, "gsp.rsl_rl.VecEnv")
         self.num_envs = task.worlds
         self.num_actions = task.action_size
         self.max_episode_length = task.episode_steps

@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 
 from . import _gsp
-from ._gsp import Array, Error, Model
+from ._gsp import Array, Data, Error, Model
 
 Numbers = Any  # an array of NumPy or of torch
 
 _HOOKS = ("act", "observe", "reward", "terminated", "randomise", "info")
+_SAID = _HOOKS + ("model", "keyframe", "substeps", "seconds", "action_size")
+_OPTIONS = ("profile", "precision", "timestep", "iterations", "tolerance", "threads", "per_world")
 _LOW = 0xFFFFFFFF
 
 
@@ -31,26 +33,35 @@ def philox(key: Numbers, counter: tuple[Numbers, ...]) -> tuple[Numbers, Numbers
     return c0, c1, c2, c3
 
 
-class _Arrays:
-    """A gsp.Data whose arrays are NumPy's or torch's, of the same memory."""
+class _Data(Data):
+    """A gsp.Data whose attributes are NumPy's arrays, or torch's, of the same memory."""
 
-    def __init__(self, data: Any, convert: Any) -> None:
-        object.__setattr__(self, "_of", (data, convert))
+    def __init__(self, convert: Any, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        object.__setattr__(self, "_convert", convert)
 
-    def __getattr__(self, name: str) -> Any:
-        data, convert = self._of
-        value = getattr(data, name)
-        return convert(value) if isinstance(value, Array) else value
+    def __getattribute__(self, name: str) -> Any:
+        value = super().__getattribute__(name)
+        return super().__getattribute__("_convert")(value) if isinstance(value, Array) else value
 
     def __setattr__(self, name: str, value: Any) -> None:
-        setattr(self._of[0], name, value)
+        if not hasattr(Data, name):  # a class of Python takes any
+            raise AttributeError(f"gsp.Data has no attribute '{name}': what a task remembers is the task's own")
+        super().__setattr__(name, value)
+
+
+def _nearest(name: str, names: tuple[str, ...]) -> str:
+    import difflib
+
+    return next(iter(difflib.get_close_matches(name, names, 1, 0.85)), "")
 
 
 class Task:
     """Many worlds of a model, in which one policy learns.
 
     Derive from it, say `model`, and write `observe`, `reward`, and where they are needed `terminated`, `randomise`, `act` and `info`: each
-    works on all worlds at once. `data` has the arrays of gsp.Data as NumPy's, or torch's, without a copy: data.qpos is (worlds, nq).
+    works on all worlds at once. `data` is a gsp.Data whose arrays are NumPy's, or torch's, without a copy: data.qpos is (worlds, nq).
+    `self.data` is the same, which gsp.Renderer and other functions take as any, and `self.model` the gsp.Model.
 
         class Balance(gsp.Task):
             model = "cartpole.xml"
@@ -74,6 +85,22 @@ class Task:
     action_size: int | None = None
     """Numbers of an action; None: the model's nu."""
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for name in vars(cls):
+            near = _nearest(name, _SAID)
+            if near and not hasattr(Task, name) and not name.startswith("_"):
+                import warnings
+
+                warnings.warn(f"{cls.__name__}.{name}: a gsp.Task has no {name} and takes no notice of it: is it {near}?", stacklevel=2)
+
+    def __getattr__(self, name: str) -> Any:  # of what is not there
+        if "_everywhere" in self.__dict__:
+            raise AttributeError(f"{type(self).__name__} has no attribute '{name}'")
+        raise AttributeError(
+            f"{type(self).__name__} has no attribute '{name}' yet: its __init__ calls super().__init__(worlds, ...) before all else"
+        )
+
     def __init__(self, worlds: int = 1, device: str = "cpu", *, seed: Any = 0, array: str | None = None, **options: Any) -> None:
         """array: "numpy" or "torch", what `data` and all results are; None: NumPy's on the CPU, torch's on a GPU. options: gsp.Data's."""
         if self.model is None:
@@ -86,21 +113,27 @@ class Task:
             raise Error(f"{type(self).__name__}: array '{array}' is not known: give 'numpy' or 'torch'")
         if array == "numpy" and device != "cpu":
             raise Error(f"{type(self).__name__}: NumPy reads the host's memory, and the worlds lie on '{device}': give array='torch'")
-        self._data = _gsp.Data(self.model, worlds=worlds, device=device, **options)
+        for name in options:
+            if name not in _OPTIONS:
+                raise Error(f"{type(self).__name__}: there is no option '{name}': give {', '.join(_OPTIONS)}, as to gsp.Data")
         if array == "torch":
             import torch
 
             self.xp: Any = torch
             self._on: dict[str, Any] = {"device": device}
-            self.data: Any = _Arrays(self._data, torch.from_dlpack)
         else:
             self.xp, self._on = np, {}
-            self.data = _Arrays(self._data, np.asarray)
+        self.data: Any = _Data(np.asarray if array == "numpy" else self.xp.from_dlpack, self.model, worlds, device, **options)
+        """gsp.Data of all worlds; its attributes are arrays of NumPy or torch."""
         self.worlds = worlds
         self.device = device
-        if self.substeps < 1 or not 0 < self.seconds < 1e9:
-            raise Error(f"{type(self).__name__}: substeps is {self.substeps} and seconds {self.seconds}: both must be positive and finite")
-        self.dt = self._data.timestep * self.substeps
+        if self.substeps < 1 or self.substeps != int(self.substeps) or not 0 < self.seconds < 1e9:
+            raise Error(
+                f"{type(self).__name__}: substeps is {self.substeps} and seconds {self.seconds}: "
+                "both must be positive and finite, and substeps a whole number"
+            )
+        self.substeps = int(self.substeps)
+        self.dt = self.data.timestep * self.substeps
         self.episode_steps = round(self.seconds / self.dt)
         if self.episode_steps < 1:
             raise Error(f"{type(self).__name__}: an episode of {self.seconds} s is shorter than a step of control, {self.dt} s")
@@ -154,7 +187,7 @@ class Task:
     # Random numbers.
 
     def uniform(self, low: Numbers, high: Numbers, size: int, mask: Numbers = None) -> Numbers:
-        """(worlds, size) float32 from low to high (numbers, or size of them); of the mask's worlds alone where there is one.
+        """(worlds, size) float32 from low to high (numbers, or size of them); with a mask (mask.sum(), size), of its worlds alone.
 
         The numbers follow from the seed, the world, its episode, its step, the method that draws and which draw of it that is: a world
         has the same ones whatever the number of worlds, and whatever becomes of the others.
@@ -182,11 +215,11 @@ class Task:
         self.action[mask] = 0
         self.last_action[mask] = 0
         self._to_library()
-        _gsp.reset(self._data.model, self._data, mask=mask.astype("int32") if self.xp is np else mask.int(), keyframe=self.keyframe)
+        _gsp.reset(self.data.model, self.data, mask=mask.astype("int32") if self.xp is np else mask.int(), keyframe=self.keyframe)
         self._from_library()
         self._call("randomise", mask)
         self._to_library()
-        _gsp.forward(self._data.model, self._data)
+        _gsp.forward(self.data.model, self.data)
         self._from_library()
 
     def step(self, action: Numbers) -> tuple[Numbers, Numbers, Numbers]:
@@ -194,11 +227,14 @@ class Task:
         action = self._floats(action)
         if tuple(action.shape) != (self.worlds, self.action_size):
             raise Error(f"{type(self).__name__}: actions have shape {tuple(action.shape)} and must have {(self.worlds, self.action_size)}")
+        if self.device == "cpu" and not bool(self.xp.isfinite(action).all()):  # on a GPU the answer would be waited for
+            world = int((~self.xp.isfinite(action)).any(1).nonzero()[0][0])
+            raise Error(f"{type(self).__name__}: the action of world {world} is not finite: look at what the policy gives")
         self.action, self.last_action = self.last_action, self.action
         self.action[:] = action
         self._call("act", self.action)
         self._to_library()
-        _gsp.step(self._data.model, self._data, self.substeps)
+        _gsp.step(self.data.model, self.data, self.substeps)
         self._from_library()
         self.age += 1
         reward = self._copy(self._floats(self._call("reward")))  # it may be a part of the state, which a reset writes
@@ -294,3 +330,12 @@ class Task:
         key, *counter = ((a if mask is None else a[mask])[:, None] for a in rows)
         words = self.xp.stack(philox(key, (*counter, what[None])), -1).reshape(-1, 4 * blocks)[:, :size]
         return self._floats((words >> 9)) * 2.0**-23 + 2.0**-24
+
+
+def expect_task(task: Any, where: str) -> Any:
+    """The task. Error where it is something else."""
+    if isinstance(task, type) and issubclass(task, Task):
+        raise Error(f"{where} takes a task, not its class: give {task.__name__}(worlds=64)")
+    if not isinstance(task, Task):
+        raise Error(f"{where} takes a gsp.Task, not {type(task).__name__}")
+    return task

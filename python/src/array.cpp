@@ -51,7 +51,9 @@ Words interface_of(Array const& self) {
   for (int k = 0; k < a.rank; ++k) strides.append(a.strides[k] * runtime::bytes_of(a.dtype));
   out["shape"] = shape_of(a);
   out["typestr"] = typestr_of(a.dtype);
-  out["data"] = nb::make_tuple(reinterpret_cast<std::uintptr_t>(a.data), a.read_only);
+  // What is computed NumPy shall not write; torch takes no array of a GPU that says so.
+  bool const reads = a.read_only || (self.computed && a.device == Device::cpu);
+  out["data"] = nb::make_tuple(reinterpret_cast<std::uintptr_t>(a.data), reads);
   out["strides"] = nb::tuple(strides);
   out["version"] = 3;
   return nb::borrow<Words>(out);
@@ -270,6 +272,11 @@ runtime::Array taken(nb::handle object, char const* what, std::initializer_list<
 }
 
 namespace {
+NumpyArray writable(nb::handle self) {
+  if (char const* const instead = nb::cast<Array const&>(self).computed)
+    throw gsp::Error(std::string("this array is computed from the state, and nobody reads what is written into it: ") + instead);
+  return as_numpy(self);
+}
 /// What NumPy's operators take of the other side, and what they give: also NotImplemented.
 nb::object numpys(nb::handle other) { return nb::isinstance<Array>(other) ? nb::object(as_numpy(other)) : nb::borrow(other); }
 NumpyArray of_numpy(nb::object const& result) { return nb::borrow<NumpyArray>(result); }
@@ -312,7 +319,7 @@ void bind_array(nb::module_& m) {
           },
           nb::arg("dtype") = nb::none(), nb::arg("copy") = nb::none())
       .def("__getitem__", [](nb::handle self, Anything const& key) { return nb::borrow<Anything>(as_numpy(self)[key]); })
-      .def("__setitem__", [](nb::handle self, Anything const& key, ArrayLike const& value) { as_numpy(self)[key] = value; })
+      .def("__setitem__", [](nb::handle self, Anything const& key, ArrayLike const& value) { writable(self)[key] = value; })
       .def("__len__", [](Array const& a) { return a.array.rank > 0 ? a.array.extents[0] : 0; })
       .def("__repr__",
            [](nb::handle self) {
@@ -352,7 +359,7 @@ void bind_array(nb::module_& m) {
       {"__ior__", "bitwise_or"}, {"__ixor__", "bitwise_xor"}};
   for (auto const& [name, ufunc] : in_place)
     c.def(name, [ufunc = ufunc](nb::handle self, Anything const& other) {  // into the memory, of whatever kind `other` is
-      nb::object const own = as_numpy(self);
+      nb::object const own = writable(self);
       nb::module_::import_("numpy").attr(ufunc)(own, numpys(other), nb::arg("out") = own);
       return nb::borrow<Anything>(self);
     });
@@ -360,13 +367,18 @@ void bind_array(nb::module_& m) {
     c.def(name, [name](nb::handle self) { return of_numpy(as_numpy(self).attr(name)()); });
   for (char const* const name : {"__bool__", "__int__", "__float__", "__index__"})  // of one number; else NumPy says what it misses
     c.def(name, [name](nb::handle self) { return nb::borrow<Anything>(as_numpy(self).attr(name)()); });
-  for (char const* const name :
-       {"sum", "mean", "std", "min", "max", "any", "all", "argmin", "argmax", "reshape", "astype", "tolist", "item"})
+  for (char const* const name : {"sum",    "mean",    "std",     "var",   "prod",   "min",     "max",     "any",     "all",       "argmin",
+                                 "argmax", "argsort", "cumsum",  "round", "clip",   "reshape", "ravel",   "flatten", "transpose", "take",
+                                 "repeat", "squeeze", "nonzero", "dot",   "astype", "tolist",  "tobytes", "item"})
     c.def(name, [name](nb::handle self, nb::args const& a, nb::kwargs const& k) {
       return nb::borrow<Anything>(as_numpy(self).attr(name)(*a, **k));
     });
   c.def_prop_ro("T", [](nb::handle self) { return of_numpy(as_numpy(self).attr("T")); });
+  c.def(
+      "fill", [](nb::handle self, Anything const& value) { writable(self).attr("fill")(value); }, nb::arg("value"));
   c.def_prop_ro("size", [](Array const& a) { return a.array.size(); });
+  c.def_prop_ro("itemsize", [](Array const& a) { return runtime::bytes_of(a.array.dtype); });
+  c.def_prop_ro("nbytes", [](Array const& a) { return a.array.size() * runtime::bytes_of(a.array.dtype); });
   c.attr("__hash__") = nb::none();
   m.def(
       "wait_for_stream", [](Anything const& stream) { runtime::wait_for_stream(gpu(), stream_of(stream)); }, nb::arg("stream"),

@@ -1,6 +1,7 @@
 #pragma once
 #include <nanobind/nanobind.h>
 
+#include <array>
 #include <gsp/runtime/array.hpp>
 #include <gsp/runtime/session.hpp>
 #include <memory>
@@ -23,6 +24,7 @@ GSP_PYTHON_TYPE(NumpyArrays, "dict[str, NDArray[typing.Any]]", PyDict_Check);
 GSP_PYTHON_TYPE(Words, "dict[str, typing.Any]", PyDict_Check);
 GSP_PYTHON_TYPE(Shape, "tuple[int, ...]", PyTuple_Check);
 GSP_PYTHON_TYPE(NameOrNumber, "str | int", any_object);
+GSP_PYTHON_TYPE(Names, "collections.abc.Sequence[str]", any_object);
 GSP_PYTHON_TYPE(Anything, "typing.Any", any_object);
 #undef GSP_PYTHON_TYPE
 
@@ -38,6 +40,8 @@ void expect_threads();
 struct Array {
   runtime::Array array;
   std::shared_ptr<void> owner;
+  char const* computed = nullptr;    // it follows from the state: what to write in its place; NumPy gets it for reading
+  std::array<int, 2> picture{0, 0};  // Ks for pictures of this width and height; 0: nobody knows
 };
 
 /// What Python gave, read where it lies; `what` names it in messages. None: an array without data.

@@ -8,6 +8,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <cstring>
 #include <gsp/core/status.hpp>
 #include <gsp/model/sensor_types.hpp>
 
@@ -31,6 +33,32 @@ Use::Use(std::shared_ptr<std::atomic<bool>> busy, char const* what) : busy_(std:
   if (busy_->exchange(true)) refuse_second(what);
 }
 Use::Use(Data const& data) : Use(data.busy, "these data") {}
+namespace {
+/// Keeps the positions as they are. Returns true if they are not those that were kept.
+bool keep_positions(Data const& data) {
+  auto& kept = data.posed->positions;
+  auto const s = data.stepper->state();
+  std::size_t at = 0;
+  bool same = true;
+  for (runtime::Array const& a : {s.qpos, s.qpos_low, s.mocap_pos, s.mocap_quat}) {
+    auto const size = std::size_t(a.size()) * std::size_t(runtime::bytes_of(a.dtype));
+    if (size == 0) continue;
+    if (kept.size() < at + size) {
+      kept.resize(at + size);
+      same = false;
+    }
+    same = same && std::memcmp(kept.data() + at, a.data, size) == 0;
+    if (!same) std::memcpy(kept.data() + at, a.data, size);
+    at += size;
+  }
+  return !same;
+}
+}  // namespace
+void freshen(Data const& data) {
+  if (!data.posed->given) return;
+  // On a GPU comparing, and waiting for the answer, takes longer than the poses.
+  if (data.device != runtime::Device::cpu || keep_positions(data)) data.stepper->set({}, {}, {});  // the poses are stale
+}
 
 namespace {
 
@@ -39,7 +67,26 @@ struct Keeper {
   std::shared_ptr<runtime::Session> session;
   std::shared_ptr<runtime::Stepper> stepper;
 };
-Array held(Data const& d, runtime::Array const& a) { return {a, std::make_shared<Keeper>(Keeper{d.session, d.stepper})}; }
+Array held(Data const& d, runtime::Array const& a, char const* computed = nullptr) {
+  return {a, std::make_shared<Keeper>(Keeper{d.session, d.stepper}), computed};
+}
+constexpr char const* write_positions = "write data.qpos";
+/// Positions, which whoever has them may write from now on.
+Array given(Data const& d, runtime::Array const& a) {
+  d.posed->given = true;
+  return held(d, a);
+}
+/// The stepper with poses of the positions as they are, and for what leaves its own poses behind.
+runtime::Stepper& fresh(Data const& d) {
+  runtime::Stepper& stepper = stepper_of(d);
+  freshen(d);
+  return stepper;
+}
+runtime::Stepper& poser(Data const& d) {
+  runtime::Stepper& stepper = stepper_of(d);
+  d.posed->positions.clear();
+  return stepper;
+}
 /// A copy of what lies in a pool that may grow: it is Python's own.
 Array copied(Data const& d, runtime::Array const& a) {
   auto buffer = runtime::make_buffer(a.device, a.dtype, {a.extents[0], a.rank > 1 ? a.extents[1] : 1, a.rank > 2 ? a.extents[2] : 1});
@@ -248,19 +295,148 @@ void reset(Data const& d, nb::handle mask, nb::handle keyframe) {
   d.stepper->reset(given, key);
 }
 
+/// Numbers of the model that a field has in all worlds at first, where a number that is not 0 there must be positive; none: zero or more.
+struct Bounded {
+  char const* field;
+  double (*of_model)(CompiledModel const& m, std::size_t item, std::size_t component);
+};
+constexpr Bounded bounded[] = {
+    {"body_mass", [](CompiledModel const& m, std::size_t i, std::size_t) { return m.body_mass[i]; }},
+    {"body_inertia", [](CompiledModel const& m, std::size_t i, std::size_t k) { return m.body_inertia[i][k]; }},
+    {"geom_size", [](CompiledModel const& m, std::size_t i, std::size_t k) { return m.geom_size[i][k]; }},
+    {"geom_friction", nullptr},
+    {"dof_armature", nullptr},
+    {"dof_frictionloss", nullptr},
+    {"tendon_frictionloss", nullptr},
+};
+/// "body 'torso'", "dof 3"
+std::string item_text(Model const& model, std::string const& field, std::size_t item) {
+  constexpr std::array<std::array<char const*, 2>, 6> kinds{
+      {{"body_", "body"}, {"jnt_", "joint"}, {"geom_", "geom"}, {"tendon_", "tendon"}, {"act_", "actuator"}, {"eq_", "equality"}}};
+  for (auto const& [prefix, kind] : kinds) {
+    if (field.rfind(prefix, 0) != 0) continue;
+    auto const names = names_of(model, kind);
+    bool const named = item < names.size() && !names[item].empty();
+    return std::string(kind) + " " + (named ? "'" + names[item] + "'" : std::to_string(item));
+  }
+  return (field.rfind("dof_", 0) == 0 ? "dof " : "item ") + std::to_string(item);
+}
+/// Of each number of a field what it may be besides finite, as it was in some world when somebody first asked: 'n' NaN, of geoms that touch
+/// nothing, 'i' infinite, of ranges that do not limit.
+std::string const& not_finite_of(Data const& d, std::string const& field) {
+  auto const found = d.not_finite->find(field);
+  if (found != d.not_finite->end()) return found->second;
+  auto const values = nb::object(numpy_copy(stepper_of(d).world_values(field)).attr("astype")("float64"));
+  nb::object keeps;
+  auto const now = taken(values, field.c_str(), {d.worlds, -1, -1}, keeps);
+  std::int64_t const count = now.extents[1] * now.extents[2];
+  std::string kinds(std::size_t(count), ' ');
+  for (std::int64_t i = 0; i < now.size(); ++i) {
+    double const x = static_cast<double const*>(now.data)[i];
+    if (!std::isfinite(x)) kinds[std::size_t(i % count)] = std::isnan(x) ? 'n' : 'i';
+  }
+  return (*d.not_finite)[field] = kinds;
+}
+/// Refuses what MJCF refuses, in worlds of the mask: what is not finite, unless it is what is there, and masses, inertias, sizes and
+/// friction of no body. Says nothing of shapes: who takes the values does.
+/// @param v  (worlds | 1, items, components) of the host, float64, one after the other
+void expect_values(Data const& d, std::string const& field, runtime::Array const& v, int const* mask) {
+  auto const* const rule = std::find_if(std::begin(bounded), std::end(bounded), [&](Bounded const& b) { return field == b.field; });
+  bool const ruled = rule != std::end(bounded);
+  auto const items = std::size_t(v.extents[1]), parts = std::size_t(v.rank == 2 ? 1 : v.extents[2]), count = items * parts;
+  CompiledModel const& m = *d.model.compiled;
+  std::vector<char> positive(count, 0);
+  if (ruled && rule->of_model) {
+    bool const of_bodies = field.rfind("body_", 0) == 0;
+    if (items != std::size_t(of_bodies ? m.nbody : m.ngeom) || parts != (field == "body_mass" ? 1u : 3u)) return;
+    for (std::size_t at = 0; at < count; ++at) positive[at] = rule->of_model(m, at / parts, at % parts) > 0;
+  }
+  for (std::size_t w = 0; w < std::size_t(d.worlds); ++w) {
+    if (mask && mask[w] == 0) continue;
+    double const* const row = static_cast<double const*>(v.data) + (v.extents[0] == 1 ? 0 : w * count);
+    for (std::size_t at = 0; at < count; ++at) {
+      double const x = row[at];
+      auto const refuse = [&](std::string const& what) {
+        throw Error("gsp.Data.set: '" + field + "' of world " + std::to_string(w) + ", " + item_text(d.model, field, at / parts) + ", is " +
+                    text_of(nb::float_(x)) + " and must be " + what);
+      };
+      if (!std::isfinite(x)) {
+        auto const& kinds = not_finite_of(d, field);
+        if (kinds.size() != count) return;
+        if (kinds[at] != (std::isnan(x) ? 'n' : 'i')) refuse("finite");
+        continue;
+      }
+      if (ruled && (x < 0 || (positive[at] && x == 0))) refuse(positive[at] ? "positive" : "0 or more");
+    }
+  }
+}
+
 void set(Data const& d, std::string const& field, nb::handle values, nb::handle mask, bool scale_inertia) {
   nb::object keeps_values, keeps_mask;
-  nb::object const given = shaped(values);
+  nb::object given = shaped(values);
+  if (field == "gravity" && rank_of(given) < 3 && rank_of(given) > 0 && nb::cast<std::int64_t>(given.attr("shape")[-1]) == 3)
+    given = given.attr("reshape")(-1, 1, 3);  // the world's own: there is one of it
   int const rank = rank_of(given);
   if (rank != 2 && rank != 3)
     throw Error("gsp.Data.set: values of '" + field + "' have " + std::to_string(rank) +
                 " dimensions and must be (worlds, items, components), or (worlds, items) of one component");
+  runtime::Array const worlds = mask_of(d, mask, "gsp.Data.set", keeps_mask);
+  nb::object const numpy = nb::module_::import_("numpy");
+  bool const on_gpu = nb::isinstance<Array>(given) ? nb::cast<Array const&>(given).array.device != runtime::Device::cpu
+                                                   : nb::hasattr(given, "__cuda_array_interface__");
+  // Rows of the worlds of the mask alone go where they belong.
+  auto const rows = nb::cast<std::int64_t>(given.attr("shape")[0]);
+  if (worlds && rows != 1 && rows != d.worlds) {
+    nb::object const chosen = nb::object(numpy_copy(worlds)).attr("astype")("bool");
+    auto const count = nb::cast<std::int64_t>(nb::int_(chosen.attr("sum")()));
+    if (rows != count)
+      throw Error("gsp.Data.set: values of '" + field + "' have " + std::to_string(rows) + " rows and must have " +
+                  std::to_string(d.worlds) + ", one for each world, or " + std::to_string(count) +
+                  ", one for each world of the mask, or one for all of them");
+    nb::list shape;
+    for (nb::handle const n : given.attr("shape")) shape.append(n);
+    shape[0] = d.worlds;
+    if (on_gpu && !nb::hasattr(given, "new_zeros"))
+      throw Error("gsp.Data.set: rows of the mask's worlds alone are taken from torch and NumPy: give values of all worlds");
+    nb::object const rows_given = on_gpu ? given : nb::object(numpy.attr("asarray")(given));
+    nb::object const all =
+        on_gpu ? given.attr("new_zeros")(nb::tuple(shape)) : nb::object(numpy.attr("zeros")(nb::tuple(shape), rows_given.attr("dtype")));
+    all[chosen] = rows_given;
+    given = all;
+  }
   runtime::Array const from =
       rank == 2 ? taken(given, field.c_str(), {-1, -1}, keeps_values) : taken(given, field.c_str(), {-1, -1, -1}, keeps_values);
-  runtime::Array const worlds = mask_of(d, mask, "gsp.Data.set", keeps_mask);
+  nb::object keeps_numbers;
+  if (!on_gpu && d.device == runtime::Device::cpu && (from.extents[0] == 1 || from.extents[0] == d.worlds)) {
+    keeps_numbers = numpy.attr("ascontiguousarray")(given, nb::arg("dtype") = "float64");
+    nb::object own[2], mask_there = nb::none();
+    if (worlds) mask_there = numpy_copy(worlds);
+    auto const numbers =
+        rank == 2 ? taken(keeps_numbers, field.c_str(), {-1, -1}, own[0]) : taken(keeps_numbers, field.c_str(), {-1, -1, -1}, own[0]);
+    auto const chosen = taken(mask_there, "gsp.Data.set: mask", {d.worlds}, own[1]);
+    expect_values(d, field, numbers, static_cast<int const*>(chosen.data));
+  }
   Use const use(d);
   nb::gil_scoped_release const others_run;
   d.stepper->set_world_values(field, from, worlds, scale_inertia);
+}
+
+/// One world of what `save` gives, as arrays of one world.
+nb::dict world_of(nb::dict const& saved, int world) {
+  nb::object const numpy = nb::module_::import_("numpy");
+  auto const number = [&](char const* name) { return nb::cast<std::int64_t>(nb::int_(nb::object(saved[name])[world])); };
+  std::int64_t const first = number("impulses.first"), end = first + number("impulses.count") + number("impulses.kept");
+  nb::dict out;
+  for (auto const& [key, array] : saved) {
+    auto const name = nb::cast<std::string>(key);
+    bool const pool = name == "impulses.p" || name == "impulses.id" || name == "impulses.place";
+    nb::object const rows = pool ? nb::object(nb::slice(nb::int_(first), nb::int_(end), nb::none()))
+                                 : nb::object(nb::slice(nb::int_(world), nb::int_(world + 1), nb::none()));
+    out[key] = name == "version" ? nb::borrow(array) : nb::object(nb::borrow(array)[rows].attr("copy")());
+  }
+  nb::object const zero_at = out["impulses.first"];
+  zero_at[nb::int_(0)] = 0;
+  return out;
 }
 
 /// First byte, and the one behind the last, of what the array may read.
@@ -303,7 +479,12 @@ void bind_data(nb::module_& m) {
       .def_ro("iterations", &runtime::StepCounts::iterations, "Most of any world.")
       .def_ro("mean_iterations", &runtime::StepCounts::mean_iterations)
       .def_ro("unfinished_worlds", &runtime::StepCounts::unfinished_worlds, "Whose solver made all the iterations that it may.")
-      .def_ro("failed_worlds", &runtime::StepCounts::failed_worlds, "That stopped; data.status says why.");
+      .def_ro("failed_worlds", &runtime::StepCounts::failed_worlds, "That stopped; data.status says why.")
+      .def("__repr__", [](runtime::StepCounts const& n) {
+        return "gsp.StepCounts(contacts=" + std::to_string(n.contacts) + ", rows=" + std::to_string(n.rows) +
+               ", iterations=" + std::to_string(n.iterations) + ", mean_iterations=" + text_of(nb::float_(n.mean_iterations)) +
+               ", unfinished_worlds=" + std::to_string(n.unfinished_worlds) + ", failed_worlds=" + std::to_string(n.failed_worlds) + ")";
+      });
   struct Contacts {
     Array world, geom1, geom2, dist, pos, frame, force;
   };
@@ -315,13 +496,16 @@ void bind_data(nb::module_& m) {
       .def_ro("pos", &Contacts::pos, "(n, 3) [m]")
       .def_ro("frame", &Contacts::frame, "(n, 9) rows normal (geom1 to geom2), two tangents")
       .def_ro("force", &Contacts::force, "(n, 6) on geom2 along the frame's rows [N], about them [N m]")
-      .def("__len__", [](Contacts const& c) { return c.world.array.extents[0]; });
+      .def("__len__", [](Contacts const& c) { return c.world.array.extents[0]; })
+      .def("__repr__", [](Contacts const& c) { return "gsp.Contacts(" + std::to_string(c.world.array.extents[0]) + ")"; });
 
   auto c = nb::class_<Data>(m, "Data", "Worlds of a model: every array is the memory that the kernels work on, its first index the world.");
   c.def(
       "__init__",
       [](Data* self, Model const& model, int worlds, std::string const& device, std::string const& profile, std::string const& precision,
-         double timestep, int iterations, std::optional<double> tolerance, int threads, std::vector<std::string> const& per_world) {
+         double timestep, int iterations, std::optional<double> tolerance, int threads, Names const& names) {
+        if (nb::isinstance<nb::str>(names)) throw Error("gsp.Data: per_world is a list of names: give ['body_mass']");
+        auto const per_world = nb::cast<std::vector<std::string>>(names);
         std::unique_ptr<Data> const made(
             make_data(model, worlds, device, profile, precision, timestep, iterations, tolerance, threads, per_world));
         new (self) Data(std::move(*made));
@@ -334,15 +518,20 @@ void bind_data(nb::module_& m) {
       "from world "
       "to\n"
       "world, at first the model's: `set` changes them.");
-  c.def_ro("worlds", &Data::worlds);
-  c.def_prop_ro("model", [](Data const& d) { return d.model; });
+  c.def_ro("worlds", &Data::worlds, "How many.");
+  c.def_prop_ro(
+      "model", [](Data const& d) { return d.model; }, "gsp.Model that they are of.");
   c.def_prop_ro(
       "timestep", [](Data const& d) { return d.stepper->timestep(); }, "[s]");
   c.def_prop_ro(
       "threads", [](Data const& d) { return d.stepper->threads(); }, "Of the CPU that step; 0: a GPU does.");
-  auto const of_state = [&](char const* name, runtime::Array runtime::StateArrays::*member, char const* what) {
+  auto const of_state = [&](char const* name, runtime::Array runtime::StateArrays::*member, char const* what, bool positions = false) {
     c.def_prop_rw(
-        name, [member](Data const& d) { return held(d, d.stepper->state().*member); },
+        name,
+        [member, positions](Data const& d) {
+          runtime::Array const a = d.stepper->state().*member;
+          return positions ? given(d, a) : held(d, a);
+        },
         [member, name](Data const& d, ArrayLike const& value) {
           runtime::Stepper& stepper = stepper_of(d);
           nb::object keeps;
@@ -354,7 +543,7 @@ void bind_data(nb::module_& m) {
   };
   using S = runtime::StateArrays;
   c.def_prop_rw(
-      "qpos", [](Data const& d) { return held(d, d.stepper->state().qpos); },
+      "qpos", [](Data const& d) { return given(d, d.stepper->state().qpos); },
       [](Data const& d, ArrayLike const& value) {
         runtime::Stepper& stepper = stepper_of(d);
         nb::object keeps;
@@ -363,15 +552,16 @@ void bind_data(nb::module_& m) {
         stepper.set({}, {}, {});
       },
       nb::for_getter(
-          "(worlds, nq) positions; quaternions w x y z. `data.qpos = x` takes float64 to its last digit (qpos_low); whoever writes\n"
-          "into the array itself calls gsp.forward, and qpos_low stays what it was: positions are qpos + qpos_low."));
-  of_state("qpos_low", &S::qpos_low, "(worlds, nq) what rounding took from the positions, which are qpos + qpos_low.");
+          "(worlds, nq) positions; quaternions w x y z. `data.qpos = x` takes float64 to its last digit (qpos_low); `data.qpos[...] = x`\n"
+          "leaves qpos_low what it was: positions are qpos + qpos_low."));
+  of_state("qpos_low", &S::qpos_low, "(worlds, nq) what rounding took from the positions, which are qpos + qpos_low.", true);
   of_state("qvel", &S::qvel, "(worlds, nv) velocities.");
   of_state("ctrl", &S::ctrl, "(worlds, nu) what the actuators are told.");
   of_state("act", &S::act, "(worlds, na) activations.");
-  of_state("mocap_pos", &S::mocap_pos, "(worlds, nmocap, 3) [m]");
-  of_state("mocap_quat", &S::mocap_quat, "(worlds, nmocap, 4)");
+  of_state("mocap_pos", &S::mocap_pos, "(worlds, nmocap, 3) of mocap bodies [m]; a reset puts them back.", true);
+  of_state("mocap_quat", &S::mocap_quat, "(worlds, nmocap, 4)", true);
   of_state("qfrc_applied", &S::qfrc_applied, "(worlds, nv) forces of yours on the degrees of freedom [N, N m].");
+  of_state("eq_active", &S::eq_active, "(worlds, neq) int32, not 0: this equality constraint acts. What sleeps is not woken by it.");
   c.def_prop_ro(
       "steps", [](Data const& d) { return held(d, d.stepper->state().steps); }, "(worlds) int64, steps done: time is steps * timestep.");
   c.def_prop_ro(
@@ -379,18 +569,18 @@ void bind_data(nb::module_& m) {
       "(worlds) uint32, 0: all is well. A world that stopped stays as it was: gsp.status_text says why, gsp.reset starts it again.");
   auto const of_poses = [&](char const* name, runtime::Array runtime::PoseArrays::*member, char const* what) {
     c.def_prop_ro(
-        name, [member](Data const& d) { return held(d, stepper_of(d).poses().*member); }, what);
+        name, [member](Data const& d) { return held(d, fresh(d).poses().*member, write_positions); }, what);
   };
   using P = runtime::PoseArrays;
-  of_poses("xpos", &P::xpos, "(worlds, nbody, 3) where bodies are [m]; brought up to date when it is asked for.");
+  of_poses("xpos", &P::xpos, "(worlds, nbody, 3) where bodies are [m], of the positions as they are when it is asked for.");
   of_poses("xquat", &P::xquat, "(worlds, nbody, 4)");
   of_poses("xanchor", &P::xanchor, "(worlds, njnt, 3) [m]");
   of_poses("xaxis", &P::xaxis, "(worlds, njnt, 3)");
   c.def_prop_ro(
-      "qfrc_constraint", [](Data const& d) { return held(d, d.stepper->qfrc_constraint()); },
+      "qfrc_constraint", [](Data const& d) { return held(d, d.stepper->qfrc_constraint(), "write data.qfrc_applied"); },
       "(worlds, nv) what all constraints did in the last step [N, N m].");
   c.def_prop_ro(
-      "sensordata", [](Data const& d) { return held(d, stepper_of(d).sensors()); },
+      "sensordata", [](Data const& d) { return held(d, stepper_of(d).sensors(), "write data.qpos, or into a copy"); },
       "(worlds, nsensordata) in MuJoCo's layout, of the state as it is, evaluated when it is asked for. NaN where nobody evaluates a\n"
       "sensor: data.sensors_left_out says which.");
   c.def_prop_ro(
@@ -412,8 +602,12 @@ void bind_data(nb::module_& m) {
       "before.");
   c.def_prop_ro(
       "time",
-      [](Data const& d) { return nb::borrow<NumpyArray>(numpy_copy(d.stepper->state().steps) * nb::float_(d.stepper->timestep())); },
-      "(worlds) [s], steps * timestep; NumPy's own.");
+      [](Data const& d) {
+        nb::object const time = numpy_copy(d.stepper->state().steps) * nb::float_(d.stepper->timestep());
+        time.attr("flags").attr("writeable") = false;
+        return nb::borrow<NumpyArray>(time);
+      },
+      "(worlds) [s], steps * timestep; NumPy's own, for reading: data.steps is the kernels'.");
   c.def(
       "values",
       [](Data const& d, std::string const& field) {
@@ -430,13 +624,15 @@ void bind_data(nb::module_& m) {
         set(d, field, values, mask, scale_inertia);
       },
       nb::arg("field"), nb::arg("values"), nb::arg("mask").none() = nb::none(), nb::kw_only(), nb::arg("scale_inertia") = false,
-      "Values of a field of per_world, (worlds or 1, items, components), or (worlds or 1, items) of one component, in the worlds of the "
-      "mask\n"
-      "(None: all), and what follows from masses and geometry. scale_inertia: body_mass alone, whose body_inertia, per world too, changes\n"
-      "in proportion. Pictures keep sizes and poses of the model, rangefinders its sizes.");
+      "Values of a field of per_world, (rows, items, components), or (rows, items) of one component, in the worlds of the mask (None: "
+      "all):\n"
+      "a row for each world, for each world of the mask, or one for all; and what follows from masses and geometry. scale_inertia: "
+      "body_mass alone, whose body_inertia, per world too, changes\n"
+      "in proportion. Pictures keep sizes and poses of the model, rangefinders its sizes. Resets leave the values alone.\n"
+      "What MJCF refuses is an error; on a GPU nobody looks, and a bad value stops its world.");
   auto const of_dynamics = [&](char const* name, runtime::SmoothForces which, char const* what) {
     c.def_prop_ro(
-        name, [which](Data const& d) { return copied(d, stepper_of(d).smooth_forces(which)); }, what);
+        name, [which](Data const& d) { return copied(d, poser(d).smooth_forces(which)); }, what);
   };
   using F = runtime::SmoothForces;
   of_dynamics("qfrc_passive", F::passive,
@@ -446,8 +642,7 @@ void bind_data(nb::module_& m) {
   of_dynamics("qacc_smooth", F::acceleration,
               "(worlds, nv) acceleration without constraints; profile 'stable': of the implicit step [m/s^2, rad/s^2]; a copy.");
   c.def(
-      "mass_matrix", [](Data const& d) { return copied(d, stepper_of(d).mass_matrix()); },
-      "(worlds, nv, nv) of the state as it is; a copy.");
+      "mass_matrix", [](Data const& d) { return copied(d, poser(d).mass_matrix()); }, "(worlds, nv, nv) of the state as it is; a copy.");
   c.def(
       "jacobian",
       [](Data const& d, NameOrNumber const& body, NameOrNumber const& site, std::array<double, 3> const& point) {
@@ -458,7 +653,7 @@ void bind_data(nb::module_& m) {
         nb::handle const which = of_body ? body : site;
         int const id =
             nb::isinstance<nb::str>(which) ? id_of(d.model, of_body ? "body" : "site", nb::cast<std::string>(which)) : nb::cast<int>(which);
-        return copied(d, of_body ? stepper_of(d).body_jacobian(id, point) : stepper_of(d).site_jacobian(id));
+        return copied(d, of_body ? poser(d).body_jacobian(id, point) : poser(d).site_jacobian(id));
       },
       nb::kw_only(), nb::arg("body").none() = nb::none(), nb::arg("site").none() = nb::none(), nb::arg("point") = std::array<double, 3>{},
       "(worlds, 6, nv) of a point of a body, in its frame, or of a site: rows 0-2 velocity of the point, 3-5 angular, in world axes; a "
@@ -468,7 +663,7 @@ void bind_data(nb::module_& m) {
       [](Data const& d, ArrayLike const& qacc) {
         nb::object keeps;
         runtime::Array to = d.stepper->state().qvel;
-        return copied(d, stepper_of(d).inverse_dynamics(shaped_as(to, "gsp.Data.inverse: qacc", qacc, keeps)));
+        return copied(d, poser(d).inverse_dynamics(shaped_as(to, "gsp.Data.inverse: qacc", qacc, keeps)));
       },
       nb::arg("qacc"),
       "(worlds, nv) what actuators and applied forces must sum to for the accelerations qacc (worlds or 1, nv) without constraints:\n"
@@ -480,8 +675,10 @@ void bind_data(nb::module_& m) {
         std::vector<runtime::CameraSpec> specs;
         for (nb::handle const mount : mounts) specs.push_back(spec_of(mount));
         if (width < 1 || height < 1) throw Error("gsp.Data.cameras: width and height must be positive");
-        auto const a = stepper_of(d).cameras(specs, width, height);
-        return std::tuple(held(d, a.viewmats), held(d, a.Ks), held(d, a.world));
+        auto const a = fresh(d).cameras(specs, width, height);
+        Array Ks = held(d, a.Ks);
+        Ks.picture = {width, height};
+        return std::tuple(held(d, a.viewmats), Ks, held(d, a.world));
       },
       nb::arg("mounts"), nb::arg("width") = 640, nb::arg("height") = 480,
       "What Renderer.render takes, (viewmats, Ks, world), for cameras of the model by name, or on bodies: dict(body='head', pos=(0.1, 0, "
@@ -489,21 +686,28 @@ void bind_data(nb::module_& m) {
       "quat=(1, 0, 0, 0), fovy=60), as MJCF has them: looking along -z, y up, fovy in degrees. All worlds, in their poses as they are, on\n"
       "the data's device: image world * len(mounts) + k is of mount k. Each list of mounts of one size has arrays of its\n"
       "own, as long as the data live; the next call for the same writes them.");
-  c.def_prop_ro("counts", [](Data const& d) { return stepper_of(d).counts(); });
+  c.def_prop_ro(
+      "counts", [](Data const& d) { return stepper_of(d).counts(); }, "StepCounts of the last step.");
   c.def(
       "save",
-      [](Data const& d) {
+      [](Data const& d, std::optional<int> world) {
+        if (world && (*world < 0 || *world >= d.worlds))
+          throw Error("gsp.Data.save: there is no world " + std::to_string(*world) + ": there are " + std::to_string(d.worlds) +
+                      ", numbered from 0");
         nb::dict out;
         for (auto const& [name, array] : stepper_of(d).save()) out[name.c_str()] = numpy_copy(array);
         out["version"] = nb::module_::import_("numpy").attr("asarray")(runtime::snapshot_version);
-        return nb::borrow<NumpyArrays>(out);
+        return nb::borrow<NumpyArrays>(world ? world_of(out, *world) : out);
       },
+      nb::arg("world") = nb::none(),
       "All that the next step starts from, as a dict of NumPy arrays: state.qpos and its like, impulses, who sleeps, samples of late "
       "sensors.\n"
-      "Not the values of per_world: `values` gives those.");
+      "Not the values of per_world: `values` gives those. world: of this one alone.");
   c.def(
       "restore",
-      [](Data const& d, Anything const& arrays) {
+      [](Data const& d, Anything const& arrays, ArrayLike const& mask) {
+        nb::object keeps_mask;
+        runtime::Array const worlds = mask_of(d, mask, "gsp.Data.restore", keeps_mask);
         std::vector<runtime::NamedArray> list;
         nb::object const list_of = nb::module_::import_("builtins").attr("dict")(arrays);
         std::vector<nb::object> keeps;
@@ -527,12 +731,14 @@ void bind_data(nb::module_& m) {
             a = taken(keeps.back(), nb::cast<std::string>(name).c_str(), {-1, -1, -1}, own);
           list.push_back({nb::cast<std::string>(name), a});
         }
-        stepper_of(d).restore(list);
+        stepper_of(d).restore(list, worlds);
       },
-      nb::arg("arrays"),
+      nb::arg("arrays"), nb::arg("mask").none() = nb::none(),
       "Goes on from what `save` gave, a dict or what numpy.load reads of a file: what follows is what would have followed, to the bit, "
       "where\n"
-      "values of per_world are the same, which it leaves alone.");
+      "values of per_world are the same, which it leaves alone. Arrays of one world are given to all; mask (worlds): to these worlds "
+      "alone,\n"
+      "world k from row k. No world has contacts of the last step then.");
   c.def("__repr__", [](Data const& d) {
     return "gsp.Data(worlds=" + std::to_string(d.worlds) + ", device=" + (d.device == runtime::Device::cuda ? "cuda:0" : "cpu") + ")";
   });
@@ -552,8 +758,11 @@ void bind_data(nb::module_& m) {
         Use const use(d);
         nb::gil_scoped_release const others_run;
         d.stepper->forward();
+        if (d.posed->given && d.device == runtime::Device::cpu) keep_positions(d);
       },
-      nb::arg("model"), nb::arg("data"), "Poses of the state as it is, where its arrays were written.");
+      nb::arg("model"), nb::arg("data"),
+      "Poses of the state as it is, into the memory of data.xpos and its like, for who holds views of it: who asks data.xpos has them "
+      "anyway.");
   m.def(
       "reset",
       [](Model const& model, Data const& d, ArrayLike const& mask, NameOrNumber const& keyframe) {
@@ -565,7 +774,7 @@ void bind_data(nb::module_& m) {
       "status cleared.");
   m.def("world_fields", &runtime::world_fields, "Names of the fields that Data(..., per_world=[...]) takes.");
   m.def(
-      "status_text", [](std::uint32_t bits) { return status::text(bits); }, nb::arg("bits"), "What bits of data.status mean.");
+      "status_text", [](std::uint32_t bits) { return in_python(status::text(bits)); }, nb::arg("bits"), "What bits of data.status mean.");
 }
 
 }  // namespace gsp::python

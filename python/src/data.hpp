@@ -2,9 +2,12 @@
 #include <nanobind/nanobind.h>
 
 #include <atomic>
+#include <cstddef>
 #include <gsp/runtime/stepper.hpp>
+#include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "model.hpp"
 
@@ -14,6 +17,13 @@ class Session;
 
 namespace gsp::python {
 
+/// Whether the poses are those of the state. Arrays of positions that Python was given it may write at any time, so where there are such
+/// the positions are compared with those of the last poses: less than a tenth of the poses' own time.
+struct Posed {
+  bool given = false;
+  std::vector<std::byte> positions;  // empty: poses are computed anew
+};
+
 /// Many worlds of a model. Arrays that Python has keep what owns their memory.
 struct Data {
   std::shared_ptr<runtime::Session> session;  // ends after what follows
@@ -22,10 +32,14 @@ struct Data {
   int worlds;
   std::shared_ptr<runtime::Stepper> stepper;
   std::shared_ptr<std::atomic<bool>> busy = std::make_shared<std::atomic<bool>>(false);  // somebody steps, and has let go of the GIL
+  std::shared_ptr<Posed> posed = std::make_shared<Posed>();
+  std::shared_ptr<std::map<std::string, std::string>> not_finite = std::make_shared<std::map<std::string, std::string>>();  // by field
 };
 
 /// The stepper, for calls that run kernels. Error where another thread of Python is at it, and in a process that was forked.
 runtime::Stepper& stepper_of(Data const& data);
+/// From here on `poses` and `cameras` of the stepper are of the positions as they are, whoever wrote them.
+void freshen(Data const& data);
 /// Nobody else for as long as this lives: `what`, say "these data", is in use. Made while the GIL is held, which may then be let go of.
 class Use {
  public:

@@ -81,15 +81,32 @@ NumpyArray numbers(std::vector<Item> const& from) {
 
 }  // namespace
 
+std::vector<std::string> names_of(Model const& model, std::string const& kind) { return names_of(*model.compiled, kind); }
 int id_of(Model const& model, std::string const& kind, std::string const& name) { return id_of(*model.compiled, kind, name); }
 
 std::string in_python(std::string sentence) {
-  constexpr std::array<std::array<std::string_view, 2>, 3> words{
+  constexpr std::array<std::array<std::string_view, 2>, 16> words{
       {{"MjcfOptions::skip_visuals (--skip-visuals)", "skip_visuals=True"},
        {"MjcfOptions::skip_visuals, --skip-visuals", "skip_visuals=True"},
-       {"write its numbers with gsp::sense, then call limit_user_sensors for its cutoff", "data.sensordata has NaN in its place"}}};
+       {"write its numbers with gsp::sense, then call limit_user_sensors for its cutoff", "data.sensordata has NaN in its place"},
+       {"Stepper::save", "Data.save"},
+       {"make the stepper of a model with option.sleep", "read the model with option flag sleep=\"enable\""},
+       {"name it in make_per_world too", "name it in per_world too"},
+       {"world_fields names those that may", "gsp.world_fields() names those that may, of an actuator act_gain and act_bias"},
+       {"name it in per_world when you make them", "name it in per_world of gsp.Data"},
+       {"; body_id(compiled, name) finds one", "; model.id('body', name) finds one"},
+       {"; site_id(compiled, name) finds one", "; model.id('site', name) finds one"},
+       {"write its world, or make poses and mounts with the same {.worlds = n}", "give worlds from 0 to one less than data.worlds"},
+       {" (state.status(w))", " of data.status"},
+       {"call settle(exec, simulation) and repeat the step (a loop of one's own: grow contacts, rows and impulses)", "reset the world"},
+       {"gsp::io::transform", "gsp.Scene.add_splats"},
+       {"gsp::set_world_values", "gsp.Data.set"},
+       {"gsp::render:", "gsp.Renderer.render:"}}};
   for (auto const& [from, to] : words)
     if (auto const at = sentence.find(from); at != sentence.npos) sentence.replace(at, from.size(), to);
+  if (sentence.rfind("gsp::runtime::Stepper::", 0) == 0) sentence.replace(0, 23, "gsp.Data.");
+  if (sentence.rfind("gsp::", 0) == 0)  // the function that found it: "gsp::camera_id: the model has no ..."
+    if (auto const end = sentence.find(": "); end != sentence.npos && end < sentence.find(' ')) sentence.erase(0, end + 2);
   return sentence;
 }
 
@@ -180,19 +197,61 @@ void bind_model(nb::module_& m) {
       nb::arg("name"), "Number of an object of this kind and name. Error: gsp.Error with the nearest names.");
   c.def_prop_ro(
       "qpos0", [](Model const& model) { return numbers(model.compiled->qpos0); }, "(nq) initial positions.");
-  c.def_prop_ro("body_parentid", [](Model const& model) { return numbers(model.compiled->body_parent); });
+  auto const whole = [&](char const* name, std::vector<int> CompiledModel::*member, char const* what) {
+    c.def_prop_ro(
+        name, [member](Model const& model) { return numbers((*model.compiled).*member); }, what);
+  };
+  auto const reals = [&](char const* name, std::vector<double> CompiledModel::*member, char const* what) {
+    c.def_prop_ro(
+        name, [member](Model const& model) { return numbers((*model.compiled).*member); }, what);
+  };
+  auto const rows = [&]<std::size_t n>(char const* name, std::vector<std::array<double, n>> CompiledModel::*member, char const* what) {
+    c.def_prop_ro(
+        name, [member](Model const& model) { return numbers<std::array<double, n>, n>((*model.compiled).*member); }, what);
+  };
+  using M = CompiledModel;
+  whole("body_parentid", &M::body_parent, "(nbody)");
+  rows("body_pos", &M::body_pos, "(nbody, 3) in the parent's frame [m]");
+  rows("body_quat", &M::body_quat, "(nbody, 4) in the parent's frame");
+  rows("body_ipos", &M::body_ipos, "(nbody, 3) centre of mass in the body's frame [m]");
+  reals("body_mass", &M::body_mass, "(nbody) [kg]");
+  rows("body_inertia", &M::body_inertia, "(nbody, 3) principal moments [kg m^2]");
+  whole("jnt_bodyid", &M::jnt_body, "(njnt)");
+  whole("jnt_qposadr", &M::jnt_qposadr, "(njnt) first number in qpos");
+  whole("jnt_dofadr", &M::jnt_dofadr, "(njnt) first number in qvel");
+  rows("jnt_axis", &M::jnt_axis, "(njnt, 3) in the body's frame");
+  rows("jnt_range", &M::jnt_range, "(njnt, 2) [m, rad]");
+  whole("dof_bodyid", &M::dof_body, "(nv)");
+  whole("dof_jntid", &M::dof_jnt, "(nv)");
+  reals("dof_damping", &M::dof_damping, "(nv) with what actuators add [N s/m, N m s/rad]");
+  reals("dof_armature", &M::dof_armature, "(nv) with what actuators add [kg, kg m^2]");
+  whole("geom_bodyid", &M::geom_body, "(ngeom)");
+  whole("geom_type", &M::geom_type, "(ngeom) 0 plane, 1 hfield, 2 sphere, 3 capsule, 4 ellipsoid, 5 cylinder, 6 box, 7 mesh: MuJoCo's.");
+  rows("geom_size", &M::geom_size, "(ngeom, 3) [m]");
+  rows("geom_pos", &M::geom_pos, "(ngeom, 3) in the body's frame [m]");
+  rows("geom_quat", &M::geom_quat, "(ngeom, 4) in the body's frame");
+  rows("geom_friction", &M::geom_friction, "(ngeom, 3) sliding, torsional [m], rolling [m]");
+  whole("site_bodyid", &M::site_body, "(nsite)");
+  rows("site_pos", &M::site_pos, "(nsite, 3) in the body's frame [m]");
+  rows("site_quat", &M::site_quat, "(nsite, 4) in the body's frame");
+  rows("actuator_ctrlrange", &M::act_ctrlrange, "(nu, 2)");
+  rows("actuator_gear", &M::act_gear, "(nu, 6)");
   c.def_prop_ro(
-      "body_mass", [](Model const& model) { return numbers(model.compiled->body_mass); }, "(nbody) [kg]");
-  c.def_prop_ro("jnt_qposadr", [](Model const& model) { return numbers(model.compiled->jnt_qposadr); });
-  c.def_prop_ro("jnt_dofadr", [](Model const& model) { return numbers(model.compiled->jnt_dofadr); });
-  c.def_prop_ro(
-      "jnt_range", [](Model const& model) { return numbers<std::array<double, 2>, 2>(model.compiled->jnt_range); }, "(njnt, 2) [m, rad]");
-  c.def_prop_ro("geom_bodyid", [](Model const& model) { return numbers(model.compiled->geom_body); });
-  c.def_prop_ro(
-      "actuator_ctrlrange", [](Model const& model) { return numbers<std::array<double, 2>, 2>(model.compiled->act_ctrlrange); }, "(nu, 2)");
+      "key_qpos",
+      [](Model const& model) {
+        CompiledModel const& m = *model.compiled;
+        std::vector<double> all;
+        for (auto const& key : m.keyframes) {
+          auto const& qpos = key.qpos.empty() ? m.qpos0 : key.qpos;
+          all.insert(all.end(), qpos.begin(), qpos.end());
+        }
+        return nb::borrow<NumpyArray>(numbers(all).attr("reshape")(m.keyframes.size(), m.nq));
+      },
+      "(nkey, nq) positions of the keyframes.");
   c.def_prop_ro(
       "sensor_adr", [](Model const& model) { return numbers(model.compiled->sensor_adr); }, "(nsensor) first number in sensordata.");
-  c.def_prop_ro("sensor_dim", [](Model const& model) { return numbers(model.compiled->sensor_dim); });
+  c.def_prop_ro(
+      "sensor_dim", [](Model const& model) { return numbers(model.compiled->sensor_dim); }, "(nsensor) how many numbers.");
   c.def("__repr__", [](Model const& model) {
     CompiledModel const& a = *model.compiled;
     return "gsp.Model('" + model.file + "', nq=" + std::to_string(a.nq) + ", nv=" + std::to_string(a.nv) + ", nu=" + std::to_string(a.nu) +

@@ -2,6 +2,7 @@
 #include <gsp/model/compiled.hpp>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace gsp::python {
 
@@ -11,6 +12,8 @@ struct Model {
   std::string file;
 };
 
+/// Names of all objects of a kind, in their order.
+std::vector<std::string> names_of(Model const& model, std::string const& kind);
 /// Number of an object of this kind and name. Error with the nearest names.
 int id_of(Model const& model, std::string const& kind, std::string const& name);
 

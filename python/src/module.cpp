@@ -11,7 +11,9 @@ NB_MODULE(_gsp, m) {
       [](std::exception_ptr const& thrown, void* type) {
         try {
           std::rethrow_exception(thrown);
-        } catch (std::invalid_argument const& e) { PyErr_SetString(static_cast<PyObject*>(type), e.what()); } catch (gsp::Error const& e) {
+        } catch (std::invalid_argument const& e) {
+          PyErr_SetString(static_cast<PyObject*>(type), gsp::python::in_python(e.what()).c_str());
+        } catch (gsp::Error const& e) {
           PyErr_SetString(static_cast<PyObject*>(type), gsp::python::in_python(e.what()).c_str());
         } catch (std::bad_cast const&) {
           PyErr_SetString(PyExc_TypeError, "an argument, or what it holds, is of another kind than the function takes: see its help()");

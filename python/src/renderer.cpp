@@ -3,6 +3,9 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
 #include <gsp/io/colormap.hpp>
 #include <gsp/io/png.hpp>
 #include <gsp/io/splat_transform.hpp>
@@ -17,8 +20,32 @@ namespace {
 
 struct Scene {
   Model model;
-  runtime::Scene sets;
+  std::shared_ptr<runtime::Scene> sets = std::make_shared<runtime::Scene>();  // which renderers look at
 };
+
+std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
+/// A camera that was made for pictures of another size draws a part of what it should, or nothing.
+void expect_size(ArrayLike const& Ks, runtime::Array const& there, runtime::RendererOptions const& o) {
+  if (nb::isinstance<Array>(Ks)) {
+    auto const [width, height] = nb::cast<Array const&>(Ks).picture;
+    if (width > 0 && (width != o.width || height != o.height))
+      throw Error("gsp.Renderer.render: the cameras are for pictures of " + size_text(width, height) + ", and the renderer makes " +
+                  size_text(o.width, o.height) + ": give both the same width and height");
+  }
+  if (there.device != runtime::Device::cpu || there.dtype != runtime::Dtype::float32) return;
+  for (std::int64_t c = 0; c < there.extents[0]; ++c) {
+    auto const at = [&](int i, int j) {
+      return static_cast<float const*>(there.data)[c * there.strides[0] + i * there.strides[1] + j * there.strides[2]];
+    };
+    float const x = at(0, 2), y = at(1, 2);
+    if ((x > 0 && x < float(o.width) && y > 0 && y < float(o.height)) || !(std::abs(x) < 1e9f && std::abs(y) < 1e9f)) continue;
+    std::string const text = "gsp.Renderer.render: camera " + std::to_string(c) + " looks past its picture: K has the centre at (" +
+                             std::to_string(int(x)) + ", " + std::to_string(int(y)) + "), and the renderer makes " +
+                             size_text(o.width, o.height) + ": give gsp.pinhole the renderer's width and height";
+    if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw nb::python_error();
+    return;
+  }
+}
 
 /// Pictures of one scene. Where another number of them is asked for, a renderer of its own makes them: arrays that Python has of the one
 /// before stay what they are.
@@ -26,9 +53,11 @@ struct Renderer {
   std::shared_ptr<runtime::Session> session;
   std::shared_ptr<CompiledModel const> model;  // the scene's
   runtime::Device device;
-  runtime::Scene scene;
+  std::shared_ptr<runtime::Scene> scene;
   runtime::RendererOptions options;
   std::int64_t images = -1;
+  std::vector<std::vector<int>> shown{};          // `show`: of each world
+  std::shared_ptr<runtime::Scene::Sets> drawn{};  // what `own` has on the device: where the scene has more by now, it is made anew
   std::shared_ptr<runtime::Renderer> own{};
   std::shared_ptr<std::atomic<bool>> busy = std::make_shared<std::atomic<bool>>(false);
 };
@@ -40,9 +69,13 @@ struct Frames {
   Array rgb, depth, alpha, median_depth;
 };
 
-/// One whose pictures are not those that Python has.
+/// One whose pictures are not those that Python has, of what the scene has by now.
 std::unique_ptr<runtime::Renderer> another(Renderer const& self) {
-  return self.own ? self.own->another() : runtime::make_renderer(self.device, self.scene, self.options);
+  if (self.scene->count() == 0) throw Error("gsp.Renderer: the scene is empty: add_room(), add_surface() or add_splats(path) to it first");
+  if (self.own && self.drawn == self.scene->sets) return self.own->another();
+  auto own = runtime::make_renderer(self.device, *self.scene, self.options);
+  if (!self.shown.empty()) own->show_sets(self.shown);
+  return own;
 }
 
 /// OpenCV's coefficients, (C, n), or (n) for all.
@@ -97,11 +130,14 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
                           "gsp.Renderer.render: world", {n}, keeps[2]);
   }
   if (!distortion.is_none()) cameras.lenses = lenses_of(nb::borrow(distortion), fisheye, n);
+  expect_size(Ks, cameras.Ks, self.options);
   Use const use(data), use_renderer(self.busy, "this renderer");
-  if (!self.own || self.images != n) {
+  if (!self.own || self.images != n || self.drawn != self.scene->sets) {
     self.own = another(self);
     self.images = n;
+    self.drawn = self.scene->sets;
   }
+  freshen(data);
   {
     nb::gil_scoped_release const others_run;
     self.own->render(data.stepper->poses(), cameras);
@@ -121,41 +157,70 @@ Array asked_for(Array const& channel, std::string const& name) {
 void bind_renderer(nb::module_& m) {
   nb::class_<Scene>(m, "Scene", "Sets of Gaussians that are drawn together: rooms that stand, and what moves with the links of a model.")
       .def(
-          "__init__",
-          [](Scene* self, Model const& model) {
-            new (self) Scene{model, {}};
-          },
-          nb::arg("model"))
+          "__init__", [](Scene* self, Model const& model) { new (self) Scene{model}; }, nb::arg("model"))
       .def(
           "add_splats",
-          [](Scene& s, std::filesystem::path const& path, std::array<double, 3> const& pos, std::array<double, 4> const& quat,
-             double scale) {
+          [](Scene& s, std::filesystem::path const& path, std::array<double, 3> const& pos, std::array<double, 4> const& quat, double scale,
+             std::string const& body) {
             auto set = io::read_splats(path);
+            if (!body.empty() && std::any_of(set.link.begin(), set.link.end(), [](int link) { return link >= 0; }))
+              throw Error("gsp.Scene.add_splats: " + path.string() + " says itself which link its Gaussians move with: leave body out");
             io::SplatPose const pose{pos, quat, scale};
             if (pos != std::array<double, 3>{} || quat != std::array<double, 4>{1, 0, 0, 0} || scale != 1) io::transform(set, pose);
-            s.sets.add_set(set, path.string(), *s.model.compiled);
+            if (!body.empty() && id_of(s.model, "body", body) > 0) {
+              set.link_names = {body};
+              set.link.assign(set.size(), 0);
+            }
+            s.sets->add_set(set, path.string(), *s.model.compiled);
             return &s;
           },
           nb::arg("path"), nb::kw_only(), nb::arg("pos") = std::array<double, 3>{0, 0, 0},
-          nb::arg("quat") = std::array<double, 4>{1, 0, 0, 0}, nb::arg("scale") = 1., nb::rv_policy::reference_internal,
-          "Gaussians of a PLY or SPZ file; its links are those of the model. What is bound to none stands at x -> scale R x + pos, R of "
+          nb::arg("quat") = std::array<double, 4>{1, 0, 0, 0}, nb::arg("scale") = 1., nb::arg("body") = "",
+          nb::rv_policy::reference_internal,
+          "Gaussians of a file (PLY, SPZ, SOG, splat, glTF, USD); its links are those of the model. body: all of them move with this one, "
+          "and\n"
+          "pos and quat are in its frame. What is bound to none stands at x -> scale R x + pos, R of "
           "the\n"
           "quaternion w x y z: captures have y down as a rule, which quat=(0.5**0.5, -0.5**0.5, 0, 0) turns to z up.")
       .def(
           "add_room",
           [](Scene& s) {
-            s.sets.add_room();
+            s.sets->add_room();
             return &s;
           },
           nb::rv_policy::reference_internal, "The furnished room that the library makes.")
       .def(
           "add_surface",
           [](Scene& s) {
-            s.sets.add_surface(*s.model.compiled);
+            s.sets->add_surface(*s.model.compiled);
             return &s;
           },
           nb::rv_policy::reference_internal, "Gaussians on the geoms of the model's moving bodies.")
-      .def("__len__", [](Scene const& s) { return s.sets.count(); });
+      .def(
+          "bounds",
+          [](Scene const& s, double share) {
+            if (!(share > 0 && share <= 1))
+              throw Error("gsp.Scene.bounds: share is above 0 and at most 1, and is " + std::to_string(share));
+            auto const b = s.sets->bounds(share);
+            if (b.count == 0) throw Error("gsp.Scene.bounds: the scene has no Gaussians that stand: add_room() or add_splats(path) first");
+            return nb::borrow<NumpyArray>(nb::module_::import_("numpy").attr("array")(nb::make_tuple(b.low, b.high)));
+          },
+          nb::arg("share") = 1.,
+          "(2, 3) least and greatest coordinates [m] of the Gaussians that stand, those on links left out. share: of this part of them "
+          "along each\n"
+          "axis, the middle one, as captures have some that float far off: bounds(0.98).")
+      .def("__len__", [](Scene const& s) { return s.sets->count(); })
+      .def("__repr__", [](Scene const& s) {
+        auto const b = s.sets->bounds(0.98);
+        std::string text = "gsp.Scene(" + std::to_string(s.sets->count()) + " Gaussians";
+        if (b.count == 0) return text + ")";
+        auto const point = [](std::array<double, 3> const& p) {
+          char buffer[96];
+          std::snprintf(buffer, sizeof buffer, "(%.2f, %.2f, %.2f)", p[0], p[1], p[2]);
+          return std::string(buffer);
+        };
+        return text + ", " + std::to_string(b.count) + " of them stand, 98 % from " + point(b.low) + " to " + point(b.high) + " m)";
+      });
   nb::class_<Frames>(m, "Frames", "Pictures, float32; they hold until the next `render`, which writes into the same memory.")
       .def_prop_ro(
           "rgb", [](Frames const& f) { return asked_for(f.rgb, "rgb"); }, "(C, H, W, 3), 0 to 1")
@@ -165,7 +230,19 @@ void bind_renderer(nb::module_& m) {
           "median_depth", [](Frames const& f) { return asked_for(f.median_depth, "median_depth"); },
           "(C, H, W) depth at which half of a pixel's light is taken, as a LiDAR returns; 0: more comes through [m]")
       .def_prop_ro(
-          "alpha", [](Frames const& f) { return asked_for(f.alpha, "alpha"); }, "(C, H, W)");
+          "alpha", [](Frames const& f) { return asked_for(f.alpha, "alpha"); }, "(C, H, W)")
+      .def("__repr__", [](Frames const& f) {
+        std::string text = "gsp.Frames(";
+        std::pair<char const*, Array const*> const channels[] = {
+            {"rgb", &f.rgb}, {"depth", &f.depth}, {"median_depth", &f.median_depth}, {"alpha", &f.alpha}};
+        for (auto const& [name, a] : channels) {
+          if (!a->array) continue;
+          text += (text.back() == '(' ? "" : ", ") + std::string(name) + " (";
+          for (int k = 0; k < a->array.rank; ++k) text += (k == 0 ? "" : ", ") + std::to_string(a->array.extents[std::size_t(k)]);
+          text += ")";
+        }
+        return text + ")";
+      });
   nb::class_<Renderer>(m, "Renderer", "Pictures of a scene of Gaussians, one a camera, of all worlds in one call.")
       .def(
           "__init__",
@@ -183,6 +260,13 @@ void bind_renderer(nb::module_& m) {
           },
           nb::arg("scene"), nb::arg("width") = 640, nb::arg("height") = 480, nb::arg("device") = "cpu", nb::kw_only(),
           nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true, nb::arg("median_depth") = false)
+      .def_prop_ro("width", [](Renderer const& r) { return r.options.width; })
+      .def_prop_ro("height", [](Renderer const& r) { return r.options.height; })
+      .def("__repr__",
+           [](Renderer const& r) {
+             return "gsp.Renderer(" + size_text(r.options.width, r.options.height) +
+                    ", device=" + (r.device == runtime::Device::cuda ? "cuda:0" : "cpu") + ")";
+           })
       .def(
           "show",
           [](Renderer& self, std::vector<std::vector<int>> const& sets) {
@@ -190,6 +274,8 @@ void bind_renderer(nb::module_& m) {
             auto own = another(self);
             own->show_sets(sets);
             self.own = std::move(own);
+            self.drawn = self.scene->sets;
+            self.shown = sets;
             self.images = -1;
           },
           nb::arg("sets"),

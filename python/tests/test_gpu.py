@@ -74,6 +74,27 @@ def test_torch_jax_and_cupy_see_the_memory():
         assert j.shape == (4, model.nv) and float(j[2, 3]) == 5
 
 
+def test_poses_are_of_the_positions_whoever_wrote_them():
+    model, data = quadruped(4, "cuda")
+    t = torch.from_dlpack(data.qpos)
+    for x in (2, 3):
+        data.xpos
+        t[:, 0] = x
+        assert np.all(data.xpos.copy()[:, 1, 0] == x)
+    gsp.step(model, data)
+    assert np.array_equal(data.xpos.copy()[:, 1], data.qpos.copy()[:, :3])
+
+
+def test_rows_of_the_worlds_of_a_mask():
+    model = gsp.Model.from_xml(MODELS / "quadruped.xml")
+    data = gsp.Data(model, worlds=4, device="cuda", per_world=["body_mass"])
+    mask = torch.tensor([False, True, False, True], device="cuda")
+    mass = data.values("body_mass").copy()
+    data.set("body_mass", 2 * torch.as_tensor(mass[:2], device="cuda"), mask)
+    mass[[1, 3]] *= 2
+    np.testing.assert_allclose(data.values("body_mass").copy(), mass, rtol=1e-6)
+
+
 def test_arrays_outlive_what_made_them():
     _, data = quadruped(4, "cuda")
     t = torch.from_dlpack(data.qpos)

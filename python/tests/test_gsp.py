@@ -714,3 +714,217 @@ def test_nothing_is_equal_to_none(model):
 def test_text_in_place_of_a_path():
     with pytest.raises(gsp.Error, match="from_string"):
         gsp.Model.from_xml(ARM)
+
+
+# Whoever wrote the positions, by whatever way, what is asked for next is of them; who holds a view has it when the array is asked for again.
+def test_what_is_asked_for_is_of_the_state_as_it_is(model):
+    data, fresh = gsp.Data(model, worlds=2), gsp.Data(model, worlds=2)
+    renderer = gsp.Renderer(gsp.Scene(model).add_surface(), 32, 24)
+    at = gsp.look_at([1.5, 1.5, 1], [0, 0, 0.4]), gsp.pinhole(32, 24, 60)
+    view, places = data.qpos.numpy(), data.xpos.numpy()
+
+    def by_setter(x):
+        data.qpos = x
+
+    def by_array(x):
+        data.qpos[:] = x
+
+    def by_view(x):
+        view[:] = x
+
+    def by_view_and_back(x):  # what else makes poses leaves none behind
+        view[:] = 0.5
+        view[:, 3] = 1
+        data.mass_matrix()
+        gsp.forward(model, data)
+        view[:] = x
+
+    for k, write in enumerate((by_setter, by_array, by_view, by_view_and_back)):
+        x = model.qpos0.astype(np.float32) + np.float32([0.1 * k, 0.05, 0.3, 0, 0, 0, 0, 0.1 * k])
+        fresh.qpos = x
+        gsp.forward(model, fresh)
+        for ask in ("render", "cameras", "xpos"):
+            write(model.qpos0)
+            data.xpos
+            write(x)
+            if ask == "render":
+                assert np.array_equal(renderer.render(data, *at).rgb.copy(), renderer.render(fresh, *at).rgb), write
+            elif ask == "cameras":
+                assert np.array_equal(data.cameras(["head"], 32, 24)[0].copy(), fresh.cameras(["head"], 32, 24)[0]), write
+            else:
+                assert np.array_equal(data.xpos.copy(), fresh.xpos), write
+                assert np.array_equal(places, fresh.xpos)  # the same memory
+    view[:] = model.qpos0
+    gsp.step(model, data)
+    gsp.step(model, data, n=3)
+    assert np.array_equal(data.xpos[:, 1], data.qpos[:, :3])
+    gsp.reset(model, data, mask=[1, 0], keyframe="high")
+    assert data.xpos[0, 1, 2] == 1.5
+
+
+def test_mocap_bodies_are_where_they_are_put():
+    text = ARM.replace("<worldbody>", '<worldbody><body name="hand" mocap="true" pos="1 0 0"><geom size="0.01" contype="0" conaffinity="0"/></body>')
+    data = gsp.Data(gsp.Model.from_string(text), worlds=2)
+    data.xpos
+    data.mocap_pos[1, 0] = [3, 2, 1]
+    assert list(data.xpos[1, 1]) == [3, 2, 1] and list(data.xpos[0, 1]) == [1, 0, 0]
+
+
+def test_computed_arrays_are_for_reading(model):
+    data = gsp.Data(model)
+    for name in ("xpos", "xquat", "xanchor", "xaxis", "sensordata", "qfrc_constraint"):
+        with pytest.raises(gsp.Error, match="computed from the state.*write"):
+            getattr(data, name)[:] = 1
+        with pytest.raises(gsp.Error, match="computed"):
+            getattr(data, name).fill(1)
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(data, name).numpy()[:] = 1
+    with pytest.raises(gsp.Error, match="computed"):
+        data.xpos += 1
+    with pytest.raises(ValueError, match="read-only"):
+        data.time[:] = 5
+    data.qvel.fill(2)
+    assert np.all(data.qvel.numpy() == 2)
+
+
+def test_cameras_of_another_size_are_refused(model):
+    data = gsp.Data(model, worlds=2)
+    renderer = gsp.Renderer(gsp.Scene(model).add_room(), 32, 24)
+    assert (renderer.width, renderer.height) == (32, 24) and "32 x 24" in repr(renderer)
+    with pytest.raises(gsp.Error, match="cameras are for pictures of 640 x 480, and the renderer makes 32 x 24"):
+        renderer.render(data, *data.cameras(["head"]))
+    views, Ks, world = data.cameras(["head"], 32, 24)
+    renderer.render(data, views, Ks, world)
+    with pytest.warns(UserWarning, match=r"centre at \(320, 240\)"):
+        renderer.render(data, views, gsp.pinhole(640, 480, 60), world)
+
+
+def test_scenes_may_grow_and_are_never_empty(model):
+    data, scene = gsp.Data(model), gsp.Scene(model)
+    renderer = gsp.Renderer(scene, 32, 24)
+    at = gsp.look_at([0.5, -2, 1.5], [0, 0, 0.6]), gsp.pinhole(32, 24, 60)
+    with pytest.raises(gsp.Error, match=r"scene is empty: add_room\(\)"):
+        renderer.render(data, *at)
+    with pytest.raises(gsp.Error, match="no Gaussians that stand"):
+        scene.bounds()
+    scene.add_surface()
+    few = renderer.render(data, *at)
+    kept = few.rgb.copy()
+    scene.add_room()  # after the renderer was made
+    more = renderer.render(data, *at)
+    assert np.array_equal(few.rgb, kept) and not np.array_equal(more.rgb, kept)
+    assert np.array_equal(more.rgb, gsp.Renderer(gsp.Scene(model).add_surface().add_room(), 32, 24).render(data, *at).rgb)
+    assert "rgb (1, 24, 32, 3)" in repr(more)
+    renderer.show([[0]])
+    scene.add_surface()  # what is shown stays so
+    assert np.array_equal(renderer.render(data, *at).rgb, kept)
+
+
+def test_a_scene_says_where_it_is_and_moves_with_a_body(model, tmp_path):
+    room = gsp.Scene(model).add_room()
+    low, high = room.bounds()
+    inner = room.bounds(0.9)
+    assert np.all(low <= inner[0]) and np.all(inner[1] <= high) and (low < inner[0]).any() and len(room) > 1000
+    assert f"{len(room)} Gaussians" in repr(room) and "98 %" in repr(room)
+    with pytest.raises(gsp.Error, match="share is above 0"):
+        room.bounds(2)
+    path = DATA / "splats" / "biker.compressed.ply"
+    if not path.exists():
+        pytest.skip(f"{path} is missing")
+    standing = gsp.Scene(model).add_splats(path)
+    moved = gsp.Scene(model).add_splats(path, pos=(1, 2, 3), scale=2)
+    assert np.allclose(moved.bounds(), 2 * standing.bounds() + [1, 2, 3], rtol=1e-5, atol=1e-5)
+    bound = gsp.Scene(model).add_splats(path, body="base", pos=(0, 0, 0.1), scale=0.2)
+    assert len(bound) == len(standing)
+    data = gsp.Data(model)
+    data.qpos[0, :3] = [0.5, 0.25, 1]
+    K = gsp.pinhole(48, 36, 60)
+    there = gsp.Scene(model).add_splats(path, pos=(0.5, 0.25, 1.1), scale=0.2)
+    view = gsp.look_at([0.5, -0.6, 1.3], [0.5, 0.25, 1.1])
+    a, b = (gsp.Renderer(s, 48, 36).render(data, view, K).rgb.numpy() for s in (bound, there))
+    assert a.max() > 0.1 and np.abs(a - b).mean() < 1e-3
+    with pytest.raises(gsp.Error, match="nearest: 'base'"):
+        gsp.Scene(model).add_splats(path, body="bas")
+
+
+def test_worlds_go_on_from_what_one_was(model):
+    data = gsp.Data(model, worlds=3)
+    data.qvel[:, 6] = [0, 1, 2]
+    gsp.step(model, data, n=150)
+    all_of, one = data.save(), data.save(world=2)
+    assert one["state.qpos"].shape == (1, 8) and len(one["impulses.p"]) == one["impulses.count"][0] + one["impulses.kept"][0] > 0
+    gsp.step(model, data, n=50)
+    after, steps = data.qpos.copy(), list(data.steps)
+    data.restore(one, mask=[1, 0, 0])
+    assert list(data.steps) == [150, steps[1], steps[2]]
+    assert np.array_equal(data.qpos[0], all_of["state.qpos"][2]) and np.array_equal(data.qpos[1:], after[1:])
+    gsp.step(model, data, n=50)
+    assert np.array_equal(data.qpos[0], after[2])  # what followed there, to the bit
+    data.restore(all_of, mask=[0, 1, 0])
+    assert np.array_equal(data.qpos[1], all_of["state.qpos"][1]) and not np.array_equal(data.qpos[2], all_of["state.qpos"][2])
+    data.restore(one)
+    gsp.step(model, data, n=50)
+    assert np.array_equal(data.qpos, [after[2]] * 3)
+    new = gsp.Data(model, worlds=2)
+    new.restore(one, mask=[0, 1])
+    gsp.step(model, new, n=50)
+    assert np.array_equal(new.qpos[1], after[2]) and list(new.steps) == [50, 200]
+    with pytest.raises(gsp.Error, match="no world 3: there are 3"):
+        data.save(world=3)
+    with pytest.raises(gsp.Error, match="array 'state.qpos'") as said:
+        data.restore({k: v for k, v in one.items() if k != "state.qpos"})
+    assert "Stepper" not in str(said.value)
+
+
+def test_equalities_are_switched_off():
+    model = gsp.Model.from_string("""<mujoco><worldbody>
+      <body name="a" pos="0 0 1"><freejoint/><geom size="0.1"/></body></worldbody>
+      <equality><weld body1="a"/></equality></mujoco>""")
+    data = gsp.Data(model, worlds=2)
+    assert data.eq_active.shape == (2, 1) and np.all(data.eq_active.numpy() == 1)
+    data.eq_active[1] = 0
+    gsp.step(model, data, n=200)
+    assert abs(data.qpos[0, 2] - 1) < 0.01 and data.qpos[1, 2] < 0.5
+    gsp.reset(model, data)
+    assert np.all(data.eq_active.numpy() == 1)
+
+
+def test_the_model_has_mujocos_arrays():
+    mujoco = pytest.importorskip("mujoco")
+    m, model = mujoco.MjModel.from_xml_string(ARM), gsp.Model.from_string(ARM)
+    for name in (
+        "body_parentid body_pos body_quat body_ipos body_mass body_inertia jnt_type jnt_bodyid jnt_qposadr jnt_dofadr jnt_axis jnt_range "
+        "dof_bodyid dof_jntid dof_damping dof_armature geom_bodyid geom_type geom_size geom_pos geom_quat geom_friction site_bodyid site_pos "
+        "site_quat actuator_ctrlrange actuator_gear key_qpos sensor_adr sensor_dim qpos0"
+    ).split():
+        ours, theirs = getattr(model, name), getattr(m, name)
+        assert ours.shape == theirs.shape and np.allclose(ours, theirs, rtol=0, atol=1e-12), name
+        with pytest.raises(ValueError, match="read-only"):
+            ours[...] = 0
+    assert gsp.Model.from_string(ARM.replace("keyframe", "custom").replace('<key name="high" qpos="0 0 1.5 1 0 0 0 0.3" ctrl="0.5"/>', "")).key_qpos.shape == (0, 8)
+
+
+def test_arrays_have_what_numpys_have(model):
+    a = gsp.Data(model, worlds=2).qpos
+    n = a.numpy()
+    assert a.tobytes() == n.tobytes() and a.nbytes == n.nbytes and a.itemsize == n.itemsize
+    for got, expected in ((a.ravel(), n.ravel()), (a.flatten(), n.flatten()), (a.transpose(), n.T), (a.round(1), n.round(1)), (a.take(2), n.take(2))):
+        assert np.array_equal(got, expected)
+
+
+def test_sentences_are_of_python(model):
+    data = gsp.Data(model, worlds=2, per_world=["body_mass"])
+    for call, words in (
+        (lambda: data.jacobian(body=99), "model.id"),
+        (lambda: data.cameras(["haed"]), "the model has no camera 'haed'"),
+        (lambda: data.cameras([dict(body="bas")]), "the model has no body 'bas'"),
+        (lambda: data.set("body_mass", np.ones((2, 3)), scale_inertia=True), "name it in per_world too"),
+        (lambda: gsp.Data(model, per_world="body_mass"), r"per_world is a list of names: give \['body_mass'\]"),
+        (lambda: gsp.Data(model, per_world=["actuator_gainprm"]), "act_gain"),
+    ):
+        with pytest.raises(gsp.Error, match=words) as said:
+            call()
+        assert "::" not in str(said.value) and "(compiled" not in str(said.value)
+    assert "state.status" not in gsp.status_text(4) and "data.status" in gsp.status_text(4)
+    gsp.step(model, data, n=300)
+    assert repr(data.counts).startswith("gsp.StepCounts(contacts=") and repr(data.contacts) == f"gsp.Contacts({len(data.contacts)})"

@@ -1,5 +1,6 @@
 """What lies in the package beside the kernels: the choice of the compiled module, stubs, examples, pictures."""
 
+import os
 import pathlib
 import re
 import runpy
@@ -83,10 +84,19 @@ def test_pictures_are_written(tmp_path):
         (["pendulum.py"], r"closed form: \d\.\de-0[5-9]\n"),
         (["randomise.py", "--worlds", "32"], r"world 7 alone: the same bits\n"),
         (["pictures.py", "--worlds", "2"], r"2 worlds, nearest [01]\.\d\d m, mean brightness 0\.[2-8]"),
+        (  # upright: lower than wide, its floor near z = 0
+            ["pictures.py", "--splats", "kitchen.spz", "--quat", "0.7071", "-0.7071", "0", "0", "--worlds", "1", "--distance", "1"],
+            r"98 % from \(-1\.67, -0\.92, -0\.03\) to \(1\.91, 1\.09, 2\.32\) m",
+        ),
     ],
 )
 def test_examples(arguments, says, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    kitchen = pathlib.Path(os.environ.get("GSP_DATA_DIR", "")) / "splats" / "kitchen.spz"
+    if "kitchen.spz" in arguments:
+        if not kitchen.exists():
+            pytest.skip(f"{kitchen} is missing")
+        arguments = [str(kitchen) if one == "kitchen.spz" else one for one in arguments]
     monkeypatch.setattr(sys, "argv", arguments)
     runpy.run_path(str(EXAMPLES / arguments[0]), run_name="__main__")
     out = capsys.readouterr().out

@@ -160,7 +160,7 @@ def test_final_obs_is_what_was_before_the_reset():
     ends = 0
     for _ in range(40):
         alone = Short(worlds=4)  # goes through the same step without a reset
-        alone._data.restore(task._data.save())
+        alone.data.restore(task.data.save())
         for name in ("_key", "_world", "_episode", "age"):
             getattr(alone, name)[:] = getattr(task, name)
         action = np.full((4, 1), 0.3, dtype=np.float32)
@@ -378,7 +378,11 @@ def test_wrong_tasks_are_one_sentence():
 
 @pytest.mark.parametrize(
     "module, missing, sentence",
-    [("gymnasium", "gymnasium", "pip install gymnasium"), ("rsl_rl", "torch", "pip install rsl-rl-lib")],
+    [
+        ("gymnasium", "gymnasium", "pip install gymnasium"),
+        ("rsl_rl", "torch", "pip install rsl-rl-lib"),
+        ("sb3", "stable_baselines3", "pip install stable-baselines3"),
+    ],
 )
 def test_missing_packages_are_one_sentence(module, missing, sentence):
     code = f"import sys; sys.modules['{missing}'] = None; import gsp; import gsp.{module}"
@@ -499,3 +503,126 @@ def test_episodes_have_steps():
 
     with pytest.raises(gsp.Error, match="substeps is 0"):
         None_()
+
+
+@pytest.mark.parametrize("array", ["numpy", "torch"])
+def test_the_data_of_a_task_are_gsps(array):
+    kind = pytest.importorskip("torch").Tensor if array == "torch" else np.ndarray
+    task = CartPole(worlds=2, array=array)
+    data = task.data
+    assert isinstance(data, gsp.Data) and isinstance(data.qpos, kind) and isinstance(data.xpos, kind)
+    assert isinstance(data.model, gsp.Model) and data.model is not None and data.worlds == 2
+    data.ctrl[:] = 1
+    gsp.step(task.model, data, n=3)
+    assert list(data.steps) == [3, 3] and (data.qvel[:, 0] > 0).all()
+    data.qpos[:, 0] = 0.5
+    renderer = gsp.Renderer(gsp.Scene(task.model).add_surface(), 32, 24)
+    views = data.cameras([dict(body="world", pos=(0, -3, 1), quat=(0.5**0.5, 0.5**0.5, 0, 0))], 32, 24)
+    picture = renderer.render(data, *views).rgb.copy()
+    data.qpos[:, 0] = -0.5
+    assert picture.shape == (2, 24, 32, 3) and not np.array_equal(picture, renderer.render(data, *views).rgb)
+    saved = data.save()
+    gsp.reset(task.model, data)
+    assert not data.qpos.any()
+    data.restore(saved)
+    assert data.qpos[0, 0] == -0.5
+    data.ctrl = 0.25
+    assert data.ctrl[1, 0] == 0.25
+    with pytest.raises(AttributeError, match="no attribute 'qposs'"):
+        data.qposs = 1
+    with pytest.raises(AttributeError, match="qposs"):
+        data.qposs
+
+
+def test_misspelt_members_are_told():
+    for name, right in (("substep", "substeps"), ("terminate", "terminated"), ("randomize", "randomise"), ("rewards", "reward")):
+        with pytest.warns(UserWarning, match=f"Off.{name}: .*is it {right}"):
+            type("Off", (Counting,), {name: 5})
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        type("Fine", (Counting,), {"height": 0.3, "up": 1, "_terminate": 2, "substeps": 3})
+        CartPole()
+    with pytest.raises(gsp.Error, match="there is no option 'profil': give profile"):
+        CartPole(profil="mujoco")
+    with pytest.raises(gsp.Error, match="substeps a whole number"):
+        type("Half", (Counting,), {"substeps": 2.5})()
+
+
+def test_what_is_no_task_is_told():
+    for make in (gsp.gymnasium.VectorEnv, gsp.gymnasium.Env):
+        with pytest.raises(gsp.Error, match=r"takes a task, not its class: give CartPole\(worlds=64\)"):
+            make(CartPole)
+        with pytest.raises(gsp.Error, match="takes a gsp.Task, not Data"):
+            make(gsp.Data(SLIDER))
+
+    class Forgets(Counting):
+        def __init__(self, worlds=1):
+            self.memory = self.age * 2
+
+    with pytest.raises(AttributeError, match=r"has no attribute 'age' yet: its __init__ calls super\(\).__init__"):
+        Forgets()
+    with pytest.raises(AttributeError, match="has no attribute 'agee'$"):
+        Counting(worlds=3).agee
+
+
+@pytest.mark.parametrize("array", ["numpy", "torch"])
+def test_actions_that_are_not_finite_are_refused(array):
+    xp = pytest.importorskip("torch") if array == "torch" else np
+    task = type("Any", (CartPole,), {"observe": lambda self, data: data.qpos, "reward": lambda self, data: data.qpos[:, 0]})(worlds=3, array=array)
+    task.reset()
+    action = xp.zeros((3, 1))
+    action[1] = float("nan")
+    with pytest.raises(gsp.Error, match="the action of world 1 is not finite"):
+        task.step(action)
+    assert not task.data.status.any() and not task.age.any()  # nothing was done
+
+
+def test_values_per_world_in_a_task():
+    class Heavy(CartPole):
+        def __init__(self, worlds=1, **options):
+            super().__init__(worlds, per_world=["body_mass"], **options)
+            self.mass = self.data.values("body_mass").copy()
+
+        def randomise(self, data, mask):
+            super().randomise(data, mask)
+            data.set("body_mass", self.mass[mask] * self.uniform(0.5, 1.5, 1, mask)[:, :, None], mask)
+
+    task = Heavy(worlds=6, seed=2)
+    task.reset()
+    first = task.data.values("body_mass").copy()
+    assert len(np.unique(first[:, 1])) == 6
+    mask = np.array([True, False] * 3)
+    task.reset(mask)
+    second = task.data.values("body_mass").copy()
+    assert np.array_equal(first[~mask], second[~mask]) and np.all(first[mask, 1] != second[mask, 1])
+
+
+def test_stable_baselines3_of_many_worlds():
+    pytest.importorskip("stable_baselines3")
+    import gsp.sb3
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import VecMonitor
+
+    env, theirs = gsp.sb3.VecEnv(Short(worlds=5)), gsp.gymnasium.VectorEnv(Short(worlds=5))
+    env.seed(3)
+    assert np.array_equal(env.reset(), theirs.reset(seed=[3, 4, 5, 6, 7])[0])
+    ends = 0
+    for _ in range(40):
+        action = np.full((5, 1), 0.3, dtype=np.float32)
+        seen, rewards, done, infos = env.step(action)
+        a = theirs.step(action)
+        assert np.array_equal(seen, a[0]) and np.array_equal(rewards, a[1]) and np.array_equal(done, a[2] | a[3])
+        for k in range(5):
+            assert infos[k]["angle"] == (a[4]["final_info"] if done[k] else a[4])["angle"][k]
+            assert ("terminal_observation" in infos[k]) == done[k]
+            if done[k]:
+                assert np.array_equal(infos[k]["terminal_observation"], a[4]["final_obs"][k])
+                assert infos[k]["TimeLimit.truncated"] == (a[3][k] and not a[2][k])
+                ends += 1
+    assert ends > 5 and env.get_attr("num_envs", [0, 2]) == [5, 5] and env.env_is_wrapped(VecMonitor) == [False] * 5
+    with pytest.raises(gsp.Error, match="all worlds are one task"):
+        env.set_attr("x", 1)
+    model = PPO("MlpPolicy", VecMonitor(gsp.sb3.VecEnv(CartPole(worlds=16))), n_steps=16, batch_size=64, n_epochs=1, device="cpu").learn(512)
+    assert model.ep_info_buffer is not None

@@ -158,3 +158,45 @@ def test_every_field_can_be_set_to_what_it_is():
         d.qvel = np.full((1, model.nv), 0.3)
         gsp.step(model, d, n=100)
     np.testing.assert_allclose(data.qpos.numpy(), plain.qpos.numpy(), rtol=0, atol=1e-9)
+
+
+def test_rows_of_the_worlds_of_a_mask():
+    model = gsp.Model.from_string(ARM)
+    data = gsp.Data(model, worlds=4, per_world=["body_mass", "gravity"])
+    mask = np.array([False, True, False, True])
+    mass = data.values("body_mass").numpy().copy()
+    data.set("body_mass", [[0, 2, 3], [0, 4, 5]], mask)  # two rows, two worlds
+    mass[1, :, 0], mass[3, :, 0] = [0, 2, 3], [0, 4, 5]
+    assert np.array_equal(data.values("body_mass"), mass)
+    for value in ([-1.0] * 3, [[-1.0] * 3] * 2, np.full((4, 3), -1.0), np.full((1, 1, 3), -1.0)):
+        data.set("gravity", [0, 0, 0])
+        data.set("gravity", value, mask)
+        assert np.array_equal(data.values("gravity")[:, 0], -1.0 * np.outer(mask, [1, 1, 1]))
+    assert list(data.values("gravity")[:, 0, 0]) == [0, -1, 0, -1]
+    gsp.reset(model, data)
+    assert np.array_equal(data.values("body_mass"), mass)  # a reset leaves them
+    with pytest.raises(gsp.Error, match="3 rows and must have 4, one for each world, or 2, one for each world of the mask"):
+        data.set("body_mass", np.ones((3, 3)), mask)
+
+
+def test_values_of_no_body_are_refused():
+    model = gsp.Model.from_string(ARM)
+    data = gsp.Data(model, worlds=3, per_world=gsp.world_fields())
+    before = {name: data.values(name).copy() for name in gsp.world_fields()}
+    for name, item, value, sentence in (
+        ("body_mass", 1, -1, "'body_mass' of world 1, body 'base', is -1.0 and must be positive"),
+        ("body_mass", 1, 0, "must be positive"),
+        ("body_mass", 0, -1, "0 or more"),
+        ("body_inertia", 2, -1, "body 'link'.*positive"),
+        ("geom_size", 1, 0, "geom 'trunk'.*positive"),
+        ("geom_friction", 0, -0.1, "geom 'floor'.*0 or more"),
+        ("dof_armature", 3, -1, "dof 3.*0 or more"),
+        ("dof_damping", 3, np.nan, "dof 3, is nan and must be finite"),
+        ("gravity", 0, np.inf, "finite"),
+    ):
+        values = before[name].copy()
+        values[1, item] = value
+        with pytest.raises(gsp.Error, match=sentence):
+            data.set(name, values)
+        assert np.array_equal(data.values(name), before[name], equal_nan=True)
+        data.set(name, values, mask=[True, False, True])  # nobody reads that row

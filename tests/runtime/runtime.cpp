@@ -301,6 +301,30 @@ TEST_CASE("no digit of a free body's place is lost, and none of a hinge's start 
   }
 }
 
+// Ten on a line, one far off, one on a link: the box of 75 % leaves out the k = 1 at either end.
+TEST_CASE("a scene says where what stands in it is") {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  Scene scene;
+  CHECK(scene.bounds().count == 0);
+  auto set = gsp::io::make_splat_set(11, 0);
+  for (std::size_t i = 0; i < 11; ++i) {
+    set.positions[3 * i] = i == 9 ? 1000.f : float(i);
+    set.positions[3 * i + 2] = 2;
+    set.opacities[i] = 1;
+  }
+  set.link_names = {compiled.body_name[1]};
+  set.link[10] = 0;
+  CHECK(scene.add_set(set, "line", compiled));
+  auto const all = scene.bounds();
+  CHECK(all.count == 10);
+  CHECK(all.low == std::array<double, 3>{0, 0, 2});
+  CHECK(all.high == std::array<double, 3>{1000, 0, 2});
+  auto const middle = scene.bounds(0.75);
+  CHECK(middle.low[0] == 1);
+  CHECK(middle.high[0] == 8);
+  CHECK_THROWS_AS(static_cast<void>(scene.bounds(0)), std::invalid_argument);
+}
+
 // What a stepper gives, another goes on from to the bit, of as many worlds or of one for all.
 TEST_CASE("a stepper goes on from what another saved") {
   auto compiled = gsp::compile(gsp::samples::quadruped_scene());
@@ -329,6 +353,16 @@ TEST_CASE("a stepper goes on from what another saved") {
       one->step({.steps = 40});
       fresh->step({.steps = 40});
       CHECK(on_host<double>(fresh->state().qvel.rows(1, 1)) == on_host<double>(one->state().qvel));
+      int const second[] = {0, 1};
+      auto const before = on_host<double>(stepper->state().qvel.rows(0, 1));
+      stepper->restore(of_one, gsp::runtime::host_array(second, {2}));
+      CHECK(on_host<double>(stepper->state().qvel.rows(0, 1)) == before);
+      CHECK(on_host<std::int64_t>(stepper->state().steps) == std::vector<std::int64_t>{80, 40});
+      auto const alone = make_stepper(device, compiled, options);
+      alone->restore(of_one);
+      stepper->step({.steps = 40});
+      alone->step({.steps = 40});
+      CHECK(on_host<double>(stepper->state().qvel.rows(1, 1)) == on_host<double>(alone->state().qvel));
       CHECK_THROWS_WITH_AS(one->restore(arrays), doctest::Contains("there are 2 worlds, and here 1"), gsp::Error);
       options.precision = precision == Dtype::float32 ? Dtype::float64 : Dtype::float32;
       auto const other = make_stepper(device, compiled, options);

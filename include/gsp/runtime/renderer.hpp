@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <gsp/io/splat_set.hpp>
 #include <gsp/runtime/stepper.hpp>
 
@@ -14,6 +15,13 @@ class Scene {
   /// Gaussians on the geoms of the model's moving bodies.
   void add_surface(CompiledModel const& model);
   std::size_t count() const;
+  /// Of the Gaussians that stand, how many, and the box of their centres: along each axis from the k-th of them to the k-th from the end,
+  /// k = n (1 - share) / 2, so that a few that float far off do not decide. Zeros where none stands.
+  struct Bounds {
+    std::size_t count = 0;
+    std::array<double, 3> low{}, high{};
+  };
+  Bounds bounds(double share = 1) const;
 
   struct Sets;
   std::shared_ptr<Sets> sets;

@@ -44,6 +44,7 @@ struct StateArrays {
   Array qfrc_applied;  // (worlds, nv)
   Array steps;         // (worlds) int64
   Array status;        // (worlds) uint32
+  Array eq_active;     // (worlds, neq) int32, not 0: this equality constraint acts
 };
 
 /// Poses of bodies and joints (model/poses.hpp).
@@ -156,9 +157,10 @@ class Stepper {
   virtual std::vector<NamedArray> save() = 0;
   /// Goes on from such arrays, on any device, of as many worlds or of one, which is given to all: with the same model and options, on the
   /// same device, what follows is what would have followed, to the bit. Without those of "sleep." all worlds are awake, without those of
-  /// "sensors." sensors that keep samples have measured nothing. Allocates; waits.
+  /// "sensors." sensors that keep samples have measured nothing. Worlds outside of the mask, as `reset` takes it, do not notice, but that
+  /// no world has contacts of the last step. Allocates; waits.
   /// Errors: gsp::Error that names an array which is missing, or of other shape, kind or range than `save` gives.
-  virtual void restore(std::vector<NamedArray> const& arrays) = 0;
+  virtual void restore(std::vector<NamedArray> const& arrays, Array const& mask = {}) = 0;
   /// (worlds, items, components) a copy of the values of a field of StepperOptions::per_world, which holds until the next call of this.
   /// Friction and softness of geoms that take part in no pair are NaN. Allocates; waits. Errors: gsp::Error for a field that is the same
   /// for all worlds.
