@@ -56,14 +56,13 @@ struct BlendBlocks {
       blend(first, left, q.splat, values);
       blend(second, right, q.splat, values);
     };
-    if constexpr (together > 2)
-      for (; behind - at >= together; at += together) {
-        float left[together], right[together];
+    for (; together > 2 && behind - at >= together; at += together) {
+      float left[together], right[together];
 #pragma unroll
-        for (int k = 0; k < together; ++k) exponents(at[k], left[k], right[k]);
+      for (int k = 0; k < together; ++k) exponents(at[k], left[k], right[k]);
 #pragma unroll
-        for (int k = 0; k < together; ++k) both(at[k], left[k], right[k]);
-      }
+      for (int k = 0; k < together; ++k) both(at[k], left[k], right[k]);
+    }
 #pragma unroll 2
     for (; at != behind; ++at) {
       float left, right;
@@ -164,13 +163,23 @@ __global__ void __launch_bounds__(Blocks::threads) rasterize_blocks_kernel(Block
   __shared__ typename Blocks::Queue queues[Blocks::threads / 32];
   blocks(queues);
 }
+/// Where a wave fills the GPU many times over, what counts is how many warps it holds; else, how soon the longest lists end: then more
+/// splats at a time, in more registers.
 template <class Mem, class List>
 void rasterize_on_cuda(Kokkos::Cuda const& exec, Frames<Mem> const& frames, BlendBlocks<List> const& blend) {
-  unsigned const tiles = unsigned(frames.wave.images * frames.wave.tiles());
-  launch_on_cuda("gsp::splat::rasterize", exec, [&](cudaStream_t stream) {
-    using Blocks = RasterizeBlocks<Mem, List, 4, 2>;
-    rasterize_blocks_kernel<<<tiles * Blocks::grid_of_tile, Blocks::threads, 0, stream>>>(Blocks{frames, blend});
-  });
+  constexpr std::int64_t many_pixels = std::int64_t(1) << 22;
+  auto const& wave = frames.wave;
+  auto const launch = [&](auto const& blocks) {
+    using Blocks = std::remove_cvref_t<decltype(blocks)>;
+    launch_on_cuda("gsp::splat::rasterize", exec, [&](cudaStream_t stream) {
+      unsigned const grid = unsigned(wave.images * wave.tiles()) * Blocks::grid_of_tile;
+      rasterize_blocks_kernel<<<grid, Blocks::threads, 0, stream>>>(blocks);
+    });
+  };
+  if (std::int64_t(wave.images) * frames.width * frames.height > many_pixels)
+    launch(RasterizeBlocks<Mem, List, 4, 2>{frames, blend});
+  else
+    launch(RasterizeBlocks<Mem, List, 4, 4>{frames, blend});
 }
 
 }  // namespace gsp::detail
