@@ -31,6 +31,7 @@ bool Scene::add_set(io::SplatSet const& set, std::string const& name, CompiledMo
 void Scene::add_room() { add(*this, sample_room<GaussianSet>()); }
 void Scene::add_surface(CompiledModel const& model) {
   add(*this, sample_surface(model, {.count = 30000, .world = false}));  // floors and walls: the scene has its own
+  surface = true;
 }
 io::SplatSet room_set() { return sample_room<io::SplatSet>(); }
 std::size_t Scene::count() const {

@@ -214,7 +214,7 @@ class KokkosStepper : public Stepper {
             array(state_.steps), array(state_.status),    array(state_.eq_active)};
   }
   PoseArrays poses() override {
-    if (stale_) forward();
+    if (stale_) pose();
     auto const& p = simulation_.poses;
     return {array_of<Exec>(p.xpos), array_of<Exec>(p.xquat), array_of<Exec>(p.xanchor), array_of<Exec>(p.xaxis)};
   }
@@ -249,8 +249,8 @@ class KokkosStepper : public Stepper {
   }
 
   void forward() override {
-    forward_kinematics(exec_, model_, state_, simulation_.poses, simulation_.dynamics);
-    stale_ = false;
+    write_what_stays();
+    pose();
   }
   void reset(Array const& mask, int keyframe) override {
     expects_mask("reset", mask);
@@ -261,6 +261,7 @@ class KokkosStepper : public Stepper {
         gsp::reset(exec_, model_, state_, of);
       if (sensors_ && sensors_->history.count() > 0) reset_sensor_history(exec_, sensors_->history, of);
     };
+    write_what_stays();
     with_mask(mask, to_start);
     stale_ = true;
   }
@@ -293,6 +294,7 @@ class KokkosStepper : public Stepper {
     if (flat) to.rank = 2;
     if (to.size() == 0) return;
     copy(values, to);
+    if (scale_inertia && name == "body_mass") expect_masses(own, mask);
     with_mask(mask, [&](auto const& of) {
       if (field.of_model)
         gsp::set_world_values(exec_, model_, *field.of_model, own, of, {.scale_inertia = scale_inertia});
@@ -398,6 +400,7 @@ class KokkosStepper : public Stepper {
     static_assert(types_in(std::type_identity<std::remove_const_t<decltype(list)>>()) == 8,
                   "step has other constraint types: raise snapshot_version, and this number");
     gsp::detail::upload_bytes(exec_, s.impulses.type_names.data(), names.name, std::size_t(names.count) * sizeof names.name[0]);
+    write_what_stays();
     with_mask(mask, [&](auto const& of) {
       gsp::restore(exec_, s, state_, simulation_, of);
       if (late)
@@ -523,22 +526,26 @@ class KokkosStepper : public Stepper {
     return array_of<Exec>(sensordata_);
   }
   CameraArrays cameras(std::vector<CameraSpec> const& specs, int width, int height) override {
-    auto found = std::find_if(cameras_.begin(), cameras_.end(), [&](CameraSet const& set) {
-      return set.mounts.width == width && set.mounts.height == height && set.specs == specs;
+    auto const found = std::find_if(cameras_.begin(), cameras_.end(), [&](auto const& set) {
+      return set->mounts.width == width && set->mounts.height == height && set->specs == specs;
     });
-    if (found == cameras_.end()) {
+    if (found != cameras_.end()) {
+      cameras_.splice(cameras_.begin(), cameras_, found);
+    } else {
       std::vector<CameraMount> mounts;
       for (CameraSpec const& s : specs)
         mounts.push_back({.camera = s.camera, .body = s.body, .pos = s.pos, .quat = s.quat, .fovy = s.fovy});
-      CameraSet set{
-          specs, make_camera_mounts(exec_, model_, compiled_, mounts, {.worlds = state_.worlds, .width = width, .height = height}), {}};
-      set.cameras = make_cameras(exec_, set.mounts.images());
-      found = cameras_.insert(cameras_.end(), std::move(set));
+      auto const set = std::make_shared<CameraSet>(CameraSet{
+          specs, make_camera_mounts(exec_, model_, compiled_, mounts, {.worlds = state_.worlds, .width = width, .height = height}), {}});
+      set->cameras = make_cameras(exec_, set->mounts.images());
+      cameras_.push_front(set);
+      if (cameras_.size() > most_camera_sets) cameras_.pop_back();
     }
     static_cast<void>(poses());
-    cameras_of(exec_, model_, simulation_.poses, found->mounts, found->cameras);
+    CameraSet& set = *cameras_.front();
+    cameras_of(exec_, model_, simulation_.poses, set.mounts, set.cameras);
     exec_.fence("gsp::runtime::Stepper::cameras: they are there");
-    return {array_of<Exec>(found->cameras.viewmats), array_of<Exec>(found->cameras.Ks), array_of<Exec>(found->cameras.world)};
+    return {array_of<Exec>(set.cameras.viewmats), array_of<Exec>(set.cameras.Ks), array_of<Exec>(set.cameras.world), {}, cameras_.front()};
   }
   std::vector<std::string> sensors_left_out() override {
     if (compiled_.sensors.empty()) return {};
@@ -547,6 +554,30 @@ class KokkosStepper : public Stepper {
   }
 
  private:
+  void pose() {
+    forward_kinematics(exec_, model_, state_, simulation_.poses, simulation_.dynamics);
+    stale_ = false;
+  }
+  /// What steps read, or leave, and never write: whoever wrote into it is put right. Poses of what does not move, which contacts begin
+  /// from, and forces of constraints in a model without.
+  void write_what_stays() {
+    gsp::detail::static_poses(exec_, model_, state_.mocap_pos, state_.mocap_quat, simulation_.poses);
+    if (!model_.constraints && !gsp::detail::has_stiff_rows(model_)) Kokkos::deep_copy(exec_, simulation_.solution.qfrc_constraint, R(0));
+  }
+  /// Inertias in proportion to a mass of 0, or to none, would never be found again.
+  template <class Values>
+  void expect_masses(Values const& values, Array const& mask) {
+    std::vector<int> chosen(std::size_t(state_.worlds), 1);
+    if (mask) copy(mask, host_array(chosen.data(), {state_.worlds}));
+    auto const next = gsp::detail::to_host(exec_, values);
+    auto const was = gsp::detail::to_host(exec_, gsp::world_values(model_, ModelField::body_mass));
+    for (std::size_t i = 0; i < next.size(); ++i) {
+      std::size_t const w = i / std::size_t(model_.nbody), b = i % std::size_t(model_.nbody);
+      if (chosen[w] == 0 || (std::isfinite(next[i]) && (next[i] > 0 || (next[i] == 0 && !(was[i] > 0))))) continue;
+      throw Error("the mass of body '" + compiled_.body_name[b] + "' of world " + std::to_string(w) + " is " + std::to_string(next[i]) +
+                  ": inertias that change in proportion need masses that are positive and finite");
+    }
+  }
   ContactArrays no_contacts() const {
     auto const none = [](Dtype dtype, std::int64_t components) {
       return components == 1 ? make_array(nullptr, dtype, device_of<Exec>(), {0})
@@ -739,7 +770,8 @@ class KokkosStepper : public Stepper {
     CameraMounts<R, Mem> mounts;
     Cameras<Mem> cameras;
   };
-  std::list<CameraSet> cameras_;  // all that were asked for: their arrays stay
+  static constexpr std::size_t most_camera_sets = 64;
+  std::list<std::shared_ptr<CameraSet>> cameras_;  // that were asked for last, the last one first
   std::optional<Sensors<R, Mem>> sensors_;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> sensordata_;
   PgsOptions solver_;     // profile stable

@@ -127,7 +127,10 @@ class VectorEnv(gymnasium.vector.VectorEnv):
 
 
 class Env(gymnasium.Env):
-    """A task of one world, for what knows no vectors: checkers, Stable-Baselines3."""
+    """A task of one world, for what knows no vectors: checkers, Stable-Baselines3.
+
+    Where neither the task nor the first `reset` is given a seed, it begins with one by chance, `np_random_seed`, as Gymnasium's own do.
+    """
 
     def __init__(self, task):
         if expect_task(task, "gsp.gymnasium.Env").worlds != 1:
@@ -141,7 +144,7 @@ class Env(gymnasium.Env):
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
         if seed is None and not self._begun:
-            seed = self.task.seed
+            seed = self.task.seed if self.task._seeded else self.np_random_seed
         self._begun = True
         self.task.reset(seed=None if seed is None else [seed])
         return self._seen()
@@ -149,7 +152,7 @@ class Env(gymnasium.Env):
     def step(self, action):
         if not self._begun:
             raise Error("gsp.gymnasium.Env: reset comes before the first step")
-        reward, terminated, truncated = self.task.step(self.task._floats(action)[None])
+        reward, terminated, truncated = self.task.step(self.task._actions(action)[None])
         seen, info = self._seen()
         return seen, float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
 
@@ -164,11 +167,21 @@ def _task(name):
     return getattr(importlib.import_module(module), attribute)
 
 
+def _expect_no_picture(render_mode):
+    if render_mode is not None:
+        raise Error(
+            f"gsp.gymnasium: environments draw nothing, and render_mode={render_mode!r} is asked for: leave it out, "
+            "and draw the task's data with gsp.Renderer"
+        )
+
+
 def _make(task, render_mode=None, **options):
+    _expect_no_picture(render_mode)
     return Env(_task(task)(1, **options))
 
 
 def _make_vec(task, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, render_mode=None, **options):
+    _expect_no_picture(render_mode)
     return VectorEnv(_task(task)(num_envs, **options), autoreset_mode)
 
 

@@ -101,8 +101,9 @@ class Task:
             f"{type(self).__name__} has no attribute '{name}' yet: its __init__ calls super().__init__(worlds, ...) before all else"
         )
 
-    def __init__(self, worlds: int = 1, device: str = "cpu", *, seed: Any = 0, array: str | None = None, **options: Any) -> None:
-        """array: "numpy" or "torch", what `data` and all results are; None: NumPy's on the CPU, torch's on a GPU. options: gsp.Data's."""
+    def __init__(self, worlds: int = 1, device: str = "cpu", *, seed: Any = None, array: str | None = None, **options: Any) -> None:
+        """seed: a whole number, or one for each world; None: 0, but gsp.gymnasium.Env begins with one by chance. array: "numpy" or "torch",
+        what `data` and all results are; None: NumPy's on the CPU, torch's on a GPU. options: gsp.Data's."""
         if self.model is None:
             raise Error(f"{type(self).__name__} has no model: write `model = ...`, a gsp.Model or the path of an MJCF or URDF file")
         if not isinstance(self.model, Model):
@@ -139,6 +140,11 @@ class Task:
             raise Error(f"{type(self).__name__}: an episode of {self.seconds} s is shorter than a step of control, {self.dt} s")
         if self.action_size is None:
             self.action_size = self.model.nu
+        if self.action_size != int(self.action_size) or self.action_size < 0:
+            raise Error(f"{type(self).__name__}: action_size is {self.action_size} and must be a whole number, 0 or more")
+        self.action_size = int(self.action_size)
+        if type(self).act is Task.act:
+            self._expect_size(self.action_size)
         low, high = np.asarray(self.model.actuator_ctrlrange, dtype=np.float32).reshape(-1, 2).T
         unbounded = low >= high
         self._middle = self._floats(np.where(unbounded, 0, (low + high) / 2))
@@ -156,13 +162,15 @@ class Task:
         self._world: Numbers = self._zeros("int64")
         self._episode: Numbers = self._zeros("int64")
         self._hook = self._draw = 0
-        self.seed = seed
-        self._seed(seed, self._everywhere)
+        self._seeded = seed is not None
+        self.seed = 0 if seed is None else seed
+        self._seed(self.seed, self._everywhere)
 
     # What a task says.
 
     def act(self, data: Any, action: Numbers) -> None:
         """Writes controls. By default actions from -1 to 1 are those from end to end of an actuator's ctrlrange; where there is none, 1 is 1."""
+        self._expect_size(action.shape[1])
         data.ctrl[:] = self._middle + self._half * action
 
     def observe(self, data: Any) -> Any:
@@ -224,7 +232,7 @@ class Task:
 
     def step(self, action: Numbers) -> tuple[Numbers, Numbers, Numbers]:
         """One step of control of all worlds: rewards, and who is terminated and who truncated, each (worlds). Resets nothing."""
-        action = self._floats(action)
+        action = self._actions(action)
         if tuple(action.shape) != (self.worlds, self.action_size):
             raise Error(f"{type(self).__name__}: actions have shape {tuple(action.shape)} and must have {(self.worlds, self.action_size)}")
         if self.device == "cpu" and not bool(self.xp.isfinite(action).all()):  # on a GPU the answer would be waited for
@@ -285,6 +293,20 @@ class Task:
         if self.xp is np:
             return np.asarray(value, dtype=np.float32)
         return self.xp.as_tensor(value, dtype=self.xp.float32, **self._on)
+
+    def _actions(self, value: Any) -> Numbers:
+        told = value.is_complex() if hasattr(value, "is_complex") else np.asarray(value).dtype.kind not in "fiub"
+        if told:  # NumPy would make numbers of text, and drop imaginary parts
+            dtype = value.dtype if hasattr(value, "dtype") else np.asarray(value).dtype
+            raise Error(f"{type(self).__name__}: an action holds {dtype}: give real numbers")
+        return self._floats(value)
+
+    def _expect_size(self, size: int) -> None:
+        if size != self.model.nu:
+            raise Error(
+                f"{type(self).__name__}: actions of {size} numbers are for the model's {self.model.nu} actuators: "
+                "write act(self, data, action), which says what they do, or leave action_size out"
+            )
 
     def _copy(self, value: Any) -> Numbers:
         return np.array(value) if self.xp is np else self.xp.as_tensor(value, **self._on).clone()

@@ -120,7 +120,7 @@ nb::object export_capsule(Array const& self) {
   if constexpr (std::is_same_v<Managed, DLManagedTensorVersioned>) {
     m.major = 1;
     m.minor = 0;
-    m.flags = a.read_only ? 1 : 0;
+    m.flags = a.read_only || self.computed ? 1 : 0;
   }
   PyObject* const capsule = PyCapsule_New(&m, capsule_name<Managed>, [](PyObject* own) {
     if (!PyCapsule_IsValid(own, capsule_name<Managed>)) return;  // somebody has taken it
@@ -201,7 +201,7 @@ NumpyArray numpy_copy(runtime::Array const& from) {
   runtime::Array to = from;
   to.device = Device::cpu;
   to.read_only = false;
-  to.data = reinterpret_cast<void*>(nb::cast<std::uintptr_t>(own.attr("ctypes").attr("data")));
+  to.data = reinterpret_cast<void*>(nb::cast<std::uintptr_t>(own.attr("__array_interface__")["data"][0]));
   std::int64_t step = 1;
   for (int k = to.rank; k-- > 0; step *= to.extents[std::size_t(k)]) to.strides[std::size_t(k)] = step;
   runtime::copy(from, to);
@@ -304,7 +304,7 @@ void bind_array(nb::module_& m) {
           [](Array const& a) { return nb::borrow<NumpyDtype>(nb::module_::import_("numpy").attr("dtype")(name_of(a.array.dtype))); },
           "float32, float64, int32, int64 or uint32, as NumPy's")
       .def_prop_ro("device", [](Array const& a) { return a.array.device == Device::cuda ? "cuda:0" : "cpu"; })
-      .def_prop_ro("read_only", [](Array const& a) { return a.array.read_only; })
+      .def_prop_ro("read_only", [](Array const& a) { return a.array.read_only || a.computed != nullptr; })
       .def_prop_ro(
           "pointer", [](Array const& a) { return reinterpret_cast<std::uintptr_t>(a.array.data); }, "Address of the first number.")
       .def(
@@ -389,6 +389,8 @@ void bind_array(nb::module_& m) {
       "let_stream_wait", [](Anything const& stream) { runtime::let_stream_wait(gpu(), stream_of(stream)); }, nb::arg("stream"),
       "The other way round: what comes on this stream from now on reads what the library was told to do on the GPU before.");
   m.def("_end", [] {
+    // Threads of Python that are left behind keep what they had, which is no fault of the bindings.
+    if (nb::cast<int>(nb::module_::import_("threading").attr("active_count")()) > 1) nb::set_leak_warnings(false);
     // Kokkos ends with the last who holds it, as a rule while the interpreter ends. Where arrays live on past it Kokkos does not end: the
     // process does.
     if (forked) return;  // its threads are elsewhere, and would be waited for

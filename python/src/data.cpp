@@ -14,6 +14,7 @@
 #include <gsp/model/sensor_types.hpp>
 
 #include "array.hpp"
+#include "others_run.hpp"
 
 namespace gsp::python {
 
@@ -67,6 +68,11 @@ struct Keeper {
   std::shared_ptr<runtime::Session> session;
   std::shared_ptr<runtime::Stepper> stepper;
 };
+/// Of cameras, which the stepper may let go of.
+struct CameraKeeper {
+  std::shared_ptr<runtime::Session> session;
+  std::shared_ptr<void> cameras;
+};
 Array held(Data const& d, runtime::Array const& a, char const* computed = nullptr) {
   return {a, std::make_shared<Keeper>(Keeper{d.session, d.stepper}), computed};
 }
@@ -106,11 +112,17 @@ Data* make_data(Model const& model, int worlds, std::string const& device, std::
     throw Error("gsp.Data: timestep is " + std::to_string(timestep) + " and must be seconds, or 0 for the model's");
   if (threads < 0 || iterations < 0)
     throw Error("gsp.Data: threads and iterations are 0 (the library's own) or more, not " + std::to_string(std::min(threads, iterations)));
+  if (tolerance && !(*tolerance >= 0 && std::isfinite(*tolerance)))
+    throw Error("gsp.Data: tolerance is " + std::to_string(*tolerance) + " and must be 0 or more, or None for the library's own");
   if (profile != "stable" && profile != "mujoco")
     throw Error("gsp.Data: profile '" + profile + "' is not known: give 'stable' or 'mujoco'");
   if (precision != "float32" && precision != "float64")
     throw Error("gsp.Data: precision '" + precision + "' is not known: give 'float32' or 'float64'");
   auto* const d = new Data{session(), model, device_of(device), worlds, nullptr};
+  d->python_model = nb::find(model);
+  d->moves_geoms = std::any_of(per_world.begin(), per_world.end(), [](std::string const& field) {
+    return field == "geom_size" || field == "geom_pos" || field == "geom_quat";
+  });
   try {
     d->stepper = runtime::make_stepper(d->device, *model.compiled,
                                        {.worlds = worlds,
@@ -138,6 +150,14 @@ Data* make_data(Model const& model, int worlds, std::string const& device, std::
                    1) != 0) {
     delete d;
     throw nb::python_error();
+  }
+  if (int const found = d->stepper->threads(); threads > found && found > 0) {
+    std::string const text = "gsp.Data: threads=" + std::to_string(threads) + " were asked for, and there are " + std::to_string(found) +
+                             ": set OMP_NUM_THREADS before the first gsp.Data, which starts them";
+    if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) {
+      delete d;
+      throw nb::python_error();
+    }
   }
   return d;
 }
@@ -182,7 +202,7 @@ void step(Data const& d, int n) {
     int const now = std::min(part, n);
     auto const begin = Clock::now();
     {
-      nb::gil_scoped_release const others_run;
+      OthersRun const others_run;
       d.stepper->step({.steps = now});
     }
     n -= now;
@@ -241,10 +261,16 @@ runtime::Array shaped_as(runtime::Array const& to, char const* what, nb::handle 
   keeps = nb::make_tuple(keeps, own);
   return from;
 }
-/// Of some numbers of Python's, an array of NumPy's or on a GPU.
+/// Of some numbers of Python's, an array of NumPy's of real ones, or what lies on a GPU.
 nb::object shaped(nb::handle value) {
-  nb::object given = nb::borrow(value);
-  return nb::hasattr(given, "ndim") ? given : nb::module_::import_("numpy").attr("asarray")(given, nb::arg("dtype") = "float64");
+  bool const on_gpu = nb::isinstance<Array>(value) ? nb::cast<Array const&>(value).array.device != runtime::Device::cpu
+                                                   : nb::hasattr(value, "__cuda_array_interface__");
+  if (on_gpu) return nb::borrow(value);
+  nb::object const given = nb::module_::import_("numpy").attr("asarray")(value);
+  std::string const kind = nb::cast<std::string>(given.attr("dtype").attr("kind"));
+  if (std::string("fiub").find(kind) == std::string::npos)
+    throw Error("gsp.Data.set: the values hold " + text_of(nb::object(given.attr("dtype"))) + ": give real numbers");
+  return kind == "f" ? given : nb::object(given.attr("astype")("float64"));
 }
 int rank_of(nb::object const& given) { return nb::cast<int>(given.attr("ndim")); }
 
@@ -291,7 +317,7 @@ void reset(Data const& d, nb::handle mask, nb::handle keyframe) {
     }
   }
   Use const use(d);
-  nb::gil_scoped_release const others_run;
+  OthersRun const others_run;
   d.stepper->reset(given, key);
 }
 
@@ -417,7 +443,7 @@ void set(Data const& d, std::string const& field, nb::handle values, nb::handle 
     expect_values(d, field, numbers, static_cast<int const*>(chosen.data));
   }
   Use const use(d);
-  nb::gil_scoped_release const others_run;
+  OthersRun const others_run;
   d.stepper->set_world_values(field, from, worlds, scale_inertia);
 }
 
@@ -520,7 +546,7 @@ void bind_data(nb::module_& m) {
       "world, at first the model's: `set` changes them.");
   c.def_ro("worlds", &Data::worlds, "How many.");
   c.def_prop_ro(
-      "model", [](Data const& d) { return d.model; }, "gsp.Model that they are of.");
+      "model", [](Data const& d) { return nb::typed<nb::object, Model>(d.python_model); }, "gsp.Model that they are of.");
   c.def_prop_ro(
       "timestep", [](Data const& d) { return d.stepper->timestep(); }, "[s]");
   c.def_prop_ro(
@@ -649,6 +675,8 @@ void bind_data(nb::module_& m) {
         if (body.is_none() == site.is_none()) throw Error("gsp.Data.jacobian: give a body or a site, by name or number");
         if (!site.is_none() && point != std::array<double, 3>{})
           throw Error("gsp.Data.jacobian: a point is of a body; a site is one already");
+        for (double const x : point)
+          if (!std::isfinite(x)) throw Error("gsp.Data.jacobian: the point has a number that is not finite");
         bool const of_body = site.is_none();
         nb::handle const which = of_body ? body : site;
         int const id =
@@ -676,16 +704,17 @@ void bind_data(nb::module_& m) {
         for (nb::handle const mount : mounts) specs.push_back(spec_of(mount));
         if (width < 1 || height < 1) throw Error("gsp.Data.cameras: width and height must be positive");
         auto const a = fresh(d).cameras(specs, width, height);
-        Array Ks = held(d, a.Ks);
+        auto const own = std::make_shared<CameraKeeper>(CameraKeeper{d.session, a.owner});
+        Array Ks{a.Ks, own};
         Ks.picture = {width, height};
-        return std::tuple(held(d, a.viewmats), Ks, held(d, a.world));
+        return std::tuple(Array{a.viewmats, own}, Ks, Array{a.world, own});
       },
       nb::arg("mounts"), nb::arg("width") = 640, nb::arg("height") = 480,
       "What Renderer.render takes, (viewmats, Ks, world), for cameras of the model by name, or on bodies: dict(body='head', pos=(0.1, 0, "
       "0),\n"
       "quat=(1, 0, 0, 0), fovy=60), as MJCF has them: looking along -z, y up, fovy in degrees. All worlds, in their poses as they are, on\n"
       "the data's device: image world * len(mounts) + k is of mount k. Each list of mounts of one size has arrays of its\n"
-      "own, as long as the data live; the next call for the same writes them.");
+      "own, which the next call for the same writes, if it is one of the last 64 that were asked for.");
   c.def_prop_ro(
       "counts", [](Data const& d) { return stepper_of(d).counts(); }, "StepCounts of the last step.");
   c.def(
@@ -756,7 +785,7 @@ void bind_data(nb::module_& m) {
       [](Model const& model, Data const& d) {
         expect_model(model, d, "gsp.forward");
         Use const use(d);
-        nb::gil_scoped_release const others_run;
+        OthersRun const others_run;
         d.stepper->forward();
         if (d.posed->given && d.device == runtime::Device::cpu) keep_positions(d);
       },

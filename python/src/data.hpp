@@ -31,6 +31,8 @@ struct Data {
   runtime::Device device;
   int worlds;
   std::shared_ptr<runtime::Stepper> stepper;
+  nanobind::object python_model{};                                                       // that Python gave
+  bool moves_geoms = false;                                                              // sizes or poses of geoms are of each world
   std::shared_ptr<std::atomic<bool>> busy = std::make_shared<std::atomic<bool>>(false);  // somebody steps, and has let go of the GIL
   std::shared_ptr<Posed> posed = std::make_shared<Posed>();
   std::shared_ptr<std::map<std::string, std::string>> not_finite = std::make_shared<std::map<std::string, std::string>>();  // by field

@@ -14,6 +14,7 @@
 
 #include "array.hpp"
 #include "data.hpp"
+#include "others_run.hpp"
 
 namespace gsp::python {
 namespace {
@@ -59,6 +60,7 @@ struct Renderer {
   std::vector<std::vector<int>> shown{};          // `show`: of each world
   std::shared_ptr<runtime::Scene::Sets> drawn{};  // what `own` has on the device: where the scene has more by now, it is made anew
   std::shared_ptr<runtime::Renderer> own{};
+  bool told = false;  // that it draws the model's geoms
   std::shared_ptr<std::atomic<bool>> busy = std::make_shared<std::atomic<bool>>(false);
 };
 struct Keeper {
@@ -95,6 +97,25 @@ std::vector<Lens> lenses_of(nb::object const& distortion, bool fisheye, std::int
   return lenses;
 }
 
+/// Worlds of cameras, which a cast would make others of; on a GPU the kernels look whether they are there.
+nb::object worlds_of(nb::handle world, int worlds) {
+  constexpr char const* where = "gsp.Renderer.render: world";
+  bool const on_gpu = nb::isinstance<Array>(world) ? nb::cast<Array const&>(world).array.device != runtime::Device::cpu
+                                                   : nb::hasattr(world, "__cuda_array_interface__");
+  if (on_gpu) return nb::borrow(world);
+  nb::object const numpy = nb::module_::import_("numpy"), given = numpy.attr("asarray")(world);
+  auto const text = [](nb::object const& x) { return nb::cast<std::string>(nb::str(x)); };
+  std::string const kind = nb::cast<std::string>(given.attr("dtype").attr("kind"));
+  if (kind != "i" && kind != "u")
+    throw Error(std::string(where) + " holds " + text(given.attr("dtype")) + ": give a whole number for each camera");
+  if (nb::cast<std::int64_t>(given.attr("size")) > 0)
+    for (char const* const end : {"min", "max"})
+      if (nb::object const number = given.attr(end)(); number < nb::int_(0) || number >= nb::int_(worlds))
+        throw Error(std::string(where) + " names world " + text(number) + ", and the data have " + std::to_string(worlds) +
+                    ", numbered from 0");
+  return numpy.attr("ascontiguousarray")(given, nb::arg("dtype") = "int32");
+}
+
 Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world,
               ArrayLike const& distortion, bool fisheye) {
   if (data.model.compiled != self.model)
@@ -125,9 +146,18 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   cameras.Ks =
       one(k) ? all_of(taken(k, "gsp.Renderer.render: Ks", {3, 3}, keeps[1]), n) : taken(k, "gsp.Renderer.render: Ks", {n, 3, 3}, keeps[1]);
   if (!world.is_none()) {
-    bool const there = nb::isinstance<Array>(world) || nb::hasattr(world, "__cuda_array_interface__");
-    cameras.world = taken(there ? nb::borrow(world) : nb::object(numpy.attr("ascontiguousarray")(world, nb::arg("dtype") = "int32")),
-                          "gsp.Renderer.render: world", {n}, keeps[2]);
+    cameras.world = taken(worlds_of(world, data.worlds), "gsp.Renderer.render: world", {n}, keeps[2]);
+    if (cameras.world.dtype != runtime::Dtype::int32)
+      throw Error("gsp.Renderer.render: world on a GPU must hold int32, one for each camera");
+  }
+  if (data.moves_geoms && self.scene->surface && !self.told) {
+    self.told = true;
+    if (PyErr_WarnEx(
+            PyExc_UserWarning,
+            "gsp.Renderer: Gaussians of add_surface keep the model's sizes and poses of geoms: geom_size, geom_pos and geom_quat of "
+            "per_world are what contacts see, and no picture shows them",
+            1) != 0)
+      throw nb::python_error();
   }
   if (!distortion.is_none()) cameras.lenses = lenses_of(nb::borrow(distortion), fisheye, n);
   expect_size(Ks, cameras.Ks, self.options);
@@ -139,7 +169,7 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   }
   freshen(data);
   {
-    nb::gil_scoped_release const others_run;
+    OthersRun const others_run;
     self.own->render(data.stepper->poses(), cameras);
   }
   auto const f = self.own->frames();

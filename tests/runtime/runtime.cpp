@@ -454,6 +454,65 @@ TEST_CASE("a stepper resets some worlds, to a keyframe too, and what their late 
   }
 }
 
+// Contacts of the floor begin from row 0 of the poses, which steps never write.
+TEST_CASE("poses of what does not move are written anew by reset, restore and forward") {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  for (Device const device : devices()) {
+    StepperOptions options;
+    options.worlds = 2;
+    options.precision = Dtype::float64;
+    auto const stepper = make_stepper(device, compiled, options), other = make_stepper(device, compiled, options);
+    auto const saved = other->save();
+    std::vector<double> const below{0, 0, -1};
+    auto const place = on_host<double>(other->poses().xpos);
+    auto const check = [&] {
+      CHECK(on_host<double>(stepper->poses().xpos) == place);
+      for (auto const& s : {stepper.get(), other.get()}) s->step({.steps = 20});
+      CHECK(on_host<double>(stepper->state().qpos) == on_host<double>(other->state().qpos));
+      for (auto const& s : {stepper.get(), other.get()}) s->reset({}, -1);
+    };
+    Array row = stepper->poses().xpos;
+    row.extents[1] = 1;  // the world's, in all worlds
+    auto const spoil = [&] { copy(host_array(below.data(), {1, 1, 3}), row); };
+    spoil();
+    stepper->forward();
+    check();
+    spoil();
+    stepper->reset({}, -1);
+    check();
+    spoil();
+    stepper->restore(saved);
+    check();
+  }
+}
+
+TEST_CASE("masses that inertias cannot follow are refused, and cameras of old lists let go") {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  for (Device const device : devices()) {
+    StepperOptions options;
+    options.per_world = {"body_mass", "body_inertia"};
+    auto const stepper = make_stepper(device, compiled, options);
+    auto const inertia = on_host<float>(stepper->world_values("body_inertia"));
+    for (float const bad : {0.f, -1.f, std::nanf(""), INFINITY}) {
+      auto mass = on_host<float>(stepper->world_values("body_mass"));
+      mass[1] = bad;
+      auto const set = [&] { stepper->set_world_values("body_mass", host_array(mass.data(), {1, compiled.nbody}), {}, true); };
+      CHECK_THROWS_WITH_AS(set(), doctest::Contains("masses that are positive and finite"), gsp::Error);
+    }
+    CHECK(on_host<float>(stepper->world_values("body_inertia")) == inertia);
+    auto const of = [&](double x) { return stepper->cameras({{.body = "world", .pos = {x, 0, 0}}}, 16, 16); };
+    auto const first = of(0);
+    auto const numbers = on_host<float>(first.viewmats);
+    std::weak_ptr<void> unwanted = of(1).owner;
+    CHECK(of(0).viewmats.data == first.viewmats.data);
+    CHECK_FALSE(unwanted.expired());
+    for (int k = 2; k < 70; ++k) static_cast<void>(of(k));
+    CHECK(unwanted.expired());
+    CHECK(on_host<float>(first.viewmats) == numbers);
+    CHECK(of(0).viewmats.data != first.viewmats.data);
+  }
+}
+
 TEST_CASE("pictures of the simulation's poses, where they lie") {
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   std::vector<float> viewmats{1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 2, 0, 0, 0, 1};  // from -y, 2 m away

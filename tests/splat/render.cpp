@@ -10,6 +10,7 @@
 #include <support/data.hpp>
 #include <support/kokkos_tools.hpp>
 #include <support/skip.hpp>
+#include <utility>
 
 namespace {
 
@@ -297,12 +298,28 @@ TEST_CASE("input that cannot be is refused in a sentence") {
                          doctest::Contains(second ? "camera 0 has no focal length: write its viewmat and K, or call cameras_of"
                                                   : "camera 1 has no focal length"),
                          std::invalid_argument);
-    for (int i = 0; i < 3; ++i) unwritten.Ks(1, i, i) = 30;
+    for (int i = 0; i < 3; ++i) unwritten.Ks(1, i, i) = i < 2 ? 30 : 1;
     if (!second)
       CHECK_THROWS_WITH_AS(gsp::render(exec, cloud, poses, unwritten, frames), doctest::Contains("camera 1 has a viewmat of zeros"),
                            std::invalid_argument);
     for (int i = 0; i < 16; ++i) unwritten.viewmats(1, i / 4, i % 4) = cameras.viewmats(1, i / 4, i % 4);
   }
+  auto const refused = [&](auto const& numbers, int at, float number, char const* sentence) {
+    float& it = numbers.data()[at];
+    float const before = std::exchange(it, number);
+    CHECK_THROWS_WITH_AS(gsp::render(exec, cloud, poses, cameras, frames), doctest::Contains(sentence), std::invalid_argument);
+    it = before;
+  };
+  char const* const not_rigid = "camera 1 has a viewmat that is no rigid motion";
+  refused(cameras.viewmats, 16 + 0, 2, not_rigid);
+  refused(cameras.viewmats, 16 + 5, cameras.viewmats(1, 1, 1) + 0.1f, not_rigid);
+  refused(cameras.viewmats, 16 + 12, 1, not_rigid);
+  refused(cameras.viewmats, 16 + 15, 5, not_rigid);
+  for (int c = 0; c < 3; ++c) cameras.viewmats(1, 0, c) *= -1;
+  refused(cameras.viewmats, 0, cameras.viewmats(0, 0, 0), not_rigid);
+  for (int c = 0; c < 3; ++c) cameras.viewmats(1, 0, c) *= -1;
+  for (int at : {1, 3, 6, 7}) refused(cameras.Ks, 9 + at, 30, "camera 1 has a K that is not fx 0 cx");
+  refused(cameras.Ks, 9 + 8, 2, "camera 1 has a K that is not fx 0 cx");
   auto elsewhere = cameras;
   elsewhere.world = decltype(elsewhere.world)("world", 2);
   for (int world : {-1, 1}) {

@@ -25,6 +25,7 @@ class Scene {
 
   struct Sets;
   std::shared_ptr<Sets> sets;
+  bool surface = false;  // add_surface was called
 };
 
 /// The furnished room that the library makes, as a set that can be written.

@@ -3,6 +3,7 @@
 #include <gsp/model/compiled.hpp>
 #include <gsp/runtime/array.hpp>
 #include <gsp/splat/lens.hpp>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -116,10 +117,11 @@ enum class SmoothForces { passive, actuator, bias, acceleration };
 
 /// float32, on any device; on a renderer's own they are read where they are.
 struct CameraArrays {
-  Array viewmats;              // (C, 4, 4) world to camera
-  Array Ks;                    // (C, 3, 3)
-  Array world;                 // (C) int32, or empty: camera c shows world c % worlds
-  std::vector<Lens> lenses{};  // (C), one for all, or empty: pinholes (splat/lens.hpp)
+  Array viewmats;                    // (C, 4, 4) world to camera
+  Array Ks;                          // (C, 3, 3)
+  Array world;                       // (C) int32, or empty: camera c shows world c % worlds
+  std::vector<Lens> lenses{};        // (C), one for all, or empty: pinholes (splat/lens.hpp)
+  std::shared_ptr<void> owner = {};  // keeps the arrays where somebody may let go of them: `Stepper::cameras`
 };
 /// A camera of the model by name, or one on a body ("world": what does not move), as MJCF has them: sensor/cameras.hpp.
 struct CameraSpec {
@@ -203,8 +205,9 @@ class Stepper {
   /// A sentence for each sensor that nobody evaluates.
   virtual std::vector<std::string> sensors_left_out() = 0;
   /// What these cameras see in the state as it is, for pictures of one size: image world x specs.size() + k is of spec k of that world. On
-  /// the stepper's device, as a renderer reads them; each list of specs of one size has arrays of its own, which stay as long as the
-  /// stepper lives and which the next call for the same writes. Allocates for a new list; waits. Errors: those of make_camera_mounts.
+  /// the stepper's device, as a renderer reads them; each of the 64 lists of specs (of one size) that were asked for last has arrays of its
+  /// own, which the next call for the same writes; who wants those of an older list keeps their owner. Allocates for a new list; waits.
+  /// Errors: those of make_camera_mounts.
   virtual CameraArrays cameras(std::vector<CameraSpec> const& specs, int width, int height) = 0;
 };
 

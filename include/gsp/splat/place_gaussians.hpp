@@ -11,8 +11,10 @@ namespace gsp {
 namespace detail {
 
 /// Why a camera cannot be drawn; wave.needed(2) = camera_faults (image + 1) + fault, of the last such image.
-enum class CameraFault : int { no_place, no_such_world, lens_folds, no_focal_length };
-inline constexpr int camera_faults = 4;
+enum class CameraFault : int { not_rigid, skewed, no_place, no_such_world, lens_folds, no_focal_length };  // the last ones are told first
+inline constexpr int camera_faults = 6;
+/// How far a camera's numbers, which float and the digits of files round, may be from those of a rigid motion and of a K.
+inline constexpr double camera_tolerance = 1e-3;
 
 /// camera <- link = (camera <- world) (world <- link), in double: the order of Gaussians and the place of their centres hang on it.
 template <class Poses, class Mem>
@@ -58,6 +60,15 @@ struct PlaceLinks {
     for (int r = 0; r < 3; ++r)
       for (int c = 0; c < 4; ++c) c < 3 ? turn += view[4 * r + c] * view[4 * r + c] : place += 0 * view[4 * r + c];
     if (!(turn > 0 && turn + place < 1e30)) refuse(CameraFault::no_place);
+    auto const is = [](double number, double wanted) { return Kokkos::fabs(number - wanted) <= camera_tolerance; };
+    Vec3<double> const x{view[0], view[1], view[2]}, y{view[4], view[5], view[6]}, z{view[8], view[9], view[10]};
+    bool rigid = is(dot(x, x), 1) && is(dot(y, y), 1) && is(dot(z, z), 1) && is(dot(x, y), 0) && is(dot(y, z), 0) && is(dot(z, x), 0) &&
+                 dot(cross(x, y), z) > 0;
+    for (int c = 0; c < 4; ++c) rigid = rigid && is(cameras.viewmats(image, 3, c), c == 3);
+    if (!rigid) refuse(CameraFault::not_rigid);
+    bool straight = is(cameras.Ks(image, 0, 1), 0) && is(cameras.Ks(image, 1, 0), 0);
+    for (int c = 0; c < 3; ++c) straight = straight && is(cameras.Ks(image, 2, c), c == 2);
+    if (!straight) refuse(CameraFault::skewed);
     auto const limits = [](double f, double middle, int size, float& low, float& high) {  // a mirror's picture begins at the other end
       double const beyond = 0.15 * size / Kokkos::fabs(f), a = -middle / f, b = (size - middle) / f;
       low = static_cast<float>(Kokkos::fmin(a, b) - beyond);

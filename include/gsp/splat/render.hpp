@@ -18,9 +18,10 @@ namespace gsp {
 ///                 the channel's member `image`)
 /// Waits for the device once, at its end (the first call of frames a few times more), to learn whether every wave fitted its buffers; those
 /// that did not are repeated with larger ones, so that nothing is ever dropped. Allocates only then. Errors: std::invalid_argument also
-/// where a camera has no focal length (none has written it), is of a world that the poses do not have, or has a lens whose disc ends within
-/// a quarter of the picture's shorter side from its middle. An image depends on nothing but its own input: the same bits for any batch, any
-/// number of threads and any other images.
+/// where a camera has no focal length (none has written it), a viewmat that is no rigid motion or a K with a skew, is of a world that the
+/// poses do not have, or has a lens whose disc ends within a quarter of the picture's shorter side from its middle. A focal length below 0
+/// mirrors the picture. An image depends on nothing but its own input: the same bits for any batch, any number of threads and any other
+/// images.
 template <ExecutionSpace Exec, class R, class PosesMem, class Mem, class... Channels>
 void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras,
             Frames<Mem>& frames, RenderOptions options = {}, Channels const&... channels) {
