@@ -26,7 +26,7 @@ def state_hash(a):  # bench/support/bench.hpp
 
 
 def from_python():
-    model = gsp.Model.from_xml(scene)
+    model = gsp.Model.from_xml(scene, skip_visuals=True)
     data = gsp.Data(model, worlds=worlds, device=device)
     gsp.reset(model, data, keyframe=0 if model.nkey else None)
     gsp.step(model, data, n=100)
