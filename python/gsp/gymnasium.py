@@ -84,7 +84,6 @@ class VectorEnv(gymnasium.vector.VectorEnv):
                 'reset(options={"reset_mask": mask}) before the next step, or take another autoreset_mode'
             )
         rewards, terminations, truncations = task.step(actions)
-        rewards = task._copy(rewards)
         infos = {}
         if mode is AutoresetMode.NEXT_STEP and begin.any():
             rewards[begin], terminations, truncations = 0, terminations & ~begin, truncations & ~begin
@@ -94,7 +93,7 @@ class VectorEnv(gymnasium.vector.VectorEnv):
             infos = self._final(task.observations())
             task.reset(self._ended)
         infos.update(self._infos(task._everywhere))
-        return task.observations(), rewards, task._copy(terminations), truncations, infos
+        return task.observations(), rewards, terminations, truncations, infos
 
     def _final(self, seen):
         ended = self.task._copy(self._ended)

@@ -48,7 +48,7 @@ class VecEnv(_VecEnv):
         task = self.task
         stops = task.stops.sum()
         rewards, terminated, truncated = task.step(actions if torch.is_tensor(task.age) else actions.detach().numpy())
-        rewards = torch.as_tensor(task._copy(rewards))
+        rewards = torch.as_tensor(rewards)
         log = {f"/info/{name}": torch.as_tensor(value).float().mean() for name, value in task.infos().items()}
         done = terminated | truncated
         if done.any():

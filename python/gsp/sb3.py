@@ -38,13 +38,20 @@ class VecEnv(_VecEnv):
 
     def step_wait(self) -> Any:
         seen, rewards, terminated, truncated, infos = self.envs.step(self._actions)
-        done, names = terminated | truncated, self.envs.task.infos()
+        done = terminated | truncated
+        names = [name for name in infos if "_" + name in infos and name not in ("final_obs", "final_info")]
         each: list[dict[str, Any]] = [{name: infos[name][k] for name in names} for k in range(self.num_envs)]
         for k in np.flatnonzero(done):
             each[k] = {name: infos["final_info"][name][k] for name in names}
             each[k]["terminal_observation"] = infos["final_obs"][k]
             each[k]["TimeLimit.truncated"] = bool(truncated[k] and not terminated[k])
         return seen, rewards, done, each
+
+    def set_options(self, options: Any = None) -> None:
+        if any([options] if isinstance(options, dict) else options or []):
+            raise Error(
+                "gsp.sb3.VecEnv: a reset of a task has no options: give them to the task as it is made, or set attributes of env.envs.task"
+            )
 
     def close(self) -> None:
         self.envs.close()

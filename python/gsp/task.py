@@ -231,7 +231,7 @@ class Task:
         self._from_library()
 
     def step(self, action: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-        """One step of control of all worlds: rewards, and who is terminated and who truncated, each (worlds). Resets nothing."""
+        """One step of control of all worlds: rewards, who is terminated and who truncated, each (worlds), copies. Resets nothing."""
         action = self._actions(action)
         if tuple(action.shape) != (self.worlds, self.action_size):
             raise Error(f"{type(self).__name__}: actions have shape {tuple(action.shape)} and must have {(self.worlds, self.action_size)}")
@@ -248,7 +248,8 @@ class Task:
         reward = self._copy(self._floats(self._call("reward")))  # it may be a part of the state, which a reset writes
         if tuple(reward.shape) != (self.worlds,):
             raise Error(f"{type(self).__name__}.reward gives shape {tuple(reward.shape)} and must give {(self.worlds,)}")
-        terminated = self._bools(self._call("terminated"), f"what {type(self).__name__}.terminated gives")
+        # like the reward it may be what the task remembers, which randomise clears
+        terminated = self._copy(self._bools(self._call("terminated"), f"what {type(self).__name__}.terminated gives"))
         return reward, terminated, (self.age >= self.episode_steps) | self._stopped()
 
     def observations(self) -> Any:

@@ -6,6 +6,7 @@ import pathlib
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -326,10 +327,46 @@ def test_pictures(model):
     for bad, match in (([0.1], "give 4, 5 or 8"), ([0, 0, 0, np.nan], "not finite"), ([[0, 0, 0, 0]] * 3, "3 rows for 2 cameras")):
         with pytest.raises((ValueError, gsp.Error), match=match):
             renderer.render(data, views, K, distortion=bad)
+    with pytest.raises(gsp.Error, match=r"render: fisheye=True needs distortion=\[k1, k2, k3, k4\]; zeros are the ideal fisheye"):
+        renderer.render(data, views, K, fisheye=True)
     with pytest.raises(gsp.Error, match="Ks has shape"):
         renderer.render(data, views, [gsp.pinhole(64, 48, 60)])
     with pytest.raises(gsp.Error, match="fovy"):
         gsp.pinhole(64, 48, 0)
+
+
+def test_lenses_are_kept(model):
+    data = gsp.Data(model, worlds=2)
+    scene = gsp.Scene(model).add_surface()
+    views, K = gsp.look_at([[1.5, 0, 0.8]] * 2, [0, 0, 0.4]), gsp.pinhole(32, 24, 60)
+
+    def picture(renderer, distortion, fisheye):
+        return renderer.render(data, views, K, distortion=distortion, fisheye=fisheye).rgb.copy()
+
+    renderer = gsp.Renderer(scene, 32, 24)
+    a, b, c = [-0.2, 0.02, 0, 0], [0.1, 0, 0.01, 0], [0, 0, 0, 0]
+    for distortion, fisheye in (
+        (a, False), (a, False), (a, True), (a, False), ([a, b], False), ([b, a], False), ([b, c], False), ([c, c], True), (b, False),
+    ):  # fmt: skip
+        assert np.array_equal(picture(renderer, distortion, fisheye), picture(gsp.Renderer(scene, 32, 24), distortion, fisheye))
+    for bad in ([0.1, 0, 0.01, np.nan], [np.nan] * 4, [b, [np.nan, 0, 0, 0]]):
+        with pytest.raises((ValueError, gsp.Error), match="not finite"):
+            picture(renderer, bad, False)
+    assert np.array_equal(picture(renderer, b, False), picture(gsp.Renderer(scene, 32, 24), b, False))
+
+    # a lens for each of 100 cameras takes 15 to 40 ms to make, pictures that look aside 2
+    data, renderer = gsp.Data(model), gsp.Renderer(scene, 8, 8)
+    views, K = gsp.look_at([[1.5, 0, 0.8]] * 100, [3, 0, 0.8]), gsp.pinhole(8, 8, 60)
+
+    def seconds(change):
+        rows = np.zeros((100, 4))
+        rows[:, 0] = np.linspace(-0.1, 0.1, 100) + change
+        begin = time.perf_counter()
+        renderer.render(data, views, K, distortion=rows)
+        return time.perf_counter() - begin
+
+    new = min(seconds(1e-4 * k) for k in range(1, 6))
+    assert min(seconds(5e-4) for _ in range(5)) < 0.5 * new
 
 
 # Through Kokkos' own tools interface: what a loop of steps, sensors and pictures allocates and copies once buffers have their size.
@@ -372,8 +409,8 @@ assert count(0) > before[0]  # contacts are copies: that it counts
 
 def test_import_is_quick():
     code = "import time; t = time.perf_counter(); import gsp; print(time.perf_counter() - t)"
-    best = min(float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout) for _ in range(3))
-    assert best < 0.3
+    runs = (float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout) for _ in range(5))
+    assert any(seconds < 0.3 for seconds in runs)  # the least of five: others may be at work on the machine
 
 
 def test_rows_of_all_worlds_of_one_and_of_one_for_all():

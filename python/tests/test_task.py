@@ -496,6 +496,101 @@ def test_rewards_are_those_of_the_step_whatever_is_reset():
     assert np.array_equal(reward, was) and np.all(reward > 0.9)
 
 
+class Remembers(Counting):
+    """Gives an array of its own for who has fallen and what that costs, and clears both where an episode begins."""
+
+    def __init__(self, worlds=1, **options):
+        super().__init__(worlds, **options)
+        self.fallen, self.cost = self.age > 10**6, self.age * 0.0
+
+    def observe(self, data):
+        return self.xp.stack([self.age, self.age], 1)
+
+    def reward(self, data):
+        self.cost[:] = self.age
+        return self.cost
+
+    def terminated(self, data):
+        self.fallen[:] = self.age == self.xp.arange(2, 2 + self.worlds)
+        return self.fallen
+
+    def randomise(self, data, mask):
+        self.fallen[mask] = False
+        self.cost[mask] = 0
+
+
+@pytest.mark.parametrize("array", ["numpy", "torch"])
+def test_ends_are_those_of_the_step_whatever_a_task_clears(array):
+    xp = pytest.importorskip("torch") if array == "torch" else np
+    for mode in AutoresetMode:
+        envs = gsp.gymnasium.VectorEnv(Remembers(worlds=3, array=array), mode)
+        envs.reset()
+        envs.step(xp.zeros((3, 1)))
+        _, rewards, terminated, truncated, infos = envs.step(xp.zeros((3, 1)))
+        if mode is AutoresetMode.SAME_STEP:
+            assert infos["_final_obs"].tolist() == [True, False, False]
+        elif mode is AutoresetMode.NEXT_STEP:
+            envs.step(xp.zeros((3, 1)))
+        else:
+            envs.reset(options={"reset_mask": terminated})
+        assert terminated.tolist() == [True, False, False] and rewards.tolist() == [2, 2, 2] and not truncated.any()
+
+
+@pytest.mark.parametrize("array", ["numpy", "torch"])
+def test_ends_of_rsl_rl_whatever_a_task_clears(array):
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    import gsp.rsl_rl
+
+    class Both(Remembers):
+        seconds = 0.02  # world 0 falls as its time ends, which is no time-out
+
+    env = gsp.rsl_rl.VecEnv(Both(worlds=3, array=array))
+    assert env.max_episode_length == 2
+    env.step(torch.zeros(3, 1))
+    _, rewards, done, extras = env.step(torch.zeros(3, 1))
+    assert done.tolist() == [True] * 3 and extras["time_outs"].tolist() == [False, True, True] and rewards.tolist() == [2, 2, 2]
+
+
+def test_ends_of_stable_baselines3_whatever_a_task_clears():
+    pytest.importorskip("stable_baselines3")
+    import gsp.sb3
+
+    env = gsp.sb3.VecEnv(Remembers(worlds=3))
+    env.reset()
+    env.step(np.zeros((3, 1)))
+    _, rewards, done, infos = env.step(np.zeros((3, 1)))
+    assert list(done) == [True, False, False] and list(rewards) == [2, 2, 2]
+    assert [info.get("TimeLimit.truncated") for info in infos] == [False, None, None]
+
+
+def test_stable_baselines3_asks_for_infos_once():
+    pytest.importorskip("stable_baselines3")
+    import gsp.sb3
+
+    class Asked(Remembers):
+        asked = 0
+
+        def info(self, data):
+            self.asked += 1
+            return {"old": self.age, "_twice": 2 * self.age}
+
+    env = gsp.sb3.VecEnv(Asked(worlds=3))
+    env.reset()
+    task = env.envs.task
+    for old, asked in (([1, 1, 1], 1), ([2, 2, 2], 2), ([1, 3, 3], 2)):  # again where worlds are reset
+        task.asked = 0
+        _, _, done, infos = env.step(np.zeros((3, 1)))
+        assert task.asked == asked and [info["old"] for info in infos] == old and [info["_twice"] for info in infos] == [2 * k for k in old]
+        for info, end in zip(infos, done):
+            assert set(info) == {"old", "_twice"} | ({"terminal_observation", "TimeLimit.truncated"} if end else set())
+    for nothing in (None, {}, [{}] * 3):
+        env.set_options(nothing)
+    for options in ({"a": 0}, [{}, {"a": 0}, {}]):
+        with pytest.raises(gsp.Error, match="a reset of a task has no options"):
+            env.set_options(options)
+
+
 def test_episodes_have_steps():
     class None_(gsp.Task):
         model = MODELS / "cartpole.xml"
