@@ -45,29 +45,29 @@ struct BlendBlocks {
   __device__ __forceinline__ void through(Queued const* at, int count, float i, float j, float const* kept, Pixel& first,
                                           Pixel& second) const {
     Queued const* const behind = at + count;
-    auto const exponents = [&](Queued const& q, float& left, float& right) {
-      float const wy = fmaf(q.l22, j, q.down), most = fmaf(-wy, wy, q.power), wx = fmaf(q.l11, i, fmaf(q.l21, j, q.across)),
-                  next = wx + q.l11;
-      left = fmaf(-wx, wx, most);
-      right = fmaf(-next, next, most);
-    };
-    auto const both = [&](Queued const& q, float left, float right) {
-      float const* const values = List::stored > 0 ? kept + std::int64_t(q.id) * List::stored : nullptr;
-      blend(first, left, q.splat, values);
-      blend(second, right, q.splat, values);
-    };
     for (; together > 2 && behind - at >= together; at += together) {
       float left[together], right[together];
 #pragma unroll
-      for (int k = 0; k < together; ++k) exponents(at[k], left[k], right[k]);
+      for (int k = 0; k < together; ++k) {
+        float const wy = fmaf(at[k].l22, j, at[k].down), most = fmaf(-wy, wy, at[k].power),
+                    wx = fmaf(at[k].l11, i, fmaf(at[k].l21, j, at[k].across)), next = wx + at[k].l11;
+        left[k] = fmaf(-wx, wx, most);
+        right[k] = fmaf(-next, next, most);
+      }
 #pragma unroll
-      for (int k = 0; k < together; ++k) both(at[k], left[k], right[k]);
+      for (int k = 0; k < together; ++k) {
+        float const* const values = List::stored > 0 ? kept + std::int64_t(at[k].id) * List::stored : nullptr;
+        blend(first, left[k], at[k].splat, values);
+        blend(second, right[k], at[k].splat, values);
+      }
     }
 #pragma unroll 2
     for (; at != behind; ++at) {
-      float left, right;
-      exponents(*at, left, right);
-      both(*at, left, right);
+      float const wy = fmaf(at->l22, j, at->down), most = fmaf(-wy, wy, at->power), wx = fmaf(at->l11, i, fmaf(at->l21, j, at->across)),
+                  right = wx + at->l11;
+      float const* const values = List::stored > 0 ? kept + std::int64_t(at->id) * List::stored : nullptr;
+      blend(first, fmaf(-wx, wx, most), at->splat, values);
+      blend(second, fmaf(-right, right, most), at->splat, values);
     }
   }
   __device__ void store(Pixel& pixel, int image, int x, int y, int width, int height) const {
@@ -167,7 +167,7 @@ __global__ void __launch_bounds__(Blocks::threads) rasterize_blocks_kernel(Block
 /// splats at a time, in more registers.
 template <class Mem, class List>
 void rasterize_on_cuda(Kokkos::Cuda const& exec, Frames<Mem> const& frames, BlendBlocks<List> const& blend) {
-  constexpr std::int64_t many_pixels = std::int64_t(1) << 22;
+  constexpr std::int64_t many_pixels = std::int64_t(3) << 19;
   auto const& wave = frames.wave;
   auto const launch = [&](auto const& blocks) {
     using Blocks = std::remove_cvref_t<decltype(blocks)>;
