@@ -157,9 +157,7 @@ class KokkosRenderer : public Renderer {
     expects(c.lenses.size() <= 1 || std::int64_t(c.lenses.size()) == n,
             "gsp::runtime::Renderer::render: there are " + std::to_string(c.lenses.size()) + " lenses for " + std::to_string(n) +
                 " cameras: give one a camera, one for all, or none");
-    auto const same_bytes = [&] { return std::memcmp(c.lenses.data(), lenses_.data(), lenses_.size() * sizeof(Lens)) == 0; };
-    bool const stay = c.lenses.size() == lenses_.size() && (lenses_.empty() || same_bytes());
-    if (!stay || (!c.lenses.empty() && std::int64_t(lens_views_.extent(0)) != n)) {
+    if (c.lenses != lenses_ || (!c.lenses.empty() && std::int64_t(lens_views_.extent(0)) != n)) {
       lenses_ = c.lenses;
       lens_views_ = {};
       std::vector<Lens> const each = lenses_.size() == 1 ? std::vector<Lens>(std::size_t(n), lenses_.front()) : lenses_;

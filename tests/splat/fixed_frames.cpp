@@ -70,10 +70,12 @@ TEST_CASE_TEMPLATE("pictures of fixed cameras have the bits of render, step afte
     double distance;
     gsp::FrameOptions options;
   };
-  // the second: lists of thousands in one tile; the third: buffers that have to grow; the last: nothing stands, nothing moves
+  // the second: lists of thousands in one tile; the third: buffers that have to grow; then several waves at a time; the last: nothing
+  // stands, nothing moves
   for (auto const& [standing, moving, width, height, distance, options] :
        {Case{2500, 300, 203, 117, 2.2, {.batch = 4}}, Case{9000, 4000, 64, 48, 6, {}},
-        Case{2500, 300, 150, 90, 2.2, {.batch = 2, .visible = 1, .pairs = 1}}, Case{0, 300, 70, 50, 2.2, {}},
+        Case{2500, 300, 150, 90, 2.2, {.batch = 2, .visible = 1, .pairs = 1}}, Case{2500, 300, 150, 90, 2.2, {.batch = 1, .waves = 3}},
+        Case{2500, 300, 150, 90, 2.2, {.batch = 2, .waves = 3, .visible = 1, .pairs = 1}}, Case{0, 300, 70, 50, 2.2, {}},
         Case{500, 0, 70, 50, 2.2, {}}}) {
     int const worlds = 3, bodies = 4, images = 6, views = 2;
     // what moves is named first, and the second half of what stands comes behind it: sources are mixed
@@ -105,6 +107,29 @@ TEST_CASE_TEMPLATE("pictures of fixed cameras have the bits of render, step afte
     }
     CHECK(changed == (moving > 0 ? 7 : 0));
     CHECK(blank == (moving > 0 ? 2 : 9));
+  }
+}
+
+TEST_CASE_TEMPLATE("fixed cameras behind lenses have the bits of render, and share views of equal lenses alone", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  int const worlds = 3, bodies = 4, images = 6, width = 96, height = 70;
+  auto const cloud = gsp::make_gaussians(exec, {gsp_test::random_gaussians(2500, 2, 1, 5), robot(300, bodies, 7)});
+  std::vector<float> viewmats, Ks;
+  cameras_in_turn(images, 1, width, height, 2.2, viewmats, Ks);
+  std::vector<gsp::Lens> lenses;
+  for (int c = 0; c < images; ++c)  // made anew each: equal numbers, whatever lies between them
+    lenses.push_back(c % 3 == 0   ? gsp::opencv_lens({-0.2, 0.05, 0.001, -0.002})
+                     : c % 3 == 1 ? gsp::fisheye_lens({0.1, 0, 0, 0})
+                                  : gsp::opencv_lens({-0.2, 0.05, 0.001, 0}));
+  auto const cameras = gsp::make_cameras(exec, viewmats, Ks, {}, lenses);
+  auto fixed = gsp::make_fixed_frames(exec, cloud, poses_of_step(exec, worlds, bodies, 0), cameras, {.width = width, .height = height});
+  CHECK(fixed.still.images == 3);
+  auto frames = gsp::make_frames(exec, cloud, {.images = images, .width = width, .height = height});
+  for (int k = 0; k < 5; ++k) {
+    auto const poses = poses_of_step(exec, worlds, bodies, k);
+    gsp::render_fixed(exec, poses, fixed);
+    gsp::render(exec, cloud, poses, cameras, frames);
+    CHECK(Pictures(fixed.frames).differs(Pictures(frames)) == 0);
   }
 }
 
@@ -177,9 +202,17 @@ TEST_CASE("what cannot be drawn by fixed cameras is refused in a sentence") {
   auto fixed = gsp::make_fixed_frames(exec, cloud, poses, cameras, {.width = 32, .height = 32});
   CHECK_NOTHROW(gsp::render_fixed(exec, poses, fixed));
   CHECK_THROWS_WITH_AS(gsp::render_fixed(exec, one, fixed),
-                       doctest::Contains("gsp::render_fixed: camera 1 is of a world that the poses do not have (they have 1)"),
-                       std::invalid_argument);
+                       doctest::Contains("gsp::render_fixed: the poses have 1 worlds, the frames were made for 2"), std::invalid_argument);
   CHECK_NOTHROW(gsp::render_fixed(exec, poses, fixed));
+  auto wide = cameras;
+  wide.width = wide.height = 64;
+  CHECK_THROWS_WITH_AS(gsp::make_fixed_frames(exec, cloud, poses, wide, {.width = 32, .height = 32}),
+                       doctest::Contains("gsp::make_fixed_frames: the cameras are for pictures of 64 x 64 pixels, the frames have 32 x 32"),
+                       std::invalid_argument);
+  auto few = gsp::make_cameras(exec, viewmats, Ks, {}, {gsp::opencv_lens({0.1, 0, 0, 0})});
+  Kokkos::resize(few.lenses, 1);
+  CHECK_THROWS_WITH_AS(gsp::make_fixed_frames(exec, cloud, poses, few, {.width = 32, .height = 32}),
+                       doctest::Contains("1 lenses for 2 cameras"), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::make_fixed_frames(exec, gsp::show_sets(exec, cloud, {{0}}), poses, cameras, {.width = 32, .height = 32}),
                        doctest::Contains("the table of shown sets has 1 worlds, the poses have 2"), std::invalid_argument);
   auto const unwritten = gsp::make_cameras(exec, 2);

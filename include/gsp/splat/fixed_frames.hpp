@@ -18,6 +18,7 @@ struct FixedFrames {
   View<int*> view;              // (C) cameras that stand in one place before the same sets share a view
   View<std::uint32_t**> drawn;  // (C, tiles) which 8 x 8 blocks of a tile show what moves (a CPU's tile: all or none)
   RenderOptions options;
+  int worlds = 0;  // of the poses
 };
 
 /// Pictures for these cameras and Gaussians, and what each of them sees of the Gaussians of body 0. Cameras of equal viewmats, Ks and
@@ -36,7 +37,8 @@ FixedFrames<Mem> make_fixed_frames(Exec const& exec, Gaussians<Mem> const& cloud
 /// @param poses  of the worlds that the pictures were made for
 /// @param fixed  out: fixed.frames.rgb, depth, alpha
 /// Waits for the device once, at its end (the first call a few times more), and allocates where the wave has to grow, as `render` does.
-/// Where body 0 or the table of shown sets has changed, make the frames anew. Cost: of what moves, and of the blocks that it touches.
+/// Where body 0, the table of shown sets or the Gaussians themselves have changed, make the frames anew. Errors: std::invalid_argument for
+/// poses of another number of worlds, and those of render. Cost: of what moves, and of the blocks that it touches.
 template <ExecutionSpace Exec, class R, class PosesMem, class Mem>
 void render_fixed(Exec const& exec, Poses<R, PosesMem> const& poses, FixedFrames<Mem>& fixed);
 

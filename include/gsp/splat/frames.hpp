@@ -52,8 +52,8 @@ struct SplatWave {
   View<detail::LinkView**> link_views;   // (batch, body)
   View<bool**> cluster_seen;             // (batch, cluster) whether a Gaussian of it may be; read on a device
   View<std::int64_t> visible, pairs;     // how many there are; 0 where they did not fit
-  View<std::int64_t[3]> needed;          // greatest number of visible and of pairs of any wave since `render` began, and of a camera
-                                         // that has no focal length (its image + 1)
+  View<std::int64_t[3]> needed;          // greatest number of visible and of pairs of any wave since `render` began, and which camera
+                                         // cannot be drawn, and why (detail::CameraFault)
   View<Lens*> lenses;                    // (C) the cameras' own, or (0)
 
   View<Splat*> splats;                  // (visible) in no order

@@ -23,6 +23,7 @@ struct Lens {
   // bounds, within ring i or all of the disc: at least the norm of J, and of J (1, 0, -x; 0, 1, -y): how far a metre at z = 1 m reaches;
   // from ring i on to the end of the disc: at most the derivative of x_d, y_d along the radius
   float stretch[rings + 1] = {}, reach[rings + 1] = {}, grows[rings + 1] = {};
+  bool operator==(Lens const&) const = default;
 };
 
 /// Of OpenCV's vector: 4, 5 or 8 numbers k1 k2 p1 p2 k3 k4 k5 k6. Host, 0.4 ms. Throws std::invalid_argument for another number of them

@@ -5,6 +5,7 @@
 #include <gsp/splat/cameras.hpp>
 #include <gsp/splat/detail/lens_view.hpp>
 #include <gsp/splat/frames.hpp>
+#include <string>
 
 namespace gsp {
 
@@ -13,6 +14,25 @@ namespace detail {
 /// Why a camera cannot be drawn; wave.needed(2) = camera_faults (image + 1) + fault, of the last such image.
 enum class CameraFault : int { not_rigid, skewed, no_place, no_such_world, lens_folds, no_focal_length };  // the last ones are told first
 inline constexpr int camera_faults = 6;
+/// What is said behind "camera c". `worlds`: of the poses.
+inline std::string fault_text(CameraFault fault, std::size_t worlds) {
+  switch (fault) {
+    case CameraFault::not_rigid:
+      return " has a viewmat that is no rigid motion: give a rotation (no scale, skew or mirror) and an offset, and the last row 0 0 0 1";
+    case CameraFault::skewed:
+      return " has a K that is not fx 0 cx, 0 fy cy, 0 0 1: give focal lengths and the centre in pixels, without skew";
+    case CameraFault::no_place:
+      return " has a viewmat of zeros, or a number in it or in K that is not finite: write world to camera, or call cameras_of";
+    case CameraFault::no_such_world:
+      return " is of a world that the poses do not have (they have " + std::to_string(worlds) +
+             "): write its world, or make poses and mounts with the same {.worlds = n}";
+    case CameraFault::lens_folds:
+      return " has a lens that leads back in the middle of the picture: give the coefficients of these pixels' calibration";
+    case CameraFault::no_focal_length:
+      return " has no focal length: write its viewmat and K, or call cameras_of";
+  }
+  return "";
+}
 /// How far a camera's numbers, which float and the digits of files round, may be from those of a rigid motion and of a K.
 inline constexpr double camera_tolerance = 1e-3;
 
@@ -96,12 +116,7 @@ void place_gaussians(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, Pos
   static_assert(can_access<Exec, Poses<R, PosesMem>> && can_access<Exec, Frames<Mem>>,
                 "gsp::place_gaussians: poses or frames are not accessible from this execution space");
   auto& wave = frames.wave;
-  expects(cameras.images() == frames.images,
-          "gsp::place_gaussians: there are " + std::to_string(cameras.images()) + " cameras for " + std::to_string(frames.images) +
-              " images: make_frames with {.images = " + std::to_string(cameras.images()) + "}, or as many cameras as images");
-  expects(cameras.lenses.extent(0) == 0 || int(cameras.lenses.extent(0)) == frames.images,
-          "gsp::place_gaussians: there are " + std::to_string(cameras.lenses.extent(0)) + " lenses for " + std::to_string(frames.images) +
-              " cameras: give one a camera, or none");
+  detail::check_cameras("gsp::place_gaussians", cameras, frames.images, frames.width, frames.height);
   expects(first >= 0 && first < frames.images, "gsp::place_gaussians: the first image is outside the frames");
   expects(static_cast<int>(poses.xpos.extent(1)) >= cloud.bodies && poses.xpos.extent(0) > 0,
           "gsp::place_gaussians: the Gaussians name " + std::to_string(cloud.bodies) + " bodies but the poses have " +

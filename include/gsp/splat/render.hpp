@@ -26,10 +26,7 @@ template <ExecutionSpace Exec, class R, class PosesMem, class Mem, class... Chan
 void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras,
             Frames<Mem>& frames, RenderOptions options = {}, Channels const&... channels) {
   Region const region("gsp::splat::render");
-  expects(cameras.width == 0 || (cameras.width == frames.width && cameras.height == frames.height),
-          "gsp::render: the cameras are for pictures of " + std::to_string(cameras.width) + " x " + std::to_string(cameras.height) +
-              " pixels, the frames have " + std::to_string(frames.width) + " x " + std::to_string(frames.height) +
-              ": make mounts and frames with one size");
+  detail::check_cameras("gsp::render", cameras, frames.images, frames.width, frames.height);
   (detail::check_image("gsp::render", frames, channels), ...);
   constexpr int values = decltype(detail::channel_list(channels...))::stored;
   if (values > frames.wave.values_a_splat) {

@@ -23,21 +23,8 @@ void draw_waves(std::string const& function, Exec const& exec, Frames<Mem>& fram
   // Room for the greatest wave so far; true if there was too little.
   auto const grow = [&] {
     auto const needed = to_host(exec, frames.wave.needed);
-    auto const fault = CameraFault(needed[2] % camera_faults);
-    expects(needed[2] == 0,
-            function + ": camera " + std::to_string(needed[2] / camera_faults - 1) +
-                (fault == CameraFault::no_focal_length ? " has no focal length: write its viewmat and K, or call cameras_of"
-                 : fault == CameraFault::no_place
-                     ? " has a viewmat of zeros, or a number in it or in K that is not finite: write world to camera, or call cameras_of"
-                 : fault == CameraFault::not_rigid
-                     ? " has a viewmat that is no rigid motion: give a rotation (no scale, skew or mirror) and an offset, and the last row "
-                       "0 0 0 1"
-                 : fault == CameraFault::skewed
-                     ? " has a K that is not fx 0 cx, 0 fy cy, 0 0 1: give focal lengths and the centre in pixels, without skew"
-                 : fault == CameraFault::lens_folds
-                     ? " has a lens that leads back in the middle of the picture: give the coefficients of these pixels' calibration"
-                     : " is of a world that the poses do not have (they have " + std::to_string(worlds) +
-                           "): write its world, or make poses and mounts with the same {.worlds = n}"));
+    expects(needed[2] == 0, function + ": camera " + std::to_string(needed[2] / camera_faults - 1) +
+                                fault_text(CameraFault(needed[2] % camera_faults), worlds));
     bool const small = needed[0] > frames.wave.visible_capacity || needed[1] > frames.wave.pair_capacity;
     if (small)
       reserve(exec, needed[0] > frames.wave.visible_capacity ? room(needed[0]) : 0,

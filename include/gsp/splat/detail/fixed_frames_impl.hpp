@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <gsp/core/region.hpp>
@@ -50,6 +51,7 @@ template <class Exec, class R, class PosesMem, class Mem>
 FixedViews fixed_views(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras) {
   auto const viewmats = to_host(exec, cameras.viewmats), Ks = to_host(exec, cameras.Ks);
   auto const lenses = to_host(exec, cameras.lenses);
+  std::vector<Lens> different;
   auto const world = to_host(exec, cameras.world), shown = to_host(exec, cloud.shown);
   auto const xpos = to_host(exec, poses.xpos), xquat = to_host(exec, poses.xquat);
   std::size_t const worlds = poses.xpos.extent(0), bodies = poses.xpos.extent(1), slots = cloud.shown.extent(1);
@@ -63,7 +65,13 @@ FixedViews fixed_views(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, P
     };
     add(viewmats, 16 * std::size_t(c), 16);
     add(Ks, 9 * std::size_t(c), 9);
-    add(lenses, std::size_t(c), 1);
+    if (!lenses.empty()) {
+      Lens const& lens = lenses[std::size_t(c)];
+      auto const same = std::find(different.begin(), different.end(), lens);
+      std::vector<std::ptrdiff_t> const number{same - different.begin()};
+      if (same == different.end()) different.push_back(lens);
+      add(number, 0, 1);
+    }
     add(xpos, 3 * bodies * w, 3);
     add(xquat, 4 * bodies * w, 4);
     add(shown, slots * w, slots);
@@ -181,6 +189,7 @@ FixedFrames<Mem> make_fixed_frames(Exec const& exec, Gaussians<Mem> const& cloud
   using F = FixedFrames<Mem>;
   int const images = cameras.images(), worlds = static_cast<int>(poses.xpos.extent(0));
   expects(images > 0 && worlds > 0, "gsp::make_fixed_frames: there are no cameras, or the poses have no worlds");
+  detail::check_cameras("gsp::make_fixed_frames", cameras, images, options.width, options.height);
   for (int const w : detail::to_host(exec, cameras.world))
     expects(w >= 0 && w < worlds, "gsp::make_fixed_frames: a camera is of world " + std::to_string(w) + ", the poses have " +
                                       std::to_string(worlds) + ": write its world, or make poses of as many");
@@ -190,6 +199,7 @@ FixedFrames<Mem> make_fixed_frames(Exec const& exec, Gaussians<Mem> const& cloud
   F fixed;
   fixed.options = render_options;
   fixed.cameras = cameras;
+  fixed.worlds = worlds;
   auto const own = [&](auto& view) {
     using View = std::remove_cvref_t<decltype(view)>;
     View copy;
@@ -246,6 +256,9 @@ template <ExecutionSpace Exec, class R, class PosesMem, class Mem>
 void render_fixed(Exec const& exec, Poses<R, PosesMem> const& poses, FixedFrames<Mem>& fixed) {
   Region const region("gsp::splat::render_fixed");
   std::size_t const worlds = poses.xpos.extent(0);
+  expects(int(worlds) == fixed.worlds, "gsp::render_fixed: the poses have " + std::to_string(worlds) +
+                                           " worlds, the frames were made for " + std::to_string(fixed.worlds) +
+                                           ": give poses of as many, or make the frames anew");
   detail::draw_waves("gsp::render_fixed", exec, fixed.frames, worlds, [&](Exec const& instance, Frames<Mem>& of_wave, int first) {
     place_gaussians(instance, fixed.moving, poses, fixed.cameras, first, of_wave);
     project(instance, fixed.moving, of_wave, fixed.options);

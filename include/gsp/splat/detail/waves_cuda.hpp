@@ -1,4 +1,5 @@
 #pragma once
+#include <deque>
 #include <gsp/parallel/detail/launch_cuda.hpp>
 #include <gsp/splat/frames.hpp>
 #include <vector>
@@ -10,41 +11,45 @@ namespace gsp::detail {
 template <class Mem>
 class WavesBeside {
  public:
-  explicit WavesBeside(Kokkos::Cuda const& exec, int count)
-      : waves(std::size_t(count)), done_(std::size_t(count)), instances_(partition(exec, count)) {
-    cuda_expects(cudaSetDevice(exec.cuda_device()), "gsp::make_frames");
-    cuda_expects(cudaEventCreateWithFlags(&begin_, cudaEventDisableTiming), "gsp::make_frames: an event");
-    for (auto& event : done_) cuda_expects(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "gsp::make_frames: an event");
+  WavesBeside(Kokkos::Cuda const& exec, int count)
+      : waves(std::size_t(count)),
+        begin_(exec.cuda_device()),
+        instances_(Kokkos::Experimental::partition_space(exec, std::vector<int>(std::size_t(count), 1))) {
+    for (int i = 0; i < count; ++i) done_.emplace_back(exec.cuda_device());
   }
   WavesBeside(WavesBeside const&) = delete;
   WavesBeside& operator=(WavesBeside const&) = delete;
-  ~WavesBeside() {  // CUDA may be gone: what it says then is of no use
-    for (auto const event : done_) static_cast<void>(cudaEventDestroy(event));
-    static_cast<void>(cudaEventDestroy(begin_));
-  }
 
   std::vector<SplatWave<Mem>> waves;  // as large as the frames' own
   Kokkos::Cuda const& instance(int i) const { return instances_[std::size_t(i)]; }
   /// What comes in the instances is after all that is in `exec`.
   void fork(Kokkos::Cuda const& exec) const {
     cuda_expects(cudaSetDevice(exec.cuda_device()), "gsp::render");
-    cuda_expects(cudaEventRecord(begin_, exec.cuda_stream()), "gsp::render: an event");
-    for (auto const& instance : instances_) cuda_expects(cudaStreamWaitEvent(instance.cuda_stream(), begin_), "gsp::render: an event");
+    cuda_expects(cudaEventRecord(begin_.event, exec.cuda_stream()), "gsp::render: an event");
+    for (auto const& instance : instances_)
+      cuda_expects(cudaStreamWaitEvent(instance.cuda_stream(), begin_.event), "gsp::render: an event");
   }
   /// What comes in `exec` is after all that is in the instances.
   void join(Kokkos::Cuda const& exec) const {
     for (std::size_t i = 0; i < instances_.size(); ++i) {
-      cuda_expects(cudaEventRecord(done_[i], instances_[i].cuda_stream()), "gsp::render: an event");
-      cuda_expects(cudaStreamWaitEvent(exec.cuda_stream(), done_[i]), "gsp::render: an event");
+      cuda_expects(cudaEventRecord(done_[i].event, instances_[i].cuda_stream()), "gsp::render: an event");
+      cuda_expects(cudaStreamWaitEvent(exec.cuda_stream(), done_[i].event), "gsp::render: an event");
     }
   }
 
  private:
-  static std::vector<Kokkos::Cuda> partition(Kokkos::Cuda const& exec, int count) {
-    return Kokkos::Experimental::partition_space(exec, std::vector<int>(std::size_t(count), 1));
-  }
-  cudaEvent_t begin_ = nullptr;
-  std::vector<cudaEvent_t> done_;
+  struct Event {
+    cudaEvent_t event = nullptr;
+    explicit Event(int device) {
+      cuda_expects(cudaSetDevice(device), "gsp::make_frames");
+      cuda_expects(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "gsp::make_frames: an event");
+    }
+    Event(Event const&) = delete;
+    Event& operator=(Event const&) = delete;
+    ~Event() { static_cast<void>(cudaEventDestroy(event)); }  // CUDA may be gone: what it says then is of no use
+  };
+  Event begin_;
+  std::deque<Event> done_;
   std::vector<Kokkos::Cuda> instances_;
 };
 
@@ -84,10 +89,16 @@ void side_by_side(Kokkos::Cuda const& exec, Frames<Mem>& frames, int first, Draw
     all.back().wave = wave;
   }
   beside.fork(exec);
-  std::size_t k = 0;
-  for (int begin = first; begin < frames.images; begin += frames.wave.batch) {
-    draw(k == 0 ? exec : beside.instance(int(k) - 1), all[k], begin);
-    k = (k + 1) % all.size();
+  try {
+    std::size_t k = 0;
+    for (int begin = first; begin < frames.images; begin += frames.wave.batch) {
+      draw(k == 0 ? exec : beside.instance(int(k) - 1), all[k], begin);
+      k = (k + 1) % all.size();
+    }
+  } catch (...) {  // whoever goes on finds all of it in `exec`, and nothing needed
+    beside.join(exec);
+    for (auto const& wave : beside.waves) Kokkos::deep_copy(exec, wave.needed, 0);
+    throw;
   }
   beside.join(exec);
   frames.wave = all[0].wave;
