@@ -48,7 +48,7 @@ Pruning prune(Device device, io::SplatSet const& set, std::string const& name, C
   on_device(device, [&]<class Exec>(Exec const& exec) {
     auto cloud = make_gaussians(exec, gaussians);
     auto const cameras =
-        make_cameras(exec, numbers_of<float>(arrays.viewmats), numbers_of<float>(arrays.Ks), numbers_of<int>(arrays.world));
+        make_cameras(exec, numbers_of<float>(arrays.viewmats), numbers_of<float>(arrays.Ks), numbers_of<int>(arrays.world), arrays.lenses);
     auto frames = make_frames(exec, cloud, frame_options(cameras.images(), options));
     gsp::PruneOptions o;
     o.keep = options.keep;
@@ -72,10 +72,12 @@ Pruning prune(Device device, io::SplatSet const& set, std::string const& name, C
 
 std::int64_t bytes_to_prune(Device device, io::SplatSet const& set, int cameras, PruningOptions const& options) {
   std::int64_t const n = std::int64_t(set.size()), unknowns = detail::unknowns_of(set.sh_degree);
-  std::int64_t bytes = n * (unknowns * (3 * 8 + 4 * 4 + 2 * 4) + 60) + std::int64_t(16) * cameras * options.width * options.height;
+  std::int64_t bytes = n * (unknowns * (3 * 8 + 4 * 4 + 2 * 4) + 64) + std::int64_t(16) * cameras * options.width * options.height;
   on_device(device, [&]<class Exec>(Exec const& exec) {
     Gaussians<typename Exec::memory_space> of;  // sizes alone
-    of.count = int(n);
+    of.count = of.most_count = int(n);
+    of.bodies = 1 + int(set.link_names.size());
+    of.most_clusters = int(n / of.cluster_size) + of.bodies;
     bytes += bytes_needed(exec, of, frame_options(cameras, options));
   });
   return bytes;

@@ -30,6 +30,11 @@ struct Views {
     };
     part(cameras.viewmats, from.cameras.viewmats, 16);
     part(cameras.Ks, from.cameras.Ks, 9);
+    auto const& lenses = from.cameras.lenses;
+    if (lenses.size() > 1)
+      cameras.lenses.push_back(lenses[i]);
+    else
+      cameras.lenses = lenses;  // one for all, or none
     state.push_back(from.state[i]);
     ++cameras.count;
   }
@@ -220,11 +225,14 @@ int run(Arguments const& a) {
     all = round_views(set, most + most_held, options.width, options.height);
   }
 
+  bool const moves = moved[0] > 0 || moved[1] > 0;
+  if (!moves && (of_model.empty() ? all.count() : of_model.size() * states) < 2)
+    a.fail("--jitter \"0 0\" makes no views of the one that there is, so none is left to judge by; give a jitter, or more cameras");
+
   gsp::runtime::Session const session(threads);
   auto const kinematics = gsp::runtime::make_kinematics(device, model);
   auto const poses = kinematics->poses(gsp::runtime::host_array(trace.qpos.data(), {static_cast<std::int64_t>(states), model.nq}));
   if (!of_model.empty()) all = model_views(*kinematics, of_model, states, options.width, options.height);
-  bool const moves = moved[0] > 0 || moved[1] > 0;
   auto const parts = split(all, most, most_held);
   auto fitted = drawn(parts.fitted, moves ? most : std::min(most, parts.fitted.count()), moved[0], moved[1], 100);
   auto const held = drawn(parts.held, moves ? most_held : std::min(most_held, parts.held.count()), moved[0], moved[1], 200);

@@ -8,6 +8,7 @@
 #include <gsp_test_execs.hpp>
 #include <splat/pruned_scenes.hpp>
 #include <support/data.hpp>
+#include <support/kokkos_tools.hpp>
 #include <support/skip.hpp>
 
 namespace {
@@ -96,6 +97,7 @@ TEST_CASE_TEMPLATE("one of four that stand together takes over from the others, 
   auto const f = light(four);
   auto const report = gsp::prune_gaussians(exec, cloud, poses, cameras, frames, {.keep = 0.25, .depth_weight = 0});
   CHECK(report.kept == 1);
+  CHECK(report.sweeps <= 7 * report.rounds + 67);  // as the header says
   auto const g = light(gsp::pruned_set(exec, four, cloud).set);
   double ff = 0, fg = 0, gg = 0, cc = 0;
   for (std::size_t i = 0; i < f.size(); ++i) {
@@ -116,8 +118,10 @@ TEST_CASE_TEMPLATE("pruning has the same bits for any batch and on every host ba
   auto const pruned = [&](auto const& exec, int batch, double keep) {
     auto cloud = gsp::make_gaussians(exec, scene.set);
     auto frames = gsp::make_frames(exec, cloud, {.images = scene.images, .width = scene.width, .height = scene.height, .batch = batch});
-    gsp::prune_gaussians(exec, cloud, scene.poses(exec), gsp::make_cameras(exec, scene.viewmats, scene.Ks), frames,
-                         {.keep = keep, .between = {.steps = 1, .iterations = 2}, .last = {.steps = 1, .iterations = 2}});
+    auto const report =
+        gsp::prune_gaussians(exec, cloud, scene.poses(exec), gsp::make_cameras(exec, scene.viewmats, scene.Ks), frames,
+                             {.keep = keep, .between = {.steps = 1, .iterations = 2}, .last = {.steps = 1, .iterations = 2}});
+    CHECK(report.sweeps <= 1 + report.rounds + 4 * std::max(0, report.rounds - 1) + 4);
     return gsp::pruned_set(exec, scene.set, cloud);
   };
   Exec const exec;
@@ -132,6 +136,27 @@ TEST_CASE_TEMPLATE("pruning has the same bits for any batch and on every host ba
     CHECK(whole.set.opacities == serial.set.opacities);
   }
   CHECK(pruned(exec, 3, 1).index.size() == 200);
+}
+
+TEST_CASE_TEMPLATE("pruning works on its instance, and allocates in each round the places alone", Exec, GSP_TEST_EXECS) {
+  Exec const exec = gsp_test::other_instance(Exec{});
+  gsp_test::PrunedScene const scene(100, 1, 1);
+  auto const poses = scene.poses(exec);
+  auto const cameras = gsp::make_cameras(exec, scene.viewmats, scene.Ks);
+  auto const pruned = [&](double keep) {
+    auto cloud = gsp::make_gaussians(exec, scene.set);
+    auto frames = scene.frames(exec);
+    gsp::PruneReport report;
+    auto const seen = gsp_test::watch([&] { report = gsp::prune_gaussians(exec, cloud, poses, cameras, frames, {.keep = keep}); });
+    CHECK(!seen.kernels.empty());
+    gsp_test::check_labels(seen);
+    gsp_test::check_instance(exec, seen);
+    std::size_t const places = std::size_t(std::count_if(seen.allocations.begin(), seen.allocations.end(),
+                                                         [](auto const& a) { return a.label == "gsp::prune_gaussians::places"; }));
+    CHECK(places == std::size_t(report.rounds));
+    return seen.allocations.size() - places;
+  };
+  CHECK(pruned(0.2) == pruned(0.9));
 }
 
 TEST_CASE("pruning that cannot be is refused in a sentence") {

@@ -4,7 +4,9 @@
 #include <cstring>
 #include <gsp/splat/refit_gaussians.hpp>
 #include <gsp_test_execs.hpp>
+#include <limits>
 #include <splat/pruned_scenes.hpp>
+#include <support/kokkos_tools.hpp>
 
 namespace {
 
@@ -122,6 +124,7 @@ TEST_CASE_TEMPLATE("opacities and sizes that were changed are found again, and E
   double before = -1, first = 0;
   for (int k = 0; k < 6; ++k) {
     auto const report = fit.run(exec, {.steps = 2, .iterations = 12});
+    CHECK(report.sweeps <= 1 + 2 * 13 + 1);
     if (k == 0) first = report.before;
     CHECK(report.after <= report.before);
     if (k > 0) CHECK(report.before == before);  // it goes on where it ended: E is that of what the cloud holds
@@ -149,10 +152,33 @@ TEST_CASE_TEMPLATE("a fit has the same bits for any batch and on every host back
   if constexpr (!gsp::is_device<Exec>) CHECK(fitted(Kokkos::Serial{}, 1) == whole);
 }
 
+TEST_CASE_TEMPLATE("steps that are undone take a look more each, but the last", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  Fit<Exec> fit(exec, 60, 0, 0, 0, 0);  // E is 0, and so is the gradient: there is nothing to gain, and no iteration
+  auto const report = fit.run(exec, {.steps = 3});
+  CHECK(report.steps == 0);
+  CHECK(report.after == report.before);
+  CHECK(report.sweeps == 1 + 3 + 2);
+}
+
+TEST_CASE_TEMPLATE("after its first call refit_gaussians allocates nothing, and works on its instance", Exec, GSP_TEST_EXECS) {
+  Exec const exec = gsp_test::other_instance(Exec{});
+  Fit<Exec> fit(exec, 100, 1, 0.1, 0.2, 0.1, 2);
+  gsp::RefitOptions const options{.steps = 2, .iterations = 2};
+  fit.run(exec, options);
+  auto const seen = gsp_test::watch([&] { fit.run(exec, options); });
+  CHECK(!seen.kernels.empty());
+  gsp_test::check_labels(seen);
+  gsp_test::check_no_allocation(seen);
+  gsp_test::check_instance(exec, seen);
+}
+
 TEST_CASE("fits that cannot be are refused in a sentence") {
   Kokkos::Serial const exec;
   Fit<Kokkos::Serial> fit(exec, 20, 0, 0, 0, 0);
   CHECK_THROWS_WITH_AS(fit.run(exec, {.steps = -1}), doctest::Contains("must not be negative"), std::invalid_argument);
+  fit.wanted.rgb(1, 5, 5, 0) = std::numeric_limits<float>::infinity();
+  CHECK_THROWS_WITH_AS(fit.run(exec, {}), doctest::Contains("squares of the pictures are not finite"), gsp::Error);
   fit.scratch = gsp::make_refit_scratch(exec, fit.cloud, 1);
   CHECK_THROWS_WITH_AS(fit.run(exec, {}), doctest::Contains("make_refit_scratch with these"), std::invalid_argument);
 }

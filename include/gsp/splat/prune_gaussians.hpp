@@ -59,9 +59,10 @@ inline std::vector<int> choose_dropped(std::vector<int>& live, std::vector<std::
 ///                 fitted (of all that share its views). `pruned_set` gives the rest as a set
 /// @param cameras  as many as frames.images
 /// @param frames   rgb, depth and alpha of the images; out: pictures of some step. As much again is allocated for the first ones
-/// Waits for the device. Cost with the defaults: about four times the pictures, 7 x rounds + 67 times at most (8 rounds to 30 %). The same
-/// bits for any batch and any number of threads. Errors: gsp::Error where there are no Gaussians or no camera sees any;
-/// std::invalid_argument for keep outside (0, 1], drop outside (0, 1), and where refit_gaussians has them.
+/// Waits for the device. Cost with the defaults: about four times the pictures, 7 x rounds + 67 times at most (8 rounds to 30 %), of which
+/// 5 where steps of the last fit are undone; 73 times at most where keep = 1. The same bits for any batch and any number of threads.
+/// Errors: gsp::Error where there are no Gaussians, no camera sees any, or squares of pictures are not finite; std::invalid_argument for
+/// keep outside (0, 1], drop outside (0, 1), and where refit_gaussians has them.
 template <ExecutionSpace Exec, class R, class PosesMem, class Mem>
 PruneReport prune_gaussians(Exec const& exec, Gaussians<Mem>& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras,
                             Frames<Mem>& frames, PruneOptions options = {}) {

@@ -1,6 +1,8 @@
 #pragma once
+#include <cmath>
 #include <gsp/splat/detail/refit_kernels.hpp>
 #include <gsp/splat/render.hpp>
+#include <limits>
 
 namespace gsp {
 
@@ -17,7 +19,7 @@ struct RefitOptions {
 template <class Mem>
 struct RefitScratch {
   detail::RefitVectors<Mem> vectors;
-  Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem> error;  // (C) exact sums
+  detail::ExactSums<Mem> error;  // (C)
   Kokkos::View<double*, Kokkos::LayoutRight, Mem> sums;
   Kokkos::View<float**, Kokkos::LayoutRight, Mem> sh, scales;  // of the Gaussians before a step
   Kokkos::View<float*, Kokkos::LayoutRight, Mem> power;        // as above
@@ -30,7 +32,7 @@ struct RefitReport {
 
 /// Allocates. images: those of the frames.
 template <ExecutionSpace Exec, class Mem>
-RefitScratch<Mem> make_refit_scratch(Exec const&, Gaussians<Mem> const& cloud, int images) {
+RefitScratch<Mem> make_refit_scratch(Exec const& exec, Gaussians<Mem> const& cloud, int images) {
   using Scratch = RefitScratch<Mem>;
   std::int64_t const unknowns = std::int64_t(detail::unknowns_of(cloud.sh_degree)) * cloud.count;
   Scratch s;
@@ -38,7 +40,7 @@ RefitScratch<Mem> make_refit_scratch(Exec const&, Gaussians<Mem> const& cloud, i
     *v = detail::allocate<Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem>>("gsp::RefitScratch::exact", unknowns);
   for (auto* const v : {&s.vectors.change, &s.vectors.left, &s.vectors.direction, &s.vectors.inverse})
     *v = detail::allocate<Kokkos::View<float*, Kokkos::LayoutRight, Mem>>("gsp::RefitScratch::vector", unknowns);
-  s.error = detail::allocate<decltype(s.error)>("gsp::RefitScratch::error", images);
+  detail::make_sums(exec, s.error, "gsp::RefitScratch::error", images);
   s.sums = detail::allocate<decltype(s.sums)>("gsp::RefitScratch::sums", (unknowns + 255) / 256);
   s.sh = detail::allocate<decltype(s.sh)>("gsp::RefitScratch::sh", cloud.sh.extent(0), cloud.sh.extent(1));
   s.scales = detail::allocate<decltype(s.scales)>("gsp::RefitScratch::scales", cloud.scales.extent(0), cloud.scales.extent(1));
@@ -77,7 +79,7 @@ struct Refit {
     for (double const part : to_host(exec, scratch.sums)) s += part;
     return s;
   }
-  /// E, its gradient and the diagonal, where the Gaussians stand.
+  /// E, its gradient and the diagonal, where the Gaussians stand; infinity where E is not finite.
   double look() {
     auto& v = scratch.vectors;
     zero(exec, v.gradient);
@@ -86,9 +88,10 @@ struct Refit {
     GradientUse<Mem> const use{v.gradient, v.diagonal, cloud.sh_degree, cloud.count};
     render(exec, cloud, poses, cameras, frames, options.render, RefitChannel<Mem, GradientUse<Mem>>{wanted, scratch.error, {}, use});
     ++sweeps;
-    std::int64_t e = 0;
-    for (auto const one : to_host(exec, scratch.error)) e += one;
-    return from_exact(e);
+    if (!settle(exec, scratch.error)) return std::numeric_limits<double>::infinity();
+    double e = 0;
+    for (auto const one : to_host(exec, scratch.error.low)) e += from_exact(one);
+    return e;
   }
   void solve() {
     auto& v = scratch.vectors;
@@ -128,6 +131,7 @@ struct Refit {
   RefitReport run() {
     RefitReport report;
     double now = report.before = look();
+    if (!std::isfinite(now)) throw Error(not_finite("gsp::refit_gaussians"));
     for (int s = 0; s < options.steps; ++s) {
       save();
       solve();
@@ -162,8 +166,9 @@ struct Refit {
 /// @param cloud    in, out: sh, power, scales, clusters (of all that share its views)
 /// @param cameras  as many as frames.images
 /// @param frames   rgb, depth and alpha; out: the pictures of some step
-/// Returns E before and after, sums over all images. Waits for the device, also between iterations; allocates as `render` does. Cost:
-/// steps x (iterations + 1) x about four times the pictures. The same bits for any batch and any number of threads. Errors:
+/// Returns E before and after, sums over all images. Waits for the device, also between iterations; allocates as `render` does. Cost: about
+/// four times the pictures for each of 1 + steps x (iterations + 1) sweeps at most, and one more behind each step that is undone but the
+/// last. The same bits for any batch and any number of threads. Errors: gsp::Error where squares of pictures are not finite;
 /// std::invalid_argument where render has them, for frames without rgb, depth or alpha, pictures or scratch of another size, and steps,
 /// iterations, damping or floor below 0.
 /// Source: Levenberg-Marquardt for 3DGS as in 3DGS-LM (Hoellein et al. 2025), on closed forms of D (score_gaussians.hpp).
@@ -173,9 +178,9 @@ RefitReport refit_gaussians(Exec const& exec, Gaussians<Mem>& cloud, Poses<R, Po
   Region const region("gsp::splat::refit_gaussians");
   detail::check_wanted("gsp::refit_gaussians", wanted, frames);
   std::int64_t const unknowns = std::int64_t(detail::unknowns_of(cloud.sh_degree)) * cloud.count;
-  expects(std::int64_t(scratch.vectors.change.extent(0)) == unknowns && int(scratch.error.extent(0)) == frames.images,
+  expects(std::int64_t(scratch.vectors.change.extent(0)) == unknowns && int(scratch.error.low.extent(0)) == frames.images,
           "gsp::refit_gaussians: the scratch is for " + std::to_string(scratch.vectors.change.extent(0)) + " unknowns and " +
-              std::to_string(scratch.error.extent(0)) + " images, not for " + std::to_string(unknowns) + " and " +
+              std::to_string(scratch.error.low.extent(0)) + " images, not for " + std::to_string(unknowns) + " and " +
               std::to_string(frames.images) + ": make_refit_scratch with these");
   expects(options.steps >= 0 && options.iterations >= 0 && options.damping >= 0 && options.floor >= 0,
           "gsp::refit_gaussians: steps, iterations, damping and floor must not be negative");

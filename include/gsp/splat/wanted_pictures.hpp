@@ -42,6 +42,9 @@ void check_wanted(std::string const& function, WantedPictures<Mem> const& wanted
                                                       std::to_string(frames.height) + ": make_wanted_pictures of these frames");
   expects(wanted.depth_weight >= 0, function + ": depth_weight must not be negative");
 }
+inline std::string not_finite(std::string const& function) {
+  return function + ": squares of the pictures are not finite: a Gaussian's colour is over 1e19, or a wanted picture is not finite";
+}
 }  // namespace detail
 
 }  // namespace gsp

@@ -114,7 +114,7 @@ struct ProductUse {
 template <class Mem, class Use>
 struct RefitChannel {
   WantedPictures<Mem> wanted;
-  Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem> error;
+  ExactSums<Mem> error;
   StepOfGaussian<Mem> step;
   Use use;
   static constexpr int size = StepOfGaussian<Mem>::size;
@@ -137,7 +137,7 @@ template <class Mem>
 struct RefitVectors {
   template <class T>
   using View = Kokkos::View<T*, Kokkos::LayoutRight, Mem>;
-  View<std::int64_t> gradient, diagonal, product;  // exact sums
+  View<std::int64_t> gradient, diagonal, product;  // exact sums; beyond 8.5e9 they wrap, and E judges what they led to
   View<float> change, left, direction, inverse;    // x, the residual, where to go, of the preconditioner (0: stands still)
 
   KOKKOS_INLINE_FUNCTION double square_left(std::int64_t i) const { return double(left(i)) * left(i) * inverse(i); }

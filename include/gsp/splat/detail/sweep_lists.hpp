@@ -40,7 +40,7 @@ template <class Mem>
 struct SweepPass {
   Frames<Mem> frames;
   WantedPictures<Mem> wanted;
-  Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem> error;  // (C) adds E of each image, exact sums
+  ExactSums<Mem> error;  // (C) adds E of each image; or empty
   float alpha_max, stop, blur;
   int first, of;  // numbers kept of a splat: where this sweep's begin, and how many there are
 
@@ -119,7 +119,7 @@ struct SweepRows {
             for (P const& e : pixels[row][k].error) squares = fma(e, e, squares);
           use.begin(pixels[row][k], go);
         }
-      if (go == 0 && pass.error.extent(0) > 0) Kokkos::atomic_add(&pass.error(image), to_exact(sum(squares)));
+      if (go == 0 && pass.error.low.extent(0) > 0) pass.error.add(image, sum(squares));
       run(index, x0, y0, rows, pixels, centre, go);
     }
   }
@@ -222,11 +222,11 @@ struct SweepBlocks {
       if (go > 0)
         for (int k = 0; k < 4; ++k) fresh.error[k] = p.error[k];
       p = fresh;
-      if (go == 0 && pass.error.extent(0) > 0) {
+      if (go == 0 && pass.error.low.extent(0) > 0) {
         float squares = 0;
         for (int k = 0; k < 4; ++k) squares = fmaf(p.error[k], p.error[k], squares);
         squares = sum(squares);
-        if (lane == 0) Kokkos::atomic_add(&pass.error(image), to_exact(squares));
+        if (lane == 0) pass.error.add(image, squares);
       }
       use.begin(p, go);
       run(index, block, lane, px, py, p, go);
