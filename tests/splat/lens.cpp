@@ -84,6 +84,86 @@ TEST_CASE("rays come where OpenCV says, derivatives are those of differences, an
   }
 }
 
+// Lenses by chance: with poles, with bends behind which Newton's steps come round again, turned aside more than any that is sold.
+TEST_CASE("the way back is found in all of the disc of any lens") {
+  gsp_test::Random random(11);
+  auto const within = [&](double a) { return random.uniform(-a, a); };
+  // rays go round between 1.529 and 0.011 by Newton's steps alone
+  std::vector<gsp::Lens> lenses{gsp::opencv_lens({.01195, .5822, -.003705, -.002466, .2561, -.06762, -.1739, .2136})};
+  // a pole at 1.28, where Newton's steps only double
+  lenses.push_back(gsp::opencv_lens({.17, -.0525, -.0932, .0248, .0964, -.1209, -.0323, -.1667}));
+  for (int i = 0; i < 300; ++i) {
+    double const a = i % 3 == 0 ? 1 : i % 3 == 1 ? 0.3 : 3, p = i % 2 ? 0.01 : 0.1;
+    std::vector<double> k;
+    for (int j = 0; j < 8; ++j) k.push_back(within(j == 2 || j == 3 ? p : a));
+    lenses.push_back(i % 7 == 0 ? gsp::fisheye_lens({0.3 * k[0], 0.3 * k[1], k[2], k[3]}) : gsp::opencv_lens(k));
+  }
+  int poles = 0, bends = 0, endless = 0;
+  for (auto const& lens : lenses) {
+    if (lens.valid < 1e-3) continue;
+    double const most = std::min(lens.valid, 50.);
+    (std::isinf(lens.valid) ? endless : gsp::detail::radial_lens(lens, lens.valid * lens.valid).s > 1e6 ? poles : bends) += 1;
+    for (int i = 1; i <= 50; ++i)
+      for (int j = 0; j < 12; ++j) {
+        double const r = 0.98 * most * i / 50, turn = 6.2832 * (j + (i % 2 ? 0 : 0.3)) / 12, x = r * std::cos(turn), y = r * std::sin(turn);
+        auto const at = gsp::distorted(lens, x, y);
+        gsp::LensPoint<double> ray;
+        CAPTURE(x / lens.valid);
+        CAPTURE(y / lens.valid);
+        REQUIRE(gsp::undistorted(lens, at.x, at.y, ray));
+        // some tens of roundings, of the place and of the ray, by the least eigenvalue of J
+        auto const J = gsp::distortion_slope(lens, x, y);
+        double const middle = 0.5 * (J.xx + J.yy), aside = std::hypot(0.5 * (J.xx - J.yy), J.xy);
+        REQUIRE(std::hypot(ray.x - x, ray.y - y) < 1e-14 * (std::hypot(at.x, at.y) + r * (middle + aside)) / (middle - aside));
+      }
+  }
+  MESSAGE(poles, " lenses with poles, ", bends, " with bends, ", endless, " without end");
+  CHECK(poles > 20);
+  CHECK(bends > 20);
+  CHECK(endless > 10);
+}
+
+// x_d = x (1 - 0.5 r^2) is a picture of radius 0.544 about the middle, of rays within 0.816.
+TEST_CASE_TEMPLATE("where no ray comes there is no normal, and limits hold all rays of the picture", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Exec const exec;
+  int const width = 60, height = 40;
+  auto const lens = gsp::opencv_lens({-0.5, 0, 0, 0});
+  std::vector<float> const view{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, K{50, 0, 20, 0, 50, 16, 0, 0, 1};
+  auto const ray_of = [&](double column, double row, gsp::LensPoint<double>& ray) {
+    return gsp::undistorted(lens, (column - 20) / 50, (row - 16) / 50, ray);
+  };
+  gsp::LensPoint<double> ray;
+  Kokkos::View<float***, Kokkos::LayoutRight, Mem> const depth("depth", 1, height, width);
+  Kokkos::View<float****, Kokkos::LayoutRight, Mem> const normals("normals", 1, height, width, 3);
+  Kokkos::deep_copy(depth, 2.f);
+  gsp::normals_of_depth(exec, depth, gsp::make_cameras(exec, view, K, {}, {lens}), normals);
+  exec.fence();
+  auto const is = on_host(normals);
+  int none = 0, some = 0;
+  for (int y = 1; y + 1 < height; ++y)
+    for (int x = 1; x + 1 < width; ++x) {
+      bool all = true;
+      for (int k = -1; k <= 1; k += 2) all &= ray_of(x + k + 0.5, y + 0.5, ray) && ray_of(x + 0.5, y + k + 0.5, ray);
+      (all ? some : none) += 1;
+      REQUIRE(std::abs(is(0, y, x, 2) - (all ? -1 : 0)) < 1e-5);
+    }
+  CHECK(none > 200);
+  CHECK(some > 1000);
+  // of pictures whose corners alone are beyond, and of this one
+  for (double const f : {50., 60., 70., 90., 120.}) {
+    gsp::detail::ImageView v{};
+    v.fx = v.fy = float(f), v.cx = 30, v.cy = 20;
+    CHECK(gsp::detail::look_through(lens, width, height, v));
+    for (int y = 0; y <= height; ++y)
+      for (int x = 0; x <= width; ++x)
+        if (gsp::undistorted(lens, (x - 30) / f, (y - 20) / f, ray)) {
+          REQUIRE(std::abs(ray.x) + 0.15 * width / f < std::min(-v.x_low, v.x_high) + 1e-5);
+          REQUIRE(std::abs(ray.y) + 0.15 * height / f < std::min(-v.y_low, v.y_high) + 1e-5);
+        }
+  }
+}
+
 TEST_CASE("the disc ends where the derivative is no longer positive definite") {
   CHECK(gsp::opencv_lens({0, 0, 0, 0}).valid == infinity);
   CHECK(gsp::opencv_lens({0.2, 0.05, 0, 0}).valid == infinity);

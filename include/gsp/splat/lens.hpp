@@ -15,7 +15,8 @@ namespace gsp {
 /// Source: OpenCV 4, module calib3d, "Camera Calibration and 3D Reconstruction" and "Fisheye camera model".
 struct Lens {
   enum class Model : int { opencv, fisheye };
-  static constexpr int rings = 64;  // of radius tan(i pi / 128)
+  static constexpr int rings = 64;               // of radius tan(i pi / 128)
+  static constexpr double widest = 5729.577951;  // tan 89.99 degrees: the radius of the rays that `undistorted` looks for
   Model model = Model::opencv;
   double k[6] = {};       // k1 ... k6, of a fisheye k1 ... k4
   double p1 = 0, p2 = 0;  // 0 of a fisheye
@@ -50,8 +51,9 @@ GSP_FUNCTION LensPoint<T> distorted(Lens const& lens, T const& x, T const& y);
 template <class T>
 GSP_FUNCTION LensSlope<T> distortion_slope(Lens const& lens, T const& x, T const& y);
 
-/// The ray that comes to (u, v): by Newton's iteration, first of the radius alone, then of both. False where none within the lens's disc
-/// (and 89.99 degrees) does: then `ray` is the edge of it in that direction. Cost: about 6 evaluations.
+/// The ray that comes to (u, v): by Newton's iteration, first of the radius alone, in a bracket that is halved where a step does not help,
+/// then of both, with steps made shorter until they do. False where none within the lens's disc (and 89.99 degrees) does: then `ray` is by
+/// the edge of it in about that direction. Cost: about 6 evaluations; beside poles some 50.
 GSP_FUNCTION bool undistorted(Lens const& lens, double u, double v, LensPoint<double>& ray);
 
 }  // namespace gsp

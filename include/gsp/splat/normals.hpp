@@ -15,26 +15,26 @@ struct NormalsOfDepth {
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
     int const width = int(depth.extent(2)), height = int(depth.extent(1));
     int const x = int(i % width), y = int(i / width % height), c = int(i / width / height);
+    Vec3<float> normal{0, 0, 0};
+    bool whole = x > 0 && y > 0 && x + 1 < width && y + 1 < height && depth(c, y, x) > 0;
+    for (int k = -1; k <= 1 && whole; k += 2) whole = depth(c, y, x + k) > 0 && depth(c, y + k, x) > 0;
     auto const at = [&](int column, int row) {  // where the pixel's ray is so deep
       float const z = depth(c, row, column);
       if (cameras.lenses.extent(0) > 0) {
         LensPoint<double> ray;
-        undistorted(cameras.lenses(c), (column + 0.5 - double(cameras.Ks(c, 0, 2))) / double(cameras.Ks(c, 0, 0)),
-                    (row + 0.5 - double(cameras.Ks(c, 1, 2))) / double(cameras.Ks(c, 1, 1)), ray);
+        whole &= undistorted(cameras.lenses(c), (column + 0.5 - double(cameras.Ks(c, 0, 2))) / double(cameras.Ks(c, 0, 0)),
+                             (row + 0.5 - double(cameras.Ks(c, 1, 2))) / double(cameras.Ks(c, 1, 1)), ray);
         return Vec3<float>{static_cast<float>(z * ray.x), static_cast<float>(z * ray.y), z};
       }
       return Vec3<float>{z * (float(column) + 0.5f - cameras.Ks(c, 0, 2)) / cameras.Ks(c, 0, 0),
                          z * (float(row) + 0.5f - cameras.Ks(c, 1, 2)) / cameras.Ks(c, 1, 1), z};
     };
-    Vec3<float> normal{0, 0, 0};
-    bool whole = x > 0 && y > 0 && x + 1 < width && y + 1 < height && depth(c, y, x) > 0;
-    for (int k = -1; k <= 1 && whole; k += 2) whole = depth(c, y, x + k) > 0 && depth(c, y + k, x) > 0;
     if (whole) {
       Vec3<float> const n = cross(at(x, y + 1) - at(x, y - 1), at(x + 1, y) - at(x - 1, y));
       bool const mirrored = (cameras.Ks(c, 0, 0) < 0) != (cameras.Ks(c, 1, 1) < 0);
       float const length = mirrored ? -norm(n) : norm(n);  // towards the camera
       auto const& v = cameras.viewmats;
-      if (length != 0)
+      if (whole && length != 0)  // `at` may not have found a ray
         for (int k = 0; k < 3; ++k) normal[k] = (v(c, 0, k) * n.x + v(c, 1, k) * n.y + v(c, 2, k) * n.z) / length;
     }
     for (int k = 0; k < 3; ++k) normals(c, y, x, k) = normal[k];
@@ -45,7 +45,7 @@ struct NormalsOfDepth {
 /// Normals of what a depth picture shows, in world axes, towards the camera: of the plane through the pixel's four neighbours,
 ///   n ~ (p(x, y + 1) - p(x, y - 1)) x (p(x + 1, y) - p(x - 1, y)),   p(x, y) = z ((x + 1/2 - cx) / fx, (y + 1/2 - cy) / fy, 1)
 /// and behind a lens (x/z, y/z) of the ray that comes to the pixel (`undistorted`).
-/// 0 at the picture's edge and where it, or a neighbour, shows nothing (a depth that is not positive).
+/// 0 at the picture's edge, where it, or a neighbour, shows nothing (a depth that is not positive), and where no ray comes to a neighbour.
 /// @param depth    (C, H, W) camera z [m]: Frames::depth, or MedianDepthChannel's, which mixes nothing that lies behind
 /// @param cameras  of these pictures
 /// @param normals  out: (C, H, W, 3)

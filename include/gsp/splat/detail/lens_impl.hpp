@@ -178,40 +178,53 @@ GSP_FUNCTION LensSlope<T> distortion_slope(Lens const& lens, T const& x, T const
 }
 
 GSP_FUNCTION bool undistorted(Lens const& lens, double u, double v, LensPoint<double>& ray) {
-  constexpr double most = 5729.577951;  // tan 89.99 degrees
-  double const far = std::sqrt(u * u + v * v), edge = lens.valid < most ? lens.valid : most;
+  double const far = std::sqrt(u * u + v * v), widest = Lens::widest, edge = lens.valid < widest ? lens.valid : widest;
   double low = 0, high = edge, r = far < edge ? far : edge;
   if (detail::radial_lens(lens, edge * edge).s * edge < far) {
     r = edge;
   } else {
-    for (int i = 0; i < 60; ++i) {
+    // s r grows with r. Beside poles Newton's steps only double, past bends they come round again: then the bracket is halved
+    double before = 1e300;
+    for (int i = 0; i < 200; ++i) {
       auto const f = detail::radial_lens(lens, r * r);
-      double const off = f.s * r - far;
-      (off > 0 ? high : low) = r;
+      double const off = f.s * r - far, size = std::fabs(off);
+      if (size <= 1e-13 * far) break;  // the rest is for both together
+      (off < 0 ? low : high) = r;
       double next = r - off / f.along;
-      if (!(next >= low && next <= high)) next = 0.5 * (low + high);
-      if (next == r) break;
+      if (!(next > low && next < high && size < 0.25 * before)) next = 0.5 * (low + high);
+      if (!(next > low && next < high)) break;
+      before = size;
       r = next;
     }
   }
   double const share = far > 0 ? r / far : 0;
   ray = {u * share, v * share};
-  double error = 0;
-  for (int i = 0; i < 20; ++i) {
-    auto const at = distorted(lens, ray.x, ray.y);
-    double const ex = u - at.x, ey = v - at.y;
-    error = std::sqrt(ex * ex + ey * ey);
-    if (!(error > 1e-15 * far)) break;
+  if (!(far > 0)) return far == 0;
+  auto const error_of = [&](LensPoint<double> const& at, double& ex, double& ey) {
+    auto const is = distorted(lens, at.x, at.y);
+    ex = u - is.x;
+    ey = v - is.y;
+    return std::sqrt(ex * ex + ey * ey);
+  };
+  double ex, ey, error = error_of(ray, ex, ey);
+  for (int i = 0; i < 100 && error > 1e-15 * far; ++i) {
     auto const j = distortion_slope(lens, ray.x, ray.y);
-    double const det = j.xx * j.yy - j.xy * j.xy;
-    LensPoint<double> next{ray.x + (j.yy * ex - j.xy * ey) / det, ray.y + (j.xx * ey - j.xy * ex) / det};
-    double const radius = std::sqrt(next.x * next.x + next.y * next.y);
-    if (!(radius <= edge)) {  // also where J has no inverse
-      if (!(radius < 1e300)) break;
-      next = {next.x * (edge / radius), next.y * (edge / radius)};
+    double const det = j.xx * j.yy - j.xy * j.xy, dx = (j.yy * ex - j.xy * ey) / det, dy = (j.xx * ey - j.xy * ex) / det;
+    // along the step the error falls at first: a part of it that is short enough does better
+    bool better = false;
+    double part = 1;
+    for (int k = 0; k < 30 && !better; ++k, part *= 0.5) {
+      LensPoint<double> next{ray.x + part * dx, ray.y + part * dy};
+      double const radius = std::sqrt(next.x * next.x + next.y * next.y);
+      if (!(radius < 1e300)) break;  // J has no inverse
+      if (radius > edge) next = {next.x * (edge / radius), next.y * (edge / radius)};
+      if (next.x == ray.x && next.y == ray.y) break;
+      double fx, fy;
+      double const now = error_of(next, fx, fy);
+      better = now < error;
+      if (better) ray = next, error = now, ex = fx, ey = fy;
     }
-    if (next.x == ray.x && next.y == ray.y) break;
-    ray = next;
+    if (!better) break;
   }
   return error <= 1e-9 * (1 + far);
 }

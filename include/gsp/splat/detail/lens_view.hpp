@@ -19,16 +19,18 @@ KOKKOS_INLINE_FUNCTION int lens_ring(double radius) {
 KOKKOS_INLINE_FUNCTION bool look_through(Lens const& lens, int width, int height, ImageView& v) {
   double const fx = Kokkos::fabs(v.fx), fy = Kokkos::fabs(v.fy);
   v.lens = &lens;
-  // the rays of corners and of the middles of edges, and as much beyond as without a lens
+  // the rays of corners and of the middles of edges, and as much beyond as without a lens; where none comes to one of these, the lens's
+  // disc ends within the picture, at whatever place: then all of it
   double low[2] = {1e300, 1e300}, high[2] = {-1e300, -1e300};
   for (int i = 0; i < 9; ++i) {
     if (i == 4) continue;
     LensPoint<double> ray;
-    undistorted(lens, (i % 3 * 0.5 * width - v.cx) / v.fx, (i / 3 * 0.5 * height - v.cy) / v.fy, ray);
-    low[0] = Kokkos::fmin(low[0], ray.x);
-    high[0] = Kokkos::fmax(high[0], ray.x);
-    low[1] = Kokkos::fmin(low[1], ray.y);
-    high[1] = Kokkos::fmax(high[1], ray.y);
+    bool const there = undistorted(lens, (i % 3 * 0.5 * width - v.cx) / v.fx, (i / 3 * 0.5 * height - v.cy) / v.fy, ray);
+    double const edge = Kokkos::fmin(lens.valid, Lens::widest), place[2] = {ray.x, ray.y};
+    for (int k = 0; k < 2; ++k) {
+      low[k] = Kokkos::fmin(low[k], there ? place[k] : -edge);
+      high[k] = Kokkos::fmax(high[k], there ? place[k] : edge);
+    }
   }
   double const beyond_x = 0.15 * width / fx, beyond_y = 0.15 * height / fy;
   v.x_low = static_cast<float>(low[0] - beyond_x);
