@@ -212,8 +212,7 @@ GSP_FUNCTION bool undistorted(Lens const& lens, double u, double v, LensPoint<do
     double const det = j.xx * j.yy - j.xy * j.xy, dx = (j.yy * ex - j.xy * ey) / det, dy = (j.xx * ey - j.xy * ex) / det;
     // along the step the error falls at first: a part of it that is short enough does better
     bool better = false;
-    double part = 1;
-    for (int k = 0; k < 30 && !better; ++k, part *= 0.5) {
+    for (double part = 1; part > 1e-9 && !better; part *= 0.5) {
       LensPoint<double> next{ray.x + part * dx, ray.y + part * dy};
       double const radius = std::sqrt(next.x * next.x + next.y * next.y);
       if (!(radius < 1e300)) break;  // J has no inverse
@@ -222,7 +221,11 @@ GSP_FUNCTION bool undistorted(Lens const& lens, double u, double v, LensPoint<do
       double fx, fy;
       double const now = error_of(next, fx, fy);
       better = now < error;
-      if (better) ray = next, error = now, ex = fx, ey = fy;
+      if (!better) continue;
+      ray = next;
+      error = now;
+      ex = fx;
+      ey = fy;
     }
     if (!better) break;
   }
