@@ -101,16 +101,15 @@ def test_forces_of_no_constraints_heal():
     assert not data.qfrc_constraint.any()
 
 
-# A thread that is in the library when the interpreter ends: the process ends as it would without.
+# A thread that is in the library when the interpreter ends: the process ends as it would without. Not where the library is in NumPy's
+# Python (lists as masks or values): there Python up to 3.13 unwinds the thread's stack through functions of C++, as it does anybody's.
 @pytest.mark.parametrize(
     "call",
     [
         "gsp.step(m, d)",
         "gsp.forward(m, d)",
-        "gsp.reset(m, d, mask=[True])",
-        "d.set('body_mass', [[0, 1]])",
+        "gsp.reset(m, d)",
         "r.render(d, v, k)",
-        "d.qpos.copy()",
     ],
 )
 @pytest.mark.parametrize("code", [0, 3])
