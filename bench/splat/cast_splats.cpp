@@ -87,8 +87,7 @@ void run(gsp::GaussianSet const& set, Arguments const& a, int worlds) {
 int main(int argc, char** argv) {
   Kokkos::ScopeGuard const kokkos(argc, argv);
   Arguments a;
-  char const* const folder = std::getenv("GSP_DATA_DIR");
-  a.file = std::string(folder ? folder : GSP_DATA_DIR) + "/splats/kitchen.spz";
+  a.file = gsp_bench::data_file("splats/kitchen.spz");
   for (int i = 1; i < argc; ++i) {
     std::string const word = argv[i];
     if (word == "--count-only")

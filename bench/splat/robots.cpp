@@ -167,8 +167,7 @@ void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
 int main(int argc, char** argv) {
   Kokkos::ScopeGuard kokkos(argc, argv);
   Arguments a;
-  char const* const folder = std::getenv("GSP_DATA_DIR");
-  a.scene = std::string(folder ? folder : GSP_DATA_DIR) + "/splats/kitchen.spz";
+  a.scene = gsp_bench::data_file("splats/kitchen.spz");
   for (int i = 1; i + 1 < argc; i += 2) {
     std::string const key = argv[i], value = argv[i + 1];
     if (key == "--worlds") a.worlds = std::atoi(value.c_str());

@@ -21,11 +21,12 @@
 namespace gsp_bench {
 
 #ifdef GSP_DATA_DIR
-/// Folder of the robots that benches read: $GSP_DATA_DIR, else the CMake variable of that name.
-inline std::string model_folder() {
+/// Where the robots and splats that benches read are: in $GSP_DATA_DIR, else in the CMake variable of that name.
+inline std::string data_file(std::string const& name) {
   char const* const folder = std::getenv("GSP_DATA_DIR");
-  return std::string(folder ? folder : GSP_DATA_DIR) + "/models/";
+  return std::string(folder ? folder : GSP_DATA_DIR) + "/" + name;
 }
+inline std::string model_folder() { return data_file("models/"); }
 #endif
 
 struct MeasureOptions {

@@ -540,6 +540,29 @@ std::vector<gsp::Lens> read_lenses(gsp::io::NpyArray const& array, std::string c
 }
 }  // namespace
 
+void CameraFile::add(CameraFile const& from, std::size_t i) {
+  auto const part = [i](std::vector<float>& to, std::vector<float> const& all, std::size_t n) {
+    to.insert(to.end(), all.begin() + static_cast<std::ptrdiff_t>(i * n), all.begin() + static_cast<std::ptrdiff_t>((i + 1) * n));
+  };
+  part(viewmats, from.viewmats, 16);
+  part(Ks, from.Ks, 9);
+  if (from.lenses.size() > 1)
+    lenses.push_back(from.lenses[i]);
+  else
+    lenses = from.lenses;
+  ++count;
+}
+
+std::vector<float> fetch(gsp::runtime::Array const& array) {
+  std::vector<float> out(array ? static_cast<std::size_t>(array.size()) : 0);
+  if (array)
+    gsp::runtime::copy(array,
+                       array.rank == 4
+                           ? gsp::runtime::host_array(out.data(), {array.extents[0], array.extents[1], array.extents[2], array.extents[3]})
+                           : gsp::runtime::host_array(out.data(), {array.extents[0], array.extents[1], array.extents[2]}));
+  return out;
+}
+
 CameraFile read_cameras(std::string const& path) {
   auto const npz = gsp::io::read_npz(path);
   auto const &views = npz.at("viewmats"), &intrinsics = npz.at("Ks");

@@ -110,8 +110,13 @@ struct CameraFile {
             {},
             {from, lenses.size() > 1 ? from + static_cast<std::ptrdiff_t>(n) : lenses.end()}};
   }
+  /// Another one, as camera i of `from`. All that are added come from files of one kind: a lens each, one for all, or none.
+  void add(CameraFile const& from, std::size_t i);
 };
 CameraFile read_cameras(std::string const& path);
+
+/// Pictures, or numbers of cameras, on the host; empty where there are none. Of rank 3 or 4.
+std::vector<float> fetch(gsp::runtime::Array const& array);
 
 /// Throws unless `path` can be written: its folder is there and it is no folder itself. Called before long work.
 void expect_writable(std::string const& path, char const* option);

@@ -25,18 +25,8 @@ struct Views {
   std::vector<int> state;
   std::size_t count() const { return state.size(); }
   void add(Views const& from, std::size_t i) {
-    auto const part = [i](std::vector<float>& to, std::vector<float> const& all, std::size_t n) {
-      to.insert(to.end(), all.begin() + static_cast<std::ptrdiff_t>(i * n), all.begin() + static_cast<std::ptrdiff_t>((i + 1) * n));
-    };
-    part(cameras.viewmats, from.cameras.viewmats, 16);
-    part(cameras.Ks, from.cameras.Ks, 9);
-    auto const& lenses = from.cameras.lenses;
-    if (lenses.size() > 1)
-      cameras.lenses.push_back(lenses[i]);
-    else
-      cameras.lenses = lenses;  // one for all, or none
+    cameras.add(from.cameras, i);
     state.push_back(from.state[i]);
-    ++cameras.count;
   }
   /// For the renderer; they hold as long as this does.
   gsp::runtime::CameraArrays arrays() const {
@@ -69,7 +59,7 @@ Views drawn(Views const& views, std::size_t count, double metres, double angle, 
   return out;
 }
 
-/// Cameras round the Gaussians, all of which they see: looking at the middle from 1.3 to 2.3 times the distance within which 95 of 100 are,
+/// Cameras round the Gaussians, looking at their middle from 1.3 to 2.3 times the distance within which 95 of 100 are.
 Views round_views(gsp::io::SplatSet const& set, std::size_t count, int width, int height) {
   std::array<std::vector<double>, 3> x;
   for (std::size_t i = 0; i < set.size(); ++i)
@@ -95,21 +85,14 @@ Views round_views(gsp::io::SplatSet const& set, std::size_t count, int width, in
   return out;
 }
 
-std::vector<float> fetched(gsp::runtime::Array const& a) {
-  std::vector<float> out(static_cast<std::size_t>(a.size()));
-  gsp::runtime::copy(a, a.rank == 4 ? gsp::runtime::host_array(out.data(), {a.extents[0], a.extents[1], a.extents[2], a.extents[3]})
-                                    : gsp::runtime::host_array(out.data(), {a.extents[0], a.extents[1], a.extents[2]}));
-  return out;
-}
-
 /// What the model's cameras see of every state.
 Views model_views(gsp::runtime::Kinematics& kinematics, std::vector<int> const& cameras, std::size_t states, int width, int height) {
   Views out;
   for (int const camera : cameras) {
     auto const arrays = kinematics.cameras(camera, width, height);
     Views one;
-    one.cameras.viewmats = fetched(arrays.viewmats);
-    one.cameras.Ks = fetched(arrays.Ks);
+    one.cameras.viewmats = fetch(arrays.viewmats);
+    one.cameras.Ks = fetch(arrays.Ks);
     one.cameras.count = states;
     for (std::size_t s = 0; s < states; ++s) one.state.push_back(static_cast<int>(s));
     for (std::size_t s = 0; s < states; ++s) out.add(one, s);
@@ -145,7 +128,7 @@ Seen seen(Device device, gsp::io::SplatSet const& set, std::string const& name, 
   auto const renderer = gsp::runtime::make_renderer(device, scene, options);
   renderer->render(poses, views.arrays());
   auto const frames = renderer->frames();
-  return {fetched(frames.rgb), fetched(frames.depth), fetched(frames.alpha)};
+  return {fetch(frames.rgb), fetch(frames.depth), fetch(frames.alpha)};
 }
 
 /// "0.02 3": metres and degrees.

@@ -24,17 +24,6 @@ struct Pictures {
   std::vector<float> rgb, depth, alpha;  // (C, H, W, 3), (C, H, W), (C, H, W)
 };
 
-std::vector<float> fetch(gsp::runtime::Array const& pictures) {
-  std::vector<float> out(pictures ? static_cast<std::size_t>(pictures.size()) : 0);
-  if (pictures)
-    gsp::runtime::copy(
-        pictures,
-        pictures.rank == 4
-            ? gsp::runtime::host_array(out.data(), {pictures.extents[0], pictures.extents[1], pictures.extents[2], pictures.extents[3]})
-            : gsp::runtime::host_array(out.data(), {pictures.extents[0], pictures.extents[1], pictures.extents[2]}));
-  return out;
-}
-
 std::string numbered(std::string const& folder, char const* kind, std::size_t i, std::size_t count) {
   std::string number = std::to_string(i);
   number.insert(0, std::max<std::size_t>(4, std::to_string(count - 1).size()) - number.size(), '0');
@@ -63,27 +52,14 @@ void write_pngs(std::string const& folder, Pictures const& some, std::size_t fir
 /// One camera n times.
 CameraFile same_camera(CameraFile const& one, std::size_t n) {
   CameraFile out;
-  out.count = n;
-  for (std::size_t i = 0; i < n; ++i) {
-    out.viewmats.insert(out.viewmats.end(), one.viewmats.begin(), one.viewmats.end());
-    out.Ks.insert(out.Ks.end(), one.Ks.begin(), one.Ks.end());
-  }
-  out.lenses = one.lenses;
+  for (std::size_t i = 0; i < n; ++i) out.add(one, 0);
   return out;
 }
 
 /// Cameras first, first + step, first + 2 step ...
 CameraFile every_camera(CameraFile const& all, std::size_t first, std::size_t step) {
   CameraFile out;
-  for (std::size_t i = first; i < all.count; i += step, ++out.count) {
-    auto const part = [i](std::vector<float>& to, std::vector<float> const& from, std::size_t n) {
-      to.insert(to.end(), from.begin() + static_cast<std::ptrdiff_t>(i * n), from.begin() + static_cast<std::ptrdiff_t>((i + 1) * n));
-    };
-    part(out.viewmats, all.viewmats, 16);
-    part(out.Ks, all.Ks, 9);
-    if (all.lenses.size() > 1) out.lenses.push_back(all.lenses[i]);
-  }
-  if (all.lenses.size() == 1) out.lenses = all.lenses;
+  for (std::size_t i = first; i < all.count; i += step) out.add(all, i);
   return out;
 }
 

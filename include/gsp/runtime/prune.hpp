@@ -17,7 +17,8 @@ struct Pruning {
 /// What splat/prune_gaussians.hpp does with a file's Gaussians, whose links are those of `model`; `name` is what messages call the set.
 /// @param poses    on the device, such as Kinematics gives them, or empty: nothing moves
 /// @param cameras  float32 on the host: where pictures are taken from, each of its `world` of the poses, or c of c % worlds, and through
-/// its lens Errors: those of prune_gaussians, and as Scene::add_set and Renderer::render.
+///                 its lens
+/// Errors: those of prune_gaussians, and as Scene::add_set and Renderer::render.
 Pruning prune(Device device, io::SplatSet const& set, std::string const& name, CompiledModel const& model, PoseArrays const& poses,
               CameraArrays const& cameras, PruningOptions const& options);
 /// Bytes that it needs on the device, for so many cameras.

@@ -62,23 +62,30 @@ Cameras<typename Exec::memory_space> make_cameras(Exec const& exec, std::vector<
 }
 
 namespace detail {
-/// Is there one of each for these pictures, and are the cameras for their size?
+/// Has each camera all that belongs to it?
 template <class Mem>
-void check_cameras(std::string const& function, Cameras<Mem> const& cameras, int images, int width, int height) {
+void check_cameras(std::string const& function, Cameras<Mem> const& cameras) {
   auto const count = [](auto const& view) { return static_cast<int>(view.extent(0)); };
   auto const text = [](int n) { return std::to_string(n); };
-  expects(cameras.images() == images, function + ": there are " + text(cameras.images()) + " cameras for " + text(images) +
-                                          " images: make_frames with {.images = " + text(cameras.images()) +
-                                          "}, or as many cameras as images");
-  expects(cameras.width == 0 || (cameras.width == width && cameras.height == height),
-          function + ": the cameras are for pictures of " + text(cameras.width) + " x " + text(cameras.height) +
-              " pixels, the frames have " + text(width) + " x " + text(height) + ": make mounts and frames with one size");
+  int const images = cameras.images();
   expects(count(cameras.Ks) == images,
           function + ": there are " + text(count(cameras.Ks)) + " Ks for " + text(images) + " cameras: give one a camera");
   expects(count(cameras.world) == 0 || count(cameras.world) >= images, function + ": there are worlds of " + text(count(cameras.world)) +
                                                                            " cameras for " + text(images) + ": give one a camera, or none");
   expects(count(cameras.lenses) == 0 || count(cameras.lenses) == images,
           function + ": there are " + text(count(cameras.lenses)) + " lenses for " + text(images) + " cameras: give one a camera, or none");
+}
+/// And are there as many as pictures, of their size?
+template <class Mem>
+void check_cameras(std::string const& function, Cameras<Mem> const& cameras, int images, int width, int height) {
+  auto const text = [](int n) { return std::to_string(n); };
+  check_cameras(function, cameras);
+  expects(cameras.images() == images, function + ": there are " + text(cameras.images()) + " cameras for " + text(images) +
+                                          " images: make_frames with {.images = " + text(cameras.images()) +
+                                          "}, or as many cameras as images");
+  expects(cameras.width == 0 || (cameras.width == width && cameras.height == height),
+          function + ": the cameras are for pictures of " + text(cameras.width) + " x " + text(cameras.height) +
+              " pixels, the frames have " + text(width) + " x " + text(height) + ": make mounts and frames with one size");
 }
 }  // namespace detail
 

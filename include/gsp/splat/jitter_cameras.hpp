@@ -62,8 +62,8 @@ struct JitterCameras {
 /// rounding; what an option of 0 leaves alone keeps its bits.
 /// @param cameras   as they are meant
 /// @param jittered  out: viewmats, Ks of as many cameras; world, lenses, width, height become those of `cameras`, whose views they share.
-/// May
-///                  be `cameras` itself: then calls add up
+/// May be
+///                  `cameras` itself: then calls add up
 /// One launch. Neither allocates nor fences. Errors: std::invalid_argument for another number of cameras, for options that are not from 0
 /// to 1e6, a rotation over pi, a share that is not below 1, a step that is negative or not below 2^56, and images whose numbers are not
 /// within 0 to 2^32 - 1.
@@ -71,6 +71,7 @@ template <ExecutionSpace Exec, class Mem>
 void jitter_cameras(Exec const& exec, Cameras<Mem> const& cameras, Cameras<Mem>& jittered, JitterCamerasOptions const& options) {
   Region const region("gsp::splat::jitter_cameras");
   static_assert(can_access<Exec, Cameras<Mem>>, "gsp::jitter_cameras: the cameras are not accessible from this execution space");
+  detail::check_cameras("gsp::jitter_cameras", cameras);
   int const images = cameras.images();
   expects(jittered.images() == images && int(jittered.Ks.extent(0)) == images,
           "gsp::jitter_cameras: there is room for " + std::to_string(jittered.images()) + " cameras, and there are " +

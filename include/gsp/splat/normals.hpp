@@ -64,9 +64,7 @@ void normals_of_depth(Exec const& exec, std::type_identity_t<Kokkos::View<float 
           "gsp::normals_of_depth: the depth is of " + std::to_string(depth.extent(2)) + " x " + std::to_string(depth.extent(1)) +
               " pixels, the cameras are for " + std::to_string(cameras.width) + " x " + std::to_string(cameras.height) +
               ": give those that drew it");
-  expects(cameras.lenses.extent(0) == 0 || int(cameras.lenses.extent(0)) == cameras.images(),
-          "gsp::normals_of_depth: there are " + std::to_string(cameras.lenses.extent(0)) + " lenses for " +
-              std::to_string(cameras.images()) + " cameras: give one a camera, or none");
+  detail::check_cameras("gsp::normals_of_depth", cameras);
   expects(normals.extent(0) == depth.extent(0) && normals.extent(1) == depth.extent(1) && normals.extent(2) == depth.extent(2) &&
               normals.extent(3) == 3,
           "gsp::normals_of_depth: `normals` must be (images, height, width, 3) as the depth is");

@@ -30,4 +30,23 @@ struct BlockMasks {
   }
 };
 
+/// Where a warp works that takes 8 x 4 pixels of a block, one a lane; blocks of threads that take tiles with long lists come first.
+struct HalfBlock {
+  static constexpr int threads = 128, blocks_of_tile = 2 * BlockMasks::across * BlockMasks::down / (threads / 32);
+  int index, block, image;  // tile of the wave, block of the tile
+  int x, y;                 // of the lane's pixel
+
+  template <class Wave>
+  __device__ explicit HalfBlock(Wave const& wave) {
+    int const half = int(blockIdx.x) % blocks_of_tile * (threads / 32) + int(threadIdx.x) / 32, lane = int(threadIdx.x) % 32,
+              columns = wave.grid.columns();
+    index = wave.tile_order(blockIdx.x / blocks_of_tile);
+    block = half / 2;
+    image = wave.first + index / wave.tiles();
+    int const tile = index % wave.tiles();
+    x = (tile % columns * BlockMasks::across + block % BlockMasks::across) * BlockMasks::side + lane % 8;
+    y = (tile / columns * BlockMasks::down + block / BlockMasks::across) * BlockMasks::side + 4 * (half % 2) + lane / 8;
+  }
+};
+
 }  // namespace gsp::detail

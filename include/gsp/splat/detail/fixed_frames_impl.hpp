@@ -1,6 +1,5 @@
 #pragma once
 #include <algorithm>
-#include <array>
 #include <cstring>
 #include <gsp/core/region.hpp>
 #include <gsp/splat/detail/rasterize_rows.hpp>
@@ -43,41 +42,49 @@ Gaussians<Mem> part_of(Exec const& exec, Gaussians<Mem> const& cloud, Taken cons
   return part;
 }
 
-/// Of the views that cameras share: which each has, and a camera of each.
+/// The views that cameras share: which each camera has, and the numbers of one camera of each.
 struct FixedViews {
-  std::vector<int> of_camera, camera_of;
+  std::vector<int> of_camera, world;
+  std::vector<float> viewmats, Ks;
+  std::vector<Lens> lenses;  // of each, or none
+  int count() const { return static_cast<int>(world.size()); }
 };
 template <class Exec, class R, class PosesMem, class Mem>
 FixedViews fixed_views(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> const& poses, Cameras<Mem> const& cameras) {
   auto const viewmats = to_host(exec, cameras.viewmats), Ks = to_host(exec, cameras.Ks);
   auto const lenses = to_host(exec, cameras.lenses);
-  std::vector<Lens> different;
   auto const world = to_host(exec, cameras.world), shown = to_host(exec, cloud.shown);
   auto const xpos = to_host(exec, poses.xpos), xquat = to_host(exec, poses.xquat);
   std::size_t const worlds = poses.xpos.extent(0), bodies = poses.xpos.extent(1), slots = cloud.shown.extent(1);
   FixedViews views;
+  std::vector<Lens> different;
   std::map<std::string, int> known;
-  for (int c = 0; c < cameras.images(); ++c) {
-    std::size_t const w = world.empty() ? std::size_t(c) % worlds : std::size_t(world[std::size_t(c)]);
+  for (std::size_t c = 0; c < std::size_t(cameras.images()); ++c) {
+    int const named = world.empty() ? static_cast<int>(c % worlds) : world[c];
+    expects(named >= 0 && std::size_t(named) < worlds, "gsp::make_fixed_frames: a camera is of world " + std::to_string(named) +
+                                                           ", the poses have " + std::to_string(worlds) +
+                                                           ": write its world, or make poses of as many");
+    std::size_t const w = std::size_t(named);
     std::string key;
-    auto const add = [&](auto const& from, std::size_t first, std::size_t count) {
-      if (first + count <= from.size()) key.append(reinterpret_cast<char const*>(from.data() + first), count * sizeof(from[0]));
-    };
-    add(viewmats, 16 * std::size_t(c), 16);
-    add(Ks, 9 * std::size_t(c), 9);
+    auto const add = [&](auto const* from, std::size_t count) { key.append(reinterpret_cast<char const*>(from), count * sizeof *from); };
+    add(&viewmats[16 * c], 16);
+    add(&Ks[9 * c], 9);
     if (!lenses.empty()) {
-      Lens const& lens = lenses[std::size_t(c)];
-      auto const same = std::find(different.begin(), different.end(), lens);
-      std::vector<std::ptrdiff_t> const number{same - different.begin()};
-      if (same == different.end()) different.push_back(lens);
-      add(number, 0, 1);
+      auto const same = std::find(different.begin(), different.end(), lenses[c]);
+      auto const number = same - different.begin();
+      if (same == different.end()) different.push_back(lenses[c]);
+      add(&number, 1);
     }
-    add(xpos, 3 * bodies * w, 3);
-    add(xquat, 4 * bodies * w, 4);
-    add(shown, slots * w, slots);
-    auto const [at, is_new] = known.try_emplace(key, int(known.size()));
-    if (is_new) views.camera_of.push_back(c);
+    add(&xpos[3 * bodies * w], 3);
+    add(&xquat[4 * bodies * w], 4);
+    if (slots > 0) add(&shown[slots * w], slots);
+    auto const [at, is_new] = known.try_emplace(key, views.count());
     views.of_camera.push_back(at->second);
+    if (!is_new) continue;
+    views.world.push_back(named);
+    views.viewmats.insert(views.viewmats.end(), &viewmats[16 * c], &viewmats[16 * c] + 16);
+    views.Ks.insert(views.Ks.end(), &Ks[9 * c], &Ks[9 * c] + 9);
+    if (!lenses.empty()) views.lenses.push_back(lenses[c]);
   }
   return views;
 }
@@ -190,9 +197,6 @@ FixedFrames<Mem> make_fixed_frames(Exec const& exec, Gaussians<Mem> const& cloud
   int const images = cameras.images(), worlds = static_cast<int>(poses.xpos.extent(0));
   expects(images > 0 && worlds > 0, "gsp::make_fixed_frames: there are no cameras, or the poses have no worlds");
   detail::check_cameras("gsp::make_fixed_frames", cameras, images, options.width, options.height);
-  for (int const w : detail::to_host(exec, cameras.world))
-    expects(w >= 0 && w < worlds, "gsp::make_fixed_frames: a camera is of world " + std::to_string(w) + ", the poses have " +
-                                      std::to_string(worlds) + ": write its world, or make poses of as many");
   expects(cloud.shown.extent(0) == 0 || cloud.shown.extent(0) >= poses.xpos.extent(0),
           "gsp::make_fixed_frames: the table of shown sets has " + std::to_string(cloud.shown.extent(0)) + " worlds, the poses have " +
               std::to_string(worlds) + ": name the sets of every world in show_sets");
@@ -214,22 +218,10 @@ FixedFrames<Mem> make_fixed_frames(Exec const& exec, Gaussians<Mem> const& cloud
   own(fixed.cameras.Ks);
   own(fixed.cameras.lenses);
 
-  auto const views = detail::fixed_views(exec, cloud, poses, cameras);
-  int const count = static_cast<int>(views.camera_of.size());
-  auto const viewmats = detail::to_host(exec, cameras.viewmats), Ks = detail::to_host(exec, cameras.Ks);
-  auto const lenses = detail::to_host(exec, cameras.lenses);
-  auto const world = detail::to_host(exec, cameras.world);
-  std::vector<Lens> of_lenses;
-  std::vector<float> of_viewmats, of_Ks;
-  std::vector<int> of_world;
-  for (int const c : views.camera_of) {
-    of_viewmats.insert(of_viewmats.end(), viewmats.begin() + 16 * c, viewmats.begin() + 16 * c + 16);
-    of_Ks.insert(of_Ks.end(), Ks.begin() + 9 * c, Ks.begin() + 9 * c + 9);
-    if (!lenses.empty()) of_lenses.push_back(lenses[std::size_t(c)]);
-    of_world.push_back(world.empty() ? c % worlds : world[std::size_t(c)]);
-  }
-  if (!world.empty()) fixed.cameras.world = detail::to_device<decltype(fixed.cameras.world)>(exec, "gsp::Cameras::world", world);
+  if (cameras.world.extent(0) > 0) own(fixed.cameras.world);
 
+  auto const views = detail::fixed_views(exec, cloud, poses, cameras);
+  int const count = views.count();
   auto of_views = options;
   of_views.images = of_views.batch = count;
   of_views.waves = 1;
@@ -238,7 +230,7 @@ FixedFrames<Mem> make_fixed_frames(Exec const& exec, Gaussians<Mem> const& cloud
   fixed.still = make_frames(exec, standing, of_views);
   expects(fixed.still.wave.batch == count, "gsp::make_fixed_frames: " + std::to_string(count) + " different views are more than the " +
                                                std::to_string(fixed.still.wave.batch) + " that a wave can hold: make several");
-  auto const still_cameras = make_cameras(exec, of_viewmats, of_Ks, of_world, of_lenses);
+  auto const still_cameras = make_cameras(exec, views.viewmats, views.Ks, views.world, views.lenses);
   render(exec, standing, poses, still_cameras, fixed.still, render_options);
   detail::keep_lists_alone(fixed.still.wave);
 

@@ -180,19 +180,12 @@ struct MedianRows {
 template <class Mem, bool lensed>
 struct MedianBlocks {
   MedianPass<Mem> pass;
-  using Masks = BlockMasks;
-  static constexpr int threads = 128, side = Masks::side, blocks_of_tile = Masks::across * Masks::down;
-  static constexpr int grid_of_tile = 2 * blocks_of_tile / (threads / 32);
 
   __device__ void operator()() const {
     auto const& frames = pass.frames;
     auto const& wave = frames.wave;
-    int const index = wave.tile_order(blockIdx.x / grid_of_tile),
-              part = int(blockIdx.x) % grid_of_tile * (threads / 32) + int(threadIdx.x) / 32;
-    int const block = part / 2, half = part % 2, lane = int(threadIdx.x) % 32;
-    int const tiles = wave.tiles(), image = wave.first + index / tiles, tile = index % tiles, columns = wave.grid.columns();
-    int const x = (tile % columns * Masks::across + block % Masks::across) * side + lane % 8;
-    int const y = (tile / columns * Masks::down + block / Masks::across) * side + 4 * half + lane / 8;
+    HalfBlock const at(wave);
+    int const index = at.index, image = at.image, x = at.x, y = at.y;
     if (frames.status(image) != 0) return;
     bool const inside = x < frames.width && y < frames.height;
     PixelRay ray;
@@ -204,7 +197,7 @@ struct MedianBlocks {
     std::int64_t const begin = wave.tile_begin(index), end = wave.tile_begin(index + 1);
     while (__any_sync(0xffffffffu, !pixel.done)) {
       for (std::int64_t chunk = 0; begin + 32 * chunk < end; ++chunk)
-        for (std::uint32_t word = wave.block_masks(begin / 32 + index + chunk, block); word != 0; word &= word - 1) {
+        for (std::uint32_t word = wave.block_masks(begin / 32 + index + chunk, at.block); word != 0; word &= word - 1) {
           int const id = wave.tile_splats(begin + 32 * chunk + __ffs(int(word)) - 1);
           Splat const s = wave.splats(id);
           float const dx = px - s.u, dy = py - s.v, wx = fmaf(s.l11, dx, s.l21 * dy), wy = s.l22 * dy;
@@ -219,7 +212,7 @@ struct MedianBlocks {
   }
 };
 template <class Blocks>
-__global__ void __launch_bounds__(Blocks::threads) median_blocks_kernel(Blocks const __grid_constant__ blocks) {
+__global__ void __launch_bounds__(HalfBlock::threads) median_blocks_kernel(Blocks const __grid_constant__ blocks) {
   blocks();
 }
 #endif
@@ -231,7 +224,7 @@ void launch_medians(Exec const& exec, MedianPass<Mem> const& pass) {
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
     using Blocks = MedianBlocks<Mem, lensed>;
     launch_on_cuda("gsp::splat::median_depth", exec, [&](cudaStream_t stream) {
-      median_blocks_kernel<<<unsigned(tiles) * Blocks::grid_of_tile, Blocks::threads, 0, stream>>>(Blocks{pass});
+      median_blocks_kernel<<<unsigned(tiles) * HalfBlock::blocks_of_tile, HalfBlock::threads, 0, stream>>>(Blocks{pass});
     });
 #endif
   } else {

@@ -164,7 +164,7 @@ __global__ void __launch_bounds__(Blocks::threads) rasterize_blocks_kernel(Block
   blocks(queues);
 }
 /// Where a wave fills the GPU many times over, what counts is how many warps it holds; else, how soon the longest lists end: then more
-/// splats at a time, in more registers.
+/// splats at a time, in more registers (measured in decision 42).
 template <class Mem, class List>
 void rasterize_on_cuda(Kokkos::Cuda const& exec, Frames<Mem> const& frames, BlendBlocks<List> const& blend) {
   constexpr std::int64_t many_pixels = std::int64_t(3) << 19;

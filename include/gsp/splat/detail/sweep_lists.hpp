@@ -197,19 +197,13 @@ template <class Mem, class Use>
 struct SweepBlocks {
   SweepPass<Mem> pass;
   Use use;
-  using Masks = BlockMasks;
-  static constexpr int threads = 128, side = Masks::side, blocks_of_tile = Masks::across * Masks::down;
-  static constexpr int grid_of_tile = 2 * blocks_of_tile / (threads / 32);
   static constexpr unsigned all = 0xffffffffu;
 
   __device__ void operator()() const {
     auto const& frames = pass.frames;
     auto const& wave = frames.wave;
-    int const index = int(blockIdx.x) / grid_of_tile, part = int(blockIdx.x) % grid_of_tile * (threads / 32) + int(threadIdx.x) / 32;
-    int const block = part / 2, half = part % 2, lane = int(threadIdx.x) % 32;
-    int const tiles = wave.tiles(), image = wave.first + index / tiles, tile = index % tiles, columns = wave.grid.columns();
-    int const x = (tile % columns * Masks::across + block % Masks::across) * side + lane % 8;
-    int const y = (tile / columns * Masks::down + block / Masks::across) * side + 4 * half + lane / 8;
+    HalfBlock const at(wave);
+    int const image = at.image, x = at.x, y = at.y, lane = int(threadIdx.x) % 32;
     if (frames.status(image) != 0) return;
     bool const inside = x < frames.width && y < frames.height;
     if (!__any_sync(all, inside)) return;
@@ -229,7 +223,7 @@ struct SweepBlocks {
         if (lane == 0) pass.error.add(image, squares);
       }
       use.begin(p, go);
-      run(index, block, lane, px, py, p, go);
+      run(at.index, at.block, lane, px, py, p, go);
     }
   }
 
@@ -262,7 +256,7 @@ struct SweepBlocks {
   }
 };
 template <class Blocks>
-__global__ void __launch_bounds__(Blocks::threads) sweep_blocks_kernel(Blocks const __grid_constant__ blocks) {
+__global__ void __launch_bounds__(HalfBlock::threads) sweep_blocks_kernel(Blocks const __grid_constant__ blocks) {
   blocks();
 }
 #endif
@@ -274,7 +268,7 @@ void sweep_lists(std::string const& label, Exec const& exec, SweepPass<Mem> cons
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
     using Blocks = SweepBlocks<Mem, Use>;
     launch_on_cuda(label, exec, [&](cudaStream_t stream) {
-      sweep_blocks_kernel<<<unsigned(tiles) * Blocks::grid_of_tile, Blocks::threads, 0, stream>>>(Blocks{pass, use});
+      sweep_blocks_kernel<<<unsigned(tiles) * HalfBlock::blocks_of_tile, HalfBlock::threads, 0, stream>>>(Blocks{pass, use});
     });
 #endif
   } else {
