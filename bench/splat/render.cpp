@@ -1,5 +1,5 @@
 // Frames per second of whole pictures: kitchen.spz (GSP_DATA_DIR/splats), 640 x 480, RGB + expected depth + alpha, every camera different.
-//   bench_splat_render [--images N] [--batch B] [--waves W] [--scene FILE] [--width W --height H] [--cameras F.npz] [--npz F.npz] [--png
+//   bench_splat_render [--images N] [--batch B] [--scene FILE] [--width W --height H] [--cameras F.npz] [--npz F.npz] [--png
 //   FOLDER]
 // --cameras: viewmats and Ks, of which the first N are taken; --npz: the pictures, for bench/peers/compare_with_gsplat.py.
 // Each backend that was compiled in runs; on a device as many images as fit its memory well.
@@ -15,7 +15,7 @@
 namespace {
 
 struct Arguments {
-  int images = 0, batch = 0, waves = 0, width = 640, height = 480;
+  int images = 0, batch = 0, width = 640, height = 480;
   std::string scene, png, cameras, npz;
 };
 
@@ -52,7 +52,7 @@ void run(Exec const& exec, Arguments const& a, gsp::GaussianSet const& scene) {
   auto const cloud = gsp::make_gaussians(exec, scene);
   auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
   auto poses = gsp::make_poses<float>(exec, 1, cloud.bodies, 0);
-  auto frames = gsp::make_frames(exec, cloud, {.images = images, .width = a.width, .height = a.height, .batch = a.batch, .waves = a.waves});
+  auto frames = gsp::make_frames(exec, cloud, {.images = images, .width = a.width, .height = a.height, .batch = a.batch});
   gsp::render(exec, cloud, poses, cameras, frames);
   auto const all = gsp_bench::measure(exec, [&] { gsp::render(exec, cloud, poses, cameras, frames); }, {.seconds = 0.5});
 
@@ -120,7 +120,6 @@ int main(int argc, char** argv) {
     std::string const key = argv[i], value = argv[i + 1];
     if (key == "--images") a.images = std::atoi(value.c_str());
     if (key == "--batch") a.batch = std::atoi(value.c_str());
-    if (key == "--waves") a.waves = std::atoi(value.c_str());
     if (key == "--width") a.width = std::atoi(value.c_str());
     if (key == "--height") a.height = std::atoi(value.c_str());
     if (key == "--scene") a.scene = value;

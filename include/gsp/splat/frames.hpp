@@ -4,7 +4,6 @@
 #include <gsp/splat/detail/link_view.hpp>
 #include <gsp/splat/gaussians.hpp>
 #include <gsp/splat/splat.hpp>
-#include <memory>
 
 namespace gsp {
 
@@ -85,11 +84,6 @@ struct SplatWave {
 /// What `status(c)` of an image says: the wave's buffers were too small, nothing was written to this image. `render` grows and repeats.
 inline constexpr std::uint32_t frame_overflow = 1u;
 
-namespace detail {
-template <class Mem>
-class WavesBeside;  // waves_cuda.hpp
-}
-
 /// Images, and the buffers that make them.
 template <class Mem>
 struct Frames {
@@ -102,15 +96,13 @@ struct Frames {
   View<float***> alpha;         // (C, H, W)
   View<std::uint32_t*> status;  // (C) 0, or frame_overflow
   SplatWave<Mem> wave;
-  bool sized = false;                                // the wave's buffers have held a wave before
-  std::shared_ptr<detail::WavesBeside<Mem>> beside;  // on a GPU: further waves, that `render` sends at the same time
+  bool sized = false;  // the wave's buffers have held a wave before
 };
 
 struct FrameOptions {
   int images = 1, width = 640, height = 480;
   bool rgb = true, depth = true, alpha = true;  // which pictures to make
   int batch = 0;                                // images a wave; 0: chosen by size and backend. Results do not depend on it
-  int waves = 0;  // of that many images that `render` sends at the same time, each with buffers of its own, on a GPU; 0: chosen. As above
   std::int64_t visible = 0,
                pairs = 0;  // first guess per image of Gaussians seen and of (Gaussian, tile) pairs; 0: by the number of Gaussians
   int values = 0;          // numbers that further channels keep of a Gaussian; `render` sees to it by itself

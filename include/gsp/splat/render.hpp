@@ -8,8 +8,7 @@
 
 namespace gsp {
 
-/// Pictures of Gaussians: the four stages, wave by wave, on a GPU `FrameOptions::waves` of them at the same time. What a loop of one's own
-/// would do.
+/// Pictures of Gaussians: the four stages, wave by wave. What a loop of one's own would do.
 /// @param cloud    Gaussians of the scene and of the robot (make_gaussians)
 /// @param poses    world poses of the bodies; image c shows world c % worlds, or cameras.world(c)
 /// @param cameras  as many as frames.images
@@ -33,11 +32,11 @@ void render(Exec const& exec, Gaussians<Mem> const& cloud, Poses<R, PosesMem> co
     frames.wave.values_a_splat = values;
     reserve(exec, 0, 0, frames.wave);
   }
-  detail::draw_waves("gsp::render", exec, frames, poses.xpos.extent(0), [&](Exec const& instance, Frames<Mem>& of_wave, int first) {
-    place_gaussians(instance, cloud, poses, cameras, first, of_wave);
-    project(instance, cloud, of_wave, options, channels...);
-    bin_tiles(instance, of_wave);
-    rasterize(instance, of_wave, options, channels...);
+  detail::draw_waves("gsp::render", exec, frames, poses.xpos.extent(0), [&](int first) {
+    place_gaussians(exec, cloud, poses, cameras, first, frames);
+    project(exec, cloud, frames, options, channels...);
+    bin_tiles(exec, frames);
+    rasterize(exec, frames, options, channels...);
   });
 }
 

@@ -2,9 +2,6 @@
 #include <gsp/core/detail/views.hpp>
 #include <gsp/splat/place_gaussians.hpp>
 #include <string>
-#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
-#include <gsp/splat/detail/waves_cuda.hpp>
-#endif
 
 namespace gsp::detail {
 
@@ -14,11 +11,10 @@ struct ResetNeeded {
   KOKKOS_FUNCTION void operator()(int) const { needed(0) = needed(1) = needed(2) = 0; }
 };
 
-/// draw(instance, frames, first) for the waves of all images, on a GPU several at the same time; again, with larger buffers, for those that
-/// did not fit. Waits once at its end (the first time a few times more). `worlds`: of the poses.
+/// draw(first) for the waves of all images; again, with larger buffers, for those that did not fit. Waits once at its end (the first time a
+/// few times more). `worlds`: of the poses.
 template <class Exec, class Mem, class Draw>
 void draw_waves(std::string const& function, Exec const& exec, Frames<Mem>& frames, std::size_t worlds, Draw const& draw) {
-  auto const wave = [&](int first) { draw(exec, frames, first); };
   auto const room = [](std::int64_t n) { return std::min(n + n / 8, std::max(n, most_of_wave)); };
   // Room for the greatest wave so far; true if there was too little.
   auto const grow = [&] {
@@ -31,27 +27,20 @@ void draw_waves(std::string const& function, Exec const& exec, Frames<Mem>& fram
               needed[1] > frames.wave.pair_capacity ? room(needed[1]) : 0, frames.wave);
     return small;
   };
-  auto const all_waves = [&](int from) {
-#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
-    if constexpr (is_device<Exec>)
-      if (frames.beside != nullptr && from + frames.wave.batch < frames.images) return side_by_side(exec, frames, from, draw);
-#endif
-    for (int begin = from; begin < frames.images; begin += frames.wave.batch) wave(begin);
-  };
   Kokkos::parallel_for("gsp::splat::render_reset", Kokkos::RangePolicy<Exec>(exec, 0, 1), ResetNeeded<Mem>{frames.wave.needed});
   int first = 0;
   if (frames.wave.visible_capacity == 0 || frames.wave.pair_capacity == 0) reserve(exec, 1, 1, frames.wave);  // there was no room for more
   if (!frames.sized) {
-    do wave(0);
+    do draw(0);
     while (grow());
     frames.sized = true;
     first = frames.wave.batch;
   }
-  all_waves(first);
+  for (int begin = first; begin < frames.images; begin += frames.wave.batch) draw(begin);
   while (first < frames.images && grow()) {  // repeat the waves that did not fit: few, and rarely, so their status is read on the host
     auto const status = to_host(exec, frames.status);
     for (int begin = first; begin < frames.images; begin += frames.wave.batch)
-      if (status[begin] & frame_overflow) wave(begin);
+      if (status[begin] & frame_overflow) draw(begin);
   }
 }
 

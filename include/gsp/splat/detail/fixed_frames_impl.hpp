@@ -224,7 +224,6 @@ FixedFrames<Mem> make_fixed_frames(Exec const& exec, Gaussians<Mem> const& cloud
   int const count = views.count();
   auto of_views = options;
   of_views.images = of_views.batch = count;
-  of_views.waves = 1;
   of_views.visible = of_views.pairs = 1;  // drawn once, in buffers of the very size
   auto const standing = detail::part_of(exec, cloud, [](GaussianCluster const& c) { return c.body == 0; });
   fixed.still = make_frames(exec, standing, of_views);
@@ -251,11 +250,11 @@ void render_fixed(Exec const& exec, Poses<R, PosesMem> const& poses, FixedFrames
   expects(int(worlds) == fixed.worlds, "gsp::render_fixed: the poses have " + std::to_string(worlds) +
                                            " worlds, the frames were made for " + std::to_string(fixed.worlds) +
                                            ": give poses of as many, or make the frames anew");
-  detail::draw_waves("gsp::render_fixed", exec, fixed.frames, worlds, [&](Exec const& instance, Frames<Mem>& of_wave, int first) {
-    place_gaussians(instance, fixed.moving, poses, fixed.cameras, first, of_wave);
-    project(instance, fixed.moving, of_wave, fixed.options);
-    bin_tiles(instance, of_wave);
-    detail::rasterize_fixed(instance, fixed, of_wave);
+  detail::draw_waves("gsp::render_fixed", exec, fixed.frames, worlds, [&](int first) {
+    place_gaussians(exec, fixed.moving, poses, fixed.cameras, first, fixed.frames);
+    project(exec, fixed.moving, fixed.frames, fixed.options);
+    bin_tiles(exec, fixed.frames);
+    detail::rasterize_fixed(exec, fixed, fixed.frames);
   });
 }
 

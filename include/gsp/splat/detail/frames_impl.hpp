@@ -4,9 +4,6 @@
 #include <gsp/core/detail/views.hpp>
 #include <gsp/splat/frames.hpp>
 #include <string>
-#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
-#include <gsp/splat/detail/waves_cuda.hpp>
-#endif
 
 /// Buffers of gsp/splat/frames.hpp, where the contract stands.
 namespace gsp {
@@ -81,12 +78,9 @@ void reserve(Exec const& exec, std::int64_t visible, std::int64_t pairs, SplatWa
 }
 
 namespace detail {
-/// Of fewer images one wave takes less time than several at the same time (GPU; measured with 128 x 128 and 640 x 480 pixels).
-inline constexpr int few_images = 96;
 /// What make_frames makes for these options.
 struct FrameSizes {
   TileGrid grid;
-  std::int64_t waves;                      // at the same time
   std::int64_t batch, visible, pairs;      // images, Gaussians and (Gaussian, tile) pairs of a wave
   std::int64_t words;                      // of 32 Gaussians
   std::int64_t an_image, a_splat, a_pair;  // bytes
@@ -98,9 +92,9 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
           "gsp::make_frames: images, width and height must be positive, not " + std::to_string(options.images) + ", " +
               std::to_string(options.width) + ", " + std::to_string(options.height));
   expects(options.width <= 65536 && options.height <= 65536, "gsp::make_frames: width and height are at most 65536");
-  expects(options.batch >= 0 && options.waves >= 0 && options.visible >= 0 && options.pairs >= 0 && options.values >= 0,
-          "gsp::make_frames: batch, waves, values and hints must not be negative");
-  std::int64_t constexpr most = most_of_wave, all_waves_bytes = std::int64_t(5) << 28;
+  expects(options.batch >= 0 && options.visible >= 0 && options.pairs >= 0 && options.values >= 0,
+          "gsp::make_frames: batch, values and hints must not be negative");
+  std::int64_t constexpr most = most_of_wave, wave_bytes = std::int64_t(5) << 28;
   FrameSizes s{};
   s.grid = tile_grid<Exec>(options.width, options.height);
   std::int64_t const tiles = std::int64_t(s.grid.columns()) * s.grid.rows(), clusters = cloud.most_clusters;
@@ -116,13 +110,12 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
   std::int64_t const pairs = options.pairs > 0 ? options.pairs
                              : is_device<Exec> ? static_cast<std::int64_t>(double(visible) * (1 + std::sqrt(pixels) / 300))
                                                : 7 * visible;
-  s.waves = !is_device<Exec> ? 1 : options.waves > 0 ? options.waves : options.images < few_images ? 1 : 3;
   if (options.batch > 0) {
     s.batch = options.batch;
   } else if (is_device<Exec>) {  // together as many pixels as 256 of 640 x 480: fewer leave the GPU idle at the ends of kernels
     double const together = std::clamp(258 * 307200. / pixels, 1., 1024.);
     std::int64_t const bytes = s.an_image + visible * s.a_splat + pairs * s.a_pair;
-    s.batch = std::max<std::int64_t>(1, std::min(std::int64_t(together), all_waves_bytes / bytes) / s.waves);
+    s.batch = std::max<std::int64_t>(1, std::min(std::int64_t(together), wave_bytes / bytes));
   } else {
     s.batch = static_cast<std::int64_t>(std::clamp(2 * 307200. / pixels, 1., 64.));
   }
@@ -131,8 +124,7 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
   expects(s.batch > 0, "gsp::make_frames: pictures of this size have more tiles than a launch has blocks; make them smaller");
   // waves of one size: a short one at the end costs nearly as much as a full one
   auto const parts = [](std::int64_t n, std::int64_t size) { return (n + size - 1) / size; };
-  if (options.batch == 0) s.batch = parts(options.images, s.waves * parts(options.images, s.waves * s.batch));
-  s.waves = std::min(s.waves, parts(options.images, s.batch));
+  if (options.batch == 0) s.batch = parts(options.images, parts(options.images, s.batch));
   s.visible = std::min(most, std::max<std::int64_t>(1, s.batch * visible));
   s.pairs = std::min(most, std::max<std::int64_t>(1, s.batch * pairs));
   return s;
@@ -171,7 +163,7 @@ std::int64_t bytes_needed(Exec const&, Gaussians<Mem> const& cloud, FrameOptions
   auto const s = detail::frame_sizes<Exec>(cloud, options);
   std::int64_t const channels = (options.rgb ? 3 : 0) + (options.depth ? 1 : 0) + (options.alpha ? 1 : 0);
   std::int64_t const pixels = std::int64_t(options.images) * options.width * options.height;
-  return 4 * channels * pixels + s.waves * (s.batch * s.an_image + s.visible * s.a_splat + s.pairs * s.a_pair);
+  return 4 * channels * pixels + s.batch * s.an_image + s.visible * s.a_splat + s.pairs * s.a_pair;
 }
 
 template <ExecutionSpace Exec, class Mem>
@@ -192,13 +184,6 @@ Frames<Mem> make_frames(Exec const& exec, Gaussians<Mem> const& cloud, FrameOpti
   f.status = detail::allocate_zero<typename F::template View<std::uint32_t*>>(exec, "gsp::Frames::status", c);
 
   f.wave = detail::make_wave(exec, cloud, sizes, options.values);
-#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
-  if constexpr (is_device<Exec>)
-    if (sizes.waves > 1) {
-      f.beside = std::make_shared<detail::WavesBeside<Mem>>(exec, static_cast<int>(sizes.waves - 1));
-      for (auto& wave : f.beside->waves) wave = detail::make_wave(exec, cloud, sizes, options.values);
-    }
-#endif
   return f;
 }
 

@@ -3,6 +3,7 @@
 #include <gsp/parallel/detail/warp_cuda.hpp>
 #include <gsp/splat/channels.hpp>
 #include <gsp/splat/detail/block_masks_cuda.hpp>
+#include <gsp/splat/detail/store_blocks_cuda.hpp>
 #include <gsp/splat/frames.hpp>
 
 namespace gsp::detail {
@@ -70,10 +71,12 @@ struct BlendBlocks {
       blend(second, fmaf(-right, right, most), at->splat, values);
     }
   }
-  __device__ void store(Pixel& pixel, int image, int x, int y, int width, int height) const {
-    if (x >= width || y >= height) return;
-    channels.finish(pixel.numbers, 1.f - fabsf(pixel.left));
-    channels.store(image, y, x, pixel.numbers);
+  /// All lanes; the queue's memory is free by now.
+  __device__ void store(Pixel& first, Pixel& second, BlockPlace const& at) const {
+    channels.finish(first.numbers, 1.f - fabsf(first.left));
+    channels.finish(second.numbers, 1.f - fabsf(second.left));
+    __syncwarp();
+    store_block(channels, at, first.numbers, second.numbers);
   }
 
  private:
@@ -126,11 +129,11 @@ struct RasterizeBlocks {
     int const x0 = (tile % columns * Masks::across + across) * side, y0 = (tile / columns * Masks::down + down) * side;
     if (x0 >= frames.width || y0 >= frames.height || frames.status(image) != 0) return;
     Queue& queue = queues[warp];
-    int const column = lane % 4 * 2, row = lane / 4, x = x0 + column, y = y0 + row;
-    float const i = float(column), j = float(row);
+    BlockPlace const at{image, x0, y0, frames.width, frames.height, reinterpret_cast<float*>(queue.splats)};
+    float const i = float(at.x() - x0), j = float(at.y() - y0);
     typename BlendBlocks<List>::Pixel first, second;
-    if (x >= frames.width || y >= frames.height) first.left = -1;
-    if (x + 1 >= frames.width || y >= frames.height) second.left = -1;
+    if (!at.has_first()) first.left = -1;
+    if (!at.has_second()) second.left = -1;
 
     int const begin = int(wave.tile_begin(index)), end = int(wave.tile_begin(index + 1));  // shorter than 2^31 (reserve)
     std::uint32_t const* const masks = &wave.block_masks(begin / 32 + index, down * Masks::across + across);
@@ -153,8 +156,7 @@ struct RasterizeBlocks {
       }
       if (__all_sync(all, first.left < 0 && second.left < 0)) break;
     }
-    blend.store(first, image, x, y, frames.width, frames.height);
-    blend.store(second, image, x + 1, y, frames.width, frames.height);
+    blend.store(first, second, at);
   }
 };
 

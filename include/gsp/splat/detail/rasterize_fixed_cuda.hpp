@@ -107,10 +107,11 @@ struct RasterizeFixedBlocks {
 
   template <class Moving, class Standing>
   __device__ void draw(Queue& queue, int image, int x0, int y0, Moving moving, Standing standing) const {
-    int const lane = int(threadIdx.x) % 32, column = lane % 4 * 2, row = lane / 4, x = x0 + column, y = y0 + row;
+    int const lane = int(threadIdx.x) % 32;
+    BlockPlace const at{image, x0, y0, frames.width, frames.height, reinterpret_cast<float*>(queue.splats)};
     typename Blend::Pixel first, second;
-    if (x >= frames.width || y >= frames.height) first.left = -1;
-    if (x + 1 >= frames.width || y >= frames.height) second.left = -1;
+    if (!at.has_first()) first.left = -1;
+    if (!at.has_second()) second.left = -1;
     Next a = moving.ids(lane), b = standing.ids(lane);
     moving.key(a, lane);
     standing.key(b, lane);
@@ -138,24 +139,35 @@ struct RasterizeFixedBlocks {
       standing.key(b, lane);
       Blend::put(queue.splats[lane], splat, id, float(x0) + 0.5f, float(y0) + 0.5f);
       __syncwarp();
-      blend.template through<2>(queue.splats, count, float(column), float(row), nullptr, first, second);
+      blend.template through<2>(queue.splats, count, float(at.x() - x0), float(at.y() - y0), nullptr, first, second);
       if (__all_sync(all, first.left < 0 && second.left < 0)) break;
       __syncwarp();
     }
-    blend.store(first, image, x, y, frames.width, frames.height);
-    blend.store(second, image, x + 1, y, frames.width, frames.height);
+    blend.store(first, second, at);
   }
 
   __device__ void restore(int image, int view, int x0, int y0) const {
-    int const lane = int(threadIdx.x) % 32;
-    for (int k = lane; k < Masks::side * Masks::side; k += 32) {
-      int const x = x0 + k % Masks::side, y = y0 + k / Masks::side;
-      if (x >= frames.width || y >= frames.height) continue;
-      if (frames.rgb.extent(0) > 0)
-        for (int c = 0; c < 3; ++c) frames.rgb(image, y, x, c) = still.rgb(view, y, x, c);
-      if (frames.depth.extent(0) > 0) frames.depth(image, y, x) = still.depth(view, y, x);
-      if (frames.alpha.extent(0) > 0) frames.alpha(image, y, x) = still.alpha(view, y, x);
-    }
+    int const lane = BlockPlace::lane();
+    BlockPlace const at{image, x0, y0, frames.width, frames.height, nullptr};
+    std::int64_t const picture = std::int64_t(frames.width) * frames.height;
+    auto const copy = [&](auto const& pictures, auto const& from, int numbers) {
+      if (pictures.extent(0) == 0) return;
+      float* const to = pictures.data() + image * picture * numbers;
+      float const* const of = from.data() + view * picture * numbers;
+      auto const place = [&](int row, int of_row) { return (std::int64_t(y0 + row) * frames.width + x0) * numbers + of_row; };
+      int const floats = Masks::side * numbers;  // of a row
+      if (at.whole(to[place(0, 0)])) {
+        for (int k = 4 * lane; k < Masks::side * floats; k += 4 * 32)
+          *reinterpret_cast<float4*>(to + place(k / floats, k % floats)) =
+              *reinterpret_cast<float4 const*>(of + place(k / floats, k % floats));
+      } else {
+        int const rows = min(Masks::side, frames.height - y0), columns = min(floats, (frames.width - x0) * numbers);
+        for (int k = lane; k < rows * columns; k += 32) to[place(k / columns, k % columns)] = of[place(k / columns, k % columns)];
+      }
+    };
+    copy(frames.rgb, still.rgb, 3);
+    copy(frames.depth, still.depth, 1);
+    copy(frames.alpha, still.alpha, 1);
   }
 };
 

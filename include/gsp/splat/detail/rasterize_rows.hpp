@@ -12,6 +12,7 @@ struct TileList {
   int stored;  // numbers that channels keep of a splat
   bool next(Splat const*& splat, float const*& values) {
     if (at == end) return false;
+    if (at + 8 < end) __builtin_prefetch(&wave.splats(wave.tile_splats(at + 8)));  // by depth they lie anywhere
     int const id = wave.tile_splats(at++);
     splat = &wave.splats(id);
     values = wave.values.data() + std::int64_t(id) * stored;
@@ -19,14 +20,15 @@ struct TileList {
   }
 };
 
-/// A tile on a CPU: 16 rows of 16 pixels, a row is one pack (or two, or four, where packs are narrower).
+/// A tile on a CPU: 16 rows of 16 pixels, a row is one pack (or two, or four, where packs are narrower). A splat goes over two rows at a
+/// time: neither waits for the other, and one branch decides for both.
 template <class Mem, class List>
 struct RasterizeRows {
   Frames<Mem> frames;
   List channels;
   float alpha_max, stop;
 
-  static constexpr int side = 16, W = native_width<float>, packs = side / W;
+  static constexpr int side = 16, W = native_width<float>, packs = side / W, together = 2;
   using P = Pack<float, W>;
   static_assert(side % W == 0);
 
@@ -47,8 +49,8 @@ struct RasterizeRows {
   void tile(int image, int tile, Splats list) const {
     int const columns_of_tiles = frames.wave.grid.columns();
     int const x0 = tile % columns_of_tiles * side, y0 = tile / columns_of_tiles * side;
-    Pixels pixels[side][packs];
-    int done[side] = {}, rows_done = 0, const_rows = frames.height - y0 < side ? frames.height - y0 : side;
+    Pixels pixels[side + together - 1][packs];
+    int rows_done = 0, const_rows = frames.height - y0 < side ? frames.height - y0 : side;
     P centre[packs];  // of the pixels, from the left edge of the tile
     constexpr float infinity = std::numeric_limits<float>::infinity();
     for (int k = 0; k < packs; ++k)
@@ -60,6 +62,8 @@ struct RasterizeRows {
         row[k].least = P(-splat_log2_255);
         row[k].least = select(centre[k] < P(static_cast<float>(frames.width - x0)), row[k].least, P(infinity));
       }
+    for (int r = const_rows; r < side + together - 1; ++r)  // below the picture, or the tile
+      for (int k = 0; k < packs; ++k) pixels[r][k].least = P(infinity);
 
     Splat const* splat = nullptr;
     float const* values = nullptr;
@@ -71,31 +75,40 @@ struct RasterizeRows {
       int const bottom = middle + reach < static_cast<float>(const_rows) ? static_cast<int>(max(middle + reach, -1.f)) : const_rows - 1;
       P const l11(s.l11);
       float const left = s.u - static_cast<float>(x0);
-      for (int row = top; row <= bottom; ++row) {
-        if (done[row]) continue;
-        float const dy = static_cast<float>(y0 + row) + 0.5f - s.v, wy = s.l22 * dy;
-        P const across(fma(s.l21, dy, -(s.l11 * left))), most(fma(-wy, wy, s.power));
-        bool finished = false;
-        for (int k = 0; k < packs; ++k) {
-          Pixels& p = pixels[row][k];
-          P const wx = fma(l11, centre[k], across), exponent = fma(-wx, wx, most);
-          auto const touched = exponent >= p.least;
-          if (!any_lane(touched)) continue;
-          P const alpha = min(exp2(exponent), P(alpha_max)), left_over = p.T * (P(1.f) - alpha);
-          auto const stops = touched && (left_over <= P(stop)), adds = touched && (left_over > P(stop));
-          Blend<P> const b{select(adds, alpha * p.T, P(0.f)), p.T, select(adds, left_over, p.T)};
-          channels.blend(p.numbers, s, values, b);
-          p.T = b.left;
-          if (any_lane(stops)) {
-            p.least = select(stops, P(infinity), p.least);
-            finished = true;
+      for (int row = top; row <= bottom; row += together) {
+        P exponent[together][packs];
+        decltype(P() < P()) touched[together][packs];
+        bool any = false;
+        for (int r = 0; r < together; ++r) {
+          float const dy = static_cast<float>(y0 + row + r) + 0.5f - s.v, wy = s.l22 * dy;
+          P const across(fma(s.l21, dy, -(s.l11 * left))), most(fma(-wy, wy, s.power));
+          for (int k = 0; k < packs; ++k) {
+            P const wx = fma(l11, centre[k], across);
+            exponent[r][k] = fma(-wx, wx, most);
+            touched[r][k] = exponent[r][k] >= pixels[row + r][k].least;
+            any |= any_lane(touched[r][k]);
           }
         }
+        if (!any) continue;
+        bool finished = false;
+        for (int r = 0; r < together; ++r)
+          for (int k = 0; k < packs; ++k) {
+            Pixels& p = pixels[row + r][k];
+            P const alpha = min(exp2(exponent[r][k]), P(alpha_max)), left_over = p.T * (P(1.f) - alpha);
+            auto const stops = touched[r][k] && (left_over <= P(stop)), adds = touched[r][k] && (left_over > P(stop));
+            Blend<P> const b{select(adds, alpha * p.T, P(0.f)), p.T, select(adds, left_over, p.T)};
+            channels.blend(p.numbers, s, values, b);
+            p.T = b.left;
+            p.least = select(stops, P(infinity), p.least);
+            finished |= any_lane(stops);
+          }
         if (finished) {
-          bool all_done = true;
-          for (int k = 0; k < packs; ++k) all_done &= !any_lane(pixels[row][k].least < P(infinity));
-          done[row] = all_done;
-          rows_done += all_done;
+          rows_done = 0;
+          for (int r = 0; r < const_rows; ++r) {
+            bool all_done = true;
+            for (int k = 0; k < packs; ++k) all_done &= !any_lane(pixels[r][k].least < P(infinity));
+            rows_done += all_done;
+          }
         }
       }
     }
