@@ -12,7 +12,7 @@ import torch
 from gsplat import rasterization
 
 
-def load(path):
+def load(path, device="cuda"):
     with open(path, "rb") as f:
         names, count = [], 0
         while (line := f.readline().split())[0] != b"end_header":
@@ -24,7 +24,7 @@ def load(path):
     column = {name: i for i, name in enumerate(names)}
 
     def take(*keys):
-        return torch.tensor(table[:, [column[k] for k in keys]].copy(), device="cuda")
+        return torch.tensor(table[:, [column[k] for k in keys]].copy(), device=device)
 
     rest = [n for n in names if n.startswith("f_rest_")]
     sh = take("f_dc_0", "f_dc_1", "f_dc_2")[:, None]
@@ -75,4 +75,5 @@ def main():
     print(json.dumps({"images": count, "width": width, "height": height, **result, "gsplat_frames_per_second": float(np.median(frames[1:]))}))
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -515,17 +515,21 @@ Controls read_controls(std::string const& path, gsp::CompiledModel const& model,
 }
 
 namespace {
-/// OpenCV's coefficients of a camera file, (C, n), or (n) for all.
+/// OpenCV's coefficients of a camera file, (C, n), or (n) or (1, n) for all.
 std::vector<gsp::Lens> read_lenses(gsp::io::NpyArray const& array, std::string const& name, std::size_t count, bool fisheye) {
-  bool const one = array.shape.size() == 1;
-  if (!one) gsp::io::expect_shape(array, {static_cast<long long>(count), -1}, name);
+  bool const one = array.shape.size() == 1 || (array.shape.size() == 2 && array.shape[0] == 1);
+  std::size_t const n = array.shape.empty() ? 0 : array.shape.back();
+  if (!(one || (array.shape.size() == 2 && array.shape[0] == count)) || !(n == 4 || (!fisheye && (n == 5 || n == 8))))
+    fail(name, "",
+         "has shape " + gsp::io::format_shape(array.shape) + ", expected (" + std::to_string(count) +
+             ", n), or (n) or (1, n) for all, with " +
+             (fisheye ? "n = 4 coefficients k1 k2 k3 k4" : "n = 4, 5 or 8 coefficients k1 k2 p1 p2 k3 k4 k5 k6") + "; reshape it");
   gsp::io::expect_finite(array, name);
   auto const numbers = array.as<double>(name);
-  std::size_t const each = array.shape.back();
   std::vector<gsp::Lens> lenses;
   auto const row = [&](std::size_t i) {
-    auto const from = numbers.begin() + static_cast<std::ptrdiff_t>(i * each);
-    return std::vector<double>(from, from + static_cast<std::ptrdiff_t>(each));
+    auto const from = numbers.begin() + static_cast<std::ptrdiff_t>(i * n);
+    return std::vector<double>(from, from + static_cast<std::ptrdiff_t>(n));
   };
   for (std::size_t i = 0; i < (one ? 1 : count); ++i) {
     if (i > 0 && row(i) == row(i - 1)) {

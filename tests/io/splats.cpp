@@ -68,6 +68,8 @@ TEST_CASE("sidecar: bad input") {
 TEST_CASE("write_splats: each format by its ending, links beside it, and what is left out is said") {
   Folder folder;
   auto set = random_set(300, 1, 21);
+  for (float& v : set.sh) v = std::clamp(v, -0.9f, 0.9f);  // within what all formats hold
+  for (float& v : set.scales) v = std::max(v, 0.02f);
   set.link_names = {"arm", "foot"};
   for (std::size_t i = 10; i < 20; ++i) set.link[i] = 1;
   for (std::size_t i = 20; i < 30; ++i) set.link[i] = 0;
@@ -127,6 +129,108 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
   CHECK(says(error_of([&] { expect_splats_writable(folder.path / "none" / "b.ply"); }), "its folder does not exist"));
   set.link_names[0] = "\xff";
   CHECK(says(error_of([&] { write_splats(folder.path / "e.splat", set); }), "is not UTF-8"));
+}
+
+// By hand, of each bound: numbers within it, at it, and a step of it beyond.
+TEST_CASE("what a format clips is said, with how many Gaussians have it") {
+  Folder folder;
+  auto const notes = [&](char const* file, SplatSet const& set) { return write_splats(folder.path / file, set); };
+  auto within = random_set(50, 2);
+  for (float& v : within.sh) v = std::clamp(v, -0.9f, 0.9f);
+  for (char const* file : {"a.ply", "a.compressed.ply", "a.spz", "a.glb", "a.usda"}) CHECK(notes(file, within).empty());
+
+  auto set = within;
+  set.sh[0] = 1.78f, set.sh[2] = -9, set.sh[27] = 3.4f, set.sh[54] = -3.33f;  // Gaussians 0, 1 and 2; their red and blue
+  auto said = notes("b.splat", set);
+  REQUIRE(said.size() == 2);
+  CHECK(says(said[1], "b.splat: 3 Gaussians have colours (f_dc) beyond +-1.772, all that the format holds; clipped"));
+  said = notes("b.spz", set);
+  REQUIRE(said.size() == 1);
+  CHECK(says(said[0], "b.spz: 2 Gaussians have colours (f_dc) beyond +-3.333"));
+  for (char const* file : {"b.ply", "b.compressed.ply", "b.glb", "b.usda"}) CHECK(notes(file, set).empty());
+
+  set = within;
+  set.sh[27 * 7 + 26] = -4.1f, set.sh[27 * 7 + 25] = 5, set.sh[27 * 9 + 3] = 1.3f;
+  said = notes("c.compressed.ply", set);
+  REQUIRE(said.size() == 1);
+  CHECK(says(said[0], "1 Gaussian has SH terms above degree 0 beyond +-4"));
+  said = notes("c.spz", set);
+  REQUIRE(said.size() == 1);
+  CHECK(says(said[0], "2 Gaussians have SH terms above degree 0 beyond +-1"));
+  CHECK(notes("c.ply", set).empty());
+
+  set = within;
+  set.scales[3] = 4e-5f, set.scales[7] = 1e-9f, set.scales[8] = 1e-10f, set.scales[20] = 0;
+  said = notes("d.spz", set);
+  REQUIRE(said.size() == 1);
+  CHECK(says(said[0], "3 Gaussians have scales below 4.54e-05"));
+  said = notes("d.compressed.ply", set);
+  REQUIRE(said.size() == 1);
+  CHECK(says(said[0], "2 Gaussians have scales below 2.06e-09"));
+  said = notes("d.ply", set);
+  REQUIRE(said.size() == 1);
+  CHECK(says(said[0], "1 Gaussian has scales below 1.2e-38"));
+  CHECK(notes("d.glb", set).empty());
+#if defined(GSP_WITH_WEBP)
+  CHECK(notes("a.sog", within).empty());
+  CHECK(says(notes("d.sog", set).at(0), "2 Gaussians have scales below 2.06e-09"));
+#endif
+
+  // what comes back from a format is within it
+  for (auto const& [from, to] : {std::pair{"b.splat", "e.splat"},
+                                 {"b.spz", "e.spz"},
+                                 {"d.spz", "f.spz"},
+                                 {"c.compressed.ply", "e.compressed.ply"},
+                                 {"d.compressed.ply", "f.compressed.ply"},
+                                 {"d.ply", "f.ply"}})
+    CHECK(notes(to, read_splats(folder.path / from)).empty());
+
+  // the faintest and the densest opacity come back from a PLY
+  set = within;
+  set.opacities[0] = 0, set.opacities[1] = 1e-40f, set.opacities[2] = 1, set.opacities[3] = 1e-12f;
+  CHECK(notes("g.ply", set).empty());
+  auto const again = read_splats(folder.path / "g.ply");
+  CHECK(again.opacities[0] == 0);
+  CHECK(again.opacities[1] == doctest::Approx(1e-40).epsilon(1e-4).scale(1e-40));
+  CHECK(again.opacities[2] == 1);
+  CHECK(std::abs(again.opacities[3] / 1e-12 - 1) < 1e-5);
+}
+
+TEST_CASE("a Gaussian far off, which costs its chunk their places, is said") {
+  Folder folder;
+  auto set = random_set(1000, 0);
+  for (float& v : set.scales) v = std::max(v, 0.02f);  // more than a step of bounds of 20 m
+  CHECK(write_splats(folder.path / "a.compressed.ply", set).empty());
+  set.positions[0] = 1e4f;
+  auto const said = write_splats(folder.path / "b.compressed.ply", set);
+  REQUIRE(said.size() == 1);
+  CHECK(says(said[0], "b.compressed.ply: places of "));
+  CHECK(says(said[0], "are off by more than its size, up to 2.4"));
+  // as many as that, by the file itself
+  sort_splats(set);
+  auto const again = read_splats(folder.path / "b.compressed.ply");
+  int coarse = 0;
+  double worst = 0;
+  for (std::size_t i = 0; i < set.size(); ++i) {
+    double sum = 0;
+    for (std::size_t k = 0; k < 3; ++k) sum += std::pow(double(again.positions[3 * i + k]) - set.positions[3 * i + k], 2);
+    if (std::sqrt(sum) > *std::max_element(&set.scales[3 * i], &set.scales[3 * i] + 3)) ++coarse, worst = std::max(worst, std::sqrt(sum));
+  }
+  CHECK(worst > 2);
+  CHECK(says(said[0], ("places of " + std::to_string(coarse) + " Gaussians").c_str()));
+  CHECK(write_splats(folder.path / "b.ply", set).empty());
+}
+
+TEST_CASE("endings in capitals are understood") {
+  Folder folder;
+  auto const set = random_set(20, 0);
+  for (char const* file : {"A.PLY", "B.Compressed.Ply", "C.SPLAT", "D.SPZ", "E.GLB", "F.GLTF", "G.USDA"}) {
+    CHECK(write_splats(folder.path / file, set).empty());
+    CHECK(read_splats(folder.path / file).size() == 20);
+  }
+  CHECK(detail::starts_with(read_file(folder.path / "F.GLTF"), "{"));
+  CHECK(detail::starts_with(read_file(folder.path / "E.GLB"), "glTF"));
+  CHECK(read_file(folder.path / "B.Compressed.Ply").size() < read_file(folder.path / "A.PLY").size() * 2 / 3);
 }
 
 TEST_CASE("sets are antialiased together where both are") {

@@ -241,8 +241,9 @@ render "link.ply" "wheel" "cart" -- render --splat link.ply --cameras cameras.np
 render "missing.npz" "no such file" -- render --splat disc.ply --cameras missing.npz
 render "cameras_shape.npz[viewmats]" "(2, 3, 4)" "(A, 4, 4)" -- render --splat disc.ply --cameras cameras_shape.npz
 render "cameras_two_lenses.npz" "leave one out" -- render --splat disc.ply --cameras cameras_two_lenses.npz
-render "cameras_prism.npz[distortion]" "12 coefficients: give 4, 5 or 8" -- render --splat disc.ply --cameras cameras_prism.npz
-render "cameras_few_lenses.npz[distortion]" "(1, 4)" -- render --splat disc.ply --cameras cameras_few_lenses.npz
+render "cameras_prism.npz[distortion]" "shape (12,), expected (2, n), or (n) or (1, n) for all, with n = 4, 5 or 8" -- render --splat disc.ply --cameras cameras_prism.npz
+render "cameras_few_lenses.npz[distortion]" "(3, 4)" -- render --splat disc.ply --cameras cameras_few_lenses.npz
+render "cameras_fisheye5.npz[fisheye]" "shape (1, 5)" "with n = 4 coefficients" -- render --splat disc.ply --cameras cameras_fisheye5.npz
 refused "leads back in the middle of the picture" "calibration" -- render --splat disc.ply --cameras cameras_folds.npz
 render "cameras_count.npz[Ks]" "(1, 3, 3)" -- render --splat disc.ply --cameras cameras_count.npz
 render "cameras_nan.npz[viewmats]" "not finite" -- render --splat disc.ply --cameras cameras_nan.npz

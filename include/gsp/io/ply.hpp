@@ -14,9 +14,9 @@ SplatSet parse_ply(Bytes bytes, std::string const& name);
 
 SplatSet read_ply(std::filesystem::path const& path);
 
-/// Bytes of a 3DGS PLY: float32, binary little endian, with `link` where any Gaussian is bound. Opacities of 0 and 1 become logits of -20
-/// and 20, scales below 1.2e-38 that number, so that no value is infinite; all else comes back from parse_ply within float rounding
-/// (opacity and scale pass through a logarithm).
+/// Bytes of a 3DGS PLY: float32, binary little endian, with `link` where any Gaussian is bound. Opacities of 0 and 1 become logits of -104
+/// and 20, which are these as floats, scales below 1.2e-38 that number, so that no value is infinite; all else comes back from parse_ply
+/// within float rounding (opacity and scale pass through a logarithm).
 std::vector<std::byte> format_ply(SplatSet const& set);
 
 void write_ply(std::filesystem::path const& path, SplatSet const& set);

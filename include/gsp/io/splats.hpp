@@ -18,8 +18,7 @@
 namespace gsp::io {
 
 /// Gaussians from the bytes of any file that we read: told by its first bytes (PLY, .spz, glTF, SOG, USD), or, since it has no mark, by the
-/// ending
-/// `.splat` of `name`. `folder`: where the files lie that this one names; empty: they are refused.
+/// ending `.splat` (or .SPLAT) of `name`. `folder`: where the files lie that this one names; empty: they are refused.
 SplatSet parse_splats(Bytes bytes, std::string const& name, std::filesystem::path const& folder = {});
 
 /// Gaussians of a file: .ply (3DGS or SuperSplat's compressed one), .splat, .spz, .glb, .gltf, .sog or SOG's meta.json, .usda. Where a file
@@ -33,9 +32,10 @@ struct WriteSplatsOptions {
 
 /// Writes a set in the format that the ending of `path` names: .ply (3DGS), .compressed.ply, .splat, .spz, .glb, .gltf, .sog, meta.json
 /// (SOG, with pictures beside it) or .usda. Links stand in PLY files themselves, else in a sidecar NAME.links.json beside the file.
-/// Compressed PLY and SOG order the Gaussians by `sort_splats`. Returns what the format has no place for, one sentence each. Throws Error
-/// for another ending, where a sidecar that is there would bind the Gaussians of the new file to other links than they have, and as the
-/// format's own function does. Nothing that was there is replaced before the new file is complete.
+/// Compressed PLY and SOG order the Gaussians by `sort_splats`. Returns what the format has no place for, one sentence each, and how many
+/// Gaussians have numbers beyond those that it holds. Throws Error for another ending, where a sidecar that is there would bind the
+/// Gaussians of the new file to other links than they have, and as the format's own function does. Nothing that was there is replaced
+/// before the new file is complete.
 std::vector<std::string> write_splats(std::filesystem::path const& path, SplatSet set, WriteSplatsOptions const& options = {});
 
 /// Throws Error where write_splats would because of the path: for a program to ask before long work.

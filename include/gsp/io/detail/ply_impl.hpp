@@ -87,7 +87,7 @@ GSP_INLINE std::vector<std::byte> format_ply(SplatSet const& set) {
     out = std::copy_n(&set.sh[3 * terms * i], 3, out);
     for (std::size_t k = 0; k < rest; ++k) *out++ = set.sh[(i * terms + 1 + k % (terms - 1)) * 3 + k / (terms - 1)];
     double const o = set.opacities[i];
-    *out++ = static_cast<float>(std::clamp(std::log(o) - std::log1p(-o), -20.0, 20.0));
+    *out++ = static_cast<float>(std::clamp(std::log(o) - std::log1p(-o), -104.0, 20.0));
     for (std::size_t k = 0; k < 3; ++k) *out++ = static_cast<float>(std::log(std::max(double(set.scales[3 * i + k]), 1.2e-38)));
     std::copy_n(&set.quats[4 * i], 4, out);
     std::byte* const to = bytes.data() + header.size() + i * stride;

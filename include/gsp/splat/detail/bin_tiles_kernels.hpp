@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/detail/prefetch.hpp>
 #include <gsp/parallel/scan.hpp>
 #include <gsp/parallel/sort_by_key.hpp>
 #include <gsp/splat/frames.hpp>
@@ -64,11 +65,10 @@ struct EmitPairs {
   KOKKOS_FUNCTION std::uint32_t first_key(int image) const { return std::uint32_t(image) * std::uint32_t(wave.tiles()); }
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
     if (i >= wave.visible() || wave.pairs() == 0) return;
-    // by depth they lie anywhere
-    KOKKOS_IF_ON_HOST((if (i + ahead < wave.visible()) {
-      __builtin_prefetch(&wave.splats(wave.order(i + ahead)));
-      __builtin_prefetch(&wave.origins(wave.order(i + ahead)));
-    }))
+    if (i + ahead < wave.visible()) {  // by depth they lie anywhere
+      prefetch(&wave.splats(wave.order(i + ahead)));
+      prefetch(&wave.origins(wave.order(i + ahead)));
+    }
     int const index = wave.order(i), columns = wave.grid.columns();
     std::uint32_t const base = first_key(wave.origins(index).image);
     std::int64_t to = wave.pair_offset(i);

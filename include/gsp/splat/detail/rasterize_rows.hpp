@@ -1,4 +1,5 @@
 #pragma once
+#include <gsp/core/detail/prefetch.hpp>
 #include <gsp/splat/channels.hpp>
 #include <gsp/splat/detail/lanes.hpp>
 
@@ -12,7 +13,7 @@ struct TileList {
   int stored;  // numbers that channels keep of a splat
   bool next(Splat const*& splat, float const*& values) {
     if (at == end) return false;
-    if (at + 8 < end) __builtin_prefetch(&wave.splats(wave.tile_splats(at + 8)));  // by depth they lie anywhere
+    if (at + 8 < end) prefetch(&wave.splats(wave.tile_splats(at + 8)));  // by depth they lie anywhere
     int const id = wave.tile_splats(at++);
     splat = &wave.splats(id);
     values = wave.values.data() + std::int64_t(id) * stored;
