@@ -1,7 +1,6 @@
 // gsp convert: Gaussians from any file that is read to any that is written.
 #include <cstdio>
 #include <filesystem>
-#include <gsp/io/detail/lower_case.hpp>
 #include <gsp/io/splats.hpp>
 
 #include "commands.hpp"
@@ -34,7 +33,7 @@ int run(Arguments const& arguments) {
   gsp::io::WriteSplatsOptions options;
   options.spz.version = static_cast<int>(arguments.integer("--spz-version", options.spz.version, 2, 4));
   int const degree = static_cast<int>(arguments.integer("--sh-degree", 3, 0, 3));
-  if (arguments.has("--spz-version") && !gsp::io::detail::lower_case(to).ends_with(".spz"))
+  if (arguments.has("--spz-version") && !gsp::io::has_ending(to, ".spz"))
     arguments.fail("--spz-version is for .spz files, and " + in_quotes(to) + " is none; leave it out");
   gsp::io::expect_splats_writable(to);
   expect_apart({{"FROM", from}}, {{"TO", to}});

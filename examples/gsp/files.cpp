@@ -567,7 +567,7 @@ std::vector<float> fetch(gsp::runtime::Array const& array) {
   return out;
 }
 
-CameraFile read_cameras(std::string const& path) {
+CameraFile read_cameras(std::string const& path, bool quiet) {
   auto const npz = gsp::io::read_npz(path);
   auto const &views = npz.at("viewmats"), &intrinsics = npz.at("Ks");
   auto const key = [&](char const* name) { return path + "[" + name + "]"; };
@@ -579,6 +579,11 @@ CameraFile read_cameras(std::string const& path) {
   CameraFile c{views.shape[0], views.as<float>(), intrinsics.as<float>(), {}};
   if (npz.contains("distortion") && npz.contains("fisheye"))
     fail(path, "", "has both distortion and fisheye, of which a lens is one; leave one out");
+  std::string unused;
+  for (auto const& [name, array] : npz.arrays)
+    if (name != "viewmats" && name != "Ks" && name != "distortion" && name != "fisheye") unused += (unused.empty() ? "" : ", ") + name;
+  if (!unused.empty() && !quiet)
+    std::fprintf(stderr, "%s: arrays that are not of cameras: %s (viewmats, Ks, distortion or fisheye are)\n", path.c_str(), unused.c_str());
   for (char const* name : {"distortion", "fisheye"})
     if (npz.contains(name)) c.lenses = read_lenses(npz.at(name), key(name), c.count, name[0] == 'f');
   for (std::size_t i = 0; i < c.count; ++i) {

@@ -113,7 +113,7 @@ struct CameraFile {
   /// Another one, as camera i of `from`. All that are added come from files of one kind: a lens each, one for all, or none.
   void add(CameraFile const& from, std::size_t i);
 };
-CameraFile read_cameras(std::string const& path);
+CameraFile read_cameras(std::string const& path, bool quiet);
 
 /// Pictures, or numbers of cameras, on the host; empty where there are none. Of rank 3 or 4.
 std::vector<float> fetch(gsp::runtime::Array const& array);

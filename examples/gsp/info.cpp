@@ -2,7 +2,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <gsp/geometry/shapes.hpp>
-#include <gsp/io/detail/lower_case.hpp>
 #include <gsp/io/detail/mjcf_page.hpp>
 #include <gsp/io/detail/ply_table.hpp>
 #include <gsp/io/npz.hpp>
@@ -228,7 +227,7 @@ int run(Arguments const& arguments) {
     if (path.ends_with(".xml") || path.ends_with(".mjcf") || path.ends_with(".urdf") ||
         head.substr(0, head.find_first_not_of(" \t\r\n") + 1).ends_with('<')) {
       model(path, arguments);
-    } else if (head.starts_with("PK") && !gsp::io::detail::lower_case(path).ends_with(".sog")) {
+    } else if (head.starts_with("PK") && !gsp::io::has_ending(path, ".sog")) {
       auto const npz = gsp::io::parse_npz(bytes, path);
       std::printf("%s: %zu arrays\n", path.c_str(), npz.arrays.size());
       for (auto const& [name, array] : npz.arrays) array_line(name, array);

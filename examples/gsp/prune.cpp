@@ -196,7 +196,7 @@ int run(Arguments const& a) {
     throw Error(*a.text("--model") + ": has no camera; give --cameras C.npz, or a model with a <camera> where the robot has one");
   Views all;
   if (auto const file = a.text("--cameras")) {
-    all.cameras = read_cameras(*file);
+    all.cameras = read_cameras(*file, quiet(a));
     if (a.has("--trace") && all.cameras.count != states)
       throw Error(*file + ": holds " + std::to_string(all.cameras.count) + " cameras, but the trace has " + std::to_string(trace.entries) +
                   " entries of " + std::to_string(trace.worlds) + " worlds; write " + std::to_string(states) +

@@ -175,7 +175,7 @@ int run(Arguments const& a) {
   }
   auto const of_model = a.text("--camera");
   int const camera = of_model ? named_or_index(*a.text("--model"), "camera", model.cam_name, *of_model) : -1;
-  CameraFile cameras = of_model ? CameraFile{} : read_cameras(*a.text("--cameras"));
+  CameraFile cameras = of_model ? CameraFile{} : read_cameras(*a.text("--cameras"), quiet(a));
   if (a.has("--world")) {
     auto const world = static_cast<std::size_t>(a.integer("--world", 0, 0, 1 << 24));
     if (world >= trace.worlds)

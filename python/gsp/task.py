@@ -238,9 +238,15 @@ class Task:
         if self.device == "cpu" and not bool(self.xp.isfinite(action).all()):  # on a GPU the answer would be waited for
             world = int((~self.xp.isfinite(action)).any(1).nonzero()[0][0])
             raise Error(f"{type(self).__name__}: the action of world {world} is not finite: look at what the policy gives")
+        before = self._copy(self.last_action)
         self.action, self.last_action = self.last_action, self.action
         self.action[:] = action
-        self._call("act", self.action)
+        try:
+            self._call("act", self.action)
+        except BaseException:  # it was not done
+            self.action, self.last_action = self.last_action, self.action
+            self.last_action[:] = before
+            raise
         self._to_library()
         _gsp.step(self.data.model, self.data, self.substeps)
         self._from_library()

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <gsp/core/status.hpp>
 #include <gsp/model/sensor_types.hpp>
@@ -105,6 +106,19 @@ Array copied(Data const& d, runtime::Array const& a) {
   return {buffer.array, std::make_shared<Own>(Own{d.session, buffer.owner})};
 }
 
+namespace {
+/// Asked before, as a host gives more than it has and then ends the process.
+void expect_memory(Data const& d, runtime::StepperOptions const& options) {
+  auto const needed = static_cast<double>(runtime::bytes_needed(d.device, *d.model.compiled, options)),
+             free = static_cast<double>(runtime::free_bytes(d.device));
+  if (needed <= free) return;
+  char text[96];
+  std::snprintf(text, sizeof text, " worlds need %.3g GB, and %.3g GB are free", needed / 1e9, free / 1e9);
+  throw Error("gsp.Data: " + std::to_string(d.worlds) + text + (d.device == runtime::Device::cuda ? " on the GPU" : "") +
+              ": make fewer worlds, or free what others hold");
+}
+}  // namespace
+
 Data* make_data(Model const& model, int worlds, std::string const& device, std::string const& profile, std::string const& precision,
                 double timestep, int iterations, std::optional<double> tolerance, int threads, std::vector<std::string> const& per_world) {
   if (worlds < 1) throw Error("gsp.Data: worlds must be positive and is " + std::to_string(worlds));
@@ -118,21 +132,22 @@ Data* make_data(Model const& model, int worlds, std::string const& device, std::
     throw Error("gsp.Data: profile '" + profile + "' is not known: give 'stable' or 'mujoco'");
   if (precision != "float32" && precision != "float64")
     throw Error("gsp.Data: precision '" + precision + "' is not known: give 'float32' or 'float64'");
-  auto* const d = new Data{session(), model, device_of(device), worlds, nullptr};
-  d->python_model = nb::find(model);
-  d->moves_geoms = std::any_of(per_world.begin(), per_world.end(), [](std::string const& field) {
-    return field == "geom_size" || field == "geom_pos" || field == "geom_quat";
-  });
-  try {
-    d->stepper = runtime::make_stepper(d->device, *model.compiled,
-                                       {.worlds = worlds,
+  runtime::StepperOptions const options{.worlds = worlds,
                                         .precision = precision == "float64" ? runtime::Dtype::float64 : runtime::Dtype::float32,
                                         .timestep = timestep,
                                         .mujoco = profile == "mujoco",
                                         .iterations = iterations,
                                         .tolerance = tolerance,
                                         .threads = threads,
-                                        .per_world = per_world});
+                                        .per_world = per_world};
+  auto* const d = new Data{session(), model, device_of(device), worlds, nullptr};
+  d->python_model = nb::find(model);
+  d->moves_geoms = std::any_of(per_world.begin(), per_world.end(), [](std::string const& field) {
+    return field == "geom_size" || field == "geom_pos" || field == "geom_quat";
+  });
+  try {
+    expect_memory(*d, options);
+    d->stepper = runtime::make_stepper(d->device, *model.compiled, options);
   } catch (...) {
     delete d;
     throw;

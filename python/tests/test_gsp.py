@@ -232,6 +232,11 @@ def test_contacts_and_saved_states(model):
     assert np.array_equal(before, c.force)  # copies
 
 
+def test_more_worlds_than_memory_holds_are_refused(model):
+    with pytest.raises(gsp.Error, match="2000000000 worlds need .* GB, and .* GB are free: make fewer worlds"):
+        gsp.Data(model, worlds=2_000_000_000)
+
+
 def test_wrong_arguments_are_one_sentence(model):
     data = gsp.Data(model, worlds=2)
     with pytest.raises(gsp.Error, match="profile 'fast'"):

@@ -247,6 +247,15 @@ def test_actions_reach_from_end_to_end():
     assert np.array_equal(task.data.ctrl[:, 0], [-3, -1, 1])
     task.step(np.array([[1], [1], [1]]))
     assert np.array_equal(task.last_action[:, 0], [-1, 0, 1])
+
+    def fails(data, action):
+        raise RuntimeError("no")
+
+    works, task.act = task.act, fails
+    with pytest.raises(RuntimeError):
+        task.step(np.array([[0.5], [0.5], [0.5]]))  # never done
+    task.act = works
+    assert np.array_equal(task.last_action[:, 0], [-1, 0, 1]) and np.array_equal(task.action[:, 0], [1, 1, 1])
     task.reset(np.array([True, False, False]))
     assert np.array_equal(task.last_action[:, 0], [0, 0, 1]) and np.array_equal(task.action[:, 0], [0, 1, 1])
 

@@ -219,12 +219,38 @@ TEST_CASE("a Gaussian far off, which costs its chunk their places, is said") {
   CHECK(worst > 2);
   CHECK(says(said[0], ("places of " + std::to_string(coarse) + " Gaussians").c_str()));
   CHECK(write_splats(folder.path / "b.ply", set).empty());
+
+  // the same of colours
+  set = random_set(1000, 0);
+  for (float& v : set.scales) v = std::max(v, 0.02f);
+  for (float& v : set.sh) v = std::clamp(v, -0.9f, 0.9f);
+  set.sh[0] = 100;
+  auto const bright = write_splats(folder.path / "e.compressed.ply", set);
+  REQUIRE(bright.size() == 1);
+  CHECK(says(bright[0], "e.compressed.ply: colours of "));
+  CHECK(says(bright[0], "are off by more than 1/255, up to 0.05"));
+
+  // .spz: 24 bits for all; at 10 km a step of 1 / 512 m costs nobody here their place, at 2,000 km one of 1/4 m does
+  set = random_set(1000, 0);
+  for (float& v : set.scales) v = std::max(v, 0.02f);
+  set.positions[0] = 1e4f;
+  CHECK(write_splats(folder.path / "c.spz", set).empty());
+  set.positions[0] = 2e6f;
+  auto const far = write_splats(folder.path / "d.spz", set);
+  REQUIRE(far.size() == 1);
+  CHECK(says(far[0], "are off by more than its size, up to 0."));
+  CHECK(says(far[0], "24 bits reach as far as the farthest"));
 }
 
 TEST_CASE("endings in capitals are understood") {
   Folder folder;
   auto const set = random_set(20, 0);
-  for (char const* file : {"A.PLY", "B.Compressed.Ply", "C.SPLAT", "D.SPZ", "E.GLB", "F.GLTF", "G.USDA"}) {
+  for (char const* file : {
+         "A.PLY", "B.Compressed.Ply", "C.SPLAT", "D.SPZ", "E.GLB", "F.GLTF", "G.USDA",
+#if defined(GSP_WITH_WEBP)
+             "H.SOG"
+#endif
+       }) {
     CHECK(write_splats(folder.path / file, set).empty());
     CHECK(read_splats(folder.path / file).size() == 20);
   }

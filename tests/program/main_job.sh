@@ -207,7 +207,10 @@ cmp p.npz p1.npz || fail "a batch of one gives other pictures"
 # lenses: of zeros none, else other pictures; a row for all or one a camera
 for lens in plain lens fisheye; do "$gsp" render --splat disc.ply --cameras cameras_$lens.npz --width 64 --height 48 --channels rgb,depth,alpha --npz p_$lens.npz > /dev/null; done
 cmp p.npz p_plain.npz || fail "a lens of zeros gives other pictures"
-if cmp -s p.npz p_lens.npz || cmp -s p.npz p_fisheye.npz; then fail "a lens gives a pinhole's pictures"; fi
+for lens in one_lens row_lens; do "$gsp" render --splat disc.ply --cameras cameras_$lens.npz --width 64 --height 48 --channels rgb,depth,alpha --npz p_$lens.npz > /dev/null; done
+"$gsp" render --splat disc.ply --cameras cameras_misnamed.npz --width 64 --height 48 --channels rgb --npz p_misnamed.npz 2>&1 | grep -qF 'cameras_misnamed.npz: arrays that are not of cameras: dist' || fail "an array of another name is not told of"
+cmp p_one_lens.npz p_row_lens.npz || fail "coefficients of shape (1, n) give other pictures than those of shape (n)"
+if cmp -s p.npz p_lens.npz || cmp -s p.npz p_row_lens.npz || cmp -s p.npz p_fisheye.npz; then fail "a lens gives a pinhole's pictures"; fi
 "$gsp" render --splat disc.ply --cameras camera.npz --model cart.xml --trace a.npz --width 64 --height 48 --channels depth --npz d.npz > /dev/null
 "$gsp" info d.npz | grep -qF 'depth         float32 (22, 48, 64)' || fail "a trace of 11 entries of 2 worlds gives 22 pictures"
 python3 - <<'PY'

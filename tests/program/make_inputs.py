@@ -135,6 +135,7 @@ npz("cameras_folds.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), ey
 npz("cameras_few_lenses.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), distortion=npy((3, 4), [0] * 12))
 npz("cameras_one_lens.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), distortion=npy((1, 5), [-0.3, 0.1, 0, 0, 0]))
 npz("cameras_row_lens.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), distortion=npy((5,), [-0.3, 0.1, 0, 0, 0]))
+npz("cameras_misnamed.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), dist=npy((5,), [-0.3, 0.1, 0, 0, 0]))
 npz("cameras_fisheye5.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), fisheye=npy((1, 5), [0] * 5))
 npz("camera.npz", viewmats=npy((1, 4, 4), view, "f"), Ks=npy((1, 3, 3), eye, "f"))
 moved = [v for t in range(11) for w in range(2) for v in (0.03 * t, 0.3 + 0.05 * t, 1, 0, 0.5 - 0.02 * t, 1, 0, 0, 0)]  # the cart goes along x

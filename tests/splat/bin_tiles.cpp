@@ -106,7 +106,8 @@ TEST_CASE("tiles of an ellipse: none missed, none too many, against all tiles an
 
 namespace {
 struct Listed {
-  int ties, longest;  // pairs of equal depth among neighbours of the whole order; the longest list
+  int ties, longest;         // pairs of equal depth among neighbours of the whole order; the longest list
+  std::vector<int> lengths;  // of the lists
 };
 /// Draws, and holds the lists of the last wave beside all splats in order; and the masks of a GPU's beside every pixel.
 template <class Exec>
@@ -134,7 +135,7 @@ Listed check_lists(Exec const& exec, gsp::GaussianSet const& set, int width, int
   auto const key = [&](int i) { return std::tuple(origins(i).depth, origins(i).image, origins(i).source); };
   std::sort(order.begin(), order.end(), [&](int a, int b) { return key(a) < key(b); });
   std::vector<std::vector<int>> expected(images * wave.tiles());
-  Listed found{0, 0};
+  Listed found{0, 0, {}};
   int tiles = 0;
   for (std::size_t i = 0; i < order.size(); ++i) {
     gsp::SplatOrigin const own = origins(order[i]);
@@ -149,6 +150,7 @@ Listed check_lists(Exec const& exec, gsp::GaussianSet const& set, int width, int
     std::vector<int> const got(list.data() + begins(t), list.data() + begins(t + 1));
     wrong += got != expected[t];
     found.longest = std::max(found.longest, int(got.size()));
+    found.lengths.push_back(int(got.size()));
     if (masks.extent(0) == 0) continue;
     int const x0 = int(t) % wave.tiles() % wave.grid.columns() * 64, y0 = int(t) % wave.tiles() / wave.grid.columns() * 32;
     for (std::size_t k = 0; k < got.size(); ++k)
@@ -198,4 +200,22 @@ TEST_CASE_TEMPLATE("long lists, and walls that face the camera, are in order", E
       CHECK(found.ties >= 2 * (wall > 0 ? wall - 1 : 0));
       if (gsp::is_device<Exec>) CHECK(found.longest > n / 2);
     }
+}
+
+// More long lists than a GPU sorts at once, and some of the length that is the last of the short ones, which stand among them in the order.
+TEST_CASE_TEMPLATE("hundreds of long lists are in order", Exec, GSP_TEST_EXECS) {
+  int const width = 61, height = 30, images = gsp::is_device<Exec> ? 450 : 9, few = 1024, n = few + 1300;
+  auto set = gsp_test::random_gaussians(n, 0, 1, 8);
+  for (float& x : set.opacities) x = std::max(x, 0.1f);
+  for (int i = 0; i < n; ++i)
+    for (int k = 0; k < 3; ++k) set.positions[3 * i + k] = 0.15f * set.positions[3 * i + k] - (k == 2 && i >= few ? 100.f : 0.f);
+  std::vector<float> viewmats, Ks;
+  for (int c = 0; c < images; ++c) {  // the first 1,024 alone, the others alone, all
+    float const turn = c % 3 == 1 ? -1.f : 1.f, z = c % 3 == 0 ? 3.f : c % 3 == 1 ? -97.f : 110.f;
+    viewmats.insert(viewmats.end(), {turn, 0, 0, 0, 0, 1, 0, 0, 0, 0, turn, z, 0, 0, 0, 1});
+    Ks.insert(Ks.end(), {40, 0, 30, 0, 40, 15, 0, 0, 1});
+  }
+  auto const found = check_lists(Exec(), set, width, height, viewmats, Ks);
+  if (gsp::is_device<Exec>)
+    for (int length : {few, n - few, n}) CHECK(std::count(found.lengths.begin(), found.lengths.end(), length) == images / 3);
 }

@@ -72,7 +72,8 @@ TEST_CASE_TEMPLATE("pictures are those of the plain double reference: SH 0-3, mo
                    GSP_TEST_EXECS) {
   Exec const exec = gsp_test::other_instance(Exec{});
   for (int degree = 0; degree <= 3; ++degree) {
-    int const bodies = 3, worlds = 2, images = 5, width = 203, height = 117;
+    // a GPU writes pixels otherwise where rows begin at whole 16 bytes: in the second and third they do, in the last pictures do not
+    int const bodies = 3, worlds = 2, images = 5, width = degree == 0 ? 203 : 204, height = 117;
     auto const set = gsp_test::random_gaussians(1500, degree, bodies, 11 + degree);
     std::vector<float> viewmats, Ks;
     gsp_test::random_cameras(images, width, height, 2.2, 5 + degree, viewmats, Ks);
@@ -81,6 +82,9 @@ TEST_CASE_TEMPLATE("pictures are those of the plain double reference: SH 0-3, mo
     auto const cloud = gsp::make_gaussians(exec, set);
     auto const cameras = gsp::make_cameras(exec, viewmats, Ks);
     auto frames = gsp::make_frames(exec, cloud, {.images = images, .width = width, .height = height});
+    using Mem = typename Exec::memory_space;
+    Kokkos::View<float*, Mem> const room("room", degree == 3 ? std::size_t(images) * height * width * 3 + 1 : 0);
+    if (degree == 3) frames.rgb = typename gsp::Frames<Mem>::template View<float****>(room.data() + 1, images, height, width, 3);
     gsp::render(exec, cloud, poses, cameras, frames);
     auto const got = to_host(frames);
     Tally tally;

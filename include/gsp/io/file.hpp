@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -12,10 +13,18 @@
 #include <mutex>
 #include <set>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <vector>
 
 namespace gsp::io {
+
+/// Does a file's name end so, in small letters or capitals (of ASCII)?
+inline bool has_ending(std::string const& path, std::string_view ending) {
+  auto const small = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; };
+  return path.size() >= ending.size() && std::equal(ending.begin(), ending.end(), path.end() - static_cast<std::ptrdiff_t>(ending.size()),
+                                                    [&](char a, char b) { return small(a) == small(b); });
+}
 
 /// The whole file. Throws Error where it is missing, not a regular file, or cannot be read to its end.
 inline std::vector<std::byte> read_file(std::filesystem::path const& path) {

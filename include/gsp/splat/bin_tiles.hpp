@@ -44,8 +44,8 @@ void bin_tiles(Exec const& exec, Frames<Mem>& frames) {
     Kokkos::parallel_for("gsp::splat::bin_tiles_settle", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, 1)),
                          detail::SettlePairs<Mem>{wave, frames.status});
     std::uint32_t const pad = static_cast<std::uint32_t>(tiles);
-    using Dynamic =
-        Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>, Kokkos::IndexType<std::int64_t>>;  // most of a capacity may be empty
+    // behind what is visible a capacity is empty
+    using Dynamic = Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>, Kokkos::IndexType<std::int64_t>>;
     Kokkos::parallel_for("gsp::splat::bin_tiles_emit", Dynamic(exec, 0, wave.visible_capacity, Kokkos::ChunkSize(1024)),
                          detail::EmitPairs<Mem>{wave, pad});
     sort_by_key(exec, wave.tile_keys, wave.tile_splats, wave.tile_scratch, wave.pairs, {.bits = static_cast<int>(std::bit_width(pad))});

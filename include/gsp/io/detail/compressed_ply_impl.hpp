@@ -4,6 +4,7 @@
 #include <cmath>
 #include <gsp/core/detail/compiled.hpp>
 #include <gsp/io/compressed_ply.hpp>
+#include <gsp/io/detail/splat_bounds.hpp>
 #include <gsp/io/file.hpp>
 #include <utility>
 
@@ -52,7 +53,7 @@ GSP_INLINE std::vector<std::byte> format_compressed_ply(SplatSet const& set) {
   // x y z, log-scales, r g b of a Gaussian, and the bounds of its chunk as the reader will have them
   auto const value = [&](std::size_t i, std::size_t k) -> float {
     if (k < 3) return set.positions[3 * i + k];
-    if (k < 6) return static_cast<float>(std::log(std::max(double(set.scales[3 * i + k - 3]), std::exp(-20.0))));
+    if (k < 6) return static_cast<float>(std::log(std::max(double(set.scales[3 * i + k - 3]), std::exp(detail::packed_least_log_scale))));
     return static_cast<float>(0.5 + sh_c0 * set.sh[3 * terms * i + k - 6]);
   };
   std::vector<std::array<float, 9>> low(chunks), high(chunks);
@@ -84,7 +85,7 @@ GSP_INLINE std::vector<std::byte> format_compressed_ply(SplatSet const& set) {
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t k = 0; k < rest; ++k) {
       double const v = set.sh[(i * terms + 1 + k % (terms - 1)) * 3 + k / (terms - 1)];
-      *out++ = static_cast<std::byte>(std::clamp(std::round((v / 8 + 0.5) * 256), 0.0, 255.0));
+      *out++ = static_cast<std::byte>(std::clamp(std::round((v / (2 * detail::compressed_ply_sh) + 0.5) * 256), 0.0, 255.0));
     }
   return bytes;
 }

@@ -3,7 +3,6 @@
 #include <gsp/core/detail/compiled.hpp>
 #include <gsp/io/detail/gltf_file.hpp>
 #include <gsp/io/detail/half_turn.hpp>
-#include <gsp/io/detail/lower_case.hpp>
 #include <gsp/io/detail/rigid_matrix.hpp>
 #include <gsp/io/gltf.hpp>
 #include <gsp/io/splat_transform.hpp>
@@ -308,7 +307,7 @@ GSP_INLINE std::string format_gltf(SplatSet const& set) {
 }
 
 GSP_INLINE void write_gltf(std::filesystem::path const& path, SplatSet const& set) {
-  if (detail::lower_case(path.extension().string()) == ".gltf")
+  if (has_ending(path.string(), ".gltf"))
     write_file(path, detail::as_bytes(format_gltf(set)));
   else
     write_file(path, format_glb(set));

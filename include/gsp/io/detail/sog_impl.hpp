@@ -6,6 +6,7 @@
 #include <gsp/io/detail/file_beside.hpp>
 #include <gsp/io/detail/json_text.hpp>
 #include <gsp/io/detail/sog_tables.hpp>
+#include <gsp/io/detail/splat_bounds.hpp>
 #include <gsp/io/detail/webp.hpp>
 #include <gsp/io/detail/zip.hpp>
 #include <gsp/io/file.hpp>
@@ -336,7 +337,7 @@ inline SogFiles sog_files(SplatSet const& set) {
   }
   {
     std::vector<float> logs(3 * n);
-    for (std::size_t j = 0; j < 3 * n; ++j) logs[j] = static_cast<float>(std::log(std::max(double(set.scales[j]), std::exp(-20.0))));
+    for (std::size_t j = 0; j < 3 * n; ++j) logs[j] = static_cast<float>(std::log(std::max(double(set.scales[j]), std::exp(detail::packed_least_log_scale))));
     auto const codebook = make_codebook(logs);
     Pixels pixels = blank();
     for (std::size_t i = 0; i < n; ++i) {

@@ -3,6 +3,7 @@
 #include <gsp/core/detail/compiled.hpp>
 #include <gsp/io/detail/deflate.hpp>
 #include <gsp/io/detail/half_turn.hpp>
+#include <gsp/io/detail/splat_bounds.hpp>
 #include <gsp/io/detail/zstd.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/splat_set.hpp>
@@ -140,7 +141,7 @@ GSP_INLINE SplatSet parse_spz_data(Bytes bytes, std::string const& name) {
         set.positions[j] = static_cast<float>(std::ldexp(fixed >= 1 << 23 ? fixed - (1 << 24) : fixed, -h.fraction_bits));
       }
       set.scales[j] = static_cast<float>(std::exp(double(scales[j]) / 16 - 10));
-      set.sh[3 * terms * i + k] = static_cast<float>((double(colours[j]) / 255 - 0.5) / 0.15);
+      set.sh[3 * terms * i + k] = static_cast<float>((double(colours[j]) / 255 - 0.5) / detail::spz_colour);
     }
     set.opacities[i] = static_cast<float>(double(alphas[i]) / 255);
     std::array<double, 4> q{};  // x y z w
@@ -231,11 +232,9 @@ inline std::uint32_t pack_spz_rotation(float const* q) {
 /// What parse_spz_data reads: 16 bytes of header and the arrays.
 inline std::vector<std::byte> format_spz_data(SplatSet set, SpzOptions options, std::string const& name) {
   half_turn(set, 0);
-  double most = 0;
-  for (float p : set.positions) most = std::max(most, std::abs(double(p)));
-  int fraction_bits = 12;
-  while (fraction_bits > 0 && std::ldexp(most, fraction_bits) > 0x7fffff) --fraction_bits;
-  if (most > 0x7fffff) fail(name, "", "a coordinate passes 2^23, the most that .spz holds; scale the set down");
+  int const fraction_bits = spz_fraction_bits(set);
+  if (std::any_of(set.positions.begin(), set.positions.end(), [](float p) { return std::abs(p) > 0x7fffff; }))
+    fail(name, "", "a coordinate passes 2^23, the most that .spz holds; scale the set down");
   SpzHeader const h{static_cast<std::uint32_t>(options.version), static_cast<std::uint32_t>(set.size()), set.sh_degree, fraction_bits,
                     set.antialiased ? 1 : 0};
   std::vector<std::byte> out;
@@ -252,9 +251,9 @@ inline std::vector<std::byte> format_spz_data(SplatSet set, SpzOptions options, 
   for (float o : set.opacities) put_rounded(255.0 * o);
   std::size_t const terms = set.sh_terms();
   for (std::size_t i = 0; i < set.size(); ++i)
-    for (std::size_t c = 0; c < 3; ++c) put_rounded(255 * (0.15 * set.sh[3 * terms * i + c] + 0.5));
+    for (std::size_t c = 0; c < 3; ++c) put_rounded(255 * (spz_colour * set.sh[3 * terms * i + c] + 0.5));
   for (std::size_t j = 0; j < set.scales.size(); ++j) {
-    double const packed = 16 * (std::log(std::max(double(set.scales[j]), 1e-30)) + 10);
+    double const packed = 16 * (std::log(std::max(double(set.scales[j]), 1e-30)) - spz_least_log_scale);
     if (packed > 256)
       fail(name, "Gaussian " + std::to_string(j / 3),
            "has the scale " + std::to_string(set.scales[j]) + ", and .spz holds at most 400; scale the set down");

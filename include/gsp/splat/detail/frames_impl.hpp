@@ -112,10 +112,10 @@ FrameSizes frame_sizes(Gaussians<Mem> const& cloud, FrameOptions const& options)
                                                : 7 * visible;
   if (options.batch > 0) {
     s.batch = options.batch;
-  } else if (is_device<Exec>) {  // together as many pixels as 256 of 640 x 480: fewer leave the GPU idle at the ends of kernels
-    double const together = std::clamp(258 * 307200. / pixels, 1., 1024.);
+  } else if (is_device<Exec>) {  // as many pixels as 256 of 640 x 480: fewer leave the GPU idle at the ends of kernels
+    double const images = std::clamp(256 * 307200. / pixels, 1., 1024.);
     std::int64_t const bytes = s.an_image + visible * s.a_splat + pairs * s.a_pair;
-    s.batch = std::max<std::int64_t>(1, std::min(std::int64_t(together), wave_bytes / bytes));
+    s.batch = std::max<std::int64_t>(1, std::min(std::int64_t(images), wave_bytes / bytes));
   } else {
     s.batch = static_cast<std::int64_t>(std::clamp(2 * 307200. / pixels, 1., 64.));
   }

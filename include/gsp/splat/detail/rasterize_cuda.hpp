@@ -42,21 +42,21 @@ struct BlendBlocks {
   }
   /// Of the next `count` splats, at column i of row j and at its right neighbour, so many at a time. `kept`: what channels keep of splats,
   /// by id.
-  template <int together>
+  template <int splats_at_once>
   __device__ __forceinline__ void through(Queued const* at, int count, float i, float j, float const* kept, Pixel& first,
                                           Pixel& second) const {
     Queued const* const behind = at + count;
-    for (; together > 2 && behind - at >= together; at += together) {
-      float left[together], right[together];
+    for (; splats_at_once > 2 && behind - at >= splats_at_once; at += splats_at_once) {
+      float left[splats_at_once], right[splats_at_once];
 #pragma unroll
-      for (int k = 0; k < together; ++k) {
+      for (int k = 0; k < splats_at_once; ++k) {
         float const wy = fmaf(at[k].l22, j, at[k].down), most = fmaf(-wy, wy, at[k].power),
                     wx = fmaf(at[k].l11, i, fmaf(at[k].l21, j, at[k].across)), next = wx + at[k].l11;
         left[k] = fmaf(-wx, wx, most);
         right[k] = fmaf(-next, next, most);
       }
 #pragma unroll
-      for (int k = 0; k < together; ++k) {
+      for (int k = 0; k < splats_at_once; ++k) {
         float const* const values = List::stored > 0 ? kept + std::int64_t(at[k].id) * List::stored : nullptr;
         blend(first, left[k], at[k].splat, values);
         blend(second, right[k], at[k].splat, values);
@@ -71,12 +71,12 @@ struct BlendBlocks {
       blend(second, fmaf(-right, right, most), at->splat, values);
     }
   }
-  /// All lanes; the queue's memory is free by now.
-  __device__ void store(Pixel& first, Pixel& second, BlockPlace const& at) const {
+  /// All lanes; the queue is done with.
+  __device__ void store(Pixel& first, Pixel& second, BlockPlace const& at, Queued (&queue)[32]) const {
     channels.finish(first.numbers, 1.f - fabsf(first.left));
     channels.finish(second.numbers, 1.f - fabsf(second.left));
     __syncwarp();
-    store_block(channels, at, first.numbers, second.numbers);
+    store_block(channels, at, room_for_colours(queue), first.numbers, second.numbers);
   }
 
  private:
@@ -104,7 +104,7 @@ __device__ inline int find_touching(unsigned short* touching, std::uint32_t cons
 
 /// Pictures on a GPU: a warp blends 8 x 8 pixels by itself. It asks the masks of its tile (BlockMasks) which splats touch the block, 1,024
 /// at a time, fetches those 32 at a time into shared memory, and goes through them (BlendBlocks); the next 32 are on their way meanwhile.
-template <class Mem, class List, int warps, int together>
+template <class Mem, class List, int warps, int splats_at_once>
 struct RasterizeBlocks {
   Frames<Mem> frames;
   BlendBlocks<List> blend;
@@ -129,7 +129,7 @@ struct RasterizeBlocks {
     int const x0 = (tile % columns * Masks::across + across) * side, y0 = (tile / columns * Masks::down + down) * side;
     if (x0 >= frames.width || y0 >= frames.height || frames.status(image) != 0) return;
     Queue& queue = queues[warp];
-    BlockPlace const at{image, x0, y0, frames.width, frames.height, reinterpret_cast<float*>(queue.splats)};
+    BlockPlace const at{image, x0, y0, frames.width, frames.height};
     float const i = float(at.x() - x0), j = float(at.y() - y0);
     typename BlendBlocks<List>::Pixel first, second;
     if (!at.has_first()) first.left = -1;
@@ -150,13 +150,14 @@ struct RasterizeBlocks {
         next = wave.splats(id);
         next_id = id_at(base + 64 + lane);
         __syncwarp();
-        blend.template through<together>(queue.splats, found - base < 32 ? found - base : 32, i, j, wave.values.data(), first, second);
+        blend.template through<splats_at_once>(queue.splats, found - base < 32 ? found - base : 32, i, j, wave.values.data(), first,
+                                               second);
         if (__all_sync(all, first.left < 0 && second.left < 0)) break;
         __syncwarp();
       }
       if (__all_sync(all, first.left < 0 && second.left < 0)) break;
     }
-    blend.store(first, second, at);
+    blend.store(first, second, at, queue.splats);
   }
 };
 

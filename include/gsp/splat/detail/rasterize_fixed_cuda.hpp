@@ -108,7 +108,7 @@ struct RasterizeFixedBlocks {
   template <class Moving, class Standing>
   __device__ void draw(Queue& queue, int image, int x0, int y0, Moving moving, Standing standing) const {
     int const lane = int(threadIdx.x) % 32;
-    BlockPlace const at{image, x0, y0, frames.width, frames.height, reinterpret_cast<float*>(queue.splats)};
+    BlockPlace const at{image, x0, y0, frames.width, frames.height};
     typename Blend::Pixel first, second;
     if (!at.has_first()) first.left = -1;
     if (!at.has_second()) second.left = -1;
@@ -143,31 +143,14 @@ struct RasterizeFixedBlocks {
       if (__all_sync(all, first.left < 0 && second.left < 0)) break;
       __syncwarp();
     }
-    blend.store(first, second, at);
+    blend.store(first, second, at, queue.splats);
   }
 
   __device__ void restore(int image, int view, int x0, int y0) const {
-    int const lane = BlockPlace::lane();
-    BlockPlace const at{image, x0, y0, frames.width, frames.height, nullptr};
-    std::int64_t const picture = std::int64_t(frames.width) * frames.height;
-    auto const copy = [&](auto const& pictures, auto const& from, int numbers) {
-      if (pictures.extent(0) == 0) return;
-      float* const to = pictures.data() + image * picture * numbers;
-      float const* const of = from.data() + view * picture * numbers;
-      auto const place = [&](int row, int of_row) { return (std::int64_t(y0 + row) * frames.width + x0) * numbers + of_row; };
-      int const floats = Masks::side * numbers;  // of a row
-      if (at.whole(to[place(0, 0)])) {
-        for (int k = 4 * lane; k < Masks::side * floats; k += 4 * 32)
-          *reinterpret_cast<float4*>(to + place(k / floats, k % floats)) =
-              *reinterpret_cast<float4 const*>(of + place(k / floats, k % floats));
-      } else {
-        int const rows = min(Masks::side, frames.height - y0), columns = min(floats, (frames.width - x0) * numbers);
-        for (int k = lane; k < rows * columns; k += 32) to[place(k / columns, k % columns)] = of[place(k / columns, k % columns)];
-      }
-    };
-    copy(frames.rgb, still.rgb, 3);
-    copy(frames.depth, still.depth, 1);
-    copy(frames.alpha, still.alpha, 1);
+    BlockPlace const at{image, x0, y0, frames.width, frames.height};
+    if (frames.rgb.extent(0) > 0) copy_block(at, &frames.rgb(image, 0, 0, 0), &still.rgb(view, 0, 0, 0), 3);
+    if (frames.depth.extent(0) > 0) copy_block(at, &frames.depth(image, 0, 0), &still.depth(view, 0, 0), 1);
+    if (frames.alpha.extent(0) > 0) copy_block(at, &frames.alpha(image, 0, 0), &still.alpha(view, 0, 0), 1);
   }
 };
 

@@ -11,9 +11,10 @@ struct TileList {
   SplatWave<Mem> const& wave;
   std::int64_t at, end;
   int stored;  // numbers that channels keep of a splat
+  static constexpr int ahead = 8;
   bool next(Splat const*& splat, float const*& values) {
     if (at == end) return false;
-    if (at + 8 < end) prefetch(&wave.splats(wave.tile_splats(at + 8)));  // by depth they lie anywhere
+    if (at + ahead < end) prefetch(&wave.splats(wave.tile_splats(at + ahead)));  // by depth they lie anywhere
     int const id = wave.tile_splats(at++);
     splat = &wave.splats(id);
     values = wave.values.data() + std::int64_t(id) * stored;
@@ -29,7 +30,7 @@ struct RasterizeRows {
   List channels;
   float alpha_max, stop;
 
-  static constexpr int side = 16, W = native_width<float>, packs = side / W, together = 2;
+  static constexpr int side = 16, W = native_width<float>, packs = side / W, rows_at_once = 2;
   using P = Pack<float, W>;
   static_assert(side % W == 0);
 
@@ -50,8 +51,9 @@ struct RasterizeRows {
   void tile(int image, int tile, Splats list) const {
     int const columns_of_tiles = frames.wave.grid.columns();
     int const x0 = tile % columns_of_tiles * side, y0 = tile / columns_of_tiles * side;
-    Pixels pixels[side + together - 1][packs];
-    int rows_done = 0, const_rows = frames.height - y0 < side ? frames.height - y0 : side;
+    Pixels pixels[side + rows_at_once - 1][packs];
+    int const rows = frames.height - y0 < side ? frames.height - y0 : side;
+    int rows_done = 0;
     P centre[packs];  // of the pixels, from the left edge of the tile
     constexpr float infinity = std::numeric_limits<float>::infinity();
     for (int k = 0; k < packs; ++k)
@@ -63,24 +65,25 @@ struct RasterizeRows {
         row[k].least = P(-splat_log2_255);
         row[k].least = select(centre[k] < P(static_cast<float>(frames.width - x0)), row[k].least, P(infinity));
       }
-    for (int r = const_rows; r < side + together - 1; ++r)  // below the picture, or the tile
+    for (int r = rows; r < side + rows_at_once - 1; ++r)  // below the picture, or the tile
       for (int k = 0; k < packs; ++k) pixels[r][k].least = P(infinity);
 
     Splat const* splat = nullptr;
     float const* values = nullptr;
-    while (rows_done < const_rows && list.next(splat, values)) {
+    while (rows_done < rows && list.next(splat, values)) {
       Splat const& s = *splat;
       // rows with a centre in [v - ye, v + ye], a little more for rounding
       float const middle = s.v - static_cast<float>(y0) - 0.5f, reach = s.ye + 0.01f;
       int const top = middle - reach > 0.f ? static_cast<int>(min(middle - reach, 16.f)) : 0;
-      int const bottom = middle + reach < static_cast<float>(const_rows) ? static_cast<int>(max(middle + reach, -1.f)) : const_rows - 1;
+      int const bottom = middle + reach < static_cast<float>(rows) ? static_cast<int>(max(middle + reach, -1.f)) : rows - 1;
       P const l11(s.l11);
       float const left = s.u - static_cast<float>(x0);
-      for (int row = top; row <= bottom; row += together) {
-        P exponent[together][packs];
-        decltype(P() < P()) touched[together][packs];
+      bool finished = false;
+      for (int row = top; row <= bottom; row += rows_at_once) {
+        P exponent[rows_at_once][packs];
+        decltype(P() < P()) touched[rows_at_once][packs];
         bool any = false;
-        for (int r = 0; r < together; ++r) {
+        for (int r = 0; r < rows_at_once; ++r) {
           float const dy = static_cast<float>(y0 + row + r) + 0.5f - s.v, wy = s.l22 * dy;
           P const across(fma(s.l21, dy, -(s.l11 * left))), most(fma(-wy, wy, s.power));
           for (int k = 0; k < packs; ++k) {
@@ -91,8 +94,7 @@ struct RasterizeRows {
           }
         }
         if (!any) continue;
-        bool finished = false;
-        for (int r = 0; r < together; ++r)
+        for (int r = 0; r < rows_at_once; ++r)
           for (int k = 0; k < packs; ++k) {
             Pixels& p = pixels[row + r][k];
             P const alpha = min(exp2(exponent[r][k]), P(alpha_max)), left_over = p.T * (P(1.f) - alpha);
@@ -103,19 +105,18 @@ struct RasterizeRows {
             p.least = select(stops, P(infinity), p.least);
             finished |= any_lane(stops);
           }
-        if (finished) {
-          rows_done = 0;
-          for (int r = 0; r < const_rows; ++r) {
-            bool all_done = true;
-            for (int k = 0; k < packs; ++k) all_done &= !any_lane(pixels[r][k].least < P(infinity));
-            rows_done += all_done;
-          }
-        }
+      }
+      if (!finished) continue;
+      rows_done = 0;
+      for (int row = 0; row < rows; ++row) {
+        bool all_done = true;
+        for (int k = 0; k < packs; ++k) all_done &= !any_lane(pixels[row][k].least < P(infinity));
+        rows_done += all_done;
       }
     }
 
     int const columns = frames.width - x0 < side ? frames.width - x0 : side;
-    for (int row = 0; row < const_rows; ++row)
+    for (int row = 0; row < rows; ++row)
       for (int k = 0; k < packs; ++k) {
         Pixels& p = pixels[row][k];
         channels.finish(p.numbers, P(1.f) - p.T);

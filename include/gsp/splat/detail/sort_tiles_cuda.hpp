@@ -1,5 +1,4 @@
 #pragma once
-#include <algorithm>
 #include <gsp/parallel/detail/launch_cuda.hpp>
 #include <gsp/parallel/detail/warp_cuda.hpp>
 #include <gsp/splat/detail/block_masks_cuda.hpp>
@@ -30,20 +29,11 @@ struct SortTiles {
     int shift;                      // of the key, (depth - least) >> shift
   };
 
-  /// Long lists come first in the order: behind one that is too short for this there is none that is not (`least` is one more than a power
-  /// of two).
   __device__ void operator()(Shared& shared) const {
-    for (int k = int(blockIdx.x); k < wave.images * wave.tiles(); k += int(gridDim.x)) {
-      int const index = wave.tile_order(k);
-      std::int64_t const begin = wave.tile_begin(index);
-      int const n = int(wave.tile_begin(index + 1) - begin);
-      if (n < least - 1) return;
-      if (n >= least && (n <= most || takes_longer)) tile(shared, index, begin, n);
-    }
-  }
-
- private:
-  __device__ void tile(Shared& shared, int index, std::int64_t begin, int n) const {
+    int const index = wave.tile_order(blockIdx.x);
+    std::int64_t const begin = wave.tile_begin(index);
+    int const n = int(wave.tile_begin(index + 1) - begin);
+    if (n < least || (n > most && !takes_longer)) return;
     TilePair* const list = &wave.pair_list(begin);
     TilePair* const scratch = reinterpret_cast<TilePair*>(wave.pair_pool.data()) + begin;  // the pool is empty by now
     bool crowded = true;
@@ -60,9 +50,9 @@ struct SortTiles {
       __syncthreads();
     }
     masks(index, begin, n);
-    __syncthreads();
   }
 
+ private:
   /// Round k of a warp holds the 32 pairs behind those of round k - 1.
   __device__ static int rounds_of(int n) { return (n + threads - 1) / threads; }
   __device__ static int first_of(int n) { return int(threadIdx.x) / 32 * 32 * rounds_of(n) + int(threadIdx.x) % 32; }
@@ -276,11 +266,10 @@ template <class Mem>
 void sort_tiles_on_cuda(Kokkos::Cuda const& exec, SplatWave<Mem> const& wave) {
   using Small = SortTiles<Mem, 4, 7, 8, false>;
   using Large = SortTiles<Mem, 16, 9, 15, true>;
-  constexpr int large_at_once = 2;
-  int const tiles = wave.images * wave.tiles(), large = std::min(tiles, large_at_once * exec.cuda_device_prop().multiProcessorCount);
+  unsigned const tiles = unsigned(wave.images * wave.tiles());
   launch_on_cuda("gsp::splat::bin_tiles_sort", exec, [&](cudaStream_t stream) {
-    sort_lists_on_cuda<10>(stream, unsigned(tiles), Small{wave, 1});
-    sort_lists_on_cuda<large_at_once>(stream, unsigned(large), Large{wave, Small::most + 1});
+    sort_lists_on_cuda<10>(stream, tiles, Small{wave, 1});
+    sort_lists_on_cuda<2>(stream, tiles, Large{wave, Small::most + 1});
   });
 }
 

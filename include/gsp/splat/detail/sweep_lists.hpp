@@ -57,7 +57,7 @@ struct SweepPass {
       p.error[k] = p.behind[k] - wanted.rgb(image, row, column, k);
     }
     float const alpha = frames.alpha(image, row, column);
-    p.behind[3] = p.part * (frames.depth(image, row, column) * max(alpha, 1e-10f) - p.depth * alpha);
+    p.behind[3] = p.part * alpha * (frames.depth(image, row, column) - p.depth);  // exactly 0 where the two are equal
     p.error[3] = p.behind[3];
   }
   /// The next Gaussian of the list, as `rasterize` blends it; `done` is set for pixels that end here.
