@@ -14,6 +14,8 @@ namespace gsp::detail {
 /// centre so that neither cancels. S^-1 is scaled by the least variance, which z does not see. Behind a lens they are functions of the
 /// ray's place in the plane z = 1: since S^-1 mu = mu_z S^-1 d of the centre's ray d, six numbers say both, and the centre takes the
 /// others.
+/// S holds the blur of the picture too, as a ball: what a pixel shows of a Gaussian that is smaller than it is not where the Gaussian's
+/// plane goes on to, far outside of it.
 struct RayDepth {
   static constexpr int size = 9;
   template <class Seen>
@@ -21,8 +23,14 @@ struct RayDepth {
     Mat3<float> const turn = g.to_camera(), own = to_matrix(g.quat());
     Vec3<float> s = g.scale();
     Vec3<float> const p = g.position();
+    double const* const m = g.link.m;
+    Vec3<float> mu;
+    for (int r = 0; r < 3; ++r)
+      mu[r] = static_cast<float>(m[4 * r] * double(p.x) + m[4 * r + 1] * double(p.y) + m[4 * r + 2] * double(p.z) + m[4 * r + 3]);
+    float const blur = g.blur * mu.z * mu.z * static_cast<float>(1. / Kokkos::fabs(g.view.fx * g.view.fy));
+    for (int k = 0; k < 3; ++k) s[k] = Kokkos::sqrt(fma(s[k], s[k], blur));
     float const most = max(s.x, max(s.y, s.z));
-    // a disc without thickness, as in splat_tree.hpp; a point, which pictures blur and rays do not meet: a ball
+    // without blur: a disc without thickness, as in splat_tree.hpp; a point, which rays do not meet: a ball
     for (int k = 0; k < 3; ++k) s[k] = most >= 1e-15f ? max(s[k], 1e-6f * most) : 1.f;
     float const least = min(s.x, min(s.y, s.z));
     Mat3<float> inverse;  // S^-1
@@ -33,10 +41,6 @@ struct RayDepth {
       for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) inverse(i, j) = fma(w * w * axis[i], axis[j], inverse(i, j));
     }
-    double const* const m = g.link.m;
-    Vec3<float> mu;
-    for (int r = 0; r < 3; ++r)
-      mu[r] = static_cast<float>(m[4 * r] * double(p.x) + m[4 * r + 1] * double(p.y) + m[4 * r + 2] * double(p.z) + m[4 * r + 3]);
     Vec3<float> const d = (1.f / mu.z) * mu, up = inverse * mu, down = inverse * d;
     if constexpr (Seen::lensed) {
       float const kept[size] = {dot(down, d), down.x, down.y, inverse(0, 0), 2.f * inverse(0, 1), inverse(1, 1), d.x, d.y, mu.z};

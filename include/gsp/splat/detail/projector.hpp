@@ -142,7 +142,7 @@ struct Projector {
   KOKKOS_FUNCTION void put_values(List const& channels, std::int64_t to, int image, int body, int i, LinkView const& link) const {
     if constexpr (List::stored > 0) {
       float values[List::stored];
-      SeenGaussian<Mem> const seen{cloud, link, wave.splats(to), i, wave.first + image, body, wave.image_views(image)};
+      SeenGaussian<Mem> const seen{cloud, link, wave.splats(to), i, wave.first + image, body, wave.image_views(image), options.blur};
       if constexpr (lensed)
         channels.values(LensedGaussian<Mem>{seen}, values);
       else
