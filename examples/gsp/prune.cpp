@@ -296,7 +296,8 @@ Command prune_command() {
            {"--trace", "T.npz", "a trace of gsp sim: where the model goes"},
            {"--camera", "NAME|INDEX", "this camera of the model; may come several times; without it all of them", true},
            {"--cameras", "C.npz",
-            "in place of the model's: viewmats (C,4,4) world-to-camera, Ks (C,3,3) in pixels; with --trace one for each entry and world. "
+            "in place of the model's: viewmats (C,4,4) world-to-camera, Ks (C,3,3) in pixels, or one for all; with --trace one for each "
+            "entry and world. "
             "Without a camera at all: views from all round"},
            {"--jitter", "\"metres degrees\"", "how far cameras are moved and turned at random; \"0.02 3\""},
            {"--views", "N", "pictures that are kept alike, at most: taken evenly, and several times with jitter; 256"},

@@ -325,7 +325,8 @@ Command render_command() {
            {"--camera", "NAME|INDEX",
             "in place of --cameras: the model's camera of this name or index, with its mode and intrinsics, in every world and entry"},
            {"--cameras", "C.npz",
-            "viewmats (C,4,4) world-to-camera, x right, y down, z forward; Ks (C,3,3) in pixels; and, of lenses, OpenCV's coefficients: "
+            "viewmats (C,4,4) world-to-camera, x right, y down, z forward; Ks (C,3,3) in pixels, or one for all; and, of lenses, OpenCV's "
+            "coefficients: "
             "distortion (C,4|5|8) or fisheye (C,4), or one row for all"},
            {"--width", "W", "of the pictures, 640"},
            {"--height", "H", "of the pictures, 480"},

@@ -204,6 +204,11 @@ for name in rgb_0000 rgb_0001 depth_0000 depth_color_0001 alpha_0000; do [ -s pn
 "$gsp" info pngs/depth_0000.png | grep -qF '64 x 48, 1 channels of 16 bits' || fail "depth is not 16 bits"
 "$gsp" render --splat disc.ply --cameras cameras.npz --width 64 --height 48 --channels rgb,depth,alpha --npz p1.npz --batch 1 --threads 1 > /dev/null
 cmp p.npz p1.npz || fail "a batch of one gives other pictures"
+# one K is for all cameras
+for K in one_K flat_K; do
+  "$gsp" render --splat disc.ply --cameras cameras_$K.npz --width 64 --height 48 --channels rgb,depth,alpha --npz p_$K.npz > /dev/null
+  cmp p.npz p_$K.npz || fail "one K for all gives other pictures than one a camera ($K)"
+done
 # lenses: of zeros none, else other pictures; a row for all or one a camera
 for lens in plain lens fisheye; do "$gsp" render --splat disc.ply --cameras cameras_$lens.npz --width 64 --height 48 --channels rgb,depth,alpha --npz p_$lens.npz > /dev/null; done
 cmp p.npz p_plain.npz || fail "a lens of zeros gives other pictures"

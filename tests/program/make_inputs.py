@@ -143,7 +143,10 @@ npz("moved.npz", time=npy((11,), [0.02 * t for t in range(11)]), qpos=npy((11, 2
 f60 = 24 / math.tan(math.radians(30))  # 64 x 48
 npz("side_camera.npz", viewmats=npy((1, 4, 4), [1, 0, 0, 0, 0, 0, -1, 0.5, 0, 1, 0, 3, 0, 0, 0, 1]), Ks=npy((1, 3, 3), [f60, 0, 32, 0, f60, 24, 0, 0, 1]))
 npz("cameras_shape.npz", viewmats=npy((2, 3, 4), [0] * 24), Ks=npy((2, 3, 3), eye * 2))
-npz("cameras_count.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((1, 3, 3), eye))
+npz("cameras_count.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((3, 3, 3), eye * 3))
+npz("cameras_one_K.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((1, 3, 3), eye))
+npz("cameras_flat_K.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((3, 3), eye))
+npz("cameras_numbers_K.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((9,), eye))
 npz("away.npz", viewmats=npy((1, 4, 4), [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, -90, 0, 0, 0, 1]), Ks=npy((1, 3, 3), eye))
 npz("cameras_nan.npz", viewmats=npy((1, 4, 4), [float("nan")] * 16), Ks=npy((1, 3, 3), eye))
 npz("cameras_mirror.npz", viewmats=npy((1, 4, 4), [-v for v in view[:4]] + view[4:]), Ks=npy((1, 3, 3), eye))
