@@ -174,6 +174,11 @@ int named_or_index(std::string const& file, std::string const& what, std::vector
                          ", give one of their names or an index from 0"));
 }
 
+std::string camera_name(gsp::CompiledModel const& model, int camera) {
+  auto const& name = model.cam_name[static_cast<std::size_t>(camera)];
+  return "camera " + (name.empty() ? std::to_string(camera) : in_quotes(name));
+}
+
 States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe) {
   States s;
   s.qpos = model.qpos0;
@@ -565,6 +570,10 @@ std::vector<float> fetch(gsp::runtime::Array const& array) {
                            ? gsp::runtime::host_array(out.data(), {array.extents[0], array.extents[1], array.extents[2], array.extents[3]})
                            : gsp::runtime::host_array(out.data(), {array.extents[0], array.extents[1], array.extents[2]}));
   return out;
+}
+
+bool shows_nothing(float const* numbers, std::size_t n) {
+  return std::all_of(numbers, numbers + n, [](float x) { return x == 0; });
 }
 
 CameraFile read_cameras(std::string const& path, bool quiet) {
