@@ -263,6 +263,7 @@ int run(Arguments const& a) {
     for (std::size_t k = 0; k < model.cam_name.size(); ++k) of_model.push_back(static_cast<int>(k));
   if (a.has("--model") && !a.has("--cameras") && of_model.empty())
     throw Error(*a.text("--model") + ": has no camera; give --cameras C.npz, or a model with a <camera> where the robot has one");
+  bool const moves = moved[0] > 0 || moved[1] > 0;
   Views all;
   if (auto const file = a.text("--cameras")) {
     all.cameras = read_cameras(*file, quiet(a));
@@ -270,9 +271,11 @@ int run(Arguments const& a) {
       throw Error(*file + ": holds " + std::to_string(all.cameras.count) + " cameras, but the trace has " + std::to_string(trace.entries) +
                   " entries of " + std::to_string(trace.worlds) + " worlds; write " + std::to_string(states) +
                   " cameras (camera t*N+w sees world w at entry t)");
-    for (std::size_t i = 0; i < all.cameras.count; ++i) {  // along a trace one that moves, else as many cameras
+    // along a trace one that moves; else as many cameras, or, where not all can be fitted to, one that has been in as many places
+    bool const one = a.has("--trace") || !moves || all.cameras.count > most;
+    for (std::size_t i = 0; i < all.cameras.count; ++i) {
       all.state.push_back(a.has("--trace") ? static_cast<int>(i) : 0);
-      all.camera.push_back(a.has("--trace") ? 0 : static_cast<int>(i));
+      all.camera.push_back(one ? 0 : static_cast<int>(i));
     }
   } else if (of_model.empty()) {
     if (linked) throw Error(from + ": has Gaussians on links, and nothing says where those stand; give --model");
@@ -281,11 +284,12 @@ int run(Arguments const& a) {
     all = round_views(placed, most + most_held, options.width, options.height);
   }
 
-  bool const moves = moved[0] > 0 || moved[1] > 0;
   std::size_t const cameras = of_model.empty() ? static_cast<std::size_t>(all.camera.back()) + 1 : of_model.size();
-  if (!moves && (of_model.empty() ? all.count() / cameras : states) < 2)
-    a.fail("--jitter \"0 0\" makes no views of the one that " + std::string(cameras == 1 ? "there is" : "each camera has") +
-           ", so none is left to judge by; give a jitter, or a trace along which there are more");
+  std::size_t const each = of_model.empty() ? all.count() / cameras : states;
+  if (!moves && each < (a.has("--cameras") && !a.has("--trace") ? 4 : 2))
+    a.fail("--jitter \"0 0\" makes no further views of the " + std::to_string(each) + " that " +
+           (cameras == 1 ? "there are" : "each camera has") +
+           ", and some must be left to judge by; give a jitter, more cameras, or a trace along which there are more");
   if (cameras > most)
     a.fail("--views " + std::to_string(most) + " is less than one for each of " + std::to_string(cameras) + " cameras; give --views " +
            std::to_string(cameras) + " or fewer cameras");

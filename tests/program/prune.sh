@@ -94,7 +94,7 @@ stays --model ends.xml --camera right --camera left
 stays --model ends.xml --trace ends_t.npz  # 4 entries of 2 worlds
 stays --model ends.xml --trace ends_t.npz --jitter "0 0"
 same "$(key views < said.txt) $(key views_held_out < said.txt)" "12 4" "views without jitter: of 8 of each camera 6 are fitted to, 2 judge"
-refuses 'makes no views of the one that each camera has' --cameras ends.npz --jitter "0 0"
+refuses 'makes no further views of the 2 that there are' --cameras ends.npz --jitter "0 0"
 all="$few"
 few="--width 64 --height 48 --shrink 1 --views 2 --held-out 2"
 stays --model ends.xml --trace ends_t.npz
