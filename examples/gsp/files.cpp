@@ -174,6 +174,11 @@ int named_or_index(std::string const& file, std::string const& what, std::vector
                          ", give one of their names or an index from 0"));
 }
 
+std::string camera_name(gsp::CompiledModel const& model, int camera) {
+  auto const& name = model.cam_name[static_cast<std::size_t>(camera)];
+  return "camera " + (name.empty() ? std::to_string(camera) : in_quotes(name));
+}
+
 States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe) {
   States s;
   s.qpos = model.qpos0;
@@ -567,23 +572,35 @@ std::vector<float> fetch(gsp::runtime::Array const& array) {
   return out;
 }
 
+bool shows_nothing(float const* numbers, std::size_t n) {
+  return std::all_of(numbers, numbers + n, [](float x) { return x == 0; });
+}
+
 CameraFile read_cameras(std::string const& path, bool quiet) {
   auto const npz = gsp::io::read_npz(path);
   auto const &views = npz.at("viewmats"), &intrinsics = npz.at("Ks");
   auto const key = [&](char const* name) { return path + "[" + name + "]"; };
   gsp::io::expect_shape(views, {-1, 4, 4}, key("viewmats"));
-  gsp::io::expect_shape(intrinsics, {static_cast<long long>(views.shape[0]), 3, 3}, key("Ks"));
+  auto const& shape = intrinsics.shape;
+  bool const one = shape == std::vector<std::size_t>{3, 3} || shape == std::vector<std::size_t>{1, 3, 3};
+  if (!one && shape != std::vector<std::size_t>{views.shape[0], 3, 3})
+    fail(key("Ks"), "",
+         "has shape " + gsp::io::format_shape(shape) + ", expected (" + std::to_string(views.shape[0]) +
+             ", 3, 3), or (3, 3) or (1, 3, 3) for all; write one for each of viewmats, or one for all");
   if (views.shape[0] == 0) fail(key("viewmats"), "", "holds no cameras; write at least one");
   gsp::io::expect_finite(views, key("viewmats"));
   gsp::io::expect_finite(intrinsics, key("Ks"));
   CameraFile c{views.shape[0], views.as<float>(), intrinsics.as<float>(), {}};
+  for (std::size_t i = 1; one && i < c.count; ++i)
+    for (std::size_t j = 0; j < 9; ++j) c.Ks.push_back(c.Ks[j]);
   if (npz.contains("distortion") && npz.contains("fisheye"))
     fail(path, "", "has both distortion and fisheye, of which a lens is one; leave one out");
   std::string unused;
   for (auto const& [name, array] : npz.arrays)
     if (name != "viewmats" && name != "Ks" && name != "distortion" && name != "fisheye") unused += (unused.empty() ? "" : ", ") + name;
   if (!unused.empty() && !quiet)
-    std::fprintf(stderr, "%s: arrays that are not of cameras: %s (viewmats, Ks, distortion or fisheye are)\n", path.c_str(), unused.c_str());
+    std::fprintf(stderr, "%s: arrays that are not of cameras: %s (viewmats, Ks, distortion or fisheye are)\n", path.c_str(),
+                 unused.c_str());
   for (char const* name : {"distortion", "fisheye"})
     if (npz.contains(name)) c.lenses = read_lenses(npz.at(name), key(name), c.count, name[0] == 'f');
   for (std::size_t i = 0; i < c.count; ++i) {

@@ -54,6 +54,8 @@ void hold(gsp::CompiledModel const& model, int servos, States& states);
 
 /// Which of the model's keyframes or cameras (`what`) an option names: by name, or by index from 0.
 int named_or_index(std::string const& file, std::string const& what, std::vector<std::string> const& names, std::string const& text);
+/// A camera of the model in messages: by its name where it has one, else by its index.
+std::string camera_name(gsp::CompiledModel const& model, int camera);
 /// The initial state of the file, or of a keyframe given by name or index; one world. Numbers beyond gsp::state_bound are refused.
 States initial_state(gsp::CompiledModel const& model, std::string const& file, std::optional<std::string> const& keyframe);
 /// The model with its mocap bodies where the state has them: poses of qpos alone are of the model's.
@@ -117,6 +119,9 @@ CameraFile read_cameras(std::string const& path, bool quiet);
 
 /// Pictures, or numbers of cameras, on the host; empty where there are none. Of rank 3 or 4.
 std::vector<float> fetch(gsp::runtime::Array const& array);
+
+/// Does a picture of n numbers (alpha, depth or colours on black) show nothing at all?
+bool shows_nothing(float const* numbers, std::size_t n);
 
 /// Throws unless `path` can be written: its folder is there and it is no folder itself. Called before long work.
 void expect_writable(std::string const& path, char const* option);

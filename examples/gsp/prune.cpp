@@ -19,21 +19,23 @@ namespace {
 
 using Vec3 = gsp::Vec3<double>;
 
-/// Cameras, and which state of the model each of them sees.
+/// What cameras see, one after the other: through which of them, and which state of the model.
 struct Views {
   CameraFile cameras;
-  std::vector<int> state;
+  std::vector<int> state, camera;
   std::size_t count() const { return state.size(); }
   void add(Views const& from, std::size_t i) {
     cameras.add(from.cameras, i);
     state.push_back(from.state[i]);
+    camera.push_back(from.camera[i]);
   }
-  /// For the renderer; they hold as long as this does.
-  gsp::runtime::CameraArrays arrays() const {
-    auto out = cameras.arrays(0, count());
-    out.world = gsp::runtime::host_array(state.data(), {static_cast<std::int64_t>(count())});
+  /// Views first ... first + n - 1 for the renderer; they hold as long as this does.
+  gsp::runtime::CameraArrays arrays(std::size_t first, std::size_t n) const {
+    auto out = cameras.arrays(first, n);
+    out.world = gsp::runtime::host_array(&state[first], {static_cast<std::int64_t>(n)});
     return out;
   }
+  gsp::runtime::CameraArrays arrays() const { return arrays(0, count()); }
 };
 
 /// The camera moved by up to `metres` along each of its axes and turned by up to `angle` [rad] about each, by numbers of (i, seed).
@@ -49,14 +51,32 @@ void jitter(float* viewmat, double metres, double angle, int i, int seed) {
   }
 }
 
-/// `count` of `views`, in turn, moved and turned a little.
+/// `count` of `views`, each at least once where there are no more of them, moved and turned a little.
 Views drawn(Views const& views, std::size_t count, double metres, double angle, int seed) {
   Views out;
   for (std::size_t i = 0; i < count; ++i) {
-    out.add(views, i % views.count());
+    out.add(views, i * views.count() / count);
     jitter(&out.cameras.viewmats[16 * i], metres, angle, static_cast<int>(i), seed);
   }
   return out;
+}
+
+/// The cameras as they stand in the frame of a file whose scene has this pose: V P, with lengths in the file's unit. What they see of the
+/// file is what cameras of the world see of the scene.
+void stand_in_file(CameraFile& cameras, gsp::io::SplatPose const& pose) {
+  auto const& q = pose.quat;
+  double const size = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  auto const R = gsp::to_matrix(gsp::Quat<double>{q[0] / size, q[1] / size, q[2] / size, q[3] / size});
+  for (std::size_t i = 0; i < cameras.count; ++i)
+    for (int row = 0; row < 3; ++row) {
+      float* const v = &cameras.viewmats[16 * i + 4 * static_cast<std::size_t>(row)];
+      std::array<double, 4> now{0, 0, 0, v[3] / pose.scale};
+      for (int k = 0; k < 3; ++k) {
+        for (int column = 0; column < 3; ++column) now[static_cast<std::size_t>(column)] += v[k] * R(k, column);
+        now[3] += v[k] * pose.position[static_cast<std::size_t>(k)] / pose.scale;
+      }
+      for (std::size_t k = 0; k < 4; ++k) v[k] = static_cast<float>(now[k]);
+    }
 }
 
 /// Cameras round the Gaussians, looking at their middle from 1.3 to 2.3 times the distance within which 95 of 100 are.
@@ -81,6 +101,7 @@ Views round_views(gsp::io::SplatSet const& set, std::size_t count, int width, in
                                     middle[2] + distance * high};
     add_camera(out.cameras, eye, middle, 70 * std::numbers::pi / 180, width, height);
     out.state.push_back(0);
+    out.camera.push_back(0);
   }
   return out;
 }
@@ -88,29 +109,54 @@ Views round_views(gsp::io::SplatSet const& set, std::size_t count, int width, in
 /// What the model's cameras see of every state.
 Views model_views(gsp::runtime::Kinematics& kinematics, std::vector<int> const& cameras, std::size_t states, int width, int height) {
   Views out;
-  for (int const camera : cameras) {
-    auto const arrays = kinematics.cameras(camera, width, height);
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    auto const arrays = kinematics.cameras(cameras[c], width, height);
     Views one;
     one.cameras.viewmats = fetch(arrays.viewmats);
     one.cameras.Ks = fetch(arrays.Ks);
     one.cameras.count = states;
+    one.camera.assign(states, static_cast<int>(c));
     for (std::size_t s = 0; s < states; ++s) one.state.push_back(static_cast<int>(s));
     for (std::size_t s = 0; s < states; ++s) out.add(one, s);
   }
   return out;
 }
 
-/// Those that are fitted to and those that are not, of one distribution: as many as there are, evenly, at most what is wanted of each.
+/// m of the numbers 0 ... n - 1: one of each of m equal parts, at a place in it that goes on by the golden ratio, so that it keeps to no
+/// world and no rhythm of a trace. Places of another `phase` are others.
+std::vector<std::size_t> spread(std::size_t n, std::size_t m, double phase) {
+  std::vector<std::size_t> out;
+  for (std::size_t k = 0; k < m; ++k) {
+    std::size_t const first = k * n / m, length = (k + 1) * n / m - first;
+    double const turns = phase + 0.618034 * static_cast<double>(k);
+    out.push_back(first + static_cast<std::size_t>((turns - std::floor(turns)) * static_cast<double>(length)));
+  }
+  return out;
+}
+
+/// Views that are fitted to, of each camera at least one, and views that judge, of each camera where there are enough. Where all
+/// are fitted to and cameras are moved, jitter alone sets those apart which judge: a view that is left out would be lost from what is kept
+/// alike. Else they are other views, for each camera at other entries.
 struct Split {
   Views fitted, held;
 };
-Split split(Views const& all, std::size_t fitted, std::size_t held) {
+Split split(Views const& all, std::size_t most, std::size_t most_held, bool moves) {
+  std::size_t const cameras = static_cast<std::size_t>(all.camera.back()) + 1, each = all.count() / cameras;
+  bool const same = moves && all.count() <= most;
   Split out;
-  if (all.count() < 2) return {all, all};  // jitter alone sets them apart
-  std::size_t const taken = std::min(all.count(), fitted + held), every = std::max<std::size_t>(2, taken / std::min(held, taken / 2));
-  for (std::size_t k = 0; k < taken; ++k) {
-    std::size_t const i = k * all.count() / taken;
-    (k % every == every - 1 ? out.held : out.fitted).add(all, i);
+  for (std::size_t c = 0; c < cameras; ++c) {
+    auto const share = [&](std::size_t n) { return (c + 1) * n / cameras - c * n / cameras; };
+    std::size_t const fitted = share(most), spare = each > fitted ? each - fitted : 0,
+                      held = std::min(share(most_held), same ? each : std::max({std::size_t(1), each / 4, spare})),
+                      taken = same ? each : std::min(each, fitted + held);
+    double const phase = 0.5 + double(c) / double(cameras);
+    std::vector<bool> judges(taken);
+    for (std::size_t const k : spread(taken, held, phase)) judges[k] = true;
+    auto const chosen = spread(each, taken, phase);
+    for (std::size_t k = 0; k < taken; ++k) {
+      if (judges[k]) out.held.add(all, c * each + chosen[k]);
+      if (same || !judges[k]) out.fitted.add(all, c * each + chosen[k]);
+    }
   }
   return out;
 }
@@ -129,6 +175,24 @@ Seen seen(Device device, gsp::io::SplatSet const& set, std::string const& name, 
   renderer->render(poses, views.arrays());
   auto const frames = renderer->frames();
   return {fetch(frames.rgb), fetch(frames.depth), fetch(frames.alpha)};
+}
+
+/// Of each camera: in how many of the views no Gaussian is seen, and how many views there are.
+std::vector<std::array<std::size_t, 2>> unseeing(gsp::runtime::Renderer& renderer, gsp::runtime::PoseArrays const& poses,
+                                                 Views const& views) {
+  std::vector<std::array<std::size_t, 2>> out(static_cast<std::size_t>(views.camera.back()) + 1);
+  std::size_t const portion = 16;  // pictures on the host
+  for (std::size_t first = 0; first < views.count(); first += portion) {
+    std::size_t const n = std::min(portion, views.count() - first);
+    renderer.render(poses, views.arrays(first, n));
+    auto const alpha = fetch(renderer.frames().alpha);
+    for (std::size_t i = 0; i < n; ++i) {
+      auto& [none, of] = out[static_cast<std::size_t>(views.camera[first + i])];
+      none += shows_nothing(&alpha[i * alpha.size() / n], alpha.size() / n);
+      ++of;
+    }
+  }
+  return out;
 }
 
 /// "0.02 3": metres and degrees.
@@ -164,6 +228,7 @@ int run(Arguments const& a) {
   options.batch = static_cast<int>(a.integer("--batch", 0, 1, 65536));
   int const shrink = static_cast<int>(a.integer("--shrink", 2, 1, 64));
   auto const moved = jitter_of(a);
+  auto const pose = a.has("--splat-pose") ? gsp::io::parse_splat_pose(*a.text("--splat-pose")) : gsp::io::SplatPose{};
   int const threads = threads_of(a);
   Device const device = choose_device(a);
   gsp::io::expect_splats_writable(to);
@@ -188,12 +253,17 @@ int run(Arguments const& a) {
   }
   std::size_t const states = trace.entries * trace.worlds;
   auto const set = gsp::io::read_splats(from);
+  bool const linked = std::any_of(set.link.begin(), set.link.end(), [](int link) { return link >= 0; });
+  if (linked && a.has("--splat-pose"))
+    throw Error(from + ": has Gaussians on links, which stand where the model has them, so that a pose would part them from the others; " +
+                "leave out --splat-pose");
   std::vector<int> of_model;
   for (auto const& name : a.all("--camera")) of_model.push_back(named_or_index(*a.text("--model"), "camera", model.cam_name, name));
   if (a.has("--model") && !a.has("--cameras") && of_model.empty())
     for (std::size_t k = 0; k < model.cam_name.size(); ++k) of_model.push_back(static_cast<int>(k));
   if (a.has("--model") && !a.has("--cameras") && of_model.empty())
     throw Error(*a.text("--model") + ": has no camera; give --cameras C.npz, or a model with a <camera> where the robot has one");
+  bool const moves = moved[0] > 0 || moved[1] > 0;
   Views all;
   if (auto const file = a.text("--cameras")) {
     all.cameras = read_cameras(*file, quiet(a));
@@ -201,24 +271,38 @@ int run(Arguments const& a) {
       throw Error(*file + ": holds " + std::to_string(all.cameras.count) + " cameras, but the trace has " + std::to_string(trace.entries) +
                   " entries of " + std::to_string(trace.worlds) + " worlds; write " + std::to_string(states) +
                   " cameras (camera t*N+w sees world w at entry t)");
-    for (std::size_t i = 0; i < all.cameras.count; ++i) all.state.push_back(a.has("--trace") ? static_cast<int>(i) : 0);
+    // along a trace one that moves; else as many cameras, or, where not all can be fitted to, one that has been in as many places
+    bool const one = a.has("--trace") || !moves || all.cameras.count > most;
+    for (std::size_t i = 0; i < all.cameras.count; ++i) {
+      all.state.push_back(a.has("--trace") ? static_cast<int>(i) : 0);
+      all.camera.push_back(one ? 0 : static_cast<int>(i));
+    }
   } else if (of_model.empty()) {
-    for (int const link : set.link)
-      if (link >= 0) throw Error(from + ": has Gaussians on links, and nothing says where those stand; give --model");
-    all = round_views(set, most + most_held, options.width, options.height);
+    if (linked) throw Error(from + ": has Gaussians on links, and nothing says where those stand; give --model");
+    auto placed = set;
+    if (a.has("--splat-pose")) gsp::io::transform(placed, pose);
+    all = round_views(placed, most + most_held, options.width, options.height);
   }
 
-  bool const moves = moved[0] > 0 || moved[1] > 0;
-  if (!moves && (of_model.empty() ? all.count() : of_model.size() * states) < 2)
-    a.fail("--jitter \"0 0\" makes no views of the one that there is, so none is left to judge by; give a jitter, or more cameras");
+  std::size_t const cameras = of_model.empty() ? static_cast<std::size_t>(all.camera.back()) + 1 : of_model.size();
+  std::size_t const each = of_model.empty() ? all.count() / cameras : states;
+  if (!moves && each < (a.has("--cameras") && !a.has("--trace") ? 4 : 2))
+    a.fail("--jitter \"0 0\" makes no further views of the " + std::to_string(each) + " that " +
+           (cameras == 1 ? "there are" : "each camera has") +
+           ", and some must be left to judge by; give a jitter, more cameras, or a trace along which there are more");
+  if (cameras > most)
+    a.fail("--views " + std::to_string(most) + " is less than one for each of " + std::to_string(cameras) + " cameras; give --views " +
+           std::to_string(cameras) + " or fewer cameras");
 
   gsp::runtime::Session const session(threads);
   auto const kinematics = gsp::runtime::make_kinematics(device, model);
   auto const poses = kinematics->poses(gsp::runtime::host_array(trace.qpos.data(), {static_cast<std::int64_t>(states), model.nq}));
   if (!of_model.empty()) all = model_views(*kinematics, of_model, states, options.width, options.height);
-  auto const parts = split(all, most, most_held);
+  auto const parts = split(all, most, most_held, moves);
   auto fitted = drawn(parts.fitted, moves ? most : std::min(most, parts.fitted.count()), moved[0], moved[1], 100);
-  auto const held = drawn(parts.held, moves ? most_held : std::min(most_held, parts.held.count()), moved[0], moved[1], 200);
+  auto held = drawn(parts.held, moves ? most_held : std::min(most_held, parts.held.count()), moved[0], moved[1], 200);
+  if (a.has("--splat-pose"))  // so that what is written stays where it is in its file
+    for (auto* views : {&fitted, &held}) stand_in_file(views->cameras, pose);
   gsp::runtime::PruningOptions pruning;
   pruning.keep = keep;
   pruning.width = std::max(1, options.width / shrink);
@@ -235,6 +319,29 @@ int run(Arguments const& a) {
                          static_cast<std::uint64_t>(held_bytes)),
                 3 * held_bytes, "fewer --views or --held-out, or smaller pictures");
 
+  {
+    gsp::runtime::Scene scene;
+    scene.add_set(set, from, model);
+    gsp::runtime::RendererOptions small;
+    small.width = pruning.width;
+    small.height = pruning.height;
+    small.batch = pruning.batch;
+    small.rgb = small.depth = false;
+    small.alpha = true;
+    auto const none = unseeing(*gsp::runtime::make_renderer(device, scene, small), poses, fitted);
+    std::size_t blind = 0, said = 0;
+    for (auto const& [views, of] : none) blind += views;
+    if (blind == fitted.count())
+      throw Error(from + ": no camera sees any Gaussian in " + std::to_string(blind) +
+                  " views; let --splat-pose say where the scene stands, or give cameras that look at it");
+    for (std::size_t c = 0; c < none.size() && !quiet(a); ++c) {
+      auto const& [views, of] = none[c];
+      if (views == 0 || ++said > 8) continue;  // a few are enough to see what is wrong
+      std::string const name = !of_model.empty() ? camera_name(model, of_model[c]) : "camera " + std::to_string(c);
+      std::fprintf(stderr, "%s sees no Gaussian in %zu of %zu views\n", name.c_str(), views, of);
+    }
+    if (said > 8) std::fprintf(stderr, "and %zu more cameras\n", said - 8);
+  }
   Progress progress("pruning", quiet(a));
   auto const start = std::chrono::steady_clock::now();
   auto const result = gsp::runtime::prune(device, set, from, model, poses, fitted.arrays(), pruning);
@@ -247,7 +354,7 @@ int run(Arguments const& a) {
                after = seen(device, gsp::io::read_splats(to), to, model, poses, held, options);
     q.psnr = gsp::io::psnr(before.rgb, after.rgb);
     q.ssim = gsp::io::ssim(before.rgb, after.rgb, options.width, options.height, 3);
-    q.depth = gsp::io::median_error(before.depth, after.depth, before.alpha, 0.5f);
+    q.depth = pose.scale * gsp::io::median_error(before.depth, after.depth, before.alpha, 0.5f);  // of the file's unit
   }
   progress.finish();
   if (a.has("--json")) {
@@ -285,6 +392,8 @@ Command prune_command() {
           1,
           1,
           {{"--out", "P", "the file to write, in the format that its ending names (gsp convert)"},
+           {"--splat-pose", "\"x y z qw qx qy qz scale\"",
+            "where the scene of SPLAT stands in the world that cameras are in, as of gsp render; P stays in the frame of SPLAT"},
            {"--keep", "K", "share of the Gaussians that is left, above 0 and up to 1; 0.3"},
            {"--model", "M.xml", "a MJCF model: its links carry the Gaussians that are bound to them, and its cameras look at them"},
            skip_visuals_option(),
@@ -296,11 +405,12 @@ Command prune_command() {
            {"--trace", "T.npz", "a trace of gsp sim: where the model goes"},
            {"--camera", "NAME|INDEX", "this camera of the model; may come several times; without it all of them", true},
            {"--cameras", "C.npz",
-            "in place of the model's: viewmats (C,4,4) world-to-camera, Ks (C,3,3) in pixels; with --trace one for each entry and world. "
-            "Without a camera at all: views from all round"},
+            "in place of the model's: viewmats (C,4,4) world-to-camera, Ks (C,3,3) in pixels, or one for all; with --trace one for each "
+            "entry and world. Without a camera at all: views from all round"},
            {"--jitter", "\"metres degrees\"", "how far cameras are moved and turned at random; \"0.02 3\""},
-           {"--views", "N", "pictures that are kept alike, at most: taken evenly, and several times with jitter; 256"},
-           {"--held-out", "N", "views beside them, which only judge; 32"},
+           {"--views", "N", "pictures that are kept alike, at most: of each camera as many, taken evenly, several times with jitter; 256"},
+           {"--held-out", "N",
+            "views that only judge, of each camera as many: the same ones, with another jitter, where --views takes all, else others; 32"},
            {"--width", "W", "of the pictures, 640"},
            {"--height", "H", "of the pictures, 480"},
            {"--shrink", "S", "fitted to pictures that are so many times smaller in width and height; 2"},

@@ -63,6 +63,64 @@ CameraFile every_camera(CameraFile const& all, std::size_t first, std::size_t st
   return out;
 }
 
+/// How much faster than in its middle the lens grows outwards in the corners of the picture that camera i makes, at most; corners that no
+/// ray comes to aside.
+double growth_in_corners(CameraFile const& cameras, std::size_t i, int width, int height) {
+  auto const& lens = cameras.lenses[cameras.lenses.size() > 1 ? i : 0];
+  float const* const K = &cameras.Ks[9 * i];
+  double most = 0;
+  for (double const column : {0., double(width)})
+    for (double const row : {0., double(height)}) {
+      gsp::LensPoint<double> ray;
+      if (!gsp::undistorted(lens, (column - K[2]) / K[0], (row - K[5]) / K[4], ray)) continue;
+      double const r = ray.x * ray.x + ray.y * ray.y;
+      auto const J = gsp::distortion_slope(lens, ray.x, ray.y);
+      if (r > 0) most = std::max(most, (ray.x * ray.x * J.xx + 2 * ray.x * ray.y * J.xy + ray.y * ray.y * J.yy) / r);
+    }
+  return most;
+}
+
+/// A Gaussian takes the slope that the lens has at its centre: says so where that is another by far in the corners.
+void tell_of_lenses(CameraFile const& cameras, std::string const& path, int width, int height) {
+  std::size_t steep = 0, first = 0;
+  double worst = 0;
+  for (std::size_t i = 0; i < cameras.count && !cameras.lenses.empty(); ++i) {
+    if (cameras.lenses[cameras.lenses.size() > 1 ? i : 0].model == gsp::Lens::Model::fisheye) continue;
+    double const grows = growth_in_corners(cameras, i, width, height);
+    if (!(grows > 2)) continue;
+    if (steep++ == 0) first = i;
+    worst = std::max(worst, grows);
+  }
+  if (steep > 0)
+    std::fprintf(
+        stderr,
+        "%s[distortion]: the lens of camera %zu%s grows up to %.2g times as fast in the corners as in the middle, so near Gaussians "
+        "smear there; calibrate it as a fisheye (docs/splat/lens.md)\n",
+        path.c_str(), first, steep > 1 ? (" and of " + std::to_string(steep - 1) + " more").c_str() : "", worst);
+}
+
+/// Adds the numbers of those of `some` that show no Gaussian; the first of them is picture `first`. Black ones show in alpha and depth
+/// alone.
+void note_empty(Pictures const& some, std::size_t first, std::size_t n, std::vector<std::size_t>& empty) {
+  auto const& numbers = !some.alpha.empty() ? some.alpha : !some.depth.empty() ? some.depth : some.rgb;
+  std::size_t const each = numbers.size() / n;
+  for (std::size_t i = 0; i < n; ++i)
+    if (shows_nothing(&numbers[i * each], each)) empty.push_back(first + i);
+}
+/// camera: its name, or empty where the pictures are told by their numbers.
+void tell_of_empty(std::vector<std::size_t> const& empty, std::size_t count, std::string const& camera) {
+  if (empty.empty()) return;
+  std::string which = camera.empty() ? empty.size() > 1 ? "pictures " : "picture " : camera + " sees no Gaussian in ";
+  std::size_t const most = 8;  // enough to see which
+  for (std::size_t k = 0; k < std::min(most, empty.size()) && camera.empty(); ++k) which += (k ? ", " : "") + std::to_string(empty[k]);
+  if (!camera.empty())
+    which += std::to_string(empty.size()) + " of " + std::to_string(count) + " pictures";
+  else
+    which += std::string(empty.size() > most ? " ..." : "") + " of " + std::to_string(count) + (empty.size() > 1 ? " show" : " shows") +
+             " no Gaussian" + (empty.size() > most ? " (" + std::to_string(empty.size()) + ")" : "");
+  std::fprintf(stderr, "%s\n", which.c_str());
+}
+
 /// Entries of a trace a second: by the median of the times between them, since the last of them may be shorter than the others.
 double frames_per_second(Trace const& trace, std::string const& path) {
   std::vector<double> steps;
@@ -184,6 +242,7 @@ int run(Arguments const& a) {
     if (cameras.count == trace.entries * trace.worlds) cameras = every_camera(cameras, world, trace.worlds);
     trace = of_world(trace, world, static_cast<std::size_t>(model.nq));
   }
+  if (!of_model && !quiet(a)) tell_of_lenses(cameras, *a.text("--cameras"), options.width, options.height);
   std::size_t const states = trace.entries * trace.worlds;
   if (!of_model && a.has("--trace") && cameras.count != states && cameras.count != 1)
     throw Error(*a.text("--cameras") + ": holds " + std::to_string(cameras.count) + " cameras, but the trace has " +
@@ -235,6 +294,7 @@ int run(Arguments const& a) {
   if (video) film.emplace(*video, gsp::io::VideoOptions{.frames_per_second = rate});
   double const startup = seconds_since_start();
   Pictures all;
+  std::vector<std::size_t> empty;
   double seconds = 0;
   std::size_t const nq = static_cast<std::size_t>(model.nq);
   Progress progress("drawing", quiet(a));
@@ -256,6 +316,7 @@ int run(Arguments const& a) {
     if (!out && !npz && !video) continue;
     auto const frames = renderer->frames();
     Pictures const some{fetch(frames.rgb), fetch(frames.depth), fetch(frames.alpha)};
+    note_empty(some, first, n, empty);
     if (out) write_pngs(*out, some, first, count, options.width, options.height, progress);
     if (film) write_frames(*film, frame_tiles, some.rgb, tiles, columns, options.width, options.height);
     progress.show(double(first + n) / double(count));
@@ -277,6 +338,7 @@ int run(Arguments const& a) {
   if (film) film->finish();
   progress.finish();
   if (film && !film->note().empty()) std::fprintf(stderr, "%s\n", film->note().c_str());  // with --quiet too: no mp4 is there
+  if (!quiet(a)) tell_of_empty(empty, count, of_model ? camera_name(model, camera) : "");
   std::FILE* const say = text_beside(npz);
   double const frames = double(count) * repeat;
   if (a.has("--json")) {
@@ -325,7 +387,8 @@ Command render_command() {
            {"--camera", "NAME|INDEX",
             "in place of --cameras: the model's camera of this name or index, with its mode and intrinsics, in every world and entry"},
            {"--cameras", "C.npz",
-            "viewmats (C,4,4) world-to-camera, x right, y down, z forward; Ks (C,3,3) in pixels; and, of lenses, OpenCV's coefficients: "
+            "viewmats (C,4,4) world-to-camera, x right, y down, z forward; Ks (C,3,3) in pixels, or one for all; and, of lenses, OpenCV's "
+            "coefficients: "
             "distortion (C,4|5|8) or fisheye (C,4), or one row for all"},
            {"--width", "W", "of the pictures, 640"},
            {"--height", "H", "of the pictures, 480"},

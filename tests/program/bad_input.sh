@@ -245,7 +245,8 @@ render "cameras_prism.npz[distortion]" "shape (12,), expected (2, n), or (n) or 
 render "cameras_few_lenses.npz[distortion]" "(3, 4)" -- render --splat disc.ply --cameras cameras_few_lenses.npz
 render "cameras_fisheye5.npz[fisheye]" "shape (1, 5)" "with n = 4 coefficients" -- render --splat disc.ply --cameras cameras_fisheye5.npz
 refused "leads back in the middle of the picture" "calibration" -- render --splat disc.ply --cameras cameras_folds.npz
-render "cameras_count.npz[Ks]" "(1, 3, 3)" -- render --splat disc.ply --cameras cameras_count.npz
+render "cameras_count.npz[Ks]" "shape (3, 3, 3), expected (2, 3, 3), or (3, 3) or (1, 3, 3) for all" -- render --splat disc.ply --cameras cameras_count.npz
+render "cameras_numbers_K.npz[Ks]" "shape (9,)" -- render --splat disc.ply --cameras cameras_numbers_K.npz
 render "cameras_nan.npz[viewmats]" "not finite" -- render --splat disc.ply --cameras cameras_nan.npz
 render "cameras_mirror.npz[viewmats]" "camera 0" "rotation" -- render --splat disc.ply --cameras cameras_mirror.npz
 render "cameras_missing.npz" "viewmats" -- render --splat disc.ply --cameras cameras_missing.npz

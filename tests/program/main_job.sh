@@ -204,6 +204,11 @@ for name in rgb_0000 rgb_0001 depth_0000 depth_color_0001 alpha_0000; do [ -s pn
 "$gsp" info pngs/depth_0000.png | grep -qF '64 x 48, 1 channels of 16 bits' || fail "depth is not 16 bits"
 "$gsp" render --splat disc.ply --cameras cameras.npz --width 64 --height 48 --channels rgb,depth,alpha --npz p1.npz --batch 1 --threads 1 > /dev/null
 cmp p.npz p1.npz || fail "a batch of one gives other pictures"
+# one K is for all cameras
+for K in one_K flat_K; do
+  "$gsp" render --splat disc.ply --cameras cameras_$K.npz --width 64 --height 48 --channels rgb,depth,alpha --npz p_$K.npz > /dev/null
+  cmp p.npz p_$K.npz || fail "one K for all gives other pictures than one a camera ($K)"
+done
 # lenses: of zeros none, else other pictures; a row for all or one a camera
 for lens in plain lens fisheye; do "$gsp" render --splat disc.ply --cameras cameras_$lens.npz --width 64 --height 48 --channels rgb,depth,alpha --npz p_$lens.npz > /dev/null; done
 cmp p.npz p_plain.npz || fail "a lens of zeros gives other pictures"
@@ -228,6 +233,27 @@ PY
 "$gsp" render --splat disc.ply --model eye.xml --camera side --width 64 --height 48 --channels depth --npz side.npz > /dev/null
 "$gsp" render --splat disc.ply --model eye.xml --cameras side_camera.npz --width 64 --height 48 --channels depth --npz file.npz > /dev/null
 "$gsp" render --splat disc.ply --model eye.xml --camera 1 --width 64 --height 48 --channels depth --npz on.npz > /dev/null
+# pictures that show no Gaussian are told of, by the camera's name or the pictures' numbers
+tells() {  # what it says on stderr, or nothing; options of gsp render
+  local what="$1"
+  shift
+  "$gsp" render --splat disc.ply --width 64 --height 48 "$@" > /dev/null 2> said.txt
+  if [ -z "$what" ]; then [ ! -s said.txt ] || fail "it says: $(cat said.txt) ($*)"; else grep -qxF -- "$what" said.txt || fail "it says: $(cat said.txt) ($*)"; fi
+}
+for channels in rgb depth alpha; do tells 'picture 1 of 2 shows no Gaussian' --cameras cameras_astray.npz --channels $channels --npz astray.npz; done
+tells '' --cameras cameras_astray.npz --npz astray.npz --quiet
+tells '' --cameras cameras_astray.npz --npz astray.npz --json
+tells '' --cameras cameras_astray.npz  # not written, so not on the host
+tells '' --cameras cameras.npz --npz astray.npz
+sed 's|<worldbody>|<worldbody><camera name="wall" pos="0 -3 .5" xyaxes="-1 0 0 0 0 1"/>|' cart.xml > wall.xml
+tells "camera 'wall' sees no Gaussian in 22 of 22 pictures" --model wall.xml --trace a.npz --camera wall --npz astray.npz
+tells 'pictures 0, 1, 2, 3, 4, 5, 6, 7 ... of 22 show no Gaussian (22)' --model wall.xml --trace a.npz --cameras away.npz --npz astray.npz
+# a lens that grows much faster in the corners than in the middle is told of: r = 1.95 comes to 2, where it grows 3.4 times as fast
+"$gsp" render --splat disc.ply --cameras cameras_steep.npz --channels alpha 2> said.txt > /dev/null
+grep -qF 'cameras_steep.npz[distortion]: the lens of camera 1 grows up to 3.4 times as fast in the corners as in the middle' said.txt || fail "a steep lens is not told of: $(cat said.txt)"
+"$gsp" render --splat disc.ply --cameras cameras_mild.npz --channels alpha 2> said.txt > /dev/null
+[ ! -s said.txt ] || fail "a mild lens is told of: $(cat said.txt)"
+tells '' --cameras cameras_steep.npz --quiet
 # a keyframe places mocap bodies too: as where the model has them there
 cat > mocap.xml <<'XML'
 <mujoco><worldbody><camera name="c" pos="0 -3 1" xyaxes="1 0 0 0 0 1"/><body name="mc" mocap="true" pos=".2 0 1"><geom size=".3" rgba="1 0 0 1"/></body>

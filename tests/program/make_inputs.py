@@ -138,12 +138,20 @@ npz("cameras_row_lens.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3),
 npz("cameras_misnamed.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), dist=npy((5,), [-0.3, 0.1, 0, 0, 0]))
 npz("cameras_fisheye5.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((2, 3, 3), eye * 2), fisheye=npy((1, 5), [0] * 5))
 npz("camera.npz", viewmats=npy((1, 4, 4), view, "f"), Ks=npy((1, 3, 3), eye, "f"))
+astray = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, -90, 0, 0, 0, 1]  # beyond the disc, and away from it
+npz("cameras_astray.npz", viewmats=npy((2, 4, 4), view + astray), Ks=npy((3, 3), eye))
+wide = [200, 0, 320, 0, 200, 240, 0, 0, 1]  # 640 x 480
+npz("cameras_steep.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((3, 3), wide), distortion=npy((2, 4), [-0.05, 0, 0, 0, -0.3, 0.08, 0, 0]))
+npz("cameras_mild.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((3, 3), wide), distortion=npy((4,), [-0.05, 0.008, 0, 0]))
 moved = [v for t in range(11) for w in range(2) for v in (0.03 * t, 0.3 + 0.05 * t, 1, 0, 0.5 - 0.02 * t, 1, 0, 0, 0)]  # the cart goes along x
 npz("moved.npz", time=npy((11,), [0.02 * t for t in range(11)]), qpos=npy((11, 2, 9), moved), qvel=npy((11, 2, 8), [0] * 176))
 f60 = 24 / math.tan(math.radians(30))  # 64 x 48
 npz("side_camera.npz", viewmats=npy((1, 4, 4), [1, 0, 0, 0, 0, 0, -1, 0.5, 0, 1, 0, 3, 0, 0, 0, 1]), Ks=npy((1, 3, 3), [f60, 0, 32, 0, f60, 24, 0, 0, 1]))
 npz("cameras_shape.npz", viewmats=npy((2, 3, 4), [0] * 24), Ks=npy((2, 3, 3), eye * 2))
-npz("cameras_count.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((1, 3, 3), eye))
+npz("cameras_count.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((3, 3, 3), eye * 3))
+npz("cameras_one_K.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((1, 3, 3), eye))
+npz("cameras_flat_K.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((3, 3), eye))
+npz("cameras_numbers_K.npz", viewmats=npy((2, 4, 4), view * 2), Ks=npy((9,), eye))
 npz("away.npz", viewmats=npy((1, 4, 4), [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, -90, 0, 0, 0, 1]), Ks=npy((1, 3, 3), eye))
 npz("cameras_nan.npz", viewmats=npy((1, 4, 4), [float("nan")] * 16), Ks=npy((1, 3, 3), eye))
 npz("cameras_mirror.npz", viewmats=npy((1, 4, 4), [-v for v in view[:4]] + view[4:]), Ks=npy((1, 3, 3), eye))
