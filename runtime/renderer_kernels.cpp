@@ -3,6 +3,7 @@
 #include <gsp/io/gaussians.hpp>
 #include <gsp/runtime/renderer.hpp>
 #include <gsp/splat/median_depth.hpp>
+#include <gsp/splat/normals.hpp>
 #include <gsp/splat/render.hpp>
 #include <gsp/splat/sample_room.hpp>
 #include <gsp/splat/sample_surface.hpp>
@@ -80,9 +81,12 @@ class KokkosRenderer : public Renderer {
     if (frames_.images != images || int(frames_.wave.cluster_seen.extent(1)) < cloud_.most_clusters) {
       frames_ = {};  // the old buffers go before the new ones come
       median_ = {};
+      normals_ = {};
       if (options_.median_depth)
         median_.image =
             gsp::detail::allocate<decltype(median_.image)>("gsp::runtime::Renderer::median_depth", images, options_.height, options_.width);
+      if (options_.normals)
+        normals_ = gsp::detail::allocate<decltype(normals_)>("gsp::runtime::Renderer::normals", images, options_.height, options_.width, 3);
       frames_ = make_frames(exec_, cloud_, frame_options(images));  // last: it says for how many there is room
     }
     if (!poses.xpos)
@@ -102,11 +106,13 @@ class KokkosRenderer : public Renderer {
     if (options_.depth) out.depth = array_of<Exec>(frames_.depth);
     if (options_.alpha) out.alpha = array_of<Exec>(frames_.alpha);
     if (options_.median_depth) out.median_depth = array_of<Exec>(median_.image);
+    if (options_.normals) out.normals = array_of<Exec>(normals_);
     return out;
   }
   std::int64_t bytes_needed(int images) const override {
-    std::int64_t const median = options_.median_depth ? std::int64_t(4) * images * options_.width * options_.height : 0;
-    return gsp::bytes_needed(exec_, cloud_, frame_options(images)) + median;
+    std::int64_t const pixels = std::int64_t(images) * options_.width * options_.height;
+    std::int64_t const of_pixel = (options_.median_depth ? 4 : 0) + (options_.normals ? 12 : 0);
+    return gsp::bytes_needed(exec_, cloud_, frame_options(images)) + of_pixel * pixels;
   }
 
  private:
@@ -116,6 +122,7 @@ class KokkosRenderer : public Renderer {
       gsp::render(exec_, cloud_, poses, cameras, frames_, render_, median_);
     else
       gsp::render(exec_, cloud_, poses, cameras, frames_, render_);
+    if (options_.normals) normals_of_depth(exec_, options_.median_depth ? median_.image : frames_.depth, cameras, normals_);
   }
 
   FrameOptions frame_options(int images) const {
@@ -124,7 +131,7 @@ class KokkosRenderer : public Renderer {
     o.width = options_.width;
     o.height = options_.height;
     o.rgb = options_.rgb;
-    o.depth = options_.depth;
+    o.depth = options_.depth || (options_.normals && !options_.median_depth);
     o.alpha = options_.alpha;
     o.batch = options_.batch;
     o.values = options_.median_depth ? MedianDepthChannel<Mem>::size : 0;
@@ -174,6 +181,7 @@ class KokkosRenderer : public Renderer {
   Gaussians<Mem> cloud_;
   Frames<Mem> frames_;
   MedianDepthChannel<Mem> median_;
+  Kokkos::View<float****, Kokkos::LayoutRight, Mem> normals_;
   Buffer viewmats_, Ks_, world_;
   std::vector<Lens> lenses_;  // as they were given last, and on the device, one an image
   typename Cameras<Mem>::template View<Lens*> lens_views_;

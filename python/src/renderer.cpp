@@ -77,7 +77,7 @@ struct Keeper {
   std::shared_ptr<runtime::Renderer> renderer;
 };
 struct Frames {
-  Array rgb, depth, alpha, median_depth;
+  Array rgb, depth, alpha, median_depth, normals;
 };
 
 /// One whose pictures are not those that Python has, of what the scene has by now.
@@ -196,7 +196,7 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   }
   auto const f = self.own->frames();
   auto const owner = std::make_shared<Keeper>(Keeper{self.session, self.own});
-  return {{f.rgb, owner}, {f.depth, owner}, {f.alpha, owner}, {f.median_depth, owner}};
+  return {{f.rgb, owner}, {f.depth, owner}, {f.alpha, owner}, {f.median_depth, owner}, {f.normals, owner}};
 }
 
 Array asked_for(Array const& channel, std::string const& name) {
@@ -282,11 +282,16 @@ void bind_renderer(nb::module_& m) {
           "median_depth", [](Frames const& f) { return asked_for(f.median_depth, "median_depth"); },
           "(C, H, W) depth at which half of a pixel's light is taken, as a LiDAR returns; 0: more comes through [m]")
       .def_prop_ro(
+          "normals", [](Frames const& f) { return asked_for(f.normals, "normals"); },
+          "(C, H, W, 3) unit normals in world axes, towards the camera, of median_depth where that is asked for, else of depth, which at "
+          "edges\n"
+          "mixes what lies behind; 0: the picture's edge, and where the pixel or a neighbour shows nothing")
+      .def_prop_ro(
           "alpha", [](Frames const& f) { return asked_for(f.alpha, "alpha"); }, "(C, H, W)")
       .def("__repr__", [](Frames const& f) {
         std::string text = "gsp.Frames(";
         std::pair<char const*, Array const*> const channels[] = {
-            {"rgb", &f.rgb}, {"depth", &f.depth}, {"median_depth", &f.median_depth}, {"alpha", &f.alpha}};
+            {"rgb", &f.rgb}, {"depth", &f.depth}, {"median_depth", &f.median_depth}, {"normals", &f.normals}, {"alpha", &f.alpha}};
         for (auto const& [name, a] : channels) {
           if (!a->array) continue;
           text += (text.back() == '(' ? "" : ", ") + std::string(name) + " (";
@@ -299,19 +304,25 @@ void bind_renderer(nb::module_& m) {
       .def(
           "__init__",
           [](Renderer* self, Scene const& scene, int width, int height, std::string const& device, bool rgb, bool depth, bool alpha,
-             bool median_depth) {
+             bool median_depth, bool normals) {
             if (width < 1 || height < 1)
               throw Error("gsp.Renderer: width and height must be positive, not " + std::to_string(width) + " and " +
                           std::to_string(height));
-            new (self)
-                Renderer{session(),
-                         scene.model.compiled,
-                         device_of(device),
-                         scene.sets,
-                         {.width = width, .height = height, .rgb = rgb, .depth = depth, .alpha = alpha, .median_depth = median_depth}};
+            new (self) Renderer{session(),
+                                scene.model.compiled,
+                                device_of(device),
+                                scene.sets,
+                                {.width = width,
+                                 .height = height,
+                                 .rgb = rgb,
+                                 .depth = depth,
+                                 .alpha = alpha,
+                                 .median_depth = median_depth,
+                                 .normals = normals}};
           },
           nb::arg("scene"), nb::arg("width") = 640, nb::arg("height") = 480, nb::arg("device") = "cpu", nb::kw_only(),
-          nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true, nb::arg("median_depth") = false)
+          nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true, nb::arg("median_depth") = false,
+          nb::arg("normals") = false)
       .def_prop_ro("width", [](Renderer const& r) { return r.options.width; })
       .def_prop_ro("height", [](Renderer const& r) { return r.options.height; })
       .def("__repr__",

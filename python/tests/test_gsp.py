@@ -552,6 +552,37 @@ def test_one_camera_and_channels_that_were_not_asked_for(model):
         gsp.Renderer(scene, 0, 24)
 
 
+def floor_and_box():
+    """A box that falls nowhere, 1 m above the origin, and its scene of Gaussians alone."""
+    model = gsp.Model.from_string(
+        '<mujoco><worldbody><body name="base"><body name="box" pos="0 0 1"><joint/><geom type="box" size="0.5 0.5 0.2"/></body></body></worldbody></mujoco>'
+    )
+    return model, gsp.Scene(model).add_surface()
+
+
+def test_normals(model):
+    model, scene = floor_and_box()
+    data = gsp.Data(model, worlds=2)
+    at = gsp.look_at([[0, 0, 3], [3, 0, 1]], [0, 0, 1], up=[0, 1, 0]), gsp.pinhole(64, 48, 40)
+    for median in (False, True):
+        renderer = gsp.Renderer(scene, 64, 48, depth=False, normals=True, median_depth=median)
+        frames = renderer.render(data, *at)
+        normals = frames.normals.numpy()
+        assert normals.shape == (2, 48, 64, 3) and normals.dtype == np.float32
+        assert np.all(normals[:, 0] == 0) and np.all(normals[:, :, -1] == 0)
+        length = np.linalg.norm(normals, axis=-1)
+        assert np.all((length == 0) | (np.abs(length - 1) < 1e-5))
+        for c, axis in ((0, [0, 0, 1]), (1, [1, 0, 0])):  # the box's top and its side, in the middle of the pictures
+            assert np.median(normals[c, 20:28, 28:36] @ axis) > 0.9
+        address = frames.normals.pointer
+        assert renderer.render(data, *at).normals.pointer == address
+        assert "normals (2, 48, 64, 3)" in repr(frames)
+        with pytest.raises(gsp.Error, match="no depth"):
+            frames.depth
+    with pytest.raises(gsp.Error, match="no normals.*normals=True"):
+        gsp.Renderer(scene, 64, 48).render(data, *at).normals
+
+
 def test_each_world_shows_its_own_sets(model):
     data = gsp.Data(model, worlds=3)
     room, robot = gsp.Scene(model).add_room(), gsp.Scene(model).add_surface()

@@ -33,7 +33,7 @@ io::SplatSet room_set();
 
 struct RendererOptions {
   int width = 640, height = 480;
-  bool rgb = true, depth = true, alpha = true, median_depth = false;
+  bool rgb = true, depth = true, alpha = true, median_depth = false, normals = false;
   int batch = 0;  // images a wave; 0: chosen
   float alpha_max = 0.999f;
 };
@@ -43,6 +43,7 @@ struct FrameArrays {
   Array rgb;           // (C, H, W, 3)
   Array depth, alpha;  // (C, H, W)
   Array median_depth;  // (C, H, W) as splat/median_depth.hpp has it
+  Array normals;       // (C, H, W, 3) as splat/normals.hpp has them, of median_depth where that is asked for, else of depth
 };
 
 class Renderer {
