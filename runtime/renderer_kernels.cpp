@@ -2,6 +2,7 @@
 #include <cstring>
 #include <gsp/io/gaussians.hpp>
 #include <gsp/runtime/renderer.hpp>
+#include <gsp/splat/id_channel.hpp>
 #include <gsp/splat/median_depth.hpp>
 #include <gsp/splat/normals.hpp>
 #include <gsp/splat/render.hpp>
@@ -81,10 +82,13 @@ class KokkosRenderer : public Renderer {
     if (frames_.images != images || int(frames_.wave.cluster_seen.extent(1)) < cloud_.most_clusters) {
       frames_ = {};  // the old buffers go before the new ones come
       median_ = {};
+      ids_ = {};
       normals_ = {};
       if (options_.median_depth)
         median_.image =
             gsp::detail::allocate<decltype(median_.image)>("gsp::runtime::Renderer::median_depth", images, options_.height, options_.width);
+      if (options_.ids)
+        ids_.image = gsp::detail::allocate<decltype(ids_.image)>("gsp::runtime::Renderer::ids", images, options_.height, options_.width);
       if (options_.normals)
         normals_ = gsp::detail::allocate<decltype(normals_)>("gsp::runtime::Renderer::normals", images, options_.height, options_.width, 3);
       frames_ = make_frames(exec_, cloud_, frame_options(images));  // last: it says for how many there is room
@@ -106,22 +110,28 @@ class KokkosRenderer : public Renderer {
     if (options_.depth) out.depth = array_of<Exec>(frames_.depth);
     if (options_.alpha) out.alpha = array_of<Exec>(frames_.alpha);
     if (options_.median_depth) out.median_depth = array_of<Exec>(median_.image);
+    if (options_.ids) out.ids = array_of<Exec>(ids_.image);
     if (options_.normals) out.normals = array_of<Exec>(normals_);
     return out;
   }
   std::int64_t bytes_needed(int images) const override {
     std::int64_t const pixels = std::int64_t(images) * options_.width * options_.height;
-    std::int64_t const of_pixel = (options_.median_depth ? 4 : 0) + (options_.normals ? 12 : 0);
+    std::int64_t const of_pixel = (options_.median_depth ? 4 : 0) + (options_.ids ? 4 : 0) + (options_.normals ? 12 : 0);
     return gsp::bytes_needed(exec_, cloud_, frame_options(images)) + of_pixel * pixels;
   }
 
  private:
   template <class R>
   void draw(Poses<R, Mem> const& poses, Cameras<Mem> const& cameras) {
-    if (options_.median_depth)
-      gsp::render(exec_, cloud_, poses, cameras, frames_, render_, median_);
+    auto const with = [&](auto const&... channels) { gsp::render(exec_, cloud_, poses, cameras, frames_, render_, channels...); };
+    if (options_.median_depth && options_.ids)
+      with(median_, ids_);
+    else if (options_.median_depth)
+      with(median_);
+    else if (options_.ids)
+      with(ids_);
     else
-      gsp::render(exec_, cloud_, poses, cameras, frames_, render_);
+      with();
     if (options_.normals) normals_of_depth(exec_, options_.median_depth ? median_.image : frames_.depth, cameras, normals_);
   }
 
@@ -134,7 +144,7 @@ class KokkosRenderer : public Renderer {
     o.depth = options_.depth || (options_.normals && !options_.median_depth);
     o.alpha = options_.alpha;
     o.batch = options_.batch;
-    o.values = options_.median_depth ? MedianDepthChannel<Mem>::size : 0;
+    o.values = (options_.median_depth ? MedianDepthChannel<Mem>::size : 0) + (options_.ids ? IdChannel<Mem>::size : 0);
     return o;
   }
 
@@ -181,6 +191,7 @@ class KokkosRenderer : public Renderer {
   Gaussians<Mem> cloud_;
   Frames<Mem> frames_;
   MedianDepthChannel<Mem> median_;
+  IdChannel<Mem> ids_;
   Kokkos::View<float****, Kokkos::LayoutRight, Mem> normals_;
   Buffer viewmats_, Ks_, world_;
   std::vector<Lens> lenses_;  // as they were given last, and on the device, one an image

@@ -77,7 +77,7 @@ struct Keeper {
   std::shared_ptr<runtime::Renderer> renderer;
 };
 struct Frames {
-  Array rgb, depth, alpha, median_depth, normals;
+  Array rgb, depth, alpha, median_depth, normals, ids;
 };
 
 /// One whose pictures are not those that Python has, of what the scene has by now.
@@ -196,7 +196,7 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   }
   auto const f = self.own->frames();
   auto const owner = std::make_shared<Keeper>(Keeper{self.session, self.own});
-  return {{f.rgb, owner}, {f.depth, owner}, {f.alpha, owner}, {f.median_depth, owner}, {f.normals, owner}};
+  return {{f.rgb, owner}, {f.depth, owner}, {f.alpha, owner}, {f.median_depth, owner}, {f.normals, owner}, {f.ids, owner}};
 }
 
 Array asked_for(Array const& channel, std::string const& name) {
@@ -273,7 +273,7 @@ void bind_renderer(nb::module_& m) {
         };
         return text + ", " + std::to_string(b.count) + " of them stand, 98 % from " + point(b.low) + " to " + point(b.high) + " m)";
       });
-  nb::class_<Frames>(m, "Frames", "Pictures, float32; they hold until the next `render`, which writes into the same memory.")
+  nb::class_<Frames>(m, "Frames", "Pictures, float32 (ids int32); they hold until the next `render`, which writes into the same memory.")
       .def_prop_ro(
           "rgb", [](Frames const& f) { return asked_for(f.rgb, "rgb"); }, "(C, H, W, 3), 0 to 1")
       .def_prop_ro(
@@ -287,11 +287,17 @@ void bind_renderer(nb::module_& m) {
           "edges\n"
           "mixes what lies behind; 0: the picture's edge, and where the pixel or a neighbour shows nothing")
       .def_prop_ro(
+          "ids", [](Frames const& f) { return asked_for(f.ids, "ids"); },
+          "(C, H, W) int32, body behind which half of a pixel's light is left or less, model.names('body')[i]; 0: what stands, the world; "
+          "-1: more\n"
+          "comes through")
+      .def_prop_ro(
           "alpha", [](Frames const& f) { return asked_for(f.alpha, "alpha"); }, "(C, H, W)")
       .def("__repr__", [](Frames const& f) {
         std::string text = "gsp.Frames(";
         std::pair<char const*, Array const*> const channels[] = {
-            {"rgb", &f.rgb}, {"depth", &f.depth}, {"median_depth", &f.median_depth}, {"normals", &f.normals}, {"alpha", &f.alpha}};
+            {"rgb", &f.rgb},         {"depth", &f.depth}, {"median_depth", &f.median_depth},
+            {"normals", &f.normals}, {"ids", &f.ids},     {"alpha", &f.alpha}};
         for (auto const& [name, a] : channels) {
           if (!a->array) continue;
           text += (text.back() == '(' ? "" : ", ") + std::string(name) + " (";
@@ -304,7 +310,7 @@ void bind_renderer(nb::module_& m) {
       .def(
           "__init__",
           [](Renderer* self, Scene const& scene, int width, int height, std::string const& device, bool rgb, bool depth, bool alpha,
-             bool median_depth, bool normals) {
+             bool median_depth, bool normals, bool ids) {
             if (width < 1 || height < 1)
               throw Error("gsp.Renderer: width and height must be positive, not " + std::to_string(width) + " and " +
                           std::to_string(height));
@@ -318,11 +324,12 @@ void bind_renderer(nb::module_& m) {
                                  .depth = depth,
                                  .alpha = alpha,
                                  .median_depth = median_depth,
-                                 .normals = normals}};
+                                 .normals = normals,
+                                 .ids = ids}};
           },
           nb::arg("scene"), nb::arg("width") = 640, nb::arg("height") = 480, nb::arg("device") = "cpu", nb::kw_only(),
           nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true, nb::arg("median_depth") = false,
-          nb::arg("normals") = false)
+          nb::arg("normals") = false, nb::arg("ids") = false)
       .def_prop_ro("width", [](Renderer const& r) { return r.options.width; })
       .def_prop_ro("height", [](Renderer const& r) { return r.options.height; })
       .def("__repr__",

@@ -552,16 +552,16 @@ def test_one_camera_and_channels_that_were_not_asked_for(model):
         gsp.Renderer(scene, 0, 24)
 
 
-def floor_and_box():
-    """A box that falls nowhere, 1 m above the origin, and its scene of Gaussians alone."""
+def box_on_a_hinge():
+    """A box on a hinge, 1 m above the origin, and a scene of its Gaussians alone."""
     model = gsp.Model.from_string(
         '<mujoco><worldbody><body name="base"><body name="box" pos="0 0 1"><joint/><geom type="box" size="0.5 0.5 0.2"/></body></body></worldbody></mujoco>'
     )
     return model, gsp.Scene(model).add_surface()
 
 
-def test_normals(model):
-    model, scene = floor_and_box()
+def test_normals():
+    model, scene = box_on_a_hinge()
     data = gsp.Data(model, worlds=2)
     at = gsp.look_at([[0, 0, 3], [3, 0, 1]], [0, 0, 1], up=[0, 1, 0]), gsp.pinhole(64, 48, 40)
     for median in (False, True):
@@ -581,6 +581,23 @@ def test_normals(model):
             frames.depth
     with pytest.raises(gsp.Error, match="no normals.*normals=True"):
         gsp.Renderer(scene, 64, 48).render(data, *at).normals
+
+
+def test_ids():
+    model, scene = box_on_a_hinge()
+    data = gsp.Data(model)
+    at = gsp.look_at([0, 0, 3], [0, 0, 1], up=[0, 1, 0]), gsp.pinhole(64, 48, 40)
+    box = model.id("body", "box")
+    for median in (False, True):
+        frames = gsp.Renderer(scene, 64, 48, ids=True, median_depth=median).render(data, *at)
+        ids, alpha = frames.ids.numpy(), frames.alpha.numpy()
+        assert ids.shape == (1, 48, 64) and ids.dtype == np.int32 and "ids (1, 48, 64)" in repr(frames)
+        assert np.array_equal(ids, np.where(alpha >= 0.5, box, -1)) and ids[0, 24, 32] == box and ids[0, 0, 0] == -1
+        assert np.array_equal(frames.rgb, gsp.Renderer(scene, 64, 48).render(data, *at).rgb)
+    scene.add_room()
+    at = gsp.look_at([1.5, 0, 1], [0, 0, 1]), gsp.pinhole(64, 48, 60)
+    ids = gsp.Renderer(scene, 64, 48, rgb=False, ids=True).render(data, *at).ids.numpy()
+    assert set(np.unique(ids)) <= {-1, 0, box} and np.sum(ids == 0) > 100 and ids[0, 24, 32] == box
 
 
 def test_each_world_shows_its_own_sets(model):

@@ -33,17 +33,19 @@ io::SplatSet room_set();
 
 struct RendererOptions {
   int width = 640, height = 480;
-  bool rgb = true, depth = true, alpha = true, median_depth = false, normals = false;
+  bool rgb = true, depth = true, alpha = true, median_depth = false, normals = false, ids = false;
   int batch = 0;  // images a wave; 0: chosen
   float alpha_max = 0.999f;
 };
 
-/// float32 on the renderer's device; empty where a channel was not asked for. They hold until the next `render`.
+/// float32 (ids: int32) on the renderer's device; empty where a channel was not asked for. They hold until the next `render`.
 struct FrameArrays {
   Array rgb;           // (C, H, W, 3)
   Array depth, alpha;  // (C, H, W)
   Array median_depth;  // (C, H, W) as splat/median_depth.hpp has it
   Array normals;       // (C, H, W, 3) as splat/normals.hpp has them, of median_depth where that is asked for, else of depth
+  Array ids;  // (C, H, W) numbers of bodies as splat/id_channel.hpp has them: 0 stands still, -1 where half of the light or more comes
+              // through
 };
 
 class Renderer {
