@@ -600,6 +600,63 @@ def test_ids():
     assert set(np.unique(ids)) <= {-1, 0, box} and np.sum(ids == 0) > 100 and ids[0, 24, 32] == box
 
 
+def test_developed_pictures():
+    model, scene = box_on_a_hinge()
+    data = gsp.Data(model, worlds=2)
+    at = gsp.look_at([[0, 0, 3], [0, 0.5, 3]], [0, 0, 1], up=[0, 1, 0]), gsp.pinhole(64, 48, 40)
+    alone = gsp.Renderer(scene, 64, 48, rgb=False, depth=False, alpha=False, rgb8=True)
+    renderer = gsp.Renderer(scene, 64, 48, rgb8=True)
+
+    def develop(**words):
+        return renderer.render(data, *at, develop=words).rgb8.copy()
+
+    def bits(light):
+        return np.floor(np.clip(light, 0, 1) * 255 + 0.5)
+
+    frames = renderer.render(data, *at)
+    rgb, alpha, address = frames.rgb.copy(), frames.alpha.numpy()[..., None].copy(), frames.rgb8.pointer
+    assert frames.rgb8.shape == (2, 48, 64, 3) and frames.rgb8.dtype == np.uint8 and frames.rgb8.nbytes == 2 * 48 * 64 * 3
+    assert np.abs(frames.rgb8.numpy() - bits(rgb)).max() <= 1 and np.array_equal(frames.rgb8.copy(), frames.rgb8.numpy())
+    assert np.array_equal(np.from_dlpack(frames.rgb8), frames.rgb8) and "rgb8 (2, 48, 64, 3)" in repr(frames)
+    assert np.array_equal(alone.render(data, *at).rgb8, frames.rgb8)
+    rng = np.random.default_rng(0)
+    for background in ((0.2, 1, 0), rng.random((48, 64, 3)), rng.random((2, 48, 64, 3)).astype(np.float32)):
+        assert np.abs(develop(background=background) - bits(rgb + (1 - alpha) * np.asarray(background))).max() <= 1
+    brighter = develop(background=(0.5, 0.5, 0.5), exposure=0.5, seed=3)
+    change = brighter[:, 0, 0, 0] / 127.5
+    assert np.all((change > 2**-0.5 - 0.01) & (change < 2**0.5 + 0.01)) and change[0] != change[1]
+    noise = develop(background=(0.5, 0.5, 0.5), noise=0.05, seed=3, step=7)
+    nothing = alpha[..., 0] == 0
+    assert abs(noise[nothing].std() / 255 - 0.05) < 0.005 and abs(noise[nothing].mean() - 127.5) < 1
+    assert np.array_equal(noise, develop(background=[0.5] * 3, noise=np.float32(0.05), seed=np.uint64(3), step=np.int32(7)))
+    for other in (dict(seed=4, step=7), dict(seed=3, step=8), dict(seed=3, step=7, first_image=2)):
+        assert not np.array_equal(noise, develop(background=[0.5] * 3, noise=0.05, **other))
+    second = renderer.render(data, at[0][1], at[1], world=[1], develop=dict(background=[0.5] * 3, noise=0.05, seed=3, step=7, first_image=1))
+    assert np.array_equal(second.rgb8[0], noise[1])
+    renderer.render(data, *at)
+    address = renderer.render(data, *at).rgb8.pointer
+    assert renderer.render(data, *at, develop=dict(noise=0.1)).rgb8.pointer == address
+    for words, match in (
+        (dict(exposre=1), "develop has no 'exposre': give exposure, contrast"),
+        (dict(exposure=-1), "develop: exposure is -1: give a number of 0 or more, below 1e[+]06"),
+        (dict(contrast=1.5), "contrast is 1.5: give a number of 0 or more, at most 1"),
+        (dict(noise=np.nan), "noise is nan"),
+        (dict(brightness="much"), "brightness is 'much'"),
+        (dict(step=1.5), "step is 1.5: give a whole number from 0 to 72057594037927935"),
+        (dict(seed=-1), "seed is -1: give a whole number"),
+        (dict(background=(1, 1)), "background has 2 numbers: give a colour of 3"),
+        (dict(background=np.zeros((48, 64, 3), np.uint8)), "background holds whole numbers.*255"),
+        (dict(background=np.zeros((24, 32, 3))), "background has shape"),
+        (dict(background=np.zeros((3, 48, 64, 3))), "3 pictures for 2 cameras: give one a camera"),
+    ):
+        with pytest.raises(gsp.Error, match=match):
+            develop(**words)
+    with pytest.raises(gsp.Error, match="develop is 0.5: give a dict"):
+        renderer.render(data, *at, develop=0.5)
+    with pytest.raises(gsp.Error, match="develop is of rgb8.*rgb8=True"):
+        gsp.Renderer(scene, 64, 48).render(data, *at, develop=dict(noise=0.1))
+
+
 def test_each_world_shows_its_own_sets(model):
     data = gsp.Data(model, worlds=3)
     room, robot = gsp.Scene(model).add_room(), gsp.Scene(model).add_surface()

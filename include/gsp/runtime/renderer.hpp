@@ -31,21 +31,38 @@ class Scene {
 /// The furnished room that the library makes, as a set that can be written.
 io::SplatSet room_set();
 
+/// Kind of number of 8-bit pictures, beside those of Dtype.
+inline constexpr Dtype uint8 = static_cast<Dtype>(static_cast<int>(Dtype::uint32) + 1);
+
 struct RendererOptions {
   int width = 640, height = 480;
-  bool rgb = true, depth = true, alpha = true, median_depth = false, normals = false, ids = false;
+  bool rgb = true, depth = true, alpha = true, median_depth = false, normals = false, ids = false, rgb8 = false;
   int batch = 0;  // images a wave; 0: chosen
   float alpha_max = 0.999f;
 };
 
-/// float32 (ids: int32) on the renderer's device; empty where a channel was not asked for. They hold until the next `render`.
+/// float32 (ids: int32, rgb8: uint8) on the renderer's device; empty where a channel was not asked for. They hold until the next `render`.
 struct FrameArrays {
   Array rgb;           // (C, H, W, 3)
   Array depth, alpha;  // (C, H, W)
   Array median_depth;  // (C, H, W) as splat/median_depth.hpp has it
   Array normals;       // (C, H, W, 3) as splat/normals.hpp has them, of median_depth where that is asked for, else of depth
-  Array ids;  // (C, H, W) numbers of bodies as splat/id_channel.hpp has them: 0 stands still, -1 where half of the light or more comes
-              // through
+  Array ids;   // (C, H, W) bodies as splat/id_channel.hpp has them: 0 stands still, -1 where more than half of the light comes through
+  Array rgb8;  // (C, H, W, 3) rgb as splat/develop.hpp develops it
+};
+
+/// How 8-bit pictures come of the light: the numbers of gsp::DevelopOptions (splat/develop.hpp).
+struct Development {
+  float exposure = 0, contrast = 0, brightness = 0, noise = 0;
+  std::array<float, 3> background{0, 0, 0};
+  Array background_picture = {};  // (1 or C, H, W, 3) floats in its place, on any device; empty: the colour
+  std::uint64_t seed = 0;
+  std::int64_t step = 0, first_image = 0;
+};
+
+/// Of one call of `render`.
+struct DrawOptions {
+  Development develop = {};  // of rgb8
 };
 
 class Renderer {
@@ -53,7 +70,7 @@ class Renderer {
   virtual ~Renderer() = default;
   /// One picture a camera, of worlds whose bodies stand as `poses` says: arrays on the renderer's device, such as Stepper::poses(), or
   /// empty ones: nothing moves. On return the pictures are done.
-  virtual void render(PoseArrays const& poses, CameraArrays const& cameras) = 0;
+  virtual void render(PoseArrays const& poses, CameraArrays const& cameras, DrawOptions const& options = {}) = 0;
   /// Which of the scene's sets each world shows (splat/show_sets.hpp), in the order in which they were added; empty: all of them, as at
   /// first. For the next `render` on.
   virtual void show_sets(std::vector<std::vector<int>> const& sets_of_world) = 0;
