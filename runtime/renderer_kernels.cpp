@@ -4,6 +4,7 @@
 #include <gsp/runtime/renderer.hpp>
 #include <gsp/splat/develop.hpp>
 #include <gsp/splat/id_channel.hpp>
+#include <gsp/splat/jitter_cameras.hpp>
 #include <gsp/splat/median_depth.hpp>
 #include <gsp/splat/normals.hpp>
 #include <gsp/splat/render.hpp>
@@ -78,7 +79,7 @@ class KokkosRenderer : public Renderer {
   std::unique_ptr<Renderer> another() const override { return std::make_unique<KokkosRenderer>(options_, render_, cloud_); }
 
   void render(PoseArrays const& poses, CameraArrays const& arrays, DrawOptions const& options) override {
-    auto const cameras = cameras_of(arrays);
+    auto const cameras = jittered(cameras_of(arrays), options.jitter);
     int const images = cameras.images();
     if (frames_.images != images || int(frames_.wave.cluster_seen.extent(1)) < cloud_.most_clusters) {
       frames_ = {};  // the old buffers go before the new ones come
@@ -140,6 +141,21 @@ class KokkosRenderer : public Renderer {
     else
       with();
     if (options_.normals) normals_of_depth(exec_, options_.median_depth ? median_.image : frames_.depth, cameras, normals_);
+  }
+
+  /// The cameras as they are drawn.
+  Cameras<Mem> jittered(Cameras<Mem> const& cameras, CameraJitter const& j) {
+    if (j.position == 0 && j.rotation == 0 && j.focal == 0 && j.principal == 0) return cameras;
+    if (jittered_.images() != cameras.images()) jittered_ = make_cameras(exec_, cameras.images());
+    jitter_cameras(exec_, cameras, jittered_,
+                   {.position = j.position,
+                    .rotation = j.rotation,
+                    .focal = j.focal,
+                    .principal = j.principal,
+                    .seed = j.seed,
+                    .step = j.step,
+                    .first_image = j.first_image});
+    return jittered_;
   }
 
   void develop_rgb8(Development const& d) {
@@ -224,6 +240,7 @@ class KokkosRenderer : public Renderer {
   Kokkos::View<float****, Kokkos::LayoutRight, Mem> normals_;
   Kokkos::View<std::uint8_t****, Kokkos::LayoutRight, Mem> rgb8_;
   Buffer viewmats_, Ks_, world_, background_;
+  Cameras<Mem> jittered_;
   std::vector<Lens> lenses_;  // as they were given last, and on the device, one an image
   typename Cameras<Mem>::template View<Lens*> lens_views_;
 };

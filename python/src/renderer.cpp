@@ -237,8 +237,21 @@ runtime::Development development_of(nb::handle words, runtime::RendererOptions c
   return out;
 }
 
+runtime::CameraJitter jitter_of(nb::handle words, std::int64_t images) {
+  using End = Given::End;
+  Given given(words, "gsp.Renderer.render: jitter");
+  runtime::CameraJitter out;
+  given.number("position", 1e6, End::below, out.position);
+  given.number("rotation", 3.14159274f, End::at, out.rotation);
+  given.number("focal", 1, End::below, out.focal);
+  given.number("principal", 1e6, End::below, out.principal);
+  given.chance(out, images);
+  given.end();
+  return out;
+}
+
 Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world,
-              ArrayLike const& distortion, bool fisheye, MaybeWords const& develop) {
+              ArrayLike const& distortion, bool fisheye, MaybeWords const& develop, MaybeWords const& jitter) {
   if (data.model.compiled != self.model)
     throw Error("gsp.Renderer.render: the data are of another model than the scene: make both of one gsp.Model");
   if (data.device != self.device) throw Error("gsp.Renderer.render: the data and the renderer are on different devices: make both on one");
@@ -277,6 +290,7 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   expect_size(Ks, cameras.Ks, self.options);
   runtime::DrawOptions options;
   if (!develop.is_none()) options.develop = development_of(develop, self.options, n, keeps[3]);
+  if (!jitter.is_none()) options.jitter = jitter_of(jitter, n);
   Use const use(data), use_renderer(self.busy, "this renderer");
   if (!self.own || self.images != n || self.drawn != self.scene->sets) {
     self.own = another(self);
@@ -454,6 +468,7 @@ void bind_renderer(nb::module_& m) {
       .def(
           "render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
           nb::arg("distortion").none() = nb::none(), nb::arg("fisheye") = false, nb::kw_only(), nb::arg("develop").none() = nb::none(),
+          nb::arg("jitter").none() = nb::none(),
           "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) for all [pixel]; world: "
           "(C) int32, or None: camera c "
           "shows\n"
@@ -468,7 +483,15 @@ void bind_renderer(nb::module_& m) {
           "seed, "
           "step and the\n"
           "picture's number, counted from first_image; background: a colour, or a picture (H, W, 3), or (C, H, W, 3), of real numbers of 0 "
-          "to 1.");
+          "to 1;\n"
+          "jitter: cameras that are not quite where they are said to be: dict(position=0.01, rotation=0.01, focal=0.02, principal=3, "
+          "seed=1, "
+          "step=k): each\n"
+          "camera is moved along its axes [m], turned by a rotation vector [rad], its focal length changed by a share (below 1) and its "
+          "centre [pixel], by\n"
+          "numbers of its own from -x to x, drawn of seed, step (of an episode, or of a picture where it shakes) and the picture's number; "
+          "arrays that you\n"
+          "gave stay what they are.");
   m.def("_depth_to_rgb", [](nb::bytes const& depth, int width, int height, float near, float far) {
     auto const bitmap = io::depth_to_color(reinterpret_cast<float const*>(depth.c_str()), width, height, {.near = near, .far = far});
     return nb::bytes(reinterpret_cast<char const*>(bitmap.pixels.data()), bitmap.pixels.size());

@@ -657,6 +657,43 @@ def test_developed_pictures():
         gsp.Renderer(scene, 64, 48).render(data, *at, develop=dict(noise=0.1))
 
 
+def test_jittered_cameras():
+    model, scene = box_on_a_hinge()
+    data = gsp.Data(model)
+    at = gsp.look_at([[0, 0, 3]] * 3, [0, 0, 1], up=[0, 1, 0]), gsp.pinhole(64, 48, 40)
+    views = at[0].copy()
+    renderer = gsp.Renderer(scene, 64, 48, normals=True)
+
+    def pictures(**jitter):
+        return renderer.render(data, *at, jitter=jitter).depth.copy()
+
+    straight = renderer.render(data, *at).depth.copy()
+    assert np.array_equal(pictures(seed=1, step=2), straight)
+    # depth of the box's top tells how far each camera went along its axis
+    moved = pictures(position=0.2, seed=1)
+    far = moved[:, 24, 32] - straight[:, 24, 32]
+    assert np.all(np.abs(far) < 0.2) and len(set(far.round(4))) == 3 and np.abs(far).max() > 0.01
+    assert np.array_equal(pictures(position=0.2, seed=1), moved)
+    second = renderer.render(data, at[0][1], at[1], jitter=dict(position=0.2, seed=1, first_image=1)).depth[0]
+    assert np.array_equal(second, moved[1])
+    for other in (dict(position=0.2, seed=2), dict(position=0.2, seed=1, step=1), dict(rotation=0.1), dict(focal=0.2), dict(principal=5)):
+        changed = pictures(**other)
+        assert not np.array_equal(changed, moved) and not np.array_equal(changed[0], changed[1])
+    assert np.array_equal(at[0], views) and np.array_equal(renderer.render(data, *at).depth, straight)
+    # normals are of the cameras that drew the depth, in world axes: however much they turn, the top looks up
+    normals = renderer.render(data, *at, jitter=dict(rotation=0.2, seed=5)).normals.numpy()
+    assert np.all(np.median(normals[:, 20:28, 28:36, 2], axis=(1, 2)) > 0.9)
+    for words, match in (
+        (dict(positon=1), "jitter has no 'positon': give position, rotation, focal, principal, seed, step, first_image"),
+        (dict(rotation=4), "jitter: rotation is 4: give a number of 0 or more, at most 3.14159"),
+        (dict(focal=1), "focal is 1: give a number of 0 or more, below 1"),
+        (dict(step=2**56), "step is 72057594037927936: give a whole number"),
+        (dict(first_image=2**32 - 2), "first_image is 4294967294: give a whole number from 0 to 4294967293"),
+    ):
+        with pytest.raises(gsp.Error, match=match):
+            pictures(**words)
+
+
 def test_each_world_shows_its_own_sets(model):
     data = gsp.Data(model, worlds=3)
     room, robot = gsp.Scene(model).add_room(), gsp.Scene(model).add_surface()

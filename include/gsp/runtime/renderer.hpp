@@ -60,9 +60,17 @@ struct Development {
   std::int64_t step = 0, first_image = 0;
 };
 
+/// How far cameras are from what they are said to be: the numbers of gsp::JitterCamerasOptions (splat/jitter_cameras.hpp).
+struct CameraJitter {
+  float position = 0, rotation = 0, focal = 0, principal = 0;
+  std::uint64_t seed = 0;
+  std::int64_t step = 0, first_image = 0;
+};
+
 /// Of one call of `render`.
 struct DrawOptions {
   Development develop = {};  // of rgb8
+  CameraJitter jitter = {};  // of the cameras, which stay what they are for the caller
 };
 
 class Renderer {
