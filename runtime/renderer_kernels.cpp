@@ -81,7 +81,7 @@ class KokkosRenderer : public Renderer {
   void render(PoseArrays const& poses, CameraArrays const& arrays, DrawOptions const& options) override {
     auto const cameras = jittered(cameras_of(arrays), options.jitter);
     int const images = cameras.images();
-    if (frames_.images != images || int(frames_.wave.cluster_seen.extent(1)) < cloud_.most_clusters) {
+    if (frames_.images != images) {
       frames_ = {};  // the old buffers go before the new ones come
       median_ = {};
       ids_ = {};
@@ -96,7 +96,13 @@ class KokkosRenderer : public Renderer {
         normals_ = gsp::detail::allocate<decltype(normals_)>("gsp::runtime::Renderer::normals", images, options_.height, options_.width, 3);
       if (options_.rgb8)
         rgb8_ = gsp::detail::allocate<decltype(rgb8_)>("gsp::runtime::Renderer::rgb8", images, options_.height, options_.width, 3);
-      frames_ = make_frames(exec_, cloud_, frame_options(images));  // last: it says for how many there is room
+      frames_ = make_frames(exec_, cloud_, frame_options(images));                 // last: it says for how many there is room
+    } else if (int(frames_.wave.cluster_seen.extent(1)) < cloud_.most_clusters) {  // of other sets: the pictures stay where they are
+      auto wave_alone = frame_options(images);
+      wave_alone.rgb = wave_alone.depth = wave_alone.alpha = false;
+      frames_.wave = {};
+      frames_.sized = false;
+      frames_.wave = make_frames(exec_, cloud_, wave_alone).wave;
     }
     if (!poses.xpos)
       draw(make_poses<float>(exec_, 1, std::max(1, cloud_.bodies), 0), cameras);

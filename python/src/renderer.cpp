@@ -381,8 +381,13 @@ void bind_renderer(nb::module_& m) {
         };
         return text + ", " + std::to_string(b.count) + " of them stand, 98 % from " + point(b.low) + " to " + point(b.high) + " m)";
       });
-  nb::class_<Frames>(m, "Frames",
-                     "Pictures, float32 (ids int32, rgb8 uint8); they hold until the next `render`, which writes into the same memory.")
+  nb::class_<Frames>(
+      m, "Frames",
+      "Pictures, float32 (ids int32, rgb8 uint8); they hold until the next `render`, which writes into the same memory, after "
+      "`show` too. With "
+      "another\n"
+      "number of cameras, and once the scene has got more Gaussians, it makes new arrays: take them of what it returns; those from before "
+      "keep what they show.")
       .def_prop_ro(
           "rgb", [](Frames const& f) { return asked_for(f.rgb, "rgb"); }, "(C, H, W, 3), 0 to 1")
       .def_prop_ro(
@@ -454,17 +459,19 @@ void bind_renderer(nb::module_& m) {
           "show",
           [](Renderer& self, std::vector<std::vector<int>> const& sets) {
             Use const use_renderer(self.busy, "this renderer");
-            auto own = another(self);
-            own->show_sets(sets);
-            self.own = std::move(own);
-            self.drawn = self.scene->sets;
+            if (!self.own || self.drawn != self.scene->sets) {
+              self.own = another(self);
+              self.drawn = self.scene->sets;
+              self.images = -1;
+            }
+            self.own->show_sets(sets);
             self.shown = sets;
-            self.images = -1;
           },
           nb::arg("sets"),
           "Which sets of the scene each world shows from the next `render` on: a list of numbers for each world, 0 for what was added to "
           "the\n"
-          "scene first. They are stored once, however many worlds show them. [] shows all of them everywhere, as at first.")
+          "scene first. They are stored once, however many worlds show them. [] shows all of them everywhere, as at first.\n"
+          "Pictures come into the memory in which they were.")
       .def(
           "render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
           nb::arg("distortion").none() = nb::none(), nb::arg("fisheye") = false, nb::kw_only(), nb::arg("develop").none() = nb::none(),

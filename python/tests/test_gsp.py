@@ -700,17 +700,27 @@ def test_each_world_shows_its_own_sets(model):
     view, K = gsp.look_at([1, -1, 1], [0, 0, 0.3]), gsp.pinhole(32, 24, 60)
     views = np.stack([view] * 3)
     both = gsp.Renderer(gsp.Scene(model).add_room().add_surface(), 32, 24)
-    everything = both.render(data, views, K)
+    frames = both.render(data, views, K)
+    view_of_memory, everything = frames.rgb.numpy(), frames.rgb.copy()
     both.show([[0], [1], [1, 0]])
     shown = both.render(data, views, K)
-    assert np.array_equal(shown.rgb[2], everything.rgb[0])  # what was drawn before stays what it is
+    assert shown.rgb.pointer == frames.rgb.pointer and np.array_equal(view_of_memory, shown.rgb)  # views that are held see it too
+    assert np.array_equal(shown.rgb[2], everything[0])
     assert np.array_equal(shown.rgb[0], gsp.Renderer(room, 32, 24).render(data, view, K).rgb[0])
     assert np.array_equal(shown.rgb[1], gsp.Renderer(robot, 32, 24).render(data, view, K).rgb[0])
     assert not np.array_equal(shown.rgb[0], shown.rgb[1])
     both.show([])
-    assert np.array_equal(both.render(data, views, K).rgb[0], everything.rgb[0])
+    assert np.array_equal(both.render(data, views, K).rgb, everything)
+    assert np.array_equal(view_of_memory, everything)
+    few = gsp.Renderer(gsp.Scene(model).add_room().add_surface(), 32, 24)
+    few.show([[1], [1], [1]])  # from a small set to all: buffers grow, and the pictures stay where they are
+    small = few.render(data, views, K)
+    view_of_memory = small.rgb.numpy()
+    few.show([])
+    assert few.render(data, views, K).rgb.pointer == small.rgb.pointer and np.array_equal(view_of_memory, everything)
     with pytest.raises(ValueError, match="names set 2; make_gaussians was given 2"):
         both.show([[0], [2], [1]])
+    assert np.array_equal(both.render(data, views, K).rgb, everything)  # a show that was refused changes nothing
 
 
 def test_splats_are_put_where_they_are_said_to_stand(model, tmp_path):

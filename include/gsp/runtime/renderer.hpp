@@ -41,7 +41,8 @@ struct RendererOptions {
   float alpha_max = 0.999f;
 };
 
-/// float32 (ids: int32, rgb8: uint8) on the renderer's device; empty where a channel was not asked for. They hold until the next `render`.
+/// float32 (ids: int32, rgb8: uint8) on the renderer's device; empty where a channel was not asked for. They hold until the next `render`,
+/// which writes into the same memory; one of another number of pictures frees it.
 struct FrameArrays {
   Array rgb;           // (C, H, W, 3)
   Array depth, alpha;  // (C, H, W)
@@ -80,7 +81,7 @@ class Renderer {
   /// empty ones: nothing moves. On return the pictures are done.
   virtual void render(PoseArrays const& poses, CameraArrays const& cameras, DrawOptions const& options = {}) = 0;
   /// Which of the scene's sets each world shows (splat/show_sets.hpp), in the order in which they were added; empty: all of them, as at
-  /// first. For the next `render` on.
+  /// first. For the next `render` on, whose pictures come where they were.
   virtual void show_sets(std::vector<std::vector<int>> const& sets_of_world) = 0;
   virtual FrameArrays frames() const = 0;
   /// A renderer of the same Gaussians, which it shares, with pictures of its own.
