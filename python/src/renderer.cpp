@@ -251,7 +251,7 @@ runtime::CameraJitter jitter_of(nb::handle words, std::int64_t images) {
 }
 
 Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world,
-              ArrayLike const& distortion, bool fisheye, MaybeWords const& develop, MaybeWords const& jitter) {
+              ArrayLike const& distortion, bool fisheye, GivenWords const& develop, GivenWords const& jitter) {
   if (data.model.compiled != self.model)
     throw Error("gsp.Renderer.render: the data are of another model than the scene: make both of one gsp.Model");
   if (data.device != self.device) throw Error("gsp.Renderer.render: the data and the renderer are on different devices: make both on one");
@@ -447,7 +447,8 @@ void bind_renderer(nb::module_& m) {
           },
           nb::arg("scene"), nb::arg("width") = 640, nb::arg("height") = 480, nb::arg("device") = "cpu", nb::kw_only(),
           nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true, nb::arg("median_depth") = false,
-          nb::arg("normals") = false, nb::arg("ids") = false, nb::arg("rgb8") = false)
+          nb::arg("normals") = false, nb::arg("ids") = false, nb::arg("rgb8") = false,
+          "Pictures of width x height pixels; rgb, depth, alpha, median_depth, normals, ids, rgb8: which to make, as gsp.Frames has them.")
       .def_prop_ro("width", [](Renderer const& r) { return r.options.width; })
       .def_prop_ro("height", [](Renderer const& r) { return r.options.height; })
       .def("__repr__",
