@@ -383,11 +383,9 @@ void bind_renderer(nb::module_& m) {
       });
   nb::class_<Frames>(
       m, "Frames",
-      "Pictures, float32 (ids int32, rgb8 uint8); they hold until the next `render`, which writes into the same memory, after "
-      "`show` too. With "
-      "another\n"
-      "number of cameras, and once the scene has got more Gaussians, it makes new arrays: take them of what it returns; those from before "
-      "keep what they show.")
+      "Pictures, float32 (ids int32, rgb8 uint8); they hold until the next `render`, which writes into the same memory, after `show` too.\n"
+      "With another number of cameras, and once the scene has got more Gaussians, it makes new arrays: take them of what it returns;\n"
+      "those from before keep what they show.")
       .def_prop_ro(
           "rgb", [](Frames const& f) { return asked_for(f.rgb, "rgb"); }, "(C, H, W, 3), 0 to 1")
       .def_prop_ro(

@@ -385,7 +385,7 @@ count = ctypes.CDLL(os.environ["KOKKOS_TOOLS_LIBS"]).gsp_count
 device = os.environ.get("GSP_TEST_DEVICE", "cpu")
 model = gsp.Model.from_string('''{ARM}''')
 data = gsp.Data(model, worlds=1024, device=device)
-renderer = gsp.Renderer(gsp.Scene(model).add_room().add_surface(), 64, 48, device=device)
+renderer = gsp.Renderer(gsp.Scene(model).add_room().add_surface(), 64, 48, device=device, normals=True, ids=True, rgb8=True)
 views, Ks = gsp.look_at([[1.5, 0, 0.8]] * 4, [0, 0, 0.4]), np.stack([gsp.pinhole(64, 48, 60)] * 4)
 if device != "cpu":
     import torch
@@ -393,7 +393,7 @@ if device != "cpu":
 def loop():
     gsp.step(model, data, 5)
     data.sensordata
-    renderer.render(data, views, Ks)
+    renderer.render(data, views, Ks, develop=dict(noise=0.02, background=(0.5, 0.5, 0.5)), jitter=dict(position=0.01))
 for _ in range(20):
     loop()
 before = [count(k) for k in range(3)]
@@ -614,7 +614,7 @@ def test_developed_pictures():
         return np.floor(np.clip(light, 0, 1) * 255 + 0.5)
 
     frames = renderer.render(data, *at)
-    rgb, alpha, address = frames.rgb.copy(), frames.alpha.numpy()[..., None].copy(), frames.rgb8.pointer
+    rgb, alpha = frames.rgb.copy(), frames.alpha.numpy()[..., None].copy()
     assert frames.rgb8.shape == (2, 48, 64, 3) and frames.rgb8.dtype == np.uint8 and frames.rgb8.nbytes == 2 * 48 * 64 * 3
     assert np.abs(frames.rgb8.numpy() - bits(rgb)).max() <= 1 and np.array_equal(frames.rgb8.copy(), frames.rgb8.numpy())
     assert np.array_equal(np.from_dlpack(frames.rgb8), frames.rgb8) and "rgb8 (2, 48, 64, 3)" in repr(frames)
