@@ -2,12 +2,16 @@
 #include <cstring>
 #include <gsp/core/detail/views.hpp>
 #include <gsp/runtime/array.hpp>
+#include <gsp/runtime/renderer.hpp>
 
 #include "device.hpp"
 
 namespace gsp::runtime {
 
-std::int64_t bytes_of(Dtype dtype) { return dtype == Dtype::float64 || dtype == Dtype::int64 ? 8 : 4; }
+std::int64_t bytes_of(Dtype dtype) {
+  if (dtype == Dtype::uint8) return 1;
+  return dtype == Dtype::float64 || dtype == Dtype::int64 ? 8 : 4;
+}
 
 Array make_array(void* data, Dtype dtype, Device device, std::initializer_list<std::int64_t> extents) {
   Array a;
@@ -82,6 +86,8 @@ void copy_there(Exec const& exec, Array const& from, Array const& to) {
     copy_items<float, double>(exec, from, to);
   else if (bytes_of(from.dtype) == 8)
     copy_items<std::uint64_t, std::uint64_t>(exec, from, to);
+  else if (bytes_of(from.dtype) == 1)
+    copy_items<std::uint8_t, std::uint8_t>(exec, from, to);
   else
     copy_items<std::uint32_t, std::uint32_t>(exec, from, to);
 }

@@ -2,7 +2,11 @@
 #include <cstring>
 #include <gsp/io/gaussians.hpp>
 #include <gsp/runtime/renderer.hpp>
+#include <gsp/splat/develop.hpp>
+#include <gsp/splat/id_channel.hpp>
+#include <gsp/splat/jitter_cameras.hpp>
 #include <gsp/splat/median_depth.hpp>
+#include <gsp/splat/normals.hpp>
 #include <gsp/splat/render.hpp>
 #include <gsp/splat/sample_room.hpp>
 #include <gsp/splat/sample_surface.hpp>
@@ -74,16 +78,31 @@ class KokkosRenderer : public Renderer {
 
   std::unique_ptr<Renderer> another() const override { return std::make_unique<KokkosRenderer>(options_, render_, cloud_); }
 
-  void render(PoseArrays const& poses, CameraArrays const& arrays) override {
-    auto const cameras = cameras_of(arrays);
+  void render(PoseArrays const& poses, CameraArrays const& arrays, DrawOptions const& options) override {
+    auto const cameras = jittered(cameras_of(arrays), options.jitter);
     int const images = cameras.images();
-    if (frames_.images != images || int(frames_.wave.cluster_seen.extent(1)) < cloud_.most_clusters) {
+    if (frames_.images != images) {
       frames_ = {};  // the old buffers go before the new ones come
       median_ = {};
+      ids_ = {};
+      normals_ = {};
+      rgb8_ = {};
       if (options_.median_depth)
         median_.image =
             gsp::detail::allocate<decltype(median_.image)>("gsp::runtime::Renderer::median_depth", images, options_.height, options_.width);
-      frames_ = make_frames(exec_, cloud_, frame_options(images));  // last: it says for how many there is room
+      if (options_.ids)
+        ids_.image = gsp::detail::allocate<decltype(ids_.image)>("gsp::runtime::Renderer::ids", images, options_.height, options_.width);
+      if (options_.normals)
+        normals_ = gsp::detail::allocate<decltype(normals_)>("gsp::runtime::Renderer::normals", images, options_.height, options_.width, 3);
+      if (options_.rgb8)
+        rgb8_ = gsp::detail::allocate<decltype(rgb8_)>("gsp::runtime::Renderer::rgb8", images, options_.height, options_.width, 3);
+      frames_ = make_frames(exec_, cloud_, frame_options(images));                 // last: it says for how many there is room
+    } else if (int(frames_.wave.cluster_seen.extent(1)) < cloud_.most_clusters) {  // of other sets: the pictures stay where they are
+      auto wave_alone = frame_options(images);
+      wave_alone.rgb = wave_alone.depth = wave_alone.alpha = false;
+      frames_.wave = {};
+      frames_.sized = false;
+      frames_.wave = make_frames(exec_, cloud_, wave_alone).wave;
     }
     if (!poses.xpos)
       draw(make_poses<float>(exec_, 1, std::max(1, cloud_.bodies), 0), cameras);
@@ -91,6 +110,7 @@ class KokkosRenderer : public Renderer {
       draw(poses_of<double, Exec>("gsp::runtime::Renderer::render", poses), cameras);
     else
       draw(poses_of<float, Exec>("gsp::runtime::Renderer::render", poses), cameras);
+    if (options_.rgb8) develop_rgb8(options.develop);
     exec_.fence("gsp::runtime::Renderer::render: done");
   }
 
@@ -102,20 +122,65 @@ class KokkosRenderer : public Renderer {
     if (options_.depth) out.depth = array_of<Exec>(frames_.depth);
     if (options_.alpha) out.alpha = array_of<Exec>(frames_.alpha);
     if (options_.median_depth) out.median_depth = array_of<Exec>(median_.image);
+    if (options_.ids) out.ids = array_of<Exec>(ids_.image);
+    if (options_.normals) out.normals = array_of<Exec>(normals_);
+    if (options_.rgb8)
+      out.rgb8 = make_array(rgb8_.data(), Dtype::uint8, device_of<Exec>(), {frames_.images, options_.height, options_.width, 3});
     return out;
   }
   std::int64_t bytes_needed(int images) const override {
-    std::int64_t const median = options_.median_depth ? std::int64_t(4) * images * options_.width * options_.height : 0;
-    return gsp::bytes_needed(exec_, cloud_, frame_options(images)) + median;
+    std::int64_t const pixels = std::int64_t(images) * options_.width * options_.height;
+    std::int64_t const of_pixel =
+        (options_.median_depth ? 4 : 0) + (options_.ids ? 4 : 0) + (options_.normals ? 12 : 0) + (options_.rgb8 ? 3 : 0);
+    return gsp::bytes_needed(exec_, cloud_, frame_options(images)) + of_pixel * pixels;
   }
 
  private:
   template <class R>
   void draw(Poses<R, Mem> const& poses, Cameras<Mem> const& cameras) {
-    if (options_.median_depth)
-      gsp::render(exec_, cloud_, poses, cameras, frames_, render_, median_);
+    auto const with = [&](auto const&... channels) { gsp::render(exec_, cloud_, poses, cameras, frames_, render_, channels...); };
+    if (options_.median_depth && options_.ids)
+      with(median_, ids_);
+    else if (options_.median_depth)
+      with(median_);
+    else if (options_.ids)
+      with(ids_);
     else
-      gsp::render(exec_, cloud_, poses, cameras, frames_, render_);
+      with();
+    if (options_.normals) normals_of_depth(exec_, options_.median_depth ? median_.image : frames_.depth, cameras, normals_);
+  }
+
+  /// The cameras as they are drawn.
+  Cameras<Mem> jittered(Cameras<Mem> const& cameras, CameraJitter const& j) {
+    if (j.position == 0 && j.rotation == 0 && j.focal == 0 && j.principal == 0) return cameras;
+    if (jittered_.images() != cameras.images()) jittered_ = make_cameras(exec_, cameras.images());
+    jitter_cameras(exec_, cameras, jittered_,
+                   {.position = j.position,
+                    .rotation = j.rotation,
+                    .focal = j.focal,
+                    .principal = j.principal,
+                    .seed = j.seed,
+                    .step = j.step,
+                    .first_image = j.first_image});
+    return jittered_;
+  }
+
+  void develop_rgb8(Development const& d) {
+    DevelopOptions const options{.exposure = d.exposure,
+                                 .contrast = d.contrast,
+                                 .brightness = d.brightness,
+                                 .noise = d.noise,
+                                 .background = {d.background[0], d.background[1], d.background[2]},
+                                 .seed = d.seed,
+                                 .step = d.step,
+                                 .first_image = d.first_image};
+    Kokkos::View<float const****, Kokkos::LayoutRight, Mem> background;
+    if (Array const& a = d.background_picture) {
+      expects(a.rank == 4, "gsp::runtime::Renderer::render: the background picture is (1 or C, H, W, 3)");
+      background = decltype(background)(static_cast<float const*>(here(a, background_, Dtype::float32)), a.extents[0], a.extents[1],
+                                        a.extents[2], a.extents[3]);
+    }
+    develop(exec_, frames_, rgb8_, options, background);
   }
 
   FrameOptions frame_options(int images) const {
@@ -123,12 +188,27 @@ class KokkosRenderer : public Renderer {
     o.images = images;
     o.width = options_.width;
     o.height = options_.height;
-    o.rgb = options_.rgb;
-    o.depth = options_.depth;
-    o.alpha = options_.alpha;
+    o.rgb = options_.rgb || options_.rgb8;
+    o.depth = options_.depth || (options_.normals && !options_.median_depth);
+    o.alpha = options_.alpha || options_.rgb8;  // behind which a background shows
     o.batch = options_.batch;
-    o.values = options_.median_depth ? MedianDepthChannel<Mem>::size : 0;
+    o.values = (options_.median_depth ? MedianDepthChannel<Mem>::size : 0) + (options_.ids ? IdChannel<Mem>::size : 0);
     return o;
+  }
+
+  /// The numbers of `a` where they are, or a copy of those that lie elsewhere.
+  void* here(Array const& a, Buffer& buffer, Dtype dtype) {
+    if (a.device == device_of<Exec>() && a.contiguous() && a.dtype == dtype) return a.data;
+    if (!buffer.array || buffer.array.extents != a.extents) {
+      if (a.rank == 4)
+        buffer = make_buffer(device_of<Exec>(), dtype, {a.extents[0], a.extents[1], a.extents[2], a.extents[3]});
+      else if (a.rank == 3)
+        buffer = make_buffer(device_of<Exec>(), dtype, {a.extents[0], a.extents[1], a.extents[2]});
+      else
+        buffer = make_buffer(device_of<Exec>(), dtype, {a.extents[0]});
+    }
+    copy(a, buffer.array);
+    return buffer.array.data;
   }
 
   /// Cameras where they are, or copies of those that lie elsewhere; two cameras of one renderer share the place of the copies.
@@ -139,17 +219,6 @@ class KokkosRenderer : public Renderer {
     std::int64_t const n = c.viewmats.extents[0];
     expects(!c.world || (c.world.rank == 1 && c.world.extents[0] == n && c.world.dtype == Dtype::int32),
             "gsp::runtime::Renderer::render: the cameras' worlds are int32 (C)");
-    auto const here = [&](Array const& a, Buffer& buffer, Dtype dtype) {
-      if (a.device == device_of<Exec>() && a.contiguous() && a.dtype == dtype) return a.data;
-      if (!buffer.array || buffer.array.extents != a.extents) {
-        if (a.rank == 3)
-          buffer = make_buffer(device_of<Exec>(), dtype, {a.extents[0], a.extents[1], a.extents[2]});
-        else
-          buffer = make_buffer(device_of<Exec>(), dtype, {a.extents[0]});
-      }
-      copy(a, buffer.array);
-      return buffer.array.data;
-    };
     using Out = Cameras<Mem>;
     Out cameras;
     cameras.viewmats = typename Out::template View<float***>(static_cast<float*>(here(c.viewmats, viewmats_, Dtype::float32)), n, 4, 4);
@@ -174,7 +243,11 @@ class KokkosRenderer : public Renderer {
   Gaussians<Mem> cloud_;
   Frames<Mem> frames_;
   MedianDepthChannel<Mem> median_;
-  Buffer viewmats_, Ks_, world_;
+  IdChannel<Mem> ids_;
+  Kokkos::View<float****, Kokkos::LayoutRight, Mem> normals_;
+  Kokkos::View<std::uint8_t****, Kokkos::LayoutRight, Mem> rgb8_;
+  Buffer viewmats_, Ks_, world_, background_;
+  Cameras<Mem> jittered_;
   std::vector<Lens> lenses_;  // as they were given last, and on the device, one an image
   typename Cameras<Mem>::template View<Lens*> lens_views_;
 };

@@ -7,6 +7,7 @@
 #include <pthread.h>
 
 #include <gsp/core/check.hpp>
+#include <gsp/runtime/renderer.hpp>
 
 namespace gsp::python {
 namespace {
@@ -24,14 +25,18 @@ char const* name_of(Dtype dtype) {
       return "int32";
     case Dtype::int64:
       return "int64";
-    default:
-      return "uint32";
+    case Dtype::uint8:
+      return "uint8";
+    case Dtype::uint32:
+      break;
   }
+  return "uint32";
 }
+bool is_unsigned(Dtype dtype) { return dtype == Dtype::uint32 || dtype == Dtype::uint8; }
 /// Kind of number as the buffer protocol's descendants write it: "<f4".
 std::string typestr_of(Dtype dtype) {
-  char const kind = dtype == Dtype::float32 || dtype == Dtype::float64 ? 'f' : dtype == Dtype::uint32 ? 'u' : 'i';
-  return std::string("<") + kind + std::to_string(runtime::bytes_of(dtype));
+  char const kind = dtype == Dtype::float32 || dtype == Dtype::float64 ? 'f' : is_unsigned(dtype) ? 'u' : 'i';
+  return std::string(runtime::bytes_of(dtype) == 1 ? "|" : "<") + kind + std::to_string(runtime::bytes_of(dtype));
 }
 Shape shape_of(runtime::Array const& a) {
   nb::list out;
@@ -108,9 +113,9 @@ nb::object export_capsule(Array const& self) {
   m.tensor = {a.data,
               {a.device == Device::cuda ? dl_cuda : dl_cpu, 0},
               a.rank,
-              {static_cast<std::uint8_t>(is_float                   ? 2
-                                         : a.dtype == Dtype::uint32 ? 1
-                                                                    : 0),
+              {static_cast<std::uint8_t>(is_float               ? 2
+                                         : is_unsigned(a.dtype) ? 1
+                                                                : 0),
                static_cast<std::uint8_t>(8 * runtime::bytes_of(a.dtype)), 1},
               a.extents.data(),
               a.strides.data(),
@@ -302,7 +307,7 @@ void bind_array(nb::module_& m) {
       .def_prop_ro(
           "dtype",
           [](Array const& a) { return nb::borrow<NumpyDtype>(nb::module_::import_("numpy").attr("dtype")(name_of(a.array.dtype))); },
-          "float32, float64, int32, int64 or uint32, as NumPy's")
+          "float32, float64, int32, int64, uint32 or uint8, as NumPy's")
       .def_prop_ro("device", [](Array const& a) { return a.array.device == Device::cuda ? "cuda:0" : "cpu"; })
       .def_prop_ro("read_only", [](Array const& a) { return a.array.read_only || a.computed != nullptr; })
       .def_prop_ro(

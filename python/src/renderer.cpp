@@ -77,7 +77,7 @@ struct Keeper {
   std::shared_ptr<runtime::Renderer> renderer;
 };
 struct Frames {
-  Array rgb, depth, alpha, median_depth;
+  Array rgb, depth, alpha, median_depth, normals, ids, rgb8;
 };
 
 /// One whose pictures are not those that Python has, of what the scene has by now.
@@ -135,12 +135,127 @@ nb::object worlds_of(nb::handle world, int worlds) {
   return numpy.attr("ascontiguousarray")(given, nb::arg("dtype") = "int32");
 }
 
+/// One for all `count`.
+runtime::Array all_of(runtime::Array a, std::int64_t count) {
+  for (int d = a.rank; d > 0; --d) {
+    a.extents[std::size_t(d)] = a.extents[std::size_t(d - 1)];
+    a.strides[std::size_t(d)] = a.strides[std::size_t(d - 1)];
+  }
+  ++a.rank;
+  a.extents[0] = count;
+  a.strides[0] = 0;
+  return a;
+}
+
+/// A dict that `render` takes, such as develop=dict(noise=0.02): who reads a word crosses it off, and what is left nobody knows.
+class Given {
+ public:
+  Given(nb::handle words, std::string where) : where_(std::move(where)) {
+    if (!PyDict_Check(words.ptr())) throw Error(where_ + " is " + text(words) + ": give a dict, such as dict(seed=1)");
+    left_ = nb::cast<nb::dict>(words.attr("copy")());
+  }
+  /// What is said of `name`, or nothing.
+  nb::object take(char const* name) {
+    names_ += (names_.empty() ? "" : ", ") + std::string(name);
+    return left_.attr("pop")(name, nb::none());
+  }
+  enum class End { at, below };
+  void number(char const* name, double most, End end, float& to) {
+    nb::object const given = take(name);
+    if (!given.is_none()) to = number_of(given, name, most, end);
+  }
+  float number_of(nb::handle given, char const* name, double most, End end) const {
+    double const x = PyFloat_AsDouble(given.ptr());
+    bool const is_number = PyErr_Occurred() == nullptr;
+    PyErr_Clear();
+    auto const as_float = static_cast<float>(x);
+    if (!is_number || !(as_float >= 0) || !(end == End::at ? as_float <= float(most) : as_float < float(most))) {
+      char bound[32];
+      std::snprintf(bound, sizeof bound, "%s %g", end == End::at ? "at most" : "below", most);
+      throw Error(where_ + ": " + name + " is " + text(given) + ": give a number of 0 or more, " + bound);
+    }
+    return as_float;
+  }
+  template <class T>
+  void whole(char const* name, std::uint64_t most, T& to) {
+    nb::object const given = take(name);
+    if (given.is_none()) return;
+    nb::object const number = nb::steal(PyNumber_Index(given.ptr()));
+    PyErr_Clear();
+    if (!number.is_valid() || number < nb::int_(0) || number > nb::int_(most))
+      throw Error(where_ + ": " + name + " is " + text(given) + ": give a whole number from 0 to " + std::to_string(most));
+    to = static_cast<T>(nb::cast<std::uint64_t>(number));
+  }
+  /// What chance is drawn of, for so many pictures.
+  template <class Options>
+  void chance(Options& o, std::int64_t images) {
+    whole("seed", ~std::uint64_t(0), o.seed);
+    whole("step", (std::uint64_t(1) << 56) - 1, o.step);
+    whole("first_image", (std::uint64_t(1) << 32) - std::uint64_t(images), o.first_image);
+  }
+  void end() const {
+    for (auto const& [name, value] : left_) throw Error(where_ + " has no " + text(name) + ": give " + names_);
+  }
+
+ private:
+  static std::string text(nb::handle x) { return nb::cast<std::string>(nb::repr(x)); }
+  std::string where_, names_;
+  nb::dict left_;
+};
+
+runtime::Development development_of(nb::handle words, runtime::RendererOptions const& o, std::int64_t images, nb::object& keeps) {
+  if (!o.rgb8) throw Error("gsp.Renderer.render: develop is of rgb8, which this renderer does not make: gsp.Renderer(..., rgb8=True)");
+  using End = Given::End;
+  Given given(words, "gsp.Renderer.render: develop");
+  runtime::Development out;
+  given.number("exposure", 1e6, End::below, out.exposure);
+  given.number("contrast", 1, End::at, out.contrast);
+  given.number("brightness", 1e6, End::below, out.brightness);
+  given.number("noise", 1e6, End::below, out.noise);
+  nb::object background = given.take("background");
+  given.chance(out, images);
+  given.end();
+  if (background.is_none()) return out;
+  constexpr char const* where = "gsp.Renderer.render: develop: background";
+  if (!nb::isinstance<Array>(background) && !nb::hasattr(background, "__cuda_array_interface__"))
+    background = nb::module_::import_("numpy").attr("asarray")(background);
+  int const rank = nb::cast<int>(background.attr("ndim"));
+  if (rank == 1) {
+    nb::list const colour = nb::cast<nb::list>(background.attr("tolist")());
+    if (colour.size() != 3) throw Error(std::string(where) + " has " + std::to_string(colour.size()) + " numbers: give a colour of 3");
+    for (std::size_t k = 0; k < 3; ++k) out.background[k] = given.number_of(colour[k], "background", 1e6, End::below);
+    return out;
+  }
+  auto& picture = out.background_picture;
+  picture = rank == 3 ? all_of(taken(background, where, {o.height, o.width, 3}, keeps), 1)
+                      : taken(background, where, {-1, o.height, o.width, 3}, keeps);
+  if (picture.dtype != runtime::Dtype::float32 && picture.dtype != runtime::Dtype::float64)
+    throw Error(std::string(where) + " holds whole numbers: give real ones of 0 to 1 (those of 8 bits divided by 255)");
+  if (picture.extents[0] != 1 && picture.extents[0] != images)
+    throw Error(std::string(where) + " has " + std::to_string(picture.extents[0]) + " pictures for " + std::to_string(images) +
+                " cameras: give one a camera, or one for all");
+  return out;
+}
+
+runtime::CameraJitter jitter_of(nb::handle words, std::int64_t images) {
+  using End = Given::End;
+  Given given(words, "gsp.Renderer.render: jitter");
+  runtime::CameraJitter out;
+  given.number("position", 1e6, End::below, out.position);
+  given.number("rotation", 3.14159274f, End::at, out.rotation);
+  given.number("focal", 1, End::below, out.focal);
+  given.number("principal", 1e6, End::below, out.principal);
+  given.chance(out, images);
+  given.end();
+  return out;
+}
+
 Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world,
-              ArrayLike const& distortion, bool fisheye) {
+              ArrayLike const& distortion, bool fisheye, GivenWords const& develop, GivenWords const& jitter) {
   if (data.model.compiled != self.model)
     throw Error("gsp.Renderer.render: the data are of another model than the scene: make both of one gsp.Model");
   if (data.device != self.device) throw Error("gsp.Renderer.render: the data and the renderer are on different devices: make both on one");
-  nb::object keeps[3];
+  nb::object keeps[4];
   nb::object const numpy = nb::module_::import_("numpy");
   auto const floats = [&](nb::handle x) -> nb::object {
     if (nb::isinstance<Array>(x) || nb::hasattr(x, "__cuda_array_interface__")) return nb::borrow(x);
@@ -149,16 +264,6 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   runtime::CameraArrays cameras;
   nb::object const v = floats(viewmats), k = floats(Ks);
   auto const one = [](nb::object const& x) { return nb::cast<int>(x.attr("ndim")) == 2; };
-  auto const all_of = [](runtime::Array a, std::int64_t count) {  // one for all
-    for (int d = 2; d > 0; --d) {
-      a.extents[std::size_t(d)] = a.extents[std::size_t(d - 1)];
-      a.strides[std::size_t(d)] = a.strides[std::size_t(d - 1)];
-    }
-    a.rank = 3;
-    a.extents[0] = count;
-    a.strides[0] = 0;
-    return a;
-  };
   cameras.viewmats = one(v) ? all_of(taken(v, "gsp.Renderer.render: viewmats", {4, 4}, keeps[0]), 1)
                             : taken(v, "gsp.Renderer.render: viewmats", {-1, 4, 4}, keeps[0]);
   std::int64_t const n = cameras.viewmats.extents[0];
@@ -183,6 +288,9 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   else if (fisheye)
     throw Error("gsp.Renderer.render: fisheye=True needs distortion=[k1, k2, k3, k4]; zeros are the ideal fisheye");
   expect_size(Ks, cameras.Ks, self.options);
+  runtime::DrawOptions options;
+  if (!develop.is_none()) options.develop = development_of(develop, self.options, n, keeps[3]);
+  if (!jitter.is_none()) options.jitter = jitter_of(jitter, n);
   Use const use(data), use_renderer(self.busy, "this renderer");
   if (!self.own || self.images != n || self.drawn != self.scene->sets) {
     self.own = another(self);
@@ -192,11 +300,11 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   freshen(data);
   {
     OthersRun const others_run;
-    self.own->render(data.stepper->poses(), cameras);
+    self.own->render(data.stepper->poses(), cameras, options);
   }
   auto const f = self.own->frames();
   auto const owner = std::make_shared<Keeper>(Keeper{self.session, self.own});
-  return {{f.rgb, owner}, {f.depth, owner}, {f.alpha, owner}, {f.median_depth, owner}};
+  return {{f.rgb, owner}, {f.depth, owner}, {f.alpha, owner}, {f.median_depth, owner}, {f.normals, owner}, {f.ids, owner}, {f.rgb8, owner}};
 }
 
 Array asked_for(Array const& channel, std::string const& name) {
@@ -273,7 +381,11 @@ void bind_renderer(nb::module_& m) {
         };
         return text + ", " + std::to_string(b.count) + " of them stand, 98 % from " + point(b.low) + " to " + point(b.high) + " m)";
       });
-  nb::class_<Frames>(m, "Frames", "Pictures, float32; they hold until the next `render`, which writes into the same memory.")
+  nb::class_<Frames>(
+      m, "Frames",
+      "Pictures, float32 (ids int32, rgb8 uint8); they hold until the next `render`, which writes into the same memory, after `show` too.\n"
+      "With another number of cameras, and once the scene has got more Gaussians, it makes new arrays: take them of what it returns;\n"
+      "those from before keep what they show.")
       .def_prop_ro(
           "rgb", [](Frames const& f) { return asked_for(f.rgb, "rgb"); }, "(C, H, W, 3), 0 to 1")
       .def_prop_ro(
@@ -282,11 +394,25 @@ void bind_renderer(nb::module_& m) {
           "median_depth", [](Frames const& f) { return asked_for(f.median_depth, "median_depth"); },
           "(C, H, W) depth at which half of a pixel's light is taken, as a LiDAR returns; 0: more comes through [m]")
       .def_prop_ro(
+          "normals", [](Frames const& f) { return asked_for(f.normals, "normals"); },
+          "(C, H, W, 3) unit normals in world axes, towards the camera, of median_depth where that is asked for, else of depth, which at "
+          "edges\n"
+          "mixes what lies behind; 0: the picture's edge, and where the pixel or a neighbour shows nothing")
+      .def_prop_ro(
+          "ids", [](Frames const& f) { return asked_for(f.ids, "ids"); },
+          "(C, H, W) int32, body behind which half of a pixel's light is left or less, model.names('body')[i]; 0: what stands, the world; "
+          "-1: more\n"
+          "comes through")
+      .def_prop_ro(
+          "rgb8", [](Frames const& f) { return asked_for(f.rgb8, "rgb8"); },
+          "(C, H, W, 3) uint8, rgb as `develop` of render changes it, from 0 to 255")
+      .def_prop_ro(
           "alpha", [](Frames const& f) { return asked_for(f.alpha, "alpha"); }, "(C, H, W)")
       .def("__repr__", [](Frames const& f) {
         std::string text = "gsp.Frames(";
         std::pair<char const*, Array const*> const channels[] = {
-            {"rgb", &f.rgb}, {"depth", &f.depth}, {"median_depth", &f.median_depth}, {"alpha", &f.alpha}};
+            {"rgb", &f.rgb},   {"depth", &f.depth}, {"median_depth", &f.median_depth}, {"normals", &f.normals}, {"ids", &f.ids},
+            {"rgb8", &f.rgb8}, {"alpha", &f.alpha}};
         for (auto const& [name, a] : channels) {
           if (!a->array) continue;
           text += (text.back() == '(' ? "" : ", ") + std::string(name) + " (";
@@ -299,19 +425,28 @@ void bind_renderer(nb::module_& m) {
       .def(
           "__init__",
           [](Renderer* self, Scene const& scene, int width, int height, std::string const& device, bool rgb, bool depth, bool alpha,
-             bool median_depth) {
+             bool median_depth, bool normals, bool ids, bool rgb8) {
             if (width < 1 || height < 1)
               throw Error("gsp.Renderer: width and height must be positive, not " + std::to_string(width) + " and " +
                           std::to_string(height));
-            new (self)
-                Renderer{session(),
-                         scene.model.compiled,
-                         device_of(device),
-                         scene.sets,
-                         {.width = width, .height = height, .rgb = rgb, .depth = depth, .alpha = alpha, .median_depth = median_depth}};
+            new (self) Renderer{session(),
+                                scene.model.compiled,
+                                device_of(device),
+                                scene.sets,
+                                {.width = width,
+                                 .height = height,
+                                 .rgb = rgb,
+                                 .depth = depth,
+                                 .alpha = alpha,
+                                 .median_depth = median_depth,
+                                 .normals = normals,
+                                 .ids = ids,
+                                 .rgb8 = rgb8}};
           },
           nb::arg("scene"), nb::arg("width") = 640, nb::arg("height") = 480, nb::arg("device") = "cpu", nb::kw_only(),
-          nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true, nb::arg("median_depth") = false)
+          nb::arg("rgb") = true, nb::arg("depth") = true, nb::arg("alpha") = true, nb::arg("median_depth") = false,
+          nb::arg("normals") = false, nb::arg("ids") = false, nb::arg("rgb8") = false,
+          "Pictures of width x height pixels; rgb, depth, alpha, median_depth, normals, ids, rgb8: which to make, as gsp.Frames has them.")
       .def_prop_ro("width", [](Renderer const& r) { return r.options.width; })
       .def_prop_ro("height", [](Renderer const& r) { return r.options.height; })
       .def("__repr__",
@@ -323,25 +458,46 @@ void bind_renderer(nb::module_& m) {
           "show",
           [](Renderer& self, std::vector<std::vector<int>> const& sets) {
             Use const use_renderer(self.busy, "this renderer");
-            auto own = another(self);
-            own->show_sets(sets);
-            self.own = std::move(own);
-            self.drawn = self.scene->sets;
+            if (!self.own || self.drawn != self.scene->sets) {
+              self.own = another(self);
+              self.drawn = self.scene->sets;
+              self.images = -1;
+            }
+            self.own->show_sets(sets);
             self.shown = sets;
-            self.images = -1;
           },
           nb::arg("sets"),
           "Which sets of the scene each world shows from the next `render` on: a list of numbers for each world, 0 for what was added to "
           "the\n"
-          "scene first. They are stored once, however many worlds show them. [] shows all of them everywhere, as at first.")
-      .def("render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
-           nb::arg("distortion").none() = nb::none(), nb::arg("fisheye") = false,
-           "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) for all [pixel]; world: "
-           "(C) int32, or None: camera c "
-           "shows\n"
-           "world c % worlds; distortion: OpenCV's coefficients, (C, n), or (n) for all, n = 4, 5 or 8: k1 k2 p1 p2 k3 k4 k5 k6, or None: "
-           "pinholes;\n"
-           "fisheye: they are k1 k2 k3 k4 of OpenCV's fisheye, whose zeros are the ideal one.");
+          "scene first. They are stored once, however many worlds show them. [] shows all of them everywhere, as at first.\n"
+          "Pictures come into the memory in which they were.")
+      .def(
+          "render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
+          nb::arg("distortion").none() = nb::none(), nb::arg("fisheye") = false, nb::kw_only(), nb::arg("develop").none() = nb::none(),
+          nb::arg("jitter").none() = nb::none(),
+          "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) for all [pixel]; world: "
+          "(C) int32, or None: camera c "
+          "shows\n"
+          "world c % worlds; distortion: OpenCV's coefficients, (C, n), or (n) for all, n = 4, 5 or 8: k1 k2 p1 p2 k3 k4 k5 k6, or None: "
+          "pinholes;\n"
+          "fisheye: they are k1 k2 k3 k4 of OpenCV's fisheye, whose zeros are the ideal one.\n"
+          "develop: how rgb8 comes of rgb: dict(exposure=0.5, contrast=0.2, brightness=0.1, noise=0.02, background=(0.6, 0.7, 0.9), "
+          "seed=1, step=k), all 0\n"
+          "unless given: c += (1 - alpha) background; c *= 2^e; c = (c - 1/2)(1 + k) + 1/2 + b + n, cut to 0 to 1, e, k and b uniform from "
+          "-x to x of\n"
+          "exposure, contrast (at most 1) and brightness for each picture, n normal noise of that deviation for each number, drawn of "
+          "seed, "
+          "step and the\n"
+          "picture's number, counted from first_image; background: a colour, or a picture (H, W, 3), or (C, H, W, 3), of real numbers of 0 "
+          "to 1;\n"
+          "jitter: cameras that are not quite where they are said to be: dict(position=0.01, rotation=0.01, focal=0.02, principal=3, "
+          "seed=1, "
+          "step=k): each\n"
+          "camera is moved along its axes [m], turned by a rotation vector [rad], its focal length changed by a share (below 1) and its "
+          "centre [pixel], by\n"
+          "numbers of its own from -x to x, drawn of seed, step (of an episode, or of a picture where it shakes) and the picture's number; "
+          "arrays that you\n"
+          "gave stay what they are.");
   m.def("_depth_to_rgb", [](nb::bytes const& depth, int width, int height, float near, float far) {
     auto const bitmap = io::depth_to_color(reinterpret_cast<float const*>(depth.c_str()), width, height, {.near = near, .far = far});
     return nb::bytes(reinterpret_cast<char const*>(bitmap.pixels.data()), bitmap.pixels.size());

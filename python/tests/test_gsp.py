@@ -385,7 +385,7 @@ count = ctypes.CDLL(os.environ["KOKKOS_TOOLS_LIBS"]).gsp_count
 device = os.environ.get("GSP_TEST_DEVICE", "cpu")
 model = gsp.Model.from_string('''{ARM}''')
 data = gsp.Data(model, worlds=1024, device=device)
-renderer = gsp.Renderer(gsp.Scene(model).add_room().add_surface(), 64, 48, device=device)
+renderer = gsp.Renderer(gsp.Scene(model).add_room().add_surface(), 64, 48, device=device, normals=True, ids=True, rgb8=True)
 views, Ks = gsp.look_at([[1.5, 0, 0.8]] * 4, [0, 0, 0.4]), np.stack([gsp.pinhole(64, 48, 60)] * 4)
 if device != "cpu":
     import torch
@@ -393,7 +393,7 @@ if device != "cpu":
 def loop():
     gsp.step(model, data, 5)
     data.sensordata
-    renderer.render(data, views, Ks)
+    renderer.render(data, views, Ks, develop=dict(noise=0.02, background=(0.5, 0.5, 0.5)), jitter=dict(position=0.01))
 for _ in range(20):
     loop()
 before = [count(k) for k in range(3)]
@@ -552,23 +552,175 @@ def test_one_camera_and_channels_that_were_not_asked_for(model):
         gsp.Renderer(scene, 0, 24)
 
 
+def box_on_a_hinge():
+    """A box on a hinge, 1 m above the origin, and a scene of its Gaussians alone."""
+    model = gsp.Model.from_string(
+        '<mujoco><worldbody><body name="base"><body name="box" pos="0 0 1"><joint/><geom type="box" size="0.5 0.5 0.2"/></body></body></worldbody></mujoco>'
+    )
+    return model, gsp.Scene(model).add_surface()
+
+
+def test_normals():
+    model, scene = box_on_a_hinge()
+    data = gsp.Data(model, worlds=2)
+    at = gsp.look_at([[0, 0, 3], [3, 0, 1]], [0, 0, 1], up=[0, 1, 0]), gsp.pinhole(64, 48, 40)
+    for median in (False, True):
+        renderer = gsp.Renderer(scene, 64, 48, depth=False, normals=True, median_depth=median)
+        frames = renderer.render(data, *at)
+        normals = frames.normals.numpy()
+        assert normals.shape == (2, 48, 64, 3) and normals.dtype == np.float32
+        assert np.all(normals[:, 0] == 0) and np.all(normals[:, :, -1] == 0)
+        length = np.linalg.norm(normals, axis=-1)
+        assert np.all((length == 0) | (np.abs(length - 1) < 1e-5))
+        for c, axis in ((0, [0, 0, 1]), (1, [1, 0, 0])):  # the box's top and its side, in the middle of the pictures
+            assert np.median(normals[c, 20:28, 28:36] @ axis) > 0.9
+        address = frames.normals.pointer
+        assert renderer.render(data, *at).normals.pointer == address
+        assert "normals (2, 48, 64, 3)" in repr(frames)
+        with pytest.raises(gsp.Error, match="no depth"):
+            frames.depth
+    with pytest.raises(gsp.Error, match="no normals.*normals=True"):
+        gsp.Renderer(scene, 64, 48).render(data, *at).normals
+
+
+def test_ids():
+    model, scene = box_on_a_hinge()
+    data = gsp.Data(model)
+    at = gsp.look_at([0, 0, 3], [0, 0, 1], up=[0, 1, 0]), gsp.pinhole(64, 48, 40)
+    box = model.id("body", "box")
+    for median in (False, True):
+        frames = gsp.Renderer(scene, 64, 48, ids=True, median_depth=median).render(data, *at)
+        ids, alpha = frames.ids.numpy(), frames.alpha.numpy()
+        assert ids.shape == (1, 48, 64) and ids.dtype == np.int32 and "ids (1, 48, 64)" in repr(frames)
+        assert np.array_equal(ids, np.where(alpha >= 0.5, box, -1)) and ids[0, 24, 32] == box and ids[0, 0, 0] == -1
+        assert np.array_equal(frames.rgb, gsp.Renderer(scene, 64, 48).render(data, *at).rgb)
+    scene.add_room()
+    at = gsp.look_at([1.5, 0, 1], [0, 0, 1]), gsp.pinhole(64, 48, 60)
+    ids = gsp.Renderer(scene, 64, 48, rgb=False, ids=True).render(data, *at).ids.numpy()
+    assert set(np.unique(ids)) <= {-1, 0, box} and np.sum(ids == 0) > 100 and ids[0, 24, 32] == box
+
+
+def test_developed_pictures():
+    model, scene = box_on_a_hinge()
+    data = gsp.Data(model, worlds=2)
+    at = gsp.look_at([[0, 0, 3], [0, 0.5, 3]], [0, 0, 1], up=[0, 1, 0]), gsp.pinhole(64, 48, 40)
+    alone = gsp.Renderer(scene, 64, 48, rgb=False, depth=False, alpha=False, rgb8=True)
+    renderer = gsp.Renderer(scene, 64, 48, rgb8=True)
+
+    def develop(**words):
+        return renderer.render(data, *at, develop=words).rgb8.copy()
+
+    def bits(light):
+        return np.floor(np.clip(light, 0, 1) * 255 + 0.5)
+
+    frames = renderer.render(data, *at)
+    rgb, alpha = frames.rgb.copy(), frames.alpha.numpy()[..., None].copy()
+    assert frames.rgb8.shape == (2, 48, 64, 3) and frames.rgb8.dtype == np.uint8 and frames.rgb8.nbytes == 2 * 48 * 64 * 3
+    assert np.abs(frames.rgb8.numpy() - bits(rgb)).max() <= 1 and np.array_equal(frames.rgb8.copy(), frames.rgb8.numpy())
+    assert np.array_equal(np.from_dlpack(frames.rgb8), frames.rgb8) and "rgb8 (2, 48, 64, 3)" in repr(frames)
+    assert np.array_equal(alone.render(data, *at).rgb8, frames.rgb8)
+    rng = np.random.default_rng(0)
+    for background in ((0.2, 1, 0), rng.random((48, 64, 3)), rng.random((2, 48, 64, 3)).astype(np.float32)):
+        assert np.abs(develop(background=background) - bits(rgb + (1 - alpha) * np.asarray(background))).max() <= 1
+    brighter = develop(background=(0.5, 0.5, 0.5), exposure=0.5, seed=3)
+    change = brighter[:, 0, 0, 0] / 127.5
+    assert np.all((change > 2**-0.5 - 0.01) & (change < 2**0.5 + 0.01)) and change[0] != change[1]
+    noise = develop(background=(0.5, 0.5, 0.5), noise=0.05, seed=3, step=7)
+    nothing = alpha[..., 0] == 0
+    assert abs(noise[nothing].std() / 255 - 0.05) < 0.005 and abs(noise[nothing].mean() - 127.5) < 1
+    assert np.array_equal(noise, develop(background=[0.5] * 3, noise=np.float32(0.05), seed=np.uint64(3), step=np.int32(7)))
+    for other in (dict(seed=4, step=7), dict(seed=3, step=8), dict(seed=3, step=7, first_image=2)):
+        assert not np.array_equal(noise, develop(background=[0.5] * 3, noise=0.05, **other))
+    second = renderer.render(data, at[0][1], at[1], world=[1], develop=dict(background=[0.5] * 3, noise=0.05, seed=3, step=7, first_image=1))
+    assert np.array_equal(second.rgb8[0], noise[1])
+    renderer.render(data, *at)
+    address = renderer.render(data, *at).rgb8.pointer
+    assert renderer.render(data, *at, develop=dict(noise=0.1)).rgb8.pointer == address
+    for words, match in (
+        (dict(exposre=1), "develop has no 'exposre': give exposure, contrast"),
+        (dict(exposure=-1), "develop: exposure is -1: give a number of 0 or more, below 1e[+]06"),
+        (dict(contrast=1.5), "contrast is 1.5: give a number of 0 or more, at most 1"),
+        (dict(noise=np.nan), "noise is nan"),
+        (dict(brightness="much"), "brightness is 'much'"),
+        (dict(step=1.5), "step is 1.5: give a whole number from 0 to 72057594037927935"),
+        (dict(seed=-1), "seed is -1: give a whole number"),
+        (dict(background=(1, 1)), "background has 2 numbers: give a colour of 3"),
+        (dict(background=np.zeros((48, 64, 3), np.uint8)), "background holds whole numbers.*255"),
+        (dict(background=np.zeros((24, 32, 3))), "background has shape"),
+        (dict(background=np.zeros((3, 48, 64, 3))), "3 pictures for 2 cameras: give one a camera"),
+    ):
+        with pytest.raises(gsp.Error, match=match):
+            develop(**words)
+    with pytest.raises(gsp.Error, match="develop is 0.5: give a dict"):
+        renderer.render(data, *at, develop=0.5)
+    with pytest.raises(gsp.Error, match="develop is of rgb8.*rgb8=True"):
+        gsp.Renderer(scene, 64, 48).render(data, *at, develop=dict(noise=0.1))
+
+
+def test_jittered_cameras():
+    model, scene = box_on_a_hinge()
+    data = gsp.Data(model)
+    at = gsp.look_at([[0, 0, 3]] * 3, [0, 0, 1], up=[0, 1, 0]), gsp.pinhole(64, 48, 40)
+    views = at[0].copy()
+    renderer = gsp.Renderer(scene, 64, 48, normals=True)
+
+    def pictures(**jitter):
+        return renderer.render(data, *at, jitter=jitter).depth.copy()
+
+    straight = renderer.render(data, *at).depth.copy()
+    assert np.array_equal(pictures(seed=1, step=2), straight)
+    # depth of the box's top tells how far each camera went along its axis
+    moved = pictures(position=0.2, seed=1)
+    far = moved[:, 24, 32] - straight[:, 24, 32]
+    assert np.all(np.abs(far) < 0.2) and len(set(far.round(4))) == 3 and np.abs(far).max() > 0.01
+    assert np.array_equal(pictures(position=0.2, seed=1), moved)
+    second = renderer.render(data, at[0][1], at[1], jitter=dict(position=0.2, seed=1, first_image=1)).depth[0]
+    assert np.array_equal(second, moved[1])
+    for other in (dict(position=0.2, seed=2), dict(position=0.2, seed=1, step=1), dict(rotation=0.1), dict(focal=0.2), dict(principal=5)):
+        changed = pictures(**other)
+        assert not np.array_equal(changed, moved) and not np.array_equal(changed[0], changed[1])
+    assert np.array_equal(at[0], views) and np.array_equal(renderer.render(data, *at).depth, straight)
+    # normals are of the cameras that drew the depth, in world axes: however much they turn, the top looks up
+    normals = renderer.render(data, *at, jitter=dict(rotation=0.2, seed=5)).normals.numpy()
+    assert np.all(np.median(normals[:, 20:28, 28:36, 2], axis=(1, 2)) > 0.9)
+    for words, match in (
+        (dict(positon=1), "jitter has no 'positon': give position, rotation, focal, principal, seed, step, first_image"),
+        (dict(rotation=4), "jitter: rotation is 4: give a number of 0 or more, at most 3.14159"),
+        (dict(focal=1), "focal is 1: give a number of 0 or more, below 1"),
+        (dict(step=2**56), "step is 72057594037927936: give a whole number"),
+        (dict(first_image=2**32 - 2), "first_image is 4294967294: give a whole number from 0 to 4294967293"),
+    ):
+        with pytest.raises(gsp.Error, match=match):
+            pictures(**words)
+
+
 def test_each_world_shows_its_own_sets(model):
     data = gsp.Data(model, worlds=3)
     room, robot = gsp.Scene(model).add_room(), gsp.Scene(model).add_surface()
     view, K = gsp.look_at([1, -1, 1], [0, 0, 0.3]), gsp.pinhole(32, 24, 60)
     views = np.stack([view] * 3)
     both = gsp.Renderer(gsp.Scene(model).add_room().add_surface(), 32, 24)
-    everything = both.render(data, views, K)
+    frames = both.render(data, views, K)
+    view_of_memory, everything = frames.rgb.numpy(), frames.rgb.copy()
     both.show([[0], [1], [1, 0]])
     shown = both.render(data, views, K)
-    assert np.array_equal(shown.rgb[2], everything.rgb[0])  # what was drawn before stays what it is
+    assert shown.rgb.pointer == frames.rgb.pointer and np.array_equal(view_of_memory, shown.rgb)  # views that are held see it too
+    assert np.array_equal(shown.rgb[2], everything[0])
     assert np.array_equal(shown.rgb[0], gsp.Renderer(room, 32, 24).render(data, view, K).rgb[0])
     assert np.array_equal(shown.rgb[1], gsp.Renderer(robot, 32, 24).render(data, view, K).rgb[0])
     assert not np.array_equal(shown.rgb[0], shown.rgb[1])
     both.show([])
-    assert np.array_equal(both.render(data, views, K).rgb[0], everything.rgb[0])
+    assert np.array_equal(both.render(data, views, K).rgb, everything)
+    assert np.array_equal(view_of_memory, everything)
+    few = gsp.Renderer(gsp.Scene(model).add_room().add_surface(), 32, 24)
+    few.show([[1], [1], [1]])  # from a small set to all: buffers grow, and the pictures stay where they are
+    small = few.render(data, views, K)
+    view_of_memory = small.rgb.numpy()
+    few.show([])
+    assert few.render(data, views, K).rgb.pointer == small.rgb.pointer and np.array_equal(view_of_memory, everything)
     with pytest.raises(ValueError, match="names set 2; make_gaussians was given 2"):
         both.show([[0], [2], [1]])
+    assert np.array_equal(both.render(data, views, K).rgb, everything)  # a show that was refused changes nothing
 
 
 def test_splats_are_put_where_they_are_said_to_stand(model, tmp_path):

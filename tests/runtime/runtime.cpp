@@ -9,6 +9,11 @@
 #include <gsp/runtime/renderer.hpp>
 #include <gsp/runtime/session.hpp>
 #include <gsp/runtime/stage_times.hpp>
+#include <gsp/splat/develop.hpp>
+#include <gsp/splat/id_channel.hpp>
+#include <gsp/splat/jitter_cameras.hpp>
+#include <gsp/splat/median_depth.hpp>
+#include <gsp/splat/normals.hpp>
 #include <gsp/splat/render.hpp>
 #include <gsp/splat/sample_surface.hpp>
 #include <gsp/step/step.hpp>
@@ -586,6 +591,24 @@ TEST_CASE("pictures of the simulation's poses, where they lie") {
     renderer->show_sets({});
     renderer->render(stepper->poses(), cameras);
     CHECK(on_host<float>(renderer->frames().rgb) == rgb);
+    CHECK(renderer->frames().rgb.data == frames.rgb.data);
+    {  // from a small set to all: buffers grow, and the pictures stay where they are
+      Scene two = scene;
+      two.add_room();
+      auto const all = make_renderer(device, two, pictures);
+      auto const grows = make_renderer(device, two, pictures);
+      all->render(stepper->poses(), cameras);
+      grows->show_sets({{0}, {0}, {0}, {0}});
+      grows->render(stepper->poses(), cameras);
+      auto const first = grows->frames();
+      CHECK(on_host<float>(first.rgb) == rgb);
+      grows->show_sets({});
+      grows->render(stepper->poses(), cameras);
+      CHECK(grows->frames().rgb.data == first.rgb.data);
+      CHECK(grows->frames().depth.data == first.depth.data);
+      CHECK(on_host<float>(grows->frames().rgb) == on_host<float>(all->frames().rgb));
+      CHECK(on_host<float>(first.rgb) != rgb);
+    }
     // Kinematics of the same positions in float64 give the same pictures but for rounding.
     auto const kinematics = make_kinematics(device, compiled);
     std::vector<double> q(std::size_t(4 * compiled.nq));
@@ -598,6 +621,104 @@ TEST_CASE("pictures of the simulation's poses, where they lie") {
     CHECK(difference / double(rgb.size()) < 1e-4);  // poses differ by some 1e-7 m, a Gaussian is some mm wide
     CHECK_THROWS_AS(renderer->render(stepper->poses(), {host_array(four_views.data(), {4, 4, 4}), host_array(Ks.data(), {1, 3, 3}), {}}),
                     std::invalid_argument);
+  }
+}
+
+TEST_CASE("normals, ids, 8-bit pictures and jittered cameras are those of the headers") {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  std::vector<float> const viewmats{1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 2, 0, 0, 0, 1,   // from -y, 2 m away
+                                    1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 1, 0, 0, 0, 1};  // and 1 m
+  std::vector<float> const Ks{60, 0, 32, 0, 60, 24, 0, 0, 1, 60, 0, 32, 0, 60, 24, 0, 0, 1};
+  for (Device const device : devices()) {
+    StepperOptions options;
+    options.worlds = 2;
+    auto const stepper = make_stepper(device, compiled, options);
+    stepper->step({.steps = 5});
+    Scene scene;
+    scene.add_surface(compiled);
+    RendererOptions pictures;
+    pictures.width = 64;
+    pictures.height = 48;
+    pictures.rgb = false;
+    pictures.median_depth = true;
+    pictures.normals = true;
+    pictures.ids = true;
+    pictures.rgb8 = true;
+    auto const renderer = make_renderer(device, scene, pictures);
+    CHECK(renderer->bytes_needed(2) > std::int64_t(2) * 64 * 48 * (4 * (3 + 1 + 1 + 1 + 3 + 1) + 3));
+    Buffer const views = make_buffer(device, Dtype::float32, {2, 4, 4});
+    Buffer const intrinsics = make_buffer(device, Dtype::float32, {2, 3, 3});
+    copy(host_array(viewmats.data(), {2, 4, 4}), views.array);
+    copy(host_array(Ks.data(), {2, 3, 3}), intrinsics.array);
+    CameraArrays const cameras{views.array, intrinsics.array, {}};
+    gsp::runtime::DrawOptions draw;
+    draw.develop = {.exposure = 0.5f, .contrast = 0.2f, .brightness = 0.1f, .noise = 0.02f, .background = {0.6f, 0.7f, 0.9f}, .seed = 1};
+    draw.develop.step = 7;
+    draw.jitter = {.position = 0.02f, .rotation = 0.01f, .focal = 0.02f, .principal = 2, .seed = 3, .step = 1, .first_image = 5};
+    renderer->render(stepper->poses(), cameras, draw);  // buffers find their size
+    auto const before = renderer->frames();
+    auto const seen = watch([&] { renderer->render(stepper->poses(), cameras, draw); });
+    check_no_allocation(seen);
+    check_labels(seen);
+    auto const frames = renderer->frames();
+    CHECK_FALSE(frames.rgb);
+    CHECK(frames.normals.data == before.normals.data);
+    CHECK(frames.ids.data == before.ids.data);
+    CHECK(frames.rgb8.data == before.rgb8.data);
+    CHECK(on_host<float>(views.array) == viewmats);
+    auto const developed = on_host<std::uint8_t>(frames.rgb8);
+    CHECK(developed.size() == std::size_t(2 * 48 * 64 * 3));
+    auto const ids = on_host<int>(frames.ids);
+    CHECK(*std::max_element(ids.begin(), ids.end()) > 0);
+    CHECK(*std::max_element(ids.begin(), ids.end()) < compiled.nbody);
+    CHECK(*std::min_element(ids.begin(), ids.end()) == -1);
+    if (device == Device::cpu) {
+      using Host = Kokkos::HostSpace;
+      Kokkos::DefaultHostExecutionSpace const exec;
+      auto const cloud = gsp::make_gaussians(exec, {gsp::sample_surface(compiled, {.count = 30000, .world = false})});
+      auto const poses = stepper->poses();
+      gsp::Poses<float, Host> mine;
+      mine.xpos = decltype(mine.xpos)(static_cast<float*>(poses.xpos.data), 2, compiled.nbody, 3);
+      mine.xquat = decltype(mine.xquat)(static_cast<float*>(poses.xquat.data), 2, compiled.nbody, 4);
+      auto by_hand = gsp::make_frames(exec, cloud, {.images = 2, .width = 64, .height = 48});
+      auto jittered = gsp::make_cameras(exec, 2);
+      gsp::jitter_cameras(exec, gsp::make_cameras(exec, viewmats, Ks), jittered,
+                          {.position = 0.02f, .rotation = 0.01f, .focal = 0.02f, .principal = 2, .seed = 3, .step = 1, .first_image = 5});
+      gsp::MedianDepthChannel<Host> const median{Kokkos::View<float***, Kokkos::LayoutRight, Host>("median", 2, 48, 64)};
+      gsp::IdChannel<Host> const bodies{{}, Kokkos::View<int***, Kokkos::LayoutRight, Host>("bodies", 2, 48, 64)};
+      Kokkos::View<float****, Kokkos::LayoutRight, Host> const normals("normals", 2, 48, 64, 3);
+      Kokkos::View<std::uint8_t****, Kokkos::LayoutRight, Host> const bytes("bytes", 2, 48, 64, 3);
+      gsp::RenderOptions render;
+      render.alpha_max = pictures.alpha_max;
+      gsp::render(exec, cloud, mine, jittered, by_hand, render, median, bodies);
+      gsp::normals_of_depth(exec, median.image, jittered, normals);
+      gsp::DevelopOptions numbers{.exposure = 0.5f, .contrast = 0.2f, .brightness = 0.1f, .noise = 0.02f, .background = {0.6f, 0.7f, 0.9f}};
+      numbers.seed = 1;
+      numbers.step = 7;
+      gsp::develop(exec, by_hand, bytes, numbers);
+      auto const same = [](auto const& view, Array const& array) {
+        return std::memcmp(view.data(), array.data, view.span() * sizeof(*view.data())) == 0;
+      };
+      CHECK(same(by_hand.depth, frames.depth));
+      CHECK(same(median.image, frames.median_depth));
+      CHECK(same(bodies.image, frames.ids));
+      CHECK(same(normals, frames.normals));
+      CHECK(same(bytes, frames.rgb8));
+      std::vector<float> const colours(std::size_t(48 * 64 * 3), 0.5f);
+      draw.develop.background_picture = host_array(colours.data(), {1, 48, 64, 3});
+      renderer->render(poses, cameras, draw);
+      check_no_allocation(watch([&] { renderer->render(poses, cameras, draw); }));
+      numbers.background = {0.5f, 0.5f, 0.5f};
+      gsp::develop(exec, by_hand, bytes, numbers);
+      CHECK(same(bytes, renderer->frames().rgb8));
+    }
+    draw.develop.background_picture = {};
+    draw.develop.contrast = 2;
+    CHECK_THROWS_WITH_AS(renderer->render(stepper->poses(), cameras, draw), doctest::Contains("contrast (at most 1)"),
+                         std::invalid_argument);
+    draw.develop.contrast = 0;
+    draw.jitter.focal = 1;
+    CHECK_THROWS_WITH_AS(renderer->render(stepper->poses(), cameras, draw), doctest::Contains("focal (below 1)"), std::invalid_argument);
   }
 }
 

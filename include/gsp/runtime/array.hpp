@@ -10,7 +10,7 @@
 namespace gsp::runtime {
 
 enum class Device { cpu, cuda };
-enum class Dtype { float32, float64, int32, int64, uint32 };
+enum class Dtype { float32, float64, int32, int64, uint32, uint8 };
 
 std::int64_t bytes_of(Dtype dtype);
 
@@ -25,9 +25,12 @@ constexpr Dtype dtype_of() {
     return Dtype::int32;
   else if constexpr (std::is_same_v<Item, std::int64_t>)
     return Dtype::int64;
-  else {
-    static_assert(std::is_same_v<Item, std::uint32_t>, "gsp::runtime: arrays hold float, double, int, std::int64_t or std::uint32_t");
+  else if constexpr (std::is_same_v<Item, std::uint32_t>)
     return Dtype::uint32;
+  else {
+    static_assert(std::is_same_v<Item, std::uint8_t>,
+                  "gsp::runtime: arrays hold float, double, int, std::int64_t, std::uint32_t or std::uint8_t");
+    return Dtype::uint8;
   }
 }
 

@@ -33,16 +33,42 @@ io::SplatSet room_set();
 
 struct RendererOptions {
   int width = 640, height = 480;
-  bool rgb = true, depth = true, alpha = true, median_depth = false;
+  bool rgb = true, depth = true, alpha = true, median_depth = false, normals = false, ids = false, rgb8 = false;
   int batch = 0;  // images a wave; 0: chosen
   float alpha_max = 0.999f;
 };
 
-/// float32 on the renderer's device; empty where a channel was not asked for. They hold until the next `render`.
+/// float32 (ids: int32, rgb8: uint8) on the renderer's device; empty where a channel was not asked for. They hold until the next `render`,
+/// which writes into the same memory; one of another number of pictures frees it.
 struct FrameArrays {
   Array rgb;           // (C, H, W, 3)
   Array depth, alpha;  // (C, H, W)
   Array median_depth;  // (C, H, W) as splat/median_depth.hpp has it
+  Array normals;       // (C, H, W, 3) as splat/normals.hpp has them, of median_depth where that is asked for, else of depth
+  Array ids;   // (C, H, W) bodies as splat/id_channel.hpp has them: 0 stands still, -1 where more than half of the light comes through
+  Array rgb8;  // (C, H, W, 3) rgb as splat/develop.hpp develops it
+};
+
+/// How 8-bit pictures come of the light: the numbers of gsp::DevelopOptions (splat/develop.hpp).
+struct Development {
+  float exposure = 0, contrast = 0, brightness = 0, noise = 0;
+  std::array<float, 3> background{0, 0, 0};
+  Array background_picture = {};  // (1 or C, H, W, 3) floats in its place, on any device; empty: the colour
+  std::uint64_t seed = 0;
+  std::int64_t step = 0, first_image = 0;
+};
+
+/// How far cameras are from what they are said to be: the numbers of gsp::JitterCamerasOptions (splat/jitter_cameras.hpp).
+struct CameraJitter {
+  float position = 0, rotation = 0, focal = 0, principal = 0;
+  std::uint64_t seed = 0;
+  std::int64_t step = 0, first_image = 0;
+};
+
+/// Of one call of `render`.
+struct DrawOptions {
+  Development develop = {};  // of rgb8
+  CameraJitter jitter = {};  // of the cameras, which stay what they are for the caller
 };
 
 class Renderer {
@@ -50,9 +76,9 @@ class Renderer {
   virtual ~Renderer() = default;
   /// One picture a camera, of worlds whose bodies stand as `poses` says: arrays on the renderer's device, such as Stepper::poses(), or
   /// empty ones: nothing moves. On return the pictures are done.
-  virtual void render(PoseArrays const& poses, CameraArrays const& cameras) = 0;
+  virtual void render(PoseArrays const& poses, CameraArrays const& cameras, DrawOptions const& options = {}) = 0;
   /// Which of the scene's sets each world shows (splat/show_sets.hpp), in the order in which they were added; empty: all of them, as at
-  /// first. For the next `render` on.
+  /// first. For the next `render` on, whose pictures come where they were.
   virtual void show_sets(std::vector<std::vector<int>> const& sets_of_world) = 0;
   virtual FrameArrays frames() const = 0;
   /// A renderer of the same Gaussians, which it shares, with pictures of its own.

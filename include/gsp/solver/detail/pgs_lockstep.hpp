@@ -3,6 +3,7 @@
 #include <cstring>
 #include <gsp/constraint/detail/couple_rows.hpp>
 #include <gsp/constraint/impulses.hpp>
+#include <gsp/core/detail/prefetch.hpp>
 #include <gsp/math/detail/transpose.hpp>
 #include <gsp/solver/detail/leap.hpp>
 #include <gsp/solver/detail/list_islands.hpp>
@@ -387,9 +388,6 @@ struct LockstepPack {
     k.law.normals[b] = static_cast<unsigned char>(normals);
     k.law.with_next[b] = with_next;
     k.law.ellipse[b] = ellipses == 0 ? InLanes::none : lines > 0 ? InLanes::some : InLanes::all;
-  }
-  static void prefetch(void const* at, std::size_t bytes) {
-    for (std::size_t i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<char const*>(at) + i);
   }
   /// One pass over a block: rates, projections, z.
   /// @param change  in, out: largest change of a rate;   @param misses  in, out: sum d^2 (|Y|^2 + C)
