@@ -147,7 +147,10 @@ TEST_CASE("what a format clips is said, with how many Gaussians have it") {
   said = notes("b.spz", set);
   REQUIRE(said.size() == 1);
   CHECK(says(said[0], "b.spz: 2 Gaussians have colours (f_dc) beyond +-3.333"));
-  for (char const* file : {"b.ply", "b.compressed.ply", "b.glb", "b.usda"}) CHECK(notes(file, set).empty());
+  for (char const* file : {"b.ply", "b.glb", "b.usda"}) CHECK(notes(file, set).empty());
+  said = notes("b.compressed.ply", set);  // which holds them, and costs the neighbours theirs
+  REQUIRE(said.size() == 1);
+  CHECK(says(said[0], "b.compressed.ply: colours of "));
 
   set = within;
   set.sh[27 * 7 + 26] = -4.1f, set.sh[27 * 7 + 25] = 5, set.sh[27 * 9 + 3] = 1.3f;
@@ -205,7 +208,7 @@ TEST_CASE("a Gaussian far off, which costs its chunk their places, is said") {
   auto const said = write_splats(folder.path / "b.compressed.ply", set);
   REQUIRE(said.size() == 1);
   CHECK(says(said[0], "b.compressed.ply: places of "));
-  CHECK(says(said[0], "are off by more than its size, up to 2.4"));
+  CHECK(says(said[0], "are off by more than their size, up to 2.4"));
   // as many as that, by the file itself
   sort_splats(set);
   auto const again = read_splats(folder.path / "b.compressed.ply");
@@ -238,7 +241,7 @@ TEST_CASE("a Gaussian far off, which costs its chunk their places, is said") {
   set.positions[0] = 2e6f;
   auto const far = write_splats(folder.path / "d.spz", set);
   REQUIRE(far.size() == 1);
-  CHECK(says(far[0], "are off by more than its size, up to 0."));
+  CHECK(says(far[0], "are off by more than their size, up to 0."));
   CHECK(says(far[0], "24 bits reach as far as the farthest"));
 }
 
