@@ -12,8 +12,8 @@ namespace gsp {
 ///   alpha_i = min(alpha_max, 2^(power - (l11 dx + l21 dy)^2 - (l22 dy)^2)), left out below 1/255;   T_0 = 1, T_{i+1} = T_i (1 - alpha_i);
 ///   ends before the Gaussian for which T_{i+1} <= stop;   rgb = sum w_i c_i, w_i = alpha_i T_i;   alpha = 1 - T;   depth = sum w_i z_i /
 ///   max(alpha, 1e-10)
-/// CPU: a tile a task, a row of 16 pixels a pack, two rows at a time. GPU: a warp blends 8 x 8 pixels by itself, two a lane, from those splats of its tile that
-/// touch them.
+/// CPU: a tile a task, a row of 16 pixels a pack, two rows at a time. GPU: a warp blends 8 x 8 pixels by itself, two a lane, from those
+/// splats of its tile that touch them.
 /// @param channels  further picture channels (channels.hpp), the same as `project` was given
 /// @param frames  in: bin_tiles' lists.   out: rgb, depth, alpha of the images of the wave whose status is 0
 /// Errors: std::invalid_argument for a channel whose own `image` is not of the frames' size, and without room for what channels keep.
