@@ -17,7 +17,7 @@ struct SeenGaussian {
   int place;           // in the cloud
   int image, body;
   detail::ImageView const& view;
-  float blur;  // variance that the picture adds in x and y [pixel^2]
+  float blur;                            // variance that the picture adds in x and y [pixel^2]
   static constexpr bool lensed = false;  // a pinhole sees it, in all pictures of the wave
 
   /// Index in the sets that `make_gaussians` was given, one set after the other.

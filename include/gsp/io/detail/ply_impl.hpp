@@ -89,7 +89,8 @@ GSP_INLINE std::vector<std::byte> format_ply(SplatSet const& set) {
     for (std::size_t k = 0; k < rest; ++k) *out++ = set.sh[(i * terms + 1 + k % (terms - 1)) * 3 + k / (terms - 1)];
     double const o = set.opacities[i];
     *out++ = static_cast<float>(std::clamp(std::log(o) - std::log1p(-o), -104.0, 20.0));
-    for (std::size_t k = 0; k < 3; ++k) *out++ = static_cast<float>(std::log(std::max(double(set.scales[3 * i + k]), detail::ply_least_scale)));
+    for (std::size_t k = 0; k < 3; ++k)
+      *out++ = static_cast<float>(std::log(std::max(double(set.scales[3 * i + k]), detail::ply_least_scale)));
     std::copy_n(&set.quats[4 * i], 4, out);
     std::byte* const to = bytes.data() + header.size() + i * stride;
     std::memcpy(to, row.data(), 4 * floats);

@@ -337,7 +337,8 @@ inline SogFiles sog_files(SplatSet const& set) {
   }
   {
     std::vector<float> logs(3 * n);
-    for (std::size_t j = 0; j < 3 * n; ++j) logs[j] = static_cast<float>(std::log(std::max(double(set.scales[j]), std::exp(detail::packed_least_log_scale))));
+    for (std::size_t j = 0; j < 3 * n; ++j)
+      logs[j] = static_cast<float>(std::log(std::max(double(set.scales[j]), std::exp(detail::packed_least_log_scale))));
     auto const codebook = make_codebook(logs);
     Pixels pixels = blank();
     for (std::size_t i = 0; i < n; ++i) {
