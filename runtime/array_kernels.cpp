@@ -2,7 +2,6 @@
 #include <cstring>
 #include <gsp/core/detail/views.hpp>
 #include <gsp/runtime/array.hpp>
-#include <gsp/runtime/renderer.hpp>
 
 #include "device.hpp"
 

@@ -124,8 +124,7 @@ class KokkosRenderer : public Renderer {
     if (options_.median_depth) out.median_depth = array_of<Exec>(median_.image);
     if (options_.ids) out.ids = array_of<Exec>(ids_.image);
     if (options_.normals) out.normals = array_of<Exec>(normals_);
-    if (options_.rgb8)
-      out.rgb8 = make_array(rgb8_.data(), Dtype::uint8, device_of<Exec>(), {frames_.images, options_.height, options_.width, 3});
+    if (options_.rgb8) out.rgb8 = array_of<Exec>(rgb8_);
     return out;
   }
   std::int64_t bytes_needed(int images) const override {

@@ -157,6 +157,7 @@ class Task:
         """(worlds, action_size) of the last step, 0 after a reset."""
         self.last_action = self._zeros("float32", self.action_size)
         """(worlds, action_size) of the step before."""
+        self._next_action = self._zeros("float32", self.action_size)
         self._everywhere = self._zeros("bool") == 0
         self._key: Numbers = self._zeros("int64")
         self._world: Numbers = self._zeros("int64")
@@ -238,15 +239,15 @@ class Task:
         if self.device == "cpu" and not bool(self.xp.isfinite(action).all()):  # on a GPU the answer would be waited for
             world = int((~self.xp.isfinite(action)).any(1).nonzero()[0][0])
             raise Error(f"{type(self).__name__}: the action of world {world} is not finite: look at what the policy gives")
-        before = self._copy(self.last_action)
-        self.action, self.last_action = self.last_action, self.action
+        before = self.action, self.last_action
+        self.action, self.last_action = self._next_action, self.action
         self.action[:] = action
         try:
             self._call("act", self.action)
         except BaseException:  # it was not done
-            self.action, self.last_action = self.last_action, self.action
-            self.last_action[:] = before
+            self.action, self.last_action = before
             raise
+        self._next_action = before[1]
         self._to_library()
         _gsp.step(self.data.model, self.data, self.substeps)
         self._from_library()

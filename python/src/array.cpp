@@ -7,7 +7,6 @@
 #include <pthread.h>
 
 #include <gsp/core/check.hpp>
-#include <gsp/runtime/renderer.hpp>
 
 namespace gsp::python {
 namespace {

@@ -61,9 +61,8 @@ struct JitterCameras {
 /// Of the seed, the step and the image's number (gsp/math/philox.hpp), so the same come in any batch (first_image) and on any backend to
 /// rounding; what an option of 0 leaves alone keeps its bits.
 /// @param cameras   as they are meant
-/// @param jittered  out: viewmats, Ks of as many cameras; world, lenses, width, height become those of `cameras`, whose views they share.
-/// May be
-///                  `cameras` itself: then calls add up
+/// @param jittered  out: viewmats, Ks of as many cameras; world, lenses, width, height become those of `cameras`, whose views they share
+///                  (may be `cameras` itself: then calls add up)
 /// One launch. Neither allocates nor fences. Errors: std::invalid_argument for another number of cameras, for options that are not from 0
 /// to 1e6, a rotation over pi, a share that is not below 1, a step that is negative or not below 2^56, and images whose numbers are not
 /// within 0 to 2^32 - 1.

@@ -14,7 +14,6 @@ namespace gsp::io::detail {
 
 enum class SplatFormat { compressed_ply, ply, splat, spz, gltf, sog, usda };
 
-inline std::string gaussians_have(std::size_t n) { return std::to_string(n) + (n == 1 ? " Gaussian has " : " Gaussians have "); }
 inline std::string in_digits(double x, int digits) {
   char text[32];
   std::snprintf(text, sizeof text, "%.*g", digits, x);
@@ -30,7 +29,7 @@ void note_clipped(SplatSet const& set, SplatFormat format, SpzOptions const& opt
   auto const say = [&](auto const& is_beyond, std::string const& what) {
     std::size_t n = 0;
     for (std::size_t i = 0; i < set.size(); ++i) n += is_beyond(i);
-    if (n > 0) note(gaussians_have(n) + what + ", all that the format holds; clipped");
+    if (n > 0) note(std::to_string(n) + (n == 1 ? " Gaussian has " : " Gaussians have ") + what + ", all that the format holds; clipped");
   };
   double const colour = format == splat ? 0.5 / sh_c0 : format == spz ? 0.5 / spz_colour : infinity;
   say(
@@ -58,88 +57,69 @@ void note_clipped(SplatSet const& set, SplatFormat format, SpzOptions const& opt
       "scales below " + in_digits(scale, 3));
 }
 
-/// Of Gaussians whose places come from steps (low + k step, by axis), those that a step costs more than their size.
-struct CoarsePlaces {
-  std::size_t count = 0;
-  double worst = 0;
-  void add(SplatSet const& set, std::size_t i, std::array<double, 3> const& low, std::array<double, 3> const& step) {
-    double sum = 0;
-    for (std::size_t k = 0; k < 3; ++k)
-      if (step[k] > 0) {
-        double const t = (set.positions[3 * i + k] - low[k]) / step[k], off = (t - std::round(t)) * step[k];
-        sum += off * off;
-      }
-    double const off = std::sqrt(sum), size = *std::max_element(&set.scales[3 * i], &set.scales[3 * i] + 3);
-    if (off <= size) return;
-    ++count;
-    worst = std::max(worst, off);
-  }
-  template <class Note>
-  void say(Note const& note, std::string const& why) const {
-    if (count > 0)
-      note("places of " + std::to_string(count) +
-           (count == 1 ? " Gaussian are off by more than its size" : " Gaussians are off by more than their size") + ", up to " +
-           in_digits(worst, 3) + ": " + why + "; write another format, or leave out those that are far off");
-  }
-};
-
-/// Of 256 neighbours of a compressed PLY, which share the bounds of their colours: those that are off by more than a step of 8 bits from
-/// black to white.
-template <class Note>
-void note_coarse_colours(SplatSet const& set, Note const& note) {
-  std::size_t const stride = 3 * set.sh_terms();
-  std::size_t n = 0;
-  double worst = 0;
-  for (std::size_t first = 0; first < set.size(); first += 256) {
-    std::size_t const end = std::min(set.size(), first + 256);
+/// How far a number goes that becomes the nearest low + k step.
+inline double moved(double x, double low, double step) {
+  double const t = step > 0 ? (x - low) / step : 0;
+  return std::abs(t - std::round(t)) * step;
+}
+/// use(i, how far each of its three numbers goes) of n Gaussians of a compressed PLY, in their order: 256 neighbours share the bounds of
+/// what number(i, k) says, each cut into so many steps.
+template <class Number, class Use>
+void for_neighbours(std::size_t n, std::array<int, 3> const& steps, Number const& number, Use const& use) {
+  for (std::size_t first = 0; first < n; first += 256) {
+    std::size_t const end = std::min(n, first + 256);
     std::array<double, 3> low{}, step{};
     for (std::size_t k = 0; k < 3; ++k) {
-      double high = low[k] = set.sh[stride * first + k];
+      double high = low[k] = number(first, k);
       for (std::size_t i = first; i < end; ++i) {
-        low[k] = std::min(low[k], double(set.sh[stride * i + k]));
-        high = std::max(high, double(set.sh[stride * i + k]));
+        low[k] = std::min(low[k], double(number(i, k)));
+        high = std::max(high, double(number(i, k)));
       }
-      step[k] = (high - low[k]) / 255;
+      step[k] = (high - low[k]) / steps[k];
     }
-    for (std::size_t i = first; i < end; ++i) {
-      double off = 0;
-      for (std::size_t k = 0; k < 3; ++k) {
-        double const t = step[k] > 0 ? (set.sh[stride * i + k] - low[k]) / step[k] : 0;
-        off = std::max(off, sh_c0 * std::abs(t - std::round(t)) * step[k]);
-      }
-      n += off > 1. / 255;
-      worst = std::max(worst, off);
-    }
+    for (std::size_t i = first; i < end; ++i)
+      use(i, std::array{moved(number(i, 0), low[0], step[0]), moved(number(i, 1), low[1], step[1]), moved(number(i, 2), low[2], step[2])});
   }
-  if (n > 0)
-    note("colours of " + std::to_string(n) + (n == 1 ? " Gaussian" : " Gaussians") + " are off by more than 1/255, up to " +
-         in_digits(worst, 3) + ": 256 neighbours share bounds; write another format, or leave out those that are far brighter");
 }
 
-/// Of a set in the order of its file.
+/// Places and colours that go further than they may, of a set in the order of its file: places by the Gaussian's size, colours by a step of
+/// 8 bits from black to white.
 template <class Note>
-void note_coarse_places(SplatSet const& set, SplatFormat format, Note const& note) {
-  CoarsePlaces coarse;
+void note_coarse(SplatSet const& set, SplatFormat format, Note const& note) {
+  std::size_t count = 0;
+  double worst = 0;
+  auto const take = [&](double off, double most) {
+    if (!(off > most)) return;
+    ++count;
+    worst = std::max(worst, off);
+  };
+  auto const place = [&](std::size_t i, std::size_t k) { return set.positions[3 * i + k]; };
+  auto const take_place = [&](std::size_t i, std::array<double, 3> const& off) {
+    take(std::sqrt(off[0] * off[0] + off[1] * off[1] + off[2] * off[2]), *std::max_element(&set.scales[3 * i], &set.scales[3 * i] + 3));
+  };
+  auto const say = [&](std::string const& what, std::string const& than, std::string const& why) {
+    if (count > 0)
+      note(what + std::to_string(count) + (count == 1 ? " Gaussian" : " Gaussians") + " are off by more than " + than + ", up to " +
+           in_digits(worst, 3) + ": " + why + "; write another format, or leave out those that are far off");
+    count = 0;
+    worst = 0;
+  };
+  auto const size = [&] { return std::string(count == 1 ? "its size" : "their size"); };
   if (format == SplatFormat::spz) {
     double const step = std::ldexp(1., -spz_fraction_bits(set));
-    for (std::size_t i = 0; i < set.size(); ++i) coarse.add(set, i, {0, 0, 0}, {step, step, step});
-    coarse.say(note, "24 bits reach as far as the farthest");
+    for (std::size_t i = 0; i < set.size(); ++i)
+      take_place(i, {moved(place(i, 0), 0, step), moved(place(i, 1), 0, step), moved(place(i, 2), 0, step)});
+    say("places of ", size(), "24 bits reach as far as the farthest");
   } else if (format == SplatFormat::compressed_ply) {
-    for (std::size_t first = 0; first < set.size(); first += 256) {
-      std::size_t const end = std::min(set.size(), first + 256);
-      std::array<double, 3> low{}, step{};
-      for (std::size_t k = 0; k < 3; ++k) {
-        double high = low[k] = set.positions[3 * first + k];
-        for (std::size_t i = first; i < end; ++i) {
-          low[k] = std::min(low[k], double(set.positions[3 * i + k]));
-          high = std::max(high, double(set.positions[3 * i + k]));
-        }
-        step[k] = (high - low[k]) / (k == 1 ? 1023 : 2047);
-      }
-      for (std::size_t i = first; i < end; ++i) coarse.add(set, i, low, step);
-    }
-    coarse.say(note, "256 neighbours share bounds");
-    note_coarse_colours(set, note);
+    constexpr char const* why = "256 neighbours share bounds";
+    for_neighbours(set.size(), {2047, 1023, 2047}, place, take_place);
+    say("places of ", size(), why);
+    for_neighbours(
+        set.size(), {255, 255, 255}, [&](std::size_t i, std::size_t k) { return set.sh[3 * set.sh_terms() * i + k]; },
+        [&](std::size_t, std::array<double, 3> const& off) {
+          take(sh_c0 * std::max({off[0], off[1], off[2]}), 1. / 255);
+        });
+    say("colours of ", "1/255", why);
   }
 }
 

@@ -90,7 +90,7 @@ GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& pa
   if (format == splat && set.sh_degree > 0) note("SH terms above degree 0 are left out; the format has no place for them");
   detail::note_clipped(set, format, options.spz, note);
   if (format == compressed_ply || format == sog) sort_splats(set);
-  detail::note_coarse_places(set, format, note);
+  detail::note_coarse(set, format, note);
 
   auto const ranges = is_ply ? std::vector<LinkRange>{} : link_ranges(set);
   std::string const text = ranges.empty() ? "" : format_links(ranges);

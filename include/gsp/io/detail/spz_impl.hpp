@@ -140,7 +140,7 @@ GSP_INLINE SplatSet parse_spz_data(Bytes bytes, std::string const& name) {
         std::int32_t const fixed = int(positions[3 * j]) | int(positions[3 * j + 1]) << 8 | int(positions[3 * j + 2]) << 16;
         set.positions[j] = static_cast<float>(std::ldexp(fixed >= 1 << 23 ? fixed - (1 << 24) : fixed, -h.fraction_bits));
       }
-      set.scales[j] = static_cast<float>(std::exp(double(scales[j]) / 16 - 10));
+      set.scales[j] = static_cast<float>(std::exp(double(scales[j]) / 16 + detail::spz_least_log_scale));
       set.sh[3 * terms * i + k] = static_cast<float>((double(colours[j]) / 255 - 0.5) / detail::spz_colour);
     }
     set.opacities[i] = static_cast<float>(double(alphas[i]) / 255);
