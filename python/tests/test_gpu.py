@@ -74,6 +74,37 @@ def test_torch_jax_and_cupy_see_the_memory():
         assert j.shape == (4, model.nv) and float(j[2, 3]) == 5
 
 
+# Drawn by other kernels, with sums in another order: what a splat at the end of its ellipse adds may be there on one and not on the other.
+def test_pictures_are_the_cpus():
+    def pictures(device, median):
+        model, data = quadruped(3, device)
+        scene = gsp.Scene(model).add_room().add_surface()
+        renderer = gsp.Renderer(scene, 96, 72, device=device, normals=True, ids=True, rgb8=True, median_depth=median)
+        views = gsp.look_at([[0.8, 0, 0.5], [0.3, 0.7, 0.4], [-0.6, -0.5, 0.6]], [0, 0, 0.2])
+        Ks = np.stack([gsp.pinhole(96, 72, 60)] * 3)
+        background = np.random.default_rng(2).random((72, 96, 3)).astype(np.float32)
+        if device != "cpu":
+            views, Ks, background = (torch.as_tensor(a, device=device) for a in (views, Ks, background))
+        calls = [dict(), dict(develop=dict(background=background, exposure=0.2, contrast=0.1, brightness=0.1, noise=0.05, seed=3, step=9)),
+                 dict(jitter=dict(position=0.05, rotation=0.1, focal=0.1, principal=3, seed=5)), dict(distortion=[-0.1, 0.02, 0.001, 0.002]),
+                 dict(distortion=[0.05, 0.01, 0, 0], fisheye=True)]
+        for words in calls:
+            frames = renderer.render(data, views, Ks, **words)
+            yield {name: getattr(frames, name).copy() for name in ("rgb", "depth", "alpha", "normals", "ids", "rgb8")}
+        renderer.show([[0], [1], [1, 0]])
+        frames = renderer.render(data, views, Ks)
+        shown = torch.from_dlpack(frames.ids), torch.from_dlpack(frames.rgb8)
+        assert [t.dtype for t in shown] == [torch.int32, torch.uint8] and all(t.is_cuda == (device != "cpu") for t in shown)
+        yield {name: getattr(frames, name).copy() for name in ("rgb", "depth", "alpha", "normals", "ids", "rgb8")}
+
+    for median in (False, True):
+        for call, (a, b) in enumerate(zip(pictures("cpu", median), pictures("cuda", median), strict=True)):
+            for name, most, share in (("rgb", 1e-4, 1e-3), ("depth", 1e-4, 2e-3), ("alpha", 1e-4, 1e-3), ("ids", 0, 1e-3), ("rgb8", 1, 1e-3), ("normals", 1e-2, 1e-2)):
+                off = np.abs(b[name].astype(np.float64) - a[name].astype(np.float64)) > most
+                assert off.mean() <= share, (median, call, name, off.mean())
+            assert a["rgb"].std() > 0.01 and len(np.unique(a["ids"])) >= 2, call
+
+
 def test_poses_are_of_the_positions_whoever_wrote_them():
     model, data = quadruped(4, "cuda")
     t = torch.from_dlpack(data.qpos)

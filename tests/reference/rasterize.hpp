@@ -55,6 +55,7 @@ inline V3 colour(gsp::GaussianSet const& s, std::size_t i, V3 const& d) {
 struct Bend {
   std::function<std::array<double, 2>(double, double)> map;
   double valid;
+  bool anywhere = false;  // its derivative is taken at every ray, and not within limits about the picture alone
 };
 inline std::function<std::array<double, 2>(double, double)> opencv_map(std::vector<double> k) {
   k.resize(8);
@@ -138,7 +139,8 @@ inline Picture rasterize(gsp::GaussianSet const& set, std::vector<gsp::Transform
     auto const within = [](double s, double a, double b, double beyond) {  // a > b of a mirror
       return std::clamp(s, std::min(a, b) - beyond, std::max(a, b) + beyond);
     };
-    double sx = within(x / z, left, right, mx), sy = within(y / z, top, bottom, my);
+    bool const limited = !bend || !bend->anywhere;
+    double sx = limited ? within(x / z, left, right, mx) : x / z, sy = limited ? within(y / z, top, bottom, my) : y / z;
     if (double const far = std::hypot(sx, sy); bend && far > bend->valid) sx *= bend->valid / far, sy *= bend->valid / far;
     if (bend && !(std::hypot(x / z, y / z) <= bend->valid)) continue;
     auto const j = bend ? slope_of(*bend, sx, sy) : std::array<double, 4>{1, 0, 0, 1};

@@ -36,7 +36,7 @@ Case opencv(std::vector<double> const& k) {
 }
 Case fisheye(std::vector<double> const& k) {
   auto const lens = gsp::fisheye_lens(k);
-  return {lens, {gsp_reference::fisheye_map(k), lens.valid}};
+  return {lens, {gsp_reference::fisheye_map(k), lens.valid, true}};
 }
 /// Barrels, a pincushion, a rational one of a wide angle, one that is turned aside, a fisheye.
 std::vector<Case> cases() {
@@ -422,6 +422,47 @@ TEST_CASE_TEMPLATE("a Gaussian's middle and its ellipse are those of the full ma
       REQUIRE(std::abs(alpha(0, y, x) - (want < 1. / 255 ? 0 : want)) < 1e-5);  // float: 10 roundings of an exponent up to 5
     }
   CHECK(lit > 100);
+}
+
+// Before the camera's plane by a centimetre, and so in a pinhole of a size without bounds: a fisheye sees it at its distance. An ellipse
+// beside the picture, and the same of the full mapping where the picture is wide enough.
+TEST_CASE_TEMPLATE("what stands beside a fisheye's camera is as large as its distance says", Exec, GSP_TEST_EXECS) {
+  Exec const exec;
+  auto const lens = gsp::fisheye_lens({0.05, 0.01, 0, 0});
+  auto const map = gsp_reference::fisheye_map({0.05, 0.01, 0, 0});
+  int const width = 200, height = 150;
+  std::vector<float> const view{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  for (float const z : {0.011f, 0.2f}) {
+    gsp::GaussianSet set;
+    set.positions = {1.5f, 0, z};
+    set.quats = {1, 0, 0, 0};
+    set.scales = {0.2f, 0.2f, 0.2f};
+    set.opacities = {0.9f};
+    set.sh = {1, 1, 1};
+    set.body = {0};
+    auto const cloud = gsp::make_gaussians(exec, set);
+    for (float const f : {40.f, 160.f}) {
+      std::vector<float> const K{f, 0, 100, 0, f, 75, 0, 0, 1};
+      auto frames = gsp::make_frames(exec, cloud, {.images = 1, .width = width, .height = height});
+      gsp::render(exec, cloud, gsp::make_poses<float>(exec, 1, 1, 0), gsp::make_cameras(exec, view, K, {}, {lens}), frames, {.blur = 0});
+      // round it is: along the radius d(x_d)/da times the angle that a metre is there, across it x_d over the distance to the axis
+      double const x = 1.5 / double(z), a = std::atan(x), slope = 1 + 3 * 0.05 * a * a + 5 * 0.01 * a * a * a * a,
+                   radial = f * slope * double(0.2f) / std::hypot(1.5, double(z)), middle = f * map(x, 0)[0] + 100,
+                   across = f * map(x, 0)[0] / 1.5 * double(0.2f);
+      auto const alpha = on_host(frames.alpha);
+      int lit = 0;
+      for (int py = 0; py < height; ++py)
+        for (int px = 0; px < width; ++px) {
+          double const dx = (px + 0.5 - middle) / radial, dy = (py + 0.5 - 75) / across, want = 0.9 * std::exp(-0.5 * (dx * dx + dy * dy));
+          if (std::abs(want - 1. / 255) < 1e-4) continue;
+          lit += want > 1. / 255;
+          // of the derivative along the radius, 1 / (1 + r^2), there is left what a / r cancels to: float's rounding times r; of an
+          // exponent up to 5.5
+          REQUIRE(std::abs(alpha(0, py, px) - (want < 1. / 255 ? 0 : want)) < 1e-5 + 5.5 * 6e-8 * 4 * x);
+        }
+      CHECK((lit > 100) == (f < 100));
+    }
+  }
 }
 
 // A wall before the camera: rays by the reference's own way back, depth n . p = h in closed form; normals of the wall, medians in it.

@@ -19,10 +19,13 @@ KOKKOS_INLINE_FUNCTION int lens_ring(double radius) {
 KOKKOS_INLINE_FUNCTION bool look_through(Lens const& lens, int width, int height, ImageView& v) {
   double const fx = Kokkos::fabs(v.fx), fy = Kokkos::fabs(v.fy);
   v.lens = &lens;
-  // the rays of corners and of the middles of edges, and as much beyond as without a lens; where none comes to one of these, the lens's
-  // disc ends within the picture, at whatever place: then all of it
-  double low[2] = {1e300, 1e300}, high[2] = {-1e300, -1e300};
-  for (int i = 0; i < 9; ++i) {
+  // A fisheye's J (1 0 -x; 0 1 -y) / z falls with the distance, as it does along the ray: it is taken where the Gaussian is. Another's does
+  // not, and is taken no further out than the rays of corners and of the middles of edges, and as much beyond as without a lens; where none
+  // comes to one of these, the lens's disc ends within the picture, at whatever place: then all of it
+  bool const anywhere = lens.model == Lens::Model::fisheye;
+  double const least_limit = anywhere ? -1e30 : 1e30;
+  double low[2] = {least_limit, least_limit}, high[2] = {-least_limit, -least_limit};
+  for (int i = 0; i < 9 && !anywhere; ++i) {
     if (i == 4) continue;
     LensPoint<double> ray;
     bool const there = undistorted(lens, (i % 3 * 0.5 * width - v.cx) / v.fx, (i / 3 * 0.5 * height - v.cy) / v.fy, ray);

@@ -17,44 +17,51 @@ struct BeginLists {
   }
 };
 
-/// The tiles of a splat, a splat a thread; those of more than a few tiles by all lanes of the warp together, a row of tiles each. A block
-/// asks once for neighbouring places in the pool, and lanes that meet one tile ask once for neighbouring places in its list.
+/// The tiles of a splat, a splat a thread; those of more than a few tiles by a warp each, a tile a lane. A block asks once for neighbouring
+/// places in the pool, and lanes that meet one tile ask once for neighbouring places in its list.
 template <class Mem>
 struct ListPairs {
   SplatWave<Mem> wave;
-  static constexpr int threads = 128, warps = threads / 32, few = 8;
+  static constexpr int threads = 128, warps = threads / 32, few = 8, at_once = 4;
   static constexpr unsigned all = 0xffffffffu;
-  struct Places {
-    int of_warp[warps];
-    std::int64_t first;
+  struct Large {
+    int thread, before;  // whose splat it is; tiles of the block's splats before it
+  };
+  struct Shared {
+    int before_warp[warps];
+    std::int64_t first;  // place in the pool
+    int large_count;
+    Large large[threads];  // in no order
   };
 
-  __device__ void operator()(Places& places) const {
-    std::int64_t const i = std::int64_t(blockIdx.x) * threads + threadIdx.x, count = wave.visible();
-    if (i - threadIdx.x >= count) return;
+  __device__ void operator()(Shared& shared) const {
+    std::int64_t const begin = std::int64_t(blockIdx.x) * threads, i = begin + threadIdx.x, count = wave.visible();
+    if (begin >= count) return;
     int const warp = int(threadIdx.x) / 32, lane = int(threadIdx.x) % 32;
     SplatOrigin const o = i < count ? wave.origins(i) : SplatOrigin{};
     Splat const splat = wave.splats(i < count ? i : 0);  // on its way while the block asks for places
     int const upto = sum_upto_lane(o.tiles);
-    if (lane == 31) places.of_warp[warp] = upto;
+    if (lane == 31) shared.before_warp[warp] = upto;
     __syncthreads();
     if (threadIdx.x == 0) {
       int sum = 0;
-      for (int& n : places.of_warp) {
+      for (int& n : shared.before_warp) {
         int const own = n;
         n = sum;
         sum += own;
       }
-      places.first = std::int64_t(atomicAdd(reinterpret_cast<unsigned long long*>(&wave.pairs()), static_cast<unsigned long long>(sum)));
+      shared.large_count = 0;
+      shared.first = std::int64_t(atomicAdd(reinterpret_cast<unsigned long long*>(&wave.pairs()), static_cast<unsigned long long>(sum)));
     }
     __syncthreads();
-    std::int64_t const own = places.first + places.of_warp[warp] + upto - o.tiles, end = own + o.tiles;
-    bool const fits = end <= wave.pair_capacity;  // else the wave is left out (BeginTiles)
+    int const before = shared.before_warp[warp] + upto - o.tiles;
+    std::int64_t const own = shared.first + before;
+    bool const fits = own + o.tiles <= wave.pair_capacity;  // else the wave is left out (BeginTiles)
+    if (fits && o.tiles > few) shared.large[atomicAdd(&shared.large_count, 1)] = {int(threadIdx.x), before};
     one_by_one(i, o, splat, fits && o.tiles <= few ? o.tiles : 0, own, lane);
-    for (unsigned word = __ballot_sync(all, fits && o.tiles > few); word != 0; word &= word - 1) {
-      int const from = __ffs(int(word)) - 1;
-      together(i - lane + from, __shfl_sync(all, o.image, from), __shfl_sync(all, own, from), __shfl_sync(all, end, from), lane);
-    }
+    __syncthreads();
+    for (int k = warp; k < shared.large_count; k += warps)
+      together(begin + shared.large[k].thread, shared.first + shared.large[k].before, lane);
   }
 
  private:
@@ -79,20 +86,42 @@ struct ListPairs {
       if (left > 0) wave.pair_pool(to) = {tile, place, int(i), __float_as_uint(o.depth)};
     }
   }
-  __device__ void together(std::int64_t i, int image, std::int64_t to, std::int64_t end, int lane) const {
-    Splat const& s = wave.splats(i);
-    Ellipse const e(s);
+  /// Rows of tiles are the lanes', 32 at a time; then their tiles are, some at once, for each waits for its place.
+  __device__ void together(std::int64_t i, std::int64_t to, int lane) const {
+    SplatOrigin const o = wave.origins(i);
+    Ellipse const e(wave.splats(i));
     PixelRange const pixels = e.rows(0, wave.grid.height - 1), rows = wave.grid.rows_of(pixels);
-    int const columns = wave.grid.columns();
+    std::uint32_t const columns = std::uint32_t(wave.grid.columns());
+    std::int64_t const end = to + o.tiles;
     for (int top = rows.first; top <= rows.last; top += 32) {
       int const ty = top + lane;
       PixelRange const tiles = ty <= rows.last ? wave.grid.touched(e, pixels, ty) : PixelRange{0, -1};
       int const own = tiles.first <= tiles.last ? tiles.last - tiles.first + 1 : 0, upto = sum_upto_lane(own);
-      for (int k = 0; k < own && to + upto - own + k < end; ++k) {
-        std::uint32_t const tile = first_tile(image) + std::uint32_t(ty * columns + tiles.first + k);
-        wave.pair_pool(to + upto - own + k) = {tile, atomicAdd(&wave.tile_count(tile), 1), int(i), __float_as_uint(s.depth)};
+      int const count = __shfl_sync(all, upto, 31),
+                shift = tiles.first - (upto - own);  // the row's k-th tile of all is in column k + shift
+      for (int first = 0; first < count; first += 32 * at_once) {
+        std::uint32_t tile[at_once];
+        int place[at_once];
+#pragma unroll
+        for (int u = 0; u < at_once; ++u) {
+          tile[u] = no_tile;
+          if (first + 32 * u >= count) continue;  // for all lanes
+          int const k = first + 32 * u + lane;
+          int row = 0;  // how many rows end before k
+#pragma unroll
+          for (int step = 16; step > 0; step /= 2)
+            if (__shfl_sync(all, upto, row + step - 1) <= k) row += step;
+          int const column = k + __shfl_sync(all, shift, row);
+          if (k < count && to + k < end) tile[u] = first_tile(o.image) + std::uint32_t(top + row) * columns + std::uint32_t(column);
+        }
+#pragma unroll
+        for (int u = 0; u < at_once; ++u)
+          if (tile[u] != no_tile) place[u] = atomicAdd(&wave.tile_count(tile[u]), 1);
+#pragma unroll
+        for (int u = 0; u < at_once; ++u)
+          if (tile[u] != no_tile) wave.pair_pool(to + first + 32 * u + lane) = {tile[u], place[u], int(i), __float_as_uint(o.depth)};
       }
-      to += __shfl_sync(all, upto, 31);
+      to += count;
     }
     for (to += lane; to < end; to += 32) wave.pair_pool(to).tile = no_tile;  // cannot be while counting and listing round alike
   }
@@ -180,8 +209,8 @@ struct BeginTiles {
 
 template <class Pairs>
 __global__ void __launch_bounds__(Pairs::threads, 12) list_pairs_kernel(Pairs const __grid_constant__ pairs) {
-  __shared__ typename Pairs::Places places;
-  pairs(places);
+  __shared__ typename Pairs::Shared shared;
+  pairs(shared);
 }
 template <class Tiles>
 __global__ void __launch_bounds__(Tiles::threads) begin_tiles_kernel(Tiles const __grid_constant__ tiles) {
