@@ -530,6 +530,60 @@ TEST_CASE_TEMPLATE("medians and normals follow the rays of a lens", Exec, GSP_TE
                        doctest::Contains("1 lenses for 6 cameras"), std::invalid_argument);
 }
 
+// A small Gaussian alone, whose place in the picture is the blur's: z of S with the ball that a pixel is there, by the reference's slope.
+TEST_CASE_TEMPLATE("a median's blur is as wide as the lens's pixels", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Exec const exec;
+  gsp_test::Random random(17);
+  int const width = 80, height = 60;
+  double const f = 30, blur = 0.3;
+  std::vector<float> const view{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, K{30, 0, 40, 0, 30, 30, 0, 0, 1};
+  auto frames = gsp::Frames<Mem>{};
+  gsp::MedianDepthChannel<Mem> const median{Kokkos::View<float***, Kokkos::LayoutRight, Mem>("median", 1, height, width)};
+  int met = 0;
+  for (auto const& c : cases()) {
+    int of_lens = 0;
+    for (int round = 0; round < 40; ++round) {
+      gsp::Vec3<double> mu{0, 0, 1};
+      bool const there = gsp_reference::ray_of(c.bend, random.uniform(-40, 40) / f, random.uniform(-30, 30) / f, mu.x, mu.y);
+      if (!there || gsp::norm(mu) > 5) continue;
+      mu = 1.5 * mu;
+      auto const q = gsp::normalized(gsp::Quat<double>{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1), 0.2});
+      gsp::GaussianSet set;
+      for (int k = 0; k < 3; ++k) set.positions.push_back(float(mu[k])), set.sh.push_back(0);
+      for (double const k : {q.w, q.x, q.y, q.z}) set.quats.push_back(float(k));
+      set.scales = {0.02f, 0.004f, 0.001f};
+      set.opacities = {0.99f};
+      set.body = {0};
+      auto const cloud = gsp::make_gaussians(exec, set);
+      if (frames.width == 0) frames = gsp::make_frames(exec, cloud, {.images = 1, .width = width, .height = height});
+      gsp::render(exec, cloud, gsp::make_poses<float>(exec, 1, 1, 0), gsp::make_cameras(exec, view, K, {}, {c.lens}), frames,
+                  {.blur = float(blur)}, median);
+      auto const j = gsp_reference::slope_of(c.bend, mu.x / mu.z, mu.y / mu.z);
+      double const ball = blur * mu.z * mu.z * mu.z / (gsp::norm(mu) * f * f * (j[0] * j[3] - j[1] * j[2]));
+      auto const R = gsp::to_matrix(q);
+      auto const depth = on_host(median.image);
+      for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+          if (depth(0, y, x) == 0) continue;
+          gsp::Vec3<double> d{0, 0, 1};
+          REQUIRE(gsp_reference::ray_of(c.bend, (x + 0.5 - 40) / f, (y + 0.5 - 30) / f, d.x, d.y));
+          double above = 0, below = 0;
+          for (int k = 0; k < 3; ++k) {
+            auto const axis = gsp::column(R, k);
+            double const s2 = std::pow(double(set.scales[std::size_t(k)]), 2) + ball;
+            above += gsp::dot(axis, mu) * gsp::dot(axis, d) / s2, below += gsp::dot(axis, d) * gsp::dot(axis, d) / s2;
+          }
+          ++of_lens;
+          REQUIRE(std::abs(depth(0, y, x) / (above / below) - 1) < 1e-4);
+        }
+    }
+    CHECK(of_lens > 20);
+    met += of_lens;
+  }
+  MESSAGE(met, " pixels");
+}
+
 // x_d = x (1 - r^2) comes back to the axis at r = 1: what stands at r = 0.95 would be drawn at 0.09 without the disc, whose radius is
 // 0.577.
 TEST_CASE_TEMPLATE("nothing is drawn from where a lens leads back", Exec, GSP_TEST_EXECS) {

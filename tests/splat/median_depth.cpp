@@ -63,7 +63,8 @@ std::vector<Median> medians(gsp::GaussianSet const& set, std::vector<gsp::Transf
         V3 const d{(x + 0.5 - cx) / fx, (y + 0.5 - cy) / fy, 1};
         double up = 0, down = 0;
         for (int k = 0; k < 3; ++k) {
-          double const s = std::sqrt(double(set.scales[3 * i + k]) * set.scales[3 * i + k] + options.blur * mu.z * mu.z / (fx * fy)),
+          double const s = std::sqrt(double(set.scales[3 * i + k]) * set.scales[3 * i + k] +
+                                     options.blur * mu.z * mu.z * mu.z / (gsp::norm(mu) * fx * fy)),
                        m = dot(axis[k], mu) / s, w = dot(axis[k], d) / s;
           up += m * w, down += w * w;
         }

@@ -8,8 +8,9 @@ namespace gsp {
 /// them, as a LiDAR's return is (cast_splats.hpp); 0 where more comes through. The ray through the pixel's centre meets Gaussian i where it
 /// responds most,
 ///   z_i = (mu^T S^-1 d) / (d^T S^-1 d),   d = ((x - cx) / fx, (y - cy) / fy, 1),   mu: its centre, of the camera,
-///   S: its covariance, with the picture's blur of so many pixels^2 at its centre's depth added as a ball, blur mu_z^2 / (fx fy) 1
-/// (behind a lens d is the ray that comes to the pixel, `undistorted`, and 0 stands where none does)
+///   S: its covariance, and the picture's blur [pixel^2] as a ball, of pixels as large as they are there across the ray,
+///      blur mu_z^3 / (|mu| fx fy det J) 1
+/// (J = 1; behind a lens its slope at the centre, d is the ray that comes to the pixel, `undistorted`, and 0 stands where none does)
 /// with the alpha that the picture gives it there. (Expected depth, and the order in which colours blend, take the z of centres.) However
 /// many Gaussians a ray meets, none is lost: what there is no room for is gone through again. A channel of `render`, with a pass of its
 /// own; the other pictures stay what they are, bit by bit. Cost: as much as the picture again, several times where much is transparent.

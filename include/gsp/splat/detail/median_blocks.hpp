@@ -15,7 +15,8 @@ namespace gsp::detail {
 /// ray's place in the plane z = 1: since S^-1 mu = mu_z S^-1 d of the centre's ray d, six numbers say both, and the centre takes the
 /// others.
 /// S holds the blur of the picture too, as a ball: what a pixel shows of a Gaussian that is smaller than it is not where the Gaussian's
-/// plane goes on to, far outside of it.
+/// plane goes on to, far outside of it. A pixel is mu_z^2 / (fx fy det J) wide in the plane of mu_z, J the lens's slope there, and
+/// mu_z/|mu| of that across the ray.
 struct RayDepth {
   static constexpr int size = 9;
   template <class Seen>
@@ -27,7 +28,13 @@ struct RayDepth {
     Vec3<float> mu;
     for (int r = 0; r < 3; ++r)
       mu[r] = static_cast<float>(m[4 * r] * double(p.x) + m[4 * r + 1] * double(p.y) + m[4 * r + 2] * double(p.z) + m[4 * r + 3]);
-    float const blur = g.blur * mu.z * mu.z * static_cast<float>(1. / Kokkos::fabs(g.view.fx * g.view.fy));
+    Vec3<float> const d = (1.f / mu.z) * mu;
+    float pixel = mu.z * mu.z * static_cast<float>(1. / Kokkos::fabs(g.view.fx * g.view.fy)) / Kokkos::sqrt(dot(d, d));
+    if constexpr (Seen::lensed) {
+      LensSlope<float> const slope = distortion_slope(*g.view.lens, d.x, d.y);
+      pixel /= max(fma(slope.xx, slope.yy, -slope.xy * slope.xy), 1e-6f);  // at the end of a lens's disc: none
+    }
+    float const blur = g.blur * pixel;
     for (int k = 0; k < 3; ++k) s[k] = Kokkos::sqrt(fma(s[k], s[k], blur));
     float const most = max(s.x, max(s.y, s.z));
     // without blur: a disc without thickness, as in splat_tree.hpp; a point, which rays do not meet: a ball
@@ -41,7 +48,7 @@ struct RayDepth {
       for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) inverse(i, j) = fma(w * w * axis[i], axis[j], inverse(i, j));
     }
-    Vec3<float> const d = (1.f / mu.z) * mu, up = inverse * mu, down = inverse * d;
+    Vec3<float> const up = inverse * mu, down = inverse * d;
     if constexpr (Seen::lensed) {
       float const kept[size] = {dot(down, d), down.x, down.y, inverse(0, 0), 2.f * inverse(0, 1), inverse(1, 1), d.x, d.y, mu.z};
       for (int k = 0; k < size; ++k) out[k] = kept[k];
