@@ -54,6 +54,7 @@ Pruning prune(Device device, io::SplatSet const& set, std::string const& name, C
     o.keep = options.keep;
     o.depth_weight = options.depth_weight;
     o.render.alpha_max = options.alpha_max;
+    o.render.near = options.near;
     auto const with = [&](auto const& p) {
       auto const report = prune_gaussians(exec, cloud, p, cameras, frames, o);
       out.rounds = report.rounds;

@@ -72,6 +72,7 @@ class KokkosRenderer : public Renderer {
  public:
   KokkosRenderer(Scene const& scene, RendererOptions const& options) : options_(options), cloud_(make_gaussians(exec_, sets_of(scene))) {
     render_.alpha_max = options.alpha_max;
+    render_.near = options.near;
   }
   KokkosRenderer(RendererOptions const& options, RenderOptions const& render, Gaussians<Mem> const& cloud)
       : options_(options), render_(render), cloud_(cloud) {}

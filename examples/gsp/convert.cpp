@@ -57,7 +57,7 @@ Command convert_command() {
           "meta.json, .usda), and "
           "says what that "
           "format has no place "
-          "for; links stand in a PLY itself, else in TO.links.json",
+          "for; links stand in a PLY itself, else in TO.links.json beside it",
           2,
           2,
           {{"--sh-degree", "D", "leave out SH terms above degree D (0-3)"},

@@ -62,7 +62,7 @@ Views drawn(Views const& views, std::size_t count, double metres, double angle, 
 }
 
 /// The cameras as they stand in the frame of a file whose scene has this pose: V P, with lengths in the file's unit. What they see of the
-/// file is what cameras of the world see of the scene.
+/// file is what cameras of the world see of the scene, from a `near` in that unit on.
 void stand_in_file(CameraFile& cameras, gsp::io::SplatPose const& pose) {
   auto const& q = pose.quat;
   double const size = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
@@ -139,11 +139,13 @@ std::vector<std::size_t> spread(std::size_t n, std::size_t m, double phase) {
 /// alike. Else they are other views, for each camera at other entries.
 struct Split {
   Views fitted, held;
+  bool same = false;  // jitter alone sets them apart
 };
 Split split(Views const& all, std::size_t most, std::size_t most_held, bool moves) {
   std::size_t const cameras = static_cast<std::size_t>(all.camera.back()) + 1, each = all.count() / cameras;
   bool const same = moves && all.count() <= most;
   Split out;
+  out.same = same;
   for (std::size_t c = 0; c < cameras; ++c) {
     auto const share = [&](std::size_t n) { return (c + 1) * n / cameras - c * n / cameras; };
     std::size_t const fitted = share(most), spare = each > fitted ? each - fitted : 0,
@@ -264,6 +266,7 @@ int run(Arguments const& a) {
   if (a.has("--model") && !a.has("--cameras") && of_model.empty())
     throw Error(*a.text("--model") + ": has no camera; give --cameras C.npz, or a model with a <camera> where the robot has one");
   bool const moves = moved[0] > 0 || moved[1] > 0;
+  bool const from_all_round = !a.has("--cameras") && of_model.empty();
   Views all;
   if (auto const file = a.text("--cameras")) {
     all.cameras = read_cameras(*file, quiet(a));
@@ -277,7 +280,7 @@ int run(Arguments const& a) {
       all.state.push_back(a.has("--trace") ? static_cast<int>(i) : 0);
       all.camera.push_back(one ? 0 : static_cast<int>(i));
     }
-  } else if (of_model.empty()) {
+  } else if (from_all_round) {
     if (linked) throw Error(from + ": has Gaussians on links, and nothing says where those stand; give --model");
     auto placed = set;
     if (a.has("--splat-pose")) gsp::io::transform(placed, pose);
@@ -292,7 +295,10 @@ int run(Arguments const& a) {
            ", and some must be left to judge by; give a jitter, more cameras, or a trace along which there are more");
   if (cameras > most)
     a.fail("--views " + std::to_string(most) + " is less than one for each of " + std::to_string(cameras) + " cameras; give --views " +
-           std::to_string(cameras) + " or fewer cameras");
+           std::to_string(cameras) + " or more, or fewer cameras");
+  if (cameras > most_held)
+    a.fail("--held-out " + std::to_string(most_held) + " is less than one for each of " + std::to_string(cameras) +
+           " cameras; give --held-out " + std::to_string(cameras) + " or more, or fewer cameras");
 
   gsp::runtime::Session const session(threads);
   auto const kinematics = gsp::runtime::make_kinematics(device, model);
@@ -304,6 +310,7 @@ int run(Arguments const& a) {
   if (a.has("--splat-pose"))  // so that what is written stays where it is in its file
     for (auto* views : {&fitted, &held}) stand_in_file(views->cameras, pose);
   gsp::runtime::PruningOptions pruning;
+  options.near = pruning.near = static_cast<float>(double(options.near) / pose.scale);
   pruning.keep = keep;
   pruning.width = std::max(1, options.width / shrink);
   pruning.height = std::max(1, options.height / shrink);
@@ -326,6 +333,7 @@ int run(Arguments const& a) {
     small.width = pruning.width;
     small.height = pruning.height;
     small.batch = pruning.batch;
+    small.near = pruning.near;
     small.rgb = small.depth = false;
     small.alpha = true;
     auto const none = unseeing(*gsp::runtime::make_renderer(device, scene, small), poses, fitted);
@@ -338,7 +346,8 @@ int run(Arguments const& a) {
       auto const& [views, of] = none[c];
       if (views == 0 || ++said > 8) continue;  // a few are enough to see what is wrong
       std::string const name = !of_model.empty() ? camera_name(model, of_model[c]) : "camera " + std::to_string(c);
-      std::fprintf(stderr, "%s sees no Gaussian in %zu of %zu views\n", name.c_str(), views, of);
+      std::fprintf(stderr, "%s sees no Gaussian in %zu of %zu views: turn it to the scene, or let --splat-pose say where that stands\n",
+                   name.c_str(), views, of);
     }
     if (said > 8) std::fprintf(stderr, "and %zu more cameras\n", said - 8);
   }
@@ -366,6 +375,7 @@ int run(Arguments const& a) {
                                       {"seconds", seconds},
                                       {"views", fitted.count()},
                                       {"views_held_out", held.count()},
+                                      {"views_held_out_are_fitted_ones_moved", parts.same},
                                       {"rounds", result.rounds},
                                       {"sweeps", result.sweeps},
                                       {"peak_bytes", peak_bytes(device)},
@@ -375,8 +385,9 @@ int run(Arguments const& a) {
   }
   std::printf("%s -> %s: %zu of %zu Gaussians, fitted to %zu pictures on %s in %.4g s\n", from.c_str(), to.c_str(), result.set.size(),
               set.size(), fitted.count(), device_name(device).c_str(), seconds);
-  std::printf("beside all of them, on %zu views that it was not fitted to: PSNR %.2f dB, SSIM %.4f, median error of depth %.2g m\n",
-              held.count(), q.psnr, q.ssim, q.depth);
+  std::printf("beside all of them, on %zu views%s: PSNR %.2f dB, SSIM %.4f, median error of depth %.2g m\n", held.count(),
+              parts.same ? " that are moved otherwise than those it was fitted to" : " that it was not fitted to", q.psnr, q.ssim, q.depth);
+  if (!a.has("--quiet") && !from_all_round) std::printf("  what these cameras never see is not kept: other views may show holes\n");
   if (!a.has("--quiet"))
     for (auto const& n : notes) std::printf("  %s\n", n.c_str());
   return 0;
@@ -388,7 +399,7 @@ Command prune_command() {
   return {"prune",
           "SPLAT",
           "leaves out the Gaussians that pictures need least, of a robot's cameras along a trace, of a file's, or from all round, fits the "
-          "colours, opacities and sizes of the others, and says how much the pictures change on views that it was not fitted to",
+          "colours, opacities and sizes of the others, and says how much the pictures change on other views of these cameras",
           1,
           1,
           {{"--out", "P", "the file to write, in the format that its ending names (gsp convert)"},
@@ -410,7 +421,7 @@ Command prune_command() {
            {"--jitter", "\"metres degrees\"", "how far cameras are moved and turned at random; \"0.02 3\""},
            {"--views", "N", "pictures that are kept alike, at most: of each camera as many, taken evenly, several times with jitter; 256"},
            {"--held-out", "N",
-            "views that only judge, of each camera as many: the same ones, with another jitter, where --views takes all, else others; 32"},
+            "views that judge, of each camera as many: the fitted ones, with another jitter, where --views takes all, else others; 32"},
            {"--width", "W", "of the pictures, 640"},
            {"--height", "H", "of the pictures, 480"},
            {"--shrink", "S", "fitted to pictures that are so many times smaller in width and height; 2"},

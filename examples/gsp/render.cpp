@@ -118,7 +118,20 @@ void tell_of_empty(std::vector<std::size_t> const& empty, std::size_t count, std
   else
     which += std::string(empty.size() > most ? " ..." : "") + " of " + std::to_string(count) + (empty.size() > 1 ? " show" : " shows") +
              " no Gaussian" + (empty.size() > most ? " (" + std::to_string(empty.size()) + ")" : "");
-  std::fprintf(stderr, "%s\n", which.c_str());
+  std::fprintf(stderr, "%s: turn the camera to the scene, or let --splat-pose say where that stands\n", which.c_str());
+}
+
+/// Notes cameras whose K was made for pictures of another size: its axis is far from the middle.
+void tell_of_sizes(CameraFile const& cameras, std::string const& path, int width, int height) {
+  std::size_t others = 0;
+  for (std::size_t c = 0; c < cameras.count; ++c) {
+    float const *K = &cameras.Ks[9 * c], u = K[2] / static_cast<float>(width), v = K[5] / static_cast<float>(height);
+    others += !(u > 0.3f && u < 0.7f && v > 0.3f && v < 0.7f);
+  }
+  if (others > 0)
+    std::fprintf(stderr,
+                 "%s: the axis of %zu of %zu cameras is far from the middle of pictures of %d x %d: were their Ks made for another size?\n",
+                 path.c_str(), others, cameras.count, width, height);
 }
 
 /// Entries of a trace a second: by the median of the times between them, since the last of them may be shorter than the others.
@@ -163,7 +176,7 @@ void write_frames(gsp::io::VideoWriter& video, std::vector<gsp::io::Bitmap8>& ti
 }
 
 int run(Arguments const& a) {
-  if (!a.has("--splat")) a.fail("needs --splat FILE: the Gaussians to draw (.ply, .splat or .spz)");
+  if (!a.has("--splat")) a.fail("needs --splat FILE: the Gaussians to draw (.ply, .spz, ...; gsp convert names all)");
   if (!a.has("--cameras") && !a.has("--camera"))
     a.fail("needs --cameras C.npz: viewmats (C,4,4) and Ks (C,3,3); or --camera NAME|INDEX, one of the model's");
   a.exclusive("--cameras", "--camera", "both say where the camera stands");
@@ -183,6 +196,7 @@ int run(Arguments const& a) {
   options.height = static_cast<int>(a.integer("--height", 480, 1, 16384));
   options.batch = static_cast<int>(a.integer("--batch", 0, 1, 65536));
   options.alpha_max = static_cast<float>(a.real("--alpha-max", 0.999, 0, 1));
+  if (!(options.alpha_max < 1)) a.fail("--alpha-max is 1: some light must come through; give a number below 1, such as 0.999");
   bool const video_alone = a.has("--video") && !a.has("--out") && !a.has("--npz");
   auto const channels = a.list("--channels", {"rgb", "depth", "alpha"},
                                video_alone ? std::vector<std::string>{"rgb"} : std::vector<std::string>{"rgb", "depth"});
@@ -264,7 +278,7 @@ int run(Arguments const& a) {
     int const rows = (static_cast<int>(tiles) + columns - 1) / columns;
     if (columns * (options.width + tile_padding) > most || rows * (options.height + tile_padding) > most)
       throw Error(*video + ": " + std::to_string(tiles) + " worlds of " + std::to_string(options.width) + " x " +
-                  std::to_string(options.height) + " side by side pass " + std::to_string(most) +
+                  std::to_string(options.height) + " on one sheet pass " + std::to_string(most) +
                   " pixels, the most that a video has; give --world W, or a smaller --width and --height");
   }
 
@@ -337,7 +351,9 @@ int run(Arguments const& a) {
   }
   if (film) film->finish();
   progress.finish();
+  if (!out && !npz && !video && !quiet(a)) std::fprintf(stderr, "nothing is written; --out, --npz or --video say what to keep\n");
   if (film && !film->note().empty()) std::fprintf(stderr, "%s\n", film->note().c_str());  // with --quiet too: no mp4 is there
+  if (!of_model && !quiet(a)) tell_of_sizes(cameras, *a.text("--cameras"), options.width, options.height);
   if (!quiet(a)) tell_of_empty(empty, count, of_model ? camera_name(model, camera) : "");
   std::FILE* const say = text_beside(npz);
   double const frames = double(count) * repeat;
@@ -402,7 +418,7 @@ Command render_command() {
            {"--out", "DIR", "write PNGs: rgb, depth in 16-bit millimetres, depth in colour, alpha"},
            {"--npz", "F", "write arrays rgb (C,H,W,3), depth (C,H,W), alpha (C,H,W), float32, unclamped, on black"},
            {"--video", "F.mp4",
-            "write rgb as an mp4 by ffmpeg, a frame for each entry of the trace (its worlds side by side), else for each camera; without "
+            "write rgb as an mp4 by ffmpeg, a frame for each entry of the trace (its worlds on one sheet), else for each camera; without "
             "ffmpeg in PATH, or where F ends in .apng or .png, as an animated PNG"},
            {"--fps", "R", "frames of --video a second; those of the trace's times, else 25"},
            {"--json", "", "print one JSON object: seconds, frames_per_second, startup_seconds, peak_bytes, ..."}},

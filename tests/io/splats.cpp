@@ -29,15 +29,15 @@ TEST_CASE("a sidecar binds ranges to links") {
   Folder folder;
   write_ply(folder.path / "go2.ply", random_set(10, 0));
   write_file(
-      folder.path / "go2.links.json",
+      folder.path / "go2.ply.links.json",
       bytes_of(
           R"({"links": [{"name": "FL_foot", "first": 2, "count": 3}, {"name": "trunk", "first": 8, "count": 2}, {"name": "FL_foot", "first": 0, "count": 1}]})"));
   SplatSet const set = read_splats(folder.path / "go2.ply");
   CHECK(set.link_names == std::vector<std::string>{"FL_foot", "trunk"});
   CHECK(set.link == std::vector<int>{0, -1, 0, 0, 0, -1, -1, -1, 1, 1});
-  write_file(folder.path / "go2.links.json", bytes_of(R"({"links": [{"name": "FL_foot", "first": 2, "count": 9}]})"));
+  write_file(folder.path / "go2.ply.links.json", bytes_of(R"({"links": [{"name": "FL_foot", "first": 2, "count": 9}]})"));
   CHECK(says(error_of([&] { read_splats(folder.path / "go2.ply"); }),
-             "go2.links.json: links[0] ('FL_foot'): first 2 and count 9 leave the 10 Gaussians"));
+             "go2.ply.links.json: links[0] ('FL_foot'): first 2 and count 9 leave the 10 Gaussians"));
 }
 
 TEST_CASE("sidecar: bad input") {
@@ -82,7 +82,7 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
   auto again = read_splats(folder.path / "a.ply");
   CHECK(again.link == set.link);
   CHECK(again.antialiased);
-  CHECK(!std::filesystem::exists(folder.path / "a.links.json"));
+  CHECK(!std::filesystem::exists(folder.path / "a.ply.links.json"));
   CHECK(write_splats(folder.path / "b.spz", set, {.spz = {.version = 3}}).empty());
   again = read_splats(folder.path / "b.spz");
   CHECK(again.link_names == std::vector<std::string>{"foot", "arm"});  // as they come
@@ -119,12 +119,23 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
   CHECK(read_splats(folder.path / "sog" / "meta.json").positions == again.positions);
 #endif
 
-  // a sidecar that would bind others
-  CHECK(says(error_of([&] { write_splats(folder.path / "b.ply", plain(set)); }), "b.links.json: would bind the Gaussians of"));
-  CHECK(says(error_of([&] { write_splats(folder.path / "b.spz", plain(set)); }), "b.links.json: would bind"));
-  CHECK(write_splats(folder.path / "b.spz", set, {.spz = {.version = 2}}).empty());  // the same links
+  // a sidecar is one file's, and goes with it
+  CHECK(write_splats(folder.path / "b.ply", plain(set)).empty());
+  CHECK(read_splats(folder.path / "b.ply").link_names.empty());
+  CHECK(write_splats(folder.path / "b.spz", plain(set)).empty());
+  CHECK(read_splats(folder.path / "b.spz").link_names.empty());
   set.link[0] = 0;
-  CHECK(says(error_of([&] { write_splats(folder.path / "b.spz", set); }), "b.links.json: would bind"));
+  CHECK(write_splats(folder.path / "b.spz", set, {.spz = {.version = 2}}).empty());
+  CHECK(read_splats(folder.path / "b.spz").link[0] == 0);
+  write_file(folder.path / "b.ply.links.json", bytes_of(R"({"links": [{"name": "hand", "first": 0, "count": 300}]})"));
+  CHECK(read_splats(folder.path / "b.ply").link_names == std::vector<std::string>{"hand"});
+  CHECK(write_splats(folder.path / "b.ply", set).empty());
+  again = read_splats(folder.path / "b.ply");
+  CHECK(again.link_names[std::size_t(again.link[10])] == set.link_names[std::size_t(set.link[10])]);
+  CHECK(again.link[30] == -1);
+  write_file(folder.path / "a.links.json", bytes_of(R"({"links": []})"));
+  CHECK(says(error_of([&] { read_splats(folder.path / "a.ply"); }),
+             "a.links.json: says not of which file its links are; name it 'a.ply.links.json'"));
   CHECK(says(error_of([&] { write_splats(folder.path / "b.ksplat", set); }), "its ending names no format of Gaussians"));
   CHECK(says(error_of([&] { expect_splats_writable(folder.path / "none" / "b.ply"); }), "its folder does not exist"));
   set.link_names[0] = "\xff";

@@ -90,10 +90,10 @@ refused "--cameras and --camera contradict" -- prune disc.ply --out result.ply -
 refused "cart.xml: has no camera" "--cameras" -- prune disc.ply --out result.ply --model cart.xml
 refused "eye.xml: has no camera 'sid'" -- prune disc.ply --out result.ply --model eye.xml --camera sid
 refused "link.ply: has Gaussians on links" "give --model" -- prune link.ply --out result.ply
-refused "link 'wheel'" "no body of that name" -- prune link.ply --out result.ply --model eye.xml --views 2 --held-out 1
+refused "link 'wheel'" "no body of that name" -- prune link.ply --out result.ply --model eye.xml --views 2 --held-out 2
 refused "holds 2 cameras, but the trace has 11 entries of 2 worlds" -- prune disc.ply --out result.ply --model cart.xml --trace moved.npz --cameras cameras.npz
 refused "--jitter is 'much'" "metres" -- prune disc.ply --out result.ply --jitter much
-refused "no camera sees any Gaussian" -- prune disc.ply --out result.ply --cameras away.npz --views 2 --held-out 1
+refused "no camera sees any Gaussian" -- prune disc.ply --out result.ply --cameras away.npz --views 2 --held-out 2
 refused "--splat needs --model" -- quickstart --splat disc.ply --out pictures
 refused "--model needs --splat" -- quickstart --model cart.xml --out pictures
 if ! ldd "$gsp" | grep -q libcuda; then
@@ -264,7 +264,7 @@ refused "--fps is '0'" -- render --splat disc.ply --cameras cameras.npz --video 
 refused "--world needs --trace" -- render --splat disc.ply --cameras cameras.npz --world 0
 refused "--world 3: there are 3 worlds" -- render --splat disc.ply --cameras camera.npz --model cart.xml --trace start3.npz --world 3
 refused "missing.ply" -- render --splat missing.ply --cameras cameras.npz --video result.mp4
-refused "3 worlds of 16000 x 12000 side by side pass 16384 pixels" "--world" -- render --splat disc.ply --cameras camera.npz --model cart.xml --trace start3.npz --width 16000 --height 12000 --video result.mp4
+refused "3 worlds of 16000 x 12000 on one sheet pass 16384 pixels" "--world" -- render --splat disc.ply --cameras camera.npz --model cart.xml --trace start3.npz --width 16000 --height 12000 --video result.mp4
 refused "file/pictures" "cannot be made" -- render --splat disc.ply --cameras cameras.npz --out file/pictures
 
 echo "$cases cases, $failures failures"

@@ -20,12 +20,12 @@ for name in a.ply a2.compressed.ply a3.splat a4.spz a5.glb a6.gltf a7.sog pictur
   "$gsp" convert "out/$name" "out/back_$(basename "$name").ply" --quiet > said.txt || fail "$name -> back"
   [ ! -s said.txt ] || fail "--quiet speaks"
 done
-[ -f out/a5.links.json ] || fail "no sidecar beside a5.glb"
-[ ! -e out/a.links.json ] || fail "a sidecar beside a.ply"
-# A sidecar that would bind others: nothing is written.
-if "$gsp" convert disc.ply out/a5.splat > said.txt 2> err.txt; then fail "a5.links.json was passed over"; fi
-grep -q 'would bind the Gaussians' err.txt || fail "$(cat err.txt)"
-[ ! -e out/a5.splat ] || fail "a5.splat was written"
+[ -f out/a5.glb.links.json ] || fail "no sidecar beside a5.glb"
+[ ! -e out/a.ply.links.json ] || fail "a sidecar beside a.ply"
+# A sidecar is of one file: another of its stem has no links, and one without links that takes the file's place has none.
+"$gsp" convert disc.ply out/a5.splat > said.txt || fail "beside a sidecar of another file"
+"$gsp" convert disc.ply out/a5.glb > said.txt || fail "in place of a file with a sidecar"
+for file in out/a5.splat out/a5.glb; do "$gsp" info $file > info.txt; ! grep -q 'on 1 links' info.txt || fail "$file has links: $(cat info.txt)"; done
 # A format with no place for it
 python3 - <<'P'
 import struct

@@ -240,18 +240,18 @@ tells() {  # what it says on stderr, or nothing; options of gsp render
   "$gsp" render --splat disc.ply --width 64 --height 48 "$@" > /dev/null 2> said.txt
   if [ -z "$what" ]; then [ ! -s said.txt ] || fail "it says: $(cat said.txt) ($*)"; else grep -qxF -- "$what" said.txt || fail "it says: $(cat said.txt) ($*)"; fi
 }
-for channels in rgb depth alpha; do tells 'picture 1 of 2 shows no Gaussian' --cameras cameras_astray.npz --channels $channels --npz astray.npz; done
+for channels in rgb depth alpha; do tells 'picture 1 of 2 shows no Gaussian: turn the camera to the scene, or let --splat-pose say where that stands' --cameras cameras_astray.npz --channels $channels --npz astray.npz; done
 tells '' --cameras cameras_astray.npz --npz astray.npz --quiet
 tells '' --cameras cameras_astray.npz --npz astray.npz --json
-tells '' --cameras cameras_astray.npz  # not written, so not on the host
+tells 'nothing is written; --out, --npz or --video say what to keep' --cameras cameras_astray.npz  # so not on the host
 tells '' --cameras cameras.npz --npz astray.npz
 sed 's|<worldbody>|<worldbody><camera name="wall" pos="0 -3 .5" xyaxes="-1 0 0 0 0 1"/>|' cart.xml > wall.xml
-tells "camera 'wall' sees no Gaussian in 22 of 22 pictures" --model wall.xml --trace a.npz --camera wall --npz astray.npz
-tells 'pictures 0, 1, 2, 3, 4, 5, 6, 7 ... of 22 show no Gaussian (22)' --model wall.xml --trace a.npz --cameras away.npz --npz astray.npz
+tells "camera 'wall' sees no Gaussian in 22 of 22 pictures: turn the camera to the scene, or let --splat-pose say where that stands" --model wall.xml --trace a.npz --camera wall --npz astray.npz
+tells 'pictures 0, 1, 2, 3, 4, 5, 6, 7 ... of 22 show no Gaussian (22): turn the camera to the scene, or let --splat-pose say where that stands' --model wall.xml --trace a.npz --cameras away.npz --npz astray.npz
 # a lens that grows much faster in the corners than in the middle is told of: r = 1.95 comes to 2, where it grows 3.4 times as fast
 "$gsp" render --splat disc.ply --cameras cameras_steep.npz --channels alpha 2> said.txt > /dev/null
 grep -qF 'cameras_steep.npz[distortion]: the lens of camera 1 grows up to 3.4 times as fast in the corners as in the middle' said.txt || fail "a steep lens is not told of: $(cat said.txt)"
-"$gsp" render --splat disc.ply --cameras cameras_mild.npz --channels alpha 2> said.txt > /dev/null
+"$gsp" render --splat disc.ply --cameras cameras_mild.npz --channels alpha --npz mild.npz 2> said.txt > /dev/null
 [ ! -s said.txt ] || fail "a mild lens is told of: $(cat said.txt)"
 tells '' --cameras cameras_steep.npz --quiet
 # a keyframe places mocap bodies too: as where the model has them there

@@ -118,7 +118,7 @@ write("cut.ply", (header(count) + rows())[:-100])
 write("nan.ply", header(count) + rows(float("nan")))
 write("absurd.ply", header(4000000000) + rows())
 write("text.ply", "this is not a PLY file at all\n")
-write("link.links.json", '{"links": [{"name": "wheel", "first": 0, "count": 10}]}')
+write("link.ply.links.json", '{"links": [{"name": "wheel", "first": 0, "count": 10}]}')
 write("link.ply", header(count) + rows())
 write("cut.spz", b"\x1f\x8b\x08\x00\x00\x00")
 

@@ -122,7 +122,7 @@ with open("screen.splat", "wb") as f:
             f.write(disc(1.5, .02 * i, .02 * j, .001, .02, .02))
 with open("carried.splat", "wb") as f:
     f.write(disc(0, 1, .2, .05, .001, .05))
-json.dump({"links": [{"name": "cart", "first": 0, "count": 1}]}, open("carried.links.json", "w"))
+json.dump({"links": [{"name": "cart", "first": 0, "count": 1}]}, open("carried.splat.links.json", "w"))
 PY
 [ -z "$("$gsp" scan room.xml --pattern rays.csv --mount unit --splat screen.splat --quiet --npz quiet.npz 2>&1 > /dev/null)" ] || fail "--quiet says something"
 splats=(--splat screen.splat --splat-pose "0 0 1.2 1 0 0 0 1" --splat carried.splat)

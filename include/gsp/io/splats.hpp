@@ -21,9 +21,9 @@ namespace gsp::io {
 /// ending `.splat` (or .SPLAT) of `name`. `folder`: where the files lie that this one names; empty: they are refused.
 SplatSet parse_splats(Bytes bytes, std::string const& name, std::filesystem::path const& folder = {});
 
-/// Gaussians of a file: .ply (3DGS or SuperSplat's compressed one), .splat, .spz, .glb, .gltf, .sog or SOG's meta.json, .usda. Where a file
-/// of the same name ending in `.links.json` stands beside it (scene.ply -> scene.links.json), its ranges bind Gaussians to links and
-/// replace a PLY's own. Throws Error with file, place and remedy.
+/// Gaussians of a file: .ply (3DGS or SuperSplat's compressed one), .splat, .spz, .glb, .gltf, .sog or SOG's meta.json, .usda. Where its
+/// name with `.links.json` behind stands beside it (scene.spz -> scene.spz.links.json), that file's ranges bind Gaussians to links and
+/// replace a PLY's own. Throws Error with file, place and remedy, and for a scene.links.json, which does not say of which file it is.
 SplatSet read_splats(std::filesystem::path const& path);
 
 struct WriteSplatsOptions {
@@ -31,11 +31,11 @@ struct WriteSplatsOptions {
 };
 
 /// Writes a set in the format that the ending of `path` names: .ply (3DGS), .compressed.ply, .splat, .spz, .glb, .gltf, .sog, meta.json
-/// (SOG, with pictures beside it) or .usda. Links stand in PLY files themselves, else in a sidecar NAME.links.json beside the file.
+/// (SOG, with pictures beside it) or .usda. Links stand in PLY files themselves, else in a sidecar FILE.links.json beside it, which
+/// is replaced with the file.
 /// Compressed PLY and SOG order the Gaussians by `sort_splats`. Returns what the format has no place for, one sentence each, and how many
-/// Gaussians have numbers beyond those that it holds. Throws Error for another ending, where a sidecar that is there would bind the
-/// Gaussians of the new file to other links than they have, and as the format's own function does. Nothing that was there is replaced
-/// before the new file is complete.
+/// Gaussians have numbers beyond those that it holds. Throws Error for another ending, and as the format's own function does. Nothing that
+/// was there is replaced before the new file is complete.
 std::vector<std::string> write_splats(std::filesystem::path const& path, SplatSet set, WriteSplatsOptions const& options = {});
 
 /// Throws Error where write_splats would because of the path: for a program to ask before long work.

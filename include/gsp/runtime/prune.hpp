@@ -7,6 +7,7 @@ struct PruningOptions {
   int width = 320, height = 240;  // of the pictures that are kept alike
   double keep = 0.3;              // share of the Gaussians
   float depth_weight = 0.1f, alpha_max = 0.999f;
+  float near = 0.01f;  // camera z before which nothing is seen, in the file's unit
   int batch = 0;  // images a wave; 0: chosen
 };
 struct Pruning {

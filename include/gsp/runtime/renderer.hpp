@@ -35,7 +35,7 @@ struct RendererOptions {
   int width = 640, height = 480;
   bool rgb = true, depth = true, alpha = true, median_depth = false, normals = false, ids = false, rgb8 = false;
   int batch = 0;  // images a wave; 0: chosen
-  float alpha_max = 0.999f;
+  float alpha_max = 0.999f, near = 0.01f;  // as of RenderOptions
 };
 
 /// float32 (ids: int32, rgb8: uint8) on the renderer's device; empty where a channel was not asked for. They hold until the next `render`,

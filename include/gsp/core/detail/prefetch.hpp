@@ -1,12 +1,15 @@
 #pragma once
 #include <Kokkos_Core.hpp>
 #include <cstddef>
+#include <cstdint>
 
 namespace gsp::detail {
 
 /// On a host: the lines that these bytes lie in are on their way into the cache, and the program goes on.
-KOKKOS_INLINE_FUNCTION void prefetch([[maybe_unused]] void const* at, [[maybe_unused]] std::size_t bytes = 1) {
-  KOKKOS_IF_ON_HOST((for (std::size_t i = 0; i < bytes; i += 64) __builtin_prefetch(static_cast<char const*>(at) + i);))
+KOKKOS_INLINE_FUNCTION void prefetch([[maybe_unused]] void const* at, [[maybe_unused]] std::size_t bytes) {
+  KOKKOS_IF_ON_HOST((auto const begin = reinterpret_cast<std::uintptr_t>(at);
+                     for (std::uintptr_t line = begin & ~std::uintptr_t(63); line < begin + bytes; line += 64)
+                         __builtin_prefetch(reinterpret_cast<void const*>(line));))
 }
 
 }  // namespace gsp::detail

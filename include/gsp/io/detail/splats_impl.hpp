@@ -39,8 +39,8 @@ inline std::pair<char const*, SplatFormat> const* splat_format_of(std::string co
   return nullptr;
 }
 
-/// NAME.links.json beside NAME.ext, as read_splats looks for it.
-inline std::filesystem::path links_beside(std::filesystem::path path) { return path.replace_extension(".links.json"); }
+/// FILE.links.json beside FILE, of that file alone: a stem would lend it to room.ply beside room.spz, whose order is another.
+inline std::filesystem::path links_beside(std::filesystem::path path) { return path += ".links.json"; }
 
 }  // namespace detail
 
@@ -62,9 +62,14 @@ GSP_INLINE SplatSet parse_splats(Bytes bytes, std::string const& name, std::file
 
 GSP_INLINE SplatSet read_splats(std::filesystem::path const& path) {
   SplatSet set = parse_splats(read_file(path), path.string(), path.has_parent_path() ? path.parent_path() : ".");
-  auto const sidecar = detail::links_beside(path);
+  auto const sidecar = detail::links_beside(path), of_stem = std::filesystem::path(path).replace_extension(".links.json");
   std::error_code error;
-  if (std::filesystem::exists(sidecar, error)) bind_links(set, read_links(sidecar), sidecar.string());
+  if (std::filesystem::exists(sidecar, error))
+    bind_links(set, read_links(sidecar), sidecar.string());
+  else if (std::filesystem::exists(of_stem, error))
+    detail::fail(of_stem.string(), "",
+                 "says not of which file its links are; name it " + detail::in_quotes(sidecar.filename().string()) +
+                     " if they are this file's, after another file otherwise");
   return set;
 }
 
@@ -92,17 +97,11 @@ GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& pa
   if (format == compressed_ply || format == sog) sort_splats(set);
   detail::note_coarse(set, format, note);
 
-  auto const ranges = is_ply ? std::vector<LinkRange>{} : link_ranges(set);
-  std::string const text = ranges.empty() ? "" : format_links(ranges);
+  auto const ranges = link_ranges(set);
   auto const sidecar = detail::links_beside(path);
   std::error_code error;
-  bool const is_there = std::filesystem::exists(sidecar, error);
-  if (is_there && (text.empty() || detail::as_text(read_file(sidecar)) != text))
-    detail::fail(
-        sidecar.string(), "",
-        "would bind the Gaussians of " + detail::in_quotes(name) + " to other links than they have; remove it or choose another name");
-  std::optional<AtomicFile> links;  // written before the Gaussians, named after them
-  if (!text.empty() && !is_there) links.emplace(sidecar).write(text);
+  std::optional<AtomicFile> links;  // written before the Gaussians, named after them; one that is there goes with the file that is
+  if ((!is_ply && !ranges.empty()) || std::filesystem::exists(sidecar, error)) links.emplace(sidecar).write(format_links(ranges));
   if (format == ply) write_ply(path, set);
   if (format == compressed_ply) write_compressed_ply(path, set);
   if (format == splat) write_splat(path, set);

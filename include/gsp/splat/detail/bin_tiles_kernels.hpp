@@ -66,8 +66,8 @@ struct EmitPairs {
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
     if (i >= wave.visible() || wave.pairs() == 0) return;
     if (i + ahead < wave.visible()) {  // by depth they lie anywhere
-      prefetch(&wave.splats(wave.order(i + ahead)));
-      prefetch(&wave.origins(wave.order(i + ahead)));
+      prefetch(&wave.splats(wave.order(i + ahead)), sizeof(Splat));
+      prefetch(&wave.origins(wave.order(i + ahead)), sizeof(SplatOrigin));
     }
     int const index = wave.order(i), columns = wave.grid.columns();
     std::uint32_t const base = first_key(wave.origins(index).image);

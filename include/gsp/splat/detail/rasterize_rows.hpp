@@ -14,7 +14,7 @@ struct TileList {
   static constexpr int ahead = 8;
   bool next(Splat const*& splat, float const*& values) {
     if (at == end) return false;
-    if (at + ahead < end) prefetch(&wave.splats(wave.tile_splats(at + ahead)));  // by depth they lie anywhere
+    if (at + ahead < end) prefetch(&wave.splats(wave.tile_splats(at + ahead)), sizeof(Splat));  // by depth they lie anywhere
     int const id = wave.tile_splats(at++);
     splat = &wave.splats(id);
     values = wave.values.data() + std::int64_t(id) * stored;
