@@ -74,8 +74,8 @@ TEST_CASE_TEMPLATE("pictures of fixed cameras have the bits of render, step afte
   // bytes are put back; the last: nothing stands, nothing moves
   for (auto const& [standing, moving, width, height, distance, options] :
        {Case{2500, 300, 203, 117, 2.2, {.batch = 4}}, Case{9000, 4000, 64, 48, 6, {}},
-        Case{2500, 300, 150, 90, 2.2, {.batch = 2, .visible = 1, .pairs = 1}}, Case{2500, 20, 204, 120, 2.2, {}}, Case{0, 300, 70, 50, 2.2, {}},
-        Case{500, 0, 70, 50, 2.2, {}}}) {
+        Case{2500, 300, 150, 90, 2.2, {.batch = 2, .visible = 1, .pairs = 1}}, Case{2500, 20, 204, 120, 2.2, {}},
+        Case{0, 300, 70, 50, 2.2, {}}, Case{500, 0, 70, 50, 2.2, {}}}) {
     int const worlds = 3, bodies = 4, images = 6, views = 2;
     // what moves is named first, and the second half of what stands comes behind it: sources are mixed
     auto const scene = gsp_test::random_gaussians(standing / 2, 2, 1, 5), other = gsp_test::random_gaussians(standing / 2, 0, 1, 6);

@@ -34,7 +34,7 @@ io::SplatSet room_set();
 struct RendererOptions {
   int width = 640, height = 480;
   bool rgb = true, depth = true, alpha = true, median_depth = false, normals = false, ids = false, rgb8 = false;
-  int batch = 0;  // images a wave; 0: chosen
+  int batch = 0;                           // images a wave; 0: chosen
   float alpha_max = 0.999f, near = 0.01f;  // as of RenderOptions
 };
 
