@@ -4,15 +4,13 @@
 #include <cmath>
 #include <cstdio>
 #include <gsp/io/detail/splat_bounds.hpp>
-#include <gsp/io/splat_file.hpp>
+#include <gsp/io/detail/splat_format.hpp>
 #include <gsp/io/spz.hpp>
 #include <limits>
 #include <string>
 
 /// What of a set a format does not hold, one sentence each, where more is lost than by rounding: gsp/io/splats.hpp.
 namespace gsp::io::detail {
-
-enum class SplatFormat { compressed_ply, ply, splat, spz, gltf, sog, usda };
 
 inline std::string in_digits(double x, int digits) {
   char text[32];
