@@ -29,7 +29,7 @@ void note_clipped(SplatSet const& set, SplatFormat format, SpzOptions const& opt
     for (std::size_t i = 0; i < set.size(); ++i) n += is_beyond(i);
     if (n > 0) note(std::to_string(n) + (n == 1 ? " Gaussian has " : " Gaussians have ") + what + ", all that the format holds; clipped");
   };
-  double const colour = format == splat ? 0.5 / sh_c0 : format == spz ? 0.5 / spz_colour : infinity;
+  double const colour = format == splat ? splat_most_colour : format == spz ? spz_most_colour : infinity;
   say(
       [&](std::size_t i) {
         float const* const c = &set.sh[3 * terms * i];

@@ -141,7 +141,7 @@ GSP_INLINE SplatSet parse_spz_data(Bytes bytes, std::string const& name) {
         set.positions[j] = static_cast<float>(std::ldexp(fixed >= 1 << 23 ? fixed - (1 << 24) : fixed, -h.fraction_bits));
       }
       set.scales[j] = static_cast<float>(std::exp(double(scales[j]) / 16 + detail::spz_least_log_scale));
-      set.sh[3 * terms * i + k] = static_cast<float>((double(colours[j]) / 255 - 0.5) / detail::spz_colour);
+      set.sh[3 * terms * i + k] = static_cast<float>((double(colours[j]) / 255 - 0.5) / detail::spz_colour_slope);
     }
     set.opacities[i] = static_cast<float>(double(alphas[i]) / 255);
     std::array<double, 4> q{};  // x y z w
@@ -251,7 +251,7 @@ inline std::vector<std::byte> format_spz_data(SplatSet set, SpzOptions options, 
   for (float o : set.opacities) put_rounded(255.0 * o);
   std::size_t const terms = set.sh_terms();
   for (std::size_t i = 0; i < set.size(); ++i)
-    for (std::size_t c = 0; c < 3; ++c) put_rounded(255 * (spz_colour * set.sh[3 * terms * i + c] + 0.5));
+    for (std::size_t c = 0; c < 3; ++c) put_rounded(255 * (spz_colour_slope * set.sh[3 * terms * i + c] + 0.5));
   for (std::size_t j = 0; j < set.scales.size(); ++j) {
     double const packed = 16 * (std::log(std::max(double(set.scales[j]), 1e-30)) - spz_least_log_scale);
     if (packed > 256)
