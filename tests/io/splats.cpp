@@ -242,7 +242,21 @@ TEST_CASE("a Gaussian far off, which costs its chunk their places, is said") {
   auto const far = write_splats(folder.path / "d.spz", set);
   REQUIRE(far.size() == 1);
   CHECK(says(far[0], "are off by more than their size, up to 0."));
-  CHECK(says(far[0], "24 bits reach as far as the farthest"));
+  CHECK(says(far[0], "24 bits reach as far as the farthest; write another format, or leave out those that are far off"));
+
+  // Nothing far off, and smaller than the step: sqrt 3 / 2 steps, 2.1e-4 at most.
+  set = random_set(1000, 0);
+  for (float& v : set.scales) v = 1e-4f;
+  auto const fine = write_splats(folder.path / "f.spz", set);
+  REQUIRE(fine.size() == 1);
+  double const most = std::stod(fine[0].substr(fine[0].find("up to ") + 6));
+  CHECK(most > 1.5e-4);
+  CHECK(most < 2.12e-4);
+  CHECK(says(fine[0], ": a step is 1/4096 of a unit; scale the set up, or write another format"));
+  CHECK(!says(fine[0], "far off"));
+  for (float& v : set.positions) v *= 4;  // which is what it says
+  for (float& v : set.scales) v *= 4;
+  CHECK(write_splats(folder.path / "g.spz", set).empty());
 }
 
 TEST_CASE("endings in capitals are understood") {

@@ -88,7 +88,8 @@ void note_coarse(SplatSet const& set, SplatFormat format, Note const& note) {
     int const bits = spz_fraction_bits(set);
     note_places(
         [&](std::size_t i, std::size_t k) { return std::ldexp(std::round(std::ldexp(double(set.positions[3 * i + k]), bits)), -bits); },
-        "24 bits reach as far as the farthest" + far);
+        bits < spz_most_fraction_bits ? "24 bits reach as far as the farthest" + far
+                                      : "a step is 1/4096 of a unit; scale the set up, or write another format");
   } else if (format == SplatFormat::compressed_ply) {
     std::string const why = "256 neighbours share bounds" + far;
     std::vector<SharedBounds> bounds;  // of each chunk and number
