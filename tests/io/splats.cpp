@@ -257,6 +257,25 @@ TEST_CASE("a Gaussian far off, which costs its chunk their places, is said") {
   for (float& v : set.positions) v *= 4;  // which is what it says
   for (float& v : set.scales) v *= 4;
   CHECK(write_splats(folder.path / "g.spz", set).empty());
+
+#if defined(GSP_WITH_WEBP)
+  // SOG: 16 bits of log(1 + |x|); one at 1,000 km makes a step 14 / 65535 of 1 + |x|, the count by the file itself
+  set = random_set(1000, 0);
+  for (float& v : set.scales) v = 1e-3f;
+  CHECK(write_splats(folder.path / "h.sog", set).empty());
+  set.positions[0] = 1e6f;
+  auto const wide = write_splats(folder.path / "i.sog", set);
+  sort_splats(set);
+  auto const back = read_splats(folder.path / "i.sog");
+  std::size_t off = 0;
+  for (std::size_t i = 0; i < set.size(); ++i)
+    off += std::hypot(back.positions[3 * i] - set.positions[3 * i], back.positions[3 * i + 1] - set.positions[3 * i + 1],
+                      back.positions[3 * i + 2] - set.positions[3 * i + 2]) > 1e-3f;
+  REQUIRE(wide.size() == 1);
+  CHECK(off > 1);
+  CHECK(says(wide[0], ("places of " + std::to_string(off) + " Gaussians are off by more than their size").c_str()));
+  CHECK(says(wide[0], "16 bits reach as far as the farthest"));
+#endif
 }
 
 TEST_CASE("endings in capitals are understood") {

@@ -1,5 +1,6 @@
 #pragma once
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <gsp/io/detail/shared_bounds.hpp>
@@ -106,6 +107,11 @@ void note_coarse(SplatSet const& set, SplatFormat format, Note const& note) {
       take(off, 1. / 255);
     }
     say("colours", "1/255", why);
+  } else if (format == SplatFormat::sog) {
+    std::array const bounds{sog_bounds(set, 0), sog_bounds(set, 1), sog_bounds(set, 2)};
+    note_places(
+        [&](std::size_t i, std::size_t k) { return sog_unbent(bounds[k].unpack(bounds[k].pack(sog_bent(set.positions[3 * i + k])))); },
+        "16 bits reach as far as the farthest" + far);
   }
 }
 
