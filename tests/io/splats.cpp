@@ -223,6 +223,13 @@ TEST_CASE("a Gaussian far off, which costs its chunk their places, is said") {
   CHECK(says(said[0], ("places of " + std::to_string(coarse) + " Gaussians").c_str()));
   CHECK(write_splats(folder.path / "b.ply", set).empty());
 
+  // nothing far off, and smaller than a step of what neighbours share
+  set = random_set(1000, 0);
+  for (float& v : set.scales) v = 1e-4f;
+  auto const sparse = write_splats(folder.path / "s.compressed.ply", set);
+  REQUIRE(sparse.size() == 1);
+  CHECK(says(sparse[0], ": 256 neighbours share bounds; write another format, or leave out those that are far off, if any are"));
+
   // the same of colours
   set = random_set(1000, 0);
   for (float& v : set.scales) v = std::max(v, 0.02f);

@@ -92,7 +92,7 @@ void note_coarse(SplatSet const& set, SplatFormat format, Note const& note) {
         bits < spz_most_fraction_bits ? "24 bits reach as far as the farthest" + far
                                       : "a step is 1/4096 of a unit; scale the set up, or write another format");
   } else if (format == SplatFormat::compressed_ply) {
-    std::string const why = "256 neighbours share bounds" + far;
+    std::string const why = "256 neighbours share bounds" + far + ", if any are";
     std::vector<SharedBounds> bounds;  // of each chunk and number
     for (std::size_t c = 0; 256 * c < set.size(); ++c)
       for (std::size_t k = 0; k < 9; ++k) bounds.push_back(compressed_ply_bounds(set, c, k));
@@ -111,7 +111,7 @@ void note_coarse(SplatSet const& set, SplatFormat format, Note const& note) {
     std::array const bounds{sog_bounds(set, 0), sog_bounds(set, 1), sog_bounds(set, 2)};
     note_places(
         [&](std::size_t i, std::size_t k) { return sog_unbent(bounds[k].unpack(bounds[k].pack(sog_bent(set.positions[3 * i + k])))); },
-        "16 bits reach as far as the farthest" + far);
+        "16 bits reach as far as the farthest" + far + ", if any are");
   }
 }
 
