@@ -166,3 +166,41 @@ TEST_CASE("compressed PLY: what is written comes back within its steps") {
     CHECK(again.link_names == set.link_names);
   }
 }
+
+// The chunks and the words once more, straight from the page: bounds of 256 as floats, rounded steps between them. Rotations and opacities
+// are the file's own (their test is above).
+TEST_CASE("compressed PLY: bounds and steps, to the bit") {
+  auto set = random_set(600, 0, 5);
+  set.scales[7] = 0;                                                                   // below the least
+  for (std::size_t i = 256; i < 512; ++i) set.positions[3 * i + 1] = 2.5f;             // no range
+  set.positions[3 * 40] = -3e5f, set.sh[3 * 513] = 1e4f, set.scales[3 * 599] = 3e20f;  // far off
+  auto const bytes = format_compressed_ply(set);
+  std::string_view const text(reinterpret_cast<char const*>(bytes.data()), bytes.size());
+  std::byte const* const body = bytes.data() + text.find("end_header\n") + 11;
+  std::vector<float> chunk(3 * 18);
+  std::vector<std::uint32_t> words(4 * 600);
+  std::memcpy(chunk.data(), body, 4 * chunk.size());
+  std::memcpy(words.data(), body + 4 * chunk.size(), 4 * words.size());
+  auto const value = [&](std::size_t i, std::size_t group, std::size_t k) -> float {
+    if (group == 0) return set.positions[3 * i + k];
+    if (group == 1) return float(std::log(std::max(double(set.scales[3 * i + k]), std::exp(-20.0))));
+    return float(0.5 + 0.28209479177387814 * set.sh[3 * i + k]);
+  };
+  for (std::size_t c = 0; c < 3; ++c)
+    for (std::size_t group = 0; group < 3; ++group)
+      for (std::size_t k = 0; k < 3; ++k) {
+        std::size_t const first = 256 * c, last = std::min<std::size_t>(600, first + 256);
+        float low = value(first, group, k), high = low;
+        for (std::size_t i = first; i < last; ++i) low = std::min(low, value(i, group, k)), high = std::max(high, value(i, group, k));
+        CHECK(chunk[18 * c + 6 * group + k] == low);
+        CHECK(chunk[18 * c + 6 * group + 3 + k] == high);
+        int const shift = group == 2 ? 24 - 8 * int(k) : k == 0 ? 21 : k == 1 ? 11 : 0;
+        std::uint32_t const most = group == 2 ? 255 : k == 1 ? 1023 : 2047;
+        std::size_t wrong = 0;
+        for (std::size_t i = first; i < last; ++i) {
+          double const t = high > low ? (double(value(i, group, k)) - low) / (double(high) - low) * most : 0;
+          wrong += (words[4 * i + (group == 0 ? 0 : group + 1)] >> shift & most) != std::uint32_t(std::round(t));
+        }
+        CHECK(wrong == 0);
+      }
+}

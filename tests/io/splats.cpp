@@ -234,6 +234,13 @@ TEST_CASE("a Gaussian far off, which costs its chunk their places, is said") {
   CHECK(says(said[0], ("places of " + std::to_string(coarse) + " Gaussians").c_str()));
   CHECK(write_splats(folder.path / "b.ply", set).empty());
 
+  // nothing far off, and smaller than a step of what neighbours share
+  set = random_set(1000, 0);
+  for (float& v : set.scales) v = 1e-4f;
+  auto const sparse = write_splats(folder.path / "s.compressed.ply", set);
+  REQUIRE(sparse.size() == 1);
+  CHECK(says(sparse[0], ": 256 neighbours share bounds; write another format, or leave out those that are far off, if any are"));
+
   // the same of colours
   set = random_set(1000, 0);
   for (float& v : set.scales) v = std::max(v, 0.02f);
@@ -253,7 +260,40 @@ TEST_CASE("a Gaussian far off, which costs its chunk their places, is said") {
   auto const far = write_splats(folder.path / "d.spz", set);
   REQUIRE(far.size() == 1);
   CHECK(says(far[0], "are off by more than their size, up to 0."));
-  CHECK(says(far[0], "24 bits reach as far as the farthest"));
+  CHECK(says(far[0], "24 bits reach as far as the farthest; write another format, or leave out those that are far off"));
+
+  // Nothing far off, and smaller than the step: sqrt 3 / 2 steps, 2.1e-4 at most.
+  set = random_set(1000, 0);
+  for (float& v : set.scales) v = 1e-4f;
+  auto const fine = write_splats(folder.path / "f.spz", set);
+  REQUIRE(fine.size() == 1);
+  double const most = std::stod(fine[0].substr(fine[0].find("up to ") + 6));
+  CHECK(most > 1.5e-4);
+  CHECK(most < 2.12e-4);
+  CHECK(says(fine[0], ": a step is 1/4096 of a unit; scale the set up, or write another format"));
+  CHECK(!says(fine[0], "far off"));
+  for (float& v : set.positions) v *= 4;  // which is what it says
+  for (float& v : set.scales) v *= 4;
+  CHECK(write_splats(folder.path / "g.spz", set).empty());
+
+#if defined(GSP_WITH_WEBP)
+  // SOG: 16 bits of log(1 + |x|); one at 1,000 km makes a step 14 / 65535 of 1 + |x|, the count by the file itself
+  set = random_set(1000, 0);
+  for (float& v : set.scales) v = 1e-3f;
+  CHECK(write_splats(folder.path / "h.sog", set).empty());
+  set.positions[0] = 1e6f;
+  auto const wide = write_splats(folder.path / "i.sog", set);
+  sort_splats(set);
+  auto const back = read_splats(folder.path / "i.sog");
+  std::size_t off = 0;
+  for (std::size_t i = 0; i < set.size(); ++i)
+    off += std::hypot(back.positions[3 * i] - set.positions[3 * i], back.positions[3 * i + 1] - set.positions[3 * i + 1],
+                      back.positions[3 * i + 2] - set.positions[3 * i + 2]) > 1e-3f;
+  REQUIRE(wide.size() == 1);
+  CHECK(off > 1);
+  CHECK(says(wide[0], ("places of " + std::to_string(off) + " Gaussians are off by more than their size").c_str()));
+  CHECK(says(wide[0], "16 bits reach as far as the farthest"));
+#endif
 }
 
 TEST_CASE("endings in capitals are understood") {

@@ -248,6 +248,12 @@ TEST_CASE(".spz: what is written comes back within its steps") {
   far = random_set(2, 0);
   far.scales[3] = 500;
   CHECK(says(error_of([&] { format_spz(far, {.version = 3}); }), "Gaussian 1: has the scale 500"));
+  far.scales[3] = std::exp(5.968f);  // within half a step of 255
+  CHECK(std::abs(std::log(parse_spz(format_spz(far, {.version = 3}), "far.spz").scales[3]) - 5.968) <= 1. / 32 + 1e-6);
+  far.scales[3] = std::exp(5.98f);
+  CHECK(says(error_of([&] { format_spz(far, {.version = 3}); }), ".spz holds at most 391"));
+  Folder folder;
+  CHECK(says(error_of([&] { write_spz(folder.path / "far.spz", far); }), "far.spz: Gaussian 1: has the scale"));
   CHECK_THROWS_AS(format_spz(random_set(2, 0), {.version = 1}), std::invalid_argument);
   CHECK_THROWS_AS(format_spz(random_set(2, 0), {.version = 3, .sh_bits = 0}), std::invalid_argument);
 }

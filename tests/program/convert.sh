@@ -39,5 +39,30 @@ grep -q 'SH terms above degree 0 are left out' said.txt || fail "$(cat said.txt)
 "$gsp" convert sh.ply out/sh.glb --sh-degree 0 | grep -q 'SH degree 0' || fail "--sh-degree"
 "$gsp" convert sh.ply out/sh3.spz --spz-version 3 > /dev/null
 [ "$(head -c 2 out/sh3.spz | od -An -tx1 | tr -d ' ')" = 1f8b ] || fail "--spz-version 3 is no gzip"
+# An error names the file, and a file of no Gaussians is one.
+python3 - <<'P'
+import struct
+names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
+def ply(name, rows):
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex %d\n" % len(rows) + "".join("property float %s\n" % n for n in names) + "end_header\n"
+    open(name, "wb").write(head.encode() + b"".join(struct.pack("<14f", *r) for r in rows))
+ply("large.ply", [[0] * 7 + [7] * 3 + [1, 0, 0, 0]])
+ply("none.ply", [])
+P
+if "$gsp" convert large.ply out/large.spz > said.txt 2> err.txt; then fail "a scale of 1097 in a .spz"; fi
+grep -q '^gsp: out/large.spz: Gaussian 0: has the scale' err.txt || fail "$(cat err.txt)"
+if "$gsp" convert none.ply out/none.glb > said.txt 2> err.txt; then fail "a file of no Gaussians"; fi
+grep -q '^gsp: none.ply: holds no Gaussians' err.txt || fail "$(cat err.txt)"
+# Names that are no UTF-8
+strange="$(printf 'out/\377\376')"
+if : > "$strange" 2> /dev/null; then
+  rm "$strange"
+  for ending in ply compressed.ply gltf usda; do
+    rm -f "$strange.links.json"
+    "$gsp" convert link.ply "$strange.$ending" > said.txt || fail "a name that is no UTF-8, .$ending"
+    "$gsp" info "$strange.$ending" > info.txt || fail "gsp info of a name that is no UTF-8, .$ending"
+    grep -aq '10 Gaussians on 1 links (wheel)' info.txt || fail "a name that is no UTF-8, .$ending: $(cat info.txt)"
+  done
+fi
 ls out | grep -q partial && fail "parts of files are left"
 echo "gsp convert: all formats there and back"

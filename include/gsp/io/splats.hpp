@@ -31,11 +31,12 @@ struct WriteSplatsOptions {
 };
 
 /// Writes a set in the format that the ending of `path` names: .ply (3DGS), .compressed.ply, .splat, .spz, .glb, .gltf, .sog, meta.json
-/// (SOG, with pictures beside it) or .usda. Links stand in PLY files themselves, else in a sidecar FILE.links.json beside it, which
-/// is replaced with the file.
-/// Compressed PLY and SOG order the Gaussians by `sort_splats`. Returns what the format has no place for, one sentence each, and how many
-/// Gaussians have numbers beyond those that it holds. Throws Error for another ending, and as the format's own function does. Nothing that
-/// was there is replaced before the new file is complete.
+/// (SOG, with pictures beside it) or .usda. Links stand in PLY files themselves, else in a sidecar FILE.links.json beside it, which is
+/// replaced with the file. Compressed PLY and SOG order the Gaussians by `sort_splats`. Returns one sentence each: what the format has no
+/// place for; how many Gaussians have colours, SH terms or scales beyond those that it holds, which are clipped; and of how many the steps
+/// that it rounds to move the place by more than their size (compressed PLY, .spz, SOG), or the colour by more than 1/255 (compressed PLY).
+/// Throws Error for another ending, and as the format's own function does. Nothing that was there is replaced before the new file is
+/// complete.
 std::vector<std::string> write_splats(std::filesystem::path const& path, SplatSet set, WriteSplatsOptions const& options = {});
 
 /// Throws Error where write_splats would because of the path: for a program to ask before long work.

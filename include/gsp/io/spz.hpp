@@ -27,7 +27,7 @@ struct SpzOptions {
 /// Bytes of a .spz file. What comes back differs by at most: positions 2^-(f+1) with f = 12 fraction bits, or as many as the largest
 /// coordinate leaves; opacity 1/510; dc 0.0131 (1 / (2 255 0.15)); scale a factor of exp(1/32); SH (2^(8-bits) + 1) / 256; rotation as
 /// docs/io/spz.md has it. dc beyond +-3.33, SH terms beyond +-1 and scales below exp(-10) become these bounds. Throws Error where a
-/// coordinate reaches 2^23 or a scale exp(6), std::invalid_argument for options out of range. Links are not written.
+/// coordinate reaches 2^23 or a scale passes 391, std::invalid_argument for options out of range. Links are not written.
 std::vector<std::byte> format_spz(SplatSet const& set, SpzOptions options = {});
 
 void write_spz(std::filesystem::path const& path, SplatSet const& set, SpzOptions options = {});

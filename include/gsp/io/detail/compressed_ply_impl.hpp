@@ -4,7 +4,7 @@
 #include <cmath>
 #include <gsp/core/detail/compiled.hpp>
 #include <gsp/io/compressed_ply.hpp>
-#include <gsp/io/detail/splat_bounds.hpp>
+#include <gsp/io/detail/shared_bounds.hpp>
 #include <gsp/io/file.hpp>
 #include <utility>
 
@@ -50,35 +50,25 @@ GSP_INLINE std::vector<std::byte> format_compressed_ply(SplatSet const& set) {
   auto const put = [&](void const* from, std::size_t size) { std::memcpy(std::exchange(out, out + size), from, size); };
   put(header.data(), header.size());
 
-  // x y z, log-scales, r g b of a Gaussian, and the bounds of its chunk as the reader will have them
-  auto const value = [&](std::size_t i, std::size_t k) -> float {
-    if (k < 3) return set.positions[3 * i + k];
-    if (k < 6) return static_cast<float>(std::log(std::max(double(set.scales[3 * i + k - 3]), std::exp(detail::packed_least_log_scale))));
-    return static_cast<float>(0.5 + sh_c0 * set.sh[3 * terms * i + k - 6]);
-  };
-  std::vector<std::array<float, 9>> low(chunks), high(chunks);
+  std::vector<std::array<detail::SharedBounds, 9>> bounds(chunks);
   for (std::size_t c = 0; c < chunks; ++c) {
+    std::array<float, 9> low, high;
     for (std::size_t k = 0; k < 9; ++k) {
-      low[c][k] = high[c][k] = value(256 * c, k);
-      for (std::size_t i = 256 * c; i < std::min(n, 256 * c + 256); ++i) {
-        low[c][k] = std::min(low[c][k], value(i, k));
-        high[c][k] = std::max(high[c][k], value(i, k));
-      }
+      bounds[c][k] = detail::compressed_ply_bounds(set, c, k);
+      low[k] = static_cast<float>(bounds[c][k].low);
+      high[k] = static_cast<float>(bounds[c][k].high);
     }
     for (std::size_t group = 0; group < 9; group += 3) {
-      put(&low[c][group], 12);
-      put(&high[c][group], 12);
+      put(&low[group], 12);
+      put(&high[group], 12);
     }
   }
   for (std::size_t i = 0; i < n; ++i) {
-    auto const packed = [&](std::size_t k, int bits) {
-      double const lo = low[i / 256][k], range = high[i / 256][k] - lo, most = (1 << bits) - 1;
-      return static_cast<std::uint32_t>(range > 0 ? std::clamp(std::round((value(i, k) - lo) / range * most), 0.0, most) : 0);
-    };
+    auto const packed = [&](std::size_t k) { return bounds[i / 256][k].pack(detail::compressed_ply_value(set, i, k)); };
     std::array<std::uint32_t, 4> const words{
-        packed(0, 11) << 21 | packed(1, 10) << 11 | packed(2, 11), detail::pack_ply_rotation(&set.quats[4 * i]),
-        packed(3, 11) << 21 | packed(4, 10) << 11 | packed(5, 11),
-        packed(6, 8) << 24 | packed(7, 8) << 16 | packed(8, 8) << 8 | static_cast<std::uint32_t>(std::lround(255.0 * set.opacities[i]))};
+        packed(0) << 21 | packed(1) << 11 | packed(2), detail::pack_ply_rotation(&set.quats[4 * i]),
+        packed(3) << 21 | packed(4) << 11 | packed(5),
+        packed(6) << 24 | packed(7) << 16 | packed(8) << 8 | static_cast<std::uint32_t>(std::lround(255.0 * set.opacities[i]))};
     put(words.data(), 16);
     if (links) put(&set.link[i], 4);
   }

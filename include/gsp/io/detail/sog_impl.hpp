@@ -5,8 +5,8 @@
 #include <gsp/core/detail/compiled.hpp>
 #include <gsp/io/detail/file_beside.hpp>
 #include <gsp/io/detail/json_text.hpp>
+#include <gsp/io/detail/shared_bounds.hpp>
 #include <gsp/io/detail/sog_tables.hpp>
-#include <gsp/io/detail/splat_bounds.hpp>
 #include <gsp/io/detail/webp.hpp>
 #include <gsp/io/detail/zip.hpp>
 #include <gsp/io/file.hpp>
@@ -213,7 +213,7 @@ GSP_INLINE SplatSet parse_sog(Bytes bytes, std::string const& name, std::filesys
     for (std::size_t i = 0; i < n; ++i)
       for (std::size_t k = 0; k < 3; ++k) {
         double const t = (lower.rgba[4 * i + k] + 256 * upper.rgba[4 * i + k]) / 65535.0, v = low[k] + (high[k] - low[k]) * t;
-        set.positions[3 * i + k] = static_cast<float>(std::copysign(std::expm1(std::abs(v)), v));
+        set.positions[3 * i + k] = static_cast<float>(sog_unbent(v));
       }
     lower = upper = {};
   }
@@ -312,20 +312,16 @@ inline SogFiles sog_files(SplatSet const& set) {
   }
 
   {
-    auto const bent = [&](std::size_t j) { return std::copysign(std::log1p(std::abs(double(set.positions[j]))), set.positions[j]); };
     std::array<double, 3> low, high;
+    std::array<SharedBounds, 3> const bounds{sog_bounds(set, 0), sog_bounds(set, 1), sog_bounds(set, 2)};
     for (std::size_t k = 0; k < 3; ++k) {
-      low[k] = high[k] = bent(k);
-      for (std::size_t i = 0; i < n; ++i) {
-        low[k] = std::min(low[k], bent(3 * i + k));
-        high[k] = std::max(high[k], bent(3 * i + k));
-      }
+      low[k] = bounds[k].low;
+      high[k] = bounds[k].high;
     }
     Pixels lower = blank(), upper = blank();
     for (std::size_t i = 0; i < n; ++i) {
       for (std::size_t k = 0; k < 3; ++k) {
-        double const t = high[k] > low[k] ? (bent(3 * i + k) - low[k]) / (high[k] - low[k]) : 0;
-        auto const v = static_cast<std::uint32_t>(std::lround(65535 * t));
+        auto const v = bounds[k].pack(sog_bent(set.positions[3 * i + k]));
         lower.rgba[4 * i + k] = static_cast<std::uint8_t>(v & 255);
         upper.rgba[4 * i + k] = static_cast<std::uint8_t>(v >> 8);
       }

@@ -3,16 +3,16 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <gsp/io/detail/shared_bounds.hpp>
 #include <gsp/io/detail/splat_bounds.hpp>
-#include <gsp/io/splat_file.hpp>
+#include <gsp/io/detail/splat_format.hpp>
 #include <gsp/io/spz.hpp>
 #include <limits>
 #include <string>
+#include <vector>
 
 /// What of a set a format does not hold, one sentence each, where more is lost than by rounding: gsp/io/splats.hpp.
 namespace gsp::io::detail {
-
-enum class SplatFormat { compressed_ply, ply, splat, spz, gltf, sog, usda };
 
 inline std::string in_digits(double x, int digits) {
   char text[32];
@@ -31,7 +31,7 @@ void note_clipped(SplatSet const& set, SplatFormat format, SpzOptions const& opt
     for (std::size_t i = 0; i < set.size(); ++i) n += is_beyond(i);
     if (n > 0) note(std::to_string(n) + (n == 1 ? " Gaussian has " : " Gaussians have ") + what + ", all that the format holds; clipped");
   };
-  double const colour = format == splat ? 0.5 / sh_c0 : format == spz ? 0.5 / spz_colour : infinity;
+  double const colour = format == splat ? splat_most_colour : format == spz ? spz_most_colour : infinity;
   say(
       [&](std::size_t i) {
         float const* const c = &set.sh[3 * terms * i];
@@ -57,31 +57,6 @@ void note_clipped(SplatSet const& set, SplatFormat format, SpzOptions const& opt
       "scales below " + in_digits(scale, 3));
 }
 
-/// How far a number goes that becomes the nearest low + k step.
-inline double moved(double x, double low, double step) {
-  double const t = step > 0 ? (x - low) / step : 0;
-  return std::abs(t - std::round(t)) * step;
-}
-/// use(i, how far each of its three numbers goes) of n Gaussians of a compressed PLY, in their order: 256 neighbours share the bounds of
-/// what number(i, k) says, each cut into so many steps.
-template <class Number, class Use>
-void for_neighbours(std::size_t n, std::array<int, 3> const& steps, Number const& number, Use const& use) {
-  for (std::size_t first = 0; first < n; first += 256) {
-    std::size_t const end = std::min(n, first + 256);
-    std::array<double, 3> low{}, step{};
-    for (std::size_t k = 0; k < 3; ++k) {
-      double high = low[k] = number(first, k);
-      for (std::size_t i = first; i < end; ++i) {
-        low[k] = std::min(low[k], double(number(i, k)));
-        high = std::max(high, double(number(i, k)));
-      }
-      step[k] = (high - low[k]) / steps[k];
-    }
-    for (std::size_t i = first; i < end; ++i)
-      use(i, std::array{moved(number(i, 0), low[0], step[0]), moved(number(i, 1), low[1], step[1]), moved(number(i, 2), low[2], step[2])});
-  }
-}
-
 /// Places and colours that go further than they may, of a set in the order of its file: places by the Gaussian's size, colours by a step of
 /// 8 bits from black to white.
 template <class Note>
@@ -93,33 +68,50 @@ void note_coarse(SplatSet const& set, SplatFormat format, Note const& note) {
     ++count;
     worst = std::max(worst, off);
   };
-  auto const place = [&](std::size_t i, std::size_t k) { return set.positions[3 * i + k]; };
-  auto const take_place = [&](std::size_t i, std::array<double, 3> const& off) {
-    take(std::sqrt(off[0] * off[0] + off[1] * off[1] + off[2] * off[2]), *std::max_element(&set.scales[3 * i], &set.scales[3 * i] + 3));
-  };
   auto const say = [&](std::string const& what, std::string const& than, std::string const& why) {
     if (count > 0)
-      note(what + std::to_string(count) + (count == 1 ? " Gaussian" : " Gaussians") + " are off by more than " + than + ", up to " +
-           in_digits(worst, 3) + ": " + why + "; write another format, or leave out those that are far off");
+      note(what + " of " + std::to_string(count) + (count == 1 ? " Gaussian" : " Gaussians") + " are off by more than " + than +
+           ", up to " + in_digits(worst, 3) + ": " + why);
     count = 0;
     worst = 0;
   };
-  auto const size = [&] { return std::string(count == 1 ? "its size" : "their size"); };
+  /// back(i, k): where a reader finds the coordinate k of Gaussian i
+  auto const note_places = [&](auto const& back, std::string const& why) {
+    for (std::size_t i = 0; i < set.size(); ++i) {
+      double square = 0;
+      for (std::size_t k = 0; k < 3; ++k) square += std::pow(double(static_cast<float>(back(i, k))) - set.positions[3 * i + k], 2);
+      take(std::sqrt(square), *std::max_element(&set.scales[3 * i], &set.scales[3 * i] + 3));
+    }
+    say("places", count == 1 ? "its size" : "their size", why);
+  };
+  std::string const far = "; write another format, or leave out those that are far off";
   if (format == SplatFormat::spz) {
-    double const step = std::ldexp(1., -spz_fraction_bits(set));
-    for (std::size_t i = 0; i < set.size(); ++i)
-      take_place(i, {moved(place(i, 0), 0, step), moved(place(i, 1), 0, step), moved(place(i, 2), 0, step)});
-    say("places of ", size(), "24 bits reach as far as the farthest");
+    int const bits = spz_fraction_bits(set);
+    note_places(
+        [&](std::size_t i, std::size_t k) { return std::ldexp(std::round(std::ldexp(double(set.positions[3 * i + k]), bits)), -bits); },
+        bits < spz_most_fraction_bits ? "24 bits reach as far as the farthest" + far
+                                      : "a step is 1/4096 of a unit; scale the set up, or write another format");
   } else if (format == SplatFormat::compressed_ply) {
-    constexpr char const* why = "256 neighbours share bounds";
-    for_neighbours(set.size(), {2047, 1023, 2047}, place, take_place);
-    say("places of ", size(), why);
-    for_neighbours(
-        set.size(), {255, 255, 255}, [&](std::size_t i, std::size_t k) { return set.sh[3 * set.sh_terms() * i + k]; },
-        [&](std::size_t, std::array<double, 3> const& off) {
-          take(sh_c0 * std::max({off[0], off[1], off[2]}), 1. / 255);
-        });
-    say("colours of ", "1/255", why);
+    std::string const why = "256 neighbours share bounds" + far + ", if any are";
+    std::vector<SharedBounds> bounds;  // of each chunk and number
+    for (std::size_t c = 0; 256 * c < set.size(); ++c)
+      for (std::size_t k = 0; k < 9; ++k) bounds.push_back(compressed_ply_bounds(set, c, k));
+    auto const back = [&](std::size_t i, std::size_t k) {
+      SharedBounds const& b = bounds[i / 256 * 9 + k];
+      return b.unpack(b.pack(compressed_ply_value(set, i, k)));
+    };
+    note_places(back, why);
+    for (std::size_t i = 0; i < set.size(); ++i) {
+      double off = 0;
+      for (std::size_t k = 6; k < 9; ++k) off = std::max(off, std::abs(back(i, k) - compressed_ply_value(set, i, k)));
+      take(off, 1. / 255);
+    }
+    say("colours", "1/255", why);
+  } else if (format == SplatFormat::sog) {
+    std::array const bounds{sog_bounds(set, 0), sog_bounds(set, 1), sog_bounds(set, 2)};
+    note_places(
+        [&](std::size_t i, std::size_t k) { return sog_unbent(bounds[k].unpack(bounds[k].pack(sog_bent(set.positions[3 * i + k])))); },
+        "16 bits reach as far as the farthest" + far + ", if any are");
   }
 }
 

@@ -1,7 +1,7 @@
 #pragma once
-#include <array>
 #include <gsp/core/detail/compiled.hpp>
 #include <gsp/io/compressed_ply.hpp>
+#include <gsp/io/detail/splat_format.hpp>
 #include <gsp/io/detail/splat_losses.hpp>
 #include <gsp/io/file.hpp>
 #include <gsp/io/gltf.hpp>
@@ -16,28 +16,10 @@
 #include <gsp/io/spz.hpp>
 #include <gsp/io/usda.hpp>
 #include <optional>
-#include <utility>
 
 namespace gsp::io {
 
 namespace detail {
-
-/// By endings, longer ones first where one ends in another.
-inline std::pair<char const*, SplatFormat> const* splat_format_of(std::string const& path) {
-  using enum SplatFormat;
-  static constexpr std::array<std::pair<char const*, SplatFormat>, 9> formats{{{".compressed.ply", compressed_ply},
-                                                                               {".ply", ply},
-                                                                               {".splat", splat},
-                                                                               {".spz", spz},
-                                                                               {".glb", gltf},
-                                                                               {".gltf", gltf},
-                                                                               {".sog", sog},
-                                                                               {"meta.json", sog},
-                                                                               {".usda", usda}}};
-  for (auto const& format : formats)
-    if (format.first[0] == '.' ? has_ending(path, format.first) : std::filesystem::path(path).filename() == format.first) return &format;
-  return nullptr;
-}
 
 /// FILE.links.json beside FILE, of that file alone: a stem would lend it to room.ply beside room.spz, whose order is another.
 inline std::filesystem::path links_beside(std::filesystem::path path) { return path += ".links.json"; }

@@ -141,7 +141,7 @@ GSP_INLINE SplatSet parse_spz_data(Bytes bytes, std::string const& name) {
         set.positions[j] = static_cast<float>(std::ldexp(fixed >= 1 << 23 ? fixed - (1 << 24) : fixed, -h.fraction_bits));
       }
       set.scales[j] = static_cast<float>(std::exp(double(scales[j]) / 16 + detail::spz_least_log_scale));
-      set.sh[3 * terms * i + k] = static_cast<float>((double(colours[j]) / 255 - 0.5) / detail::spz_colour);
+      set.sh[3 * terms * i + k] = static_cast<float>((double(colours[j]) / 255 - 0.5) / detail::spz_colour_slope);
     }
     set.opacities[i] = static_cast<float>(double(alphas[i]) / 255);
     std::array<double, 4> q{};  // x y z w
@@ -251,12 +251,12 @@ inline std::vector<std::byte> format_spz_data(SplatSet set, SpzOptions options, 
   for (float o : set.opacities) put_rounded(255.0 * o);
   std::size_t const terms = set.sh_terms();
   for (std::size_t i = 0; i < set.size(); ++i)
-    for (std::size_t c = 0; c < 3; ++c) put_rounded(255 * (spz_colour * set.sh[3 * terms * i + c] + 0.5));
+    for (std::size_t c = 0; c < 3; ++c) put_rounded(255 * (spz_colour_slope * set.sh[3 * terms * i + c] + 0.5));
   for (std::size_t j = 0; j < set.scales.size(); ++j) {
     double const packed = 16 * (std::log(std::max(double(set.scales[j]), 1e-30)) - spz_least_log_scale);
-    if (packed > 256)
+    if (packed > 255.5)
       fail(name, "Gaussian " + std::to_string(j / 3),
-           "has the scale " + std::to_string(set.scales[j]) + ", and .spz holds at most 400; scale the set down");
+           "has the scale " + std::to_string(set.scales[j]) + ", and .spz holds at most 391; scale the set down");
     put_rounded(packed);
   }
   for (std::size_t i = 0; i < set.size(); ++i) {
@@ -275,11 +275,8 @@ inline std::vector<std::byte> format_spz_data(SplatSet set, SpzOptions options, 
   return out;
 }
 
-}  // namespace detail
-
-GSP_INLINE std::vector<std::byte> format_spz(SplatSet const& set, SpzOptions options) {
-  using namespace detail;
-  std::string const name = "gsp::io::format_spz";
+/// What format_spz says; errors begin with `name`.
+inline std::vector<std::byte> spz_file(SplatSet const& set, SpzOptions options, std::string const& name) {
   expects(options.version >= 2 && options.version <= 4, "gsp::io::format_spz: version must be 2, 3 or 4");
   expects(options.sh1_bits >= 1 && options.sh1_bits <= 8 && options.sh_bits >= 1 && options.sh_bits <= 8,
           "gsp::io::format_spz: sh1_bits and sh_bits must be 1..8");
@@ -303,8 +300,14 @@ GSP_INLINE std::vector<std::byte> format_spz(SplatSet const& set, SpzOptions opt
   return out;
 }
 
+}  // namespace detail
+
+GSP_INLINE std::vector<std::byte> format_spz(SplatSet const& set, SpzOptions options) {
+  return detail::spz_file(set, options, "gsp::io::format_spz");
+}
+
 GSP_INLINE void write_spz(std::filesystem::path const& path, SplatSet const& set, SpzOptions options) {
-  write_file(path, format_spz(set, options));
+  write_file(path, detail::spz_file(set, options, path.string()));
 }
 
 }  // namespace gsp::io
