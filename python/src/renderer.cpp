@@ -64,7 +64,7 @@ struct Renderer {
   runtime::Device device;
   std::shared_ptr<runtime::Scene> scene;
   runtime::RendererOptions options;
-  std::int64_t images = -1;
+  std::int64_t images = 0;                        // that Python has of `own`; 0: none yet
   std::vector<std::vector<int>> shown{};          // `show`: of each world
   std::shared_ptr<runtime::Scene::Sets> drawn{};  // what `own` has on the device: where the scene has more by now, it is made anew
   std::shared_ptr<runtime::Renderer> own{};
@@ -292,11 +292,11 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   if (!develop.is_none()) options.develop = development_of(develop, self.options, n, keeps[3]);
   if (!jitter.is_none()) options.jitter = jitter_of(jitter, n);
   Use const use(data), use_renderer(self.busy, "this renderer");
-  if (!self.own || self.images != n || self.drawn != self.scene->sets) {
+  if (!self.own || (self.images != n && self.images > 0) || self.drawn != self.scene->sets) {
     self.own = another(self);
-    self.images = n;
     self.drawn = self.scene->sets;
   }
+  self.images = n;
   freshen(data);
   {
     OthersRun const others_run;
@@ -461,7 +461,7 @@ void bind_renderer(nb::module_& m) {
             if (!self.own || self.drawn != self.scene->sets) {
               self.own = another(self);
               self.drawn = self.scene->sets;
-              self.images = -1;
+              self.images = 0;
             }
             self.own->show_sets(sets);
             self.shown = sets;
