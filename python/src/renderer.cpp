@@ -89,14 +89,13 @@ std::unique_ptr<runtime::Renderer> another(Renderer const& self) {
   return own;
 }
 
-/// OpenCV's coefficients, (C, n), or (n) for all.
+/// OpenCV's coefficients, (C, n), or (1, n) or (n) for all.
 std::vector<Lens> const& lenses_of(KeptLenses& kept, nb::object const& distortion, bool fisheye, std::int64_t cameras) {
   nb::object const rows = nb::module_::import_("numpy").attr("array")(distortion, nb::arg("dtype") = "float64", nb::arg("ndmin") = 2);
   auto lists = nb::cast<std::vector<std::vector<double>>>(rows.attr("tolist")());
-  bool const one = nb::cast<int>(nb::module_::import_("numpy").attr("ndim")(distortion)) == 1;
-  if (!one && std::int64_t(lists.size()) != cameras)
+  if (lists.size() != 1 && std::int64_t(lists.size()) != cameras)
     throw Error("gsp.Renderer.render: distortion has " + std::to_string(lists.size()) + " rows for " + std::to_string(cameras) +
-                " cameras: give one a camera, or one list for all");
+                " cameras: give one a camera, or one for all");
   if (kept.fisheye == fisheye && kept.coefficients == lists) return kept.lenses;
   // the map holds no NaN, of which no lens is made, and has an order; a list with NaN may be found in it as any other
   std::map<std::vector<double>, Lens> made;
@@ -268,7 +267,14 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
                             : taken(v, "gsp.Renderer.render: viewmats", {-1, 4, 4}, keeps[0]);
   std::int64_t const n = cameras.viewmats.extents[0];
   cameras.Ks =
-      one(k) ? all_of(taken(k, "gsp.Renderer.render: Ks", {3, 3}, keeps[1]), n) : taken(k, "gsp.Renderer.render: Ks", {n, 3, 3}, keeps[1]);
+      one(k) ? all_of(taken(k, "gsp.Renderer.render: Ks", {3, 3}, keeps[1]), n) : taken(k, "gsp.Renderer.render: Ks", {-1, 3, 3}, keeps[1]);
+  if (auto& Ks = cameras.Ks; Ks.extents[0] == 1) {
+    Ks.extents[0] = n;
+    Ks.strides[0] = 0;
+  } else if (Ks.extents[0] != n) {
+    throw Error("gsp.Renderer.render: there are " + std::to_string(Ks.extents[0]) + " Ks for " + std::to_string(n) +
+                " cameras: give one a camera, or one for all");
+  }
   if (!world.is_none()) {
     cameras.world = taken(worlds_of(world, data.worlds), "gsp.Renderer.render: world", {n}, keeps[2]);
     if (cameras.world.dtype != runtime::Dtype::int32)
@@ -475,10 +481,12 @@ void bind_renderer(nb::module_& m) {
           "render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
           nb::arg("distortion").none() = nb::none(), nb::arg("fisheye") = false, nb::kw_only(), nb::arg("develop").none() = nb::none(),
           nb::arg("jitter").none() = nb::none(),
-          "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) for all [pixel]; world: "
+          "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) or (1, 3, 3) for all "
+          "[pixel]; world: "
           "(C) int32, or None: camera c "
           "shows\n"
-          "world c % worlds; distortion: OpenCV's coefficients, (C, n), or (n) for all, n = 4, 5 or 8: k1 k2 p1 p2 k3 k4 k5 k6, or None: "
+          "world c % worlds; distortion: OpenCV's coefficients, (C, n), or (n) or (1, n) for all, n = 4, 5 or 8: k1 k2 p1 p2 k3 k4 k5 k6, "
+          "or None: "
           "pinholes;\n"
           "fisheye: they are k1 k2 k3 k4 of OpenCV's fisheye, whose zeros are the ideal one.\n"
           "develop: how rgb8 comes of rgb: dict(exposure=0.5, contrast=0.2, brightness=0.1, noise=0.02, background=(0.6, 0.7, 0.9), "
