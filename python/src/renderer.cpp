@@ -11,6 +11,7 @@
 #include <gsp/io/splat_transform.hpp>
 #include <gsp/io/splats.hpp>
 #include <gsp/runtime/renderer.hpp>
+#include <limits>
 #include <map>
 
 #include "array.hpp"
@@ -44,6 +45,29 @@ void expect_size(ArrayLike const& Ks, runtime::Array const& there, runtime::Rend
     std::string const text = "gsp.Renderer.render: camera " + std::to_string(c) + " looks past its picture: K has the centre at (" +
                              std::to_string(int(x)) + ", " + std::to_string(int(y)) + "), and the renderer makes " +
                              size_text(o.width, o.height) + ": give gsp.pinhole the renderer's width and height";
+    if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw nb::python_error();
+    return;
+  }
+}
+
+/// The first of the numbers, one after the other, that is not finite; -1: none.
+template <class R>
+std::int64_t first_not_finite(runtime::Array const& a) {
+  auto const* const x = static_cast<R const*>(a.data);
+  int bad = 0;
+  for (std::int64_t i = 0; i < a.size(); ++i) bad |= !(std::abs(x[i]) <= std::numeric_limits<R>::max());
+  return bad ? std::find_if(x, x + a.size(), [](R v) { return !std::isfinite(v); }) - x : -1;
+}
+/// Bodies that are nowhere are in no picture. On a GPU nobody waits for an answer.
+void warn_of_lost_bodies(runtime::PoseArrays const& poses, CompiledModel const& model) {
+  for (runtime::Array const& a : {poses.xpos, poses.xquat}) {
+    if (a.device != runtime::Device::cpu) return;
+    auto const at = a.dtype == runtime::Dtype::float64 ? first_not_finite<double>(a) : first_not_finite<float>(a);
+    if (at < 0) continue;
+    auto const row = at / a.extents[2];
+    std::string const text = "gsp.Renderer.render: the pose of body '" + model.body_name[std::size_t(row % a.extents[1])] + "' of world " +
+                             std::to_string(row / a.extents[1]) +
+                             " is not finite, and no picture shows it: look at data.qpos, or reset the world";
     if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw nb::python_error();
     return;
   }
@@ -304,9 +328,11 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   }
   self.images = n;
   freshen(data);
+  auto const poses = data.stepper->poses();
+  warn_of_lost_bodies(poses, *self.model);
   {
     OthersRun const others_run;
-    self.own->render(data.stepper->poses(), cameras, options);
+    self.own->render(poses, cameras, options);
   }
   auto const f = self.own->frames();
   auto const owner = std::make_shared<Keeper>(Keeper{self.session, self.own});

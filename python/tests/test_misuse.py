@@ -239,6 +239,21 @@ def test_memory_that_is_not_there():
         gsp.Data(model, worlds=2**31 - 1, precision="float64")
 
 
+def test_bodies_that_are_nowhere(model):
+    data = gsp.Data(model, worlds=2)
+    renderer, box = gsp.Renderer(gsp.Scene(model).add_surface(), 16, 16, ids=True), model.id("body", "box")
+    at = gsp.look_at([[2, -2, 0.7]] * 2, [2, 0, 0.7]), gsp.pinhole(16, 16, 30)
+    for place in (2, 5):  # of the position, of the quaternion
+        data.qpos[1, place] = np.nan
+        with pytest.warns(UserWarning, match="the pose of body 'box' of world 1 is not finite, and no picture shows it: look at data.qpos"):
+            ids = renderer.render(data, *at).ids.numpy()
+        assert box in ids[0] and box not in ids[1]
+        gsp.reset(model, data)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert box in renderer.render(data, *at).ids.numpy()[1]
+
+
 def test_model_is_the_same(model):
     data = gsp.Data(model)
     assert data.model is model
