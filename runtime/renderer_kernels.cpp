@@ -136,17 +136,23 @@ class KokkosRenderer : public Renderer {
   }
 
  private:
+  /// f(channels that were asked for...)
+  template <class F>
+  void with_channels(F const& f) const {
+    with(f, std::pair{options_.median_depth, &median_}, std::pair{options_.ids, &ids_});
+  }
+  template <class F>
+  static void with(F const& f) {
+    f();
+  }
+  template <class F, class Channel, class... Rest>
+  static void with(F const& f, std::pair<bool, Channel const*> const& first, Rest const&... rest) {
+    with([&](auto const&... more) { first.first ? f(*first.second, more...) : f(more...); }, rest...);
+  }
+
   template <class R>
   void draw(Poses<R, Mem> const& poses, Cameras<Mem> const& cameras) {
-    auto const with = [&](auto const&... channels) { gsp::render(exec_, cloud_, poses, cameras, frames_, render_, channels...); };
-    if (options_.median_depth && options_.ids)
-      with(median_, ids_);
-    else if (options_.median_depth)
-      with(median_);
-    else if (options_.ids)
-      with(ids_);
-    else
-      with();
+    with_channels([&](auto const&... channels) { gsp::render(exec_, cloud_, poses, cameras, frames_, render_, channels...); });
     if (options_.normals) normals_of_depth(exec_, options_.median_depth ? median_.image : frames_.depth, cameras, normals_);
   }
 
@@ -192,7 +198,7 @@ class KokkosRenderer : public Renderer {
     o.depth = options_.depth || (options_.normals && !options_.median_depth);
     o.alpha = options_.alpha || options_.rgb8;  // behind which a background shows
     o.batch = options_.batch;
-    o.values = (options_.median_depth ? MedianDepthChannel<Mem>::size : 0) + (options_.ids ? IdChannel<Mem>::size : 0);
+    with_channels([&](auto const&... channels) { o.values = (0 + ... + std::decay_t<decltype(channels)>::size); });
     return o;
   }
 

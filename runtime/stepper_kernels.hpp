@@ -798,9 +798,12 @@ std::unique_ptr<Stepper> make_stepper_of(Device device, CompiledModel const& mod
 template <class R>
 std::int64_t bytes_needed_of(Device device, CompiledModel const& m, StepperOptions const& options) {
   std::int64_t bytes = 0;
+  auto one = options;  // values per world are as many for each
+  one.worlds = 1;
   on_device(device, [&](auto const& exec) {
-    auto const model = make_runtime_model<R>(exec, m, options);
-    bytes = gsp::bytes_needed(exec, model, m, simulation_options(options)) + std::int64_t(model.world_reals.size() * sizeof(R));
+    auto const model = make_runtime_model<R>(exec, m, one);
+    bytes = gsp::bytes_needed(exec, model, m, simulation_options(options)) +
+            options.worlds * std::int64_t(model.world_reals.size() * sizeof(R));
   });
   return bytes;
 }

@@ -243,7 +243,7 @@ runtime::Array taken(nb::handle object, char const* what, std::initializer_list<
   runtime::Array a;
   std::string const type = nb::cast<std::string>(interface["typestr"]);
   bool known = false;
-  for (Dtype const dtype : {Dtype::float32, Dtype::float64, Dtype::int32, Dtype::int64, Dtype::uint32}) {
+  for (Dtype const dtype : {Dtype::float32, Dtype::float64, Dtype::int32, Dtype::int64, Dtype::uint32, Dtype::uint8}) {
     if (type != typestr_of(dtype)) continue;
     a.dtype = dtype;
     known = true;

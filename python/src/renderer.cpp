@@ -11,6 +11,7 @@
 #include <gsp/io/splat_transform.hpp>
 #include <gsp/io/splats.hpp>
 #include <gsp/runtime/renderer.hpp>
+#include <limits>
 #include <map>
 
 #include "array.hpp"
@@ -49,6 +50,29 @@ void expect_size(ArrayLike const& Ks, runtime::Array const& there, runtime::Rend
   }
 }
 
+/// The first of the numbers, one after the other, that is not finite; -1: none.
+template <class R>
+std::int64_t first_not_finite(runtime::Array const& a) {
+  auto const* const x = static_cast<R const*>(a.data);
+  int bad = 0;
+  for (std::int64_t i = 0; i < a.size(); ++i) bad |= !(std::abs(x[i]) <= std::numeric_limits<R>::max());
+  return bad ? std::find_if(x, x + a.size(), [](R v) { return !std::isfinite(v); }) - x : -1;
+}
+/// Bodies that are nowhere are in no picture. On a GPU nobody waits for an answer.
+void warn_of_lost_bodies(runtime::PoseArrays const& poses, CompiledModel const& model) {
+  for (runtime::Array const& a : {poses.xpos, poses.xquat}) {
+    if (a.device != runtime::Device::cpu) return;
+    auto const at = a.dtype == runtime::Dtype::float64 ? first_not_finite<double>(a) : first_not_finite<float>(a);
+    if (at < 0) continue;
+    auto const row = at / a.extents[2];
+    std::string const text = "gsp.Renderer.render: the pose of body '" + model.body_name[std::size_t(row % a.extents[1])] + "' of world " +
+                             std::to_string(row / a.extents[1]) +
+                             " is not finite, and no picture shows it: look at data.qpos, or reset the world";
+    if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw nb::python_error();
+    return;
+  }
+}
+
 /// Lenses of the last `render` that had some: one takes 0.4 ms to make, and they are the same from picture to picture as a rule.
 struct KeptLenses {
   bool fisheye = false;
@@ -64,7 +88,7 @@ struct Renderer {
   runtime::Device device;
   std::shared_ptr<runtime::Scene> scene;
   runtime::RendererOptions options;
-  std::int64_t images = -1;
+  std::int64_t images = 0;                        // that Python has of `own`; 0: none yet
   std::vector<std::vector<int>> shown{};          // `show`: of each world
   std::shared_ptr<runtime::Scene::Sets> drawn{};  // what `own` has on the device: where the scene has more by now, it is made anew
   std::shared_ptr<runtime::Renderer> own{};
@@ -89,14 +113,13 @@ std::unique_ptr<runtime::Renderer> another(Renderer const& self) {
   return own;
 }
 
-/// OpenCV's coefficients, (C, n), or (n) for all.
+/// OpenCV's coefficients, (C, n), or (1, n) or (n) for all.
 std::vector<Lens> const& lenses_of(KeptLenses& kept, nb::object const& distortion, bool fisheye, std::int64_t cameras) {
   nb::object const rows = nb::module_::import_("numpy").attr("array")(distortion, nb::arg("dtype") = "float64", nb::arg("ndmin") = 2);
   auto lists = nb::cast<std::vector<std::vector<double>>>(rows.attr("tolist")());
-  bool const one = nb::cast<int>(nb::module_::import_("numpy").attr("ndim")(distortion)) == 1;
-  if (!one && std::int64_t(lists.size()) != cameras)
+  if (lists.size() != 1 && std::int64_t(lists.size()) != cameras)
     throw Error("gsp.Renderer.render: distortion has " + std::to_string(lists.size()) + " rows for " + std::to_string(cameras) +
-                " cameras: give one a camera, or one list for all");
+                " cameras: give one a camera, or one for all");
   if (kept.fisheye == fisheye && kept.coefficients == lists) return kept.lenses;
   // the map holds no NaN, of which no lens is made, and has an order; a list with NaN may be found in it as any other
   std::map<std::vector<double>, Lens> made;
@@ -268,7 +291,14 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
                             : taken(v, "gsp.Renderer.render: viewmats", {-1, 4, 4}, keeps[0]);
   std::int64_t const n = cameras.viewmats.extents[0];
   cameras.Ks =
-      one(k) ? all_of(taken(k, "gsp.Renderer.render: Ks", {3, 3}, keeps[1]), n) : taken(k, "gsp.Renderer.render: Ks", {n, 3, 3}, keeps[1]);
+      one(k) ? all_of(taken(k, "gsp.Renderer.render: Ks", {3, 3}, keeps[1]), n) : taken(k, "gsp.Renderer.render: Ks", {-1, 3, 3}, keeps[1]);
+  if (auto& Ks = cameras.Ks; Ks.extents[0] == 1) {
+    Ks.extents[0] = n;
+    Ks.strides[0] = 0;
+  } else if (Ks.extents[0] != n) {
+    throw Error("gsp.Renderer.render: there are " + std::to_string(Ks.extents[0]) + " Ks for " + std::to_string(n) +
+                " cameras: give one a camera, or one for all");
+  }
   if (!world.is_none()) {
     cameras.world = taken(worlds_of(world, data.worlds), "gsp.Renderer.render: world", {n}, keeps[2]);
     if (cameras.world.dtype != runtime::Dtype::int32)
@@ -292,15 +322,17 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   if (!develop.is_none()) options.develop = development_of(develop, self.options, n, keeps[3]);
   if (!jitter.is_none()) options.jitter = jitter_of(jitter, n);
   Use const use(data), use_renderer(self.busy, "this renderer");
-  if (!self.own || self.images != n || self.drawn != self.scene->sets) {
+  if (!self.own || (self.images != n && self.images > 0) || self.drawn != self.scene->sets) {
     self.own = another(self);
-    self.images = n;
     self.drawn = self.scene->sets;
   }
+  self.images = n;
   freshen(data);
+  auto const poses = data.stepper->poses();
+  warn_of_lost_bodies(poses, *self.model);
   {
     OthersRun const others_run;
-    self.own->render(data.stepper->poses(), cameras, options);
+    self.own->render(poses, cameras, options);
   }
   auto const f = self.own->frames();
   auto const owner = std::make_shared<Keeper>(Keeper{self.session, self.own});
@@ -461,7 +493,7 @@ void bind_renderer(nb::module_& m) {
             if (!self.own || self.drawn != self.scene->sets) {
               self.own = another(self);
               self.drawn = self.scene->sets;
-              self.images = -1;
+              self.images = 0;
             }
             self.own->show_sets(sets);
             self.shown = sets;
@@ -475,10 +507,12 @@ void bind_renderer(nb::module_& m) {
           "render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
           nb::arg("distortion").none() = nb::none(), nb::arg("fisheye") = false, nb::kw_only(), nb::arg("develop").none() = nb::none(),
           nb::arg("jitter").none() = nb::none(),
-          "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) for all [pixel]; world: "
+          "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) or (1, 3, 3) for all "
+          "[pixel]; world: "
           "(C) int32, or None: camera c "
           "shows\n"
-          "world c % worlds; distortion: OpenCV's coefficients, (C, n), or (n) for all, n = 4, 5 or 8: k1 k2 p1 p2 k3 k4 k5 k6, or None: "
+          "world c % worlds; distortion: OpenCV's coefficients, (C, n), or (n) or (1, n) for all, n = 4, 5 or 8: k1 k2 p1 p2 k3 k4 k5 k6, "
+          "or None: "
           "pinholes;\n"
           "fisheye: they are k1 k2 k3 k4 of OpenCV's fisheye, whose zeros are the ideal one.\n"
           "develop: how rgb8 comes of rgb: dict(exposure=0.5, contrast=0.2, brightness=0.1, noise=0.02, background=(0.6, 0.7, 0.9), "

@@ -334,8 +334,11 @@ def test_pictures(model):
             renderer.render(data, views, K, distortion=bad)
     with pytest.raises(gsp.Error, match=r"render: fisheye=True needs distortion=\[k1, k2, k3, k4\]; zeros are the ideal fisheye"):
         renderer.render(data, views, K, fisheye=True)
-    with pytest.raises(gsp.Error, match="Ks has shape"):
-        renderer.render(data, views, [gsp.pinhole(64, 48, 60)])
+    assert np.array_equal(straight, renderer.render(data, views, K[:1]).rgb)
+    both = renderer.render(data, views, K, distortion=[-0.2, 0.02, 0, 0]).rgb.copy()
+    assert np.array_equal(both, renderer.render(data, views, K[0], distortion=[[-0.2, 0.02, 0, 0]]).rgb)
+    with pytest.raises(gsp.Error, match="3 Ks for 2 cameras: give one a camera, or one for all"):
+        renderer.render(data, views, K[:1] * 3)
     with pytest.raises(gsp.Error, match="fovy"):
         gsp.pinhole(64, 48, 0)
 

@@ -239,6 +239,44 @@ def test_memory_that_is_not_there():
         gsp.Data(model, worlds=2**31 - 1, precision="float64")
 
 
+# The address space ends before the pictures do.
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of address space")
+def test_pictures_that_memory_does_not_hold():
+    code = f"""
+import resource, gsp
+model = gsp.Model.from_string({BOX!r})
+data, scene = gsp.Data(model), gsp.Scene(model).add_surface()
+V, K = gsp.look_at([2, -2, 0.7], [2, 0, 0.7]), gsp.pinhole(16384, 16384, 60)
+held = 4096 * int(open("/proc/self/statm").read().split()[0])
+resource.setrlimit(resource.RLIMIT_AS, (held + 2**30, resource.RLIM_INFINITY))
+try:
+    gsp.Renderer(scene, 16384, 16384).render(data, V, K)
+except gsp.Error as error:
+    print(error)
+print(gsp.Renderer(scene, 16, 16).render(data, V, gsp.pinhole(16, 16, 60)).alpha.numpy().max() > 0.5)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    said, goes_on = done.stdout.splitlines()
+    assert said.startswith("there is not enough memory (") and said.endswith("make fewer worlds or pictures, or free what others hold"), said
+    assert goes_on == "True"
+
+
+def test_bodies_that_are_nowhere(model):
+    data = gsp.Data(model, worlds=2)
+    renderer, box = gsp.Renderer(gsp.Scene(model).add_surface(), 16, 16, ids=True), model.id("body", "box")
+    at = gsp.look_at([[2, -2, 0.7]] * 2, [2, 0, 0.7]), gsp.pinhole(16, 16, 30)
+    for place in (2, 5):  # of the position, of the quaternion
+        data.qpos[1, place] = np.nan
+        with pytest.warns(UserWarning, match="the pose of body 'box' of world 1 is not finite, and no picture shows it: look at data.qpos"):
+            ids = renderer.render(data, *at).ids.numpy()
+        assert box in ids[0] and box not in ids[1]
+        gsp.reset(model, data)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert box in renderer.render(data, *at).ids.numpy()[1]
+
+
 def test_model_is_the_same(model):
     data = gsp.Data(model)
     assert data.model is model

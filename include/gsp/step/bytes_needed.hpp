@@ -4,8 +4,8 @@
 namespace gsp {
 
 /// Bytes that make_state and make_simulation allocate for `options.worlds` worlds, to be compared with what a device has before it is asked
-/// for. All buffers grow by blocks of worlds, so the sizes of 64 and 128 worlds, which are made and let go, give those of any larger
-/// number; up to 64 are made themselves.
+/// for. All buffers grow by blocks of worlds (a pack's on a CPU, a warp's on a GPU): one block and two are made, one after the other, and
+/// let go, and give the bytes of any larger number. So the question takes the memory and the time of two blocks.
 /// Not counted: what pools grow by beyond their first guess, which a step with many contacts may double.
 /// Errors: those of make_simulation.
 template <class R, ExecutionSpace Exec, class Mem>
@@ -20,7 +20,7 @@ std::int64_t bytes_needed(Exec const& exec, Model<R, Mem> const& model, Compiled
                                             {.worlds = worlds, .cone = options.cone, .sleep = options.sleep, .impacts = options.impacts});
     return detail::allocated_bytes() - before;
   };
-  constexpr int block = 64;  // a multiple of the worlds of any block of lanes
+  constexpr int block = block_width<Mem, R>;
   if (options.worlds <= block) return bytes_of(options.worlds);
   std::int64_t const one = bytes_of(block);
   std::int64_t const more = bytes_of(2 * block) - one;
