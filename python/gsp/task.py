@@ -175,7 +175,8 @@ class Task:
         data.ctrl[:] = self._middle + self._half * action
 
     def observe(self, data: Any) -> Any:
-        """(worlds, n), or several by name: {"actor": (worlds, n), "critic": (worlds, m)}. Called once or twice a step: it changes nothing."""
+        """(worlds, n), or several by name: {"actor": (worlds, n), "critic": (worlds, m)}; uint8, as pictures of 8 bits are, or what becomes
+        float32. Called once or twice a step: it changes nothing."""
         raise NotImplementedError(f"{type(self).__name__} has no observe(self, data): write it")
 
     def reward(self, data: Any) -> Numbers:
@@ -260,7 +261,7 @@ class Task:
         return reward, terminated, (self.age >= self.episode_steps) | self._stopped()
 
     def observations(self) -> Any:
-        """What `observe` gives, float32, copied."""
+        """What `observe` gives, copied: uint8 where it is that, else float32."""
         seen = self._call("observe")
         if isinstance(seen, dict):
             return {name: self._checked(value, f"['{name}']") for name, value in seen.items()}
@@ -325,8 +326,16 @@ class Task:
             raise Error(f"{type(self).__name__}: {what} must be {(self.worlds,)} of bool and is {tuple(value.shape)} of {value.dtype}")
         return value
 
+    def _seen(self, value: Any) -> Numbers:
+        """uint8, as pictures of 8 bits are, or float32."""
+        if self.xp is np:
+            value = np.asarray(value)
+        else:
+            value = self.xp.from_dlpack(value) if isinstance(value, Array) else self.xp.as_tensor(value, **self._on)
+        return value if value.dtype == self.xp.uint8 else self._floats(value)
+
     def _checked(self, value: Any, name: str) -> Numbers:
-        value = self._copy(self._floats(value))
+        value = self._copy(self._seen(value))
         if value.ndim < 2 or value.shape[0] != self.worlds:
             raise Error(f"{type(self).__name__}.observe{name} gives shape {tuple(value.shape)} and must give ({self.worlds}, n)")
         return value

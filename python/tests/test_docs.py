@@ -63,6 +63,12 @@ def test_page_of_tasks(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "task.png").exists()
     if "envs" in names:
         assert names["seen"] in names["envs"].observation_space
+        seen = names["observations"]
+        assert seen in names["looking"].observation_space and seen["picture"].dtype == np.uint8 and seen["picture"].std() > 5
+        check_env = importlib.import_module("gymnasium.utils.env_checker").check_env
+        check_env(gsp.gymnasium.Env(names["Look"]()))  # the same seed, the same pictures
+    if "seeing" in names:
+        assert type(names["seeing"].policy.features_extractor.extractors["picture"]).__name__ == "NatureCNN"
 
 
 def test_recipes():
