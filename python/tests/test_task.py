@@ -827,3 +827,68 @@ def test_rsl_rl_sees_pictures():
         "algorithm": {"class_name": "PPO", "rnd_cfg": None, "symmetry_cfg": None},
     }
     OnPolicyRunner(gsp.rsl_rl.VecEnv(First(worlds=3)), cfg, log_dir=None, device="cpu").learn(1)
+
+
+class Plain(CartPole):
+    """CartPole for either kind of array."""
+
+    bad = 0.0
+
+    def observe(self, data):
+        return data.qpos
+
+    def act(self, data, action):
+        data.ctrl[:] = action
+        data.ctrl[1] += self.bad
+
+    def reward(self, data):
+        return data.qpos[:, 0] * 0 + 1
+
+    def terminated(self, data):
+        return ~self._everywhere
+
+    def randomise(self, data, mask):
+        pass
+
+
+@pytest.mark.parametrize("array", ["numpy", "torch"])
+def test_the_first_world_that_stops_is_told(array):
+    import warnings
+
+    xp = pytest.importorskip("torch") if array == "torch" else np
+    task = Plain(worlds=3, array=array)
+    task.reset()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        task.step(xp.zeros((3, 1)))
+    task.bad = float("nan")
+    with pytest.warns(UserWarning, match=r"Plain: the physics of world 1 stopped at step 2 of its episode.*data\.ctrl of it is not finite") as told:
+        _, _, truncated = task.step(xp.zeros((3, 1)))
+    assert len(told) == 1 and told[0].filename == __file__ and truncated.tolist() == [False, True, False]
+    with warnings.catch_warnings():  # once
+        warnings.simplefilter("error")
+        task.reset(truncated)
+        task.step(xp.zeros((3, 1)))
+    far = Plain(worlds=3, array=array)
+    far.reset()
+    far.data.qvel[2] = 1e11
+    with pytest.warns(UserWarning, match=r"world 2 stopped at step 1 .*beyond 1e10"):
+        far.step(xp.zeros((3, 1)))
+
+
+@pytest.mark.parametrize("array", ["numpy", "torch"])
+def test_rewards_that_are_not_finite_are_refused(array):
+    xp = pytest.importorskip("torch") if array == "torch" else np
+
+    class Divides(Plain):
+        def reward(self, data):
+            return self.worth / 1.0
+
+    task = Divides(worlds=3, array=array)
+    task.reset()
+    for bad, text in ((float("nan"), "nan"), (float("inf"), "inf")):
+        task.worth = xp.zeros(3)
+        task.step(xp.zeros((3, 1)))
+        task.worth[2] = bad
+        with pytest.raises(gsp.Error, match=f"Divides.reward of world 2 is {text}: look at what it is made of"):
+            task.step(xp.zeros((3, 1)))
