@@ -78,7 +78,22 @@ def __getattr__(name: str) -> Any:
         from .task import Task
 
         return Task
-    raise AttributeError(f"module 'gsp' has no attribute '{name}'")
+    from ._mujoco_names import missing
+
+    raise AttributeError(missing("", name))
+
+
+def _of_missing(owner: str) -> Any:
+    def __getattr__(self: Any, name: str) -> Any:  # costs attributes that there are 10 ns
+        from ._mujoco_names import missing
+
+        raise AttributeError(missing(owner, name))
+
+    return __getattr__
+
+
+for _class in (Data, Model):
+    setattr(_class, "__getattr__", _of_missing(_class.__name__))
 
 
 def __dir__() -> list[str]:

@@ -166,6 +166,19 @@ def test_table_of_world_fields():
     assert sorted(seen) == sorted(gsp.world_fields())
 
 
+def test_names_of_the_table_of_mujocos_are_told():
+    """What the left column has is an attribute here too, or a missing one says what to take."""
+    from gsp import _mujoco_names
+
+    left = " ".join(row[0] for row in table_after("python.md", "| From MuJoCo"))
+    names = re.findall(r"`(?:mujoco\.|[md]\.)?(\w+)", left)
+    assert len(names) >= 50
+    for name in names:
+        owners = ("Data", "Model", "")
+        known = any(hasattr(getattr(gsp, owner), name) for owner in owners[:2])
+        assert known or any(_mujoco_names.hint(owner, name) for owner in owners), name
+
+
 def test_every_name_is_on_the_page_or_has_a_docstring():
     for name in gsp.__all__:
         assert getattr(gsp, name).__doc__, name
