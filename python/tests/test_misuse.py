@@ -378,3 +378,23 @@ def test_names_of_mujocos_say_what_to_take_here(model):
                 assert hasattr({"data": gsp.Data, "model": gsp.Model, "gsp": gsp}[of], word), (name, word)
     for words in re.findall(r"per_world=\['(\w+)'\]", " ".join(names.MODEL.values())):
         assert words in gsp.world_fields()
+
+
+@pytest.mark.parametrize(
+    "mounts, said",
+    [
+        ([dict(body="box", quat=(1, 1, 0))], r"quat of mount 0 is \(1, 1, 0\): give 4 numbers"),
+        (["c", dict(body="box", pos=0.5)], "pos of mount 1 is 0.5: give 3 numbers"),
+        ([dict(body="box", pos=(0, "up", 1))], "pos of mount 0 is .*up.*: give 3 numbers"),
+        ([dict(body="box", fovy=(60, 50))], r"fovy of mount 0 is \(60, 50\): give a number of degrees"),
+        ([dict(body=2)], "body of mount 0 is 2: give its name"),
+        (dict(body="box"), r"the mounts are a list: give \[dict\("),
+        (None, "the mounts are a list"),
+    ],
+)
+def test_mounts_that_cannot_be_read_are_named(model, mounts, said):
+    data = gsp.Data(model)
+    with pytest.raises(gsp.Error, match="gsp.Data.cameras: " + said):
+        data.cameras(mounts)
+    assert data.cameras([dict(body="box", pos=np.zeros(3), quat=[1, 0, 0, 0], fovy=60)], 4, height=3)[1].shape == (1, 3, 3)
+    assert "mounts" in gsp.Data.cameras.__doc__
