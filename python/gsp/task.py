@@ -83,7 +83,7 @@ class Task:
     seconds: float = 10.0
     """Longest episode [s]."""
     action_size: int | None = None
-    """Numbers of an action; None: the model's nu."""
+    """Numbers of an action; None: the model's nu, which must not be 0 then."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -140,6 +140,11 @@ class Task:
             raise Error(f"{type(self).__name__}: an episode of {self.seconds} s is shorter than a step of control, {self.dt} s")
         if self.action_size is None:
             self.action_size = self.model.nu
+            if self.action_size == 0:
+                raise Error(
+                    f"{type(self).__name__}: the model has no actuators, and actions would have no numbers: give it some, or say action_size "
+                    "and write act(self, data, action); action_size = 0 is a task without actions"
+                )
         if self.action_size != int(self.action_size) or self.action_size < 0:
             raise Error(f"{type(self).__name__}: action_size is {self.action_size} and must be a whole number, 0 or more")
         self.action_size = int(self.action_size)

@@ -892,3 +892,28 @@ def test_rewards_that_are_not_finite_are_refused(array):
         task.worth[2] = bad
         with pytest.raises(gsp.Error, match=f"Divides.reward of world 2 is {text}: look at what it is made of"):
             task.step(xp.zeros((3, 1)))
+
+
+def test_a_model_without_actuators_is_told():
+    falls = gsp.Model.from_string('<mujoco><worldbody><body><freejoint/><geom size="0.1"/></body></worldbody></mujoco>')
+
+    class Falls(Counting):
+        model = falls
+        ends = (9,)
+
+    with pytest.raises(gsp.Error, match="Falls: the model has no actuators.*say action_size"):
+        Falls()
+
+    class Pushed(Falls):
+        action_size = 3
+
+        def act(self, data, action):
+            data.qfrc_applied[:, :3] = action
+
+    pushed = Pushed()
+    pushed.reset()
+    pushed.step(np.ones((1, 3)))
+    assert pushed.data.qvel[0, 0] > 0
+    watched = type("Watched", (Falls,), {"action_size": 0, "reward": lambda self, data: data.qpos[:, 2]})()
+    watched.reset()
+    watched.step(np.zeros((1, 0)))
