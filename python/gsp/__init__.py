@@ -78,7 +78,60 @@ def __getattr__(name: str) -> Any:
         from .task import Task
 
         return Task
-    raise AttributeError(f"module 'gsp' has no attribute '{name}'")
+    from ._mujoco_names import missing
+
+    raise AttributeError(missing("", name))
+
+
+def _of_missing(owner: str) -> Any:
+    def __getattr__(self: Any, name: str) -> Any:  # costs attributes that there are 10 ns
+        from ._mujoco_names import missing
+
+        raise AttributeError(missing(owner, name))
+
+    return __getattr__
+
+
+for _class in (Data, Model):
+    setattr(_class, "__getattr__", _of_missing(_class.__name__))
+
+
+def _expect_mounts(mounts: Any) -> None:
+    """What the compiled function could not read of them, in a sentence."""
+    where = "gsp.Data.cameras: "
+    if isinstance(mounts, dict) or not hasattr(mounts, "__len__"):
+        raise Error(where + "the mounts are a list: give [dict(body='world', pos=(0, -3, 1), quat=(1, 0, 0, 0), fovy=60)], or ['name']") from None
+    for k, mount in enumerate(mounts):
+        if not isinstance(mount, dict):
+            continue
+        for name, size in (("pos", 3), ("quat", 4), ("fovy", 0)):
+            given = mount.get(name, (0.0,) * size if size else 1.0)
+            try:
+                numbers = [float(x) for x in given] if size else [float(given)]
+            except (TypeError, ValueError):
+                numbers = []
+            if len(numbers) != (size or 1):
+                remedy = {"pos": "3 numbers [m]", "quat": "4 numbers, w x y z", "fovy": "a number of degrees"}[name]
+                raise Error(f"{where}{name} of mount {k} is {given!r}: give {remedy}") from None
+        if not isinstance(mount.get("body", ""), str):
+            raise Error(f"{where}body of mount {k} is {mount['body']!r}: give its name, 'world' for what does not move") from None
+
+
+def _told_of_mounts(compiled: Any) -> Any:
+    import functools
+
+    @functools.wraps(compiled)
+    def cameras(self: Any, mounts: Any, width: int = 640, height: int = 480) -> Any:
+        try:
+            return compiled(self, mounts, width, height)
+        except TypeError:
+            _expect_mounts(mounts)
+            raise
+
+    return cameras
+
+
+setattr(Data, "cameras", _told_of_mounts(Data.cameras))
 
 
 def __dir__() -> list[str]:

@@ -25,6 +25,8 @@ def _spaces(task, seen):
     """Of one world: what it sees, and does."""
 
     def box(a):
+        if a.dtype == task.xp.uint8:
+            return gymnasium.spaces.Box(0, 255, tuple(a.shape[1:]), np.uint8)
         return gymnasium.spaces.Box(-np.inf, np.inf, tuple(a.shape[1:]), np.float32)
 
     see = gymnasium.spaces.Dict({k: box(v) for k, v in seen.items()}) if isinstance(seen, dict) else box(seen)

@@ -71,7 +71,7 @@ class Task:
             def randomise(self, data, mask): data.qpos[mask] += self.uniform(-0.1, 0.1, 2, mask)
 
     An episode that has taken `seconds` is truncated, not terminated: what follows it still has a value. So is one whose physics stopped
-    (data.status), which `stops` counts.
+    (data.status), which `stops` counts; the first of a task is warned of.
     """
 
     model: Model | str | os.PathLike[str] | None = None
@@ -83,7 +83,7 @@ class Task:
     seconds: float = 10.0
     """Longest episode [s]."""
     action_size: int | None = None
-    """Numbers of an action; None: the model's nu."""
+    """Numbers of an action; None: the model's nu, which must not be 0 then."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -140,6 +140,11 @@ class Task:
             raise Error(f"{type(self).__name__}: an episode of {self.seconds} s is shorter than a step of control, {self.dt} s")
         if self.action_size is None:
             self.action_size = self.model.nu
+            if self.action_size == 0:
+                raise Error(
+                    f"{type(self).__name__}: the model has no actuators, and actions would have no numbers: give it some, or say action_size "
+                    "and write act(self, data, action); action_size = 0 is a task without actions"
+                )
         if self.action_size != int(self.action_size) or self.action_size < 0:
             raise Error(f"{type(self).__name__}: action_size is {self.action_size} and must be a whole number, 0 or more")
         self.action_size = int(self.action_size)
@@ -163,6 +168,7 @@ class Task:
         self._world: Numbers = self._zeros("int64")
         self._episode: Numbers = self._zeros("int64")
         self._hook = self._draw = 0
+        self._told = False
         self._seeded = seed is not None
         self.seed = 0 if seed is None else seed
         self._seed(self.seed, self._everywhere)
@@ -175,7 +181,8 @@ class Task:
         data.ctrl[:] = self._middle + self._half * action
 
     def observe(self, data: Any) -> Any:
-        """(worlds, n), or several by name: {"actor": (worlds, n), "critic": (worlds, m)}. Called once or twice a step: it changes nothing."""
+        """(worlds, n), or several by name: {"actor": (worlds, n), "critic": (worlds, m)}; uint8, as pictures of 8 bits are, or what becomes
+        float32. Called once or twice a step: it changes nothing."""
         raise NotImplementedError(f"{type(self).__name__} has no observe(self, data): write it")
 
     def reward(self, data: Any) -> Numbers:
@@ -218,7 +225,10 @@ class Task:
         mask = self._everywhere if mask is None else self._bools(mask, "the mask of reset")
         if seed is not None:
             self._seed(seed, mask)
-        self.stops += self._stopped() & mask
+        stopped = self._stopped() & mask
+        if not self._told:  # on a GPU it is looked at here alone, where masks are waited for as it is
+            self._tell(stopped)
+        self.stops += stopped
         self._episode[mask] += 1
         self.age[mask] = 0
         self.action[mask] = 0
@@ -255,12 +265,19 @@ class Task:
         reward = self._copy(self._floats(self._call("reward")))  # it may be a part of the state, which a reset writes
         if tuple(reward.shape) != (self.worlds,):
             raise Error(f"{type(self).__name__}.reward gives shape {tuple(reward.shape)} and must give {(self.worlds,)}")
+        stopped = self._stopped()
+        if self.device == "cpu":
+            if not self._told:
+                self._tell(stopped)
+            if not bool(self.xp.isfinite(reward).all()):
+                world = int((~self.xp.isfinite(reward)).nonzero()[0][0])
+                raise Error(f"{type(self).__name__}.reward of world {world} is {float(reward[world])}: look at what it is made of")
         # like the reward it may be what the task remembers, which randomise clears
         terminated = self._copy(self._bools(self._call("terminated"), f"what {type(self).__name__}.terminated gives"))
-        return reward, terminated, (self.age >= self.episode_steps) | self._stopped()
+        return reward, terminated, (self.age >= self.episode_steps) | stopped
 
     def observations(self) -> Any:
-        """What `observe` gives, float32, copied."""
+        """What `observe` gives, copied: uint8 where it is that, else float32."""
         seen = self._call("observe")
         if isinstance(seen, dict):
             return {name: self._checked(value, f"['{name}']") for name, value in seen.items()}
@@ -284,6 +301,25 @@ class Task:
     def _stopped(self) -> Numbers:
         status = self.data.status
         return (status if self.xp is np else status.view(self.xp.int32)) != 0
+
+    def _tell(self, stopped: Numbers) -> None:
+        """Warns of the first world whose physics stopped, once a task: who learns goes on, and would not know."""
+        if not bool(stopped.any()):
+            return
+        import warnings
+
+        self._told = True
+        world = int(stopped.nonzero()[0][0])
+        said = _gsp.status_text(int(self.data.status[world]))
+        for name in ("ctrl", "qfrc_applied", "qvel", "qpos"):
+            if not bool(self.xp.isfinite(getattr(self.data, name)[world]).all()):
+                said = f"data.{name} of it is not finite: look at what writes it"
+                break
+        warnings.warn(
+            f"{type(self).__name__}: the physics of world {world} stopped at step {int(self.age[world])} of its episode, and its episode is "
+            f"truncated ({said}); task.stops counts such worlds, and only the first is told",
+            stacklevel=3,
+        )
 
     def _to_library(self) -> None:
         """The library's kernels come after torch's, whose stream may be another; `_from_library`: torch's after the library's."""
@@ -325,8 +361,16 @@ class Task:
             raise Error(f"{type(self).__name__}: {what} must be {(self.worlds,)} of bool and is {tuple(value.shape)} of {value.dtype}")
         return value
 
+    def _seen(self, value: Any) -> Numbers:
+        """uint8, as pictures of 8 bits are, or float32."""
+        if self.xp is np:
+            value = np.asarray(value)
+        else:
+            value = self.xp.from_dlpack(value) if isinstance(value, Array) else self.xp.as_tensor(value, **self._on)
+        return value if value.dtype == self.xp.uint8 else self._floats(value)
+
     def _checked(self, value: Any, name: str) -> Numbers:
-        value = self._copy(self._floats(value))
+        value = self._copy(self._seen(value))
         if value.ndim < 2 or value.shape[0] != self.worlds:
             raise Error(f"{type(self).__name__}.observe{name} gives shape {tuple(value.shape)} and must give ({self.worlds}, n)")
         return value

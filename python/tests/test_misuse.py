@@ -375,3 +375,64 @@ def test_no_pictures_of_environments():
                  lambda: gymnasium.make_vec("gsp/CartPole-v0", num_envs=2, render_mode="rgb_array")):
         with pytest.raises(gsp.Error, match="draw nothing.*rgb_array.*gsp.Renderer"):
             make()
+
+
+def test_names_of_mujocos_say_what_to_take_here(model):
+    import re
+
+    from gsp import _mujoco_names as names
+
+    data = gsp.Data(model)
+    for of, name, said in (
+        (data, "site_xpos", r"gsp.Data has no attribute 'site_xpos': take .*model.site_pos"),
+        (data, "cam_xpos", r"take data.cameras"),
+        (data, "xfrc_applied", r"take data.qfrc_applied = "),
+        (data, "body", r"take data.xpos\[:, i\] with i = model.id\('body', name\)"),
+        (data, "nq", r"it is of the model: model.nq"),
+        (data, "body_mass", r"it is of the model: model.body_mass"),
+        (data, "qposs", r"gsp.Data has no attribute 'qposs': is it qpos\?$"),
+        (model, "opt", r"gsp.Model has no attribute 'opt': take model.timestep"),
+        (model, "key_ctrl", r"keyframe"),
+        (model, "geom_rgba", r"add_surface"),
+        (model, "jnt_limited", r"model.jnt_range"),
+        (model, "actuator_gainprm", r"per_world=\['act_gain'\]"),
+        (model, "jnt_stiffness", r"gsp.Data\(model, per_world=\['jnt_stiffness'\]\)"),
+        (model, "joint", r"model.id\('joint', name\)"),
+        (model, "qpos", r"it is of the data: data.qpos"),
+        (model, "wings", r"gsp.Model has no attribute 'wings'$"),
+        (model, "__wings__", r"gsp.Model has no attribute '__wings__'$"),
+        (gsp, "MjModel", r"the module gsp has no attribute 'MjModel': take gsp.Model.from_xml"),
+        (gsp, "mj_step", r"gsp.step"),
+        (gsp, "Modell", r"is it Model\?$"),
+    ):
+        with pytest.raises(AttributeError, match=said):
+            getattr(of, name)
+        assert not hasattr(of, name) and getattr(of, name, 5) == 5
+    for owner, table in (("Model", names.MODEL), ("Data", names.DATA), ("", names.PACKAGE)):
+        for name in table:
+            assert not hasattr(getattr(gsp, owner) if owner else gsp, name), name
+            said = names.hint(owner, name)
+            for of, word in re.findall(r"\b(data|model|gsp)\.(\w+)", said.replace("docs/python.md", "")):
+                assert hasattr({"data": gsp.Data, "model": gsp.Model, "gsp": gsp}[of], word), (name, word)
+    for words in re.findall(r"per_world=\['(\w+)'\]", " ".join(names.MODEL.values())):
+        assert words in gsp.world_fields()
+
+
+@pytest.mark.parametrize(
+    "mounts, said",
+    [
+        ([dict(body="box", quat=(1, 1, 0))], r"quat of mount 0 is \(1, 1, 0\): give 4 numbers"),
+        (["c", dict(body="box", pos=0.5)], "pos of mount 1 is 0.5: give 3 numbers"),
+        ([dict(body="box", pos=(0, "up", 1))], "pos of mount 0 is .*up.*: give 3 numbers"),
+        ([dict(body="box", fovy=(60, 50))], r"fovy of mount 0 is \(60, 50\): give a number of degrees"),
+        ([dict(body=2)], "body of mount 0 is 2: give its name"),
+        (dict(body="box"), r"the mounts are a list: give \[dict\("),
+        (None, "the mounts are a list"),
+    ],
+)
+def test_mounts_that_cannot_be_read_are_named(model, mounts, said):
+    data = gsp.Data(model)
+    with pytest.raises(gsp.Error, match="gsp.Data.cameras: " + said):
+        data.cameras(mounts)
+    assert data.cameras([dict(body="box", pos=np.zeros(3), quat=[1, 0, 0, 0], fovy=60)], 4, height=3)[1].shape == (1, 3, 3)
+    assert "mounts" in gsp.Data.cameras.__doc__

@@ -730,3 +730,190 @@ def test_stable_baselines3_of_many_worlds():
         env.set_attr("x", 1)
     model = PPO("MlpPolicy", VecMonitor(gsp.sb3.VecEnv(CartPole(worlds=16))), n_steps=16, batch_size=64, n_epochs=1, device="cpu").learn(512)
     assert model.ep_info_buffer is not None
+
+
+class Looks(Remembers):
+    """Sees 8-bit pictures, which are as old as the episode, as its renderer would write them."""
+
+    alone = False
+
+    def observe(self, data):
+        picture = self.xp.zeros((self.worlds, 48, 40, 3), dtype=self.xp.uint8) + (self.age + 250).reshape(-1, 1, 1, 1)
+        picture = picture.astype("uint8") if self.xp is np else picture.to(self.xp.uint8)
+        return picture if self.alone else {"state": data.qpos, "picture": picture}
+
+
+@pytest.mark.parametrize("array", ["numpy", "torch"])
+def test_pictures_of_8_bits_stay_that(array):
+    xp = pytest.importorskip("torch") if array == "torch" else np
+    box = gymnasium.spaces.Box(0, 255, (48, 40, 3), np.uint8)
+    envs = gsp.gymnasium.VectorEnv(Looks(worlds=3, array=array))
+    assert envs.single_observation_space["picture"] == box and envs.observation_space["picture"].dtype == np.uint8
+    seen, _ = envs.reset()
+    assert seen["picture"].dtype == xp.uint8 and seen["state"].dtype == xp.float32 and (seen["picture"] == 250).all()
+    envs.step(xp.zeros((3, 1)))
+    seen, *_, infos = envs.step(xp.zeros((3, 1)))
+    last = infos["final_obs"][0]["picture"]
+    assert last.dtype == xp.uint8 and (last == 252).all() and seen["picture"][:, 0, 0, 0].tolist() == [250, 252, 252]
+    alone = type("Alone", (Looks,), {"alone": True})
+    assert gsp.gymnasium.VectorEnv(alone(worlds=2, array=array)).single_observation_space == box
+    if array == "numpy":
+        check_env(gsp.gymnasium.Env(Looks()))
+
+
+def test_a_renderers_pictures_go_to_tasks_as_they_are():
+    torch = pytest.importorskip("torch")
+
+    class Sees(Counting):
+        def observe(self, data):
+            frames = self.renderer.render(data, gsp.look_at((0, -1, 0.2), (0, 0, 0)), gsp.pinhole(12, 8, 60))
+            return {"rgb8": frames.rgb8, "rgb": frames.rgb}
+
+    for array, xp in (("numpy", np), ("torch", torch)):
+        task = Sees(worlds=1, array=array)
+        task.renderer = gsp.Renderer(gsp.Scene(SLIDER).add_surface(), 12, 8, rgb8=True)
+        task.reset()
+        seen, again = task.observations(), task.observations()
+        assert seen["rgb8"].dtype == xp.uint8 and seen["rgb"].dtype == xp.float32 and seen["rgb8"].shape == (1, 8, 12, 3)
+        assert seen["rgb8"].max() > 50 and (seen["rgb8"] == again["rgb8"]).all()
+        seen["rgb8"][:] = 0  # a copy
+        assert again["rgb8"].max() > 50
+
+
+def test_stable_baselines3_sees_pictures():
+    pytest.importorskip("stable_baselines3")
+    import gsp.sb3
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.torch_layers import NatureCNN
+    from stable_baselines3.common.vec_env import VecTransposeImage
+
+    env = gsp.sb3.VecEnv(Looks(worlds=3))
+    env.reset()
+    env.step(np.zeros((3, 1)))
+    seen, _, done, infos = env.step(np.zeros((3, 1)))
+    assert done[0] and infos[0]["terminal_observation"]["picture"].dtype == seen["picture"].dtype == np.uint8
+    options = dict(n_steps=4, batch_size=6, n_epochs=1, device="cpu")
+    model = PPO("MultiInputPolicy", env, **options).learn(12)
+    assert isinstance(model.env, VecTransposeImage)
+    extractors = model.policy.features_extractor.extractors
+    assert isinstance(extractors["picture"], NatureCNN) and not isinstance(extractors["state"], NatureCNN)
+    alone = type("Alone", (Looks,), {"alone": True})
+    model = PPO("CnnPolicy", gsp.sb3.VecEnv(alone(worlds=3)), **options).learn(12)
+    assert isinstance(model.policy.features_extractor, NatureCNN)
+
+
+def test_rsl_rl_sees_pictures():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    import gsp.rsl_rl
+    from rsl_rl.runners import OnPolicyRunner
+
+    seen = gsp.rsl_rl.VecEnv(Looks(worlds=3)).get_observations()
+    assert seen["picture"].dtype == torch.uint8 and seen["picture"].shape == (3, 48, 40, 3)
+
+    class First(Looks):
+        def observe(self, data):  # as docs/python_tasks.md says it for CNNModel
+            seen = super().observe(data)
+            return {"state": seen["state"], "picture": (seen["picture"] / np.float32(255)).transpose(0, 3, 1, 2)}
+
+    cnn = {"output_channels": [4], "kernel_size": 8, "stride": 4}
+    network = {"class_name": "CNNModel", "hidden_dims": [8], "cnn_cfg": cnn}
+    cfg = {
+        "num_steps_per_env": 4,
+        "save_interval": 10,
+        "obs_groups": {"actor": ["state", "picture"], "critic": ["state", "picture"]},
+        "actor": {**network, "distribution_cfg": {"class_name": "GaussianDistribution"}},
+        "critic": network,
+        "algorithm": {"class_name": "PPO", "rnd_cfg": None, "symmetry_cfg": None},
+    }
+    OnPolicyRunner(gsp.rsl_rl.VecEnv(First(worlds=3)), cfg, log_dir=None, device="cpu").learn(1)
+
+
+class Plain(CartPole):
+    """CartPole for either kind of array."""
+
+    bad = 0.0
+
+    def observe(self, data):
+        return data.qpos
+
+    def act(self, data, action):
+        data.ctrl[:] = action
+        data.ctrl[1] += self.bad
+
+    def reward(self, data):
+        return data.qpos[:, 0] * 0 + 1
+
+    def terminated(self, data):
+        return ~self._everywhere
+
+    def randomise(self, data, mask):
+        pass
+
+
+@pytest.mark.parametrize("array", ["numpy", "torch"])
+def test_the_first_world_that_stops_is_told(array):
+    import warnings
+
+    xp = pytest.importorskip("torch") if array == "torch" else np
+    task = Plain(worlds=3, array=array)
+    task.reset()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        task.step(xp.zeros((3, 1)))
+    task.bad = float("nan")
+    with pytest.warns(UserWarning, match=r"Plain: the physics of world 1 stopped at step 2 of its episode.*data\.ctrl of it is not finite") as told:
+        _, _, truncated = task.step(xp.zeros((3, 1)))
+    assert len(told) == 1 and told[0].filename == __file__ and truncated.tolist() == [False, True, False]
+    with warnings.catch_warnings():  # once
+        warnings.simplefilter("error")
+        task.reset(truncated)
+        task.step(xp.zeros((3, 1)))
+    far = Plain(worlds=3, array=array)
+    far.reset()
+    far.data.qvel[2] = 1e11
+    with pytest.warns(UserWarning, match=r"world 2 stopped at step 1 .*beyond 1e10"):
+        far.step(xp.zeros((3, 1)))
+
+
+@pytest.mark.parametrize("array", ["numpy", "torch"])
+def test_rewards_that_are_not_finite_are_refused(array):
+    xp = pytest.importorskip("torch") if array == "torch" else np
+
+    class Divides(Plain):
+        def reward(self, data):
+            return self.worth / 1.0
+
+    task = Divides(worlds=3, array=array)
+    task.reset()
+    for bad, text in ((float("nan"), "nan"), (float("inf"), "inf")):
+        task.worth = xp.zeros(3)
+        task.step(xp.zeros((3, 1)))
+        task.worth[2] = bad
+        with pytest.raises(gsp.Error, match=f"Divides.reward of world 2 is {text}: look at what it is made of"):
+            task.step(xp.zeros((3, 1)))
+
+
+def test_a_model_without_actuators_is_told():
+    falls = gsp.Model.from_string('<mujoco><worldbody><body><freejoint/><geom size="0.1"/></body></worldbody></mujoco>')
+
+    class Falls(Counting):
+        model = falls
+        ends = (9,)
+
+    with pytest.raises(gsp.Error, match="Falls: the model has no actuators.*say action_size"):
+        Falls()
+
+    class Pushed(Falls):
+        action_size = 3
+
+        def act(self, data, action):
+            data.qfrc_applied[:, :3] = action
+
+    pushed = Pushed()
+    pushed.reset()
+    pushed.step(np.ones((1, 3)))
+    assert pushed.data.qvel[0, 0] > 0
+    watched = type("Watched", (Falls,), {"action_size": 0, "reward": lambda self, data: data.qpos[:, 2]})()
+    watched.reset()
+    watched.step(np.zeros((1, 0)))
