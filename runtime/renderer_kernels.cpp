@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cstring>
+#include <functional>
 #include <gsp/io/gaussians.hpp>
 #include <gsp/runtime/renderer.hpp>
 #include <gsp/splat/develop.hpp>
@@ -23,6 +24,11 @@ void add(Scene& scene, GaussianSet set) {
   if (scene.sets) *next = *scene.sets;
   next->list.push_back(std::move(set));
   scene.sets = next;
+}
+bool is_nothing(DevelopOptions const& d) {
+  Vec3<float> const& c = d.background;
+  return d.exposure == 0 && d.contrast == 0 && d.brightness == 0 && d.noise == 0 && c[0] == 0 && c[1] == 0 && c[2] == 0 && d.seed == 0 &&
+         d.step == 0 && d.first_image == 0;
 }
 }  // namespace
 
@@ -82,6 +88,10 @@ class KokkosRenderer : public Renderer {
   void render(PoseArrays const& poses, CameraArrays const& arrays, DrawOptions const& options) override {
     auto const cameras = jittered(cameras_of(arrays), options.jitter);
     int const images = cameras.images();
+    auto const background = background_of(options);
+    expects(options_.rgb8 || (is_nothing(options.develop) && !background.data()),
+            "gsp::runtime::Renderer::render: develop is of rgb8, which this renderer does not make: RendererOptions::rgb8");
+    gsp::detail::check_develop(options.develop, background, images, options_.height, options_.width);
     if (frames_.images != images) {
       frames_ = {};  // the old buffers go before the new ones come
       median_ = {};
@@ -111,7 +121,7 @@ class KokkosRenderer : public Renderer {
       draw(poses_of<double, Exec>("gsp::runtime::Renderer::render", poses), cameras);
     else
       draw(poses_of<float, Exec>("gsp::runtime::Renderer::render", poses), cameras);
-    if (options_.rgb8) develop_rgb8(options.develop);
+    if (options_.rgb8) develop(exec_, frames_, rgb8_, options.develop, background);
     exec_.fence("gsp::runtime::Renderer::render: done");
   }
 
@@ -157,36 +167,27 @@ class KokkosRenderer : public Renderer {
   }
 
   /// The cameras as they are drawn.
-  Cameras<Mem> jittered(Cameras<Mem> const& cameras, CameraJitter const& j) {
+  Cameras<Mem> jittered(Cameras<Mem> const& cameras, JitterCamerasOptions const& j) {
+    gsp::detail::check_options(j, cameras.images());
     if (j.position == 0 && j.rotation == 0 && j.focal == 0 && j.principal == 0) return cameras;
     if (jittered_.images() != cameras.images()) jittered_ = make_cameras(exec_, cameras.images());
-    jitter_cameras(exec_, cameras, jittered_,
-                   {.position = j.position,
-                    .rotation = j.rotation,
-                    .focal = j.focal,
-                    .principal = j.principal,
-                    .seed = j.seed,
-                    .step = j.step,
-                    .first_image = j.first_image});
+    jitter_cameras(exec_, cameras, jittered_, j);
     return jittered_;
   }
 
-  void develop_rgb8(Development const& d) {
-    DevelopOptions const options{.exposure = d.exposure,
-                                 .contrast = d.contrast,
-                                 .brightness = d.brightness,
-                                 .noise = d.noise,
-                                 .background = {d.background[0], d.background[1], d.background[2]},
-                                 .seed = d.seed,
-                                 .step = d.step,
-                                 .first_image = d.first_image};
-    Kokkos::View<float const****, Kokkos::LayoutRight, Mem> background;
-    if (Array const& a = d.background_picture) {
-      expects(a.rank == 4, "gsp::runtime::Renderer::render: the background picture is (1 or C, H, W, 3)");
-      background = decltype(background)(static_cast<float const*>(here(a, background_, Dtype::float32)), a.extents[0], a.extents[1],
-                                        a.extents[2], a.extents[3]);
+  /// The background's picture. One in memory that is drawn into would show what is drawn now.
+  Kokkos::View<float const****, Kokkos::LayoutRight, Mem> background_of(DrawOptions const& options) {
+    Array const& a = options.background;
+    if (!a) return {};
+    expects(a.rank == 4, "gsp::runtime::Renderer::render: the background picture is (1 or C, H, W, 3)");
+    auto const f = frames();
+    for (Array const& own : {f.rgb, f.depth, f.alpha, f.median_depth, f.normals, f.ids, f.rgb8}) {
+      auto const *const at = static_cast<char const*>(a.data), *const begin = static_cast<char const*>(own.data);
+      expects(std::less<>()(at, begin) || !std::less<>()(at, begin + (own ? own.size() * bytes_of(own.dtype) : 0)),
+              "gsp::runtime::Renderer::render: the background lies in the pictures that are to be drawn: copy() it first");
     }
-    develop(exec_, frames_, rgb8_, options, background);
+    return {static_cast<float const*>(here(a, background_, Dtype::float32)), std::size_t(a.extents[0]), std::size_t(a.extents[1]),
+            std::size_t(a.extents[2]), std::size_t(a.extents[3])};
   }
 
   FrameOptions frame_options(int images) const {

@@ -85,7 +85,7 @@ std::vector<std::string> names_of(Model const& model, std::string const& kind) {
 int id_of(Model const& model, std::string const& kind, std::string const& name) { return id_of(*model.compiled, kind, name); }
 
 std::string in_python(std::string sentence) {
-  constexpr std::array<std::array<std::string_view, 2>, 16> words{
+  constexpr std::array<std::array<std::string_view, 2>, 19> words{
       {{"MjcfOptions::skip_visuals (--skip-visuals)", "skip_visuals=True"},
        {"MjcfOptions::skip_visuals, --skip-visuals", "skip_visuals=True"},
        {"write its numbers with gsp::sense, then call limit_user_sensors for its cutoff", "data.sensordata has NaN in its place"},
@@ -101,10 +101,14 @@ std::string in_python(std::string sentence) {
        {"call settle(exec, simulation) and repeat the step (a loop of one's own: grow contacts, rows and impulses)", "reset the world"},
        {"gsp::io::transform", "gsp.Scene.add_splats"},
        {"gsp::set_world_values", "gsp.Data.set"},
+       {": RendererOptions::rgb8", ": gsp.Renderer(..., rgb8=True)"},
+       {"gsp::develop:", "gsp.Renderer.render: develop:"},
+       {"gsp::jitter_cameras:", "gsp.Renderer.render: jitter:"},
        {"gsp::render:", "gsp.Renderer.render:"}}};
   for (auto const& [from, to] : words)
     if (auto const at = sentence.find(from); at != sentence.npos) sentence.replace(at, from.size(), to);
   if (sentence.rfind("gsp::runtime::Stepper::", 0) == 0) sentence.replace(0, 23, "gsp.Data.");
+  if (sentence.rfind("gsp::runtime::Renderer::", 0) == 0) sentence.replace(0, 24, "gsp.Renderer.");
   if (sentence.rfind("gsp::", 0) == 0)  // the function that found it: "gsp::camera_id: the model has no ..."
     if (auto const end = sentence.find(": "); end != sentence.npos && end < sentence.find(' ')) sentence.erase(0, end + 2);
   return sentence;

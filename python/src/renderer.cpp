@@ -182,39 +182,31 @@ class Given {
     names_ += (names_.empty() ? "" : ", ") + std::string(name);
     return left_.attr("pop")(name, nb::none());
   }
-  enum class End { at, below };
-  void number(char const* name, double most, End end, float& to) {
+  void number(char const* name, float& to) {
     nb::object const given = take(name);
-    if (!given.is_none()) to = number_of(given, name, most, end);
+    if (!given.is_none()) to = number_of(given, name);
   }
-  float number_of(nb::handle given, char const* name, double most, End end) const {
+  float number_of(nb::handle given, char const* name) const {
     double const x = PyFloat_AsDouble(given.ptr());
-    bool const is_number = PyErr_Occurred() == nullptr;
+    if (PyErr_Occurred() == nullptr) return static_cast<float>(x);
     PyErr_Clear();
-    auto const as_float = static_cast<float>(x);
-    if (!is_number || !(as_float >= 0) || !(end == End::at ? as_float <= float(most) : as_float < float(most))) {
-      char bound[32];
-      std::snprintf(bound, sizeof bound, "%s %g", end == End::at ? "at most" : "below", most);
-      throw Error(where_ + ": " + name + " is " + text(given) + ": give a number of 0 or more, " + bound);
-    }
-    return as_float;
+    throw Error(where_ + ": " + name + " is " + text(given) + ": give a number of 0 or more");
   }
   template <class T>
-  void whole(char const* name, std::uint64_t most, T& to) {
+  void whole(char const* name, T& to) {
     nb::object const given = take(name);
     if (given.is_none()) return;
     nb::object const number = nb::steal(PyNumber_Index(given.ptr()));
     PyErr_Clear();
-    if (!number.is_valid() || number < nb::int_(0) || number > nb::int_(most))
-      throw Error(where_ + ": " + name + " is " + text(given) + ": give a whole number from 0 to " + std::to_string(most));
-    to = static_cast<T>(nb::cast<std::uint64_t>(number));
+    if (!number.is_valid() || !nb::try_cast(number, to))
+      throw Error(where_ + ": " + name + " is " + text(given) + ": give a whole number of 64 bits, 0 or more");
   }
-  /// What chance is drawn of, for so many pictures.
+  /// What chance is drawn of.
   template <class Options>
-  void chance(Options& o, std::int64_t images) {
-    whole("seed", ~std::uint64_t(0), o.seed);
-    whole("step", (std::uint64_t(1) << 56) - 1, o.step);
-    whole("first_image", (std::uint64_t(1) << 32) - std::uint64_t(images), o.first_image);
+  void chance(Options& o) {
+    whole("seed", o.seed);
+    whole("step", o.step);
+    whole("first_image", o.first_image);
   }
   void end() const {
     for (auto const& [name, value] : left_) throw Error(where_ + " has no " + text(name) + ": give " + names_);
@@ -226,19 +218,16 @@ class Given {
   nb::dict left_;
 };
 
-runtime::Development development_of(nb::handle words, runtime::RendererOptions const& o, std::int64_t images, nb::object& keeps) {
-  if (!o.rgb8) throw Error("gsp.Renderer.render: develop is of rgb8, which this renderer does not make: gsp.Renderer(..., rgb8=True)");
-  using End = Given::End;
+void develop_of(nb::handle words, runtime::RendererOptions const& o, runtime::DrawOptions& to, nb::object& keeps) {
   Given given(words, "gsp.Renderer.render: develop");
-  runtime::Development out;
-  given.number("exposure", 1e6, End::below, out.exposure);
-  given.number("contrast", 1, End::at, out.contrast);
-  given.number("brightness", 1e6, End::below, out.brightness);
-  given.number("noise", 1e6, End::below, out.noise);
+  given.number("exposure", to.develop.exposure);
+  given.number("contrast", to.develop.contrast);
+  given.number("brightness", to.develop.brightness);
+  given.number("noise", to.develop.noise);
   nb::object background = given.take("background");
-  given.chance(out, images);
+  given.chance(to.develop);
   given.end();
-  if (background.is_none()) return out;
+  if (background.is_none()) return;
   constexpr char const* where = "gsp.Renderer.render: develop: background";
   if (!nb::isinstance<Array>(background) && !nb::hasattr(background, "__cuda_array_interface__"))
     background = nb::module_::import_("numpy").attr("asarray")(background);
@@ -246,29 +235,23 @@ runtime::Development development_of(nb::handle words, runtime::RendererOptions c
   if (rank == 1) {
     nb::list const colour = nb::cast<nb::list>(background.attr("tolist")());
     if (colour.size() != 3) throw Error(std::string(where) + " has " + std::to_string(colour.size()) + " numbers: give a colour of 3");
-    for (std::size_t k = 0; k < 3; ++k) out.background[k] = given.number_of(colour[k], "background", 1e6, End::below);
-    return out;
+    for (std::size_t k = 0; k < 3; ++k) to.develop.background[int(k)] = given.number_of(colour[k], "background");
+    return;
   }
-  auto& picture = out.background_picture;
-  picture = rank == 3 ? all_of(taken(background, where, {o.height, o.width, 3}, keeps), 1)
-                      : taken(background, where, {-1, o.height, o.width, 3}, keeps);
-  if (picture.dtype != runtime::Dtype::float32 && picture.dtype != runtime::Dtype::float64)
+  to.background = rank == 3 ? all_of(taken(background, where, {o.height, o.width, 3}, keeps), 1)
+                            : taken(background, where, {-1, o.height, o.width, 3}, keeps);
+  if (to.background.dtype != runtime::Dtype::float32 && to.background.dtype != runtime::Dtype::float64)
     throw Error(std::string(where) + " holds whole numbers: give real ones of 0 to 1 (those of 8 bits divided by 255)");
-  if (picture.extents[0] != 1 && picture.extents[0] != images)
-    throw Error(std::string(where) + " has " + std::to_string(picture.extents[0]) + " pictures for " + std::to_string(images) +
-                " cameras: give one a camera, or one for all");
-  return out;
 }
 
-runtime::CameraJitter jitter_of(nb::handle words, std::int64_t images) {
-  using End = Given::End;
+JitterCamerasOptions jitter_of(nb::handle words) {
   Given given(words, "gsp.Renderer.render: jitter");
-  runtime::CameraJitter out;
-  given.number("position", 1e6, End::below, out.position);
-  given.number("rotation", 3.14159274f, End::at, out.rotation);
-  given.number("focal", 1, End::below, out.focal);
-  given.number("principal", 1e6, End::below, out.principal);
-  given.chance(out, images);
+  JitterCamerasOptions out;
+  given.number("position", out.position);
+  given.number("rotation", out.rotation);
+  given.number("focal", out.focal);
+  given.number("principal", out.principal);
+  given.chance(out);
   given.end();
   return out;
 }
@@ -319,8 +302,8 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
     throw Error("gsp.Renderer.render: fisheye=True needs distortion=[k1, k2, k3, k4]; zeros are the ideal fisheye");
   expect_size(Ks, cameras.Ks, self.options);
   runtime::DrawOptions options;
-  if (!develop.is_none()) options.develop = development_of(develop, self.options, n, keeps[3]);
-  if (!jitter.is_none()) options.jitter = jitter_of(jitter, n);
+  if (!develop.is_none()) develop_of(develop, self.options, options, keeps[3]);
+  if (!jitter.is_none()) options.jitter = jitter_of(jitter);
   Use const use(data), use_renderer(self.busy, "this renderer");
   if (!self.own || (self.images != n && self.images > 0) || self.drawn != self.scene->sets) {
     self.own = another(self);

@@ -105,6 +105,18 @@ def test_pictures_are_the_cpus():
             assert a["rgb"].std() > 0.01 and len(np.unique(a["ids"])) >= 2, call
 
 
+def test_backgrounds_that_are_none():
+    model, data = quadruped(1, "cuda")
+    renderer = gsp.Renderer(gsp.Scene(model).add_surface(), 32, 24, device="cuda", rgb8=True)
+    at = gsp.look_at([0.8, 0, 0.5], [0, 0, 0.2]), gsp.pinhole(32, 24, 60)
+    rgb = torch.from_dlpack(renderer.render(data, *at).rgb)
+    for background, sentence in ((torch.zeros(24, 32, 3, dtype=torch.uint8, device="cuda"), "holds whole numbers.*255"),
+                                 (rgb[0], "lies in the pictures that are to be drawn")):
+        with pytest.raises(gsp.Error, match=sentence):
+            renderer.render(data, *at, develop=dict(background=background))
+    renderer.render(data, *at, develop=dict(background=rgb[0].clone()))
+
+
 def test_poses_are_of_the_positions_whoever_wrote_them():
     model, data = quadruped(4, "cuda")
     t = torch.from_dlpack(data.qpos)

@@ -645,15 +645,34 @@ def test_developed_pictures():
         (dict(contrast=1.5), "contrast is 1.5: give a number of 0 or more, at most 1"),
         (dict(noise=np.nan), "noise is nan"),
         (dict(brightness="much"), "brightness is 'much'"),
-        (dict(step=1.5), "step is 1.5: give a whole number from 0 to 72057594037927935"),
+        (dict(step=1.5), "develop: step is 1.5: give a whole number"),
+        (dict(step=-1), "step is -1: give a whole number from 0 to 72057594037927935"),
+        (dict(step=2**64), "step is 18446744073709551616: give a whole number"),
         (dict(seed=-1), "seed is -1: give a whole number"),
         (dict(background=(1, 1)), "background has 2 numbers: give a colour of 3"),
         (dict(background=np.zeros((48, 64, 3), np.uint8)), "background holds whole numbers.*255"),
         (dict(background=np.zeros((24, 32, 3))), "background has shape"),
-        (dict(background=np.zeros((3, 48, 64, 3))), "3 pictures for 2 cameras: give one a camera"),
+        (dict(background=np.zeros((3, 48, 64, 3))), r"develop: the background is \(3, 48, 64, 3\) and must be \(1 or 2, 48, 64, 3\)"),
+        (dict(background=(0, -1, 0)), "develop: background is -1"),
     ):
         with pytest.raises(gsp.Error, match=match):
             develop(**words)
+    # a call that is refused has drawn nothing
+    frames = renderer.render(data, *at)
+    before = [a.copy() for a in (frames.rgb, frames.depth, frames.rgb8)]
+    for words in (dict(develop=dict(contrast=2)), dict(jitter=dict(rotation=4)), dict(develop=dict(background=np.zeros((3, 48, 64, 3))))):
+        with pytest.raises(gsp.Error, match="render: (develop|jitter): "):
+            renderer.render(data, at[0][::-1], at[1], **words)
+        for a, b in zip(before, (frames.rgb, frames.depth, frames.rgb8)):
+            assert np.array_equal(a, b)
+    # nor is a background read that is drawn over meanwhile
+    both = gsp.Renderer(scene, 64, 48, rgb8=True, normals=True)
+    frames = both.render(data, *at)
+    for background in (frames.rgb[0], frames.rgb, frames.normals.numpy()[1:]):
+        with pytest.raises(gsp.Error, match=r"gsp.Renderer.render: the background lies in the pictures that are to be drawn: copy\(\) it first"):
+            both.render(data, *at, develop=dict(background=background))
+    background = frames.rgb.copy()
+    assert np.array_equal(both.render(data, *at, develop=dict(background=background)).rgb8, develop(background=background))
     with pytest.raises(gsp.Error, match="develop is 0.5: give a dict"):
         renderer.render(data, *at, develop=0.5)
     with pytest.raises(gsp.Error, match="develop is of rgb8.*rgb8=True"):

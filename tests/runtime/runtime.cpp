@@ -705,20 +705,21 @@ TEST_CASE("normals, ids, 8-bit pictures and jittered cameras are those of the he
       CHECK(same(normals, frames.normals));
       CHECK(same(bytes, frames.rgb8));
       std::vector<float> const colours(std::size_t(48 * 64 * 3), 0.5f);
-      draw.develop.background_picture = host_array(colours.data(), {1, 48, 64, 3});
+      draw.background = host_array(colours.data(), {1, 48, 64, 3});
       renderer->render(poses, cameras, draw);
       check_no_allocation(watch([&] { renderer->render(poses, cameras, draw); }));
       numbers.background = {0.5f, 0.5f, 0.5f};
       gsp::develop(exec, by_hand, bytes, numbers);
       CHECK(same(bytes, renderer->frames().rgb8));
     }
-    draw.develop.background_picture = {};
+    draw.background = {};
     draw.develop.contrast = 2;
-    CHECK_THROWS_WITH_AS(renderer->render(stepper->poses(), cameras, draw), doctest::Contains("contrast (at most 1)"),
-                         std::invalid_argument);
+    CHECK_THROWS_WITH_AS(renderer->render(stepper->poses(), cameras, draw),
+                         doctest::Contains("contrast is 2: give a number of 0 or more, at most 1"), std::invalid_argument);
     draw.develop.contrast = 0;
     draw.jitter.focal = 1;
-    CHECK_THROWS_WITH_AS(renderer->render(stepper->poses(), cameras, draw), doctest::Contains("focal (below 1)"), std::invalid_argument);
+    CHECK_THROWS_WITH_AS(renderer->render(stepper->poses(), cameras, draw),
+                         doctest::Contains("focal is 1: give a number of 0 or more, below 1"), std::invalid_argument);
   }
 }
 

@@ -2,6 +2,7 @@
 #include <array>
 #include <gsp/io/splat_set.hpp>
 #include <gsp/runtime/stepper.hpp>
+#include <gsp/splat/detail/picture_options.hpp>
 
 namespace gsp::runtime {
 
@@ -49,33 +50,19 @@ struct FrameArrays {
   Array rgb8;  // (C, H, W, 3) rgb as splat/develop.hpp develops it
 };
 
-/// How 8-bit pictures come of the light: the numbers of gsp::DevelopOptions (splat/develop.hpp).
-struct Development {
-  float exposure = 0, contrast = 0, brightness = 0, noise = 0;
-  std::array<float, 3> background{0, 0, 0};
-  Array background_picture = {};  // (1 or C, H, W, 3) floats in its place, on any device; empty: the colour
-  std::uint64_t seed = 0;
-  std::int64_t step = 0, first_image = 0;
-};
-
-/// How far cameras are from what they are said to be: the numbers of gsp::JitterCamerasOptions (splat/jitter_cameras.hpp).
-struct CameraJitter {
-  float position = 0, rotation = 0, focal = 0, principal = 0;
-  std::uint64_t seed = 0;
-  std::int64_t step = 0, first_image = 0;
-};
-
 /// Of one call of `render`.
 struct DrawOptions {
-  Development develop = {};  // of rgb8
-  CameraJitter jitter = {};  // of the cameras, which stay what they are for the caller
+  DevelopOptions develop = {};  // of rgb8 (splat/develop.hpp)
+  Array background = {};        // (1 or C, H, W, 3) floats in place of develop's colour, on any device, not of the renderer's own pictures
+  JitterCamerasOptions jitter = {};  // of the cameras, which stay what they are for the caller (splat/jitter_cameras.hpp)
 };
 
 class Renderer {
  public:
   virtual ~Renderer() = default;
   /// One picture a camera, of worlds whose bodies stand as `poses` says: arrays on the renderer's device, such as Stepper::poses(), or
-  /// empty ones: nothing moves. On return the pictures are done.
+  /// empty ones: nothing moves. On return the pictures are done. Errors: std::invalid_argument for arrays of other shapes, options out of
+  /// their range, and develop without rgb8: options are looked at before anything is drawn, and the pictures stay what they were.
   virtual void render(PoseArrays const& poses, CameraArrays const& cameras, DrawOptions const& options = {}) = 0;
   /// Which of the scene's sets each world shows (splat/show_sets.hpp), in the order in which they were added; empty: all of them, as at
   /// first. For the next `render` on, whose pictures come where they were.
@@ -83,7 +70,8 @@ class Renderer {
   virtual FrameArrays frames() const = 0;
   /// A renderer of the same Gaussians, which it shares, with pictures of its own.
   virtual std::unique_ptr<Renderer> another() const = 0;
-  /// Bytes that `images` pictures need on the device.
+  /// Bytes that `images` pictures need on the device. Not counted: the copy of a background that lies elsewhere or is float64, 12
+  /// bytes a pixel.
   virtual std::int64_t bytes_needed(int images) const = 0;
 };
 

@@ -1,26 +1,10 @@
 #pragma once
 #include <gsp/core/region.hpp>
 #include <gsp/math/philox.hpp>
-#include <gsp/math/vec3.hpp>
+#include <gsp/splat/detail/picture_options.hpp>
 #include <gsp/splat/frames.hpp>
 
 namespace gsp {
-
-/// What becomes of a picture's light c >= 0 (0 to 1 is what a screen shows), number by number:
-///   c += (1 - alpha) background;   c *= 2^exposure;   c = (c - 1/2)(1 + contrast) + 1/2 + brightness + noise;   c = min(max(c, 0), 1)
-/// Each image draws an exposure, a contrast and a brightness of its own, uniformly from -x to x of the numbers here, and each number a
-/// noise: of the seed, the step and the image's number (gsp/math/philox.hpp), so the same comes in any batch (first_image) and on any
-/// backend to rounding.
-struct DevelopOptions {
-  float exposure = 0;               // in powers of two
-  float contrast = 0;               // a share, at most 1
-  float brightness = 0;             // added
-  float noise = 0;                  // deviation of normal noise
-  Vec3<float> background{0, 0, 0};  // shows where light comes through
-  std::uint64_t seed = 0;
-  std::int64_t step = 0;         // 0 to 2^56 - 1
-  std::int64_t first_image = 0;  // number of the batch's first image among all of a larger one, 0 to 2^32 - images
-};
 
 namespace detail {
 inline constexpr std::uint32_t picture_stream = 16;
@@ -77,6 +61,17 @@ struct Develop {
     }
   }
 };
+
+/// What `develop` refuses whatever the frames hold: a caller that draws them first asks before.
+template <class Background>
+void check_develop(DevelopOptions const& options, Background const& background, int images, int height, int width) {
+  check_options(options, images);
+  auto const is = [&](int k, int n) { return int(background.extent(k)) == n; };
+  if (!background.data() || ((is(0, 1) || is(0, images)) && is(1, height) && is(2, width) && is(3, 3))) return;
+  std::string given, size = ", " + std::to_string(height) + ", " + std::to_string(width) + ", 3)";
+  for (int k = 0; k < 4; ++k) given += (k > 0 ? ", " : "(") + std::to_string(background.extent(k));
+  throw std::invalid_argument("gsp::develop: the background is " + given + ") and must be (1 or " + std::to_string(images) + size);
+}
 }  // namespace detail
 
 /// Pictures as a camera hands them out: rgb over a background, with what cameras differ by, as float, half or 8-bit numbers.
@@ -95,23 +90,13 @@ void develop(Exec const& exec, Frames<Mem> const& frames, Out const& out, Develo
   expects(frames.rgb.data() != nullptr, "gsp::develop: the frames have no rgb: make_frames with it");
   bool const shows = background.data() || options.background[0] != 0 || options.background[1] != 0 || options.background[2] != 0;
   expects(!shows || frames.alpha.data(), "gsp::develop: a background shows where alpha leaves light: make_frames with alpha");
-  auto const fits = [&](auto const& v, bool one) {
-    return (int(v.extent(0)) == frames.images || (one && v.extent(0) == 1)) && int(v.extent(1)) == frames.height &&
-           int(v.extent(2)) == frames.width && v.extent(3) == 3;
-  };
-  expects(fits(out, false), "gsp::develop: `out` must be (images, height, width, 3) as the frames are");
-  expects(!background.data() || fits(background, true), "gsp::develop: the background must be (1 or images, height, width, 3)");
+  expects(int(out.extent(0)) == frames.images && int(out.extent(1)) == frames.height && int(out.extent(2)) == frames.width &&
+              out.extent(3) == 3,
+          "gsp::develop: `out` must be (images, height, width, 3) as the frames are");
+  detail::check_develop(options, background, frames.images, frames.height, frames.width);
   using T = std::remove_const_t<typename Out::value_type>;
   static_assert(std::is_same_v<T, float> || std::is_same_v<T, Kokkos::Experimental::half_t> || std::is_same_v<T, std::uint8_t>,
                 "gsp::develop: `out` holds float, Kokkos::Experimental::half_t or std::uint8_t");
-  bool good = options.contrast <= 1 && options.step >= 0 && options.step >> 56 == 0;
-  for (float const x : {options.exposure, options.contrast, options.brightness, options.noise}) good = good && x >= 0 && x < 1e6f;
-  for (float const x : {options.background.x, options.background.y, options.background.z}) good = good && x >= 0 && x < 1e6f;
-  expects(
-      good,
-      "gsp::develop: exposure, contrast (at most 1), brightness, noise and background must be from 0 to 1e6, the step from 0 to 2^56 - 1");
-  expects(options.first_image >= 0 && options.first_image <= (std::int64_t(1) << 32) - frames.images,
-          "gsp::develop: images are numbered from 0 to 2^32 - 1: first_image must not be negative, nor lead beyond");
   Kokkos::parallel_for("gsp::splat::develop",
                        lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(
                            exec, 0, std::int64_t(frames.images) * frames.height * frames.width)),

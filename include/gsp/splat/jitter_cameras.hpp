@@ -3,19 +3,9 @@
 #include <gsp/math/philox.hpp>
 #include <gsp/math/quat.hpp>
 #include <gsp/splat/cameras.hpp>
+#include <gsp/splat/detail/picture_options.hpp>
 
 namespace gsp {
-
-/// How far cameras differ from what they are said to be: numbers, each drawn uniformly from -x to x, of an image.
-struct JitterCamerasOptions {
-  float position = 0;   // along each of the camera's axes [m]
-  float rotation = 0;   // of a rotation vector, along each of its axes [rad]
-  float focal = 0;      // a share of fx and fy, of both the same
-  float principal = 0;  // of cx and of cy [pixel]
-  std::uint64_t seed = 0;
-  std::int64_t step = 0;         // 0 to 2^56 - 1: of an episode where cameras keep what they have, or of a picture where they shake
-  std::int64_t first_image = 0;  // number of the first camera among all of a larger batch, 0 to 2^32 - images
-};
 
 namespace detail {
 inline constexpr std::uint32_t camera_stream = 18;  // and the next two; develop's are the two before
@@ -75,13 +65,7 @@ void jitter_cameras(Exec const& exec, Cameras<Mem> const& cameras, Cameras<Mem>&
   expects(jittered.images() == images && int(jittered.Ks.extent(0)) == images,
           "gsp::jitter_cameras: there is room for " + std::to_string(jittered.images()) + " cameras, and there are " +
               std::to_string(images) + ": make_cameras(exec, " + std::to_string(images) + ")");
-  bool good = options.step >= 0 && options.step >> 56 == 0 && options.rotation <= 3.14159274f && options.focal < 1;
-  for (float const x : {options.position, options.rotation, options.focal, options.principal}) good = good && x >= 0 && x < 1e6f;
-  expects(good,
-          "gsp::jitter_cameras: position, rotation (at most pi), focal (below 1) and principal must be from 0 to 1e6, the step from 0 to "
-          "2^56 - 1");
-  expects(options.first_image >= 0 && options.first_image <= (std::int64_t(1) << 32) - images,
-          "gsp::jitter_cameras: images are numbered from 0 to 2^32 - 1: first_image must not be negative, nor lead beyond");
+  detail::check_options(options, images);
   jittered.world = cameras.world;
   jittered.lenses = cameras.lenses;
   jittered.width = cameras.width;
