@@ -4,6 +4,7 @@
 #include <gsp/io/gaussians.hpp>
 #include <gsp/runtime/renderer.hpp>
 #include <gsp/splat/develop.hpp>
+#include <gsp/splat/fixed_frames.hpp>
 #include <gsp/splat/id_channel.hpp>
 #include <gsp/splat/jitter_cameras.hpp>
 #include <gsp/splat/median_depth.hpp>
@@ -12,6 +13,7 @@
 #include <gsp/splat/sample_room.hpp>
 #include <gsp/splat/sample_surface.hpp>
 #include <gsp/splat/show_sets.hpp>
+#include <optional>
 
 #include "poses_of.hpp"
 #include "scene_sets.hpp"
@@ -74,6 +76,7 @@ Scene::Bounds Scene::bounds(double share) const {
 template <class Exec>
 class KokkosRenderer : public Renderer {
   using Mem = typename Exec::memory_space;
+  using Background = Kokkos::View<float const****, Kokkos::LayoutRight, Mem>;
 
  public:
   KokkosRenderer(Scene const& scene, RendererOptions const& options) : options_(options), cloud_(make_gaussians(exec_, sets_of(scene))) {
@@ -88,25 +91,9 @@ class KokkosRenderer : public Renderer {
   void render(PoseArrays const& poses, CameraArrays const& arrays, DrawOptions const& options) override {
     auto const cameras = jittered(cameras_of(arrays), options.jitter);
     int const images = cameras.images();
-    auto const background = background_of(options);
-    expects(options_.rgb8 || (is_nothing(options.develop) && !background.data()),
-            "gsp::runtime::Renderer::render: develop is of rgb8, which this renderer does not make: RendererOptions::rgb8");
-    gsp::detail::check_develop(options.develop, background, images, options_.height, options_.width);
-    if (frames_.images != images) {
-      frames_ = {};  // the old buffers go before the new ones come
-      median_ = {};
-      ids_ = {};
-      normals_ = {};
-      rgb8_ = {};
-      if (options_.median_depth)
-        median_.image =
-            gsp::detail::allocate<decltype(median_.image)>("gsp::runtime::Renderer::median_depth", images, options_.height, options_.width);
-      if (options_.ids)
-        ids_.image = gsp::detail::allocate<decltype(ids_.image)>("gsp::runtime::Renderer::ids", images, options_.height, options_.width);
-      if (options_.normals)
-        normals_ = gsp::detail::allocate<decltype(normals_)>("gsp::runtime::Renderer::normals", images, options_.height, options_.width, 3);
-      if (options_.rgb8)
-        rgb8_ = gsp::detail::allocate<decltype(rgb8_)>("gsp::runtime::Renderer::rgb8", images, options_.height, options_.width, 3);
+    auto const background = checked_background(options, images);
+    if (frames_.images != images || fixed_) {
+      make_pictures(images);
       frames_ = make_frames(exec_, cloud_, frame_options(images));                 // last: it says for how many there is room
     } else if (int(frames_.wave.cluster_seen.extent(1)) < cloud_.most_clusters) {  // of other sets: the pictures stay where they are
       auto wave_alone = frame_options(images);
@@ -115,17 +102,37 @@ class KokkosRenderer : public Renderer {
       frames_.sized = false;
       frames_.wave = make_frames(exec_, cloud_, wave_alone).wave;
     }
-    if (!poses.xpos)
-      draw(make_poses<float>(exec_, 1, std::max(1, cloud_.bodies), 0), cameras);
-    else if (poses.xpos.dtype == Dtype::float64)
-      draw(poses_of<double, Exec>("gsp::runtime::Renderer::render", poses), cameras);
-    else
-      draw(poses_of<float, Exec>("gsp::runtime::Renderer::render", poses), cameras);
-    if (options_.rgb8) develop(exec_, frames_, rgb8_, options.develop, background);
-    exec_.fence("gsp::runtime::Renderer::render: done");
+    with_poses(poses, "gsp::runtime::Renderer::render", [&](auto const& p) {
+      with_channels([&](auto const&... channels) { gsp::render(exec_, cloud_, p, cameras, frames_, render_, channels...); });
+    });
+    follow(cameras, options.develop, background);
   }
 
-  void show_sets(std::vector<std::vector<int>> const& sets_of_world) override { cloud_ = gsp::show_sets(exec_, cloud_, sets_of_world); }
+  void fix(PoseArrays const& poses, CameraArrays const& arrays) override {
+    expects(!options_.median_depth && !options_.ids,
+            "gsp::runtime::Renderer::fix: cameras that stand still have no median_depth and no ids: leave them out, or draw with render");
+    auto const cameras = cameras_of(arrays);
+    make_pictures(cameras.images());
+    with_poses(poses, "gsp::runtime::Renderer::fix",
+               [&](auto const& p) { fixed_ = make_fixed_frames(exec_, cloud_, p, cameras, frame_options(cameras.images()), render_); });
+    frames_ = fixed_->frames;
+    frames_.wave = {};
+  }
+
+  void render_fixed(PoseArrays const& poses, DrawOptions const& options) override {
+    expects(fixed_.has_value(),
+            "gsp::runtime::Renderer::render_fixed: no cameras are fixed: call fix first, and after render and show_sets");
+    expects(options.jitter.position == 0 && options.jitter.rotation == 0 && options.jitter.focal == 0 && options.jitter.principal == 0,
+            "gsp::runtime::Renderer::render_fixed: cameras that stand still have no jitter: draw with render");
+    auto const background = checked_background(options, frames_.images);
+    with_poses(poses, "gsp::runtime::Renderer::render_fixed", [&](auto const& p) { gsp::render_fixed(exec_, p, *fixed_); });
+    follow(fixed_->cameras, options.develop, background);
+  }
+
+  void show_sets(std::vector<std::vector<int>> const& sets_of_world) override {
+    cloud_ = gsp::show_sets(exec_, cloud_, sets_of_world);
+    if (fixed_) make_pictures(0);
+  }
 
   FrameArrays frames() const override {
     FrameArrays out;
@@ -160,10 +167,39 @@ class KokkosRenderer : public Renderer {
     with([&](auto const&... more) { first.first ? f(*first.second, more...) : f(more...); }, rest...);
   }
 
-  template <class R>
-  void draw(Poses<R, Mem> const& poses, Cameras<Mem> const& cameras) {
-    with_channels([&](auto const&... channels) { gsp::render(exec_, cloud_, poses, cameras, frames_, render_, channels...); });
+  /// f(poses of the arrays)
+  template <class F>
+  void with_poses(PoseArrays const& poses, char const* where, F const& f) {
+    if (!poses.xpos)
+      f(make_poses<float>(exec_, 1, std::max(1, cloud_.bodies), 0));
+    else if (poses.xpos.dtype == Dtype::float64)
+      f(poses_of<double, Exec>(where, poses));
+    else
+      f(poses_of<float, Exec>(where, poses));
+  }
+
+  /// Room for so many pictures, but for the frames themselves. The old buffers go before the new ones come.
+  void make_pictures(int images) {
+    fixed_.reset();
+    frames_ = {};
+    median_ = {};
+    ids_ = {};
+    normals_ = {};
+    rgb8_ = {};
+    auto const room = [&]<class View>(bool wanted, View& view, char const* name, auto... numbers) {
+      if (wanted) view = gsp::detail::allocate<View>(name, images, options_.height, options_.width, numbers...);
+    };
+    room(options_.median_depth, median_.image, "gsp::runtime::Renderer::median_depth");
+    room(options_.ids, ids_.image, "gsp::runtime::Renderer::ids");
+    room(options_.normals, normals_, "gsp::runtime::Renderer::normals", 3);
+    room(options_.rgb8, rgb8_, "gsp::runtime::Renderer::rgb8", 3);
+  }
+
+  /// What is made of the pictures that are drawn.
+  void follow(Cameras<Mem> const& cameras, DevelopOptions const& develop_options, Background const& background) {
     if (options_.normals) normals_of_depth(exec_, options_.median_depth ? median_.image : frames_.depth, cameras, normals_);
+    if (options_.rgb8) develop(exec_, frames_, rgb8_, develop_options, background);
+    exec_.fence("gsp::runtime::Renderer::render: done");
   }
 
   /// The cameras as they are drawn.
@@ -175,8 +211,17 @@ class KokkosRenderer : public Renderer {
     return jittered_;
   }
 
-  /// The background's picture. One in memory that is drawn into would show what is drawn now.
-  Kokkos::View<float const****, Kokkos::LayoutRight, Mem> background_of(DrawOptions const& options) {
+  /// The background's picture, when all that develop needs is right, so that nothing is drawn before.
+  Background checked_background(DrawOptions const& options, int images) {
+    auto const background = background_of(options);
+    expects(options_.rgb8 || (is_nothing(options.develop) && !background.data()),
+            "gsp::runtime::Renderer::render: develop is of rgb8, which this renderer does not make: RendererOptions::rgb8");
+    gsp::detail::check_develop(options.develop, background, images, options_.height, options_.width);
+    return background;
+  }
+
+  /// One in memory that is drawn into would show what is drawn now.
+  Background background_of(DrawOptions const& options) {
     Array const& a = options.background;
     if (!a) return {};
     expects(a.rank == 4, "gsp::runtime::Renderer::render: the background picture is (1 or C, H, W, 3)");
@@ -249,6 +294,7 @@ class KokkosRenderer : public Renderer {
   RenderOptions render_;
   Gaussians<Mem> cloud_;
   Frames<Mem> frames_;
+  std::optional<FixedFrames<Mem>> fixed_;  // `fix`: its pictures are those of frames_
   MedianDepthChannel<Mem> median_;
   IdChannel<Mem> ids_;
   Kokkos::View<float****, Kokkos::LayoutRight, Mem> normals_;

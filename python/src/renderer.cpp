@@ -256,18 +256,24 @@ JitterCamerasOptions jitter_of(nb::handle words) {
   return out;
 }
 
-Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world,
-              ArrayLike const& distortion, bool fisheye, GivenWords const& develop, GivenWords const& jitter) {
+/// Cameras that were given, and what holds their memory.
+struct GivenCameras {
+  runtime::CameraArrays arrays;
+  nb::object keeps[3];
+  std::int64_t count() const { return arrays.viewmats.extents[0]; }
+};
+GivenCameras cameras_of(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world,
+                        ArrayLike const& distortion, bool fisheye) {
   if (data.model.compiled != self.model)
     throw Error("gsp.Renderer.render: the data are of another model than the scene: make both of one gsp.Model");
   if (data.device != self.device) throw Error("gsp.Renderer.render: the data and the renderer are on different devices: make both on one");
-  nb::object keeps[4];
+  GivenCameras given;
   nb::object const numpy = nb::module_::import_("numpy");
   auto const floats = [&](nb::handle x) -> nb::object {
     if (nb::isinstance<Array>(x) || nb::hasattr(x, "__cuda_array_interface__")) return nb::borrow(x);
     return numpy.attr("ascontiguousarray")(x, nb::arg("dtype") = "float32");
   };
-  runtime::CameraArrays cameras;
+  auto& [cameras, keeps] = given;
   nb::object const v = floats(viewmats), k = floats(Ks);
   auto const one = [](nb::object const& x) { return nb::cast<int>(x.attr("ndim")) == 2; };
   cameras.viewmats = one(v) ? all_of(taken(v, "gsp.Renderer.render: viewmats", {4, 4}, keeps[0]), 1)
@@ -301,8 +307,23 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   else if (fisheye)
     throw Error("gsp.Renderer.render: fisheye=True needs distortion=[k1, k2, k3, k4]; zeros are the ideal fisheye");
   expect_size(Ks, cameras.Ks, self.options);
+  return given;
+}
+
+/// Drawn by a renderer that is held: what Python has of it.
+Frames frames_of(std::shared_ptr<runtime::Session> const& session, std::shared_ptr<runtime::Renderer> const& own) {
+  auto const f = own->frames();
+  auto const owner = std::make_shared<Keeper>(Keeper{session, own});
+  return {{f.rgb, owner}, {f.depth, owner}, {f.alpha, owner}, {f.median_depth, owner}, {f.normals, owner}, {f.ids, owner}, {f.rgb8, owner}};
+}
+
+Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world,
+              ArrayLike const& distortion, bool fisheye, GivenWords const& develop, GivenWords const& jitter) {
+  auto const cameras = cameras_of(self, data, viewmats, Ks, world, distortion, fisheye);
+  std::int64_t const n = cameras.count();
+  nb::object keeps;
   runtime::DrawOptions options;
-  if (!develop.is_none()) develop_of(develop, self.options, options, keeps[3]);
+  if (!develop.is_none()) develop_of(develop, self.options, options, keeps);
   if (!jitter.is_none()) options.jitter = jitter_of(jitter);
   Use const use(data), use_renderer(self.busy, "this renderer");
   if (!self.own || (self.images != n && self.images > 0) || self.drawn != self.scene->sets) {
@@ -315,11 +336,58 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   warn_of_lost_bodies(poses, *self.model);
   {
     OthersRun const others_run;
-    self.own->render(poses, cameras, options);
+    self.own->render(poses, cameras.arrays, options);
   }
-  auto const f = self.own->frames();
-  auto const owner = std::make_shared<Keeper>(Keeper{self.session, self.own});
-  return {{f.rgb, owner}, {f.depth, owner}, {f.alpha, owner}, {f.median_depth, owner}, {f.normals, owner}, {f.ids, owner}, {f.rgb8, owner}};
+  return frames_of(self.session, self.own);
+}
+
+/// Pictures of cameras that stand still.
+struct FixedRenderer {
+  std::shared_ptr<runtime::Session> session;
+  std::shared_ptr<CompiledModel const> model;
+  runtime::RendererOptions options;
+  int worlds;
+  std::shared_ptr<runtime::Renderer> own;
+  std::shared_ptr<std::atomic<bool>> busy = std::make_shared<std::atomic<bool>>(false);
+};
+FixedRenderer fixed(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world,
+                    ArrayLike const& distortion, bool fisheye) {
+  if (self.options.median_depth || self.options.ids)
+    throw Error(
+        "gsp.Renderer.fixed: cameras that stand still have no median_depth and no ids: make a Renderer without them, or draw with render");
+  auto const cameras = cameras_of(self, data, viewmats, Ks, world, distortion, fisheye);
+  Use const use(data), use_renderer(self.busy, "this renderer");
+  freshen(data);
+  auto const poses = data.stepper->poses();
+  warn_of_lost_bodies(poses, *self.model);
+  if (!self.own || self.drawn != self.scene->sets) {
+    self.own = another(self);
+    self.drawn = self.scene->sets;
+    self.images = 0;
+  }
+  FixedRenderer out{self.session, self.model, self.options, data.worlds, self.own->another()};
+  {
+    OthersRun const others_run;
+    out.own->fix(poses, cameras.arrays);
+  }
+  return out;
+}
+Frames render_fixed(FixedRenderer& self, Data const& data, GivenWords const& develop) {
+  if (data.model.compiled != self.model || data.worlds != self.worlds)
+    throw Error("gsp.FixedRenderer.render: the data are not of the model and the " + std::to_string(self.worlds) +
+                " worlds that it was made for: make another, gsp.Renderer.fixed");
+  runtime::DrawOptions options;
+  nb::object keeps;
+  if (!develop.is_none()) develop_of(develop, self.options, options, keeps);
+  Use const use(data), use_renderer(self.busy, "this renderer");
+  freshen(data);
+  auto const poses = data.stepper->poses();
+  warn_of_lost_bodies(poses, *self.model);
+  {
+    OthersRun const others_run;
+    self.own->render_fixed(poses, options);
+  }
+  return frames_of(self.session, self.own);
 }
 
 Array asked_for(Array const& channel, std::string const& name) {
@@ -436,6 +504,17 @@ void bind_renderer(nb::module_& m) {
         }
         return text + ")";
       });
+  nb::class_<FixedRenderer>(
+      m, "FixedRenderer",
+      "Pictures of cameras that stand still, bit by bit those of gsp.Renderer.render, which makes it: gsp.Renderer.fixed. Only what\n"
+      "moves is drawn, and the blocks of pixels that it touches or has left.")
+      .def("__repr__",
+           [](FixedRenderer const& r) {
+             return "gsp.FixedRenderer(" + size_text(r.options.width, r.options.height) + ", " + std::to_string(r.worlds) + " worlds)";
+           })
+      .def("render", &render_fixed, nb::arg("data"), nb::kw_only(), nb::arg("develop").none() = nb::none(),
+           "The pictures of this moment; develop as of gsp.Renderer.render. Arrays are to be read: what nothing moves over is not written "
+           "again.");
   nb::class_<Renderer>(m, "Renderer", "Pictures of a scene of Gaussians, one a camera, of all worlds in one call.")
       .def(
           "__init__",
@@ -486,6 +565,12 @@ void bind_renderer(nb::module_& m) {
           "the\n"
           "scene first. They are stored once, however many worlds show them. [] shows all of them everywhere, as at first.\n"
           "Pictures come into the memory in which they were.")
+      .def("fixed", &fixed, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
+           nb::arg("distortion").none() = nb::none(), nb::arg("fisheye") = false,
+           "A gsp.FixedRenderer: these cameras stand still, and what they see of what stands, Gaussians on no moving body, is drawn once, "
+           "here. Cameras\n"
+           "of one place share that. It shows the scene's sets as they are shown now, to as many worlds as data has. The arguments are "
+           "those of render.")
       .def(
           "render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
           nb::arg("distortion").none() = nb::none(), nb::arg("fisheye") = false, nb::kw_only(), nb::arg("develop").none() = nb::none(),

@@ -96,6 +96,13 @@ def test_pictures_are_the_cpus():
         shown = torch.from_dlpack(frames.ids), torch.from_dlpack(frames.rgb8)
         assert [t.dtype for t in shown] == [torch.int32, torch.uint8] and all(t.is_cuda == (device != "cpu") for t in shown)
         yield {name: getattr(frames, name).copy() for name in ("rgb", "depth", "alpha", "normals", "ids", "rgb8")}
+        if not median:
+            fixed = gsp.Renderer(scene, 96, 72, device=device, normals=True, rgb8=True).fixed(data, views, Ks)
+            gsp.step(model, data, n=5)
+            frames, drawn = fixed.render(data), gsp.Renderer(scene, 96, 72, device=device, normals=True, rgb8=True, ids=True).render(data, views, Ks)
+            seen = {name: getattr(frames, name).copy() for name in ("rgb", "depth", "alpha", "normals", "rgb8")}
+            assert all(np.array_equal(a, getattr(drawn, name).copy()) for name, a in seen.items())
+            yield seen | {"ids": drawn.ids.copy()}
 
     for median in (False, True):
         for call, (a, b) in enumerate(zip(pictures("cpu", median), pictures("cuda", median), strict=True)):

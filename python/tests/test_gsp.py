@@ -716,6 +716,40 @@ def test_jittered_cameras():
             pictures(**words)
 
 
+def test_cameras_that_stand_still_have_the_pictures_of_render(model):
+    data = gsp.Data(model, worlds=3)
+    renderer = gsp.Renderer(gsp.Scene(model).add_room().add_surface(), 48, 36, normals=True, rgb8=True)
+    renderer.show([[0, 1], [1], [0, 1]])
+    at = gsp.look_at([[1, -1, 1], [1, -1, 1], [0.5, 1, 0.8]], [0, 0, 0.3]), gsp.pinhole(48, 36, 60)
+    lens = dict(distortion=[-0.1, 0.02, 0, 0])
+    for words in (dict(), lens, dict(world=[2, 0, 1])):
+        fixed = renderer.fixed(data, *at, **words)
+        assert repr(fixed) == "gsp.FixedRenderer(48 x 36, 3 worlds)"
+        before = None
+        for k in range(4):
+            data.qvel = np.random.default_rng(k).normal(size=(3, model.nv))
+            gsp.step(model, data, n=20)
+            develop = dict(noise=0.02, background=(0.5, 0.6, 0.7), step=k)
+            still, drawn = fixed.render(data, develop=develop), renderer.render(data, *at, **words, develop=develop)
+            for name in ("rgb", "depth", "alpha", "normals", "rgb8"):
+                assert np.array_equal(getattr(still, name), getattr(drawn, name)), (words, k, name)
+            assert before is None or not np.array_equal(before, still.rgb)
+            before = still.rgb.copy()
+    address = still.rgb.pointer
+    del renderer
+    assert fixed.render(data).rgb.pointer == address
+    kept = fixed.render(data).rgb
+    del fixed, still
+    assert np.array_equal(kept, kept.copy())
+    with pytest.raises(gsp.Error, match="no median_depth and no ids"):
+        gsp.Renderer(gsp.Scene(model).add_room(), 48, 36, ids=True).fixed(data, *at)
+    fixed = gsp.Renderer(gsp.Scene(model).add_room(), 48, 36).fixed(data, *at)
+    with pytest.raises(gsp.Error, match="not of the model and the 3 worlds"):
+        fixed.render(gsp.Data(model, worlds=2))
+    with pytest.raises(gsp.Error, match="develop is of rgb8"):
+        fixed.render(data, develop=dict(noise=0.1))
+
+
 def test_each_world_shows_its_own_sets(model):
     data = gsp.Data(model, worlds=3)
     room, robot = gsp.Scene(model).add_room(), gsp.Scene(model).add_surface()

@@ -67,6 +67,13 @@ class Renderer {
   /// Which of the scene's sets each world shows (splat/show_sets.hpp), in the order in which they were added; empty: all of them, as at
   /// first. For the next `render` on, whose pictures come where they were.
   virtual void show_sets(std::vector<std::vector<int>> const& sets_of_world) = 0;
+  /// Cameras that stand still (splat/fixed_frames.hpp): what they see of what stands is drawn once, here. `poses`: of as many worlds as
+  /// there will be. Errors: those of render; std::invalid_argument for a renderer with median_depth or ids, which are of all that is seen.
+  virtual void fix(PoseArrays const& poses, CameraArrays const& cameras) = 0;
+  /// Their pictures of this moment, with the bits that `render` has: what moves, and the blocks of pixels that it touches or leaves. On
+  /// return they are done. Errors: std::invalid_argument for poses of another number of worlds, and where `fix` was not called since the
+  /// last `render` or `show_sets`.
+  virtual void render_fixed(PoseArrays const& poses, DrawOptions const& options = {}) = 0;
   virtual FrameArrays frames() const = 0;
   /// A renderer of the same Gaussians, which it shares, with pictures of its own.
   virtual std::unique_ptr<Renderer> another() const = 0;
