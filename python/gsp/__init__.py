@@ -192,7 +192,8 @@ def depth_to_rgb(depth: ArrayLike, near: float = 0.0, far: float = 0.0) -> NDArr
 
 
 def write_png(path: str | os.PathLike[str], image: ArrayLike) -> None:
-    """Writes a picture, (H, W), (H, W, 1), (H, W, 3) or (H, W, 4): numbers of 0 to 1, NaN black, or uint8. All or nothing."""
+    """Writes a picture, (H, W), (H, W, 1), (H, W, 3) or (H, W, 4): numbers of 0 to 1, what lies outside clipped, NaN black; or uint8.
+    All or nothing."""
     import os
 
     import numpy as np

@@ -6,7 +6,10 @@ import difflib
 
 from . import _gsp
 
-_OPT = "model.timestep and model.gravity; timestep, iterations and tolerance are options of gsp.Data, flags of gsp.Model.from_xml(..., disable=[...])"
+_OPT = (
+    "model.timestep and model.gravity; timestep, iterations and tolerance are options of gsp.Data, flags of "
+    "gsp.Model.from_xml(..., disable=[...])"
+)
 _COLOUR = "colours are taken by gsp.Scene(model).add_surface()"
 _TURNED = "docs/python.md, 'Points and velocities', turns points and axes of bodies by data.xquat"
 
@@ -21,11 +24,13 @@ MODEL = {
     "geom_rgba": _COLOUR,
     "mat_rgba": _COLOUR,
     "site_rgba": "sites are not drawn",
-    "jnt_limited": "model.jnt_range, which is 0, 0 where a joint has no range (a range that limited=\"false\" takes back is still there)",
-    "actuator_ctrllimited": "act_ctrlrange of per_world: gsp.Data(model, per_world=['act_ctrlrange']).values('act_ctrlrange') is -inf, inf where there is no limit",
+    "jnt_limited": "model.jnt_range, 0, 0 where a joint has no range (one that limited='false' takes back is still there)",
+    "actuator_ctrllimited": "act_ctrlrange of per_world, -inf to inf where there is no limit: gsp.Data(model, per_world=['act_ctrlrange']), "
+    "then data.values('act_ctrlrange')",
     "actuator_gainprm": "act_gain of per_world: gsp.Data(model, per_world=['act_gain']), then data.values('act_gain')",
     "actuator_biasprm": "act_bias of per_world: gsp.Data(model, per_world=['act_bias']), then data.values('act_bias')",
-    "actuator_forcerange": "act_forcerange of per_world: gsp.Data(model, per_world=['act_forcerange']), then data.values('act_forcerange')",
+    "actuator_forcerange": "act_forcerange of per_world: gsp.Data(model, per_world=['act_forcerange']), "
+    "then data.values('act_forcerange')",
     "cam_pos": "data.cameras([name], width, height) has what Renderer.render takes, of all worlds",
     "body_subtreemass": "sums of model.body_mass by model.body_parentid",
 }
@@ -38,7 +43,8 @@ DATA = {
     "xipos": "data.xpos + turn(data.xquat, model.body_ipos): " + _TURNED,
     "xmat": "data.xquat: the columns of xmat are the axes turned by it, which docs/python.md, 'Points and velocities', has",
     "cam_xpos": "data.cameras([name], width, height) has what Renderer.render takes, of all worlds",
-    "xfrc_applied": "data.qfrc_applied = np.einsum('wij,wi->wj', data.jacobian(body=b, point=p), f), f (worlds, 6) force and torque, before each step",
+    "xfrc_applied": "data.qfrc_applied = np.einsum('wij,wi->wj', data.jacobian(body=b, point=p), f), f (worlds, 6) force and torque, "
+    "before each step",
     "qacc": "(data.qvel - before) / data.timestep of a step; data.qacc_smooth is without constraints",
     "qacc_warmstart": "data.save() has all that the next step starts from",
     "cvel": "data.jacobian(body=b) times data.qvel: velocity, then angular velocity, in world axes",
@@ -69,8 +75,8 @@ for _name in ("geom_xmat", "geom_xquat"):
 for _name in ("cam_xmat", "ximat"):
     DATA[_name] = DATA["cam_xpos"] if _name == "cam_xmat" else DATA["xmat"]
 
-_KINDS = {"jnt": "joint", "cam": "camera", "ten": "tendon", "eq": "equality", "key": "keyframe"}
-_KINDS.update((kind, kind) for kind in ("body", "joint", "geom", "site", "camera", "actuator", "tendon", "equality", "sensor", "keyframe", "mesh"))
+_KINDS = {kind: kind for kind in "body joint geom site camera actuator tendon equality sensor keyframe mesh".split()}
+_KINDS |= {"jnt": "joint", "cam": "camera", "ten": "tendon", "eq": "equality", "key": "keyframe"}
 _WHERE = {
     "body": "data.xpos[:, i]",
     "joint": "data.qpos[:, model.jnt_qposadr[i]]",

@@ -159,9 +159,9 @@ class Task:
         self.stops = self._zeros("int64")
         """(worlds) how often a world was reset whose physics had stopped."""
         self.action = self._zeros("float32", self.action_size)
-        """(worlds, action_size) of the last step, 0 after a reset."""
+        """(worlds, action_size) of the step just done, 0 after a reset: what `observe` usually gives a policy."""
         self.last_action = self._zeros("float32", self.action_size)
-        """(worlds, action_size) of the step before."""
+        """(worlds, action_size) of the step before that one."""
         self._next_action = self._zeros("float32", self.action_size)
         self._everywhere = self._zeros("bool") == 0
         self._key: Numbers = self._zeros("int64")

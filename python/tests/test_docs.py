@@ -33,6 +33,8 @@ def test_page(tmp_path, capsys, monkeypatch):
     assert "[" in out and "gsp.Scene(" in out
     assert (tmp_path / "head.png").exists()
     assert names["frames"].rgb.numpy().std() > 0.05
+    with np.load(tmp_path / "eyes.npz") as eyes:
+        assert eyes["viewmats"].shape == (100, 4, 4) and eyes["Ks"].shape == (100, 3, 3)
 
 
 def test_points_and_velocities_are_mujocos(tmp_path, monkeypatch):

@@ -882,7 +882,7 @@ def test_cameras_stay_where_they_are(model):
 def test_other_kinds_of_arguments(model):
     data = gsp.Data(model)
     for call in (
-        lambda: data.cameras([dict(body="base", pos=(1, 2))]),
+        lambda: data.cameras([{1: 2}]),
         lambda: gsp.reset(model, data, keyframe=1.5),
         lambda: data.jacobian(body=[1]),
     ):
