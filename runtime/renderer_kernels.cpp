@@ -226,9 +226,12 @@ class KokkosRenderer : public Renderer {
     if (!a) return {};
     expects(a.rank == 4, "gsp::runtime::Renderer::render: the background picture is (1 or C, H, W, 3)");
     auto const f = frames();
-    for (Array const& own : {f.rgb, f.depth, f.alpha, f.median_depth, f.normals, f.ids, f.rgb8}) {
-      auto const *const at = static_cast<char const*>(a.data), *const begin = static_cast<char const*>(own.data);
-      expects(std::less<>()(at, begin) || !std::less<>()(at, begin + (own ? own.size() * bytes_of(own.dtype) : 0)),
+    std::less<> const before{};
+    auto const* const at = static_cast<char const*>(a.data);
+    for (Array const* own : {&f.rgb, &f.depth, &f.alpha, &f.median_depth, &f.normals, &f.ids, &f.rgb8}) {
+      auto const* const first = static_cast<char const*>(own->data);
+      std::int64_t const bytes = *own ? own->size() * bytes_of(own->dtype) : 0;
+      expects(before(at, first) || !before(at, first + bytes),
               "gsp::runtime::Renderer::render: the background lies in the pictures that are to be drawn: copy() it first");
     }
     return {static_cast<float const*>(here(a, background_, Dtype::float32)), std::size_t(a.extents[0]), std::size_t(a.extents[1]),
