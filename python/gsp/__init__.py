@@ -187,6 +187,8 @@ def depth_to_rgb(depth: ArrayLike, near: float = 0.0, far: float = 0.0) -> NDArr
     depth = np.ascontiguousarray(depth, dtype=np.float32)
     if depth.ndim != 2 or depth.size == 0:
         raise Error(f"gsp.depth_to_rgb: the depth has shape {depth.shape} and must have (height, width): give one picture")
+    if not 0 <= near <= far < float("inf"):
+        raise Error(f"gsp.depth_to_rgb: near is {near} and far {far}: give 0 <= near < far in metres, or neither, for the picture's own")
     height, width = depth.shape
     return np.frombuffer(_depth_to_rgb(depth.tobytes(), width, height, near, far), dtype=np.uint8).reshape(height, width, 3)
 

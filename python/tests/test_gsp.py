@@ -550,6 +550,9 @@ def test_one_camera_and_channels_that_were_not_asked_for(model):
     two = gsp.Renderer(scene, 32, 24).render(data, eyes, gsp.pinhole(32, 24, 60))
     assert np.array_equal(two.rgb[0], one.rgb[0])
     colours = gsp.depth_to_rgb(two.depth[0])
+    for near, far in ((3, 1), (float("nan"), 2), (0, float("inf")), (-1, 2)):
+        with pytest.raises(gsp.Error, match="depth_to_rgb: near is"):
+            gsp.depth_to_rgb(two.depth[0], near, far)
     assert colours.shape == (24, 32, 3) and colours.dtype == np.uint8 and len(np.unique(colours)) > 10
     with pytest.raises(gsp.Error, match="positive"):
         gsp.Renderer(scene, 0, 24)
