@@ -211,31 +211,29 @@ class KokkosRenderer : public Renderer {
     return jittered_;
   }
 
-  /// The background's picture, when all that develop needs is right, so that nothing is drawn before.
+  /// The background's picture, when all that develop needs is right: nothing is copied or drawn before. One in memory that is drawn into
+  /// would show what is drawn now.
   Background checked_background(DrawOptions const& options, int images) {
-    auto const background = background_of(options);
-    expects(options_.rgb8 || (is_nothing(options.develop) && !background.data()),
-            "gsp::runtime::Renderer::render: develop is of rgb8, which this renderer does not make: RendererOptions::rgb8");
-    gsp::detail::check_develop(options.develop, background, images, options_.height, options_.width);
-    return background;
-  }
-
-  /// One in memory that is drawn into would show what is drawn now.
-  Background background_of(DrawOptions const& options) {
     Array const& a = options.background;
+    expects(options_.rgb8 || (is_nothing(options.develop) && !a),
+            "gsp::runtime::Renderer::render: develop is of rgb8, which this renderer does not make: RendererOptions::rgb8");
+    expects(!a || a.rank == 4, "gsp::runtime::Renderer::render: the background picture is (1 or C, H, W, 3)");
+    auto const at = [&](void const* numbers) {
+      auto const extent = [&](std::size_t k) { return static_cast<std::size_t>(a.extents[k]); };
+      return a ? Background(static_cast<float const*>(numbers), extent(0), extent(1), extent(2), extent(3)) : Background();
+    };
+    gsp::detail::check_develop(options.develop, at(a.data), images, options_.height, options_.width);
     if (!a) return {};
-    expects(a.rank == 4, "gsp::runtime::Renderer::render: the background picture is (1 or C, H, W, 3)");
     auto const f = frames();
     std::less<> const before{};
-    auto const* const at = static_cast<char const*>(a.data);
+    auto const* const begin = static_cast<char const*>(a.data);
     for (Array const* own : {&f.rgb, &f.depth, &f.alpha, &f.median_depth, &f.normals, &f.ids, &f.rgb8}) {
       auto const* const first = static_cast<char const*>(own->data);
       std::int64_t const bytes = *own ? own->size() * bytes_of(own->dtype) : 0;
-      expects(before(at, first) || !before(at, first + bytes),
+      expects(before(begin, first) || !before(begin, first + bytes),
               "gsp::runtime::Renderer::render: the background lies in the pictures that are to be drawn: copy() it first");
     }
-    return {static_cast<float const*>(here(a, background_, Dtype::float32)), std::size_t(a.extents[0]), std::size_t(a.extents[1]),
-            std::size_t(a.extents[2]), std::size_t(a.extents[3])};
+    return at(here(a, background_, Dtype::float32));
   }
 
   FrameOptions frame_options(int images) const {

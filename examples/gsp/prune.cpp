@@ -222,8 +222,8 @@ int run(Arguments const& a) {
   a.needs("--trace", "--model", "a trace belongs to a model");
   a.needs("--skip-visuals", "--model", "it is about a model's geoms");
   double const keep = a.real("--keep", 0.3, 0, 1);
-  auto const most = static_cast<std::size_t>(a.integer("--views", 256, 1, 65536)),
-             most_held = static_cast<std::size_t>(a.integer("--held-out", 32, 1, 4096));
+  auto const most = static_cast<std::size_t>(a.integer("--views", 256, 1, 65536));
+  auto most_held = static_cast<std::size_t>(a.integer("--held-out", 32, 1, 65536));
   gsp::runtime::RendererOptions options;
   options.width = static_cast<int>(a.integer("--width", 640, 11, 16384));
   options.height = static_cast<int>(a.integer("--height", 480, 11, 16384));
@@ -296,6 +296,7 @@ int run(Arguments const& a) {
   if (cameras > most)
     a.fail("--views " + std::to_string(most) + " is less than one for each of " + std::to_string(cameras) + " cameras; give --views " +
            std::to_string(cameras) + " or more, or fewer cameras");
+  if (!a.has("--held-out")) most_held = std::max(most_held, cameras);
   if (cameras > most_held)
     a.fail("--held-out " + std::to_string(most_held) + " is less than one for each of " + std::to_string(cameras) +
            " cameras; give --held-out " + std::to_string(cameras) + " or more, or fewer cameras");

@@ -130,7 +130,8 @@ void tell_of_sizes(CameraFile const& cameras, std::string const& path, int width
   }
   if (others > 0)
     std::fprintf(stderr,
-                 "%s: the axis of %zu of %zu cameras is far from the middle of pictures of %d x %d: were their Ks made for another size?\n",
+                 "%s: the axis of %zu of %zu cameras is far from the middle of pictures of %d x %d: give the --width and --height that "
+                 "their Ks are of\n",
                  path.c_str(), others, cameras.count, width, height);
 }
 

@@ -241,8 +241,9 @@ class Task:
         _gsp.forward(self.data.model, self.data)
         self._from_library()
 
-    def step(self, action: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-        """One step of control of all worlds: rewards, who is terminated and who truncated, each (worlds), copies. Resets nothing."""
+    def step(self, action: Numbers, unread: Numbers | None = None) -> tuple[Numbers, Numbers, Numbers]:
+        """One step of control of all worlds: rewards, who is terminated and who truncated, each (worlds), copies. Resets nothing. unread:
+        worlds whose rewards nobody takes, as they had ended before; others' must be finite."""
         action = self._actions(action)
         if tuple(action.shape) != (self.worlds, self.action_size):
             raise Error(f"{type(self).__name__}: actions have shape {tuple(action.shape)} and must have {(self.worlds, self.action_size)}")
@@ -269,8 +270,9 @@ class Task:
         if self.device == "cpu":
             if not self._told:
                 self._tell(stopped)
-            if not bool(self.xp.isfinite(reward).all()):
-                world = int((~self.xp.isfinite(reward)).nonzero()[0][0])
+            fine = self.xp.isfinite(reward) if unread is None else self.xp.isfinite(reward) | unread
+            if not bool(fine.all()):
+                world = int((~fine).nonzero()[0][0])
                 raise Error(f"{type(self).__name__}.reward of world {world} is {float(reward[world])}: look at what it is made of")
         # like the reward it may be what the task remembers, which randomise clears
         terminated = self._copy(self._bools(self._call("terminated"), f"what {type(self).__name__}.terminated gives"))

@@ -278,7 +278,8 @@ runtime::Array taken(nb::handle object, char const* what, std::initializer_list<
 namespace {
 NumpyArray writable(nb::handle self) {
   if (char const* const instead = nb::cast<Array const&>(self).computed)
-    throw gsp::Error(std::string("this array is computed from the state, and nobody reads what is written into it: ") + instead);
+    throw gsp::Error(std::string("this array is for reading, as it is computed from the state, or drawn once for many pictures: ") +
+                     instead);
   return as_numpy(self);
 }
 /// What NumPy's operators take of the other side, and what they give: also NotImplemented.

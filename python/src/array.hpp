@@ -41,7 +41,7 @@ void expect_threads();
 struct Array {
   runtime::Array array;
   std::shared_ptr<void> owner;
-  char const* computed = nullptr;    // it follows from the state: what to write in its place; NumPy gets it for reading
+  char const* computed = nullptr;    // it follows from the state, or is drawn once: what to write in its place; NumPy gets it for reading
   std::array<int, 2> picture{0, 0};  // Ks for pictures of this width and height; 0: nobody knows
 };
 

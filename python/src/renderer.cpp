@@ -28,11 +28,11 @@ struct Scene {
 
 std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 /// A camera that was made for pictures of another size draws a part of what it should, or nothing.
-void expect_size(ArrayLike const& Ks, runtime::Array const& there, runtime::RendererOptions const& o) {
+void expect_size(std::string const& where, ArrayLike const& Ks, runtime::Array const& there, runtime::RendererOptions const& o) {
   if (nb::isinstance<Array>(Ks)) {
     auto const [width, height] = nb::cast<Array const&>(Ks).picture;
     if (width > 0 && (width != o.width || height != o.height))
-      throw Error("gsp.Renderer.render: the cameras are for pictures of " + size_text(width, height) + ", and the renderer makes " +
+      throw Error(where + ": the cameras are for pictures of " + size_text(width, height) + ", and the renderer makes " +
                   size_text(o.width, o.height) + ": give both the same width and height");
   }
   if (there.device != runtime::Device::cpu || there.dtype != runtime::Dtype::float32) return;
@@ -42,7 +42,7 @@ void expect_size(ArrayLike const& Ks, runtime::Array const& there, runtime::Rend
     };
     float const x = at(0, 2), y = at(1, 2);
     if ((x > 0 && x < float(o.width) && y > 0 && y < float(o.height)) || !(std::abs(x) < 1e9f && std::abs(y) < 1e9f)) continue;
-    std::string const text = "gsp.Renderer.render: camera " + std::to_string(c) + " looks past its picture: K has the centre at (" +
+    std::string const text = where + ": camera " + std::to_string(c) + " looks past its picture: K has the centre at (" +
                              std::to_string(int(x)) + ", " + std::to_string(int(y)) + "), and the renderer makes " +
                              size_text(o.width, o.height) + ": give gsp.pinhole the renderer's width and height";
     if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw nb::python_error();
@@ -59,13 +59,13 @@ std::int64_t first_not_finite(runtime::Array const& a) {
   return bad ? std::find_if(x, x + a.size(), [](R v) { return !std::isfinite(v); }) - x : -1;
 }
 /// Bodies that are nowhere are in no picture. On a GPU nobody waits for an answer.
-void warn_of_lost_bodies(runtime::PoseArrays const& poses, CompiledModel const& model) {
+void warn_of_lost_bodies(std::string const& where, runtime::PoseArrays const& poses, CompiledModel const& model) {
   for (runtime::Array const& a : {poses.xpos, poses.xquat}) {
     if (a.device != runtime::Device::cpu) return;
     auto const at = a.dtype == runtime::Dtype::float64 ? first_not_finite<double>(a) : first_not_finite<float>(a);
     if (at < 0) continue;
     auto const row = at / a.extents[2];
-    std::string const text = "gsp.Renderer.render: the pose of body '" + model.body_name[std::size_t(row % a.extents[1])] + "' of world " +
+    std::string const text = where + ": the pose of body '" + model.body_name[std::size_t(row % a.extents[1])] + "' of world " +
                              std::to_string(row / a.extents[1]) +
                              " is not finite, and no picture shows it: look at data.qpos, or reset the world";
     if (PyErr_WarnEx(PyExc_UserWarning, text.c_str(), 1) != 0) throw nb::python_error();
@@ -114,11 +114,12 @@ std::unique_ptr<runtime::Renderer> another(Renderer const& self) {
 }
 
 /// OpenCV's coefficients, (C, n), or (1, n) or (n) for all.
-std::vector<Lens> const& lenses_of(KeptLenses& kept, nb::object const& distortion, bool fisheye, std::int64_t cameras) {
+std::vector<Lens> const& lenses_of(std::string const& where, KeptLenses& kept, nb::object const& distortion, bool fisheye,
+                                   std::int64_t cameras) {
   nb::object const rows = nb::module_::import_("numpy").attr("array")(distortion, nb::arg("dtype") = "float64", nb::arg("ndmin") = 2);
   auto lists = nb::cast<std::vector<std::vector<double>>>(rows.attr("tolist")());
   if (lists.size() != 1 && std::int64_t(lists.size()) != cameras)
-    throw Error("gsp.Renderer.render: distortion has " + std::to_string(lists.size()) + " rows for " + std::to_string(cameras) +
+    throw Error(where + ": distortion has " + std::to_string(lists.size()) + " rows for " + std::to_string(cameras) +
                 " cameras: give one a camera, or one for all");
   if (kept.fisheye == fisheye && kept.coefficients == lists) return kept.lenses;
   // the map holds no NaN, of which no lens is made, and has an order; a list with NaN may be found in it as any other
@@ -218,8 +219,9 @@ class Given {
   nb::dict left_;
 };
 
-void develop_of(nb::handle words, runtime::RendererOptions const& o, runtime::DrawOptions& to, nb::object& keeps) {
-  Given given(words, "gsp.Renderer.render: develop");
+void develop_of(nb::handle words, std::string const& of, runtime::RendererOptions const& o, runtime::DrawOptions& to, nb::object& keeps) {
+  if (!o.rgb8) throw Error(of + ": develop is of rgb8, which this renderer does not make: gsp.Renderer(..., rgb8=True)");
+  Given given(words, of + ": develop");
   given.number("exposure", to.develop.exposure);
   given.number("contrast", to.develop.contrast);
   given.number("brightness", to.develop.brightness);
@@ -228,20 +230,20 @@ void develop_of(nb::handle words, runtime::RendererOptions const& o, runtime::Dr
   given.chance(to.develop);
   given.end();
   if (background.is_none()) return;
-  constexpr char const* where = "gsp.Renderer.render: develop: background";
+  std::string const where = of + ": develop: background";
   if (!nb::isinstance<Array>(background) && !nb::hasattr(background, "__cuda_array_interface__"))
     background = nb::module_::import_("numpy").attr("asarray")(background);
   int const rank = nb::cast<int>(background.attr("ndim"));
   if (rank == 1) {
     nb::list const colour = nb::cast<nb::list>(background.attr("tolist")());
-    if (colour.size() != 3) throw Error(std::string(where) + " has " + std::to_string(colour.size()) + " numbers: give a colour of 3");
+    if (colour.size() != 3) throw Error(where + " has " + std::to_string(colour.size()) + " numbers: give a colour of 3");
     for (std::size_t k = 0; k < 3; ++k) to.develop.background[int(k)] = given.number_of(colour[k], "background");
     return;
   }
-  to.background = rank == 3 ? all_of(taken(background, where, {o.height, o.width, 3}, keeps), 1)
-                            : taken(background, where, {-1, o.height, o.width, 3}, keeps);
+  to.background = rank == 3 ? all_of(taken(background, where.c_str(), {o.height, o.width, 3}, keeps), 1)
+                            : taken(background, where.c_str(), {-1, o.height, o.width, 3}, keeps);
   if (to.background.dtype != runtime::Dtype::float32 && to.background.dtype != runtime::Dtype::float64)
-    throw Error(std::string(where) + " holds whole numbers: give real ones of 0 to 1 (those of 8 bits divided by 255)");
+    throw Error(where + " holds whole numbers: give real ones of 0 to 1 (those of 8 bits divided by 255)");
 }
 
 JitterCamerasOptions jitter_of(nb::handle words) {
@@ -262,11 +264,10 @@ struct GivenCameras {
   nb::object keeps[3];
   std::int64_t count() const { return arrays.viewmats.extents[0]; }
 };
-GivenCameras cameras_of(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world,
-                        ArrayLike const& distortion, bool fisheye) {
-  if (data.model.compiled != self.model)
-    throw Error("gsp.Renderer.render: the data are of another model than the scene: make both of one gsp.Model");
-  if (data.device != self.device) throw Error("gsp.Renderer.render: the data and the renderer are on different devices: make both on one");
+GivenCameras cameras_of(std::string const& where, Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks,
+                        ArrayLike const& world, ArrayLike const& distortion, bool fisheye) {
+  if (data.model.compiled != self.model) throw Error(where + ": the data are of another model than the scene: make both of one gsp.Model");
+  if (data.device != self.device) throw Error(where + ": the data and the renderer are on different devices: make both on one");
   GivenCameras given;
   nb::object const numpy = nb::module_::import_("numpy");
   auto const floats = [&](nb::handle x) -> nb::object {
@@ -276,22 +277,21 @@ GivenCameras cameras_of(Renderer& self, Data const& data, ArrayLike const& viewm
   auto& [cameras, keeps] = given;
   nb::object const v = floats(viewmats), k = floats(Ks);
   auto const one = [](nb::object const& x) { return nb::cast<int>(x.attr("ndim")) == 2; };
-  cameras.viewmats = one(v) ? all_of(taken(v, "gsp.Renderer.render: viewmats", {4, 4}, keeps[0]), 1)
-                            : taken(v, "gsp.Renderer.render: viewmats", {-1, 4, 4}, keeps[0]);
+  cameras.viewmats = one(v) ? all_of(taken(v, (where + ": viewmats").c_str(), {4, 4}, keeps[0]), 1)
+                            : taken(v, (where + ": viewmats").c_str(), {-1, 4, 4}, keeps[0]);
   std::int64_t const n = cameras.viewmats.extents[0];
   cameras.Ks =
-      one(k) ? all_of(taken(k, "gsp.Renderer.render: Ks", {3, 3}, keeps[1]), n) : taken(k, "gsp.Renderer.render: Ks", {-1, 3, 3}, keeps[1]);
+      one(k) ? all_of(taken(k, (where + ": Ks").c_str(), {3, 3}, keeps[1]), n) : taken(k, (where + ": Ks").c_str(), {-1, 3, 3}, keeps[1]);
   if (auto& Ks = cameras.Ks; Ks.extents[0] == 1) {
     Ks.extents[0] = n;
     Ks.strides[0] = 0;
   } else if (Ks.extents[0] != n) {
-    throw Error("gsp.Renderer.render: there are " + std::to_string(Ks.extents[0]) + " Ks for " + std::to_string(n) +
+    throw Error(where + ": there are " + std::to_string(Ks.extents[0]) + " Ks for " + std::to_string(n) +
                 " cameras: give one a camera, or one for all");
   }
   if (!world.is_none()) {
-    cameras.world = taken(worlds_of(world, data.worlds), "gsp.Renderer.render: world", {n}, keeps[2]);
-    if (cameras.world.dtype != runtime::Dtype::int32)
-      throw Error("gsp.Renderer.render: world on a GPU must hold int32, one for each camera");
+    cameras.world = taken(worlds_of(world, data.worlds), (where + ": world").c_str(), {n}, keeps[2]);
+    if (cameras.world.dtype != runtime::Dtype::int32) throw Error(where + ": world on a GPU must hold int32, one for each camera");
   }
   if (data.moves_geoms && self.scene->surface && !self.told) {
     self.told = true;
@@ -303,10 +303,10 @@ GivenCameras cameras_of(Renderer& self, Data const& data, ArrayLike const& viewm
       throw nb::python_error();
   }
   if (!distortion.is_none())
-    cameras.lenses = lenses_of(self.kept, nb::borrow(distortion), fisheye, n);
+    cameras.lenses = lenses_of(where, self.kept, nb::borrow(distortion), fisheye, n);
   else if (fisheye)
-    throw Error("gsp.Renderer.render: fisheye=True needs distortion=[k1, k2, k3, k4]; zeros are the ideal fisheye");
-  expect_size(Ks, cameras.Ks, self.options);
+    throw Error(where + ": fisheye=True needs distortion=[k1, k2, k3, k4]; zeros are the ideal fisheye");
+  expect_size(where, Ks, cameras.Ks, self.options);
   return given;
 }
 
@@ -319,25 +319,25 @@ Frames frames_of(std::shared_ptr<runtime::Session> const& session, std::shared_p
 
 Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, ArrayLike const& Ks, ArrayLike const& world,
               ArrayLike const& distortion, bool fisheye, GivenWords const& develop, GivenWords const& jitter) {
-  auto const cameras = cameras_of(self, data, viewmats, Ks, world, distortion, fisheye);
+  auto const cameras = cameras_of("gsp.Renderer.render", self, data, viewmats, Ks, world, distortion, fisheye);
   std::int64_t const n = cameras.count();
   nb::object keeps;
   runtime::DrawOptions options;
-  if (!develop.is_none()) develop_of(develop, self.options, options, keeps);
+  if (!develop.is_none()) develop_of(develop, "gsp.Renderer.render", self.options, options, keeps);
   if (!jitter.is_none()) options.jitter = jitter_of(jitter);
   Use const use(data), use_renderer(self.busy, "this renderer");
-  if (!self.own || (self.images != n && self.images > 0) || self.drawn != self.scene->sets) {
-    self.own = another(self);
-    self.drawn = self.scene->sets;
-  }
-  self.images = n;
+  bool const anew = !self.own || (self.images != n && self.images > 0) || self.drawn != self.scene->sets;
+  std::shared_ptr<runtime::Renderer> const own = anew ? another(self) : self.own;
   freshen(data);
   auto const poses = data.stepper->poses();
-  warn_of_lost_bodies(poses, *self.model);
+  warn_of_lost_bodies("gsp.Renderer.render", poses, *self.model);
   {
     OthersRun const others_run;
-    self.own->render(poses, cameras.arrays, options);
+    own->render(poses, cameras.arrays, options);
   }
+  self.own = own;  // where a call is refused, the pictures of the one before stay in their place
+  self.drawn = self.scene->sets;
+  self.images = n;
   return frames_of(self.session, self.own);
 }
 
@@ -345,6 +345,7 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
 struct FixedRenderer {
   std::shared_ptr<runtime::Session> session;
   std::shared_ptr<CompiledModel const> model;
+  runtime::Device device;
   runtime::RendererOptions options;
   int worlds;
   std::shared_ptr<runtime::Renderer> own;
@@ -355,17 +356,17 @@ FixedRenderer fixed(Renderer& self, Data const& data, ArrayLike const& viewmats,
   if (self.options.median_depth || self.options.ids)
     throw Error(
         "gsp.Renderer.fixed: cameras that stand still have no median_depth and no ids: make a Renderer without them, or draw with render");
-  auto const cameras = cameras_of(self, data, viewmats, Ks, world, distortion, fisheye);
+  auto const cameras = cameras_of("gsp.Renderer.fixed", self, data, viewmats, Ks, world, distortion, fisheye);
   Use const use(data), use_renderer(self.busy, "this renderer");
   freshen(data);
   auto const poses = data.stepper->poses();
-  warn_of_lost_bodies(poses, *self.model);
+  warn_of_lost_bodies("gsp.Renderer.fixed", poses, *self.model);
   if (!self.own || self.drawn != self.scene->sets) {
     self.own = another(self);
     self.drawn = self.scene->sets;
     self.images = 0;
   }
-  FixedRenderer out{self.session, self.model, self.options, data.worlds, self.own->another()};
+  FixedRenderer out{self.session, self.model, self.device, self.options, data.worlds, self.own->another()};
   {
     OthersRun const others_run;
     out.own->fix(poses, cameras.arrays);
@@ -376,18 +377,22 @@ Frames render_fixed(FixedRenderer& self, Data const& data, GivenWords const& dev
   if (data.model.compiled != self.model || data.worlds != self.worlds)
     throw Error("gsp.FixedRenderer.render: the data are not of the model and the " + std::to_string(self.worlds) +
                 " worlds that it was made for: make another, gsp.Renderer.fixed");
+  if (data.device != self.device)
+    throw Error("gsp.FixedRenderer.render: the data and the renderer are on different devices: make both on one");
   runtime::DrawOptions options;
   nb::object keeps;
-  if (!develop.is_none()) develop_of(develop, self.options, options, keeps);
+  if (!develop.is_none()) develop_of(develop, "gsp.FixedRenderer.render", self.options, options, keeps);
   Use const use(data), use_renderer(self.busy, "this renderer");
   freshen(data);
   auto const poses = data.stepper->poses();
-  warn_of_lost_bodies(poses, *self.model);
+  warn_of_lost_bodies("gsp.FixedRenderer.render", poses, *self.model);
   {
     OthersRun const others_run;
     self.own->render_fixed(poses, options);
   }
-  return frames_of(self.session, self.own);
+  auto frames = frames_of(self.session, self.own);
+  for (Array* a : {&frames.rgb, &frames.depth, &frames.alpha}) a->computed = "copy() it, and write into that";
+  return frames;
 }
 
 Array asked_for(Array const& channel, std::string const& name) {
@@ -470,7 +475,7 @@ void bind_renderer(nb::module_& m) {
       "With another number of cameras, and once the scene has got more Gaussians, it makes new arrays: take them of what it returns;\n"
       "those from before keep what they show.")
       .def_prop_ro(
-          "rgb", [](Frames const& f) { return asked_for(f.rgb, "rgb"); }, "(C, H, W, 3), 0 to 1")
+          "rgb", [](Frames const& f) { return asked_for(f.rgb, "rgb"); }, "(C, H, W, 3) on black, 0 and above")
       .def_prop_ro(
           "depth", [](Frames const& f) { return asked_for(f.depth, "depth"); }, "(C, H, W) expected depth [m]")
       .def_prop_ro(

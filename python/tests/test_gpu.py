@@ -106,6 +106,7 @@ def test_pictures_are_the_cpus():
 
     for median in (False, True):
         for call, (a, b) in enumerate(zip(pictures("cpu", median), pictures("cuda", median), strict=True)):
+            # a cut pixel has another splat of alpha 1/255 at most; normals take the depth of four neighbours, whose differences enlarge it
             for name, most, share in (("rgb", 1e-4, 1e-3), ("depth", 1e-4, 2e-3), ("alpha", 1e-4, 1e-3), ("ids", 0, 1e-3), ("rgb8", 1, 1e-3), ("normals", 1e-2, 1e-2)):
                 off = np.abs(b[name].astype(np.float64) - a[name].astype(np.float64)) > most
                 assert off.mean() <= share, (median, call, name, off.mean())

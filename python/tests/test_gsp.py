@@ -642,6 +642,9 @@ def test_developed_pictures():
     renderer.render(data, *at)
     address = renderer.render(data, *at).rgb8.pointer
     assert renderer.render(data, *at, develop=dict(noise=0.1)).rgb8.pointer == address
+    with pytest.raises(gsp.Error, match="contrast"):  # of another number of cameras, and refused: these pictures stay where they are
+        renderer.render(data, at[0][0], at[1], world=[0], develop=dict(contrast=2))
+    assert renderer.render(data, *at).rgb8.pointer == address
     for words, match in (
         (dict(exposre=1), "develop has no 'exposre': give exposure, contrast"),
         (dict(exposure=-1), "develop: exposure is -1: give a number of 0 or more, below 1e[+]06"),
@@ -742,8 +745,13 @@ def test_cameras_that_stand_still_have_the_pictures_of_render(model):
     del renderer
     assert fixed.render(data).rgb.pointer == address
     kept = fixed.render(data).rgb
+    before = kept.copy()
+    with pytest.raises(gsp.Error, match="for reading.*drawn once.*copy()"):
+        kept[0] = 0
+    assert kept.read_only and not fixed.render(data).rgb8.read_only
     del fixed, still
-    assert np.array_equal(kept, kept.copy())
+    another = gsp.Renderer(gsp.Scene(model).add_surface(), 48, 36).render(data, *at).rgb.copy()
+    assert np.array_equal(kept, before) and not np.array_equal(before, another)
     with pytest.raises(gsp.Error, match="no median_depth and no ids"):
         gsp.Renderer(gsp.Scene(model).add_room(), 48, 36, ids=True).fixed(data, *at)
     fixed = gsp.Renderer(gsp.Scene(model).add_room(), 48, 36).fixed(data, *at)

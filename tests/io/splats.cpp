@@ -136,6 +136,8 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
   write_file(folder.path / "a.links.json", bytes_of(R"({"links": []})"));
   CHECK(says(error_of([&] { read_splats(folder.path / "a.ply"); }),
              "a.links.json: says not of which file its links are; name it 'a.ply.links.json'"));
+  CHECK(says(error_of([&] { write_splats(folder.path / "a.spz", set); }), "name it 'a.spz.links.json'"));
+  CHECK(!std::filesystem::exists(folder.path / "a.spz"));
   CHECK(says(error_of([&] { write_splats(folder.path / "b.ksplat", set); }), "its ending names no format of Gaussians"));
   CHECK(says(error_of([&] { expect_splats_writable(folder.path / "none" / "b.ply"); }), "its folder does not exist"));
   set.link_names[0] = "\xff";

@@ -58,7 +58,6 @@ strange="$(printf 'out/\377\376')"
 if : > "$strange" 2> /dev/null; then
   rm "$strange"
   for ending in ply compressed.ply gltf usda; do
-    rm -f "$strange.links.json"
     "$gsp" convert link.ply "$strange.$ending" > said.txt || fail "a name that is no UTF-8, .$ending"
     "$gsp" info "$strange.$ending" > info.txt || fail "gsp info of a name that is no UTF-8, .$ending"
     grep -aq '10 Gaussians on 1 links (wheel)' info.txt || fail "a name that is no UTF-8, .$ending: $(cat info.txt)"

@@ -624,6 +624,71 @@ TEST_CASE("pictures of the simulation's poses, where they lie") {
   }
 }
 
+TEST_CASE("cameras that stand still have the bits of render") {
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  std::vector<float> const viewmats{1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 2, 0, 0, 0, 1,   // from -y, 2 m away
+                                    1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 1, 0, 0, 0, 1};  // and 1 m
+  std::vector<float> const Ks{60, 0, 32, 0, 60, 24, 0, 0, 1, 60, 0, 32, 0, 60, 24, 0, 0, 1};
+  for (Device const device : devices()) {
+    StepperOptions options;
+    options.worlds = 2;
+    auto const stepper = make_stepper(device, compiled, options), other = make_stepper(device, compiled);
+    Scene scene;
+    scene.add_room();
+    scene.add_surface(compiled);
+    RendererOptions pictures{.width = 64, .height = 48};
+    pictures.normals = true;
+    pictures.rgb8 = true;
+    auto const renderer = make_renderer(device, scene, pictures), fixed = renderer->another();
+    CameraArrays const cameras{host_array(viewmats.data(), {2, 4, 4}), host_array(Ks.data(), {2, 3, 3}), {}};
+    auto const refused = [&](auto const& call, char const* why) {
+      CHECK_THROWS_WITH_AS(call(), doctest::Contains(why), std::invalid_argument);
+    };
+    refused([&] { fixed->render_fixed(stepper->poses()); }, "no cameras are fixed: call fix first");
+    fixed->fix(stepper->poses(), cameras);
+    gsp::runtime::DrawOptions draw;
+    draw.develop.noise = 0.02f;
+    auto const equal = [&] {
+      renderer->render(stepper->poses(), cameras, draw);
+      auto const a = renderer->frames(), b = fixed->frames();
+      CHECK(on_host<float>(a.rgb) == on_host<float>(b.rgb));
+      CHECK(on_host<float>(a.depth) == on_host<float>(b.depth));
+      CHECK(on_host<float>(a.alpha) == on_host<float>(b.alpha));
+      CHECK(on_host<float>(a.normals) == on_host<float>(b.normals));
+      CHECK(on_host<std::uint8_t>(a.rgb8) == on_host<std::uint8_t>(b.rgb8));
+      return on_host<float>(a.rgb);
+    };
+    std::vector<float> last;
+    for (int k = 0; k < 3; ++k) {
+      stepper->step({.steps = 20});
+      draw.develop.step = k;
+      fixed->render_fixed(stepper->poses(), draw);
+      auto const now = equal();
+      CHECK(now != last);
+      last = now;
+    }
+    auto const at = fixed->frames().rgb.data;
+    check_no_allocation(watch([&] { fixed->render_fixed(stepper->poses(), draw); }));
+    CHECK(fixed->frames().rgb.data == at);
+    refused([&] { fixed->render_fixed(other->poses()); }, "the poses have 1 worlds, the frames were made for 2");
+    draw.jitter.position = 0.1f;
+    refused([&] { fixed->render_fixed(stepper->poses(), draw); }, "have no jitter");
+    draw.jitter = {};
+    fixed->render(stepper->poses(), cameras, draw);  // as any renderer
+    equal();
+    refused([&] { fixed->render_fixed(stepper->poses()); }, "call fix first, and after render and show_sets");
+    fixed->fix(stepper->poses(), cameras);
+    fixed->show_sets({{1}, {0}});
+    refused([&] { fixed->render_fixed(stepper->poses()); }, "call fix first");
+    fixed->fix(stepper->poses(), cameras);
+    fixed->render_fixed(stepper->poses(), draw);
+    renderer->show_sets({{1}, {0}});
+    equal();
+    pictures.ids = true;
+    refused([&] { make_renderer(device, scene, pictures)->fix(stepper->poses(), cameras); }, "no median_depth and no ids");
+  }
+}
+
 TEST_CASE("normals, ids, 8-bit pictures and jittered cameras are those of the headers") {
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   std::vector<float> const viewmats{1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 2, 0, 0, 0, 1,   // from -y, 2 m away

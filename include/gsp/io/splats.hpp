@@ -35,8 +35,8 @@ struct WriteSplatsOptions {
 /// replaced with the file. Compressed PLY and SOG order the Gaussians by `sort_splats`. Returns one sentence each: what the format has no
 /// place for; how many Gaussians have colours, SH terms or scales beyond those that it holds, which are clipped; and of how many the steps
 /// that it rounds to move the place by more than their size (compressed PLY, .spz, SOG), or the colour by more than 1/255 (compressed PLY).
-/// Throws Error for another ending, and as the format's own function does. Nothing that was there is replaced before the new file is
-/// complete.
+/// Throws Error for another ending, beside a scene.links.json, and as the format's own function does. Nothing that was there is replaced
+/// before the new file is complete.
 std::vector<std::string> write_splats(std::filesystem::path const& path, SplatSet set, WriteSplatsOptions const& options = {});
 
 /// Throws Error where write_splats would because of the path: for a program to ask before long work.

@@ -2,7 +2,7 @@
 #include <array>
 #include <gsp/io/splat_set.hpp>
 #include <gsp/runtime/stepper.hpp>
-#include <gsp/splat/detail/picture_options.hpp>
+#include <gsp/splat/picture_options.hpp>
 
 namespace gsp::runtime {
 
@@ -40,7 +40,7 @@ struct RendererOptions {
 };
 
 /// float32 (ids: int32, rgb8: uint8) on the renderer's device; empty where a channel was not asked for. They hold until the next `render`,
-/// which writes into the same memory; one of another number of pictures frees it.
+/// which writes into the same memory; one of another number of pictures frees it, and so do `fix`, and `render` and `show_sets` after it.
 struct FrameArrays {
   Array rgb;           // (C, H, W, 3)
   Array depth, alpha;  // (C, H, W)
@@ -62,7 +62,8 @@ class Renderer {
   virtual ~Renderer() = default;
   /// One picture a camera, of worlds whose bodies stand as `poses` says: arrays on the renderer's device, such as Stepper::poses(), or
   /// empty ones: nothing moves. On return the pictures are done. Errors: std::invalid_argument for arrays of other shapes, options out of
-  /// their range, and develop without rgb8: options are looked at before anything is drawn, and the pictures stay what they were.
+  /// their range, and develop without rgb8: options are looked at before anything is drawn; where they are refused, the pictures stay what
+  /// they were.
   virtual void render(PoseArrays const& poses, CameraArrays const& cameras, DrawOptions const& options = {}) = 0;
   /// Which of the scene's sets each world shows (splat/show_sets.hpp), in the order in which they were added; empty: all of them, as at
   /// first. For the next `render` on, whose pictures come where they were.
@@ -71,14 +72,14 @@ class Renderer {
   /// there will be. Errors: those of render; std::invalid_argument for a renderer with median_depth or ids, which are of all that is seen.
   virtual void fix(PoseArrays const& poses, CameraArrays const& cameras) = 0;
   /// Their pictures of this moment, with the bits that `render` has: what moves, and the blocks of pixels that it touches or leaves. On
-  /// return they are done. Errors: std::invalid_argument for poses of another number of worlds, and where `fix` was not called since the
-  /// last `render` or `show_sets`.
+  /// return they are done; before the first call nothing is drawn. Errors: std::invalid_argument for poses of another number of worlds,
+  /// and where `fix` was not called since the last `render` or `show_sets`.
   virtual void render_fixed(PoseArrays const& poses, DrawOptions const& options = {}) = 0;
   virtual FrameArrays frames() const = 0;
   /// A renderer of the same Gaussians, which it shares, with pictures of its own.
   virtual std::unique_ptr<Renderer> another() const = 0;
-  /// Bytes that `images` pictures need on the device. Not counted: the copy of a background that lies elsewhere or is float64, 12
-  /// bytes a pixel.
+  /// Bytes that `images` pictures need on the device. Not counted: a background that lies elsewhere, or is float64, is copied once, 12
+  /// bytes a pixel of it; and what `fix` keeps of each different view: a picture, and the splats and lists of what stands.
   virtual std::int64_t bytes_needed(int images) const = 0;
 };
 

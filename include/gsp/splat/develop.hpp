@@ -1,7 +1,7 @@
 #pragma once
 #include <gsp/core/region.hpp>
 #include <gsp/math/philox.hpp>
-#include <gsp/splat/detail/picture_options.hpp>
+#include <gsp/splat/picture_options.hpp>
 #include <gsp/splat/frames.hpp>
 
 namespace gsp {

@@ -3,7 +3,7 @@
 #include <gsp/math/philox.hpp>
 #include <gsp/math/quat.hpp>
 #include <gsp/splat/cameras.hpp>
-#include <gsp/splat/detail/picture_options.hpp>
+#include <gsp/splat/picture_options.hpp>
 
 namespace gsp {
 

@@ -4,8 +4,9 @@
 namespace gsp {
 
 /// Bytes that make_state and make_simulation allocate for `options.worlds` worlds, to be compared with what a device has before it is asked
-/// for. All buffers grow by blocks of worlds (a pack's on a CPU, a warp's on a GPU): one block and two are made, one after the other, and
-/// let go, and give the bytes of any larger number. So the question takes the memory and the time of two blocks.
+/// for. Buffers grow by blocks of worlds (a pack's on a CPU, a warp's on a GPU), pools by worlds: one block, two, and one with what is left
+/// of the worlds are made, one after the other, and let go, and give the bytes of any number. So the question takes the memory of two
+/// blocks, and the time of up to five.
 /// Not counted: what pools grow by beyond their first guess, which a step with many contacts may double.
 /// Errors: those of make_simulation.
 template <class R, ExecutionSpace Exec, class Mem>
@@ -24,8 +25,8 @@ std::int64_t bytes_needed(Exec const& exec, Model<R, Mem> const& model, Compiled
   if (options.worlds <= block) return bytes_of(options.worlds);
   std::int64_t const one = bytes_of(block);
   std::int64_t const more = bytes_of(2 * block) - one;
-  std::int64_t const blocks = (std::int64_t(options.worlds) + block - 1) / block;
-  return one + (blocks - 1) * more;
+  int const left = options.worlds % block;
+  return one + (options.worlds / block - 1) * more + (left > 0 ? bytes_of(block + left) - one : 0);
 }
 
 }  // namespace gsp

@@ -95,7 +95,7 @@ void note_coarse(SplatSet const& set, SplatFormat format, Note const& note) {
     std::string const why = "256 neighbours share bounds" + far + ", if any are";
     std::vector<SharedBounds> bounds;  // of each chunk and number
     for (std::size_t c = 0; 256 * c < set.size(); ++c)
-      for (std::size_t k = 0; k < 9; ++k) bounds.push_back(compressed_ply_bounds(set, c, k));
+      for (std::size_t k = 0; k < 9; ++k) bounds.push_back(k / 3 == 1 ? SharedBounds{} : compressed_ply_bounds(set, c, k));  // no scales
     auto const back = [&](std::size_t i, std::size_t k) {
       SharedBounds const& b = bounds[i / 256 * 9 + k];
       return b.unpack(b.pack(compressed_ply_value(set, i, k)));

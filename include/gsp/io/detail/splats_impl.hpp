@@ -23,6 +23,15 @@ namespace detail {
 
 /// FILE.links.json beside FILE, of that file alone: a stem would lend it to room.ply beside room.spz, whose order is another.
 inline std::filesystem::path links_beside(std::filesystem::path path) { return path += ".links.json"; }
+/// Throws Error where links stand beside the file under its stem: they could be of any file of that stem.
+inline void expect_links_of_a_file(std::filesystem::path const& path) {
+  auto const of_stem = std::filesystem::path(path).replace_extension(".links.json");
+  std::error_code error;
+  if (std::filesystem::exists(of_stem, error))
+    fail(of_stem.string(), "",
+         "says not of which file its links are; name it " + in_quotes(links_beside(path).filename().string()) +
+             " if they are this file's, after another file otherwise");
+}
 
 }  // namespace detail
 
@@ -44,14 +53,12 @@ GSP_INLINE SplatSet parse_splats(Bytes bytes, std::string const& name, std::file
 
 GSP_INLINE SplatSet read_splats(std::filesystem::path const& path) {
   SplatSet set = parse_splats(read_file(path), path.string(), path.has_parent_path() ? path.parent_path() : ".");
-  auto const sidecar = detail::links_beside(path), of_stem = std::filesystem::path(path).replace_extension(".links.json");
+  auto const sidecar = detail::links_beside(path);
   std::error_code error;
   if (std::filesystem::exists(sidecar, error))
     bind_links(set, read_links(sidecar), sidecar.string());
-  else if (std::filesystem::exists(of_stem, error))
-    detail::fail(of_stem.string(), "",
-                 "says not of which file its links are; name it " + detail::in_quotes(sidecar.filename().string()) +
-                     " if they are this file's, after another file otherwise");
+  else
+    detail::expect_links_of_a_file(path);
   return set;
 }
 
@@ -60,6 +67,8 @@ GSP_INLINE void expect_splats_writable(std::filesystem::path const& path) {
     detail::fail(path.string(), "",
                  "its ending names no format of Gaussians that is written here; end it in .ply, .compressed.ply, .splat, .spz, .glb, "
                  ".gltf, .sog or .usda, or call it meta.json");
+  std::error_code error;
+  if (!std::filesystem::exists(detail::links_beside(path), error)) detail::expect_links_of_a_file(path);  // it could not be read again
   expect_writable(path);
 }
 
