@@ -129,7 +129,7 @@ def missing(owner: str, name: str) -> str:
     sentence = f"{'gsp.' + owner if owner else 'the module gsp'} has no attribute '{name}'"
     said = "" if name.startswith("_") else hint(owner, name)
     if said:
-        return f"{sentence}: take {said}"
+        return f"{sentence}: {said}"
     import gsp
 
     near = [] if name.startswith("_") else difflib.get_close_matches(name, dir(getattr(gsp, owner)) if owner else gsp.__all__, 1, 0.75)

@@ -126,6 +126,12 @@ void bind_model(nb::module_& m) {
                (l.count > 1 ? " (" + std::to_string(l.count) + " times)" : "");
       });
   auto c = nb::class_<Model>(m, "Model", "A robot or a scene, compiled by MuJoCo's rules. Sizes and arrays have MuJoCo's names and order.");
+  c.def(
+      "__init__",
+      [](Model*, nb::args const&, nb::kwargs const&) {
+        throw Error("gsp.Model: models come of files: gsp.Model.from_xml(path), from_string, from_urdf or from_description");
+      },
+      "Raises: models come of from_xml, from_string, from_urdf and from_description.");
   c.def_static(
       "from_xml",
       [](std::filesystem::path const& path, std::vector<std::string> const& disable, bool skip_visuals, bool convex_decomposition) {

@@ -891,6 +891,8 @@ def test_cameras_stay_where_they_are(model):
 
 
 def test_other_kinds_of_arguments(model):
+    with pytest.raises(gsp.Error, match=r"models come of files: gsp.Model.from_xml\(path\)"):
+        gsp.Model("robot.xml")
     data = gsp.Data(model)
     for call in (
         lambda: data.cameras([{1: 2}]),

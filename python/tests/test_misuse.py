@@ -384,14 +384,14 @@ def test_names_of_mujocos_say_what_to_take_here(model):
 
     data = gsp.Data(model)
     for of, name, said in (
-        (data, "site_xpos", r"gsp.Data has no attribute 'site_xpos': take .*model.site_pos"),
+        (data, "site_xpos", r"gsp.Data has no attribute 'site_xpos': .*model.site_pos"),
         (data, "cam_xpos", r"take data.cameras"),
         (data, "xfrc_applied", r"take data.qfrc_applied = "),
         (data, "body", r"take data.xpos\[:, i\] with i = model.id\('body', name\)"),
         (data, "nq", r"it is of the model: model.nq"),
         (data, "body_mass", r"it is of the model: model.body_mass"),
         (data, "qposs", r"gsp.Data has no attribute 'qposs': is it qpos\?$"),
-        (model, "opt", r"gsp.Model has no attribute 'opt': take model.timestep"),
+        (model, "opt", r"gsp.Model has no attribute 'opt': model.timestep"),
         (model, "key_ctrl", r"keyframe"),
         (model, "geom_rgba", r"add_surface"),
         (model, "jnt_limited", r"model.jnt_range"),
@@ -401,7 +401,7 @@ def test_names_of_mujocos_say_what_to_take_here(model):
         (model, "qpos", r"it is of the data: data.qpos"),
         (model, "wings", r"gsp.Model has no attribute 'wings'$"),
         (model, "__wings__", r"gsp.Model has no attribute '__wings__'$"),
-        (gsp, "MjModel", r"the module gsp has no attribute 'MjModel': take gsp.Model.from_xml"),
+        (gsp, "MjModel", r"the module gsp has no attribute 'MjModel': gsp.Model.from_xml"),
         (gsp, "mj_step", r"gsp.step"),
         (gsp, "Modell", r"is it Model\?$"),
     ):
