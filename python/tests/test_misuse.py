@@ -385,9 +385,9 @@ def test_names_of_mujocos_say_what_to_take_here(model):
     data = gsp.Data(model)
     for of, name, said in (
         (data, "site_xpos", r"gsp.Data has no attribute 'site_xpos': .*model.site_pos"),
-        (data, "cam_xpos", r"take data.cameras"),
-        (data, "xfrc_applied", r"take data.qfrc_applied = "),
-        (data, "body", r"take data.xpos\[:, i\] with i = model.id\('body', name\)"),
+        (data, "cam_xpos", r"data.cameras"),
+        (data, "xfrc_applied", r"data.qfrc_applied = "),
+        (data, "body", r"data.xpos\[:, i\] with i = model.id\('body', name\)"),
         (data, "nq", r"it is of the model: model.nq"),
         (data, "body_mass", r"it is of the model: model.body_mass"),
         (data, "qposs", r"gsp.Data has no attribute 'qposs': is it qpos\?$"),

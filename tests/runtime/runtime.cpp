@@ -632,7 +632,7 @@ TEST_CASE("cameras that stand still have the bits of render") {
   for (Device const device : devices()) {
     StepperOptions options;
     options.worlds = 2;
-    auto const stepper = make_stepper(device, compiled, options), other = make_stepper(device, compiled);
+    auto const stepper = make_stepper(device, compiled, options), other = make_stepper(device, compiled, {});
     Scene scene;
     scene.add_room();
     scene.add_surface(compiled);
