@@ -138,6 +138,17 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
              "a.links.json: says not of which file its links are; name it 'a.ply.links.json'"));
   CHECK(says(error_of([&] { write_splats(folder.path / "a.spz", set); }), "name it 'a.spz.links.json'"));
   CHECK(!std::filesystem::exists(folder.path / "a.spz"));
+  CHECK(says(error_of([&] { write_splats(folder.path / "a.compressed.ply", set); }), "name it 'a.compressed.ply.links.json'"));
+  // of the file that a symbolic link leads to
+  CHECK(write_splats(folder.path / "h.spz", set).empty());
+  std::filesystem::create_symlink(folder.path / "h.spz", folder.path / "link.spz");
+  CHECK(read_splats(folder.path / "link.spz").link == read_splats(folder.path / "h.spz").link);
+  CHECK(write_splats(folder.path / "link.spz", plain(set)).empty());
+  CHECK(read_splats(folder.path / "h.spz").link_names.empty());
+  CHECK(!std::filesystem::exists(folder.path / "link.spz.links.json"));
+  // room.spz's are not of room.spz.ply
+  CHECK(write_splats(folder.path / "h.spz.ply", set).empty());
+  CHECK(read_splats(folder.path / "h.spz.ply").link == set.link);
   CHECK(says(error_of([&] { write_splats(folder.path / "b.ksplat", set); }), "its ending names no format of Gaussians"));
   CHECK(says(error_of([&] { expect_splats_writable(folder.path / "none" / "b.ply"); }), "its folder does not exist"));
   set.link_names[0] = "\xff";

@@ -21,13 +21,22 @@ namespace gsp::io {
 
 namespace detail {
 
-/// FILE.links.json beside FILE, of that file alone: a stem would lend it to room.ply beside room.spz, whose order is another.
-inline std::filesystem::path links_beside(std::filesystem::path path) { return path += ".links.json"; }
+/// FILE.links.json beside FILE, of that file alone: a stem would lend it to room.ply beside room.spz, whose order is another. Of a symbolic
+/// link: beside the file that it leads to, which is what is read and written.
+inline std::filesystem::path links_beside(std::filesystem::path path) {
+  std::error_code error;
+  if (std::filesystem::is_symlink(path, error))
+    if (auto const file = std::filesystem::canonical(path, error); !error) path = file;
+  return path += ".links.json";
+}
 /// Throws Error where links stand beside the file under its stem: they could be of any file of that stem.
 inline void expect_links_of_a_file(std::filesystem::path const& path) {
-  auto const of_stem = std::filesystem::path(path).replace_extension(".links.json");
+  auto const* const format = splat_format_of(path.string());
+  std::string stem = path.string();
+  stem.resize(stem.size() - (format && format->first[0] == '.' ? std::string(format->first).size() : path.extension().string().size()));
+  std::filesystem::path const of_stem = stem + ".links.json";
   std::error_code error;
-  if (std::filesystem::exists(of_stem, error))
+  if (std::filesystem::exists(of_stem, error) && !std::filesystem::is_regular_file(stem, error))  // else they are that file's
     fail(of_stem.string(), "",
          "says not of which file its links are; name it " + in_quotes(links_beside(path).filename().string()) +
              " if they are this file's, after another file otherwise");
