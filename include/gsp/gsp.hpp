@@ -140,6 +140,7 @@
 #include <gsp/splat/look_at.hpp>
 #include <gsp/splat/median_depth.hpp>
 #include <gsp/splat/normals.hpp>
+#include <gsp/splat/picture_options.hpp>
 #include <gsp/splat/place_gaussians.hpp>
 #include <gsp/splat/project.hpp>
 #include <gsp/splat/prune_gaussians.hpp>

@@ -24,7 +24,7 @@ function plain(text,    out, i, c, code) {
 FILENAME ~ /\.md$/ {
   if ($0 ~ /^```/) fence = !fence
   line = fence ? $0 : plain($0)
-  if (!fence && line ~ /^## / && FILENAME ~ /(how_to|tutorial|benchmarks|getting_started|gpu|python)\.md$/) {
+  if (!fence && line ~ /^## / && FILENAME ~ /(how_to|tutorial|benchmarks|getting_started|gpu|python|python_tasks|cli)\.md$/) {
     anchor = tolower(substr(line, 4))
     gsub(/[^a-z0-9_ -]/, "", anchor)
     gsub(/ /, "-", anchor)
