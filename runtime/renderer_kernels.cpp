@@ -27,6 +27,7 @@ void add(Scene& scene, GaussianSet set) {
   next->list.push_back(std::move(set));
   scene.sets = next;
 }
+bool is_nothing(JitterCamerasOptions const& j) { return j.position == 0 && j.rotation == 0 && j.focal == 0 && j.principal == 0; }
 bool is_nothing(DevelopOptions const& d) {
   Vec3<float> const& c = d.background;
   return d.exposure == 0 && d.contrast == 0 && d.brightness == 0 && d.noise == 0 && c[0] == 0 && c[1] == 0 && c[2] == 0 && d.seed == 0 &&
@@ -122,8 +123,7 @@ class KokkosRenderer : public Renderer {
   void render_fixed(PoseArrays const& poses, DrawOptions const& options) override {
     expects(fixed_.has_value(),
             "gsp::runtime::Renderer::render_fixed: no cameras are fixed: call fix first, and after render and show_sets");
-    expects(options.jitter.position == 0 && options.jitter.rotation == 0 && options.jitter.focal == 0 && options.jitter.principal == 0,
-            "gsp::runtime::Renderer::render_fixed: cameras that stand still have no jitter: draw with render");
+    expects(is_nothing(options.jitter), "gsp::runtime::Renderer::render_fixed: cameras that stand still have no jitter: draw with render");
     auto const background = checked_background(options, frames_.images);
     with_poses(poses, "gsp::runtime::Renderer::render_fixed", [&](auto const& p) { gsp::render_fixed(exec_, p, *fixed_); });
     follow(fixed_->cameras, options.develop, background);
@@ -205,7 +205,7 @@ class KokkosRenderer : public Renderer {
   /// The cameras as they are drawn.
   Cameras<Mem> jittered(Cameras<Mem> const& cameras, JitterCamerasOptions const& j) {
     gsp::detail::check_options(j, cameras.images());
-    if (j.position == 0 && j.rotation == 0 && j.focal == 0 && j.principal == 0) return cameras;
+    if (is_nothing(j)) return cameras;
     if (jittered_.images() != cameras.images()) jittered_ = make_cameras(exec_, cameras.images());
     jitter_cameras(exec_, cameras, jittered_, j);
     return jittered_;

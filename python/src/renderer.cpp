@@ -113,6 +113,14 @@ std::unique_ptr<runtime::Renderer> another(Renderer const& self) {
   return own;
 }
 
+/// `own` has what the scene has by now.
+void keep_up(Renderer& self) {
+  if (self.own && self.drawn == self.scene->sets) return;
+  self.own = another(self);
+  self.drawn = self.scene->sets;
+  self.images = 0;
+}
+
 /// OpenCV's coefficients, (C, n), or (1, n) or (n) for all.
 std::vector<Lens> const& lenses_of(std::string const& where, KeptLenses& kept, nb::object const& distortion, bool fisheye,
                                    std::int64_t cameras) {
@@ -361,11 +369,7 @@ FixedRenderer fixed(Renderer& self, Data const& data, ArrayLike const& viewmats,
   freshen(data);
   auto const poses = data.stepper->poses();
   warn_of_lost_bodies("gsp.Renderer.fixed", poses, *self.model);
-  if (!self.own || self.drawn != self.scene->sets) {
-    self.own = another(self);
-    self.drawn = self.scene->sets;
-    self.images = 0;
-  }
+  keep_up(self);
   FixedRenderer out{self.session, self.model, self.device, self.options, data.worlds, self.own->another()};
   {
     OthersRun const others_run;
@@ -557,11 +561,7 @@ void bind_renderer(nb::module_& m) {
           "show",
           [](Renderer& self, std::vector<std::vector<int>> const& sets) {
             Use const use_renderer(self.busy, "this renderer");
-            if (!self.own || self.drawn != self.scene->sets) {
-              self.own = another(self);
-              self.drawn = self.scene->sets;
-              self.images = 0;
-            }
+            keep_up(self);
             self.own->show_sets(sets);
             self.shown = sets;
           },

@@ -624,11 +624,13 @@ TEST_CASE("pictures of the simulation's poses, where they lie") {
   }
 }
 
+// two cameras of 64 x 48 pixels
+static std::vector<float> const viewmats{1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 2, 0, 0, 0, 1,   // from -y, 2 m away
+                                         1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 1, 0, 0, 0, 1};  // and 1 m
+static std::vector<float> const Ks{60, 0, 32, 0, 60, 24, 0, 0, 1, 60, 0, 32, 0, 60, 24, 0, 0, 1};
+
 TEST_CASE("cameras that stand still have the bits of render") {
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
-  std::vector<float> const viewmats{1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 2, 0, 0, 0, 1,   // from -y, 2 m away
-                                    1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 1, 0, 0, 0, 1};  // and 1 m
-  std::vector<float> const Ks{60, 0, 32, 0, 60, 24, 0, 0, 1, 60, 0, 32, 0, 60, 24, 0, 0, 1};
   for (Device const device : devices()) {
     StepperOptions options;
     options.worlds = 2;
@@ -691,9 +693,6 @@ TEST_CASE("cameras that stand still have the bits of render") {
 
 TEST_CASE("normals, ids, 8-bit pictures and jittered cameras are those of the headers") {
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
-  std::vector<float> const viewmats{1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 2, 0, 0, 0, 1,   // from -y, 2 m away
-                                    1, 0, 0, 0, 0, 0, -1, 0.3f, 0, 1, 0, 1, 0, 0, 0, 1};  // and 1 m
-  std::vector<float> const Ks{60, 0, 32, 0, 60, 24, 0, 0, 1, 60, 0, 32, 0, 60, 24, 0, 0, 1};
   for (Device const device : devices()) {
     StepperOptions options;
     options.worlds = 2;

@@ -29,14 +29,15 @@ inline std::filesystem::path links_beside(std::filesystem::path path) {
     if (auto const file = std::filesystem::canonical(path, error); !error) path = file;
   return path += ".links.json";
 }
-/// Throws Error where links stand beside the file under its stem: they could be of any file of that stem.
+/// Throws Error where links stand beside the file under its stem and none under its name: they could be of any file of that stem.
 inline void expect_links_of_a_file(std::filesystem::path const& path) {
   auto const* const format = splat_format_of(path.string());
   std::string stem = path.string();
   stem.resize(stem.size() - (format && format->first[0] == '.' ? std::string(format->first).size() : path.extension().string().size()));
   std::filesystem::path const of_stem = stem + ".links.json";
   std::error_code error;
-  if (std::filesystem::exists(of_stem, error) && !std::filesystem::is_regular_file(stem, error))  // else they are that file's
+  if (std::filesystem::exists(of_stem, error) && !std::filesystem::exists(links_beside(path), error) &&
+      !std::filesystem::is_regular_file(stem, error))  // else they are that file's
     fail(of_stem.string(), "",
          "says not of which file its links are; name it " + in_quotes(links_beside(path).filename().string()) +
              " if they are this file's, after another file otherwise");
@@ -63,11 +64,9 @@ GSP_INLINE SplatSet parse_splats(Bytes bytes, std::string const& name, std::file
 GSP_INLINE SplatSet read_splats(std::filesystem::path const& path) {
   SplatSet set = parse_splats(read_file(path), path.string(), path.has_parent_path() ? path.parent_path() : ".");
   auto const sidecar = detail::links_beside(path);
+  detail::expect_links_of_a_file(path);
   std::error_code error;
-  if (std::filesystem::exists(sidecar, error))
-    bind_links(set, read_links(sidecar), sidecar.string());
-  else
-    detail::expect_links_of_a_file(path);
+  if (std::filesystem::exists(sidecar, error)) bind_links(set, read_links(sidecar), sidecar.string());
   return set;
 }
 
@@ -76,8 +75,7 @@ GSP_INLINE void expect_splats_writable(std::filesystem::path const& path) {
     detail::fail(path.string(), "",
                  "its ending names no format of Gaussians that is written here; end it in .ply, .compressed.ply, .splat, .spz, .glb, "
                  ".gltf, .sog or .usda, or call it meta.json");
-  std::error_code error;
-  if (!std::filesystem::exists(detail::links_beside(path), error)) detail::expect_links_of_a_file(path);  // it could not be read again
+  detail::expect_links_of_a_file(path);  // it could not be read again
   expect_writable(path);
 }
 
