@@ -27,12 +27,6 @@ void add(Scene& scene, GaussianSet set) {
   next->list.push_back(std::move(set));
   scene.sets = next;
 }
-bool is_nothing(JitterCamerasOptions const& j) { return j.position == 0 && j.rotation == 0 && j.focal == 0 && j.principal == 0; }
-bool is_nothing(DevelopOptions const& d) {
-  Vec3<float> const& c = d.background;
-  return d.exposure == 0 && d.contrast == 0 && d.brightness == 0 && d.noise == 0 && c[0] == 0 && c[1] == 0 && c[2] == 0 && d.seed == 0 &&
-         d.step == 0 && d.first_image == 0;
-}
 }  // namespace
 
 bool Scene::add_set(io::SplatSet const& set, std::string const& name, CompiledModel const& model) {
@@ -53,6 +47,7 @@ std::size_t Scene::count() const {
     for (auto const& s : sets->list) n += s.size();
   return n;
 }
+int Scene::sets_count() const { return sets ? static_cast<int>(sets->list.size()) : 0; }
 Scene::Bounds Scene::bounds(double share) const {
   expects(share > 0 && share <= 1, "gsp::runtime::Scene::bounds: the share must be above 0 and at most 1");
   std::vector<float> along[3];
@@ -78,6 +73,12 @@ template <class Exec>
 class KokkosRenderer : public Renderer {
   using Mem = typename Exec::memory_space;
   using Background = Kokkos::View<float const****, Kokkos::LayoutRight, Mem>;
+  using Chance = Kokkos::View<std::int64_t const* [3], Kokkos::LayoutRight, Mem>;
+  /// What develop takes beside its numbers.
+  struct Developing {
+    Background background;
+    Chance chance, light;
+  };
 
  public:
   KokkosRenderer(Scene const& scene, RendererOptions const& options) : options_(options), cloud_(make_gaussians(exec_, sets_of(scene))) {
@@ -90,9 +91,10 @@ class KokkosRenderer : public Renderer {
   std::unique_ptr<Renderer> another() const override { return std::make_unique<KokkosRenderer>(options_, render_, cloud_); }
 
   void render(PoseArrays const& poses, CameraArrays const& arrays, DrawOptions const& options) override {
-    auto const cameras = jittered(cameras_of(arrays), options.jitter);
+    constexpr char const* where = "gsp::runtime::Renderer::render";
+    auto const cameras = jittered(where, cameras_of(where, arrays), options);
     int const images = cameras.images();
-    auto const background = checked_background(options, images);
+    auto const developing = checked(where, options, images);
     if (frames_.images != images || fixed_) {
       make_pictures(images);
       frames_ = make_frames(exec_, cloud_, frame_options(images));                 // last: it says for how many there is room
@@ -103,30 +105,31 @@ class KokkosRenderer : public Renderer {
       frames_.sized = false;
       frames_.wave = make_frames(exec_, cloud_, wave_alone).wave;
     }
-    with_poses(poses, "gsp::runtime::Renderer::render", [&](auto const& p) {
+    with_poses(poses, where, [&](auto const& p) {
       with_channels([&](auto const&... channels) { gsp::render(exec_, cloud_, p, cameras, frames_, render_, channels...); });
     });
-    follow(cameras, options.develop, background);
+    finish_pictures(where, cameras, options.develop, developing);
   }
 
   void fix(PoseArrays const& poses, CameraArrays const& arrays) override {
-    expects(!options_.median_depth && !options_.ids,
-            "gsp::runtime::Renderer::fix: cameras that stand still have no median_depth and no ids: leave them out, or draw with render");
-    auto const cameras = cameras_of(arrays);
+    constexpr char const* where = "gsp::runtime::Renderer::fix";
+    expects(!options_.median_depth && !options_.ids, where,
+            "cameras that stand still have no median_depth and no ids: leave them out, or draw with render");
+    auto const cameras = cameras_of(where, arrays);
     make_pictures(cameras.images());
-    with_poses(poses, "gsp::runtime::Renderer::fix",
+    with_poses(poses, where,
                [&](auto const& p) { fixed_ = make_fixed_frames(exec_, cloud_, p, cameras, frame_options(cameras.images()), render_); });
     frames_ = fixed_->frames;
     frames_.wave = {};
   }
 
   void render_fixed(PoseArrays const& poses, DrawOptions const& options) override {
-    expects(fixed_.has_value(),
-            "gsp::runtime::Renderer::render_fixed: no cameras are fixed: call fix first, and after render and show_sets");
-    expects(is_nothing(options.jitter), "gsp::runtime::Renderer::render_fixed: cameras that stand still have no jitter: draw with render");
-    auto const background = checked_background(options, frames_.images);
-    with_poses(poses, "gsp::runtime::Renderer::render_fixed", [&](auto const& p) { gsp::render_fixed(exec_, p, *fixed_); });
-    follow(fixed_->cameras, options.develop, background);
+    constexpr char const* where = "gsp::runtime::Renderer::render_fixed";
+    expects(fixed_.has_value(), where, "no cameras are fixed: call fix first, and after render and show_sets");
+    expects(!options.jitter.moves_cameras(), where, "cameras that stand still have no jitter: draw with render");
+    auto const developing = checked(where, options, frames_.images);
+    with_poses(poses, where, [&](auto const& p) { gsp::render_fixed(exec_, p, *fixed_); });
+    finish_pictures(where, fixed_->cameras, options.develop, developing);
   }
 
   void show_sets(std::vector<std::vector<int>> const& sets_of_world) override {
@@ -195,45 +198,58 @@ class KokkosRenderer : public Renderer {
     room(options_.rgb8, rgb8_, "gsp::runtime::Renderer::rgb8", 3);
   }
 
-  /// What is made of the pictures that are drawn.
-  void follow(Cameras<Mem> const& cameras, DevelopOptions const& develop_options, Background const& background) {
+  /// Normals and 8-bit pictures of what is drawn; waits until all of it is there.
+  void finish_pictures(char const* where, Cameras<Mem> const& cameras, DevelopOptions const& develop_options, Developing const& with) {
     if (options_.normals) normals_of_depth(exec_, options_.median_depth ? median_.image : frames_.depth, cameras, normals_);
-    if (options_.rgb8) develop(exec_, frames_, rgb8_, develop_options, background);
-    exec_.fence("gsp::runtime::Renderer::render: done");
+    if (options_.rgb8) develop(exec_, frames_, rgb8_, develop_options, with.background, with.chance, with.light);
+    exec_.fence(std::string(where) + ": done");
   }
 
   /// The cameras as they are drawn.
-  Cameras<Mem> jittered(Cameras<Mem> const& cameras, JitterCamerasOptions const& j) {
-    gsp::detail::check_options(j, cameras.images());
-    if (is_nothing(j)) return cameras;
+  Cameras<Mem> jittered(std::string const& where, Cameras<Mem> const& cameras, DrawOptions const& options) {
+    JitterCamerasOptions const& j = options.jitter;
+    std::string const of = where + ": jitter";
+    gsp::detail::check_options(of.c_str(), j, cameras.images());
+    expect_chance(of.c_str(), options.jitter_chance, cameras.images());
+    if (!j.moves_cameras()) return cameras;
     if (jittered_.images() != cameras.images()) jittered_ = make_cameras(exec_, cameras.images());
-    jitter_cameras(exec_, cameras, jittered_, j);
+    jitter_cameras(exec_, cameras, jittered_, j, rows_of(options.jitter_chance, jitter_chance_));
     return jittered_;
   }
 
-  /// The background's picture, when all that develop needs is right: nothing is copied or drawn before. One in memory that is drawn into
-  /// would show what is drawn now.
-  Background checked_background(DrawOptions const& options, int images) {
+  static void expect_chance(char const* where, Array const& a, int images) {
+    expects(!a || (a.rank == 2 && a.extents[0] == images && a.extents[1] == 3 && a.dtype == Dtype::int64), where,
+            "chance has a row of int64 for each picture, (C, 3): seed, step and number");
+  }
+  Chance rows_of(Array const& a, Buffer& buffer) {
+    return a ? Chance(static_cast<std::int64_t const*>(here(a, buffer, Dtype::int64)), std::size_t(a.extents[0])) : Chance();
+  }
+
+  /// What develop takes, when all of it is right: nothing is copied or drawn before. A background in memory that is drawn into would show
+  /// what is drawn now.
+  Developing checked(char const* where, DrawOptions const& options, int images) {
     Array const& a = options.background;
-    expects(options_.rgb8 || (is_nothing(options.develop) && !a),
-            "gsp::runtime::Renderer::render: develop is of rgb8, which this renderer does not make: RendererOptions::rgb8");
-    expects(!a || a.rank == 4, "gsp::runtime::Renderer::render: the background picture is (1 or C, H, W, 3)");
+    expects(options_.rgb8 || (options.develop.is_default() && !a && !options.chance && !options.light_chance), where,
+            "develop is of rgb8, which this renderer does not make: RendererOptions::rgb8");
+    expects(!a || a.rank == 4, where, "the background picture is (1 or C, H, W, 3)");
     auto const at = [&](void const* numbers) {
       auto const extent = [&](std::size_t k) { return static_cast<std::size_t>(a.extents[k]); };
       return a ? Background(static_cast<float const*>(numbers), extent(0), extent(1), extent(2), extent(3)) : Background();
     };
-    gsp::detail::check_develop(options.develop, at(a.data), images, options_.height, options_.width);
-    if (!a) return {};
+    std::string const of = std::string(where) + ": develop";
+    gsp::detail::check_develop(of.c_str(), options.develop, at(a.data), images, options_.height, options_.width);
+    for (Array const& rows : {options.chance, options.light_chance}) expect_chance(of.c_str(), rows, images);
     auto const f = frames();
     std::less<> const before{};
     auto const* const begin = static_cast<char const*>(a.data);
     for (Array const* own : {&f.rgb, &f.depth, &f.alpha, &f.median_depth, &f.normals, &f.ids, &f.rgb8}) {
       auto const* const first = static_cast<char const*>(own->data);
       std::int64_t const bytes = *own ? own->size() * bytes_of(own->dtype) : 0;
-      expects(before(begin, first) || !before(begin, first + bytes),
-              "gsp::runtime::Renderer::render: the background lies in the pictures that are to be drawn: copy() it first");
+      expects(!a || before(begin, first) || !before(begin, first + bytes), where,
+              "the background lies in the pictures that are to be drawn: copy() it first");
     }
-    return at(here(a, background_, Dtype::float32));
+    return {a ? at(here(a, background_, Dtype::float32)) : Background(), rows_of(options.chance, chance_),
+            rows_of(options.light_chance, light_chance_)};
   }
 
   FrameOptions frame_options(int images) const {
@@ -257,6 +273,8 @@ class KokkosRenderer : public Renderer {
         buffer = make_buffer(device_of<Exec>(), dtype, {a.extents[0], a.extents[1], a.extents[2], a.extents[3]});
       else if (a.rank == 3)
         buffer = make_buffer(device_of<Exec>(), dtype, {a.extents[0], a.extents[1], a.extents[2]});
+      else if (a.rank == 2)
+        buffer = make_buffer(device_of<Exec>(), dtype, {a.extents[0], a.extents[1]});
       else
         buffer = make_buffer(device_of<Exec>(), dtype, {a.extents[0]});
     }
@@ -265,19 +283,19 @@ class KokkosRenderer : public Renderer {
   }
 
   /// Cameras where they are, or copies of those that lie elsewhere; two cameras of one renderer share the place of the copies.
-  Cameras<Mem> cameras_of(CameraArrays const& c) {
+  Cameras<Mem> cameras_of(char const* where, CameraArrays const& c) {
     expects(c.viewmats.rank == 3 && c.Ks.rank == 3 && c.viewmats.extents[0] == c.Ks.extents[0] && c.viewmats.extents[1] == 4 &&
                 c.viewmats.extents[2] == 4 && c.Ks.extents[1] == 3 && c.Ks.extents[2] == 3 && c.viewmats.extents[0] > 0,
-            "gsp::runtime::Renderer::render: cameras are viewmats (C, 4, 4) and Ks (C, 3, 3)");
+            where, "cameras are viewmats (C, 4, 4) and Ks (C, 3, 3)");
     std::int64_t const n = c.viewmats.extents[0];
-    expects(!c.world || (c.world.rank == 1 && c.world.extents[0] == n && c.world.dtype == Dtype::int32),
-            "gsp::runtime::Renderer::render: the cameras' worlds are int32 (C)");
+    expects(!c.world || (c.world.rank == 1 && c.world.extents[0] == n && c.world.dtype == Dtype::int32), where,
+            "the cameras' worlds are int32 (C)");
     using Out = Cameras<Mem>;
     Out cameras;
     cameras.viewmats = typename Out::template View<float***>(static_cast<float*>(here(c.viewmats, viewmats_, Dtype::float32)), n, 4, 4);
     cameras.Ks = typename Out::template View<float***>(static_cast<float*>(here(c.Ks, Ks_, Dtype::float32)), n, 3, 3);
     expects(c.lenses.size() <= 1 || std::int64_t(c.lenses.size()) == n,
-            "gsp::runtime::Renderer::render: there are " + std::to_string(c.lenses.size()) + " lenses for " + std::to_string(n) +
+            std::string(where) + ": there are " + std::to_string(c.lenses.size()) + " lenses for " + std::to_string(n) +
                 " cameras: give one a camera, one for all, or none");
     if (c.lenses != lenses_ || (!c.lenses.empty() && std::int64_t(lens_views_.extent(0)) != n)) {
       lenses_ = c.lenses;
@@ -300,7 +318,7 @@ class KokkosRenderer : public Renderer {
   IdChannel<Mem> ids_;
   Kokkos::View<float****, Kokkos::LayoutRight, Mem> normals_;
   Kokkos::View<std::uint8_t****, Kokkos::LayoutRight, Mem> rgb8_;
-  Buffer viewmats_, Ks_, world_, background_;
+  Buffer viewmats_, Ks_, world_, background_, chance_, light_chance_, jitter_chance_;
   Cameras<Mem> jittered_;
   std::vector<Lens> lenses_;  // as they were given last, and on the device, one an image
   typename Cameras<Mem>::template View<Lens*> lens_views_;

@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <gsp/runtime/session.hpp>
+#include <thread>
 #ifdef KOKKOS_ENABLE_OPENMP
 #include <omp.h>
 #endif
@@ -44,6 +45,12 @@ void expect_threads(int& threads) {
 }
 
 #ifdef KOKKOS_ENABLE_CUDA
+/// What start_gpu began; it ends before CUDA does, whose first call comes before this function's.
+std::jthread& gpu_start() {
+  static std::jthread thread;
+  return thread;
+}
+
 /// `then` goes on where `first` has come to by now.
 void follows(cudaStream_t then, cudaStream_t first) {
   auto const expect = [](cudaError_t error) {
@@ -71,6 +78,9 @@ Session::Session(int threads) {
   Kokkos::InitializationSettings settings;
   if (threads > 0) settings.set_num_threads(threads);
   settings.set_disable_warnings(true);
+#ifdef KOKKOS_ENABLE_CUDA
+  if (gpu_start().joinable()) gpu_start().join();
+#endif
   Kokkos::initialize(settings);
 }
 Session::~Session() { Kokkos::finalize(); }
@@ -89,6 +99,12 @@ int gpu_count() {
   if (cudaGetDeviceCount(&count) != cudaSuccess) count = 0;
 #endif
   return count;
+}
+
+void start_gpu() {
+#ifdef KOKKOS_ENABLE_CUDA
+  if (gpu_count() > 0 && !gpu_start().joinable()) gpu_start() = std::jthread([] { cudaFree(nullptr); });
+#endif
 }
 
 int cpu_threads() { return Kokkos::DefaultHostExecutionSpace().concurrency(); }

@@ -42,7 +42,9 @@ Device choose_device(Arguments const& arguments) {
     arguments.fail(
         "this program was built for CUDA and finds no GPU; run it on a machine with one, or the build without CUDA (scripts/quickstart "
         "--cpu)");
-  return choice == "cuda" ? Device::cuda : Device::cpu;
+  if (choice == "cpu") return Device::cpu;
+  gsp::runtime::start_gpu();
+  return Device::cuda;
 }
 
 int threads_of(Arguments const& arguments) { return static_cast<int>(arguments.integer("--threads", 0, 1, gsp::runtime::most_threads)); }

@@ -121,7 +121,7 @@ void tell_of_empty(std::vector<std::size_t> const& empty, std::size_t count, std
   std::fprintf(stderr, "%s: turn the camera to the scene, or let --splat-pose say where that stands\n", which.c_str());
 }
 
-/// Notes cameras whose K was made for pictures of another size: its axis is far from the middle.
+/// Notes cameras whose axis is more than a fifth of the picture from its middle, as where K was made for pictures of another size.
 void tell_of_sizes(CameraFile const& cameras, std::string const& path, int width, int height) {
   std::size_t others = 0;
   for (std::size_t c = 0; c < cameras.count; ++c) {
@@ -130,8 +130,8 @@ void tell_of_sizes(CameraFile const& cameras, std::string const& path, int width
   }
   if (others > 0)
     std::fprintf(stderr,
-                 "%s: the axis of %zu of %zu cameras is far from the middle of pictures of %d x %d: give the --width and --height that "
-                 "their Ks are of\n",
+                 "%s: the axis of %zu of %zu cameras is more than a fifth of the picture from the middle of %d x %d: if their Ks are of "
+                 "another size, give that as --width and --height\n",
                  path.c_str(), others, cameras.count, width, height);
 }
 
@@ -283,12 +283,12 @@ int run(Arguments const& a) {
                   " pixels, the most that a video has; give --world W, or a smaller --width and --height");
   }
 
-  gsp::runtime::Session const session(threads);
   gsp::runtime::Scene scene;
   bool carried = false;
   for (std::size_t i = 0; i < files.size(); ++i)
     carried |= scene.add_set(load_splats(files[i], i < poses.size() ? gsp::io::parse_splat_pose(poses[i]) : gsp::io::SplatPose{}), files[i],
                              model);
+  gsp::runtime::Session const session(threads);  // once all is read: a GPU starts meanwhile
   if (model.nbody > 1 && !carried) scene.add_surface(model);
   auto const renderer = gsp::runtime::make_renderer(device, scene, options);
   auto const kinematics = gsp::runtime::make_kinematics(device, model);

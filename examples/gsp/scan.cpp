@@ -240,11 +240,11 @@ int run(Arguments const& a) {
   if (npz && double(all) * 12 >= 4.2e9)
     throw Error(*npz + ": " + std::to_string(all) + " points pass 4 GiB, the limit of npz files here; scan fewer entries or worlds");
 
-  gsp::runtime::Session const session(threads);
   gsp::runtime::Scene scene;
   for (std::size_t i = 0; i < splats.size(); ++i)
     scene.add_set(load_splats(splats[i], i < splat_poses.size() ? gsp::io::parse_splat_pose(splat_poses[i]) : gsp::io::SplatPose{}),
                   splats[i], model);
+  gsp::runtime::Session const session(threads);  // once all is read: a GPU starts meanwhile
   options.splats = !splats.empty();
   for (std::size_t i = splat_poses.size(); i < splats.size() && !quiet(a); ++i)
     std::fprintf(stderr, "gsp scan: %s stands as its file has it, often on its side: --splat-pose turns it\n", splats[i].c_str());

@@ -94,46 +94,21 @@ def _of_missing(owner: str) -> Any:
     return __getattr__
 
 
+def _of_setting(owner: str, plain: Any) -> Any:
+    def __setattr__(self: Any, name: str, value: Any) -> None:
+        try:
+            plain(self, name, value)
+        except AttributeError:
+            from ._mujoco_names import missing, not_assigned
+
+            raise AttributeError(not_assigned(owner, name) if hasattr(type(self), name) else missing(owner, name)) from None
+
+    return __setattr__
+
+
 for _class in (Data, Model):
     setattr(_class, "__getattr__", _of_missing(_class.__name__))
-
-
-def _expect_mounts(mounts: Any) -> None:
-    """What the compiled function could not read of them, in a sentence."""
-    where = "gsp.Data.cameras: "
-    if isinstance(mounts, dict) or not hasattr(mounts, "__len__"):
-        raise Error(where + "the mounts are a list: give [dict(body='world', pos=(0, -3, 1), quat=(1, 0, 0, 0), fovy=60)], or ['name']") from None
-    for k, mount in enumerate(mounts):
-        if not isinstance(mount, dict):
-            continue
-        for name, size in (("pos", 3), ("quat", 4), ("fovy", 0)):
-            given = mount.get(name, (0.0,) * size if size else 1.0)
-            try:
-                numbers = [float(x) for x in given] if size else [float(given)]
-            except (TypeError, ValueError):
-                numbers = []
-            if len(numbers) != (size or 1):
-                remedy = {"pos": "3 numbers [m]", "quat": "4 numbers, w x y z", "fovy": "a number of degrees"}[name]
-                raise Error(f"{where}{name} of mount {k} is {given!r}: give {remedy}") from None
-        if not isinstance(mount.get("body", ""), str):
-            raise Error(f"{where}body of mount {k} is {mount['body']!r}: give its name, 'world' for what does not move") from None
-
-
-def _told_of_mounts(compiled: Any) -> Any:
-    import functools
-
-    @functools.wraps(compiled)
-    def cameras(self: Any, mounts: Any, width: int = 640, height: int = 480) -> Any:
-        try:
-            return compiled(self, mounts, width, height)
-        except TypeError:
-            _expect_mounts(mounts)
-            raise
-
-    return cameras
-
-
-setattr(Data, "cameras", _told_of_mounts(Data.cameras))
+    setattr(_class, "__setattr__", _of_setting(_class.__name__, _class.__setattr__))
 
 
 def __dir__() -> list[str]:
@@ -180,14 +155,14 @@ def pinhole(width: int, height: int, fovy: float) -> NDArray[np.float32]:
 
 
 def depth_to_rgb(depth: ArrayLike, near: float = 0.0, far: float = 0.0) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 of a depth picture (H, W) [m]: near red, far blue, black where nothing is. near, far: of the colours; equal: of the
-    picture."""
+    """(H, W, 3) uint8 of a depth picture (H, W) [m]: near red, far blue, black where nothing is. near, far: of the colours; without
+    them, of the picture."""
     import numpy as np
 
     depth = np.ascontiguousarray(depth, dtype=np.float32)
     if depth.ndim != 2 or depth.size == 0:
         raise Error(f"gsp.depth_to_rgb: the depth has shape {depth.shape} and must have (height, width): give one picture")
-    if not 0 <= near <= far < float("inf"):
+    if not (near == far == 0 or 0 <= near < far < float("inf")):
         raise Error(f"gsp.depth_to_rgb: near is {near} and far {far}: give 0 <= near < far in metres, or neither, for the picture's own")
     height, width = depth.shape
     return np.frombuffer(_depth_to_rgb(depth.tobytes(), width, height, near, far), dtype=np.uint8).reshape(height, width, 3)
@@ -200,6 +175,8 @@ def write_png(path: str | os.PathLike[str], image: ArrayLike) -> None:
 
     import numpy as np
 
+    if not os.fspath(path).lower().endswith(".png"):
+        raise Error(f"gsp.write_png: {os.fspath(path)!r} does not end in .png, and PNG is what is written: name it so")
     image = np.asarray(image)
     if image.ndim == 2:
         image = image[..., None]

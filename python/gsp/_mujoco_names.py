@@ -15,7 +15,7 @@ _TURNED = "docs/python.md, 'Points and velocities', turns points and axes of bod
 
 MODEL = {
     "opt": _OPT,
-    "stat": _OPT,
+    "stat": "sums of model.body_mass; scene.bounds(share) says how far a gsp.Scene of Gaussians goes",
     "vis": "cameras, width and height are given to gsp.Renderer",
     "key_ctrl": "gsp.reset(model, data, keyframe=...) writes it to data.ctrl",
     "key_qvel": "gsp.reset(model, data, keyframe=...) writes it to data.qvel",
@@ -92,6 +92,7 @@ PACKAGE = {
     "mj_resetData": "gsp.reset(model, data, mask=...)",
     "mj_resetDataKeyframe": "gsp.reset(model, data, keyframe=...)",
     "mj_name2id": "model.id('body', name)",
+    "MjSpec": "gsp.Model.from_string(spec.to_xml())",
     "mj_id2name": "model.names('body')[i]",
     "mj_jac": "data.jacobian(body=b, point=p), p in the body's frame",
     "mj_jacBody": "data.jacobian(body=b)",
@@ -122,6 +123,21 @@ def hint(owner: str, name: str) -> str:
     if not said and name in _gsp.world_fields():
         said = f"gsp.Data(model, per_world=['{name}']), then data.values('{name}')"
     return said
+
+
+def not_assigned(owner: str, name: str) -> str:
+    """The sentence of the AttributeError where one is assigned that is for reading."""
+    if name == "timestep":
+        said = "gsp.Data(model, timestep=seconds) has another"
+    elif name == "time":
+        said = "it is data.steps times the timestep: write data.steps"
+    elif owner == "Model" and name in _gsp.world_fields():
+        said = f"gsp.Data(model, per_world=['{name}']), then data.set('{name}', values)"
+    elif owner == "Model":
+        said = "say it in the MJCF that from_xml or from_string reads"
+    else:
+        said = "it follows from what is written: data.qpos, qvel, ctrl and their like"
+    return f"gsp.{owner}.{name} is for reading: {said}"
 
 
 def missing(owner: str, name: str) -> str:

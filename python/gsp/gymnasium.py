@@ -85,7 +85,8 @@ class VectorEnv(gymnasium.vector.VectorEnv):
                 f"gsp.gymnasium.VectorEnv: world {int(begin.nonzero()[0][0])} has ended: "
                 'reset(options={"reset_mask": mask}) before the next step, or take another autoreset_mode'
             )
-        rewards, terminations, truncations = task.step(actions, begin)
+        unread = begin if mode is AutoresetMode.NEXT_STEP else None
+        rewards, terminations, truncations = task.step(actions, unread)
         infos = {}
         if mode is AutoresetMode.NEXT_STEP and begin.any():
             rewards[begin], terminations, truncations = 0, terminations & ~begin, truncations & ~begin

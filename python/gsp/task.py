@@ -217,6 +217,21 @@ class Task:
         u = self._uniform(2 * size, mask)
         return self._floats(deviation) * self.xp.sqrt(-2 * self.xp.log(u[:, :size])) * self.xp.cos(2 * np.pi * u[:, size:])
 
+    def chance(self, of: str = "step", pictures: int = 1) -> Numbers:
+        """(worlds * pictures, 3) int64: seed, step and number by which `develop` and `jitter` of gsp.Renderer.render draw what each
+        picture has of its own, picture k of a world in row world * pictures + k. of: "step", others in each step of control, or
+        "episode", which stay until the world is reset. As of `uniform`, a world has the same ones whatever the others do."""
+        if of not in ("step", "episode") or pictures < 1:
+            raise Error(f"{type(self).__name__}.chance: of is {of!r} and pictures {pictures}: give \"step\" or \"episode\", and 1 or more")
+        step = (self._episode & 0xFFFFFFFF) << 24
+        if of == "step":
+            step = step | (self.age & 0xFFFFFF)
+        rows = self.xp.stack([self._key & 0x7FFFFFFFFFFFFFFF, step, self._world * pictures], -1)
+        rows = rows[:, None].repeat(pictures, 1) if self.xp is np else rows[:, None].repeat(1, pictures, 1)
+        rows[:, :, 2] += self.xp.arange(pictures, **self._on)
+        rows[:, :, 2] &= 0xFFFFFFFF
+        return rows.reshape(-1, 3)
+
     # What environments call.
 
     def reset(self, mask: Numbers = None, seed: Any = None) -> None:

@@ -22,6 +22,7 @@ GSP_PYTHON_TYPE(NumpyArray, "NDArray[typing.Any]", any_object);      // numpy.nd
 GSP_PYTHON_TYPE(NumpyDtype, "numpy.dtype[typing.Any]", any_object);  // numpy.dtype
 GSP_PYTHON_TYPE(NumpyArrays, "dict[str, NDArray[typing.Any]]", PyDict_Check);
 GSP_PYTHON_TYPE(Words, "dict[str, typing.Any]", PyDict_Check);
+GSP_PYTHON_TYPE(Mounts, "collections.abc.Sequence[str | dict[str, typing.Any]]", any_object);
 GSP_PYTHON_TYPE(GivenWords, "dict[str, typing.Any]", any_object);
 GSP_PYTHON_TYPE(Shape, "tuple[int, ...]", PyTuple_Check);
 GSP_PYTHON_TYPE(NameOrNumber, "str | int", any_object);

@@ -177,29 +177,46 @@ Data* make_data(Model const& model, int worlds, std::string const& device, std::
   return d;
 }
 
-/// A camera as Python says it: a name, or a dict of what CameraSpec has, fovy in degrees.
-runtime::CameraSpec spec_of(nb::handle mount) {
+/// Camera k as Python says it: a name, or a dict of what CameraSpec has, fovy in degrees.
+runtime::CameraSpec spec_of(nb::handle mount, std::size_t k) {
+  std::string const where = "gsp.Data.cameras: ";
   if (nb::isinstance<nb::str>(mount)) return {.camera = nb::cast<std::string>(mount)};
   if (!nb::isinstance<nb::dict>(mount))
-    throw Error("gsp.Data.cameras: a mount is the name of a camera of the model, or dict(body=..., pos=..., quat=..., fovy=...)");
+    throw Error(where + "a mount is the name of a camera of the model, or dict(body=..., pos=..., quat=..., fovy=...)");
+  auto const read = [&](std::string const& name, nb::handle value, auto& to, char const* remedy) {
+    bool const several =
+        !std::is_arithmetic_v<std::decay_t<decltype(to)>> && !nb::isinstance<nb::str>(value) && PySequence_Check(value.ptr());
+    if (!nb::try_cast(several ? nb::object(nb::list(value)) : nb::borrow(value), to))  // NumPy's arrays too
+      throw Error(where + name + " of mount " + std::to_string(k) + " is " + nb::cast<std::string>(nb::repr(value)) + ": give " + remedy);
+  };
+  constexpr double degree = 3.14159265358979323846 / 180;
   runtime::CameraSpec spec;
+  double fovy = spec.fovy / degree;
   for (auto const& [key, value] : nb::borrow<nb::dict>(mount)) {
-    std::string const name = nb::cast<std::string>(key);
+    std::string const name = nb::cast<std::string>(nb::str(key));
     if (name == "body")
-      spec.body = nb::cast<std::string>(value);
+      read(name, value, spec.body, "its name, 'world' for what does not move");
     else if (name == "pos")
-      spec.pos = nb::cast<std::array<double, 3>>(nb::list(value));
+      read(name, value, spec.pos, "3 numbers [m]");
     else if (name == "quat")
-      spec.quat = nb::cast<std::array<double, 4>>(nb::list(value));
+      read(name, value, spec.quat, "4 numbers, w x y z");
     else if (name == "fovy")
-      spec.fovy = nb::cast<double>(value) * 0.017453292519943295;
+      read(name, value, fovy, "a number of degrees");
     else
-      throw Error("gsp.Data.cameras: a mount has body, pos, quat and fovy, and no '" + name + "'");
+      throw Error(where + "a mount has body, pos, quat and fovy, and no '" + name + "'");
   }
-  if (!(spec.fovy > 0 && spec.fovy < 3.14159))
-    throw Error("gsp.Data.cameras: fovy must lie between 0 and 180 degrees and is " + std::to_string(spec.fovy / 0.017453292519943295));
-  if (spec.body.empty()) throw Error("gsp.Data.cameras: a mount has no body: say which, 'world' for what does not move");
+  if (!(fovy > 0 && fovy < 180)) throw Error(where + "fovy must lie between 0 and 180 degrees and is " + std::to_string(fovy));
+  spec.fovy = fovy * degree;
+  if (spec.body.empty()) throw Error(where + "a mount has no body: say which, 'world' for what does not move");
   return spec;
+}
+std::vector<runtime::CameraSpec> specs_of(nb::handle mounts) {
+  if (nb::isinstance<nb::str>(mounts) || nb::isinstance<nb::dict>(mounts) || !PySequence_Check(mounts.ptr()))
+    throw Error(
+        "gsp.Data.cameras: the mounts are a list: give [dict(body='world', pos=(0, -3, 1), quat=(1, 0, 0, 0), fovy=60)], or ['name']");
+  std::vector<runtime::CameraSpec> specs;
+  for (nb::handle const mount : nb::list(mounts)) specs.push_back(spec_of(mount, specs.size()));
+  return specs;
 }
 
 void expect_model(Model const& model, Data const& d, char const* call) {
@@ -713,10 +730,8 @@ void bind_data(nb::module_& m) {
       "M qacc + qfrc_bias - qfrc_passive [N, N m]; a copy.");
   c.def(
       "cameras",
-      [](Data const& d, nb::sequence const& mounts, int width, int height) {
-        if (nb::isinstance<nb::str>(mounts)) throw Error("gsp.Data.cameras: the mounts are a list: give ['name']");
-        std::vector<runtime::CameraSpec> specs;
-        for (nb::handle const mount : mounts) specs.push_back(spec_of(mount));
+      [](Data const& d, Mounts const& mounts, int width, int height) {
+        auto const specs = specs_of(mounts);
         if (width < 1 || height < 1) throw Error("gsp.Data.cameras: width and height must be positive");
         auto const a = fresh(d).cameras(specs, width, height);
         auto const own = std::make_shared<CameraKeeper>(CameraKeeper{d.session, a.owner});
@@ -724,7 +739,7 @@ void bind_data(nb::module_& m) {
         Ks.picture = {width, height};
         return std::tuple(Array{a.viewmats, own}, Ks, Array{a.world, own});
       },
-      nb::arg("mounts"), nb::arg("width") = 640, nb::arg("height") = 480,
+      nb::arg("mounts").none(), nb::arg("width") = 640, nb::arg("height") = 480,
       "What Renderer.render takes, (viewmats, Ks, world), for cameras of the model by name, or on bodies: dict(body='head', pos=(0.1, 0, "
       "0),\n"
       "quat=(1, 0, 0, 0), fovy=60), as MJCF has them: looking along -z, y up, fovy in degrees. All worlds, in their poses as they are, on\n"

@@ -102,8 +102,8 @@ std::string in_python(std::string sentence) {
        {"gsp::io::transform", "gsp.Scene.add_splats"},
        {"gsp::set_world_values", "gsp.Data.set"},
        {": RendererOptions::rgb8", ": gsp.Renderer(..., rgb8=True)"},
-       {"gsp::develop:", "gsp.Renderer.render: develop:"},
-       {"gsp::jitter_cameras:", "gsp.Renderer.render: jitter:"},
+       {"gsp::runtime::Renderer::render_fixed:", "gsp.FixedRenderer.render:"},
+       {"gsp::runtime::Renderer::fix:", "gsp.Renderer.fixed:"},
        {"gsp::render:", "gsp.Renderer.render:"}}};
   for (auto const& [from, to] : words)
     if (auto const at = sentence.find(from); at != sentence.npos) sentence.replace(at, from.size(), to);
@@ -129,9 +129,9 @@ void bind_model(nb::module_& m) {
   c.def(
       "__init__",
       [](Model*, nb::args const&, nb::kwargs const&) {
-        throw Error("gsp.Model: models come of files: gsp.Model.from_xml(path), from_string, from_urdf or from_description");
+        throw Error("gsp.Model: models come of files: gsp.Model.from_xml(path), from_string or from_urdf");
       },
-      "Raises: models come of from_xml, from_string, from_urdf and from_description.");
+      "Raises: models come of from_xml, from_string and from_urdf.");
   c.def_static(
       "from_xml",
       [](std::filesystem::path const& path, std::vector<std::string> const& disable, bool skip_visuals, bool convex_decomposition) {

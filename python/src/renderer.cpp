@@ -50,6 +50,37 @@ void expect_size(std::string const& where, ArrayLike const& Ks, runtime::Array c
   }
 }
 
+std::string short_text(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%g", x);
+  return text;
+}
+/// What the library says, under the name of what Python called.
+template <class F>
+auto named(std::string const& where, F const& f) {
+  std::string text;
+  try {
+    return f();
+  } catch (Error const& e) { text = e.what(); } catch (std::invalid_argument const& e) {
+    text = e.what();
+  }
+  auto const end = text.find(": ");  // of "gsp::render: camera 3 ..."
+  bool const says = text.rfind("gsp::", 0) == 0 && end != text.npos && end < text.find(' ');
+  throw Error(where + ": " + (says ? text.substr(end + 2) : text));
+}
+
+/// Pictures that do not fit are refused, as a host gives more than it has and then ends the process. has: what is let go for them.
+void expect_memory(std::string const& where, runtime::Renderer const& renderer, runtime::Device device, std::int64_t pictures,
+                   double has = 0) {
+  auto const needed = static_cast<double>(renderer.bytes_needed(static_cast<int>(pictures))),
+             free = static_cast<double>(runtime::free_bytes(device)) + has;
+  if (needed <= free) return;
+  char text[96];
+  std::snprintf(text, sizeof text, " pictures need %.3g GB, and %.3g GB are free", needed / 1e9, free / 1e9);
+  throw Error(where + ": " + std::to_string(pictures) + text + (device == runtime::Device::cuda ? " on the GPU" : "") +
+              ": draw smaller ones, or fewer cameras at a time");
+}
+
 /// The first of the numbers, one after the other, that is not finite; -1: none.
 template <class R>
 std::int64_t first_not_finite(runtime::Array const& a) {
@@ -140,7 +171,7 @@ std::vector<Lens> const& lenses_of(std::string const& where, KeptLenses& kept, n
     if (there != made.end() && there->first == list) {
       lenses.push_back(there->second);
     } else {
-      lenses.push_back(fisheye ? fisheye_lens(list) : opencv_lens(list));
+      lenses.push_back(named(where + ": distortion", [&] { return fisheye ? fisheye_lens(list) : opencv_lens(list); }));
       made.emplace(list, lenses.back());
     }
   }
@@ -210,12 +241,14 @@ class Given {
     if (!number.is_valid() || !nb::try_cast(number, to))
       throw Error(where_ + ": " + name + " is " + text(given) + ": give a whole number of 64 bits, 0 or more");
   }
-  /// What chance is drawn of.
+  /// What chance is drawn of, one for all pictures; false where nothing is said.
   template <class Options>
-  void chance(Options& o) {
+  bool chance(Options& o) {
+    std::size_t const before = left_.size();
     whole("seed", o.seed);
     whole("step", o.step);
     whole("first_image", o.first_image);
+    return left_.size() < before;
   }
   void end() const {
     for (auto const& [name, value] : left_) throw Error(where_ + " has no " + text(name) + ": give " + names_);
@@ -227,7 +260,34 @@ class Given {
   nb::dict left_;
 };
 
-void develop_of(nb::handle words, std::string const& of, runtime::RendererOptions const& o, runtime::DrawOptions& to, nb::object& keeps) {
+/// Rows of seed, step and number, (C, 3), in place of a seed and a step for all. alone: nothing says those.
+runtime::Array chance_of(nb::handle given, std::string const& where, bool alone, nb::object& keeps) {
+  if (given.is_none()) return {};
+  if (!alone) throw Error(where + " says seed, step and number of each picture: leave seed, step and first_image out");
+  if (nb::isinstance<Array>(given) || nb::hasattr(given, "__cuda_array_interface__")) return taken(given, where.c_str(), {-1, 3}, keeps);
+  nb::object const rows = nb::module_::import_("numpy").attr("asarray")(given);
+  auto const text = [](nb::object const& x) { return nb::cast<std::string>(nb::str(x)); };
+  std::string const kind = nb::cast<std::string>(rows.attr("dtype").attr("kind"));
+  if ((kind != "i" && kind != "u") || nb::cast<int>(rows.attr("ndim")) != 2)
+    throw Error(where + " is " + text(rows.attr("dtype")) + " of shape " + text(rows.attr("shape")) +
+                ": give (C, 3) whole numbers, seed, step and number of each picture");
+  constexpr std::int64_t most[] = {std::numeric_limits<std::int64_t>::max(), (std::int64_t(1) << 56) - 1, (std::int64_t(1) << 32) - 1};
+  constexpr char const* names[] = {"seed", "step", "number"};
+  runtime::Array const a = taken(rows.attr("astype")("int64"), where.c_str(), {-1, 3}, keeps);
+  for (std::int64_t i = 0; i < a.extents[0]; ++i)
+    for (int k = 0; k < 3; ++k)
+      if (auto const x = static_cast<std::int64_t const*>(a.data)[i * a.strides[0] + k * a.strides[1]]; x < 0 || x > most[k])
+        throw Error(where + ": the " + names[k] + " of picture " + std::to_string(i) + " is " + std::to_string(x) +
+                    ": give a whole number from 0 to " + std::to_string(most[k]));
+  return a;
+}
+
+/// What DrawOptions look at.
+struct Kept {
+  nb::object background, chance, light_chance, jitter_chance;
+};
+
+void develop_of(nb::handle words, std::string const& of, runtime::RendererOptions const& o, runtime::DrawOptions& to, Kept& keeps) {
   if (!o.rgb8) throw Error(of + ": develop is of rgb8, which this renderer does not make: gsp.Renderer(..., rgb8=True)");
   Given given(words, of + ": develop");
   given.number("exposure", to.develop.exposure);
@@ -235,8 +295,11 @@ void develop_of(nb::handle words, std::string const& of, runtime::RendererOption
   given.number("brightness", to.develop.brightness);
   given.number("noise", to.develop.noise);
   nb::object background = given.take("background");
-  given.chance(to.develop);
+  nb::object const chance = given.take("chance"), light = given.take("light_chance");
+  bool const alone = !given.chance(to.develop);
   given.end();
+  to.chance = chance_of(chance, of + ": develop: chance", alone, keeps.chance);
+  to.light_chance = chance_of(light, of + ": develop: light_chance", true, keeps.light_chance);
   if (background.is_none()) return;
   std::string const where = of + ": develop: background";
   if (!nb::isinstance<Array>(background) && !nb::hasattr(background, "__cuda_array_interface__"))
@@ -245,25 +308,34 @@ void develop_of(nb::handle words, std::string const& of, runtime::RendererOption
   if (rank == 1) {
     nb::list const colour = nb::cast<nb::list>(background.attr("tolist")());
     if (colour.size() != 3) throw Error(where + " has " + std::to_string(colour.size()) + " numbers: give a colour of 3");
-    for (std::size_t k = 0; k < 3; ++k) to.develop.background[int(k)] = given.number_of(colour[k], "background");
+    for (std::size_t k = 0; k < 3; ++k) {
+      float const c = to.develop.background[int(k)] = given.number_of(colour[k], "background");
+      if (c > 1) throw Error(where + " is " + short_text(c) + ": give numbers of 0 to 1 (those of 8 bits divided by 255)");
+    }
     return;
   }
-  to.background = rank == 3 ? all_of(taken(background, where.c_str(), {o.height, o.width, 3}, keeps), 1)
-                            : taken(background, where.c_str(), {-1, o.height, o.width, 3}, keeps);
+  to.background = rank == 3 ? all_of(taken(background, where.c_str(), {o.height, o.width, 3}, keeps.background), 1)
+                            : taken(background, where.c_str(), {-1, o.height, o.width, 3}, keeps.background);
   if (to.background.dtype != runtime::Dtype::float32 && to.background.dtype != runtime::Dtype::float64)
     throw Error(where + " holds whole numbers: give real ones of 0 to 1 (those of 8 bits divided by 255)");
+  if (to.background.device != runtime::Device::cpu) return;  // on a GPU nobody waits for an answer
+  nb::object const numpy = nb::module_::import_("numpy"), numbers = numpy.attr("asarray")(background);
+  double const least = nb::cast<double>(numbers.attr("min")()), most = nb::cast<double>(numbers.attr("max")());
+  if (!(least >= 0 && std::isfinite(most)))  // light may be above 1
+    throw Error(where + " holds " + short_text(least >= 0 ? most : least) + ": give numbers of 0 and above, 1 for full light");
 }
 
-JitterCamerasOptions jitter_of(nb::handle words) {
+void jitter_of(nb::handle words, runtime::DrawOptions& to, Kept& keeps) {
   Given given(words, "gsp.Renderer.render: jitter");
-  JitterCamerasOptions out;
+  JitterCamerasOptions& out = to.jitter;
   given.number("position", out.position);
   given.number("rotation", out.rotation);
   given.number("focal", out.focal);
   given.number("principal", out.principal);
-  given.chance(out);
+  nb::object const chance = given.take("chance");
+  bool const alone = !given.chance(out);
   given.end();
-  return out;
+  to.jitter_chance = chance_of(chance, "gsp.Renderer.render: jitter: chance", alone, keeps.jitter_chance);
 }
 
 /// Cameras that were given, and what holds their memory.
@@ -329,19 +401,23 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
               ArrayLike const& distortion, bool fisheye, GivenWords const& develop, GivenWords const& jitter) {
   auto const cameras = cameras_of("gsp.Renderer.render", self, data, viewmats, Ks, world, distortion, fisheye);
   std::int64_t const n = cameras.count();
-  nb::object keeps;
+  Kept keeps;
   runtime::DrawOptions options;
   if (!develop.is_none()) develop_of(develop, "gsp.Renderer.render", self.options, options, keeps);
-  if (!jitter.is_none()) options.jitter = jitter_of(jitter);
+  if (!jitter.is_none()) jitter_of(jitter, options, keeps);
   Use const use(data), use_renderer(self.busy, "this renderer");
-  bool const anew = !self.own || (self.images != n && self.images > 0) || self.drawn != self.scene->sets;
+  // pictures that Python still has stay what they are
+  bool const anew = !self.own || (self.images != n && self.images > 0 && self.own.use_count() > 1) || self.drawn != self.scene->sets;
   std::shared_ptr<runtime::Renderer> const own = anew ? another(self) : self.own;
+  if (anew || self.images != n)
+    expect_memory("gsp.Renderer.render", *own, self.device, n,
+                  anew ? 0 : double(own->bytes_needed(int(std::max<std::int64_t>(1, self.images)))));
   freshen(data);
   auto const poses = data.stepper->poses();
   warn_of_lost_bodies("gsp.Renderer.render", poses, *self.model);
   {
     OthersRun const others_run;
-    own->render(poses, cameras.arrays, options);
+    named("gsp.Renderer.render", [&] { own->render(poses, cameras.arrays, options); });
   }
   self.own = own;  // where a call is refused, the pictures of the one before stay in their place
   self.drawn = self.scene->sets;
@@ -371,9 +447,10 @@ FixedRenderer fixed(Renderer& self, Data const& data, ArrayLike const& viewmats,
   warn_of_lost_bodies("gsp.Renderer.fixed", poses, *self.model);
   keep_up(self);
   FixedRenderer out{self.session, self.model, self.device, self.options, data.worlds, self.own->another()};
+  expect_memory("gsp.Renderer.fixed", *out.own, self.device, cameras.count());
   {
     OthersRun const others_run;
-    out.own->fix(poses, cameras.arrays);
+    named("gsp.Renderer.fixed", [&] { out.own->fix(poses, cameras.arrays); });
   }
   return out;
 }
@@ -384,7 +461,7 @@ Frames render_fixed(FixedRenderer& self, Data const& data, GivenWords const& dev
   if (data.device != self.device)
     throw Error("gsp.FixedRenderer.render: the data and the renderer are on different devices: make both on one");
   runtime::DrawOptions options;
-  nb::object keeps;
+  Kept keeps;
   if (!develop.is_none()) develop_of(develop, "gsp.FixedRenderer.render", self.options, options, keeps);
   Use const use(data), use_renderer(self.busy, "this renderer");
   freshen(data);
@@ -392,7 +469,7 @@ Frames render_fixed(FixedRenderer& self, Data const& data, GivenWords const& dev
   warn_of_lost_bodies("gsp.FixedRenderer.render", poses, *self.model);
   {
     OthersRun const others_run;
-    self.own->render_fixed(poses, options);
+    named("gsp.FixedRenderer.render", [&] { self.own->render_fixed(poses, options); });
   }
   auto frames = frames_of(self.session, self.own);
   for (Array* a : {&frames.rgb, &frames.depth, &frames.alpha}) a->computed = "copy() it, and write into that";
@@ -400,7 +477,9 @@ Frames render_fixed(FixedRenderer& self, Data const& data, GivenWords const& dev
 }
 
 Array asked_for(Array const& channel, std::string const& name) {
-  if (!channel.array) throw Error("the pictures have no " + name + ": ask for it, gsp.Renderer(..., " + name + "=True)");
+  if (!channel.array)
+    throw Error("the pictures have no " + name + ": ask for it, gsp.Renderer(..., " + name + "=True)" +
+                (name == "ids" || name == "median_depth" ? "; cameras that stand still have none" : ""));
   return channel;
 }
 
@@ -418,7 +497,8 @@ void bind_renderer(nb::module_& m) {
             if (!body.empty() && std::any_of(set.link.begin(), set.link.end(), [](int link) { return link >= 0; }))
               throw Error("gsp.Scene.add_splats: " + path.string() + " says itself which link its Gaussians move with: leave body out");
             io::SplatPose const pose{pos, quat, scale};
-            if (pos != std::array<double, 3>{} || quat != std::array<double, 4>{1, 0, 0, 0} || scale != 1) io::transform(set, pose);
+            if (pos != std::array<double, 3>{} || quat != std::array<double, 4>{1, 0, 0, 0} || scale != 1)
+              named("gsp.Scene.add_splats", [&] { io::transform(set, pose); });
             if (!body.empty() && id_of(s.model, "body", body) > 0) {
               set.link_names = {body};
               set.link.assign(set.size(), 0);
@@ -517,6 +597,8 @@ void bind_renderer(nb::module_& m) {
       m, "FixedRenderer",
       "Pictures of cameras that stand still, bit by bit those of gsp.Renderer.render, which makes it: gsp.Renderer.fixed. Only what\n"
       "moves is drawn, and the blocks of pixels that it touches or has left.")
+      .def_prop_ro("width", [](FixedRenderer const& r) { return r.options.width; })
+      .def_prop_ro("height", [](FixedRenderer const& r) { return r.options.height; })
       .def("__repr__",
            [](FixedRenderer const& r) {
              return "gsp.FixedRenderer(" + size_text(r.options.width, r.options.height) + ", " + std::to_string(r.worlds) + " worlds)";
@@ -529,8 +611,8 @@ void bind_renderer(nb::module_& m) {
           "__init__",
           [](Renderer* self, Scene const& scene, int width, int height, std::string const& device, bool rgb, bool depth, bool alpha,
              bool median_depth, bool normals, bool ids, bool rgb8) {
-            if (width < 1 || height < 1)
-              throw Error("gsp.Renderer: width and height must be positive, not " + std::to_string(width) + " and " +
+            if (width < 1 || height < 1 || width > 65536 || height > 65536)
+              throw Error("gsp.Renderer: width and height must be positive, 65536 at most, and are " + std::to_string(width) + " and " +
                           std::to_string(height));
             new (self) Renderer{session(),
                                 scene.model.compiled,
@@ -562,7 +644,13 @@ void bind_renderer(nb::module_& m) {
           [](Renderer& self, std::vector<std::vector<int>> const& sets) {
             Use const use_renderer(self.busy, "this renderer");
             keep_up(self);
-            self.own->show_sets(sets);
+            int const count = self.scene->sets_count();
+            for (std::size_t w = 0; w < sets.size(); ++w)
+              for (int const set : sets[w])
+                if (set < 0 || set >= count)
+                  throw Error("gsp.Renderer.show: world " + std::to_string(w) + " names set " + std::to_string(set) +
+                              ", and the scene has " + std::to_string(count) + ", numbered from 0 as they were added");
+            named("gsp.Renderer.show", [&] { self.own->show_sets(sets); });
             self.shown = sets;
           },
           nb::arg("sets"),
@@ -572,39 +660,36 @@ void bind_renderer(nb::module_& m) {
           "Pictures come into the memory in which they were.")
       .def("fixed", &fixed, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
            nb::arg("distortion").none() = nb::none(), nb::arg("fisheye") = false,
-           "A gsp.FixedRenderer: these cameras stand still, and what they see of what stands, Gaussians on no moving body, is drawn once, "
-           "here. Cameras\n"
-           "of one place share that. It shows the scene's sets as they are shown now, to as many worlds as data has. The arguments are "
-           "those of render.")
-      .def(
-          "render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
-          nb::arg("distortion").none() = nb::none(), nb::arg("fisheye") = false, nb::kw_only(), nb::arg("develop").none() = nb::none(),
-          nb::arg("jitter").none() = nb::none(),
-          "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) or (1, 3, 3) for all "
-          "[pixel]; world: "
-          "(C) int32, or None: camera c "
-          "shows\n"
-          "world c % worlds; distortion: OpenCV's coefficients, (C, n), or (n) or (1, n) for all, n = 4, 5 or 8: k1 k2 p1 p2 k3 k4 k5 k6, "
-          "or None: "
-          "pinholes;\n"
-          "fisheye: they are k1 k2 k3 k4 of OpenCV's fisheye, whose zeros are the ideal one.\n"
-          "develop: how rgb8 comes of rgb: dict(exposure=0.5, contrast=0.2, brightness=0.1, noise=0.02, background=(0.6, 0.7, 0.9), "
-          "seed=1, step=k), all 0\n"
-          "unless given: c += (1 - alpha) background; c *= 2^e; c = (c - 1/2)(1 + k) + 1/2 + b + n, cut to 0 to 1, e, k and b uniform from "
-          "-x to x of\n"
-          "exposure, contrast (at most 1) and brightness for each picture, n normal noise of that deviation for each number, drawn of "
-          "seed, "
-          "step and the\n"
-          "picture's number, counted from first_image; background: a colour, or a picture (H, W, 3), or (C, H, W, 3), of real numbers of 0 "
-          "to 1;\n"
-          "jitter: cameras that are not quite where they are said to be: dict(position=0.01, rotation=0.01, focal=0.02, principal=3, "
-          "seed=1, "
-          "step=k): each\n"
-          "camera is moved along its axes [m], turned by a rotation vector [rad], its focal length changed by a share (below 1) and its "
-          "centre [pixel], by\n"
-          "numbers of its own from -x to x, drawn of seed, step (of an episode, or of a picture where it shakes) and the picture's number; "
-          "arrays that you\n"
-          "gave stay what they are.");
+           "A gsp.FixedRenderer: these cameras stand still, and what they see of what stands is drawn once, here: Gaussians of the world,\n"
+           "while bodies that are welded to it count as moving. Cameras of one place share that. It shows the scene's sets as they are\n"
+           "shown now, to as many worlds as data has. The arguments are those of render.")
+      .def("render", &render, nb::arg("data"), nb::arg("viewmats"), nb::arg("Ks"), nb::arg("world").none() = nb::none(),
+           nb::arg("distortion").none() = nb::none(), nb::arg("fisheye") = false, nb::kw_only(), nb::arg("develop").none() = nb::none(),
+           nb::arg("jitter").none() = nb::none(),
+           "viewmats: (C, 4, 4), or (4, 4), world to camera, x right, y down, z ahead; Ks: (C, 3, 3), or (3, 3) or (1, 3, 3) for all "
+           "[pixel];\n"
+           "world: (C) int32, or None: camera c shows world c % worlds; distortion: OpenCV's coefficients, (C, n), or (n) or (1, n) for "
+           "all,\n"
+           "n = 4, 5 or 8: k1 k2 p1 p2 k3 k4 k5 k6, or None: pinholes; fisheye: they are k1 k2 k3 k4 of OpenCV's fisheye, whose zeros are\n"
+           "the ideal one.\n"
+           "develop: how rgb8 comes of rgb: dict(exposure=0.5, contrast=0.2, brightness=0.1, noise=0.02, background=(0.6, 0.7, 0.9), "
+           "seed=1,\n"
+           "step=k), all 0 unless given: c += (1 - alpha) background; c *= 2^e; c = (c - 1/2)(1 + k) + 1/2 + b + n, cut to 0 to 1; e, k "
+           "and b\n"
+           "uniform from -x to x of exposure, contrast (at most 1) and brightness for each picture, n normal noise of that deviation for "
+           "each\n"
+           "number, drawn of seed, step and the picture's number, counted from first_image, or, where chance is given, (C, 3) whole "
+           "numbers, of\n"
+           "each picture's own seed, step and number (gsp.Task.chance makes them), and e, k and b of light_chance, where that is; "
+           "background: a colour, or a picture (H, W, 3), "
+           "or\n"
+           "(C, H, W, 3), of real numbers of 0 to 1.\n"
+           "jitter: cameras that are not quite where they are said to be: dict(position=0.01, rotation=0.01, focal=0.02, principal=3, "
+           "seed=1,\n"
+           "step=k): each camera is moved along its axes [m], turned by a rotation vector [rad], its focal length changed by a share "
+           "(below\n"
+           "1) and its centre [pixel], by numbers of its own from -x to x, drawn of seed, step (of an episode, or of a picture where it\n"
+           "shakes) and the picture's number, or of chance, (C, 3), as above; arrays that you gave stay what they are.");
   m.def("_depth_to_rgb", [](nb::bytes const& depth, int width, int height, float near, float far) {
     auto const bitmap = io::depth_to_color(reinterpret_cast<float const*>(depth.c_str()), width, height, {.near = near, .far = far});
     return nb::bytes(reinterpret_cast<char const*>(bitmap.pixels.data()), bitmap.pixels.size());

@@ -663,6 +663,40 @@ def test_developed_pictures():
     ):
         with pytest.raises(gsp.Error, match=match):
             develop(**words)
+    # chance of each picture: that of a picture of another number, of a batch of one, in a call of its own
+    rows = np.array([[3, 5, 1], [3, 5, 0]])
+    words = dict(exposure=0.3, noise=0.05)
+    both, crossed = develop(**words, seed=3, step=5), develop(**words, chance=rows[::-1])
+    assert np.array_equal(both, crossed)
+    assert not np.array_equal(both, develop(**words, chance=rows))
+    assert not np.array_equal(both, develop(**words, seed=3, step=5, light_chance=rows))
+    assert np.array_equal(develop(noise=0.05, seed=3, step=5), develop(noise=0.05, seed=3, step=5, light_chance=rows))
+    for words, match in (
+        (dict(chance=rows, step=1), "develop: chance says seed, step and number of each picture: leave seed, step and first_image out"),
+        (dict(chance=rows[:1]), r"develop: chance has a row of int64 for each picture, \(C, 3\)"),
+        (dict(chance=rows[:, :2]), "develop: chance has shape"),
+        (dict(chance=rows / 2), r"chance is float64 of shape \(2, 3\): give \(C, 3\) whole numbers"),
+        (dict(light_chance=-rows), "light_chance: the seed of picture 0 is -3: give a whole number from 0 to"),
+        (dict(chance=rows << 32), "the number of picture 0 is 4294967296: give a whole number from 0 to 4294967295"),
+    ):
+        with pytest.raises(gsp.Error, match=match):
+            develop(**words)
+    for background, said in (
+        ((255, 128, 0), r"background is 255.*give numbers of 0 to 1"),
+        (np.full((48, 64, 3), np.nan), "background holds nan: give numbers of 0 and above"),
+        (np.full((48, 64, 3), -5.0), "background holds -5"),
+        (np.full((48, 64, 3), np.inf), "background holds inf"),
+    ):
+        with pytest.raises(gsp.Error, match=said):
+            develop(background=background)
+    with pytest.raises(gsp.Error, match="^gsp.Renderer.render: distortion: .*coefficient 0 is not finite"):
+        renderer.render(data, *at, distortion=[np.nan, 0, 0, 0])
+    with pytest.raises(gsp.Error, match="jitter: chance says seed"):
+        renderer.render(data, *at, jitter=dict(seed=1, chance=rows))
+    jitter = dict(position=0.1, rotation=0.1)
+    assert np.array_equal(
+        renderer.render(data, *at, jitter=dict(**jitter, seed=3, step=5)).rgb.copy(), renderer.render(data, *at, jitter=dict(**jitter, chance=rows[::-1])).rgb.copy()
+    )
     # a call that is refused has drawn nothing
     frames = renderer.render(data, *at)
     before = [a.copy() for a in (frames.rgb, frames.depth, frames.rgb8)]
@@ -674,7 +708,7 @@ def test_developed_pictures():
     # nor is a background read that is drawn over meanwhile
     both = gsp.Renderer(scene, 64, 48, rgb8=True, normals=True)
     frames = both.render(data, *at)
-    for background in (frames.rgb[0], frames.rgb, frames.normals.numpy()[1:]):
+    for background in (frames.rgb[0], frames.rgb, frames.rgb.numpy()[1:]):
         with pytest.raises(gsp.Error, match=r"gsp.Renderer.render: the background lies in the pictures that are to be drawn: copy\(\) it first"):
             both.render(data, *at, develop=dict(background=background))
     background = frames.rgb.copy()
@@ -712,7 +746,7 @@ def test_jittered_cameras():
     normals = renderer.render(data, *at, jitter=dict(rotation=0.2, seed=5)).normals.numpy()
     assert np.all(np.median(normals[:, 20:28, 28:36, 2], axis=(1, 2)) > 0.9)
     for words, match in (
-        (dict(positon=1), "jitter has no 'positon': give position, rotation, focal, principal, seed, step, first_image"),
+        (dict(positon=1), "jitter has no 'positon': give position, rotation, focal, principal, chance, seed, step, first_image"),
         (dict(rotation=4), "jitter: rotation is 4: give a number of 0 or more, at most 3.14159"),
         (dict(focal=1), "focal is 1: give a number of 0 or more, below 1"),
         (dict(step=2**56), "step is 72057594037927936: give a whole number"),
@@ -757,8 +791,29 @@ def test_cameras_that_stand_still_have_the_pictures_of_render(model):
     fixed = gsp.Renderer(gsp.Scene(model).add_room(), 48, 36).fixed(data, *at)
     with pytest.raises(gsp.Error, match="not of the model and the 3 worlds"):
         fixed.render(gsp.Data(model, worlds=2))
-    with pytest.raises(gsp.Error, match="develop is of rgb8"):
+    assert (fixed.width, fixed.height) == (48, 36)
+    with pytest.raises(gsp.Error, match="^gsp.FixedRenderer.render: develop is of rgb8"):
         fixed.render(data, develop=dict(noise=0.1))
+    # who was called is named
+    renderer = gsp.Renderer(gsp.Scene(model).add_room(), 48, 36, rgb8=True)
+    for r, arguments, of in ((renderer, at, "gsp.Renderer.render"), (renderer.fixed(data, *at), (), "gsp.FixedRenderer.render")):
+        for develop, said in ((dict(contrast=2), "develop: contrast is 2"), (dict(background=np.zeros((9, 36, 48, 3))), "develop: the background is")):
+            with pytest.raises(gsp.Error, match=f"^{of}: {said}"):
+                r.render(data, *arguments, develop=develop)
+    with pytest.raises(gsp.Error, match="^gsp.Renderer.render: jitter: rotation is 4"):
+        renderer.render(data, *at, jitter=dict(rotation=4))
+
+
+def test_pictures_that_fit_in_no_memory_are_refused(model):
+    data = gsp.Data(model)
+    at = gsp.look_at([2, 0, 1], [0, 0, 0]), gsp.pinhole(40000, 40000, 60)
+    renderer = gsp.Renderer(gsp.Scene(model).add_room(), 40000, 40000)
+    with pytest.raises(gsp.Error, match=r"^gsp.Renderer.render: 64 pictures need [0-9.e+]+ GB, and .* GB are free: draw smaller ones"):
+        renderer.render(data, np.tile(at[0], (64, 1, 1)), at[1])
+    with pytest.raises(gsp.Error, match=r"^gsp.Renderer.fixed: 64 pictures need [0-9.e+]+ GB"):
+        renderer.fixed(data, np.tile(at[0], (64, 1, 1)), at[1])
+    with pytest.raises(gsp.Error, match="width and height must be positive, 65536 at most, and are 70000 and 20"):
+        gsp.Renderer(gsp.Scene(model).add_room(), 70000, 20)
 
 
 def test_each_world_shows_its_own_sets(model):
@@ -785,7 +840,7 @@ def test_each_world_shows_its_own_sets(model):
     view_of_memory = small.rgb.numpy()
     few.show([])
     assert few.render(data, views, K).rgb.pointer == small.rgb.pointer and np.array_equal(view_of_memory, everything)
-    with pytest.raises(ValueError, match="names set 2; make_gaussians was given 2"):
+    with pytest.raises(ValueError, match="^gsp.Renderer.show: world 1 names set 2, and the scene has 2, numbered from 0"):
         both.show([[0], [2], [1]])
     assert np.array_equal(both.render(data, views, K).rgb, everything)  # a show that was refused changes nothing
 
@@ -895,7 +950,6 @@ def test_other_kinds_of_arguments(model):
         gsp.Model("robot.xml")
     data = gsp.Data(model)
     for call in (
-        lambda: data.cameras([{1: 2}]),
         lambda: gsp.reset(model, data, keyframe=1.5),
         lambda: data.jacobian(body=[1]),
     ):

@@ -258,7 +258,7 @@ print(gsp.Renderer(scene, 16, 16).render(data, V, gsp.pinhole(16, 16, 60)).alpha
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     said, goes_on = done.stdout.splitlines()
-    assert said.startswith("there is not enough memory (") and said.endswith("make fewer worlds or pictures, or free what others hold"), said
+    assert said.startswith("gsp.Renderer.render: 1 pictures need ") and said.endswith(" GB are free: draw smaller ones, or fewer cameras at a time"), said
     assert goes_on == "True"
 
 
@@ -377,6 +377,24 @@ def test_no_pictures_of_environments():
             make()
 
 
+def test_what_cannot_be_assigned_says_what_to_do(model):
+    data = gsp.Data(model)
+    for of, name, said in (
+        (data, "xfrc_applied", "gsp.Data has no attribute 'xfrc_applied': .*data.qfrc_applied = "),
+        (data, "xpos", "gsp.Data.xpos is for reading: it follows from what is written"),
+        (data, "time", "gsp.Data.time is for reading: .*write data.steps"),
+        (data, "timestep", r"gsp.Data.timestep is for reading: gsp.Data\(model, timestep=seconds\)"),
+        (data, "qposs", r"gsp.Data has no attribute 'qposs': is it qpos\?$"),
+        (model, "timestep", r"gsp.Model.timestep is for reading: gsp.Data\(model, timestep=seconds\)"),
+        (model, "body_mass", r"gsp.Model.body_mass is for reading: gsp.Data\(model, per_world=\['body_mass'\]\), then data.set"),
+        (model, "nq", "gsp.Model.nq is for reading: say it in the MJCF"),
+    ):
+        with pytest.raises(AttributeError, match=said):
+            setattr(of, name, 1)
+    data.qpos = data.qpos.copy() + 0.25
+    assert data.qpos[0, 0] == 0.25 + model.qpos0[0]
+
+
 def test_names_of_mujocos_say_what_to_take_here(model):
     import re
 
@@ -428,6 +446,11 @@ def test_names_of_mujocos_say_what_to_take_here(model):
         ([dict(body=2)], "body of mount 0 is 2: give its name"),
         (dict(body="box"), r"the mounts are a list: give \[dict\("),
         (None, "the mounts are a list"),
+        ("c", r"the mounts are a list: give .*\['name'\]"),
+        ([{1: 2}], "a mount has body, pos, quat and fovy, and no '1'"),
+        ([dict(body="box", quat="abcd")], "quat of mount 0 is 'abcd': give 4 numbers"),
+        ([dict(body="box", pos={1, 2, 3})], "pos of mount 0 is .*: give 3 numbers"),
+        ([dict(body="box", fovy=float("nan"))], "fovy must lie between 0 and 180"),
     ],
 )
 def test_mounts_that_cannot_be_read_are_named(model, mounts, said):

@@ -75,6 +75,8 @@ def test_pictures_are_written(tmp_path):
     assert zlib.decompress(data[start + 4 : start + 4 + length])[-6:] in (bytes([0, 128, 255, 0, 0, 255]), bytes([0, 128, 255, 0, 128, 0]))
     with pytest.raises(gsp.Error, match="shape"):
         gsp.write_png(tmp_path / "b.png", np.zeros((2, 2, 2)))
+    with pytest.raises(gsp.Error, match="b.jpg' does not end in .png"):
+        gsp.write_png(tmp_path / "b.jpg", np.zeros((2, 2, 3)))
     assert not (tmp_path / "b.png").exists()
 
 

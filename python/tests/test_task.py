@@ -894,6 +894,83 @@ def test_rewards_that_are_not_finite_are_refused(array):
             task.step(xp.zeros((3, 1)))
 
 
+@pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP])
+def test_rewards_of_an_episode_that_begins_are_looked_at_where_they_are_read(mode):
+    class Divides(Plain):
+        def reward(self, data):
+            return self.worth
+
+        def terminated(self, data):
+            return self.over
+
+    task = Divides(worlds=3)
+    task.worth, task.over = np.zeros(3), np.array([False, True, False])
+    envs = gsp.gymnasium.VectorEnv(task, mode)
+    envs.reset()
+    envs.step(np.zeros((3, 1)))
+    task.worth, task.over = np.array([0, np.nan, 0]), np.zeros(3, dtype=bool)
+    if mode is AutoresetMode.SAME_STEP:  # world 1 was reset in the step that ended it: this is its first one
+        with pytest.raises(gsp.Error, match="Divides.reward of world 1 is nan"):
+            envs.step(np.zeros((3, 1)))
+    else:  # this step resets it, and its reward is 0
+        assert envs.step(np.zeros((3, 1)))[1].tolist() == [0, 0, 0]
+        with pytest.raises(gsp.Error, match="Divides.reward of world 1 is nan"):
+            envs.step(np.zeros((3, 1)))
+
+
+class Sees(Short):
+    """Pictures that chance changes, of both kinds."""
+
+    def __init__(self, worlds=1, **options):
+        super().__init__(worlds, **options)
+        self.renderer = gsp.Renderer(gsp.Scene(self.model).add_surface(), 24, 16, rgb8=True, depth=False)
+
+    def observe(self, data):
+        mount = dict(body="world", pos=(0, -3, 1), quat=(0.77, 0.64, 0, 0), fovy=60)
+        at = data.cameras([mount], 24, 16)
+        episode = self.chance("episode")
+        develop = dict(exposure=0.3, noise=0.05, background=(0.6, 0.7, 0.9), chance=self.chance(), light_chance=episode)
+        return {"seen": super().observe(data), "picture": self.renderer.render(data, *at, develop=develop, jitter=dict(position=0.2, chance=episode)).rgb8}
+
+
+def test_pictures_of_a_world_are_its_own():
+    seeds = [5, 6, 7]
+    ours = gsp.gymnasium.VectorEnv(Sees(worlds=3))
+    theirs = SyncVectorEnv([lambda: gsp.gymnasium.Env(Sees())] * 3, autoreset_mode=AutoresetMode.SAME_STEP)
+    other = gsp.gymnasium.VectorEnv(Sees(worlds=3))
+    (a, _), (b, _), (c, _) = ours.reset(seed=seeds), theirs.reset(seed=seeds), other.reset(seed=[99, 6, 7])
+    rng, before = np.random.default_rng(0), a["picture"]
+    for _ in range(40):
+        assert np.array_equal(a["picture"], b["picture"]) and np.array_equal(a["seen"], b["seen"])
+        assert np.array_equal(a["picture"][1:], c["picture"][1:]) and not np.array_equal(a["picture"][0], c["picture"][0])
+        assert len({p.tobytes() for p in a["picture"]}) == 3
+        action = rng.uniform(-1, 1, (3, 1)).astype(np.float32)
+        a, b, c = (e.step(action)[0] for e in (ours, theirs, other))
+        assert not any(np.array_equal(x, y) for x, y in zip(before, a["picture"]))
+        before = a["picture"]
+    assert ours.task._episode.max() > 0
+
+
+@pytest.mark.parametrize("array", ["numpy", "torch"])
+def test_chance_is_of_a_world_its_episode_and_its_step(array):
+    xp = pytest.importorskip("torch") if array == "torch" else np
+    task = Plain(worlds=3, array=array, seed=4)
+    task.reset()
+    rows = lambda *words, **more: np.asarray(task.chance(*words, **more))  # noqa: E731
+    first, episode = rows(), rows("episode")
+    assert first.dtype == np.int64 and first.shape == (3, 3) and first.min() >= 0 and len(np.unique(first, axis=0)) == 3
+    task.step(xp.zeros((3, 1)))
+    assert np.array_equal(rows("episode"), episode) and np.array_equal(rows()[:, 1], first[:, 1] + 1)
+    task.reset(xp.asarray([True, False, False]))
+    changed = rows("episode") != episode
+    assert changed[0, 1] and changed.sum() == 1
+    two = rows(pictures=2)
+    assert two.shape == (6, 3) and len(np.unique(two, axis=0)) == 6 and np.array_equal(two[::2, :2], two[1::2, :2])
+    assert np.array_equal(two[:, 2], 2 * np.repeat(rows()[:, 2], 2) + np.tile([0, 1], 3))
+    with pytest.raises(gsp.Error, match="Plain.chance: of is 'world'"):
+        task.chance("world")
+
+
 def test_a_model_without_actuators_is_told():
     falls = gsp.Model.from_string('<mujoco><worldbody><body><freejoint/><geom size="0.1"/></body></worldbody></mujoco>')
 

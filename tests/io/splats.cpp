@@ -130,15 +130,22 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
   write_file(folder.path / "b.ply.links.json", bytes_of(R"({"links": [{"name": "hand", "first": 0, "count": 300}]})"));
   CHECK(read_splats(folder.path / "b.ply").link_names == std::vector<std::string>{"hand"});
   CHECK(write_splats(folder.path / "b.ply", set).empty());
+  CHECK(!std::filesystem::exists(folder.path / "b.ply.links.json"));  // they stand in the file
   again = read_splats(folder.path / "b.ply");
   CHECK(again.link_names[std::size_t(again.link[10])] == set.link_names[std::size_t(set.link[10])]);
   CHECK(again.link[30] == -1);
   write_file(folder.path / "a.links.json", bytes_of(R"({"links": []})"));
   CHECK(says(error_of([&] { read_splats(folder.path / "a.ply"); }),
-             "a.links.json: says not of which file its links are; name it 'a.ply.links.json'"));
-  CHECK(says(error_of([&] { write_splats(folder.path / "a.spz", set); }), "name it 'a.spz.links.json'"));
+             "a.links.json: says not of which file its links are; name it '" + (folder.path / "a.ply.links.json").string() + "'"));
+  CHECK(says(error_of([&] { write_splats(folder.path / "a.spz", set); }), "a.spz.links.json' if they are this file's"));
   CHECK(!std::filesystem::exists(folder.path / "a.spz"));
-  CHECK(says(error_of([&] { write_splats(folder.path / "a.compressed.ply", set); }), "name it 'a.compressed.ply.links.json'"));
+  CHECK(says(error_of([&] { write_splats(folder.path / "a.compressed.ply", set); }), "a.compressed.ply.links.json' if they are"));
+  std::filesystem::create_directory(folder.path / "old");
+  std::filesystem::create_symlink(folder.path / "a.ply", folder.path / "old" / "through.ply");
+  CHECK(says(error_of([&] { read_splats(folder.path / "old" / "through.ply"); }), "a.links.json: says not of which file"));
+  CHECK(write_splats(folder.path / "old" / "b.compressed.ply", set).empty());
+  write_file(folder.path / "old" / "b.compressed.links.json", bytes_of(R"({"links": []})"));
+  CHECK(says(error_of([&] { read_splats(folder.path / "old" / "b.compressed.ply"); }), "b.compressed.links.json: says not"));
   // of the file that a symbolic link leads to
   CHECK(write_splats(folder.path / "h.spz", set).empty());
   std::filesystem::create_symlink(folder.path / "h.spz", folder.path / "link.spz");
@@ -146,6 +153,21 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
   CHECK(write_splats(folder.path / "link.spz", plain(set)).empty());
   CHECK(read_splats(folder.path / "h.spz").link_names.empty());
   CHECK(!std::filesystem::exists(folder.path / "link.spz.links.json"));
+  // those beside the name that is read come first, as in caches whose names lead into a store of files named by their hashes
+  std::filesystem::create_directory(folder.path / "store");
+  CHECK(write_splats(folder.path / "store" / "1f3a.spz", plain(set)).empty());
+  write_file(folder.path / "store" / "77c0", bytes_of(R"({"links": [{"name": "hand", "first": 0, "count": 300}]})"));
+  std::filesystem::create_symlink("store/1f3a.spz", folder.path / "room.spz");
+  std::filesystem::create_symlink("store/77c0", folder.path / "room.spz.links.json");
+  CHECK(read_splats(folder.path / "room.spz").link_names == std::vector<std::string>{"hand"});
+  CHECK(write_splats(folder.path / "room.spz", set).empty());
+  CHECK(read_splats(folder.path / "room.spz").link == set.link);
+  CHECK(read_splats(folder.path / "store" / "1f3a.spz").link == set.link);
+  CHECK(std::filesystem::exists(folder.path / "store" / "77c0"));
+  std::filesystem::create_symlink("store/later.spz", folder.path / "later.spz");  // to a file that is not there yet
+  CHECK(write_splats(folder.path / "later.spz", set).empty());
+  CHECK(read_splats(folder.path / "later.spz").link == set.link);
+  CHECK(read_splats(folder.path / "store" / "later.spz").link == set.link);
   // room.spz's are not of room.spz.ply
   CHECK(write_splats(folder.path / "h.spz.ply", set).empty());
   CHECK(read_splats(folder.path / "h.spz.ply").link == set.link);

@@ -243,7 +243,7 @@ tells() {  # what it says on stderr, or nothing; options of gsp render
 for channels in rgb depth alpha; do tells 'picture 1 of 2 shows no Gaussian: turn the camera to the scene, or let --splat-pose say where that stands' --cameras cameras_astray.npz --channels $channels --npz astray.npz; done
 tells '' --cameras cameras_astray.npz --npz astray.npz --quiet
 tells '' --cameras cameras_astray.npz --npz astray.npz --json
-tells 'nothing is written; --out, --npz or --video say what to keep' --cameras cameras_astray.npz  # so not on the host
+tells 'nothing is written; --out, --npz or --video say what to keep' --cameras cameras_astray.npz  # pictures stay on the device, so nobody looks for empty ones
 tells '' --cameras cameras.npz --npz astray.npz
 sed 's|<worldbody>|<worldbody><camera name="wall" pos="0 -3 .5" xyaxes="-1 0 0 0 0 1"/>|' cart.xml > wall.xml
 tells "camera 'wall' sees no Gaussian in 22 of 22 pictures: turn the camera to the scene, or let --splat-pose say where that stands" --model wall.xml --trace a.npz --camera wall --npz astray.npz

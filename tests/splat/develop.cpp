@@ -141,6 +141,31 @@ TEST_CASE_TEMPLATE("each image has its own exposure, contrast, brightness and no
   part.first_image = 120;
   gsp::develop(exec, three, of_three, part);
   CHECK(std::memcmp(on_host(of_three).data(), &whole(120, 0, 0, 0), of_three.span() * sizeof(float)) == 0);
+  // each image of a chance of its own: those of images 120 to 122 in another order, and light of another step
+  using Chance = Kokkos::View<std::int64_t* [3], Kokkos::LayoutRight, Mem>;
+  Chance const chance("chance", 3), light("light", 3);
+  auto const rows = Kokkos::create_mirror_view(chance), light_rows = Kokkos::create_mirror_view(light);
+  std::int64_t const number[] = {122, 120, 121};
+  for (int i = 0; i < 3; ++i) {
+    rows(i, 0) = light_rows(i, 0) = 5, rows(i, 1) = 2, light_rows(i, 1) = (std::int64_t(1) << 55) + i, rows(i, 2) = number[i];
+    light_rows(i, 2) = 7;
+  }
+  Kokkos::deep_copy(chance, rows);
+  Kokkos::deep_copy(light, light_rows);
+  part.seed = 99, part.step = 17;  // which nothing looks at
+  gsp::develop(exec, three, of_three, part, {}, chance);
+  for (int i = 0; i < 3; ++i)
+    CHECK(std::memcmp(&on_host(of_three)(i, 0, 0, 0), &whole(int(number[i]), 0, 0, 0), sizeof(float) * 3 * width * height) == 0);
+  gsp::develop(exec, three, of_three, {.brightness = 0.3f}, {}, chance, light);
+  for (int i = 0; i < 3; ++i) {
+    auto const word = gsp::philox(5, {{0, 7, std::uint32_t(i), std::uint32_t(1) << 31 | 16u}}).word[2];
+    CHECK(on_host(of_three)(i, 3, 2, 1) == doctest::Approx(0.5 + 0.3 * (2 * (double(word >> 9) + 0.5) / 8388608 - 1)).epsilon(1e-6));
+  }
+  gsp::develop(exec, three, of_three, {.noise = 0.05f}, {}, chance, light);
+  for (int i = 0; i < 3; ++i)
+    CHECK(std::memcmp(&on_host(of_three)(i, 0, 0, 0), &noise(int(number[i]), 0, 0, 0), sizeof(float) * 3 * width * height) == 0);
+  CHECK_THROWS_WITH_AS(gsp::develop(exec, frames, again, part, {}, chance), doctest::Contains("a row for each image"),
+                       std::invalid_argument);
   gsp::develop(exec, frames, frames.rgb, noisy);  // in place
   CHECK(std::memcmp(on_host(frames.rgb).data(), noise.data(), noise.span() * sizeof(float)) == 0);
 }

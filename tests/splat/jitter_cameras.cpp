@@ -142,6 +142,17 @@ TEST_CASE_TEMPLATE("the same bits in any batch, and none are touched that are no
   CHECK(same_bits(numbers_of(of_part.viewmats), {whole_views.begin() + 16 * first, whole_views.end()}));
   CHECK(same_bits(numbers_of(of_part.Ks), {whole_Ks.begin() + 9 * first, whole_Ks.end()}));
   options.first_image = 0;
+  // of a chance of their own: the last ten as they are in the batch, the first of them last
+  using Mem = typename Exec::memory_space;
+  Kokkos::View<std::int64_t* [3], Kokkos::LayoutRight, Mem> const chance("chance", count);
+  auto const rows = Kokkos::create_mirror_view(chance);
+  for (int c = 0; c < count; ++c) rows(c, 0) = 4, rows(c, 1) = options.step, rows(c, 2) = first + c;
+  Kokkos::deep_copy(chance, rows);
+  gsp::jitter_cameras(exec, part, of_part, {.position = 0.1f, .rotation = 0.2f, .focal = 0.1f, .principal = 2, .seed = 77}, chance);
+  CHECK(same_bits(numbers_of(of_part.viewmats), {whole_views.begin() + 16 * first, whole_views.end()}));
+  CHECK(same_bits(numbers_of(of_part.Ks), {whole_Ks.begin() + 9 * first, whole_Ks.end()}));
+  CHECK_THROWS_WITH_AS(gsp::jitter_cameras(exec, cameras, jittered, options, chance), doctest::Contains("a row for each image"),
+                       std::invalid_argument);
   gsp::jitter_cameras(exec, cameras, cameras, options);  // in place
   CHECK(same_bits(cameras, jittered));
 

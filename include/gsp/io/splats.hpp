@@ -22,8 +22,9 @@ namespace gsp::io {
 SplatSet parse_splats(Bytes bytes, std::string const& name, std::filesystem::path const& folder = {});
 
 /// Gaussians of a file: .ply (3DGS or SuperSplat's compressed one), .splat, .spz, .glb, .gltf, .sog or SOG's meta.json, .usda. Where its
-/// name with `.links.json` behind stands beside it (scene.spz -> scene.spz.links.json), that file's ranges bind Gaussians to links and
-/// replace a PLY's own. Throws Error with file, place and remedy, and for a scene.links.json, which does not say of which file it is.
+/// name with `.links.json` behind stands beside it (scene.spz -> scene.spz.links.json), or, where `path` is a symbolic link, beside the
+/// file that it leads to, that file's ranges bind Gaussians to links and replace a PLY's own. Throws Error with file, place and remedy, and
+/// for a scene.links.json, which does not say of which file it is.
 SplatSet read_splats(std::filesystem::path const& path);
 
 struct WriteSplatsOptions {
@@ -31,12 +32,12 @@ struct WriteSplatsOptions {
 };
 
 /// Writes a set in the format that the ending of `path` names: .ply (3DGS), .compressed.ply, .splat, .spz, .glb, .gltf, .sog, meta.json
-/// (SOG, with pictures beside it) or .usda. Links stand in PLY files themselves, else in a sidecar FILE.links.json beside it, which is
-/// replaced with the file. Compressed PLY and SOG order the Gaussians by `sort_splats`. Returns one sentence each: what the format has no
-/// place for; how many Gaussians have colours, SH terms or scales beyond those that it holds, which are clipped; and of how many the steps
-/// that it rounds to move the place by more than their size (compressed PLY, .spz, SOG), or the colour by more than 1/255 (compressed PLY).
-/// Throws Error for another ending, beside a scene.links.json, and as the format's own function does. Nothing that was there is replaced
-/// before the new file is complete.
+/// (SOG, with pictures beside it) or .usda. Links stand in PLY files themselves, else in a sidecar FILE.links.json beside the file (behind
+/// symbolic links); one that was there goes with what was there. Compressed PLY and SOG order the Gaussians by `sort_splats`. Returns one
+/// sentence each: what the format has no place for; how many Gaussians have colours, SH terms or scales beyond those that it holds, which
+/// are clipped; and of how many the steps that it rounds to move the place by more than their size (compressed PLY, .spz, SOG), or the
+/// colour by more than 1/255 (compressed PLY). Throws Error for another ending, beside a scene.links.json, and as the format's own function
+/// does. Nothing that was there is replaced before the new file is complete.
 std::vector<std::string> write_splats(std::filesystem::path const& path, SplatSet set, WriteSplatsOptions const& options = {});
 
 /// Throws Error where write_splats would because of the path: for a program to ask before long work.

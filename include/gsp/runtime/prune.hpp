@@ -8,7 +8,7 @@ struct PruningOptions {
   double keep = 0.3;              // share of the Gaussians
   float depth_weight = 0.1f, alpha_max = 0.999f;
   float near = 0.01f;  // camera z before which nothing is seen, in the file's unit
-  int batch = 0;  // images a wave; 0: chosen
+  int batch = 0;       // images a wave; 0: chosen
 };
 struct Pruning {
   io::SplatSet set;            // what is left, with other colours, opacities and sizes

@@ -16,6 +16,8 @@ class Scene {
   /// Gaussians on the geoms of the model's moving bodies.
   void add_surface(CompiledModel const& model);
   std::size_t count() const;
+  /// How many sets there are.
+  int sets_count() const;
   /// Of the Gaussians that stand, how many, and the box of their centres: along each axis from the k-th of them to the k-th from the end,
   /// k = n (1 - share) / 2, so that a few that float far off do not decide. Zeros where none stands.
   struct Bounds {
@@ -55,6 +57,9 @@ struct DrawOptions {
   DevelopOptions develop = {};  // of rgb8 (splat/develop.hpp)
   Array background = {};        // (1 or C, H, W, 3) floats in place of develop's colour, on any device, not of the renderer's own pictures
   JitterCamerasOptions jitter = {};  // of the cameras, which stay what they are for the caller (splat/jitter_cameras.hpp)
+  /// (C, 3) int64 on any device: seed, step and number that each picture's noise, its light (exposure, contrast, brightness) and its jitter
+  /// are drawn of, in place of those above; empty: those, of light chance.
+  Array chance = {}, light_chance = {}, jitter_chance = {};
 };
 
 class Renderer {

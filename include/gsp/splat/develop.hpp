@@ -1,13 +1,12 @@
 #pragma once
 #include <gsp/core/region.hpp>
-#include <gsp/math/philox.hpp>
-#include <gsp/splat/picture_options.hpp>
+#include <gsp/splat/detail/picture_chance.hpp>
 #include <gsp/splat/frames.hpp>
+#include <gsp/splat/picture_options.hpp>
 
 namespace gsp {
 
 namespace detail {
-inline constexpr std::uint32_t picture_stream = 16;
 /// 0 to 1 as the numbers of a picture: whole ones of 8 bits to the nearest of 255 steps.
 template <class T>
 KOKKOS_INLINE_FUNCTION T developed_as(float c) {
@@ -23,18 +22,14 @@ struct Develop {
   Out out;
   Kokkos::View<float const****, Kokkos::LayoutRight, Mem> background;
   DevelopOptions options;
+  PictureChance<Mem> chance, light;
 
   KOKKOS_FUNCTION void operator()(std::int64_t i) const {
     int const x = int(i % frames.width), y = int(i / frames.width % frames.height), image = int(i / frames.width / frames.height);
-    auto const words = [&](std::uint32_t pixel, std::uint32_t stream) {
-      // 24 bits of the upper half of the step, and a stream that no noise of rays or sensors has
-      return philox(options.seed, {{pixel, std::uint32_t(options.first_image + image), std::uint32_t(options.step),
-                                    std::uint32_t(std::uint64_t(options.step) >> 32) << 8 | (picture_stream + stream)}});
-    };
     // of the image: an exact 0 where nothing is drawn
     float gain = 1, contrast = 1, brightness = 0;
     if (options.exposure > 0 || options.contrast > 0 || options.brightness > 0) {
-      Philox const drawn = words(0, 0);
+      Philox const drawn = light.words(image, 0, PictureStream::light);
       auto const within = [&](int k, float most) { return most * fma(2.f, uniform_of<float>(drawn.word[k]), -1.f); };
       gain = Kokkos::exp2(within(0, options.exposure));
       contrast = 1.f + within(1, options.contrast);
@@ -42,7 +37,7 @@ struct Develop {
     }
     float noise[4] = {};
     if (options.noise > 0) {
-      Philox const drawn = words(std::uint32_t(i % (std::int64_t(frames.width) * frames.height)), 1);
+      Philox const drawn = chance.words(image, std::uint32_t(i % (std::int64_t(frames.width) * frames.height)), PictureStream::noise);
       for (int k = 0; k < 4; k += 2) {
         auto const spread = Spread<float>::of(drawn.word[k], drawn.word[k + 1]);
         float s, c;
@@ -64,13 +59,13 @@ struct Develop {
 
 /// What `develop` refuses whatever the frames hold: a caller that draws them first asks before.
 template <class Background>
-void check_develop(DevelopOptions const& options, Background const& background, int images, int height, int width) {
-  check_options(options, images);
+void check_develop(char const* where, DevelopOptions const& options, Background const& background, int images, int height, int width) {
+  check_options(where, options, images);
   auto const is = [&](int k, int n) { return int(background.extent(k)) == n; };
   if (!background.data() || ((is(0, 1) || is(0, images)) && is(1, height) && is(2, width) && is(3, 3))) return;
   std::string given, size = ", " + std::to_string(height) + ", " + std::to_string(width) + ", 3)";
   for (int k = 0; k < 4; ++k) given += (k > 0 ? ", " : "(") + std::to_string(background.extent(k));
-  throw std::invalid_argument("gsp::develop: the background is " + given + ") and must be (1 or " + std::to_string(images) + size);
+  throw std::invalid_argument(std::string(where) + ": the background is " + given + ") and must be (1 or " + std::to_string(images) + size);
 }
 }  // namespace detail
 
@@ -78,12 +73,17 @@ void check_develop(DevelopOptions const& options, Background const& background, 
 /// @param frames      in: rgb, and alpha where a background is to show
 /// @param out         out: (C, H, W, 3) of float, Kokkos::Experimental::half_t or std::uint8_t; may be frames.rgb
 /// @param background  (1 or C, H, W, 3) in place of options.background; empty: that
+/// @param chance      (C, 3) seed, step and number that each image's noise is drawn of, in place of the options' (steps below 2^56, numbers
+///                    below 2^32, of which upper bits are dropped): of the world that it shows, whatever batch that is in; empty: those
+/// @param light       the same of exposure, contrast and brightness: of an episode, say, through which light stays; empty: chance
 /// Neither allocates nor fences. Cost: reads and writes the pictures once, and about 150 operations a pixel for noise.
 /// Errors: std::invalid_argument without rgb, for a background without alpha, for other sizes, for options that are not from 0 to 1e6, a
 /// contrast over 1, a step that is negative or not below 2^56, and images whose numbers are not within 0 to 2^32 - 1.
 template <ExecutionSpace Exec, class Mem, class Out>
 void develop(Exec const& exec, Frames<Mem> const& frames, Out const& out, DevelopOptions const& options = {},
-             std::type_identity_t<Kokkos::View<float const****, Kokkos::LayoutRight, Mem>> const& background = {}) {
+             std::type_identity_t<Kokkos::View<float const****, Kokkos::LayoutRight, Mem>> const& background = {},
+             std::type_identity_t<Kokkos::View<std::int64_t const* [3], Kokkos::LayoutRight, Mem>> const& chance = {},
+             std::type_identity_t<Kokkos::View<std::int64_t const* [3], Kokkos::LayoutRight, Mem>> const& light = {}) {
   Region const region("gsp::splat::develop");
   static_assert(can_access<Exec, Frames<Mem>> && can_access<Exec, Out>,
                 "gsp::develop: the pictures are not accessible from this execution space");
@@ -93,14 +93,18 @@ void develop(Exec const& exec, Frames<Mem> const& frames, Out const& out, Develo
   expects(int(out.extent(0)) == frames.images && int(out.extent(1)) == frames.height && int(out.extent(2)) == frames.width &&
               out.extent(3) == 3,
           "gsp::develop: `out` must be (images, height, width, 3) as the frames are");
-  detail::check_develop(options, background, frames.images, frames.height, frames.width);
+  detail::check_develop("gsp::develop", options, background, frames.images, frames.height, frames.width);
+  for (auto const& rows : {chance, light})
+    expects(!rows.data() || int(rows.extent(0)) == frames.images, "gsp::develop: chance has a row for each image: seed, step and number");
+  using Chance = detail::PictureChance<Mem>;
   using T = std::remove_const_t<typename Out::value_type>;
   static_assert(std::is_same_v<T, float> || std::is_same_v<T, Kokkos::Experimental::half_t> || std::is_same_v<T, std::uint8_t>,
                 "gsp::develop: `out` holds float, Kokkos::Experimental::half_t or std::uint8_t");
   Kokkos::parallel_for("gsp::splat::develop",
                        lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(
                            exec, 0, std::int64_t(frames.images) * frames.height * frames.width)),
-                       detail::Develop<Mem, Out>{frames, out, background, options});
+                       detail::Develop<Mem, Out>{frames, out, background, options, Chance::of(options, chance),
+                                                 Chance::of(options, light.data() ? light : chance)});
 }
 
 }  // namespace gsp

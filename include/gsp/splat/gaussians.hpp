@@ -91,30 +91,36 @@ inline void check_gaussian_set(std::string const& function, GaussianSet const& s
   expects(s.positions.size() == 3 * n && s.quats.size() == 4 * n && s.scales.size() == 3 * n && s.sh.size() == 3 * terms * n &&
               s.body.size() == n,
           name + ": its arrays disagree about the number of Gaussians (" + std::to_string(n) + " opacities); resize them together");
-  auto const finite = [&](std::vector<float> const& v, char const* what) {
-    for (std::size_t i = 0; i < v.size(); ++i)
-      expects(std::isfinite(v[i]),
-              name + ": Gaussian " + std::to_string(i * n / v.size()) + " has a " + what + " that is not finite; remove it");
+  // sentences are made of what is wrong alone: a set has millions of numbers
+  auto const all = [&](std::size_t count, auto const& fine, auto const& sentence) {
+    for (std::size_t i = 0; i < count; ++i)
+      if (!fine(i)) expects(false, name + ": " + sentence(i));
+  };
+  auto const numbered = [](std::size_t i) { return "Gaussian " + std::to_string(i); };
+  auto const finite = [&](std::vector<float> const& v, std::string const& what) {
+    all(
+        v.size(), [&](std::size_t i) { return std::isfinite(v[i]); },
+        [&](std::size_t i) { return numbered(i * n / v.size()) + " has a " + what + " that is not finite; remove it"; });
   };
   finite(s.positions, "position");
   finite(s.quats, "rotation");
   finite(s.scales, "scale");
-  auto const negative = std::find_if(s.scales.begin(), s.scales.end(), [](float x) { return x < 0; });
-  expects(negative == s.scales.end(),
-          name + ": Gaussian " + std::to_string((negative - s.scales.begin()) / 3) + " has a negative scale; a deviation is 0 or more");
+  all(
+      s.scales.size(), [&](std::size_t i) { return s.scales[i] >= 0; },
+      [&](std::size_t i) { return numbered(i / 3) + " has a negative scale; a deviation is 0 or more"; });
   finite(s.opacities, "opacity");
   finite(s.sh, "colour");
-  for (std::size_t i = 0; i < n; ++i)
-    expects(s.body[i] >= 0,
-            name + ": Gaussian " + std::to_string(i) + " has body " + std::to_string(s.body[i]) + "; 0 is the world, links follow");
-  for (std::size_t i = 0; i < n; ++i)
-    expects(s.opacities[i] >= 0 && s.opacities[i] <= 1,
-            name + ": Gaussian " + std::to_string(i) + " has an opacity outside 0..1; repair it");
-  for (std::size_t i = 0; i < n; ++i) {
+  all(
+      n, [&](std::size_t i) { return s.body[i] >= 0; },
+      [&](std::size_t i) { return numbered(i) + " has body " + std::to_string(s.body[i]) + "; 0 is the world, links follow"; });
+  all(
+      n, [&](std::size_t i) { return s.opacities[i] >= 0 && s.opacities[i] <= 1; },
+      [&](std::size_t i) { return numbered(i) + " has an opacity outside 0..1; repair it"; });
+  auto const turns = [&](std::size_t i) {
     float const* const q = &s.quats[4 * i];
-    expects(q[0] != 0 || q[1] != 0 || q[2] != 0 || q[3] != 0,
-            name + ": the rotation of Gaussian " + std::to_string(i) + " has length 0; set it to 1 0 0 0");
-  }
+    return q[0] != 0 || q[1] != 0 || q[2] != 0 || q[3] != 0;
+  };
+  all(n, turns, [&](std::size_t i) { return "the rotation of " + numbered(i) + " has length 0; set it to 1 0 0 0"; });
 }
 
 }  // namespace detail

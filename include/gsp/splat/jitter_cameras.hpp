@@ -1,33 +1,31 @@
 #pragma once
 #include <gsp/core/region.hpp>
-#include <gsp/math/philox.hpp>
 #include <gsp/math/quat.hpp>
 #include <gsp/splat/cameras.hpp>
+#include <gsp/splat/detail/picture_chance.hpp>
 #include <gsp/splat/picture_options.hpp>
 
 namespace gsp {
 
 namespace detail {
-inline constexpr std::uint32_t camera_stream = 18;  // and the next two; develop's are the two before
-
 template <class Mem>
 struct JitterCameras {
   Cameras<Mem> from, to;
   JitterCamerasOptions options;
+  PictureChance<Mem> chance;
 
   KOKKOS_FUNCTION void operator()(int image) const {
-    auto const within = [&](std::uint32_t stream, int k, float most) {
-      Philox const drawn = philox(options.seed, {{0, std::uint32_t(options.first_image + image), std::uint32_t(options.step),
-                                                  std::uint32_t(std::uint64_t(options.step) >> 32) << 8 | (camera_stream + stream)}});
-      return double(most) * (2 * uniform_of<double>(drawn.word[k]) - 1);
+    auto const within = [&](PictureStream stream, int k, float most) {
+      return double(most) * (2 * uniform_of<double>(chance.words(image, 0, stream).word[k]) - 1);
     };
     double view[3][4];
     for (int r = 0; r < 3; ++r)
       for (int c = 0; c < 4; ++c) view[r][c] = from.viewmats(image, r, c);
     if (options.position > 0)
-      for (int r = 0; r < 3; ++r) view[r][3] -= within(0, r, options.position);
+      for (int r = 0; r < 3; ++r) view[r][3] -= within(PictureStream::position, r, options.position);
     if (options.rotation > 0) {
-      Vec3<double> const turn{within(1, 0, options.rotation), within(1, 1, options.rotation), within(1, 2, options.rotation)};
+      auto const axis = [&](int k) { return within(PictureStream::rotation, k, options.rotation); };
+      Vec3<double> const turn{axis(0), axis(1), axis(2)};
       Mat3<double> const R = to_matrix(exp_rotation(turn));
       for (int c = 0; c < 4; ++c) {
         Vec3<double> const column = transpose_times(R, Vec3<double>{view[0][c], view[1][c], view[2][c]});
@@ -39,9 +37,11 @@ struct JitterCameras {
     for (int r = 0; r < 3; ++r)
       for (int c = 0; c < 3; ++c) to.Ks(image, r, c) = from.Ks(image, r, c);
     if (options.focal > 0)
-      for (int k = 0; k < 2; ++k) to.Ks(image, k, k) = static_cast<float>(to.Ks(image, k, k) * (1 + within(2, 0, options.focal)));
+      for (int k = 0; k < 2; ++k)
+        to.Ks(image, k, k) = static_cast<float>(to.Ks(image, k, k) * (1 + within(PictureStream::intrinsics, 0, options.focal)));
     if (options.principal > 0)
-      for (int k = 0; k < 2; ++k) to.Ks(image, k, 2) = static_cast<float>(to.Ks(image, k, 2) + within(2, 1 + k, options.principal));
+      for (int k = 0; k < 2; ++k)
+        to.Ks(image, k, 2) = static_cast<float>(to.Ks(image, k, 2) + within(PictureStream::intrinsics, 1 + k, options.principal));
   }
 };
 }  // namespace detail
@@ -53,11 +53,13 @@ struct JitterCameras {
 /// @param cameras   as they are meant
 /// @param jittered  out: viewmats, Ks of as many cameras; world, lenses, width, height become those of `cameras`, whose views they share
 ///                  (may be `cameras` itself: then calls add up)
+/// @param chance    (C, 3) seed, step and number that each image's numbers are drawn of, in place of the options', as of `develop`
 /// One launch. Neither allocates nor fences. Errors: std::invalid_argument for another number of cameras, for options that are not from 0
 /// to 1e6, a rotation over pi, a share that is not below 1, a step that is negative or not below 2^56, and images whose numbers are not
 /// within 0 to 2^32 - 1.
 template <ExecutionSpace Exec, class Mem>
-void jitter_cameras(Exec const& exec, Cameras<Mem> const& cameras, Cameras<Mem>& jittered, JitterCamerasOptions const& options) {
+void jitter_cameras(Exec const& exec, Cameras<Mem> const& cameras, Cameras<Mem>& jittered, JitterCamerasOptions const& options,
+                    std::type_identity_t<Kokkos::View<std::int64_t const* [3], Kokkos::LayoutRight, Mem>> const& chance = {}) {
   Region const region("gsp::splat::jitter_cameras");
   static_assert(can_access<Exec, Cameras<Mem>>, "gsp::jitter_cameras: the cameras are not accessible from this execution space");
   detail::check_cameras("gsp::jitter_cameras", cameras);
@@ -65,13 +67,14 @@ void jitter_cameras(Exec const& exec, Cameras<Mem> const& cameras, Cameras<Mem>&
   expects(jittered.images() == images && int(jittered.Ks.extent(0)) == images,
           "gsp::jitter_cameras: there is room for " + std::to_string(jittered.images()) + " cameras, and there are " +
               std::to_string(images) + ": make_cameras(exec, " + std::to_string(images) + ")");
-  detail::check_options(options, images);
+  detail::check_options("gsp::jitter_cameras", options, images);
+  expects(!chance.data() || int(chance.extent(0)) == images, "gsp::jitter_cameras: chance has a row for each image: seed, step and number");
   jittered.world = cameras.world;
   jittered.lenses = cameras.lenses;
   jittered.width = cameras.width;
   jittered.height = cameras.height;
   Kokkos::parallel_for("gsp::splat::jitter_cameras", lightweight(Kokkos::RangePolicy<Exec>(exec, 0, images)),
-                       detail::JitterCameras<Mem>{cameras, jittered, options});
+                       detail::JitterCameras<Mem>{cameras, jittered, options, detail::PictureChance<Mem>::of(options, chance)});
 }
 
 }  // namespace gsp

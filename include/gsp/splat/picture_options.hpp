@@ -21,6 +21,12 @@ struct DevelopOptions {
   std::uint64_t seed = 0;
   std::int64_t step = 0;         // 0 to 2^56 - 1
   std::int64_t first_image = 0;  // number of the batch's first image among all of a larger one, 0 to 2^32 - images
+
+  /// Whether nothing is asked for.
+  bool is_default() const {
+    return exposure == 0 && contrast == 0 && brightness == 0 && noise == 0 && background.x == 0 && background.y == 0 && background.z == 0 &&
+           seed == 0 && step == 0 && first_image == 0;
+  }
 };
 
 /// How far cameras differ from what they are said to be: numbers, each drawn uniformly from -x to x, of an image.
@@ -32,13 +38,18 @@ struct JitterCamerasOptions {
   std::uint64_t seed = 0;
   std::int64_t step = 0;         // 0 to 2^56 - 1: of an episode where cameras keep what they have, or of a picture where they shake
   std::int64_t first_image = 0;  // number of the first camera among all of a larger batch, 0 to 2^32 - images
+
+  /// Whether any camera becomes another.
+  bool moves_cameras() const { return position != 0 || rotation != 0 || focal != 0 || principal != 0; }
 };
 
 namespace detail {
-inline void expects_number(char const* where, char const* name, float x, float most, bool below = true) {
-  if (x >= 0 && (below ? x < most : x <= most)) return;
+enum class End { below, at };  // whether the end of a range belongs to it
+inline void expects_number(char const* where, char const* name, float x, End end, float most) {
+  if (x >= 0 && (end == End::below ? x < most : x <= most)) return;
   char text[80];
-  std::snprintf(text, sizeof text, " is %g: give a number of 0 or more, %s %g", double(x), below ? "below" : "at most", double(most));
+  std::snprintf(text, sizeof text, " is %g: give a number of 0 or more, %s %g", double(x), end == End::below ? "below" : "at most",
+                double(most));
   throw std::invalid_argument(std::string(where) + ": " + name + text);
 }
 /// What chance is drawn of.
@@ -52,21 +63,20 @@ void check_chance(char const* where, Options const& o, int images) {
   check("step", o.step, (std::int64_t(1) << 56) - 1);
   check("first_image", o.first_image, (std::int64_t(1) << 32) - images);
 }
-inline void check_options(DevelopOptions const& o, int images) {
-  constexpr char const* where = "gsp::develop";
-  expects_number(where, "exposure", o.exposure, 1e6f);
-  expects_number(where, "contrast", o.contrast, 1, false);
-  expects_number(where, "brightness", o.brightness, 1e6f);
-  expects_number(where, "noise", o.noise, 1e6f);
-  for (int k = 0; k < 3; ++k) expects_number(where, "background", o.background[k], 1e6f);
+/// For a caller, whom `where` names.
+inline void check_options(char const* where, DevelopOptions const& o, int images) {
+  expects_number(where, "exposure", o.exposure, End::below, 1e6f);
+  expects_number(where, "contrast", o.contrast, End::at, 1);
+  expects_number(where, "brightness", o.brightness, End::below, 1e6f);
+  expects_number(where, "noise", o.noise, End::below, 1e6f);
+  for (int k = 0; k < 3; ++k) expects_number(where, "background", o.background[k], End::below, 1e6f);
   check_chance(where, o, images);
 }
-inline void check_options(JitterCamerasOptions const& o, int images) {
-  constexpr char const* where = "gsp::jitter_cameras";
-  expects_number(where, "position", o.position, 1e6f);
-  expects_number(where, "rotation", o.rotation, 3.14159274f, false);
-  expects_number(where, "focal", o.focal, 1);
-  expects_number(where, "principal", o.principal, 1e6f);
+inline void check_options(char const* where, JitterCamerasOptions const& o, int images) {
+  expects_number(where, "position", o.position, End::below, 1e6f);
+  expects_number(where, "rotation", o.rotation, End::at, 3.14159274f);
+  expects_number(where, "focal", o.focal, End::below, 1);
+  expects_number(where, "principal", o.principal, End::below, 1e6f);
   check_chance(where, o, images);
 }
 }  // namespace detail

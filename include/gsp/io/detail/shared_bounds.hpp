@@ -50,10 +50,10 @@ inline SharedBounds compressed_ply_bounds(SplatSet const& set, std::size_t c, st
 }
 
 /// SOG's places lie between bounds of all as v = sign(x) log(1 + |x|), with 16 bits.
-inline double sog_bent(double x) { return std::copysign(std::log1p(std::abs(x)), x); }
-inline double sog_unbent(double v) { return std::copysign(std::expm1(std::abs(v)), v); }
+inline double symlog(double x) { return std::copysign(std::log1p(std::abs(x)), x); }
+inline double symexp(double v) { return std::copysign(std::expm1(std::abs(v)), v); }
 inline SharedBounds sog_bounds(SplatSet const& set, std::size_t k) {
-  return shared_bounds(0, set.size(), 65535, [&](std::size_t i) { return sog_bent(set.positions[3 * i + k]); });
+  return shared_bounds(0, set.size(), 65535, [&](std::size_t i) { return symlog(set.positions[3 * i + k]); });
 }
 
 }  // namespace gsp::io::detail

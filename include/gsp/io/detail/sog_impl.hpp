@@ -213,7 +213,7 @@ GSP_INLINE SplatSet parse_sog(Bytes bytes, std::string const& name, std::filesys
     for (std::size_t i = 0; i < n; ++i)
       for (std::size_t k = 0; k < 3; ++k) {
         double const t = (lower.rgba[4 * i + k] + 256 * upper.rgba[4 * i + k]) / 65535.0, v = low[k] + (high[k] - low[k]) * t;
-        set.positions[3 * i + k] = static_cast<float>(sog_unbent(v));
+        set.positions[3 * i + k] = static_cast<float>(symexp(v));
       }
     lower = upper = {};
   }
@@ -321,7 +321,7 @@ inline SogFiles sog_files(SplatSet const& set) {
     Pixels lower = blank(), upper = blank();
     for (std::size_t i = 0; i < n; ++i) {
       for (std::size_t k = 0; k < 3; ++k) {
-        auto const v = bounds[k].pack(sog_bent(set.positions[3 * i + k]));
+        auto const v = bounds[k].pack(symlog(set.positions[3 * i + k]));
         lower.rgba[4 * i + k] = static_cast<std::uint8_t>(v & 255);
         upper.rgba[4 * i + k] = static_cast<std::uint8_t>(v >> 8);
       }

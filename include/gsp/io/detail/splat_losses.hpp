@@ -109,9 +109,8 @@ void note_coarse(SplatSet const& set, SplatFormat format, Note const& note) {
     say("colours", "1/255", why);
   } else if (format == SplatFormat::sog) {
     std::array const bounds{sog_bounds(set, 0), sog_bounds(set, 1), sog_bounds(set, 2)};
-    note_places(
-        [&](std::size_t i, std::size_t k) { return sog_unbent(bounds[k].unpack(bounds[k].pack(sog_bent(set.positions[3 * i + k])))); },
-        "16 bits reach as far as the farthest" + far + ", if any are");
+    note_places([&](std::size_t i, std::size_t k) { return symexp(bounds[k].unpack(bounds[k].pack(symlog(set.positions[3 * i + k])))); },
+                "16 bits reach as far as the farthest" + far + ", if any are");
   }
 }
 

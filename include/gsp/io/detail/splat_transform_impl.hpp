@@ -62,7 +62,12 @@ GSP_INLINE void transform(SplatSet& set, SplatPose const& pose, SplatTransformOp
     double const x = p[0], y = p[1], z = p[2];
     for (int k = 0; k < 3; ++k)
       p[k] = static_cast<float>(pose.scale * (r[3 * k] * x + r[3 * k + 1] * y + r[3 * k + 2] * z) + pose.position[k]);
-    for (int k = 0; k < 3; ++k) set.scales[3 * i + k] = static_cast<float>(set.scales[3 * i + k] * pose.scale);
+    for (int k = 0; k < 3; ++k) {
+      set.scales[3 * i + k] = static_cast<float>(set.scales[3 * i + k] * pose.scale);
+      if (!std::isfinite(p[k]) || !std::isfinite(set.scales[3 * i + k]))
+        expects(false, "gsp::io::transform: the pose takes Gaussian " + std::to_string(i) +
+                           " beyond what a float holds: give a smaller position or scale");
+    }
     float* const g = &set.quats[4 * i];
     double const b[4] = {g[0], g[1], g[2], g[3]};
     g[0] = static_cast<float>(u[0] * b[0] - u[1] * b[1] - u[2] * b[2] - u[3] * b[3]);

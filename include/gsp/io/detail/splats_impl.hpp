@@ -21,26 +21,34 @@ namespace gsp::io {
 
 namespace detail {
 
-/// FILE.links.json beside FILE, of that file alone: a stem would lend it to room.ply beside room.spz, whose order is another. Of a symbolic
-/// link: beside the file that it leads to, which is what is read and written.
-inline std::filesystem::path links_beside(std::filesystem::path path) {
+inline std::filesystem::path links_of(std::filesystem::path path) { return path += ".links.json"; }
+/// FILE.links.json beside FILE, of that file alone: a stem would lend it to room.ply beside room.spz, whose order is another. Where FILE is
+/// a symbolic link and none stands beside it: beside the file that it leads to.
+inline std::filesystem::path links_beside(std::filesystem::path const& path) {
   std::error_code error;
-  if (std::filesystem::is_symlink(path, error))
-    if (auto const file = std::filesystem::canonical(path, error); !error) path = file;
-  return path += ".links.json";
+  auto const own = links_of(path);
+  if (std::filesystem::exists(own, error) || !std::filesystem::is_symlink(path, error)) return own;
+  auto const file = std::filesystem::canonical(path, error);
+  return error ? own : links_of(file);
 }
-/// Throws Error where links stand beside the file under its stem and none under its name: they could be of any file of that stem.
+/// Throws Error where links stand beside the file under a stem of its name and none under its name: they could be of any file of that stem.
 inline void expect_links_of_a_file(std::filesystem::path const& path) {
-  auto const* const format = splat_format_of(path.string());
-  std::string stem = path.string();
-  stem.resize(stem.size() - (format && format->first[0] == '.' ? std::string(format->first).size() : path.extension().string().size()));
-  std::filesystem::path const of_stem = stem + ".links.json";
+  namespace fs = std::filesystem;
   std::error_code error;
-  if (std::filesystem::exists(of_stem, error) && !std::filesystem::exists(links_beside(path), error) &&
-      !std::filesystem::is_regular_file(stem, error))  // else they are that file's
-    fail(of_stem.string(), "",
-         "says not of which file its links are; name it " + in_quotes(links_beside(path).filename().string()) +
-             " if they are this file's, after another file otherwise");
+  if (fs::exists(links_beside(path), error)) return;
+  auto const target = fs::is_symlink(path, error) ? fs::weakly_canonical(path, error) : path;
+  for (auto const& file : {path, error ? path : target}) {
+    auto const* const format = splat_format_of(file.string());
+    std::size_t const ending = format && format->first[0] == '.' ? std::string(format->first).size() : 0;
+    for (std::size_t const cut : {ending, file.extension().string().size()}) {  // room.compressed.ply: room, room.compressed
+      std::string const name = file.string(), stem = name.substr(0, name.size() - cut);
+      fs::path const of_stem = stem + ".links.json";
+      if (cut > 0 && fs::exists(of_stem, error) && !fs::is_regular_file(stem, error))  // else they are that file's
+        fail(of_stem.string(), "",
+             "says not of which file its links are; name it '" + links_of(file).string() +
+                 "' if they are this file's, after another file otherwise");
+    }
+  }
 }
 
 }  // namespace detail
@@ -62,9 +70,9 @@ GSP_INLINE SplatSet parse_splats(Bytes bytes, std::string const& name, std::file
 }
 
 GSP_INLINE SplatSet read_splats(std::filesystem::path const& path) {
+  detail::expect_links_of_a_file(path);
   SplatSet set = parse_splats(read_file(path), path.string(), path.has_parent_path() ? path.parent_path() : ".");
   auto const sidecar = detail::links_beside(path);
-  detail::expect_links_of_a_file(path);
   std::error_code error;
   if (std::filesystem::exists(sidecar, error)) bind_links(set, read_links(sidecar), sidecar.string());
   return set;
@@ -96,10 +104,10 @@ GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& pa
   detail::note_coarse(set, format, note);
 
   auto const ranges = link_ranges(set);
-  auto const sidecar = detail::links_beside(path);
-  std::error_code error;
-  std::optional<AtomicFile> links;  // written before the Gaussians, named after them; one that is there goes with the file that is
-  if ((!is_ply && !ranges.empty()) || std::filesystem::exists(sidecar, error)) links.emplace(sidecar).write(format_links(ranges));
+  auto const target = detail::output_target(path);  // behind symbolic links, as the Gaussians are
+  auto const sidecar = detail::links_of(target.path);
+  std::optional<AtomicFile> links;  // written before the Gaussians, named after them
+  if (!is_ply && !ranges.empty()) links.emplace(sidecar).write(format_links(ranges));
   if (format == ply) write_ply(path, set);
   if (format == compressed_ply) write_compressed_ply(path, set);
   if (format == splat) write_splat(path, set);
@@ -107,7 +115,16 @@ GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& pa
   if (format == gltf) write_gltf(path, set);
   if (format == sog) write_sog(path, set);
   if (format == usda) write_usda(path, set);
-  if (links) links->commit();
+  std::error_code error;
+  if (!target.direct)  // those that were there are of what was there
+    for (auto const& old : {sidecar, detail::links_of(path)})
+      if (!links || old != sidecar) std::filesystem::remove(old, error);
+  try {
+    if (links) links->commit();
+  } catch (...) {
+    std::filesystem::remove(sidecar, error);
+    throw;
+  }
   return notes;
 }
 

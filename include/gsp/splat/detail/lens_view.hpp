@@ -14,18 +14,12 @@ KOKKOS_INLINE_FUNCTION int lens_ring(double radius) {
   return i < Lens::rings ? static_cast<int>(i) : Lens::rings;
 }
 
-/// Of a view whose focal lengths and limits are those of the pinhole: limits of the derivative about the picture's rays, and what the cull
-/// of clusters needs. False where the lens leads back in the middle of the picture: within a quarter of its shorter side.
-KOKKOS_INLINE_FUNCTION bool look_through(Lens const& lens, int width, int height, ImageView& v) {
-  double const fx = Kokkos::fabs(v.fx), fy = Kokkos::fabs(v.fy);
-  v.lens = &lens;
-  // A fisheye's J (1 0 -x; 0 1 -y) / z falls with the distance, as it does along the ray: it is taken where the Gaussian is. Another's does
-  // not, and is taken no further out than the rays of corners and of the middles of edges, and as much beyond as without a lens; where none
-  // comes to one of these, the lens's disc ends within the picture, at whatever place: then all of it
-  bool const anywhere = lens.model == Lens::Model::fisheye;
-  double const least_limit = anywhere ? -1e30 : 1e30;
-  double low[2] = {least_limit, least_limit}, high[2] = {-least_limit, -least_limit};
-  for (int i = 0; i < 9 && !anywhere; ++i) {
+/// Limits of the derivative about the rays of a picture: no further out than those of its corners and of the middles of its edges, and as
+/// much beyond as without a lens; where none comes to one of these, the lens's disc ends within the picture, at whatever place: then all of
+/// it.
+KOKKOS_INLINE_FUNCTION void limit_about_picture(Lens const& lens, int width, int height, ImageView& v) {
+  double low[2] = {1e30, 1e30}, high[2] = {-1e30, -1e30};
+  for (int i = 0; i < 9; ++i) {
     if (i == 4) continue;
     LensPoint<double> ray;
     bool const there = undistorted(lens, (i % 3 * 0.5 * width - v.cx) / v.fx, (i / 3 * 0.5 * height - v.cy) / v.fy, ray);
@@ -35,11 +29,26 @@ KOKKOS_INLINE_FUNCTION bool look_through(Lens const& lens, int width, int height
       high[k] = Kokkos::fmax(high[k], there ? place[k] : edge);
     }
   }
-  double const beyond_x = 0.15 * width / fx, beyond_y = 0.15 * height / fy;
+  double const beyond_x = 0.15 * width / Kokkos::fabs(v.fx), beyond_y = 0.15 * height / Kokkos::fabs(v.fy);
   v.x_low = static_cast<float>(low[0] - beyond_x);
   v.x_high = static_cast<float>(high[0] + beyond_x);
   v.y_low = static_cast<float>(low[1] - beyond_y);
   v.y_high = static_cast<float>(high[1] + beyond_y);
+}
+
+/// Of a view whose focal lengths and limits are those of the pinhole: limits of the derivative, and what the cull of clusters needs. False
+/// where the lens leads back in the middle of the picture: within a quarter of its shorter side.
+KOKKOS_INLINE_FUNCTION bool look_through(Lens const& lens, int width, int height, ImageView& v) {
+  double const fx = Kokkos::fabs(v.fx), fy = Kokkos::fabs(v.fy);
+  v.lens = &lens;
+  // a fisheye's J (1 0 -x; 0 1 -y) / z falls with the distance, as it does along the ray: it is taken where the Gaussian is. Another's does
+  // not
+  if (lens.model == Lens::Model::fisheye) {
+    v.x_low = v.y_low = -1e30f;
+    v.x_high = v.y_high = 1e30f;
+  } else {
+    limit_about_picture(lens, width, height, v);
+  }
 
   // outside of a circle about the axis that holds the picture and `beyond` more, and so outside of the first ring that comes outside of it:
   // how far a ray comes out at least, r s - 3 |p| r^2, grows with r, by J along the radius

@@ -15,7 +15,7 @@ namespace gsp::detail {
 /// ray's place in the plane z = 1: since S^-1 mu = mu_z S^-1 d of the centre's ray d, six numbers say both, and the centre takes the
 /// others.
 /// S holds the blur of the picture too, as a ball: what a pixel shows of a Gaussian that is smaller than it is not where the Gaussian's
-/// plane goes on to, far outside of it. A pixel is mu_z^2 / (fx fy det J) wide in the plane of mu_z, J the lens's slope there, and
+/// plane goes on to, far outside of it. A pixel's area in the plane of mu_z is mu_z^2 / (fx fy det J), J the lens's slope there, and
 /// mu_z/|mu| of that across the ray.
 struct RayDepth {
   static constexpr int size = 9;
@@ -29,12 +29,12 @@ struct RayDepth {
     for (int r = 0; r < 3; ++r)
       mu[r] = static_cast<float>(m[4 * r] * double(p.x) + m[4 * r + 1] * double(p.y) + m[4 * r + 2] * double(p.z) + m[4 * r + 3]);
     Vec3<float> const d = (1.f / mu.z) * mu;
-    float pixel = mu.z * mu.z * static_cast<float>(1. / Kokkos::fabs(g.view.fx * g.view.fy)) / Kokkos::sqrt(dot(d, d));
+    float area = mu.z * mu.z * static_cast<float>(1. / Kokkos::fabs(g.view.fx * g.view.fy)) / Kokkos::sqrt(dot(d, d));
     if constexpr (Seen::lensed) {
       LensSlope<float> const slope = distortion_slope(*g.view.lens, d.x, d.y);
-      pixel /= max(fma(slope.xx, slope.yy, -slope.xy * slope.xy), 1e-6f);  // at the end of a lens's disc: none
+      area /= max(fma(slope.xx, slope.yy, -slope.xy * slope.xy), 1e-6f);  // bounded where the disc of the lens ends: det J -> 0
     }
-    float const blur = g.blur * pixel;
+    float const blur = g.blur * area;
     for (int k = 0; k < 3; ++k) s[k] = Kokkos::sqrt(fma(s[k], s[k], blur));
     float const most = max(s.x, max(s.y, s.z));
     // without blur: a disc without thickness, as in splat_tree.hpp; a point, which rays do not meet: a ball
