@@ -106,10 +106,11 @@ def test_pictures_are_the_cpus():
 
     for median in (False, True):
         for call, (a, b) in enumerate(zip(pictures("cpu", median), pictures("cuda", median), strict=True)):
-            # a cut pixel has another splat of alpha 1/255 at most; normals take the depth of four neighbours, whose differences enlarge it
-            for name, most, share in (("rgb", 1e-4, 1e-3), ("depth", 1e-4, 2e-3), ("alpha", 1e-4, 1e-3), ("ids", 0, 1e-3), ("rgb8", 1, 1e-3), ("normals", 1e-2, 1e-2)):
+            # ten times what an H200 was off by (rounding of float; normals take differences of depths), but for a pixel whose splat of
+            # alpha 1/255 is cut on one side alone: one of 20,000 numbers there, up to 1/255
+            for name, most in (("rgb", 2e-5), ("depth", 3e-4), ("alpha", 3e-5), ("ids", 0), ("rgb8", 1), ("normals", 4e-3)):
                 off = np.abs(b[name].astype(np.float64) - a[name].astype(np.float64)) > most
-                assert off.mean() <= share, (median, call, name, off.mean())
+                assert off.mean() <= 5e-4, (median, call, name, off.mean())
             assert a["rgb"].std() > 0.01 and len(np.unique(a["ids"])) >= 2, call
 
 

@@ -11,8 +11,7 @@
 
 using namespace gsp_test;
 
-// Another route: what Kokkos says it was asked for. What does not grow with the number of worlds may be off by the difference of a
-// block and more worlds: a block, and scratch of a scan; 1 % is more than that at 1,000 worlds.
+// Another route: what Kokkos says it was asked for. What a scan allocates, some kB of labels and scratch, follows its own steps.
 std::int64_t bytes_of(Watched const& seen) {
   std::int64_t sum = 0;
   for (auto const& a : seen.allocations) sum += std::int64_t(a.bytes);
@@ -32,8 +31,7 @@ TEST_CASE_TEMPLATE("the bytes of a simulation are told before they are allocated
     });
     std::int64_t const allocated = bytes_of(seen);
     CAPTURE(worlds);
-    CHECK(told >= allocated * 99 / 100);
-    CHECK(told <= allocated * 102 / 100);
+    CHECK(std::abs(told - allocated) <= 16384 + allocated / 1000);
   }
   CHECK(gsp::bytes_needed(exec, model, compiled, {.worlds = 1 << 24}) > (std::int64_t(1) << 35));  // no overflow, nothing allocated
 }
