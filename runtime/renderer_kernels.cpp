@@ -218,8 +218,12 @@ class KokkosRenderer : public Renderer {
   }
 
   static void expect_chance(char const* where, Array const& a, int images) {
-    expects(!a || (a.rank == 2 && a.extents[0] == images && a.extents[1] == 3 && a.dtype == Dtype::int64), where,
-            "chance has a row of int64 for each picture, (C, 3): seed, step and number");
+    if (!a) return;
+    expects(a.rank == 2 && a.extents[1] == 3 && a.dtype == Dtype::int64, where,
+            "chance is (C, 3) int64: seed, step and number of each picture");
+    if (a.extents[0] != images)
+      throw Error(std::string(where) + ": chance has " + std::to_string(a.extents[0]) + " rows for " + std::to_string(images) +
+                  " pictures: give each a seed, a step and a number");
   }
   Chance rows_of(Array const& a, Buffer& buffer) {
     return a ? Chance(static_cast<std::int64_t const*>(here(a, buffer, Dtype::int64)), std::size_t(a.extents[0])) : Chance();

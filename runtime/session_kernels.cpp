@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <gsp/runtime/session.hpp>
+#include <system_error>
 #include <thread>
 #ifdef KOKKOS_ENABLE_OPENMP
 #include <omp.h>
@@ -71,6 +72,9 @@ cudaStream_t stream_of(std::uintptr_t number) {
 }  // namespace
 
 Session::Session(int threads) {
+#ifdef KOKKOS_ENABLE_CUDA
+  if (gpu_start().joinable()) gpu_start().join();  // before all else: it reads the environment, which is written below
+#endif
   expect_threads(threads);
   setenv("OMP_PROC_BIND", "false", 0);  // threads move freely unless the user pins them; Kokkos warns when this is not said
   Kokkos::Tools::Experimental::set_allocate_data_callback(allocated);
@@ -78,9 +82,6 @@ Session::Session(int threads) {
   Kokkos::InitializationSettings settings;
   if (threads > 0) settings.set_num_threads(threads);
   settings.set_disable_warnings(true);
-#ifdef KOKKOS_ENABLE_CUDA
-  if (gpu_start().joinable()) gpu_start().join();
-#endif
   Kokkos::initialize(settings);
 }
 Session::~Session() { Kokkos::finalize(); }
@@ -103,7 +104,14 @@ int gpu_count() {
 
 void start_gpu() {
 #ifdef KOKKOS_ENABLE_CUDA
-  if (gpu_count() > 0 && !gpu_start().joinable()) gpu_start() = std::jthread([] { cudaFree(nullptr); });
+  // one process of several, or told which GPU: Kokkos chooses another than the first
+  for (char const* const chooses :
+       {"KOKKOS_DEVICE_ID", "KOKKOS_VISIBLE_DEVICES", "KOKKOS_MAP_DEVICE_ID_BY", "OMPI_COMM_WORLD_LOCAL_RANK", "MV2_COMM_WORLD_LOCAL_RANK",
+        "MPI_LOCALRANKID", "SLURM_LOCALID", "PMI_LOCAL_RANK", "FLUX_TASK_LOCAL_ID"})
+    if (std::getenv(chooses) != nullptr) return;
+  try {
+    if (gpu_count() > 0 && !gpu_start().joinable()) gpu_start() = std::jthread([] { cudaFree(nullptr); });
+  } catch (std::system_error const&) {}  // no thread to be had: the Session starts the GPU
 #endif
 }
 

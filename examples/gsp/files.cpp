@@ -70,7 +70,9 @@ gsp::CompiledModel compile_model(gsp::Description const& description) { return g
 
 gsp::io::SplatSet load_splats(std::string const& path, gsp::io::SplatPose const& pose) {
   auto set = gsp::io::read_splats(path);
-  gsp::io::transform(set, pose);
+  try {
+    gsp::io::transform(set, pose);
+  } catch (std::invalid_argument const& e) { throw Error(path + ": " + e.what()); }
   return set;
 }
 

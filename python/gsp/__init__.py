@@ -101,7 +101,10 @@ def _of_setting(owner: str, plain: Any) -> Any:
         except AttributeError:
             from ._mujoco_names import missing, not_assigned
 
-            raise AttributeError(not_assigned(owner, name) if hasattr(type(self), name) else missing(owner, name)) from None
+            there = getattr(type(self), name, None)
+            if getattr(there, "fset", None) is not None:  # what is assigned has raised it
+                raise
+            raise AttributeError(missing(owner, name) if there is None else not_assigned(owner, name)) from None
 
     return __setattr__
 

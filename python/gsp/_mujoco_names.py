@@ -127,15 +127,22 @@ def hint(owner: str, name: str) -> str:
 
 def not_assigned(owner: str, name: str) -> str:
     """The sentence of the AttributeError where one is assigned that is for reading."""
-    if name == "timestep":
-        said = "gsp.Data(model, timestep=seconds) has another"
-    elif name == "time":
-        said = "it is data.steps times the timestep: write data.steps"
-    elif owner == "Model" and name in _gsp.world_fields():
+    said = {
+        "timestep": "gsp.Data(model, timestep=seconds) has another",
+        "time": "it is data.steps times the timestep: data.steps[:] = n",
+        "steps": "it is a place to write into: data.steps[:] = n",
+        "status": "gsp.reset(model, data, mask) begins anew what stopped",
+        "worlds": "say it when you make gsp.Data",
+        "threads": "say it when you make gsp.Data",
+        "model": "say it when you make gsp.Data",
+    }.get(name, "")
+    if not said and callable(getattr(getattr(_gsp, owner), name)):
+        said = "it is a function"
+    elif not said and owner == "Model" and name in _gsp.world_fields():
         said = f"gsp.Data(model, per_world=['{name}']), then data.set('{name}', values)"
-    elif owner == "Model":
+    elif not said and owner == "Model":
         said = "say it in the MJCF that from_xml or from_string reads"
-    else:
+    elif not said:
         said = "it follows from what is written: data.qpos, qvel, ctrl and their like"
     return f"gsp.{owner}.{name} is for reading: {said}"
 

@@ -230,6 +230,7 @@ class Task:
         rows = rows[:, None].repeat(pictures, 1) if self.xp is np else rows[:, None].repeat(1, pictures, 1)
         rows[:, :, 2] += self.xp.arange(pictures, **self._on)
         rows[:, :, 2] &= 0xFFFFFFFF
+        self._to_library()  # which reads them where it draws
         return rows.reshape(-1, 3)
 
     # What environments call.

@@ -186,7 +186,9 @@ runtime::CameraSpec spec_of(nb::handle mount, std::size_t k) {
   auto const read = [&](std::string const& name, nb::handle value, auto& to, char const* remedy) {
     bool const several =
         !std::is_arithmetic_v<std::decay_t<decltype(to)>> && !nb::isinstance<nb::str>(value) && PySequence_Check(value.ptr());
-    if (!nb::try_cast(several ? nb::object(nb::list(value)) : nb::borrow(value), to))  // NumPy's arrays too
+    nb::object const list = several ? nb::steal(PySequence_List(value.ptr())) : nb::borrow(value);  // NumPy's arrays too
+    PyErr_Clear();
+    if (!list.is_valid() || !nb::try_cast(list, to))
       throw Error(where + name + " of mount " + std::to_string(k) + " is " + nb::cast<std::string>(nb::repr(value)) + ": give " + remedy);
   };
   constexpr double degree = 3.14159265358979323846 / 180;
@@ -211,11 +213,14 @@ runtime::CameraSpec spec_of(nb::handle mount, std::size_t k) {
   return spec;
 }
 std::vector<runtime::CameraSpec> specs_of(nb::handle mounts) {
-  if (nb::isinstance<nb::str>(mounts) || nb::isinstance<nb::dict>(mounts) || !PySequence_Check(mounts.ptr()))
+  bool const several = !nb::isinstance<nb::str>(mounts) && !nb::isinstance<nb::dict>(mounts) && PySequence_Check(mounts.ptr());
+  nb::object const list = several ? nb::steal(PySequence_List(mounts.ptr())) : nb::object();
+  PyErr_Clear();
+  if (!list.is_valid())
     throw Error(
         "gsp.Data.cameras: the mounts are a list: give [dict(body='world', pos=(0, -3, 1), quat=(1, 0, 0, 0), fovy=60)], or ['name']");
   std::vector<runtime::CameraSpec> specs;
-  for (nb::handle const mount : nb::list(mounts)) specs.push_back(spec_of(mount, specs.size()));
+  for (nb::handle const mount : nb::borrow<nb::list>(list)) specs.push_back(spec_of(mount, specs.size()));
   return specs;
 }
 

@@ -85,7 +85,7 @@ std::vector<std::string> names_of(Model const& model, std::string const& kind) {
 int id_of(Model const& model, std::string const& kind, std::string const& name) { return id_of(*model.compiled, kind, name); }
 
 std::string in_python(std::string sentence) {
-  constexpr std::array<std::array<std::string_view, 2>, 19> words{
+  constexpr std::array<std::array<std::string_view, 2>, 17> words{
       {{"MjcfOptions::skip_visuals (--skip-visuals)", "skip_visuals=True"},
        {"MjcfOptions::skip_visuals, --skip-visuals", "skip_visuals=True"},
        {"write its numbers with gsp::sense, then call limit_user_sensors for its cutoff", "data.sensordata has NaN in its place"},
@@ -102,8 +102,6 @@ std::string in_python(std::string sentence) {
        {"gsp::io::transform", "gsp.Scene.add_splats"},
        {"gsp::set_world_values", "gsp.Data.set"},
        {": RendererOptions::rgb8", ": gsp.Renderer(..., rgb8=True)"},
-       {"gsp::runtime::Renderer::render_fixed:", "gsp.FixedRenderer.render:"},
-       {"gsp::runtime::Renderer::fix:", "gsp.Renderer.fixed:"},
        {"gsp::render:", "gsp.Renderer.render:"}}};
   for (auto const& [from, to] : words)
     if (auto const at = sentence.find(from); at != sentence.npos) sentence.replace(at, from.size(), to);

@@ -69,16 +69,18 @@ auto named(std::string const& where, F const& f) {
   throw Error(where + ": " + (says ? text.substr(end + 2) : text));
 }
 
-/// Pictures that do not fit are refused, as a host gives more than it has and then ends the process. has: what is let go for them.
+/// Pictures that do not fit are refused, as a host gives more than it has and then ends the process. held: how many are let go for them.
 void expect_memory(std::string const& where, runtime::Renderer const& renderer, runtime::Device device, std::int64_t pictures,
-                   double has = 0) {
-  auto const needed = static_cast<double>(renderer.bytes_needed(static_cast<int>(pictures))),
-             free = static_cast<double>(runtime::free_bytes(device)) + has;
+                   std::int64_t held = 0) {
+  auto const bytes = [&](std::int64_t n) {
+    return n > 0 ? double(named(where, [&] { return renderer.bytes_needed(static_cast<int>(n)); })) : 0.;
+  };
+  double const needed = bytes(pictures), free = double(runtime::free_bytes(device)) + bytes(held);
   if (needed <= free) return;
   char text[96];
-  std::snprintf(text, sizeof text, " pictures need %.3g GB, and %.3g GB are free", needed / 1e9, free / 1e9);
-  throw Error(where + ": " + std::to_string(pictures) + text + (device == runtime::Device::cuda ? " on the GPU" : "") +
-              ": draw smaller ones, or fewer cameras at a time");
+  std::snprintf(text, sizeof text, " need%s %.3g GB, and %.3g GB are free", pictures == 1 ? "s" : "", needed / 1e9, free / 1e9);
+  throw Error(where + ": " + std::to_string(pictures) + (pictures == 1 ? " picture" : " pictures") + text +
+              (device == runtime::Device::cuda ? " on the GPU" : "") + ": draw smaller ones, or fewer cameras at a time");
 }
 
 /// The first of the numbers, one after the other, that is not finite; -1: none.
@@ -111,15 +113,15 @@ struct KeptLenses {
   std::vector<Lens> lenses{};
 };
 
-/// Pictures of one scene. Where another number of them is asked for, a renderer of its own makes them: arrays that Python has of the one
-/// before stay what they are.
+/// Pictures of one scene. Where another number of them is asked for while Python has some, a renderer of its own makes them: arrays of the
+/// one before stay what they are.
 struct Renderer {
   std::shared_ptr<runtime::Session> session;
   std::shared_ptr<CompiledModel const> model;  // the scene's
   runtime::Device device;
   std::shared_ptr<runtime::Scene> scene;
   runtime::RendererOptions options;
-  std::int64_t images = 0;                        // that Python has of `own`; 0: none yet
+  std::int64_t images = 0;                        // in `own`; 0: none yet
   std::vector<std::vector<int>> shown{};          // `show`: of each world
   std::shared_ptr<runtime::Scene::Sets> drawn{};  // what `own` has on the device: where the scene has more by now, it is made anew
   std::shared_ptr<runtime::Renderer> own{};
@@ -267,7 +269,7 @@ runtime::Array chance_of(nb::handle given, std::string const& where, bool alone,
   if (nb::isinstance<Array>(given) || nb::hasattr(given, "__cuda_array_interface__")) return taken(given, where.c_str(), {-1, 3}, keeps);
   nb::object const rows = nb::module_::import_("numpy").attr("asarray")(given);
   auto const text = [](nb::object const& x) { return nb::cast<std::string>(nb::str(x)); };
-  std::string const kind = nb::cast<std::string>(rows.attr("dtype").attr("kind"));
+  std::string const kind = nb::cast<std::string>(rows.attr("dtype").attr("kind"));  // seeds of 64 bits without a sign keep their bits
   if ((kind != "i" && kind != "u") || nb::cast<int>(rows.attr("ndim")) != 2)
     throw Error(where + " is " + text(rows.attr("dtype")) + " of shape " + text(rows.attr("shape")) +
                 ": give (C, 3) whole numbers, seed, step and number of each picture");
@@ -276,7 +278,8 @@ runtime::Array chance_of(nb::handle given, std::string const& where, bool alone,
   runtime::Array const a = taken(rows.attr("astype")("int64"), where.c_str(), {-1, 3}, keeps);
   for (std::int64_t i = 0; i < a.extents[0]; ++i)
     for (int k = 0; k < 3; ++k)
-      if (auto const x = static_cast<std::int64_t const*>(a.data)[i * a.strides[0] + k * a.strides[1]]; x < 0 || x > most[k])
+      if (auto const x = static_cast<std::int64_t const*>(a.data)[i * a.strides[0] + k * a.strides[1]];
+          (k > 0 || kind == "i") && (x < 0 || x > most[k]))
         throw Error(where + ": the " + names[k] + " of picture " + std::to_string(i) + " is " + std::to_string(x) +
                     ": give a whole number from 0 to " + std::to_string(most[k]));
   return a;
@@ -318,7 +321,7 @@ void develop_of(nb::handle words, std::string const& of, runtime::RendererOption
                             : taken(background, where.c_str(), {-1, o.height, o.width, 3}, keeps.background);
   if (to.background.dtype != runtime::Dtype::float32 && to.background.dtype != runtime::Dtype::float64)
     throw Error(where + " holds whole numbers: give real ones of 0 to 1 (those of 8 bits divided by 255)");
-  if (to.background.device != runtime::Device::cpu) return;  // on a GPU nobody waits for an answer
+  if (to.background.device != runtime::Device::cpu || to.background.size() == 0) return;  // on a GPU nobody waits for an answer
   nb::object const numpy = nb::module_::import_("numpy"), numbers = numpy.attr("asarray")(background);
   double const least = nb::cast<double>(numbers.attr("min")()), most = nb::cast<double>(numbers.attr("max")());
   if (!(least >= 0 && std::isfinite(most)))  // light may be above 1
@@ -409,9 +412,10 @@ Frames render(Renderer& self, Data const& data, ArrayLike const& viewmats, Array
   // pictures that Python still has stay what they are
   bool const anew = !self.own || (self.images != n && self.images > 0 && self.own.use_count() > 1) || self.drawn != self.scene->sets;
   std::shared_ptr<runtime::Renderer> const own = anew ? another(self) : self.own;
-  if (anew || self.images != n)
-    expect_memory("gsp.Renderer.render", *own, self.device, n,
-                  anew ? 0 : double(own->bytes_needed(int(std::max<std::int64_t>(1, self.images)))));
+  if (anew || self.images != n) {
+    expect_memory("gsp.Renderer.render", *own, self.device, n, anew ? 0 : self.images);
+    if (!anew) self.images = 0;  // they are let go before the new ones are there
+  }
   freshen(data);
   auto const poses = data.stepper->poses();
   warn_of_lost_bodies("gsp.Renderer.render", poses, *self.model);
@@ -683,7 +687,7 @@ void bind_renderer(nb::module_& m) {
            "each picture's own seed, step and number (gsp.Task.chance makes them), and e, k and b of light_chance, where that is; "
            "background: a colour, or a picture (H, W, 3), "
            "or\n"
-           "(C, H, W, 3), of real numbers of 0 to 1.\n"
+           "(C, H, W, 3), of real numbers, 1 for full light.\n"
            "jitter: cameras that are not quite where they are said to be: dict(position=0.01, rotation=0.01, focal=0.02, principal=3, "
            "seed=1,\n"
            "step=k): each camera is moved along its axes [m], turned by a rotation vector [rad], its focal length changed by a share "

@@ -83,10 +83,14 @@ def test_pictures_are_the_cpus():
         views = gsp.look_at([[0.8, 0, 0.5], [0.3, 0.7, 0.4], [-0.6, -0.5, 0.6]], [0, 0, 0.2])
         Ks = np.stack([gsp.pinhole(96, 72, 60)] * 3)
         background = np.random.default_rng(2).random((72, 96, 3)).astype(np.float32)
+        rows = np.arange(3 * len(views)).reshape(-1, 3) + 7
+        given = rows if device == "cpu" else torch.as_tensor(rows, device=device)
         if device != "cpu":
             views, Ks, background = (torch.as_tensor(a, device=device) for a in (views, Ks, background))
         calls = [dict(), dict(develop=dict(background=background, exposure=0.2, contrast=0.1, brightness=0.1, noise=0.05, seed=3, step=9)),
-                 dict(jitter=dict(position=0.05, rotation=0.1, focal=0.1, principal=3, seed=5)), dict(distortion=[-0.1, 0.02, 0.001, 0.002]),
+                 dict(jitter=dict(position=0.05, rotation=0.1, focal=0.1, principal=3, seed=5)),
+                 dict(develop=dict(noise=0.05, exposure=0.3, chance=rows, light_chance=rows[:, [0, 1, 2]] + 1), jitter=dict(rotation=0.1, chance=given)),
+                 dict(distortion=[-0.1, 0.02, 0.001, 0.002]),
                  dict(distortion=[0.05, 0.01, 0, 0], fisheye=True)]
         for words in calls:
             frames = renderer.render(data, views, Ks, **words)
@@ -111,6 +115,8 @@ def test_pictures_are_the_cpus():
             for name, most in (("rgb", 2e-5), ("depth", 3e-4), ("alpha", 3e-5), ("ids", 0), ("rgb8", 1), ("normals", 4e-3)):
                 off = np.abs(b[name].astype(np.float64) - a[name].astype(np.float64)) > most
                 assert off.mean() <= 5e-4, (median, call, name, off.mean())
+                if name in ("rgb", "alpha"):
+                    assert np.abs(b[name] - a[name]).max() <= most + 1 / 255, (median, call, name)
             assert a["rgb"].std() > 0.01 and len(np.unique(a["ids"])) >= 2, call
 
 

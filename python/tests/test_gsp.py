@@ -673,7 +673,7 @@ def test_developed_pictures():
     assert np.array_equal(develop(noise=0.05, seed=3, step=5), develop(noise=0.05, seed=3, step=5, light_chance=rows))
     for words, match in (
         (dict(chance=rows, step=1), "develop: chance says seed, step and number of each picture: leave seed, step and first_image out"),
-        (dict(chance=rows[:1]), r"develop: chance has a row of int64 for each picture, \(C, 3\)"),
+        (dict(chance=rows[:1]), "develop: chance has 1 rows for 2 pictures: give each a seed"),
         (dict(chance=rows[:, :2]), "develop: chance has shape"),
         (dict(chance=rows / 2), r"chance is float64 of shape \(2, 3\): give \(C, 3\) whole numbers"),
         (dict(light_chance=-rows), "light_chance: the seed of picture 0 is -3: give a whole number from 0 to"),
@@ -810,6 +810,17 @@ def test_pictures_that_fit_in_no_memory_are_refused(model):
     renderer = gsp.Renderer(gsp.Scene(model).add_room(), 40000, 40000)
     with pytest.raises(gsp.Error, match=r"^gsp.Renderer.render: 64 pictures need [0-9.e+]+ GB, and .* GB are free: draw smaller ones"):
         renderer.render(data, np.tile(at[0], (64, 1, 1)), at[1])
+    renderer.show([[0]])  # whose renderer holds no picture yet
+    with pytest.raises(gsp.Error, match="^gsp.Renderer.render: 64 pictures need"):
+        renderer.render(data, np.tile(at[0], (64, 1, 1)), at[1])
+    # what nobody holds is let go, what is held stays
+    small = gsp.Renderer(gsp.Scene(model).add_room(), 48, 36)
+    at = gsp.look_at([2, 0, 1], [0, 0, 0]), gsp.pinhole(48, 36, 60)
+    expected = small.render(data, *at).rgb.copy()
+    assert np.array_equal(small.render(data, np.tile(at[0], (3, 1, 1)), at[1]).rgb[2], expected[0])
+    view = small.render(data, *at).rgb.numpy()
+    turned = small.render(data, gsp.look_at([[0, 2, 1], [1, 2, 1]], [0, 0, 0]), at[1])
+    assert np.array_equal(view, expected) and not np.array_equal(turned.rgb[0], expected[0])
     with pytest.raises(gsp.Error, match=r"^gsp.Renderer.fixed: 64 pictures need [0-9.e+]+ GB"):
         renderer.fixed(data, np.tile(at[0], (64, 1, 1)), at[1])
     with pytest.raises(gsp.Error, match="width and height must be positive, 65536 at most, and are 70000 and 20"):

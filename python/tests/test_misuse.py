@@ -258,7 +258,7 @@ print(gsp.Renderer(scene, 16, 16).render(data, V, gsp.pinhole(16, 16, 60)).alpha
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     said, goes_on = done.stdout.splitlines()
-    assert said.startswith("gsp.Renderer.render: 1 pictures need ") and said.endswith(" GB are free: draw smaller ones, or fewer cameras at a time"), said
+    assert said.startswith("gsp.Renderer.render: 1 picture needs ") and said.endswith(" GB are free: draw smaller ones, or fewer cameras at a time"), said
     assert goes_on == "True"
 
 
@@ -382,15 +382,26 @@ def test_what_cannot_be_assigned_says_what_to_do(model):
     for of, name, said in (
         (data, "xfrc_applied", "gsp.Data has no attribute 'xfrc_applied': .*data.qfrc_applied = "),
         (data, "xpos", "gsp.Data.xpos is for reading: it follows from what is written"),
-        (data, "time", "gsp.Data.time is for reading: .*write data.steps"),
+        (data, "time", r"gsp.Data.time is for reading: .*data.steps\[:\] = n"),
         (data, "timestep", r"gsp.Data.timestep is for reading: gsp.Data\(model, timestep=seconds\)"),
         (data, "qposs", r"gsp.Data has no attribute 'qposs': is it qpos\?$"),
         (model, "timestep", r"gsp.Model.timestep is for reading: gsp.Data\(model, timestep=seconds\)"),
         (model, "body_mass", r"gsp.Model.body_mass is for reading: gsp.Data\(model, per_world=\['body_mass'\]\), then data.set"),
         (model, "nq", "gsp.Model.nq is for reading: say it in the MJCF"),
+        (data, "steps", r"gsp.Data.steps is for reading: .*data.steps\[:\] = n"),
+        (data, "worlds", "gsp.Data.worlds is for reading: say it when you make gsp.Data"),
+        (data, "status", "gsp.Data.status is for reading: gsp.reset"),
+        (data, "set", "gsp.Data.set is for reading: it is a function"),
     ):
         with pytest.raises(AttributeError, match=said):
             setattr(of, name, 1)
+
+    class Broken:
+        def __array__(self, *_, **__):
+            raise AttributeError("of its own")
+
+    with pytest.raises(AttributeError, match="^of its own"):
+        data.qpos = Broken()
     data.qpos = data.qpos.copy() + 0.25
     assert data.qpos[0, 0] == 0.25 + model.qpos0[0]
 
@@ -450,6 +461,8 @@ def test_names_of_mujocos_say_what_to_take_here(model):
         ([{1: 2}], "a mount has body, pos, quat and fovy, and no '1'"),
         ([dict(body="box", quat="abcd")], "quat of mount 0 is 'abcd': give 4 numbers"),
         ([dict(body="box", pos={1, 2, 3})], "pos of mount 0 is .*: give 3 numbers"),
+        ([dict(body="box", pos=np.array(1.0))], r"pos of mount 0 is array\(1.?\): give 3 numbers"),
+        (np.array(1.0), "the mounts are a list"),
         ([dict(body="box", fovy=float("nan"))], "fovy must lie between 0 and 180"),
     ],
 )

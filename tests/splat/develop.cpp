@@ -164,7 +164,7 @@ TEST_CASE_TEMPLATE("each image has its own exposure, contrast, brightness and no
   gsp::develop(exec, three, of_three, {.noise = 0.05f}, {}, chance, light);
   for (int i = 0; i < 3; ++i)
     CHECK(std::memcmp(&on_host(of_three)(i, 0, 0, 0), &noise(int(number[i]), 0, 0, 0), sizeof(float) * 3 * width * height) == 0);
-  CHECK_THROWS_WITH_AS(gsp::develop(exec, frames, again, part, {}, chance), doctest::Contains("a row for each image"),
+  CHECK_THROWS_WITH_AS(gsp::develop(exec, frames, again, part, {}, chance), doctest::Contains("images: give each a seed"),
                        std::invalid_argument);
   gsp::develop(exec, frames, frames.rgb, noisy);  // in place
   CHECK(std::memcmp(on_host(frames.rgb).data(), noise.data(), noise.span() * sizeof(float)) == 0);

@@ -151,7 +151,7 @@ TEST_CASE_TEMPLATE("the same bits in any batch, and none are touched that are no
   gsp::jitter_cameras(exec, part, of_part, {.position = 0.1f, .rotation = 0.2f, .focal = 0.1f, .principal = 2, .seed = 77}, chance);
   CHECK(same_bits(numbers_of(of_part.viewmats), {whole_views.begin() + 16 * first, whole_views.end()}));
   CHECK(same_bits(numbers_of(of_part.Ks), {whole_Ks.begin() + 9 * first, whole_Ks.end()}));
-  CHECK_THROWS_WITH_AS(gsp::jitter_cameras(exec, cameras, jittered, options, chance), doctest::Contains("a row for each image"),
+  CHECK_THROWS_WITH_AS(gsp::jitter_cameras(exec, cameras, jittered, options, chance), doctest::Contains("images: give each a seed"),
                        std::invalid_argument);
   gsp::jitter_cameras(exec, cameras, cameras, options);  // in place
   CHECK(same_bits(cameras, jittered));

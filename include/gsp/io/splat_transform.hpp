@@ -29,8 +29,8 @@ struct SplatTransformOptions {
 std::array<std::array<double, 16>, 16> sh_rotation(std::array<double, 4> const& unit_quat);
 
 /// Moves Gaussians by x -> scale R x + position: positions, rotations, sizes, and the directions of their colours. In place. Throws
-/// std::invalid_argument where the scale is not positive, the quaternion is 0, or a number is not finite. Cost: 83 products per colour
-/// channel at SH 3.
+/// std::invalid_argument where the scale is not positive, the quaternion is 0, or a number is not finite or would be beyond a float:
+/// nothing has moved then. Cost: 83 products per colour channel at SH 3.
 void transform(SplatSet& set, SplatPose const& pose, SplatTransformOptions options = {});
 
 }  // namespace gsp::io

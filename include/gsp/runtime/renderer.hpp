@@ -58,7 +58,7 @@ struct DrawOptions {
   Array background = {};        // (1 or C, H, W, 3) floats in place of develop's colour, on any device, not of the renderer's own pictures
   JitterCamerasOptions jitter = {};  // of the cameras, which stay what they are for the caller (splat/jitter_cameras.hpp)
   /// (C, 3) int64 on any device: seed, step and number that each picture's noise, its light (exposure, contrast, brightness) and its jitter
-  /// are drawn of, in place of those above; empty: those, of light chance.
+  /// are drawn of, in place of the seed, step and first_image above, which hold where these are empty; light_chance empty: chance.
   Array chance = {}, light_chance = {}, jitter_chance = {};
 };
 

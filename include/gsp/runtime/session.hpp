@@ -22,7 +22,7 @@ class Session {
 bool has_cuda();
 int gpu_count();
 /// Begins to start the GPU on a thread of its own, which takes 0.1 to 0.3 s, so that a program reads its files meanwhile; a Session waits
-/// for it. Nothing without CUDA, or a GPU.
+/// for it. From one thread; nothing without CUDA, without a GPU, and where the environment says that another GPU than the first is taken.
 void start_gpu();
 
 /// "CPU, 2 threads" or the GPU's name. threads: of the CPU, 0: all of the Session.

@@ -56,18 +56,24 @@ GSP_INLINE void transform(SplatSet& set, SplatPose const& pose, SplatTransformOp
   auto const r = detail::rotation_matrix(u);
   auto const d = sh_rotation(u);
   std::size_t const terms = set.sh_terms();
+  for (std::size_t i = 0; i < set.size(); ++i) {  // before any moves
+    if (set.link[i] >= 0 && !options.links) continue;
+    double const* const to = pose.position.data();
+    float const* const p = &set.positions[3 * i];
+    for (int k = 0; k < 3; ++k) {
+      double const x = pose.scale * (r[3 * k] * p[0] + r[3 * k + 1] * p[1] + r[3 * k + 2] * p[2]) + to[k];
+      if (!std::isfinite(static_cast<float>(x)) || !std::isfinite(static_cast<float>(set.scales[3 * i + k] * pose.scale)))
+        expects(false, "gsp::io::transform: the pose takes Gaussian " + std::to_string(i) +
+                           " beyond what a float holds: give a smaller position or scale");
+    }
+  }
   for (std::size_t i = 0; i < set.size(); ++i) {
     if (set.link[i] >= 0 && !options.links) continue;
     float* const p = &set.positions[3 * i];
     double const x = p[0], y = p[1], z = p[2];
     for (int k = 0; k < 3; ++k)
       p[k] = static_cast<float>(pose.scale * (r[3 * k] * x + r[3 * k + 1] * y + r[3 * k + 2] * z) + pose.position[k]);
-    for (int k = 0; k < 3; ++k) {
-      set.scales[3 * i + k] = static_cast<float>(set.scales[3 * i + k] * pose.scale);
-      if (!std::isfinite(p[k]) || !std::isfinite(set.scales[3 * i + k]))
-        expects(false, "gsp::io::transform: the pose takes Gaussian " + std::to_string(i) +
-                           " beyond what a float holds: give a smaller position or scale");
-    }
+    for (int k = 0; k < 3; ++k) set.scales[3 * i + k] = static_cast<float>(set.scales[3 * i + k] * pose.scale);
     float* const g = &set.quats[4 * i];
     double const b[4] = {g[0], g[1], g[2], g[3]};
     g[0] = static_cast<float>(u[0] * b[0] - u[1] * b[1] - u[2] * b[2] - u[3] * b[3]);

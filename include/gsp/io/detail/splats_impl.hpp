@@ -115,15 +115,18 @@ GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& pa
   if (format == gltf) write_gltf(path, set);
   if (format == sog) write_sog(path, set);
   if (format == usda) write_usda(path, set);
-  std::error_code error;
-  if (!target.direct)  // those that were there are of what was there
-    for (auto const& old : {sidecar, detail::links_of(path)})
-      if (!links || old != sidecar) std::filesystem::remove(old, error);
   try {
     if (links) links->commit();
   } catch (...) {
+    std::error_code error;
     std::filesystem::remove(sidecar, error);
     throw;
+  }
+  for (auto const& old : {sidecar, detail::links_of(path)}) {  // those that were there are of what was there
+    std::error_code error;
+    if (!target.direct && !(links && old == sidecar)) std::filesystem::remove(old, error);
+    if (error)
+      detail::fail(old.string(), "", "is of the Gaussians that were there, and cannot be removed (" + error.message() + "); remove it");
   }
   return notes;
 }
