@@ -210,7 +210,7 @@ class KokkosRenderer : public Renderer {
     JitterCamerasOptions const& j = options.jitter;
     std::string const of = where + ": jitter";
     gsp::detail::check_options(of.c_str(), j, cameras.images());
-    expect_chance(of.c_str(), options.jitter_chance, cameras.images());
+    expect_chance((of + ": chance").c_str(), options.jitter_chance, cameras.images());
     if (!j.moves_cameras()) return cameras;
     if (jittered_.images() != cameras.images()) jittered_ = make_cameras(exec_, cameras.images());
     jitter_cameras(exec_, cameras, jittered_, j, rows_of(options.jitter_chance, jitter_chance_));
@@ -220,9 +220,9 @@ class KokkosRenderer : public Renderer {
   static void expect_chance(char const* where, Array const& a, int images) {
     if (!a) return;
     expects(a.rank == 2 && a.extents[1] == 3 && a.dtype == Dtype::int64, where,
-            "chance is (C, 3) int64: seed, step and number of each picture");
+            "rows are int64, (C, 3): seed, step and number of each picture");
     if (a.extents[0] != images)
-      throw Error(std::string(where) + ": chance has " + std::to_string(a.extents[0]) + " rows for " + std::to_string(images) +
+      throw Error(std::string(where) + ": there are " + std::to_string(a.extents[0]) + " rows for " + std::to_string(images) +
                   " pictures: give each a seed, a step and a number");
   }
   Chance rows_of(Array const& a, Buffer& buffer) {
@@ -242,7 +242,8 @@ class KokkosRenderer : public Renderer {
     };
     std::string const of = std::string(where) + ": develop";
     gsp::detail::check_develop(of.c_str(), options.develop, at(a.data), images, options_.height, options_.width);
-    for (Array const& rows : {options.chance, options.light_chance}) expect_chance(of.c_str(), rows, images);
+    expect_chance((of + ": chance").c_str(), options.chance, images);
+    expect_chance((of + ": light_chance").c_str(), options.light_chance, images);
     auto const f = frames();
     std::less<> const before{};
     auto const* const begin = static_cast<char const*>(a.data);

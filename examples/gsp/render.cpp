@@ -8,6 +8,7 @@
 #include <gsp/io/video.hpp>
 #include <gsp/model/names.hpp>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "commands.hpp"
 #include "device.hpp"
@@ -119,6 +120,21 @@ void tell_of_empty(std::vector<std::size_t> const& empty, std::size_t count, std
     which += std::string(empty.size() > most ? " ..." : "") + " of " + std::to_string(count) + (empty.size() > 1 ? " show" : " shows") +
              " no Gaussian" + (empty.size() > most ? " (" + std::to_string(empty.size()) + ")" : "");
   std::fprintf(stderr, "%s: turn the camera to the scene, or let --splat-pose say where that stands\n", which.c_str());
+}
+
+/// Notes links with geoms that no file has Gaussians of, while others have some: they are not drawn.
+void tell_of_bare_links(std::set<std::string> const& carried, std::string const& path, gsp::CompiledModel const& model) {
+  std::string names;
+  std::size_t bare = 0;
+  for (int b = 1; b < model.nbody; ++b) {
+    std::string const& name = model.body_name[static_cast<std::size_t>(b)];
+    if (carried.count(name) || std::find(model.geom_body.begin(), model.geom_body.end(), b) == model.geom_body.end()) continue;
+    if (bare++ < 3) names += (names.empty() ? "'" : ", '") + name + "'";
+  }
+  if (bare > 3) names += ", ...";
+  if (bare > 0)
+    std::fprintf(stderr, "%s: no file of --splat has Gaussians of %s (links with geoms: %zu), which no picture shows; bind some to %s\n",
+                 path.c_str(), names.c_str(), bare, bare == 1 ? "it" : "them");
 }
 
 /// Notes cameras whose axis is more than a fifth of the picture from its middle, as where K was made for pictures of another size.
@@ -284,12 +300,16 @@ int run(Arguments const& a) {
   }
 
   gsp::runtime::Scene scene;
-  bool carried = false;
-  for (std::size_t i = 0; i < files.size(); ++i)
-    carried |= scene.add_set(load_splats(files[i], i < poses.size() ? gsp::io::parse_splat_pose(poses[i]) : gsp::io::SplatPose{}), files[i],
-                             model);
+  std::set<std::string> carried;  // links with Gaussians of files
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    auto const set = load_splats(files[i], i < poses.size() ? gsp::io::parse_splat_pose(poses[i]) : gsp::io::SplatPose{});
+    scene.add_set(set, files[i], model);
+    for (int const link : set.link)
+      if (link >= 0) carried.insert(set.link_names[static_cast<std::size_t>(link)]);
+  }
+  if (!carried.empty() && !quiet(a)) tell_of_bare_links(carried, *a.text("--model"), model);
   gsp::runtime::Session const session(threads);  // once all is read: a GPU starts meanwhile
-  if (model.nbody > 1 && !carried) scene.add_surface(model);
+  if (model.nbody > 1 && carried.empty()) scene.add_surface(model);
   auto const renderer = gsp::runtime::make_renderer(device, scene, options);
   auto const kinematics = gsp::runtime::make_kinematics(device, model);
 

@@ -165,7 +165,8 @@ def depth_to_rgb(depth: ArrayLike, near: float = 0.0, far: float = 0.0) -> NDArr
     depth = np.ascontiguousarray(depth, dtype=np.float32)
     if depth.ndim != 2 or depth.size == 0:
         raise Error(f"gsp.depth_to_rgb: the depth has shape {depth.shape} and must have (height, width): give one picture")
-    if not (near == far == 0 or 0 <= near < far < float("inf")):
+    ends = np.array([near, far], dtype=np.float32)  # as they are used
+    if not (near == far == 0 or 0 <= ends[0] < ends[1] < np.inf):
         raise Error(f"gsp.depth_to_rgb: near is {near} and far {far}: give 0 <= near < far in metres, or neither, for the picture's own")
     height, width = depth.shape
     return np.frombuffer(_depth_to_rgb(depth.tobytes(), width, height, near, far), dtype=np.uint8).reshape(height, width, 3)
@@ -178,8 +179,8 @@ def write_png(path: str | os.PathLike[str], image: ArrayLike) -> None:
 
     import numpy as np
 
-    if not os.fspath(path).lower().endswith(".png"):
-        raise Error(f"gsp.write_png: {os.fspath(path)!r} does not end in .png, and PNG is what is written: name it so")
+    if not os.fsdecode(path).lower().endswith(".png"):
+        raise Error(f"gsp.write_png: {os.fsdecode(path)!r} does not end in .png, and PNG is what is written: name it so")
     image = np.asarray(image)
     if image.ndim == 2:
         image = image[..., None]
@@ -189,4 +190,4 @@ def write_png(path: str | os.PathLike[str], image: ArrayLike) -> None:
         raise Error(f"gsp.write_png: the picture holds {image.dtype} and must hold real numbers of 0 to 1, or uint8 of 0 to 255")
     if image.dtype != np.uint8:
         image = image.astype(np.float32)
-    _write_png(os.fspath(path), np.ascontiguousarray(image).tobytes(), image.shape[1], image.shape[0], image.shape[2])
+    _write_png(os.fsdecode(path), np.ascontiguousarray(image).tobytes(), image.shape[1], image.shape[0], image.shape[2])

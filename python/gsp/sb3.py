@@ -14,6 +14,7 @@ import numpy as np
 
 from . import gymnasium as _gymnasium
 from ._gsp import Error
+from .task import expect_task
 
 __all__ = ["VecEnv"]
 
@@ -23,7 +24,7 @@ class VecEnv(_VecEnv):
     task's `info` gives always. `seed(n)` holds from the next reset on."""
 
     def __init__(self, task: Any) -> None:
-        self.envs = _gymnasium.VectorEnv(task)
+        self.envs = _gymnasium.VectorEnv(expect_task(task, "gsp.sb3.VecEnv"))
         if task.xp is not np:
             raise Error("gsp.sb3.VecEnv: Stable-Baselines3 reads NumPy's arrays: make the task with array='numpy'")
         super().__init__(task.worlds, self.envs.single_observation_space, self.envs.single_action_space)

@@ -214,22 +214,21 @@ class Task:
 
     def normal(self, deviation: Numbers, size: int, mask: Numbers = None) -> Numbers:
         """(worlds, size) float32 of mean 0; see `uniform`."""
-        u = self._uniform(2 * size, mask)
+        u = self._uniform(2 * size if isinstance(size, (int, np.integer)) else size, mask)
         return self._floats(deviation) * self.xp.sqrt(-2 * self.xp.log(u[:, :size])) * self.xp.cos(2 * np.pi * u[:, size:])
 
     def chance(self, of: str = "step", pictures: int = 1) -> Numbers:
         """(worlds * pictures, 3) int64: seed, step and number by which `develop` and `jitter` of gsp.Renderer.render draw what each
-        picture has of its own, picture k of a world in row world * pictures + k. of: "step", others in each step of control, or
+        picture has of its own, picture k of a world (256 at most) in row world * pictures + k. of: "step", others in each step of control, or
         "episode", which stay until the world is reset. As of `uniform`, a world has the same ones whatever the others do."""
-        if of not in ("step", "episode") or pictures < 1:
-            raise Error(f"{type(self).__name__}.chance: of is {of!r} and pictures {pictures}: give \"step\" or \"episode\", and 1 or more")
+        if of not in ("step", "episode") or not isinstance(pictures, (int, np.integer)) or not 1 <= pictures <= 256:
+            raise Error(f"{type(self).__name__}.chance: of is {of!r} and pictures {pictures!r}: give \"step\" or \"episode\", and 1 to 256")
         step = (self._episode & 0xFFFFFFFF) << 24
         if of == "step":
             step = step | (self.age & 0xFFFFFF)
-        rows = self.xp.stack([self._key & 0x7FFFFFFFFFFFFFFF, step, self._world * pictures], -1)
+        rows = self.xp.stack([self._key, step, self._world & 0xFFFFFF], -1)
         rows = rows[:, None].repeat(pictures, 1) if self.xp is np else rows[:, None].repeat(1, pictures, 1)
-        rows[:, :, 2] += self.xp.arange(pictures, **self._on)
-        rows[:, :, 2] &= 0xFFFFFFFF
+        rows[:, :, 2] |= self.xp.arange(pictures, **self._on) << 24
         self._to_library()  # which reads them where it draws
         return rows.reshape(-1, 3)
 
@@ -390,7 +389,7 @@ class Task:
     def _checked(self, value: Any, name: str) -> Numbers:
         value = self._copy(self._seen(value))
         if value.ndim < 2 or value.shape[0] != self.worlds:
-            raise Error(f"{type(self).__name__}.observe{name} gives shape {tuple(value.shape)} and must give ({self.worlds}, n)")
+            raise Error(f"{type(self).__name__}.observe{name} gives shape {tuple(value.shape)} and must give ({self.worlds}, ...): a row for each world")
         return value
 
     def _seed(self, seed: Any, mask: Numbers) -> None:
@@ -411,6 +410,8 @@ class Task:
 
     def _uniform(self, size: int, mask: Numbers) -> Numbers:
         """In (0, 1), by the 23 upper bits."""
+        if not isinstance(size, (int, np.integer)) or size < 1:
+            raise Error(f"{type(self).__name__}: size is {size!r}: give how many numbers a world draws, and reshape them")
         if self._draw > 255:
             raise Error(f"{type(self).__name__} draws more than 256 times in one method: draw more numbers at once")
         blocks = -(-size // 4)

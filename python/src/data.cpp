@@ -12,9 +12,11 @@
 #include <cstdio>
 #include <cstring>
 #include <gsp/core/status.hpp>
+#include <gsp/model/detail/host_math.hpp>
 #include <gsp/model/sensor_types.hpp>
 
 #include "array.hpp"
+#include "named.hpp"
 #include "others_run.hpp"
 
 namespace gsp::python {
@@ -177,7 +179,19 @@ Data* make_data(Model const& model, int worlds, std::string const& device, std::
   return d;
 }
 
-/// Camera k as Python says it: a name, or a dict of what CameraSpec has, fovy in degrees.
+/// A camera's rotation in its body's frame, looking along -z from `pos` to `target`, with y up as far as it goes.
+std::array<double, 4> looking(std::array<double, 3> const& pos, std::array<double, 3> const& target, std::string const& mount) {
+  Double3 const back{pos[0] - target[0], pos[1] - target[1], pos[2] - target[2]};
+  double const far = gsp::detail::norm(back), across = std::hypot(back[0], back[1]);
+  if (!(far > 0 && std::isfinite(far))) throw Error(mount + ": pos and target are one point, or no numbers: move one of them");
+  // straight up or down: the body's x is to the right
+  Double3 const x = across > 1e-9 * far ? Double3{-back[1] / across, back[0] / across, 0} : Double3{1, 0, 0},
+                z{back[0] / far, back[1] / far, back[2] / far};
+  auto const q = gsp::detail::quat_of_axes(x, gsp::detail::cross(z, x), z);
+  return {q[0], q[1], q[2], q[3]};
+}
+
+/// Camera k as Python says it: a name, or a dict of what CameraSpec has, fovy in degrees, `target` in place of quat.
 runtime::CameraSpec spec_of(nb::handle mount, std::size_t k) {
   std::string const where = "gsp.Data.cameras: ";
   if (nb::isinstance<nb::str>(mount)) return {.camera = nb::cast<std::string>(mount)};
@@ -193,6 +207,8 @@ runtime::CameraSpec spec_of(nb::handle mount, std::size_t k) {
   };
   constexpr double degree = 3.14159265358979323846 / 180;
   runtime::CameraSpec spec;
+  std::optional<std::array<double, 3>> target;
+  bool turned = false;
   double fovy = spec.fovy / degree;
   for (auto const& [key, value] : nb::borrow<nb::dict>(mount)) {
     std::string const name = nb::cast<std::string>(nb::str(key));
@@ -201,12 +217,16 @@ runtime::CameraSpec spec_of(nb::handle mount, std::size_t k) {
     else if (name == "pos")
       read(name, value, spec.pos, "3 numbers [m]");
     else if (name == "quat")
-      read(name, value, spec.quat, "4 numbers, w x y z");
+      turned = true, read(name, value, spec.quat, "4 numbers, w x y z");
+    else if (name == "target")
+      read(name, value, target.emplace(), "3 numbers [m]");
     else if (name == "fovy")
       read(name, value, fovy, "a number of degrees");
     else
-      throw Error(where + "a mount has body, pos, quat and fovy, and no '" + name + "'");
+      throw Error(where + "a mount has body, pos, quat or target, and fovy, and no '" + name + "'");
   }
+  if (target && turned) throw Error(where + "mount " + std::to_string(k) + " has quat and target, which both say where it looks: give one");
+  if (target) spec.quat = looking(spec.pos, *target, where + "mount " + std::to_string(k));
   if (!(fovy > 0 && fovy < 180)) throw Error(where + "fovy must lie between 0 and 180 degrees and is " + std::to_string(fovy));
   spec.fovy = fovy * degree;
   if (spec.body.empty()) throw Error(where + "a mount has no body: say which, 'world' for what does not move");
@@ -738,7 +758,7 @@ void bind_data(nb::module_& m) {
       [](Data const& d, Mounts const& mounts, int width, int height) {
         auto const specs = specs_of(mounts);
         if (width < 1 || height < 1) throw Error("gsp.Data.cameras: width and height must be positive");
-        auto const a = fresh(d).cameras(specs, width, height);
+        auto const a = named("gsp.Data.cameras", [&] { return fresh(d).cameras(specs, width, height); });
         auto const own = std::make_shared<CameraKeeper>(CameraKeeper{d.session, a.owner});
         Array Ks{a.Ks, own};
         Ks.picture = {width, height};
@@ -747,8 +767,10 @@ void bind_data(nb::module_& m) {
       nb::arg("mounts").none(), nb::arg("width") = 640, nb::arg("height") = 480,
       "What Renderer.render takes, (viewmats, Ks, world), for cameras of the model by name, or on bodies: dict(body='head', pos=(0.1, 0, "
       "0),\n"
-      "quat=(1, 0, 0, 0), fovy=60), as MJCF has them: looking along -z, y up, fovy in degrees. All worlds, in their poses as they are, on\n"
-      "the data's device: image world * len(mounts) + k is of mount k. Each list of mounts of one size has arrays of its\n"
+      "quat=(1, 0, 0, 0), fovy=60), as MJCF has them: looking along -z, y up, fovy in degrees; target=(x, y, z) in place of quat: it "
+      "looks\n"
+      "at that point of the body's frame, z up. All worlds, in their poses as they are, on the data's device: image world * len(mounts) + "
+      "k is of mount k. Each list of mounts of one size has arrays of its\n"
       "own, which the next call for the same writes, if it is one of the last 64 that were asked for.");
   c.def_prop_ro(
       "counts", [](Data const& d) { return stepper_of(d).counts(); }, "StepCounts of the last step.");

@@ -16,6 +16,7 @@
 
 #include "array.hpp"
 #include "data.hpp"
+#include "named.hpp"
 #include "others_run.hpp"
 
 namespace gsp::python {
@@ -55,20 +56,6 @@ std::string short_text(double x) {
   std::snprintf(text, sizeof text, "%g", x);
   return text;
 }
-/// What the library says, under the name of what Python called.
-template <class F>
-auto named(std::string const& where, F const& f) {
-  std::string text;
-  try {
-    return f();
-  } catch (Error const& e) { text = e.what(); } catch (std::invalid_argument const& e) {
-    text = e.what();
-  }
-  auto const end = text.find(": ");  // of "gsp::render: camera 3 ..."
-  bool const says = text.rfind("gsp::", 0) == 0 && end != text.npos && end < text.find(' ');
-  throw Error(where + ": " + (says ? text.substr(end + 2) : text));
-}
-
 /// Pictures that do not fit are refused, as a host gives more than it has and then ends the process. held: how many are let go for them.
 void expect_memory(std::string const& where, runtime::Renderer const& renderer, runtime::Device device, std::int64_t pictures,
                    std::int64_t held = 0) {
@@ -182,21 +169,19 @@ std::vector<Lens> const& lenses_of(std::string const& where, KeptLenses& kept, n
 }
 
 /// Worlds of cameras, which a cast would make others of; on a GPU the kernels look whether they are there.
-nb::object worlds_of(nb::handle world, int worlds) {
-  constexpr char const* where = "gsp.Renderer.render: world";
+nb::object worlds_of(std::string const& of, nb::handle world, int worlds) {
+  std::string const where = of + ": world";
   bool const on_gpu = nb::isinstance<Array>(world) ? nb::cast<Array const&>(world).array.device != runtime::Device::cpu
                                                    : nb::hasattr(world, "__cuda_array_interface__");
   if (on_gpu) return nb::borrow(world);
   nb::object const numpy = nb::module_::import_("numpy"), given = numpy.attr("asarray")(world);
   auto const text = [](nb::object const& x) { return nb::cast<std::string>(nb::str(x)); };
   std::string const kind = nb::cast<std::string>(given.attr("dtype").attr("kind"));
-  if (kind != "i" && kind != "u")
-    throw Error(std::string(where) + " holds " + text(given.attr("dtype")) + ": give a whole number for each camera");
+  if (kind != "i" && kind != "u") throw Error(where + " holds " + text(given.attr("dtype")) + ": give a whole number for each camera");
   if (nb::cast<std::int64_t>(given.attr("size")) > 0)
     for (char const* const end : {"min", "max"})
       if (nb::object const number = given.attr(end)(); number < nb::int_(0) || number >= nb::int_(worlds))
-        throw Error(std::string(where) + " names world " + text(number) + ", and the data have " + std::to_string(worlds) +
-                    ", numbered from 0");
+        throw Error(where + " names world " + text(number) + ", and the data have " + std::to_string(worlds) + ", numbered from 0");
   return numpy.attr("ascontiguousarray")(given, nb::arg("dtype") = "int32");
 }
 
@@ -269,17 +254,16 @@ runtime::Array chance_of(nb::handle given, std::string const& where, bool alone,
   if (nb::isinstance<Array>(given) || nb::hasattr(given, "__cuda_array_interface__")) return taken(given, where.c_str(), {-1, 3}, keeps);
   nb::object const rows = nb::module_::import_("numpy").attr("asarray")(given);
   auto const text = [](nb::object const& x) { return nb::cast<std::string>(nb::str(x)); };
-  std::string const kind = nb::cast<std::string>(rows.attr("dtype").attr("kind"));  // seeds of 64 bits without a sign keep their bits
+  std::string const kind = nb::cast<std::string>(rows.attr("dtype").attr("kind"));
   if ((kind != "i" && kind != "u") || nb::cast<int>(rows.attr("ndim")) != 2)
     throw Error(where + " is " + text(rows.attr("dtype")) + " of shape " + text(rows.attr("shape")) +
                 ": give (C, 3) whole numbers, seed, step and number of each picture");
-  constexpr std::int64_t most[] = {std::numeric_limits<std::int64_t>::max(), (std::int64_t(1) << 56) - 1, (std::int64_t(1) << 32) - 1};
+  constexpr std::int64_t most[] = {0, (std::int64_t(1) << 56) - 1, (std::int64_t(1) << 32) - 1};
   constexpr char const* names[] = {"seed", "step", "number"};
   runtime::Array const a = taken(rows.attr("astype")("int64"), where.c_str(), {-1, 3}, keeps);
   for (std::int64_t i = 0; i < a.extents[0]; ++i)
-    for (int k = 0; k < 3; ++k)
-      if (auto const x = static_cast<std::int64_t const*>(a.data)[i * a.strides[0] + k * a.strides[1]];
-          (k > 0 || kind == "i") && (x < 0 || x > most[k]))
+    for (int k = 1; k < 3; ++k)  // all bits of a seed are its own
+      if (auto const x = static_cast<std::int64_t const*>(a.data)[i * a.strides[0] + k * a.strides[1]]; x < 0 || x > most[k])
         throw Error(where + ": the " + names[k] + " of picture " + std::to_string(i) + " is " + std::to_string(x) +
                     ": give a whole number from 0 to " + std::to_string(most[k]));
   return a;
@@ -363,6 +347,7 @@ GivenCameras cameras_of(std::string const& where, Renderer& self, Data const& da
   cameras.viewmats = one(v) ? all_of(taken(v, (where + ": viewmats").c_str(), {4, 4}, keeps[0]), 1)
                             : taken(v, (where + ": viewmats").c_str(), {-1, 4, 4}, keeps[0]);
   std::int64_t const n = cameras.viewmats.extents[0];
+  if (n == 0) throw Error(where + ": viewmats are of no camera: give one or more");
   cameras.Ks =
       one(k) ? all_of(taken(k, (where + ": Ks").c_str(), {3, 3}, keeps[1]), n) : taken(k, (where + ": Ks").c_str(), {-1, 3, 3}, keeps[1]);
   if (auto& Ks = cameras.Ks; Ks.extents[0] == 1) {
@@ -373,7 +358,7 @@ GivenCameras cameras_of(std::string const& where, Renderer& self, Data const& da
                 " cameras: give one a camera, or one for all");
   }
   if (!world.is_none()) {
-    cameras.world = taken(worlds_of(world, data.worlds), (where + ": world").c_str(), {n}, keeps[2]);
+    cameras.world = taken(worlds_of(where, world, data.worlds), (where + ": world").c_str(), {n}, keeps[2]);
     if (cameras.world.dtype != runtime::Dtype::int32) throw Error(where + ": world on a GPU must hold int32, one for each camera");
   }
   if (data.moves_geoms && self.scene->surface && !self.told) {
@@ -524,7 +509,8 @@ void bind_renderer(nb::module_& m) {
             s.sets->add_room();
             return &s;
           },
-          nb::rv_policy::reference_internal, "The furnished room that the library makes.")
+          nb::rv_policy::reference_internal,
+          "The furnished room that the library makes: 6 m x 5.2 m, its floor at z = 0 and its middle at the origin, 2.7 m high.")
       .def(
           "add_surface",
           [](Scene& s) {

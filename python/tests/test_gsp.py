@@ -531,7 +531,16 @@ def test_cameras_are_mujocos(model):
     expected[:3, :3], expected[:3, 3] = turn, -turn @ d.cam_xpos[0]
     assert np.allclose(views.numpy(), expected, rtol=0, atol=1e-6)
     assert np.allclose(Ks.numpy(), gsp.pinhole(64, 48, 50), rtol=1e-6)
-    with pytest.raises(gsp.Error, match="foot"):
+    # target: as look_at has it, and straight down and up; of a body in its frame
+    for eye, at in (((2, -1, 1.5), (0, 0, 0.5)), ((0, 0, 2), (0, 0, 0)), ((0, 0, 0), (0, 0, 1)), ((1, 1, 1), (-2, 1, 1))):
+        aimed = data.cameras([dict(body="world", pos=eye, target=at)], 64, 48)[0].numpy()
+        up = (0, 0, 1) if eye[:2] != at[:2] else (0, 1, 0) if eye[2] > at[2] else (0, -1, 0)
+        assert np.allclose(aimed, gsp.look_at(eye, at, up), rtol=0, atol=1e-6)
+    aimed = data.cameras([dict(body="base", pos=(0.25, 0, 0.1), target=(2, 0.5, 0))], 64, 48)[0].numpy()[0]
+    base = mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_BODY, "base")
+    seen = aimed @ [*(d.xpos[base] + d.xmat[base].reshape(3, 3) @ [2, 0.5, 0]), 1]
+    assert np.allclose(seen[:2], 0, atol=1e-6) and np.isclose(seen[2], np.linalg.norm([1.75, 0.5, 0.1]), rtol=1e-6)
+    with pytest.raises(gsp.Error, match="gsp.Data.cameras: .*foot"):
         data.cameras(["foot"])
     with pytest.raises(gsp.Error, match="no 'fov'"):
         data.cameras([dict(body="base", fov=3)])
@@ -673,10 +682,10 @@ def test_developed_pictures():
     assert np.array_equal(develop(noise=0.05, seed=3, step=5), develop(noise=0.05, seed=3, step=5, light_chance=rows))
     for words, match in (
         (dict(chance=rows, step=1), "develop: chance says seed, step and number of each picture: leave seed, step and first_image out"),
-        (dict(chance=rows[:1]), "develop: chance has 1 rows for 2 pictures: give each a seed"),
+        (dict(chance=rows[:1]), "develop: chance: there are 1 rows for 2 pictures: give each a seed"),
         (dict(chance=rows[:, :2]), "develop: chance has shape"),
         (dict(chance=rows / 2), r"chance is float64 of shape \(2, 3\): give \(C, 3\) whole numbers"),
-        (dict(light_chance=-rows), "light_chance: the seed of picture 0 is -3: give a whole number from 0 to"),
+        (dict(light_chance=-rows), "light_chance: the step of picture 0 is -5: give a whole number from 0 to"),
         (dict(chance=rows << 32), "the number of picture 0 is 4294967296: give a whole number from 0 to 4294967295"),
     ):
         with pytest.raises(gsp.Error, match=match):

@@ -958,7 +958,7 @@ def test_chance_is_of_a_world_its_episode_and_its_step(array):
     task.reset()
     rows = lambda *words, **more: np.asarray(task.chance(*words, **more))  # noqa: E731
     first, episode = rows(), rows("episode")
-    assert first.dtype == np.int64 and first.shape == (3, 3) and first.min() >= 0 and len(np.unique(first, axis=0)) == 3
+    assert first.dtype == np.int64 and first.shape == (3, 3) and len(np.unique(first, axis=0)) == 3
     task.step(xp.zeros((3, 1)))
     assert np.array_equal(rows("episode"), episode) and np.array_equal(rows()[:, 1], first[:, 1] + 1)
     task.reset(xp.asarray([True, False, False]))
@@ -966,9 +966,19 @@ def test_chance_is_of_a_world_its_episode_and_its_step(array):
     assert changed[0, 1] and changed.sum() == 1
     two = rows(pictures=2)
     assert two.shape == (6, 3) and len(np.unique(two, axis=0)) == 6 and np.array_equal(two[::2, :2], two[1::2, :2])
-    assert np.array_equal(two[:, 2], 2 * np.repeat(rows()[:, 2], 2) + np.tile([0, 1], 3))
+    assert np.array_equal(two[::2], rows()) and np.array_equal(two[1::2, 2], rows()[:, 2] + (1 << 24))
+    task.reset(seed=5)
+    low = rows()
+    task.reset(seed=2**63 + 5)
+    assert not np.array_equal(rows()[:, 0], low[:, 0])
     with pytest.raises(gsp.Error, match="Plain.chance: of is 'world'"):
         task.chance("world")
+    with pytest.raises(gsp.Error, match="Plain.chance: of is 'step' and pictures 2.5"):
+        task.chance(pictures=2.5)
+    with pytest.raises(gsp.Error, match=r"Plain: size is \(2, 3\): give how many numbers"):
+        task.uniform(0, 1, (2, 3))
+    with pytest.raises(gsp.Error, match=r"Plain: size is None"):
+        task.normal(1, None)
 
 
 def test_a_model_without_actuators_is_told():

@@ -136,16 +136,16 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
   CHECK(again.link[30] == -1);
   write_file(folder.path / "a.links.json", bytes_of(R"({"links": []})"));
   CHECK(says(error_of([&] { read_splats(folder.path / "a.ply"); }),
-             "a.links.json: says not of which file its links are; name it '" + (folder.path / "a.ply.links.json").string() + "'"));
+             "a.links.json: does not say which file its links are of; rename it '" + (folder.path / "a.ply.links.json").string() + "'"));
   CHECK(says(error_of([&] { write_splats(folder.path / "a.spz", set); }), "a.spz.links.json' if they are this file's"));
   CHECK(!std::filesystem::exists(folder.path / "a.spz"));
   CHECK(says(error_of([&] { write_splats(folder.path / "a.compressed.ply", set); }), "a.compressed.ply.links.json' if they are"));
   std::filesystem::create_directory(folder.path / "old");
   std::filesystem::create_symlink(folder.path / "a.ply", folder.path / "old" / "through.ply");
-  CHECK(says(error_of([&] { read_splats(folder.path / "old" / "through.ply"); }), "a.links.json: says not of which file"));
+  CHECK(says(error_of([&] { read_splats(folder.path / "old" / "through.ply"); }), "a.links.json: does not say which file"));
   CHECK(write_splats(folder.path / "old" / "b.compressed.ply", set).empty());
   write_file(folder.path / "old" / "b.compressed.links.json", bytes_of(R"({"links": []})"));
-  CHECK(says(error_of([&] { read_splats(folder.path / "old" / "b.compressed.ply"); }), "b.compressed.links.json: says not"));
+  CHECK(says(error_of([&] { read_splats(folder.path / "old" / "b.compressed.ply"); }), "b.compressed.links.json: does not say"));
   // of the file that a symbolic link leads to
   CHECK(write_splats(folder.path / "h.spz", set).empty());
   std::filesystem::create_symlink(folder.path / "h.spz", folder.path / "link.spz");
@@ -164,6 +164,26 @@ TEST_CASE("write_splats: each format by its ending, links beside it, and what is
   CHECK(read_splats(folder.path / "room.spz").link == set.link);
   CHECK(read_splats(folder.path / "store" / "1f3a.spz").link == set.link);
   CHECK(std::filesystem::exists(folder.path / "store" / "77c0"));
+  // a link in between has what was beside it taken away, and is looked at
+  std::filesystem::create_symlink("room.spz", folder.path / "top.spz");
+  write_file(folder.path / "room.spz.links.json", bytes_of(R"({"links": [{"name": "old", "first": 0, "count": 300}]})"));
+  CHECK(read_splats(folder.path / "top.spz").link_names == std::vector<std::string>{"old"});
+  CHECK(write_splats(folder.path / "top.spz", set).empty());
+  for (char const* name : {"top.spz", "room.spz", "store/1f3a.spz"}) CHECK(read_splats(folder.path / name).link == set.link);
+  std::filesystem::create_symlink("nowhere", folder.path / "top.spz.links.json");
+  CHECK(says(error_of([&] { read_splats(folder.path / "top.spz"); }), "top.spz.links.json: there is no such file"));
+  CHECK(std::filesystem::remove(folder.path / "top.spz.links.json"));
+  // one that cannot be taken away is told
+  std::filesystem::create_directories(folder.path / "top.spz.links.json" / "full");
+  CHECK(says(error_of([&] { write_splats(folder.path / "top.spz", set); }), "top.spz.links.json: is of the Gaussians that were there"));
+  std::filesystem::remove_all(folder.path / "top.spz.links.json");
+#if defined(GSP_WITH_WEBP)
+  std::filesystem::create_directory(folder.path / "views");  // the pictures of SOG go where its meta.json goes
+  std::filesystem::create_symlink("../sog/meta.json", folder.path / "views" / "meta.json");
+  CHECK(write_splats(folder.path / "views" / "meta.json", plain(random_set(40, 1))).empty());
+  CHECK(read_splats(folder.path / "sog" / "meta.json").size() == 40);
+  CHECK(read_splats(folder.path / "views" / "meta.json").positions == read_splats(folder.path / "sog" / "meta.json").positions);
+#endif
   std::filesystem::create_symlink("store/later.spz", folder.path / "later.spz");  // to a file that is not there yet
   CHECK(write_splats(folder.path / "later.spz", set).empty());
   CHECK(read_splats(folder.path / "later.spz").link == set.link);

@@ -422,8 +422,9 @@ GSP_INLINE void write_sog(std::filesystem::path const& path, SplatSet const& set
   auto const parts = detail::sog_files(set);
   if (path.filename() != "meta.json")  // the pictures have fixed names
     detail::fail(path.string(), "", "must be called meta.json: two others in a folder would share their pictures");
-  std::deque<AtomicFile> files;  // all are written before one gets its name; meta.json is the last
-  for (auto const& [file, bytes] : parts.files) files.emplace_back(path.parent_path() / file).write(bytes);
+  std::deque<AtomicFile> files;                                        // all are written before one gets its name; meta.json is the last
+  auto const folder = detail::output_target(path).path.parent_path();  // behind symbolic links, as meta.json is
+  for (auto const& [file, bytes] : parts.files) files.emplace_back(folder / file).write(bytes);
   for (auto& file : files) file.commit();
 }
 

@@ -22,22 +22,32 @@ namespace gsp::io {
 namespace detail {
 
 inline std::filesystem::path links_of(std::filesystem::path path) { return path += ".links.json"; }
+/// A file's name and, where that is a symbolic link, those that it leads to, in turn.
+inline std::vector<std::filesystem::path> names_of_file(std::filesystem::path const& path) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  std::vector<fs::path> names{path};
+  while (names.size() <= 40 && fs::is_symlink(fs::symlink_status(names.back(), error))) {
+    auto const next = fs::read_symlink(names.back(), error);
+    if (error) break;
+    names.push_back(names.back().parent_path() / next);  // an absolute `next` stands for itself
+  }
+  return names;
+}
 /// FILE.links.json beside FILE, of that file alone: a stem would lend it to room.ply beside room.spz, whose order is another. Where FILE is
-/// a symbolic link and none stands beside it: beside the file that it leads to.
+/// a symbolic link and none stands beside it: beside what it leads to. Empty: there is none.
 inline std::filesystem::path links_beside(std::filesystem::path const& path) {
   std::error_code error;
-  auto const own = links_of(path);
-  if (std::filesystem::exists(own, error) || !std::filesystem::is_symlink(path, error)) return own;
-  auto const file = std::filesystem::canonical(path, error);
-  return error ? own : links_of(file);
+  for (auto const& name : names_of_file(path))
+    if (auto const links = links_of(name); std::filesystem::exists(std::filesystem::symlink_status(links, error))) return links;
+  return {};
 }
 /// Throws Error where links stand beside the file under a stem of its name and none under its name: they could be of any file of that stem.
 inline void expect_links_of_a_file(std::filesystem::path const& path) {
   namespace fs = std::filesystem;
   std::error_code error;
-  if (fs::exists(links_beside(path), error)) return;
-  auto const target = fs::is_symlink(path, error) ? fs::weakly_canonical(path, error) : path;
-  for (auto const& file : {path, error ? path : target}) {
+  if (!links_beside(path).empty()) return;
+  for (auto const& file : names_of_file(path)) {
     auto const* const format = splat_format_of(file.string());
     std::size_t const ending = format && format->first[0] == '.' ? std::string(format->first).size() : 0;
     for (std::size_t const cut : {ending, file.extension().string().size()}) {  // room.compressed.ply: room, room.compressed
@@ -45,10 +55,21 @@ inline void expect_links_of_a_file(std::filesystem::path const& path) {
       fs::path const of_stem = stem + ".links.json";
       if (cut > 0 && fs::exists(of_stem, error) && !fs::is_regular_file(stem, error))  // else they are that file's
         fail(of_stem.string(), "",
-             "says not of which file its links are; name it '" + links_of(file).string() +
-                 "' if they are this file's, after another file otherwise");
+             "does not say which file its links are of; rename it '" + links_of(file).string() +
+                 "' if they are this file's, or after the file that they are of");
     }
   }
+}
+/// Where the files lie that one names: in its folder; of SOG behind a symbolic link, where its pictures are, beside the link or beside what
+/// it leads to.
+inline std::filesystem::path folder_of_parts(std::filesystem::path const& path) {
+  std::error_code error;
+  auto const names = names_of_file(path);
+  for (auto const& name : names)
+    if (auto const folder = name.has_parent_path() ? name.parent_path() : std::filesystem::path(".");
+        std::filesystem::exists(folder / "means_l.webp", error))
+      return folder;
+  return path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
 }
 
 }  // namespace detail
@@ -71,10 +92,8 @@ GSP_INLINE SplatSet parse_splats(Bytes bytes, std::string const& name, std::file
 
 GSP_INLINE SplatSet read_splats(std::filesystem::path const& path) {
   detail::expect_links_of_a_file(path);
-  SplatSet set = parse_splats(read_file(path), path.string(), path.has_parent_path() ? path.parent_path() : ".");
-  auto const sidecar = detail::links_beside(path);
-  std::error_code error;
-  if (std::filesystem::exists(sidecar, error)) bind_links(set, read_links(sidecar), sidecar.string());
+  SplatSet set = parse_splats(read_file(path), path.string(), detail::folder_of_parts(path));
+  if (auto const sidecar = detail::links_beside(path); !sidecar.empty()) bind_links(set, read_links(sidecar), sidecar.string());
   return set;
 }
 
@@ -122,7 +141,8 @@ GSP_INLINE std::vector<std::string> write_splats(std::filesystem::path const& pa
     std::filesystem::remove(sidecar, error);
     throw;
   }
-  for (auto const& old : {sidecar, detail::links_of(path)}) {  // those that were there are of what was there
+  for (auto const& there : detail::names_of_file(path)) {  // links that were there are of what was there
+    auto const old = detail::links_of(there);
     std::error_code error;
     if (!target.direct && !(links && old == sidecar)) std::filesystem::remove(old, error);
     if (error)
