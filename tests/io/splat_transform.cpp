@@ -112,10 +112,10 @@ TEST_CASE("Gaussians of links stay unless asked, and a wrong pose is refused") {
   CHECK_THROWS_AS(transform(set, {{0, 0, 0}, {0, 0, 0, 0}}), std::invalid_argument);
   CHECK_THROWS_AS(transform(set, {{0, 0, 0}, {1, 0, 0, 0}, -1}), std::invalid_argument);
   CHECK_THROWS_AS(transform(set, {{NAN, 0, 0}}), std::invalid_argument);
-  auto const before = set.positions;
+  auto const places = set.positions;
   for (SplatPose const& far : {SplatPose{{0, 0, 1e60}}, SplatPose{.scale = 1e60}})
     CHECK_THROWS_WITH_AS(transform(set, far), doctest::Contains("beyond what a float holds"), std::invalid_argument);
-  CHECK(set.positions == before);
+  CHECK(set.positions == places);
 }
 
 TEST_CASE("a pose as text") {
