@@ -97,6 +97,7 @@ Buffer staging(Device device, Dtype dtype, Array const& like) {
   b.array = like;
   b.array.dtype = dtype;
   b.array.device = device;
+  b.array.read_only = false;  // whatever `like` is
   std::int64_t step = 1;
   for (int k = like.rank; k-- > 0; step *= like.extents[k]) b.array.strides[k] = step;
   on_device(device, [&](auto const& exec) { b.owner = allocate(exec, like.size() * bytes_of(dtype)); });
