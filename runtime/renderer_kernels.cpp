@@ -47,7 +47,6 @@ std::size_t Scene::count() const {
     for (auto const& s : sets->list) n += s.size();
   return n;
 }
-int Scene::sets_count() const { return sets ? static_cast<int>(sets->list.size()) : 0; }
 Scene::Bounds Scene::bounds(double share) const {
   expects(share > 0 && share <= 1, "gsp::runtime::Scene::bounds: the share must be above 0 and at most 1");
   std::vector<float> along[3];
@@ -210,20 +209,17 @@ class KokkosRenderer : public Renderer {
     JitterCamerasOptions const& j = options.jitter;
     std::string const of = where + ": jitter";
     gsp::detail::check_options(of.c_str(), j, cameras.images());
-    expect_chance((of + ": chance").c_str(), options.jitter_chance, cameras.images());
+    expect_chance(of.c_str(), "chance", options.jitter_chance, cameras.images());
     if (!j.moves_cameras()) return cameras;
     if (jittered_.images() != cameras.images()) jittered_ = make_cameras(exec_, cameras.images());
     jitter_cameras(exec_, cameras, jittered_, j, rows_of(options.jitter_chance, jitter_chance_));
     return jittered_;
   }
 
-  static void expect_chance(char const* where, Array const& a, int images) {
+  static void expect_chance(char const* where, char const* name, Array const& a, int images) {
     if (!a) return;
-    expects(a.rank == 2 && a.extents[1] == 3 && a.dtype == Dtype::int64, where,
-            "rows are int64, (C, 3): seed, step and number of each picture");
-    if (a.extents[0] != images)
-      throw Error(std::string(where) + ": there are " + std::to_string(a.extents[0]) + " rows for " + std::to_string(images) +
-                  " pictures: give each a seed, a step and a number");
+    expects(a.rank == 2 && a.extents[1] == 3 && a.dtype == Dtype::int64, where, "rows of chance are int64, (C, 3): seed, step and number");
+    gsp::detail::expects_rows(where, name, a.extents[0], images);
   }
   Chance rows_of(Array const& a, Buffer& buffer) {
     return a ? Chance(static_cast<std::int64_t const*>(here(a, buffer, Dtype::int64)), std::size_t(a.extents[0])) : Chance();
@@ -242,8 +238,8 @@ class KokkosRenderer : public Renderer {
     };
     std::string const of = std::string(where) + ": develop";
     gsp::detail::check_develop(of.c_str(), options.develop, at(a.data), images, options_.height, options_.width);
-    expect_chance((of + ": chance").c_str(), options.chance, images);
-    expect_chance((of + ": light_chance").c_str(), options.light_chance, images);
+    expect_chance(of.c_str(), "chance", options.chance, images);
+    expect_chance(of.c_str(), "light_chance", options.light_chance, images);
     auto const f = frames();
     std::less<> const before{};
     auto const* const begin = static_cast<char const*>(a.data);

@@ -423,8 +423,7 @@ Command prune_command() {
            {"--views", "N", "pictures that are kept alike, at most: of each camera as many, taken evenly, several times with jitter; 256"},
            {"--held-out", "N",
             "views that judge, of each camera as many: the fitted ones, with another jitter, where --views takes all, else others; 32, or "
-            "one a "
-            "camera where there are more"},
+            "one a camera where there are more"},
            {"--width", "W", "of the pictures, 640"},
            {"--height", "H", "of the pictures, 480"},
            {"--shrink", "S", "fitted to pictures that are so many times smaller in width and height; 2"},

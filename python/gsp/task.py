@@ -214,7 +214,7 @@ class Task:
 
     def normal(self, deviation: Numbers, size: int, mask: Numbers = None) -> Numbers:
         """(worlds, size) float32 of mean 0; see `uniform`."""
-        u = self._uniform(2 * size if isinstance(size, (int, np.integer)) else size, mask)
+        u = self._uniform(size, mask, 2)
         return self._floats(deviation) * self.xp.sqrt(-2 * self.xp.log(u[:, :size])) * self.xp.cos(2 * np.pi * u[:, size:])
 
     def chance(self, of: str = "step", pictures: int = 1) -> Numbers:
@@ -408,12 +408,13 @@ class Task:
         self._world[mask] = worlds[mask]
         self._episode[mask] = -1
 
-    def _uniform(self, size: int, mask: Numbers) -> Numbers:
-        """In (0, 1), by the 23 upper bits."""
+    def _uniform(self, size: int, mask: Numbers, each: int = 1) -> Numbers:
+        """(worlds, each * size) in (0, 1), by the 23 upper bits."""
         if not isinstance(size, (int, np.integer)) or size < 1:
             raise Error(f"{type(self).__name__}: size is {size!r}: give how many numbers a world draws, and reshape them")
         if self._draw > 255:
             raise Error(f"{type(self).__name__} draws more than 256 times in one method: draw more numbers at once")
+        size = each * size
         blocks = -(-size // 4)
         if blocks > 1 << 16:
             raise Error(f"{type(self).__name__} draws {size} numbers a world at once: draw 262,144 or fewer, several times")

@@ -64,6 +64,13 @@ void freshen(Data const& data) {
   if (data.device != runtime::Device::cpu || keep_positions(data)) data.stepper->set({}, {}, {});  // the poses are stale
 }
 
+void expect_free(std::string const& what, double needed, double free, runtime::Device device, std::string const& remedy) {
+  if (needed <= free) return;
+  char text[96];
+  std::snprintf(text, sizeof text, " %.3g GB, and %.3g GB are free", needed / 1e9, free / 1e9);
+  throw Error(what + text + (device == runtime::Device::cuda ? " on the GPU" : "") + ": " + remedy);
+}
+
 namespace {
 
 /// What keeps a stepper's arrays: the stepper, and behind it Kokkos.
@@ -108,19 +115,6 @@ Array copied(Data const& d, runtime::Array const& a) {
   return {buffer.array, std::make_shared<Own>(Own{d.session, buffer.owner})};
 }
 
-namespace {
-/// Asked before, as a host gives more than it has and then ends the process.
-void expect_memory(Data const& d, runtime::StepperOptions const& options) {
-  auto const needed = static_cast<double>(runtime::bytes_needed(d.device, *d.model.compiled, options)),
-             free = static_cast<double>(runtime::free_bytes(d.device));
-  if (needed <= free) return;
-  char text[96];
-  std::snprintf(text, sizeof text, " worlds need %.3g GB, and %.3g GB are free", needed / 1e9, free / 1e9);
-  throw Error("gsp.Data: " + std::to_string(d.worlds) + text + (d.device == runtime::Device::cuda ? " on the GPU" : "") +
-              ": make fewer worlds, or free what others hold");
-}
-}  // namespace
-
 Data* make_data(Model const& model, int worlds, std::string const& device, std::string const& profile, std::string const& precision,
                 double timestep, int iterations, std::optional<double> tolerance, int threads, std::vector<std::string> const& per_world) {
   if (worlds < 1) throw Error("gsp.Data: worlds must be positive and is " + std::to_string(worlds));
@@ -148,7 +142,8 @@ Data* make_data(Model const& model, int worlds, std::string const& device, std::
     return field == "geom_size" || field == "geom_pos" || field == "geom_quat";
   });
   try {
-    expect_memory(*d, options);
+    expect_free("gsp.Data: " + std::to_string(worlds) + " worlds need", double(runtime::bytes_needed(d->device, *model.compiled, options)),
+                double(runtime::free_bytes(d->device)), d->device, "make fewer worlds, or free what others hold");
     d->stepper = runtime::make_stepper(d->device, *model.compiled, options);
   } catch (...) {
     delete d;

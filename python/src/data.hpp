@@ -38,6 +38,8 @@ struct Data {
   std::shared_ptr<std::map<std::string, std::string>> not_finite = std::make_shared<std::map<std::string, std::string>>();  // by field
 };
 
+/// Asked before, as a host gives more than it has and then ends the process. what: "gsp.Data: 3 worlds need".
+void expect_free(std::string const& what, double needed, double free, runtime::Device device, std::string const& remedy);
 /// The stepper, for calls that run kernels. Error where another thread of Python is at it, and in a process that was forked.
 runtime::Stepper& stepper_of(Data const& data);
 /// From here on `poses` and `cameras` of the stepper are of the positions as they are, whoever wrote them.

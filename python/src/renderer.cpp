@@ -62,12 +62,8 @@ void expect_memory(std::string const& where, runtime::Renderer const& renderer, 
   auto const bytes = [&](std::int64_t n) {
     return n > 0 ? double(named(where, [&] { return renderer.bytes_needed(static_cast<int>(n)); })) : 0.;
   };
-  double const needed = bytes(pictures), free = double(runtime::free_bytes(device)) + bytes(held);
-  if (needed <= free) return;
-  char text[96];
-  std::snprintf(text, sizeof text, " need%s %.3g GB, and %.3g GB are free", pictures == 1 ? "s" : "", needed / 1e9, free / 1e9);
-  throw Error(where + ": " + std::to_string(pictures) + (pictures == 1 ? " picture" : " pictures") + text +
-              (device == runtime::Device::cuda ? " on the GPU" : "") + ": draw smaller ones, or fewer cameras at a time");
+  expect_free(where + ": " + std::to_string(pictures) + (pictures == 1 ? " picture needs" : " pictures need"), bytes(pictures),
+              double(runtime::free_bytes(device)) + bytes(held), device, "draw smaller ones, or fewer cameras at a time");
 }
 
 /// The first of the numbers, one after the other, that is not finite; -1: none.
@@ -634,12 +630,6 @@ void bind_renderer(nb::module_& m) {
           [](Renderer& self, std::vector<std::vector<int>> const& sets) {
             Use const use_renderer(self.busy, "this renderer");
             keep_up(self);
-            int const count = self.scene->sets_count();
-            for (std::size_t w = 0; w < sets.size(); ++w)
-              for (int const set : sets[w])
-                if (set < 0 || set >= count)
-                  throw Error("gsp.Renderer.show: world " + std::to_string(w) + " names set " + std::to_string(set) +
-                              ", and the scene has " + std::to_string(count) + ", numbered from 0 as they were added");
             named("gsp.Renderer.show", [&] { self.own->show_sets(sets); });
             self.shown = sets;
           },

@@ -682,7 +682,7 @@ def test_developed_pictures():
     assert np.array_equal(develop(noise=0.05, seed=3, step=5), develop(noise=0.05, seed=3, step=5, light_chance=rows))
     for words, match in (
         (dict(chance=rows, step=1), "develop: chance says seed, step and number of each picture: leave seed, step and first_image out"),
-        (dict(chance=rows[:1]), "develop: chance: there are 1 rows for 2 pictures: give each a seed"),
+        (dict(chance=rows[:1]), "develop: chance has 1 rows for 2 images: give each a seed"),
         (dict(chance=rows[:, :2]), "develop: chance has shape"),
         (dict(chance=rows / 2), r"chance is float64 of shape \(2, 3\): give \(C, 3\) whole numbers"),
         (dict(light_chance=-rows), "light_chance: the step of picture 0 is -5: give a whole number from 0 to"),
@@ -860,7 +860,7 @@ def test_each_world_shows_its_own_sets(model):
     view_of_memory = small.rgb.numpy()
     few.show([])
     assert few.render(data, views, K).rgb.pointer == small.rgb.pointer and np.array_equal(view_of_memory, everything)
-    with pytest.raises(ValueError, match="^gsp.Renderer.show: world 1 names set 2, and the scene has 2, numbered from 0"):
+    with pytest.raises(ValueError, match="^gsp.Renderer.show: world 1 names set 2, and there are 2, numbered from 0"):
         both.show([[0], [2], [1]])
     assert np.array_equal(both.render(data, views, K).rgb, everything)  # a show that was refused changes nothing
 

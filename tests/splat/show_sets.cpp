@@ -159,7 +159,8 @@ TEST_CASE("a kernel gives a world another scene") {
 TEST_CASE("tables that cannot be are refused in a sentence") {
   Kokkos::Serial const exec;
   auto const all = gsp::make_gaussians(exec, five_sets());
-  CHECK_THROWS_WITH_AS(gsp::show_sets(exec, all, {{0}, {1, 5}}), doctest::Contains("world 1 names set 5; make_gaussians was given 5"),
+  CHECK_THROWS_WITH_AS(gsp::show_sets(exec, all, {{0}, {1, 5}}),
+                       doctest::Contains("world 1 names set 5, and there are 5, numbered from 0 as they were given"),
                        std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::show_sets(exec, all, {{-1}}), doctest::Contains("world 0 names set -1"), std::invalid_argument);
   CHECK_THROWS_WITH_AS(gsp::show_sets(exec, all, {{2, 0, 2}}), doctest::Contains("world 0 names set 2 twice"), std::invalid_argument);

@@ -64,6 +64,20 @@ struct OutputTarget {
   std::filesystem::perms permissions = std::filesystem::perms::unknown;  // of the file that is there
 };
 
+/// A file's name and, where that is a symbolic link, those that it leads to, in turn; at most 41, which a circle has, and a last link that
+/// cannot be followed stays the last.
+inline std::vector<std::filesystem::path> names_of_file(std::filesystem::path const& path) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  std::vector<fs::path> names{path};
+  while (names.size() <= 40 && fs::is_symlink(fs::symlink_status(names.back(), error))) {
+    auto const next = fs::read_symlink(names.back(), error);
+    if (error) break;
+    names.push_back(names.back().parent_path() / next);  // an absolute `next` stands for itself
+  }
+  return names;
+}
+
 inline OutputTarget output_target(std::filesystem::path const& path) {
   namespace fs = std::filesystem;
   std::error_code error;
@@ -73,16 +87,17 @@ inline OutputTarget output_target(std::filesystem::path const& path) {
   if (status.type() == fs::file_type::block) fail(name, "", "is a disk; name a file");
   if (status.type() == fs::file_type::socket) fail(name, "", "is a socket; name a file or a pipe");
   if (status.type() == fs::file_type::character || status.type() == fs::file_type::fifo) return {path, true};
-  OutputTarget target{path};
-  for (int links = 0; fs::is_symlink(fs::symlink_status(target.path, error)); ++links) {
-    auto const folder = target.path.parent_path();
+  auto const names = names_of_file(path);
+  for (auto const& at : names) {
+    auto const folder = at.parent_path();
     // an open file of a process (/dev/stdout > f): it is not replaced either, others hold it
-    if (folder.filename() == "fd" && folder.string().starts_with("/proc/")) return {path, true};
-    if (links == 40) fail(name, "", "is a circle of symbolic links; name a file");
-    auto const next = fs::read_symlink(target.path, error);
-    if (error) fail(name, "", "is a symbolic link that cannot be followed (" + error.message() + "); name a file");
-    target.path = folder / next;  // an absolute `next` stands for itself
+    if (fs::is_symlink(fs::symlink_status(at, error)) && folder.filename() == "fd" && folder.string().starts_with("/proc/"))
+      return {path, true};
   }
+  OutputTarget target{names.back()};
+  if (fs::is_symlink(fs::symlink_status(target.path, error)))
+    fail(name, "",
+         names.size() > 40 ? "is a circle of symbolic links; name a file" : "is a symbolic link that cannot be followed; name a file");
   auto const folder = target.path.has_parent_path() ? target.path.parent_path() : fs::path(".");
   if (!fs::is_directory(folder, error)) fail(name, "", "its folder does not exist; create it first");
   if (!fs::exists(status)) return target;

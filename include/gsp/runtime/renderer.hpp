@@ -16,8 +16,6 @@ class Scene {
   /// Gaussians on the geoms of the model's moving bodies.
   void add_surface(CompiledModel const& model);
   std::size_t count() const;
-  /// How many sets there are.
-  int sets_count() const;
   /// Of the Gaussians that stand, how many, and the box of their centres: along each axis from the k-th of them to the k-th from the end,
   /// k = n (1 - share) / 2, so that a few that float far off do not decide. Zeros where none stands.
   struct Bounds {

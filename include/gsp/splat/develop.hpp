@@ -94,10 +94,8 @@ void develop(Exec const& exec, Frames<Mem> const& frames, Out const& out, Develo
               out.extent(3) == 3,
           "gsp::develop: `out` must be (images, height, width, 3) as the frames are");
   detail::check_develop("gsp::develop", options, background, frames.images, frames.height, frames.width);
-  for (auto const& rows : {chance, light})
-    expects(!rows.data() || int(rows.extent(0)) == frames.images, "gsp::develop: chance has " + std::to_string(rows.extent(0)) +
-                                                                      " rows for " + std::to_string(frames.images) +
-                                                                      " images: give each a seed, a step and a number");
+  if (chance.data()) detail::expects_rows("gsp::develop", "chance", chance.extent(0), frames.images);
+  if (light.data()) detail::expects_rows("gsp::develop", "light", light.extent(0), frames.images);
   using Chance = detail::PictureChance<Mem>;
   using T = std::remove_const_t<typename Out::value_type>;
   static_assert(std::is_same_v<T, float> || std::is_same_v<T, Kokkos::Experimental::half_t> || std::is_same_v<T, std::uint8_t>,

@@ -68,9 +68,7 @@ void jitter_cameras(Exec const& exec, Cameras<Mem> const& cameras, Cameras<Mem>&
           "gsp::jitter_cameras: there is room for " + std::to_string(jittered.images()) + " cameras, and there are " +
               std::to_string(images) + ": make_cameras(exec, " + std::to_string(images) + ")");
   detail::check_options("gsp::jitter_cameras", options, images);
-  expects(!chance.data() || int(chance.extent(0)) == images, "gsp::jitter_cameras: chance has " + std::to_string(chance.extent(0)) +
-                                                                 " rows for " + std::to_string(images) +
-                                                                 " images: give each a seed, a step and a number");
+  if (chance.data()) detail::expects_rows("gsp::jitter_cameras", "chance", chance.extent(0), images);
   jittered.world = cameras.world;
   jittered.lenses = cameras.lenses;
   jittered.width = cameras.width;

@@ -47,7 +47,8 @@ Gaussians<Mem> show_sets(Exec const& exec, Gaussians<Mem> const& cloud, std::vec
     std::int64_t count = 0;
     for (std::size_t k = 0; k < row.size(); ++k) {
       std::string const place = "gsp::show_sets: world " + std::to_string(w) + " names set " + std::to_string(row[k]);
-      expects(row[k] >= 0 && std::size_t(row[k]) < sets.size(), place + "; make_gaussians was given " + std::to_string(sets.size()));
+      expects(row[k] >= 0 && std::size_t(row[k]) < sets.size(),
+              place + ", and there are " + std::to_string(sets.size()) + ", numbered from 0 as they were given");
       expects(k == 0 || row[k] != row[k - 1], place + " twice");
       table[w * slots + k] = row[k];
       count += sets[std::size_t(row[k])].count;

@@ -22,18 +22,6 @@ namespace gsp::io {
 namespace detail {
 
 inline std::filesystem::path links_of(std::filesystem::path path) { return path += ".links.json"; }
-/// A file's name and, where that is a symbolic link, those that it leads to, in turn.
-inline std::vector<std::filesystem::path> names_of_file(std::filesystem::path const& path) {
-  namespace fs = std::filesystem;
-  std::error_code error;
-  std::vector<fs::path> names{path};
-  while (names.size() <= 40 && fs::is_symlink(fs::symlink_status(names.back(), error))) {
-    auto const next = fs::read_symlink(names.back(), error);
-    if (error) break;
-    names.push_back(names.back().parent_path() / next);  // an absolute `next` stands for itself
-  }
-  return names;
-}
 /// FILE.links.json beside FILE, of that file alone: a stem would lend it to room.ply beside room.spz, whose order is another. Where FILE is
 /// a symbolic link and none stands beside it: beside what it leads to. Empty: there is none.
 inline std::filesystem::path links_beside(std::filesystem::path const& path) {

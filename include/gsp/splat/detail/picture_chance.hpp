@@ -1,12 +1,21 @@
 #pragma once
 #include <Kokkos_Core.hpp>
 #include <gsp/math/philox.hpp>
+#include <stdexcept>
+#include <string>
 
 /// What the random numbers of pictures are drawn of, for gsp/splat/develop.hpp and jitter_cameras.hpp.
 namespace gsp::detail {
 
 /// Streams that no noise of rays or sensors has: the first two are develop's, the others jitter_cameras'.
 enum class PictureStream : std::uint32_t { light = 16, noise, position, rotation, intrinsics };
+
+/// Of what `name` is called.
+inline void expects_rows(char const* where, char const* name, std::int64_t rows, int images) {
+  if (rows != images)
+    throw std::invalid_argument(std::string(where) + ": " + name + " has " + std::to_string(rows) + " rows for " + std::to_string(images) +
+                                " images: give each a seed, a step and a number");
+}
 
 /// Of each image a seed, a step and a number: those of `rows`, or, where there are none, one seed and step, and numbers in a row.
 template <class Mem>
