@@ -16,6 +16,7 @@
 #include <gsp/step/bytes_needed.hpp>
 #include <gsp/step/detail/sleep_kernels.hpp>
 #include <gsp/step/snapshot.hpp>
+#include <gsp/step/tiles.hpp>
 #include <limits>
 #include <list>
 #include <optional>
@@ -170,6 +171,18 @@ std::vector<NamedArray> arrays_of(SensorHistory<R, Mem> const& h) {
   return out;
 }
 
+template <class R, class Exec, class Mem>
+CollisionModel<R, Mem> make_runtime_collision_model(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& m,
+                                                    StepperOptions const& o) {
+  gsp::detail::expects_can_step(model, m, simulation_options(o));  // before shapes are made of it
+  auto collision = make_collision_model<R>(exec, m);
+  std::vector<GeomField> fields;
+  for (auto const& name : o.per_world)
+    if (auto const field = world_field(name); field.of_geoms) fields.push_back(*field.of_geoms);
+  if (!fields.empty()) make_per_world(exec, collision, fields, o.worlds);
+  return collision;
+}
+
 template <class R, class Exec>
 class KokkosStepper : public Stepper {
   using Mem = typename Exec::memory_space;
@@ -179,7 +192,9 @@ class KokkosStepper : public Stepper {
       : exec_(stepping_exec<R, Exec>(m, o)),
         model_(make_runtime_model<R>(exec_, m, o)),
         state_(make_state(exec_, model_, {.worlds = o.worlds})),
-        simulation_(make_simulation(exec_, model_, m, simulation_options(o))),
+        collision_(make_runtime_collision_model(exec_, model_, m, o)),
+        tiles_(make_tiles(exec_, model_, m, collision_, state_, {.simulation = simulation_options(o)})),
+        parts_(tiles_.size()),
         compiled_(m),
         per_world_(o.per_world),
         joint_of_dof_(m.dof_jnt),
@@ -193,10 +208,7 @@ class KokkosStepper : public Stepper {
       set(newton_);
     else
       set(solver_);
-    std::vector<GeomField> fields;
-    for (auto const& name : per_world_)
-      if (auto const field = world_field(name); field.of_geoms) fields.push_back(*field.of_geoms);
-    if (!fields.empty()) make_per_world(exec_, simulation_.collision, fields, o.worlds);
+    join_tiles();
     // Late sensors measure at each step, asked or not: what they say must not hang on when somebody asks.
     auto const is_late = [](SensorDescription const& sensor) {
       return std::any_of(sensor.settings.begin(), sensor.settings.end(),
@@ -215,8 +227,7 @@ class KokkosStepper : public Stepper {
   }
   PoseArrays poses() override {
     if (stale_) pose();
-    auto const& p = simulation_.poses;
-    return {array_of<Exec>(p.xpos), array_of<Exec>(p.xquat), array_of<Exec>(p.xanchor), array_of<Exec>(p.xaxis)};
+    return {array_of<Exec>(poses_.xpos), array_of<Exec>(poses_.xquat), array_of<Exec>(poses_.xanchor), array_of<Exec>(poses_.xaxis)};
   }
 
   void set(Array const& qpos, Array const& qvel, Array const& ctrl) override {
@@ -254,15 +265,14 @@ class KokkosStepper : public Stepper {
   }
   void reset(Array const& mask, int keyframe) override {
     expects_mask("reset", mask);
-    auto const to_start = [&](auto const& of) {
-      if (keyframe >= 0)
-        set_keyframe(exec_, model_, compiled_, keyframe, state_, of);
-      else
-        gsp::reset(exec_, model_, state_, of);
-      if (sensors_ && sensors_->history.count() > 0) reset_sensor_history(exec_, sensors_->history, of);
-    };
     write_what_stays();
-    with_mask(mask, to_start);
+    each_masked(mask, [&](auto& tile, Part& part, auto const& of) {
+      if (keyframe >= 0)
+        set_keyframe(tile.exec, tile.model, compiled_, keyframe, tile.state, of);
+      else
+        gsp::reset(tile.exec, tile.model, tile.state, of);
+      if (part.sensors && part.sensors->history.count() > 0) reset_sensor_history(tile.exec, part.sensors->history, of);
+    });
     stale_ = true;
   }
   Array world_values(std::string const& name) override {
@@ -274,7 +284,7 @@ class KokkosStepper : public Stepper {
       gsp::detail::copy_bytes(exec_, values_.data(), gsp::world_values(model_, *field.of_model).data(), gsp::detail::bytes_of(values_));
     } else {
       Kokkos::deep_copy(exec_, values_, std::numeric_limits<R>::quiet_NaN());
-      copy_world_values(exec_, simulation_.collision, *field.of_geoms, values_);
+      copy_world_values(exec_, collision_, *field.of_geoms, values_);
     }
     exec_.fence("gsp::runtime::Stepper::world_values: the numbers are there");
     return array_of_any<Exec>(values_);
@@ -295,28 +305,29 @@ class KokkosStepper : public Stepper {
     if (to.size() == 0) return;
     copy(values, to);
     if (scale_inertia && name == "body_mass") expect_masses(own, mask);
-    with_mask(mask, [&](auto const& of) {
+    expects(field.of_model || !scale_inertia, "gsp::runtime::Stepper::set_world_values: scale_inertia is for body_mass");
+    each_masked(mask, [&](auto& tile, Part&, auto const& of) {
+      auto const rows = gsp::detail::rows_of(own, tile.first, tile.worlds());
       if (field.of_model)
-        gsp::set_world_values(exec_, model_, *field.of_model, own, of, {.scale_inertia = scale_inertia});
-      else
-        expects(!scale_inertia, "gsp::runtime::Stepper::set_world_values: scale_inertia is for body_mass");
-      if (field.of_geoms) gsp::set_world_values(exec_, simulation_.collision, *field.of_geoms, own, of);
-      if (field.of_model && info(*field.of_model).use.decides) set_constants(exec_, model_, simulation_.dynamics, of);
-      wake(exec_, simulation_.sleep, of);
+        gsp::set_world_values(tile.exec, tile.model, *field.of_model, rows, of, {.scale_inertia = scale_inertia});
+      if (field.of_geoms) gsp::set_world_values(tile.exec, tile.simulation.collision, *field.of_geoms, rows, of);
+      if (field.of_model && info(*field.of_model).use.decides) set_constants(tile.exec, tile.model, tile.simulation.dynamics, of);
+      wake(tile.exec, tile.simulation.sleep, of);
     });
     stale_ = true;
   }
   Array mass_matrix() override {
-    smooth();
     if (!mass_matrix_.data())
       mass_matrix_ = gsp::detail::allocate_zero<decltype(mass_matrix_)>(exec_, "gsp::runtime::Stepper::mass_matrix", state_.worlds,
                                                                         model_.nv, model_.nv);
-    dense_mass_matrix(exec_, model_, simulation_.dynamics, mass_matrix_);
+    each_smooth([&](auto& tile) {
+      auto rows = gsp::detail::rows_of(mass_matrix_, tile.first, tile.worlds());
+      dense_mass_matrix(tile.exec, tile.model, tile.simulation.dynamics, rows);
+    });
     exec_.fence("gsp::runtime::Stepper::mass_matrix: it is there");
     return array_of_any<Exec>(mass_matrix_);
   }
   Array smooth_forces(SmoothForces which) override {
-    smooth();
     auto& out = smooth_[int(which)];
     if (!out.data())
       out = gsp::detail::allocate_zero<std::decay_t<decltype(out)>>(exec_, "gsp::runtime::Stepper::smooth", state_.worlds, model_.nv);
@@ -325,42 +336,63 @@ class KokkosStepper : public Stepper {
                        : which == SmoothForces::actuator ? Items(&DynamicsLayout::actuator)
                        : which == SmoothForces::bias     ? Items(&DynamicsLayout::bias)
                                                          : Items(&DynamicsLayout::acceleration);
-    copy_dofs(exec_, model_, simulation_.dynamics, item, out);
+    each_smooth([&](auto& tile) {
+      auto rows = gsp::detail::rows_of(out, tile.first, tile.worlds());
+      copy_dofs(tile.exec, tile.model, tile.simulation.dynamics, item, rows);
+    });
     exec_.fence("gsp::runtime::Stepper::smooth_forces: they are there");
     return array_of_any<Exec>(out);
   }
   Array body_jacobian(int body, std::array<double, 3> const& point) override {
-    return jacobian([&] {
-      gsp::body_jacobian(exec_, model_, simulation_.poses, simulation_.dynamics, body, {R(point[0]), R(point[1]), R(point[2])}, jacobian_);
+    return jacobian([&](auto& tile, auto& out) {
+      auto const& sim = tile.simulation;
+      gsp::body_jacobian(tile.exec, tile.model, sim.poses, sim.dynamics, body, {R(point[0]), R(point[1]), R(point[2])}, out);
     });
   }
   Array site_jacobian(int site) override {
-    return jacobian([&] { gsp::site_jacobian(exec_, model_, simulation_.poses, simulation_.dynamics, site, jacobian_); });
+    return jacobian([&](auto& tile, auto& out) {
+      gsp::site_jacobian(tile.exec, tile.model, tile.simulation.poses, tile.simulation.dynamics, site, out);
+    });
   }
   Array inverse_dynamics(Array const& qacc) override {
     expects(qacc.rank == 2 && (qacc.extents[0] == 1 || qacc.extents[0] == state_.worlds) && qacc.extents[1] == model_.nv,
             "gsp::runtime::Stepper::inverse_dynamics: qacc must be (worlds, nv), or one row for all");
-    smooth();
     for (auto* const v : {&qacc_, &qfrc_})
       if (!v->data())
         *v = gsp::detail::allocate_zero<std::decay_t<decltype(*v)>>(exec_, "gsp::runtime::Stepper::qacc", state_.worlds, model_.nv);
     if (model_.nv > 0) copy(qacc, array_of_any<Exec>(qacc_));
-    gsp::inverse_dynamics(exec_, model_, simulation_.dynamics, qacc_, qfrc_);
+    each_smooth([&](auto& tile) {
+      auto const in = gsp::detail::rows_of(qacc_, tile.first, tile.worlds());
+      auto out = gsp::detail::rows_of(qfrc_, tile.first, tile.worlds());
+      gsp::inverse_dynamics(tile.exec, tile.model, tile.simulation.dynamics, in, out);
+    });
     exec_.fence("gsp::runtime::Stepper::inverse_dynamics: it is there");
     return array_of_any<Exec>(qfrc_);
   }
   std::vector<NamedArray> save() override {
-    if (snapshot_)
-      gsp::save(exec_, state_, simulation_, *snapshot_);
-    else
-      snapshot_ = make_snapshot(exec_, state_, simulation_);
-    auto const& i = snapshot_->impulses;
-    auto const first = gsp::detail::to_host(exec_, i.first), count = gsp::detail::to_host(exec_, i.count),
-               kept = gsp::detail::to_host(exec_, i.kept);
-    auto out = arrays_of<Exec>(*snapshot_, first.back() + count.back() + kept.back());
-    if (sensors_) {
-      auto const late = arrays_of<Exec>(sensors_->history);
+    std::vector<std::vector<NamedArray>> of_tiles(tiles_.size());
+    each([&](auto& tile, Part& part) {
+      if (part.snapshot)
+        gsp::save(tile.exec, tile.state, tile.simulation, *part.snapshot);
+      else
+        part.snapshot = make_snapshot(tile.exec, tile.state, tile.simulation);
+      auto const& i = part.snapshot->impulses;
+      auto const first = gsp::detail::to_host(tile.exec, i.first), count = gsp::detail::to_host(tile.exec, i.count),
+                 kept = gsp::detail::to_host(tile.exec, i.kept);
+      auto& out = of_tiles[part.index];
+      out = arrays_of<Exec>(*part.snapshot, first.back() + count.back() + kept.back());
+      if (!part.sensors) return;
+      auto const late = arrays_of<Exec>(part.sensors->history);
       out.insert(out.end(), late.begin(), late.end());
+    });
+    if (tiles_.size() == 1) return of_tiles.front();
+    std::vector<NamedArray> out = of_tiles.front();
+    saved_.resize(out.size());
+    for (std::size_t a = 0; a < out.size(); ++a) {
+      std::vector<Array> pieces;
+      for (auto const& one : of_tiles) pieces.push_back(one[a].array);
+      out[a].array = one_after_the_other(pieces, saved_[a]);
+      if (out[a].name == "impulses.first") place_behind(static_cast<int*>(out[a].array.data), of_tiles);
     }
     return out;
   }
@@ -373,7 +405,8 @@ class KokkosStepper : public Stepper {
     };
     auto const begins = [](NamedArray const& a) { return a.name.starts_with("sleep."); };
     bool const sleeps = std::any_of(arrays.begin(), arrays.end(), begins);
-    if (sleeps && simulation_.sleep.worlds == 0)
+    Simulation<R, Mem> const& one = tiles_.front().simulation;
+    if (sleeps && one.sleep.worlds == 0)
       throw Error("islands may sleep there, and here they may not: make the stepper of a model with option.sleep");
     std::int64_t const worlds = find("state.qpos").extents[0], rows = find("impulses.p").extents[0];
     if (worlds != 1 && worlds != state_.worlds)
@@ -381,7 +414,7 @@ class KokkosStepper : public Stepper {
                   ": give as many, or one for all");
     if (rows > std::numeric_limits<int>::max()) throw Error("array 'impulses.p' is longer than 2147483647: give fewer worlds");
     Snapshot<R, Mem> s;
-    gsp::detail::allocate_snapshot(exec_, state_, simulation_, static_cast<int>(worlds), rows, s);
+    gsp::detail::allocate_snapshot(exec_, state_, one, static_cast<int>(worlds), rows, s);
     if (!sleeps) s.sleep = {};
     for (auto const& [name, to] : arrays_of<Exec>(s, rows)) {
       Array const from = find(name);
@@ -394,19 +427,19 @@ class KokkosStepper : public Stepper {
     expect_in_range(s, rows);
     expect_numbers(s);
     auto const late = late_of(arrays, static_cast<int>(worlds));
-    auto const list = model_constraints(model_, state_, simulation_.poses, simulation_.dynamics, simulation_.collision,
-                                        simulation_.contacts, simulation_.cone);
+    auto const list = model_constraints(model_, state_, one.poses, one.dynamics, one.collision, one.contacts, one.cone);
     auto const names = gsp::detail::names_of(list);
     static_assert(types_in(std::type_identity<std::remove_const_t<decltype(list)>>()) == 8,
                   "step has other constraint types: raise snapshot_version, and this number");
     gsp::detail::upload_bytes(exec_, s.impulses.type_names.data(), names.name, std::size_t(names.count) * sizeof names.name[0]);
     write_what_stays();
-    with_mask(mask, [&](auto const& of) {
-      gsp::restore(exec_, s, state_, simulation_, of);
+    each_masked(mask, [&](auto& tile, Part& part, auto const& of) {
+      bool const all = worlds == 1 || tiles_.size() == 1;
+      gsp::restore(tile.exec, all ? s : of_tile(tile, s), tile.state, tile.simulation, of);
       if (late)
-        copy_sensor_history(exec_, *late, sensors_->history, of);
-      else if (sensors_)
-        reset_sensor_history(exec_, sensors_->history, of);
+        copy_sensor_history(tile.exec, all ? *late : of_tile(tile, *late), part.sensors->history, of);
+      else if (part.sensors)
+        reset_sensor_history(tile.exec, part.sensors->history, of);
     });
     kept_contacts_.reset();
     has_stepped_ = false;
@@ -414,10 +447,13 @@ class KokkosStepper : public Stepper {
   }
   void step(StepOptions const& options) override {
     solver_.residual = newton_.residual = options.measure_residual;
-    bool const late = sensors_ && sensors_->history.count() > 0;
-    for (int k = 0; k < options.steps && late; ++k) step_late();
-    if (!late)
-      gsp::step(exec_, model_, state_, simulation_, {.steps = options.steps, .solver = solver_, .newton = newton_, .poses = false});
+    each([&](auto& tile, Part& part) {
+      bool const late = part.sensors && part.sensors->history.count() > 0;
+      for (int k = 0; k < options.steps && late; ++k) step_late(tile, part);
+      if (!late)
+        gsp::step(tile.exec, tile.model, tile.state, tile.simulation,
+                  {.steps = options.steps, .solver = solver_, .newton = newton_, .poses = false});
+    });
     kept_contacts_.reset();
     has_stepped_ = has_stepped_ || options.steps > 0;
     stale_ = true;  // poses of the end where somebody asks for them: a call of one step would pay for them each time
@@ -427,33 +463,41 @@ class KokkosStepper : public Stepper {
     StepCounts out;
     for (auto const bits : gsp::detail::to_host(exec_, state_.status)) out.failed_worlds += (bits & status::stopped) != 0;
     if (!model_.constraints) return out;
-    out.contacts = simulation_.contacts.demand(exec_).contacts;
-    for (int const n : gsp::detail::to_host(exec_, simulation_.rows.count)) out.rows += n;
-    for (int const n : gsp::detail::to_host(exec_, simulation_.rows.kept)) out.kept += n;
-    for (int const n : gsp::detail::to_host(exec_, simulation_.sleep.asleep)) out.asleep += n;
-    int const most = model_.profile == Profile::mujoco ? newton_.iterations : solver_.iterations;
-    for (int const n : gsp::detail::to_host(exec_, simulation_.solution.iterations)) {
-      out.iterations = std::max(out.iterations, n);
-      out.unfinished_worlds += n >= most;
-      out.mean_iterations += double(n) / state_.worlds;
-    }
     out.residual = std::numeric_limits<double>::quiet_NaN();
-    for (R const r : gsp::detail::to_host(exec_, simulation_.solution.residual)) out.residual = std::fmax(out.residual, double(r));
+    int const most = model_.profile == Profile::mujoco ? newton_.iterations : solver_.iterations;
+    for (auto const& tile : tiles_) {
+      auto const& sim = tile.simulation;
+      out.contacts += sim.contacts.demand(exec_).contacts;
+      for (int const n : gsp::detail::to_host(exec_, sim.rows.count)) out.rows += n;
+      for (int const n : gsp::detail::to_host(exec_, sim.rows.kept)) out.kept += n;
+      for (int const n : gsp::detail::to_host(exec_, sim.sleep.asleep)) out.asleep += n;
+      for (int const n : gsp::detail::to_host(exec_, sim.solution.iterations)) {
+        out.iterations = std::max(out.iterations, n);
+        out.unfinished_worlds += n >= most;
+        out.mean_iterations += double(n) / state_.worlds;
+      }
+      for (R const r : gsp::detail::to_host(exec_, sim.solution.residual)) out.residual = std::fmax(out.residual, double(r));
+    }
     return out;
   }
   StepResiduals residuals() const override {
     StepResiduals out;
     using Part = StepResiduals::Part;
-    if (!simulation_.impulses.stamp().solved) {
+    if (!tiles_.front().simulation.impulses.stamp().solved) {
       double const nan = std::numeric_limits<double>::quiet_NaN();
       Part const unknown{nan, nan};
       return {unknown, unknown, unknown, unknown, unknown, unknown, nan};
     }
-    auto left = make_residuals(exec_, simulation_.rows);
-    gsp::residuals(exec_, simulation_.rows, simulation_.impulses, simulation_.progress, left);
+    std::vector<Residuals<R, Mem>> left;
+    for (auto const& tile : tiles_) {
+      left.push_back(make_residuals(exec_, tile.simulation.rows));
+      gsp::residuals(exec_, tile.simulation.rows, tile.simulation.impulses, tile.simulation.progress, left.back());
+    }
     auto const bits = gsp::detail::to_host(exec_, state_.status);
-    auto const part = [&](auto const& view) {
-      auto const numbers = gsp::detail::to_host(exec_, view);
+    auto const part = [&](auto const member) {
+      std::vector<R> numbers;
+      for (auto const& one : left)
+        for (R const x : gsp::detail::to_host(exec_, one.*member)) numbers.push_back(x);
       Part p{};
       int count = 0;
       for (std::size_t w = 0; w < numbers.size(); ++w) {
@@ -466,13 +510,13 @@ class KokkosStepper : public Stepper {
       p.mean /= std::max(count, 1);
       return p;
     };
-    out.rate = part(left.rate);
-    out.equality = part(left.equality);
-    out.complementarity = part(left.complementarity);
-    out.friction = part(left.friction);
-    out.bounds = part(left.bounds);
-    out.cone = part(left.cone);
-    out.energy = part(left.energy).mean;
+    out.rate = part(&Residuals<R, Mem>::rate);
+    out.equality = part(&Residuals<R, Mem>::equality);
+    out.complementarity = part(&Residuals<R, Mem>::complementarity);
+    out.friction = part(&Residuals<R, Mem>::friction);
+    out.bounds = part(&Residuals<R, Mem>::bounds);
+    out.cone = part(&Residuals<R, Mem>::cone);
+    out.energy = part(&Residuals<R, Mem>::energy).mean;
     return out;
   }
   std::vector<StoppedWorld> stopped(int most) const override {
@@ -483,8 +527,10 @@ class KokkosStepper : public Stepper {
     if (out.empty()) return out;
     auto const velocity =
         gsp::detail::allocate<Kokkos::View<R**, Kokkos::LayoutRight, Mem>>("gsp::runtime::Stepper::new_velocity", state_.worlds, model_.nv);
-    Kokkos::parallel_for("gsp::runtime::new_velocities", Kokkos::RangePolicy<Exec>(exec_, 0, state_.worlds),
-                         NewVelocities<R, Mem>{model_, simulation_.dynamics, velocity});
+    for (auto const& tile : tiles_)
+      Kokkos::parallel_for("gsp::runtime::new_velocities", Kokkos::RangePolicy<Exec>(exec_, 0, tile.worlds()),
+                           NewVelocities<R, Mem>{tile.model, tile.simulation.dynamics,
+                                                 gsp::detail::rows_of(velocity, tile.first, tile.worlds())});
     auto const v = gsp::detail::to_host(exec_, velocity), q = gsp::detail::to_host(exec_, state_.qpos);
     auto const steps = gsp::detail::to_host(exec_, state_.steps);
     auto const bad = [](double x) { return !(std::abs(x) <= state_bound); };
@@ -515,12 +561,14 @@ class KokkosStepper : public Stepper {
     exec_.fence("gsp::runtime::Stepper::contacts: the forces are there");
     return found;
   }
-  Array qfrc_constraint() const override { return array_of<Exec>(simulation_.solution.qfrc_constraint); }
+  Array qfrc_constraint() const override { return array_of<Exec>(qfrc_constraint_); }
   Array sensors() override {
     if (compiled_.sensors.empty()) return make_array(nullptr, dtype_of<R>(), device_of<Exec>(), {state_.worlds, 0});
     make_sensors_once();
     keep_contacts();
-    evaluate([&] { read_all(); });
+    each([&](auto& tile, Part& part) {
+      evaluate(tile, part, [&] { read_all(tile, part); });
+    });
     exec_.fence("gsp::runtime::Stepper::sensors: the numbers are there");
     stale_ = true;
     return array_of<Exec>(sensordata_);
@@ -543,26 +591,69 @@ class KokkosStepper : public Stepper {
     }
     static_cast<void>(poses());
     CameraSet& set = *cameras_.front();
-    cameras_of(exec_, model_, simulation_.poses, set.mounts, set.cameras);
+    cameras_of(exec_, model_, poses_, set.mounts, set.cameras);
     exec_.fence("gsp::runtime::Stepper::cameras: they are there");
     return {array_of<Exec>(set.cameras.viewmats), array_of<Exec>(set.cameras.Ks), array_of<Exec>(set.cameras.world), {}, cameras_.front()};
   }
   std::vector<std::string> sensors_left_out() override {
     if (compiled_.sensors.empty()) return {};
     make_sensors_once();
-    return sensors_->why;
+    return parts_.front().sensors->why;
   }
 
  private:
+  /// What a tile has besides its simulation.
+  struct Part {
+    std::size_t index = 0;
+    std::optional<Sensors<R, Mem>> sensors;
+    std::optional<Snapshot<R, Mem>> snapshot, before_sensors;
+    Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> contact_force;
+  };
+  /// Poses and forces of all tiles lie in one array each: of one tile in its own.
+  void join_tiles() {
+    for (std::size_t k = 0; k < parts_.size(); ++k) parts_[k].index = k;
+    if (tiles_.size() == 1) {
+      auto const& sim = tiles_.front().simulation;
+      poses_ = sim.poses;
+      qfrc_constraint_ = sim.solution.qfrc_constraint;
+    } else {
+      poses_ = make_poses(exec_, model_, {.worlds = state_.worlds});
+      poses_.stamp = {};  // the tiles' own say of which state they are
+      qfrc_constraint_ = gsp::detail::allocate_zero<decltype(qfrc_constraint_)>(exec_, "gsp::runtime::Stepper::qfrc_constraint",
+                                                                                state_.worlds, model_.nv);
+      for (auto& tile : tiles_) {
+        tile.simulation.poses = of_worlds(poses_, tile.first, tile.worlds());
+        tile.simulation.solution.qfrc_constraint = gsp::detail::rows_of(qfrc_constraint_, tile.first, tile.worlds());
+      }
+    }
+  }
+  /// f(tile, part)
+  template <class F>
+  void each(F const& f) {
+    for_tiles(exec_, tiles_, [&](auto& tile) { f(tile, parts_[std::size_t(&tile - tiles_.data())]); });
+  }
+  /// f(tile), of which the smooth dynamics of the state as it is are there, all of them kept.
+  template <class F>
+  void each_smooth(F const& f) {
+    each([&](auto& tile, Part&) {
+      smooth_dynamics(tile.exec, tile.model, tile.state, tile.simulation.poses, tile.simulation.dynamics, {.keep_all = true});
+      f(tile);
+    });
+  }
   void pose() {
-    forward_kinematics(exec_, model_, state_, simulation_.poses, simulation_.dynamics);
+    each([&](auto& tile, Part&) {
+      forward_kinematics(tile.exec, tile.model, tile.state, tile.simulation.poses, tile.simulation.dynamics);
+    });
     stale_ = false;
   }
   /// What steps read, or leave, and never write: whoever wrote into it is put right. Poses of what does not move, which contacts begin
   /// from, and forces of constraints in a model without.
   void write_what_stays() {
-    gsp::detail::static_poses(exec_, model_, state_.mocap_pos, state_.mocap_quat, simulation_.poses);
-    if (!model_.constraints && !gsp::detail::has_stiff_rows(model_)) Kokkos::deep_copy(exec_, simulation_.solution.qfrc_constraint, R(0));
+    each([&](auto& tile, Part&) {
+      auto const& state = tile.state;
+      gsp::detail::static_poses(tile.exec, tile.model, state.mocap_pos, state.mocap_quat, tile.simulation.poses);
+    });
+    if (!model_.constraints && !gsp::detail::has_stiff_rows(model_)) Kokkos::deep_copy(exec_, qfrc_constraint_, R(0));
   }
   /// Inertias in proportion to a mass of 0, or to none, would never be found again.
   template <class Values>
@@ -586,49 +677,77 @@ class KokkosStepper : public Stepper {
     Dtype const real = dtype_of<R>(), whole = Dtype::int32;
     return {none(whole, 1), none(whole, 1), none(whole, 1), none(real, 1), none(real, 3), none(real, 9), none(real, 6)};
   }
-  ContactArrays contacts_of_step() {
-    auto const& c = simulation_.contacts;
-    std::int64_t const count = c.demand(exec_).contacts;
-    if (contact_force_.extent(0) < c.dist.extent(0))
-      contact_force_ = gsp::detail::allocate<decltype(contact_force_)>("gsp::runtime::Stepper::contact_force", c.dist.extent(0));
-    contact_forces(exec_, model_, simulation_.collision, c, simulation_.rows, simulation_.impulses, contact_force_);
+  ContactArrays contacts_of(Tile<R, Exec>& tile, Part& part) {
+    auto const& sim = tile.simulation;
+    auto const& c = sim.contacts;
+    std::int64_t const count = c.demand(tile.exec).contacts;
+    auto& force = part.contact_force;
+    if (force.extent(0) < c.dist.extent(0))
+      force = gsp::detail::allocate<std::decay_t<decltype(force)>>("gsp::runtime::Stepper::contact_force", c.dist.extent(0));
+    contact_forces(tile.exec, tile.model, sim.collision, c, sim.rows, sim.impulses, force);
     auto const found = [&](auto const& view) { return array_of<Exec>(view).rows(0, count); };
-    return {found(c.world), found(c.geom1), found(c.geom2), found(c.dist), found(c.pos), found(c.frame), found(contact_force_)};
+    return {found(c.world), found(c.geom1), found(c.geom2), found(c.dist), found(c.pos), found(c.frame), found(force)};
+  }
+  ContactArrays contacts_of_step() {
+    std::vector<ContactArrays> found(tiles_.size());
+    each([&](auto& tile, Part& part) { found[part.index] = contacts_of(tile, part); });
+    return tiles_.size() == 1 ? found.front() : copied(found);
+  }
+  /// Those of all tiles in arrays that stay until the next call.
+  ContactArrays copied(std::vector<ContactArrays> const& found) {
+    constexpr Array ContactArrays::*arrays[] = {&ContactArrays::world, &ContactArrays::geom1, &ContactArrays::geom2, &ContactArrays::dist,
+                                                &ContactArrays::pos,   &ContactArrays::frame, &ContactArrays::force};
+    ContactArrays all;
+    for (std::size_t k = 0; k < std::size(arrays); ++k) {
+      std::vector<Array> pieces;
+      for (auto const& one : found) pieces.push_back(one.*arrays[k]);
+      all.*arrays[k] = one_after_the_other(pieces, contact_buffers_[k]);
+    }
+    if (found.size() == 1) return all;
+    int* world = static_cast<int*>(all.world.data);
+    for (std::size_t k = 0; k < found.size(); ++k)
+      for (std::int64_t i = 0; i < found[k].world.extents[0]; ++i) *world++ += tiles_[k].first;
+    return all;
+  }
+  /// Rows of the pieces, those of the first tile first, in memory of `to`, which grows.
+  static Array one_after_the_other(std::vector<Array> const& pieces, Buffer& to) {
+    Array const& like = pieces.front();
+    std::int64_t rows = 0;
+    for (auto const& piece : pieces) rows += piece.extents[0];
+    if (!to.owner || to.array.extents[0] < rows) {
+      auto const& e = like.extents;
+      Device const device = device_of<Exec>();
+      to = like.rank == 1   ? make_buffer(device, like.dtype, {rows})
+           : like.rank == 2 ? make_buffer(device, like.dtype, {rows, e[1]})
+                            : make_buffer(device, like.dtype, {rows, e[1], e[2]});
+    }
+    std::int64_t at = 0;
+    for (auto const& piece : pieces) {
+      if (piece.size() > 0) copy(piece, to.array.rows(at, piece.extents[0]));
+      at += piece.extents[0];
+    }
+    return to.array.rows(0, rows);
   }
   /// Contacts of the last step are put aside before those of the state take their place.
   void keep_contacts() {
     if (!has_stepped_ || kept_contacts_) return;
     ContactArrays const now = contacts_of_step();
-    ContactArrays kept;
-    constexpr Array ContactArrays::*arrays[] = {&ContactArrays::world, &ContactArrays::geom1, &ContactArrays::geom2, &ContactArrays::dist,
-                                                &ContactArrays::pos,   &ContactArrays::frame, &ContactArrays::force};
-    for (std::size_t k = 0; k < std::size(arrays); ++k) {
-      Array const from = now.*arrays[k];
-      Buffer& own = contact_buffers_[k];
-      if (!own.owner || own.array.extents[0] < from.extents[0]) {
-        std::int64_t const room = std::int64_t(simulation_.contacts.dist.extent(0));
-        own = from.rank == 1 ? make_buffer(device_of<Exec>(), from.dtype, {room})
-                             : make_buffer(device_of<Exec>(), from.dtype, {room, from.extents[1]});
-      }
-      kept.*arrays[k] = own.array.rows(0, from.extents[0]);
-      if (from.size() > 0) copy(from, kept.*arrays[k]);
-    }
-    kept_contacts_ = kept;
+    kept_contacts_ = tiles_.size() == 1 ? copied({now}) : now;
   }
   void expects_mask(char const* call, Array const& mask) const {
     expects(!mask || (mask.rank == 1 && mask.extents[0] == state_.worlds && mask.dtype == Dtype::int32),
             std::string("gsp::runtime::Stepper::") + call + ": the mask must be (worlds) int32");
   }
-  /// f(worlds of the mask), and waits until the device has done what it launches: then the mask may go.
+  /// f(tile, part, those of its worlds that are of the mask), and waits until the device has done what it launches: then the mask may go.
   template <class F>
-  void with_mask(Array const& mask, F const& f) {
+  void each_masked(Array const& mask, F const& f) {
     Kokkos::View<int*, Mem> chosen;
     if (mask) {
       chosen = gsp::detail::allocate<decltype(chosen)>("gsp::runtime::Stepper::mask", state_.worlds);
       copy(mask, array_of<Exec>(chosen));
-      f(chosen);
+      each([&](auto& tile, Part& part) { f(tile, part, gsp::detail::rows_of(chosen, tile.first, tile.worlds())); });
     } else {
-      f(gsp::AllWorlds{});
+      each([&](auto& tile, Part& part) { f(tile, part, gsp::AllWorlds{}); });
     }
     exec_.fence("gsp::runtime::Stepper: the mask may go");
   }
@@ -645,54 +764,97 @@ class KokkosStepper : public Stepper {
     }
     return {model_.ngeom, gsp::detail::geom_field_row<CollisionModel<R, Mem>>(*field.of_geoms).components};
   }
-  /// The smooth dynamics of the state as it is, all of them kept.
-  void smooth() { smooth_dynamics(exec_, model_, state_, simulation_.poses, simulation_.dynamics, {.keep_all = true}); }
   template <class F>
   Array jacobian(F const& write) {
-    smooth();
     if (!jacobian_.data())
       jacobian_ = gsp::detail::allocate_zero<decltype(jacobian_)>(exec_, "gsp::runtime::Stepper::jacobian", state_.worlds, 6, model_.nv);
-    write();
+    each_smooth([&](auto& tile) {
+      auto rows = gsp::detail::rows_of(jacobian_, tile.first, tile.worlds());
+      write(tile, rows);
+    });
     exec_.fence("gsp::runtime::Stepper::jacobian: it is there");
     return array_of_any<Exec>(jacobian_);
   }
   /// forward, `then`, and back: forward starts and leaves impulses, and wakes who sleeps; the next step begins from those of the last one.
   template <class F>
-  void evaluate(F const& then) {
-    if (before_sensors_)
-      gsp::save(exec_, state_, simulation_, *before_sensors_);
+  void evaluate(Tile<R, Exec>& tile, Part& part, F const& then) {
+    auto& before = part.before_sensors;
+    if (before)
+      gsp::save(tile.exec, tile.state, tile.simulation, *before);
     else
-      before_sensors_ = make_snapshot(exec_, state_, simulation_);
-    gsp::forward(exec_, model_, state_, simulation_, {.solver = solver_, .newton = newton_});
+      before = make_snapshot(tile.exec, tile.state, tile.simulation);
+    gsp::forward(tile.exec, tile.model, tile.state, tile.simulation, {.solver = solver_, .newton = newton_});
     then();
-    gsp::restore(exec_, *before_sensors_, state_, simulation_);
+    gsp::restore(tile.exec, *before, tile.state, tile.simulation);
   }
-  void read_all() {
-    Kokkos::deep_copy(exec_, sensordata_, std::numeric_limits<R>::quiet_NaN());
-    read_sensors(exec_, model_, state_, simulation_, *sensors_, sensordata_);
+  void read_all(Tile<R, Exec>& tile, Part& part) {
+    auto const data = gsp::detail::rows_of(sensordata_, tile.first, tile.worlds());
+    Kokkos::deep_copy(tile.exec, data, std::numeric_limits<R>::quiet_NaN());
+    read_sensors(tile.exec, tile.model, tile.state, tile.simulation, *part.sensors, data);
   }
   /// A step at whose start late sensors measure.
-  void step_late() {
+  void step_late(Tile<R, Exec>& tile, Part& part) {
+    auto& [exec, first, model, state, sim] = tile;
     auto const measure = [&] {
-      read_all();
-      record_sensors(exec_, state_, sensors_->history);
+      read_all(tile, part);
+      record_sensors(tile.exec, tile.state, part.sensors->history);
     };
-    if (gsp::detail::has_runge_kutta(model_)) {
-      evaluate(measure);
-      gsp::step(exec_, model_, state_, simulation_, {.solver = solver_, .newton = newton_, .poses = false});
+    if (gsp::detail::has_runge_kutta(model)) {
+      evaluate(tile, part, measure);
+      gsp::step(exec, model, state, sim, {.solver = solver_, .newton = newton_, .poses = false});
       return;
     }
-    gsp::forward(exec_, model_, state_, simulation_, {.solver = solver_, .newton = newton_});
+    gsp::forward(exec, model, state, sim, {.solver = solver_, .newton = newton_});
     measure();
-    gsp::advance(exec_, model_, state_, simulation_);
+    gsp::advance(exec, model, state, sim);
+  }
+  /// Impulses begin behind those of the tiles before.
+  void place_behind(int* first, std::vector<std::vector<NamedArray>> const& of_tiles) const {
+    std::int64_t before = 0;
+    for (std::size_t k = 0; k < tiles_.size(); ++k) {
+      for (int w = 0; w < tiles_[k].worlds(); ++w) *first++ += static_cast<int>(before);
+      for (auto const& a : of_tiles[k])
+        if (a.name == "impulses.p") before += a.array.extents[0];
+    }
+  }
+  /// The tile's rows of a snapshot of all worlds.
+  Snapshot<R, Mem> of_tile(Tile<R, Exec> const& tile, Snapshot<R, Mem> const& all) const {
+    auto const rows = [&](char const*, auto const& from, auto& to) { to = gsp::detail::rows_of(from, tile.first, tile.worlds()); };
+    Snapshot<R, Mem> out;
+    out.state = of_worlds(all.state, tile.first, tile.worlds());
+    if (all.sleep.calm.data()) gsp::detail::each_sleep_view(rows, all.sleep, out.sleep);
+    auto const& from = all.impulses;
+    auto& to = out.impulses;
+    rows("count", from.count, to.count);
+    rows("kept", from.kept, to.kept);
+    to.type_names = from.type_names;
+    auto first = gsp::detail::to_host(exec_, from.first);
+    std::size_t const end = std::size_t(tile.first + tile.worlds());
+    int const begin = first[std::size_t(tile.first)];
+    int const impulses = (end < first.size() ? first[end] : int(from.p.extent(0))) - begin;
+    std::vector<int> own(first.begin() + tile.first, first.begin() + std::ptrdiff_t(end));
+    for (int& f : own) f -= begin;
+    to.first = gsp::detail::to_device<std::decay_t<decltype(to.first)>>(exec_, "gsp::Snapshot::first", own);
+    to.p = gsp::detail::rows_of(from.p, begin, impulses);
+    to.id = gsp::detail::rows_of(from.id, begin, impulses);
+    to.place = gsp::detail::rows_of(from.place, begin, impulses);
+    return out;
+  }
+  SensorHistory<R, Mem> of_tile(Tile<R, Exec> const& tile, SensorHistory<R, Mem> const& all) const {
+    auto out = all;
+    out.worlds = tile.worlds();
+    gsp::detail::each_history_view(
+        [&](char const*, auto const& from, auto& to) { to = gsp::detail::rows_of(from, tile.first, tile.worlds()); }, all, out);
+    return out;
   }
   /// What late sensors remember, of such arrays; nothing where there are none.
   std::optional<SensorHistory<R, Mem>> late_of(std::vector<NamedArray> const& arrays, int worlds) {
     if (std::none_of(arrays.begin(), arrays.end(), [](NamedArray const& a) { return a.name.starts_with("sensors."); })) return {};
     if (!compiled_.sensors.empty()) make_sensors_once();
-    if (!sensors_ || sensors_->history.count() == 0)
+    auto const& sensors = parts_.front().sensors;
+    if (!sensors || sensors->history.count() == 0)
       throw Error("sensors keep samples there, and here none does: restore it with the model that it was saved with");
-    auto late = make_sensor_history<R>(exec_, compiled_, {.worlds = worlds, .timestep = timestep_, .left_out = sensors_->left_out});
+    auto late = make_sensor_history<R>(exec_, compiled_, {.worlds = worlds, .timestep = timestep_, .left_out = sensors->left_out});
     for (auto const& [name, to] : arrays_of<Exec>(late)) {
       auto const from = std::find_if(arrays.begin(), arrays.end(), [&](NamedArray const& a) { return a.name == name; });
       bool same = from != arrays.end() && from->array.rank == to.rank && from->array.dtype == to.dtype;
@@ -712,10 +874,12 @@ class KokkosStepper : public Stepper {
     return late;
   }
   void make_sensors_once() {
-    if (sensors_) return;
-    sensors_ = make_sensors(exec_, model_, compiled_, {.worlds = state_.worlds, .timestep = timestep_});
-    sensordata_ =
-        gsp::detail::allocate_zero<decltype(sensordata_)>(exec_, "gsp::runtime::Stepper::sensordata", state_.worlds, sensors_->nsensordata);
+    if (parts_.front().sensors) return;
+    each([&](auto& tile, Part& part) {
+      part.sensors = make_sensors(tile.exec, tile.model, compiled_, {.worlds = tile.worlds(), .timestep = timestep_});
+    });
+    sensordata_ = gsp::detail::allocate_zero<decltype(sensordata_)>(exec_, "gsp::runtime::Stepper::sensordata", state_.worlds,
+                                                                    parts_.front().sensors->nsensordata);
   }
   /// What kernels take for places: impulses one world after the other, and islands that there are.
   void expect_in_range(Snapshot<R, Mem> const& s, std::int64_t rows) const {
@@ -730,9 +894,9 @@ class KokkosStepper : public Stepper {
     if (!good || at != rows)
       throw Error("array 'impulses.first', 'impulses.count' or 'impulses.kept' does not fit 'impulses.p': give what Stepper::save gave");
     for (int const calm : gsp::detail::to_host(exec_, s.sleep.calm))
-      if (calm < -model_.ntree || calm > simulation_.sleep.steps)
+      if (calm < -model_.ntree || calm > tiles_.front().simulation.sleep.steps)
         throw Error("array 'sleep.calm' holds " + std::to_string(calm) + ", and must be from " + std::to_string(-model_.ntree) + " to " +
-                    std::to_string(simulation_.sleep.steps) + ": give what Stepper::save gave");
+                    std::to_string(tiles_.front().simulation.sleep.steps) + ": give what Stepper::save gave");
   }
 
   /// Numbers that a step could have left, in the worlds that had not stopped.
@@ -762,8 +926,12 @@ class KokkosStepper : public Stepper {
   Exec exec_;
   Model<R, Mem> model_;
   State<R, Mem> state_;
-  Simulation<R, Mem> simulation_;
-  std::optional<Snapshot<R, Mem>> snapshot_, before_sensors_;
+  CollisionModel<R, Mem> collision_;
+  Poses<R, Mem> poses_;
+  Kokkos::View<R**, Kokkos::LayoutRight, Mem> qfrc_constraint_;
+  std::vector<Tile<R, Exec>> tiles_;
+  std::vector<Part> parts_;    // of the tiles
+  std::vector<Buffer> saved_;  // what `save` gave of several tiles
   CompiledModel compiled_;
   struct CameraSet {
     std::vector<CameraSpec> specs;
@@ -772,11 +940,9 @@ class KokkosStepper : public Stepper {
   };
   static constexpr std::size_t most_camera_sets = 64;
   std::list<std::shared_ptr<CameraSet>> cameras_;  // that were asked for last, the last one first
-  std::optional<Sensors<R, Mem>> sensors_;
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> sensordata_;
   PgsOptions solver_;     // profile stable
   NewtonOptions newton_;  // profile mujoco
-  Kokkos::View<R* [6], Kokkos::LayoutRight, Mem> contact_force_;
   std::optional<ContactArrays> kept_contacts_;  // in contact_buffers_
   Buffer contact_buffers_[7];
   bool has_stepped_ = false;

@@ -159,6 +159,7 @@
 #include <gsp/step/sleep.hpp>
 #include <gsp/step/snapshot.hpp>
 #include <gsp/step/step.hpp>
+#include <gsp/step/tiles.hpp>
 
 #if defined(GSP_IO)
 #include <gsp/io/apng.hpp>

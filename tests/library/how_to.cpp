@@ -278,6 +278,36 @@ TEST_CASE("save and restore") {
   }
 }
 
+TEST_CASE("step on many cores") {
+  Exec const exec;
+  int const worlds = 64;
+  auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
+  auto const model = gsp::make_model<float>(exec, compiled);
+  auto state = gsp::make_state(exec, model, {.worlds = worlds});
+  auto other = gsp::make_state(exec, model, {.worlds = worlds});
+  Kokkos::View<int*, Mem> const done("done", worlds);
+  Kokkos::parallel_for(
+      "every_third", Kokkos::RangePolicy<Exec>(exec, 0, worlds), KOKKOS_LAMBDA(int w) { done(w) = w % 3 == 0; });
+
+  // example-begin tiles
+  auto const shapes = gsp::make_collision_model<float>(exec, compiled);
+  auto tiles = gsp::make_tiles(exec, model, compiled, shapes, state);  // rows of `state`, a simulation each; allocates
+  gsp::step(exec, tiles, {.steps = 20});
+  gsp::for_tiles(exec, tiles, [&](auto& tile) {  // what one simulation does, by the worlds of a tile
+    auto const of_tile = Kokkos::subview(done, std::pair(tile.first, tile.first + tile.worlds()));
+    gsp::reset(tile.exec, tile.model, tile.state, of_tile);
+    gsp::step(tile.exec, tile.model, tile.state, tile.simulation, {.steps = 20});
+  });
+  // example-end tiles
+
+  auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+  gsp::step(exec, model, other, sim, {.steps = 20});
+  gsp::reset(exec, model, other, done);
+  gsp::step(exec, model, other, sim, {.steps = 20});
+  auto const q = gsp_test::host(state.qpos), expected = gsp_test::host(other.qpos);
+  for (int w = 0; w < worlds; ++w) CHECK(same_row(q, expected, w));
+}
+
 // Dropped from H = 1 m a ball comes with v = sqrt(2 g H) and goes with e v: it rises to e^2 H. Tolerance: v to what gravity does in a step,
 // 0.02 m/s of 4.4, twice that of its square, and the top between two steps.
 TEST_CASE("bodies that bounce") {

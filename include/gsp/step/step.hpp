@@ -181,6 +181,17 @@ void end_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
   fall_asleep(exec, model, sim.rows, sim.progress, state, sim.dynamics, sim.solution.qfrc_constraint, sim.sleep);
 }
 template <class R, class Mem>
+void expects_can_step(Model<R, Mem> const& model, CompiledModel const& compiled, SimulationOptions const& options) {
+  expects_made_of("gsp::make_simulation", model, compiled);
+  auto const refusals = model_refusals(compiled);
+  if (!refusals.empty()) throw Error(refusals.front());
+  bool const stable = model.profile == Profile::stable;
+  if (!stable && options.cone == FrictionCone::box)
+    throw Error(
+        "gsp::make_simulation: profile mujoco has no box of friction: choose FrictionCone::elliptic or pyramidal, or profile stable");
+  if (stable && options.cone == FrictionCone::pyramidal) expects_soft_contacts(compiled);
+}
+template <class R, class Mem>
 void expects_worlds(char const* where, State<R, Mem> const& state, Simulation<R, Mem> const& sim) {
   if (sim.rows.worlds != state.worlds)
     throw std::invalid_argument(std::string(where) + ": the state has " + std::to_string(state.worlds) + " worlds, the simulation " +
@@ -189,24 +200,19 @@ void expects_worlds(char const* where, State<R, Mem> const& state, Simulation<R,
 }  // namespace detail
 
 /// Buffers for stepping `worlds` worlds of `model`, which was made from `compiled`. Allocates.
+/// @param collision  the shapes of `compiled` (make_collision_model), which several simulations may share
 /// Errors: gsp::Error for what make_model refuses too, for the box of friction in profile mujoco, and in profile stable for pyramids beside
 /// contacts that are hard.
 template <class R, ExecutionSpace Exec, class Mem>
 Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
-                                   SimulationOptions options = {}) {
+                                   SimulationOptions options, CollisionModel<R, Mem> const& collision) {
   static_assert(Scalar<R>,
                 "gsp::make_simulation: contacts have no slopes: of duals call smooth_dynamics and integrate (docs/math/dual.md)");
-  detail::expects_made_of("gsp::make_simulation", model, compiled);
-  auto const refusals = model_refusals(compiled);
-  if (!refusals.empty()) throw Error(refusals.front());
+  detail::expects_can_step(model, compiled, options);
   bool const stable = model.profile == Profile::stable;
-  if (!stable && options.cone == FrictionCone::box)
-    throw Error(
-        "gsp::make_simulation: profile mujoco has no box of friction: choose FrictionCone::elliptic or pyramidal, or profile stable");
-  if (stable && options.cone == FrictionCone::pyramidal) detail::expects_soft_contacts(compiled);
   Simulation<R, Mem> sim;
   int const n = options.worlds;
-  sim.collision = make_collision_model<R>(exec, compiled);
+  sim.collision = collision;
   sim.dynamics = make_dynamics(exec, model, {.worlds = n});
   sim.poses = make_poses(exec, model, {.worlds = n});
   sim.contacts = make_contacts(exec, sim.collision, contacts_options(model, n));
@@ -224,6 +230,14 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   if (options.sleep.value_or(compiled.option.sleep)) sim.sleep = make_sleep(exec, model, compiled, {.worlds = n});
   if (detail::has_runge_kutta(model)) sim.runge_kutta = make_runge_kutta(exec, model, {.worlds = n});
   return sim;
+}
+
+/// With shapes of its own.
+template <class R, ExecutionSpace Exec, class Mem>
+Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
+                                   SimulationOptions options = {}) {
+  detail::expects_can_step(model, compiled, options);  // before shapes are made of it
+  return make_simulation(exec, model, compiled, options, make_collision_model<R>(exec, compiled));
 }
 
 /// Launches one step of all worlds and does not wait: smooth dynamics, contacts, rows, solver, integration. Where a pool is too small it

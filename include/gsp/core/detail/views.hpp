@@ -3,6 +3,7 @@
 #include <cstring>
 #include <gsp/core/exec.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 /// Allocating, zeroing and copying views by their bytes, so that it compiles once for all of them: Kokkos' functions for this are
@@ -67,6 +68,17 @@ void copy_bytes(Exec const& exec, void* to, void const* from, std::size_t bytes)
   transfer_bytes<typename Exec::memory_space, typename Exec::memory_space>(exec, to, from, bytes);
 }
 
+/// Rows first ... first + count - 1, of which the view keeps the whole.
+template <class View>
+View rows_of(View const& view, int first, int count) {
+  std::pair<int, int> const rows(first, first + count);
+  if constexpr (View::rank() == 1)
+    return Kokkos::subview(view, rows);
+  else if constexpr (View::rank() == 2)
+    return Kokkos::subview(view, rows, Kokkos::ALL);
+  else
+    return Kokkos::subview(view, rows, Kokkos::ALL, Kokkos::ALL);
+}
 template <class View>
 std::size_t bytes_of(View const& v) {
   return v.span() * sizeof(typename View::value_type);

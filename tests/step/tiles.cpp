@@ -1,0 +1,166 @@
+// Tiles have the bits of one simulation of all worlds, whatever their size, in loops of a user's own too. (CTest gives 16 threads.)
+#include <doctest/doctest.h>
+
+#include <atomic>
+#include <gsp/collision/geom_values.hpp>
+#include <gsp/model/samples.hpp>
+#include <gsp/step/tiles.hpp>
+#include <gsp_test_execs.hpp>
+#include <stdexcept>
+
+#include "step/world.hpp"
+
+namespace test_types {
+/// Pulls a dof of each world with a force of its own: a view by the worlds of the tile.
+template <class Mem>
+struct Pull : gsp::OneFreeRow {
+  Kokkos::View<double*, Mem> force;
+  int dof;
+  KOKKOS_FUNCTION int count(int) const { return 1; }
+  template <class T>
+  KOKKOS_FUNCTION T lambda(int w, int, int, T, T) const {
+    return T(force(w));
+  }
+  template <class Row>
+  KOKKOS_FUNCTION double jacobian(int, int, int, Row&& J) const {
+    J.set_dof(dof, 1.);
+    return 0.;
+  }
+};
+}  // namespace test_types
+
+namespace {
+
+template <class Exec>
+Exec several() {
+#ifdef KOKKOS_ENABLE_OPENMP
+  if constexpr (std::is_same_v<Exec, Kokkos::OpenMP>) return Exec(std::min(3, Exec().concurrency()));
+#endif
+  return Exec();
+}
+
+template <class R, class Exec>
+struct Scene {
+  using Mem = typename Exec::memory_space;
+  static constexpr int worlds = 37;
+  Exec exec = several<Exec>();
+  gsp::CompiledModel compiled = gsp::compile(gsp::samples::quadruped_scene());
+  gsp::Model<R, Mem> model;
+  gsp::CollisionModel<R, Mem> collision;
+  gsp::State<R, Mem> state;
+  explicit Scene(gsp::Profile profile = gsp::Profile::stable) : model(gsp::make_model<R>(exec, compiled, {.profile = profile})) {
+    collision = gsp::make_collision_model<R>(exec, compiled);
+    gsp::make_per_world(exec, model, {gsp::ModelField::dof_damping}, worlds);
+    gsp::make_per_world(exec, collision, {gsp::GeomField::friction}, worlds);
+    Kokkos::View<R**, Kokkos::LayoutRight, Mem> damping("damping", worlds, model.nv), friction("friction", worlds, 3 * model.ngeom);
+    auto const d = Kokkos::create_mirror_view(damping), f = Kokkos::create_mirror_view(friction);
+    for (int w = 0; w < worlds; ++w) {
+      for (int i = 0; i < model.nv; ++i) d(w, i) = R(0.01 * (w % 6));
+      for (int g = 0; g < model.ngeom; ++g) f(w, 3 * g) = R(0.2 + 0.1 * (w % 9)), f(w, 3 * g + 1) = R(0.005), f(w, 3 * g + 2) = R(1e-4);
+    }
+    Kokkos::deep_copy(damping, d);
+    Kokkos::deep_copy(friction, f);
+    gsp::set_world_values(exec, model, gsp::ModelField::dof_damping, damping);
+    gsp::set_world_values(exec, collision, gsp::GeomField::friction, friction);
+    state = gsp::make_state(exec, model, {.worlds = worlds});
+    auto const q = Kokkos::create_mirror_view(state.qpos), v = Kokkos::create_mirror_view(state.qvel);
+    for (int w = 0; w < worlds; ++w)
+      for (int i = 0; i < model.nq; ++i) {
+        q(w, i) = R(compiled.keyframes.at(0).qpos[std::size_t(i)]);
+        if (i < 3) v(w, i) = R(0.1 * (w % 5));
+      }
+    Kokkos::deep_copy(state.qpos, q);
+    Kokkos::deep_copy(state.qvel, v);
+  }
+  auto pull(int first, int count) const {
+    test_types::Pull<Mem> out;
+    out.force = Kokkos::View<double*, Mem>("force", count);
+    out.dof = 6;
+    auto const host = Kokkos::create_mirror_view(out.force);
+    for (int w = 0; w < count; ++w) host(w) = 0.05 * ((first + w) % 4);
+    Kokkos::deep_copy(out.force, host);
+    return out;
+  }
+  std::vector<R> result() const {
+    std::vector<R> out;
+    for (auto const& view : {state.qpos, state.qvel}) {
+      auto const h = gsp_test::host(view);
+      for (int w = 0; w < worlds; ++w)
+        for (int i = 0; i < int(h.extent(1)); ++i) out.push_back(h(w, i));
+    }
+    return out;
+  }
+};
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("tiles of any size have the bits of one simulation", Exec, GSP_TEST_EXECS) {
+  for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+    Scene<double, Exec> one(profile);
+    auto sim = gsp::make_simulation(one.exec, one.model, one.compiled, {.worlds = one.worlds}, one.collision);
+    gsp::step(one.exec, one.model, one.state, sim, {.steps = 20});
+    for (int const each : {0, 1, 8, 36, 37, 1000}) {
+      CAPTURE(each);
+      Scene<double, Exec> tiled(profile);
+      auto tiles = gsp::make_tiles(tiled.exec, tiled.model, tiled.compiled, tiled.collision, tiled.state, {.worlds = each});
+      if (each > 0) CHECK(tiles.size() == std::size_t((tiled.worlds + each - 1) / each));
+      for (int k = 0; k < 4; ++k) gsp::step(tiled.exec, tiles, {.steps = 5});
+      CHECK(tiled.result() == one.result());
+      int worlds = 0;
+      for (auto const& tile : tiles) {
+        CHECK(tile.first == worlds);
+        worlds += tile.worlds();
+      }
+      CHECK(worlds == tiled.worlds);
+      auto const& last = tiles.back();  // poses and forces of a tile are those of its worlds
+      auto const poses = gsp_test::host(last.simulation.poses.xpos), all = gsp_test::host(sim.poses.xpos);
+      for (int w = 0; w < last.worlds(); ++w) CHECK(poses(w, 1, 2) == all(last.first + w, 1, 2));
+    }
+  }
+}
+
+TEST_CASE_TEMPLATE("what is a user's own lies by the worlds of a tile, and errors come back", Exec, GSP_TEST_EXECS) {
+  using S = Scene<float, Exec>;
+  S one;
+  auto sim = gsp::make_simulation(one.exec, one.model, one.compiled, {.worlds = one.worlds}, one.collision);
+  gsp::step(one.exec, one.model, one.state, sim, {.steps = 10}, one.pull(0, one.worlds));
+  S tiled;
+  auto tiles = gsp::make_tiles(tiled.exec, tiled.model, tiled.compiled, tiled.collision, tiled.state, {.worlds = 10});
+  std::vector<decltype(tiled.pull(0, 1))> pulls;
+  for (auto const& tile : tiles) pulls.push_back(tiled.pull(tile.first, tile.worlds()));
+  gsp::for_tiles(tiled.exec, tiles, [&](auto& tile) {
+    auto const& pull = pulls[std::size_t(tile.first / 10)];
+    for (int k = 0; k < 10; ++k) {
+      gsp::launch_step(tile.exec, tile.model, tile.state, tile.simulation, {}, pull);
+      while (gsp::settle(tile.exec, tile.simulation) > 0) gsp::launch_step(tile.exec, tile.model, tile.state, tile.simulation, {}, pull);
+    }
+  });
+  CHECK(tiled.result() == one.result());
+
+  std::atomic<int> done{0};
+  auto const fails = [&](auto& tile) {
+    ++done;
+    if (tile.first > 0) throw std::runtime_error("tile " + std::to_string(tile.first));
+  };
+  bool const together = tiled.exec.concurrency() > 1 && !gsp::is_device<Exec>;
+  CHECK_THROWS_WITH_AS(gsp::for_tiles(tiled.exec, tiles, fails), "tile 10", std::runtime_error);
+  if (together) CHECK(done == 4);  // the others are done with
+  CHECK_THROWS_WITH_AS(gsp::make_tiles(tiled.exec, tiled.model, tiled.compiled, tiled.collision, tiled.state, {.worlds = -1}),
+                       doctest::Contains("and has -1"), std::invalid_argument);
+}
+
+// Worlds that are few and large are stepped by all threads together; else packs are whole, and every thread has two tiles.
+TEST_CASE("how many worlds a tile has") {
+#ifdef KOKKOS_ENABLE_OPENMP
+  Kokkos::OpenMP const exec(std::min(4, Kokkos::OpenMP().concurrency()));
+  if (exec.concurrency() < 4) return;  // CTest gives 16
+  auto const model = gsp::make_model<float>(exec, gsp::compile(gsp::samples::quadruped()));
+  constexpr int pack = gsp::native_width<float>;
+  REQUIRE(model.ntree == 1);
+  CHECK(gsp::detail::worlds_of_a_tile(exec, model, 1) == pack);
+  CHECK(gsp::detail::worlds_of_a_tile(exec, model, 8 * pack) == pack);
+  CHECK(gsp::detail::worlds_of_a_tile(exec, model, 8 * pack + 1) == 2 * pack);
+  CHECK(gsp::detail::worlds_of_a_tile(exec, model, 1 << 20) == 128);
+  CHECK(gsp::detail::worlds_of_a_tile(Kokkos::OpenMP(1), model, 1000) == 1000);
+#endif
+}
