@@ -397,7 +397,7 @@ def loop():
     gsp.step(model, data, 5)
     data.sensordata
     renderer.render(data, views, Ks, develop=dict(noise=0.02, background=(0.5, 0.5, 0.5)), jitter=dict(position=0.01))
-for _ in range(20):
+for _ in range(40):  # until the arms lie: the worlds of each thread have pools of their own, which grow while they fall
     loop()
 before = [count(k) for k in range(3)]
 assert before[0] > 0

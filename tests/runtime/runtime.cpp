@@ -793,6 +793,7 @@ TEST_CASE("stages of steps and their times") {
   for (Device const device : devices()) {
     StepperOptions options;
     options.worlds = 3;
+    options.threads = 1;  // of several a stage is called once a tile: tests/runtime/tiles.cpp
     auto const stepper = make_stepper(device, compiled, options);
     stepper->step({.steps = 2});  // pools find their size
     double whole = 0;
