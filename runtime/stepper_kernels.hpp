@@ -2,6 +2,7 @@
 // The Stepper over Kokkos; stepper_float_kernels.cpp and stepper_double_kernels.cpp instantiate it.
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <gsp/collision/geom_values.hpp>
 #include <gsp/constraint/contact_forces.hpp>
 #include <gsp/dynamics/inverse.hpp>
@@ -308,8 +309,7 @@ class KokkosStepper : public Stepper {
     expects(field.of_model || !scale_inertia, "gsp::runtime::Stepper::set_world_values: scale_inertia is for body_mass");
     each_masked(mask, [&](auto& tile, Part&, auto const& of) {
       auto const rows = gsp::detail::rows_of(own, tile.first, tile.worlds());
-      if (field.of_model)
-        gsp::set_world_values(tile.exec, tile.model, *field.of_model, rows, of, {.scale_inertia = scale_inertia});
+      if (field.of_model) gsp::set_world_values(tile.exec, tile.model, *field.of_model, rows, of, {.scale_inertia = scale_inertia});
       if (field.of_geoms) gsp::set_world_values(tile.exec, tile.simulation.collision, *field.of_geoms, rows, of);
       if (field.of_model && info(*field.of_model).use.decides) set_constants(tile.exec, tile.model, tile.simulation.dynamics, of);
       wake(tile.exec, tile.simulation.sleep, of);
@@ -391,7 +391,7 @@ class KokkosStepper : public Stepper {
     for (std::size_t a = 0; a < out.size(); ++a) {
       std::vector<Array> pieces;
       for (auto const& one : of_tiles) pieces.push_back(one[a].array);
-      out[a].array = one_after_the_other(pieces, saved_[a]);
+      out[a].array = one_after_the_other(pieces, saved_[a], 0);
       if (out[a].name == "impulses.first") place_behind(static_cast<int*>(out[a].array.data), of_tiles);
     }
     return out;
@@ -405,8 +405,8 @@ class KokkosStepper : public Stepper {
     };
     auto const begins = [](NamedArray const& a) { return a.name.starts_with("sleep."); };
     bool const sleeps = std::any_of(arrays.begin(), arrays.end(), begins);
-    Simulation<R, Mem> const& one = tiles_.front().simulation;
-    if (sleeps && one.sleep.worlds == 0)
+    Simulation<R, Mem> const& like = tiles_.front().simulation;
+    if (sleeps && like.sleep.worlds == 0)
       throw Error("islands may sleep there, and here they may not: make the stepper of a model with option.sleep");
     std::int64_t const worlds = find("state.qpos").extents[0], rows = find("impulses.p").extents[0];
     if (worlds != 1 && worlds != state_.worlds)
@@ -414,7 +414,7 @@ class KokkosStepper : public Stepper {
                   ": give as many, or one for all");
     if (rows > std::numeric_limits<int>::max()) throw Error("array 'impulses.p' is longer than 2147483647: give fewer worlds");
     Snapshot<R, Mem> s;
-    gsp::detail::allocate_snapshot(exec_, state_, one, static_cast<int>(worlds), rows, s);
+    gsp::detail::allocate_snapshot(exec_, state_, like, static_cast<int>(worlds), rows, s);
     if (!sleeps) s.sleep = {};
     for (auto const& [name, to] : arrays_of<Exec>(s, rows)) {
       Array const from = find(name);
@@ -427,15 +427,16 @@ class KokkosStepper : public Stepper {
     expect_in_range(s, rows);
     expect_numbers(s);
     auto const late = late_of(arrays, static_cast<int>(worlds));
-    auto const list = model_constraints(model_, state_, one.poses, one.dynamics, one.collision, one.contacts, one.cone);
+    auto const list = model_constraints(model_, state_, like.poses, like.dynamics, like.collision, like.contacts, like.cone);
     auto const names = gsp::detail::names_of(list);
     static_assert(types_in(std::type_identity<std::remove_const_t<decltype(list)>>()) == 8,
                   "step has other constraint types: raise snapshot_version, and this number");
     gsp::detail::upload_bytes(exec_, s.impulses.type_names.data(), names.name, std::size_t(names.count) * sizeof names.name[0]);
     write_what_stays();
+    bool const all = worlds == 1 || tiles_.size() == 1;
+    auto const first = all ? std::vector<int>{} : gsp::detail::to_host(exec_, s.impulses.first);
     each_masked(mask, [&](auto& tile, Part& part, auto const& of) {
-      bool const all = worlds == 1 || tiles_.size() == 1;
-      gsp::restore(tile.exec, all ? s : of_tile(tile, s), tile.state, tile.simulation, of);
+      gsp::restore(tile.exec, all ? s : of_tile(tile, s, first), tile.state, tile.simulation, of);
       if (late)
         copy_sensor_history(tile.exec, all ? *late : of_tile(tile, *late), part.sensors->history, of);
       else if (part.sensors)
@@ -528,9 +529,9 @@ class KokkosStepper : public Stepper {
     auto const velocity =
         gsp::detail::allocate<Kokkos::View<R**, Kokkos::LayoutRight, Mem>>("gsp::runtime::Stepper::new_velocity", state_.worlds, model_.nv);
     for (auto const& tile : tiles_)
-      Kokkos::parallel_for("gsp::runtime::new_velocities", Kokkos::RangePolicy<Exec>(exec_, 0, tile.worlds()),
-                           NewVelocities<R, Mem>{tile.model, tile.simulation.dynamics,
-                                                 gsp::detail::rows_of(velocity, tile.first, tile.worlds())});
+      Kokkos::parallel_for(
+          "gsp::runtime::new_velocities", Kokkos::RangePolicy<Exec>(exec_, 0, tile.worlds()),
+          NewVelocities<R, Mem>{tile.model, tile.simulation.dynamics, gsp::detail::rows_of(velocity, tile.first, tile.worlds())});
     auto const v = gsp::detail::to_host(exec_, velocity), q = gsp::detail::to_host(exec_, state_.qpos);
     auto const steps = gsp::detail::to_host(exec_, state_.steps);
     auto const bad = [](double x) { return !(std::abs(x) <= state_bound); };
@@ -566,9 +567,7 @@ class KokkosStepper : public Stepper {
     if (compiled_.sensors.empty()) return make_array(nullptr, dtype_of<R>(), device_of<Exec>(), {state_.worlds, 0});
     make_sensors_once();
     keep_contacts();
-    each([&](auto& tile, Part& part) {
-      evaluate(tile, part, [&] { read_all(tile, part); });
-    });
+    each([&](auto& tile, Part& part) { evaluate(tile, part, [&] { read_all(tile, part); }); });
     exec_.fence("gsp::runtime::Stepper::sensors: the numbers are there");
     stale_ = true;
     return array_of<Exec>(sensordata_);
@@ -619,8 +618,8 @@ class KokkosStepper : public Stepper {
     } else {
       poses_ = make_poses(exec_, model_, {.worlds = state_.worlds});
       poses_.stamp = {};  // the tiles' own say of which state they are
-      qfrc_constraint_ = gsp::detail::allocate_zero<decltype(qfrc_constraint_)>(exec_, "gsp::runtime::Stepper::qfrc_constraint",
-                                                                                state_.worlds, model_.nv);
+      qfrc_constraint_ =
+          gsp::detail::allocate_zero<decltype(qfrc_constraint_)>(exec_, "gsp::runtime::Stepper::qfrc_constraint", state_.worlds, model_.nv);
       for (auto& tile : tiles_) {
         tile.simulation.poses = of_worlds(poses_, tile.first, tile.worlds());
         tile.simulation.solution.qfrc_constraint = gsp::detail::rows_of(qfrc_constraint_, tile.first, tile.worlds());
@@ -641,9 +640,8 @@ class KokkosStepper : public Stepper {
     });
   }
   void pose() {
-    each([&](auto& tile, Part&) {
-      forward_kinematics(tile.exec, tile.model, tile.state, tile.simulation.poses, tile.simulation.dynamics);
-    });
+    each(
+        [&](auto& tile, Part&) { forward_kinematics(tile.exec, tile.model, tile.state, tile.simulation.poses, tile.simulation.dynamics); });
     stale_ = false;
   }
   /// What steps read, or leave, and never write: whoever wrote into it is put right. Poses of what does not move, which contacts begin
@@ -698,32 +696,40 @@ class KokkosStepper : public Stepper {
     constexpr Array ContactArrays::*arrays[] = {&ContactArrays::world, &ContactArrays::geom1, &ContactArrays::geom2, &ContactArrays::dist,
                                                 &ContactArrays::pos,   &ContactArrays::frame, &ContactArrays::force};
     ContactArrays all;
+    std::int64_t room = 0;
+    for (auto const& tile : tiles_) room += tile.simulation.contacts.capacity();
     for (std::size_t k = 0; k < std::size(arrays); ++k) {
       std::vector<Array> pieces;
       for (auto const& one : found) pieces.push_back(one.*arrays[k]);
-      all.*arrays[k] = one_after_the_other(pieces, contact_buffers_[k]);
+      all.*arrays[k] = one_after_the_other(pieces, contact_buffers_[k], room);
     }
     if (found.size() == 1) return all;
-    int* world = static_cast<int*>(all.world.data);
+    int* world = static_cast<int*>(all.world.data);  // several tiles are on a host
     for (std::size_t k = 0; k < found.size(); ++k)
       for (std::int64_t i = 0; i < found[k].world.extents[0]; ++i) *world++ += tiles_[k].first;
     return all;
   }
-  /// Rows of the pieces, those of the first tile first, in memory of `to`, which grows.
-  static Array one_after_the_other(std::vector<Array> const& pieces, Buffer& to) {
+  /// Rows of the pieces, those of the first tile first, in memory of `to`, which gets room for so many rows at least where it has none for
+  /// these.
+  static Array one_after_the_other(std::vector<Array> const& pieces, Buffer& to, std::int64_t room) {
     Array const& like = pieces.front();
     std::int64_t rows = 0;
     for (auto const& piece : pieces) rows += piece.extents[0];
     if (!to.owner || to.array.extents[0] < rows) {
       auto const& e = like.extents;
       Device const device = device_of<Exec>();
-      to = like.rank == 1   ? make_buffer(device, like.dtype, {rows})
-           : like.rank == 2 ? make_buffer(device, like.dtype, {rows, e[1]})
-                            : make_buffer(device, like.dtype, {rows, e[1], e[2]});
+      std::int64_t const most = std::max(room, rows);
+      to = like.rank == 1   ? make_buffer(device, like.dtype, {most})
+           : like.rank == 2 ? make_buffer(device, like.dtype, {most, e[1]})
+                            : make_buffer(device, like.dtype, {most, e[1], e[2]});
     }
     std::int64_t at = 0;
     for (auto const& piece : pieces) {
-      if (piece.size() > 0) copy(piece, to.array.rows(at, piece.extents[0]));
+      Array const rows_there = to.array.rows(at, piece.extents[0]);
+      if constexpr (gsp::is_device<Exec>)
+        copy(piece, rows_there);
+      else if (piece.size() > 0)  // whole rows, one after the other: `copy` would ask all threads for each
+        std::memcpy(rows_there.data, piece.data, std::size_t(piece.size() * bytes_of(piece.dtype)));
       at += piece.extents[0];
     }
     return to.array.rows(0, rows);
@@ -794,10 +800,13 @@ class KokkosStepper : public Stepper {
   }
   /// A step at whose start late sensors measure.
   void step_late(Tile<R, Exec>& tile, Part& part) {
-    auto& [exec, first, model, state, sim] = tile;
+    auto& exec = tile.exec;
+    auto& model = tile.model;
+    auto& state = tile.state;
+    auto& sim = tile.simulation;
     auto const measure = [&] {
       read_all(tile, part);
-      record_sensors(tile.exec, tile.state, part.sensors->history);
+      record_sensors(exec, state, part.sensors->history);
     };
     if (gsp::detail::has_runge_kutta(model)) {
       evaluate(tile, part, measure);
@@ -817,8 +826,8 @@ class KokkosStepper : public Stepper {
         if (a.name == "impulses.p") before += a.array.extents[0];
     }
   }
-  /// The tile's rows of a snapshot of all worlds.
-  Snapshot<R, Mem> of_tile(Tile<R, Exec> const& tile, Snapshot<R, Mem> const& all) const {
+  /// The tile's rows of a snapshot of all worlds, whose impulses begin at `first`.
+  Snapshot<R, Mem> of_tile(Tile<R, Exec> const& tile, Snapshot<R, Mem> const& all, std::vector<int> const& first) const {
     auto const rows = [&](char const*, auto const& from, auto& to) { to = gsp::detail::rows_of(from, tile.first, tile.worlds()); };
     Snapshot<R, Mem> out;
     out.state = of_worlds(all.state, tile.first, tile.worlds());
@@ -828,13 +837,12 @@ class KokkosStepper : public Stepper {
     rows("count", from.count, to.count);
     rows("kept", from.kept, to.kept);
     to.type_names = from.type_names;
-    auto first = gsp::detail::to_host(exec_, from.first);
     std::size_t const end = std::size_t(tile.first + tile.worlds());
     int const begin = first[std::size_t(tile.first)];
     int const impulses = (end < first.size() ? first[end] : int(from.p.extent(0))) - begin;
     std::vector<int> own(first.begin() + tile.first, first.begin() + std::ptrdiff_t(end));
     for (int& f : own) f -= begin;
-    to.first = gsp::detail::to_device<std::decay_t<decltype(to.first)>>(exec_, "gsp::Snapshot::first", own);
+    to.first = gsp::detail::to_device<std::decay_t<decltype(to.first)>>(tile.exec, "gsp::Snapshot::first", own);
     to.p = gsp::detail::rows_of(from.p, begin, impulses);
     to.id = gsp::detail::rows_of(from.id, begin, impulses);
     to.place = gsp::detail::rows_of(from.place, begin, impulses);
@@ -875,9 +883,11 @@ class KokkosStepper : public Stepper {
   }
   void make_sensors_once() {
     if (parts_.front().sensors) return;
+    std::vector<std::optional<Sensors<R, Mem>>> made(tiles_.size());  // all of them, or none
     each([&](auto& tile, Part& part) {
-      part.sensors = make_sensors(tile.exec, tile.model, compiled_, {.worlds = tile.worlds(), .timestep = timestep_});
+      made[part.index] = make_sensors(tile.exec, tile.model, compiled_, {.worlds = tile.worlds(), .timestep = timestep_});
     });
+    for (Part& part : parts_) part.sensors = std::move(made[part.index]);
     sensordata_ = gsp::detail::allocate_zero<decltype(sensordata_)>(exec_, "gsp::runtime::Stepper::sensordata", state_.worlds,
                                                                     parts_.front().sensors->nsensordata);
   }
@@ -941,8 +951,8 @@ class KokkosStepper : public Stepper {
   static constexpr std::size_t most_camera_sets = 64;
   std::list<std::shared_ptr<CameraSet>> cameras_;  // that were asked for last, the last one first
   Kokkos::View<R**, Kokkos::LayoutRight, Mem> sensordata_;
-  PgsOptions solver_;     // profile stable
-  NewtonOptions newton_;  // profile mujoco
+  PgsOptions solver_;                           // profile stable
+  NewtonOptions newton_;                        // profile mujoco
   std::optional<ContactArrays> kept_contacts_;  // in contact_buffers_
   Buffer contact_buffers_[7];
   bool has_stepped_ = false;

@@ -1,4 +1,5 @@
-// A stepper of several threads, whose worlds lie in tiles (step/tiles.hpp), beside one of one thread: all that it says and takes, bit for bit.
+// A stepper of several threads, whose worlds lie in tiles (step/tiles.hpp), beside one of one thread: all that it says and takes, bit for
+// bit.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -12,7 +13,7 @@ using namespace gsp::runtime;
 
 namespace {
 
-constexpr int worlds = 41;  // the last tile is smaller
+constexpr int worlds = 71;  // tiles of a pack each; the last is smaller
 
 /// All numbers, of whatever kind; NaN as a number that no other is.
 std::vector<double> numbers(Array const& a) {

@@ -7,6 +7,7 @@
 #include <gsp/step/tiles.hpp>
 #include <gsp_test_execs.hpp>
 #include <stdexcept>
+#include <thread>
 
 #include "step/world.hpp"
 
@@ -147,9 +148,42 @@ TEST_CASE_TEMPLATE("what is a user's own lies by the worlds of a tile, and error
   if (together) CHECK(done == 4);  // the others are done with
   CHECK_THROWS_WITH_AS(gsp::make_tiles(tiled.exec, tiled.model, tiled.compiled, tiled.collision, tiled.state, {.worlds = -1}),
                        doctest::Contains("and has -1"), std::invalid_argument);
+  auto few = gsp::make_collision_model<float>(tiled.exec, tiled.compiled);
+  gsp::make_per_world(tiled.exec, few, {gsp::GeomField::friction}, 10);
+  CHECK_THROWS_WITH_AS(gsp::make_tiles(tiled.exec, tiled.model, tiled.compiled, few, tiled.state, {.worlds = 10}),
+                       doctest::Contains("the model has values for 10 worlds"), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::of_worlds(tiled.state, 30, 8), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::of_worlds(tiled.model, 30, 8), std::invalid_argument);
 }
 
-// Worlds that are few and large are stepped by all threads together; else packs are whole, and every thread has two tiles.
+// In a team of OpenMP that nests others each of these has a thread of number 0; what one thread has room for is refused by several.
+TEST_CASE("tiles keep their bits where regions nest, and on threads of a user's own") {
+#ifdef KOKKOS_ENABLE_OPENMP
+  using S = Scene<float, Kokkos::OpenMP>;
+  S one;
+  auto sim = gsp::make_simulation(one.exec, one.model, one.compiled, {.worlds = one.worlds}, one.collision);
+  gsp::step(one.exec, one.model, one.state, sim, {.steps = 20});
+  S nested, own;
+  auto tiles = gsp::make_tiles(nested.exec, nested.model, nested.compiled, nested.collision, nested.state, {.worlds = 5});
+  int const levels = omp_get_max_active_levels();
+  omp_set_max_active_levels(2);
+  gsp::step(nested.exec, tiles, {.steps = 20});
+  omp_set_max_active_levels(levels);
+  CHECK(nested.result() == one.result());
+  auto others = gsp::make_tiles(own.exec, own.model, own.compiled, own.collision, own.state, {.worlds = 10});
+  {
+    std::vector<std::jthread> threads;
+    for (auto& tile : others) threads.emplace_back([&] { gsp::step(tile.exec, tile.model, tile.state, tile.simulation, {.steps = 20}); });
+  }
+  CHECK(own.result() == one.result());
+  if (Kokkos::OpenMP().concurrency() == 1) return;
+  auto& tile = others.front();
+  CHECK_THROWS_WITH_AS(gsp::step(Kokkos::OpenMP(), tile.model, tile.state, tile.simulation),
+                       doctest::Contains("there is room for the work of one thread"), std::invalid_argument);
+#endif
+}
+
+// Worlds that are fewer than packs for all threads are stepped by all of them together; else every thread has two tiles of whole packs.
 TEST_CASE("how many worlds a tile has") {
 #ifdef KOKKOS_ENABLE_OPENMP
   Kokkos::OpenMP const exec(std::min(4, Kokkos::OpenMP().concurrency()));
@@ -157,7 +191,9 @@ TEST_CASE("how many worlds a tile has") {
   auto const model = gsp::make_model<float>(exec, gsp::compile(gsp::samples::quadruped()));
   constexpr int pack = gsp::native_width<float>;
   REQUIRE(model.ntree == 1);
-  CHECK(gsp::detail::worlds_of_a_tile(exec, model, 1) == pack);
+  CHECK(gsp::detail::worlds_of_a_tile(exec, model, 1) == 1);
+  CHECK(gsp::detail::worlds_of_a_tile(exec, model, 3 * pack) == 3 * pack);
+  CHECK(gsp::detail::worlds_of_a_tile(exec, model, 3 * pack + 1) == pack);
   CHECK(gsp::detail::worlds_of_a_tile(exec, model, 8 * pack) == pack);
   CHECK(gsp::detail::worlds_of_a_tile(exec, model, 8 * pack + 1) == 2 * pack);
   CHECK(gsp::detail::worlds_of_a_tile(exec, model, 1 << 20) == 128);

@@ -7,6 +7,7 @@
 #include <gsp/geometry/shapes.hpp>
 #include <gsp/math/pack.hpp>
 #include <gsp/model/poses.hpp>
+#include <string>
 
 /// Where the colliders are, and which of the listed pairs are near. Pairs that are not listed are searched for (detail/pair_search.hpp).
 namespace gsp {
@@ -30,6 +31,18 @@ KOKKOS_INLINE_FUNCTION Transform<R> load_pose(R const* p) {
   return {{p[0], p[1], p[2]}, {p[3], p[4], p[5], p[6]}};
 }
 
+/// What the boxes of a group's colliders reach.
+template <class R>
+struct GroupBox {
+  static constexpr R most = Kokkos::Experimental::infinity_v<R>;
+  Vec3<R> lo{most, most, most}, hi{-most, -most, -most};
+  R broken{0};  // NaN where a number is not finite: min and max would lose it, and a plane's box has no orientation in it
+};
+
+/// f.place(world, group) for each, and what stands beside it, by several threads of a GPU (place_colliders_cuda.hpp).
+template <class Exec, class F>
+void launch_groups(std::string const& label, Exec const& exec, std::int64_t items, F const& f);
+
 template <class R, class Mem>
 struct PlaceColliders {
   CollisionModel<R, Mem> model;
@@ -38,45 +51,51 @@ struct PlaceColliders {
   std::uint32_t* status = nullptr;  // cleared on the way, where given: (worlds)
   std::uint8_t* lost = nullptr;
   KOKKOS_FUNCTION void operator()(std::int64_t item) const {
+    begin(item);
+    place(int(item / model.groups), int(item % model.groups));
+  }
+  KOKKOS_FORCEINLINE_FUNCTION void begin(std::int64_t item) const {
     int const w = int(item / model.groups), g = int(item % model.groups);
     if (g == 0 && status != nullptr) status[w] = 0;
     if (g == 0 && lost != nullptr) lost[w] = 0;
-    place(w, g);
   }
   KOKKOS_FORCEINLINE_FUNCTION void place(int w, int g) const {
-    Vec3<R> lo{}, hi{};
+    GroupBox<R> group;
+    for (int c = model.group_first(g); c < model.group_first(g + 1); ++c) place_one(w, c, group);
+    leave(w, g, group);
+  }
+  /// A collider, whose group's box grows by its own.
+  KOKKOS_FORCEINLINE_FUNCTION void place_one(int w, int c, GroupBox<R>& group) const {
     std::size_t const stride = bounds.box.extent(2);
-    R broken(0);  // NaN where a number is not finite: min and max would lose it, and a plane's box has no orientation in it
-    for (int c = model.group_first(g); c < model.group_first(g + 1); ++c) {
-      int const b = model.collider_body(c);
-      Transform<R> const body{{poses.xpos(w, b, 0), poses.xpos(w, b, 1), poses.xpos(w, b, 2)},
-                              {poses.xquat(w, b, 0), poses.xquat(w, b, 1), poses.xquat(w, b, 2), poses.xquat(w, b, 3)}};
-      Transform<R> const t = body * load_pose(model.collider_pose.row(w) + 7 * c);
-      R* const p = &bounds.pose(w, c, 0);
-      p[0] = t.p.x;
-      p[1] = t.p.y;
-      p[2] = t.p.z;
-      p[3] = t.q.w;
-      p[4] = t.q.x;
-      p[5] = t.q.y;
-      p[6] = t.q.z;
-      for (int i = 3; i < 7; ++i) broken = broken + (p[i] - p[i]);
-      Vec3<R> e = half_extents(ShapeType(model.collider_type(c)), model.data_of(w, c), to_matrix(t.q));
-      R* const box = &bounds.box(w, 0, c);
-      for (int i = 0; i < 3; ++i) {
-        e[i] = e[i] + R(8) * Kokkos::Experimental::epsilon_v<R> * (abs(t.p[i]) + e[i]);  // rounding must not lose a touch
-        box[i * stride] = t.p[i];
-        box[(3 + i) * stride] = e[i];
-        broken = broken + ((t.p[i] - t.p[i]) + (e[i] - e[i]));
-        bool const first = c == model.group_first(g);
-        lo[i] = first ? t.p[i] - e[i] : min(lo[i], t.p[i] - e[i]);
-        hi[i] = first ? t.p[i] + e[i] : max(hi[i], t.p[i] + e[i]);
-      }
-    }
+    int const b = model.collider_body(c);
+    Transform<R> const body{{poses.xpos(w, b, 0), poses.xpos(w, b, 1), poses.xpos(w, b, 2)},
+                            {poses.xquat(w, b, 0), poses.xquat(w, b, 1), poses.xquat(w, b, 2), poses.xquat(w, b, 3)}};
+    Transform<R> const t = body * load_pose(model.collider_pose.row(w) + 7 * c);
+    R* const p = &bounds.pose(w, c, 0);
+    p[0] = t.p.x;
+    p[1] = t.p.y;
+    p[2] = t.p.z;
+    p[3] = t.q.w;
+    p[4] = t.q.x;
+    p[5] = t.q.y;
+    p[6] = t.q.z;
+    for (int i = 3; i < 7; ++i) group.broken = group.broken + (p[i] - p[i]);
+    Vec3<R> e = half_extents(ShapeType(model.collider_type(c)), model.data_of(w, c), to_matrix(t.q));
+    R* const box = &bounds.box(w, 0, c);
     for (int i = 0; i < 3; ++i) {
-      R const centre = R(0.5) * (lo[i] + hi[i]);
-      bounds.group(w, i, g) = centre + broken;
-      bounds.group(w, 3 + i, g) = max(hi[i] - centre, centre - lo[i]) + R(2) * Kokkos::Experimental::epsilon_v<R> * abs(centre);
+      e[i] = e[i] + R(8) * Kokkos::Experimental::epsilon_v<R> * (abs(t.p[i]) + e[i]);  // rounding must not lose a touch
+      box[i * stride] = t.p[i];
+      box[(3 + i) * stride] = e[i];
+      group.broken = group.broken + ((t.p[i] - t.p[i]) + (e[i] - e[i]));
+      group.lo[i] = min(group.lo[i], t.p[i] - e[i]);
+      group.hi[i] = max(group.hi[i], t.p[i] + e[i]);
+    }
+  }
+  KOKKOS_FORCEINLINE_FUNCTION void leave(int w, int g, GroupBox<R> const& group) const {
+    for (int i = 0; i < 3; ++i) {
+      R const centre = R(0.5) * (group.lo[i] + group.hi[i]);
+      bounds.group(w, i, g) = centre + group.broken;
+      bounds.group(w, 3 + i, g) = max(group.hi[i] - centre, centre - group.lo[i]) + R(2) * Kokkos::Experimental::epsilon_v<R> * abs(centre);
     }
   }
 };
@@ -183,9 +202,11 @@ void place_colliders(Exec const& exec, CollisionModel<R, Mem> const& model, Pose
   Region const region("gsp::collision::place_colliders");
   static_assert(can_access<Exec, CollisionModel<R, Mem>>, "gsp::place_colliders: the model is not accessible from this execution space");
   std::int64_t const n = std::int64_t(bounds.pose.extent(0)) * model.groups;
-  Kokkos::parallel_for("gsp::collision::place_colliders",
-                       lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n)),
-                       detail::PlaceColliders<R, Mem>{model, poses, bounds, status, lost});
+  detail::PlaceColliders<R, Mem> const place{model, poses, bounds, status, lost};
+  if constexpr (is_device<Exec>)
+    detail::launch_groups("gsp::collision::place_colliders", exec, n, place);
+  else
+    Kokkos::parallel_for("gsp::collision::place_colliders", Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n), place);
 }
 
 /// Finds the near pairs: one work item a (chunk, world), mask (chunks * worlds) as 64 bits a chunk.
@@ -203,3 +224,7 @@ void find_near_pairs(Exec const& exec, CollisionModel<R, Mem> const& model, Coll
 }
 
 }  // namespace gsp
+
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+#include <gsp/collision/detail/place_colliders_cuda.hpp>
+#endif

@@ -166,7 +166,10 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
   if (model.has_convex_pairs)
     Kokkos::parallel_for("gsp::collision::convex_narrowphase", lightweight(Range(exec, 0, candidates)),
                          detail::CollideCandidates<R, Mem, true>{model, s, contacts.points_per_box_pair == 4, contacts.steady, before});
-  detail::scan_items("gsp::collision::write_contacts", exec, items, detail::WriteContacts<R, Mem>{model, contacts});
+  detail::WriteContacts<R, Mem> const write{model, contacts};
+  detail::scan_items("gsp::collision::write_contacts", exec, items, write);
+  if constexpr (!detail::WriteContacts<R, Mem>::copies)
+    Kokkos::parallel_for("gsp::collision::copy_contacts", lightweight(Range(exec, 0, candidates)), detail::CopyContacts<R, Mem>{write});
   if (contacts.steady)
     Kokkos::parallel_for("gsp::collision::level_contacts",
                          lightweight(Range(exec, 0, is_device<Exec> ? contacts.capacity() : contacts.size())),

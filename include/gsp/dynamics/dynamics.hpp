@@ -190,7 +190,7 @@ struct Dynamics {
   int padded_worlds = 0;  // lane = instance * padded_worlds + world: a block holds one instance wherever there are enough worlds
   Kokkos::View<R*, Mem> items;
   Kokkos::View<R*, Mem> thread_items;  // hosts: room for one block a thread, where a fused stage works in cache
-  int thread_stride = 0;
+  int thread_stride = 0, thread_rooms = 0;
   Kokkos::View<int*, Mem> block_archetype;                 // (blocks)
   Kokkos::View<std::int64_t*, Mem> block_offset;           // (blocks) first item of the block
   Kokkos::View<int*, Mem> archetype_block;                 // (archetypes) first block

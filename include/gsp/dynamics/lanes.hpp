@@ -252,8 +252,9 @@ void for_lanes(char const* label, Exec const& exec, Model<R, Mem> const& model, 
     detail::launch_lanes<detail::SharedStage<Stage> ? device_workers : 1, device_block, detail::stage_blocks<Stage>>(
         label, exec, dynamics.blocks, Kernel{model, dynamics, std::move(stage)});
   } else {
+    detail::ThreadRoom<Exec> const room(label, exec, detail::FusedStage<Stage> ? dynamics.thread_rooms : detail::host_threads(exec));
     Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, dynamics.blocks * threads),
-                         detail::HostLanes<Exec, Kernel>{{model, dynamics, std::move(stage)}});
+                         detail::HostLanes<Exec, Kernel>{{model, dynamics, std::move(stage)}, room});
   }
 }
 template <ExecutionSpace Exec, class R, class Mem, class Stage>

@@ -34,10 +34,13 @@ void expects_values(char const* where, Model const& model, int worlds) {
                                 " are asked for: make the model anew (of geoms: the collision model), and call make_per_world with " +
                                 std::to_string(worlds) + " worlds");
 }
-/// A Model or CollisionModel whose fields that are per world begin with this world's rows, and end with `count` worlds.
+/// A Model or CollisionModel whose fields that are per world begin with this world's rows, and end with `count` worlds. Errors:
+/// std::invalid_argument for worlds that have none.
 /// @param table  of its fields (field_table, geom_field_table); several of its rows may name one member
 template <class Model, class Table>
 Model with_rows_from(Model const& model, Table const& table, int first, int count) {
+  expects(first >= 0 && count >= 0, "gsp::of_worlds: worlds begin with 0");
+  expects_values("gsp::of_worlds", model, first + count);
   Model part = model;
   for (auto const& row : table) (part.*row.member).data = (model.*row.member).row(first);
   if (model.value_worlds > 0) part.value_worlds = count;

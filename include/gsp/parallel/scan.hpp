@@ -43,7 +43,7 @@ template <ExecutionSpace Exec, class Functor>
 void scan_items(char const* label, Exec const& exec, std::int64_t n, Functor const& functor) {
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   if constexpr (!is_device<Exec>)
-    if (exec.concurrency() == 1) return Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, 1), ScanInTurn<Functor>{functor, n});
+    if (host_threads(exec) == 1) return Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, 1), ScanInTurn<Functor>{functor, n});
   Kokkos::parallel_scan(label, lightweight(Range(exec, 0, n)), functor);
 }
 }  // namespace detail

@@ -36,6 +36,7 @@ struct Newton {
   View<R*> rate, rate_change, least;  // (capacity of the rows) w, Y times the direction, and the least compliance (least_softness)
   View<R*> work;                      // a world's or thread's: lower triangle of H by columns, direction, and nv of room
   std::int64_t stride = 0;            // numbers of one
+  int thread_rooms = 0;               // hosts: threads that it has room for
 };
 
 /// Buffers for the worlds of `rows`: (nv + 5) nv / 2 numbers each on a device, a thread on a host, and three for each row of the pool.
@@ -46,7 +47,8 @@ Newton<R, Mem> make_newton(Exec const& exec, Rows<R, Mem> const& rows) {
   n.worlds = rows.worlds;
   n.nv = rows.nv;
   n.stride = detail::newton_work(rows.nv);
-  std::int64_t const parts = is_device<Exec> ? rows.worlds : Kokkos::DefaultHostExecutionSpace().concurrency();
+  std::int64_t parts = rows.worlds;
+  if constexpr (!is_device<Exec>) parts = n.thread_rooms = detail::thread_rooms(exec);
   using View = typename Newton<R, Mem>::template View<R*>;
   n.work = detail::allocate_zero<View>(exec, "gsp::Newton::work", parts * n.stride);
   n.rate = detail::allocate_zero<View>(exec, "gsp::Newton::rate", rows.capacity());
@@ -115,7 +117,8 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
   if constexpr (is_device<Exec>)
     for_worlds("gsp::solver::newton", exec, rows.worlds, solve);
   else
-    Kokkos::parallel_for("gsp::solver::newton", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds), detail::NewtonThread<Exec, R, Mem>{solve});
+    Kokkos::parallel_for("gsp::solver::newton", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds),
+                         detail::NewtonThread<Exec, R, Mem>{solve, {"gsp::newton", exec, buffers.thread_rooms}});
   set_solved(rows, impulses, solution);
 }
 

@@ -42,7 +42,8 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
   if (several)
     for_worlds("gsp::solver::find_islands", exec, rows.worlds, detail::FindIslands<R, Mem>{rows, solution, progress.halt, is_device<Exec>});
   // more threads or warps than worlds share the islands of each
-  int const busy = is_device<Exec> ? 2048 : exec.concurrency(), parts = std::clamp(busy / rows.worlds, 1, std::max(1, rows.islands.ntree));
+  int const busy = is_device<Exec> ? 2048 : detail::host_threads(exec),
+            parts = std::clamp(busy / rows.worlds, 1, std::max(1, rows.islands.ntree));
   detail::PgsIslands<R, Mem> solver{rows, impulses, solution, progress, options, parts};
   if constexpr (is_device<Exec>) {
     detail::launch_pgs_delassus(exec, detail::PgsDelassus<R, Mem>{rows, impulses, solution, options, progress.halt});
@@ -53,10 +54,10 @@ void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses,
       solver.any = found.large > 0;
       detail::launch_lockstep(exec, rows, impulses, solution, options, found.small);
     }
-    detail::grow_island_room<Exec>(solver, solution);
+    detail::grow_island_room(solver, solution);
     solver.solution = solution;
     Kokkos::parallel_for("gsp::solver::pgs", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds * parts),
-                         detail::RoomyLoop<Exec, R, Mem>{solver});
+                         detail::RoomyLoop<Exec, R, Mem>{solver, {"gsp::pgs", exec, solution.thread_rooms}});
   }
   if (options.residual) for_worlds("gsp::solver::pgs_residual", exec, rows.worlds, detail::PgsResidual<R, Mem>{solver});
   restore_rows(exec, rows, progress, impulses, solution.z);

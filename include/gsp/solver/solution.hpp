@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/constraint/rows.hpp>
+#include <gsp/parallel/detail/thread_room.hpp>
 #include <gsp/solver/detail/lockstep_sizes.hpp>
 #include <limits>
 
@@ -29,6 +30,7 @@ struct Solution {
   std::int64_t thread_stride = 0;
   View<R*> island_items;  // hosts: room for a large island a thread (detail/pgs_grouped.hpp), which pgs enlarges
   std::int64_t island_stride = 0;
+  int thread_rooms = 0;                              // hosts: threads that both have room for
   detail::SharedStamp<detail::SolutionStamp> stamp;  // host: of which state it is (dynamics/stamps.hpp)
 };
 
@@ -67,7 +69,10 @@ Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, Sol
   Kokkos::parallel_for("gsp::solver::make_solution", Kokkos::RangePolicy<Exec>(exec, 0, s.worlds), detail::NotMeasured<R, Mem>{s.residual});
   make(s.iterations, "gsp::Solution::iterations", s.worlds);
   make(s.list_counts, "gsp::Solution::list_counts", detail::island_lists + 3, 5);
-  if constexpr (is_device<Exec>) make(s.left, "gsp::Solution::left", islands);
+  if constexpr (is_device<Exec>)
+    make(s.left, "gsp::Solution::left", islands);
+  else
+    s.thread_rooms = detail::thread_rooms(exec);
   if (!detail::any_small(model.ntree, model.nv)) return s;
   make(s.listed, "gsp::Solution::listed", is_device<Exec> ? 1 : 2, islands);
   if constexpr (is_device<Exec>) {
@@ -75,7 +80,7 @@ Solution<R, Mem> make_solution(Exec const& exec, Model<R, Mem> const& model, Sol
   } else {
     make(s.goes_on, "gsp::Solution::goes_on", islands);
     s.thread_stride = detail::lockstep_packs(s.nv) * native_width<R>;
-    make(s.thread_items, "gsp::Solution::thread_items", s.thread_stride * Kokkos::DefaultHostExecutionSpace().concurrency());
+    make(s.thread_items, "gsp::Solution::thread_items", s.thread_stride * s.thread_rooms);
   }
   return s;
 }

@@ -204,8 +204,8 @@ void expects_worlds(char const* where, State<R, Mem> const& state, Simulation<R,
 /// Errors: gsp::Error for what make_model refuses too, for the box of friction in profile mujoco, and in profile stable for pyramids beside
 /// contacts that are hard.
 template <class R, ExecutionSpace Exec, class Mem>
-Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
-                                   SimulationOptions options, CollisionModel<R, Mem> const& collision) {
+Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled, SimulationOptions options,
+                                   CollisionModel<R, Mem> const& collision) {
   static_assert(Scalar<R>,
                 "gsp::make_simulation: contacts have no slopes: of duals call smooth_dynamics and integrate (docs/math/dual.md)");
   detail::expects_can_step(model, compiled, options);

@@ -12,9 +12,13 @@
 /// waiting for the others. Worlds are alone, so the bits are those of one simulation of all.
 namespace gsp {
 
-/// Worlds first ... first + count - 1, whose arrays are rows of the others; the two are moved on each by itself.
+/// Worlds first ... first + count - 1, whose arrays are rows of the others. What has been computed of one of the two states asks that one
+/// alone whether it has moved on. Errors: std::invalid_argument for worlds that there are not.
 template <class R, class Mem>
 State<R, Mem> of_worlds(State<R, Mem> const& state, int first, int count) {
+  expects(first >= 0 && count > 0 && first + count <= state.worlds, "gsp::of_worlds: there are " + std::to_string(state.worlds) +
+                                                                        " worlds, and not " + std::to_string(count) + " from " +
+                                                                        std::to_string(first) + " on");
   State<R, Mem> part;
   part.worlds = count;
   detail::each_state_view([&](char const*, auto const& from, auto& to) { to = detail::rows_of(from, first, count); }, state, part);
@@ -52,40 +56,49 @@ struct Tile {
 
 struct TilesOptions {
   SimulationOptions simulation = {};  // its `worlds` are the state's
-  int worlds = 0;                     // of a tile; 0: two tiles for each thread of `exec`, of whole packs and at most 128 worlds
+  int worlds = 0;  // of a tile; 0: two tiles for each thread of `exec`, of whole packs, at most 128 trees where that is a pack or more;
+                   // where that are fewer tiles than threads, one
 };
 
 namespace detail {
+template <class Exec>
+inline constexpr bool has_tiles = false;
+#ifdef KOKKOS_ENABLE_OPENMP
+template <>
+inline constexpr bool has_tiles<Kokkos::OpenMP> = true;
+#endif
 /// Worlds of a tile where nobody says. A tile smaller than a pack of lanes leaves lanes empty, and the work of large tiles does not stay in
-/// caches. Worlds that are large and few have work for many threads in each of them: one tile.
+/// caches. Worlds that make fewer tiles than there are threads are stepped by all of them together: one tile.
 template <class R, class Exec, class Mem>
 int worlds_of_a_tile(Exec const& exec, Model<R, Mem> const& model, int worlds) {
-  int const threads = is_device<Exec> ? 1 : exec.concurrency();
-  if (threads == 1 || (model.nv > lockstep_most_dofs && worlds < 2 * threads)) return worlds;
-  int const trees = std::max(1, model.ntree), pack = std::max(1, native_width<R> / trees), most = std::max(pack, 128 / trees);
-  int const even = (worlds + 2 * threads - 1) / (2 * threads);
-  return std::min(most, (even + pack - 1) / pack * pack);
+  if (!has_tiles<Exec> || host_threads(exec) == 1) return worlds;
+  constexpr int pack = native_width<R>;
+  int const threads = host_threads(exec), even = (worlds + 2 * threads - 1) / (2 * threads);
+  int const most = std::max(1, 128 / std::max(1, model.ntree) / pack), each = pack * std::min(most, (even + pack - 1) / pack);
+  return worlds > each * (threads - 1) ? each : worlds;
 }
 /// One instance of the execution space for each tile, as an instance runs one kernel at a time.
 template <class Exec>
 Exec tile_exec([[maybe_unused]] Exec const& exec) {
-#ifdef KOKKOS_ENABLE_OPENMP
-  if constexpr (std::is_same_v<Exec, Kokkos::OpenMP>) return Exec(1);
-#endif
-  return exec;
+  if constexpr (has_tiles<Exec>)
+    return Exec(1);
+  else
+    return exec;
 }
 }  // namespace detail
 
 /// Tiles for all worlds of `state`; on a device, and on a host of one thread, one. Allocates.
 /// @param model      what `state` was made from, with values for each world (model/world_values.hpp) or without
 /// @param collision  the shapes, with such values or without: make_collision_model
-/// Errors: those of make_simulation; std::invalid_argument for tiles of fewer than no worlds.
+/// Made, and let go of, outside of parallel regions. Errors: those of make_simulation; std::invalid_argument for tiles of fewer than no
+/// worlds, and where model or shapes have values for fewer worlds than the state.
 template <class R, ExecutionSpace Exec, class Mem>
 std::vector<Tile<R, Exec>> make_tiles(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled,
                                       CollisionModel<R, Mem> const& collision, State<R, Mem> const& state,
                                       TilesOptions const& options = {}) {
   expects(options.worlds >= 0, "gsp::make_tiles: a tile must have some worlds, and has " + std::to_string(options.worlds));
   detail::expects_fit("gsp::make_tiles", model, state);
+  detail::expects_values("gsp::make_tiles", collision, state.worlds);
   int const each = options.worlds > 0 ? options.worlds : detail::worlds_of_a_tile(exec, model, state.worlds);
   std::vector<Tile<R, Exec>> tiles;
   for (int first = 0; first < state.worlds; first += each) {
@@ -98,19 +111,13 @@ std::vector<Tile<R, Exec>> make_tiles(Exec const& exec, Model<R, Mem> const& mod
     tile.model = all ? model : of_worlds(model, first, own.worlds);
     tile.state = all ? state : of_worlds(state, first, own.worlds);
     tile.simulation = make_simulation(tile.exec, tile.model, compiled, own, all ? collision : of_worlds(collision, first, own.worlds));
-    if (first > 0) {  // room that a thread has for its work, in whichever tile
-      auto const& with = tiles.front().simulation;
-      tile.simulation.dynamics.thread_items = with.dynamics.thread_items;
-      tile.simulation.solution.thread_items = with.solution.thread_items;
-      if constexpr (!is_device<Exec>) tile.simulation.newton.work = with.newton.work;
-    }
     tiles.push_back(std::move(tile));
   }
   return tiles;
 }
 
 namespace detail {
-/// Whether somebody hears what kernels and regions begin; who counts memory alone does not mind threads.
+/// Whether a profiler hears when kernels and regions begin. (One that hears of memory alone may be called by several threads.)
 inline bool profiler_listens() {
   if (!Kokkos::Profiling::profileLibraryLoaded()) return false;
   auto const tool = Kokkos::Tools::Experimental::get_callbacks();
@@ -119,31 +126,28 @@ inline bool profiler_listens() {
 }
 }  // namespace detail
 
-/// f(tile) for each, by the threads of `exec`: one tile is given to the caller's thread, and so are all, one after the other,
-/// while a profiler listens that Kokkos Tools has connected, as these hear one thread. What `f` calls with the tile's own exec stays on its
-/// thread. Returns when all are done. Errors: what `f` throws; of several the first tile's.
+/// f(tile) for each, several at a time, a thread of `exec` each; on the caller's thread, one after the other, where there is one tile, and
+/// while a profiler listens that Kokkos Tools has connected, as these hear one thread. Kernels that `f` launches with the tile's own exec
+/// stay on its thread: of ranges (RangePolicy), since a tile's exec has no teams there. Returns when all are done.
+/// Errors: what `f` throws, of several the first tile's; the other tiles have been done with.
 template <ExecutionSpace Exec, class R, class F>
 void for_tiles(Exec const& exec, std::vector<Tile<R, Exec>>& tiles, F const& f) {
-#ifdef KOKKOS_ENABLE_OPENMP
-  if constexpr (std::is_same_v<Exec, Kokkos::OpenMP>) {
-    if (tiles.size() > 1 && !detail::profiler_listens()) {
-      std::size_t const count = tiles.size();
+  std::size_t const count = tiles.size();
+  if constexpr (detail::has_tiles<Exec>)
+    if (count > 1 && !detail::profiler_listens()) {
+      int const threads = int(std::min(count, std::size_t(detail::host_threads(exec))));
       std::vector<std::exception_ptr> errors(count);
       // Not a kernel of Kokkos: it would hold its instance while f lets go of memory, for which all instances have to rest.
-#pragma omp parallel for schedule(dynamic, 1) num_threads(exec.concurrency())
+#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
       for (std::size_t k = 0; k < count; ++k) {
         try {
           f(tiles[k]);
-        } catch (...) {
-          errors[k] = std::current_exception();
-        }
+        } catch (...) { errors[k] = std::current_exception(); }
       }
       for (auto const& error : errors)
         if (error) std::rethrow_exception(error);
       return;
     }
-  }
-#endif
   for (auto& tile : tiles) f(tile);
 }
 

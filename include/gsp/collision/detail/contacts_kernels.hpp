@@ -16,6 +16,7 @@ struct Candidate {
   int world, pair, slot;
   short kind;   // PairKind
   short count;  // room for points, then how many there are
+  int first;    // devices: the first of its contacts; -1: they do not fit
 };
 struct CandidateSum {
   std::int64_t candidates = 0, points = 0;
@@ -67,7 +68,7 @@ struct WriteCandidates {
           int const skip = Kokkos::countr_zero(bits);
           i += skip;
           bits >>= skip;
-          s.candidates(k++) = {w, chunk.first + i, slot, short(chunk.kind), short(each)};
+          s.candidates(k++) = {w, chunk.first + i, slot, short(chunk.kind), short(each), -1};
           slot += each;
         }
       }
@@ -96,7 +97,7 @@ struct WriteCandidates {
     if (n > 0) s.lost(w) = 1;  // whoever finds it writes the same
     // The narrow phase runs over the candidates that fit: leave none of this item undefined.
     for (std::int64_t k = sum.candidates; k < sum.candidates + n && k < std::int64_t(s.candidates.extent(0)); ++k)
-      s.candidates(k) = {w, -1, 0, 0, 0};
+      s.candidates(k) = {w, -1, 0, 0, 0, -1};
     return false;
   }
 };
@@ -141,7 +142,7 @@ struct WriteNearPairs {
     for (int k = 0; k < n; ++k) {
       PairKind const kind = near.kind_of(m, other(k));
       int const points = max_points(kind);
-      own[k] = Candidate{w, near.model.searched_pair(m, other(k)), int(slot), short(kind), short(points)};
+      own[k] = Candidate{w, near.model.searched_pair(m, other(k)), int(slot), short(kind), short(points), -1};
       slot += points;
     }
   }
@@ -188,9 +189,11 @@ struct CollideCandidates {
   }
 };
 
-/// Counts the contacts of the items before in world order, then copies this item's to their places.
+/// Counts the contacts of the items before in world order, then copies this item's to their places: on a device each candidate's are
+/// copied by a thread of its own afterwards (CopyContacts), since one may have more than the others together.
 template <class R, class Mem>
 struct WriteContacts {
+  static constexpr bool copies = !is_device<typename Mem::execution_space>;
   using value_type = std::int64_t;
   CollisionModel<R, Mem> model;
   Contacts<R, Mem> contacts;
@@ -221,12 +224,19 @@ struct WriteContacts {
       } else {
         int at = int(sum);
         for (int k = 0; k < n; ++k) {
-          Candidate const candidate = s.candidates(begin + k);
-          for (int p = 0; p < candidate.count; ++p) write(at++, candidate, s.points(candidate.slot + p));
+          Candidate& candidate = s.candidates(begin + k);
+          if constexpr (copies)
+            write(at, candidate);
+          else
+            candidate.first = at;
+          at += candidate.count;
         }
       }
     }
     sum += count;
+  }
+  KOKKOS_INLINE_FUNCTION void write(int first, Candidate const& c) const {
+    for (int p = 0; p < c.count; ++p) write(first + p, c, contacts.scratch.points(c.slot + p));
   }
   KOKKOS_INLINE_FUNCTION void write(int i, Candidate const& c, ContactPoint<R> const& p) const {
     auto const [a, b] = model.colliders_of(c.pair);
@@ -261,6 +271,18 @@ struct WriteContacts {
     R const* const s = &model.collider_surface(collider, 0);
     Vec3<R> const w = rotate(at.q, Vec3<R>{s[3], s[4], s[5]});
     return {w, rotate(at.q, Vec3<R>{s[0], s[1], s[2]}) + cross(w, point - at.p)};
+  }
+};
+
+/// The contacts of a candidate to their places, of those that there are.
+template <class R, class Mem>
+struct CopyContacts {
+  WriteContacts<R, Mem> contacts;
+  KOKKOS_FUNCTION void operator()(std::int64_t k) const {
+    auto const& s = contacts.contacts.scratch;
+    if (k >= s.total(0)) return;
+    Candidate const c = s.candidates(k);
+    if (c.pair >= 0 && c.first >= 0) contacts.write(c.first, c);
   }
 };
 

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <gsp/core/detail/views.hpp>
 #include <gsp/dynamics/dynamics.hpp>
+#include <gsp/parallel/detail/thread_room.hpp>
 #include <string>
 #include <vector>
 
@@ -37,8 +38,9 @@ Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, Dyn
     int most = 0;
     for (int k = 0; k < model.narchetype; ++k) most = std::max(most, DynamicsLayout(model.host_archetypes(k)).size);
     d.thread_stride = most * W;
-    d.thread_items = detail::allocate_zero<Kokkos::View<R*, Mem>>(
-        exec, "gsp::Dynamics::thread_items", std::size_t(d.thread_stride) * Kokkos::DefaultHostExecutionSpace().concurrency());
+    d.thread_rooms = detail::thread_rooms(exec);
+    d.thread_items = detail::allocate_zero<Kokkos::View<R*, Mem>>(exec, "gsp::Dynamics::thread_items",
+                                                                  std::size_t(d.thread_stride) * std::size_t(d.thread_rooms));
   }
   d.items = detail::allocate_zero<Kokkos::View<R*, Mem>>(exec, "gsp::Dynamics::items", size);
   d.block_archetype = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Dynamics::block_archetype", archetype);

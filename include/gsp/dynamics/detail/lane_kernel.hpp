@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/dynamics/dynamics.hpp>
+#include <gsp/parallel/detail/thread_room.hpp>
 
 namespace gsp {
 template <class T, class Mem, int Workers>
@@ -60,11 +61,9 @@ struct LaneKernel {
 template <class Exec, class Kernel>
 struct HostLanes {
   Kernel kernel;
+  ThreadRoom<Exec> room;
   void operator()(int i) const {
-    Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
-    int const thread = token.acquire();
-    kernel.on_host(i, thread);
-    token.release(thread);
+    room([&](int thread) { kernel.on_host(i, thread); });
   }
 };
 

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/constraint/impulses.hpp>
+#include <gsp/parallel/detail/thread_room.hpp>
 #include <gsp/parallel/for_worlds.hpp>
 #include <gsp/solver/detail/row_vectors.hpp>
 #include <gsp/solver/soft_element.hpp>
@@ -479,11 +480,9 @@ struct NewtonWorld {
 template <class Exec, class R, class Mem>
 struct NewtonThread {
   NewtonWorld<R, Mem> solver;
+  ThreadRoom<Exec> room;
   void operator()(int w) const {
-    Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
-    int const thread = token.acquire();
-    solver.solve(SerialWorld{w}, solver.work.data() + thread * solver.stride);
-    token.release(thread);
+    room([&](int thread) { solver.solve(SerialWorld{w}, solver.work.data() + thread * solver.stride); });
   }
 };
 

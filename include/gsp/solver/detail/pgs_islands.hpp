@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/constraint/impulses.hpp>
+#include <gsp/parallel/detail/thread_room.hpp>
 #include <gsp/parallel/for_worlds.hpp>
 #include <gsp/solver/detail/list_islands.hpp>
 #include <gsp/solver/detail/pgs_delassus.hpp>
@@ -286,17 +287,17 @@ struct PgsIslands {
 template <class Exec, class R, class Mem>
 struct RoomyLoop {
   PgsIslands<R, Mem> solver;
+  ThreadRoom<Exec> room;
   void operator()(int rank) const {
     if (solver.progress.halt() || !solver.any || !solver.takes_any(rank / solver.parts)) return solver.on_host({{rank}, nullptr});
-    Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
-    int const thread = token.acquire();
-    solver.on_host({{rank}, reinterpret_cast<char*>(solver.solution.island_items.data() + thread * solver.solution.island_stride)});
-    token.release(thread);
+    room([&](int thread) {
+      solver.on_host({{rank}, reinterpret_cast<char*>(solver.solution.island_items.data() + thread * solver.solution.island_stride)});
+    });
   }
 };
 /// Enlarges the threads' room where an island may need more: for a world's share of the pools of rows, so that it grows as they do, or by
 /// half where a world has more than its share. On a host the kernels that have written `rows` have ended.
-template <class Exec, class R, class Mem>
+template <class R, class Mem>
 void grow_island_room(PgsIslands<R, Mem> const& solver, Solution<R, Mem>& solution) {
   if (solver.progress.halt() || !solver.any) return;
   auto const& rows = solver.rows;
@@ -311,7 +312,7 @@ void grow_island_room(PgsIslands<R, Mem> const& solver, Solution<R, Mem>& soluti
     if (solver.takes_any(w)) least = std::max(least, reals_of(rows.count(w), rows.entries(w)));
   if (int const rows_each = rows.capacity() / rows.worlds; rows.nv > lockstep_most_dofs || rows_each > lockstep_most_rows)
     share = reals_of(rows_each, std::int64_t(rows.Y.extent(0)) / rows.worlds);
-  std::int64_t const threads = Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global>().size();
+  std::int64_t const threads = solution.thread_rooms;
   std::int64_t stride = solution.island_stride;
   if (std::max(least, share) > stride) stride = ((least > share ? least + least / 2 : share) + 63) / 64 * 64;
   if (std::int64_t(solution.island_items.extent(0)) < stride * threads) {

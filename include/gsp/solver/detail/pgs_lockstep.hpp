@@ -5,6 +5,7 @@
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/core/detail/prefetch.hpp>
 #include <gsp/math/detail/transpose.hpp>
+#include <gsp/parallel/detail/thread_room.hpp>
 #include <gsp/solver/detail/leap.hpp>
 #include <gsp/solver/detail/list_islands.hpp>
 #include <gsp/solver/detail/mixing.hpp>
@@ -513,11 +514,9 @@ struct PgsLockstep {
 template <class Exec, class Solver>
 struct LockstepLoop {
   Solver solver;
+  ThreadRoom<Exec> room;
   void operator()(int pack) const {
-    Kokkos::Experimental::UniqueToken<Exec, Kokkos::Experimental::UniqueTokenScope::Global> const token;
-    int const thread = token.acquire();
-    solver(pack, thread);
-    token.release(thread);
+    room([&](int thread) { solver(pack, thread); });
   }
 };
 
@@ -528,6 +527,7 @@ template <class Exec, class R, class Mem>
 void launch_lockstep(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses, Solution<R, Mem> const& solution,
                      PgsOptions const& options, int count) {
   using Solver = PgsLockstep<R, Mem>;
+  ThreadRoom<Exec> const room("gsp::pgs", exec, solution.thread_rooms);
   int side = 0;
   for (int begin = 0, sweep = 0; sweep < options.iterations && count > 0; ++sweep) {
     bool const last = sweep + 1 == options.iterations;
@@ -539,7 +539,7 @@ void launch_lockstep(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem
     // Packs of few rows come last: who has done with one takes the next.
     using Packs = Kokkos::RangePolicy<Exec, Kokkos::Schedule<Kokkos::Dynamic>>;
     Kokkos::parallel_for("gsp::solver::pgs_lockstep", Packs(exec, 0, (count + Solver::W - 1) / Solver::W, Kokkos::ChunkSize(1)),
-                         LockstepLoop<Exec, Solver>{{rows, impulses, solution, options, begin, side, count}});
+                         LockstepLoop<Exec, Solver>{{rows, impulses, solution, options, begin, side, count}, room});
     begin = sweep + 1;
   }
 }
