@@ -1,6 +1,7 @@
 // Tiles have the bits of one simulation of all worlds, whatever their size, in loops of a user's own too. (CTest gives 16 threads.)
 #include <doctest/doctest.h>
 
+#include <array>
 #include <atomic>
 #include <gsp/collision/geom_values.hpp>
 #include <gsp/model/samples.hpp>
@@ -73,6 +74,11 @@ struct Scene {
     Kokkos::deep_copy(state.qpos, q);
     Kokkos::deep_copy(state.qvel, v);
   }
+  auto simulation() const {
+    gsp::SimulationOptions options;
+    options.worlds = worlds;
+    return gsp::make_simulation(exec, model, compiled, options, collision);
+  }
   auto pull(int first, int count) const {
     test_types::Pull<Mem> out;
     out.force = Kokkos::View<double*, Mem>("force", count);
@@ -84,7 +90,8 @@ struct Scene {
   }
   std::vector<R> result() const {
     std::vector<R> out;
-    for (auto const& view : {state.qpos, state.qvel}) {
+    std::array const views{state.qpos, state.qvel};
+    for (auto const& view : views) {
       auto const h = gsp_test::host(view);
       for (int w = 0; w < worlds; ++w)
         for (int i = 0; i < int(h.extent(1)); ++i) out.push_back(h(w, i));
@@ -98,7 +105,7 @@ struct Scene {
 TEST_CASE_TEMPLATE("tiles of any size have the bits of one simulation", Exec, GSP_TEST_EXECS) {
   for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
     Scene<double, Exec> one(profile);
-    auto sim = gsp::make_simulation(one.exec, one.model, one.compiled, {.worlds = one.worlds}, one.collision);
+    auto sim = one.simulation();
     gsp::step(one.exec, one.model, one.state, sim, {.steps = 20});
     for (int const each : {0, 1, 8, 36, 37, 1000}) {
       CAPTURE(each);
@@ -123,7 +130,7 @@ TEST_CASE_TEMPLATE("tiles of any size have the bits of one simulation", Exec, GS
 TEST_CASE_TEMPLATE("what is a user's own lies by the worlds of a tile, and errors come back", Exec, GSP_TEST_EXECS) {
   using S = Scene<float, Exec>;
   S one;
-  auto sim = gsp::make_simulation(one.exec, one.model, one.compiled, {.worlds = one.worlds}, one.collision);
+  auto sim = one.simulation();
   gsp::step(one.exec, one.model, one.state, sim, {.steps = 10}, one.pull(0, one.worlds));
   S tiled;
   auto tiles = gsp::make_tiles(tiled.exec, tiled.model, tiled.compiled, tiled.collision, tiled.state, {.worlds = 10});
@@ -161,7 +168,7 @@ TEST_CASE("tiles keep their bits where regions nest, and on threads of a user's 
 #ifdef KOKKOS_ENABLE_OPENMP
   using S = Scene<float, Kokkos::OpenMP>;
   S one;
-  auto sim = gsp::make_simulation(one.exec, one.model, one.compiled, {.worlds = one.worlds}, one.collision);
+  auto sim = one.simulation();
   gsp::step(one.exec, one.model, one.state, sim, {.steps = 20});
   S nested, own;
   auto tiles = gsp::make_tiles(nested.exec, nested.model, nested.compiled, nested.collision, nested.state, {.worlds = 5});
