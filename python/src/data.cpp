@@ -249,7 +249,7 @@ void step(Data const& d, int n) {
   if (n < 0) throw Error("gsp.step: n must be 0 or more and is " + std::to_string(n));
   using Clock = std::chrono::steady_clock;
   Use const use(d);
-  int part = 1;
+  int& part = *d.at_once;  // from call to call: threads go through as many steps before they wait for each other
   while (n > 0) {
     int const now = std::min(part, n);
     auto const begin = Clock::now();
@@ -259,7 +259,7 @@ void step(Data const& d, int n) {
     }
     n -= now;
     double const seconds = std::chrono::duration<double>(Clock::now() - begin).count();
-    if (seconds < 0.05) part *= 2;
+    if (seconds < 0.05 && now == part) part *= 2;
     if (seconds > 0.2) part = std::max(1, part / 2);
     if (PyErr_CheckSignals() != 0) nb::raise_python_error();
   }
