@@ -8,7 +8,6 @@
 #include <gsp/step/tiles.hpp>
 #include <gsp_test_execs.hpp>
 #include <stdexcept>
-#include <thread>
 
 #include "step/world.hpp"
 
@@ -163,8 +162,9 @@ TEST_CASE_TEMPLATE("what is a user's own lies by the worlds of a tile, and error
   CHECK_THROWS_AS(gsp::of_worlds(tiled.model, 30, 8), std::invalid_argument);
 }
 
-// In a team of OpenMP that nests others each of these has a thread of number 0; what one thread has room for is refused by several.
-TEST_CASE("tiles keep their bits where regions nest, and on threads of a user's own") {
+// In a team of OpenMP that nests others each of these has a thread of number 0. Room for the work of none, and of one for several threads,
+// is refused.
+TEST_CASE("tiles keep their bits where regions nest, and lend room for work in for_tiles alone") {
 #ifdef KOKKOS_ENABLE_OPENMP
   using S = Scene<float, Kokkos::OpenMP>;
   S one;
@@ -178,15 +178,16 @@ TEST_CASE("tiles keep their bits where regions nest, and on threads of a user's 
   omp_set_max_active_levels(levels);
   CHECK(nested.result() == one.result());
   auto others = gsp::make_tiles(own.exec, own.model, own.compiled, own.collision, own.state, {.worlds = 10});
-  {
-    std::vector<std::jthread> threads;
-    for (auto& tile : others) threads.emplace_back([&] { gsp::step(tile.exec, tile.model, tile.state, tile.simulation, {.steps = 20}); });
-  }
-  CHECK(own.result() == one.result());
-  if (Kokkos::OpenMP().concurrency() == 1) return;
   auto& tile = others.front();
-  CHECK_THROWS_WITH_AS(gsp::step(Kokkos::OpenMP(), tile.model, tile.state, tile.simulation),
-                       doctest::Contains("there is room for the work of one thread"), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::step(tile.exec, tile.model, tile.state, tile.simulation),
+                       doctest::Contains("lent to it in for_tiles"), std::invalid_argument);
+  if (Kokkos::OpenMP().concurrency() == 1) return;
+  Kokkos::OpenMP const alone(1);
+  auto single = gsp::make_simulation(alone, one.model, one.compiled, {}, one.collision);
+  auto state = gsp::of_worlds(one.state, 0, 1);
+  auto const model = gsp::of_worlds(one.model, 0, 1);
+  CHECK_THROWS_WITH_AS(gsp::step(Kokkos::OpenMP(), model, state, single), doctest::Contains("there is room for the work of one thread"),
+                       std::invalid_argument);
 #endif
 }
 

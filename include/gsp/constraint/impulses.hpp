@@ -43,10 +43,10 @@ void allocate_impulses(Exec const& exec, Impulses<R, Mem>& i, std::int64_t rows)
   enlarge(exec, i.before, "gsp::Impulses::before", rows);
   if constexpr (is_device<Exec>)  // hosts remember what they mix in their threads' room
     for (auto& of_mixing : i.mixing) enlarge(exec, of_mixing, "gsp::Impulses::mixing", rows);
-  for (int side = 0; side < 2; ++side) {
-    enlarge(exec, i.p[side], "gsp::Impulses::p", rows);
+  for (int side : {1, 0}) {
     enlarge(exec, i.id[side], "gsp::Impulses::id", rows);
     enlarge(exec, i.place[side], "gsp::Impulses::place", rows);
+    enlarge(exec, i.p[side], "gsp::Impulses::p", rows);  // p[0] last: it says how much room there is, and each of these may throw
   }
 }
 
@@ -178,8 +178,8 @@ bool grow(Exec const& exec, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Prog
   bool const more_entries = demand[1] > std::int64_t(rows.Y.extent(0));
   if (!more_rows && !more_entries) return false;
   std::int64_t const room = more_rows ? demand[0] + demand[0] / 2 : 0;
-  detail::allocate_rows(exec, rows, room, more_entries ? demand[1] + demand[1] / 2 : 0);
   detail::allocate_impulses(exec, impulses, room);
+  detail::allocate_rows(exec, rows, room, more_entries ? demand[1] + demand[1] / 2 : 0);
   if (impulses.stamp.data()) impulses.stamp().solved = false;
   return true;
 }

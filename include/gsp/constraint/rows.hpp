@@ -154,13 +154,13 @@ template <class R, class Mem, class Exec>
 void allocate_rows(Exec const& exec, Rows<R, Mem>& r, std::int64_t rows, std::int64_t entries) {
   if (rows > std::numeric_limits<int>::max())
     throw Error("gsp::Rows: more than 2147483647 constraint rows are asked for: use fewer worlds a batch");
-  enlarge(exec, r.row, "gsp::Rows::row", rows);
   enlarge(exec, r.element_rows, "gsp::Rows::element_rows", rows);
   if (is_device<Exec>) enlarge(exec, r.world_of, "gsp::Rows::world_of", rows);
   if (r.impact.data()) enlarge(exec, r.impact, "gsp::Rows::impact", rows);
   enlarge(exec, r.islands.elements, "gsp::Islands::elements", rows);
   enlarge(exec, r.islands.keys, "gsp::Islands::keys", rows);
   enlarge(exec, r.Y, "gsp::Rows::Y", entries);
+  enlarge(exec, r.row, "gsp::Rows::row", rows);  // last: it says how much room there is, and each of these may throw
 }
 }  // namespace detail
 

@@ -63,9 +63,9 @@ template <ExecutionSpace Exec, class R, class Mem>
 bool grow(Exec const& exec, Rows<R, Mem> const& rows, Newton<R, Mem>& buffers) {
   if (std::int64_t(buffers.rate.extent(0)) >= rows.capacity()) return false;
   exec.fence("gsp::grow: what was launched uses the buffers as they were");
-  detail::enlarge(exec, buffers.rate, "gsp::Newton::rate", rows.capacity());
   detail::enlarge(exec, buffers.rate_change, "gsp::Newton::rate_change", rows.capacity());
   detail::enlarge(exec, buffers.least, "gsp::Newton::least", rows.capacity());
+  detail::enlarge(exec, buffers.rate, "gsp::Newton::rate", rows.capacity());  // last: it says how much room there is
   exec.fence("gsp::grow: the old buffers may go");
   return true;
 }

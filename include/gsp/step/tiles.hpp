@@ -1,12 +1,17 @@
 #pragma once
 #include <algorithm>
 #include <exception>
+#include <memory>
 #include <gsp/collision/geom_values.hpp>
 #include <gsp/core/region.hpp>
 #include <gsp/model/world_values.hpp>
 #include <gsp/step/detail/snapshot_kernels.hpp>
 #include <gsp/step/step.hpp>
+#include <utility>
 #include <vector>
+#ifdef KOKKOS_ENABLE_OPENMP
+#include <omp.h>
+#endif
 
 /// Many worlds on many cores: worlds of a host lie in tiles, and a thread takes a tile through whole steps, in its core's caches, without
 /// waiting for the others. Worlds are alone, so the bits are those of one simulation of all.
@@ -42,7 +47,27 @@ CollisionModel<R, Mem> of_worlds(CollisionModel<R, Mem> const& collision, int fi
   return detail::with_rows_from(collision, detail::geom_field_table<CollisionModel<R, Mem>>(), first, count);
 }
 
-/// Some of the worlds, with all that a step of them needs. Its state, and what its model has for each world, are rows of the whole.
+namespace detail {
+/// Room for the work of a thread, which lends it to the simulation of the tile that it has come to: tiles are more than threads.
+template <class R, class Mem>
+struct ThreadWork {
+  Dynamics<R, Mem> dynamics;
+  Solution<R, Mem> solution;
+  Newton<R, Mem> newton;
+  void swap_with(Simulation<R, Mem>& sim) {
+    std::swap(sim.dynamics.thread_items, dynamics.thread_items);
+    std::swap(sim.dynamics.thread_rooms, dynamics.thread_rooms);
+    std::swap(sim.solution.thread_items, solution.thread_items);
+    std::swap(sim.solution.island_items, solution.island_items);
+    std::swap(sim.solution.island_stride, solution.island_stride);
+    std::swap(sim.solution.thread_rooms, solution.thread_rooms);
+    std::swap(sim.newton.work, newton.work);
+    std::swap(sim.newton.thread_rooms, newton.thread_rooms);
+  }
+};
+}  // namespace detail
+
+/// Some of the worlds, with all that a step of them needs, but for what for_tiles lends. Its state, and what its model has for each world, are rows of the whole.
 template <class R, ExecutionSpace Exec>
 struct Tile {
   using memory_space = typename Exec::memory_space;
@@ -51,6 +76,7 @@ struct Tile {
   Model<R, memory_space> model;
   State<R, memory_space> state;
   Simulation<R, memory_space> simulation;
+  std::shared_ptr<std::vector<detail::ThreadWork<R, memory_space>>> work;  // of the threads that take tiles; null: one tile has its own
   int worlds() const { return state.worlds; }
 };
 
@@ -101,6 +127,7 @@ std::vector<Tile<R, Exec>> make_tiles(Exec const& exec, Model<R, Mem> const& mod
   detail::expects_values("gsp::make_tiles", collision, state.worlds);
   int const each = options.worlds > 0 ? options.worlds : detail::worlds_of_a_tile(exec, model, state.worlds);
   std::vector<Tile<R, Exec>> tiles;
+  auto const work = std::make_shared<std::vector<detail::ThreadWork<R, Mem>>>();
   for (int first = 0; first < state.worlds; first += each) {
     Tile<R, Exec> tile;
     tile.first = first;
@@ -111,6 +138,12 @@ std::vector<Tile<R, Exec>> make_tiles(Exec const& exec, Model<R, Mem> const& mod
     tile.model = all ? model : of_worlds(model, first, own.worlds);
     tile.state = all ? state : of_worlds(state, first, own.worlds);
     tile.simulation = make_simulation(tile.exec, tile.model, compiled, own, all ? collision : of_worlds(collision, first, own.worlds));
+    if (!all) {
+      detail::ThreadWork<R, Mem> own;
+      own.swap_with(tile.simulation);
+      if (int(work->size()) < detail::host_threads(exec)) work->push_back(own);
+      tile.work = work;
+    }
     tiles.push_back(std::move(tile));
   }
   return tiles;
@@ -124,23 +157,42 @@ inline bool profiler_listens() {
   return tool.push_region || tool.begin_parallel_for || tool.begin_parallel_scan || tool.begin_parallel_reduce || tool.begin_fence ||
          tool.begin_deep_copy;
 }
+/// The tile has the room of this thread for as long as this lives.
+template <class R, class Exec>
+class WithWork {
+ public:
+  WithWork(Tile<R, Exec>& tile, int thread) : tile_(tile), thread_(std::size_t(thread)) { swap(); }
+  ~WithWork() { swap(); }
+  WithWork(WithWork const&) = delete;
+  WithWork& operator=(WithWork const&) = delete;
+
+ private:
+  void swap() {
+    if (tile_.work) (*tile_.work)[thread_].swap_with(tile_.simulation);
+  }
+  Tile<R, Exec>& tile_;
+  std::size_t thread_;
+};
 }  // namespace detail
 
 /// f(tile) for each, several at a time, a thread of `exec` each; on the caller's thread, one after the other, where there is one tile, and
 /// while a profiler listens that Kokkos Tools has connected, as these hear one thread. Kernels that `f` launches with the tile's own exec
 /// stay on its thread: of ranges (RangePolicy), since a tile's exec has no teams there. Returns when all are done.
-/// Errors: what `f` throws, of several the first tile's; the other tiles have been done with.
+/// Errors: what `f` throws, of several the first tile's; the other tiles have been done with, so worlds of a step that threw for want of
+/// memory are a step apart: reset or restore them.
 template <ExecutionSpace Exec, class R, class F>
 void for_tiles(Exec const& exec, std::vector<Tile<R, Exec>>& tiles, F const& f) {
+#ifdef KOKKOS_ENABLE_OPENMP
   std::size_t const count = tiles.size();
   if constexpr (detail::has_tiles<Exec>)
     if (count > 1 && !detail::profiler_listens()) {
-      int const threads = int(std::min(count, std::size_t(detail::host_threads(exec))));
+      auto const threads = std::min({count, tiles.front().work->size(), std::size_t(detail::host_threads(exec))});
       std::vector<std::exception_ptr> errors(count);
       // Not a kernel of Kokkos: it would hold its instance while f lets go of memory, for which all instances have to rest.
-#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
+#pragma omp parallel for schedule(dynamic, 1) num_threads(int(threads))
       for (std::size_t k = 0; k < count; ++k) {
         try {
+          detail::WithWork const lent(tiles[k], omp_get_thread_num());
           f(tiles[k]);
         } catch (...) { errors[k] = std::current_exception(); }
       }
@@ -148,7 +200,11 @@ void for_tiles(Exec const& exec, std::vector<Tile<R, Exec>>& tiles, F const& f) 
         if (error) std::rethrow_exception(error);
       return;
     }
-  for (auto& tile : tiles) f(tile);
+#endif
+  for (auto& tile : tiles) {
+    detail::WithWork const lent(tile, 0);
+    f(tile);
+  }
 }
 
 /// `step` of all tiles, each as many steps as are asked for before its thread takes the next one.

@@ -25,12 +25,12 @@ void allocate_contacts(Contacts<R, Mem>& c, std::int64_t candidates, std::int64_
   make(c.body2, "gsp::Contacts::body2", contacts);
   make(c.pos, "gsp::Contacts::pos", contacts);
   make(c.frame, "gsp::Contacts::frame", contacts);
-  make(c.dist, "gsp::Contacts::dist", contacts);
   make(c.includemargin, "gsp::Contacts::includemargin", contacts);
   make(c.feature, "gsp::Contacts::feature", contacts);
   if (c.steady) make(c.lift, "gsp::Contacts::lift", contacts);
   if (c.adhesive) make(c.adhesion, "gsp::Contacts::adhesion", contacts);
   if (c.moving) make(c.surfacevel, "gsp::Contacts::surfacevel", contacts);
+  make(c.dist, "gsp::Contacts::dist", contacts);  // last: it says how much room there is, and each of these may throw
 }
 }  // namespace detail
 

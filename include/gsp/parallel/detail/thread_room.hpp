@@ -18,8 +18,9 @@ int thread_rooms(Exec const& exec) {
 template <class Exec>
 class ThreadRoom {
  public:
-  /// Errors: std::invalid_argument where there is room for one thread alone, and `exec` has more.
+  /// Errors: std::invalid_argument where there is no room, or for one thread alone and `exec` has more.
   ThreadRoom(char const* where, Exec const& exec, int rooms) : one_(host_threads(exec) == 1) {
+    expects(rooms > 0, std::string(where) + ": there is no room for a thread's work: what a tile has is lent to it in for_tiles");
     expects(one_ || rooms > 1, std::string(where) + ": there is room for the work of one thread, and the execution space has " +
                                    std::to_string(host_threads(exec)) + ": make what it works on with the same one");
   }
