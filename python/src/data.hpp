@@ -34,7 +34,7 @@ struct Data {
   nanobind::object python_model{};                                                       // that Python gave
   bool moves_geoms = false;                                                              // sizes or poses of geoms are of each world
   std::shared_ptr<std::atomic<bool>> busy = std::make_shared<std::atomic<bool>>(false);  // somebody steps, and has let go of the GIL
-  std::shared_ptr<int> at_once = std::make_shared<int>(1);  // steps between which Ctrl-C is heard
+  std::shared_ptr<int> at_once = std::make_shared<int>(1);                               // steps between which Ctrl-C is heard
   std::shared_ptr<Posed> posed = std::make_shared<Posed>();
   std::shared_ptr<std::map<std::string, std::string>> not_finite = std::make_shared<std::map<std::string, std::string>>();  // by field
 };

@@ -179,8 +179,8 @@ TEST_CASE("tiles keep their bits where regions nest, and lend room for work in f
   CHECK(nested.result() == one.result());
   auto others = gsp::make_tiles(own.exec, own.model, own.compiled, own.collision, own.state, {.worlds = 10});
   auto& tile = others.front();
-  CHECK_THROWS_WITH_AS(gsp::step(tile.exec, tile.model, tile.state, tile.simulation),
-                       doctest::Contains("lent to it in for_tiles"), std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::step(tile.exec, tile.model, tile.state, tile.simulation), doctest::Contains("lent to it in for_tiles"),
+                       std::invalid_argument);
   if (Kokkos::OpenMP().concurrency() == 1) return;
   Kokkos::OpenMP const alone(1);
   auto single = gsp::make_simulation(alone, one.model, one.compiled, {}, one.collision);

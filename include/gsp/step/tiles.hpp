@@ -1,12 +1,12 @@
 #pragma once
 #include <algorithm>
 #include <exception>
-#include <memory>
 #include <gsp/collision/geom_values.hpp>
 #include <gsp/core/region.hpp>
 #include <gsp/model/world_values.hpp>
 #include <gsp/step/detail/snapshot_kernels.hpp>
 #include <gsp/step/step.hpp>
+#include <memory>
 #include <utility>
 #include <vector>
 #ifdef KOKKOS_ENABLE_OPENMP
@@ -67,7 +67,8 @@ struct ThreadWork {
 };
 }  // namespace detail
 
-/// Some of the worlds, with all that a step of them needs, but for what for_tiles lends. Its state, and what its model has for each world, are rows of the whole.
+/// Some of the worlds, with all that a step of them needs, but for what for_tiles lends. Its state, and what its model has for each world,
+/// are rows of the whole.
 template <class R, ExecutionSpace Exec>
 struct Tile {
   using memory_space = typename Exec::memory_space;
