@@ -614,7 +614,10 @@ void bind_data(nb::module_& m) {
           runtime::Stepper& stepper = stepper_of(d);
           nb::object keeps;
           runtime::Array const to = stepper.state().*member;
-          assign(to, shaped_as(to, name, value, keeps), [&](runtime::Array const& from) { runtime::copy(from, to); });
+          if (to.dtype == runtime::Dtype::int32 && to.device == runtime::Device::cpu && !nb::isinstance<Array>(value))
+            nb::cast(held(d, to)).attr("__setitem__")(nb::ellipsis(), value);  // flags of whatever kind, as NumPy takes them
+          else
+            assign(to, shaped_as(to, name, value, keeps), [&](runtime::Array const& from) { runtime::copy(from, to); });
           stepper.set({}, {}, {});  // poses are brought up to date when they are asked for
         },
         nb::for_getter(what));

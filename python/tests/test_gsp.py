@@ -377,6 +377,16 @@ def test_lenses_are_kept(model):
     assert min(seconds(5e-4) for _ in range(5)) < 0.5 * new
 
 
+def test_equalities_are_switched():
+    text = '<mujoco><worldbody><body name="a"><freejoint/><geom size=".1"/></body></worldbody><equality><connect body1="a" anchor="0 0 0"/></equality></mujoco>'
+    data = gsp.Data(gsp.Model.from_string(text), worlds=3)
+    for value in (np.zeros((3, 1), np.int32), np.ones((3, 1), bool), np.zeros((3, 1), np.int64), 1, [[0], [1], [0]]):
+        data.eq_active = value
+        assert np.array_equal(np.asarray(data.eq_active), np.broadcast_to(value, (3, 1)))
+    with pytest.raises(ValueError):
+        data.eq_active = np.zeros((2, 1), bool)
+
+
 # Through Kokkos' own tools interface: what a loop of steps, sensors and pictures allocates and copies once buffers have their size.
 def test_a_loop_allocates_and_copies_nothing():
     tool = os.environ.get("GSP_KOKKOS_COUNTS")
