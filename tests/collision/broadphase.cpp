@@ -216,6 +216,48 @@ TEST_CASE_TEMPLATE("contacts are those of the list, to the bit", Exec, GSP_TEST_
   }
 }
 
+// On a GPU a warp finds the near pairs of a chunk where worlds are few, a thread where they are many: the same bits of the mask.
+TEST_CASE_TEMPLATE("near pairs are the same by threads alone", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Exec const exec;
+  int const worlds = 3;
+  auto const m = compile(scene(50));  // listed
+  REQUIRE(!m.pairs_searched);
+  auto const model = make_collision_model<float>(exec, m);
+  auto poses = gsp_test::upload_poses<float>(exec, m, anywhere(m, worlds, 0.5), 0, worlds);
+  auto bounds = contacts_of(exec, model, poses, ContactsOptions{.worlds = worlds}).scratch.bounds;
+  Kokkos::View<std::uint64_t*, Mem> mask("mask", std::size_t(model.chunks) * worlds), alone("alone", mask.extent(0));
+  Kokkos::View<std::uint32_t*, Mem> const status("status", worlds);
+  for (bool broken : {false, true}) {
+    if (broken) {
+      auto const host = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, bounds.group);
+      host(1, 0, model.groups - 1) = std::numeric_limits<float>::quiet_NaN();
+      Kokkos::deep_copy(bounds.group, host);
+    }
+    Kokkos::deep_copy(status, 0u);
+    find_near_pairs(exec, model, bounds, mask, status.data());
+    exec.fence();
+    auto const by_warps = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, status);
+    Kokkos::deep_copy(status, 0u);
+    Kokkos::parallel_for(
+        "gsp::test::near_pairs",
+        gsp::lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(mask.extent(0)))),
+        detail::FindNearPairs<float, Mem>{model, bounds, alone, worlds, status.data()});
+    exec.fence();
+    auto const by_threads = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, status);
+    auto const a = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, mask);
+    auto const b = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, alone);
+    int near = 0, differ = 0;
+    for (std::size_t k = 0; k < a.extent(0); ++k) near += Kokkos::popcount(a(k)), differ += a(k) != b(k);
+    CHECK(near > 500);
+    CHECK(differ == 0);
+    for (int w = 0; w < worlds; ++w) {
+      CHECK(by_warps(w) == by_threads(w));
+      CHECK((by_warps(w) & status::not_finite) == (broken && w == 1 ? status::not_finite : 0u));
+    }
+  }
+}
+
 TEST_CASE_TEMPLATE("contact parameters are those of the list, also where geoms have many sets or worlds their own", Exec, GSP_TEST_EXECS) {
   Exec const exec;
   for (int trial = 0; trial < 4; ++trial) {

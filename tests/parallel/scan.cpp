@@ -38,3 +38,45 @@ TEST_CASE_TEMPLATE("exclusive_scan keeps an algorithm's promises and refuses a s
   CHECK_THROWS_AS(gsp::exclusive_scan(exec, in, small, scratch), std::invalid_argument);
   if constexpr (gsp::is_device<Exec>) CHECK_THROWS_AS(gsp::exclusive_scan(exec, in, out, gsp::ScanScratch<Mem>{}), std::invalid_argument);
 }
+
+namespace test_types {
+struct TwoSums {
+  std::int64_t a = 0, b = 0;
+  KOKKOS_INLINE_FUNCTION TwoSums& operator+=(TwoSums const& o) {
+    a += o.a;
+    b += o.b;
+    return *this;
+  }
+};
+/// Item i adds i and i^2.
+template <class Mem>
+struct AddNumbers {
+  using value_type = TwoSums;
+  Kokkos::View<std::int64_t* [2], Kokkos::LayoutRight, Mem> before;
+  KOKKOS_FUNCTION void operator()(std::int64_t i, TwoSums& sum, bool last) const {
+    if (last) {
+      before(i, 0) = sum.a;
+      before(i, 1) = sum.b;
+    }
+    sum.a += i;
+    sum.b += i * i;
+  }
+};
+}  // namespace test_types
+
+// On a GPU a block scans up to detail::most_by_block items, Kokkos more. Closed forms.
+TEST_CASE_TEMPLATE("items are scanned in their order, few and many", Exec, GSP_TEST_ALL_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Exec const exec = gsp_test::other_instance(Exec{});
+  for (int n : {0, 1, 31, 511, 512, 513, 1023, 1024, 1025, 30000}) {
+    test_types::AddNumbers<Mem> const add{Kokkos::View<std::int64_t* [2], Kokkos::LayoutRight, Mem>("before", n)};
+    exec.fence();
+    auto const seen = gsp_test::watch([&] { gsp::detail::scan_items("gsp::test::scan", exec, n, add); });
+    if (n > 0) gsp_test::check_algorithm(exec, seen);
+    exec.fence();
+    auto const before = Kokkos::create_mirror_view_and_copy(Kokkos::HostSpace{}, add.before);
+    int wrong = 0;
+    for (std::int64_t i = 0; i < n; ++i) wrong += before(i, 0) != i * (i - 1) / 2 || before(i, 1) != (i - 1) * i * (2 * i - 1) / 6;
+    CHECK(wrong == 0);
+  }
+}

@@ -126,6 +126,36 @@ TEST_CASE_TEMPLATE("tiles of any size have the bits of one simulation", Exec, GS
   }
 }
 
+// Tiles that share what a step finds: the same bits, with pools that grow for whoever needs them, and in the memory of a tile a thread.
+TEST_CASE_TEMPLATE("tiles that share their room have the bits of one simulation", Exec, GSP_TEST_EXECS) {
+  for (auto const profile : {gsp::Profile::stable, gsp::Profile::mujoco}) {
+    Scene<double, Exec> one(profile);
+    auto sim = one.simulation();
+    gsp::step(one.exec, one.model, one.state, sim, {.steps = 20});
+    auto const result = one.result();
+    gsp::step(one.exec, one.model, one.state, sim);
+    auto const all = gsp_test::host(sim.poses.xpos);
+    for (int const each : {1, 4, 9, 36, 37}) {  // the last tile is smaller but for 1 and 37
+      CAPTURE(each);
+      Scene<double, Exec> tiled(profile);
+      auto tiles = gsp::make_tiles(tiled.exec, tiled.model, tiled.compiled, tiled.collision, tiled.state, {.worlds = each, .share = true});
+      for (int k = 0; k < 4; ++k) gsp::step(tiled.exec, tiles, {.steps = 5});
+      CHECK(tiled.result() == result);
+      int with_room = 0;
+      for (auto const& tile : tiles) with_room += tile.simulation.rows.worlds > 0;
+      CHECK(with_room == (each == 37 || tiled.worlds % each != 0 ? 1 : 0));  // the others have theirs in for_tiles alone
+      auto& first = tiles.front();
+      if (each < 37) CHECK_THROWS_AS(gsp::step(first.exec, first.model, first.state, first.simulation), std::invalid_argument);
+      gsp::for_tiles(tiled.exec, tiles, [&](auto& tile) {
+        gsp::step(tile.exec, tile.model, tile.state, tile.simulation);
+        if (tile.simulation.contacts.worlds != tile.worlds()) throw std::runtime_error("contacts are not those of the tile");
+      });
+      auto const poses = gsp_test::host(tiles.back().simulation.poses.xpos);  // are a tile's own
+      for (int w = 0; w < tiles.back().worlds(); ++w) CHECK(poses(w, 1, 2) == all(tiles.back().first + w, 1, 2));
+    }
+  }
+}
+
 TEST_CASE_TEMPLATE("what is a user's own lies by the worlds of a tile, and errors come back", Exec, GSP_TEST_EXECS) {
   using S = Scene<float, Exec>;
   S one;

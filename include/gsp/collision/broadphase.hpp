@@ -42,6 +42,11 @@ struct GroupBox {
 /// f.place(world, group) for each, and what stands beside it, by several threads of a GPU (place_colliders_cuda.hpp).
 template <class Exec, class F>
 void launch_groups(std::string const& label, Exec const& exec, std::int64_t items, F const& f);
+/// f(item) for each, a warp of a GPU an item (near_pairs_cuda.hpp); whether there are threads for so many.
+template <class Exec, class F>
+void launch_warps(std::string const& label, Exec const& exec, std::int64_t items, F const& f);
+template <class Exec>
+bool has_warps(Exec const& exec, std::int64_t items);
 
 template <class R, class Mem>
 struct PlaceColliders {
@@ -105,7 +110,8 @@ struct PlaceColliders {
 ///   boxes     |c_a - c_b| <= e_a + e_b + reach along each axis
 ///   a plane   n . (c - p) - |n| . e <= reach: the box is within reach of the half space below
 /// False for NaN: a broken world makes no contacts, and has status::not_finite.
-template <class R, class Mem>
+/// @tparam by_warp  on a GPU: the threads of a warp find the bits of an item together, all of them the same
+template <class R, class Mem, bool by_warp = false>
 struct FindNearPairs {
   CollisionModel<R, Mem> model;
   ColliderBounds<R, Mem> bounds;
@@ -173,6 +179,18 @@ struct FindNearPairs {
   template <class Near>
   KOKKOS_INLINE_FUNCTION static std::uint32_t near_of(CollisionSpan<R> const& span, Boxes const& boxes, Near const& near) {
     std::uint32_t bits = 0;
+    if constexpr (by_warp) {
+#ifdef __CUDA_ARCH__
+      int const k = int(threadIdx.x) % 32;
+      bool own = (span.others >> k) & 1u;
+      if (own) {
+        R box[6];
+        for (int i = 0; i < 6; ++i) box[i] = boxes(i, span.first + k);
+        own = near(box);
+      }
+      return __ballot_sync(0xffffffffu, own);
+#endif
+    }
     if constexpr (on_host)
       if (Kokkos::popcount(span.others) > 2) {
         using T = Pack<R, native_width<R>>;
@@ -218,13 +236,19 @@ void find_near_pairs(Exec const& exec, CollisionModel<R, Mem> const& model, Coll
   static_assert(can_access<Exec, CollisionModel<R, Mem>>, "gsp::find_near_pairs: the model is not accessible from this execution space");
   int const worlds = int(bounds.pose.extent(0));
   expects(mask.extent(0) == std::size_t(model.chunks) * worlds, "gsp::find_near_pairs: the mask must hold chunks x worlds words");
+  std::int64_t const items = std::int64_t(mask.extent(0));
+  if constexpr (is_device<Exec>)
+    if (detail::has_warps(exec, items))
+      return detail::launch_warps("gsp::collision::find_near_pairs", exec, items,
+                                  detail::FindNearPairs<R, Mem, true>{model, bounds, mask, worlds, status});
   Kokkos::parallel_for("gsp::collision::find_near_pairs",
-                       lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, std::int64_t(mask.extent(0)))),
+                       lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, items)),
                        detail::FindNearPairs<R, Mem>{model, bounds, mask, worlds, status});
 }
 
 }  // namespace gsp
 
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+#include <gsp/collision/detail/near_pairs_cuda.hpp>
 #include <gsp/collision/detail/place_colliders_cuda.hpp>
 #endif

@@ -190,6 +190,62 @@ RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
   else
     return contacts_of<R, Mem>(types.tail);
 }
+/// Whether a type asks for dynamics before its rows are made: which it has, and what they touch.
+inline bool reads_dynamics(ConstraintList<> const&) { return false; }
+template <class Head, class... Tail>
+bool reads_dynamics(ConstraintList<Head, Tail...> const& types) {
+  if constexpr (requires { types.head.reads().bits; })
+    if (types.head.reads().bits != 0) return true;
+  return reads_dynamics(types.tail);
+}
+/// `assemble`, in two queues.
+/// @param laying  where rows are counted and laid out; where it is not `exec`, on a device, of types that read no dynamics
+/// @param join    what has been launched in `laying` comes before what will be in `exec`
+template <class Exec, class Join, class R, class Mem, class... Types>
+void assemble_in(Exec const& exec, Exec const& laying, Join const& join, Model<R, Mem> const& model, State<R, Mem>& state,
+                 Dynamics<R, Mem> const& dynamics, ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses,
+                 Progress<Mem>& progress, SleepingIslands<Mem> const& sleeping) {
+  static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::assemble: the rows are not accessible from this execution space");
+  expects_as_many("gsp::assemble", "worlds", "make them with the same {.worlds = n}", Count{"state", state.worlds},
+                  Count{"dynamics", dynamics.worlds}, Count{"rows", rows.worlds}, Count{"impulses", impulses.worlds});
+  expects(rows.nv == model.nv && rows.profile == model.profile,
+          "gsp::assemble: the rows were made for another model: call make_rows(exec, model), or make_simulation with it");
+  expects_fit("gsp::assemble", model, state, dynamics);
+  expects_of("gsp::assemble", dynamics, state, set_of(Quantity::motion, Quantity::velocity, Quantity::factor, Quantity::free_velocity));
+  expects_without_impulses("gsp::assemble", dynamics);
+  expects_inputs_of(types, state);
+  expects(!may_bounce(types) || rows.impact.data(),
+          "gsp::assemble: some rows have a restitution, and there is no room for it: make_rows(exec, model, {.impacts = true}) "
+          "(make_simulation: the same), and impacts before pgs");
+  if (leaves_stiff_forces(dynamics) && !(std::is_same_v<Types, StiffForces<R, Mem>> || ...))
+    throw std::invalid_argument(
+        "gsp::assemble: stiff springs and servos were left to rows (stiff_rows), and the list has none for them: add "
+        "StiffForces(model, state, dynamics)");
+  Region const region("gsp::constraint::assemble");
+  using List = ConstraintList<Types...>;
+  if (sleeping.any())
+    for_worlds("gsp::constraint::wake_islands", laying, rows.worlds,
+               WakeIslands<R, Mem, List>{model, sleeping, types, (rests<Types>() && ...)});
+  PlaceRows<R, Mem> const place{progress.halt, impulses.parity, impulses.solved, std::min(rows.capacity(), impulses.capacity())};
+  for_worlds("gsp::constraint::count_rows", laying, rows.worlds, CountRows<R, Mem, List>{model, state, rows, place, types, sleeping});
+  if (rows.worlds > 1) scan_items("gsp::constraint::scan_rows", laying, rows.worlds, ScanRows<R, Mem>{rows, state, place});
+  EmitRows<R, Mem, List> const emit{model, state, dynamics, rows, impulses, progress.halt, types, names_of(types), sleeping};
+  for_worlds("gsp::constraint::emit_rows", laying, rows.worlds, emit);
+  join();
+  if constexpr (is_device<Exec>) {
+    launch_threads("gsp::constraint::start_rows", laying, StartRows<R, Mem, List>{emit});
+    launch_threads("gsp::constraint::make_rows", exec, MakeRows<R, Mem, List>{emit});
+    join();
+    launch_threads("gsp::constraint::finish_rows", exec, FinishRows<R, Mem, List>{emit});
+  }
+  if (sleeping.any()) for_worlds("gsp::constraint::keep_rows", exec, rows.worlds, KeepRows<R, Mem, List>{emit});
+  eliminate_rows(exec, model, progress, rows, impulses);
+  RowsStamp stamp = contacts_of<R, Mem>(types);
+  stamp.state.set(state);
+  stamp.sleeps = sleeping.any();
+  stamp.types = names_of(types);
+  leaves_rows(rows, impulses, stamp);
+}
 }  // namespace detail
 
 /// Fills `rows` with the active rows of all types of the list, in their order, whitened with the factored matrix, and `impulses` with a
@@ -210,48 +266,8 @@ template <ExecutionSpace Exec, class R, class Mem, class... Types>
 void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem> const& dynamics,
               ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress,
               SleepingIslands<Mem> const& sleeping = {}) {
-  static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::assemble: the rows are not accessible from this execution space");
-  detail::expects_as_many("gsp::assemble", "worlds", "make them with the same {.worlds = n}", detail::Count{"state", state.worlds},
-                          detail::Count{"dynamics", dynamics.worlds}, detail::Count{"rows", rows.worlds},
-                          detail::Count{"impulses", impulses.worlds});
-  expects(rows.nv == model.nv && rows.profile == model.profile,
-          "gsp::assemble: the rows were made for another model: call make_rows(exec, model), or make_simulation with it");
-  detail::expects_fit("gsp::assemble", model, state, dynamics);
-  detail::expects_of("gsp::assemble", dynamics, state,
-                     detail::set_of(Quantity::motion, Quantity::velocity, Quantity::factor, Quantity::free_velocity));
-  detail::expects_without_impulses("gsp::assemble", dynamics);
-  detail::expects_inputs_of(types, state);
-  expects(!detail::may_bounce(types) || rows.impact.data(),
-          "gsp::assemble: some rows have a restitution, and there is no room for it: make_rows(exec, model, {.impacts = true}) "
-          "(make_simulation: the same), and impacts before pgs");
-  if (detail::leaves_stiff_forces(dynamics) && !(std::is_same_v<Types, StiffForces<R, Mem>> || ...))
-    throw std::invalid_argument(
-        "gsp::assemble: stiff springs and servos were left to rows (stiff_rows), and the list has none for them: add "
-        "StiffForces(model, state, dynamics)");
-  Region const region("gsp::constraint::assemble");
-  using List = ConstraintList<Types...>;
-  if (sleeping.any())
-    for_worlds("gsp::constraint::wake_islands", exec, rows.worlds,
-               detail::WakeIslands<R, Mem, List>{model, sleeping, types, (detail::rests<Types>() && ...)});
-  for_worlds("gsp::constraint::count_rows", exec, rows.worlds,
-             detail::CountRows<R, Mem, List>{model, state, rows, progress.halt, types, sleeping});
-  detail::scan_items("gsp::constraint::scan_rows", exec, rows.worlds,
-                     detail::ScanRows<R, Mem>{rows, state, progress.halt, impulses.parity, impulses.solved,
-                                              std::min(rows.capacity(), impulses.capacity())});
-  detail::EmitRows<R, Mem, List> const emit{model,   state, dynamics, rows, impulses, progress.halt, types, detail::names_of(types),
-                                            sleeping};
-  for_worlds("gsp::constraint::emit_rows", exec, rows.worlds, emit);
-  if constexpr (is_device<Exec>) {
-    detail::launch_threads("gsp::constraint::make_rows", exec, detail::MakeRows<R, Mem, List>{emit});
-    detail::launch_threads("gsp::constraint::finish_rows", exec, detail::FinishRows<R, Mem, List>{emit});
-  }
-  if (sleeping.any()) for_worlds("gsp::constraint::keep_rows", exec, rows.worlds, detail::KeepRows<R, Mem, List>{emit});
-  eliminate_rows(exec, model, progress, rows, impulses);
-  detail::RowsStamp stamp = detail::contacts_of<R, Mem>(types);
-  stamp.state.set(state);
-  stamp.sleeps = sleeping.any();
-  stamp.types = detail::names_of(types);
-  detail::leaves_rows(rows, impulses, stamp);
+  detail::assemble_in(
+      exec, exec, [] {}, model, state, dynamics, types, rows, impulses, progress, sleeping);
 }
 
 }  // namespace gsp

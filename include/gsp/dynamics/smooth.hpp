@@ -13,11 +13,14 @@ struct SmoothOptions {
 };
 
 namespace detail {
-/// Poses, inertias, M, and all forces.
-template <class L, class State, class Poses, class Laws>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, Poses const& poses, SmoothOptions options, Laws const& laws) {
+template <class L, class State, class Poses>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_poses(L const& l, State const& state, Poses const& poses, bool joints) {
   lanes_kinematics(l, state);
-  lanes_store_poses(l, poses, options.joint_poses);
+  lanes_store_poses(l, poses, joints);
+}
+/// Inertias, M, and all forces.
+template <class L, class State, class Laws>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, SmoothOptions options, Laws const& laws) {
   lanes_load_velocity(l, state);
   lanes_inertia(l);
   lanes_tendons(l, state);
@@ -36,12 +39,14 @@ struct SmoothStage {
   Poses poses;
   SmoothOptions options;
   bool keep_mass;
+  bool placed;  // bodies have been, and their poses lie in the items
   LeftForces left = {};
   Laws laws = {};
   static constexpr int shared_blocks = 4;
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
-    lanes_forces(l, state, poses, options, laws);
+    if (!placed) lanes_poses(l, state, poses, options.joint_poses);
+    lanes_forces(l, state, options, laws);
     lanes_factor_profile(l, left);
     lanes_free_velocity(l, state.qfrc_applied);
   }
@@ -58,7 +63,8 @@ struct SmoothStepStage {
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     typename State::template View<typename State::real_type**> const none;
-    lanes_forces(l, state, poses, SmoothOptions{}, laws);
+    lanes_poses(l, state, poses, false);
+    lanes_forces(l, state, SmoothOptions{}, laws);
     if (lanes_factors_again(l)) {  // what M itself gives is not asked for
       lanes_total_force(l, state.qfrc_applied);
       lanes_new_velocity(l, none, none);
@@ -75,6 +81,28 @@ struct SmoothStepStage {
 };
 }  // namespace detail
 
+namespace detail {
+/// `smooth_dynamics`, or what is left of it.
+/// @param placed  on a device: place_bodies has been called with the same, and nothing else with these dynamics since
+template <class Exec, class R, class Mem, class... Laws>
+void launch_smooth(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
+                   Dynamics<R, Mem>& dynamics, SmoothOptions options, bool placed, Laws const&... laws) {
+  Region const region("gsp::dynamics::smooth_dynamics");
+  expects_fit("gsp::smooth_dynamics", model, state, dynamics, poses);
+  expects_actuators("gsp::smooth_dynamics", model, sizeof...(Laws));
+  bool const keep_mass = model.profile == Profile::mujoco;  // its integrator takes M again, with joint damping
+  if (!placed && model.nmocap > 0) static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
+  using Stage = SmoothStage<State<R, Mem>, Poses<R, Mem>, ActuatorLaws<Laws...>>;
+  for_lanes("gsp::dynamics::smooth_dynamics", exec, model, dynamics,
+            Stage{state, poses, options, keep_mass, placed, left_forces(dynamics, state, options.stiff_rows), actuator_laws(laws...)});
+  loses(dynamics, all_quantities);
+  leaves(dynamics, state, left_by_smooth(options.keep_all, keep_mass));
+  set_leaves_stiff_forces(dynamics, options.stiff_rows && any_archetype(model, [](Archetype const& a) { return a.stiff; }));
+  if (!placed) leaves_poses(poses, state, options.joint_poses);
+  completes(dynamics);
+}
+}  // namespace detail
+
 /// forward_kinematics, mass_matrix, bias_forces, passive_forces, actuator_forces and factor, fused: the same numbers in one launch, with
 /// the block in cache. It leaves what constraints and integrate need (centre of mass, cdof, factor, velocities). Does not allocate, does
 /// not fence. Errors: std::invalid_argument where model, state, poses and dynamics do not fit together, for laws without actuators.
@@ -82,20 +110,7 @@ struct SmoothStepStage {
 template <ExecutionSpace Exec, class R, class Mem, class... Laws>
 void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
                      Dynamics<R, Mem>& dynamics, SmoothOptions options = {}, Laws const&... laws) {
-  Region const region("gsp::dynamics::smooth_dynamics");
-  detail::expects_fit("gsp::smooth_dynamics", model, state, dynamics, poses);
-  detail::expects_actuators("gsp::smooth_dynamics", model, sizeof...(Laws));
-  bool const keep_mass = model.profile == Profile::mujoco;  // its integrator takes M again, with joint damping
-  if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
-  using Stage = detail::SmoothStage<State<R, Mem>, Poses<R, Mem>, detail::ActuatorLaws<Laws...>>;
-  for_lanes(
-      "gsp::dynamics::smooth_dynamics", exec, model, dynamics,
-      Stage{state, poses, options, keep_mass, detail::left_forces(dynamics, state, options.stiff_rows), detail::actuator_laws(laws...)});
-  detail::loses(dynamics, detail::all_quantities);
-  detail::leaves(dynamics, state, detail::left_by_smooth(options.keep_all, keep_mass));
-  detail::set_leaves_stiff_forces(dynamics, options.stiff_rows && detail::any_archetype(model, [](Archetype const& a) { return a.stiff; }));
-  detail::leaves_poses(poses, state, options.joint_poses);
-  detail::completes(dynamics);
+  detail::launch_smooth(exec, model, state, poses, dynamics, options, false, laws...);
 }
 
 /// smooth_dynamics and integrate without constraints, with the integrator Euler or an implicit one: the same state and poses of bodies.

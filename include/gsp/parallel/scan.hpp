@@ -37,11 +37,17 @@ struct ScanInTurn {
     for (std::int64_t i = 0; i < n; ++i) functor(i, sum, true);
   }
 };
-/// Kokkos::parallel_scan of items 0 ... n - 1, whose sums begin at value_type{}: functor(item, sum, last). On a host with one thread,
-/// where Kokkos' goes through them twice, once, with last = true.
+/// The same of few items, by a block of a GPU: one launch where Kokkos takes two (scan_cuda.hpp).
+template <class Exec, class Functor>
+void scan_by_block(char const* label, Exec const& exec, int n, Functor const& functor);
+inline constexpr int most_by_block = 1024;
+/// Kokkos::parallel_scan of items 0 ... n - 1, whose sums, of whole numbers, begin at value_type{}: functor(item, sum, last). On a host
+/// with one thread, where Kokkos' goes through them twice, once, with last = true.
 template <ExecutionSpace Exec, class Functor>
 void scan_items(char const* label, Exec const& exec, std::int64_t n, Functor const& functor) {
   using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
+  if constexpr (is_device<Exec>)
+    if (n <= most_by_block) return scan_by_block(label, exec, int(n), functor);
   if constexpr (!is_device<Exec>)
     if (host_threads(exec) == 1) return Kokkos::parallel_for(label, Kokkos::RangePolicy<Exec>(exec, 0, 1), ScanInTurn<Functor>{functor, n});
   Kokkos::parallel_scan(label, lightweight(Range(exec, 0, n)), functor);

@@ -12,6 +12,7 @@
 #include <gsp/dynamics/runge_kutta.hpp>
 #include <gsp/dynamics/smooth.hpp>
 #include <gsp/model/model_refusals.hpp>
+#include <gsp/parallel/detail/side_queue.hpp>
 #include <gsp/solver/impacts.hpp>
 #include <gsp/solver/newton.hpp>
 #include <gsp/solver/noslip.hpp>
@@ -39,7 +40,8 @@ struct Simulation {
   RungeKutta<R, Mem> runge_kutta = {};  // integrator RK4 of profile mujoco, else empty
   Sleep<R, Mem> sleep = {};             // where islands sleep, else empty
   FrictionCone cone = FrictionCone::elliptic;
-  NoslipOptions noslip = {};  // profile mujoco: as the file says
+  NoslipOptions noslip = {};         // profile mujoco: as the file says
+  detail::SideQueue<Mem> side = {};  // GPUs: for what a step does side by side
 };
 
 /// The constraint types of MJCF, in the order of their rows, the springs and servos that are too stiff for a step, and yours: what `step`
@@ -157,18 +159,42 @@ void find_impulses(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& 
                    LaunchOptions const& options, Laws const& laws, std::tuple<Types...> const& types, bool warm, bool ends_step,
                    bool keep_all) {
   SmoothOptions const smooth{.keep_all = keep_all, .stiff_rows = has_stiff_rows(model)};
-  std::apply([&](auto const&... law) { smooth_dynamics(exec, model, state, sim.poses, sim.dynamics, smooth, law...); }, laws);
+  auto const find_forces = [&](bool placed) {
+    std::apply([&](auto const&... law) { launch_smooth(exec, model, state, sim.poses, sim.dynamics, smooth, placed, law...); }, laws);
+  };
+  auto const types_now = [&] {
+    auto const list = std::apply(
+        [&](auto const&... type) {
+          return model_constraints(model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.cone, type...);
+        },
+        types);
+    static_assert(sizeof...(Types) > 0 || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>,
+                  "gsp::kernels holds assemble for these types");
+    return list;
+  };
+  if constexpr (is_device<Exec>)
+    if (sim.side && sim.sleep.worlds == 0) {
+      // Contacts, and which rows there are, hang on poses; inertias and forces are found beside them: neither fills a device.
+      place_bodies(exec, model, state, sim.poses, sim.dynamics, false);
+      typename SideQueue<Mem>::Fork const fork(sim.side, exec);
+      find_forces(true);
+      act_early(model, sim.collision);
+      collide(fork.exec(), sim.collision, sim.poses, sim.contacts);
+      auto const list = types_now();
+      bool const needs_forces = sizeof...(Types) > 0 || smooth.stiff_rows || reads_dynamics(list);
+      if (needs_forces) {
+        fork.join();
+        fork.begin();
+      }
+      auto const join = [&] { fork.join(); };
+      assemble_in(exec, fork.exec(), join, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress, sim.sleep.islands);
+      return solve(exec, model, sim, options, warm, ends_step);
+    }
+  find_forces(false);
   wake_changed(exec, model, state, sim.dynamics, sim.sleep);
   act_early(model, sim.collision);
   collide(exec, sim.collision, sim.poses, sim.contacts, still_trees(model, sim.contacts, sim.sleep));
-  auto const list = std::apply(
-      [&](auto const&... type) {
-        return model_constraints(model, state, sim.poses, sim.dynamics, sim.collision, sim.contacts, sim.cone, type...);
-      },
-      types);
-  static_assert(sizeof...(Types) > 0 || std::is_same_v<decltype(list), ModelConstraints<R, Mem> const>,
-                "gsp::kernels holds assemble for these types");
-  assemble(exec, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress, sim.sleep.islands);
+  assemble(exec, model, state, sim.dynamics, types_now(), sim.rows, sim.impulses, sim.progress, sim.sleep.islands);
   solve(exec, model, sim, options, warm, ends_step);
 }
 /// The state moves on by what find_impulses has found.
@@ -199,6 +225,36 @@ void expects_worlds(char const* where, State<R, Mem> const& state, Simulation<R,
 }
 }  // namespace detail
 
+namespace detail {
+/// What a step finds and the next one finds anew: dynamics, contacts, rows, room of the solvers.
+template <class R, class Exec, class Mem>
+void make_found(Exec const& exec, Model<R, Mem> const& model, SimulationOptions const& options, Simulation<R, Mem>& sim) {
+  int const n = options.worlds;
+  sim.dynamics = make_dynamics(exec, model, {.worlds = n});
+  sim.contacts = make_contacts(exec, sim.collision, contacts_options(model, n));
+  RowsOptions rows = rows_options(model, sim.collision, n, options.impacts);
+  rows.friction_time = options.friction_time;
+  sim.rows = make_rows(exec, model, rows);
+  sim.solution = make_solution(exec, model, {.worlds = n});
+  if (model.profile != Profile::stable) sim.newton = make_newton(exec, sim.rows);
+}
+/// The rest, for such rows.
+template <class R, class Exec, class Mem>
+void make_kept(Exec const& exec, Model<R, Mem> const& model, CompiledModel const& compiled, SimulationOptions const& options,
+               Rows<R, Mem> const& rows, Simulation<R, Mem>& sim) {
+  int const n = options.worlds;
+  bool const stable = model.profile == Profile::stable;
+  sim.poses = make_poses(exec, model, {.worlds = n});
+  sim.impulses = make_impulses(exec, rows);
+  sim.progress = make_progress(exec);
+  sim.side = make_side_queue(exec);
+  sim.cone = options.cone.value_or(stable ? FrictionCone::elliptic : compiled.option.cone);
+  if (!stable) sim.noslip = noslip_options(compiled);
+  if (options.sleep.value_or(compiled.option.sleep)) sim.sleep = make_sleep(exec, model, compiled, {.worlds = n});
+  if (has_runge_kutta(model)) sim.runge_kutta = make_runge_kutta(exec, model, {.worlds = n});
+}
+}  // namespace detail
+
 /// Buffers for stepping `worlds` worlds of `model`, which was made from `compiled`. Allocates.
 /// @param collision  the shapes of `compiled` (make_collision_model), which several simulations may share
 /// Errors: gsp::Error for what make_model refuses too, for the box of friction in profile mujoco, and in profile stable for pyramids beside
@@ -209,26 +265,10 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
   static_assert(Scalar<R>,
                 "gsp::make_simulation: contacts have no slopes: of duals call smooth_dynamics and integrate (docs/math/dual.md)");
   detail::expects_can_step(model, compiled, options);
-  bool const stable = model.profile == Profile::stable;
   Simulation<R, Mem> sim;
-  int const n = options.worlds;
   sim.collision = collision;
-  sim.dynamics = make_dynamics(exec, model, {.worlds = n});
-  sim.poses = make_poses(exec, model, {.worlds = n});
-  sim.contacts = make_contacts(exec, sim.collision, contacts_options(model, n));
-  RowsOptions rows = rows_options(model, sim.collision, n, options.impacts);
-  rows.friction_time = options.friction_time;
-  sim.rows = make_rows(exec, model, rows);
-  sim.impulses = make_impulses(exec, sim.rows);
-  sim.solution = make_solution(exec, model, {.worlds = n});
-  sim.progress = make_progress(exec);
-  sim.cone = options.cone.value_or(stable ? FrictionCone::elliptic : compiled.option.cone);
-  if (!stable) {
-    sim.newton = make_newton(exec, sim.rows);
-    sim.noslip = noslip_options(compiled);
-  }
-  if (options.sleep.value_or(compiled.option.sleep)) sim.sleep = make_sleep(exec, model, compiled, {.worlds = n});
-  if (detail::has_runge_kutta(model)) sim.runge_kutta = make_runge_kutta(exec, model, {.worlds = n});
+  detail::make_found(exec, model, options, sim);
+  detail::make_kept(exec, model, compiled, options, sim.rows, sim);
   return sim;
 }
 

@@ -48,21 +48,28 @@ CollisionModel<R, Mem> of_worlds(CollisionModel<R, Mem> const& collision, int fi
 }
 
 namespace detail {
-/// Room for the work of a thread, which lends it to the simulation of the tile that it has come to: tiles are more than threads.
+/// Room of a thread, which lends it to the simulation of the tile that it has come to: tiles are more than threads.
 template <class R, class Mem>
 struct ThreadWork {
-  Dynamics<R, Mem> dynamics;
-  Solution<R, Mem> solution;
-  Newton<R, Mem> newton;
-  void swap_with(Simulation<R, Mem>& sim) {
-    std::swap(sim.dynamics.thread_items, dynamics.thread_items);
-    std::swap(sim.dynamics.thread_rooms, dynamics.thread_rooms);
-    std::swap(sim.solution.thread_items, solution.thread_items);
-    std::swap(sim.solution.island_items, solution.island_items);
-    std::swap(sim.solution.island_stride, solution.island_stride);
-    std::swap(sim.solution.thread_rooms, solution.thread_rooms);
-    std::swap(sim.newton.work, newton.work);
-    std::swap(sim.newton.thread_rooms, newton.thread_rooms);
+  Simulation<R, Mem> room;
+  /// @param all  what a step finds, or the room for its work alone
+  void swap_with(Simulation<R, Mem>& sim, bool all) {
+    if (all) {
+      std::swap(sim.dynamics, room.dynamics);
+      std::swap(sim.contacts, room.contacts);
+      std::swap(sim.rows, room.rows);
+      std::swap(sim.solution, room.solution);
+      std::swap(sim.newton, room.newton);
+      return;
+    }
+    std::swap(sim.dynamics.thread_items, room.dynamics.thread_items);
+    std::swap(sim.dynamics.thread_rooms, room.dynamics.thread_rooms);
+    std::swap(sim.solution.thread_items, room.solution.thread_items);
+    std::swap(sim.solution.island_items, room.solution.island_items);
+    std::swap(sim.solution.island_stride, room.solution.island_stride);
+    std::swap(sim.solution.thread_rooms, room.solution.thread_rooms);
+    std::swap(sim.newton.work, room.newton.work);
+    std::swap(sim.newton.thread_rooms, room.newton.thread_rooms);
   }
 };
 }  // namespace detail
@@ -78,13 +85,15 @@ struct Tile {
   State<R, memory_space> state;
   Simulation<R, memory_space> simulation;
   std::shared_ptr<std::vector<detail::ThreadWork<R, memory_space>>> work;  // of the threads that take tiles; null: one tile has its own
+  bool shares = false;                                                     // TilesOptions::share
   int worlds() const { return state.worlds; }
 };
 
 struct TilesOptions {
   SimulationOptions simulation = {};  // its `worlds` are the state's
-  int worlds = 0;  // of a tile; 0: two tiles for each thread of `exec`, of whole packs, at most 128 trees where that is a pack or more;
-                   // where that are fewer tiles than threads, one
+  int worlds = 0;      // of a tile; 0: two tiles for each thread of `exec`, of whole packs, at most 128 trees where that is a pack or more;
+                       // where that are fewer tiles than threads, one
+  bool share = false;  // tiles have states, poses and impulses of their own, and share what a step finds: for many worlds in little memory
 };
 
 namespace detail {
@@ -129,6 +138,7 @@ std::vector<Tile<R, Exec>> make_tiles(Exec const& exec, Model<R, Mem> const& mod
   int const each = options.worlds > 0 ? options.worlds : detail::worlds_of_a_tile(exec, model, state.worlds);
   std::vector<Tile<R, Exec>> tiles;
   auto const work = std::make_shared<std::vector<detail::ThreadWork<R, Mem>>>();
+  int const threads = is_device<Exec> ? 1 : detail::host_threads(exec);  // that take tiles
   for (int first = 0; first < state.worlds; first += each) {
     Tile<R, Exec> tile;
     tile.first = first;
@@ -138,11 +148,21 @@ std::vector<Tile<R, Exec>> make_tiles(Exec const& exec, Model<R, Mem> const& mod
     tile.exec = all ? exec : detail::tile_exec(exec);
     tile.model = all ? model : of_worlds(model, first, own.worlds);
     tile.state = all ? state : of_worlds(state, first, own.worlds);
-    tile.simulation = make_simulation(tile.exec, tile.model, compiled, own, all ? collision : of_worlds(collision, first, own.worlds));
+    auto& sim = tile.simulation;
+    auto const shapes = all ? collision : of_worlds(collision, first, own.worlds);
+    tile.shares = options.share && !all && own.worlds == each;  // a smaller one at the end has what it needs
+    bool const has_room = int(work->size()) < threads && tile.shares == options.share;
+    if (tile.shares && !has_room) {
+      detail::expects_can_step(tile.model, compiled, own);
+      sim.collision = shapes;
+      detail::make_kept(tile.exec, tile.model, compiled, own, work->front().room.rows, sim);
+    } else {
+      sim = make_simulation(tile.exec, tile.model, compiled, own, shapes);
+    }
     if (!all) {
-      detail::ThreadWork<R, Mem> own;
-      own.swap_with(tile.simulation);
-      if (int(work->size()) < detail::host_threads(exec)) work->push_back(own);
+      detail::ThreadWork<R, Mem> lent;
+      if (has_room || !tile.shares) lent.swap_with(sim, tile.shares);
+      if (has_room) work->push_back(lent);
       tile.work = work;
     }
     tiles.push_back(std::move(tile));
@@ -169,7 +189,7 @@ class WithWork {
 
  private:
   void swap() {
-    if (tile_.work) (*tile_.work)[thread_].swap_with(tile_.simulation);
+    if (tile_.work) (*tile_.work)[thread_].swap_with(tile_.simulation, tile_.shares);
   }
   Tile<R, Exec>& tile_;
   std::size_t thread_;

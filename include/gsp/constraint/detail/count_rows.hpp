@@ -47,13 +47,58 @@ struct ForgetRows {
   KOKKOS_FUNCTION void operator()(int w) const { status_bits(w) &= ~status_of_rows; }
 };
 
+struct RowSizes {
+  std::int64_t rows = 0, entries = 0;
+  KOKKOS_INLINE_FUNCTION RowSizes& operator+=(RowSizes const& o) {
+    rows += o.rows;
+    entries += o.entries;
+    return *this;
+  }
+};
+/// Where the rows of world w begin, which `sum` says; of the last one also what all of them need.
+template <class R, class Mem>
+struct PlaceRows {
+  Kokkos::View<int, Mem> halt, parity, solved;
+  int capacity;
+  KOKKOS_INLINE_FUNCTION void operator()(Rows<R, Mem> const& rows, State<R, Mem> const& state, int w, RowSizes const& sum) const {
+    int const count = rows.count(w) + rows.kept(w);
+    std::int64_t const entries = rows.entries(w), room = std::int64_t(rows.Y.extent(0));
+    rows.first(w) = int(sum.rows);
+    rows.first_entry(w) = sum.entries;
+    if (sum.rows + count > capacity || sum.entries + entries > room) state.status(w) |= status::row_overflow;
+    if (w < rows.worlds - 1) return;
+    if (rows.laid_out.data()) rows.laid_out() = 0;
+    // What did not fit is remembered until the pools have grown: a step of several evaluations may need less in the next one.
+    std::int64_t const most_rows = sum.rows + count, most_entries = sum.entries + entries;
+    if (!(rows.demand(0) > capacity) || most_rows > rows.demand(0)) rows.demand(0) = most_rows;
+    if (!(rows.demand(1) > room) || most_entries > rows.demand(1)) rows.demand(1) = most_entries;
+    if (most_rows > capacity || most_entries > room) halt() = 1;
+    if (solved()) {
+      parity() ^= 1;
+      solved() = 0;
+    }
+  }
+};
+template <class R, class Mem>
+struct ScanRows {
+  using value_type = RowSizes;
+  Rows<R, Mem> rows;
+  State<R, Mem> state;
+  PlaceRows<R, Mem> place;
+  KOKKOS_FUNCTION void operator()(int w, value_type& sum, bool last) const {
+    if (last) place(rows, state, w, sum);
+    sum.rows += rows.count(w) + rows.kept(w);
+    sum.entries += rows.entries(w);
+  }
+};
+
 template <class R, class Mem, class Types>
 struct CountRows {
   static constexpr bool wide = true;  // for_worlds: sums are of whole numbers
   Model<R, Mem> model;
   State<R, Mem> state;
   Rows<R, Mem> rows;
-  Kokkos::View<int, Mem> halt;
+  PlaceRows<R, Mem> place;
   Types types;
   SleepingIslands<Mem> sleeping;
   template <class World>
@@ -79,10 +124,11 @@ struct CountRows {
     if (refused) sizes = 0;
     sizes += std::int64_t(rows.most_eliminated) * rows_of(sizes);
     world.single([&] {
-      if (found & status::contact_overflow) halt() = 1;  // the same from every world that finds it
+      if (found & status::contact_overflow) place.halt() = 1;  // the same from every world that finds it
       if (refused) rows.kept(w) = 0;
       rows.count(w) = rows_of(sizes);
       rows.entries(w) = entries_of(sizes);
+      if (rows.worlds == 1) place(rows, state, 0, {});  // on a GPU a launch of its own would be more than what it does
     });
   }
 
@@ -100,10 +146,18 @@ struct CountRows {
       rows.tree_mass(w, t) = mass;
     });
     world.sync();
-    world.single([&] {
+    if constexpr (std::is_same_v<World, SerialWorld>) {
       for (int t = 1; t < model.ntree; ++t)
         if (label[t] != t) rows.tree_mass(w, label[t]) += rows.tree_mass(w, t);
-    });
+    } else {  // by the first tree of each: a thread that goes through all waits for each of them
+      world.each(model.ntree, [&](int first) {
+        if (label[first] != first) return;
+        R mass = rows.tree_mass(w, first);
+        for (int t = first + 1; t < model.ntree; ++t)
+          if (label[t] == first) mass += rows.tree_mass(w, t);
+        rows.tree_mass(w, first) = mass;
+      });
+    }
     world.sync();
   }
   /// Rows and entries of element k where it is awake and well formed; else the world's status says why not.
@@ -158,46 +212,6 @@ struct CountRows {
     if (n > 3 && !refused) Kokkos::atomic_max(&rows.largest_element(w), n);
     if (refused) Kokkos::atomic_or(&state.status(w), status::row_refused | refused);
     return own;
-  }
-};
-
-struct RowSizes {
-  std::int64_t rows = 0, entries = 0;
-  KOKKOS_INLINE_FUNCTION RowSizes& operator+=(RowSizes const& o) {
-    rows += o.rows;
-    entries += o.entries;
-    return *this;
-  }
-};
-template <class R, class Mem>
-struct ScanRows {
-  using value_type = RowSizes;
-  Rows<R, Mem> rows;
-  State<R, Mem> state;
-  Kokkos::View<int, Mem> halt, parity, solved;
-  int capacity;
-  KOKKOS_FUNCTION void operator()(int w, value_type& sum, bool last) const {
-    int const count = rows.count(w) + rows.kept(w);
-    std::int64_t const entries = rows.entries(w), room = std::int64_t(rows.Y.extent(0));
-    if (last) {
-      rows.first(w) = int(sum.rows);
-      rows.first_entry(w) = sum.entries;
-      if (sum.rows + count > capacity || sum.entries + entries > room) state.status(w) |= status::row_overflow;
-      if (w == rows.worlds - 1) {
-        if (rows.laid_out.data()) rows.laid_out() = 0;
-        // What did not fit is remembered until the pools have grown: a step of several evaluations may need less in the next one.
-        std::int64_t const most_rows = sum.rows + count, most_entries = sum.entries + entries;
-        if (!(rows.demand(0) > capacity) || most_rows > rows.demand(0)) rows.demand(0) = most_rows;
-        if (!(rows.demand(1) > room) || most_entries > rows.demand(1)) rows.demand(1) = most_entries;
-        if (most_rows > capacity || most_entries > room) halt() = 1;
-        if (solved()) {
-          parity() ^= 1;
-          solved() = 0;
-        }
-      }
-    }
-    sum.rows += count;
-    sum.entries += entries;
   }
 };
 

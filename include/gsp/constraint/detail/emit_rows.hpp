@@ -63,10 +63,20 @@ struct EmitRows {
     else
       whiten_row(there, row, w, at);
   }
-  /// On a device: what hangs on the entries of the element that was listed as number `number`.
+  /// On a device: the impulses that the element which was listed as number `number` starts from, and what it carried, in its first row,
+  /// until it is finished.
+  KOKKOS_FORCEINLINE_FUNCTION void start(int number) const {
+    int const first = rows.islands.elements(number), n = rows.element_rows(first), now = impulses.parity();
+    R impulse[most_element_rows];
+    rows.row(first).compliance = find_start(rows.world_of(first), n, first, impulse);
+    for (int r = 0; r < n; ++r) impulses.p[now](first + r) = impulse[r];
+  }
+  /// On a device: what hangs on the entries of that element.
   KOKKOS_FORCEINLINE_FUNCTION void finish(int number) const {
-    int const first = rows.islands.elements(number);
-    finish(laws(Kokkos::Experimental::infinity_v<R>), rows.world_of(first), rows.element_rows(first), first);
+    int const first = rows.islands.elements(number), n = rows.element_rows(first), now = impulses.parity();
+    R impulse[most_element_rows];
+    for (int r = 0; r < n; ++r) impulse[r] = impulses.p[now](first + r);
+    finish(laws(Kokkos::Experimental::infinity_v<R>), rows.world_of(first), n, first, impulse, rows.row(first).compliance);
   }
   /// Rows of the pool, with those that are kept; elements that are listed.
   KOKKOS_INLINE_FUNCTION int row_count() const {
@@ -172,15 +182,28 @@ struct EmitRows {
     if constexpr (!std::is_pointer_v<Entries>)
       for (int i = 0; i < entries_in(row); ++i) rows.Y(row.first_entry + i) = y[i];
   }
-  /// Laws of the rows of an element, whose entries and RowSums are known, couplings, identity, and the impulses to start from.
-  KOKKOS_FORCEINLINE_FUNCTION void finish(RowLaws<R, Mem> const& laws, int w, int n, int first) const {
+  /// The impulses that an element of n rows starts from, and what it carried; marks who and where it is.
+  KOKKOS_FORCEINLINE_FUNCTION R find_start(int w, int n, int first, R* start) const {
+    Row<R> const& row = rows.row(first);
+    int const k = row.element, place = row.type, now = impulses.parity();
+    R load(0);
+    for (int r = 0; r < n; ++r) start[r] = R(0);
+    types.visit_type(place, [&](auto const& type) {
+      RowId const id = type.id(w, k);
+      for (int r = 0; r < n; ++r) impulses.id[now](first + r) = row_key(place, id);
+      if (state.steps(w) > 0) load = starts().find(type, k, place, id, w, first - rows.first(w), n, start);
+      starts().mark_place(type, w, k, n, first);
+    });
+    return load;
+  }
+  /// Laws of the rows of an element, whose entries and RowSums are known, couplings, and the impulses to start from.
+  KOKKOS_FORCEINLINE_FUNCTION void finish(RowLaws<R, Mem> const& laws, int w, int n, int first, R const* start, R load) const {
     Row<R>* const row = &rows.row(first);
     int const k = row->element, place = row->type, now = impulses.parity();
     constexpr bool apart = is_device<typename Mem::execution_space>;  // threads with elements of different types part in `visit_type` alone
     using Asked = typename RowLaws<R, Mem>::Asked;
     Asked asked[apart ? most_element_rows : 1];
-    R start[most_element_rows], most_yield[most_element_rows], load(0);
-    for (int r = 0; r < n; ++r) start[r] = R(0);
+    R most_yield[most_element_rows];
     auto const set = [&](int r, auto const& what) {
       if constexpr (apart) {  // read and written as a whole
         Row<R> own = row[r];
@@ -197,10 +220,6 @@ struct EmitRows {
           asked[r] = {laws, element, r, row[r].bias, row[r].lower};
         else
           set(r, Asked{laws, element, r, row[r].bias, row[r].lower});
-      RowId const id = type.id(w, k);
-      for (int r = 0; r < n; ++r) impulses.id[now](first + r) = row_key(place, id);
-      if (state.steps(w) > 0) load = starts().find(type, k, place, id, w, first - rows.first(w), n, start);
-      starts().mark_place(type, w, k, n, first);
     });
     if constexpr (apart)
       for (int r = 0; r < n; ++r) set(r, asked[r]);
@@ -241,7 +260,9 @@ struct EmitRows {
       }
       for (int n; begin < end; begin += n) {
         n = rows.element_rows(begin);
-        finish(laws(inverse_inertia), w, n, begin);
+        R start[most_element_rows];
+        R const load = find_start(w, n, begin, start);
+        finish(laws(inverse_inertia), w, n, begin, start, load);
       }
     };
     types.each(w, 0, [&](auto const& type, int place, int k) {
@@ -306,6 +327,16 @@ struct MakeRows {
   template <class Thread>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(Thread const& thread, int at) const {
     emit.make(thread, at);
+  }
+};
+/// EmitRows::start, of all elements.
+template <class R, class Mem, class Types>
+struct StartRows {
+  EmitRows<R, Mem, Types> emit;
+  KOKKOS_FUNCTION int count() const { return emit.element_count(); }
+  template <class Thread>
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(Thread const&, int number) const {
+    emit.start(number);
   }
 };
 /// EmitRows::finish, of all elements.

@@ -45,7 +45,7 @@ struct StartImpulses {
   template <class Type>
   KOKKOS_INLINE_FUNCTION R find(Type const& type, int k, int place, RowId id, int w, int at, int n, R* start) const {
     int const before = 1 - impulses.parity();
-    int known = 0;
+    int known = impulses.type_names(place, before) == names.name[place] ? place : 0;  // all names differ
     for (; impulses.type_names(known, before) != names.name[place]; ++known)
       if (impulses.type_names(known, before) == 0) return R(0);
     auto const& ids = impulses.id[before];

@@ -134,12 +134,14 @@ KOKKOS_INLINE_FUNCTION void lanes_load_poses(L const& l, Poses const& poses) {
 
 template <class State, class Poses>
 struct KinematicsStage {
+  static constexpr int shared_blocks = 4;
   State state;
   Poses poses;
+  bool joints = true;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
     lanes_kinematics(l, state);
-    lanes_store_poses(l, poses);
+    lanes_store_poses(l, poses, joints);
   }
 };
 

@@ -3,10 +3,11 @@
 #include <thrust/iterator/transform_iterator.h>
 
 #include <algorithm>
+#include <cub/block/block_scan.cuh>
 #include <cub/device/device_scan.cuh>
 #include <gsp/parallel/detail/launch_cuda.hpp>
 
-/// exclusive_scan on CUDA by CUB's scan, on the instance's stream.
+/// exclusive_scan and scan_items on CUDA by CUB's scans, on the instance's stream.
 namespace gsp::detail {
 
 /// Item i of a scan's input; 0 behind the last, which makes the total.
@@ -45,6 +46,31 @@ void cuda_scan(Kokkos::Cuda const& exec, In const& in, std::int64_t n, Out const
     cuda_expects(cub::DeviceScan::ExclusiveSum(temporary.data(), bytes, items, out.data(), static_cast<int>(n + 1), stream),
                  "gsp::exclusive_scan");
   });
+}
+
+inline constexpr int threads_of_scan = 512;
+template <class Sum>
+struct Together {
+  __device__ Sum operator()(Sum a, Sum const& b) const {
+    a += b;
+    return a;
+  }
+};
+template <class Functor>
+__global__ void __launch_bounds__(threads_of_scan) scan_by_block_kernel(Functor const __grid_constant__ functor, int n) {
+  using Sum = typename Functor::value_type;
+  using Scan = cub::BlockScan<Sum, threads_of_scan>;
+  __shared__ typename Scan::TempStorage memory;
+  int const each = (n + threads_of_scan - 1) / threads_of_scan, begin = int(threadIdx.x) * each, end = begin + each < n ? begin + each : n;
+  Sum sum{};
+  for (int i = begin; i < end; ++i) functor(i, sum, false);
+  Scan(memory).ExclusiveScan(sum, sum, Sum{}, Together<Sum>{});
+  for (int i = begin; i < end; ++i) functor(i, sum, true);
+}
+template <class Exec, class Functor>
+void scan_by_block(char const* label, Exec const& exec, int n, Functor const& functor) {
+  if (n == 0) return;
+  launch_on_cuda(label, exec, [&](cudaStream_t stream) { scan_by_block_kernel<<<1, threads_of_scan, 0, stream>>>(functor, n); });
 }
 
 }  // namespace gsp::detail

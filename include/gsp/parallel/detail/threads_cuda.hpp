@@ -39,8 +39,11 @@ template <class F, int bytes = near_bytes_of<F>>
 __global__ void __launch_bounds__(threads_of_block, blocks_at_a_time) threads_kernel(F const __grid_constant__ f) {
   __shared__ alignas(8) char memory[bytes > 0 ? threads_of_block * bytes : 1];
   OwnThread<bytes> const thread{memory + int(threadIdx.x) / 32 * 32 * bytes};
-  int const n = f.count();
-  for (int i = int(blockIdx.x * blockDim.x + threadIdx.x); i < n; i += int(gridDim.x * blockDim.x)) f(thread, i);
+  int const n = f.count(), all = int(gridDim.x * blockDim.x), own = int(threadIdx.x);
+  int begin = int(blockIdx.x * blockDim.x) + own;
+  if (n <= all / (threads_of_block / 32))
+    begin = own < 32 ? 32 * int(blockIdx.x) + own : n;  // few: a warp a block, for more multiprocessors
+  for (int i = begin; i < n; i += all) f(thread, i);
 }
 
 template <class Exec, class F>
