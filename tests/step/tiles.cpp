@@ -144,8 +144,6 @@ TEST_CASE_TEMPLATE("tiles that share their room have the bits of one simulation"
       int with_room = 0;
       for (auto const& tile : tiles) with_room += tile.simulation.rows.worlds > 0;
       CHECK(with_room == (each == 37 || tiled.worlds % each != 0 ? 1 : 0));  // the others have theirs in for_tiles alone
-      auto& first = tiles.front();
-      if (each < 37) CHECK_THROWS_AS(gsp::step(first.exec, first.model, first.state, first.simulation), std::invalid_argument);
       gsp::for_tiles(tiled.exec, tiles, [&](auto& tile) {
         gsp::step(tile.exec, tile.model, tile.state, tile.simulation);
         if (tile.simulation.contacts.worlds != tile.worlds()) throw std::runtime_error("contacts are not those of the tile");
@@ -154,6 +152,26 @@ TEST_CASE_TEMPLATE("tiles that share their room have the bits of one simulation"
       for (int w = 0; w < tiles.back().worlds(); ++w) CHECK(poses(w, 1, 2) == all(tiles.back().first + w, 1, 2));
     }
   }
+}
+
+TEST_CASE_TEMPLATE("what tiles share is theirs in for_tiles alone", Exec, GSP_TEST_EXECS) {
+  Scene<double, Exec> tiled;
+  auto tiles = gsp::make_tiles(tiled.exec, tiled.model, tiled.compiled, tiled.collision, tiled.state, {.worlds = 9, .share = true});
+  gsp::step(tiled.exec, tiles, {.steps = 5});
+  auto& first = tiles.front();
+  auto& sim = first.simulation;
+  using Friction = gsp::JointFriction<double, typename Exec::memory_space>;
+  auto const refuses = [&](auto const& f) { CHECK_THROWS_WITH_AS(f(), doctest::Contains("in for_tiles alone"), std::invalid_argument); };
+  refuses([&] { gsp::step(first.exec, first.model, first.state, sim); });
+  refuses([&] { gsp::settle(first.exec, sim); });
+  refuses([&] { gsp::impulses_of<Friction>(sim.rows, sim.impulses); });
+  auto const forgets = [](auto& tile) { gsp::launch_step(tile.exec, tile.model, tile.state, tile.simulation); };
+  CHECK_THROWS_WITH_AS(gsp::for_tiles(tiled.exec, tiles, forgets), doctest::Contains("call settle before f returns"),
+                       std::invalid_argument);
+  CHECK_THROWS_WITH_AS(gsp::make_tiles(tiled.exec, tiled.model, tiled.compiled, tiled.collision, tiled.state, {.share = true}),
+                       doctest::Contains("give `worlds` too"), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::of_worlds(tiles.back().simulation.poses, 0, 2), std::invalid_argument);
+  CHECK_THROWS_AS(gsp::of_worlds(tiled.state, std::numeric_limits<int>::max(), 1), std::invalid_argument);
 }
 
 TEST_CASE_TEMPLATE("what is a user's own lies by the worlds of a tile, and errors come back", Exec, GSP_TEST_EXECS) {

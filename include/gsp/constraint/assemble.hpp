@@ -190,16 +190,17 @@ RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
   else
     return contacts_of<R, Mem>(types.tail);
 }
-/// Whether a type asks for dynamics before its rows are made: which it has, and what they touch.
-inline bool reads_dynamics(ConstraintList<> const&) { return false; }
+/// What the types ask of the dynamics for which rows they have, and what these touch.
+inline Quantities reads_of(ConstraintList<> const&) { return {}; }
 template <class Head, class... Tail>
-bool reads_dynamics(ConstraintList<Head, Tail...> const& types) {
+Quantities reads_of(ConstraintList<Head, Tail...> const& types) {
   if constexpr (requires { types.head.reads().bits; })
-    if (types.head.reads().bits != 0) return true;
-  return reads_dynamics(types.tail);
+    return types.head.reads() | reads_of(types.tail);
+  else
+    return reads_of(types.tail);
 }
 /// `assemble`, in two queues.
-/// @param laying  where rows are counted and laid out; where it is not `exec`, on a device, of types that read no dynamics
+/// @param laying  where rows are counted and laid out, after what their types read there
 /// @param join    what has been launched in `laying` comes before what will be in `exec`
 template <class Exec, class Join, class R, class Mem, class... Types>
 void assemble_in(Exec const& exec, Exec const& laying, Join const& join, Model<R, Mem> const& model, State<R, Mem>& state,

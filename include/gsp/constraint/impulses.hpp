@@ -134,6 +134,7 @@ void expects_settled(char const* where, Impulses<R, Mem> const& impulses) {
 /// The impulses are the solution of these rows, as they are now.
 template <class R, class Mem>
 void expects_solved(char const* where, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses) {
+  expects_room(where, rows);
   if (!rows.stamp.data() || !impulses.stamp.data()) return;
   if (!impulses.stamp().solved && !rows.stamp().made)
     throw std::invalid_argument(std::string(where) +
@@ -144,7 +145,7 @@ void expects_solved(char const* where, Rows<R, Mem> const& rows, Impulses<R, Mem
                                 "mujoco: newton)");
   if (impulses.stamp().rows != rows.stamp().made)
     throw std::invalid_argument(std::string(where) + ": the impulses are of other rows, or of these before they were assembled again: " +
-                                "step first (or call pgs with both)");
+                                "step first (or call pgs with both; of a tile that shares, in the same call of f)");
 }
 template <class R, class Mem>
 void expects_readable(char const* where, Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses) {

@@ -142,6 +142,13 @@ struct RowsOptions {
 };
 
 namespace detail {
+/// There are some: what a tile that shares has (step/tiles.hpp) is lent to it.
+template <class R, class Mem>
+void expects_room(char const* where, Rows<R, Mem> const& rows) {
+  if (rows.worlds == 0)
+    throw std::invalid_argument(std::string(where) +
+                                ": the rows have no worlds: make_rows (or make_simulation); what tiles share they have in for_tiles alone");
+}
 /// At least n items; what there was is kept.
 template <class Exec, class View>
 void enlarge(Exec const& exec, View& v, char const* label, std::int64_t n) {

@@ -20,18 +20,6 @@ Poses<R, Mem> make_poses(Exec const& exec, Model<R, Mem> const& model, PosesOpti
   return poses;
 }
 
-namespace detail {
-/// forward_kinematics; joints = false leaves out what joints alone have.
-template <class Exec, class R, class Mem>
-void place_bodies(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
-                  Dynamics<R, Mem>& dynamics, bool joints) {
-  if (model.nmocap > 0) static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
-  for_lanes("gsp::dynamics::forward_kinematics", exec, model, dynamics,
-            KinematicsStage<State<R, Mem>, Poses<R, Mem>>{state, poses, joints});
-  leaves_poses(poses, state, joints);
-}
-}  // namespace detail
-
 /// World poses of all bodies and joints from state.qpos (MuJoCo's mj_kinematics).
 /// @param dynamics  scratch
 /// @param poses     out: xpos, xquat (world, body, 3 | 4), xanchor, xaxis (world, joint, 3), in the world frame [m]
@@ -42,7 +30,10 @@ void forward_kinematics(Exec const& exec, Model<R, Mem> const& model, State<R, M
                         Dynamics<R, Mem>& dynamics) {
   Region const region("gsp::dynamics::forward_kinematics");
   detail::expects_fit("gsp::forward_kinematics", model, state, dynamics, poses);
-  detail::place_bodies(exec, model, state, poses, dynamics, true);
+  if (model.nmocap > 0) detail::static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
+  for_lanes("gsp::dynamics::forward_kinematics", exec, model, dynamics,
+            detail::KinematicsStage<State<R, Mem>, Poses<R, Mem>>{state, poses});
+  detail::leaves_poses(poses, state, true);
 }
 
 }  // namespace gsp

@@ -18,12 +18,27 @@ KOKKOS_FORCEINLINE_FUNCTION void lanes_poses(L const& l, State const& state, Pos
   lanes_kinematics(l, state);
   lanes_store_poses(l, poses, joints);
 }
+/// What contacts, and which rows there are, hang on: poses, velocities, lengths of tendons that are fixed.
+template <class State, class Poses>
+struct PlaceStage {
+  static constexpr int shared_blocks = 4;
+  State state;
+  Poses poses;
+  bool joints;
+  template <class L>
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
+    lanes_poses(l, state, poses, joints);
+    lanes_load_velocity(l, state);
+    lanes_fixed_tendons(l, state);
+  }
+};
 /// Inertias, M, and all forces.
+/// @param placed  PlaceStage has gone before
 template <class L, class State, class Laws>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, SmoothOptions options, Laws const& laws) {
-  lanes_load_velocity(l, state);
+KOKKOS_FORCEINLINE_FUNCTION void lanes_forces(L const& l, State const& state, SmoothOptions options, bool placed, Laws const& laws) {
+  if (!placed) lanes_load_velocity(l, state);
   lanes_inertia(l);
-  lanes_tendons(l, state);
+  lanes_tendons(l, state, placed);
   lanes_bias_of_step(l, state, options.keep_all);
   lanes_bias_derivative_terms(l);
   lanes_mass_matrix(l);
@@ -39,14 +54,14 @@ struct SmoothStage {
   Poses poses;
   SmoothOptions options;
   bool keep_mass;
-  bool placed;  // bodies have been, and their poses lie in the items
+  bool placed;  // PlaceStage has gone before
   LeftForces left = {};
   Laws laws = {};
   static constexpr int shared_blocks = 4;
   template <class L>
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     if (!placed) lanes_poses(l, state, poses, options.joint_poses);
-    lanes_forces(l, state, options, laws);
+    lanes_forces(l, state, options, placed, laws);
     lanes_factor_profile(l, left);
     lanes_free_velocity(l, state.qfrc_applied);
   }
@@ -64,7 +79,7 @@ struct SmoothStepStage {
   KOKKOS_FORCEINLINE_FUNCTION void operator()(L const& l) const {
     typename State::template View<typename State::real_type**> const none;
     lanes_poses(l, state, poses, false);
-    lanes_forces(l, state, SmoothOptions{}, laws);
+    lanes_forces(l, state, SmoothOptions{}, false, laws);
     if (lanes_factors_again(l)) {  // what M itself gives is not asked for
       lanes_total_force(l, state.qfrc_applied);
       lanes_new_velocity(l, none, none);
@@ -79,17 +94,32 @@ struct SmoothStepStage {
   }
   KOKKOS_INLINE_FUNCTION int kept(Archetype const&, DynamicsLayout const&) const { return 0; }
 };
-}  // namespace detail
 
-namespace detail {
-/// `smooth_dynamics`, or what is left of it.
-/// @param placed  on a device: place_bodies has been called with the same, and nothing else with these dynamics since
+template <class R, class Mem>
+void expects_smooth(Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem> const& poses, Dynamics<R, Mem> const& dynamics,
+                    std::size_t laws) {
+  expects_fit("gsp::smooth_dynamics", model, state, dynamics, poses);
+  expects_actuators("gsp::smooth_dynamics", model, laws);
+}
+/// The first part of `smooth_dynamics` on a device, for what goes beside the rest of it.
+template <class Exec, class R, class Mem>
+void launch_place(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
+                  Dynamics<R, Mem>& dynamics, SmoothOptions options) {
+  Region const region("gsp::dynamics::smooth_dynamics");
+  expects_smooth(model, state, poses, dynamics, 0);
+  if (model.nmocap > 0) static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
+  loses(dynamics, all_quantities);
+  for_lanes("gsp::dynamics::place_bodies", exec, model, dynamics,
+            PlaceStage<State<R, Mem>, Poses<R, Mem>>{state, poses, options.joint_poses});
+  leaves_poses(poses, state, options.joint_poses);
+}
+/// All of it, or the rest.
+/// @param placed  launch_place has been called with the same, and nothing else with these dynamics since
 template <class Exec, class R, class Mem, class... Laws>
 void launch_smooth(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
                    Dynamics<R, Mem>& dynamics, SmoothOptions options, bool placed, Laws const&... laws) {
   Region const region("gsp::dynamics::smooth_dynamics");
-  expects_fit("gsp::smooth_dynamics", model, state, dynamics, poses);
-  expects_actuators("gsp::smooth_dynamics", model, sizeof...(Laws));
+  expects_smooth(model, state, poses, dynamics, sizeof...(Laws));
   bool const keep_mass = model.profile == Profile::mujoco;  // its integrator takes M again, with joint damping
   if (!placed && model.nmocap > 0) static_poses(exec, model, state.mocap_pos, state.mocap_quat, poses);
   using Stage = SmoothStage<State<R, Mem>, Poses<R, Mem>, ActuatorLaws<Laws...>>;

@@ -131,27 +131,40 @@ KOKKOS_INLINE_FUNCTION void lanes_spatial_tendon(L const& l, State const& state,
   });
 }
 
+/// Length of one fixed tendon.
+template <class L, class State>
+KOKKOS_INLINE_FUNCTION void lanes_fixed_tendon(L const& l, State const& state, int k) {
+  auto const& a = l.a;
+  std::remove_cvref_t<decltype(l.items[0])> length(0);
+  for (int e = l.index(a.tendon_termadr, k), end = l.index(a.tendon_termadr, k + 1); e < end; ++e)
+    length = fma(l.listed(l.model.term_coef, a.instance_term, a.nterm, e),
+                 l.load(state.qpos, l.qpos0, l.index(a.jnt_qposadr, l.index(a.term_jnt, e))), length);
+  l.items[l.at.tendon_length + k] = length;
+}
+/// Those of all fixed tendons of the tree, which hang on qpos alone.
+template <class L, class State>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_fixed_tendons(L const& l, State const& state) {
+  l.each(l.a.ntendon, [&](int k) {
+    if (l.index(l.a.tendon_kind, k) == int(TendonKind::fixed)) lanes_fixed_tendon(l, state, k);
+  });
+}
+
 /// tendon_length, tendon_J, tendon_velocity of all tendons of the tree. After lanes_inertia (and lanes_load_velocity).
 template <class L, class State>
-KOKKOS_INLINE_FUNCTION void serial_tendons(L const& l, State const& state) {
-  using T = std::remove_cvref_t<decltype(l.items[0])>;
+KOKKOS_INLINE_FUNCTION void serial_tendons(L const& l, State const& state, bool fixed_are_known) {
   auto const& a = l.a;
   for (int k = 0; k < a.ntendon; ++k) {
-    if (l.index(a.tendon_kind, k) != int(TendonKind::fixed)) {
+    if (l.index(a.tendon_kind, k) != int(TendonKind::fixed))
       lanes_spatial_tendon(l, state, k);
-    } else {
-      T length(0);
-      for (int e = l.index(a.tendon_termadr, k), end = l.index(a.tendon_termadr, k + 1); e < end; ++e)
-        length = fma(l.listed(l.model.term_coef, a.instance_term, a.nterm, e),
-                     l.load(state.qpos, l.qpos0, l.index(a.jnt_qposadr, l.index(a.term_jnt, e))), length);
-      l.items[l.at.tendon_length + k] = length;
-    }
+    else if (!fixed_are_known)
+      lanes_fixed_tendon(l, state, k);
     l.items[l.at.tendon_velocity + k] = lanes_tendon_rate(l, k, l.at.qvel);
   }
 }
+/// @param fixed_are_known  lanes_fixed_tendons has found them
 template <class L, class State>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_tendons(L const& l, State const& state) {
-  if (l.a.ntendon > 0) l.single([&](auto const& one) { serial_tendons(one, state); });
+KOKKOS_FORCEINLINE_FUNCTION void lanes_tendons(L const& l, State const& state, bool fixed_are_known = false) {
+  if (l.a.ntendon > 0) l.single([&](auto const& one) { serial_tendons(one, state, fixed_are_known); });
 }
 
 /// to_i += cdof_i . (the wrenches of cfrc of all bodies that dof i moves), for all dofs; cfrc becomes their sums.

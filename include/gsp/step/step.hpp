@@ -22,7 +22,7 @@
 #include <tuple>
 #include <utility>
 
-/// A ready-made simulation loop, written with public functions alone: copy it and change it.
+/// A ready-made simulation loop. To be changed: examples/06_own_loop.cpp, which has the same bits of public functions alone.
 namespace gsp {
 
 /// Everything that a step needs besides the model and the state.
@@ -41,7 +41,7 @@ struct Simulation {
   Sleep<R, Mem> sleep = {};             // where islands sleep, else empty
   FrictionCone cone = FrictionCone::elliptic;
   NoslipOptions noslip = {};         // profile mujoco: as the file says
-  detail::SideQueue<Mem> side = {};  // GPUs: for what a step does side by side
+  detail::SideQueue<Mem> side = {};  // GPUs: for what a step does side by side; of one host thread at a time, as all of this
 };
 
 /// The constraint types of MJCF, in the order of their rows, the springs and servos that are too stiff for a step, and yours: what `step`
@@ -172,17 +172,19 @@ void find_impulses(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& 
                   "gsp::kernels holds assemble for these types");
     return list;
   };
-  if constexpr (is_device<Exec>)
+  if constexpr (is_device<Exec> && std::tuple_size_v<Laws> == 0)  // a law may read what the last step has left
     if (sim.side && sim.sleep.worlds == 0) {
-      // Contacts, and which rows there are, hang on poses; inertias and forces are found beside them: neither fills a device.
-      place_bodies(exec, model, state, sim.poses, sim.dynamics, false);
+      // Contacts, and which rows there are, hang on poses and velocities; inertias and forces are found beside them: neither fills a
+      // device.
+      launch_place(exec, model, state, sim.poses, sim.dynamics, smooth);
       typename SideQueue<Mem>::Fork const fork(sim.side, exec);
       find_forces(true);
       act_early(model, sim.collision);
       collide(fork.exec(), sim.collision, sim.poses, sim.contacts);
       auto const list = types_now();
-      bool const needs_forces = sizeof...(Types) > 0 || smooth.stiff_rows || reads_dynamics(list);
-      if (needs_forces) {
+      Quantities reads = reads_of(list);
+      if (!any_archetype(model, [](Archetype const& a) { return a.spatial; })) reads.bits &= ~set_of(Quantity::tendon_length).bits;
+      if (sizeof...(Types) > 0 || smooth.stiff_rows || reads.bits != 0) {  // rows hang on forces, or may
         fork.join();
         fork.begin();
       }
@@ -219,13 +221,11 @@ void expects_can_step(Model<R, Mem> const& model, CompiledModel const& compiled,
 }
 template <class R, class Mem>
 void expects_worlds(char const* where, State<R, Mem> const& state, Simulation<R, Mem> const& sim) {
+  expects_room(where, sim.rows);
   if (sim.rows.worlds != state.worlds)
     throw std::invalid_argument(std::string(where) + ": the state has " + std::to_string(state.worlds) + " worlds, the simulation " +
                                 std::to_string(sim.rows.worlds) + ": make them with the same {.worlds = n}");
 }
-}  // namespace detail
-
-namespace detail {
 /// What a step finds and the next one finds anew: dynamics, contacts, rows, room of the solvers.
 template <class R, class Exec, class Mem>
 void make_found(Exec const& exec, Model<R, Mem> const& model, SimulationOptions const& options, Simulation<R, Mem>& sim) {
@@ -282,7 +282,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 
 /// Launches one step of all worlds and does not wait: smooth dynamics, contacts, rows, solver, integration. Where a pool is too small it
 /// and all steps launched after it do nothing; `settle` says how many, and lets the pools grow. Poses are left of the state before the
-/// step; `forward_kinematics` gives those of its end.
+/// step; `forward_kinematics` gives those of its end. On a GPU collision, and what says which rows there are, go beside forces in
+/// `sim.side`.
 /// @param more  of your own: constraint types (constraint_type.hpp), which act also where the model's constraints are disabled, and
 ///              actuator laws (dynamics/actuator_law.hpp)
 /// In profile stable what bounces is solved for first (solver/impacts.hpp). In profile mujoco rows are solved by Newton's method
@@ -336,6 +337,7 @@ void launch_step(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
 template <ExecutionSpace Exec, class R, class Mem>
 int settle(Exec const& exec, Simulation<R, Mem>& sim) {
   Region const region("gsp::step::settle");
+  detail::expects_room("gsp::settle", sim.rows);
   int halt = 0, skipped = 0;
   detail::download_bytes(exec, &halt, sim.progress.halt.data(), sizeof halt);
   detail::download_bytes(exec, &skipped, sim.progress.skipped.data(), sizeof skipped);

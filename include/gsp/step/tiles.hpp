@@ -17,13 +17,17 @@
 /// waiting for the others. Worlds are alone, so the bits are those of one simulation of all.
 namespace gsp {
 
+namespace detail {
+inline bool has_worlds(int worlds, int first, int count) { return first >= 0 && count > 0 && count <= worlds && first <= worlds - count; }
+}  // namespace detail
+
 /// Worlds first ... first + count - 1, whose arrays are rows of the others. What has been computed of one of the two states asks that one
 /// alone whether it has moved on. Errors: std::invalid_argument for worlds that there are not.
 template <class R, class Mem>
 State<R, Mem> of_worlds(State<R, Mem> const& state, int first, int count) {
-  expects(first >= 0 && count > 0 && first + count <= state.worlds, "gsp::of_worlds: there are " + std::to_string(state.worlds) +
-                                                                        " worlds, and not " + std::to_string(count) + " from " +
-                                                                        std::to_string(first) + " on");
+  expects(detail::has_worlds(state.worlds, first, count), "gsp::of_worlds: there are " + std::to_string(state.worlds) +
+                                                              " worlds, and not " + std::to_string(count) + " from " +
+                                                              std::to_string(first) + " on");
   State<R, Mem> part;
   part.worlds = count;
   detail::each_state_view([&](char const*, auto const& from, auto& to) { to = detail::rows_of(from, first, count); }, state, part);
@@ -33,6 +37,9 @@ State<R, Mem> of_worlds(State<R, Mem> const& state, int first, int count) {
 }
 template <class R, class Mem>
 Poses<R, Mem> of_worlds(Poses<R, Mem> const& poses, int first, int count) {
+  int const worlds = int(poses.xpos.extent(0));
+  expects(detail::has_worlds(worlds, first, count), "gsp::of_worlds: the poses are of " + std::to_string(worlds) + " worlds, and not of " +
+                                                        std::to_string(count) + " from " + std::to_string(first) + " on");
   auto const rows = [&](auto const& view) { return detail::rows_of(view, first, count); };
   return {rows(poses.xpos), rows(poses.xquat), rows(poses.xanchor), rows(poses.xaxis),
           detail::make_stamp<detail::PosesStamp>("gsp::Poses::stamp")};
@@ -133,6 +140,10 @@ std::vector<Tile<R, Exec>> make_tiles(Exec const& exec, Model<R, Mem> const& mod
                                       CollisionModel<R, Mem> const& collision, State<R, Mem> const& state,
                                       TilesOptions const& options = {}) {
   expects(options.worlds >= 0, "gsp::make_tiles: a tile must have some worlds, and has " + std::to_string(options.worlds));
+  expects(options.worlds > 0 || !options.share, "gsp::make_tiles: tiles that share are of a size that you say: give `worlds` too");
+#ifdef KOKKOS_ENABLE_OPENMP
+  expects(!detail::has_tiles<Exec> || !omp_in_parallel(), "gsp::make_tiles: within a parallel region (in for_tiles): make tiles before it");
+#endif
   detail::expects_fit("gsp::make_tiles", model, state);
   detail::expects_values("gsp::make_tiles", collision, state.worlds);
   int const each = options.worlds > 0 ? options.worlds : detail::worlds_of_a_tile(exec, model, state.worlds);
@@ -194,13 +205,20 @@ class WithWork {
   Tile<R, Exec>& tile_;
   std::size_t thread_;
 };
+/// What a step did not fit into lies in the room that others get next.
+template <class R, class Exec>
+void expects_done(Tile<R, Exec> const& tile) {
+  if (tile.shares && tile.simulation.impulses.stamp.data() && tile.simulation.impulses.stamp().launched)
+    throw std::invalid_argument("gsp::for_tiles: steps of the tile of worlds " + std::to_string(tile.first) +
+                                " ... were launched and not settled, and its room goes to another: call settle before f returns");
+}
 }  // namespace detail
 
 /// f(tile) for each, several at a time, a thread of `exec` each; on the caller's thread, one after the other, where there is one tile, and
-/// while a profiler listens that Kokkos Tools has connected, as these hear one thread. Kernels that `f` launches with the tile's own exec
-/// stay on its thread: of ranges (RangePolicy), since a tile's exec has no teams there. Returns when all are done.
-/// Errors: what `f` throws, of several the first tile's; the other tiles have been done with, so worlds of a step that threw for want of
-/// memory are a step apart: reset or restore them.
+/// while a profiler listens that Kokkos Tools has connected, as these hear one thread. Of tiles that share all that f reads of a step is
+/// made in the same call of it, and steps are settled there. Kernels that `f` launches with the tile's own exec stay on its thread: of
+/// ranges (RangePolicy), since a tile's exec has no teams there. Returns when all are done. Errors: what `f` throws, of several the first
+/// tile's; the other tiles have been done with, so worlds of a step that threw for want of memory are a step apart: reset or restore them.
 template <ExecutionSpace Exec, class R, class F>
 void for_tiles(Exec const& exec, std::vector<Tile<R, Exec>>& tiles, F const& f) {
 #ifdef KOKKOS_ENABLE_OPENMP
@@ -215,6 +233,7 @@ void for_tiles(Exec const& exec, std::vector<Tile<R, Exec>>& tiles, F const& f) 
         try {
           detail::WithWork const lent(tiles[k], omp_get_thread_num());
           f(tiles[k]);
+          detail::expects_done(tiles[k]);
         } catch (...) { errors[k] = std::current_exception(); }
       }
       for (auto const& error : errors)
@@ -225,6 +244,7 @@ void for_tiles(Exec const& exec, std::vector<Tile<R, Exec>>& tiles, F const& f) 
   for (auto& tile : tiles) {
     detail::WithWork const lent(tile, 0);
     f(tile);
+    detail::expects_done(tile);
   }
 }
 

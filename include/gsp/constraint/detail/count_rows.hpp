@@ -149,13 +149,23 @@ struct CountRows {
     if constexpr (std::is_same_v<World, SerialWorld>) {
       for (int t = 1; t < model.ntree; ++t)
         if (label[t] != t) rows.tree_mass(w, label[t]) += rows.tree_mass(w, t);
-    } else {  // by the first tree of each: a thread that goes through all waits for each of them
+    } else {  // by the first tree of each that has others: a thread that goes through all waits for each of them
+      int* const others = rows.islands.next(w);
+      world.each(model.ntree, [&](int t) { others[t] = 0; });
+      world.sync();
+      world.each(model.ntree, [&](int t) {
+        if (label[t] != t) world.add(others[label[t]], 1);
+      });
+      world.sync();
       world.each(model.ntree, [&](int first) {
-        if (label[first] != first) return;
         R mass = rows.tree_mass(w, first);
-        for (int t = first + 1; t < model.ntree; ++t)
-          if (label[t] == first) mass += rows.tree_mass(w, t);
-        rows.tree_mass(w, first) = mass;
+        int left = others[first];
+        for (int t = first + 1; left > 0; ++t)
+          if (label[t] == first) {
+            mass += rows.tree_mass(w, t);
+            --left;
+          }
+        if (others[first] > 0) rows.tree_mass(w, first) = mass;
       });
     }
     world.sync();

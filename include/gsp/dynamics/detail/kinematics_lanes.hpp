@@ -137,11 +137,10 @@ struct KinematicsStage {
   static constexpr int shared_blocks = 4;
   State state;
   Poses poses;
-  bool joints = true;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
     lanes_kinematics(l, state);
-    lanes_store_poses(l, poses, joints);
+    lanes_store_poses(l, poses);
   }
 };
 
