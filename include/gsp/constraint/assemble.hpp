@@ -205,6 +205,35 @@ Quantities reads_of(ConstraintList<Head, Tail...> const& types) {
 template <class Exec, class Join, class R, class Mem, class... Types>
 void assemble_in(Exec const& exec, Exec const& laying, Join const& join, Model<R, Mem> const& model, State<R, Mem>& state,
                  Dynamics<R, Mem> const& dynamics, ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses,
+                 Progress<Mem>& progress, SleepingIslands<Mem> const& sleeping);
+}  // namespace detail
+
+/// Fills `rows` with the active rows of all types of the list, in their order, whitened with the factored matrix, and `impulses` with a
+/// start: last step's impulses by identity (type, RowId), for new elements by place where the type has `place`, else 0, as in worlds that
+/// were reset. Says which trees these rows make one and what an island weighs (`Rows::islands`, `Rows::tree_mass`). A type is known by its
+/// C++ type and by its place among those of the same type: the others may come, go and change places. After factor or smooth_dynamics (and
+/// collide). A world whose rows do not fit has status::row_overflow; then no world is stepped (progress.halt), the pools grow at the host's
+/// next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows of more than two trees, elements of more than
+/// six rows, friction of a row that the element does not have, laws that are not finite or of negative compliance at a finite state, a
+/// restitution outside of 0 to 1 or of rows that are soft, pull or have no room for it, bounds that are NaN or change places (lower >
+/// upper), a negative mu, and in profile mujoco what no cone is (docs/add_a_constraint.md): status::row_refused.
+/// @param sleeping  islands that sleep (step/sleep.hpp): those that something awake touches are woken, the others have no rows and keep
+///                  their impulses
+/// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or
+/// the members `poses` and `contacts` of a type and what it `reads()` of dynamics of its own, are not of this state as it is now, have
+/// not been written (contacts), or are of another number of worlds.
+template <ExecutionSpace Exec, class R, class Mem, class... Types>
+void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem> const& dynamics,
+              ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress,
+              SleepingIslands<Mem> const& sleeping = {}) {
+  detail::assemble_in(
+      exec, exec, [] {}, model, state, dynamics, types, rows, impulses, progress, sleeping);
+}
+
+namespace detail {
+template <class Exec, class Join, class R, class Mem, class... Types>
+void assemble_in(Exec const& exec, Exec const& laying, Join const& join, Model<R, Mem> const& model, State<R, Mem>& state,
+                 Dynamics<R, Mem> const& dynamics, ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses,
                  Progress<Mem>& progress, SleepingIslands<Mem> const& sleeping) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::assemble: the rows are not accessible from this execution space");
   expects_as_many("gsp::assemble", "worlds", "make them with the same {.worlds = n}", Count{"state", state.worlds},
@@ -248,27 +277,5 @@ void assemble_in(Exec const& exec, Exec const& laying, Join const& join, Model<R
   leaves_rows(rows, impulses, stamp);
 }
 }  // namespace detail
-
-/// Fills `rows` with the active rows of all types of the list, in their order, whitened with the factored matrix, and `impulses` with a
-/// start: last step's impulses by identity (type, RowId), for new elements by place where the type has `place`, else 0, as in worlds that
-/// were reset. Says which trees these rows make one and what an island weighs (`Rows::islands`, `Rows::tree_mass`). A type is known by its
-/// C++ type and by its place among those of the same type: the others may come, go and change places. After factor or smooth_dynamics (and
-/// collide). A world whose rows do not fit has status::row_overflow; then no world is stepped (progress.halt), the pools grow at the host's
-/// next `settle` or `grow`, and the step is repeated: no result depends on a capacity. Rows of more than two trees, elements of more than
-/// six rows, friction of a row that the element does not have, laws that are not finite or of negative compliance at a finite state, a
-/// restitution outside of 0 to 1 or of rows that are soft, pull or have no room for it, bounds that are NaN or change places (lower >
-/// upper), a negative mu, and in profile mujoco what no cone is (docs/add_a_constraint.md): status::row_refused.
-/// @param sleeping  islands that sleep (step/sleep.hpp): those that something awake touches are woken, the others have no rows and keep
-///                  their impulses
-/// Cost about (entries of the row)^2 flop a row. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or
-/// the members `poses` and `contacts` of a type and what it `reads()` of dynamics of its own, are not of this state as it is now, have
-/// not been written (contacts), or are of another number of worlds.
-template <ExecutionSpace Exec, class R, class Mem, class... Types>
-void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem> const& dynamics,
-              ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress,
-              SleepingIslands<Mem> const& sleeping = {}) {
-  detail::assemble_in(
-      exec, exec, [] {}, model, state, dynamics, types, rows, impulses, progress, sleeping);
-}
 
 }  // namespace gsp

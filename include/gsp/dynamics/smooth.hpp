@@ -104,6 +104,27 @@ void expects_smooth(Model<R, Mem> const& model, State<R, Mem> const& state, Pose
 /// The first part of `smooth_dynamics` on a device, for what goes beside the rest of it.
 template <class Exec, class R, class Mem>
 void launch_place(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
+                  Dynamics<R, Mem>& dynamics, SmoothOptions options);
+/// All of it, or the rest.
+/// @param placed  launch_place has been called with the same, and nothing else with these dynamics since
+template <class Exec, class R, class Mem, class... Laws>
+void launch_smooth(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
+                   Dynamics<R, Mem>& dynamics, SmoothOptions options, bool placed, Laws const&... laws);
+}  // namespace detail
+
+/// forward_kinematics, mass_matrix, bias_forces, passive_forces, actuator_forces and factor, fused: the same numbers in one launch, with
+/// the block in cache. It leaves what constraints and integrate need (centre of mass, cdof, factor, velocities). Does not allocate, does
+/// not fence. Errors: std::invalid_argument where model, state, poses and dynamics do not fit together, for laws without actuators.
+/// @param laws  of actuators, of your own (actuator_law.hpp)
+template <ExecutionSpace Exec, class R, class Mem, class... Laws>
+void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
+                     Dynamics<R, Mem>& dynamics, SmoothOptions options = {}, Laws const&... laws) {
+  detail::launch_smooth(exec, model, state, poses, dynamics, options, false, laws...);
+}
+
+namespace detail {
+template <class Exec, class R, class Mem>
+void launch_place(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
                   Dynamics<R, Mem>& dynamics, SmoothOptions options) {
   Region const region("gsp::dynamics::smooth_dynamics");
   expects_smooth(model, state, poses, dynamics, 0);
@@ -113,8 +134,6 @@ void launch_place(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> co
             PlaceStage<State<R, Mem>, Poses<R, Mem>>{state, poses, options.joint_poses});
   leaves_poses(poses, state, options.joint_poses);
 }
-/// All of it, or the rest.
-/// @param placed  launch_place has been called with the same, and nothing else with these dynamics since
 template <class Exec, class R, class Mem, class... Laws>
 void launch_smooth(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
                    Dynamics<R, Mem>& dynamics, SmoothOptions options, bool placed, Laws const&... laws) {
@@ -132,16 +151,6 @@ void launch_smooth(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> c
   completes(dynamics);
 }
 }  // namespace detail
-
-/// forward_kinematics, mass_matrix, bias_forces, passive_forces, actuator_forces and factor, fused: the same numbers in one launch, with
-/// the block in cache. It leaves what constraints and integrate need (centre of mass, cdof, factor, velocities). Does not allocate, does
-/// not fence. Errors: std::invalid_argument where model, state, poses and dynamics do not fit together, for laws without actuators.
-/// @param laws  of actuators, of your own (actuator_law.hpp)
-template <ExecutionSpace Exec, class R, class Mem, class... Laws>
-void smooth_dynamics(Exec const& exec, Model<R, Mem> const& model, State<R, Mem> const& state, Poses<R, Mem>& poses,
-                     Dynamics<R, Mem>& dynamics, SmoothOptions options = {}, Laws const&... laws) {
-  detail::launch_smooth(exec, model, state, poses, dynamics, options, false, laws...);
-}
 
 /// smooth_dynamics and integrate without constraints, with the integrator Euler or an implicit one: the same state and poses of bodies.
 /// Where a world is one tree it is one launch that leaves nothing in `dynamics` (which it takes as scratch) and, where the integrator has a
