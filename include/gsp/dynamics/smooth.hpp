@@ -13,11 +13,6 @@ struct SmoothOptions {
 };
 
 namespace detail {
-template <class L, class State, class Poses>
-KOKKOS_FORCEINLINE_FUNCTION void lanes_poses(L const& l, State const& state, Poses const& poses, bool joints) {
-  lanes_kinematics(l, state);
-  lanes_store_poses(l, poses, joints);
-}
 /// What contacts, and which rows there are, hang on: poses, velocities, lengths of tendons that are fixed.
 template <class State, class Poses>
 struct PlaceStage {

@@ -37,7 +37,7 @@ struct ScanInTurn {
     for (std::int64_t i = 0; i < n; ++i) functor(i, sum, true);
   }
 };
-/// The same of few items, by a block of a GPU: one launch where Kokkos takes two (scan_cuda.hpp).
+/// scan_items of few items, by a block of a GPU: one launch where Kokkos takes two (scan_cuda.hpp).
 template <class Exec, class Functor>
 void scan_by_block(char const* label, Exec const& exec, int n, Functor const& functor);
 inline constexpr int most_by_block = 1024;

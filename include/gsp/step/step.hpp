@@ -174,8 +174,7 @@ void find_impulses(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& 
   };
   if constexpr (is_device<Exec> && std::tuple_size_v<Laws> == 0)  // a law may read what the last step has left
     if (sim.side && sim.sleep.worlds == 0) {
-      // Contacts, and which rows there are, hang on poses and velocities; inertias and forces are found beside them: neither fills a
-      // device.
+      // Contacts, and which rows there are, hang on poses and velocities; forces are found beside them: neither fills a device.
       launch_place(exec, model, state, sim.poses, sim.dynamics, smooth);
       typename SideQueue<Mem>::Fork const fork(sim.side, exec);
       find_forces(true);
@@ -226,7 +225,7 @@ void expects_worlds(char const* where, State<R, Mem> const& state, Simulation<R,
     throw std::invalid_argument(std::string(where) + ": the state has " + std::to_string(state.worlds) + " worlds, the simulation " +
                                 std::to_string(sim.rows.worlds) + ": make them with the same {.worlds = n}");
 }
-/// What a step finds and the next one finds anew: dynamics, contacts, rows, room of the solvers.
+/// What a step finds and the next one finds anew: dynamics, contacts, rows, room of the solvers; and what it finds them with.
 template <class R, class Exec, class Mem>
 void make_found(Exec const& exec, Model<R, Mem> const& model, SimulationOptions const& options, Simulation<R, Mem>& sim) {
   int const n = options.worlds;
@@ -237,6 +236,7 @@ void make_found(Exec const& exec, Model<R, Mem> const& model, SimulationOptions 
   sim.rows = make_rows(exec, model, rows);
   sim.solution = make_solution(exec, model, {.worlds = n});
   if (model.profile != Profile::stable) sim.newton = make_newton(exec, sim.rows);
+  sim.side = make_side_queue(exec);
 }
 /// The rest, for such rows.
 template <class R, class Exec, class Mem>
@@ -247,7 +247,6 @@ void make_kept(Exec const& exec, Model<R, Mem> const& model, CompiledModel const
   sim.poses = make_poses(exec, model, {.worlds = n});
   sim.impulses = make_impulses(exec, rows);
   sim.progress = make_progress(exec);
-  sim.side = make_side_queue(exec);
   sim.cone = options.cone.value_or(stable ? FrictionCone::elliptic : compiled.option.cone);
   if (!stable) sim.noslip = noslip_options(compiled);
   if (options.sleep.value_or(compiled.option.sleep)) sim.sleep = make_sleep(exec, model, compiled, {.worlds = n});

@@ -67,6 +67,7 @@ struct ThreadWork {
       std::swap(sim.rows, room.rows);
       std::swap(sim.solution, room.solution);
       std::swap(sim.newton, room.newton);
+      std::swap(sim.side, room.side);
       return;
     }
     std::swap(sim.dynamics.thread_items, room.dynamics.thread_items);

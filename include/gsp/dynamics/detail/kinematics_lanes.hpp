@@ -132,6 +132,12 @@ KOKKOS_INLINE_FUNCTION void lanes_load_poses(L const& l, Poses const& poses) {
     }
 }
 
+template <class L, class State, class Poses>
+KOKKOS_FORCEINLINE_FUNCTION void lanes_poses(L const& l, State const& state, Poses const& poses, bool joints = true) {
+  lanes_kinematics(l, state);
+  lanes_store_poses(l, poses, joints);
+}
+
 template <class State, class Poses>
 struct KinematicsStage {
   static constexpr int shared_blocks = 4;
@@ -139,8 +145,7 @@ struct KinematicsStage {
   Poses poses;
   template <class L>
   KOKKOS_FUNCTION void operator()(L const& l) const {
-    lanes_kinematics(l, state);
-    lanes_store_poses(l, poses);
+    lanes_poses(l, state, poses);
   }
 };
 
