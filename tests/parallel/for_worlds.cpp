@@ -1,7 +1,9 @@
 #include <doctest/doctest.h>
 
+#include <gsp/parallel/detail/for_items.hpp>
 #include <gsp/parallel/for_worlds.hpp>
 #include <gsp_test_execs.hpp>
+#include <vector>
 
 #include "support/kokkos_tools.hpp"
 
@@ -57,6 +59,23 @@ struct Team {
       self.before(w, most) = total;
       self.long_before(w, most) = whole;
     });
+  }
+};
+/// to(w) = from(next(w)) + 1, by kernels of either kind; some take long, so that others are there before they have ended.
+template <class Mem>
+struct Shift {
+  Kokkos::View<int*, Mem> from, to;
+  KOKKOS_FUNCTION static int next(int w, int n) { return int((std::int64_t(w) * 7919 + 13) % n); }
+  KOKKOS_FUNCTION void operator()(std::int64_t item) const {
+    int const w = int(item), n = int(from.extent(0));
+    unsigned x = 1;
+    for (int i = 0, turns = w % 97 == 0 ? 3000 : 0; i < turns; ++i) x = x * 1664525u + 1013904223u;
+    to(w) = from(next(w, n)) + (x == 0 ? 2 : 1);
+  }
+  template <class World>
+  KOKKOS_FUNCTION void operator()(World const& world) const {
+    auto const self = *this;
+    world.single([&] { self(std::int64_t(world.rank)); });
   }
 };
 }  // namespace test_types
@@ -134,4 +153,30 @@ TEST_CASE_TEMPLATE("a block a world finds what a warp does", Exec, GSP_TEST_ALL_
     CHECK(before(w, most) == wide_before(w, most));
     if (n > 0) CHECK(before(w, most) >= 1.f);
   }
+}
+
+// On a GPU a kernel begins before the one before it has ended, and waits for it. Against plain loops.
+TEST_CASE_TEMPLATE("a kernel reads what the one before it has written", Exec, GSP_TEST_EXECS) {
+  using Mem = typename Exec::memory_space;
+  Exec const exec = gsp_test::other_instance(Exec{});
+  int const n = 30011, rounds = gsp::is_device<Exec> ? 200 : 4;
+  Kokkos::View<int*, Mem> a("a", n), b("b", n);
+  auto const host = Kokkos::create_mirror_view(Kokkos::HostSpace{}, a);
+  std::vector<int> now(n), then(n);
+  for (int w = 0; w < n; ++w) host(w) = now[w] = (w * 31) % 1009;
+  Kokkos::deep_copy(a, host);
+  Kokkos::fence("a is there");
+  for (int round = 0; round < rounds; ++round) {
+    gsp::for_worlds("gsp::test::shift", exec, n, test_types::Shift<Mem>{a, b});
+    gsp::detail::for_items("gsp::test::shift", exec, n, test_types::Shift<Mem>{b, a});
+    for (int half = 0; half < 2; ++half) {
+      for (int w = 0; w < n; ++w) then[w] = now[test_types::Shift<Mem>::next(w, n)] + 1;
+      now.swap(then);
+    }
+  }
+  exec.fence();
+  Kokkos::deep_copy(host, a);
+  int wrong = 0;
+  for (int w = 0; w < n; ++w) wrong += host(w) != now[w];
+  CHECK(wrong == 0);
 }

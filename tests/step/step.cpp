@@ -228,7 +228,6 @@ TEST_CASE_TEMPLATE("a step leaves poses of the state that it leaves", Exec, GSP_
   }
 }
 
-// `step` is launch_step and settle: the same bits, the steps that did not fit told by settle.
 // On a GPU contacts and rows are found beside forces where nothing forbids it: tendons, springs, mocap bodies, servos, of random scenes.
 TEST_CASE_TEMPLATE("the side queue of a GPU changes no bit", Exec, GSP_TEST_EXECS) {
   Exec const exec;
@@ -275,6 +274,54 @@ TEST_CASE_TEMPLATE("the side queue of a GPU changes no bit", Exec, GSP_TEST_EXEC
   CHECK(scenes >= (gsp::is_device<Exec> ? 40 : 4));
 }
 
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+// Steps that a stream has recorded are those that it takes (docs/gpu.md): of few islands, of many, of one tree, of more rows than fit in a
+// Delassus matrix.
+TEST_CASE("a CUDA graph of steps changes no bit") {
+  cudaStream_t stream;
+  REQUIRE(cudaStreamCreate(&stream) == cudaSuccess);
+  auto const check = [&](gsp::Description const& description, int worlds) {
+    CAPTURE(worlds);
+    Kokkos::Cuda const exec(stream);
+    auto const compiled = gsp::compile(description);
+    auto const run = [&](bool recorded) {
+      auto const model = gsp::make_model<float>(exec, compiled);
+      auto state = gsp::make_state(exec, model, {.worlds = worlds});
+      auto sim = gsp::make_simulation(exec, model, compiled, {.worlds = worlds});
+      gsp::step(exec, model, state, sim, {.steps = 200});  // pools have grown
+      int const each = 10, times = 5;
+      if (recorded) {
+        cudaGraph_t graph;
+        cudaGraphExec_t program;
+        REQUIRE(cudaStreamBeginCapture(stream, cudaStreamCaptureModeRelaxed) == cudaSuccess);
+        for (int i = 0; i < each; ++i) gsp::launch_step(exec, model, state, sim);
+        REQUIRE(cudaStreamEndCapture(stream, &graph) == cudaSuccess);
+        REQUIRE(cudaGraphInstantiate(&program, graph, 0) == cudaSuccess);
+        for (int i = 0; i < times; ++i) REQUIRE(cudaGraphLaunch(program, stream) == cudaSuccess);
+        exec.fence();
+        cudaGraphExecDestroy(program);
+        cudaGraphDestroy(graph);
+      } else {
+        for (int i = 0; i < each * times; ++i) gsp::launch_step(exec, model, state, sim);
+      }
+      CHECK(gsp::settle(exec, sim) == 0);
+      return std::pair{gsp_test::snapshot(state.qpos), gsp_test::snapshot(state.qvel)};
+    };
+    auto const a = run(true), b = run(false);
+    int wrong = 0;
+    for (int w = 0; w < worlds; ++w) wrong += !same_bits(a.first, b.first, w, w) || !same_bits(a.second, b.second, w, w);
+    CHECK(wrong == 0);
+  };
+  check(gsp::samples::quadruped_scene(), 1);
+  check(gsp::samples::quadruped_scene(), 64);
+  check(gsp::samples::quadruped_scene(), 400);
+  check(gsp::samples::quadruped(), 64);
+  check(gsp::samples::stack(20), 8);
+  cudaStreamDestroy(stream);
+}
+#endif
+
+// `step` is launch_step and settle: the same bits, the steps that did not fit told by settle.
 TEST_CASE_TEMPLATE("launch and settle", Exec, GSP_TEST_EXECS) {
   auto const compiled = gsp::compile(gsp::samples::quadruped_scene());
   World<float, Exec> a(compiled, 4), b(compiled, 4);

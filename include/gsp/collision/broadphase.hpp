@@ -7,6 +7,7 @@
 #include <gsp/geometry/shapes.hpp>
 #include <gsp/math/pack.hpp>
 #include <gsp/model/poses.hpp>
+#include <gsp/parallel/detail/for_items.hpp>
 #include <string>
 
 /// Where the colliders are, and which of the listed pairs are near. Pairs that are not listed are searched for (detail/pair_search.hpp).
@@ -50,6 +51,7 @@ bool has_warps(Exec const& exec, std::int64_t items);
 
 template <class R, class Mem>
 struct PlaceColliders {
+  using real_type = R;
   CollisionModel<R, Mem> model;
   Poses<R, Mem> poses;
   ColliderBounds<R, Mem> bounds;
@@ -241,9 +243,7 @@ void find_near_pairs(Exec const& exec, CollisionModel<R, Mem> const& model, Coll
     if (detail::has_warps(exec, items))
       return detail::launch_warps("gsp::collision::find_near_pairs", exec, items,
                                   detail::FindNearPairs<R, Mem, true>{model, bounds, mask, worlds, status});
-  Kokkos::parallel_for("gsp::collision::find_near_pairs",
-                       lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, items)),
-                       detail::FindNearPairs<R, Mem>{model, bounds, mask, worlds, status});
+  detail::for_items("gsp::collision::find_near_pairs", exec, items, detail::FindNearPairs<R, Mem>{model, bounds, mask, worlds, status});
 }
 
 }  // namespace gsp

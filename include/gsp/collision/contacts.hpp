@@ -4,6 +4,7 @@
 #include <gsp/collision/detail/level_contacts.hpp>
 #include <gsp/core/region.hpp>
 #include <gsp/core/status.hpp>
+#include <gsp/parallel/detail/for_items.hpp>
 #include <gsp/parallel/scan.hpp>
 
 /// Contacts of many worlds in one pool, in the order (world, pair, point). Five kernels (one more with pairs of the convex routine, and
@@ -148,32 +149,30 @@ void collide(Exec const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem
   else
     detail::search_pairs(exec, model, poses, s.bounds, contacts.search, contacts.status.data(), s.lost.data());
   find_near_pairs(exec, model, s.bounds, s.mask, contacts.status.data());
-  using Range = Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>;
   std::int64_t const masks = std::int64_t(s.mask.extent(0)), movers = std::int64_t(contacts.worlds) * model.movers, items = masks + movers;
   detail::scan_items("gsp::collision::write_candidates", exec, items,
                      detail::WriteCandidates<R, Mem>{model, s, contacts.search, contacts.worlds, masks, items});
   if (movers > 0)
-    Kokkos::parallel_for("gsp::collision::write_near_pairs", lightweight(Range(exec, 0, movers)),
-                         detail::WriteNearPairs<R, Mem>{{model, s.bounds, contacts.search}, s, masks});
+    detail::for_items("gsp::collision::write_near_pairs", exec, movers,
+                      detail::WriteNearPairs<R, Mem>{{model, s.bounds, contacts.search}, s, masks});
   detail::StillContacts<R, Mem> const before{still,         contacts.first, contacts.end,  contacts.pair, contacts.feature,
                                              contacts.dist, contacts.pos,   contacts.frame};
   // On a device the grid has the capacity's size and threads leave on the count; on a host the work before is done, so the count can be
   // read.
   std::int64_t candidates = std::int64_t(s.candidates.extent(0));
   if constexpr (!is_device<Exec>) candidates = std::min(candidates, std::int64_t(s.total(0)));
-  Kokkos::parallel_for("gsp::collision::narrowphase", lightweight(Range(exec, 0, candidates)),
-                       detail::CollideCandidates<R, Mem, false>{model, s, contacts.points_per_box_pair == 4, contacts.steady, before});
+  detail::for_items("gsp::collision::narrowphase", exec, candidates,
+                    detail::CollideCandidates<R, Mem, false>{model, s, contacts.points_per_box_pair == 4, contacts.steady, before});
   if (model.has_convex_pairs)
-    Kokkos::parallel_for("gsp::collision::convex_narrowphase", lightweight(Range(exec, 0, candidates)),
-                         detail::CollideCandidates<R, Mem, true>{model, s, contacts.points_per_box_pair == 4, contacts.steady, before});
+    detail::for_items("gsp::collision::convex_narrowphase", exec, candidates,
+                      detail::CollideCandidates<R, Mem, true>{model, s, contacts.points_per_box_pair == 4, contacts.steady, before});
   detail::WriteContacts<R, Mem> const write{model, contacts};
   detail::scan_items("gsp::collision::write_contacts", exec, items, write);
   if constexpr (!detail::WriteContacts<R, Mem>::copies)
-    Kokkos::parallel_for("gsp::collision::copy_contacts", lightweight(Range(exec, 0, candidates)), detail::CopyContacts<R, Mem>{write});
+    detail::for_items("gsp::collision::copy_contacts", exec, candidates, detail::CopyContacts<R, Mem>{write});
   if (contacts.steady)
-    Kokkos::parallel_for("gsp::collision::level_contacts",
-                         lightweight(Range(exec, 0, is_device<Exec> ? contacts.capacity() : contacts.size())),
-                         detail::LevelContacts<Contacts<R, Mem>>{contacts});
+    detail::for_items("gsp::collision::level_contacts", exec, is_device<Exec> ? contacts.capacity() : contacts.size(),
+                      detail::LevelContacts<Contacts<R, Mem>>{contacts});
 }
 
 }  // namespace gsp

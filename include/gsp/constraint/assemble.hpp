@@ -202,10 +202,11 @@ Quantities reads_of(ConstraintList<Head, Tail...> const& types) {
 /// `assemble`, in two queues.
 /// @param laying  where rows are counted and laid out, after what their types read there
 /// @param join    what has been launched in `laying` comes before what will be in `exec`
-template <class Exec, class Join, class R, class Mem, class... Types>
-void assemble_in(Exec const& exec, Exec const& laying, Join const& join, Model<R, Mem> const& model, State<R, Mem>& state,
-                 Dynamics<R, Mem> const& dynamics, ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses,
-                 Progress<Mem>& progress, SleepingIslands<Mem> const& sleeping);
+/// @param beside_making  launches in `laying` what reads where rows lie and which elements they have, while they are made
+template <class Exec, class Join, class BesideMaking, class R, class Mem, class... Types>
+void assemble_in(Exec const& exec, Exec const& laying, Join const& join, BesideMaking const& beside_making, Model<R, Mem> const& model,
+                 State<R, Mem>& state, Dynamics<R, Mem> const& dynamics, ConstraintList<Types...> const& types, Rows<R, Mem>& rows,
+                 Impulses<R, Mem>& impulses, Progress<Mem>& progress, SleepingIslands<Mem> const& sleeping);
 }  // namespace detail
 
 /// Fills `rows` with the active rows of all types of the list, in their order, whitened with the factored matrix, and `impulses` with a
@@ -227,14 +228,14 @@ void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state
               ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress,
               SleepingIslands<Mem> const& sleeping = {}) {
   detail::assemble_in(
-      exec, exec, [] {}, model, state, dynamics, types, rows, impulses, progress, sleeping);
+      exec, exec, [] {}, [] {}, model, state, dynamics, types, rows, impulses, progress, sleeping);
 }
 
 namespace detail {
-template <class Exec, class Join, class R, class Mem, class... Types>
-void assemble_in(Exec const& exec, Exec const& laying, Join const& join, Model<R, Mem> const& model, State<R, Mem>& state,
-                 Dynamics<R, Mem> const& dynamics, ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses,
-                 Progress<Mem>& progress, SleepingIslands<Mem> const& sleeping) {
+template <class Exec, class Join, class BesideMaking, class R, class Mem, class... Types>
+void assemble_in(Exec const& exec, Exec const& laying, Join const& join, BesideMaking const& beside_making, Model<R, Mem> const& model,
+                 State<R, Mem>& state, Dynamics<R, Mem> const& dynamics, ConstraintList<Types...> const& types, Rows<R, Mem>& rows,
+                 Impulses<R, Mem>& impulses, Progress<Mem>& progress, SleepingIslands<Mem> const& sleeping) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::assemble: the rows are not accessible from this execution space");
   expects_as_many("gsp::assemble", "worlds", "make them with the same {.worlds = n}", Count{"state", state.worlds},
                   Count{"dynamics", dynamics.worlds}, Count{"rows", rows.worlds}, Count{"impulses", impulses.worlds});
@@ -264,8 +265,9 @@ void assemble_in(Exec const& exec, Exec const& laying, Join const& join, Model<R
   join();
   if constexpr (is_device<Exec>) {
     launch_threads("gsp::constraint::start_rows", laying, StartRows<R, Mem, List>{emit});
+    beside_making();
     launch_threads("gsp::constraint::make_rows", exec, MakeRows<R, Mem, List>{emit});
-    join();
+    join();  // finish_rows writes whole Rows
     launch_threads("gsp::constraint::finish_rows", exec, FinishRows<R, Mem, List>{emit});
   }
   if (sleeping.any()) for_worlds("gsp::constraint::keep_rows", exec, rows.worlds, KeepRows<R, Mem, List>{emit});

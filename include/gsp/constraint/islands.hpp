@@ -16,8 +16,6 @@ struct Islands {
       keys;                                             // (capacity of rows), a world's from Rows::first on; keys: of rows, to sort by
   Kokkos::View<int const*, Mem> dof_tree, tree_dofnum;  // the model's
 
-  // `elements` is what the solver last listed; in between, on a GPU, `assemble` works there (Rows::laid_out).
-
   /// Islands of a world that have rows.
   KOKKOS_INLINE_FUNCTION int& count(int w) const { return lists(w, 0); }
   /// Island i has the elements first_element(w, i) ... of `elements`, which says where their rows begin, counted from Rows::first: elements

@@ -116,7 +116,8 @@ struct Rows {
   View<RowImpact<R>*> impact;                // (capacity) empty where no row has a restitution
   View<signed char*> element_rows;           // (capacity) rows of the element that begins here; 0 inside of one
   View<int*> world_of;                       // GPUs, (capacity) the world of a row
-  Kokkos::View<int, Mem> laid_out;           // GPUs: how many elements Islands::elements lists while rows are made
+  View<int*> laid_out;                       // GPUs, (capacity) where the elements that are laid out begin, in any order
+  Kokkos::View<int, Mem> laid_out_count;     // GPUs: how many these are
   View<R*> Y;  // (capacity of entries) an element's couplings Y_b . Y_a, a < b: b (b - 1) / 2 + a, then its rows' entries; last
                // of a world what eliminated rows do to all, (most_eliminated, count)
   View<std::int64_t*> demand;  // (2) rows and entries that the last step needed, or one since they grew that needed more than there is
@@ -162,7 +163,10 @@ void allocate_rows(Exec const& exec, Rows<R, Mem>& r, std::int64_t rows, std::in
   if (rows > std::numeric_limits<int>::max())
     throw Error("gsp::Rows: more than 2147483647 constraint rows are asked for: use fewer worlds a batch");
   enlarge(exec, r.element_rows, "gsp::Rows::element_rows", rows);
-  if (is_device<Exec>) enlarge(exec, r.world_of, "gsp::Rows::world_of", rows);
+  if (is_device<Exec>) {
+    enlarge(exec, r.world_of, "gsp::Rows::world_of", rows);
+    enlarge(exec, r.laid_out, "gsp::Rows::laid_out", rows);
+  }
   if (r.impact.data()) enlarge(exec, r.impact, "gsp::Rows::impact", rows);
   enlarge(exec, r.islands.elements, "gsp::Islands::elements", rows);
   enlarge(exec, r.islands.keys, "gsp::Islands::keys", rows);
@@ -203,7 +207,7 @@ Rows<R, Mem> make_rows(Exec const& exec, Model<R, Mem> const& model, RowsOptions
   make(r.first_entry, "gsp::Rows::first_entry", n);
   make(r.entries, "gsp::Rows::entries", n);
   make(r.demand, "gsp::Rows::demand", 2);
-  if (is_device<Exec>) r.laid_out = detail::allocate_zero<decltype(r.laid_out)>(exec, "gsp::Rows::laid_out");
+  if (is_device<Exec>) r.laid_out_count = detail::allocate_zero<decltype(r.laid_out_count)>(exec, "gsp::Rows::laid_out_count");
   if (options.impacts && model.profile == Profile::stable) make(r.impact, "gsp::Rows::impact", 1);
   bool const stiff = detail::any_archetype(model, [](Archetype const& a) { return a.stiff; });
   std::int64_t const rows =

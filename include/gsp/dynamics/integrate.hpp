@@ -2,6 +2,7 @@
 #include <gsp/core/region.hpp>
 #include <gsp/dynamics/detail/integrate_lanes.hpp>
 #include <gsp/dynamics/factor.hpp>
+#include <gsp/parallel/detail/for_items.hpp>
 
 /// Semi-implicit Euler: new velocities from the constraints' impulses, then positions with the new velocities.
 namespace gsp {
@@ -58,8 +59,7 @@ void integrate(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& stat
   }
   for_lanes("gsp::dynamics::new_velocity", exec, model, dynamics, detail::NewVelocityStage<State<R, Mem>>{state, z, qfrc_constraint, halt});
   for_lanes("gsp::dynamics::integrate", exec, model, dynamics, detail::IntegrateStage<State<R, Mem>>{state, halt});
-  Kokkos::parallel_for("gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
-                       detail::CountStep<Mem>{state.steps, state.status, halt});
+  detail::for_items("gsp::dynamics::count_step", exec, state.worlds, detail::CountStep<Mem>{state.steps, state.status, halt});
 }
 
 /// The first half of `integrate`: what the dynamics hold as velocity without constraints becomes the new velocity; the state stays. For

@@ -213,8 +213,7 @@ void runge_kutta(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& st
   for_lanes("gsp::dynamics::runge_kutta_end", exec, model, dynamics,
             detail::RungeKuttaEnd<R, Mem>{detail::RungeKuttaStage<R, Mem>{state, rk, 3, halt}});
   detail::loses(dynamics, detail::all_quantities);  // they would be those of the last evaluation
-  Kokkos::parallel_for("gsp::dynamics::count_step", Kokkos::RangePolicy<Exec>(exec, 0, state.worlds),
-                       detail::CountStep<Mem>{state.steps, state.status, halt});
+  detail::for_items("gsp::dynamics::count_step", exec, state.worlds, detail::CountStep<Mem>{state.steps, state.status, halt});
 }
 /// @param laws  of actuators, of your own (actuator_law.hpp)
 template <ExecutionSpace Exec, class R, class Mem, class... Laws>

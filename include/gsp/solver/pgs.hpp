@@ -6,6 +6,20 @@
 
 namespace gsp {
 
+namespace detail {
+template <class R, class Mem>
+void expects_solution(char const* where, Rows<R, Mem> const& rows, Solution<R, Mem> const& solution) {
+  expects_as_many(where, "worlds", "make them for one model and the same {.worlds = n}", Count{"rows", rows.worlds},
+                  Count{"solution", solution.worlds});
+  expects_as_many(where, "degrees of freedom", "make them for one model and the same {.worlds = n}", Count{"rows", rows.nv},
+                  Count{"solution", solution.nv});
+}
+/// @param islands_found  launch_find_islands has been called for these rows, and what it wrote is as it was
+template <class Exec, class R, class Mem>
+void pgs_in(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
+            PgsOptions const& options, bool islands_found);
+}  // namespace detail
+
 /// Projected Gauss-Seidel over whitened rows (paper, eq. 6-8), element by element.
 ///   w = Y z + C p + b,   z = sum Y^T p,   lo <= p <= hi,   w complementary to the bounds
 ///   b = J v^ - zeta, so that Y z + b + C p = J v+ + C p - zeta vanishes where p is inside of its bounds.
@@ -29,39 +43,43 @@ namespace gsp {
 template <ExecutionSpace Exec, class R, class Mem>
 void pgs(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
          PgsOptions options = {}) {
+  detail::pgs_in(exec, rows, impulses, solution, progress, options, false);
+}
+
+namespace detail {
+template <class Exec, class R, class Mem>
+void pgs_in(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impulses, Solution<R, Mem>& solution, Progress<Mem>& progress,
+            PgsOptions const& options, bool islands_found) {
   static_assert(can_access<Exec, Kokkos::View<R*, Mem>>, "gsp::pgs: the rows are not accessible from this execution space");
-  detail::expects_options("gsp::pgs", options);
-  detail::expects_as_many("gsp::pgs", "worlds", "make them for one model and the same {.worlds = n}", detail::Count{"rows", rows.worlds},
-                          detail::Count{"impulses", impulses.worlds}, detail::Count{"solution", solution.worlds});
-  detail::expects_as_many("gsp::pgs", "degrees of freedom", "make them for one model and the same {.worlds = n}",
-                          detail::Count{"rows", rows.nv}, detail::Count{"solution", solution.nv});
-  detail::expects_assembled("gsp::pgs", rows);
+  expects_options("gsp::pgs", options);
+  expects_as_many("gsp::pgs", "worlds", "make them for one model and the same {.worlds = n}", Count{"rows", rows.worlds},
+                  Count{"impulses", impulses.worlds});
+  expects_solution("gsp::pgs", rows, solution);
+  expects_assembled("gsp::pgs", rows);
   expects(!rows.stamp.data() || !rows.stamp().impacts_left, "gsp::pgs: some rows may have a restitution: call impacts first");
   Region const region("gsp::solver::pgs");
-  bool const several = rows.islands.ntree > 1;
-  if (several)
-    for_worlds("gsp::solver::find_islands", exec, rows.worlds, detail::FindIslands<R, Mem>{rows, solution, progress.halt, is_device<Exec>});
+  if (rows.islands.ntree > 1 && !islands_found) launch_find_islands(exec, rows, solution, progress);
   // more threads or warps than worlds share the islands of each
-  int const busy = is_device<Exec> ? 2048 : detail::host_threads(exec),
-            parts = std::clamp(busy / rows.worlds, 1, std::max(1, rows.islands.ntree));
-  detail::PgsIslands<R, Mem> solver{rows, impulses, solution, progress, options, parts};
+  int const busy = is_device<Exec> ? 2048 : host_threads(exec), parts = std::clamp(busy / rows.worlds, 1, std::max(1, rows.islands.ntree));
+  PgsIslands<R, Mem> solver{rows, impulses, solution, progress, options, parts};
   if constexpr (is_device<Exec>) {
-    detail::launch_pgs_delassus(exec, detail::PgsDelassus<R, Mem>{rows, impulses, solution, options, progress.halt});
+    launch_pgs_delassus(exec, PgsDelassus<R, Mem>{rows, impulses, solution, options, progress.halt});
     for_worlds("gsp::solver::pgs", exec, rows.worlds * parts, solver);
   } else {
     if (!progress.halt()) {
-      auto const found = detail::list_islands(exec, rows, solution);
+      auto const found = list_islands(exec, rows, solution);
       solver.any = found.large > 0;
-      detail::launch_lockstep(exec, rows, impulses, solution, options, found.small);
+      launch_lockstep(exec, rows, impulses, solution, options, found.small);
     }
-    detail::grow_island_room(solver, solution);
+    grow_island_room(solver, solution);
     solver.solution = solution;
     Kokkos::parallel_for("gsp::solver::pgs", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds * parts),
-                         detail::RoomyLoop<Exec, R, Mem>{solver, {"gsp::pgs", exec, solution.thread_rooms}});
+                         RoomyLoop<Exec, R, Mem>{solver, {"gsp::pgs", exec, solution.thread_rooms}});
   }
-  if (options.residual) for_worlds("gsp::solver::pgs_residual", exec, rows.worlds, detail::PgsResidual<R, Mem>{solver});
+  if (options.residual) for_worlds("gsp::solver::pgs_residual", exec, rows.worlds, PgsResidual<R, Mem>{solver});
   restore_rows(exec, rows, progress, impulses, solution.z);
   set_solved(rows, impulses, solution);
 }
+}  // namespace detail
 
 }  // namespace gsp

@@ -188,7 +188,17 @@ void find_impulses(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& 
         fork.begin();
       }
       auto const join = [&] { fork.join(); };
-      assemble_in(exec, fork.exec(), join, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress, sim.sleep.islands);
+      // So are the islands that they make of trees, where no row is eliminated and pgs is the first to list them; types of a user's may
+      // read what the last step's has left.
+      bool const find = sizeof...(Types) == 0 && model.profile == Profile::stable && sim.rows.islands.ntree > 1 &&
+                        sim.rows.most_eliminated == 0 && !sim.rows.impact.data();
+      if (find) expects_solution("gsp::step", sim.rows, sim.solution);
+      auto const find_islands = [&] {
+        if (find) launch_find_islands(fork.exec(), sim.rows, sim.solution, sim.progress);
+      };
+      assemble_in(exec, fork.exec(), join, find_islands, model, state, sim.dynamics, list, sim.rows, sim.impulses, sim.progress,
+                  sim.sleep.islands);
+      if (find) return pgs_in(exec, sim.rows, sim.impulses, sim.solution, sim.progress, options.solver, true);
       return solve(exec, model, sim, options, warm, ends_step);
     }
   find_forces(false);
@@ -281,8 +291,8 @@ Simulation<R, Mem> make_simulation(Exec const& exec, Model<R, Mem> const& model,
 
 /// Launches one step of all worlds and does not wait: smooth dynamics, contacts, rows, solver, integration. Where a pool is too small it
 /// and all steps launched after it do nothing; `settle` says how many, and lets the pools grow. Poses are left of the state before the
-/// step; `forward_kinematics` gives those of its end. On a GPU collision, and what says which rows there are, go beside forces in
-/// `sim.side`.
+/// step; `forward_kinematics` gives those of its end. On a GPU collision, and what says which rows and islands there are, go beside forces
+/// in `sim.side`.
 /// @param more  of your own: constraint types (constraint_type.hpp), which act also where the model's constraints are disabled, and
 ///              actuator laws (dynamics/actuator_law.hpp)
 /// In profile stable what bounces is solved for first (solver/impacts.hpp). In profile mujoco rows are solved by Newton's method

@@ -15,6 +15,7 @@ bool has_warps(Exec const& exec, std::int64_t items) {
 }
 template <class F>
 __global__ void __launch_bounds__(32 * warps_of_items) warps_kernel(F const __grid_constant__ f, std::int64_t items) {
+  follow();
   std::int64_t const item = std::int64_t(blockIdx.x) * warps_of_items + threadIdx.x / 32;
   if (item < items) f(item);
 }
@@ -22,7 +23,7 @@ template <class Exec, class F>
 void launch_warps(std::string const& label, Exec const& exec, std::int64_t items, F const& f) {
   if (items == 0) return;
   launch_on_cuda(label, exec, [&](cudaStream_t stream) {
-    warps_kernel<<<unsigned((items + warps_of_items - 1) / warps_of_items), 32 * warps_of_items, 0, stream>>>(f, items);
+    launch_kernel(stream, warps_kernel<F>, unsigned((items + warps_of_items - 1) / warps_of_items), 32 * warps_of_items, 0, f, items);
   });
 }
 

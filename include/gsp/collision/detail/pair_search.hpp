@@ -3,6 +3,7 @@
 #include <gsp/collision/broadphase.hpp>
 #include <gsp/collision/detail/box_tree.hpp>
 #include <gsp/collision/detail/pair_search_maker.hpp>
+#include <gsp/parallel/detail/for_items.hpp>
 #include <gsp/parallel/for_worlds.hpp>
 #include <gsp/parallel/sort_by_key.hpp>
 
@@ -248,11 +249,8 @@ PairSearch<R, Mem> make_pair_search(auto const& exec, CollisionModel<R, Mem> con
 template <class R, class Mem>
 void search_pairs(auto const& exec, CollisionModel<R, Mem> const& model, Poses<R, Mem> const& poses, ColliderBounds<R, Mem>& bounds,
                   PairSearch<R, Mem>& s, std::uint32_t* status, std::uint8_t* lost) {
-  using Exec = std::decay_t<decltype(exec)>;
   std::int64_t const worlds = std::int64_t(bounds.pose.extent(0)), items = worlds * model.movers;
-  auto const run = [&](char const* label, std::int64_t n, auto const& functor) {
-    if (n > 0) Kokkos::parallel_for(label, lightweight(Kokkos::RangePolicy<Exec, Kokkos::IndexType<std::int64_t>>(exec, 0, n)), functor);
-  };
+  auto const run = [&](char const* label, std::int64_t n, auto const& functor) { for_items(label, exec, n, functor); };
   auto const build = [&](BoxTreeShape const& shape, R* trees, int const* order, int order_stride, std::uint8_t const* where) {
     run("gsp::collision::fill_leaves", worlds * shape.blocks_of(0),
         FillLeaves<R, Mem>{model, bounds, shape, trees, order, order_stride, where});

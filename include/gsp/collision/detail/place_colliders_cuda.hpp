@@ -21,11 +21,12 @@ __device__ __forceinline__ void join_threads(GroupBox<T>& box) {
   }
 }
 
-template <class R, class Mem>
-__global__ void __launch_bounds__(128) place_colliders_kernel(PlaceColliders<R, Mem> const __grid_constant__ f, std::int64_t items) {
+template <class F>
+__global__ void __launch_bounds__(128) place_colliders_kernel(F const __grid_constant__ f, std::int64_t items) {
+  follow();
   std::int64_t const item = (std::int64_t(blockIdx.x) * blockDim.x + threadIdx.x) / threads_of_group;
   int const own = int(threadIdx.x) % threads_of_group, groups = f.model.groups, w = int(item / groups), g = int(item % groups);
-  GroupBox<R> box;
+  GroupBox<typename F::real_type> box;
   if (item < items) {
     if (own == 0) f.begin(item);
     for (int c = f.model.group_first(g) + own; c < f.model.group_first(g + 1); c += threads_of_group) f.place_one(w, c, box);
@@ -39,7 +40,7 @@ void launch_groups(std::string const& label, Exec const& exec, std::int64_t item
   if (items == 0) return;
   constexpr int threads = 128, of_block = threads / threads_of_group;
   launch_on_cuda(label, exec, [&](cudaStream_t stream) {
-    place_colliders_kernel<<<unsigned((items + of_block - 1) / of_block), threads, 0, stream>>>(f, items);
+    launch_kernel(stream, place_colliders_kernel<F>, unsigned((items + of_block - 1) / of_block), threads, 0, f, items);
   });
 }
 

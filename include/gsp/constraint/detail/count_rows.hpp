@@ -67,7 +67,7 @@ struct PlaceRows {
     rows.first_entry(w) = sum.entries;
     if (sum.rows + count > capacity || sum.entries + entries > room) state.status(w) |= status::row_overflow;
     if (w < rows.worlds - 1) return;
-    if (rows.laid_out.data()) rows.laid_out() = 0;
+    if (rows.laid_out_count.data()) rows.laid_out_count() = 0;
     // What did not fit is remembered until the pools have grown: a step of several evaluations may need less in the next one.
     std::int64_t const most_rows = sum.rows + count, most_entries = sum.entries + entries;
     if (!(rows.demand(0) > capacity) || most_rows > rows.demand(0)) rows.demand(0) = most_rows;

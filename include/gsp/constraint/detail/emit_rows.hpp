@@ -66,14 +66,14 @@ struct EmitRows {
   /// On a device: the impulses that the element which was listed as number `number` starts from, and what it carried, in its first row,
   /// until it is finished.
   KOKKOS_FORCEINLINE_FUNCTION void start(int number) const {
-    int const first = rows.islands.elements(number), n = rows.element_rows(first), now = impulses.parity();
+    int const first = rows.laid_out(number), n = rows.element_rows(first), now = impulses.parity();
     R impulse[most_element_rows];
     rows.row(first).compliance = find_start(rows.world_of(first), n, first, impulse);
     for (int r = 0; r < n; ++r) impulses.p[now](first + r) = impulse[r];
   }
   /// On a device: what hangs on the entries of that element.
   KOKKOS_FORCEINLINE_FUNCTION void finish(int number) const {
-    int const first = rows.islands.elements(number), n = rows.element_rows(first), now = impulses.parity();
+    int const first = rows.laid_out(number), n = rows.element_rows(first), now = impulses.parity();
     R impulse[most_element_rows];
     for (int r = 0; r < n; ++r) impulse[r] = impulses.p[now](first + r);
     finish(laws(Kokkos::Experimental::infinity_v<R>), rows.world_of(first), n, first, impulse, rows.row(first).compliance);
@@ -83,7 +83,7 @@ struct EmitRows {
     int const last = rows.worlds - 1;
     return halt() ? 0 : rows.first(last) + rows.count(last) + rows.kept(last);
   }
-  KOKKOS_INLINE_FUNCTION int element_count() const { return halt() ? 0 : rows.laid_out(); }
+  KOKKOS_INLINE_FUNCTION int element_count() const { return halt() ? 0 : rows.laid_out_count(); }
 
  private:
   KOKKOS_INLINE_FUNCTION RowLaws<R, Mem> laws(R most_inverse_inertia) const { return {model, state, dynamics, rows, most_inverse_inertia}; }
@@ -159,7 +159,7 @@ struct EmitRows {
         rows.element_rows(at + r) = static_cast<signed char>(r == 0 ? own.n : 0);
         entry += entries_in(row);
       }
-      rows.islands.elements(Kokkos::atomic_fetch_add(&rows.laid_out(), 1)) = at;  // in any order
+      rows.laid_out(Kokkos::atomic_fetch_add(&rows.laid_out_count(), 1)) = at;  // in any order
     });
   }
   /// J of row r of an element, number `at` of the pool, to y, and its gap to its bias.

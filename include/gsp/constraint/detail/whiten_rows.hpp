@@ -5,7 +5,7 @@
 /// Y = J L^-1 D^-1/2 where M = L^T D L (dynamics/factor.hpp), of one row. Hosts make a row a lane (row_lanes.hpp).
 namespace gsp::detail {
 
-/// x, which nothing writes while the kernel runs: a load that need not wait for the stores before it.
+/// x, which nothing writes while a kernel is at work (from `follow` on): a load that need not wait for the stores before it.
 template <class T>
 KOKKOS_FORCEINLINE_FUNCTION T read_only(T const& x) {
 #ifdef __CUDA_ARCH__

@@ -308,7 +308,7 @@ struct CountStep {
   Kokkos::View<std::int64_t*, Kokkos::LayoutRight, Mem> steps;
   Kokkos::View<std::uint32_t*, Kokkos::LayoutRight, Mem> status_bits;
   Kokkos::View<int const, Mem> halt;
-  KOKKOS_FUNCTION void operator()(int w) const {
+  KOKKOS_FUNCTION void operator()(std::int64_t w) const {
     if (!(halt.data() && halt()) && !(status_bits(w) & status::stopped)) ++steps(w);
   }
 };

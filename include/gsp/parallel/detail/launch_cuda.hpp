@@ -1,9 +1,13 @@
 #pragma once
 #include <Kokkos_Core.hpp>
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <gsp/core/check.hpp>
 #include <map>
 #include <string>
+#include <type_traits>
+#include <unordered_map>
 #include <vector>
 
 /// Launch of a kernel on a CUDA GPU by hand: what Kokkos cannot say is that the kernel's arguments, some kB with the model in them, stay
@@ -27,6 +31,75 @@ void launch_on_cuda(std::string const& label, Exec const& exec, Launch const& la
   launch(exec.cuda_stream());
   cuda_expects(cudaGetLastError(), label);
   if (tools) Kokkos::Tools::endParallelFor(id);
+}
+
+/// Kernels of a stream on each other's heels (programmatic dependent launch): a kernel is brought to the device when all blocks of the one
+/// before it have begun, takes what room they leave, and waits there until that one has ended, which saves a launch's way of 2 us. What is
+/// launched by `launch_kernel` calls `follow` before all else, in all of its threads: a kernel's end then says that all before it have
+/// ended.
+/// @param beside  the kernel before, which is not `beside` or follows on one that is, writes nothing that this one reads: it begins while
+///                that one runs. What was before the first of them has ended, as that one has waited for it, and is seen behind a fence.
+///                Such a kernel ends with `end_beside`.
+__device__ __forceinline__ void follow(bool beside = false) {
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+  if (beside)
+    __threadfence();
+  else
+    cudaGridDependencySynchronize();
+  cudaTriggerProgrammaticLaunchCompletion();
+#endif
+}
+__device__ __forceinline__ void end_beside(bool beside) {
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+  if (beside && blockIdx.x == 0) cudaGridDependencySynchronize();  // the other blocks leave their room
+#endif
+}
+/// What there is to know of a kernel's code.
+struct KernelCode {
+  bool follows = false;              // it waits in `follow`: what was compiled for older GPUs does not, and newer ones run it too
+  int shared_bytes = 0, blocks = 0;  // of a block; of a multiprocessor, where they were asked for
+  int shared_percent = -1;           // what it was said to prefer
+};
+inline KernelCode& code_of(void const* kernel) {
+  thread_local std::unordered_map<void const*, KernelCode> known;
+  auto const found = known.find(kernel);
+  if (found != known.end()) return found->second;
+  cudaFuncAttributes attributes{};
+  bool const there = cudaFuncGetAttributes(&attributes, kernel) == cudaSuccess;
+  return known[kernel] = {.follows = there && attributes.ptxVersion >= 90, .shared_bytes = int(attributes.sharedSizeBytes)};
+}
+/// Leaves as much of a multiprocessor's memory to its cache as so many blocks of a kernel can: by itself CUDA sets apart what as many as
+/// fit would take.
+template <class Exec>
+void leave_cache(Exec const& exec, void const* kernel, int threads, int blocks) {
+  auto const& device = exec.cuda_device_prop();
+  KernelCode& code = code_of(kernel);
+  if (code.blocks == 0) cuda_expects(cudaOccupancyMaxActiveBlocksPerMultiprocessor(&code.blocks, kernel, threads, 0), "gsp: a kernel");
+  std::int64_t const each = std::min((blocks + device.multiProcessorCount - 1) / device.multiProcessorCount, code.blocks),
+                     bytes = each * (code.shared_bytes + std::int64_t(device.reservedSharedMemPerBlock)),
+                     most = std::int64_t(device.sharedMemPerMultiprocessor);
+  int const percent = int(std::min<std::int64_t>((100 * bytes + most - 1) / most, 100));
+  if (percent == code.shared_percent) return;
+  cuda_expects(cudaFuncSetAttribute(kernel, cudaFuncAttributePreferredSharedMemoryCarveout, percent), "gsp: a kernel");
+  code.shared_percent = percent;
+}
+/// kernel<<<blocks, threads, shared, stream>>>(args...), without a copy of the arguments on the host. What goes wrong launch_on_cuda says.
+template <class... P>
+void launch_kernel(cudaStream_t stream, void (*kernel)(P...), dim3 blocks, dim3 threads, std::size_t shared,
+                   std::type_identity_t<P> const&... args) {
+  auto const* const code = reinterpret_cast<void const*>(kernel);
+  cudaLaunchAttribute attribute{};
+  attribute.id = cudaLaunchAttributeProgrammaticStreamSerialization;
+  attribute.val.programmaticStreamSerializationAllowed = 1;
+  cudaLaunchConfig_t config{};
+  config.gridDim = blocks;
+  config.blockDim = threads;
+  config.dynamicSmemBytes = shared;
+  config.stream = stream;
+  config.attrs = &attribute;
+  config.numAttrs = code_of(code).follows ? 1 : 0;
+  void* all[] = {const_cast<void*>(static_cast<void const*>(&args))...};
+  static_cast<void>(cudaLaunchKernelExC(&config, code, all));
 }
 
 /// Streams beside those of the instances: of a thread, since events that two threads record are no one's, and of a device.

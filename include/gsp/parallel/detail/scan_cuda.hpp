@@ -58,6 +58,7 @@ struct Together {
 };
 template <class Functor>
 __global__ void __launch_bounds__(threads_of_scan) scan_by_block_kernel(Functor const __grid_constant__ functor, int n) {
+  follow();
   using Sum = typename Functor::value_type;
   using Scan = cub::BlockScan<Sum, threads_of_scan>;
   __shared__ typename Scan::TempStorage memory;
@@ -70,7 +71,8 @@ __global__ void __launch_bounds__(threads_of_scan) scan_by_block_kernel(Functor 
 template <class Exec, class Functor>
 void scan_by_block(char const* label, Exec const& exec, int n, Functor const& functor) {
   if (n == 0) return;
-  launch_on_cuda(label, exec, [&](cudaStream_t stream) { scan_by_block_kernel<<<1, threads_of_scan, 0, stream>>>(functor, n); });
+  launch_on_cuda(label, exec,
+                 [&](cudaStream_t stream) { launch_kernel(stream, scan_by_block_kernel<Functor>, 1, threads_of_scan, 0, functor, n); });
 }
 
 }  // namespace gsp::detail

@@ -37,6 +37,7 @@ struct OwnThread {
 inline constexpr int threads_of_block = 256, blocks_at_a_time = 3;
 template <class F, int bytes = near_bytes_of<F>>
 __global__ void __launch_bounds__(threads_of_block, blocks_at_a_time) threads_kernel(F const __grid_constant__ f) {
+  follow();
   __shared__ alignas(8) char memory[bytes > 0 ? threads_of_block * bytes : 1];
   OwnThread<bytes> const thread{memory + int(threadIdx.x) / 32 * 32 * bytes};
   int const n = f.count(), all = int(gridDim.x * blockDim.x), own = int(threadIdx.x);
@@ -49,7 +50,7 @@ __global__ void __launch_bounds__(threads_of_block, blocks_at_a_time) threads_ke
 template <class Exec, class F>
 void launch_threads(std::string const& label, Exec const& exec, F const& f) {
   int const blocks = blocks_at_a_time * exec.cuda_device_prop().multiProcessorCount;
-  launch_on_cuda(label, exec, [&](cudaStream_t stream) { threads_kernel<<<blocks, threads_of_block, 0, stream>>>(f); });
+  launch_on_cuda(label, exec, [&](cudaStream_t stream) { launch_kernel(stream, threads_kernel<F>, blocks, threads_of_block, 0, f); });
 }
 
 }  // namespace gsp::detail

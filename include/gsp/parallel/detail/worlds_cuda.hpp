@@ -163,11 +163,13 @@ struct BlockWorld {
 
 template <class F>
 __global__ void __launch_bounds__(32 * warps_of_block) worlds_kernel(F const __grid_constant__ f, int worlds) {
+  follow();
   int const world = int(blockIdx.x * blockDim.y + threadIdx.y);
   if (world < worlds) f(WarpWorld{world});
 }
 template <class F>
 __global__ void __launch_bounds__(BlockWorld::threads) wide_worlds_kernel(F const __grid_constant__ f) {
+  follow();
   f(BlockWorld{int(blockIdx.x)});
 }
 
@@ -176,8 +178,9 @@ void launch_worlds(std::string const& label, Exec const& exec, int worlds, F con
   if (worlds == 0) return;
   launch_on_cuda(label, exec, [&](cudaStream_t stream) {
     if constexpr (requires { requires F::wide; })
-      if (worlds <= exec.cuda_device_prop().multiProcessorCount) return wide_worlds_kernel<<<worlds, BlockWorld::threads, 0, stream>>>(f);
-    worlds_kernel<<<(worlds + warps_of_block - 1) / warps_of_block, dim3(32, warps_of_block), 0, stream>>>(f, worlds);
+      if (worlds <= exec.cuda_device_prop().multiProcessorCount)
+        return launch_kernel(stream, wide_worlds_kernel<F>, worlds, BlockWorld::threads, 0, f);
+    launch_kernel(stream, worlds_kernel<F>, (worlds + warps_of_block - 1) / warps_of_block, dim3(32, warps_of_block), 0, f, worlds);
   });
 }
 

@@ -1,5 +1,7 @@
 #pragma once
 #include <gsp/constraint/islands.hpp>
+#include <gsp/constraint/progress.hpp>
+#include <gsp/parallel/for_worlds.hpp>
 #include <gsp/parallel/scan.hpp>
 #include <gsp/solver/solution.hpp>
 
@@ -32,6 +34,11 @@ struct FindIslands {
     });
   }
 };
+/// Of all worlds.
+template <class Exec, class R, class Mem>
+void launch_find_islands(Exec const& exec, Rows<R, Mem> const& rows, Solution<R, Mem> const& solution, Progress<Mem> const& progress) {
+  for_worlds("gsp::solver::find_islands", exec, rows.worlds, FindIslands<R, Mem>{rows, solution, progress.halt, is_device<Exec>});
+}
 /// What an island has taken: of worlds with several the most.
 template <class R, class Mem>
 KOKKOS_INLINE_FUNCTION void tell_sweeps(Rows<R, Mem> const& rows, Solution<R, Mem> const& solution, int w, int sweeps) {

@@ -16,6 +16,7 @@ __device__ int delassus_begin(Solution<R, Mem> const& solution, int list) {
 
 template <class R, class Mem>
 __global__ void list_delassus_kernel(PgsDelassus<R, Mem> const __grid_constant__ solver, bool place) {
+  follow();
   if (solver.halt()) return;
   auto const& rows = solver.rows;
   auto const& solution = solver.solution;
@@ -28,9 +29,8 @@ __global__ void list_delassus_kernel(PgsDelassus<R, Mem> const __grid_constant__
   int const at = atomicAdd(&counts(list, place ? (few ? few_listed : many_listed) : (few ? few_sweeps : many_sweeps)), 1);
   if (place) solution.listed(0, delassus_begin(solution, list) + (few ? counts(list, many_sweeps) : 0) + at) = number;
 }
-/// @param list  of islands; -1: an island a block, its number is the block's, where it has as many rows a thread
 template <class R, class Mem, int S, bool triangle>
-__global__ void __launch_bounds__(32) pgs_delassus_kernel(PgsDelassus<R, Mem> const __grid_constant__ solver, int list) {
+__device__ __forceinline__ void take_delassus(PgsDelassus<R, Mem> const& solver, int list) {
   extern __shared__ __align__(32) char shared_memory[];
   if (solver.halt()) return;
   auto const& rows = solver.rows;
@@ -58,6 +58,14 @@ __global__ void __launch_bounds__(32) pgs_delassus_kernel(PgsDelassus<R, Mem> co
     solve(island_of(rows, number / of_world, number % of_world));
   }
 }
+/// @param list    of islands; -1: an island a block, its number is the block's, where it has as many rows a thread
+/// @param beside  begins while the kernel before runs, of which it reads nothing (`follow`)
+template <class R, class Mem, int S, bool triangle>
+__global__ void __launch_bounds__(32) pgs_delassus_kernel(PgsDelassus<R, Mem> const __grid_constant__ solver, int list, bool beside) {
+  follow(beside);
+  take_delassus<R, Mem, S, triangle>(solver, list);
+  end_beside(beside);
+}
 
 template <class Exec, class R, class Mem>
 void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
@@ -77,13 +85,13 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
   };
   // Islands that are not small, in three sizes: a block of each has what it needs, so that as many fit as can.
   constexpr int sparse_sizes = 3;
-  auto const launch_sparse = [&](cudaStream_t stream, int size, bool listed) {
+  auto const launch_sparse = [&](cudaStream_t stream, int size, bool listed, bool beside) {
     std::int64_t const sizes[] = {0, sparse_few_bytes, sparse_some_bytes, fit}, least = sizes[size], most = sizes[size + 1];
     if (least == most) return;
     int const grid = int(std::min<std::int64_t>(islands, (listed ? 1 : 8) * at_a_time(most))), list = listed ? large_island + size : -1;
     auto const one = [&](auto* kernel, int warps) {
       allow(kernel, most, fit);
-      kernel<<<grid, 32 * warps, std::size_t(most), stream>>>(solver, list, least, most, fit);
+      launch_kernel(stream, kernel, grid, 32 * warps, std::size_t(most), solver, list, least, most, fit, beside);
     };
     if (most <= sparse_some_bytes)
       one(pgs_sparse_kernel<R, Mem, sparse_few_warps>, sparse_few_warps);
@@ -91,9 +99,10 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
       one(pgs_sparse_kernel<R, Mem, sparse_many_warps>, sparse_many_warps);
   };
   if (!any_small(solver.rows.islands.ntree, nv))
-    return launch_side_by_side("gsp::solver::pgs_sparse", exec, sparse_sizes,
-                               [&](int i, cudaStream_t stream) { launch_sparse(stream, sparse_sizes - 1 - i, false); });
-  auto const launch = [&](cudaStream_t stream, int size, int list) {
+    return launch_side_by_side("gsp::solver::pgs_sparse", exec, sparse_sizes, [&](int i, cudaStream_t stream) {
+      launch_sparse(stream, sparse_sizes - 1 - i, false, false);
+    });
+  auto const launch = [&](cudaStream_t stream, int size, int list, bool beside) {
     std::int64_t const full = delassus_bytes_of_list<R>(size, nv);
     if (full > delassus_most_bytes) return;
     int const rows = rows_of_list(size);
@@ -102,7 +111,7 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
     int const grid = int(list < 0 ? islands : std::min<std::int64_t>(islands, at_a_time(std::int64_t(bytes))));
     auto const one = [&](auto* kernel) {
       allow(kernel, std::int64_t(bytes), delassus_most_bytes);
-      kernel<<<grid, 32, bytes, stream>>>(solver, list);
+      launch_kernel(stream, kernel, grid, 32, bytes, solver, list, beside);
     };
     if (rows <= 32)
       one(pgs_delassus_kernel<R, Mem, 1, false>);
@@ -113,26 +122,22 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
     else
       one(triangle ? pgs_delassus_kernel<R, Mem, 4, true> : pgs_delassus_kernel<R, Mem, 4, false>);
   };
-  if (islands <= at_a_time(delassus_most_bytes)) {  // each has a warp of its own, and waits for no other
-    constexpr int largest[] = {list_of_rows(32), list_of_rows(64), list_of_rows(96), list_of_rows(lockstep_most_rows)};
-    return launch_side_by_side("gsp::solver::pgs_delassus", exec, sparse_sizes + 4, [&](int i, cudaStream_t stream) {
-      if (i < sparse_sizes)
-        launch_sparse(stream, sparse_sizes - 1 - i, false);
-      else
-        launch(stream, largest[i - sparse_sizes], -1);
+  constexpr int largest[] = {list_of_rows(32), list_of_rows(64), list_of_rows(96), list_of_rows(lockstep_most_rows)};
+  if (islands <= at_a_time(delassus_bytes_of_list<R>(largest[1], nv)))  // few: each has a warp of its own, of up to 64 rows at once
+    return launch_on_cuda("gsp::solver::pgs_delassus", exec, [&](cudaStream_t stream) {
+      for (int const list : largest) launch(stream, list, -1, list != largest[0]);
+      for (int size = sparse_sizes; size-- > 0;) launch_sparse(stream, size, false, true);
     });
-  }
   launch_on_cuda("gsp::solver::list_delassus", exec, [&](cudaStream_t stream) {
     auto const& counts = solver.solution.list_counts;
     cuda_expects(cudaMemsetAsync(counts.data(), 0, counts.span() * sizeof(int), stream), "gsp::solver::list_delassus");
     unsigned const blocks = unsigned((islands + 255) / 256);
-    list_delassus_kernel<<<blocks, 256, 0, stream>>>(solver, false);
-    list_delassus_kernel<<<blocks, 256, 0, stream>>>(solver, true);
+    for (bool const place : {false, true}) launch_kernel(stream, list_delassus_kernel<R, Mem>, blocks, 256, 0, solver, place);
   });
   launch_side_by_side("gsp::solver::pgs_delassus", exec, sparse_sizes + island_lists, [&](int i, cudaStream_t stream) {
-    if (i < sparse_sizes) return launch_sparse(stream, sparse_sizes - 1 - i, true);
+    if (i < sparse_sizes) return launch_sparse(stream, sparse_sizes - 1 - i, true, false);
     int const list = island_lists + sparse_sizes - 1 - i;  // what is long begins first
-    launch(stream, list, list);
+    launch(stream, list, list, false);
   });
 }
 

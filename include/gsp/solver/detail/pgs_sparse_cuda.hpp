@@ -790,13 +790,9 @@ class SharedIsland {
   unsigned short* dof_;    // numbers of dofs in the island
 };
 
-/// Islands that pgs_delassus_kernel does not take and that need more than `least` and at most `most` bytes. Solution::left says of all
-/// whether they need more than `fit`, and are too large for any.
-/// @param list  row of Solution::list_counts whose `taken` counts; -1: blocks take islands by their numbers
 template <class R, class Mem, int W>
-__global__ void __launch_bounds__(32 * W, W == sparse_few_warps ? 3 : 1)
-    pgs_sparse_kernel(PgsDelassus<R, Mem> const __grid_constant__ solver, int list, std::int64_t least, std::int64_t most,
-                      std::int64_t fit) {
+__device__ __forceinline__ void take_sparse(PgsDelassus<R, Mem> const& solver, int list, std::int64_t least, std::int64_t most,
+                                            std::int64_t fit) {
   extern __shared__ __align__(32) char shared_memory[];
   int& next = *reinterpret_cast<int*>(shared_memory);  // no memory beside it: a block may have all that there is
   if (solver.halt()) return;
@@ -823,6 +819,18 @@ __global__ void __launch_bounds__(32 * W, W == sparse_few_warps ? 3 : 1)
     island.take();
     island.write(sweep_until_rest<R>(island, solver.options, R(solver.options.tolerance) * rows.rate_scale(own.world), own.rows > 0));
   }
+}
+/// Islands that pgs_delassus_kernel does not take and that need more than `least` and at most `most` bytes. Solution::left says of all
+/// whether they need more than `fit`, and are too large for any.
+/// @param list    row of Solution::list_counts whose `taken` counts; -1: blocks take islands by their numbers
+/// @param beside  begins while the kernel before runs, of which it reads nothing (`follow`)
+template <class R, class Mem, int W>
+__global__ void __launch_bounds__(32 * W, W == sparse_few_warps ? 3 : 1)
+    pgs_sparse_kernel(PgsDelassus<R, Mem> const __grid_constant__ solver, int list, std::int64_t least, std::int64_t most, std::int64_t fit,
+                      bool beside) {
+  follow(beside);
+  take_sparse<R, Mem, W>(solver, list, least, most, fit);
+  end_beside(beside);
 }
 
 }  // namespace gsp::detail
