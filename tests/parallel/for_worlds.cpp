@@ -68,9 +68,9 @@ struct Shift {
   KOKKOS_FUNCTION static int next(int w, int n) { return int((std::int64_t(w) * 7919 + 13) % n); }
   KOKKOS_FUNCTION void operator()(std::int64_t item) const {
     int const w = int(item), n = int(from.extent(0));
-    unsigned x = 1;
-    for (int i = 0, turns = w % 97 == 0 ? 3000 : 0; i < turns; ++i) x = x * 1664525u + 1013904223u;
-    to(w) = from(next(w, n)) + (x == 0 ? 2 : 1);
+    unsigned x = unsigned(from(w));  // what a compiler knows takes no time
+    for (int i = 0, turns = w % 97 == 0 ? 30000 : 0; i < turns; ++i) x = x * 1664525u + 1013904223u;
+    to(w) = from(next(w, n)) + (x == 4000000007u ? 2 : 1);
   }
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
