@@ -37,9 +37,9 @@ void launch_on_cuda(std::string const& label, Exec const& exec, Launch const& la
 /// before it have begun, takes what room they leave, and waits there until that one has ended, which saves a launch's way of 2 us. What is
 /// launched by `launch_kernel` calls `follow` before all else, in all of its threads: a kernel's end then says that all before it have
 /// ended.
-/// @param beside  the kernel before, which is not `beside` or follows on one that is, writes nothing that this one reads: it begins while
-///                that one runs. What was before the first of them has ended, as that one has waited for it, and is seen behind a fence.
-///                Such a kernel ends with `end_beside`.
+/// @param beside  the kernel reads nothing of what the one before it writes, begins while that one runs, and ends with `end_beside`. Of
+///                several in a row the first is not `beside`: it waits for all that was before, and lets the next begin after that alone,
+///                which sees what was written behind a fence.
 __device__ __forceinline__ void follow(bool beside = false) {
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
   if (beside)
