@@ -8,6 +8,18 @@
 /// type is a `Pack` and a block of W lanes goes through the program together; on a GPU a lane is a thread, and a block is a warp.
 namespace gsp {
 
+namespace detail {
+/// Views (world, item[, components]) that lanes load from and store to: worlds are rows, items lie one after the other.
+template <class View>
+KOKKOS_FORCEINLINE_FUNCTION constexpr void expects_rows() {
+  if constexpr (Kokkos::is_view_v<View>)
+    static_assert(
+        View::rank() < 2 || std::is_same_v<typename View::array_layout, Kokkos::LayoutRight>,
+        "gsp: load and store of a lane take views of Kokkos::LayoutRight, of another layout they would touch other items: say so in "
+        "the view's type, `Kokkos::View<float**, Kokkos::LayoutRight, Mem>` (a device's default is LayoutLeft)");
+}
+}  // namespace detail
+
 inline constexpr int device_workers = tree_parts;  // warps that share the work of a block on a GPU, in the stages that are written for it
 /// The number type that a kernel on `Exec` computes with.
 template <class Exec, class R>
@@ -183,6 +195,7 @@ struct Lane {
   /// Item `first + i` of a plain view (world, item), or its component of (world, item, components).
   template <class View>
   KOKKOS_FORCEINLINE_FUNCTION T load(View const& v, int const* first, int i, int components = 1, int component = 0) const {
+    detail::expects_rows<View>();
     std::int64_t const stride = std::int64_t(v.extent(1)) * components;
     if constexpr (W == 1)
       return v.data()[world[0] * stride + (first[0] + i) * components + component];
@@ -193,6 +206,7 @@ struct Lane {
   }
   template <class View>
   KOKKOS_FORCEINLINE_FUNCTION void store(View const& v, int const* first, int i, T const& x, int components = 1, int component = 0) const {
+    detail::expects_rows<View>();
     std::int64_t const stride = std::int64_t(v.extent(1)) * components;
     if constexpr (W == 1) {
       if (count > 0) v.data()[world[0] * stride + (first[0] + i) * components + component] = x;

@@ -17,6 +17,7 @@ struct WorldLane {
   /// Component of item i of a view (world, item[, components]).
   template <class View>
   KOKKOS_INLINE_FUNCTION T load(View const& v, int i, int components = 1, int component = 0) const {
+    detail::expects_rows<View>();
     std::int64_t const stride = std::int64_t(v.extent(1)) * components;
     R const* const at = v.data() + std::int64_t(i) * components + component;
     if constexpr (W == 1) {
@@ -28,6 +29,7 @@ struct WorldLane {
   }
   template <class View>
   KOKKOS_INLINE_FUNCTION void store(View const& v, int i, T const& x, int components = 1, int component = 0) const {
+    detail::expects_rows<View>();
     store_at(v.data() + std::int64_t(i) * components + component, std::int64_t(v.extent(1)) * components, x);
   }
   /// Number c of a view (world, c) of any layout, such as some columns of another.
