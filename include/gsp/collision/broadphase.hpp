@@ -43,11 +43,6 @@ struct GroupBox {
 /// f.place(world, group) for each, and what stands beside it, by several threads of a GPU (place_colliders_cuda.hpp).
 template <class Exec, class F>
 void launch_groups(std::string const& label, Exec const& exec, std::int64_t items, F const& f);
-/// f(item) for each, a warp of a GPU an item (near_pairs_cuda.hpp); whether there are threads for so many.
-template <class Exec, class F>
-void launch_warps(std::string const& label, Exec const& exec, std::int64_t items, F const& f);
-template <class Exec>
-bool has_warps(Exec const& exec, std::int64_t items);
 
 template <class R, class Mem>
 struct PlaceColliders {
@@ -239,16 +234,15 @@ void find_near_pairs(Exec const& exec, CollisionModel<R, Mem> const& model, Coll
   int const worlds = int(bounds.pose.extent(0));
   expects(mask.extent(0) == std::size_t(model.chunks) * worlds, "gsp::find_near_pairs: the mask must hold chunks x worlds words");
   std::int64_t const items = std::int64_t(mask.extent(0));
-  if constexpr (is_device<Exec>)
+  if constexpr (is_device<Exec>)  // where there are few: a warp's threads look at a box of a span each, as one took 50 to 80 us of a crowd
     if (detail::has_warps(exec, items))
-      return detail::launch_warps("gsp::collision::find_near_pairs", exec, items,
-                                  detail::FindNearPairs<R, Mem, true>{model, bounds, mask, worlds, status});
+      return detail::launch_items<32>("gsp::collision::find_near_pairs", exec, items,
+                                      detail::FindNearPairs<R, Mem, true>{model, bounds, mask, worlds, status});
   detail::for_items("gsp::collision::find_near_pairs", exec, items, detail::FindNearPairs<R, Mem>{model, bounds, mask, worlds, status});
 }
 
 }  // namespace gsp
 
 #if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
-#include <gsp/collision/detail/near_pairs_cuda.hpp>
 #include <gsp/collision/detail/place_colliders_cuda.hpp>
 #endif
