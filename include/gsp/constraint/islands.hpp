@@ -228,22 +228,27 @@ struct IslandRows {
   KOKKOS_INLINE_FUNCTION int dof(int k) const { return list ? list[k] : k; }
 };
 
+/// Island i of a world, after find_islands<IslandItems::rows> where it has several trees.
+template <class Rows>
+KOKKOS_INLINE_FUNCTION IslandRows island_rows(Rows const& rows, int w, int i) {
+  auto const& islands = rows.islands;
+  int const count = rows.count(w);
+  bool const one = islands.ntree <= 1;
+  int const row = one ? 0 : islands.first_element(w, i), n = one ? count : islands.first_element(w, i + 1) - row;
+  int const dof = one ? 0 : islands.first_dof(w, i), dofs = one ? islands.nv : islands.first_dof(w, i + 1) - dof;
+  return {n == count ? nullptr : islands.elements.data() + rows.first(w) + row, n, dofs == islands.nv ? nullptr : &islands.dofs(w, 0) + dof,
+          dofs};
+}
 /// f(island) for the islands of a world, one after the other. What an island is to f hangs on its own rows and dofs alone: the k-th row of
 /// it, the k-th dof. Islands::keys are free for f.
 template <class World, class Rows, class F>
 KOKKOS_INLINE_FUNCTION void each_island(World const& world, Rows const& rows, int w, F const& f) {
   auto const& islands = rows.islands;
-  int const count = rows.count(w);
-  if (count == 0) return;
+  if (rows.count(w) == 0) return;
   bool const one = islands.ntree <= 1;
   if (!one) find_islands<IslandItems::rows>(world, rows, islands, w);
   int const found = one ? 1 : islands.count(w);
-  for (int i = 0; i < found; ++i) {
-    int const row = one ? 0 : islands.first_element(w, i), n = one ? count : islands.first_element(w, i + 1) - row;
-    int const dof = one ? 0 : islands.first_dof(w, i), dofs = one ? islands.nv : islands.first_dof(w, i + 1) - dof;
-    f(IslandRows{n == count ? nullptr : islands.elements.data() + rows.first(w) + row, n,
-                 dofs == islands.nv ? nullptr : &islands.dofs(w, 0) + dof, dofs});
-  }
+  for (int i = 0; i < found; ++i) f(island_rows(rows, w, i));
 }
 
 }  // namespace detail

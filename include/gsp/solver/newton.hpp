@@ -100,25 +100,28 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
           "make_model with {.profile = Profile::mujoco}");
   expects(std::int64_t(buffers.rate.extent(0)) >= rows.capacity(),
           "gsp::newton: the pool of rows has grown, and the buffers have not: call grow(exec, rows, buffers)");
-  detail::NewtonWorld<R, Mem> const solve{rows,
-                                          impulses,
-                                          solution,
-                                          progress,
-                                          buffers.rate,
-                                          buffers.rate_change,
-                                          buffers.least,
-                                          buffers.work,
-                                          buffers.stride,
-                                          options.iterations,
-                                          max(R(options.tolerance), R(32) * Kokkos::Experimental::epsilon_v<R>),
-                                          options.warm,
-                                          options.residual,
-                                          options.ends_step};
-  if constexpr (is_device<Exec>)
+  detail::NewtonWorld<R, Mem> solve{rows,
+                                    impulses,
+                                    solution,
+                                    progress,
+                                    buffers.rate,
+                                    buffers.rate_change,
+                                    buffers.least,
+                                    buffers.work,
+                                    buffers.stride,
+                                    options.iterations,
+                                    max(R(options.tolerance), R(32) * Kokkos::Experimental::epsilon_v<R>),
+                                    options.warm,
+                                    options.residual,
+                                    options.ends_step};
+  if constexpr (is_device<Exec>) {
+    solve.shared_bytes = detail::newton_shared_bytes(exec);
     for_worlds("gsp::solver::newton", exec, rows.worlds, solve);
-  else
+    detail::launch_newton_islands(exec, solve);
+  } else {
     Kokkos::parallel_for("gsp::solver::newton", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds),
                          detail::NewtonThread<Exec, R, Mem>{solve, {"gsp::newton", exec, buffers.thread_rooms}});
+  }
   set_solved(rows, impulses, solution);
 }
 

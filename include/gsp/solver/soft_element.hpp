@@ -53,7 +53,8 @@ template <class R>
 struct ConePoint {
   R N, T;
   ConeZone zone;
-  KOKKOS_INLINE_FUNCTION ConePoint(SoftElement<R> const& e, int a, R const* w) {
+  template <class Element>
+  KOKKOS_INLINE_FUNCTION ConePoint(Element const& e, int a, R const* w) {
     R const mu = e.cone_mu[a];
     R square_sum(0);
     for (int b = 0; b < e.rows; ++b)
@@ -63,16 +64,18 @@ struct ConePoint {
     zone = N >= mu * T ? ConeZone::free : mu * N + T <= R(0) ? ConeZone::sticks : ConeZone::slides;
   }
 };
-template <class R>
-KOKKOS_INLINE_FUNCTION R cone_stiffness(SoftElement<R> const& e, int a) {
+template <class Element>
+KOKKOS_INLINE_FUNCTION auto cone_stiffness(Element const& e, int a) {
+  using R = std::remove_cvref_t<decltype(e.cone_mu[a])>;
   R const mu2 = square(e.cone_mu[a]);
   return R(1) / (e.compliance[a] * mu2 * (R(1) + mu2));
 }
 }  // namespace detail
 
 /// p(w) [N s] of rates w [m/s, rad/s].
-template <class R>
-KOKKOS_INLINE_FUNCTION void soft_impulses(SoftElement<R> const& e, R const* w, R* p) {
+/// @param e  a SoftElement, or what has its members
+template <class Element, class R>
+KOKKOS_INLINE_FUNCTION void soft_impulses(Element const& e, R const* w, R* p) {
   for (int a = 0; a < e.rows; ++a)
     if (e.normal[a] >= 0 && !(e.mu[a] > R(0))) p[a] = R(0);
   for (int a = 0; a < e.rows; ++a) {
@@ -96,17 +99,27 @@ KOKKOS_INLINE_FUNCTION void soft_impulses(SoftElement<R> const& e, R const* w, R
 }
 
 /// s(w) of the impulses p = p(w) [J]
-template <class R>
-KOKKOS_INLINE_FUNCTION R soft_cost(SoftElement<R> const& e, R const* w, R const* p) {
+template <class Element, class R>
+KOKKOS_INLINE_FUNCTION R soft_cost(Element const& e, R const* w, R const* p) {
   R cost(0);
   for (int b = 0; b < e.rows; ++b) cost -= p[b] * fma(R(0.5) * e.compliance[b], p[b], w[b]);
   return cost;
 }
 
+/// -ds / dalpha of s(w + alpha c)
+template <class Element, class R>
+KOKKOS_INLINE_FUNCTION R soft_pull(Element const& e, R const* w, R const* c, R alpha) {
+  R at[most_element_rows], p[most_element_rows], sum(0);
+  for (int b = 0; b < e.rows; ++b) at[b] = fma(alpha, c[b], w[b]);
+  soft_impulses(e, at, p);
+  for (int b = 0; b < e.rows; ++b) sum = fma(p[b], c[b], sum);
+  return sum;
+}
+
 /// B = d2s / dw2, symmetric, positive semidefinite; false where it is zero.
 /// Sliding, with g = grad (N - mu T):   B = D (g g^T - mu (N - mu T) d2T / dw2)
-template <class R>
-KOKKOS_INLINE_FUNCTION bool soft_curvature(SoftElement<R> const& e, R const* w, R (&B)[most_element_rows][most_element_rows]) {
+template <class Element, class R>
+KOKKOS_INLINE_FUNCTION bool soft_curvature(Element const& e, R const* w, R (&B)[most_element_rows][most_element_rows]) {
   bool any = false;
   for (int a = 0; a < e.rows; ++a)
     for (int b = 0; b < e.rows; ++b) B[a][b] = R(0);

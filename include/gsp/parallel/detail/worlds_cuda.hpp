@@ -66,6 +66,38 @@ struct WarpWorld {
   }
 };
 
+/// sync, single, each and sum of WarpWorld, by some warps, which are a block.
+template <int warps>
+struct SomeWarps {
+  static constexpr int threads = 32 * warps;
+  int rank;
+  __device__ void sync() const { __syncthreads(); }
+  template <class F>
+  __device__ __forceinline__ void single(F const& f) const {
+    if (threadIdx.x == 0) f();
+    __syncthreads();
+  }
+  template <class F>
+  __device__ __forceinline__ void each(int n, F const& f) const {
+    for (int i = int(threadIdx.x); i < n; i += threads) f(i);
+    __syncthreads();
+  }
+  template <class T, class F>
+  __device__ __forceinline__ T sum(int n, F const& f) const {
+    __shared__ T of_warp[warps];
+    T own(0), total(0);
+    for (int i = int(threadIdx.x); i < n; i += threads) own += f(i);
+#pragma unroll
+    for (int stride = 16; stride > 0; stride /= 2) own += __shfl_xor_sync(0xffffffffu, own, stride);
+    if (threadIdx.x % 32 == 0) of_warp[threadIdx.x / 32] = own;
+    __syncthreads();
+#pragma unroll
+    for (int w = 0; w < warps; ++w) total += of_warp[w];
+    __syncthreads();
+    return total;
+  }
+};
+
 /// What WarpWorld has, by a block.
 struct BlockWorld {
   static constexpr int warps = 16, threads = 32 * warps;

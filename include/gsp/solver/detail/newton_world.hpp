@@ -2,6 +2,7 @@
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/parallel/detail/thread_room.hpp>
 #include <gsp/parallel/for_worlds.hpp>
+#include <gsp/solver/detail/newton_until_rest.hpp>
 #include <gsp/solver/detail/row_vectors.hpp>
 #include <gsp/solver/soft_element.hpp>
 #include <gsp/solver/solution.hpp>
@@ -19,13 +20,6 @@ inline constexpr R least_softness = R(sizeof(R) == 4 ? 1e-7 : 1e-10);
 
 namespace gsp::detail {
 
-// An island whose decrement no longer falls, near what it should be, so often: rounding alone is left.
-inline constexpr double newton_near = 1e6;  // of the square of a step: a thousand times the tolerance
-inline constexpr int newton_most_stalls = 3;
-// The line is searched until its slope is this share of that at its start: a closer search costs more than the next iteration gains.
-inline constexpr double newton_slope = 0.01;
-inline constexpr int newton_most_secants = 40;     // each halves the bracket at least every other time: the digits of a double
-inline constexpr double newton_widen = 4;          // by how much the line is followed while it still falls
 inline constexpr double least_compliance = 1e-15;  // of a row that nothing can move
 // A row is rigid where |Y|^2 / C is more than 1e5, which leaves float two digits beside the 1 of H; and its leverage is rounding where
 // |Y|^2 is the square of so many epsilon beside what others have.
@@ -37,6 +31,25 @@ inline constexpr double newton_pivot = 16;
 
 /// Lower triangle by columns, the direction, and room for the diagonal, a row or the direction in the order of the island's dofs.
 inline std::int64_t newton_work(int nv) { return std::int64_t(nv) * (nv + 1) / 2 + 2 * nv; }
+
+/// Numbers of an island in a GPU's shared memory (newton_island_cuda.hpp): rows of Y by fours of dofs, an odd number of them, so that a
+/// thread a row finds each in another bank; and the lower triangle of H by tiles.
+inline constexpr int newton_tile = 4;
+template <class R>
+struct NewtonSizes {
+  int rows, dofs, fours, stride, tiles;
+  KOKKOS_INLINE_FUNCTION NewtonSizes(int row_count, int dof_count)
+      : rows(row_count),
+        dofs(dof_count),
+        fours((dof_count + newton_tile - 1) / newton_tile),
+        stride(newton_tile * (fours | 1)),
+        tiles(fours * (fours + 1) / 2) {}
+  static constexpr int of_tile = newton_tile * newton_tile + int(16 / sizeof(R)), of_row = 12, bytes_of_row = 3;
+  KOKKOS_INLINE_FUNCTION std::int64_t bytes() const {
+    std::int64_t const numbers = std::int64_t(rows) * (stride + of_row) + std::int64_t(tiles) * of_tile + 3 * newton_tile * fours;
+    return (numbers * std::int64_t(sizeof(R)) + rows * bytes_of_row + 15) / 16 * 16;
+  }
+};
 
 template <class R, class Mem>
 struct NewtonWorld {
@@ -52,12 +65,14 @@ struct NewtonWorld {
   int iterations;
   R tolerance;
   bool warm, residual, ends_step;
+  std::int64_t shared_bytes = 0;  // GPUs: islands of so many bytes are another kernel's (is_elsewhere)
 
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
     solve(world, work.data() + world.rank * stride);
   }
 
+  /// Of one world.
   template <class World>
   KOKKOS_FUNCTION void solve(World const& world, R* H) const {
     int const id = world.rank;
@@ -66,36 +81,48 @@ struct NewtonWorld {
       return;
     }
     if (id == 0) world.single([&] { impulses.solved() = 1; });
-    int const first = rows.first(id), nv = rows.nv;
-    Lists const all{&rows.row(first), &rows.element_rows(first), least.data() + first, first, {nullptr, rows.count(id), nullptr, nv}};
-    R* const z = solution.z.data() + std::int64_t(id) * nv;
-    R* const p = impulses.p[impulses.parity()].data() + first;
-    R* const w = rate.data() + first;
-    R* const change = rate_change.data() + first;
-    R* const d = H + std::int64_t(nv) * (nv + 1) / 2;
-    set_least(world, all, d);
-    world.each(nv, [&](int i) { z[i] = R(0); });
-    world.each(all.island.count, [&](int r) { w[r] = all.row[r].bias; });
-    world.sync();
-    int most = 0;
-    each_island(world, rows, id, [&](IslandRows const& island) {
-      Lists l = all;
-      l.island = island;
-      if (island.list) l.shift = &rows.islands.shift(id, 0);
-      int const iteration = descend(world, l, z, w, p, change, H, d);
-      most = iteration > most ? iteration : most;
+    R* const z = solution.z.data() + std::int64_t(id) * rows.nv;
+    world.each(rows.nv, [&](int i) { z[i] = R(0); });
+    world.single([&] {
+      solution.iterations(id) = 0;
+      solution.residual(id) = residual ? R(0) : Kokkos::Experimental::quiet_NaN_v<R>;
     });
-    finish(world, all, w, p, d, most);
+    int const first = rows.first(id);
+    each_island(world, rows, id, [&](IslandRows const& island) {
+      if (is_elsewhere(island)) return;
+      Global<World> own{*this,
+                        world,
+                        lists_of(id, island),
+                        z,
+                        rate.data() + first,
+                        impulses.p[impulses.parity()].data() + first,
+                        rate_change.data() + first,
+                        H,
+                        H + std::int64_t(rows.nv) * (rows.nv + 1) / 2};
+      int const done = newton_until_rest<R>(own, iterations, tolerance);
+      R const worst = own.finish();
+      world.single([&] {
+        solution.iterations(id) = done > solution.iterations(id) ? done : solution.iterations(id);
+        if (residual) solution.residual(id) = max_or_nan(solution.residual(id), worst);
+      });
+    });
+    auto const& islands = rows.islands;
+    if (int const count = rows.count(id); islands.ntree > 1 && count > 0 && islands.first_element(id, islands.count(id)) < count)
+      set_without_trees(world, lists_of(id, {nullptr, count, nullptr, rows.nv}), rate.data() + first,
+                        impulses.p[impulses.parity()].data() + first);
+  }
+  /// GPUs: whether newton_island_cuda.hpp takes it.
+  KOKKOS_INLINE_FUNCTION bool is_elsewhere(IslandRows const& island) const {
+    return NewtonSizes<R>(island.count, island.dofs).bytes() <= shared_bytes;
   }
 
- private:
   struct Lists {
     Row<R> const* row;  // of the world, and so on
     signed char const* element_rows;
     R* least;
     int first;
     IslandRows island;
-    int const* shift = nullptr;  // of a tree: place in the island's H less dof (Islands::shift); null: the same
+    int const* shift;  // of a tree: place in the island's H less dof (Islands::shift); null: the same
   };
   /// Of the dofs of a row's two segments. Two numbers: an array that is indexed is memory to a GPU.
   struct Shifts {
@@ -106,44 +133,111 @@ struct NewtonWorld {
       second = of(row.segment[1]);
     }
   };
+  KOKKOS_INLINE_FUNCTION Lists lists_of(int w, IslandRows const& island) const {
+    int const first = rows.first(w);
+    return {&rows.row(first),
+            &rows.element_rows(first),
+            least.data() + first,
+            first,
+            island,
+            island.list ? &rows.islands.shift(w, 0) : nullptr};
+  }
 
-  /// Iterates on the rows and dofs of an island, from z = 0 and w = b. Returns how often.
+  /// @param most, Y  of the row's entry i: the largest Y^2 that any row has on its dof, and its own Y
+  template <class Most, class Y>
+  KOKKOS_INLINE_FUNCTION static R least_of(Row<R> const& row, Most const& most, Y const& y) {
+    R sum(0), own(0);
+    for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) {
+      sum += most(i);
+      own += square(y(i));
+    }
+    bool const is_soft =
+        row.compliance >= R(rigid_softness) * own && own > square(R(newton_rounding) * Kokkos::Experimental::epsilon_v<R>) * sum;
+    return max(is_soft ? R(0) : least_softness<R> * sum, R(least_compliance));
+  }
+
+  /// An island in global memory, for newton_until_rest.
   template <class World>
-  KOKKOS_INLINE_FUNCTION int descend(World const& world, Lists const& l, R* z, R* w, R* p, R* change, R* H, R* d) const {
-    auto const& e = l.island;
-    int const n = e.dofs;
-    R* const place = d + rows.nv;  // room
-    start(world, l, z, w, p);
-    int iteration = 0, stalls = 0;
-    R best = Kokkos::Experimental::infinity_v<R>;
-    while (iteration < iterations) {
-      // d <- -g, H d <- -g
-      world.each(n, [&](int i) { d[e.dof(i)] = -z[e.dof(i)]; });
-      set_impulses(world, l, w, p);
-      push(world, l, d, p);
-      R const linear = world.template sum<R>(n, [&](int i) { return d[e.dof(i)] * d[e.dof(i)]; });
-      if (linear == R(0)) break;
-      assemble(world, l, w, H);
-      if (!factor(world, H, place, n)) factor_rows(world, l, w, H, place);
+  struct Global {
+    NewtonWorld const& k;
+    World const& world;
+    Lists l;
+    R *z, *w, *p, *change, *H, *d;
+    R zd = R(0), dd = R(0);
+
+    KOKKOS_INLINE_FUNCTION R dot(R const* a, R const* b) const {
+      return world.template sum<R>(l.island.dofs, [&](int i) { return a[l.island.dof(i)] * b[l.island.dof(i)]; });
+    }
+    /// z = Y^T p of the impulses given, or 0 where that costs less; w = Y z + b.
+    KOKKOS_INLINE_FUNCTION void begin() {
+      auto const& e = l.island;
+      k.set_least(world, l, d);
+      k.each_row(world, l, [&](int r) { w[r] = l.row[r].bias; });
+      if (!k.warm) return;
+      R const none = k.total_cost(world, l, w);
+      k.push(world, l, z, p);
+      k.each_row(world, l, [&](int r) { w[r] = dot_row(SerialWorld{0}, k.rows, l.row[r], z) + l.row[r].bias; });
+      R const given = k.total_cost(world, l, w) + R(0.5) * dot(z, z);
+      if (given < none) return;
+      world.sync();
+      world.each(e.dofs, [&](int i) { z[e.dof(i)] = R(0); });
+      k.each_row(world, l, [&](int r) { w[r] = l.row[r].bias; });
+    }
+    KOKKOS_INLINE_FUNCTION R gradient() {
+      auto const& e = l.island;
+      world.each(e.dofs, [&](int i) { d[e.dof(i)] = -z[e.dof(i)]; });
+      k.set_impulses(world, l, w, p);
+      k.push(world, l, d, p);
+      return dot(d, d);
+    }
+    KOKKOS_INLINE_FUNCTION R solve() {
+      auto const& e = l.island;
+      int const n = e.dofs;
+      R* const place = d + k.rows.nv;  // room
+      k.assemble(world, l, w, H);
+      if (!k.factor(world, H, place, n)) k.factor_rows(world, l, w, H, place);
       if (e.list) world.each(n, [&](int i) { place[i] = d[e.dof(i)]; });
       world.sync();
-      R const decrement = solve_factored(world, H, n, e.list ? place : d);  // g . H^-1 g, an upper bound of |d|^2
+      R const decrement = k.solve_factored(world, H, n, e.list ? place : d);
       if (e.list) world.each(n, [&](int i) { d[e.dof(i)] = place[i]; });
       world.sync();
-      R const size = world.template sum<R>(n, [&](int i) { return z[e.dof(i)] * z[e.dof(i)]; });
-      R const least = square(tolerance) * size;
-      bool const last = !(decrement > least);  // one whole step more
-      if (!last && decrement >= best && decrement < R(newton_near) * least && ++stalls == newton_most_stalls) break;
-      best = min(best, decrement);
-      each_row(world, l, [&](int r) { change[r] = dot_row(SerialWorld{0}, rows, l.row[r], d); });
-      R const length = last ? R(1) : line_search(world, l, z, d, w, change, decrement);
-      world.each(n, [&](int i) { z[e.dof(i)] = fma(length, d[e.dof(i)], z[e.dof(i)]); });
-      each_row(world, l, [&](int r) { w[r] = fma(length, change[r], w[r]); });
-      if (last) break;
-      ++iteration;
+      return decrement;
     }
-    return iteration;
-  }
+    KOKKOS_INLINE_FUNCTION R size() const { return dot(z, z); }
+    KOKKOS_INLINE_FUNCTION void look_along() {
+      k.each_row(world, l, [&](int r) { change[r] = dot_row(SerialWorld{0}, k.rows, l.row[r], d); });
+      zd = dot(z, d);
+      dd = dot(d, d);
+    }
+    /// Of  |z + alpha d|^2 / 2 + sum s(w + alpha Y d).
+    KOKKOS_INLINE_FUNCTION R slope(R alpha) const {
+      return zd + alpha * dd - world.template sum<R>(l.island.count, [&](int i) {
+        int const r = l.island.row(i), n = l.element_rows[r];
+        if (n == 0) return R(0);
+        return soft_pull(soft_element(l.row + r, n, l.least + r), w + r, change + r, alpha);
+      });
+    }
+    KOKKOS_INLINE_FUNCTION void go(R alpha) {
+      auto const& e = l.island;
+      world.each(e.dofs, [&](int i) { z[e.dof(i)] = fma(alpha, d[e.dof(i)], z[e.dof(i)]); });
+      k.each_row(world, l, [&](int r) { w[r] = fma(alpha, change[r], w[r]); });
+    }
+    /// p(w); and the largest change of a rate, where it is asked for. z stays what it is: in Y^T p what stiff rows bear against each other
+    /// leaves |Y w / C| epsilon, which H has divided by Y^2 / C in z.
+    KOKKOS_INLINE_FUNCTION R finish() {
+      auto const& e = l.island;
+      k.set_impulses(world, l, w, p);
+      if (!k.residual) return R(0);
+      world.each(e.dofs, [&](int i) { d[e.dof(i)] = R(0); });
+      k.push(world, l, d, p);
+      R worst(0);
+      for (int i = 0; i < e.count; ++i) {
+        auto const& row = l.row[e.row(i)];
+        worst = max_or_nan(worst, abs(dot_row(SerialWorld{0}, k.rows, row, d) + row.bias - w[e.row(i)]));
+      }
+      return worst;
+    }
+  };
 
   /// f(r) for the rows of the island, a row a thread: dot_row is called with SerialWorld.
   template <class World, class F>
@@ -162,12 +256,13 @@ struct NewtonWorld {
     world.sync();
   }
 
-  /// The least compliance of each row (least_softness), of all islands at once. @param most  room: the largest Y^2 on each dof
+  /// The least compliance of each row (least_softness). @param most  room: the largest Y^2 on each dof
   template <class World>
   KOKKOS_FUNCTION void set_least(World const& world, Lists const& l, R* most) const {
-    world.each(rows.nv, [&](int i) { most[i] = R(0); });
-    for (int r = 0; r < l.island.count; ++r) {
-      Row<R> const& row = l.row[r];
+    auto const& e = l.island;
+    world.each(e.dofs, [&](int i) { most[e.dof(i)] = R(0); });
+    for (int k = 0; k < e.count; ++k) {
+      Row<R> const& row = l.row[e.row(k)];
       world.sync();
       world.each(row.segment[0].count + row.segment[1].count, [&](int i) {
         R& on_dof = most[dof_of(row, i)];
@@ -175,49 +270,22 @@ struct NewtonWorld {
       });
     }
     world.sync();
-    world.each(l.island.count, [&](int r) {
+    each_row(world, l, [&](int r) {
       Row<R> const& row = l.row[r];
-      R sum(0), own(0);
-      for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) {
-        sum += most[dof_of(row, i)];
-        own += square(rows.Y(row.first_entry + i));
-      }
-      bool const is_soft =
-          row.compliance >= R(rigid_softness) * own && own > square(R(newton_rounding) * Kokkos::Experimental::epsilon_v<R>) * sum;
-      l.least[r] = max(is_soft ? R(0) : least_softness<R> * sum, R(least_compliance));
+      l.least[r] = least_of(
+          row, [&](int i) { return most[dof_of(row, i)]; }, [&](int i) { return rows.Y(row.first_entry + i); });
     });
-    world.sync();
   }
-
-  /// z = Y^T p of the impulses given, or 0 where that costs less; w = Y z + b. From z = 0 and w = b.
+  /// Rows that touch no tree bear what they are asked for: no one solves for them.
   template <class World>
-  KOKKOS_FUNCTION void start(World const& world, Lists const& l, R* z, R* w, R* p) const {
-    if (!warm) return;
-    auto const& e = l.island;
-    R const none = total_cost(world, l, w);
-    push(world, l, z, p);
-    each_row(world, l, [&](int r) { w[r] = dot_row(SerialWorld{0}, rows, l.row[r], z) + l.row[r].bias; });
-    R const given = total_cost(world, l, w) + R(0.5) * world.template sum<R>(e.dofs, [&](int i) { return z[e.dof(i)] * z[e.dof(i)]; });
-    if (given < none) return;
-    world.sync();
-    world.each(e.dofs, [&](int i) { z[e.dof(i)] = R(0); });
-    each_row(world, l, [&](int r) { w[r] = l.row[r].bias; });
-  }
-  /// p(w) and what is said of the world. z stays what it is: in Y^T p what stiff rows bear against each other leaves |Y w / C| epsilon,
-  /// which H has divided by Y^2 / C in z.
-  /// @param sum  room: Y^T p
-  template <class World>
-  KOKKOS_FUNCTION void finish(World const& world, Lists const& l, R* w, R* p, R* sum, int iteration) const {
-    set_impulses(world, l, w, p);
-    R worst(0);
-    if (residual) {
-      sum_rows(world, rows, l.first, l.island.count, sum, p);
-      for (int r = 0; r < l.island.count; ++r)
-        worst = max_or_nan(worst, abs(dot_row(SerialWorld{0}, rows, l.row[r], sum) + l.row[r].bias - w[r]));
-    }
-    world.single([&] {
-      solution.iterations(world.rank) = iteration;
-      solution.residual(world.rank) = residual ? worst : Kokkos::Experimental::quiet_NaN_v<R>;
+  KOKKOS_FUNCTION void set_without_trees(World const& world, Lists const& l, R* w, R* p) const {
+    each_row(world, l, [&](int r) {
+      l.least[r] = R(least_compliance);
+      w[r] = l.row[r].bias;
+    });
+    world.each(l.island.count, [&](int r) {
+      if (int const n = l.element_rows[r]; n > 0 && rows.islands.keys(l.first + r) < 0)
+        soft_impulses(soft_element(l.row + r, n, l.least + r), w + r, p + r);
     });
   }
 
@@ -242,45 +310,6 @@ struct NewtonWorld {
       soft_impulses(e, w + r, p);
       return soft_cost(e, w + r, p);
     });
-  }
-
-  /// alpha > 0 with |slope| <= newton_slope of the slope at 0, of the convex  |z + alpha d|^2 / 2 + sum s(w + alpha Y d): secants inside of
-  /// a bracket.
-  template <class World>
-  KOKKOS_FUNCTION R line_search(World const& world, Lists const& l, R const* z, R const* d, R const* w, R const* change,
-                                R decrement) const {
-    auto const& e = l.island;
-    R const zd = world.template sum<R>(e.dofs, [&](int i) { return z[e.dof(i)] * d[e.dof(i)]; });
-    R const dd = world.template sum<R>(e.dofs, [&](int i) { return d[e.dof(i)] * d[e.dof(i)]; });
-    auto const slope = [&](R alpha) {
-      return zd + alpha * dd - world.template sum<R>(e.count, [&](int k) {
-        int const r = e.row(k), n = l.element_rows[r];
-        if (n == 0) return R(0);
-        R at[N], p[N], sum(0);
-        for (int b = 0; b < n; ++b) at[b] = fma(alpha, change[r + b], w[r + b]);
-        soft_impulses(soft_element(l.row + r, n, l.least + r), at, p);
-        for (int b = 0; b < n; ++b) sum = fma(p[b], change[r + b], sum);
-        return sum;
-      });
-    };
-    R low(0), at_low = -decrement, high(0), at_high(0), alpha(1);
-    for (int i = 0; i < newton_most_secants; ++i) {
-      R const now = slope(alpha);
-      if (!(abs(now) > R(newton_slope) * decrement)) break;
-      if (now < R(0)) {
-        if (high > R(0)) at_high = at_high * R(0.5);  // so that no end of the bracket stays for ever (the Illinois rule)
-        low = alpha;
-        at_low = now;
-      } else {
-        if (high > R(0)) at_low = at_low * R(0.5);
-        high = alpha;
-        at_high = now;
-      }
-      R const next = high > R(0) ? low + (high - low) * (at_low / (at_low - at_high)) : R(newton_widen) * alpha;
-      if (next == alpha || !(next > R(0))) break;
-      alpha = next;
-    }
-    return alpha;
   }
 
   /// H <- 1 + Y^T B Y, of the island's dofs.
@@ -486,4 +515,14 @@ struct NewtonThread {
   }
 };
 
+/// GPUs: the islands that are elsewhere, after the kernel of NewtonWorld; and how many bytes one may have there.
+template <class Exec, class R, class Mem>
+void launch_newton_islands(Exec const& exec, NewtonWorld<R, Mem> const& solver);
+template <class Exec>
+std::int64_t newton_shared_bytes(Exec const& exec);
+
 }  // namespace gsp::detail
+
+#if defined(KOKKOS_ENABLE_CUDA) && defined(__CUDACC__)
+#include <gsp/solver/detail/newton_island_cuda.hpp>
+#endif
