@@ -273,6 +273,10 @@ GSP_FUNCTION Pack<R, W> fma(Pack<R, W> a, Pack<R, W> b, Pack<R, W> c) {
     a.v = (V)_mm512_fmadd_pd((__m512d)a.v, (__m512d)b.v, (__m512d)c.v);
   else if constexpr (sizeof(V) == 32 && sizeof(R) == 4)  // groups of eight (solver/detail/pgs_grouped.hpp)
     a.v = (V)_mm256_fmadd_ps((__m256)a.v, (__m256)b.v, (__m256)c.v);
+  else if constexpr (sizeof(V) == 32)  // tiles of four (solver/detail/newton_island.hpp)
+    a.v = (V)_mm256_fmadd_pd((__m256d)a.v, (__m256d)b.v, (__m256d)c.v);
+  else if constexpr (sizeof(V) == 16 && sizeof(R) == 4)
+    a.v = (V)_mm_fmadd_ps((__m128)a.v, (__m128)b.v, (__m128)c.v);
   else
     for (int i = 0; i < W; ++i) a.v[i] = gsp::fma(R(a.v[i]), R(b.v[i]), R(c.v[i]));
 #elif !defined(__CUDA_ARCH__) && defined(__AVX2__) && defined(__FMA__)
@@ -281,6 +285,8 @@ GSP_FUNCTION Pack<R, W> fma(Pack<R, W> a, Pack<R, W> b, Pack<R, W> c) {
     a.v = (V)_mm256_fmadd_ps((__m256)a.v, (__m256)b.v, (__m256)c.v);
   else if constexpr (sizeof(V) == 32)
     a.v = (V)_mm256_fmadd_pd((__m256d)a.v, (__m256d)b.v, (__m256d)c.v);
+  else if constexpr (sizeof(V) == 16 && sizeof(R) == 4)
+    a.v = (V)_mm_fmadd_ps((__m128)a.v, (__m128)b.v, (__m128)c.v);
   else
     for (int i = 0; i < W; ++i) a.v[i] = gsp::fma(R(a.v[i]), R(b.v[i]), R(c.v[i]));
 #else

@@ -35,6 +35,14 @@ struct SerialWorld {
       before += part;
     }
   }
+  /// The numbers i < n where is(i), in order, to `to`; returns how many. Others see them after a sync.
+  template <class F>
+  KOKKOS_INLINE_FUNCTION int list(int n, short* to, F const& is) const {
+    int count = 0;
+    for (int i = 0; i < n; ++i)
+      if (is(i)) to[count++] = static_cast<short>(i);
+    return count;
+  }
   /// to += x, from several threads.
   template <class T>
   KOKKOS_INLINE_FUNCTION void add(T& to, T x) const {

@@ -34,9 +34,10 @@ struct Newton {
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0, nv = 0;
   View<R*> rate, rate_change, least;  // (capacity of the rows) w, Y times the direction, and the least compliance (least_softness)
-  View<R*> work;                      // a world's or thread's: lower triangle of H by columns, direction, and nv of room
-  std::int64_t stride = 0;            // numbers of one
-  int thread_rooms = 0;               // hosts: threads that it has room for
+  View<R*> work;      // a world's or thread's: lower triangle of H by columns, direction, and nv of room; before it a thread's near memory
+  View<int*> listed;  // GPUs: islands by what they take (detail/newton_island.hpp)
+  std::int64_t stride = 0;  // numbers of one
+  int thread_rooms = 0;     // hosts: threads that it has room for
 };
 
 /// Buffers for the worlds of `rows`: (nv + 5) nv / 2 numbers each on a device, a thread on a host, and three for each row of the pool.
@@ -48,7 +49,13 @@ Newton<R, Mem> make_newton(Exec const& exec, Rows<R, Mem> const& rows) {
   n.nv = rows.nv;
   n.stride = detail::newton_work(rows.nv);
   std::int64_t parts = rows.worlds;
-  if constexpr (!is_device<Exec>) parts = n.thread_rooms = detail::thread_rooms(exec);
+  if constexpr (is_device<Exec>) {
+    n.listed = detail::allocate_zero<decltype(n.listed)>(
+        exec, "gsp::Newton::listed", detail::NewtonLists<Mem>::size(std::int64_t(rows.worlds) * detail::islands_of_world(rows)));
+  } else {
+    parts = n.thread_rooms = detail::thread_rooms(exec);
+    n.stride = detail::newton_near_numbers + (n.stride + 15) / 16 * 16;  // packs of four stay aligned
+  }
   using View = typename Newton<R, Mem>::template View<R*>;
   n.work = detail::allocate_zero<View>(exec, "gsp::Newton::work", parts * n.stride);
   n.rate = detail::allocate_zero<View>(exec, "gsp::Newton::rate", rows.capacity());
@@ -100,28 +107,27 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
           "make_model with {.profile = Profile::mujoco}");
   expects(std::int64_t(buffers.rate.extent(0)) >= rows.capacity(),
           "gsp::newton: the pool of rows has grown, and the buffers have not: call grow(exec, rows, buffers)");
-  detail::NewtonWorld<R, Mem> solve{rows,
-                                    impulses,
-                                    solution,
-                                    progress,
-                                    buffers.rate,
-                                    buffers.rate_change,
-                                    buffers.least,
-                                    buffers.work,
-                                    buffers.stride,
-                                    options.iterations,
-                                    max(R(options.tolerance), R(32) * Kokkos::Experimental::epsilon_v<R>),
-                                    options.warm,
-                                    options.residual,
-                                    options.ends_step};
-  if constexpr (is_device<Exec>) {
-    solve.shared_bytes = detail::newton_shared_bytes(exec);
-    for_worlds("gsp::solver::newton", exec, rows.worlds, solve);
-    detail::launch_newton_islands(exec, solve);
-  } else {
+  detail::NewtonWorld<R, Mem> const solve{{.rows = rows,
+                                           .impulses = impulses,
+                                           .solution = solution,
+                                           .progress = progress,
+                                           .rate = buffers.rate,
+                                           .rate_change = buffers.rate_change,
+                                           .least = buffers.least,
+                                           .work = buffers.work,
+                                           .stride = buffers.stride,
+                                           .near_bytes = detail::newton_near_numbers * sizeof(R),
+                                           .iterations = options.iterations,
+                                           .tolerance = max(R(options.tolerance), R(32) * Kokkos::Experimental::epsilon_v<R>),
+                                           .warm = options.warm,
+                                           .residual = options.residual,
+                                           .ends_step = options.ends_step},
+                                          {buffers.listed, rows.worlds * detail::islands_of_world(rows)}};
+  if constexpr (is_device<Exec>)
+    detail::launch_newton(exec, solve);
+  else
     Kokkos::parallel_for("gsp::solver::newton", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds),
                          detail::NewtonThread<Exec, R, Mem>{solve, {"gsp::newton", exec, buffers.thread_rooms}});
-  }
   set_solved(rows, impulses, solution);
 }
 

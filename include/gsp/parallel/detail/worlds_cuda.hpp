@@ -48,6 +48,18 @@ struct WarpWorld {
       before += __shfl_sync(0xffffffffu, sum, 31);
     }
   }
+  template <class F>
+  __device__ __forceinline__ int list(int n, short* to, F const& is) const {
+    int count = 0;
+    for (int begin = 0; begin < n; begin += 32) {
+      int const i = begin + lane();
+      bool const own = i < n && is(i);
+      unsigned const all = __ballot_sync(0xffffffffu, own);
+      if (own) to[count + __popc(all & ((1u << lane()) - 1u))] = static_cast<short>(i);
+      count += __popc(all);
+    }
+    return count;
+  }
   template <class T>
   __device__ __forceinline__ void add(T& to, T x) const {
     Kokkos::atomic_add(&to, x);
@@ -66,7 +78,7 @@ struct WarpWorld {
   }
 };
 
-/// sync, single, each and sum of WarpWorld, by some warps, which are a block.
+/// sync, single, each, sum and list of WarpWorld, by some warps, which are a block.
 template <int warps>
 struct SomeWarps {
   static constexpr int threads = 32 * warps;
@@ -95,6 +107,18 @@ struct SomeWarps {
     for (int w = 0; w < warps; ++w) total += of_warp[w];
     __syncthreads();
     return total;
+  }
+  template <class F>
+  __device__ __forceinline__ int list(int n, short* to, F const& is) const {
+    int count = 0;  // each warp finds all, and the first one writes
+    for (int begin = 0; begin < n; begin += 32) {
+      int const lane = int(threadIdx.x) % 32, i = begin + lane;
+      bool const own = i < n && is(i);
+      unsigned const all = __ballot_sync(0xffffffffu, own);
+      if (own && threadIdx.x < 32) to[count + __popc(all & ((1u << lane) - 1u))] = static_cast<short>(i);
+      count += __popc(all);
+    }
+    return count;
   }
 };
 

@@ -1,159 +1,81 @@
 #pragma once
-#include <gsp/constraint/impulses.hpp>
 #include <gsp/parallel/detail/thread_room.hpp>
-#include <gsp/parallel/for_worlds.hpp>
+#include <gsp/solver/detail/newton_island.hpp>
 #include <gsp/solver/detail/newton_until_rest.hpp>
 #include <gsp/solver/detail/row_vectors.hpp>
-#include <gsp/solver/soft_element.hpp>
-#include <gsp/solver/solution.hpp>
 
-/// The kernel of `newton` (solver/newton.hpp): a thread or a warp a world, island by island.
-namespace gsp {
-
-/// The least compliance of a rigid row: this share of the sum, over the dofs of its entries, of the largest Y^2 that any row has there.
-/// What is rigid (C < rigid_softness |Y|^2), or of leverage too small to tell from none, is this soft: rows between which a dof cannot
-/// choose weigh by Y^2, as in MuJoCo, whose least is 1e-15 for all.
-template <class R>
-inline constexpr R least_softness = R(sizeof(R) == 4 ? 1e-7 : 1e-10);
-
-}  // namespace gsp
-
+/// The kernel of `newton` (solver/newton.hpp): a thread or a warp a world, island by island. Islands that no near memory holds
+/// (newton_island.hpp) are solved here, where their rows lie.
 namespace gsp::detail {
-
-inline constexpr double least_compliance = 1e-15;  // of a row that nothing can move
-// A row is rigid where |Y|^2 / C is more than 1e5, which leaves float two digits beside the 1 of H; and its leverage is rounding where
-// |Y|^2 is the square of so many epsilon beside what others have.
-inline constexpr double rigid_softness = 1e-5;
-inline constexpr double newton_rounding = 32;
-
-// Of a pivot below this times epsilon of the diagonal that it was rounding is a sixteenth and more: L is found row by row then.
-inline constexpr double newton_pivot = 16;
 
 /// Lower triangle by columns, the direction, and room for the diagonal, a row or the direction in the order of the island's dofs.
 inline std::int64_t newton_work(int nv) { return std::int64_t(nv) * (nv + 1) / 2 + 2 * nv; }
 
-/// Numbers of an island in a GPU's shared memory (newton_island_cuda.hpp): rows of Y by fours of dofs, an odd number of them, so that a
-/// thread a row finds each in another bank; and the lower triangle of H by tiles.
-inline constexpr int newton_tile = 4;
-template <class R>
-struct NewtonSizes {
-  int rows, dofs, fours, stride, tiles;
-  KOKKOS_INLINE_FUNCTION NewtonSizes(int row_count, int dof_count)
-      : rows(row_count),
-        dofs(dof_count),
-        fours((dof_count + newton_tile - 1) / newton_tile),
-        stride(newton_tile * (fours | 1)),
-        tiles(fours * (fours + 1) / 2) {}
-  static constexpr int of_tile = newton_tile * newton_tile + int(16 / sizeof(R)), of_row = 12, bytes_of_row = 3;
-  KOKKOS_INLINE_FUNCTION std::int64_t bytes() const {
-    std::int64_t const numbers = std::int64_t(rows) * (stride + of_row) + std::int64_t(tiles) * of_tile + 3 * newton_tile * fours;
-    return (numbers * std::int64_t(sizeof(R)) + rows * bytes_of_row + 15) / 16 * 16;
-  }
-};
-
 template <class R, class Mem>
-struct NewtonWorld {
-  static constexpr int N = most_element_rows;
-  template <class D>
-  using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
-  Rows<R, Mem> rows;
-  Impulses<R, Mem> impulses;
-  Solution<R, Mem> solution;
-  Progress<Mem> progress;
-  View<R*> rate, rate_change, least, work;
-  std::int64_t stride;
-  int iterations;
-  R tolerance;
-  bool warm, residual, ends_step;
-  std::int64_t shared_bytes = 0;  // GPUs: islands of so many bytes are another kernel's (is_elsewhere)
+struct NewtonWorld : NewtonProblem<R, Mem> {
+  using Problem = NewtonProblem<R, Mem>;
+  using Problem::N, Problem::rows, Problem::impulses, Problem::solution, Problem::progress, Problem::rate, Problem::rate_change,
+      Problem::least, Problem::work, Problem::stride, Problem::near_bytes, Problem::iterations, Problem::tolerance, Problem::warm,
+      Problem::residual, Problem::ends_step;
+  using typename Problem::Lists;
+  using typename Problem::Shifts;
+  NewtonLists<Mem> lists{};  // GPUs
+  using Problem::dof_of, Problem::place_of, Problem::least_of, Problem::lists_of, Problem::next_column;
 
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
-    solve(world, work.data() + world.rank * stride);
+    solve(world, work.data() + world.rank * stride, nullptr);
   }
-
-  /// Of one world.
+  /// Of one world: what fits into near memory there, on a GPU later (newton_island_cuda.hpp).
+  /// @param H, near  room: of the matrix and directions, and hosts: near memory
   template <class World>
-  KOKKOS_FUNCTION void solve(World const& world, R* H) const {
-    int const id = world.rank;
+  KOKKOS_FUNCTION void solve(World const& world, R* H, void* near) const {
+    int const id = world.rank, first = rows.first(id);
     if (progress.halt()) {
       if (id == 0 && ends_step) world.single([&] { ++progress.skipped(); });
       return;
     }
     if (id == 0) world.single([&] { impulses.solved() = 1; });
-    R* const z = solution.z.data() + std::int64_t(id) * rows.nv;
+    R *const z = solution.z.data() + std::int64_t(id) * rows.nv, *const p = impulses.p[impulses.parity()].data() + first;
     world.each(rows.nv, [&](int i) { z[i] = R(0); });
     world.single([&] {
       solution.iterations(id) = 0;
       solution.residual(id) = residual ? R(0) : Kokkos::Experimental::quiet_NaN_v<R>;
     });
-    int const first = rows.first(id);
+    auto const tell = [&](int done, R worst) {
+      world.single([&] {
+        solution.iterations(id) = done > solution.iterations(id) ? done : solution.iterations(id);
+        if (residual) solution.residual(id) = max_or_nan(solution.residual(id), worst);
+      });
+    };
+    int number = -1;
     each_island(world, rows, id, [&](IslandRows const& island) {
-      if (is_elsewhere(island)) return;
+      ++number;
+      if (NewtonSizes<R> const size(island.count, island.dofs); size.fits(near_bytes)) {
+        if constexpr (std::is_same_v<World, SerialWorld>) {
+          NewtonIsland<R, Mem, World> own(*this, world, island, near);
+          int const done = newton_until_rest<R>(own, iterations, tolerance);
+          tell(done, own.write());
+        } else {
+          world.single([&] { lists.add(size.bytes(), id * islands_of_world(rows) + number); });
+        }
+        return;
+      }
       Global<World> own{*this,
                         world,
                         lists_of(id, island),
                         z,
                         rate.data() + first,
-                        impulses.p[impulses.parity()].data() + first,
+                        p,
                         rate_change.data() + first,
                         H,
                         H + std::int64_t(rows.nv) * (rows.nv + 1) / 2};
       int const done = newton_until_rest<R>(own, iterations, tolerance);
-      R const worst = own.finish();
-      world.single([&] {
-        solution.iterations(id) = done > solution.iterations(id) ? done : solution.iterations(id);
-        if (residual) solution.residual(id) = max_or_nan(solution.residual(id), worst);
-      });
+      tell(done, own.finish());
     });
     auto const& islands = rows.islands;
     if (int const count = rows.count(id); islands.ntree > 1 && count > 0 && islands.first_element(id, islands.count(id)) < count)
-      set_without_trees(world, lists_of(id, {nullptr, count, nullptr, rows.nv}), rate.data() + first,
-                        impulses.p[impulses.parity()].data() + first);
-  }
-  /// GPUs: whether newton_island_cuda.hpp takes it.
-  KOKKOS_INLINE_FUNCTION bool is_elsewhere(IslandRows const& island) const {
-    return NewtonSizes<R>(island.count, island.dofs).bytes() <= shared_bytes;
-  }
-
-  struct Lists {
-    Row<R> const* row;  // of the world, and so on
-    signed char const* element_rows;
-    R* least;
-    int first;
-    IslandRows island;
-    int const* shift;  // of a tree: place in the island's H less dof (Islands::shift); null: the same
-  };
-  /// Of the dofs of a row's two segments. Two numbers: an array that is indexed is memory to a GPU.
-  struct Shifts {
-    int first, second;
-    KOKKOS_INLINE_FUNCTION Shifts(NewtonWorld const& k, Lists const& l, Row<R> const& row) {
-      auto const of = [&](RowSegment const& s) { return l.shift && s.count > 0 ? l.shift[k.rows.islands.dof_tree(s.dof0)] : 0; };
-      first = of(row.segment[0]);
-      second = of(row.segment[1]);
-    }
-  };
-  KOKKOS_INLINE_FUNCTION Lists lists_of(int w, IslandRows const& island) const {
-    int const first = rows.first(w);
-    return {&rows.row(first),
-            &rows.element_rows(first),
-            least.data() + first,
-            first,
-            island,
-            island.list ? &rows.islands.shift(w, 0) : nullptr};
-  }
-
-  /// @param most, Y  of the row's entry i: the largest Y^2 that any row has on its dof, and its own Y
-  template <class Most, class Y>
-  KOKKOS_INLINE_FUNCTION static R least_of(Row<R> const& row, Most const& most, Y const& y) {
-    R sum(0), own(0);
-    for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) {
-      sum += most(i);
-      own += square(y(i));
-    }
-    bool const is_soft =
-        row.compliance >= R(rigid_softness) * own && own > square(R(newton_rounding) * Kokkos::Experimental::epsilon_v<R>) * sum;
-    return max(is_soft ? R(0) : least_softness<R> * sum, R(least_compliance));
+      set_without_trees(world, lists_of(id, {nullptr, count, nullptr, rows.nv}), rate.data() + first, p);
   }
 
   /// An island in global memory, for newton_until_rest.
@@ -436,19 +358,6 @@ struct NewtonWorld {
     }
     world.sync();
   }
-  /// Column c of G of B = G G^T, in place, from the columns before it and the lower triangle of B. False: it is zero, but for rounding.
-  KOKKOS_INLINE_FUNCTION static bool next_column(R (&B)[N][N], int n, int c) {
-    R pivot = B[c][c];
-    for (int k = 0; k < c; ++k) pivot = fma(-B[c][k], B[c][k], pivot);
-    bool const some = pivot > R(newton_pivot) * Kokkos::Experimental::epsilon_v<R> * B[c][c];
-    R const root = some ? sqrt(pivot) : R(0);
-    for (int b = c; b < n; ++b) {
-      R x = B[b][c];
-      for (int k = 0; k < c; ++k) x = fma(-B[b][k], B[c][k], x);
-      B[b][c] = some ? b == c ? root : x / root : R(0);
-    }
-    return some;
-  }
   /// L L^T <- L L^T + u u^T. Overwrites u.
   template <class World>
   KOKKOS_INLINE_FUNCTION void add_to_factor(World const& world, R* L, R* u, int nv) const {
@@ -492,17 +401,6 @@ struct NewtonWorld {
   KOKKOS_INLINE_FUNCTION static Number* column_of(Number* H, int nv, int k) {
     return H + std::int64_t(k) * nv - std::int64_t(k) * (k + 1) / 2;
   }
-
-  KOKKOS_INLINE_FUNCTION int dof_of(Row<R> const& row, int i) const {
-    int const s = i < row.segment[0].count ? 0 : 1;
-    RowSegment const& segment = row.segment[s];
-    int const at = s == 0 ? i : i - row.segment[0].count;
-    return segment.dof0 + (segment.list < 0 ? at : rows.dof_lists(segment.list + at));
-  }
-  /// Where that is in H.
-  KOKKOS_INLINE_FUNCTION int place_of(Row<R> const& row, int i, Shifts const& shifts) const {
-    return dof_of(row, i) + (i < row.segment[0].count ? shifts.first : shifts.second);
-  }
 };
 
 /// On hosts the work belongs to a thread.
@@ -511,15 +409,16 @@ struct NewtonThread {
   NewtonWorld<R, Mem> solver;
   ThreadRoom<Exec> room;
   void operator()(int w) const {
-    room([&](int thread) { solver.solve(SerialWorld{w}, solver.work.data() + thread * solver.stride); });
+    room([&](int thread) {
+      R* const near = solver.work.data() + thread * solver.stride;
+      solver.solve(SerialWorld{w}, near + newton_near_numbers, near);
+    });
   }
 };
 
-/// GPUs: the islands that are elsewhere, after the kernel of NewtonWorld; and how many bytes one may have there.
+/// GPUs: all islands.
 template <class Exec, class R, class Mem>
-void launch_newton_islands(Exec const& exec, NewtonWorld<R, Mem> const& solver);
-template <class Exec>
-std::int64_t newton_shared_bytes(Exec const& exec);
+void launch_newton(Exec const& exec, NewtonWorld<R, Mem> solver);
 
 }  // namespace gsp::detail
 

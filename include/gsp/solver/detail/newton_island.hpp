@@ -1,0 +1,599 @@
+#pragma once
+#include <cstring>
+#include <gsp/math/pack.hpp>
+#include <gsp/parallel/for_worlds.hpp>
+#include <gsp/solver/detail/newton_problem.hpp>
+
+/// What `newton` does with an island that fits into near memory: a GPU's shared memory, a core's cache. Its rows are full there (zeros and
+/// all), by fours of dofs; H lies in tiles of 4 x 4 by columns, its lower triangle. An iteration takes what it computes:
+///   H = 1 + Y^T B Y   a tile a thread, 16 multiply-adds and two loads of four numbers a row that has a curvature
+///   H = L L^T         a column of tiles at a time; all threads factor the tile on the diagonal alike, so that none waits for it
+/// What does not fit is done in global memory (newton_world.hpp).
+namespace gsp::detail {
+
+/// Numbers of an island: of a row of Y an odd number of fours, so that neighbouring threads of a GPU find their rows in different banks;
+/// for the same reason tiles do not lie closer.
+inline constexpr int newton_tile = 4;
+inline constexpr int newton_near_numbers = 1 << 16;  // of a host's thread: a quarter of what a core's second-level cache has, or less
+template <class R>
+struct NewtonSizes {
+  int rows, dofs, fours, stride, tiles;
+  KOKKOS_INLINE_FUNCTION NewtonSizes(int row_count, int dof_count)
+      : rows(row_count),
+        dofs(dof_count),
+        fours((dof_count + newton_tile - 1) / newton_tile),
+        stride(newton_tile * (fours | 1)),
+        tiles(fours * (fours + 1) / 2) {}
+  static constexpr int of_tile = newton_tile * newton_tile + newton_tile, of_row = 12, bytes_of_row = 2 * int(sizeof(short)) + 2;
+  KOKKOS_INLINE_FUNCTION std::int64_t bytes() const {
+    std::int64_t const numbers = std::int64_t(rows) * (stride + of_row) + std::int64_t(tiles) * of_tile + 3 * newton_tile * fours;
+    return (numbers * std::int64_t(sizeof(R)) + std::int64_t(rows) * bytes_of_row + 15) / 16 * 16;
+  }
+  /// So that a row has a number of 16 bits.
+  KOKKOS_INLINE_FUNCTION bool fits(std::int64_t most_bytes) const { return rows < 32768 && bytes() <= most_bytes; }
+};
+
+/// GPUs: islands are listed by how much they take, so that a block has no more than they need; bytes of list `size`, and the list of an
+/// island.
+inline constexpr int newton_lists = 14;
+KOKKOS_INLINE_FUNCTION std::int64_t newton_bytes_of_list(int list) {
+  constexpr std::int64_t kilobytes[newton_lists] = {4, 6, 8, 10, 12, 14, 16, 20, 24, 32, 48, 72, 112, 227};
+  return 1024 * kilobytes[list];
+}
+KOKKOS_INLINE_FUNCTION int newton_list_of(std::int64_t bytes) {
+  int list = 0;
+  while (list < newton_lists - 1 && newton_bytes_of_list(list) < bytes) ++list;
+  return list;
+}
+/// Where: the numbers of islands list by list, then how many there are in each, and how many are taken.
+template <class Mem>
+struct NewtonLists {
+  Kokkos::View<int*, Kokkos::LayoutRight, Mem> items;
+  int islands = 0;  // of all worlds, at most
+  static std::int64_t size(std::int64_t islands) { return newton_lists * (islands + 2); }
+  KOKKOS_INLINE_FUNCTION int& number(int list, int i) const { return items(std::int64_t(list) * islands + i); }
+  KOKKOS_INLINE_FUNCTION int* counts() const { return items.data() + std::int64_t(newton_lists) * islands; }  // 2 newton_lists of them
+  KOKKOS_INLINE_FUNCTION int& count(int list) const { return counts()[list]; }
+  KOKKOS_INLINE_FUNCTION int& taken(int list) const { return counts()[newton_lists + list]; }
+  KOKKOS_INLINE_FUNCTION void add(std::int64_t bytes, int island) const {
+    int const list = newton_list_of(bytes);
+    number(list, Kokkos::atomic_fetch_add(&count(list), 1)) = island;
+  }
+};
+
+/// The element whose laws lie in arrays, as soft_element.hpp takes it.
+template <class R>
+struct SoftRows {
+  int rows;
+  R const *compliance, *lower, *upper, *mu, *cone_mu;
+  signed char const* normal;
+};
+
+/// For newton_until_rest. All threads of an island call all members together.
+/// @tparam Threads  SerialWorld, or what has its sync, single, each, sum and list
+template <class R, class Mem, class Threads>
+class NewtonIsland {
+  static constexpr int N = most_element_rows, T = newton_tile;
+  static constexpr bool one_thread = std::is_same_v<Threads, SerialWorld>;  // it takes fours of dofs, where threads take a dof each
+  using Sizes = NewtonSizes<R>;
+  using Four = Pack<R, T>;
+  using Problem = NewtonProblem<R, Mem>;
+
+ public:
+  /// @param memory  Sizes::bytes of it, aligned for a Four
+  KOKKOS_INLINE_FUNCTION NewtonIsland(Problem const& problem, Threads const& threads, IslandRows const& island, void* memory)
+      : k_(problem), threads_(threads), l_(problem.lists_of(threads.rank, island)), size_(island.count, island.dofs), m_(island.count) {
+    R* next = static_cast<R*>(memory);
+    auto const take = [&](int count) {
+      R* const own = next;
+      next += count;
+      return own;
+    };
+    int const n = T * size_.fours;
+    Y_ = take(m_ * size_.stride);
+    H_ = take(size_.tiles * Sizes::of_tile);
+    z_ = take(n);
+    d_ = take(n);
+    room_ = take(n);
+    w_ = take(m_);
+    p_ = take(m_);
+    change_ = take(m_);
+    compliance_ = take(m_);
+    lower_ = take(m_);
+    upper_ = take(m_);
+    mu_ = take(m_);
+    cone_mu_ = take(m_);
+    curve_ = take(4 * m_);
+    curved_ = reinterpret_cast<short*>(next);
+    cones_ = curved_ + m_;
+    unit_ = reinterpret_cast<signed char*>(cones_ + m_);
+    normal_ = unit_ + m_;
+  }
+
+  /// Rows and laws from the pools; z = Y^T p of the impulses given, or 0 where that costs less; w = Y z + b.
+  KOKKOS_INLINE_FUNCTION void begin() {
+    load();
+    if (!k_.warm) return;
+    R const none = cost();
+    R const* const before = impulses();
+    threads_.each(m_, [&](int r) { p_[r] = before[l_.island.row(r)]; });
+    pull(z_, [](int) { return R(0); });
+    threads_.each(m_, [&](int r) { w_[r] += along(r, z_); });
+    R const given = cost() + R(0.5) * dot(z_, z_);
+    if (given < none) return;
+    threads_.sync();
+    threads_.each(T * size_.fours, [&](int i) { z_[i] = R(0); });
+    threads_.each(m_, [&](int r) { w_[r] = bias(r); });
+  }
+  KOKKOS_INLINE_FUNCTION R gradient() {
+    threads_.each(m_, [&](int r) {
+      int const n = unit_[r];
+      if (n == 1) p_[r] = clamp(free_impulse(r, w_[r]), lower_[r], upper_[r]);
+      if (n < 2) return;
+      auto const e = element(r, n);
+      soft_impulses(e, w_ + r, p_ + r);
+      R B[N][N];
+      soft_curvature(e, w_ + r, B);
+      for (int b = 0; b < n; ++b)
+        for (int a = 0; a <= b; ++a) curve_[4 * r + b * (b + 1) / 2 + a] = B[b][a];
+    });
+    pull(d_, [&](int i) { return -z_[i]; });
+    return dot(d_, d_);
+  }
+  KOKKOS_INLINE_FUNCTION R solve() {
+    find_curved();
+    assemble();
+    if (!factor()) factor_rows();
+    return solve_factored();
+  }
+  KOKKOS_INLINE_FUNCTION R size() const { return dot(z_, z_); }
+  KOKKOS_INLINE_FUNCTION void look_along() {
+    threads_.each(m_, [&](int r) { change_[r] = along(r, d_); });
+    zd_ = dot(z_, d_);
+    dd_ = dot(d_, d_);
+  }
+  KOKKOS_INLINE_FUNCTION R slope(R alpha) const {
+    return zd_ + alpha * dd_ - threads_.template sum<R>(m_, [&](int r) {
+      int const n = unit_[r];
+      if (n == 0) return R(0);
+      if (n == 1) return change_[r] * clamp(free_impulse(r, fma(alpha, change_[r], w_[r])), lower_[r], upper_[r]);
+      return soft_pull(element(r, n), w_ + r, change_ + r, alpha);
+    });
+  }
+  KOKKOS_INLINE_FUNCTION void go(R alpha) {
+    threads_.each(T * size_.fours, [&](int i) { z_[i] = fma(alpha, d_[i], z_[i]); });
+    threads_.each(m_, [&](int r) { w_[r] = fma(alpha, change_[r], w_[r]); });
+  }
+  /// z and p(w) to where they belong. Returns the largest change of a rate, where it is asked for.
+  KOKKOS_INLINE_FUNCTION R write() {
+    auto const& e = l_.island;
+    R* const z = k_.solution.z.data() + std::int64_t(threads_.rank) * k_.rows.nv;
+    R* const p = impulses();
+    threads_.each(e.dofs, [&](int i) { z[e.dof(i)] = z_[i]; });
+    threads_.each(m_, [&](int r) {
+      if (int const n = unit_[r]; n > 0) soft_impulses(element(r, n), w_ + r, p_ + r);
+    });
+    threads_.each(m_, [&](int r) { p[e.row(r)] = p_[r]; });
+    if (!k_.residual) return R(0);
+    pull(d_, [](int) { return R(0); });
+    threads_.each(m_, [&](int r) { change_[r] = abs(along(r, d_) + bias(r) - w_[r]); });
+    R worst(0);
+    for (int r = 0; r < m_; ++r) worst = max_or_nan(worst, change_[r]);
+    threads_.sync();
+    return worst;
+  }
+
+ private:
+  KOKKOS_INLINE_FUNCTION static Four& four(R* p) { return *reinterpret_cast<Four*>(p); }
+  /// Packs that are longer than a four need not be aligned.
+  template <class X>
+  KOKKOS_INLINE_FUNCTION static X load_as(R const* p) {
+    if constexpr (std::is_same_v<X, Four>) {
+      return *reinterpret_cast<Four const*>(p);
+    } else {
+      X x;
+      std::memcpy(&x, p, sizeof x);
+      return x;
+    }
+  }
+  KOKKOS_INLINE_FUNCTION R* impulses() const { return k_.impulses.p[k_.impulses.parity()].data() + l_.first; }
+  KOKKOS_INLINE_FUNCTION R bias(int r) const { return l_.row[l_.island.row(r)].bias; }
+  KOKKOS_INLINE_FUNCTION SoftRows<R> element(int r, int n) const {
+    return {n, compliance_ + r, lower_ + r, upper_ + r, mu_ + r, cone_mu_ + r, normal_ + r};
+  }
+  /// What a row between bounds would answer without them; its curvature is 1 / C.
+  KOKKOS_INLINE_FUNCTION R free_impulse(int r, R w) const { return -w * curve_[4 * r]; }
+  KOKKOS_INLINE_FUNCTION R dot(R const* a, R const* b) const {
+    return threads_.template sum<R>(T * size_.fours, [&](int i) { return a[i] * b[i]; });
+  }
+  /// to = from + Y^T p
+  template <class From>
+  KOKKOS_INLINE_FUNCTION void pull(R* to, From const& from) const {
+    if constexpr (one_thread) {
+      using Wide = Pack<R, native_width<R>>;
+      for (int i = 0; i < T * size_.fours; i += Wide::width) {
+        Wide sum(R(0));
+        for (int r = 0; r < m_; ++r) sum = fma(load_as<Wide>(Y_ + r * size_.stride + i), Wide(p_[r]), sum);
+        for (int a = 0; a < Wide::width && i + a < T * size_.fours; ++a) to[i + a] = from(i + a) + sum[a];
+      }
+    } else {
+      threads_.each(T * size_.fours, [&](int i) {
+        R sum = from(i);
+#pragma unroll 4
+        for (int r = 0; r < m_; ++r) sum = fma(Y_[r * size_.stride + i], p_[r], sum);
+        to[i] = sum;
+      });
+    }
+  }
+  /// Y x of row r.
+  KOKKOS_INLINE_FUNCTION R along(int r, R* x) const {
+    Four sum(R(0));
+    for (int b = 0; b < size_.fours; ++b) sum = fma(four(Y_ + r * size_.stride + T * b), four(x + T * b), sum);
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+  }
+  KOKKOS_INLINE_FUNCTION R cost() const {
+    return threads_.template sum<R>(m_, [&](int r) {
+      int const n = unit_[r];
+      if (n == 0) return R(0);
+      R p[N];
+      soft_impulses(element(r, n), w_ + r, p);
+      return soft_cost(element(r, n), w_ + r, p);
+    });
+  }
+
+  KOKKOS_INLINE_FUNCTION void load() {
+    auto const& e = l_.island;
+    auto const& rows = k_.rows;
+    threads_.each(m_ * (size_.stride / T), [&](int i) { four(Y_ + T * i) = Four(R(0)); });
+    threads_.each(T * size_.fours, [&](int i) { z_[i] = d_[i] = R(0); });
+    threads_.each(m_, [&](int r) {
+      Row<R> const& row = l_.row[e.row(r)];
+      typename Problem::Shifts const shifts(k_, l_, row);
+      for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i)
+        Y_[r * size_.stride + k_.place_of(row, i, shifts)] = rows.Y(row.first_entry + i);
+      w_[r] = row.bias;
+      unit_[r] = 0;
+    });
+    R* const most = room_;
+    threads_.each(T * size_.fours, [&](int i) {
+      R on_dof(0);
+      for (int r = 0; r < m_; ++r) on_dof = max(on_dof, square(Y_[r * size_.stride + i]));
+      most[i] = on_dof;
+    });
+    R* const least = change_;
+    threads_.each(m_, [&](int r) {
+      Row<R> const& row = l_.row[e.row(r)];
+      typename Problem::Shifts const shifts(k_, l_, row);
+      least[r] = Problem::least_of(
+          row, [&](int i) { return most[k_.place_of(row, i, shifts)]; },
+          [&](int i) { return Y_[r * size_.stride + k_.place_of(row, i, shifts)]; });
+    });
+    threads_.each(m_, [&](int r) { read_element(r, least); });
+  }
+  /// The laws of the element that row r begins. One without a cone is as many as it has rows.
+  KOKKOS_INLINE_FUNCTION void read_element(int r, R const* least) {
+    int const first = l_.island.row(r), n = l_.element_rows[first];
+    if (n == 0) return;
+    auto const own = soft_element(l_.row + first, n, least + r);
+    bool cone = false;
+    for (int b = 0; b < n; ++b) cone = cone || own.cone_mu[b] > R(0);
+    for (int b = 0; b < n; ++b) {
+      bool const none = own.normal[b] >= 0 && !(own.mu[b] > R(0));  // friction that there is none of
+      compliance_[r + b] = own.compliance[b];
+      lower_[r + b] = none ? R(0) : own.lower[b];
+      upper_[r + b] = none ? R(0) : own.upper[b];
+      mu_[r + b] = own.mu[b];
+      cone_mu_[r + b] = own.cone_mu[b];
+      normal_[r + b] = cone ? own.normal[b] : static_cast<signed char>(-1);
+      if (cone) continue;
+      unit_[r + b] = 1;
+      curve_[4 * (r + b)] = R(1) / own.compliance[b];
+    }
+    if (cone) unit_[r] = static_cast<signed char>(n);
+  }
+
+  /// Which rows between bounds, and which units with a cone, have a curvature.
+  KOKKOS_INLINE_FUNCTION void find_curved() {
+    curved_count_ = threads_.list(m_, curved_, [&](int r) {
+      if (unit_[r] != 1) return false;
+      R const free = free_impulse(r, w_[r]);
+      return free > lower_[r] && free < upper_[r];
+    });
+    cone_count_ = threads_.list(m_, cones_, [&](int r) { return unit_[r] > 1 && has_curvature(r, unit_[r]); });
+    threads_.sync();
+  }
+  KOKKOS_INLINE_FUNCTION bool has_curvature(int r, int n) const {
+    for (int b = 0; b < n; ++b)
+      if (curve_[4 * r + b * (b + 1) / 2 + b] != R(0)) return true;
+    return false;
+  }
+  /// Curvature b, a of the unit that begins at row r.
+  KOKKOS_INLINE_FUNCTION R curvature(int r, int b, int a) const {
+    return curve_[4 * r + (a <= b ? b * (b + 1) / 2 + a : a * (a + 1) / 2 + b)];
+  }
+
+  /// Tile (i, j) of H, i >= j; its column b at T b.
+  KOKKOS_INLINE_FUNCTION R* tile(int i, int j) const { return H_ + (i * (i + 1) / 2 + j) * Sizes::of_tile; }
+  KOKKOS_INLINE_FUNCTION R& at(int i, int j) const { return tile(i / T, j / T)[T * (j % T) + i % T]; }
+  /// f(i, j) for the tiles of a triangle of `side`, j <= i, a thread each.
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void each_tile(int side, F const& f) const {
+    if constexpr (one_thread) {
+      for (int i = 0; i < side; ++i)
+        for (int j = 0; j <= i; ++j) f(i, j);
+    } else {
+      threads_.each(side * (side + 1) / 2, [&](int t) {
+        int i = int((sqrt(float(8 * t + 1)) - 1.0f) * 0.5f);
+        if (i * (i + 1) / 2 > t) --i;
+        if ((i + 1) * (i + 2) / 2 <= t) ++i;
+        f(i, t - i * (i + 1) / 2);
+      });
+    }
+  }
+
+  /// H = 1 + Y^T B Y; its diagonal to room_.
+  KOKKOS_INLINE_FUNCTION void assemble() {
+    if constexpr (one_thread) {
+      constexpr int wide = native_width<R> / T;  // tiles of a column at once; what they have beyond the last one stays unused
+      for (int j = 0; j < size_.fours; ++j)
+        for (int i = j; i < size_.fours; i += wide) {
+          Pack<R, native_width<R>> sum[T];
+          sum_products(i, j, sum);
+          for (int q = 0; q < wide && i + q < size_.fours; ++q) {
+            Four part[T];
+            for (int b = 0; b < T; ++b) part[b] = Four::of([&](int a) { return sum[b][T * q + a]; });
+            put_tile(i + q, j, part);
+          }
+        }
+    } else {
+      each_tile(size_.fours, [&](int i, int j) {
+        Four sum[T];
+        sum_products(i, j, sum);
+        put_tile(i, j, sum);
+      });
+    }
+  }
+  /// Columns 4 j ... 4 j + 3 of Y^T B Y, from row 4 i on.
+  template <class X>
+  KOKKOS_INLINE_FUNCTION void sum_products(int i, int j, X (&sum)[T]) const {
+    R const *const x = Y_ + T * i, *const y = Y_ + T * j;
+#pragma unroll
+    for (int b = 0; b < T; ++b) sum[b] = X(R(0));
+    auto const add = [&](X const& u, Four const& v) {
+#pragma unroll
+      for (int b = 0; b < T; ++b) sum[b] = fma(u, X(v[b]), sum[b]);
+    };
+#pragma unroll 4
+    for (int k = 0; k < curved_count_; ++k) {
+      int const r = curved_[k];
+      add(load_as<X>(x + r * size_.stride) * X(curve_[4 * r]), load_as<Four>(y + r * size_.stride));
+    }
+    for (int k = 0; k < cone_count_; ++k) {
+      int const r = cones_[k], n = unit_[r];
+      for (int b = 0; b < n; ++b) {
+        X u(R(0));
+        for (int c = 0; c < n; ++c) u = fma(X(curvature(r, b, c)), load_as<X>(x + (r + c) * size_.stride), u);
+        add(u, load_as<Four>(y + (r + b) * size_.stride));
+      }
+    }
+  }
+  KOKKOS_INLINE_FUNCTION void put_tile(int i, int j, Four (&columns)[T]) const {
+    R* const to = tile(i, j);
+#pragma unroll
+    for (int b = 0; b < T; ++b) {
+      if (i == j) columns[b].set(b, columns[b][b] + R(1));
+      four(to + T * b) = columns[b];
+      if (i == j) room_[T * i + b] = columns[b][b];
+    }
+  }
+  /// The tile (k, k) of H or of L, whose diagonal is inverted.
+  struct Diagonal {
+    R L[T][T];  // row, column
+    KOKKOS_INLINE_FUNCTION Diagonal(R* tile) {
+#pragma unroll
+      for (int b = 0; b < T; ++b) {
+        Four const column = four(tile + T * b);
+#pragma unroll
+        for (int a = 0; a < T; ++a) L[a][b] = column[a];
+      }
+    }
+    /// x <- L^-1 x, of numbers or of packs.
+    template <class X>
+    KOKKOS_INLINE_FUNCTION void forward(X (&x)[T]) const {
+#pragma unroll
+      for (int a = 0; a < T; ++a) {
+#pragma unroll
+        for (int b = 0; b < a; ++b) x[a] = fma(X(-L[a][b]), x[b], x[a]);
+        x[a] = x[a] * X(L[a][a]);
+      }
+    }
+    /// x <- L^-T x
+    KOKKOS_INLINE_FUNCTION void back(R (&x)[T]) const {
+#pragma unroll
+      for (int a = T; a-- > 0;) {
+#pragma unroll
+        for (int b = a + 1; b < T; ++b) x[a] = fma(-L[b][a], x[b], x[a]);
+        x[a] *= L[a][a];
+      }
+    }
+    /// H <- L. @param sound  of pivots, which has the diagonal that rounding is measured by
+    template <class Sound>
+    KOKKOS_INLINE_FUNCTION bool factor(Sound const& sound) {
+      bool all = true;
+#pragma unroll
+      for (int c = 0; c < T; ++c) {
+        all = all && sound(c, L[c][c]);
+        R const inverse = inverse_root(max(L[c][c], R(1)));
+        L[c][c] = inverse;
+#pragma unroll
+        for (int a = c + 1; a < T; ++a) L[a][c] *= inverse;
+#pragma unroll
+        for (int a = c + 1; a < T; ++a)
+#pragma unroll
+          for (int b = c + 1; b <= a; ++b) L[a][b] = fma(-L[a][c], L[b][c], L[a][b]);
+      }
+      return all;
+    }
+    KOKKOS_INLINE_FUNCTION void store(R* tile) const {
+#pragma unroll
+      for (int b = 0; b < T; ++b) four(tile + T * b) = Four::of([&](int a) { return L[a][b]; });
+    }
+    KOKKOS_INLINE_FUNCTION static R inverse_root(R x) {
+#ifdef __CUDA_ARCH__
+      return ::rsqrt(x);
+#else
+      return R(1) / sqrt(x);
+#endif
+    }
+  };
+  /// H <- L. False where rounding is much of a pivot, as in newton_world.hpp.
+  KOKKOS_INLINE_FUNCTION bool factor() {
+    for (int k = 0; k < size_.fours; ++k) {
+      Diagonal own(tile(k, k));
+      R const* const diagonal = room_ + T * k;
+      if (!own.factor([&](int c, R pivot) { return pivot > R(newton_pivot) * Kokkos::Experimental::epsilon_v<R> * diagonal[c]; }))
+        return false;
+      int const below = size_.fours - 1 - k;
+      if constexpr (one_thread) {
+        for (int i = 0; i < below; ++i) {
+          R* const to = tile(k + 1 + i, k);
+          Four x[T];
+          for (int b = 0; b < T; ++b) x[b] = four(to + T * b);
+          own.forward(x);
+          for (int b = 0; b < T; ++b) four(to + T * b) = x[b];
+        }
+      } else {
+        threads_.each(T * below, [&](int i) {
+          R* const to = tile(k + 1 + i / T, k) + i % T;
+          R x[T];
+#pragma unroll
+          for (int b = 0; b < T; ++b) x[b] = to[T * b];
+          own.forward(x);
+#pragma unroll
+          for (int b = 0; b < T; ++b) to[T * b] = x[b];
+        });
+      }
+      threads_.single([&] { own.store(tile(k, k)); });
+      each_tile(below, [&](int i, int j) {
+        R *const to = tile(k + 1 + i, k + 1 + j), *const left = tile(k + 1 + i, k), *const right = tile(k + 1 + j, k);
+        Four x[T], y[T];
+#pragma unroll
+        for (int c = 0; c < T; ++c) {
+          x[c] = four(left + T * c);
+          y[c] = four(right + T * c);
+        }
+#pragma unroll
+        for (int b = 0; b < T; ++b) {
+          Four sum = four(to + T * b);
+#pragma unroll
+          for (int c = 0; c < T; ++c) sum = fma(x[c], Four(-y[c][b]), sum);
+          four(to + T * b) = sum;
+        }
+      });
+    }
+    return true;
+  }
+  /// L without the sum, row by row, as in newton_world.hpp.
+  KOKKOS_FUNCTION void factor_rows() {
+    threads_.sync();
+    threads_.each(size_.tiles * Sizes::of_tile, [&](int i) { H_[i] = R(0); });
+    threads_.each(T * size_.fours, [&](int i) { at(i, i) = R(1); });
+    R G[N][N];
+    for (int k = 0; k < curved_count_; ++k) {
+      G[0][0] = curve_[4 * curved_[k]];
+      add_unit(curved_[k], 1, G);
+    }
+    for (int k = 0; k < cone_count_; ++k) {
+      int const r = cones_[k], n = unit_[r];
+      for (int b = 0; b < n; ++b)
+        for (int a = 0; a <= b; ++a) G[b][a] = curvature(r, b, a);
+      add_unit(r, n, G);
+    }
+    threads_.each(T * size_.fours, [&](int i) { at(i, i) = R(1) / at(i, i); });
+  }
+  /// L L^T <- L L^T + Y^T B Y of a unit. @param G  B, which is overwritten
+  KOKKOS_FUNCTION void add_unit(int r, int n, R (&G)[N][N]) {
+    int const dofs = T * size_.fours;
+    R* const u = room_;
+    for (int c = 0; c < n; ++c) {
+      if (!Problem::next_column(G, n, c)) continue;
+      threads_.each(dofs, [&](int i) {
+        R sum(0);
+        for (int b = c; b < n; ++b) sum = fma(G[b][c], Y_[(r + b) * size_.stride + i], sum);
+        u[i] = sum;
+      });
+      for (int k = 0; k < dofs; ++k) {
+        R const x = u[k];
+        if (x == R(0)) continue;
+        R const before = at(k, k), after = sqrt(fma(x, x, before * before)), cosine = before / after, sine = x / after;
+        threads_.sync();
+        threads_.each(dofs - k, [&](int i) {
+          R const own = at(k + i, k), other = u[k + i];
+          at(k + i, k) = i == 0 ? after : fma(cosine, own, sine * other);
+          u[k + i] = i == 0 ? R(0) : fma(cosine, other, -sine * own);
+        });
+      }
+    }
+  }
+  /// d <- (L L^T)^-1 d. Returns d . (L L^T)^-1 d.
+  KOKKOS_INLINE_FUNCTION R solve_factored() {
+    for (int k = 0; k < size_.fours; ++k) {
+      R x[T];
+      read(d_ + T * k, x);
+      Diagonal(tile(k, k)).forward(x);
+      int const below = size_.fours - 1 - k;
+      if constexpr (one_thread) {
+        for (int i = 0; i < below; ++i) {
+          R* const column = tile(k + 1 + i, k);
+          Four sum = four(d_ + T * (k + 1 + i));
+          for (int a = 0; a < T; ++a) sum = fma(four(column + T * a), Four(-x[a]), sum);
+          four(d_ + T * (k + 1 + i)) = sum;
+        }
+      } else {
+        threads_.each(T * below, [&](int i) {
+          R const* const row = tile(k + 1 + i / T, k) + i % T;
+          R sum = d_[T * (k + 1) + i];
+#pragma unroll
+          for (int a = 0; a < T; ++a) sum = fma(-row[T * a], x[a], sum);
+          d_[T * (k + 1) + i] = sum;
+        });
+      }
+      threads_.single([&] { write(x, d_ + T * k); });
+    }
+    R const decrement = dot(d_, d_);
+    for (int k = size_.fours; k-- > 0;) {
+      R x[T];
+      read(d_ + T * k, x);
+      Diagonal(tile(k, k)).back(x);
+      threads_.each(T * k, [&](int i) {
+        Four const column = four(tile(k, i / T) + T * (i % T));
+        R sum = d_[i];
+#pragma unroll
+        for (int a = 0; a < T; ++a) sum = fma(-column[a], x[a], sum);
+        d_[i] = sum;
+      });
+      threads_.single([&] { write(x, d_ + T * k); });
+    }
+    return decrement;
+  }
+  KOKKOS_INLINE_FUNCTION static void read(R* from, R (&x)[T]) {
+    Four const all = four(from);
+#pragma unroll
+    for (int a = 0; a < T; ++a) x[a] = all[a];
+  }
+  KOKKOS_INLINE_FUNCTION static void write(R const (&x)[T], R* to) {
+    four(to) = Four::of([&](int a) { return x[a]; });
+  }
+
+  Problem const& k_;
+  Threads threads_;
+  typename Problem::Lists l_;
+  Sizes size_;
+  int m_, curved_count_ = 0, cone_count_ = 0;
+  R *Y_, *H_, *z_, *d_, *room_, *w_, *p_, *change_, *compliance_, *lower_, *upper_, *mu_, *cone_mu_, *curve_;
+  short *curved_, *cones_;       // rows that have a curvature: between bounds, and the first of cones
+  signed char *unit_, *normal_;  // rows of the unit that begins here, 0: none does; the normal of a friction row
+  R zd_, dd_;
+};
+
+}  // namespace gsp::detail
