@@ -18,29 +18,29 @@ inline constexpr int newton_near_numbers = 1 << 16;  // of a host's thread: a qu
 template <class R>
 struct NewtonSizes {
   int rows, dofs, fours, stride, tiles;
-  KOKKOS_INLINE_FUNCTION NewtonSizes(int row_count, int dof_count)
+  KOKKOS_FORCEINLINE_FUNCTION NewtonSizes(int row_count, int dof_count)
       : rows(row_count),
         dofs(dof_count),
         fours((dof_count + newton_tile - 1) / newton_tile),
         stride(newton_tile * (fours | 1)),
         tiles(fours * (fours + 1) / 2) {}
   static constexpr int of_tile = newton_tile * newton_tile + newton_tile, of_row = 12, bytes_of_row = 2 * int(sizeof(short)) + 2;
-  KOKKOS_INLINE_FUNCTION std::int64_t bytes() const {
-    std::int64_t const numbers = std::int64_t(rows) * (stride + of_row) + std::int64_t(tiles) * of_tile + 3 * newton_tile * fours;
+  KOKKOS_FORCEINLINE_FUNCTION std::int64_t bytes() const {
+    std::int64_t const numbers = std::int64_t(rows) * (stride + of_row) + std::int64_t(tiles) * of_tile + (3 * newton_tile + 1) * fours;
     return (numbers * std::int64_t(sizeof(R)) + std::int64_t(rows) * bytes_of_row + 15) / 16 * 16;
   }
   /// So that a row has a number of 16 bits.
-  KOKKOS_INLINE_FUNCTION bool fits(std::int64_t most_bytes) const { return rows < 32768 && bytes() <= most_bytes; }
+  KOKKOS_FORCEINLINE_FUNCTION bool fits(std::int64_t most_bytes) const { return rows < 32768 && bytes() <= most_bytes; }
 };
 
 /// GPUs: islands are listed by how much they take, so that a block has no more than they need; bytes of list `size`, and the list of an
 /// island.
 inline constexpr int newton_lists = 14;
-KOKKOS_INLINE_FUNCTION std::int64_t newton_bytes_of_list(int list) {
+KOKKOS_FORCEINLINE_FUNCTION std::int64_t newton_bytes_of_list(int list) {
   constexpr std::int64_t kilobytes[newton_lists] = {4, 6, 8, 10, 12, 14, 16, 20, 24, 32, 48, 72, 112, 227};
   return 1024 * kilobytes[list];
 }
-KOKKOS_INLINE_FUNCTION int newton_list_of(std::int64_t bytes) {
+KOKKOS_FORCEINLINE_FUNCTION int newton_list_of(std::int64_t bytes) {
   int list = 0;
   while (list < newton_lists - 1 && newton_bytes_of_list(list) < bytes) ++list;
   return list;
@@ -51,11 +51,11 @@ struct NewtonLists {
   Kokkos::View<int*, Kokkos::LayoutRight, Mem> items;
   int islands = 0;  // of all worlds, at most
   static std::int64_t size(std::int64_t islands) { return newton_lists * (islands + 2); }
-  KOKKOS_INLINE_FUNCTION int& number(int list, int i) const { return items(std::int64_t(list) * islands + i); }
-  KOKKOS_INLINE_FUNCTION int* counts() const { return items.data() + std::int64_t(newton_lists) * islands; }  // 2 newton_lists of them
-  KOKKOS_INLINE_FUNCTION int& count(int list) const { return counts()[list]; }
-  KOKKOS_INLINE_FUNCTION int& taken(int list) const { return counts()[newton_lists + list]; }
-  KOKKOS_INLINE_FUNCTION void add(std::int64_t bytes, int island) const {
+  KOKKOS_FORCEINLINE_FUNCTION int& number(int list, int i) const { return items(std::int64_t(list) * islands + i); }
+  KOKKOS_FORCEINLINE_FUNCTION int* counts() const { return items.data() + std::int64_t(newton_lists) * islands; }  // 2 newton_lists of them
+  KOKKOS_FORCEINLINE_FUNCTION int& count(int list) const { return counts()[list]; }
+  KOKKOS_FORCEINLINE_FUNCTION int& taken(int list) const { return counts()[newton_lists + list]; }
+  KOKKOS_FORCEINLINE_FUNCTION void add(std::int64_t bytes, int island) const {
     int const list = newton_list_of(bytes);
     number(list, Kokkos::atomic_fetch_add(&count(list), 1)) = island;
   }
@@ -81,7 +81,7 @@ class NewtonIsland {
 
  public:
   /// @param memory  Sizes::bytes of it, aligned for a Four
-  KOKKOS_INLINE_FUNCTION NewtonIsland(Problem const& problem, Threads const& threads, IslandRows const& island, void* memory)
+  KOKKOS_FORCEINLINE_FUNCTION NewtonIsland(Problem const& problem, Threads const& threads, IslandRows const& island, void* memory)
       : k_(problem), threads_(threads), l_(problem.lists_of(threads.rank, island)), size_(island.count, island.dofs), m_(island.count) {
     R* next = static_cast<R*>(memory);
     auto const take = [&](int count) {
@@ -95,6 +95,7 @@ class NewtonIsland {
     z_ = take(n);
     d_ = take(n);
     room_ = take(n);
+    some_ = reinterpret_cast<short*>(take(size_.fours));
     w_ = take(m_);
     p_ = take(m_);
     change_ = take(m_);
@@ -111,7 +112,7 @@ class NewtonIsland {
   }
 
   /// Rows and laws from the pools; z = Y^T p of the impulses given, or 0 where that costs less; w = Y z + b.
-  KOKKOS_INLINE_FUNCTION void begin() {
+  KOKKOS_FORCEINLINE_FUNCTION void begin() {
     load();
     if (!k_.warm) return;
     R const none = cost();
@@ -125,34 +126,29 @@ class NewtonIsland {
     threads_.each(T * size_.fours, [&](int i) { z_[i] = R(0); });
     threads_.each(m_, [&](int r) { w_[r] = bias(r); });
   }
-  KOKKOS_INLINE_FUNCTION R gradient() {
-    threads_.each(m_, [&](int r) {
-      int const n = unit_[r];
-      if (n == 1) p_[r] = clamp(free_impulse(r, w_[r]), lower_[r], upper_[r]);
-      if (n < 2) return;
-      auto const e = element(r, n);
-      soft_impulses(e, w_ + r, p_ + r);
+  KOKKOS_FORCEINLINE_FUNCTION R gradient() {
+    set_impulses([&](int r, SoftRows<R> const& e) {
       R B[N][N];
       soft_curvature(e, w_ + r, B);
-      for (int b = 0; b < n; ++b)
+      for (int b = 0; b < e.rows; ++b)
         for (int a = 0; a <= b; ++a) curve_[4 * r + b * (b + 1) / 2 + a] = B[b][a];
     });
     pull(d_, [&](int i) { return -z_[i]; });
     return dot(d_, d_);
   }
-  KOKKOS_INLINE_FUNCTION R solve() {
+  KOKKOS_FORCEINLINE_FUNCTION R solve() {
     find_curved();
     assemble();
     if (!factor()) factor_rows();
     return solve_factored();
   }
-  KOKKOS_INLINE_FUNCTION R size() const { return dot(z_, z_); }
-  KOKKOS_INLINE_FUNCTION void look_along() {
+  KOKKOS_FORCEINLINE_FUNCTION R size() const { return dot(z_, z_); }
+  KOKKOS_FORCEINLINE_FUNCTION void look_along() {
     threads_.each(m_, [&](int r) { change_[r] = along(r, d_); });
     zd_ = dot(z_, d_);
     dd_ = dot(d_, d_);
   }
-  KOKKOS_INLINE_FUNCTION R slope(R alpha) const {
+  KOKKOS_FORCEINLINE_FUNCTION R slope(R alpha) const {
     return zd_ + alpha * dd_ - threads_.template sum<R>(m_, [&](int r) {
       int const n = unit_[r];
       if (n == 0) return R(0);
@@ -160,19 +156,17 @@ class NewtonIsland {
       return soft_pull(element(r, n), w_ + r, change_ + r, alpha);
     });
   }
-  KOKKOS_INLINE_FUNCTION void go(R alpha) {
+  KOKKOS_FORCEINLINE_FUNCTION void go(R alpha) {
     threads_.each(T * size_.fours, [&](int i) { z_[i] = fma(alpha, d_[i], z_[i]); });
     threads_.each(m_, [&](int r) { w_[r] = fma(alpha, change_[r], w_[r]); });
   }
   /// z and p(w) to where they belong. Returns the largest change of a rate, where it is asked for.
-  KOKKOS_INLINE_FUNCTION R write() {
+  KOKKOS_FORCEINLINE_FUNCTION R write() {
     auto const& e = l_.island;
     R* const z = k_.solution.z.data() + std::int64_t(threads_.rank) * k_.rows.nv;
     R* const p = impulses();
     threads_.each(e.dofs, [&](int i) { z[e.dof(i)] = z_[i]; });
-    threads_.each(m_, [&](int r) {
-      if (int const n = unit_[r]; n > 0) soft_impulses(element(r, n), w_ + r, p_ + r);
-    });
+    set_impulses([](int, SoftRows<R> const&) {});
     threads_.each(m_, [&](int r) { p[e.row(r)] = p_[r]; });
     if (!k_.residual) return R(0);
     pull(d_, [](int) { return R(0); });
@@ -184,10 +178,10 @@ class NewtonIsland {
   }
 
  private:
-  KOKKOS_INLINE_FUNCTION static Four& four(R* p) { return *reinterpret_cast<Four*>(p); }
+  KOKKOS_FORCEINLINE_FUNCTION static Four& four(R* p) { return *reinterpret_cast<Four*>(p); }
   /// Packs that are longer than a four need not be aligned.
   template <class X>
-  KOKKOS_INLINE_FUNCTION static X load_as(R const* p) {
+  KOKKOS_FORCEINLINE_FUNCTION static X load_as(R const* p) {
     if constexpr (std::is_same_v<X, Four>) {
       return *reinterpret_cast<Four const*>(p);
     } else {
@@ -196,19 +190,31 @@ class NewtonIsland {
       return x;
     }
   }
-  KOKKOS_INLINE_FUNCTION R* impulses() const { return k_.impulses.p[k_.impulses.parity()].data() + l_.first; }
-  KOKKOS_INLINE_FUNCTION R bias(int r) const { return l_.row[l_.island.row(r)].bias; }
-  KOKKOS_INLINE_FUNCTION SoftRows<R> element(int r, int n) const {
+  KOKKOS_FORCEINLINE_FUNCTION R* impulses() const { return k_.impulses.p[k_.impulses.parity()].data() + l_.first; }
+  KOKKOS_FORCEINLINE_FUNCTION R bias(int r) const { return l_.row[l_.island.row(r)].bias; }
+  KOKKOS_FORCEINLINE_FUNCTION SoftRows<R> element(int r, int n) const {
     return {n, compliance_ + r, lower_ + r, upper_ + r, mu_ + r, cone_mu_ + r, normal_ + r};
   }
   /// What a row between bounds would answer without them; its curvature is 1 / C.
-  KOKKOS_INLINE_FUNCTION R free_impulse(int r, R w) const { return -w * curve_[4 * r]; }
-  KOKKOS_INLINE_FUNCTION R dot(R const* a, R const* b) const {
+  KOKKOS_FORCEINLINE_FUNCTION R free_impulse(int r, R w) const { return -w * curve_[4 * r]; }
+  KOKKOS_FORCEINLINE_FUNCTION R dot(R const* a, R const* b) const {
     return threads_.template sum<R>(T * size_.fours, [&](int i) { return a[i] * b[i]; });
+  }
+  /// p(w). @param of_cone  what else is to be done for a unit that begins at row r and has a cone
+  template <class OfCone>
+  KOKKOS_FORCEINLINE_FUNCTION void set_impulses(OfCone const& of_cone) {
+    threads_.each(m_, [&](int r) {
+      int const n = unit_[r];
+      if (n == 1) p_[r] = clamp(free_impulse(r, w_[r]), lower_[r], upper_[r]);
+      if (n < 2) return;
+      auto const e = element(r, n);
+      soft_impulses(e, w_ + r, p_ + r);
+      of_cone(r, e);
+    });
   }
   /// to = from + Y^T p
   template <class From>
-  KOKKOS_INLINE_FUNCTION void pull(R* to, From const& from) const {
+  KOKKOS_FORCEINLINE_FUNCTION void pull(R* to, From const& from) const {
     if constexpr (one_thread) {
       using Wide = Pack<R, native_width<R>>;
       for (int i = 0; i < T * size_.fours; i += Wide::width) {
@@ -226,22 +232,26 @@ class NewtonIsland {
     }
   }
   /// Y x of row r.
-  KOKKOS_INLINE_FUNCTION R along(int r, R* x) const {
+  KOKKOS_FORCEINLINE_FUNCTION R along(int r, R* x) const {
     Four sum(R(0));
     for (int b = 0; b < size_.fours; ++b) sum = fma(four(Y_ + r * size_.stride + T * b), four(x + T * b), sum);
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
   }
-  KOKKOS_INLINE_FUNCTION R cost() const {
+  KOKKOS_FORCEINLINE_FUNCTION R cost() const {
     return threads_.template sum<R>(m_, [&](int r) {
       int const n = unit_[r];
       if (n == 0) return R(0);
+      if (n == 1) {
+        R const w = w_[r], p_of_w = clamp(free_impulse(r, w), lower_[r], upper_[r]);
+        return -p_of_w * fma(R(0.5) * compliance_[r], p_of_w, w);
+      }
       R p[N];
       soft_impulses(element(r, n), w_ + r, p);
       return soft_cost(element(r, n), w_ + r, p);
     });
   }
 
-  KOKKOS_INLINE_FUNCTION void load() {
+  KOKKOS_FORCEINLINE_FUNCTION void load() {
     auto const& e = l_.island;
     auto const& rows = k_.rows;
     threads_.each(m_ * (size_.stride / T), [&](int i) { four(Y_ + T * i) = Four(R(0)); });
@@ -271,7 +281,7 @@ class NewtonIsland {
     threads_.each(m_, [&](int r) { read_element(r, least); });
   }
   /// The laws of the element that row r begins. One without a cone is as many as it has rows.
-  KOKKOS_INLINE_FUNCTION void read_element(int r, R const* least) {
+  KOKKOS_FORCEINLINE_FUNCTION void read_element(int r, R const* least) {
     int const first = l_.island.row(r), n = l_.element_rows[first];
     if (n == 0) return;
     auto const own = soft_element(l_.row + first, n, least + r);
@@ -293,7 +303,7 @@ class NewtonIsland {
   }
 
   /// Which rows between bounds, and which units with a cone, have a curvature.
-  KOKKOS_INLINE_FUNCTION void find_curved() {
+  KOKKOS_FORCEINLINE_FUNCTION void find_curved() {
     curved_count_ = threads_.list(m_, curved_, [&](int r) {
       if (unit_[r] != 1) return false;
       R const free = free_impulse(r, w_[r]);
@@ -302,22 +312,22 @@ class NewtonIsland {
     cone_count_ = threads_.list(m_, cones_, [&](int r) { return unit_[r] > 1 && has_curvature(r, unit_[r]); });
     threads_.sync();
   }
-  KOKKOS_INLINE_FUNCTION bool has_curvature(int r, int n) const {
+  KOKKOS_FORCEINLINE_FUNCTION bool has_curvature(int r, int n) const {
     for (int b = 0; b < n; ++b)
       if (curve_[4 * r + b * (b + 1) / 2 + b] != R(0)) return true;
     return false;
   }
   /// Curvature b, a of the unit that begins at row r.
-  KOKKOS_INLINE_FUNCTION R curvature(int r, int b, int a) const {
+  KOKKOS_FORCEINLINE_FUNCTION R curvature(int r, int b, int a) const {
     return curve_[4 * r + (a <= b ? b * (b + 1) / 2 + a : a * (a + 1) / 2 + b)];
   }
 
   /// Tile (i, j) of H, i >= j; its column b at T b.
-  KOKKOS_INLINE_FUNCTION R* tile(int i, int j) const { return H_ + (i * (i + 1) / 2 + j) * Sizes::of_tile; }
-  KOKKOS_INLINE_FUNCTION R& at(int i, int j) const { return tile(i / T, j / T)[T * (j % T) + i % T]; }
+  KOKKOS_FORCEINLINE_FUNCTION R* tile(int i, int j) const { return H_ + (i * (i + 1) / 2 + j) * Sizes::of_tile; }
+  KOKKOS_FORCEINLINE_FUNCTION R& at(int i, int j) const { return tile(i / T, j / T)[T * (j % T) + i % T]; }
   /// f(i, j) for the tiles of a triangle of `side`, j <= i, a thread each.
   template <class F>
-  KOKKOS_INLINE_FUNCTION void each_tile(int side, F const& f) const {
+  KOKKOS_FORCEINLINE_FUNCTION void each_tile(int side, F const& f) const {
     if constexpr (one_thread) {
       for (int i = 0; i < side; ++i)
         for (int j = 0; j <= i; ++j) f(i, j);
@@ -332,7 +342,7 @@ class NewtonIsland {
   }
 
   /// H = 1 + Y^T B Y; its diagonal to room_.
-  KOKKOS_INLINE_FUNCTION void assemble() {
+  KOKKOS_FORCEINLINE_FUNCTION void assemble() {
     if constexpr (one_thread) {
       constexpr int wide = native_width<R> / T;  // tiles of a column at once; what they have beyond the last one stays unused
       for (int j = 0; j < size_.fours; ++j)
@@ -355,7 +365,7 @@ class NewtonIsland {
   }
   /// Columns 4 j ... 4 j + 3 of Y^T B Y, from row 4 i on.
   template <class X>
-  KOKKOS_INLINE_FUNCTION void sum_products(int i, int j, X (&sum)[T]) const {
+  KOKKOS_FORCEINLINE_FUNCTION void sum_products(int i, int j, X (&sum)[T]) const {
     R const *const x = Y_ + T * i, *const y = Y_ + T * j;
 #pragma unroll
     for (int b = 0; b < T; ++b) sum[b] = X(R(0));
@@ -377,7 +387,7 @@ class NewtonIsland {
       }
     }
   }
-  KOKKOS_INLINE_FUNCTION void put_tile(int i, int j, Four (&columns)[T]) const {
+  KOKKOS_FORCEINLINE_FUNCTION void put_tile(int i, int j, Four (&columns)[T]) const {
     R* const to = tile(i, j);
 #pragma unroll
     for (int b = 0; b < T; ++b) {
@@ -389,7 +399,7 @@ class NewtonIsland {
   /// The tile (k, k) of H or of L, whose diagonal is inverted.
   struct Diagonal {
     R L[T][T];  // row, column
-    KOKKOS_INLINE_FUNCTION Diagonal(R* tile) {
+    KOKKOS_FORCEINLINE_FUNCTION Diagonal(R* tile) {
 #pragma unroll
       for (int b = 0; b < T; ++b) {
         Four const column = four(tile + T * b);
@@ -399,7 +409,7 @@ class NewtonIsland {
     }
     /// x <- L^-1 x, of numbers or of packs.
     template <class X>
-    KOKKOS_INLINE_FUNCTION void forward(X (&x)[T]) const {
+    KOKKOS_FORCEINLINE_FUNCTION void forward(X (&x)[T]) const {
 #pragma unroll
       for (int a = 0; a < T; ++a) {
 #pragma unroll
@@ -408,7 +418,7 @@ class NewtonIsland {
       }
     }
     /// x <- L^-T x
-    KOKKOS_INLINE_FUNCTION void back(R (&x)[T]) const {
+    KOKKOS_FORCEINLINE_FUNCTION void back(R (&x)[T]) const {
 #pragma unroll
       for (int a = T; a-- > 0;) {
 #pragma unroll
@@ -418,7 +428,7 @@ class NewtonIsland {
     }
     /// H <- L. @param sound  of pivots, which has the diagonal that rounding is measured by
     template <class Sound>
-    KOKKOS_INLINE_FUNCTION bool factor(Sound const& sound) {
+    KOKKOS_FORCEINLINE_FUNCTION bool factor(Sound const& sound) {
       bool all = true;
 #pragma unroll
       for (int c = 0; c < T; ++c) {
@@ -434,11 +444,11 @@ class NewtonIsland {
       }
       return all;
     }
-    KOKKOS_INLINE_FUNCTION void store(R* tile) const {
+    KOKKOS_FORCEINLINE_FUNCTION void store(R* tile) const {
 #pragma unroll
       for (int b = 0; b < T; ++b) four(tile + T * b) = Four::of([&](int a) { return L[a][b]; });
     }
-    KOKKOS_INLINE_FUNCTION static R inverse_root(R x) {
+    KOKKOS_FORCEINLINE_FUNCTION static R inverse_root(R x) {
 #ifdef __CUDA_ARCH__
       return ::rsqrt(x);
 #else
@@ -447,54 +457,73 @@ class NewtonIsland {
     }
   };
   /// H <- L. False where rounding is much of a pivot, as in newton_world.hpp.
-  KOKKOS_INLINE_FUNCTION bool factor() {
+  KOKKOS_FORCEINLINE_FUNCTION bool factor() {
     for (int k = 0; k < size_.fours; ++k) {
       Diagonal own(tile(k, k));
       R const* const diagonal = room_ + T * k;
       if (!own.factor([&](int c, R pivot) { return pivot > R(newton_pivot) * Kokkos::Experimental::epsilon_v<R> * diagonal[c]; }))
         return false;
-      int const below = size_.fours - 1 - k;
-      if constexpr (one_thread) {
-        for (int i = 0; i < below; ++i) {
-          R* const to = tile(k + 1 + i, k);
-          Four x[T];
-          for (int b = 0; b < T; ++b) x[b] = four(to + T * b);
-          own.forward(x);
-          for (int b = 0; b < T; ++b) four(to + T * b) = x[b];
-        }
-      } else {
-        threads_.each(T * below, [&](int i) {
-          R* const to = tile(k + 1 + i / T, k) + i % T;
-          R x[T];
-#pragma unroll
-          for (int b = 0; b < T; ++b) x[b] = to[T * b];
-          own.forward(x);
-#pragma unroll
-          for (int b = 0; b < T; ++b) to[T * b] = x[b];
-        });
-      }
-      threads_.single([&] { own.store(tile(k, k)); });
-      each_tile(below, [&](int i, int j) {
-        R *const to = tile(k + 1 + i, k + 1 + j), *const left = tile(k + 1 + i, k), *const right = tile(k + 1 + j, k);
-        Four x[T], y[T];
-#pragma unroll
-        for (int c = 0; c < T; ++c) {
-          x[c] = four(left + T * c);
-          y[c] = four(right + T * c);
-        }
-#pragma unroll
-        for (int b = 0; b < T; ++b) {
-          Four sum = four(to + T * b);
-#pragma unroll
-          for (int c = 0; c < T; ++c) sum = fma(x[c], Four(-y[c][b]), sum);
-          four(to + T * b) = sum;
-        }
-      });
+      if constexpr (one_thread)
+        take_off_some(k, own);
+      else
+        take_off_all(k, own);
     }
     return true;
   }
+  /// Column k of L below its diagonal, and what it leaves of the columns after it: all tiles.
+  KOKKOS_FORCEINLINE_FUNCTION void take_off_all(int k, Diagonal const& own) {
+    int const below = size_.fours - 1 - k;
+    threads_.each(T * below, [&](int i) {
+      R* const to = tile(k + 1 + i / T, k) + i % T;
+      R x[T];
+#pragma unroll
+      for (int b = 0; b < T; ++b) x[b] = to[T * b];
+      own.forward(x);
+#pragma unroll
+      for (int b = 0; b < T; ++b) to[T * b] = x[b];
+    });
+    threads_.single([&] { own.store(tile(k, k)); });
+    each_tile(below, [&](int i, int j) { take_off(k + 1 + i, k + 1 + j, k); });
+  }
+  /// The same, without tiles that are zero: dofs that do not meet.
+  KOKKOS_FORCEINLINE_FUNCTION void take_off_some(int k, Diagonal const& own) {
+    own.store(tile(k, k));
+    int count = 0;
+    for (int i = k + 1; i < size_.fours; ++i) {
+      R* const to = tile(i, k);
+      Four x[T];
+      bool any = false;
+      for (int b = 0; b < T; ++b) {
+        x[b] = four(to + T * b);
+        any = any || !all(x[b] == Four(R(0)));
+      }
+      if (!any) continue;
+      some_[count++] = static_cast<short>(i);
+      own.forward(x);
+      for (int b = 0; b < T; ++b) four(to + T * b) = x[b];
+    }
+    for (int i = 0; i < count; ++i)
+      for (int j = 0; j <= i; ++j) take_off(some_[i], some_[j], k);
+  }
+  /// Tile (i, j) -= L_ik L_jk^T
+  KOKKOS_FORCEINLINE_FUNCTION void take_off(int i, int j, int k) const {
+    R *const to = tile(i, j), *const left = tile(i, k), *const right = tile(j, k);
+    Four x[T], y[T];
+#pragma unroll
+    for (int c = 0; c < T; ++c) {
+      x[c] = four(left + T * c);
+      y[c] = four(right + T * c);
+    }
+#pragma unroll
+    for (int b = 0; b < T; ++b) {
+      Four sum = four(to + T * b);
+#pragma unroll
+      for (int c = 0; c < T; ++c) sum = fma(x[c], Four(-y[c][b]), sum);
+      four(to + T * b) = sum;
+    }
+  }
   /// L without the sum, row by row, as in newton_world.hpp.
-  KOKKOS_FUNCTION void factor_rows() {
+  KOKKOS_FORCEINLINE_FUNCTION void factor_rows() {
     threads_.sync();
     threads_.each(size_.tiles * Sizes::of_tile, [&](int i) { H_[i] = R(0); });
     threads_.each(T * size_.fours, [&](int i) { at(i, i) = R(1); });
@@ -512,7 +541,7 @@ class NewtonIsland {
     threads_.each(T * size_.fours, [&](int i) { at(i, i) = R(1) / at(i, i); });
   }
   /// L L^T <- L L^T + Y^T B Y of a unit. @param G  B, which is overwritten
-  KOKKOS_FUNCTION void add_unit(int r, int n, R (&G)[N][N]) {
+  KOKKOS_FORCEINLINE_FUNCTION void add_unit(int r, int n, R (&G)[N][N]) {
     int const dofs = T * size_.fours;
     R* const u = room_;
     for (int c = 0; c < n; ++c) {
@@ -536,7 +565,7 @@ class NewtonIsland {
     }
   }
   /// d <- (L L^T)^-1 d. Returns d . (L L^T)^-1 d.
-  KOKKOS_INLINE_FUNCTION R solve_factored() {
+  KOKKOS_FORCEINLINE_FUNCTION R solve_factored() {
     for (int k = 0; k < size_.fours; ++k) {
       R x[T];
       read(d_ + T * k, x);
@@ -576,12 +605,12 @@ class NewtonIsland {
     }
     return decrement;
   }
-  KOKKOS_INLINE_FUNCTION static void read(R* from, R (&x)[T]) {
+  KOKKOS_FORCEINLINE_FUNCTION static void read(R* from, R (&x)[T]) {
     Four const all = four(from);
 #pragma unroll
     for (int a = 0; a < T; ++a) x[a] = all[a];
   }
-  KOKKOS_INLINE_FUNCTION static void write(R const (&x)[T], R* to) {
+  KOKKOS_FORCEINLINE_FUNCTION static void write(R const (&x)[T], R* to) {
     four(to) = Four::of([&](int a) { return x[a]; });
   }
 
@@ -591,6 +620,7 @@ class NewtonIsland {
   Sizes size_;
   int m_, curved_count_ = 0, cone_count_ = 0;
   R *Y_, *H_, *z_, *d_, *room_, *w_, *p_, *change_, *compliance_, *lower_, *upper_, *mu_, *cone_mu_, *curve_;
+  short* some_;                  // room for a column's tiles
   short *curved_, *cones_;       // rows that have a curvature: between bounds, and the first of cones
   signed char *unit_, *normal_;  // rows of the unit that begins here, 0: none does; the normal of a friction row
   R zd_, dd_;

@@ -8,10 +8,12 @@ namespace gsp::detail {
 
 inline constexpr std::int64_t newton_warp_bytes = 16 * 1024;  // of what one warp solves, at most
 inline constexpr int newton_many_warps = 4;
+inline constexpr int newton_warps = 20;  // of a multiprocessor: as many registers as leave room for as many islands as its memory has
 
 /// Blocks take the islands of a list in turn.
 template <class R, class Mem, int warps>
-__global__ void __launch_bounds__(32 * warps) newton_kernel(NewtonWorld<R, Mem> const __grid_constant__ solver, int list, bool beside) {
+__global__ void __launch_bounds__(32 * warps, newton_warps / warps)
+    newton_kernel(NewtonWorld<R, Mem> const __grid_constant__ solver, int list, bool beside) {
   using Threads = std::conditional_t<warps == 1, WarpWorld, SomeWarps<warps>>;
   follow(beside);
   extern __shared__ __align__(32) char shared_memory[];

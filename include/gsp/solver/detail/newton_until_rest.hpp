@@ -16,7 +16,7 @@ inline constexpr double newton_widen = 4;       // by how much the line is follo
 /// alpha > 0 with |slope| <= newton_slope of the slope at 0, of a convex function along the line: secants inside of a bracket.
 /// @param decrement  minus the slope at 0
 template <class R, class Slope>
-KOKKOS_INLINE_FUNCTION R search_line(R decrement, Slope const& slope) {
+KOKKOS_FORCEINLINE_FUNCTION R search_line(R decrement, Slope const& slope) {
   R low(0), at_low = -decrement, high(0), at_high(0), alpha(1);
   for (int i = 0; i < newton_most_secants; ++i) {
     R const now = slope(alpha);
@@ -41,7 +41,7 @@ KOKKOS_INLINE_FUNCTION R search_line(R decrement, Slope const& slope) {
 /// @param island  begin (z and w to start from), gradient (d <- -g; |d|^2), solve (d <- H^-1 d; d . H d, an upper bound of |d|^2), size
 ///                (|z|^2), look_along (Y d; what the slope hangs on), slope(alpha), go(alpha) (z += alpha d)
 template <class R, class Island>
-KOKKOS_INLINE_FUNCTION int newton_until_rest(Island& island, int iterations, R tolerance) {
+KOKKOS_FORCEINLINE_FUNCTION int newton_until_rest(Island& island, int iterations, R tolerance) {
   island.begin();
   int iteration = 0, stalls = 0;
   R best = Kokkos::Experimental::infinity_v<R>;
