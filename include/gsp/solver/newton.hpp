@@ -36,8 +36,9 @@ struct Newton {
   View<R*> rate, rate_change, least;  // (capacity of the rows) w, Y times the direction, and the least compliance (least_softness)
   View<R*> work;      // a world's or thread's: lower triangle of H by columns, direction, and nv of room; before it a thread's near memory
   View<int*> listed;  // GPUs: islands by what they take (detail/newton_island.hpp)
-  std::int64_t stride = 0;  // numbers of one
-  int thread_rooms = 0;     // hosts: threads that it has room for
+  std::int64_t stride = 0;      // numbers of one
+  std::int64_t near_bytes = 0;  // what an island may take to be solved in near memory, as far as there is any (detail/newton_island.hpp)
+  int thread_rooms = 0;         // hosts: threads that it has room for
 };
 
 /// Buffers for the worlds of `rows`: (nv + 5) nv / 2 numbers each on a device, a thread on a host, and three for each row of the pool.
@@ -49,6 +50,7 @@ Newton<R, Mem> make_newton(Exec const& exec, Rows<R, Mem> const& rows) {
   n.nv = rows.nv;
   n.stride = detail::newton_work(rows.nv);
   std::int64_t parts = rows.worlds;
+  n.near_bytes = is_device<Exec> ? std::numeric_limits<std::int64_t>::max() : detail::newton_near_numbers * std::int64_t(sizeof(R));
   if constexpr (is_device<Exec>) {
     n.listed = detail::allocate_zero<decltype(n.listed)>(
         exec, "gsp::Newton::listed", detail::NewtonLists<Mem>::size(std::int64_t(rows.worlds) * detail::islands_of_world(rows)));
@@ -116,7 +118,7 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
                                            .least = buffers.least,
                                            .work = buffers.work,
                                            .stride = buffers.stride,
-                                           .near_bytes = detail::newton_near_numbers * sizeof(R),
+                                           .near_bytes = buffers.near_bytes,
                                            .iterations = options.iterations,
                                            .tolerance = max(R(options.tolerance), R(32) * Kokkos::Experimental::epsilon_v<R>),
                                            .warm = options.warm,

@@ -139,8 +139,14 @@ class NewtonIsland {
   KOKKOS_FORCEINLINE_FUNCTION R solve() {
     find_curved();
     assemble();
-    if (!factor()) factor_rows();
-    return solve_factored();
+    if (!factor()) {
+      gradient();  // d anew
+      factor_rows();
+      forward();
+    }
+    R const decrement = dot(d_, d_);
+    back();
+    return decrement;
   }
   KOKKOS_FORCEINLINE_FUNCTION R size() const { return dot(z_, z_); }
   KOKKOS_FORCEINLINE_FUNCTION void look_along() {
@@ -272,11 +278,9 @@ class NewtonIsland {
     });
     R* const least = change_;
     threads_.each(m_, [&](int r) {
-      Row<R> const& row = l_.row[e.row(r)];
-      typename Problem::Shifts const shifts(k_, l_, row);
+      R const* const y = Y_ + r * size_.stride;
       least[r] = Problem::least_of(
-          row, [&](int i) { return most[k_.place_of(row, i, shifts)]; },
-          [&](int i) { return Y_[r * size_.stride + k_.place_of(row, i, shifts)]; });
+          l_.row[e.row(r)].compliance, e.dofs, [&](int i) { return most[i]; }, [&](int i) { return y[i]; });
     });
     threads_.each(m_, [&](int r) { read_element(r, least); });
   }
@@ -325,20 +329,12 @@ class NewtonIsland {
   /// Tile (i, j) of H, i >= j; its column b at T b.
   KOKKOS_FORCEINLINE_FUNCTION R* tile(int i, int j) const { return H_ + (i * (i + 1) / 2 + j) * Sizes::of_tile; }
   KOKKOS_FORCEINLINE_FUNCTION R& at(int i, int j) const { return tile(i / T, j / T)[T * (j % T) + i % T]; }
-  /// f(i, j) for the tiles of a triangle of `side`, j <= i, a thread each.
-  template <class F>
-  KOKKOS_FORCEINLINE_FUNCTION void each_tile(int side, F const& f) const {
-    if constexpr (one_thread) {
-      for (int i = 0; i < side; ++i)
-        for (int j = 0; j <= i; ++j) f(i, j);
-    } else {
-      threads_.each(side * (side + 1) / 2, [&](int t) {
-        int i = int((sqrt(float(8 * t + 1)) - 1.0f) * 0.5f);
-        if (i * (i + 1) / 2 > t) --i;
-        if ((i + 1) * (i + 2) / 2 <= t) ++i;
-        f(i, t - i * (i + 1) / 2);
-      });
-    }
+  /// Of number t in a triangle that is counted by rows.
+  KOKKOS_FORCEINLINE_FUNCTION static int row_of_triangle(int t) {
+    int i = int((sqrt(float(8 * t + 1)) - 1.0f) * 0.5f);
+    if (i * (i + 1) / 2 > t) --i;
+    if ((i + 1) * (i + 2) / 2 <= t) ++i;
+    return i;
   }
 
   /// H = 1 + Y^T B Y; its diagonal to room_.
@@ -356,7 +352,8 @@ class NewtonIsland {
           }
         }
     } else {
-      each_tile(size_.fours, [&](int i, int j) {
+      threads_.each(size_.tiles, [&](int t) {
+        int const i = row_of_triangle(t), j = t - i * (i + 1) / 2;
         Four sum[T];
         sum_products(i, j, sum);
         put_tile(i, j, sum);
@@ -456,7 +453,7 @@ class NewtonIsland {
 #endif
     }
   };
-  /// H <- L. False where rounding is much of a pivot, as in newton_world.hpp.
+  /// H <- L, d <- L^-1 d. False where rounding is much of a pivot, as in newton_world.hpp; d is spoilt then.
   KOKKOS_FORCEINLINE_FUNCTION bool factor() {
     for (int k = 0; k < size_.fours; ++k) {
       Diagonal own(tile(k, k));
@@ -470,24 +467,42 @@ class NewtonIsland {
     }
     return true;
   }
-  /// Column k of L below its diagonal, and what it leaves of the columns after it: all tiles.
+  /// Column k of L below its diagonal, and what it leaves of d and of the columns after it: all tiles.
   KOKKOS_FORCEINLINE_FUNCTION void take_off_all(int k, Diagonal const& own) {
     int const below = size_.fours - 1 - k;
+    R known[T];
+    read(d_ + T * k, known);
+    own.forward(known);
     threads_.each(T * below, [&](int i) {
       R* const to = tile(k + 1 + i / T, k) + i % T;
       R x[T];
 #pragma unroll
       for (int b = 0; b < T; ++b) x[b] = to[T * b];
       own.forward(x);
+      R sum = d_[T * (k + 1) + i];
 #pragma unroll
-      for (int b = 0; b < T; ++b) to[T * b] = x[b];
+      for (int b = 0; b < T; ++b) {
+        to[T * b] = x[b];
+        sum = fma(-x[b], known[b], sum);
+      }
+      d_[T * (k + 1) + i] = sum;
     });
-    threads_.single([&] { own.store(tile(k, k)); });
-    each_tile(below, [&](int i, int j) { take_off(k + 1 + i, k + 1 + j, k); });
+    threads_.single([&] {
+      own.store(tile(k, k));
+      write(known, d_ + T * k);
+    });
+    threads_.each(T * (below * (below + 1) / 2), [&](int t) {  // a column of a tile a thread
+      int const i = row_of_triangle(t / T), j = t / T - i * (i + 1) / 2;
+      take_off(k + 1 + i, k + 1 + j, k, t % T, 1);
+    });
   }
   /// The same, without tiles that are zero: dofs that do not meet.
   KOKKOS_FORCEINLINE_FUNCTION void take_off_some(int k, Diagonal const& own) {
+    R known[T];
+    read(d_ + T * k, known);
+    own.forward(known);
     own.store(tile(k, k));
+    write(known, d_ + T * k);
     int count = 0;
     for (int i = k + 1; i < size_.fours; ++i) {
       R* const to = tile(i, k);
@@ -500,25 +515,26 @@ class NewtonIsland {
       if (!any) continue;
       some_[count++] = static_cast<short>(i);
       own.forward(x);
-      for (int b = 0; b < T; ++b) four(to + T * b) = x[b];
+      Four sum = four(d_ + T * i);
+      for (int b = 0; b < T; ++b) {
+        four(to + T * b) = x[b];
+        sum = fma(x[b], Four(-known[b]), sum);
+      }
+      four(d_ + T * i) = sum;
     }
     for (int i = 0; i < count; ++i)
-      for (int j = 0; j <= i; ++j) take_off(some_[i], some_[j], k);
+      for (int j = 0; j <= i; ++j) take_off(some_[i], some_[j], k, 0, T);
   }
-  /// Tile (i, j) -= L_ik L_jk^T
-  KOKKOS_FORCEINLINE_FUNCTION void take_off(int i, int j, int k) const {
+  /// Tile (i, j) -= L_ik L_jk^T, `columns` of it from `first` on.
+  KOKKOS_FORCEINLINE_FUNCTION void take_off(int i, int j, int k, int first, int columns) const {
     R *const to = tile(i, j), *const left = tile(i, k), *const right = tile(j, k);
-    Four x[T], y[T];
+    Four x[T];
 #pragma unroll
-    for (int c = 0; c < T; ++c) {
-      x[c] = four(left + T * c);
-      y[c] = four(right + T * c);
-    }
-#pragma unroll
-    for (int b = 0; b < T; ++b) {
+    for (int c = 0; c < T; ++c) x[c] = four(left + T * c);
+    for (int b = first; b < first + columns; ++b) {
       Four sum = four(to + T * b);
 #pragma unroll
-      for (int c = 0; c < T; ++c) sum = fma(x[c], Four(-y[c][b]), sum);
+      for (int c = 0; c < T; ++c) sum = fma(x[c], Four(-right[T * c + b]), sum);
       four(to + T * b) = sum;
     }
   }
@@ -564,32 +580,24 @@ class NewtonIsland {
       }
     }
   }
-  /// d <- (L L^T)^-1 d. Returns d . (L L^T)^-1 d.
-  KOKKOS_FORCEINLINE_FUNCTION R solve_factored() {
+  /// d <- L^-1 d
+  KOKKOS_FORCEINLINE_FUNCTION void forward() {
     for (int k = 0; k < size_.fours; ++k) {
       R x[T];
       read(d_ + T * k, x);
       Diagonal(tile(k, k)).forward(x);
-      int const below = size_.fours - 1 - k;
-      if constexpr (one_thread) {
-        for (int i = 0; i < below; ++i) {
-          R* const column = tile(k + 1 + i, k);
-          Four sum = four(d_ + T * (k + 1 + i));
-          for (int a = 0; a < T; ++a) sum = fma(four(column + T * a), Four(-x[a]), sum);
-          four(d_ + T * (k + 1 + i)) = sum;
-        }
-      } else {
-        threads_.each(T * below, [&](int i) {
-          R const* const row = tile(k + 1 + i / T, k) + i % T;
-          R sum = d_[T * (k + 1) + i];
+      threads_.each(T * (size_.fours - 1 - k), [&](int i) {
+        R const* const row = tile(k + 1 + i / T, k) + i % T;
+        R sum = d_[T * (k + 1) + i];
 #pragma unroll
-          for (int a = 0; a < T; ++a) sum = fma(-row[T * a], x[a], sum);
-          d_[T * (k + 1) + i] = sum;
-        });
-      }
+        for (int a = 0; a < T; ++a) sum = fma(-row[T * a], x[a], sum);
+        d_[T * (k + 1) + i] = sum;
+      });
       threads_.single([&] { write(x, d_ + T * k); });
     }
-    R const decrement = dot(d_, d_);
+  }
+  /// d <- L^-T d
+  KOKKOS_FORCEINLINE_FUNCTION void back() {
     for (int k = size_.fours; k-- > 0;) {
       R x[T];
       read(d_ + T * k, x);
@@ -603,7 +611,6 @@ class NewtonIsland {
       });
       threads_.single([&] { write(x, d_ + T * k); });
     }
-    return decrement;
   }
   KOKKOS_FORCEINLINE_FUNCTION static void read(R* from, R (&x)[T]) {
     Four const all = four(from);

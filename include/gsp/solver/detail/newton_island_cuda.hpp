@@ -46,7 +46,7 @@ void launch_newton(Exec const& exec, NewtonWorld<R, Mem> solver) {
   constexpr std::int64_t own_bytes = 1024;  // what a kernel has besides, and more
   std::int64_t const most = std::int64_t(device.sharedMemPerBlockOptin) - own_bytes;
   int const islands = solver.lists.islands;
-  solver.near_bytes = most;
+  solver.near_bytes = std::min(solver.near_bytes, most);
   launch_on_cuda("gsp::solver::list_newton", exec, [&](cudaStream_t stream) {
     cuda_expects(cudaMemsetAsync(solver.lists.counts(), 0, 2 * newton_lists * sizeof(int), stream), "gsp::solver::list_newton");
   });

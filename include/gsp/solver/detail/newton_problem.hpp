@@ -67,16 +67,19 @@ struct NewtonProblem {
             island.list ? &rows.islands.shift(w, 0) : nullptr};
   }
 
-  /// @param most, Y  of the row's entry i: the largest Y^2 that any row has on its dof, and its own Y
+  /// Of a row of n numbers: @param most, y  on dof i: the largest Y^2 that any row has, and its own Y; where that is 0 (a tree that others
+  /// are tied to by a tendon, a branch that it does not move) it has no say
   template <class Most, class Y>
-  KOKKOS_INLINE_FUNCTION static R least_of(Row<R> const& row, Most const& most, Y const& y) {
+  KOKKOS_INLINE_FUNCTION static R least_of(R compliance, int n, Most const& most, Y const& y) {
     R sum(0), own(0);
-    for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) {
+    for (int i = 0; i < n; ++i) {
+      R const at = y(i);
+      if (at == R(0)) continue;
       sum += most(i);
-      own += square(y(i));
+      own += square(at);
     }
     bool const is_soft =
-        row.compliance >= R(rigid_softness) * own && own > square(R(newton_rounding) * Kokkos::Experimental::epsilon_v<R>) * sum;
+        compliance >= R(rigid_softness) * own && own > square(R(newton_rounding) * Kokkos::Experimental::epsilon_v<R>) * sum;
     return max(is_soft ? R(0) : least_softness<R> * sum, R(least_compliance));
   }
 

@@ -195,7 +195,8 @@ struct NewtonWorld : NewtonProblem<R, Mem> {
     each_row(world, l, [&](int r) {
       Row<R> const& row = l.row[r];
       l.least[r] = least_of(
-          row, [&](int i) { return most[dof_of(row, i)]; }, [&](int i) { return rows.Y(row.first_entry + i); });
+          row.compliance, row.segment[0].count + row.segment[1].count, [&](int i) { return most[dof_of(row, i)]; },
+          [&](int i) { return rows.Y(row.first_entry + i); });
     });
   }
   /// Rows that touch no tree bear what they are asked for: no one solves for them.
