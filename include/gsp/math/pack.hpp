@@ -46,7 +46,7 @@ template <class Real, int W>
 struct alignas(sizeof(Real) * W) Mask {
   using Int = typename pack_detail::pack_int<Real>::type;
 #ifdef __CUDA_ARCH__
-  Int v[W];  // device code never runs packs; the compiler still wants to see a type of the same size
+  Int v[W];  // a thread of a GPU has no vectors: numbers one by one
 #else
   typedef Int vec __attribute__((vector_size(sizeof(Real) * W)));
   vec v;

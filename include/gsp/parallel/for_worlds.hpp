@@ -35,7 +35,7 @@ struct SerialWorld {
       before += part;
     }
   }
-  /// The numbers i < n where is(i), in order, to `to`; returns how many. Others see them after a sync.
+  /// The numbers i < n <= 32768 where is(i), in order, to `to`; returns how many. Others see them after a sync. (Not of BlockWorld.)
   template <class F>
   KOKKOS_INLINE_FUNCTION int list(int n, short* to, F const& is) const {
     int count = 0;
@@ -66,7 +66,7 @@ void launch_worlds(std::string const& label, Exec const& exec, int worlds, F con
 }  // namespace detail
 
 /// Runs f(world) for world.rank = 0 ... worlds - 1. `f` has a template <class World> operator()(World const&) const and uses what
-/// detail::SerialWorld has; docs/parallel/for_worlds.md has the table. Each, sum, scan, place, single and sync must be reached by all
+/// detail::SerialWorld has; docs/parallel/for_worlds.md has the table. Each, sum, scan, list, place, single and sync must be reached by all
 /// threads of a world: never in a branch that some of them take, nor inside of one another.
 template <ExecutionSpace Exec, class F>
 void for_worlds(std::string const& label, Exec const& exec, int worlds, F const& f) {

@@ -1,6 +1,8 @@
 #pragma once
+#include <cstdint>
 #include <gsp/core/region.hpp>
 #include <gsp/solver/detail/newton_world.hpp>
+#include <limits>
 
 /// Newton's method for rows that are all soft: MuJoCo's convex problem, in the whitened coordinates of constraint/rows.hpp, where the mass
 /// matrix is the identity:
@@ -27,7 +29,7 @@ inline void expects_options(char const* where, NewtonOptions const& o) {
 }
 }  // namespace detail
 
-/// Buffers of `newton`: the Hessian of each world (of each thread on a host) and three numbers a row.
+/// Buffers of `newton`: near memory of a host's thread, the Hessian of each world (of each thread on a host) and three numbers a row.
 template <class R, class Mem>
 struct Newton {
   template <class D>
@@ -41,8 +43,8 @@ struct Newton {
   int thread_rooms = 0;         // hosts: threads that it has room for
 };
 
-/// Buffers for the worlds of `rows`: (nv + 5) nv / 2 numbers each on a device, a thread on a host, and three for each row of the pool.
-/// Allocates.
+/// Buffers for the worlds of `rows`: (nv + 5) nv / 2 numbers each on a device, a thread on a host, where 65,536 of near memory come to
+/// that; three for each row of the pool; on a device 14 ints for each tree of each world. Allocates.
 template <ExecutionSpace Exec, class R, class Mem>
 Newton<R, Mem> make_newton(Exec const& exec, Rows<R, Mem> const& rows) {
   Newton<R, Mem> n;

@@ -1,5 +1,6 @@
 #pragma once
 #include <gsp/constraint/rows.hpp>
+#include <type_traits>
 
 /// What the rows of one element answer to their rates where all of them are soft, as in MuJoCo's convex problem:
 ///   p(w) = argmax over the impulses allowed of  -p . w - p . C p / 2,   its value the cost s(w),   p = -ds/dw
@@ -12,6 +13,12 @@
 /// The cone's projection is that simple where C_b mu_b^2 is the same for all of its friction rows: the first row's counts for all.
 /// Source: MuJoCo's documentation, "Computation: constraint model", "Computation: primal problem".
 namespace gsp {
+
+/// The least compliance of a rigid row: this share of the sum, over the dofs of its entries, of the largest Y^2 that any row has there.
+/// What is rigid (C < rigid_softness |Y|^2), or of leverage too small to tell from none, is this soft: rows between which a dof cannot
+/// choose weigh by Y^2, as in MuJoCo, whose least is 1e-15 for all.
+template <class R>
+inline constexpr R least_softness = R(sizeof(R) == 4 ? 1e-7 : 1e-10);
 
 template <class R>
 struct SoftElement {

@@ -122,7 +122,7 @@ struct SomeWarps {
   }
 };
 
-/// What WarpWorld has, by a block.
+/// What WarpWorld has but list, by a block.
 struct BlockWorld {
   static constexpr int warps = 16, threads = 32 * warps;
   int rank;

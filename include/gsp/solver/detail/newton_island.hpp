@@ -1,11 +1,14 @@
 #pragma once
 #include <cstring>
+#include <gsp/constraint/islands.hpp>
 #include <gsp/math/pack.hpp>
 #include <gsp/parallel/for_worlds.hpp>
 #include <gsp/solver/detail/newton_problem.hpp>
+#include <type_traits>
 
-/// What `newton` does with an island that fits into near memory: a GPU's shared memory, a core's cache. Its rows are full there (zeros and
-/// all), by fours of dofs; H lies in tiles of 4 x 4 by columns, its lower triangle. An iteration takes what it computes:
+/// What `newton` does with an island that fits into near memory: a GPU's shared memory, or room that stays in a core's second-level cache.
+/// Its rows are full there (zeros and all), by fours of dofs; H lies in tiles of 4 x 4 by columns, its lower triangle. An iteration takes
+/// what it computes:
 ///   H = 1 + Y^T B Y   a tile a thread, 16 multiply-adds and two loads of four numbers a row that has a curvature
 ///   H = L L^T         a column of tiles at a time; all threads factor the tile on the diagonal alike, so that none waits for it
 /// What does not fit is done in global memory (newton_world.hpp).
@@ -14,7 +17,7 @@ namespace gsp::detail {
 /// Numbers of an island: of a row of Y an odd number of fours, so that neighbouring threads of a GPU find their rows in different banks;
 /// for the same reason tiles do not lie closer.
 inline constexpr int newton_tile = 4;
-inline constexpr int newton_near_numbers = 1 << 16;  // of a host's thread: a quarter of what a core's second-level cache has, or less
+inline constexpr int newton_near_numbers = 1 << 16;  // of a host's thread: 256 kB in float, which second-level caches hold
 template <class R>
 struct NewtonSizes {
   int rows, dofs, fours, stride, tiles;
@@ -61,9 +64,9 @@ struct NewtonLists {
   }
 };
 
-/// The element whose laws lie in arrays, as soft_element.hpp takes it.
+/// An element whose laws lie in arrays, as soft_element.hpp takes it.
 template <class R>
-struct SoftRows {
+struct SoftElementView {
   int rows;
   R const *compliance, *lower, *upper, *mu, *cone_mu;
   signed char const* normal;
@@ -77,6 +80,8 @@ class NewtonIsland {
   static constexpr bool one_thread = std::is_same_v<Threads, SerialWorld>;  // it takes fours of dofs, where threads take a dof each
   using Sizes = NewtonSizes<R>;
   using Four = Pack<R, T>;
+  using Wide = Pack < R, native_width<R><T ? T : native_width<R>>;  // one thread: what it takes of a row at once
+  static_assert(N * (N + 1) / 2 <= 4 * N, "the curvatures of a unit lie in four numbers a row");
   using Problem = NewtonProblem<R, Mem>;
 
  public:
@@ -95,7 +100,7 @@ class NewtonIsland {
     z_ = take(n);
     d_ = take(n);
     room_ = take(n);
-    some_ = reinterpret_cast<short*>(take(size_.fours));
+    nonzero_ = reinterpret_cast<short*>(take(size_.fours));
     w_ = take(m_);
     p_ = take(m_);
     change_ = take(m_);
@@ -105,9 +110,9 @@ class NewtonIsland {
     mu_ = take(m_);
     cone_mu_ = take(m_);
     curve_ = take(4 * m_);
-    curved_ = reinterpret_cast<short*>(next);
-    cones_ = curved_ + m_;
-    unit_ = reinterpret_cast<signed char*>(cones_ + m_);
+    active_ = reinterpret_cast<short*>(next);
+    active_cones_ = active_ + m_;
+    unit_ = reinterpret_cast<signed char*>(active_cones_ + m_);
     normal_ = unit_ + m_;
   }
 
@@ -119,7 +124,7 @@ class NewtonIsland {
     R const* const before = impulses();
     threads_.each(m_, [&](int r) { p_[r] = before[l_.island.row(r)]; });
     pull(z_, [](int) { return R(0); });
-    threads_.each(m_, [&](int r) { w_[r] += along(r, z_); });
+    threads_.each(m_, [&](int r) { w_[r] += row_dot(r, z_); });
     R const given = cost() + R(0.5) * dot(z_, z_);
     if (given < none) return;
     threads_.sync();
@@ -127,7 +132,7 @@ class NewtonIsland {
     threads_.each(m_, [&](int r) { w_[r] = bias(r); });
   }
   KOKKOS_FORCEINLINE_FUNCTION R gradient() {
-    set_impulses([&](int r, SoftRows<R> const& e) {
+    set_impulses([&](int r, SoftElementView<R> const& e) {
       R B[N][N];
       soft_curvature(e, w_ + r, B);
       for (int b = 0; b < e.rows; ++b)
@@ -137,7 +142,7 @@ class NewtonIsland {
     return dot(d_, d_);
   }
   KOKKOS_FORCEINLINE_FUNCTION R solve() {
-    find_curved();
+    find_active();
     assemble();
     if (!factor()) {
       gradient();  // d anew
@@ -150,7 +155,7 @@ class NewtonIsland {
   }
   KOKKOS_FORCEINLINE_FUNCTION R size() const { return dot(z_, z_); }
   KOKKOS_FORCEINLINE_FUNCTION void look_along() {
-    threads_.each(m_, [&](int r) { change_[r] = along(r, d_); });
+    threads_.each(m_, [&](int r) { change_[r] = row_dot(r, d_); });
     zd_ = dot(z_, d_);
     dd_ = dot(d_, d_);
   }
@@ -172,11 +177,11 @@ class NewtonIsland {
     R* const z = k_.solution.z.data() + std::int64_t(threads_.rank) * k_.rows.nv;
     R* const p = impulses();
     threads_.each(e.dofs, [&](int i) { z[e.dof(i)] = z_[i]; });
-    set_impulses([](int, SoftRows<R> const&) {});
+    set_impulses([](int, SoftElementView<R> const&) {});
     threads_.each(m_, [&](int r) { p[e.row(r)] = p_[r]; });
     if (!k_.residual) return R(0);
     pull(d_, [](int) { return R(0); });
-    threads_.each(m_, [&](int r) { change_[r] = abs(along(r, d_) + bias(r) - w_[r]); });
+    threads_.each(m_, [&](int r) { change_[r] = abs(row_dot(r, d_) + bias(r) - w_[r]); });
     R worst(0);
     for (int r = 0; r < m_; ++r) worst = max_or_nan(worst, change_[r]);
     threads_.sync();
@@ -198,7 +203,7 @@ class NewtonIsland {
   }
   KOKKOS_FORCEINLINE_FUNCTION R* impulses() const { return k_.impulses.p[k_.impulses.parity()].data() + l_.first; }
   KOKKOS_FORCEINLINE_FUNCTION R bias(int r) const { return l_.row[l_.island.row(r)].bias; }
-  KOKKOS_FORCEINLINE_FUNCTION SoftRows<R> element(int r, int n) const {
+  KOKKOS_FORCEINLINE_FUNCTION SoftElementView<R> element(int r, int n) const {
     return {n, compliance_ + r, lower_ + r, upper_ + r, mu_ + r, cone_mu_ + r, normal_ + r};
   }
   /// What a row between bounds would answer without them; its curvature is 1 / C.
@@ -222,7 +227,6 @@ class NewtonIsland {
   template <class From>
   KOKKOS_FORCEINLINE_FUNCTION void pull(R* to, From const& from) const {
     if constexpr (one_thread) {
-      using Wide = Pack<R, native_width<R>>;
       for (int i = 0; i < T * size_.fours; i += Wide::width) {
         Wide sum(R(0));
         for (int r = 0; r < m_; ++r) sum = fma(load_as<Wide>(Y_ + r * size_.stride + i), Wide(p_[r]), sum);
@@ -238,7 +242,7 @@ class NewtonIsland {
     }
   }
   /// Y x of row r.
-  KOKKOS_FORCEINLINE_FUNCTION R along(int r, R* x) const {
+  KOKKOS_FORCEINLINE_FUNCTION R row_dot(int r, R* x) const {
     Four sum(R(0));
     for (int b = 0; b < size_.fours; ++b) sum = fma(four(Y_ + r * size_.stride + T * b), four(x + T * b), sum);
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
@@ -261,7 +265,7 @@ class NewtonIsland {
     auto const& e = l_.island;
     auto const& rows = k_.rows;
     threads_.each(m_ * (size_.stride / T), [&](int i) { four(Y_ + T * i) = Four(R(0)); });
-    threads_.each(T * size_.fours, [&](int i) { z_[i] = d_[i] = R(0); });
+    threads_.each(T * size_.fours, [&](int i) { z_[i] = R(0); });
     threads_.each(m_, [&](int r) {
       Row<R> const& row = l_.row[e.row(r)];
       typename Problem::Shifts const shifts(k_, l_, row);
@@ -307,13 +311,13 @@ class NewtonIsland {
   }
 
   /// Which rows between bounds, and which units with a cone, have a curvature.
-  KOKKOS_FORCEINLINE_FUNCTION void find_curved() {
-    curved_count_ = threads_.list(m_, curved_, [&](int r) {
+  KOKKOS_FORCEINLINE_FUNCTION void find_active() {
+    active_count_ = threads_.list(m_, active_, [&](int r) {
       if (unit_[r] != 1) return false;
       R const free = free_impulse(r, w_[r]);
       return free > lower_[r] && free < upper_[r];
     });
-    cone_count_ = threads_.list(m_, cones_, [&](int r) { return unit_[r] > 1 && has_curvature(r, unit_[r]); });
+    cone_count_ = threads_.list(m_, active_cones_, [&](int r) { return unit_[r] > 1 && has_curvature(r, unit_[r]); });
     threads_.sync();
   }
   KOKKOS_FORCEINLINE_FUNCTION bool has_curvature(int r, int n) const {
@@ -340,10 +344,10 @@ class NewtonIsland {
   /// H = 1 + Y^T B Y; its diagonal to room_.
   KOKKOS_FORCEINLINE_FUNCTION void assemble() {
     if constexpr (one_thread) {
-      constexpr int wide = native_width<R> / T;  // tiles of a column at once; what they have beyond the last one stays unused
+      constexpr int wide = Wide::width / T;  // tiles of a column at once; what they have beyond the last one stays unused
       for (int j = 0; j < size_.fours; ++j)
         for (int i = j; i < size_.fours; i += wide) {
-          Pack<R, native_width<R>> sum[T];
+          Wide sum[T];
           sum_products(i, j, sum);
           for (int q = 0; q < wide && i + q < size_.fours; ++q) {
             Four part[T];
@@ -371,12 +375,12 @@ class NewtonIsland {
       for (int b = 0; b < T; ++b) sum[b] = fma(u, X(v[b]), sum[b]);
     };
 #pragma unroll 4
-    for (int k = 0; k < curved_count_; ++k) {
-      int const r = curved_[k];
+    for (int k = 0; k < active_count_; ++k) {
+      int const r = active_[k];
       add(load_as<X>(x + r * size_.stride) * X(curve_[4 * r]), load_as<Four>(y + r * size_.stride));
     }
     for (int k = 0; k < cone_count_; ++k) {
-      int const r = cones_[k], n = unit_[r];
+      int const r = active_cones_[k], n = unit_[r];
       for (int b = 0; b < n; ++b) {
         X u(R(0));
         for (int c = 0; c < n; ++c) u = fma(X(curvature(r, b, c)), load_as<X>(x + (r + c) * size_.stride), u);
@@ -461,14 +465,14 @@ class NewtonIsland {
       if (!own.factor([&](int c, R pivot) { return pivot > R(newton_pivot) * Kokkos::Experimental::epsilon_v<R> * diagonal[c]; }))
         return false;
       if constexpr (one_thread)
-        take_off_some(k, own);
+        update_nonzero_trailing(k, own);
       else
-        take_off_all(k, own);
+        update_trailing(k, own);
     }
     return true;
   }
   /// Column k of L below its diagonal, and what it leaves of d and of the columns after it: all tiles.
-  KOKKOS_FORCEINLINE_FUNCTION void take_off_all(int k, Diagonal const& own) {
+  KOKKOS_FORCEINLINE_FUNCTION void update_trailing(int k, Diagonal const& own) {
     int const below = size_.fours - 1 - k;
     R known[T];
     read(d_ + T * k, known);
@@ -493,11 +497,11 @@ class NewtonIsland {
     });
     threads_.each(T * (below * (below + 1) / 2), [&](int t) {  // a column of a tile a thread
       int const i = row_of_triangle(t / T), j = t / T - i * (i + 1) / 2;
-      take_off(k + 1 + i, k + 1 + j, k, t % T, 1);
+      update_tile(k + 1 + i, k + 1 + j, k, t % T, 1);
     });
   }
   /// The same, without tiles that are zero: dofs that do not meet.
-  KOKKOS_FORCEINLINE_FUNCTION void take_off_some(int k, Diagonal const& own) {
+  KOKKOS_FORCEINLINE_FUNCTION void update_nonzero_trailing(int k, Diagonal const& own) {
     R known[T];
     read(d_ + T * k, known);
     own.forward(known);
@@ -513,7 +517,7 @@ class NewtonIsland {
         any = any || !all(x[b] == Four(R(0)));
       }
       if (!any) continue;
-      some_[count++] = static_cast<short>(i);
+      nonzero_[count++] = static_cast<short>(i);
       own.forward(x);
       Four sum = four(d_ + T * i);
       for (int b = 0; b < T; ++b) {
@@ -523,10 +527,10 @@ class NewtonIsland {
       four(d_ + T * i) = sum;
     }
     for (int i = 0; i < count; ++i)
-      for (int j = 0; j <= i; ++j) take_off(some_[i], some_[j], k, 0, T);
+      for (int j = 0; j <= i; ++j) update_tile(nonzero_[i], nonzero_[j], k, 0, T);
   }
   /// Tile (i, j) -= L_ik L_jk^T, `columns` of it from `first` on.
-  KOKKOS_FORCEINLINE_FUNCTION void take_off(int i, int j, int k, int first, int columns) const {
+  KOKKOS_FORCEINLINE_FUNCTION void update_tile(int i, int j, int k, int first, int columns) const {
     R *const to = tile(i, j), *const left = tile(i, k), *const right = tile(j, k);
     Four x[T];
 #pragma unroll
@@ -544,12 +548,12 @@ class NewtonIsland {
     threads_.each(size_.tiles * Sizes::of_tile, [&](int i) { H_[i] = R(0); });
     threads_.each(T * size_.fours, [&](int i) { at(i, i) = R(1); });
     R G[N][N];
-    for (int k = 0; k < curved_count_; ++k) {
-      G[0][0] = curve_[4 * curved_[k]];
-      add_unit(curved_[k], 1, G);
+    for (int k = 0; k < active_count_; ++k) {
+      G[0][0] = curve_[4 * active_[k]];
+      add_unit(active_[k], 1, G);
     }
     for (int k = 0; k < cone_count_; ++k) {
-      int const r = cones_[k], n = unit_[r];
+      int const r = active_cones_[k], n = unit_[r];
       for (int b = 0; b < n; ++b)
         for (int a = 0; a <= b; ++a) G[b][a] = curvature(r, b, a);
       add_unit(r, n, G);
@@ -562,6 +566,7 @@ class NewtonIsland {
     R* const u = room_;
     for (int c = 0; c < n; ++c) {
       if (!Problem::next_column(G, n, c)) continue;
+      threads_.sync();  // all have read what u was
       threads_.each(dofs, [&](int i) {
         R sum(0);
         for (int b = c; b < n; ++b) sum = fma(G[b][c], Y_[(r + b) * size_.stride + i], sum);
@@ -625,11 +630,11 @@ class NewtonIsland {
   Threads threads_;
   typename Problem::Lists l_;
   Sizes size_;
-  int m_, curved_count_ = 0, cone_count_ = 0;
+  int m_, active_count_ = 0, cone_count_ = 0;
   R *Y_, *H_, *z_, *d_, *room_, *w_, *p_, *change_, *compliance_, *lower_, *upper_, *mu_, *cone_mu_, *curve_;
-  short* some_;                  // room for a column's tiles
-  short *curved_, *cones_;       // rows that have a curvature: between bounds, and the first of cones
-  signed char *unit_, *normal_;  // rows of the unit that begins here, 0: none does; the normal of a friction row
+  short* nonzero_;                 // room for a column's tiles
+  short *active_, *active_cones_;  // rows that have a curvature: between bounds, and the first of cones
+  signed char *unit_, *normal_;    // rows of the unit that begins here, 0: none does; the normal of a friction row
   R zd_, dd_;
 };
 

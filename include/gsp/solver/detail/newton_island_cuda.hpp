@@ -1,6 +1,9 @@
 #pragma once
+#include <algorithm>
 #include <gsp/parallel/detail/launch_cuda.hpp>
 #include <gsp/parallel/detail/worlds_cuda.hpp>
+#include <gsp/solver/detail/newton_island.hpp>
+#include <gsp/solver/detail/newton_until_rest.hpp>
 #include <gsp/solver/detail/newton_world.hpp>
 
 /// The kernels of newton_island.hpp: a warp or some warps an island, which stays in shared memory until it is solved.
@@ -19,7 +22,7 @@ __global__ void __launch_bounds__(32 * warps, newton_warps / warps)
   extern __shared__ __align__(32) char shared_memory[];
   __shared__ int taken;
   auto const& rows = solver.rows;
-  for (int const count = solver.progress.halt() ? 0 : solver.lists.count(list);;) {
+  for (int const count = solver.lists.count(list);;) {
     if (threadIdx.x == 0) taken = count > 0 ? atomicAdd(&solver.lists.taken(list), 1) : 0;
     __syncthreads();
     int const at = taken;
@@ -46,7 +49,7 @@ void launch_newton(Exec const& exec, NewtonWorld<R, Mem> solver) {
   constexpr std::int64_t own_bytes = 1024;  // what a kernel has besides, and more
   std::int64_t const most = std::int64_t(device.sharedMemPerBlockOptin) - own_bytes;
   int const islands = solver.lists.islands;
-  solver.near_bytes = std::min(solver.near_bytes, most);
+  solver.near_bytes = std::min({solver.near_bytes, most, newton_bytes_of_list(newton_lists - 1)});
   launch_on_cuda("gsp::solver::list_newton", exec, [&](cudaStream_t stream) {
     cuda_expects(cudaMemsetAsync(solver.lists.counts(), 0, 2 * newton_lists * sizeof(int), stream), "gsp::solver::list_newton");
   });
@@ -57,7 +60,7 @@ void launch_newton(Exec const& exec, NewtonWorld<R, Mem> solver) {
     int const fit =
         std::clamp(int(std::int64_t(device.sharedMemPerMultiprocessor) / (bytes + std::int64_t(device.reservedSharedMemPerBlock))), 1, 32);
     auto const one = [&](auto* kernel, int warps) {
-      if (bytes > std::int64_t(device.sharedMemPerBlock))
+      if (bytes + own_bytes > std::int64_t(device.sharedMemPerBlock))
         cuda_expects(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(most)), "gsp::solver::newton");
       launch_kernel(stream, kernel, std::min(islands, fit * device.multiProcessorCount), 32 * warps, std::size_t(bytes), solver, list,
                     beside);

@@ -1,19 +1,12 @@
 #pragma once
+#include <Kokkos_NumericTraits.hpp>
 #include <gsp/constraint/impulses.hpp>
+#include <gsp/constraint/islands.hpp>
+#include <gsp/constraint/progress.hpp>
 #include <gsp/solver/soft_element.hpp>
 #include <gsp/solver/solution.hpp>
 
 /// What `newton` solves (solver/newton.hpp): the rows of an island, however they are kept.
-namespace gsp {
-
-/// The least compliance of a rigid row: this share of the sum, over the dofs of its entries, of the largest Y^2 that any row has there.
-/// What is rigid (C < rigid_softness |Y|^2), or of leverage too small to tell from none, is this soft: rows between which a dof cannot
-/// choose weigh by Y^2, as in MuJoCo, whose least is 1e-15 for all.
-template <class R>
-inline constexpr R least_softness = R(sizeof(R) == 4 ? 1e-7 : 1e-10);
-
-}  // namespace gsp
-
 namespace gsp::detail {
 
 inline constexpr double least_compliance = 1e-15;  // of a row that nothing can move
