@@ -1,5 +1,5 @@
 #pragma once
-#include <Kokkos_NumericTraits.hpp>
+#include <Kokkos_Core.hpp>
 #include <gsp/constraint/impulses.hpp>
 #include <gsp/constraint/islands.hpp>
 #include <gsp/constraint/progress.hpp>

@@ -1,5 +1,5 @@
 #pragma once
-#include <Kokkos_NumericTraits.hpp>
+#include <Kokkos_Core.hpp>
 #include <gsp/math/scalar.hpp>
 
 /// When the iterations of `newton` over an island go on, how far, and when they end, however they are done.
