@@ -235,7 +235,6 @@ class NewtonIsland {
     } else {
       threads_.each(T * size_.fours, [&](int i) {
         R sum = from(i);
-#pragma unroll 4
         for (int r = 0; r < m_; ++r) sum = fma(Y_[r * size_.stride + i], p_[r], sum);
         to[i] = sum;
       });
@@ -368,13 +367,10 @@ class NewtonIsland {
   template <class X>
   KOKKOS_FORCEINLINE_FUNCTION void sum_products(int i, int j, X (&sum)[T]) const {
     R const *const x = Y_ + T * i, *const y = Y_ + T * j;
-#pragma unroll
     for (int b = 0; b < T; ++b) sum[b] = X(R(0));
     auto const add = [&](X const& u, Four const& v) {
-#pragma unroll
       for (int b = 0; b < T; ++b) sum[b] = fma(u, X(v[b]), sum[b]);
     };
-#pragma unroll 4
     for (int k = 0; k < active_count_; ++k) {
       int const r = active_[k];
       add(load_as<X>(x + r * size_.stride) * X(curve_[4 * r]), load_as<Four>(y + r * size_.stride));
@@ -390,7 +386,6 @@ class NewtonIsland {
   }
   KOKKOS_FORCEINLINE_FUNCTION void put_tile(int i, int j, Four (&columns)[T]) const {
     R* const to = tile(i, j);
-#pragma unroll
     for (int b = 0; b < T; ++b) {
       if (i == j) columns[b].set(b, columns[b][b] + R(1));
       four(to + T * b) = columns[b];
@@ -401,28 +396,22 @@ class NewtonIsland {
   struct Diagonal {
     R L[T][T];  // row, column
     KOKKOS_FORCEINLINE_FUNCTION Diagonal(R* tile) {
-#pragma unroll
       for (int b = 0; b < T; ++b) {
         Four const column = four(tile + T * b);
-#pragma unroll
         for (int a = 0; a < T; ++a) L[a][b] = column[a];
       }
     }
     /// x <- L^-1 x, of numbers or of packs.
     template <class X>
     KOKKOS_FORCEINLINE_FUNCTION void forward(X (&x)[T]) const {
-#pragma unroll
       for (int a = 0; a < T; ++a) {
-#pragma unroll
         for (int b = 0; b < a; ++b) x[a] = fma(X(-L[a][b]), x[b], x[a]);
         x[a] = x[a] * X(L[a][a]);
       }
     }
     /// x <- L^-T x
     KOKKOS_FORCEINLINE_FUNCTION void back(R (&x)[T]) const {
-#pragma unroll
       for (int a = T; a-- > 0;) {
-#pragma unroll
         for (int b = a + 1; b < T; ++b) x[a] = fma(-L[b][a], x[b], x[a]);
         x[a] *= L[a][a];
       }
@@ -431,22 +420,17 @@ class NewtonIsland {
     template <class Sound>
     KOKKOS_FORCEINLINE_FUNCTION bool factor(Sound const& sound) {
       bool all = true;
-#pragma unroll
       for (int c = 0; c < T; ++c) {
         all = all && sound(c, L[c][c]);
         R const inverse = inverse_root(max(L[c][c], R(1)));
         L[c][c] = inverse;
-#pragma unroll
         for (int a = c + 1; a < T; ++a) L[a][c] *= inverse;
-#pragma unroll
         for (int a = c + 1; a < T; ++a)
-#pragma unroll
           for (int b = c + 1; b <= a; ++b) L[a][b] = fma(-L[a][c], L[b][c], L[a][b]);
       }
       return all;
     }
     KOKKOS_FORCEINLINE_FUNCTION void store(R* tile) const {
-#pragma unroll
       for (int b = 0; b < T; ++b) four(tile + T * b) = Four::of([&](int a) { return L[a][b]; });
     }
     KOKKOS_FORCEINLINE_FUNCTION static R inverse_root(R x) {
@@ -480,11 +464,9 @@ class NewtonIsland {
     threads_.each(T * below, [&](int i) {
       R* const to = tile(k + 1 + i / T, k) + i % T;
       R x[T];
-#pragma unroll
       for (int b = 0; b < T; ++b) x[b] = to[T * b];
       own.forward(x);
       R sum = d_[T * (k + 1) + i];
-#pragma unroll
       for (int b = 0; b < T; ++b) {
         to[T * b] = x[b];
         sum = fma(-x[b], known[b], sum);
@@ -533,11 +515,9 @@ class NewtonIsland {
   KOKKOS_FORCEINLINE_FUNCTION void update_tile(int i, int j, int k, int first, int columns) const {
     R *const to = tile(i, j), *const left = tile(i, k), *const right = tile(j, k);
     Four x[T];
-#pragma unroll
     for (int c = 0; c < T; ++c) x[c] = four(left + T * c);
     for (int b = first; b < first + columns; ++b) {
       Four sum = four(to + T * b);
-#pragma unroll
       for (int c = 0; c < T; ++c) sum = fma(x[c], Four(-right[T * c + b]), sum);
       four(to + T * b) = sum;
     }
@@ -594,7 +574,6 @@ class NewtonIsland {
       threads_.each(T * (size_.fours - 1 - k), [&](int i) {
         R const* const row = tile(k + 1 + i / T, k) + i % T;
         R sum = d_[T * (k + 1) + i];
-#pragma unroll
         for (int a = 0; a < T; ++a) sum = fma(-row[T * a], x[a], sum);
         d_[T * (k + 1) + i] = sum;
       });
@@ -610,7 +589,6 @@ class NewtonIsland {
       threads_.each(T * k, [&](int i) {
         Four const column = four(tile(k, i / T) + T * (i % T));
         R sum = d_[i];
-#pragma unroll
         for (int a = 0; a < T; ++a) sum = fma(-column[a], x[a], sum);
         d_[i] = sum;
       });
@@ -619,7 +597,6 @@ class NewtonIsland {
   }
   KOKKOS_FORCEINLINE_FUNCTION static void read(R* from, R (&x)[T]) {
     Four const all = four(from);
-#pragma unroll
     for (int a = 0; a < T; ++a) x[a] = all[a];
   }
   KOKKOS_FORCEINLINE_FUNCTION static void write(R const (&x)[T], R* to) {
