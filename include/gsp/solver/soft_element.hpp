@@ -14,7 +14,7 @@
 /// Source: MuJoCo's documentation, "Computation: constraint model", "Computation: primal problem".
 namespace gsp {
 
-/// The least compliance of a rigid row: this share of the sum, over the dofs of its entries, of the largest Y^2 that any row has there.
+/// The least compliance of a rigid row: this share of the sum, over the dofs that it moves, of the largest Y^2 that any row has there.
 /// What is rigid (C < rigid_softness |Y|^2), or of leverage too small to tell from none, is this soft: rows between which a dof cannot
 /// choose weigh by Y^2, as in MuJoCo, whose least is 1e-15 for all.
 template <class R>

@@ -1,9 +1,11 @@
 #pragma once
+#include <algorithm>
 #include <cstring>
 #include <gsp/constraint/islands.hpp>
 #include <gsp/math/pack.hpp>
 #include <gsp/parallel/for_worlds.hpp>
 #include <gsp/solver/detail/newton_problem.hpp>
+#include <gsp/solver/detail/newton_sizes.hpp>
 #include <type_traits>
 
 /// What `newton` does with an island that fits into near memory: a GPU's shared memory, or room that stays in a core's second-level cache.
@@ -13,56 +15,6 @@
 ///   H = L L^T         a column of tiles at a time; all threads factor the tile on the diagonal alike, so that none waits for it
 /// What does not fit is done in global memory (newton_world.hpp).
 namespace gsp::detail {
-
-/// Numbers of an island: of a row of Y an odd number of fours, so that neighbouring threads of a GPU find their rows in different banks;
-/// for the same reason tiles do not lie closer.
-inline constexpr int newton_tile = 4;
-inline constexpr int newton_near_numbers = 1 << 16;  // of a host's thread: 256 kB in float, which second-level caches hold
-template <class R>
-struct NewtonSizes {
-  int rows, dofs, fours, stride, tiles;
-  KOKKOS_FORCEINLINE_FUNCTION NewtonSizes(int row_count, int dof_count)
-      : rows(row_count),
-        dofs(dof_count),
-        fours((dof_count + newton_tile - 1) / newton_tile),
-        stride(newton_tile * (fours | 1)),
-        tiles(fours * (fours + 1) / 2) {}
-  static constexpr int of_tile = newton_tile * newton_tile + newton_tile, of_row = 12, bytes_of_row = 2 * int(sizeof(short)) + 2;
-  KOKKOS_FORCEINLINE_FUNCTION std::int64_t bytes() const {
-    std::int64_t const numbers = std::int64_t(rows) * (stride + of_row) + std::int64_t(tiles) * of_tile + (3 * newton_tile + 1) * fours;
-    return (numbers * std::int64_t(sizeof(R)) + std::int64_t(rows) * bytes_of_row + 15) / 16 * 16;
-  }
-  /// So that a row has a number of 16 bits.
-  KOKKOS_FORCEINLINE_FUNCTION bool fits(std::int64_t most_bytes) const { return rows < 32768 && bytes() <= most_bytes; }
-};
-
-/// GPUs: islands are listed by how much they take, so that a block has no more than they need; bytes of list `size`, and the list of an
-/// island.
-inline constexpr int newton_lists = 14;
-KOKKOS_FORCEINLINE_FUNCTION std::int64_t newton_bytes_of_list(int list) {
-  constexpr std::int64_t kilobytes[newton_lists] = {4, 6, 8, 10, 12, 14, 16, 20, 24, 32, 48, 72, 112, 227};
-  return 1024 * kilobytes[list];
-}
-KOKKOS_FORCEINLINE_FUNCTION int newton_list_of(std::int64_t bytes) {
-  int list = 0;
-  while (list < newton_lists - 1 && newton_bytes_of_list(list) < bytes) ++list;
-  return list;
-}
-/// Where: the numbers of islands list by list, then how many there are in each, and how many are taken.
-template <class Mem>
-struct NewtonLists {
-  Kokkos::View<int*, Kokkos::LayoutRight, Mem> items;
-  int islands = 0;  // of all worlds, at most
-  static std::int64_t size(std::int64_t islands) { return newton_lists * (islands + 2); }
-  KOKKOS_FORCEINLINE_FUNCTION int& number(int list, int i) const { return items(std::int64_t(list) * islands + i); }
-  KOKKOS_FORCEINLINE_FUNCTION int* counts() const { return items.data() + std::int64_t(newton_lists) * islands; }  // 2 newton_lists of them
-  KOKKOS_FORCEINLINE_FUNCTION int& count(int list) const { return counts()[list]; }
-  KOKKOS_FORCEINLINE_FUNCTION int& taken(int list) const { return counts()[newton_lists + list]; }
-  KOKKOS_FORCEINLINE_FUNCTION void add(std::int64_t bytes, int island) const {
-    int const list = newton_list_of(bytes);
-    number(list, Kokkos::atomic_fetch_add(&count(list), 1)) = island;
-  }
-};
 
 /// An element whose laws lie in arrays, as soft_element.hpp takes it.
 template <class R>
@@ -80,7 +32,7 @@ class NewtonIsland {
   static constexpr bool one_thread = std::is_same_v<Threads, SerialWorld>;  // it takes fours of dofs, where threads take a dof each
   using Sizes = NewtonSizes<R>;
   using Four = Pack<R, T>;
-  using Wide = Pack < R, native_width<R><T ? T : native_width<R>>;  // one thread: what it takes of a row at once
+  using Wide = Pack<R, std::max(T, native_width<R>)>;  // one thread: what it takes of a row at once
   static_assert(N * (N + 1) / 2 <= 4 * N, "the curvatures of a unit lie in four numbers a row");
   using Problem = NewtonProblem<R, Mem>;
 

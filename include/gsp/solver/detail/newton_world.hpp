@@ -14,13 +14,13 @@ inline std::int64_t newton_work(int nv) { return std::int64_t(nv) * (nv + 1) / 2
 template <class R, class Mem>
 struct NewtonWorld : NewtonProblem<R, Mem> {
   using Problem = NewtonProblem<R, Mem>;
+  using Problem::dof_of, Problem::place_of, Problem::least_of, Problem::lists_of, Problem::next_column;
   using Problem::N, Problem::rows, Problem::impulses, Problem::solution, Problem::progress, Problem::rate, Problem::rate_change,
       Problem::least, Problem::work, Problem::stride, Problem::near_bytes, Problem::iterations, Problem::tolerance, Problem::warm,
       Problem::residual, Problem::ends_step;
   using typename Problem::Lists;
   using typename Problem::Shifts;
   NewtonLists<Mem> lists{};  // GPUs
-  using Problem::dof_of, Problem::place_of, Problem::least_of, Problem::lists_of, Problem::next_column;
 
   template <class World>
   KOKKOS_FUNCTION void operator()(World const& world) const {
