@@ -254,6 +254,7 @@ void assemble_in(Exec const& exec, Exec const& laying, Join const& join, BesideM
         "StiffForces(model, state, dynamics)");
   Region const region("gsp::constraint::assemble");
   using List = ConstraintList<Types...>;
+  if constexpr (is_device<Exec>) launch_threads("gsp::constraint::whiten_trees", exec, WhitenTrees<R, Mem>(model, dynamics));
   if (sleeping.any())
     for_worlds("gsp::constraint::wake_islands", laying, rows.worlds,
                WakeIslands<R, Mem, List>{model, sleeping, types, (rests<Types>() && ...)});

@@ -75,10 +75,11 @@ struct ContactRows {
         type.add_axis(c, row, R(1), J);
         return row == 0 ? type.contacts.dist(c) : R(0);
       }
-      type.add_axis(c, 0, R(1), J);
-      if (p.condim > 1) {
+      if (p.condim == 1) {
+        type.add_axis(c, 0, R(1), J);
+      } else {
         int const edge = k % type.edges;
-        type.add_axis(c, 1 + edge / 2, edge % 2 ? -p.friction[edge / 2] : p.friction[edge / 2], J);
+        type.add_edge(c, 1 + edge / 2, edge % 2 ? -p.friction[edge / 2] : p.friction[edge / 2], J);
       }
       return type.contacts.dist(c);
     }
@@ -167,16 +168,29 @@ struct ContactRows {
   /// J of axis `axis` of the contact: along the rows of its frame, then about them.
   template <class Row>
   KOKKOS_INLINE_FUNCTION void add_axis(int c, int axis, R scale, Row&& J) const {
-    Vec3<R> const direction = contacts.axis(c, axis % 3);
-    if (axis < 3) {
-      Vec3<R> point = contacts.point(c);
-      if (axis > 0 && contacts.steady) point = point + contacts.lift(c) * contacts.axis(c, 0);
-      J.add_point(contacts.body2(c), point, direction, scale);
-      J.add_point(contacts.body1(c), point, direction, -scale);
-    } else {
-      J.add_rotation(contacts.body2(c), direction, scale);
-      J.add_rotation(contacts.body1(c), direction, -scale);
-    }
+    Vec3<R> const direction = scale * contacts.axis(c, axis % 3);
+    if (axis < 3)
+      add_force(c, axis > 0 && contacts.steady ? contacts.point(c) + contacts.lift(c) * contacts.axis(c, 0) : contacts.point(c), direction, J);
+    else
+      add_torque(c, direction, J);
+  }
+  /// J of an edge of its pyramid: of the normal, and mu times that of an axis.
+  template <class Row>
+  KOKKOS_INLINE_FUNCTION void add_edge(int c, int axis, R mu, Row&& J) const {
+    if (axis < 3 && !contacts.steady)
+      return add_force(c, contacts.point(c), fma(mu, contacts.axis(c, axis), contacts.axis(c, 0)), J);
+    add_axis(c, 0, R(1), J);
+    add_axis(c, axis, mu, J);
+  }
+  template <class Row>
+  KOKKOS_INLINE_FUNCTION void add_force(int c, Vec3<R> const& point, Vec3<R> const& direction, Row&& J) const {
+    J.add_point(contacts.body2(c), point, direction);
+    J.add_point(contacts.body1(c), point, direction, R(-1));
+  }
+  template <class Row>
+  KOKKOS_INLINE_FUNCTION void add_torque(int c, Vec3<R> const& direction, Row&& J) const {
+    J.add_rotation(contacts.body2(c), direction);
+    J.add_rotation(contacts.body1(c), direction, R(-1));
   }
   KOKKOS_INLINE_FUNCTION R adhesion_of(int c) const { return contacts.adhesive ? contacts.adhesion(c) : R(0); }
 };

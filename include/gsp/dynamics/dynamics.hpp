@@ -32,6 +32,19 @@ struct width_of<Pack<R, W>> {
 };
 }  // namespace detail
 
+namespace detail {
+/// The same pointer, as a number that a GPU's compiler keeps: it would else take the sum that it is apart, and find each item's address
+/// anew in four instructions, where one or none will do.
+template <class T>
+KOKKOS_FORCEINLINE_FUNCTION T* whole(T* p) {
+#ifdef __CUDA_ARCH__
+  asm("" : "+l"(p));
+  __builtin_assume(__isGlobal(p));
+#endif
+  return p;
+}
+}  // namespace detail
+
 /// Items of one lane at base[i * stride], or of a whole block, one pack after the other (stride 1).
 template <class T>
 struct LaneItems {
@@ -114,6 +127,9 @@ struct DynamicsLayout : FactorLayout {
   int drag;                                                                  // what a fluid damps: -d force / d qvel, as M
   int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc, both_triangles, sigma, velocity_terms;
   int size;
+  // Over what no later stage needs, on a device: what rows are made of (constraint/detail/whiten_trees.hpp).
+  int dof_columns, body_columns, body_rates;
+  int device_size;
   KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) : FactorLayout(a) {
     int n = velocity + a.nv;
     auto const reserve = [&n](int& at, int items) {
@@ -165,6 +181,10 @@ struct DynamicsLayout : FactorLayout {
     reserve(sigma, bias_derivative ? 6 * a.nv : 0);
     reserve(velocity_terms, bias_derivative ? 12 * a.nbody : 0);
     size = n;
+    dof_columns = xpos;
+    body_columns = dof_columns + a.nM;
+    body_rates = body_columns + 6 * a.nM;
+    device_size = n > body_rates + 18 * a.nv ? n : body_rates + 18 * a.nv;
   }
 };
 
@@ -194,6 +214,7 @@ struct Dynamics {
   Kokkos::View<int*, Mem> block_archetype;                 // (blocks)
   Kokkos::View<std::int64_t*, Mem> block_offset;           // (blocks) first item of the block
   Kokkos::View<int*, Mem> archetype_block;                 // (archetypes) first block
+  Kokkos::View<DynamicsLayout*, Mem> layout;               // (archetypes)
   Kokkos::View<std::int64_t*, Mem> left_step;              // (worlds) the last step (State::steps) that left forces to rows
   Kokkos::View<Archetype*, Kokkos::HostSpace> archetypes;  // host: the model's when it was made, which decided the layout
   detail::Stamps stamps;                                   // host: what the items hold, and of which state (stamps.hpp)
@@ -204,16 +225,16 @@ struct Dynamics {
   }
   /// Items of tree `t` of world `w`.
   KOKKOS_INLINE_FUNCTION TreeItems<R> tree(Model<R, Mem> const& m, int w, int t) const {
-    return {lane_items(m, w, t), DynamicsLayout(m.archetypes(m.tree_archetype(t)))};
+    return {lane_items(m, w, t), layout(m.tree_archetype(t))};
   }
   KOKKOS_INLINE_FUNCTION FactorItems<R> factored(Model<R, Mem> const& m, int w, int t) const {
-    return {lane_items(m, w, t), FactorLayout(m.archetypes(m.tree_archetype(t)))};
+    return {lane_items(m, w, t), layout(m.tree_archetype(t))};
   }
 
  private:
   KOKKOS_INLINE_FUNCTION LaneItems<R> lane_items(Model<R, Mem> const& m, int w, int t) const {
     int const lane = m.tree_instance(t) * padded_worlds + w, block = archetype_block(m.tree_archetype(t)) + lane / width;
-    return {items.data() + block_offset(block) + lane % width, width};
+    return {detail::whole(items.data() + block_offset(block) + lane % width), width};
   }
 };
 

@@ -195,10 +195,10 @@ struct CountRows {
         element.jacobian(r, structure);
         refuse(structure.refused, status::refused_place);
         entries = structure.entries();
-        for (int s = 0; s < structure.segments; ++s) {
-          if (tree < 0) tree = structure.tree[s];
-          if (structure.tree[s] != tree) join_islands(rows.islands.label(w), tree, structure.tree[s]);
-        }
+        structure.each_tree([&](int t) {
+          if (tree < 0) tree = t;
+          if (t != tree) join_islands(rows.islands.label(w), tree, t);
+        });
       }
       auto const bounds = element.bounds(r);
       refuse(bounds.friction_of >= n || bounds.friction_of == r, status::refused_friction);

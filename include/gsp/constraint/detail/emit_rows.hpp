@@ -3,6 +3,7 @@
 #include <gsp/constraint/detail/row_lanes.hpp>
 #include <gsp/constraint/detail/row_laws.hpp>
 #include <gsp/constraint/detail/start_impulses.hpp>
+#include <gsp/constraint/detail/whiten_trees.hpp>
 #include <gsp/parallel/detail/launch_threads.hpp>
 
 /// The last kernels of `assemble`: entries, laws and first impulses of all rows, in the order of the types, then of the elements. A host
@@ -56,12 +57,10 @@ struct EmitRows {
     Row<R> const row = rows.row(at);
     R* const there = rows.Y.data() + row.first_entry;
     auto const near = thread.template near<R>();
-    bool const fits = entries_in(row) <= Thread::template room<R>;
-    write_jacobian(fits ? Strided<R>{near.at, near.stride} : Strided<R>{there, 1}, row, w, r, at);
-    if (fits)
-      whiten_row(near, row, w, at);
+    if (entries_in(row) <= Thread::template room<R>)
+      make_row(Strided<R>{near.at, near.stride}, row, w, r, at);
     else
-      whiten_row(there, row, w, at);
+      make_row(there, row, w, r, at);
   }
   /// On a device: the impulses that the element which was listed as number `number` starts from, and what it carried, in its first row,
   /// until it is finished.
@@ -98,7 +97,7 @@ struct EmitRows {
   /// The same as a whole, on a device: a single bit would wait for what lies beside it in memory.
   KOKKOS_INLINE_FUNCTION static Row<R> laid_out(int place, int k, std::int64_t entry, RowStructure<R, Mem> const& structure) {
     Row<R> row{};
-    lay_out(row, place, k, entry, {structure.segment_or_none(0), structure.segment_or_none(1)});
+    lay_out(row, place, k, entry, {structure.segment(0), structure.segment(1)});
     return row;
   }
   KOKKOS_INLINE_FUNCTION static int entries_in(Row<R> const& row) { return row.segment[0].count + row.segment[1].count; }
@@ -162,25 +161,22 @@ struct EmitRows {
       rows.laid_out(Kokkos::atomic_fetch_add(&rows.laid_out_count(), 1)) = at;  // in any order
     });
   }
-  /// J of row r of an element, number `at` of the pool, to y, and its gap to its bias.
-  KOKKOS_FORCEINLINE_FUNCTION void write_jacobian(Strided<R> const& y, Row<R> const& row, int w, int r, int at) const {
-    for (int i = 0; i < entries_in(row); ++i) y[i] = R(0);
-    types.visit_type(row.type, [&](auto const& type) {
-      rows.row(at).bias = R(element_of(type, w, row.element).jacobian(r, RowWriter<R, Mem, Strided<R>>{model, dynamics, row, y, w}));
-    });
-  }
-  /// Y of the row, in y and in the pool, and its RowSums.
+  /// Entries of row r of an element, number `at` of the pool, in y and in the pool, and its RowSums.
   template <class Entries>
-  KOKKOS_FORCEINLINE_FUNCTION void whiten_row(Entries const y, Row<R> const& row, int w, int at) const {
-    Row<R>& to = rows.row(at);
-    RowSums<R> sums{to.bias};
-    for (int s = 0, begin = 0; s < 2 && row.segment[s].count > 0; begin += row.segment[s++].count) {
-      int const tree = model.dof_tree(row.segment[s].dof0);
-      whiten(model, dynamics.factored(model, w, tree), tree, row.segment[s], y, begin, sums);
+  KOKKOS_FORCEINLINE_FUNCTION void make_row(Entries const y, Row<R> const& row, int w, int r, int at) const {
+    int const n = entries_in(row);
+    for (int i = 0; i < n; ++i) y[i] = R(0);
+    RowSums<R> sums;
+    types.visit_type(row.type, [&](auto const& type) {
+      R const gap = R(element_of(type, w, row.element).jacobian(r, WhitenedWriter<R, Mem, Entries>{model, dynamics, row, y, sums, w}));
+      sums.gap += gap;
+    });
+    for (int i = 0; i < n; ++i) {
+      R const entry = y[i];
+      sums.diagonal = fma(entry, entry, sums.diagonal);
+      if constexpr (!std::is_pointer_v<Entries>) rows.Y(row.first_entry + i) = entry;
     }
-    sums.leave_in(to);
-    if constexpr (!std::is_pointer_v<Entries>)
-      for (int i = 0; i < entries_in(row); ++i) rows.Y(row.first_entry + i) = y[i];
+    sums.leave_in(rows.row(at));
   }
   /// The impulses that an element of n rows starts from, and what it carried; marks who and where it is.
   KOKKOS_FORCEINLINE_FUNCTION R find_start(int w, int n, int first, R* start) const {
@@ -278,9 +274,8 @@ struct EmitRows {
           RowStructure<R, Mem> structure{model};
           element.jacobian(r, structure);
           keeps = true;
-          for (int s = 0; s < 2; ++s) segment[s] = structure.segment_or_none(s);
-          for (int s = 0; s < structure.segments; ++s)
-            keeps = keeps && Lanes::takes(model.archetypes(model.tree_archetype(structure.tree[s])));
+          for (int s = 0; s < 2; ++s) segment[s] = structure.segment(s);
+          structure.each_tree([&](int t) { keeps = keeps && Lanes::takes(model.archetypes(model.tree_archetype(t))); });
         }
         Row<R>& row = rows.row(end);  // written where it stands, number by number: a copy would wait for what it copies (Asked)
         row = {};

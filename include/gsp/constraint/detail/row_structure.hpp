@@ -4,49 +4,33 @@
 /// What a constraint's `jacobian` writes to while rows are assembled: first which trees and chains a row touches, then its entries.
 namespace gsp::detail {
 
-/// Deepest ancestor chain, or whole tree, that a row needs on each tree that it touches.
+/// Deepest ancestor chain, or whole tree, that a row needs on each of the two trees that it may touch.
 template <class R, class Mem>
 struct RowStructure {
+  struct Part {
+    int tree = -1, last = -1;  // last: local dof at the end of the chain, -1: all dofs
+  };
   Model<R, Mem> const& model;
-  int segments = 0;
-  bool refused = false;                        // more than two trees, or a body or dof that is not there
-  int tree[2] = {-1, -1}, last[2] = {-1, -1};  // last: local dof at the end of the chain, -1: all dofs
+  Part first = {}, second = {};  // no array: one that is indexed is memory to a GPU, and so is all that lies beside it
+  bool refused = false;          // more than two trees, or a body or dof that is not there
 
   KOKKOS_INLINE_FUNCTION void touch(int dof) {
-    int const t = model.dof_tree(dof), local = dof - model.tree_dof(t);
-    for (int s = 0; s < segments; ++s) {
-      if (tree[s] != t) continue;
-      if (last[s] < 0 || last[s] == local) return;
-      int const deep = local > last[s] ? local : last[s], high = local > last[s] ? last[s] : local;
-      last[s] = is_ancestor(t, high, deep) ? deep : -1;
-      return;
-    }
-    if (segments == 2) {
+    int const t = model.dof_tree(dof);
+    Part const part{t, dof - model.tree_dof(t)};
+    if (first.tree < 0 || first.tree == t)
+      join(first, part);
+    else if (second.tree < 0 || second.tree == t)
+      join(second, part);
+    else
       refused = true;
-      return;
-    }
-    tree[segments] = t;
-    last[segments] = local;
-    ++segments;
   }
-  KOKKOS_INLINE_FUNCTION bool is_ancestor(int t, int high, int deep) const {
-    Archetype const& a = model.archetypes(model.tree_archetype(t));
-    int const* const ints = model.ints.data();
-    int const depth = ints[a.row_adr + high + 1] - ints[a.row_adr + high], n = ints[a.row_adr + deep + 1] - ints[a.row_adr + deep];
-    return depth <= n && ints[a.row_col + ints[a.row_adr + deep] + depth - 1] == high;
-  }
-  KOKKOS_INLINE_FUNCTION RowSegment segment(int s) const {
-    Archetype const& a = model.archetypes(model.tree_archetype(tree[s]));
-    if (last[s] < 0 || model.tree_closed(tree[s])) return {-1, a.nv, model.tree_dof(tree[s])};
-    int const* const ints = model.ints.data();
-    int const adr = ints[a.row_adr + last[s]], n = ints[a.row_adr + last[s] + 1] - adr;
-    return {n == a.nv ? -1 : a.row_col + adr, n, model.tree_dof(tree[s])};  // a chain of all dofs lists them in order
-  }
-  KOKKOS_INLINE_FUNCTION RowSegment segment_or_none(int s) const { return s < segments ? segment(s) : RowSegment{-1, 0, -1}; }
-  KOKKOS_INLINE_FUNCTION int entries() const {
-    int n = 0;
-    for (int s = 0; s < segments; ++s) n += segment(s).count;
-    return n;
+  KOKKOS_INLINE_FUNCTION RowSegment segment(int s) const { return segment(s == 0 ? first : second); }
+  KOKKOS_INLINE_FUNCTION int entries() const { return segment(first).count + segment(second).count; }
+  /// f(tree) for those that it touches.
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void each_tree(F const& f) const {
+    if (first.tree >= 0) f(first.tree);
+    if (second.tree >= 0) f(second.tree);
   }
   // the interface of AnyRow
   KOKKOS_INLINE_FUNCTION void set_dof(int dof, R) {
@@ -64,6 +48,29 @@ struct RowStructure {
     if (dof >= 0) touch(dof);
   }
   KOKKOS_INLINE_FUNCTION void add_rotation(int body, Vec3<R> const& direction, R = R(1)) { add_point(body, direction, direction); }
+
+ private:
+  KOKKOS_INLINE_FUNCTION void join(Part& own, Part const& with) const {
+    if (own.tree < 0) own = with;
+    if (own.last < 0 || own.last == with.last) return;
+    int const deep = with.last > own.last ? with.last : own.last, high = with.last > own.last ? own.last : with.last;
+    own.last = is_ancestor(own.tree, high, deep) ? deep : -1;
+  }
+  KOKKOS_INLINE_FUNCTION bool is_ancestor(int t, int high, int deep) const {
+    Archetype const& a = model.archetypes(model.tree_archetype(t));
+    int const* const ints = model.ints.data();
+    int const depth = ints[a.row_adr + high + 1] - ints[a.row_adr + high], n = ints[a.row_adr + deep + 1] - ints[a.row_adr + deep];
+    return depth <= n && ints[a.row_col + ints[a.row_adr + deep] + depth - 1] == high;
+  }
+  /// Without dofs where no tree is touched.
+  KOKKOS_INLINE_FUNCTION RowSegment segment(Part const& part) const {
+    if (part.tree < 0) return {-1, 0, -1};
+    Archetype const& a = model.archetypes(model.tree_archetype(part.tree));
+    if (part.last < 0 || model.tree_closed(part.tree)) return {-1, a.nv, model.tree_dof(part.tree)};
+    int const* const ints = model.ints.data();
+    int const adr = ints[a.row_adr + part.last], n = ints[a.row_adr + part.last + 1] - adr;
+    return {n == a.nv ? -1 : a.row_col + adr, n, model.tree_dof(part.tree)};  // a chain of all dofs lists them in order
+  }
 };
 
 /// Numbers that stand apart.

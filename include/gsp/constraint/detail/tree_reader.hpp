@@ -25,6 +25,7 @@ struct TreeReader {
   std::int64_t const* block_offset;
   int const *archetype_block, *tree_archetype, *tree_instance, *tree_dof, *dof_tree, *body_last_dof, *body_root, *ints;
   Archetype const* archetypes;
+  DynamicsLayout const* layouts;
   Field<R> term_coef;
   int padded_worlds;
   bool carries;  // profile stable: the centre of mass of a lone rigid body goes straight, not its frame's origin (dynamics/factor.hpp)
@@ -40,6 +41,7 @@ struct TreeReader {
         body_root(m.body_root.data()),
         ints(m.ints.data()),
         archetypes(m.archetypes.data()),
+        layouts(d.layout.data()),
         term_coef(m.term_coef),
         padded_worlds(d.padded_worlds),
         carries(m.profile == Profile::stable) {}
@@ -47,7 +49,7 @@ struct TreeReader {
   KOKKOS_INLINE_FUNCTION Archetype const& archetype(int t) const { return archetypes[tree_archetype[t]]; }
   KOKKOS_INLINE_FUNCTION TreeItems<R> tree(int w, int t) const {
     int const k = tree_archetype[t], lane = tree_instance[t] * padded_worlds + w;
-    return {{values + block_offset[archetype_block[k] + lane / width] + lane % width, width}, DynamicsLayout(archetypes[k])};
+    return {{whole(values + block_offset[archetype_block[k] + lane / width] + lane % width), width}, layouts[k]};
   }
 
   /// Length of tendon `place` of tree t [m, rad].

@@ -22,15 +22,17 @@ Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, Dyn
   d.padded_worlds = d.worlds < W ? d.worlds : (d.worlds + W - 1) / W * W;
   std::vector<int> archetype, first;
   std::vector<std::int64_t> offset;
+  std::vector<DynamicsLayout> layout;
   std::int64_t size = 0;
   for (int k = 0; k < model.narchetype; ++k) {
     Archetype const& a = model.host_archetypes(k);
     int const blocks = int((std::int64_t(a.ninstance) * d.padded_worlds + W - 1) / W);
     first.push_back(int(archetype.size()));
+    layout.push_back(DynamicsLayout(a));
     for (int b = 0; b < blocks; ++b) {
       archetype.push_back(k);
       offset.push_back(size);
-      size += std::int64_t(DynamicsLayout(a).size) * W;
+      size += std::int64_t(is_device<Exec> ? layout.back().device_size : layout.back().size) * W;
     }
   }
   d.blocks = int(archetype.size());
@@ -47,6 +49,7 @@ Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, Dyn
   d.block_offset = detail::to_device<Kokkos::View<std::int64_t*, Mem>>(exec, "gsp::Dynamics::block_offset", offset);
   d.left_step = detail::to_device<Kokkos::View<std::int64_t*, Mem>>(exec, "gsp::Dynamics::left_step",
                                                                     std::vector<std::int64_t>(std::size_t(d.worlds), -1));
+  d.layout = detail::to_device<Kokkos::View<DynamicsLayout*, Mem>>(exec, "gsp::Dynamics::layout", layout);
   d.archetype_block = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Dynamics::archetype_block", first);
   return d;
 }

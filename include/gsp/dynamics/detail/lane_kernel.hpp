@@ -42,7 +42,7 @@ struct LaneKernel {
     int const block = i / (width / W), inside = i % (width / W);
     int const k = dynamics.block_archetype(block);
     Archetype const& a = model.archetypes(k);
-    LaneItems<T> const items{reinterpret_cast<T*>(dynamics.items.data() + dynamics.block_offset(block)) + inside, width / W};
+    LaneItems<T> const items{whole(reinterpret_cast<T*>(dynamics.items.data() + dynamics.block_offset(block)) + inside), width / W};
     Lane<T, Mem, Workers> const lane(model, a, scratch ? LaneItems<T>{scratch, 1} : items,
                                      (block - dynamics.archetype_block(k)) * width + inside, dynamics.padded_worlds, dynamics.worlds,
                                      worker);

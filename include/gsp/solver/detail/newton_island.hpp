@@ -30,16 +30,24 @@ template <class R, class Mem, class Threads>
 class NewtonIsland {
   static constexpr int N = most_element_rows, T = newton_tile;
   static constexpr bool one_thread = std::is_same_v<Threads, SerialWorld>;  // it takes fours of dofs, where threads take a dof each
-  using Sizes = NewtonSizes<R>;
+  static constexpr int at_once = one_thread ? native_width<R> : 1;
+  using Sizes = NewtonSizes<R, at_once>;
+  using Part = std::conditional_t<one_thread, Pack<R, native_width<R>>, R>;  // a number of the rows that are taken at once
   using Four = Pack<R, T>;
   using Wide = Pack<R, std::max(T, native_width<R>)>;  // one thread: what it takes of a row at once
   static_assert(N * (N + 1) / 2 <= 4 * N, "the curvatures of a unit lie in four numbers a row");
   using Problem = NewtonProblem<R, Mem>;
 
  public:
+  /// @param cones   whether rows have friction (NewtonProblem::has_cones)
   /// @param memory  Sizes::bytes of it, aligned for a Four
-  KOKKOS_FORCEINLINE_FUNCTION NewtonIsland(Problem const& problem, Threads const& threads, IslandRows const& island, void* memory)
-      : k_(problem), threads_(threads), l_(problem.lists_of(threads.rank, island)), size_(island.count, island.dofs), m_(island.count) {
+  KOKKOS_FORCEINLINE_FUNCTION NewtonIsland(Problem const& problem, Threads const& threads, IslandRows const& island, bool cones,
+                                           void* memory)
+      : k_(problem),
+        threads_(threads),
+        l_(problem.lists_of(threads.rank, island)),
+        size_(island.count, island.dofs, cones),
+        m_(island.count) {
     R* next = static_cast<R*>(memory);
     auto const take = [&](int count) {
       R* const own = next;
@@ -53,29 +61,31 @@ class NewtonIsland {
     d_ = take(n);
     room_ = take(n);
     nonzero_ = reinterpret_cast<short*>(take(size_.fours));
-    w_ = take(m_);
-    p_ = take(m_);
-    change_ = take(m_);
-    compliance_ = take(m_);
-    lower_ = take(m_);
-    upper_ = take(m_);
-    mu_ = take(m_);
-    cone_mu_ = take(m_);
-    curve_ = take(4 * m_);
+    w_ = take(size_.filled);
+    p_ = take(size_.filled);
+    change_ = take(size_.filled);
+    stiffness_ = take(size_.filled);
+    lower_ = take(size_.filled);
+    upper_ = take(size_.filled);
+    int const coned = size_.cones ? m_ : 0;
+    compliance_ = take(coned);
+    mu_ = take(coned);
+    cone_mu_ = take(coned);
+    curve_ = take(4 * coned);
     active_ = reinterpret_cast<short*>(next);
     active_cones_ = active_ + m_;
-    unit_ = reinterpret_cast<signed char*>(active_cones_ + m_);
-    normal_ = unit_ + m_;
+    unit_ = reinterpret_cast<signed char*>(active_cones_ + coned);
+    normal_ = unit_ + coned;
   }
 
   /// Rows and laws from the pools; z = Y^T p of the impulses given, or 0 where that costs less; w = Y z + b.
   KOKKOS_FORCEINLINE_FUNCTION void begin() {
-    load();
+    read();
     if (!k_.warm) return;
     R const none = cost();
     R const* const before = impulses();
     threads_.each(m_, [&](int r) { p_[r] = before[l_.island.row(r)]; });
-    pull(z_, [](int) { return R(0); });
+    pull(z_);
     threads_.each(m_, [&](int r) { w_[r] += row_dot(r, z_); });
     R const given = cost() + R(0.5) * dot(z_, z_);
     if (given < none) return;
@@ -90,7 +100,8 @@ class NewtonIsland {
       for (int b = 0; b < e.rows; ++b)
         for (int a = 0; a <= b; ++a) curve_[4 * r + b * (b + 1) / 2 + a] = B[b][a];
     });
-    pull(d_, [&](int i) { return -z_[i]; });
+    pull(d_);
+    threads_.each(T * size_.fours, [&](int i) { d_[i] -= z_[i]; });
     return dot(d_, d_);
   }
   KOKKOS_FORCEINLINE_FUNCTION R solve() {
@@ -112,12 +123,9 @@ class NewtonIsland {
     dd_ = dot(d_, d_);
   }
   KOKKOS_FORCEINLINE_FUNCTION R slope(R alpha) const {
-    return zd_ + alpha * dd_ - threads_.template sum<R>(m_, [&](int r) {
-      int const n = unit_[r];
-      if (n == 0) return R(0);
-      if (n == 1) return change_[r] * clamp(free_impulse(r, fma(alpha, change_[r], w_[r])), lower_[r], upper_[r]);
-      return soft_pull(element(r, n), w_ + r, change_ + r, alpha);
-    });
+    R const pull = sum_rows([&](int r) { return load(change_ + r) * between_bounds(r, fma(Part(alpha), load(change_ + r), load(w_ + r))); },
+                            [&](int r, SoftElementView<R> const& e) { return soft_pull(e, w_ + r, change_ + r, alpha); });
+    return zd_ + alpha * dd_ - pull;
   }
   KOKKOS_FORCEINLINE_FUNCTION void go(R alpha) {
     threads_.each(T * size_.fours, [&](int i) { z_[i] = fma(alpha, d_[i], z_[i]); });
@@ -132,7 +140,7 @@ class NewtonIsland {
     set_impulses([](int, SoftElementView<R> const&) {});
     threads_.each(m_, [&](int r) { p[e.row(r)] = p_[r]; });
     if (!k_.residual) return R(0);
-    pull(d_, [](int) { return R(0); });
+    pull(d_);
     threads_.each(m_, [&](int r) { change_[r] = abs(row_dot(r, d_) + bias(r) - w_[r]); });
     R worst(0);
     for (int r = 0; r < m_; ++r) worst = max_or_nan(worst, change_[r]);
@@ -153,66 +161,100 @@ class NewtonIsland {
       return x;
     }
   }
+  KOKKOS_FORCEINLINE_FUNCTION static Part load(R const* p) {
+    Part x;
+    std::memcpy(&x, p, sizeof x);
+    return x;
+  }
+  KOKKOS_FORCEINLINE_FUNCTION static void store(R* p, Part const& x) { std::memcpy(p, &x, sizeof x); }
   KOKKOS_FORCEINLINE_FUNCTION R* impulses() const { return k_.impulses.p[k_.impulses.parity()].data() + l_.first; }
   KOKKOS_FORCEINLINE_FUNCTION R bias(int r) const { return l_.row[l_.island.row(r)].bias; }
   KOKKOS_FORCEINLINE_FUNCTION SoftElementView<R> element(int r, int n) const {
     return {n, compliance_ + r, lower_ + r, upper_ + r, mu_ + r, cone_mu_ + r, normal_ + r};
   }
-  /// What a row between bounds would answer without them; its curvature is 1 / C.
-  KOKKOS_FORCEINLINE_FUNCTION R free_impulse(int r, R w) const { return -w * curve_[4 * r]; }
+  /// What rows between bounds answer to rates w; 0 where a row is of an element with a cone, or none.
+  KOKKOS_FORCEINLINE_FUNCTION Part between_bounds(int r, Part const& w) const {
+    Part const stiffness = load(stiffness_ + r);
+    return select(stiffness > R(0), clamp(-w * stiffness, load(lower_ + r), load(upper_ + r)), Part(R(0)));
+  }
+  /// The sum of of_rows(r) over the rows, as many at once as a Part has, and of of_cone(r, element) over the elements with a cone.
+  template <class OfRows, class OfCone>
+  KOKKOS_FORCEINLINE_FUNCTION R sum_rows(OfRows const& of_rows, OfCone const& of_cone) const {
+    if constexpr (one_thread) {
+      Part sums(R(0));
+      for (int r = 0; r < m_; r += at_once) sums = sums + of_rows(r);
+      R sum(0);
+      for (int k = 0; k < at_once; ++k) sum += sums[k];
+      if (size_.cones)
+        for (int r = 0; r < m_; ++r)
+          if (unit_[r] > 0) sum += of_cone(r, element(r, unit_[r]));
+      return sum;
+    } else {
+      return threads_.template sum<R>(m_, [&](int r) {
+        R const own = of_rows(r);
+        return size_.cones && unit_[r] > 0 ? of_cone(r, element(r, unit_[r])) : own;
+      });
+    }
+  }
   KOKKOS_FORCEINLINE_FUNCTION R dot(R const* a, R const* b) const {
     return threads_.template sum<R>(T * size_.fours, [&](int i) { return a[i] * b[i]; });
   }
-  /// p(w). @param of_cone  what else is to be done for a unit that begins at row r and has a cone
+  /// p(w). @param of_cone  what else is to be done for an element with a cone, which begins at row r
   template <class OfCone>
   KOKKOS_FORCEINLINE_FUNCTION void set_impulses(OfCone const& of_cone) {
+    threads_.each(size_.filled / at_once, [&](int i) {
+      int const r = at_once * i;
+      store(p_ + r, between_bounds(r, load(w_ + r)));
+    });
+    if (!size_.cones) return;
     threads_.each(m_, [&](int r) {
-      int const n = unit_[r];
-      if (n == 1) p_[r] = clamp(free_impulse(r, w_[r]), lower_[r], upper_[r]);
-      if (n < 2) return;
-      auto const e = element(r, n);
+      if (unit_[r] == 0) return;
+      auto const e = element(r, unit_[r]);
       soft_impulses(e, w_ + r, p_ + r);
       of_cone(r, e);
     });
   }
-  /// to = from + Y^T p
-  template <class From>
-  KOKKOS_FORCEINLINE_FUNCTION void pull(R* to, From const& from) const {
+  /// of(X(), i) for all dofs, to a list of as many numbers: as an X of those from i on.
+  template <class Of>
+  KOKKOS_FORCEINLINE_FUNCTION void each_dof(Of const& of, R* to) const {
     if constexpr (one_thread) {
       for (int i = 0; i < T * size_.fours; i += Wide::width) {
-        Wide sum(R(0));
-        for (int r = 0; r < m_; ++r) sum = fma(load_as<Wide>(Y_ + r * size_.stride + i), Wide(p_[r]), sum);
-        for (int a = 0; a < Wide::width && i + a < T * size_.fours; ++a) to[i + a] = from(i + a) + sum[a];
+        Wide const x = of(Wide(), i);
+        for (int a = 0; a < Wide::width && i + a < T * size_.fours; ++a) to[i + a] = x[a];
       }
     } else {
-      threads_.each(T * size_.fours, [&](int i) {
-        R sum = from(i);
-        for (int r = 0; r < m_; ++r) sum = fma(Y_[r * size_.stride + i], p_[r], sum);
-        to[i] = sum;
-      });
+      threads_.each(T * size_.fours, [&](int i) { to[i] = of(R(), i); });
     }
+  }
+  /// to = Y^T p
+  KOKKOS_FORCEINLINE_FUNCTION void pull(R* to) const {
+    each_dof([&]<class X>(X, int i) {
+      X sum(R(0));
+      for (int r = 0; r < m_; ++r) sum = fma(load_as<X>(Y_ + r * size_.stride + i), X(p_[r]), sum);
+      return sum;
+    }, to);
   }
   /// Y x of row r.
   KOKKOS_FORCEINLINE_FUNCTION R row_dot(int r, R* x) const {
     Four sum(R(0));
     for (int b = 0; b < size_.fours; ++b) sum = fma(four(Y_ + r * size_.stride + T * b), four(x + T * b), sum);
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+    return sum_of(sum);
   }
+  KOKKOS_FORCEINLINE_FUNCTION static R sum_of(Four const& x) { return (x[0] + x[1]) + (x[2] + x[3]); }
   KOKKOS_FORCEINLINE_FUNCTION R cost() const {
-    return threads_.template sum<R>(m_, [&](int r) {
-      int const n = unit_[r];
-      if (n == 0) return R(0);
-      if (n == 1) {
-        R const w = w_[r], p_of_w = clamp(free_impulse(r, w), lower_[r], upper_[r]);
-        return -p_of_w * fma(R(0.5) * compliance_[r], p_of_w, w);
-      }
-      R p[N];
-      soft_impulses(element(r, n), w_ + r, p);
-      return soft_cost(element(r, n), w_ + r, p);
-    });
+    return sum_rows(
+        [&](int r) {
+          Part const w = load(w_ + r), p = between_bounds(r, w), stiffness = load(stiffness_ + r);
+          return select(stiffness > R(0), -p * fma(Part(R(0.5)) / stiffness, p, w), Part(R(0)));
+        },
+        [&](int r, SoftElementView<R> const& e) {
+          R p[N];
+          soft_impulses(e, w_ + r, p);
+          return soft_cost(e, w_ + r, p);
+        });
   }
 
-  KOKKOS_FORCEINLINE_FUNCTION void load() {
+  KOKKOS_FORCEINLINE_FUNCTION void read() {
     auto const& e = l_.island;
     auto const& rows = k_.rows;
     threads_.each(m_ * (size_.stride / T), [&](int i) { four(Y_ + T * i) = Four(R(0)); });
@@ -220,26 +262,58 @@ class NewtonIsland {
     threads_.each(m_, [&](int r) {
       Row<R> const& row = l_.row[e.row(r)];
       typename Problem::Shifts const shifts(k_, l_, row);
-      for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i)
-        Y_[r * size_.stride + k_.place_of(row, i, shifts)] = rows.Y(row.first_entry + i);
+      R* const to = Y_ + r * size_.stride;
+      R const* const from = &rows.Y(row.first_entry);
+      read_segment(row.segment[0], shifts.first, from, to);
+      read_segment(row.segment[1], shifts.second, from + row.segment[0].count, to);
       w_[r] = row.bias;
-      unit_[r] = 0;
+      if (size_.cones) unit_[r] = 0;
+    });
+    threads_.each(size_.filled - m_, [&](int i) {
+      int const r = m_ + i;
+      w_[r] = change_[r] = stiffness_[r] = lower_[r] = upper_[r] = R(0);
     });
     R* const most = room_;
-    threads_.each(T * size_.fours, [&](int i) {
-      R on_dof(0);
-      for (int r = 0; r < m_; ++r) on_dof = max(on_dof, square(Y_[r * size_.stride + i]));
-      most[i] = on_dof;
-    });
+    each_dof([&]<class X>(X, int i) {
+      X on_dof(R(0));
+      for (int r = 0; r < m_; ++r) on_dof = max(on_dof, square(load_as<X>(Y_ + r * size_.stride + i)));
+      return on_dof;
+    }, most);
     R* const least = change_;
     threads_.each(m_, [&](int r) {
-      R const* const y = Y_ + r * size_.stride;
-      least[r] = Problem::least_of(
-          l_.row[e.row(r)].compliance, e.dofs, [&](int i) { return most[i]; }, [&](int i) { return y[i]; });
+      Four others(R(0)), own(R(0));
+      for (int b = 0; b < size_.fours; ++b) {
+        Four const y = four(Y_ + r * size_.stride + T * b);
+        others = others + select(y == Four(R(0)), Four(R(0)), four(most + T * b));
+        own = fma(y, y, own);
+      }
+      least[r] = Problem::least_of(l_.row[e.row(r)].compliance, sum_of(others), sum_of(own));
     });
-    threads_.each(m_, [&](int r) { read_element(r, least); });
+    if (size_.cones)
+      threads_.each(m_, [&](int r) { read_element(r, least); });
+    else
+      threads_.each(m_, [&](int r) {
+        Row<R> const& row = l_.row[e.row(r)];
+        read_row(r, max(row.compliance, least[r]), row.friction_of < 0, row.lower, row.upper);
+      });
   }
-  /// The laws of the element that row r begins. One without a cone is as many as it has rows.
+  /// Entries of a row on one tree.
+  KOKKOS_FORCEINLINE_FUNCTION void read_segment(RowSegment const& segment, int shift, R const* from, R* to) const {
+    to += segment.dof0 + shift;
+    if (segment.list < 0) {
+      for (int i = 0; i < segment.count; ++i) to[i] = from[i];
+    } else {
+      int const* const dof = &k_.rows.dof_lists(segment.list);
+      for (int i = 0; i < segment.count; ++i) to[dof[i]] = from[i];
+    }
+  }
+  /// @param some  it is no friction that there is none of
+  KOKKOS_FORCEINLINE_FUNCTION void read_row(int r, R compliance, bool some, R lower, R upper) {
+    stiffness_[r] = R(1) / compliance;
+    lower_[r] = some ? lower : R(0);
+    upper_[r] = some ? upper : R(0);
+  }
+  /// The laws of the element that row r begins, where some of the island have a cone.
   KOKKOS_FORCEINLINE_FUNCTION void read_element(int r, R const* least) {
     int const first = l_.island.row(r), n = l_.element_rows[first];
     if (n == 0) return;
@@ -247,28 +321,23 @@ class NewtonIsland {
     bool cone = false;
     for (int b = 0; b < n; ++b) cone = cone || own.cone_mu[b] > R(0);
     for (int b = 0; b < n; ++b) {
-      bool const none = own.normal[b] >= 0 && !(own.mu[b] > R(0));  // friction that there is none of
+      read_row(r + b, own.compliance[b], own.normal[b] < 0 || own.mu[b] > R(0), own.lower[b], own.upper[b]);
+      if (cone) stiffness_[r + b] = R(0);
       compliance_[r + b] = own.compliance[b];
-      lower_[r + b] = none ? R(0) : own.lower[b];
-      upper_[r + b] = none ? R(0) : own.upper[b];
       mu_[r + b] = own.mu[b];
       cone_mu_[r + b] = own.cone_mu[b];
-      normal_[r + b] = cone ? own.normal[b] : static_cast<signed char>(-1);
-      if (cone) continue;
-      unit_[r + b] = 1;
-      curve_[4 * (r + b)] = R(1) / own.compliance[b];
+      normal_[r + b] = own.normal[b];
     }
     if (cone) unit_[r] = static_cast<signed char>(n);
   }
 
-  /// Which rows between bounds, and which units with a cone, have a curvature.
+  /// Which rows between bounds, and which elements with a cone, have a curvature.
   KOKKOS_FORCEINLINE_FUNCTION void find_active() {
     active_count_ = threads_.list(m_, active_, [&](int r) {
-      if (unit_[r] != 1) return false;
-      R const free = free_impulse(r, w_[r]);
-      return free > lower_[r] && free < upper_[r];
+      R const free = -w_[r] * stiffness_[r];
+      return stiffness_[r] > R(0) && free > lower_[r] && free < upper_[r];
     });
-    cone_count_ = threads_.list(m_, active_cones_, [&](int r) { return unit_[r] > 1 && has_curvature(r, unit_[r]); });
+    if (size_.cones) cone_count_ = threads_.list(m_, active_cones_, [&](int r) { return unit_[r] > 0 && has_curvature(r, unit_[r]); });
     threads_.sync();
   }
   KOKKOS_FORCEINLINE_FUNCTION bool has_curvature(int r, int n) const {
@@ -319,13 +388,17 @@ class NewtonIsland {
   template <class X>
   KOKKOS_FORCEINLINE_FUNCTION void sum_products(int i, int j, X (&sum)[T]) const {
     R const *const x = Y_ + T * i, *const y = Y_ + T * j;
-    for (int b = 0; b < T; ++b) sum[b] = X(R(0));
+    static_assert(T == 4);
+    X s0(R(0)), s1(R(0)), s2(R(0)), s3(R(0));  // by name: what is indexed, and handed on, hosts keep in memory
     auto const add = [&](X const& u, Four const& v) {
-      for (int b = 0; b < T; ++b) sum[b] = fma(u, X(v[b]), sum[b]);
+      s0 = fma(u, X(v[0]), s0);
+      s1 = fma(u, X(v[1]), s1);
+      s2 = fma(u, X(v[2]), s2);
+      s3 = fma(u, X(v[3]), s3);
     };
     for (int k = 0; k < active_count_; ++k) {
       int const r = active_[k];
-      add(load_as<X>(x + r * size_.stride) * X(curve_[4 * r]), load_as<Four>(y + r * size_.stride));
+      add(load_as<X>(x + r * size_.stride) * X(stiffness_[r]), load_as<Four>(y + r * size_.stride));
     }
     for (int k = 0; k < cone_count_; ++k) {
       int const r = active_cones_[k], n = unit_[r];
@@ -335,6 +408,10 @@ class NewtonIsland {
         add(u, load_as<Four>(y + (r + b) * size_.stride));
       }
     }
+    sum[0] = s0;
+    sum[1] = s1;
+    sum[2] = s2;
+    sum[3] = s3;
   }
   KOKKOS_FORCEINLINE_FUNCTION void put_tile(int i, int j, Four (&columns)[T]) const {
     R* const to = tile(i, j);
@@ -481,7 +558,7 @@ class NewtonIsland {
     threads_.each(T * size_.fours, [&](int i) { at(i, i) = R(1); });
     R G[N][N];
     for (int k = 0; k < active_count_; ++k) {
-      G[0][0] = curve_[4 * active_[k]];
+      G[0][0] = stiffness_[active_[k]];
       add_unit(active_[k], 1, G);
     }
     for (int k = 0; k < cone_count_; ++k) {
@@ -560,10 +637,11 @@ class NewtonIsland {
   typename Problem::Lists l_;
   Sizes size_;
   int m_, active_count_ = 0, cone_count_ = 0;
-  R *Y_, *H_, *z_, *d_, *room_, *w_, *p_, *change_, *compliance_, *lower_, *upper_, *mu_, *cone_mu_, *curve_;
+  R *Y_, *H_, *z_, *d_, *room_, *w_, *p_, *change_, *stiffness_, *lower_, *upper_;  // stiffness: 1 / C; 0 of elements with a cone
+  R *compliance_, *mu_, *cone_mu_, *curve_;                                        // where there are cones
   short* nonzero_;                 // room for a column's tiles
   short *active_, *active_cones_;  // rows that have a curvature: between bounds, and the first of cones
-  signed char *unit_, *normal_;    // rows of the unit that begins here, 0: none does; the normal of a friction row
+  signed char *unit_, *normal_;    // rows of the element with a cone that begins here, else 0; the normal of a friction row
   R zd_, dd_;
 };
 

@@ -28,9 +28,11 @@ __global__ void __launch_bounds__(32 * warps, newton_warps / warps)
     int const at = taken;
     __syncthreads();
     if (at >= count) break;
-    int const number = solver.lists.number(list, at), w = number / islands_of_world(rows);
+    auto const island = solver.lists.island(list, at);
+    int const w = island.number / islands_of_world(rows);
     Threads const threads{w};
-    NewtonIsland<R, Mem, Threads> own(solver, threads, island_rows(rows, w, number % islands_of_world(rows)), shared_memory);
+    NewtonIsland<R, Mem, Threads> own(solver, threads, island_rows(rows, w, island.number % islands_of_world(rows)), island.cones,
+                                      shared_memory);
     int const iterations = newton_until_rest<R>(own, solver.iterations, solver.tolerance);
     R const worst = own.write();
     threads.single([&] {

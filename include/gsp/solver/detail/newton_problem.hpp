@@ -60,20 +60,27 @@ struct NewtonProblem {
             island.list ? &rows.islands.shift(w, 0) : nullptr};
   }
 
-  /// Of a row of n numbers: @param most, y  on dof i: the largest Y^2 that any row has, and its own Y; where that is 0 (a tree that others
-  /// are tied to by a tendon, a branch that it does not move) it has no say
-  template <class Most, class Y>
-  KOKKOS_INLINE_FUNCTION static R least_of(R compliance, int n, Most const& most, Y const& y) {
-    R sum(0), own(0);
-    for (int i = 0; i < n; ++i) {
-      R const at = y(i);
-      if (at == R(0)) continue;
-      sum += most(i);
-      own += square(at);
-    }
+  /// The least compliance of a row. @param sum, own  over the dofs that it moves, of the largest Y^2 that any row has there, and of its own:
+  /// where its Y is 0 (a tree that others are tied to by a tendon, a branch that it does not move) a dof has no say
+  KOKKOS_INLINE_FUNCTION static R least_of(R compliance, R sum, R own) {
     bool const is_soft =
         compliance >= R(rigid_softness) * own && own > square(R(newton_rounding) * Kokkos::Experimental::epsilon_v<R>) * sum;
     return max(is_soft ? R(0) : least_softness<R> * sum, R(least_compliance));
+  }
+  /// Whether rows of an island have friction, with a normal of theirs.
+  template <class World>
+  KOKKOS_INLINE_FUNCTION bool has_cones(World const& world, Lists const& l) const {
+    auto const rubs = [&](int i) {
+      Row<R> const& row = l.row[l.island.row(i)];
+      return row.friction_of >= 0 && row.mu > R(0);
+    };
+    if constexpr (std::is_same_v<World, SerialWorld>) {
+      for (int i = 0; i < l.island.count; ++i)
+        if (rubs(i)) return true;
+      return false;
+    } else {
+      return world.template sum<int>(l.island.count, [&](int i) { return rubs(i) ? 1 : 0; }) > 0;
+    }
   }
 
   /// Column c of G of B = G G^T, in place, from the columns before it and the lower triangle of B. False: it is zero, but for rounding.

@@ -6,22 +6,28 @@
 namespace gsp::detail {
 
 /// Numbers of an island: of a row of Y an odd number of fours, so that neighbouring threads of a GPU find their rows in different banks;
-/// for the same reason tiles do not lie closer.
+/// for the same reason tiles do not lie closer. What cones take is there where the island has some.
+/// @tparam at_once  rows that a host takes at once, which rows are filled up to
 inline constexpr int newton_tile = 4;
 inline constexpr int newton_near_numbers = 1 << 16;  // of a host's thread: 256 kB in float, which second-level caches hold
-template <class R>
+template <class R, int at_once>
 struct NewtonSizes {
-  int rows, dofs, fours, stride, tiles;
-  KOKKOS_FORCEINLINE_FUNCTION NewtonSizes(int row_count, int dof_count)
+  int rows, dofs, fours, stride, tiles, filled;
+  bool cones;
+  KOKKOS_FORCEINLINE_FUNCTION NewtonSizes(int row_count, int dof_count, bool has_cones)
       : rows(row_count),
         dofs(dof_count),
         fours((dof_count + newton_tile - 1) / newton_tile),
         stride(newton_tile * (fours | 1)),
-        tiles(fours * (fours + 1) / 2) {}
-  static constexpr int of_tile = newton_tile * newton_tile + newton_tile, of_row = 12, bytes_of_row = 2 * int(sizeof(short)) + 2;
+        tiles(fours * (fours + 1) / 2),
+        filled((row_count + at_once - 1) / at_once * at_once),
+        cones(has_cones) {}
+  static constexpr int of_tile = newton_tile * newton_tile + newton_tile, of_row = 6, of_cone = 7, bytes_of_row = int(sizeof(short)),
+                       bytes_of_cone = int(sizeof(short)) + 2;
   KOKKOS_FORCEINLINE_FUNCTION std::int64_t bytes() const {
-    std::int64_t const numbers = std::int64_t(rows) * (stride + of_row) + std::int64_t(tiles) * of_tile + (3 * newton_tile + 1) * fours;
-    return (numbers * std::int64_t(sizeof(R)) + std::int64_t(rows) * bytes_of_row + 15) / 16 * 16;
+    std::int64_t const numbers = std::int64_t(rows) * (stride + (cones ? of_cone : 0)) + std::int64_t(filled) * of_row +
+                                 std::int64_t(tiles) * of_tile + (3 * newton_tile + 1) * fours;
+    return (numbers * std::int64_t(sizeof(R)) + std::int64_t(rows) * (bytes_of_row + (cones ? bytes_of_cone : 0)) + 15) / 16 * 16;
   }
   /// So that a row has a number of 16 bits.
   KOKKOS_FORCEINLINE_FUNCTION bool fits(std::int64_t most_bytes) const { return rows < 32768 && bytes() <= most_bytes; }
@@ -39,19 +45,26 @@ KOKKOS_FORCEINLINE_FUNCTION int newton_list_of(std::int64_t bytes) {
   while (list < newton_lists - 1 && newton_bytes_of_list(list) < bytes) ++list;
   return list;
 }
-/// Where: the numbers of islands list by list, then how many there are in each, and how many are taken.
+/// Where: islands list by list, then how many there are in each, and how many are taken.
 template <class Mem>
 struct NewtonLists {
   Kokkos::View<int*, Kokkos::LayoutRight, Mem> items;
   int islands = 0;  // of all worlds, at most
   static std::int64_t size(std::int64_t islands) { return newton_lists * (islands + 2); }
-  KOKKOS_FORCEINLINE_FUNCTION int& number(int list, int i) const { return items(std::int64_t(list) * islands + i); }
+  struct Island {
+    int number;
+    bool cones;
+  };
+  KOKKOS_FORCEINLINE_FUNCTION Island island(int list, int i) const {
+    int const item = items(std::int64_t(list) * islands + i);
+    return {item / 2, item % 2 != 0};
+  }
   KOKKOS_FORCEINLINE_FUNCTION int* counts() const { return items.data() + std::int64_t(newton_lists) * islands; }  // 2 newton_lists of them
   KOKKOS_FORCEINLINE_FUNCTION int& count(int list) const { return counts()[list]; }
   KOKKOS_FORCEINLINE_FUNCTION int& taken(int list) const { return counts()[newton_lists + list]; }
-  KOKKOS_FORCEINLINE_FUNCTION void add(std::int64_t bytes, int island) const {
+  KOKKOS_FORCEINLINE_FUNCTION void add(std::int64_t bytes, int number, bool cones) const {
     int const list = newton_list_of(bytes);
-    number(list, Kokkos::atomic_fetch_add(&count(list), 1)) = island;
+    items(std::int64_t(list) * islands + Kokkos::atomic_fetch_add(&count(list), 1)) = 2 * number + (cones ? 1 : 0);
   }
 };
 

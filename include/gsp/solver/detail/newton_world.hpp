@@ -51,13 +51,15 @@ struct NewtonWorld : NewtonProblem<R, Mem> {
     int number = -1;
     each_island(world, rows, id, [&](IslandRows const& island) {
       ++number;
-      if (NewtonSizes<R> const size(island.count, island.dofs); size.fits(near_bytes)) {
-        if constexpr (std::is_same_v<World, SerialWorld>) {
-          NewtonIsland<R, Mem, World> own(*this, world, island, near);
+      constexpr bool one_thread = std::is_same_v<World, SerialWorld>;
+      bool const cones = this->has_cones(world, lists_of(id, island));
+      if (NewtonSizes<R, one_thread ? native_width<R> : 1> const size(island.count, island.dofs, cones); size.fits(near_bytes)) {
+        if constexpr (one_thread) {
+          NewtonIsland<R, Mem, World> own(*this, world, island, cones, near);
           int const done = newton_until_rest<R>(own, iterations, tolerance);
           tell(done, own.write());
         } else {
-          world.single([&] { lists.add(size.bytes(), id * islands_of_world(rows) + number); });
+          world.single([&] { lists.add(size.bytes(), id * islands_of_world(rows) + number, cones); });
         }
         return;
       }
@@ -194,9 +196,13 @@ struct NewtonWorld : NewtonProblem<R, Mem> {
     world.sync();
     each_row(world, l, [&](int r) {
       Row<R> const& row = l.row[r];
-      l.least[r] = least_of(
-          row.compliance, row.segment[0].count + row.segment[1].count, [&](int i) { return most[dof_of(row, i)]; },
-          [&](int i) { return rows.Y(row.first_entry + i); });
+      R sum(0), own(0);
+      for (int i = 0; i < row.segment[0].count + row.segment[1].count; ++i) {
+        R const y = rows.Y(row.first_entry + i);
+        if (y != R(0)) sum += most[dof_of(row, i)];
+        own += square(y);
+      }
+      l.least[r] = least_of(row.compliance, sum, own);
     });
   }
   /// Rows that touch no tree bear what they are asked for: no one solves for them.

@@ -1,0 +1,141 @@
+#pragma once
+#include <gsp/constraint/detail/row_structure.hpp>
+#include <gsp/constraint/detail/whiten_rows.hpp>
+#include <gsp/dynamics/lanes.hpp>
+#include <gsp/parallel/detail/launch_threads.hpp>
+
+/// What a device finds of each tree before it makes rows, so that a row is a sum of products and nothing of it waits for another:
+///   X = L^-1 D^-1/2     x_i = e_i D_i^-1/2 - sum_k L_ik x_k, k the ancestors of dof i
+///   W_b = sum_i c_i x_i     6 numbers a dof, i the dofs that move body b, c_i their motions (cdof)
+/// so that a force F on body b is the row Y = F . W_b, and a rate v of dof i the row v x_i. Likewise the rates of a body,
+///   V_b = sum_i c_i (q_low, v, v^)_i
+/// A host makes rows by lanes instead (row_lanes.hpp).
+namespace gsp::detail {
+
+template <class R>
+KOKKOS_FORCEINLINE_FUNCTION Spatial<R> read_only(LaneItems<R> const& s, int i) {
+  return {{read_only(s[i]), read_only(s[i + 1]), read_only(s[i + 2])}, {read_only(s[i + 3]), read_only(s[i + 4]), read_only(s[i + 5])}};
+}
+
+template <class R, class Mem>
+struct WhitenTrees {
+  Model<R, Mem> model;
+  Dynamics<R, Mem> dynamics;
+  int columns;  // of a tree, at most
+  static constexpr int near_bytes = 160;  // a column of X, or else it is read again from the items
+  WhitenTrees(Model<R, Mem> const& m, Dynamics<R, Mem> const& d) : model(m), dynamics(d), columns(0) {
+    for (int k = 0; k < m.narchetype; ++k)
+      columns = m.host_archetypes(k).nv + rate_columns > columns ? m.host_archetypes(k).nv + rate_columns : columns;
+  }
+  /// A thread a column of a tree of a world, 32 worlds side by side. A column hangs on itself alone: x_ij is not 0 where i is moved by j.
+  /// The rates are columns whose x are given.
+  KOKKOS_FUNCTION int count() const { return dynamics.blocks * columns * device_block; }
+  template <class Thread>
+  KOKKOS_FORCEINLINE_FUNCTION void operator()(Thread const& thread, int number) const {
+    int const lane = number % device_block, block = number / device_block / columns, j = number / device_block % columns;
+    int const archetype = dynamics.block_archetype(block);
+    Archetype const& a = model.archetypes(archetype);
+    DynamicsLayout const& at = dynamics.layout(archetype);
+    if (j >= a.nv + rate_columns) return;
+    int const* const ints = model.ints.data();
+    LaneItems<R> const s{whole(dynamics.items.data() + dynamics.block_offset(block) + lane), device_block};
+    bool const rate = j >= a.nv;
+    int const given = j == a.nv ? at.low : j == a.nv + 1 ? at.qvel : at.velocity;
+    int const first = rate ? 0 : j, end = rate ? a.nv : ints[a.body_dofend + ints[a.dof_body + j]];
+    int const depth = rate ? 0 : ints[a.row_adr + j + 1] - ints[a.row_adr + j] - 1;  // of j in the chains of all that it moves
+    auto const X = thread.template near<R>();
+    bool const fits = end - first <= Thread::template room<R>;
+    R const zero(0);
+    Spatial<R> const none{{zero, zero, zero}, {zero, zero, zero}};
+    Spatial<R> sum = none;
+    for (int i = first; i < end; ++i) {
+      int const adr = ints[a.row_adr + i], n = ints[a.row_adr + i + 1] - adr - 1, parent = ints[a.dof_parent + i];
+      Spatial<R> const axis = read_only(s, at.cdof + 6 * i);  // before x, which waits for what it loads
+      R x;
+      if (rate) {
+        x = read_only(s[given + i]);
+      } else if (i == j) {
+        x = sqrt(read_only(s[at.inverse_diagonal + j]));
+      } else {
+        x = zero;
+        for (int p = depth; p < n; ++p) {
+          int const k = ints[a.row_col + adr + p];
+          x = fma(-read_only(s[at.factor + adr + p]), fits ? X[k - j] : s[at.dof_columns + ints[a.row_adr + k] + depth], x);
+        }
+      }
+      if (!rate) {
+        if (fits) X[i - j] = x;
+        s[at.dof_columns + adr + depth] = x;
+      }
+      auto const of = [&](int k) { return rate ? at.body_rates + 18 * k + 6 * (j - a.nv) : at.body_columns + 6 * (ints[a.row_adr + k] + depth); };
+      if (i == first || parent < first)
+        sum = none;
+      else if (parent != i - 1)
+        sum = s.spatial(of(parent));  // the last dof of its body
+      sum = fma(x, axis, sum);
+      if (i + 1 == a.nv || ints[a.dof_body + i + 1] != ints[a.dof_body + i]) s.put(of(i), sum);
+    }
+  }
+
+ private:
+  static constexpr int rate_columns = 3;
+};
+
+/// Writes a row's entries of Y where RowStructure has made room, of trees that WhitenTrees has gone over.
+template <class R, class Mem, class Entries>
+struct WhitenedWriter {
+  Model<R, Mem> const& model;
+  Dynamics<R, Mem> const& dynamics;
+  Row<R> const& row;
+  Entries Y;  // the row's, zero before
+  RowSums<R>& sums;
+  int world;
+
+  KOKKOS_INLINE_FUNCTION void set_dof(int dof, R value) const {
+    int const t = model.dof_tree(dof), i = dof - model.tree_dof(t);
+    TreeItems<R> const s = dynamics.tree(model, world, t);
+    sums.gap = fma(value, read_only(s[s.at.low + i]), sums.gap);
+    sums.rate = fma(value, read_only(s[s.at.qvel + i]), sums.rate);
+    sums.free_rate = fma(value, read_only(s[s.at.velocity + i]), sums.free_rate);
+    each_column<1>(t, i, s, s.at.dof_columns, [&](LaneItems<R> const& x) { return value * read_only(x[0]); });
+  }
+  KOKKOS_INLINE_FUNCTION void add_point(int body, Vec3<R> const& point, Vec3<R> const& direction, R scale = R(1)) const {
+    add(body, [&](TreeItems<R> const& s) {
+      Vec3<R> const arm = point - s.vec3(s.at.com + 3 * model.body_root(body)), f = scale * direction;
+      return Spatial<R>{cross(arm, f), f};
+    });
+  }
+  KOKKOS_INLINE_FUNCTION void add_rotation(int body, Vec3<R> const& direction, R scale = R(1)) const {
+    add(body, [&](TreeItems<R> const&) { return Spatial<R>{scale * direction, {R(0), R(0), R(0)}}; });
+  }
+
+ private:
+  template <class Force>
+  KOKKOS_INLINE_FUNCTION void add(int body, Force const& force) const {
+    int const dof = model.body_last_dof(body);
+    if (dof < 0) return;
+    int const t = model.dof_tree(dof), last = dof - model.tree_dof(t);
+    TreeItems<R> const s = dynamics.tree(model, world, t);
+    Spatial<R> const f = force(s);
+    int const rates = s.at.body_rates + 18 * last;
+    sums.gap += dot(f, read_only(s, rates));
+    sums.rate += dot(f, read_only(s, rates + 6));
+    sums.free_rate += dot(f, read_only(s, rates + 12));
+    each_column<6>(t, last, s, s.at.body_columns, [&](LaneItems<R> const& w) { return dot(f, read_only(w, 0)); });
+  }
+  /// Y += of(column) for the columns of dof i of tree t, which lie in `columns`, each of so many items.
+  template <int items, class Of>
+  KOKKOS_INLINE_FUNCTION void each_column(int t, int i, LaneItems<R> const& s, int columns, Of const& of) const {
+    Archetype const& a = model.archetypes(model.tree_archetype(t));
+    int const* const ints = model.ints.data();
+    int const adr = read_only(ints[a.row_adr + i]), n = read_only(ints[a.row_adr + i + 1]) - adr;
+    bool const second = row.segment[0].dof0 != model.tree_dof(t);
+    bool const all = row.segment[second].list < 0;
+    int const *const col = ints + a.row_col + adr;
+    Entries const y = Y + (second ? row.segment[0].count : 0);
+    LaneItems<R> column{whole(&s[columns + items * adr]), s.stride};
+    for (int p = 0; p < n; ++p, column.base = &column[items]) y[all ? read_only(col[p]) : p] += of(column);
+  }
+};
+
+}  // namespace gsp::detail
