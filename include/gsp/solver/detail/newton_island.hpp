@@ -388,37 +388,64 @@ class NewtonIsland {
   template <class X>
   KOKKOS_FORCEINLINE_FUNCTION void sum_products(int i, int j, X (&sum)[T]) const {
     R const *const x = Y_ + T * i, *const y = Y_ + T * j;
-    static_assert(T == 4);
-    X s0(R(0)), s1(R(0)), s2(R(0)), s3(R(0));  // by name: what is indexed, and handed on, hosts keep in memory
-    auto const add = [&](X const& u, Four const& v) {
-      s0 = fma(u, X(v[0]), s0);
-      s1 = fma(u, X(v[1]), s1);
-      s2 = fma(u, X(v[2]), s2);
-      s3 = fma(u, X(v[3]), s3);
+    Columns<X> sums;
+    auto const add_row = [&](Columns<X>& to, int r) {
+      to.add(load_as<X>(x + r * size_.stride) * X(stiffness_[r]), load_as<Four>(y + r * size_.stride));
     };
-    for (int k = 0; k < active_count_; ++k) {
-      int const r = active_[k];
-      add(load_as<X>(x + r * size_.stride) * X(stiffness_[r]), load_as<Four>(y + r * size_.stride));
+    int k = 0;
+    if constexpr (one_thread) {  // two at a time: each column waits for the row before
+      Columns<X> others;
+      for (; k + 1 < active_count_; k += 2) {
+        add_row(sums, active_[k]);
+        add_row(others, active_[k + 1]);
+      }
+      sums.add(others);
     }
-    for (int k = 0; k < cone_count_; ++k) {
-      int const r = active_cones_[k], n = unit_[r];
+    for (; k < active_count_; ++k) add_row(sums, active_[k]);
+    for (int c = 0; c < cone_count_; ++c) {
+      int const r = active_cones_[c], n = unit_[r];
       for (int b = 0; b < n; ++b) {
         X u(R(0));
-        for (int c = 0; c < n; ++c) u = fma(X(curvature(r, b, c)), load_as<X>(x + (r + c) * size_.stride), u);
-        add(u, load_as<Four>(y + (r + b) * size_.stride));
+        for (int a = 0; a < n; ++a) u = fma(X(curvature(r, b, a)), load_as<X>(x + (r + a) * size_.stride), u);
+        sums.add(u, load_as<Four>(y + (r + b) * size_.stride));
       }
     }
-    sum[0] = s0;
-    sum[1] = s1;
-    sum[2] = s2;
-    sum[3] = s3;
+    sums.leave_in(sum);
   }
-  KOKKOS_FORCEINLINE_FUNCTION void put_tile(int i, int j, Four (&columns)[T]) const {
+  /// Four columns by name: what is indexed, and handed on, hosts keep in memory.
+  template <class X>
+  struct Columns {
+    X a = X(R(0)), b = X(R(0)), c = X(R(0)), d = X(R(0));
+    KOKKOS_FORCEINLINE_FUNCTION void add(X const& u, Four const& v) {
+      static_assert(T == 4);
+      a = fma(u, X(v[0]), a);
+      b = fma(u, X(v[1]), b);
+      c = fma(u, X(v[2]), c);
+      d = fma(u, X(v[3]), d);
+    }
+    KOKKOS_FORCEINLINE_FUNCTION void add(Columns const& o) {
+      a = a + o.a;
+      b = b + o.b;
+      c = c + o.c;
+      d = d + o.d;
+    }
+    KOKKOS_FORCEINLINE_FUNCTION void leave_in(X (&to)[T]) const {
+      to[0] = a;
+      to[1] = b;
+      to[2] = c;
+      to[3] = d;
+    }
+  };
+  KOKKOS_FORCEINLINE_FUNCTION void put_tile(int i, int j, Four const (&columns)[T]) const {
     R* const to = tile(i, j);
+    if (i != j) {
+      for (int b = 0; b < T; ++b) four(to + T * b) = columns[b];
+      return;
+    }
     for (int b = 0; b < T; ++b) {
-      if (i == j) columns[b].set(b, columns[b][b] + R(1));
-      four(to + T * b) = columns[b];
-      if (i == j) room_[T * i + b] = columns[b][b];
+      Four const column = columns[b] + Four::of([&](int a) { return R(a == b ? 1 : 0); });
+      four(to + T * b) = column;
+      room_[T * i + b] = column[b];
     }
   }
   /// The tile (k, k) of H or of L, whose diagonal is inverted.
