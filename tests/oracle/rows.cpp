@@ -88,11 +88,11 @@ bool passes_inside(mjModel const* m, mjData const* d, int tendon) {
 }
 
 enum { equality, joint_friction, tendon_friction, joint_limit, tendon_limit, adhesion, contact };  // model_constraints
-/// Which of their kinds and objects a row of ours is; edges: elements of a contact.
+/// Which of their kinds and objects a row of ours is; elements: of a contact.
 struct Named {
   int kind, id;
 };
-Named name_of(gsp::Model<double, Mem> const& model, gsp::Row<double> const& row, mjData const* d, int edges) {
+Named name_of(gsp::Model<double, Mem> const& model, gsp::Row<double> const& row, mjData const* d, int elements, bool pyramids) {
   int const k = row.element;
   switch (row.type) {
     case equality:
@@ -110,13 +110,14 @@ Named name_of(gsp::Model<double, Mem> const& model, gsp::Row<double> const& row,
     default:
       return {-1, -1};
   }
-  auto const& t = d->contact[k / edges];
-  return {t.dim == 1 ? mjCNSTR_CONTACT_FRICTIONLESS : edges > 1 ? mjCNSTR_CONTACT_PYRAMIDAL : mjCNSTR_CONTACT_ELLIPTIC, k / edges};
+  auto const& t = d->contact[k / elements];
+  return {t.dim == 1 ? mjCNSTR_CONTACT_FRICTIONLESS : pyramids ? mjCNSTR_CONTACT_PYRAMIDAL : mjCNSTR_CONTACT_ELLIPTIC, k / elements};
 }
 
 void compare(mjModel const* m, mjData* d, gsp::Model<double, Mem> const& model, Sim const& sim, Outcome& out) {
   double const h = model.timestep;
-  int const edges = sim.cone == gsp::FrictionCone::pyramidal ? sim.collision.most_edges : 1;
+  bool const pyramids = sim.cone == gsp::FrictionCone::pyramidal;
+  int const elements = pyramids ? (sim.collision.most_edges + gsp::most_element_rows - 1) / gsp::most_element_rows : 1;
   int const first = sim.rows.first(0), count = sim.rows.count(0);
   int at = 0;
   std::vector<double> half(std::size_t(m->nv)), root(std::size_t(m->nv));
@@ -129,7 +130,7 @@ void compare(mjModel const* m, mjData* d, gsp::Model<double, Mem> const& model, 
       return;
     }
     std::string const place = "row " + std::to_string(at) + " of kind " + std::to_string(d->efc_type[at]);
-    auto const [kind, id] = name_of(model, row, d, edges);
+    auto const [kind, id] = name_of(model, row, d, elements, pyramids);
     if (kind != d->efc_type[at] || id != d->efc_id[at])
       return out.blame(place + ", object " + std::to_string(d->efc_id[at]) + ": ours is of kind " + std::to_string(kind) + ", object " +
                        std::to_string(id));

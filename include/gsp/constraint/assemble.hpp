@@ -186,7 +186,9 @@ RowsStamp contacts_of(ConstraintList<> const&) {
 template <class R, class Mem, class Head, class... Tail>
 RowsStamp contacts_of(ConstraintList<Head, Tail...> const& types) {
   if constexpr (std::is_same_v<Head, ContactRows<R, Mem>>)
-    return {.contacts = types.head.contacts.stamp.data() ? types.head.contacts.stamp().made : 0, .contact_edges = types.head.edges};
+    return {.contacts = types.head.contacts.stamp.data() ? types.head.contacts.stamp().made : 0,
+            .contact_elements = types.head.elements,
+            .pyramids = types.head.pyramid};
   else
     return contacts_of<R, Mem>(types.tail);
 }

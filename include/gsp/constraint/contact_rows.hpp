@@ -33,7 +33,8 @@ struct ContactRows {
   Contacts<R, Mem> contacts;
   FrictionCone cone;
   SoftFriction<R> soft;
-  int edges;  // elements of a contact
+  bool pyramid;  // edges in place of a normal and friction
+  int elements;  // of a contact: more than six edges are two
   Field<R> gravity;
   detail::RigidJoints<R, Mem> joints;
   ContactRows(Model<R, Mem> const& m, State<R, Mem> const& s, CollisionModel<R, Mem> const& c, Contacts<R, Mem> const& found,
@@ -43,13 +44,14 @@ struct ContactRows {
         contacts(found),
         cone(friction_cone),
         soft{m.profile == Profile::mujoco, m.impratio, m.refsafe ? Refsafe::two_steps : Refsafe::off},
-        edges(friction_cone == FrictionCone::pyramidal ? c.most_edges : 1),
+        pyramid(friction_cone == FrictionCone::pyramidal && c.most_edges > 1),
+        elements(pyramid ? (c.most_edges + most_element_rows - 1) / most_element_rows : 1),
         gravity(m.gravity),
         joints(m, s) {}
 
-  KOKKOS_INLINE_FUNCTION int count(int world) const { return edges * contacts.count_of(world); }
+  KOKKOS_INLINE_FUNCTION int count(int world) const { return elements * contacts.count_of(world); }
   bool bounces() const { return collision.bounces && !soft.as_mujoco; }
-  /// Contact c, or one edge of its pyramid, with what its rows are made of.
+  /// Contact c, or some edges of its pyramid, with what its rows are made of.
   struct Element {
     ContactRows const& type;
     int world, k, c;
@@ -65,43 +67,38 @@ struct ContactRows {
           acts(contact_acts(of.collision, of.contacts, w, c)),
           hold(hold_of_bodies()),
           p(hold == detail::Hold::all ? ContactParameters<R>{} : acting_parameters(of.collision, of.contacts, w, c, acts)),
-          count(hold == detail::Hold::all ? 0
-                : type.edges == 1         ? p.condim
-                                          : k % type.edges < most(2 * (p.condim - 1), 1)) {}
+          count(hold == detail::Hold::all ? 0 : !of.pyramid ? p.condim : edges_from(first_edge())) {}
+    KOKKOS_INLINE_FUNCTION bool is_pyramid() const { return type.pyramid && p.condim > 1; }
     KOKKOS_INLINE_FUNCTION int rows() const { return count; }
     template <class Row>
     KOKKOS_INLINE_FUNCTION R jacobian(int row, Row&& J) const {
-      if (type.edges == 1) {
-        type.add_axis(c, row, R(1), J);
-        return row == 0 ? type.contacts.dist(c) : R(0);
+      if (is_pyramid()) {
+        type.add_edge(c, axis_of(row), edge_friction(row), J);
+        return type.contacts.dist(c);
       }
-      if (p.condim == 1) {
-        type.add_axis(c, 0, R(1), J);
-      } else {
-        int const edge = k % type.edges;
-        type.add_edge(c, 1 + edge / 2, edge % 2 ? -p.friction[edge / 2] : p.friction[edge / 2], J);
-      }
-      return type.contacts.dist(c);
+      type.add_axis(c, row, R(1), J);
+      return row == 0 ? type.contacts.dist(c) : R(0);
     }
     KOKKOS_INLINE_FUNCTION RowLaw<R> law(int row, R gap, R u, R h, RowBounds<R>&) const {
       R const surface = surface_rate(row), adhesion = type.adhesion_of(c);
       RowLaw<R> law = law_at_rest(row, gap, u + surface, h);
       law.zeta -= surface;
-      if (row == 0 && adhesion != R(0))
-        law.zeta += law.compliance * h * adhesion / R(type.edges > 1 && p.condim > 1 ? 2 * (p.condim - 1) : 1);
+      bool const edge = is_pyramid();
+      if ((row == 0 || edge) && adhesion != R(0)) law.zeta += law.compliance * h * adhesion / R(edge ? 2 * (p.condim - 1) : 1);
       return law;
     }
     /// Of surfaces that neither move nor pull.
     KOKKOS_INLINE_FUNCTION RowLaw<R> law_at_rest(int row, R dist, R u, R h) const {
       auto const& soft = type.soft;
       auto const& contacts = type.contacts;
-      if (row > 0 && !soft.as_mujoco) return {R(0), R(0)};
+      bool const edge = is_pyramid();
+      bool const friction = row > 0 && !edge;
+      if (friction && !soft.as_mujoco) return {R(0), R(0)};
       R const diag = type.body_invweight0(world, 2 * contacts.body1(c)) + type.body_invweight0(world, 2 * contacts.body2(c));
       // dist has what rounding has taken from places; MuJoCo's has not, and that of an edge has its tangents' part too
-      R const gap = (soft.as_mujoco || type.edges > 1 ? contacts.dist(c) : dist) - contacts.includemargin(c);
+      R const gap = (soft.as_mujoco || type.pyramid ? contacts.dist(c) : dist) - contacts.includemargin(c);
       R const spring = soft.as_mujoco ? gap : min(gap, R(0));
-      if (row > 0) return soft.tangent(p, row - 1, gap, u, h, diag);
-      bool const edge = type.edges > 1 && p.condim > 1;
+      if (friction) return soft.tangent(p, row - 1, gap, u, h, diag);
       if (p.hard && !soft.as_mujoco && !edge) return hard_law(gap, h, p.erp, p.restitution, diag);
       RowLaw<R> law = edge ? soft.edge(p, spring, u, h, diag) : soft_law(type.softness(p), spring, u, h, diag);
       if (soft.as_mujoco) return law;
@@ -111,19 +108,29 @@ struct ContactRows {
       return law;
     }
     KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int row) const {
-      if (row == 0) return {R(0), Kokkos::Experimental::infinity_v<R>, -1, R(0), false, type.edges > 1 && p.condim > 1};
+      if (row == 0 || is_pyramid()) return {R(0), Kokkos::Experimental::infinity_v<R>, -1, R(0), false, is_pyramid()};
       bool const first_of_two = row == 1 || row == 4;
       return {R(0), R(0), 0, p.friction[row - 1], first_of_two && type.cone == FrictionCone::elliptic};
     }
     /// Rate of the surfaces along a row.
     KOKKOS_INLINE_FUNCTION R surface_rate(int row) const {
       if (!type.contacts.moving) return R(0);
-      if (type.edges == 1) return row >= 1 && row <= 3 ? type.contacts.surfacevel(c, row - 1) : R(0);
-      int const edge = k % type.edges;
-      if (p.condim == 1 || edge > 5) return R(0);
-      return (edge % 2 ? -p.friction[edge / 2] : p.friction[edge / 2]) * type.contacts.surfacevel(c, edge / 2);
+      int const axis = is_pyramid() ? axis_of(row) : row;
+      if (axis < 1 || axis > 3) return R(0);
+      return (is_pyramid() ? edge_friction(row) : R(1)) * type.contacts.surfacevel(c, axis - 1);
     }
-    KOKKOS_INLINE_FUNCTION static int most(int a, int b) { return a > b ? a : b; }
+    KOKKOS_INLINE_FUNCTION int first_edge() const { return most_element_rows * (k % type.elements); }
+    /// Edges of the element, the first of them given; a contact without friction is a normal.
+    KOKKOS_INLINE_FUNCTION int edges_from(int first) const {
+      int const all = p.condim > 1 ? 2 * (p.condim - 1) : 1, left = all - first;
+      return left < 0 ? 0 : left < most_element_rows ? left : most_element_rows;
+    }
+    /// Two by two the edges of a row lie along an axis, there and back.
+    KOKKOS_INLINE_FUNCTION int axis_of(int row) const { return 1 + (first_edge() + row) / 2; }
+    KOKKOS_INLINE_FUNCTION R edge_friction(int row) const {
+      R const mu = p.friction[axis_of(row) - 1];
+      return row % 2 ? -mu : mu;
+    }
     /// All where nothing moves the two against each other, or pushes or pulls.
     KOKKOS_INLINE_FUNCTION detail::Hold hold_of_bodies() const {
       if (!acts && type.adhesion_of(c) == R(0)) return detail::Hold::all;
@@ -146,15 +153,16 @@ struct ContactRows {
   KOKKOS_INLINE_FUNCTION RowBounds<R> bounds(int world, int k, int row) const { return element(world, k).bounds(row); }
   KOKKOS_INLINE_FUNCTION RowId id(int world, int k) const {
     int const c = contact_of(world, k);
-    return {std::uint32_t(contacts.pair(c)), std::uint32_t(edges) * std::uint32_t(contacts.feature(c)) + std::uint32_t(k % edges)};
+    return {std::uint32_t(contacts.pair(c)), std::uint32_t(elements) * std::uint32_t(contacts.feature(c)) + std::uint32_t(k % elements)};
   }
   /// Where it acts: a point that is new starts from the impulses of those near it that are gone.
   KOKKOS_INLINE_FUNCTION Vec3<R> place(int world, int k) const { return contacts.point(contact_of(world, k)); }
-  /// Direction of row 1 + i, by which friction of the last step is turned into this one's frame.
+  /// Direction of row 1 + i, by which friction of the last step is turned into this one's frame; edges stay with their axes.
+  KOKKOS_INLINE_FUNCTION bool turns() const { return !pyramid; }
   KOKKOS_INLINE_FUNCTION Vec3<R> tangent(int world, int k, int i) const { return contacts.axis(contact_of(world, k), 1 + i); }
 
  private:
-  KOKKOS_INLINE_FUNCTION int contact_of(int world, int k) const { return contacts.first_of(world) + k / edges; }
+  KOKKOS_INLINE_FUNCTION int contact_of(int world, int k) const { return contacts.first_of(world) + k / elements; }
   /// Profile `stable` takes MuJoCo's default solref, (0.02, 1), as (0.0125, 1): its sweeps bear it, and what rests sinks in by 0.4 as much.
   /// What a file says itself rests where it says at any timestep; the default gives more where steps are long, as piles rest with it.
   KOKKOS_INLINE_FUNCTION Softness<R> softness(ContactParameters<R> const& p) const {

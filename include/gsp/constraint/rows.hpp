@@ -35,8 +35,8 @@ struct RowBounds {
   int friction_of = -1;
   R mu = R(0);
   bool with_next = false;
-  // Friction that is bounded by itself, which `noslip` lets stick: between lower and upper; or where it pushes alone one of two rows of
-  // elements side by side, over the same dofs, of which it keeps the sum (opposing edges of a pyramid).
+  // Friction that is bounded by itself, which `noslip` lets stick: between lower and upper; or where it pushes alone one of two rows side
+  // by side, of one element or of two, over the same dofs, of which it keeps the sum (opposing edges of a pyramid).
   bool dry = false;
   KOKKOS_INLINE_FUNCTION static RowBounds dry_between(R lower, R upper) {
     RowBounds bounds{lower, upper};
@@ -86,7 +86,8 @@ struct TypeNames {
 struct RowsStamp {
   std::uint64_t made = 0;      // which `assemble` has written them; 0: none
   std::uint64_t contacts = 0;  // and which contacts it has read (ContactsStamp::made); 0: none that gsp has found
-  int contact_edges = 1;       // elements of each of them (ContactRows::edges)
+  int contact_elements = 1;    // of each of them (ContactRows::elements)
+  bool pyramids = false;       // whose rows are edges
   bool impacts_left = false;   // rows may bounce, and `impacts` has not been called
   bool sleeps = false;         // those of islands that sleep are left out
   Stamp state = {};            // of which state they are

@@ -18,7 +18,7 @@ enum class JointType : int { free = 0, ball = 1, slide = 2, hinge = 3 };  // MuJ
 enum class Integrator : int { euler = 0, rk4 = 1, implicit = 2, implicitfast = 3 };
 /// Which impulses the rows of friction of a contact may have together. Files name the first two.
 enum class FrictionCone : int {
-  pyramidal = 0,  // MuJoCo's: 2 (condim - 1) soft edges J_n +- mu_k J_k that push, an element of one row each
+  pyramidal = 0,  // MuJoCo's: 2 (condim - 1) soft edges J_n +- mu_k J_k that push
   // Those along the tangents in an ellipse, a disc of radius mu p_n where friction is the same along both, and so those of rolling: slides
   // against the slip. In profile mujoco all of them in one ellipsoid.
   elliptic = 1,

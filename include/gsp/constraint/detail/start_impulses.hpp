@@ -21,7 +21,15 @@ struct StartImpulses {
     };
     if constexpr (requires { type.place(w, k); }) mark(first, type.place(w, k));
     if constexpr (requires { type.tangent(w, k, 0); })
-      if (n >= 3) mark(first + 1, type.tangent(w, k, 0));
+      if (n >= 3 && turns(type)) mark(first + 1, type.tangent(w, k, 0));
+  }
+  /// Whether rows 1 and 2 are friction along the tangents.
+  template <class Type>
+  KOKKOS_INLINE_FUNCTION static bool turns(Type const& type) {
+    if constexpr (requires { type.turns(); })
+      return type.turns();
+    else
+      return true;
   }
   /// Impulses along and about the first tangent t of the last step and the normal cross t become those of this step's tangents: turned by
   /// the angle from these to t.
@@ -80,7 +88,7 @@ struct StartImpulses {
       for (; had < n && row + had < end && ids(row + had) == old; ++had) p[had] = impulses.p[before](row + had);
       if constexpr (requires { type.tangent(w, k, 0); }) {
         auto const& t = impulses.place[before];
-        if (had >= 3) turn(type, w, k, had, {t(row + 1, 0), t(row + 1, 1), t(row + 1, 2)}, p);
+        if (had >= 3 && turns(type)) turn(type, w, k, had, {t(row + 1, 0), t(row + 1, 1), t(row + 1, 2)}, p);
       }
       for (int r = 0; r < had; ++r) start[r] += p[r];
     };

@@ -14,18 +14,19 @@ struct ContactForce {
   Contacts<R, Mem> contacts;
   ElementImpulses<R, Mem> impulses;
   R inverse_timestep;
-  int edges;  // of a pyramid; 1: rows along the axes themselves
+  int elements;  // of a contact
+  bool pyramid;  // their rows are its edges, not along the axes themselves
   /// Of contact k of world w's list: force along the normal and the two tangents [N], torque about them [N m]. False, and zero, where it
   /// has no rows. Cost: a binary search.
   KOKKOS_INLINE_FUNCTION bool operator()(int w, int k, R (&force)[6]) const {
-    int const c = contacts.first_of(w) + k, first = impulses.first_row(w, edges * k);
+    int const c = contacts.first_of(w) + k, first = impulses.first_row(w, elements * k);
     for (R& f : force) f = R(0);
     if (first < 0) return false;
     R const* const p = impulses.impulses.p[impulses.impulses.parity()].data() + first;
     auto const parameters = acting_parameters(collision, contacts, w, c);
-    bool const pyramid = edges > 1 && parameters.condim > 1;
-    for (int r = 0; r < parameters.condim && !pyramid; ++r) force[r] = p[r] * inverse_timestep;
-    for (int r = 1; r < parameters.condim && pyramid; ++r) {
+    bool const edges = pyramid && parameters.condim > 1;
+    for (int r = 0; r < parameters.condim && !edges; ++r) force[r] = p[r] * inverse_timestep;
+    for (int r = 1; r < parameters.condim && edges; ++r) {
       R const plus = p[2 * r - 2] * inverse_timestep, minus = p[2 * r - 1] * inverse_timestep;
       force[0] += plus + minus;
       force[r] = parameters.friction[r - 1] * (plus - minus);
@@ -71,7 +72,7 @@ template <class R, class Mem>
 ContactForce<R, Mem> contact_force_of(Model<R, Mem> const& model, CollisionModel<R, Mem> const& collision, Contacts<R, Mem> const& contacts,
                                       Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses) {
   return {collision, contacts, impulses_of<ContactRows<R, Mem>>(rows, impulses), R(1) / model.timestep,
-          rows.stamp.data() ? rows.stamp().contact_edges : 1};
+          rows.stamp.data() ? rows.stamp().contact_elements : 1, rows.stamp.data() && rows.stamp().pyramids};
 }
 
 }  // namespace gsp::detail

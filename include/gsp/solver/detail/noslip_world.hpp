@@ -81,14 +81,16 @@ struct NoslipWorld {
       for (int k = 0, n; k < e.count; k += n) {
         int const r = e.row(k);
         n = rows.element_rows(first + r);
-        bool const next = k + 1 < e.count && e.row(k + 1) == r + 1;
-        if (n == 1 && next && is_edge(row[r]) && row[r + 1].dry && has_segments_of(row[r], row[r + 1])) {
-          gain += stick_edges(world, row + r, p + r, z);
-          n = 2;
-          continue;
+        for (int b = r; b < r + n; ++b) {
+          bool const next = b + 1 < r + n || (n == 1 && k + 1 < e.count && e.row(k + 1) == b + 1);
+          if (is_edge(row[b]) && next && row[b + 1].dry && has_segments_of(row[b], row[b + 1])) {
+            gain += stick_edges(world, row + b, p + b, z);
+            ++b;
+            n += b == r + n;
+          } else if (row[b].dry && !is_edge(row[b])) {
+            gain += stick(world, row[b], p + b, z);
+          }
         }
-        for (int b = r; b < r + n; ++b)
-          if (row[b].dry && !is_edge(row[b])) gain += stick(world, row[b], p + b, z);
         for (int a = 0; a < n; ++a)
           if (row[r + a].friction_of < 0) gain += stick_in_cone(world, row + r, n, a, p + r, z);
       }
