@@ -128,7 +128,31 @@ struct Prepared : gsp::OneFreeRow {
     return 0.f;
   }
 };
-/// In world 2 one element fewer than none, or one with fewer rows.
+/// Forces and moments on one body or two, of one tree or two, and rates of dofs: entries of every kind.
+template <class R, class Mem>
+struct Pulls : gsp::OneFreeRow {
+  gsp::Model<R, Mem> model;
+  KOKKOS_FUNCTION int count(int) const { return 40; }
+  KOKKOS_FUNCTION gsp::RowLaw<R> law(int, int, int, R x, R u, R) const { return {R(1), x + R(2) * u}; }
+  KOKKOS_FUNCTION int pick(int world, int k, int i, int n) const {
+    return int(0.5 * (gsp_test::hashed(world, k, 7, i) + 1) * n) % n;
+  }
+  KOKKOS_FUNCTION gsp::Vec3<R> vector(int world, int k, int i) const {
+    return {R(gsp_test::hashed(world, k, 1, i)), R(gsp_test::hashed(world, k, 2, i)), R(gsp_test::hashed(world, k, 3, i))};
+  }
+  template <class Row>
+  KOKKOS_FUNCTION R jacobian(int world, int k, int, Row&& J) const {
+    int const a = 1 + pick(world, k, 0, model.nbody - 1), b = 1 + pick(world, k, 1, model.nbody - 1);
+    int const tree = model.dof_tree(model.body_last_dof(a)), nv = model.archetypes(model.tree_archetype(tree)).nv;
+    if (k % 4 < 2) J.add_point(a, vector(world, k, 0), vector(world, k, 1));
+    if (k % 4 == 1) J.add_point(b, vector(world, k, 0), vector(world, k, 1), R(-0.75));
+    if (k % 4 == 2) J.add_rotation(a, vector(world, k, 2), R(2));
+    for (int i = 0; i < (k % 4 == 3 ? 3 : k % 8 == 2 ? 1 : 0); ++i)
+      J.set_dof(model.tree_dof(tree) + pick(world, k, 2 + i, nv), R(gsp_test::hashed(world, k, 4, i)));
+    return R(gsp_test::hashed(world, k, 5, 0));
+  }
+};
+
 /// World 2 has so many elements, so many rows each.
 struct WrongSize : gsp::OneFreeRow {
   int elements, rows_each;
@@ -626,6 +650,145 @@ TEST_CASE_TEMPLATE("assemble and pgs neither allocate nor fence", Exec, GSP_TEST
   Loop<float, Exec> s(gsp::compile(d), 4, {}, gsp_test::other_instance(Exec{}));
   s.step(2, gsp::JointFriction(s.model));
   gsp_test::check_algorithm(s.exec, gsp_test::watch([&] { s.assemble(gsp::JointFriction(s.model)), s.solve({}); }));
+}
+
+// A row in doubles, from the numbers that the dynamics hold in whatever precision: J and its whitening by substitution. Beside each number
+// the sum of the sizes of its terms, which rounding is measured by.
+template <class R, class Mem>
+struct WhitenedRow {
+  using Numbers = std::vector<double>;
+  gsp::Model<double, Kokkos::HostSpace> const& model;
+  Kokkos::View<R*, Kokkos::HostSpace> items;
+  Kokkos::View<std::int64_t*, Kokkos::HostSpace> block_offset;
+  Kokkos::View<int*, Kokkos::HostSpace> archetype_block;
+  int padded_worlds, world;
+  Numbers J, J_size;  // (nv)
+  double item(int tree, int at) const {
+    constexpr int width = gsp::Dynamics<R, Mem>::width;
+    int const lane = model.tree_instance(tree) * padded_worlds + world;
+    return double(items(block_offset(archetype_block(model.tree_archetype(tree)) + lane / width) + lane % width + std::int64_t(at) * width));
+  }
+  gsp::Archetype const& archetype(int tree) const { return model.archetypes(model.tree_archetype(tree)); }
+  void add(int dof, double value, double size) {
+    J[std::size_t(dof)] += value;
+    J_size[std::size_t(dof)] += size;
+  }
+  void set_dof(int dof, R value) { add(dof, double(value), std::abs(double(value))); }
+  void add_force(int body, double const (&force)[6], double scale) {
+    int const dof = model.body_last_dof(body), tree = model.dof_tree(dof), last = dof - model.tree_dof(tree);
+    auto const& a = archetype(tree);
+    gsp::FactorLayout const at(a);
+    for (int p = model.ints(a.row_adr + last); p < model.ints(a.row_adr + last + 1); ++p) {
+      int const i = model.ints(a.row_col + p);
+      double value = 0, size = 0;
+      for (int c = 0; c < 6; ++c) {
+        double const term = scale * force[c] * item(tree, at.cdof + 6 * i + c);
+        value += term;
+        size += std::abs(term);
+      }
+      add(model.tree_dof(tree) + i, value, size);
+    }
+  }
+  void add_point(int body, gsp::Vec3<R> const& point, gsp::Vec3<R> const& direction, R scale = R(1)) {
+    int const tree = model.dof_tree(model.body_last_dof(body)), com = gsp::FactorLayout(archetype(tree)).com + 3 * model.body_root(body);
+    double arm[3], f[3];
+    for (int c = 0; c < 3; ++c) arm[c] = double(point[c]) - item(tree, com + c), f[c] = double(direction[c]);
+    add_force(body, {arm[1] * f[2] - arm[2] * f[1], arm[2] * f[0] - arm[0] * f[2], arm[0] * f[1] - arm[1] * f[0], f[0], f[1], f[2]},
+              double(scale));
+  }
+  void add_rotation(int body, gsp::Vec3<R> const& direction, R scale = R(1)) {
+    add_force(body, {double(direction[0]), double(direction[1]), double(direction[2]), 0, 0, 0}, double(scale));
+  }
+  /// Y, and the sizes, of the dofs of a tree.
+  std::pair<Numbers, Numbers> whitened(int tree) const {
+    auto const& a = archetype(tree);
+    gsp::FactorLayout const at(a);
+    auto const begin = model.tree_dof(tree);
+    Numbers y(J.begin() + begin, J.begin() + begin + a.nv), size(J_size.begin() + begin, J_size.begin() + begin + a.nv);
+    for (int i = a.nv; i-- > 0;) {
+      int const adr = model.ints(a.row_adr + i), n = model.ints(a.row_adr + i + 1) - adr - 1;
+      for (int p = 0; p < n; ++p) {
+        auto const above = std::size_t(model.ints(a.row_col + adr + p));
+        double const factor = item(tree, at.factor + adr + p);
+        y[above] -= factor * y[std::size_t(i)];
+        size[above] += std::abs(factor) * size[std::size_t(i)];
+      }
+      double const root = std::sqrt(item(tree, at.inverse_diagonal + i));
+      y[std::size_t(i)] *= root;
+      size[std::size_t(i)] *= root;
+    }
+    return {y, size};
+  }
+};
+
+// Y = J L^-1 D^-1/2, and a row's bias of what J makes of its gap and rates. Trees of 47 dofs: more than a GPU's thread keeps near it of a
+// column. Each number is a sum of products of products: rounding is an epsilon of the sum of their sizes for each of the n factors that one
+// may go through, and for the few before them.
+TEST_CASE_TEMPLATE("rows are whitened with the factored matrix", Exec, GSP_TEST_EXECS) {
+  auto const check = [](auto zero) {
+    using R = decltype(zero);
+    using Mem = typename Exec::memory_space;
+    int const worlds = 35;  // a block of a GPU's lanes, and some of another
+    auto const compiled = gsp::compile(gsp_test::random_model({gsp::JointType::free, gsp::JointType::hinge, gsp::JointType::free}, 24));
+    Loop<R, Exec> s(compiled, worlds);
+    gsp_test::randomise(compiled, s.state);
+    auto const model = gsp::make_model<double>(Kokkos::DefaultHostExecutionSpace(), compiled);
+    test_types::Pulls<R, Mem> const pulls{{}, s.model};
+    s.assemble(pulls);
+    while (s.grow()) s.assemble(pulls);
+    auto const host_model = gsp::make_model<R>(Kokkos::DefaultHostExecutionSpace(), compiled);
+    test_types::Pulls<R, Kokkos::HostSpace> const expected{{}, host_model};
+    WhitenedRow<R, Mem> reference{model,
+                                  gsp_test::host(s.dynamics.items),
+                                  gsp_test::host(s.dynamics.block_offset),
+                                  gsp_test::host(s.dynamics.archetype_block),
+                                  s.dynamics.padded_worlds,
+                                  0,
+                                  {},
+                                  {}};
+    auto const first = gsp_test::host(s.rows.first), count = gsp_test::host(s.rows.count);
+    auto const rows = gsp_test::host(s.rows.row);
+    auto const Y = gsp_test::host(s.rows.Y);
+    double const epsilon = double(std::numeric_limits<R>::epsilon());
+    double worst = 0, worst_bias = 0;
+    for (int w = 0; w < worlds; ++w) {
+      REQUIRE(count(w) == 40);
+      for (int at = first(w); at < first(w) + count(w); ++at) {
+        auto const& row = rows(at);
+        reference.world = w;
+        reference.J.assign(std::size_t(model.nv), 0.);
+        reference.J_size = reference.J;
+        double const gap = double(expected.jacobian(w, row.element, 0, reference));
+        double bias = -gap, bias_size = std::abs(gap);
+        std::int64_t entry = row.first_entry;
+        int touched = 0;
+        for (auto const& segment : row.segment) {
+          if (segment.count == 0) continue;
+          int const tree = model.dof_tree(segment.dof0), nv = reference.archetype(tree).nv;
+          gsp::FactorLayout const layout(reference.archetype(tree));
+          auto const [y, size] = reference.whitened(tree);
+          for (int i = 0; i < segment.count; ++i, ++entry, ++touched) {
+            auto const dof = std::size_t(segment.list < 0 ? i : model.ints(segment.list + i));
+            worst = std::max(worst, std::abs(double(Y(entry)) - y[dof]) / ((nv + 16) * epsilon * size[dof]));
+          }
+          for (int i = 0; i < nv; ++i) {
+            auto const dof = std::size_t(segment.dof0 + i);
+            double const v = reference.item(tree, layout.qvel + i), free = reference.item(tree, layout.velocity + i);
+            bias += reference.J[dof] * (free - 2 * v - reference.item(tree, layout.low + i));
+            bias_size += reference.J_size[dof] * (std::abs(free) + 2 * std::abs(v));
+          }
+        }
+        int others = 0;  // dofs that it moves are among those that it has entries of
+        for (double const x : reference.J) others += x != 0;
+        CHECK(others <= touched);
+        worst_bias = std::max(worst_bias, std::abs(double(row.bias) - bias) / ((model.nv + 16) * epsilon * bias_size));
+      }
+    }
+    CHECK(worst < 1);
+    CHECK(worst_bias < 1);
+  };
+  check(0.f);
+  check(0.);
 }
 
 // Hosts make rows of a tree together, a row a lane of a pack: each has the bits that it has alone, whoever is beside it. Forces, entries

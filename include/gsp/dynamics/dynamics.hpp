@@ -127,8 +127,10 @@ struct DynamicsLayout : FactorLayout {
   int drag;                                                                  // what a fluid damps: -d force / d qvel, as M
   int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc, both_triangles, sigma, velocity_terms;
   int size;
-  // Over what no later stage needs, on a device: what rows are made of (constraint/detail/whiten_trees.hpp).
-  int dof_columns, body_columns, body_rates;
+  // Over what no later stage needs, on a device: what rows are made of (constraint/detail/whiten_trees.hpp). The columns of dofs are items;
+  // after them a lane has its columns of bodies, then their rates, side by side.
+  int dof_columns, body_items;
+  int body_rates, lane_size;
   int device_size;
   KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) : FactorLayout(a) {
     int n = velocity + a.nv;
@@ -182,9 +184,10 @@ struct DynamicsLayout : FactorLayout {
     reserve(velocity_terms, bias_derivative ? 12 * a.nbody : 0);
     size = n;
     dof_columns = xpos;
-    body_columns = dof_columns + a.nM;
-    body_rates = body_columns + 6 * a.nM;
-    device_size = n > body_rates + 18 * a.nv ? n : body_rates + 18 * a.nv;
+    body_items = dof_columns + a.nM;
+    body_rates = 6 * a.nM;
+    lane_size = body_rates + 18 * a.nv;
+    device_size = n > body_items + lane_size ? n : body_items + lane_size;
   }
 };
 
@@ -226,6 +229,14 @@ struct Dynamics {
   /// Items of tree `t` of world `w`.
   KOKKOS_INLINE_FUNCTION TreeItems<R> tree(Model<R, Mem> const& m, int w, int t) const {
     return {lane_items(m, w, t), layout(m.tree_archetype(t))};
+  }
+  /// Of a device: DynamicsLayout::body_items of that tree.
+  KOKKOS_INLINE_FUNCTION R* body_items(Model<R, Mem> const& m, int w, int t) const {
+    int const k = m.tree_archetype(t), lane = m.tree_instance(t) * padded_worlds + w;
+    return body_items(archetype_block(k) + lane / width, lane % width, layout(k));
+  }
+  KOKKOS_INLINE_FUNCTION R* body_items(int block, int lane, DynamicsLayout const& at) const {
+    return items.data() + block_offset(block) + std::int64_t(at.body_items) * width + std::int64_t(lane) * at.lane_size;
   }
   KOKKOS_INLINE_FUNCTION FactorItems<R> factored(Model<R, Mem> const& m, int w, int t) const {
     return {lane_items(m, w, t), layout(m.tree_archetype(t))};

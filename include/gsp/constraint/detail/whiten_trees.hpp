@@ -12,10 +12,33 @@
 /// A host makes rows by lanes instead (row_lanes.hpp).
 namespace gsp::detail {
 
+/// Six numbers side by side, the first at an even place: a GPU loads and stores them two by two.
 template <class R>
-KOKKOS_FORCEINLINE_FUNCTION Spatial<R> read_only(LaneItems<R> const& s, int i) {
-  return {{read_only(s[i]), read_only(s[i + 1]), read_only(s[i + 2])}, {read_only(s[i + 3]), read_only(s[i + 4]), read_only(s[i + 5])}};
-}
+struct SixNumbers {
+  R* at;
+#ifdef __CUDA_ARCH__
+  using Pair = std::conditional_t<sizeof(R) == 4, float2, double2>;
+  __device__ Pair* pairs() const { return reinterpret_cast<Pair*>(at); }
+  __device__ static Spatial<R> of(Pair const& a, Pair const& b, Pair const& c) { return {{a.x, a.y, b.x}, {b.y, c.x, c.y}}; }
+  __device__ Spatial<R> get() const { return of(pairs()[0], pairs()[1], pairs()[2]); }
+  /// Of what nothing writes while the kernel is at work (read_only).
+  __device__ Spatial<R> get_read_only() const { return of(__ldg(pairs()), __ldg(pairs() + 1), __ldg(pairs() + 2)); }
+  __device__ void put(Spatial<R> const& v) const {
+    pairs()[0] = {v.angular.x, v.angular.y};
+    pairs()[1] = {v.angular.z, v.linear.x};
+    pairs()[2] = {v.linear.y, v.linear.z};
+  }
+#else
+  Spatial<R> get() const { return {{at[0], at[1], at[2]}, {at[3], at[4], at[5]}}; }
+  Spatial<R> get_read_only() const { return get(); }
+  void put(Spatial<R> const& v) const {
+    for (int c = 0; c < 3; ++c) {
+      at[c] = v.angular[c];
+      at[3 + c] = v.linear[c];
+    }
+  }
+#endif
+};
 
 template <class R, class Mem>
 struct WhitenTrees {
@@ -39,46 +62,51 @@ struct WhitenTrees {
     if (j >= a.nv + rate_columns) return;
     int const* const ints = model.ints.data();
     LaneItems<R> const s{whole(dynamics.items.data() + dynamics.block_offset(block) + lane), device_block};
+    R* const body_items = dynamics.body_items(block, lane, at);
     bool const rate = j >= a.nv;
     int const given = j == a.nv ? at.low : j == a.nv + 1 ? at.qvel : at.velocity;
     int const first = rate ? 0 : j, end = rate ? a.nv : ints[a.body_dofend + ints[a.dof_body + j]];
     int const depth = rate ? 0 : ints[a.row_adr + j + 1] - ints[a.row_adr + j] - 1;  // of j in the chains of all that it moves
     auto const X = thread.template near<R>();
     bool const fits = end - first <= Thread::template room<R>;
+    auto const of_body = [&](int last) {
+      return SixNumbers<R>{body_items + (rate ? at.body_rates + 18 * last + 6 * (j - a.nv) : 6 * (ints[a.row_adr + last] + depth))};
+    };
     R const zero(0);
-    Spatial<R> const none{{zero, zero, zero}, {zero, zero, zero}};
-    Spatial<R> sum = none;
+    Spatial<R> sum{{zero, zero, zero}, {zero, zero, zero}};
     for (int i = first; i < end; ++i) {
       int const adr = ints[a.row_adr + i], n = ints[a.row_adr + i + 1] - adr - 1, parent = ints[a.dof_parent + i];
-      Spatial<R> const axis = read_only(s, at.cdof + 6 * i);  // before x, which waits for what it loads
-      R x;
-      if (rate) {
-        x = read_only(s[given + i]);
-      } else if (i == j) {
-        x = sqrt(read_only(s[at.inverse_diagonal + j]));
-      } else {
-        x = zero;
-        for (int p = depth; p < n; ++p) {
+      Spatial<R> axis;  // before x, which waits for what it loads
+      for (int c = 0; c < 6; ++c) (c < 3 ? axis.angular[c] : axis.linear[c - 3]) = read_only(s[at.cdof + 6 * i + c]);
+      R x = rate ? read_only(s[given + i]) : i == j ? sqrt(read_only(s[at.inverse_diagonal + j])) : zero;
+      for (int begin = i == j || rate ? n : depth; begin < n; begin += batch) {
+        R factor[batch], above[batch];
+        for (int q = 0; q < batch; ++q) {
+          int const p = begin + q;
+          if (p >= n) continue;
           int const k = ints[a.row_col + adr + p];
-          x = fma(-read_only(s[at.factor + adr + p]), fits ? X[k - j] : s[at.dof_columns + ints[a.row_adr + k] + depth], x);
+          factor[q] = -read_only(s[at.factor + adr + p]);
+          above[q] = fits ? X[k - j] : s[at.dof_columns + ints[a.row_adr + k] + depth];
         }
+        for (int q = 0; q < batch; ++q)
+          if (begin + q < n) x = fma(factor[q], above[q], x);
       }
       if (!rate) {
         if (fits) X[i - j] = x;
         s[at.dof_columns + adr + depth] = x;
       }
-      auto const of = [&](int k) { return rate ? at.body_rates + 18 * k + 6 * (j - a.nv) : at.body_columns + 6 * (ints[a.row_adr + k] + depth); };
-      if (i == first || parent < first)
-        sum = none;
-      else if (parent != i - 1)
-        sum = s.spatial(of(parent));  // the last dof of its body
+      if (parent < first) {
+        sum = {{zero, zero, zero}, {zero, zero, zero}};
+      } else if (parent != i - 1) {
+        sum = of_body(parent).get();  // the last dof of its body
+      }
       sum = fma(x, axis, sum);
-      if (i + 1 == a.nv || ints[a.dof_body + i + 1] != ints[a.dof_body + i]) s.put(of(i), sum);
+      if (i + 1 == a.nv || ints[a.dof_body + i + 1] != ints[a.dof_body + i]) of_body(i).put(sum);
     }
   }
 
  private:
-  static constexpr int rate_columns = 3;
+  static constexpr int rate_columns = 3, batch = 8;
 };
 
 /// Writes a row's entries of Y where RowStructure has made room, of trees that WhitenTrees has gone over.
@@ -97,16 +125,16 @@ struct WhitenedWriter {
     sums.gap = fma(value, read_only(s[s.at.low + i]), sums.gap);
     sums.rate = fma(value, read_only(s[s.at.qvel + i]), sums.rate);
     sums.free_rate = fma(value, read_only(s[s.at.velocity + i]), sums.free_rate);
-    each_column<1>(t, i, s, s.at.dof_columns, [&](LaneItems<R> const& x) { return value * read_only(x[0]); });
+    each_column(t, i, [&](int at) { return value * read_only(s[s.at.dof_columns + at]); });
   }
   KOKKOS_INLINE_FUNCTION void add_point(int body, Vec3<R> const& point, Vec3<R> const& direction, R scale = R(1)) const {
-    add(body, [&](TreeItems<R> const& s) {
+    add(body, [&](FactorItems<R> const& s) {
       Vec3<R> const arm = point - s.vec3(s.at.com + 3 * model.body_root(body)), f = scale * direction;
       return Spatial<R>{cross(arm, f), f};
     });
   }
   KOKKOS_INLINE_FUNCTION void add_rotation(int body, Vec3<R> const& direction, R scale = R(1)) const {
-    add(body, [&](TreeItems<R> const&) { return Spatial<R>{scale * direction, {R(0), R(0), R(0)}}; });
+    add(body, [&](FactorItems<R> const&) { return Spatial<R>{scale * direction, {R(0), R(0), R(0)}}; });
   }
 
  private:
@@ -115,26 +143,24 @@ struct WhitenedWriter {
     int const dof = model.body_last_dof(body);
     if (dof < 0) return;
     int const t = model.dof_tree(dof), last = dof - model.tree_dof(t);
-    TreeItems<R> const s = dynamics.tree(model, world, t);
-    Spatial<R> const f = force(s);
-    int const rates = s.at.body_rates + 18 * last;
-    sums.gap += dot(f, read_only(s, rates));
-    sums.rate += dot(f, read_only(s, rates + 6));
-    sums.free_rate += dot(f, read_only(s, rates + 12));
-    each_column<6>(t, last, s, s.at.body_columns, [&](LaneItems<R> const& w) { return dot(f, read_only(w, 0)); });
+    Spatial<R> const f = force(dynamics.factored(model, world, t));
+    R* const items = dynamics.body_items(model, world, t);
+    R* const rates = items + dynamics.layout(model.tree_archetype(t)).body_rates + 18 * last;
+    sums.gap += dot(f, SixNumbers<R>{rates}.get_read_only());
+    sums.rate += dot(f, SixNumbers<R>{rates + 6}.get_read_only());
+    sums.free_rate += dot(f, SixNumbers<R>{rates + 12}.get_read_only());
+    each_column(t, last, [&](int at) { return dot(f, SixNumbers<R>{items + 6 * at}.get_read_only()); });
   }
-  /// Y += of(column) for the columns of dof i of tree t, which lie in `columns`, each of so many items.
-  template <int items, class Of>
-  KOKKOS_INLINE_FUNCTION void each_column(int t, int i, LaneItems<R> const& s, int columns, Of const& of) const {
+  /// Y += of(at) at the dofs of the chain of dof i of tree t, `at` the place of each in the lists of rows (Archetype::row_adr).
+  template <class Of>
+  KOKKOS_INLINE_FUNCTION void each_column(int t, int i, Of const& of) const {
     Archetype const& a = model.archetypes(model.tree_archetype(t));
     int const* const ints = model.ints.data();
     int const adr = read_only(ints[a.row_adr + i]), n = read_only(ints[a.row_adr + i + 1]) - adr;
     bool const second = row.segment[0].dof0 != model.tree_dof(t);
     bool const all = row.segment[second].list < 0;
-    int const *const col = ints + a.row_col + adr;
     Entries const y = Y + (second ? row.segment[0].count : 0);
-    LaneItems<R> column{whole(&s[columns + items * adr]), s.stride};
-    for (int p = 0; p < n; ++p, column.base = &column[items]) y[all ? read_only(col[p]) : p] += of(column);
+    for (int p = 0; p < n; ++p) y[all ? read_only(ints[a.row_col + adr + p]) : p] += of(adr + p);
   }
 };
 

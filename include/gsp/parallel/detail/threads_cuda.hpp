@@ -34,7 +34,7 @@ struct OwnThread {
 
 // Kernels that work near their threads wait for memory most of the time: three blocks of 256 threads at a time, with 80 registers a thread,
 // are faster than two with all that they want (four: about the same, docs/decisions/0017).
-inline constexpr int threads_of_block = 256, blocks_at_a_time = 4;
+inline constexpr int threads_of_block = 256, blocks_at_a_time = 3;
 template <class F, int bytes = near_bytes_of<F>>
 __global__ void __launch_bounds__(threads_of_block, blocks_at_a_time) threads_kernel(F const __grid_constant__ f) {
   follow();
