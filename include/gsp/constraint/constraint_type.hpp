@@ -89,7 +89,7 @@ concept LikeConstraint =
 ///   place(world, k)                     where an element acts [m]: new ones start from what those near by had that are gone
 ///   tangent(world, k, i)                directions of rows 1 and 2 (i = 0, 1), and of rows 4 and 5 about them, orthogonal: what they start
 ///                                       from is turned as these have turned since the last step
-///   turns()                             whether rows 1 and 2 are what tangent() is of; without it they are
+///   turns()                             false where the rows are not along tangent(), so that nothing is turned
 ///   prepare(world)                      finds out once what all elements of a world need; its threads run it together before they are
 ///                                       counted (parallel/for_worlds.hpp says what a world is)
 ///   rests                               static constexpr bool true: rows and laws stay the same as long as the trees that they touch

@@ -125,7 +125,8 @@ struct ContactRows {
       int const all = p.condim > 1 ? 2 * (p.condim - 1) : 1, left = all - first;
       return left < 0 ? 0 : left < most_element_rows ? left : most_element_rows;
     }
-    /// Two by two the edges of a row lie along an axis, there and back.
+    /// Two by two the edges lie along an axis, there and back.
+    static_assert(most_element_rows % 2 == 0);
     KOKKOS_INLINE_FUNCTION int axis_of(int row) const { return 1 + (first_edge() + row) / 2; }
     KOKKOS_INLINE_FUNCTION R edge_friction(int row) const {
       R const mu = p.friction[axis_of(row) - 1];
@@ -157,9 +158,10 @@ struct ContactRows {
   }
   /// Where it acts: a point that is new starts from the impulses of those near it that are gone.
   KOKKOS_INLINE_FUNCTION Vec3<R> place(int world, int k) const { return contacts.point(contact_of(world, k)); }
-  /// Direction of row 1 + i, by which friction of the last step is turned into this one's frame; edges stay with their axes.
-  KOKKOS_INLINE_FUNCTION bool turns() const { return !pyramid; }
+  /// Direction of row 1 + i, by which friction of the last step is turned into this one's frame.
   KOKKOS_INLINE_FUNCTION Vec3<R> tangent(int world, int k, int i) const { return contacts.axis(contact_of(world, k), 1 + i); }
+  /// Edges keep what they had: none of them is a tangent's alone.
+  KOKKOS_INLINE_FUNCTION bool turns() const { return !pyramid; }
 
  private:
   KOKKOS_INLINE_FUNCTION int contact_of(int world, int k) const { return contacts.first_of(world) + k / elements; }

@@ -30,9 +30,6 @@ struct width_of<Pack<R, W>> {
   static constexpr int value = W;
   using stored = R;
 };
-}  // namespace detail
-
-namespace detail {
 /// The same pointer, as a number that a GPU's compiler keeps: it would else take the sum that it is apart, and find each item's address
 /// anew in four instructions, where one or none will do.
 template <class T>
@@ -127,10 +124,8 @@ struct DynamicsLayout : FactorLayout {
   int drag;                                                                  // what a fluid damps: -d force / d qvel, as M
   int xpos, xquat, xanchor, xaxis, cinert, cvel, cacc, cfrc, both_triangles, sigma, velocity_terms;
   int size;
-  // Over what no later stage needs, on a device: what rows are made of (constraint/detail/whiten_trees.hpp). The columns of dofs are items;
-  // after them a lane has its columns of bodies, then their rates, side by side.
-  int dof_columns, body_items;
-  int body_rates, lane_size;
+  int dof_columns, body_columns, body_rates;  // of a device: what rows are made of (constraint/detail/whiten_trees.hpp), in the place of
+                                              // what one stage alone needs, from xanchor on
   int device_size;
   KOKKOS_INLINE_FUNCTION explicit DynamicsLayout(Archetype const& a) : FactorLayout(a) {
     int n = velocity + a.nv;
@@ -183,11 +178,10 @@ struct DynamicsLayout : FactorLayout {
     reserve(sigma, bias_derivative ? 6 * a.nv : 0);
     reserve(velocity_terms, bias_derivative ? 12 * a.nbody : 0);
     size = n;
-    dof_columns = xpos;
-    body_items = dof_columns + a.nM;
-    body_rates = 6 * a.nM;
-    lane_size = body_rates + 18 * a.nv;
-    device_size = n > body_items + lane_size ? n : body_items + lane_size;
+    dof_columns = xanchor;
+    body_columns = dof_columns + a.nM;
+    body_rates = body_columns + 6 * a.nM;
+    device_size = n > body_rates + 18 * a.nv ? n : body_rates + 18 * a.nv;
   }
 };
 
@@ -217,7 +211,7 @@ struct Dynamics {
   Kokkos::View<int*, Mem> block_archetype;                 // (blocks)
   Kokkos::View<std::int64_t*, Mem> block_offset;           // (blocks) first item of the block
   Kokkos::View<int*, Mem> archetype_block;                 // (archetypes) first block
-  Kokkos::View<DynamicsLayout*, Mem> layout;               // (archetypes)
+  Kokkos::View<DynamicsLayout*, Mem> layouts;              // (archetypes)
   Kokkos::View<std::int64_t*, Mem> left_step;              // (worlds) the last step (State::steps) that left forces to rows
   Kokkos::View<Archetype*, Kokkos::HostSpace> archetypes;  // host: the model's when it was made, which decided the layout
   detail::Stamps stamps;                                   // host: what the items hold, and of which state (stamps.hpp)
@@ -228,18 +222,10 @@ struct Dynamics {
   }
   /// Items of tree `t` of world `w`.
   KOKKOS_INLINE_FUNCTION TreeItems<R> tree(Model<R, Mem> const& m, int w, int t) const {
-    return {lane_items(m, w, t), layout(m.tree_archetype(t))};
-  }
-  /// Of a device: DynamicsLayout::body_items of that tree.
-  KOKKOS_INLINE_FUNCTION R* body_items(Model<R, Mem> const& m, int w, int t) const {
-    int const k = m.tree_archetype(t), lane = m.tree_instance(t) * padded_worlds + w;
-    return body_items(archetype_block(k) + lane / width, lane % width, layout(k));
-  }
-  KOKKOS_INLINE_FUNCTION R* body_items(int block, int lane, DynamicsLayout const& at) const {
-    return items.data() + block_offset(block) + std::int64_t(at.body_items) * width + std::int64_t(lane) * at.lane_size;
+    return {lane_items(m, w, t), layouts(m.tree_archetype(t))};
   }
   KOKKOS_INLINE_FUNCTION FactorItems<R> factored(Model<R, Mem> const& m, int w, int t) const {
-    return {lane_items(m, w, t), layout(m.tree_archetype(t))};
+    return {lane_items(m, w, t), layouts(m.tree_archetype(t))};
   }
 
  private:

@@ -64,7 +64,7 @@ struct SmoothSensors : SensorFrames<R, Mem> {
     };
     auto const item = [&](int at) { return l.item(model, dynamics, e.tree, at); };
     auto const position = [&](int i) { return l.load(state.qpos, i) + l.load(state.qpos_low, i); };
-    auto const layout = [&](int tree) { return DynamicsLayout(model.archetypes(model.tree_archetype(tree))); };
+    auto const layout = [&](int tree) { return dynamics.layouts(model.tree_archetype(tree)); };
     switch (e.type) {
       case S::clock: {
         T time(R(0));

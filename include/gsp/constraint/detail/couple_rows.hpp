@@ -53,21 +53,31 @@ KOKKOS_INLINE_FUNCTION void step_together(Row<R>& first, Row<R>& second, R coupl
   first.inverse_diagonal = R(1) / (R(0.5) * (a + b) + root);
   second.inverse_diagonal = square(ratio) * first.inverse_diagonal;
 }
+/// Products of n rows of the same segments, whose entries lie one row's after the other's: each waits for its own last sum alone.
+template <int n, class R>
+KOKKOS_FORCEINLINE_FUNCTION void products_of(R const* Y, int entries, R* to) {
+  R sum[couplings_of(n)];
+  for (R& s : sum) s = R(0);
+  for (int i = 0; i < entries; ++i) {
+    R y[n];
+    for (int b = 0; b < n; ++b) y[b] = Y[b * entries + i];
+    for (int b = 1; b < n; ++b)
+      for (int a = 0; a < b; ++a) sum[couplings_of(b) + a] = fma(y[a], y[b], sum[couplings_of(b) + a]);
+  }
+  for (int k = 0; k < couplings_of(n); ++k) to[k] = sum[k];
+}
 /// Products of the rows of an element, to `couplings` in Y, and the steps of those that share an ellipse.
 template <class R, class Mem>
 KOKKOS_INLINE_FUNCTION void couple(Rows<R, Mem> const& rows, Row<R>* row, int n, std::int64_t couplings) {
   R* const coupling = rows.Y.data() + couplings;
-  if (n > 1 && n <= 3 && row->same_segments) {  // all at once: each product waits for its own last sum alone
-    int const entries = row->segment[0].count + row->segment[1].count;
-    R const *const y0 = rows.Y.data() + row[0].first_entry, *const y1 = rows.Y.data() + row[1].first_entry,
-                   *const y2 = rows.Y.data() + row[n - 1].first_entry;
-    R sum[3] = {R(0), R(0), R(0)};
-    for (int i = 0; i < entries; ++i) {
-      sum[0] = fma(y0[i], y1[i], sum[0]);
-      sum[1] = fma(y0[i], y2[i], sum[1]);
-      sum[2] = fma(y1[i], y2[i], sum[2]);
-    }
-    for (int k = 0; k < couplings_of(n); ++k) coupling[k] = sum[k];
+  int const entries = row->segment[0].count + row->segment[1].count;
+  R const* const Y = rows.Y.data() + row->first_entry;
+  if (row->same_segments && n == 2) {
+    products_of<2>(Y, entries, coupling);
+  } else if (row->same_segments && n == 3) {
+    products_of<3>(Y, entries, coupling);
+  } else if (row->same_segments && n == 4) {
+    products_of<4>(Y, entries, coupling);
   } else {
     for (int b = 1; b < n; ++b)
       for (int a = 0; a < b; ++a) coupling[couplings_of(b) + a] = row_product(row[a], row[b], rows.Y.data(), rows.dof_lists.data());

@@ -154,7 +154,7 @@ class RowLanes {
   KOKKOS_INLINE_FUNCTION void one(FactorItems<R> const& items, int k) const {
     Row<R>& to = *row_[k];
     RowSums<R> sums = RowSums<R>::of(to);
-    whiten(model_, items, tree_, segment_[k], y_[k], 0, sums);
+    whiten(model_, items, tree_, segment_[k], y_[k], sums);
     sums.leave_in(to);
   }
   /// y <- (J + y) L^-1 D^-1/2, each dof leaving its share to its ancestors, as in whiten.

@@ -41,7 +41,7 @@ struct TreeReader {
         body_root(m.body_root.data()),
         ints(m.ints.data()),
         archetypes(m.archetypes.data()),
-        layouts(d.layout.data()),
+        layouts(d.layouts.data()),
         term_coef(m.term_coef),
         padded_worlds(d.padded_worlds),
         carries(m.profile == Profile::stable) {}

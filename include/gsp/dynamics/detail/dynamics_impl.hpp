@@ -49,7 +49,7 @@ Dynamics<R, Mem> make_dynamics(Exec const& exec, Model<R, Mem> const& model, Dyn
   d.block_offset = detail::to_device<Kokkos::View<std::int64_t*, Mem>>(exec, "gsp::Dynamics::block_offset", offset);
   d.left_step = detail::to_device<Kokkos::View<std::int64_t*, Mem>>(exec, "gsp::Dynamics::left_step",
                                                                     std::vector<std::int64_t>(std::size_t(d.worlds), -1));
-  d.layout = detail::to_device<Kokkos::View<DynamicsLayout*, Mem>>(exec, "gsp::Dynamics::layout", layout);
+  d.layouts = detail::to_device<Kokkos::View<DynamicsLayout*, Mem>>(exec, "gsp::Dynamics::layouts", layout);
   d.archetype_block = detail::to_device<Kokkos::View<int*, Mem>>(exec, "gsp::Dynamics::archetype_block", first);
   return d;
 }

@@ -63,7 +63,7 @@ struct SumEnergies {
   KOKKOS_FUNCTION void operator()(WorldLane<T> const& l, int) const {
     T potential(0), kinetic(0);
     for (int t = 0; t < model.ntree; ++t) {
-      int const at = DynamicsLayout(model.archetypes(model.tree_archetype(t))).energy;
+      int const at = dynamics.layouts(model.tree_archetype(t)).energy;
       potential = potential + l.item(model, dynamics, t, at);
       kinetic = kinetic + l.item(model, dynamics, t, at + 1);
     }

@@ -2,7 +2,7 @@
 #include <Kokkos_Core.hpp>
 #include <string>
 
-/// As many threads of a device as what an earlier kernel has counted there.
+/// As many threads of a device as it says itself, where an earlier kernel may have counted them.
 namespace gsp::detail {
 
 /// f(thread, i) for i < f.count(), which the device calls; `thread` has `near` (threads_cuda.hpp).

@@ -35,11 +35,11 @@ class NewtonIsland {
   using Part = std::conditional_t<one_thread, Pack<R, native_width<R>>, R>;  // a number of the rows that are taken at once
   using Four = Pack<R, T>;
   using Wide = Pack<R, std::max(T, native_width<R>)>;  // one thread: what it takes of a row at once
-  static_assert(N * (N + 1) / 2 <= 4 * N, "the curvatures of a unit lie in four numbers a row");
+  static_assert(N * (N + 1) / 2 <= 4 * N, "the curvatures of an element lie in four numbers a row");
   using Problem = NewtonProblem<R, Mem>;
 
  public:
-  /// @param cones   whether rows have friction (NewtonProblem::has_cones)
+  /// @param cones   whether some row has a cone of friction (NewtonProblem::has_cones)
   /// @param memory  Sizes::bytes of it, aligned for a Four
   KOKKOS_FORCEINLINE_FUNCTION NewtonIsland(Problem const& problem, Threads const& threads, IslandRows const& island, bool cones,
                                            void* memory)
@@ -74,8 +74,8 @@ class NewtonIsland {
     curve_ = take(4 * coned);
     active_ = reinterpret_cast<short*>(next);
     active_cones_ = active_ + m_;
-    unit_ = reinterpret_cast<signed char*>(active_cones_ + coned);
-    normal_ = unit_ + coned;
+    cone_rows_ = reinterpret_cast<signed char*>(active_cones_ + coned);
+    normal_ = cone_rows_ + coned;
   }
 
   /// Rows and laws from the pools; z = Y^T p of the impulses given, or 0 where that costs less; w = Y z + b.
@@ -175,7 +175,7 @@ class NewtonIsland {
   /// What rows between bounds answer to rates w; 0 where a row is of an element with a cone, or none.
   KOKKOS_FORCEINLINE_FUNCTION Part between_bounds(int r, Part const& w) const {
     Part const stiffness = load(stiffness_ + r);
-    return select(stiffness > R(0), clamp(-w * stiffness, load(lower_ + r), load(upper_ + r)), Part(R(0)));
+    return select(stiffness == R(0), Part(R(0)), clamp(-w * stiffness, load(lower_ + r), load(upper_ + r)));
   }
   /// The sum of of_rows(r) over the rows, as many at once as a Part has, and of of_cone(r, element) over the elements with a cone.
   template <class OfRows, class OfCone>
@@ -187,12 +187,12 @@ class NewtonIsland {
       for (int k = 0; k < at_once; ++k) sum += sums[k];
       if (size_.cones)
         for (int r = 0; r < m_; ++r)
-          if (unit_[r] > 0) sum += of_cone(r, element(r, unit_[r]));
+          if (cone_rows_[r] > 0) sum += of_cone(r, element(r, cone_rows_[r]));
       return sum;
     } else {
       return threads_.template sum<R>(m_, [&](int r) {
         R const own = of_rows(r);
-        return size_.cones && unit_[r] > 0 ? of_cone(r, element(r, unit_[r])) : own;
+        return size_.cones && cone_rows_[r] > 0 ? of_cone(r, element(r, cone_rows_[r])) : own;
       });
     }
   }
@@ -208,13 +208,13 @@ class NewtonIsland {
     });
     if (!size_.cones) return;
     threads_.each(m_, [&](int r) {
-      if (unit_[r] == 0) return;
-      auto const e = element(r, unit_[r]);
+      if (cone_rows_[r] == 0) return;
+      auto const e = element(r, cone_rows_[r]);
       soft_impulses(e, w_ + r, p_ + r);
       of_cone(r, e);
     });
   }
-  /// of(X(), i) for all dofs, to a list of as many numbers: as an X of those from i on.
+  /// to[i] = of(X(), i) for all dofs: of one, or of as many as X has, from i on.
   template <class Of>
   KOKKOS_FORCEINLINE_FUNCTION void each_dof(Of const& of, R* to) const {
     if constexpr (one_thread) {
@@ -245,7 +245,7 @@ class NewtonIsland {
     return sum_rows(
         [&](int r) {
           Part const w = load(w_ + r), p = between_bounds(r, w), stiffness = load(stiffness_ + r);
-          return select(stiffness > R(0), -p * fma(Part(R(0.5)) / stiffness, p, w), Part(R(0)));
+          return select(stiffness == R(0), Part(R(0)), -p * fma(Part(R(0.5)) / stiffness, p, w));
         },
         [&](int r, SoftElementView<R> const& e) {
           R p[N];
@@ -267,7 +267,7 @@ class NewtonIsland {
       read_segment(row.segment[0], shifts.first, from, to);
       read_segment(row.segment[1], shifts.second, from + row.segment[0].count, to);
       w_[r] = row.bias;
-      if (size_.cones) unit_[r] = 0;
+      if (size_.cones) cone_rows_[r] = 0;
     });
     threads_.each(size_.filled - m_, [&](int i) {
       int const r = m_ + i;
@@ -328,7 +328,7 @@ class NewtonIsland {
       cone_mu_[r + b] = own.cone_mu[b];
       normal_[r + b] = own.normal[b];
     }
-    if (cone) unit_[r] = static_cast<signed char>(n);
+    if (cone) cone_rows_[r] = static_cast<signed char>(n);
   }
 
   /// Which rows between bounds, and which elements with a cone, have a curvature.
@@ -337,7 +337,7 @@ class NewtonIsland {
       R const free = -w_[r] * stiffness_[r];
       return stiffness_[r] > R(0) && free > lower_[r] && free < upper_[r];
     });
-    if (size_.cones) cone_count_ = threads_.list(m_, active_cones_, [&](int r) { return unit_[r] > 0 && has_curvature(r, unit_[r]); });
+    if (size_.cones) cone_count_ = threads_.list(m_, active_cones_, [&](int r) { return cone_rows_[r] > 0 && has_curvature(r, cone_rows_[r]); });
     threads_.sync();
   }
   KOKKOS_FORCEINLINE_FUNCTION bool has_curvature(int r, int n) const {
@@ -403,7 +403,7 @@ class NewtonIsland {
     }
     for (; k < active_count_; ++k) add_row(sums, active_[k]);
     for (int c = 0; c < cone_count_; ++c) {
-      int const r = active_cones_[c], n = unit_[r];
+      int const r = active_cones_[c], n = cone_rows_[r];
       for (int b = 0; b < n; ++b) {
         X u(R(0));
         for (int a = 0; a < n; ++a) u = fma(X(curvature(r, b, a)), load_as<X>(x + (r + a) * size_.stride), u);
@@ -589,14 +589,14 @@ class NewtonIsland {
       add_unit(active_[k], 1, G);
     }
     for (int k = 0; k < cone_count_; ++k) {
-      int const r = active_cones_[k], n = unit_[r];
+      int const r = active_cones_[k], n = cone_rows_[r];
       for (int b = 0; b < n; ++b)
         for (int a = 0; a <= b; ++a) G[b][a] = curvature(r, b, a);
       add_unit(r, n, G);
     }
     threads_.each(T * size_.fours, [&](int i) { at(i, i) = R(1) / at(i, i); });
   }
-  /// L L^T <- L L^T + Y^T B Y of a unit. @param G  B, which is overwritten
+  /// L L^T <- L L^T + Y^T B Y of a row between bounds or an element. @param G  B, which is overwritten
   KOKKOS_FORCEINLINE_FUNCTION void add_unit(int r, int n, R (&G)[N][N]) {
     int const dofs = T * size_.fours;
     R* const u = room_;
@@ -668,7 +668,7 @@ class NewtonIsland {
   R *compliance_, *mu_, *cone_mu_, *curve_;                                        // where there are cones
   short* nonzero_;                 // room for a column's tiles
   short *active_, *active_cones_;  // rows that have a curvature: between bounds, and the first of cones
-  signed char *unit_, *normal_;    // rows of the element with a cone that begins here, else 0; the normal of a friction row
+  signed char *cone_rows_, *normal_;    // rows of the element with a cone that begins here, else 0; the normal of a friction row
   R zd_, dd_;
 };
 

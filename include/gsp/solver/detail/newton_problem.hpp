@@ -67,7 +67,7 @@ struct NewtonProblem {
         compliance >= R(rigid_softness) * own && own > square(R(newton_rounding) * Kokkos::Experimental::epsilon_v<R>) * sum;
     return max(is_soft ? R(0) : least_softness<R> * sum, R(least_compliance));
   }
-  /// Whether rows of an island have friction, with a normal of theirs.
+  /// Whether some row of an island is friction in a cone.
   template <class World>
   KOKKOS_INLINE_FUNCTION bool has_cones(World const& world, Lists const& l) const {
     auto const rubs = [&](int i) {

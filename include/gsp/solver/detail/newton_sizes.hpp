@@ -5,11 +5,11 @@
 /// How much near memory an island takes in `newton` (newton_island.hpp), and by what it takes GPUs list it.
 namespace gsp::detail {
 
-/// Numbers of an island: of a row of Y an odd number of fours, so that neighbouring threads of a GPU find their rows in different banks;
-/// for the same reason tiles do not lie closer. What cones take is there where the island has some.
-/// @tparam at_once  rows that a host takes at once, which rows are filled up to
 inline constexpr int newton_tile = 4;
 inline constexpr int newton_near_numbers = 1 << 16;  // of a host's thread: 256 kB in float, which second-level caches hold
+/// Numbers of an island: of a row of Y an odd number of fours, so that neighbouring threads of a GPU find their rows in different banks;
+/// for the same reason tiles do not lie closer. What cones take is there where the island has some.
+/// @tparam at_once  rows that a host takes at once: their number is filled up to a multiple of it
 template <class R, int at_once>
 struct NewtonSizes {
   int rows, dofs, fours, stride, tiles, filled;

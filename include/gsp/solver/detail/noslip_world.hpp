@@ -82,8 +82,8 @@ struct NoslipWorld {
         int const r = e.row(k);
         n = rows.element_rows(first + r);
         for (int b = r; b < r + n; ++b) {
-          bool const next = b + 1 < r + n || (n == 1 && k + 1 < e.count && e.row(k + 1) == b + 1);
-          if (is_edge(row[b]) && next && row[b + 1].dry && has_segments_of(row[b], row[b + 1])) {
+          bool const next = b + 1 < r + n || (n == 1 && k + 1 < e.count && e.row(k + 1) == b + 1 && rows.element_rows(first + b + 1) == 1);
+          if (is_edge(row[b]) && next && is_edge(row[b + 1]) && has_segments_of(row[b], row[b + 1])) {
             gain += stick_edges(world, row + b, p + b, z);
             ++b;
             n += b == r + n;
