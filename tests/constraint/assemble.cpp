@@ -135,9 +135,7 @@ struct Pulls : gsp::OneFreeRow {
   gsp::Model<R, Mem> model;
   KOKKOS_FUNCTION int count(int) const { return 40; }
   KOKKOS_FUNCTION gsp::RowLaw<R> law(int, int, int, R x, R u, R) const { return {R(1), x + R(2) * u}; }
-  KOKKOS_FUNCTION int pick(int world, int k, int i, int n) const {
-    return int(0.5 * (gsp_test::hashed(world, k, 7, i) + 1) * n) % n;
-  }
+  KOKKOS_FUNCTION int pick(int world, int k, int i, int n) const { return int(0.5 * (gsp_test::hashed(world, k, 7, i) + 1) * n) % n; }
   KOKKOS_FUNCTION gsp::Vec3<R> vector(int world, int k, int i) const {
     return {R(gsp_test::hashed(world, k, 1, i)), R(gsp_test::hashed(world, k, 2, i)), R(gsp_test::hashed(world, k, 3, i))};
   }
@@ -667,7 +665,8 @@ struct WhitenedRow {
   double item(int tree, int at) const {
     constexpr int width = gsp::Dynamics<R, Mem>::width;
     int const lane = model.tree_instance(tree) * padded_worlds + world;
-    return double(items(block_offset(archetype_block(model.tree_archetype(tree)) + lane / width) + lane % width + std::int64_t(at) * width));
+    return double(
+        items(block_offset(archetype_block(model.tree_archetype(tree)) + lane / width) + lane % width + std::int64_t(at) * width));
   }
   gsp::Archetype const& archetype(int tree) const { return model.archetypes(model.tree_archetype(tree)); }
   void add(int dof, double value, double size) {
@@ -723,8 +722,8 @@ struct WhitenedRow {
 };
 
 // Y = J L^-1 D^-1/2, and a row's bias of what J makes of its gap and rates. Chains of more than 40 dofs: more than a GPU's
-// thread keeps near it of a column. Each number is a sum of products of products: rounding is an epsilon of the sum of their sizes for each of the n factors that one
-// may go through, and for the few before them.
+// thread keeps near it of a column. Each number is a sum of products of products: rounding is an epsilon of the sum of their sizes for each
+// of the n factors that one may go through, and for the few before them.
 TEST_CASE_TEMPLATE("rows are whitened with the factored matrix", Exec, GSP_TEST_EXECS) {
   auto const check = [](auto zero) {
     using R = decltype(zero);

@@ -67,7 +67,9 @@ struct ContactRows {
           acts(contact_acts(of.collision, of.contacts, w, c)),
           hold(hold_of_bodies()),
           p(hold == detail::Hold::all ? ContactParameters<R>{} : acting_parameters(of.collision, of.contacts, w, c, acts)),
-          count(hold == detail::Hold::all ? 0 : !of.pyramid ? p.condim : edges_from(first_edge())) {}
+          count(hold == detail::Hold::all ? 0
+                : !of.pyramid             ? p.condim
+                                          : edges_from(first_edge())) {}
     KOKKOS_INLINE_FUNCTION bool is_pyramid() const { return type.pyramid && p.condim > 1; }
     KOKKOS_INLINE_FUNCTION int rows() const { return count; }
     template <class Row>
@@ -180,15 +182,15 @@ struct ContactRows {
   KOKKOS_INLINE_FUNCTION void add_axis(int c, int axis, R scale, Row&& J) const {
     Vec3<R> const direction = scale * contacts.axis(c, axis % 3);
     if (axis < 3)
-      add_force(c, axis > 0 && contacts.steady ? contacts.point(c) + contacts.lift(c) * contacts.axis(c, 0) : contacts.point(c), direction, J);
+      add_force(c, axis > 0 && contacts.steady ? contacts.point(c) + contacts.lift(c) * contacts.axis(c, 0) : contacts.point(c), direction,
+                J);
     else
       add_torque(c, direction, J);
   }
   /// J of an edge of its pyramid: of the normal, and mu times that of an axis.
   template <class Row>
   KOKKOS_INLINE_FUNCTION void add_edge(int c, int axis, R mu, Row&& J) const {
-    if (axis < 3 && !contacts.steady)
-      return add_force(c, contacts.point(c), fma(mu, contacts.axis(c, axis), contacts.axis(c, 0)), J);
+    if (axis < 3 && !contacts.steady) return add_force(c, contacts.point(c), fma(mu, contacts.axis(c, axis), contacts.axis(c, 0)), J);
     add_axis(c, 0, R(1), J);
     add_axis(c, axis, mu, J);
   }

@@ -52,7 +52,7 @@ struct RowBounds {
 };
 
 template <class R>
-struct alignas(16) Row {  // GPUs load four numbers at once
+struct alignas(16) Row {     // GPUs load four numbers at once
   RowSegment segment[2];     // without entries (count = 0) where it touches fewer trees
   std::int64_t first_entry;  // in Rows::Y
   R bias, compliance;        // w = Y z + C p + b

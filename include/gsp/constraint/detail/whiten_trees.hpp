@@ -55,7 +55,7 @@ struct WhitenTrees {
     DynamicsLayout const at = dynamics.layouts(archetype);
     int const* const ints = model.ints.data();
     int const *const dof_parent = ints + a.dof_parent, *const dof_body = ints + a.dof_body, *const row_adr = ints + a.row_adr,
-              *const row_col = ints + a.row_col;
+                     *const row_col = ints + a.row_col;
     LaneItems<R> const s{whole(dynamics.items.data() + dynamics.block_offset(block) + lane), device_block};
     // Along the dofs from `first` on: x(i) of each, and at place(i) of the last of each body the sum of c x over its chain.
     auto const sum_bodies = [&](int first, int end, auto const& place, auto const& x) {
@@ -79,7 +79,7 @@ struct WhitenTrees {
           0, nv, [&](int i) { return at.body_rates + 18 * i + 6 * rate; }, [&](int i) { return read_only(s[given + i]); });
     }
     int const depth = row_adr[j + 1] - row_adr[j] - 1;  // of j, in the chains of all that it moves
-    auto const X = thread.template near<R>();                             // of the last dof at each depth from j's on
+    auto const X = thread.template near<R>();           // of the last dof at each depth from j's on
     constexpr int room = Thread::template room<R>;
     auto const column_of = [&](int i) {
       int const adr = read_only(row_adr[i]) + depth, n = read_only(row_adr[i + 1]) - 1 - adr;  // ancestors from j on
@@ -91,14 +91,13 @@ struct WhitenTrees {
         for (int q = 0; q < batch; ++q) f[q] = -read_only(factor[p + q]);
         for (int q = 0; q < batch; ++q) x = fma(f[q], X[p + q], x);  // dofs are numbered depth first: it is of i's chain
       }
-      for (; p < n; ++p)
-        x = fma(-read_only(factor[p]), p < room ? X[p] : s[at.dof_columns + row_adr[row_col[adr + p]] + depth], x);
+      for (; p < n; ++p) x = fma(-read_only(factor[p]), p < room ? X[p] : s[at.dof_columns + row_adr[row_col[adr + p]] + depth], x);
       if (n < room) X[n] = x;
       s[at.dof_columns + adr] = x;
       return x;
     };
-    sum_bodies(j, ints[a.body_dofend + dof_body[j]], [&](int i) { return at.body_columns + 6 * (read_only(row_adr[i]) + depth); },
-               column_of);
+    sum_bodies(
+        j, ints[a.body_dofend + dof_body[j]], [&](int i) { return at.body_columns + 6 * (read_only(row_adr[i]) + depth); }, column_of);
   }
 
  private:

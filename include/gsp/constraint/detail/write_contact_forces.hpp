@@ -71,8 +71,12 @@ void expects_contact_forces(char const* where, Model<R, Mem> const& model, Colli
 template <class R, class Mem>
 ContactForce<R, Mem> contact_force_of(Model<R, Mem> const& model, CollisionModel<R, Mem> const& collision, Contacts<R, Mem> const& contacts,
                                       Rows<R, Mem> const& rows, Impulses<R, Mem> const& impulses) {
-  return {collision, contacts, impulses_of<ContactRows<R, Mem>>(rows, impulses), R(1) / model.timestep,
-          rows.stamp.data() ? rows.stamp().contact_elements : 1, rows.stamp.data() && rows.stamp().pyramids};
+  return {collision,
+          contacts,
+          impulses_of<ContactRows<R, Mem>>(rows, impulses),
+          R(1) / model.timestep,
+          rows.stamp.data() ? rows.stamp().contact_elements : 1,
+          rows.stamp.data() && rows.stamp().pyramids};
 }
 
 }  // namespace gsp::detail

@@ -228,11 +228,13 @@ class NewtonIsland {
   }
   /// to = Y^T p
   KOKKOS_FORCEINLINE_FUNCTION void pull(R* to) const {
-    each_dof([&]<class X>(X, int i) {
-      X sum(R(0));
-      for (int r = 0; r < m_; ++r) sum = fma(load_as<X>(Y_ + r * size_.stride + i), X(p_[r]), sum);
-      return sum;
-    }, to);
+    each_dof(
+        [&]<class X>(X, int i) {
+          X sum(R(0));
+          for (int r = 0; r < m_; ++r) sum = fma(load_as<X>(Y_ + r * size_.stride + i), X(p_[r]), sum);
+          return sum;
+        },
+        to);
   }
   /// Y x of row r.
   KOKKOS_FORCEINLINE_FUNCTION R row_dot(int r, R* x) const {
@@ -274,11 +276,13 @@ class NewtonIsland {
       w_[r] = change_[r] = stiffness_[r] = lower_[r] = upper_[r] = R(0);
     });
     R* const most = room_;
-    each_dof([&]<class X>(X, int i) {
-      X on_dof(R(0));
-      for (int r = 0; r < m_; ++r) on_dof = max(on_dof, square(load_as<X>(Y_ + r * size_.stride + i)));
-      return on_dof;
-    }, most);
+    each_dof(
+        [&]<class X>(X, int i) {
+          X on_dof(R(0));
+          for (int r = 0; r < m_; ++r) on_dof = max(on_dof, square(load_as<X>(Y_ + r * size_.stride + i)));
+          return on_dof;
+        },
+        most);
     R* const least = change_;
     threads_.each(m_, [&](int r) {
       Four others(R(0)), own(R(0));
@@ -337,7 +341,8 @@ class NewtonIsland {
       R const free = -w_[r] * stiffness_[r];
       return stiffness_[r] > R(0) && free > lower_[r] && free < upper_[r];
     });
-    if (size_.cones) cone_count_ = threads_.list(m_, active_cones_, [&](int r) { return cone_rows_[r] > 0 && has_curvature(r, cone_rows_[r]); });
+    if (size_.cones)
+      cone_count_ = threads_.list(m_, active_cones_, [&](int r) { return cone_rows_[r] > 0 && has_curvature(r, cone_rows_[r]); });
     threads_.sync();
   }
   KOKKOS_FORCEINLINE_FUNCTION bool has_curvature(int r, int n) const {
@@ -665,10 +670,10 @@ class NewtonIsland {
   Sizes size_;
   int m_, active_count_ = 0, cone_count_ = 0;
   R *Y_, *H_, *z_, *d_, *room_, *w_, *p_, *change_, *stiffness_, *lower_, *upper_;  // stiffness: 1 / C; 0 of elements with a cone
-  R *compliance_, *mu_, *cone_mu_, *curve_;                                        // where there are cones
-  short* nonzero_;                 // room for a column's tiles
-  short *active_, *active_cones_;  // rows that have a curvature: between bounds, and the first of cones
-  signed char *cone_rows_, *normal_;    // rows of the element with a cone that begins here, else 0; the normal of a friction row
+  R *compliance_, *mu_, *cone_mu_, *curve_;                                         // where there are cones
+  short* nonzero_;                                                                  // room for a column's tiles
+  short *active_, *active_cones_;     // rows that have a curvature: between bounds, and the first of cones
+  signed char *cone_rows_, *normal_;  // rows of the element with a cone that begins here, else 0; the normal of a friction row
   R zd_, dd_;
 };
 

@@ -60,8 +60,8 @@ struct NewtonProblem {
             island.list ? &rows.islands.shift(w, 0) : nullptr};
   }
 
-  /// The least compliance of a row. @param sum, own  over the dofs that it moves, of the largest Y^2 that any row has there, and of its own:
-  /// where its Y is 0 (a tree that others are tied to by a tendon, a branch that it does not move) a dof has no say
+  /// The least compliance of a row. @param sum, own  over the dofs that it moves, of the largest Y^2 that any row has there, and of its
+  /// own: where its Y is 0 (a tree that others are tied to by a tendon, a branch that it does not move) a dof has no say
   KOKKOS_INLINE_FUNCTION static R least_of(R compliance, R sum, R own) {
     bool const is_soft =
         compliance >= R(rigid_softness) * own && own > square(R(newton_rounding) * Kokkos::Experimental::epsilon_v<R>) * sum;
