@@ -52,8 +52,9 @@ struct NewtonWorld : NewtonProblem<R, Mem> {
     each_island(world, rows, id, [&](IslandRows const& island) {
       ++number;
       constexpr bool one_thread = std::is_same_v<World, SerialWorld>;
+      constexpr int at_once = one_thread ? native_width<R> : 1;
       bool const cones = this->has_cones(world, lists_of(id, island));
-      if (NewtonSizes < R, one_thread ? native_width<R> : 1 > const size(island.count, island.dofs, cones); size.fits(near_bytes)) {
+      if (NewtonSizes<R, at_once> const size(island.count, island.dofs, cones); size.fits(near_bytes)) {
         if constexpr (one_thread) {
           NewtonIsland<R, Mem, World> own(*this, world, island, cones, near);
           int const done = newton_until_rest<R>(own, iterations, tolerance);
