@@ -49,6 +49,24 @@ struct SoftElements {
   }
   KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
 };
+/// Five dampers with forces that cancel, on two trees: nothing moves, and z is rounding alone.
+template <class R>
+struct Against : gsp::OneFreeRow {
+  KOKKOS_FUNCTION static double weight(int k) { return 0.3 + 0.37 * k; }
+  KOKKOS_FUNCTION int count(int) const { return 5; }
+  KOKKOS_FUNCTION gsp::RowLaw<R> law(int, int k, int, R, R, R) const {
+    double sum = 0;
+    for (int i = 0; i < 4; ++i) sum += weight(i) * (1 + 0.1 * i);
+    double const p = k < 4 ? 1 + 0.1 * k : -sum / weight(4);
+    return {R(0.01), R(0.01 * p)};
+  }
+  template <class Row>
+  KOKKOS_FUNCTION R jacobian(int, int k, int, Row&& J) const {
+    for (int i = 0; i < 2; ++i) J.set_dof(i, R(weight(k) * (i + 1)));
+    return R(0);
+  }
+  KOKKOS_FUNCTION gsp::RowId id(int, int k) const { return {std::uint32_t(k), 0}; }
+};
 /// Such elements over dofs 0 ... 5 and 15 ... 19 (an island of two trees), over 10 ... 14 (another one), or over both by turns; those of
 /// the second are a thousand times as stiff.
 template <class R>
@@ -469,6 +487,29 @@ TEST_CASE_TEMPLATE("a world's result depends on its own rows", Exec, GSP_TEST_EX
   }
   CHECK(z[0] == z[1]);
   CHECK(z[1] == z[2]);
+}
+
+// Impulses that cancel: the gradient is a sum of them and is never less than its rounding, however small z is.
+TEST_CASE_TEMPLATE("rows that press against each other are done when rounding is left", Exec, GSP_TEST_EXECS) {
+  auto const check = [](auto zero, bool near) {
+    using R = decltype(zero);
+    CAPTURE(near);
+    Loop<R, Exec> s(gsp::compile(gsp_test::sliders(2, 1)), 2, {.profile = gsp::Profile::mujoco});
+    do s.assemble(test_types::Against<R>{});
+    while (s.grow());
+    auto newton = gsp::make_newton(s.exec, s.rows);
+    if (!near) newton.near_bytes = 0;
+    gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress, {.iterations = 100});
+    auto const iterations = gsp_test::host(s.solution.iterations);
+    CHECK(iterations(0) < 20);
+    CHECK(iterations(1) == iterations(0));
+    auto const p = gsp_test::host(s.impulses.p[gsp_test::host(s.impulses.parity)()]);
+    for (int k = 0; k < 4; ++k) CHECK(std::abs(double(p(k)) - (1 + 0.1 * k)) < 1000 * double(std::numeric_limits<R>::epsilon()));
+  };
+  for (bool near : {true, false}) {
+    check(0., near);
+    check(0.f, near);
+  }
 }
 
 TEST_CASE_TEMPLATE("what newton refuses", Exec, GSP_TEST_EXECS) {

@@ -117,6 +117,17 @@ class NewtonIsland {
     return decrement;
   }
   KOKKOS_FORCEINLINE_FUNCTION R size() const { return dot(z_, z_); }
+  /// | |Y^T| |p| |^2: what rounding of the gradient is measured by.
+  KOKKOS_FORCEINLINE_FUNCTION R summed() const {
+    each_dof(
+        [&]<class X>(X, int i) {
+          X sum(R(0));
+          for (int r = 0; r < m_; ++r) sum = fma(abs(load_as<X>(Y_ + r * size_.stride + i)), X(abs(p_[r])), sum);
+          return sum;
+        },
+        room_);
+    return dot(room_, room_);
+  }
   KOKKOS_FORCEINLINE_FUNCTION void look_along() {
     threads_.each(m_, [&](int r) { change_[r] = row_dot(r, d_); });
     zd_ = dot(z_, d_);

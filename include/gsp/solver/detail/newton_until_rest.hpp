@@ -5,8 +5,9 @@
 /// When the iterations of `newton` over an island go on, how far, and when they end, however they are done.
 namespace gsp::detail {
 
-// An island whose decrement no longer falls, near what it should be, so often: rounding alone is left.
-inline constexpr double newton_near = 1e6;  // of the square of a step: a thousand times the tolerance
+// An island whose decrement no longer falls, near what it should be or what rounding makes of the sum that the gradient is, so often:
+// rounding alone is left. (Rows that press against each other leave a z of nothing but rounding.)
+inline constexpr double newton_near = 1e6;  // of the square of a step: a thousand times the tolerance, or epsilon
 inline constexpr int newton_most_stalls = 3;
 // The line is searched until its slope is this share of that at its start: a closer search costs more than the next iteration gains.
 inline constexpr double newton_slope = 0.01;
@@ -39,7 +40,7 @@ KOKKOS_FORCEINLINE_FUNCTION R search_line(R decrement, Slope const& slope) {
 
 /// Iterates until a step would change z by less than the tolerance, or than rounding allows. Returns how often.
 /// @param island  begin (z and w to start from), gradient (d <- -g; |d|^2), solve (d <- H^-1 d; d . H d, an upper bound of |d|^2), size
-///                (|z|^2), look_along (Y d; what the slope hangs on), slope(alpha), go(alpha) (z += alpha d)
+///                (|z|^2), summed (| |Y^T| |p| |^2), look_along (Y d; what the slope hangs on), slope(alpha), go(alpha) (z += alpha d)
 template <class R, class Island>
 KOKKOS_FORCEINLINE_FUNCTION int newton_until_rest(Island& island, int iterations, R tolerance) {
   island.begin();
@@ -49,7 +50,11 @@ KOKKOS_FORCEINLINE_FUNCTION int newton_until_rest(Island& island, int iterations
     if (island.gradient() == R(0)) break;
     R const decrement = island.solve(), least = square(tolerance) * island.size();
     bool const last = !(decrement > least);  // one whole step more
-    if (!last && decrement >= best && decrement < R(newton_near) * least && ++stalls == newton_most_stalls) break;
+    if (!last && decrement >= best) {
+      bool const is_near =
+          decrement < R(newton_near) * least || decrement < R(newton_near) * square(Kokkos::Experimental::epsilon_v<R>) * island.summed();
+      if (is_near && ++stalls == newton_most_stalls) break;
+    }
     best = min(best, decrement);
     island.look_along();
     island.go(last ? R(1) : search_line(decrement, [&](R alpha) { return island.slope(alpha); }));

@@ -129,6 +129,19 @@ struct NewtonWorld : NewtonProblem<R, Mem> {
       return decrement;
     }
     KOKKOS_INLINE_FUNCTION R size() const { return dot(z, z); }
+    KOKKOS_INLINE_FUNCTION R summed() const {
+      auto const& e = l.island;
+      R* const room = d + k.rows.nv;
+      world.each(e.dofs, [&](int i) { room[e.dof(i)] = R(0); });
+      for (int i = 0; i < e.count; ++i) {
+        Row<R> const& row = l.row[e.row(i)];
+        world.sync();
+        world.each(row.segment[0].count + row.segment[1].count,
+                   [&](int q) { room[k.dof_of(row, q)] += abs(k.rows.Y(row.first_entry + q) * p[e.row(i)]); });
+      }
+      world.sync();
+      return dot(room, room);
+    }
     KOKKOS_INLINE_FUNCTION void look_along() {
       k.each_row(world, l, [&](int r) { change[r] = dot_row(SerialWorld{0}, k.rows, l.row[r], d); });
       zd = dot(z, d);
