@@ -47,7 +47,7 @@ int compare_rows(Type const& type, gsp::Model<double, Mem> const& model, gsp::Dy
       gsp::Row<double> row;
       for (int g = 0; g < 2; ++g) row.segment[g] = structure.segment(g);
       std::vector<double> entries(std::size_t(structure.entries()) + 1, 0.);
-      double const gap = type.jacobian(0, k, r, gsp::detail::RowWriter<double, Mem, double*>{model, dynamics, row, entries.data(), 0});
+      double const gap = type.jacobian(0, k, r, gsp::detail::RowWriter<double, Mem>{model, dynamics, row, entries.data(), 0});
       std::vector<double> J(std::size_t(m->nv), 0.);
       std::size_t e = 0;
       for (auto const& segment : row.segment)

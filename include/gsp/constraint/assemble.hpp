@@ -225,7 +225,7 @@ void assemble_in(Exec const& exec, Exec const& laying, Join const& join, BesideM
 /// Cost about (entries of the row)^2 flop a row; on a device 12 an entry and body, and of each tree the square of every dof's depth and 12
 /// a pair of a dof and one that moves it. Does not allocate, does not fence. Errors: std::invalid_argument where the dynamics, or the
 /// members `poses` and `contacts` of a type and what it `reads()` of dynamics of its own, are not of this state as it is now, have not been
-/// written (contacts), or are of another number of worlds.
+/// written (contacts), or are of another number of worlds; on a device gsp::Error for trees of all worlds with more than 2^30 columns.
 template <ExecutionSpace Exec, class R, class Mem, class... Types>
 void assemble(Exec const& exec, Model<R, Mem> const& model, State<R, Mem>& state, Dynamics<R, Mem> const& dynamics,
               ConstraintList<Types...> const& types, Rows<R, Mem>& rows, Impulses<R, Mem>& impulses, Progress<Mem>& progress,

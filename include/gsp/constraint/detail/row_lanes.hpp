@@ -73,7 +73,7 @@ class ForceWriter {
     for (int i = 0; i < entries_.row.segment[0].count + entries_.row.segment[1].count; ++i) entries_.J[i] = R(0);
     forces_.entries = true;
   }
-  RowWriter<R, Mem, R*> entries_;
+  RowWriter<R, Mem> entries_;
   RowForces<R, Mem>& forces_;
   bool keeps_;
 };

@@ -73,22 +73,13 @@ struct RowStructure {
   }
 };
 
-/// Numbers that stand apart.
-template <class R>
-struct Strided {
-  R* at;
-  int stride;
-  KOKKOS_INLINE_FUNCTION R& operator[](int i) const { return at[i * stride]; }
-  KOKKOS_INLINE_FUNCTION Strided operator+(int i) const { return {at + i * stride, stride}; }
-};
-
-/// Writes the entries of J where RowStructure has made room.
-template <class R, class Mem, class Entries>
+/// Writes the entries of J where RowStructure has made room, on a host (devices: WhitenedWriter, whiten_trees.hpp).
+template <class R, class Mem>
 struct RowWriter {
   Model<R, Mem> const& model;
   Dynamics<R, Mem> const& dynamics;
   Row<R> const& row;
-  Entries J;  // the row's, zero before
+  R* J;  // the row's, zero before
   int world;
 
   KOKKOS_INLINE_FUNCTION int place(int tree, int depth_index, int local) const {  // index of an entry in J

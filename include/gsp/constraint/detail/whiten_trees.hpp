@@ -1,9 +1,12 @@
 #pragma once
+#include <cstdint>
 #include <gsp/constraint/detail/row_structure.hpp>
 #include <gsp/constraint/detail/whiten_rows.hpp>
 #include <gsp/constraint/progress.hpp>
+#include <gsp/core/check.hpp>
 #include <gsp/dynamics/lanes.hpp>
 #include <gsp/parallel/detail/launch_threads.hpp>
+#include <string>
 
 /// What a device finds of each tree before it makes rows, so that a row is a sum of products and nothing of it waits for another:
 ///   X = L^-1 D^-1/2     x_i = e_i D_i^-1/2 - sum_k L_ik x_k, k the ancestors of dof i
@@ -40,6 +43,9 @@ struct WhitenTrees {
       : model(m), dynamics(d), halt(progress.halt), columns(0) {
     for (int k = 0; k < m.narchetype; ++k)
       columns = m.host_archetypes(k).nv + rate_columns > columns ? m.host_archetypes(k).nv + rate_columns : columns;
+    if (std::int64_t(d.blocks) * columns * device_block > most_threads)
+      throw Error("gsp::assemble: " + std::to_string(std::int64_t(d.blocks) * device_block) + " trees of all worlds, of up to " +
+                  std::to_string(columns - rate_columns) + " degrees of freedom, are more than 2^30 columns: use fewer worlds a batch");
   }
   /// A thread a column of a tree of a world, 32 worlds side by side. A column hangs on itself alone: x_ij is not 0 where i is moved by j.
   /// The rates are columns whose x are given.
@@ -101,7 +107,16 @@ struct WhitenTrees {
   }
 
  private:
-  static constexpr int rate_columns = 3, batch = 4;
+  static constexpr int rate_columns = 3, batch = 4, most_threads = 1 << 30;  // so that their numbers are those of an int
+};
+
+/// Numbers that stand apart.
+template <class R>
+struct Strided {
+  R* at;
+  int stride;
+  KOKKOS_INLINE_FUNCTION R& operator[](int i) const { return at[i * stride]; }
+  KOKKOS_INLINE_FUNCTION Strided operator+(int i) const { return {at + i * stride, stride}; }
 };
 
 /// Writes a row's entries of Y where RowStructure has made room, of trees that WhitenTrees has gone over.

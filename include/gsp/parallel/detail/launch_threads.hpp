@@ -2,7 +2,7 @@
 #include <Kokkos_Core.hpp>
 #include <string>
 
-/// As many threads of a device as it says itself, where an earlier kernel may have counted them.
+/// As many threads of a device as the functor says there, which may read what an earlier kernel has counted.
 namespace gsp::detail {
 
 /// f(thread, i) for i < f.count(), which the device calls; `thread` has `near` (threads_cuda.hpp).

@@ -32,7 +32,7 @@ class NewtonIsland {
   static constexpr bool one_thread = std::is_same_v<Threads, SerialWorld>;  // it takes fours of dofs, where threads take a dof each
   static constexpr int at_once = one_thread ? native_width<R> : 1;
   using Sizes = NewtonSizes<R, at_once>;
-  using Part = std::conditional_t<one_thread, Pack<R, native_width<R>>, R>;  // a number of the rows that are taken at once
+  using Part = std::conditional_t<one_thread, Pack<R, at_once>, R>;  // a number of the rows that are taken at once
   using Four = Pack<R, T>;
   using Wide = Pack<R, std::max(T, native_width<R>)>;  // one thread: what it takes of a row at once
   static_assert(N * (N + 1) / 2 <= 4 * N, "the curvatures of an element lie in four numbers a row");
