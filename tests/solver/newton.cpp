@@ -76,7 +76,7 @@ struct ElementsApart {
   bool first, second;
   KOKKOS_FUNCTION int count(int) const { return first && second ? 2 * n : n; }
   KOKKOS_FUNCTION bool is_second(int k) const { return first && second ? k % 2 == 1 : second; }
-  KOKKOS_FUNCTION int number(int k) const { return (first && second ? k / 2 : k) + (is_second(k) ? 100 : 0); }
+  KOKKOS_FUNCTION int number(int k) const { return (first && second ? k / 2 : k) + (is_second(k) ? 10000 : 0); }
   KOKKOS_FUNCTION SoftElements<R> elements(int k) const { return {n, 0, 0, is_second(k) ? 1000. : 1.}; }
   KOKKOS_FUNCTION int rows(int world, int k) const { return elements(k).rows(world, number(k)); }
   template <class Row>
@@ -319,20 +319,30 @@ TEST_CASE_TEMPLATE("conditions of the convex problem", Exec, GSP_TEST_EXECS) {
 TEST_CASE_TEMPLATE("rigid rows that repeat are solved in float", Exec, GSP_TEST_EXECS) {
   int const worlds = 20;
   auto const c = two_trees();
-  for (int const pass : {0, 1, 2, 3, 4, 5}) {
-    int const copies = std::array{2, 10, 100, 1000, 2, 100}[std::size_t(pass)];
-    bool const near = pass < 4;  // memory, or where the rows lie
+  struct Case {
+    int copies, dofs;         // dofs 10 ... 14 are another tree's
+    std::int64_t near_bytes;  // 0: where the rows lie; -1: as make_newton has them
+  };
+  for (auto const [copies, dofs, near_bytes] : std::array<Case, 9>{{{2, 7, -1},
+                                                                    {10, 7, -1},
+                                                                    {100, 7, -1},
+                                                                    {1000, 7, -1},
+                                                                    {100, 14, -1},
+                                                                    {2, 7, 0},
+                                                                    {100, 7, 0},
+                                                                    {100, 14, 0},
+                                                                    {100, 14, 16 * 1024}}}) {
     Loop<double, Exec> s(c, worlds, {.profile = gsp::Profile::mujoco});
     Loop<float, Exec> f(c, worlds, {.profile = gsp::Profile::mujoco});
     gsp_test::randomise(c, s.state);
     gsp_test::randomise(c, f.state);
-    do s.assemble(test_types::RepeatedRows<double>{1, 7});
+    do s.assemble(test_types::RepeatedRows<double>{1, dofs});
     while (s.grow());
-    do f.assemble(test_types::RepeatedRows<float>{copies, 7});
+    do f.assemble(test_types::RepeatedRows<float>{copies, dofs});
     while (f.grow());
     auto once = gsp::make_newton(s.exec, s.rows);
     auto often = gsp::make_newton(f.exec, f.rows);
-    if (!near) once.near_bytes = often.near_bytes = 0;
+    if (near_bytes >= 0) once.near_bytes = often.near_bytes = near_bytes;
     gsp::newton(s.exec, s.rows, s.impulses, s.solution, once, s.progress);
     gsp::newton(f.exec, f.rows, f.impulses, f.solution, often, f.progress);
     s.exec.fence(), f.exec.fence();
@@ -340,7 +350,8 @@ TEST_CASE_TEMPLATE("rigid rows that repeat are solved in float", Exec, GSP_TEST_
     auto const z = gsp_test::host(f.solution.z);
     for (int w = 0; w < worlds; ++w) {
       CAPTURE(copies);
-      CAPTURE(near);
+      CAPTURE(dofs);
+      CAPTURE(near_bytes);
       CAPTURE(w);
       double difference = 0, size = 0;
       for (int i = 0; i < s.model.nv; ++i) {
@@ -418,10 +429,16 @@ TEST_CASE_TEMPLATE("rows are as rigid as what they move lets them be", Exec, GSP
   }
 }
 
-// An island has the bits that it has without the others, from nothing and from the last impulses, and each iterates for itself.
+// An island has the bits that it has without the others, from nothing and from the last impulses, and each iterates for itself: where both
+// are in near memory, where one of them is, where none is to be had, and where they are as large as asks a GPU for several warps, or larger
+// than near memory.
 TEST_CASE_TEMPLATE("an island's result depends on its own rows", Exec, GSP_TEST_EXECS) {
   using gsp::JointType;
   int const worlds = 6;
+  struct Case {
+    int elements;
+    std::int64_t near_bytes;  // 0: where the rows lie; -1: as make_newton has them
+  };
   auto const c = gsp::compile(gsp_test::random_model({JointType::free, JointType::hinge, JointType::hinge}, 4));
   REQUIRE(c.nv == 20);
   REQUIRE(c.tree_dofadr == std::vector{0, 10, 15});
@@ -429,12 +446,13 @@ TEST_CASE_TEMPLATE("an island's result depends on its own rows", Exec, GSP_TEST_
     std::vector<std::vector<double>> z, once;
     std::vector<int> iterations;
   };
-  auto const solve = [&](bool first, bool second) {
+  auto const solve = [&](Case const& own, bool first, bool second) {
     Loop<double, Exec> s(c, worlds, {.profile = gsp::Profile::mujoco});
     gsp_test::randomise(c, s.state);
-    do s.assemble(test_types::ElementsApart<double>{7, first, second});
+    do s.assemble(test_types::ElementsApart<double>{own.elements, first, second});
     while (s.grow());
     auto newton = gsp::make_newton(s.exec, s.rows);
+    if (own.near_bytes >= 0) newton.near_bytes = own.near_bytes;
     Result out;
     auto const z_of = [&](int w) {
       auto const h = gsp_test::host(s.solution.z);
@@ -454,17 +472,31 @@ TEST_CASE_TEMPLATE("an island's result depends on its own rows", Exec, GSP_TEST_
     }
     return out;
   };
-  auto const both = solve(true, true), first = solve(true, false), second = solve(false, true);
+  // Between what the second island of seven elements takes of near memory and what the first does, in bytes.
+  auto const bytes = [](bool second, int w) {
+    test_types::ElementsApart<double> const own{7, !second, second};
+    int rows = 0;
+    for (int k = 0; k < 7; ++k) rows += own.rows(w, k);
+    return gsp::detail::NewtonSizes<double, gsp::native_width<double>>(rows, second ? 5 : 15, true).bytes();
+  };
+  std::int64_t between = 0;
+  for (int w = 0; w < worlds; ++w) between = std::max(between, bytes(true, w));
+  for (int w = 0; w < worlds; ++w) REQUIRE(between < bytes(false, w) - 1000);  // a GPU does not fill rows up
   bool apart = false;
-  for (int w = 0; w < worlds; ++w) {
-    CAPTURE(w);
-    CHECK(both.iterations[w] == std::max(first.iterations[w], second.iterations[w]));
-    apart = apart || first.iterations[w] != second.iterations[w];
-    for (int i = 0; i < 20; ++i) {
-      auto const& own = i >= 10 && i < 15 ? second : first;
-      CAPTURE(i);
-      CHECK(both.once[w][i] == own.once[w][i]);
-      CHECK(both.z[w][i] == own.z[w][i]);
+  for (Case const& own : std::array<Case, 5>{{{7, -1}, {7, between}, {7, 0}, {40, -1}, {700, -1}}}) {
+    CAPTURE(own.elements);
+    CAPTURE(own.near_bytes);
+    auto const both = solve(own, true, true), first = solve(own, true, false), second = solve(own, false, true);
+    for (int w = 0; w < worlds; ++w) {
+      CAPTURE(w);
+      CHECK(both.iterations[w] == std::max(first.iterations[w], second.iterations[w]));
+      apart = apart || first.iterations[w] != second.iterations[w];
+      for (int i = 0; i < 20; ++i) {
+        auto const& alone = i >= 10 && i < 15 ? second : first;
+        CAPTURE(i);
+        CHECK(both.once[w][i] == alone.once[w][i]);
+        CHECK(both.z[w][i] == alone.z[w][i]);
+      }
     }
   }
   CHECK(apart);
@@ -534,6 +566,9 @@ TEST_CASE_TEMPLATE("what newton refuses", Exec, GSP_TEST_EXECS) {
   CHECK(status(1) == (gsp::status::row_refused | gsp::status::refused_friction));
   CHECK(status(2) == (gsp::status::row_refused | gsp::status::refused_friction));
   CHECK_THROWS_AS(gsp::newton(s.exec, s.rows, s.impulses, s.solution, fewer, s.progress), std::invalid_argument);
+  auto wide = s.rows;
+  wide.nv = 32769;
+  CHECK_THROWS_WITH_AS(gsp::make_newton(s.exec, wide), doctest::Contains("32769 degrees of freedom"), std::invalid_argument);
   CHECK_THROWS_AS(gsp::newton(s.exec, s.rows, s.impulses, s.solution, newton, s.progress, {.iterations = 0}), std::invalid_argument);
   Loop<double, Exec> stable(c, 3);  // the same rows are none that it could solve
   stable.assemble(test_types::BoundedNormal{});

@@ -273,7 +273,7 @@ GSP_FUNCTION Pack<R, W> fma(Pack<R, W> a, Pack<R, W> b, Pack<R, W> c) {
     a.v = (V)_mm512_fmadd_pd((__m512d)a.v, (__m512d)b.v, (__m512d)c.v);
   else if constexpr (sizeof(V) == 32 && sizeof(R) == 4)  // groups of eight (solver/detail/pgs_grouped.hpp)
     a.v = (V)_mm256_fmadd_ps((__m256)a.v, (__m256)b.v, (__m256)c.v);
-  else if constexpr (sizeof(V) == 32)  // tiles of four (solver/detail/newton_island.hpp)
+  else if constexpr (sizeof(V) == 32)  // tiles of four (solver/detail/newton_tiles.hpp)
     a.v = (V)_mm256_fmadd_pd((__m256d)a.v, (__m256d)b.v, (__m256d)c.v);
   else if constexpr (sizeof(V) == 16 && sizeof(R) == 4)
     a.v = (V)_mm_fmadd_ps((__m128)a.v, (__m128)b.v, (__m128)c.v);

@@ -14,6 +14,11 @@ struct SerialWorld {
   KOKKOS_INLINE_FUNCTION void single(F const& f) const {
     f();
   }
+  /// The same; others see it after the next sync. (Not of BlockWorld.)
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void one(F const& f) const {
+    f();
+  }
   template <class F>
   KOKKOS_INLINE_FUNCTION void each(int n, F const& f) const {
     for (int i = 0; i < n; ++i) f(i);
@@ -35,13 +40,18 @@ struct SerialWorld {
       before += part;
     }
   }
-  /// The numbers i < n <= 32768 where is(i), in order, to `to`; returns how many. Others see them after a sync. (Not of BlockWorld.)
-  template <class F>
-  KOKKOS_INLINE_FUNCTION int list(int n, short* to, F const& is) const {
+  /// The numbers i < n where is(i), in order, to `to`; returns how many. Others see them after a sync. (Not of BlockWorld.)
+  template <class Index, class F>
+  KOKKOS_INLINE_FUNCTION int list(int n, Index* to, F const& is) const {
     int count = 0;
     for (int i = 0; i < n; ++i)
-      if (is(i)) to[count++] = static_cast<short>(i);
+      if (is(i)) to[count++] = static_cast<Index>(i);
     return count;
+  }
+  /// f(warp, i) for i < n, by a warp each, which is as a world. (Of SomeWarps.)
+  template <class F>
+  KOKKOS_INLINE_FUNCTION void each_warp(int n, F const& f) const {
+    for (int i = 0; i < n; ++i) f(*this, i);
   }
   /// to += x, from several threads.
   template <class T>

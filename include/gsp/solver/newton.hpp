@@ -1,8 +1,10 @@
 #pragma once
+#include <algorithm>
 #include <cstdint>
 #include <gsp/core/region.hpp>
 #include <gsp/solver/detail/newton_world.hpp>
 #include <limits>
+#include <string>
 
 /// Newton's method for rows that are all soft: MuJoCo's convex problem, in the whitened coordinates of constraint/rows.hpp, where the mass
 /// matrix is the identity:
@@ -29,39 +31,48 @@ inline void expects_options(char const* where, NewtonOptions const& o) {
 }
 }  // namespace detail
 
-/// Buffers of `newton`: near memory of a host's thread, the Hessian of each world (of each thread on a host) and three numbers a row.
+/// Buffers of `newton`: three numbers a row, and what a thread of a host or a block of a GPU works in.
 template <class R, class Mem>
 struct Newton {
   template <class D>
   using View = Kokkos::View<D, Kokkos::LayoutRight, Mem>;
   int worlds = 0, nv = 0;
   View<R*> rate, rate_change, least;  // (capacity of the rows) w, Y times the direction, and the least compliance (least_softness)
-  View<R*> work;      // a world's or thread's: lower triangle of H by columns, direction, and nv of room; before it a thread's near memory
-  View<int*> listed;  // GPUs: islands by what they take (detail/newton_island.hpp)
+  View<R*> work;       // a thread's, or that of a GPU's block, which takes islands that no shared memory holds (detail/newton_sparse.hpp)
+  View<int*> by_tree;  // GPUs: (2 capacity of the rows) rows of each tree of such an island
+  View<int*> listed;   // GPUs: islands by what they take (detail/newton_island.hpp)
   std::int64_t stride = 0;      // numbers of one
   std::int64_t near_bytes = 0;  // what an island may take to be solved in near memory, as far as there is any (detail/newton_island.hpp)
-  int thread_rooms = 0;         // hosts: threads that it has room for
+  int thread_rooms = 0;         // threads, or blocks, that it has room for
 };
 
-/// Buffers for the worlds of `rows`: (nv + 5) nv / 2 numbers each on a device, a thread on a host, where 65,536 of near memory come to
-/// that; three for each row of the pool; on a device 14 ints for each tree of each world. Allocates.
+/// Buffers for the worlds of `rows`: three numbers for each row of the pool; 0.63 nv^2 + 25 nv + 1,200 for each thread of a host, with
+/// 65,536 of near memory, or for each block of 1,024 threads that a device holds at a time, but beyond one a world no more than 2^24 in
+/// all; on a device two ints for each row and 15 for each tree of each world. Allocates. Errors: std::invalid_argument for more than 32,768
+/// degrees of freedom.
 template <ExecutionSpace Exec, class R, class Mem>
 Newton<R, Mem> make_newton(Exec const& exec, Rows<R, Mem> const& rows) {
+  expects(rows.nv <= detail::NewtonSparseSizes::most_dofs,
+          "gsp::make_newton: a world of " + std::to_string(rows.nv) +
+              " degrees of freedom has more than 32,768, of which newton cannot factor a matrix: use profile stable");
   Newton<R, Mem> n;
   n.worlds = rows.worlds;
   n.nv = rows.nv;
-  n.stride = detail::newton_work(rows.nv);
-  std::int64_t parts = rows.worlds;
-  n.near_bytes = is_device<Exec> ? std::numeric_limits<std::int64_t>::max() : detail::newton_near_numbers * std::int64_t(sizeof(R));
+  n.stride = detail::NewtonSparseSizes::all(rows.nv);
+  std::int64_t const islands = std::int64_t(rows.worlds) * detail::islands_of_world(rows);
   if constexpr (is_device<Exec>) {
-    n.listed = detail::allocate_zero<decltype(n.listed)>(
-        exec, "gsp::Newton::listed", detail::NewtonLists<Mem>::size(std::int64_t(rows.worlds) * detail::islands_of_world(rows)));
+    n.near_bytes = std::numeric_limits<std::int64_t>::max();
+    std::int64_t const rooms = std::max<std::int64_t>(rows.worlds, detail::NewtonSparseSizes::most_numbers / n.stride);
+    n.thread_rooms = int(std::max<std::int64_t>(std::min<std::int64_t>({rooms, islands, detail::newton_sparse_blocks(exec)}), 1));
+    n.listed = detail::allocate_zero<decltype(n.listed)>(exec, "gsp::Newton::listed", detail::NewtonLists<Mem>::size(islands));
+    n.by_tree = detail::allocate_zero<decltype(n.by_tree)>(exec, "gsp::Newton::by_tree", 2 * std::int64_t(rows.capacity()));
   } else {
-    parts = n.thread_rooms = detail::thread_rooms(exec);
-    n.stride = detail::newton_near_numbers + (n.stride + 15) / 16 * 16;  // packs of four stay aligned
+    n.near_bytes = detail::newton_near_numbers * std::int64_t(sizeof(R));
+    n.thread_rooms = detail::thread_rooms(exec);
+    n.stride += detail::newton_near_numbers;
   }
   using View = typename Newton<R, Mem>::template View<R*>;
-  n.work = detail::allocate_zero<View>(exec, "gsp::Newton::work", parts * n.stride);
+  n.work = detail::allocate_zero<View>(exec, "gsp::Newton::work", n.thread_rooms * n.stride);
   n.rate = detail::allocate_zero<View>(exec, "gsp::Newton::rate", rows.capacity());
   n.rate_change = detail::allocate_zero<View>(exec, "gsp::Newton::rate_change", rows.capacity());
   n.least = detail::allocate_zero<View>(exec, "gsp::Newton::least", rows.capacity());
@@ -76,6 +87,7 @@ bool grow(Exec const& exec, Rows<R, Mem> const& rows, Newton<R, Mem>& buffers) {
   exec.fence("gsp::grow: what was launched uses the buffers as they were");
   detail::enlarge(exec, buffers.rate_change, "gsp::Newton::rate_change", rows.capacity());
   detail::enlarge(exec, buffers.least, "gsp::Newton::least", rows.capacity());
+  if constexpr (is_device<Exec>) detail::enlarge(exec, buffers.by_tree, "gsp::Newton::by_tree", 2 * std::int64_t(rows.capacity()));
   detail::enlarge(exec, buffers.rate, "gsp::Newton::rate", rows.capacity());  // last: it says how much room there is
   exec.fence("gsp::grow: the old buffers may go");
   return true;
@@ -111,6 +123,8 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
           "make_model with {.profile = Profile::mujoco}");
   expects(std::int64_t(buffers.rate.extent(0)) >= rows.capacity(),
           "gsp::newton: the pool of rows has grown, and the buffers have not: call grow(exec, rows, buffers)");
+  std::int64_t const near_bytes =
+      is_device<Exec> ? buffers.near_bytes : std::min(buffers.near_bytes, detail::newton_near_numbers * std::int64_t(sizeof(R)));
   detail::NewtonWorld<R, Mem> const solve{{.rows = rows,
                                            .impulses = impulses,
                                            .solution = solution,
@@ -119,8 +133,9 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
                                            .rate_change = buffers.rate_change,
                                            .least = buffers.least,
                                            .work = buffers.work,
+                                           .by_tree = buffers.by_tree,
                                            .stride = buffers.stride,
-                                           .near_bytes = buffers.near_bytes,
+                                           .near_bytes = near_bytes,
                                            .iterations = options.iterations,
                                            .tolerance = max(R(options.tolerance), R(32) * Kokkos::Experimental::epsilon_v<R>),
                                            .warm = options.warm,
@@ -128,7 +143,7 @@ void newton(Exec const& exec, Rows<R, Mem> const& rows, Impulses<R, Mem>& impuls
                                            .ends_step = options.ends_step},
                                           {buffers.listed, rows.worlds * detail::islands_of_world(rows)}};
   if constexpr (is_device<Exec>)
-    detail::launch_newton(exec, solve);
+    detail::launch_newton(exec, solve, buffers.thread_rooms);
   else
     Kokkos::parallel_for("gsp::solver::newton", Kokkos::RangePolicy<Exec>(exec, 0, rows.worlds),
                          detail::NewtonThread<Exec, R, Mem>{solve, {"gsp::newton", exec, buffers.thread_rooms}});

@@ -83,6 +83,18 @@ void leave_cache(Exec const& exec, void const* kernel, int threads, int blocks) 
   cuda_expects(cudaFuncSetAttribute(kernel, cudaFuncAttributePreferredSharedMemoryCarveout, percent), "gsp: a kernel");
   code.shared_percent = percent;
 }
+/// How many blocks of so much shared memory a device holds at a time.
+inline int blocks_at_once(cudaDeviceProp const& device, std::int64_t bytes) {
+  std::int64_t const each = bytes + std::int64_t(device.reservedSharedMemPerBlock);
+  return device.multiProcessorCount * std::clamp(int(std::int64_t(device.sharedMemPerMultiprocessor) / each), 1, 32);
+}
+/// Lets a kernel be launched with so many bytes of shared memory.
+/// @param most  of any launch of it: the limit is the kernel's, and another thread's launch may need all
+template <class... P>
+void allow_shared(cudaDeviceProp const& device, void (*kernel)(P...), std::int64_t bytes, std::int64_t most) {
+  if (code_of(reinterpret_cast<void const*>(kernel)).shared_bytes + bytes > std::int64_t(device.sharedMemPerBlock))
+    cuda_expects(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(most)), "gsp: shared memory of a kernel");
+}
 /// kernel<<<blocks, threads, shared, stream>>>(args...), without a copy of the arguments on the host. What goes wrong launch_on_cuda says.
 template <class... P>
 void launch_kernel(cudaStream_t stream, void (*kernel)(P...), dim3 blocks, dim3 threads, std::size_t shared,

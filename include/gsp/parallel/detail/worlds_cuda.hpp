@@ -8,14 +8,21 @@ namespace gsp::detail {
 
 inline constexpr int warps_of_block = 2;  // a multiprocessor holds 32 blocks, and more warps than that where registers allow it
 
-struct WarpWorld {
+/// @tparam of_block  one of several of a block, whose threads are counted on
+template <bool of_block>
+struct WarpThreads {
+  static constexpr int threads = 32;
   int rank;
-  static __device__ int lane() { return int(threadIdx.x); }
+  static __device__ int lane() { return of_block ? int(threadIdx.x) % 32 : int(threadIdx.x); }
   __device__ void sync() const { __syncwarp(); }
   template <class F>
   __device__ __forceinline__ void single(F const& f) const {
     if (lane() == 0) f();
     __syncwarp();
+  }
+  template <class F>
+  __device__ __forceinline__ void one(F const& f) const {
+    if (lane() == 0) f();
   }
   template <class F>
   __device__ __forceinline__ void each(int n, F const& f) const {
@@ -48,14 +55,14 @@ struct WarpWorld {
       before += __shfl_sync(0xffffffffu, sum, 31);
     }
   }
-  template <class F>
-  __device__ __forceinline__ int list(int n, short* to, F const& is) const {
+  template <class Index, class F>
+  __device__ __forceinline__ int list(int n, Index* to, F const& is) const {
     int count = 0;
     for (int begin = 0; begin < n; begin += 32) {
       int const i = begin + lane();
       bool const own = i < n && is(i);
       unsigned const all = __ballot_sync(0xffffffffu, own);
-      if (own) to[count + __popc(all & ((1u << lane()) - 1u))] = static_cast<short>(i);
+      if (own) to[count + __popc(all & ((1u << lane()) - 1u))] = static_cast<Index>(i);
       count += __popc(all);
     }
     return count;
@@ -78,7 +85,9 @@ struct WarpWorld {
   }
 };
 
-/// sync, single, each, sum and list of WarpWorld, by some warps, which are a block.
+using WarpWorld = WarpThreads<false>;
+
+/// sync, single, one, each, sum and list of WarpWorld, by some warps, which are a block; and a warp each of what each_warp counts.
 template <int warps>
 struct SomeWarps {
   static constexpr int threads = 32 * warps;
@@ -90,8 +99,17 @@ struct SomeWarps {
     __syncthreads();
   }
   template <class F>
+  __device__ __forceinline__ void one(F const& f) const {
+    if (threadIdx.x == 0) f();
+  }
+  template <class F>
   __device__ __forceinline__ void each(int n, F const& f) const {
     for (int i = int(threadIdx.x); i < n; i += threads) f(i);
+    __syncthreads();
+  }
+  template <class F>
+  __device__ __forceinline__ void each_warp(int n, F const& f) const {
+    for (int i = int(threadIdx.x) / 32; i < n; i += warps) f(WarpThreads<true>{rank}, i);
     __syncthreads();
   }
   template <class T, class F>
@@ -108,21 +126,21 @@ struct SomeWarps {
     __syncthreads();
     return total;
   }
-  template <class F>
-  __device__ __forceinline__ int list(int n, short* to, F const& is) const {
+  template <class Index, class F>
+  __device__ __forceinline__ int list(int n, Index* to, F const& is) const {
     int count = 0;  // each warp finds all, and the first one writes
     for (int begin = 0; begin < n; begin += 32) {
       int const lane = int(threadIdx.x) % 32, i = begin + lane;
       bool const own = i < n && is(i);
       unsigned const all = __ballot_sync(0xffffffffu, own);
-      if (own && threadIdx.x < 32) to[count + __popc(all & ((1u << lane) - 1u))] = static_cast<short>(i);
+      if (own && threadIdx.x < 32) to[count + __popc(all & ((1u << lane) - 1u))] = static_cast<Index>(i);
       count += __popc(all);
     }
     return count;
   }
 };
 
-/// What WarpWorld has but list, by a block.
+/// What WarpWorld has but one and list, by a block.
 struct BlockWorld {
   static constexpr int warps = 16, threads = 32 * warps;
   int rank;

@@ -6,14 +6,15 @@
 #include <gsp/parallel/for_worlds.hpp>
 #include <gsp/solver/detail/newton_problem.hpp>
 #include <gsp/solver/detail/newton_sizes.hpp>
+#include <gsp/solver/detail/newton_tiles.hpp>
 #include <type_traits>
 
 /// What `newton` does with an island that fits into near memory: a GPU's shared memory, or room that stays in a core's second-level cache.
-/// Its rows are full there (zeros and all), by fours of dofs; H lies in tiles of 4 x 4 by columns, its lower triangle. An iteration takes
-/// what it computes:
+/// Its rows are full there (zeros and all), by fours of dofs; H lies in tiles of 4 x 4 (newton_tiles.hpp). An iteration takes what it
+/// computes:
 ///   H = 1 + Y^T B Y   a tile a thread, 16 multiply-adds and two loads of four numbers a row that has a curvature
-///   H = L L^T         a column of tiles at a time; all threads factor the tile on the diagonal alike, so that none waits for it
-/// What does not fit is done in global memory (newton_world.hpp).
+///   H = L L^T
+/// What does not fit keeps its rows where they lie (newton_sparse.hpp).
 namespace gsp::detail {
 
 /// An element whose laws lie in arrays, as soft_element.hpp takes it.
@@ -25,15 +26,16 @@ struct SoftElementView {
 };
 
 /// For newton_until_rest. All threads of an island call all members together.
-/// @tparam Threads  SerialWorld, or what has its sync, single, each, sum and list
+/// @tparam Threads  SerialWorld, or what has its sync, single, one, each, sum and list
 template <class R, class Mem, class Threads>
 class NewtonIsland {
   static constexpr int N = most_element_rows, T = newton_tile;
-  static constexpr bool one_thread = std::is_same_v<Threads, SerialWorld>;  // it takes fours of dofs, where threads take a dof each
+  using Factor = TiledCholesky<R, Threads>;
+  static constexpr bool one_thread = Factor::one_thread;
   static constexpr int at_once = one_thread ? native_width<R> : 1;
   using Sizes = NewtonSizes<R, at_once>;
   using Part = std::conditional_t<one_thread, Pack<R, at_once>, R>;  // a number of the rows that are taken at once
-  using Four = Pack<R, T>;
+  using Four = typename Factor::Four;
   using Wide = Pack<R, std::max(T, native_width<R>)>;  // one thread: what it takes of a row at once
   static_assert(N * (N + 1) / 2 <= 4 * N, "the curvatures of an element lie in four numbers a row");
   using Problem = NewtonProblem<R, Mem>;
@@ -47,20 +49,18 @@ class NewtonIsland {
         threads_(threads),
         l_(problem.lists_of(threads.rank, island)),
         size_(island.count, island.dofs, cones),
-        m_(island.count) {
-    R* next = static_cast<R*>(memory);
+        m_(island.count),
+        Y_(static_cast<R*>(memory)),
+        z_(Y_ + m_ * size_.stride),
+        d_(z_ + T * size_.fours),
+        H_(threads, size_.fours, d_ + T * size_.fours),
+        room_(H_.diagonal()) {
+    R* next = H_.end();
     auto const take = [&](int count) {
       R* const own = next;
       next += count;
       return own;
     };
-    int const n = T * size_.fours;
-    Y_ = take(m_ * size_.stride);
-    H_ = take(size_.tiles * Sizes::of_tile);
-    z_ = take(n);
-    d_ = take(n);
-    room_ = take(n);
-    nonzero_ = reinterpret_cast<short*>(take(size_.fours));
     w_ = take(size_.filled);
     p_ = take(size_.filled);
     change_ = take(size_.filled);
@@ -107,13 +107,13 @@ class NewtonIsland {
   KOKKOS_FORCEINLINE_FUNCTION R solve() {
     find_active();
     assemble();
-    if (!factor()) {
+    if (!H_.factor(d_, R(newton_pivot))) {
       gradient();  // d anew
       factor_rows();
-      forward();
+      H_.forward(d_);
     }
     R const decrement = dot(d_, d_);
-    back();
+    H_.back(d_);
     return decrement;
   }
   KOKKOS_FORCEINLINE_FUNCTION R size() const { return dot(z_, z_); }
@@ -160,7 +160,7 @@ class NewtonIsland {
   }
 
  private:
-  KOKKOS_FORCEINLINE_FUNCTION static Four& four(R* p) { return *reinterpret_cast<Four*>(p); }
+  KOKKOS_FORCEINLINE_FUNCTION static Four& four(R* p) { return Factor::four(p); }
   /// Packs that are longer than a four need not be aligned.
   template <class X>
   KOKKOS_FORCEINLINE_FUNCTION static X load_as(R const* p) {
@@ -366,18 +366,7 @@ class NewtonIsland {
     return curve_[4 * r + (a <= b ? b * (b + 1) / 2 + a : a * (a + 1) / 2 + b)];
   }
 
-  /// Tile (i, j) of H, i >= j; its column b at T b.
-  KOKKOS_FORCEINLINE_FUNCTION R* tile(int i, int j) const { return H_ + (i * (i + 1) / 2 + j) * Sizes::of_tile; }
-  KOKKOS_FORCEINLINE_FUNCTION R& at(int i, int j) const { return tile(i / T, j / T)[T * (j % T) + i % T]; }
-  /// Of number t in a triangle that is counted by rows.
-  KOKKOS_FORCEINLINE_FUNCTION static int row_of_triangle(int t) {
-    int i = int((sqrt(float(8 * t + 1)) - 1.0f) * 0.5f);
-    if (i * (i + 1) / 2 > t) --i;
-    if ((i + 1) * (i + 2) / 2 <= t) ++i;
-    return i;
-  }
-
-  /// H = 1 + Y^T B Y; its diagonal to room_.
+  /// H = 1 + Y^T B Y
   KOKKOS_FORCEINLINE_FUNCTION void assemble() {
     if constexpr (one_thread) {
       constexpr int wide = Wide::width / T;  // tiles of a column at once; what they have beyond the last one stays unused
@@ -388,15 +377,15 @@ class NewtonIsland {
           for (int q = 0; q < wide && i + q < size_.fours; ++q) {
             Four part[T];
             for (int b = 0; b < T; ++b) part[b] = Four::of([&](int a) { return sum[b][T * q + a]; });
-            put_tile(i + q, j, part);
+            H_.put(i + q, j, part);
           }
         }
     } else {
       threads_.each(size_.tiles, [&](int t) {
-        int const i = row_of_triangle(t), j = t - i * (i + 1) / 2;
+        int const i = Factor::row_of_triangle(t), j = t - i * (i + 1) / 2;
         Four sum[T];
         sum_products(i, j, sum);
-        put_tile(i, j, sum);
+        H_.put(i, j, sum);
       });
     }
   }
@@ -452,153 +441,10 @@ class NewtonIsland {
       to[3] = d;
     }
   };
-  KOKKOS_FORCEINLINE_FUNCTION void put_tile(int i, int j, Four const (&columns)[T]) const {
-    R* const to = tile(i, j);
-    if (i != j) {
-      for (int b = 0; b < T; ++b) four(to + T * b) = columns[b];
-      return;
-    }
-    for (int b = 0; b < T; ++b) {
-      Four const column = columns[b] + Four::of([&](int a) { return R(a == b ? 1 : 0); });
-      four(to + T * b) = column;
-      room_[T * i + b] = column[b];
-    }
-  }
-  /// The tile (k, k) of H or of L, whose diagonal is inverted.
-  struct Diagonal {
-    R L[T][T];  // row, column
-    KOKKOS_FORCEINLINE_FUNCTION Diagonal(R* tile) {
-      for (int b = 0; b < T; ++b) {
-        Four const column = four(tile + T * b);
-        for (int a = 0; a < T; ++a) L[a][b] = column[a];
-      }
-    }
-    /// x <- L^-1 x, of numbers or of packs.
-    template <class X>
-    KOKKOS_FORCEINLINE_FUNCTION void forward(X (&x)[T]) const {
-      for (int a = 0; a < T; ++a) {
-        for (int b = 0; b < a; ++b) x[a] = fma(X(-L[a][b]), x[b], x[a]);
-        x[a] = x[a] * X(L[a][a]);
-      }
-    }
-    /// x <- L^-T x
-    KOKKOS_FORCEINLINE_FUNCTION void back(R (&x)[T]) const {
-      for (int a = T; a-- > 0;) {
-        for (int b = a + 1; b < T; ++b) x[a] = fma(-L[b][a], x[b], x[a]);
-        x[a] *= L[a][a];
-      }
-    }
-    /// H <- L. @param sound  of pivots, which has the diagonal that rounding is measured by
-    template <class Sound>
-    KOKKOS_FORCEINLINE_FUNCTION bool factor(Sound const& sound) {
-      bool all = true;
-      for (int c = 0; c < T; ++c) {
-        all = all && sound(c, L[c][c]);
-        R const inverse = inverse_root(max(L[c][c], R(1)));
-        L[c][c] = inverse;
-        for (int a = c + 1; a < T; ++a) L[a][c] *= inverse;
-        for (int a = c + 1; a < T; ++a)
-          for (int b = c + 1; b <= a; ++b) L[a][b] = fma(-L[a][c], L[b][c], L[a][b]);
-      }
-      return all;
-    }
-    KOKKOS_FORCEINLINE_FUNCTION void store(R* tile) const {
-      for (int b = 0; b < T; ++b) four(tile + T * b) = Four::of([&](int a) { return L[a][b]; });
-    }
-    KOKKOS_FORCEINLINE_FUNCTION static R inverse_root(R x) {
-#ifdef __CUDA_ARCH__
-      return ::rsqrt(x);
-#else
-      return R(1) / sqrt(x);
-#endif
-    }
-  };
-  /// H <- L, d <- L^-1 d. False where rounding is much of a pivot, as in newton_world.hpp; d is spoilt then.
-  KOKKOS_FORCEINLINE_FUNCTION bool factor() {
-    for (int k = 0; k < size_.fours; ++k) {
-      Diagonal own(tile(k, k));
-      R const* const diagonal = room_ + T * k;
-      if (!own.factor([&](int c, R pivot) { return pivot > R(newton_pivot) * Kokkos::Experimental::epsilon_v<R> * diagonal[c]; }))
-        return false;
-      if constexpr (one_thread)
-        update_nonzero_trailing(k, own);
-      else
-        update_trailing(k, own);
-    }
-    return true;
-  }
-  /// Column k of L below its diagonal, and what it leaves of d and of the columns after it: all tiles.
-  KOKKOS_FORCEINLINE_FUNCTION void update_trailing(int k, Diagonal const& own) {
-    int const below = size_.fours - 1 - k;
-    R known[T];
-    read(d_ + T * k, known);
-    own.forward(known);
-    threads_.each(T * below, [&](int i) {
-      R* const to = tile(k + 1 + i / T, k) + i % T;
-      R x[T];
-      for (int b = 0; b < T; ++b) x[b] = to[T * b];
-      own.forward(x);
-      R sum = d_[T * (k + 1) + i];
-      for (int b = 0; b < T; ++b) {
-        to[T * b] = x[b];
-        sum = fma(-x[b], known[b], sum);
-      }
-      d_[T * (k + 1) + i] = sum;
-    });
-    threads_.single([&] {
-      own.store(tile(k, k));
-      write(known, d_ + T * k);
-    });
-    threads_.each(T * (below * (below + 1) / 2), [&](int t) {  // a column of a tile a thread
-      int const i = row_of_triangle(t / T), j = t / T - i * (i + 1) / 2;
-      update_tile(k + 1 + i, k + 1 + j, k, t % T, 1);
-    });
-  }
-  /// The same, without tiles that are zero: dofs that do not meet.
-  KOKKOS_FORCEINLINE_FUNCTION void update_nonzero_trailing(int k, Diagonal const& own) {
-    R known[T];
-    read(d_ + T * k, known);
-    own.forward(known);
-    own.store(tile(k, k));
-    write(known, d_ + T * k);
-    int count = 0;
-    for (int i = k + 1; i < size_.fours; ++i) {
-      R* const to = tile(i, k);
-      Four x[T];
-      bool any = false;
-      for (int b = 0; b < T; ++b) {
-        x[b] = four(to + T * b);
-        any = any || !all(x[b] == Four(R(0)));
-      }
-      if (!any) continue;
-      nonzero_[count++] = static_cast<short>(i);
-      own.forward(x);
-      Four sum = four(d_ + T * i);
-      for (int b = 0; b < T; ++b) {
-        four(to + T * b) = x[b];
-        sum = fma(x[b], Four(-known[b]), sum);
-      }
-      four(d_ + T * i) = sum;
-    }
-    for (int i = 0; i < count; ++i)
-      for (int j = 0; j <= i; ++j) update_tile(nonzero_[i], nonzero_[j], k, 0, T);
-  }
-  /// Tile (i, j) -= L_ik L_jk^T, `columns` of it from `first` on.
-  KOKKOS_FORCEINLINE_FUNCTION void update_tile(int i, int j, int k, int first, int columns) const {
-    R *const to = tile(i, j), *const left = tile(i, k), *const right = tile(j, k);
-    Four x[T];
-    for (int c = 0; c < T; ++c) x[c] = four(left + T * c);
-    for (int b = first; b < first + columns; ++b) {
-      Four sum = four(to + T * b);
-      for (int c = 0; c < T; ++c) sum = fma(x[c], Four(-right[T * c + b]), sum);
-      four(to + T * b) = sum;
-    }
-  }
-  /// L without the sum, row by row, as in newton_world.hpp.
+  /// L without the sum, row by row, as in newton_sparse.hpp.
   KOKKOS_FORCEINLINE_FUNCTION void factor_rows() {
     threads_.sync();
-    threads_.each(size_.tiles * Sizes::of_tile, [&](int i) { H_[i] = R(0); });
-    threads_.each(T * size_.fours, [&](int i) { at(i, i) = R(1); });
+    H_.set_identity();
     R G[N][N];
     for (int k = 0; k < active_count_; ++k) {
       G[0][0] = stiffness_[active_[k]];
@@ -610,80 +456,33 @@ class NewtonIsland {
         for (int a = 0; a <= b; ++a) G[b][a] = curvature(r, b, a);
       add_unit(r, n, G);
     }
-    threads_.each(T * size_.fours, [&](int i) { at(i, i) = R(1) / at(i, i); });
+    H_.invert_diagonal();
   }
   /// L L^T <- L L^T + Y^T B Y of a row between bounds or an element. @param G  B, which is overwritten
   KOKKOS_FORCEINLINE_FUNCTION void add_unit(int r, int n, R (&G)[N][N]) {
-    int const dofs = T * size_.fours;
     R* const u = room_;
     for (int c = 0; c < n; ++c) {
       if (!Problem::next_column(G, n, c)) continue;
       threads_.sync();  // all have read what u was
-      threads_.each(dofs, [&](int i) {
+      threads_.each(T * size_.fours, [&](int i) {
         R sum(0);
         for (int b = c; b < n; ++b) sum = fma(G[b][c], Y_[(r + b) * size_.stride + i], sum);
         u[i] = sum;
       });
-      for (int k = 0; k < dofs; ++k) {
-        R const x = u[k];
-        if (x == R(0)) continue;
-        R const before = at(k, k), after = sqrt(fma(x, x, before * before)), cosine = before / after, sine = x / after;
-        threads_.sync();
-        threads_.each(dofs - k, [&](int i) {
-          R const own = at(k + i, k), other = u[k + i];
-          at(k + i, k) = i == 0 ? after : fma(cosine, own, sine * other);
-          u[k + i] = i == 0 ? R(0) : fma(cosine, other, -sine * own);
-        });
-      }
+      H_.add(u);
     }
   }
-  /// d <- L^-1 d
-  KOKKOS_FORCEINLINE_FUNCTION void forward() {
-    for (int k = 0; k < size_.fours; ++k) {
-      R x[T];
-      read(d_ + T * k, x);
-      Diagonal(tile(k, k)).forward(x);
-      threads_.each(T * (size_.fours - 1 - k), [&](int i) {
-        R const* const row = tile(k + 1 + i / T, k) + i % T;
-        R sum = d_[T * (k + 1) + i];
-        for (int a = 0; a < T; ++a) sum = fma(-row[T * a], x[a], sum);
-        d_[T * (k + 1) + i] = sum;
-      });
-      threads_.single([&] { write(x, d_ + T * k); });
-    }
-  }
-  /// d <- L^-T d
-  KOKKOS_FORCEINLINE_FUNCTION void back() {
-    for (int k = size_.fours; k-- > 0;) {
-      R x[T];
-      read(d_ + T * k, x);
-      Diagonal(tile(k, k)).back(x);
-      threads_.each(T * k, [&](int i) {
-        Four const column = four(tile(k, i / T) + T * (i % T));
-        R sum = d_[i];
-        for (int a = 0; a < T; ++a) sum = fma(-column[a], x[a], sum);
-        d_[i] = sum;
-      });
-      threads_.single([&] { write(x, d_ + T * k); });
-    }
-  }
-  KOKKOS_FORCEINLINE_FUNCTION static void read(R* from, R (&x)[T]) {
-    Four const all = four(from);
-    for (int a = 0; a < T; ++a) x[a] = all[a];
-  }
-  KOKKOS_FORCEINLINE_FUNCTION static void write(R const (&x)[T], R* to) {
-    four(to) = Four::of([&](int a) { return x[a]; });
-  }
-
   Problem const& k_;
   Threads threads_;
   typename Problem::Lists l_;
   Sizes size_;
   int m_, active_count_ = 0, cone_count_ = 0;
-  R *Y_, *H_, *z_, *d_, *room_, *w_, *p_, *change_, *stiffness_, *lower_, *upper_;  // stiffness: 1 / C; 0 of elements with a cone
-  R *compliance_, *mu_, *cone_mu_, *curve_;                                         // where there are cones
-  short* nonzero_;                                                                  // room for a column's tiles
-  short *active_, *active_cones_;     // rows that have a curvature: between bounds, and the first of cones
+  R *Y_, *z_, *d_;
+  Factor H_;
+  R* room_;                                             // a number a dof; the diagonal of H until it is factored
+  R *w_, *p_, *change_, *stiffness_, *lower_, *upper_;  // stiffness: 1 / C; 0 of elements with a cone
+  R *compliance_, *mu_, *cone_mu_, *curve_;             // where there are cones
+  short *active_, *active_cones_;                       // rows that have a curvature: between bounds, and the first of cones
   signed char *cone_rows_, *normal_;  // rows of the element with a cone that begins here, else 0; the normal of a friction row
   R zd_, dd_;
 };

@@ -28,7 +28,8 @@ struct NewtonProblem {
   Solution<R, Mem> solution;
   Progress<Mem> progress;
   View<R*> rate, rate_change, least, work;
-  std::int64_t stride, near_bytes;  // numbers of a world's or thread's work; what an island may take of near memory (newton_island.hpp)
+  View<int*> by_tree;               // GPUs: two of each row of the pool (newton_sparse.hpp)
+  std::int64_t stride, near_bytes;  // numbers of a thread's or block's work; what an island may take of near memory (newton_island.hpp)
   int iterations;
   R tolerance;
   bool warm, residual, ends_step;

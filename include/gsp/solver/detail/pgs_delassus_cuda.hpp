@@ -72,25 +72,16 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
   int const nv = solver.rows.nv;
   std::int64_t const islands = std::int64_t(solver.rows.worlds) * islands_of_world(solver.rows);
   auto const& device = exec.cuda_device_prop();
-  auto const at_a_time = [&](std::int64_t bytes) {
-    return device.multiProcessorCount *
-           std::clamp(int(device.sharedMemPerMultiprocessor) / int(bytes + device.reservedSharedMemPerBlock), 1, 32);
-  };
   std::int64_t const fit = std::max<std::int64_t>(std::int64_t(device.sharedMemPerBlockOptin), sparse_some_bytes);
-  auto const allow = [&](auto* kernel, std::int64_t bytes, std::int64_t most) {
-    if (bytes > std::int64_t(device.sharedMemPerBlock))
-      // a limit of the kernel, not of this launch: another thread's launch may need all
-      cuda_expects(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, int(most)),
-                   "gsp::solver::pgs, shared memory");
-  };
   // Islands that are not small, in three sizes: a block of each has what it needs, so that as many fit as can.
   constexpr int sparse_sizes = 3;
   auto const launch_sparse = [&](cudaStream_t stream, int size, bool listed, bool beside) {
     std::int64_t const sizes[] = {0, sparse_few_bytes, sparse_some_bytes, fit}, least = sizes[size], most = sizes[size + 1];
     if (least == most) return;
-    int const grid = int(std::min<std::int64_t>(islands, (listed ? 1 : 8) * at_a_time(most))), list = listed ? large_island + size : -1;
+    int const grid = int(std::min<std::int64_t>(islands, (listed ? 1 : 8) * blocks_at_once(device, most))),
+              list = listed ? large_island + size : -1;
     auto const one = [&](auto* kernel, int warps) {
-      allow(kernel, most, fit);
+      allow_shared(device, kernel, most, fit);
       launch_kernel(stream, kernel, grid, 32 * warps, std::size_t(most), solver, list, least, most, fit, beside);
     };
     if (most <= sparse_some_bytes)
@@ -99,18 +90,17 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
       one(pgs_sparse_kernel<R, Mem, sparse_many_warps>, sparse_many_warps);
   };
   if (!any_small(solver.rows.islands.ntree, nv))
-    return launch_side_by_side("gsp::solver::pgs_sparse", exec, sparse_sizes, [&](int i, cudaStream_t stream) {
-      launch_sparse(stream, sparse_sizes - 1 - i, false, false);
-    });
+    return launch_side_by_side("gsp::solver::pgs_sparse", exec, sparse_sizes,
+                               [&](int i, cudaStream_t stream) { launch_sparse(stream, sparse_sizes - 1 - i, false, false); });
   auto const launch = [&](cudaStream_t stream, int size, int list, bool beside) {
     std::int64_t const full = delassus_bytes_of_list<R>(size, nv);
     if (full > delassus_most_bytes) return;
     int const rows = rows_of_list(size);
-    bool const triangle = rows > 64 && islands > 2 * at_a_time(full);
+    bool const triangle = rows > 64 && islands > 2 * blocks_at_once(device, full);
     auto const bytes = std::size_t(delassus_bytes_of_list<R>(size, nv, triangle));
-    int const grid = int(list < 0 ? islands : std::min<std::int64_t>(islands, at_a_time(std::int64_t(bytes))));
+    int const grid = int(list < 0 ? islands : std::min<std::int64_t>(islands, blocks_at_once(device, std::int64_t(bytes))));
     auto const one = [&](auto* kernel) {
-      allow(kernel, std::int64_t(bytes), delassus_most_bytes);
+      allow_shared(device, kernel, std::int64_t(bytes), delassus_most_bytes);
       launch_kernel(stream, kernel, grid, 32, bytes, solver, list, beside);
     };
     if (rows <= 32)
@@ -123,7 +113,8 @@ void launch_pgs_delassus(Exec const& exec, PgsDelassus<R, Mem> const& solver) {
       one(triangle ? pgs_delassus_kernel<R, Mem, 4, true> : pgs_delassus_kernel<R, Mem, 4, false>);
   };
   constexpr int largest[] = {list_of_rows(32), list_of_rows(64), list_of_rows(96), list_of_rows(lockstep_most_rows)};
-  if (islands <= at_a_time(delassus_bytes_of_list<R>(largest[1], nv)))  // few: each has a warp of its own, of up to 64 rows at once
+  // Few: each has a warp of its own, of up to 64 rows at once.
+  if (islands <= blocks_at_once(device, delassus_bytes_of_list<R>(largest[1], nv)))
     return launch_on_cuda("gsp::solver::pgs_delassus", exec, [&](cudaStream_t stream) {
       for (int const list : largest) launch(stream, list, -1, list != largest[0]);
       for (int size = sparse_sizes; size-- > 0;) launch_sparse(stream, size, false, true);

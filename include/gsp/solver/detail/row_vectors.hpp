@@ -43,11 +43,5 @@ KOKKOS_INLINE_FUNCTION void push_rows(World const& world, Rows<R, Mem> const& ro
   }
   world.sync();
 }
-/// z = Y^T p
-template <class World, class R, class Mem>
-KOKKOS_INLINE_FUNCTION void sum_rows(World const& world, Rows<R, Mem> const& rows, int first, int count, R* z, R const* p) {
-  world.each(rows.nv, [&](int i) { z[i] = R(0); });
-  push_rows(world, rows, first, count, z, p);
-}
 
 }  // namespace gsp::detail
